@@ -113,7 +113,7 @@ pub(crate) enum Verb {
     Man(Man),
 }
 
-/// A scene and what is changed in it.
+/// A scene and changes to it.
 #[derive(Debug, Args)]
 pub(crate) struct SceneArguments {
     /// Scene file, TOML or JSON

@@ -11,7 +11,7 @@ pub(crate) enum Failure {
     Engine(beamlet::Error),
     /// A file that the command itself reads or writes.
     File { path: PathBuf, problem: String },
-    /// Meshes that a run would refuse, or what of a run is not whole, each with its reason.
+    /// Meshes that a run would refuse, or damaged parts of a run, each with its reason.
     Refused(Vec<String>),
     /// Arguments that do not go together, found after parsing.
     Usage(String),

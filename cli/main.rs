@@ -65,7 +65,7 @@ fn words() -> &'static [OsString] {
     WORDS.get().map_or(&[], Vec::as_slice)
 }
 
-/// Help in colour where there is a terminal; what the user typed, escaped.
+/// Help in colour on a terminal; typed words are escaped.
 fn print(error: &clap::Error) {
     let _ = match error.use_stderr() {
         false => error.print(),

@@ -1,6 +1,6 @@
 //! Progress on stderr: a bar with a clock for people, now and then a line for log files, or nothing.
 //!
-//! What is drawn is kept apart from when: a thread draws it anew each second, or writes a line,
+//! Content and time of the display are separate: a thread draws it each second, or writes a line,
 //! whatever the work does meanwhile.
 
 mod estimate;
@@ -19,15 +19,15 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread::{self, JoinHandle};
 use std::time::{Duration, Instant};
 
-/// Time between two drawings on a terminal,
+/// Time between two drawings on a terminal.
 const TICK: Duration = Duration::from_secs(1);
-/// and between two lines elsewhere, unless `BEAMLET_PROGRESS_SECONDS` says otherwise.
+/// Time between two lines elsewhere, unless `BEAMLET_PROGRESS_SECONDS` sets it.
 const BETWEEN_LINES: Duration = Duration::from_secs(30);
 const SECONDS: &str = "BEAMLET_PROGRESS_SECONDS";
 
-/// Work of which a share is known,
+/// Display of work with a known share.
 const COUNTED: &str = "{bar:30} {percent:>3} %  {msg}  {clock}";
-/// and work of which none is.
+/// Display of work without a known share.
 const UNCOUNTED: &str = "{spinner} {msg}  {clock}";
 /// Positions of the bar.
 const LENGTH: u64 = 1000;
@@ -46,7 +46,7 @@ enum Destination {
     Lines(Option<(Sender<()>, JoinHandle<()>)>),
 }
 
-/// What is going on.
+/// The current work.
 struct State {
     began: Instant,
     phase: Phase,
@@ -195,7 +195,7 @@ impl Drop for Reporter {
 }
 
 impl State {
-    /// The clock, and what is left where that is known.
+    /// The clock, and the remaining time if it is known.
     fn clock(&mut self) -> String {
         let now = self.began.elapsed();
         let seconds = now.as_secs();
@@ -243,7 +243,7 @@ fn style(template: &str, state: &Arc<Mutex<State>>) -> ProgressStyle {
         .with_key("clock", clock)
 }
 
-/// What is in work of the objects.
+/// The current step of loading, in words.
 fn words(loading: &LoadProgress) -> String {
     let verb = match loading.step {
         LoadStep::Reading => "reading",

@@ -43,9 +43,9 @@ impl Cancel {
         if self.is_cancelled() { Err(Error::Interrupted) } else { Ok(()) }
     }
 
-    /// Does `work` on a thread of its own, while the calling one calls `look` every [`TICK`]. This
-    /// is for what cannot look itself, such as sorting, and the building of trees: where it is
-    /// cancelled the thread is left behind, and what it makes is dropped.
+    /// Does `work` on a thread of its own, while the calling one calls `look` every [`TICK`]. This is for
+    /// work that cannot check for cancellation, such as sorting, and the building of trees: if it is
+    /// cancelled the thread is left behind, and its result is dropped.
     ///
     /// # Errors
     /// [`Error::Interrupted`].
@@ -59,7 +59,7 @@ impl Cancel {
     }
 }
 
-/// Work on a thread of its own, which is told to end where nobody waits for it any more.
+/// Work on a thread of its own, which is ended if nobody waits for it any more.
 pub(crate) struct Aside<T> {
     end: Cancel,
     made: Receiver<T>,
@@ -77,7 +77,7 @@ impl<T: Send + 'static> Aside<T> {
             move || {
                 let taken = work.lock().unwrap_or_else(PoisonError::into_inner).take();
                 if let Some((work, sender)) = taken {
-                    // Nobody listens to what was left behind.
+                    // Nobody listens to a thread that was left behind.
                     let _ = sender.send(work(&end));
                 }
             }
@@ -92,7 +92,7 @@ impl<T: Send + 'static> Aside<T> {
     /// Waits for it.
     ///
     /// # Errors
-    /// [`Error::Interrupted`]; the thread goes on until it looks, and what it makes is dropped.
+    /// [`Error::Interrupted`]; the thread continues until it checks, and its result is dropped.
     pub(crate) fn wait(mut self, cancel: &Cancel, look: &mut dyn FnMut()) -> Result<T> {
         loop {
             match self.made.recv_timeout(TICK) {

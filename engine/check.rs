@@ -1,5 +1,5 @@
-//! What a scene amounts to, before hours are spent on it: geometry of the set-up,
-//! materials at the energy, objects, clearance, and an estimate of the work.
+//! Summary of a scene, before hours are spent on it: geometry of the set-up, materials at the energy,
+//! objects, clearance, and an estimate of the work.
 
 use crate::detector::{self, DetectorModel};
 use crate::geometry::{self, Defects, LoadStep, ObjectSummary, Sample, Swept};
@@ -32,7 +32,7 @@ pub use costs::CheckedTolerances;
 pub use illumination::{ExpectedUncertainty, IlluminationCurve};
 use materials::materials;
 
-/// What a scene amounts to. Lengths in metres, angles in radians.
+/// Summary of a scene. Lengths in metres, angles in radians.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 #[non_exhaustive]
 pub struct CheckReport {
@@ -51,7 +51,7 @@ pub struct CheckReport {
     pub contacts: Vec<CheckedContact>,
     /// Error of edges off the rotation centre; `None` where there is none.
     pub edges: Option<EdgeBlur>,
-    /// What it will cost.
+    /// Cost of a run.
     pub work: Work,
     /// What looks odd but does not stop a run.
     pub warnings: Vec<String>,
@@ -63,7 +63,7 @@ pub struct CheckReport {
 #[derive(Debug, Clone, PartialEq, Serialize)]
 #[non_exhaustive]
 pub struct Setup {
-    /// Photon energy, keV; of a spectrum the mean of what the detector counts without sample.
+    /// Photon energy, keV; for a spectrum the mean of the detected photons without sample.
     pub energy: f64,
     /// Energy nodes; one where there is one energy.
     pub nodes: Nodes,
@@ -86,7 +86,7 @@ pub struct Setup {
     /// Distances from the source that the sample sweeps over all views, nearest and farthest,
     /// m; `None` without a sample.
     pub swept: Option<[f64; 2]>,
-    /// Objects that pass through the field of view along the slits in every view, as standing rods do.
+    /// Objects that pass through the field of view along the slits in every view, such as upright rods.
     pub passing: Vec<String>,
     /// Distances from the source between which it may be: the faces of the masks that are
     /// there, or source and detector, m.
@@ -142,25 +142,25 @@ pub struct CheckedObject {
     pub name: String,
     /// Material name.
     pub material: String,
-    /// Number of triangles; those of a mesh in many places count once.
+    /// Number of triangles; a mesh in many places counts once.
     pub triangles: usize,
-    /// Number of places that it stands in; 0 where it has no instances.
+    /// Number of its places; 0 without instances.
     pub instances: usize,
     /// Volume, m3.
     pub volume: f64,
     /// Corners of its bounding box, m.
     pub bounds: [[f64; 3]; 2],
-    /// Names of the objects that it stands in; empty: none.
+    /// Names of the objects that contain it; empty: none.
     pub inside: Vec<String>,
-    /// Names of the later objects that overlap it: what they cover is cut away.
+    /// Names of the later objects that overlap it: the overlap is cut away.
     pub cut_by: Vec<String>,
     /// SHA-256 of its mesh; empty for a shape.
     pub hash: String,
-    /// What is wrong with its surface.
+    /// Defects of its surface.
     pub defects: Defects,
 }
 
-/// What a run costs.
+/// Cost of a run.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 #[non_exhaustive]
 pub struct Work {
@@ -239,7 +239,7 @@ fn load_lenient(
 }
 
 impl CheckReport {
-    /// Adds what is odd about the masks and the offsets of the scan.
+    /// Adds doubts about the masks and the offsets of the scan.
     fn add_doubts_of_scan(&mut self, scene: &Scene) -> Result<()> {
         let curve = self.illumination.as_ref();
         self.warnings.extend(illumination::warnings(scene, &self.setup.nodes, curve)?);

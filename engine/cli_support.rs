@@ -1,5 +1,5 @@
-//! What the command line of beamlet reaches beyond its public interface. Nothing here is stable, and
-//! no test needs more of it than the command line does.
+//! Functions of the command line beyond the public interface of beamlet. Nothing here is stable, and no
+//! test needs more of it than the command line does.
 
 pub use crate::check::display::count;
 pub use crate::check::inputs::load_scene;

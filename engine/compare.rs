@@ -32,7 +32,7 @@ pub struct Difference {
     pub mean: f64,
     /// Root mean square of b - a.
     pub rms: f64,
-    /// Root mean square of b - a over that of a; `null` where a is zero.
+    /// Root mean square of b - a over the root mean square of a; `null` if a is zero.
     pub relative: Option<f64>,
     /// Largest |b - a|.
     pub largest: f64,
@@ -85,8 +85,8 @@ impl<'a> DifferencesTo<'a> {
     }
 }
 
-/// Compares what stands at two paths: two runs (their stacks, counts where both have them, and
-/// retrieved images where both have them), two directories of retrieved images, or two stacks.
+/// Compares two paths: two runs (their stacks, and counts and retrieved images if both have them), two
+/// directories of retrieved images, or two stacks.
 ///
 /// # Errors
 /// [`Error::File`] where one cannot be read, where they are of unlike kinds or shapes (names
@@ -126,7 +126,7 @@ pub fn compare(
         Some(to) => {
             let mut read: Vec<_> =
                 pairs.iter().flat_map(|(_, pair)| pair).map(|s| s.path().to_path_buf()).collect();
-            // Other files may stand in a run, not among images.
+            // A run may hold other files, a folder of images may not.
             let whole = [a, b].into_iter().filter(|path| !matches!(kind(path), ComparedKind::Run));
             read.extend(whole.map(Path::to_path_buf));
             refuse_overlap(to.path, &read)?;
@@ -153,7 +153,7 @@ pub fn compare(
 /// A name and the two stacks that have it.
 type Pair = (String, [StackFile; 2]);
 
-/// What is compared, by name.
+/// The compared stacks, by name.
 fn pairs(a: &Path, b: &Path) -> Result<Vec<Pair>> {
     let kinds = [kind(a), kind(b)];
     match kinds {
@@ -236,9 +236,9 @@ fn kind(path: &Path) -> ComparedKind {
     }
 }
 
-/// Pixels of a frame that are compared at a time, of files that any rows can be read of,
+/// Pixels of a frame that are compared at a time, for files with random access to rows.
 const BAND: usize = 1 << 20;
-/// and of files that are decoded in larger pieces.
+/// The same for files that are decoded in larger pieces.
 const DECODED_BAND: usize = 1 << 24;
 /// Bands that are compared side by side.
 const BANDS: usize = 16;

@@ -116,7 +116,7 @@ impl Row<'_> {
         let newlines = before.iter().filter(|byte| **byte == b'\n').count();
         let line = before.rsplit(|byte| *byte == b'\n').next().unwrap_or_default();
         let line = String::from_utf8_lossy(line);
-        // A field in quotes may hold commas: then the column is that of a comma before it.
+        // A field in quotes may hold commas: the reported column is then an earlier one.
         let skipped: usize = line.split(',').take(field).map(|text| text.chars().count() + 1).sum();
         let text = line.split(',').nth(field).unwrap_or_default();
         let spaces = text.chars().take_while(|c| c.is_whitespace()).count();

@@ -20,7 +20,7 @@ pub struct Place {
 }
 
 impl Place {
-    /// Where a word stands in a line of a file (or the line's start, where it does not).
+    /// Place of a word in a line of a file (or the line's start without the word).
     pub(crate) fn of_word(file: &Path, line: usize, text: &str, word: &str) -> Self {
         let column = text.find(word).map_or(1, |at| text[..at].chars().count() + 1);
         Self { file: Some(file.to_owned()), line_column: Some((line, column)), excerpt: None }
@@ -44,16 +44,16 @@ impl fmt::Display for Place {
 #[derive(Debug)]
 #[non_exhaustive]
 pub enum Error {
-    /// The scene asks for something that cannot be.
+    /// A value of the scene that is not possible.
     #[non_exhaustive]
     Scene {
-        /// Where the key stands.
+        /// Place of the key.
         place: Box<Place>,
         /// Full path of the key, as `detector.pitch` or `object[2].unit`.
         key: String,
-        /// What was found there.
+        /// The value found there.
         found: String,
-        /// What is allowed there.
+        /// The values allowed there.
         allowed: String,
     },
     /// Several things are wrong with the scene: two or more errors, in the order of the file.
@@ -67,9 +67,9 @@ pub enum Error {
     Argument {
         /// The argument or option, as `gain`.
         name: String,
-        /// What was given.
+        /// The given value.
         found: String,
-        /// What is allowed.
+        /// The allowed values.
         allowed: String,
     },
     /// A mesh or shape cannot serve as a sample.
@@ -77,7 +77,7 @@ pub enum Error {
     Mesh {
         /// Name of the object, with its file where it has one.
         object: String,
-        /// What is wrong.
+        /// The problem.
         problem: String,
         /// Where: line, triangle, position; or a list of them, each on a line of its own.
         place: String,
@@ -85,9 +85,9 @@ pub enum Error {
     /// No Vulkan device can serve, or the device failed.
     #[non_exhaustive]
     Device {
-        /// What was looked for or was being done.
+        /// The object sought, or the attempted step.
         wanted: String,
-        /// What was found or happened.
+        /// The finding, or the failure.
         found: String,
         /// What to install or change.
         remedy: String,
@@ -95,7 +95,7 @@ pub enum Error {
     /// Not enough memory.
     #[non_exhaustive]
     Memory {
-        /// What the memory is for.
+        /// Purpose of the memory.
         purpose: String,
         /// Bytes needed; 0 where it is not known.
         needed: u64,
@@ -109,7 +109,7 @@ pub enum Error {
     File {
         /// The path.
         path: PathBuf,
-        /// What was being done, and what is allowed.
+        /// The attempted step, and the allowed values.
         problem: String,
         /// The system's own word, where there is one.
         source: Option<std::io::Error>,

@@ -17,9 +17,9 @@ pub(crate) fn open(path: &Path) -> Result<File> {
     }
 }
 
-/// Length of a regular file. Others are refused by their kind before they are opened: a pipe waits
-/// for its writer, and a device may have no end. What the system makes up (`/proc/kmsg`) is regular
-/// by its kind and 0 bytes long, and may be either all the same: files of no length are not opened.
+/// Length of a regular file. Others are refused by their kind before they are opened: a pipe waits for
+/// its writer, and a device may have no end. System files (`/proc/kmsg`) are regular by their kind and 0
+/// bytes long, and may block or never end all the same: files of no length are not opened.
 fn length(path: &Path) -> Result<u64> {
     let found = std::fs::metadata(path)?;
     if found.is_file() {

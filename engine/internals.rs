@@ -1,4 +1,4 @@
-//! What the tests, benchmarks and fuzz targets of beamlet reach beyond its public interface. Nothing
+//! Functions of the tests, benchmarks and fuzz targets beyond the public interface of beamlet. Nothing
 //! here is stable, and nothing in the command line uses it.
 
 /// The detector.

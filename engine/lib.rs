@@ -1,9 +1,9 @@
 //! beamlet simulates edge-illumination X-ray phase contrast imaging from CAD models.
 //!
-//! A [`scene::Scene`] is loaded or built, an [`Engine`] opens a Vulkan device, and a run
-//! streams stacks of frames, one per mask step, to a [`stack::Sink`] or returns them as
-//! `ndarray` arrays. Lengths are metres, angles radians and energies keV unless a name says
-//! otherwise. The frame of reference and the signs are those of docs/physics.md.
+//! A [`scene::Scene`] is loaded or built, an [`Engine`] opens a Vulkan device, and a run streams stacks
+//! of frames, one per mask step, to a [`stack::Sink`] or returns them as `ndarray` arrays. Lengths are
+//! metres, angles radians and energies keV unless a name says otherwise. Frame of reference and signs:
+//! docs/physics.md.
 //!
 //! ```no_run
 //! use beamlet::{Engine, EngineOptions, scene::Scene};

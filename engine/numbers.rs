@@ -6,11 +6,11 @@
     reason = "every cast here is bounded before it, or does what its function says"
 )]
 
-/// A count or index of what is held below 2^32 where it is read: triangles and objects by
-/// `geometry`, rays by their batches, frames and their sides by scene and stack.
+/// A count or index that its reader keeps below 2^32: triangles and objects by `geometry`, rays by their
+/// batches, frames and their sides by scene and stack.
 ///
 /// # Panics
-/// From 2^32 on: a bound was forgotten, and what is numbered would be taken for something else.
+/// From 2^32 on: a bound was forgotten, and an index would address another item.
 #[track_caller]
 pub(crate) const fn count(n: usize) -> u32 {
     assert!(n <= u32::MAX as usize, "more than 32 bits can count");

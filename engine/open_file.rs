@@ -1,7 +1,7 @@
 //! Open files, and whether their paths still lead to them.
 //!
-//! What is written under several paths of a folder is split over two folders where somebody moves
-//! it meanwhile. A file that stays open all the time shows whether the folder is still there.
+//! Files written under several paths of a folder are split over two folders if somebody moves it
+//! meanwhile. A file that stays open shows whether the folder is still there.
 
 use crate::{Error, Result, folder, printed};
 use std::ffi::OsString;

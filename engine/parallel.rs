@@ -11,11 +11,11 @@ use std::sync::OnceLock;
 /// Stack of a thread as Rust sets it, bytes.
 const STACK: u64 = 2 << 20;
 
-/// Most threads that `RAYON_NUM_THREADS` can ask for.
+/// Largest effective value of `RAYON_NUM_THREADS`.
 const MOST: usize = 1024;
 
-/// Number of threads that the environment asks for, as `rayon` reads it; `None` where it leaves the
-/// number to the machine.
+/// Number of threads in the environment, as `rayon` reads it; `None` if it leaves the number to the
+/// machine.
 fn asked() -> Option<usize> {
     let number = |name| std::env::var(name).ok()?.parse().ok();
     let names = ["RAYON_NUM_THREADS", "RAYON_RS_NUM_CPUS"];

@@ -1,5 +1,5 @@
-//! Text as it is printed. Names from files and from users: without control characters, which
-//! terminals obey, and without bidirectional ones, which reorder what is read. Numbers: short.
+//! Text for printing. Names from files and from users: without control characters, which terminals obey,
+//! and without bidirectional ones, which reorder text. Numbers: short.
 
 use std::borrow::Cow;
 use std::path::Path;
@@ -25,9 +25,9 @@ pub fn lines(text: &str) -> String {
     escape(text, |c| c == '\n' || c == '\t' || !is_unsafe(c))
 }
 
-/// Most characters of a text that is shown as it was found,
+/// Most characters of a text that is printed in full.
 const MOST: usize = 500;
-/// and what is shown of a longer one.
+/// Printed characters of a longer one.
 const BEGINNING: usize = 120;
 
 /// A text that was found, or its beginning and how long it is.

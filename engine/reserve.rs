@@ -1,4 +1,4 @@
-//! Large memory, asked for so that its lack is an error and not the end of the program.
+//! Large memory, reserved so that its lack is an error and not the end of the program.
 //!
 //! Buffers of one piece are made by [`zeroed`], [`filled`], [`room`] and [`collected`], and only
 //! where [`SPARE`] bytes are left beside them: a small allocation that fails ends the program. Work
@@ -18,7 +18,7 @@ const LARGE: usize = 1 << 16;
 /// Address space that a thread may take with its first small allocation: an arena of its own (glibc).
 const ARENA: usize = 64 << 20;
 
-/// Zeros; `purpose` stands in the error.
+/// Zeros; an error names `purpose`.
 ///
 /// # Errors
 /// [`Error::Memory`].
@@ -28,7 +28,7 @@ pub(crate) fn zeroed<T: bytemuck::Zeroable>(len: usize, purpose: &str) -> Result
     beside_spare(values, purpose)
 }
 
-/// The same value over and over; `purpose` stands in the error.
+/// The same value over and over; an error names `purpose`.
 ///
 /// # Errors
 /// [`Error::Memory`].
@@ -38,7 +38,7 @@ pub(crate) fn filled<T: Copy>(value: T, len: usize, purpose: &str) -> Result<Vec
     Ok(values)
 }
 
-/// An empty buffer with capacity for `len` values; `purpose` stands in the error.
+/// An empty buffer with capacity for `len` values; an error names `purpose`.
 ///
 /// # Errors
 /// [`Error::Memory`].
@@ -60,7 +60,7 @@ fn beside_spare<T>(values: Vec<T>, purpose: &str) -> Result<Vec<T>> {
     Ok(values)
 }
 
-/// What an iterator gives; `purpose` stands in the error.
+/// The items of an iterator; an error names `purpose`.
 ///
 /// # Errors
 /// [`Error::Memory`].
@@ -83,7 +83,7 @@ pub(crate) fn leaves_spare() -> bool {
     can_be_had(SPARE)
 }
 
-/// Whether so many bytes can be allocated now. They are not written to, so that this is cheap.
+/// Whether this number of bytes can be allocated now. They are not written to, so that this is cheap.
 fn can_be_had(bytes: usize) -> bool {
     Vec::<u8>::new().try_reserve_exact(bytes).is_ok()
 }

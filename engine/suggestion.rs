@@ -1,4 +1,4 @@
-//! What was probably meant by a word that is not known.
+//! Suggestions for an unknown word.
 
 /// The candidate most like `word`, where one is like it; both are compared as `fold` makes them.
 pub(crate) fn nearest<'a>(

@@ -12,7 +12,7 @@ pub use memory::memory_size;
 use decimal::{decimal, shifted, split_number};
 use std::fmt;
 
-/// What a quantity measures, and with it the units allowed and the base unit returned.
+/// Dimension of a quantity, with its units and the base unit of the result.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum Dimension {
@@ -34,9 +34,9 @@ pub enum Dimension {
 #[derive(Debug, Clone, PartialEq, Eq)]
 #[non_exhaustive]
 pub struct QuantityError {
-    /// What was found.
+    /// The text found.
     pub found: String,
-    /// What is allowed, with the list of units.
+    /// The allowed form, with the list of units.
     pub allowed: String,
 }
 
@@ -130,7 +130,7 @@ impl Dimension {
         self.table().iter().map(|unit| unit.0)
     }
 
-    /// What is allowed, in words, with an example and the list of units.
+    /// The allowed form, in words, with an example and the list of units.
     pub fn allowed(self) -> String {
         let (noun, example) = match self {
             Self::Length => ("a length", "150 um"),

@@ -12,7 +12,7 @@ use std::path::{Path, PathBuf};
 /// that is there, or that a link there leads to. A device or pipe is written to.
 ///
 /// # Errors
-/// [`Error::File`] where it cannot be written; what was there is unchanged then.
+/// [`Error::File`] if it cannot be written; an existing file is unchanged then.
 pub fn write_file(path: &Path, bytes: &[u8]) -> Result<()> {
     let failed = |error| Error::file(path, "cannot be written", Some(error));
     match fs::metadata(path) {
@@ -62,8 +62,8 @@ pub(crate) fn sibling(path: &Path, ending: &str) -> PathBuf {
     path.with_file_name(name)
 }
 
-/// Refuses a symbolic link in place of a file or folder that beamlet writes, since what it leads
-/// to may be of others, and pipes and devices, which are waited for.
+/// Refuses a symbolic link in place of a file or folder that beamlet writes, since its target may belong
+/// to others, and pipes and devices, which block.
 pub(crate) fn refuse_link(path: &Path) -> Result<()> {
     match fs::symlink_metadata(path) {
         Ok(found) if found.is_symlink() => {
@@ -82,7 +82,7 @@ pub(crate) fn refuse_link(path: &Path) -> Result<()> {
     }
 }
 
-/// Syncs a file or folder that stands.
+/// Syncs an existing file or folder.
 pub(crate) fn sync_path(path: &Path) -> Result<()> {
     File::open(path)
         .and_then(|file| file.sync_all())

@@ -26,7 +26,7 @@ layout(local_size_x = GROUP) in;
 #include "light/near_rows.glsl"
 #endif
 
-// What of a cell passes an opening, and where it lands: pixels from the beamlet's own.
+// The part of a cell behind an opening, and its landing place: pixels from the beamlet's own.
 struct Passed {
     Piece piece;
     int first;
@@ -74,7 +74,7 @@ Passed passed_of(Exposed step_, Piece piece) {
     float middle_landing = landing + 0.5 * (passing.x + passing.y) * piece.half_width;
     int home = int(floor(middle_landing / light.pixel_pitch + 0.5));
     if (behind.present != 0u && bars_behind.leak < FAINT) {
-        // Only pixels with an aperture in reach, and that of faint light.
+        // Only pixels with an aperture in reach, and the pixel of faint light.
         ivec2 reached = periods_in_reach(behind, bars_behind, beamlet, piece);
         float to_edges = beamlet.pixel_offset - piece.pixel_shift - beamlet.aperture_offset;
         first_landing = max(first_landing,
@@ -125,7 +125,7 @@ void light_through(Exposed step_, Opening opening, inout Landing landing) {
     } while (i < cell_row.cell_count || passed.first <= passed.last);
 }
 
-// Light of a cell row at a mask step, or what is the same at all steps.
+// Light of a cell row at a mask step, or the light common to all steps.
 void illuminate(uint mask_step) {
     Exposed step_ = exposed_at(mask_step);
     Landing landing = landing_begin(mask_step, setting.faint, step_.pixels);

@@ -52,7 +52,7 @@ Bounds bounds_of_rays() {
     return Bounds(place.xy, -place.zw, slope.xy, -slope.zw);
 }
 
-// Bits of the children that some ray may meet: of leaves, and of inner children where `all_`.
+// Bits of the children that some ray may cross: of leaves, and of inner children with `all_`.
 uint children_met(Children children, bool all_) {
     uint tested = all_ ? 0xffffffffu : 0x00ffffffu;
     uint met = any_lane(children.bits & ~tested);
@@ -87,7 +87,7 @@ Search search_begin(ViewTransform view, Bounds bounds) {
     return Search(view, bounds, stack_begin(), uvec2(0u, 0x80000000u), 0u, 0u, 0u, 0u, true);
 }
 
-// Goes on to a node with leaves that some ray may meet.
+// Continues with a node that has leaves in the way of some ray.
 void next_node(inout Search search) {
     do {
         if (search.group.y < 0x01000000u) search.group = stack_pop(search.stack);
@@ -120,8 +120,8 @@ Surface surface_of(uint index) {
 }
 
 #ifdef PLACED
-// What a surface does that refracts by other normals than its own, at y: slopes that it spreads to first
-// order are summed here; a ray that needs a normal for itself is left to the kernel without bundles.
+// Handles a surface with other normals than its own, at y: slopes spread to first order are summed here;
+// a ray that needs a normal for itself is left to the kernel without bundles.
 void meet_other_normals(Beam beam, Surface surface, vec3 normal_, float y, inout Gathered all) {
     if (surface.inside == surface.outside) return;
     if ((KINDS & KIND_SMOOTH) != 0u && surface.smooth_ != 0u) all.left = true;
@@ -176,8 +176,8 @@ void next_triangle(inout Search search, Beam frame, out Record leaf,
     if (shape) search.leaves = before;
 }
 
-// Hands the triangles of a node to the rays, up to a shape. True where runs of some rays have to end
-// first: those of `ending`; the leaf at which they do is left.
+// Hands the triangles of a node to the rays, up to a shape. True if runs of some rays must end first:
+// the rays of `ending`; their leaf is left for later.
 bool visit_triangles(inout Search search, Beam frame, out bool ending[RAYS_PER_LANE]) {
     bool ends;
     bool shape;
@@ -309,8 +309,8 @@ void walk_together(ViewTransform view) {
     Beam frame = rays[0].beam;
     set_view(frame, view);
     bool ends; // runs of some rays
-    // CPU devices skip no code but by leaving a loop at its end: what is rare stands outside, and
-    // triangles and shapes have loops of their own.
+    // CPU devices skip no code but by leaving a loop at its end: rare code is outside, and triangles and
+    // shapes have loops of their own.
     do {
         bool ending[RAYS_PER_LANE];
         EACH_RAY ending[k] = false;

@@ -32,7 +32,7 @@ pub(crate) struct Spectrum {
     /// Filter of the tube itself (may be repeated)
     #[arg(long, value_name = "MATERIAL:THICKNESS", value_parser = filter, requires = "anode")]
     pub(crate) inherent: Vec<Filter>,
-    /// Filter put into the beam, behind those of the scene (may be repeated)
+    /// Additional filter, behind the filters of the scene (may be repeated)
     #[arg(long = "filter", value_name = "MATERIAL:THICKNESS", value_parser = filter)]
     pub(crate) filters: Vec<Filter>,
     /// Draw it, before and after filters, as SVG or PNG by the name's ending

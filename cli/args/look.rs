@@ -1,4 +1,4 @@
-//! What a scene or run amounts to: `check` and `compare`.
+//! Arguments of `check` and `compare`.
 
 use super::SceneArguments;
 use super::names::format;
@@ -48,7 +48,7 @@ pub(crate) struct Check {
 pub(crate) struct Compare {
     /// Run, directory of retrieved images, or stack (NPY, EXR, TIFF, folder of frames)
     pub(crate) a: PathBuf,
-    /// What is compared with it, of the same kind
+    /// The other one, of the same kind
     pub(crate) b: PathBuf,
     /// Largest difference of a pixel that counts as none
     #[arg(long, value_name = "NUMBER", default_value_t = 0.0, value_parser = from_zero, allow_negative_numbers = true)]

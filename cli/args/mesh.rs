@@ -32,7 +32,7 @@ pub(crate) struct Mesh {
     /// How far facets may be off an exact shape, such as "1 um"
     #[arg(long, value_name = "LENGTH", value_parser = length, default_value = "1 um")]
     pub(crate) error: f64,
-    /// The length of 1.0 in the file to write, and in a mesh file that tells none
+    /// The length of 1.0 in the written file, and in a mesh file without a unit
     #[arg(long, value_name = "UNIT", value_parser = unit, default_value = "mm")]
     pub(crate) unit: f64,
     /// Change a value of the scene: key.path=value (may be repeated)
@@ -62,10 +62,10 @@ pub(crate) struct Mask {
     /// The mask before the sample, or that before the detector [default: the one there is, sample]
     #[arg(long, value_enum)]
     pub(crate) mask: Option<MaskName>,
-    /// Width that the bars cover at least, such as "20 mm" [default: what light can pass]
+    /// Least width covered by the bars, such as "20 mm" [default: all light]
     #[arg(long, value_name = "LENGTH", value_parser = length)]
     pub(crate) width: Option<f64>,
-    /// Height of the bars [default: what light can pass]
+    /// Height of the bars [default: all light]
     #[arg(long, value_name = "LENGTH", value_parser = length)]
     pub(crate) height: Option<f64>,
     /// Width of a frame around the bars, as thick as they are

@@ -36,8 +36,8 @@ pub(crate) struct Reconstruct {
     pub(crate) filtered: Filtered,
     #[command(flatten)]
     pub(crate) iterated: Iterated,
-    /// Use the uncertainties of the retrieval: fbp writes those of voxels and of means of regions,
-    /// iterative methods weigh by them
+    /// Use the uncertainties of the retrieval: fbp writes uncertainties of voxels and of means of
+    /// regions, iterative methods weigh by them
     #[arg(long)]
     pub(crate) sigma: bool,
     /// Take stripes of single columns off the sinograms, which are rings in slices
@@ -57,7 +57,7 @@ pub(crate) struct Reconstruct {
     #[arg(long, value_name = "X,Y,Z", value_parser = lengths, allow_hyphen_values = true)]
     pub(crate) origin: Option<[f64; 3]>,
     /// Column of the axis of rotation, counted from 0 at the centre of the first, with a fraction; auto
-    /// finds it by lines that are seen from both ends [default: that of geometry.json or of the scene]
+    /// finds it by lines that are seen from both ends [default: from geometry.json or the scene]
     #[arg(long, value_name = "auto|PIXELS", value_parser = centre, allow_negative_numbers = true)]
     pub(crate) centre: Option<Centre>,
     /// File format of the volumes

@@ -45,12 +45,13 @@ pub(crate) struct Retrieve {
     /// Columns and rows to add to one pixel, behind --columns: sums of counts, means of intensities
     #[arg(long, value_name = "COLUMNS,ROWS", value_parser = bin)]
     pub(crate) bin: Option<[usize; 2]>,
-    /// Pixels (behind --columns and --bin) with nothing in the beam, the ends excluded: transmission, refraction, dose of each step and
-    /// drift there are reported, with a warning where they are not those of an empty beam
+    /// Pixels (behind --columns and --bin) with nothing in the beam, the ends excluded: reports
+    /// transmission, refraction, dose of each step and drift there, and warns if they differ from an
+    /// empty beam
     #[arg(long, value_name = "C0:C1[,R0:R1]", value_parser = region)]
     pub(crate) empty_beam: Option<Region>,
-    /// Offsets of the sample mask: a list with units, or a file with one on each line
-    /// [default: those of the geometry's scan]
+    /// Offsets of the sample mask: a list with units, or a file with one on each line [default: from the
+    /// geometry's scan]
     #[arg(long, value_name = "LIST|FILE", requires = "flat", allow_hyphen_values = true)]
     pub(crate) offsets: Option<String>,
     /// Scene file whose distances and masks the frames were taken with
@@ -71,12 +72,12 @@ pub(crate) struct Retrieve {
     /// Take the run's detector numbers instead of its intensities
     #[arg(long, requires = "run")]
     pub(crate) counts: bool,
-    /// Detector number of one photon, for the uncertainties of counts [default: that of a run's
-    /// scene, else 1]
+    /// Detector number of one photon, for the uncertainties of counts [default: from a run's scene, else
+    /// 1]
     #[arg(long, value_name = "NUMBER", value_parser = above_zero, allow_negative_numbers = true)]
     pub(crate) gain: Option<f64>,
-    /// Standard deviation of a number without light, for --weights poisson [default: that of a
-    /// run's scene, else 0]
+    /// Standard deviation of a number without light, for --weights poisson [default: from a run's scene,
+    /// else 0]
     #[arg(long, value_name = "NUMBER", value_parser = from_zero, allow_negative_numbers = true)]
     pub(crate) read_noise: Option<f64>,
     /// Leave out values from here on, as they are in the files [default: the largest number of
@@ -86,7 +87,7 @@ pub(crate) struct Retrieve {
     /// Two-step: steps of the sample, counted from 0 [default: those nearest to the slopes]
     #[arg(long, value_name = "I,J", value_parser = two_steps)]
     pub(crate) steps: Option<[usize; 2]>,
-    /// Two-step: offsets of the sample's steps, where they are not those of the flat
+    /// Two-step: offsets of the sample's steps, if they differ from the flat's
     #[arg(long, value_name = "LIST|FILE", allow_hyphen_values = true)]
     pub(crate) sample_offsets: Option<String>,
     /// File format of the images

@@ -28,8 +28,8 @@ pub(crate) struct EngineArguments {
     pub(crate) backend: BackendName,
     #[command(flatten)]
     pub(crate) device: DeviceArguments,
-    /// Most memory of the run, host and device together, such as "2 GiB" [default: what the
-    /// geometry needs, and up to 1 GiB for a band]
+    /// Memory limit of the run, host and device together, such as "2 GiB" [default: the geometry, and up
+    /// to 1 GiB for a band]
     #[arg(long, value_name = "SIZE", value_parser = memory_size)]
     pub(crate) memory_limit: Option<u64>,
 }
@@ -48,7 +48,7 @@ pub(crate) struct Messages {
     /// No progress and no summary, errors only
     #[arg(short, long, conflicts_with = "verbose")]
     pub(crate) quiet: bool,
-    /// More of what is going on
+    /// More detail
     #[arg(short, long)]
     pub(crate) verbose: bool,
 }

@@ -22,7 +22,7 @@ pub(crate) struct Simulate {
     /// Run directory to write
     #[arg(short, long, value_name = "RUN")]
     pub(crate) output: PathBuf,
-    /// File format of the frames [default: exr; with --resume that of the run]
+    /// File format of the frames [default: exr; with --resume the format of the run]
     #[arg(long, value_parser = format())]
     pub(crate) format: Option<Format>,
     #[command(flatten)]

@@ -41,7 +41,7 @@ pub(crate) struct View {
     pub(crate) of_run: ViewOfRun,
 }
 
-/// What is asked of the pictures of a scene.
+/// Options of the pictures of a scene.
 #[derive(Debug, Args)]
 #[command(next_help_heading = "Pictures of a scene")]
 pub(crate) struct ViewOfScene {
@@ -59,7 +59,7 @@ pub(crate) struct ViewOfScene {
     pub(crate) device: DeviceArguments,
 }
 
-/// What is asked of the pictures of a run.
+/// Options of the pictures of a run.
 #[derive(Debug, Args)]
 #[command(next_help_heading = "Pictures of a run, of retrieved images or of volumes")]
 pub(crate) struct ViewOfRun {

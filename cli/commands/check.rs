@@ -1,5 +1,4 @@
-//! `beamlet check`: what a scene amounts to, before hours are spent on it; or whether a run is
-//! whole.
+//! `beamlet check`: set-up and cost of a scene, before hours are spent on it; or whether a run is whole.
 
 use super::pictures::{refuse_read, save_plot};
 use crate::args::Check;
@@ -15,7 +14,7 @@ use std::io::Write;
 use std::path::Path;
 
 pub(super) fn run(arguments: &Check, out: &mut impl Write) -> Result<(), Failure> {
-    // What is left of a run that lost one of them is a run, too.
+    // The remains of a run that lost one of them are a run, too.
     let is_run = |name: &str| arguments.scene.scene.join(name).is_file();
     if is_run(layout::RUN) || is_run(layout::LOG) {
         return run_directory(arguments, out);

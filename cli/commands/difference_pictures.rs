@@ -19,7 +19,7 @@ use std::path::Path;
 /// Series of two stacks that belong to no run.
 const ALONE: &str = "stack";
 
-/// One of the two, and where its pixels stand.
+/// One of the two, and the grid of its pixels.
 enum Compared {
     Run(Box<OpenRun>),
     Images { maps: Maps, record: Box<Record> },
@@ -43,14 +43,14 @@ impl Compared {
             Self::Run(run) => Some(run.scene().detector.pitch),
             Self::Images { record, .. } => {
                 let scene = Scene::from_toml(record.geometry.as_ref()?, path).ok()?;
-                // Beamlets stand on no pixels.
+                // Beamlets have no pixels.
                 (record.method != "beamlet").then_some(scene.detector.pitch)
             }
             Self::Stack(_) => None,
         }
     }
 
-    /// The image of a series that stands at a view and step.
+    /// The image of a series at a view and step.
     fn image(
         &self,
         path: &Path,

@@ -48,7 +48,7 @@ fn jobs(arguments: &Illuminate, outputs: Vec<PathBuf>) -> Result<Vec<Job>, Failu
         let scene = beamlet::cli_support::load_scene(path, &arguments.sets)?;
         let extent = StackShape::of(&scene)?;
         let format = arguments.format.unwrap_or_default();
-        // What is read is not replaced: the run with the moments, scenes and their files.
+        // Inputs are not replaced: the run with the moments, scenes and their files.
         let mut read = scene.input_files();
         read.push(arguments.run.clone());
         read.extend(arguments.scene.iter().cloned());
@@ -80,7 +80,7 @@ pub(super) fn run(arguments: &Illuminate, out: &mut impl Write) -> Result<(), Fa
     let cancel = interrupt::listen();
     let engine = Engine::open(&arguments.engine.options())?;
     let places: Vec<_> = jobs.iter().map(|job| (job.path.clone(), job.output.clone())).collect();
-    // A limit is that of one run.
+    // A limit applies to one run.
     let at_once = if arguments.engine.memory_limit.is_some() { 1 } else { SIDE_BY_SIDE };
     let at_once = at_once.min(jobs.len());
     let (sender, results) = mpsc::channel();

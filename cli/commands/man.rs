@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 
 pub(super) fn run(arguments: &Man, out: &mut impl Write) -> Result<(), Failure> {
     let mut command = Arguments::command();
-    // Names of verbs as they stand in the title: beamlet-simulate.
+    // Names of verbs as in the title: beamlet-simulate.
     command.build();
     let mut pages = vec![page(&command, &arguments.output)?];
     for verb in command.get_subcommands().filter(|verb| verb.get_name() != "help") {

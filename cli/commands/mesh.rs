@@ -93,7 +93,7 @@ pub(super) fn refuse_format(path: &Path) -> Result<(), Failure> {
     }
 }
 
-/// Writes meshes and prints what they are.
+/// Writes meshes and prints their properties.
 pub(super) fn write(
     path: &Path,
     meshes: &[NamedMesh],

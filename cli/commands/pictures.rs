@@ -87,7 +87,7 @@ pub(super) fn refuse_existing(paths: &[PathBuf], overwrite: bool) -> Result<(), 
     }
 }
 
-/// Refuses to write files over what is read: a file, or anything that belongs to a run.
+/// Refuses to write files over inputs: a file, or anything that belongs to a run.
 pub(super) fn refuse_read(paths: &[PathBuf], read: &[PathBuf]) -> Result<(), Failure> {
     let is_read = |path: &PathBuf| {
         read.iter().find(|read| is_same_place(path, read) || is_of_run(read, path))
@@ -104,7 +104,7 @@ pub(super) fn refuse_read(paths: &[PathBuf], read: &[PathBuf]) -> Result<(), Fai
     }
 }
 
-/// Writes the picture that `--plot` asks for, SVG or PNG by its ending.
+/// Writes the picture of `--plot`, SVG or PNG by its ending.
 pub(super) fn save_plot(drawing: &Drawing, path: &Path, overwrite: bool) -> Result<(), Failure> {
     let ending = path.extension().map(|text| text.to_string_lossy().to_lowercase());
     let bytes = match ending.as_deref() {

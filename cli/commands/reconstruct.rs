@@ -89,7 +89,7 @@ fn work(
     summary(arguments, &done, source.retrieved.as_deref(), began.elapsed().as_secs_f64(), out)
 }
 
-/// What is reconstructed, and the scene that it is of.
+/// Inputs of a reconstruction, and their scene.
 struct Source {
     input: Input,
     scene: Option<Scene>,
@@ -273,7 +273,7 @@ fn names(quantities: &[Quantity]) -> String {
     quantities.iter().map(|quantity| quantity.name()).collect::<Vec<_>>().join(", ")
 }
 
-/// What a reconstruction would be.
+/// Prints the plan of a reconstruction.
 fn describe(
     arguments: &Reconstruct,
     plan: &VolumePlan,
@@ -303,7 +303,7 @@ fn describe(
     Ok(())
 }
 
-/// What the user wants to know at the end.
+/// Closing lines.
 fn summary(
     arguments: &Reconstruct,
     done: &Reconstructed,

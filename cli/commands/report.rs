@@ -49,7 +49,7 @@ fn beside(directory: &Path) -> PathBuf {
     }
 }
 
-/// The line that asked for the page; words with spaces in quotes.
+/// The command line; words with spaces in quotes.
 fn command() -> String {
     let word = |word: &OsString| {
         let word = word.to_string_lossy().into_owned();

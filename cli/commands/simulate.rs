@@ -131,7 +131,7 @@ fn directory(arguments: &Simulate, scene: &Scene) -> Result<RunDirectory, Failur
     Ok(sink.overrides(&arguments.scene.sets).command(command_line()))
 }
 
-/// What the user wants to know at the end, on stdout.
+/// Closing lines, on stdout.
 pub(super) fn summary(
     title: Option<&str>,
     sink: &RunDirectory,
@@ -178,7 +178,7 @@ pub(super) fn summary(
     print_tally(&record.tally, out)
 }
 
-/// How finely the sample was sampled, and what that may have left.
+/// Fineness of the sampling and its estimated error.
 fn tell_sampling(sampling: &SamplingSummary, out: &mut impl Write) -> Result<(), Failure> {
     let SamplingSummary { patches, mean_rays, most_rays, rms_error, worst_error, .. } = sampling;
     writeln!(
@@ -197,7 +197,7 @@ fn tell_sampling(sampling: &SamplingSummary, out: &mut impl Write) -> Result<(),
     Ok(())
 }
 
-/// What is worth a line of a tally.
+/// Prints the entries of a tally that are not zero.
 fn print_tally(tally: &Tally, out: &mut impl Write) -> Result<(), Failure> {
     for (count, what) in counts(tally).into_iter().filter(|(count, _)| *count > 0) {
         writeln!(out, "         {count} {what}")?;
@@ -223,8 +223,8 @@ fn counts(tally: &Tally) -> [(u64, &'static str); 12] {
     ]
 }
 
-/// What to enter to go on after an interrupt. `began`: whether this run has written anything; what
-/// stands in its directory may be an earlier run that it was about to replace.
+/// The command that continues after an interrupt. `began`: whether this run has written anything; its
+/// directory may hold an earlier run that it was about to replace.
 fn advice(arguments: &Simulate, began: bool) -> String {
     let mut command = vec![
         "beamlet simulate".to_owned(),

@@ -1,4 +1,4 @@
-//! `beamlet spectrum`: what a source emits, before and after its filters.
+//! `beamlet spectrum`: emission of a source, before and after its filters.
 
 use super::beam;
 use super::pictures::{refuse_read, save_plot};
@@ -80,7 +80,7 @@ pub(super) fn run(arguments: &Arguments, out: &mut impl Write) -> Result<(), Fai
     }
 }
 
-/// A scene with the spectrum that the arguments ask for, and that spectrum.
+/// A scene with the spectrum of the arguments, and that spectrum.
 fn resolve(arguments: &Arguments) -> Result<(Scene, SpectrumSpec), Failure> {
     let mut scene = match (&arguments.input, arguments.anode, arguments.kvp) {
         (Some(path), _, _) => beam::of_file(path, &arguments.sets)?,

@@ -67,7 +67,7 @@ impl Axes {
         [self.across(x), self.down(y)]
     }
 
-    /// Draws grid lines behind what is to come.
+    /// Draws grid lines, below later drawings.
     pub(crate) fn grid(&self, drawing: &mut Drawing) {
         let area = self.area;
         for (x, _) in self.ticks_across() {
@@ -105,7 +105,7 @@ impl Axes {
     fn ticks_across(&self) -> Vec<(f64, String)> {
         let most = numbers::whole::<usize>(self.area.width / 75.0).clamp(3, 10);
         let wide = |text: &str| text_width(text, SMALL) + 12.0;
-        // As many as have room beside each other.
+        // The largest number that fits beside each other.
         let fit = |ticks: &Vec<(f64, String)>| {
             ticks.windows(2).all(|pair| {
                 let apart = self.across(pair[1].0) - self.across(pair[0].0);

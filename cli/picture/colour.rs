@@ -6,7 +6,7 @@ use crate::numbers;
 /// Red, green, blue (sRGB).
 pub(crate) type Rgb = [u8; 3];
 
-/// What is not a number.
+/// Pixels without a number.
 pub(crate) const NO_VALUE: Rgb = [190, 70, 210];
 /// Colours of lines and materials that differ clearly, also for the colour-blind
 /// (Okabe and Ito).

@@ -37,8 +37,8 @@ pub(crate) struct CurvePlot {
 /// Room of the legend beside the curves.
 const LEGEND: f64 = 250.0;
 
-/// Draws curves over mask offsets (m); `label` is what they are, `note` stands below the title,
-/// `notes` are lines beside them.
+/// Draws curves over mask offsets (m); `label` names them, `note` is below the title, `notes` are lines
+/// beside them.
 pub(crate) fn draw(
     [title, note, label]: [&str; 3],
     offsets: &[f64],

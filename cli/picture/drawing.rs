@@ -39,7 +39,7 @@ impl Area {
     }
 }
 
-/// Which point of a text stands at its place.
+/// The point of a text at its position.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Anchor {
     Start,

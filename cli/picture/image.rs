@@ -22,7 +22,7 @@ const HATCHED: f64 = 4.0;
 /// An image of which more than this share is flagged is not hatched: nothing would be seen of it.
 const MOST_HATCHED: f64 = 0.5;
 
-/// Where the pixels of an image stand.
+/// Positions of the pixels of an image.
 #[derive(Debug, Clone)]
 pub(crate) struct Grid {
     x: [f64; 2],

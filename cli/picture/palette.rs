@@ -4,7 +4,7 @@ use super::colour::{Rgb, SET};
 use crate::numbers;
 use beamlet::scene::Scene;
 
-/// Of what is not sample.
+/// Outside the sample.
 pub(super) const EMPTY: Rgb = [255, 255, 255];
 
 /// Materials of the objects in the order of the scene, each once.

@@ -20,11 +20,11 @@ pub(crate) struct ProfileLine {
 pub(crate) struct Panel {
     pub(crate) label: String,
     pub(crate) lines: Vec<ProfileLine>,
-    /// Whether a line stands at zero.
+    /// Whether zero has a line.
     pub(crate) zero: bool,
     /// Places that do not set the range of y, and have a mark; empty where there are none.
     pub(crate) flagged: Vec<bool>,
-    /// What the band is, in the legend.
+    /// Name of the band in the legend.
     pub(crate) band: String,
 }
 
@@ -33,7 +33,7 @@ impl Panel {
         self.flagged.get(at).copied().unwrap_or(false)
     }
 
-    /// Values and the edges of their bands; those of flagged places only where all are flagged.
+    /// Values and the edges of their bands; flagged places only if all are flagged.
     fn reach(&self) -> [f64; 2] {
         let all = |with_flagged: bool| {
             let of_line = move |line: &ProfileLine| {
@@ -62,7 +62,7 @@ const HEIGHT: f64 = 170.0;
 const TOP: f64 = 76.0;
 const GAP: f64 = 26.0;
 
-/// Draws panels over the same x; `note` stands below the title.
+/// Draws panels over the same x; `note` is below the title.
 pub(crate) fn draw([title, note]: [&str; 2], x: &[f64], across: &str, panels: &[Panel]) -> Drawing {
     let count = panels.len() as f64;
     let height = TOP + count * (HEIGHT + GAP) + BELOW - 6.0;
@@ -86,7 +86,7 @@ pub(crate) fn draw([title, note]: [&str; 2], x: &[f64], across: &str, panels: &[
             band(&mut drawing, &axes, x, line, colour);
             let points = || x.iter().zip(&line.values).map(|(x, y)| [*x, *y]);
             axes.curve(&mut drawing, points(), Paint::line(colour, 1.6));
-            // Few pixels show as what they are; one would not show at all.
+            // Few pixels are drawn as steps; a single one would be invisible otherwise.
             if x.len() <= 24 {
                 axes.dots(&mut drawing, points(), Paint::fill(colour));
             }

@@ -1,4 +1,4 @@
-//! What a retrieved image shows: its labels, unit and colours.
+//! Labels, unit and colours of a retrieved image.
 
 use super::colour::Map;
 

@@ -1,4 +1,4 @@
-//! The sample, ray-traced: materials in colours, what is around other things translucent.
+//! The sample, ray-traced: materials in colours, surrounding objects translucent.
 
 use super::colour::{Rgb, SMALL};
 use super::drawing::{Anchor, Area, Drawing, GREY, INK, Paint};
@@ -64,7 +64,7 @@ pub(crate) fn draw(
     Ok(drawing)
 }
 
-/// What the picture needs to know of the sample.
+/// Properties of the sample for the picture.
 struct Picture {
     /// Centre of the sample after turning, m: the middle of the picture.
     centre: [f64; 3],
@@ -95,7 +95,7 @@ impl Picture {
         let centre = [0, 1, 2].map(|axis| f64::midpoint(low[axis], high[axis]));
         let half = (high[0] - low[0]).max(high[2] - low[2]) / 2.0 * 1.12;
         let count = sample.objects.len();
-        // What has something inside, another object or a void, is seen through.
+        // Objects around another object or a void are translucent.
         let translucent = (0..count).map(|object| {
             sample.components.iter().any(|component| {
                 component.outside.is_some_and(|outside| outside as usize == object)
@@ -121,8 +121,8 @@ impl Picture {
         Ray::new(0, [x, z], [0.0; 2])
     }
 
-    /// Colour behind the crossings of a ray, and what it saw first: where neighbours differ in
-    /// it, more rays are traced.
+    /// Colour behind the crossings of a ray, and its first crossing: where neighbours differ in it, more
+    /// rays are traced.
     fn seen(&self, met: &[SurfaceCrossing]) -> ([f64; 3], u64) {
         let mut light = [0.0; 3];
         let mut through = 1.0;

@@ -1,4 +1,4 @@
-//! Scales: values to colours, and the bar that tells them.
+//! Scales: values to colours, and the colour bar.
 
 use super::axes::ticks;
 use super::colour::{Map, NO_VALUE, Rgb, SMALL};
@@ -8,19 +8,18 @@ use crate::numbers;
 
 /// Share of the values on either side that may lie beyond a scale.
 const TAIL: f64 = 0.02;
-/// Where all but the outermost values take less than this share of the range, the outermost are
-/// what the picture shows, and nothing is cut.
+/// Share of the range taken by all but the outermost values below which nothing is cut: the outermost are
+/// the subject then.
 const SPARSE: f64 = 0.05;
-/// Pixels differ from the empty beam by more than this share of the largest difference,
+/// Least difference from the empty beam, share of the largest difference.
 const LEAST: f64 = 0.01;
-/// and by more than this many of their own 1 sigma.
+/// The same in standard deviations of the pixel.
 const NOISE: f64 = 3.0;
-/// Share of the pixels that may be spikes: they are left out of the largest difference where they
-/// stand this many times
+/// Largest share of the pixels that may be spikes, which are left out of the largest difference.
 const SPIKES: f64 = 2e-4;
-/// as far off as all others,
+/// Least distance of spikes over the distance of all others.
 const APART: f64 = 3.0;
-/// unless the others are this share of them: a wire alone in the picture.
+/// Share of others below which nothing is a spike: a wire alone in the picture.
 const ALONE: f64 = 1e-3;
 /// Height on paper of a number beside the bar, with the room around it.
 const NUMBER: f64 = 20.0;
@@ -98,7 +97,7 @@ impl Scale {
         Self::between(map, [scale.low, scale.high], values)
     }
 
-    /// A scale between two values, which counts those of `values` that lie beyond.
+    /// A scale between two values, which counts `values` beyond it.
     pub(crate) fn between(
         map: Map,
         [low, high]: [f64; 2],
@@ -174,7 +173,7 @@ impl Scale {
         drawing.area(area, Paint::line(INK, 0.8));
         let mut widest = 0.0_f64;
         let most = numbers::whole::<usize>(area.height / NUMBER).clamp(1, 6);
-        // Round steps make more numbers than were asked for.
+        // Round steps may give more numbers than wanted.
         let choices = (1..=most).rev().map(|count| ticks(self.low, self.high, count));
         let numbers = choices.into_iter().find(|it| it.len() <= most + 1).unwrap_or_default();
         for (value, text) in numbers {
@@ -298,7 +297,7 @@ mod tests {
 
     #[test]
     fn a_small_part_has_the_whole_scale_and_a_spike_none_of_it() {
-        // 1 % of the field is the part, up to 6.3; one pixel that nothing flags stands at 770.
+        // 1 % of the field is the part, up to 6.3; one pixel without a flag has 770.
         let mut values = vec![1e-4; 10_000];
         (0..100).for_each(|i| values[i] = 0.063 * (i + 1) as f64);
         values[5000] = 770.0;

@@ -131,7 +131,7 @@ fn mask_line(drawing: &mut Drawing, axes: &Axes, mask: &MaskSpec, reach: f64) {
         drawing.line([x, top], [x, bottom], Paint::line(BARS, 4.0));
     } else {
         let bar = 1e3 * (mask.period - mask.aperture);
-        // Bars stand between apertures; which of them is in the middle shows in the inset.
+        // Bars lie between apertures; the inset shows which of them is in the middle.
         let count = (reach / mask.period).ceil();
         let mut k = -count;
         while k <= count {

@@ -9,8 +9,8 @@ use beamlet::spectrum::Spectrum;
 /// Bins of the picture.
 const BINS: usize = 240;
 
-/// Photons per keV in even bins from 0 to `high` keV. The photons of a row lie between half way
-/// to its neighbours, so that rows may stand at any distance.
+/// Photons per keV in even bins from 0 to `high` keV. The photons of a row lie between half way to its
+/// neighbours, so that rows may have any distance.
 fn density(spectrum: &Spectrum, high: f64) -> Vec<f64> {
     let energies = &spectrum.energies_kev;
     let width = high / BINS as f64;

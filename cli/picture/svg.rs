@@ -7,8 +7,8 @@ use base64::engine::general_purpose::STANDARD;
 use std::fmt::Write as _;
 
 impl Drawing {
-    /// The drawing as an `<svg>` element that scales with its place in a page. `name` is its own
-    /// there; what it is for readers of screens stands in `label`.
+    /// The drawing as an `<svg>` element that scales with its place in a page. `name` is unique in the
+    /// page; `label` describes it to screen readers.
     pub(crate) fn to_svg(&self, name: &str, label: &str) -> String {
         let role = format!("role=\"img\" aria-label=\"{}\"", escaped(label));
         self.as_svg(name, &role)

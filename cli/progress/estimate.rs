@@ -8,8 +8,8 @@ const LEAST_SHARE: f64 = 0.03;
 const LEAST_SECONDS: f64 = 5.0;
 /// New ends of the work count over this part of the time gone: a few slow rows move little.
 const MEMORY: f64 = 0.15;
-/// Where this share, or half of the work done where that is less, took longer than the work after
-/// it, the pace leaves it out: a slow beginning tells nothing of the rest.
+/// Share of the work, or half of the work done if less, that the pace leaves out if it was slower than
+/// the work after it: a slow beginning does not predict the rest.
 const BEGINNING: f64 = 0.03;
 /// Steps of less than this share are not kept apart.
 const LEAST_STEP: f64 = 0.001;
@@ -21,7 +21,7 @@ const LATER_SECONDS: f64 = 2.0;
 /// own.
 #[derive(Debug, Default)]
 pub(super) struct Estimate {
-    /// Time and share when it began: what went before, at another pace, tells nothing.
+    /// Time and share at its beginning: earlier work had another pace.
     began: Option<[f64; 2]>,
     /// Times and shares of steps, from the one that the pace is counted from.
     steps: VecDeque<[f64; 2]>,
@@ -77,7 +77,7 @@ impl Estimate {
         self.steps.front().copied().unwrap_or(self.at)
     }
 
-    /// Time that is left; `None` where it is too early to tell.
+    /// Remaining time; `None` if it is too early to estimate it.
     pub(super) fn left(&mut self, now: Duration) -> Option<Duration> {
         let now = now.as_secs_f64();
         let [began, before] = self.began?;
@@ -121,7 +121,7 @@ mod tests {
         Duration::from_secs_f64(seconds)
     }
 
-    /// What is shown each second of work whose share at a time is `share`, reported at `steps`.
+    /// Display at each second of work with the share `share`, reported at `steps`.
     fn shown(total: u32, step: f64, share: impl Fn(f64) -> f64) -> Vec<(f64, Option<f64>)> {
         let mut estimate = Estimate::default();
         estimate.begin(at(0.0), 0.0);

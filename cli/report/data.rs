@@ -17,7 +17,7 @@ pub(super) struct Data {
     pub(super) meta: Value,
     /// Name, and `[view][step][row][column]` or less.
     pub(super) arrays: Vec<(String, Vec<u16>)>,
-    /// What the reader has to know of the data.
+    /// Notes to the reader about the data.
     pub(super) notes: Vec<String>,
 }
 
@@ -26,7 +26,7 @@ fn fits(of: &str) -> [String; FIT.len()] {
     FIT.map(|part| format!("{of}_{part}"))
 }
 
-/// What of a subject is in the page.
+/// Contents of a subject in the page.
 struct Contents<'a> {
     run: &'a Subject,
     /// Views, by their numbers.
@@ -161,7 +161,7 @@ pub(super) fn collect(run: &Subject, most: u64) -> Result<Data, Failure> {
     Ok(Data { meta, arrays, notes })
 }
 
-/// What the reader has to know of the data.
+/// Notes to the reader about the data.
 fn notes(contents: &Contents<'_>, most: u64) -> Vec<String> {
     let Contents { run, kept, contrasts, thinning: Thinning { bin, every }, .. } = contents;
     let (bin, every, all_views) = (*bin, *every, run.views());

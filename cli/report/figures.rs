@@ -1,4 +1,4 @@
-//! Drawings of a page: set-up, sample, spectrum. What cannot be drawn is told in a note.
+//! Drawings of a page: set-up, sample, spectrum. A note names the missing ones.
 
 use crate::failure::Failure;
 use crate::picture::sample::{self, Camera};
@@ -21,7 +21,7 @@ pub(super) struct Figures {
     pub(super) notes: Vec<String>,
 }
 
-/// Draws what the scene of a run, or the geometry of a retrieval, has. `device` draws the sample.
+/// Draws the scene of a run, or the geometry of a retrieval. `device` draws the sample.
 pub(super) fn of(
     run: &Subject,
     device: Option<&str>,

@@ -1,5 +1,5 @@
-//! A run as one page for a browser: data, drawing code and style in a single file that asks for
-//! nothing from anywhere.
+//! A run as one page for a browser: data, drawing code and style in a single file without requests to any
+//! server.
 
 mod data;
 mod figures;
@@ -18,8 +18,8 @@ use minijinja::{Environment, UndefinedBehavior, Value, context, escape_formatter
 use std::time::SystemTime;
 use tables::TableRow;
 
-/// Images of a view beside its steps: retrieved ones with their 1 sigma, flags, the parts of a
-/// fit, what it leaves.
+/// Images of a view beside its steps: retrieved ones with their 1 sigma, flags, the parts of a fit, its
+/// residual.
 const IMAGES: u64 = 12;
 /// Bytes that a page takes while it is made, for each of its image data: values before they are 16
 /// bits, the bits, their text, and two copies of that while it grows.
@@ -36,18 +36,18 @@ const SCRIPTS: [&str; 5] = [
     include_str!("page/sinograms.js"),
     include_str!("page/controls.js"),
 ];
-/// uPlot, as it comes from npm: version, hashes and licence stand beside it.
+/// uPlot from npm; its version, hashes and licence lie beside it.
 const CHARTS: &str = include_str!("uplot/uPlot.iife.min.js");
 const CHART_STYLE: &str = include_str!("uplot/uPlot.min.css");
 
-/// What a page is made with.
+/// Options of a page.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct PageOptions {
     /// Most bytes of image data.
     pub(crate) most: u64,
     /// Vulkan device that draws the sample.
     pub(crate) device: Option<String>,
-    /// The line that asked for the page.
+    /// The command line that made the page.
     pub(crate) command: String,
 }
 
@@ -101,7 +101,7 @@ pub(crate) fn page(
     rendered(&context)
 }
 
-/// Fills the page; what is put in is escaped, but for what the page calls safe.
+/// Fills the page; inserted text is escaped, unless the page marks it as safe.
 fn rendered(context: &Value) -> Result<String, Failure> {
     let mut environment = Environment::new();
     environment.set_undefined_behavior(UndefinedBehavior::SemiStrict);
@@ -133,7 +133,7 @@ fn title(run: &Subject) -> String {
     name.unwrap_or_else(|| "run".to_owned())
 }
 
-/// When what was made, by which command and program.
+/// Dates, commands and versions of the subject and the page.
 fn facts(run: &Subject, command: &str) -> Vec<TableRow> {
     // "2026-11-22T05:40:01Z" as people write it.
     let date = |text: &str| text.replace('T', " ").replace('Z', " UTC");
@@ -191,7 +191,7 @@ fn words_of(seconds: f64) -> String {
     }
 }
 
-/// JSON that may stand in a script element.
+/// JSON for a script element.
 fn script_json(value: &serde_json::Value) -> Result<String, Failure> {
     let text = serde_json::to_string(value).map_err(std::io::Error::from)?;
     Ok(text.replace('<', "\\u003c"))

@@ -1,4 +1,4 @@
-//! What is known of a run, as tables: counts, provenance, retrieval, the resolved scene.
+//! Tables about a run: counts, provenance, retrieval, the resolved scene.
 
 use crate::failure::Failure;
 use crate::picture::text::short;
@@ -41,7 +41,7 @@ pub(super) fn scene_text(run: &Subject) -> Result<String, Failure> {
         .map_err(|error| Failure::File { path, problem: format!("cannot be read: {error}") })
 }
 
-/// A line of a table: what, how much, whether it should stand out, and what the word means.
+/// A line of a table: name, value, whether it is highlighted, and the meaning of the name.
 #[derive(Debug, Clone, Default)]
 pub(super) struct TableRow {
     key: String,
@@ -72,7 +72,7 @@ impl From<TableRow> for minijinja::Value {
     }
 }
 
-/// What the words of the page mean.
+/// Meanings of the words of the page.
 const WORDS: [(&str, &str); 8] = [
     (
         "T, transmission",
@@ -117,7 +117,7 @@ pub(super) fn words() -> Vec<TableRow> {
     WORDS.iter().map(|(term, meaning)| TableRow::new(*term, *meaning)).collect()
 }
 
-/// What the counts of a tally mean.
+/// Meanings of the counts of a tally.
 const MEANINGS: [(&str, &str); 13] = [
     ("rays", "traced as straight lines, with refraction to first order"),
     ("exact", "traced again with refraction at every surface in turn, for they graze one"),
@@ -150,7 +150,7 @@ const OF_SAMPLING: [&str; 6] = [
     "beyond_tolerance",
 ];
 
-/// The counts of the run; those that should be zero and are not stand out.
+/// The counts of the run; unexpected ones are highlighted.
 pub(super) fn tally(run: &Subject) -> Vec<TableRow> {
     let Some(file) = run.run() else { return Vec::new() };
     let record = &file.record().record;

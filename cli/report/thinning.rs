@@ -3,12 +3,12 @@
 use crate::numbers;
 use ndarray::{Array2, ArrayView2};
 
-/// Stands for what is not a number.
+/// Code of a pixel without a number.
 pub(super) const NOTHING: u16 = u16::MAX;
 /// Views are left out before pixels are binned, down to this many.
 const VIEWS: usize = 24;
 
-/// What of a run is kept, so that the page stays small.
+/// Part of a run that is kept, so that the page stays small.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Thinning {
     /// Pixels of a side that become one.
@@ -104,7 +104,7 @@ mod tests {
         assert!(2 * 33 * coarser * coarser > 24 << 20, "{thinning:?}");
         let many = Thinning::of([3600, 7, 1, 256], 14, 11, 1 << 20);
         assert!(many.every > 1 && many.bin == 1, "{many:?}");
-        // Even a limit that nothing meets ends.
+        // An impossible limit ends, too.
         let _ = Thinning::of(large, 18, 15, 1);
     }
 

@@ -1,4 +1,4 @@
-//! Flags of the pixels of a view: what they mean for scales, and their counts in words.
+//! Flags of the pixels of a view: trusted pixels for scales, and counts in words.
 
 use super::Subject;
 use crate::failure::Failure;
@@ -14,8 +14,8 @@ pub(crate) struct Flags {
     pub(crate) flagged: Array2<bool>,
 }
 
-/// Which pixels may set a scale: those without a flag. `None`, all of them, where more than half
-/// is flagged: flags tell nothing of what to trust then.
+/// Pixels that may set a scale: pixels without a flag. `None`, all of them, if more than half is flagged:
+/// flags do not distinguish good pixels then.
 pub(crate) fn trusted<'a, I>(flagged: I) -> Option<Vec<bool>>
 where
     I: IntoIterator<Item = &'a bool>,

@@ -21,7 +21,7 @@ use std::path::{Path, PathBuf};
 /// A run with its retrieved images, or retrieved images alone.
 #[derive(Debug)]
 pub(crate) struct Subject {
-    /// What the user named.
+    /// The path on the command line.
     path: PathBuf,
     /// Directory of the retrieved images, whether it is there or not.
     retrieved: PathBuf,
@@ -29,11 +29,11 @@ pub(crate) struct Subject {
     /// Intensities of a run: flat and sample.
     frames: Option<[StackFile; 2]>,
     maps: Option<Maps>,
-    /// Images with a column per beamlet or dithered pixel, which stand on no pixels.
+    /// Images with a column per beamlet or dithered pixel, which have no pixels.
     beamlets: Option<Maps>,
     /// retrieved.json.
     record: Option<Record>,
-    /// What was retrieved from, or would be.
+    /// Input of the retrieval, made or possible.
     fitted: Option<Input>,
     /// Why that is not there.
     without: Option<String>,
@@ -139,7 +139,7 @@ impl Subject {
         }
     }
 
-    /// Where the pixels of frames and images stand.
+    /// Positions of the pixels of frames and images.
     pub(crate) fn grid(&self) -> Grid {
         let [_, _, rows, columns] = self.shape;
         Grid::of_pixels(self.pitch(), [rows, columns])
@@ -196,7 +196,7 @@ impl Subject {
     pub(crate) fn sigma_of(&self, name: &str) -> Option<String> {
         let sigma = format!("{name}_sigma");
         let counts = self.record.as_ref().is_some_and(|record| record.counts);
-        // Earlier versions made one from noise-free values, of what the fit leaves.
+        // Earlier versions made one from the residuals of noise-free values.
         let there = |maps: &Maps| maps.names().any(|found| found == sigma);
         (counts && self.images().is_some_and(there)).then_some(sigma)
     }
@@ -219,7 +219,7 @@ impl Subject {
         !counts && run.is_some_and(|run| run.scene().detector.counts.is_some())
     }
 
-    /// What the values of [`Subject::fitted_rows`] are.
+    /// Quantity of the values of [`Subject::fitted_rows`].
     pub(crate) fn fitted_quantity(&self) -> Quantity {
         match self.fitted.as_ref().is_some_and(Input::counts) {
             true => Quantity { label: "detector number less dark".into(), ..Quantity::counts() },
@@ -259,7 +259,7 @@ impl Subject {
         self.maps.is_some() && gaussian.iter().any(|known| method == Some(known.name()))
     }
 
-    /// What the bits of a flag say, separated by semicolons; empty where there are none.
+    /// Meanings of the bits of a flag, separated by semicolons; empty without any.
     pub(crate) fn flag_words(&self, flags: u32) -> String {
         let meanings = self.record.iter().flat_map(|record| &record.flags);
         let set = meanings.filter(|(bit, _)| flags & **bit != 0);

@@ -38,19 +38,18 @@ pub(crate) struct Bvh {
     /// For each leaf those across its edges opposite to a, b, c, counted from the first of its
     /// tree; [`NO_LEAF`] at an open edge.
     pub neighbours: Vec<[u32; 3]>,
-    /// Normals of the corners of each leaf, zero where those of facets refract; none where they do
-    /// everywhere.
+    /// Normals of the corners of each leaf, zero where facets refract by their own; empty if all do.
     pub corner_normals: Vec<CornerNormals>,
-    /// Those of the sample, by prototype, then in the order of the leaves: what rays meet one after
-    /// another stands together in memory.
+    /// Places of the sample, by prototype, then in the order of the leaves: consecutive ones are adjacent
+    /// in memory.
     pub placed: Vec<interface::Placed>,
     pub prototypes: Vec<interface::Prototype>,
     pub shapes: Vec<interface::AnalyticShape>,
-    /// `KIND_` bits of what is placed.
+    /// `KIND_` bits of the placed leaves.
     pub kinds: u32,
 }
 
-/// Padding of boxes, as a share of the largest coordinate: what the box test may lose to rounding.
+/// Padding of boxes, as a share of the largest coordinate: bound of the rounding of the box test.
 const PADDING: f64 = 1.0 / (1 << 19) as f64;
 
 impl Bvh {
@@ -107,7 +106,7 @@ impl Bvh {
         Ok(bvh)
     }
 
-    /// Trees of prototypes, and where they stand. `places`: [`places_of`] the sample.
+    /// Trees of prototypes, and their places. `places`: [`places_of`] the sample.
     fn append_prototypes(&mut self, sample: &Sample, places: &[u32], reach: f64) -> Result<()> {
         let mut primitive = self.leaves.len() as u64;
         let mut first = 0_u32;
@@ -244,8 +243,8 @@ impl Bvh {
     }
 }
 
-/// Where the placed surfaces of a sample stand on the device: by prototype, as in the sample, and among
-/// those of one in the order of their leaves.
+/// Order of the placed surfaces of a sample on the device: by prototype, as in the sample, and within one
+/// in the order of their leaves.
 fn places_of(sample: &Sample, leaves: impl Iterator<Item = u32>) -> Vec<u32> {
     let mut next = vec![u32::MAX; sample.prototypes.len()];
     for (place, placed) in (0..).zip(&sample.placed) {
@@ -330,7 +329,7 @@ fn normal(a: DVec3, b: DVec3, c: DVec3) -> DVec3 {
     (b - a).cross(c - a).normalize_or_zero()
 }
 
-/// Levels of the tree. Children stand behind their parents in the array.
+/// Levels of the tree. Children follow their parents in the array.
 fn depth(nodes: &[CwBvhNode]) -> usize {
     let mut levels = vec![0_usize; nodes.len()];
     let mut deepest = 0;

@@ -1,4 +1,4 @@
-//! Acceleration: what the device needs to find the triangles that a ray meets.
+//! Acceleration: data for the device's search of triangles in the way of a ray.
 
 mod backend;
 mod bvh;

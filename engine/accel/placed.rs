@@ -49,7 +49,7 @@ pub(super) fn placed_record(
     }
 }
 
-/// The nearest f32 and what they leave.
+/// The nearest f32 and the remainders.
 fn parts(vector: DVec3) -> [[f32; 3]; 2] {
     let high = vector.to_array().map(single);
     let low = vector - DVec3::from_array(high.map(f64::from));

@@ -1,4 +1,4 @@
-//! Samples, and what the writers of all formats share.
+//! Samples, and code shared by the writers of all formats.
 
 use crate::{Error, Result, numbers, reserve};
 use ndarray::ArrayView2;

@@ -157,7 +157,7 @@ impl RangeFile {
             .map_err(|error| unwritten(&self.path, error))
     }
 
-    /// Makes what was written last; the checksum of some frames as they are in the file is added.
+    /// Syncs the file; the checksum of some frames as they are in the file is added.
     ///
     /// # Errors
     /// [`Error::File`], also where the file is no longer at its path.

@@ -41,14 +41,14 @@ impl<'a> Check<'a> {
     }
 
     /// Adds the illumination curve, and an estimate of rays and time of a run of this engine, within its
-    /// memory limit. A part of the patches is sampled for it, for about a second beyond what a run takes
-    /// to its first ray.
+    /// memory limit. It samples a part of the patches, for about a second beyond the time of a run to its
+    /// first ray.
     pub fn with_engine(mut self, engine: &'a Engine) -> Self {
         self.engine = Some(engine);
         self
     }
 
-    /// Memory limit of a run in place of that of the engine, bytes (see [`crate::EngineOptions`]).
+    /// Memory limit of a run in place of the limit of the engine, bytes (see [`crate::EngineOptions`]).
     pub fn with_memory_limit(mut self, memory_limit: impl Into<Option<u64>>) -> Self {
         self.memory_limit = memory_limit.into();
         self

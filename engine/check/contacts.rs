@@ -13,11 +13,11 @@ pub struct CheckedContact {
     pub earlier: String,
     /// Name of the object that is listed later, and wins.
     pub later: String,
-    /// How they meet.
+    /// Kind of the contact.
     pub kind: ContactKind,
     /// A place of it, m.
     pub place: [f64; 3],
-    /// How many pairs of instances meet so; 1 where neither object has any.
+    /// Number of pairs of instances with this contact; 1 if neither object has instances.
     pub pairs: u64,
 }
 

@@ -30,7 +30,7 @@ pub struct CheckedTolerances {
 /// The tolerances of a scene whose numbers are resolved.
 ///
 /// # Errors
-/// Those of the materials of masks and beam.
+/// Errors of the materials of masks and beam.
 pub(super) fn tolerances(scene: &Scene) -> Result<CheckedTolerances> {
     let of = scene.sampling.tolerances();
     let noise = |counts: &Counts| quality::open_variance(scene, counts);
@@ -56,7 +56,7 @@ pub(super) fn warnings(scene: &Scene, report: &CheckReport) -> Vec<String> {
     report.contacts.iter().filter_map(|contact| meshes(scene, report, contact)).collect()
 }
 
-/// The remedy where exact shapes meet and become meshes for it.
+/// The remedy if exact shapes become meshes because of a contact.
 fn meshes(scene: &Scene, report: &CheckReport, contact: &CheckedContact) -> Option<String> {
     let named = |name: &String| scene.objects.iter().find(|object| object.name == *name);
     let cut = |object: &Object| {
@@ -117,7 +117,7 @@ fn is_exact(geometry: &ShapeOrMesh) -> bool {
 /// none.
 ///
 /// # Errors
-/// Those of the materials of masks and beam.
+/// Errors of the materials of masks and beam.
 pub(super) fn by_noise(scene: &Scene, of: &CheckedTolerances) -> Result<Option<Scene>> {
     let [light, angle] = too_small(scene, of);
     if light.is_none() && angle.is_none() {

@@ -115,7 +115,7 @@ impl CheckReport {
     }
 }
 
-/// What the masks make of the light, and the offsets of the curve.
+/// The light behind the masks, and the offsets of the curve.
 fn write_illumination(f: &mut Formatter<'_>, curve: &IlluminationCurve) -> fmt::Result {
     let percent = |share: f64| format!("{} %", number(100.0 * share));
     writeln!(f, "\nillumination curve")?;

@@ -1,4 +1,4 @@
-//! What is odd about a set-up: values that are allowed, and that nobody means.
+//! Doubts about a set-up: values that are allowed, and unlikely.
 
 use super::CheckReport;
 use crate::optics::{Mask, Optics};

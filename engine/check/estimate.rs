@@ -1,4 +1,4 @@
-//! What of a check needs a device: the illumination curve, and the estimate of rays and time.
+//! Parts of a check that need a device: the illumination curve, and the estimate of rays and time.
 
 use super::{CheckReport, costs, illumination, load_lenient};
 use crate::run::memory;

@@ -1,4 +1,4 @@
-//! The illumination curve of a set-up, and what its scan makes of it.
+//! The illumination curve of a set-up, and its sampling by the scan.
 
 use crate::cancel::Cancel;
 use crate::numbers::single;
@@ -13,8 +13,8 @@ use serde::Serialize;
 
 /// Offsets over a period at which the curve is taken.
 const OFFSETS: u32 = 128;
-/// Most columns and rows of the part of a detector that is looked at: light of a pixel without
-/// blur is its own, that of one with blur comes from around it.
+/// Most columns and rows of the examined part of a detector: light of a pixel without blur is its own,
+/// with blur it comes from around it.
 const PART: [u32; 2] = [4, 1];
 const BLURRED_PART: [u32; 2] = [96, 96];
 
@@ -47,8 +47,8 @@ pub struct IlluminationCurve {
     pub expected: Option<ExpectedUncertainty>,
 }
 
-/// One standard deviation of the images of a pixel without a sample, from the Fisher information of
-/// a fit with the weights of counts; of three offsets that of the method `three-step`.
+/// One standard deviation of the images of a pixel without a sample, from the Fisher information of a fit
+/// with the weights of counts; for three offsets, of the method `three-step`.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 #[non_exhaustive]
 pub struct ExpectedUncertainty {
@@ -140,7 +140,7 @@ fn flat(engine: &Engine, scene: &Scene, offsets: Vec<f64>) -> Result<Vec<f64>> {
     };
     let part = if detector.blur.is_some() { BLURRED_PART } else { PART };
     for (pixels, part) in detector.pixels.iter_mut().zip(part) {
-        // Apertures stand in the middle of odd numbers of pixels and beside that of even ones.
+        // Apertures lie in the middle of odd numbers of pixels and beside the middle of even ones.
         *pixels = (*pixels).min(part + (*pixels + part) % 2);
     }
     let [columns, rows] = detector.pixels.map(|n| (n as usize - 1) / 2);
@@ -149,7 +149,7 @@ fn flat(engine: &Engine, scene: &Scene, offsets: Vec<f64>) -> Result<Vec<f64>> {
     Ok(stacks.flat.axis_iter(Axis(0)).map(light).collect())
 }
 
-/// Offsets, of those of a curve over a period, at which it is above a level; parts of one between.
+/// Number of offsets of a curve over a period at which it is above a level, interpolated.
 fn width_above(light: &[f64], level: f64) -> f64 {
     let next = |i: usize| light[(i + 1) % light.len()];
     let above = |i: usize| {
@@ -225,11 +225,11 @@ fn expected(
     Ok(expected.transmission.is_finite().then_some(expected))
 }
 
-/// What is odd about the masks and the offsets, in words: by the curve, or without one by that of thin
+/// Doubts about the masks and the offsets, in words: by the curve, or without one by the curve of thin
 /// masks in closed form.
 ///
 /// # Errors
-/// Those of the materials of masks and beam.
+/// Errors of the materials of masks and beam.
 pub(super) fn warnings(
     scene: &Scene,
     nodes: &Nodes,

@@ -1,12 +1,12 @@
-//! What a scene names and is not there, for all names at once.
+//! Names in a scene that do not exist, for all names at once.
 
 use std::path::Path;
 
 use crate::scene::{Beam, Filter, Scene, SpectrumOrigin};
 use crate::{Error, Result, material, printed};
 
-/// Loads a scene file as [`Scene::load_with`] does, and tells in the same breath of unknown materials
-/// and missing files. One such error alone is left to where the material or file is used.
+/// Loads a scene file as [`Scene::load_with`] does, and also reports unknown materials and missing files.
+/// A single such error is left to the user of the material or file.
 ///
 /// # Errors
 /// As [`Scene::load_with`]; [`Error::Several`] for more than one error.
@@ -43,7 +43,7 @@ fn unknown_materials<'a>(scene: &'a Scene) -> Vec<Error> {
     for (number, object) in scene.objects.iter().enumerate() {
         named.push((scene.object_key(number, "material"), &object.material));
     }
-    // What has no name has an error of its own.
+    // An empty name has an error of its own.
     let named = named.into_iter().filter(|(_, name)| !name.trim().is_empty());
     named.filter_map(|(key, name)| material::known(scene, name, &key).err()).collect()
 }

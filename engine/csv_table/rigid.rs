@@ -5,7 +5,7 @@ use crate::Result;
 use crate::units::Dimension::Length;
 use std::path::Path;
 
-/// A row: what is placed is scaled, turned, then moved.
+/// A row: scale, rotation, then translation.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Placement {
     /// Factor; 1 without such a column.
@@ -24,7 +24,7 @@ pub(crate) struct PlacementTable {
     pub(crate) scales: bool,
 }
 
-/// What a column holds.
+/// Contents of a column.
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Column {
     /// A coordinate by its axis, and what one metre is in its unit.
@@ -41,7 +41,7 @@ enum Column {
 }
 
 impl Column {
-    /// Which of the columns that may stand once it is.
+    /// Index of a column that may occur once.
     const fn slot(self) -> usize {
         match self {
             Self::Position(axis, _) => axis,

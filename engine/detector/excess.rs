@@ -2,8 +2,8 @@
 
 use crate::scene::{Detector, DetectorMode};
 
-/// Excess noise factor F of the signal of an open pixel: its variance is F times that of as many
-/// photons of equal signal. `nodes` are the energies (keV) of the beam and their shares of the
+/// Excess noise factor F of the signal of an open pixel: its variance is F times the variance of the same
+/// number of photons of equal signal. `nodes` are the energies (keV) of the beam and their shares of the
 /// signal, as photons times [`crate::spectrum::response`].
 ///
 /// With r the signal of a detected photon, `F = <r^2> / <r>^2 / A`, where A is the Swank factor of
@@ -28,7 +28,7 @@ mod tests {
     #[test]
     fn photons_of_two_energies_make_the_excess_of_their_moments() {
         let mut detector = Detector::new(1.0, [1, 1], [1e-4; 2]);
-        // As many photons of 20 as of 60 keV: signals 1 and 3 around 2.
+        // Equal numbers of photons of 20 and of 60 keV: signals 1 and 3 around 2.
         let nodes = [[20.0, 0.25], [60.0, 0.75]];
         assert!((excess_noise(&detector, &nodes) - 1.0).abs() < 1e-15);
         detector.mode = DetectorMode::Integrating;

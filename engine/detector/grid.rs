@@ -49,8 +49,8 @@ impl SubpixelGrid {
         let detector = &scene.detector;
         let spread = match &detector.blur {
             Some(Blur::Gaussian { sigma }) => {
-                // Along z nothing stands between the sample and the detector: such a blur adds to
-                // that of the spot, and rows need no parts.
+                // Along z there is no mask between the sample and the detector: such a blur adds to the
+                // blur of the spot, and rows need no parts.
                 [Some(Spread::Gaussian(sigma[0] / detector.pitch[0])), None]
             }
             Some(Blur::Kernel(kernel)) => {
@@ -112,7 +112,7 @@ impl SubpixelGrid {
         [0, 1].map(|axis| self.parts[axis] * (self.pixels[axis] + 2 * self.margin[axis]))
     }
 
-    /// The optics with this grid in place of the detector: what is traced and illuminated.
+    /// The optics with this grid in place of the detector, for tracing and illumination.
     #[must_use]
     pub(crate) fn optics(&self, scene: &Scene) -> Optics {
         Optics::on_grid(scene, self.size(), self.parts)
@@ -144,8 +144,8 @@ impl SubpixelGrid {
     }
 }
 
-/// Width of the light behind the detector mask, pixels, where it stands the same in every pixel;
-/// 1 where it may be anywhere.
+/// Width of the light behind the detector mask, pixels, if it has the same position in every pixel; 1 if
+/// it may be anywhere.
 fn lit_width(scene: &Scene) -> f64 {
     let optics = Optics::of(scene);
     let Some(mask) = &optics.detector_mask else { return 1.0 };

@@ -8,7 +8,7 @@ use ndarray::Array2;
 
 /// Deviations of a Gaussian that count: 2e-9 of the light lies beyond.
 const REACH: f64 = 6.0;
-/// Widest kernels, pixels: what is summed grows with their area.
+/// Widest kernels, pixels: the cost grows with their area.
 const BLUR: f64 = 100.0;
 const SCATTER: f64 = 2000.0;
 
@@ -17,9 +17,9 @@ const SCATTER: f64 = 2000.0;
 pub(super) enum Spread {
     /// Gaussian of this standard deviation.
     Gaussian(f64),
-    /// Even over each of some samples of this width, the middle at 0. `below`: of the samples
-    /// before each and of all, the sum of their weights, which is 1 in the end, and that of
-    /// their weights times their middles.
+    /// Even over each of some samples of this width, the middle at 0. `below`: sums over the samples
+    /// before each and over all, of their weights (1 in the end), and of their weights times their
+    /// middles.
     Samples { below: Vec<[f64; 2]>, width: f64 },
 }
 
@@ -100,7 +100,7 @@ pub(super) fn sample_landing(from: [f64; 2], low: f64, width: f64) -> f64 {
     (landed(from[1]) - landed(from[0])) / (from[1] - from[0])
 }
 
-/// What a kernel does.
+/// Purpose of a kernel.
 #[derive(Debug, Clone, Copy)]
 pub(super) enum KernelOf {
     Blur,

@@ -1,5 +1,5 @@
-//! The detector: what a photon adds to the signal, the blur of the light behind the detector
-//! mask, scatter, and the noise of the numbers that are read out (docs/detector.md).
+//! The detector: response to photons, blur of the light behind the detector mask, scatter, and the noise
+//! of the detector numbers (docs/detector.md).
 
 mod blur;
 mod clipping;

@@ -59,7 +59,7 @@ impl DetectorModel {
         &self.grid
     }
 
-    /// What is traced and illuminated: the grid stands in place of the detector.
+    /// Optics for tracing and illumination: the grid in place of the detector.
     #[must_use]
     pub const fn optics(&self) -> &Optics {
         &self.optics
@@ -100,7 +100,7 @@ impl DetectorModel {
         }
     }
 
-    /// Detector numbers of a band of intensities; `None` where the scene asks for none.
+    /// Detector numbers of a band of intensities; `None` without noise.
     ///
     /// # Errors
     /// As [`Noise::counts`].

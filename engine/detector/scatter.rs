@@ -10,7 +10,7 @@ use crate::{Error, Result, image};
 use ndarray::{Array2, Array3, ArrayView3, Axis, s};
 use std::ops::Range;
 
-/// What is added.
+/// The added light.
 #[derive(Debug, Clone)]
 pub(super) enum ScatterStage {
     /// An image in open beam, with the sample.
@@ -52,7 +52,7 @@ impl ScatterStage {
         }
     }
 
-    /// The rows `band` with what is scattered into them; `light` are the rows `needed`.
+    /// The rows `band` with the light scattered into them; `light` are the rows `needed`.
     ///
     /// # Errors
     /// [`Error::Interrupted`].

@@ -11,10 +11,10 @@ use rustfft::{Fft, FftPlannerScalar};
 use std::fmt;
 use std::sync::Arc;
 
-/// Windows of at least this many pixels along x are summed by Fourier transforms along x,
+/// Least width along x, pixels, of windows that are summed by Fourier transforms.
 const WIDE: usize = 24;
-/// and those of as many pixels as a square of them, where they are this wide: a row of weights costs as
-/// much as four of them.
+/// Least width of windows with at least the pixels of such a square: a row of weights costs as much as
+/// four of them.
 const NARROW: usize = 4;
 /// Bytes that the transforms of the weights may take, where shorter transforms take less.
 const WEIGHTS: usize = 256 << 20;
@@ -172,15 +172,14 @@ impl Blocks {
         self.window * self.row_bytes()
     }
 
-    /// Rows of the grid beside those of one window whose transforms are held together.
+    /// Rows of the grid beside the rows of one window whose transforms are held together.
     fn light_rows(self) -> usize {
         (LIGHT / self.row_bytes()).saturating_sub(self.window).max(self.window)
     }
 }
 
-/// Rows of weights as spectra. Every row of light is transformed by itself and rows are summed in
-/// their order, so that no bit depends on what else a band holds; along x by overlap-save, in
-/// blocks from column 0 on.
+/// Rows of weights as spectra. Every row of light is transformed separately and rows are summed in their
+/// order, so that no bit depends on the band; along x by overlap-save, in blocks from column 0 on.
 #[derive(Clone)]
 struct Transformed {
     blocks: Blocks,
@@ -287,7 +286,7 @@ impl Transformed {
     }
 }
 
-/// Half the spectrum of real numbers, with zeros behind them, or of as many as it takes.
+/// Half the spectrum of real numbers, padded with zeros or cut to the length.
 fn half(forward: &dyn Fft<f64>, numbers: impl Iterator<Item = f64>) -> Half {
     let mut values: Vec<Complex<f64>> =
         numbers.take(forward.len()).map(|it| Complex::new(it, 0.0)).collect();

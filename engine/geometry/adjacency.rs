@@ -10,14 +10,14 @@ pub fn across_edges(sample: &Sample) -> Vec<[u32; 3]> {
     across(sample.vertices.len(), &sample.triangles)
 }
 
-/// As [`across_edges`], of triangles over so many vertices.
+/// As [`across_edges`], of triangles over `vertices` vertices.
 pub(super) fn across(vertices: usize, triangles: &[[u32; 3]]) -> Vec<[u32; 3]> {
     let edge = |slot: u32| {
         let corners = triangles[slot as usize / 3];
         [corners[(slot as usize + 1) % 3], corners[(slot as usize + 2) % 3]].map(|v| v as usize)
     };
     let slots = 0..3 * numbers::count(triangles.len());
-    // Edges by the vertex that they leave: those of v end before ends[v].
+    // Edges by their start vertex: the edges of v end before ends[v].
     let mut ends = vec![0_u32; vertices + 1];
     slots.clone().for_each(|slot| ends[edge(slot)[0] + 1] += 1);
     for v in 1..ends.len() {

@@ -9,7 +9,7 @@ use super::{ObjectSummary, Sample};
 use crate::error::{Error, Result};
 use crate::numbers;
 
-/// What is known of an object beside its surface.
+/// Properties of an object beside its surface.
 pub(super) struct Note {
     /// Bounding box of its mesh.
     pub(super) bounds: [DVec3; 2],

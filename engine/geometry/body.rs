@@ -122,7 +122,7 @@ impl Body {
         }
     }
 
-    /// Takes its surface as that of a prototype; no component is left.
+    /// Makes its surface a prototype; the body has no component afterwards.
     pub(super) fn take_prototype(&mut self) -> Prototype {
         let surface = std::mem::take(&mut self.surface);
         let components = std::mem::take(&mut self.components);
@@ -169,7 +169,7 @@ impl Body {
     }
 }
 
-/// Components of a surface, by that of each triangle, with their bounds, volume and area.
+/// Components of a surface, by the component of each triangle, with their bounds, volume and area.
 pub(super) fn measure(surface: &Surface, of: &[u32], count: u32, object: u32) -> Vec<Component> {
     let mut bounds = vec![bounds_of(std::iter::empty()); count as usize];
     for (triangle, component) in of.iter().enumerate() {

@@ -8,21 +8,21 @@ const STEPS: usize = 200;
 /// A distance is found where it is known within this share of itself.
 const FOUND: f64 = 1e-7;
 
-/// A point of the difference of the sets, and that of the first set which it comes from.
+/// A point of the difference of the sets, and its point of the first set.
 #[derive(Debug, Clone, Copy, Default)]
 struct Vertex {
     point: DVec3,
     first: DVec3,
 }
 
-/// What the search for the distance of two sets tells.
+/// Result of the search for the distance of two sets.
 #[derive(Debug, Clone, Copy)]
 pub(super) enum Separation {
     /// Farther than the limit.
     Apart,
     /// Least distance, m, and the point of the first where it is least.
     Known(f64, DVec3),
-    /// They meet, or are too near to tell.
+    /// They intersect, or are too close to decide.
     Unclear,
 }
 
@@ -130,7 +130,7 @@ impl Nearest {
         }
     }
 
-    /// Within a face; long thin ones as well, which tell little by the products of their sides.
+    /// Within a face, also a long thin one, for which products of its sides are inaccurate.
     fn of_face(simplex: &[Vertex; 4], face: [usize; 3]) -> Option<Self> {
         let [a, b, c] = face.map(|k| simplex[k].point);
         let [ab, bc, ca] = [b - a, c - b, a - c];

@@ -1,7 +1,7 @@
-//! Triangles of a large polygon: those of a constrained Delaunay triangulation that lie inside.
+//! Triangles of a large polygon: the inside of a constrained Delaunay triangulation.
 //!
-//! Ears that are cut one by one take the square of the number of corners where these stand on lines or in
-//! long teeth; a triangulation with edges that are given does not.
+//! Cutting ears one by one takes quadratic time for corners on lines or in long teeth; a constrained
+//! triangulation does not.
 
 use glam::DVec2;
 use spade::handles::DirectedEdgeHandle;

@@ -73,7 +73,7 @@ fn pierce((p, q): (DVec3, DVec3), triangle: [DVec3; 3]) -> Option<DVec3> {
     let [a, b, c] = triangle.map(|corner| corner - p);
     let along = q - p;
     let sides = [c.cross(b), a.cross(c), b.cross(a)].map(|normal| along.dot(normal));
-    // Nearer to an edge than rounding tells, or without area: distances decide.
+    // Closer to an edge than rounding, or without area: distances decide.
     let size = a.length_squared().max(b.length_squared()).max(c.length_squared());
     let doubt = 1e-14 * size * along.length();
     let inside = sides.iter().all(|side| *side > doubt) || sides.iter().all(|side| *side < -doubt);

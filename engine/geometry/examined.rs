@@ -17,12 +17,12 @@ pub(super) struct Examined {
     /// Where it was examined for crossing itself.
     pub(super) search: Option<Search>,
     pub(super) defects: Defects,
-    /// What was done to it.
+    /// Changes made to it.
     pub(super) warnings: Vec<String>,
 }
 
-/// Welds, places and examines a surface; `crossings`: also for crossing itself, and where parts of
-/// it meet unites them. A surface that cannot be placed is the inner error.
+/// Welds, places and examines a surface; `crossings`: also looks for intersections, and unites its parts.
+/// A surface that cannot be placed is the inner error.
 ///
 /// # Errors
 /// [`Error::Interrupted`].
@@ -63,8 +63,8 @@ pub(super) fn examine(
     Ok(Ok(found))
 }
 
-/// A surface whose parts were united, if it is closed. Faces that nearly coincided may still lie on
-/// each other, nearer than f32 tells: that makes no difference to rays.
+/// A surface of united parts, if it is closed. Faces that nearly coincided may still lie on each other
+/// within f32: rays are not affected.
 fn sound(united: United) -> Option<Examined> {
     let United { surface, parts, turned } = united;
     let edges = topology::edges(&surface);

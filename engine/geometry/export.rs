@@ -63,7 +63,7 @@ impl Sample {
         self.add_triangles(&mut meshes);
         let mut at = 0;
         while let Some(first) = self.placed.get(at) {
-            // Those of one prototype stand together.
+            // Places of one prototype are adjacent.
             let same = |it: &&super::Placed| it.prototype == first.prototype;
             let count = self.placed[at..].iter().take_while(same).count();
             self.add_placed(&mut meshes, at..at + count, error)?;

@@ -62,9 +62,8 @@ fn load_all(scene: &Scene, watch: &Watch) -> Result<Sample> {
     }
 }
 
-/// As [`load`], but lets every defect through, to report what is wrong with each object.
-/// Beside the sample stand the errors that `load` would give, one for each refused object; the
-/// sample lists its contacts.
+/// As [`load`], but accepts every defect, to report the defects of each object. Also returns the errors
+/// that `load` would give, one for each refused object; the sample lists its contacts.
 ///
 /// # Errors
 /// As [`load`], where an object has no surface.
@@ -98,8 +97,8 @@ fn names(scene: &Scene) -> Vec<String> {
     scene.objects.iter().map(|object| object.name.clone()).collect()
 }
 
-/// Examines a mesh in memory: `path` gives its format by the extension, `unit` is the length
-/// of 1.0 in it, m, where the format does not tell it. Defects do not make it an error.
+/// Examines a mesh in memory: the extension of `path` gives its format, `unit` is the length of 1.0 in
+/// it, m, if the format has none. Defects do not make it an error.
 ///
 /// # Errors
 /// [`Error::Mesh`] where the bytes cannot be read as that format, or hold no solid part.
@@ -118,7 +117,7 @@ pub fn diagnose(path: &Path, bytes: &[u8], unit: f64) -> Result<Defects> {
 
 /// One object, read and examined.
 struct Loaded {
-    /// Empty where the object stands in several places.
+    /// Empty if the object has several places.
     body: Body,
     group: Option<Group>,
     hash: String,
@@ -188,7 +187,7 @@ fn label(object: &Object) -> String {
     }
 }
 
-/// The sample; with `contacts`, those of its objects, too.
+/// The sample; with `contacts`, also the contacts of its objects.
 fn sample(scene: &Scene, loaded: Vec<Loaded>, contacts: bool, watch: &Watch) -> Result<Sample> {
     let names = names(scene);
     let mut bodies = Vec::with_capacity(loaded.len());
@@ -331,8 +330,8 @@ fn read_object(
     Ok(Loaded { body, group, hash, defects, refusal })
 }
 
-/// The places of an object that has several, or whose surface is analytic; `prototype`: its surface,
-/// for so many places.
+/// The places of an object with instances or an analytic surface; `prototype`: its surface, for that
+/// number of places.
 fn group_of(
     scene: &Scene,
     object: &Object,

@@ -1,11 +1,10 @@
 //! Geometry of the sample: welded, closed, oriented triangle surfaces in world metres.
 //!
-//! [`load`] reads the objects of a scene (`mesh_file`, `shapes`), welds and places them,
-//! unites parts of a mesh that meet (`united`), refuses what is not closed or crosses itself
-//! (`examined`, `defects`), turns what is inside out (`body`),
-//! cuts away what later objects cover (`overlap`), and finds which object surrounds which
-//! (`nesting`). [`check_clearance`] and [`Swept::fov_warnings`] compare what
-//! the sample sweeps over the views with the set-up.
+//! [`load`] reads the objects of a scene (`mesh_file`, `shapes`), welds and places them, unites touching
+//! parts of a mesh (`united`), refuses open and self-crossing meshes (`examined`, `defects`), turns
+//! inside-out ones (`body`), cuts away volumes covered by later objects (`overlap`), and finds which
+//! object surrounds which (`nesting`). [`check_clearance`] and [`Swept::fov_warnings`] compare the volume
+//! swept over the views with the set-up.
 
 pub(crate) mod adjacency;
 mod analytic;
@@ -77,9 +76,9 @@ pub struct Sample {
     pub objects: Vec<ObjectSummary>,
     /// Where objects overlap, touch or nearly do; `check` alone finds them.
     pub contacts: Vec<Contact>,
-    /// Surfaces that stand in several places, each once.
+    /// Surfaces with several places, each once.
     pub(crate) prototypes: Vec<Prototype>,
-    /// Where they stand; those of one prototype stand together.
+    /// Their places; places of one prototype are adjacent.
     pub(crate) placed: Vec<Placed>,
 }
 
@@ -111,23 +110,23 @@ pub struct Component {
 pub struct ObjectSummary {
     /// Name in the scene.
     pub name: String,
-    /// Number of triangles, after cuts; those of a mesh in many places count once.
+    /// Number of triangles, after cuts; a mesh with many places counts once.
     pub triangles: usize,
-    /// Number of places that it stands in; 0 where it has no instances.
+    /// Number of its places; 0 without instances.
     pub instances: usize,
     /// Volume of its outer surfaces less its voids, after cuts, m3.
     pub volume: f64,
     /// Least and greatest corner of its bounding box, m.
     pub bounds: [[f64; 3]; 2],
-    /// Objects that it stands in, by its components (`None`: the surroundings).
+    /// Objects that contain it, by its components (`None`: the surroundings).
     pub inside: Vec<Option<u32>>,
-    /// Later objects whose surfaces meet its own, or that cover a part of it: what they cover of
-    /// it is cut away.
+    /// Later objects whose surfaces intersect its own, or that cover a part of it: the covered volume is
+    /// cut away.
     pub cut_by: Vec<u32>,
     /// SHA-256 of the mesh as read (file bytes, or arrays), hexadecimal; empty for shapes.
     pub hash: String,
-    /// What is wrong with its surface.
+    /// Defects of its surface.
     pub defects: Defects,
-    /// What is odd about it, in words (suspicious size, for one).
+    /// Warnings about it, in words (suspicious size, for one).
     pub warnings: Vec<String>,
 }

@@ -1,4 +1,4 @@
-//! How the objects of a sample stand in each other.
+//! Nesting of the objects of a sample.
 
 use glam::DVec3;
 use rayon::prelude::*;
@@ -10,12 +10,12 @@ use super::watch::{LoadStep, Task};
 use crate::error::Result;
 use crate::reserve;
 
-/// Bytes per part, of many small pieces: its record, what it meets, what is around it.
+/// Bytes per part, for many small pieces: its record, its intersections, its surroundings.
 const PER_PART: u64 = 400;
 
-/// Cuts away what later objects cover, and fills in `outside` of every component: the latest
-/// object that contains it. `defects`: what is wrong with bodies that are accepted with defects.
-/// Gives the later objects that cut each one and, where they are `wanted`, the contacts.
+/// Cuts away volumes covered by later objects, and fills in `outside` of every component: the latest
+/// object that contains it. `defects`: defects of accepted bodies. Returns the later objects that cut
+/// each one and, if `wanted`, the contacts.
 ///
 /// # Errors
 /// Objects that overlap and cannot be cut; [`crate::Error::Memory`];

@@ -6,7 +6,7 @@ use super::placed::Place;
 use super::surface::{Defect, Surface};
 use crate::scene::Placement;
 
-/// The scale, rotations and position of an object as those of a group of instances.
+/// The scale, rotations and position of an object, as for a group of instances.
 pub(super) fn group(placement: &Placement) -> Result<Place, Defect> {
     let scale = placement.scale;
     if !(scale.is_finite() && scale > 0.0) {

@@ -8,7 +8,7 @@ use glam::{DVec2, DVec3};
 /// ear up to this many corners: that takes the square of their number. Larger ones are triangulated by
 /// Delaunay's rule first.
 const MOST_CORNERS: usize = 1000;
-/// Corners up to which `earcut` is asked for what a triangulation does not cut.
+/// Largest number of corners for which `earcut` is the second choice.
 const MOST_BY_EARCUT: usize = 50_000;
 /// Share of the area that rounding may change.
 const ROUNDING: f64 = 1e-9;
@@ -17,11 +17,11 @@ const ROUNDING: f64 = 1e-9;
 /// indices of its corners. A small one that crosses itself, or is not flat, is cut all the same.
 ///
 /// # Errors
-/// A large polygon that crosses itself: what it covers does not follow from its corners.
+/// A large polygon that crosses itself: its area does not follow from its corners.
 pub(super) fn triangles(corners: &[DVec3]) -> Result<Vec<[usize; 3]>, String> {
     let n = corners.len();
     let all: Vec<usize> = (0..n).collect();
-    // Newell's normal: that of the whole polygon, whatever its corners.
+    // Newell's normal, of the whole polygon.
     let origin = corners.first().copied().unwrap_or_default();
     let sum: DVec3 = corners.windows(2).map(|it| (it[0] - origin).cross(it[1] - origin)).sum();
     let normal = if n > 3 { sum.try_normalize() } else { None };
@@ -70,7 +70,7 @@ fn turn(flat: &[DVec2], [a, b, c]: [usize; 3]) -> f64 {
     (flat[b] - flat[a]).perp_dot(flat[c] - flat[b])
 }
 
-/// Triangles where they are as many as they must be and cover what the polygon does.
+/// Triangles, if they have the right number and cover the polygon.
 fn cut(flat: &[DVec2]) -> Option<Vec<[usize; 3]>> {
     let ring: Vec<usize> = (0..flat.len()).collect();
     let around: f64 = fan(&ring).iter().map(|it| turn(flat, *it)).sum();
@@ -124,7 +124,7 @@ fn put_back(found: &mut Vec<[usize; 3]>, count: usize) {
     }
 }
 
-/// Ears, one after the other, and a fan of what is left.
+/// Ears, one after the other, and a fan of the rest.
 fn by_ears(flat: &[DVec2]) -> Vec<[usize; 3]> {
     let mut ring: Vec<usize> = (0..flat.len()).collect();
     let mut found = Vec::with_capacity(ring.len() - 2);

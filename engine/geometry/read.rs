@@ -77,7 +77,7 @@ pub(super) struct ReadSurface {
     pub(super) surface: Surface,
     /// m per unit of it.
     pub(super) unit: f64,
-    /// Of what was read; empty for shapes.
+    /// Of the file; empty for shapes.
     pub(super) hash: String,
     pub(super) warnings: Vec<String>,
 }
@@ -86,7 +86,7 @@ pub(super) struct ReadSurface {
 pub(super) enum FileOf<'a> {
     /// Its alone.
     Own(Box<ReadFile>),
-    /// That of others, too.
+    /// The file of other objects, too.
     Shared(&'a ReadFile),
     /// None.
     None,

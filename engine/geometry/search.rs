@@ -12,8 +12,8 @@ pub(super) struct Search {
     pub(super) tree: Tree,
 }
 
-/// Directions without a simple ratio between their parts: rays along them seldom meet the
-/// edges of grid-aligned meshes.
+/// Directions without a simple ratio between their parts: rays along them seldom hit the edges of
+/// grid-aligned meshes.
 const DIRECTIONS: [DVec3; 6] = [
     DVec3::new(0.427_183, 0.611_927, 0.665_731),
     DVec3::new(-0.703_319, 0.329_473, 0.629_941),
@@ -34,9 +34,9 @@ impl Search {
         self.tree.near(query, |triangle| visit(triangle as usize));
     }
 
-    /// Triangles between `point` and infinity, with +1 where a ray leaves through one and -1
-    /// where it enters: summed over a closed surface, the winding number around the point.
-    /// `None` when every direction tried met an edge, or the point lies on the surface.
+    /// Triangles between `point` and infinity, with +1 where a ray leaves through one and -1 where it
+    /// enters: summed over a closed surface, the winding number around the point. `None` if every
+    /// direction hit an edge, or the point lies on the surface.
     pub(super) fn crossings(&self, surface: &Surface, point: DVec3) -> Option<Vec<(usize, i32)>> {
         let mut hits = Vec::new();
         DIRECTIONS
@@ -50,7 +50,7 @@ impl Search {
             .then_some(hits)
     }
 
-    /// Whether it is clear what the ray meets.
+    /// Whether the crossings of the ray are unambiguous.
     fn shoot(
         &self,
         surface: &Surface,

@@ -80,8 +80,8 @@ fn facets(sides: Option<u32>) -> Result<u32, Defect> {
     sides.ok_or_else(|| Defect::new("a curved shape needs `sides`, the number of facets", "shape"))
 }
 
-/// Corners of a polygon of n sides over the radius of the circle whose area it has: that of the
-/// polygon is (n/2) R² sin(2π/n), that of the circle π r².
+/// Corner radius of a polygon of n sides over the radius of the circle of equal area: the polygon has the
+/// area (n/2) R² sin(2π/n), the circle π r².
 fn area_kept(sides: u32) -> f64 {
     let step = TAU / f64::from(sides.max(1));
     (step / step.sin()).sqrt()
@@ -238,8 +238,8 @@ fn walls(n: u32) -> Vec<[u32; 3]> {
     (0..n).flat_map(wall).collect()
 }
 
-/// Triangles of a convex polygon. Cutting off every second corner, again and again, keeps slivers
-/// short; a fan would make n of them meet in one point.
+/// Triangles of a convex polygon. Cutting off every second corner, again and again, keeps slivers short;
+/// a fan would join n of them in one point.
 fn lid(mut ring: Vec<u32>) -> impl Iterator<Item = [u32; 3]> {
     let mut triangles = Vec::with_capacity(ring.len());
     while ring.len() >= 3 {

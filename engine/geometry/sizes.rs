@@ -1,4 +1,4 @@
-//! Meshes whose size tells of a wrong unit.
+//! Meshes whose size suggests a wrong unit.
 
 use super::{ObjectSummary, Sample};
 use crate::scene::{Mesh, Object, Scene, ShapeOrMesh};
@@ -20,7 +20,7 @@ pub(crate) fn unit_warnings(scene: &Scene, sample: &Sample) -> Vec<String> {
     scene.objects.iter().zip(&sample.objects).filter_map(named).collect()
 }
 
-/// What the size of an object tells of its unit, where it tells anything.
+/// The suspected unit error of an object, by its size.
 pub(super) fn unit_doubt(
     scene: &Scene,
     object: &Object,

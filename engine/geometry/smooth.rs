@@ -11,8 +11,8 @@ const CREASE: f64 = 0.866_025_403_784_438_6;
 pub(crate) type CornerNormals = [[f32; 3]; 3];
 
 /// Unit outward normals of the corners of triangles: means over the facets around, weighted by their
-/// angles there, that lean against the triangle's own by no more than a crease. Zero where `smooth`
-/// does not ask for them.
+/// angles there, that lean against the triangle's own by no more than a crease. Zero for triangles not in
+/// `smooth`.
 pub(crate) fn corner_normals(
     vertices: &[DVec3],
     triangles: &[[u32; 3]],
@@ -23,7 +23,7 @@ pub(crate) fn corner_normals(
         let [a, b, c] = corners(t);
         (b - a).cross(c - a).normalize_or_zero()
     };
-    // Triangles by vertex: those of v end at ends[v].
+    // Triangles by vertex: the list of v ends at ends[v].
     let mut ends = vec![0_u32; vertices.len() + 1];
     triangles.iter().flatten().for_each(|v| ends[*v as usize + 1] += 1);
     for v in 1..ends.len() {
@@ -66,7 +66,7 @@ pub(crate) fn corner_normals(
 mod tests {
     use super::*;
 
-    /// Two squares that meet along the edge x = 0 under an angle.
+    /// Two squares with the common edge x = 0 under an angle.
     fn fold(angle: f64) -> Vec<CornerNormals> {
         let (sin, cos) = angle.sin_cos();
         let vertices = [

@@ -10,7 +10,7 @@ pub(crate) const PEAK_PER_TRIANGLE: u64 = 160;
 pub(super) const SIMPLIFY: &str =
     "simplify it, or lift the limit of memory that this program runs under";
 
-/// What is wrong with a surface, and where.
+/// A defect of a surface, and its place.
 #[derive(Debug)]
 pub(super) struct Defect {
     pub(super) problem: String,
@@ -28,8 +28,7 @@ impl Defect {
 pub(super) struct Surface {
     pub(super) vertices: Vec<DVec3>,
     pub(super) triangles: Vec<[u32; 3]>,
-    /// Number of each triangle where it came from, from 1; empty while they are those of
-    /// `triangles`.
+    /// Number of each triangle in its source, from 1; empty while equal to the numbers of `triangles`.
     numbers: Vec<u32>,
     /// Numbers of triangles that were left out for a coordinate that is not finite.
     pub(super) not_finite: Vec<u32>,
@@ -47,8 +46,7 @@ impl Surface {
         Self { vertices, triangles, ..Self::default() }
     }
 
-    /// Adds a triangle with vertices of its own, unless one is not finite; the error says what
-    /// is wrong with it.
+    /// Adds a triangle with vertices of its own, unless one is not finite; the error names it.
     pub(super) fn push_triangle(&mut self, corners: [DVec3; 3]) -> Result<(), String> {
         let first = u32::try_from(self.vertices.len())
             .ok()
@@ -91,7 +89,7 @@ impl Surface {
     /// Merges vertices that are equal in f32, the precision of STL files and of the device;
     /// drops the triangles that this makes degenerate, and unused vertices.
     pub(super) fn weld(&mut self) -> Welded {
-        // Corners that are equal stand together, the first of each first.
+        // Equal corners are adjacent, the first of each first.
         let mut sorted: Vec<u128> = self
             .triangles
             .as_flattened()

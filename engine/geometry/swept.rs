@@ -1,4 +1,4 @@
-//! What the sample sweeps over the views: does it clear the masks, does it fit the detector.
+//! Volume that the sample sweeps over the views: whether it clears the masks and fits the detector.
 
 mod outline;
 
@@ -39,8 +39,8 @@ pub struct BeamExtent {
     pub z: [f64; 2],
 }
 
-/// The outlines of the objects of a sample, for the views of a scene: in fly scans for each pose, those of
-/// a view one after the other.
+/// The outlines of the objects of a sample, for the views of a scene: in fly scans for each pose, the
+/// poses of a view one after the other.
 pub fn swept(scene: &Scene, sample: &Sample) -> Swept {
     let motions: Vec<Motion> = scene.poses().collect();
     let source = scene.source.distance;
@@ -154,8 +154,8 @@ impl Swept {
         self.listed(scene).map(move |it| (&*self.names[it], self.seen(view, it).extent))
     }
 
-    /// What of the sample may lie outside the field of view, in words; at most one sentence for
-    /// each object and direction. Objects of [`Self::passing`] are as they should be along the slits.
+    /// Parts of the sample that may lie outside the field of view, in words; at most one sentence for
+    /// each object and direction. Objects of [`Self::passing`] are ignored along the slits.
     #[must_use]
     pub fn fov_warnings(&self, scene: &Scene) -> Vec<String> {
         let half = scene.detector.size().map(|side| side / 2.0);
@@ -184,8 +184,8 @@ impl Swept {
         warnings
     }
 
-    /// Names of the objects that pass through the field of view along the slits in every view, as fibres
-    /// and standing rods do: nothing changes along them.
+    /// Names of the objects that pass through the field of view along the slits in every view, such as
+    /// fibres and upright rods: nothing changes along them.
     #[must_use]
     pub fn passing(&self, scene: &Scene) -> Vec<String> {
         let passing = self.listed(scene).filter(|object| self.reach(scene, *object).passes);

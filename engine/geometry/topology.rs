@@ -23,7 +23,7 @@ impl Edge {
     }
 }
 
-/// All edges of all triangles; those between the same vertices stand together.
+/// All edges of all triangles; edges between the same vertices are adjacent.
 pub(super) fn edges(surface: &Surface) -> Vec<Edge> {
     let each: Vec<[Edge; 3]> = surface
         .triangles

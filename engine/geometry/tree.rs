@@ -21,7 +21,7 @@ use slab::Slab;
 
 /// Members of a leaf at most.
 pub(super) const LEAF: usize = 4;
-/// Nodes from which the search of leaves that stand together begins, at most.
+/// Most nodes from which the search of adjacent leaves begins.
 const STARTS: usize = 64;
 /// Where a search of the whole tree begins.
 const ROOT: [u32; 1] = [0];
@@ -48,7 +48,7 @@ pub(super) struct BoundsNode {
     plate: Option<Box<Slab>>,
 }
 
-/// What the triangles of a node have in common if they lie side by side.
+/// Common properties of the triangles of a node that lie side by side.
 #[derive(Debug, Clone)]
 struct Band {
     /// Where they lie across their longest sides.
@@ -96,7 +96,7 @@ impl Tree {
         self.walk(&ROOT, 0, reaches, |_, members| members.iter().all(|it| visit(*it)));
     }
 
-    /// Calls `visit` with members of the leaves that a box meets.
+    /// Calls `visit` with members of the leaves that overlap a box.
     pub(super) fn within(&self, [low, high]: [DVec3; 2], mut visit: impl FnMut(u32)) {
         let [low, high] = outwards([low, high], 0.0);
         let meets = |node: &BoundsNode| low.cmple(node.high).all() && node.low.cmple(high).all();
@@ -118,8 +118,8 @@ impl Tree {
         });
     }
 
-    /// Calls `visit` with members that a ray may meet, until it returns false; whether it never
-    /// did. No part of the direction is 0.
+    /// Calls `visit` with candidates of a ray, until it returns false; returns whether it never did. No
+    /// part of the direction is 0.
     pub(super) fn along(
         &self,
         point: DVec3,
@@ -154,8 +154,8 @@ impl Tree {
         self.members(&self.nodes[leaf as usize])
     }
 
-    /// Where the search for what comes within `margin` of some of the [`Tree::leaves`] begins, in
-    /// the order of the nodes: those that stand together ask the upper nodes once.
+    /// Start nodes of the search within `margin` of some of the [`Tree::leaves`], in the order of the
+    /// nodes: adjacent leaves share the upper nodes.
     pub(super) fn start(&self, leaves: &[u32], margin: f64) -> Vec<u32> {
         let (low, high) = leaves
             .iter()

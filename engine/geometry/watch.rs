@@ -1,5 +1,5 @@
-//! Reading and checking of objects, watched from the calling thread: what is in work, how far it
-//! is, and whether to stop.
+//! Reading and checking of objects, watched from the calling thread: the current step, its progress, and
+//! cancellation.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -21,10 +21,9 @@ pub enum LoadStep {
     Joining,
     /// Triangles are looked at for what passes through what; counted in groups of triangles.
     Checking,
-    /// Objects are looked at for what stands in what; counted in pairs of objects. Of all objects
-    /// together.
+    /// Nesting of objects is computed; counted in pairs of objects. For all objects together.
     Nesting,
-    /// Objects that meet or nearly do are measured, for a check alone; counted in pairs of objects.
+    /// Contacts and gaps of objects are measured, for a check alone; counted in pairs of objects.
     Comparing,
     /// What later objects cover is cut away; counted in parts of objects. Only where objects
     /// overlap or touch, and of all objects together.
@@ -113,7 +112,7 @@ pub(super) struct Watch {
 pub(super) struct Task<'a>(Option<(&'a Watch, usize)>);
 
 impl Watch {
-    /// One that nobody watches, of so many objects.
+    /// Unwatched, for a number of objects.
     pub(super) fn unwatched(objects: usize) -> Self {
         let slots = (0..=objects).map(|_| Slot::default()).collect();
         Self { cancel: Cancel::default(), began: None, slots }
@@ -187,7 +186,7 @@ impl Task<'_> {
 /// work is cancelled; the calling thread reports.
 ///
 /// # Errors
-/// Those of `work`; [`Error::Interrupted`].
+/// Errors of `work`; [`Error::Interrupted`].
 pub(super) fn watched<T: Send + 'static>(
     names: &[String],
     watcher: Watcher<'_>,

@@ -1,8 +1,8 @@
 //! An acceleration structure over boxes, for ray queries.
 //!
-//! Boxes, not triangles: drivers differ in which triangles a ray near an edge meets (lavapipe
-//! loses both sides of thin ones near grazing), and a pair that is lost leaves no trace. Every
-//! padded box that a ray meets is a candidate; the shader's own test decides.
+//! Boxes, not triangles: drivers differ in the triangles that they report for a ray near an edge
+//! (lavapipe loses both sides of thin ones near grazing), and a lost pair leaves no trace. Every padded
+//! box in the way of a ray is a candidate; the shader's own test decides.
 
 use super::buffer::{Buffer, Memory};
 use super::device::Device;
@@ -16,8 +16,8 @@ use std::sync::Arc;
 /// Bytes of a box: `VkAabbPositionsKHR`.
 const BOX_BYTES: u64 = 24;
 
-/// All boxes in one bottom level, placed once, unchanged, by a top level. A query sees every box
-/// that it meets, each once.
+/// All boxes in one bottom level, placed once, unchanged, by a top level. A query sees every box in its
+/// way once.
 pub struct AccelerationStructure {
     bottom: Level,
     top: Level,

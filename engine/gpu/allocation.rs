@@ -1,4 +1,4 @@
-//! Memory of a device: which kind serves a buffer, and how much is left to ask for.
+//! Memory of a device: the kind for a buffer, and the free amount.
 
 use super::buffer::Memory;
 use super::device::{Device, lock};
@@ -75,8 +75,8 @@ impl Device {
         }
     }
 
-    /// Bits of the memory types that are as fast for the device as any and that the host can read
-    /// at full speed: those of devices that share the host's memory.
+    /// Bits of the memory types that are as fast for the device as any and that the host can read at full
+    /// speed: types of devices that share the host's memory.
     fn mapped_device_types(&self) -> u32 {
         let shares = [DeviceKind::Cpu, DeviceKind::Integrated];
         if !shares.contains(&self.physical.description.kind) {

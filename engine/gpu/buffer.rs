@@ -23,8 +23,7 @@ pub enum Memory {
     Host,
 }
 
-/// Memory with a device address. Reads and writes of the host must not meet a running submission
-/// that uses the same bytes.
+/// Memory with a device address. The host must not read or write bytes that a running submission uses.
 pub struct Buffer {
     device: Arc<Device>,
     raw: vk::Buffer,
@@ -37,7 +36,7 @@ pub struct Buffer {
 }
 
 impl Device {
-    /// A buffer of `bytes` bytes; the content is undefined. `name` says what it holds, in errors.
+    /// A buffer of `bytes` bytes; the content is undefined. `name` describes it in errors.
     ///
     /// # Errors
     /// [`crate::Error::Memory`] where there is not that much.
@@ -94,7 +93,7 @@ impl Buffer {
         let staged = allocation.mapped_ptr().is_none()
             || !allocation.memory_properties().contains(mapped)
             || (device.staging && memory == Memory::Device);
-        // SAFETY: the allocation meets the requirements of this buffer and is bound once.
+        // SAFETY: the allocation satisfies the requirements of this buffer and is bound once.
         let bound =
             unsafe { device.raw.bind_buffer_memory(raw, allocation.memory(), allocation.offset()) };
         let mut buffer = Self {
@@ -129,7 +128,7 @@ impl Buffer {
         self.len == 0
     }
 
-    /// What the buffer holds.
+    /// Contents of the buffer.
     pub fn name(&self) -> &str {
         &self.name
     }

@@ -27,7 +27,7 @@ pub struct DeviceOptions {
     /// Index or part of the name, in any case; `None`: the environment variable `BEAMLET_DEVICE`,
     /// then the first usable of discrete, integrated, virtual and CPU devices.
     pub choice: Option<String>,
-    /// Ask for the Khronos validation layer; its messages go to `log` and are counted.
+    /// Load the Khronos validation layer; its messages go to `log` and are counted.
     pub validation: bool,
     /// Copy through staging buffers even where device memory is mapped (for tests of that path).
     pub staging: bool,
@@ -118,7 +118,7 @@ impl Device {
         }))
     }
 
-    /// What the device is.
+    /// Name, driver and kind of the device.
     pub fn description(&self) -> &DeviceDescription {
         &self.physical.description
     }
@@ -186,7 +186,7 @@ impl Device {
     }
 }
 
-/// Locks; what a panicking thread left behind is still consistent here.
+/// Locks; data of a panicking thread is still consistent here.
 pub(super) fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
@@ -206,9 +206,8 @@ impl Drop for Device {
             std::mem::forget(lock(&self.allocator).take());
             return;
         }
-        // SAFETY: nothing made from the device is left but what is destroyed here: buffers,
-        // kernels, structures and submissions keep the device alive. The instance is not used
-        // afterwards.
+        // SAFETY: buffers, kernels, structures and submissions keep the device alive, so that only the
+        // objects destroyed here exist. The instance is not used afterwards.
         unsafe {
             if let Err(e) = self.raw.device_wait_idle() {
                 log::warn!("closing the device: {e}");

@@ -1,4 +1,4 @@
-//! Faults that tests ask for: which call of Vulkan fails, and how.
+//! Faults for tests: the failing call of Vulkan, and its answer.
 //!
 //! They are planned when a device is opened and counted by that device alone, so that tests
 //! can run side by side. A device without any pays one comparison per call.
@@ -19,7 +19,7 @@ pub enum FaultyCall {
     Wait,
 }
 
-/// What a failing call answers.
+/// Answer of a failing call.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum FaultAnswer {
     /// `VK_ERROR_DEVICE_LOST`; every submission and wait afterwards answers the same.
@@ -39,7 +39,7 @@ pub struct Fault {
     pub call: FaultyCall,
     /// Which of these calls, counted from 1.
     pub number: u64,
-    /// What it answers.
+    /// Its answer.
     pub answer: FaultAnswer,
 }
 
@@ -56,7 +56,7 @@ impl Faults {
         Self { planned: planned.to_vec(), ..Self::default() }
     }
 
-    /// What the next call of this kind answers, before it is made.
+    /// Answer of the next call of this kind, before it is made.
     pub(super) fn check(&self, call: FaultyCall) -> Result<(), vk::Result> {
         if self.planned.is_empty() {
             return Ok(());

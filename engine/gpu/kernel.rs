@@ -63,12 +63,12 @@ impl LazyKernel {
         Ok(self.made.get_or_init(|| made))
     }
 
-    /// Makes those of these kernels that are not made yet. One by one: a driver takes tens of MiB for
-    /// each while it makes it.
+    /// Makes the missing ones of these kernels. One by one: a driver takes tens of MiB for each while it
+    /// makes it.
     ///
     /// # Errors
-    /// As [`Device::kernel`]; [`Error::Interrupted`] where `cancel` was set before one began: what
-    /// a driver does in one go is waited for.
+    /// As [`Device::kernel`]; [`Error::Interrupted`] if `cancel` was set before one began: a single call
+    /// of a driver is not interrupted.
     pub(crate) fn make_all(kernels: &[&Self], cancel: &Cancel) -> Result<()> {
         for kernel in kernels {
             cancel.check()?;
@@ -183,7 +183,7 @@ fn uses_ray_query(spirv: &[u32]) -> bool {
 }
 
 impl Kernel {
-    /// What the kernel does.
+    /// Purpose of the kernel.
     pub fn name(&self) -> &str {
         &self.name
     }

@@ -4,9 +4,9 @@
 //! constants; there are no descriptor sets. So a buffer may be larger than the device's largest
 //! storage-buffer range, and a scene of any number of parts needs no bindings.
 //!
-//! A [`Device`] opens, owns and outlives everything made from it. What a submission may still use
-//! is destroyed only after that submission ended, whenever it is dropped. The addresses in push
-//! constants are not checked: a kernel that is handed a wrong one reads or writes foreign memory.
+//! A [`Device`] opens, owns and outlives everything made from it. A dropped object that a submission may
+//! still use is destroyed after that submission ended. The addresses in push constants are not checked: a
+//! kernel with a wrong one reads or writes foreign memory.
 
 mod acceleration;
 mod allocation;

@@ -1,4 +1,4 @@
-//! The devices that Vulkan shows: what each can do, and which one to take.
+//! The Vulkan devices: their abilities, and the choice among them.
 
 use super::failure;
 use super::instance::{Instance, no_device};
@@ -8,7 +8,7 @@ use serde::Serialize;
 use std::ffi::CStr;
 use std::fmt;
 
-/// What a device is, best first.
+/// Kind of a device, best first.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize)]
 #[serde(rename_all = "kebab-case")]
 #[non_exhaustive]
@@ -33,7 +33,7 @@ pub struct DeviceDescription {
     pub index: usize,
     /// Name; any part of it serves as a choice.
     pub name: String,
-    /// What it is.
+    /// Its kind.
     pub kind: DeviceKind,
     /// Driver name and version.
     pub driver: String,

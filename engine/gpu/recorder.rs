@@ -1,4 +1,4 @@
-//! What a submission does: dispatches, copies and fills, in order.
+//! Contents of a submission: dispatches, copies and fills, in order.
 
 use super::buffer::Buffer;
 use super::device::Device;

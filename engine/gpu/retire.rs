@@ -1,4 +1,4 @@
-//! Destruction of what a submission may still use, once that submission has ended.
+//! Destruction of objects that a submission may still use, once that submission has ended.
 
 use ash::vk;
 use gpu_allocator::vulkan::Allocation;
@@ -37,7 +37,7 @@ impl Retirement {
         ready.map(|(_, retired)| retired).collect()
     }
 
-    /// Takes what is no longer wanted; hands it back at once where nothing runs.
+    /// Takes an object that is no longer needed; returns it at once if nothing runs.
     pub(super) fn retire(&mut self, retired: Retired) -> Option<Retired> {
         if self.running.is_empty() {
             return Some(retired);

@@ -13,8 +13,8 @@ use std::time::{Duration, Instant};
 
 /// How long a submission may take before it counts as hung.
 const PATIENCE: Duration = Duration::from_secs(30 * 60);
-/// It is waited for in parts: a clock that jumps ahead, as that of a machine that was asleep may,
-/// ends one of them and not the whole.
+/// Waits are in parts: a clock that jumps ahead, as on a machine after sleep, ends one of them and not
+/// the whole.
 const PARTS: u32 = 180;
 
 /// Work that the device does. Dropping it waits for its end.
@@ -106,7 +106,7 @@ impl Submission {
         match ended.and_then(|()| self.device.faults.check(FaultyCall::Wait)) {
             Ok(()) => {}
             Err(vk::Result::TIMEOUT) => {
-                // It may still run: what it uses, the batch included, is left as it is.
+                // It may still run: its objects, the batch included, are not destroyed.
                 self.number = 0;
                 lock(&self.device.stuck).push(batch);
                 let found = format!("no end after {} s", PATIENCE.as_secs());

@@ -12,7 +12,7 @@ use crate::trace::push_bytes;
 use std::ops::Range;
 use std::sync::Arc;
 
-/// Mask steps of an invocation: what it reads of a cell row serves all of them.
+/// Mask steps of an invocation: they share the data of a cell row.
 const STEPS_EACH: u32 = 16;
 
 /// The kernels of cells.
@@ -36,7 +36,7 @@ impl CellKernels {
     }
 }
 
-/// Lists of no more cells than these share a submission; larger ones go by themselves.
+/// Largest number of cells of lists that share a submission; larger lists have their own.
 const CELLS_TOGETHER: usize = 1 << 16;
 
 /// Illuminates cells.
@@ -113,8 +113,8 @@ impl CellIlluminator {
         let mut first_cell = 0;
         for (light, list) in lists {
             cell_buffer.write((first_cell * size_of::<Cell>()) as u64, &list.cells)?;
-            // Light of parts of a spot that spread differently over rows has its own kernel, as
-            // has that of cells which lands far off.
+            // Light of parts of a spot that spread differently over rows has its own kernel, and so has
+            // light of cells that lands far off.
             let near =
                 |cell_row: &&CellRow| !light.rows_apart() && lands_near(&list.cells, cell_row);
             let (near, far): (Vec<_>, Vec<_>) = list.cell_rows.iter().partition(near);
@@ -191,7 +191,7 @@ impl CellIlluminator {
         Ok(())
     }
 
-    /// Runs what is planned.
+    /// Runs the plan.
     fn run(&mut self) -> Result<()> {
         self.cancel.check()?;
         let planned = std::mem::take(&mut self.planned);

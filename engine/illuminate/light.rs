@@ -12,10 +12,9 @@ use crate::trace::MaterialTable;
 use std::ops::Range;
 use std::sync::Arc;
 
-/// Rows of a block see the bars under angles whose secants differ by this from that of its middle,
-/// at most,
+/// Largest difference of the secant of the angle to the bars within a block of rows, from the middle.
 const SAME_SECANT: f64 = 2e-5;
-/// and by so much that the light they leak differs by this share of the open beam.
+/// Largest difference of the leaked light within a block, share of the open beam.
 const SAME_LEAK: f64 = 1e-7;
 /// Numbers that the length of a list of mask offsets is a multiple of: shaders load 16 bytes at once.
 const LIST_ALIGNMENT: usize = 4;
@@ -25,15 +24,15 @@ const MOST_ALIKE: u32 = 5;
 /// Which light a record is of.
 #[derive(Debug, Clone, Copy)]
 pub(crate) enum SpectralBand {
-    /// That of one energy (keV), with its share of the spectrum.
+    /// Light of one energy (keV), with its share of the spectrum.
     Node {
         /// keV.
         energy: f64,
         /// Of all light.
         weight: f64,
     },
-    /// That of all energies which took the same way through the masks: where a mask has an
-    /// edge variance, through its apertures; where not, the mask is not there for it.
+    /// Light of all energies that took the same way through the masks: through the apertures of a mask
+    /// with an edge variance; a mask without one is absent for it.
     Group {
         /// Variance of the edges of the sample mask and the detector mask, in squared shadow
         /// widths.
@@ -46,7 +45,7 @@ pub(crate) enum SpectralBand {
 /// # Errors
 /// As [`crate::material::constants_at_for`].
 pub(crate) fn alike_rows(scene: &Scene, optics: &Optics, media: &MaterialTable) -> Result<u32> {
-    // Change of the leaks, as a share of the open beam, by that of the secant.
+    // Change of the leaks, as a share of the open beam, over the change of the secant.
     let mut change: f64 = 0.0;
     for mask in optics.sample_mask.iter().chain(&optics.detector_mask) {
         let mut sum = 0.0;
@@ -128,7 +127,7 @@ impl IlluminationBuffer {
         Ok(Self { buffer, same_at_all_steps, lights, list, _buffers: buffers })
     }
 
-    /// Whether shares of rows that cells hold are not those of every part of the spot.
+    /// Whether parts of the spot differ in the shares of rows that cells hold.
     pub(super) fn rows_apart(&self) -> bool {
         self.lights.iter().any(|light| light.rows_apart != 0)
     }

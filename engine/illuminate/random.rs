@@ -42,7 +42,7 @@ pub(crate) struct RandomBatch<'a> {
     pub pixels: &'a [Pixel],
     /// Index of the view.
     pub view: u32,
-    /// No ray of these pixels meets the sample.
+    /// All rays of these pixels miss the sample.
     pub empty: bool,
 }
 

@@ -1,9 +1,9 @@
 //! Light of a spectrum: cells of all energies gathered into few (docs/physics.md, "Spectra").
 //!
-//! A photon passes each mask either through an aperture or through the bars. Light that took the
-//! same way (a group, at most four) is gathered over the energies into one cell with its mean
-//! displacement; what the displacement spreads over the energies is added to the blur. Cells for
-//! which that is not enough go energy by energy.
+//! A photon passes each mask either through an aperture or through the bars. Light that took the same way
+//! (a group, at most four) is gathered over the energies into one cell with its mean displacement; the
+//! spread of the displacement over the energies is added to the blur. Cells for which that is not enough
+//! go energy by energy.
 
 mod bars;
 mod cell;
@@ -49,7 +49,7 @@ const FULL_SHARE: f64 = 1.0 / 40.0;
 /// Cell rows gathered one after the other by a thread.
 const STRIPS_AT_ONCE: usize = 1 << 6;
 
-/// What the gathering needs of a scene.
+/// Inputs of the gathering from a scene.
 #[derive(Debug, Clone)]
 pub(crate) struct EnergyBinning {
     weights: Vec<f64>,
@@ -116,7 +116,7 @@ impl EnergyBinning {
     }
 
     /// Cells of cell rows whose moments were kept, as light: one list per group, then one per node.
-    /// `known`: what was found out for the cell rows before.
+    /// `known`: findings about the cell rows before.
     ///
     /// # Errors
     /// As [`Tracer::trace`], by which exact transport is repeated at each node.
@@ -281,7 +281,7 @@ impl EnergyBinning {
         results.iter_mut().for_each(|(result, light)| *light = result.light());
     }
 
-    /// Adds what the moments in a material (behind those of the nodes before) make.
+    /// Adds the results of the moments in a material (behind the nodes before).
     fn add_result(
         &self,
         constants: usize,
@@ -312,7 +312,7 @@ impl EnergyBinning {
         result
     }
 
-    /// Light of a cell by group: one cell, or as many as keep the energies in each close enough.
+    /// Light of a cell by group: one cell, or the number that keeps the energies in each close enough.
     fn push_groups(
         &self,
         cell_row: &CellRow,
@@ -334,7 +334,7 @@ impl EnergyBinning {
         let of_node = bars.by_node.iter().zip(&scratch.terms);
         let all: f64 = of_node.map(|(share, term)| share * term.light()).sum();
         let scale = self.tolerance_scale(x);
-        // What the third moment moves grows with the light of the cell.
+        // The effect of the third moment grows with the light of the cell.
         let spread =
             (SPREAD_SHARE * self.lattice.edge_blur).max(self.tolerance) * libm::cbrt(scale);
         for group in 0..self.groups.len() {
@@ -359,7 +359,7 @@ impl EnergyBinning {
                     }
                     continue;
                 }
-                // Cells of a cell row are sorted: what is being joined lies before this one.
+                // Cells of a cell row are sorted: the joined cells lie before this one.
                 self.push_joined(cell_row, group, scratch);
                 if (is_resolved && part * sums.displacement_variance() <= spread * spread)
                     || band.len() == 1

@@ -11,8 +11,8 @@ use std::sync::Arc;
 /// Sums read and converted at a time.
 const PART: usize = 1 << 20;
 
-/// Sums of a band, `[step][row][column]`, and behind the last step those of light that is the same
-/// at every step.
+/// Sums of a band, `[step][row][column]`, and behind the last step the sums of light that is the same at
+/// every step.
 #[derive(Debug)]
 pub(crate) struct PixelSums {
     /// Two words per pixel and step.
@@ -42,7 +42,7 @@ impl PixelSums {
         self.shape[1] * self.shape[2]
     }
 
-    /// Makes them those of a band of `rows` rows, whatever they are.
+    /// Makes them the sums of a band of `rows` rows.
     pub(crate) const fn set_rows(&mut self, rows: &Range<u32>) {
         self.shape[1] = (rows.end - rows.start) as usize;
     }

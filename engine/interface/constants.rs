@@ -5,33 +5,33 @@ shared_constants! {
     GROUP: u32 = 64;
 
     /// Lanes that hold the words of a record of a bundle, a word each: the least subgroup of
-    /// `trace_bundles.comp`. Subgroups of twice as many hold everything twice.
+    /// `trace_bundles.comp`. Subgroups of twice the size hold everything twice.
     BUNDLE_LANES: u32 = 8;
     /// Rays of each lane of a bundle.
     RAYS_PER_LANE: u32 = 4;
     /// Levels of the software BVH: entries of the stack of a walk.
     STACK: u32 = 32;
-    /// Bits of a leaf's surface word that index the surfaces; the kind stands above them.
+    /// Bits of a leaf's surface word that index the surfaces; the kind is in the bits above.
     SURFACE_INDEX: u32 = (1 << 28) - 1;
-    /// Kind of a leaf that is a placed shape with curved surfaces; its index stands below.
+    /// Kind of a leaf that is a placed shape with curved surfaces; its index is in the bits below.
     LEAF_SHAPE: u32 = 1 << 28;
-    /// Kind of a leaf that is a placed mesh; its index stands below.
+    /// Kind of a leaf that is a placed mesh; its index is in the bits below.
     LEAF_MESH: u32 = 2 << 28;
-    /// Of what is placed in a sample: meshes,
+    /// Kind in a sample: placed meshes.
     KIND_MESH: u32 = 1;
-    /// cylinders and cones,
+    /// Kind in a sample: cylinders and cones.
     KIND_FRUSTUM: u32 = 2;
-    /// ellipsoids and spheres,
+    /// Kind in a sample: ellipsoids and spheres.
     KIND_ELLIPSOID: u32 = 4;
-    /// tori,
+    /// Kind in a sample: tori.
     KIND_TORUS: u32 = 8;
-    /// tubes;
+    /// Kind in a sample: tubes.
     KIND_TUBE: u32 = 16;
-    /// rough surfaces, of these or of the sample's own triangles;
+    /// Kind in a sample: rough surfaces, placed or not.
     KIND_ROUGH: u32 = 32;
-    /// surfaces that refract by normals between their corners;
+    /// Kind in a sample: surfaces that refract by interpolated normals.
     KIND_SMOOTH: u32 = 64;
-    /// and views that move the sample otherwise than by a turn about z.
+    /// Kind in a sample: views that move the sample otherwise than by a turn about z.
     KIND_MOVED: u32 = 128;
     /// Cylinder, cone or truncated cone.
     SHAPE_FRUSTUM: u32 = 0;
@@ -44,9 +44,9 @@ shared_constants! {
     /// In place of a neighbour at an open edge.
     NO_LEAF: u32 = u32::MAX;
 
-    /// Of a crossing on a list: the ray goes into the object.
+    /// Bit of a crossing on a list: the ray enters the object.
     FACET_ENTERED: u32 = 1 << 31;
-    /// Of a crossing on a list: the bent ray does not cross here.
+    /// Bit of a crossing on a list: the bent ray does not cross here.
     FACET_MISSED: u32 = 1 << 30;
     /// Of a crossing on a list: bits of the leaf.
     FACET_LEAF: u32 = FACET_MISSED - 1;
@@ -72,8 +72,8 @@ shared_constants! {
     MOMENTS_LEVER: usize = 1;
     /// Floats of a material: slope sums in x and z.
     MOMENTS_SLOPE: usize = 3;
-    /// Floats per pair of materials behind those: of rough surfaces between the two, the variance of
-    /// what they do to the slope along x, over the square of the step of delta.
+    /// Floats per pair of materials behind these: variance of the slope along x by rough surfaces between
+    /// the two, over the square of the step of delta.
     MOMENTS_PER_PAIR: usize = 3;
     /// Floats of a pair: that variance, times the lever, m, and times its square, m2.
     MOMENTS_VARIANCE: usize = 0;
@@ -83,14 +83,14 @@ shared_constants! {
     MANY_CROSSINGS: u32 = 16;
     /// Share of the grazing incidence below which rays through many bodies are followed in order.
     MANY_GRAZING: f64 = 0.1;
-    /// With more materials sums of rays are kept in memory even where nobody asks for moments.
+    /// With more materials sums of rays are kept in memory, even without moments.
     MATERIALS_IN_REGISTERS: u32 = 4;
 
     /// Counters of a run.
     TALLY_COUNTERS: usize = 5;
     /// Rays that left some object more or less often than they entered it.
     TALLY_UNBALANCED: usize = 0;
-    /// Rays that met a limit.
+    /// Rays that reached a limit.
     TALLY_DROPPED: usize = 1;
     /// Rays that were totally reflected.
     TALLY_REFLECTED: usize = 2;
@@ -107,7 +107,7 @@ shared_constants! {
     FLAG_REFLECTED: u32 = 4;
     /// Entered and left some object unequally often.
     FLAG_UNBALANCED: u32 = 8;
-    /// A limit was met.
+    /// A limit was reached.
     FLAG_DROPPED: u32 = 16;
     /// A value is not finite.
     FLAG_NOT_FINITE: u32 = 32;
@@ -134,7 +134,7 @@ shared_constants! {
     CURVE_NOT_CONVERGED: u32 = 16;
     /// Of a fit: the condition number of its normal equations is too large.
     CURVE_ILL_CONDITIONED: u32 = 32;
-    /// Of a fit: the width is beyond what the offsets resolve.
+    /// Of a fit: the offsets do not resolve the width.
     CURVE_WIDTH: u32 = 64;
     /// Of a fit: the centre lies outside the scan.
     CURVE_OUTSIDE: u32 = 128;

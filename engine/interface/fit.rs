@@ -7,7 +7,7 @@ shared_structs! {
     /// A mask step of a fit, in half widths of the scan from its centre.
     pub struct Step in Steps(readonly) {
         pub offset: f32,
-        /// What the f32 above leaves of the f64.
+        /// Difference of the f64 from the f32 above.
         pub offset_low: f32,
         /// Share of the scan that the step stands for.
         pub width: f32,

@@ -101,7 +101,7 @@ pub(crate) fn files() -> BTreeMap<String, String> {
             continue;
         }
         line(&mut all, &format!("struct {} {{\n{}}};", shared.name, members(shared)));
-        // References are 8 bytes and stand at multiples of that.
+        // References are 8 bytes, aligned to 8.
         let align = if shared.fields.iter().any(|field| !field.2.is_empty()) { 8 } else { 4 };
         for (name, access) in &shared.buffers {
             line(&mut all, &reference(name, shared.name, access, align));

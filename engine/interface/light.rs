@@ -1,4 +1,4 @@
-//! What the light stages read.
+//! Inputs of the light stages.
 
 shared_structs! {
     /// Structs of the light stages.
@@ -58,7 +58,7 @@ shared_structs! {
         /// Within the row, 0..1 downwards.
         pub top: f32,
         pub bottom: f32,
-        /// As many rows are alike from this one on.
+        /// Number of equal rows from this one on.
         pub rows: u32,
         /// That its cells let through, as a length of the open beam, m.
         pub light: f32,
@@ -110,9 +110,9 @@ shared_structs! {
         pub deviation_z: f32,
     }
 
-    /// Everything that the light stages need to know of a band, for cells of one part of the focal
-    /// spot. What lies at an offset moves against the rays from the source centre, which is where
-    /// cells stand (docs/physics.md, "Focal spot").
+    /// Parameters of the light stages for a band, for cells of one part of the focal spot. An element at
+    /// an offset moves against the rays from the source centre, in which cells are given
+    /// (docs/physics.md, "Focal spot").
     pub struct IlluminationParams in IlluminationParamsRef(readonly) {
         pub sample_mask: Mask,
         pub detector_mask: Mask,
@@ -158,9 +158,9 @@ shared_structs! {
         pub row_slope: f32,
         /// Row coordinate of the optical axis.
         pub middle_row: f32,
-        /// As many rows see the bars of masks under one angle.
+        /// Number of rows that see the bars of masks under one angle.
         pub alike_rows: f32,
-        /// Shares of rows that cells hold are not those of every part of the spot.
+        /// Not every part of the spot has the shares of rows that cells hold.
         pub rows_apart: u32,
         /// Rows of the band.
         pub row_count: u32,
@@ -212,7 +212,7 @@ shared_structs! {
         /// `[pixel][ray of the batch]`.
         pub rays: u64 => RaysOut,
         pub seed: [u32; 2] => uvec2,
-        /// In x and z; 0 in z: as many in all as in x, spread along z.
+        /// Along x and z; 0 in z: the number of x in all, spread along z.
         pub rays_per_pixel: [u32; 2] => uvec2,
         pub first_ray: u32,
         /// Rays per pixel in this batch.

@@ -1,12 +1,12 @@
-//! Structs and constants that host and shaders share. The table stands here once: build.rs makes
-//! GLSL of it (`glsl.rs`), and tests/device/interface.rs compares the structs with every compiled shader.
+//! Structs and constants shared by host and shaders, in one table: build.rs makes GLSL of it (`glsl.rs`),
+//! and tests/device/interface.rs compares the structs with every compiled shader.
 //!
 //! Shaders include `interface.glsl`, with all structs in `scalar` layout and all constants, and
-//! `interface/NAME.glsl` for a block of push constants, which is a struct whose name ends in
-//! `Push`. `in Rays(readonly)` behind a struct declares a buffer reference to an array of them;
-//! `u64 => Rays` is an address that a shader sees as that reference. Other addresses are `uvec2` in
-//! shaders, which is what a struct that shaders hold as a value needs: some drivers (`SwiftShader`)
-//! cannot load a struct with references in it.
+//! `interface/NAME.glsl` for a block of push constants, a struct whose name ends in `Push`. `in
+//! Rays(readonly)` behind a struct declares a buffer reference to an array of them; `u64 => Rays` is an
+//! address that a shader sees as that reference. Other addresses are `uvec2` in shaders, as required in
+//! structs that shaders hold as values: some drivers (`SwiftShader`) cannot load a struct with references
+//! in it.
 //!
 //! `NAME_WORDS` and `NAME_FIELD` are made for each struct: its words, and the word where a field
 //! begins, for shaders that read records word by word.
@@ -24,8 +24,8 @@ pub struct Layout {
     pub fields: &'static [(&'static str, usize, usize)],
 }
 
-/// Declares structs shared with kernels (`#[repr(C)]`, `Pod`) and a table `$table` of their
-/// layouts. Names of structs and fields are those of the GLSL side.
+/// Declares structs shared with kernels (`#[repr(C)]`, `Pod`) and a table `$table` of their layouts.
+/// Structs and fields have the same names in GLSL.
 #[macro_export]
 #[doc(hidden)]
 macro_rules! shared_structs {
@@ -98,8 +98,8 @@ pub const LAYOUTS: &[&[Layout]] =
 /// Address of a buffer on the device.
 pub type Address = u64;
 
-/// `trace_bundles.comp` holds a record in rows of a word per lane, three at most. It takes the word
-/// of a lane's child from one row, so both words of such a field have to stand in the same.
+/// `trace_bundles.comp` holds a record in rows of a word per lane, three at most. It takes the word of a
+/// lane's child from one row, so both words of such a field must be in the same row.
 const _: () = {
     const LANES: usize = BUNDLE_LANES as usize;
     const fn in_one_row(offset: usize) -> bool {

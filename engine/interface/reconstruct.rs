@@ -11,9 +11,9 @@ shared_structs! {
     }
 
     /// Rays of neighbouring columns of a view that cross the volume along the same axis. A slice is
-    /// counted from the middle one, a place on the detector in mean distances of columns from its
-    /// middle, voxels of a slice from the middle of it. What a ray is like in a slice is a sum
-    /// `value + by_slice * slice + by_place * place + by_both * slice * place`, over that of `weight`.
+    /// counted from the middle one, a place on the detector in mean distances of columns from its middle,
+    /// voxels of a slice from the middle of it. A parameter of a ray in a slice is a sum `value +
+    /// by_slice * slice + by_place * place + by_both * slice * place`, over the same sum of `weight`.
     pub struct Sheet in Sheets(readonly) {
         /// Voxels at which a ray crosses the slice.
         pub cross: f32,
@@ -22,7 +22,7 @@ shared_structs! {
         pub cross_by_both: f32,
         pub weight: f32,
         pub weight_by_place: f32,
-        /// Distance from the source along the optical axis, over that of the axis of rotation.
+        /// Distance from the source along the optical axis, over the distance of the axis of rotation.
         pub scale: f32,
         pub scale_by_slice: f32,
         /// Depth behind the axis of rotation, m.
@@ -124,7 +124,7 @@ shared_structs! {
         pub axis: f32,
         /// One over the distance from source to axis, 0 in a parallel beam.
         pub per_distance: f32,
-        /// Columns and rows by a length at the axis, and those of the optical axis.
+        /// Columns and rows per length at the axis, and the column and row of the optical axis.
         pub column_scale: f32,
         pub column_zero: f32,
         pub row_scale: f32,

@@ -19,8 +19,7 @@ shared_structs! {
     }
 
     /// Motion of the sample in a view, and planes of constant y in the beam frame. Rows of the rotation
-    /// from the world to the beam frame, then a translation: to the precision of f32, and what that
-    /// leaves.
+    /// from the world to the beam frame, then a translation: in f32, and its remainder.
     pub struct ViewTransform in Views(readonly) {
         /// Of a turn about z: its cosine, the sine of the view's angle, and 0.
         pub x: [f32; 3],
@@ -44,14 +43,14 @@ shared_structs! {
         pub c: [f32; 3],
         /// Unit, outward, computed in f64: edges of f32 vertices lose digits.
         pub normal: [f32; 3],
-        /// kind << 28 | index; kind 0 is a triangle, the index that of its surface. Of a triangle of
-        /// a prototype in its own frame it is added to that of its place.
+        /// kind << 28 | index; kind 0 is a triangle with the index of its surface. For a triangle of a
+        /// prototype in its own frame it is added to the index of its place.
         pub surface: u32,
     }
 
     /// A prototype in its place.
     pub struct Placed in PlacedRef(readonly) {
-        /// To the precision of f32, and what that leaves.
+        /// In f32, and its remainder.
         pub position: [f32; 3],
         pub rest: [f32; 3],
         /// Quaternion of any length, own frame to world.
@@ -66,7 +65,7 @@ shared_structs! {
         pub surface: u32,
     }
 
-    /// A surface that stands in several places, or an analytic one.
+    /// A surface with several places, or an analytic one.
     pub struct Prototype in Prototypes(readonly) {
         /// Node; of an analytic surface its index among the shapes.
         pub root: u32,
@@ -103,7 +102,7 @@ shared_structs! {
         pub grazing: f32,
         /// Standard deviation of its slopes.
         pub roughness: f32,
-        /// Normals between those of corners refract light, not those of facets.
+        /// Interpolated normals of corners refract light, not the normals of facets.
         pub smooth_: u32,
     }
 
@@ -184,7 +183,8 @@ shared_structs! {
         pub placed: u64 => PlacedRef,
         pub prototypes: u64 => Prototypes,
         pub shapes: u64 => AnalyticShapes,
-        /// `[leaf][corner][3]`, unit, as leaves stand; zero where those of facets refract.
+        /// `[leaf][corner][3]`, unit, in the order of leaves; zero where facets refract by their own
+        /// normals.
         pub normals: u64 => CornerNormals,
         pub prototype_count: u32,
         /// Leaves of the sample itself: larger numbers are primitives of placed meshes.
@@ -229,7 +229,7 @@ shared_structs! {
         pub longer: u64 => Words,
         /// `[group][capacity][stride]`.
         pub lists: u64 => Crossings,
-        /// `[ray]`: constants of its energy; null: those of the sample.
+        /// `[ray]`: constants of its energy; null: constants of the sample.
         pub nodes: u64 => Words,
         pub tally: u64 => Words,
         pub count: u32,

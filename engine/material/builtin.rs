@@ -1,9 +1,8 @@
 //! Materials known by name: formula or shares by weight, and nominal density at room temperature.
 //!
-//! Tissues, glasses and concrete are those of the NIST tables of ICRU and ICRP compositions (as
-//! xraylib has them); breast tissue is that of ICRU 44; steels and wood are those of PNNL-15870
-//! Rev. 1; brass, bronze and Ti-6Al-4V have their nominal composition (EN 12163 CW508L, CW452K;
-//! ISO 5832-3).
+//! Tissues, glasses and concrete are from the NIST tables of ICRU and ICRP compositions (as in xraylib),
+//! breast tissue from ICRU 44, steels and wood from PNNL-15870 Rev. 1; brass, bronze and Ti-6Al-4V have
+//! their nominal composition (EN 12163 CW508L, CW452K; ISO 5832-3).
 
 /// A material known by name.
 #[derive(Debug, Clone, Copy, PartialEq)]

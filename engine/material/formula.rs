@@ -10,10 +10,9 @@ use crate::reserve;
 use crate::scene::path;
 use crate::units::Dimension;
 
-/// Mu from the total cross section (Elam: photoabsorption, coherent and incoherent
-/// scattering, all of which take light out of the beam), delta from f1 (Chantler).
-/// `density` in g/cm3, `energies` in keV; `outside` makes the error, of what is found and allowed,
-/// where one has no constants.
+/// Mu from the total cross section (Elam: photoabsorption, coherent and incoherent scattering, all of
+/// which take light out of the beam), delta from f1 (Chantler). `density` in g/cm3, `energies` in keV;
+/// `outside` makes the error of an energy without constants, from found and allowed values.
 pub(super) fn constants(
     name: &str,
     formula: &str,
@@ -104,7 +103,7 @@ pub(super) fn range(name: &str, formula: &str, density: f64) -> Result<[f64; 2]>
     Ok(common)
 }
 
-/// The tables of the elements; room for them is asked for, since reading them panics without.
+/// The tables of the elements; room for them is reserved, since reading them panics without.
 fn database() -> Result<std::result::Result<XrayDb, XrayDbError>> {
     /// As `build.rs` has unpacked them.
     const ELEMENTS: &[u8] = include_bytes!(concat!(env!("OUT_DIR"), "/elements.bin"));

@@ -116,8 +116,8 @@ pub fn of_builtin(name: &str, energies: &[f64]) -> Result<Vec<Constants>> {
     }
 }
 
-/// Energies, keV, at which the constants of a material jump; those of a table file lie where
-/// its attenuation rises with energy.
+/// Energies, keV, at which the constants of a material jump; for a table file, where its attenuation
+/// rises with energy.
 ///
 /// # Errors
 /// As [`constants_over_for`].
@@ -144,7 +144,7 @@ pub fn range(scene: &Scene, name: &str) -> Result<[f64; 2]> {
 /// Whether a scene may name a material, at `key`.
 ///
 /// # Errors
-/// An unknown name, with what was probably meant.
+/// An unknown name, with a suggestion.
 pub(crate) fn known(scene: &Scene, name: &str, key: &str) -> Result<()> {
     if scene.materials.contains_key(name) || builtin(name).is_some() {
         return Ok(());
@@ -152,13 +152,13 @@ pub(crate) fn known(scene: &Scene, name: &str, key: &str) -> Result<()> {
     Err(unknown(scene, name, Some(key)))
 }
 
-/// A material whose constants are wanted, and what an error about it belongs to.
+/// A material whose constants are needed, and the context of an error about it.
 struct Asked<'a> {
     scene: &'a Scene,
     name: &'a str,
     /// Key of the scene that names it; the first one is looked up where it is not known.
     key: Option<&'a str>,
-    /// The energies are those of the scene's beam, and not of the caller.
+    /// The energies belong to the scene's beam, not to the caller.
     of_scene: bool,
 }
 

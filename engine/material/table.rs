@@ -45,8 +45,8 @@ impl ConstantsTable {
         Ok(Self { path: path.to_owned(), rows })
     }
 
-    /// Constants at `energy` keV, interpolated linearly in the logarithms.
-    /// `outside` makes the error, of what is found and allowed, for an energy beyond the table.
+    /// Constants at `energy` keV, interpolated linearly in the logarithms. `outside` makes the error of
+    /// an energy beyond the table, from found and allowed values.
     pub(super) fn at(
         &self,
         name: &str,

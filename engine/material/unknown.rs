@@ -1,4 +1,4 @@
-//! The error for a name that is no material, with what was probably meant.
+//! The error for an unknown material, with a suggestion.
 
 use super::builtin::{Builtin, all_spellings, fold, of_formula};
 use super::formula;
@@ -18,7 +18,7 @@ pub(super) fn unknown(scene: &Scene, name: &str, key: Option<&str>) -> Error {
     }
 }
 
-/// What was probably meant, in parentheses, or nothing.
+/// A suggestion in parentheses, or nothing.
 fn meant(scene: &Scene, name: &str) -> String {
     let same = of_formula(name);
     if !same.is_empty() {

@@ -35,7 +35,7 @@ impl Part {
     }
 }
 
-/// What the first scene made, as far as it fits.
+/// Cells of the first scene, as far as they fit.
 #[derive(Debug, Default)]
 pub(super) struct CellCache {
     /// Bytes kept at most.
@@ -70,7 +70,7 @@ impl CellCache {
         self.kept.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// What was made by these of a place, or of more rows than it has.
+    /// Cells made by the same parameters for a place, or for more rows than it has.
     pub(super) fn find(
         &self,
         resample: &Resampled,

@@ -62,7 +62,7 @@ pub(super) fn check(base: &Scene, scene: &Scene) -> Result<()> {
     Ok(())
 }
 
-/// Whether an object has the same instances: files by what they hold, packings by their keys.
+/// Whether an object has the same instances: files by their contents, packings by their keys.
 fn same_instances(base: &Scene, there: &Object, scene: &Scene, here: &Object) -> Result<bool> {
     match (&there.instances, &here.instances) {
         (Some(Instances::File(was)), Some(Instances::File(now))) => {
@@ -72,7 +72,7 @@ fn same_instances(base: &Scene, there: &Object, scene: &Scene, here: &Object) ->
     }
 }
 
-/// What an object's surface is, and was, where the two differ.
+/// Surface of an object, now and in the run, if they differ.
 fn other_surface(scene: &Scene, there: &Object, here: &Object) -> Result<Option<(String, String)>> {
     let (ShapeOrMesh::Mesh(Mesh::File { unit: was, group: taken, .. }), Some(recorded)) =
         (&there.geometry, &there.sha256)

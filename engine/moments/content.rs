@@ -1,5 +1,5 @@
-//! Whether moments that were read can be those of their run: a file may have a good hash and
-//! come from a broken program or hand. What follows indexes and loops by these numbers.
+//! Whether moments can belong to their run: a file may have a good hash and come from a broken program or
+//! hand. Later stages index and loop by these numbers.
 
 use crate::interface::{Cell, CellRow, FLAG_NOT_FINITE, Ray, RayResult};
 use crate::numbers::single;
@@ -13,7 +13,7 @@ const MOMENT: f32 = 1e9;
 /// Largest displacement (m), slope (rad) or optical depth of a traced ray.
 const WALKED: f32 = 1e4;
 
-/// What the moments of a view have to fit.
+/// Requirements on the moments of a view.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Bounds {
     /// Beamlets of the run's lattice.
@@ -33,7 +33,7 @@ impl Bounds {
         }
     }
 
-    /// What is wrong with the cell rows of a block of these rows.
+    /// The defect of the cell rows of a block of these rows.
     pub(super) fn check(
         self,
         cell_rows: &CellBatch,
@@ -60,7 +60,7 @@ impl Bounds {
         if !cell_rows.cells.iter().all(good) {
             return Err("cells outside their beamlet, or values that are not finite");
         }
-        // Also false for what is not a number.
+        // Also false for NaN.
         if !cell_rows.moments.ends.iter().all(|value| value.abs() <= MOMENT) {
             return Err("moments of no ray");
         }

@@ -1,8 +1,8 @@
 //! Moments of a view on disk.
 //!
-//! A header, then blocks of cell rows with their cells, then the SHA-256 of all that. Numbers are
-//! little-endian words of 32 bits; docs/kept.md says what they are. A file is written
-//! under another name and renamed when its view is committed.
+//! A header, then blocks of cell rows with their cells, then the SHA-256 of all of it. Numbers are
+//! little-endian words of 32 bits; docs/kept.md describes them. A file is written under another name and
+//! renamed when its view is committed.
 
 mod read;
 
@@ -24,7 +24,7 @@ const VERSION: u32 = 2;
 /// Magic, version, words of a ray's moments, hash of the run's scene.
 const HEADER: usize = 16 + 8 + 32;
 const HASH: usize = 32;
-/// Most words of a ray's moments: those of 10,000 materials.
+/// Most words of a ray's moments, for 10,000 materials.
 const WORDS: usize = 10_000 * MOMENTS_PER_MATERIAL;
 /// Words of a block's header: cell rows, cells, wide cells traced exactly, all of those, first and
 /// last row.
@@ -36,7 +36,7 @@ const RESULT: usize = 8;
 /// Words of the ray at an end, and of its result.
 const END: usize = RAY + RESULT;
 
-/// Bytes of a cell with so many words of a ray's moments, without the way of rays walked in order.
+/// Bytes of a cell with this number of words of a ray's moments, without the path of exact rays.
 pub(crate) const fn cell_bytes(words: usize) -> usize {
     size_of::<Cell>() + 2 * words * size_of::<f32>()
 }
@@ -200,7 +200,7 @@ impl MomentWriter {
         Ok(())
     }
 
-    /// The view is whole. A view that no ray met has a file too.
+    /// The view is whole. A view without any ray in the sample has a file too.
     ///
     /// # Errors
     /// [`Error::File`].
@@ -225,7 +225,7 @@ impl MomentWriter {
     }
 }
 
-/// Checks that the moments of a view stand, whole and of this run.
+/// Checks that the moments of a view exist, whole and of this run.
 ///
 /// # Errors
 /// [`Error::File`].
@@ -233,7 +233,7 @@ pub(crate) fn check(run: &Path, view: u32) -> Result<()> {
     MomentFile::open(&run.join(layout::MOMENTS), view, &scene_digest(run)?).map(|_| ())
 }
 
-/// Refuses a run that keeps moments and lacks those of a view.
+/// Refuses a run that keeps moments and lacks the moments of a view.
 ///
 /// # Errors
 /// [`Error::File`].

@@ -1,4 +1,4 @@
-//! In what a scene asks more of kept cells than the run that refined them.
+//! Requirements of a scene on kept cells that exceed those of the run.
 
 use crate::Result;
 use crate::optics::{self, Optics};
@@ -8,8 +8,8 @@ use crate::trace::MaterialTable;
 
 /// Rounding of lengths that count as the same.
 const SAME: f64 = 1e-9;
-/// Cells serve set-ups that ask for lengths down to this part of the run's, all together: their error
-/// grows in proportion.
+/// Fraction of the run's lengths, all together, down to which its cells serve: their error grows in
+/// proportion.
 const SERVED: f64 = 0.75;
 
 /// A key of a scene by which kept cells may be too coarse, with the two values.
@@ -40,7 +40,7 @@ struct Scale {
 
 impl<'a> SetUp<'a> {
     /// # Errors
-    /// Those of a material of a mask without constants at an energy.
+    /// Errors of a material of a mask without constants at an energy.
     pub(super) fn new(
         scene: &'a Scene,
         optics: &'a Optics,
@@ -53,8 +53,8 @@ impl<'a> SetUp<'a> {
         Ok(Self { optics, lattice, media, stopped })
     }
 
-    /// Blur of what lies at the rotation centre over the lever arm: angle of refraction that windows tell
-    /// apart. Infinite without a lever.
+    /// Blur at the rotation centre over the lever arm: angle of refraction that windows resolve. Infinite
+    /// without a lever.
     fn angle(&self) -> f64 {
         self.lattice.edge_blur / self.optics.lever_arm().max(f64::MIN_POSITIVE)
     }

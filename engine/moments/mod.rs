@@ -57,11 +57,11 @@ struct Kept {
 }
 
 impl StoredMoments {
-    /// Opens what the run in `run` kept.
+    /// Opens the moments of the run in `run`.
     ///
     /// # Errors
-    /// [`Error::File`] where there is no run, or it kept no moments, or not those of a view;
-    /// [`Error::Scene`] where its scene cannot be read.
+    /// [`Error::File`] if there is no run, or it kept no moments, or lacks those of a view;
+    /// [`Error::Scene`] if its scene cannot be read.
     ///
     /// # Example
     ///
@@ -130,8 +130,8 @@ impl StoredMoments {
     /// before it makes light of them, but without a device: the number of cells.
     ///
     /// # Errors
-    /// [`Error::File`] names the file of a view that cannot be read, or whose numbers cannot be
-    /// those of this run; [`Error::Scene`] where the scene differs in more than moments can follow.
+    /// [`Error::File`] names the file of a view that cannot be read, or whose numbers cannot belong to
+    /// this run; [`Error::Scene`] if the scene differs in more than moments can follow.
     pub fn cells(&self, scene: &Scene) -> Result<usize> {
         scene.validate()?;
         let detector = DetectorModel::of(scene)?;
@@ -203,7 +203,7 @@ pub(crate) struct StoredSource {
     kept: Arc<Kept>,
     shared: Arc<CellCache>,
     resample: Resampled,
-    /// By what the other scene needs finer cells than were kept, if it does.
+    /// The property for which the other scene needs finer cells, if any.
     pub(crate) finer: Option<Finer>,
     /// Materials of the other scene in the order of the moments.
     pub(crate) media: MaterialTable,
@@ -230,7 +230,7 @@ impl StoredSource {
     /// in parts: as `gather`, of `spectral`, makes them, or as it made them for a scene before.
     ///
     /// # Errors
-    /// [`Error::File`] where the file cannot be read or is damaged; those of `gather` and `take`.
+    /// [`Error::File`] if the file cannot be read or is damaged; errors of `gather` and `take`.
     pub(crate) fn lists(
         &self,
         spectral: &EnergyBinning,
@@ -274,8 +274,8 @@ impl StoredSource {
         Ok(())
     }
 
-    /// Hands over the cell rows of some rows of a view, cut to the lattice of the other scene, and
-    /// notes what they cover of it.
+    /// Hands over the cell rows of some rows of a view, cut to the lattice of the other scene, and notes
+    /// the covered part of it.
     fn read(
         &self,
         view: u32,

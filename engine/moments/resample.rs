@@ -18,7 +18,7 @@ const SLIVER: f64 = 1e-6;
 /// overlaps of the same size.
 const COVERED: f64 = 0.999;
 
-/// From the lattice of one scene to that of another with the same sample.
+/// From the lattice of one scene to the lattice of another with the same sample.
 #[derive(Debug, Clone)]
 pub(super) struct Resampled {
     old: Lattice,
@@ -153,7 +153,7 @@ impl Resampled {
         out
     }
 
-    /// Cell rows of the same lattice: those of `rows` stay as they are.
+    /// Cell rows of the same lattice: cell rows in `rows` do not change.
     fn keep(
         &self,
         mut cell_rows: CellBatch,

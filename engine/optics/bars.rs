@@ -1,4 +1,4 @@
-//! What the bars of a mask do to light, by its energy and angle.
+//! Effect of the bars of a mask on light, by its energy and angle.
 
 use super::mask::Openings;
 use super::{Mask, Optics};

@@ -33,7 +33,7 @@ impl DetectorPlane {
         self.distance / distance / self.pitch[0]
     }
 
-    /// dz/dy of a row's height as seen from the source: that of a row less that of the one below.
+    /// dz/dy of a row's height as seen from the source: the difference of a row and the one below.
     pub(crate) fn row_slope(&self) -> f64 {
         self.pitch[1] / self.distance
     }

@@ -14,15 +14,15 @@ pub(crate) struct Opening {
     pub(crate) ends: [[f64; 2]; 2],
 }
 
-/// Openings of a mask seen in a plane: those of a period, which repeats. Lengths are metres in that
-/// plane, or columns of pixels.
+/// Openings of a mask seen in a plane, for one period, which repeats. Lengths are metres in that plane,
+/// or columns of pixels.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Openings {
     /// Distances from a period to the next along x and z; infinite where no edge repeats.
     pub(crate) period: [f64; 2],
     /// Displacement of the mask along x.
     pub(crate) offset: f64,
-    /// Those of a period, ascending along x; one at least.
+    /// Openings of a period, ascending along x; one at least.
     of_period: Vec<Opening>,
     /// Width of the narrowest bar across the slits; 0 without bars.
     bar: f64,
@@ -64,7 +64,7 @@ impl Openings {
     }
 }
 
-/// A mask on the beam. Aperture k stands at (k + 1/2 - C/2) periods, with C columns of pixels.
+/// A mask on the beam. Aperture k is at (k + 1/2 - C/2) periods, with C columns of pixels.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Mask {
     name: &'static str,
@@ -74,8 +74,8 @@ pub(crate) struct Mask {
 }
 
 impl Mask {
-    /// The mask before `columns` of pixels; `shifted`: their number is odd where that of the
-    /// detector is even, or the other way round.
+    /// The mask before `columns` of pixels; `shifted`: their number is odd for an even detector, or the
+    /// other way round.
     pub(crate) fn new(name: &'static str, spec: &MaskSpec, columns: u32, shifted: bool) -> Self {
         let mut spec = spec.clone();
         if shifted {
@@ -94,7 +94,7 @@ impl Mask {
         self.spec.distance
     }
 
-    /// What the bars are.
+    /// Form of the bars.
     pub(super) const fn body(&self) -> &MaskBody {
         &self.spec.body
     }
@@ -141,8 +141,8 @@ impl Mask {
         [("distance", distance), ("period", period), ("aperture", aperture), ("offset", offset)]
     }
 
-    /// What the shadow of bars with a thickness takes of each side of an aperture, m in the plane
-    /// of the mask per unit of dx/dy.
+    /// Reduction of each side of an aperture by the shadow of bars with a thickness, m in the plane of
+    /// the mask per unit of dx/dy.
     pub(crate) fn side_shadow(&self) -> Option<f64> {
         match &self.spec.body {
             MaskBody::Bars { thickness, .. } => Some(*thickness),

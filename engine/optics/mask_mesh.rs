@@ -34,13 +34,12 @@ impl MaskPlace {
 #[derive(Debug, Clone, PartialEq, Default)]
 #[non_exhaustive]
 pub struct MaskMeshOptions {
-    /// Extent of what has to lie within the apertures and bars, x and z, m; `None`: what light of
-    /// the focal spot can pass on its way to the detector, at every mask offset.
+    /// Least extent of apertures and bars, x and z, m; `None`: all light of the focal spot on its way to
+    /// the detector, at every mask offset.
     pub size: Option<[f64; 2]>,
     /// Width of a frame around the bars, as thick as they are, m; `None`: none.
     pub frame: Option<f64>,
-    /// Thickness of a substrate, which the bars stand on and which lies behind them, m; `None`:
-    /// none.
+    /// Thickness of a substrate behind the bars, m; `None`: none.
     pub substrate: Option<f64>,
 }
 
@@ -55,10 +54,10 @@ impl MaskMeshOptions {
     }
 }
 
-/// A mask of a scene as meshes: `bars`, closed boxes that do not touch one another, and `frame` and
-/// `substrate` where they are asked for, which touch the bars face to face. x runs across the slits
-/// from the optical axis, y along the beam from the centre plane of the bars, z along the slits: an
-/// object with these meshes stands at y = distance of the mask - `source.distance`.
+/// A mask of a scene as meshes: `bars`, closed boxes that do not touch one another, and optional `frame`
+/// and `substrate`, which touch the bars face to face. x runs across the slits from the optical axis, y
+/// along the beam from the centre plane of the bars, z along the slits: the position of an object with
+/// these meshes is y = distance of the mask - `source.distance`.
 ///
 /// # Errors
 /// [`Error::Scene`] where the scene has no such mask, or one without bars; [`Error::Argument`]
@@ -137,7 +136,7 @@ fn above_zero(name: &'static str, length: Option<f64>) -> Result<()> {
     }
 }
 
-/// What light on its way to the detector may pass in the plane of a mask, x and z, m.
+/// Extent of the light on its way to the detector in the plane of a mask, x and z, m.
 fn lit(scene: &Scene, mask: &Mask) -> [f64; 2] {
     let near = mask.distance() / scene.detector.distance;
     let offsets = scene.scan.mask_offsets.iter().chain(scene.scan.view_offsets.iter().flatten());
@@ -165,7 +164,7 @@ fn bars(mask: &Mask, extent: f64) -> Result<Vec<[f64; 2]>> {
         let allowed = format!("up to {}", Length.rounded(MOST_BARS * period));
         return Err(Error::argument("size", Length.rounded(extent), allowed));
     }
-    // The period nearest to the axis, and as many on either side.
+    // The period nearest to the axis, and equal numbers on either side.
     let reach: i32 = numbers::whole((count / 2.0).ceil());
     let nearest = -mask.off_centre(0.0, mask.distance());
     let centre = |number: i32| nearest + f64::from(number) * period;

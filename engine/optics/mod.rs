@@ -1,9 +1,7 @@
-//! What stands on the beam, in f64: distances, masks, the plane of the detector and the focal
-//! spot, as the light of a run meets them.
+//! Elements of the beam, in f64: distances, masks, the plane of the detector and the focal spot.
 //!
-//! [`Optics`] is made once per run. Where the detector blurs, its detector plane is the subpixel
-//! grid and not the scene's detector: what is traced and illuminated takes an [`Optics`], what is
-//! written takes the [`Scene`].
+//! [`Optics`] is made once per run. With blur, its detector plane is the subpixel grid and not the
+//! scene's detector: tracing and illumination take an [`Optics`], writing takes the [`Scene`].
 
 mod bars;
 mod column_places;
@@ -26,7 +24,7 @@ use crate::spot::{Spot, deviation};
 /// Cells of a period at least, and of a pixel without a sample mask, where the scene has no number.
 pub(crate) const LEAST_CELLS: u32 = 6;
 
-/// What the light of a run meets, and how finely it is sampled there.
+/// Elements of the beam of a run, and the fineness of its sampling.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Optics {
     /// Source to rotation centre, m.
@@ -112,7 +110,7 @@ impl Optics {
         self.offsets.lists()[0].len()
     }
 
-    /// Openings that make beamlets, in the plane of the cells, m: those of the sample mask, or pixels
+    /// Openings that make beamlets, in the plane of the cells, m: apertures of the sample mask, or pixels
     /// without it.
     pub(crate) fn beamlets(&self) -> Openings {
         match &self.sample_mask {
@@ -173,8 +171,8 @@ fn within_period(scene: &Scene) -> ViewOffsets {
     })
 }
 
-/// The focal spot, blurred along z by what a Gaussian blur of the detector adds: nothing stands
-/// between the sample and the detector along the slits.
+/// The focal spot, with a Gaussian blur of the detector added along z: no mask cuts light along the
+/// slits.
 fn spot(scene: &Scene) -> Spot {
     let source = &scene.source;
     match &scene.detector.blur {

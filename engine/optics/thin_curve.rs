@@ -16,8 +16,8 @@ const FITTED_SECTIONS: u32 = 40;
 /// Relative differences of light below which a curve is flat.
 const FLAT: f64 = 1e-9;
 
-/// Illumination curve of thin masks without a sample: overlap of the projected aperture of the sample
-/// mask with that of the detector mask, blurred by the focal spot. Lengths in the plane of the analyser, m.
+/// Illumination curve of thin masks without a sample: overlap of the projected apertures of both masks,
+/// blurred by the focal spot. Lengths in the plane of the analyser, m.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct ThinCurve {
     /// Half of the sum, and half of the difference, of the two widths.
@@ -216,8 +216,8 @@ mod tests {
         }
     }
 
-    /// The fit of a device over a period of the cylinder of the paper, whose masks are thick, has 9.78 um;
-    /// that of its flat over ±40 um 9.825 um (docs/experiments).
+    /// A fit on a device over a period of the cylinder of the paper, whose masks are thick, has 9.78 um;
+    /// its flat over ±40 um has 9.825 um (docs/experiments).
     #[test]
     fn a_gaussian_fits_the_curve_with_the_width_of_experiments() {
         let sigma = paper(0.0, 30e-6).fitted_sigma().unwrap();

@@ -7,7 +7,7 @@ use std::collections::HashMap;
 /// Displacements of the sample mask by list and mask step, less whole periods, m.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct ViewOffsets {
-    /// That of the flat first, then each other one.
+    /// Offsets of the flat first, then each other list.
     lists: Vec<Vec<f64>>,
     /// Index of the list of each view; none where all have the first.
     of_view: Vec<u32>,

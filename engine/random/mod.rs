@@ -6,6 +6,6 @@ mod philox;
 
 pub(crate) use philox::Draws;
 
-/// Largest draw of the normal distribution, in standard deviations: that of the least uniform
-/// number, 2^-54, is 8.292.
+/// Largest draw of the normal distribution, in standard deviations: the least uniform number, 2^-54,
+/// gives 8.292.
 pub(crate) const REACH: f64 = 8.3;

@@ -1,8 +1,8 @@
-//! What the source emits: one photon energy, or a spectrum.
+//! Emission of the source: one photon energy, or a spectrum.
 
 use std::path::PathBuf;
 
-/// What the source emits.
+/// Emission of the source.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
 pub enum Beam {
@@ -28,14 +28,14 @@ impl Beam {
 pub struct SpectrumSpec {
     /// Where the photons come from.
     pub origin: SpectrumOrigin,
-    /// What is put into the beam before the first mask, besides what `origin` holds.
+    /// Filters in the beam before the first mask, besides the filters of `origin`.
     pub filters: Vec<Filter>,
-    /// Number of energy nodes; `None`: as many as the accuracy needs. >= 1.
+    /// Number of energy nodes, >= 1; `None`: chosen for the accuracy.
     pub nodes: Option<u32>,
 }
 
 impl SpectrumSpec {
-    /// A spectrum without further filters, with as many energy nodes as its accuracy needs.
+    /// A spectrum without further filters, with the number of energy nodes that its accuracy needs.
     #[must_use]
     pub const fn new(origin: SpectrumOrigin) -> Self {
         Self { origin, filters: Vec::new(), nodes: None }
@@ -66,7 +66,7 @@ pub enum SpectrumOrigin {
         kvp: f64,
         /// Angle between the target's face and the optical axis, rad, 6 to 45 degrees.
         anode_angle: f64,
-        /// What the tube itself puts into the beam: window, oil, housing.
+        /// Filters of the tube itself: window, oil, housing.
         inherent_filters: Vec<Filter>,
     },
 }

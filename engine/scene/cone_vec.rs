@@ -46,7 +46,7 @@ pub(super) fn read(path: &Path) -> Result<Vec<[f64; 12]>> {
 /// The motion of the sample that gives the set-up of a scene the vectors of a view.
 ///
 /// # Errors
-/// What differs from the set-up: what was found, what is allowed.
+/// A difference from the set-up: found and allowed value.
 pub(super) fn motion(scene: &Scene, row: &[f64; 12]) -> std::result::Result<Motion, [String; 2]> {
     let vector = |at: usize| 1e-3 * DVec3::new(row[at], row[at + 1], row[at + 2]);
     let [source, detector, column, row] = [0, 3, 6, 9].map(vector);

@@ -25,7 +25,7 @@ impl Scene {
         self.sample_mask.as_ref().map_or(self.source.distance, |mask| mask.distance)
     }
 
-    /// Mask magnification `M = z_a / z_1`, or that of the rotation centre without a sample
+    /// Mask magnification `M = z_a / z_1`, or the magnification of the rotation centre without a sample
     /// mask.
     pub fn magnification(&self) -> f64 {
         self.analyser_distance() / self.cell_plane_distance()
@@ -48,8 +48,7 @@ impl Scene {
         self.detector.size().map(|side| side * shrink)
     }
 
-    /// Where a sample may be: the nearest and farthest distance from the source, m, and what is
-    /// there.
+    /// Range of the sample: the nearest and farthest distance from the source, m, and the element there.
     pub fn clearance(&self) -> [(f64, &'static str); 2] {
         let before = self
             .sample_mask

@@ -1,4 +1,4 @@
-//! The detector of a scene: what it counts, how it blurs, and the noise of its numbers.
+//! The detector of a scene: response, blur, and noise.
 
 use crate::random;
 use std::path::PathBuf;
@@ -13,7 +13,7 @@ pub struct Detector {
     pub pixels: [u32; 2],
     /// Pixel pitch along x and z, m. > 0.
     pub pitch: [f64; 2],
-    /// What a photon adds to the signal.
+    /// Contribution of a photon to the signal.
     pub mode: DetectorMode,
     /// Scintillator or sensor; `None` absorbs every photon.
     pub absorber: Option<Absorber>,
@@ -48,7 +48,7 @@ impl Detector {
     }
 }
 
-/// What a photon adds to the signal.
+/// Contribution of a photon to the signal.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[non_exhaustive]
 pub enum DetectorMode {

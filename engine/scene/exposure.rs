@@ -1,6 +1,6 @@
-//! What the detector is exposed to: flat, dark, or the sample at an angle.
+//! Exposures of the detector: flat, dark, or the sample in a view.
 
-/// What a stack of frames is taken of; the unit of commit of a run.
+/// Subject of a stack of frames; the unit of commit of a run.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Exposure {
     /// Without the sample.

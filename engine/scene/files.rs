@@ -1,5 +1,5 @@
-//! The files that a scene refers to, by the SHA-256 of what they hold. Meshes carry their hash
-//! on their object.
+//! The files that a scene refers to, by the SHA-256 of their contents. Meshes carry their hash on their
+//! object.
 
 use std::io::{ErrorKind, Read};
 use std::path::{Path, PathBuf};
@@ -59,9 +59,9 @@ impl Scene {
         })
     }
 
-    /// Every file that the scene refers to, from where the program runs: those of
-    /// [`Scene::referenced_files`], meshes, and the image or profile of the focal spot. The scene
-    /// file itself is not among them.
+    /// Every file that the scene refers to, relative to the working directory:
+    /// [`Scene::referenced_files`], meshes, and the image or profile of the focal spot. The scene file
+    /// itself is not among them.
     #[must_use]
     pub fn input_files(&self) -> Vec<PathBuf> {
         let meshes = self.mesh_files().map(|(_, path)| path);
@@ -73,8 +73,8 @@ impl Scene {
         files
     }
 
-    /// The scene with the hash of every file that it refers to: those it has are compared with
-    /// what the files hold now, the others are added. A file that is not there gets none.
+    /// The scene with the hash of every file that it refers to: existing hashes are compared with the
+    /// files, missing ones are added. A missing file gets none.
     ///
     /// # Errors
     /// [`Error::File`] for a file that does not have the hash of the scene, or cannot be read.
@@ -120,14 +120,14 @@ impl Scene {
         Ok(self.resolve(path))
     }
 
-    /// The hash of a file as the scene records it; where it records none, of what the file holds now.
+    /// The hash of a file as the scene records it; without a record, of its present contents.
     pub(crate) fn file_hash(&self, path: &Path) -> Result<String> {
         self.files
             .get(path)
             .map_or_else(|| hash(&self.resolve(path)), |recorded| Ok(recorded.clone()))
     }
 
-    /// The hash of a file, which is that of the scene where it has one.
+    /// The hash of a file, from the scene if it has one.
     fn hash_of(&self, path: &Path) -> Result<String> {
         match self.files.get(path) {
             Some(recorded) => self.compare(path, recorded),
@@ -162,7 +162,7 @@ pub(crate) fn hash_until(path: &Path, cancel: &Cancel) -> Result<String> {
     let read = || {
         let mut hasher = Sha256::new();
         let mut file = match input_file::open(path) {
-            // What an empty file lacks, its reader reports by line.
+            // The reader of an empty file reports the defect by line.
             Err(error) if error.kind() == ErrorKind::UnexpectedEof => return Ok(hasher.finalize()),
             opened => opened?,
         };

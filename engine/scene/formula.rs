@@ -9,7 +9,7 @@ const ATOMS: [f64; 2] = [1e-6, 1e6];
 /// atoms beyond any use.
 ///
 /// # Errors
-/// What is allowed.
+/// The allowed form.
 pub fn check_formula(formula: &str) -> Result<(), String> {
     if formula.chars().count() > LENGTH {
         return Err(format!("a chemical formula of at most {LENGTH} characters"));

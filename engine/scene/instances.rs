@@ -9,8 +9,8 @@ pub(crate) const RANDOM_FIBRE_FILL: f64 = 0.35;
 /// Highest fill of spheres.
 pub(crate) const SPHERE_FILL: f64 = 0.35;
 
-/// Where the copies of an object's shape or mesh stand. The object's own placement applies to all
-/// of them as a group.
+/// Places of the copies of an object's shape or mesh. The object's own placement applies to all of them
+/// as a group.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
 pub enum Instances {
@@ -25,7 +25,7 @@ pub enum Instances {
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
 pub struct Packing {
-    /// What is packed.
+    /// Kind of the bodies.
     pub kind: PackingKind,
     /// Where.
     pub region: PackingRegion,
@@ -41,14 +41,14 @@ pub struct Packing {
 }
 
 impl Packing {
-    /// A packing of equal copies that may come as close as the device can tell apart, seed 1.
+    /// A packing of equal copies with the smallest gap that the device resolves, seed 1.
     #[must_use]
     pub const fn new(kind: PackingKind, region: PackingRegion, amount: PackingAmount) -> Self {
         Self { kind, region, amount, diameter_spread: 0.0, gap: 0.0, seed: 1 }
     }
 }
 
-/// What a packing is made of.
+/// Bodies of a packing.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum PackingKind {
@@ -109,7 +109,7 @@ pub enum PackingRegion {
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[non_exhaustive]
 pub enum PackingAmount {
-    /// Share of the region's volume; of parallel fibres, of the cross-section in which they stand.
+    /// Share of the region's volume; for parallel fibres, of the cross-section that they can occupy.
     Fill(f64),
     /// Number of copies.
     Count(u32),

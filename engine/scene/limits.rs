@@ -14,8 +14,8 @@ pub(super) const RAYS: u32 = 1_000_000;
 /// Rays of a pixel under the scheme `random`. Each adds its light in units of 2^-32 of the open beam,
 /// of which this many rays have some 10,000 each.
 pub(super) const RAYS_OF_PIXEL: u64 = 400_000;
-/// Cells of a beamlet in a row of pixels before refinement, times parts of that row: they begin with
-/// about four times as many rays.
+/// Cells of a beamlet in a row of pixels before refinement, times parts of that row: refinement begins
+/// with about four times this number of rays.
 pub(super) const CELLS: u32 = 10_000;
 /// Parts of a row of pixels.
 pub(super) const ROWS: u32 = 1000;
@@ -49,12 +49,12 @@ pub(crate) const INSTANCES: u32 = 1_000_000;
 pub(super) const DIAMETER_SPREAD: f64 = 0.5;
 /// Corners of an extruded polygon, whose edges are compared with one another.
 pub(super) const CORNERS: u32 = 10_000;
-/// Density of a material, g/cm3: more than four times that of osmium.
+/// Density of a material, g/cm3: more than four times the density of osmium.
 pub(super) const DENSITY: f64 = 100.0;
 /// FWHM of a spot before small detectors, m; otherwise the detector's larger side counts.
 pub(super) const SPOT: f64 = 1e-3;
-/// Standard deviation of the slopes of a rough surface: beyond it rays meet a surface more than once,
-/// which one normal does not stand for.
+/// Standard deviation of the slopes of a rough surface: beyond it rays hit a surface several times, which
+/// one normal does not describe.
 pub(super) const ROUGHNESS: f64 = 0.3;
 /// Bars of masks are thinner, m: thicker ones are probably a mistake.
 pub(crate) const THICK_BARS: f64 = 1e-3;

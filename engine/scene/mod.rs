@@ -1,8 +1,8 @@
-//! The scene: what is simulated, resolved to SI units with every default filled in.
+//! The scene: the input of a simulation, in SI units with every default filled in.
 //!
-//! A scene is read from TOML or JSON (docs/scene.md), or built from the structs below. The
-//! text is parsed into one tree that knows where every value stands, overrides are applied to
-//! that tree, and one reader turns it into the model, so that every error can show its place.
+//! A scene is read from TOML or JSON (docs/scene.md), or built from the structs below. The text is parsed
+//! into one tree that knows the place of every value, overrides are applied to that tree, and one reader
+//! turns it into the model, so that every error can show its place.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -66,8 +66,8 @@ impl Scene {
     ///
     /// # Errors
     ///
-    /// [`Error::File`] if the file cannot be read; [`Error::Scene`] with place, key, what was
-    /// found and what is allowed otherwise, or [`Error::Several`] of them.
+    /// [`Error::File`] if the file cannot be read; otherwise [`Error::Scene`] with place, key, found and
+    /// allowed value, or [`Error::Several`] of them.
     ///
     /// # Example
     ///
@@ -130,7 +130,7 @@ impl Scene {
     ///
     /// # Errors
     ///
-    /// [`Error::Scene`] with place, key, what was found and what is allowed.
+    /// [`Error::Scene`] with place, key, found and allowed value.
     pub fn from_toml(text: &str, directory: impl AsRef<Path>) -> Result<Self> {
         Self::from_toml_with(text, directory, &[])
     }
@@ -139,7 +139,7 @@ impl Scene {
     ///
     /// # Errors
     ///
-    /// [`Error::Scene`] with place, key, what was found and what is allowed.
+    /// [`Error::Scene`] with place, key, found and allowed value.
     pub fn from_json(text: &str, directory: impl AsRef<Path>) -> Result<Self> {
         Self::from_json_with(text, directory, &[])
     }

@@ -1,5 +1,5 @@
-//! The scene model. All values are SI (metres, radians, 1/m) except energies in keV; ranges
-//! stand on the fields and are enforced by [`Scene::validate`].
+//! The scene model. All values are SI (metres, radians, 1/m) except energies in keV; ranges are
+//! documented on the fields and enforced by [`Scene::validate`].
 
 use std::collections::BTreeMap;
 use std::path::PathBuf;
@@ -16,7 +16,7 @@ const REGION: &str = "surroundings";
 pub struct Scene {
     /// Directory that relative paths start from.
     pub directory: PathBuf,
-    /// What the scene is, in a line for people; nothing depends on it.
+    /// A line that describes the scene to people; nothing depends on it.
     pub title: Option<String>,
     /// X-ray source.
     pub source: Source,
@@ -42,15 +42,14 @@ pub struct Scene {
     pub(super) has_region: bool,
     /// Objects of the sample. Where they overlap the one listed later wins.
     pub objects: Vec<Object>,
-    /// SHA-256, 64 lower-case hexadecimal digits, of files that the scene refers to, by their
-    /// paths; those of meshes stand on their objects. A file that does not have its hash is
-    /// refused when it is read.
+    /// SHA-256, 64 lower-case hexadecimal digits, of files that the scene refers to, by their paths;
+    /// hashes of meshes are fields of their objects. A file with another hash is refused when it is read.
     pub files: BTreeMap<PathBuf, String>,
 }
 
 impl Scene {
-    /// An empty scene in vacuum without masks, one frame of it; relative paths start from the
-    /// working directory. What is more stands in its fields.
+    /// An empty scene in vacuum without masks, one frame of it; relative paths start from the working
+    /// directory. Set the other fields afterwards.
     ///
     /// # Example
     ///
@@ -90,8 +89,8 @@ impl Scene {
 
 impl Scene {
     /// Fills a region around the sample, a water bath for one: it becomes the first object, named
-    /// "surroundings", and what lies outside of it is the material of the path. It turns with the
-    /// sample, and stands in sample stacks only, as objects do.
+    /// "surroundings", and the material of the path lies outside. It turns with the sample, and is part
+    /// of sample stacks only, as objects are.
     pub fn fill_region(&mut self, region: impl Into<ShapeOrMesh>, material: impl Into<String>) {
         let region = Object::new(REGION, region, material);
         if self.region().is_some() {
@@ -162,7 +161,7 @@ pub struct MaskSpec {
     pub aperture: f64,
     /// Displacement of the lattice along +x in the mask plane, m.
     pub offset: f64,
-    /// What the bars are.
+    /// Form of the bars.
     pub body: MaskBody,
 }
 
@@ -184,7 +183,7 @@ impl MaskSpec {
     }
 }
 
-/// What the bars of a mask are.
+/// Form of the bars of a mask.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
 pub enum MaskBody {

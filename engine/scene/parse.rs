@@ -26,7 +26,7 @@ fn syntax(
 
 /// Reads TOML text.
 pub(super) fn toml(text: &str, file: Option<PathBuf>) -> Result<Document> {
-    // The parser bounds the depth, also that of dotted keys: the walks below may recurse.
+    // The parser bounds the depth, also of dotted keys: the walks below may recurse.
     let table = DeTable::parse(text).map_err(|error| {
         let at = error.span().unwrap_or(text.len()..text.len());
         syntax(file.clone(), text, at, error.message(), "TOML")

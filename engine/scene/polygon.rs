@@ -5,7 +5,7 @@ use super::limits;
 use crate::Error;
 use crate::units::Dimension::Length;
 
-/// Pairs of edges that are reported: one edge across a polygon may meet all others.
+/// Most pairs of edges in a report: one edge across a polygon may cross all others.
 const PAIRS: usize = 8;
 
 /// Refuses polygons without area, and those whose edges cross or touch one another: each pair, up to
@@ -26,7 +26,7 @@ pub(super) fn validate(key: &str, points: &[[f64; 2]], faults: &mut Faults) {
         }
     }
     let mut pairs = 0;
-    // Edges by the x where they begin: only those that overlap along x can meet.
+    // Edges by the x where they begin: only edges that overlap along x can cross.
     let ends = |edge: usize| [points[edge], points[(edge + 1) % n]];
     let x = |edge: usize| ends(edge).map(|end| end[0]);
     let [left, right] = [f64::min, f64::max].map(|of| move |[a, b]: [f64; 2]| of(a, b));
@@ -50,8 +50,8 @@ pub(super) fn validate(key: &str, points: &[[f64; 2]], faults: &mut Faults) {
     }
 }
 
-/// Whether two edges meet besides in the corner that they share: `after`, the first ends where the
-/// second begins; `before`, the other way round.
+/// Whether two edges touch beyond their common corner: `after`, the first ends where the second begins;
+/// `before`, the other way round.
 fn meet(first: [[f64; 2]; 2], second: [[f64; 2]; 2], after: bool, before: bool) -> bool {
     let [a, b] = first;
     let [c, d] = second;
@@ -68,7 +68,7 @@ fn meet(first: [[f64; 2]; 2], second: [[f64; 2]; 2], after: bool, before: bool) 
         })
     };
     if after || before {
-        // Neighbours meet only where one folds back onto the other, or has no length.
+        // Neighbours touch beyond it only if one folds back onto the other, or has no length.
         let [shared, one, other] = if after { [b, a, d] } else { [a, b, c] };
         let along = |point: [f64; 2]| [0, 1].map(|axis| point[axis] - shared[axis]);
         let [one, other] = [one, other].map(along);

@@ -107,7 +107,7 @@ fn read_materials(top: &Table<'_>) -> Result<BTreeMap<String, MaterialSpec>> {
     item.named()?.iter().map(entry).collect()
 }
 
-/// Adds the hash of the file of the spot, which was read with it, to those of the scene.
+/// Adds the hash of the file of the spot to the hashes of the scene.
 fn hash_spot(top: &Table<'_>, scene: &mut Scene) -> Result<()> {
     let source = top.require("source")?.table(&super::keys::source::SOURCE.spec)?;
     let Some(spot) = source.get("spot").filter(|_| scene.source.spot.fit().is_some()) else {

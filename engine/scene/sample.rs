@@ -47,14 +47,14 @@ pub struct Object {
     pub geometry: ShapeOrMesh,
     /// Material name.
     pub material: String,
-    /// Where it stands.
+    /// Its placement.
     pub placement: Placement,
     /// SHA-256 of the mesh file that the scene was resolved with, 64 lower-case hexadecimal
     /// digits. A mesh file that does not have it is refused.
     pub sha256: Option<String>,
     /// Take a mesh that is open or crosses itself, at one's own risk.
     pub allow_defects: bool,
-    /// Where copies of the shape or mesh stand; `None`: one copy at the object's own origin.
+    /// Places of copies of the shape or mesh; `None`: one copy at the object's own origin.
     pub instances: Option<Instances>,
     /// Standard deviation of the slopes of its surface against its facets, 0 to 0.3.
     pub roughness: f64,
@@ -66,11 +66,11 @@ pub struct Object {
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum Normals {
-    /// Those of the facets.
+    /// Normals of the facets.
     #[default]
     Facets,
-    /// Those of the surface that the facets stand for: interpolated between corners, but across edges
-    /// at which facets meet under more than 30 degrees.
+    /// Normals of the surface that the facets approximate: interpolated between corners, but not across
+    /// edges of more than 30 degrees.
     Smooth,
 }
 
@@ -96,7 +96,7 @@ impl Object {
     }
 }
 
-/// What an object's surface is.
+/// Surface of an object.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
 pub enum ShapeOrMesh {
@@ -184,7 +184,7 @@ pub enum Shape {
         radius: f64,
         /// Radius of the tube, m. < `radius`.
         tube_radius: f64,
-        /// Facets around the ring, and as many around the tube, which keep the volume. >= 4.
+        /// Facets around the ring and around the tube, which keep the volume. >= 4.
         sides: Option<u32>,
     },
     /// Cylinder along z with a coaxial bore from end to end.
@@ -223,7 +223,7 @@ pub enum Mesh {
     File {
         /// The file, relative to the scene's directory.
         path: PathBuf,
-        /// The length of 1.0 in it, m; `None` where the file tells it ([`MeshFormat::has_unit`]).
+        /// The length of 1.0 in it, m; `None` if the file states it ([`MeshFormat::has_unit`]).
         unit: Option<f64>,
         /// The object, group or material of the file that is taken; `None`: all of it.
         group: Option<String>,
@@ -238,7 +238,7 @@ pub enum Mesh {
 }
 
 impl Mesh {
-    /// All of a file that tells no unit. `unit`: the length of 1.0 in it, m.
+    /// All of a file without a unit. `unit`: the length of 1.0 in it, m.
     #[must_use]
     pub fn file(path: impl Into<PathBuf>, unit: f64) -> Self {
         Self::File { path: path.into(), unit: Some(unit), group: None }
@@ -272,7 +272,7 @@ impl MeshFormat {
         }
     }
 
-    /// Whether files tell the length of 1.0 in them.
+    /// Whether files state the length of 1.0 in them.
     #[must_use]
     pub const fn has_unit(self) -> bool {
         matches!(self, Self::ThreeMf)

@@ -14,8 +14,8 @@ pub struct Scan {
     /// Motion of the sample at each angle, before source, masks and detector turn: one for each angle, or
     /// none where the sample rests.
     pub motions: Vec<Motion>,
-    /// Displacements of the sample mask at each angle, m: one list for each angle, with as many steps as
-    /// `mask_offsets`, which serve the flat then; or none where they serve all views.
+    /// Displacements of the sample mask at each angle, m: one list for each angle, with the number of
+    /// steps of `mask_offsets`, which then serve the flat only; empty if `mask_offsets` serve all views.
     pub view_offsets: Vec<Vec<f64>>,
     /// Where the axis of rotation is.
     pub axis: RotationAxis,
@@ -27,7 +27,7 @@ pub struct Scan {
     pub dithers: Vec<f64>,
     /// Turn of the sample during the exposure of a view; `None` where it rests.
     pub fly: Option<Fly>,
-    /// What the scan does beside this.
+    /// Errors of the scan.
     pub errors: ScanErrors,
 }
 
@@ -35,7 +35,7 @@ pub struct Scan {
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[non_exhaustive]
 pub struct Fly {
-    /// Angles of a view, in the middles of as many parts of the sweep.
+    /// Angles of a view, in the middles of equal parts of the sweep.
     pub count: u32,
     /// Turn during the exposure, rad, with the angle of the view in its middle.
     pub sweep: f64,
@@ -69,7 +69,7 @@ impl RotationAxis {
         Self { shift, tilt_x, tilt_y }
     }
 
-    /// The motion of what stands on the axis, from an upright axis through the rotation centre.
+    /// The motion of a sample on the axis, from an upright axis through the rotation centre.
     fn motion(&self) -> Motion {
         let about_y = Motion::about_x_or_y([0.0, 1.0, 0.0], self.tilt_y);
         let tilted = about_y.then(&Motion::about_x_or_y([1.0, 0.0, 0.0], self.tilt_x));
@@ -119,7 +119,7 @@ impl Scan {
         self.fly.map_or(1, |fly| fly.count.max(1) as usize)
     }
 
-    /// Poses of the sample in all views, those of a view one after the other.
+    /// Poses of the sample in all views, the poses of a view one after the other.
     #[must_use]
     pub fn poses(&self) -> usize {
         self.views() * self.poses_of_view()
@@ -194,8 +194,8 @@ impl Scan {
         self.motions.get(self.angle_index(view))
     }
 
-    /// Motion of the sample in a view after the turn by an angle, in the frame of the set-up: travel along the axis
-    /// as it is without shift and tilt, then that of the axis, then the dither.
+    /// Motion of the sample in a view after the turn by an angle, in the frame of the set-up: travel
+    /// along the axis before shift and tilt, then shift and tilt, then the dither.
     pub(super) fn after(&self, view: usize, angle: f64) -> Motion {
         let turns = angle / TAU;
         let travel = Motion::translation(self.travel.map(|length| length * turns + 0.0));

@@ -1,4 +1,4 @@
-//! What a scan does beside what it asks for: errors of mask offsets, and of intensities.
+//! Errors of a scan: of mask offsets, and of intensities.
 
 use crate::numbers;
 use crate::random::Draws;
@@ -16,7 +16,7 @@ pub struct ScanErrors {
     pub mask_offsets: Vec<Vec<f64>>,
     /// Light of a frame over the nominal one; empty: 1.
     pub intensities: Vec<Vec<f64>>,
-    /// What is drawn in place of lists, until the size of the scan is known.
+    /// Parameters of drawn errors, until the size of the scan is known.
     pub(super) drawn: Option<DrawnErrors>,
 }
 
@@ -40,8 +40,8 @@ impl ScanErrors {
         self.mask_offsets.is_empty() && self.intensities.is_empty() && self.drawn.is_none()
     }
 
-    /// Draws what is to be drawn, for so many views and steps. Random numbers are a function of seed,
-    /// view and step.
+    /// Draws the errors for a number of views and steps. Random numbers are a function of seed, view and
+    /// step.
     pub(super) fn draw(&mut self, views: usize, steps: usize) {
         let Some(drawn) = self.drawn.take() else { return };
         if drawn.offset_sigma > 0.0 || drawn.offset_walk > 0.0 {

@@ -137,12 +137,12 @@ impl Keys {
     }
 }
 
-/// Drops what the file says of keys that a key excludes. What an earlier override set stays, and the
+/// Drops the file's values of keys that a key excludes. Values of an earlier override stay, and the
 /// reader reports the conflict.
 fn drop_rivals(entries: &mut Vec<TreeEntry>, key: &str, spec: &Spec) {
     let mut rivals = spec.rivals(key);
     if key == "mesh" {
-        // The recorded hash is that of the mesh which the file names.
+        // The recorded hash belongs to the mesh that the file names.
         rivals.push("sha256");
     }
     entries.retain(|entry| {

@@ -1,7 +1,6 @@
-//! Cursors over the tree: a table whose keys were checked, and a value with its path. Every
-//! read either succeeds or names place, key, what was found and what is allowed. A value of its own
-//! that is wrong is reported to the document, and reading goes on with another in its place; what
-//! several values do wrong together is an `Err`.
+//! Cursors over the tree: a table with checked keys, and a value with its path. Every read either
+//! succeeds or names place, key, found and allowed value. A single wrong value is reported to the
+//! document, and reading continues with a placeholder; a fault of several values together is an `Err`.
 
 use std::collections::HashSet;
 use std::fmt::Write;
@@ -22,7 +21,7 @@ pub(super) struct ListItem<'a> {
     node: &'a TreeNode,
 }
 
-/// A table whose keys are those of a spec, without keys that others exclude.
+/// A table whose keys belong to a spec, without keys that others exclude.
 #[derive(Debug)]
 pub(super) struct Table<'a> {
     item: ListItem<'a>,
@@ -46,8 +45,8 @@ impl<'a> ListItem<'a> {
         self.error(describe(&self.node.value), allowed)
     }
 
-    /// Reports an error of this value and goes on with another in its place, so that one reading
-    /// finds all errors. What is missing was reported before.
+    /// Reports an error of this value and continues with a placeholder, so that one reading finds all
+    /// errors. Missing values were reported before.
     pub(super) fn refuse<T>(&self, error: Error, instead: T) -> Result<T> {
         if !matches!(self.node.value, TreeValue::Missing) {
             self.document.report(error);
@@ -55,8 +54,8 @@ impl<'a> ListItem<'a> {
         Ok(instead)
     }
 
-    /// What was read, or another in its place where that failed as a whole: the error is reported,
-    /// and nothing below this path is known.
+    /// The result, or a placeholder if reading failed as a whole: the error is reported, and nothing
+    /// below this path is known.
     pub(super) fn or_instead<T>(&self, result: Result<T>, instead: T) -> Result<T> {
         Ok(self.document.keep(result).unwrap_or_else(|| {
             self.document.forget(self.path.clone());
@@ -212,7 +211,7 @@ impl<'a> ListItem<'a> {
             }
             return None;
         };
-        // TOML refuses a key that stands twice; JSON does not.
+        // TOML refuses a repeated key; JSON does not.
         let mut seen = HashSet::new();
         for entry in entries {
             if !seen.insert(entry.key.as_str()) {
@@ -316,7 +315,7 @@ impl<'a> Table<'a> {
         self.require_as(key, allowed)
     }
 
-    /// The value of a key that must be there; `allowed` says what is missing otherwise.
+    /// The value of a required key; `allowed` describes it in the error.
     pub(super) fn require_as(&self, key: &str, allowed: impl Into<String>) -> Result<ListItem<'a>> {
         if let Some(item) = self.get(key) {
             return Ok(item);

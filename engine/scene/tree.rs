@@ -1,5 +1,5 @@
-//! A scene file as a tree of values that know where they stand, the same for TOML and JSON,
-//! so that one reader serves both and every error, early or late, can show its place.
+//! A scene file as a tree of values with their places, the same for TOML and JSON, so that one reader
+//! serves both and every error, early or late, can show its place.
 
 use std::cell::RefCell;
 use std::ops::Range;
@@ -39,11 +39,11 @@ pub(super) enum TreeValue {
     Table(Vec<TreeEntry>),
     /// Something that no key takes: a date, null, an integer past 128 bits.
     Other(&'static str),
-    /// Stands for a value that is missing or wrong, which was reported: reading goes on.
+    /// Placeholder of a missing or wrong value, which was reported: reading continues.
     Missing,
 }
 
-/// The node that stands for what is missing.
+/// The node of a placeholder.
 pub(super) static MISSING: TreeNode = TreeNode { value: TreeValue::Missing, origin: Origin::Whole };
 
 /// A key of a table with its value.
@@ -75,7 +75,7 @@ pub(super) struct Faults {
 }
 
 impl Faults {
-    /// Whether a key is one of these, or stands below or above one.
+    /// Whether a key is one of these, or lies below or above one.
     fn concern(&self, key: &str) -> bool {
         self.paths.iter().any(|path| below(key, path) || below(path, key))
     }
@@ -103,7 +103,7 @@ impl Document {
     pub(super) fn report(&self, error: Error) {
         let mut faults = self.faults.borrow_mut();
         if let Error::Scene { key, .. } = &error {
-            // Also what a table as a whole does wrong while one of its keys is.
+            // Also faults of a table as a whole while one of its keys is faulty.
             if faults.concern(key) {
                 return;
             }
@@ -170,7 +170,7 @@ impl Document {
         place
     }
 
-    /// Adds the place to an error that only knows its key: the key's own, or else that of the
+    /// Adds the place to an error that only knows its key: the key's own place, or the place of the
     /// nearest table around it.
     pub(super) fn located(&self, error: Error) -> Error {
         match error {
@@ -194,7 +194,7 @@ impl Document {
                 (TreeValue::Table(entries), Step::Key(key)) => entries
                     .iter()
                     .find(|entry| entry.key == *key)
-                    // An aperture may stand in the file as its projection.
+                    // The file may give an aperture as its projection.
                     .or_else(|| {
                         let projected = format!("projected_{key}");
                         entries.iter().find(|entry| entry.key == projected)
@@ -227,8 +227,8 @@ pub(super) fn excerpt(text: &str, span: &Range<usize>) -> (usize, usize, String)
     let column = text[line_start..start].chars().count() + 1;
     let line = text[line_start..line_end].trim_end_matches('\r');
     let [from, to] = [start, end].map(|at| (at - line_start).min(line.len()));
-    // What is drawn of a span that is long on either side is its beginning; drawing all of it takes
-    // many times the memory of the text.
+    // Only the beginning of a long span is drawn; drawing all of it takes many times the memory of the
+    // text.
     let first = floor_of(line, from.saturating_sub(AROUND));
     let to = floor_of(line, to.min(from + AROUND));
     let line = &line[first..floor_of(line, to.saturating_add(AROUND))];

@@ -1,4 +1,4 @@
-//! What a scene has to fulfil, whether it was read from a file or built in the library.
+//! Requirements on a scene, read from a file or built in the library.
 
 use std::collections::HashSet;
 
@@ -12,9 +12,8 @@ use crate::units::Dimension::Length;
 use crate::{Error, Result};
 
 impl Scene {
-    /// Checks every range, and the order of what stands along the optical axis. That meshes
-    /// exist, that materials are known, and that the sample fits between the masks is checked
-    /// where they are loaded.
+    /// Checks every range, and the order of the elements along the optical axis. The existence of meshes,
+    /// the names of materials, and the clearance of the sample are checked where they are loaded.
     ///
     /// # Errors
     ///
@@ -117,7 +116,7 @@ impl Scene {
         Ok(())
     }
 
-    /// The sample mask stands between the source and the rotation centre, with its bars.
+    /// The sample mask lies between the source and the rotation centre, with its bars.
     fn validate_sample_mask(&self) -> Result<()> {
         let Some(mask) = &self.sample_mask else { return Ok(()) };
         let centre = self.source.distance;
@@ -134,7 +133,7 @@ impl Scene {
         misplaced("sample_mask", mask, [0.0, centre], allowed)
     }
 
-    /// The detector mask stands between the rotation centre and the detector, with its bars.
+    /// The detector mask lies between the rotation centre and the detector, with its bars.
     fn validate_detector_mask(&self) -> Result<()> {
         let Some(mask) = &self.detector_mask else { return Ok(()) };
         let (centre, end) = (self.source.distance, self.detector.distance);
@@ -246,13 +245,13 @@ impl Scene {
     }
 }
 
-/// Whether distance and thickness of a mask are such that it can stand anywhere.
+/// Whether distance and thickness of a mask allow any position.
 fn has_place(mask: &MaskSpec) -> bool {
     mask.distance > 0.0 && mask.body.thickness() >= 0.0
 }
 
-/// The error of a mask whose bars do not stand between two planes: of its thickness where its own
-/// plane does and the bars are thick, and else of its distance.
+/// The error of a mask whose bars do not lie between two planes: of its thickness if its own plane does
+/// and the bars are thick, else of its distance.
 fn misplaced(table: &str, mask: &MaskSpec, [low, high]: [f64; 2], allowed: String) -> Result<()> {
     let (distance, thickness) = (mask.distance, mask.body.thickness());
     if distance > low && distance < high - AT_DETECTOR && thickness > limits::THICK_BARS {

@@ -1,9 +1,9 @@
-//! Views: where source, masks and detector stand at each angle, in world coordinates.
+//! Views: positions of source, masks and detector at each angle, in world coordinates.
 
 use super::{MaskSpec, Motion, Scene};
 use serde::Serialize;
 
-/// Where everything stands in one view, in world coordinates (m). The sample never moves.
+/// Positions in one view, in world coordinates (m). The sample never moves.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 #[non_exhaustive]
 pub struct View {
@@ -123,7 +123,7 @@ mod tests {
         assert!(near(view.detector, [-1.0, 0.0, 0.0]));
         assert!(near(view.column, [0.0, 1e-4, 0.0]));
         assert!(near(view.row, [0.0, 0.0, -1e-4]));
-        // What is at +x is nearer the source.
+        // A point at +x is nearer the source.
         assert!(near(view.motion.point([0.1, 0.0, 0.2]), [0.0, -0.1, 0.2]));
     }
 }

@@ -92,7 +92,7 @@ struct Row<'a> {
 }
 
 impl<'a> Row<'a> {
-    /// Cells; empty ones count where a separator other than a blank stands.
+    /// Cells; empty ones count with separators other than a blank.
     fn fields(&self) -> Vec<&'a str> {
         let line = self.line.trim_start_matches('\u{feff}').trim();
         match line.find([',', ';', '\t']).and_then(|at| line[at..].chars().next()) {

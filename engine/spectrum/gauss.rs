@@ -1,10 +1,10 @@
 //! Gauss quadrature for a discrete measure.
 //!
-//! `n` nodes and weights integrate every polynomial up to degree 2n - 1 against the measure
-//! exactly. The recurrence of its orthogonal polynomials comes from the algorithm of
-//! Rutishauser, Kahan, Pal and Walker in the form of Gragg and Harrod (Numer. Math. 44, 1984),
-//! which stays stable up to as many nodes as points; nodes and weights are the eigenvalues and
-//! first eigenvector components of the Jacobi matrix (Golub and Welsch, Math. Comp. 23, 1969).
+//! `n` nodes and weights integrate every polynomial up to degree 2n - 1 against the measure exactly. The
+//! recurrence of its orthogonal polynomials comes from the algorithm of Rutishauser, Kahan, Pal and
+//! Walker in the form of Gragg and Harrod (Numer. Math. 44, 1984), which is stable up to one node per
+//! point; nodes and weights are the eigenvalues and first eigenvector components of the Jacobi matrix
+//! (Golub and Welsch, Math. Comp. 23, 1969).
 
 /// Coefficients of the three-term recurrence of a measure: alpha, and beta with the total
 /// weight first.

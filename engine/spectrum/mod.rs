@@ -39,9 +39,8 @@ impl Spectrum {
     /// exports.
     ///
     /// # Errors
-    /// [`Error::File`] if it cannot be read; [`Error::Scene`] with line and column for what is
-    /// not a spectrum: no rows, energies that do not ascend, weights that are negative or no
-    /// numbers, all of them 0.
+    /// [`Error::File`] if it cannot be read; [`Error::Scene`] with line and column if it is no spectrum:
+    /// no rows, energies that do not ascend, weights that are negative or no numbers, all of them 0.
     ///
     /// # Example
     ///
@@ -73,8 +72,8 @@ impl Spectrum {
         tube::spectrum(anode, kvp, anode_angle)
     }
 
-    /// What the source emits before `filters`: the rows of the file, or the tube behind its
-    /// inherent filters. `scene` holds materials and the directory of files.
+    /// Emission of the source before `filters`: the rows of the file, or the tube behind its inherent
+    /// filters. `scene` holds materials and the directory of files.
     ///
     /// # Errors
     /// As [`Self::read`], [`Self::of_tube`] and [`Self::filtered`].
@@ -90,8 +89,7 @@ impl Spectrum {
         }
     }
 
-    /// What the source emits behind all filters, and behind the material of the path to the
-    /// detector.
+    /// Emission of the source behind all filters, and behind the material of the path to the detector.
     ///
     /// # Errors
     /// As [`Self::before_filters`].
@@ -101,7 +99,7 @@ impl Spectrum {
         filtered.through_path(scene)
     }
 
-    /// What is left behind the material on the way from the source to the detector.
+    /// The spectrum behind the material between the source and the detector.
     fn through_path(mut self, scene: &Scene) -> Result<Self> {
         let (name, key) = (&scene.path_material, "surroundings.path_material");
         let constants = material::constants_over_for(scene, name, &self.energies_kev, key)?;
@@ -156,7 +154,7 @@ impl Spectrum {
         quality::half_value_layer(self)
     }
 
-    /// The rows that carry weight: those of less than 1e-12 of the heaviest are left out.
+    /// The rows that carry weight: rows below 1e-12 of the heaviest are dropped.
     #[must_use]
     pub fn significant(&self) -> Self {
         let most = self.weights.iter().fold(0.0_f64, |most, weight| most.max(*weight));

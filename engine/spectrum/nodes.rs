@@ -69,7 +69,7 @@ pub fn nodes(scene: &Scene) -> Result<Nodes> {
 /// on any scale.
 ///
 /// # Errors
-/// As [`nodes`], and those of `response`.
+/// As [`nodes`], and errors of `response`.
 pub fn nodes_with(scene: &Scene, response: impl Fn(f64) -> Result<f64>) -> Result<Nodes> {
     let spec = match &scene.source.beam {
         Beam::Energy(energy) => {
@@ -163,8 +163,8 @@ impl RowsBetweenEdges {
     }
 }
 
-/// Gives the next node to the part that errs most, until all probes together are within the
-/// tolerance, or until there are as many as wanted.
+/// Gives the next node to the part with the largest error, until all probes together are within the
+/// tolerance, or the wanted number is reached.
 fn chosen(parts: &[RowsBetweenEdges], wanted: Option<usize>, total: f64) -> Nodes {
     let mut counts = vec![1; parts.len()];
     let error = |counts: &[usize]| {

@@ -123,7 +123,7 @@ impl<'a> Probes<'a> {
         self.list = list;
     }
 
-    /// What a slab lets through at each energy of the spectrum.
+    /// Transmission of a slab at each energy of the spectrum.
     fn passed(&self, slab: &[(usize, f64)]) -> Vec<f64> {
         let depth = |index: usize| -> f64 {
             slab.iter().map(|(medium, t)| self.media[*medium].constants[index].mu * t).sum()

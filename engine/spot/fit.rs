@@ -1,8 +1,8 @@
 //! Few Gaussians in place of the pixels of an image.
 //!
-//! Expectation and maximisation with Gaussians along the axes. Every round keeps the sum, the
-//! centroid and both variances of the image exactly, so that only the shape is approximated.
-//! Gaussians are doubled until what a curve could see of the difference is small.
+//! Expectation and maximisation with Gaussians along the axes. Every round keeps the sum, the centroid
+//! and both variances of the image exactly, so that only the shape is approximated. Gaussians are doubled
+//! until the difference is invisible in a curve.
 
 use super::SpotPart;
 use crate::spot::deviation;
@@ -28,7 +28,7 @@ pub(super) struct PicturePatch {
     pub(super) variance: [f64; 2],
 }
 
-/// What was made of the patches.
+/// Gaussians fitted to the pixels.
 #[derive(Debug)]
 pub(super) struct Fitted {
     pub(super) parts: Vec<SpotPart>,
@@ -126,7 +126,8 @@ fn halves(mut group: Vec<PicturePatch>) -> Vec<Vec<PicturePatch>> {
 /// Moments of patches about the origin, by part: weight, x, z, x2, z2.
 type Sums = Vec<[f64; 5]>;
 
-/// One round: light goes to the parts by their density there, parts become what they were given.
+/// One round: light goes to the parts by their density there, and each part takes the moments of its
+/// light.
 fn improved(patches: &[PicturePatch], parts: &[PicturePatch]) -> Vec<PicturePatch> {
     let heights: Vec<f64> = parts
         .iter()
@@ -176,7 +177,7 @@ fn improved(patches: &[PicturePatch], parts: &[PicturePatch]) -> Vec<PicturePatc
 }
 
 const DIAGONAL: f64 = std::f64::consts::FRAC_1_SQRT_2;
-/// x, z, and both diagonals: those distinguish a slanted spot from an upright one.
+/// x, z, and both diagonals, which distinguish a slanted spot from an upright one.
 const DIRECTIONS: [[f64; 2]; 4] = [[1.0, 0.0], [0.0, 1.0], [DIAGONAL; 2], [DIAGONAL, -DIAGONAL]];
 
 /// The twice integrated profile of the image along a direction.
@@ -220,7 +221,7 @@ impl Profile {
         Self { along, deviation: variance.sqrt(), places, values }
     }
 
-    /// Range of the difference to that of Gaussians, over the deviation.
+    /// Range of the difference from Gaussians, over the deviation.
     fn error(&self, parts: &[PicturePatch]) -> f64 {
         let along = self.along;
         let range =

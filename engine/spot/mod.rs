@@ -20,7 +20,7 @@ pub struct SpotPart {
     pub weight: f64,
     /// Full width at half maximum along x and z, m. >= 0; 0 is a point.
     pub fwhm: [f64; 2],
-    /// Its centre along x and z, m; that of the whole spot is put on the optical axis.
+    /// Its centre along x and z, m; the centre of the whole spot is moved to the optical axis.
     pub offset: [f64; 2],
 }
 
@@ -160,7 +160,7 @@ impl Spot {
         warnings
     }
 
-    /// Whether the light along an axis (0: x, 1: z) is that of one Gaussian.
+    /// Whether the light along an axis (0: x, 1: z) is one Gaussian.
     #[must_use]
     pub(crate) fn is_gaussian(&self, axis: usize) -> bool {
         let mut lit = self.parts.iter().filter(|part| part.weight > 0.0);

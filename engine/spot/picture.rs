@@ -10,8 +10,8 @@ use std::path::Path;
 const SIDE: usize = 128;
 
 impl Spot {
-    /// Reads an image of the spot (NPY, TIFF, PNG), as [`Spot::of_image`]; `background` is
-    /// subtracted, and what is then below 0 counts as none.
+    /// Reads an image of the spot (NPY, TIFF, PNG), as [`Spot::of_image`]; `background` is subtracted,
+    /// and negative values count as 0.
     ///
     /// # Errors
     /// As [`image::read`] and [`Spot::of_image`].

@@ -1,4 +1,4 @@
-//! What a command reads must not be what it replaces.
+//! A command must not replace the files that it reads.
 
 use super::layout;
 use super::run_directory::RunDirectory;
@@ -55,8 +55,8 @@ pub fn refuse_overlap(written: &Path, read: &[PathBuf]) -> Result<()> {
 }
 
 impl RunDirectory {
-    /// Refuses a new run at `path` that would replace any of `read`: runs, scenes and their
-    /// files that are read for it. Other files may stand beside a run's own.
+    /// Refuses a new run at `path` that would replace any of `read`: runs, scenes and their files that
+    /// are read for it. Other files may lie beside a run's own.
     ///
     /// # Errors
     /// [`Error::File`] that names both.

@@ -16,7 +16,7 @@ pub struct Stacks {
     pub flat: Array3<f32>,
     /// With the sample, `[view][step][row][column]`.
     pub sample: Array4<f32>,
-    /// Detector numbers, where the scene asks for noise.
+    /// Detector numbers, if the scene has noise.
     pub counts: Option<CountStacks>,
     /// Provenance and counts.
     pub record: RunRecord,

@@ -70,8 +70,7 @@ pub(super) struct ArrayFrames {
 }
 
 impl ArrayFrames {
-    /// Creates the files, or opens those of a run that is resumed; with one for dark frames where
-    /// there are any.
+    /// Creates the files, or opens the files of a resumed run; with one for dark frames if there are any.
     pub(super) fn begin(
         root: &Path,
         layout: ArrayLayout,

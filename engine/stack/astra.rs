@@ -15,7 +15,7 @@ use std::path::Path;
 
 /// Bytes of a band of rows of all views.
 const BAND: usize = 64 << 20;
-/// Reads what is written here; without names of files that it is not beside.
+/// Reads the files written here, relative to its own folder.
 const SCRIPT: &str = include_str!("astra/load_astra.py");
 
 /// Contents of astra.json. Lengths are in mm, in the frame of the sample, whose axis of rotation is z.
@@ -94,7 +94,7 @@ pub fn write_astra(
     Ok(about)
 }
 
-/// Whether an image has as many views as the geometry, and is not one of the flat.
+/// Whether an image has the views of the geometry, and is not an image of the flat.
 fn of_views(name: &str, stack: &StackFile, [_, views, _]: &[usize; 3]) -> bool {
     stack.shape()[1] == *views && !name.starts_with("flat_") && name != "residual_flat"
 }

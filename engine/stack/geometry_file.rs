@@ -55,8 +55,8 @@ pub struct Order {
 }
 
 impl GeometryFile {
-    /// The geometry of the views of a scene, whose columns measure what the openings of its detector
-    /// mask let through.
+    /// The geometry of the views of a scene, whose columns measure the light through the openings of its
+    /// detector mask.
     #[must_use]
     pub fn of(scene: &Scene) -> Self {
         Self::with_columns(scene, Optics::of(scene).column_places(), scene.scan.views())

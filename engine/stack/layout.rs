@@ -187,7 +187,7 @@ pub(crate) fn sample_folder(root: &Path) -> PathBuf {
     root.join(SAMPLE)
 }
 
-/// The view of a folder among those of the sample.
+/// The view of a folder of the sample.
 pub(crate) fn view_of_folder(name: &str, views: u32) -> Option<u32> {
     number(name, VIEW, "").filter(|view| *view < views && numbered_view(views, *view) == name)
 }

@@ -1,9 +1,9 @@
 //! Stacks of frames and the sinks that take them.
 //!
-//! A stack is `[step][row][column]` per view, f32 intensities, row 0 on top. Where the scene asks
-//! for noise there is a second stack of detector numbers beside each, and a stack of dark frames.
-//! The engine knows only [`Sink`]; where the frames end up (a run directory, arrays, a callback)
-//! is decided here. Files here use one another by their own names, never by this one.
+//! A stack is `[step][row][column]` per view, f32 intensities, row 0 on top. With noise there is a second
+//! stack of detector numbers beside each, and a stack of dark frames. The engine knows only [`Sink`]; the
+//! destination of the frames (a run directory, arrays, a callback) is chosen here. Files here use one
+//! another by their own names, never by this one.
 
 mod apart;
 mod array;

@@ -43,8 +43,8 @@ pub(super) fn look(path: &Path, overwrite: bool) -> Result<()> {
     refuse_links(path)
 }
 
-/// Whether a run was ended here before its run.json stood: its log is there and empty, and
-/// beside it at most what a run begins with.
+/// Whether a run ended here before run.json existed: its log exists and is empty, and beside it are at
+/// most the files that a run begins with.
 pub(super) fn has_only_begun(path: &Path) -> bool {
     let mut first = layout::unfinished().collect::<Vec<_>>();
     first.extend([LOG, layout::SCENE, layout::GEOMETRY].map(str::to_owned));
@@ -58,8 +58,8 @@ fn is_empty_log(path: &Path) -> bool {
     fs::symlink_metadata(path.join(LOG)).is_ok_and(|log| log.is_file() && log.len() == 0)
 }
 
-/// The first name of ours that stands in `path`. An empty log does not count: a run begins with
-/// one, and there is nothing in it to lose.
+/// The first name of ours in `path`. An empty log does not count: a run begins with one, and it holds
+/// nothing to lose.
 fn first_of_our_names(path: &Path) -> Option<String> {
     let empty_log = is_empty_log(path);
     layout::owned()
@@ -126,7 +126,7 @@ pub(super) fn remove_file(path: &Path) -> Result<()> {
     }
 }
 
-/// Visits what stands in a folder under a name in Unicode; a folder that is not there is empty.
+/// Visits the entries of a folder with names in Unicode; a missing folder is empty.
 fn each_entry(folder: &Path, mut visit: impl FnMut(&str, &Path) -> Result<()>) -> Result<()> {
     let names = match folder::names(folder) {
         Ok(names) => names,

@@ -5,7 +5,7 @@ use crate::trace::Tally;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
-/// What is known when a run begins: the part of its record that does not depend on its outcome.
+/// The part of the record that is known when a run begins.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[non_exhaustive]
 pub struct RunStart {
@@ -17,7 +17,7 @@ pub struct RunStart {
     pub backend: Backend,
     /// Why that backend.
     pub backend_reason: String,
-    /// What the backend was chosen by; `None` where there was nothing to choose.
+    /// Counts by which the backend was chosen; `None` without a choice.
     pub search: Option<SearchCounts>,
     /// SHA-256 of the meshes by the name of their object, as
     /// [`crate::geometry::ObjectSummary::hash`]; shapes have none.
@@ -60,8 +60,8 @@ pub struct RunRecord {
     pub backend: Backend,
     /// Why that backend.
     pub backend_reason: String,
-    /// What the backend was chosen by; `None` where there was nothing to choose, and in records of
-    /// earlier versions.
+    /// Counts by which the backend was chosen; `None` without a choice, and in records of earlier
+    /// versions.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub search: Option<SearchCounts>,
     /// Seed.
@@ -72,10 +72,10 @@ pub struct RunRecord {
     /// `scheme = "random"`, or nothing was sampled.
     #[serde(default)]
     pub sampling: Option<SamplingSummary>,
-    /// Largest error of a recorded value that edges off the rotation centre leave, share of open beam:
-    /// the spot blurs them as if they stood there. Estimated by rays, or bounded where the bound is
-    /// within the tolerance. `None`: unknown, as of kept moments; and under `scheme = "random"`, which
-    /// has no such error.
+    /// Largest error of a recorded value from edges off the rotation centre, share of open beam: the spot
+    /// blurs them as if they were at the centre. Estimated by rays, or bounded if the bound is within the
+    /// tolerance. `None`: unknown, as for kept moments; and under `scheme = "random"`, which has no such
+    /// error.
     #[serde(default)]
     pub edge_error: Option<f64>,
     /// Seconds by stage.
@@ -103,7 +103,7 @@ impl RunRecord {
     }
 }
 
-/// What a search for surfaces has to do in a scene, in counts that no clock enters.
+/// Work of a search for surfaces in a scene, in counts, independent of any clock.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[non_exhaustive]
 pub struct SearchCounts {
@@ -122,9 +122,9 @@ impl SearchCounts {
     }
 }
 
-/// How finely patches (beamlet and detector row) were sampled, and what that is estimated to have
-/// left in recorded values: of each patch the error of the mask step that has the largest. Of kept
-/// moments: how far the values of some pixels are off a new simulation, which has rays of its own.
+/// Fineness of the sampling of patches (beamlet and detector row), and its estimated error in recorded
+/// values: for each patch the error of the worst mask step. For kept moments: the difference of some
+/// pixels from a new simulation with its own rays.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
 #[non_exhaustive]
 pub struct SamplingSummary {

@@ -22,8 +22,8 @@ pub enum RunState {
     Done,
 }
 
-/// The layout of run directories that this version writes; it reads earlier ones, too. 0 is that of
-/// run.json without a number.
+/// The layout of run directories that this version writes; it reads earlier ones, too. 0: run.json
+/// without a number.
 pub const FORMAT_VERSION: u32 = 1;
 
 /// What every layout has: its number.
@@ -66,11 +66,11 @@ pub struct RunFile {
     /// Command line of each part of the run, the first first.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub commands: Vec<String>,
-    /// Views that stood already when the run was resumed; times leave them out.
+    /// Views that existed already when the run was resumed; times exclude them.
     #[serde(default)]
     pub resumed_views: u32,
-    /// Those of them that the tally leaves out, for progress.log has no counts of theirs (runs of
-    /// earlier versions).
+    /// Views among them without counts in progress.log (runs of earlier versions), which the tally
+    /// excludes.
     #[serde(default, skip_serializing_if = "is_zero")]
     pub uncounted_views: u32,
     /// Whether moments of the rays are kept; `None` in runs of earlier versions.

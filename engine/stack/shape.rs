@@ -83,7 +83,7 @@ impl StackShape {
         Ok(extent)
     }
 
-    /// Whether a scene may have this extent; what is allowed, where not.
+    /// Whether a scene may have this extent; the allowed extent, if not.
     pub(super) fn check(self) -> std::result::Result<(), String> {
         let sides = [
             ("views", self.views, limits::ANGLES),

@@ -6,9 +6,9 @@ use crate::{Result, Tally};
 use ndarray::ArrayView3;
 use std::ops::Range;
 
-/// Takes stacks band by band. Calls come in this order: `begin`, then for each view `write`
-/// for each band of rows (top to bottom) and one `commit`, then `finish`. Where the scene asks for
-/// noise, `write_counts` follows each `write`; of [`Exposure::Dark`] there are counts alone.
+/// Receives stacks band by band. Calls come in this order: `begin`, then for each view `write` for each
+/// band of rows (top to bottom) and one `commit`, then `finish`. With noise, `write_counts` follows each
+/// `write`; [`Exposure::Dark`] has counts only.
 pub trait Sink {
     /// A run begins. Nothing may have been written before this returns.
     ///
@@ -33,7 +33,7 @@ pub trait Sink {
         numbers: ArrayView3<'_, f32>,
     ) -> Result<()>;
 
-    /// What was counted while the view was made; comes before its `commit`.
+    /// Counts of the rays of a view; comes before its `commit`.
     ///
     /// # Errors
     /// Where the counts cannot be kept.

@@ -1,4 +1,4 @@
-//! Whether what a run directory holds is still what was committed.
+//! Whether the contents of a run directory are still the committed ones.
 
 use super::frames::StoredFrames;
 use super::layout::{self, COUNTS, LOG, RUN, SCENE};
@@ -23,7 +23,7 @@ pub struct RunCheck {
     pub format: Format,
     /// Views of the run: the angles, the flat, and the dark frames where there are counts.
     pub views: usize,
-    /// Those whose frames, and counts where there are some, are what was committed.
+    /// Views whose frames, and counts if any, are the committed ones.
     pub whole: usize,
     /// Views whose kept moments are whole, where the run keeps moments.
     pub moments: Option<usize>,
@@ -89,7 +89,7 @@ pub fn check_run(path: &Path) -> Result<RunCheck> {
 pub(super) struct Verified {
     /// Views whose frames, and counts where there are some, have the checksums of the log.
     pub(super) whole: Vec<Exposure>,
-    /// What is wrong with the others, and with headers: one message each.
+    /// Defects of the others, and of headers: one message each.
     pub(super) problems: Vec<(Option<Exposure>, String)>,
 }
 
@@ -127,7 +127,7 @@ pub(super) fn frames(
     found
 }
 
-/// Views among `views` whose kept moments are missing or damaged, with what is wrong.
+/// Views among `views` whose kept moments are missing or damaged, with the defect.
 pub(super) fn moments(path: &Path, views: &[Exposure]) -> Vec<(Exposure, String)> {
     let of_view = |view: &Exposure| match view {
         Exposure::Sample(index) => {
@@ -139,7 +139,7 @@ pub(super) fn moments(path: &Path, views: &[Exposure]) -> Vec<(Exposure, String)
     views.par_iter().filter_map(of_view).collect()
 }
 
-/// What is wrong with a view, where anything is.
+/// The defect of a view, if any.
 fn problem_of_view(
     path: &Path,
     stored: &StoredFrames,

@@ -1,4 +1,4 @@
-//! Crossings of rays in order, for pictures of the sample: what is seen first, and through it.
+//! Ordered crossings of rays, for pictures of the sample: the visible surface, and surfaces behind it.
 
 use super::ray::Ray;
 use super::tracer::TraceKernels;

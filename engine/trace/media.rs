@@ -74,8 +74,8 @@ impl MaterialTable {
             .collect()
     }
 
-    /// Step of delta between two materials, root mean square over the spectrum: what the first
-    /// order leaves out grows with its square.
+    /// Step of delta between two materials, root mean square over the spectrum: neglected terms of the
+    /// first order grow with its square.
     #[must_use]
     pub fn step(&self, a: u32, b: u32) -> f64 {
         let square = |c: &Vec<Constants>| (c[a as usize].delta - c[b as usize].delta).powi(2);

@@ -29,7 +29,7 @@ pub struct Moments {
 /// Moments of one ray in one material.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Moment {
-    /// Path length, m (of the surroundings: less that of the empty beam).
+    /// Path length, m (for the surroundings: minus the length of the empty beam).
     pub path: f32,
     /// Sum of +-slope change per delta times the lever to the analyser, x and z, m.
     pub lever: [f32; 2],

@@ -41,8 +41,8 @@ pub struct Tally {
     pub patch_rays: u64,
     /// Rays of the patch that has the most.
     pub most_patch_rays: u64,
-    /// Sum of the squares of the estimated errors of sampling, in 1e-18 of open beam squared; of
-    /// each patch that of the mask step where it is largest.
+    /// Sum of the squares of the estimated errors of sampling, in 1e-18 of open beam squared; for each
+    /// patch the error of the worst mask step.
     pub error_squares: u64,
     /// Largest of these errors, in 1e-9 of open beam.
     pub worst_error: u64,
@@ -51,8 +51,7 @@ pub struct Tally {
 }
 
 impl Tally {
-    /// Every count of the two put together by `f`, but for the objects, which are the same, and
-    /// what is the largest of all.
+    /// Every count of the two combined by `f`, except the objects, which are equal, and maxima.
     fn with(self, other: Self, f: impl Fn(u64, u64) -> u64) -> Self {
         Self {
             rays: f(self.rays, other.rays),
@@ -77,7 +76,7 @@ impl Tally {
         }
     }
 
-    /// What was counted since `earlier`; the largest of all are its own.
+    /// Counts since `earlier`; maxima are its own.
     pub(crate) fn since(self, earlier: Self) -> Self {
         let Self { most_patch_rays, worst_error, .. } = self;
         Self { most_patch_rays, worst_error, ..self.with(earlier, u64::saturating_sub) }

@@ -60,7 +60,7 @@ pub struct Tracer {
     cancel: Cancel,
 }
 
-/// What is asked of rays.
+/// Request to the tracer.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Wanted {
     RayResults,
@@ -135,12 +135,12 @@ impl Tracer {
         self.kernels.of(backend, self.sample.kinds)
     }
 
-    /// `moments`: those of rays are wanted.
+    /// `moments`: moments of the rays are needed.
     fn order_free<'k>(&self, trace: &'k OrderFree, moments: bool) -> &'k LazyKernel {
         if self.few && !(moments && self.sample.is_rough()) { &trace.few } else { &trace.many }
     }
 
-    /// Results from now on are those of a node of the spectrum, or (`None`) at its mean constants.
+    /// Later results belong to a node of the spectrum, or (`None`) to its mean constants.
     pub const fn set_node(&mut self, node: Option<usize>) {
         self.node = node;
     }
@@ -311,7 +311,7 @@ impl Tracer {
     ) -> Result<Duration> {
         let b = &self.batch;
         let kernel = self.order_free(trace, moments).get()?;
-        // Many materials are summed in memory, whether anybody asks for the moments or not.
+        // Many materials are summed in memory, with or without moments.
         let keep = moments || !self.few;
         let push = TracePush {
             sample_ref: self.sample.record(self.node),

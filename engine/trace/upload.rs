@@ -104,7 +104,7 @@ impl DeviceSample {
             upload(device, "normals of corners", &corner_normals)?,
         ];
         let (prototype_count, sample_leaves) = (count(prototypes.len()), count(boxes.len()));
-        // The host's copies go before the driver asks for memory to build in.
+        // The host's copies are freed before the driver allocates memory to build in.
         drop((nodes, leaves, neighbours, placed));
         let acceleration = if ray_query && !boxes.is_empty() {
             let on_device = device.upload("boxes of the acceleration structure", &boxes)?;
@@ -183,7 +183,7 @@ fn from_origin(sample: &geometry::Sample) -> f64 {
     own.chain(placed).fold(0.0, f64::max)
 }
 
-/// A vector to the precision of f32, and what that leaves.
+/// A vector in f32, and its remainder.
 fn twofold(vector: DVec3) -> [[f32; 3]; 2] {
     let high = vector.to_array().map(single);
     let rest = vector - DVec3::from_array(high.map(f64::from));

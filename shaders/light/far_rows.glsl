@@ -1,7 +1,7 @@
 // Light of a cell row may land in any row: each of its terms goes to the sums at once. Cells of it
 // that land no farther than in the rows beside know their shares of these, as elsewhere.
 
-// Rows that light lands on which is evenly spread over as many from 0 on.
+// Rows below `at` that receive light spread evenly over rows from 0 on, with a blur.
 float rows_before(float at, float blur) {
     if (at >= 6.0 * blur) return at;
     return at <= -6.0 * blur ? 0.0 : blur * ramp(at / blur);

@@ -59,7 +59,7 @@ struct Bars {
     uint cut_layers; // of the detector mask, where the edge of a pixel cuts a soft edge
 };
 
-// A layer of the soft edges: its share of `open`, and where its hard edges stand.
+// A layer of the soft edges: its share of `open`, and its hard edges.
 struct Layer {
     float share;
     float inset;     // from the edges of the aperture, m
@@ -68,9 +68,9 @@ struct Layer {
     float bow;       // m2: what an edge moves by per unit of dx/dy, times the distance from the source
 };
 
-// Most layers,
+// Most layers.
 const uint MOST_LAYERS = 24u;
-// and only as many as leave this error, as a share of the open beam.
+// Error of the layers, as a share of the open beam.
 const float LAYER_ERROR = 1e-6;
 
 // Mean of z with the density e^-z on [0, depth].
@@ -115,11 +115,11 @@ uint layers_of(Bars bars, float period, float blur) {
     return n;
 }
 
-// Bars of a material under the angle `slope`. With a window as wide as the shadow about the place
-// of a ray, the way in bars is the share of the window that bars cover; whole periods of it
-// cover the same everywhere. What is left of it begins to meet a bar, or to lose an aperture, at
-// `start` from the middle of the period, and the way grows linearly from there to where it has
-// met all of the bar, or covers no more of it.
+// Bars of a material under the angle `slope`. For a window of the width of the shadow about a ray, the
+// path in bars is the share of the window covered by bars; whole periods of it are covered alike
+// everywhere. The rest of it begins to touch a bar, or to lose an aperture, at `start` from the middle
+// of the period, and the path grows linearly from there until it contains all of the bar, or no more of
+// it.
 Bars thick_bars(Mask mask, float slope, float sec) {
     float attenuation = mask.attenuation * sec;
     float aperture = mask.last - mask.first;
@@ -145,7 +145,7 @@ Bars thick_bars(Mask mask, float slope, float sec) {
     bars.depth = depth;
     bars.middle = bars.inset - bars.decay * edge_mean(depth);
     bars.lattice_shift = (int(periods) & 1) == 0 ? 0.0 : 0.5 * mask.period;
-    // Along x the angle changes, and with it what is cast.
+    // The angle changes along x, and the shadow with it.
     float per = 1.0 / shadow;
     float d_least = -attenuation * least * per * per
         * (beyond_aperture ? (periods + 1.0) * aperture : -periods * bar);
@@ -196,17 +196,17 @@ Bars bars_of(Mask mask, float slope_x, float sec, float blur) {
                 variance, mask.last, 0.0, 0.0, 1u, 1u);
 }
 
-// What the edges of an aperture move by besides, where they stand `inset` inside of it (m2: per unit of
-// dx/dy, times the distance from the source). A corner of a bar is seen in the middle plane displaced by
-// its angle times its distance from there, and by the square of that. The faces of the mask cast the ends
-// of soft edges, what is between them the rest.
+// Additional shift of the edges of an aperture that lie `inset` inside of it (m2: per unit of dx/dy,
+// times the distance from the source). A corner of a bar appears in the middle plane displaced by its
+// angle times its distance from there, and by the square of that. The faces of the mask cast the ends of
+// soft edges, and the inside casts the rest.
 float bow_of(Bars bars, float inset) {
     if (!(bars.rise > 0.0)) return 0.0;
     float outside = (inset - bars.inset) / bars.rise + 1.0;
     return bars.face * mix(bars.cast_inside, bars.cast_outside, outside) * inset / bars.slope;
 }
 
-// Whether x lies in a soft edge of an aperture whose middle stands at `centre`.
+// Whether x lies in a soft edge of an aperture with the middle `centre`.
 bool in_soft_edge(Bars bars, Aperture aperture, float centre, float x) {
     float from_low = x - (centre + aperture.low) - bars.inset;
     float from_high = (centre + aperture.high) - x - bars.inset;
@@ -242,8 +242,8 @@ struct Edges {
     float high_bend;
 };
 
-// |slope| where it is spread normally: its mean, its change per standard deviation, and in units of the
-// spread what it changes by with the square of the deviation less 1.
+// |slope| spread normally by `spread`: its mean, its change per standard deviation, and its change with
+// the square of the deviation less 1.
 vec3 mean_size(float slope, float spread) {
     float size = abs(slope);
     float way = slope < 0.0 ? -1.0 : 1.0;
@@ -254,10 +254,9 @@ vec3 mean_size(float slope, float spread) {
     return vec3(sure * size + 2.0 * spread * density, way * sure, density);
 }
 
-// Edges of an aperture whose middle stands at `centre`, each seen under its own angle, which is
-// `slope` at the place 0; `plane`: distance from the source, whose width is `spot` (standard
-// deviation). `narrowing`: share of the shadow that narrows the apertures of averaged masks, a field of the
-// cell.
+// Edges of an aperture with the middle `centre`, each seen under its own angle, which is `slope` at the
+// place 0; `plane`: distance from the source, whose width is `spot` (standard deviation). `narrowing`:
+// share of the shadow that narrows the apertures of averaged masks, a field of the cell.
 Edges edges_of(Mask mask, Bars bars, Layer layer, Aperture aperture, float centre, float slope,
                float plane, float spot, float narrowing) {
     float low = centre + aperture.low;

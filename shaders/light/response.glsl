@@ -1,4 +1,4 @@
-// Light of a piece of a cell on the analyser, and what of it passes the detector mask.
+// Light of a piece of a cell on the analyser, and the part that passes the detector mask.
 
 const float NEGLIGIBLE = 1e-9; // leaks below this are left out
 const float FAINT = 1e-5;      // where in its pixel the light of leaks below this lands is left open
@@ -25,9 +25,9 @@ vec2 between_edges(Piece piece) {
     return vec2(max(piece.low / piece.steep_low, -1.0), min(piece.high / piece.steep_high, 1.0));
 }
 
-// As `window`, where what passes changes by this share per m of the ray's place, as bars do with the angle.
-// What passes may fall below zero: where a shadow is as wide as a period, what is open gets darker
-// than what bars leak.
+// As `window`, with a transmission that changes by this share per m of the ray's place, as bars do with
+// the angle. It may fall below zero: if a shadow is as wide as a period, openings get darker than the
+// leaks of bars.
 float through_bars(Piece piece, Edge low, Edge high, float tilt) {
     float level = 1.0 + tilt * piece.middle;
     float turn = tilt * (light.spot + source_spot()) * piece.by_spot;
@@ -63,8 +63,8 @@ float response(BeamletGeometry beamlet, Bars bars, Piece piece, float low, float
         apertures = max(last - place.period + 1, 0) * int(mask.count);
     }
     float open = 0.0;
-    // First the whole pixel, behind the bars too; then each layer of each aperture. The window
-    // stands in the loop once: drivers inline it, and it is long.
+    // First the whole pixel, with the bars; then each layer of each aperture. The window is called in
+    // the loop once: drivers inline it, and it is long.
     float whole = 0.0;
     uint index = 0u;
     uint layers = 1u;
@@ -126,10 +126,10 @@ float steepest() {
     return 0.5 * light.magnification;
 }
 
-// The part [a, b] of a cell on the analyser. x is where the ray from the centre of the source
-// that meets the sample in the same place crosses the cell plane: what the sample does depends
-// on it alone. `soft`: variance that the shadows of thick bars add, of the sample mask in the
-// cell plane and of the detector mask on the analyser. `tilt`: of the transmission, share of it per m.
+// The part [a, b] of a cell on the analyser. x is the place in the cell plane of the ray from the centre
+// of the source through the same point of the sample: the effect of the sample depends on it alone.
+// `soft`: variance added by the shadows of thick bars, of the sample mask in the cell plane and of the
+// detector mask on the analyser. `tilt`: of the transmission, share of it per m.
 Piece piece_of(CellRow cell_row, Cell cell, float a, float b, float transmission, float tilt, vec2 soft) {
     float span = cell.x_high - cell.x_low;
     float depth_slope = (cell.depth_high - cell.depth_low) / span;
@@ -145,7 +145,7 @@ Piece piece_of(CellRow cell_row, Cell cell, float a, float b, float transmission
         * (1.0 + depth_change * depth_change / 24.0) * light.weight * (cell_row.bottom - cell_row.top);
     piece.middle = light.magnification * middle + cell.displacement_low + displacement_slope * from_low;
     piece.half_width = 0.5 * growth * width;
-    // Soft edges of the aperture move light as they would all of what it is part of.
+    // Soft edges of the aperture move light as if the bend extended over all of it.
     float steady = abs(displacement_slope) < steepest() ? growth : light.magnification;
     float shadow = steady * steady * soft.x;
     piece.blur = sqrt(light.spot * light.spot + shadow + soft.y + cell.displacement_variance);

@@ -1,4 +1,4 @@
-// What the light of a cell row meets: at all steps, at one step, and in one layer of one aperture.
+// Masks in the way of a cell row: at all steps, at one step, and in one layer of one aperture.
 
 // The cell row of this invocation, its beamlet, and the bars of sample and detector mask before it.
 CellRow cell_row;
@@ -14,7 +14,7 @@ struct Setting {
     bool sharp;    // a source without extent, or cells in the plane of the mask
     float reach;   // of the blur about an edge of the sample mask, in the cell plane
     Aperture ends; // of its cells
-    // How far its light lands from where it stands, on the analyser.
+    // Range of its light on the analyser, relative to its own place.
     float low_landing;
     float high_landing;
 };
@@ -69,7 +69,7 @@ void setting_begin() {
     bars = bars_before(beamlet.slope);
     bars_behind = bars_of(light.detector_mask, beamlet.slope, sec, light.spot);
     if (bars_behind.depth > 0.0) {
-        // The spot does not blur the edges of pixels against those of the mask.
+        // The spot does not blur the edges of pixels against the edges of the mask.
         bars_behind.cut_layers = layers_of(bars_behind, light.detector_mask.period, 0.0);
     }
     beamlet.sample_offset -= bars.lattice_shift;
@@ -88,7 +88,7 @@ void setting_begin() {
     setting.high_landing = cell_row.high_landing + beamlet.pixel_offset + 6.5 * blur;
 }
 
-// A mask step of a cell row; behind the last step stands the light that is the same at all.
+// A mask step of a cell row; behind the last step the light common to all.
 struct Exposed {
     bool at_all_steps;
     float offset;   // of the sample mask against the beamlet
@@ -126,7 +126,7 @@ Exposed exposed_at(uint mask_step) {
     return step_;
 }
 
-// What light of cells passes: a layer of an aperture of the sample mask, or all that bars leak.
+// Opening for the light of cells: a layer of an aperture of the sample mask, or all leaking bars.
 struct Opening {
     bool cuts; // not of what bars leak
     float tilt; // of its light, share of it per m in the cell plane
@@ -160,13 +160,13 @@ uint cell_beyond(float x) {
     return first;
 }
 
-// Middle of a period, m in the cell plane from that of the beamlet.
+// Middle of a period, m in the cell plane from the middle of the beamlet.
 float centre_of(Exposed step_, int period) {
     return float(period) * light.sample_mask.period + step_.offset;
 }
 
-// Whether apertures of the period about `centre` reach beyond the cells, into those of a neighbouring
-// beamlet. It and this one have to see the period alike: under the angle of its middle.
+// Whether apertures of the period about `centre` reach beyond the cells into a neighbouring beamlet.
+// Both beamlets must see the period alike: under the angle of its middle.
 bool is_shared(float centre) {
     float reach = bars.reach + setting.reach;
     return bars.depth > 0.0 && (centre - reach < setting.ends.low || centre + reach > setting.ends.high);

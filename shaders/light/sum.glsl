@@ -7,9 +7,8 @@ uvec2 plus(uvec2 a, uvec2 b) {
     return uvec2(low, a.y + b.y + (low < a.x ? 1u : 0u));
 }
 
-// Low and high word of a value, rounded up where what is left of it exceeds the threshold in [0, 1):
-// thousands of small terms that are all rounded down would lose a part of their sum. Negative
-// values are in two's complement.
+// Low and high word of a value, rounded up if its remainder exceeds the threshold in [0, 1): thousands
+// of small terms rounded down would lose a part of their sum. Negative values are in two's complement.
 uvec2 fixed_point(float value, float threshold) {
     float size = abs(value);
     if (!(size > 0.0)) return uvec2(0u);

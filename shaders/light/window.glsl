@@ -1,7 +1,7 @@
 // Share of the light of a piece that lands between two edges on the analyser, uniform in xi and
 // normal in the source offset t (docs/physics.md, "Cells").
 
-// Edges at the ends of a piece that an aperture does not cut stand this steeply.
+// Steepness of edges at the ends of a piece that an aperture does not cut.
 const float STEEP = 2e4;
 // Standard deviations from an edge to where it cuts nothing.
 const float BEYOND = 8.0;
@@ -14,8 +14,8 @@ struct Profile {
     float turn;         // bars are seen under other angles from elsewhere in the spot
 };
 
-// Light of a cell, or of what a hard edge leaves of it, on the analyser: evenly spread over
-// middle + half_width * xi, xi in [-1, 1], moved by -blur * t.
+// Light of a cell, or of its part behind a hard edge, on the analyser: evenly spread over middle +
+// half_width * xi, xi in [-1, 1], moved by -blur * t.
 struct Piece {
     bool passes; // some of its light
     float amount;
@@ -77,7 +77,7 @@ float below_between(float a, float b, float p, float q, Profile profile, float b
     return per * (once + depth_change * per * twice + bent);
 }
 
-// Where two lines meet, cut to [-1, 1].
+// Intersection of two lines, cut to [-1, 1].
 float meeting(float apart, float slope) {
     return clamp(apart / (abs(slope) < 1e-12 ? 1e-12 : slope), -1.0, 1.0);
 }
@@ -93,11 +93,11 @@ float leaning(Piece piece, float xi, float low, float low_blur, float high, floa
         * (exp(-0.5 * l * l) / low_blur - exp(-0.5 * h * h) / high_blur);
 }
 
-// Share of the piece between two edges. At xi the aperture and the edges each leave an interval
-// of t; what both leave is, with F(u, l) = max(Phi(u) - Phi(l), 0) of an upper and a lower bound
-// u, l, F(ua, le) - F(ua, ue) - F(la, le) + F(la, ue). Bounds are linear in xi, those of the
-// aperture fall more steeply, so that each F ends where its lines meet, and what is left are
-// integrals of Phi along each line between two meetings.
+// Share of the piece between two edges. At xi the aperture and the edges each leave an interval of t;
+// both together leave, with F(u, l) = max(Phi(u) - Phi(l), 0) of an upper and a lower bound u, l, F(ua,
+// le) - F(ua, ue) - F(la, le) + F(la, ue). Bounds are linear in xi and steeper for the aperture, so that
+// each F ends at the intersection of its lines, and integrals of Phi along each line between two
+// intersections remain.
 float window(Piece piece, Edge low, Edge high) {
     float least = max(2e-6 * abs(piece.half_width), 1e-12);
     float low_blur = max(low.blur, least);
@@ -118,7 +118,7 @@ float window(Piece piece, Edge low, Edge high) {
     float low_lower = meeting(piece.low - lower, lower_slope + steep_low);
     float low_upper = meeting(piece.low - upper, upper_slope + steep_low);
     Profile profile = piece.profile;
-    // Edges of the aperture that do not cut the piece stand at its ends.
+    // Edges of the aperture that do not cut the piece are put at its ends.
     bool cut_high = piece.high < steep_high + BEYOND;
     bool cut_low = piece.low > -steep_low - BEYOND;
     if (!cut_high) high_lower = high_upper = 2.0 * turned;

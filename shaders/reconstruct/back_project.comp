@@ -14,8 +14,8 @@ layout(local_size_x = GROUP) in;
 #include "interface/BackProjectPush.glsl"
 
 #ifdef VARIANCE
-// Variance between two columns of a row, which has the variances of columns, then those of each
-// with the next.
+// Variance between two columns of a row, which holds the variances of columns, then the covariances of
+// each with the next.
 float between(uint start, float column) {
     start *= 2u;
     uint left = min(uint(column), push.columns - 1u);

@@ -1,5 +1,5 @@
-// Coefficients of Joseph's projector, the same for both directions: a ray meets a slice of the volume
-// between two voxels, and counts in each by what is left of a voxel's side.
+// Coefficients of Joseph's projector, the same for both directions: a ray crosses a slice of the volume
+// between two voxels, and counts in each by one minus its distance in voxels.
 
 // A ray in the slices of its sheet: values in the middle slice, and changes from slice to slice.
 struct Line {
@@ -24,7 +24,7 @@ float along(vec2 law, float slice) { return law.x + law.y * slice; }
 // Share of the side of a voxel at `voxel` that a ray at `place` gets.
 float share(float place, float voxel) { return max(0.0, 1.0 - abs(place - voxel)); }
 
-// Factor by which a voxel counts for what it does to the angle of a ray there.
+// Weight of a voxel in the angle of a ray.
 float arm(Line line, float slice) {
     if (push.arm == ARM_NONE) return 1.0;
     float lever = 1.0 - along(line.depth, slice) * push.per_lever;
@@ -33,7 +33,7 @@ float arm(Line line, float slice) {
 }
 
 #ifdef CONE
-// Plane of the volume, counted from its first, that a ray in a row meets.
+// Plane of the volume, counted from its first, at the height of a ray in a row.
 vec2 height_of(Line line, uint row) {
     vec2 height = line.scale * (push.row_zero - push.row_step * float(row));
     return vec2(height.x - push.plane_zero, height.y);

@@ -38,7 +38,7 @@ void main() {
         if (sheet.begin >= sheet.end) continue;
         float slice = sheet.is_x != 0u ? voxel.x : voxel.y;
         float cross = sheet.is_x != 0u ? voxel.y : voxel.x;
-        // Places of the rays that meet the slice a voxel to either side.
+        // Places of the rays that cross the slice a voxel to either side.
         vec2 sides = vec2(cross - 1.0, cross + 1.0);
         vec2 places = (sides * sheet.weight - (sheet.cross + sheet.cross_by_slice * slice))
             / (sheet.cross_by_place + sheet.cross_by_both * slice - sides * sheet.weight_by_place);

@@ -9,7 +9,7 @@ struct Gaussian {
     float background;
 };
 
-// What is known of a pixel's curve before the fit.
+// Properties of a pixel's curve before the fit.
 struct Curve {
     float least;
     float scale;      // a power of two: multiplying by it loses nothing
@@ -28,7 +28,7 @@ Curve summarise(uint pixel, out float range) {
     float most = -1e38;
     for (uint i = 0; i < push.step_count; i++) {
         float y = value(c, i);
-        // Infinities and what is not a number have all bits of the exponent set.
+        // Infinities and NaN have all bits of the exponent set.
         c.finite = c.finite && (floatBitsToUint(y) & 0x7f800000u) != 0x7f800000u;
         if (y >= c.saturation) continue;
         c.used++;

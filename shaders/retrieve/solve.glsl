@@ -76,8 +76,8 @@ vec4 times(Normal n, vec4 scale, vec4 v) {
         n.row0.w * u.x + n.row1.z * u.y + n.row2.y * u.z + n.row3 * u.w);
 }
 
-// Largest over smallest eigenvalue of the matrix scaled to a unit diagonal, by the power method:
-// never too large, and within a few per cent near 100, where the smallest stands apart.
+// Largest over smallest eigenvalue of the matrix scaled to a unit diagonal, by the power method: never
+// too large, and within a few per cent near 100, where the smallest eigenvalue is separate.
 float condition(Normal n, vec4 scale, Factor f) {
     vec4 up = vec4(1.0, 0.3, 0.6, 0.8);
     vec4 down = vec4(1.0, 0.2, -0.7, -0.9);

@@ -1,5 +1,5 @@
-// A ray as bent so far, beside the straight line that its list of crossings was gathered on, and
-// where it meets the surfaces of that list.
+// A bent ray beside the straight line of its list of crossings, and its own crossings of the surfaces in
+// that list.
 
 struct Bent {
     Beam line;     // the straight line
@@ -55,7 +55,7 @@ uint edge_beyond(Facet f, bool entering) {
     return beyond.y >= beyond.z ? 1u : 2u;
 }
 
-// Where a ray meets a surface.
+// Crossing of a bent ray and a surface.
 struct Meeting {
     uint outcome;
     uint leaf;

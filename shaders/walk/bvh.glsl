@@ -2,8 +2,8 @@
 
 #include "walk/node.glsl"
 
-// Bits of the children of a node that the line may meet at t in [near, far]:
-// leaves below bit 24, inner children from bit 24 on.
+// Bits of the children of a node in the way of the line at t in [near, far]: leaves below bit 24, inner
+// children from bit 24 on.
 uint children_met(Node node, vec3 origin, vec3 inverse, float near, float far) {
     vec3 scale = vec3(uintBitsToFloat((node.exponents & 0xffu) << 23),
                       uintBitsToFloat((node.exponents & 0xff00u) << 15),
@@ -39,7 +39,7 @@ struct PlacedMesh {
     uint first; // number of a facet, less that of its leaf
 };
 
-// Hands every facet of a placed mesh that the line may meet from `near`, y, on to visit().
+// Hands every facet of a placed mesh in the way of the line from `near`, y, on to visit().
 #define TREE traverse_own
 #define TREE_OF PlacedMesh
 #define TREE_VISIT(beam, near, of, leaf, all) \

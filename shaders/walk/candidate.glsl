@@ -1,4 +1,4 @@
-// A leaf of the sample that a line may meet: a triangle, a shape, or a placed mesh with a tree of its
+// A leaf of the sample in the way of a line: a triangle, a shape, or a placed mesh with a tree of its
 // own.
 void candidate(Beam beam, float near, uint leaf, inout Gathered all) {
     uint word = sample_.leaves.at[leaf].surface;

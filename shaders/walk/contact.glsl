@@ -48,9 +48,9 @@ bool touch(Crossing before, Crossing crossing) {
 }
 #endif
 
-// Behind the last of the crossings from i on that are one interface: surfaces that pass the place of
-// the first; i + 1 where there is none. Until both an entry and an exit are among them no object
-// stands among them twice, but where bodies of one touch: a thin plate is entered before it is left.
+// End of the crossings from i on that are one interface: surfaces at the place of the first; i + 1
+// without others. Before both an entry and an exit are among them no object occurs twice, unless bodies
+// of one touch: a thin plate is entered before it is left.
 uint contact_end(Bent ray, Gathered list, uint i, Crossing first) {
     if (i + 1u == list.count || list_at(list, i + 1u).y - first.y > CONTACT_FAR) return i + 1u;
     vec3 direction = vec3(slope_of(ray.line), 1.0).xzy;
@@ -84,7 +84,7 @@ uint contact_end(Bent ray, Gathered list, uint i, Crossing first) {
     return mixed ? j : i + 1u;
 }
 
-// The media behind the crossings from i to end; false where one leaves what was not entered.
+// The media behind the crossings from i to end; false if an object is left that was not entered.
 bool media_behind(Walk walk, Gathered list, uint i, uint end, out MediumSet media) {
     media = walk.media;
     for (uint pass = 0u; pass < 2u; pass++) {

@@ -165,8 +165,8 @@ Chord chord_of(Convex convex, OwnLine line) {
     return chord;
 }
 
-// Takes the bore of a tube out of the chord of the cylinder around it: what is left before the bore, or
-// behind it where there is nothing before, and in `second` what is left behind it.
+// Subtracts the bore of a tube from the chord of the cylinder around it: the part before the bore, or
+// behind it if there is none before; `second` is the part behind it.
 void without_bore(Convex tube, OwnLine line, inout Chord chord, out Chord second) {
     second = chord;
     second.crossed = false;
@@ -177,7 +177,7 @@ void without_bore(Convex tube, OwnLine line, inout Chord chord, out Chord second
     float from = max(low, line.slab.x);
     float to = min(high, line.slab.y);
     if (!(from < to)) return;
-    // The caps are those of the cylinder to the last digit: no wall is left at them in the bore.
+    // The caps equal those of the cylinder to the last digit: no wall remains at them in the bore.
     bool before = y_of(tube, from) > chord.enter;
     bool behind = y_of(tube, to) < chord.leave;
     second.enter = y_of(tube, to);

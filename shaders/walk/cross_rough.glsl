@@ -1,14 +1,14 @@
 // The order-free walk at surfaces that may be rough.
 
-// Whether a ray draws its normal at a surface: random rays at any incidence, those of cells near
-// grazing, where a draw changes the slope by far from a Gaussian.
+// Whether a ray draws its normal at a surface: random rays at any incidence, rays of cells near grazing,
+// where a draw changes the slope by far from a Gaussian.
 bool draws_at(Beam beam, Surface surface, vec3 normal_, Gathered all) {
     return all.draws
         || incidence(slope_of(beam), normal_, all.stretch.inverse) < ROUGH_GRAZING * surface.roughness;
 }
 
-// Adds what a rough surface spreads slopes along x, to first order: a change u of the normal n across it
-// changes (n_x - n_y slope_x) / (n d) by v u.
+// Adds the spread of slopes along x by a rough surface, to first order: a change u of the normal n
+// across it changes (n_x - n_y slope_x) / (n d) by v u.
 void spread_slopes(Beam beam, Surface surface, vec3 normal_, float y, inout Gathered all) {
     vec3 direction = vec3(beam.slope_x, 1.0, beam.slope_z);
     vec3 across = vec3(1.0, -beam.slope_x, 0.0);
@@ -31,8 +31,8 @@ void spread_slopes(Beam beam, Surface surface, vec3 normal_, float y, inout Gath
 #endif
 }
 
-// A ray crosses a surface that may be rough, at y; `normal_`: of the surface, beam frame. What it does not
-// draw is a variance.
+// A ray crosses a surface that may be rough, at y; `normal_`: of the surface, beam frame. Roughness
+// without a draw is a variance.
 void cross_rough(Beam beam, Surface surface, uint primitive, vec3 normal_, float y, bool entering,
                  inout Gathered all) {
     vec3 met = normal_;

@@ -1,4 +1,4 @@
-// What the kernels of the order-free walk share: what they are given, and where results go.
+// Shared by the kernels of the order-free walk: inputs, and outputs.
 
 #include "interface/TracePush.glsl"
 
@@ -21,7 +21,7 @@ Ray ray_at(uint index) {
     return ray;
 }
 
-// What a ray gathers.
+// Sums of a ray.
 struct Gathered {
     Stretch stretch;
     Run run;
@@ -48,11 +48,11 @@ void visit(Beam beam, Facet facet, Surface surface, vec3 normal_, inout Gathered
               place_of(slope_of(beam), facet, normal_), facet.entering);
 }
 
-// Whether a ray is followed in order: where it meets a surface below a share of the surface's grazing
-// incidence. Among many bodies the share is small: a ray that meets a rim, nanometres wide, is bent off
-// it by the bodies before, and no ray that the straight line takes past the rim is bent onto it, so that
-// wide angles would be lost. Above this share the first order is off by less than a percent of the angle.
-// A ray of a cell that draws normals is followed in order among few bodies.
+// Whether a ray is traced exactly: if it crosses a surface below a share of the surface's grazing
+// incidence. Among many bodies the share is small: a ray at a rim, nanometres wide, is bent off it by
+// the bodies before, and no ray whose straight line passes the rim is bent onto it, so that wide angles
+// would be lost. Above this share the first order errs by less than a percent of the angle. A ray of a
+// cell that draws normals is traced exactly among few bodies.
 bool is_in_order(Run run) {
     if (run.crossings > MANY_CROSSINGS) return run.grazing < MANY_GRAZING;
     return run.grazing < 1.0 || (run.flags & FLAG_DRAWN) != 0u;

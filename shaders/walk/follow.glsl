@@ -103,7 +103,7 @@ float earliest(Walk walk, uint leaf, bool entering) {
 
 #include "walk/contact.glsl"
 
-// A crossing that stands alone: its object, and where that stands in the set of media.
+// A single crossing: its object, and the position of the object in the set of media.
 struct Single {
     Crossing crossing;
     uint object;
@@ -116,7 +116,7 @@ uint single(inout Walk walk, Gathered list, uint i, inout Single one) {
     one.place = place_of(walk.media, one.object);
     if (is_known(walk, list, one.crossing, one.place)) return THROUGH;
     if ((one.crossing.facet & FACET_ENTERED) == 0u && one.place == DEPTH) {
-        // Its entry stands behind it by rounding: they change places.
+        // Rounding put its entry behind it: exchange them.
         uint entry = next_of(list, i, one.object, FACET_ENTERED);
         if (entry == list.count) return LOST;
         list_set(list, i, list_at(list, entry));
@@ -202,8 +202,8 @@ void list_renew(Gathered list) {
     }
 }
 
-// Follows a ray until it is behind the sample; SEARCHING where a list does not hold its crossings.
-// `known`: the list is that of the ray as it sets out.
+// Follows a ray until it is behind the sample; SEARCHING if a list does not hold its crossings. `known`:
+// the list belongs to the ray at its start.
 uint follow(inout Walk walk, inout Gathered list, inout bool known) {
     uint outcome;
     do {

@@ -1,6 +1,6 @@
-// Crossings of a straight ray, gathered in one search of the tree. Lists of a workgroup's rays
-// stand interleaved. Push constants of the kernel: `lists`, their `capacity`, and `stride`, the
-// rays of a workgroup.
+// Crossings of a straight ray, gathered in one search of the tree. Lists of a workgroup's rays are
+// interleaved. Push constants of the kernel: `lists`, their `capacity`, and `stride`, the rays of a
+// workgroup.
 
 struct Gathered {
     uint first; // entry 0
@@ -45,7 +45,7 @@ bool crosses(Beam beam, uint primitive, Leaf leaf, Gathered list, out Crossing c
     return crossing.y >= list.after;
 }
 
-// Takes a crossing: what each kernel does with it.
+// Takes a crossing; each kernel has its own.
 void list_add(inout Gathered list, Crossing crossing);
 
 // A candidate of the search.

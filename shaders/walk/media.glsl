@@ -7,7 +7,7 @@ struct MediumSet {
     uint count;
 };
 
-// Where the object stands in the set; DEPTH: nowhere.
+// Position of the object in the set; DEPTH: absent.
 uint place_of(MediumSet media, uint object) {
     for (uint i = 0u; i < media.count; i++) {
         if (media.objects[i] == object) return i;

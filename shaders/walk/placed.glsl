@@ -1,5 +1,5 @@
-// A shape with curved surfaces where it stands, and a line in the frame of the shape. Places are
-// sums of two f32 until the shape's own position is subtracted: after that few digits are needed.
+// A placed shape with curved surfaces, and a line in the frame of the shape. Positions are sums of two
+// f32 until the shape's own position is subtracted: after that few digits are needed.
 
 // A line in the frame of a shape, and the way back.
 struct ShapeLine {
@@ -34,8 +34,8 @@ Twofold half_norm(vec4 rotation) {
     return Twofold(0.5 * sum.high, 0.5 * sum.low);
 }
 
-// (x, y) of the beam frame from that of the world for a view of this sine; with its negative, the
-// other way round.
+// (x, y) from the world to the beam frame of a view with this sine; with its negative, the other way
+// round.
 void turn_by_view(inout Twofold3 v, float cosine, float sine) {
     Twofold3 along = multiply(v, vec3(cosine, cosine, 1.0));
     Twofold3 across = multiply(Twofold3(v.high.yxz, v.low.yxz), vec3(sine, -sine, 0.0));
@@ -60,7 +60,7 @@ ShapeLine shape_line(Beam beam, vec2 moved, vec2 bent, Placed placed) {
         origin = world_from_moved_direction(beam.view, origin);
         slope = world_from_moved_direction(beam.view, slope);
     } else {
-        // Cosine and sine are those of a rotation but for rounding: a shape keeps its size.
+        // Cosine and sine have rounding errors: a shape keeps its size.
         Twofold square = add(two_product(beam.cos_angle, beam.cos_angle),
                              two_product(beam.sin_angle, beam.sin_angle));
         float longer = 0.5 * ((square.high - 1.0) + square.low);

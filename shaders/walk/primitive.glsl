@@ -49,7 +49,7 @@ Placed placed_of(uint primitive, out uint leaf) {
     return sample_.placed.at[prototype.placed + number / prototype.leaves];
 }
 
-// A leaf of a placed mesh where it stands.
+// A leaf of a placed mesh, in its place.
 Leaf leaf_of_place(Placed placed, uint leaf) {
     Leaf own = sample_.leaves.at[leaf];
     return Leaf(world_from_own(placed, own.a), world_from_own(placed, own.b),

@@ -33,10 +33,10 @@ uint key_of(Ray ray) {
     return pcg4d(bits ^ pcg4d(uvec4(sample_.seed, ray.view, 0u))).x;
 }
 
-// Change of slope of a ray at a rough surface from medium delta_i to delta_r; `reflected` where it
-// stays in its medium. The facet says where the ray is: one that is refracted back over the facet,
-// or reflected but not away from it, meets the surface anew.
-// `refracts`: the normal that others lean against, that of the facet or of the surface it stands for.
+// Change of slope of a ray at a rough surface from medium delta_i to delta_r; `reflected` if it stays in
+// its medium. The facet decides on which side the ray is: one refracted back over the facet, or
+// reflected but not away from it, draws again. `refracts`: the normal about which others are drawn, of
+// the facet or of its smooth surface.
 vec2 rough_bend(vec2 slope, vec3 normal_, vec3 refracts, Surface surface, uint key, uint primitive, float delta_i,
                 float delta_r, out bool reflected) {
     vec3 ahead = dot(normal_, vec3(slope.x, 1.0, slope.y)) < 0.0 ? -normal_ : normal_;

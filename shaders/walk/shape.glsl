@@ -1,6 +1,6 @@
-// Where a line crosses a shape with curved surfaces. Which KINDS there are is known when the kernel is
-// made: CPU devices execute what they need not. Code for tori is in kernels of samples with tori alone
-// (TORUS): drivers take as long as for all the rest to leave it out.
+// Crossings of a line and a shape with curved surfaces. The KINDS in a sample are constants of the
+// kernel: CPU devices execute unused code, too. Code for tori is only in kernels of samples with tori
+// (TORUS): drivers need as long to remove it as for all the rest.
 
 #include "walk/convex.glsl"
 #ifdef TORUS

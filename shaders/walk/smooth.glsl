@@ -2,8 +2,8 @@
 
 const float HORIZON = 1e-4; // least cosine of incidence
 
-// The normal between those of the corners of a primitive where a ray along `direction` crosses its
-// facet, beam frame. `normal_`: of the facet; where the other faces away it lies at the horizon.
+// The interpolated normal of the corners of a primitive where a ray along `direction` crosses its facet,
+// beam frame. `normal_`: of the facet; if the interpolated one faces away it is moved to the horizon.
 vec3 smooth_normal(Beam beam, uint primitive, Facet facet, vec3 normal_, vec3 direction) {
     uint leaf = primitive;
     bool placed_ = primitive >= sample_.sample_leaves;

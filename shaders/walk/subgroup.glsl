@@ -1,6 +1,6 @@
-// What the lanes of a subgroup hold together. Subgroups have 8 or 16 lanes, all of them active;
-// of 16 the second eight hold the same as the first, where a value is one per lane.
-// Shuffles rather than broadcasts: on CPU devices they are single instructions.
+// Values held by the lanes of a subgroup together. Subgroups have 8 or 16 lanes, all of them active; of
+// 16 the second eight hold the same as the first, for values with one per lane. Shuffles rather than
+// broadcasts: on CPU devices they are single instructions.
 
 #define LANE (gl_SubgroupInvocationID & (BUNDLE_LANES - 1u))
 #define WORD(lanes, lane) subgroupShuffle(lanes, lane)
@@ -66,7 +66,7 @@ vec3 numbers_of(Record record, uint at) {
     return vec3(number_of(record, at), number_of(record, at + 1u), number_of(record, at + 2u));
 }
 
-// The first or second word of a field, which stand in one row.
+// The first or second word of a field, both in one row.
 uint word_of_two(Record record, uint at, uint which) {
     return WORD(row_of(record, at), at % BUNDLE_LANES + which);
 }

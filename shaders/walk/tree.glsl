@@ -1,6 +1,6 @@
-// A search of a tree: TREE hands every leaf that a line may meet from `near`, in lengths of
-// `direction`, on to TREE_VISIT, with what the tree is `of`.
-// Loops test at their end: CPU devices run a body once more, idle, for a test at its beginning.
+// A search of a tree: TREE hands every leaf in the way of a line from `near`, in lengths of `direction`,
+// on to TREE_VISIT, with the tree `of`. Loops test at their end: CPU devices run a body once more, idle,
+// for a test at its beginning.
 void TREE(Beam beam, float near, vec3 origin, vec3 direction, uint root, TREE_OF of,
           inout Gathered all) {
     // A zero component would give 0 * infinity in the slab test.

@@ -28,7 +28,7 @@ fn remedy(record: &Record, pixels: u64) -> Option<String> {
     ))
 }
 
-/// Prints what was retrieved and what is odd about it. `has_counts`: of the run that was read.
+/// Prints the results and warnings of a retrieval. `has_counts`: of the run that was read.
 pub(super) fn write(
     record: &Record,
     path: &Path,
@@ -96,7 +96,7 @@ fn write_chi_square(record: &Record, out: &mut impl Write) -> Result<(), Failure
     Ok(())
 }
 
-/// What the empty beam says, of one view or as the range of several.
+/// Results of the empty beam, of one view or as the range of several.
 fn write_empty_beam(record: &Record, out: &mut impl Write) -> Result<(), Failure> {
     let Some(empty) = &record.empty_beam else { return Ok(()) };
     let views = &empty.views;

@@ -26,7 +26,7 @@ const OF_PIXEL: u64 = 96;
 /// Bytes of a picture itself, which has about the same size whatever it shows.
 const DRAWING: u64 = 48 << 20;
 
-/// Draws what is asked of a run or of retrieved images.
+/// Draws the chosen pictures of a run or of retrieved images.
 pub(super) fn of(path: &Path, asked: &ViewOfRun, form: PictureForm) -> Result<Pictures, Failure> {
     refuse_ignored(asked)?;
     if asked.slice.is_some() {
@@ -79,7 +79,7 @@ fn refuse_ignored(asked: &ViewOfRun) -> Result<(), Failure> {
         ("--range", !asked.ranges.is_empty(), &[Frames, Retrieved, Sinograms]),
     ];
     for (option, given, takers) in options {
-        // Maps that are named are drawn beside what is shown.
+        // Named maps are drawn beside the chosen pictures.
         let drawn = |show: &Show| {
             asked.show.contains(show) || (matches!(show, Retrieved) && !asked.maps.is_empty())
         };
@@ -111,7 +111,7 @@ fn refuse_unknown(run: &Subject, ranges: &[ValueRange]) -> Result<(), Failure> {
     }
 }
 
-/// What a message calls it.
+/// Its name in a message.
 fn kind(run: &Subject) -> &'static str {
     if run.run().is_some() { "the run" } else { "the retrieval" }
 }
@@ -164,7 +164,7 @@ impl<'a> Chosen<'a> {
         Ok(Self { run, ranges: &asked.ranges, grid, view, step, row, pixel })
     }
 
-    /// The scale that was asked for, or else the picture's own.
+    /// The scale of the options, or else the picture's own.
     fn scale<'v>(
         &self,
         name: &str,

@@ -5,7 +5,7 @@ use std::io::{Error, ErrorKind, Read, Result, Seek, SeekFrom};
 
 /// Magic, version, and the length of the header in version 1 or, with two bytes more, 2 and 3.
 const BEFORE: usize = 10;
-/// Most bytes of a header: as many as version 1 can say.
+/// Most bytes of a header: the limit of version 1.
 const MOST: u32 = 65_535;
 /// Deepest brackets: one pair for the dict, one for the shape, and one of structured types.
 /// The time of the parser doubles with every one.
@@ -14,7 +14,7 @@ const DEPTH: usize = 4;
 /// Reads a header; `file` is left at the first value.
 ///
 /// # Errors
-/// What the file is not, in words, or why it cannot be read.
+/// Why the file is not NPY, in words, or why it cannot be read.
 pub(crate) fn read<R: Read + Seek>(file: &mut R) -> Result<NpyHeader> {
     let refused = |problem: String| Error::new(ErrorKind::InvalidData, problem);
     let mut bytes = vec![0; BEFORE];
@@ -87,7 +87,7 @@ fn deepest(plain: &[u8]) -> usize {
     deepest
 }
 
-/// The product of all numbers, which are those of the shape; 0 counts as 1.
+/// The product of all numbers of the shape; 0 counts as 1.
 fn product(plain: &[u8]) -> Option<u64> {
     let text = String::from_utf8_lossy(plain);
     let mut numbers = text.split(|c: char| !c.is_ascii_digit()).filter(|number| !number.is_empty());

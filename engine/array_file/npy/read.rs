@@ -53,7 +53,7 @@ impl NpyFile {
         let unread = |error| Error::file(path, "cannot be read", Some(error));
         let mut file = BufReader::new(input_file::open(path).map_err(unread)?);
         let header = header::read(&mut file).map_err(|error| {
-            // A parser's message may hold the whole of what it did not understand.
+            // A parser's message may contain all of the text that it did not understand.
             let error: String = error.to_string().chars().take(120).collect();
             Error::file(path, format!("has no header of an NPY array: {error}"), None)
         })?;

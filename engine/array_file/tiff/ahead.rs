@@ -42,7 +42,7 @@ const LONG: u16 = 4;
 const RATIONAL: u16 = 5;
 const LONG8: u16 = 16;
 
-/// Entries of a directory without a description, which is that of the first page.
+/// Entries of a directory without a description, which only the first page has.
 const ENTRIES: u64 = 15;
 
 impl TiffHeader {
@@ -80,12 +80,12 @@ impl TiffHeader {
         if self.big { 8 } else { 4 }
     }
 
-    /// Bytes of a directory with so many entries: their number, they, and the offset of the next.
+    /// Bytes of a directory: the number of its entries, the entries, and the offset of the next.
     const fn directory_bytes(&self, entries: u64) -> u64 {
         if self.big { 8 + 20 * entries + 8 } else { 2 + 12 * entries + 4 }
     }
 
-    /// Bytes of the lists of strips of a page, which stand in its directory where there is one.
+    /// Bytes of the lists of strips of a page, which are inside its directory for a single strip.
     fn list_bytes(&self) -> u64 {
         if self.strips() > 1 { 2 * self.word() * self.strips() } else { 0 }
     }
@@ -174,12 +174,12 @@ impl TiffHeader {
         entry(339, SHORT, 1, format); // SampleFormat
     }
 
-    /// Tag, type, number of values, and the value or where it stands.
+    /// Tag, type, number of values, and the value or its offset.
     fn entry(&self, out: &mut Vec<u8>, tag: u16, kind: u16, count: u64, value: u64) {
         out.extend(tag.to_le_bytes());
         out.extend(kind.to_le_bytes());
         self.offset(out, count);
-        // A fraction stands in the entry itself where there is room for it.
+        // A fraction is inside the entry if there is room for it.
         match (kind, self.big) {
             (RATIONAL, true) => {
                 let [over, under] = self.resolution[usize::from(tag == 283)];
@@ -241,7 +241,7 @@ fn description(steps: u32, views: u32, spacing: Option<f64>) -> String {
 /// Pixels per micrometre of pixels this long (m), as a fraction.
 fn per_micrometre(pitch: f64) -> [u32; 2] {
     let micrometres = pitch * 1e6;
-    // As many digits as there is room for.
+    // The largest number of digits that fits.
     let mut over = 1_000_000_u32;
     while over > 1 && micrometres * f64::from(over) > f64::from(u32::MAX) {
         over /= 10;

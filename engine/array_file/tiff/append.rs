@@ -93,7 +93,7 @@ impl<K: TiffKind + Send + 'static> Append for TiffWriter<K> {
 
     fn finish(self: Box<Self>) -> Result<()> {
         let Self { path, encoder, out, .. } = *self;
-        // What the encoder writes as it goes.
+        // Output of the encoder.
         drop(encoder);
         let mut file = out.lock();
         let synced = file.flush().and_then(|()| file.get_ref().sync_all());

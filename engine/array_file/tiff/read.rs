@@ -167,7 +167,7 @@ fn is_reduced(pages: &mut Pages) -> TiffResult<bool> {
     Ok(kind.is_some_and(|kind| kind & 1 != 0) || old_kind == Some(2))
 }
 
-/// Rows and columns of the page in turn; refuses what is not one number per pixel.
+/// Rows and columns of the page in turn; refuses pages without one number per pixel.
 fn frame_of(path: &Path, pages: &mut Pages) -> Result<[usize; 2]> {
     match pages.colortype().map_err(|error| failed(path, error))? {
         ColorType::Gray(8 | 16 | 32 | 64) => {}

@@ -1,5 +1,5 @@
-//! Samples of a TIFF page as they are stored. The decoder inverts those of pages whose white is
-//! zero, floats with a loss; so it reads the tag that says so as black is zero.
+//! Samples of a TIFF page as they are stored. The decoder inverts pages whose white is zero, floats with
+//! a loss; so it reads that tag as black is zero.
 
 use std::io::{Read, Result, Seek, SeekFrom};
 use tiff::TiffResult;

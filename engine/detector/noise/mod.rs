@@ -58,7 +58,7 @@ impl std::ops::Add for Clipped {
 }
 
 impl Noise {
-    /// The noise of a scene; `None` where it asks for none. `excess`: the excess noise factor of
+    /// The noise of a scene; `None` without any. `excess`: the excess noise factor of
     /// [`excess_noise`](super::excess_noise), at least 1.
     #[must_use]
     pub fn of(scene: &Scene, excess: f64) -> Option<Self> {
@@ -163,7 +163,7 @@ impl Noise {
         let counts = &self.counts;
         let photons = poisson(counts.photons * intensity, &mut draws);
         let signal = if self.spread > 0.0 {
-            // The sum of as many gamma numbers of mean 1 and variance `spread`.
+            // The sum of that number of gamma numbers of mean 1 and variance `spread`.
             self.spread * gamma(photons / self.spread, &mut draws)
         } else {
             photons

@@ -98,7 +98,7 @@ fn frustum_crossings(it: Frustum, origin: DVec3, direction: DVec3) -> ArrayVec<(
     [(enter, entry), (leave, exit)].into_iter().collect()
 }
 
-/// The chord of the cylinder around a tube without that of its bore.
+/// The chord of the outer cylinder of a tube without the chord of its bore.
 fn tube_crossings(it: Tube, origin: DVec3, direction: DVec3) -> ArrayVec<(f64, DVec3), 4> {
     let within = |radius: f64| {
         let frustum = Frustum { radius, half_height: it.half_height, widening: 0.0 };
@@ -148,8 +148,8 @@ fn torus_crossings(
         return found;
     }
     let reach = 1.001 * reach.sqrt();
-    // Squared distance from the circle less that of the surface: (S² - 4 R² ρ²) over a positive
-    // factor, whose slope is 4 (x³ + p x + c).
+    // Squared distance from the circle minus that of the surface: (S² - 4 R² ρ²) over a positive factor,
+    // with the derivative 4 (x³ + p x + c).
     let residual = |x: f64| {
         let point = o + x * d;
         let off = across(point) - radius;

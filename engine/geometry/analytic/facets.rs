@@ -9,7 +9,7 @@ use crate::numbers;
 
 /// Facets around at least.
 const LEAST: u32 = 8;
-/// Facets around at most: a ball of so many has 2 million triangles.
+/// Most facets around: a ball of 2048 has 2 million triangles.
 const MOST: u32 = 2048;
 
 impl AnalyticShape {
@@ -30,7 +30,7 @@ impl AnalyticShape {
                 shapes::ball(sides(2.0 * PI / step), axes)
             }
             Form::Torus(radius, tube) => {
-                // Both angles add to what a facet is off.
+                // Both angles contribute to the distance of a facet.
                 let ring = around(radius + tube, error / 4.0);
                 shapes::ring_of_tubes(radius, tube, [ring, around(tube, error / 4.0)])
             }

@@ -1,6 +1,5 @@
-//! Shapes with curved surfaces, in f64: sizes, what is inside, how far it is to them, where lines
-//! cross them (`crossings`), and facets that stand for them (`facets`). Each stands centred in a
-//! frame of its own, along z.
+//! Shapes with curved surfaces, in f64: sizes, containment, distances, crossings with lines
+//! (`crossings`), and facets in their place (`facets`). Each is centred in a frame of its own, along z.
 
 #[cfg(test)]
 mod crossings;
@@ -25,7 +24,7 @@ pub(crate) enum AnalyticShape {
     Sphere { radius: f64 },
     /// Half its extent along x, y, z.
     Ellipsoid { semi_axes: DVec3 },
-    /// Around z. `radius` is that of the circle in the middle of the tube.
+    /// Around z. `radius`: of the circle in the middle of the tube.
     Torus { radius: f64, tube_radius: f64 },
     /// A cylinder with a coaxial bore through it, from -`half_height` to `half_height`.
     Tube(Tube),
@@ -55,7 +54,7 @@ impl AnalyticShape {
         }
     }
 
-    /// What the six kinds have in common with fewer.
+    /// The simpler form shared by the six kinds.
     pub(crate) fn form(self) -> Form {
         match self {
             Self::Cylinder { radius, half_height } => {

@@ -21,7 +21,7 @@ pub(in crate::geometry) const ENOUGH: usize = 100_000;
 /// Pairs of one leaf after which it is left alone.
 const ENOUGH_OF_ONE: usize = 1000;
 
-/// A pair of triangles, in their order, and how they meet.
+/// A pair of triangles, in their order, and their intersection.
 type MeetingPair = (u32, u32, TriangleContact);
 
 /// Pairs that pass through, or lie on, each other deeper than `resolved`: the defect, and the
@@ -75,7 +75,7 @@ pub(super) fn find(
     Ok((found, pairs))
 }
 
-/// Pairs of triangles of leaves that stand together and others, in their order.
+/// Pairs of triangles of adjacent leaves and others, in their order.
 fn partners(surface: &Surface, tree: &Tree, leaves: &[u32], resolved: f64) -> Vec<MeetingPair> {
     let mut met = Vec::new();
     let margin = 2.0 * resolved;
@@ -126,7 +126,7 @@ mod tests {
     #[test]
     fn pairs_of_a_fan_are_those_that_all_pairs_give() {
         for (mixed, tilt) in [(0, 0.0), (0, 0.5), (3, 0.5), (20, 0.0), (40, 1.1)] {
-            // A second sheet stands across the fan and has no vertex in common with it.
+            // A second sheet crosses the fan without a common vertex.
             let mut surface = fan(300, mixed, tilt);
             let first = u32::try_from(surface.vertices.len()).unwrap();
             let corners = [[0.2, 0.1, -1.0], [0.3, 0.4, -1.0], [0.25, 0.2, 1.0]];

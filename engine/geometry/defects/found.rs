@@ -16,7 +16,7 @@ pub struct Defects {
     pub non_manifold_edges: DefectCount,
     /// Edges between two triangles that wind opposite ways.
     pub flipped_edges: DefectCount,
-    /// Vertices where triangles meet that share no edge around it.
+    /// Vertices shared by triangles that are not connected around it by edges.
     pub non_manifold_vertices: DefectCount,
     /// Pairs of triangles that pass through or lie on each other by more than f32 resolves.
     /// Counted to 100 000, from there on at least that many.

@@ -1,9 +1,8 @@
-//! What is wrong with the surface of one object: counts, and the first places of each kind.
+//! Defects of the surface of one object: counts, and the first places of each kind.
 //!
-//! Open, non-manifold and wrongly wound edges (`edges`), vertices where fans of triangles meet
-//! in a point (`vertices`), triangles without area or given twice (`triangles`), and
-//! triangles that pass through each other (`crossings`, `overlap`). `found` holds the defects,
-//! `words` describes them.
+//! Open, non-manifold and wrongly wound edges (`edges`), vertices shared by separate fans (`vertices`),
+//! triangles without area or given twice (`triangles`), and triangles that pass through each other
+//! (`crossings`, `overlap`). `found` holds the defects, `words` describes them.
 
 mod crossings;
 mod edges;

@@ -8,7 +8,7 @@ use glam::{DVec2, DVec3};
 use super::triangles::width;
 use crate::geometry::surface::Surface;
 
-/// How two triangles meet.
+/// Intersection of two triangles.
 #[derive(Debug, Clone, Copy)]
 pub(super) enum TriangleContact {
     /// They pass through each other, or lie on each other.
@@ -79,7 +79,7 @@ impl TriangleSide {
         Self { number, vertices, corners, normal: normal.normalize_or_zero(), heights }
     }
 
-    /// Where the line in which the planes meet passes through the triangle.
+    /// Interval in which the intersection of both planes passes through the triangle.
     fn interval(&self, along: DVec3) -> [f64; 2] {
         let mut span = [f64::INFINITY, f64::NEG_INFINITY];
         let mut take = |point: DVec3| {
@@ -137,7 +137,7 @@ fn off_plane(heights: [f64; 3]) -> Option<usize> {
     (heights[a].abs() <= 0.0 && heights[b].abs() <= 0.0).then_some(off)
 }
 
-/// How two triangles meet beyond the corners that they share, if they do. Either may be the first.
+/// Intersection of two triangles beyond their common corners, if any. Either may come first.
 ///
 /// Most pairs that are looked at are neighbours, and most of the rest pass each other: these are
 /// decided by the heights alone.
@@ -198,8 +198,8 @@ pub(super) fn contact(one: &Facet, other: &Facet, resolved: f64) -> Option<Trian
     })
 }
 
-/// The point at `t` of the line in which the planes meet: it passes through a corner of `side`
-/// or through one of its edges.
+/// The point at `t` of the intersection of both planes: it passes through a corner of `side` or one of
+/// its edges.
 fn on_line(side: &TriangleSide, along: DVec3, t: f64) -> DVec3 {
     let point = (0..3).find_map(|k| {
         let (p, q) = (side.corners[k], side.corners[(k + 1) % 3]);

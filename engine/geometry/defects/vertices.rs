@@ -1,4 +1,4 @@
-//! Vertices in which surfaces meet in a point.
+//! Vertices shared by separate surfaces.
 
 use super::found::DefectCount;
 use crate::geometry::surface::Surface;
@@ -6,7 +6,7 @@ use crate::geometry::topology::{Edge, join};
 
 /// Vertices whose triangles are not all connected through edges at that vertex.
 pub(super) fn pinched(surface: &Surface, edges: &[Edge]) -> DefectCount {
-    // Corners of triangles, three each; those of one vertex are joined across each edge.
+    // Corners of triangles, three each; corners of one vertex are joined across each edge.
     let mut parent: Vec<u32> = (0..).take(3 * surface.triangles.len()).collect();
     let corner = |triangle: u32, vertex: u32| {
         let place = surface.triangles[triangle as usize].iter().position(|it| *it == vertex);

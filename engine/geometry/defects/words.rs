@@ -19,12 +19,12 @@ impl Defects {
         ]
     }
 
-    /// What is wrong where the mesh is refused, and what to do.
+    /// Why the mesh is refused, and the remedy.
     pub(in crate::geometry) fn problem(&self) -> String {
         self.description() + "; mend the mesh, or accept it with allow_defects = true"
     }
 
-    /// What is wrong where the mesh is refused.
+    /// Why the mesh is refused.
     pub(in crate::geometry) fn description(&self) -> String {
         let edges = listed(&[
             (&self.open_edges, "edge", "used by one triangle only (a hole or a gap)"),

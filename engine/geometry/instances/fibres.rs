@@ -1,5 +1,5 @@
-//! Fibres of random direction: cylinders, each at the first random place where it lies wholly inside
-//! the region and meets no other.
+//! Fibres of random direction: cylinders, each at the first random place wholly inside the region without
+//! overlap.
 
 use std::f64::consts::TAU;
 
@@ -27,7 +27,7 @@ const NONE: u32 = u32::MAX;
 
 const FIBRE: u8 = 4;
 
-/// A fibre: the segment from `centre` - `arm` to `centre` + `arm`, and what is within a radius of it.
+/// A fibre: all points within a radius of the segment from `centre` - `arm` to `centre` + `arm`.
 #[derive(Debug, Clone, Copy)]
 struct Fibre {
     centre: DVec3,

@@ -25,8 +25,8 @@ use super::watch::Task;
 use crate::scene::{Instances, Object, Scene};
 use crate::{Error, Result};
 
-/// Where one instance of an object stands, in the frame of the object before its own placement.
-/// The order is scale, rotate, position.
+/// Place of one instance of an object, in the frame of the object before its own placement. The order is
+/// scale, rotate, position.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct InstanceTransform {
     /// Scale along x and y of the prototype. > 0.
@@ -50,8 +50,8 @@ impl InstanceTransform {
     }
 }
 
-/// The instances of an object of the scene, in a fixed order: those of its file, or of its packing.
-/// An object without instances has one, at its origin.
+/// The instances of an object of the scene, in a fixed order: from its file, or its packing. An object
+/// without instances has one, at its origin.
 ///
 /// # Errors
 /// [`Error::Scene`] with file, line and column where a file of positions has wrong columns, units or

@@ -27,7 +27,7 @@ const LEAST_GAP: f64 = 1e-9;
 const FILL_ERROR: f64 = 0.01;
 /// Numbers of bodies up to this one are few.
 const FEW: f64 = 500.0;
-/// Most bodies in a box: those of the region, and those of its corners and of the wall.
+/// Most bodies in a box: in the region, its corners and the wall.
 const MOST_IN_BOX: f64 = 2.5 * limits::INSTANCES as f64;
 
 /// Share of the remaining progress that an attempt fills. About one packing in fifty needs a second
@@ -36,7 +36,7 @@ const ATTEMPT: f64 = 0.98;
 
 const SIZE: u8 = 0;
 
-/// What is packed, in m.
+/// The packed bodies, in m.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Prototype {
     /// Nominal radius, which gives the volume.
@@ -226,7 +226,7 @@ impl Target {
         if self.is_count { count as f64 / self.count } else { volume / self.volume }
     }
 
-    /// The error of a region that holds a share of what it should.
+    /// The error of a region that holds only a share of the target.
     pub(super) fn unreached(&self, key: &str, spec: &Packing, share: f64) -> Error {
         let (found, reached) = match spec.amount {
             PackingAmount::Fill(fill) => (format!("{fill}"), format!("fill {:.3}", fill * share)),
@@ -338,8 +338,8 @@ impl<const D: usize> Filling<'_, D> {
         if target.count > FEW { 2.0 + 2.0 * f64::from(attempt) } else { few }
     }
 
-    /// Sizes of the bodies in a box, of which the region is expected to keep the target and a little
-    /// more: what its number varies by, and again for each further attempt.
+    /// Sizes of the bodies in a box, of which the region is expected to keep the target and a margin: the
+    /// scatter of the number, and again for each further attempt.
     fn sizes(&self, target: &Target, sides: &[f64; D], attempt: u32) -> Result<Vec<f64>> {
         let largest = self.region.volume(self.body.margin(self.body.largest()));
         let space: f64 = sides.iter().product();
@@ -373,8 +373,8 @@ impl<const D: usize> Filling<'_, D> {
         Ok(sizes)
     }
 
-    /// About the standard deviation of the number kept: that of hard bodies in bulk, whose
-    /// compressibility scaled-particle theory gives, and of those at the wall.
+    /// Approximate standard deviation of the number kept: of hard bodies in bulk, with the
+    /// compressibility of scaled-particle theory, and of bodies at the wall.
     fn deviation(&self, count: f64) -> f64 {
         let d = D as f64;
         let fill =

@@ -17,7 +17,7 @@ const ADDED_FILL: [f64; 2] = [0.40, 0.20];
 /// Rounds of addition. The few bodies that find no free place overlap others, until they push each other
 /// apart.
 const ROUNDS: u32 = 9;
-/// A body tries one place in the first round, and twice as many in each further one up to this one.
+/// A body tries one place in the first round, and twice the number in each further one up to this one.
 const MOST_DOUBLED: u32 = 5;
 /// Share of the work that addition is where bodies are added smaller: measured with a million spheres.
 const ADDITION_SHARE: f64 = 0.27;
@@ -38,7 +38,7 @@ pub(super) enum Packed<const D: usize> {
     Whole(Vec<[f64; D]>),
     /// The bodies overlap.
     Jammed {
-        /// Volume of bodies so small that they would not, as a share of that asked for.
+        /// Volume of bodies small enough not to overlap, as a share of the target.
         share: f64,
     },
 }

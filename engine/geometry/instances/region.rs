@@ -36,10 +36,10 @@ impl Region {
         Self { balls }
     }
 
-    /// The cross-section across z in which upright fibres of this height stand wholly inside, centred
-    /// at z = 0; `None` where they do not fit.
+    /// The cross-section across z that holds upright fibres of this height, centred at z = 0; `None` if
+    /// they do not fit.
     pub(super) fn cross_section(region: &PackingRegion, height: f64) -> Option<Self> {
-        // A height equal to that of the region may be the next number above it.
+        // A height equal to the region's may be the next larger number.
         let fits = |most: f64| height <= most * (1.0 + 1e-9);
         let balls = match *region {
             PackingRegion::Box { size: [x, y, z] } => {

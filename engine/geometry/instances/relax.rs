@@ -46,7 +46,7 @@ pub(super) struct Relaxation<'a, const D: usize> {
     pub(super) share: Share<'a>,
 }
 
-/// What a pass makes.
+/// Result of a pass.
 struct Pushed<const D: usize> {
     bodies: Vec<Body<D>>,
     /// The least distance of two before it, as a share of contact.
@@ -105,7 +105,7 @@ impl<const D: usize> Relaxation<'_, D> {
                         continue;
                     }
                     let distance = square.sqrt();
-                    // Exactly, as who asks for no overlap does.
+                    // Exactly, as in the check for overlaps.
                     let share = if square >= contact * contact { 1.0 } else { distance / contact };
                     nearest = nearest.min(share);
                     // The lighter one gives way.
@@ -130,10 +130,10 @@ impl<const D: usize> Relaxation<'_, D> {
         Pushed { bodies: pushed.into_iter().map(|(body, _)| body).collect(), nearest, overlapping }
     }
 
-    /// Centres, in the order of the radii, after sweeps of Monte Carlo moves. Each sweep moves the box
-    /// by a random vector against its cells, then offers each body one move within its cell. Cells of
-    /// one colour (the parities of their coordinates) are a cell apart, so that their bodies cannot
-    /// meet: they move at the same time, and threads change no bit.
+    /// Centres, in the order of the radii, after sweeps of Monte Carlo moves. Each sweep moves the box by
+    /// a random vector against its cells, then offers each body one move within its cell. Cells of one
+    /// colour (the parities of their coordinates) are a cell apart, so that their bodies cannot touch:
+    /// they move at the same time, and threads change no bit.
     fn stir(&self, mut bodies: Vec<Body<D>>) -> Result<Vec<[f64; D]>> {
         let mut step = STEP;
         for sweep in 0..SWEEPS {
@@ -221,7 +221,7 @@ impl<const D: usize> Relaxation<'_, D> {
         changes
     }
 
-    /// Whether a body overlaps no other: those of its `own` cell stand where they moved to.
+    /// Whether a body overlaps no other; bodies of its `own` cell have their new positions.
     fn is_free(
         &self,
         body: &Body<D>,

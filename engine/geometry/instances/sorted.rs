@@ -7,7 +7,7 @@ use rayon::prelude::*;
 
 use crate::{Result, numbers, reserve};
 
-/// What the memory is for.
+/// Purpose of the memory.
 pub(super) const PURPOSE: &str = "packing instances";
 
 /// A disc (D = 2) or sphere (D = 3).
@@ -27,7 +27,7 @@ pub(super) struct Cells<const D: usize> {
 }
 
 impl<const D: usize> Cells<D> {
-    /// Even numbers of cells, 4 or more along each side; about as many as there are `bodies`.
+    /// Even numbers of cells, 4 or more along each side; about one per body.
     pub(super) fn new(sides: [f64; D], diameter: f64, bodies: usize) -> Self {
         let volume: f64 = sides.iter().product();
         let roomy = libm::pow(volume / (2 * bodies.max(1)) as f64, 1.0 / D as f64);

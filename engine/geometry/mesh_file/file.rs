@@ -9,7 +9,7 @@ pub(in crate::geometry) struct MeshFile {
     /// Not yet welded.
     pub(super) surface: Surface,
     pub(super) names: Names,
-    /// The length of 1.0 in it, m, where the file tells it.
+    /// The length of 1.0 in it, m, if the file states it.
     pub(in crate::geometry) unit: Option<f64>,
 }
 
@@ -19,7 +19,7 @@ impl MeshFile {
         Self { surface, ..Self::default() }
     }
 
-    /// The triangles of an object, group or material, or all; and what is odd about that.
+    /// The triangles of an object, group or material, or all; and warnings about them.
     ///
     /// # Errors
     /// No triangle goes by that name.

@@ -15,7 +15,7 @@ use crate::scene::MeshFormat;
 
 pub(super) use file::MeshFile;
 
-/// What the bytes of a mesh file hold, by the ending of its name.
+/// Contents of a mesh file, by the ending of its name.
 pub(super) fn parse(path: &Path, bytes: &[u8], task: Task<'_>) -> Result<MeshFile, Defect> {
     match MeshFormat::of(path) {
         Some(MeshFormat::Obj) => obj::parse(bytes, task),
@@ -29,18 +29,18 @@ pub(super) fn parse(path: &Path, bytes: &[u8], task: Task<'_>) -> Result<MeshFil
     }
 }
 
-/// Triangles that a file tells in its first bytes; `None` where it does not, or cannot be read.
+/// Number of triangles stated in the first bytes of a file; `None` if it has none, or cannot be read.
 pub(super) fn triangles_in(path: &Path) -> Option<u64> {
     match MeshFormat::of(path)? {
         MeshFormat::Ply => ply::faces_in(path),
         MeshFormat::ThreeMf => None,
-        // Whatever its name: the length tells.
+        // Whatever its name: the length decides.
         MeshFormat::Obj | MeshFormat::Stl => stl::triangles_in(path),
     }
 }
 
-/// Peak bytes per byte of a file without such a number, while it is read: lines of OBJ files are
-/// short, and their faces are held three times. What a 3MF file unpacks to, its reader asks for.
+/// Peak bytes per byte of a file without such a number, while it is read: lines of OBJ files are short,
+/// and their faces are held three times. The reader of 3MF files requests its own memory.
 pub(super) fn peak_per_byte(path: &Path) -> u64 {
     match MeshFormat::of(path) {
         Some(MeshFormat::Obj) => 16,
@@ -50,7 +50,7 @@ pub(super) fn peak_per_byte(path: &Path) -> u64 {
     }
 }
 
-/// Whether a file tells how long it is, and may be longer than texts are.
+/// Whether a file states its length, and may be longer than text.
 pub(super) fn tells_its_length(path: &Path) -> bool {
     match MeshFormat::of(path) {
         Some(MeshFormat::Ply) => ply::is_binary(path),

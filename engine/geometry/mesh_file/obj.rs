@@ -17,13 +17,13 @@ use std::fmt::Write as _;
 use std::ops::Range;
 use std::path::Path;
 
-/// Most corners of a face: what it takes to cut one grows faster than its line.
+/// Most corners of a face: the time to cut one grows faster than its line.
 const CORNERS: usize = 1_000_000;
 /// Corners of a face whose cutting is worth a task of its own.
 const LARGE: usize = 1000;
 /// Lines, or faces, between two reports of how far reading is.
 const REPORT: usize = 1 << 14;
-/// What the first look takes of the time to read a file; then `tobj`, then the cutting of faces.
+/// Share of the first look in the time to read a file; then `tobj`, then the cutting of faces.
 const FIRST_LOOK: f64 = 0.4;
 const PARSED: f64 = 0.7;
 
@@ -62,7 +62,7 @@ pub(super) fn parse(bytes: &[u8], task: Task<'_>) -> Result<MeshFile, Defect> {
     Ok(MeshFile { surface, names, unit: None })
 }
 
-/// Where the indices of each face stand.
+/// Index ranges of the faces.
 fn faces_of(mesh: &tobj::Mesh) -> impl Iterator<Item = Range<usize>> {
     let mut start = 0;
     // Without arities every face is a triangle.
@@ -86,7 +86,7 @@ fn cut_large(mesh: &tobj::Mesh) -> HashMap<usize, Result<Vec<[usize; 3]>, String
     large.par_iter().map(|face| (face.start, cut(face))).collect()
 }
 
-/// What a first look leaves of a file.
+/// Result of the first look at a file.
 #[derive(Default)]
 struct Vetted {
     /// Positions and faces with position indices alone.
@@ -95,7 +95,7 @@ struct Vetted {
     names: Names,
 }
 
-/// Where a face stands, and the number of its label.
+/// Position of a face, and the number of its label.
 #[derive(Default)]
 struct Face {
     line: usize,

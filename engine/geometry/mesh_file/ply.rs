@@ -90,7 +90,7 @@ fn surface(vertices: &[Vertex], faces: &[Face], progress: impl Fn(f64)) -> Resul
     Ok(surface)
 }
 
-/// Holds a header to what is needed, and its counts to the bytes that follow it.
+/// Checks that a header has the needed elements, and that its counts fit the bytes that follow.
 fn vet(header: &Header, mut left: u64) -> Result<(), Defect> {
     let has = |element: &str, property: &str| {
         let element = header.elements.get(element);
@@ -151,7 +151,7 @@ fn least_bytes(encoding: &Encoding, kind: &PropertyType) -> u64 {
 /// The error of the library, whose further lines repeat the input.
 fn failed(error: ParseError) -> Defect {
     let text = error.to_string();
-    // The line is told as the place.
+    // The line is reported as the place.
     let text = match text.split_once(": ") {
         Some((line, rest)) if line.starts_with("Line ") => rest,
         _ => &text,

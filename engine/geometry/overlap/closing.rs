@@ -7,8 +7,8 @@ use glam::DVec3;
 use super::super::surface::Surface;
 use crate::numbers;
 
-/// The surface with its holes closed, and their number. A hole of three edges gets its triangle, a
-/// larger one a fan about the mean of its corners. What is closed stays as it is.
+/// The surface with its holes closed, and their number. A hole of three edges gets its triangle, a larger
+/// one a fan about the mean of its corners. Closed parts do not change.
 pub(super) fn closed(surface: &Surface) -> (Surface, usize) {
     let mut missing = missing_edges(surface);
     let mut whole = Surface::new(surface.vertices.clone(), surface.triangles.clone());
@@ -17,7 +17,7 @@ pub(super) fn closed(surface: &Surface) -> (Surface, usize) {
     while let Some(start) = missing.keys().next().copied() {
         way.clear();
         way.push(start);
-        // As many edges lead to each vertex as from it: the way comes back.
+        // Each vertex has equal numbers of incoming and outgoing edges, so the walk returns.
         while let Some(next) = way.last().and_then(|last| take(&mut missing, *last)) {
             match way.iter().position(|it| *it == next) {
                 Some(from) => {

@@ -8,16 +8,16 @@ use serde::Serialize;
 pub struct Contact {
     /// Indices of the objects; the later one wins.
     pub objects: [u32; 2],
-    /// How they meet.
+    /// Kind of the contact.
     pub kind: ContactKind,
     /// A place of it, m: the deepest of an overlap, the narrowest of a gap.
     pub place: [f64; 3],
-    /// How many pairs of instances meet so; 1 where neither object has any. The two objects are one
-    /// where these are instances of it.
+    /// Number of pairs of instances with this contact; 1 if neither object has instances. Both objects
+    /// are the same for instances of one object.
     pub pairs: u64,
 }
 
-/// How two objects meet.
+/// Kind of a contact of two objects.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 #[serde(rename_all = "snake_case")]
 #[non_exhaustive]
@@ -34,7 +34,7 @@ pub enum ContactKind {
         /// Where they lie on each other, m2; 0 for a line or a point.
         area: f64,
     },
-    /// They do not meet, but come within a micrometre or the height of the arc over a facet.
+    /// They do not touch, but come within a micrometre or the height of the arc over a facet.
     Gap {
         /// Where it is narrowest, m.
         width: f64,
@@ -42,7 +42,7 @@ pub enum ContactKind {
 }
 
 impl Contact {
-    /// Contacts in the order of their objects, those of one kind between two objects as one.
+    /// Contacts in the order of their objects; contacts of one kind between two objects are joined.
     pub(in crate::geometry) fn joined(all: impl Iterator<Item = Self>) -> Vec<Self> {
         let mut all: Vec<Self> = all.collect();
         all.sort_by_key(|it| (it.objects, it.kind.rank()));

@@ -17,7 +17,7 @@ use super::{Contact, ContactKind, Operands, overlap_area};
 use crate::error::{Error, Result};
 use crate::{numbers, reserve};
 
-/// Gaps that are thinner are told, m.
+/// Width below which gaps are reported, m.
 pub(in crate::geometry) const THIN: f64 = 1e-6;
 /// Largest height of an arc over facets that counts, of the size of the body.
 const ARC: f64 = 0.01;
@@ -26,7 +26,7 @@ const PER_ARC: u64 = 100;
 /// Points on an overlap whose depth is measured, about.
 pub(in crate::geometry) const SOUNDINGS: usize = 4000;
 
-/// What the contacts are found with.
+/// Inputs of the search for contacts.
 #[derive(Clone, Copy)]
 pub(in crate::geometry) struct Assembly<'a> {
     pub(in crate::geometry) bodies: &'a [Body],
@@ -38,7 +38,7 @@ pub(in crate::geometry) struct Assembly<'a> {
 }
 
 impl Assembly<'_> {
-    /// Lists every pair of objects that meet or nearly do, in their order.
+    /// Lists every pair of objects that touch or nearly touch, in their order.
     ///
     /// # Errors
     /// As of cuts.
@@ -189,7 +189,7 @@ impl Assembly<'_> {
         all.into_iter().min_by(|a, b| a.0.total_cmp(&b.0)).filter(|it| it.0 <= limit)
     }
 
-    /// A gap between objects that do not stand in each other.
+    /// A gap between objects that do not contain each other.
     fn gap(self, objects: [usize; 2], limit: f64) -> Option<(ContactKind, DVec3)> {
         let [a, b] = objects;
         let stands_in = |inner: usize, outer: usize| {

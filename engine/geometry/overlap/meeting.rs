@@ -1,4 +1,4 @@
-//! Which parts of objects meet, and which lie in which.
+//! Parts of objects that intersect, and parts that contain others.
 
 use glam::DVec3;
 use rayon::prelude::*;
@@ -20,7 +20,7 @@ pub(in crate::geometry) type Around = Vec<Vec<Vec<u32>>>;
 /// Pairs of parts whose surfaces cross, touch or come within the tolerance of each other.
 #[derive(Debug, Default)]
 pub(in crate::geometry) struct Meetings {
-    /// Of each part: parts of other objects that it meets, in ascending order.
+    /// For each part: intersecting parts of other objects, in ascending order.
     of: Vec<Vec<u32>>,
 }
 
@@ -51,12 +51,12 @@ impl Meetings {
         Ok(Self { of })
     }
 
-    /// What a part meets.
+    /// Parts that intersect a part.
     pub(super) fn of(&self, part: usize) -> &[u32] {
         &self.of[part]
     }
 
-    /// Pairs of parts of two objects that meet.
+    /// Intersecting pairs of parts of two objects.
     pub(super) fn between(&self, parts: &Parts, [a, b]: [usize; 2]) -> Vec<[u32; 2]> {
         let of_first = parts.of[a].iter().copied().collect::<BTreeSet<u32>>();
         let with = |first: u32| {
@@ -66,8 +66,8 @@ impl Meetings {
         of_first.into_iter().flat_map(with).collect()
     }
 
-    /// What is around each component. What meets a part of an object is in none of that object's
-    /// parts.
+    /// The surroundings of each component. A body that intersects a part of an object is inside none of
+    /// its parts.
     pub(in crate::geometry) fn around(
         &self,
         bodies: &[Body],
@@ -124,8 +124,8 @@ fn container(body: &Body, search: &Search, of: &[u32], point: DVec3) -> Option<u
     parts.chunk_by(|a, b| a.0 == b.0).find(winding).map(|group| group[0].0)
 }
 
-/// Surfaces nearer than this count as touching: a nanometre or, far from the origin, what f32
-/// can tell apart on the device; less for samples of micrometres.
+/// Surfaces closer than this count as touching: a nanometre or, far from the origin, the resolution of
+/// f32 on the device; less for samples of micrometres.
 pub(in crate::geometry) fn tolerance(a: [DVec3; 2], b: [DVec3; 2]) -> f64 {
     let size = |[low, high]: [DVec3; 2]| (high - low).max_element();
     let reach = |[low, high]: [DVec3; 2]| low.abs().max(high.abs()).max_element();
@@ -133,7 +133,7 @@ pub(in crate::geometry) fn tolerance(a: [DVec3; 2], b: [DVec3; 2]) -> f64 {
     (1e-4 * size(a).min(size(b))).min(1e-9).max(resolved)
 }
 
-/// Pairs of parts, of the first object and the second, that meet.
+/// Intersecting pairs of parts, of the first object and the second.
 fn between(
     bodies: &[Body],
     [a, b]: [usize; 2],

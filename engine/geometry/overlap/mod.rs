@@ -1,9 +1,9 @@
 //! What objects cover of one another: where they overlap the one listed later wins.
 //!
-//! Every earlier object loses what later ones cover, by booleans of meshes in f64 (`solid`), so
-//! that all behind it sees bodies that are disjoint or nested: sums over their surfaces need no
-//! order. Only *parts* (`parts`: a closed outer surface with its voids) that meet are cut
-//! (`meeting`); those that lie apart or properly in one another stay as they are.
+//! Every earlier object loses the volumes that later ones cover, by booleans of meshes in f64 (`solid`).
+//! Later stages see bodies that are disjoint or nested: sums over their surfaces need no order. Only
+//! *parts* (`parts`: a closed outer surface with its voids) that intersect are cut (`meeting`); disjoint
+//! and properly nested parts do not change.
 
 mod closing;
 mod contact;
@@ -41,16 +41,16 @@ pub(super) struct Cuts {
     covered: Vec<Vec<u32>>,
     /// Of each object: the object around each of its components.
     pub(super) outside: Vec<Vec<Option<u32>>>,
-    /// Of each object: later ones that meet or cover a part of it.
+    /// For each object: later ones that intersect or cover a part of it.
     pub(super) cut_by: Vec<Vec<u32>>,
 }
 
 impl Cuts {
-    /// Decides from what meets what.
+    /// Decides by the intersections.
     ///
-    /// A part loses the later parts that meet it, and those around it that have a void in it, where
-    /// something of it is left. With them go later parts that stand in it
-    /// without contact but meet one of those: they would stand half in what is left of it.
+    /// A part loses the later parts that intersect it, and containing parts that have a void in it,
+    /// unless nothing would remain. Later parts inside it without contact that intersect one of these are
+    /// cut out too; they would lie half in the remainder.
     pub(super) fn of(bodies: &[Body], parts: &Parts, meetings: &Meetings, around: &Around) -> Self {
         let cutters: Vec<Vec<u32>> = (0..parts.all.len())
             .into_par_iter()
@@ -91,7 +91,7 @@ impl Cuts {
         cuts
     }
 
-    /// Cuts the bodies. Those that nothing meets stay as they are, bit by bit.
+    /// Cuts the bodies. Bodies without intersections keep every bit.
     ///
     /// # Errors
     /// Meshes that the boolean cannot take; [`Error::Memory`]; [`Error::Interrupted`].
@@ -162,7 +162,7 @@ impl Cuts {
         gone
     }
 
-    /// What is left of a part.
+    /// The remainder of a part.
     fn cut(
         &self,
         number: usize,
@@ -279,6 +279,6 @@ fn overlap_area(a: [DVec3; 3], b: [DVec3; 3], limit: f64) -> f64 {
         polygon.windows(2).map(|pair| (pair[0] - first).cross(pair[1] - first)).sum::<DVec3>();
     let area = 0.5 * twice.dot(up).abs();
     let length = polygon.iter().fold(0.0_f64, |most, it| most.max(it.distance(first)));
-    // Narrower than places are told apart: an edge, not an area.
+    // Narrower than the resolution of positions: an edge, not an area.
     if area > limit * length { area } else { 0.0 }
 }

@@ -14,7 +14,7 @@ pub(in crate::geometry) struct Part {
     /// Components of its object, in ascending order.
     pub(super) components: Vec<u32>,
     pub(super) bounds: [DVec3; 2],
-    /// What is wrong with the mesh of its object, where it is accepted with defects.
+    /// Defects of the mesh of its object, if it is accepted with defects.
     pub(super) defective: Option<String>,
 }
 
@@ -27,8 +27,7 @@ pub(in crate::geometry) struct Parts {
 }
 
 impl Parts {
-    /// The parts of all bodies; `defects`: what is wrong with the meshes of those that are
-    /// accepted with defects.
+    /// The parts of all bodies; `defects`: defects of the meshes that are accepted with defects.
     pub(in crate::geometry) fn of(bodies: &[Body], defects: &[Option<String>]) -> Self {
         let mut parts = Self::default();
         for (object, (body, defective)) in bodies.iter().zip(defects).enumerate() {

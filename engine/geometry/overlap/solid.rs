@@ -50,7 +50,7 @@ impl Solid {
             tri_verts: surface.triangles.as_flattened().to_vec(),
             ..Default::default()
         };
-        // What the library does not expect ends one object, and not the program.
+        // An input that the library does not expect ends one object, not the program.
         let taken = |take: fn(&MeshGLP<f64, u32>) -> Manifold| {
             catch_unwind(|| take(&mesh))
                 .unwrap_or_else(|_| Manifold::make_empty(types::Error::InvalidConstruction))
@@ -64,7 +64,7 @@ impl Solid {
         Self { mesh: taken(Manifold::from_mesh_glp_robust), holes, clean: false }
     }
 
-    /// What is left of it outside `other`; `failed` makes the error of what went wrong.
+    /// Its remainder outside `other`; `failed` makes the error of a failure.
     ///
     /// # Errors
     /// Of `failed`; [`Error::Memory`]; [`Error::Interrupted`].
@@ -77,7 +77,7 @@ impl Solid {
         self.combine(other, OpType::Subtract, task, failed)
     }
 
-    /// What it shares with `other`.
+    /// Its intersection with `other`.
     ///
     /// # Errors
     /// As [`Solid::less`].

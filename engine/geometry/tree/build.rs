@@ -24,8 +24,8 @@ pub(super) struct Builder<'a, B> {
 }
 
 impl<B: Fn(u32) -> [DVec3; 2] + Sync> Builder<'_, B> {
-    /// Builds the node that is the first of `nodes`, and what is below it. `start`: places of
-    /// the first node and the first member in the tree.
+    /// Builds the first node of `nodes` and its descendants. `start`: indices of the first node and the
+    /// first member in the tree.
     pub(super) fn build(
         &self,
         members: &mut [(Vec3, u32)],

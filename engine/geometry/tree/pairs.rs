@@ -12,7 +12,7 @@ const REACHED: usize = 64;
 struct Reached<'a> {
     /// Which of them, bit by bit.
     by: u8,
-    /// Whether it stands behind theirs, or is it.
+    /// Whether it comes after theirs, or is the same.
     later: bool,
     members: &'a [u32],
     boxes: ArrayVec<[DVec3; 2], LEAF>,
@@ -36,9 +36,9 @@ impl Tree {
     /// `margin` of them, until it returns false. Of all leaves every pair is visited; some of those
     /// with a vertex in common twice.
     ///
-    /// Two triangles with one vertex in common meet beyond it only where the opposite side of one
-    /// meets the other, so in leaves of long thin ones only those are looked for: the thousands
-    /// of a fan all meet in one vertex.
+    /// Two triangles with one common vertex intersect beyond it only if the opposite side of one hits the
+    /// other, so in leaves of long thin triangles only these sides are searched: thousands of triangles
+    /// of a fan share one vertex.
     ///
     /// `start`: what [`Tree::start`] gives for the leaf and its neighbours.
     pub(in super::super) fn pairs(
@@ -120,7 +120,7 @@ impl Tree {
                     queries.iter().rev().fold(0, |by, it| by << 1 | u8::from(it.reaches(other)));
                 let corners = |second: &u32| surface.corners(*second as usize).into_iter();
                 let boxes = members.iter().map(|second| bounds_of(corners(second))).collect();
-                // Leaves stand behind the nodes before them.
+                // Leaves come after the nodes before them.
                 reached.push(Reached { by, later: other.next >= node.next, members, boxes });
                 !reached.is_full() || searches.compare(&mut reached, &mut visit)
             },

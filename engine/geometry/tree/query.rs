@@ -27,8 +27,8 @@ impl ThickLine {
         Self { start, along: side(k), across: across * (corners[(k + 2) % 3] - start).dot(across) }
     }
 
-    /// Whether what it has within a slab lies outside a box. Planes of walls that stand around an axis
-    /// come together there, where the walls do not reach: a slab alone misses no line from there.
+    /// Whether its part within a slab lies outside a box. Planes of walls around an axis intersect there,
+    /// far from the walls: a slab alone excludes no line from there.
     fn misses(&self, slab: &Slab, [low, high]: [Vec3; 2], margin: f64) -> bool {
         let slab = slab.widened(margin);
         let [a, b] = slab.along(self.start, self.along);
@@ -47,7 +47,7 @@ impl ThickLine {
     }
 }
 
-/// A triangle, or another set of three points, that looks for what is near.
+/// A triangle, or another set of three points, that searches its neighbourhood.
 pub(in crate::geometry) struct Query {
     corners: [DVec3; 3],
     vertices: [u32; 3],
@@ -63,7 +63,7 @@ pub(in crate::geometry) struct Query {
     band: Option<Slab>,
     /// The same triangle, along its longest side.
     line: Option<ThickLine>,
-    /// A triangle, or those of a leaf, along the normal.
+    /// Extent along the normal, of a triangle or of a leaf.
     plate: Option<Slab>,
     /// Corners of a leaf: it is its box, not `corners`, that looks. Empty for a triangle.
     leaf: Vec<DVec3>,
@@ -120,7 +120,7 @@ impl Query {
         }
     }
 
-    /// Whether its box, with the margin, meets another.
+    /// Whether its box, with the margin, overlaps another.
     pub(super) fn meets_box(&self, [low, high]: [DVec3; 2]) -> bool {
         self.bounds[0].cmple(high).all() && low.cmple(self.bounds[1]).all()
     }

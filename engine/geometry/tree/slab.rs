@@ -36,7 +36,7 @@ impl Slab {
         Self { across: self.across, reach: [low - by, high + by] }
     }
 
-    /// Unit vector between those of two slabs, either way round.
+    /// Unit vector between the vectors of two slabs, either way round.
     pub(super) fn between(&self, other: &Self) -> DVec3 {
         let way = self.across.dot(other.across).signum();
         (self.across + other.across * way).normalize_or_zero()

@@ -1,8 +1,8 @@
 //! Parts of one mesh that touch or overlap: they are one solid.
 //!
-//! CAD programs and modellers write assemblies as one file whose parts lie on each other, share
-//! edges or stand in each other. Taken apart into closed shells (`shells`), such a surface is sound
-//! where no shell passes through itself; those that meet are united by booleans.
+//! CAD programs and modellers write assemblies as one file whose parts touch, share edges or contain each
+//! other. Such a surface is split into closed shells (`shells`); it is sound if no shell passes through
+//! itself, and intersecting shells are united by booleans.
 
 mod shells;
 
@@ -30,7 +30,7 @@ const MOST_OF_SHEET: usize = 5_000;
 /// A surface whose parts are united.
 pub(super) struct United {
     pub(super) surface: Surface,
-    /// Parts that met others.
+    /// Parts that touched others.
     pub(super) parts: usize,
     /// Of these, such as were inside out.
     pub(super) turned: usize,
@@ -74,10 +74,10 @@ impl Shell {
     }
 }
 
-/// The surface with parts that meet united; `crossing`: the pairs of its triangles that pass through
-/// or lie on each other; `resolved`: the length that f32 resolves, m; `world`: from the file to
-/// where it stands. `None` where that does not mend it: it is not made of closed shells, one of
-/// them passes through itself, or the boolean does not take them.
+/// The surface with touching parts united; `crossing`: the pairs of its triangles that intersect or lie
+/// on each other; `resolved`: the resolution of f32, m; `world`: from the file to its place. `None` if
+/// that does not help: it is not made of closed shells, one of them passes through itself, or the boolean
+/// refuses them.
 ///
 /// # Errors
 /// [`Error::Memory`]; [`Error::Interrupted`].
@@ -145,7 +145,7 @@ fn contacts(all: &[Shell], pairs: Vec<[u32; 2]>, edges: &[Edge], of: &[u32]) -> 
     contacts
 }
 
-/// Shells as one surface, those of a cluster that meet united; nothing where that cannot be.
+/// Shells as one surface, each cluster united; `None` if that fails.
 fn joined(all: &[Shell], clusters: &[Vec<u32>], task: Task<'_>) -> Result<Option<Surface>> {
     let covered = covered(all, clusters);
     task.begin(LoadStep::Cutting, clusters.len() as u64)?;
@@ -183,7 +183,7 @@ fn taken_apart(surface: &Surface, of: &[u32], count: u32) -> Vec<Shell> {
     topology::members((of, count)).par_iter().zip(&measured).map(shell).collect()
 }
 
-/// What tells whether points lie in shells.
+/// Containment of points in shells.
 struct Containment<'a> {
     all: &'a [Shell],
     tree: Tree,
@@ -213,7 +213,7 @@ impl<'a> Containment<'a> {
         sum > 0.5 * points.len() as f64
     }
 
-    /// Shells with material whose boxes are around that of a shell.
+    /// Shells with material whose boxes contain the box of a shell.
     fn around(&self, inner: &Shell) -> Vec<u32> {
         let mut around = Vec::new();
         self.tree.around(inner.bounds, |outer| {
@@ -253,7 +253,7 @@ fn points_within(shell: &Shell) -> Vec<DVec3> {
     largest.into_iter().take(POINTS).filter_map(chord).collect()
 }
 
-/// Where a line meets a triangle ahead of its start.
+/// Distance to the intersection of a line with a triangle ahead of its start.
 fn distance_along(start: DVec3, along: DVec3, [a, b, c]: [DVec3; 3]) -> Option<f64> {
     let normal = (b - a).cross(c - a);
     let slope = normal.dot(along);
@@ -291,8 +291,8 @@ fn find_heads(all: &mut [Shell]) {
     }
 }
 
-/// Shells that stand in two of a cluster at least, without contact: in material, and not in a void
-/// of what the cluster becomes.
+/// Shells inside at least two shells of a cluster, without contact: in material, and not in a void of the
+/// cluster.
 fn covered(all: &[Shell], clusters: &[Vec<u32>]) -> Vec<bool> {
     let mut cluster_of = vec![0_u32; all.len()];
     for (number, cluster) in (0..).zip(clusters) {
@@ -316,7 +316,7 @@ fn covered(all: &[Shell], clusters: &[Vec<u32>]) -> Vec<bool> {
     all.par_iter().map(is_covered).collect()
 }
 
-/// Turns the shells that meet others, are inside out and no voids; gives their number.
+/// Turns inside-out shells that touch others and are not voids; returns their number.
 fn turn_inside_out(all: &mut [Shell]) -> usize {
     let inside_out = |it: &&mut Shell| it.meets && it.volume < 0.0 && it.head.is_none();
     let turned = all.iter_mut().filter(inside_out).map(|shell| {
@@ -330,7 +330,7 @@ fn turn(surface: &mut Surface) {
     surface.triangles.iter_mut().for_each(|triangle| triangle.swap(1, 2));
 }
 
-/// Shells that belong together: those that meet, and voids with what they are in.
+/// Shells that belong together: touching ones, and voids with the shells around them.
 fn clusters(all: &[Shell], contacts: &[[u32; 2]]) -> Vec<Vec<u32>> {
     let mut parent: Vec<u32> = (0..numbers::count(all.len())).collect();
     let heads = (0..).zip(all).filter_map(|(number, shell)| Some([number, shell.head?]));

@@ -11,9 +11,9 @@ use crate::numbers;
 const ALIKE: f64 = 4.0;
 
 /// Shell of each triangle, and the number of shells; shells are numbered by their first triangle.
-/// Where more than two triangles share an edge, those belong together that have material between
-/// them. `resolved`: the length that f32 resolves, m. `None` where an edge has not as many triangles
-/// one way as the other: no shell is closed there.
+/// Triangles at an edge of more than two are paired with material between them. `resolved`: the
+/// resolution of f32, m. `None` if an edge has unequal numbers of triangles in both directions: no shell
+/// is closed there.
 pub(super) fn shells(surface: &Surface, edges: &[Edge], resolved: f64) -> Option<(Vec<u32>, u32)> {
     let mut parent: Vec<u32> = (0..numbers::count(surface.triangles.len())).collect();
     let mut shared = Vec::new();
@@ -43,7 +43,7 @@ struct Leaf {
     /// Whether the triangle runs along the edge: its material lies clockwise of it.
     upwards: bool,
     triangle: u32,
-    /// What it is connected with by other edges.
+    /// The triangles connected to it by other edges.
     sheet: u32,
 }
 
@@ -103,15 +103,14 @@ fn leaves(
         })
         .collect();
     leaves.sort_by(|a, b| b.angle.total_cmp(&a.angle).then(a.triangle.cmp(&b.triangle)));
-    // Begins behind the widest gap, so that no faces that coincide stand at both ends.
+    // Begins behind the widest gap, so that coinciding faces are not split between both ends.
     let gap = |at: usize| {
         let before = leaves[(at + leaves.len() - 1) % leaves.len()].angle;
         (before - leaves[at].angle).rem_euclid(std::f64::consts::TAU)
     };
     let start = (0..leaves.len()).max_by(|a, b| gap(*a).total_cmp(&gap(*b))).unwrap_or_default();
     leaves.rotate_left(start);
-    // Of two equal parts the triangles of each come together, for one stands behind the other in
-    // the list.
+    // Of two equal parts the triangles of each come together, since one follows the other in the list.
     let near = |a: &Leaf, b: &Leaf| {
         let apart = (a.angle - b.angle).rem_euclid(std::f64::consts::TAU);
         apart.min(std::f64::consts::TAU - apart) < a.doubt.max(b.doubt)
@@ -125,8 +124,8 @@ fn leaves(
     leaves
 }
 
-/// Pairs of triangles that stand in this order about an edge: from each one that runs along it to the
-/// next that runs against it and is not taken by one in between.
+/// Pairs of adjacent triangles about an edge: from each one that runs along it to the next that runs
+/// against it and is not paired in between.
 fn matched<'a>(leaves: impl Iterator<Item = &'a Leaf>) -> Vec<[u32; 2]> {
     let leaves: Vec<&Leaf> = leaves.collect();
     let mut open = Vec::new();
@@ -208,7 +207,7 @@ mod tests {
 
     #[test]
     fn boxes_that_pass_through_each_other_at_a_common_edge_stay_apart() {
-        // Corners of faces meet in an edge inside both; about it their triangles stand in turn.
+        // Corners of faces share an edge inside both; about it their triangles alternate.
         let one = boxes(&[[DVec3::ZERO, DVec3::ONE]]);
         let turn = DMat3::from_rotation_z(0.3);
         let mut surface = one.clone();

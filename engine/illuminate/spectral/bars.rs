@@ -1,4 +1,4 @@
-//! What the bars of the masks do to light of each energy, by its way through them.
+//! Effect of the bars of the masks on light of each energy, by its way through them.
 
 use super::join::Limits;
 use super::{EnergyBinning, NEGLIGIBLE};
@@ -9,19 +9,19 @@ use crate::sampling::CellBatch;
 use rayon::prelude::*;
 use std::ops::Range;
 
-/// Cells of light that leaks through bars are joined up to this share of the period,
+/// Largest width of joined cells of leaked light, share of the period.
 const LEAK_SHARE: f64 = 1.0 / 2.0;
-/// where their displacement leaves a straight line by no more than this share of the blur in groups
-/// as strong as `LITTLE`, of open beam (less in stronger ones),
+/// Largest residual of their displacement about a straight line, share of the blur, in groups as strong
+/// as `LITTLE`, of open beam (less in stronger ones).
 const LEAK_RESIDUAL: f64 = 0.3;
 const LITTLE: f64 = 0.02;
-/// and their light changes by no more than this.
+/// Largest change of their light.
 const LEAK_CHANGE: f64 = 0.15;
 /// The light of groups below this is spread over the whole cell row.
 const FAINT: f64 = 1e-3;
 
-/// What the masks do to the light of a column in a block of rows: by node and group, and how much
-/// they narrowing.
+/// Effect of the masks on the light of a column in a block of rows: by node and group, with the
+/// narrowing.
 #[derive(Debug)]
 pub(super) struct MaskTransmission {
     /// `[group][node]`.
@@ -126,8 +126,8 @@ impl EnergyBinning {
             && self.masks.iter().zip(&other.masks).all(mask)
     }
 
-    /// Whether energies share no edges for rays of this dx/dy: the shadows of bars meet, so that
-    /// apertures have no effective width, or edges differ too much.
+    /// Whether energies share no edges for rays of this dx/dy: shadows of bars touch, so that apertures
+    /// have no effective width, or edges differ too much.
     fn is_apart(&self, slope: f64) -> bool {
         let closed = |shape: &MaskShape| shape.thickness * slope.abs() > shape.narrowest();
         self.masks.iter().flatten().flatten().any(closed) || !self.edges.are_close(slope)

@@ -1,16 +1,16 @@
 //! What edges of bars that all energies share leave out of the light, by the angle of a column.
 //!
-//! A group sees one soft edge for each mask, with the mean place and the variance that its energies
-//! have together. Two things are left out. Energies whose edges stand farther in at one mask do so
-//! at the other, too: that is a covariance, and as large as the variances themselves. And an edge
-//! that is one Gaussian has no third and fourth moment. Both grow with the square of the angle and
-//! more; where they are too large, light goes energy by energy, with the layers of each.
+//! A group sees one soft edge for each mask, with the mean place and the common variance of its energies.
+//! Two effects are neglected. Energies whose edges lie farther in at one mask do so at the other, too: a
+//! covariance as large as the variances themselves. And an edge as one Gaussian has no third and fourth
+//! moment. Both grow with the square of the angle and more; where they are too large, light goes energy
+//! by energy, with the layers of each.
 
 use crate::interface::{EDGE_FLATNESS, EDGE_SKEWNESS};
 use crate::optics::MaskShape;
 
-/// What a group of energies may leave out, of open beam. Estimates are within a factor of two of
-/// what is measured.
+/// Largest neglected light of a group of energies, of open beam. Estimates are within a factor of two of
+/// measured errors.
 const TOLERANCE: f64 = 1e-5;
 
 /// Spread of the edges of both masks over the energies; lengths on the analyser.
@@ -22,7 +22,7 @@ pub(super) struct SharedEdges {
     edge_variance: [f64; 2],
     /// Blur of light at edges, m.
     blur: f64,
-    /// Of the detector mask, or what it would be, m.
+    /// Of the detector mask, also if absent, m.
     period: f64,
 }
 

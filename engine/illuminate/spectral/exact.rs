@@ -144,8 +144,8 @@ impl EnergyBinning {
         }
     }
 
-    /// The cell of a repeated walk at one node. Where its ends met other surfaces the result is
-    /// constant on either side.
+    /// The cell of a repeated walk at one node. If its ends crossed other surfaces the result is constant
+    /// on either side.
     pub(super) fn push_exact(
         &self,
         list: &mut Vec<Cell>,

@@ -103,8 +103,8 @@ impl EnergyBinning {
         Ok(spectral)
     }
 
-    /// Whether the lists of the same cell rows are the same as those of another scene, cell rows in rows
-    /// without a sample apart. Masks matter where energies are gathered by what bars do to them.
+    /// Whether the lists of the same cell rows equal those of another scene, except rows without a
+    /// sample. Masks matter if energies are gathered by the effect of bars.
     pub(crate) fn gathers_like(&self, other: &Self) -> bool {
         let numbers = |s: &Self| [s.tolerance, s.gap, s.ratio, s.row_pitch].map(f64::to_bits);
         let energies = [
@@ -155,7 +155,7 @@ impl EnergyBinning {
                 return Some(0.0);
             }
             let [edge_variance, narrowing, narrowing2] = sum.map(|s| s / all);
-            // Either edge moves by half of what the narrowing differs from its mean.
+            // Either edge moves by half of the difference of the narrowing from its mean.
             Some(single(edge_variance + 0.25 * (narrowing2 - narrowing * narrowing)))
         };
         let groups = self.groups.iter().map(|&leaks| SpectralBand::Group {

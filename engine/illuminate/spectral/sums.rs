@@ -125,8 +125,8 @@ impl BandSums {
         }
     }
 
-    /// Sums per metre of cells that follow one another, as of one cell with these straight lines
-    /// of light and displacement: what the displacement spreads about its line stays.
+    /// Sums per metre of consecutive cells, as of one cell with these straight lines of light and
+    /// displacement: the spread of the displacement about its line stays.
     pub(super) fn joined(&self, width: f64, light: [f64; 2], x: [f64; 2]) -> Self {
         let mut one = Self::default();
         one.add(self, 1.0 / width);

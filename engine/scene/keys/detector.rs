@@ -98,7 +98,7 @@ impl Record for Detector {
     }
 }
 
-/// The detector with the number of no light that its noise and bits ask for.
+/// The detector with the offset that its noise and bit depth need.
 pub(crate) fn resolved(detector: &Detector) -> Detector {
     let counts = detector.counts.map(|counts| counts.with_offset(counts.number_without_light()));
     Detector { counts, ..detector.clone() }

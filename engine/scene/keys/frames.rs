@@ -71,7 +71,7 @@ impl Value for ScanErrors {
         Ok(errors)
     }
 
-    /// What was applied, drawn or not.
+    /// The applied values, drawn or not.
     fn write(&self, _: &Row, base: &Base<'_>) -> Result<Option<String>> {
         let mut keys = Vec::new();
         for (name, lists) in

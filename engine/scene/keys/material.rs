@@ -7,7 +7,7 @@ use crate::scene::{MaterialSpec, path};
 /// How far the weights of a mixture may be from 1, or in per cent from 100: tables round theirs.
 const WEIGHTS_OFF: f64 = 0.005;
 const SHARE: Kind = Number("a share by weight", POSITIVE);
-/// Refractive index decrement: beyond this its expansion is no longer that of X-rays.
+/// Refractive index decrement: beyond this range the expansion for X-rays does not hold.
 const DELTA: Range = Range { low: Some((-0.1, false)), high: Some((0.1, false)) };
 
 keys! { MATERIALS: MaterialSpec, "materials.NAME",

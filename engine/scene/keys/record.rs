@@ -29,7 +29,7 @@ pub(crate) trait Field<T>: Sync {
     fn read(&self, it: &mut T, item: &ListItem<'_>, row: &'static Row) -> Result<()>;
     /// The value at the place as TOML; `None` where it has no such place or leaves the key out.
     fn write(&self, it: &T, row: &Row, base: &Base<'_>) -> Result<Option<String>>;
-    /// Notes what is not allowed at the place.
+    /// Reports values of the place that are not allowed.
     fn check(&self, it: &T, key: &str, row: &Row, faults: &mut Faults);
 }
 
@@ -155,7 +155,7 @@ impl<T> Keys<T> {
         self.rows().filter_map(written).collect()
     }
 
-    /// Notes what is not allowed in the values of the keys, whose paths `key` makes of their names.
+    /// Reports values of the keys that are not allowed; `key` makes paths of their names.
     pub(crate) fn check(&self, it: &T, key: &dyn Fn(&str) -> String, faults: &mut Faults) {
         self.rows().for_each(|(row, field)| field.check(it, &key(row.name), row, faults));
     }
@@ -210,7 +210,7 @@ pub(crate) fn read<T: Record>(table: &Table<'_>) -> Result<T> {
     Ok(it)
 }
 
-/// Notes what is not allowed in a table.
+/// Reports values of a table that are not allowed.
 pub(crate) fn check<T: Record>(it: &T, key: &dyn Fn(&str) -> String, faults: &mut Faults) {
     T::KEYS.check(it, key, faults);
     it.relations(key, faults);
@@ -261,7 +261,7 @@ pub(crate) struct OneOf<T: 'static> {
     pub(crate) spec: &'static Spec,
     /// Keys of each word, in the order of the rows.
     pub(crate) kinds: &'static [Begun<T>],
-    /// Stands for a value that is wrong.
+    /// Placeholder of a wrong value.
     pub(crate) none: fn() -> T,
 }
 

@@ -43,7 +43,7 @@ pub(crate) enum Group {
     /// Sets of keys of which a scene has one. Where it has keys of two, the set listed first counts;
     /// where it has none, the set of this index is missing. A key may be in two sets.
     Forms(Forms, usize),
-    /// These keys have a meaning with another key only; what is allowed where it has none.
+    /// Keys that have a meaning with another key only; the allowed form without it.
     With(&'static [&'static str], &'static str, &'static str),
 }
 
@@ -61,33 +61,34 @@ pub(crate) enum Kind {
     Quantity(Dimension, Range),
     /// A length, or two of them, x and z.
     Pair(Range),
-    /// Lengths along x, y and z, by what they are.
+    /// Lengths along x, y and z, by their meaning.
     Lengths(&'static str, Range),
     /// A list of corners.
     Corners(u32),
     /// A length or an angle, as the list that it stands for.
     Step,
-    /// A list of up to so many quantities, or a range of them.
+    /// A list of quantities with an upper limit of their number, or a range of them.
     Series(Dimension, u32),
-    /// A list of lists of quantities, or of numbers, of one length each, up to so many.
+    /// A list of lists of quantities, or of numbers, of one length each, with an upper limit of their
+    /// number.
     Lists(Option<Dimension>, u32),
     /// A unit of length.
     Unit,
-    /// A number without a unit, by what it is.
+    /// A number without a unit, by its meaning.
     Number(&'static str, Range),
     /// Three numbers.
     Direction,
     /// A whole number.
     Count(u64, u64),
-    /// Two whole numbers, by what they are.
+    /// Two whole numbers, by their meaning.
     Counts(&'static str, u64, u64),
     /// True or false.
     Flag,
     /// One of these words.
     Word(&'static [&'static str]),
-    /// A name, by what it is of.
+    /// A name, by its meaning.
     Name(&'static str),
-    /// Path of a file, by what it is.
+    /// Path of a file, by its contents.
     File(&'static str),
     /// SHA-256 of a file.
     Hash,
@@ -97,7 +98,7 @@ pub(crate) enum Kind {
     Tables(&'static Spec),
     /// A table whose keys are names, and the kind of its values.
     Named(&'static Self),
-    /// One of two kinds, the shorter one first; what is allowed, where it does not say it all.
+    /// One of two kinds, the shorter one first; the allowed form, if they do not express it.
     Either(&'static str, &'static Self, &'static Self),
 }
 
@@ -194,7 +195,7 @@ impl Kind {
         }
     }
 
-    /// What a number of this kind may be, in words.
+    /// The allowed range of a number of this kind, in words.
     pub(crate) fn range_allowed(&self) -> String {
         let (_, noun, range) = self.measure();
         match (self.bounds(), range.low, range.high) {
@@ -215,7 +216,7 @@ impl Kind {
 }
 
 impl Row {
-    /// What the key takes, in words.
+    /// The allowed values of the key, in words.
     pub(crate) fn allowed(&self) -> String {
         self.allowed_of(&self.kind)
     }
@@ -285,7 +286,7 @@ impl Spec {
         found.or_else(|| forms.iter().find(|form| any(form, false))).copied()
     }
 
-    /// The key that a key has a meaning with only, and what is allowed where it has none.
+    /// The key required by a key, and the allowed form without it.
     pub(crate) fn with(&self, name: &str) -> Option<(&'static str, &'static str)> {
         self.groups.iter().find_map(|group| match group {
             Group::With(keys, head, why) => keys.contains(&name).then_some((*head, *why)),

@@ -56,7 +56,7 @@ impl Record for Scan {
         Self::default()
     }
 
-    /// Motions without angles are those of views at angle 0.
+    /// Motions without angles belong to views at angle 0.
     fn finish(&mut self, table: &Table<'_>) -> Result<()> {
         if table.get("angles").is_none() && self.motions.len() > 1 {
             self.angles = vec![0.0; self.motions.len()];

@@ -3,7 +3,7 @@
 use super::prelude::*;
 use crate::scene::{Shape, polygon};
 
-/// Stands for a shape that was refused.
+/// Placeholder of a refused shape.
 pub(crate) const NO_SHAPE: Shape = Shape::Sphere { radius: f64::NAN, sides: None };
 const EXACT: Need = Without("none: exact");
 

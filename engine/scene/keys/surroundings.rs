@@ -1,4 +1,4 @@
-//! Keys of what is around the objects: a material without end, or one that fills a region.
+//! Keys of the surroundings: a material without end, or one that fills a region.
 
 use super::object::REGION;
 use super::record::Record;

@@ -24,7 +24,7 @@ pub(crate) trait Value: Sized {
     /// A path that cannot be written.
     fn write(&self, row: &Row, base: &Base<'_>) -> Result<Option<String>>;
 
-    /// Notes what is not allowed in the value of this key.
+    /// Reports a value of this key that is not allowed.
     fn check(&self, _key: &str, _row: &Row, _faults: &mut Faults) {}
 }
 

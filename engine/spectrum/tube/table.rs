@@ -4,7 +4,7 @@ use super::grid::GridPlace;
 use crate::interpolation::log_log;
 use crate::numbers::single;
 
-/// Lines grow about as this power of the voltage above their edge; what is left is smooth.
+/// Lines grow about as this power of the voltage above their edge; the remaining factor is smooth.
 const GROWTH: f64 = 1.6;
 
 pub(super) struct TubeTable {
@@ -123,7 +123,7 @@ impl Shell {
     }
 }
 
-/// What is left of the bytes.
+/// The unread bytes.
 struct RemainingBytes<'a>(&'a [u8]);
 
 impl<'a> RemainingBytes<'a> {

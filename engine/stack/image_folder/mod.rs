@@ -29,7 +29,7 @@ pub(crate) struct ImageDirectory {
     format: Format,
     /// Files beside the arrays.
     files: Vec<PathBuf>,
-    /// Stands in the images' own metadata.
+    /// Metadata of the images.
     about: serde_json::Value,
     /// Size of a pixel on the detector, x and z, m.
     pitch: Option<[f64; 2]>,
@@ -46,7 +46,7 @@ impl ImageDirectory {
         check(path, kind, overwrite)
     }
 
-    /// Begins beside `path`; where that is a link, beside what it leads to.
+    /// Begins beside `path`; for a link, beside its target.
     pub(crate) fn begin(
         path: &Path,
         kind: Kind,
@@ -66,7 +66,7 @@ impl ImageDirectory {
         }
         let replaced = sibling(&place, REPLACED);
         if fs::symlink_metadata(&replaced).is_ok() {
-            // What a crash left; anything else there is of others.
+            // The remains of a crash; anything else there belongs to others.
             check(&replaced, kind, true)?;
         }
         let partial = sibling(&place, PARTIAL);
@@ -98,7 +98,7 @@ impl ImageDirectory {
         open_file::refuse_moved(&self.mark, &self.partial.join(MARK), remedy)
     }
 
-    /// Adds the image of the next view to those of `name`, of which there will be `views`.
+    /// Adds the image of the next of `views` views to the images of `name`.
     pub(crate) fn put(
         &mut self,
         name: &str,

@@ -14,7 +14,7 @@ use std::path::Path;
 const OF_OTHERS: &str =
     "was not written by this command and would be lost; choose another directory";
 
-/// What a folder of arrays holds.
+/// Contents of a folder of arrays.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Kind {
     /// Retrieved images, or differences of images: an image per view.
@@ -88,8 +88,7 @@ pub(super) fn check(path: &Path, kind: Kind, overwrite: bool) -> Result<()> {
     refuse_others(path, &|name| listed.units.contains_key(name), &is_file)
 }
 
-/// Makes the folder of images in the making ours: marks and locks it, and removes what a crash
-/// left in it.
+/// Claims the folder of images in the making: marks and locks it, and removes the remains of a crash.
 pub(super) fn claim(partial: &Path) -> Result<LockedFile> {
     refuse_link(partial)?;
     folder::make_all(partial)?;
@@ -133,7 +132,8 @@ pub(super) fn remove(path: &Path, kind: Kind) -> Result<()> {
     folder::remove(path).map_err(failed(path, "cannot be removed"))
 }
 
-/// Refuses what is not an array of these names, one of these files, the geometry, a record or the mark.
+/// Refuses entries that are not an array of these names, one of these files, the geometry, a record or
+/// the mark.
 fn refuse_others(
     path: &Path,
     is_name: &dyn Fn(&str) -> bool,
@@ -159,7 +159,7 @@ fn refuse_others(
     Ok(())
 }
 
-/// Refuses what is not the image of a view or slice.
+/// Refuses entries that are not the image of a view or slice.
 fn refuse_beside_views(folder: &Path) -> Result<()> {
     let unread = failed(folder, "cannot be read");
     for name in folder::names(folder).map_err(&unread)? {

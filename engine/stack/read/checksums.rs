@@ -18,7 +18,7 @@ const AT_ONCE: usize = 8;
 /// Views that were compared already, by name.
 pub(super) type Compared = Arc<Mutex<BTreeSet<String>>>;
 
-/// What the views of a stack were committed with.
+/// Committed checksums of the views of a stack.
 #[derive(Debug)]
 pub(super) struct Checksums {
     /// Name and SHA-256 of each view.
@@ -37,9 +37,8 @@ impl Checksums {
         Self { views, steps, compared, last: Mutex::default() }
     }
 
-    /// The view that a frame belongs to, if it still has its checksum; whole where it was read
-    /// for that and is kept. `read` gives a frame by its number over all views, `shape` is that
-    /// of a frame.
+    /// The view of a frame, if it still has its checksum; whole if it was read for that and is kept.
+    /// `read` reads a frame by its number over all views, `shape` is the shape of a frame.
     pub(super) fn of_frame(
         &self,
         path: &Path,
@@ -48,8 +47,8 @@ impl Checksums {
         read: impl Fn(usize) -> Result<Vec<f32>> + Sync,
     ) -> Result<Option<Arc<Array3<f32>>>> {
         let view = frame / self.steps.max(1);
-        // No lock is held while frames are read: a thread that waits for others may take up work
-        // that asks for the same view. At worst two of them compare it.
+        // No lock is held while frames are read: a waiting thread may take up work that needs the same
+        // view. At worst two of them compare it.
         let last = lock(&self.last).clone().filter(|(number, _)| *number == view);
         if let Some((_, values)) = last {
             return Ok(Some(values));

@@ -74,8 +74,7 @@ impl Maps {
     /// The image of a view, `[row][column]` (the same for all views where it is the flat's), in the unit that `retrieved.json` names.
     ///
     /// # Errors
-    /// [`Error::File`] for a name or view that is not there (says what is), or where the file
-    /// cannot be read.
+    /// [`Error::File`] for an unknown name or view (with the known ones), or if the file cannot be read.
     pub fn map(&self, name: &str, view: usize) -> Result<Array2<f32>> {
         let Some(map) = self.maps.get(name) else {
             let names: Vec<&str> = self.names().collect();

@@ -1,7 +1,7 @@
 //! Reading stacks: beamlet's own and measured ones, frame by frame or band by band.
 //!
-//! One type serves every format, so that whoever takes frames need not know where they come
-//! from. Values become f32: whole numbers of 8 and 16 bits exactly, f64 and those of 32 rounded.
+//! One type serves every format, so that callers need not know the source of frames. Values become f32:
+//! whole numbers of 8 and 16 bits exactly, f64 and 32-bit numbers rounded.
 
 mod checksums;
 mod folder;

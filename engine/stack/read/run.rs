@@ -115,7 +115,7 @@ impl OpenRun {
         self.stack(Exposure::Sample(0), false, self.views)
     }
 
-    /// Detector numbers of the flat, where the scene asks for noise.
+    /// Detector numbers of the flat, if the scene has noise.
     ///
     /// # Errors
     /// As [`OpenRun::flat`].
@@ -123,7 +123,7 @@ impl OpenRun {
         self.optional(Exposure::Flat, true, usize::from(self.is_committed(Exposure::Flat)))
     }
 
-    /// Detector numbers with the sample, where the scene asks for noise.
+    /// Detector numbers with the sample, if the scene has noise.
     ///
     /// # Errors
     /// As [`OpenRun::flat`].
@@ -131,7 +131,7 @@ impl OpenRun {
         self.optional(Exposure::Sample(0), true, self.views)
     }
 
-    /// Detector numbers without beam, where the scene asks for noise.
+    /// Detector numbers without beam, if the scene has noise.
     ///
     /// # Errors
     /// As [`OpenRun::flat`].

@@ -89,9 +89,8 @@ impl StackFile {
     /// Opens a stack: reads headers, no values.
     ///
     /// # Errors
-    /// [`Error::File`] with file, what was found and what is allowed: a format, sample type or
-    /// shape that is not in the table, a file shorter than its header says, frames that are
-    /// missing from a series of numbers.
+    /// [`Error::File`] with file, found and allowed: an unsupported format, sample type or shape, a file
+    /// shorter than its header states, frames missing from a series of numbers.
     ///
     /// # Example
     ///
@@ -180,7 +179,7 @@ impl StackFile {
             && sides.len() > 1
             && views == 1
         {
-            // Frames of a view are those of the last numbers.
+            // Frames of a view are numbered by the last numbers.
             let within = sides.iter().rev().scan(1, |all, side| {
                 *all *= side;
                 Some(*all)
@@ -253,9 +252,8 @@ impl StackFile {
     /// Some rows of a view with all its steps, `[step][row][column]`.
     ///
     /// # Errors
-    /// [`Error::File`] where a file cannot be read or a frame has another shape than the
-    /// first; where the view or the rows are not there; where a view of a run is not what was
-    /// committed.
+    /// [`Error::File`] if a file cannot be read or a frame has another shape than the first; if the view
+    /// or the rows do not exist; if a view of a run differs from the committed one.
     pub fn rows(&self, view: usize, rows: Range<u32>) -> Result<Array3<f32>> {
         let [views, steps, ..] = self.shape;
         if view >= views {
@@ -326,7 +324,7 @@ impl StackFile {
         checksums.of_frame(&self.path, index, [row_count, columns], read)
     }
 
-    /// Some rows of a frame, counted over all views, as they stand in the file.
+    /// Some rows of a frame, counted over all views, in the order of the file.
     fn values(&self, index: usize, rows: Range<usize>) -> Result<Vec<f32>> {
         let [_, _, row_count, columns] = self.shape;
         let frame = [row_count, columns];

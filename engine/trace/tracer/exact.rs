@@ -54,7 +54,7 @@ impl Tracer {
         Ok(results)
     }
 
-    /// Traces rays exactly, each at its node; equal rays stand side by side.
+    /// Traces rays exactly, each at its node; equal rays are adjacent.
     fn trace_at_nodes(&self, rays: &[(usize, Ray)]) -> Result<Vec<RayResult>> {
         let walks = self.walks(self.backend);
         let n = count(rays.len());
@@ -104,8 +104,8 @@ impl Tracer {
         Ok(time)
     }
 
-    /// Traces rays exactly: first all with short lists of crossings, then those that have more
-    /// with longer and longer ones, as many at a time as their memory holds.
+    /// Traces rays exactly: first all with short lists of crossings, then rays with more crossings with
+    /// longer and longer ones, in batches that fit the memory.
     pub(super) fn exact_pass(
         &self,
         kernel: &Kernel,

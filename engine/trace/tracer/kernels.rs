@@ -11,21 +11,21 @@ use crate::numbers;
 use std::ops::RangeInclusive;
 use std::sync::Arc;
 
-/// Sizes of subgroups whose rays walk the tree as a bundle. Smaller ones cannot hold a node; in
-/// larger ones too few of the rays meet the same nodes.
+/// Sizes of subgroups whose rays walk the tree as a bundle. Smaller ones cannot hold a node; in larger
+/// ones too few of the rays share nodes.
 const BUNDLES: RangeInclusive<u32> = BUNDLE_LANES..=2 * BUNDLE_LANES;
 
 /// The kernels of one device, each made when it is first wanted.
 #[derive(Debug)]
 pub struct TraceKernels {
-    /// By what is placed in a sample: `KIND_` bits.
+    /// By the kinds in a sample: `KIND_` bits.
     bvh: [Walks; KINDS],
     ray_query: Option<[Walks; KINDS]>,
     /// Lists of crossings.
     pub(in crate::trace) crossings: LazyKernel,
 }
 
-/// Surfaces that refract by other normals than those of their facets or shapes.
+/// Surfaces that refract by other normals than the normals of their facets or shapes.
 const OTHER_NORMALS: u32 = KIND_ROUGH | KIND_SMOOTH;
 
 /// Combinations of `KIND_` bits.
@@ -72,7 +72,7 @@ impl TraceKernels {
         }
     }
 
-    /// Of a backend; `kinds`: what is placed in the sample.
+    /// Kernels of a backend; `kinds`: the kinds in the sample.
     pub(super) fn of(&self, backend: Backend, kinds: u32) -> &Walks {
         let walks = match (&self.ray_query, backend) {
             (Some(walks), Backend::RayQuery) => walks,
@@ -108,7 +108,7 @@ impl Walks {
         self.one_by_one.as_ref().filter(|_| !bundled).unwrap_or(&self.order_free)
     }
 
-    /// Whether the walk of bundles leaves some rays to that of single ones.
+    /// Whether the walk of bundles leaves some rays to the walk of single ones.
     pub(super) const fn leaves_rays(&self) -> bool {
         self.one_by_one.is_some()
     }

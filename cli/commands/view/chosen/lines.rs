@@ -89,7 +89,7 @@ impl Chosen<'_> {
         let offsets = self.run.curve_offsets();
         let values = |view: Option<usize>| -> Result<Vec<f64>, Failure> {
             let rows = self.run.fitted_rows(view, at..at + 1)?;
-            // Steps of their own (two-step) stand at offsets that nothing recorded.
+            // Offsets of separate steps (two-step) are not recorded.
             let known = rows.shape()[0] == offsets.len();
             let all = rows.outer_iter().map(|frame| f64::from(frame[[0, column]]));
             Ok(if known { all.collect() } else { Vec::new() })

@@ -1,4 +1,4 @@
-//! What a 3MF file builds: objects with their components, each in its place.
+//! Objects that a 3MF file builds, with their components, each in its place.
 
 use std::collections::HashMap;
 
@@ -49,7 +49,7 @@ pub(super) fn expand(models: &Models, root: &str) -> Result<MeshFile, Defect> {
 /// Triangles by model and object; `None` while they are counted.
 type Counts<'a> = HashMap<(&'a str, u32), Option<u64>>;
 
-/// Where an object stands: its model, and the object itself.
+/// An object and its model.
 fn found<'a>(
     models: &'a Models,
     here: &'a str,
@@ -117,7 +117,7 @@ impl<'a> Made<'a> {
         above: &mut Vec<String>,
     ) -> Result<(), Defect> {
         let (model, object) = found(self.models, here, reference)?;
-        // Objects without triangles may stand in each other without end.
+        // Objects without triangles may contain each other without end.
         if self.counts.get(&(model, reference.object)) == Some(&Some(0)) {
             return Ok(());
         }
@@ -173,7 +173,7 @@ impl<'a> Made<'a> {
     }
 }
 
-/// The name of a material; `None` for what has none, colours for one.
+/// The name of a material; `None` without one, colours count as one.
 fn material(model: &Model, name: &str, of: MaterialOf) -> Result<Option<String>, Defect> {
     let place = || format!("{}, line {}", printed::line(name), of.line);
     match model.materials.get(&of.resource) {

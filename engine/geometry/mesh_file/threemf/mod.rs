@@ -1,8 +1,8 @@
 //! 3MF files: a zip archive with models in XML. Objects, their components, units, and the names of
 //! objects and base materials; colours, textures, slices and what slicers add are passed over.
 //!
-//! The crate `threemf` knows materials in a prefixed name space alone and neither those of
-//! triangles nor a limit of what an archive unpacks to, so `zip` unpacks and `quick-xml` reads.
+//! The crate `threemf` reads materials only in a prefixed name space, no materials of triangles, and has
+//! no limit on unpacking, so `zip` unpacks and `quick-xml` reads.
 
 mod expand;
 mod model;
@@ -26,7 +26,7 @@ const PEAK_PER_BYTE: u64 = 8;
 const ROOT: &str = "_rels/.rels";
 const ROOT_KIND: &str = "/3dmodel";
 
-/// Reads a 3MF file: what its build lists.
+/// Reads the build list of a 3MF file.
 pub(super) fn parse(bytes: &[u8], task: Task<'_>) -> Result<MeshFile, Defect> {
     let broken = |error| Defect::new(format!("not a 3MF file: {error}"), "as a zip archive");
     let mut archive = ZipArchive::new(Cursor::new(bytes)).map_err(broken)?;
@@ -75,7 +75,7 @@ pub(super) fn parse(bytes: &[u8], task: Task<'_>) -> Result<MeshFile, Defect> {
     expand::expand(&models, &root)
 }
 
-/// The text of a part that says it has so many bytes.
+/// The text of a part of `size` bytes, by its header.
 fn unpacked(part: impl Read, size: u64) -> Result<String, String> {
     let mut bytes = Vec::new();
     match part.take(size.saturating_add(1)).read_to_end(&mut bytes) {

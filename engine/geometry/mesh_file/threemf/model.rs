@@ -27,7 +27,7 @@ pub(super) struct Model {
     pub(super) objects: HashMap<u32, Object>,
     /// Names of base materials; `None` for resources of other kinds, colours for one.
     pub(super) materials: HashMap<u32, Option<Vec<String>>>,
-    /// What is built.
+    /// The build list.
     pub(super) build: Vec<Reference>,
 }
 
@@ -56,7 +56,7 @@ pub(super) struct MaterialOf {
 }
 
 impl MaterialOf {
-    /// What it is, wherever it is named.
+    /// Its identity, wherever it is named.
     pub(super) const fn key(&self) -> [u32; 2] {
         [self.resource, self.number]
     }
@@ -123,8 +123,8 @@ pub(super) fn target(text: &str, kind: &str) -> Option<String> {
     }
 }
 
-/// What is read by now; elements are known by their names and where the last object or list of
-/// materials began.
+/// The elements read by now; they are identified by their names and by the start of the last object or
+/// list of materials.
 #[derive(Default)]
 struct Reading {
     unit: Option<f64>,

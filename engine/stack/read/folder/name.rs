@@ -83,7 +83,7 @@ pub(super) fn shown(path: &Path) -> String {
     path.file_name().unwrap_or_default().display().to_string()
 }
 
-/// What of a path is its name: of a file without its ending.
+/// The name in a path: for a file without its ending.
 fn stem(path: &Path) -> String {
     let name = if path.is_dir() { path.file_name() } else { path.file_stem() };
     name.unwrap_or_default().to_string_lossy().into_owned()

@@ -13,7 +13,7 @@ use std::path::{Path, PathBuf};
 #[derive(Debug)]
 pub(super) struct Order {
     pub(super) paths: Vec<PathBuf>,
-    /// Counts of different numbers, whose product is that of the files; the last changes fastest.
+    /// Counts of different numbers, with the number of files as their product; the last changes fastest.
     pub(super) sides: Vec<usize>,
 }
 
@@ -32,7 +32,7 @@ struct Side {
 /// [`Error::File`] where names differ in more than their numbers or agree in all of them, and where
 /// a number or a combination of numbers is missing.
 pub(super) fn in_order(folder: &Path, mut paths: Vec<PathBuf>) -> Result<Order> {
-    // What is found does not depend on the order in which the system lists files.
+    // The result does not depend on the order in which the system lists files.
     paths.sort();
     let columns = columns(folder, &paths)?;
     let count = paths.len();
