@@ -23,7 +23,7 @@ keys! { DETECTOR: Detector, "detector",
         "Columns and rows.";
     pitch => Pair(POSITIVE), Required, r#""150 um""#, "Distance from pixel to pixel.";
     mode => Word(MODES), Default(r#""counting""#), r#""integrating""#,
-        "What a photon adds to the signal: one count, or its energy.";
+        "Contribution of a photon to the signal: one count, or its energy.";
     threshold_low at Detector { mode: DetectorMode::Counting { low: threshold_low, .. }, .. } =>
         Quantity(Energy, POSITIVE), Without("none"), r#""20 keV""#,
         "Photons below are not counted; counting only, up to the highest energy of the beam.";

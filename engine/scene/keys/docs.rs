@@ -38,7 +38,7 @@ fn markdown(spec: &Spec) -> String {
 
 fn rows(rows: impl Iterator<Item = &'static Row>, spec: &Spec) -> String {
     let mut out = String::from(
-        "| key | what it is | unit | default | range | example |\n|---|---|---|---|---|---|\n",
+        "| key | meaning | unit | default | range | example |\n|---|---|---|---|---|---|\n",
     );
     for row in rows {
         let (unit, range) = (unit(&row.kind), range(&row.kind));

@@ -28,7 +28,7 @@ keys! { ERRORS, "scan.errors", [], [];
         "Standard deviation of independent relative errors of the light.";
     intensity_walk => Number("a number", NOT_NEGATIVE), Default("0.0"), "0.001",
         "Standard deviation of the relative steps of a random walk of the light, from frame to frame.";
-    seed => Count(0, u64::MAX), Default("1"), "1", "Seed of what is drawn.";
+    seed => Count(0, u64::MAX), Default("1"), "1", "Seed of the drawn errors.";
 }
 
 impl Value for ScanErrors {
@@ -65,7 +65,7 @@ impl Value for ScanErrors {
             if let Some(other) = keys.iter().find(|key| table.get(key).is_some()) {
                 let found = format!("both {list} and {other}");
                 return given
-                    .refuse(given.error(found, "a list, or what is drawn"), Self::default());
+                    .refuse(given.error(found, "either a list, or standard deviations"), Self::default());
             }
         }
         Ok(errors)

@@ -133,7 +133,7 @@ impl Record for ([f64; 3], f64) {
 }
 
 keys! { SURROUNDINGS, "surroundings", [], [];
-    material => MATERIAL, Without("that of the path; required with `region`"), r#""water""#,
+    material => MATERIAL, Without("material of the path; required with `region`"), r#""water""#,
         "Material around the objects, or of the region.";
     path_material => MATERIAL, Default(r#""vacuum""#), r#""air""#,
         "Material between the source and the detector.";

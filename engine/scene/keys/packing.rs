@@ -11,7 +11,7 @@ pub(crate) const INSTANCES: &str =
 
 keys! { PACKING: Packing, "object.instances", [Forms(&[&["count"], &["fill"]], 1)], [];
     packing at Packing { kind: packing, .. } => Word(KINDS), Required, r#""spheres""#,
-        "What is packed: fibres with a cylinder, spheres with a sphere.";
+        "Bodies of the packing: fibres need a cylinder, spheres a sphere.";
     region => Inner(&REGION), Required, r#"{ sphere = { radius = "1 mm" } }"#,
         "Where, centred at the origin of the object.";
     fill at Packing { amount: PackingAmount::Fill(fill), .. } =>

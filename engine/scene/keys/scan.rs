@@ -24,7 +24,7 @@ keys! { SCAN: Scan, "scan", [],
         "Displacements of the sample mask along +x in its own plane.";
     view_offsets => frames!(Some(Length)),
         Without("`mask_offsets` at every angle"), r#""offsets.csv""#,
-        "Displacements of the sample mask at each angle, as many as `mask_offsets`, which the flat has.";
+        "Displacements of the sample mask at each angle, one per mask step; the flat has `mask_offsets`.";
     angles => series!(Angle, limits::ANGLES), Default(r#"["0 deg"]"#),
         r#"{ from = "0 deg", to = "360 deg", count = 360 }"#,
         "Rotation of source, masks and detector about +z.";
@@ -46,7 +46,7 @@ keys! { SCAN: Scan, "scan", [],
         r#"{ count = 8, sweep = "1 deg" }"#,
         "Turn of the sample during the exposure of a view, whose intensities are means.";
     errors => Inner(&ERRORS), Without("none"), r#"{ offset_sigma = "2 um" }"#,
-        "What the scan does beside what it asks for; retrieval does not know of it.";
+        "Errors of offsets and intensity; retrieval does not know them.";
 }
 
 impl Record for Scan {

@@ -9,7 +9,7 @@ keys! { RANGE, "scan.range",
     ["end" => "to", "steps" => "count", "num" => "count", "n" => "count", "number" => "count"];
     from => Step, Required, r#""-25 um""#, "First value.";
     to => Step, Required, r#""25 um""#, "Last length; end of the angles, which is left out.";
-    count => Count(1, limits::ANGLES as u64), Required, "11", "Number of values, as many as a list may have.";
+    count => Count(1, limits::ANGLES as u64), Required, "11", "Number of values, within the limit of the list.";
     step => Step, Required, r#""5 um""#, "Distance of the values, a whole number of which is the range.";
     start => Step, Required, r#""-25 um""#, "Another name of `from`.";
     stop => Step, Required, r#""25 um""#, "Another name of `to`.";

@@ -76,7 +76,7 @@ keys! { TORUS: Shape, "object.shape.torus", [], [];
     tube_radius at Shape::Torus { tube_radius, .. } => Quantity(Length, POSITIVE), Required, r#""1 mm""#,
         "Radius of the tube, less than `radius`.";
     sides at Shape::Torus { sides, .. } => Count(4, limits::SPHERE_SIDES as u64), EXACT, "256",
-        "Facets around the ring, and as many around the tube.";
+        "Facets around the ring, and around the tube.";
 }
 keys! { TUBE: Shape, "object.shape.tube", [], [];
     outer at Shape::Tube { outer, .. } => Quantity(Length, POSITIVE), Required, r#""2 mm""#,

@@ -12,7 +12,7 @@ use super::source::SOURCE;
 const MATERIAL: Kind = Inner(&MATERIALS.spec);
 
 keys! { TOP, "", [], ["sample" => "object", "objects" => "object", "mesh" => "object", "tube" => "source"];
-    title => Line, Without("none"), r#""Nylon bracket, 11 steps""#, "What the scene is, for people.";
+    title => Line, Without("none"), r#""Nylon bracket, 11 steps""#, "Name of the scene, for people.";
     source => Inner(&SOURCE.spec), Required, "{ ... }", "X-ray source on the optical axis.";
     detector => Inner(&DETECTOR.spec), Required, "{ ... }", "Flat detector across the optical axis.";
     sample_mask => Inner(&MASK.spec), Without("none"), "{ ... }", "Mask before the sample.";
@@ -20,7 +20,7 @@ keys! { TOP, "", [], ["sample" => "object", "objects" => "object", "mesh" => "ob
     sampling => Inner(&SAMPLING.spec), Without("defaults"), "{ ... }", "How rays are chosen.";
     scan => Inner(&SCAN.spec), Without("one frame"), "{ ... }", "Mask offsets and angles.";
     materials => Named(&MATERIAL), Without("built-in ones"), "{ ... }", "Materials by name.";
-    surroundings => Inner(&SURROUNDINGS), Without("vacuum"), "{ ... }", "What is around the objects.";
+    surroundings => Inner(&SURROUNDINGS), Without("vacuum"), "{ ... }", "Surroundings of the objects.";
     object => Tables(&OBJECT.spec), Without("none"), "[...]",
         "Objects of the sample; where they overlap the one listed later wins.";
     files => Named(&Hash), Without("none"), "{ ... }", "SHA-256 of files that the scene refers to, by path.";
