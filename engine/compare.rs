@@ -203,7 +203,7 @@ fn maps(a: &Path, b: &Path) -> Result<Vec<Pair>> {
         .filter_map(|(name, a)| of_b.remove(&name).map(|b| (name, [a, b])))
         .collect();
     if shared.is_empty() {
-        let problem = format!("has no image that {} has, too", a.display());
+        let problem = format!("has no image in common with {}", a.display());
         return Err(Error::file(b, problem, None));
     }
     Ok(shared)
@@ -272,7 +272,7 @@ fn difference(
             let (own, [of_a, mut image]) = compared(pair, view, step, 0..rows)?;
             sums.add(&own);
             image -= &of_a;
-            to.put(&name, "that of a and b", views * steps, image.view())?;
+            to.put(&name, "the shape of a and b", views * steps, image.view())?;
             advance.by(rows)?;
         }
     } else {

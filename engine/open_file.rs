@@ -63,7 +63,7 @@ pub(crate) fn refuse_moved(file: &File, path: &Path, remedy: &str) -> Result<()>
         Err(error) if matches!(error.kind(), ErrorKind::NotFound | ErrorKind::NotADirectory) => {
             "nothing"
         }
-        Err(error) => return Err(Error::file(path, "cannot be looked at", Some(error))),
+        Err(error) => return Err(Error::file(path, "cannot be examined", Some(error))),
     };
     let (fate, remedy) = match place_of(file) {
         Place::At(place) => (format!("was moved to {}", printed::path(&place)), remedy),

@@ -41,7 +41,7 @@ pub fn start_threads() -> Result<()> {
     let started = STARTED.get_or_init(|| {
         let mut threads = rayon::ThreadPoolBuilder::new();
         if let Some(asked) = asked().filter(|asked| *asked > MOST) {
-            log::warn!("RAYON_NUM_THREADS asks for {asked} threads; {MOST} are started");
+            log::warn!("RAYON_NUM_THREADS is {asked}; {MOST} threads are started");
             threads = threads.num_threads(MOST);
         }
         // Without a source it says that there is a pool already, as is right.

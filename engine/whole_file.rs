@@ -67,16 +67,15 @@ pub(crate) fn sibling(path: &Path, ending: &str) -> PathBuf {
 pub(crate) fn refuse_link(path: &Path) -> Result<()> {
     match fs::symlink_metadata(path) {
         Ok(found) if found.is_symlink() => {
-            let problem = "is a link in place of what beamlet writes, and links inside a run are \
-                           not followed; only the run directory itself may be one";
+            let problem = "is a link, and links inside a run are not followed; only the run directory itself may be one";
             Err(Error::file(path, problem, None))
         }
         Ok(found) if !found.is_file() && !found.is_dir() => {
-            let problem = "is neither a file nor a folder, in place of what beamlet writes";
+            let problem = "is neither a file nor a folder, in the place of beamlet's output";
             Err(Error::file(path, problem, None))
         }
         Err(error) if error.kind() != ErrorKind::NotFound => {
-            Err(Error::file(path, "cannot be looked at", Some(error)))
+            Err(Error::file(path, "cannot be examined", Some(error)))
         }
         _ => Ok(()),
     }

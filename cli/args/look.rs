@@ -15,8 +15,7 @@ use std::path::PathBuf;
     beamlet check scene.toml --plot curve.svg\n  \
     beamlet check scene.toml --json\n  \
     beamlet check run\n\n\
-    Of a run every view, and the moments that it keeps, are compared with their checksums; the \
-    exit code is 1 where it is not whole.")]
+    For a run, every view and its moments are compared with their checksums; the exit code is 1 if any differs.")]
 pub(crate) struct Check {
     #[command(flatten)]
     pub(crate) scene: SceneArguments,

@@ -13,9 +13,7 @@ use std::path::PathBuf;
     beamlet mesh scene.toml -o sample.obj\n  \
     beamlet mesh scene.toml --object lens -o lens.stl --error '0.1 um'\n  \
     beamlet mesh assembly.3mf --group lens -o lens.ply\n\n\
-    Objects of a scene are written where they stand, less what later objects cover of them. OBJ \
-    keeps their names; in PLY and STL they are one. Exact shapes become facets whose vertices lie \
-    on the surface. A mesh file is read as an object of a scene would be: it has to be closed.")]
+    Objects of a scene are written in their places, without the volumes that later objects cover. OBJ keeps their names; PLY and STL hold one mesh. Exact shapes become facets whose vertices lie on the surface. A mesh file must be closed.")]
 pub(crate) struct Mesh {
     /// Scene file (.toml, .json), or a mesh file (.stl, .obj, .ply, .3mf)
     #[arg(value_name = "SCENE|OBJECT")]
@@ -51,8 +49,8 @@ pub(crate) struct Mesh {
     beamlet mask scene.toml --mask detector --frame '5 mm' --substrate '0.5 mm' -o mask.obj\n\n\
     Bars are closed boxes, in one object. Frame and substrate touch them, so they are objects of \
     their own: OBJ files name them, STL and PLY files hold one --part. x runs across the slits from \
-    the optical axis, y along the beam from the centre plane of the bars, z along the slits. What is \
-    printed is the object for a scene.")]
+    the optical axis, y along the beam from the centre plane of the bars, z along the slits. The command \
+    prints the object for a scene.")]
 pub(crate) struct Mask {
     #[command(flatten)]
     pub(crate) scene: SceneArguments,

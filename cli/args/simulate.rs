@@ -14,8 +14,8 @@ use std::path::PathBuf;
     beamlet simulate scene.toml -o run --resume\n  \
     beamlet simulate scene.toml -o run40 --format npy --set 'source.energy=40 keV'\n\n\
     The run directory holds scene.toml (the scene with every default), run.json (device, \
-    counts, times), progress.log (what is committed) and the frames: flat and sample. \
-    Ctrl-C ends a run so that --resume goes on with it.")]
+    counts, times), progress.log (committed views) and the frames: flat and sample. \
+    --resume continues a run that Ctrl-C ended.")]
 pub(crate) struct Simulate {
     #[command(flatten)]
     pub(crate) scene: SceneArguments,
@@ -52,8 +52,7 @@ pub(crate) struct Simulate {
     beamlet illuminate run --scene wider.toml -o wider\n  \
     beamlet illuminate run --set 'source.spot=60 um' -o blurred\n  \
     beamlet illuminate run --scene a.toml --scene b.toml -o designs\n\n\
-    Source distance, angles and the place and shape of every object must be those of the run; \
-    masks, mask offsets, spot, spectrum, the materials' constants and the detector may differ. \
+    Source distance, angles, and the place and shape of every object must equal the run's; masks, mask offsets, spot, spectrum, the materials' constants and the detector may differ. \
     Several scenes are written to directories of their names.")]
 pub(crate) struct Illuminate {
     /// Run directory with moments (`simulate --keep-moments`)

@@ -20,8 +20,7 @@ pub(super) fn run(arguments: &Check, out: &mut impl Write) -> Result<(), Failure
         return run_directory(arguments, out);
     }
     if arguments.no_estimate && arguments.plot.is_none() && chooses_device(arguments) {
-        let problem = "--device and --backend are for the estimate and for --plot: --no-estimate takes \
-                       no device";
+        let problem = "--device and --backend belong to the estimate and to --plot: --no-estimate uses no device";
         return Err(Failure::Usage(problem.into()));
     }
     let scene = arguments.scene.load()?;
@@ -123,9 +122,9 @@ fn run_directory(arguments: &Check, out: &mut impl Write) -> Result<(), Failure>
         super::write_json(&found, out)?;
     } else {
         writeln!(out, "run      {} ({})", beamlet::cli_support::printed::path(path), found.format)?;
-        writeln!(out, "views    {} of {} as they were committed", found.whole, found.views)?;
+        writeln!(out, "views    {} of {} match their checksums", found.whole, found.views)?;
         if let Some(moments) = found.moments {
-            writeln!(out, "moments  of {moments} views as they were kept")?;
+            writeln!(out, "moments  of {moments} views match their hashes")?;
         }
         for file in &found.changed_files {
             writeln!(out, "note     {file}")?;

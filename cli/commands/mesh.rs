@@ -44,7 +44,7 @@ fn scene(arguments: &Arguments) -> Result<Scene, Failure> {
     let input = &arguments.input;
     if beam::is_scene(input) {
         if arguments.group.is_some() {
-            let problem = "--group takes of a mesh file; --object takes of a scene";
+            let problem = "--group belongs to a mesh file; --object belongs to a scene";
             return Err(Failure::Usage(problem.into()));
         }
         return Ok(Scene::load_with(input, &arguments.sets)?);
@@ -57,7 +57,7 @@ fn scene(arguments: &Arguments) -> Result<Scene, Failure> {
     };
     if !arguments.objects.is_empty() || !arguments.sets.is_empty() {
         return Err(Failure::Usage(
-            "--object and --set are for scenes; --group takes of a mesh".into(),
+            "--object and --set belong to scenes; --group belongs to a mesh file".into(),
         ));
     }
     let name = input.file_stem().unwrap_or_default().to_string_lossy();

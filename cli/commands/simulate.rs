@@ -191,7 +191,7 @@ fn tell_sampling(sampling: &SamplingSummary, out: &mut impl Write) -> Result<(),
         writeln!(
             out,
             "         {beyond} of {patches} beamlets and rows may miss a tolerance: {tolerance:.1e} of open \
-             beam, or that of angles"
+             beam, or the tolerance of angles"
         )?;
     }
     Ok(())

@@ -146,12 +146,12 @@ fn write_text(report: &SpectrumReport, out: &mut impl Write) -> std::io::Result<
     };
     line("mean energy", "keV", &|beam| beam.mean_energy_kev)?;
     line("half-value layer", "mm Al", &|beam| 1e3 * beam.half_value_layer_m)?;
-    line("photons", "of those before", &|beam| beam.photons / before.photons)?;
+    line("photons", "of the unfiltered", &|beam| beam.photons / before.photons)?;
     line("highest energy", "keV", &|beam| {
         beam.spectrum.energies_kev.last().copied().unwrap_or(0.0)
     })?;
     let Some(nodes) = &report.nodes else { return Ok(()) };
-    let how = if nodes.chosen { "chosen" } else { "as the scene says" };
+    let how = if nodes.chosen { "chosen" } else { "set by the scene" };
     writeln!(
         out,
         "\nenergy nodes: {}, {how}, estimated error {:.1e}",

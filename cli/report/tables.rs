@@ -76,33 +76,30 @@ impl From<TableRow> for minijinja::Value {
 const WORDS: [(&str, &str); 8] = [
     (
         "T, transmission",
-        "share of the light that the sample lets through: the area of the sample's illumination \
-         curve over that of the flat's. 1 is the empty beam.",
+        "fraction of the light that the sample transmits: the area of its illumination curve over the area of the flat's. 1 is the empty beam.",
     ),
     (
         "α, refraction angle",
-        "mean angle by which the sample turns the beam, in µrad; positive towards +x. It is the \
+        "mean angle by which the sample deflects the beam, in µrad; positive towards +x. It is the \
          shift of the curve times the mask magnification over the lever arm, with opposite sign.",
     ),
     (
         "σ_DF², dark field",
         "variance of the angles within a pixel, in µrad²: how much broader the curve is with the \
-         sample. Noise and shapes that are no Gaussian make it negative.",
+         sample. Noise, and curves that are no Gaussian, can make it negative.",
     ),
     (
         "1 (intensity)",
-        "the light of an open pixel: no masks, no sample. Masks let a fraction of it through.",
+        "the light of an open pixel: no masks, no sample. Masks transmit a fraction of it.",
     ),
     (
         "1σ",
-        "one standard deviation of the noise of counts. Noise-free intensities have none: what tells \
-         of them is the rms residual, as a share of open beam.",
+        "one standard deviation of the noise of counts. Noise-free intensities have none; their measure is the rms residual, as a fraction of the open beam.",
     ),
     ("residual", "data − fit; the rms residual is its root mean square over the mask steps."),
     (
         "flags",
-        "what stands against the values of a pixel. Misfit: they are not those of the neighbours on \
-         either side, as where the silhouette of an object crosses the pixel. Flagged pixels do not set the colour scales; \
+        "reasons to distrust the values of a pixel. Misfit: they differ from both neighbours, as where the silhouette of an object crosses the pixel. Flagged pixels do not set the colour scales; \
          pixels without an answer are violet.",
     ),
     (
@@ -120,8 +117,8 @@ pub(super) fn words() -> Vec<TableRow> {
 /// Meanings of the counts of a tally.
 const MEANINGS: [(&str, &str); 13] = [
     ("rays", "traced as straight lines, with refraction to first order"),
-    ("exact", "traced again with refraction at every surface in turn, for they graze one"),
-    ("split", "rectangles of rays that refinement has cut"),
+    ("exact", "traced exactly, surface by surface, since they graze one"),
+    ("split", "rectangles that refinement has split"),
     ("unbalanced", "rays that entered and left some object unequally often; should be 0"),
     (
         "unordered",
@@ -182,7 +179,7 @@ fn sampling(summary: &SamplingSummary) -> [TableRow; 3] {
         ),
         TableRow::new(
             format!(
-                "beamlets and rows that may miss a tolerance, {:.1e} of open beam or that of angles",
+                "beamlets and rows that may miss a tolerance, {:.1e} of open beam or the tolerance of angles",
                 summary.tolerance
             ),
             format!("{} of {}", count(beyond), count(*patches)),

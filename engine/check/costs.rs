@@ -73,8 +73,7 @@ fn meshes(scene: &Scene, report: &CheckReport, contact: &CheckedContact) -> Opti
     };
     match contact.kind {
         ContactKind::Overlap { .. } if is_bore(second, first) => Some(format!(
-            "\"{later}\" leaves \"{earlier}\": both become meshes, about ten times slower; end it inside, or \
-             make a tube with an empty bore of the shape `tube`"
+            "\"{later}\" leaves \"{earlier}\": both become meshes, about ten times slower; end it inside, or use the shape `tube` for an empty bore"
         )),
         ContactKind::Overlap { .. } => Some(format!(
             "\"{later}\" crosses \"{earlier}\": exact shapes that cross become meshes, which takes about ten \

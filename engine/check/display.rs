@@ -134,8 +134,7 @@ fn write_illumination(f: &mut Formatter<'_>, curve: &IlluminationCurve) -> fmt::
         format!("{low:.2} to {high:.2} sigma, {:.3} to {:.3} periods", periods[0], periods[1]);
     line(f, "mask offsets", reach)?;
     if curve.has_three_offsets() {
-        let settled = "T, alpha and sigma_DF2 by `retrieve --method three-step` alone: a background passes \
-                       for dark field, and no misfit is seen";
+        let settled = "T, alpha and sigma_DF2 by `retrieve --method three-step` only: a background appears as dark field, and misfits are not found";
         line(f, "three offsets settle", settled.into())?;
     }
     let Some(expected) = &curve.expected else { return Ok(()) };

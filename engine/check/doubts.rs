@@ -193,7 +193,7 @@ fn odd_materials(scene: &Scene) -> Vec<String> {
                 if used && *density < GAS =>
             {
                 doubts.push(format!(
-                    "materials.{name}.density of {} g/cm3 ({} kg/m3) is that of a gas: is its unit right?",
+                    "materials.{name}.density of {} g/cm3 ({} kg/m3) is the density of a gas: is its unit right?",
                     number(*density),
                     number(density * 1e3)
                 ));

@@ -251,8 +251,7 @@ fn leak_warnings(leaks: [f64; 2]) -> Vec<String> {
     for (name, leak) in ["sample_mask", "detector_mask"].into_iter().zip(leaks) {
         if leak > 0.01 {
             warnings.push(format!(
-                "the bars of {name} let {:.1} % of the light through; above 1 % they take visibility: \
-                 are material and thickness the right ones?",
+                "the bars of {name} transmit {:.1} % of the light; above 1 % they reduce visibility: are material and thickness right?",
                 leak * 100.0
             ));
         }
@@ -286,7 +285,7 @@ fn scan_warning(offsets: &[f64], sigma: f64, period: f64) -> Option<String> {
     (offsets.len() > 3 && (low > -2.2 || high < 2.2)).then(|| {
         format!(
             "scan.mask_offsets cover {low:.1} to {high:.1} sigma of the illumination curve (sigma \
-             {sigma:.2} um); -{0:.0} to {0:.0} um, 2.5 sigma, would settle width and background",
+             {sigma:.2} um); -{0:.0} to {0:.0} um, 2.5 sigma, would determine width and background",
             2.5 * sigma
         )
     })

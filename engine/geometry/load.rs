@@ -214,7 +214,7 @@ fn sample(scene: &Scene, loaded: Vec<Loaded>, contacts: bool, watch: &Watch) -> 
     let of_places = std::mem::take(&mut groups.overlaps).into_iter().chain(gaps);
     let contacts = Contact::joined(contacts.into_iter().chain(of_places));
     groups.surround(&mut bodies);
-    log::info!("what stands in what: found in {:.1} s", begin.elapsed().as_secs_f64());
+    log::info!("nesting resolved in {:.1} s", begin.elapsed().as_secs_f64());
     for (note, cut_by) in notes.iter_mut().zip(cut_by) {
         note.cut_by = cut_by;
     }

@@ -1,7 +1,7 @@
-//! What may differ between the run that kept moments and the scene that takes them.
+//! Allowed differences between a run with stored moments and a scene that uses them.
 
 use super::DELTA_HEADROOM;
-use crate::scene::{Instances, Mesh, Object, Scene, ShapeOrMesh};
+use crate::scene::{Instances, Mesh, Normals, Object, Scene, ShapeOrMesh};
 use crate::trace::MaterialTable;
 use crate::{Error, Result, geometry};
 
@@ -11,7 +11,7 @@ use crate::{Error, Result, geometry};
 /// [`Error::Scene`] with the key that differs; [`Error::File`] where a mesh cannot be read.
 pub(super) fn check(base: &Scene, scene: &Scene) -> Result<()> {
     let differs = |key: &str, found: String, there: String| {
-        Err(Error::scene(key, found, format!("{there}, as in the run that kept the moments")))
+        Err(Error::scene(key, found, format!("{there}, as in the stored run")))
     };
     let mm = |m: f64| format!("{} mm", 1e3 * m);
     if base.source.distance.to_bits() != scene.source.distance.to_bits() {
@@ -30,8 +30,8 @@ pub(super) fn check(base: &Scene, scene: &Scene) -> Result<()> {
         ("fly", before.fly == now.fly),
     ];
     if let Some((key, _)) = same.iter().find(|(_, same)| !same) {
-        let found = "other motions of the sample".into();
-        return differs(&format!("scan.{key}"), found, "its motions".into());
+        let found = "another motion of the sample".into();
+        return differs(&format!("scan.{key}"), found, "the same motion".into());
     }
     if base.objects.len() != scene.objects.len() {
         let count = |s: &Scene| format!("{} objects", s.objects.len());
@@ -41,21 +41,31 @@ pub(super) fn check(base: &Scene, scene: &Scene) -> Result<()> {
         let key = |name: &str| scene.object_key(index, name);
         if there.placement != here.placement {
             let name = &here.name;
-            return differs(&key("position"), format!("\"{name}\" elsewhere"), "its place".into());
+            return differs(
+                &key("position"),
+                format!("\"{name}\" elsewhere"),
+                "the same place".into(),
+            );
         }
         if there.roughness.to_bits() != here.roughness.to_bits() {
             let (now, was) = (here.roughness, there.roughness);
             return differs(&key("roughness"), now.to_string(), was.to_string());
         }
         if there.normals != here.normals {
-            return differs(&key("normals"), "others".into(), "those".into());
+            let name = |normals: Normals| match normals {
+                Normals::Facets => "\"facets\"",
+                Normals::Smooth => "\"smooth\"",
+            };
+            let (now, was) = (name(here.normals), name(there.normals));
+            return differs(&key("normals"), now.into(), was.into());
         }
         if let Some((found, was)) = other_surface(scene, there, here)? {
             return differs(&key("mesh"), found, was);
         }
         if !same_instances(base, there, scene, here)? {
             let name = &here.name;
-            let (found, was) = (format!("other instances of \"{name}\""), "its instances".into());
+            let (found, was) =
+                (format!("other instances of \"{name}\""), "the same instances".into());
             return differs(&key("instances"), found, was);
         }
     }
@@ -122,7 +132,7 @@ pub(super) fn media(
             return Err(Error::scene(
                 scene.object_key(index, "material"),
                 format!("\"{}\"", scene.objects[index].material),
-                format!("one material for all that was \"{name}\": their moments are one sum"),
+                format!("one material for all objects of \"{name}\", whose moments are one sum"),
             ));
         }
         *seen = Some(*now);
@@ -143,10 +153,12 @@ pub(super) fn media(
         if now > DELTA_HEADROOM * was * (1.0 + 1e-9) && now > 0.0 {
             return Err(Error::scene(
                 "source",
-                format!("\"{name}\" with a delta of {now:.3e}, {:.2} times what it was", now / was),
                 format!(
-                    "up to {DELTA_HEADROOM} times that of the run that kept the moments: its rays were \
-                     looked at for that; simulate this scene instead"
+                    "\"{name}\" with a delta of {now:.3e}, {:.2} times the delta of the run",
+                    now / was
+                ),
+                format!(
+                    "up to {DELTA_HEADROOM} times the delta of the run, for which its rays are valid; simulate this scene instead"
                 ),
             ));
         }

@@ -399,7 +399,7 @@ impl NewBeamlet {
 fn outside(key: &str, what: &str, times: f64) -> Error {
     Error::scene(
         key,
-        format!("a field of view {times:.3} times that of the kept moments in {what}"),
-        "a field of view inside that of the run that kept them",
+        format!("a field of view {times:.3} times as wide as the stored moments in {what}"),
+        "a field of view inside the stored one",
     )
 }

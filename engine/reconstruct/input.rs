@@ -238,7 +238,7 @@ impl Input {
         let name = sigma_of(quantity);
         if !self.has_sigmas(quantity) {
             let path = self.paths().into_iter().next().unwrap_or_default();
-            let problem = format!("has no image {name}, which the deviations are made of");
+            let problem = format!("has no image {name}, from which the uncertainties are made");
             return Err(Error::file(path, problem, None));
         }
         let [views, rows, columns] = self.geometry.shape();

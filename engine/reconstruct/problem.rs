@@ -153,7 +153,7 @@ impl<'a> Problem<'a> {
         if descent > 0.0 || self.residuals[0] <= 0.0 {
             return Ok(());
         }
-        let found = "no ray of weight that meets a voxel";
+        let found = "no weighted ray through any voxel";
         Err(Error::argument("grid", found, "voxels in the beam of some views"))
     }
 

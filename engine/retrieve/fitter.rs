@@ -193,7 +193,7 @@ impl Fitter {
             return Err(Error::argument(
                 "offsets",
                 format!("{} offsets for {steps} frames", self.step_count),
-                "as many offsets as frames",
+                "one offset for each frame",
             ));
         }
         let mut all = Curves::new(count);

@@ -44,11 +44,7 @@ pub const NO_ANSWER: u32 = DEAD | NOT_FINITE | FEW | NOT_CONVERGED | WIDTH | NO_
 
 /// Each bit of a pixel with its name and meaning.
 pub const OF_PIXEL: [(u32, &str, &str); 3] = [
-    (
-        MISFIT,
-        "misfit",
-        "values are not those of the neighbours on either side, or the fit leaves more",
-    ),
+    (MISFIT, "misfit", "values differ from both neighbours, or the residual is too large"),
     (
         UNRESOLVED,
         "unresolved",

@@ -263,7 +263,7 @@ impl Retriever {
             return Err(Error::scene(
                 "detector.pixels",
                 format!("{} columns for frames of {columns}", beamlets.columns()),
-                "as many columns as the frames have, for beamlets to be found",
+                "all columns of the frames, which beamlets need",
             ));
         }
         let across = self.beamlets.as_ref().map_or(columns, Beamlets::count);

@@ -236,11 +236,11 @@ impl Simulation {
     /// ```
     pub fn run(&self, sink: &mut dyn Sink, mut control: Control<'_>) -> Result<RunRecord> {
         if self.stored.is_some() && control.keep.is_some() {
-            let found = "moments to be kept of a scene that is itself made from kept moments";
+            let found = "keeping moments while illuminating stored moments";
             return Err(Error::argument("control.keep", found, "a simulation that traces"));
         }
         if control.keep.is_some() && self.scene.scan.poses_of_view() > 1 {
-            let found = "a fly scan, whose moments are to be kept";
+            let found = "a fly scan with --keep-moments";
             return Err(Error::scene("scan.fly", found, "no fly scan, or no --keep-moments"));
         }
         if let Some(warning) = detector::offset_warning(&self.scene) {

@@ -45,7 +45,7 @@ impl Room {
         let [limit, left] = self.limit.unwrap_or([u64::MAX; 2]);
         Error::Memory {
             purpose: format!(
-                "a run, with the light of beamlet {} in row {} in {} parts so far,",
+                "refining beamlet {}, row {} ({} rectangles),",
                 patch.beamlet,
                 patch.row,
                 patch.nodes.len()

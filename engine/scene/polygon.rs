@@ -37,7 +37,9 @@ pub(super) fn validate(key: &str, points: &[[f64; 2]], faults: &mut Faults) {
         for second in near {
             let [low, high] = [*first.min(second), *first.max(second)];
             if meet(ends(low), ends(high), high == low + 1, low == 0 && high == n - 1) {
-                let found = format!("edges {low} and {high} that meet (edge 0 begins at corner 0)");
+                let found = format!(
+                    "edges {low} and {high} that touch or cross (edge 0 begins at corner 0)"
+                );
                 let allowed = "a polygon that does not cross or touch itself, \
                                corners in their order around it";
                 faults.add(Error::scene(format!("{key}[{high}]"), found, allowed));

@@ -183,7 +183,7 @@ impl Scene {
         for (view, list) in lists.iter().enumerate() {
             let key = format!("scan.view_offsets[{view}]");
             if list.len() != steps {
-                let allowed = format!("{steps}, as many as scan.mask_offsets");
+                let allowed = format!("{steps}, the number of scan.mask_offsets");
                 return Err(Error::scene(key, format!("{} offsets", list.len()), allowed));
             }
             if let Some(offset) = list.iter().find(|offset| !offset.is_finite()) {

@@ -162,7 +162,7 @@ fn problem_of_view(
     };
     match is_whole() {
         Ok(true) => None,
-        Ok(false) => Some(format!("{}: {name} is not what was committed", path.display())),
+        Ok(false) => Some(format!("{}: {name} differs from the committed one", path.display())),
         Err(error) => Some(format!("{error} ({name})")),
     }
 }

@@ -85,7 +85,7 @@ fn the_curve_is_drawn_without_an_estimate() {
     assert_eq!(same(&told), same(&whole));
     done(here, "check scene.toml --plot other.svg --no-estimate --backend bvh");
     let told = ended(&run(here, "check scene.toml --no-estimate --backend bvh"), 2);
-    assert!(told.contains("--backend are for the estimate and for --plot"), "{told}");
+    assert!(told.contains("--backend belong to the estimate and to --plot"), "{told}");
     let told = ended(&run(here, "check scene.toml --plot none.svg --no-estimate --device none"), 1);
     assert!(told.contains("none"), "{told}");
     assert!(!here.join("none.svg").exists());
@@ -118,7 +118,7 @@ fn a_scan_that_settles_nothing_is_told_once_with_what_would() {
     let [note] = notes[..] else { panic!("{told}") };
     // Sigma of this set-up is 9.8 um; the fit of so few steps finds it about.
     assert!(note.contains("every pixel is ill-conditioned: 4 offsets cover"), "{note}");
-    assert!(note.contains("would settle width and background"), "{note}");
+    assert!(note.contains("would determine width and background"), "{note}");
     assert!(told.contains("the run has counts, too: --counts --weights poisson"), "{told}");
     let told = done(here, "retrieve run --counts --weights poisson --overwrite");
     assert!(!told.contains("has counts, too"), "{told}");
@@ -140,7 +140,7 @@ fn edges_far_from_the_rotation_centre_are_named_without_a_device() {
     };
     // From 4 to 1 / 0.1795 - 1 = 4.571 of the spot: 0.143 of the blur, which is as wide as a pixel.
     let far = told("far.toml", "-20 mm", "");
-    let amount = "are wrong by up to 3.5e-2 of open beam where they take all light";
+    let amount = "err by up to 3.5e-2 of open beam where they take all light";
     assert!(far.contains("\"rod\", up to 20.5 mm before it") && far.contains(amount), "{far}");
     let behind = told("behind.toml", "20 mm", "");
     assert!(behind.contains("\"rod\", up to 20.5 mm behind it"), "{behind}");

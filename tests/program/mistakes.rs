@@ -207,7 +207,7 @@ fn what_is_missing_is_named() {
         ("check nowhere", 1, "nowhere: cannot be read"),
         ("report nowhere", 1, "nowhere: is not there"),
         ("simulate scene.toml -o nowhere --resume", 1, "nowhere: is not there"),
-        ("simulate scene.toml -o . --resume", 1, ".: holds no run to go on with"),
+        ("simulate scene.toml -o . --resume", 1, ".: holds no run to resume"),
         (
             "retrieve --flat a.npy --sample b.npy --geometry scene.toml -o out --offsets list.txt",
             1,

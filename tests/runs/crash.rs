@@ -61,7 +61,7 @@ fn assert_whole(place: &Path, run: &str) -> Vec<Exposure> {
     assert_eq!(
         resumed.committed().len(),
         committed_lines(&path),
-        "a view is not what was committed"
+        "a view differs from the committed one"
     );
     resumed.committed().to_vec()
 }

@@ -251,7 +251,7 @@ fn what_moments_cannot_follow_is_refused_by_its_key() {
         ("object.bead.shape.sphere.radius=0.3 mm", "object[1].mesh", "another shape"),
         ("detector.pixels=[40, 12]", "detector.pixels", "2.000 times"),
         ("detector.pixels=[400, 6]", "detector.pixels", "columns"),
-        ("source.energy=15 keV", "source", "times what it was"),
+        ("source.energy=15 keV", "source", "times the delta of the run"),
     ] {
         let (found, text) = refusal(&kept, &scene(&[change]));
         assert_eq!(found, key, "{change}: {text}");
@@ -290,8 +290,8 @@ fn damaged_moments_are_named_and_not_used() {
     let mut changed = bytes.clone();
     changed[bytes.len() / 2] ^= 1;
     for (what, damaged) in [
-        ("is not what was written", changed),
-        ("is not what was written", bytes[..bytes.len() - 100].to_vec()),
+        ("does not match its hash", changed),
+        ("does not match its hash", bytes[..bytes.len() - 100].to_vec()),
         ("is cut off", bytes[..20].to_vec()),
     ] {
         std::fs::write(&view, damaged).unwrap();

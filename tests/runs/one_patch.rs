@@ -67,7 +67,7 @@ fn a_patch_beyond_the_limit_is_an_error_and_one_within_it_has_the_same_bits() {
         let tight = least + 14;
         let (peak, message, code) = run(tight);
         assert_eq!(code, Some(1), "{message}");
-        for word in ["the light of beamlet", "in row 0", "raise the memory limit or sampling.tol"] {
+        for word in ["refining beamlet", "row 0 (", "raise the memory limit or sampling.tol"] {
             assert!(message.contains(word), "{word}: {message}");
         }
         assert!(!cpu || peak <= tight * MIB, "{peak}");

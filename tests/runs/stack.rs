@@ -52,7 +52,7 @@ fn record() -> RunRecord {
 fn values(view: Exposure) -> Array3<f32> {
     let view = match view {
         Exposure::Flat => 0.5,
-        Exposure::Dark => unreachable!("the scene asks for no counts"),
+        Exposure::Dark => unreachable!("the scene has no detector.photons"),
         Exposure::Sample(index) => f32::from(u16::try_from(index).unwrap()) + 1.25,
     };
     Array3::from_shape_fn((STEPS, ROWS, COLUMNS), |(step, row, column)| {

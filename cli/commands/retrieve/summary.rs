@@ -20,7 +20,7 @@ fn remedy(record: &Record, pixels: u64) -> Option<String> {
     let sigma = record.flat_width.filter(|_| record.method != "beamlet")?;
     Some(format!(
         "every pixel is ill-conditioned: {} offsets cover {:.1} sigma of the flat's curve (sigma {:.1} \
-         um); seven or more over +-{:.0} um would settle width and background",
+         um); seven or more over +-{:.0} um would determine width and background",
         record.offsets.len(),
         (high - low) / sigma,
         sigma * 1e6,
@@ -56,7 +56,10 @@ pub(super) fn write(
     }
     if let Some(residual) = record.residual.filter(|_| !record.counts) {
         let share = 100.0 * residual;
-        writeln!(out, "misfit   fits leave {share:.2} % of open beam (rms, median of all pixels)")?;
+        writeln!(
+            out,
+            "misfit   residual of the fits {share:.2} % of open beam (rms, median of all pixels)"
+        )?;
     }
     write_light(record, out)?;
     write_chi_square(record, out)?;
@@ -87,7 +90,7 @@ fn write_chi_square(record: &Record, out: &mut impl Write) -> Result<(), Failure
     let (Some(found), Some(gain)) = (record.reduced_chi_square, record.gain) else { return Ok(()) };
     write!(out, "chi2     {found:.2}, reduced, median of all pixels")?;
     if let Some(beyond) = record.chi_square_beyond_flat {
-        write!(out, "; {beyond:.2} beyond what fits of the flat leave")?;
+        write!(out, "; {beyond:.2} beyond the residuals of the flat")?;
     }
     match record.gain_assumed {
         true => writeln!(out, " (a gain of {gain} is assumed: --gain)")?,

@@ -76,7 +76,7 @@ impl NpyFile {
             Some(expected) if expected <= found => {}
             _ => {
                 let problem = format!(
-                    "is cut short: {found} bytes, but its header asks for {}",
+                    "is cut short: {found} bytes, but its header requires {}",
                     expected.map_or("more than fit".to_owned(), |n| n.to_string())
                 );
                 return Err(Error::file(path, problem, None));

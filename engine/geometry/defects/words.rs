@@ -66,7 +66,7 @@ impl Defects {
         [
             (&self.degenerate_triangles, "triangle", "without area (harmless)"),
             (&self.duplicate_triangles, "triangle", "given twice"),
-            (&self.non_manifold_vertices, "vertex", "in which parts meet in a point (harmless)"),
+            (&self.non_manifold_vertices, "vertex", "in which parts touch in a point (harmless)"),
         ]
         .into_iter()
         .filter(|(found, ..)| found.count > 0)

@@ -269,7 +269,7 @@ fn arcs(bodies: &[Body], pairs: &[(usize, usize)]) -> Result<Vec<f64>> {
     for body in used {
         let surface = &bodies[body].surface;
         let needed = PER_ARC * surface.triangles.len() as u64;
-        reserve::ask(needed, "measuring the facets of objects that meet", reserve::REMEDY)?;
+        reserve::ask(needed, "measuring contacts of objects", reserve::REMEDY)?;
         arcs[body] = arc(surface);
     }
     Ok(arcs)

@@ -125,7 +125,7 @@ impl Cuts {
         drop(operands);
         for (body, holes) in bodies.iter_mut().zip(holes).filter(|it| it.1 > 0) {
             body.warnings.push(format!(
-                "{holes} holes in it count as closed by flat patches, where it meets other objects"
+                "{holes} holes in it are closed with flat covers where it touches other objects"
             ));
         }
         let mut left_of: Vec<Vec<(usize, Surface)>> = bodies.iter().map(|_| Vec::new()).collect();
@@ -143,10 +143,8 @@ impl Cuts {
                 .map(|(part, surface)| (surface, outside[parts.all[part].components[0] as usize]));
             body.replace(&gone, pieces, numbers::count(object));
             if body.components.is_empty() {
-                body.warnings.push(
-                    "nothing is left of it: it lies wholly in objects that are listed later"
-                        .to_owned(),
-                );
+                body.warnings
+                    .push("it is covered completely by later objects and ignored".to_owned());
             }
         }
         Ok(())

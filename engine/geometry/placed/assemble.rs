@@ -40,24 +40,23 @@ fn describe(
     if joined > 0 {
         let facets = match off {
             0.0 => String::new(),
-            _ => format!(", whose facets are off its surface by {:.0} nm at most", off * 1e9),
+            _ => format!(" with facets within {:.0} nm of its surface", off * 1e9),
         };
         let which = match group.places.len() + joined + covered + inner {
-            1 => format!("it meets another surface: it is cut as a mesh{facets}"),
+            1 => format!("it touches or crosses another surface: cut as a mesh{facets}"),
             _ => format!(
-                "{joined} of its instances meet other surfaces or overlap: they are cut and united \
-                 as meshes{facets}"
+                "{joined} of its instances touch other surfaces or overlap: cut and united as meshes{facets}"
             ),
         };
         object.warnings.push(which);
     }
     if covered > 0 {
-        object.warnings.push(format!(
-            "{covered} of its instances lie wholly in objects that are listed later"
-        ));
+        object
+            .warnings
+            .push(format!("{covered} of its instances are covered completely by later objects"));
     }
     if inner > 0 {
-        object.warnings.push(format!("{inner} of its instances lie wholly in others of it"));
+        object.warnings.push(format!("{inner} of its instances lie inside others and are ignored"));
     }
     if group.places.len() + joined + covered + inner > 1 {
         object.instances = group.places.len() + joined;

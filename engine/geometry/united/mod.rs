@@ -161,7 +161,7 @@ fn joined(all: &[Shell], clusters: &[Vec<u32>], task: Task<'_>) -> Result<Option
         match one(cluster, all, task) {
             Ok(united) => whole.append(without_thin(united)),
             Err(Error::Mesh { problem, .. }) => {
-                log::info!("parts of a mesh that meet cannot be united: {problem}");
+                log::info!("touching parts of a mesh cannot be united: {problem}");
                 return Ok(None);
             }
             Err(error) => return Err(error),

@@ -176,7 +176,7 @@ fn check_hash(path: &Path, mut file: &File, bytes: u64) -> Result<()> {
     let mut recorded = [0_u8; HASH];
     file.read_exact(&mut recorded).map_err(failed)?;
     if hash.finalize()[..] != recorded {
-        return Err(Error::file(path, "is not what was written: simulate again", None));
+        return Err(Error::file(path, "does not match its hash: simulate again", None));
     }
     Ok(())
 }

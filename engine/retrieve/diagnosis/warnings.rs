@@ -142,7 +142,7 @@ fn scatter(found: &Findings<'_>) -> Option<String> {
     let beyond = median(found.chi_squares.iter().map(|pair| pair[1]).collect())?;
     (found.is_noise_known && beyond > CHI_SQUARE).then(|| {
         format!(
-            "reduced chi squared of the sample is {beyond:.1} beyond what the fits of the flat leave \
+            "reduced chi squared of the sample is {beyond:.1} beyond the residuals of the flat \
              (median of the pixels): values scatter by more than the noise of counts; check --gain and \
              --read-noise, and whether dose and offsets were steady"
         )

@@ -50,7 +50,7 @@ impl Retriever {
             return Err(Error::scene(
                 "scan.mask_offsets",
                 format!("{} offsets for {steps} frames", offsets.len()),
-                "as many offsets as frames",
+                "one offset for each frame",
             ));
         }
         let data = match &self.beamlets {

@@ -46,6 +46,6 @@ pub(crate) fn ask_for_run(scene: &Scene, estimate: &MemoryEstimate) -> Result<()
     reserve::ask(
         bytes,
         &purpose,
-        "set a lower memory limit, for smaller bands, or lift that of the system",
+        "set a lower memory limit, for smaller bands, or raise the system's limit",
     )
 }

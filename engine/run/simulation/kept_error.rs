@@ -75,13 +75,11 @@ impl Simulation {
         Err(Error::scene(
             &*finer.key,
             format!(
-                "{}, for which kept cells are {rms:.1e} of open beam off a new simulation (rms), single \
-                 pixels {worst:.1e}",
+                "{}, for which stored cells differ from a new simulation by {rms:.1e} of open beam (rms), {worst:.1e} in single pixels",
                 finer.found
             ),
             format!(
-                "up to sampling.tolerance, {tolerance:.1e} (rms), and {SINGLE} times that in single \
-                 pixels; the run that kept the moments has {}: simulate this scene instead",
+                "up to sampling.tolerance, {tolerance:.1e} (rms), and {SINGLE} times that in single pixels; the run has {}: simulate this scene instead",
                 finer.of_run
             ),
         ))

@@ -75,7 +75,7 @@ impl Simulation {
     ) -> Result<Self> {
         scene.validate()?;
         if scene.sampling.scheme != Scheme::Cells {
-            return Err(Error::scene("sampling.scheme", "random", "cells, which moments are of"));
+            return Err(Error::scene("sampling.scheme", "random", "cells, for stored moments"));
         }
         let scene = Arc::new(quality::as_traced(scene, moments.scene())?.with_file_hashes()?);
         let detector = DetectorModel::of(&scene)?;

@@ -64,8 +64,10 @@ impl Value for ScanErrors {
             let Some(given) = table.get(list) else { continue };
             if let Some(other) = keys.iter().find(|key| table.get(key).is_some()) {
                 let found = format!("both {list} and {other}");
-                return given
-                    .refuse(given.error(found, "either a list, or standard deviations"), Self::default());
+                return given.refuse(
+                    given.error(found, "either a list, or standard deviations"),
+                    Self::default(),
+                );
             }
         }
         Ok(errors)

@@ -59,7 +59,7 @@ keys! { SPECTRUM: SpectrumSpec, "source.spectrum",
     filters => Tables(&FILTER.spec), Default("[]"), r#"[{ material = "Al", thickness = "1 mm" }]"#,
         "Filters behind the tube, or behind the spectrum of a file.";
     nodes => Count(1, limits::NODES as u64), Without("for an error below 0.1 %"), "12",
-        "Number of energies that stand for the spectrum.";
+        "Number of energies that represent the spectrum.";
 }
 
 words!(Anode, ANODES: "tungsten" => Tungsten, "molybdenum" => Molybdenum);

@@ -94,7 +94,7 @@ impl ImageDirectory {
 
     /// Refuses to go on with a folder in the making that was moved or removed.
     fn refuse_moved(&self) -> Result<()> {
-        let remedy = "begin again; images that are not finished are of no use";
+        let remedy = "start again: unfinished images cannot be used";
         open_file::refuse_moved(&self.mark, &self.partial.join(MARK), remedy)
     }
 

@@ -95,8 +95,7 @@ pub(super) fn claim(partial: &Path) -> Result<LockedFile> {
     let mark = partial.join(MARK);
     let empty = folder::names(partial).is_ok_and(|names| names.is_empty());
     if !empty && !mark.is_file() {
-        let problem = "is not of beamlet, and its name is needed for images in the making; move \
-                       it, or choose another directory for the images";
+        let problem = "was not written by beamlet, and its name is needed for unfinished images; move it, or choose another directory for the images";
         return Err(Error::file(partial, problem, None));
     }
     refuse_link(&mark)?;

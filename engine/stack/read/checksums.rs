@@ -74,8 +74,8 @@ impl Checksums {
         }
         if hex(&hasher.finalize()) != *recorded {
             let problem = format!(
-                "{name} is not what was committed: its values do not have the checksum of {}; \
-                 resume the run to make it again",
+                "{name} differs from the committed one: its values do not have the checksum of {}; \
+                 resume the run to simulate it again",
                 layout::LOG
             );
             return Err(Error::file(path, problem, None));

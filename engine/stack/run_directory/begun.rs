@@ -66,7 +66,7 @@ impl Begun {
             (Values::Intensities, _) | (_, Exposure::Dark) => Some(&mut self.frames),
             _ => self.counts.as_mut(),
         };
-        let missing = || Error::file(path, "the scene asks for no counts", None);
+        let missing = || Error::file(path, "the scene has no detector.photons", None);
         frames.ok_or_else(missing)?.write(view, rows, data)
     }
 

@@ -63,8 +63,8 @@ impl RunDirectory {
             .problems
             .into_iter()
             .map(|(view, problem)| match view {
-                Some(_) => format!("{problem}; it is made again"),
-                None => format!("{problem}; it is mended, and what it lost is made again"),
+                Some(_) => format!("{problem}; it is simulated again"),
+                None => format!("{problem}; repaired, and lost views are simulated again"),
             })
             .collect();
         let mut committed = found.whole.clone();
@@ -72,7 +72,7 @@ impl RunDirectory {
         if keep_moments {
             for (view, problem) in verify::moments(&path, &found.whole) {
                 committed.retain(|other| *other != view);
-                problems.push(format!("{problem}; it is made again"));
+                problems.push(format!("{problem}; it is simulated again"));
             }
         }
         let counted = committed.iter().filter_map(|view| entries[view].tally);
@@ -131,8 +131,7 @@ impl RunDirectory {
             return Ok(());
         }
         let problem = format!(
-            "was begun without a hash of {}: whether that is what the run began with cannot be \
-             told; start anew, or allow it (--allow-unhashed)",
+            "has no hash of {}, so that a change of that file cannot be found; start anew, or allow it (--allow-unhashed)",
             files.join(", ")
         );
         Err(Error::file(&self.path, problem, None))
@@ -152,8 +151,7 @@ impl RunDirectory {
             }
             if !self.allow_mixed {
                 let problem = format!(
-                    "was begun with {what} {before}, this is {now}; results may differ in the \
-                     last digits: go back to the first, start anew, or allow a mixed run"
+                    "was begun with {what} {before}, now {now}; results may differ in the last digits: use the first, start anew, or allow a mixed run"
                 );
                 return Err(Error::file(&self.path, problem, None));
             }
@@ -169,7 +167,7 @@ fn require_run(path: &Path) -> Result<()> {
         return Ok(());
     }
     let problem = match path.exists() {
-        true => format!("holds no run to go on with: it has no {RUN}"),
+        true => format!("holds no run to resume: it has no {RUN}"),
         false => format!("is not there: it has no {RUN} to go on from"),
     };
     Err(Error::file(path, problem, None))

@@ -288,7 +288,7 @@ fn a_terminal_ticks_while_one_step_lasts_and_ctrl_c_ends_that() {
     let shown = String::from_utf8_lossy(&shown);
     assert!(told.is_sorted() && told.last().is_some_and(|last| *last >= 3), "{told:?}: {shown}");
     assert_eq!(ended.code(), Some(130), "{shown}");
-    assert!(shown.contains("interrupted") && !shown.contains("looking for objects"), "{shown}");
+    assert!(shown.contains("interrupted") && !shown.contains("finding objects"), "{shown}");
     assert!(!place.path("run").exists(), "nothing was written");
 }
 

@@ -37,7 +37,7 @@ fn arrays_that_lost_their_last_bytes_lose_the_last_view_alone() {
     let told = mended(|whole| whole[..whole.len() - 5].to_vec());
     let [flat, sample, dark, counts_flat, counts_sample] = told.try_into().unwrap();
     for (message, view) in [(flat, "(flat)"), (counts_flat, "(flat)"), (dark, "(dark)")] {
-        assert_says(&message, &[view, "it is made again"]);
+        assert_says(&message, &[view, "it is simulated again"]);
     }
     for message in [sample, counts_sample] {
         assert_says(&message, &["sample.npy: has ", " were written", "sample/3"]);
@@ -48,7 +48,7 @@ fn arrays_that_lost_their_last_bytes_lose_the_last_view_alone() {
 #[test]
 fn arrays_that_gained_bytes_keep_every_view() {
     for message in mended(|whole| [whole, b"abc".as_slice()].concat()) {
-        assert!(!message.contains("it is made again"), "{message}");
+        assert!(!message.contains("it is simulated again"), "{message}");
         assert_says(&message, &[" were written"]);
     }
 }
@@ -62,7 +62,7 @@ fn a_header_that_says_another_shape_is_written_again() {
         changed
     });
     for message in told {
-        assert!(!message.contains("it is made again"), "{message}");
+        assert!(!message.contains("it is simulated again"), "{message}");
         assert_says(&message, &["has another header than was written"]);
     }
 }

@@ -83,7 +83,7 @@ fn count<'a>(
     }
     // Those in work are the way from the build to here.
     if counts.values().filter(|it| it.is_none()).count() >= DEEPEST {
-        let problem = format!("components stand in components more than {DEEPEST} deep");
+        let problem = format!("components are nested more than {DEEPEST} deep");
         return Err(Defect::new(problem, printed::line(model)));
     }
     counts.insert(key, None);

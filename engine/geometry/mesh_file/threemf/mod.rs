@@ -81,7 +81,7 @@ fn unpacked(part: impl Read, size: u64) -> Result<String, String> {
     match part.take(size.saturating_add(1)).read_to_end(&mut bytes) {
         Err(error) => return Err(format!("cannot be unpacked: {error}")),
         Ok(found) if found as u64 != size => {
-            return Err(format!("does not unpack to the {size} bytes that the archive tells"));
+            return Err(format!("does not unpack to the {size} bytes of its entry"));
         }
         Ok(_) => {}
     }
