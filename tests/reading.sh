@@ -1,6 +1,6 @@
 #!/bin/bash
 # Runs the lines of README.md and the lines and the Python of docs/reading.md on runs of few pixels,
-# in every format, and those of docs/how-to, so that these pages stay true.
+# in every format, and the lines of docs/how-to and of docs/tutorial.md, so that these pages stay true.
 # Usage: tests/reading.sh [BEAMLET]   (default: target/release/beamlet)
 set -euo pipefail
 root=$(cd "$(dirname "$0")/.." && pwd)
@@ -77,7 +77,7 @@ PYTHON
 few=(--set 'detector.pixels=[16, 2]')
 mkdir how-to
 cp "$root/docs/how-to/tube.toml" how-to
-for page in design faster; do
+for page in design faster ct; do
     lines sh "$root/docs/how-to/$page.md" >"$page.sh"
     # shellcheck source=/dev/null
     (cd how-to && set -e && . "../$page.sh") >"$page.log"
@@ -88,4 +88,10 @@ lines python "$root/docs/how-to/design.md" >design.py
 [ "$(grep -c '^ *[0-9]' design.table)" = 5 ]
 grep -q 'warning: scan.mask_offsets cover' design.log
 grep -q '"bore" leaves "tube": both become meshes' faster.log
+few=(--set 'detector.pixels=[24, 3]' --set 'scan.angles={ from = "0 deg", to = "360 deg", count = 8 }')
+lines sh "$root/docs/tutorial.md" >tutorial.sh
+mkdir tutorial
+# shellcheck source=/dev/null
+(cd tutorial && set -e && . ../tutorial.sh) >tutorial.log
+grep -q '^bracket,nylon 66,delta,' tutorial/volume/errors.csv
 echo "README.md: $(grep -c . readme.sh) lines in each of 3 formats"
