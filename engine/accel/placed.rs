@@ -74,7 +74,7 @@ mod tests {
     use crate::geometry::Place;
 
     #[test]
-    fn quaternions_turn_by_what_they_should_to_4e_8() {
+    fn quaternions_rotate_to_4e_8() {
         for k in 0..200 {
             let k = f64::from(k);
             let axis = DVec3::new(k.sin(), (1.7 * k).cos(), (0.3 * k).sin()).normalize();

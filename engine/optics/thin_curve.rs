@@ -205,7 +205,7 @@ mod tests {
 
     /// Derivatives against central differences of 1 nm.
     #[test]
-    fn derivatives_are_those_of_the_light() {
+    fn derivatives_match_differences_of_the_light() {
         let curve = paper(0.1, 30e-6);
         for offset in [-17e-6, -4e-6, 0.0, 9e-6, 31e-6] {
             let [low, mid, high] = [-1e-9, 0.0, 1e-9].map(|d| curve.at(offset + d / 1.5));

@@ -179,7 +179,7 @@ fn backend_not_asked_for_is_chosen_by_kind_leaves_and_crossings() {
 }
 
 #[test]
-fn what_a_backend_is_chosen_by_is_the_same_under_load() {
+fn backend_choice_does_not_depend_on_load() {
     let scene = ball(64);
     let record = || engine_with(EngineOptions::default()).simulate(&scene).expect("a stack").record;
     let quiet = record();

@@ -88,7 +88,7 @@ fn rays_of_a_radiograph_are_estimated_within_a_factor_of_two() {
 }
 
 #[test]
-fn random_rays_are_counted_as_they_are() {
+fn random_rays_are_counted_exactly() {
     let ball = carbon(bumpy(1.0e-3, 3));
     let mut scene = scenes::scene(&Setup::paper([32, 16]), &[ball], &OFFSETS);
     (scene.sampling.scheme, scene.sampling.rays) = (Scheme::Random, RandomRays::Grid([20, 2]));

@@ -100,7 +100,7 @@ fn names_a_file(before: &str, text: &str) -> bool {
 }
 
 #[test]
-fn names_of_files_of_a_run_are_spelt_in_its_layout_alone() {
+fn names_of_run_files_are_literals_of_the_layout_only() {
     let mut files = Vec::new();
     ["engine", "cli"].iter().for_each(|folder| sources(Path::new(folder), &mut files));
     let (mut wrong, mut seen, mut own) = (Vec::new(), 0, 0);

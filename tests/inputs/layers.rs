@@ -87,7 +87,7 @@ fn home(name: &str) -> &str {
 }
 
 #[test]
-fn modules_use_only_what_stands_below_them() {
+fn modules_use_only_lower_layers() {
     let ranks = ranks();
     let mut files = Vec::new();
     sources(Path::new("engine"), &mut files);

@@ -32,7 +32,7 @@ fn shares(formula: &str) -> BTreeMap<String, f64> {
 }
 
 #[test]
-fn tissues_glasses_steels_and_wood_are_those_of_xraylib() {
+fn tissues_glasses_steels_and_wood_match_xraylib() {
     let mut worst = [0.0_f64; 2];
     let rows = COMPOUNDS.lines().filter(|line| !line.starts_with('#'));
     let mut compared = 0;

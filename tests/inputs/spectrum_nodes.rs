@@ -190,7 +190,7 @@ fn too_few_nodes_are_reported_with_their_true_error() {
 }
 
 #[test]
-fn gold_leaks_as_every_row_says_on_both_sides_of_its_edge() {
+fn gold_leaks_match_all_rows_on_both_sides_of_its_edge() {
     for (name, beam) in BEAMS {
         for bars in ["225 um", "60 um", "10 um"] {
             let scene = scene(beam, "", &["water"], Some(bars));

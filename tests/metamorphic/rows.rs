@@ -9,7 +9,7 @@ use beamlet::scene::{Beam, Detector, MaterialSpec, Object, Scene, Shape, Source}
 /// A ball whose refraction along z changes over the one row of the detector, before a source without
 /// height: light crosses the borders of the row unlike in its middle.
 #[test]
-fn light_crosses_the_border_of_a_row_as_far_as_it_is_bent_there() {
+fn light_crosses_row_borders_by_its_own_deflection() {
     let source = Source::new(0.09, [2e-6, 0.0], Beam::Energy(30.0));
     let mut scene = Scene::new(source, Detector::new(0.6, [6, 1], [12e-6; 2]));
     scene.materials.insert("glass".into(), MaterialSpec::Constants { mu: 1e4, delta: 1e-6 });

@@ -142,7 +142,7 @@ fn cases(bars: &[[f64; 2]]) -> Vec<Case> {
 }
 
 #[test]
-fn bars_of_every_width_are_boxes() {
+fn bars_of_every_width_match_exact_box_paths() {
     let mut worst = WorstOf::new("bars, some narrower than half of their shadow", "bars, others");
     let bars = [
         [0.0, 120e-6],
@@ -182,7 +182,7 @@ const ABOUT_THE_AXIS: u32 = 12;
 /// beamlet into the next had another number in each: where offsets of the sample mask brought them there,
 /// single columns were up to 1.5e-3 off.
 #[test]
-fn columns_of_a_flat_are_like_those_beside_them() {
+fn neighbouring_columns_of_a_flat_agree_within_1e_5() {
     let mut worst = Worst::new("bars, columns beside one another", BETWEEN_COLUMNS);
     let engine = engine(Backend::Bvh);
     for mu in ATTENUATIONS {
@@ -226,7 +226,7 @@ fn apertures_as_wide_as_their_period_are_no_mask() {
 }
 
 #[test]
-fn shadows_of_more_than_a_period_are_boxes() {
+fn shadows_of_more_than_a_period_match_exact_box_paths() {
     // 300 um at 50 mrad: a shadow of 15 um, of one period and of more, where what was dark at a
     // smaller angle is bright and the other way round.
     let mut worst = WorstOf::new(
@@ -259,7 +259,7 @@ fn shadows_of_more_than_a_period_are_boxes() {
 }
 
 #[test]
-fn bars_before_a_column_on_the_axis_are_boxes() {
+fn column_on_the_axis_matches_exact_box_paths() {
     // The middle of its beamlet is seen under no angle, what stands across its borders under some.
     let mut worst = Worst::new("bars, a column on the axis", WIDE);
     let engine = engine(Backend::Bvh);
@@ -277,7 +277,7 @@ fn bars_before_a_column_on_the_axis_are_boxes() {
 }
 
 #[test]
-fn bars_of_two_apertures_in_a_pixel_are_boxes() {
+fn two_apertures_in_a_pixel_match_exact_box_paths() {
     // Edges of the detector mask's apertures cut the light of either aperture on one side.
     let mut worst = WorstOf::new(
         "bars, two apertures in a pixel, narrow",
@@ -373,7 +373,7 @@ fn compare_energies(
 }
 
 #[test]
-fn bars_under_a_spectrum_are_boxes() {
+fn bars_under_a_spectrum_match_exact_box_paths() {
     let mut worst = WorstOf::new(
         "bars, some narrower than half of their shadow, spectra",
         "bars, others, spectra",

@@ -91,7 +91,7 @@ fn flat_curve_of_the_paper_peaks_at_0_16612() {
 }
 
 #[test]
-fn thick_bars_are_the_boxes_that_they_are() {
+fn thick_bars_match_exact_box_paths_within_2e_5() {
     let mut worst = Worst::new("flat, thick bars on and off axis", THICK);
     for mu in [GOLD, LEAKING] {
         let setup = Setup::paper([128, 1]).with_bars(Bars::Boxes { mu, thickness: 225e-6 });
@@ -125,7 +125,7 @@ fn rows_see_the_bars_under_their_own_angle() {
 }
 
 #[test]
-fn thick_bars_are_boxes_at_the_rim_of_a_wide_detector() {
+fn thick_bars_match_exact_box_paths_at_43_mrad() {
     // 0.043 rad: the bars' shadows take half of the apertures.
     let mut worst = Worst::new("flat, thick bars at 43 mrad", THICK);
     let setup = Setup::paper([1024, 1]);
@@ -134,7 +134,7 @@ fn thick_bars_are_boxes_at_the_rim_of_a_wide_detector() {
 }
 
 #[test]
-fn thick_bars_before_a_point_source_are_boxes() {
+fn thick_bars_match_exact_box_paths_with_a_point_source() {
     let mut worst = Worst::new("flat, thick bars, point source", THICK);
     for mu in [GOLD, LEAKING] {
         let mut setup = Setup::paper([128, 1]).with_bars(Bars::Boxes { mu, thickness: 225e-6 });
@@ -202,7 +202,7 @@ fn detector_mask_before_the_detector_casts_its_shadow_there() {
 }
 
 #[test]
-fn masks_of_other_periods_and_offsets_are_where_they_are() {
+fn other_periods_and_offsets_match_exact_box_paths() {
     // The sample mask serves every second column and stands 13 um aside.
     let mut worst = Worst::new("flat, skipped columns and an offset", THICK);
     let mut setup = Setup::paper([32, 1]);

@@ -193,7 +193,7 @@ fn rays_through_different_bodies_of_an_object_have_different_signatures() {
 }
 
 #[test]
-fn light_through_instances_is_that_of_the_flat_mesh() {
+fn light_through_instances_equals_the_flat_mesh() {
     // Corners 1e-11 m apart change a path by some 1e-10 m (5e-9 of the light) and a slope by
     // 1e-11 m / 25 um of 4.6e-7 (1e-13 m on the detector); sums of f32 differ by 1e-7.
     let mut cells = Worst::new("light of instances less that of the flat mesh, cells", 1e-6);

@@ -57,7 +57,7 @@ fn compared(worst: &mut Worst, analytic: &Scene) -> f64 {
 }
 
 #[test]
-fn bars_that_do_not_refract_are_those_of_the_analytic_mask() {
+fn bars_without_refraction_match_the_analytic_mask() {
     // Opaque, and leaking 39 %: shadows of thick bars and what shines through them.
     for (mu, leak, what) in [
         (53_122.0, 6.4e-6, "mask as a mesh, opaque, no refraction"),
@@ -72,7 +72,7 @@ fn bars_that_do_not_refract_are_those_of_the_analytic_mask() {
 }
 
 #[test]
-fn walls_of_gold_reflect_no_more_than_the_light_that_meets_them() {
+fn walls_of_gold_reflect_at_most_the_light_that_hits_them() {
     // Light at an angle to the axis meets a strip of one wall of each aperture, as wide as the
     // thickness times that angle, and is reflected there, where the analytic mask has it pass in a
     // straight line. What is reflected at x in the mask lands at M x - 2 (M - 1) x = x / 2: that of

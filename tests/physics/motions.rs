@@ -157,7 +157,7 @@ fn sums(backend: Backend, scene: &Scene, view: u32, [x, z]: [f32; 2]) -> Vec<[f6
 }
 
 #[test]
-fn moved_samples_have_the_sums_of_tilted_ones_to_1e_6() {
+fn sums_of_moved_and_tilted_samples_agree_to_1e_6() {
     let directory = tempfile::tempdir().unwrap();
     for (name, rest) in cases(directory.path()) {
         // f32 holds placements of instances, and corners of a rod of 3 mm, to a few 1e-7 of them.
@@ -322,7 +322,7 @@ fn dithers_of_wide_pixels_are_sums_of_narrow_ones() {
 }
 
 #[test]
-fn moved_samples_have_the_stacks_of_tilted_ones_to_5e_5() {
+fn stacks_of_moved_and_tilted_samples_agree_to_5e_5() {
     let directory = tempfile::tempdir().unwrap();
     let mut worst = Worst::new("moved against placed, stacks at tolerance 1e-5", 5e-5);
     let cases: Vec<_> = cases(directory.path())

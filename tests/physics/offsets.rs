@@ -13,7 +13,7 @@ const SAME_FLAT: f64 = 4e-7;
 const SAME_SAMPLE: f64 = 2e-6;
 
 #[test]
-fn offsets_of_ten_thousand_periods_give_the_light_of_those_within_one() {
+fn offsets_of_ten_thousand_periods_match_offsets_within_one() {
     let mut flats = Worst::new("flat, offsets of 10,000 periods", SAME_FLAT);
     let mut samples = Worst::new("sample, offsets of 10,000 periods", SAME_SAMPLE);
     let rod = body(cylinder(0.35e-3, 10e-3, 64, 0.1), CARBON[0], CARBON[1]);

@@ -240,7 +240,7 @@ fn angles(transport: &str) -> Vec<f64> {
 }
 
 #[test]
-fn angles_behind_bars_seen_aslant_are_those_of_every_energy() {
+fn angles_behind_oblique_bars_match_every_energy() {
     // Bars of 225 um at 5 to 9 mrad shade up to 2 um of an aperture, of soft light more, which
     // is bent more too: gathered in one band, angles came out 0.4 % too large. Energies walked
     // one by one do not know of bands. The promise is 0.1 % of the angles' root mean square.

@@ -87,7 +87,7 @@ fn numeric_flat_curve_equals_the_closed_form() {
 }
 
 #[test]
-fn thick_bars_are_the_boxes_that_they_are() {
+fn thick_bars_match_exact_box_paths_within_2e_5() {
     // The way through bars by clipping the ray against each box, point by point.
     let mask = Mask {
         distance: 1.2,
@@ -160,7 +160,7 @@ fn mean_over_a_cell_is_the_mean_of_its_points() {
 }
 
 #[test]
-fn open_setups_pass_what_their_areas_say() {
+fn open_set_ups_transmit_the_product_of_their_areas() {
     let setup = Setup::paper([16, 16]).with_bars(OPAQUE);
     let flat =
         |setup: &Setup| setup.pixel(None, Order::Exact, &Quadrature::line(), 5, 5, &[0.0])[0];

@@ -76,7 +76,7 @@ impl<'a> Comparison<'a> {
 }
 
 #[test]
-fn slab_lets_through_what_its_thickness_says() {
+fn slab_transmits_exp_of_minus_mu_t() {
     // The slab overfills the beam; rays at right angles to it are not refracted sideways beyond
     // delta * slope, 1e-8 rad at the rim.
     let mut worst = Worst::new("sample, slab, closed form", 1e-6);
@@ -96,7 +96,7 @@ fn slab_lets_through_what_its_thickness_says() {
 }
 
 #[test]
-fn cylinder_of_the_paper_is_the_exact_one() {
+fn cylinder_of_the_paper_matches_the_reference() {
     let setup = Setup::paper([128, 1]);
     let bodies = [carbon(cylinder(4e-3, 16e-3, 2048, 0.25))];
     let offsets = steps(25e-6, 11);
@@ -113,7 +113,7 @@ fn cylinder_of_the_paper_is_the_exact_one() {
 }
 
 #[test]
-fn sphere_is_the_exact_one_in_rows_off_its_equator() {
+fn sphere_matches_the_reference_off_its_equator() {
     let setup = Setup::paper([32, 12]);
     let bodies = [carbon(sphere(1.2e-3, 5).moved([0.05e-3, 0.0, 0.02e-3]))];
     let offsets = steps(20e-6, 3);
@@ -128,7 +128,7 @@ fn sphere_is_the_exact_one_in_rows_off_its_equator() {
 }
 
 #[test]
-fn tilted_cylinder_runs_through_the_rows_as_it_should() {
+fn tilted_cylinder_matches_the_reference_across_rows() {
     // 30 degrees in the plane of the detector: both silhouettes cross every row.
     let setup = Setup::paper([40, 12]);
     let tilted = cylinder(1.0e-3, 6e-3, 512, 0.1).turned([0.0, 1.0, 0.0], 0.5);
@@ -146,7 +146,7 @@ fn tilted_cylinder_runs_through_the_rows_as_it_should() {
 }
 
 #[test]
-fn nested_shells_and_a_void_are_what_lies_innermost() {
+fn nested_shells_and_a_void_match_the_reference() {
     let setup = Setup::paper([40, 1]);
     let bodies = [
         carbon(cylinder(1.8e-3, 8e-3, 1024, 0.1)),
@@ -183,7 +183,7 @@ fn compare_cylinder_behind(behind: f64, inside: &mut Worst, rim: &mut Worst) {
 }
 
 #[test]
-fn sample_10_mm_behind_the_mask_is_the_exact_one() {
+fn sample_10_mm_behind_the_mask_matches_the_reference() {
     let mut inside = Worst::new("sample 10 mm behind the mask, interior", INTERIOR);
     let mut rim = Worst::new("sample 10 mm behind the mask, silhouettes", RIM);
     compare_cylinder_behind(10e-3, &mut inside, &mut rim);
@@ -192,7 +192,7 @@ fn sample_10_mm_behind_the_mask_is_the_exact_one() {
 }
 
 #[test]
-fn sample_100_mm_behind_the_mask_is_the_exact_one() {
+fn sample_100_mm_behind_the_mask_matches_the_reference() {
     let mut inside = Worst::new("sample 100 mm behind the mask, interior", INTERIOR);
     let mut rim = Worst::new("sample 100 mm behind the mask, silhouettes", RIM);
     compare_cylinder_behind(100e-3, &mut inside, &mut rim);
@@ -201,7 +201,7 @@ fn sample_100_mm_behind_the_mask_is_the_exact_one() {
 }
 
 #[test]
-fn sample_300_mm_behind_the_mask_is_the_exact_one() {
+fn sample_300_mm_behind_the_mask_matches_the_reference() {
     let mut inside = Worst::new("sample 300 mm behind the mask, interior", INTERIOR);
     let mut rim = Worst::new("sample 300 mm behind the mask, silhouettes", RIM);
     compare_cylinder_behind(300e-3, &mut inside, &mut rim);
@@ -304,7 +304,7 @@ fn light_deflected_along_z_lands_in_the_row_next_door_and_farther() {
 }
 
 #[test]
-fn first_order_stack_is_the_exact_one_but_for_grazing_rays() {
+fn first_order_matches_exact_transport_except_at_grazing() {
     let setup = Setup::paper([32, 1]);
     let bodies = [carbon(cylinder(1.5e-3, 8e-3, 2048, 0.25))];
     let offsets = steps(25e-6, 5);

@@ -99,7 +99,7 @@ fn lopsided_spot_is_the_sum_over_its_points() {
 }
 
 #[test]
-fn lopsided_spot_is_that_with_the_sample_far_behind_the_mask() {
+fn lopsided_spot_is_the_sum_with_the_sample_far_behind_the_mask() {
     // What lies 300 mm behind the mask moves by a fifth of the offset against its apertures.
     let mut setup = Setup::paper([24, 1]);
     setup.source_distance = 1.5;
@@ -107,7 +107,7 @@ fn lopsided_spot_is_that_with_the_sample_far_behind_the_mask() {
 }
 
 #[test]
-fn lopsided_spot_is_that_where_the_detector_stands_behind_its_mask() {
+fn lopsided_spot_is_the_sum_with_the_detector_behind_its_mask() {
     // Apertures 100 mm before the detector and its pixels see the source move differently. In the
     // second and third set-up light falls on the edges between pixels.
     let mut setup = Setup::paper([24, 1]).with_bars(OPAQUE);
@@ -122,7 +122,7 @@ fn lopsided_spot_is_that_where_the_detector_stands_behind_its_mask() {
 }
 
 #[test]
-fn lopsided_spot_is_that_without_one_mask_or_both() {
+fn lopsided_spot_is_the_sum_without_one_mask_or_both() {
     for (sample_mask, detector_mask) in [(true, false), (false, true), (false, false)] {
         let mut setup = Setup::paper([24, 1]).with_bars(OPAQUE);
         if !sample_mask {
@@ -207,7 +207,7 @@ fn image_of_a_gaussian_gives_the_stacks_of_the_gaussian() {
 }
 
 #[test]
-fn large_and_pixelated_images_say_what_becomes_of_them() {
+fn large_and_pixelated_spot_images_are_reported() {
     // Two spots far apart, of one pixel each: 300 pixels a side are summed to 100, which keeps
     // centroid and variances.
     let mut image = Array2::zeros((300, 300));

@@ -45,7 +45,7 @@ fn scan(offsets: &[f64]) -> String {
 }
 
 #[test]
-fn three_offsets_are_told_what_they_settle_and_more_how_far_to_reach() {
+fn check_explains_three_offsets_and_a_short_scan() {
     let directory = tempfile::tempdir().unwrap();
     let told = |offsets: &[f64]| {
         std::fs::write(directory.path().join("scene.toml"), scan(offsets)).unwrap();

@@ -161,7 +161,7 @@ fn explore(program: &Path, folder: &Path, page: &str, width: u32, counts: bool) 
 }
 
 #[test]
-fn the_page_does_what_it_offers_wide_and_narrow_and_the_console_is_silent() {
+fn controls_of_the_page_work_at_two_widths_and_the_console_is_silent() {
     let place = run_with_maps();
     let printed = done(place.path(), "report run");
     assert_eq!(printed, "run/report.html\n");
@@ -207,7 +207,7 @@ fn the_page_does_what_it_offers_wide_and_narrow_and_the_console_is_silent() {
 }
 
 #[test]
-fn the_page_of_a_noise_free_run_shows_no_error_and_does_what_it_offers() {
+fn controls_of_a_noise_free_page_work_without_an_error() {
     let place = run_with_maps_of(false);
     done(place.path(), "report run");
     let page = fs::read_to_string(place.path().join("run/report.html")).unwrap();

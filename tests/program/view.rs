@@ -144,7 +144,7 @@ fn instances_are_counted_by_check_and_drawn_where_they_stand() {
 }
 
 #[test]
-fn what_is_inside_is_seen_through_what_is_around() {
+fn inner_objects_are_visible_through_outer_ones() {
     let place = tempfile::tempdir().unwrap();
     let inner = "\n[[object]]\nname = \"seed\"\nmaterial = \"gold\"\n\
                  shape = { sphere = { radius = \"0.15 mm\", sides = 64 } }\n";
@@ -318,7 +318,7 @@ fn a_run_is_simulated_retrieved_and_drawn() {
 }
 
 #[test]
-fn what_is_not_there_is_refused_and_nothing_is_written() {
+fn missing_views_steps_and_images_are_refused_without_output() {
     let place = run_with_maps();
     done(place.path(), "simulate scene.toml -o bare --format npy -q");
     fs::create_dir(place.path().join("empty")).unwrap();

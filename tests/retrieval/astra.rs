@@ -77,7 +77,7 @@ fn transmission(vector: &[f64], row: f64, column: f64) -> f64 {
 }
 
 #[test]
-fn projections_are_where_their_vectors_say() {
+fn projections_match_a_projector_along_their_vectors() {
     let work = Workplace::new(SCENE);
     let simulated = work.simulate(&["--format", "exr"]);
     assert!(simulated.status.success(), "{}", stderr(&simulated));

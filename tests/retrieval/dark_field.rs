@@ -393,7 +393,7 @@ fn compare(
 }
 
 #[test]
-fn dark_field_of_fibres_is_that_of_the_characteristic_function() {
+fn dark_field_of_fibres_matches_the_characteristic_function() {
     // Pairs of 80 pixels: four standard errors of their mean, and at most a quarter, so that a
     // fault of a sixth in the refraction angle fails.
     let cases = [(10.0, Section::Circle), (10.0, Section::Polygon)];

@@ -41,7 +41,7 @@ position = ["60 um", "0 mm", "0 mm"]
 "#;
 
 #[test]
-fn columns_of_dithers_are_where_geometry_json_has_them() {
+fn columns_of_dithers_match_geometry_json() {
     let work = Workplace::new(SCENE);
     let simulated = work.simulate(&["--format", "npy"]);
     assert!(simulated.status.success(), "{}", stderr(&simulated));

@@ -147,7 +147,7 @@ fn uneven_and_unsorted_offsets_are_fitted_to_the_f64_optimum() {
 }
 
 #[test]
-fn curves_of_masks_are_fitted_to_the_f64_optimum_though_no_gaussian_meets_them() {
+fn curves_of_masks_are_fitted_to_the_f64_optimum() {
     let engine = engine();
     let masks = ThinMasks {
         magnification: 1.5,

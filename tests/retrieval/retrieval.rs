@@ -254,7 +254,7 @@ fn exact_curves_of_counts_settle_and_stay_free_of_bias() {
 }
 
 #[test]
-fn biases_of_methods_are_those_of_the_table_in_retrieval_md() {
+fn biases_match_the_table_of_retrieval_md() {
     // Contrasts so small that they are slopes; docs/retrieval.md has the table.
     let engine = engine();
     let [alpha, dark] = [1e-6, 1e-12];
@@ -433,7 +433,7 @@ fn frames_that_do_not_fit_offsets_or_each_other_are_refused() {
 }
 
 #[test]
-fn results_do_not_depend_on_what_is_fitted_beside() {
+fn results_do_not_depend_on_other_curves_of_the_batch() {
     let offsets = even(11, 25.0);
     let [flat, sample] = gaussians(&offsets, 0.004);
     let engine = engine();

@@ -90,7 +90,7 @@ fn copy() -> (TempDir, PathBuf) {
 }
 
 #[test]
-fn images_of_a_run_are_those_of_f64_fits_of_its_stacks() {
+fn images_of_a_run_match_f64_fits() {
     let (folder, run) = copy();
     good(folder.path(), &["retrieve", "run", "--format", "npy"]);
     let flat: Array3<f32> = read_npy(run.join("flat.npy")).unwrap();
@@ -521,7 +521,7 @@ fn noisy(folder: &Path, name: &str, sets: &[&str]) {
 }
 
 #[test]
-fn images_of_counts_scatter_as_their_uncertainties_say() {
+fn images_of_counts_scatter_by_their_uncertainties() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
     let sets = ["detector.electronic_noise=12", "detector.gain=0.8", "detector.bit_depth=16"];

@@ -34,7 +34,7 @@ fn simulate(place: &Path, name: &str, pixels: &str, pitch: &str) {
 }
 
 #[test]
-fn columns_that_are_kept_are_those_of_sliced_stacks_and_bins_are_larger_pixels() {
+fn selected_columns_match_sliced_stacks_and_bins_match_larger_pixels() {
     let folder = tempfile::tempdir().unwrap();
     let place = folder.path();
     simulate(place, "fine", "[64, 8]", "\"75 um\"");

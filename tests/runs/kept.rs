@@ -121,7 +121,7 @@ fn exact_transport_is_illuminated_with_its_sample() {
 }
 
 #[test]
-fn other_set_ups_are_what_a_new_simulation_gives() {
+fn other_set_ups_match_new_simulations() {
     let directory = tempfile::tempdir().unwrap();
     let path = directory.path().join("run");
     run(&path, None);

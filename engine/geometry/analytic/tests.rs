@@ -255,7 +255,7 @@ fn thickness_of_facets(surface: &Surface, x: f64, z: f64) -> [f64; 2] {
 /// sec² at points.
 #[test]
 #[allow(clippy::print_stdout, reason = "the table is made of what this prints")]
-fn facets_are_off_as_the_table_says() {
+fn facets_err_as_in_the_table_of_physics_md() {
     let secant = (0..1000).map(|k| 0.8 * (f64::from(k) + 0.5) / 1000.0);
     let secant = secant.map(|x| (1.0 - x * x).powi(-2)).sum::<f64>() / 1000.0;
     for sides in [32_u32, 64, 128, 256, 512, 1024, 2048, 4096, 16_384] {

@@ -124,7 +124,7 @@ mod tests {
     }
 
     #[test]
-    fn pairs_of_a_fan_are_those_that_all_pairs_give() {
+    fn pairs_of_a_fan_match_all_pairs() {
         for (mixed, tilt) in [(0, 0.0), (0, 0.5), (3, 0.5), (20, 0.0), (40, 1.1)] {
             // A second sheet crosses the fan without a common vertex.
             let mut surface = fan(300, mixed, tilt);
@@ -186,7 +186,7 @@ mod tests {
     }
 
     #[test]
-    fn pairs_of_teeth_are_those_that_all_pairs_give() {
+    fn pairs_of_teeth_match_all_pairs() {
         let (round, fan, line) = ([true, false], [true, true], [false, false]);
         let cases = [
             (0.05, round, 0.0),
@@ -222,7 +222,7 @@ mod tests {
     }
 
     #[test]
-    fn pairs_that_are_looked_at_grow_with_the_teeth() {
+    fn pairs_tested_grow_linearly_with_the_teeth() {
         let (round, fan, line) = ([true, false], [true, true], [false, false]);
         for (depth, form) in [(0.05, round), (0.5, round), (0.3, line), (0.4, fan), (0.8, fan)] {
             let surface = teeth(20_000, depth, form, 0.6);
@@ -240,7 +240,7 @@ mod tests {
     }
 
     #[test]
-    fn pairs_that_are_looked_at_grow_with_the_triangles_of_a_fan() {
+    fn pairs_tested_grow_linearly_with_the_triangles_of_a_fan() {
         let surface = fan(20_000, 0, 0.5);
         let tree = Tree::of_triangles(&surface);
         let mut looked_at = 0;

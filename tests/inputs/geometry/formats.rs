@@ -73,7 +73,7 @@ fn tetrahedron(attributes: &str) -> String {
 }
 
 #[test]
-fn files_of_other_programs_hold_what_went_in() {
+fn files_of_other_programs_keep_their_volume() {
     // Boxes of 10 x 20 x 30 mm, and a ball of 80 facets with corners at 4 mm.
     let ball = 234.157_581_344_777_8e-9;
     for path in ["trimesh.ply", "trimesh_text.ply", "gmsh.stl", "prusa-slicer.3mf"] {

@@ -128,7 +128,7 @@ proptest! {
     /// Two shapes whose points of contact with two parallel planes lie opposite each other: their
     /// distance is that of the planes.
     #[test]
-    fn gap_between_two_shapes_is_the_distance_of_the_planes_that_hold_them_apart(
+    fn gap_between_two_shapes_is_the_distance_of_separating_planes(
         shapes in [any_shape(), any_shape()],
         at in prop::array::uniform2([0.0..1.0, 0.02..0.98, 0.0..1.0]),
         spin in 0.0..6.0,
@@ -212,7 +212,7 @@ fn instanced(objects: Vec<(Object, String)>) -> Vec<Contact> {
 }
 
 #[test]
-fn gaps_of_spheres_are_those_of_all_pairs() {
+fn gaps_of_spheres_match_all_pairs() {
     let spheres = loose_spheres(3000, 170e-6);
     let gap =
         |a: usize, b: usize| spheres[a].0.distance(spheres[b].0) - spheres[a].1 - spheres[b].1;
@@ -241,7 +241,7 @@ fn gaps_of_spheres_are_those_of_all_pairs() {
 }
 
 #[test]
-fn gaps_of_tilted_parallel_fibres_are_those_of_all_pairs() {
+fn gaps_of_tilted_fibres_match_all_pairs() {
     let mut draws = Draws(5);
     let mut axes: Vec<[f64; 2]> = Vec::new();
     while axes.len() < 600 {
@@ -276,7 +276,7 @@ fn gaps_of_tilted_parallel_fibres_are_those_of_all_pairs() {
 }
 
 #[test]
-fn gaps_of_cubes_are_those_of_all_pairs() {
+fn gaps_of_cubes_match_all_pairs() {
     let mut draws = Draws(7);
     let mut cubes: Vec<DVec3> = Vec::new();
     let gap = |a: DVec3, b: DVec3| ((a - b).abs() - 1e-5).max(DVec3::ZERO).length();

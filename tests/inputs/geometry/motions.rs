@@ -32,7 +32,7 @@ fn objects(places: &std::path::Path) -> Vec<Object> {
 }
 
 #[test]
-fn moved_samples_sweep_what_placed_ones_do_to_a_nanometre() {
+fn extents_of_moved_and_placed_samples_agree_to_a_nanometre() {
     let directory = tempfile::tempdir().unwrap();
     let rest = scene(objects(&directory.path().join("places.csv")));
     let (mut moved, mut placed) = (rest.clone(), rest);

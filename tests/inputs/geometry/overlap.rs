@@ -50,7 +50,7 @@ fn is_closed(sample: &Sample) -> bool {
 }
 
 #[test]
-fn what_a_later_object_covers_is_taken_from_the_earlier_one() {
+fn volumes_covered_by_later_objects_are_cut_away() {
     for (what, b, shared) in [
         ("a corner", at(cube("b", 4e-3), [1e-3, 1.1e-3, 1.2e-3]), 3e-3 * 2.9e-3 * 2.8e-3),
         // No corner of either is in the other.
@@ -78,7 +78,7 @@ fn what_a_later_object_covers_is_taken_from_the_earlier_one() {
 }
 
 #[test]
-fn objects_that_do_not_meet_keep_every_bit() {
+fn objects_without_contact_keep_every_bit() {
     let apart = || {
         vec![cube("box", 8e-3), at(cube("core", 2e-3), [1e-3; 3]), at(cube("far", 1e-3), [9e-3; 3])]
     };
@@ -182,7 +182,7 @@ fn void_of_a_later_object_shows_the_earlier_one_in_it() {
 }
 
 #[test]
-fn open_mesh_that_is_accepted_meets_others_with_its_holes_closed() {
+fn accepted_open_mesh_is_cut_with_its_holes_closed() {
     // A triangle of a face, a whole face, and all around one corner: flat patches make the cube, or
     // leave the corner out.
     let whole = Arrays::cube(2e-3);
@@ -251,7 +251,7 @@ fn contacts(objects: Vec<Object>) -> Vec<Contact> {
 }
 
 #[test]
-fn overlaps_contacts_and_gaps_are_told_with_their_size_and_place() {
+fn overlaps_contacts_and_gaps_are_reported_with_size_and_place() {
     let bore = |phase: f64| {
         let mut prism = shape("x", Shape::Prism { radius: 2.5e-3, height: 2e-3, sides: 64 });
         prism.placement.rotate = vec![([0.0, 0.0, 1.0], phase)];

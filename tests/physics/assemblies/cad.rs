@@ -116,7 +116,7 @@ fn rays_through_the_cad_assembly_are_in_the_part_listed_last() {
 }
 
 #[test]
-fn contacts_of_the_cad_assembly_are_told() {
+fn contacts_of_the_cad_assembly_are_reported() {
     let (sample, refusals) = load_lenient(&assembly(([1.0, 0.0, 0.0], 0.5))).expect("a sample");
     assert!(refusals.is_empty());
     let kind =

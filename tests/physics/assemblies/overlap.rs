@@ -102,7 +102,7 @@ fn where_bodies_overlap_the_later_one_wins_along_every_ray() {
 }
 
 #[test]
-fn exact_rays_cross_touching_bodies_as_the_reference_says() {
+fn exact_rays_through_touching_bodies_match_the_reference() {
     let bench = Bench::new();
     for backend in backends() {
         let mut random = Random::new(5);
@@ -181,7 +181,7 @@ fn true_interfaces(bodies: &[Body], sample: &Sample, ray: &Ray, by: [f64; 2]) ->
 }
 
 #[test]
-fn rays_meet_the_interfaces_of_the_bodies_listed_last() {
+fn rays_cross_the_interfaces_of_the_bodies_listed_last() {
     let bench = Bench::new();
     let mut random = Random::new(23);
     let (mut compared, mut wrong) = (0, Vec::new());

@@ -29,7 +29,7 @@ fn block(setup: &Setup) -> Scene {
 
 /// All light goes two pixels to the right and one down, over a tenth of a pixel.
 #[test]
-fn kernel_moves_light_to_where_its_image_says() {
+fn kernel_image_shifts_light_by_its_offset() {
     let place = tempfile::tempdir().unwrap();
     let path = place.path().join("kernel.npy");
     let mut kernel = Array2::<f32>::zeros((51, 51));

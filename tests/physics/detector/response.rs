@@ -124,7 +124,7 @@ fn every_photon_counts_once_by_default() {
 }
 
 #[test]
-fn absorber_detects_what_it_absorbs() {
+fn absorber_detects_the_absorbed_fraction() {
     // 2000 /m over 0.5 mm: 1 - 1/e.
     let counting = scene("absorber = { material = \"sensor\", thickness = \"0.5 mm\" }");
     close(response(&counting, 30.0).unwrap(), 1.0 - (-1.0_f64).exp(), 1e-14);

@@ -58,7 +58,7 @@ impl Scores {
 }
 
 #[test]
-fn bound_is_that_of_sidak() {
+fn family_bound_equals_sidaks() {
     // One test: the two-sided quantile of 1e-3; a thousand: that of 1.0005e-6.
     assert!((bound(1) - 3.290_527).abs() < 1e-3, "{}", bound(1));
     assert!((bound(1000) - 4.891_5).abs() < 2e-3, "{}", bound(1000));

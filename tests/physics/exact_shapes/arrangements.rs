@@ -267,7 +267,7 @@ impl Differing {
 }
 
 #[test]
-fn ways_and_interfaces_of_random_arrangements_are_those_of_points_in_solids() {
+fn paths_through_random_arrangements_match_points_in_solids() {
     let scenes: usize = std::env::var("BEAMLET_SCENES").map_or(1, |it| it.parse().unwrap());
     let bench = Bench::new();
     let mut wrong = 0;

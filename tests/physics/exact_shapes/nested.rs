@@ -340,7 +340,7 @@ fn are_those(solids: &[Solid], ray: &Ray, got: &[Interface], least: f64, error: 
 }
 
 #[test]
-fn interfaces_and_ways_through_random_scenes_are_those_of_points_in_solids() {
+fn paths_through_random_scenes_match_points_in_solids() {
     let bench = Bench::new();
     let mut random = Random::new(62);
     let (mut wrong, mut lists, mut compared, mut cut) = (Vec::new(), Vec::new(), 0, 0);

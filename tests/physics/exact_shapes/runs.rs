@@ -65,7 +65,7 @@ fn curve(setup: &Setup, solid: Option<&Solid>, column: u32) -> Vec<f64> {
 }
 
 #[test]
-fn refraction_of_an_exact_cylinder_is_retrieved_to_1e_9() {
+fn refraction_of_an_exact_cylinder_is_retrieved_to_1e_9_rad() {
     assert!((LEVER - 0.59).abs() < 1e-15);
     let mut worst = Worst::new("retrieved, exact cylinder, refraction angle (rad)", 1e-9);
     let setup = Setup::paper([PIXELS, 1]).with_bars(Bars::Sheet { transmission: 0.0 });

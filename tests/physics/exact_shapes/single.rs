@@ -45,7 +45,7 @@ fn is_listed(solid: &Solid, ray: &Ray, angle: f64, met: &[SurfaceCrossing]) -> b
 }
 
 #[test]
-fn crossings_lie_on_the_surface_within_a_nanometre_and_are_those_of_f64() {
+fn crossings_lie_on_the_surface_and_match_f64() {
     let bench = Bench::new();
     // A cone's side that a ray nearly follows costs convex shapes two more bits.
     let mut torus = Worst::new("crossing of a torus across its surface, m", 1e-9);
@@ -175,7 +175,7 @@ impl FirstOrder {
 }
 
 #[test]
-fn sums_of_the_first_order_are_those_of_f64_on_both_backends() {
+fn first_order_sums_match_f64_on_both_backends() {
     let bench = Bench::new();
     let mut all = FirstOrder::new();
     for backend in backends() {

@@ -152,7 +152,7 @@ fn slopes_have_the_law_of_the_first_order() {
 
 /// Near grazing tails are heavy, normals turn away, and rays are totally reflected.
 #[test]
-fn slopes_near_grazing_are_those_of_snell() {
+fn slopes_near_grazing_follow_snells_law() {
     let mut scores = Scores::default();
     for (sigma, angle) in [(0.02, 80.0), (1e-3, 88.0), (2e-3, 88.0), (0.02, 88.0)] {
         let want = drawn(sigma, degrees(angle), CARBON[1], DRAWS);

@@ -114,7 +114,7 @@ fn ball() -> String {
 }
 
 #[test]
-fn meshes_of_a_nanometre_and_of_ten_metres_are_seen_as_large_as_they_are() {
+fn meshes_from_a_nanometre_to_ten_metres_keep_their_size() {
     let place = workplace();
     fs::write(place.path("ball.obj"), ball()).unwrap();
     let mesh = |unit: &str, more: &[&str]| {

@@ -161,7 +161,7 @@ fn tight_tolerances_hold_without_a_sample_mask() {
 /// What is told is the error of pixels, not of the parts of them that take the light where the detector
 /// blurs (16 times as much was told, and refined for): within a factor of two.
 #[test]
-fn told_errors_are_those_of_pixels_where_the_detector_blurs() {
+fn estimated_errors_are_of_pixels_where_the_detector_blurs() {
     let engine = engine(Backend::Bvh);
     for case in named(cases::all(), ["detector blur of 100 um"]) {
         let (classes, _) = classes_of(&case);
