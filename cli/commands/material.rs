@@ -58,14 +58,15 @@ struct MaterialReport {
 
 pub(super) fn run(arguments: &Arguments, out: &mut impl Write) -> Result<(), Failure> {
     let Some(name) = &arguments.name else { return list(arguments.json, out) };
-    if arguments.energies.is_empty() && arguments.spectrum.is_none() {
-        return Err(Failure::Usage("say at which --energy, or over which --spectrum".into()));
-    }
     let mut scene = match &arguments.spectrum {
         Some(path) => beam::of_file(path, &[])?,
         None => beam::bare(Beam::Energy(1.0))?,
     };
     define(&mut scene, name, arguments.density)?;
+    if arguments.energies.is_empty() && arguments.spectrum.is_none() {
+        let problem = "give an --energy, as in '30 keV', or a --spectrum";
+        return Err(Failure::Usage(problem.into()));
+    }
     let (formula, density) = match (scene.materials.get(name), builtin(name)) {
         (Some(MaterialSpec::Formula { formula, density }), _) => {
             (Some(formula.clone()), Some(*density))

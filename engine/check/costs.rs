@@ -148,6 +148,9 @@ pub(super) fn needless(
 ) -> Vec<String> {
     let [light, angle] = too_small(scene, of);
     let (Tolerances { light: own_light, angle: own_angle }, seconds) = instead;
+    // The limits of `quality` may lie far below the noise, too: nothing is faster there.
+    let light = light.filter(|_| own_light > of.tolerance);
+    let angle = angle.filter(|_| own_angle > of.angle_tolerance);
     let time = seconds.map_or(String::new(), |it| format!(": about {}", duration(it)));
     let text = |key: &str, found: String, times: f64, noise: String, tenth: String| {
         format!(

@@ -15,7 +15,7 @@ pub(crate) fn check_before_loading(scene: &Scene, limit: Option<u64>) -> Result<
     let needed = PROGRAM.saturating_add(building(triangles));
     match limit {
         Some(limit) if needed > limit => Err(Error::Memory {
-            purpose: format!("the tree over {triangles} triangles"),
+            purpose: format!("the program, the driver and a tree over {triangles} triangles"),
             needed,
             available: Some(limit),
             remedy: "raise the memory limit, or simplify the meshes".into(),
