@@ -21,7 +21,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
 
     // Progress comes on this thread. What is not set stays at its default.
     let mut report = |progress: Progress| {
-        // Other kinds tell of what comes before the first ray.
+        // Other kinds report the steps before the first ray.
         if let Progress::Views(ViewProgress { rows_done, rows_total, rays, .. }) = progress {
             let _ = writeln!(std::io::stderr(), "{rows_done} of {rows_total} rows, {rays} rays");
         }

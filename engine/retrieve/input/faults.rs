@@ -59,8 +59,7 @@ pub(super) fn of_bytes(flat: &StackFile, sample: &StackFile) -> Vec<String> {
     let of = |(stack, other): (&StackFile, &StackFile)| {
         stack.has_bytes().then(|| {
             format!(
-                "{}: has values of 8 bits{}; programs that convert to 8 bits scale each stack by its own \
-                 range, which transmission follows: give the values of the detector",
+                "{}: has values of 8 bits{}; programs that convert to 8 bits scale each stack separately, which changes the transmission: give the values of the detector",
                 stack.path().display(),
                 if other.has_bytes() { "" } else { ", unlike the other stack" }
             )
@@ -92,7 +91,7 @@ pub(super) fn check_dark(flat: &StackFile, dark: &Dark) -> Result<()> {
     }
     let problem = format!(
         "has a mean of {of_dark:.4}; the frames of the flat, {}, have {darkest:.4} to {brightest:.4}: \
-         a dark is taken without beam",
+         the dark must be taken without beam",
         flat.path().display()
     );
     Err(Error::file(&dark.path, problem, None))

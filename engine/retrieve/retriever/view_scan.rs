@@ -41,8 +41,7 @@ impl ViewScans {
             let allowed = match method {
                 Method::Beamlet => "beamlet needs the same offset at every angle".to_owned(),
                 _ => format!(
-                    "{method} fits a curve in every view: steps of several angles make none, for the \
-                     sample turns between them"
+                    "{method} fits a curve in every view: steps of several angles form no curve, since the sample turns between them"
                 ),
             };
             return Err(Error::scene("scan.view_offsets", found, allowed));
