@@ -2,8 +2,10 @@
 
 use super::names::{MethodName, WeightsName, format};
 use super::shared::{DeviceArguments, Messages};
-use super::values::{above_zero, bin, columns, from_zero, key_value, region, single, two_steps};
-use beamlet::retrieve::{Columns, Region};
+use super::values::{
+    above_zero, bin, columns, corrections, from_zero, key_value, region, single, two_steps,
+};
+use beamlet::retrieve::{Columns, Corrections, Region};
 use beamlet::stack::Format;
 use clap::Args;
 use std::path::PathBuf;
@@ -50,6 +52,11 @@ pub(crate) struct Retrieve {
     /// empty beam
     #[arg(long, value_name = "C0:C1[,R0:R1]", value_parser = region)]
     pub(crate) empty_beam: Option<Region>,
+    /// Corrections by the pixels of --empty-beam or, without it, by both sides of each view where they look
+    /// empty: `offset` subtracts the refraction angle found there, `plane` a plane through it, `dose`
+    /// divides each frame by its dose, `steps` fits curves at the mask offsets of the frames as found
+    #[arg(long, value_name = "offset,plane,dose,steps", value_parser = corrections)]
+    pub(crate) correct: Option<Corrections>,
     /// Offsets of the sample mask: a list with units, or a file with one on each line [default: from the
     /// geometry's scan]
     #[arg(long, value_name = "LIST|FILE", requires = "flat", allow_hyphen_values = true)]

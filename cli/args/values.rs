@@ -1,7 +1,7 @@
 //! Values that are checked as they are typed.
 
 use crate::numbers;
-use beamlet::retrieve::{Columns, Region};
+use beamlet::retrieve::{Columns, Corrections, Region};
 use std::ops::Range;
 
 pub(super) fn two_steps(text: &str) -> Result<[usize; 2], String> {
@@ -135,6 +135,10 @@ pub(super) fn region(text: &str) -> Result<Region, String> {
 
 pub(super) fn columns(text: &str) -> Result<Columns, String> {
     Columns::parse(text).map_err(|error| error.to_string())
+}
+
+pub(super) fn corrections(text: &str) -> Result<Corrections, String> {
+    Corrections::parse(text).map_err(|error| error.to_string())
 }
 
 pub(super) fn bin(text: &str) -> Result<[usize; 2], String> {

@@ -5,6 +5,7 @@ use crate::picture::text::short;
 use crate::subject::Subject;
 use beamlet::SamplingSummary;
 use beamlet::cli_support::count;
+use beamlet::retrieve::ViewCorrection;
 use beamlet::stack::layout;
 use serde_json::Value;
 
@@ -243,9 +244,46 @@ pub(super) fn retrieval(run: &Subject) -> Vec<TableRow> {
         TableRow::new("without an answer", format!("{lost} of {all} pixels"))
             .marked(record.without_answer > 0),
     );
+    rows.extend(corrections(record));
     for (bit, number) in record.flagged.iter().filter(|(_, number)| **number > 0) {
         let value = format!("{}: {number} pixels", run.flag_words(*bit));
         rows.push(TableRow::new("flag", value).marked(true));
     }
     rows
+}
+
+/// Corrections by empty beam: least and greatest value over views and frames, with the largest uncertainty.
+fn corrections(record: &beamlet::retrieve::Record) -> Vec<TableRow> {
+    let views = &record.corrections;
+    let frames = |of: fn(&ViewCorrection) -> &Vec<Option<[f64; 2]>>| -> Vec<Option<[f64; 2]>> {
+        views.iter().flat_map(|view| of(view).iter().copied()).collect()
+    };
+    let of = |key: &str, scale: f64, unit: &str, values: Vec<Option<[f64; 2]>>| {
+        let known: Vec<[f64; 2]> = values.iter().copied().flatten().collect();
+        let first = known.first()?;
+        let ends = known
+            .iter()
+            .fold([first[0]; 2], |[low, high], [value, _]| [low.min(*value), high.max(*value)]);
+        let [low, high] = ends.map(|end| short(scale * end));
+        let sigma = short(scale * known.iter().map(|pair| pair[1]).fold(0.0, f64::max));
+        let unknown = values.len() - known.len();
+        let more = if unknown > 0 { format!(", {unknown} unknown") } else { String::new() };
+        Some(
+            TableRow::new(key, format!("{low} to {high} {unit} (± {sigma}){more}"))
+                .marked(unknown > 0),
+        )
+    };
+    [
+        of("dose of frames", 1.0, "of the flat's", frames(|view| &view.dose)),
+        of("displacement of frames", 1e6, "µm", frames(|view| &view.steps)),
+        of(
+            "α subtracted",
+            1e6,
+            "µrad",
+            views.iter().filter_map(|view| view.offset).map(Some).collect(),
+        ),
+    ]
+    .into_iter()
+    .flatten()
+    .collect()
 }

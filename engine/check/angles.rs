@@ -10,6 +10,35 @@ const LEAST: usize = 8;
 /// Gap beyond which angles are missing, in medians of the gaps; golden angles have gaps of 1 to 2.62.
 const GAP: f64 = 3.0;
 
+/// Largest step, in degrees, of which the steps of a range are whole multiples.
+const ROUND: f64 = 0.05;
+/// Distance from a whole multiple, as a share of the step, of rounded decimals.
+const ROUNDING: f64 = 1e-6;
+
+/// Doubt about even angles whose step would be round if the end of their range were included.
+fn left_out(angles: &[f64]) -> Option<String> {
+    let [first, .., last] = angles else { return None };
+    let count = angles.len() as f64;
+    let step = (last - first) / (count - 1.0);
+    let is_even = |pair: &[f64]| (pair[1] - pair[0] - step).abs() <= ROUNDING * step.abs();
+    if angles.len() < LEAST || step == 0.0 || !angles.windows(2).all(is_even) {
+        return None;
+    }
+    let [step, included] = [step, step * count / (count - 1.0)].map(f64::to_degrees);
+    let is_round = |value: f64| {
+        let parts = value / ROUND;
+        (parts - parts.round()).abs() <= ROUNDING * parts.abs() && parts.round() != 0.0
+    };
+    (is_round(included) && !is_round(step)).then(|| {
+        let [from, to] = [*first, first + count * step.to_radians()].map(f64::to_degrees);
+        format!(
+            "scan.angles steps by {step:.4} deg from {from:.4} deg, as the end of a range, {to:.4} deg, is \
+             left out: to = \"{:.4} deg\" steps by {included:.4} deg",
+            from + count * included
+        )
+    })
+}
+
 /// Doubts about the angles; none where the sample moves otherwise, for angles may repeat then.
 pub(super) fn doubts(scan: &Scan) -> Vec<String> {
     if !scan.is_circle() || !scan.view_offsets.is_empty() {
@@ -21,7 +50,7 @@ pub(super) fn doubts(scan: &Scan) -> Vec<String> {
     angles.sort_by(|a, b| a.0.total_cmp(&b.0));
     let gap = |pair: &[(f64, usize)]| pair[1].0 - pair[0].0;
     let around = |a: &(f64, usize), b: &(f64, usize)| a.0 + TAU - b.0;
-    let mut doubts = Vec::new();
+    let mut doubts: Vec<String> = left_out(&scan.angles).into_iter().collect();
     let same = angles.windows(2).find(|pair| gap(pair) < SAME).map(|pair| [pair[0].1, pair[1].1]);
     let ends = match angles[..] {
         [first, .., last] if around(&first, &last) < SAME => Some([first.1, last.1]),
@@ -73,6 +102,15 @@ mod tests {
             let golden = (0..count).map(|k| 180.0 * (f64::from(k) * 0.618_033_988_75).fract());
             assert!(of(golden).is_empty());
         }
+        // 0 to 359 deg in 360 views, and 0 to 180 deg in 181.
+        for (count, to, words) in
+            [(360, 359.0, "steps by 0.9972 deg"), (181, 180.0, "to = \"181.0000 deg\"")]
+        {
+            let found = of((0..count).map(|k| to * f64::from(k) / f64::from(count)));
+            assert!(found.len() == 1 && found[0].contains(words), "{found:?}");
+        }
+        assert!(of((0..7).map(|k| 360.0 / 7.0 * f64::from(k))).is_empty());
+        assert!(of((0..192).map(|k| 360.0 / 192.0 * f64::from(k))).is_empty());
         let closed = of((0..=36).map(|k| 10.0 * f64::from(k)));
         assert!(closed.len() == 1 && closed[0].contains("views 0 and 36"), "{closed:?}");
         let gap = of(even().filter(|k| !(12.0..15.0).contains(k)).map(|k| 10.0 * k));

@@ -28,6 +28,7 @@ pub(super) fn check(base: &Scene, scene: &Scene) -> Result<()> {
         ("travel", before.has_travel_of(now)),
         ("dithers", before.dithers == now.dithers),
         ("fly", before.fly == now.fly),
+        ("errors", before.errors.source == now.errors.source),
     ];
     if let Some((key, _)) = same.iter().find(|(_, same)| !same) {
         let found = "another motion of the sample".into();

@@ -165,7 +165,8 @@ impl Optics {
 
 /// Mask offsets of a scan less whole periods of the sample mask, m. The rest is exact.
 fn within_period(scene: &Scene) -> ViewOffsets {
-    ViewOffsets::new(&scene.scan, |offset| match &scene.sample_mask {
+    let applied = |view| scene.applied_offsets(view);
+    ViewOffsets::new(&scene.scan, applied, |offset| match &scene.sample_mask {
         Some(mask) => libm::remainder(offset, mask.period),
         None => offset,
     })

@@ -14,15 +14,22 @@ pub(crate) struct ViewOffsets {
 }
 
 impl ViewOffsets {
-    /// `within`: an offset less whole periods.
-    pub(super) fn new(scan: &Scan, within: impl Fn(f64) -> f64) -> Self {
+    /// `applied`: offsets of a view with its errors; `within`: an offset less whole periods.
+    pub(super) fn new(
+        scan: &Scan,
+        applied: impl Fn(usize) -> Vec<f64>,
+        within: impl Fn(f64) -> f64,
+    ) -> Self {
         let reduced = |list: &[f64]| list.iter().map(|offset| within(*offset)).collect();
         let bits = |list: &Vec<f64>| list.iter().map(|it| it.to_bits()).collect::<Vec<_>>();
         let mut lists = vec![reduced(&scan.mask_offsets)];
         let mut known = HashMap::from([(bits(&lists[0]), 0)]);
-        let differ = !scan.view_offsets.is_empty() || !scan.errors.mask_offsets.is_empty();
+        let errors = &scan.errors;
+        let differ = !scan.view_offsets.is_empty()
+            || !errors.mask_offsets.is_empty()
+            || !errors.source.is_empty();
         let of_view = (0..scan.views()).filter(|_| differ).map(|view| {
-            let list = reduced(&scan.applied_offsets(view));
+            let list = reduced(&applied(view));
             *known.entry(bits(&list)).or_insert_with(|| {
                 lists.push(list);
                 numbers::count(lists.len() - 1)
@@ -53,7 +60,10 @@ mod tests {
     #[test]
     fn equal_lists_are_kept_once() {
         let mut scan = Scan::new(vec![-1.0, 2.0], vec![0.0; 4]);
-        let of = |scan: &Scan| ViewOffsets::new(scan, |offset| libm::remainder(offset, 10.0));
+        let of = |scan: &Scan| {
+            let applied = |view| scan.offsets_of(view).to_vec();
+            ViewOffsets::new(scan, applied, |offset| libm::remainder(offset, 10.0))
+        };
         assert_eq!(of(&scan).lists(), [[-1.0, 2.0]]);
         assert_eq!(of(&scan).list_of(Exposure::Sample(3)), 0);
         // The third is the first, but for a period.

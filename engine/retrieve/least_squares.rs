@@ -130,14 +130,25 @@ pub(super) struct Fit {
 
 /// Fits a shape to a curve.
 pub(super) fn fit(shape: CurveShape, scan: &CurveScan, curve: impl Iterator<Item = f32>) -> Curve {
-    let values = scan.values(curve, 5);
+    fit_with(shape, scan, curve, None)
+}
+
+/// Fits a shape to a curve. `held`: the spread, where it is known; three values suffice then.
+pub(super) fn fit_with(
+    shape: CurveShape,
+    scan: &CurveScan,
+    curve: impl Iterator<Item = f32>,
+    held: Option<f64>,
+) -> Curve {
+    let values = scan.values(curve, if held.is_some() { 3 } else { 5 });
     if values.flags & flags::NO_ANSWER != 0 {
         return Curve::unknown(values.flags);
     }
     let [area, centre, deviation] = moments(&values.points, values.least);
     let [scale, spread] = shape.guess(area, deviation);
-    let least_spread = shape.limits(scan.half())[0];
-    let fitting = Fitting { shape, scan, values: &values, least_spread, held: false };
+    let spread = held.unwrap_or(spread);
+    let least_spread = shape.limits(scan.half())[0].min(spread);
+    let fitting = Fitting { shape, scan, values: &values, least_spread, held: held.is_some() };
     fitting.curve(&fitting.from([scale, centre, spread, values.least]))
 }
 

@@ -5,6 +5,7 @@
 mod beamlet_fit;
 mod beamlets;
 mod closed;
+mod correct;
 pub(crate) mod curves;
 mod diagnosis;
 mod equations;
@@ -24,6 +25,7 @@ mod run;
 mod shape;
 
 pub(crate) use closed::three_step_uncertainties;
+pub use correct::{Corrections, Plane, ViewCorrection};
 pub(crate) use curves::Curves;
 pub use diagnosis::{EmptyBeam, EmptyBeamOfView, Region};
 pub use fitter::Weights;

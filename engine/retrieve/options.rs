@@ -1,5 +1,6 @@
 //! What a caller chooses of a retrieval, and how it steers one.
 
+use super::correct::Corrections;
 use super::diagnosis::Region;
 use super::fitter::Weights;
 use super::method::Method;
@@ -40,6 +41,9 @@ pub struct RetrieveOptions {
     /// Pixels of the frames with nothing in the beam: transmission, refraction, dose and drift there go
     /// to the record.
     pub empty_beam: Option<Region>,
+    /// Corrections by these pixels or, where none are named, by both sides of the images of a view where
+    /// they look empty.
+    pub correct: Corrections,
 }
 
 impl RetrieveOptions {
@@ -60,6 +64,8 @@ impl RetrieveOptions {
         with_steps(steps: impl Into<Option<[usize; 2]>>);
         /// Two-step: sets the offsets of the sample's steps, m.
         with_sample_offsets(sample_offsets: impl Into<Option<Vec<f64>>>);
+        /// Chooses corrections by pixels with nothing in the beam.
+        with_correct(correct: Corrections);
         /// Names pixels with nothing in the beam.
         with_empty_beam(empty_beam: impl Into<Option<Region>>);
     }

@@ -1,5 +1,6 @@
 //! retrieved.json: what the images are, in which units, and what their flags say.
 
+use super::correct::ViewCorrection;
 use super::diagnosis::EmptyBeam;
 use crate::stack::layout::RECORD;
 use crate::{Error, Result, input_file};
@@ -120,6 +121,12 @@ pub struct Record {
     /// Pixels that were named as empty beam, and what is found there.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub empty_beam: Option<EmptyBeam>,
+    /// Names of the corrections by empty beam; empty where nothing was corrected.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub correct: Vec<String>,
+    /// Corrections of each view, in the order of the angles and of the dithers of each.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub corrections: Vec<ViewCorrection>,
     /// Warnings about the data.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub warnings: Vec<String>,

@@ -177,7 +177,7 @@ impl Retriever {
     }
 
     /// Places of the columns of a view, beamlets or pixels, as those of the images.
-    fn places(&self, input: &Input) -> Vec<f64> {
+    pub(super) fn places(&self, input: &Input) -> Vec<f64> {
         match &self.beamlets {
             Some(beamlets) => beamlets.places().to_vec(),
             None => input.columns_m(),
@@ -200,6 +200,19 @@ impl Retriever {
     pub(super) fn offsets(&self) -> [&[f64]; 2] {
         let of_sample = if self.view_scans.is_some() { &[] } else { &self.sample_offsets[..] };
         [&self.offsets, of_sample]
+    }
+
+    /// Offsets of the flat's steps, without whole periods, m.
+    pub(super) fn flat_offsets(&self) -> &[f64] {
+        &self.offsets
+    }
+
+    /// Offsets of the steps of a view of the sample, without whole periods, m.
+    ///
+    /// # Errors
+    /// As [`Retriever::retrieve`].
+    pub(super) fn offsets_of_view(&self, view: usize) -> Result<Vec<f64>> {
+        Ok(self.view_scan(view, None)?.offsets.to_vec())
     }
 
     /// Size of a pixel of the images, x and z, m, of frames with pixels of this size.
@@ -302,6 +315,22 @@ impl Retriever {
         read: &mut ReadRows<'_>,
         control: &mut RowsControl<'_>,
     ) -> Result<Images> {
+        self.retrieve_at(view, None, columns, read, control)
+    }
+
+    /// As [`Retriever::retrieve`], at other mask offsets (without whole periods, m) than the view was to
+    /// have.
+    ///
+    /// # Errors
+    /// As [`Retriever::retrieve`].
+    pub(super) fn retrieve_at(
+        &self,
+        view: usize,
+        offsets: Option<&[f64]>,
+        columns: usize,
+        read: &mut ReadRows<'_>,
+        control: &mut RowsControl<'_>,
+    ) -> Result<Images> {
         let Some(flat) = &self.flat else {
             return Err(Error::argument("flat", "no flat was taken", "the flat, then the views"));
         };
@@ -313,7 +342,7 @@ impl Retriever {
                 "frames of one shape for flat and sample",
             ));
         }
-        let scan = self.view_scan(view)?;
+        let scan = self.view_scan(view, offsets)?;
         let chosen = self.two_steps(flat, scan.offsets);
         let offsets_used = chosen.map_or(self.sample_offsets.len(), |steps| steps.len());
         let across = flat.columns;

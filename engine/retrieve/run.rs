@@ -1,5 +1,6 @@
 //! A whole retrieval: from an input to a directory of images.
 
+use super::correct::{Corrector, FrameCorrection, Rectangle, ViewCorrection, table};
 use super::diagnosis::Diagnosis;
 use super::images::{FLAGS, Images, OF_FLAT, unit};
 use super::input::Input;
@@ -11,7 +12,7 @@ use super::retriever::Retriever;
 use super::{Curves, Method, Weights, flags};
 use crate::numbers;
 use crate::run::RowsControl;
-use crate::stack::layout::GEOMETRY;
+use crate::stack::layout::{CORRECTIONS, GEOMETRY};
 use crate::stack::{Format, ImageDirectory, Kind, now, refuse_overlap};
 use crate::whole_file::write_file;
 use crate::{Engine, Error, Result, reserve};
@@ -83,6 +84,7 @@ pub fn retrieve(
 ) -> Result<Record> {
     refuse_overlap(to.path, &input.paths())?;
     ImageDirectory::check(to.path, Kind::Images, to.overwrite)?;
+    let scan = input.scene().scan.clone();
     let mut directory = None;
     let begin = |record: &Record| {
         ImageDirectory::begin(to.path, Kind::Images, to.format, to.overwrite, about(record))
@@ -100,6 +102,10 @@ pub fn retrieve(
     if let Some(mut images) = directory {
         if let Some(geometry) = geometry {
             write_file(&images.file(GEOMETRY)?, geometry.as_bytes())?;
+        }
+        if !record.corrections.is_empty() {
+            let text = table(&record.corrections, |view| scan.offsets_of(view).to_vec());
+            write_file(&images.file(CORRECTIONS)?, text.as_bytes())?;
         }
         images.finish(Some(&record.text()?))?;
     }
@@ -243,9 +249,17 @@ fn retrieve_to(
     let mut residuals = Vec::new();
     let bad = input.bad_pixels();
     let scan = ScanOf { input: &input, joined: joined.as_ref(), bad: bad.as_ref() };
+    let mut correcting = match Corrector::of(&retriever, &input, &options)? {
+        None => None,
+        Some(corrector) => {
+            record.correct = options.correct.names();
+            let empty = Corrector::named(&retriever, &options, input.frame())?;
+            Some(Correcting { corrector, empty, views: Vec::new() })
+        }
+    };
     for angle in 0..angles {
-        let (retrieved, of_flats) =
-            scan.angle(angle, &mut retriever, &mut diagnosis, &mut inner)?;
+        let mut tools = Tools { diagnosis: &mut diagnosis, correcting: correcting.as_mut() };
+        let (retrieved, of_flats) = scan.angle(angle, &mut retriever, &mut tools, &mut inner)?;
         for (name, image) in of_flats.iter().flat_map(Images::iter).chain(retrieved.iter()) {
             cancel.check()?;
             let unit = unit(name, value);
@@ -256,6 +270,7 @@ fn retrieve_to(
         residuals.extend(median(left.map(|left| f64::from(*left)).collect()));
     }
     record.residual = median(residuals).filter(|residual| *residual > 0.0);
+    record.corrections = correcting.map_or_else(Vec::new, |correcting| correcting.views);
     diagnosis.finish(&mut record, input.warnings());
     record.inputs = hashes.wait(&cancel, &mut || {})??;
     record.began = Some(began);
@@ -266,6 +281,20 @@ fn retrieve_to(
         false => None,
     };
     Ok((record, geometry))
+}
+
+/// Corrections by empty beam, view by view.
+struct Correcting {
+    corrector: Corrector,
+    /// Pixels of empty beam of the images, where they are named.
+    empty: Option<Vec<Rectangle>>,
+    views: Vec<ViewCorrection>,
+}
+
+/// What looks at views or corrects them.
+struct Tools<'a> {
+    diagnosis: &'a mut Diagnosis,
+    correcting: Option<&'a mut Correcting>,
 }
 
 /// What the images of an angle are made of.
@@ -283,16 +312,16 @@ impl ScanOf<'_> {
         self,
         angle: usize,
         retriever: &mut Retriever,
-        diagnosis: &mut Diagnosis,
+        tools: &mut Tools<'_>,
         control: &mut RowsControl<'_>,
     ) -> Result<(Images, Option<Images>)> {
         let Some(joined) = self.joined else {
-            return self.view(angle, retriever, diagnosis, control);
+            return self.view(angle, retriever, tools, control);
         };
         let dithers = self.input.scene().scan.dithers_of_angle();
         let views = angle * dithers..(angle + 1) * dithers;
         let (images, flats): (Vec<Images>, Vec<Option<Images>>) = views
-            .map(|view| self.view(view, retriever, diagnosis, control))
+            .map(|view| self.view(view, retriever, tools, control))
             .collect::<Result<Vec<_>>>()?
             .into_iter()
             .unzip();
@@ -305,7 +334,7 @@ impl ScanOf<'_> {
         self,
         view: usize,
         retriever: &mut Retriever,
-        diagnosis: &mut Diagnosis,
+        tools: &mut Tools<'_>,
         control: &mut RowsControl<'_>,
     ) -> Result<(Images, Option<Images>)> {
         let input = self.input;
@@ -316,7 +345,7 @@ impl ScanOf<'_> {
             if view > 0 {
                 let mut read = |band: Range<u32>| {
                     let data = input.flat_rows(view, band.clone())?;
-                    diagnosis.take_flat(&data, &band);
+                    tools.diagnosis.take_flat(&data, &band);
                     Ok(data)
                 };
                 retriever.set_flat(numbers::count(rows), columns, &mut read, control)?;
@@ -324,18 +353,75 @@ impl ScanOf<'_> {
             let Some(flat) = retriever.flat_curves() else { return Err(Error::Interrupted) };
             of_flat = Some(Images::of(flat_images(flat, rows, None)?));
         }
+        let mut correction = match &mut tools.correcting {
+            Some(correcting) => Some(correcting.begin(self, view, retriever, control)?),
+            None => None,
+        };
+        let frames = correction.as_ref().and_then(|of| of.frames.as_ref());
+        let diagnosis = &mut *tools.diagnosis;
         let mut read = |band: Range<u32>| {
-            let data = input.sample_rows(view, band.clone())?;
+            let mut data = input.sample_rows(view, band.clone())?;
+            if let Some(frames) = frames {
+                frames.apply(&mut data);
+            }
             diagnosis.take_sample(&data, &band);
             Ok(data)
         };
-        let mut images = retriever.retrieve(view, columns, &mut read, control)?;
+        let offsets = frames.and_then(|frames| frames.offsets.as_deref());
+        let mut images = retriever.retrieve_at(view, offsets, columns, &mut read, control)?;
         if let Some(bad) = self.bad {
             retriever.mark_bad(&mut images, bad);
         }
         let Some(flat) = retriever.flat_curves() else { return Err(Error::Interrupted) };
-        diagnosis.view(flat, &images, [rows, flat.len() / rows.max(1)]);
+        let shape = [rows, flat.len() / rows.max(1)];
+        if let (Some(correcting), Some(of_view)) = (&mut tools.correcting, &mut correction) {
+            correcting.corrector.images(&mut images, view, &of_view.empty, &mut of_view.record)?;
+            correcting.views.push(of_view.record.clone());
+        }
+        let offsets = correction.as_ref().and_then(|of| of.frames.as_ref()?.offsets.as_deref());
+        tools.diagnosis.view(flat, &images, shape, offsets);
         Ok((images, of_flat))
+    }
+}
+
+/// Corrections of a view before its curves are fitted.
+struct OfView {
+    empty: Vec<Rectangle>,
+    frames: Option<FrameCorrection>,
+    record: ViewCorrection,
+}
+
+impl Correcting {
+    /// Finds the empty beam of a view where it is not named, and the doses and offsets of its frames.
+    fn begin(
+        &mut self,
+        scan: ScanOf<'_>,
+        view: usize,
+        retriever: &Retriever,
+        control: &mut RowsControl<'_>,
+    ) -> Result<OfView> {
+        let input = scan.input;
+        let empty = match &self.empty {
+            Some(empty) => empty.clone(),
+            None => {
+                let mut read = |band: Range<u32>| input.sample_rows(view, band);
+                // The view is read once more: no progress.
+                let mut quiet = RowsControl { progress: None, cancel: control.cancel.clone() };
+                let columns = input.frame()[1];
+                let mut images = retriever.retrieve(view, columns, &mut read, &mut quiet)?;
+                if let Some(bad) = scan.bad {
+                    retriever.mark_bad(&mut images, bad);
+                }
+                Corrector::found(&images, view, retriever)?
+            }
+        };
+        let cancel = &control.cancel;
+        let found = self.corrector.frames(input, retriever, view, &empty, cancel)?;
+        let (frames, record) = match found {
+            Some((frames, record)) => (Some(frames), record),
+            None => (None, Corrector::begun(&empty)),
+        };
+        Ok(OfView { empty, frames, record })
     }
 }
 
@@ -425,6 +511,8 @@ fn begun(
         above_one: 0,
         negative_values: 0,
         empty_beam: None,
+        correct: Vec::new(),
+        corrections: Vec::new(),
         warnings: Vec::new(),
         magnification: scene.magnification(),
         lever_arm: scene.lever_arm(),

@@ -34,6 +34,24 @@ impl CurveGeometry {
         }
     }
 
+    /// Shape of the curve over mask offsets: blurred boxes, or a trapezoid without blur; `None` without two
+    /// masks.
+    pub(super) fn shape(&self) -> Option<CurveShape> {
+        let m = self.magnification;
+        let [base, top] = [self.half_base() / m, self.half_top() / m];
+        match self.projected.iter().all(|width| *width > 0.0) {
+            false => None,
+            true if self.blur > 0.0 => Some(CurveShape::Blurred { base, top, period: self.period }),
+            true => Some(CurveShape::Trapezoid { top }),
+        }
+    }
+
+    /// Spread of the shape with the focal spot of the geometry.
+    pub(super) fn spread(&self) -> f64 {
+        let m = self.magnification;
+        if self.blur > 0.0 { (self.blur / m).powi(2) } else { self.half_base() / m }
+    }
+
     /// Half the base of the curve without blur, m on the analyser.
     pub(super) fn half_base(&self) -> f64 {
         (self.projected[0] + self.projected[1]) / 2.0

@@ -13,7 +13,7 @@ use super::keys::value::{Value, optional, required};
 use super::table::{ListItem, Table};
 use super::tree::Document;
 use super::{MaterialSpec, Scene, cone_vec};
-use crate::Result;
+use crate::{Error, Result};
 
 /// Reads a scene. The result still has to be validated. Errors are reported to the document; without
 /// a source or a detector there is no scene, and what else is wrong stands for nothing in it.
@@ -48,6 +48,7 @@ pub(super) fn read_scene(document: &Document) -> Option<Scene> {
     }
     document.keep(read_cone_vec(&top, &mut scene));
     document.keep(hash_spot(&top, &mut scene));
+    document.keep(hash_tables(document, &mut scene));
     Some(scene)
 }
 
@@ -75,7 +76,10 @@ fn read_cone_vec(top: &Table<'_>, scene: &mut Scene) -> Result<()> {
     }
     let path: PathBuf = required(&scan, "cone_vec")?;
     let rows = match cone_vec::read(&item.directory().join(&path)) {
-        Ok(rows) => rows,
+        Ok(rows) => {
+            item.note_table(&path);
+            rows
+        }
         Err(error) => {
             return item.refuse(item.error(error.to_string(), "12 numbers a line, in mm"), ());
         }
@@ -105,6 +109,20 @@ fn read_materials(top: &Table<'_>) -> Result<BTreeMap<String, MaterialSpec>> {
         Ok(((*name).to_owned(), item.or_instead(MaterialSpec::read(item, row), nothing)?))
     };
     item.named()?.iter().map(entry).collect()
+}
+
+/// Adds the hashes of the tables whose values are in the scene to those of its files.
+fn hash_tables(document: &Document, scene: &mut Scene) -> Result<()> {
+    for (key, path) in document.tables() {
+        let found = hash(&scene.directory.join(&path))?;
+        if let Some(recorded) = scene.files.get(&path).filter(|recorded| **recorded != found) {
+            let allowed = format!("sha256 {recorded}, as in [files]");
+            let found = format!("{}: sha256 {found}", path.display());
+            return Err(Error::scene(key, found, allowed));
+        }
+        scene.files.insert(path, found);
+    }
+    Ok(())
 }
 
 /// Adds the hash of the file of the spot to the hashes of the scene.

@@ -97,7 +97,12 @@ impl Scan {
             travel: [0.0; 3],
             dithers: Vec::new(),
             fly: None,
-            errors: ScanErrors { mask_offsets: Vec::new(), intensities: Vec::new(), drawn: None },
+            errors: ScanErrors {
+                mask_offsets: Vec::new(),
+                intensities: Vec::new(),
+                source: Vec::new(),
+                drawn: None,
+            },
         }
     }
 
@@ -167,9 +172,8 @@ impl Scan {
         self.view_offsets.get(self.angle_index(view)).unwrap_or(&self.mask_offsets)
     }
 
-    /// Displacements of the sample mask in a view as they are, with their errors, m.
-    #[must_use]
-    pub fn applied_offsets(&self, view: usize) -> Vec<f64> {
+    /// Displacements of the sample mask in a view as they are, with its errors but those of the source, m.
+    pub(super) fn moved_offsets(&self, view: usize) -> Vec<f64> {
         let asked = self.offsets_of(view).iter();
         match self.errors.mask_offsets.get(view) {
             None => asked.copied().collect(),
@@ -219,7 +223,7 @@ impl Scan {
     /// Whether the sample does anything but turn about z.
     #[must_use]
     pub fn moves(&self) -> bool {
-        !self.is_circle() || !is_zero(&self.axis.shift)
+        !self.is_circle() || !is_zero(&self.axis.shift) || !self.errors.source.is_empty()
     }
 }
 

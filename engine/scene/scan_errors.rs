@@ -6,6 +6,7 @@ use crate::random::Draws;
 /// Kinds of draws.
 const OFFSETS: u8 = 0x51;
 const INTENSITIES: u8 = 0x52;
+const SOURCE: u8 = 0x53;
 
 /// Errors of the frames of a scan with the sample, `[view][step]`: simulated, and unknown to retrieval.
 /// Flats have none.
@@ -16,6 +17,9 @@ pub struct ScanErrors {
     pub mask_offsets: Vec<Vec<f64>>,
     /// Light of a frame over the nominal one; empty: 1.
     pub intensities: Vec<Vec<f64>>,
+    /// Displacement of the focal spot in each view (x, z), m; empty: none. One displacement serves all
+    /// frames of a view.
+    pub source: Vec<[f64; 2]>,
     /// Parameters of drawn errors, until the size of the scan is known.
     pub(super) drawn: Option<DrawnErrors>,
 }
@@ -30,6 +34,10 @@ pub(super) struct DrawnErrors {
     pub(super) offset_walk: f64,
     pub(super) intensity_sigma: f64,
     pub(super) intensity_walk: f64,
+    /// m.
+    pub(super) source_sigma: f64,
+    /// m.
+    pub(super) source_walk: f64,
     pub(super) seed: u64,
 }
 
@@ -37,7 +45,10 @@ impl ScanErrors {
     /// No errors.
     #[must_use]
     pub fn is_none(&self) -> bool {
-        self.mask_offsets.is_empty() && self.intensities.is_empty() && self.drawn.is_none()
+        self.mask_offsets.is_empty()
+            && self.intensities.is_empty()
+            && self.source.is_empty()
+            && self.drawn.is_none()
     }
 
     /// Draws the errors for a number of views and steps. Random numbers are a function of seed, view and
@@ -54,6 +65,11 @@ impl ScanErrors {
             let intensity = |error: f64| libm::exp(error);
             self.intensities =
                 errors.into_iter().map(|list| list.into_iter().map(intensity).collect()).collect();
+        }
+        if drawn.source_sigma > 0.0 || drawn.source_walk > 0.0 {
+            let of = (drawn.source_sigma, drawn.source_walk);
+            let along = |axis: u8| frames(drawn.seed, SOURCE + axis, of, [views, 1]).concat();
+            self.source = along(0).into_iter().zip(along(1)).map(|(x, z)| [x, z]).collect();
         }
     }
 }

@@ -64,6 +64,11 @@ impl<'a> ListItem<'a> {
     }
 
     /// Directory that paths of the scene start from.
+    /// Notes that the values of the table at `path`, which this item names, are in the model.
+    pub(super) fn note_table(&self, path: &Path) {
+        self.document.note_table(self.path.clone(), path.to_owned());
+    }
+
     pub(super) fn directory(&self) -> &'a Path {
         &self.document.directory
     }

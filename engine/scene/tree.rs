@@ -70,6 +70,8 @@ pub(super) struct Document {
 #[derive(Debug, Default)]
 pub(super) struct Faults {
     errors: Vec<Error>,
+    /// Tables whose values are in the model, each with the key that names it.
+    tables: Vec<(String, PathBuf)>,
     /// Paths without a value of their own in the model: what follows from them is no error.
     paths: Vec<String>,
 }
@@ -110,6 +112,16 @@ impl Document {
             faults.paths.push(key.clone());
         }
         faults.errors.push(error);
+    }
+
+    /// Notes a table whose values were read, with the key that names it.
+    pub(super) fn note_table(&self, key: String, path: PathBuf) {
+        self.faults.borrow_mut().tables.push((key, path));
+    }
+
+    /// Tables whose values were read, each with the key that names it.
+    pub(super) fn tables(&self) -> Vec<(String, PathBuf)> {
+        self.faults.borrow().tables.clone()
     }
 
     /// Marks a key whose value is not known, for a reason that was reported.

@@ -217,9 +217,25 @@ impl Scene {
                 return Err(Error::scene(key, found, "finite numbers; intensities above 0"));
             }
         }
-        for view in 0..errors.mask_offsets.len() {
-            let key = format!("scan.errors.mask_offsets[{view}]");
-            self.validate_offsets(&key, &self.scan.applied_offsets(view))?;
+        if !errors.source.is_empty() && errors.source.len() != views {
+            let found = format!("{} displacements", errors.source.len());
+            let allowed = format!("{views}, one for each view");
+            return Err(Error::scene("scan.errors.source_x", found, allowed));
+        }
+        if let Some(place) = errors.source.iter().flatten().find(|place| !place.is_finite()) {
+            return Err(Error::scene("scan.errors.source_x", place.to_string(), "finite lengths"));
+        }
+        if !errors.source.is_empty() && self.sample_mask.is_none() && self.detector_mask.is_some() {
+            let found = "a displaced source with a detector mask alone";
+            let allowed = "a set-up with a sample mask, or without masks";
+            return Err(Error::scene("scan.errors.source_x", found, allowed));
+        }
+        for view in 0..errors.mask_offsets.len().max(errors.source.len()) {
+            let key = match errors.mask_offsets.is_empty() {
+                true => "scan.errors.source_x".to_owned(),
+                false => format!("scan.errors.mask_offsets[{view}]"),
+            };
+            self.validate_offsets(&key, &self.applied_offsets(view))?;
         }
         Ok(())
     }

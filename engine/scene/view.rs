@@ -77,11 +77,38 @@ impl Scene {
         (0..self.scan.poses()).map(|pose| self.pose(pose, self.detector.pitch[0]))
     }
 
+    /// Displacement of the sample (x, z), m, for which the light of a view is that of a displaced source.
+    /// The shear that takes the source back to the optical axis and keeps the detector in its place
+    /// displaces what is at a distance y from the source by `-s (1 - y/z_d)`, with the displacement s of the
+    /// source and the distance `z_d` of the detector.
+    fn drift(&self, view: usize) -> Option<[f64; 2]> {
+        let by = self.scan.errors.source.get(view)?;
+        let share = 1.0 - self.source.distance / self.detector.distance;
+        Some(by.map(|by| -by * share))
+    }
+
+    /// Displacements of the sample mask in a view as they are, m: with their errors, and with the
+    /// displacement -s (M - 1)/M for which the light is that of a source displaced by s.
+    #[must_use]
+    pub fn applied_offsets(&self, view: usize) -> Vec<f64> {
+        let offsets = self.scan.moved_offsets(view);
+        match (self.scan.errors.source.get(view), &self.sample_mask) {
+            (Some([x, _]), Some(_)) => {
+                let share = 1.0 - self.magnification().recip();
+                offsets.into_iter().map(|offset| libm::fma(-share, *x, offset)).collect()
+            }
+            _ => offsets,
+        }
+    }
+
     /// The motion of a view at an angle.
     fn motion(&self, index: usize, angle: f64, pitch: f64) -> Motion {
         let [x, y, _] = Motion::about_z(angle).direction([pitch, 0.0, 0.0]);
         let turn = Motion::onto_x([x, y]);
-        let after = self.scan.after(index, angle);
+        let mut after = self.scan.after(index, angle);
+        if let Some([x, z]) = self.drift(index) {
+            after = after.then(&Motion::translation([x, 0.0, z]));
+        }
         let turn = if after == Motion::IDENTITY { turn } else { turn.then(&after) };
         self.scan.before(index).map_or(turn, |moved| moved.then(&turn))
     }

@@ -265,9 +265,12 @@ impl About {
             about.insert("view".into(), index.into());
             if !self.scene.scan.errors.is_none() {
                 let (scan, view, step) = (&self.scene.scan, index as usize, step as usize);
-                let applied = scan.applied_offsets(view).get(step).copied();
+                let applied = self.scene.applied_offsets(view).get(step).copied();
                 about.insert("mask_offset_applied".into(), applied.into());
                 about.insert("intensity_applied".into(), scan.intensity(view, step).into());
+                if let Some(source) = scan.errors.source.get(view) {
+                    about.insert("source_applied".into(), source.to_vec().into());
+                }
             }
             if (index as usize) < self.scene.scan.views() {
                 about.insert("angle".into(), self.scene.scan.angle_of(index as usize).into());

@@ -5,7 +5,7 @@
 //! RUN/flat.npy  sample.npy  dark.npy  counts/flat.npy  counts/sample.npy      a file per stack
 //! RUN/flat/step_000.exr  sample/view_0000/step_000.exr  dark/…  counts/…      a file per frame
 //! RUN/moments/view_0000.bin
-//! RUN/retrieved/retrieved.json  geometry.json  NAME.npy  or  NAME/view_0000.exr
+//! RUN/retrieved/retrieved.json  geometry.json  corrections.csv  NAME.npy  or  NAME/view_0000.exr
 //! ASTRA/astra.json  load_astra.py  NAME.npy
 //! VOLUME/volume.json  NAME.npy  or  NAME/slice_0000.exr  or  NAME.mhd  NAME.raw
 //! ```
@@ -32,6 +32,8 @@ pub const RETRIEVED: &str = "retrieved";
 pub const RECORD: &str = "retrieved.json";
 /// Description of a reconstruction, in the folder of its volumes.
 pub const VOLUME: &str = "volume.json";
+/// Corrections by empty beam, in the folder of retrieved images.
+pub const CORRECTIONS: &str = "corrections.csv";
 /// Means of regions, in the folder of a reconstruction.
 pub const REGIONS: &str = "regions.csv";
 /// Errors by object, in the folder of a reconstruction with its truth.

@@ -222,7 +222,7 @@ fn errors_are_lists_files_or_draws_and_kept_as_they_were_applied() {
     let lists = "mask_offsets = [[\"1 um\", \"-2 um\"], [\"3 um\", \"4 um\"]], intensities = [[1, 0.9], [1.1, 1.0]]";
     assert_eq!(of_files.scan, of(lists, &[]).unwrap().scan);
     assert_eq!(of_files.scan.offsets_of(1), [0.0, 5e-6]);
-    assert_eq!(of_files.scan.applied_offsets(1), [3e-6, 5e-6 + 4e-6]);
+    assert_eq!(of_files.applied_offsets(1), [3e-6, 5e-6 + 4e-6]);
     assert_eq!((of_files.scan.intensity(0, 1), of_files.scan.intensity(1, 1)), (0.9, 1.0));
     assert_kept(&of_files);
     let drawn = of("offset_sigma = \"2 um\", intensity_walk = 0.01, seed = 5", &[]).unwrap();

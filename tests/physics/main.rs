@@ -24,6 +24,7 @@ mod polychromatic;
 mod reference_against_closed_forms;
 mod rough;
 mod sample;
+mod source_drift;
 mod spots;
 mod transport;
 mod view_offsets;

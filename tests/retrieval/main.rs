@@ -7,6 +7,7 @@ mod support;
 
 #[cfg(feature = "cli")]
 mod astra;
+mod correct;
 mod dark_field;
 #[cfg(feature = "cli")]
 mod dithers;

@@ -64,6 +64,7 @@ pub(super) fn write(
     write_light(record, out)?;
     write_chi_square(record, out)?;
     write_empty_beam(record, out)?;
+    write_corrections(record, out)?;
     if let Some(remedy) = remedy {
         writeln!(out, "note     {remedy}")?;
     }
@@ -118,6 +119,35 @@ fn write_empty_beam(record: &Record, out: &mut impl Write) -> Result<(), Failure
     let doses: Vec<[f64; 2]> = views.iter().flat_map(|of| &of.dose).copied().collect();
     if let Some(line) = range(&doses, 1.0).filter(|_| doses.len() > 1) {
         writeln!(out, "empty    dose of a step {line} of the flat's")?;
+    }
+    Ok(())
+}
+
+/// Corrections by empty beam, of one view or as the range of several.
+fn write_corrections(record: &Record, out: &mut impl Write) -> Result<(), Failure> {
+    let views = &record.corrections;
+    for (name, scale, unit, values) in [
+        (
+            "dose of a frame",
+            1.0,
+            "",
+            views.iter().flat_map(|of| of.dose.clone()).collect::<Vec<_>>(),
+        ),
+        (
+            "displacement of a frame",
+            1e6,
+            " um",
+            views.iter().flat_map(|of| of.steps.clone()).collect(),
+        ),
+        ("refraction", 1e6, " urad", views.iter().filter_map(|of| of.offset).map(Some).collect()),
+    ] {
+        let known: Vec<[f64; 2]> = values.iter().copied().flatten().collect();
+        let Some(line) = range(&known, scale) else { continue };
+        write!(out, "correct  {name} {line}{unit}")?;
+        match values.len() - known.len() {
+            0 => writeln!(out)?,
+            unknown => writeln!(out, "; {unknown} of {} unknown", values.len())?,
+        }
     }
     Ok(())
 }

@@ -1,6 +1,7 @@
 //! Pictures of a run or of retrieved images: which are drawn, and of which view, step, row and
 //! pixel.
 
+mod corrections;
 mod frames;
 mod images;
 mod lines;
@@ -50,6 +51,9 @@ pub(super) fn of(path: &Path, asked: &ViewOfRun, form: PictureForm) -> Result<Pi
     }
     if has_maps && (wants(Show::Retrieved) || !asked.maps.is_empty()) {
         chosen.draw_retrieved(&mut pictures, asked)?;
+    }
+    if has_maps && wants(Show::Retrieved) {
+        chosen.draw_corrections(&mut pictures)?;
     }
     if wants(Show::Profiles) && (run.has_fitted() || run.maps().is_some()) {
         chosen.draw_profiles(&mut pictures)?;

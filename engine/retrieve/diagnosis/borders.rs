@@ -22,11 +22,11 @@ const DARK_FIELD: f64 = 0.05;
 
 /// Transmission and refraction at both borders of an image.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Borders {
+pub(in crate::retrieve) struct Borders {
     pub(super) transmission: Estimate,
     pub(super) refraction: Estimate,
     /// Columns of a strip.
-    pub(super) width: usize,
+    pub(in crate::retrieve) width: usize,
     /// The transmission is not 1.
     pub(super) has_other_dose: bool,
     /// The refraction is not 0.
@@ -35,7 +35,11 @@ pub(super) struct Borders {
 
 impl Borders {
     /// `None` where they do not look empty. `angle`: of a shift by a width of the flat's curve, rad.
-    pub(super) fn of(images: &Images, [rows, columns]: [usize; 2], angle: f64) -> Option<Self> {
+    pub(in crate::retrieve) fn of(
+        images: &Images,
+        [rows, columns]: [usize; 2],
+        angle: f64,
+    ) -> Option<Self> {
         let width = (columns / SHARE).max(2 * FEWEST.div_ceil(rows.max(1))).next_multiple_of(2);
         if 4 * width > columns {
             return None;

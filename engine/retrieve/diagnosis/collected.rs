@@ -125,8 +125,14 @@ impl Diagnosis {
         [Some(&mut self.sample), of_empty].into_iter().flatten().for_each(|of| of.take(data, rows));
     }
 
-    /// Examines a view whose rows were taken.
-    pub(crate) fn view(&mut self, flat: &Curves, images: &Images, shape: [usize; 2]) {
+    /// Examines a view whose rows were taken. `offsets`: of its curves, where they were corrected, m.
+    pub(crate) fn view(
+        &mut self,
+        flat: &Curves,
+        images: &Images,
+        shape: [usize; 2],
+        offsets: Option<&[f64]>,
+    ) {
         if self.found.views == 0 {
             self.width =
                 median(flat.width.iter().copied().map(f64::from).collect()).unwrap_or(f64::NAN);
@@ -137,19 +143,21 @@ impl Diagnosis {
         self.found.negative += self.sample.negative();
         let divided = self.measured && light::is_divided(&self.flat, &self.sample);
         self.found.divided += usize::from(divided);
-        self.fits(flat, images, view);
+        let offsets = offsets.filter(|_| !self.offsets.is_empty());
+        let of_view = offsets.map_or_else(|| self.offsets.clone(), <[f64]>::to_vec);
+        self.fits(flat, images, view, &of_view);
         if let Some(empty) = &mut self.empty {
             let model = self.model;
             let curve = |at: usize| model?.of_flat(flat, at);
             let pixels = empty_beam::pixels(&empty.flat, &empty.sample, curve);
-            let of_view = EmptyBeamOfView::of(
+            let found = EmptyBeamOfView::of(
                 images,
                 &empty.images,
                 self.angle_per_shift,
                 &pixels,
-                &self.offsets,
+                [&self.offsets, &of_view],
             );
-            empty.views.push(of_view);
+            empty.views.push(found);
             empty.sample = empty.sample.again_same();
         } else if self.measured && self.options.method != Method::TwoStep {
             // Two steps on the curve of another fit are off by more than a border may be.
@@ -161,7 +169,7 @@ impl Diagnosis {
     }
 
     /// Residuals of the fits of a view.
-    fn fits(&mut self, flat: &Curves, images: &Images, view: usize) {
+    fn fits(&mut self, flat: &Curves, images: &Images, view: usize, of_view: &[f64]) {
         let (Some(model), false) = (self.model, self.offsets.len() < 5) else { return };
         if matches!(self.options.method, Method::TwoStep | Method::Moments | Method::ThreeStep) {
             return;
@@ -169,8 +177,8 @@ impl Diagnosis {
         let pairs: Vec<_> = self.flat.iter().zip(self.sample.iter()).collect();
         let of_pixel = |at: usize, values: [&[f64]; 2]| {
             let curves = [model.of_flat(flat, at)?, model.of_sample(flat, images, at)?];
-            let of = |curve| Leverage::of(curve, &self.offsets, &self.options);
-            let (of_flat, of_sample) = (of(&curves[0])?, of(&curves[1])?);
+            let of = |curve, offsets: &[f64]| Leverage::of(curve, offsets, &self.options);
+            let (of_flat, of_sample) = (of(&curves[0], &self.offsets)?, of(&curves[1], of_view)?);
             let leverages = [&of_flat, &of_sample];
             let heights = curves.map(|curve| curve.amplitude);
             let steps = PixelSteps::of(leverages, values, heights, curves[1].width)?;

@@ -66,14 +66,14 @@ pub(super) fn pixels(
 }
 
 impl EmptyBeamOfView {
-    /// Of a rectangle of the images, with the values of its pixels at these offsets (none where the
-    /// offsets of flat and sample differ).
+    /// Of a rectangle of the images, with the values of its pixels at these offsets of flat and sample (none
+    /// where the offsets of both were to differ).
     pub(super) fn of(
         images: &Images,
         region: &[Range<usize>; 2],
         angle_per_shift: f64,
         pixels: &[EmptyPixel],
-        offsets: &[f64],
+        offsets: [&[f64]; 2],
     ) -> Self {
         let of = |name: &str| Estimate::of(values(images, name, region));
         let pair = |found: Option<Estimate>| found.map(|found| [found.value, found.sigma]);
@@ -81,16 +81,22 @@ impl EmptyBeamOfView {
         let drift = refraction
             .map(|[value, sigma]| [value / angle_per_shift, (sigma / angle_per_shift).abs()]);
         let shift = drift.map_or(0.0, |[shift, _]| shift);
-        let dose = (0..offsets.len()).filter_map(|k| dose(pixels, k, offsets[k], shift)).collect();
+        let steps = 0..offsets[0].len();
+        let dose = steps.filter_map(|k| dose(pixels, k, offsets.map(|of| of[k]), shift)).collect();
         Self { transmission: pair(of("transmission")), refraction, drift, dose }
     }
 }
 
 /// Dose of a step over that of the flat: quotient of the sums, the curve of the flat moved by `shift`. Half
 /// of what the shift changes counts as uncertain: a fitted curve is not that of the masks in its tails.
-fn dose(pixels: &[EmptyPixel], step: usize, offset: f64, shift: f64) -> Option<[f64; 2]> {
+fn dose(
+    pixels: &[EmptyPixel],
+    step: usize,
+    [of_flat, of_sample]: [f64; 2],
+    shift: f64,
+) -> Option<[f64; 2]> {
     let change = |pixel: &EmptyPixel| {
-        pixel.curve.map_or(0.0, |curve| curve.at(offset - shift).0 - curve.at(offset).0)
+        pixel.curve.map_or(0.0, |curve| curve.at(of_sample - shift).0 - curve.at(of_flat).0)
     };
     let triples: Vec<[f64; 3]> = pixels
         .iter()

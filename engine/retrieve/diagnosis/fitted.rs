@@ -10,7 +10,7 @@ const ODD: u32 = flags::NO_ANSWER | flags::SATURATED | flags::OUTSIDE | flags::T
 
 /// Kinds of curves that methods fit.
 #[derive(Debug, Clone, Copy)]
-pub(super) enum Model {
+pub(in crate::retrieve) enum Model {
     /// Eq. 1 of docs/retrieval.md; of closed forms the nearest that there is.
     Gaussian,
     /// A curve of the masks.
@@ -19,13 +19,13 @@ pub(super) enum Model {
 
 /// A curve with its numbers: scale, centre, spread (width of a Gaussian), background.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct FittedCurve {
+pub(in crate::retrieve) struct FittedCurve {
     model: Model,
     p: [f64; 4],
     /// Height over the background.
-    pub(super) amplitude: f64,
+    pub(in crate::retrieve) amplitude: f64,
     /// Standard deviation, m.
-    pub(super) width: f64,
+    pub(in crate::retrieve) width: f64,
 }
 
 impl Model {
@@ -40,7 +40,8 @@ impl Model {
         }
     }
 
-    fn fitted(self, numbers: [f64; 5]) -> Option<FittedCurve> {
+    /// The curve of these numbers: area, amplitude, centre, width, background.
+    pub(in crate::retrieve) fn fitted(self, numbers: [f64; 5]) -> Option<FittedCurve> {
         let [area, amplitude, centre, width, background] = numbers;
         if !numbers.iter().all(|number| number.is_finite()) || amplitude <= 0.0 || width <= 0.0 {
             return None;
@@ -87,14 +88,19 @@ impl Model {
 }
 
 /// Whether a pixel with these flags in an image counts in a diagnosis.
-pub(super) const fn is_usable(bits: u32) -> bool {
+pub(in crate::retrieve) const fn is_usable(bits: u32) -> bool {
     let odd = flags::of_pixel(ODD, ODD) | flags::MISFIT | flags::UNRESOLVED | flags::BAD_PIXEL;
     bits & odd == 0
 }
 
 impl FittedCurve {
+    /// Centre, m.
+    pub(in crate::retrieve) const fn centre(&self) -> f64 {
+        self.p[1]
+    }
+
     /// Value at an offset (m) and slopes by its four numbers.
-    pub(super) fn at(&self, x: f64) -> (f64, [f64; 4]) {
+    pub(in crate::retrieve) fn at(&self, x: f64) -> (f64, [f64; 4]) {
         match self.model {
             Model::Shape(shape) => shape.at(&self.p, x),
             Model::Gaussian => {

@@ -28,6 +28,9 @@ mod steps;
 mod warnings;
 mod watched;
 
+pub(super) use borders::Borders;
 pub(super) use collected::Diagnosis;
 pub use empty_beam::{EmptyBeam, EmptyBeamOfView};
+pub(super) use fitted::{FittedCurve, Model, is_usable};
 pub use region::Region;
+pub(super) use steps::inverted;

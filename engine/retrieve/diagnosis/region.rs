@@ -24,7 +24,10 @@ impl Region {
     ///
     /// # Errors
     /// [`Error::Argument`] where it is empty or reaches beyond the frame.
-    pub(super) fn within(&self, [rows, columns]: [usize; 2]) -> Result<[Range<usize>; 2]> {
+    pub(in crate::retrieve) fn within(
+        &self,
+        [rows, columns]: [usize; 2],
+    ) -> Result<[Range<usize>; 2]> {
         let own_rows = self.rows.clone().unwrap_or(0..rows);
         for (kind, own, count) in [("columns", &self.columns, columns), ("rows", &own_rows, rows)] {
             if own.start >= own.end || own.end > count {

@@ -170,7 +170,7 @@ fn times(a: &[f64], b: &[f64]) -> f64 {
 }
 
 /// Inverse of a symmetric positive matrix; `None` where it is singular.
-fn inverted(mut matrix: Vec<Vec<f64>>) -> Option<Vec<Vec<f64>>> {
+pub(in crate::retrieve) fn inverted(mut matrix: Vec<Vec<f64>>) -> Option<Vec<Vec<f64>>> {
     let n = matrix.len();
     let mut inverse: Vec<Vec<f64>> =
         (0..n).map(|i| (0..n).map(|j| f64::from(u8::from(i == j))).collect()).collect();

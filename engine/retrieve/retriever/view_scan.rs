@@ -80,13 +80,21 @@ impl Retriever {
         Err(Error::scene("scan.view_offsets", found, "offsets of every view of the sample"))
     }
 
-    /// The scan of a view of the sample.
+    /// The scan of a view of the sample, at other offsets than its own where these are given.
     ///
     /// # Errors
     /// [`Error::Argument`] where the scene has no offsets of the view; [`Error::Device`],
     /// [`Error::Memory`].
-    pub(super) fn view_scan(&self, view: usize) -> Result<ViewScan<'_>> {
+    pub(super) fn view_scan<'a>(
+        &'a self,
+        view: usize,
+        offsets: Option<&'a [f64]>,
+    ) -> Result<ViewScan<'a>> {
         let fitter = self.fitter.as_ref();
+        if let Some(offsets) = offsets {
+            let fitter = fitter.map(|fitter| fitter.at(offsets)).transpose()?.map(Cow::Owned);
+            return Ok(ViewScan { offsets, fitter });
+        }
         let Some(scans) = &self.view_scans else {
             let fitter = fitter.map(Cow::Borrowed);
             return Ok(ViewScan { offsets: &self.sample_offsets, fitter });

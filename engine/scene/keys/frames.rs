@@ -1,7 +1,7 @@
 //! Values of frames by angle or view and mask step, and errors of a scan.
 
 use super::prelude::*;
-use super::series::placed;
+use super::series::{RANGE, placed};
 use crate::csv_table::{Numbered, Quantities, TableKind};
 use crate::scene::ScanErrors;
 use crate::scene::scan_errors::DrawnErrors;
@@ -14,6 +14,18 @@ macro_rules! frames {
     };
 }
 pub(super) use frames;
+
+/// A list or range of lengths or angles, or a file of them.
+macro_rules! series {
+    ($dimension:ident, $most:expr) => {
+        Either(
+            "",
+            &Either("", &Series($dimension, $most), &Inner(&RANGE)),
+            &File("path of a CSV file"),
+        )
+    };
+}
+pub(super) use series;
 
 keys! { ERRORS, "scan.errors", [], [];
     mask_offsets => frames!(Some(Length)), Without("none"), r#"[["1 um", "-2 um"]]"#,
@@ -28,6 +40,14 @@ keys! { ERRORS, "scan.errors", [], [];
         "Standard deviation of independent relative errors of the light.";
     intensity_walk => Number("a number", NOT_NEGATIVE), Default("0.0"), "0.001",
         "Standard deviation of the relative steps of a random walk of the light, from frame to frame.";
+    source_x => series!(Length, limits::ANGLES), Without("none"), r#"["0 um", "3 um"]"#,
+        "Displacement of the focal spot along +x in each view.";
+    source_z => series!(Length, limits::ANGLES), Without("none"), r#"["0 um", "-2 um"]"#,
+        "Displacement of the focal spot along +z in each view.";
+    source_sigma => Quantity(Length, NOT_NEGATIVE), Default(r#""0 m""#), r#""1 um""#,
+        "Standard deviation of independent displacements of the focal spot, along x and along z.";
+    source_walk => Quantity(Length, NOT_NEGATIVE), Default(r#""0 m""#), r#""0.5 um""#,
+        "Standard deviation of the steps of a random walk of the focal spot, from view to view.";
     seed => Count(0, u64::MAX), Default("1"), "1", "Seed of the drawn errors.";
 }
 
@@ -50,16 +70,21 @@ impl Value for ScanErrors {
             offset_walk: number("offset_walk")?,
             intensity_sigma: number("intensity_sigma")?,
             intensity_walk: number("intensity_walk")?,
+            source_sigma: number("source_sigma")?,
+            source_walk: number("source_walk")?,
             seed: optional(&table, "seed")?.unwrap_or(1),
         };
         let errors = Self {
             mask_offsets: optional(&table, "mask_offsets")?.unwrap_or_default(),
             intensities: optional(&table, "intensities")?.unwrap_or_default(),
+            source: source(&table)?,
             drawn: Some(drawn),
         };
         for (list, keys) in [
             ("mask_offsets", ["offset_sigma", "offset_walk"]),
             ("intensities", ["intensity_sigma", "intensity_walk"]),
+            ("source_x", ["source_sigma", "source_walk"]),
+            ("source_z", ["source_sigma", "source_walk"]),
         ] {
             let Some(given) = table.get(list) else { continue };
             if let Some(other) = keys.iter().find(|key| table.get(key).is_some()) {
@@ -84,8 +109,31 @@ impl Value for ScanErrors {
                 keys.push((name, text));
             }
         }
+        for (axis, name) in ["source_x", "source_z"].into_iter().enumerate() {
+            let places: Vec<f64> = self.source.iter().map(|place| place[axis]).collect();
+            let row = ERRORS.row(name).filter(|_| !places.is_empty());
+            if let Some(text) = row.map(|row| places.write(row, base)).transpose()?.flatten() {
+                keys.push((name, text));
+            }
+        }
         Ok((!keys.is_empty()).then(|| inline(&keys)))
     }
+}
+
+/// Displacements of the source along x and z; an axis that is not given has none.
+fn source(table: &Table<'_>) -> Result<Vec<[f64; 2]>> {
+    let along = |key: &str| optional::<Vec<f64>>(table, key).map(Option::unwrap_or_default);
+    let [x, z] = [along("source_x")?, along("source_z")?];
+    let count = x.len().max(z.len());
+    if let (Some(given), true) =
+        (table.get("source_z"), !x.is_empty() && z.len() != x.len() && !z.is_empty())
+    {
+        let found = format!("{} displacements", z.len());
+        let allowed = format!("{}, as many as source_x has", x.len());
+        return given.refuse(given.error(found, allowed), Vec::new());
+    }
+    let at = |values: &[f64], view: usize| values.get(view).copied().unwrap_or(0.0);
+    Ok((0..count).map(|view| [at(&x, view), at(&z, view)]).collect())
 }
 
 /// Quantity of lists by view.
@@ -126,7 +174,10 @@ impl Value for Vec<Vec<f64>> {
         let kind = TableKind { key: row.name, noun, columns, most: limits::ANGLES as usize };
         let table = Quantities { kind, name, dimension, columns: Numbered::Yes };
         match table.read(&item.directory().join(Path::new(path))) {
-            Ok(rows) => Ok(rows),
+            Ok(rows) => {
+                item.note_table(Path::new(path));
+                Ok(rows)
+            }
             Err(error) => item.refuse(placed(item, error), Self::new()),
         }
     }

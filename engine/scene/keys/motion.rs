@@ -77,7 +77,10 @@ impl Value for Vec<Motion> {
         };
         let table = PlacementTable { kind, scales: false };
         match table.read(&item.directory().join(Path::new(path))) {
-            Ok(rows) => Ok(rows.iter().map(of_placement).collect()),
+            Ok(rows) => {
+                item.note_table(Path::new(path));
+                Ok(rows.iter().map(of_placement).collect())
+            }
             Err(error) => item.refuse(placed(item, error), Self::new()),
         }
     }

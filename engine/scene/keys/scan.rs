@@ -1,21 +1,10 @@
 //! Keys of the scan: mask offsets, angles, motions and dithers.
 
-use super::frames::{ERRORS, frames};
+use super::frames::{ERRORS, frames, series};
 use super::motion::MOTION;
 use super::prelude::*;
 use super::series::RANGE;
 use crate::scene::{Fly, RotationAxis, Scan};
-
-/// A list or range of lengths or angles, or a file of them.
-macro_rules! series {
-    ($dimension:ident, $most:expr) => {
-        Either(
-            "",
-            &Either("", &Series($dimension, $most), &Inner(&RANGE)),
-            &File("path of a CSV file"),
-        )
-    };
-}
 
 keys! { SCAN: Scan, "scan", [],
     ["steps" => "mask_offsets", "offsets" => "mask_offsets", "views" => "angles", "pitch" => "travel"];

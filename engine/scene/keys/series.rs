@@ -49,7 +49,10 @@ fn read_file(
     let kind = TableKind { key, noun, columns, most: most as usize };
     let table = Quantities { kind, name: key, dimension: Some(dimension), columns: Numbered::No };
     match table.read(&item.directory().join(path)) {
-        Ok(rows) => Ok(rows.into_iter().flatten().collect()),
+        Ok(rows) => {
+            item.note_table(path);
+            Ok(rows.into_iter().flatten().collect())
+        }
         Err(error) => item.refuse(placed(item, error), vec![0.0]),
     }
 }

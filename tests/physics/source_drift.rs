@@ -1,0 +1,108 @@
+//! A source that drifts: its light is that of a spot beside the optical axis.
+
+#![allow(clippy::unwrap_used, reason = "tests")]
+
+use crate::support::{Worst, backends, engine};
+use beamlet::scene::Scene;
+
+const OBJECTS: &str = r#"
+[[object]]
+name = "ball"
+material = "carbon"
+shape = { sphere = { radius = "0.3 mm" } }
+position = ["0.1 mm", "0.2 mm", "0 mm"]
+center = true
+[[object]]
+name = "rod"
+material = "carbon"
+shape = { cylinder = { radius = "0.2 mm", height = "5 mm" } }
+position = ["-0.6 mm", "0 mm", "0 mm"]
+"#;
+
+const BOTH: &str = r#"
+[sample_mask]
+distance = "1.0 m"
+transmission = 0.0
+projected_aperture = "30 um"
+[detector_mask]
+distance = "1.8 m"
+transmission = 0.0
+projected_aperture = "30 um"
+"#;
+
+/// A scene with this spot, masks and errors of its two views.
+fn scene(spot: &str, masks: &str, offsets: &str, errors: &str) -> Scene {
+    let text = format!(
+        "[source]\ndistance = \"1.2 m\"\nspot = {spot}\nenergy = \"30 keV\"\n\
+         [detector]\ndistance = \"1.8 m\"\npixels = [16, 12]\npitch = \"150 um\"\n{masks}\n\
+         [sampling]\ntolerance = 1e-5\nangle_tolerance = \"2 nrad\"\n\
+         [materials.carbon]\nformula = \"C\"\ndensity = \"2.0 g/cm3\"\n\
+         [scan]\nmask_offsets = {offsets}\nangles = [\"0 deg\", \"40 deg\"]\n{errors}\n{OBJECTS}"
+    );
+    Scene::from_toml(&text, ".").unwrap()
+}
+
+#[test]
+fn a_displaced_source_is_a_spot_beside_the_axis() {
+    let spot = "[\"30 um\", \"26 um\"]";
+    let cases = [
+        ("both masks", BOTH, "[\"-9 um\", \"0 um\", \"14 um\"]"),
+        ("tracking", BOTH.split_once("[detector_mask]").unwrap().0, "[\"3 um\"]"),
+        ("radiograph", "", "[\"0 um\"]"),
+    ];
+    for backend in backends() {
+        for (name, masks, offsets) in cases {
+            let errors =
+                "errors = { source_x = [\"0 um\", \"20 um\"], source_z = [\"0 um\", \"-35 um\"] }";
+            let drifted = engine(backend).simulate(&scene(spot, masks, offsets, errors)).unwrap();
+            let beside = "{ gaussians = [{ fwhm = [\"30 um\", \"26 um\"], offset = [\"20 um\", \"-35 um\"] }] }";
+            let beside = engine(backend).simulate(&scene(beside, masks, offsets, "")).unwrap();
+            let still = engine(backend).simulate(&scene(spot, masks, offsets, "")).unwrap();
+            // Tolerances of both runs, 1e-5 each, and the shear of 2e-5 rad, which moves the front and back
+            // of the ball by 6 nm beside one another: its silhouette passes pixels of 150 um.
+            let mut worst = Worst::new("source beside the axis", 6e-5);
+            let mut rest = Worst::new("source at rest", 1e-6);
+            let mut moved = 0.0_f32;
+            for ((view, step, row, column), light) in drifted.sample.indexed_iter() {
+                let at = (view, step, row, column);
+                match view {
+                    0 => rest.take(f64::from(light - still.sample[at]), || format!("{at:?}")),
+                    _ => {
+                        let change = f64::from(light - beside.sample[at]);
+                        worst.take(change, || format!("{name}, {backend:?}, {at:?}"));
+                        moved = moved.max((light - still.sample[at]).abs());
+                    }
+                }
+            }
+            worst.holds();
+            rest.holds();
+            assert!(moved > 5e-3, "{name}: {moved}");
+        }
+    }
+}
+
+#[test]
+fn a_displaced_source_moves_curves_by_m_less_one_over_m() {
+    // Without a sample: the curve at f is that at f - s (M - 1)/M.
+    let offsets = |by: f64| {
+        let list: Vec<String> =
+            (-3..=3).map(|k| format!("\"{} um\"", 8.0 * f64::from(k) - by)).collect();
+        format!("[{}]", list.join(", "))
+    };
+    let mut drifted =
+        scene("\"30 um\"", BOTH, &offsets(0.0), "errors = { source_x = [\"25 um\", \"25 um\"] }");
+    // M = 1.8.
+    let mut moved = scene("\"30 um\"", BOTH, &offsets(25.0 * 0.8 / 1.8), "");
+    drifted.objects.clear();
+    moved.objects.clear();
+    let backend = backends()[0];
+    let drifted = engine(backend).simulate(&drifted).unwrap();
+    let moved = engine(backend).simulate(&moved).unwrap();
+    let mut worst = Worst::new("curve of a displaced source", 1e-6);
+    for ((view, step, row, column), light) in drifted.sample.indexed_iter() {
+        let expected = moved.flat[[step, row, column]];
+        worst.take(f64::from(light - expected), || format!("{view} {step} {row} {column}"));
+    }
+    worst.holds();
+    assert!((drifted.flat[[3, 5, 5]] - drifted.sample[[0, 3, 5, 5]]).abs() > 0.01);
+}

@@ -1,0 +1,321 @@
+//! Corrections by empty beam: what a scan does beside what it asks for is found, and undone.
+
+#![allow(clippy::unwrap_used, reason = "tests")]
+#![allow(clippy::print_stdout, reason = "measured figures are printed")]
+#![allow(clippy::cast_possible_truncation, reason = "frames of f32")]
+
+use crate::reference::draws::Draws;
+use crate::support::engine;
+use beamlet::retrieve::{
+    Corrections, Input, Method, Region, RetrieveOptions, RetrievedArrays, Weights, retrieve_arrays,
+};
+use beamlet::scene::Scene;
+use beamlet::stack::StackFile;
+use beamlet::{Backend, RowsControl};
+use ndarray::{Array3, Array4};
+use ndarray_npy::write_npy;
+
+const PAPER: &str = include_str!("../support/masks.toml");
+/// Displacements of the mask, um, with a deviation of 2 um.
+const JITTER: [f64; 11] = [1.3, -2.4, 2.9, -0.7, 1.9, -2.8, 0.6, -1.6, 3.1, -2.2, 0.9];
+/// Doses with a deviation of 3 %.
+const DOSES: [f64; 11] = [1.03, 0.96, 1.01, 0.99, 1.04, 0.97, 1.035, 0.955, 1.02, 0.98, 1.01];
+
+fn list(values: impl IntoIterator<Item = f64>, unit: &str) -> String {
+    let quoted = |value: f64| match unit {
+        "" => format!("{value}"),
+        unit => format!("\"{value} {unit}\""),
+    };
+    values.into_iter().map(quoted).collect::<Vec<_>>().join(", ")
+}
+
+/// A cylinder before 64 columns; `errors` of the scan, and its view.
+fn scene(masks: &str, pixels: &str, scan: &str, errors: &str) -> Scene {
+    let text = format!(
+        "{masks}\n[detector]\ndistance = \"1.8 m\"\n{pixels}\n[scan]\n\
+         mask_offsets = {{ from = \"-25 um\", to = \"25 um\", count = 11 }}\n{scan}\n{errors}\n\
+         [sampling]\ntolerance = 1e-4\nangle_tolerance = \"10 nrad\"\n\
+         [materials.carbon]\nformula = \"C\"\ndensity = \"2.0 g/cm3\"\n[[object]]\nname = \"body\"\n\
+         material = \"carbon\"\nshape = {{ cylinder = {{ radius = \"1.5 mm\", height = \"30 mm\" }} }}\n"
+    );
+    Scene::from_toml(&text, ".").unwrap()
+}
+
+const PIXELS: &str = "pixels = [64, 16]\npitch = \"150 um\"";
+
+/// Intensities, or counts of a dose.
+struct Data {
+    scene: Scene,
+    flat: Array3<f32>,
+    sample: Array4<f32>,
+}
+
+impl Data {
+    fn of(scene: &Scene) -> Self {
+        let stacks = engine(Backend::Bvh).simulate(scene).unwrap();
+        let mut scene = scene.clone();
+        // The scan as it was to be.
+        scene.scan.errors = beamlet::scene::ScanErrors::default();
+        Self { scene, flat: stacks.flat, sample: stacks.sample }
+    }
+
+    fn copy(&self) -> Self {
+        Self { scene: self.scene.clone(), flat: self.flat.clone(), sample: self.sample.clone() }
+    }
+
+    fn counts(&self, photons: f64, seed: u64) -> Self {
+        let mut draws = Draws(seed);
+        let mut count = |y: f32| draws.poisson(f64::from(y) * photons) as f32;
+        let (flat, sample) = (self.flat.mapv(&mut count), self.sample.mapv(&mut count));
+        Self { scene: self.scene.clone(), flat, sample }
+    }
+
+    fn retrieved(&self, options: &RetrieveOptions) -> beamlet::Result<RetrievedArrays> {
+        let place = tempfile::tempdir().unwrap();
+        let open = |name: &str| StackFile::open(place.path().join(name)).unwrap();
+        write_npy(place.path().join("flat.npy"), &self.flat).unwrap();
+        write_npy(place.path().join("sample.npy"), &self.sample).unwrap();
+        let input = Input::measured(&self.scene, open("flat.npy"), open("sample.npy"), None)?;
+        let control = &mut RowsControl::default();
+        retrieve_arrays(&engine(Backend::Bvh), input, options, control)
+    }
+}
+
+fn options(method: Method, correct: &str, is_counts: bool) -> RetrieveOptions {
+    let correct = match correct {
+        "" => Corrections::default(),
+        names => Corrections::parse(names).unwrap(),
+    };
+    let options = RetrieveOptions::default()
+        .with_method(method)
+        .with_correct(correct)
+        .with_empty_beam(Region::new(2..16, None));
+    match is_counts {
+        true if method == Method::Gaussian => options.with_weights(Weights::Poisson).with_gain(1.0),
+        true => options.with_gain(1.0),
+        false => options,
+    }
+}
+
+/// Rms difference of two images in pixels that both have without a flag, outside of the empty beam.
+fn apart(a: &RetrievedArrays, b: &RetrievedArrays, name: &str) -> f64 {
+    let flags = |of: &RetrievedArrays| of.images["flags"].clone();
+    let (of_a, of_b) = (flags(a), flags(b));
+    let (mut sum, mut count) = (0.0, 0.0);
+    for (at, value) in a.images[name].indexed_iter() {
+        if of_a[at] == 0.0 && of_b[at] == 0.0 && at.2 > 17 {
+            sum += f64::from(value - b.images[name][at]).powi(2);
+            count += 1.0;
+        }
+    }
+    (sum / f64::max(count, 1.0)).sqrt()
+}
+
+/// Root mean square of differences from the truth, and of these over their uncertainties.
+fn errors(found: &[Option<[f64; 2]>], truth: &[f64]) -> [f64; 3] {
+    let known = found.iter().zip(truth).filter_map(|(pair, truth)| Some((pair.as_ref()?, truth)));
+    let (mut squares, mut ratios, mut count) = (0.0, 0.0, 0.0);
+    for ([value, sigma], truth) in known {
+        squares += (value - truth).powi(2);
+        ratios += ((value - truth) / sigma).powi(2);
+        count += 1.0;
+    }
+    [(squares / count).sqrt(), (ratios / count).sqrt(), count]
+}
+
+fn of_scan(jitter: bool, dose: bool) -> String {
+    let mut keys = Vec::new();
+    if jitter {
+        keys.push(format!("mask_offsets = [[{}]]", list(JITTER, "um")));
+    }
+    if dose {
+        keys.push(format!("intensities = [[{}]]", list(DOSES, "")));
+    }
+    format!("errors = {{ {} }}", keys.join(", "))
+}
+
+/// Curves of neighbouring columns lie 0.6 um apart.
+fn fringe() -> String {
+    PAPER.replace("[detector_mask]", "period = \"100.6 um\"\n\n[detector_mask]")
+}
+
+const CONTRASTS: [&str; 2] = ["transmission", "refraction"];
+
+/// Errors of transmission and refraction, corrected and uncorrected, over those of the noise alone.
+fn over_noise(
+    plain: &Data,
+    faulty: &Data,
+    correct: &str,
+    method: Method,
+    photons: f64,
+) -> [[f64; 2]; 2] {
+    let reference = plain.retrieved(&options(method, "", false)).unwrap();
+    let of = |data: &Data, correct: &str| {
+        data.counts(photons, 5).retrieved(&options(method, correct, true)).unwrap()
+    };
+    let images = [of(plain, ""), of(faulty, correct), of(faulty, "")];
+    CONTRASTS.map(|name| {
+        let [noise, found, raw] = [0, 1, 2].map(|at| apart(&images[at], &reference, name));
+        println!("{correct}, {method}, {photons}: {name} {found:e}, raw {raw:e}, noise {noise:e}");
+        [found / noise, raw / noise]
+    })
+}
+
+#[test]
+fn jitter_of_2_um_is_found_to_a_tenth_and_undone() {
+    let plain = Data::of(&scene(PAPER, PIXELS, "", ""));
+    let faulty = Data::of(&scene(PAPER, PIXELS, "", &of_scan(true, false)));
+    let truth = JITTER.map(|at| 1e-6 * at);
+    for (data, is_counts) in [(faulty.counts(2e4, 2), true), (faulty.copy(), false)] {
+        let found = data.retrieved(&options(Method::ExactCurve, "steps", is_counts)).unwrap();
+        let steps = &found.record.corrections[0].steps;
+        let [rms, deviations, known] = errors(steps, &truth);
+        println!("jitter: {rms:e} m, {deviations} deviations, {known} of 11: {steps:?}");
+        assert!(rms < 0.2e-6 && deviations < 2.0 && known > 9.0, "{rms:e} {deviations} {known}");
+        assert!(found.record.warnings.is_empty(), "{:?}", found.record.warnings);
+    }
+    for method in [Method::ExactCurve, Method::Gaussian] {
+        for [found, raw] in over_noise(&plain, &faulty, "steps", method, 2e4) {
+            assert!(found < 1.15 && raw > 1.5, "{method}: {found} {raw}");
+        }
+    }
+}
+
+#[test]
+fn doses_of_3_percent_are_found_to_a_tenth_and_undone() {
+    let plain = Data::of(&scene(PAPER, PIXELS, "", ""));
+    let faulty = Data::of(&scene(PAPER, PIXELS, "", &of_scan(false, true)));
+    for (data, is_counts) in [(faulty.counts(1e6, 2), true), (faulty.copy(), false)] {
+        let found = data.retrieved(&options(Method::Gaussian, "dose", is_counts)).unwrap();
+        let dose = &found.record.corrections[0].dose;
+        let [rms, deviations, known] = errors(dose, &DOSES);
+        println!("dose: {rms:e}, {deviations} deviations, {known} of 11: {dose:?}");
+        assert!(rms < 3e-3 && deviations < 2.0 && known > 10.0, "{rms:e} {deviations} {known}");
+    }
+    for [found, raw] in over_noise(&plain, &faulty, "dose", Method::Gaussian, 2e4) {
+        assert!(found < 1.15 && raw > 1.2, "{found} {raw}");
+    }
+}
+
+#[test]
+fn doses_and_jitter_together_keep_to_their_uncertainties() {
+    for masks in [PAPER, &fringe()] {
+        let plain = Data::of(&scene(masks, PIXELS, "", ""));
+        let faulty = Data::of(&scene(masks, PIXELS, "", &of_scan(true, true)));
+        let truth = JITTER.map(|at| 1e-6 * at);
+        for photons in [2e4, 1e6] {
+            let options = options(Method::ExactCurve, "dose,steps", true);
+            // Without a fringe nothing may be known.
+            let found = match faulty.counts(photons, 3).retrieved(&options) {
+                Ok(found) => found,
+                Err(error) => {
+                    println!("{error}");
+                    assert!(masks == PAPER && error.to_string().contains("unknown"), "{error}");
+                    continue;
+                }
+            };
+            let view = &found.record.corrections[0];
+            for (values, truth) in [(&view.steps, &truth), (&view.dose, &DOSES)] {
+                let [rms, deviations, known] = errors(values, truth);
+                println!("{photons}: {rms:e}, {deviations} deviations, {known} of 11");
+                assert!(known == 0.0 || deviations < 2.5, "{deviations}");
+            }
+        }
+        if masks != PAPER {
+            for [found, raw] in over_noise(&plain, &faulty, "dose,steps", Method::ExactCurve, 2e4) {
+                assert!(found < 1.5 && raw > 1.5, "{found} {raw}");
+            }
+        }
+    }
+}
+
+#[test]
+fn sound_scans_stay_as_they_are_within_the_uncertainties() {
+    let plain = Data::of(&scene(PAPER, PIXELS, "", ""));
+    for (photons, method) in [(2e4, Method::Gaussian), (1e6, Method::ExactCurve)] {
+        let data = plain.counts(photons, 4);
+        let raw = data.retrieved(&options(method, "", true)).unwrap();
+        for correct in ["steps", "dose", "dose,steps", "offset,plane", "offset,plane,dose,steps"] {
+            let found = match data.retrieved(&options(method, correct, true)) {
+                Ok(found) => found,
+                Err(error) => panic!("{correct}: {error}"),
+            };
+            let view = &found.record.corrections[0];
+            for (values, truth) in [(&view.steps, 0.0), (&view.dose, 1.0)] {
+                for [value, sigma] in values.iter().flatten() {
+                    assert!((value - truth).abs() < 4.5 * sigma, "{correct}: {value} {sigma}");
+                }
+            }
+            for name in CONTRASTS {
+                let noise = raw.images[&format!("{name}_sigma")].iter().copied();
+                let noise = noise.filter(|value| value.is_finite()).fold(f32::INFINITY, f32::min);
+                let moved = apart(&found, &raw, name) / f64::from(noise);
+                println!("{correct}, {method}, {photons}: {name} moved by {moved} of the noise");
+                assert!(moved < 0.5, "{correct}, {name}: {moved}");
+            }
+        }
+    }
+}
+
+#[test]
+fn a_drift_and_a_plane_are_subtracted() {
+    let plain = Data::of(&scene(PAPER, PIXELS, "", ""));
+    // The sample mask is stretched by 0.02 um a column between flat and sample, and displaced by 0.4 um.
+    let masks = PAPER.replace(
+        "[detector_mask]",
+        "period = \"100.02 um\"\noffset = \"0.4 um\"\n\n[detector_mask]",
+    );
+    let moved = Data::of(&scene(&masks, PIXELS, "", ""));
+    let faulty = Data { flat: plain.flat.clone(), ..moved };
+    let reference = plain.retrieved(&options(Method::ExactCurve, "", false)).unwrap();
+    let raw = faulty.retrieved(&options(Method::ExactCurve, "", false)).unwrap();
+    let found = faulty.retrieved(&options(Method::ExactCurve, "plane", false)).unwrap();
+    let view = &found.record.corrections[0];
+    let plane = view.plane.unwrap();
+    println!("{:?} {plane:?}", view.offset);
+    // Curves move against the displacement of the mask: M/z times that.
+    let angle = found.record.angle_per_shift;
+    let slope = -angle * 0.02e-6 / 150e-6;
+    assert!((plane.x[0] / slope - 1.0).abs() < 0.02, "{plane:?} {slope:e}");
+    let [offset, _] = view.offset.unwrap();
+    assert!((offset / (-angle * 0.4e-6) - 1.0).abs() < 0.02, "{offset:e}");
+    let [left, before] = [&found, &raw].map(|images| apart(images, &reference, "refraction"));
+    println!("refraction {left:e}, uncorrected {before:e}");
+    // The light of a pixel passes the sample elsewhere, by up to 1 um.
+    assert!(left < 0.05 * before && left < 2e-8, "{left:e} {before:e}");
+}
+
+#[test]
+fn empty_beam_is_found_at_both_sides_or_asked_for() {
+    let faulty = Data::of(&scene(PAPER, PIXELS, "", &of_scan(false, true))).counts(2e4, 6);
+    let options = options(Method::Gaussian, "dose,offset", true).with_empty_beam(None);
+    let found = faulty.retrieved(&options).unwrap();
+    let view = &found.record.corrections[0];
+    assert_eq!(view.empty_beam.len(), 2);
+    assert_eq!(view.empty_beam[0][0], 0);
+    assert_eq!(view.empty_beam[1][1], 64);
+    let [_, deviations, _] = errors(&view.dose, &DOSES);
+    assert!(deviations < 2.0, "{deviations}");
+    // A body that fills the field.
+    let full = scene(PAPER, "pixels = [16, 8]\npitch = \"150 um\"", "", "");
+    let full = Data::of(&full).counts(2e4, 7);
+    let error = full.retrieved(&options).unwrap_err().to_string();
+    assert!(error.contains("no empty beam at both sides of view 0"), "{error}");
+}
+
+#[test]
+fn what_cannot_be_determined_is_an_error() {
+    let plain = Data::of(&scene(PAPER, PIXELS, "", ""));
+    let refused = |correct: &str, region: Region, words: &str| {
+        let options = options(Method::Gaussian, correct, false).with_empty_beam(region);
+        let error = plain.retrieved(&options).unwrap_err().to_string();
+        assert!(error.contains(words), "{correct}: {error}");
+    };
+    refused("dose", Region::new(2..3, 0..4), "4 pixels with a curve");
+    refused("offset", Region::new(2..3, 0..4), "4 pixels with an answer");
+    refused("plane", Region::new(2..3, None), "one row or column");
+    refused("plane", Region::new(2..30, 3..4), "one row or column");
+    for (text, word) in [("", "\"\""), ("dose,plain", "\"plain\""), ("steps,", "\"\"")] {
+        assert!(Corrections::parse(text).unwrap_err().to_string().contains(word));
+    }
+}
