@@ -111,7 +111,7 @@ fn read_materials(top: &Table<'_>) -> Result<BTreeMap<String, MaterialSpec>> {
     item.named()?.iter().map(entry).collect()
 }
 
-/// Adds the hashes of the tables whose values are in the scene to those of its files.
+/// Adds the hashes of the tables whose values are in the scene to the hashes of its files.
 fn hash_tables(document: &Document, scene: &mut Scene) -> Result<()> {
     for (key, path) in document.tables() {
         let found = hash(&scene.directory.join(&path))?;

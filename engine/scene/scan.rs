@@ -172,7 +172,7 @@ impl Scan {
         self.view_offsets.get(self.angle_index(view)).unwrap_or(&self.mask_offsets)
     }
 
-    /// Displacements of the sample mask in a view as they are, with its errors but those of the source, m.
+    /// Displacements of the sample mask in a view as they are, with the errors of the mask, m.
     pub(super) fn moved_offsets(&self, view: usize) -> Vec<f64> {
         let asked = self.offsets_of(view).iter();
         match self.errors.mask_offsets.get(view) {

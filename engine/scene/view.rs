@@ -77,9 +77,9 @@ impl Scene {
         (0..self.scan.poses()).map(|pose| self.pose(pose, self.detector.pitch[0]))
     }
 
-    /// Displacement of the sample (x, z), m, for which the light of a view is that of a displaced source.
+    /// Displacement of the sample (x, z), m, equivalent to a displaced source.
     /// The shear that takes the source back to the optical axis and keeps the detector in its place
-    /// displaces what is at a distance y from the source by `-s (1 - y/z_d)`, with the displacement s of the
+    /// displaces a plane at the distance y from the source by `-s (1 - y/z_d)`, with the displacement s of the
     /// source and the distance `z_d` of the detector.
     fn drift(&self, view: usize) -> Option<[f64; 2]> {
         let by = self.scan.errors.source.get(view)?;
@@ -88,7 +88,7 @@ impl Scene {
     }
 
     /// Displacements of the sample mask in a view as they are, m: with their errors, and with the
-    /// displacement -s (M - 1)/M for which the light is that of a source displaced by s.
+    /// displacement -s (M - 1)/M equivalent to a source displaced by s.
     #[must_use]
     pub fn applied_offsets(&self, view: usize) -> Vec<f64> {
         let offsets = self.scan.moved_offsets(view);

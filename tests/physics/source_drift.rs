@@ -1,4 +1,4 @@
-//! A source that drifts: its light is that of a spot beside the optical axis.
+//! A displaced source against a spot beside the optical axis.
 
 #![allow(clippy::unwrap_used, reason = "tests")]
 

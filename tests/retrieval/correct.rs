@@ -1,4 +1,4 @@
-//! Corrections by empty beam: what a scan does beside what it asks for is found, and undone.
+//! Corrections by empty beam: errors of a scan are found and undone.
 
 #![allow(clippy::unwrap_used, reason = "tests")]
 #![allow(clippy::print_stdout, reason = "measured figures are printed")]
@@ -141,7 +141,7 @@ fn fringe() -> String {
 
 const CONTRASTS: [&str; 2] = ["transmission", "refraction"];
 
-/// Errors of transmission and refraction, corrected and uncorrected, over those of the noise alone.
+/// Errors of transmission and refraction, corrected and uncorrected, over the errors by noise.
 fn over_noise(
     plain: &Data,
     faulty: &Data,

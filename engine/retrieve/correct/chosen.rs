@@ -11,7 +11,7 @@ pub struct Corrections {
     pub offset: bool,
     /// Subtract a plane of the refraction angle through the empty beam.
     pub plane: bool,
-    /// Divide each frame by its dose over that of the flat.
+    /// Divide each frame by its dose relative to the flat.
     pub dose: bool,
     /// Fit curves at the mask offsets of the frames as they are found.
     pub steps: bool,
@@ -75,7 +75,7 @@ pub struct ViewCorrection {
     /// Rectangles of empty beam: first column, end of the columns, first row, end of the rows, in pixels of
     /// the images.
     pub empty_beam: Vec<[usize; 4]>,
-    /// Dose of each frame over that of the flat, by which its values were divided; empty where doses were
+    /// Dose of each frame relative to the flat, by which its values were divided; empty where doses were
     /// not corrected.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub dose: Vec<Option<[f64; 2]>>,

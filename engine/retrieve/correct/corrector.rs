@@ -348,7 +348,7 @@ fn chosen_pixels([rows, columns]: [usize; 2], empty: &[Rectangle]) -> (Vec<usize
     (pixels, count)
 }
 
-/// At most `most` of these, evenly: every so many of an order that mixes rows and columns.
+/// At most `most` of these, evenly over rows and columns.
 fn spread(mut pixels: Vec<usize>, most: usize) -> Vec<usize> {
     let count = pixels.len();
     if count > most {

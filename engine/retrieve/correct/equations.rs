@@ -11,7 +11,7 @@ use rayon::prelude::*;
 
 /// Least expected value, as a share of the amplitude, for the variance of a value.
 const LEAST: f64 = 0.01;
-/// Systematic difference of fitted curves from those of the masks, as a share of the amplitude: it is
+/// Systematic difference of fitted curves from the curves of the masks, as a share of the amplitude: it is
 /// common to all pixels, and limits what pixels of the sample contribute however many there are.
 const SYSTEMATIC: f64 = 1e-3;
 /// Fewest pixels of a group of empty beam, and most groups.

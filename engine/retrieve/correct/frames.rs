@@ -1,7 +1,7 @@
 //! Doses and mask offsets of the frames of a view.
 //!
-//! The unknowns are found by Gauss-Newton steps on the equations of `equations.rs`. What the pixels do not
-//! determine is kept near the mean of the frames: doses and displacements scatter about their means with
+//! The unknowns are found by Gauss-Newton steps on the equations of `equations.rs`. Values that the pixels do
+//! not determine stay near the mean of the frames: doses and displacements scatter about their means with
 //! deviations that are estimated with them (empirical Bayes by expectation maximisation). Covariances
 //! include this scatter, so that an undetermined value has it as its uncertainty.
 
@@ -186,7 +186,7 @@ impl Search<'_> {
                 }
             }
             if !self.of.dose {
-                // One dose for all frames: that of the flat.
+                // One dose for all frames, the dose of the flat.
                 matrix[0][0] *= HELD;
             }
             let inverse = scaled_inverse(&matrix)?;

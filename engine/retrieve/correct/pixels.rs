@@ -9,7 +9,7 @@ use crate::retrieve::shape::CurveGeometry;
 use crate::retrieve::{RetrieveOptions, flags};
 use rayon::prelude::*;
 
-/// Fewest frames of which pixels with a curve of their own tell something.
+/// Fewest frames for pixels with a curve of their own.
 const FRAMES: usize = 6;
 
 /// A pixel of empty beam.
@@ -155,7 +155,7 @@ fn scan(offsets: &[f64], options: &RetrieveOptions) -> CurveScan {
     }
 }
 
-/// The curve of the masks through values: five or more determine its blur, fewer have that of the geometry.
+/// The curve of the masks through values: five or more determine its blur; fewer take the blur of the geometry.
 fn fit(geometry: CurveGeometry, scan: &CurveScan, values: &[f64]) -> Option<FittedCurve> {
     let shape = geometry.shape()?;
     let curve = values.iter().map(|value| crate::numbers::single(*value));

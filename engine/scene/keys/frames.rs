@@ -129,7 +129,7 @@ fn source(table: &Table<'_>) -> Result<Vec<[f64; 2]>> {
         (table.get("source_z"), !x.is_empty() && z.len() != x.len() && !z.is_empty())
     {
         let found = format!("{} displacements", z.len());
-        let allowed = format!("{}, as many as source_x has", x.len());
+        let allowed = format!("{}, the count of source_x", x.len());
         return given.refuse(given.error(found, allowed), Vec::new());
     }
     let at = |values: &[f64], view: usize| values.get(view).copied().unwrap_or(0.0);
