@@ -17,12 +17,12 @@ pub(super) const TOLERANCE: f64 = 1e-3;
 const ROUNDS: usize = 60;
 /// Places along each direction where the difference is taken.
 const PLACES: u32 = 193;
-/// Patches that one thread takes at a time; sums are made in their order.
+/// Blobs that one thread takes at a time; sums are made in their order.
 const CHUNK: usize = 512;
 
 /// Some light: its share, centroid and variances (x, z), m.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct PicturePatch {
+pub(super) struct Blob {
     pub(super) weight: f64,
     pub(super) at: [f64; 2],
     pub(super) variance: [f64; 2],
@@ -36,31 +36,31 @@ pub(super) struct Fitted {
     pub(super) relative_error: f64,
 }
 
-pub(super) fn fit(patches: &[PicturePatch]) -> Fitted {
-    let whole = sum(patches.iter().map(|patch| (1.0, patch)));
+pub(super) fn fit(blobs: &[Blob]) -> Fitted {
+    let whole = sum(blobs.iter().map(|blob| (1.0, blob)));
     let views: Vec<Profile> =
-        DIRECTIONS.iter().map(|along| Profile::new(*along, patches, &whole)).collect();
-    let mut best: Option<(f64, Vec<PicturePatch>)> = None;
+        DIRECTIONS.iter().map(|along| Profile::new(*along, blobs, &whole)).collect();
+    let mut best: Option<(f64, Vec<Blob>)> = None;
     let mut count = 1;
     loop {
-        let mut parts = divided(patches, count);
+        let mut parts = divided(blobs, count);
         if parts.len() > 1 {
             for _ in 0..ROUNDS {
-                parts = improved(patches, &parts);
+                parts = improved(blobs, &parts);
             }
         }
         let error = views.iter().map(|view| view.error(&parts)).fold(0.0, f64::max);
         if best.as_ref().is_none_or(|(least, _)| error < *least) {
             best = Some((error, parts));
         }
-        if error <= TOLERANCE || 2 * count > MOST.min(patches.len()) {
+        if error <= TOLERANCE || 2 * count > MOST.min(blobs.len()) {
             break;
         }
         count *= 2;
     }
     let (relative_error, parts) = best.unwrap_or_default();
     let error = views[0].error(&parts) * views[0].deviation;
-    let part = |part: &PicturePatch| SpotPart {
+    let part = |part: &Blob| SpotPart {
         weight: part.weight,
         fwhm: part.variance.map(|variance| variance.sqrt() / deviation(1.0)),
         offset: part.at,
@@ -68,20 +68,20 @@ pub(super) fn fit(patches: &[PicturePatch]) -> Fitted {
     Fitted { parts: parts.iter().map(part).collect(), error, relative_error }
 }
 
-/// Weight, centroid and variance of patches, each with a share of its light.
-fn sum<'a>(patches: impl Iterator<Item = (f64, &'a PicturePatch)> + Clone) -> PicturePatch {
-    let weight: f64 = patches.clone().map(|(share, patch)| share * patch.weight).sum();
-    let mean = |f: &dyn Fn(&PicturePatch) -> f64| {
-        patches.clone().map(|(share, patch)| share * patch.weight * f(patch)).sum::<f64>() / weight
+/// Weight, centroid and variance of blobs, each with a share of its light.
+fn sum<'a>(blobs: impl Iterator<Item = (f64, &'a Blob)> + Clone) -> Blob {
+    let weight: f64 = blobs.clone().map(|(share, blob)| share * blob.weight).sum();
+    let mean = |f: &dyn Fn(&Blob) -> f64| {
+        blobs.clone().map(|(share, blob)| share * blob.weight * f(blob)).sum::<f64>() / weight
     };
-    let at = [0, 1].map(|axis| mean(&|patch| patch.at[axis]));
+    let at = [0, 1].map(|axis| mean(&|blob| blob.at[axis]));
     let variance = [0, 1].map(|axis| mean(&|p| p.variance[axis] + (p.at[axis] - at[axis]).powi(2)));
-    PicturePatch { weight, at, variance }
+    Blob { weight, at, variance }
 }
 
-/// The patches in `count` groups of about the same light, cut across their longer side.
-fn divided(patches: &[PicturePatch], count: usize) -> Vec<PicturePatch> {
-    let mut groups = vec![patches.to_vec()];
+/// The blobs in `count` groups of about the same light, cut across their longer side.
+fn divided(blobs: &[Blob], count: usize) -> Vec<Blob> {
+    let mut groups = vec![blobs.to_vec()];
     loop {
         // Groups of one pixel stay, so that others may have to be cut once more.
         let before = groups.len();
@@ -100,22 +100,22 @@ fn divided(patches: &[PicturePatch], count: usize) -> Vec<PicturePatch> {
             break;
         }
     }
-    groups.iter().map(|group| sum(group.iter().map(|patch| (1.0, patch)))).collect()
+    groups.iter().map(|group| sum(group.iter().map(|blob| (1.0, blob)))).collect()
 }
 
-fn halves(mut group: Vec<PicturePatch>) -> Vec<Vec<PicturePatch>> {
+fn halves(mut group: Vec<Blob>) -> Vec<Vec<Blob>> {
     if group.len() < 2 {
         return vec![group];
     }
-    let whole = sum(group.iter().map(|patch| (1.0, patch)));
+    let whole = sum(group.iter().map(|blob| (1.0, blob)));
     let axis = usize::from(whole.variance[1] > whole.variance[0]);
     let other = 1 - axis;
     group.sort_by(|a, b| {
         a.at[axis].total_cmp(&b.at[axis]).then(a.at[other].total_cmp(&b.at[other]))
     });
     let mut light = 0.0;
-    let half = group.iter().position(|patch| {
-        light += patch.weight;
+    let half = group.iter().position(|blob| {
+        light += blob.weight;
         light >= 0.5 * whole.weight
     });
     let at = half.unwrap_or(0).clamp(1, group.len() - 1);
@@ -123,47 +123,47 @@ fn halves(mut group: Vec<PicturePatch>) -> Vec<Vec<PicturePatch>> {
     vec![group, rest]
 }
 
-/// Moments of patches about the origin, by part: weight, x, z, x2, z2.
+/// Moments of blobs about the origin, by part: weight, x, z, x2, z2.
 type Sums = Vec<[f64; 5]>;
 
 /// One round: light goes to the parts by their density there, and each part takes the moments of its
 /// light.
-fn improved(patches: &[PicturePatch], parts: &[PicturePatch]) -> Vec<PicturePatch> {
+fn improved(blobs: &[Blob], parts: &[Blob]) -> Vec<Blob> {
     let heights: Vec<f64> = parts
         .iter()
         .map(|p| libm::log(p.weight) - 0.5 * libm::log(p.variance[0] * p.variance[1]))
         .collect();
-    let some = |patches: &[PicturePatch]| -> Sums {
+    let some = |blobs: &[Blob]| -> Sums {
         let mut sums = vec![[0.0; 5]; parts.len()];
         let mut density = vec![0.0; parts.len()];
-        for patch in patches {
+        for blob in blobs {
             let mut most = f64::NEG_INFINITY;
             for ((density, part), height) in density.iter_mut().zip(parts).zip(&heights) {
                 let off =
-                    |axis: usize| (patch.at[axis] - part.at[axis]).powi(2) / part.variance[axis];
+                    |axis: usize| (blob.at[axis] - part.at[axis]).powi(2) / part.variance[axis];
                 *density = height - 0.5 * (off(0) + off(1));
                 most = most.max(*density);
             }
             density.iter_mut().for_each(|d| *d = libm::exp(*d - most));
             let total: f64 = density.iter().sum();
             for (sums, density) in sums.iter_mut().zip(&density) {
-                let light = patch.weight * density / total;
-                let square = |axis: usize| patch.at[axis].powi(2) + patch.variance[axis];
-                let moments = [1.0, patch.at[0], patch.at[1], square(0), square(1)];
+                let light = blob.weight * density / total;
+                let square = |axis: usize| blob.at[axis].powi(2) + blob.variance[axis];
+                let moments = [1.0, blob.at[0], blob.at[1], square(0), square(1)];
                 sums.iter_mut().zip(moments).for_each(|(sum, moment)| *sum += light * moment);
             }
         }
         sums
     };
-    let chunks: Vec<Sums> = patches.par_chunks(CHUNK).map(some).collect();
+    let chunks: Vec<Sums> = blobs.par_chunks(CHUNK).map(some).collect();
     let mut all = vec![[0.0; 5]; parts.len()];
     for chunk in chunks {
         for (all, sums) in all.iter_mut().zip(chunk) {
             all.iter_mut().zip(sums).for_each(|(all, sum)| *all += sum);
         }
     }
-    let least = patches.iter().fold([f64::INFINITY; 2], |least, patch| {
-        [0, 1].map(|axis| least[axis].min(patch.variance[axis]))
+    let least = blobs.iter().fold([f64::INFINITY; 2], |least, blob| {
+        [0, 1].map(|axis| least[axis].min(blob.variance[axis]))
     });
     all.iter()
         .filter(|[weight, ..]| *weight > 0.0)
@@ -171,7 +171,7 @@ fn improved(patches: &[PicturePatch], parts: &[PicturePatch]) -> Vec<PicturePatc
             let at = [x / weight, z / weight];
             // Rounding may take a little from a part that has one pixel.
             let variance = [x2 / weight - at[0] * at[0], z2 / weight - at[1] * at[1]];
-            PicturePatch { weight, at, variance: [0, 1].map(|i| variance[i].max(least[i])) }
+            Blob { weight, at, variance: [0, 1].map(|i| variance[i].max(least[i])) }
         })
         .collect()
 }
@@ -190,17 +190,17 @@ struct Profile {
 }
 
 impl Profile {
-    fn new(along: [f64; 2], patches: &[PicturePatch], whole: &PicturePatch) -> Self {
-        let onto = |patch: &PicturePatch| along[0] * patch.at[0] + along[1] * patch.at[1];
-        let spread = |patch: &PicturePatch| {
-            along[0] * along[0] * patch.variance[0] + along[1] * along[1] * patch.variance[1]
+    fn new(along: [f64; 2], blobs: &[Blob], whole: &Blob) -> Self {
+        let onto = |blob: &Blob| along[0] * blob.at[0] + along[1] * blob.at[1];
+        let spread = |blob: &Blob| {
+            along[0] * along[0] * blob.variance[0] + along[1] * along[1] * blob.variance[1]
         };
         let centre = onto(whole);
-        let variance: f64 = patches
+        let variance: f64 = blobs
             .iter()
-            .map(|patch| patch.weight * (spread(patch) + (onto(patch) - centre).powi(2)))
+            .map(|blob| blob.weight * (spread(blob) + (onto(blob) - centre).powi(2)))
             .sum();
-        let ends = patches
+        let ends = blobs
             .iter()
             .map(onto)
             .fold([f64::INFINITY, f64::NEG_INFINITY], |e, at| [e[0].min(at), e[1].max(at)]);
@@ -208,12 +208,12 @@ impl Profile {
         let step = (ends[1] - ends[0] + 2.0 * room) / f64::from(PLACES - 1);
         let places: Vec<f64> = (0..PLACES).map(|i| ends[0] - room + step * f64::from(i)).collect();
         let value = |at: &f64| {
-            patches
+            blobs
                 .iter()
-                .map(|patch| {
+                .map(|blob| {
                     // Even light over 2 h; across a diagonal one of the same variance.
-                    let (d, h) = ((at - onto(patch)).abs(), (3.0 * spread(patch)).sqrt());
-                    patch.weight * if d >= h { d } else { 0.5 * (d * d + h * h) / h }
+                    let (d, h) = ((at - onto(blob)).abs(), (3.0 * spread(blob)).sqrt());
+                    blob.weight * if d >= h { d } else { 0.5 * (d * d + h * h) / h }
                 })
                 .sum::<f64>()
         };
@@ -222,11 +222,11 @@ impl Profile {
     }
 
     /// Range of the difference from Gaussians, over the deviation.
-    fn error(&self, parts: &[PicturePatch]) -> f64 {
+    fn error(&self, parts: &[Blob]) -> f64 {
         let along = self.along;
         let range =
             self.places.iter().zip(&self.values).fold([0.0_f64; 2], |range, (at, value)| {
-                let of = |part: &PicturePatch| {
+                let of = |part: &Blob| {
                     let middle = along[0] * part.at[0] + along[1] * part.at[1];
                     let variance = along[0] * along[0] * part.variance[0]
                         + along[1] * along[1] * part.variance[1];
@@ -250,16 +250,16 @@ fn mean_distance(d: f64, sigma: f64) -> f64 {
 mod tests {
     use super::*;
 
-    fn image(value: impl Fn(f64, f64) -> f64) -> Vec<PicturePatch> {
+    fn image(value: impl Fn(f64, f64) -> f64) -> Vec<Blob> {
         let places = || (-30..=30).map(|i| f64::from(i) * 1e-6);
         let all = places().flat_map(|z| places().map(move |x| [x, z]));
-        let mut patches: Vec<PicturePatch> = all
-            .map(|at| PicturePatch { weight: value(at[0], at[1]), at, variance: [1e-12 / 12.0; 2] })
-            .filter(|patch| patch.weight > 0.0)
+        let mut blobs: Vec<Blob> = all
+            .map(|at| Blob { weight: value(at[0], at[1]), at, variance: [1e-12 / 12.0; 2] })
+            .filter(|blob| blob.weight > 0.0)
             .collect();
-        let sum: f64 = patches.iter().map(|patch| patch.weight).sum();
-        patches.iter_mut().for_each(|patch| patch.weight /= sum);
-        patches
+        let sum: f64 = blobs.iter().map(|blob| blob.weight).sum();
+        blobs.iter_mut().for_each(|blob| blob.weight /= sum);
+        blobs
     }
 
     #[test]
@@ -269,15 +269,15 @@ mod tests {
         assert_eq!(fit(&gaussian).parts.len(), 1);
         let slanted = image(|x, z| normal(x + z, 10e-6) * normal(x - z, 4e-6));
         let disc = image(|x, z| if x * x + z * z < 4e-10 { 1.0 } else { 0.0 });
-        for patches in [slanted, disc] {
-            let fitted = fit(&patches);
+        for blobs in [slanted, disc] {
+            let fitted = fit(&blobs);
             assert!(fitted.parts.len() > 1 && fitted.relative_error <= 2e-3, "{fitted:?}");
-            let whole = sum(patches.iter().map(|patch| (1.0, patch)));
+            let whole = sum(blobs.iter().map(|blob| (1.0, blob)));
             let sigma = deviation(1.0);
-            let parts: Vec<PicturePatch> = fitted
+            let parts: Vec<Blob> = fitted
                 .parts
                 .iter()
-                .map(|p| PicturePatch {
+                .map(|p| Blob {
                     weight: p.weight,
                     at: p.offset,
                     variance: p.fwhm.map(|f| (f * sigma).powi(2)),

@@ -1,6 +1,6 @@
 //! Spots from images.
 
-use super::fit::{self, PicturePatch};
+use super::fit::{self, Blob};
 use super::{Spot, SpotFit};
 use crate::{Error, Result, image};
 use ndarray::Array2;
@@ -50,8 +50,8 @@ impl Spot {
             return Err(Error::scene("source.spot.image", found, "a finite sum > 0"));
         }
         let block = [values.ncols(), values.nrows()].map(|side| side.div_ceil(SIDE));
-        let patches = patches(values, pixel, block, sum);
-        let fitted = fit::fit(&patches);
+        let blobs = blobs(values, pixel, block, sum);
+        let fitted = fit::fit(&blobs);
         let samples = values.iter().filter(|value| **value > 0.0).count();
         Ok(Self {
             parts: fitted.parts,
@@ -67,15 +67,10 @@ impl Spot {
 }
 
 /// Pixels, or blocks of pixels with their centroid and variance.
-fn patches(
-    values: &Array2<f64>,
-    pixel: [f64; 2],
-    block: [usize; 2],
-    sum: f64,
-) -> Vec<PicturePatch> {
+fn blobs(values: &Array2<f64>, pixel: [f64; 2], block: [usize; 2], sum: f64) -> Vec<Blob> {
     let [rows, columns] = [values.nrows(), values.ncols()];
     let middle = [0.5 * (columns as f64 - 1.0), 0.5 * (rows as f64 - 1.0)];
-    let mut patches = Vec::new();
+    let mut blobs = Vec::new();
     for part in blocks(values, block) {
         let weight: f64 = part.iter().map(|(_, _, w)| w).sum();
         if weight <= 0.0 {
@@ -91,9 +86,9 @@ fn patches(
         let variance = [0, 1].map(|axis| {
             mean(&|p| (p[axis] - centre[axis]).powi(2)) + pixel[axis] * pixel[axis] / 12.0
         });
-        patches.push(PicturePatch { weight: weight / sum, at: centre, variance });
+        blobs.push(Blob { weight: weight / sum, at: centre, variance });
     }
-    patches
+    blobs
 }
 
 /// Blocks of an image as lists of row, column and value.

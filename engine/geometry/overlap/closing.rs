@@ -1,4 +1,4 @@
-//! Holes of a mesh that is accepted open: closed by flat patches, for booleans.
+//! Holes of a mesh that is accepted open: closed with flat covers, for booleans.
 
 use std::collections::{BTreeMap, HashMap};
 

@@ -35,7 +35,7 @@ pub(in crate::geometry) struct Solid {
 
 impl Solid {
     /// Takes a surface, oriented outwards; `clean`: that is closed and passes through itself nowhere.
-    /// Holes of others are closed by flat patches.
+    /// Holes of others are closed with flat covers.
     pub(in crate::geometry) fn of(surface: &Surface, clean: bool) -> Self {
         let patched;
         let (surface, holes) = if clean {
