@@ -1,4 +1,4 @@
-//! The grid of a volume: that of the field of view, or as it was asked for.
+//! The grid of a volume: the field of view, or by the options.
 
 use super::geometry::ScanGeometry;
 use super::grid::VolumeGrid;
@@ -83,7 +83,7 @@ impl ScanGeometry {
     }
 }
 
-/// Refuses a volume that lies outside of what the views see.
+/// Refuses a volume outside the field of view of the scan.
 fn refuse_unseen(grid: &VolumeGrid, geometry: &ScanGeometry) -> Result<()> {
     let per = geometry.per_distance();
     let scale = geometry.magnification();

@@ -3,7 +3,7 @@
 use super::quantity::Quantity;
 use crate::interface::{ARM_NONE, ARM_SLOPE, ARM_SQUARED};
 
-/// What the values of sinograms are.
+/// Kind of the values of sinograms.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum Data {

@@ -6,7 +6,7 @@ use std::f64::consts::{FRAC_PI_2, PI};
 use std::fmt;
 use std::sync::Arc;
 
-/// How high frequencies count. For refraction the same windows stand on the Hilbert filter.
+/// Window on high frequencies. For refraction the same windows apply to the Hilbert filter.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 #[non_exhaustive]
 pub enum Filter {

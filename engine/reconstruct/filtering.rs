@@ -55,7 +55,7 @@ impl<'a> Filtering<'a> {
         self.even.len()
     }
 
-    /// The columns are those of the detector.
+    /// The columns are the detector's.
     pub(super) const fn is_even(&self) -> bool {
         self.even.is_even
     }

@@ -5,7 +5,7 @@ use crate::stack::GeometryFile;
 use crate::{Error, Result};
 
 /// A scan on a circle: source and detector turn about an axis along z, at right angles to the optical
-/// axis. Lengths in m, angles in rad; frame and signs are those of docs/physics.md.
+/// axis. Lengths in m, angles in rad; frame and signs as in docs/physics.md.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
 pub struct ScanGeometry {
@@ -96,7 +96,7 @@ impl ScanGeometry {
         [square * (1.0 + tangent * tangent), square * tangent]
     }
 
-    /// Checks what the fields promise.
+    /// Checks the values of the fields.
     ///
     /// # Errors
     /// [`Error::Argument`].

@@ -5,7 +5,7 @@ use super::quantity::Quantity;
 use crate::{Error, Result};
 use ndarray::Array3;
 
-/// Where voxels lie. The axis of rotation is at x = y = 0; z is that of the optical axis at 0.
+/// Positions of voxels. The axis of rotation is at x = y = 0; z = 0 is the optical axis.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct VolumeGrid {
     /// Voxels along x, y, z.
@@ -85,7 +85,7 @@ impl VolumeGrid {
 pub struct Volume {
     /// Where the voxels lie.
     pub grid: VolumeGrid,
-    /// What the values are; it names their unit.
+    /// Quantity of the values, which has their unit.
     pub quantity: Quantity,
     /// `[z][y][x]`, all ascending.
     pub values: Array3<f32>,

@@ -17,7 +17,7 @@ const POINTS: u32 = 200;
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
 pub struct BeamHardening {
-    /// Energy that μ is quoted at, keV: the mean of what the detector sees without a sample.
+    /// Energy of μ, keV: the mean of the detected photons without a sample.
     pub energy: f64,
     /// Factors of the first power and those above.
     pub coefficients: Vec<f64>,
@@ -88,8 +88,8 @@ impl BeamHardening {
     }
 }
 
-/// Energies, keV, and their shares of what the detector sees without a sample: all rows of the spectrum,
-/// for nodes know the materials of the scene alone.
+/// Energies, keV, and their shares of the signal without a sample: all rows of the spectrum, since nodes
+/// serve the materials of the scene alone.
 fn seen(scene: &Scene) -> Result<(Vec<f64>, Vec<f64>)> {
     let spec = match &scene.source.beam {
         Beam::Energy(energy) => return Ok((vec![*energy], vec![1.0])),

@@ -1,4 +1,4 @@
-//! What is reconstructed: images of one or several retrievals, or sinograms in files.
+//! Inputs of a reconstruction: images of one or several retrievals, or sinograms in files.
 
 use super::centre::find_axis;
 use super::data::Data;
@@ -135,8 +135,8 @@ impl Input {
         self
     }
 
-    /// The same with the axis of rotation that the sinograms show ([`super::find_axis`]): those of μ,
-    /// without them of the dark field, then of δ.
+    /// The same with the axis of rotation found in the sinograms ([`super::find_axis`]): of μ, else of
+    /// the dark field, else of δ.
     ///
     /// # Errors
     /// As [`Input::sinograms`] and [`super::find_axis`].

@@ -6,11 +6,11 @@ use super::grid::VolumeGrid;
 use crate::{Error, Result};
 use ndarray::ArrayView3;
 
-/// Sinograms, and what is known beside them.
+/// Sinograms with weights and kind.
 #[derive(Debug, Clone, Copy)]
 #[non_exhaustive]
 pub struct Measured<'a> {
-    /// What the values are.
+    /// Kind of the values.
     pub data: Data,
     /// `[view][row][column]`; values of weight 0 may be anything.
     pub sinograms: ArrayView3<'a, f32>,

@@ -37,7 +37,7 @@ impl Default for Method {
     }
 }
 
-/// What a method makes.
+/// Result of a method.
 #[derive(Debug, Clone)]
 #[non_exhaustive]
 pub struct Made {

@@ -1,4 +1,4 @@
-//! What a volume makes of its sinograms: the projector with lengths, arms and differences.
+//! Sinograms of a volume: the projector with lengths, arms and differences.
 
 use super::data::Data;
 use super::geometry::{ScanGeometry, borders, same_shape};
@@ -57,7 +57,7 @@ impl<'a> Model<'a> {
         Self::with_arm(engine, geometry, grid, (data, arm), at_once.unwrap_or(AT_ONCE))
     }
 
-    /// The same with another arm than that of the data.
+    /// The same with another arm than the data's.
     pub(super) fn with_arm(
         engine: &Engine,
         geometry: &'a ScanGeometry,

@@ -1,11 +1,11 @@
-//! What is reconstructed, and how.
+//! Plan of a reconstruction: volumes, method, corrections.
 
 use super::grid::VolumeGrid;
 use super::method::Method;
 use super::quantity::Quantity;
 use super::regions::Region;
 
-/// What is reconstructed, and how.
+/// Plan of a reconstruction: volumes, method, corrections.
 #[derive(Debug, Clone)]
 #[non_exhaustive]
 pub struct VolumePlan {
@@ -17,8 +17,9 @@ pub struct VolumePlan {
     pub method: Method,
     /// Regions whose means are written as CSV.
     pub regions: Vec<Region>,
-    /// The deviations of the retrieval are used: filtered back-projection makes volumes of the deviations
-    /// of voxels, and those of means of regions; iterative methods weigh values by one over the squares.
+    /// The uncertainties of the retrieval are used: filtered back-projection makes volumes of the
+    /// uncertainties of voxels and of means of regions; iterative methods weigh values by one over the
+    /// squares.
     pub sigma: bool,
     /// Stripes of single columns are taken off ([`super::suppress_rings`]).
     pub rings: bool,

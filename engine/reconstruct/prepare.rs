@@ -80,7 +80,7 @@ impl<'a> Preparation<'a> {
             }
             values.iter_mut().zip(line).for_each(|(to, from)| *to = from);
         }
-        // Rows without any value take those of the rows above and below.
+        // Rows without any value take the values of the rows above and below.
         if !empty.is_empty() {
             let places: Vec<f64> = self.geometry.rows.iter().map(|place| -place).collect();
             for mut column in image.columns_mut() {

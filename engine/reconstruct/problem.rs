@@ -117,7 +117,7 @@ impl<'a> Problem<'a> {
         self.options.discrepancy.is_some_and(|bound| now <= bound)
     }
 
-    /// The negative gradient, and what the filter makes of it.
+    /// The negative gradient, and its filtered form.
     fn descent(&self, work: &mut Work<'_>) -> Result<(Array3<f32>, Array3<f32>)> {
         let mut gradient = match &self.weights {
             None => self.model.back(self.residual.view(), work)?,
@@ -148,7 +148,7 @@ impl<'a> Problem<'a> {
     }
 
     /// # Errors
-    /// [`Error::Argument`] where no ray of weight meets a voxel, but there is something to explain.
+    /// [`Error::Argument`] if no weighted ray passes a voxel, but there is something to explain.
     fn met(&self, descent: f64) -> Result<()> {
         if descent > 0.0 || self.residuals[0] <= 0.0 {
             return Ok(());
@@ -186,7 +186,7 @@ impl<'a> Problem<'a> {
         Ok(())
     }
 
-    /// Sets voxels below zero to zero, where that is asked for.
+    /// Sets voxels below zero to zero, with that option.
     fn bounded(&self, volume: &mut Array3<f32>) {
         if self.options.is_non_negative {
             volume.mapv_inplace(|value| value.max(0.0));
@@ -249,7 +249,7 @@ impl<'a> Problem<'a> {
         Ok(())
     }
 
-    /// Residuals over the sums of coefficients of their rays, and over those of voxels.
+    /// Residuals over the sums of coefficients of their rays, and over the sums of voxels.
     pub(super) fn sirt(&mut self, work: &mut Work<'_>) -> Result<()> {
         self.begin(work)?;
         let mut ones = Array3::ones(self.volume.dim());

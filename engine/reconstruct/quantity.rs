@@ -1,6 +1,6 @@
-//! What a volume holds.
+//! Quantity of a volume.
 
-/// What a volume holds, and with it what its sinograms hold.
+/// Quantity of a volume, which determines the values of its sinograms.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Quantity {
     /// Linear attenuation, 1/m, from −ln T.

@@ -1,4 +1,4 @@
-//! volume.json: what the volumes are, where their voxels lie, and how they were made.
+//! volume.json: quantities and provenance of volumes, and the grid of their voxels.
 
 use super::geometry::ScanGeometry;
 use super::grid::VolumeGrid;
@@ -37,7 +37,7 @@ pub struct VolumeRecord {
     pub method: String,
     /// Its options.
     pub options: serde_json::Value,
-    /// SHA-256 of what was read, by its path, as retrieved.json has it.
+    /// SHA-256 of the inputs, by path, as in retrieved.json.
     pub inputs: BTreeMap<String, String>,
     /// Views, rows and columns of the sinograms.
     pub sinograms: [usize; 3],

@@ -1,11 +1,11 @@
-//! What a view and a column count for: views over a whole turn see each line twice, those over less
-//! share it by Parker's weights.
+//! Weights of views and columns: views over a whole turn see each line twice, views over less share it by
+//! Parker's weights.
 
 use super::geometry::ScanGeometry;
 use crate::{Error, Result};
 use std::f64::consts::{FRAC_PI_4, PI, TAU};
 
-/// Weights of lines; those of a line and its conjugate sum to 1.
+/// Weights of lines; the weights of a line and its conjugate sum to 1.
 #[derive(Debug)]
 pub(super) struct Redundancy {
     /// Angle that each view stands for, rad.

@@ -14,11 +14,11 @@ const FOURTH: [f64; 5] = [1.0, -4.0, 6.0, -4.0, 1.0];
 /// stripe: a wave over 35 columns.
 const LEAST: f64 = 0.001;
 
-/// Takes stripes off the columns of sinograms: gains and offsets of single columns. Fourth differences
-/// along a row are nearly those of the stripes, but where a border of the sample lies; their medians over
-/// all views are those of the stripes alone, where the sample does not keep its place. Stripes are what
-/// has these differences and is small. Rings of the sample about the axis of rotation are taken off, too,
-/// where they are as narrow as a few columns.
+/// Removes stripes from the columns of sinograms: gains and offsets of single columns. Fourth differences
+/// along a row nearly equal those of the stripes, except at a border of the sample; their medians over
+/// all views equal the stripes', if the sample does not keep its place. The stripes are the smallest
+/// values with these differences. Rings of the sample about the axis of rotation that are only a few
+/// columns wide are removed, too.
 ///
 /// # Errors
 /// [`Error::Argument`] for a geometry that cannot be, sinograms of another shape, fewer than 16 views or

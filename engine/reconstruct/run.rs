@@ -62,7 +62,7 @@ impl<'a> VolumesTo<'a> {
     }
 }
 
-/// What a reconstruction wrote.
+/// Summary of a written reconstruction.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
 pub struct Reconstructed {

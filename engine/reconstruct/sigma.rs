@@ -1,5 +1,5 @@
-//! Standard deviations of filtered back-projections from those of the sinograms. Noise of neighbouring
-//! voxels is correlated, by the filter and by the lines that they share.
+//! Standard deviations of filtered back-projections from the deviations of the sinograms. Noise of
+//! neighbouring voxels is correlated, by the filter and by common lines.
 
 use super::back_projector::BackProjector;
 use super::fbp::check;
@@ -15,8 +15,8 @@ use crate::{Engine, Error, Result, parallel, reserve};
 use ndarray::{Array3, ArrayView3};
 use rayon::prelude::*;
 
-/// Standard deviation of each voxel of [`super::fbp`], by those of independent values of sinograms,
-/// `[view][row][column]`. Corrections of lever arms count as small: they are left out.
+/// Standard deviation of each voxel of [`super::fbp`], from the deviations of independent values of
+/// sinograms, `[view][row][column]`. Corrections of lever arms are small and neglected.
 ///
 /// # Errors
 /// As [`super::fbp`]; [`Error::Argument`] for columns that are uneven, rows that are extrapolated, and
@@ -59,8 +59,8 @@ pub fn fbp_sigma(
     Ok(Volume::new(*grid, quantity, values))
 }
 
-/// Standard deviation of the mean of [`super::fbp`] over voxels, each as its x, y and z, by those of
-/// independent values of sinograms, `[view][row][column]`.
+/// Standard deviation of the mean of [`super::fbp`] over voxels, each as its x, y and z, from the
+/// deviations of independent values of sinograms, `[view][row][column]`.
 ///
 /// # Errors
 /// As [`fbp_sigma`]; [`Error::Argument`] for no voxel, or one beyond the grid.
@@ -99,7 +99,7 @@ pub fn fbp_mean_sigma(
 }
 
 /// # Errors
-/// [`Error::Argument`] for what has no deviation that is known.
+/// [`Error::Argument`] for options without a known deviation.
 fn prepared<'a>(
     geometry: &'a ScanGeometry,
     sigmas: ArrayView3<'_, f32>,

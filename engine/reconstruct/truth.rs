@@ -24,15 +24,15 @@ pub struct Truth {
     labels: Array3<f32>,
     /// Names and materials by label.
     names: Vec<[String; 2]>,
-    /// Constants less those of the surroundings, by label.
+    /// Constants minus the surroundings', by label.
     constants: Vec<Constants>,
     /// Distance from the axis up to which every view sees a voxel, m.
     radius: f64,
 }
 
 impl Truth {
-    /// The objects of a scene as a run has them: overlaps resolved, inner ones inside of outer ones.
-    /// Constants are those of the energy, or the mean over the spectrum, less those of the surroundings.
+    /// The objects of a scene as in a run: overlaps resolved, inner ones inside of outer ones. Constants
+    /// at the energy, or means over the spectrum, minus the surroundings'.
     ///
     /// # Errors
     /// As [`Engine::prepare`]; [`Error::Argument`] for lines through more than 1024 surfaces;

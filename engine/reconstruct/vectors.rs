@@ -15,7 +15,7 @@ pub(super) fn dot(a: &[f32], b: &[f32]) -> f64 {
     parts.iter().sum()
 }
 
-/// Changes each value of `a` by that of `b`.
+/// Changes each value of `a` by the value of `b`.
 pub(super) fn change(a: &mut [f32], b: &[f32], value: impl Fn(f32, f32) -> f32 + Sync) {
     a.par_chunks_mut(PART).zip(b.par_chunks(PART)).for_each(|(a, b)| {
         a.iter_mut().zip(b).for_each(|(a, b)| *a = value(*a, *b));

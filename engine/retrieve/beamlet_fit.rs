@@ -11,8 +11,8 @@ const LEAST_BLUR: f64 = 1e-6;
 const SAME: f64 = 1e-6;
 /// Noise of a value, as a part of the peak, by which fits are judged where it is not known.
 const NOISE: f64 = 0.005;
-/// Uncertainty of the blur's variance, as a part of it, beyond which pixels do not determine it; and
-/// the same where they do not determine that of the flat.
+/// Largest relative uncertainty of the blur's variance that pixels determine, of the sample and of the
+/// flat.
 const WIDTH_LIMITS: [f64; 2] = [0.3, 0.1];
 /// Uncertainty of the centre in pixels, at that noise, beyond which pixels do not determine it.
 /// Where a border of pixels lies in a beamlet or in its penumbra it is below 0.01.

@@ -1,4 +1,4 @@
-//! What is known of illumination curves after a fit, whatever the method.
+//! Results of fits of illumination curves, for any method.
 
 use super::flags;
 use crate::numbers::single;
@@ -49,12 +49,12 @@ pub struct Curves {
     pub amplitude: Vec<f32>,
     /// Centre, in the unit of the offsets.
     pub centre: Vec<f32>,
-    /// Standard deviation of the curve, in the unit of the offsets: sigma of eq. 1, or that of
-    /// the method's own shape.
+    /// Standard deviation of the curve, in the unit of the offsets: sigma of eq. 1, or of the method's
+    /// own shape.
     pub width: Vec<f32>,
     /// Background b, intensity or counts. It may be negative.
     pub background: Vec<f32>,
-    /// Root mean square of what the fit leaves, intensity or counts.
+    /// Root mean square of the residuals, intensity or counts.
     pub residual: Vec<f32>,
     /// One-sigma uncertainty of the area, as a part of it.
     pub area_sigma: Vec<f32>,

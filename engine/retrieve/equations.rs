@@ -79,7 +79,7 @@ pub(super) fn condition(n: &Equations, inverse: &[[f64; 4]; 4]) -> f64 {
         * largest(&|i, j| inverse[i][j] / (scale[i] * scale[j]))
 }
 
-/// Covariance of unknowns fitted with weights that are not those of their values: `inverse` of the
+/// Covariance of unknowns fitted with other weights than their inverse variances: `inverse` of the
 /// equations on either side of `noise`, the sum of products of slopes times variances.
 pub(super) fn covariance(inverse: &[[f64; 4]; 4], noise: &Equations) -> [[f64; 4]; 4] {
     let product = |a: &[[f64; 4]; 4], at: &dyn Fn(usize, usize) -> f64| -> [[f64; 4]; 4] {

@@ -39,7 +39,7 @@ pub struct FitOptions {
     pub weights: Weights,
     /// Value of one count, for the uncertainties of weighted fits. > 0.
     pub gain: f64,
-    /// Standard deviation of noise besides that of counts, for weighted fits. >= 0.
+    /// Standard deviation of noise besides photon noise, for weighted fits. >= 0.
     pub read_noise: f64,
     /// Values from here on are left out.
     pub saturation: Option<f32>,
@@ -57,7 +57,7 @@ impl FitOptions {
         with_weights(weights: Weights);
         /// Sets the value of one count.
         with_gain(gain: f64);
-        /// Sets the standard deviation of noise besides that of counts.
+        /// Sets the standard deviation of noise besides photon noise.
         with_read_noise(read_noise: f64);
         /// Leaves out values from here on.
         with_saturation(saturation: impl Into<Option<f32>>);
@@ -181,8 +181,7 @@ impl Fitter {
         self.step_count
     }
 
-    /// Fits curves, `[step][curve]`. Each is fitted by itself: the same bits, however many there
-    /// are.
+    /// Fits curves, `[step][curve]`. Each is fitted independently: its bits do not depend on the others.
     ///
     /// # Errors
     /// [`Error::Device`], [`Error::Memory`]; [`Error::Argument`] for another number of steps than

@@ -1,6 +1,5 @@
-//! What the bits of a flag image mean. A curve has ten bits; in the image the flat's come first
-//! and the sample's follow, then those of the pixel, so that every value is an integer that f32 holds
-//! exactly.
+//! Meanings of the bits of a flag image. A curve has ten bits; in the image the flat's come first and the
+//! sample's follow, then the bits of the pixel, so that every value is an integer that f32 holds exactly.
 
 use crate::interface;
 
@@ -16,17 +15,16 @@ pub const FEW: u32 = interface::CURVE_FEW;
 pub const NOT_CONVERGED: u32 = interface::CURVE_NOT_CONVERGED;
 /// The condition number of the normal equations (unit diagonal) passes 100.
 pub const ILL_CONDITIONED: u32 = interface::CURVE_ILL_CONDITIONED;
-/// The width is beyond what the offsets resolve: a third of their least distance, or the scan.
+/// The offsets do not resolve the width: it is below a third of their least distance, or above the scan.
 pub const WIDTH: u32 = interface::CURVE_WIDTH;
 /// The centre lies outside the scan: extrapolated.
 pub const OUTSIDE: u32 = interface::CURVE_OUTSIDE;
 /// No peak: its amplitude is not above three times its own uncertainty.
 pub const NO_PEAK: u32 = interface::CURVE_NO_PEAK;
-/// The curve does not fall off within the scan (moments), or the steps do not meet its slopes
-/// (two-step).
+/// The curve does not fall off within the scan (moments), or the steps miss its slopes (two-step).
 pub const TRUNCATED: u32 = 512;
 
-/// The values are not those of one piece of sample: a silhouette crosses the pixel, or a value of its
+/// The values do not belong to one piece of sample: a silhouette crosses the pixel, or a value of its
 /// curve is off. A bit of a pixel, and not of one of its curves.
 pub const MISFIT: u32 = 1 << 20;
 /// The pixels do not determine the width of a beamlet of the flat, which is that of the geometry
@@ -36,7 +34,7 @@ pub const UNRESOLVED: u32 = 1 << 21;
 /// A pixel that is named as bad, or a beamlet of such pixels: it has no answer. A bit of a pixel, alone.
 pub const BAD_PIXEL: u32 = 1 << 22;
 
-/// Bits of a curve: the sample's bits in an image are those of the flat, shifted by this.
+/// Bits of a curve: the sample's bits in an image are the flat's, shifted by this.
 pub const BITS: u32 = 10;
 
 /// With one of these a pixel has no answer, and its images hold NaN.
@@ -67,7 +65,7 @@ pub const MEANINGS: [(u32, &str, &str); 10] = [
     (TRUNCATED, "truncated", "the curve does not fall off within the scan, or leaves the steps"),
 ];
 
-/// Bits of an image's pixel, from those of its two curves.
+/// Bits of an image's pixel, from the bits of its two curves.
 #[must_use]
 pub const fn of_pixel(flat: u32, sample: u32) -> u32 {
     let of_curve = (1 << BITS) - 1;

@@ -1,4 +1,4 @@
-//! What is retrieved from: a run of beamlet, or measured stacks with their geometry.
+//! Inputs of a retrieval: a run of beamlet, or measured stacks with their geometry.
 
 mod bad_pixels;
 mod correction;
@@ -67,8 +67,8 @@ impl Input {
         }
     }
 
-    /// A run; with `counts` its detector numbers instead of intensities. Noise and saturation are
-    /// then those of the scene's detector, and the mean of the run's dark frames is subtracted.
+    /// A run; with `counts` its detector numbers instead of intensities. Noise and saturation are then
+    /// taken from the scene's detector, and the mean of the run's dark frames is subtracted.
     ///
     /// # Errors
     /// [`Error::File`] where it has none, or cannot be read.
@@ -106,7 +106,7 @@ impl Input {
         Self { is_run: true, ..Self::new(scene.clone(), flat, sample, Vec::new()) }
     }
 
-    /// Simulated detector numbers of a scene. Noise and saturation are those of its detector; the mean
+    /// Simulated detector numbers of a scene. Noise and saturation are taken from its detector; the mean
     /// of the dark frames is subtracted.
     ///
     /// # Errors
@@ -182,7 +182,7 @@ impl Input {
         Ok(Self { correction, counts: true, frames, warnings, ..input })
     }
 
-    /// Names other files that were read for it, such as that of the geometry, for the record.
+    /// Names other files that were read for it, such as the geometry, for the record.
     #[must_use]
     pub fn with_read(mut self, files: &[PathBuf]) -> Self {
         self.read.extend_from_slice(files);
@@ -233,7 +233,7 @@ impl Input {
         &self.warnings
     }
 
-    /// Whether these are stacks given beside a geometry, and not those of a run.
+    /// Whether these are stacks given beside a geometry, and not a run's.
     pub(super) const fn is_measured(&self) -> bool {
         !self.is_run
     }
@@ -303,7 +303,7 @@ impl Input {
         [self.flat.shape()[1], self.sample.shape()[1]]
     }
 
-    /// Rows and columns of a frame, of what is kept of it.
+    /// Rows and columns of the kept part of a frame.
     #[must_use]
     pub fn frame(&self) -> [usize; 2] {
         self.selection.frame()
@@ -369,7 +369,7 @@ impl Input {
     }
 }
 
-/// SHA-256 of a file, or of what a folder holds: lines of hash and name.
+/// SHA-256 of a file, or of the contents of a folder: lines of hash and name.
 pub(crate) fn path_hash(path: &Path, cancel: &Cancel) -> Result<String> {
     if !path.is_dir() {
         return hash_until(path, cancel);

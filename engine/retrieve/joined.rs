@@ -46,7 +46,7 @@ impl JoinedColumns {
         &self.places
     }
 
-    /// The images of an angle from those of its dithers, in their order.
+    /// The images of an angle from the images of its dithers, in their order.
     pub(super) fn images(&self, of_dithers: &[Images]) -> Images {
         let names = of_dithers.first().map_or_else(Vec::new, |images| images.names().to_vec());
         let rows = of_dithers.first().map_or(0, Images::rows);

@@ -124,7 +124,7 @@ pub(super) struct Fit {
     /// Covariance of the unknowns; NaN where the noise is not known.
     pub(super) covariance: Option<[[f64; 4]; 4]>,
     condition: f64,
-    /// Root mean square of what is left.
+    /// Root mean square of the residuals.
     pub(super) residual: f64,
 }
 

@@ -1,4 +1,4 @@
-//! The estimators, what each needs, and what it refuses.
+//! The estimators, their requirements and refusals.
 
 use crate::optics::Optics;
 use crate::scene::Scene;
@@ -73,8 +73,7 @@ impl Method {
     /// Refuses a set-up or offsets that it cannot serve.
     ///
     /// # Errors
-    /// [`Error::Scene`] with what was found, what is allowed, and where possible the method that
-    /// serves instead.
+    /// [`Error::Scene`] with found and allowed values, and where possible an alternative method.
     pub fn check(self, scene: &Scene, offsets: &[f64]) -> Result<()> {
         self.check_offsets(offsets)?;
         if self == Self::Beamlet {

@@ -1,9 +1,8 @@
-//! Pixels whose values are not those of one piece of sample: the silhouette of an object crosses
-//! their light, so that a part of it is refracted out of the curve, or a value of the curve is off.
+//! Pixels whose values do not belong to one piece of sample: the silhouette of an object crosses their
+//! light, so that a part of it is refracted out of the curve, or a value of the curve is off.
 //!
-//! Nothing in such a curve itself need be odd: half of the light turned aside leaves a Gaussian.
-//! What tells is that neither the neighbours on one side nor those on the other continue to it.
-//! How the limits were found, and what they catch: docs/retrieval.md.
+//! Such a curve may look normal: half of the deflected light leaves a Gaussian. A pixel is suspect if it
+//! fits a smooth continuation from neither side. The rules and their results: docs/retrieval.md.
 
 use super::curves::Curves;
 use super::flags;
@@ -28,8 +27,8 @@ struct Limits {
     /// Standard deviations by which a value may lie beyond those of its neighbours and is still one
     /// between them.
     between: f64,
-    /// What a Gaussian's own bias leaves between neighbours without silhouettes: of the transmission
-    /// and the relative width, and of the centre in widths of the flat's curve.
+    /// Bias of a Gaussian between neighbours without silhouettes: of the transmission and the relative
+    /// width, and of the centre in widths of the flat's curve.
     bias: [f64; 2],
 }
 
@@ -41,7 +40,7 @@ const OF_COUNTS: Limits = Limits {
     between: 3.0,
     bias: [0.0025, 0.0025],
 };
-/// Where bias is all that there is: what is smaller harms nobody.
+/// With bias alone: smaller deviations harm nobody.
 const WITHOUT_NOISE: Limits = Limits {
     deviations: [4.4, 4.4],
     step: [f64::INFINITY; 2],
@@ -157,7 +156,7 @@ fn edges(
         [lesser([[0, -1], [0, 1]].map(side)), lesser([[-1, 0], [1, 0]].map(side))]
     });
     let rough = medians(&deviations.mapv(|[across, along]| across.max(along)), rows, columns);
-    // What is rougher than noise has larger limits.
+    // Structure rougher than noise has larger limits.
     let share = |at: (usize, usize), deviation: f64| deviation / (rough[at] / ROUGH).max(1.0);
     // Deviation of the width from the neighbourhood's.
     let widened = |at| {
@@ -182,7 +181,7 @@ fn edges(
         }
     });
     let marked = along_silhouettes(&shares, limits.deviations);
-    // Beside a misfit on either side nothing but the pixel's own curve tells.
+    // Between two misfits only the pixel's own curve decides.
     by_pixel(shape, |at| {
         let is_marked = |step| near(&marked, at, step, 1).is_some_and(|marked| *marked);
         let between = |[a, b]: [[isize; 2]; 2], other: f64| {
@@ -273,7 +272,7 @@ impl Field {
     }
 }
 
-/// What stands `count` steps from a place.
+/// The value `count` steps from a place.
 fn near<T>(
     image: &Array2<T>,
     (row, column): (usize, usize),
@@ -284,8 +283,8 @@ fn near<T>(
     image.get((row, column.checked_add_signed(count * right)?))
 }
 
-/// Squares of what the fits leave, over the variance that counts have; without noise over the
-/// square of the amplitude. `None` where the method leaves nothing.
+/// Squares of the residuals, over the variance of counts; without noise over the square of the amplitude.
+/// `None` for methods without residuals.
 fn residuals(images: &Images, noise: Noise) -> Option<Array2<f64>> {
     let [residual, amplitude, background] =
         ["residual_sample", "sample_amplitude", "sample_background"].map(|name| images.get(name));
@@ -306,7 +305,7 @@ fn residuals(images: &Images, noise: Noise) -> Option<Array2<f64>> {
     (noise.steps > 4 && squares.iter().any(|square| *square > 0.0)).then_some(squares)
 }
 
-/// Residuals that stand out among their neighbours'.
+/// Residuals far above their neighbours'.
 fn rare_residuals(squares: &Array2<f64>, noise: Noise) -> Array2<bool> {
     // Few of the steps, those at the peak, have most of the variance.
     let freedom = 0.5 * (noise.steps - 4) as f64;

@@ -1,4 +1,4 @@
-//! What a caller chooses of a retrieval, and how it steers one.
+//! Options of a retrieval, and its control.
 
 use super::correct::Corrections;
 use super::diagnosis::Region;
@@ -30,13 +30,13 @@ pub struct RetrieveOptions {
     pub gain: Option<f64>,
     /// Whether the gain is a guess: uncertainties follow it, and no warning compares values with it.
     pub gain_assumed: bool,
-    /// Standard deviation of noise besides that of counts, for weighted fits. >= 0.
+    /// Standard deviation of noise besides photon noise, for weighted fits. >= 0.
     pub read_noise: f64,
     /// Values from here on are left out and flagged.
     pub saturation: Option<f32>,
     /// Two-step: the steps of the sample to use; `None`: those nearest to the flat's slopes.
     pub steps: Option<[usize; 2]>,
-    /// Two-step: offsets of the sample's steps, where they are not those of the flat, m.
+    /// Two-step: offsets of the sample's steps, if they differ from the flat's, m.
     pub sample_offsets: Option<Vec<f64>>,
     /// Pixels of the frames with nothing in the beam: transmission, refraction, dose and drift there go
     /// to the record.
@@ -56,7 +56,7 @@ impl RetrieveOptions {
         with_gain(gain: impl Into<Option<f64>>);
         /// Declares the gain to be a guess.
         with_gain_assumed(gain_assumed: bool);
-        /// Sets the standard deviation of noise besides that of counts.
+        /// Sets the standard deviation of noise besides photon noise.
         with_read_noise(read_noise: f64);
         /// Leaves out and flags values from here on.
         with_saturation(saturation: impl Into<Option<f32>>);

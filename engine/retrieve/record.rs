@@ -1,4 +1,4 @@
-//! retrieved.json: what the images are, in which units, and what their flags say.
+//! retrieved.json: images, units, and meanings of flags.
 
 use super::correct::ViewCorrection;
 use super::diagnosis::EmptyBeam;
@@ -45,10 +45,10 @@ pub struct Record {
     /// Whether the gain is a guess.
     #[serde(default)]
     pub gain_assumed: bool,
-    /// Standard deviation of a value's noise besides that of counts.
+    /// Standard deviation of a value's noise besides photon noise.
     #[serde(default)]
     pub read_noise: f64,
-    /// What was read: flat and sample.
+    /// Inputs: flat and sample.
     pub sources: Vec<String>,
     /// Files that were read as frames, in their order, of each folder of `sources` and `dark`; empty
     /// in records of earlier versions.
@@ -99,8 +99,8 @@ pub struct Record {
     /// `None` in records of earlier versions.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub flat_width: Option<f64>,
-    /// Median, over pixels and then views, of what the fits of the sample leave, rms: share of open
-    /// beam, or counts; `None` where the method leaves nothing, and in records of earlier versions.
+    /// Median, over pixels and then views, of the residuals of the sample, rms: share of open beam, or
+    /// counts; `None` for methods without residuals, and in records of earlier versions.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub residual: Option<f64>,
     /// Median, over pixels and then views, of the reduced chi squared of the fits of the sample, over the
@@ -108,8 +108,8 @@ pub struct Record {
     /// counts or the method leaves nothing, and in records of earlier versions.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub reduced_chi_square: Option<f64>,
-    /// The same beyond the residuals of the flat, which hold what the curve of the method leaves of that
-    /// of the masks.
+    /// The same beyond the residuals of the flat, which contain the misfit of the method's curve and the
+    /// masks'.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub chi_square_beyond_flat: Option<f64>,
     /// Pixels over all views whose transmission exceeds 1.01 by four of their deviations.
@@ -118,7 +118,7 @@ pub struct Record {
     /// Values of flat and sample below zero, behind the dark.
     #[serde(default)]
     pub negative_values: u64,
-    /// Pixels that were named as empty beam, and what is found there.
+    /// Pixels of an empty beam, and the results there.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub empty_beam: Option<EmptyBeam>,
     /// Names of the corrections by empty beam; empty where nothing was corrected.

@@ -38,7 +38,7 @@ pub struct Retriever {
     offsets: Vec<f64>,
     /// As `offsets`, of the sample.
     sample_offsets: Vec<f64>,
-    /// Those of each angle, where they differ from those of the flat.
+    /// Offsets of each angle, if they differ from the flat's.
     view_scans: Option<ViewScans>,
     fitter: Option<Fitter>,
     beamlets: Option<Beamlets>,

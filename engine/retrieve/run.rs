@@ -47,7 +47,7 @@ impl<'a> ImagesTo<'a> {
     setters! {
         /// Replaces images that are there.
         with_overwrite(overwrite: bool);
-        /// Sets the command line that the record tells.
+        /// Sets the command line of the record.
         with_command(command: Option<&'a str>);
     }
 }
@@ -297,7 +297,7 @@ struct Tools<'a> {
     correcting: Option<&'a mut Correcting>,
 }
 
-/// What the images of an angle are made of.
+/// Inputs of the images of an angle.
 #[derive(Clone, Copy)]
 struct ScanOf<'a> {
     input: &'a Input,
@@ -440,7 +440,7 @@ fn flat_images(
     OF_FLAT.into_iter().zip(of).map(image).collect()
 }
 
-/// What stands against an answer, for a message.
+/// Reasons for missing answers, for a message.
 fn no_answers(flat: &Curves) -> String {
     let found: Vec<String> = flags::MEANINGS
         .iter()

@@ -1,4 +1,4 @@
-//! What a caller may steer while a run goes on, and what it learns of its progress.
+//! Control of a running simulation, and its progress.
 
 use crate::cancel::Cancel;
 use crate::error::Result;
@@ -9,8 +9,8 @@ use crate::trace::Tally;
 use std::fmt;
 use std::sync::Arc;
 
-/// What a caller may steer while a run goes on. `Control::default()` runs every view to its end
-/// without a word; what differs from it is set in a chain.
+/// Control of a running simulation. `Control::default()` runs every view to its end without a report;
+/// other settings are chained.
 ///
 /// ```no_run
 /// use beamlet::stack::ArraySink;
@@ -35,8 +35,8 @@ pub struct Control<'a> {
     pub cancel: Cancel,
     /// Views that are committed already and are not computed again.
     pub skip: Vec<Exposure>,
-    /// What was counted while those were made ([`crate::stack::RunDirectory::counted`]); it is
-    /// added to the run's own tally.
+    /// Counts of the views made earlier ([`crate::stack::RunDirectory::counted`]), which are added to the
+    /// run's own tally.
     pub counted: Tally,
     /// Keeps the moments of the rays, for [`crate::Engine::reilluminate`]; the engine must have
     /// been opened with [`crate::EngineOptions::keep_moments`]. Cells only; refused where the scene
@@ -46,13 +46,13 @@ pub struct Control<'a> {
 
 impl<'a> Control<'a> {
     setters! {
-        /// Sets what is called with the progress.
+        /// Sets the callback for the progress.
         with_progress(progress: &'a mut dyn FnMut(Progress));
         /// Sets what ends the run.
         with_cancel(cancel: Cancel);
         /// Sets the views that are committed already.
         with_skip(skip: Vec<Exposure>);
-        /// Sets what was counted while those were made.
+        /// Sets the counts of the views made earlier.
         with_counted(counted: Tally);
         /// Sets what keeps the moments of the rays.
         with_keep(keep: impl Into<Option<&'a mut MomentWriter>>);
@@ -71,7 +71,7 @@ pub struct RowsControl<'a> {
 
 impl<'a> RowsControl<'a> {
     setters! {
-        /// Sets what is called with the progress.
+        /// Sets the callback for the progress.
         with_progress(progress: &'a mut dyn FnMut(u64, u64));
         /// Sets what ends the work.
         with_cancel(cancel: Cancel);

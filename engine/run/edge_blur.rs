@@ -1,5 +1,5 @@
-//! Blur of edges off the rotation centre. Cells blur what the sample does to light as if all of it
-//! lay in the plane of the rotation centre (docs/physics.md, "Focal spot"): how much that is wrong.
+//! Blur of edges off the rotation centre. Cells are blurred as if the sample lay in the plane of the
+//! rotation centre (docs/physics.md, "Focal spot"); this module computes the error.
 
 use crate::geometry::{BeamExtent, Swept};
 use crate::numbers;
@@ -8,8 +8,8 @@ use crate::scene::{Scene, Scheme};
 use crate::spot::deviation;
 use serde::Serialize;
 
-/// Integral over one side of an edge of what a blur takes there, per standard deviation:
-/// 1 / sqrt(2 pi).
+/// Integral over one side of an edge of the light moved by a blur, per standard deviation: 1 / sqrt(2
+/// pi).
 const EDGE: f64 = 0.398_942_3;
 /// Largest change of a distribution function per relative change of its deviation: one deviation off,
 /// exp(-1/2) / sqrt(2 pi).
@@ -17,12 +17,12 @@ const STEEPEST: f64 = 0.241_970_7;
 /// Error that is worth a warning, share of open beam: half of the error that pixels on silhouettes may
 /// have.
 const LEAST: f64 = 5e-4;
-/// Error that is worth a warning where it is that of opaque edges where no ray says what they take.
+/// Error of opaque edges that is worth a warning if no ray decides.
 const LEAST_UNTRACED: f64 = 1e-3;
 /// Views in which edges are looked for, at most.
 const MOST_VIEWS: usize = 64;
 
-/// Error that edges off the rotation centre leave: the spot blurs them as if they stood there.
+/// Error of edges off the rotation centre, which the spot blurs as if they were there.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 #[non_exhaustive]
 pub struct EdgeBlur {
@@ -33,8 +33,8 @@ pub struct EdgeBlur {
     pub traced: bool,
     /// Object that has the edge.
     pub object: String,
-    /// Place of the edge along the beam from the rotation centre, m; of a traced one that of the face
-    /// of the object that is farther off.
+    /// Place of the edge along the beam from the rotation centre, m; for a traced one the farther face of
+    /// the object.
     pub y: f64,
 }
 
@@ -138,8 +138,8 @@ impl LightPath {
         }
     }
 
-    /// Most that an opaque edge at `y` behind the rotation centre changes a recorded value by its
-    /// blur: where it stands at an end of an aperture or a window, against which the source moves it.
+    /// Largest change of a recorded value by the blur of an opaque edge at `y` behind the rotation
+    /// centre: for an edge at an end of an aperture or a window, against which the source moves it.
     pub(super) fn bound(&self, y: f64) -> f64 {
         let own = y / (self.rotation + y);
         let of_aperture = self.apertures.map(|(_, ratio)| (1.0 - ratio) / -ratio);

@@ -29,16 +29,16 @@ pub struct EngineOptions {
     /// Device by index or part of its name; `None`: the environment variable
     /// `BEAMLET_DEVICE`, then the best device found.
     pub device: Option<String>,
-    /// Backend; `None`: by what the device can, what it is, and counts of the scene.
+    /// Backend; `None`: chosen by the device and counts of the scene.
     pub backend: Option<Backend>,
-    /// Ask for the Khronos validation layer; its messages go to `log` as errors.
+    /// Load the Khronos validation layer; its messages go to `log` as errors.
     pub validation: bool,
     /// Rows of a band; `None`: from the memory limit. Results do not depend on it.
     pub band_rows: Option<u32>,
     /// Rays of a dispatch; `None`: adapted to the device. Results do not depend on it.
     pub batch_rays: Option<u32>,
-    /// Bytes that a run may take on host and device together; `None`: what the geometry needs
-    /// and up to 1 GiB for a band. Results do not depend on it.
+    /// Memory limit of a run on host and device together, bytes; `None`: the geometry, and up to 1 GiB
+    /// for a band. Results do not depend on it.
     pub memory_limit: Option<u64>,
     /// Prepare runs whose moments are kept ([`Control::keep`]): rays are flagged for materials
     /// that refract up to twice as strongly.
@@ -54,7 +54,7 @@ impl EngineOptions {
         with_device(device: impl Into<Option<String>>);
         /// Chooses the backend.
         with_backend(backend: impl Into<Option<Backend>>);
-        /// Asks for the Khronos validation layer.
+        /// Loads the Khronos validation layer.
         with_validation(validation: bool);
         /// Sets the rows of a band.
         with_band_rows(band_rows: impl Into<Option<u32>>);
@@ -213,8 +213,8 @@ impl Engine {
     /// loaded only where rays have to be traced exactly again.
     ///
     /// # Errors
-    /// As [`Engine::prepare`]; [`crate::Error::Scene`] where the scene differs from that of the
-    /// run in more than masks, steps, spot, spectrum, materials' constants and detector.
+    /// As [`Engine::prepare`]; [`crate::Error::Scene`] if the scene differs from the run's in more than
+    /// masks, steps, spot, spectrum, materials' constants and detector.
     ///
     /// # Example
     ///

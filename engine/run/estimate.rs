@@ -1,8 +1,8 @@
-//! What a run is estimated to cost.
+//! Estimated cost of a run.
 
 use serde::Serialize;
 
-/// What a run is estimated to cost, from a sparse look at its scene ([`crate::Simulation::estimate`]).
+/// Estimated cost of a run, from a sparse sample of its scene ([`crate::Simulation::estimate`]).
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize)]
 #[non_exhaustive]
 pub struct RunEstimate {

@@ -1,4 +1,4 @@
-//! What a run takes of memory at most, and the bands that keep it within a limit.
+//! Peak memory of a run, and the bands that keep it within a limit.
 //!
 //! One estimate serves `check`, which reports it, and the run, which chooses its bands by it.
 //! Bytes per triangle and the like are measured (docs/performance.md, "Memory").
@@ -22,13 +22,13 @@ use rays::{beamlets, cell_rays};
 use serde::Serialize;
 use std::collections::BTreeSet;
 
-/// What a limit leaves for one patch in refinement at least.
+/// Least memory of one patch in refinement under a limit.
 const ONE_PATCH: u64 = 12 << 20;
 /// Bytes on the host per triangle that stay: vertices, indices, components.
 const KEPT: u64 = 28;
 /// Bytes on the device per triangle: leaves with their neighbours, and nodes of the software tree.
 const TREE: u64 = 92;
-/// Bytes on the host per instance: its place, component, and what a view makes of it.
+/// Bytes on the host per instance: its place, component, and data of a view.
 const INSTANCE: u64 = 320;
 /// Bytes on the device per instance: its leaf, place and surface, and nodes of the tree.
 const INSTANCE_TREE: u64 = 230;
@@ -46,14 +46,14 @@ const REFINED_USUALLY: u64 = 4;
 const CROWDED: u64 = 1400;
 /// Largest number of them: beyond it patches are refined in turn.
 const MOST_CROWDED: u64 = 2 * RAYS[0];
-/// Of these, what the ray takes that a rectangle begins with.
+/// Part of it for the ray that a rectangle begins with.
 const BASE: u64 = 160;
 /// Bytes on the host per ray and material under a spectrum: moments at both ends of cells.
 const KEPT_MOMENTS: u64 = 40;
 /// Bytes on the host per ray under a spectrum: cells by their way through the masks.
 const GATHERED: u64 = 160;
-/// Bytes on the host and on the device per beamlet whose light reaches the detector: its place, and
-/// what the masks are to it.
+/// Bytes on the host and on the device per beamlet whose light reaches the detector: its place, and its
+/// data of the masks.
 const BEAMLET: u64 = 96;
 /// Bytes on the device of a ray besides its moments, and of the cells made from it.
 const RAY: u64 = 140;
@@ -85,7 +85,7 @@ pub struct MemoryEstimate {
     pub device_bytes: u64,
     /// Host and device together, at their peak.
     pub peak_bytes: u64,
-    /// What a limit leaves for refinement, host and device together.
+    /// Remainder of a limit for refinement, host and device together.
     #[serde(skip)]
     pub(crate) left_for_refinement: Option<u64>,
 }
@@ -112,14 +112,14 @@ impl HostAndDevice {
     }
 }
 
-/// What the estimate needs of a scene.
+/// Inputs of the estimate from a scene.
 #[derive(Debug)]
 struct Needs {
-    /// Program, driver and its kernels, and those of the detector.
+    /// Program, driver and kernels, including the detector's.
     program: u64,
     triangles: u64,
     instances: u64,
-    /// Of them, those of objects that meet.
+    /// Triangles among them of touching objects.
     cut: u64,
     largest_mesh: u64,
     views: u64,
@@ -143,9 +143,9 @@ struct Needs {
     crowded: u64,
 }
 
-/// Chooses the bands of a run and estimates what it takes at its peak, with trees for both
-/// backends. `objects` are those of the loaded sample. A `limit` bounds the peak, host and device
-/// together; without one a band takes up to 1 GiB. `band_rows` sets the rows of a band.
+/// Chooses the bands of a run and estimates its peak memory, with trees for both backends. `objects`: of
+/// the loaded sample. A `limit` bounds the peak, host and device together; without one a band takes up to
+/// 1 GiB. `band_rows` sets the rows of a band.
 ///
 /// # Errors
 /// [`Error::Memory`] where the limit is too small for one row; [`Error::Scene`] for an extent
@@ -196,7 +196,7 @@ impl Needs {
             cell_rays(&optics, objects)
         } else {
             let of_pixel = u64::from(optics.sampling.rays.count());
-            // Parts of a row are traced by themselves.
+            // Parts of a row are traced separately.
             [columns.saturating_mul(rows).saturating_mul(of_pixel), 0]
         };
         let of_mesh = |(object, summary): (&crate::scene::Object, &ObjectSummary)| {
@@ -322,7 +322,7 @@ impl Needs {
         }
     }
 
-    /// What a limit leaves for refinement in bands of `band_rows` rows.
+    /// Remainder of a limit for refinement in bands of `band_rows` rows.
     fn left(&self, limit: u64, band_rows: u32, rays_at_once: u64) -> u64 {
         let rays = self.rays_together(rays_at_once);
         let others = self.run(band_rows, rays_at_once).sum() - self.refinement(rays);
@@ -334,12 +334,12 @@ impl Needs {
         rays_at_once.max(self.row_rays).min(self.rays)
     }
 
-    /// Bytes of the refinement of as many rays.
+    /// Bytes of the refinement of `rays` rays.
     const fn refinement(&self, rays: u64) -> u64 {
         if self.cells { self.ray_host * rays } else { 0 }
     }
 
-    /// What stands in many places.
+    /// Placed surfaces.
     const fn instances(&self) -> HostAndDevice {
         HostAndDevice {
             host: INSTANCE * self.instances,

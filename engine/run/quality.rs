@@ -17,7 +17,7 @@ const ANGLE: [f64; 2] = [2e-9, 100e-9];
 /// noise is unknown.
 ///
 /// # Errors
-/// Those of the materials of masks and beam.
+/// Errors of the materials of masks and beam.
 pub(crate) fn resolved(scene: &Scene, keeps_moments: bool) -> Result<Scene> {
     let mut resolved = scene.clone();
     if scene.sampling.tolerance.is_none() || scene.sampling.angle_tolerance.is_none() {
@@ -43,7 +43,7 @@ pub(crate) fn as_traced(scene: &Scene, run: &Scene) -> Result<Scene> {
     Ok(own)
 }
 
-/// Sets a tolerance to that of the run, unless the scene gives a larger one.
+/// Sets a tolerance to the run's, unless the scene gives a larger one.
 fn hold(
     given: &mut Option<f64>,
     [traced, wanted]: [f64; 2],
@@ -114,7 +114,7 @@ impl Variance {
 /// The variance of the values of a detector with noise.
 ///
 /// # Errors
-/// Those of the beam.
+/// Errors of the beam.
 pub(crate) fn open_variance(scene: &Scene, counts: &Counts) -> Result<Variance> {
     let per_open = counts.gain * counts.photons;
     Ok(Variance {
@@ -127,7 +127,7 @@ pub(crate) fn open_variance(scene: &Scene, counts: &Counts) -> Result<Variance> 
 /// sample have the counts of thin masks. `None` without photons or a mask, or with fewer than three offsets.
 ///
 /// # Errors
-/// Those of the materials of masks and beam.
+/// Errors of the materials of masks and beam.
 pub(crate) fn expected_angle(scene: &Scene) -> Result<Option<f64>> {
     let Some(counts) = &scene.detector.counts else { return Ok(None) };
     let optics = Optics::of(scene);

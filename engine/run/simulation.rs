@@ -36,20 +36,20 @@ const UNBALANCED_SHARE: f64 = 1e-5;
 /// Cells per ray of a run that keeps moments: 0.3 to 0.7 of them in the shipped experiments and a laboratory
 /// set-up.
 const KEPT_CELLS: f64 = 0.4;
-/// Cells that a run keeps, per ray of one that keeps none, which takes a third to all as many rays.
+/// Cells that a run stores, per ray of a run without moments, which takes a third to all of its rays.
 const CELLS_IF_KEPT: f64 = 1.0;
-/// Pixels of all views from which on a run that keeps moments is estimated for their size,
+/// Pixels of all views above which the size of moments is estimated.
 const MANY_PIXELS: f64 = 2e4;
-/// and bytes of moments from which on it announces that.
+/// Bytes of moments above which the estimate is announced.
 const MANY_BYTES: u64 = 200_000_000;
 
-/// One scene, ready on a device. Owns what it needs: the engine may be dropped, and the simulation
-/// may be sent to another thread.
+/// One scene, ready on a device. It owns its parts: the engine may be dropped, and the simulation may be
+/// sent to another thread.
 #[derive(Debug)]
 pub struct Simulation {
     engine: Engine,
     scene: Arc<Scene>,
-    /// The detector; its optics are what is traced and illuminated.
+    /// The detector; its optics are traced and illuminated.
     detector: DetectorModel,
     sample: Sample,
     on_device: Arc<DeviceSample>,
@@ -195,7 +195,7 @@ impl Simulation {
         self.memory.band_rows
     }
 
-    /// What a run takes of memory at its peak.
+    /// Peak memory of a run.
     #[must_use]
     pub const fn memory(&self) -> &MemoryEstimate {
         &self.memory
@@ -298,7 +298,7 @@ impl Simulation {
                 "{} of {} rays entered and left an object unequally often",
                 tally.unbalanced, tally.rays
             );
-            // Through a hole that is what rays do.
+            // Rays through a hole do that.
             if defective == 0 {
                 return Err(Error::Tally(problem));
             }

@@ -1,4 +1,4 @@
-//! progress.log: what of a run is on disk for certain.
+//! progress.log: views of a run that are safely on disk.
 //!
 //! Append-only text, one line per committed view, synced after each. A view counts when its
 //! line is there and its frames still have the checksum of that line; a line cut short by a
@@ -20,7 +20,7 @@ use std::path::{Path, PathBuf};
 
 /// Most bytes of a log: two lines for each of the most views that a scene may have.
 const MOST: u64 = 4 << 30;
-/// What the word of a view's tally begins with.
+/// Beginning of the word with a view's tally.
 const TALLY: &str = "tally:";
 
 /// A committed view as the log knows it.
@@ -86,7 +86,7 @@ impl ProgressLog {
         }
     }
 
-    /// Cuts off what a crash left of a last line, and goes on behind the lines that are whole.
+    /// Cuts off an incomplete last line after a crash, and continues behind the whole lines.
     pub(super) fn mend(&mut self) -> Result<()> {
         let fail = |what: &str, error| Error::file(&self.path, what, Some(error));
         let mut text = Vec::new();
@@ -139,7 +139,7 @@ impl ProgressLog {
 /// Reads a log; the last line of a view counts. A missing log is an empty one.
 pub(super) fn read(path: &Path) -> Result<BTreeMap<Exposure, Entry>> {
     let text = match input_file::read(path, MOST) {
-        // What is no text is no line, and named below.
+        // Bytes that are no text are no line, and named below.
         Ok(bytes) => String::from_utf8_lossy(&bytes).into_owned(),
         Err(error) if error.kind() == ErrorKind::NotFound => return Ok(BTreeMap::new()),
         Err(error) => return Err(Error::file(path, "cannot be read", Some(error))),

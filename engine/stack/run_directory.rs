@@ -46,7 +46,7 @@ pub struct RunDirectory {
     /// Command line, for run.json.
     command: Option<String>,
     resumed: Option<Resumed>,
-    /// Lock of the run that stands here: from the first look at it to the end.
+    /// Lock of the run in this directory: from the first look at it to the end.
     log: Option<ProgressLog>,
     open: Option<Begun>,
 }
@@ -95,8 +95,8 @@ impl RunDirectory {
         self
     }
 
-    /// Lets a run be resumed whose scene.toml has no hashes of some files that the scene refers
-    /// to: whether they are what it began with cannot be told.
+    /// Allows resuming a run whose scene.toml lacks hashes of files that the scene refers to: changes of
+    /// these files cannot be found.
     #[must_use]
     pub fn allow_unhashed(mut self, allow: bool) -> Self {
         self.allow_unhashed = allow;
@@ -123,7 +123,7 @@ impl RunDirectory {
         &self.path
     }
 
-    /// Format of the frames; that of the recorded run where one is resumed.
+    /// Format of the frames; for a resumed run the recorded one.
     #[must_use]
     pub fn format(&self) -> Format {
         self.format
@@ -137,8 +137,8 @@ impl RunDirectory {
         self
     }
 
-    /// Whether [`Sink::begin`] has written to the directory and [`Sink::finish`] has not ended the
-    /// run. Before that an earlier run may stand there as it was.
+    /// Whether [`Sink::begin`] has written to the directory and [`Sink::finish`] has not ended the run.
+    /// Before that an earlier run may still be there.
     #[must_use]
     pub fn has_begun(&self) -> bool {
         self.open.is_some()
@@ -165,7 +165,7 @@ impl RunDirectory {
         Ok(log)
     }
 
-    /// Removes what an earlier run, or an interrupted view, left; never a file of others.
+    /// Removes the remains of an earlier run or of an interrupted view; never a file of others.
     fn clear(&self, extent: StackShape, log: &mut ProgressLog) -> Result<()> {
         let keep = self.resumed.as_ref().map_or(&[][..], |resumed| &resumed.intact);
         let earlier = match &self.resumed {
@@ -177,9 +177,9 @@ impl RunDirectory {
         };
         let counts = self.path.join(COUNTS);
         if self.resumed.is_none() {
-            // The log first: without its lines nothing that is left counts as committed. It
-            // stays, since it is the lock; run.json stays until the new one takes its place, so
-            // that what a crash leaves is still known for a run.
+            // The log first: without its lines no remaining file counts as committed. It stays, since it
+            // is the lock; run.json stays until the new one replaces it, so that the remains of a crash
+            // are recognised as a run.
             log.clear()?;
             moments::file::remove(&self.path, earlier.views)?;
             for name in layout::stack_files() {

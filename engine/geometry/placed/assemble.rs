@@ -9,7 +9,7 @@ use crate::geometry::{ObjectSummary, Sample};
 use crate::numbers;
 
 impl Groups {
-    /// Adds what stands in its place to a sample, whose meshes are complete.
+    /// Adds the placed surfaces to a sample, whose meshes are complete.
     pub(in crate::geometry) fn add_to(self, sample: &mut Sample) {
         for (number, group) in self.all.into_iter().enumerate() {
             let object = &mut sample.objects[group.object as usize];
@@ -29,7 +29,7 @@ impl Groups {
     }
 }
 
-/// Adds the places of an object to what is known of its mesh.
+/// Adds the places of an object to the description of its mesh.
 fn describe(
     object: &mut ObjectSummary,
     group: &Group,

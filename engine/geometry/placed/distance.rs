@@ -117,8 +117,8 @@ impl Standing<'_> {
         least
     }
 
-    /// Least distance of an analytic surface from triangles; `None` where it cannot tell: where it meets
-    /// one, lies in it, or is a mesh.
+    /// Least distance of an analytic surface from triangles; `None` if unknown: if it intersects one,
+    /// lies in it, or is a mesh.
     pub(super) fn clearance(&self, others: &[[DVec3; 3]]) -> Option<f64> {
         let about = self.place.position;
         let solid = self.solid(about)?;

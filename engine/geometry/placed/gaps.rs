@@ -77,8 +77,7 @@ impl<'a> Field<'a> {
         Standing { prototype, place, tree, is_hull: self.is_hull }
     }
 
-    /// Gaps between one of its places and those of the group itself that follow it, or all of
-    /// another.
+    /// Gaps between one of its places and the later places of the group itself, or all of another.
     fn of_place(&self, number: usize, other: Option<&Self>, found: &mut Found) {
         let own = self.standing(number);
         let field = other.unwrap_or(self);
@@ -126,7 +125,7 @@ impl<'a> Field<'a> {
             }
         });
         let gap = own.gap_to_triangles(&triangles, limit).filter(|gap| {
-            // The triangle of the gap may be of a part that stands in the place.
+            // The triangle of the gap may belong to a part inside the place.
             let contains = own.prototype.shape.is_none() && self.group.contains(own.place, gap.1);
             !contains && !boxed.body.contains(middle(&own))
         });
@@ -137,7 +136,7 @@ impl<'a> Field<'a> {
 }
 
 impl Groups {
-    /// Gaps between places that stand, and between them and bodies.
+    /// Gaps between places that stay, and between them and bodies.
     ///
     /// # Errors
     /// [`Error::Interrupted`].
@@ -250,7 +249,7 @@ fn joined(mut found: Found, more: Found) -> Found {
     found
 }
 
-/// A place as it stands in another frame.
+/// A place in another frame.
 fn turned(place: &Place, turn: DQuat) -> Place {
     Place { rotation: turn * place.rotation, position: turn * place.position, ..*place }
 }

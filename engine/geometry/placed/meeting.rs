@@ -1,4 +1,4 @@
-//! Whether the surface of a place meets another.
+//! Whether the surface of a place intersects another.
 
 use glam::DVec3;
 
@@ -10,7 +10,7 @@ use crate::geometry::overlap::tolerance;
 use crate::geometry::surface::{bounds_of, near};
 use crate::geometry::tree::Tree;
 
-/// Error of the finest facets that stand for a shape where it nearly meets another surface, m.
+/// Error of the finest facets of a shape that nearly touches another surface, m.
 const FINEST: f64 = 1e-9;
 
 impl Group {
@@ -28,8 +28,8 @@ impl Group {
         })
     }
 
-    /// Whether corners of one of some triangles lie on both sides of the exact surface of a place:
-    /// it is then certain that the surfaces meet, without fine facets.
+    /// Whether corners of one of some triangles lie on both sides of the exact surface of a place: the
+    /// surfaces intersect for certain, without fine facets.
     fn is_crossed_by(&self, place: &Place, triangles: &[[DVec3; 3]]) -> bool {
         self.prototype.shape.is_some()
             && triangles.iter().any(|corners| {
@@ -43,7 +43,7 @@ fn standing<'a>(group: &'a Group, place: &'a Place) -> Standing<'a> {
     Standing { prototype: &group.prototype, place, tree: None, is_hull: false }
 }
 
-/// Whether a place meets the surface of a body.
+/// Whether a place intersects the surface of a body.
 pub(super) fn meets_body(
     group: &Group,
     place: &Place,
@@ -78,8 +78,8 @@ pub(super) fn meets_body(
     })
 }
 
-/// Asks whether surfaces meet, with finer and finer facets for shapes until they do not or the
-/// facets are as fine as they get; facets to begin with have the error `of`, m.
+/// Whether surfaces intersect, with finer and finer facets for shapes until they do not or the facets are
+/// as fine as possible; the first facets have the error `of`, m.
 fn sure(of: f64, meet: impl Fn(Option<f64>) -> bool) -> bool {
     let errors = [None, Some(of / 16.0), Some(of / 256.0), Some(FINEST.min(of / 4096.0))];
     let kinds = if of == 0.0 { &errors[..1] } else { &errors[..] };
@@ -102,7 +102,7 @@ pub(super) fn are_apart(
         && reach(group, place, along) + reach(others, there, -along) < along.dot(apart) - limit
 }
 
-/// Whether the surfaces of two places meet.
+/// Whether the surfaces of two places intersect.
 pub(super) fn meets_place(
     (group, place): (&Group, &Place),
     (others, there): (&Group, &Place),

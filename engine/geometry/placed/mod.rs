@@ -1,4 +1,4 @@
-//! Surfaces that stand in many places, and analytic ones: kept once, with the places.
+//! Surfaces with many places, and analytic ones: kept once, with the places.
 
 mod around;
 mod assemble;
@@ -28,7 +28,7 @@ use crate::numbers;
 pub(crate) struct Placed {
     /// Index into the prototypes of the sample.
     pub(crate) prototype: u32,
-    /// The first of its components; those of its prototype follow it.
+    /// The first of its components; the others of its prototype follow it.
     pub(crate) component: u32,
     pub(crate) place: Place,
 }
@@ -43,8 +43,8 @@ impl Placed {
     }
 }
 
-/// Facets of the sample, those of placed meshes included, by number: first the triangles of the
-/// sample itself, then those of one placed mesh after the other. Analytic surfaces have none.
+/// Facets of the sample, placed meshes included, by number: first the triangles of the sample itself,
+/// then of one placed mesh after the other. Analytic surfaces have none.
 #[derive(Debug, Clone)]
 pub(crate) struct FacetNumbers {
     /// By prototype: number of its first facet, and its placed ones.
@@ -172,7 +172,7 @@ impl Sample {
         }
     }
 
-    /// Vertices of all surfaces, those of instances included, m.
+    /// Vertices of all surfaces, instances included, m.
     pub fn points(&self) -> impl Iterator<Item = [f64; 3]> {
         let placed = self.placed.iter().flat_map(|it| {
             let prototype = &self.prototypes[it.prototype as usize];

@@ -1,7 +1,7 @@
-//! What placed surfaces stand in, and which of them meet something.
+//! Surroundings of placed surfaces, and intersecting ones.
 //!
-//! Those that meet another surface join the mesh of their object, as their facets, and are cut with
-//! it; those that lie apart or properly in one another stay as they are.
+//! Placed surfaces that intersect another join the mesh of their object, as their facets, and are cut
+//! with it; disjoint and properly nested ones do not change.
 
 use glam::DVec3;
 use rayon::prelude::*;
@@ -27,11 +27,11 @@ pub(in crate::geometry) struct Group {
     pub(in crate::geometry) object: u32,
     pub(in crate::geometry) prototype: Prototype,
     pub(in crate::geometry) places: Vec<Place>,
-    /// They are known not to meet each other.
+    /// They are known to be disjoint.
     pub(in crate::geometry) apart: bool,
 }
 
-/// Places of all groups, and what is around them.
+/// Places of all groups, and their surroundings.
 #[derive(Default)]
 pub(in crate::geometry) struct Groups {
     pub(in crate::geometry) all: Vec<Group>,
@@ -73,7 +73,7 @@ impl<'a> Boxed<'a> {
 /// What becomes of a place.
 #[derive(Clone, Copy, PartialEq)]
 pub(super) enum Fate {
-    /// It meets a surface.
+    /// It intersects a surface.
     Joins,
     /// It lies in another place of its object.
     Inside,
@@ -127,9 +127,8 @@ impl Group {
 }
 
 impl Groups {
-    /// Finds what is around each place; those that meet a surface join the bodies of their objects.
-    /// `defects`: what is wrong with meshes that are accepted with defects; `wanted`: whether contacts
-    /// are.
+    /// Finds the surroundings of each place; places that intersect a surface join the bodies of their
+    /// objects. `defects`: defects of accepted meshes; `wanted`: whether contacts are needed.
     ///
     /// # Errors
     /// Places of one object that overlap and cannot be united; [`Error::Interrupted`].
@@ -250,8 +249,8 @@ impl Groups {
         Ok(())
     }
 
-    /// Components of bodies that stand in a place of a later object than the one around them so
-    /// far: that is the one around them.
+    /// Components of bodies inside a place of a later object than the one around them so far: that place
+    /// is then around them.
     pub(in crate::geometry) fn surround(&self, bodies: &mut [Body]) {
         if self.all.iter().all(|group| group.places.is_empty()) {
             return;
@@ -306,7 +305,7 @@ impl<'a> Field<'a> {
         objects.into_iter()
     }
 
-    /// What becomes of a member, and which later ones of its group it meets.
+    /// Fate of a member, and the later ones of its group that it intersects.
     fn fate(&self, member: Member, bodies: &[Boxed<'_>]) -> (Fate, Vec<(u32, Clash)>) {
         let (group, place) = self.of(member);
         let mut joins = (0..).zip(bodies).any(|(object, body)| {
@@ -335,7 +334,7 @@ impl<'a> Field<'a> {
         (if joins { Fate::Joins } else { self.stands(member, bodies) }, clashes)
     }
 
-    /// What becomes of a member that meets nothing.
+    /// Fate of a member without intersections.
     fn stands(&self, member: Member, bodies: &[Boxed<'_>]) -> Fate {
         let (group, place) = self.of(member);
         let point = group.point(place);

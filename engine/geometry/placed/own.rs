@@ -1,7 +1,7 @@
 //! Instances of one object that touch or overlap: they are one solid.
 //!
-//! Exact shapes that touch stay as they are: what a ray leaves it enters at the same place. What
-//! overlaps is united as meshes, and what lies wholly in another one is left out.
+//! Exact shapes that touch do not change: a ray leaves one and enters the other at the same point.
+//! Overlapping ones are united as meshes, and an instance wholly inside another is ignored.
 
 use glam::DVec3;
 
@@ -21,7 +21,7 @@ const MOST_UNITED: u64 = 4_000_000;
 /// More of them are refused.
 const TOO_MANY: u64 = 4 * MOST_UNITED;
 
-/// How two instances of one object meet.
+/// Contact of two instances of one object.
 #[derive(Clone, Copy, PartialEq)]
 pub(super) enum Clash {
     Overlap,
@@ -31,7 +31,7 @@ pub(super) enum Clash {
     Around,
 }
 
-/// How two places of a group meet; `None` where they lie apart, or touch and can stand so.
+/// Contact of two places of a group; `None` if they are disjoint, or touch and can stay.
 pub(super) fn clash(
     group: &Group,
     [place, there]: [&Place; 2],
@@ -87,7 +87,7 @@ pub(super) fn settle(clashes: &[([u32; 2], Clash)], fates: &mut [Fate]) -> Vec<[
     pairs
 }
 
-/// Those of some members that overlap, together; members and pairs by their numbers.
+/// Clusters of overlapping members; members and pairs by their numbers.
 pub(super) fn clusters(members: &[u32], pairs: &[[u32; 2]]) -> Vec<Vec<u32>> {
     let mut parent: Vec<u32> = (0..numbers::count(members.len())).collect();
     let at = |member: u32| members.binary_search(&member).ok().map(numbers::count);
@@ -102,7 +102,7 @@ pub(super) fn clusters(members: &[u32], pairs: &[[u32; 2]]) -> Vec<Vec<u32>> {
     sets.into_iter().map(named).collect()
 }
 
-/// Most facets of each instance where so many are united.
+/// Most facets of each of `count` united instances.
 ///
 /// # Errors
 /// More than fit.
@@ -127,7 +127,7 @@ pub(super) fn most_facets(group: &Group, count: usize, name: &str) -> Result<u64
 /// Overlapping surfaces as one; `clean`: none passes through itself.
 ///
 /// # Errors
-/// What the boolean cannot take; [`Error::Memory`]; [`Error::Interrupted`].
+/// Failures of the boolean; [`Error::Memory`]; [`Error::Interrupted`].
 pub(super) fn united(
     mut surfaces: Vec<Surface>,
     clean: bool,

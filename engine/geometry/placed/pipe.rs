@@ -52,7 +52,7 @@ impl Pipe {
         widths?.into_iter().min_by(|a, b| a.0.total_cmp(&b.0))
     }
 
-    /// Distance from a convex set where it is within a limit, m; `None` where they meet, too.
+    /// Distance from a convex set if within a limit, m; `None` also if they intersect.
     pub(super) fn gap_to_set(&self, set: impl Fn(DVec3) -> DVec3, limit: f64) -> Option<Distance> {
         match separation(|along| self.support(along), &set, limit) {
             Separation::Apart => return None,
@@ -79,8 +79,8 @@ impl Pipe {
         (found.0 > 0.0 && found.0 <= limit).then_some(found)
     }
 
-    /// Distance from another tube where it is within a limit, m; `None` where they meet or are links of a
-    /// chain, too. Where the mouths of their bores face each other it may be less than the distance.
+    /// Distance from another tube if within a limit, m; `None` also if they intersect or are links of a
+    /// chain. If the mouths of their bores face each other it may be less than the distance.
     pub(super) fn distance(&self, other: &Self, limit: f64) -> Option<Distance> {
         let hulls = [self, other].map(|it| move |along| it.support(along));
         if let Separation::Apart = separation(hulls[0], hulls[1], limit) {

@@ -1,4 +1,4 @@
-//! Where a prototype stands.
+//! Place of a prototype.
 
 use glam::{DMat3, DQuat, DVec3};
 
@@ -20,7 +20,7 @@ impl Place {
     pub(crate) const ORIGIN: Self =
         Self { scale: 1.0, stretch: 1.0, rotation: DQuat::IDENTITY, position: DVec3::ZERO };
 
-    /// Where an instance stands whose group stands here.
+    /// Place of an instance of a group with this place.
     pub(crate) fn around(&self, instance: &InstanceTransform) -> Self {
         Self {
             scale: self.scale * instance.scale,
@@ -70,8 +70,8 @@ impl Place {
         self.scale * self.stretch.min(1.0)
     }
 
-    /// Ranges of z that are not upright, of the own frame and then of the world; nothing where its z
-    /// is not that of the world.
+    /// Ranges of z that are not upright, in the own frame and then in the world; `None` if its z is not
+    /// the world's.
     pub(crate) fn lids(&self, [lower, upper]: Lids) -> Option<Lids> {
         let axis = self.rotation * DVec3::Z;
         let turned = |range: [f64; 2]| {

@@ -1,4 +1,4 @@
-//! A surface in its own frame, which stands in several places.
+//! A surface in its own frame, with several places.
 
 use glam::DVec3;
 
@@ -10,8 +10,7 @@ use super::super::search::winding;
 use super::super::surface::bounds_of;
 use super::Place;
 
-/// Error of the facets that stand for a shape, share of its least extent: where it stands in few
-/// places, and where it stands in many.
+/// Error of the facets of a shape, share of its least extent: with few places, and with many.
 const FINE: f64 = 5e-4;
 const COARSE: f64 = 5e-3;
 const FEW: usize = 1000;
@@ -21,7 +20,7 @@ const MANY: usize = 256;
 /// Vertices of a plane may be off it by this share of the extent: by the f32 of files.
 const ROUNDING: f64 = 1e-7;
 
-/// Most facets that stand for a shape where it is cut, or nearly meets another surface.
+/// Most facets of a shape that is cut, or nearly touches another surface.
 const MOST_FACETS: u64 = 150_000;
 
 /// A closed surface in its own frame, m: a mesh, or an analytic shape with facets that stand for it
@@ -36,7 +35,7 @@ pub(crate) struct Prototype {
     pub(crate) triangles: Vec<[u32; 3]>,
     /// Component of each triangle, counted from 0.
     pub(crate) triangle_component: Vec<u32>,
-    /// In the own frame; `outside` is that of each place.
+    /// In the own frame; `outside` belongs to each place.
     pub(crate) components: Vec<Component>,
     /// Triangles across the edges of each, as [`super::super::across_edges`] gives them.
     pub(crate) across: Vec<[u32; 3]>,
@@ -73,7 +72,7 @@ impl Prototype {
         }
     }
 
-    /// An analytic shape of an object, which is to stand in so many places.
+    /// An analytic shape of an object with `places` places.
     pub(crate) fn of_shape(shape: AnalyticShape, object: u32, places: usize) -> Self {
         let [low, high] = shape.bounds();
         let size = (high - low).min_element();
@@ -101,7 +100,7 @@ impl Prototype {
         self.finer_of(error, MOST_FACETS)
     }
 
-    /// As [`Self::finer`], of at most so many facets.
+    /// As [`Self::finer`], with at most `most` facets.
     pub(super) fn finer_of(&self, error: f64, most: u64) -> Option<Self> {
         let shape = self.shape?;
         let allowed = |error: &f64| shape.triangles(*error) <= most.min(MOST_FACETS);
@@ -165,8 +164,8 @@ impl Prototype {
         }
     }
 
-    /// Whether a mesh is the hull of its vertices, which are few: no vertex stands in front of a
-    /// triangle, but for rounding.
+    /// Whether a mesh is the hull of its vertices, which are few: no vertex lies in front of a triangle,
+    /// within rounding.
     pub(super) fn is_hull(&self) -> bool {
         let [low, high] = self.bounds;
         let rounding = ROUNDING * (high - low).length();

@@ -18,12 +18,12 @@ use ndarray::Array3;
 use rayon::prelude::*;
 use std::ops::Range;
 
-/// What is kept of flat and views to find faults by.
+/// Data of flat and views for the diagnosis of faults.
 #[derive(Debug)]
 pub(crate) struct Diagnosis {
     options: RetrieveOptions,
     model: Option<Model>,
-    /// Offsets of the sample's steps where they are those of the flat; else none.
+    /// Offsets of the sample's steps if equal to the flat's; else empty.
     offsets: Vec<f64>,
     /// Refraction angle per shift of a centre, rad/m.
     angle_per_shift: f64,
@@ -55,7 +55,7 @@ struct Found {
     views: usize,
     light: LightCounts,
     negative: u64,
-    /// Reduced chi squared of views: of the fits, and beyond what those of the flat leave.
+    /// Reduced chi squared of views: of the fits, and beyond the residuals of the flat.
     chi_squares: Vec<[f64; 2]>,
     unsteady: Vec<(usize, Unsteady)>,
     borders: Vec<(usize, Borders)>,

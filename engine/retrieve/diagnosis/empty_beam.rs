@@ -8,7 +8,7 @@ use crate::retrieve::images::Images;
 use serde::{Deserialize, Serialize};
 use std::ops::Range;
 
-/// What a retrieval finds in pixels that are named as empty beam. Nothing is corrected by it.
+/// Results in the pixels of an empty beam. Nothing is corrected by them.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 #[non_exhaustive]
 pub struct EmptyBeam {
@@ -32,8 +32,8 @@ pub struct EmptyBeamOfView {
     /// Displacement of the curve between flat and sample that this refraction is, m of mask offset (of
     /// beamlets m on the detector).
     pub drift: Option<[f64; 2]>,
-    /// Dose of each step over that of the flat, the drift taken off; empty where flat and sample have
-    /// other offsets. An error of an offset enters where the curve is steep.
+    /// Dose of each step over the flat's, without the drift; empty if flat and sample have other offsets.
+    /// An error of an offset enters where the curve is steep.
     pub dose: Vec<[f64; 2]>,
 }
 
@@ -87,8 +87,9 @@ impl EmptyBeamOfView {
     }
 }
 
-/// Dose of a step over that of the flat: quotient of the sums, the curve of the flat moved by `shift`. Half
-/// of what the shift changes counts as uncertain: a fitted curve is not that of the masks in its tails.
+/// Dose of a step over the flat's: quotient of the sums, the curve of the flat moved by `shift`. Half of
+/// the change by the shift counts as uncertain: a fitted curve differs from the masks' curve in its
+/// tails.
 fn dose(
     pixels: &[EmptyPixel],
     step: usize,

@@ -4,7 +4,7 @@ use crate::retrieve::misfit::median;
 
 /// Standard deviation of a normal distribution over its median absolute deviation.
 const SIGMA_PER_DEVIATION: f64 = 1.4826;
-/// Standard deviation of a median over that of a mean.
+/// Standard deviation of a median over the deviation of a mean.
 const OF_MEDIAN: f64 = 1.2533;
 
 /// A median over pixels.

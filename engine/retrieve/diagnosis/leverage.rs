@@ -4,7 +4,7 @@ use super::fitted::FittedCurve;
 use crate::retrieve::equations::{Equations, add, inverse};
 use crate::retrieve::{RetrieveOptions, Weights};
 
-/// Least expected value, as a part of the amplitude: that of weighted fits.
+/// Least expected value, as a part of the amplitude, as in weighted fits.
 const LEAST: f64 = 1e-3;
 
 /// A fitted curve at the offsets of a scan.

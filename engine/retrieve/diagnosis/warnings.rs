@@ -1,4 +1,4 @@
-//! Findings as lines for the log and the record: what was found, its likely cause, the remedy.
+//! Findings as lines for the log and the record: the fault, its likely cause, the remedy.
 
 use super::borders::Borders;
 use super::empty_beam::EmptyBeam;
@@ -18,13 +18,13 @@ const SIGMAS: f64 = 4.0;
 /// flat's curve.
 const LEAST: f64 = 1e-3;
 
-/// What a diagnosis found.
+/// Findings of a diagnosis.
 pub(super) struct Findings<'a> {
     pub(super) views: usize,
     pub(super) light: LightCounts,
-    /// Of each view: of the fits, and beyond what those of the flat leave.
+    /// For each view: of the fits, and beyond the residuals of the flat.
     pub(super) chi_squares: &'a [[f64; 2]],
-    /// Whether the gain is that of the detector, and not assumed.
+    /// Whether the gain is known, not assumed.
     pub(super) is_noise_known: bool,
     pub(super) unsteady: &'a [(usize, Unsteady)],
     pub(super) borders: &'a [(usize, Borders)],

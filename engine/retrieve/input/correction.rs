@@ -6,7 +6,7 @@ use ndarray::{Array2, Array3, ArrayView2, Zip, s};
 use std::ops::Range;
 use std::path::PathBuf;
 
-/// Stands for a value that is left out: finite, and above every saturation.
+/// Code of an excluded value: finite, and above every saturation.
 pub(super) const LEFT_OUT: f32 = f32::MAX;
 
 /// A dark with the file or folder of its frames.
@@ -56,7 +56,7 @@ impl Correction {
         }
     }
 
-    /// Marks what is saturated and what is bad in rows of frames, and subtracts the dark.
+    /// Marks saturated and bad values in rows of frames, and subtracts the dark.
     pub(super) fn apply(&self, data: &mut Array3<f32>, rows: &Range<u32>) {
         let part = s![rows.start as usize..rows.end as usize, ..];
         let dark: Option<ArrayView2<'_, f32>> =

@@ -24,7 +24,7 @@ pub struct Columns {
 }
 
 impl Columns {
-    /// Reads `START:END:STEP`; what is left out is 0, the end of the frame, and 1.
+    /// Reads `START:END:STEP`; omitted parts are 0, the end of the frame, and 1.
     ///
     /// # Errors
     /// [`Error::Argument`] for other words, an end before the start, and a step of 0.
@@ -192,7 +192,7 @@ impl Input {
         if self.counts { self.selection.bin[0] * self.selection.bin[1] } else { 1 }
     }
 
-    /// Places of the columns, x from the optical axis on the detector, m: those of the scene's columns.
+    /// Places of the columns, x from the optical axis on the detector, m, from the scene's columns.
     pub(in crate::retrieve) fn columns_m(&self) -> Vec<f64> {
         self.selection.places(&Optics::of(&self.scene).column_lights())
     }

@@ -8,7 +8,7 @@ use crate::scene::Scene;
 use crate::{Error, Result};
 use std::borrow::Cow;
 
-/// Offsets of each angle, where they differ from those of the flat.
+/// Offsets of each angle, if they differ from the flat's.
 #[derive(Debug)]
 pub(super) struct ViewScans {
     /// Offsets without whole periods, m, by angle.
@@ -25,8 +25,7 @@ pub(super) struct ViewScan<'a> {
 }
 
 impl ViewScans {
-    /// The offsets of the angles of a scene whose flat has `periods`; `None` where all are those of the
-    /// flat.
+    /// The offsets of the angles of a scene whose flat has `periods`; `None` if all equal the flat's.
     ///
     /// # Errors
     /// [`Error::Scene`] with the angle whose offsets `method` cannot serve.

@@ -24,8 +24,8 @@ pub(crate) fn check_before_loading(scene: &Scene, limit: Option<u64>) -> Result<
     }
 }
 
-/// Asks for the bytes that work in many pieces is about to take, so that their lack is an error
-/// before it begins. They are given back at once; `purpose` stands in the error.
+/// Reserves the memory of work in many pieces, so that its lack is an error before it begins. It is freed
+/// at once; an error names `purpose`.
 ///
 /// # Errors
 /// [`Error::Memory`] where they are not to be had.
@@ -33,8 +33,8 @@ pub fn require_memory(bytes: u64, purpose: &str) -> Result<()> {
     reserve::ask(bytes, purpose, reserve::REMEDY)
 }
 
-/// Whether what a run takes at its peak is to be had now, but for copies of frames, which not every
-/// format makes.
+/// Whether the peak memory of a run is available now, without copies of frames, which not every format
+/// makes.
 ///
 /// # Errors
 /// [`Error::Memory`] where it is not.

@@ -2,8 +2,8 @@
 
 /// Peak bytes on the host per triangle while the tree is built, all meshes read.
 const BUILD: u64 = 320;
-/// Beyond that per triangle, what allocators keep of vectors that are gone, and most of it: smaller
-/// vectors leave gaps, as threads happen to meet, and large ones go back to the system.
+/// Additional memory that allocators keep of freed vectors, per triangle, and its limit: smaller vectors
+/// leave gaps, by the timing of threads, and large ones go back to the system.
 const GAPS: [u64; 2] = [150, 60 << 20];
 
 /// Peak memory of the host while a tree over `triangles` triangles is built, bytes.

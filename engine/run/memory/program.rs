@@ -1,10 +1,10 @@
-//! What the program itself takes.
+//! Memory of the program itself.
 
 use crate::scene::{Normals, Object, Scene, ShapeOrMesh};
 
 /// Program, driver and its compiled kernels, as measured with Mesa's CPU device.
 pub(super) const PROGRAM: u64 = 122 << 20;
-/// What its kernels take beyond that where surfaces are curved, rough or in many places.
+/// Additional memory of its kernels for curved, rough or placed surfaces.
 const KERNELS: u64 = 100 << 20;
 
 /// Bytes of the program, the driver and its kernels.

@@ -26,8 +26,8 @@ pub(super) fn beamlets(optics: &Optics) -> Result<u64> {
     ))
 }
 
-/// Rays of the beamlets and rows that the objects touch in any view, before refinement, and those
-/// of one row.
+/// Rays of the beamlets and rows touched by objects in any view, before refinement, and the rays of one
+/// row.
 pub(super) fn cell_rays(optics: &Optics, objects: &[ObjectSummary]) -> [u64; 2] {
     let lattice = Lattice::of(optics, 0.0);
     let beamlets = lattice.beamlets.end.abs_diff(lattice.beamlets.start) as f64;

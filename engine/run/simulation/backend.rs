@@ -34,8 +34,8 @@ pub fn choose(kind: DeviceKind, counts: SearchCounts) -> (Backend, &'static str)
     }
 }
 
-/// The backend where the kind of the device tells enough: then nothing is counted, and no structure
-/// of the driver is built.
+/// The backend if the kind of the device decides: then nothing is counted, and no structure of the driver
+/// is built.
 const fn by_kind(kind: DeviceKind) -> Option<(Backend, &'static str)> {
     match kind {
         DeviceKind::Cpu => {
@@ -64,7 +64,7 @@ pub(super) fn check(wanted: Option<Backend>, device: &DeviceDescription) -> Resu
 }
 
 impl Simulation {
-    /// By what the caller wants, what the device can, and counts of the scene.
+    /// By the caller's choice, the abilities of the device, and counts of the scene.
     pub(super) fn choose_backend(&mut self, wanted: Option<Backend>) -> Result<()> {
         let (backend, reason) = if let Some(backend) = wanted {
             (backend, "requested".to_owned())

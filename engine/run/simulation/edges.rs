@@ -28,9 +28,9 @@ const MOST_RAYS: u32 = 2048;
 /// Times that an interval in which rays differ is halved, and its least width, m.
 const HALVINGS: u32 = 12;
 const LEAST_WIDTH: f64 = 20e-9;
-/// Rays differ where their light does by this share,
+/// Least difference of the light of two rays that differ, as a share.
 const UNLIKE_LIGHT: f32 = 0.05;
-/// or where they land apart by this share of a window.
+/// Least distance of their landing points, as a share of a window.
 const UNLIKE_LANDING: f64 = 0.25;
 
 /// A line through the sample in the plane of the rotation centre.
@@ -88,7 +88,7 @@ impl Simulation {
         Ok(Some(largest))
     }
 
-    /// Lines along both axes through what the detector sees of an object.
+    /// Lines along both axes through the visible part of an object.
     fn lines(&self, suspect: &Suspect, paths: &[LightPath; 2]) -> Vec<Line> {
         let rotation = self.scene.source.distance;
         let detector = &self.scene.detector;

@@ -1,5 +1,5 @@
-//! Error of kept cells in another set-up: rows of some views are sampled anew, and their light is
-//! compared with that of the kept cells.
+//! Error of stored cells in another set-up: rows of some views are sampled again, and their light is
+//! compared with the light of the stored cells.
 
 use super::Simulation;
 use super::work::ViewWork;
@@ -50,8 +50,8 @@ impl Differences {
 }
 
 impl Simulation {
-    /// What kept cells leave in the values of this scene: by a new simulation of some rows where the
-    /// scene asks for finer cells than the run, else the estimate of the run. `None`: unknown.
+    /// Error of the values of this scene from stored cells: by a new simulation of some rows if the scene
+    /// needs finer cells than the run, else the estimate of the run. `None`: unknown.
     ///
     /// # Errors
     /// [`Error::Scene`] where that is beyond the tolerance; as [`Simulation::run`].
@@ -85,11 +85,11 @@ impl Simulation {
         ))
     }
 
-    /// Values by kept cells against those of a new simulation, in rows of some views.
+    /// Values from stored cells against a new simulation, in rows of some views.
     fn differences(&self, stored: &StoredSource, control: &Control<'_>) -> Result<Differences> {
         let mut own = Control::default().with_cancel(control.cancel.clone());
         let mut scene = (*self.scene).clone();
-        // Its own error is no larger than that of a run's cells in the run's set-up.
+        // Its own error is at most the error of the run's cells in the run's set-up.
         scene.sampling.tolerance =
             Some(scene.sampling.tolerances().light.min(stored.base_tolerance()));
         let fresh = Self::new(&self.engine, &scene, &mut own)?;

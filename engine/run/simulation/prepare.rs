@@ -20,7 +20,7 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::time::Instant;
 
-/// What a simulation is made of, besides its geometry.
+/// Parts of a simulation besides its geometry.
 struct SimulationParts {
     detector: DetectorModel,
     media: MaterialTable,
@@ -209,7 +209,7 @@ fn load(
     Ok(sample)
 }
 
-/// What is made of a sample before any of it goes to the device, and what that takes.
+/// Host data of a sample before upload, and its memory.
 struct Built {
     sample: Sample,
     media: MaterialTable,
@@ -263,7 +263,7 @@ fn error_budget(scene: &Scene, optics: &Optics) -> ErrorBudget {
     let [columns, rows] =
         [0, 1].map(|axis| scene.detector.pitch[axis] / optics.detector.pitch[axis]);
     let angles = scene.sample_mask.is_some();
-    // Parts of a pixel that are lit by themselves err apart. All light of a beamlet of a sample mask
+    // Parts of a pixel that are lit separately err separately. All light of a beamlet of a sample mask
     // may land in one of them, or beside it in another of the same pixel.
     let by_grid = rows.sqrt() * if angles { columns } else { columns.sqrt() };
     let blurred = if by_grid > 1.0 { BLURRED } else { 1.0 };

@@ -259,8 +259,8 @@ impl<'s> ViewWork<'s> {
         Ok(())
     }
 
-    /// Sums the light of one band, in groups of rows small enough to stop between them. `own`:
-    /// those of its rows that no other band counts.
+    /// Sums the light of one band, in groups of rows small enough to stop between them. `own`: rows that
+    /// no other band counts.
     fn band(
         &mut self,
         view: Exposure,
@@ -299,7 +299,7 @@ impl<'s> ViewWork<'s> {
         Ok(())
     }
 
-    /// Rows that are sampled together; `traced`: rays of theirs may meet the sample.
+    /// Rows sampled together; `traced`: their rays may cross the sample.
     fn group_rows(&self, traced: bool) -> i64 {
         let optics = self.simulation.detector.optics();
         let lattice = &self.simulation.lattice;

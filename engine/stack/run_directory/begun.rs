@@ -22,7 +22,7 @@ pub(super) struct Begun {
     pub(super) before: f64,
     pub(super) log: ProgressLog,
     pub(super) frames: Frames,
-    /// Detector numbers, where the scene asks for noise.
+    /// Detector numbers, if the scene has noise.
     pub(super) counts: Option<Frames>,
     /// Counts of the view in work.
     pub(super) tally: Option<Tally>,
@@ -62,7 +62,7 @@ impl Begun {
         follows(path, self.file.extent, view, *next, rows, data.dim())?;
         *next = rows.end;
         let frames = match (values, view) {
-            // Dark frames stand beside the intensities: no light is no light.
+            // Dark frames are beside the intensities: no light is no light.
             (Values::Intensities, _) | (_, Exposure::Dark) => Some(&mut self.frames),
             _ => self.counts.as_mut(),
         };

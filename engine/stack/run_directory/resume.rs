@@ -1,4 +1,4 @@
-//! Going on with a run: what of it is as it was committed, and whether it may go on.
+//! Resuming a run: the views that are still as committed, and whether it may continue.
 
 use super::RunDirectory;
 use crate::numbers;
@@ -12,7 +12,7 @@ use crate::stack::{own_files, scene_file, verify};
 use crate::{Error, Result, Tally, moments};
 use std::path::{Path, PathBuf};
 
-/// What stood in the directory when the run was resumed.
+/// Contents of the directory when the run was resumed.
 #[derive(Debug)]
 pub(super) struct Resumed {
     pub(super) file: RunFile,
@@ -21,7 +21,7 @@ pub(super) struct Resumed {
     pub(super) intact: Vec<Exposure>,
     /// Views of the log that are made again.
     pub(super) again: Vec<Exposure>,
-    /// What is not as it was committed.
+    /// Differences from the committed state.
     pub(super) problems: Vec<String>,
     /// Counts of the committed views, and the number of those without.
     pub(super) counted: Tally,
@@ -42,8 +42,8 @@ impl RunDirectory {
         Ok(scene)
     }
 
-    /// The directory of an interrupted run of `scene` ([`RunDirectory::scene_of_resumed`]). Only looks; what
-    /// is committed, and still has its checksum, is listed by [`RunDirectory::committed`].
+    /// The directory of an interrupted run of `scene` ([`RunDirectory::scene_of_resumed`]). Only reads;
+    /// [`RunDirectory::committed`] lists committed views that still have their checksum.
     ///
     /// # Errors
     /// [`Error::File`] where there is no run, or one of another scene (says what differs).
@@ -98,8 +98,8 @@ impl RunDirectory {
         self.resumed.as_ref().map_or(&[], |resumed| &resumed.committed)
     }
 
-    /// What of the run that is resumed is not as it was committed, one message each: the views
-    /// concerned are not among [`RunDirectory::committed`].
+    /// Differences of the resumed run from its committed state, one message each: the views concerned are
+    /// not among [`RunDirectory::committed`].
     #[must_use]
     pub fn problems(&self) -> &[String] {
         self.resumed.as_ref().map_or(&[], |resumed| &resumed.problems)

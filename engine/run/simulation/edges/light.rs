@@ -5,7 +5,8 @@ use std::collections::BTreeMap;
 
 /// Steps of the sample mask that are looked at, at most.
 const MOST_STEPS: usize = 32;
-/// Windows over which two neighbouring rays may land apart: what is thrown farther is left out.
+/// Largest distance of the landing points of two neighbouring rays, windows; light thrown farther is
+/// ignored.
 const WIDEST: f64 = 8.0;
 
 /// A ray of a line: its place in the plane of the rotation centre, m, the light that passes the

@@ -8,9 +8,9 @@ use crate::{Result, reserve};
 use ndarray::Array3;
 use std::time::Instant;
 
-/// Rows that are timed first: more than one, for they are summed side by side,
+/// Rows timed first: more than one, since they are summed side by side.
 const FEW: u32 = 16;
-/// and then.
+/// Rows timed next.
 const MORE: u32 = 64;
 
 /// Seconds for one exposure of `steps` mask steps in bands of `height` rows. Each band takes a time of

@@ -3,7 +3,7 @@
 use crate::numbers::single;
 use ndarray::{Array3, Zip};
 
-/// A mean in the making. That of one pose has its bits.
+/// A running mean. The mean of one pose has its bits.
 #[derive(Debug)]
 pub(super) struct Mean {
     count: usize,
@@ -12,7 +12,7 @@ pub(super) struct Mean {
 }
 
 impl Mean {
-    /// The mean of so many intensities.
+    /// The mean of `count` intensities.
     pub(super) const fn of(count: usize) -> Self {
         Self { count, first: None, sum: None }
     }

@@ -1,4 +1,4 @@
-//! What share of a run is done, by what its rows cost and not by their number.
+//! Share of a run that is done, by the cost of its rows and not by their number.
 
 use crate::numbers;
 use crate::run::{Progress, ViewProgress};
@@ -8,7 +8,7 @@ use crate::trace::Tracer;
 use std::cell::Cell;
 use std::ops::Range;
 
-/// What a patch costs that the sample does not shade, as a share of what one costs that it does.
+/// Cost of a patch outside the shadow of the sample, over one inside.
 const BLANK: f64 = 0.05;
 
 /// Work of a run, in views with the sample: these cost about the same each.
@@ -18,7 +18,7 @@ pub(super) struct Share {
     blank: f64,
     done: f64,
     all: f64,
-    /// Work of the view in work, and what its rows have of it.
+    /// Work of the current view, and of its rows.
     view: f64,
     rows: RowWeights,
     rows_done: f64,
@@ -58,7 +58,8 @@ impl RowWeights {
 }
 
 impl Share {
-    /// Of a run of so many views without and with the sample; `traced`: rays are traced for these.
+    /// For a run of `blank` views without and `sample` views with the sample; `traced`: rays are traced
+    /// for the latter.
     pub(super) fn new([blank, sample]: [usize; 2], traced: bool) -> Self {
         let cost = if traced { BLANK } else { 1.0 };
         Self { blank: cost, all: cost * blank as f64 + sample as f64, ..Self::default() }

@@ -1,5 +1,5 @@
-//! What a run costs, from a sparse look at the scene: patches spread over views, rows and columns
-//! are sampled and illuminated as in a run, and stand for the others.
+//! Cost of a run, from a sparse sample of the scene: patches spread over views, rows and columns are
+//! sampled and illuminated as in a run, and represent the others.
 
 use super::detection::detection_seconds;
 use super::{ViewWork, bands};
@@ -17,21 +17,22 @@ use std::collections::HashSet;
 use std::ops::Range;
 use std::time::Instant;
 
-/// Rows of a view that are looked at together: as many as the base rays of a run go side by side.
+/// Rows of a view that are surveyed together: the number of rows whose base rays go side by side in a
+/// run.
 const ROWS: i64 = 4;
 /// Mask steps that are illuminated; others cost as much each.
 const STEPS: u32 = 128;
-/// Most looks,
+/// Largest number of looks.
 const MOST_LOOKS: u32 = 24;
-/// looks that are taken whatever the time,
+/// Least number of looks, whatever the time.
 const LEAST_LOOKS: u32 = 5;
-/// and seconds after which no other is taken.
+/// Seconds after which no further look is taken.
 const SECONDS: f64 = 1.0;
 /// Patches of each kind (without and with a silhouette) that the first look refines.
 const FIRST_PATCHES: [f64; 2] = [24.0, 12.0];
-/// Fewest and most of a kind that others refine,
+/// Fewest and most patches of a kind with refinement in a look.
 const PATCHES: [f64; 2] = [8.0, 256.0];
-/// and seconds that each kind may take in a look.
+/// Seconds for each kind in a look.
 const SECONDS_OF_A_KIND: f64 = 0.08;
 /// Rows of the flat, or of random rays, that are timed.
 const TIMED_ROWS: i64 = 8;
@@ -52,11 +53,11 @@ struct Look {
 }
 
 impl Simulation {
-    /// Estimates rays and time of a run without noise and output, from a part of the patches; it
-    /// takes about a second, and does not depend on what was estimated before.
+    /// Estimates rays and time of a run without noise and output, from a part of the patches; it takes
+    /// about a second, and does not depend on earlier estimates.
     ///
     /// # Errors
-    /// As [`Simulation::run`], but for those of a sink.
+    /// As [`Simulation::run`], without errors of a sink.
     pub fn estimate(&self) -> Result<RunEstimate> {
         self.estimate_until(&Cancel::default())
     }
@@ -99,7 +100,7 @@ impl ViewWork<'_> {
         self.simulation.scene.scan.poses() as f64
     }
 
-    /// Makes the sums those of the band with a row of the grid, and gives the band's rows there.
+    /// Sets the sums to the band with a row of the grid, and returns the band's rows there.
     fn begin_band(&mut self, row: i64) -> Result<Range<i64>> {
         let rows = self.simulation.scene.detector.pixels[1];
         let grid = self.simulation.detector.grid();
@@ -110,7 +111,7 @@ impl ViewWork<'_> {
                 lit = own;
             }
         }
-        // What light there is before does not matter to what more of it costs.
+        // The cost of further light does not depend on earlier light.
         self.sums.set_rows(&lit);
         self.lights.iter_mut().try_for_each(|light| light.set_band(&lit, 0))?;
         Ok(i64::from(lit.start)..i64::from(lit.end))
