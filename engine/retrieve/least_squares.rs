@@ -246,7 +246,7 @@ impl Fitting<'_> {
         gain * self.shape.at(p, x).0.max(least) + read_noise * read_noise
     }
 
-    /// One over this variance; far from the peak over that of a thousandth of it at least.
+    /// One over this variance; far from the peak at least over the variance of a thousandth of it.
     fn weight(&self, p: &[f64; 4], x: f64) -> f64 {
         let peak = self.shape.at(p, p[1]).0 - p[3];
         let least = 1e-3 * self.scan.gain.unwrap_or(1.0) * peak.abs();
@@ -281,7 +281,7 @@ impl Fitting<'_> {
                 let factor = (1.0 - (2.0 * ratio - 1.0).powi(3)).max(0.1);
                 (p, equations, squares) = (next, next_equations, next_squares);
                 damping = (damping * factor).clamp(1e-12, 1e12);
-                // What is left is a part of this step.
+                // The remaining distance is a part of this step.
                 settled = length < SETTLED;
             } else {
                 damping *= 8.0;

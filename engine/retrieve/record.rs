@@ -80,9 +80,9 @@ pub struct Record {
     /// earlier versions.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub geometry: Option<String>,
-    /// SHA-256 of what was read, by its path: stacks, dark, geometry and lists of offsets; of a run
-    /// its scene.toml and progress.log, which has the checksum of every view. That of a folder is of
-    /// the lines `HASH  NAME` of its files, in the order of their names, as sha256sum prints them.
+    /// SHA-256 of the inputs, by path: stacks, dark, geometry and lists of offsets; for a run its
+    /// scene.toml and progress.log, which has the checksum of every view. The hash of a folder covers the
+    /// lines `HASH  NAME` of its files, in the order of their names, as sha256sum prints them.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub inputs: BTreeMap<String, String>,
     /// SHA-256 of the files that the scene of the geometry refers to, by their paths.

@@ -160,8 +160,8 @@ impl Retriever {
         })
     }
 
-    /// Geometry of the images of the first `angles` angles of an input: columns of pixels or beamlets, those
-    /// of all dithers side by side.
+    /// Geometry of the images of the first `angles` angles of an input: columns of pixels or beamlets,
+    /// all dithers side by side.
     pub(super) fn geometry(&self, input: &Input, angles: usize) -> GeometryFile {
         let mut scene = input.image_scene();
         scene.scan.dithers.clear();
@@ -176,7 +176,7 @@ impl Retriever {
         }
     }
 
-    /// Places of the columns of a view, beamlets or pixels, as those of the images.
+    /// Places of the columns of a view, beamlets or pixels, as in the images.
     pub(super) fn places(&self, input: &Input) -> Vec<f64> {
         match &self.beamlets {
             Some(beamlets) => beamlets.places().to_vec(),

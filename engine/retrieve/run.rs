@@ -183,8 +183,8 @@ struct Image<'a> {
     values: ArrayView2<'a, f32>,
 }
 
-/// Retrieves every view of an input and hands over each image, those of the flat first. Returns the
-/// record, and the text of geometry.json where the angles of the views are known.
+/// Retrieves every view of an input and hands over each image, the flat's first. Returns the record, and
+/// the text of geometry.json if the angles of the views are known.
 fn retrieve_to(
     engine: &Engine,
     input: Input,
@@ -307,7 +307,7 @@ struct ScanOf<'a> {
 }
 
 impl ScanOf<'_> {
-    /// The images of an angle, and those of its flats where views have their own; of dithers side by side.
+    /// The images of an angle, and of its flats if views have their own; dithers are side by side.
     fn angle(
         self,
         angle: usize,
@@ -329,7 +329,7 @@ impl ScanOf<'_> {
         Ok((joined.images(&images), flats.map(|flats| joined.images(&flats))))
     }
 
-    /// The images of a view, and those of its flat where views have their own.
+    /// The images of a view, and of its flat if views have their own.
     fn view(
         self,
         view: usize,
@@ -425,7 +425,7 @@ impl Correcting {
     }
 }
 
-/// Images of the flat, in the order of [`OF_FLAT`]; those of dithers repeat them.
+/// Images of the flat, in the order of [`OF_FLAT`], repeated for dithers.
 fn flat_images(
     flat: &Curves,
     rows: usize,

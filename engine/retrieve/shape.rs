@@ -8,7 +8,7 @@ use std::f64::consts::{FRAC_1_SQRT_2, PI};
 /// Standard deviation of a Gaussian of unit full width at half maximum.
 const SIGMA_PER_FWHM: f64 = 0.424_660_900_144_009_5;
 
-/// What the masks make of a curve.
+/// Shape of a curve by the masks.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct CurveGeometry {
     /// Widths of the apertures of sample and detector mask on the analyser, m.
@@ -63,9 +63,8 @@ impl CurveGeometry {
     }
 }
 
-/// A shape with four unknowns: scale, centre, spread, background. Lengths are those of offsets.
-/// The spread is what the curve is most nearly linear in: half the base of a trapezoid, the
-/// variance of a blur.
+/// A shape with four unknowns: scale, centre, spread, background. Lengths are in the unit of offsets. The
+/// curve is nearly linear in the spread: half the base of a trapezoid, the variance of a blur.
 #[derive(Debug, Clone, Copy)]
 pub(super) enum CurveShape {
     /// Height 1 between `-top` and `top`, falling to 0 at the spread.

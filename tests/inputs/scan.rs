@@ -33,7 +33,7 @@ fn assert_refused(scan: &str, files: &[(&str, &str)], words: &[&str]) {
     }
 }
 
-/// What a scene's scan is after its text was written and read without the files.
+/// A scene's scan after its text was written and read without the files.
 #[track_caller]
 fn assert_kept(scene: &Scene) {
     let text = scene.to_toml(Path::new("."), &BTreeMap::new(), &[]).unwrap();

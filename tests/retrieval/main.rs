@@ -1,4 +1,4 @@
-//! What is retrieved from stacks: fits, maps, and the verbs `retrieve` and `compare`.
+//! Retrieval from stacks: fits, maps, and the verbs `retrieve` and `compare`.
 
 #[path = "../reference/mod.rs"]
 mod reference;
