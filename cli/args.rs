@@ -17,7 +17,7 @@ pub(crate) use beam::{Material, Spectrum};
 pub(crate) use convert::{Convert, Program};
 pub(crate) use look::{Check, Compare};
 pub(crate) use mesh::{Mask, Mesh};
-pub(crate) use reconstruct::{Centre, QuantityName, Reconstruct, ReconstructionName};
+pub(crate) use reconstruct::{Centre, Hardening, QuantityName, Reconstruct, ReconstructionName};
 pub(crate) use retrieve::Retrieve;
 pub(crate) use shared::Messages;
 pub(crate) use simulate::{Illuminate, Simulate};
@@ -91,7 +91,7 @@ pub(crate) enum Verb {
     /// Draw a scene (set-up, sample), a run (frames, retrieved images, curves), retrieved images or
     /// volumes
     View(View),
-    /// Write a run or retrieved images as one page to explore in a browser
+    /// Write a run, retrieved images or a reconstruction as one page to explore in a browser
     Report(Report),
     /// Print and draw the spectrum of a source, before and after its filters
     Spectrum(Spectrum),

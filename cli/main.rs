@@ -17,6 +17,7 @@ mod picture;
 mod printed;
 mod progress;
 mod report;
+mod residuals;
 mod subject;
 
 use clap::Parser;

@@ -1,8 +1,9 @@
 //! `reconstruct`.
 
 use super::shared::{DeviceArguments, Messages};
-use super::values::{above_zero, finite, key_value, length, lengths, sizes};
-use beamlet::reconstruct::{Filter, Quantity, Region, VolumeFormat};
+use super::values::{above_zero, finite, key_value, length, lengths, memory_size, sizes};
+use beamlet::cli_support::units::Dimension;
+use beamlet::reconstruct::{Filter, Quantity, Region, VolumeFormat, VoxelMask};
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use clap::{Args, ValueEnum};
 use std::path::PathBuf;
@@ -13,7 +14,9 @@ use std::path::PathBuf;
     beamlet reconstruct run -o volume --quantity delta --format mhd \\\n    \
       --region 'rod=cylinder:1 mm, 0 mm, 0.8 mm' --truth\n  \
     beamlet reconstruct dither0/retrieved dither1/retrieved -o volume --dry-run\n  \
-    beamlet reconstruct sinograms.npy --geometry scene.toml --quantity mu -o volume\n\n\
+    beamlet reconstruct sinograms.npy --geometry scene.toml --quantity mu -o volume\n  \
+    beamlet reconstruct run -o volume --method cgls --iterations 10 --mask 'cylinder:0 mm,0 mm,8 mm'\n  \
+    beamlet reconstruct run -o volume --quantity mu --beam-hardening water@40keV\n\n\
     Volumes go to DIR: mu (1/m) from the transmission, delta from the refraction angles, dark-field \
     (rad^2/m), [z][y][x], each side ascending; volume.json records grid, units and provenance. \
     docs/reconstruction.md goes from a scan to slices.")]
@@ -46,6 +49,10 @@ pub(crate) struct Reconstruct {
     /// Leave out kμ, which is added to delta for gradients of the attenuation where mu is made, too
     #[arg(long)]
     pub(crate) no_gradient_bias: bool,
+    /// Correct mu for the hardening of a beam with a spectrum in a sample of this material; ENERGY (with a
+    /// unit, as in water@40keV) is that of mu [default: the mean of what the detector sees]
+    #[arg(long, value_name = "MATERIAL[@ENERGY]", value_parser = hardening)]
+    pub(crate) beam_hardening: Option<Hardening>,
     /// Side of a voxel [default: a pixel as the axis of rotation sees it]
     #[arg(long, value_name = "LENGTH", value_parser = length)]
     pub(crate) voxel: Option<f64>,
@@ -79,6 +86,10 @@ pub(crate) struct Reconstruct {
     pub(crate) sets: Vec<String>,
     #[command(flatten)]
     pub(crate) device: DeviceArguments,
+    /// Most memory, host and device together, such as "2 GiB": slabs on the device become smaller
+    /// [default: what sinograms and volumes take, and up to 1 GiB on the device]
+    #[arg(long, value_name = "SIZE", value_parser = memory_size)]
+    pub(crate) memory_limit: Option<u64>,
     /// Replace volumes that are there
     #[arg(long)]
     pub(crate) overwrite: bool,
@@ -95,12 +106,13 @@ pub(crate) struct Reconstruct {
 /// Options of filtered back-projection.
 #[derive(Debug, Args)]
 pub(crate) struct Filtered {
-    /// Window of the filter of fbp
-    #[arg(long, value_parser = filter(), default_value = "ram-lak")]
-    pub(crate) filter: Filter,
-    /// Frequency from which on nothing counts in fbp, as a share of Nyquist's: above 0, up to 1
-    #[arg(long, value_name = "SHARE", value_parser = above_zero, default_value_t = 1.0)]
-    pub(crate) cut_off: f64,
+    /// Window of the filter of fbp [default: ram-lak]
+    #[arg(long, value_parser = filter())]
+    pub(crate) filter: Option<Filter>,
+    /// Frequency from which on nothing counts in fbp, as a share of Nyquist's: above 0, up to 1 [default:
+    /// 1]
+    #[arg(long, value_name = "SHARE", value_parser = above_zero)]
+    pub(crate) cut_off: Option<f64>,
     /// Corrections for the lever arms of voxels before and behind the axis in fbp [default: 1 for views
     /// over less than a turn, else 0]
     #[arg(long, value_name = "COUNT")]
@@ -113,9 +125,9 @@ pub(crate) struct Filtered {
 /// Options of iterative methods.
 #[derive(Debug, Args)]
 pub(crate) struct Iterated {
-    /// Most iterations of cgls, sirt and bb
-    #[arg(long, value_name = "COUNT", default_value_t = 20)]
-    pub(crate) iterations: usize,
+    /// Most iterations of cgls, sirt and bb [default: 20]
+    #[arg(long, value_name = "COUNT")]
+    pub(crate) iterations: Option<usize>,
     /// End iterations at this root mean square of the residuals, in the unit of the sinograms
     #[arg(long, value_name = "RMS", value_parser = above_zero)]
     pub(crate) discrepancy: Option<f64>,
@@ -125,6 +137,63 @@ pub(crate) struct Iterated {
     /// Make delta of refraction angles integrated along the rows, in cgls, sirt and bb
     #[arg(long)]
     pub(crate) phase: bool,
+    /// Voxels that may differ from zero, in cgls, sirt and bb: a shape as of --region, without a name, or a
+    /// file (NPY, TIFF) [z][y][x] with 0 for all others
+    #[arg(long, value_name = "SHAPE|FILE")]
+    pub(crate) mask: Option<VoxelMask>,
+    /// Directory of volumes on the same voxels that cgls, sirt and bb begin with [default: zero]
+    #[arg(long, value_name = "DIR")]
+    pub(crate) start: Option<PathBuf>,
+}
+
+impl Filtered {
+    /// The first option that is given.
+    pub(crate) fn first(&self) -> Option<&'static str> {
+        let given = [
+            ("--filter", self.filter.is_some()),
+            ("--cut-off", self.cut_off.is_some()),
+            ("--arm-passes", self.arm_passes.is_some()),
+            ("--extrapolate", self.extrapolate),
+        ];
+        given.into_iter().find(|(_, given)| *given).map(|(name, _)| name)
+    }
+}
+
+impl Iterated {
+    /// The first option that is given.
+    pub(crate) fn first(&self) -> Option<&'static str> {
+        let given = [
+            ("--iterations", self.iterations.is_some()),
+            ("--discrepancy", self.discrepancy.is_some()),
+            ("--non-negative", self.non_negative),
+            ("--phase", self.phase),
+            ("--mask", self.mask.is_some()),
+            ("--start", self.start.is_some()),
+        ];
+        given.into_iter().find(|(_, given)| *given).map(|(name, _)| name)
+    }
+}
+
+/// `--beam-hardening`
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct Hardening {
+    pub(crate) material: String,
+    /// keV.
+    pub(crate) energy: Option<f64>,
+}
+
+fn hardening(text: &str) -> Result<Hardening, String> {
+    let (material, energy) = match text.split_once('@') {
+        Some((material, energy)) => {
+            let energy = Dimension::Energy.parse(energy).map_err(|error| error.to_string())?;
+            (material, Some(energy))
+        }
+        None => (text, None),
+    };
+    match material.trim() {
+        "" => Err("write a material, or MATERIAL@ENERGY as in water@40keV".into()),
+        material => Ok(Hardening { material: material.to_owned(), energy }),
+    }
 }
 
 /// `--method`

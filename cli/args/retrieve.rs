@@ -97,6 +97,10 @@ pub(crate) struct Retrieve {
     /// Two-step: offsets of the sample's steps, if they differ from the flat's
     #[arg(long, value_name = "LIST|FILE", allow_hyphen_values = true)]
     pub(crate) sample_offsets: Option<String>,
+    /// Make images of the phase, too: refraction integrated along the rows, m of delta times length; rows
+    /// have to begin and end in air
+    #[arg(long)]
+    pub(crate) phase: bool,
     /// File format of the images
     #[arg(long, value_parser = format(), default_value_t = Format::Exr)]
     pub(crate) format: Format,

@@ -132,17 +132,19 @@ pub(crate) enum Show {
     beamlet report run\n  \
     beamlet report run -o page.html --most 64MiB\n  \
     beamlet report run --retrieved other\n  \
-    beamlet report measured_images\n\n\
+    beamlet report measured_images\n  \
+    beamlet report volume\n\n\
     The page needs no network and no server: open it in a browser. Runs whose frames would make \
-    it larger than --most are shown with pixels, views and steps binned or left out; the page \
-    says so.")]
+    it larger than --most are shown with pixels, views and steps binned or left out, volumes with \
+    voxels binned; the page says so.")]
 pub(crate) struct Report {
-    /// Run directory, or directory of retrieved images
+    /// Run directory, directory of retrieved images, or of volumes
     pub(crate) run: PathBuf,
     /// Directory of the run's retrieved images [default: RUN/retrieved]
     #[arg(long, value_name = "DIR")]
     pub(crate) retrieved: Option<PathBuf>,
-    /// File to write [default: RUN/report.html; beside the directory for images alone]
+    /// File to write [default: RUN/report.html; beside the directory for images or volumes
+    /// alone]
     #[arg(short, long, value_name = "FILE")]
     pub(crate) output: Option<PathBuf>,
     /// Most bytes of image data in the page, such as "64 MiB" [default: 24 MiB]

@@ -24,6 +24,7 @@ mod view;
 
 use crate::args::{Arguments, Verb};
 use crate::failure::Failure;
+use beamlet::retrieve::Drift;
 use std::io::Write;
 
 /// Runs the requested verb and flushes its results.
@@ -61,4 +62,16 @@ fn verb(arguments: Arguments, out: &mut impl Write) -> Result<(), Failure> {
 fn write_json(value: &impl serde::Serialize, out: &mut impl Write) -> Result<(), Failure> {
     let text = serde_json::to_string_pretty(value).map_err(std::io::Error::from)?;
     Ok(writeln!(out, "{text}")?)
+}
+
+/// How refraction angles were integrated along the rows, in words.
+fn drift_words(drift: &Drift) -> String {
+    format!(
+        "{} angles without an answer are interpolated along the row; the mean angle of each row, rms {:.2e} \
+         rad, largest {:.2e} rad ({:.1} % of the largest phase), is taken off",
+        drift.filled,
+        drift.rms_rad,
+        drift.largest_rad,
+        100.0 * drift.largest_share
+    )
 }

@@ -1,14 +1,15 @@
 //! `beamlet reconstruct`: retrieved images or sinograms to volumes.
 
 use super::simulate::command_line;
-use crate::args::{Centre, QuantityName, Reconstruct, ReconstructionName};
+use crate::args::{Centre, Hardening, QuantityName, Reconstruct, ReconstructionName};
 use crate::failure::Failure;
 use crate::interrupt;
 use crate::progress::Reporter;
 use beamlet::cli_support::printed;
 use beamlet::reconstruct::{
-    FbpOptions, GridChoice, Input, IterativeOptions, Method, Quantity, Reconstructed, Solver,
-    Truth, VolumeEstimate, VolumePlan, VolumesTo, estimate, gradient_bias, reconstruct,
+    BeamEnergy, FbpOptions, GridChoice, HardeningChoice, Input, IterativeOptions, Method, Quantity,
+    Reconstructed, Solver, Truth, VolumeEstimate, VolumePlan, VolumeRecord, VolumesTo, estimate,
+    gradient_bias, reconstruct,
 };
 use beamlet::retrieve::{self, ImagesTo, Record, RetrieveOptions};
 use beamlet::scene::Scene;
@@ -38,7 +39,9 @@ fn work(
     out: &mut impl Write,
 ) -> Result<(), Failure> {
     let began = Instant::now();
-    let engine = Engine::open(&arguments.device.options())?;
+    refuse_options(arguments)?;
+    let options = arguments.device.options().with_memory_limit(arguments.memory_limit);
+    let engine = Engine::open(&options)?;
     let mut source = Source::of(arguments, &engine, cancel, reporter)?;
     match arguments.centre {
         Some(Centre::Column(column)) => source.input = source.input.with_centre(column),
@@ -48,16 +51,16 @@ fn work(
         }
         None => {}
     }
-    let plan = plan(arguments, &source.input)?.with_gradient_bias(bias(arguments, &source));
+    let plan = plan(arguments, &source)?;
     let mut to = VolumesTo::new(&arguments.output, arguments.format);
     to = to.with_overwrite(arguments.overwrite);
     to.check(&source.input)?;
-    plan.regions.iter().try_for_each(|region| region.check(&plan.grid))?;
+    plan.check(&source.input)?;
     let geometry = source.input.geometry();
     if arguments.dry_run {
-        reporter.doing("measuring a part of the back-projection");
+        reporter.doing("measuring a part of the projections");
         let mut control = RowsControl::default().with_cancel(cancel.clone());
-        let found = estimate(&engine, geometry, &plan.grid, &mut control)?;
+        let found = estimate(&engine, geometry, &plan, arguments.truth, &mut control)?;
         reporter.finish();
         return describe(arguments, &plan, &source.input, found, out);
     }
@@ -65,7 +68,11 @@ fn work(
         (false, _) => None,
         (true, Some(scene)) => {
             reporter.doing("finding the objects at the voxels");
-            Some(Truth::of(&engine, scene, geometry, &plan.grid, cancel)?)
+            let truth = Truth::of(&engine, scene, geometry, &plan.grid, cancel)?;
+            Some(match &plan.beam_hardening {
+                Some(choice) => truth.with_mu_at(scene, choice.quoted()?)?,
+                None => truth,
+            })
         }
         (true, None) => {
             let path = arguments.inputs[0].clone();
@@ -186,7 +193,23 @@ fn retrieve_run(
     Ok(())
 }
 
-fn plan(arguments: &Reconstruct, input: &Input) -> Result<VolumePlan, Failure> {
+/// Refuses options of another method than the chosen one.
+fn refuse_options(arguments: &Reconstruct) -> Result<(), Failure> {
+    let (given, allowed) = match arguments.method {
+        ReconstructionName::Fbp => (arguments.iterated.first(), "cgls, sirt and bb"),
+        _ => (arguments.filtered.first(), "fbp"),
+    };
+    let Some(option) = given else { return Ok(()) };
+    let method = method(arguments).name();
+    let reason = match arguments.method {
+        ReconstructionName::Fbp => "filtered back-projection has one step",
+        _ => "iterations filter no rows, and their model has the lever arms",
+    };
+    Err(Failure::Usage(format!("{option} is for {allowed}, not for {method}: {reason}")))
+}
+
+fn plan(arguments: &Reconstruct, source: &Source) -> Result<VolumePlan, Failure> {
+    let input = &source.input;
     let has = input.quantities();
     let mut quantities: Vec<Quantity> = Vec::new();
     for name in &arguments.quantity {
@@ -216,19 +239,38 @@ fn plan(arguments: &Reconstruct, input: &Input) -> Result<VolumePlan, Failure> {
     // δ needs the volume of μ before.
     quantities.sort_by_key(|quantity| Quantity::ALL.iter().position(|other| other == quantity));
     let grid = choice.grid(input.geometry())?;
+    let beam = source.scene.as_ref().and_then(|scene| BeamEnergy::of(scene).ok());
     let plan = VolumePlan::new(quantities, grid, method(arguments));
     Ok(plan
         .with_regions(arguments.regions.clone())
         .with_rings(arguments.rings)
-        .with_sigma(arguments.sigma))
+        .with_sigma(arguments.sigma)
+        .with_gradient_bias(bias(arguments, source))
+        .with_beam(beam)
+        .with_beam_hardening(hardening(arguments, source)?)
+        .with_mask(arguments.iterated.mask.clone())
+        .with_start(arguments.iterated.start.clone()))
+}
+
+/// Material and energy of the correction of beam hardening.
+fn hardening(arguments: &Reconstruct, source: &Source) -> Result<Option<HardeningChoice>, Failure> {
+    let Some(Hardening { material, energy }) = &arguments.beam_hardening else { return Ok(None) };
+    let Some(scene) = &source.scene else {
+        let path = arguments.inputs[0].clone();
+        let problem = "does not name its scene, which --beam-hardening needs for the spectrum: \
+                       retrieve again";
+        return Err(Failure::File { path, problem: problem.into() });
+    };
+    Ok(Some(HardeningChoice::new(scene.clone(), material, *energy)?))
 }
 
 fn method(arguments: &Reconstruct) -> Method {
     let solver = match arguments.method {
         ReconstructionName::Fbp => {
             let given = &arguments.filtered;
-            let options =
-                FbpOptions::default().with_filter(given.filter).with_cut_off(given.cut_off);
+            let options = FbpOptions::default()
+                .with_filter(given.filter.unwrap_or_default())
+                .with_cut_off(given.cut_off.unwrap_or(1.0));
             let options = options.with_arm_passes(given.arm_passes);
             return Method::Fbp(options.with_extrapolate(given.extrapolate));
         }
@@ -237,9 +279,10 @@ fn method(arguments: &Reconstruct) -> Method {
         ReconstructionName::Bb => Solver::Bb,
     };
     let given = &arguments.iterated;
-    let options = IterativeOptions::default()
+    let usual = IterativeOptions::default();
+    let options = usual
         .with_solver(solver)
-        .with_iterations(given.iterations)
+        .with_iterations(given.iterations.unwrap_or(usual.iterations))
         .with_discrepancy(given.discrepancy)
         .with_non_negative(given.non_negative);
     Method::iterative(options, given.phase)
@@ -297,9 +340,38 @@ fn describe(
         mib(found.device_bytes),
         mib(found.volume_bytes)
     )?;
-    let seconds = found.seconds * plan.quantities.len() as f64;
-    writeln!(out, "time     {seconds:.1} s of back-projection, by a part of it on this device")?;
+    let what = match &plan.method {
+        Method::Iterative { options, .. } => {
+            format!("projections and back-projections, {} iterations", options.iterations)
+        }
+        _ => "back-projection".to_owned(),
+    };
+    writeln!(out, "time     {:.1} s of {what}, by a part of it on this device", found.seconds)?;
     writeln!(out, "nothing was written")?;
+    Ok(())
+}
+
+/// The energy that μ is quoted at.
+fn energy_words(record: &VolumeRecord, out: &mut impl Write) -> Result<(), Failure> {
+    if let Some(it) = &record.beam_hardening {
+        writeln!(
+            out,
+            "energy   mu is that of {:.3} keV, corrected for beam hardening in {} (-ln T up to {:.3}; fit \
+             within {:.1e})",
+            it.energy_kev, it.material, it.largest, it.error
+        )?;
+        return Ok(());
+    }
+    match record.beam {
+        Some(beam) if beam.spectrum => writeln!(
+            out,
+            "energy   mu and delta are means over the spectrum, {:.3} keV in the mean of what the detector \
+             sees; mu is not corrected for beam hardening",
+            beam.kev
+        )?,
+        Some(beam) => writeln!(out, "energy   {:.3} keV", beam.kev)?,
+        None => {}
+    }
     Ok(())
 }
 
@@ -325,6 +397,15 @@ fn summary(
     writeln!(out, "views    {views} of {columns} x {rows} pixels, in {seconds:.1} s")?;
     writeln!(out, "grid     {}", grid_words(&record.grid()))?;
     writeln!(out, "axis     in column {:.3}", record.axis_column)?;
+    energy_words(record, out)?;
+    for (what, value) in [("mask", &record.mask), ("start", &record.start)] {
+        if let Some(value) = value {
+            writeln!(out, "{what:<8} {value}")?;
+        }
+    }
+    if let Some(drift) = record.drift {
+        writeln!(out, "phase    {}", crate::commands::drift_words(&drift))?;
+    }
     if let Some(k) = record.gradient_bias_m {
         writeln!(out, "bias     delta + k mu, k = {k:.3e} m (gradients of the attenuation)")?;
     }

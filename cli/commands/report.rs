@@ -1,4 +1,4 @@
-//! `beamlet report`: a run as one page for a browser.
+//! `beamlet report`: a run, or a reconstruction, as one page for a browser.
 
 use super::pictures::{refuse_existing, refuse_read};
 use crate::args::Report;
@@ -18,21 +18,30 @@ pub(super) fn run(arguments: &Report, out: &mut impl Write) -> Result<(), Failur
     let path = match &arguments.output {
         Some(path) => path.clone(),
         None if layout::is_run(&arguments.run) => arguments.run.join(layout::REPORT),
-        // A directory of images holds nothing else.
+        // A directory of images or volumes holds nothing else.
         None => beside(&arguments.run),
     };
     let read: Vec<PathBuf> =
         std::iter::once(&arguments.run).chain(&arguments.retrieved).cloned().collect();
     refuse_read(std::slice::from_ref(&path), &read)?;
     refuse_existing(std::slice::from_ref(&path), arguments.overwrite)?;
-    let run = Subject::open(&arguments.run, arguments.retrieved.as_deref())?;
     let options = PageOptions {
         most: arguments.most.unwrap_or(MOST),
         device: arguments.device.device.clone(),
         command: command(),
     };
     let mut reporter = Reporter::new(arguments.messages);
-    let page = report::page(&run, &options, &mut reporter)?;
+    let page = match (layout::is_volume(&arguments.run), &arguments.retrieved) {
+        (true, Some(_)) => {
+            let problem = "--retrieved belongs to a run; this is a reconstruction";
+            return Err(Failure::Usage(problem.into()));
+        }
+        (true, None) => report::volume_page(&arguments.run, &options, &mut reporter)?,
+        (false, retrieved) => {
+            let run = Subject::open(&arguments.run, retrieved.as_deref())?;
+            report::page(&run, &options, &mut reporter)?
+        }
+    };
     reporter.finish();
     beamlet::cli_support::write_file(&path, page.as_bytes())?;
     Ok(writeln!(out, "{}", beamlet::cli_support::printed::path(&path))?)

@@ -49,6 +49,7 @@ pub(super) fn run(arguments: &Retrieve, out: &mut impl Write) -> Result<(), Fail
         .with_gain_assumed(gain_assumed)
         .with_empty_beam(arguments.empty_beam.clone())
         .with_correct(arguments.correct.unwrap_or_default())
+        .with_phase(arguments.phase)
         .with_read_noise(arguments.read_noise.or(of_scene.map(|[_, noise]| noise)).unwrap_or(0.0))
         .with_steps(arguments.steps)
         .with_sample_offsets(arguments.sample_offsets.as_deref().map(offsets).transpose()?);

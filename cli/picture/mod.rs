@@ -16,6 +16,7 @@ mod palette;
 pub(crate) mod profile;
 pub(crate) mod quantity;
 mod raster;
+pub(crate) mod residuals;
 pub(crate) mod sample;
 pub(crate) mod scale;
 mod section;

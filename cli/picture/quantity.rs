@@ -44,7 +44,7 @@ impl Quantity {
     pub(crate) fn of_map(name: &str) -> Self {
         let empty = match name {
             "transmission" => Some(1.0),
-            "refraction" | "dark_field" => Some(0.0),
+            "refraction" | "phase" | "dark_field" => Some(0.0),
             _ => None,
         };
         let make =
@@ -52,6 +52,7 @@ impl Quantity {
         match name {
             "transmission" => make("transmission", "", 1.0, Map::Grey),
             "refraction" => make("refraction angle", "µrad", 1e6, Map::Diverging),
+            "phase" => make("phase: integral of δ along the beam", "nm", 1e9, Map::Grey),
             "dark_field" => make("dark field σ²", "µrad²", 1e12, Map::Inferno),
             "transmission_sigma" => make("1σ of the transmission", "", 1.0, Map::Viridis),
             "refraction_sigma" => make("1σ of the refraction angle", "µrad", 1e6, Map::Viridis),

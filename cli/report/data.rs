@@ -9,7 +9,7 @@ use crate::picture::scale::Scale;
 use crate::subject::{Subject, trusted};
 use serde_json::{Value, json};
 
-const CONTRASTS: [&str; 3] = ["transmission", "refraction", "dark_field"];
+const CONTRASTS: [&str; 4] = ["transmission", "refraction", "phase", "dark_field"];
 const FIT: [&str; 4] = ["amplitude", "centre", "width", "background"];
 
 /// What goes into the page.

@@ -1,10 +1,11 @@
-//! A run as one page for a browser: data, drawing code and style in a single file without requests to any
-//! server.
+//! A run, or a reconstruction, as one page for a browser: data, drawing code and style in a single file
+//! without requests to any server.
 
 mod data;
 mod figures;
 mod tables;
 mod thinning;
+mod volume;
 
 use crate::failure::Failure;
 use crate::numbers;
@@ -15,27 +16,44 @@ use base64::Engine as _;
 use base64::engine::general_purpose::STANDARD;
 use beamlet::cli_support::{printed, require_memory};
 use minijinja::{Environment, UndefinedBehavior, Value, context, escape_formatter};
+use std::path::Path;
 use std::time::SystemTime;
 use tables::TableRow;
+pub(crate) use volume::page as volume_page;
 
 /// Images of a view beside its steps: retrieved ones with their 1 sigma, flags, the parts of a fit, its
 /// residual.
-const IMAGES: u64 = 12;
+const IMAGES: u64 = 13;
 /// Bytes that a page takes while it is made, for each of its image data: values before they are 16
 /// bits, the bits, their text, and two copies of that while it grows.
 const COPIES: u64 = 14;
 /// Bytes for each pixel of a frame that is read and binned.
 const OF_FRAME: u64 = 32;
 
-const PAGE: &str = include_str!("page/page.html");
+/// What the pages share before and behind their own part.
+const HEAD: &str = include_str!("page/head.html");
+const FOOT: &str = include_str!("page/foot.html");
 const STYLE: &str = include_str!("page/page.css");
-const SCRIPTS: [&str; 5] = [
-    include_str!("page/state.js"),
-    include_str!("page/images.js"),
-    include_str!("page/charts.js"),
-    include_str!("page/sinograms.js"),
-    include_str!("page/controls.js"),
-];
+const SHARED: [&str; 3] =
+    [include_str!("page/common.js"), include_str!("page/axes.js"), include_str!("page/charts.js")];
+/// The part of a page that is its own, and its scripts.
+#[derive(Debug, Clone, Copy)]
+struct Page {
+    body: &'static str,
+    scripts: &'static [&'static str],
+}
+
+/// The page of a run.
+const RUN: Page = Page {
+    body: include_str!("page/run.html"),
+    scripts: &[
+        include_str!("page/state.js"),
+        include_str!("page/images.js"),
+        include_str!("page/curves.js"),
+        include_str!("page/sinograms.js"),
+        include_str!("page/controls.js"),
+    ],
+};
 /// uPlot from npm; its version, hashes and licence lie beside it.
 const CHARTS: &str = include_str!("uplot/uPlot.iife.min.js");
 const CHART_STYLE: &str = include_str!("uplot/uPlot.min.css");
@@ -67,10 +85,6 @@ pub(crate) fn page(
     require_memory(needed, "the page of a report")?;
     reporter.doing("reading images");
     let data = data::collect(run, most)?;
-    let encoded = |(name, words): (String, Vec<u16>)| {
-        let bytes: Vec<u8> = words.iter().flat_map(|word| word.to_le_bytes()).collect();
-        TableRow::new(name, STANDARD.encode(bytes))
-    };
     let arrays: Vec<TableRow> = data.arrays.into_iter().map(encoded).collect();
     let figures = figures::of(run, options.device.as_deref(), reporter)?;
     let notes: Vec<String> = data.notes.into_iter().chain(figures.notes).collect();
@@ -93,16 +107,27 @@ pub(crate) fn page(
         scene => tables::scene_text(run)?,
         meta => script_json(&data.meta)?,
         arrays,
+    };
+    rendered(RUN, context)
+}
+
+/// An array as base64 of 16-bit numbers.
+fn encoded((name, words): (String, Vec<u16>)) -> TableRow {
+    let bytes: Vec<u8> = words.iter().flat_map(|word| word.to_le_bytes()).collect();
+    TableRow::new(name, STANDARD.encode(bytes))
+}
+
+/// Fills a page; what is put in is escaped, but for what the page calls safe.
+fn rendered(page: Page, context: Value) -> Result<String, Failure> {
+    let scripts: String = SHARED.iter().chain(page.scripts).copied().collect();
+    let context = context! {
         style => STYLE,
         chart_style => CHART_STYLE,
         charts => CHARTS,
-        script => SCRIPTS.concat(),
+        script => scripts,
+        ..context
     };
-    rendered(&context)
-}
-
-/// Fills the page; inserted text is escaped, unless the page marks it as safe.
-fn rendered(context: &Value) -> Result<String, Failure> {
+    let text = [HEAD, page.body, FOOT].concat();
     let mut environment = Environment::new();
     environment.set_undefined_behavior(UndefinedBehavior::SemiStrict);
     // Characters that change how the text around them is shown stay out, too.
@@ -116,7 +141,7 @@ fn rendered(context: &Value) -> Result<String, Failure> {
         path: "page.html".into(),
         problem: format!("the page cannot be made: {error:#}"),
     };
-    environment.add_template("page.html", PAGE).map_err(failed)?;
+    environment.add_template("page.html", &text).map_err(failed)?;
     environment.get_template("page.html").and_then(|page| page.render(context)).map_err(failed)
 }
 
@@ -126,17 +151,23 @@ fn title(run: &Subject) -> String {
     if !title.is_empty() {
         return title;
     }
-    let path = run.path();
-    // Of a path such as ".", too.
+    name_of(run.path())
+}
+
+/// The name of a directory, of a path such as ".", too.
+fn name_of(path: &Path) -> String {
     let whole = path.canonicalize().unwrap_or_else(|_| path.to_path_buf());
     let name = whole.file_name().map(|name| name.to_string_lossy().into_owned());
     name.unwrap_or_else(|| "run".to_owned())
 }
 
+/// "2026-11-22T05:40:01Z" as people write it.
+fn date(text: &str) -> String {
+    text.replace('T', " ").replace('Z', " UTC")
+}
+
 /// Dates, commands and versions of the subject and the page.
 fn facts(run: &Subject, command: &str) -> Vec<TableRow> {
-    // "2026-11-22T05:40:01Z" as people write it.
-    let date = |text: &str| text.replace('T', " ").replace('Z', " UTC");
     let mut facts = Vec::new();
     let mut add = |key: &str, value: String| facts.push(TableRow::new(key, value));
     if let Some(file) = run.run().map(|run| run.record()) {
@@ -163,10 +194,13 @@ fn facts(run: &Subject, command: &str) -> Vec<TableRow> {
             add("retrieved by", command.clone());
         }
     }
-    let now = humantime::format_rfc3339_seconds(SystemTime::now()).to_string();
-    add("page written", date(&now));
+    add("page written", date(&now()));
     add("by", command.to_owned());
     facts
+}
+
+fn now() -> String {
+    humantime::format_rfc3339_seconds(SystemTime::now()).to_string()
 }
 
 /// A version of beamlet with the commit that it was built from.

@@ -40,6 +40,10 @@ impl GridChoice {
         let voxel = self.voxel.map_or(full.voxel, |side| [side; 3]);
         let size = self.size.unwrap_or_else(|| {
             [0, 1, 2].map(|axis| {
+                // One row sees one plane.
+                if axis == 2 && geometry.rows.len() == 1 {
+                    return 1;
+                }
                 let voxels = full.size[axis] as f64 * full.voxel[axis] / voxel[axis];
                 whole::<usize>((voxels - 1e-9).ceil().max(1.0))
             })

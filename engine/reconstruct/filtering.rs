@@ -55,11 +55,6 @@ impl<'a> Filtering<'a> {
         self.even.len()
     }
 
-    /// The columns are the detector's.
-    pub(super) const fn is_even(&self) -> bool {
-        self.even.is_even
-    }
-
     pub(super) const fn is_turn(&self) -> bool {
         self.weights.is_turn()
     }

@@ -164,12 +164,3 @@ pub(super) fn same_shape(
     }
     Err(Error::argument(name, format!("shape {found:?}"), format!("{needed:?}")))
 }
-
-/// Borders of columns: half the way to the next ones.
-pub(super) fn borders(columns: &[f64]) -> Vec<f64> {
-    let last = columns.len() - 1;
-    let middle = |n: usize| f64::midpoint(columns[n], columns[n + 1]);
-    let before = columns[0] - (columns[1] - columns[0]) / 2.0;
-    let behind = columns[last] + (columns[last] - columns[last - 1]) / 2.0;
-    [before].into_iter().chain((0..last).map(middle)).chain([behind]).collect()
-}

@@ -2,22 +2,25 @@
 
 use crate::material::{constants_at, constants_over};
 use crate::numbers::single;
-use crate::scene::{Beam, Scene};
+use crate::scene::{self, Scene};
 use crate::spectrum::{Spectrum, response};
 use crate::{Error, Result};
 use ndarray::ArrayViewMut3;
 use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
 
 /// Terms of the polynomial, from the first power.
 const TERMS: usize = 6;
 /// Lengths that it is fitted to.
 const POINTS: u32 = 200;
+/// Longest way through a material, m.
+const LONGEST: f64 = 1e3;
 
 /// Polynomial that makes −ln T of one energy of −ln T under a spectrum, for samples of one material.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
 pub struct BeamHardening {
-    /// Energy of μ, keV: the mean of the detected photons without a sample.
+    /// Energy that μ is quoted at, keV.
     pub energy: f64,
     /// Factors of the first power and those above.
     pub coefficients: Vec<f64>,
@@ -25,6 +28,69 @@ pub struct BeamHardening {
     pub most: f64,
     /// Largest error of the fit, a share of −ln T.
     pub error: f64,
+}
+
+/// Material of a sample whose beam hardening is corrected, and the energy that μ is quoted at.
+#[derive(Debug, Clone)]
+#[non_exhaustive]
+pub struct HardeningChoice {
+    /// Scene with the spectrum, its filters, the detector and the materials.
+    pub scene: Scene,
+    /// Material of the sample.
+    pub material: String,
+    /// Energy that μ is quoted at, keV. `None`: the mean of what the detector sees without a sample.
+    pub energy: Option<f64>,
+}
+
+impl HardeningChoice {
+    /// A choice of material and energy (keV) for the spectrum of a scene.
+    ///
+    /// # Errors
+    /// [`Error::Argument`] for a source of one energy, and for energies that are not above zero; errors
+    /// of the scene's spectrum and material.
+    pub fn new(scene: Scene, material: &str, energy: Option<f64>) -> Result<Self> {
+        if scene.source.beam.single_energy().is_some() {
+            let allowed = "a source with a spectrum: a beam of one energy does not harden";
+            return Err(Error::argument("beam_hardening", "a source of one energy", allowed));
+        }
+        if let Some(energy) = energy.filter(|energy| !(energy.is_finite() && *energy > 0.0)) {
+            let found = format!("{energy} keV");
+            return Err(Error::argument("beam_hardening", found, "an energy above 0 keV"));
+        }
+        let made = Self { scene, material: material.to_owned(), energy };
+        constants_at(&made.scene, material, made.quoted()?)?;
+        Ok(made)
+    }
+
+    /// Energy that μ is quoted at, keV.
+    ///
+    /// # Errors
+    /// Errors of the scene's spectrum.
+    pub fn quoted(&self) -> Result<f64> {
+        self.energy.map_or_else(|| Ok(BeamEnergy::of(&self.scene)?.kev), Ok)
+    }
+}
+
+/// Energy of a beam.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[non_exhaustive]
+pub struct BeamEnergy {
+    /// The one energy, or the mean of what the detector sees without a sample, keV.
+    pub kev: f64,
+    /// Whether the beam has a spectrum.
+    pub spectrum: bool,
+}
+
+impl BeamEnergy {
+    /// The energy of the beam of a scene.
+    ///
+    /// # Errors
+    /// Errors of the scene's spectrum.
+    pub fn of(scene: &Scene) -> Result<Self> {
+        let (energies, weights) = seen(scene)?;
+        let spectrum = scene.source.beam.single_energy().is_none();
+        Ok(Self { kev: mean(&energies, &weights), spectrum })
+    }
 }
 
 impl BeamHardening {
@@ -35,29 +101,35 @@ impl BeamHardening {
     /// [`Error::Argument`] for a length that is not above zero; errors of the scene's spectrum and
     /// material.
     pub fn new(scene: &Scene, material: &str, longest: f64) -> Result<Self> {
-        if !(longest.is_finite() && longest > 0.0) {
-            let found = longest.to_string();
-            return Err(Error::argument("longest", found, "a length above zero, m"));
+        Beam::of(scene, material, None)?.polynomial(longest)
+    }
+
+    /// A polynomial up to the largest −ln T of sinograms.
+    ///
+    /// # Errors
+    /// [`Error::Argument`] for a largest −ln T that is not above zero, or that no length of the material
+    /// reaches; errors of the scene's spectrum and material.
+    pub fn up_to(choice: &HardeningChoice, most: f64) -> Result<Self> {
+        let HardeningChoice { scene, material, energy } = choice;
+        let seen = Beam::of(scene, material, *energy)?;
+        if !(most.is_finite() && most > 0.0) {
+            let found = format!("{most} as the largest −ln T");
+            return Err(Error::argument("beam_hardening", found, "sinograms that attenuate"));
         }
-        let (energies, weights) = seen(scene)?;
-        let energy = energies.iter().zip(&weights).map(|(energy, weight)| energy * weight).sum();
-        let mu: Vec<f64> =
-            constants_over(scene, material, &energies)?.iter().map(|it| it.mu).collect();
-        let of_energy = constants_at(scene, material, energy)?.mu;
-        let polychromatic = |length: f64| {
-            let term = |(weight, mu): (&f64, &f64)| weight * libm::exp(-mu * length);
-            -libm::log(weights.iter().zip(&mu).map(term).sum::<f64>())
-        };
-        let points: Vec<[f64; 2]> = (1..=POINTS)
-            .map(|n| longest * f64::from(n) / f64::from(POINTS))
-            .map(|length| [polychromatic(length), of_energy * length])
-            .collect();
-        let most = points[points.len() - 1][0];
-        let coefficients = fitted(&points, most)?;
-        let mut made = Self { energy, coefficients, most, error: 0.0 };
-        let off = |[p, wanted]: &[f64; 2]| (made.value(*p) / wanted - 1.0).abs();
-        made.error = points.iter().map(off).fold(0.0, f64::max);
-        Ok(made)
+        let mut ends = [0.0, 1e-6];
+        while seen.log(ends[1]) < most {
+            ends = [ends[1], 2.0 * ends[1]];
+            if ends[1] > LONGEST {
+                let found = format!("−ln T = {most} behind {material}");
+                let allowed = format!("what {LONGEST} m of it let through, or less");
+                return Err(Error::argument("beam_hardening", found, allowed));
+            }
+        }
+        for _ in 0..60 {
+            let middle = f64::midpoint(ends[0], ends[1]);
+            ends[usize::from(seen.log(middle) >= most)] = middle;
+        }
+        seen.polynomial(ends[1])
     }
 
     /// −ln T of one energy. Beyond [`BeamHardening::most`] it goes on straight.
@@ -88,12 +160,60 @@ impl BeamHardening {
     }
 }
 
+/// A beam as the detector sees it, and a material in it.
+struct Beam {
+    /// Energy that μ is quoted at, keV.
+    energy: f64,
+    /// Share of what the detector sees without a sample, and μ of the material, 1/m.
+    lines: Vec<[f64; 2]>,
+    /// μ at the energy that it is quoted at, 1/m.
+    of_energy: f64,
+}
+
+impl Beam {
+    fn of(scene: &Scene, material: &str, energy: Option<f64>) -> Result<Self> {
+        let (energies, weights) = seen(scene)?;
+        let energy = energy.unwrap_or_else(|| mean(&energies, &weights));
+        let constants = constants_over(scene, material, &energies)?;
+        let lines = weights.iter().zip(&constants).map(|(weight, it)| [*weight, it.mu]).collect();
+        Ok(Self { energy, lines, of_energy: constants_at(scene, material, energy)?.mu })
+    }
+
+    /// −ln T behind a length, m.
+    fn log(&self, length: f64) -> f64 {
+        let term = |[weight, mu]: &[f64; 2]| weight * libm::exp(-mu * length);
+        -libm::log(self.lines.iter().map(term).sum::<f64>())
+    }
+
+    fn polynomial(&self, longest: f64) -> Result<BeamHardening> {
+        if !(longest.is_finite() && longest > 0.0) {
+            let found = longest.to_string();
+            return Err(Error::argument("longest", found, "a length above zero, m"));
+        }
+        let points: Vec<[f64; 2]> = (1..=POINTS)
+            .map(|n| longest * f64::from(n) / f64::from(POINTS))
+            .map(|length| [self.log(length), self.of_energy * length])
+            .collect();
+        let most = points[points.len() - 1][0];
+        let coefficients = fitted(&points, most)?;
+        let mut made = BeamHardening { energy: self.energy, coefficients, most, error: 0.0 };
+        let off = |[p, wanted]: &[f64; 2]| (made.value(*p) / wanted - 1.0).abs();
+        made.error = points.iter().map(off).fold(0.0, f64::max);
+        Ok(made)
+    }
+}
+
+/// Mean of energies by their weights, which sum to 1.
+fn mean(energies: &[f64], weights: &[f64]) -> f64 {
+    energies.iter().zip(weights).map(|(energy, weight)| energy * weight).sum()
+}
+
 /// Energies, keV, and their shares of the signal without a sample: all rows of the spectrum, since nodes
 /// serve the materials of the scene alone.
 fn seen(scene: &Scene) -> Result<(Vec<f64>, Vec<f64>)> {
     let spec = match &scene.source.beam {
-        Beam::Energy(energy) => return Ok((vec![*energy], vec![1.0])),
-        Beam::Spectrum(spec) => spec,
+        scene::Beam::Energy(energy) => return Ok((vec![*energy], vec![1.0])),
+        scene::Beam::Spectrum(spec) => spec,
     };
     let mut spectrum = Spectrum::after_filters(scene, spec)?.significant();
     for (energy, weight) in spectrum.energies_kev.iter().zip(&mut spectrum.weights) {

@@ -228,6 +228,18 @@ impl Input {
         folders.iter().all(|(_, maps)| maps.names().any(|other| other == name))
     }
 
+    /// # Errors
+    /// [`Error::File`] where there are no deviations of the values of a quantity.
+    pub(super) fn require_sigmas(&self, quantity: Quantity) -> Result<()> {
+        if self.has_sigmas(quantity) {
+            return Ok(());
+        }
+        let path = self.paths().into_iter().next().unwrap_or_default();
+        let name = sigma_of(quantity);
+        let problem = format!("has no image {name}, from which the uncertainties are made");
+        Err(Error::file(path, problem, None))
+    }
+
     /// Standard deviations of the values of [`Input::sinograms`], `[view][row][column]`, by the retrieval;
     /// NaN where a pixel has none.
     ///
@@ -235,12 +247,8 @@ impl Input {
     /// [`Error::File`] where there are none or a file cannot be read; [`Error::Memory`],
     /// [`Error::Interrupted`].
     pub fn sigmas(&self, quantity: Quantity, cancel: &Cancel) -> Result<Array3<f32>> {
+        self.require_sigmas(quantity)?;
         let name = sigma_of(quantity);
-        if !self.has_sigmas(quantity) {
-            let path = self.paths().into_iter().next().unwrap_or_default();
-            let problem = format!("has no image {name}, from which the uncertainties are made");
-            return Err(Error::file(path, problem, None));
-        }
         let [views, rows, columns] = self.geometry.shape();
         let values = reserve::zeroed(views * rows * columns, "deviations")?;
         let mut all = Array3::from_shape_vec((views, rows, columns), values)

@@ -7,12 +7,12 @@ use super::geometry::ScanGeometry;
 use super::grid::{Volume, VolumeGrid};
 use super::iterative::iterate;
 use super::measured::Measured;
-use super::phase::phase_along_rows;
+use super::phase::integrated;
 use super::quantity::Quantity;
 use super::solver::IterativeOptions;
+use crate::retrieve::Drift;
 use crate::run::RowsControl;
-use crate::{Engine, Result};
-use ndarray::ArrayView3;
+use crate::{Engine, Error, Result};
 use serde_json::{Value, json};
 
 /// A method of reconstruction with its options.
@@ -47,6 +47,9 @@ pub struct Made {
     pub residuals: Vec<f64>,
     /// Number of the iteration that the volume is of.
     pub best: usize,
+    /// Drift that was taken off refraction angles before they were integrated; `None` where they were
+    /// not.
+    pub drift: Option<Drift>,
 }
 
 impl Method {
@@ -92,6 +95,20 @@ impl Method {
         }
     }
 
+    /// The same with a bound of the values of volume and of sinograms that are on the device at once.
+    pub(super) const fn with_at_once(mut self, values: usize) -> Self {
+        match &mut self {
+            Self::Fbp(options) => options.at_once = Some(values),
+            Self::Iterative { options, .. } => options.at_once = Some(values),
+        }
+        self
+    }
+
+    /// Whether a quantity is made of refraction angles integrated along the rows.
+    pub(super) fn is_of_phase(&self, quantity: Quantity) -> bool {
+        matches!(self, Self::Iterative { phase: true, .. }) && quantity == Quantity::Delta
+    }
+
     /// Refuses options that do not fit a quantity, before any work is done.
     ///
     /// # Errors
@@ -103,8 +120,20 @@ impl Method {
         }
     }
 
-    /// The volume of sinograms `[view][row][column]`, with weights of their values or without; filtered
-    /// back-projection has none.
+    /// Refuses what only iterations take: voxels that may differ from zero, and a start.
+    pub(super) fn check_extras(&self, mask: bool, start: bool) -> Result<()> {
+        let found = match (self, mask, start) {
+            (Self::Fbp(_), true, _) => "fbp with a mask",
+            (Self::Fbp(_), _, true) => "fbp with a start",
+            _ => return Ok(()),
+        };
+        let allowed = "cgls, sirt or bb: filtered back-projection computes every voxel for itself, in \
+                       one step";
+        Err(Error::argument("method", found, allowed))
+    }
+
+    /// The volume of sinograms with what is known beside them. Filtered back-projection has no weights,
+    /// mask and start.
     ///
     /// # Errors
     /// As the function of the method.
@@ -112,25 +141,31 @@ impl Method {
         &self,
         engine: &Engine,
         geometry: &ScanGeometry,
-        (sinograms, weights): (ArrayView3<'_, f32>, Option<ArrayView3<'_, f32>>),
-        quantity: Quantity,
+        measured: &Measured<'_>,
         grid: &VolumeGrid,
         control: &mut RowsControl<'_>,
     ) -> Result<Made> {
+        let (sinograms, quantity) = (measured.sinograms, measured.data.quantity());
         match self {
             Self::Fbp(options) => {
+                self.check_extras(measured.mask.is_some(), measured.start.is_some())?;
                 let volume = fbp(engine, geometry, sinograms, quantity, grid, options, control)?;
-                Ok(Made { volume, residuals: Vec::new(), best: 0 })
+                Ok(Made { volume, residuals: Vec::new(), best: 0, drift: None })
             }
-            Self::Iterative { options, phase } => {
-                let data = data(quantity, *phase);
-                let integrated = (data == Data::Phase)
-                    .then(|| phase_along_rows(geometry, sinograms, None))
+            Self::Iterative { options, .. } => {
+                let integrated = self
+                    .is_of_phase(quantity)
+                    .then(|| integrated(geometry, sinograms, None))
                     .transpose()?;
-                let given = integrated.as_ref().map_or(sinograms, |phase| phase.view());
-                let measured = Measured::new(data, given).with_weights(weights);
+                let given = match &integrated {
+                    Some((phase, _)) => (Data::Phase, phase.view()),
+                    None => (measured.data, measured.sinograms),
+                };
+                let measured = Measured { data: given.0, sinograms: given.1, ..*measured };
                 let made = iterate(engine, geometry, &measured, grid, options, control)?;
-                Ok(Made { volume: made.volume, residuals: made.residuals, best: made.best })
+                let drift = integrated.as_ref().map(|(_, drift)| *drift);
+                let (volume, residuals) = (made.volume, made.residuals);
+                Ok(Made { volume, residuals, best: made.best, drift })
             }
         }
     }

@@ -3,8 +3,9 @@
 //! Parallel beams, fans and cones, on a circle. Formulas: docs/physics.md.
 //!
 //! From retrieved images to files: [`Input`] reads sinograms (`prepare.rs` fills their gaps),
-//! [`GridChoice`] chooses voxels, a [`Method`] makes a [`Volume`], [`reconstruct`] writes a folder of
-//! them (`write.rs`, `record.rs`) with means of [`Region`]s and a [`Truth`], [`OpenVolumes`] reads it.
+//! [`GridChoice`] chooses voxels, a [`VolumePlan`] has what is to be made, within a limit of memory
+//! (`memory.rs`), a [`Method`] makes a [`Volume`], [`reconstruct`] writes a folder of them (`write.rs`,
+//! `record.rs`) with means of [`Region`]s and a [`Truth`], [`OpenVolumes`] reads it.
 //!
 //! From sinograms to volumes, in the order of the data:
 //!
@@ -35,6 +36,7 @@ mod input;
 mod iterative;
 mod joseph;
 mod measured;
+mod memory;
 mod method;
 mod model;
 mod open;
@@ -56,6 +58,7 @@ mod sigma;
 mod solver;
 mod truth;
 mod vectors;
+mod voxel_mask;
 mod work;
 mod write;
 
@@ -69,7 +72,7 @@ pub use filter::Filter;
 pub use geometry::ScanGeometry;
 pub use gradient_bias::{add_gradient_bias, gradient_bias};
 pub use grid::{Volume, VolumeGrid};
-pub use hardening::BeamHardening;
+pub use hardening::{BeamEnergy, BeamHardening, HardeningChoice};
 pub use input::Input;
 pub use iterative::{Iterated, iterate};
 pub use measured::Measured;
@@ -80,11 +83,12 @@ pub use phase::phase_along_rows;
 pub use plan::VolumePlan;
 pub use prepare::PixelCounts;
 pub use quantity::Quantity;
-pub use record::VolumeRecord;
+pub use record::{HardeningRecord, VolumeRecord};
 pub use regions::{Region, RegionMean, RegionShape, region_table};
 pub use rings::suppress_rings;
 pub use run::{Reconstructed, VolumesTo, reconstruct};
 pub use sigma::{fbp_mean_sigma, fbp_sigma};
 pub use solver::{IterativeOptions, Solver};
 pub use truth::Truth;
+pub use voxel_mask::VoxelMask;
 pub use write::VolumeFormat;

@@ -1,12 +1,13 @@
 //! Sinograms of a volume: the projector with lengths, arms and differences.
 
 use super::data::Data;
-use super::geometry::{ScanGeometry, borders, same_shape};
+use super::geometry::{ScanGeometry, same_shape};
 use super::grid::VolumeGrid;
 use super::joseph::Rays;
 use super::projector::{AT_ONCE, Arm, Projector};
 use super::work::{Work, reporting};
 use crate::numbers::single;
+use crate::retrieve::borders;
 use crate::run::RowsControl;
 use crate::{Engine, Result, parallel, reserve};
 use ndarray::{Array3, ArrayView3};

@@ -1,15 +1,16 @@
 //! Phase: refraction angles integrated along the rows.
 
-use super::geometry::{ScanGeometry, borders, same_shape};
-use crate::numbers::single;
-use crate::{Error, Result, parallel};
+use super::geometry::{ScanGeometry, same_shape};
+use crate::retrieve::{Drift, DriftSum, borders, integrated_row};
+use crate::{Error, Result, parallel, reserve};
 use ndarray::{Array3, ArrayView3};
 use rayon::prelude::*;
 
 /// Refraction angles (rad), `[view][row][column]`, integrated along the rows: the integral of δ over the
-/// depth t, m, where δ counts by the lever arm and by 1/(1 + t/D), D the distance from source to axis. Angles that are not finite, or not `usable`, are interpolated linearly between those
-/// beside them. The sum over a row is a drift, where air is on both sides of the sample: it is taken off
-/// as a ramp, so that rows begin and end at 0. Truncated rows have no phase.
+/// depth t, m, where δ counts by the lever arm and by 1/(1 + t/D), D the distance from source to axis.
+/// Angles that are not finite, or not `usable`, are interpolated linearly between those beside them. The
+/// sum over a row is a drift, where air is on both sides of the sample: it is taken off as a ramp, so that
+/// rows begin and end at 0. Truncated rows have no phase.
 ///
 /// # Errors
 /// [`Error::Argument`] for a geometry that cannot be, arrays of another shape, rows without an angle.
@@ -18,6 +19,15 @@ pub fn phase_along_rows(
     angles: ArrayView3<'_, f32>,
     usable: Option<ArrayView3<'_, bool>>,
 ) -> Result<Array3<f32>> {
+    integrated(geometry, angles, usable).map(|(phase, _)| phase)
+}
+
+/// As [`phase_along_rows`], with the drift that was taken off.
+pub(super) fn integrated(
+    geometry: &ScanGeometry,
+    angles: ArrayView3<'_, f32>,
+    usable: Option<ArrayView3<'_, bool>>,
+) -> Result<(Array3<f32>, Drift)> {
     geometry.check()?;
     same_shape("angles", angles.dim(), geometry.dim())?;
     if let Some(usable) = &usable {
@@ -25,7 +35,7 @@ pub fn phase_along_rows(
     }
     parallel::start_threads()?;
     let (views, rows, columns) = geometry.dim();
-    let made: Vec<Vec<f32>> = (0..views * rows)
+    let made: Vec<(Vec<f32>, f64, u64)> = (0..views * rows)
         .into_par_iter()
         .map(|number| {
             let (view, row) = (number / rows, number % rows);
@@ -38,38 +48,21 @@ pub fn phase_along_rows(
                 let found = format!("none in view {view}, row {row}");
                 return Err(Error::argument("angles", found, "one or more in each row"));
             }
-            Ok(of_row(geometry, row, &known))
+            let tangent = |place: f64| geometry.tangents(place, row)[0];
+            let scale = geometry.magnification();
+            let (phase, mean) = integrated_row(&known, &geometry.columns, scale, tangent);
+            Ok((phase, mean, (columns - known.len()) as u64))
         })
         .collect::<Result<_>>()?;
     let shape = geometry.dim();
-    Ok(Array3::from_shape_vec(shape, made.concat()).unwrap_or_else(|_| Array3::zeros(shape)))
-}
-
-/// Phase of a row, at its columns, by the angles that are known.
-fn of_row(geometry: &ScanGeometry, row: usize, known: &[(usize, f64)]) -> Vec<f32> {
-    let places = &geometry.columns;
-    let angle = |column: usize| {
-        let next = known.partition_point(|(at, _)| *at < column);
-        match (next.checked_sub(1).map(|before| known[before]), known.get(next).copied()) {
-            (_, Some((at, angle))) if at == column => angle,
-            (Some((a, from)), Some((b, to))) => {
-                let share = (places[column] - places[a]) / (places[b] - places[a]);
-                from + share * (to - from)
-            }
-            (Some((_, angle)), None) | (None, Some((_, angle))) => angle,
-            (None, None) => 0.0,
-        }
-    };
-    let borders = borders(places);
-    let scale = geometry.magnification();
-    let mut sums = vec![0.0];
-    for (column, place) in places.iter().enumerate() {
-        let [change, _] = geometry.tangents(*place, row);
-        let width = (borders[column + 1] - borders[column]) / scale;
-        sums.push(sums[column] - angle(column) * width / change);
+    let mut phase: Vec<f32> = reserve::room(shape.0 * shape.1 * shape.2, "integrated angles")?;
+    let mut sum = DriftSum::default();
+    for (row, mean, filled) in &made {
+        phase.extend(row);
+        sum.take(*mean, row, *filled);
     }
-    let last = places.len();
-    let ramp = sums[last] / (borders[last] - borders[0]);
-    let levelled = |n: usize| sums[n] - ramp * (borders[n] - borders[0]);
-    (0..last).map(|column| single(f64::midpoint(levelled(column), levelled(column + 1)))).collect()
+    let borders = borders(&geometry.columns);
+    let drift = sum.drift((borders[columns] - borders[0]) / geometry.magnification());
+    let phase = Array3::from_shape_vec(shape, phase).unwrap_or_else(|_| Array3::zeros(shape));
+    Ok((phase, drift))
 }

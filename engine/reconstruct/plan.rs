@@ -1,9 +1,17 @@
 //! Plan of a reconstruction: volumes, method, corrections.
 
-use super::grid::VolumeGrid;
+use super::grid::{Volume, VolumeGrid};
+use super::hardening::{BeamEnergy, HardeningChoice};
+use super::input::Input;
 use super::method::Method;
+use super::open::OpenVolumes;
 use super::quantity::Quantity;
+use super::redundancy::Redundancy;
 use super::regions::Region;
+use super::sigma::check_sigma;
+use super::voxel_mask::VoxelMask;
+use crate::{Error, Result};
+use std::path::PathBuf;
 
 /// Plan of a reconstruction: volumes, method, corrections.
 #[derive(Debug, Clone)]
@@ -26,14 +34,33 @@ pub struct VolumePlan {
     /// Length k of the bias of δ by gradients of μ ([`super::gradient_bias`]): δ becomes δ + kμ where μ is
     /// made, too.
     pub gradient_bias: Option<f64>,
+    /// Energy of the beam, for the record.
+    pub beam: Option<BeamEnergy>,
+    /// Sinograms of μ are corrected for the hardening of a beam with a spectrum.
+    pub beam_hardening: Option<HardeningChoice>,
+    /// Voxels that may differ from zero, in iterative methods.
+    pub mask: Option<VoxelMask>,
+    /// Folder of volumes on the same grid that iterations begin with. `None`: zero.
+    pub start: Option<PathBuf>,
 }
 
 impl VolumePlan {
     /// A plan without regions and corrections.
     #[must_use]
     pub const fn new(quantities: Vec<Quantity>, grid: VolumeGrid, method: Method) -> Self {
-        let regions = Vec::new();
-        Self { quantities, grid, method, regions, sigma: false, rings: false, gradient_bias: None }
+        Self {
+            quantities,
+            grid,
+            method,
+            regions: Vec::new(),
+            sigma: false,
+            rings: false,
+            gradient_bias: None,
+            beam: None,
+            beam_hardening: None,
+            mask: None,
+            start: None,
+        }
     }
 
     setters! {
@@ -45,5 +72,101 @@ impl VolumePlan {
         with_rings(rings: bool);
         /// Sets the length of the bias of δ.
         with_gradient_bias(gradient_bias: impl Into<Option<f64>>);
+        /// Sets the energy of the beam, for the record.
+        with_beam(beam: impl Into<Option<BeamEnergy>>);
+        /// Sets the material of the correction of beam hardening.
+        with_beam_hardening(beam_hardening: impl Into<Option<HardeningChoice>>);
+        /// Sets the voxels that may differ from zero.
+        with_mask(mask: impl Into<Option<VoxelMask>>);
+        /// Sets the folder of volumes that iterations begin with.
+        with_start(start: impl Into<Option<PathBuf>>);
     }
+
+    /// Files and folders that are read beside the input.
+    pub(super) fn paths(&self) -> Vec<PathBuf> {
+        let mask = self.mask.as_ref().and_then(VoxelMask::path);
+        mask.map(ToOwned::to_owned).into_iter().chain(self.start.clone()).collect()
+    }
+
+    /// Refuses what does not fit an input, before any work is done.
+    ///
+    /// # Errors
+    /// [`Error::Argument`] with the reason; [`Error::File`] for a mask, start or deviations that are not
+    /// there or do not fit.
+    pub fn check(&self, input: &Input) -> Result<()> {
+        let has_mu = self.quantities.contains(&Quantity::Mu);
+        self.regions.iter().try_for_each(|region| region.check(&self.grid))?;
+        self.method.check_extras(self.mask.is_some(), self.start.is_some())?;
+        if self.beam_hardening.is_some() && !has_mu {
+            let allowed = "volumes of mu: refraction and dark field have no hardening to correct";
+            return Err(Error::argument("beam_hardening", "no volume of mu", allowed));
+        }
+        if let Some(mask) = &self.mask {
+            mask.on(&self.grid)?;
+        }
+        if let Some(options) = self.method.filtered() {
+            Redundancy::of(input.geometry())?;
+            if self.sigma {
+                check_sigma(input.geometry(), options)?;
+            }
+        }
+        for quantity in self.quantities.iter().copied() {
+            self.method.check(quantity)?;
+            if self.sigma {
+                input.require_sigmas(quantity)?;
+            }
+            if self.sigma && self.method.is_of_phase(quantity) {
+                let allowed = "refraction angles as they are: deviations of integrated angles grow along \
+                               the row and are no weights";
+                return Err(Error::argument("sigma", "deviations of integrated angles", allowed));
+            }
+            if let Some(path) = &self.start {
+                let found = OpenVolumes::open(path)?;
+                if !found.record().units.contains_key(quantity.name()) {
+                    let problem = format!("has no volume {} to begin with", quantity.name());
+                    return Err(Error::file(path, problem, None));
+                }
+                same_grid(&found, &self.grid, path)?;
+            }
+        }
+        Ok(())
+    }
+
+    /// The volume that iterations of a quantity begin with.
+    ///
+    /// # Errors
+    /// [`Error::File`] where it cannot be read, or holds values that are not finite.
+    pub(super) fn start_of(&self, quantity: Quantity) -> Result<Option<Volume>> {
+        let Some(path) = &self.start else { return Ok(None) };
+        let volume = OpenVolumes::open(path)?.volume(quantity)?;
+        let bad = volume.values.indexed_iter().find(|(_, value)| !value.is_finite());
+        if let Some(((z, y, x), value)) = bad {
+            let problem = format!(
+                "{}: {value} in voxel x {x}, y {y}, z {z}; allowed: finite values",
+                quantity.name()
+            );
+            return Err(Error::file(path, problem, None));
+        }
+        Ok(Some(volume))
+    }
+}
+
+/// # Errors
+/// [`Error::File`] where volumes lie on another grid.
+fn same_grid(found: &OpenVolumes, grid: &VolumeGrid, path: &std::path::Path) -> Result<()> {
+    let other = found.record().grid();
+    let is_near = |a: &[f64; 3], b: &[f64; 3]| {
+        a.iter().zip(b).zip(&grid.voxel).all(|((a, b), side)| (a - b).abs() <= 1e-6 * side)
+    };
+    if other.size == grid.size
+        && is_near(&other.voxel, &grid.voxel)
+        && is_near(&other.origin, &grid.origin)
+    {
+        return Ok(());
+    }
+    let words = |grid: &VolumeGrid| {
+        format!("{:?} voxels of {:?} m from {:?} m", grid.size, grid.voxel, grid.origin)
+    };
+    let problem = format!("has {}; this reconstruction has {}", words(&other), words(grid));
+    Err(Error::file(path, problem, None))
 }

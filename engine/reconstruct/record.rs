@@ -2,9 +2,12 @@
 
 use super::geometry::ScanGeometry;
 use super::grid::VolumeGrid;
+use super::hardening::BeamEnergy;
 use super::plan::VolumePlan;
 use super::prepare::PixelCounts;
+use super::voxel_mask::VoxelMask;
 use super::write::VolumeFormat;
+use crate::retrieve::Drift;
 use crate::stack::layout::VOLUME;
 use crate::{Error, Result, input_file};
 use serde::{Deserialize, Serialize};
@@ -49,6 +52,22 @@ pub struct VolumeRecord {
     /// Length k with which kμ was added to δ, m; `None` where it was not.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub gradient_bias_m: Option<f64>,
+    /// Energy of the beam; `None` where the scene is not known.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub beam: Option<BeamEnergy>,
+    /// Correction of beam hardening; `None` where there was none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub beam_hardening: Option<HardeningRecord>,
+    /// Voxels that may differ from zero: a shape (lengths in m) or a file; `None`: all.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub mask: Option<String>,
+    /// Folder of the volumes that iterations began with; `None`: zero.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub start: Option<String>,
+    /// Mean angles of rows that were taken off before angles were integrated; `None` where they were not
+    /// integrated.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub drift: Option<Drift>,
     /// Pixels of the sinograms by quantity.
     pub pixels: BTreeMap<String, PixelCounts>,
     /// File format of the volumes.
@@ -68,8 +87,27 @@ pub struct VolumeRecord {
     /// Object and material of each label of the truth; empty without one.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub labels: BTreeMap<u32, String>,
+    /// Regions of regions.csv as they are read on the command line, lengths in m.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub regions: Vec<String>,
     /// Files beside the volumes.
     pub files: Vec<String>,
+}
+
+/// Correction of beam hardening as volume.json has it.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[non_exhaustive]
+pub struct HardeningRecord {
+    /// Material that −ln T was taken for.
+    pub material: String,
+    /// Energy that μ is quoted at, keV.
+    pub energy_kev: f64,
+    /// Factors of the first power of −ln T and those above.
+    pub coefficients: Vec<f64>,
+    /// Largest −ln T that the polynomial is fitted to; it goes on straight beyond.
+    pub largest: f64,
+    /// Largest error of the fit, a share of −ln T.
+    pub error: f64,
 }
 
 impl VolumeRecord {
@@ -97,6 +135,11 @@ impl VolumeRecord {
             axis_column: geometry.axis_column(),
             rings: plan.rings,
             gradient_bias_m: None,
+            beam: plan.beam,
+            beam_hardening: None,
+            mask: plan.mask.as_ref().map(VoxelMask::words),
+            start: plan.start.as_ref().map(|path| path.display().to_string()),
+            drift: None,
             pixels: BTreeMap::new(),
             format,
             order: "[z][y][x]".to_owned(),
@@ -108,6 +151,7 @@ impl VolumeRecord {
             origin_m: plan.grid.origin,
             units: BTreeMap::new(),
             labels: BTreeMap::new(),
+            regions: plan.regions.iter().map(ToString::to_string).collect(),
             files: Vec::new(),
         }
     }

@@ -3,7 +3,7 @@
 use super::grid::{Volume, VolumeGrid};
 use crate::units::Dimension;
 use crate::{Error, Result};
-use std::fmt::Write;
+use std::fmt::{self, Write};
 use std::str::FromStr;
 
 /// A region with a name; lengths in m, coordinates of the volume.
@@ -45,62 +45,102 @@ pub struct RegionMean {
     pub range: [f64; 2],
 }
 
-const ALLOWED: &str = "NAME=cylinder:X,Y,RADIUS, NAME=sphere:X,Y,Z,RADIUS or \
-                       NAME=box:X,Y,Z,WIDTH,DEPTH,HEIGHT, lengths with units as in rod=cylinder:1 mm,0 mm,2 mm";
+const ALLOWED: &str = "cylinder:X,Y,RADIUS (along z), sphere:X,Y,Z,RADIUS or \
+                       box:X,Y,Z,WIDTH,DEPTH,HEIGHT, lengths with units as in cylinder:1 mm,0 mm,2 mm";
 
-impl FromStr for Region {
-    type Err = Error;
+/// Names of the shapes.
+const SHAPES: [&str; 3] = ["cylinder", "sphere", "box"];
 
-    fn from_str(text: &str) -> Result<Self> {
-        let refused =
-            |problem: String| Error::argument("region", format!("{text:?}{problem}"), ALLOWED);
-        let (name, rest) = text.split_once('=').ok_or_else(|| refused(String::new()))?;
-        let (kind, list) = rest.split_once(':').ok_or_else(|| refused(String::new()))?;
-        let lengths = list
-            .split(',')
-            .map(|word| {
-                Dimension::Length.parse(word).map_err(|error| refused(format!(": {error}")))
-            })
-            .collect::<Result<Vec<f64>>>()?;
-        let shape = match (kind.trim(), lengths.as_slice()) {
-            ("cylinder", &[x, y, radius]) if radius > 0.0 => RegionShape::Cylinder([x, y, radius]),
-            ("sphere", &[x, y, z, radius]) if radius > 0.0 => {
-                RegionShape::Sphere([x, y, z, radius])
-            }
-            ("box", &[x, y, z, a, b, c]) if a > 0.0 && b > 0.0 && c > 0.0 => {
-                RegionShape::Box([x, y, z, a, b, c])
-            }
-            _ => return Err(refused(String::new())),
-        };
-        let name = name.trim();
-        if name.is_empty() || name.contains([',', '"', '\n']) {
-            return Err(refused(": a name of one or more characters, without commas".into()));
-        }
-        Ok(Self { name: name.to_owned(), shape })
+impl RegionShape {
+    /// Whether a text begins as a shape does, and not as the name of a file.
+    pub(super) fn is_begun(text: &str) -> bool {
+        text.split_once(':').is_some_and(|(kind, _)| SHAPES.contains(&kind.trim()))
     }
-}
 
-impl Region {
-    /// Whether a point lies in the region, m.
+    /// Whether a point lies in the shape, m.
     #[must_use]
     pub fn holds(&self, [x, y, z]: [f64; 3]) -> bool {
-        match self.shape {
-            RegionShape::Cylinder([a, b, radius]) => (x - a).hypot(y - b) <= radius,
-            RegionShape::Sphere([a, b, c, radius]) => (x - a).hypot(y - b).hypot(z - c) <= radius,
-            RegionShape::Box([a, b, c, width, depth, height]) => {
+        match *self {
+            Self::Cylinder([a, b, radius]) => (x - a).hypot(y - b) <= radius,
+            Self::Sphere([a, b, c, radius]) => (x - a).hypot(y - b).hypot(z - c) <= radius,
+            Self::Box([a, b, c, width, depth, height]) => {
                 [(x - a, width), (y - b, depth), (z - c, height)]
                     .iter()
                     .all(|(from, side)| from.abs() <= side / 2.0)
             }
         }
     }
+}
 
+impl FromStr for RegionShape {
+    type Err = Error;
+
+    fn from_str(text: &str) -> Result<Self> {
+        let refused =
+            |problem: String| Error::argument("shape", format!("{text:?}{problem}"), ALLOWED);
+        let (kind, list) = text.split_once(':').ok_or_else(|| refused(String::new()))?;
+        let lengths = list
+            .split(',')
+            .map(|word| {
+                Dimension::Length.parse(word).map_err(|error| refused(format!(": {error}")))
+            })
+            .collect::<Result<Vec<f64>>>()?;
+        match (kind.trim(), lengths.as_slice()) {
+            ("cylinder", &[x, y, radius]) if radius > 0.0 => Ok(Self::Cylinder([x, y, radius])),
+            ("sphere", &[x, y, z, radius]) if radius > 0.0 => Ok(Self::Sphere([x, y, z, radius])),
+            ("box", &[x, y, z, a, b, c]) if a > 0.0 && b > 0.0 && c > 0.0 => {
+                Ok(Self::Box([x, y, z, a, b, c]))
+            }
+            _ => Err(refused(String::new())),
+        }
+    }
+}
+
+impl fmt::Display for RegionShape {
+    /// Writes the shape as it is read, lengths in m.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let (name, lengths): (_, &[f64]) = match self {
+            Self::Cylinder(lengths) => (SHAPES[0], lengths),
+            Self::Sphere(lengths) => (SHAPES[1], lengths),
+            Self::Box(lengths) => (SHAPES[2], lengths),
+        };
+        let lengths: Vec<String> = lengths.iter().map(|length| format!("{length} m")).collect();
+        write!(f, "{name}:{}", lengths.join(","))
+    }
+}
+
+impl FromStr for Region {
+    type Err = Error;
+
+    fn from_str(text: &str) -> Result<Self> {
+        let refused = |problem: &str| {
+            let allowed = format!("NAME=SHAPE, where SHAPE is {ALLOWED}");
+            Error::argument("region", format!("{text:?}{problem}"), allowed)
+        };
+        let (name, shape) = text.split_once('=').ok_or_else(|| refused(""))?;
+        let shape = shape.parse()?;
+        let name = name.trim();
+        if name.is_empty() || name.contains([',', '"', '\n']) {
+            return Err(refused(": a name of one or more characters, without commas"));
+        }
+        Ok(Self { name: name.to_owned(), shape })
+    }
+}
+
+impl fmt::Display for Region {
+    /// Writes the region as it is read, lengths in m.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}={}", self.name, self.shape)
+    }
+}
+
+impl Region {
     /// Voxels of the region, each as its x, y and z.
     #[must_use]
     pub fn voxels(&self, grid: &VolumeGrid) -> Vec<[usize; 3]> {
         let [x, y, z] = grid.size;
         let all = (0..z).flat_map(|z| (0..y).flat_map(move |y| (0..x).map(move |x| [x, y, z])));
-        all.filter(|[x, y, z]| self.holds(grid.centre((*z, *y, *x)))).collect()
+        all.filter(|[x, y, z]| self.shape.holds(grid.centre((*z, *y, *x)))).collect()
     }
 
     /// Mean and spread of a volume in the region.
@@ -111,7 +151,7 @@ impl Region {
         let (mut voxels, mut sum, mut squares) = (0_u64, 0.0, 0.0);
         let mut range = [f64::INFINITY, f64::NEG_INFINITY];
         for (at, value) in volume.values.indexed_iter() {
-            if self.holds(volume.grid.centre(at)) {
+            if self.shape.holds(volume.grid.centre(at)) {
                 let value = f64::from(*value);
                 (voxels, sum) = (voxels + 1, sum + value);
                 squares += value * value;
@@ -131,7 +171,7 @@ impl Region {
     pub fn check(&self, grid: &VolumeGrid) -> Result<()> {
         let [x, y, z] = grid.size;
         let mut all = (0..z).flat_map(|z| (0..y).flat_map(move |y| (0..x).map(move |x| (z, y, x))));
-        let has = all.any(|at| self.holds(grid.centre(at)));
+        let has = all.any(|at| self.shape.holds(grid.centre(at)));
         self.refuse_empty(u64::from(has), grid)
     }
 
@@ -207,12 +247,24 @@ mod tests {
     }
 
     #[test]
+    fn regions_are_read_as_they_are_written() {
+        for text in [
+            "a b=cylinder:0.3 um,-1 mm,0.6 mm",
+            "c=sphere:0 m,1 mm,2 mm,0.1 mm",
+            "d=box:1 mm,2 mm,3 mm,4 mm,5 mm,6 mm",
+        ] {
+            let region: Region = text.parse().unwrap();
+            assert_eq!(region.to_string().parse::<Region>().unwrap(), region);
+        }
+    }
+
+    #[test]
     fn regions_that_cannot_be_are_refused_with_the_reason() {
         for (text, word) in [
-            ("rod", "NAME=cylinder"),
-            ("rod=cube:1 mm", "NAME=cylinder"),
-            ("rod=cylinder:1 mm,1 mm", "NAME=cylinder"),
-            ("rod=cylinder:1 mm,1 mm,0 mm", "NAME=cylinder"),
+            ("rod", "NAME=SHAPE"),
+            ("rod=cube:1 mm", "cylinder:X,Y,RADIUS"),
+            ("rod=cylinder:1 mm,1 mm", "cylinder:X,Y,RADIUS"),
+            ("rod=cylinder:1 mm,1 mm,0 mm", "cylinder:X,Y,RADIUS"),
             ("rod=cylinder:1,1 mm,1 mm", "without a unit"),
             ("=cylinder:1 mm,1 mm,1 mm", "one or more characters"),
             ("rod=cylinder:20 mm,0 mm,1 mm", "x -1.5000 to 1.5000 mm"),

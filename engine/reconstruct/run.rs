@@ -1,28 +1,36 @@
 //! A whole reconstruction: from sinograms to a folder of volumes.
 
-use super::estimate::host_bytes;
+use super::data::Data;
 use super::gradient_bias::add_gradient_bias;
+use super::grid::Volume;
+use super::hardening::BeamHardening;
 use super::input::Input;
-use super::method::Made;
+use super::measured::Measured;
+use super::memory::Memory;
+use super::method::{Made, Method};
 use super::plan::VolumePlan;
 use super::quantity::Quantity;
-use super::record::VolumeRecord;
+use super::record::{HardeningRecord, VolumeRecord};
 use super::regions::{Region, region_table};
 use super::rings::suppress_rings;
 use super::sigma::{fbp_mean_sigma, fbp_sigma};
 use super::truth::Truth;
 use super::write::{VolumeFormat, write};
 use crate::cancel::Aside;
+use crate::numbers::whole;
 use crate::retrieve::path_hash;
 use crate::run::{RowsControl, require_memory};
 use crate::stack::layout::{ERRORS, REGIONS, RESIDUALS};
 use crate::stack::{ImageDirectory, Kind, now, refuse_overlap};
 use crate::whole_file::write_file;
-use crate::{Engine, Error, Result};
+use crate::{Cancel, Engine, Result};
 use ndarray::Array3;
 use std::collections::BTreeMap;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::time::Instant;
+
+/// Name of the volume of the objects of the scene.
+const LABELS: &str = "labels";
 
 /// Where volumes go.
 #[derive(Debug, Clone, Copy)]
@@ -55,7 +63,7 @@ impl<'a> VolumesTo<'a> {
     /// Refuses a place that is taken, or that is read, before any work is done.
     ///
     /// # Errors
-    /// [`Error::File`].
+    /// [`crate::Error::File`].
     pub fn check(&self, input: &Input) -> Result<()> {
         refuse_overlap(self.path, &input.paths())?;
         ImageDirectory::check(self.path, Kind::Volume, self.overwrite)
@@ -78,8 +86,9 @@ pub struct Reconstructed {
 /// are written, too, and the errors by material.
 ///
 /// # Errors
-/// As [`Input::sinograms`] and [`super::Method::volume`]; [`Error::File`] where the place is taken or
-/// cannot be written; [`Error::Interrupted`]. Nothing is left behind then.
+/// As [`VolumePlan::check`], [`Input::sinograms`] and [`Method::volume`]; [`crate::Error::File`] where the
+/// place is taken or cannot be written; [`crate::Error::Memory`] beyond the limit of the engine;
+/// [`crate::Error::Interrupted`]. Nothing is left behind then.
 ///
 /// # Example
 ///
@@ -108,96 +117,54 @@ pub fn reconstruct(
 ) -> Result<Reconstructed> {
     let since = Instant::now();
     to.check(input)?;
-    plan.regions.iter().try_for_each(|region| region.check(&plan.grid))?;
-    plan.quantities.iter().try_for_each(|quantity| plan.method.check(*quantity))?;
+    refuse_overlap(to.path, &plan.paths())?;
+    plan.check(input)?;
     let geometry = input.geometry();
-    require_memory(host_bytes(geometry, &plan.grid), "a reconstruction")?;
-    let mut record = VolumeRecord::begin(engine, geometry, plan, to.format);
-    let paths = input.paths();
+    let limit = engine.options().memory_limit;
+    let memory = Memory::of(geometry, plan, truth.is_some(), limit)?;
+    require_memory(memory.host, "a reconstruction")?;
+    let record = VolumeRecord::begin(engine, geometry, plan, to.format);
+    let paths: Vec<PathBuf> = input.paths().into_iter().chain(plan.paths()).collect();
     let hashes: Aside<Result<BTreeMap<String, String>>> = Aside::begin(move |end| {
-        let hash =
-            |path: &std::path::PathBuf| Ok((path.display().to_string(), path_hash(path, end)?));
+        let hash = |path: &PathBuf| Ok((path.display().to_string(), path_hash(path, end)?));
         paths.iter().map(hash).collect()
     });
-    let mut images = ImageDirectory::begin(
+    let images = ImageDirectory::begin(
         to.path,
         Kind::Volume,
         to.format.of_images(),
         to.overwrite,
         record.about(),
     )?;
-    let [mut regions, mut errors, mut residuals] = [const { String::new() }; 3];
-    let mut mu = None;
+    let mask = plan.mask.as_ref().map(|mask| mask.on(&plan.grid)).transpose()?;
+    let method = plan.method.with_at_once(memory.at_once);
+    let format = to.format;
+    let mut making = Making {
+        engine,
+        input,
+        plan,
+        method,
+        truth,
+        mask,
+        format,
+        images,
+        record,
+        tables: Tables::default(),
+        mu: None,
+    };
     let parts = plan.quantities.len() as u64;
     for (number, quantity) in (0..).zip(plan.quantities.iter().copied()) {
-        let (mut sinograms, counts) = input.sinograms(quantity, &control.cancel)?;
-        record.pixels.insert(quantity.name().to_owned(), counts);
-        if plan.rings {
-            suppress_rings(geometry, sinograms.view_mut())?;
-        }
-        let cancel = control.cancel.clone();
         let mut advance = |done: u64, all: u64| {
             if let Some(progress) = &mut control.progress {
                 let share = 1000.0 * done as f64 / all.max(1) as f64;
-                progress(1000 * number + crate::numbers::whole::<u64>(share), 1000 * parts);
+                progress(1000 * number + whole::<u64>(share), 1000 * parts);
             }
         };
-        let mut inner = RowsControl { progress: Some(&mut advance), cancel: cancel.clone() };
-        let weights = (plan.sigma && plan.method.filtered().is_none())
-            .then(|| input.sigmas(quantity, &cancel).map(weights_of))
-            .transpose()?;
-        let made = plan.method.volume(
-            engine,
-            geometry,
-            (sinograms.view(), weights.as_ref().map(|weights| weights.view())),
-            quantity,
-            &plan.grid,
-            &mut inner,
-        )?;
-        drop(sinograms);
-        append(&mut residuals, &residual_table(quantity, &made));
-        let mut volume = made.volume;
-        if let (Quantity::Delta, Some(k), Some(mu)) = (quantity, plan.gradient_bias, &mu) {
-            add_gradient_bias(&mut volume, mu, k)?;
-            record.gradient_bias_m = Some(k);
-        }
-        let mut put = |name: &str, unit: &str, values: &Array3<f32>| {
-            record.units.insert(name.to_owned(), unit.to_owned());
-            let files = write(&mut images, to.format, (name, unit), &plan.grid, values, &cancel)?;
-            record.files.extend(files);
-            Ok::<(), Error>(())
-        };
-        put(quantity.name(), quantity.unit(), &volume.values)?;
-        let mut of_means = None;
-        if let (true, Some(options)) = (plan.sigma, plan.method.filtered()) {
-            let sigmas = input.filled_sigmas(quantity, &cancel)?;
-            let given = (geometry, sigmas.view(), quantity);
-            let mut quiet = RowsControl { progress: None, cancel: cancel.clone() };
-            let map = fbp_sigma(engine, given, &plan.grid, options, &mut quiet)?;
-            put(&format!("{}_sigma", quantity.name()), quantity.unit(), &map.values)?;
-            let of = |region: &Region| {
-                let voxels = region.voxels(&plan.grid);
-                let mut quiet = RowsControl { progress: None, cancel: cancel.clone() };
-                fbp_mean_sigma(given, &plan.grid, &voxels, options, &mut quiet)
-            };
-            of_means = Some(plan.regions.iter().map(of).collect::<Result<Vec<f64>>>()?);
-        }
-        if !plan.regions.is_empty() {
-            append(&mut regions, &region_table(&plan.regions, &volume, of_means.as_deref())?);
-        }
-        if quantity == Quantity::Mu && plan.gradient_bias.is_some() {
-            mu = Some(volume.clone());
-        }
-        if let Some(truth) = truth {
-            if let Some(values) = truth.values(quantity) {
-                put(&format!("{}_truth", quantity.name()), quantity.unit(), &values)?;
-                append(&mut errors, &truth.errors(&volume));
-            }
-            if number == 0 {
-                put("labels", "1", truth.labels())?;
-            }
-        }
+        let cancel = control.cancel.clone();
+        making.quantity(quantity, &mut RowsControl { progress: Some(&mut advance), cancel })?;
     }
+    let Making { mut images, mut record, tables, .. } = making;
+    let Tables { regions, errors, residuals } = tables;
     for (name, table) in [(REGIONS, &regions), (ERRORS, &errors), (RESIDUALS, &residuals)] {
         if !table.is_empty() {
             write_file(&images.file(name)?, table.as_bytes())?;
@@ -212,6 +179,134 @@ pub fn reconstruct(
     images.finish(Some(&record.text()?))?;
     let table = |text: String| (!text.is_empty()).then_some(text);
     Ok(Reconstructed { record, regions: table(regions), errors: table(errors) })
+}
+
+/// Tables beside the volumes, as CSV.
+#[derive(Debug, Default)]
+struct Tables {
+    regions: String,
+    errors: String,
+    residuals: String,
+}
+
+/// A reconstruction, quantity by quantity.
+struct Making<'a> {
+    engine: &'a Engine,
+    input: &'a Input,
+    plan: &'a VolumePlan,
+    /// The method of the plan, within the memory that there is.
+    method: Method,
+    truth: Option<&'a Truth>,
+    mask: Option<Array3<bool>>,
+    format: VolumeFormat,
+    images: ImageDirectory,
+    record: VolumeRecord,
+    tables: Tables,
+    /// Volume of μ that δ is corrected by.
+    mu: Option<Volume>,
+}
+
+impl Making<'_> {
+    /// Makes and writes the volume of a quantity, with what belongs to it.
+    fn quantity(&mut self, quantity: Quantity, control: &mut RowsControl<'_>) -> Result<()> {
+        let made = self.made(quantity, control)?;
+        append(&mut self.tables.residuals, &residual_table(quantity, &made));
+        if let Some(mut drift) = made.drift {
+            // Sinograms come without gaps.
+            drift.filled = self.record.pixels[quantity.name()].without_answer;
+            self.record.drift = Some(drift);
+        }
+        let mut volume = made.volume;
+        if let (Quantity::Delta, Some(k), Some(mu)) = (quantity, self.plan.gradient_bias, &self.mu)
+        {
+            add_gradient_bias(&mut volume, mu, k)?;
+            self.record.gradient_bias_m = Some(k);
+        }
+        self.put((quantity.name(), quantity.unit()), &volume.values, &control.cancel)?;
+        let of_means = self.sigma(quantity, &control.cancel)?;
+        if !self.plan.regions.is_empty() {
+            let table = region_table(&self.plan.regions, &volume, of_means.as_deref())?;
+            append(&mut self.tables.regions, &table);
+        }
+        if let Some(truth) = self.truth {
+            if let Some(values) = truth.values(quantity) {
+                let name = format!("{}_truth", quantity.name());
+                self.put((&name, quantity.unit()), &values, &control.cancel)?;
+                append(&mut self.tables.errors, &truth.errors(&volume));
+            }
+            if !self.record.units.contains_key(LABELS) {
+                self.put((LABELS, "1"), truth.labels(), &control.cancel)?;
+            }
+        }
+        if quantity == Quantity::Mu && self.plan.gradient_bias.is_some() {
+            self.mu = Some(volume);
+        }
+        Ok(())
+    }
+
+    /// The volume of a quantity, of corrected sinograms.
+    fn made(&mut self, quantity: Quantity, control: &mut RowsControl<'_>) -> Result<Made> {
+        let Self { engine, input, plan, method, .. } = self;
+        let (geometry, cancel) = (input.geometry(), control.cancel.clone());
+        let (mut sinograms, counts) = input.sinograms(quantity, &cancel)?;
+        self.record.pixels.insert(quantity.name().to_owned(), counts);
+        if let (Quantity::Mu, Some(choice)) = (quantity, &plan.beam_hardening) {
+            let most = sinograms.iter().copied().fold(0.0, f32::max);
+            let polynomial = BeamHardening::up_to(choice, most.into())?;
+            polynomial.apply(sinograms.view_mut());
+            self.record.beam_hardening = Some(HardeningRecord {
+                material: choice.material.clone(),
+                energy_kev: polynomial.energy,
+                coefficients: polynomial.coefficients,
+                largest: polynomial.most,
+                error: polynomial.error,
+            });
+        }
+        if plan.rings {
+            suppress_rings(geometry, sinograms.view_mut())?;
+        }
+        let weights = (plan.sigma && method.filtered().is_none())
+            .then(|| input.sigmas(quantity, &cancel).map(weights_of))
+            .transpose()?;
+        let start = plan.start_of(quantity)?;
+        let measured = Measured::new(Data::of(quantity), sinograms.view())
+            .with_weights(weights.as_ref().map(|weights| weights.view()))
+            .with_mask(self.mask.as_ref().map(|mask| mask.view()))
+            .with_start(start.as_ref().map(|start| start.values.view()));
+        method.volume(engine, geometry, &measured, &plan.grid, control)
+    }
+
+    /// Writes the deviations of the voxels, and returns those of the means of regions.
+    fn sigma(&mut self, quantity: Quantity, cancel: &Cancel) -> Result<Option<Vec<f64>>> {
+        let plan = self.plan;
+        let method = self.method;
+        let (true, Some(options)) = (plan.sigma, method.filtered()) else { return Ok(None) };
+        let sigmas = self.input.filled_sigmas(quantity, cancel)?;
+        let given = (self.input.geometry(), sigmas.view(), quantity);
+        let quiet = || RowsControl { progress: None, cancel: cancel.clone() };
+        let map = fbp_sigma(self.engine, given, &plan.grid, options, &mut quiet())?;
+        let name = format!("{}_sigma", quantity.name());
+        self.put((&name, quantity.unit()), &map.values, cancel)?;
+        let of = |region: &Region| {
+            let voxels = region.voxels(&plan.grid);
+            fbp_mean_sigma(given, &plan.grid, &voxels, options, &mut quiet())
+        };
+        plan.regions.iter().map(of).collect::<Result<Vec<f64>>>().map(Some)
+    }
+
+    /// Writes a volume.
+    fn put(
+        &mut self,
+        (name, unit): (&str, &str),
+        values: &Array3<f32>,
+        cancel: &Cancel,
+    ) -> Result<()> {
+        self.record.units.insert(name.to_owned(), unit.to_owned());
+        let (images, grid) = (&mut self.images, &self.plan.grid);
+        let files = write(images, self.format, (name, unit), grid, values, cancel)?;
+        self.record.files.extend(files);
+        Ok(())
+    }
 }
 
 /// One over the squares of deviations, 0 where there is none. Deviations below a tenth of the median

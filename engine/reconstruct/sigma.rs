@@ -8,6 +8,7 @@ use super::filtering::Filtering;
 use super::geometry::ScanGeometry;
 use super::grid::{Volume, VolumeGrid};
 use super::quantity::Quantity;
+use super::resampling::Resampling;
 use super::work::reporting;
 use crate::numbers::{single, whole};
 use crate::run::RowsControl;
@@ -113,16 +114,24 @@ fn prepared<'a>(
         let found = format!("{value} in view {view}, row {row}, column {column}");
         return Err(Error::argument("sigmas", found, "at least zero"));
     }
+    check_sigma(geometry, options)?;
+    Filtering::new(geometry, quantity, options)
+}
+
+/// Refuses what has no deviation that is known, before any work is done.
+///
+/// # Errors
+/// [`Error::Argument`] with the reason.
+pub(super) fn check_sigma(geometry: &ScanGeometry, options: &FbpOptions) -> Result<()> {
     if options.extrapolate {
         let allowed = "rows as they are: what noise does to extrapolated ones is unknown";
         return Err(Error::argument("extrapolate", "true", allowed));
     }
-    let filtering = Filtering::new(geometry, quantity, options)?;
-    if !filtering.is_even() {
+    if !Resampling::of(&geometry.columns).is_even {
         let allowed = "even ones: what interpolation does to noise is unknown";
         return Err(Error::argument("columns", "uneven places", allowed));
     }
-    Ok(filtering)
+    Ok(())
 }
 
 /// Standard deviations of the weighted values of a row.

@@ -4,7 +4,7 @@ use super::geometry::ScanGeometry;
 use super::grid::{Volume, VolumeGrid};
 use super::quantity::Quantity;
 use crate::cancel::Cancel;
-use crate::material::Constants;
+use crate::material::{Constants, constants_at};
 use crate::numbers::single;
 use crate::run::Control;
 use crate::scene::{Scan, Scene};
@@ -60,6 +60,21 @@ impl Truth {
         let names = std::iter::once(surroundings).chain(objects).collect();
         let labels = labels(engine, &upright, grid, cancel)?;
         Ok(Self { labels, names, constants, radius: geometry.seen_radius() })
+    }
+
+    /// The same with μ at an energy, keV, in place of the mean over a spectrum.
+    ///
+    /// # Errors
+    /// Errors of the materials of the scene.
+    pub fn with_mu_at(mut self, scene: &Scene, energy: f64) -> Result<Self> {
+        let mu = |material: &str| Ok::<f64, Error>(constants_at(scene, material, energy)?.mu);
+        let around = mu(&scene.surroundings)?;
+        let materials = std::iter::once(&scene.surroundings)
+            .chain(scene.objects.iter().map(|object| &object.material));
+        for (constants, material) in self.constants.iter_mut().zip(materials) {
+            constants.mu = mu(material)? - around;
+        }
+        Ok(self)
     }
 
     /// Labels of the voxels, `[z][y][x]`: 0 in the surroundings, 1 + the index of the object.

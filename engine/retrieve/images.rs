@@ -22,6 +22,8 @@ pub(super) const OF_FLAT: [&str; 5] =
 /// Images of the sample's curves.
 pub(super) const OF_SAMPLE: [&str; 5] =
     ["sample_amplitude", "sample_centre", "sample_width", "sample_background", "residual_sample"];
+/// Image of the integral of δ along the beam.
+pub(super) const PHASE: &str = "phase";
 /// Image of the flags.
 pub(super) const FLAGS: &str = "flags";
 
@@ -32,6 +34,7 @@ pub(super) fn unit<'a>(name: &str, value: &'a str) -> &'a str {
         "refraction" | "refraction_sigma" => "rad",
         "dark_field" | "dark_field_sigma" => "rad^2",
         FLAGS => "bits",
+        PHASE => "m",
         name if name.ends_with("_centre") || name.ends_with("_width") => "m",
         _ => value,
     }

@@ -44,6 +44,8 @@ pub struct RetrieveOptions {
     /// Corrections by these pixels or, where none are named, by both sides of the images of a view where
     /// they look empty.
     pub correct: Corrections,
+    /// Images of the phase are made, too: refraction angles integrated along the rows.
+    pub phase: bool,
 }
 
 impl RetrieveOptions {
@@ -68,6 +70,8 @@ impl RetrieveOptions {
         with_correct(correct: Corrections);
         /// Names pixels with nothing in the beam.
         with_empty_beam(empty_beam: impl Into<Option<Region>>);
+        /// Makes images of the phase, too.
+        with_phase(phase: bool);
     }
 }
 

@@ -2,6 +2,7 @@
 
 use super::correct::ViewCorrection;
 use super::diagnosis::EmptyBeam;
+use super::phase::Drift;
 use crate::stack::layout::RECORD;
 use crate::{Error, Result, input_file};
 use serde::{Deserialize, Serialize};
@@ -145,6 +146,10 @@ pub struct Record {
     /// Views between one measured flat and the next, where flats are interpolated.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub flats_every: Option<u32>,
+    /// Mean angles of rows that were taken off before angles were integrated to the phase; `None` without
+    /// its images.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub drift: Option<Drift>,
     /// Unit of each image by its name.
     pub units: BTreeMap<String, String>,
     /// Meaning of each bit of `flags` by its value.

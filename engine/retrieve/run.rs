@@ -2,11 +2,12 @@
 
 use super::correct::{Corrector, FrameCorrection, Rectangle, ViewCorrection, table};
 use super::diagnosis::Diagnosis;
-use super::images::{FLAGS, Images, OF_FLAT, unit};
+use super::images::{FLAGS, Images, OF_FLAT, PHASE, unit};
 use super::input::Input;
 use super::joined::JoinedColumns;
 use super::misfit::median;
 use super::options::RetrieveOptions;
+use super::phase::PhaseImages;
 use super::record::Record;
 use super::retriever::Retriever;
 use super::{Curves, Method, Weights, flags};
@@ -246,6 +247,11 @@ fn retrieve_to(
             put(&record, Image { name, unit: unit(name, value), views: 1, values: image.view() })?;
         }
     }
+    let mut phases =
+        options.phase.then(|| PhaseImages::new(retriever.geometry(&input, angles))).transpose()?;
+    if phases.is_some() {
+        record.units.insert(PHASE.to_owned(), unit(PHASE, value).to_owned());
+    }
     let mut residuals = Vec::new();
     let bad = input.bad_pixels();
     let scan = ScanOf { input: &input, joined: joined.as_ref(), bad: bad.as_ref() };
@@ -265,12 +271,18 @@ fn retrieve_to(
             let unit = unit(name, value);
             put(&record, Image { name, unit, views: angles, values: image.view() })?;
         }
+        if let (Some(phases), Some(angles_of_view)) = (&mut phases, retrieved.get("refraction")) {
+            let values = phases.of(angles_of_view);
+            let unit = unit(PHASE, value);
+            put(&record, Image { name: PHASE, unit, views: angles, values: values.view() })?;
+        }
         count(&mut record, retrieved.get(FLAGS));
         let left = retrieved.get("residual_sample").into_iter().flatten();
         residuals.extend(median(left.map(|left| f64::from(*left)).collect()));
     }
     record.residual = median(residuals).filter(|residual| *residual > 0.0);
     record.corrections = correcting.map_or_else(Vec::new, |correcting| correcting.views);
+    record.drift = phases.map(|phases| phases.drift());
     diagnosis.finish(&mut record, input.warnings());
     record.inputs = hashes.wait(&cancel, &mut || {})??;
     record.began = Some(began);
@@ -519,6 +531,7 @@ fn begun(
         angle_per_shift: retriever.angle_per_shift(),
         shape,
         columns: Vec::new(),
+        drift: None,
         flats_every: input.flats_every(),
         units: BTreeMap::new(),
         flagged: meanings.keys().map(|bit| (*bit, 0)).collect(),

@@ -17,6 +17,7 @@ use crate::{Error, Result};
 pub use ask::require_memory;
 pub(crate) use ask::{ask_for_run, check_before_loading};
 use building::building;
+pub(crate) use program::PROGRAM;
 use program::program;
 use rays::{beamlets, cell_rays};
 use serde::Serialize;

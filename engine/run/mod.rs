@@ -13,5 +13,6 @@ pub use control::{Control, Progress, RowsControl, ViewProgress, load_sample};
 pub use edge_blur::EdgeBlur;
 pub use engine::{Engine, EngineOptions, devices};
 pub use estimate::RunEstimate;
+pub(crate) use memory::PROGRAM;
 pub use memory::{MemoryEstimate, require_memory};
 pub use simulation::Simulation;

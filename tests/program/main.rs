@@ -19,3 +19,4 @@ mod quality;
 mod report;
 mod screw;
 mod view;
+mod volume_report;

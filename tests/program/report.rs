@@ -40,13 +40,13 @@ const EARS: &str = "<script>window.pageErrors = [];\
     console[kind] = (...words) => { pageErrors.push(words.join(' ')); old(...words); }; }</script>";
 
 #[derive(Debug, serde::Deserialize)]
-struct Verdict {
-    checks: BTreeMap<String, String>,
+pub(super) struct Verdict {
+    pub(super) checks: BTreeMap<String, String>,
     errors: Vec<String>,
 }
 
 impl Verdict {
-    fn failed(&self) -> Vec<String> {
+    pub(super) fn failed(&self) -> Vec<String> {
         let failed = self.checks.iter().filter(|(_, outcome)| *outcome != "ok");
         failed
             .map(|(name, outcome)| format!("{name}: {outcome}"))
@@ -107,7 +107,7 @@ fn run_with_maps_of(counts: bool) -> tempfile::TempDir {
     place
 }
 
-fn chromium() -> Option<PathBuf> {
+pub(super) fn chromium() -> Option<PathBuf> {
     if let Some(named) = std::env::var_os("BEAMLET_CHROMIUM") {
         return Some(named.into());
     }
@@ -124,6 +124,17 @@ fn chromium() -> Option<PathBuf> {
 /// complained of. Pages of counts show errors, others do not.
 fn explore(program: &Path, folder: &Path, page: &str, width: u32, counts: bool) -> Verdict {
     let script = format!("const ofCounts = {counts};\n{}", include_str!("explore.js"));
+    explore_with(program, folder, page, width, &script)
+}
+
+/// Explores a page of a width in pixels by a script that leaves its verdict.
+pub(super) fn explore_with(
+    program: &Path,
+    folder: &Path,
+    page: &str,
+    width: u32,
+    script: &str,
+) -> Verdict {
     let page = page.replacen("<head>", &format!("<head>{EARS}"), 1);
     let (body, end) = page.rsplit_once("</body>").unwrap();
     let page = format!("{body}<script>{script}</script></body>{end}");

@@ -4,7 +4,8 @@ use crate::set_up::{PIXEL, blobs, deviation, fan, grid, parallel, sinograms};
 use crate::support::{self, Worst};
 use beamlet::ndarray::{Array3, s};
 use beamlet::reconstruct::{
-    Data, Iterated, IterativeOptions, Measured, Quantity, ScanGeometry, Solver, VolumeGrid, iterate,
+    Data, Iterated, IterativeOptions, Measured, Model, Quantity, ScanGeometry, Solver, VolumeGrid,
+    iterate,
 };
 use beamlet::{Backend, Result, RowsControl};
 
@@ -153,10 +154,10 @@ fn weights_masks_starts_and_bounds_are_kept() {
     let whole = Measured::new(Data::Attenuation, good.view());
     let weighed = Measured::new(Data::Attenuation, torn.view()).with_weights(weights.view());
     let made = solve(&geometry, &weighed, &grid, options(Solver::Cgls, 12)).unwrap();
-    // Gaps slow the convergence down: 3e-3 without them, 2.5e-2 after five iterations with them.
+    // `gaps_in_a_pattern_slow_iterations_down` has the reason.
     let error = deviation(&made.volume, &blobs);
     println!("measured with a fifth of the pixels of weight 0: {error:.2e}");
-    assert!(error < 3e-2, "{error}");
+    assert!(error < 2.5e-2, "{error}");
 
     let start = made.volume.values.clone();
     let one =
@@ -193,6 +194,52 @@ fn weights_masks_starts_and_bounds_are_kept() {
         assert!(count < 61 && ended.residuals[count - 1] <= bound, "{method:?} {count}");
         assert!(ended.residuals[..count - 1].iter().all(|residual| *residual > bound));
     }
+}
+
+/// Every fifth column, moved by three from view to view, has weight 0. This pattern aliases the sample onto
+/// 0.2 and 0.4 cycles per pixel, where the eigenvalues of the normal equations, which fall as 1/|k|, are
+/// small: conjugate gradients take these errors off slowly. Data are projections of the volume, so that
+/// nothing else is left. An independent program in f64 finds 2.4e-3 without gaps and 2.0e-2, 8.2e-3 and
+/// 4.3e-3 after 12, 50 and 100 iterations with them; 2.9e-3 from a start of filled pixels.
+#[test]
+fn gaps_in_a_pattern_slow_iterations_down() {
+    let (geometry, grid, blobs) = (parallel(90), grid(SIZE), blobs());
+    let [x, y, z] = grid.size;
+    let truth = Array3::from_shape_fn((z, y, x), |at| {
+        blobs.iter().map(|blob| blob.at(grid.centre(at))).sum::<f64>() as f32
+    });
+    let (engine, control) = (support::engine(Backend::Bvh), &mut RowsControl::default());
+    let model = Model::new(&engine, &geometry, &grid, Data::Attenuation, None).unwrap();
+    let given = model.project(truth.view(), control).unwrap();
+    let has_gap = |view: usize, column: usize| (3 * view + 7 * column).is_multiple_of(5);
+    let weights = Array3::from_shape_fn(
+        given.dim(),
+        |(view, _, column)| {
+            if has_gap(view, column) { 0.0 } else { 1.0 }
+        },
+    );
+    let mut filled = given.clone();
+    for ((view, row, column), value) in filled.indexed_iter_mut() {
+        let last = given.dim().2 - 1;
+        if has_gap(view, column) {
+            let [left, right] = [column.saturating_sub(1), (column + 1).min(last)];
+            *value = (given[[view, row, left]] + given[[view, row, right]]) / 2.0;
+        }
+    }
+    let made = |measured: &Measured<'_>, iterations| {
+        let made = solve(&geometry, measured, &grid, options(Solver::Cgls, iterations)).unwrap();
+        (deviation(&made.volume, &blobs), made.volume.values)
+    };
+    let whole = Measured::new(Data::Attenuation, given.view());
+    let torn = whole.with_weights(weights.view());
+    let (none, _) = made(&whole, 12);
+    let [few, many] = [12, 100].map(|iterations| made(&torn, iterations).0);
+    let (_, start) = made(&Measured::new(Data::Attenuation, filled.view()), 12);
+    let (begun, _) = made(&torn.with_start(start.view()), 12);
+    println!("measured: {none:.1e}; gaps {few:.1e}, {many:.1e}, {begun:.1e} from filled pixels");
+    let is_near = |found: f64, expected: f64| (found / expected - 1.0).abs() < 0.2;
+    assert!(is_near(none, 2.4e-3) && is_near(few, 2.0e-2), "{none} {few}");
+    assert!(is_near(many, 4.3e-3) && is_near(begun, 2.9e-3), "{many} {begun}");
 }
 
 #[test]

@@ -61,6 +61,9 @@ pub(super) fn write(
             "misfit   residual of the fits {share:.2} % of open beam (rms, median of all pixels)"
         )?;
     }
+    if let Some(drift) = record.drift {
+        writeln!(out, "phase    {}", crate::commands::drift_words(&drift))?;
+    }
     write_light(record, out)?;
     write_chi_square(record, out)?;
     write_empty_beam(record, out)?;

@@ -1,4 +1,4 @@
-//! Pictures of a reconstruction: slices through each volume.
+//! Pictures of a reconstruction: slices through each volume, and residuals of its iterations.
 
 use crate::args::{ValueRange, ViewOfRun};
 use crate::commands::pictures::{PictureForm, Pictures};
@@ -7,6 +7,7 @@ use crate::picture::image::{self, Grid, ImagePlot};
 use crate::picture::quantity::Quantity;
 use crate::picture::scale::Scale;
 use crate::picture::text::{capital, length, short};
+use crate::{picture, residuals};
 use beamlet::cli_support::require_memory;
 use beamlet::reconstruct::{OpenVolumes, VolumeGrid};
 use ndarray::{Array2, Axis, s};
@@ -69,6 +70,11 @@ pub(super) fn of(path: &Path, asked: &ViewOfRun, form: PictureForm) -> Result<Pi
             let number = if *axis == "z" { format!("_{number:04}") } else { String::new() };
             pictures.add(format!("{name}_{axis}{number}"), &image::draw(places, &plot))?;
         }
+    }
+    let is_drawn = |name: &String| maps.is_empty() || maps.contains(name);
+    for of in residuals::read(path).iter().filter(|of| is_drawn(&of.name)) {
+        let name = format!("residuals_{}", of.name);
+        pictures.add(name, &picture::residuals::draw(of, &record.method))?;
     }
     Ok(pictures)
 }

@@ -61,7 +61,7 @@ impl NpyFile {
         let (sample, big_endian) = sample_of(&header.dtype()).ok_or_else(|| {
             let found = header.dtype().descr();
             let problem = format!(
-                "has samples of type {found}; allowed: f4, f8, u1, u2, u4, i1, i2, i4 (numpy: \
+                "has samples of type {found}; allowed: f4, f8, u1, u2, u4, i1, i2, i4, b1 (numpy: \
                  a.astype('f4'))"
             );
             Error::file(path, problem, None)
@@ -136,7 +136,7 @@ fn sample_of(dtype: &DType) -> Option<(ValueType, bool)> {
     let sample = match (text.type_char(), text.size_field()) {
         (TypeChar::Float, 4) => ValueType::F32,
         (TypeChar::Float, 8) => ValueType::F64,
-        (TypeChar::Uint, 1) => ValueType::U8,
+        (TypeChar::Uint | TypeChar::Bool, 1) => ValueType::U8,
         (TypeChar::Uint, 2) => ValueType::U16,
         (TypeChar::Uint, 4) => ValueType::U32,
         (TypeChar::Int, 1) => ValueType::I8,

@@ -1,0 +1,172 @@
+//! `beamlet report` and `beamlet view` of a reconstruction; see `report.rs` for the browser.
+
+#![expect(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
+
+use super::report::{chromium, explore_with};
+use crate::support::program::{done, ended, run, workplace};
+use beamlet::ndarray::Array3;
+use ndarray_npy::write_npy;
+use std::fs;
+use std::path::Path;
+use tempfile::TempDir;
+
+const SCENE: &str = r#"
+[source]
+distance = "1.2 m"
+spot = ["0 um", "0 um"]
+energy = "30 keV"
+
+[detector]
+distance = "1.8 m"
+pixels = [16, 3]
+pitch = "150 um"
+
+[scan]
+angles = { from = "0 deg", to = "360 deg", count = 24 }
+
+[[object]]
+name = "rod"
+shape = { cylinder = { radius = "0.4 mm", height = "6 mm" } }
+material = "plastic"
+position = ["0.2 mm", "0 mm", "0 mm"]
+[materials.plastic]
+mu = "50 /m"
+delta = 4e-7
+"#;
+
+/// Volumes of a rod; mu is what the test knows: x + 20 y + 400 z.
+fn volumes() -> TempDir {
+    let place = workplace(SCENE);
+    let path = place.path();
+    write_npy(path.join("mu.npy"), &Array3::<f32>::from_elem((24, 3, 16), 0.01)).unwrap();
+    let regions = "--region disc=cylinder:0.2mm,0mm,0.3mm --region ball=sphere:0.15mm,0.05mm,0mm,0.2mm \
+                   --region block=box:0.15mm,0.05mm,0mm,0.3mm,0.3mm,0.1mm";
+    let words =
+        "--geometry scene.toml --quantity mu --method cgls --iterations 3 --truth --format npy";
+    done(path, &format!("reconstruct mu.npy {words} {regions} -o volume -q"));
+    let known = Array3::from_shape_fn((3, 16, 16), |(z, y, x)| (x + 20 * y + 400 * z) as f32);
+    write_npy(path.join("volume/mu.npy"), &known).unwrap();
+    place
+}
+
+fn page(path: &Path, more: &str) -> String {
+    done(path, &format!("report volume --overwrite {more}"));
+    fs::read_to_string(path.join("volume.html")).unwrap()
+}
+
+#[test]
+fn the_page_shows_slices_values_regions_and_histograms() {
+    let place = volumes();
+    let printed = done(place.path(), "report volume");
+    assert_eq!(printed, "volume.html\n");
+    let page = fs::read_to_string(place.path().join("volume.html")).unwrap();
+    for word in ["https:", "src=", "@import", "url(http", "fetch(", "XMLHttpRequest", "{{", "{%"] {
+        assert!(!page.replacen("/*! https:", "", 1).contains(word), "{word}");
+    }
+    let Some(program) = chromium() else {
+        println!("left out: there is no chromium");
+        return;
+    };
+    let script = include_str!("explore_volume.js");
+    for width in [1400, 390] {
+        let verdict = explore_with(&program, place.path(), &page, width, script);
+        assert!(verdict.failed().is_empty(), "{width}: {:#?}", verdict.failed());
+        assert_eq!(verdict.checks.len(), 46, "{width}: every check was made");
+    }
+    // The exploration is no proof unless it fails on a page that is broken.
+    for (right, wrong, named) in [
+        (
+            "slider.addEventListener(\"input\"",
+            "slider.addEventListener(\"other\"",
+            "a slider moves",
+        ),
+        ("panels.forEach(drawSlice);", "drawSlice(panels[0]);", "a slider moves"),
+        ("high - 1 - Math.floor", "high - Math.floor", "a click chooses"),
+        ("if (at.outlines) regions", "if (false) regions", "outlines of regions"),
+        ("holds(region, places)).map", "!holds(region, places)).map", "and its regions"),
+        ("\nbegin();", "\nbegin();\nconsole.error('on purpose');", "on purpose"),
+    ] {
+        assert!(page.contains(right), "{right}");
+        let broken = page.replacen(right, wrong, 1);
+        let failed =
+            explore_with(&program, place.path(), &broken, 1400, script).failed().join("\n");
+        assert!(failed.contains(named), "{wrong} went unnoticed: {failed}");
+    }
+}
+
+#[test]
+fn a_page_of_volumes_with_a_limit_is_binned_and_says_so() {
+    let place = volumes();
+    let [whole, small] = ["", "--most 1KiB"].map(|more| page(place.path(), more));
+    assert!(
+        !whole.contains("means over blocks")
+            && small.contains("blocks of 2 × 2 × 2 of the [16, 16, 3]")
+    );
+    let data = |page: &str| {
+        let arrays = page.split("<script type=\"text/plain\"").skip(1);
+        arrays.map(|part| part.split_once("</script>").unwrap().0.len()).sum::<usize>()
+    };
+    // Base64 makes a third more; names and paddings come on top, three arrays.
+    assert!(data(&small) < 1024 * 4 / 3 + 3 * 60 && data(&whole) > 4 * data(&small));
+}
+
+#[test]
+fn reports_of_volumes_that_cannot_be_are_refused() {
+    let place = volumes();
+    let path = place.path();
+    for (line, code, words) in [
+        ("report volume --retrieved volume", 2, "this is a reconstruction"),
+        ("report volume -o volume/mu.npy", 1, "volume"),
+        ("report volume -o scene.toml", 1, "--overwrite"),
+    ] {
+        let message = ended(&run(path, line), code);
+        assert!(message.contains(words), "{line}: {message}");
+    }
+    fs::remove_file(path.join("volume/mu_truth.npy")).unwrap();
+    let message = ended(&run(path, "report volume"), 1);
+    assert!(message.contains("mu_truth.npy") && !path.join("volume.html").exists(), "{message}");
+}
+
+#[test]
+fn pictures_of_volumes_have_a_bar_a_unit_and_a_range() {
+    let place = volumes();
+    let path = place.path();
+    let printed = done(path, "view volume -o pictures --format svg --slice 2");
+    let names = ["labels", "mu", "mu_truth"];
+    let files = names
+        .iter()
+        .flat_map(|name| ["z_0002", "y", "x"].map(|slice| format!("pictures/{name}_{slice}.svg")));
+    let expected: Vec<String> = files.chain(["pictures/residuals_mu.svg".to_owned()]).collect();
+    assert_eq!(printed.lines().collect::<Vec<_>>(), expected);
+    let text = |name: &str| fs::read_to_string(path.join("pictures").join(name)).unwrap();
+    let slice = text("mu_z_0002.svg");
+    // x + 20 y + 400 z from z = 2 on; a fifth of 1.6 mm, rounded.
+    for words in [
+        "x [mm]",
+        "y [mm]",
+        ">200 µm<",
+        "1/m]",
+        "z = 100 µm, method cgls",
+        "values from 800 to 1115 1/m",
+    ] {
+        assert!(slice.contains(words), "{words}: {slice}");
+    }
+    let section = text("mu_y.svg");
+    assert!(section.contains("z [mm]") && section.contains("y = 50 µm"), "{section}");
+    let residuals = text("residuals_mu.svg");
+    assert!(residuals.contains("iteration 3 is taken: rms"), "{residuals}");
+    let one = done(path, "view volume -o one --map mu --range mu=0..60 --width 400");
+    assert_eq!(one.lines().count(), 4, "{one}");
+    let picture = fs::read(path.join("one/mu_z_0001.png")).unwrap();
+    assert!(picture.starts_with(b"\x89PNG") && picture[16..20] == 400_u32.to_be_bytes());
+    for (line, words) in [
+        ("view volume -o none --map nu", "labels, mu, mu_truth"),
+        ("view volume -o none --slice 3", "has no slice 3 of labels: it has 3 slices"),
+        ("view volume -o none --row 1", "this is a reconstruction"),
+    ] {
+        let output = run(path, line);
+        let message = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert!(!output.status.success() && message.contains(words), "{line}: {message}");
+        assert!(!path.join("none").exists(), "{line}");
+    }
+}
