@@ -8,14 +8,14 @@ use crate::{Error, Result};
 
 /// Rays through places on the detector, one for each, row and view.
 #[derive(Debug)]
-pub(super) struct Rays<'a> {
-    pub(super) geometry: &'a ScanGeometry,
-    pub(super) grid: &'a VolumeGrid,
+pub(super) struct Rays {
+    pub(super) geometry: ScanGeometry,
+    pub(super) grid: VolumeGrid,
     /// Places along the rows of the detector, m, ascending.
     pub(super) places: Vec<f64>,
 }
 
-impl Rays<'_> {
+impl Rays {
     /// Mean distance of the places.
     fn pitch(&self) -> f64 {
         (self.places[self.places.len() - 1] - self.places[0]) / (self.places.len() - 1) as f64
@@ -86,7 +86,7 @@ impl Rays<'_> {
         let (axis, per) = (self.geometry.axis, self.geometry.per_distance());
         let (normal, other) = if is_x { (0, 1) } else { (1, 0) };
         let middle = |axis: usize| {
-            let grid = self.grid;
+            let grid = &self.grid;
             grid.origin[axis] + grid.voxel[axis] * (grid.size[axis] as f64 - 1.0) / 2.0
         };
         let (slice, step) = (middle(normal), self.grid.voxel[normal]);

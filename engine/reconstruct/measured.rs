@@ -4,7 +4,7 @@ use super::data::Data;
 use super::geometry::{ScanGeometry, same_shape};
 use super::grid::VolumeGrid;
 use crate::{Error, Result};
-use ndarray::ArrayView3;
+use ndarray::{Array3, ArrayView3};
 
 /// Sinograms with weights and kind.
 #[derive(Debug, Clone, Copy)]
@@ -77,4 +77,19 @@ impl<'a> Measured<'a> {
         }
         Ok(())
     }
+}
+
+/// Weights of values by their standard deviations: one over the squares, 0 where there is none (NaN).
+/// Deviations below a tenth of the median count as this.
+#[must_use]
+pub fn deviation_weights(mut sigmas: Array3<f32>) -> Array3<f32> {
+    let mut known: Vec<f32> = sigmas.iter().copied().filter(|sigma| *sigma > 0.0).collect();
+    let middle = known.len() / 2;
+    let least = match known.is_empty() {
+        true => 1.0,
+        false => *known.select_nth_unstable_by(middle, f32::total_cmp).1 / 10.0,
+    };
+    let weight = |sigma: f32| if sigma.is_nan() { 0.0 } else { sigma.max(least).powi(-2) };
+    sigmas.mapv_inplace(weight);
+    sigmas
 }

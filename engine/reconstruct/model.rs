@@ -14,7 +14,7 @@ use ndarray::{Array3, ArrayView3};
 use rayon::prelude::*;
 
 /// Projections of volumes as sinograms of one kind, and their transpose, by Joseph's method: no bit
-/// depends on slabs, parts or threads. A voxel counts in a refraction angle by its lever arm, in a
+/// depends on slabs, parts or threads. Calls from several threads wait for each other. A voxel counts in a refraction angle by its lever arm, in a
 /// variance by the square of it, where the geometry has one.
 ///
 /// # Example
@@ -33,14 +33,14 @@ use rayon::prelude::*;
 /// # Ok::<(), beamlet::Error>(())
 /// ```
 #[derive(Debug)]
-pub struct Model<'a> {
-    rays: Rays<'a>,
+pub struct Model {
+    rays: Rays,
     data: Data,
     arm: Arm,
     projector: Projector,
 }
 
-impl<'a> Model<'a> {
+impl Model {
     /// A model of sinograms of a scan. `at_once` bounds the values of the volume, and of sinograms,
     /// that are on the device at once; `None`: 64 Mi each.
     ///
@@ -49,8 +49,8 @@ impl<'a> Model<'a> {
     /// row, a fan of 90° or more; [`crate::Error::Device`], [`crate::Error::Memory`].
     pub fn new(
         engine: &Engine,
-        geometry: &'a ScanGeometry,
-        grid: &'a VolumeGrid,
+        geometry: &ScanGeometry,
+        grid: &VolumeGrid,
         data: Data,
         at_once: Option<usize>,
     ) -> Result<Self> {
@@ -61,8 +61,8 @@ impl<'a> Model<'a> {
     /// The same with another arm than the data's.
     pub(super) fn with_arm(
         engine: &Engine,
-        geometry: &'a ScanGeometry,
-        grid: &'a VolumeGrid,
+        geometry: &ScanGeometry,
+        grid: &VolumeGrid,
         (data, arm): (Data, Arm),
         at_once: usize,
     ) -> Result<Self> {
@@ -73,7 +73,7 @@ impl<'a> Model<'a> {
             Data::Refraction => borders(&geometry.columns),
             _ => geometry.columns.clone(),
         };
-        let rays = Rays { geometry, grid, places };
+        let rays = Rays { geometry: geometry.clone(), grid: *grid, places };
         let projector = Projector::new(engine, &rays, arm, at_once)?;
         Ok(Self { rays, data, arm, projector })
     }
@@ -192,7 +192,7 @@ impl<'a> Model<'a> {
     /// What integrals at the borders of a column do to the tangent of its angle: by their change over
     /// its width at the axis, and by the arm, which changes along an oblique line.
     fn slopes(&self, row: usize, column: usize) -> [f64; 2] {
-        let geometry = self.rays.geometry;
+        let geometry = &self.rays.geometry;
         let width = self.rays.places[column + 1] - self.rays.places[column];
         let [change, mean] = geometry.tangents(geometry.columns[column], row);
         let (change, mean) = (change * geometry.magnification() / width, mean * self.arm.per_lever);

@@ -1,9 +1,11 @@
 //! Images of a retrieval made ready: −ln of the transmission, and pixels without a value filled.
 
-use super::geometry::ScanGeometry;
+use super::geometry::{ScanGeometry, same_shape};
+use super::quantity::Quantity;
 use crate::numbers::{single, whole};
 use crate::retrieve::flags;
-use ndarray::{Array2, ArrayView1, ArrayViewMut2};
+use crate::{Error, Result, reserve};
+use ndarray::{Array2, Array3, ArrayView1, ArrayView3, ArrayViewMut2, s};
 use serde::{Deserialize, Serialize};
 
 /// Pixels of the sinograms of one quantity, over all views.
@@ -53,7 +55,7 @@ impl<'a> Preparation<'a> {
     ///
     /// # Errors
     /// Why it cannot be, in words: no pixel has a value.
-    pub(super) fn view(&mut self, image: &mut ArrayViewMut2<'_, f32>) -> Result<(), &'static str> {
+    pub(super) fn view(&mut self, image: &mut ArrayViewMut2<'_, f32>) -> std::result::Result<(), &'static str> {
         self.counts.pixels += image.len() as u64;
         for (value, misfit) in image.iter_mut().zip(&self.misfits) {
             self.counts.misfits += u64::from(*misfit && value.is_finite());
@@ -91,6 +93,43 @@ impl<'a> Preparation<'a> {
         }
         Ok(())
     }
+}
+
+/// Sinograms of a retrieved image of all views, `[view][row][column]`: −ln of a transmission for μ, and
+/// every pixel with a value, filled along its row where the retrieval has none or, for μ, `flags` say
+/// misfit. The numbers of these pixels come along.
+///
+/// # Errors
+/// [`Error::Argument`] for images of another shape than the scan, and for a view without any value;
+/// [`Error::Memory`].
+pub fn prepare_sinograms(
+    geometry: &ScanGeometry,
+    quantity: Quantity,
+    image: ArrayView3<'_, f32>,
+    flags: Option<ArrayView3<'_, f32>>,
+) -> Result<(Array3<f32>, PixelCounts)> {
+    geometry.check()?;
+    same_shape("image", image.dim(), geometry.dim())?;
+    if let Some(flags) = &flags {
+        same_shape("flags", flags.dim(), geometry.dim())?;
+    }
+    let mut values = reserve::room(image.len(), "sinograms")?;
+    values.extend(image.iter());
+    let mut all = Array3::from_shape_vec(image.dim(), values)
+        .map_err(|error| Error::argument("image", error.to_string(), "one shape"))?;
+    let mut preparation = Preparation::new(geometry, quantity == Quantity::Mu);
+    for (view, mut values) in all.outer_iter_mut().enumerate() {
+        if let Some(flags) = &flags {
+            for column in 0..geometry.columns.len() {
+                preparation.flags_of_column(column, flags.slice(s![view, .., column]));
+            }
+        }
+        preparation.view(&mut values).map_err(|problem| {
+            let found = format!("view {view}, which {problem}");
+            Error::argument("image", found, "a value in each view")
+        })?;
+    }
+    Ok((all, preparation.counts()))
 }
 
 /// Fills NaN between two values linearly by ascending places, and beyond the first and the last with

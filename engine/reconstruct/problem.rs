@@ -15,7 +15,7 @@ use ndarray::Array3;
 /// Least squares while they are solved. Arrays are `[view][row][column]` and `[z][y][x]`.
 #[derive(Debug)]
 pub(super) struct Problem<'a> {
-    model: &'a Model<'a>,
+    model: &'a Model,
     options: &'a IterativeOptions,
     weights: Option<Array3<f32>>,
     mask: Option<Array3<f32>>,
@@ -41,7 +41,7 @@ impl<'a> Problem<'a> {
     /// # Errors
     /// [`Error::Memory`].
     pub(super) fn new(
-        model: &'a Model<'a>,
+        model: &'a Model,
         measured: &Measured<'_>,
         options: &'a IterativeOptions,
     ) -> Result<Self> {

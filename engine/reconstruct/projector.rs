@@ -8,7 +8,7 @@ use crate::numbers::{count, single};
 use crate::trace::push_bytes;
 use crate::{Engine, Error, Result, reserve};
 use ndarray::{Array3, ArrayView3};
-use std::sync::Arc;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 /// Values of a slab, and of the rays that are on the device with it: 256 MiB each, or one plane and
 /// one view.
@@ -44,13 +44,15 @@ pub(super) struct Projector {
     sheets: Buffer,
     volume: Buffer,
     rays: Buffer,
+    /// Held while the buffers are in use.
+    busy: Mutex<()>,
 }
 
 impl Projector {
     /// # Errors
     /// [`Error::Argument`] for more than one plane under one row, and for fans of 90° or more;
     /// [`Error::Device`], [`Error::Memory`].
-    pub(super) fn new(engine: &Engine, rays: &Rays<'_>, arm: Arm, at_once: usize) -> Result<Self> {
+    pub(super) fn new(engine: &Engine, rays: &Rays, arm: Arm, at_once: usize) -> Result<Self> {
         let [x, y, z] = rays.grid.size;
         let (rows, columns) = (rays.geometry.rows.len(), rays.places.len());
         let views = rays.geometry.angles.len();
@@ -113,7 +115,13 @@ impl Projector {
             volume: buffer("a slab", planes * x * y)?,
             rays: buffer("rays", part * rows * columns)?,
             device,
+            busy: Mutex::new(()),
         })
+    }
+
+    /// Waits until no other thread uses the buffers.
+    fn alone(&self) -> MutexGuard<'_, ()> {
+        self.busy.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     fn rays_of_a_view(&self) -> usize {
@@ -130,6 +138,7 @@ impl Projector {
         volume: ArrayView3<'_, f32>,
         work: &mut Work<'_>,
     ) -> Result<Array3<f32>> {
+        let _alone = self.alone();
         let per_view = self.rays_of_a_view();
         let mut rays: Vec<f32> = reserve::zeroed(self.views * per_view, "projections")?;
         let mut pace = Pace::new(1 << 12, 256, 1 << 20);
@@ -168,6 +177,7 @@ impl Projector {
         rays: ArrayView3<'_, f32>,
         work: &mut Work<'_>,
     ) -> Result<Array3<f32>> {
+        let _alone = self.alone();
         let [x, y, z] = self.size;
         let mut values: Vec<f32> = reserve::zeroed(x * y * z, "a volume")?;
         let mut pace = Pace::new(1 << 12, 256, 1 << 20);

@@ -5,7 +5,7 @@ use super::gradient_bias::add_gradient_bias;
 use super::grid::Volume;
 use super::hardening::BeamHardening;
 use super::input::Input;
-use super::measured::Measured;
+use super::measured::{Measured, deviation_weights};
 use super::memory::Memory;
 use super::method::{Made, Method};
 use super::plan::VolumePlan;
@@ -266,7 +266,7 @@ impl Making<'_> {
             suppress_rings(geometry, sinograms.view_mut())?;
         }
         let weights = (plan.sigma && method.filtered().is_none())
-            .then(|| input.sigmas(quantity, &cancel).map(weights_of))
+            .then(|| input.sigmas(quantity, &cancel).map(deviation_weights))
             .transpose()?;
         let start = plan.start_of(quantity)?;
         let measured = Measured::new(Data::of(quantity), sinograms.view())
@@ -307,20 +307,6 @@ impl Making<'_> {
         self.record.files.extend(files);
         Ok(())
     }
-}
-
-/// One over the squares of deviations, 0 where there is none. Deviations below a tenth of the median
-/// count as this.
-fn weights_of(mut sigmas: Array3<f32>) -> Array3<f32> {
-    let mut known: Vec<f32> = sigmas.iter().copied().filter(|sigma| *sigma > 0.0).collect();
-    let middle = known.len() / 2;
-    let least = match known.is_empty() {
-        true => 1.0,
-        false => *known.select_nth_unstable_by(middle, f32::total_cmp).1 / 10.0,
-    };
-    let weight = |sigma: f32| if sigma.is_nan() { 0.0 } else { sigma.max(least).powi(-2) };
-    sigmas.mapv_inplace(weight);
-    sigmas
 }
 
 /// Residuals of the iterations, as CSV; empty without.

@@ -201,6 +201,31 @@ impl Simulation {
         &self.memory
     }
 
+    /// Objects that have defects and are used all the same.
+    fn defective_objects(&self) -> u64 {
+        self.sample.objects.iter().filter(|object| object.defects.refused()).count() as u64
+    }
+
+    /// Refuses results of which too many rays stayed unbalanced; where objects have defects it warns.
+    ///
+    /// # Errors
+    /// [`Error::Tally`].
+    pub(crate) fn check_tally(&self, tally: &Tally) -> Result<()> {
+        if tally.unbalanced as f64 > UNBALANCED_SHARE * tally.rays as f64 {
+            let problem = format!(
+                "{} of {} rays entered and left an object unequally often",
+                tally.unbalanced, tally.rays
+            );
+            // Through a hole that is what rays do.
+            let defective = self.defective_objects();
+            if defective == 0 {
+                return Err(Error::Tally(problem));
+            }
+            log::warn!("{problem}: {defective} objects have defects");
+        }
+        Ok(())
+    }
+
     /// Says how much a run will keep, where that is much.
     fn announce_moments(&self, cancel: &Cancel) -> Result<()> {
         let pixels: f64 = self.scene.detector.pixels.map(f64::from).iter().product();
@@ -273,9 +298,7 @@ impl Simulation {
             }
             sink.commit(view)?;
         }
-        let defective =
-            self.sample.objects.iter().filter(|object| object.defects.refused()).count();
-        let tally = Tally { defective_objects: defective as u64, ..counted };
+        let tally = Tally { defective_objects: self.defective_objects(), ..counted };
         let record = RunRecord {
             tally,
             sampling: kept.or_else(|| SamplingSummary::of(&tally, self.budget.tolerance)),
@@ -293,17 +316,7 @@ impl Simulation {
             .into(),
             ..RunRecord::begin(&self.start, self.scene.sampling.seed)
         };
-        if tally.unbalanced as f64 > UNBALANCED_SHARE * tally.rays as f64 {
-            let problem = format!(
-                "{} of {} rays entered and left an object unequally often",
-                tally.unbalanced, tally.rays
-            );
-            // Rays through a hole do that.
-            if defective == 0 {
-                return Err(Error::Tally(problem));
-            }
-            log::warn!("{problem}: {defective} objects have defects");
-        }
+        self.check_tally(&tally)?;
         sink.finish(&record)?;
         Ok(record)
     }

@@ -9,12 +9,12 @@ use beamlet::{Backend, RowsControl};
 
 const ALL: [Data; 4] = [Data::Attenuation, Data::Refraction, Data::Phase, Data::DarkField];
 
-fn model<'a>(
-    geometry: &'a ScanGeometry,
-    grid: &'a VolumeGrid,
+fn model(
+    geometry: &ScanGeometry,
+    grid: &VolumeGrid,
     data: Data,
     at_once: Option<usize>,
-) -> Model<'a> {
+) -> Model {
     Model::new(&support::engine(Backend::Bvh), geometry, grid, data, at_once).unwrap()
 }
 

@@ -14,6 +14,7 @@ mod dithers;
 mod expected;
 mod fits;
 mod geometry_file;
+mod ideal;
 mod lab_faults;
 mod misfit;
 #[cfg(feature = "cli")]

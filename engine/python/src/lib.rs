@@ -44,10 +44,15 @@ fn _beamlet(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(files::read_stack, module)?)?;
     module.add_function(wrap_pyfunction!(files::memory_size, module)?)?;
     module.add_function(wrap_pyfunction!(retrieve::retrieve, module)?)?;
-    module.add_function(wrap_pyfunction!(reconstruct::fbp, module)?)?;
+    module.add_class::<reconstruct::Projector>()?;
+    module.add_function(wrap_pyfunction!(reconstruct::reconstruct, module)?)?;
+    module.add_function(wrap_pyfunction!(reconstruct::prepare, module)?)?;
+    module.add_function(wrap_pyfunction!(reconstruct::weights, module)?)?;
+    module.add_function(wrap_pyfunction!(retrieve::ideal, module)?)?;
     module.add_function(wrap_pyfunction!(physics::material, module)?)?;
     module.add_function(wrap_pyfunction!(physics::spectrum, module)?)?;
     module.add_function(wrap_pyfunction!(physics::compare, module)?)?;
     module.add_function(wrap_pyfunction!(physics::lengths, module)?)?;
+    module.add_function(wrap_pyfunction!(physics::angle, module)?)?;
     Ok(())
 }

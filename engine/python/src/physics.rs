@@ -107,3 +107,12 @@ pub(crate) fn lengths(py: Python<'_>, name: &str, texts: Vec<String>) -> PyResul
     };
     texts.iter().map(length).collect()
 }
+
+/// An angle in rad from text with a unit.
+#[pyfunction]
+pub(crate) fn angle(py: Python<'_>, name: &str, text: &str) -> PyResult<f64> {
+    Dimension::Angle.parse(text).map_err(|error| {
+        let found = format!("{text:?} ({error})");
+        raised(py, &Error::argument(name, found, "an angle with its unit, as \"30 urad\""))
+    })
+}

@@ -1,10 +1,14 @@
-//! Reconstruction of volumes.
+//! Reconstruction of volumes, and the projector.
 
 use crate::engine::Engine;
 use crate::errors::raised;
 use crate::work::interruptible;
 use beamlet::Error;
-use beamlet::reconstruct::{FbpOptions, Filter, Quantity, ScanGeometry, VolumeGrid};
+use beamlet::reconstruct::{
+    Data, FbpOptions, Filter, GridChoice, IterativeOptions, Measured, Method, Model, PixelCounts,
+    Quantity, ScanGeometry, Solver, VolumeGrid, deviation_weights, iterate, phase_along_rows,
+    prepare_sinograms,
+};
 use numpy::{IntoPyArray, PyArray3, PyReadonlyArray3};
 use pyo3::prelude::*;
 
@@ -17,6 +21,17 @@ pub(crate) struct Circle {
     rows: Vec<f64>,
     angles: Vec<f64>,
     axis: f64,
+    lever: Option<f64>,
+}
+
+impl Circle {
+    fn geometry(self) -> ScanGeometry {
+        let mut geometry =
+            ScanGeometry::new(self.distances, self.columns, self.rows, self.angles);
+        geometry.axis = self.axis;
+        geometry.lever = self.lever.unwrap_or(f64::INFINITY);
+        geometry
+    }
 }
 
 /// Voxels; what is `None` follows from the scan.
@@ -29,90 +44,258 @@ pub(crate) struct Grid {
 }
 
 impl Grid {
-    /// A grid about the axis of rotation that covers the field of view.
-    fn of(self, geometry: &ScanGeometry) -> beamlet::Result<VolumeGrid> {
-        let whole = VolumeGrid::of(geometry)?;
-        let voxel = self.voxel.map_or(whole.voxel, |side| [side; 3]);
-        if !voxel.iter().all(|side| side.is_finite() && *side > 0.0) {
-            let found = format!("{} m", voxel[0]);
-            return Err(Error::argument("voxel", found, "a length above 0"));
-        }
-        let count = |axis: usize| {
-            let voxels = whole.voxel[axis] * whole.size[axis] as f64 / voxel[axis];
-            // A cast of a number above 0; what is too many for memory is an error below.
-            (voxels - 1e-6).ceil().max(1.0) as usize
-        };
-        let size = self.size.unwrap_or_else(|| [0, 1, 2].map(count));
-        let middle = |axis: usize| {
-            whole.origin[axis] + whole.voxel[axis] * (whole.size[axis] as f64 - 1.0) / 2.0
-        };
-        let corner = |axis: usize| middle(axis) - voxel[axis] * (size[axis] as f64 - 1.0) / 2.0;
-        Ok(VolumeGrid { size, voxel, origin: self.origin.unwrap_or([0, 1, 2].map(corner)) })
+    fn of(self, py: Python<'_>, geometry: &ScanGeometry) -> PyResult<VolumeGrid> {
+        let choice = GridChoice::default()
+            .with_voxel(self.voxel)
+            .with_size(self.size)
+            .with_origin(self.origin);
+        choice.grid(geometry).map_err(|error| raised(py, &error))
     }
+}
+
+/// Options of all methods; each method reads its own.
+#[derive(FromPyObject)]
+#[pyo3(from_item_all)]
+pub(crate) struct Options {
+    method: String,
+    filter: String,
+    cut_off: f64,
+    arm_passes: Option<usize>,
+    extrapolate: bool,
+    iterations: usize,
+    discrepancy: Option<f64>,
+    non_negative: bool,
+    phase: bool,
+}
+
+/// The entry of a list that has this name.
+fn named<T>(py: Python<'_>, option: &str, name: &str, all: &[(&str, T)]) -> PyResult<T>
+where
+    T: Copy,
+{
+    all.iter().find(|(known, _)| *known == name).map(|(_, value)| *value).ok_or_else(|| {
+        let names: Vec<&str> = all.iter().map(|(known, _)| *known).collect();
+        raised(py, &Error::argument(option, format!("{name:?}"), names.join(", ")))
+    })
 }
 
 fn quantity(py: Python<'_>, name: &str) -> PyResult<Quantity> {
-    match name {
-        "mu" => Ok(Quantity::Mu),
-        "delta" => Ok(Quantity::Delta),
-        "dark_field" => Ok(Quantity::DarkField),
-        _ => Err(raised(
-            py,
-            &Error::argument("quantity", format!("{name:?}"), "mu, delta, dark_field"),
-        )),
+    let all =
+        [("mu", Quantity::Mu), ("delta", Quantity::Delta), ("dark_field", Quantity::DarkField)];
+    named(py, "quantity", name, &all)
+}
+
+const FILTERS: [(&str, Filter); 3] =
+    [("ram-lak", Filter::RamLak), ("shepp-logan", Filter::SheppLogan), ("hann", Filter::Hann)];
+const METHODS: [(&str, Option<Solver>); 4] = [
+    ("fbp", None),
+    ("cgls", Some(Solver::Cgls)),
+    ("sirt", Some(Solver::Sirt)),
+    ("bb", Some(Solver::Bb)),
+];
+
+impl Options {
+    fn method(&self, py: Python<'_>) -> PyResult<Method> {
+        let filter = named(py, "filter", &self.filter, &FILTERS)?;
+        Ok(match named(py, "method", &self.method, &METHODS)? {
+            None => Method::Fbp(
+                FbpOptions::default()
+                    .with_filter(filter)
+                    .with_cut_off(self.cut_off)
+                    .with_arm_passes(self.arm_passes)
+                    .with_extrapolate(self.extrapolate),
+            ),
+            Some(solver) => {
+                let options = IterativeOptions::default()
+                    .with_solver(solver)
+                    .with_iterations(self.iterations)
+                    .with_discrepancy(self.discrepancy)
+                    .with_non_negative(self.non_negative);
+                Method::iterative(options, self.phase)
+            }
+        })
     }
 }
 
-fn filter(py: Python<'_>, name: &str) -> PyResult<Filter> {
-    match name {
-        "ram-lak" => Ok(Filter::RamLak),
-        "shepp-logan" => Ok(Filter::SheppLogan),
-        "hann" => Ok(Filter::Hann),
-        _ => Err(raised(
-            py,
-            &Error::argument("filter", format!("{name:?}"), "ram-lak, shepp-logan, hann"),
-        )),
-    }
-}
+/// Values `[z][y][x]`, sides of a voxel and centre of the first one, m, their unit, and of iterative
+/// methods the residuals and the number of the iterate.
+type Reconstructed<'py> =
+    (Bound<'py, PyArray3<f32>>, [f64; 3], [f64; 3], &'static str, Vec<f64>, usize);
 
-/// Values `[z][y][x]`, sides of a voxel and centre of the first one, m, and their unit.
-type Reconstructed<'py> = (Bound<'py, PyArray3<f32>>, [f64; 3], [f64; 3], &'static str);
-
-/// Filtered back-projection of sinograms `[view][row][column]`.
+/// Reconstructs sinograms `[view][row][column]`.
 #[pyfunction]
 #[expect(clippy::too_many_arguments, reason = "options by name in Python")]
-pub(crate) fn fbp<'py>(
+pub(crate) fn reconstruct<'py>(
     py: Python<'py>,
     engine: &Engine,
     circle: Circle,
     sinograms: PyReadonlyArray3<'py, f32>,
     of: &str,
     grid: Grid,
-    window: &str,
-    cut_off: f64,
+    options: Options,
+    weights: Option<PyReadonlyArray3<'py, f32>>,
+    mask: Option<PyReadonlyArray3<'py, bool>>,
+    start: Option<PyReadonlyArray3<'py, f32>>,
     progress: Option<&Bound<'py, PyAny>>,
 ) -> PyResult<Reconstructed<'py>> {
     let engine = engine.get(py)?;
-    let (quantity, filter) = (quantity(py, of)?, filter(py, window)?);
-    let Circle { distances, columns, rows, angles, axis } = circle;
-    let mut geometry = ScanGeometry::new(distances, columns, rows, angles);
-    geometry.axis = axis;
-    let grid = grid.of(&geometry).map_err(|error| raised(py, &error))?;
-    let options = FbpOptions::default().with_filter(filter).with_cut_off(cut_off);
+    let quantity = quantity(py, of)?;
+    let method = options.method(py)?;
+    let geometry = circle.geometry();
+    let grid = grid.of(py, &geometry)?;
     let sinograms = sinograms.as_array();
-    let volume = interruptible(py, progress, |watch| {
+    let [weights, start] = [&weights, &start].map(|it| it.as_ref().map(|it| it.as_array()));
+    let mask = mask.as_ref().map(|mask| mask.as_array());
+    let (volume, residuals, best) = interruptible(py, progress, |watch| {
         watch.rows("reconstruct", |mut control| {
-            beamlet::reconstruct::fbp(
-                &engine,
-                &geometry,
-                sinograms,
-                quantity,
-                &grid,
-                &options,
-                &mut control,
-            )
+            method.check(quantity)?;
+            let Method::Iterative { options, phase } = &method else {
+                let given = (sinograms, None);
+                let made = method.volume(&engine, &geometry, given, quantity, &grid, &mut control)?;
+                return Ok((made.volume, made.residuals, made.best));
+            };
+            let data = match quantity {
+                Quantity::Mu => Data::Attenuation,
+                Quantity::Delta if *phase => Data::Phase,
+                Quantity::Delta => Data::Refraction,
+                Quantity::DarkField => Data::DarkField,
+            };
+            let integrated = (data == Data::Phase)
+                .then(|| phase_along_rows(&geometry, sinograms, None))
+                .transpose()?;
+            let given = integrated.as_ref().map_or(sinograms, |phase| phase.view());
+            let measured =
+                Measured::new(data, given).with_weights(weights).with_mask(mask).with_start(start);
+            let made = iterate(&engine, &geometry, &measured, &grid, options, &mut control)?;
+            Ok((made.volume, made.residuals, made.best))
         })
     })?;
     let unit = volume.quantity.unit();
-    Ok((volume.values.into_pyarray(py), grid.voxel, grid.origin, unit))
+    let values = volume.values.into_pyarray(py);
+    Ok((values, grid.voxel, grid.origin, unit, residuals, best))
+}
+
+/// Pixels in all; without an answer, not above 0, and misfits.
+type Counted = (u64, u64, u64, u64);
+
+/// Sinograms of a retrieved image `[view][row][column]`: -ln of transmissions, pixels without a value
+/// filled, and their numbers.
+#[pyfunction]
+pub(crate) fn prepare<'py>(
+    py: Python<'py>,
+    circle: Circle,
+    of: &str,
+    image: PyReadonlyArray3<'py, f32>,
+    flags: Option<PyReadonlyArray3<'py, f32>>,
+) -> PyResult<(Bound<'py, PyArray3<f32>>, Counted)> {
+    let (quantity, geometry) = (quantity(py, of)?, circle.geometry());
+    let (image, flags) = (image.as_array(), flags.as_ref().map(|flags| flags.as_array()));
+    let (sinograms, counts) = interruptible(py, None, |_| {
+        prepare_sinograms(&geometry, quantity, image, flags)
+    })?;
+    let PixelCounts { pixels, without_answer, dark, misfits, .. } = counts;
+    Ok((sinograms.into_pyarray(py), (pixels, without_answer, dark, misfits)))
+}
+
+/// Weights of values by their standard deviations, `[view][row][column]`.
+#[pyfunction]
+pub(crate) fn weights<'py>(
+    py: Python<'py>,
+    sigmas: PyReadonlyArray3<'py, f32>,
+) -> Bound<'py, PyArray3<f32>> {
+    deviation_weights(sigmas.as_array().to_owned()).into_pyarray(py)
+}
+
+/// The projector of a scan and its transpose.
+#[pyclass(frozen, module = "beamlet._beamlet")]
+pub(crate) struct Projector {
+    model: Model,
+    grid: VolumeGrid,
+    shape: [usize; 3],
+    unit: &'static str,
+    volume_unit: &'static str,
+}
+
+#[pymethods]
+impl Projector {
+    #[new]
+    fn new(
+        py: Python<'_>,
+        engine: &Engine,
+        circle: Circle,
+        data: &str,
+        grid: Grid,
+    ) -> PyResult<Self> {
+        let engine = engine.get(py)?;
+        let all = [
+            ("attenuation", (Data::Attenuation, "1")),
+            ("refraction", (Data::Refraction, "rad")),
+            ("phase", (Data::Phase, "m")),
+            ("dark_field", (Data::DarkField, "rad²")),
+        ];
+        let (data, unit) = named(py, "data", data, &all)?;
+        let geometry = circle.geometry();
+        let grid = grid.of(py, &geometry)?;
+        let shape = geometry.shape();
+        let model = interruptible(py, None, |_| Model::new(&engine, &geometry, &grid, data, None))?;
+        Ok(Self { model, grid, shape, unit, volume_unit: data.quantity().unit() })
+    }
+
+    /// Sinograms `[view][row][column]` of a volume `[z][y][x]`.
+    fn project<'py>(
+        &self,
+        py: Python<'py>,
+        volume: PyReadonlyArray3<'py, f32>,
+        progress: Option<&Bound<'py, PyAny>>,
+    ) -> PyResult<Bound<'py, PyArray3<f32>>> {
+        let volume = volume.as_array();
+        let found = interruptible(py, progress, |watch| {
+            watch.rows("project", |mut control| self.model.project(volume, &mut control))
+        })?;
+        Ok(found.into_pyarray(py))
+    }
+
+    /// The transpose: a volume `[z][y][x]` of sinograms `[view][row][column]`.
+    fn transpose<'py>(
+        &self,
+        py: Python<'py>,
+        sinograms: PyReadonlyArray3<'py, f32>,
+        progress: Option<&Bound<'py, PyAny>>,
+    ) -> PyResult<Bound<'py, PyArray3<f32>>> {
+        let sinograms = sinograms.as_array();
+        let found = interruptible(py, progress, |watch| {
+            watch.rows("project back", |mut control| self.model.transpose(sinograms, &mut control))
+        })?;
+        Ok(found.into_pyarray(py))
+    }
+
+    /// Views, rows and columns.
+    #[getter]
+    fn sinograms(&self) -> [usize; 3] {
+        self.shape
+    }
+
+    /// Voxels along x, y and z.
+    #[getter]
+    fn size(&self) -> [usize; 3] {
+        self.grid.size
+    }
+
+    /// Sides of a voxel, m.
+    #[getter]
+    fn voxel(&self) -> [f64; 3] {
+        self.grid.voxel
+    }
+
+    /// Centre of the first voxel, m.
+    #[getter]
+    fn origin(&self) -> [f64; 3] {
+        self.grid.origin
+    }
+
+    /// Units of sinograms and volume.
+    #[getter]
+    fn units(&self) -> (&'static str, &'static str) {
+        (self.unit, self.volume_unit)
+    }
 }

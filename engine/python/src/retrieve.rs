@@ -5,7 +5,9 @@ use crate::scene::Scene;
 use crate::stacks::{json, of_array};
 use crate::work::interruptible;
 use beamlet::Error;
-use beamlet::retrieve::{Input, Method, RetrieveOptions, Weights, retrieve_arrays};
+use beamlet::retrieve::{
+    IdealOptions, Input, Method, RetrieveOptions, Weights, retrieve_arrays,
+};
 use numpy::{IntoPyArray, PyArray3, PyReadonlyArray4};
 use pyo3::prelude::*;
 use std::collections::BTreeMap;
@@ -107,4 +109,40 @@ pub(crate) fn retrieve<'py>(
     })?;
     let images = found.images.into_iter().map(|(name, it)| (name, it.into_pyarray(py)));
     Ok((images.collect(), json(&found.record)?, found.geometry))
+}
+
+/// Images by name, geometry as JSON, reach (rad), rays, pixels beyond the tolerances.
+pub(crate) type Ideal<'py> =
+    (BTreeMap<String, Bound<'py, PyArray3<f32>>>, String, f64, u64, u64);
+
+/// Ideal images of a scene.
+#[pyfunction]
+#[expect(clippy::too_many_arguments, reason = "options by name in Python")]
+pub(crate) fn ideal<'py>(
+    py: Python<'py>,
+    engine: &Engine,
+    scene: &Scene,
+    reach: Option<f64>,
+    tolerance: f64,
+    angle_tolerance: f64,
+    most_rays: usize,
+    progress: Option<&Bound<'py, PyAny>>,
+) -> PyResult<Ideal<'py>> {
+    let engine = engine.get(py)?;
+    let options = IdealOptions::default()
+        .with_reach(reach)
+        .with_tolerance(tolerance)
+        .with_angle_tolerance(angle_tolerance)
+        .with_most_rays(most_rays);
+    let found = interruptible(py, progress, |watch| {
+        let work = || {
+            let scene = scene.scene()?;
+            watch.rows("ideal", |mut control| {
+                beamlet::retrieve::ideal(&engine, &scene, &options, &mut control)
+            })
+        };
+        work().map_err(|error| scene.located(error))
+    })?;
+    let images = found.images.into_iter().map(|(name, it)| (name, it.into_pyarray(py)));
+    Ok((images.collect(), found.geometry, found.reach, found.rays, found.beyond_tolerance))
 }

@@ -123,6 +123,37 @@ def test_dxchange_has_all_contrasts(run: bl.Run, tmp_path: Path) -> None:
     assert not list(tmp_path.glob("*.part"))
 
 
+def test_silx_finds_what_to_plot(run: bl.Run, tmp_path: Path) -> None:
+    import silx.io
+    from silx.io.nxdata import get_default
+
+    path = tmp_path / "scan.nx"
+    convert.to_nxtomo(images(run), path, "refraction")
+    with silx.io.open(str(path)) as file:
+        plot = get_default(file)
+        assert plot is not None and plot.is_valid, plot and plot.issues
+        assert plot.signal.shape == (5, 4, 24)
+        assert np.array_equal(plot.signal[()], images(run).refraction)
+    for name in ("cil", "dxchange"):
+        other = tmp_path / f"scan.{name}"
+        write = convert.to_cil if name == "cil" else convert.to_dxchange
+        write(images(run), other)
+        with silx.io.open(str(other)) as file:
+            place = {"cil": "entry1/tomo_entry/data/data", "dxchange": "exchange/data"}[name]
+            assert np.array_equal(file[place][()], images(run).transmission)
+
+
+def test_tifffile_reads_retrieved_images(run: bl.Run, tmp_path: Path) -> None:
+    import tifffile
+
+    out = tmp_path / "images"
+    words = [sys.executable, "-m", "beamlet", "retrieve", run.path or "", "-o", str(out), "--format", "tiff", "-q"]
+    subprocess.run(words, check=True)
+    for name in ("transmission", "refraction", "dark_field"):
+        read = tifffile.imread(out / f"{name}.tif")
+        assert read.dtype == np.float32 and np.array_equal(read, images(run)[name], equal_nan=True)
+
+
 def test_astra_gets_rows_first(run: bl.Run) -> None:
     taken = convert.to_astra(images(run), "refraction")
     assert taken["projections"].shape == (4, 5, 24)

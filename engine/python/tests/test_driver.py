@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import subprocess
 import sys
 import types
 from pathlib import Path
@@ -46,6 +47,26 @@ def test_drivers_of_the_host_come_first(
     assert _vulkan._host_has_drivers()
     _vulkan.find_driver()
     assert os.environ["VK_DRIVER_FILES"] == ""
+
+
+def test_errors_without_a_device_name_three_remedies(tmp_path: Path) -> None:
+    script = """
+import beamlet as bl
+for work in (bl.Engine, bl.devices):
+    try:
+        work()
+    except bl.DeviceError as error:
+        print(error.remedy)
+"""
+    nowhere = {"VK_DRIVER_FILES": str(tmp_path / "none.json"), "VK_ICD_FILENAMES": str(tmp_path / "none.json")}
+    done = subprocess.run(
+        [sys.executable, "-c", script], env=os.environ | nowhere, capture_output=True, text=True, check=True
+    )
+    remedies = done.stdout.splitlines()
+    assert len(remedies) == 2, done
+    for remedy in remedies:
+        # The driver of a GPU, Mesa's device of the system, and the wheel.
+        assert "driver" in remedy and "mesa-vulkan-drivers" in remedy and "beamlet[cpu]" in remedy
 
 
 def test_a_choice_of_the_user_stays(package: str, monkeypatch: pytest.MonkeyPatch) -> None:

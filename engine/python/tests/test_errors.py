@@ -106,6 +106,20 @@ def test_open_meshes_are_refused_and_turned_ones_taken(engine: bl.Engine) -> Non
     assert outside.sample.min() < outside.flat.max()
 
 
+def test_meshes_may_have_any_strides_and_kinds_of_numbers(engine: bl.Engine) -> None:
+    vertices, faces = tetrahedron()
+    expected = engine.simulate(bl.Scene.from_dict(with_mesh((vertices, faces)))).sample
+    twice = np.repeat(vertices, 2, axis=0)[::2]
+    for mesh in (
+        (np.asfortranarray(vertices), np.asfortranarray(faces)),
+        (twice, faces.astype(np.uint8)),
+        (vertices.astype(np.float32), faces.astype(np.int64)),
+        (vertices.astype(int), faces.astype(">i4")),
+        (vertices.tolist(), faces.tolist()),
+    ):
+        assert np.array_equal(engine.simulate(bl.Scene.from_dict(with_mesh(mesh))).sample, expected)
+
+
 def test_meshes_of_arrays_and_of_files_are_alike(
     engine: bl.Engine, scene: bl.Scene, tmp_path: Path
 ) -> None:

@@ -63,6 +63,19 @@ def test_interrupts_of_each_long_step(
     turns = wide.replace("scan.angles", {"from": "0 deg", "to": "360 deg", "count": 100})
     sinograms = rng.random((100, rows, columns), dtype=np.float32)
     assert interrupted(lambda: bl.reconstruct(sinograms, turns, engine=engine), 0.4) < 1
+    fit = lambda: bl.reconstruct(sinograms, turns, method="cgls", engine=engine)  # noqa: E731
+    assert interrupted(fit, 0.4) < 1
+    operator = bl.Projector(turns, engine=engine)
+    volume = np.ones(operator.volume_shape, np.float32)
+    assert interrupted(lambda: operator(volume), 0.3) < 1
+    assert interrupted(lambda: operator.T(sinograms), 0.3) < 1
+    assert interrupted(lambda: engine.ideal(large, tolerance=1e-7), 0.4) < 1
+    # A run that kept moments.
+    kept = engine.simulate(scene.replace("detector.pixels", [256, 64]))
+    finer = kept.scene.replace(
+        "scan.mask_offsets", {"from": "-20 um", "to": "20 um", "count": 41}
+    )
+    assert interrupted(lambda: kept.illuminate(finer), 0.2) < 1
     # The engine goes on to serve, and what was interrupted can be resumed.
     assert np.array_equal(before.sample, engine.simulate(scene, seed=1).sample)
     with pytest.raises(bl.FileError, match="resume|run directory"):

@@ -1,8 +1,10 @@
 //! Single rays through the sample: their results, moments and crossings.
 
 use super::Simulation;
-use crate::trace::{CrossingFinder, Moments, Ray, RayResult, SurfaceCrossing};
-use crate::{Error, Result, interface};
+use crate::trace::{
+    CrossingFinder, MaterialTable, Moments, Ray, RayResult, SurfaceCrossing, Tracer,
+};
+use crate::{Cancel, Error, Result, interface};
 
 /// Traces rays and returns their results at the scene's energy (for a spectrum at the constants
 /// averaged over it), in the order of the rays.
@@ -29,6 +31,21 @@ pub fn moments(
 }
 
 impl Simulation {
+    /// Materials of the sample.
+    pub(crate) const fn media(&self) -> &MaterialTable {
+        &self.media
+    }
+
+    /// A tracer of single rays on the chosen backend, which `cancel` ends.
+    ///
+    /// # Errors
+    /// [`Error::Device`], [`Error::Memory`].
+    pub(crate) fn tracer_of_rays(&self, cancel: &Cancel) -> Result<Tracer> {
+        let mut tracer = self.tracer(self.start.backend)?;
+        tracer.set_cancel(cancel.clone());
+        Ok(tracer)
+    }
+
     fn check_views(&self, mut views: impl Iterator<Item = u32>) -> Result<()> {
         let count = self.scene.scan.poses();
         match views.find(|view| *view as usize >= count) {

@@ -26,6 +26,7 @@ from ._errors import (
     TallyError,
 )
 from ._images import Images, Volume, reconstruct, retrieve
+from ._projector import Projector
 from ._run import Axis, Counts, Run
 from ._scene import Object, Scene
 from ._tools import Beam, Difference, Material, Spectrum, compare, material, spectrum
@@ -50,6 +51,7 @@ __all__ = [
     "Object",
     "OutOfMemoryError",
     "Picture",
+    "Projector",
     "Run",
     "Scene",
     "SceneError",

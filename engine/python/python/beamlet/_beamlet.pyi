@@ -19,21 +19,26 @@ _Place = tuple[Path, _Shape]
 
 __all__ = [
     "Engine",
+    "Projector",
     "Scene",
     "__version__",
+    "angle",
     "compare",
     "devices",
-    "fbp",
+    "ideal",
     "lengths",
     "material",
     "memory_size",
     "open_run",
+    "prepare",
     "program",
     "read_images",
     "read_stack",
+    "reconstruct",
     "retrieve",
     "spectrum",
     "stop",
+    "weights",
 ]
 __version__: str
 
@@ -91,18 +96,36 @@ class Engine:
         progress: _Progress,
     ) -> str: ...
 
+@final
+class Projector:
+    def __new__(
+        cls, engine: Engine, circle: Mapping[str, object], data: str, grid: Mapping[str, object]
+    ) -> Projector: ...
+    def project(self, volume: _Floats, progress: _Progress) -> _Floats: ...
+    def transpose(self, sinograms: _Floats, progress: _Progress) -> _Floats: ...
+    @property
+    def origin(self) -> list[float]: ...
+    @property
+    def sinograms(self) -> list[int]: ...
+    @property
+    def size(self) -> list[int]: ...
+    @property
+    def units(self) -> tuple[str, str]: ...
+    @property
+    def voxel(self) -> list[float]: ...
+
+def angle(name: str, text: str) -> float: ...
 def compare(a: _Path, b: _Path, progress: _Progress) -> str: ...
 def devices() -> str: ...
-def fbp(
+def ideal(
     engine: Engine,
-    circle: Mapping[str, object],
-    sinograms: _Floats,
-    of: str,
-    grid: Mapping[str, object],
-    window: str,
-    cut_off: float,
+    scene: Scene,
+    reach: float | None,
+    tolerance: float,
+    angle_tolerance: float,
+    most_rays: int,
     progress: _Progress,
-) -> tuple[_Floats, list[float], list[float], str]: ...
+) -> tuple[dict[str, _Floats], str, float, int, int]: ...
 def lengths(name: str, texts: Sequence[str]) -> list[float]: ...
 def material(
     name: str, energies: Sequence[float], density: float | None, scene: Scene | None
@@ -111,9 +134,24 @@ def memory_size(text: str) -> int: ...
 def open_run(
     path: _Path,
 ) -> tuple[_Place, _Place, tuple[_Place, _Place, _Place | None] | None, str]: ...
+def prepare(
+    circle: Mapping[str, object], of: str, image: _Floats, flags: _Floats | None
+) -> tuple[_Floats, tuple[int, int, int, int]]: ...
 def program(words: Sequence[str]) -> int: ...
 def read_images(path: _Path) -> _Images: ...
 def read_stack(path: _Path, steps: int, views: int) -> _Floats: ...
+def reconstruct(
+    engine: Engine,
+    circle: Mapping[str, object],
+    sinograms: _Floats,
+    of: str,
+    grid: Mapping[str, object],
+    options: Mapping[str, object],
+    weights: _Floats | None,
+    mask: NDArray[np.bool_] | None,
+    start: _Floats | None,
+    progress: _Progress,
+) -> tuple[_Floats, list[float], list[float], str, list[float], int]: ...
 def retrieve(
     engine: Engine,
     scene: Scene,
@@ -127,3 +165,4 @@ def retrieve(
 ) -> _Images: ...
 def spectrum(scene: Scene) -> str: ...
 def stop() -> bool: ...
+def weights(sigmas: _Floats) -> _Floats: ...

@@ -19,6 +19,7 @@ from . import _beamlet, _vulkan
 from ._scene import Path, Scene
 
 if TYPE_CHECKING:
+    from ._images import Images
     from ._run import Run
 
 #: Called with the step in work and the share of it that is done, from 0 to 1, or ``None`` where it is
@@ -78,7 +79,8 @@ def devices() -> list[Device]:
         DeviceError: Without Vulkan loader, driver or device.
     """
     _vulkan.find_driver()
-    return [Device._of(found) for found in json.loads(_beamlet.devices())]
+    with _vulkan.naming_the_package():
+        return [Device._of(found) for found in json.loads(_beamlet.devices())]
 
 
 def _bytes(limit: int | str | None) -> int | None:
@@ -114,9 +116,9 @@ class Engine:
         name = None if device is None else str(device)
         way = backend or os.environ.get("BEAMLET_BACKEND") or None
         self.keep_moments = keep_moments
-        self._engine = _beamlet.Engine(
-            name, way, _bytes(memory_limit), keep_moments, validation
-        )
+        limit = _bytes(memory_limit)
+        with _vulkan.naming_the_package():
+            self._engine = _beamlet.Engine(name, way, limit, keep_moments, validation)
         _open.add(self)
 
     @property
@@ -201,6 +203,58 @@ class Engine:
         """
         text, values = self._engine.check(scene._scene, progress)
         return CheckReport(text, json.loads(values))
+
+    def ideal(
+        self,
+        scene: Scene,
+        reach: str | float | None = None,
+        tolerance: float = 1e-3,
+        angle_tolerance: float = 3e-8,
+        most_rays: int = 4096,
+        progress: Progress | None = None,
+    ) -> Images:
+        """Ideal images of a scene, as truth for training: what a retrieval would return without noise,
+        focal spot, blur, leaks and the bias of its method (docs/retrieval.md, "Ideal images").
+
+        All light that passes the aligned masks straight before a pixel has a distribution of refraction
+        angles: ``transmission`` is its sum over that without sample, ``refraction`` its mean (rad),
+        ``dark_field`` its variance (rad²), whether structure, roughness or a gradient across the opening
+        spreads the angles. Shapes are those of :meth:`Run.retrieve`.
+
+        Args:
+            scene: The scene.
+            reach: Angles beyond it count in neither refraction nor dark field, rad, or text such as
+                ``"30 urad"``; default: what moves light by half a period of the sample mask.
+            tolerance: Standard error of the transmission below which a pixel gets no more rays.
+            angle_tolerance: The same of the refraction and of the root of the dark field, rad.
+            most_rays: Most rays of a pixel and view.
+            progress: Callback.
+
+        Returns:
+            The contrasts, and ``transmission_error``, ``refraction_error`` and ``dark_field_error``: standard
+            errors of the sums over rays. NaN behind bars. `record` has ``reach_rad``, ``rays`` and
+            ``beyond_tolerance``, the pixels whose errors exceed the tolerances.
+
+        Raises:
+            SceneError, MeshError, ArgumentError, DeviceError, OutOfMemoryError, TallyError
+        """
+        from ._images import Images
+
+        angle = _beamlet.angle("reach", reach) if isinstance(reach, str) else reach
+        images, geometry, reached, rays, beyond = _beamlet.ideal(
+            self._engine, scene._scene, angle, tolerance, angle_tolerance, most_rays, progress
+        )
+        units = {"transmission": "1", "refraction": "rad", "dark_field": "rad²"}
+        record = {
+            "title": scene.title,
+            "method": "ideal",
+            "units": {name: units[name.removesuffix("_error")] for name in images},
+            "flags": {},
+            "reach_rad": reached,
+            "rays": rays,
+            "beyond_tolerance": beyond,
+        }
+        return Images(images, record, json.loads(geometry), scene, self)
 
     def simulate_many(
         self,

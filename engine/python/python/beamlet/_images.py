@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import tempfile
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 import numpy as np
@@ -29,6 +29,7 @@ Method = Literal[
 Weights = Literal["none", "poisson"]
 Quantity = Literal["mu", "delta", "dark_field"]
 Window = Literal["ram-lak", "shepp-logan", "hann"]
+Reconstruction = Literal["fbp", "cgls", "sirt", "bb"]
 Image = NDArray[np.float32]
 
 
@@ -48,6 +49,11 @@ class Volume:
         origin: Centre of the first voxel, x, y and z, m; the axis of rotation is at x = y = 0.
         quantity: What the values are.
         unit: Their unit.
+        residuals: Of iterative methods: root mean square of the weighted residuals of the start, then
+            after each iteration.
+        best: Number of the iterate that the values are, the one of the least residual.
+        pixels: Pixels of the images: how many had no answer, no light or were misfits and were filled;
+            ``None`` for sinograms.
     """
 
     values: NDArray[np.float32]
@@ -55,6 +61,9 @@ class Volume:
     origin: tuple[float, float, float]
     quantity: str
     unit: str
+    residuals: tuple[float, ...] = ()
+    best: int = 0
+    pixels: Mapping[str, int] | None = None
 
     def centres(self) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
         """Centres of the voxels along x, y and z, m."""
@@ -171,6 +180,43 @@ class Images(Mapping[str, Image]):
         """Bits of :attr:`flag_meanings`, as float32; 0: nothing to say."""
         return self["flags"]
 
+    def sinograms(self, quantity: Quantity = "mu") -> tuple[Image, dict[str, int]]:
+        """Sinograms ready for reconstruction: -ln of the transmission, refraction angles, variances.
+
+        Pixels without an answer, transmissions of 0 or less, and for ``mu`` misfits are filled linearly
+        along their row (docs/reconstruction.md).
+
+        Returns:
+            Values ``[view][row][column]``, and the numbers of pixels by kind.
+
+        Raises:
+            ArgumentError: Views without angles or that move the sample, a view without any value.
+        """
+        if self.geometry is None:
+            raise _wrong("geometry", "views without angles", "a scene with an angle for each view")
+        image = self[{"mu": "transmission", "delta": "refraction"}.get(quantity, quantity)]
+        flags = self._images.get("flags")
+        values, counts = _beamlet.prepare(circle(self.geometry), quantity, image, flags)
+        names = ("pixels", "without_answer", "dark", "misfits")
+        return values, dict(zip(names, counts, strict=True))
+
+    def weights(self, quantity: Quantity = "mu") -> Image:
+        """Weights of the sinograms by the uncertainties of the retrieval: one over their squares, 0 where
+        a pixel has no answer. Below a tenth of their median uncertainties count as this.
+
+        Raises:
+            ArgumentError: The images are not those of counts, and have no uncertainties.
+        """
+        name = {"mu": "transmission", "delta": "refraction"}.get(quantity, quantity)
+        if f"{name}_sigma" not in self:
+            raise _wrong("weights", f"images without {name}_sigma", "images of counts")
+        sigma = self[f"{name}_sigma"].copy()
+        if quantity == "mu":
+            with np.errstate(divide="ignore", invalid="ignore"):
+                sigma = np.where(self[name] > 0, sigma / self[name], np.nan).astype(np.float32)
+        sigma[~np.isfinite(sigma)] = np.nan
+        return _beamlet.weights(sigma)
+
     def reconstruct(
         self,
         quantity: Quantity = "mu",
@@ -179,34 +225,36 @@ class Images(Mapping[str, Image]):
         filter: Window = "ram-lak",
         cut_off: float = 1.0,
         progress: Progress | None = None,
+        *,
+        method: Reconstruction = "fbp",
+        weights: Literal["sigma"] | ArrayLike | None = None,
+        **options: Any,
     ) -> Volume:
-        """Filtered back-projection of a scan on a circle.
+        """Reconstructs a scan on a circle. Pixels without a value are filled: :meth:`sinograms`.
 
         Args:
             quantity: ``mu`` (1/m, from the transmission), ``delta`` (from the refraction) or
                 ``dark_field`` (rad²/m).
             voxel: Side of the voxels, as ``"50 um"`` or in m; default: a pixel at the axis.
             size: Voxels along x, y and z; default: the field of view.
-            filter: Window of the filter.
-            cut_off: Frequency from which on nothing counts, as a share of Nyquist's.
+            filter: Window of the filter, for ``fbp``.
+            cut_off: Frequency from which on nothing counts, as a share of Nyquist's, for ``fbp``.
             progress: Callback.
+            method: Filtered back-projection, or an iterative method: :func:`beamlet.reconstruct`.
+            weights: ``"sigma"``: iterative methods weigh values by :meth:`weights`.
+            options: Others of :func:`beamlet.reconstruct`.
 
         Raises:
-            ArgumentError: Pixels without an answer, a transmission of 0 or less, or a scan that is
-                no circle.
+            ArgumentError: As of :func:`beamlet.reconstruct`, :meth:`sinograms` and :meth:`weights`.
         """
-        name = {"mu": "transmission", "delta": "refraction"}.get(quantity, quantity)
-        sinograms = self[name]
-        if quantity == "mu":
-            with np.errstate(divide="ignore", invalid="ignore"):
-                sinograms = -np.log(sinograms)
-        if self.geometry is None:
-            raise _wrong("geometry", "views without angles", "a scene with an angle for each view")
-        if not np.isfinite(sinograms).all():
-            bad = int((~np.isfinite(sinograms)).sum())
-            found = f"{bad} pixels without a finite value"
-            raise _wrong(name, found, "a value in each pixel: fill them before")
-        return reconstruct(
+        sinograms, counts = self.sinograms(quantity)
+        assert self.geometry is not None
+        if isinstance(weights, str):
+            if weights != "sigma":
+                raise _wrong("weights", repr(weights), '"sigma" or an array')
+            weights = self.weights(quantity)
+        options.setdefault("engine", self._engine)
+        volume = reconstruct(
             sinograms,
             self.geometry,
             quantity,
@@ -214,9 +262,12 @@ class Images(Mapping[str, Image]):
             size=size,
             filter=filter,
             cut_off=cut_off,
-            engine=self._engine,
             progress=progress,
+            method=method,
+            weights=weights,
+            **options,
         )
+        return replace(volume, pixels=counts)
 
     def __repr__(self) -> str:
         return f"<Images {', '.join(self._images)}>"
@@ -339,60 +390,162 @@ def retrieve(
     )
 
 
+def circle(geometry: Scene | Mapping[str, Any], axis: float | None = None) -> dict[str, Any]:
+    """Geometry of a scan on a circle, as the extension takes it.
+
+    Args:
+        geometry: Scene, or a dict with the keys of ``geometry.json``.
+        axis: x of the axis of rotation from the optical axis, m; default: that of the geometry.
+
+    Raises:
+        ArgumentError: A key that lacks, or views that are no circle.
+    """
+    views = geometry.geometry if isinstance(geometry, Scene) else geometry
+    for key in ("source_to_axis_m", "source_to_detector_m", "columns_m", "rows_m", "angles_rad"):
+        if views.get(key) is None:
+            raise _wrong(f"geometry.{key}", "nothing", "the keys of geometry.json")
+    if axis is None and views.get("axis_column") is None:
+        raise _wrong("scan", "views that move the sample", "views on a circle")
+    columns = [float(place) for place in views["columns_m"]]
+    near, far = float(views["source_to_axis_m"]), float(views["source_to_detector_m"])
+    if axis is None:
+        pitch = (columns[-1] - columns[0]) / max(len(columns) - 1, 1)
+        at = columns[0] + pitch * float(views["axis_column"])
+        # Beside the optical axis; on it places of columns are rounded.
+        axis = 0.0 if abs(at) < 1e-6 * pitch else at if np.isinf(near) else at * near / far
+    analyser = views.get("source_to_analyser_m")
+    return {
+        "distances": [near, far],
+        "columns": columns,
+        "rows": [float(place) for place in views["rows_m"]],
+        "angles": [float(angle) for angle in views["angles_rad"]],
+        "axis": float(axis),
+        "lever": None if analyser is None else float(analyser) - near,
+    }
+
+
+def grid(
+    voxel: str | float | None,
+    size: Sequence[int] | None,
+    origin: Sequence[str | float] | None,
+) -> dict[str, Any]:
+    """Voxels, as the extension takes them."""
+    return {
+        "voxel": None if voxel is None else lengths("voxel", [voxel])[0],
+        "size": None if size is None else _sides("size", size),
+        "origin": None if origin is None else lengths("origin", origin),
+    }
+
+
+def _sides(name: str, values: Sequence[int]) -> list[int]:
+    sides = [int(value) for value in values]
+    if len(sides) != 3 or min(sides) < 1:
+        raise _wrong(name, str(sides), "three numbers of 1 or more, along x, y and z")
+    return sides
+
+
+def _cube(name: str, values: ArrayLike, sides: str) -> NDArray[np.float32]:
+    """Values as contiguous float32 of three sides."""
+    array = np.asarray(values)
+    if array.ndim != 3 or array.dtype.kind not in "fiu":
+        raise _wrong(name, f"shape {array.shape}, dtype {array.dtype}", sides)
+    return np.ascontiguousarray(array, dtype=np.float32)
+
+
 def reconstruct(
     sinograms: ArrayLike,
     geometry: Scene | Mapping[str, Any],
     quantity: Quantity = "mu",
     voxel: str | float | None = None,
     size: Sequence[int] | None = None,
-    axis: float = 0.0,
+    axis: float | None = None,
     filter: Window = "ram-lak",
     cut_off: float = 1.0,
     engine: Engine | None = None,
     progress: Progress | None = None,
+    *,
+    method: Reconstruction = "fbp",
+    origin: Sequence[str | float] | None = None,
+    arm_passes: int | None = None,
+    extrapolate: bool = False,
+    iterations: int = 20,
+    discrepancy: float | None = None,
+    non_negative: bool = False,
+    phase: bool = False,
+    weights: ArrayLike | None = None,
+    mask: ArrayLike | None = None,
+    start: ArrayLike | None = None,
 ) -> Volume:
-    """Filtered back-projection of sinograms.
+    """Reconstructs sinograms: docs/reconstruction.md has methods and options.
 
     Args:
         sinograms: ``[view][row][column]``: -ln T, refraction angles (rad), or variances (rad²).
         geometry: Scene, or a dict with the keys of ``geometry.json`` (docs/reading.md).
-        quantity: What the sinograms are: ``mu``, ``delta`` or ``dark_field``.
+        quantity: What is reconstructed: ``mu``, ``delta`` or ``dark_field``.
         voxel: Side of the voxels, as ``"50 um"`` or in m; default: a pixel at the axis.
         size: Voxels along x, y and z; default: the field of view.
-        axis: x of the axis of rotation from the optical axis, m.
-        filter: Window of the filter.
-        cut_off: Frequency from which on nothing counts, as a share of Nyquist's.
+        axis: x of the axis of rotation from the optical axis, m; default: that of the geometry.
+        filter: Window of the filter, for ``fbp``.
+        cut_off: Frequency from which on nothing counts, as a share of Nyquist's, for ``fbp``.
         engine: Engine; default: the shared one.
         progress: Callback.
+        method: ``fbp``, filtered back-projection; or weighted least squares by ``cgls`` (conjugate
+            gradients), ``sirt`` or ``bb`` (gradient descent with Barzilai-Borwein steps).
+        origin: Centre of the first voxel, x, y and z; default: the volume lies about the axis.
+        arm_passes: Corrections of ``fbp`` for lever arms; default: one for scans of less than a turn.
+        extrapolate: ``fbp`` of ``mu`` and ``dark_field`` continues rows of bodies wider than the detector.
+        iterations: Most iterations.
+        discrepancy: Root mean square of the weighted residuals at which iterations end.
+        non_negative: Voxels stay at or above zero (``sirt``, ``bb``).
+        phase: ``delta`` from refraction angles integrated along the rows, which begin and end in air.
+        weights: Weight of each value in iterative methods, 0 or more, ``[view][row][column]``.
+        mask: True where voxels may differ from zero, ``[z][y][x]``.
+        start: Volume to begin with, ``[z][y][x]``.
 
     Raises:
-        ArgumentError: Shapes, values or a geometry that cannot be.
+        ArgumentError: Shapes, values, options or a geometry that cannot be.
     """
-    array = np.asarray(sinograms)
-    if array.ndim != 3 or array.dtype.kind not in "fiu":
-        raise _wrong("sinograms", f"shape {array.shape}, dtype {array.dtype}", "(view, row, column)")
-    views = geometry.geometry if isinstance(geometry, Scene) else geometry
-    if views["axis_column"] is None:
-        raise _wrong("scan", "views that move the sample", "views on a circle")
-    circle = {
-        "distances": [views["source_to_axis_m"], views["source_to_detector_m"]],
-        "columns": views["columns_m"],
-        "rows": views["rows_m"],
-        "angles": views["angles_rad"],
-        "axis": float(axis),
+    array = _cube("sinograms", sinograms, "(view, row, column)")
+    options = {
+        "method": method,
+        "filter": filter,
+        "cut_off": float(cut_off),
+        "arm_passes": arm_passes,
+        "extrapolate": bool(extrapolate),
+        "iterations": int(iterations),
+        "discrepancy": None if discrepancy is None else float(discrepancy),
+        "non_negative": bool(non_negative),
+        "phase": bool(phase),
     }
-    side = None if voxel is None else lengths("voxel", [voxel])[0]
-    grid = {"voxel": side, "size": None if size is None else list(size), "origin": None}
-    values, sides, origin, unit = _beamlet.fbp(
+    if method == "fbp":
+        given = {"weights": weights, "mask": mask, "start": start}
+        wrong = [name for name, value in given.items() if value is not None]
+        if wrong:
+            raise _wrong(wrong[0], "an array for fbp", "cgls, sirt or bb")
+    may = None
+    if mask is not None:
+        may = np.asarray(mask)
+        if may.ndim != 3 or may.dtype != np.bool_:
+            raise _wrong("mask", f"shape {may.shape}, dtype {may.dtype}", "bool, (z, y, x)")
+        may = np.ascontiguousarray(may)
+    values, sides, corner, unit, residuals, best = _beamlet.reconstruct(
         (engine or default_engine())._engine,
-        circle,
-        np.ascontiguousarray(array, dtype=np.float32),
+        circle(geometry, axis),
+        array,
         quantity,
-        grid,
-        filter,
-        cut_off,
+        grid(voxel, size, origin),
+        options,
+        None if weights is None else _cube("weights", weights, "(view, row, column)"),
+        may,
+        None if start is None else _cube("start", start, "(z, y, x)"),
         progress,
     )
     return Volume(
-        values, (sides[0], sides[1], sides[2]), (origin[0], origin[1], origin[2]), quantity, unit
+        values,
+        (sides[0], sides[1], sides[2]),
+        (corner[0], corner[1], corner[2]),
+        quantity,
+        unit,
+        tuple(residuals),
+        best,
     )

@@ -6,13 +6,16 @@ import hashlib
 import json
 import os
 from collections.abc import Mapping
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from . import _beamlet
 from ._errors import ArgumentError
+
+if TYPE_CHECKING:
+    from ._images import Images
 
 Path = str | os.PathLike[str]
 #: Vertices and triangles by the name of the file that stands for them.
@@ -276,6 +279,12 @@ class Scene:
         with open(path, "w", encoding="utf-8") as file:
             file.write(text)
         return path
+
+    def ideal(self, **options: Any) -> Images:
+        """Ideal images, by the shared engine. See :meth:`beamlet.Engine.ideal`."""
+        from ._engine import default_engine
+
+        return default_engine().ideal(self, **options)
 
     def view(self, width: int | None = None) -> list[Any]:
         """Pictures of set-up and sample, which Jupyter shows. See :func:`beamlet.view`."""

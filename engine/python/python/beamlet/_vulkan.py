@@ -6,6 +6,13 @@ import ctypes
 import importlib
 import os
 import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+from ._errors import DeviceError
+
+#: What helps, in Python, where Vulkan shows no device.
+PACKAGE = 'or pip install "beamlet[cpu]": a device on the CPU for Linux on x86-64 with glibc 2.36 or later'
 
 _lock = threading.Lock()
 _looked = False
@@ -33,6 +40,22 @@ def find_driver() -> None:
         os.environ["VK_DRIVER_FILES"] = package.driver_file()
         if not _host_has_loader():
             ctypes.CDLL(package.loader(), mode=ctypes.RTLD_GLOBAL)
+
+
+@contextmanager
+def naming_the_package() -> Iterator[None]:
+    """Adds the package of a driver to the remedies of errors without a loader or a device."""
+    try:
+        yield
+    except DeviceError as error:
+        if error.key not in ("the Vulkan loader", "a Vulkan device"):
+            raise
+        raise DeviceError(
+            f"{error}, {PACKAGE}",
+            key=error.key,
+            found=error.found,
+            remedy=f"{error.remedy}, {PACKAGE}",
+        ) from None
 
 
 def _host_has_drivers() -> bool:

@@ -1,0 +1,306 @@
+//! Ideal images: the contrasts of a retrieval without noise, blur and bias.
+
+mod columns;
+mod sums;
+
+use crate::interface::{FLAG_NOT_FINITE, Ray, RayResult};
+use crate::numbers::{count, single};
+use crate::optics::Optics;
+use crate::run::{Control, RowsControl, Simulation};
+use crate::scene::Scene;
+use crate::stack::GeometryFile;
+use crate::trace::Tracer;
+use crate::{Engine, Error, Result, parallel, reserve};
+use columns::{IdealColumns, half_period};
+use ndarray::Array3;
+use rayon::prelude::*;
+use std::collections::BTreeMap;
+use sums::{PixelSums, RayLight};
+
+/// Rays of a pixel to begin with, and by how much their number grows.
+const FIRST_RAYS: usize = 64;
+const GROWTH: usize = 4;
+/// Rays that are on the host at once.
+const RAYS_AT_ONCE: usize = 1 << 18;
+/// Pixels that are sampled one with another.
+const AT_ONCE: usize = RAYS_AT_ONCE / FIRST_RAYS;
+/// Places of a pixel's rays along its height: multiples of the golden ratio, less whole numbers.
+const GOLDEN: f64 = 0.618_033_988_749_894_9;
+
+/// How ideal images are made; what differs from the default is set in a chain.
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[non_exhaustive]
+pub struct IdealOptions {
+    /// Largest refraction angle that counts in refraction and dark field, rad. `None`: the angle that moves
+    /// light by half a period of the sample mask; without a sample mask no bound.
+    pub reach: Option<f64>,
+    /// Standard error of the transmission below which a pixel gets no more rays.
+    pub tolerance: f64,
+    /// The same of the refraction angle and of the root of the dark field, rad.
+    pub angle_tolerance: f64,
+    /// Most rays of a pixel and view, at least 64.
+    pub most_rays: usize,
+}
+
+impl Default for IdealOptions {
+    fn default() -> Self {
+        Self { reach: None, tolerance: 1e-3, angle_tolerance: 3e-8, most_rays: 4096 }
+    }
+}
+
+impl IdealOptions {
+    setters! {
+        /// Sets the largest refraction angle that counts, rad.
+        with_reach(reach: impl Into<Option<f64>>);
+        /// Sets the standard error of the transmission.
+        with_tolerance(tolerance: f64);
+        /// Sets the standard error of the angles, rad.
+        with_angle_tolerance(angle_tolerance: f64);
+        /// Sets the most rays of a pixel.
+        with_most_rays(most_rays: usize);
+    }
+
+    fn check(&self) -> Result<()> {
+        let positive = |name: &str, value: f64| match value > 0.0 {
+            true => Ok(()),
+            false => Err(Error::argument(name, value.to_string(), "a number above zero")),
+        };
+        self.reach.map_or(Ok(()), |reach| positive("reach", reach))?;
+        positive("tolerance", self.tolerance)?;
+        positive("angle_tolerance", self.angle_tolerance)?;
+        if self.most_rays < FIRST_RAYS {
+            let allowed = format!("at least {FIRST_RAYS}");
+            return Err(Error::argument("most_rays", self.most_rays.to_string(), allowed));
+        }
+        Ok(())
+    }
+}
+
+/// Ideal images of a scene.
+#[derive(Debug, Clone)]
+#[non_exhaustive]
+pub struct IdealImages {
+    /// `transmission`, `refraction` (rad), `dark_field` (rad²) and the standard errors of sampling,
+    /// `transmission_error` and so on, each `[view][row][column]` as retrieved images are. NaN where a
+    /// pixel lies behind bars, or no light is within reach.
+    pub images: BTreeMap<String, Array3<f32>>,
+    /// Text of geometry.json.
+    pub geometry: String,
+    /// Largest refraction angle that counts, rad; infinite without a bound.
+    pub reach: f64,
+    /// Rays that were traced.
+    pub rays: u64,
+    /// Pixels whose errors exceed the tolerances with the most rays.
+    pub beyond_tolerance: u64,
+}
+
+/// Images of a scene as an ideal set-up would show them: from the moments of the refraction angles of all
+/// light that passes the aligned masks before a pixel (docs/retrieval.md, "Ideal images"). No focal spot, blur,
+/// leak or noise counts.
+///
+/// # Errors
+/// As [`Engine::prepare`]; [`Error::Argument`] for options that cannot be; [`Error::Interrupted`].
+///
+/// # Example
+///
+/// ```no_run
+/// use beamlet::retrieve::{IdealOptions, ideal};
+/// use beamlet::{Engine, EngineOptions, RowsControl, scene::Scene};
+///
+/// let engine = Engine::open(&EngineOptions::default())?;
+/// let scene = Scene::load("scene.toml")?;
+/// let truth = ideal(&engine, &scene, &IdealOptions::default(), &mut RowsControl::default())?;
+/// println!("{:?}", truth.images["dark_field"].dim());
+/// # Ok::<(), beamlet::Error>(())
+/// ```
+pub fn ideal(
+    engine: &Engine,
+    scene: &Scene,
+    options: &IdealOptions,
+    control: &mut RowsControl<'_>,
+) -> Result<IdealImages> {
+    options.check()?;
+    parallel::start_threads()?;
+    let columns = IdealColumns::of(scene)?;
+    let mut preparing = Control::default().with_cancel(control.cancel.clone());
+    let simulation = engine.prepare_with(scene, &mut preparing)?;
+    let reach = options.reach.unwrap_or_else(|| half_period(scene));
+    let mut tracer = simulation.tracer_of_rays(&control.cancel)?;
+    let pixels = Pixels { scene, simulation: &simulation, optics: Optics::of(scene), columns };
+    let total = pixels.count();
+    let mut found: Vec<Found> = reserve::room(total, "ideal images")?;
+    let mut beyond = 0;
+    while found.len() < total {
+        let mut part = vec![PixelSums::default(); (total - found.len()).min(AT_ONCE)];
+        beyond += pixels.sample(&mut tracer, found.len(), &mut part, reach, options)?;
+        found.extend(part.iter().map(|sums| [sums.contrasts(), sums.errors()].map(of_pixel)));
+        if let Some(progress) = &mut control.progress {
+            progress(found.len() as u64, total as u64);
+        }
+    }
+    simulation.check_tally(&tracer.tally()?)?;
+    Ok(IdealImages {
+        images: pixels.images(&found)?,
+        geometry: pixels.geometry()?,
+        reach,
+        rays: tracer.rays_traced(),
+        beyond_tolerance: beyond,
+    })
+}
+
+/// Contrasts of a pixel, and their errors.
+type Found = [[f32; 3]; 2];
+
+fn of_pixel(values: [f64; 3]) -> [f32; 3] {
+    values.map(single)
+}
+
+/// Pixels of all views, `[view][row][column]`.
+struct Pixels<'a> {
+    scene: &'a Scene,
+    simulation: &'a Simulation,
+    optics: Optics,
+    columns: IdealColumns,
+}
+
+impl Pixels<'_> {
+    fn rows(&self) -> usize {
+        self.scene.detector.pixels[1] as usize
+    }
+
+    fn count(&self) -> usize {
+        self.scene.scan.views() * self.rows() * self.columns.places.len()
+    }
+
+    /// Adds rays to pixels from `first` on until their errors are below the tolerances. Returns the number
+    /// of pixels that stay above.
+    fn sample(
+        &self,
+        tracer: &mut Tracer,
+        first: usize,
+        part: &mut [PixelSums],
+        reach: f64,
+        options: &IdealOptions,
+    ) -> Result<u64> {
+        let across = self.columns.places.len();
+        let mut open: Vec<usize> = (0..part.len())
+            .filter(|at| !self.columns.openings[(first + at) % across].is_empty())
+            .collect();
+        let mut rays = FIRST_RAYS;
+        loop {
+            for some in open.chunks((RAYS_AT_ONCE / rays).max(1)) {
+                let found = self.trace(tracer, first, some, rays, reach)?;
+                some.iter().zip(found).for_each(|(at, sums)| part[*at] = sums);
+            }
+            open.retain(|at| is_open(&part[*at], options));
+            if open.is_empty() || rays * GROWTH > options.most_rays {
+                return Ok(open.len() as u64);
+            }
+            rays *= GROWTH;
+        }
+    }
+
+    /// Sums of `n` rays through each of some pixels.
+    fn trace(
+        &self,
+        tracer: &mut Tracer,
+        first: usize,
+        some: &[usize],
+        n: usize,
+        reach: f64,
+    ) -> Result<Vec<PixelSums>> {
+        let rays: Vec<Ray> = some
+            .par_iter()
+            .flat_map_iter(|at| (0..n).map(move |number| self.ray(first + at, number, n)))
+            .collect();
+        let mut sums = vec![PixelSums::default(); some.len()];
+        let media = self.simulation.media();
+        for (node, weight) in media.weights.iter().enumerate() {
+            tracer.set_node((media.weights.len() > 1).then_some(node));
+            let results = tracer.trace(&rays)?;
+            let lever = self.optics.lever_arm();
+            sums.par_iter_mut().zip(results.par_chunks(n)).for_each(|(sums, results)| {
+                for (number, result) in results.iter().enumerate() {
+                    if let Some(light) = light(result, *weight, lever) {
+                        sums.add(number, &light, reach);
+                    }
+                }
+            });
+        }
+        Ok(sums)
+    }
+
+    /// Ray of a pixel, `n` of which cover its openings evenly. Poses of a fly scan share them.
+    fn ray(&self, pixel: usize, number: usize, n: usize) -> Ray {
+        let across = self.columns.places.len();
+        let (line, column) = (pixel / across, pixel % across);
+        let (view, row) = (line / self.rows(), line % self.rows());
+        let poses = self.scene.scan.poses_of_view();
+        let place = (number as f64 + 0.5) / n as f64;
+        let x = self.columns.at(column, place).unwrap_or_default();
+        let down = row as f64 + ((number as f64 + 0.5) * GOLDEN).fract();
+        let detector = &self.optics.detector;
+        let slopes = [x / detector.distance, detector.slope_of_row(down)];
+        let [at_x, at_z] = slopes.map(|slope| single(slope * self.optics.rotation));
+        let [slope_x, slope_z] = slopes.map(single);
+        // Four rays one after the other have one pose, so that both halves of the sums see it.
+        let pose = count(view * poses + number / 4 % poses);
+        Ray { x: at_x, z: at_z, slope_x, slope_z, view: pose, key: 0 }
+    }
+
+    fn images(&self, found: &[Found]) -> Result<BTreeMap<String, Array3<f32>>> {
+        let (rows, across) = (self.rows(), self.columns.places.len());
+        let dithers = self.scene.scan.dithers_of_angle();
+        let joined: Vec<[usize; 2]> = match &self.columns.joined {
+            Some(joined) => joined.order().to_vec(),
+            None => (0..across).map(|column| [column, 0]).collect(),
+        };
+        let shape = (self.scene.scan.angles.len(), rows, joined.len());
+        let mut images = BTreeMap::new();
+        for (at, name) in ["transmission", "refraction", "dark_field"].into_iter().enumerate() {
+            for (kind, ending) in ["", "_error"].into_iter().enumerate() {
+                let values = reserve::zeroed(shape.0 * shape.1 * shape.2, "ideal images")?;
+                let mut image = Array3::from_shape_vec(shape, values)
+                    .map_err(|error| Error::argument("images", error.to_string(), "one shape"))?;
+                for ((angle, row, to), value) in image.indexed_iter_mut() {
+                    let [column, dither] = joined[to];
+                    let line = (angle * dithers + dither) * rows + row;
+                    *value = found[line * across + column][kind][at];
+                }
+                images.insert(format!("{name}{ending}"), image);
+            }
+        }
+        Ok(images)
+    }
+
+    fn geometry(&self) -> Result<String> {
+        let mut scene = self.scene.clone();
+        scene.scan.dithers.clear();
+        let places = self.columns.places_of_images();
+        GeometryFile::with_columns(&scene, places, scene.scan.angles.len()).text()
+    }
+}
+
+/// Whether errors of a pixel exceed the tolerances.
+fn is_open(sums: &PixelSums, options: &IdealOptions) -> bool {
+    let [_, mean, variance] = sums.contrasts();
+    let [transmission, angle, dark] = sums.errors();
+    let tolerance = options.angle_tolerance;
+    // One half alone has light within reach.
+    if angle.is_nan() && mean.is_finite() {
+        return true;
+    }
+    // The root of the dark field is right to the tolerance, too.
+    let of_variance = (variance.sqrt() + tolerance).powi(2) - variance;
+    transmission > options.tolerance || angle > tolerance || dark > of_variance
+}
+
+/// Light of a ray, whose angle is that at the axis of rotation which moves light as far on the analyser.
+fn light(result: &RayResult, weight: f64, lever: f64) -> Option<RayLight> {
+    (result.flags & FLAG_NOT_FINITE == 0).then(|| RayLight {
+        weight,
+        transmission: (-f64::from(result.optical_depth)).exp(),
+        angle: f64::from(result.displacement_x) / lever,
+        variance: f64::from(result.displacement_variance) / (lever * lever),
+    })
+}
