@@ -134,7 +134,8 @@ mod tests {
         let halves = format!("{NARROW}{MASK}aperture = \"16 um\"\nperiod = \"80 um\"\n");
         near(&openings(&halves, 0.0)[1], &[-50.0, -45.0]);
         near(&openings(NARROW, 3e-6)[0], &[-74.0, -64.0]);
-        let skipped = format!("{MASK}aperture = \"8 um\"\nperiod = \"80 um\"\noffset = \"24 um\"\n");
+        let skipped =
+            format!("{MASK}aperture = \"8 um\"\nperiod = \"80 um\"\noffset = \"24 um\"\n");
         assert!(openings(&skipped, 0.0)[0].is_empty());
     }
 

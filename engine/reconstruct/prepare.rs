@@ -55,7 +55,10 @@ impl<'a> Preparation<'a> {
     ///
     /// # Errors
     /// Why it cannot be, in words: no pixel has a value.
-    pub(super) fn view(&mut self, image: &mut ArrayViewMut2<'_, f32>) -> std::result::Result<(), &'static str> {
+    pub(super) fn view(
+        &mut self,
+        image: &mut ArrayViewMut2<'_, f32>,
+    ) -> std::result::Result<(), &'static str> {
         self.counts.pixels += image.len() as u64;
         for (value, misfit) in image.iter_mut().zip(&self.misfits) {
             self.counts.misfits += u64::from(*misfit && value.is_finite());

@@ -216,7 +216,7 @@ impl Simulation {
                 "{} of {} rays entered and left an object unequally often",
                 tally.unbalanced, tally.rays
             );
-            // Through a hole that is what rays do.
+            // Rays through a hole do that.
             let defective = self.defective_objects();
             if defective == 0 {
                 return Err(Error::Tally(problem));

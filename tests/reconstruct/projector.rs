@@ -9,12 +9,7 @@ use beamlet::{Backend, RowsControl};
 
 const ALL: [Data; 4] = [Data::Attenuation, Data::Refraction, Data::Phase, Data::DarkField];
 
-fn model(
-    geometry: &ScanGeometry,
-    grid: &VolumeGrid,
-    data: Data,
-    at_once: Option<usize>,
-) -> Model {
+fn model(geometry: &ScanGeometry, grid: &VolumeGrid, data: Data, at_once: Option<usize>) -> Model {
     Model::new(&support::engine(Backend::Bvh), geometry, grid, data, at_once).unwrap()
 }
 

@@ -6,8 +6,7 @@ use crate::work::interruptible;
 use beamlet::Error;
 use beamlet::reconstruct::{
     Data, FbpOptions, Filter, GridChoice, IterativeOptions, Measured, Method, Model, PixelCounts,
-    Quantity, ScanGeometry, Solver, VolumeGrid, deviation_weights, iterate, phase_along_rows,
-    prepare_sinograms,
+    Quantity, ScanGeometry, Solver, VolumeGrid, deviation_weights, prepare_sinograms,
 };
 use numpy::{IntoPyArray, PyArray3, PyReadonlyArray3};
 use pyo3::prelude::*;
@@ -26,8 +25,7 @@ pub(crate) struct Circle {
 
 impl Circle {
     fn geometry(self) -> ScanGeometry {
-        let mut geometry =
-            ScanGeometry::new(self.distances, self.columns, self.rows, self.angles);
+        let mut geometry = ScanGeometry::new(self.distances, self.columns, self.rows, self.angles);
         geometry.axis = self.axis;
         geometry.lever = self.lever.unwrap_or(f64::INFINITY);
         geometry
@@ -149,24 +147,16 @@ pub(crate) fn reconstruct<'py>(
     let (volume, residuals, best) = interruptible(py, progress, |watch| {
         watch.rows("reconstruct", |mut control| {
             method.check(quantity)?;
-            let Method::Iterative { options, phase } = &method else {
-                let given = (sinograms, None);
-                let made = method.volume(&engine, &geometry, given, quantity, &grid, &mut control)?;
-                return Ok((made.volume, made.residuals, made.best));
-            };
             let data = match quantity {
                 Quantity::Mu => Data::Attenuation,
-                Quantity::Delta if *phase => Data::Phase,
                 Quantity::Delta => Data::Refraction,
                 Quantity::DarkField => Data::DarkField,
             };
-            let integrated = (data == Data::Phase)
-                .then(|| phase_along_rows(&geometry, sinograms, None))
-                .transpose()?;
-            let given = integrated.as_ref().map_or(sinograms, |phase| phase.view());
-            let measured =
-                Measured::new(data, given).with_weights(weights).with_mask(mask).with_start(start);
-            let made = iterate(&engine, &geometry, &measured, &grid, options, &mut control)?;
+            let measured = Measured::new(data, sinograms)
+                .with_weights(weights)
+                .with_mask(mask)
+                .with_start(start);
+            let made = method.volume(&engine, &geometry, &measured, &grid, &mut control)?;
             Ok((made.volume, made.residuals, made.best))
         })
     })?;
@@ -190,9 +180,8 @@ pub(crate) fn prepare<'py>(
 ) -> PyResult<(Bound<'py, PyArray3<f32>>, Counted)> {
     let (quantity, geometry) = (quantity(py, of)?, circle.geometry());
     let (image, flags) = (image.as_array(), flags.as_ref().map(|flags| flags.as_array()));
-    let (sinograms, counts) = interruptible(py, None, |_| {
-        prepare_sinograms(&geometry, quantity, image, flags)
-    })?;
+    let (sinograms, counts) =
+        interruptible(py, None, |_| prepare_sinograms(&geometry, quantity, image, flags))?;
     let PixelCounts { pixels, without_answer, dark, misfits, .. } = counts;
     Ok((sinograms.into_pyarray(py), (pixels, without_answer, dark, misfits)))
 }

@@ -5,9 +5,7 @@ use crate::scene::Scene;
 use crate::stacks::{json, of_array};
 use crate::work::interruptible;
 use beamlet::Error;
-use beamlet::retrieve::{
-    IdealOptions, Input, Method, RetrieveOptions, Weights, retrieve_arrays,
-};
+use beamlet::retrieve::{IdealOptions, Input, Method, RetrieveOptions, Weights, retrieve_arrays};
 use numpy::{IntoPyArray, PyArray3, PyReadonlyArray4};
 use pyo3::prelude::*;
 use std::collections::BTreeMap;
@@ -112,8 +110,7 @@ pub(crate) fn retrieve<'py>(
 }
 
 /// Images by name, geometry as JSON, reach (rad), rays, pixels beyond the tolerances.
-pub(crate) type Ideal<'py> =
-    (BTreeMap<String, Bound<'py, PyArray3<f32>>>, String, f64, u64, u64);
+pub(crate) type Ideal<'py> = (BTreeMap<String, Bound<'py, PyArray3<f32>>>, String, f64, u64, u64);
 
 /// Ideal images of a scene.
 #[pyfunction]

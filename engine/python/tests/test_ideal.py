@@ -1,4 +1,4 @@
-"""Ideal images: closed forms, and what they are to retrieval and reconstruction."""
+"""Ideal images: closed forms, reconstruction, reach."""
 
 from __future__ import annotations
 

@@ -7,15 +7,23 @@ from typing import Any
 
 import numpy as np
 import pytest
+from conftest import SCENE
 
 import beamlet as bl
 
 
-@pytest.fixture
-def fan(scene: bl.Scene) -> bl.Scene:
+@pytest.fixture(scope="module")
+def fan() -> bl.Scene:
     """A scan of 40 views over a turn, with one row."""
     turns = {"from": "0 deg", "to": "360 deg", "count": 40}
+    scene = bl.Scene.from_dict(SCENE)
     return scene.replace("scan.angles", turns).replace("detector.pixels", [24, 1])
+
+
+@pytest.fixture(scope="module")
+def images(fan: bl.Scene, engine: bl.Engine) -> bl.Images:
+    """Retrieved images of the scan."""
+    return engine.simulate(fan).retrieve(method="exact-curve")
 
 
 @pytest.mark.parametrize("data", ["attenuation", "refraction", "phase", "dark_field"])
@@ -113,10 +121,9 @@ def test_scipy_takes_the_operator(fan: bl.Scene, engine: bl.Engine) -> None:
 
 @pytest.mark.parametrize("method", ["cgls", "sirt", "bb"])
 def test_iterative_methods_reconstruct_images(
-    fan: bl.Scene, engine: bl.Engine, method: Any
+    fan: bl.Scene, images: bl.Images, method: Any
 ) -> None:
-    images = engine.simulate(fan).retrieve(method="exact-curve")
-    iterations = {"cgls": 8, "sirt": 60, "bb": 25}[method]
+    iterations = {"cgls": 8, "sirt": 30, "bb": 15}[method]
     volume = images.reconstruct("mu", method=method, iterations=iterations)
     x, y, _ = volume.centres()
     inside = (np.hypot(x[None, :], y[:, None]) < 0.5e-3)[None]
@@ -182,11 +189,13 @@ def test_images_of_counts_have_weights(fan: bl.Scene, engine: bl.Engine) -> None
         run.retrieve().weights("mu")
 
 
-def test_the_axis_is_that_of_the_scene(fan: bl.Scene, engine: bl.Engine) -> None:
-    shifted = fan.replace("scan.axis.shift", ["0.15 mm", "0 mm", "0 mm"])
-    images = engine.simulate(shifted).retrieve(method="exact-curve")
-    volume = images.reconstruct("mu", voxel="60 um").values[0]
-    centred = engine.simulate(fan).retrieve(method="exact-curve").reconstruct("mu", voxel="60 um")
+def test_the_axis_is_that_of_the_scene(
+    fan: bl.Scene, images: bl.Images, engine: bl.Engine
+) -> None:
+    shifted = fan.replace("scan.axis", {"shift": ["0.15 mm", "0 mm", "0 mm"]})
+    beside = engine.simulate(shifted).retrieve(method="exact-curve")
+    volume = beside.reconstruct("mu", voxel="60 um").values[0]
+    centred = images.reconstruct("mu", voxel="60 um")
     # The rod is in the middle of both.
     inner = slice(volume.shape[0] // 2 - 8, volume.shape[0] // 2 + 8)
     assert np.abs(volume[inner, inner] - centred.values[0][inner, inner]).max() < 0.12 * volume.max()

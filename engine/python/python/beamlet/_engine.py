@@ -213,13 +213,13 @@ class Engine:
         most_rays: int = 4096,
         progress: Progress | None = None,
     ) -> Images:
-        """Ideal images of a scene, as truth for training: what a retrieval would return without noise,
+        """Ideal images of a scene, as truth for training: the contrasts of a retrieval without noise,
         focal spot, blur, leaks and the bias of its method (docs/retrieval.md, "Ideal images").
 
         All light that passes the aligned masks straight before a pixel has a distribution of refraction
         angles: ``transmission`` is its sum over that without sample, ``refraction`` its mean (rad),
         ``dark_field`` its variance (rad²), whether structure, roughness or a gradient across the opening
-        spreads the angles. Shapes are those of :meth:`Run.retrieve`.
+        spreads the angles. Shapes are as in :meth:`Run.retrieve`.
 
         Args:
             scene: The scene.

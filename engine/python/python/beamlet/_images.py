@@ -205,7 +205,7 @@ class Images(Mapping[str, Image]):
         a pixel has no answer. Below a tenth of their median uncertainties count as this.
 
         Raises:
-            ArgumentError: The images are not those of counts, and have no uncertainties.
+            ArgumentError: The images were not retrieved from counts: they have no uncertainties.
         """
         name = {"mu": "transmission", "delta": "refraction"}.get(quantity, quantity)
         if f"{name}_sigma" not in self:
@@ -395,7 +395,7 @@ def circle(geometry: Scene | Mapping[str, Any], axis: float | None = None) -> di
 
     Args:
         geometry: Scene, or a dict with the keys of ``geometry.json``.
-        axis: x of the axis of rotation from the optical axis, m; default: that of the geometry.
+        axis: x of the axis of rotation from the optical axis, m; default: the geometry's.
 
     Raises:
         ArgumentError: A key that lacks, or views that are no circle.
@@ -484,7 +484,7 @@ def reconstruct(
         quantity: What is reconstructed: ``mu``, ``delta`` or ``dark_field``.
         voxel: Side of the voxels, as ``"50 um"`` or in m; default: a pixel at the axis.
         size: Voxels along x, y and z; default: the field of view.
-        axis: x of the axis of rotation from the optical axis, m; default: that of the geometry.
+        axis: x of the axis of rotation from the optical axis, m; default: the geometry's.
         filter: Window of the filter, for ``fbp``.
         cut_off: Frequency from which on nothing counts, as a share of Nyquist's, for ``fbp``.
         engine: Engine; default: the shared one.

@@ -35,7 +35,7 @@ class Projector:
         voxel: Side of the voxels, as ``"50 um"`` or in m; default: a pixel at the axis.
         size: Voxels along x, y and z; default: the field of view.
         origin: Centre of the first voxel, x, y and z; default: the volume lies about the axis.
-        axis: x of the axis of rotation from the optical axis, m; default: that of the geometry.
+        axis: x of the axis of rotation from the optical axis, m; default: the geometry's.
         engine: Engine; default: the shared one.
 
     Attributes:
