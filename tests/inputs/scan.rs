@@ -247,4 +247,37 @@ fn errors_are_lists_files_or_draws_and_kept_as_they_were_applied() {
     refused("mask_offsets = [[\"1 um\", \"1 um\"], [\"1 um\", \"1e9 m\"]]", "mask_offsets[1]");
     refused("intensities = [[1, 1], [1, 1]], intensity_walk = 0.1", "both");
     refused("intensity_sigma = -0.1", "intensity_sigma");
+    let drifting =
+        of("source_x = [\"3 um\", \"-1 um\"], source_z = [\"0 um\", \"2 um\"]", &[]).unwrap();
+    assert_eq!(drifting.scan.errors.source, [[3e-6, 0.0], [-1e-6, 2e-6]]);
+    // The paper's set-up: s (M - 1)/M against the offset.
+    let magnification = drifting.magnification();
+    let offsets = drifting.applied_offsets(0);
+    let expected = drifting.scan.offsets_of(0)[0] - 3e-6 * (1.0 - 1.0 / magnification);
+    assert!((offsets[0] - expected).abs() < 1e-18, "{offsets:?} {expected:e}");
+    assert_kept(&drifting);
+    assert_kept(&of("source_sigma = \"1 um\", source_walk = \"0.2 um\"", &[]).unwrap());
+    refused("source_x = [\"1 um\"]", "1 displacements");
+    refused("source_x = [\"1 um\", \"1 um\"], source_z = [\"1 um\"]", "1 displacements");
+    refused("source_x = [\"1 um\", \"1 um\"], source_walk = \"1 um\"", "both");
+}
+
+#[test]
+fn tables_are_among_the_hashes_of_a_scene() {
+    let directory = tempfile::tempdir().unwrap();
+    let path = directory.path().join("angles.csv");
+    let text = text("angles = \"angles.csv\"");
+    let of = |values: &str| {
+        std::fs::write(&path, values).unwrap();
+        Scene::from_toml(&text, directory.path()).unwrap()
+    };
+    let hash = |scene: &Scene| scene.files[Path::new("angles.csv")].clone();
+    let [first, second] = ["angle_deg\n0\n1\n", "angle_deg\n0\n1.5\n"].map(of);
+    assert_ne!(hash(&first), hash(&second));
+    // A scene that has the hash of another table is refused.
+    let recorded = format!("{text}\n[files]\n\"angles.csv\" = \"{}\"\n", hash(&first));
+    let error = Scene::from_toml(&recorded, directory.path()).unwrap_err().to_string();
+    for word in ["scan.angles", "sha256", "as in [files]"] {
+        assert!(error.contains(word), "{word:?} in: {error}");
+    }
 }
