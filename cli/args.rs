@@ -8,6 +8,7 @@ mod mesh;
 mod names;
 mod reconstruct;
 mod retrieve;
+mod shards;
 mod shared;
 mod simulate;
 mod values;
@@ -19,6 +20,7 @@ pub(crate) use look::{Check, Compare};
 pub(crate) use mesh::{Mask, Mesh};
 pub(crate) use reconstruct::{Centre, Hardening, QuantityName, Reconstruct, ReconstructionName};
 pub(crate) use retrieve::Retrieve;
+pub(crate) use shards::{Join, PlanArguments, SlurmArguments};
 pub(crate) use shared::Messages;
 pub(crate) use simulate::{Illuminate, Simulate};
 pub(crate) use values::ValueRange;
@@ -51,6 +53,8 @@ impl Arguments {
     pub(crate) const fn messages(&self) -> Messages {
         match &self.verb {
             Verb::Simulate(simulate) => simulate.messages,
+            Verb::Plan(plan) => plan.messages,
+            Verb::Join(join) => join.messages,
             Verb::Illuminate(illuminate) => illuminate.messages,
             Verb::Retrieve(retrieve) => retrieve.messages,
             Verb::Reconstruct(reconstruct) => reconstruct.messages,
@@ -76,6 +80,10 @@ impl Arguments {
 pub(crate) enum Verb {
     /// Simulate a scene into a run directory
     Simulate(Simulate),
+    /// Plan a run in shards that many processes or machines make, with scripts for Slurm
+    Plan(PlanArguments),
+    /// Join the shards of a planned run, or list them
+    Join(Join),
     /// Illuminate the kept moments of a run: other masks, spectra, materials, detectors
     Illuminate(Illuminate),
     /// Retrieve transmission, refraction and dark field from a run or from measured stacks

@@ -135,6 +135,12 @@ impl Reporter {
         self.show(Phase::Rows, Some(share), |_| "reconstructing".to_owned());
     }
 
+    /// Progress of a join, in views.
+    pub(crate) fn joined(&mut self, done: usize, total: usize) {
+        let share = done as f64 / total.max(1) as f64;
+        self.show(Phase::Rows, Some(share), |_| format!("joining view {done} of {total}"));
+    }
+
     /// Work begins that is not counted.
     pub(crate) fn doing(&mut self, what: &str) {
         self.show(Phase::Other, None, |_| what.to_owned());

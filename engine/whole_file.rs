@@ -62,6 +62,26 @@ pub(crate) fn sibling(path: &Path, ending: &str) -> PathBuf {
     path.with_file_name(name)
 }
 
+/// Gives a file of a run another path, by a hard link where the system has these, and by a copy
+/// elsewhere; a file at that path is replaced. The file is synced.
+///
+/// # Errors
+/// [`Error::File`].
+pub(crate) fn link_or_copy(from: &Path, to: &Path) -> Result<()> {
+    let failed = |error| Error::file(to, "cannot be written", Some(error));
+    match fs::remove_file(to) {
+        Err(error) if error.kind() != ErrorKind::NotFound => return Err(failed(error)),
+        _ => {}
+    }
+    if fs::hard_link(from, to).is_err() {
+        if !from.is_file() {
+            return Err(Error::file(from, "is missing", None));
+        }
+        fs::copy(from, to).map_err(failed)?;
+    }
+    sync_path(to)
+}
+
 /// Refuses a symbolic link in place of a file or folder that beamlet writes, since its target may belong
 /// to others, and pipes and devices, which block.
 pub(crate) fn refuse_link(path: &Path) -> Result<()> {

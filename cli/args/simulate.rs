@@ -3,8 +3,8 @@
 use super::SceneArguments;
 use super::names::format;
 use super::shared::{EngineArguments, Messages};
-use super::values::key_value;
-use beamlet::stack::Format;
+use super::values::{key_value, shard, whole_number};
+use beamlet::stack::{Format, Shard};
 use clap::Args;
 use std::path::PathBuf;
 
@@ -28,10 +28,16 @@ pub(crate) struct Simulate {
     #[command(flatten)]
     pub(crate) engine: EngineArguments,
     /// Go on with an interrupted run
-    #[arg(long, conflicts_with = "overwrite")]
+    #[arg(long, conflicts_with = "overwrite", group = "goes_on")]
     pub(crate) resume: bool,
-    /// With --resume: accept another device, driver, backend or version than the run began with
-    #[arg(long, requires = "resume")]
+    /// Make part K of N of the run that `beamlet plan` made at RUN, K from 0 on; one that was ended goes
+    /// on
+    #[arg(long, value_name = "K/N", value_parser = shard, group = "goes_on",
+          conflicts_with_all = ["overwrite", "format", "keep_moments"])]
+    pub(crate) shard: Option<Shard>,
+    /// With --resume or --shard: accept another device, driver, backend or version than the run began
+    /// with
+    #[arg(long, requires = "goes_on")]
     pub(crate) allow_mixed: bool,
     /// With --resume: go on where the run recorded no hashes of the files that its scene names
     #[arg(long, requires = "resume")]
@@ -42,6 +48,10 @@ pub(crate) struct Simulate {
     /// Keep the moments of the rays in RUN/moments, for `beamlet illuminate`
     #[arg(long)]
     pub(crate) keep_moments: bool,
+    /// Rows of the blocks that views are committed by, so that a view that was ended goes on [default:
+    /// by the estimate, for views that take longer than 4 minutes]
+    #[arg(long, value_name = "ROWS", value_parser = whole_number, conflicts_with = "resume")]
+    pub(crate) block_rows: Option<u32>,
     #[command(flatten)]
     pub(crate) messages: Messages,
 }

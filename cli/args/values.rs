@@ -2,6 +2,7 @@
 
 use crate::numbers;
 use beamlet::retrieve::{Columns, Corrections, Region};
+use beamlet::stack::Shard;
 use std::ops::Range;
 
 pub(super) fn two_steps(text: &str) -> Result<[usize; 2], String> {
@@ -107,6 +108,38 @@ pub(super) fn value_range(text: &str) -> Result<ValueRange, String> {
         }
         _ => Err("write name=low..high with low below high, as in refraction=-10..10".into()),
     }
+}
+
+/// A whole number above 0.
+pub(super) fn whole_number(text: &str) -> Result<u32, String> {
+    text.trim()
+        .parse()
+        .ok()
+        .filter(|n| *n > 0)
+        .ok_or_else(|| "allowed: a whole number above 0".into())
+}
+
+/// Options that the scripts set themselves.
+const SET_BY_PLAN: [&str; 6] = ["array", "signal", "requeue", "no-requeue", "dependency", "wait"];
+
+/// An option of sbatch and its value, which may be empty.
+pub(super) fn sbatch_option(text: &str) -> Result<[String; 2], String> {
+    let parts = text.split_once('=').map(|(key, value)| [key.trim(), value.trim()]);
+    let is_name = |key: &str| {
+        key.starts_with(|c: char| c.is_ascii_lowercase())
+            && key.chars().all(|c| c.is_ascii_lowercase() || c.is_ascii_digit() || c == '-')
+    };
+    match parts {
+        Some([key, _]) if SET_BY_PLAN.contains(&key) => Err(format!("{key} is set by the plan")),
+        Some([key, value]) if is_name(key) && !value.contains(char::is_control) => {
+            Ok([key.to_owned(), value.to_owned()])
+        }
+        _ => Err("write the long name and its value, as in partition=gpu or exclusive=".into()),
+    }
+}
+
+pub(super) fn shard(text: &str) -> Result<Shard, String> {
+    text.parse().map_err(|error: beamlet::Error| error.to_string())
 }
 
 pub(super) fn key_value(text: &str) -> Result<String, String> {

@@ -4,11 +4,10 @@ use crate::args::Simulate;
 use crate::failure::Failure;
 use crate::interrupt;
 use crate::progress::Reporter;
-use beamlet::moments::MomentWriter;
 use beamlet::scene::{Scene, Scheme};
-use beamlet::stack::layout::RUN;
-use beamlet::stack::{self, RunDirectory, RunState, StackShape};
-use beamlet::{Control, Engine, Error, RunRecord, SamplingSummary, Tally};
+use beamlet::stack::layout::{self, RUN};
+use beamlet::stack::{self, Plan, RunDirectory, RunFile, RunState, Shard, StackShape};
+use beamlet::{Blocks, Control, Engine, Error, RunRecord, SamplingSummary, Tally};
 use std::io::Write;
 use std::time::Instant;
 
@@ -17,6 +16,12 @@ pub(super) fn run(arguments: &Simulate, out: &mut impl Write) -> Result<(), Fail
     let mut scene = arguments.scene.load()?;
     if arguments.resume {
         scene = RunDirectory::scene_of_resumed(&arguments.output, &scene)?;
+    }
+    if let Some(shard) = arguments.shard {
+        if is_joined(arguments, shard)? {
+            return told(arguments, "is joined already", out);
+        }
+        scene = RunDirectory::scene_of_shard(&arguments.output, &scene)?;
     }
     let failed = |error| Failure::from(arguments.scene.locate(error));
     let extent = StackShape::of(&scene).map_err(failed)?;
@@ -33,33 +38,40 @@ pub(super) fn run(arguments: &Simulate, out: &mut impl Write) -> Result<(), Fail
     if let Some(recorded) = sink.recorded()
         && recorded.state == RunState::Done
         && sink.problems().is_empty()
-        && stack::views(&scene).map_err(failed)?.all(|view| sink.committed().contains(&view))
+        && stack::views(&scene)
+            .map_err(failed)?
+            .filter(|view| sink.part_of_run().has(*view, extent.views))
+            .all(|view| sink.committed().contains(&view))
     {
-        if !arguments.messages.quiet {
-            writeln!(
-                out,
-                "{} is complete already",
-                beamlet::cli_support::printed::path(sink.path())
-            )?;
-        }
-        return Ok(());
+        let words = match arguments.shard {
+            Some(shard) => format!("has shard {shard} complete already"),
+            None => "is complete already".to_owned(),
+        };
+        return told(arguments, &words, out);
     }
-    let recorded_backend = sink.recorded().map(|file| file.record.backend);
+    let mut recorded_backend = sink.recorded().map(|file| file.record.backend);
+    if arguments.shard.is_some() {
+        let platform = Plan::platform(&arguments.output)?;
+        recorded_backend = platform.map(|platform| platform.backend).or(recorded_backend);
+    }
     let cancel = interrupt::listen();
     let mut reporter = Reporter::new(arguments.messages);
     // A resumed run goes on with the backend that began it, or its bits would change.
     let backend = arguments.engine.backend.choice().or(recorded_backend);
     let options = arguments.engine.options().with_backend(backend);
     let engine = Engine::open(&options.with_keep_moments(keep_moments))?;
-    let mut keep = keep_moments.then(|| MomentWriter::new(&arguments.output));
-    let (skip, counted) = (sink.committed().to_vec(), sink.counted());
+    let mut keep = sink.moment_writer();
     let mut report = |progress| reporter.update(progress);
     let control = Control::default()
         .with_progress(&mut report)
         .with_cancel(cancel)
-        .with_skip(skip)
-        .with_counted(counted)
+        .going_on(&sink)
         .with_keep(keep.as_mut());
+    // A run goes on with the blocks that it began with.
+    let control = match (sink.recorded(), arguments.block_rows) {
+        (None, Some(rows)) => control.with_blocks(Blocks::Rows(rows)),
+        _ => control,
+    };
     let done = engine.run(&scene, &mut sink, control);
     reporter.finish();
     match done {
@@ -69,16 +81,43 @@ pub(super) fn run(arguments: &Simulate, out: &mut impl Write) -> Result<(), Fail
             summary(scene.title.as_deref(), &sink, extent, &record, seconds, out)
         }
         Err(Error::Interrupted) => {
-            let began = arguments.resume || sink.has_begun();
+            let began = arguments.resume || arguments.shard.is_some() || sink.has_begun();
             Err(Failure::Interrupted { advice: advice(arguments, began) })
         }
         Err(error) => Err(failed(error)),
     }
 }
 
+/// Whether the run of a shard is joined: nothing is left to do then.
+fn is_joined(arguments: &Simulate, shard: Shard) -> Result<bool, Failure> {
+    let record = arguments.output.join(RUN);
+    if layout::is_planned(&arguments.output) || !record.exists() {
+        return Ok(false);
+    }
+    let file = RunFile::read(&record)?;
+    if file.shards.is_empty() || file.shards.len() == shard.count as usize {
+        return Ok(!file.shards.is_empty());
+    }
+    let path = beamlet::cli_support::printed::path(&arguments.output);
+    let count = file.shards.len();
+    Err(Failure::Usage(format!("--shard {shard}: {path} was joined from {count} shards")))
+}
+
+/// Says what there is to say of a run that needs no work.
+fn told(arguments: &Simulate, words: &str, out: &mut impl Write) -> Result<(), Failure> {
+    let path = beamlet::cli_support::printed::path(&arguments.output);
+    if !arguments.messages.quiet {
+        writeln!(out, "{path} {words}")?;
+    }
+    Ok(())
+}
+
 /// Whether moments are kept: a run goes on as it began.
 fn keep_moments(arguments: &Simulate, sink: &RunDirectory) -> Result<bool, Failure> {
     let wanted = arguments.keep_moments;
+    if arguments.shard.is_some() {
+        return Ok(sink.keeps_moments().unwrap_or(false));
+    }
     if !arguments.resume {
         return Ok(wanted);
     }
@@ -99,10 +138,13 @@ fn keep_moments(arguments: &Simulate, sink: &RunDirectory) -> Result<bool, Failu
 
 fn directory(arguments: &Simulate, scene: &Scene) -> Result<RunDirectory, Failure> {
     let format = arguments.format;
-    let sink = if arguments.resume {
+    let sink = if arguments.resume || arguments.shard.is_some() {
         let mut reporter = Reporter::new(arguments.messages);
         reporter.doing("comparing frames with their checksums");
-        let sink = RunDirectory::resume(&arguments.output, scene)?;
+        let sink = match arguments.shard {
+            Some(shard) => RunDirectory::shard(&arguments.output, shard, scene)?,
+            None => RunDirectory::resume(&arguments.output, scene)?,
+        };
         reporter.finish();
         // Also under --quiet: data was lost.
         for problem in sink.problems() {
@@ -244,6 +286,9 @@ fn advice(arguments: &Simulate, began: bool) -> String {
     if arguments.keep_moments {
         command.push("--keep-moments".into());
     }
+    if let (false, Some(rows)) = (began, arguments.block_rows) {
+        command.push(format!("--block-rows {rows}"));
+    }
     if arguments.allow_mixed {
         command.push("--allow-mixed".into());
     }
@@ -263,7 +308,10 @@ fn advice(arguments: &Simulate, began: bool) -> String {
         }
         return format!("nothing was written; to start again: {}", command.join(" "));
     }
-    command.push("--resume".into());
+    match arguments.shard {
+        Some(shard) => command.extend(["--shard".into(), shard.to_string()]),
+        None => command.push("--resume".into()),
+    }
     format!("to resume: {}", command.join(" "))
 }
 

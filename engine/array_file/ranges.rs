@@ -88,7 +88,7 @@ impl RangeLayout {
         Ok(RangeFile { file, path, layout: self })
     }
 
-    /// Difference of a file from this layout in header or length, in words.
+    /// Difference of a file from this layout in header or length, without its name.
     pub(crate) fn problem(&self, path: &Path) -> Option<String> {
         let read = || {
             let mut file = input_file::open(path)?;
@@ -102,7 +102,7 @@ impl RangeLayout {
             Ok((_, false)) => "has another header than was written".to_owned(),
             Err(error) => format!("cannot be read: {error}"),
         };
-        Some(format!("{}: {problem}", path.display()))
+        Some(problem)
     }
 
     /// Adds some frames of a file to a checksum, as f32 values whatever the samples.
@@ -110,12 +110,34 @@ impl RangeLayout {
     /// # Errors
     /// [`Error::File`].
     pub(crate) fn hash(&self, path: &Path, frames: Range<u64>, to: &mut Sha256) -> Result<()> {
+        let bytes = (frames.end - frames.start) * self.frame_bytes();
+        self.hash_bytes(path, [frames.start * self.frame_bytes(), bytes], to)
+    }
+
+    /// Adds some rows of some frames of a file to a checksum, as [`RangeLayout::hash`] does.
+    ///
+    /// # Errors
+    /// [`Error::File`].
+    pub(crate) fn hash_rows(
+        &self,
+        path: &Path,
+        mut frames: Range<u64>,
+        rows: &Range<u32>,
+        to: &mut Sha256,
+    ) -> Result<()> {
+        let [first, count] = [rows.start, rows.end - rows.start].map(u64::from);
+        frames.try_for_each(|frame| {
+            let start = frame * self.frame_bytes() + first * self.row_bytes();
+            self.hash_bytes(path, [start, count * self.row_bytes()], to)
+        })
+    }
+
+    /// Adds values of a file, from a byte behind its header on, to a checksum.
+    fn hash_bytes(&self, path: &Path, [start, mut left]: [u64; 2], to: &mut Sha256) -> Result<()> {
         let mut read = || {
             let mut file = input_file::open(path)?;
             let mut block = vec![0_u8; BLOCK];
-            let mut left = (frames.end - frames.start) * self.frame_bytes();
-            let start = self.start + frames.start * self.frame_bytes();
-            file.seek(SeekFrom::Start(start))?;
+            file.seek(SeekFrom::Start(self.start + start))?;
             while left > 0 {
                 let len = usize::try_from(left).map_or(BLOCK, |left| left.min(BLOCK));
                 file.read_exact(&mut block[..len])?;
@@ -157,6 +179,33 @@ impl RangeFile {
             .map_err(|error| unwritten(&self.path, error))
     }
 
+    /// Copies frames from a file with frames of the same shape and samples to those from `first` on.
+    ///
+    /// # Errors
+    /// [`Error::File`].
+    pub(crate) fn copy(
+        &mut self,
+        first: u64,
+        (path, layout): (&Path, &RangeLayout),
+        frames: Range<u64>,
+    ) -> Result<()> {
+        let unread = |error| Error::file(path, "cannot be read", Some(error));
+        let mut from = input_file::open(path).map_err(unread)?;
+        let bytes = layout.frame_bytes();
+        from.seek(SeekFrom::Start(layout.start + frames.start * bytes)).map_err(unread)?;
+        let to = self.layout.start + first * bytes;
+        self.file.seek(SeekFrom::Start(to)).map_err(|error| unwritten(&self.path, error))?;
+        let mut block = vec![0_u8; BLOCK];
+        let mut left = (frames.end - frames.start) * bytes;
+        while left > 0 {
+            let len = usize::try_from(left).map_or(BLOCK, |left| left.min(BLOCK));
+            from.read_exact(&mut block[..len]).map_err(unread)?;
+            self.file.write_all(&block[..len]).map_err(|error| unwritten(&self.path, error))?;
+            left -= len as u64;
+        }
+        Ok(())
+    }
+
     /// Syncs the file; the checksum of some frames as they are in the file is added.
     ///
     /// # Errors
@@ -166,6 +215,22 @@ impl RangeFile {
         let synced = self.file.sync_data();
         synced.map_err(|error| Error::file(&self.path, "cannot be synced", Some(error)))?;
         self.layout.hash(&self.path, frames, to)
+    }
+
+    /// As [`RangeFile::sync`], of some rows of these frames.
+    ///
+    /// # Errors
+    /// As [`RangeFile::sync`].
+    pub(crate) fn sync_rows(
+        &self,
+        frames: Range<u64>,
+        rows: &Range<u32>,
+        to: &mut Sha256,
+    ) -> Result<()> {
+        self.refuse_moved()?;
+        let synced = self.file.sync_data();
+        synced.map_err(|error| Error::file(&self.path, "cannot be synced", Some(error)))?;
+        self.layout.hash_rows(&self.path, frames, rows, to)
     }
 
     /// Refuses a file that is not where it was opened.

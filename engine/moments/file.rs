@@ -16,7 +16,8 @@ use crate::whole_file::refuse_link;
 use crate::{Error, Result, folder, input_file, layout, open_file};
 use sha2::{Digest, Sha256};
 use std::fs::{self, File};
-use std::io::{BufWriter, ErrorKind, Read, Write};
+use std::io::{BufWriter, ErrorKind, Read, Seek, SeekFrom, Write};
+use std::ops::Range;
 use std::path::{Path, PathBuf};
 
 const MAGIC: [u8; 16] = *b"beamlet moments\0";
@@ -49,10 +50,23 @@ pub(super) fn scene_digest(run: &Path) -> Result<[u8; 32]> {
     Ok(Sha256::digest(text).into())
 }
 
+/// The part of the moments of a view that is kept for certain.
+#[derive(Debug, Clone, PartialEq, Eq)]
+#[non_exhaustive]
+pub struct Beginning {
+    /// Its bytes, from the first on.
+    pub bytes: u64,
+    /// Their SHA-256, hexadecimal.
+    pub sha256: String,
+}
+
 /// Writes the moments of a run, view by view.
 #[derive(Debug)]
 pub struct MomentWriter {
+    /// Folder of scene.toml.
     run: PathBuf,
+    /// Folder of the folder of moments.
+    part: PathBuf,
     scene: Option<RunScene>,
     open: Option<ViewInWork>,
 }
@@ -84,6 +98,10 @@ struct ViewInWork {
     file: BufWriter<File>,
     partial: PathBuf,
     hash: Sha256,
+    /// Bytes that were put.
+    bytes: u64,
+    /// Whether a part is kept for certain.
+    is_kept: bool,
 }
 
 impl MomentWriter {
@@ -105,7 +123,14 @@ impl MomentWriter {
     /// ```
     #[must_use]
     pub fn new(run: impl Into<PathBuf>) -> Self {
-        Self { run: run.into(), scene: None, open: None }
+        let run = run.into();
+        Self { part: run.clone(), run, scene: None, open: None }
+    }
+
+    /// A writer of the moments of a shard in the folder `part`, of the planned run in `run`.
+    #[must_use]
+    pub(crate) fn of_shard(run: PathBuf, part: PathBuf) -> Self {
+        Self { run, part, scene: None, open: None }
     }
 
     /// A run has begun in the directory: its views follow.
@@ -172,9 +197,52 @@ impl MomentWriter {
         parts.into_iter().try_for_each(|part| open.put(part))
     }
 
+    /// Syncs the moments of a view so far: that part of its file.
+    ///
+    /// # Errors
+    /// [`Error::File`].
+    pub(crate) fn commit_rows(&mut self, view: u32, words: usize) -> Result<Beginning> {
+        if self.open.as_ref().is_none_or(|open| open.view != view) {
+            self.begin(view, words)?;
+        }
+        self.scene.as_ref().map_or(Ok(()), RunScene::refuse_moved)?;
+        let missing = || Error::file(&self.part, "has no moments in the making", None);
+        let open = self.open.as_mut().ok_or_else(missing)?;
+        open_file::refuse_moved(open.file.get_ref(), &open.partial, open_file::RESUME)?;
+        open.file
+            .flush()
+            .and_then(|()| open.file.get_ref().sync_data())
+            .map_err(|error| Error::file(&open.partial, "cannot be written", Some(error)))?;
+        open.is_kept = true;
+        Ok(Beginning { bytes: open.bytes, sha256: hexadecimal(&open.hash.clone().finalize()) })
+    }
+
+    /// Goes on with the moments of a view behind their beginning, of which [`is_beginning`] holds.
+    ///
+    /// # Errors
+    /// [`Error::File`].
+    pub(crate) fn resume(&mut self, view: u32, beginning: &Beginning) -> Result<()> {
+        let directory = self.part.join(layout::MOMENTS);
+        let partial = layout::moments_partial(&directory, view);
+        let failed = |error| Error::file(&partial, "cannot be read", Some(error));
+        refuse_link(&partial)?;
+        if !partial.exists() {
+            // Whole already, but the view does not count.
+            fs::rename(layout::moments(&directory, view), &partial).map_err(failed)?;
+        }
+        let mut file = File::options().read(true).write(true).open(&partial).map_err(failed)?;
+        let hash = hash_of(&mut file, beginning.bytes).map_err(failed)?;
+        file.set_len(beginning.bytes)
+            .and_then(|()| file.seek(SeekFrom::Start(beginning.bytes)))
+            .map_err(failed)?;
+        let (bytes, file) = (beginning.bytes, BufWriter::new(file));
+        self.open = Some(ViewInWork { view, file, partial, hash, bytes, is_kept: true });
+        Ok(())
+    }
+
     fn begin(&mut self, view: u32, words: usize) -> Result<()> {
         self.open = None;
-        let directory = self.run.join(layout::MOMENTS);
+        let directory = self.part.join(layout::MOMENTS);
         let Some(scene) = &self.scene else {
             return Err(Error::file(&self.run, "no run has begun here", None));
         };
@@ -191,8 +259,14 @@ impl MomentWriter {
         let file = folder::make(&directory)
             .and_then(|()| File::create(&partial))
             .map_err(|error| Error::file(&partial, "cannot be written", Some(error)))?;
-        let mut open =
-            ViewInWork { view, file: BufWriter::new(file), partial, hash: Sha256::new() };
+        let mut open = ViewInWork {
+            view,
+            file: BufWriter::new(file),
+            partial,
+            hash: Sha256::new(),
+            bytes: 0,
+            is_kept: false,
+        };
         open.put(&MAGIC)?;
         open.put(bytemuck::cast_slice(&[VERSION, numbers::count(words)]))?;
         open.put(&scene.digest)?;
@@ -212,7 +286,7 @@ impl MomentWriter {
         let Some(mut open) = self.open.take() else { return Ok(()) };
         open_file::refuse_moved(open.file.get_ref(), &open.partial, open_file::RESUME)?;
         let hash = open.hash.clone().finalize();
-        let directory = self.run.join(layout::MOMENTS);
+        let directory = self.part.join(layout::MOMENTS);
         let path = layout::moments(&directory, open.view);
         let partial = open.partial.clone();
         open.file
@@ -225,26 +299,74 @@ impl MomentWriter {
     }
 }
 
-/// Checks that the moments of a view exist, whole and of this run.
+/// Whether the moments of a view in the making, in the folder `part`, begin so.
+pub(crate) fn is_beginning(part: &Path, view: u32, beginning: &Beginning) -> bool {
+    let directory = part.join(layout::MOMENTS);
+    let partial = layout::moments_partial(&directory, view);
+    // A view that was ended before it counted may have its moments whole.
+    let path = if partial.exists() { partial } else { layout::moments(&directory, view) };
+    let hash = || hash_of(&mut input_file::open(&path)?, beginning.bytes);
+    hash().is_ok_and(|hash| hexadecimal(&hash.finalize()) == beginning.sha256)
+}
+
+/// SHA-256 of the first bytes of a file.
+fn hash_of(file: &mut File, bytes: u64) -> std::io::Result<Sha256> {
+    let mut hash = Sha256::new();
+    let mut block = vec![0_u8; 1 << 16];
+    let mut left = bytes;
+    file.seek(SeekFrom::Start(0))?;
+    while left > 0 {
+        let len = usize::try_from(left).map_or(block.len(), |left| left.min(block.len()));
+        file.read_exact(&mut block[..len])?;
+        hash.update(&block[..len]);
+        left -= len as u64;
+    }
+    Ok(hash)
+}
+
+fn hexadecimal(bytes: &[u8]) -> String {
+    bytes.iter().map(|byte| format!("{byte:02x}")).collect()
+}
+
+/// Checks that the moments of a view are in the folder `part`, whole and of the run in `run`.
 ///
 /// # Errors
 /// [`Error::File`].
-pub(crate) fn check(run: &Path, view: u32) -> Result<()> {
-    MomentFile::open(&run.join(layout::MOMENTS), view, &scene_digest(run)?).map(|_| ())
+pub(crate) fn check([run, part]: [&Path; 2], view: u32) -> Result<()> {
+    MomentFile::open(&part.join(layout::MOMENTS), view, &scene_digest(run)?).map(|_| ())
+}
+
+/// Puts the moments of a view of a shard in the folder `part` into the run in `run`, and checks them.
+///
+/// # Errors
+/// [`Error::File`].
+pub(crate) fn adopt(run: &Path, part: &Path, view: u32) -> Result<()> {
+    let directory = run.join(layout::MOMENTS);
+    let from = layout::moments(&part.join(layout::MOMENTS), view);
+    let (path, partial) =
+        (layout::moments(&directory, view), layout::moments_partial(&directory, view));
+    [&directory, &path, &partial, &from].into_iter().try_for_each(|path| refuse_link(path))?;
+    folder::make(&directory)
+        .map_err(|error| Error::file(&directory, "cannot be created", Some(error)))?;
+    crate::whole_file::link_or_copy(&from, &partial)?;
+    fs::rename(&partial, &path)
+        .map_err(|error| Error::file(&path, "cannot be written", Some(error)))?;
+    crate::whole_file::sync_directory(&directory)?;
+    check([run; 2], view)
 }
 
 /// Refuses a run that keeps moments and lacks the moments of a view.
 ///
 /// # Errors
 /// [`Error::File`].
-pub(crate) fn refuse_missing(run: &Path, views: u32) -> Result<()> {
+pub(crate) fn refuse_missing(run: &Path, mut views: Range<u32>) -> Result<()> {
     let directory = run.join(layout::MOMENTS);
     let found = open_file::names_of_run(&directory)?;
     let is_there = |path: &PathBuf| {
         path.file_name().is_some_and(|name| found.binary_search(&name.to_owned()).is_ok())
     };
-    let mut paths = (0..views).map(|view| layout::moments(&directory, view));
-    paths.find(|path| !is_there(path)).map_or(Ok(()), |path| Err(open_file::lost(&path)))
+    let lost = views.find(|view| !is_there(&layout::moments(&directory, *view)));
+    lost.map_or(Ok(()), |view| Err(open_file::lost(&layout::moments(&directory, view))))
 }
 
 /// Whether the run has a folder for moments.
@@ -253,11 +375,11 @@ pub(crate) fn is_there(run: &Path) -> bool {
 }
 
 impl Drop for MomentWriter {
-    /// A view that was not committed leaves nothing behind.
+    /// A view of which nothing is committed leaves nothing behind.
     fn drop(&mut self) {
         if let Some(open) = self.open.take() {
             // A run that was moved keeps it there: at the path may be another run.
-            if open_file::is_at(open.file.get_ref(), &open.partial) {
+            if !open.is_kept && open_file::is_at(open.file.get_ref(), &open.partial) {
                 let _ = fs::remove_file(&open.partial);
             }
         }
@@ -267,6 +389,7 @@ impl Drop for MomentWriter {
 impl ViewInWork {
     fn put(&mut self, bytes: &[u8]) -> Result<()> {
         self.hash.update(bytes);
+        self.bytes += bytes.len() as u64;
         self.file
             .write_all(bytes)
             .map_err(|error| Error::file(&self.partial, "cannot be written", Some(error)))

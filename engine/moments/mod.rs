@@ -13,7 +13,7 @@ pub(crate) mod file;
 mod finer;
 mod resample;
 
-pub use file::MomentWriter;
+pub use file::{Beginning, MomentWriter};
 
 use crate::detector::DetectorModel;
 use crate::illuminate::EnergyBinning;
@@ -71,6 +71,7 @@ impl StoredMoments {
     /// # Ok::<(), beamlet::Error>(())
     /// ```
     pub fn open(run: &Path) -> Result<Self> {
+        layout::refuse_unjoined(run)?;
         let scene_path = run.join(layout::SCENE);
         if !scene_path.is_file() {
             let problem = format!("is not a run directory: it has no {}", layout::SCENE);

@@ -18,7 +18,7 @@ const ANGLE: [f64; 2] = [2e-9, 100e-9];
 ///
 /// # Errors
 /// Errors of the materials of masks and beam.
-pub(crate) fn resolved(scene: &Scene, keeps_moments: bool) -> Result<Scene> {
+pub fn resolved(scene: &Scene, keeps_moments: bool) -> Result<Scene> {
     let mut resolved = scene.clone();
     if scene.sampling.tolerance.is_none() || scene.sampling.angle_tolerance.is_none() {
         resolved.sampling.fill(tolerances(scene, keeps_moments)?);

@@ -16,9 +16,9 @@ use crate::gpu::Device;
 use crate::illuminate::{self, EnergyBinning};
 use crate::moments::{self, StoredSource};
 use crate::numbers;
-use crate::run::Control;
 use crate::run::engine::{Engine, EngineOptions};
 use crate::run::memory::MemoryEstimate;
+use crate::run::{Blocks, Control};
 use crate::sampling::{self, ErrorBudget, Lattice, ProjectedBounds, Response};
 use crate::scene::{Exposure, Scene, Scheme};
 use crate::stack::{self, RunRecord, RunStart, SamplingSummary, Sink};
@@ -30,14 +30,15 @@ use std::sync::Arc;
 use std::time::Instant;
 use work::ViewWork;
 
-/// A run fails when more than this share of its rays stays unbalanced.
-const UNBALANCED_SHARE: f64 = 1e-5;
-
 /// Cells per ray of a run that keeps moments: 0.3 to 0.7 of them in the shipped experiments and a laboratory
 /// set-up.
 const KEPT_CELLS: f64 = 0.4;
 /// Cells that a run stores, per ray of a run without moments, which takes a third to all of its rays.
 const CELLS_IF_KEPT: f64 = 1.0;
+/// Seconds of a block of rows by the estimate, and pixels of a detector from which on a run is estimated
+/// for blocks: views of smaller ones take seconds, and the estimate about one.
+const BLOCK_SECONDS: f64 = 120.0;
+const LARGE: f64 = 1e5;
 /// Pixels of all views above which the size of moments is estimated.
 const MANY_PIXELS: f64 = 2e4;
 /// Bytes of moments above which the estimate is announced.
@@ -211,19 +212,7 @@ impl Simulation {
     /// # Errors
     /// [`Error::Tally`].
     pub(crate) fn check_tally(&self, tally: &Tally) -> Result<()> {
-        if tally.unbalanced as f64 > UNBALANCED_SHARE * tally.rays as f64 {
-            let problem = format!(
-                "{} of {} rays entered and left an object unequally often",
-                tally.unbalanced, tally.rays
-            );
-            // Rays through a hole do that.
-            let defective = self.defective_objects();
-            if defective == 0 {
-                return Err(Error::Tally(problem));
-            }
-            log::warn!("{problem}: {defective} objects have defects");
-        }
-        Ok(())
+        Tally { defective_objects: self.defective_objects(), ..*tally }.refuse_unbalanced()
     }
 
     /// Says how much a run will keep, where that is much.
@@ -237,6 +226,24 @@ impl Simulation {
             }
         }
         Ok(())
+    }
+
+    /// Rows of the blocks that views are committed by; `None`: views are committed whole.
+    fn block_rows(&self, control: &Control<'_>) -> Result<Option<u32>> {
+        let [columns, rows] = self.scene.detector.pixels;
+        let height = match control.blocks {
+            Blocks::Rows(height) => Some(height.max(1)),
+            Blocks::Estimated
+                if self.stored.is_none() && f64::from(columns) * f64::from(rows) >= LARGE =>
+            {
+                let views = self.scene.scan.views() as f64;
+                let seconds = self.estimate_until(&control.cancel)?.seconds / views;
+                let height = f64::from(rows) * BLOCK_SECONDS / seconds;
+                (seconds > 2.0 * BLOCK_SECONDS).then(|| numbers::whole::<u32>(height).max(1))
+            }
+            Blocks::Whole | Blocks::Estimated => None,
+        };
+        Ok(height.filter(|height| *height < rows))
     }
 
     /// Runs every view that `control` does not skip and hands it to the sink.
@@ -280,17 +287,22 @@ impl Simulation {
         if control.keep.is_some() {
             self.announce_moments(&control.cancel)?;
         }
-        let views: Vec<Exposure> =
-            stack::views(&self.scene)?.filter(|v| !control.skip.contains(v)).collect();
-        let mut work = ViewWork::new(self, &views, &control.cancel)?;
+        let block_rows = self.block_rows(&control)?;
+        let all = numbers::count(self.scene.scan.views());
+        let views: Vec<Exposure> = stack::views(&self.scene)?
+            .filter(|view| control.shard.has(*view, all) && !control.skip.contains(view))
+            .collect();
+        let mut work = ViewWork::new(self, &views, block_rows, &control.cancel)?;
         // Last of all, so that a run that cannot start writes nothing.
-        sink.begin(&self.scene, &self.start)?;
+        sink.begin(&self.scene, &RunStart { block_rows, ..self.start.clone() })?;
         control.keep.as_mut().map_or(Ok(()), |keep| keep.begin_run())?;
+        let mut begun = control.begun.take();
         let (mut before, mut counted) = (Tally::default(), control.counted);
         for view in views {
-            work.view(view, sink, &mut control)?;
+            let begun = begun.take_if(|begun| begun.view == view);
+            work.view(view, begun.as_ref(), sink, &mut control)?;
             let tally = work.tally()?;
-            let own = tally.since(before);
+            let own = tally.since(before) + begun.map(|begun| begun.tally).unwrap_or_default();
             sink.tally(view, &own)?;
             (before, counted) = (tally, counted + own);
             if let (Exposure::Sample(index), Some(keep)) = (view, control.keep.as_mut()) {
@@ -316,7 +328,10 @@ impl Simulation {
             .into(),
             ..RunRecord::begin(&self.start, self.scene.sampling.seed)
         };
-        self.check_tally(&tally)?;
+        // The counts of a shard are too few to be judged: the join judges the sum.
+        if control.shard.is_whole() {
+            self.check_tally(&tally)?;
+        }
         sink.finish(&record)?;
         Ok(record)
     }

@@ -5,6 +5,7 @@
 
 use super::layout;
 use super::shape::StackShape;
+use super::shard::Part;
 use super::values::{Values, hex};
 use crate::array_file::{Format, RangeFile, RangeLayout, Sample};
 use crate::scene::{Exposure, Scene};
@@ -17,7 +18,7 @@ use std::path::{Path, PathBuf};
 /// Arrangement of the stacks of a run in their files.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct ArrayLayout {
-    extent: StackShape,
+    part: Part,
     format: Format,
     /// Of a pixel, x and z, m.
     pitch: [f64; 2],
@@ -27,21 +28,27 @@ pub(super) struct ArrayLayout {
 
 impl ArrayLayout {
     /// The layout of a run of `scene`; `None` where the format has a file for every frame.
-    pub(super) fn of(format: Format, extent: StackShape, scene: &Scene) -> Option<Self> {
+    pub(super) fn of(format: Format, part: Part, scene: &Scene) -> Option<Self> {
         let abilities = format.abilities();
         let bits = scene.detector.counts.and_then(|counts| counts.bit_depth);
         let is_whole = bits.is_some_and(|bits| bits <= abilities.integers);
         let numbers = if is_whole { Sample::U16 } else { Sample::F32 };
         let pitch = scene.detector.pitch;
-        abilities.ranges.then_some(Self { extent, format, pitch, numbers })
+        abilities.ranges.then_some(Self { part, format, pitch, numbers })
+    }
+
+    /// The same run in the folder of another part of it.
+    const fn of_part(self, part: Part) -> Self {
+        Self { part, ..self }
     }
 
     /// The stack of a view: its file under `root`, and the places of its values. Dark frames are
     /// numbers, and lie beside the intensities.
     fn stack(&self, root: &Path, view: Exposure, values: Values) -> Result<(PathBuf, RangeLayout)> {
         let path = layout::array(root, &layout::stack(view), self.format);
-        let StackShape { views, steps, rows, columns } = self.extent;
-        let sides = [views, steps, rows, columns];
+        let StackShape { steps, rows, columns, .. } = self.part.extent;
+        let views = self.part.samples();
+        let sides = [views.end - views.start, steps, rows, columns];
         let first = usize::from(!matches!(view, Exposure::Sample(_)));
         let is_number = view == Exposure::Dark || values == Values::Numbers;
         let sample = if is_number { self.numbers } else { Sample::F32 };
@@ -53,8 +60,9 @@ impl ArrayLayout {
 
     /// Frames of a view in the file of its stack.
     fn frames(&self, view: Exposure) -> Range<u64> {
-        let index = if let Exposure::Sample(index) = view { u64::from(index) } else { 0 };
-        let steps = u64::from(self.extent.steps);
+        let first = self.part.samples().start;
+        let index = if let Exposure::Sample(index) = view { u64::from(index - first) } else { 0 };
+        let steps = u64::from(self.part.extent.steps);
         index * steps..(index + 1) * steps
     }
 }
@@ -64,7 +72,9 @@ impl ArrayLayout {
 pub(super) struct ArrayFrames {
     root: PathBuf,
     layout: ArrayLayout,
-    flat: RangeFile,
+    values: Values,
+    /// In the shard that has the flat.
+    flat: Option<RangeFile>,
     sample: RangeFile,
     dark: Option<RangeFile>,
 }
@@ -81,9 +91,12 @@ impl ArrayFrames {
             let (path, layout) = layout.stack(root, view, values)?;
             layout.open(path)
         };
-        let (flat, sample) = (open(Exposure::Flat)?, open(Exposure::Sample(0))?);
-        let dark = if dark { Some(open(Exposure::Dark)?) } else { None };
-        Ok(Self { root: root.to_path_buf(), layout, flat, sample, dark })
+        let has = |view| layout.part.has(view);
+        let flat = if has(Exposure::Flat) { Some(open(Exposure::Flat)?) } else { None };
+        let sample = open(Exposure::Sample(0))?;
+        let has_dark = dark && has(Exposure::Dark);
+        let dark = if has_dark { Some(open(Exposure::Dark)?) } else { None };
+        Ok(Self { root: root.to_path_buf(), layout, values, flat, sample, dark })
     }
 
     pub(super) fn write(
@@ -98,6 +111,18 @@ impl ArrayFrames {
         frames.try_for_each(|(index, frame)| file.write(index, rows.start, frame))
     }
 
+    /// Copies a view from the folder `from`, which holds another part of the run; its checksum.
+    pub(super) fn adopt(&mut self, view: Exposure, from: &Path, of: Part) -> Result<String> {
+        let there = self.layout.of_part(of);
+        let (path, stack) = there.stack(from, view, self.values)?;
+        if let Some(problem) = stack.problem(&path) {
+            return Err(Error::file(path, problem, None));
+        }
+        let (to, frames) = (self.layout.frames(view), there.frames(view));
+        self.file(view)?.copy(to.start, (&path, &stack), frames)?;
+        self.commit(view)
+    }
+
     /// Syncs the view; its checksum.
     pub(super) fn commit(&mut self, view: Exposure) -> Result<String> {
         let mut hasher = Sha256::new();
@@ -106,22 +131,28 @@ impl ArrayFrames {
         Ok(hex(&hasher.finalize()))
     }
 
+    /// Syncs some rows of the view; their checksum.
+    pub(super) fn commit_rows(&mut self, view: Exposure, rows: &Range<u32>) -> Result<String> {
+        let mut hasher = Sha256::new();
+        let frames = self.layout.frames(view);
+        self.file(view)?.sync_rows(frames, rows, &mut hasher)?;
+        Ok(hex(&hasher.finalize()))
+    }
+
     /// Refuses files that are not where they were opened.
     pub(super) fn refuse_moved(&self) -> Result<()> {
-        let all = [Some(&self.flat), Some(&self.sample), self.dark.as_ref()];
+        let all = [self.flat.as_ref(), Some(&self.sample), self.dark.as_ref()];
         all.into_iter().flatten().try_for_each(RangeFile::refuse_moved)
     }
 
     /// The file of a view.
     fn file(&mut self, view: Exposure) -> Result<&mut RangeFile> {
-        match view {
-            Exposure::Flat => Ok(&mut self.flat),
-            Exposure::Sample(_) => Ok(&mut self.sample),
-            Exposure::Dark => {
-                let missing = || Error::file(&self.root, "has no dark frames", None);
-                self.dark.as_mut().ok_or_else(missing)
-            }
-        }
+        let file = match view {
+            Exposure::Flat => self.flat.as_mut(),
+            Exposure::Sample(_) => Some(&mut self.sample),
+            Exposure::Dark => self.dark.as_mut(),
+        };
+        file.ok_or_else(|| Error::file(&self.root, format!("has no place for {view:?}"), None))
     }
 }
 
@@ -133,13 +164,30 @@ pub(super) fn header_problems(
     values: Values,
     dark: bool,
 ) -> Vec<String> {
-    let stacks = [Exposure::Flat, Exposure::Sample(0)].into_iter();
-    let stacks = stacks.chain(dark.then_some(Exposure::Dark));
+    let flat = layout.part.has(Exposure::Flat).then_some(Exposure::Flat);
+    let dark = (dark && layout.part.has(Exposure::Dark)).then_some(Exposure::Dark);
+    let stacks = flat.into_iter().chain([Exposure::Sample(0)]).chain(dark);
     let problem = |view: Exposure| match layout.stack(root, view, values) {
-        Ok((path, layout)) => layout.problem(&path),
+        Ok((path, layout)) => {
+            layout.problem(&path).map(|problem| format!("{}: {problem}", path.display()))
+        }
         Err(error) => Some(error.to_string()),
     };
     stacks.filter_map(problem).collect()
+}
+
+/// SHA-256 of some rows of a view that is not committed, as f32 values whatever the samples.
+pub(super) fn checksum_of_rows(
+    root: &Path,
+    layout: ArrayLayout,
+    values: Values,
+    view: Exposure,
+    rows: &Range<u32>,
+) -> Result<String> {
+    let (path, stack) = layout.stack(root, view, values)?;
+    let mut hasher = Sha256::new();
+    stack.hash_rows(&path, layout.frames(view), rows, &mut hasher)?;
+    Ok(hex(&hasher.finalize()))
 }
 
 /// SHA-256 of a view, as f32 values whatever the samples, as it is in the files under `root`.

@@ -6,17 +6,19 @@
 
 use super::layout;
 use super::shape::StackShape;
+use super::shard::Part;
 use super::values::{Values, hex};
 use crate::array_file::{ArrayFile, Format, append, le_bytes};
 use crate::optics::{Mask, Optics};
 use crate::scene::{Exposure, Scene};
+use crate::whole_file::{link_or_copy, refuse_link};
 use crate::{Error, Result, folder, open_file, reserve};
 use ndarray::{ArrayView2, ArrayView3};
 use rayon::prelude::*;
 use sha2::{Digest, Sha256};
 use std::collections::BTreeMap;
 use std::fs::{self, File};
-use std::io::{Read, Seek, SeekFrom, Write};
+use std::io::{ErrorKind, Read, Seek, SeekFrom, Write};
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
@@ -25,7 +27,7 @@ use std::path::{Path, PathBuf};
 pub(super) struct FrameFiles {
     root: PathBuf,
     format: Format,
-    extent: StackShape,
+    part: Part,
     /// Whether there are dark frames.
     dark: bool,
     about: About,
@@ -41,13 +43,13 @@ impl FrameFiles {
     pub(super) fn begin(
         root: &Path,
         format: Format,
-        extent: StackShape,
+        part: Part,
         scene: &Scene,
         values: Values,
         dark: bool,
     ) -> Self {
         let (root, about) = (root.to_path_buf(), About::of(scene, values));
-        Self { root, format, extent, dark, about, spool: None, converted: None }
+        Self { root, format, part, dark, about, spool: None, converted: None }
     }
 
     pub(super) fn write(
@@ -56,7 +58,7 @@ impl FrameFiles {
         rows: &Range<u32>,
         data: ArrayView3<'_, f32>,
     ) -> Result<()> {
-        if rows.len() == self.extent.rows as usize {
+        if rows.len() == self.part.extent.rows as usize {
             self.make_partial()?;
             let frames: Vec<_> = (0_u32..).zip(data.outer_iter()).collect();
             let write = |(step, frame): &(u32, ArrayView2<'_, f32>)| {
@@ -70,7 +72,7 @@ impl FrameFiles {
                 Ok::<_, Error>(hex(&hasher.finalize()))
             };
             // Large frames are compressed by threads of their own.
-            let write_all = || match self.extent.frame_bytes() < SMALL {
+            let write_all = || match self.part.extent.frame_bytes() < SMALL {
                 true => frames.par_iter().try_for_each(write),
                 false => frames.iter().try_for_each(write),
             };
@@ -86,9 +88,9 @@ impl FrameFiles {
             let file = options.create(true).truncate(true).read(true).write(true).open(&path);
             self.spool = Some(file.map_err(failed(&path, "cannot be created"))?);
         }
-        let row_bytes = 4 * u64::from(self.extent.columns);
+        let row_bytes = 4 * u64::from(self.part.extent.columns);
         for (step, frame) in (0_u64..).zip(data.outer_iter()) {
-            let offset = step * self.extent.frame_bytes() + u64::from(rows.start) * row_bytes;
+            let offset = step * self.part.extent.frame_bytes() + u64::from(rows.start) * row_bytes;
             let bytes = le_bytes(frame.iter().copied())?;
             if let Some(file) = &mut self.spool {
                 file.seek(SeekFrom::Start(offset))
@@ -99,21 +101,67 @@ impl FrameFiles {
         Ok(())
     }
 
+    /// Syncs rows of the spool; their checksum.
+    pub(super) fn commit_rows(&self, rows: &Range<u32>) -> Result<String> {
+        let path = self.spool_path();
+        if let Some(file) = &self.spool {
+            open_file::refuse_moved(file, &path, open_file::RESUME)?;
+            file.sync_data().map_err(failed(&path, "cannot be synced"))?;
+        }
+        checksum_of_rows(&self.root, self.part.extent, rows)
+    }
+
+    /// Goes on with the spool of an earlier part of the run.
+    pub(super) fn resume(&mut self) -> Result<()> {
+        let path = self.spool_path();
+        let file = File::options().read(true).write(true).open(&path);
+        self.spool = Some(file.map_err(failed(&path, "cannot be opened"))?);
+        Ok(())
+    }
+
     /// Puts the frames of the view in place and syncs them; their checksum.
     pub(super) fn commit(&mut self, view: Exposure) -> Result<String> {
+        let is_spooled = self.spool.is_some();
         if let Some(spool) = self.spool.take() {
             self.converted = Some(self.convert(view, spool)?);
         }
         let checksum = self.converted.take().unwrap_or_default();
         let partial = self.root.join(layout::PARTIAL);
         let frames: Vec<PathBuf> =
-            (0..self.extent.steps).map(|step| partial.join(self.step_name(step))).collect();
+            (0..self.part.extent.steps).map(|step| partial.join(self.step_name(step))).collect();
         // Journalling file systems settle syncs that wait at the same time together.
         frames.par_iter().try_for_each(|path| {
             File::open(path).and_then(|file| file.sync_all()).map_err(failed(path, "cannot sync"))
         })?;
-        self.put_in_place(view, &partial)?;
+        self.put_in_place(view, &partial, is_spooled)?;
         Ok(checksum)
+    }
+
+    /// Removes the spool of a view that counts: until then a killed run goes on from it.
+    pub(super) fn tidy(&self) -> Result<()> {
+        let path = self.spool_path();
+        match fs::remove_file(&path) {
+            Err(error) if error.kind() != ErrorKind::NotFound => {
+                Err(failed(&path, "cannot be removed")(error))
+            }
+            _ => Ok(()),
+        }
+    }
+
+    /// Puts the frames of a view in the folder `from` into place, by links where the system has them;
+    /// their checksum.
+    pub(super) fn adopt(&self, view: Exposure, from: &Path) -> Result<String> {
+        self.make_partial()?;
+        let partial = self.root.join(layout::PARTIAL);
+        let from = layout::view_folder(from, self.part.extent.views, view);
+        let names: Vec<String> =
+            (0..self.part.extent.steps).map(|step| self.step_name(step)).collect();
+        names.par_iter().try_for_each(|name| {
+            refuse_link(&from.join(name))?;
+            link_or_copy(&from.join(name), &partial.join(name))
+        })?;
+        self.put_in_place(view, &partial, false)?;
+        checksum(&self.root, self.format, self.part.extent, view)
     }
 
     /// Spooled values to frames, one frame in memory at a time.
@@ -122,9 +170,9 @@ impl FrameFiles {
         let unread = failed(&path, "cannot be read");
         let mut hasher = Sha256::new();
         spool.seek(SeekFrom::Start(0)).map_err(&unread)?;
-        let shape = [self.extent.rows as usize, self.extent.columns as usize];
+        let shape = [self.part.extent.rows as usize, self.part.extent.columns as usize];
         let mut values = reserve::zeroed::<f32>(shape[0] * shape[1], "a frame")?;
-        for step in 0..self.extent.steps {
+        for step in 0..self.part.extent.steps {
             let bytes = bytemuck::cast_slice_mut::<f32, u8>(&mut values);
             spool.read_exact(bytes).map_err(&unread)?;
             hasher.update(&*bytes);
@@ -133,26 +181,27 @@ impl FrameFiles {
                 .map_err(|error| Error::file(&path, format!("cannot be read: {error}"), None))?;
             self.write_frame(view, step, frame)?;
         }
-        drop(spool);
-        fs::remove_file(&path).map_err(failed(&path, "cannot be removed"))?;
         Ok(hex(&hasher.finalize()))
     }
 
     fn write_frame(&self, view: Exposure, step: u32, frame: ArrayView2<'_, f32>) -> Result<()> {
         let path = self.root.join(layout::PARTIAL).join(self.step_name(step));
         let about = self.about.of_frame(view, step);
-        let sides = [1, self.extent.rows, self.extent.columns];
+        let sides = [1, self.part.extent.rows, self.part.extent.columns];
         append(&path, self.format, sides, None)?.put(frame, &about)
     }
 
-    /// Renames the frames to where they belong.
-    fn put_in_place(&self, view: Exposure, partial: &Path) -> Result<()> {
-        let target = layout::view_folder(&self.root, self.extent.views, view);
+    /// Renames the frames to where they belong, one by one where they share their folder with a spool.
+    fn put_in_place(&self, view: Exposure, partial: &Path, is_spooled: bool) -> Result<()> {
+        let target = layout::view_folder(&self.root, self.part.extent.views, view);
         let parent = target.parent().unwrap_or(&self.root).to_path_buf();
         folder::make(&parent).map_err(failed(&parent, "cannot be created"))?;
+        if is_spooled {
+            folder::make(&target).map_err(failed(&target, "cannot be created"))?;
+        }
         if target.exists() {
             // A directory that also holds files of others: they stay.
-            for step in 0..self.extent.steps {
+            for step in 0..self.part.extent.steps {
                 let name = self.step_name(step);
                 fs::rename(partial.join(&name), target.join(&name))
                     .map_err(failed(&target, "frames cannot be moved there"))?;
@@ -172,12 +221,13 @@ impl FrameFiles {
     /// Refuses a run whose views are committed and whose frames are not all in place.
     pub(super) fn refuse_missing(&self) -> Result<()> {
         let dark = self.dark.then_some(Exposure::Dark);
-        for view in self.extent.all_views().chain(dark) {
-            let directory = layout::view_folder(&self.root, self.extent.views, view);
+        let views = self.part.extent.all_views().chain(dark);
+        for view in views.filter(|view| self.part.has(*view)) {
+            let directory = layout::view_folder(&self.root, self.part.extent.views, view);
             let found = open_file::names_of_run(&directory)?;
             // Names are sorted; files of others may be among them.
             let is_there = |step: &u32| found.binary_search(&self.step_name(*step).into()).is_ok();
-            if let Some(step) = (0..self.extent.steps).find(|step| !is_there(step)) {
+            if let Some(step) = (0..self.part.extent.steps).find(|step| !is_there(step)) {
                 return Err(open_file::lost(&directory.join(self.step_name(step))));
             }
         }
@@ -189,12 +239,36 @@ impl FrameFiles {
     }
 
     fn step_name(&self, step: u32) -> String {
-        layout::frame(self.extent.steps, step, self.format)
+        layout::frame(self.part.extent.steps, step, self.format)
     }
 }
 
 /// Frames of fewer bytes are written side by side.
 const SMALL: u64 = 1 << 20;
+
+/// SHA-256 of some rows in the spool under `root`.
+pub(super) fn checksum_of_rows(
+    root: &Path,
+    extent: StackShape,
+    rows: &Range<u32>,
+) -> Result<String> {
+    let path = root.join(layout::PARTIAL).join(layout::SPOOL);
+    let unread = failed(&path, "cannot be read");
+    refuse_link(&path)?;
+    let mut file = File::open(&path).map_err(&unread)?;
+    let row_bytes = 4 * u64::from(extent.columns);
+    let mut values =
+        reserve::zeroed::<u8>(4 * rows.len() * extent.columns as usize, "a block of rows")?;
+    let mut hasher = Sha256::new();
+    for step in 0..u64::from(extent.steps) {
+        let offset = step * extent.frame_bytes() + u64::from(rows.start) * row_bytes;
+        file.seek(SeekFrom::Start(offset))
+            .and_then(|_| file.read_exact(&mut values))
+            .map_err(&unread)?;
+        hasher.update(&values);
+    }
+    Ok(hex(&hasher.finalize()))
+}
 
 /// SHA-256 of a view as it is in its frames under `root`.
 pub(super) fn checksum(

@@ -2,7 +2,7 @@
 
 use super::array_frames::{self, ArrayFrames, ArrayLayout};
 use super::frame_files::{self, FrameFiles};
-use super::shape::StackShape;
+use super::shard::Part;
 use super::values::Values;
 use crate::Result;
 use crate::array_file::Format;
@@ -22,13 +22,13 @@ impl Frames {
     pub(super) fn begin(
         format: Format,
         root: &Path,
-        extent: StackShape,
+        part: Part,
         scene: &Scene,
         values: Values,
         dark: bool,
     ) -> Result<Self> {
-        Ok(match ArrayLayout::of(format, extent, scene) {
-            None => Self::Files(FrameFiles::begin(root, format, extent, scene, values, dark)),
+        Ok(match ArrayLayout::of(format, part, scene) {
+            None => Self::Files(FrameFiles::begin(root, format, part, scene, values, dark)),
             Some(layout) => Self::Arrays(Box::new(ArrayFrames::begin(root, layout, values, dark)?)),
         })
     }
@@ -52,6 +52,39 @@ impl Frames {
         }
     }
 
+    /// Makes a block of rows of the view in work last: its checksum.
+    pub(super) fn commit_rows(&mut self, view: Exposure, rows: &Range<u32>) -> Result<String> {
+        match self {
+            Self::Files(frames) => frames.commit_rows(rows),
+            Self::Arrays(frames) => frames.commit_rows(view, rows),
+        }
+    }
+
+    /// Removes the spool of a view that counts now.
+    pub(super) fn tidy(&self) -> Result<()> {
+        match self {
+            Self::Files(frames) => frames.tidy(),
+            Self::Arrays(_) => Ok(()),
+        }
+    }
+
+    /// Goes on with a view of which blocks of rows are committed.
+    pub(super) fn resume(&mut self) -> Result<()> {
+        match self {
+            Self::Files(frames) => frames.resume(),
+            Self::Arrays(_) => Ok(()),
+        }
+    }
+
+    /// Takes the frames of a view from the folder `from`, which holds the part `of` of the run: its
+    /// checksum as it is here.
+    pub(super) fn adopt(&mut self, view: Exposure, from: &Path, of: Part) -> Result<String> {
+        match self {
+            Self::Files(frames) => frames.adopt(view, from),
+            Self::Arrays(frames) => frames.adopt(view, from, of),
+        }
+    }
+
     /// Refuses stacks of a run, all of whose views are committed, that are not all there.
     pub(super) fn refuse_missing(&self) -> Result<()> {
         match self {
@@ -65,21 +98,35 @@ impl Frames {
 #[derive(Debug, Clone, Copy)]
 pub(super) struct StoredFrames {
     format: Format,
-    extent: StackShape,
+    part: Part,
     /// `None` where the format has a file for every frame.
     layout: Option<ArrayLayout>,
 }
 
 impl StoredFrames {
-    pub(super) fn of(format: Format, extent: StackShape, scene: &Scene) -> Self {
-        Self { format, extent, layout: ArrayLayout::of(format, extent, scene) }
+    pub(super) fn of(format: Format, part: Part, scene: &Scene) -> Self {
+        Self { format, part, layout: ArrayLayout::of(format, part, scene) }
     }
 
     /// SHA-256 of a view under `root`.
     pub(super) fn checksum(&self, root: &Path, values: Values, view: Exposure) -> Result<String> {
         match self.layout {
-            None => frame_files::checksum(root, self.format, self.extent, view),
+            None => frame_files::checksum(root, self.format, self.part.extent, view),
             Some(layout) => array_frames::checksum(root, layout, values, view),
+        }
+    }
+
+    /// SHA-256 of some rows of a view in the making under `root`.
+    pub(super) fn checksum_of_rows(
+        &self,
+        root: &Path,
+        values: Values,
+        view: Exposure,
+        rows: &Range<u32>,
+    ) -> Result<String> {
+        match self.layout {
+            None => frame_files::checksum_of_rows(root, self.part.extent, rows),
+            Some(layout) => array_frames::checksum_of_rows(root, layout, values, view, rows),
         }
     }
 

@@ -5,6 +5,7 @@
 //! RUN/flat.npy  sample.npy  dark.npy  counts/flat.npy  counts/sample.npy      a file per stack
 //! RUN/flat/step_000.exr  sample/view_0000/step_000.exr  dark/…  counts/…      a file per frame
 //! RUN/moments/view_0000.bin
+//! RUN/plan.json  device.json  shards/0000/run.json  progress.log  …   a planned run, until it is joined
 //! RUN/retrieved/retrieved.json  geometry.json  corrections.csv  NAME.npy  or  NAME/view_0000.exr
 //! ASTRA/astra.json  load_astra.py  NAME.npy
 //! VOLUME/volume.json  NAME.npy  or  NAME/slice_0000.exr  or  NAME.mhd  NAME.raw
@@ -14,6 +15,8 @@
 
 use crate::array_file::Format;
 use crate::scene::Exposure;
+use crate::{Error, Result, printed};
+use std::ops::Range;
 use std::path::{Path, PathBuf};
 
 /// Resolved scene of a run.
@@ -24,6 +27,14 @@ pub const GEOMETRY: &str = "geometry.json";
 pub const RUN: &str = "run.json";
 /// Views of a run that are committed.
 pub const LOG: &str = "progress.log";
+/// Plan of a run in shards, until these are joined.
+pub const PLAN: &str = "plan.json";
+/// Device, driver, backend and version that make the shards of a planned run.
+pub(crate) const DEVICE: &str = "device.json";
+/// Folder of the shards of a planned run.
+pub(crate) const SHARDS: &str = "shards";
+/// Folder of the scripts of a planned run.
+pub const SCRIPTS: &str = "slurm";
 /// Page of `beamlet report` in a run.
 pub const REPORT: &str = "report.html";
 /// Folder of the images that were retrieved from a run.
@@ -62,6 +73,8 @@ pub(crate) const IMAGES_MARK: &str = ".beamlet-partial";
 const NEW: &str = ".new";
 const SAMPLE: &str = "sample";
 const DARK: &str = "dark";
+/// Before the rows of a block, in the log.
+const ROWS: &str = "/rows/";
 /// Beginnings of the names of views and steps.
 const VIEW: &str = "view_";
 const STEP: &str = "step_";
@@ -75,10 +88,37 @@ const RAW: &str = ".raw";
 const BIN: &str = ".bin";
 const BIN_PARTIAL: &str = ".partial";
 
-/// Whether a folder holds a run.
+/// Whether a folder holds a run, or the plan of one.
 #[must_use]
 pub fn is_run(folder: &Path) -> bool {
-    folder.join(RUN).exists()
+    folder.join(RUN).exists() || is_planned(folder)
+}
+
+/// Whether a folder holds a run in shards that are not joined.
+#[must_use]
+pub fn is_planned(folder: &Path) -> bool {
+    folder.join(PLAN).exists()
+}
+
+/// Refuses a run in shards that are not joined.
+///
+/// # Errors
+/// [`Error::File`] with the remedy.
+pub(crate) fn refuse_unjoined(folder: &Path) -> Result<()> {
+    if !is_planned(folder) {
+        return Ok(());
+    }
+    let run = printed::path(folder);
+    let problem = format!(
+        "holds a run in shards that are not joined; `beamlet join {run}` joins them, \
+         `beamlet join {run} --status` lists them"
+    );
+    Err(Error::file(folder, problem, None))
+}
+
+/// Folder of a shard of a planned run.
+pub(crate) fn shard(run: &Path, index: u32) -> PathBuf {
+    run.join(SHARDS).join(format!("{index:04}"))
 }
 
 /// Whether a folder holds a reconstruction.
@@ -139,6 +179,43 @@ pub(crate) fn view_named(name: &str) -> Option<(Exposure, bool)> {
         None => [Exposure::Flat, Exposure::Dark].into_iter().find(|view| stack(*view) == name)?,
     };
     Some((view, counted.is_some()))
+}
+
+/// Name of a block of rows of a view in the log: `sample/3/rows/0-64`, `counts/flat/rows/0-64`.
+pub(crate) fn rows(view: Exposure, counts: bool, rows: &Range<u32>) -> String {
+    format!("{}{ROWS}{}-{}", self::view(view, counts), rows.start, rows.end)
+}
+
+/// Name of the moments of a view up to the end of a block, in the log: `moments/sample/3/rows/0-64`.
+pub(crate) fn moments_of_rows(view: Exposure, rows: &Range<u32>) -> String {
+    format!("{MOMENTS}/{}", self::rows(view, false, rows))
+}
+
+/// Kind of a line of the log.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(crate) enum Line {
+    /// A view, as intensities or as counts.
+    View(Exposure, bool),
+    /// A block of its rows, as intensities or as counts.
+    Rows(Exposure, bool, Range<u32>),
+    /// The moments of a view up to the end of a block.
+    Moments(Exposure, Range<u32>),
+}
+
+/// The line of a name in the log.
+pub(crate) fn line_named(name: &str) -> Option<Line> {
+    let Some((view, rows)) = name.split_once(ROWS) else {
+        return view_named(name).map(|(view, counts)| Line::View(view, counts));
+    };
+    let (start, end) = rows.split_once('-')?;
+    let rows = start.parse().ok()?..end.parse().ok()?;
+    if rows.start >= rows.end {
+        return None;
+    }
+    match view.strip_prefix(MOMENTS).and_then(|view| view.strip_prefix('/')) {
+        Some(view) => view_named(view).map(|(view, _)| Line::Moments(view, rows)),
+        None => view_named(view).map(|(view, counts)| Line::Rows(view, counts, rows)),
+    }
 }
 
 /// An array with a name: a file, or a folder of files of frames.
@@ -267,12 +344,12 @@ pub(crate) fn stack_files() -> impl Iterator<Item = String> {
 
 /// Files that a crash leaves where another file was being written.
 pub(crate) fn unfinished() -> impl Iterator<Item = String> {
-    [SCENE, GEOMETRY, RUN].into_iter().map(|name| format!("{name}{NEW}"))
+    [SCENE, GEOMETRY, RUN, PLAN, DEVICE].into_iter().map(|name| format!("{name}{NEW}"))
 }
 
 /// Names in a run directory.
 pub(crate) fn owned() -> impl Iterator<Item = String> {
-    let records = [RUN, SCENE, GEOMETRY, LOG].map(str::to_owned);
+    let records = [RUN, SCENE, GEOMETRY, LOG, PLAN, DEVICE, SHARDS].map(str::to_owned);
     records.into_iter().chain(stack_files()).chain(unfinished()).chain(folders())
 }
 
@@ -309,6 +386,16 @@ mod tests {
             for counts in [false, true] {
                 assert_eq!(view_named(&super::view(view, counts)), Some((view, counts)));
             }
+        }
+        let of_rows = |name: &str| line_named(name);
+        for (view, counts) in [(Exposure::Flat, true), (Exposure::Sample(7), false)] {
+            let line = Line::Rows(view, counts, 8..16);
+            assert_eq!(of_rows(&rows(view, counts, &(8..16))), Some(line));
+            let line = Line::Moments(view, 0..8);
+            assert_eq!(of_rows(&moments_of_rows(view, &(0..8))), Some(line));
+        }
+        for name in ["flat/rows/8-8", "flat/rows/8", "sample/rows/0-8", "flat/rows/a-8"] {
+            assert_eq!(of_rows(name), None, "{name}");
         }
         for name in ["sample", "sample/", "sample/x", "flat/0", "flat_0001", ""] {
             assert_eq!(view_named(name), None, "{name}");

@@ -83,8 +83,13 @@ fn refuse_links_in(folder: &Path) -> Result<()> {
     })
 }
 
-/// Removes the stacks under `root` of a run with this extent, but for the views in `keep`.
-pub(super) fn remove_stacks(root: &Path, extent: StackShape, keep: &[Exposure]) -> Result<()> {
+/// Removes the stacks under `root` of a run with this extent, but for the views in `keep`, and for
+/// the spool where `begun`: rows of a view are committed.
+pub(super) fn remove_stacks(
+    root: &Path,
+    extent: StackShape,
+    (keep, begun): (&[Exposure], bool),
+) -> Result<()> {
     let folder = |view| layout::view_folder(root, extent.views, view);
     for view in [Exposure::Flat, Exposure::Dark] {
         if !keep.contains(&view) {
@@ -99,7 +104,9 @@ pub(super) fn remove_stacks(root: &Path, extent: StackShape, keep: &[Exposure]) 
             false => Ok(()),
         }
     })?;
-    remove_frames(&root.join(layout::PARTIAL), extent)?;
+    if !begun {
+        remove_frames(&root.join(layout::PARTIAL), extent)?;
+    }
     let _ = fs::remove_dir(sample);
     Ok(())
 }

@@ -7,19 +7,29 @@
 //! `hashlib.sha256(sample[v].tobytes()).hexdigest()`. Where there are counts, a line of theirs
 //! (`counts/sample/0`) stands before the line of the view, and the view counts with both.
 //! A fourth word, `tally:` and JSON, has the counts of the view's rays that are not zero.
+//!
+//! Views that take long have a line for each block of rows before (`sample/3/rows/0-64`), with the
+//! checksum of these rows, and where moments are kept one (`moments/sample/3/rows/0-64`) with the bytes
+//! and the checksum of the beginning of their file. They count until the view has a line.
 
-use super::layout;
+use super::layout::{self, Line};
 use crate::locked_file::LockedFile;
+use crate::moments::Beginning;
 use crate::scene::Exposure;
 use crate::whole_file::refuse_link;
 use crate::{Error, Result, Tally, input_file, open_file};
 use std::collections::BTreeMap;
 use std::fs::OpenOptions;
 use std::io::{ErrorKind, Read, Seek, SeekFrom, Write};
+use std::ops::Range;
 use std::path::{Path, PathBuf};
+use std::time::Duration;
 
 /// Most bytes of a log: two lines for each of the most views that a scene may have.
 const MOST: u64 = 4 << 30;
+/// Attempts to lock a log that a reader may hold for a moment, and the time between two.
+const LOOKS: u32 = 10;
+const BETWEEN_LOOKS: Duration = Duration::from_millis(100);
 /// Beginning of the word with a view's tally.
 const TALLY: &str = "tally:";
 
@@ -34,6 +44,16 @@ pub(super) struct Entry {
     pub(super) counts: Option<String>,
     /// Counts of its rays; logs of earlier versions have none.
     pub(super) tally: Option<Tally>,
+}
+
+/// A block of rows of a view that is not committed, as the log knows it.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(super) struct Block {
+    pub(super) rows: Range<u32>,
+    /// Of its rows in every step.
+    pub(super) entry: Entry,
+    /// Moments of the view up to the last of its rows, where moments are kept.
+    pub(super) kept: Option<Beginning>,
 }
 
 /// The open log. It is locked while it is open: one writer per run directory.
@@ -68,7 +88,24 @@ impl ProgressLog {
         }
     }
 
+    /// As [`ProgressLog::lock`]; waits for a second for readers that look whether it is locked.
+    pub(super) fn lock_patiently(path: &Path) -> Result<Self> {
+        for _ in 0..LOOKS {
+            if let Some(log) = Self::try_locked(path, true)? {
+                return Ok(log);
+            }
+            std::thread::sleep(BETWEEN_LOOKS);
+        }
+        Self::locked(path, true)
+    }
+
     fn locked(path: &Path, create: bool) -> Result<Self> {
+        let log = Self::try_locked(path, create)?;
+        log.ok_or_else(|| Error::file(path, "another beamlet is using this run", None))
+    }
+
+    /// `None` where another process has the lock.
+    fn try_locked(path: &Path, create: bool) -> Result<Option<Self>> {
         refuse_link(path)?;
         let mut options = OpenOptions::new();
         let file = options
@@ -78,12 +115,8 @@ impl ProgressLog {
             .write(true)
             .open(path)
             .map_err(|error| Error::file(path, "cannot be opened", Some(error)))?;
-        match LockedFile::exclusive(file) {
-            Some(file) if open_file::is_at(&file, path) => {
-                Ok(Self { file, path: path.to_path_buf() })
-            }
-            _ => Err(Error::file(path, "another beamlet is using this run", None)),
-        }
+        let file = LockedFile::exclusive(file).filter(|file| open_file::is_at(file, path));
+        Ok(file.map(|file| Self { file, path: path.to_path_buf() }))
     }
 
     /// Cuts off an incomplete last line after a crash, and continues behind the whole lines.
@@ -121,14 +154,20 @@ impl ProgressLog {
 
     /// Appends a line and syncs it.
     pub(super) fn append(&mut self, view: Exposure, entry: &Entry) -> Result<()> {
-        let bytes = entry.bytes;
-        let mut lines = String::new();
-        if let Some(counts) = &entry.counts {
-            lines = format!("{} {bytes} sha256:{counts}\n", layout::view(view, true));
-        }
-        let tally = entry.tally.as_ref().map(tally_word).unwrap_or_default();
-        let name = layout::view(view, false);
-        lines.push_str(&format!("{name} {bytes} sha256:{}{tally}\n", entry.sha256));
+        self.write(&lines([layout::view(view, true), layout::view(view, false)], entry))
+    }
+
+    /// Appends the lines of a block of rows, the last of which makes it count, and syncs them.
+    pub(super) fn append_rows(&mut self, view: Exposure, block: &Block) -> Result<()> {
+        let names = [true, false].map(|counts| layout::rows(view, counts, &block.rows));
+        let kept = block.kept.as_ref().map(|kept| {
+            let name = layout::moments_of_rows(view, &block.rows);
+            format!("{name} {} sha256:{}\n", kept.bytes, kept.sha256)
+        });
+        self.write(&(kept.unwrap_or_default() + &lines(names, &block.entry)))
+    }
+
+    fn write(&mut self, lines: &str) -> Result<()> {
         self.file
             .write_all(lines.as_bytes())
             .and_then(|()| self.file.sync_data())
@@ -136,39 +175,86 @@ impl ProgressLog {
     }
 }
 
-/// Reads a log; the last line of a view counts. A missing log is an empty one.
+/// Whether a process writes the run of this log.
+pub(super) fn is_locked(path: &Path) -> bool {
+    let is_file = std::fs::symlink_metadata(path).is_ok_and(|found| found.is_file());
+    match std::fs::File::open(path) {
+        Ok(file) if is_file => LockedFile::shared(file).is_none(),
+        _ => false,
+    }
+}
+
+/// The lines of a view or block by the names of its counts and of itself.
+fn lines([counts, own]: [String; 2], entry: &Entry) -> String {
+    let bytes = entry.bytes;
+    let counts = entry.counts.as_ref().map(|sha256| format!("{counts} {bytes} sha256:{sha256}\n"));
+    let tally = entry.tally.as_ref().map(tally_word).unwrap_or_default();
+    counts.unwrap_or_default() + &format!("{own} {bytes} sha256:{}{tally}\n", entry.sha256)
+}
+
+/// Contents of a log.
+#[derive(Debug, Default)]
+pub(super) struct Contents {
+    /// Views that are committed.
+    pub(super) views: BTreeMap<Exposure, Entry>,
+    /// Blocks of views, by their first row.
+    pub(super) blocks: BTreeMap<(Exposure, u32), Block>,
+}
+
+/// The committed views of a log; a missing log is an empty one.
 pub(super) fn read(path: &Path) -> Result<BTreeMap<Exposure, Entry>> {
+    read_all(path).map(|contents| contents.views)
+}
+
+/// Reads a log; the last line of a view or block counts. A missing log is an empty one.
+pub(super) fn read_all(path: &Path) -> Result<Contents> {
     let text = match input_file::read(path, MOST) {
         // Bytes that are no text are no line, and named below.
         Ok(bytes) => String::from_utf8_lossy(&bytes).into_owned(),
-        Err(error) if error.kind() == ErrorKind::NotFound => return Ok(BTreeMap::new()),
+        Err(error) if error.kind() == ErrorKind::NotFound => return Ok(Contents::default()),
         Err(error) => return Err(Error::file(path, "cannot be read", Some(error))),
     };
-    let mut entries = BTreeMap::new();
+    let mut contents = Contents::default();
+    // Lines before the line that they belong to.
     let mut counts = BTreeMap::new();
+    let mut kept = BTreeMap::new();
     for (index, line) in text.split_inclusive('\n').enumerate() {
         let Some(line) = line.strip_suffix('\n') else { break };
-        let (view, mut entry, of_counts) = parse(line).ok_or_else(|| {
+        let (what, mut entry) = parse(line).ok_or_else(|| {
             let problem = format!(
                 "line {} is not \"view bytes sha256:checksum [tally:{{…}}]\": found {line:?}",
                 index + 1
             );
             Error::file(path, problem, None)
         })?;
-        if of_counts {
-            counts.insert(view, entry.sha256);
-        } else {
-            entry.counts = counts.remove(&view);
-            entries.insert(view, entry);
+        match what {
+            Line::View(view, true) => drop(counts.insert((view, [0; 2]), entry.sha256)),
+            Line::Rows(view, true, rows) => {
+                drop(counts.insert((view, [rows.start, rows.end]), entry.sha256))
+            }
+            Line::Moments(view, rows) => {
+                let Entry { bytes, sha256, .. } = entry;
+                kept.insert((view, [rows.start, rows.end]), Beginning { bytes, sha256 });
+            }
+            Line::View(view, false) => {
+                entry.counts = counts.remove(&(view, [0; 2]));
+                contents.views.insert(view, entry);
+            }
+            Line::Rows(view, false, rows) => {
+                let place = (view, [rows.start, rows.end]);
+                entry.counts = counts.remove(&place);
+                let kept = kept.remove(&place);
+                contents.blocks.insert((view, rows.start), Block { rows, entry, kept });
+            }
         }
     }
-    Ok(entries)
+    Ok(contents)
 }
 
-/// Exposure, entry, and whether the line is one of counts.
-fn parse(line: &str) -> Option<(Exposure, Entry, bool)> {
+/// Kind and entry of a line.
+fn parse(line: &str) -> Option<(Line, Entry)> {
     let mut words = line.split(' ');
-    let (view, of_counts) = layout::view_named(words.next()?)?;
+    let what = layout::line_named(words.next()?)?;
     let bytes = words.next()?.parse().ok()?;
     let sha256 = words.next()?.strip_prefix("sha256:")?.to_owned();
     let tally = match words.next() {
@@ -176,7 +262,7 @@ fn parse(line: &str) -> Option<(Exposure, Entry, bool)> {
         None => None,
     };
     let whole = sha256.len() == 64 && words.next().is_none();
-    whole.then_some((view, Entry { bytes, sha256, counts: None, tally }, of_counts))
+    whole.then_some((what, Entry { bytes, sha256, counts: None, tally }))
 }
 
 /// The counts that are not zero, as the word that ends a line.

@@ -22,6 +22,9 @@ pub struct RunStart {
     /// SHA-256 of the meshes by the name of their object, as
     /// [`crate::geometry::ObjectSummary::hash`]; shapes have none.
     pub mesh_hashes: BTreeMap<String, String>,
+    /// Rows of the blocks that long views are committed by; `None`: views are committed whole.
+    #[serde(default)]
+    pub block_rows: Option<u32>,
 }
 
 impl RunStart {
@@ -39,7 +42,35 @@ impl RunStart {
             backend_reason: backend_reason.into(),
             search: None,
             mesh_hashes: BTreeMap::new(),
+            block_rows: None,
         }
+    }
+}
+
+/// Inputs of the bits of a run beside its scene.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[non_exhaustive]
+pub struct Platform {
+    /// Version of beamlet.
+    pub version: String,
+    /// Device name.
+    pub device: String,
+    /// Driver name and version.
+    pub driver: String,
+    /// Backend used.
+    pub backend: Backend,
+}
+
+impl Platform {
+    /// Names and values of what differs: name, here, there.
+    pub(super) fn differences(&self, other: &Self) -> Vec<[String; 3]> {
+        let values = |of: &Self| {
+            [of.version.clone(), of.device.clone(), of.driver.clone(), of.backend.to_string()]
+        };
+        let names = ["version", "device", "driver", "backend"];
+        let pairs = names.into_iter().zip(values(self)).zip(values(other));
+        let triples = pairs.map(|((name, here), there)| [name.to_owned(), here, there]);
+        triples.filter(|[_, here, there]| here != there).collect()
     }
 }
 
@@ -83,6 +114,17 @@ pub struct RunRecord {
 }
 
 impl RunRecord {
+    /// Inputs of the bits of the run beside its scene.
+    #[must_use]
+    pub fn platform(&self) -> Platform {
+        Platform {
+            version: self.version.clone(),
+            device: self.device.clone(),
+            driver: self.driver.clone(),
+            backend: self.backend,
+        }
+    }
+
     /// The record of a run that begins: nothing is counted yet.
     #[must_use]
     pub fn begin(start: &RunStart, seed: u64) -> Self {

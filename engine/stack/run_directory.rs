@@ -5,25 +5,31 @@
 //! begins, and nothing that beamlet did not write is ever removed.
 
 mod begun;
+mod join;
+mod planned;
 mod resume;
 
 use super::frames::Frames;
 use super::geometry_file::GeometryFile;
 use super::layout::{self, COUNTS, GEOMETRY, LOG, PARTIAL, RUN, SCENE};
 use super::own_files::{self, remove_file, remove_frames, remove_stacks};
+use super::plan;
 use super::progress_log::ProgressLog;
 use super::record::{RunRecord, RunStart};
 use super::run_file::{RunFile, RunState};
 use super::scene_file;
 use super::shape::{StackShape, ViewAngles};
+use super::shard::{Part, Shard};
 use super::sink::Sink;
 use super::values::Values;
 use crate::array_file::Format;
+use crate::moments::Beginning;
 use crate::numbers;
 use crate::scene::{Exposure, Scene};
 use crate::whole_file::{sync_directory, write_whole};
 use crate::{Error, Result, Tally, folder, moments};
 use begun::Begun;
+pub use join::{JoinOptions, ShardState, ShardStatus, join, shard_states};
 use ndarray::ArrayView3;
 use resume::{Resumed, refuse_other_scene};
 use std::fs;
@@ -36,6 +42,12 @@ use std::time::Instant;
 #[derive(Debug)]
 pub struct RunDirectory {
     path: PathBuf,
+    /// Folder of scene.toml: the run itself, or the run of this shard.
+    root: PathBuf,
+    /// Whether a plan wrote scene.toml.
+    is_planned: bool,
+    /// The part of the run that is here; `None`: all of it.
+    shard: Option<Shard>,
     format: Format,
     overwrite: bool,
     allow_mixed: bool,
@@ -60,6 +72,7 @@ impl RunDirectory {
     /// others are left; it is still an error where a file of others has the name of one of ours.
     pub fn create(path: impl Into<PathBuf>, format: Format, overwrite: bool) -> Result<Self> {
         let path = path.into();
+        layout::refuse_unjoined(&path)?;
         let mut log = None;
         if overwrite || own_files::has_only_begun(&path) {
             log = ProgressLog::lock_if_there(&path.join(LOG))?;
@@ -71,9 +84,12 @@ impl RunDirectory {
     }
 
     /// A run in a place that was looked at.
-    const fn at(path: PathBuf, format: Format, log: Option<ProgressLog>) -> Self {
+    fn at(path: PathBuf, format: Format, log: Option<ProgressLog>) -> Self {
         Self {
+            root: path.clone(),
             path,
+            is_planned: false,
+            shard: None,
             format,
             overwrite: false,
             allow_mixed: false,
@@ -144,6 +160,11 @@ impl RunDirectory {
         self.open.is_some()
     }
 
+    /// The part of the stacks that is here.
+    fn part(&self, extent: StackShape) -> Part {
+        self.shard.map_or(Part::whole(extent), |shard| Part { extent, shard })
+    }
+
     /// Locks the run; it is nobody else's from here to the end.
     fn lock(&mut self) -> Result<ProgressLog> {
         if let Some(log) = self.log.take() {
@@ -155,6 +176,7 @@ impl RunDirectory {
         let log = ProgressLog::lock(&path)?;
         // Somebody else may have come here since `create` looked.
         if self.resumed.is_none()
+            && !self.is_planned
             && let Err(error) = own_files::look(&self.path, self.overwrite)
         {
             if fresh {
@@ -195,8 +217,9 @@ impl RunDirectory {
                 remove_file(&layout::moments(&directory, *index))?;
             }
         }
-        remove_stacks(&counts, earlier, keep)?;
-        remove_stacks(&self.path, earlier, keep)?;
+        let begun = self.resumed.as_ref().is_some_and(|resumed| resumed.begun.is_some());
+        remove_stacks(&counts, earlier, (keep, begun))?;
+        remove_stacks(&self.path, earlier, (keep, begun))?;
         let _ = fs::remove_dir(counts);
         Ok(())
     }
@@ -210,15 +233,17 @@ impl Sink for RunDirectory {
         file.keep_moments = Some(self.keep_moments);
         file.title.clone_from(&scene.title);
         file.view_angles = Some(ViewAngles::of(scene));
-        let scene_path = self.path.join(SCENE);
-        let resolved =
-            scene_file::resolved(&self.path, scene, &start.mesh_hashes, &self.overrides)?;
-        if let Some(resumed) = &self.resumed {
+        file.shard = self.shard;
+        file.host = self.shard.and_then(|_| planned::host());
+        let scene_path = self.root.join(SCENE);
+        if self.is_planned || self.resumed.is_some() {
             let hashes = Some(&start.mesh_hashes);
             let differences = scene_file::differences(&scene_path, scene, hashes)?;
-            refuse_other_scene(&self.path, &differences.found)?;
+            refuse_other_scene(&self.root, &differences.found)?;
             self.refuse_unhashed(&differences.unhashed)?;
-            self.refuse_mixed(&resumed.file.record, &file.record)?;
+        }
+        if let Some(resumed) = &self.resumed {
+            self.refuse_mixed(&resumed.file.record.platform(), &file.record.platform())?;
             file.resumed_views = numbers::count(resumed.committed.len());
             file.uncounted_views = resumed.uncounted;
             file.go_on_from(&resumed.file);
@@ -229,14 +254,26 @@ impl Sink for RunDirectory {
         own_files::refuse_links(&self.path)?;
         log.mend()?;
         self.clear(extent, &mut log)?;
-        if self.resumed.is_none() {
+        if self.shard.is_some() {
+            let platform = file.record.platform();
+            self.refuse_mixed(
+                &plan::settle_platform(&self.root, &self.path, &platform)?,
+                &platform,
+            )?;
+        }
+        if self.resumed.is_none() && !self.is_planned {
+            let (hashes, sets) = (&start.mesh_hashes, &self.overrides);
+            let resolved = scene_file::resolved(&self.path, scene, hashes, sets)?;
             write_whole(&scene_path, resolved.as_bytes())?;
         }
-        write_whole(&self.path.join(GEOMETRY), GeometryFile::of(scene).text()?.as_bytes())?;
+        if self.shard.is_none() {
+            write_whole(&self.path.join(GEOMETRY), GeometryFile::of(scene).text()?.as_bytes())?;
+        }
         file.write(&self.path.join(RUN))?;
         let noisy = scene.detector.counts.is_some();
+        let part = self.part(extent);
         let frames = |root: &Path, values: Values, dark: bool| {
-            Frames::begin(self.format, root, extent, scene, values, dark)
+            Frames::begin(self.format, root, part, scene, values, dark)
         };
         let counts = match noisy {
             true => {
@@ -250,8 +287,22 @@ impl Sink for RunDirectory {
         let frames = frames(&self.path, Values::Intensities, noisy)?;
         // Files that were made here last from now on.
         sync_directory(&self.path)?;
-        let (since, before, tally, next) = (Instant::now(), file.duration_s, None, [0; 2]);
-        self.open = Some(Begun { file, since, before, log, frames, counts, tally, next });
+        let (since, before, tally) = (Instant::now(), file.duration_s, None);
+        let mut open = Begun {
+            file,
+            part,
+            since,
+            before,
+            log,
+            frames,
+            counts,
+            tally,
+            next: [0; 2],
+            has_rows: false,
+        };
+        let begun = self.resumed.as_ref().and_then(|resumed| resumed.begun.as_ref());
+        begun.map_or(Ok(()), |begun| open.resume_view(begun))?;
+        self.open = Some(open);
         Ok(())
     }
 
@@ -275,6 +326,17 @@ impl Sink for RunDirectory {
         Ok(())
     }
 
+    fn commit_rows(
+        &mut self,
+        view: Exposure,
+        rows: Range<u32>,
+        tally: &Tally,
+        kept: Option<&Beginning>,
+    ) -> Result<()> {
+        let open = opened(&mut self.open, &self.path)?;
+        open.in_place(|open| open.commit_rows(view, rows, tally, kept))
+    }
+
     fn commit(&mut self, view: Exposure) -> Result<()> {
         let open = opened(&mut self.open, &self.path)?;
         let extent = open.file.extent;
@@ -287,7 +349,7 @@ impl Sink for RunDirectory {
             let problem = format!("{view:?} has {rows} of {} rows", extent.rows);
             return Err(Error::file(&self.path, problem, None));
         }
-        open.next = [0; 2];
+        (open.next, open.has_rows) = ([0; 2], false);
         open.in_place(|open| open.commit(view))
     }
 
@@ -308,14 +370,17 @@ impl Sink for RunDirectory {
 }
 
 impl Drop for RunDirectory {
-    /// A view that was not committed leaves nothing behind.
+    /// A view of which nothing is committed leaves nothing behind.
     fn drop(&mut self) {
         // At the path of a run that was moved may be one of others.
         if let Some(mut open) = self.open.take().filter(|open| open.log.refuse_moved().is_ok()) {
             // Where it cannot be written the run is still known for one that is not done.
             let _ = open.end(&self.path, RunState::Interrupted);
-            for root in [self.path.join(COUNTS), self.path.clone()] {
-                let _ = remove_frames(&root.join(PARTIAL), open.file.extent);
+            // Rows that are committed stay for a run that goes on.
+            if !open.has_rows {
+                for root in [self.path.join(COUNTS), self.path.clone()] {
+                    let _ = remove_frames(&root.join(PARTIAL), open.file.extent);
+                }
             }
         }
     }

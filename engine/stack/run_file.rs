@@ -1,7 +1,8 @@
 //! run.json: the provenance of a run, written when it begins and again when it ends.
 
-use super::record::{RunRecord, RunStart};
+use super::record::{Platform, RunRecord, RunStart};
 use super::shape::{StackShape, ViewAngles};
+use super::shard::Shard;
 use crate::array_file::Format;
 use crate::input_file;
 use crate::{Error, Result};
@@ -76,9 +77,37 @@ pub struct RunFile {
     /// Whether moments of the rays are kept; `None` in runs of earlier versions.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub keep_moments: Option<bool>,
+    /// Rows of the blocks that views are committed by, from row 0 on; `None`: views are committed whole.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub block_rows: Option<u32>,
+    /// The part of the run that this folder holds; `None`: all of it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub shard: Option<Shard>,
+    /// Name of the machine, in the record of a shard.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub host: Option<String>,
+    /// Shards that the run was joined from, in order.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub shards: Vec<JoinedShard>,
     /// Provenance; tally and times are zero until the run is done.
     #[serde(flatten)]
     pub record: RunRecord,
+}
+
+/// Provenance of a shard that was joined.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[non_exhaustive]
+pub struct JoinedShard {
+    /// Name of the machine.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub host: Option<String>,
+    /// What made it.
+    #[serde(flatten)]
+    pub platform: Platform,
+    /// When it began: UTC, RFC 3339.
+    pub began: Option<String>,
+    /// Seconds by the clock.
+    pub duration_s: f64,
 }
 
 /// The date and time, UTC, as RFC 3339 has it.
@@ -108,6 +137,10 @@ impl RunFile {
             resumed_views: 0,
             uncounted_views: 0,
             keep_moments: None,
+            block_rows: start.block_rows,
+            shard: None,
+            host: None,
+            shards: Vec::new(),
             record: RunRecord::begin(start, seed),
         }
     }

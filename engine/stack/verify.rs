@@ -2,10 +2,12 @@
 
 use super::frames::StoredFrames;
 use super::layout::{self, COUNTS, LOG, RUN, SCENE};
-use super::progress_log::{self, Entry};
+use super::plan;
+use super::progress_log::{self, Block, Entry};
 use super::read::read_scene;
 use super::run_file::{RunFile, RunState};
 use super::shape::{StackShape, views};
+use super::shard::Part;
 use super::values::Values;
 use crate::array_file::Format;
 use crate::scene::{Exposure, Scene};
@@ -47,7 +49,9 @@ pub struct RunCheck {
 /// # Ok::<(), beamlet::Error>(())
 /// ```
 pub fn check_run(path: &Path) -> Result<RunCheck> {
+    layout::refuse_unjoined(path)?;
     let file = RunFile::read(&path.join(RUN))?;
+    plan::refuse_shard(path, &file)?;
     let scene = read_scene(&path.join(SCENE))?;
     let entries = progress_log::read(&path.join(LOG))?;
     let extent = StackShape::of(&scene)?;
@@ -57,7 +61,7 @@ pub fn check_run(path: &Path) -> Result<RunCheck> {
         let found = file.extent;
         problems.push(format!("{place}: {RUN} has {found:?}; its scene has {extent:?}"));
     }
-    let found = frames(path, file.format, extent, &scene, &entries);
+    let found = frames(path, file.format, Part::whole(extent), &scene, &entries);
     problems.extend(found.problems.into_iter().map(|(_, problem)| problem));
     let all: Vec<Exposure> = views(&scene)?.collect();
     let missing: Vec<&Exposure> = all.iter().filter(|view| !entries.contains_key(view)).collect();
@@ -69,7 +73,7 @@ pub fn check_run(path: &Path) -> Result<RunCheck> {
         problems.push(format!("{place}: every view is committed, but the run has not ended"));
     }
     let keeps = file.keep_moments.unwrap_or_else(|| moments::file::is_there(path));
-    let lost = if keeps { moments(path, &found.whole) } else { Vec::new() };
+    let lost = if keeps { moments([path; 2], &found.whole) } else { Vec::new() };
     let of_sample = found.whole.iter().filter(|view| matches!(view, Exposure::Sample(_))).count();
     let kept = keeps.then_some(of_sample - lost.len());
     problems.extend(lost.into_iter().map(|(_, problem)| problem));
@@ -97,14 +101,14 @@ pub(super) struct Verified {
 pub(super) fn frames(
     path: &Path,
     format: Format,
-    extent: StackShape,
+    part: Part,
     scene: &Scene,
     entries: &BTreeMap<Exposure, Entry>,
 ) -> Verified {
     let mut found = Verified::default();
     // Views have detector numbers beside their intensities.
     let counts = scene.detector.counts.is_some();
-    let stored = StoredFrames::of(format, extent, scene);
+    let stored = StoredFrames::of(format, part, scene);
     if !entries.is_empty() {
         let mut problems = stored.header_problems(path, Values::Intensities, counts);
         if counts {
@@ -115,7 +119,7 @@ pub(super) fn frames(
     }
     let of_view = |(view, entry): (&Exposure, &Entry)| {
         let counts = counts && *view != Exposure::Dark;
-        (*view, problem_of_view(path, &stored, extent, counts, *view, entry))
+        (*view, problem_of_view(path, &stored, part, counts, *view, entry))
     };
     let views: Vec<_> = entries.par_iter().map(of_view).collect();
     for (view, problem) in views {
@@ -127,11 +131,47 @@ pub(super) fn frames(
     found
 }
 
-/// Views among `views` whose kept moments are missing or damaged, with the defect.
-pub(super) fn moments(path: &Path, views: &[Exposure]) -> Vec<(Exposure, String)> {
+/// Blocks of a view that is not committed, from row 0 on, that have the checksums of the log; of a run of
+/// `scene` with blocks of `height` rows. `keeps`: moments are kept, too.
+pub(super) fn blocks(
+    path: &Path,
+    format: Format,
+    part: Part,
+    scene: &Scene,
+    (view, height, keeps): (Exposure, u32, bool),
+    found: &BTreeMap<(Exposure, u32), Block>,
+) -> Vec<Block> {
+    let stored = StoredFrames::of(format, part, scene);
+    let counts = scene.detector.counts.is_some();
+    let row_bytes = 4 * u64::from(part.extent.columns) * u64::from(part.extent.steps);
+    let is_whole = |block: &Block| -> Result<bool> {
+        let rows = &block.rows;
+        let checksum = |root: &Path, values| stored.checksum_of_rows(root, values, view, rows);
+        let numbers =
+            if counts { Some(checksum(&path.join(COUNTS), Values::Numbers)?) } else { None };
+        let kept = match (&block.kept, view) {
+            (Some(kept), Exposure::Sample(index)) if keeps => {
+                moments::file::is_beginning(path, index, kept)
+            }
+            _ => !keeps || view == Exposure::Flat,
+        };
+        Ok(kept
+            && rows.end - rows.start == height
+            && rows.end < part.extent.rows
+            && block.entry.bytes == row_bytes * rows.len() as u64
+            && numbers == block.entry.counts
+            && checksum(path, Values::Intensities)? == block.entry.sha256)
+    };
+    let each = (0..).step_by(height.max(1) as usize).map_while(|row| found.get(&(view, row)));
+    each.take_while(|block| is_whole(block).unwrap_or(false)).cloned().collect()
+}
+
+/// Views among `views` whose kept moments are missing or damaged, with the defect. `folders`: the folder
+/// of scene.toml, and the folder of the moments' folder.
+pub(super) fn moments(folders: [&Path; 2], views: &[Exposure]) -> Vec<(Exposure, String)> {
     let of_view = |view: &Exposure| match view {
         Exposure::Sample(index) => {
-            let error = moments::file::check(path, *index).err()?;
+            let error = moments::file::check(folders, *index).err()?;
             Some((*view, format!("{error} ({})", layout::view(*view, false))))
         }
         Exposure::Flat | Exposure::Dark => None,
@@ -143,20 +183,20 @@ pub(super) fn moments(path: &Path, views: &[Exposure]) -> Vec<(Exposure, String)
 fn problem_of_view(
     path: &Path,
     stored: &StoredFrames,
-    extent: StackShape,
+    part: Part,
     counts: bool,
     view: Exposure,
     entry: &Entry,
 ) -> Option<String> {
     let name = layout::view(view, false);
-    if !extent.has(view) {
+    if !part.extent.has(view) || !part.has(view) {
         return Some(format!("{}: {name} is no view of this run", path.display()));
     }
     let checksum = |root: &Path, values| stored.checksum(root, values, view);
     let is_whole = || -> Result<bool> {
         let numbers =
             if counts { Some(checksum(&path.join(COUNTS), Values::Numbers)?) } else { None };
-        Ok(entry.bytes == extent.view_bytes()
+        Ok(entry.bytes == part.extent.view_bytes()
             && numbers == entry.counts
             && checksum(path, Values::Intensities)? == entry.sha256)
     };

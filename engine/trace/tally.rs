@@ -1,6 +1,10 @@
 //! Counts of a run: shaders cannot return errors.
 
+use crate::{Error, Result};
 use serde::{Deserialize, Serialize};
+
+/// A run fails when more than this share of its rays stays unbalanced.
+const UNBALANCED_SHARE: f64 = 1e-5;
 
 /// Counts of a run: shaders cannot return errors.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -73,6 +77,29 @@ impl Tally {
             most_patch_rays: self.most_patch_rays.max(other.most_patch_rays),
             worst_error: self.worst_error.max(other.worst_error),
             defective_objects: self.defective_objects.max(other.defective_objects),
+        }
+    }
+
+    /// Refuses counts of a whole run of which too many rays are out of balance; warns where objects
+    /// with defects explain them.
+    ///
+    /// # Errors
+    /// [`Error::Tally`].
+    pub(crate) fn refuse_unbalanced(&self) -> Result<()> {
+        if self.unbalanced as f64 <= UNBALANCED_SHARE * self.rays as f64 {
+            return Ok(());
+        }
+        let problem = format!(
+            "{} of {} rays entered and left an object unequally often",
+            self.unbalanced, self.rays
+        );
+        // Rays through a hole are out of balance.
+        match self.defective_objects {
+            0 => Err(Error::Tally(problem)),
+            objects => {
+                log::warn!("{problem}: {objects} objects have defects");
+                Ok(())
+            }
         }
     }
 

@@ -45,7 +45,7 @@ fn simulate(place: &Path, run: &str, more: &[&str]) -> Command {
 fn committed_lines(run: &Path) -> usize {
     let Ok(text) = fs::read_to_string(run.join("progress.log")) else { return 0 };
     let whole = text.split_inclusive('\n').filter(|line| line.ends_with('\n'));
-    whole.filter(|line| !line.starts_with("counts/")).count()
+    whole.filter(|line| !line.starts_with("counts/") && !line.contains("/rows/")).count()
 }
 
 /// Asserts that every view in progress.log has its checksum; tells which.
@@ -67,10 +67,18 @@ fn assert_whole(place: &Path, run: &str) -> Vec<Exposure> {
 }
 
 /// What run.json tells of when and how a run was made.
-const OF_THIS_TIME: [&str; 6] =
-    ["began", "written", "duration_s", "commands", "seconds", "resumed_views"];
+const OF_THIS_TIME: [&str; 8] = [
+    "began",
+    "written",
+    "duration_s",
+    "commands",
+    "seconds",
+    "resumed_views",
+    "shards",
+    "block_rows",
+];
 
-/// What a run holds, by name: every file byte by byte, but for the order of lines of progress.log
+/// Files of a run, by name: every file byte by byte, but for the order of lines of progress.log, its blocks
 /// and for times and rates in run.json. All of its `views` have to verify.
 fn contents(place: &Path, run: &str, views: usize) -> BTreeMap<PathBuf, Vec<u8>> {
     assert_eq!(assert_whole(place, run).len(), views);
@@ -88,6 +96,8 @@ fn contents(place: &Path, run: &str, views: usize) -> BTreeMap<PathBuf, Vec<u8>>
             let mut bytes = fs::read(&path).unwrap();
             if name == Path::new("progress.log") {
                 let mut lines: Vec<_> = bytes.split(|byte| *byte == b'\n').collect();
+                // Blocks end with their view; a joined run has none.
+                lines.retain(|line| !String::from_utf8_lossy(line).contains("/rows/"));
                 lines.sort();
                 bytes = lines.join(&b'\n');
             } else if name == Path::new("run.json") {
@@ -104,7 +114,7 @@ fn contents(place: &Path, run: &str, views: usize) -> BTreeMap<PathBuf, Vec<u8>>
 }
 
 #[track_caller]
-fn assert_same(place: &Path, views: usize) {
+pub(crate) fn assert_same(place: &Path, views: usize) {
     let [run, whole] = ["run", "whole"].map(|run| contents(place, run, views));
     assert!(run.keys().eq(whole.keys()), "{:?}\n{:?}", run.keys(), whole.keys());
     for (name, bytes) in &run {
@@ -113,10 +123,10 @@ fn assert_same(place: &Path, views: usize) {
 }
 
 /// Random numbers that are the same on every machine (splitmix64).
-struct Dice(u64);
+pub(crate) struct Dice(pub(crate) u64);
 
 impl Dice {
-    fn below(&mut self, limit: u64) -> u64 {
+    pub(crate) fn below(&mut self, limit: u64) -> u64 {
         self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
         let mut z = self.0;
         z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
@@ -126,7 +136,13 @@ impl Dice {
 }
 
 /// Sends a signal once `views` more are committed and some milliseconds have gone.
-fn end(mut child: Child, log: &Path, views: usize, milliseconds: u64, signal: &str) -> Output {
+pub(crate) fn end(
+    mut child: Child,
+    log: &Path,
+    views: usize,
+    milliseconds: u64,
+    signal: &str,
+) -> Output {
     let before = committed_lines(log);
     let began = Instant::now();
     while committed_lines(log) < before + views {
@@ -145,12 +161,12 @@ fn end(mut child: Child, log: &Path, views: usize, milliseconds: u64, signal: &s
 }
 
 /// Kills of each kind of run.
-fn kills() -> u32 {
+pub(crate) fn kills() -> u32 {
     std::env::var("BEAMLET_KILLS").map_or(5, |text| text.parse().unwrap())
 }
 
 /// Ends runs at random moments and resumes them, until enough were killed.
-fn end_again_and_again(scene: &str, arguments: &[&str], views: usize, seed: u64) {
+pub(crate) fn end_again_and_again(scene: &str, arguments: &[&str], views: usize, seed: u64) {
     let place = workplace(SCENE);
     fs::write(place.path().join("scene.toml"), scene).unwrap();
     ended(&simulate(place.path(), "whole", arguments).output().unwrap(), 0);

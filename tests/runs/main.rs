@@ -6,6 +6,8 @@ mod support;
 
 mod big_input;
 mod big_tiff;
+#[cfg(all(feature = "cli", unix))]
+mod blocks;
 mod crash;
 #[cfg(feature = "cli")]
 mod earlier_runs;
@@ -17,6 +19,8 @@ mod kept;
 mod kept_error;
 mod one_patch;
 mod safety;
+#[cfg(all(feature = "cli", unix))]
+mod shards;
 mod stack;
 mod stack_read;
 mod tiff_pages;

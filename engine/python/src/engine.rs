@@ -155,9 +155,8 @@ impl Engine {
                 };
                 let mut sink = sink.keep_moments(self.keep_moments).command("python");
                 let mut keep = self.keep_moments.then(|| MomentWriter::new(&path));
-                let (skip, counted) = (sink.committed().to_vec(), sink.counted());
                 watch.control(keep.as_mut(), |control| {
-                    let control = control.with_skip(skip).with_counted(counted);
+                    let control = control.going_on(&sink);
                     engine.run(&scene, &mut sink, control)
                 })
             };

@@ -19,7 +19,7 @@ use crate::numbers;
 use crate::run::{Control, Progress, ViewProgress};
 use crate::sampling::{self, CellBatch, ProjectedBounds, Response};
 use crate::scene::{Exposure, Scheme};
-use crate::stack::Sink;
+use crate::stack::{BegunView, Sink};
 use crate::trace::Tally;
 use crate::trace::Tracer;
 use mean::Mean;
@@ -55,6 +55,8 @@ pub(super) struct ViewWork<'s> {
     bars: MaskTransmissionCache,
     random: bool,
     band: u32,
+    /// Rows of the blocks that views are committed by; all where they are committed whole.
+    block: u32,
     pixel_columns: Range<i64>,
     tally: Tally,
     pub(super) seconds: Seconds,
@@ -72,13 +74,16 @@ impl<'s> ViewWork<'s> {
     pub(super) fn new(
         simulation: &'s Simulation,
         views: &[Exposure],
+        block_rows: Option<u32>,
         cancel: &Cancel,
     ) -> Result<Self> {
         let (scene, optics) = (&simulation.scene, simulation.detector.optics());
         let device = simulation.device().clone();
         let band = simulation.band_rows();
         let grid = simulation.detector.grid();
-        let lit_rows = || bands(grid.pixels[1], band).map(|rows| grid.lit_rows(&rows).len());
+        let block = block_rows.unwrap_or(grid.pixels[1]);
+        let all_bands = || bands_of_blocks(0..grid.pixels[1], block, band);
+        let lit_rows = || all_bands().map(|rows| grid.lit_rows(&rows).len());
         let lit_views = views.iter().filter(|view| **view != Exposure::Dark).count();
         let blank = views.iter().filter(|view| **view == Exposure::Flat).count();
         let traced = !simulation.sample.is_empty() && simulation.stored.is_none();
@@ -121,12 +126,13 @@ impl<'s> ViewWork<'s> {
             bars: MaskTransmissionCache::default(),
             random,
             band,
+            block,
             pixel_columns,
             tally: Tally::default(),
             seconds: Seconds::default(),
             rows_done: 0,
             rows_total: ((blank + (lit_views - blank) * scene.scan.poses_of_view())
-                * bands(grid.pixels[1], band).map(|rows| grid.own_rows(&rows).len()).sum::<usize>())
+                * all_bands().map(|rows| grid.own_rows(&rows).len()).sum::<usize>())
                 as u64,
             pose: 0,
             share: Share::new([blank, lit_views - blank], traced),
@@ -140,6 +146,7 @@ impl<'s> ViewWork<'s> {
     pub(super) fn view(
         &mut self,
         view: Exposure,
+        begun: Option<&BegunView>,
         sink: &mut dyn Sink,
         control: &mut Control<'_>,
     ) -> Result<()> {
@@ -153,16 +160,28 @@ impl<'s> ViewWork<'s> {
         self.take_offsets(view);
         let poses: Vec<(u32, Vec<ProjectedBounds>)> = self.poses(view);
         let halo = self.simulation.lattice.halo;
-        let sampled: Vec<Range<i64>> = bands(rows, self.band)
-            .map(|band| detector.grid().lit_rows(&band))
+        let first = begun.map_or(0, |begun| begun.rows);
+        if let (Some(begun), Exposure::Sample(index), Some(keep)) = (begun, view, &mut control.keep)
+            && let Some(kept) = &begun.kept
+        {
+            keep.resume(index, kept)?;
+        }
+        let all: Vec<Range<u32>> = bands_of_blocks(first..rows, self.block, self.band).collect();
+        let sampled: Vec<Range<i64>> = all
+            .iter()
+            .map(|band| detector.grid().lit_rows(band))
             .map(|lit| i64::from(lit.start) - halo..i64::from(lit.end) + halo)
             .collect();
         let repeated: Vec<Range<i64>> =
             poses.iter().flat_map(|_| sampled.iter().cloned()).collect();
         let lattice = &self.simulation.lattice;
         self.share.begin(lattice, &poses[0].1, view != Exposure::Flat, &repeated);
+        self.rows_done += u64::from(first) * poses.len() as u64;
         self.report(view, control)?;
-        for band in bands(rows, self.band) {
+        let mut before = self.tally()?;
+        let mut of_blocks = Tally::default();
+        for band in all {
+            let end = band.end;
             let mut mean = Mean::of(poses.len());
             for (pose, projected_bounds) in &poses {
                 self.pose = *pose;
@@ -179,9 +198,38 @@ impl<'s> ViewWork<'s> {
                 self.count_clipped(frame.clipped);
                 sink.write_counts(view, band, frame.numbers.view())?;
             }
+            if end < rows && end % self.block == 0 {
+                (before, of_blocks) =
+                    self.commit_rows(view, end, (before, of_blocks), sink, control)?;
+            }
             self.seconds.write += begin.elapsed().as_secs_f64();
         }
+        self.tally.most_patch_rays = self.tally.most_patch_rays.max(of_blocks.most_patch_rays);
+        self.tally.worst_error = self.tally.worst_error.max(of_blocks.worst_error);
         Ok(())
+    }
+
+    /// Commits the block of rows that ends at `end`. Takes and returns the counts of the run so far and
+    /// of the blocks of this view; maxima are counted by block.
+    fn commit_rows(
+        &mut self,
+        view: Exposure,
+        end: u32,
+        (before, of_blocks): (Tally, Tally),
+        sink: &mut dyn Sink,
+        control: &mut Control<'_>,
+    ) -> Result<(Tally, Tally)> {
+        let kept = match (view, &mut control.keep) {
+            (Exposure::Sample(index), Some(keep)) => {
+                Some(keep.commit_rows(index, self.simulation.moment_words())?)
+            }
+            _ => None,
+        };
+        let tally = self.tally()?;
+        let own = tally.since(before);
+        sink.commit_rows(view, end - self.block..end, &own, kept.as_ref())?;
+        (self.tally.most_patch_rays, self.tally.worst_error) = (0, 0);
+        Ok((tally, of_blocks + own))
     }
 
     /// Gives the frames of a view the light that they have over the nominal one.
@@ -442,6 +490,17 @@ impl<'s> ViewWork<'s> {
     pub(super) fn tally(&self) -> Result<Tally> {
         Ok(self.tracer.tally()? + self.tally)
     }
+}
+
+/// Some rows of a detector in bands of at most `band` rows that end at multiples of `block` rows.
+fn bands_of_blocks(rows: Range<u32>, block: u32, band: u32) -> impl Iterator<Item = Range<u32>> {
+    let mut next = rows.start;
+    std::iter::from_fn(move || {
+        let first = next;
+        let border = (first / block).saturating_add(1).saturating_mul(block);
+        next = first.saturating_add(band).min(border).min(rows.end);
+        (first < rows.end).then_some(first..next)
+    })
 }
 
 /// The rows of a detector in bands of at most `band` rows.

@@ -5,6 +5,7 @@ use super::stack_file::StackFile;
 use crate::numbers;
 use crate::scene::{Exposure, Scene};
 use crate::stack::layout::{self, COUNTS, LOG, RUN, SCENE};
+use crate::stack::plan;
 use crate::stack::progress_log::{self, Entry};
 use crate::stack::run_file::RunFile;
 use crate::stack::shape::StackShape;
@@ -48,7 +49,9 @@ impl OpenRun {
             let problem = format!("is no run directory: it has no {RUN}");
             return Err(Error::file(path, problem, None));
         }
+        layout::refuse_unjoined(path)?;
         let file = RunFile::read(&path.join(RUN))?;
+        plan::refuse_shard(path, &file)?;
         let scene = read_scene(&path.join(SCENE))?;
         let committed = progress_log::read(&path.join(LOG))?;
         let of_scene = StackShape::of(&scene)?;

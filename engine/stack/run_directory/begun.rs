@@ -1,11 +1,14 @@
 //! A run between its beginning and its end.
 
+use crate::moments::Beginning;
 use crate::scene::Exposure;
+use crate::stack::begun_view::BegunView;
 use crate::stack::frames::Frames;
 use crate::stack::layout::RUN;
-use crate::stack::progress_log::{Entry, ProgressLog};
+use crate::stack::progress_log::{Block, Entry, ProgressLog};
 use crate::stack::run_file::{RunFile, RunState};
 use crate::stack::shape::StackShape;
+use crate::stack::shard::Part;
 use crate::stack::values::Values;
 use crate::{Error, Result, Tally, moments};
 use ndarray::ArrayView3;
@@ -17,6 +20,7 @@ use std::time::Instant;
 #[derive(Debug)]
 pub(super) struct Begun {
     pub(super) file: RunFile,
+    pub(super) part: Part,
     pub(super) since: Instant,
     /// Seconds of the parts before this one.
     pub(super) before: f64,
@@ -28,6 +32,8 @@ pub(super) struct Begun {
     pub(super) tally: Option<Tally>,
     /// First row that the view in work still lacks, and of its counts.
     pub(super) next: [u32; 2],
+    /// Whether rows of the view in work are committed.
+    pub(super) has_rows: bool,
 }
 
 impl Begun {
@@ -58,6 +64,10 @@ impl Begun {
         data: ArrayView3<'_, f32>,
         values: Values,
     ) -> Result<()> {
+        if !self.part.has(view) {
+            let problem = format!("{view:?} is not of shard {}", self.part.shard);
+            return Err(Error::file(path, problem, None));
+        }
         let next = &mut self.next[usize::from(values == Values::Numbers)];
         follows(path, self.file.extent, view, *next, rows, data.dim())?;
         *next = rows.end;
@@ -68,6 +78,37 @@ impl Begun {
         };
         let missing = || Error::file(path, "the scene has no detector.photons", None);
         frames.ok_or_else(missing)?.write(view, rows, data)
+    }
+
+    /// Goes on with a view of which rows are committed.
+    pub(super) fn resume_view(&mut self, begun: &BegunView) -> Result<()> {
+        (self.next, self.has_rows) = ([begun.rows; 2], true);
+        self.frames.resume()?;
+        self.counts.as_mut().map_or(Ok(()), Frames::resume)
+    }
+
+    /// Makes a block of rows of the view in work count.
+    pub(super) fn commit_rows(
+        &mut self,
+        view: Exposure,
+        rows: Range<u32>,
+        tally: &Tally,
+        kept: Option<&Beginning>,
+    ) -> Result<()> {
+        let extent = self.file.extent;
+        let counts = match &mut self.counts {
+            Some(frames) => Some(frames.commit_rows(view, &rows)?),
+            None => None,
+        };
+        let entry = Entry {
+            bytes: 4 * u64::from(extent.steps) * u64::from(extent.columns) * rows.len() as u64,
+            sha256: self.frames.commit_rows(view, &rows)?,
+            counts,
+            tally: Some(*tally),
+        };
+        self.log.refuse_moved()?;
+        self.has_rows = true;
+        self.log.append_rows(view, &Block { rows, entry, kept: kept.cloned() })
     }
 
     /// Makes a view count.
@@ -85,7 +126,9 @@ impl Begun {
         };
         // The frames of a run that was moved meanwhile are in the other place.
         self.log.refuse_moved()?;
-        self.log.append(view, &entry)
+        self.log.append(view, &entry)?;
+        self.frames.tidy()?;
+        self.counts.as_ref().map_or(Ok(()), Frames::tidy)
     }
 
     /// Refuses a run whose folders or files were moved or removed while it went on.
@@ -93,7 +136,7 @@ impl Begun {
         self.frames.refuse_missing()?;
         self.counts.as_ref().map_or(Ok(()), Frames::refuse_missing)?;
         match self.file.keep_moments {
-            Some(true) => moments::file::refuse_missing(path, self.file.extent.views),
+            Some(true) => moments::file::refuse_missing(path, self.part.samples()),
             _ => Ok(()),
         }
     }

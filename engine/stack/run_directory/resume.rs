@@ -3,11 +3,13 @@
 use super::RunDirectory;
 use crate::numbers;
 use crate::scene::{Exposure, Scene};
+use crate::stack::begun_view::BegunView;
 use crate::stack::layout::{self, LOG, RUN, SCENE};
-use crate::stack::progress_log::{self, ProgressLog};
-use crate::stack::record::RunRecord;
+use crate::stack::progress_log::{self, Contents, ProgressLog};
+use crate::stack::record::Platform;
 use crate::stack::run_file::RunFile;
-use crate::stack::shape::StackShape;
+use crate::stack::shape::{StackShape, views};
+use crate::stack::shard::{Part, Shard};
 use crate::stack::{own_files, scene_file, verify};
 use crate::{Error, Result, Tally, moments};
 use std::path::{Path, PathBuf};
@@ -23,6 +25,8 @@ pub(super) struct Resumed {
     pub(super) again: Vec<Exposure>,
     /// Differences from the committed state.
     pub(super) problems: Vec<String>,
+    /// The view of which some blocks of rows are committed.
+    pub(super) begun: Option<BegunView>,
     /// Counts of the committed views, and the number of those without.
     pub(super) counted: Tally,
     pub(super) uncounted: u32,
@@ -35,6 +39,7 @@ impl RunDirectory {
     /// # Errors
     /// [`Error::File`] where there is no run.
     pub fn scene_of_resumed(path: &Path, scene: &Scene) -> Result<Scene> {
+        layout::refuse_unjoined(path)?;
         require_run(path)?;
         let mut scene = scene.clone();
         // A scene that cannot be read is an error of `resume`, which compares the two.
@@ -49,16 +54,38 @@ impl RunDirectory {
     /// [`Error::File`] where there is no run, or one of another scene (says what differs).
     pub fn resume(path: impl Into<PathBuf>, scene: &Scene) -> Result<Self> {
         let path = path.into();
+        layout::refuse_unjoined(&path)?;
         let scene = &Self::scene_of_resumed(&path, scene)?;
         let log = ProgressLog::lock_if_there(&path.join(LOG))?;
+        let (root, shard) = (path.clone(), None);
+        Self::resume_part(path, root, shard, log, scene)
+    }
+
+    /// A run, or a shard of the run in `root`, that goes on.
+    pub(super) fn resume_part(
+        path: PathBuf,
+        root: PathBuf,
+        shard: Option<Shard>,
+        log: Option<ProgressLog>,
+        scene: &Scene,
+    ) -> Result<Self> {
         own_files::refuse_links(&path)?;
         let file = RunFile::read(&path.join(RUN))?;
+        if file.shard != shard {
+            let words = |shard: Option<Shard>| match shard {
+                Some(shard) => format!("shard {shard}"),
+                None => "a whole run".to_owned(),
+            };
+            let problem = format!("is of {}, not of {}", words(file.shard), words(shard));
+            return Err(Error::file(path.join(RUN), problem, None));
+        }
         let scene = &scene.with_file_hashes()?;
-        let differences = scene_file::differences(&path.join(SCENE), scene, None)?;
-        refuse_other_scene(&path, &differences.found)?;
+        let differences = scene_file::differences(&root.join(SCENE), scene, None)?;
+        refuse_other_scene(&root, &differences.found)?;
         let extent = StackShape::of(scene)?;
-        let entries = progress_log::read(&path.join(LOG))?;
-        let found = verify::frames(&path, file.format, extent, scene, &entries);
+        let part = shard.map_or(Part::whole(extent), |shard| Part { extent, shard });
+        let Contents { views: entries, blocks } = progress_log::read_all(&path.join(LOG))?;
+        let found = verify::frames(&path, file.format, part, scene, &entries);
         let mut problems: Vec<String> = found
             .problems
             .into_iter()
@@ -70,22 +97,36 @@ impl RunDirectory {
         let mut committed = found.whole.clone();
         let keep_moments = file.keep_moments.unwrap_or_else(|| moments::file::is_there(&path));
         if keep_moments {
-            for (view, problem) in verify::moments(&path, &found.whole) {
+            for (view, problem) in verify::moments([&root, &path], &found.whole) {
                 committed.retain(|other| *other != view);
                 problems.push(format!("{problem}; it is simulated again"));
             }
         }
         let counted = committed.iter().filter_map(|view| entries[view].tally);
         let (uncounted, counted) = (committed.len() - counted.clone().count(), counted.sum());
+        let begun = match file.block_rows {
+            Some(height) => {
+                let mut left = views(scene)?.filter(|view| part.has(*view));
+                left.find(|view| !committed.contains(view))
+                    .filter(|view| *view != Exposure::Dark && !entries.contains_key(view))
+                    .map(|view| {
+                        let how = (view, height, keep_moments);
+                        (view, verify::blocks(&path, file.format, part, scene, how, &blocks))
+                    })
+                    .and_then(|(view, blocks)| BegunView::of(view, &blocks))
+            }
+            None => None,
+        };
         let again = entries.into_keys().filter(|view| !committed.contains(view)).collect();
         let mut run = Self::at(path, file.format, log);
-        run.keep_moments = keep_moments;
+        (run.root, run.shard, run.keep_moments) = (root, shard, keep_moments);
         run.resumed = Some(Resumed {
             file,
             committed,
             intact: found.whole,
             again,
             problems,
+            begun,
             counted,
             uncounted: numbers::count(uncounted),
         });
@@ -96,6 +137,12 @@ impl RunDirectory {
     #[must_use]
     pub fn committed(&self) -> &[Exposure] {
         self.resumed.as_ref().map_or(&[], |resumed| &resumed.committed)
+    }
+
+    /// The view of which some rows are committed, for [`crate::Control::begun`].
+    #[must_use]
+    pub fn begun_view(&self) -> Option<BegunView> {
+        self.resumed.as_ref().and_then(|resumed| resumed.begun.clone())
     }
 
     /// Differences of the resumed run from its committed state, one message each: the views concerned are
@@ -111,11 +158,12 @@ impl RunDirectory {
         self.resumed.as_ref().map_or_else(Tally::default, |resumed| resumed.counted)
     }
 
-    /// Whether the run that is resumed keeps moments, where that is known: runs of earlier
+    /// Whether the run that is resumed, or a shard of a planned run, keeps moments, where that is known: runs of earlier
     /// versions do not record it, and may have been interrupted before they kept any.
     #[must_use]
     pub fn keeps_moments(&self) -> Option<bool> {
         let recorded = self.resumed.as_ref().and_then(|resumed| resumed.file.keep_moments);
+        let recorded = recorded.or(self.is_planned.then_some(self.keep_moments));
         recorded.or_else(|| moments::file::is_there(&self.path).then_some(true))
     }
 
@@ -138,20 +186,11 @@ impl RunDirectory {
     }
 
     /// Refuses a device, driver, backend or version other than those that began the run.
-    pub(super) fn refuse_mixed(&self, recorded: &RunRecord, now: &RunRecord) -> Result<()> {
-        let pairs = [
-            ("version", recorded.version.clone(), now.version.clone()),
-            ("device", recorded.device.clone(), now.device.clone()),
-            ("driver", recorded.driver.clone(), now.driver.clone()),
-            ("backend", recorded.backend.to_string(), now.backend.to_string()),
-        ];
-        for (what, before, now) in pairs {
-            if before == now {
-                continue;
-            }
+    pub(super) fn refuse_mixed(&self, recorded: &Platform, now: &Platform) -> Result<()> {
+        for [what, before, now] in recorded.differences(now) {
             if !self.allow_mixed {
                 let problem = format!(
-                    "was begun with {what} {before}, now {now}; results may differ in the last digits: use the first, start anew, or allow a mixed run"
+                    "was begun with {what} {before}, now {now}; results may differ in the last digits: use the first, start anew, or allow a mixed run (--allow-mixed)"
                 );
                 return Err(Error::file(&self.path, problem, None));
             }
