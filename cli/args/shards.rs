@@ -12,10 +12,8 @@ use std::path::PathBuf;
 #[command(after_help = "Examples:\n  \
     beamlet plan scan.toml --shards 8 -o run\n  \
     beamlet simulate run/scene.toml --shard 0/8 -o run     # and so on to 7/8, anywhere, in any order\n  \
-    beamlet join run\n\n  \
-    beamlet plan scan.toml --shards 40 --slurm --at-once 10 --sbatch-option gres=gpu:1 \\\n    \
-        --sbatch-option time=4:00:00 -o run\n  \
-    sh run/slurm/submit.sh\n\n\
+    beamlet join run\n  \
+    beamlet plan scan.toml --shards 40 --slurm --at-once 10 --sbatch-option gres=gpu:1 -o run\n\n\
     Each shard makes its views in a folder of its own; one that was ended goes on when it is started \
     again. The shards of a run must have the same device, driver and version. Slurm scripts are \
     written to RUN/slurm: shards.sbatch (an array), join.sbatch and submit.sh.")]
