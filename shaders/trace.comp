@@ -17,6 +17,7 @@ layout(local_size_x = GROUP) in;
 
 #ifdef PLACED
 #include "walk/cross_rough.glsl"
+#include "walk/crossed_shape.glsl"
 #endif
 
 // A candidate of the search.
@@ -47,8 +48,38 @@ void visit(Beam beam, uint primitive, Leaf leaf, inout Gathered all) {
 }
 
 #ifdef PLACED
+// A shape that others may cross.
+void visit_crossed(Beam beam, uint primitive, Placed placed, inout Gathered all) {
+    CrossedShape shape =
+        crossed_shape(beam, placed, sample_.leaves.at[primitive].surface & SURFACE_INDEX);
+    bool crossed = is_crossed(placed);
+    Surface own = sample_.surfaces.at[placed.surface];
+    for (uint i = 0u; i < shape.found.count; i++) {
+        bool entering = i % 2u == 0u;
+        Surface surface = own;
+        uint signature = own.hash;
+        if (crossed) {
+            uint around = material_of_object(shape.around_contact[i]);
+            surface.outside = shape.covered_contact[i] ? own.inside : around;
+            signature = signature_of(surface);
+            surface.outside =
+                shape.covered[i] ? own.inside : material_of_object(shape.around[i]);
+        }
+        if (run_ends_at(all.run, surface)) run_flush(all.sums, all.run);
+        vec3 met = shape.found.normal_[i];
+        float y = shape.found.y[i];
+        if ((KINDS & KIND_ROUGH) != 0u) met = rough_normal(beam, surface, primitive, met, y, all);
+        run_count(all.run, own.hash, signature, entering);
+        run_add(all.run, beam, all.stretch, surface, met, y, entering);
+    }
+}
+
 // A shape that may be crossed.
 void visit_shape(Beam beam, uint primitive, Placed placed, inout Gathered all) {
+    if ((KINDS & KIND_CROSSED) != 0u) {
+        visit_crossed(beam, primitive, placed, all);
+        return;
+    }
     ShapeCrossings found = shape_crossings(beam, vec2(0.0), vec2(0.0), placed);
     if (found.count == 0u) return;
     Surface surface = sample_.surfaces.at[placed.surface];

@@ -224,13 +224,14 @@ Placed placed_at(uint index, out AnalyticShape shape) {
     return Placed(numbers_of(place, PLACED_POSITION), numbers_of(place, PLACED_REST), rotation,
                   number_of(place, PLACED_SCALE), number_of(place, PLACED_SCALE_Z),
                   word_of(place, PLACED_PROTOTYPE), word_of(place, PLACED_PRIMITIVE),
-                  word_of(place, PLACED_SURFACE));
+                  word_of(place, PLACED_SURFACE), word_of(place, PLACED_PARTNERS));
 }
 
 // Takes leaves of a node until some ray crosses a shape, a triangle comes, which is left, or no
-// leaf is left. `surface`: index of the shape's.
-void next_shape(inout Search search, Beam frame, out uint surface, out Chord chords[RAYS_PER_LANE],
-                out Chord seconds[RAYS_PER_LANE], out bool triangle, out uint before) {
+// leaf is left. `surface`: index of the shape's; `crossed`: other shapes cross it.
+void next_shape(inout Search search, Beam frame, out uint surface, out bool crossed,
+                out Chord chords[RAYS_PER_LANE], out Chord seconds[RAYS_PER_LANE], out bool triangle,
+                out uint before) {
     Words leaves = Words(uvec2(sample_.leaves));
     bool some;
     do {
@@ -242,6 +243,7 @@ void next_shape(inout Search search, Beam frame, out uint surface, out Chord cho
         AnalyticShape analytic;
         Placed placed = placed_at(triangle ? 0u : word & SURFACE_INDEX, analytic);
         surface = placed.surface;
+        crossed = is_crossed(placed);
         Convex convex = convex_of(frame, placed, analytic);
         some = false;
         EACH_RAY {
@@ -271,7 +273,8 @@ bool visit_shapes(inout Search search, Beam frame, out bool ending[RAYS_PER_LANE
         Chord chords[RAYS_PER_LANE];
         Chord seconds[RAYS_PER_LANE];
         uint before;
-        next_shape(search, frame, index, chords, seconds, triangle, before);
+        bool others;
+        next_shape(search, frame, index, others, chords, seconds, triangle, before);
         Surface surface = surface_of(index);
         bool crossed[RAYS_PER_LANE];
         EACH_RAY crossed[k] = chords[k].crossed;
@@ -282,6 +285,8 @@ bool visit_shapes(inout Search search, Beam frame, out bool ending[RAYS_PER_LANE
         }
         search.triangles += 1u;
         EACH_RAY {
+            // What is around shapes that cross is for the kernel without bundles.
+            rays[k].all.left = rays[k].all.left || (others && crossed[k]);
             if (crossed[k]) cross_chord(rays[k].beam, chords[k], surface, rays[k].all);
             if (TUBES && crossed[k] && seconds[k].crossed) {
                 cross_chord(rays[k].beam, seconds[k], surface, rays[k].all);

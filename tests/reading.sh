@@ -95,7 +95,7 @@ lines python "$root/docs/how-to/design.md" >design.py
 # Five apertures, and the offsets of a page that says that check warns of them.
 [ "$(grep -c '^ *[0-9]' design.table)" = 5 ]
 grep -q 'warning: scan.mask_offsets cover' design.log
-grep -q '"bore" leaves "tube": both become meshes' faster.log
+grep -q '"bore" crosses "tube", which has facets: it becomes a mesh' faster.log
 few=(--set 'detector.pixels=[24, 3]' --set 'scan.angles={ from = "0 deg", to = "360 deg", count = 8 }')
 lines sh "$root/docs/tutorial.md" >tutorial.sh
 mkdir tutorial

@@ -5,7 +5,7 @@ use super::drawing::{Anchor, Area, Drawing, GREY, INK, Paint};
 use super::palette::{colour_of, colour_of_object, materials};
 use super::text::{cut, length, wrapped};
 use crate::numbers::{self, single};
-use beamlet::cli_support::require_memory;
+use beamlet::cli_support::{require_memory, uncovered};
 use beamlet::geometry::Sample;
 use beamlet::scene::{Sampling, Scan, Scene, Transport};
 use beamlet::{Backend, Engine, EngineOptions, Ray, Result, SurfaceCrossing};
@@ -124,10 +124,11 @@ impl Picture {
     /// Colour behind the crossings of a ray, and its first crossing: where neighbours differ in it, more
     /// rays are traced.
     fn seen(&self, met: &[SurfaceCrossing]) -> ([f64; 3], u64) {
+        let met = uncovered(met);
         let mut light = [0.0; 3];
         let mut through = 1.0;
         let mut key = met.len() as u64;
-        for crossing in met {
+        for crossing in &met {
             let object = crossing.object as usize;
             let [x, y, z] = crossing.normal.map(f64::from);
             key = (key ^ u64::from(crossing.object)).wrapping_mul(0x0100_0000_01b3);

@@ -4,7 +4,7 @@
 use super::placed::{placed_record, shape_record};
 use crate::geometry::{CornerNormals, Sample, corner_normals};
 use crate::interface::{
-    self, FACET_LEAF, KIND_FRUSTUM, KIND_MESH, KIND_SMOOTH, LEAF_MESH, LEAF_SHAPE, Leaf, NO_LEAF,
+    self, FACET_LEAF, KIND_CROSSED, KIND_FRUSTUM, KIND_MESH, KIND_SMOOTH, LEAF_MESH, LEAF_SHAPE, Leaf, NO_LEAF,
     Node, STACK, SURFACE_INDEX,
 };
 use crate::numbers::{self, single};
@@ -45,6 +45,9 @@ pub(crate) struct Bvh {
     pub placed: Vec<interface::Placed>,
     pub prototypes: Vec<interface::Prototype>,
     pub shapes: Vec<interface::AnalyticShape>,
+    /// Lists of the shapes that cross a shape: the object around all of them, counted from 1, their
+    /// number, and their places.
+    pub partners: Vec<u32>,
     /// `KIND_` bits of the placed leaves.
     pub kinds: u32,
 }
@@ -103,6 +106,7 @@ impl Bvh {
             bvh.kinds |= KIND_SMOOTH;
         }
         bvh.append_prototypes(sample, &places, reach)?;
+        bvh.append_partners(sample, &places);
         Ok(bvh)
     }
 
@@ -181,6 +185,19 @@ impl Bvh {
             first += numbers::count(same.len());
         }
         Ok(())
+    }
+
+    /// Lists of the shapes that cross a shape. `places`: [`places_of`] the sample.
+    fn append_partners(&mut self, sample: &Sample, places: &[u32]) {
+        for (at, partners) in sample.partners.lists() {
+            let placed = &sample.placed[at as usize];
+            let around = sample.components[placed.component as usize].outside;
+            let first = numbers::count(self.partners.len());
+            self.placed[places[at as usize] as usize].partners = first;
+            self.partners.extend([around.map_or(0, |it| it + 1), numbers::count(partners.len())]);
+            self.partners.extend(partners.iter().map(|it| places[*it as usize]));
+            self.kinds |= KIND_CROSSED;
+        }
     }
 
     /// Adds the nodes of a tree over boxes that are widened by `pad`, m; the order of its leaves,

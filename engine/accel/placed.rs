@@ -3,7 +3,7 @@
 use glam::{DQuat, DVec3};
 
 use crate::geometry::{AnalyticForm, AnalyticShape, Placed};
-use crate::interface::{self, SHAPE_ELLIPSOID, SHAPE_FRUSTUM, SHAPE_TORUS, SHAPE_TUBE};
+use crate::interface::{self, NO_PARTNERS, SHAPE_ELLIPSOID, SHAPE_FRUSTUM, SHAPE_TORUS, SHAPE_TUBE};
 use crate::numbers::single;
 
 /// Lengths of a quaternion that are tried.
@@ -46,6 +46,7 @@ pub(super) fn placed_record(
         prototype: placed.prototype,
         primitive,
         surface: placed.component,
+        partners: NO_PARTNERS,
     }
 }
 

@@ -2,10 +2,10 @@
 
 use super::{CheckReport, CheckedContact};
 use crate::Result;
-use crate::geometry::{ContactKind, axis_of};
+use crate::geometry::ContactKind;
 use crate::printed::{duration, number};
 use crate::run::quality;
-use crate::scene::{Counts, Object, Quality, Scene, Shape, ShapeOrMesh, Tolerances};
+use crate::scene::{Counts, Object, Quality, Scene, ShapeOrMesh, Tolerances};
 use serde::Serialize;
 
 /// Ratio of the expected deviation to a tolerance from which on a larger tolerance is advised: by noise it
@@ -56,54 +56,27 @@ pub(super) fn warnings(scene: &Scene, report: &CheckReport) -> Vec<String> {
     report.contacts.iter().filter_map(|contact| meshes(scene, report, contact)).collect()
 }
 
-/// The remedy if exact shapes become meshes because of a contact.
+/// The remedy where an exact shape and a mesh overlap, and the shape becomes a mesh for it.
 fn meshes(scene: &Scene, report: &CheckReport, contact: &CheckedContact) -> Option<String> {
     let named = |name: &String| scene.objects.iter().find(|object| object.name == *name);
-    let cut = |object: &Object| {
-        is_exact(&object.geometry)
-            && report.objects.iter().any(|it| it.name == object.name && it.triangles > 0)
+    let is_cut = |object: &Object| {
+        report.objects.iter().any(|it| it.name == object.name && it.triangles > 0)
     };
-    let CheckedContact { earlier, later, .. } = contact;
+    let CheckedContact { earlier, later, kind, .. } = contact;
     let (first, second) = (named(earlier)?, named(later)?);
-    if !cut(first) && !cut(second) {
-        return None;
-    }
-    let is_tube = |object: &Object| {
-        matches!(object.geometry, ShapeOrMesh::Shape(Shape::Tube { sides: None, .. }))
+    let (exact, mesh) = match [first, second].map(|it| is_exact(&it.geometry)) {
+        [true, false] => (first, second),
+        [false, true] => (second, first),
+        _ => return None,
     };
-    match contact.kind {
-        ContactKind::Overlap { .. } if is_bore(second, first) => Some(format!(
-            "\"{later}\" leaves \"{earlier}\": both become meshes, about ten times slower; end it inside, or use the shape `tube` for an empty bore"
-        )),
-        ContactKind::Overlap { .. } => Some(format!(
-            "\"{later}\" crosses \"{earlier}\": exact shapes that cross become meshes, which takes about ten \
-             times as long; end one inside the other where the sample allows it"
-        )),
-        ContactKind::Touch { .. } if is_tube(first) || is_tube(second) => Some(format!(
-            "\"{later}\" touches \"{earlier}\": both become meshes, about ten times slower; a filled tube is \
-             faster as a cylinder, and a later one for the filling that ends inside it"
-        )),
-        ContactKind::Touch { .. } | ContactKind::Gap { .. } => None,
-    }
-}
-
-/// Whether an object is a cylinder on the axis of another one and thinner, both exact and in one place.
-fn is_bore(inner: &Object, outer: &Object) -> bool {
-    let cylinder = |object: &Object| match object.geometry {
-        ShapeOrMesh::Shape(Shape::Cylinder { radius, sides: None, .. })
-            if object.instances.is_none() =>
-        {
-            Some((radius * object.placement.scale, axis_of(&object.placement)?))
-        }
-        _ => None,
-    };
-    let (Some((thin, [from, along])), Some((thick, [to, axis]))) =
-        (cylinder(inner), cylinder(outer))
-    else {
-        return false;
-    };
-    let off = (from - to).cross(axis).length();
-    thin < thick && along.cross(axis).length() < 1e-9 && off < 1e-9
+    let overlaps = matches!(kind, ContactKind::Overlap { .. });
+    (overlaps && is_cut(exact)).then(|| {
+        let (exact, mesh) = (&exact.name, &mesh.name);
+        format!(
+            "\"{exact}\" crosses \"{mesh}\", which has facets: it becomes a mesh there, about ten times \
+             slower; exact shapes that cross each other stay exact"
+        )
+    })
 }
 
 /// Whether an object has exact curved surfaces.

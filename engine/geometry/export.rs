@@ -5,8 +5,8 @@ use std::path::Path;
 
 use glam::DVec3;
 
-use super::Sample;
-use super::surface::SIMPLIFY;
+use super::surface::{SIMPLIFY, Surface};
+use super::{Placed, Prototype, Sample};
 use crate::error::{Error, Result};
 use crate::scene::MeshFormat;
 use crate::units::Dimension::Length;
@@ -49,7 +49,7 @@ impl NamedMesh {
 impl Sample {
     /// Its surfaces as meshes in the world (m), one for each object, in their order. Exact shapes
     /// become facets whose vertices lie on the surface; nothing of it is farther than `error` (m,
-    /// > 0) from them.
+    /// > 0) from them. Shapes that cross are cut as these facets.
     ///
     /// # Errors
     /// [`Error::Argument`] where that takes more than 2,048 facets around a shape;
@@ -64,12 +64,31 @@ impl Sample {
         let mut at = 0;
         while let Some(first) = self.placed.get(at) {
             // Places of one prototype are adjacent.
-            let same = |it: &&super::Placed| it.prototype == first.prototype;
+            let same = |it: &&Placed| it.prototype == first.prototype;
             let count = self.placed[at..].iter().take_while(same).count();
             self.add_placed(&mut meshes, at..at + count, error)?;
             at += count;
         }
+        self.add_crossing(&mut meshes, error)?;
         Ok(meshes)
+    }
+
+    /// Adds shapes that cross, without what others cover of them.
+    fn add_crossing(&self, meshes: &mut [NamedMesh], error: f64) -> Result<()> {
+        if self.partners.is_empty() {
+            return Ok(());
+        }
+        let facets = |prototype: &Prototype, placed: &Placed| match prototype.shape {
+            Some(shape) => shape.surface(error / placed.place.largest_scale()),
+            None => Surface::default(),
+        };
+        for (mesh, body) in meshes.iter_mut().zip(self.resolved(facets)?) {
+            let first = numbers::count(mesh.vertices.len());
+            mesh.vertices.extend(body.surface.vertices.iter().map(DVec3::to_array));
+            let triangles = body.surface.triangles.iter();
+            mesh.triangles.extend(triangles.map(|it| it.map(|vertex| first + vertex)));
+        }
+        Ok(())
     }
 
     fn add_triangles(&self, meshes: &mut [NamedMesh]) {
@@ -95,6 +114,7 @@ impl Sample {
         places: std::ops::Range<usize>,
         error: f64,
     ) -> Result<()> {
+        let first = places.start;
         let placed = &self.placed[places];
         let prototype = &self.prototypes[placed[0].prototype as usize];
         let largest = placed.iter().map(|it| it.place.largest_scale()).fold(0.0, f64::max);
@@ -129,7 +149,10 @@ impl Sample {
             Some(surface) => (&surface.vertices, &surface.triangles),
             None => (&prototype.vertices, &prototype.triangles),
         };
-        for placed in placed {
+        for (at, placed) in (first..).zip(placed) {
+            if self.partners.of(numbers::count(at)).is_some() {
+                continue;
+            }
             let object = self.components[placed.component as usize].object as usize;
             let mesh = &mut meshes[object];
             let first = numbers::count(mesh.vertices.len());

@@ -209,11 +209,12 @@ fn sample(scene: &Scene, loaded: Vec<Loaded>, contacts: bool, watch: &Watch) -> 
     let mut groups =
         Groups::settle(groups, &mut bodies, &names, &defects, contacts, watch.nesting())?;
     let gaps = if contacts { groups.gaps(&mut bodies, watch.nesting())? } else { Vec::new() };
-    let (cut_by, contacts) =
+    let (mut cut_by, contacts) =
         nesting::nest(&mut bodies, &names, &defects, contacts, watch.nesting())?;
     let of_places = std::mem::take(&mut groups.overlaps).into_iter().chain(gaps);
     let contacts = Contact::joined(contacts.into_iter().chain(of_places));
     groups.surround(&mut bodies);
+    groups.add_cutters(&mut cut_by);
     log::info!("nesting resolved in {:.1} s", begin.elapsed().as_secs_f64());
     for (note, cut_by) in notes.iter_mut().zip(cut_by) {
         note.cut_by = cut_by;

@@ -48,8 +48,7 @@ pub(crate) use overlap::PEAK_PER_CUT_TRIANGLE;
 pub use overlap::{Contact, ContactKind};
 #[cfg(test)]
 pub(crate) use placed::Place;
-pub(crate) use placed::{FacetNumbers, FacetOf, Placed, Prototype};
-pub(crate) use placement::axis_of;
+pub(crate) use placed::{FacetNumbers, FacetOf, Partners, Placed, Prototype};
 pub(crate) use read::file_hash;
 pub(crate) use sizes::unit_warnings;
 pub(crate) use smooth::{CornerNormals, corner_normals};
@@ -80,6 +79,8 @@ pub struct Sample {
     pub(crate) prototypes: Vec<Prototype>,
     /// Their places; places of one prototype are adjacent.
     pub(crate) placed: Vec<Placed>,
+    /// Exact shapes among them that cross.
+    pub(crate) partners: Partners,
 }
 
 /// A connected surface of one object.

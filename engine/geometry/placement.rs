@@ -20,11 +20,6 @@ pub(super) fn group(placement: &Placement) -> Result<Place, Defect> {
     Ok(Place { scale, stretch: 1.0, rotation: rotation.normalize(), position })
 }
 
-/// The centre of a shape, m, and the direction of its z; `None` where the placement is not possible.
-pub(crate) fn axis_of(placement: &Placement) -> Option<[DVec3; 2]> {
-    group(placement).ok().map(|place| [place.position, place.rotation * DVec3::Z])
-}
-
 fn unit_axis(axis: [f64; 3], angle: f64) -> Result<DVec3, Defect> {
     DVec3::from_array(axis)
         .try_normalize()

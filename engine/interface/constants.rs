@@ -31,8 +31,10 @@ shared_constants! {
     KIND_ROUGH: u32 = 32;
     /// Kind in a sample: surfaces that refract by interpolated normals.
     KIND_SMOOTH: u32 = 64;
+    /// Kind in a sample: exact shapes whose surfaces cross.
+    KIND_CROSSED: u32 = 128;
     /// Kind in a sample: views that move the sample otherwise than by a turn about z.
-    KIND_MOVED: u32 = 128;
+    KIND_MOVED: u32 = 256;
     /// Cylinder, cone or truncated cone.
     SHAPE_FRUSTUM: u32 = 0;
     /// Ellipsoid or sphere.
@@ -41,6 +43,11 @@ shared_constants! {
     SHAPE_TORUS: u32 = 2;
     /// Tube.
     SHAPE_TUBE: u32 = 3;
+    /// In place of the list of the shapes that cross a shape, where none does.
+    NO_PARTNERS: u32 = u32::MAX;
+    /// Words of the list of a shape that others cross before the places of those: the object around
+    /// all of them, counted from 1 (0: the surroundings), and their number.
+    PARTNERS_HEAD: u32 = 2;
     /// In place of a neighbour at an open edge.
     NO_LEAF: u32 = u32::MAX;
 

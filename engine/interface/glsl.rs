@@ -61,11 +61,12 @@ mod reconstruct;
 mod walk;
 
 /// Buffer references to arrays of numbers: name, type, access.
-const NUMBERS: [(&str, &str, &str); 9] = [
+const NUMBERS: [(&str, &str, &str); 10] = [
     ("Words", "uint", ""),
     ("Floats", "float", ""),
     ("ObjectMaterials", "uint", "readonly"),
     ("Neighbours", "uint", "readonly"),
+    ("Partners", "uint", "readonly"),
     ("CornerNormals", "float", "readonly"),
     ("Offsets", "float", "readonly"),
     ("Curves", "float", "readonly"),

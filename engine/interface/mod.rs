@@ -107,6 +107,7 @@ const _: () = {
     }
     assert!(size_of::<Node>() <= 3 * 4 * LANES && size_of::<Leaf>() <= 3 * 4 * LANES);
     assert!(size_of::<Surface>() <= 4 * LANES);
+    assert!(size_of::<Placed>() <= 3 * 4 * LANES);
     assert!(in_one_row(offset_of!(Node, meta)));
     assert!(in_one_row(offset_of!(Node, min_x)) && in_one_row(offset_of!(Node, max_x)));
     assert!(in_one_row(offset_of!(Node, min_y)) && in_one_row(offset_of!(Node, max_y)));

@@ -63,6 +63,8 @@ shared_structs! {
         pub primitive: u32,
         /// Index of its first surface.
         pub surface: u32,
+        /// First word of the list of the shapes that cross it; `NO_PARTNERS` where none does.
+        pub partners: u32,
     }
 
     /// A surface with several places, or an analytic one.
@@ -183,6 +185,8 @@ shared_structs! {
         pub placed: u64 => PlacedRef,
         pub prototypes: u64 => Prototypes,
         pub shapes: u64 => AnalyticShapes,
+        /// Lists of the shapes that cross a shape: `PARTNERS_HEAD` words, then their places.
+        pub partners: u64 => Partners,
         /// `[leaf][corner][3]`, unit, in the order of leaves; zero where facets refract by their own
         /// normals.
         pub normals: u64 => CornerNormals,

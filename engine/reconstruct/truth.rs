@@ -216,8 +216,8 @@ fn labels(
     Ok(labels)
 }
 
-/// Labels at ascending places of a line, by its crossings in order: of the object that was entered last
-/// and is not left.
+/// Labels at ascending places of a line, by its crossings in order: of the object listed last of those
+/// that are entered and not left.
 fn along<'a>(
     met: &'a [SurfaceCrossing],
     places: impl Iterator<Item = f64> + 'a,
@@ -232,7 +232,7 @@ fn along<'a>(
             }
             next += 1;
         }
-        inside.last().map_or(0.0, |object| single(f64::from(*object) + 1.0))
+        inside.iter().max().map_or(0.0, |object| single(f64::from(*object) + 1.0))
     })
 }
 
@@ -241,7 +241,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn labels_along_a_line_are_of_the_innermost_object() {
+    fn labels_along_a_line_are_of_the_object_listed_last() {
         let at = |y: f32, object: u32, entering: bool| SurfaceCrossing {
             y,
             object,

@@ -31,6 +31,39 @@ impl From<&interface::SurfaceCrossing> for SurfaceCrossing {
     }
 }
 
+/// Surfaces of objects that enclose the same volume count as one within this distance along the normal, m.
+const COINCIDE: f64 = 1e-8;
+
+/// The crossings of a ray, in order, at which another object wins behind than before: others lie in an
+/// object that is listed later, or in another instance of the same.
+#[must_use]
+pub fn uncovered(met: &[SurfaceCrossing]) -> Vec<SurfaceCrossing> {
+    let coincide = |a: &SurfaceCrossing, b: &SurfaceCrossing| {
+        let cosine = a.normal[1].abs().max(b.normal[1].abs());
+        a.entering == b.entering
+            && a.object != b.object
+            && f64::from((a.y - b.y).abs() * cosine) <= COINCIDE
+    };
+    let mut inside: Vec<u32> = Vec::new();
+    let mut found = Vec::with_capacity(met.len());
+    for (at, it) in met.iter().enumerate() {
+        if !it.entering && let Some(own) = inside.iter().position(|other| *other == it.object) {
+            inside.swap_remove(own);
+        }
+        let [before, after] = [&met[..at], &met[at + 1..]];
+        let beside = if it.entering { after } else { before };
+        let covered = inside.iter().any(|other| *other >= it.object)
+            || beside.iter().any(|other| other.object > it.object && coincide(it, other));
+        if !covered {
+            found.push(*it);
+        }
+        if it.entering {
+            inside.push(it.object);
+        }
+    }
+    found
+}
+
 /// Finds the first crossings of rays, with the software BVH on any device.
 #[derive(Debug)]
 pub struct CrossingFinder {
@@ -135,5 +168,36 @@ impl CrossingFinder {
             done += batch.len();
         }
         Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn crossings_in_later_objects_are_covered_and_coincident_faces_are_one() {
+        let at = |y: f32, object: u32, entering: bool| SurfaceCrossing {
+            y,
+            object,
+            entering,
+            normal: [0.0, if entering { -1.0 } else { 1.0 }, 0.0],
+        };
+        // 0 and 1 cross, 1 is left last; 2 is a bore in 1 whose mouth is the face of 1; 3 twice.
+        let met = [
+            at(1.0, 0, true),
+            at(2.0, 1, true),
+            at(2.0, 2, true),
+            at(3.0, 0, false),
+            at(4.0, 2, false),
+            at(5.0, 1, false),
+            at(6.0, 3, true),
+            at(7.0, 3, true),
+            at(8.0, 3, false),
+            at(9.0, 3, false),
+        ];
+        let found: Vec<f32> = uncovered(&met).iter().map(|it| it.y).collect();
+        assert_eq!(found, [1.0, 2.0, 4.0, 5.0, 6.0, 9.0]);
+        assert_eq!(uncovered(&met)[1].object, 2);
     }
 }

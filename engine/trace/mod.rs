@@ -9,7 +9,7 @@ mod tracer;
 mod upload;
 
 pub(crate) use crate::interface::RayResult;
-pub use crossings::{CrossingFinder, SurfaceCrossing};
+pub use crossings::{CrossingFinder, SurfaceCrossing, uncovered};
 pub use media::MaterialTable;
 pub(crate) use moments::grazing;
 pub use moments::{Moment, Moments};

@@ -70,6 +70,7 @@ impl DeviceSample {
             placed,
             prototypes,
             shapes,
+            partners,
             kinds,
         } = bvh;
         let reach = from_axis(sample);
@@ -77,10 +78,11 @@ impl DeviceSample {
         let is_moved = !motions.iter().all(Motion::is_turn);
         let reach = if is_moved { from_origin(sample) + scene.displacement() } else { reach };
         let views: Vec<_> = motions.iter().map(|motion| view(scene, motion, reach)).collect();
-        let surfaces: Vec<Surface> = (0..)
+        let mut surfaces: Vec<Surface> = (0..)
             .zip(&sample.components)
             .map(|(i, c)| surface(scene, media, i, c, delta_ratio))
             .collect();
+        graze_by_partners(scene, media, sample, delta_ratio, &mut surfaces);
         let rough = surfaces.iter().any(|surface| surface.roughness > 0.0);
         let kinds =
             kinds | if rough { KIND_ROUGH } else { 0 } | if is_moved { KIND_MOVED } else { 0 };
@@ -102,6 +104,7 @@ impl DeviceSample {
             upload(device, "prototypes", &prototypes)?,
             upload(device, "shapes", &shapes)?,
             upload(device, "normals of corners", &corner_normals)?,
+            upload(device, "shapes that cross a shape", &partners)?,
         ];
         let (prototype_count, sample_leaves) = (count(prototypes.len()), count(boxes.len()));
         // The host's copies are freed before the driver allocates memory to build in.
@@ -127,6 +130,7 @@ impl DeviceSample {
             prototypes: buffers[8].address(),
             shapes: buffers[9].address(),
             normals: buffers[10].address(),
+            partners: buffers[11].address(),
             prototype_count,
             sample_leaves,
             seed: [low_word(scene.sampling.seed), high_word(scene.sampling.seed)],
@@ -233,6 +237,30 @@ fn surface(
         grazing: single(grazing),
         roughness: single(scene.objects[component.object as usize].roughness),
         smooth_: component.smooth.into(),
+    }
+}
+
+/// Surfaces of shapes that cross graze by the largest step of delta to what may be around them.
+fn graze_by_partners(
+    scene: &Scene,
+    media: &MaterialTable,
+    sample: &geometry::Sample,
+    delta_ratio: f64,
+    surfaces: &mut [Surface],
+) {
+    if scene.sampling.transport == Transport::FirstOrder {
+        return;
+    }
+    let component_of = |at: u32| sample.placed[at as usize].component as usize;
+    for (at, partners) in sample.partners.lists() {
+        let own = component_of(at);
+        let inside = surfaces[own].inside;
+        let objects = partners.iter().map(|it| sample.components[component_of(*it)].object);
+        let jump = objects
+            .filter(|it| *it < sample.components[own].object)
+            .map(|it| delta_ratio * media.step(inside, media.of_object[it as usize]))
+            .fold(0.0, f64::max);
+        surfaces[own].grazing = surfaces[own].grazing.max(single(least_cosine(jump)));
     }
 }
 

@@ -1,22 +1,10 @@
+#include "walk/near.glsl"
+
 // Objects in contact: crossings of several at one place, within rounding or a gap of nanometres,
 // are one interface, from the medium before them to the medium after them. X-rays tunnel through
 // such a gap; taken one by one its surfaces would reflect rays that graze them.
 
-const float CONTACT = 5e-9;          // m; a thinner gap does not reflect
-const float CONTACT_ROUNDING = 4e-7; // of coordinates: what f32 makes of faces that coincide
-const float CONTACT_COSINE = 1e-4;   // least cosine of incidence that is told apart
 const float CONTACT_FAR = 1e-2;      // m; crossings farther apart along the ray are not compared
-
-// How far the view moves the sample, beam frame.
-float moved_by(Beam beam) {
-#ifdef PLACED
-    if (MOVED) {
-        vec3 moved = abs(beam.view.position);
-        return max(max(moved.x, moved.y), moved.z);
-    }
-#endif
-    return 0.0;
-}
 
 // Unit normal at a crossing of the straight line, beam frame; `reach`: the largest coordinate there,
 // about.
@@ -81,6 +69,10 @@ uint contact_end(Bent ray, Gathered list, uint i, Crossing first) {
         if (apart * max(cosine, CONTACT_COSINE) > max(CONTACT, CONTACT_ROUNDING * reach)) break;
         mixed = mixed || ((crossing.facet ^ first.facet) & FACET_ENTERED) != 0u;
     }
+#ifdef PLACED
+    // Of shapes that overlap, several may be entered, or left, at one place.
+    mixed = mixed || (KINDS & KIND_CROSSED) != 0u;
+#endif
     return mixed ? j : i + 1u;
 }
 

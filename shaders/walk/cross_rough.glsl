@@ -31,10 +31,9 @@ void spread_slopes(Beam beam, Surface surface, vec3 normal_, float y, inout Gath
 #endif
 }
 
-// A ray crosses a surface that may be rough, at y; `normal_`: of the surface, beam frame. Roughness
-// without a draw is a variance.
-void cross_rough(Beam beam, Surface surface, uint primitive, vec3 normal_, float y, bool entering,
-                 inout Gathered all) {
+// The normal that a ray meets at a surface that may be rough, at y; `normal_`: of the surface, beam frame.
+// What it does not draw is a variance.
+vec3 rough_normal(Beam beam, Surface surface, uint primitive, vec3 normal_, float y, inout Gathered all) {
     vec3 met = normal_;
     if (surface.roughness > 0.0 && surface.inside != surface.outside) {
         if (draws_at(beam, surface, normal_, all)) {
@@ -47,5 +46,12 @@ void cross_rough(Beam beam, Surface surface, uint primitive, vec3 normal_, float
             spread_slopes(beam, surface, normal_, y, all);
         }
     }
+    return met;
+}
+
+// A ray crosses a surface that may be rough.
+void cross_rough(Beam beam, Surface surface, uint primitive, vec3 normal_, float y, bool entering,
+                 inout Gathered all) {
+    vec3 met = rough_normal(beam, surface, primitive, normal_, y, all);
     run_cross(all.run, beam, all.stretch, surface, met, y, entering);
 }

@@ -130,6 +130,34 @@ uint single(inout Walk walk, Gathered list, uint i, inout Single one) {
     return UNCLEAR;
 }
 
+#ifdef PLACED
+// Part of the signature of crossing j of those from `first` to `end`, which are one interface; `media`:
+// those before it. As of the order-free walk: objects of one interface come in their order.
+uint signature_at(MediumSet media, Gathered list, uint first, uint end, uint j) {
+    Crossing crossing = list_at(list, j);
+    Surface surface = sample_.surfaces.at[crossing.surface];
+    Placed placed;
+    if (!is_shape(crossing.facet & FACET_LEAF, placed) || !is_crossed(placed)) return surface.hash;
+    for (uint k = first; k < end; k++) {
+        Crossing other = list_at(list, k);
+        uint object = object_of(other);
+        bool before = object != surface.object
+            ? object < surface.object
+            : (other.facet & FACET_LEAF) < (crossing.facet & FACET_LEAF);
+        if (k != j && (!before || (other.facet & FACET_MISSED) != 0u)) continue;
+        bool entering = (other.facet & FACET_ENTERED) != 0u;
+        // What is left is taken off, the crossing itself too; it is not put in.
+        if (k == j && entering) continue;
+        uint place = place_of(media, object);
+        if (entering ? media.count < DEPTH : place < DEPTH) media_change(media, object, entering, place);
+    }
+    uint winner = 0u;
+    for (uint i = 0u; i < media.count; i++) winner = max(winner, media.objects[i] + 1u);
+    surface.outside = winner > surface.object ? surface.inside : material_of_object(winner);
+    return signature_of(surface);
+}
+#endif
+
 // Takes the crossings at i of the list, as far as they are one interface; i: behind them. Interfaces
 // of one crossing and of several go through the same calls, since drivers copy a function to each
 // of its calls.
@@ -180,8 +208,12 @@ uint take_next(inout Walk walk, Gathered list, inout uint i) {
         Crossing crossing = list_at(list, j);
         stretch = crossing.y - one.crossing.y;
         if ((crossing.facet & FACET_MISSED) != 0u) continue;
-        walk.crossings += 1u;
-        walk.signature += sample_.surfaces.at[crossing.surface].hash;
+        uint signature = sample_.surfaces.at[crossing.surface].hash;
+#ifdef PLACED
+        if ((KINDS & KIND_CROSSED) != 0u) signature = signature_at(walk.media, list, first, end, j);
+#endif
+        walk.crossings += signature == 0u ? 0u : 1u;
+        walk.signature += signature;
     }
     walk.y = at.y;
     // A new search may bring up any of several once more.

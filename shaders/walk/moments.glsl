@@ -169,12 +169,16 @@ bool run_ends_at(Run run, Surface surface) {
         && (run.inside != surface.inside || run.outside != surface.outside);
 }
 
-// Adds a crossing at y. `normal_` in the beam frame.
-void run_cross(inout Run run, Beam beam, Stretch stretch, Surface surface, vec3 normal_, float y,
-               bool entering) {
-    run.signature += surface.hash;
-    run.balance += entering ? surface.hash : ~surface.hash + 1u;
-    run.crossings += 1u;
+// Counts a crossing of a surface of this hash, with its part of the signature.
+void run_count(inout Run run, uint hash, uint signature, bool entering) {
+    run.signature += signature;
+    run.balance += entering ? hash : ~hash + 1u;
+    run.crossings += signature == 0u ? 0u : 1u;
+}
+
+// Adds what a crossing at y changes. `normal_` in the beam frame.
+void run_add(inout Run run, Beam beam, Stretch stretch, Surface surface, vec3 normal_, float y,
+             bool entering) {
     if (surface.inside == surface.outside) return;
     vec2 slope = vec2(beam.slope_x, beam.slope_z);
     float share = incidence(slope, normal_, stretch.inverse) / max(surface.grazing, 1e-30);
@@ -186,4 +190,11 @@ void run_cross(inout Run run, Beam beam, Stretch stretch, Surface surface, vec3 
     run.path -= sign_ * y * stretch.length_;
     run.lever += g * (beam.analyser - y);
     run.slope += g;
+}
+
+// Counts and adds a crossing.
+void run_cross(inout Run run, Beam beam, Stretch stretch, Surface surface, vec3 normal_, float y,
+               bool entering) {
+    run_count(run, surface.hash, surface.hash, entering);
+    run_add(run, beam, stretch, surface, normal_, y, entering);
 }

@@ -5,7 +5,7 @@
 #include "physics/twofold.glsl"
 
 // What there is beside triangles and turns about z: KIND_ bits.
-layout(constant_id = 0) const uint KINDS = 255u;
+layout(constant_id = 0) const uint KINDS = 511u;
 const bool MOVED = (KINDS & KIND_MOVED) != 0u;
 #endif
 

@@ -100,4 +100,5 @@ uint neighbour_of(uint primitive, uint edge) {
 
 #ifdef PLACED
 #include "walk/shape.glsl"
+#include "walk/crossed.glsl"
 #endif

@@ -1,7 +1,6 @@
 //! Shapes with curved surfaces, in f64: sizes, containment, distances, crossings with lines
 //! (`crossings`), and facets in their place (`facets`). Each is centred in a frame of its own, along z.
 
-#[cfg(test)]
 mod crossings;
 mod facets;
 #[cfg(test)]

@@ -1,8 +1,9 @@
 //! Placed surfaces as part of a sample.
 
 use glam::DVec3;
+use rayon::prelude::*;
 
-use super::Placed;
+use super::{Partners, Placed};
 use super::nesting::{Group, Groups};
 use crate::geometry::surface::bounds_of;
 use crate::geometry::{ObjectSummary, Sample};
@@ -11,6 +12,7 @@ use crate::numbers;
 impl Groups {
     /// Adds the placed surfaces to a sample, whose meshes are complete.
     pub(in crate::geometry) fn add_to(self, sample: &mut Sample) {
+        let mut first = vec![0; self.all.len()];
         for (number, group) in self.all.into_iter().enumerate() {
             let object = &mut sample.objects[group.object as usize];
             let left_out = [self.covered[number], self.inner[number]];
@@ -19,12 +21,26 @@ impl Groups {
                 continue;
             }
             let prototype = numbers::count(sample.prototypes.len());
+            first[number] = numbers::count(sample.placed.len());
             for (place, outside) in group.places.iter().zip(&self.outside[number]) {
                 let component = numbers::count(sample.components.len());
                 sample.components.extend(group.components(place, *outside));
                 sample.placed.push(Placed { prototype, component, place: *place });
             }
             sample.prototypes.push(group.prototype);
+        }
+        let at = |[group, place]: [u32; 2]| first[group as usize] + place;
+        sample.partners = Partners::of_pairs(self.crossing.iter().map(|pair| pair.map(at)));
+        let lists: Vec<(u32, Vec<u32>)> =
+            sample.partners.lists().map(|(at, of)| (at, of.to_vec())).collect();
+        let lost = |(at, partners): &(u32, Vec<u32>)| {
+            let own = &sample.placed[*at as usize];
+            let object = sample.components[own.component as usize].object;
+            (object, sample.lost_to(*at, partners))
+        };
+        let lost: Vec<(u32, f64)> = lists.par_iter().map(lost).collect();
+        for (object, volume) in lost {
+            sample.objects[object as usize].volume -= volume;
         }
     }
 }

@@ -110,7 +110,7 @@ fn overlap(objects: [u32; 2], covers: &[Cover<'_>]) -> Contact {
 }
 
 /// What covers, ready for search.
-enum Outer<'a> {
+pub(super) enum Outer<'a> {
     Body(&'a Body),
     Exact(&'a Prototype, &'a Place),
     Facets(Surface, Search, &'a Place),
@@ -118,10 +118,13 @@ enum Outer<'a> {
 
 impl<'a> Outer<'a> {
     fn new(by: &By<'a>) -> Self {
-        let (group, place) = match by {
-            By::Body(body) => return Self::Body(body),
-            By::Place(group, place) => (*group, *place),
-        };
+        match by {
+            By::Body(body) => Self::Body(body),
+            By::Place(group, place) => Self::of_place(group, place),
+        }
+    }
+
+    pub(super) fn of_place(group: &'a Group, place: &'a Place) -> Self {
         let shape = group.prototype.shape;
         let even = place.stretch.to_bits() == 1.0_f64.to_bits();
         match shape {
@@ -138,7 +141,7 @@ impl<'a> Outer<'a> {
     }
 
     /// How deep a point lies in it, m.
-    fn depth(&self, point: DVec3) -> f64 {
+    pub(super) fn depth(&self, point: DVec3) -> f64 {
         match self {
             Self::Body(body) => {
                 let search = body.search.as_ref();

@@ -3,16 +3,21 @@
 mod around;
 mod assemble;
 mod covered;
+mod crossed;
 mod distance;
 mod gaps;
 mod meeting;
 mod nesting;
 mod own;
+mod partners;
 mod pipe;
 mod place;
 mod prototype;
+mod resolved;
+mod shared;
 
 pub(super) use nesting::{Group, Groups};
+pub(crate) use partners::Partners;
 pub(crate) use place::Place;
 pub(crate) use prototype::Prototype;
 
@@ -21,6 +26,8 @@ use std::borrow::Cow;
 use std::ops::Range;
 
 use super::Sample;
+use super::body::Body;
+use super::surface::Surface;
 use crate::numbers;
 
 /// A prototype in its place.
@@ -188,8 +195,8 @@ impl Sample {
         self.triangles.len() as u64 + self.placed.iter().map(of).sum::<u64>()
     }
 
-    /// The same surfaces with every instance as a mesh of its own; triangles of an object lie
-    /// together.
+    /// The same surfaces with every instance as a mesh of its own, and shapes that cross without what
+    /// others cover of them; triangles of an object lie together.
     #[must_use]
     pub fn as_meshes(&self) -> Cow<'_, Self> {
         if self.placed.is_empty() {
@@ -204,13 +211,39 @@ impl Sample {
         };
         let object = |component: u32| self.components[component as usize].object;
         let mut own = self.triangles.iter().zip(&self.triangle_component).peekable();
-        let mut placed = self.placed.iter().peekable();
+        let mut placed = (0_u32..).zip(&self.placed).peekable();
+        let facets = |prototype: &Prototype, _: &Placed| {
+            Surface::new(prototype.vertices.clone(), prototype.triangles.clone())
+        };
+        // Where they cannot be cut, whole ones are drawn.
+        let mut resolved = match self.partners.is_empty() {
+            true => Vec::new(),
+            false => self.resolved(facets).unwrap_or_default(),
+        };
+        let is_resolved = {
+            let is_cut = !resolved.is_empty();
+            move |at: u32| is_cut && self.partners.of(at).is_some()
+        };
         for number in 0..numbers::count(self.objects.len()) {
             while let Some((triangle, component)) = own.next_if(|it| object(*it.1) == number) {
                 all.triangles.push(*triangle);
                 all.triangle_component.push(*component);
             }
-            while let Some(it) = placed.next_if(|it| object(it.component) == number) {
+            if let Some(body) = resolved.get_mut(number as usize) {
+                let body = std::mem::replace(body, Body::empty());
+                let (vertex, component) =
+                    (numbers::count(all.vertices.len()), numbers::count(all.components.len()));
+                all.vertices.extend(body.surface.vertices.iter().map(DVec3::to_array));
+                let triangles = body.surface.triangles.iter();
+                all.triangles.extend(triangles.map(|corners| corners.map(|own| own + vertex)));
+                let of = body.triangle_component.iter();
+                all.triangle_component.extend(of.map(|own| own + component));
+                all.components.extend(body.components);
+            }
+            while let Some((at, it)) = placed.next_if(|it| object(it.1.component) == number) {
+                if is_resolved(at) {
+                    continue;
+                }
                 let prototype = &self.prototypes[it.prototype as usize];
                 let vertex = numbers::count(all.vertices.len());
                 let vertices = prototype.vertices.iter();

@@ -44,13 +44,18 @@ pub(in crate::geometry) struct Groups {
     /// Of each group: how many have joined the mesh of their object, and how far their facets are off
     /// their surfaces at most, m.
     pub(in crate::geometry) joined: Vec<(usize, f64)>,
-    /// What places that are left out share with later objects, where that is wanted.
+    /// What places that are left out, or cross, share with others, where that is wanted.
     pub(in crate::geometry) overlaps: Vec<Contact>,
+    /// Pairs of exact shapes whose surfaces cross or touch: group and number of each place among those
+    /// that stand.
+    pub(in crate::geometry) crossing: Vec<[[u32; 2]; 2]>,
 }
 
 /// A place among all of all groups.
 #[derive(Clone, Copy)]
 pub(super) struct Member {
+    /// Its own number.
+    number: u32,
     pub(super) group: u32,
     pub(super) place: u32,
     pub(super) bounds: [DVec3; 2],
@@ -80,6 +85,27 @@ pub(super) enum Fate {
     /// It lies in a later object.
     Covered,
     Stands(Option<u32>),
+}
+
+/// What a place meets.
+#[derive(Default)]
+struct Met {
+    /// Surfaces that it cannot cross as it is: it joins the mesh of its object.
+    joins: bool,
+    /// Later members of its group.
+    clashes: Vec<(u32, Clash)>,
+    /// Exact shapes that follow it among the members, where both are exact.
+    crosses: Vec<u32>,
+}
+
+/// Of so many members, those that each crosses.
+fn partners_of(count: usize, crossing: &[[u32; 2]]) -> Vec<Vec<u32>> {
+    let mut partners = vec![Vec::new(); count];
+    for [a, b] in crossing {
+        partners[*a as usize].push(*b);
+        partners[*b as usize].push(*a);
+    }
+    partners
 }
 
 /// Members and the tree over their boxes.
@@ -152,29 +178,51 @@ impl Groups {
             }
         });
         let boxed: Vec<Boxed<'_>> = bodies.iter().map(Boxed::of).collect();
-        let fate = |member: &Member| match task.is_cancelled() {
+        let met = |member: &Member| match task.is_cancelled() {
             true => Err(Error::Interrupted),
-            false => Ok(field.fate(*member, &boxed)),
+            false => Ok(field.met_by(*member, &boxed)),
         };
-        let found: Vec<(Fate, Vec<(u32, Clash)>)> =
-            field.members.par_iter().map(fate).collect::<Result<_>>()?;
+        let found: Vec<Met> = field.members.par_iter().map(met).collect::<Result<_>>()?;
         let clashes: Vec<([u32; 2], Clash)> = (0..)
             .zip(&found)
-            .flat_map(|(member, (_, clashes))| {
-                clashes.iter().map(move |(other, clash)| ([member, *other], *clash))
+            .flat_map(|(member, met)| {
+                met.clashes.iter().map(move |(other, clash)| ([member, *other], *clash))
             })
             .collect();
-        let mut fates: Vec<Fate> = found.into_iter().map(|it| it.0).collect();
-        let overlapping = own::settle(&clashes, &mut fates);
-        field.around_earlier(bodies, &mut fates);
+        let crossing: Vec<[u32; 2]> = (0..)
+            .zip(&found)
+            .flat_map(|(member, met)| met.crosses.iter().map(move |other| [member, *other]))
+            .collect();
+        let partners = partners_of(found.len(), &crossing);
+        let fate = |(member, met): (&Member, &Met)| match met.joins {
+            true => Fate::Joins,
+            false => field.stands(*member, &boxed, &partners[member.number as usize]),
+        };
+        let mut fates: Vec<Fate> = field.members.par_iter().zip(&found).map(fate).collect();
+        let mut overlapping = own::settle(&clashes, &mut fates);
+        field.around_earlier(bodies, &mut fates, &partners);
+        let fate_of = |member: u32| fates[member as usize];
+        overlapping.extend(crossing.iter().filter(|pair| {
+            let [a, b] = pair.map(|it| field.members[it as usize].group);
+            a == b && pair.map(fate_of) == [Fate::Joins; 2]
+        }));
+        let standing = |pair: &&[u32; 2]| {
+            pair.iter().all(|it| matches!(fate_of(*it), Fate::Stands(_)))
+        };
+        let crossing: Vec<[u32; 2]> = crossing.iter().filter(standing).copied().collect();
+        let of_crossing =
+            if wanted { field.crossings(&crossing, names, task)? } else { Vec::new() };
+        let numbers = field.numbers_of_standing(&fates);
         let mut settled: Vec<Vec<Fate>> =
             groups.iter().map(|group| Vec::with_capacity(group.places.len())).collect();
         for (member, fate) in field.members.iter().zip(fates) {
             settled[member.group as usize].push(fate);
         }
-        let overlaps = if wanted { field.covered(&settled, &boxed) } else { Vec::new() };
+        let mut overlaps = if wanted { field.covered(&settled, &boxed) } else { Vec::new() };
+        overlaps.extend(of_crossing);
         drop(field);
-        let mut this = Self { overlaps, ..Self::default() };
+        let crossing = crossing.iter().map(|pair| pair.map(|it| numbers[it as usize])).collect();
+        let mut this = Self { overlaps, crossing, ..Self::default() };
         let mut first = 0;
         for (group, fates) in groups.into_iter().zip(settled) {
             let count = numbers::count(fates.len());
@@ -190,6 +238,20 @@ impl Groups {
             this.add(group, &fates, body, &pairs, (clean, name), task)?;
         }
         Ok(this)
+    }
+
+    /// Adds the later objects whose shapes cross those of an object to the objects that cut it.
+    pub(in crate::geometry) fn add_cutters(&self, cut_by: &mut [Vec<u32>]) {
+        for pair in &self.crossing {
+            let [a, b] = pair.map(|[group, _]| self.all[group as usize].object);
+            if a != b {
+                cut_by[a.min(b) as usize].push(a.max(b));
+            }
+        }
+        for objects in cut_by {
+            objects.sort_unstable();
+            objects.dedup();
+        }
     }
 
     /// Adds a group whose places have these fates; `pairs` of them overlap.
@@ -260,7 +322,7 @@ impl Groups {
             let points = body.first_corners();
             let around =
                 body.components.iter().zip(points).map(|(component, point)| {
-                    field.around(corners_of(component), point, object).max()
+                    field.around(corners_of(component), point, object, &[]).max()
                 });
             let around: Vec<Option<u32>> = around.collect();
             for (component, around) in body.components.iter_mut().zip(around) {
@@ -272,17 +334,14 @@ impl Groups {
 
 impl<'a> Field<'a> {
     fn new(groups: &'a [Group]) -> Self {
-        let members: Vec<Member> = (0..)
-            .zip(groups)
-            .flat_map(|(number, group)| {
-                let own = group.prototype.bounds();
-                (0..).zip(&group.places).map(move |(place, it)| Member {
-                    group: number,
-                    place,
-                    bounds: it.bounds(own),
-                })
-            })
-            .collect();
+        let mut members = Vec::with_capacity(groups.iter().map(|it| it.places.len()).sum());
+        for (number, group) in (0..).zip(groups) {
+            let own = group.prototype.bounds();
+            for (place, it) in (0..).zip(&group.places) {
+                let (at, bounds) = (numbers::count(members.len()), it.bounds(own));
+                members.push(Member { number: at, group: number, place, bounds });
+            }
+        }
         let boxes: Vec<[DVec3; 2]> = members.iter().map(|it| it.bounds).collect();
         let tree = Tree::of_boxes(&boxes);
         Self { groups, members, tree }
@@ -293,49 +352,76 @@ impl<'a> Field<'a> {
         (group, &group.places[member.place as usize])
     }
 
-    /// Objects whose places are around a body of these bounds, of which this is a point.
-    fn around(&self, bounds: [DVec3; 2], point: DVec3, object: u32) -> impl Iterator<Item = u32> {
+    /// Objects whose places are around a body of these bounds, of which this is a point; `except` for
+    /// some members.
+    fn around(
+        &self,
+        bounds: [DVec3; 2],
+        point: DVec3,
+        object: u32,
+        except: &[u32],
+    ) -> impl Iterator<Item = u32> {
         let mut objects = Vec::new();
         self.tree.around(bounds, |other| {
             let (group, place) = self.of(self.members[other as usize]);
-            if group.object != object && group.contains(place, point) {
+            if group.object != object && !except.contains(&other) && group.contains(place, point) {
                 objects.push(group.object);
             }
         });
         objects.into_iter()
     }
 
-    /// Fate of a member, and the later ones of its group that it intersects.
-    fn fate(&self, member: Member, bodies: &[Boxed<'_>]) -> (Fate, Vec<(u32, Clash)>) {
+    /// What a member meets.
+    fn met_by(&self, member: Member, bodies: &[Boxed<'_>]) -> Met {
         let (group, place) = self.of(member);
-        let mut joins = (0..).zip(bodies).any(|(object, body)| {
+        let joins = (0..).zip(bodies).any(|(object, body)| {
             let is_near = near(member.bounds, body.bounds, 0.0);
             object != group.object && is_near && meets_body(group, place, member.bounds, body)
         });
-        let mut clashes = Vec::new();
+        let mut met = Met { joins, ..Met::default() };
         // Boxes of long parallel fibres in a direction of their own overlap by the thousands.
         let alone = group.apart && self.groups.len() == 1;
         let bounds = if alone { bounds_of(std::iter::empty()) } else { member.bounds };
         self.tree.within(bounds, |other| {
             let it = self.members[other as usize];
             let same = it.group == member.group;
-            let known = if same { group.apart || it.place <= member.place } else { joins };
+            let (others, there) = self.of(it);
+            let exact = [group, others].iter().all(|it| it.prototype.shape.is_some());
+            let known = match (same, exact) {
+                (true, _) => group.apart || it.place <= member.place,
+                (false, true) => it.number <= member.number,
+                (false, false) => met.joins,
+            };
             if known || !near(it.bounds, member.bounds, 0.0) {
                 return;
             }
-            let (others, there) = self.of(it);
             let bounds = [member.bounds, it.bounds];
             if same {
-                clashes.extend(clash(group, [place, there], bounds).map(|it| (other, it)));
-            } else {
-                joins = meets_place((group, place), (others, there), bounds);
+                match clash(group, [place, there], bounds) {
+                    Some(Clash::Overlap) if exact => met.crosses.push(other),
+                    found => met.clashes.extend(found.map(|it| (other, it))),
+                }
+            } else if meets_place((group, place), (others, there), bounds) {
+                if exact { met.crosses.push(other) } else { met.joins = true }
             }
         });
-        (if joins { Fate::Joins } else { self.stands(member, bodies) }, clashes)
+        met
     }
 
-    /// Fate of a member without intersections.
-    fn stands(&self, member: Member, bodies: &[Boxed<'_>]) -> Fate {
+    /// Of each member, its group, and its number among the places of that which stand.
+    fn numbers_of_standing(&self, fates: &[Fate]) -> Vec<[u32; 2]> {
+        let mut next = vec![0; self.groups.len()];
+        let number = |(member, fate): (&Member, &Fate)| {
+            let next = &mut next[member.group as usize];
+            let number = *next;
+            *next += u32::from(matches!(fate, Fate::Stands(_)));
+            [member.group, number]
+        };
+        self.members.iter().zip(fates).map(number).collect()
+    }
+
+    /// What becomes of a member that crosses at most its partners, which are exact as it is.
+    fn stands(&self, member: Member, bodies: &[Boxed<'_>], partners: &[u32]) -> Fate {
         let (group, place) = self.of(member);
         let point = group.point(place);
         let of_bodies = (0..).zip(bodies).filter(|(object, body)| {
@@ -345,7 +431,7 @@ impl<'a> Field<'a> {
         });
         let around = of_bodies
             .map(|(object, _)| object)
-            .chain(self.around(member.bounds, point, group.object))
+            .chain(self.around(member.bounds, point, group.object, partners))
             .max();
         match around {
             Some(object) if object > group.object => match self.holds_void(member, bodies) {
@@ -357,11 +443,14 @@ impl<'a> Field<'a> {
     }
 
     /// Places around components of earlier objects join the meshes of theirs, which cut those; so do
-    /// places around such that join, and around these.
-    fn around_earlier(&self, bodies: &[Body], fates: &mut [Fate]) {
+    /// places around such that join, and around these, and the partners of all that join.
+    fn around_earlier(&self, bodies: &[Body], fates: &mut [Fate], partners: &[Vec<u32>]) {
         let mut joining: Vec<usize> =
             (0..fates.len()).filter(|member| fates[*member] == Fate::Joins).collect();
-        let mut join = |object: u32, bounds: [DVec3; 2], point: DVec3, joining: &mut Vec<usize>| {
+        let join = |object: u32,
+                    (bounds, point): ([DVec3; 2], DVec3),
+                    fates: &mut [Fate],
+                    joining: &mut Vec<usize>| {
             self.tree.around(bounds, |member| {
                 let (group, place) = self.of(self.members[member as usize]);
                 if group.object > object
@@ -375,14 +464,22 @@ impl<'a> Field<'a> {
         };
         for (object, body) in (0_u32..).zip(bodies) {
             for (component, point) in body.components.iter().zip(body.first_corners()) {
-                join(object, corners_of(component), point, &mut joining);
+                join(object, (corners_of(component), point), fates, &mut joining);
             }
         }
         while let Some(member) = joining.pop() {
             let (group, place) = self.of(self.members[member]);
             for (component, point) in group.prototype.starts() {
                 let bounds = place.bounds(corners_of(component));
-                join(group.object, bounds, place.world_from_own(point), &mut joining);
+                let around = (bounds, place.world_from_own(point));
+                join(group.object, around, fates, &mut joining);
+            }
+            for partner in &partners[member] {
+                let fate = &mut fates[*partner as usize];
+                if matches!(fate, Fate::Stands(_)) {
+                    *fate = Fate::Joins;
+                    joining.push(*partner as usize);
+                }
             }
         }
     }

@@ -4,7 +4,7 @@ use super::push_bytes;
 use crate::accel::Backend;
 use crate::gpu::{Device, LazyKernel, shaders};
 use crate::interface::{
-    BUNDLE_LANES, CrossingsPush, ExactPush, GROUP, KIND_ELLIPSOID, KIND_FRUSTUM, KIND_MOVED,
+    BUNDLE_LANES, CrossingsPush, ExactPush, GROUP, KIND_CROSSED, KIND_ELLIPSOID, KIND_FRUSTUM, KIND_MOVED,
     KIND_ROUGH, KIND_SMOOTH, KIND_TORUS, KIND_TUBE, RAYS_PER_LANE, TracePush,
 };
 use crate::numbers;
@@ -25,8 +25,9 @@ pub struct TraceKernels {
     pub(in crate::trace) crossings: LazyKernel,
 }
 
-/// Surfaces that refract by other normals than the normals of their facets or shapes.
-const OTHER_NORMALS: u32 = KIND_ROUGH | KIND_SMOOTH;
+/// Surfaces at which bundles leave rays to the walk of single ones: those that refract by other normals
+/// than those of their facets or shapes, and shapes that others cross.
+const ONE_BY_ONE: u32 = KIND_ROUGH | KIND_SMOOTH | KIND_CROSSED;
 
 /// Combinations of `KIND_` bits.
 const KINDS: usize = 2 * KIND_MOVED as usize;
@@ -120,7 +121,7 @@ impl Walks {
             _ if torus => ("exact_bvh_torus", shaders::EXACT_BVH_TORUS),
             _ => ("exact_bvh_placed", shaders::EXACT_BVH_PLACED),
         };
-        let bundled = KIND_FRUSTUM | KIND_ELLIPSOID | KIND_TUBE | KIND_MOVED | OTHER_NORMALS;
+        let bundled = KIND_FRUSTUM | KIND_ELLIPSOID | KIND_TUBE | KIND_MOVED | ONE_BY_ONE;
         let bundles = bundles && kinds & !bundled == 0;
         let single = match kinds {
             0 => [("trace_bvh", shaders::TRACE_BVH), ("trace_bvh_many", shaders::TRACE_BVH_MANY)],
@@ -149,7 +150,7 @@ impl Walks {
             return Self { order_free: single, one_by_one: None, exact };
         }
         let order_free = OrderFree::new(device, kinds, GROUP * RAYS_PER_LANE, bundle);
-        let leaves = kinds & OTHER_NORMALS != 0;
+        let leaves = kinds & ONE_BY_ONE != 0;
         Self { order_free, one_by_one: leaves.then_some(single), exact }
     }
 

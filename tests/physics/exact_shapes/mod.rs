@@ -9,6 +9,7 @@
 
 mod arrangements;
 mod balance;
+mod crossing;
 mod gaps;
 mod nested;
 mod rays;

@@ -1,0 +1,258 @@
+//! What exact shapes that cross share: its volume and depth.
+
+use std::f64::consts::{PI, TAU};
+
+use glam::{DMat3, DVec3};
+
+use super::covered::Outer;
+use super::nesting::Group;
+use super::{Place, Placed};
+use crate::geometry::Sample;
+use crate::geometry::analytic::{AnalyticShape, Form};
+use crate::geometry::surface::near;
+
+/// Lines along a shape across its radius, and around it.
+const RINGS: u32 = 64;
+const SPOKES: u32 = 96;
+/// Lines across a region that is searched for the deepest point, along each of two sides.
+const ACROSS: u32 = 14;
+/// Searches for it, each in a quarter of the region before.
+const SEARCHES: i32 = 5;
+
+/// A shape in its place.
+#[derive(Clone, Copy)]
+pub(super) struct Solid<'a> {
+    pub(super) shape: AnalyticShape,
+    pub(super) place: &'a Place,
+}
+
+/// Parts of a line, of its parameter.
+type Parts = Vec<[f64; 2]>;
+
+impl<'a> Solid<'a> {
+    /// A place of a group of exact shapes; `None` of a mesh.
+    pub(super) fn of(group: &Group, place: &'a Place) -> Option<Self> {
+        group.prototype.shape.map(|shape| Self { shape, place })
+    }
+
+    fn bounds(self) -> [DVec3; 2] {
+        self.place.bounds(self.shape.bounds())
+    }
+
+    fn volume(self) -> f64 {
+        self.shape.volume() * self.place.volume()
+    }
+
+    /// Lines along z in its own frame through a point at z = 0, with the area that each stands for, m2.
+    fn lines(self) -> impl Iterator<Item = (DVec3, f64)> {
+        let [_, half] = self.shape.bounds();
+        let hole = match self.shape.form() {
+            Form::Frustum(_) | Form::Ellipsoid(_) => 0.0,
+            Form::Torus(radius, tube) => ((radius - tube) / (radius + tube)).max(0.0),
+            Form::Tube(it) => it.inner / it.outer,
+        };
+        let step = 1.0 / f64::from(RINGS);
+        let wide = 1.0 - hole * hole;
+        (0..RINGS).flat_map(move |ring| {
+            // Evenly in area, but denser at the edge, where chords grow as the root of the distance.
+            let left = 1.0 - (f64::from(ring) + 0.5) * step;
+            let radius = (1.0 - wide * left * left).sqrt();
+            let area = 2.0 * left * step * wide * PI * half.x * half.y / f64::from(SPOKES);
+            (0..SPOKES).map(move |spoke| {
+                let (sin, cos) = (TAU * (f64::from(spoke) + 0.5) / f64::from(SPOKES)).sin_cos();
+                (DVec3::new(radius * half.x * cos, radius * half.y * sin, 0.0), area)
+            })
+        })
+    }
+
+    /// The parts of a line of the world that lie in it.
+    fn parts(self, origin: DVec3, direction: DVec3) -> Parts {
+        let own = self.place.own_from_world(origin);
+        let along = inverse(self.place) * direction;
+        let crossings = self.shape.crossings(own, along);
+        crossings.chunks_exact(2).map(|pair| [pair[0].t, pair[1].t]).collect()
+    }
+}
+
+/// Linear part of the way from the world to the own frame.
+fn inverse(place: &Place) -> DMat3 {
+    place.linear().inverse()
+}
+
+/// What two lists of parts have in common.
+fn common(a: &Parts, b: &Parts) -> f64 {
+    let both = |[a, b]: [f64; 2], [c, d]: [f64; 2]| (b.min(d) - a.max(c)).max(0.0);
+    a.iter().map(|first| b.iter().map(|second| both(*first, *second)).sum::<f64>()).sum()
+}
+
+/// Takes a part out of all parts.
+fn without(parts: &mut Parts, [from, to]: [f64; 2]) {
+    let left = parts.iter().flat_map(|[a, b]| [[*a, b.min(from)], [a.max(to), *b]]);
+    *parts = left.filter(|[a, b]| a < b).collect();
+}
+
+fn length(parts: &Parts) -> f64 {
+    parts.iter().map(|[a, b]| b - a).sum()
+}
+
+/// Volume that two shapes share, m3: in closed form of balls, to rounding of cylinders and cones on one
+/// axis, else by lines along the smaller one.
+pub(super) fn shared_volume(a: Solid<'_>, b: Solid<'_>) -> f64 {
+    if let (Some(first), Some(second)) = (radius_of_ball(a), radius_of_ball(b)) {
+        return lens(first, second, a.place.position.distance(b.place.position));
+    }
+    let (thin, other) = if a.volume() < b.volume() { (a, b) } else { (b, a) };
+    let along = thin.place.linear() * DVec3::Z;
+    let of_line = |(at, area): (DVec3, f64)| {
+        let origin = thin.place.world_from_own(at);
+        area * common(&thin.parts(origin, along), &other.parts(origin, along))
+    };
+    thin.lines().map(of_line).sum::<f64>() * thin.place.volume()
+}
+
+fn radius_of_ball(solid: Solid<'_>) -> Option<f64> {
+    let even = solid.place.stretch.to_bits() == 1.0_f64.to_bits();
+    match solid.shape {
+        AnalyticShape::Sphere { radius } if even => Some(radius * solid.place.scale),
+        _ => None,
+    }
+}
+
+/// What two balls share, m3.
+fn lens(a: f64, b: f64, apart: f64) -> f64 {
+    if apart >= a + b {
+        return 0.0;
+    }
+    if apart <= (a - b).abs() {
+        return 4.0 / 3.0 * PI * a.min(b).powi(3);
+    }
+    let ends = a + b - apart;
+    let sizes = apart * apart + 2.0 * apart * (a + b) - 3.0 * (a - b) * (a - b);
+    PI * ends * ends * sizes / (12.0 * apart)
+}
+
+/// How deep the surface of one of two shapes lies in the other at most, m, and where: by lines along
+/// their axes through the region of both.
+pub(super) fn depth(
+    [(group, place), (others, there)]: [(&Group, &Place); 2],
+) -> Option<(f64, DVec3)> {
+    let solids = [Solid::of(group, place)?, Solid::of(others, there)?];
+    let outers = [Outer::of_place(group, place), Outer::of_place(others, there)];
+    let [first, second] = solids.map(Solid::bounds);
+    let mut region = [first[0].max(second[0]), first[1].min(second[1])];
+    let mut deepest: Option<(f64, DVec3)> = None;
+    for search in 0..SEARCHES {
+        for (origin, direction) in lines_through(region, place).chain(lines_through(region, there)) {
+            let parts = solids.map(|it| it.parts(origin, direction));
+            for (own, other) in [(0, 1), (1, 0)] {
+                for t in parts[own].iter().flatten() {
+                    if !parts[other].iter().any(|[a, b]| a < t && t < b) {
+                        continue;
+                    }
+                    let point = origin + *t * direction;
+                    let inside = outers[other].depth(point);
+                    if deepest.is_none_or(|it| inside > it.0) {
+                        deepest = Some((inside, point));
+                    }
+                }
+            }
+        }
+        let middle = deepest?.1;
+        let half = (first[0].max(second[0]) - first[1].min(second[1])).abs();
+        let half = half * 0.25_f64.powi(search + 1);
+        region = [middle - half, middle + half];
+    }
+    deepest
+}
+
+/// Lines along the axes of a place, through a box.
+fn lines_through([low, high]: [DVec3; 2], place: &Place) -> impl Iterator<Item = (DVec3, DVec3)> {
+    let middle = low.midpoint(high);
+    let half = 0.5 * (high - low).length();
+    let axes = [DVec3::X, DVec3::Y, DVec3::Z].map(|axis| place.rotation * axis);
+    (0..3_usize).flat_map(move |axis| {
+        let [u, v] = [axes[(axis + 1) % 3], axes[(axis + 2) % 3]];
+        let at = move |k: u32| half * (2.0 * (f64::from(k) + 0.5) / f64::from(ACROSS) - 1.0);
+        (0..ACROSS * ACROSS).map(move |k| {
+            (middle + at(k % ACROSS) * u + at(k / ACROSS) * v, axes[axis])
+        })
+    })
+}
+
+impl Sample {
+    fn solid_at(&self, at: u32) -> Option<(Solid<'_>, u32)> {
+        let Placed { prototype, component, place } = &self.placed[at as usize];
+        let shape = self.prototypes[*prototype as usize].shape?;
+        Some((Solid { shape, place }, self.components[*component as usize].object))
+    }
+
+    /// Volume of a placed shape that later ones of its partners hold, or earlier ones of its own object,
+    /// m3.
+    pub(super) fn lost_to(&self, at: u32, partners: &[u32]) -> f64 {
+        let Some((own, object)) = self.solid_at(at) else { return 0.0 };
+        let wins = |it: &u32| {
+            let (solid, other) = self.solid_at(*it)?;
+            let is_near = near(solid.bounds(), own.bounds(), 0.0);
+            (is_near && (other, at) > (object, *it)).then_some(solid)
+        };
+        let winners: Vec<Solid<'_>> = partners.iter().filter_map(wins).collect();
+        match winners[..] {
+            [] => return 0.0,
+            [winner] => return shared_volume(own, winner),
+            _ => {}
+        }
+        let along = own.place.linear() * DVec3::Z;
+        let of_line = |(at, area): (DVec3, f64)| {
+            let origin = own.place.world_from_own(at);
+            let mut parts = own.parts(origin, along);
+            let whole = length(&parts);
+            for part in winners.iter().flat_map(|it| it.parts(origin, along)) {
+                without(&mut parts, part);
+            }
+            area * (whole - length(&parts))
+        };
+        own.lines().map(of_line).sum::<f64>() * own.place.volume()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use glam::DQuat;
+
+    fn place(rotation: DQuat, position: DVec3) -> Place {
+        Place { rotation, position, ..Place::ORIGIN }
+    }
+
+    fn solid(shape: AnalyticShape, place: &Place) -> Solid<'_> {
+        Solid { shape, place }
+    }
+
+    #[test]
+    fn shared_volumes_are_those_of_closed_forms() {
+        let rod = |radius: f64, half_height: f64| AnalyticShape::Cylinder { radius, half_height };
+        let turn = DQuat::from_axis_angle(DVec3::new(0.3, 1.0, -0.2).normalize(), 0.7);
+        let at = place(turn, DVec3::new(1e-3, -2e-3, 3e-3));
+        // A bore: pi r² times the height of the rod.
+        let bore = shared_volume(solid(rod(2e-3, 1e-2), &at), solid(rod(1.5e-3, 1.5e-2), &at));
+        let exact = PI * 1.5e-3_f64.powi(2) * 2e-2;
+        assert!((bore / exact - 1.0).abs() < 1e-12, "{bore} {exact}");
+        // Two equal rods across each other: 16/3 r³ (Steinmetz).
+        let across = place(turn * DQuat::from_rotation_x(PI / 2.0), at.position);
+        let both = shared_volume(solid(rod(1e-3, 5e-3), &at), solid(rod(1e-3, 5e-3), &across));
+        let exact = 16.0 / 3.0 * 1e-9;
+        assert!((both / exact - 1.0).abs() < 1e-3, "{both} {exact}");
+        // A ball with its centre on the face of a large rod: half of it.
+        let ball = AnalyticShape::Sphere { radius: 0.5e-3 };
+        let on_face = place(turn, at.world_from_own(DVec3::new(0.0, 0.0, 1e-2)));
+        let half = shared_volume(solid(rod(2e-3, 1e-2), &at), solid(ball, &on_face));
+        let exact = 2.0 / 3.0 * PI * 0.5e-3_f64.powi(3);
+        assert!((half / exact - 1.0).abs() < 1e-3, "{half} {exact}");
+        // Lenses: in closed form, and as ellipsoids by lines.
+        let apart = place(turn, at.position + DVec3::new(0.4e-3, 0.3e-3, 0.2e-3));
+        let lens = shared_volume(solid(ball, &at), solid(ball, &apart));
+        let egg = AnalyticShape::Ellipsoid { semi_axes: DVec3::splat(0.5e-3) };
+        let by_lines = shared_volume(solid(egg, &at), solid(egg, &apart));
+        assert!((by_lines / lens - 1.0).abs() < 1e-3, "{by_lines} {lens}");
+    }
+}
