@@ -4,8 +4,8 @@
 use super::placed::{placed_record, shape_record};
 use crate::geometry::{CornerNormals, Sample, corner_normals};
 use crate::interface::{
-    self, FACET_LEAF, KIND_CROSSED, KIND_FRUSTUM, KIND_MESH, KIND_SMOOTH, LEAF_MESH, LEAF_SHAPE, Leaf, NO_LEAF,
-    Node, STACK, SURFACE_INDEX,
+    self, FACET_LEAF, KIND_CROSSED, KIND_FRUSTUM, KIND_MESH, KIND_SMOOTH, LEAF_MESH, LEAF_SHAPE,
+    Leaf, NO_LEAF, Node, STACK, SURFACE_INDEX,
 };
 use crate::numbers::{self, single};
 use crate::{Error, Result};

@@ -3,7 +3,9 @@
 use glam::{DQuat, DVec3};
 
 use crate::geometry::{AnalyticForm, AnalyticShape, Placed};
-use crate::interface::{self, NO_PARTNERS, SHAPE_ELLIPSOID, SHAPE_FRUSTUM, SHAPE_TORUS, SHAPE_TUBE};
+use crate::interface::{
+    self, NO_PARTNERS, SHAPE_ELLIPSOID, SHAPE_FRUSTUM, SHAPE_TORUS, SHAPE_TUBE,
+};
 use crate::numbers::single;
 
 /// Lengths of a quaternion that are tried.

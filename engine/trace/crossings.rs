@@ -47,7 +47,9 @@ pub fn uncovered(met: &[SurfaceCrossing]) -> Vec<SurfaceCrossing> {
     let mut inside: Vec<u32> = Vec::new();
     let mut found = Vec::with_capacity(met.len());
     for (at, it) in met.iter().enumerate() {
-        if !it.entering && let Some(own) = inside.iter().position(|other| *other == it.object) {
+        if !it.entering
+            && let Some(own) = inside.iter().position(|other| *other == it.object)
+        {
             inside.swap_remove(own);
         }
         let [before, after] = [&met[..at], &met[at + 1..]];

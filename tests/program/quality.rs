@@ -181,7 +181,10 @@ fn check_names_needless_tolerances_and_shapes_that_cross() {
     assert!(text.contains("\"tube\" and \"filling\" touch") && !text.contains("mesh"), "{text}");
     // Facets that an exact shape crosses make a mesh of it.
     let text = checked(&[&*plain, &*beside].concat());
-    assert!(text.contains("\"bore\" crosses \"rod\", which has facets: it becomes a mesh"), "{text}");
+    assert!(
+        text.contains("\"bore\" crosses \"rod\", which has facets: it becomes a mesh"),
+        "{text}"
+    );
 }
 
 /// The estimate says how long a run takes with the tolerances of the noise, and how much its moments take.

@@ -3,8 +3,8 @@
 use glam::DVec3;
 use rayon::prelude::*;
 
-use super::{Partners, Placed};
 use super::nesting::{Group, Groups};
+use super::{Partners, Placed};
 use crate::geometry::surface::bounds_of;
 use crate::geometry::{ObjectSummary, Sample};
 use crate::numbers;

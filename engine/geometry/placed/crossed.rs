@@ -66,11 +66,7 @@ fn overlap(both: [(&Group, &Place); 2], limit: f64) -> Option<Contact> {
 }
 
 /// Where two shapes touch, by their facets.
-fn touch(
-    both: [(&Group, &Place); 2],
-    names: &[String],
-    task: Task<'_>,
-) -> Result<Option<Contact>> {
+fn touch(both: [(&Group, &Place); 2], names: &[String], task: Task<'_>) -> Result<Option<Contact>> {
     let objects = both.map(|it| it.0.object);
     let body = |(number, (group, place)): (u32, (&Group, &Place))| {
         let finer = group.prototype.finer(TOUCHING / place.largest_scale());

@@ -5,6 +5,7 @@ use glam::DVec3;
 use super::distance::Standing;
 use super::nesting::{Boxed, Group};
 use super::{Place, Prototype};
+use crate::geometry::analytic::AnalyticShape;
 use crate::geometry::distance::meet;
 use crate::geometry::overlap::tolerance;
 use crate::geometry::surface::{bounds_of, near};
@@ -26,6 +27,16 @@ impl Group {
             let corner = there.world_from_own(DVec3::new(at(1, 0), at(2, 1), at(4, 2)));
             shape.distance_bound(place.own_from_world(corner)) < least
         })
+    }
+
+    fn is_convex(&self) -> bool {
+        self.prototype.shape.is_some_and(AnalyticShape::is_convex)
+    }
+
+    /// Whether a point of the surface of another place lies outside a place.
+    fn leaves_out(&self, place: &Place, others: &Self, there: &Place) -> bool {
+        let outside = |it: &DVec3| !self.contains(place, there.world_from_own(*it));
+        others.prototype.vertices.iter().any(outside)
     }
 
     /// Whether corners of one of some triangles lie on both sides of the exact surface of a place: the
@@ -118,6 +129,14 @@ pub(super) fn meets_place(
     let least = standing(group, place).clearance_of(&standing(others, there));
     if let Some(least) = least {
         return least <= limit;
+    }
+    // Convex shapes that share a point cross unless one of them lies in the other.
+    if group.is_convex()
+        && others.is_convex()
+        && group.leaves_out(place, others, there)
+        && others.leaves_out(there, group, place)
+    {
+        return true;
     }
     let shared = [bounds[0][0].max(bounds[1][0]) - limit, bounds[0][1].min(bounds[1][1]) + limit];
     let corners = |group: &Group, place: &Place| -> Vec<[DVec3; 3]> {

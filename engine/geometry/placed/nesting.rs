@@ -206,9 +206,8 @@ impl Groups {
             let [a, b] = pair.map(|it| field.members[it as usize].group);
             a == b && pair.map(fate_of) == [Fate::Joins; 2]
         }));
-        let standing = |pair: &&[u32; 2]| {
-            pair.iter().all(|it| matches!(fate_of(*it), Fate::Stands(_)))
-        };
+        let standing =
+            |pair: &&[u32; 2]| pair.iter().all(|it| matches!(fate_of(*it), Fate::Stands(_)));
         let crossing: Vec<[u32; 2]> = crossing.iter().filter(standing).copied().collect();
         let of_crossing =
             if wanted { field.crossings(&crossing, names, task)? } else { Vec::new() };
@@ -320,10 +319,9 @@ impl Groups {
         let field = Field::new(&self.all);
         for (object, body) in (0..).zip(bodies.iter_mut()) {
             let points = body.first_corners();
-            let around =
-                body.components.iter().zip(points).map(|(component, point)| {
-                    field.around(corners_of(component), point, object, &[]).max()
-                });
+            let around = body.components.iter().zip(points).map(|(component, point)| {
+                field.around(corners_of(component), point, object, &[]).max()
+            });
             let around: Vec<Option<u32>> = around.collect();
             for (component, around) in body.components.iter_mut().zip(around) {
                 component.outside = component.outside.max(around);

@@ -2,6 +2,7 @@
 
 use std::f64::consts::{PI, TAU};
 
+use arrayvec::ArrayVec;
 use glam::{DMat3, DVec3};
 
 use super::covered::Outer;
@@ -12,27 +13,35 @@ use crate::geometry::analytic::{AnalyticShape, Form};
 use crate::geometry::surface::near;
 
 /// Lines along a shape across its radius, and around it.
-const RINGS: u32 = 64;
-const SPOKES: u32 = 96;
+const LINES: [u32; 2] = [48, 64];
+/// Lines along a shape with more than [`MANY`] that cover parts of it.
+const FEWER_LINES: [u32; 2] = [24, 32];
+const MANY: usize = 4;
 /// Lines across a region that is searched for the deepest point, along each of two sides.
-const ACROSS: u32 = 14;
-/// Searches for it, each in a quarter of the region before.
-const SEARCHES: i32 = 5;
+const ACROSS: u32 = 8;
+/// Searches for it, each in a region of 0.3 of the size of the one before.
+const SEARCHES: i32 = 6;
 
 /// A shape in its place.
 #[derive(Clone, Copy)]
 pub(super) struct Solid<'a> {
-    pub(super) shape: AnalyticShape,
-    pub(super) place: &'a Place,
+    shape: AnalyticShape,
+    place: &'a Place,
+    /// Linear part of the way from the world to the own frame.
+    inverse: DMat3,
 }
 
-/// Parts of a line, of its parameter.
-type Parts = Vec<[f64; 2]>;
+/// Parts of a line in a shape, by its parameter.
+type Parts = ArrayVec<[f64; 2], 2>;
 
 impl<'a> Solid<'a> {
     /// A place of a group of exact shapes; `None` of a mesh.
     pub(super) fn of(group: &Group, place: &'a Place) -> Option<Self> {
-        group.prototype.shape.map(|shape| Self { shape, place })
+        group.prototype.shape.map(|shape| Self::new(shape, place))
+    }
+
+    fn new(shape: AnalyticShape, place: &'a Place) -> Self {
+        Self { shape, place, inverse: place.linear().inverse() }
     }
 
     fn bounds(self) -> [DVec3; 2] {
@@ -44,22 +53,22 @@ impl<'a> Solid<'a> {
     }
 
     /// Lines along z in its own frame through a point at z = 0, with the area that each stands for, m2.
-    fn lines(self) -> impl Iterator<Item = (DVec3, f64)> {
+    fn lines(self, [rings, spokes]: [u32; 2]) -> impl Iterator<Item = (DVec3, f64)> {
         let [_, half] = self.shape.bounds();
         let hole = match self.shape.form() {
             Form::Frustum(_) | Form::Ellipsoid(_) => 0.0,
             Form::Torus(radius, tube) => ((radius - tube) / (radius + tube)).max(0.0),
             Form::Tube(it) => it.inner / it.outer,
         };
-        let step = 1.0 / f64::from(RINGS);
+        let step = 1.0 / f64::from(rings);
         let wide = 1.0 - hole * hole;
-        (0..RINGS).flat_map(move |ring| {
+        (0..rings).flat_map(move |ring| {
             // Evenly in area, but denser at the edge, where chords grow as the root of the distance.
             let left = 1.0 - (f64::from(ring) + 0.5) * step;
             let radius = (1.0 - wide * left * left).sqrt();
-            let area = 2.0 * left * step * wide * PI * half.x * half.y / f64::from(SPOKES);
-            (0..SPOKES).map(move |spoke| {
-                let (sin, cos) = (TAU * (f64::from(spoke) + 0.5) / f64::from(SPOKES)).sin_cos();
+            let area = 2.0 * left * step * wide * PI * half.x * half.y / f64::from(spokes);
+            (0..spokes).map(move |spoke| {
+                let (sin, cos) = (TAU * (f64::from(spoke) + 0.5) / f64::from(spokes)).sin_cos();
                 (DVec3::new(radius * half.x * cos, radius * half.y * sin, 0.0), area)
             })
         })
@@ -68,15 +77,9 @@ impl<'a> Solid<'a> {
     /// The parts of a line of the world that lie in it.
     fn parts(self, origin: DVec3, direction: DVec3) -> Parts {
         let own = self.place.own_from_world(origin);
-        let along = inverse(self.place) * direction;
-        let crossings = self.shape.crossings(own, along);
+        let crossings = self.shape.crossings(own, self.inverse * direction);
         crossings.chunks_exact(2).map(|pair| [pair[0].t, pair[1].t]).collect()
     }
-}
-
-/// Linear part of the way from the world to the own frame.
-fn inverse(place: &Place) -> DMat3 {
-    place.linear().inverse()
 }
 
 /// What two lists of parts have in common.
@@ -86,12 +89,12 @@ fn common(a: &Parts, b: &Parts) -> f64 {
 }
 
 /// Takes a part out of all parts.
-fn without(parts: &mut Parts, [from, to]: [f64; 2]) {
+fn without(parts: &mut Vec<[f64; 2]>, [from, to]: [f64; 2]) {
     let left = parts.iter().flat_map(|[a, b]| [[*a, b.min(from)], [a.max(to), *b]]);
     *parts = left.filter(|[a, b]| a < b).collect();
 }
 
-fn length(parts: &Parts) -> f64 {
+fn length(parts: &[[f64; 2]]) -> f64 {
     parts.iter().map(|[a, b]| b - a).sum()
 }
 
@@ -107,7 +110,7 @@ pub(super) fn shared_volume(a: Solid<'_>, b: Solid<'_>) -> f64 {
         let origin = thin.place.world_from_own(at);
         area * common(&thin.parts(origin, along), &other.parts(origin, along))
     };
-    thin.lines().map(of_line).sum::<f64>() * thin.place.volume()
+    thin.lines(LINES).map(of_line).sum::<f64>() * thin.place.volume()
 }
 
 fn radius_of_ball(solid: Solid<'_>) -> Option<f64> {
@@ -142,7 +145,8 @@ pub(super) fn depth(
     let mut region = [first[0].max(second[0]), first[1].min(second[1])];
     let mut deepest: Option<(f64, DVec3)> = None;
     for search in 0..SEARCHES {
-        for (origin, direction) in lines_through(region, place).chain(lines_through(region, there)) {
+        for (origin, direction) in lines_through(region, place).chain(lines_through(region, there))
+        {
             let parts = solids.map(|it| it.parts(origin, direction));
             for (own, other) in [(0, 1), (1, 0)] {
                 for t in parts[own].iter().flatten() {
@@ -159,7 +163,7 @@ pub(super) fn depth(
         }
         let middle = deepest?.1;
         let half = (first[0].max(second[0]) - first[1].min(second[1])).abs();
-        let half = half * 0.25_f64.powi(search + 1);
+        let half = half * 0.3_f64.powi(search + 1);
         region = [middle - half, middle + half];
     }
     deepest
@@ -173,9 +177,8 @@ fn lines_through([low, high]: [DVec3; 2], place: &Place) -> impl Iterator<Item =
     (0..3_usize).flat_map(move |axis| {
         let [u, v] = [axes[(axis + 1) % 3], axes[(axis + 2) % 3]];
         let at = move |k: u32| half * (2.0 * (f64::from(k) + 0.5) / f64::from(ACROSS) - 1.0);
-        (0..ACROSS * ACROSS).map(move |k| {
-            (middle + at(k % ACROSS) * u + at(k / ACROSS) * v, axes[axis])
-        })
+        (0..ACROSS * ACROSS)
+            .map(move |k| (middle + at(k % ACROSS) * u + at(k / ACROSS) * v, axes[axis]))
     })
 }
 
@@ -183,7 +186,7 @@ impl Sample {
     fn solid_at(&self, at: u32) -> Option<(Solid<'_>, u32)> {
         let Placed { prototype, component, place } = &self.placed[at as usize];
         let shape = self.prototypes[*prototype as usize].shape?;
-        Some((Solid { shape, place }, self.components[*component as usize].object))
+        Some((Solid::new(shape, place), self.components[*component as usize].object))
     }
 
     /// Volume of a placed shape that later ones of its partners hold, or earlier ones of its own object,
@@ -204,14 +207,15 @@ impl Sample {
         let along = own.place.linear() * DVec3::Z;
         let of_line = |(at, area): (DVec3, f64)| {
             let origin = own.place.world_from_own(at);
-            let mut parts = own.parts(origin, along);
+            let mut parts = own.parts(origin, along).to_vec();
             let whole = length(&parts);
             for part in winners.iter().flat_map(|it| it.parts(origin, along)) {
                 without(&mut parts, part);
             }
             area * (whole - length(&parts))
         };
-        own.lines().map(of_line).sum::<f64>() * own.place.volume()
+        let lines = if winners.len() > MANY { FEWER_LINES } else { LINES };
+        own.lines(lines).map(of_line).sum::<f64>() * own.place.volume()
     }
 }
 
@@ -225,7 +229,7 @@ mod tests {
     }
 
     fn solid(shape: AnalyticShape, place: &Place) -> Solid<'_> {
-        Solid { shape, place }
+        Solid::new(shape, place)
     }
 
     #[test]

@@ -4,8 +4,8 @@ use super::push_bytes;
 use crate::accel::Backend;
 use crate::gpu::{Device, LazyKernel, shaders};
 use crate::interface::{
-    BUNDLE_LANES, CrossingsPush, ExactPush, GROUP, KIND_CROSSED, KIND_ELLIPSOID, KIND_FRUSTUM, KIND_MOVED,
-    KIND_ROUGH, KIND_SMOOTH, KIND_TORUS, KIND_TUBE, RAYS_PER_LANE, TracePush,
+    BUNDLE_LANES, CrossingsPush, ExactPush, GROUP, KIND_CROSSED, KIND_ELLIPSOID, KIND_FRUSTUM,
+    KIND_MOVED, KIND_ROUGH, KIND_SMOOTH, KIND_TORUS, KIND_TUBE, RAYS_PER_LANE, TracePush,
 };
 use crate::numbers;
 use std::ops::RangeInclusive;

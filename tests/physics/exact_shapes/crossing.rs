@@ -64,10 +64,8 @@ fn bored(random: &mut Random) -> Vec<Solid> {
     let (radius, height) = (1e-3 * random.between(0.6, 1.2), 1e-3 * random.between(1.0, 3.0));
     let bore = radius * random.between(0.3, 0.9);
     let longer = [1.0, 1.0, 1.5, 0.8][pick(random, 4)];
-    let mut solids = vec![
-        Solid::new(cylinder(radius, height)),
-        Solid::new(cylinder(bore, longer * height)),
-    ];
+    let mut solids =
+        vec![Solid::new(cylinder(radius, height)), Solid::new(cylinder(bore, longer * height))];
     match pick(random, 4) {
         0 => solids.push(Solid::new(cylinder(bore, height))),
         1 => solids.push(Solid::new(Kind::Tube {
@@ -421,10 +419,7 @@ fn exact_rays_through_crossing_shapes_follow_snells_law() {
 fn mouth_of_a_bore_does_not_reflect() {
     let bench = Bench::new();
     let tilt = |solid: Solid| solid.turned([0.0, 0.0, 1.0], 0.4);
-    let solids = [
-        tilt(Solid::new(cylinder(2e-3, 4e-3))),
-        tilt(Solid::new(cylinder(1.5e-3, 4e-3))),
-    ];
+    let solids = [tilt(Solid::new(cylinder(2e-3, 4e-3))), tilt(Solid::new(cylinder(1.5e-3, 4e-3)))];
     // Into the mouth from above, through the middle of the upper face.
     let slope = -0.3e-3_f32;
     let ray = |k: u16| {
@@ -439,8 +434,7 @@ fn mouth_of_a_bore_does_not_reflect() {
         for constants in [[strong, [0.0; 2]], [strong, strong]] {
             let scene = scene(objects.clone(), &constants, Transport::Exact);
             let results = exact(&bench, backend, &scene, &rays);
-            let met: Vec<bool> =
-                results.iter().map(|it| it.flags & FLAG_REFLECTED != 0).collect();
+            let met: Vec<bool> = results.iter().map(|it| it.flags & FLAG_REFLECTED != 0).collect();
             // Where the bore is empty rays go through its mouth; where it is filled the face reflects.
             let filled = constants[1][1] > 0.0;
             assert!(met.iter().all(|it| *it == filled), "{backend}, {filled}: {met:?}");

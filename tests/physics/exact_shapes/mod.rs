@@ -10,6 +10,7 @@
 mod arrangements;
 mod balance;
 mod crossing;
+mod crossing_runs;
 mod gaps;
 mod nested;
 mod rays;
