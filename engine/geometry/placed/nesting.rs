@@ -1,7 +1,8 @@
 //! Surroundings of placed surfaces, and intersecting ones.
 //!
-//! Placed surfaces that intersect another join the mesh of their object, as their facets, and are cut
-//! with it; disjoint and properly nested ones do not change.
+//! Places that meet a mesh join the mesh of their object, as their facets, and are cut with it. Exact
+//! shapes that cross each other stay exact, as partners; so do places that lie apart or properly in one
+//! another.
 
 use glam::DVec3;
 use rayon::prelude::*;

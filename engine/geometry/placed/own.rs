@@ -1,7 +1,7 @@
 //! Instances of one object that touch or overlap: they are one solid.
 //!
-//! Exact shapes that touch do not change: a ray leaves one and enters the other at the same point.
-//! Overlapping ones are united as meshes, and an instance wholly inside another is ignored.
+//! Exact shapes that touch or overlap stay exact. Meshes that overlap are united, and instances wholly
+//! inside another one are left out.
 
 use glam::DVec3;
 

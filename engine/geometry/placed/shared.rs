@@ -19,8 +19,8 @@ const FEWER_LINES: [u32; 2] = [24, 32];
 const MANY: usize = 4;
 /// Lines across a region that is searched for the deepest point, along each of two sides.
 const ACROSS: u32 = 8;
-/// Searches for it, each in a region of 0.3 of the size of the one before.
-const SEARCHES: i32 = 6;
+/// Searches about it, each in a region of 0.3 of the size of the one before.
+const SEARCHES: u32 = 6;
 
 /// A shape in its place.
 #[derive(Clone, Copy)]
@@ -134,17 +134,38 @@ fn lens(a: f64, b: f64, apart: f64) -> f64 {
     PI * ends * ends * sizes / (12.0 * apart)
 }
 
+/// A point in the middle of the longest line along the smaller of two shapes that lies in both.
+fn common_point(a: Solid<'_>, b: Solid<'_>) -> Option<DVec3> {
+    let (thin, other) = if a.volume() < b.volume() { (a, b) } else { (b, a) };
+    let along = thin.place.linear() * DVec3::Z;
+    let mut longest: Option<(f64, DVec3)> = None;
+    for (at, _) in thin.lines(FEWER_LINES) {
+        let origin = thin.place.world_from_own(at);
+        let others = other.parts(origin, along);
+        for [from, to] in thin.parts(origin, along) {
+            for [low, high] in &others {
+                let [low, high] = [low.max(from), high.min(to)];
+                if high - low > longest.map_or(0.0, |it| it.0) {
+                    longest = Some((high - low, origin + low.midpoint(high) * along));
+                }
+            }
+        }
+    }
+    longest.map(|it| it.1)
+}
+
 /// How deep the surface of one of two shapes lies in the other at most, m, and where: by lines along
-/// their axes through the region of both.
+/// their axes through the region of both. `None` where no line finds a point in both.
 pub(super) fn depth(
     [(group, place), (others, there)]: [(&Group, &Place); 2],
 ) -> Option<(f64, DVec3)> {
     let solids = [Solid::of(group, place)?, Solid::of(others, there)?];
     let outers = [Outer::of_place(group, place), Outer::of_place(others, there)];
+    let middle = common_point(solids[0], solids[1])?;
     let [first, second] = solids.map(Solid::bounds);
-    let mut region = [first[0].max(second[0]), first[1].min(second[1])];
-    let mut deepest: Option<(f64, DVec3)> = None;
-    for search in 0..SEARCHES {
+    let whole = [first[0].max(second[0]), first[1].min(second[1])];
+    let mut deepest = (0.0, middle);
+    let search = |region: [DVec3; 2], deepest: &mut (f64, DVec3)| {
         for (origin, direction) in lines_through(region, place).chain(lines_through(region, there))
         {
             let parts = solids.map(|it| it.parts(origin, direction));
@@ -155,18 +176,27 @@ pub(super) fn depth(
                     }
                     let point = origin + *t * direction;
                     let inside = outers[other].depth(point);
-                    if deepest.is_none_or(|it| inside > it.0) {
-                        deepest = Some((inside, point));
+                    if inside > deepest.0 {
+                        *deepest = (inside, point);
                     }
                 }
             }
         }
-        let middle = deepest?.1;
-        let half = (first[0].max(second[0]) - first[1].min(second[1])).abs();
-        let half = half * 0.3_f64.powi(search + 1);
-        region = [middle - half, middle + half];
+    };
+    search(whole, &mut deepest);
+    let narrow = |it: Solid<'_>| {
+        let [low, high] = it.shape.bounds();
+        it.place.least_scale() * (high - low).min_element()
+    };
+    let width = narrow(solids[0]).min(narrow(solids[1]));
+    search([middle - width, middle + width], &mut deepest);
+    let mut half = 0.5 * (whole[1] - whole[0]).abs();
+    for _ in 0..SEARCHES {
+        half *= 0.3;
+        let about = deepest.1;
+        search([about - half, about + half], &mut deepest);
     }
-    deepest
+    Some(deepest)
 }
 
 /// Lines along the axes of a place, through a box.
