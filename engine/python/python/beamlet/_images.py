@@ -430,6 +430,8 @@ def grid(
     origin: Sequence[str | float] | None,
 ) -> dict[str, Any]:
     """Voxels, as the extension takes them."""
+    if origin is not None and len(origin) != 3:
+        raise _wrong("origin", f"{len(origin)} lengths", "three, along x, y and z")
     return {
         "voxel": None if voxel is None else lengths("voxel", [voxel])[0],
         "size": None if size is None else _sides("size", size),
