@@ -30,7 +30,7 @@ const COPIES: u64 = 14;
 /// Bytes for each pixel of a frame that is read and binned.
 const OF_FRAME: u64 = 32;
 
-/// What the pages share before and behind their own part.
+/// Common beginning and end of the pages.
 const HEAD: &str = include_str!("page/head.html");
 const FOOT: &str = include_str!("page/foot.html");
 const STYLE: &str = include_str!("page/page.css");

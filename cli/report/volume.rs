@@ -101,7 +101,7 @@ pub(crate) fn page(
     rendered(VOLUME, context)
 }
 
-/// Names of the volumes, those of the sample before the rest.
+/// Names of the volumes, the sample's first.
 fn names(record: &VolumeRecord) -> Vec<String> {
     let first = ["mu", "delta", "dark-field"];
     let all = record.units.keys();
@@ -110,7 +110,7 @@ fn names(record: &VolumeRecord) -> Vec<String> {
     own.chain(rest).collect()
 }
 
-/// Voxels of a page: blocks of those of the files.
+/// Voxels of a page: blocks of voxels of the files.
 struct Bins {
     /// Voxels of a block along x, y, z.
     bin: [usize; 3],
@@ -234,7 +234,7 @@ fn facts(record: &VolumeRecord, command: &str) -> Vec<TableRow> {
     facts
 }
 
-/// What the reader has to know of the data.
+/// Notes to the reader about the data.
 fn notes(bins: &Bins, record: &VolumeRecord, most: u64) -> Vec<String> {
     if bins.bin == [1; 3] {
         return Vec::new();

@@ -38,7 +38,7 @@ pub struct HardeningChoice {
     pub scene: Scene,
     /// Material of the sample.
     pub material: String,
-    /// Energy that μ is quoted at, keV. `None`: the mean of what the detector sees without a sample.
+    /// Energy of μ, keV. `None`: the mean of the detected photons without a sample.
     pub energy: Option<f64>,
 }
 
@@ -75,7 +75,7 @@ impl HardeningChoice {
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[non_exhaustive]
 pub struct BeamEnergy {
-    /// The one energy, or the mean of what the detector sees without a sample, keV.
+    /// The one energy, or the mean of the detected photons without a sample, keV.
     pub kev: f64,
     /// Whether the beam has a spectrum.
     pub spectrum: bool,
@@ -164,7 +164,7 @@ impl BeamHardening {
 struct Beam {
     /// Energy that μ is quoted at, keV.
     energy: f64,
-    /// Share of what the detector sees without a sample, and μ of the material, 1/m.
+    /// Share of the signal without a sample, and μ of the material, 1/m.
     lines: Vec<[f64; 2]>,
     /// μ at the energy that it is quoted at, 1/m.
     of_energy: f64,

@@ -1,4 +1,4 @@
-//! Memory of a reconstruction, and what a limit leaves for the device.
+//! Memory of a reconstruction, and the remainder of a limit for the device.
 
 use super::geometry::ScanGeometry;
 use super::method::Method;

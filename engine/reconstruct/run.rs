@@ -276,7 +276,7 @@ impl Making<'_> {
         method.volume(engine, geometry, &measured, &plan.grid, control)
     }
 
-    /// Writes the deviations of the voxels, and returns those of the means of regions.
+    /// Writes the deviations of the voxels, and returns the deviations of means of regions.
     fn sigma(&mut self, quantity: Quantity, cancel: &Cancel) -> Result<Option<Vec<f64>>> {
         let plan = self.plan;
         let method = self.method;

@@ -118,7 +118,7 @@ fn prepared<'a>(
     Filtering::new(geometry, quantity, options)
 }
 
-/// Refuses what has no deviation that is known, before any work is done.
+/// Refuses options without a known deviation, before any work is done.
 ///
 /// # Errors
 /// [`Error::Argument`] with the reason.

@@ -82,9 +82,8 @@ impl Images {
         self.names.iter().copied().zip(&self.maps)
     }
 
-    /// An image; `None` where the method does not give it. In images, 1-sigma uncertainties
-    /// have the unit of what they belong to: transmission 1, refraction rad, dark field rad^2;
-    /// centres and widths are in m.
+    /// An image; `None` if the method does not give it. In images, 1-sigma uncertainties have the unit of
+    /// their image: transmission 1, refraction rad, dark field rad^2; centres and widths are in m.
     #[must_use]
     pub fn get(&self, name: &str) -> Option<&Array2<f32>> {
         self.iter().find(|(other, _)| *other == name).map(|(_, map)| map)

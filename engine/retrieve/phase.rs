@@ -42,7 +42,7 @@ impl DriftSum {
         self.filled += filled;
     }
 
-    /// What was taken off rows of a width at the axis of rotation, m.
+    /// Value subtracted from rows of a width at the axis of rotation, m.
     pub(crate) fn drift(&self, width: f64) -> Drift {
         let share = if self.most > 0.0 { self.largest * width / self.most } else { 0.0 };
         Drift {
@@ -145,7 +145,7 @@ impl PhaseImages {
         phase
     }
 
-    /// What was taken off all rows.
+    /// Value subtracted from all rows.
     pub(super) fn drift(&self) -> Drift {
         let borders = borders(&self.columns);
         self.sum.drift((borders[self.columns.len()] - borders[0]) / self.scale)

@@ -1,4 +1,4 @@
-//! The program as a user meets it: verbs, messages, pictures and reports.
+//! The program as a user sees it: verbs, messages, pictures and reports.
 
 #[path = "../support/mod.rs"]
 mod support;

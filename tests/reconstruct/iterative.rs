@@ -1,4 +1,4 @@
-//! Iterative methods against closed forms, and what they are given beside sinograms.
+//! Iterative methods against closed forms, and their inputs beside sinograms.
 
 use crate::set_up::{PIXEL, blobs, deviation, fan, grid, parallel, sinograms};
 use crate::support::{self, Worst};
