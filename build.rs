@@ -76,6 +76,8 @@ const PERMUTATIONS: &[Permutation] = &[
     ("project_cone", "reconstruct/project.comp", &[("CONE", "1")]),
     ("project_back", "reconstruct/project_back.comp", &[]),
     ("project_back_cone", "reconstruct/project_back.comp", &[("CONE", "1")]),
+    ("project_moved", "reconstruct/project_moved.comp", &[]),
+    ("project_back_moved", "reconstruct/project_back_moved.comp", &[]),
 ];
 
 /// The shaders of the tests, from tests/device/shaders/; they are not part of the library.

@@ -85,7 +85,10 @@ pub use light::{
     Aperture, BeamletGeometry, Cell, CellRow, IlluminatePush, IlluminationParams, Mask, Pixel,
     RandomLightPush, RandomRaysPush, SpotPart,
 };
-pub use reconstruct::{BackProjectPush, ProjectBackPush, ProjectPush, Sheet, ViewTurn};
+pub use reconstruct::{
+    BackProjectPush, MovedSheet, MovedView, ProjectBackMovedPush, ProjectBackPush,
+    ProjectMovedPush, ProjectPush, Sheet, ViewTurn,
+};
 pub use walk::{
     AnalyticShape, Constants, Crossing, CrossingsPush, ExactPush, Leaf, Node, Placed, Prototype,
     Ray, RayResult, Sample, Surface, SurfaceCrossing, TracePush, ViewTransform,

@@ -36,6 +36,93 @@ shared_structs! {
         pub is_x: u32,
     }
 
+    /// Rays of a view with a motion of its own, in slices across one axis of the volume. A slice is
+    /// counted from the middle one, voxels from the middle of a slice; a ray is (1, place, row): its place
+    /// in mean distances of columns, its row, both from the middle of the detector. Values are scalar
+    /// products with a ray, over that with `weight`.
+    pub struct MovedSheet in MovedSheets(readonly) {
+        /// Voxels at which a ray crosses slice 0, along the first of the other axes, and the change from
+        /// slice to slice.
+        pub first: [f32; 3],
+        pub first_by_slice: [f32; 3],
+        /// The same along the second.
+        pub second: [f32; 3],
+        pub second_by_slice: [f32; 3],
+        /// Slices per depth: rays belong to the axis with the largest.
+        pub weight: [f32; 3],
+        /// Depth behind the rotation centre, m.
+        pub depth: [f32; 3],
+        pub depth_by_slice: f32,
+        /// Some rays of the view may belong to this axis.
+        pub is_used: u32,
+    }
+
+    /// Place, row and 1 + depth over the distance of the source of a voxel in a view: scalar products with
+    /// (x, y, z, 1), in voxels from the middle of the volume. Place and row are over the last.
+    pub struct MovedView in MovedViews(readonly) {
+        pub place: [f32; 4],
+        pub row: [f32; 4],
+        pub scale: [f32; 4],
+    }
+
+    /// Push constants of `reconstruct/project_moved.comp`.
+    pub struct ProjectMovedPush {
+        /// Three of each view.
+        pub sheets: u64 => MovedSheets,
+        /// Place of each column.
+        pub places: u64 => Projections,
+        /// `[z][y][x]` of a slab.
+        pub volume: u64 => Projections,
+        /// `[view][row][column]`, added to.
+        pub rays: u64 => Floats,
+        pub columns: u32,
+        pub rows: u32,
+        pub size_x: u32,
+        pub size_y: u32,
+        pub size_z: u32,
+        /// Planes of the volume in the slab.
+        pub first_plane: u32,
+        pub plane_end: u32,
+        /// Rays of this dispatch: from `first`, before `end`.
+        pub first: u32,
+        pub end: u32,
+        /// `ARM_`
+        pub arm: u32,
+        /// One over the lever arm of the rotation centre, 1/m.
+        pub per_lever: f32,
+        /// Taken off the factor of the arm.
+        pub arm_less: f32,
+        /// One over the distance from the source to the rotation centre, 1/m; 0 in a parallel beam.
+        pub per_distance: f32,
+    }
+
+    /// Push constants of `reconstruct/project_back_moved.comp`.
+    pub struct ProjectBackMovedPush {
+        pub sheets: u64 => MovedSheets,
+        pub views: u64 => MovedViews,
+        pub places: u64 => Projections,
+        /// Per place in mean distances from the first column: the first column from there on.
+        pub starts: u64 => Words,
+        /// `[z][y][x]` of a slab, added to.
+        pub volume: u64 => Floats,
+        /// `[view][row][column]`.
+        pub rays: u64 => Projections,
+        pub view_count: u32,
+        pub columns: u32,
+        pub rows: u32,
+        pub size_x: u32,
+        pub size_y: u32,
+        pub size_z: u32,
+        pub first_plane: u32,
+        /// Voxels of this dispatch: from `first`, before `end`.
+        pub first: u32,
+        pub end: u32,
+        pub arm: u32,
+        pub per_lever: f32,
+        pub arm_less: f32,
+        pub per_distance: f32,
+    }
+
     /// Push constants of `reconstruct/project.comp`.
     pub struct ProjectPush {
         /// Two of each view.

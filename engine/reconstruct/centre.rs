@@ -33,6 +33,7 @@ pub fn find_axis(
     data: Data,
 ) -> Result<f64> {
     geometry.check()?;
+    geometry.require_circle("the search of the axis of rotation")?;
     same_shape("sinograms", sinograms.dim(), geometry.dim())?;
     parallel::start_threads()?;
     let search = Search::new(geometry, sinograms, data)?;

@@ -80,15 +80,42 @@ impl ScanGeometry {
         })
     }
 
-    /// Distance from the axis up to which every view sees a voxel, m.
+    /// Whether the shadow of the convex hull of some points may reach the detector in a view.
+    fn sees(&self, view: usize, points: &[[f64; 3]]) -> bool {
+        let (motion, per, scale) = (self.motion(view), self.per_distance(), self.magnification());
+        let places = points.iter().map(|point| {
+            let [x, y, z] = motion.point(*point);
+            [x, z].map(|side| side * scale / (1.0 + y * per))
+        });
+        let [pitch, height] = [self.column_pitch() / 2.0, self.row_pitch() / 2.0];
+        let [columns, rows] = [self.columns.len(), self.rows.len()];
+        let detector = [
+            [self.columns[0] - pitch, self.columns[columns - 1] + pitch],
+            [self.rows[rows - 1] - height, self.rows[0] + height],
+        ];
+        let places: Vec<[f64; 2]> = places.collect();
+        [0, 1].into_iter().all(|side| {
+            let [low, high] = detector[side];
+            places.iter().any(|place| place[side] >= low)
+                && places.iter().any(|place| place[side] <= high)
+        })
+    }
+
+    /// Distance from the axis up to which every view sees a voxel, in a half-fan one of two opposite views, m.
     pub(super) fn seen_radius(&self) -> f64 {
         let [left, right] = self.reach();
-        left.min(right)
+        if self.columns_of_half_fan() > 0 { left.max(right) } else { left.min(right) }
     }
 }
 
 /// Refuses a volume outside the field of view of the scan.
 fn refuse_unseen(grid: &VolumeGrid, geometry: &ScanGeometry) -> Result<()> {
+    if geometry.motions.is_some() {
+        return match (0..geometry.angles.len()).any(|view| geometry.sees(view, &grid.corners())) {
+            true => Ok(()),
+            false => Err(Error::argument("grid", "voxels that no view sees", "voxels in the beam")),
+        };
+    }
     let per = geometry.per_distance();
     let scale = geometry.magnification();
     let ends = grid.ends();

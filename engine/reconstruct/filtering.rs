@@ -12,6 +12,7 @@ use crate::{Cancel, Result, reserve};
 use ndarray::{Array3, ArrayView3};
 use rayon::prelude::*;
 use std::f64::consts::TAU;
+use std::ops::Range;
 
 /// Weights and filters of the rows of a scan.
 #[derive(Debug)]
@@ -21,8 +22,10 @@ pub(super) struct Filtering<'a> {
     weights: Redundancy,
     even: Resampling,
     filter: RowFilter,
-    /// Columns added on either side of a row.
+    /// Columns that a row is continued by on either side before it is filtered.
     beyond: usize,
+    /// Columns of zeros before and behind a row, which filtered rows have, too.
+    added: [usize; 2],
 }
 
 impl<'a> Filtering<'a> {
@@ -36,23 +39,30 @@ impl<'a> Filtering<'a> {
         let weights = Redundancy::of(geometry)?;
         let even = Resampling::of(&geometry.columns);
         let beyond = if options.extrapolate { even.len() } else { 0 };
+        let added = weights.missing(geometry, [even.first, even.pitch], even.len());
+        let most = |side: usize| beyond.max(added[side]);
         let filter = RowFilter::new(
-            even.len() + 2 * beyond,
+            even.len() + most(0) + most(1),
             even.pitch / geometry.magnification(),
             quantity == Quantity::Delta,
             (options.filter, options.cut_off),
         );
-        Ok(Self { geometry, quantity, weights, even, filter, beyond })
+        Ok(Self { geometry, quantity, weights, even, filter, beyond, added })
     }
 
-    /// Place of the first even column on the detector, and their distance, m.
-    pub(super) const fn columns(&self) -> [f64; 2] {
-        [self.even.first, self.even.pitch]
+    /// Place of the first filtered column on the detector, and their distance, m.
+    pub(super) fn columns(&self) -> [f64; 2] {
+        [self.even.first - self.added[0] as f64 * self.even.pitch, self.even.pitch]
     }
 
-    /// Number of even columns.
+    /// Number of filtered columns.
     pub(super) fn count(&self) -> usize {
-        self.even.len()
+        self.even.len() + self.added[0] + self.added[1]
+    }
+
+    /// Columns of the detector among the filtered ones, where they are even.
+    pub(super) fn measured(&self) -> Range<usize> {
+        self.added[0]..self.added[0] + self.even.len()
     }
 
     pub(super) const fn is_turn(&self) -> bool {
@@ -73,36 +83,42 @@ impl<'a> Filtering<'a> {
         cancel: &Cancel,
     ) -> Result<Array3<f32>> {
         let (views, rows, columns) = sinograms.dim();
-        let mut all: Vec<f32> =
-            reserve::zeroed(views * rows * self.even.len(), "filtered projections")?;
-        all.par_chunks_mut(self.even.len()).enumerate().try_for_each(|(number, out)| {
+        let count = self.count();
+        let mut all: Vec<f32> = reserve::zeroed(views * rows * count, "filtered projections")?;
+        let [before, behind] = self.added.map(|added| added.max(self.beyond));
+        all.par_chunks_mut(count).enumerate().try_for_each(|(number, out)| {
             cancel.check()?;
             let (view, row) = (number / rows, number % rows);
             let value = |column| f64::from(sinograms[[view, row, column]]);
-            let even: Vec<f64> = if self.beyond > 0 {
+            let mut even = vec![0.0; before + self.even.len() + behind];
+            if self.beyond > 0 {
                 let values: Vec<f64> = (0..columns).map(value).collect();
-                let values: Vec<f64> = self.even.values(&values).collect();
-                let [first, pitch] = self.columns();
-                let place = |n: usize| first + (n as f64 - self.beyond as f64) * pitch;
+                let first = self.even.first - self.beyond as f64 * self.even.pitch;
+                let place = |n: usize| first + n as f64 * self.even.pitch;
                 // Squares of chords of an ellipse are a parabola in u after this.
                 let length = |place: f64| self.geometry.length(place, row);
                 let values: Vec<f64> = (self.beyond..)
-                    .zip(values)
+                    .zip(self.even.values(&values))
                     .map(|(n, value)| value * length(place(n)))
                     .collect();
                 let weight = |place: f64| self.weight(view, row, place) / length(place);
                 let extended = extended(&values, self.beyond).into_iter().enumerate();
-                extended.map(|(n, value)| value * weight(place(n))).collect()
+                let to = &mut even[before - self.beyond..];
+                to.iter_mut().zip(extended).for_each(|(to, (n, value))| {
+                    *to = value * weight(place(n));
+                });
             } else {
                 let weight = |column: usize| self.weight(view, row, self.geometry.columns[column]);
                 let weighted: Vec<f64> = (0..columns).map(|n| value(n) * weight(n)).collect();
-                self.even.values(&weighted).collect()
-            };
+                let to = &mut even[before..];
+                to.iter_mut().zip(self.even.values(&weighted)).for_each(|(to, value)| *to = value);
+            }
             let filtered = self.filter.apply(&even);
-            out.iter_mut().zip(&filtered[self.beyond..]).for_each(|(to, from)| *to = single(*from));
+            let from = &filtered[before - self.added[0]..];
+            out.iter_mut().zip(from).for_each(|(to, from)| *to = single(*from));
             Ok(())
         })?;
-        let shape = (views, rows, self.even.len());
+        let shape = (views, rows, count);
         Ok(Array3::from_shape_vec(shape, all).unwrap_or_else(|_| Array3::zeros(shape)))
     }
 

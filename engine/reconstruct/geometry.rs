@@ -1,11 +1,12 @@
-//! The geometry of a scan on a circle.
+//! The geometry of a scan.
 
-use crate::scene::Scene;
+use crate::scene::{Motion, Scene};
 use crate::stack::GeometryFile;
 use crate::{Error, Result};
 
-/// A scan on a circle: source and detector turn about an axis along z, at right angles to the optical
-/// axis. Lengths in m, angles in rad; frame and signs as in docs/physics.md.
+/// A scan: on a circle, where source and detector turn about an axis along z at right angles to the
+/// optical axis, or with any rigid motion of the sample in each view. Lengths in m, angles in rad; frame
+/// and signs as in docs/physics.md.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
 pub struct ScanGeometry {
@@ -23,8 +24,12 @@ pub struct ScanGeometry {
     /// Axis of rotation to the plane in which displacements are measured (the detector mask, or the
     /// detector without one). Infinite: voxels before and behind the axis count alike.
     pub lever: f64,
-    /// Angles of the views, in any order.
+    /// Angles of the views, in any order. They count for nothing where there are `motions`.
     pub angles: Vec<f64>,
+    /// Motion of the sample in each view, from the frame of the volume to that of the set-up at rest: its
+    /// origin is on the optical axis at `source_distance` behind the source, which is on -y; the shift
+    /// by `axis` along x follows. `None`: a circle by `angles`.
+    pub motions: Option<Vec<Motion>>,
 }
 
 impl ScanGeometry {
@@ -39,27 +44,26 @@ impl ScanGeometry {
     ) -> Self {
         let [source_distance, detector_distance] = distances;
         let lever = f64::INFINITY;
-        Self { source_distance, detector_distance, columns, rows, axis: 0.0, lever, angles }
+        let (axis, motions) = (0.0, None);
+        Self { source_distance, detector_distance, columns, rows, axis, lever, angles, motions }
     }
 
     /// The scan of a scene: columns are the centres of the openings of the detector mask before each
-    /// pixel, rows those of the pixels, and the axis
-    /// is where `scan.axis` has it.
+    /// pixel, rows those of the pixels, and the axis is where `scan.axis` has it. Views that move the sample
+    /// have their motions.
     ///
     /// # Errors
-    /// [`Error::Scene`] where its views move the sample otherwise: these are no circle.
+    /// [`Error::File`] as [`GeometryFile`].
     pub fn of_scene(scene: &Scene) -> Result<Self> {
-        let [x, y, _] = scene.scan.axis.shift;
-        if !scene.scan.is_circle() {
-            let found = "motions of the sample";
-            let allowed = "none but a shift of the axis in x and y: reconstruction needs a circle";
-            return Err(Error::scene("scan.motions", found, allowed));
-        }
         let file = GeometryFile::of(scene);
-        let distances = [scene.source.distance + y, scene.detector.distance];
-        let lever = scene.analyser_distance() - distances[0];
+        let motions = file.motions()?;
+        let distances = [file.source_to_axis_m, file.source_to_detector_m];
+        let lever = file.source_to_analyser_m - file.source_to_axis_m;
         let made = Self::new(distances, file.columns_m, file.rows_m, file.angles_rad);
-        Ok(Self { axis: x, lever, ..made })
+        Ok(match motions {
+            None => Self { axis: scene.scan.axis.shift[0], lever, ..made },
+            Some(motions) => Self { lever, ..made }.with_motions(motions),
+        })
     }
 
     /// Magnification from the axis of rotation to the detector.
@@ -131,6 +135,10 @@ impl ScanGeometry {
         if self.angles.len() < 3 || !is_finite(&self.angles) {
             let found = format!("{} angles", self.angles.len());
             return wrong("angles", found, "three or more finite angles");
+        }
+        if let Some(motions) = self.motions.as_ref().filter(|m| m.len() != self.angles.len()) {
+            let found = format!("{} motions for {} views", motions.len(), self.angles.len());
+            return wrong("motions", found, "one for each view");
         }
         Ok(())
     }

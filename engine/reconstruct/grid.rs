@@ -2,6 +2,7 @@
 
 use super::geometry::ScanGeometry;
 use super::quantity::Quantity;
+use crate::numbers::whole;
 use crate::{Error, Result};
 use ndarray::Array3;
 
@@ -17,7 +18,10 @@ pub struct VolumeGrid {
 }
 
 impl VolumeGrid {
-    /// A grid about the axis of rotation with a voxel for each column and row as the axis sees them.
+    /// A grid about the axis of rotation with a voxel for each column and row as the axis sees them. Where
+    /// views move the sample, planes cover all that their rows see of the axis. Where the axis is a tenth of
+    /// the detector or more beside its middle in a whole turn (half-fan), the grid reaches as far as the
+    /// longer side.
     ///
     /// # Errors
     /// [`Error::Argument`] for a geometry that cannot be.
@@ -26,11 +30,18 @@ impl VolumeGrid {
         let shrink = 1.0 / geometry.magnification();
         let [columns, rows] = [geometry.columns.len(), geometry.rows.len()];
         let side = geometry.column_pitch() * shrink;
+        let columns = columns.max(geometry.columns_of_half_fan());
         let edge = -side * (columns - 1) as f64 / 2.0;
+        let height = geometry.row_pitch() * shrink;
+        let [low, high] = geometry.heights();
+        let planes = match geometry.motions {
+            None => rows,
+            Some(_) => whole::<usize>(((high - low) / height - 1e-6).ceil().max(0.0)) + 1,
+        };
         Ok(Self {
-            size: [columns, columns, rows],
-            voxel: [side, side, geometry.row_pitch() * shrink],
-            origin: [edge, edge, geometry.rows[rows - 1] * shrink],
+            size: [columns, columns, planes],
+            voxel: [side, side, height],
+            origin: [edge, edge, low],
         })
     }
 
@@ -62,6 +73,9 @@ impl VolumeGrid {
             let allowed = "one voxel or more along each axis, sides above zero, a finite origin";
             return Err(Error::argument("grid", format!("{self:?}"), allowed));
         }
+        if geometry.motions.is_some() {
+            return self.check_motions(geometry);
+        }
         let far = |axis: usize| {
             let end = self.origin[axis] + self.voxel[axis] * (self.size[axis] - 1) as f64;
             self.origin[axis].abs().max(end.abs())
@@ -74,6 +88,31 @@ impl VolumeGrid {
             let allowed =
                 format!("less than {room} m, the way from the axis to source or detector");
             return Err(Error::argument("grid", found, allowed));
+        }
+        Ok(())
+    }
+
+    /// The corners, m.
+    pub(super) fn corners(&self) -> [[f64; 3]; 8] {
+        let ends = self.ends();
+        [0, 1, 2, 3, 4, 5, 6, 7].map(|n| [ends[0][n & 1], ends[1][n >> 1 & 1], ends[2][n >> 2]])
+    }
+
+    fn check_motions(&self, geometry: &ScanGeometry) -> Result<()> {
+        let behind = geometry.detector_distance - geometry.source_distance;
+        if geometry.source_distance.is_infinite() {
+            return Ok(());
+        }
+        for view in 0..geometry.angles.len() {
+            let motion = geometry.motion(view);
+            for [_, depth, _] in self.corners().map(|corner| motion.point(corner)) {
+                if depth <= -geometry.source_distance || depth >= behind {
+                    let found =
+                        format!("voxels {depth} m behind the rotation centre in view {view}");
+                    let allowed = "voxels between the source and the detector in every view";
+                    return Err(Error::argument("grid", found, allowed));
+                }
+            }
         }
         Ok(())
     }

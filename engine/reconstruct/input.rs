@@ -333,7 +333,15 @@ fn difference(a: &GeometryFile, b: &GeometryFile) -> Option<&'static str> {
         () if !near(&a.angles_rad, &b.angles_rad, 1e-9) => Some("angles"),
         () if !near(&a.rows_m, &b.rows_m, 1e-9) => Some("rows"),
         () if !near(&distances(a), &distances(b), 1e-9) => Some("distances"),
-        () if a.axis_column.is_none() != b.axis_column.is_none() => Some("motions"),
+        () if !same_motions(a, b) => Some("motions of the sample"),
         () => None,
     }
+}
+
+fn same_motions(a: &GeometryFile, b: &GeometryFile) -> bool {
+    let [a, b] = [a, b].map(|file| file.sample_motions.as_deref());
+    let Some((a, b)) = a.zip(b) else { return a.is_none() == b.is_none() };
+    let near =
+        |(a, b): (&[f64; 12], &[f64; 12])| a.iter().zip(b).all(|(a, b)| (a - b).abs() < 1e-9);
+    a.len() == b.len() && a.iter().zip(b).all(near)
 }

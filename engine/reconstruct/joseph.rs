@@ -17,11 +17,11 @@ pub(super) struct Rays {
 
 impl Rays {
     /// Mean distance of the places.
-    fn pitch(&self) -> f64 {
+    pub(super) fn pitch(&self) -> f64 {
         (self.places[self.places.len() - 1] - self.places[0]) / (self.places.len() - 1) as f64
     }
 
-    fn middle(&self) -> f64 {
+    pub(super) fn middle(&self) -> f64 {
         f64::midpoint(self.places[0], self.places[self.places.len() - 1])
     }
 
@@ -39,12 +39,19 @@ impl Rays {
         [rows[0], rows[1], self.grid.origin[2] / self.grid.voxel[2]]
     }
 
-    /// Way along the optical axis from slice to slice, m, on the ray through a place in a view, with the
-    /// factor of its length in the plane of a row.
-    pub(super) fn step(&self, [cosine, sine]: [f64; 2], place: f64) -> f64 {
-        let u = place / self.geometry.magnification();
-        let [along_x, along_y] = self.speeds([cosine, sine], u);
-        1.0 / along_x.max(along_y)
+    /// Depth from slice to slice along the rays of a row of a view, m.
+    pub(super) fn steps_of(&self, view: usize, row: usize) -> Vec<f64> {
+        if self.geometry.motions.is_some() {
+            return self.moved_steps(view, row);
+        }
+        let angle = self.geometry.angles[view];
+        let turn = [libm::cos(angle), libm::sin(angle)];
+        let scale = self.geometry.magnification();
+        let step = |place: &f64| {
+            let [along_x, along_y] = self.speeds(turn, place / scale);
+            1.0 / along_x.max(along_y)
+        };
+        self.places.iter().map(step).collect()
     }
 
     /// Slices that a ray through `u` at the axis crosses per depth: those across x, those across y.

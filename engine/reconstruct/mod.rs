@@ -1,6 +1,6 @@
 //! Reconstruction: from sinograms of attenuation, refraction and dark field to volumes.
 //!
-//! Parallel beams, fans and cones, on a circle. Formulas: docs/physics.md.
+//! Parallel beams, fans and cones, on a circle; iterative methods with any motion of the sample. Formulas: docs/physics.md.
 //!
 //! From retrieved images to files: [`Input`] reads sinograms (`prepare.rs` fills their gaps),
 //! [`GridChoice`] chooses voxels, a [`VolumePlan`] has what is to be made, within a limit of memory
@@ -9,11 +9,11 @@
 //!
 //! From sinograms to volumes, in the order of the data:
 //!
-//! - `geometry`, `grid`, `quantity`, `data`: the scan, the voxels, what values are.
+//! - `geometry`, `motions`, `grid`, `quantity`, `data`: the scan, the voxels, what values are.
 //! - `centre`, `rings`, `hardening`, `phase`: sinograms corrected.
 //! - `redundancy`, `resampling`, `filter`, `extrapolation`, `filtering`: rows weighted and filtered.
 //! - `back_projector`, `fbp_options`, `fbp`, `sigma`: filtered back-projection, and its noise.
-//! - `joseph`, `projector`, `model`: projections of a volume, and the transpose.
+//! - `joseph`, `moved`, `projector`, `model`: projections of a volume, and the transpose.
 //! - `solver`, `measured`, `preconditioner`, `vectors`, `problem`, `iterative`: least squares.
 //! - `gradient_bias`: slices corrected.
 //! - `work`: progress of several stages.
@@ -39,6 +39,8 @@ mod measured;
 mod memory;
 mod method;
 mod model;
+mod motions;
+mod moved;
 mod open;
 mod phase;
 mod plan;

@@ -180,12 +180,11 @@ impl Model {
     /// Way through a slice on each line of a row, m: along the line, or along the optical axis where the
     /// data are derivatives.
     fn steps(&self, view: usize, row: usize) -> impl Iterator<Item = f64> + '_ {
-        let angle = self.rays.geometry.angles[view];
-        let turn = [libm::cos(angle), libm::sin(angle)];
         let is_length = matches!(self.data, Data::Attenuation | Data::DarkField);
-        self.rays.places.iter().map(move |place| {
+        let steps = self.rays.steps_of(view, row);
+        self.rays.places.iter().zip(steps).map(move |(place, step)| {
             let length = if is_length { self.rays.geometry.length(*place, row) } else { 1.0 };
-            self.rays.step(turn, *place) * length
+            step * length
         })
     }
 

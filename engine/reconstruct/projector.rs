@@ -3,10 +3,13 @@
 use super::joseph::Rays;
 use super::work::Work;
 use crate::gpu::{Buffer, Device, Kernel, Memory, Pace, shaders};
-use crate::interface::{ProjectBackPush, ProjectPush, Sheet};
+use crate::interface::{
+    MovedSheet, MovedView, ProjectBackMovedPush, ProjectBackPush, ProjectMovedPush, ProjectPush,
+    Sheet,
+};
 use crate::numbers::{count, single};
 use crate::trace::push_bytes;
-use crate::{Engine, Error, Result, reserve};
+use crate::{Cancel, Engine, Error, Result, reserve};
 use ndarray::{Array3, ArrayView3};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
@@ -31,8 +34,9 @@ pub(super) struct Projector {
     device: Arc<Device>,
     forward: Kernel,
     back: Kernel,
-    /// What differs from dispatch to dispatch is left at 0, and so are addresses.
-    push: ProjectPush,
+    tables: Tables,
+    rows: usize,
+    columns: usize,
     views: usize,
     /// Planes of a slab, views of a part.
     planes: usize,
@@ -41,12 +45,32 @@ pub(super) struct Projector {
     is_even: bool,
     places: Buffer,
     starts: Buffer,
-    sheets: Buffer,
     volume: Buffer,
     rays: Buffer,
     /// Held while the buffers are in use.
     busy: Mutex<()>,
 }
+
+/// Tables of the views, and push constants: what differs from dispatch to dispatch is left at 0, and so
+/// are addresses.
+#[derive(Debug)]
+enum Tables {
+    /// Views on a circle.
+    Circle { sheets: Buffer, push: ProjectPush },
+    /// Views with motions of their own.
+    Moved { sheets: Buffer, views: Buffer, push: ProjectMovedPush },
+}
+
+type Code = (&'static str, &'static [u32]);
+
+/// Kernels, forward and back, of circles under one row and under several, and of other motions.
+const FLAT: [Code; 2] = [("project", shaders::PROJECT), ("project_back", shaders::PROJECT_BACK)];
+const CONE: [Code; 2] =
+    [("project_cone", shaders::PROJECT_CONE), ("project_back_cone", shaders::PROJECT_BACK_CONE)];
+const MOVED: [Code; 2] = [
+    ("project_moved", shaders::PROJECT_MOVED),
+    ("project_back_moved", shaders::PROJECT_BACK_MOVED),
+];
 
 impl Projector {
     /// # Errors
@@ -56,7 +80,8 @@ impl Projector {
         let [x, y, z] = rays.grid.size;
         let (rows, columns) = (rays.geometry.rows.len(), rays.places.len());
         let views = rays.geometry.angles.len();
-        if rows == 1 && z > 1 {
+        let is_circle = rays.geometry.motions.is_none();
+        if is_circle && rows == 1 && z > 1 {
             let found = format!("{z} planes under one row of a detector");
             return Err(Error::argument("grid", found, "one plane for one row"));
         }
@@ -69,41 +94,26 @@ impl Projector {
         let starts: Vec<u32> = (0..columns)
             .map(|bin| count(steps.partition_point(|at| at + half < bin as f64)))
             .collect();
-        let [row_zero, row_step, plane_zero] = rays.heights().map(single);
-        let push = ProjectPush {
-            columns: count(columns),
-            rows: count(rows),
-            size_x: count(x),
-            size_y: count(y),
-            arm: arm.kind,
-            per_lever: single(arm.per_lever),
-            arm_less: single(arm.less),
-            row_zero,
-            row_step,
-            plane_zero,
-            ..bytemuck::Zeroable::zeroed()
-        };
         let (planes, part) =
             ((at_once / (x * y)).clamp(1, z), (at_once / (rows * columns)).clamp(1, views));
         let device = engine.device().clone();
-        let kernel = |[flat, cone]: [(&str, &'static [u32]); 2], bytes| {
-            let (name, code) = if rows == 1 { flat } else { cone };
-            device.kernel(name, code, bytes)
-        };
         let buffer = |name, values: usize| device.buffer(name, values as u64 * 4, Memory::Device);
+        let ([forward, back], bytes) = match (is_circle, rows) {
+            (true, 1) => (FLAT, [push_bytes::<ProjectPush>(), push_bytes::<ProjectBackPush>()]),
+            (true, _) => (CONE, [push_bytes::<ProjectPush>(), push_bytes::<ProjectBackPush>()]),
+            (false, _) => {
+                let bytes =
+                    [push_bytes::<ProjectMovedPush>(), push_bytes::<ProjectBackMovedPush>()];
+                (MOVED, bytes)
+            }
+        };
+        let kernel = |(name, code): Code, bytes| device.kernel(name, code, bytes);
         Ok(Self {
-            forward: kernel(
-                [("project", shaders::PROJECT), ("project_cone", shaders::PROJECT_CONE)],
-                push_bytes::<ProjectPush>(),
-            )?,
-            back: kernel(
-                [
-                    ("project_back", shaders::PROJECT_BACK),
-                    ("project_back_cone", shaders::PROJECT_BACK_CONE),
-                ],
-                push_bytes::<ProjectBackPush>(),
-            )?,
-            push,
+            forward: kernel(forward, bytes[0])?,
+            back: kernel(back, bytes[1])?,
+            tables: Tables::of(&device, rays, arm)?,
+            rows,
+            columns,
             views,
             planes,
             part,
@@ -111,7 +121,6 @@ impl Projector {
             is_even,
             places: device.upload("places of columns", &places)?,
             starts: device.upload("columns by their places", &starts)?,
-            sheets: device.upload("sheets of rays", &rays.sheets()?)?,
             volume: buffer("a slab", planes * x * y)?,
             rays: buffer("rays", part * rows * columns)?,
             device,
@@ -124,12 +133,8 @@ impl Projector {
         self.busy.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    fn rays_of_a_view(&self) -> usize {
-        (self.push.rows * self.push.columns) as usize
-    }
-
-    fn sheets_from(&self, view: usize) -> u64 {
-        self.sheets.address() + (2 * view * size_of::<Sheet>()) as u64
+    const fn rays_of_a_view(&self) -> usize {
+        self.rows * self.columns
     }
 
     /// Sums along rays, `[view][row][place]`, of a volume, `[z][y][x]`.
@@ -150,24 +155,15 @@ impl Projector {
             for [first, end] in &slabs {
                 let slab = volume.slice(ndarray::s![*first..*end, .., ..]);
                 self.volume.write(0, slab.as_standard_layout().as_slice().unwrap_or_default())?;
-                let push = ProjectPush {
-                    sheets: self.sheets_from(number * self.part),
-                    places: self.places.address(),
-                    volume: self.volume.address(),
-                    rays: self.rays.address(),
-                    first_plane: count(*first),
-                    plane_end: count(*end),
-                    ..self.push
-                };
-                let push = |first, end| ProjectPush { first, end, ..push };
                 let mut done = |n: u32| (work.report)((before + n as usize) as f64 / total);
                 let (items, pace) = (count(part.len()), (&mut pace, &work.cancel));
-                self.device.run_paced(&self.forward, items, pace, push, &mut done)?;
+                let (view, planes) = (number * self.part, [*first, *end].map(count));
+                self.run_forward(items, pace, (view, planes), &mut done)?;
                 before += part.len();
             }
             self.rays.read_into(0, part)?;
         }
-        let shape = (self.views, self.push.rows as usize, self.push.columns as usize);
+        let shape = (self.views, self.rows, self.columns);
         Ok(Array3::from_shape_vec(shape, rays).unwrap_or_else(|_| Array3::zeros(shape)))
     }
 
@@ -191,40 +187,114 @@ impl Projector {
                 let n = self.part.min(self.views - start);
                 let part = rays.slice(ndarray::s![start..start + n, .., ..]);
                 self.rays.write(0, part.as_standard_layout().as_slice().unwrap_or_default())?;
-                let push = ProjectBackPush {
-                    sheets: self.sheets_from(start),
-                    places: self.places.address(),
-                    starts: self.starts.address(),
-                    volume: self.volume.address(),
-                    rays: self.rays.address(),
-                    view_count: count(n),
-                    columns: self.push.columns,
-                    rows: self.push.rows,
-                    is_even: self.is_even.into(),
-                    size_x: self.push.size_x,
-                    size_y: self.push.size_y,
-                    first_plane: count(*first_plane),
-                    first: 0,
-                    end: 0,
-                    arm: self.push.arm,
-                    per_lever: self.push.per_lever,
-                    arm_less: self.push.arm_less,
-                    row_zero: self.push.row_zero,
-                    row_step: self.push.row_step,
-                    plane_zero: self.push.plane_zero,
-                };
-                let push = |first, end| ProjectBackPush { first, end, ..push };
                 let mut done = |voxels: u32| {
                     (work.report)((before + voxels as usize * n) as f64 / total);
                 };
                 let (items, pace) = (count(slab.len()), (&mut pace, &work.cancel));
-                self.device.run_paced(&self.back, items, pace, push, &mut done)?;
+                let views = [start, n];
+                self.run_back(items, pace, (views, count(*first_plane)), &mut done)?;
                 before += slab.len() * n;
             }
             self.volume.read_into(0, slab)?;
         }
         let shape = (z, y, x);
         Ok(Array3::from_shape_vec(shape, values).unwrap_or_else(|_| Array3::zeros(shape)))
+    }
+
+    fn run_forward(
+        &self,
+        items: u32,
+        pace: (&mut Pace, &Cancel),
+        (view, [first_plane, plane_end]): (usize, [u32; 2]),
+        done: &mut dyn FnMut(u32),
+    ) -> Result<()> {
+        let (places, volume) = (self.places.address(), self.volume.address());
+        let rays = self.rays.address();
+        match &self.tables {
+            Tables::Circle { sheets, push } => {
+                let sheets = of_view::<Sheet>(sheets, 2 * view);
+                let push =
+                    ProjectPush { sheets, places, volume, rays, first_plane, plane_end, ..*push };
+                let push = |first, end| ProjectPush { first, end, ..push };
+                self.device.run_paced(&self.forward, items, pace, push, done)
+            }
+            Tables::Moved { sheets, push, .. } => {
+                let sheets = of_view::<MovedSheet>(sheets, 3 * view);
+                let push = ProjectMovedPush {
+                    sheets,
+                    places,
+                    volume,
+                    rays,
+                    first_plane,
+                    plane_end,
+                    ..*push
+                };
+                let push = |first, end| ProjectMovedPush { first, end, ..push };
+                self.device.run_paced(&self.forward, items, pace, push, done)
+            }
+        }
+    }
+
+    fn run_back(
+        &self,
+        items: u32,
+        pace: (&mut Pace, &Cancel),
+        ([view, views], first_plane): ([usize; 2], u32),
+        done: &mut dyn FnMut(u32),
+    ) -> Result<()> {
+        match &self.tables {
+            Tables::Circle { sheets, push } => {
+                let push = ProjectBackPush {
+                    sheets: of_view::<Sheet>(sheets, 2 * view),
+                    places: self.places.address(),
+                    starts: self.starts.address(),
+                    volume: self.volume.address(),
+                    rays: self.rays.address(),
+                    view_count: count(views),
+                    columns: push.columns,
+                    rows: push.rows,
+                    is_even: self.is_even.into(),
+                    size_x: push.size_x,
+                    size_y: push.size_y,
+                    first_plane,
+                    first: 0,
+                    end: 0,
+                    arm: push.arm,
+                    per_lever: push.per_lever,
+                    arm_less: push.arm_less,
+                    row_zero: push.row_zero,
+                    row_step: push.row_step,
+                    plane_zero: push.plane_zero,
+                };
+                let push = |first, end| ProjectBackPush { first, end, ..push };
+                self.device.run_paced(&self.back, items, pace, push, done)
+            }
+            Tables::Moved { sheets, views: seen, push } => {
+                let push = ProjectBackMovedPush {
+                    sheets: of_view::<MovedSheet>(sheets, 3 * view),
+                    views: of_view::<MovedView>(seen, view),
+                    places: self.places.address(),
+                    starts: self.starts.address(),
+                    volume: self.volume.address(),
+                    rays: self.rays.address(),
+                    view_count: count(views),
+                    columns: push.columns,
+                    rows: push.rows,
+                    size_x: push.size_x,
+                    size_y: push.size_y,
+                    size_z: push.size_z,
+                    first_plane,
+                    first: 0,
+                    end: 0,
+                    arm: push.arm,
+                    per_lever: push.per_lever,
+                    arm_less: push.arm_less,
+                    per_distance: push.per_distance,
+                };
+                let push = |first, end| ProjectBackMovedPush { first, end, ..push };
+                self.device.run_paced(&self.back, items, pace, push, done)
+            }
+        }
     }
 
     /// First plane and the end of each slab.
@@ -234,5 +304,53 @@ impl Projector {
             .step_by(self.planes)
             .map(|first| [first, (first + self.planes).min(planes)])
             .collect()
+    }
+}
+
+/// Address of an element of a table.
+fn of_view<T>(table: &Buffer, element: usize) -> u64 {
+    table.address() + (element * size_of::<T>()) as u64
+}
+
+impl Tables {
+    fn of(device: &Arc<Device>, rays: &Rays<'_>, arm: Arm) -> Result<Self> {
+        let [size_x, size_y, size_z] = rays.grid.size.map(count);
+        let (rows, columns) = (count(rays.geometry.rows.len()), count(rays.places.len()));
+        let (per_lever, arm_less) = (single(arm.per_lever), single(arm.less));
+        if rays.geometry.motions.is_some() {
+            return Ok(Self::Moved {
+                sheets: device.upload("sheets of rays", &rays.moved_sheets())?,
+                views: device.upload("views of voxels", &rays.moved_views())?,
+                push: ProjectMovedPush {
+                    columns,
+                    rows,
+                    size_x,
+                    size_y,
+                    size_z,
+                    arm: arm.kind,
+                    per_lever,
+                    arm_less,
+                    per_distance: single(rays.geometry.per_distance()),
+                    ..bytemuck::Zeroable::zeroed()
+                },
+            });
+        }
+        let [row_zero, row_step, plane_zero] = rays.heights().map(single);
+        Ok(Self::Circle {
+            sheets: device.upload("sheets of rays", &rays.sheets()?)?,
+            push: ProjectPush {
+                columns,
+                rows,
+                size_x,
+                size_y,
+                arm: arm.kind,
+                per_lever,
+                arm_less,
+                row_zero,
+                row_step,
+                plane_zero,
+                ..bytemuck::Zeroable::zeroed()
+            },
+        })
     }
 }

@@ -120,6 +120,9 @@ pub fn reconstruct(
     refuse_overlap(to.path, &plan.paths())?;
     plan.check(input)?;
     let geometry = input.geometry();
+    if plan.method.filtered().is_some() {
+        geometry.require_circle("fbp")?;
+    }
     let limit = engine.options().memory_limit;
     let memory = Memory::of(geometry, plan, truth.is_some(), limit)?;
     require_memory(memory.host, "a reconstruction")?;

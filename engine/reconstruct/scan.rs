@@ -10,14 +10,9 @@ impl ScanGeometry {
     /// The scan of a geometry.json in `folder`.
     ///
     /// # Errors
-    /// [`Error::File`] where its views move the sample, or where it holds no scan.
+    /// [`Error::File`] where it holds no scan, or neither an axis of rotation nor motions.
     pub fn of_file(file: &GeometryFile, folder: &Path) -> Result<Self> {
         let refused = |problem: String| Error::file(folder.join(GEOMETRY), problem, None);
-        let Some(axis) = file.axis_column else {
-            let problem = "has no axis of rotation (axis_column): reconstruction needs a circle of views, \
-                           and two columns";
-            return Err(refused(problem.into()));
-        };
         let mut made = Self::new(
             [file.source_to_axis_m, file.source_to_detector_m],
             file.columns_m.clone(),
@@ -26,6 +21,13 @@ impl ScanGeometry {
         );
         made.lever = file.source_to_analyser_m - file.source_to_axis_m;
         made.check().map_err(|error| refused(error.to_string()))?;
+        if let Some(motions) = file.motions().map_err(|error| refused(error.to_string()))? {
+            return Ok(made.with_motions(motions));
+        }
+        let Some(axis) = file.axis_column else {
+            let problem = "has neither an axis of rotation (axis_column) nor sample_motions";
+            return Err(refused(problem.into()));
+        };
         // Beside the optical axis; on it places of columns are rounded.
         if (made.axis_column() - axis).abs() > 1e-6 {
             made.set_axis_column(axis);

@@ -31,16 +31,19 @@ pub fn fbp_sigma(
 ) -> Result<Volume> {
     let filtering = prepared(geometry, sigmas, quantity, options)?;
     grid.check(geometry)?;
-    let (views, rows, columns) = sigmas.dim();
+    let (views, rows, _) = sigmas.dim();
+    let columns = filtering.count();
     let kernels = [0, 1].map(|shift| filtering.filter().squared(shift));
     let mut variances: Vec<f32> = reserve::zeroed(2 * views * rows * columns, "variances")?;
     let cancel = &control.cancel;
     variances.par_chunks_mut(2 * columns).enumerate().try_for_each(|(number, out)| {
         cancel.check()?;
         let (view, row) = (number / rows, number % rows);
-        let given: Vec<f64> = deviations(&filtering, geometry, sigmas, [view, row])
-            .map(|deviation| deviation * deviation)
-            .collect();
+        let mut given = vec![0.0; columns];
+        given[filtering.measured()]
+            .iter_mut()
+            .zip(deviations(&filtering, geometry, sigmas, [view, row]))
+            .for_each(|(to, deviation)| *to = deviation * deviation);
         for (out, kernel) in out.chunks_mut(columns).zip(&kernels) {
             out.iter_mut().zip(kernel.apply(&given)).for_each(|(to, from)| *to = single(from));
         }
@@ -88,7 +91,7 @@ pub fn fbp_mean_sigma(
         let spread = spread(geometry, &filtering, quantity, (grid, voxels), view);
         let mut sum = 0.0;
         for (row, line) in spread.chunks(filtering.count()).enumerate() {
-            let filtered = filtering.filter().apply(line);
+            let filtered = &filtering.filter().apply(line)[filtering.measured()];
             let given = deviations(&filtering, geometry, sigmas, [view, row]);
             sum += filtered.iter().zip(given).map(|(a, b)| (a * b).powi(2)).sum::<f64>();
         }

@@ -90,6 +90,31 @@ impl Motion {
         (turn, self.translation.to_array())
     }
 
+    /// Motion by its 3 × 4 matrix `[R | t]`, row after row, t in m.
+    ///
+    /// # Errors
+    /// [`Error::Argument`] where R is no rotation to 1e-9, or a number is not finite.
+    pub fn of_matrix(matrix: [f64; 12]) -> Result<Self> {
+        let column = |axis: usize| [matrix[axis], matrix[axis + 4], matrix[axis + 8]];
+        let translation = DVec3::from_array(column(3));
+        if !translation.is_finite() {
+            let found = format!("the translation {translation:?}");
+            return Err(Error::argument("motion", found, "finite numbers"));
+        }
+        Ok(Self { translation, ..Self::with_axes([0, 1, 2].map(column))? })
+    }
+
+    /// The 3 × 4 matrix `[R | t]`, row after row, t in m.
+    #[must_use]
+    pub fn matrix(&self) -> [f64; 12] {
+        let mut matrix = [0.0; 12];
+        for (axis, row) in self.rows().into_iter().enumerate() {
+            matrix[4 * axis..4 * axis + 3].copy_from_slice(&row.to_array());
+            matrix[4 * axis + 3] = self.translation[axis];
+        }
+        matrix
+    }
+
     /// Translation, m.
     #[must_use]
     pub const fn translation(by: [f64; 3]) -> Self {
@@ -226,6 +251,21 @@ mod tests {
         assert!(!moved.is_turn() && moved.keeps_upright());
         let tilted = Motion::about([1.0, 0.0, 0.0], 1e-9).unwrap();
         assert!(!tilted.is_turn() && !tilted.keeps_upright());
+    }
+
+    #[test]
+    fn matrices_are_row_after_row() {
+        let (motion, point) = (any(), DVec3::new(2e-3, 3e-3, -1e-3));
+        let matrix = motion.matrix();
+        assert_eq!(Motion::of_matrix(matrix).unwrap(), motion);
+        let row = |n: usize| DVec3::from_slice(&matrix[4 * n..]).dot(point) + matrix[4 * n + 3];
+        assert!(near([0, 1, 2].map(row), motion.point(point.to_array())));
+        let mut mirrored = matrix;
+        (0..3).for_each(|row| mirrored[4 * row] *= -1.0);
+        assert!(Motion::of_matrix(mirrored).is_err());
+        let mut endless = matrix;
+        endless[7] = f64::INFINITY;
+        assert!(Motion::of_matrix(endless).is_err());
     }
 
     #[test]

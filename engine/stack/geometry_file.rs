@@ -3,7 +3,7 @@
 
 use super::layout;
 use crate::optics::Optics;
-use crate::scene::Scene;
+use crate::scene::{Motion, Scene};
 use crate::{Error, Result, input_file};
 use serde::{Deserialize, Serialize};
 use std::path::Path;
@@ -31,6 +31,11 @@ pub struct GeometryFile {
     /// Column of the axis of rotation, counted from 0 at the centre of the first; `null` where views
     /// move the sample: these have no axis in common.
     pub axis_column: Option<f64>,
+    /// For each view the matrix `[R | t]` of the motion of the sample, row after row, t in m: a point p of
+    /// the sample is at R p + t in the frame of the set-up at rest, with the origin at
+    /// `source_to_axis_m` and the source on -y. `null` where `angles_rad` and `axis_column` say all.
+    #[serde(default)]
+    pub sample_motions: Option<Vec<[f64; 12]>>,
     /// Place u of each column: x from the optical axis on the detector, m, ascending.
     pub columns_m: Vec<f64>,
     /// z of each row on the detector, m, descending.
@@ -91,6 +96,11 @@ impl GeometryFile {
             source_to_analyser_m: optics.analyser,
             axis_column: if scan.is_circle() { index_of(axis, &columns) } else { None },
             astra_cone_vec_mm: even(&columns).map(|even| vectors(scene, even, angles.len())),
+            sample_motions: (!scan.is_circle()).then(|| {
+                let to_axis = Motion::translation([0.0, -scan.axis.shift[1], 0.0]);
+                let views = scene.views().take(angles.len());
+                views.map(|view| view.motion.then(&to_axis).matrix()).collect()
+            }),
             angles_rad: angles,
             columns_m: columns,
             rows_m: (0..rows).map(row).collect(),
@@ -107,6 +117,27 @@ impl GeometryFile {
             .map_err(|error| Error::file(&path, "cannot be read", Some(error)))?;
         serde_json::from_str(&text)
             .map_err(|error| Error::file(&path, format!("is no geometry of views: {error}"), None))
+    }
+
+    /// Motions of the sample; `None` where the views are a circle.
+    ///
+    /// # Errors
+    /// [`Error::File`] for a matrix that is no rigid motion, and another number of them than of angles.
+    pub fn motions(&self) -> Result<Option<Vec<Motion>>> {
+        let Some(matrices) = &self.sample_motions else { return Ok(None) };
+        let wrong = |problem: String| Err(Error::file(layout::GEOMETRY, problem, None));
+        if matrices.len() != self.angles_rad.len() {
+            let [found, needed] = [matrices.len(), self.angles_rad.len()];
+            return wrong(format!("sample_motions: {found} motions for {needed} angles"));
+        }
+        let mut motions = Vec::with_capacity(matrices.len());
+        for (view, matrix) in matrices.iter().enumerate() {
+            match Motion::of_matrix(*matrix) {
+                Ok(motion) => motions.push(motion),
+                Err(error) => return wrong(format!("sample_motions[{view}]: {error}")),
+            }
+        }
+        Ok(Some(motions))
     }
 
     /// The text of the file, a key on each line.

@@ -24,22 +24,18 @@ SETTINGS = [
     "detector.pixels=[120, 4]",
     'scan.mask_offsets={ from = "-32 um", to = "32 um", count = 7 }',
     'scan.angles={ from = "0 deg", to = "360 deg", count = 120 }',
-    # Few rays: the referees get the same sinograms, whatever their noise.
-    "sampling.scheme=random",
-    "sampling.rays=[100, 1]",
+    "sampling.tolerance=1e-3",
 ]
 VOXEL = 40e-6
 # The two slices in the middle: rows beyond the last centre are nothing to RTK.
 SIZE = [120, 120, 2]
-# x, y and radius, mm, in the wall of the tilted tube, and around its wire.
-REGIONS = {
-    "wall +x": (1.85, 0.0, 0.15),
-    "wall -x": (-1.85, 0.0, 0.15),
-    "wall +y": (0.0, 1.75, 0.15),
-    "wall -y": (0.0, -1.75, 0.15),
-    "wall": (1.2, 1.3, 0.12),
-    "wire": (0.0, 0.0, 0.08),
-}
+# Inner and outer radius, mm, at right angles to the tilted axis: the wall of the tube all around, and all
+# that its wire is blurred to. The wire throws streaks: in parts of the wall images of CGLS after 5, 20 and 60
+# iterations differ by up to 10 %.
+TILT = np.radians(20)
+REGIONS = {"wall": (1.6, 1.9), "wire": (0.0, 0.3)}
+# Radius of a region along z whose mean the program writes, too, mm.
+MIDDLE = 2.3
 ROW = 1  # from the bottom: that of the fan, in which the lower slice lies
 
 
@@ -52,7 +48,7 @@ def beamlet(program, scene, folder):
     if not (run / "retrieved").exists():
         subprocess.run([program, "retrieve", run, "-q", "--format", "npy"], check=True)
     grid = [f"--voxel={VOXEL * 1e6} um", "--size=" + ",".join(map(str, SIZE))]
-    regions = [f"--region={name}=cylinder:{x} mm,{y} mm,{r} mm" for name, (x, y, r) in REGIONS.items()]
+    regions = [f"--region=middle=cylinder:0 mm,0 mm,{MIDDLE} mm"]
     words = ["--quantity", "mu", "--format", "npy", "--overwrite", "-q"]
     subprocess.run([program, "reconstruct", run, "-o", volume, *grid, *regions, *words], check=True)
     record = json.loads((volume / "volume.json").read_text())
@@ -136,10 +132,12 @@ def main(program, scene, folder):
     x, y, _ = (o + v * np.arange(n) for o, v, n in zip(record["origin_m"], record["voxel_m"], record["size"]))
     worst = [0.0, 0.0]
     print(f"{'region':10} {'beamlet':>9} {'RTK FDK':>9} {'off':>8} {'fan':>9} {'ASTRA':>9} {'off':>8}")
-    for name, (at_x, at_y, radius) in REGIONS.items():
-        inside = np.hypot(x[None, :] - 1e-3 * at_x, y[:, None] - 1e-3 * at_y) <= 1e-3 * radius
+    middle = np.hypot(x[None, :], y[:, None]) <= 1e-3 * MIDDLE
+    assert abs(own[:, middle].mean() / written["middle"] - 1) < 1e-5, written
+    around = 1e3 * np.hypot(x[None, :] * np.cos(TILT), y[:, None])
+    for name, (inner, outer) in REGIONS.items():
+        inside = (around >= inner) & (around < outer)
         mean = own[:, inside].mean()
-        assert abs(mean / written[name] - 1) < 1e-5, (name, mean, written[name])
         fan = own[0][inside].mean()
         of_rtk, of_astra = peers[0][:, inside].mean(), peers[1][inside].mean()
         off = [mean / of_rtk - 1, fan / of_astra - 1]

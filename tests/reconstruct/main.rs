@@ -12,6 +12,8 @@ mod arm;
 mod corrections;
 mod fbp;
 mod iterative;
+mod moved;
+mod paper_fan;
 mod peers;
 mod projector;
 mod refused;

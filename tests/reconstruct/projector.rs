@@ -9,12 +9,17 @@ use beamlet::{Backend, RowsControl};
 
 const ALL: [Data; 4] = [Data::Attenuation, Data::Refraction, Data::Phase, Data::DarkField];
 
-fn model(geometry: &ScanGeometry, grid: &VolumeGrid, data: Data, at_once: Option<usize>) -> Model {
+pub(crate) fn model(
+    geometry: &ScanGeometry,
+    grid: &VolumeGrid,
+    data: Data,
+    at_once: Option<usize>,
+) -> Model {
     Model::new(&support::engine(Backend::Bvh), geometry, grid, data, at_once).unwrap()
 }
 
 /// Values between −1 and 1 that look random.
-fn noise(shape: (usize, usize, usize), seed: u32) -> Array3<f32> {
+pub(crate) fn noise(shape: (usize, usize, usize), seed: u32) -> Array3<f32> {
     let mut state = seed;
     Array3::from_shape_simple_fn(shape, || {
         state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
@@ -35,7 +40,7 @@ fn cone() -> ScanGeometry {
     geometry
 }
 
-fn adjoint(geometry: &ScanGeometry, grid: &VolumeGrid, what: &'static str) {
+pub(crate) fn adjoint(geometry: &ScanGeometry, grid: &VolumeGrid, what: &'static str) {
     let mut worst = Worst::new(what, 1e-6);
     let ([x, y, z], control) = (grid.size, &mut RowsControl::default());
     let shape = (geometry.angles.len(), geometry.rows.len(), geometry.columns.len());
@@ -81,14 +86,14 @@ fn back_projection_is_the_transpose() {
 }
 
 /// Root mean square of the difference of two sinograms, over the largest value of the second.
-fn difference(made: &Array3<f32>, truth: &Array3<f32>) -> f64 {
+pub(crate) fn difference(made: &Array3<f32>, truth: &Array3<f32>) -> f64 {
     let most = truth.iter().fold(0.0_f64, |most, value| most.max(f64::from(value.abs())));
     let sum: f64 = made.iter().zip(truth).map(|(a, b)| f64::from(a - b).powi(2)).sum();
     (sum / truth.len() as f64).sqrt() / most
 }
 
 /// Values of voxels at their centres.
-fn sampled(grid: &VolumeGrid, at: impl Fn([f64; 3]) -> f64) -> Array3<f32> {
+pub(crate) fn sampled(grid: &VolumeGrid, at: impl Fn([f64; 3]) -> f64) -> Array3<f32> {
     let [x, y, z] = grid.size;
     Array3::from_shape_fn((z, y, x), |(z, y, x)| {
         let n = [x, y, z];

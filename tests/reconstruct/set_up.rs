@@ -59,7 +59,13 @@ pub(crate) fn sinograms(
         };
         let value = |blob: &Blob| {
             // The sample turns back where source and detector turn.
-            let placed = blob.placed(-geometry.angles[view], geometry.axis);
+            let placed = match &geometry.motions {
+                None => blob.placed(-geometry.angles[view], geometry.axis),
+                Some(motions) => {
+                    let [x, y, z] = motions[view].point(blob.centre);
+                    Blob { centre: [x + geometry.axis, y, z], ..*blob }
+                }
+            };
             let (integral, deflection) = placed.line(from, direction);
             let [dx, dy, dz] = direction;
             let length = (dx * dx + dy * dy + dz * dz).sqrt();
