@@ -2,7 +2,9 @@
 
 use crate::projector::{adjoint, difference, model, noise, sampled};
 use crate::reference::blobs::Blob;
-use crate::set_up::{PIXEL, blobs, deviation, fan, grid, parallel, places, reconstruct, sinograms};
+use crate::set_up::{
+    PIXEL, blobs, deviation, fan, grid, parallel, places, reconstruct, sinograms, views_over_a_turn,
+};
 use crate::support::{self, Worst};
 use beamlet::ndarray::Array3;
 use beamlet::reconstruct::{
