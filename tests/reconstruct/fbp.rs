@@ -48,44 +48,6 @@ fn detector_and_axis_may_stand_beside_the_optical_axis() {
     }
 }
 
-/// The detector is moved by a third of its width: on one side it reaches 16 pixels beyond the axis, the
-/// blobs 35.
-#[test]
-fn half_fans_count_lines_seen_once_twice() {
-    let beside = [
-        Blob { centre: [24.0 * PIXEL, -12.0 * PIXEL, 0.0], sigma: 8.0 * PIXEL, peak: 1.0 },
-        Blob { centre: [-9.0 * PIXEL, 18.0 * PIXEL, 0.0], sigma: 8.0 * PIXEL, peak: 0.7 },
-    ];
-    let mut worst = Worst::new("half-fan", TOLERANCE);
-    for moved in [32.0, -32.0, 12.0, -8.0] {
-        for (name, pitch, mut geometry) in
-            [("fan", 2.0 * PIXEL, fan(180)), ("parallel", PIXEL, parallel(180))]
-        {
-            geometry.columns.iter_mut().for_each(|x| *x += moved * pitch);
-            for quantity in [Quantity::Mu, Quantity::Delta, Quantity::DarkField] {
-                let sinograms = sinograms(&geometry, &beside, quantity);
-                let options = FbpOptions::default();
-                let grid = grid([76, 76, 1]);
-                let volume = reconstruct(&geometry, &sinograms, quantity, &grid, &options);
-                let place = || format!("{name} moved by {moved} columns, {quantity:?}");
-                worst.take(deviation(&volume.unwrap(), &beside), place);
-            }
-        }
-    }
-    worst.holds();
-    let mut geometry = fan(180);
-    geometry.columns.iter_mut().for_each(|x| *x += 32.0 * 2.0 * PIXEL);
-    // 80 columns on the longer side.
-    assert_eq!(VolumeGrid::of(&geometry).unwrap().size, [160, 160, 1]);
-    geometry.columns.iter_mut().for_each(|x| *x += 17.0 * 2.0 * PIXEL);
-    let empty = Array3::zeros((180, 1, 96));
-    let options = FbpOptions::default();
-    let message = reconstruct(&geometry, &empty, Quantity::Mu, &grid([8, 8, 1]), &options)
-        .unwrap_err()
-        .to_string();
-    assert!(message.contains("between columns 0 and 95"), "{message}");
-}
-
 #[test]
 fn views_come_in_any_order_and_columns_at_any_places() {
     let mut geometry = fan(180);

@@ -97,9 +97,12 @@ fn circles_by_motions_are_circles() {
     worst.holds();
 }
 
+/// Linear interpolation adds 1/6 of a squared voxel to the variance of a blob of 8 in both directions
+/// across a ray, the difference over a column 1/12: 0.65 % of the height of its derivative, half of that
+/// in the mean.
 #[test]
 fn projected_blobs_are_the_closed_form_under_motion() {
-    let mut worst = Worst::new("projected blobs", 2.2e-3);
+    let mut worst = Worst::new("projected blobs", 3.3e-3);
     let tilt = |angle: f64| move |_| about_x(angle);
     let mut scans = vec![
         ("helical", moved(wide(12, 20, 3.0), along(0.0, 20.0 * PIXEL))),
@@ -135,7 +138,7 @@ fn projected_blobs_are_the_closed_form_under_motion() {
 #[test]
 fn helical_scans_give_the_blobs() {
     let mut worst = Worst::new("blobs of a helical scan", 5e-3);
-    let mut geometry = moved(wide(10, 96, 3.0), along(0.0, 10.0 * PIXEL));
+    let mut geometry = moved(wide(10, 180, 3.0), along(0.0, 10.0 * PIXEL));
     geometry.lever = 0.02;
     let blobs = [([6.0, -4.0, -4.0], 5.0, 1.0), ([-5.0, 5.0, 5.0], 4.0, 0.7)].map(
         |(centre, sigma, peak)| Blob {
@@ -144,7 +147,7 @@ fn helical_scans_give_the_blobs() {
             peak,
         },
     );
-    let grid = grid([40, 40, 36]);
+    let grid = grid([44, 44, 40]);
     for (data, quantity, solver) in [
         (Data::Attenuation, Quantity::Mu, Solver::Cgls),
         (Data::Attenuation, Quantity::Mu, Solver::Bb),
@@ -152,7 +155,7 @@ fn helical_scans_give_the_blobs() {
         (Data::DarkField, Quantity::DarkField, Solver::Cgls),
     ] {
         let sinograms = sinograms(&geometry, &blobs, quantity);
-        let options = IterativeOptions::default().with_solver(solver).with_iterations(12);
+        let options = IterativeOptions::default().with_solver(solver).with_iterations(15);
         let measured = Measured::new(data, sinograms.view());
         let engine = support::engine(Backend::Bvh);
         let control = &mut RowsControl::default();
@@ -199,8 +202,8 @@ fn scenes_have_the_motions_of_their_views() {
     // Planes cover what the rows see of the axis: 1.5 turns of 0.2 mm either way, and the rows.
     let grid = GridChoice::default().grid(&geometry).unwrap();
     let [low, high] = grid.ends()[2];
-    let reach = 3e-4 + 2.5e-4 * 0.502;
-    assert!(low <= 1e-9 - reach && high >= reach - 6e-5, "{low} {high}");
+    // The last view is at 495 degrees; rows reach 0.1255 mm.
+    assert!((low + 4.005e-4).abs() < 1e-9 && (4.255e-4..4.8e-4).contains(&high), "{low} {high}");
     let far = GridChoice::default().with_size([4, 4, 1]).with_origin([0.0, 0.0, 2e-3]);
     let message = far.grid(&geometry).unwrap_err().to_string();
     assert!(message.contains("that no view sees"), "{message}");
