@@ -31,7 +31,7 @@ struct Lines {
     direction: [Law; 3],
 }
 
-impl Rays<'_> {
+impl Rays {
     /// Middle of the rows, and from a row to the next, on the plane of the rotation centre, m.
     fn rows(&self) -> [f64; 2] {
         let rows = &self.geometry.rows;

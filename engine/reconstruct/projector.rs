@@ -313,7 +313,7 @@ fn of_view<T>(table: &Buffer, element: usize) -> u64 {
 }
 
 impl Tables {
-    fn of(device: &Arc<Device>, rays: &Rays<'_>, arm: Arm) -> Result<Self> {
+    fn of(device: &Arc<Device>, rays: &Rays, arm: Arm) -> Result<Self> {
         let [size_x, size_y, size_z] = rays.grid.size.map(count);
         let (rows, columns) = (count(rays.geometry.rows.len()), count(rays.places.len()));
         let (per_lever, arm_less) = (single(arm.per_lever), single(arm.less));
