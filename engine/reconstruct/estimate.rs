@@ -88,6 +88,7 @@ fn back_projection(
     grid: &VolumeGrid,
     work: &mut Work<'_>,
 ) -> Result<f64> {
+    geometry.require_circle("fbp")?;
     let even = Resampling::of(&geometry.columns);
     let [views, rows, _] = geometry.shape();
     let [x, y, z] = grid.size;
@@ -115,9 +116,11 @@ fn projections(
     let few = (MEASURED / of_view).clamp(3, views);
     let first = (rows - few_rows) / 2;
     // Views of the whole scan: how rays cross voxels depends on their direction.
-    let angles = (0..few).map(|n| geometry.angles[n * views / few]).collect();
+    let chosen = || (0..few).map(|n| n * views / few);
+    let motions = geometry.motions.as_ref();
     let part = ScanGeometry {
-        angles,
+        angles: chosen().map(|view| geometry.angles[view]).collect(),
+        motions: motions.map(|motions| chosen().map(|view| motions[view]).collect()),
         rows: geometry.rows[first..first + few_rows].to_vec(),
         ..geometry.clone()
     };
