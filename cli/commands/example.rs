@@ -40,6 +40,11 @@ const SHIPPED: &[Shipped] = &[
         about: "water, polyethylene and carbon cylinders of 6 mm at 60 kV, one view",
         files: files!("cylinders": "scene.toml"),
     },
+    Shipped {
+        name: "tomography",
+        about: "80,000 fibres of 5 um, thicker ones and rods in polyethylene, 360 views",
+        files: files!("tomography": "scene.toml", "thick.csv"),
+    },
 ];
 
 pub(super) fn run(arguments: &Example, out: &mut impl Write) -> Result<(), Failure> {

@@ -10,6 +10,7 @@ mod cli;
 mod cli_beam;
 mod clipping;
 mod doubts;
+mod experiment;
 mod hostile;
 mod iterated;
 mod mesh;

@@ -357,7 +357,7 @@ fn a_retrieval_records_hashes_of_all_that_it_read() {
 #[test]
 fn shipped_examples_have_no_warnings() {
     let place = workplace(SCENE);
-    for name in ["cylinder", "bracket", "cylinders"] {
+    for name in ["cylinder", "bracket", "cylinders", "tomography"] {
         ended(&run(place.path(), &format!("example {name} -o {name}")), 0);
         let output = run(place.path(), &format!("check {name}/scene.toml --no-estimate"));
         ended(&output, 0);

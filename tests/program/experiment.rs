@@ -1,0 +1,115 @@
+//! The tomography experiment of docs/experiments at a small size: from the scene to regions of slices.
+
+use crate::support::program::{beamlet, done, ended, workplace};
+use std::collections::BTreeMap;
+use std::fs;
+use std::path::Path;
+
+/// Regions of the small scene, mm: inside of the matrix, the rods and the patch.
+const REGIONS: [&str; 5] = [
+    "matrix=cylinder:1.2 mm,-1.6 mm,0.45 mm",
+    "nylon=cylinder:-1.6 mm,-1.2 mm,0.35 mm",
+    "epoxy=cylinder:-2.1 mm,0.5 mm,0.35 mm",
+    "carbon=cylinder:2.1 mm,0.3 mm,0.35 mm",
+    "patch=cylinder:0 mm,1.6 mm,0.3 mm",
+];
+
+/// Runs the program; its arguments may hold blanks.
+fn program(place: &Path, arguments: &[String]) {
+    ended(&beamlet(place).args(arguments).output().unwrap(), 0);
+}
+
+/// Means by quantity and region.
+fn means(volume: &Path) -> BTreeMap<(String, String), f64> {
+    let table = fs::read_to_string(volume.join("regions.csv")).unwrap();
+    let mut lines = table.lines().map(|line| line.split(',').collect::<Vec<_>>());
+    let head = lines.next().unwrap();
+    let place = |name: &str| head.iter().position(|it| *it == name).unwrap();
+    let [region, quantity, mean] = ["region", "quantity", "mean"].map(place);
+    lines
+        .map(|line| ((line[quantity].into(), line[region].into()), line[mean].parse().unwrap()))
+        .collect()
+}
+
+/// Simulates the shipped scene with `sets`, retrieves it by both methods and reconstructs it; means by
+/// quantity and region of either method.
+fn reconstructed(
+    place: &Path,
+    sets: &[&str],
+    regions: &[&str],
+) -> [BTreeMap<(String, String), f64>; 2] {
+    done(place, "example tomography -o scene");
+    let mut simulate: Vec<String> =
+        ["simulate", "scene/scene.toml", "-o", "run", "-q"].map(Into::into).into();
+    simulate.extend(sets.iter().flat_map(|set| ["--set".into(), (*set).into()]));
+    program(place, &simulate);
+    ["gaussian", "exact-curve"].map(|method| {
+        done(place, &format!("retrieve run --method {method} -o {method} -q"));
+        let mut reconstruct: Vec<String> =
+            ["reconstruct", method, "-o", "volume", "--overwrite", "-q"].map(Into::into).into();
+        reconstruct.extend(regions.iter().flat_map(|it| ["--region".into(), (*it).into()]));
+        program(place, &reconstruct);
+        means(&place.join("volume"))
+    })
+}
+
+/// Contrasts of the experiment: μ and δ rise from polyethylene to nylon, epoxy and carbon; the dark field of
+/// the patch exceeds five times that of the matrix; δ by Gaussian fits is below δ by exact curves.
+#[track_caller]
+fn contrasts_hold([gaussian, exact]: &[BTreeMap<(String, String), f64>; 2]) {
+    let of = |means: &BTreeMap<(String, String), f64>, quantity: &str, region: &str| {
+        means[&(quantity.to_owned(), region.to_owned())]
+    };
+    for means in [gaussian, exact] {
+        for quantity in ["mu", "delta"] {
+            let rising = ["matrix", "nylon", "epoxy", "carbon"].map(|it| of(means, quantity, it));
+            assert!(rising.is_sorted(), "{quantity}: {rising:?}");
+        }
+        let [patch, matrix] = ["patch", "matrix"].map(|it| of(means, "dark-field", it));
+        assert!(patch > 5.0 * matrix.abs(), "{patch:e} in the patch, {matrix:e} in the matrix");
+    }
+    for region in ["matrix", "nylon", "epoxy", "carbon"] {
+        let [low, high] = [gaussian, exact].map(|means| of(means, "delta", region));
+        assert!(low < high, "{region}: {low:e} by Gaussian fits, {high:e} by exact curves");
+    }
+}
+
+/// A fifth of the width, with 2,000 fibres: seconds.
+#[test]
+fn small_experiment_has_the_contrasts_of_the_paper() {
+    let directory = workplace("");
+    let sets = [
+        "detector.pixels=[72, 1]",
+        "scan.angles.count=72",
+        "object.matrix.shape.cylinder.radius=3 mm",
+        "object.fibres.instances.count=3600",
+        "object.fibres.instances.region.cylinder.radius=0.53 mm",
+        "object.fibres.position=[\"0 mm\", \"1.6 mm\", \"0 mm\"]",
+        "object[2].shape.cylinder.radius=20 um",
+        "object[2].position=[\"0 mm\", \"-1 mm\", \"0 mm\"]",
+        "object[3].position=[\"2.1 mm\", \"0.3 mm\", \"0 mm\"]",
+        "object[4].position=[\"-2.1 mm\", \"0.5 mm\", \"0 mm\"]",
+        "object[5].position=[\"-1.6 mm\", \"-1.2 mm\", \"0 mm\"]",
+    ];
+    contrasts_hold(&reconstructed(directory.path(), &sets, &REGIONS));
+}
+
+/// 64 views of the whole width, with 8,000 fibres.
+#[test]
+#[ignore = "minutes"]
+fn experiment_of_64_views_has_the_contrasts_of_the_paper() {
+    let directory = workplace("");
+    let sets = [
+        "scan.angles.count=64",
+        "object.fibres.instances.count=8000",
+        "object.fibres.instances.region.cylinder.radius=0.4 mm",
+    ];
+    let regions = [
+        "matrix=cylinder:5 mm,-4.5 mm,1 mm",
+        "nylon=cylinder:-6 mm,-4 mm,0.35 mm",
+        "epoxy=cylinder:-5 mm,0 mm,0.35 mm",
+        "carbon=cylinder:5 mm,0 mm,0.35 mm",
+        "patch=cylinder:0 mm,5 mm,0.25 mm",
+    ];
+    contrasts_hold(&reconstructed(directory.path(), &sets, &regions));
+}
