@@ -69,7 +69,7 @@ fn back_projection_is_the_transpose_under_any_motion() {
     adjoint(&one_row, &grid([16, 14, 5]), "helical fan");
     let mut uneven = parallel(11);
     for (n, x) in uneven.columns.iter_mut().enumerate() {
-        *x += [0.0, 0.6, -0.4][n % 3] * PIXEL;
+        *x += [0.0, 0.3, -0.2][n % 3] * PIXEL;
     }
     let turning = moved(uneven, |angle| about_x(1.5 * angle).then(&along(5e-4, 0.0)(angle)));
     let oblong = VolumeGrid { voxel: [0.7 * PIXEL, 1.3 * PIXEL, PIXEL], ..grid([16, 14, 5]) };
