@@ -285,7 +285,7 @@ bool visit_shapes(inout Search search, Beam frame, out bool ending[RAYS_PER_LANE
         }
         search.triangles += 1u;
         EACH_RAY {
-            // What is around shapes that cross is for the kernel without bundles.
+            // The kernel without bundles finds the materials around shapes that cross.
             rays[k].all.left = rays[k].all.left || (others && crossed[k]);
             if (crossed[k]) cross_chord(rays[k].beam, chords[k], surface, rays[k].all);
             if (TUBES && crossed[k] && seconds[k].crossed) {

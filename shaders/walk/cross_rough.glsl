@@ -31,8 +31,8 @@ void spread_slopes(Beam beam, Surface surface, vec3 normal_, float y, inout Gath
 #endif
 }
 
-// The normal that a ray meets at a surface that may be rough, at y; `normal_`: of the surface, beam frame.
-// What it does not draw is a variance.
+// Normal of a ray at a surface that may be rough, at y; `normal_`: of the surface, beam frame. Roughness
+// without a draw is a variance.
 vec3 rough_normal(Beam beam, Surface surface, uint primitive, vec3 normal_, float y, inout Gathered all) {
     vec3 met = normal_;
     if (surface.roughness > 0.0 && surface.inside != surface.outside) {

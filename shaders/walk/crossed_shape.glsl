@@ -2,9 +2,9 @@
 
 #include "walk/near.glsl"
 
-// The crossings of a line with a shape, and what is around it there: by the order of the crossings on the
+// The crossings of a line with a shape, and the object around it there: by the order of the crossings on the
 // line, and, for signatures, with those in contact in the order of their objects. Rounding decides
-// the order of surfaces that coincide; it would tell neighbours apart.
+// the order of surfaces that coincide; signatures of neighbours would differ by it.
 struct CrossedShape {
     ShapeCrossings found;
     uint around[4];         // object, counted from 1
@@ -29,7 +29,7 @@ float contact_limit(Beam beam, Placed placed) {
     return max(CONTACT, CONTACT_ROUNDING * reach);
 }
 
-// Takes the partner `other`, with its object and index among the placed, into what is around a shape.
+// Takes the partner `other`, with its object and index among the placed, into the surroundings of a shape.
 void surround(inout CrossedShape shape, vec4 cosines, float limit, uint object, uint index,
               ShapeCrossings other, vec4 other_cosines, uint other_object, uint other_index) {
     bool first = other_object != object ? other_object < object : other_index < index;

@@ -146,7 +146,7 @@ uint signature_at(MediumSet media, Gathered list, uint first, uint end, uint j) 
             : (other.facet & FACET_LEAF) < (crossing.facet & FACET_LEAF);
         if (k != j && (!before || (other.facet & FACET_MISSED) != 0u)) continue;
         bool entering = (other.facet & FACET_ENTERED) != 0u;
-        // What is left is taken off, the crossing itself too; it is not put in.
+        // Objects that are left are removed, the own object too; the own object is not added.
         if (k == j && entering) continue;
         uint place = place_of(media, object);
         if (entering ? media.count < DEPTH : place < DEPTH) media_change(media, object, entering, place);

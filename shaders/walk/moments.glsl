@@ -176,7 +176,7 @@ void run_count(inout Run run, uint hash, uint signature, bool entering) {
     run.crossings += signature == 0u ? 0u : 1u;
 }
 
-// Adds what a crossing at y changes. `normal_` in the beam frame.
+// Adds the change at a crossing at y. `normal_` in the beam frame.
 void run_add(inout Run run, Beam beam, Stretch stretch, Surface surface, vec3 normal_, float y,
              bool entering) {
     if (surface.inside == surface.outside) return;

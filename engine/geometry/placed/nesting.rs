@@ -1,6 +1,6 @@
 //! Surroundings of placed surfaces, and intersecting ones.
 //!
-//! Places that meet a mesh join the mesh of their object, as their facets, and are cut with it. Exact
+//! Places that intersect a mesh join the mesh of their object, as their facets, and are cut with it. Exact
 //! shapes that cross each other stay exact, as partners; so do places that lie apart or properly in one
 //! another.
 
@@ -47,8 +47,7 @@ pub(in crate::geometry) struct Groups {
     pub(in crate::geometry) joined: Vec<(usize, f64)>,
     /// What places that are left out, or cross, share with others, where that is wanted.
     pub(in crate::geometry) overlaps: Vec<Contact>,
-    /// Pairs of exact shapes whose surfaces cross or touch: group and number of each place among those
-    /// that stand.
+    /// Pairs of exact shapes whose surfaces cross or touch: group, and number among the standing places.
     pub(in crate::geometry) crossing: Vec<[[u32; 2]; 2]>,
 }
 
@@ -88,7 +87,7 @@ pub(super) enum Fate {
     Stands(Option<u32>),
 }
 
-/// What a place meets.
+/// Surfaces that a place intersects.
 #[derive(Default)]
 struct Met {
     /// Surfaces that it cannot cross as it is: it joins the mesh of its object.
@@ -99,7 +98,7 @@ struct Met {
     crosses: Vec<u32>,
 }
 
-/// Of so many members, those that each crosses.
+/// Partners of each member, for a number of members.
 fn partners_of(count: usize, crossing: &[[u32; 2]]) -> Vec<Vec<u32>> {
     let mut partners = vec![Vec::new(); count];
     for [a, b] in crossing {
@@ -240,7 +239,7 @@ impl Groups {
         Ok(this)
     }
 
-    /// Adds the later objects whose shapes cross those of an object to the objects that cut it.
+    /// Adds later objects with crossing shapes to the objects that cut an earlier one.
     pub(in crate::geometry) fn add_cutters(&self, cut_by: &mut [Vec<u32>]) {
         for pair in &self.crossing {
             let [a, b] = pair.map(|[group, _]| self.all[group as usize].object);
@@ -370,7 +369,7 @@ impl<'a> Field<'a> {
         objects.into_iter()
     }
 
-    /// What a member meets.
+    /// Surfaces that a member intersects.
     fn met_by(&self, member: Member, bodies: &[Boxed<'_>]) -> Met {
         let (group, place) = self.of(member);
         let joins = (0..).zip(bodies).any(|(object, body)| {
@@ -407,7 +406,7 @@ impl<'a> Field<'a> {
         met
     }
 
-    /// Of each member, its group, and its number among the places of that which stand.
+    /// Group of each member, and its number among the kept places of the group.
     fn numbers_of_standing(&self, fates: &[Fate]) -> Vec<[u32; 2]> {
         let mut next = vec![0; self.groups.len()];
         let number = |(member, fate): (&Member, &Fate)| {

@@ -4,8 +4,8 @@ use std::collections::BTreeMap;
 
 /// Shapes whose surfaces cross others, by their indices among the placed surfaces of a sample.
 ///
-/// Their surfaces stay as they are: what is on the other side of one of them depends on the place, and
-/// rays find it by the partners that they are in there.
+/// Their surfaces are not cut: the material outside a surface depends on the point, and rays find it by
+/// the partners that contain the point.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub(crate) struct Partners {
     lists: BTreeMap<u32, Vec<u32>>,

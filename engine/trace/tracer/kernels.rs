@@ -25,8 +25,8 @@ pub struct TraceKernels {
     pub(in crate::trace) crossings: LazyKernel,
 }
 
-/// Surfaces at which bundles leave rays to the walk of single ones: those that refract by other normals
-/// than those of their facets or shapes, and shapes that others cross.
+/// Surfaces at which bundles leave rays to the walk of single ones: surfaces that refract by other normals
+/// than the normals of their facets or shapes, and shapes that others cross.
 const ONE_BY_ONE: u32 = KIND_ROUGH | KIND_SMOOTH | KIND_CROSSED;
 
 /// Combinations of `KIND_` bits.

@@ -99,7 +99,7 @@ fn grazing(random: &mut Random) -> Vec<Solid> {
     solids
 }
 
-/// Rods end to end, with faces in one plane, and what stands across a joint.
+/// Rods end to end, with faces in one plane, and a ball across a joint.
 fn stacked(random: &mut Random) -> Vec<Solid> {
     let mut z = -1.5e-3;
     let mut solids: Vec<Solid> = (0..2 + pick(random, 2))
@@ -204,7 +204,7 @@ fn moved(ray: &Ray, by: [f64; 2]) -> Ray {
 
 const SIDES: [[f64; 2]; 5] = [[0.0; 2], [1.0, 0.0], [-1.0, 0.0], [0.0, 1.0], [0.0, -1.0]];
 
-/// What is wrong with the slope of a ray: by more than that of a ray 4 nm beside.
+/// Error of the slope of a ray, if it differs by more than the slope of a ray 4 nm beside.
 fn bends_differ(solids: &[Solid], ray: &Ray, result: &RayResult, hair: f64) -> Option<String> {
     let near = SIDES.map(|by| first_order(solids, &moved(ray, by.map(|it| it * hair))));
     let steep = near.iter().map(|it| it.1).fold(1.0, f64::min).max(1e-6);
@@ -297,7 +297,7 @@ fn ways_and_bends_of_exact_shapes_that_cross_are_those_of_points_in_solids() {
     bench.end();
 }
 
-/// By Snell's law at one interface after the other, where the bent ray meets them; layers thinner than
+/// By Snell's law at one interface after the other, on the bent ray; layers thinner than
 /// 5 nm across are none. `None`: it does not get out.
 fn snell(solids: &[Solid], ray: &Ray, by: [f64; 2]) -> Option<(Passage, f64)> {
     let [mut o, d] = line(ray, by);

@@ -1,5 +1,5 @@
 //! Whole runs of exact shapes that cross: a rod with a bore that leaves it is the tube, whatever else a
-//! scene has, and crossing rods are those of fine facets.
+//! scene has, and crossing rods match fine facets.
 
 use crate::support::{Checked, Worst, backends, engine, engine_with};
 use beamlet::internals::geometry::load_lenient;
@@ -32,8 +32,8 @@ fn object(name: &str, shape: &str, material: &str, more: &str) -> String {
     )
 }
 
-/// A rod with a bore that leaves it, filled with `inner`, and the tube that it is, filled if `inner` is not
-/// what is around it.
+/// A rod with a bore that leaves it, filled with `inner`, and the tube that it is, for an `inner` equal
+/// to the surroundings.
 fn both(material: &str, inner: &str, more: &str) -> [String; 2] {
     let rod = "cylinder = { radius = \"0.4 mm\", height = \"0.5 mm\" }";
     let bore = "cylinder = { radius = \"0.25 mm\", height = \"0.7 mm\" }";
@@ -125,7 +125,7 @@ fn again(engine: &Checked, kept: &StoredMoments, scene: &Scene) -> Stacks {
     sink.into_stacks().expect("stacks")
 }
 
-/// Kept moments of the rod under other steps, and its own, are those of a fresh run.
+/// Kept moments of the rod, for its own and other steps, match a fresh run.
 #[test]
 fn kept_moments_of_a_bored_rod_serve_other_steps() {
     let directory = tempfile::tempdir().expect("a folder");
@@ -190,7 +190,7 @@ fn crossing_rods_are_those_of_fine_facets() {
         &whole,
         &engine.simulate(&ordered).expect("a stack"),
     );
-    // What is left of each as meshes, and by `check`.
+    // Volumes of the meshes.
     let left = geometry::load(&exact).expect("a sample");
     let meshes = left.meshes(20e-9).expect("meshes");
     for (mesh, object) in meshes.iter().zip(&left.objects) {
