@@ -143,7 +143,8 @@ fn a_region_that_cuts_a_mask_is_an_error_with_its_key() {
     let bath = bath.unwrap();
     let told = check_clearance(&bath, &load(&bath).unwrap()).unwrap_err().to_string();
     assert!(
-        told.contains("surroundings.region") && told.contains("meets the back of the sample mask"),
+        told.contains("surroundings.region")
+            && told.contains("touches the back of the sample mask"),
         "{told}"
     );
 }

@@ -16,18 +16,20 @@ const REGIONS: [&str; 5] = [
 
 /// Runs the program; its arguments may hold blanks.
 fn program(place: &Path, arguments: &[String]) {
-    ended(&beamlet(place).args(arguments).output().unwrap(), 0);
+    ended(&beamlet(place).args(arguments).output().expect("the program starts"), 0);
 }
 
 /// Means by quantity and region.
 fn means(volume: &Path) -> BTreeMap<(String, String), f64> {
-    let table = fs::read_to_string(volume.join("regions.csv")).unwrap();
+    let table = fs::read_to_string(volume.join("regions.csv")).expect("regions are written");
     let mut lines = table.lines().map(|line| line.split(',').collect::<Vec<_>>());
-    let head = lines.next().unwrap();
-    let place = |name: &str| head.iter().position(|it| *it == name).unwrap();
+    let head = lines.next().expect("a heading");
+    let place = |name: &str| head.iter().position(|it| *it == name).expect("a column");
     let [region, quantity, mean] = ["region", "quantity", "mean"].map(place);
     lines
-        .map(|line| ((line[quantity].into(), line[region].into()), line[mean].parse().unwrap()))
+        .map(|line| {
+            ((line[quantity].into(), line[region].into()), line[mean].parse().expect("a number"))
+        })
         .collect()
 }
 

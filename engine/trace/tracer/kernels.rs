@@ -19,8 +19,8 @@ const BUNDLES: RangeInclusive<u32> = BUNDLE_LANES..=2 * BUNDLE_LANES;
 #[derive(Debug)]
 pub struct TraceKernels {
     /// By the kinds in a sample: `KIND_` bits.
-    bvh: [Walks; KINDS],
-    ray_query: Option<[Walks; KINDS]>,
+    bvh: Vec<Walks>,
+    ray_query: Option<Vec<Walks>>,
     /// Lists of crossings.
     pub(in crate::trace) crossings: LazyKernel,
 }
@@ -60,10 +60,10 @@ impl TraceKernels {
         let bundles = description.subgroup_exchange && BUNDLES.contains(&description.subgroup_size);
         let kind = |kinds: usize| numbers::count(kinds);
         Self {
-            bvh: std::array::from_fn(|kinds| Walks::bvh(device, kind(kinds), bundles)),
+            bvh: (0..KINDS).map(|kinds| Walks::bvh(device, kind(kinds), bundles)).collect(),
             ray_query: description
                 .ray_query
-                .then(|| std::array::from_fn(|kinds| Walks::ray_query(device, kind(kinds)))),
+                .then(|| (0..KINDS).map(|kinds| Walks::ray_query(device, kind(kinds))).collect()),
             crossings: LazyKernel::new(
                 device,
                 "crossings",

@@ -95,6 +95,11 @@ fn instances_in_others_change_nothing() {
         let one = sample.components.iter().map(|it| it.volume).fold(0.0, f64::max);
         close(sample.objects[0].volume, 2.0 * one, 1e-12);
         assert_eq!(sample.objects[0].instances, 2);
-        assert!(sample.objects[0].warnings.iter().any(|it| it.contains("wholly in others of it")));
+        assert!(
+            sample.objects[0]
+                .warnings
+                .iter()
+                .any(|it| it.contains("lie inside others and are ignored"))
+        );
     }
 }

@@ -139,7 +139,7 @@ fn more_threads_than_are_allowed_are_a_warning() {
     ended(&place.beamlet(&["simulate", "scene.toml", "-o", "run", "-q", "--backend", "bvh"]), 0);
     let mut command = beamlet(&place.path(""), &["retrieve", "run"]);
     let message = ended(&command.env("RAYON_NUM_THREADS", "999999").output().unwrap(), 0);
-    assert!(message.contains("asks for 999999 threads; 1024 are started"), "{message}");
+    assert!(message.contains("RAYON_NUM_THREADS is 999999; 1024 threads are started"), "{message}");
 }
 
 #[test]
