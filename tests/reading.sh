@@ -82,13 +82,15 @@ lines sh "$root/docs/how-to/cluster.md" | grep -v '^sh ' >cluster.sh
 # shellcheck source=/dev/null
 (cd cluster && set -e && . ../scan.sh && . ../cluster.sh) >cluster.log
 grep -q '2 of 3 shards are done' cluster.log
-few=(--set 'detector.pixels=[16, 2]')
-mkdir how-to
+few=(--set 'detector.pixels=[16, 6]')
+mkdir how-to scan
 cp "$root/docs/how-to/tube.toml" how-to
-for page in design faster ct; do
+# Pages of one folder share their files; the page on CT has a run of its own.
+for page in design=how-to faster=how-to ct=scan; do
+    folder=${page#*=} page=${page%=*}
     lines sh "$root/docs/how-to/$page.md" >"$page.sh"
     # shellcheck source=/dev/null
-    (cd how-to && set -e && . "../$page.sh") >"$page.log"
+    (cd "$folder" && set -e && . "../$page.sh") >"$page.log"
 done
 lines python "$root/docs/how-to/design.md" >design.py
 (cd how-to && python3 ../design.py) | tee design.table

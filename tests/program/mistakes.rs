@@ -146,9 +146,9 @@ fn keys_that_exclude_one_another_packings_and_polygons_hide_no_other_mistake() {
         (17, "sample_mask.projected_aperture: found both aperture and projected_aperture"),
         (20, "scan.mask_offsets.start: found both from and start; allowed: either from or start"),
         (25, "object[0].shape.extrusion.height: found 0 m"),
-        (27, "object[0].shape.extrusion.points[2]: found edges 0 and 2 that meet"),
-        (28, "object[0].shape.extrusion.points[4]: found edges 0 and 4 that meet"),
-        (28, "object[0].shape.extrusion.points[4]: found edges 2 and 4 that meet"),
+        (27, "object[0].shape.extrusion.points[2]: found edges 0 and 2 that touch or cross"),
+        (28, "object[0].shape.extrusion.points[4]: found edges 0 and 4 that touch or cross"),
+        (28, "object[0].shape.extrusion.points[4]: found edges 2 and 4 that touch or cross"),
         (
             35,
             "object[1].shape.sphere: found both cylinder and sphere; allowed: one of: box; cylinder",

@@ -116,7 +116,7 @@ fn odd_set_ups_are_warned_of() {
     let near = "{ from = \"-10 um\", to = \"10 um\", count = 5 }";
     let text = warnings(near, "", |_| ());
     assert!(
-        text.contains("scan.mask_offsets cover -1.") && text.contains("would settle"),
+        text.contains("scan.mask_offsets cover -1.") && text.contains("would determine"),
         "{text}"
     );
     let text = warnings(ELEVEN, "", |scene| scene.sample_mask.as_mut().unwrap().period *= 1.05);

@@ -222,7 +222,7 @@ fn retrieval_finds_ideal_images_where_a_body_is_smooth() {
     let body = "[scan]\nmask_offsets = { from = \"-25 um\", to = \"25 um\", count = 11 }\n\
                 angles = [\"0 deg\", \"40 deg\"]\n\
                 [[object]]\nname = \"ball\"\nmaterial = \"plastic\"\n\
-                shape = { ellipsoid = { radii = [\"2 mm\", \"1.4 mm\", \"2 mm\"] } }\n";
+                shape = { ellipsoid = { semi_axes = [\"2 mm\", \"1.4 mm\", \"2 mm\"] } }\n";
     let scene = scene([15, 3], body);
     let engine = engine(Backend::Bvh);
     let truth = made(&scene, &IdealOptions::default());

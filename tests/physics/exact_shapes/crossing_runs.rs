@@ -178,7 +178,8 @@ fn crossing_rods_are_those_of_fine_facets() {
     let [exact, facets] = ["", ", sides = 1024"]
         .map(|sides| scene(directory.path(), &set_up(ENERGY, "tolerance = 5e-5", &objects(sides))));
     let (checked, refusals) = load_lenient(&exact).expect("a sample");
-    assert!(refusals.is_empty() && checked.contacts.len() == 3, "{:?}", checked.contacts);
+    // The ball lies wholly in "a": nested, without contact.
+    assert!(refusals.is_empty() && checked.contacts.len() == 2, "{:?}", checked.contacts);
     let engine = engine(Backend::Bvh);
     let [whole, by_facets] = [&exact, &facets].map(|it| engine.simulate(it).expect("a stack"));
     compare("fine facets", 2e-4, &whole, &by_facets);
