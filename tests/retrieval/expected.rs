@@ -124,7 +124,7 @@ fn odd_set_ups_are_warned_of() {
     let thin = |scene: &mut Scene| set_thickness(scene, 20e-6);
     let text = warnings(ELEVEN, "", thin);
     // exp(-53122 * 20e-6) = 34.6 %
-    assert!(text.contains("the bars of sample_mask let 34.6 % of the light through"), "{text}");
+    assert!(text.contains("the bars of sample_mask transmit 34.6 % of the light"), "{text}");
     let text = warnings(ELEVEN, "", |scene| set_thickness(scene, 1.2e-3));
     assert!(text.contains("sample_mask.thickness of 1.2 mm"), "{text}");
 }
