@@ -359,7 +359,6 @@ fn a_single_row_has_misfits_at_its_silhouettes_alone() {
 
 /// Objects of few pixels in a row, and edges along the rows; and another shape of the curve.
 #[test]
-#[ignore = "open: 80 % of the silhouettes of crossing fibres are flagged since these fibres stay exact, cause unknown"]
 fn fibres_and_edges_along_rows_are_flagged_nearly_as_well_and_by_other_methods_too() {
     let engine = engine(Backend::Bvh);
     let folder = tempfile::tempdir().unwrap();

@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # Builds the wheel, installs it into a fresh environment, and tests it: pytest, doctests, the code of
-# docs/python.md, types and stubs. long.sh runs the notebooks of docs/tutorial.
+# docs/python.md, the notebooks of docs/tutorial (small), types and stubs.
 # Usage: engine/python/tests/run.sh [TARGET]   (default: target; its builds of crates are shared)
 set -euo pipefail
 root=$(cd "$(dirname "${BASH_SOURCE[0]}")/../../.." && pwd)
@@ -31,5 +31,6 @@ cd "$scratch"
 "$bin/beamlet" example cylinder -o cylinder >/dev/null
 awk '/^```python$/ { inside = 1; next } /^```$/ { inside = 0 } inside' "$root/docs/python.md" >guide.py
 "$bin/python" guide.py
+BEAMLET_QUICK=1 "$bin/python" "$package/tests/notebooks.py" "$root"/docs/tutorial/*.ipynb
 "$bin/python" -m mypy --strict --config-file "$package/pyproject.toml" guide.py "$package/python/beamlet"
 "$bin/python" -m mypy.stubtest --mypy-config-file "$package/pyproject.toml" beamlet._beamlet
