@@ -104,7 +104,9 @@ fn main() {
             .expect("OUT_DIR can be written");
         fs::write(path, text).expect("OUT_DIR can be written");
     }
-    write_elements(&out.join("elements.bin"));
+    if env::var_os("CARGO_FEATURE_PACKED_TABLES").is_none() {
+        write_elements(&out.join("elements.bin"));
+    }
     if let Some(commit) = commit() {
         println!("cargo::rustc-env=BEAMLET_COMMIT={commit}");
     }

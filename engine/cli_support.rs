@@ -8,7 +8,6 @@ pub use crate::run::quality::resolved as with_tolerances;
 pub use crate::run::require_memory;
 pub use crate::scene::formula::check_formula;
 pub use crate::scene::schema::json_schema;
-pub use crate::trace::uncovered;
 pub use crate::whole_file::write_file;
 
 /// Text for terminals and pages.

@@ -75,4 +75,4 @@ pub use run::{
 };
 pub(crate) use stack::layout;
 pub use stack::{RunRecord, SamplingSummary, SearchCounts};
-pub use trace::{Ray, SurfaceCrossing, Tally};
+pub use trace::{Ray, SurfaceCrossing, Tally, uncovered};

@@ -418,6 +418,9 @@ fn summary(
             counts.pixels, counts.without_answer, counts.dark, counts.misfits
         )?;
     }
+    if record.units.keys().any(|name| name.ends_with("_sigma")) {
+        writeln!(out, "sigma    without rings by the noise of a flat that all views share")?;
+    }
     for table in [&done.regions, &done.errors].into_iter().flatten() {
         writeln!(out)?;
         write!(out, "{table}")?;

@@ -5,10 +5,10 @@ use super::drawing::{Anchor, Area, Drawing, GREY, INK, Paint};
 use super::palette::{colour_of, colour_of_object, materials};
 use super::text::{cut, length, wrapped};
 use crate::numbers::{self, single};
-use beamlet::cli_support::{require_memory, uncovered};
+use beamlet::cli_support::require_memory;
 use beamlet::geometry::Sample;
 use beamlet::scene::{Sampling, Scan, Scene, Transport};
-use beamlet::{Backend, Engine, EngineOptions, Ray, Result, SurfaceCrossing};
+use beamlet::{Backend, Engine, EngineOptions, Ray, Result, SurfaceCrossing, uncovered};
 
 /// Where the sample is looked at from.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -25,7 +25,7 @@ pub enum Method {
     Iterative {
         /// Solver, and where it ends.
         options: IterativeOptions,
-        /// δ is made of refraction angles integrated along the rows ([`phase_along_rows`]), not of the
+        /// δ is made of refraction angles integrated along the rows ([`super::phase_along_rows`]), not of the
         /// angles.
         phase: bool,
     },

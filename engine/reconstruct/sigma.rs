@@ -17,7 +17,8 @@ use ndarray::{Array3, ArrayView3};
 use rayon::prelude::*;
 
 /// Standard deviation of each voxel of [`super::fbp`], from the deviations of independent values of
-/// sinograms, `[view][row][column]`. Corrections of lever arms are small and neglected.
+/// sinograms, `[view][row][column]`. Corrections of lever arms are small and neglected. Noise that views
+/// share, as of a common flat, makes rings, which are not included.
 ///
 /// # Errors
 /// As [`super::fbp`]; [`Error::Argument`] for columns that are uneven, rows that are extrapolated, and

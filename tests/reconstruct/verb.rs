@@ -1,5 +1,6 @@
 //! `beamlet reconstruct` by the program: volumes in files, dithers, regions, truth, and bad input.
 
+use crate::reference::draws::Draws;
 use crate::support::program::{beamlet, done, ended, run, workplace};
 use beamlet::ndarray::{Array3, s};
 use beamlet::reconstruct::{OpenVolumes, Quantity, VolumeRecord};
@@ -293,26 +294,43 @@ fn an_interrupt_ends_within_a_second_and_leaves_nothing() {
     assert!(!partial.exists() && !here.join("big").exists());
 }
 
-/// Runs of counts with other draws of noise: the deviations of fbp are the scatter of their volumes.
+/// Images with other draws of the noise of their views: the deviations of fbp are the scatter of the volumes.
+/// The noise of the one flat is the same in all views. It makes rings, which no deviation includes, so images
+/// are drawn here by their deviations, and not counts.
 #[test]
 fn deviations_of_the_verb_are_the_scatter_over_draws_of_noise() {
     let place = workplace(SCENE);
     let here = place.path();
     let draws = 4;
-    let usual = "--format npy -q --quantity mu,delta";
-    for seed in 1..=draws {
-        let photons = "--set detector.photons=20000 --set sampling.seed=";
-        done(here, &format!("simulate scene.toml -q -o run{seed} --format npy {photons}{seed}"));
-        done(here, &format!("retrieve run{seed} -q --format npy --counts --weights poisson"));
-        done(
-            here,
-            &format!("reconstruct run{seed} -o volume{seed} --sigma --region {ROD} {usual}"),
-        );
-    }
-    let read = |seed: i32, name: &str| {
-        let path = here.join(format!("volume{seed}/{name}.npy"));
-        Array3::<f32>::read_npy(File::open(path).unwrap()).unwrap().mapv(f64::from)
+    done(here, "simulate scene.toml -q -o run --format npy --set detector.photons=20000");
+    done(here, "retrieve run -q --format npy --counts --weights poisson");
+    let clean = self::place().path().join("run/retrieved");
+    let of = |folder: &Path, name: &str| {
+        Array3::<f32>::read_npy(File::open(folder.join(format!("{name}.npy"))).unwrap()).unwrap()
     };
+    let mut draw = Draws(5);
+    let mut normal = move || {
+        (-2.0 * draw.uniform().ln()).sqrt() * (std::f64::consts::TAU * draw.uniform()).cos()
+    };
+    for seed in 1..=draws {
+        let images = here.join(format!("images{seed}"));
+        fs::create_dir(&images).unwrap();
+        for file in fs::read_dir(here.join("run/retrieved")).unwrap().map(Result::unwrap) {
+            fs::copy(file.path(), images.join(file.file_name())).unwrap();
+        }
+        for name in ["transmission", "refraction"] {
+            let mut image = of(&clean, name);
+            image.zip_mut_with(&of(&images, &format!("{name}_sigma")), |value, sigma| {
+                *value += (f64::from(*sigma) * normal()) as f32;
+            });
+            image.write_npy(File::create(images.join(format!("{name}.npy"))).unwrap()).unwrap();
+        }
+        let usual = "--format npy -q --quantity mu,delta";
+        let line = format!("images{seed} -o volume{seed} --sigma --region {ROD} {usual}");
+        done(here, &format!("reconstruct {line}"));
+    }
+    let read =
+        |seed: i32, name: &str| of(&here.join(format!("volume{seed}")), name).mapv(f64::from);
     for quantity in ["mu", "delta"] {
         let volumes: Vec<Array3<f64>> = (1..=draws).map(|seed| read(seed, quantity)).collect();
         let mean: Array3<f64> =
@@ -346,12 +364,12 @@ fn deviations_of_the_verb_are_the_scatter_over_draws_of_noise() {
     }
     // Iterations weigh by the deviations.
     let line = "--method cgls --iterations 5 --quantity mu -q --format npy";
-    done(here, &format!("reconstruct run1 -o weighed --sigma {line}"));
-    done(here, &format!("reconstruct run1 -o alike {line}"));
+    done(here, &format!("reconstruct run -o weighed --sigma {line}"));
+    done(here, &format!("reconstruct run -o alike {line}"));
     let [weighed, alike] = ["weighed", "alike"].map(|name| volume(&here.join(name), Quantity::Mu));
     assert_ne!(weighed, alike);
     assert!(!here.join("weighed/mu_sigma.npy").exists());
-    let refused = run(here, "reconstruct run1 -o none --method cgls --sigma --phase");
+    let refused = run(here, "reconstruct run -o none --method cgls --sigma --phase");
     assert!(ended(&refused, 1).contains("are no weights"));
 }
 
@@ -417,9 +435,16 @@ fn the_truth_moves_with_a_shifted_axis() {
         println!("measured centroid of the {what}: {:.1} um, {:.1} um", 1e6 * x, 1e6 * y);
         assert!((x - 4e-4).abs() < tolerance && (y - 2e-4).abs() < tolerance, "{what}: {x} {y}");
     }
-    let errors = fs::read_to_string(here.join("volume/errors.csv")).unwrap();
-    let error = number(&errors, "rod,plastic,mu,", "error_percent");
-    assert!(error.abs() < 6.0, "{error}");
+    // The rod has 14 columns, at whose ends the openings show a fifth: mu is 6 % low on the axis, too. Another
+    // place of the rod within the columns changes that by a percent.
+    done(self::place().path(), "reconstruct run -o central --truth --quantity mu -q --format npy");
+    let [shifted, central] =
+        [here.join("volume"), self::place().path().join("central")].map(|at| {
+            let errors = fs::read_to_string(at.join("errors.csv")).unwrap();
+            number(&errors, "rod,plastic,mu,", "error_percent")
+        });
+    println!("measured errors of mu: {shifted:.2} % shifted, {central:.2} % on the axis");
+    assert!((shifted - central).abs() < 2.0, "{shifted} {central}");
 }
 
 /// The image of the phase is the integral of the refraction image along each row, without its mean.

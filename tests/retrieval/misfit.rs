@@ -9,7 +9,7 @@ use crate::reference::draws::Draws;
 use crate::support::{Checked, engine};
 use beamlet::retrieve::{Images, Method, RetrieveOptions, Retriever, Weights, flags};
 use beamlet::scene::Scene;
-use beamlet::{Backend, Ray};
+use beamlet::{Backend, Ray, uncovered};
 use ndarray::{Array2, Array3, Axis, s};
 use std::fmt::Write;
 
@@ -152,7 +152,7 @@ fn silhouettes(engine: &Checked, scene: &Scene) -> Array2<bool> {
         })
         .collect();
     let mut met = vec![0; rays.len()];
-    simulation.crossings(&rays, 16, |ray, found| met[ray] = found.len()).unwrap();
+    simulation.crossings(&rays, 16, |ray, found| met[ray] = uncovered(found).len()).unwrap();
     // With the penumbra of the spot, which reaches an eighth of a pixel (three standard deviations).
     let [width, height] = [width as usize, height as usize];
     Array2::from_shape_fn((ROWS as usize, COLUMNS as usize), |(row, column)| {

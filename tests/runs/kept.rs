@@ -97,7 +97,7 @@ fn same_scene_gives_the_same_bits_without_a_ray() {
     let mut keep = MomentWriter::new(directory.path());
     let control = Control::default().with_keep(&mut keep);
     let error = simulation.run(&mut ArraySink::new(), control).unwrap_err();
-    assert!(error.to_string().contains("kept moments"), "{error}");
+    assert!(error.to_string().contains("keeping moments"), "{error}");
     let fresh = keeping(None).simulate(&scene(&[])).unwrap();
     assert_eq!(stacks.flat, fresh.flat);
     assert_eq!(stacks.sample, fresh.sample);

@@ -135,7 +135,7 @@ fn a_damaged_stack_is_told_and_made_again_and_files_of_others_stay() {
     header[9] ^= 1;
     place.write("flat.tif", &header);
     let message = ended(&place.simulate(&["--resume"]), 0);
-    assert!(message.contains("flat.tif") && message.contains("mended"), "{message}");
+    assert!(message.contains("flat.tif") && message.contains("repaired"), "{message}");
     let again = ["sample.tif", "counts/sample.tif", "flat.tif"].map(|name| place.bytes(name));
     assert!(whole == again);
 

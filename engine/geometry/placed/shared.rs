@@ -98,8 +98,8 @@ fn length(parts: &[[f64; 2]]) -> f64 {
     parts.iter().map(|[a, b]| b - a).sum()
 }
 
-/// Volume that two shapes share, m3: in closed form of balls, to rounding of cylinders and cones on one
-/// axis, else by lines along the smaller one.
+/// Volume that two shapes share, m3: in closed form for two balls, to rounding for cylinders and cones on
+/// one axis, else within 0.3 % by lines along the smaller shape.
 pub(super) fn shared_volume(a: Solid<'_>, b: Solid<'_>) -> f64 {
     if let (Some(first), Some(second)) = (radius_of_ball(a), radius_of_ball(b)) {
         return lens(first, second, a.place.position.distance(b.place.position));
@@ -282,11 +282,12 @@ mod tests {
         let half = shared_volume(solid(rod(2e-3, 1e-2), &at), solid(ball, &on_face));
         let exact = 2.0 / 3.0 * PI * 0.5e-3_f64.powi(3);
         assert!((half / exact - 1.0).abs() < 1e-3, "{half} {exact}");
-        // Lenses: in closed form, and as ellipsoids by lines.
+        // Lenses: in closed form, and as ellipsoids by lines. Chords end as a root at the edge of the common
+        // part, so lines a distance h of the radius apart err by about h^1.5: (1/48)^1.5 = 3e-3.
         let apart = place(turn, at.position + DVec3::new(0.4e-3, 0.3e-3, 0.2e-3));
         let lens = shared_volume(solid(ball, &at), solid(ball, &apart));
         let egg = AnalyticShape::Ellipsoid { semi_axes: DVec3::splat(0.5e-3) };
         let by_lines = shared_volume(solid(egg, &at), solid(egg, &apart));
-        assert!((by_lines / lens - 1.0).abs() < 1e-3, "{by_lines} {lens}");
+        assert!((by_lines / lens - 1.0).abs() < 3e-3, "{by_lines} {lens}");
     }
 }

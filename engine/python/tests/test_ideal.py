@@ -37,7 +37,33 @@ def test_ideal_images_are_reconstructed(scene: bl.Scene, engine: bl.Engine) -> N
     x, y, _ = volume.centres()
     inside = (np.hypot(x[None, :], y[:, None]) < 0.5e-3)[None]
     true = bl.material("resin", 30.0, scene=scene).delta[0]
-    assert volume.values[inside].mean() == pytest.approx(true, rel=0.05)
+    found = volume.values[inside].mean() / true
+    # The openings show a fifth of each pixel. Sums over so few columns with steep edges are 7 % short;
+    # openings as wide as the pixels would leave 1.02, and twice as many columns 0.98.
+    assert openings_alone(24) == pytest.approx(0.928, abs=1e-3)
+    assert found == pytest.approx(openings_alone(24), abs=0.015)
+
+
+def openings_alone(columns: int) -> float:
+    """Mean decrement within 0.5 mm of the axis over its true value, by filtered back-projection of the
+    closed form of the rod behind the openings, in parallel light."""
+    near = 1.21 / 1.8
+    pitch, radius = 24 * 150e-6 / columns, 0.8e-3
+    within = 30e-6 * ((np.arange(2001) + 0.5) / 2001 - 0.5)
+    place = (np.arange(columns) - (columns - 1) / 2) * pitch
+    x = near * (place[:, None] + within)
+    half = np.sqrt(np.maximum(radius**2 - x**2, 0.0))
+    angle = np.divide(2 * x, half, out=np.zeros_like(x), where=half > 0).mean(axis=1)
+    apart = np.subtract.outer(np.arange(columns), np.arange(columns))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        kernel = np.where(apart == 0, 0.0, (1 - np.cos(np.pi * apart)) / (np.pi * apart))
+    filtered = -(kernel @ angle)
+    u = near * place
+    across, along = np.meshgrid(u, u)
+    turns = np.radians(np.arange(360))
+    sums = sum(np.interp(across * np.cos(t) + along * np.sin(t), u, filtered) for t in turns)
+    inside = np.hypot(across, along) < 0.5e-3
+    return float((sums[inside] / (2 * len(turns))).mean())
 
 
 def test_the_reach_bounds_angles(scene: bl.Scene, engine: bl.Engine) -> None:

@@ -59,7 +59,8 @@ impl Simulation {
     }
 
     /// Calls `visit` with the index of every ray, in order, and its first crossings with the
-    /// sample, front to back and at most `most` of them.
+    /// sample, front to back and at most `most` of them. Where exact shapes or instances overlap, surfaces
+    /// covered by an object listed later are among them; [`uncovered`](crate::uncovered) leaves them out.
     ///
     /// # Errors
     /// [`Error::Device`], [`Error::Memory`]; [`Error::Argument`] for a view that is not there.

@@ -116,7 +116,7 @@ fn a_run_without_hashes_goes_on_only_where_that_is_allowed() {
     place.write("scene.toml", without.as_bytes());
     let message = ended(&place.simulate(&["--resume"]), 1);
     assert_says(&message, &["beam.csv", "blur.npy", "scatter.npy", "resin.csv"]);
-    assert_says(&message, &["without a hash", "--allow-unhashed"]);
+    assert_says(&message, &["has no hash of", "--allow-unhashed"]);
     assert_eq!(ended(&place.simulate(&["--resume", "--allow-unhashed"]), 0), "");
     assert_eq!(place.bytes("sample.npy"), whole);
 }
