@@ -249,13 +249,16 @@ impl Score {
         }
     }
 
-    /// `most` of the clean pixels and `least` of the others are flagged.
+    /// At most the share `most` of the clean pixels, within three deviations of such a count, and at least
+    /// `least` of the others are flagged. At a million photons 32 draws flag 0.231 % of the clean pixels
+    /// with fibres, and four draws between 57 and 78 pixels.
     fn holds(&self, most: f64, least: f64, what: &str) {
         let Self { clean, off } = self;
         println!(
             "{what}: clean pixels flagged {clean:?}, silhouettes that are off flagged {off:?}"
         );
-        let few = f64::from(clean[0]) <= most * f64::from(clean[1]);
+        let expected = most * f64::from(clean[1]);
+        let few = f64::from(clean[0]) <= expected + 3.0 * expected.sqrt();
         assert!(clean[1] > 7_000 && few, "{what}: {self:?}");
         // At few photons 5 sigma is more than these scenes are off: of a few dozen pixels the share
         // scatters by 7 %.
@@ -367,7 +370,7 @@ fn fibres_and_edges_along_rows_are_flagged_nearly_as_well_and_by_other_methods_t
     let mut pooled = Score::default();
     for (photons, least) in [(2e4, 0.7), (1e5, 0.88), (1e6, 0.76)] {
         let score = score(&engine, &all, photons, &weighted(), &mut draws);
-        score.holds(2.5e-3, least, &format!("others, {photons} photons"));
+        score.holds(2.4e-3, least, &format!("others, {photons} photons"));
         pooled.add(&score);
     }
     pooled.holds(1.8e-3, 0.78, "others, counts");
