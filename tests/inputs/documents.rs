@@ -57,8 +57,8 @@ fn words_of_sources() -> BTreeSet<String> {
     paths.extend([".ci/test", ".ci/long", ".ci/setup", ".ci/fuzz", "build.rs"].map(PathBuf::from));
     let mut words = BTreeSet::new();
     for path in paths {
-        // This list names what no source has to have.
-        if path.ends_with("inputs/documents.rs") {
+        // This list names what no source has to have; tables of claims name tests, too.
+        if path.ends_with("inputs/documents.rs") || path.starts_with("docs/validation") {
             continue;
         }
         let text = String::from_utf8_lossy(&fs::read(path).unwrap()).into_owned();
@@ -206,6 +206,27 @@ fn names_in_documents_are_those_of_tests_types_keys_and_files() {
     }
     assert!(problems.is_empty(), "{}", problems.join("\n"));
     assert!(count > 2000, "only {count} names");
+}
+
+#[test]
+fn tests_in_tables_of_claims_exist() {
+    let words = words_of_sources();
+    let mut paths = Vec::new();
+    files("docs/validation", &[".csv"], &mut paths);
+    let (mut problems, mut count) = (Vec::new(), 0);
+    for path in paths {
+        let text = fs::read_to_string(&path).unwrap();
+        let rows = text.lines().skip(1);
+        let names = rows.flat_map(|row| row.split(|c: char| !is_of_word(c)));
+        for name in names.filter(|name| name.matches('_').count() > 2) {
+            count += 1;
+            if !words.contains(name) {
+                problems.push(format!("{}: nothing is called {name}", path.display()));
+            }
+        }
+    }
+    assert!(problems.is_empty(), "{}", problems.join("\n"));
+    assert!(count > 150, "only {count} names");
 }
 
 #[test]
