@@ -17,7 +17,7 @@ use super::sigma::{fbp_mean_sigma, fbp_sigma};
 use super::truth::Truth;
 use super::write::{VolumeFormat, write};
 use crate::cancel::Aside;
-use crate::numbers::whole;
+use crate::numbers::{single, whole};
 use crate::retrieve::path_hash;
 use crate::run::{RowsControl, require_memory};
 use crate::stack::layout::{ERRORS, REGIONS, RESIDUALS};
@@ -154,6 +154,7 @@ pub fn reconstruct(
         record,
         tables: Tables::default(),
         mu: None,
+        mu_sigma: None,
     };
     let parts = plan.quantities.len() as u64;
     for (number, quantity) in (0..).zip(plan.quantities.iter().copied()) {
@@ -207,6 +208,8 @@ struct Making<'a> {
     tables: Tables,
     /// Volume of μ that δ is corrected by.
     mu: Option<Volume>,
+    /// Standard deviations of this volume and of its means over regions.
+    mu_sigma: Option<(Array3<f32>, Vec<f64>)>,
 }
 
 impl Making<'_> {
@@ -252,10 +255,16 @@ impl Making<'_> {
         let Self { engine, input, plan, method, .. } = self;
         let (geometry, cancel) = (input.geometry(), control.cancel.clone());
         let (mut sinograms, counts) = input.sinograms(quantity, &cancel)?;
+        let mut weights = (plan.sigma && method.filtered().is_none())
+            .then(|| input.sigmas(quantity, &cancel))
+            .transpose()?;
         self.record.pixels.insert(quantity.name().to_owned(), counts);
         if let (Quantity::Mu, Some(choice)) = (quantity, &plan.beam_hardening) {
             let most = sinograms.iter().copied().fold(0.0, f32::max);
             let polynomial = BeamHardening::up_to(choice, most.into())?;
+            if let Some(sigmas) = &mut weights {
+                steepen(sigmas, &sinograms, &polynomial);
+            }
             polynomial.apply(sinograms.view_mut());
             self.record.beam_hardening = Some(HardeningRecord {
                 material: choice.material.clone(),
@@ -268,9 +277,7 @@ impl Making<'_> {
         if plan.rings {
             suppress_rings(geometry, sinograms.view_mut())?;
         }
-        let weights = (plan.sigma && method.filtered().is_none())
-            .then(|| input.sigmas(quantity, &cancel).map(deviation_weights))
-            .transpose()?;
+        let weights = weights.map(deviation_weights);
         let start = plan.start_of(quantity)?;
         let measured = Measured::new(Data::of(quantity), sinograms.view())
             .with_weights(weights.as_ref().map(|weights| weights.view()))
@@ -284,17 +291,35 @@ impl Making<'_> {
         let plan = self.plan;
         let method = self.method;
         let (true, Some(options)) = (plan.sigma, method.filtered()) else { return Ok(None) };
-        let sigmas = self.input.filled_sigmas(quantity, cancel)?;
+        let mut sigmas = self.input.filled_sigmas(quantity, cancel)?;
+        if let (Quantity::Mu, Some(choice)) = (quantity, &plan.beam_hardening) {
+            let (sinograms, _) = self.input.sinograms(quantity, cancel)?;
+            let most = sinograms.iter().copied().fold(0.0, f32::max);
+            steepen(&mut sigmas, &sinograms, &BeamHardening::up_to(choice, most.into())?);
+        }
         let given = (self.input.geometry(), sigmas.view(), quantity);
         let quiet = || RowsControl { progress: None, cancel: cancel.clone() };
-        let map = fbp_sigma(self.engine, given, &plan.grid, options, &mut quiet())?;
+        let mut map = fbp_sigma(self.engine, given, &plan.grid, options, &mut quiet())?.values;
         let name = format!("{}_sigma", quantity.name());
-        self.put((&name, quantity.unit()), &map.values, cancel)?;
         let of = |region: &Region| {
             let voxels = region.voxels(&plan.grid);
             fbp_mean_sigma(given, &plan.grid, &voxels, options, &mut quiet())
         };
-        plan.regions.iter().map(of).collect::<Result<Vec<f64>>>().map(Some)
+        let mut means = plan.regions.iter().map(of).collect::<Result<Vec<f64>>>()?;
+        // The noise of transmissions and of refraction angles is independent.
+        if let (Quantity::Delta, Some(k), Some((mu, of_mu))) =
+            (quantity, plan.gradient_bias, &self.mu_sigma)
+        {
+            map.zip_mut_with(mu, |delta, mu| {
+                *delta = single(f64::from(*delta).hypot(k * f64::from(*mu)));
+            });
+            means.iter_mut().zip(of_mu).for_each(|(delta, mu)| *delta = delta.hypot(k * mu));
+        }
+        self.put((&name, quantity.unit()), &map, cancel)?;
+        if quantity == Quantity::Mu && plan.gradient_bias.is_some() {
+            self.mu_sigma = Some((map, means.clone()));
+        }
+        Ok(Some(means))
     }
 
     /// Writes a volume.
@@ -310,6 +335,13 @@ impl Making<'_> {
         self.record.files.extend(files);
         Ok(())
     }
+}
+
+/// Multiplies deviations of −ln T by the slope of a correction for beam hardening.
+fn steepen(sigmas: &mut Array3<f32>, sinograms: &Array3<f32>, polynomial: &BeamHardening) {
+    sigmas.zip_mut_with(sinograms, |sigma, value| {
+        *sigma = single(f64::from(*sigma) * polynomial.slope((*value).into()));
+    });
 }
 
 /// Residuals of the iterations, as CSV; empty without.

@@ -31,14 +31,12 @@ impl Groups {
         }
         let at = |[group, place]: [u32; 2]| first[group as usize] + place;
         sample.partners = Partners::of_pairs(self.crossing.iter().map(|pair| pair.map(at)));
-        let lists: Vec<(u32, Vec<u32>)> =
-            sample.partners.lists().map(|(at, of)| (at, of.to_vec())).collect();
-        let lost = |(at, partners): &(u32, Vec<u32>)| {
+        let crossed: Vec<u32> = sample.partners.lists().map(|(at, _)| at).collect();
+        let lost = |at: &u32| {
             let own = &sample.placed[*at as usize];
-            let object = sample.components[own.component as usize].object;
-            (object, sample.lost_to(*at, partners))
+            (sample.components[own.component as usize].object, sample.lost_to(*at))
         };
-        let lost: Vec<(u32, f64)> = lists.par_iter().map(lost).collect();
+        let lost: Vec<(u32, f64)> = crossed.par_iter().map(lost).collect();
         for (object, volume) in lost {
             sample.objects[object as usize].volume -= volume;
         }

@@ -74,6 +74,21 @@ impl<'a> Solid<'a> {
         })
     }
 
+    /// A point of the world in its material.
+    fn inner_point(self) -> DVec3 {
+        let across = match self.shape.form() {
+            Form::Frustum(_) | Form::Ellipsoid(_) => 0.0,
+            Form::Torus(radius, _) => radius,
+            Form::Tube(it) => it.inner.midpoint(it.outer),
+        };
+        self.place.world_from_own(DVec3::new(across, 0.0, 0.0))
+    }
+
+    fn contains(self, point: DVec3) -> bool {
+        let along = self.place.linear() * DVec3::Z;
+        self.parts(point, along).iter().any(|[from, to]| *from < 0.0 && *to > 0.0)
+    }
+
     /// The parts of a line of the world that lie in it.
     fn parts(self, origin: DVec3, direction: DVec3) -> Parts {
         let own = self.place.own_from_world(origin);
@@ -220,15 +235,29 @@ impl Sample {
     }
 
     /// Volume of a placed shape that later ones of its partners hold, or earlier ones of its own object,
-    /// m3.
-    pub(super) fn lost_to(&self, at: u32, partners: &[u32]) -> f64 {
+    /// m3. A shape inside it that crosses one of these crosses the surface that they leave, and counts, too.
+    pub(super) fn lost_to(&self, at: u32) -> f64 {
         let Some((own, object)) = self.solid_at(at) else { return 0.0 };
-        let wins = |it: &u32| {
-            let (solid, other) = self.solid_at(*it)?;
+        let wins = |it: u32| {
+            let (solid, other) = self.solid_at(it)?;
             let is_near = near(solid.bounds(), own.bounds(), 0.0);
-            (is_near && (other, at) > (object, *it)).then_some(solid)
+            (is_near && (other, at) > (object, it)).then_some(solid)
         };
-        let winners: Vec<Solid<'_>> = partners.iter().filter_map(wins).collect();
+        let partners = |it: u32| self.partners.of(it).unwrap_or_default();
+        let mut found: Vec<u32> = partners(at).to_vec();
+        let mut winners: Vec<Solid<'_>> = Vec::new();
+        let mut next = 0;
+        while let Some(it) = found.get(next).copied() {
+            next += 1;
+            let Some(solid) = wins(it) else { continue };
+            winners.push(solid);
+            for other in partners(it) {
+                let inside = |solid: Solid<'_>| own.contains(solid.inner_point());
+                if *other != at && !found.contains(other) && wins(*other).is_some_and(inside) {
+                    found.push(*other);
+                }
+            }
+        }
         match winners[..] {
             [] => return 0.0,
             [winner] => return shared_volume(own, winner),
