@@ -130,7 +130,7 @@ fn again(engine: &Checked, kept: &StoredMoments, scene: &Scene) -> Stacks {
 fn kept_moments_of_a_bored_rod_serve_other_steps() {
     let directory = tempfile::tempdir().expect("a folder");
     let [rod, _] = both("PMMA", "vacuum", "");
-    let run = scene(directory.path(), &set_up(ENERGY, "tolerance = 1e-4", &rod));
+    let run = scene(directory.path(), &set_up(ENERGY, "tolerance = 5e-4", &rod));
     let path = directory.path().join("run");
     let options = EngineOptions::default().with_backend(Backend::Bvh).with_keep_moments(true);
     let keeping = engine_with(options);
@@ -144,11 +144,12 @@ fn kept_moments_of_a_bored_rod_serve_other_steps() {
     let mut steps = run.clone();
     steps.scan.mask_offsets = vec![-7e-6, 11e-6];
     let fresh = engine.simulate(&steps).expect("a run");
-    compare("kept moments", 2e-4, &fresh, &again(&engine, &kept, &steps));
+    compare("kept moments", 1e-3, &fresh, &again(&engine, &kept, &steps));
 }
 
-/// Rods across each other, a ball where they cross, and a cone: as they are and of 1,024 facets around,
-/// which are off the surface by 2 nm and refract by 0.06 % of the angle.
+/// Rods across each other, a ball where they cross, and a cone: as they are and of 256 facets around,
+/// which are off the surface by 23 nm and refract by 1 % of the angle. Each run errs by the tolerance of
+/// 2e-4 at most.
 #[test]
 fn crossing_rods_are_those_of_fine_facets() {
     let directory = tempfile::tempdir().expect("a directory");
@@ -168,26 +169,26 @@ fn crossing_rods_are_those_of_fine_facets() {
             ),
             object(
                 "c",
-                &format!("sphere = {{ radius = \"0.2 mm\"{} }}", sides.replace("1024", "512")),
+                &format!("sphere = {{ radius = \"0.2 mm\"{} }}", sides.replace("256", "128")),
                 "vacuum",
                 across,
             ),
         ]
         .concat()
     };
-    let [exact, facets] = ["", ", sides = 1024"]
-        .map(|sides| scene(directory.path(), &set_up(ENERGY, "tolerance = 5e-5", &objects(sides))));
+    let [exact, facets] = ["", ", sides = 256"]
+        .map(|sides| scene(directory.path(), &set_up(ENERGY, "tolerance = 2e-4", &objects(sides))));
     let (checked, refusals) = load_lenient(&exact).expect("a sample");
     // The ball lies wholly in "a": nested, without contact.
     assert!(refusals.is_empty() && checked.contacts.len() == 2, "{:?}", checked.contacts);
     let engine = engine(Backend::Bvh);
     let [whole, by_facets] = [&exact, &facets].map(|it| engine.simulate(it).expect("a stack"));
-    compare("fine facets", 2e-4, &whole, &by_facets);
+    compare("fine facets", 5e-4, &whole, &by_facets);
     let mut ordered = exact.clone();
     ordered.sampling.transport = Transport::Exact;
     compare(
         "exact transport and auto",
-        1.5e-4,
+        4e-4,
         &whole,
         &engine.simulate(&ordered).expect("a stack"),
     );
