@@ -3,7 +3,7 @@
 use super::CheckReport;
 use crate::optics::{Mask, Optics};
 use crate::printed::number;
-use crate::scene::{Beam, Counts, MaterialSpec, Scene, SpectrumOrigin, limits};
+use crate::scene::{Beam, Counts, MaterialSpec, Scan, Scene, SpectrumOrigin, limits};
 use crate::{material, spot};
 use std::f64::consts::PI;
 
@@ -22,6 +22,12 @@ const FEW_PHOTONS: f64 = 50.0;
 const BLURRED_AWAY: f64 = 0.4;
 /// Relative difference from whole turns of angles that were meant as radians.
 const TURN: f64 = 1e-3;
+/// Turns of a scan without travel beyond which angles were meant in another unit.
+const MANY_TURNS: f64 = 2.0;
+/// Distance of pixels beyond any detector, m.
+const WIDE_PIXELS: f64 = 5e-3;
+/// Different mask offsets below which no method fits the curve of a pixel.
+const FEW_OFFSETS: usize = 3;
 
 /// The doubts about a scene.
 pub(super) fn doubts(scene: &Scene, report: &CheckReport) -> Vec<String> {
@@ -29,12 +35,15 @@ pub(super) fn doubts(scene: &Scene, report: &CheckReport) -> Vec<String> {
     let masks = [&optics.sample_mask, &optics.detector_mask].map(Option::as_ref);
     let mut doubts: Vec<String> = [
         periods_of_masks(&optics, masks),
+        wide_pixels(&optics),
         period_of_pixels(&optics),
         slits_on_borders(&optics),
         blurred_away(scene, &optics),
         air(scene, report.setup.energy),
         unfiltered(scene, report.setup.energy),
         radians(&scene.scan.angles),
+        many_turns(&scene.scan),
+        few_offsets(scene),
     ]
     .into_iter()
     .flatten()
@@ -65,6 +74,18 @@ fn periods_of_masks(optics: &Optics, masks: [Option<&Mask>; 2]) -> Option<String
              fringes cross the detector; periods that fit are in proportion to the distances",
             a * 1e6,
             b * 1e6
+        )
+    })
+}
+
+/// Pixels that no detector has.
+fn wide_pixels(optics: &Optics) -> Option<String> {
+    let [x, z] = optics.detector.pitch;
+    let pitch = x.max(z);
+    (pitch > WIDE_PIXELS).then(|| {
+        format!(
+            "detector.pitch of {} mm is wider than any pixel of an X-ray detector: is its unit right?",
+            number(pitch * 1e3)
         )
     })
 }
@@ -166,6 +187,32 @@ fn radians(angles: &[f64]) -> Option<String> {
             "scan.angles cover {} deg, which is {} turns if the numbers are radians: is their unit right?",
             number(degrees),
             if degrees > 4.0 { "1" } else { "1/2" }
+        )
+    })
+}
+
+/// Angles of several turns about a sample that does not move otherwise.
+fn many_turns(scan: &Scan) -> Option<String> {
+    let low = scan.angles.iter().copied().fold(f64::INFINITY, f64::min);
+    let high = scan.angles.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+    let turns = (high - low) / (2.0 * PI);
+    (scan.is_circle() && turns > MANY_TURNS).then(|| {
+        format!(
+            "scan.angles cover {turns:.1} turns of a sample that does not travel: is their unit right?"
+        )
+    })
+}
+
+/// Too few mask offsets for any retrieval with both masks.
+fn few_offsets(scene: &Scene) -> Option<String> {
+    let mut offsets = scene.scan.mask_offsets.clone();
+    offsets.sort_by(f64::total_cmp);
+    offsets.dedup();
+    (scene.masks().count() == 2 && offsets.len() < FEW_OFFSETS).then(|| {
+        format!(
+            "different values of scan.mask_offsets: {}; `retrieve` needs 3 of them (method three-step), 4 \
+             (gaussian) or 5 (exact-curve)",
+            offsets.len()
         )
     })
 }

@@ -75,8 +75,8 @@ impl Method {
     /// # Errors
     /// [`Error::Scene`] with found and allowed values, and where possible an alternative method.
     pub fn check(self, scene: &Scene, offsets: &[f64]) -> Result<()> {
-        self.check_offsets(offsets)?;
         if self == Self::Beamlet {
+            self.check_offsets(offsets)?;
             return check_beamlets(scene, offsets);
         }
         for (key, mask) in
@@ -90,6 +90,7 @@ impl Method {
                 return Err(Error::scene(key, "nothing", allowed));
             }
         }
+        self.check_offsets(offsets)?;
         let shape = super::shape::CurveGeometry::of(scene);
         let blur = shape.blur / shape.half_base();
         match self {
@@ -127,7 +128,9 @@ impl Method {
         sorted.dedup();
         let (count, different) = (offsets.len(), sorted.len());
         let (served, allowed) = match self {
-            Self::Gaussian | Self::TwoStep => (different >= 4, "at least 4 different offsets"),
+            Self::Gaussian | Self::TwoStep => {
+                (different >= 4, "at least 4 different offsets; three serve three-step")
+            }
             Self::ThreeStep => (count == 3 && different == 3, "exactly 3 different offsets"),
             Self::Moments => (different >= 5, "at least 5 different offsets"),
             Self::Triangle | Self::Trapezoid | Self::ExactCurve => {
