@@ -236,7 +236,9 @@ impl Input {
         }
         let path = self.paths().into_iter().next().unwrap_or_default();
         let name = sigma_of(quantity);
-        let problem = format!("has no image {name}, from which the uncertainties are made");
+        let problem = format!(
+            "has no image {name}, from which the uncertainties are made: retrieve from counts"
+        );
         Err(Error::file(path, problem, None))
     }
 

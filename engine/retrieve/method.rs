@@ -76,8 +76,8 @@ impl Method {
     /// [`Error::Scene`] with found and allowed values, and where possible an alternative method.
     pub fn check(self, scene: &Scene, offsets: &[f64]) -> Result<()> {
         if self == Self::Beamlet {
-            self.check_offsets(offsets)?;
-            return check_beamlets(scene, offsets);
+            check_beamlets(scene)?;
+            return self.check_offsets(offsets);
         }
         for (key, mask) in
             [("sample_mask", &scene.sample_mask), ("detector_mask", &scene.detector_mask)]
@@ -159,7 +159,7 @@ fn spot(scene: &Scene) -> String {
     format!("a spot of {} across the slits", Length.rounded(scene.source.spot.fwhm()[0]))
 }
 
-fn check_beamlets(scene: &Scene, offsets: &[f64]) -> Result<()> {
+fn check_beamlets(scene: &Scene) -> Result<()> {
     let needs = "beamlet needs a sample mask and no detector mask";
     let optics = Optics::of(scene);
     if optics.detector_mask.is_some() {
@@ -168,7 +168,6 @@ fn check_beamlets(scene: &Scene, offsets: &[f64]) -> Result<()> {
     let Some(mask) = &optics.sample_mask else {
         return Err(Error::scene("sample_mask", "nothing", needs));
     };
-    debug_assert_eq!(offsets.len(), 1, "checked before");
     let pixels = mask.openings_in_columns(&optics.detector, 0.0).period[0];
     if pixels < BEAMLET_PIXELS {
         return Err(Error::scene(
