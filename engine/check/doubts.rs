@@ -28,6 +28,8 @@ const MANY_TURNS: f64 = 2.0;
 const WIDE_PIXELS: f64 = 5e-3;
 /// Different mask offsets below which no method fits the curve of a pixel.
 const FEW_OFFSETS: usize = 3;
+/// Light of a frame over the nominal one, or its inverse, beyond which a share was meant as per cent.
+const UNSTEADY: f64 = 2.0;
 
 /// The doubts about a scene.
 pub(super) fn doubts(scene: &Scene, report: &CheckReport) -> Vec<String> {
@@ -50,6 +52,8 @@ pub(super) fn doubts(scene: &Scene, report: &CheckReport) -> Vec<String> {
     .collect();
     doubts.extend(super::angles::doubts(&scene.scan));
     doubts.extend(thick_bars(scene));
+    doubts.extend(displaced_mask(scene));
+    doubts.extend(unsteady_light(&scene.scan));
     doubts.extend(odd_materials(scene));
     let passed = masks.into_iter().flatten().map(open_share).fold(1.0, f64::min);
     doubts.extend(scene.detector.counts.iter().flat_map(|counts| photons(counts, passed)));
@@ -213,6 +217,34 @@ fn few_offsets(scene: &Scene) -> Option<String> {
             "different values of scan.mask_offsets: {}; `retrieve` needs 3 of them (method three-step), 4 \
              (gaussian) or 5 (exact-curve)",
             offsets.len()
+        )
+    })
+}
+
+/// Errors of the mask offsets beyond half a period.
+fn displaced_mask(scene: &Scene) -> Option<String> {
+    let half = scene.sample_mask.as_ref()?.period / 2.0;
+    let errors = scene.scan.errors.mask_offsets.iter().flatten();
+    let most = errors.fold(0.0, |most: f64, error| most.max(error.abs()));
+    (most > half).then(|| {
+        format!(
+            "scan.errors displace the sample mask by up to {} um, more than half its period, {} um: is their \
+             unit right?",
+            number(most * 1e6),
+            number(half * 1e6)
+        )
+    })
+}
+
+/// Light that varies more than that of any source.
+fn unsteady_light(scan: &Scan) -> Option<String> {
+    let light = || scan.errors.intensities.iter().flatten().copied();
+    let (low, high) = (light().fold(1.0, f64::min), light().fold(1.0, f64::max));
+    (low * UNSTEADY < 1.0 || high > UNSTEADY).then(|| {
+        format!(
+            "scan.errors give frames {} to {} of the nominal light: intensity errors are shares, 0.01 for 1 %",
+            number(low),
+            number(high)
         )
     })
 }
