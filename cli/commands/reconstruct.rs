@@ -134,8 +134,11 @@ impl Source {
                     scene = Some(OpenRun::open(input)?.scene().clone());
                 }
             } else if input.is_file() {
-                let problem =
-                    "is a file: sinograms need --geometry SCENE, for angles and distances";
+                let is_scene = input.extension().is_some_and(|it| it == "toml" || it == "json");
+                let problem = match is_scene {
+                    true => "is a scene: simulate it, and name the run directory",
+                    false => "is a file: sinograms need --geometry SCENE, for angles and distances",
+                };
                 return Err(Failure::File { path: input.clone(), problem: problem.into() });
             } else {
                 folders.push(input.clone());

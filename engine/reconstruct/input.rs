@@ -42,7 +42,10 @@ impl Input {
     pub fn of_images(folders: &[PathBuf]) -> Result<Self> {
         let open = |path: &PathBuf| {
             if !layout::is_retrieved(path) {
-                let problem = format!("holds no retrieved images: it has no {RECORD}");
+                let problem = match path.exists() {
+                    true => format!("holds no retrieved images: it has no {RECORD}"),
+                    false => "is not there".to_owned(),
+                };
                 return Err(Error::file(path, problem, None));
             }
             let maps = Maps::open(path)?;

@@ -47,9 +47,9 @@ impl OpenRun {
         let path = path.as_ref();
         if !layout::is_run(path) {
             let problem = match (path.exists(), path.is_dir()) {
-                (false, _) => "is not there".into(),
+                (false, _) => "is not there".to_owned(),
                 (true, false) => {
-                    "is a file: name a run directory, as `beamlet simulate` makes it".into()
+                    "is a file: name a run directory, as `beamlet simulate` makes it".to_owned()
                 }
                 (true, true) => format!("is no run directory: it has no {RUN}"),
             };
