@@ -226,7 +226,7 @@ struct Reach {
     worst: [(f64, usize); 2],
     /// Whether it passes through the field along the slits in every view.
     passes: bool,
-    /// Whether it lies outside the field in every view, in x and z.
+    /// Outside of the field in every view, in x and z.
     outside: [bool; 2],
 }
 
