@@ -66,6 +66,14 @@ fn work(
     }
     let truth = match (arguments.truth, &source.scene) {
         (false, _) => None,
+        (true, Some(scene)) if scene.objects.is_empty() => {
+            let path = arguments.inputs[0].clone();
+            let problem =
+                "has a geometry without objects, with which --truth has nothing to compare: \
+                           name a geometry with the sample"
+                    .into();
+            return Err(Failure::File { path, problem });
+        }
         (true, Some(scene)) => {
             reporter.doing("finding the objects at the voxels");
             let truth = Truth::of(&engine, scene, geometry, &plan.grid, cancel)?;
