@@ -20,7 +20,7 @@ mod report;
 mod residuals;
 mod subject;
 
-use clap::Parser;
+use clap::{CommandFactory, Parser};
 use printed::{Printed, Results};
 use std::ffi::OsString;
 use std::io::Write;
@@ -47,6 +47,12 @@ pub fn run(words: Vec<OsString>) -> u8 {
         Err(error) => {
             // Help and version come this way too, with code 0; a closed pipe is no failure.
             print(&error);
+            if error.use_stderr()
+                && let Some(option) = with_one_dash(words)
+            {
+                let mut stderr = Printed::new(std::io::stderr());
+                let _ = writeln!(stderr, "\n  tip: --{option} has two dashes");
+            }
             return u8::try_from(error.exit_code()).unwrap_or(2);
         }
     };
@@ -64,6 +70,17 @@ pub fn run(words: Vec<OsString>) -> u8 {
 /// Words of the command line behind the name of the program.
 fn words() -> &'static [OsString] {
     WORDS.get().map_or(&[], Vec::as_slice)
+}
+
+/// A long option that is written with one dash: clap reads its letters as short options.
+fn with_one_dash(words: &[OsString]) -> Option<String> {
+    let program = args::Arguments::command();
+    let is_long = |name: &str| {
+        let mut verbs = program.get_subcommands();
+        verbs.any(|verb| verb.get_arguments().any(|arg| arg.get_long() == Some(name)))
+    };
+    let mut names = words.iter().filter_map(|word| word.to_str()?.strip_prefix('-'));
+    names.find(|name| is_long(name)).map(str::to_owned)
 }
 
 /// Help in colour on a terminal; typed words are escaped.

@@ -184,11 +184,14 @@ fn pairs(a: &Path, b: &Path) -> Result<Vec<Pair>> {
             Ok(vec![("stack".to_owned(), [StackFile::open(a)?, StackFile::open(b)?])])
         }
         [found, other] => {
+            if let Some(missing) = [a, b].into_iter().find(|path| !path.exists()) {
+                return Err(Error::file(missing, "is not there", None));
+            }
             let problem = format!(
                 "is {}; {} is {}: compare like with like, as RUN/sample with a measured stack",
-                other.word(),
+                other.word(b),
                 a.display(),
-                found.word()
+                found.word(a)
             );
             Err(Error::file(b, problem, None))
         }
@@ -217,10 +220,11 @@ enum ComparedKind {
 }
 
 impl ComparedKind {
-    const fn word(self) -> &'static str {
+    fn word(self, path: &Path) -> &'static str {
         match self {
             Self::Run => "a run",
             Self::Maps => "a directory of retrieved images",
+            Self::Stack if path.is_dir() => "a folder, neither a run nor retrieved images",
             Self::Stack => "a stack",
         }
     }

@@ -15,7 +15,10 @@ pub(super) fn run(arguments: &Convert, out: &mut impl Write) -> Result<(), Failu
         false => arguments.input.clone(),
     };
     if !layout::is_retrieved(&images) {
-        let problem = "holds no retrieved images: beamlet retrieve makes them";
+        let problem = match arguments.input.exists() {
+            true => "holds no retrieved images: beamlet retrieve makes them",
+            false => "is not there",
+        };
         return Err(Failure::File { path: images, problem: problem.into() });
     }
     refuse_overlap(&arguments.output, std::slice::from_ref(&images))?;

@@ -66,6 +66,14 @@ fn work(
     }
     let truth = match (arguments.truth, &source.scene) {
         (false, _) => None,
+        (true, Some(scene)) if scene.objects.is_empty() => {
+            let path = arguments.inputs[0].clone();
+            let problem =
+                "has a geometry without objects, with which --truth has nothing to compare: \
+                           name a geometry with the sample"
+                    .into();
+            return Err(Failure::File { path, problem });
+        }
         (true, Some(scene)) => {
             reporter.doing("finding the objects at the voxels");
             let truth = Truth::of(&engine, scene, geometry, &plan.grid, cancel)?;
@@ -134,8 +142,11 @@ impl Source {
                     scene = Some(OpenRun::open(input)?.scene().clone());
                 }
             } else if input.is_file() {
-                let problem =
-                    "is a file: sinograms need --geometry SCENE, for angles and distances";
+                let is_scene = input.extension().is_some_and(|it| it == "toml" || it == "json");
+                let problem = match is_scene {
+                    true => "is a scene: simulate it, and name the run directory",
+                    false => "is a file: sinograms need --geometry SCENE, for angles and distances",
+                };
                 return Err(Failure::File { path: input.clone(), problem: problem.into() });
             } else {
                 folders.push(input.clone());

@@ -175,7 +175,14 @@ impl Scale {
         let most = numbers::whole::<usize>(area.height / NUMBER).clamp(1, 6);
         // Round steps may give more numbers than wanted.
         let choices = (1..=most).rev().map(|count| ticks(self.low, self.high, count));
-        let numbers = choices.into_iter().find(|it| it.len() <= most + 1).unwrap_or_default();
+        let mut numbers = choices.into_iter().find(|it| it.len() <= most + 1).unwrap_or_default();
+        if numbers.len() < 2 {
+            // One number gives no range: the first, the middle and the last of a finer step do.
+            let finer = ticks(self.low, self.high, 4);
+            let last = finer.len().saturating_sub(1);
+            let kept = |at: usize| at == 0 || 2 * at == last || at == last;
+            numbers = (0..).zip(finer).filter(|(at, _)| kept(*at)).map(|(_, it)| it).collect();
+        }
         for (value, text) in numbers {
             let y = area.bottom() - area.height * (value - self.low) / (self.high - self.low);
             drawing.line([area.right(), y], [area.right() + 4.0, y], Paint::line(INK, 0.8));

@@ -173,7 +173,11 @@ fn write_object(f: &mut Formatter<'_>, object: &CheckedObject) -> fmt::Result {
     writeln!(f, "  {} ({})", object.name, object.material)?;
     let detail =
         |f: &mut Formatter<'_>, label: &str, text: String| writeln!(f, "    {label:<18}{text}");
-    detail(f, "triangles", count(object.triangles as u64))?;
+    let triangles = match object.triangles {
+        0 => "0: exact shapes have none".into(),
+        triangles => count(triangles as u64),
+    };
+    detail(f, "triangles", triangles)?;
     if object.instances > 0 {
         detail(f, "instances", count(object.instances as u64))?;
     }

@@ -3,7 +3,7 @@
 use super::CheckReport;
 use crate::optics::{Mask, Optics};
 use crate::printed::number;
-use crate::scene::{Beam, Counts, MaterialSpec, Scene, SpectrumOrigin, limits};
+use crate::scene::{Beam, Counts, MaterialSpec, Scan, Scene, SpectrumOrigin, limits};
 use crate::{material, spot};
 use std::f64::consts::PI;
 
@@ -22,6 +22,14 @@ const FEW_PHOTONS: f64 = 50.0;
 const BLURRED_AWAY: f64 = 0.4;
 /// Relative difference from whole turns of angles that were meant as radians.
 const TURN: f64 = 1e-3;
+/// Turns of a scan without travel beyond which angles were meant in another unit.
+const MANY_TURNS: f64 = 2.0;
+/// Distance of pixels beyond any detector, m.
+const WIDE_PIXELS: f64 = 5e-3;
+/// Different mask offsets below which no method fits the curve of a pixel.
+const FEW_OFFSETS: usize = 3;
+/// Light of a frame over the nominal one, or its inverse, beyond which a share was meant as per cent.
+const UNSTEADY: f64 = 2.0;
 
 /// The doubts about a scene.
 pub(super) fn doubts(scene: &Scene, report: &CheckReport) -> Vec<String> {
@@ -29,18 +37,23 @@ pub(super) fn doubts(scene: &Scene, report: &CheckReport) -> Vec<String> {
     let masks = [&optics.sample_mask, &optics.detector_mask].map(Option::as_ref);
     let mut doubts: Vec<String> = [
         periods_of_masks(&optics, masks),
+        wide_pixels(&optics),
         period_of_pixels(&optics),
         slits_on_borders(&optics),
         blurred_away(scene, &optics),
         air(scene, report.setup.energy),
         unfiltered(scene, report.setup.energy),
         radians(&scene.scan.angles),
+        many_turns(&scene.scan),
+        few_offsets(scene),
     ]
     .into_iter()
     .flatten()
     .collect();
     doubts.extend(super::angles::doubts(&scene.scan));
     doubts.extend(thick_bars(scene));
+    doubts.extend(displaced_mask(scene));
+    doubts.extend(unsteady_light(&scene.scan));
     doubts.extend(odd_materials(scene));
     let passed = masks.into_iter().flatten().map(open_share).fold(1.0, f64::min);
     doubts.extend(scene.detector.counts.iter().flat_map(|counts| photons(counts, passed)));
@@ -65,6 +78,18 @@ fn periods_of_masks(optics: &Optics, masks: [Option<&Mask>; 2]) -> Option<String
              fringes cross the detector; periods that fit are in proportion to the distances",
             a * 1e6,
             b * 1e6
+        )
+    })
+}
+
+/// Pixels that no detector has.
+fn wide_pixels(optics: &Optics) -> Option<String> {
+    let [x, z] = optics.detector.pitch;
+    let pitch = x.max(z);
+    (pitch > WIDE_PIXELS).then(|| {
+        format!(
+            "detector.pitch of {} mm is wider than any pixel of an X-ray detector: is its unit right?",
+            number(pitch * 1e3)
         )
     })
 }
@@ -166,6 +191,60 @@ fn radians(angles: &[f64]) -> Option<String> {
             "scan.angles cover {} deg, which is {} turns if the numbers are radians: is their unit right?",
             number(degrees),
             if degrees > 4.0 { "1" } else { "1/2" }
+        )
+    })
+}
+
+/// Angles of several turns about a sample that does not move otherwise.
+fn many_turns(scan: &Scan) -> Option<String> {
+    let low = scan.angles.iter().copied().fold(f64::INFINITY, f64::min);
+    let high = scan.angles.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+    let turns = (high - low) / (2.0 * PI);
+    (scan.is_circle() && turns > MANY_TURNS).then(|| {
+        format!(
+            "scan.angles cover {turns:.1} turns of a sample that does not travel: is their unit right?"
+        )
+    })
+}
+
+/// Too few mask offsets for any retrieval with both masks.
+fn few_offsets(scene: &Scene) -> Option<String> {
+    let mut offsets = scene.scan.mask_offsets.clone();
+    offsets.sort_by(f64::total_cmp);
+    offsets.dedup();
+    (scene.masks().count() == 2 && offsets.len() < FEW_OFFSETS).then(|| {
+        format!(
+            "different values of scan.mask_offsets: {}; `retrieve` needs 3 of them (method three-step), 4 \
+             (gaussian) or 5 (exact-curve)",
+            offsets.len()
+        )
+    })
+}
+
+/// Errors of the mask offsets beyond half a period.
+fn displaced_mask(scene: &Scene) -> Option<String> {
+    let half = scene.sample_mask.as_ref()?.period / 2.0;
+    let errors = scene.scan.errors.mask_offsets.iter().flatten();
+    let most = errors.fold(0.0, |most: f64, error| most.max(error.abs()));
+    (most > half).then(|| {
+        format!(
+            "scan.errors displace the sample mask by up to {} um, more than half its period, {} um: is their \
+             unit right?",
+            number(most * 1e6),
+            number(half * 1e6)
+        )
+    })
+}
+
+/// Light that varies more than that of any source.
+fn unsteady_light(scan: &Scan) -> Option<String> {
+    let light = || scan.errors.intensities.iter().flatten().copied();
+    let (low, high) = (light().fold(1.0, f64::min), light().fold(1.0, f64::max));
+    (low * UNSTEADY < 1.0 || high > UNSTEADY).then(|| {
+        format!(
+            "scan.errors give frames {} to {} of the nominal light: intensity errors are shares, 0.01 for 1 %",
+            number(low),
+            number(high)
         )
     })
 }

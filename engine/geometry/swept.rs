@@ -166,11 +166,13 @@ impl Swept {
                 true => "is its `unit` (or `scale`) the right one",
                 false => "are its size and place the right ones",
             };
-            let Reach { worst, passes } = self.reach(scene, object);
-            for (((reach, view), half), axis) in worst.into_iter().zip(half).zip(["x", "z"]) {
+            let Reach { worst, passes, outside } = self.reach(scene, object);
+            let ends = worst.into_iter().zip(half).zip(["x", "z"]).zip(outside);
+            for ((((reach, view), half), axis), outside) in ends {
                 if reach > half && !(axis == "z" && passes) {
+                    let lies = if outside { "lies in all views" } else { "reaches" };
                     warnings.push(format!(
-                        "\"{name}\" reaches outside the field of view: {:.3} mm from the centre of the \
+                        "\"{name}\" {lies} outside the field of view: {:.3} mm from the centre of the \
                          detector in {axis} {}, where the detector ends at {:.3} mm; if it should not, \
                          {doubt}?",
                         reach * 1e3,
@@ -196,8 +198,13 @@ impl Swept {
         let mut worst = [(0.0, 0); 2];
         let least = scene.detector.distance / (scene.source.distance + self.far(object));
         let mut passes = true;
+        let mut outside = [true; 2];
         for view in self.views() {
             let Seen { extent, slopes } = self.seen(view, object);
+            for ((outside, ends), half) in outside.iter_mut().zip([extent.x, extent.z]).zip(half) {
+                let [low, high] = ends.map(|end| end * least);
+                *outside = *outside && (low > half || high < -half);
+            }
             for (worst, slope) in worst.iter_mut().zip(slopes) {
                 let reach = slope * scene.detector.distance;
                 if reach > worst.0 {
@@ -209,7 +216,7 @@ impl Swept {
         }
         // One that is many times as long as the detector is large has the wrong unit.
         let passes = passes && worst[1].0 < PASSING * half[0].max(half[1]);
-        Reach { worst, passes }
+        Reach { worst, passes, outside }
     }
 }
 
@@ -219,6 +226,8 @@ struct Reach {
     worst: [(f64, usize); 2],
     /// Whether it passes through the field along the slits in every view.
     passes: bool,
+    /// Outside of the field in every view, in x and z.
+    outside: [bool; 2],
 }
 
 /// The pose in words.

@@ -8,8 +8,9 @@ use std::ops::Range;
 
 /// Rounding of places in a row or period.
 const SLACK: f32 = 1e-3;
-/// Largest moment, sum of a path (m) or of tangents of incidence.
-const MOMENT: f32 = 1e9;
+/// Largest moment, sum of a path (m) or of tangents of incidence: up to 1e9 for each crossing of a ray that
+/// grazes (`LEAST_ALONG` of the shaders). Squares of this limit are finite.
+const MOMENT: f32 = 1e18;
 /// Largest displacement (m), slope (rad) or optical depth of a traced ray.
 const WALKED: f32 = 1e4;
 

@@ -59,7 +59,11 @@ impl GridChoice {
         let voxels: f64 = size.iter().map(|side| *side as f64).product();
         if voxels > MOST {
             let found = format!("{size:?}: {voxels:.3e} voxels");
-            return Err(Error::argument("grid", found, format!("up to {MOST:.3e} voxels")));
+            return Err(Error::argument(
+                "grid",
+                found,
+                format!("up to {MOST:.3e} voxels: a larger side of the voxel, or a smaller size"),
+            ));
         }
         grid.check(geometry)?;
         refuse_unseen(&grid, geometry)?;

@@ -133,8 +133,9 @@ impl ScanGeometry {
             return wrong("rows", found, "one or more finite places, descending and even");
         }
         if self.angles.len() < 3 || !is_finite(&self.angles) {
-            let found = format!("{} angles", self.angles.len());
-            return wrong("angles", found, "three or more finite angles");
+            let found = format!("{} views", self.angles.len());
+            let allowed = "three or more views at finite angles: a scan (scan.angles)";
+            return wrong("angles", found, allowed);
         }
         if let Some(motions) = self.motions.as_ref().filter(|m| m.len() != self.angles.len()) {
             let found = format!("{} motions for {} views", motions.len(), self.angles.len());

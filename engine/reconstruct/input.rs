@@ -42,7 +42,10 @@ impl Input {
     pub fn of_images(folders: &[PathBuf]) -> Result<Self> {
         let open = |path: &PathBuf| {
             if !layout::is_retrieved(path) {
-                let problem = format!("holds no retrieved images: it has no {RECORD}");
+                let problem = match path.exists() {
+                    true => format!("holds no retrieved images: it has no {RECORD}"),
+                    false => "is not there".to_owned(),
+                };
                 return Err(Error::file(path, problem, None));
             }
             let maps = Maps::open(path)?;
@@ -236,7 +239,9 @@ impl Input {
         }
         let path = self.paths().into_iter().next().unwrap_or_default();
         let name = sigma_of(quantity);
-        let problem = format!("has no image {name}, from which the uncertainties are made");
+        let problem = format!(
+            "has no image {name}, from which the uncertainties are made: retrieve from counts"
+        );
         Err(Error::file(path, problem, None))
     }
 

@@ -75,9 +75,9 @@ impl Method {
     /// # Errors
     /// [`Error::Scene`] with found and allowed values, and where possible an alternative method.
     pub fn check(self, scene: &Scene, offsets: &[f64]) -> Result<()> {
-        self.check_offsets(offsets)?;
         if self == Self::Beamlet {
-            return check_beamlets(scene, offsets);
+            check_beamlets(scene)?;
+            return self.check_offsets(offsets);
         }
         for (key, mask) in
             [("sample_mask", &scene.sample_mask), ("detector_mask", &scene.detector_mask)]
@@ -90,6 +90,7 @@ impl Method {
                 return Err(Error::scene(key, "nothing", allowed));
             }
         }
+        self.check_offsets(offsets)?;
         let shape = super::shape::CurveGeometry::of(scene);
         let blur = shape.blur / shape.half_base();
         match self {
@@ -127,7 +128,9 @@ impl Method {
         sorted.dedup();
         let (count, different) = (offsets.len(), sorted.len());
         let (served, allowed) = match self {
-            Self::Gaussian | Self::TwoStep => (different >= 4, "at least 4 different offsets"),
+            Self::Gaussian | Self::TwoStep => {
+                (different >= 4, "at least 4 different offsets; three serve three-step")
+            }
             Self::ThreeStep => (count == 3 && different == 3, "exactly 3 different offsets"),
             Self::Moments => (different >= 5, "at least 5 different offsets"),
             Self::Triangle | Self::Trapezoid | Self::ExactCurve => {
@@ -156,7 +159,7 @@ fn spot(scene: &Scene) -> String {
     format!("a spot of {} across the slits", Length.rounded(scene.source.spot.fwhm()[0]))
 }
 
-fn check_beamlets(scene: &Scene, offsets: &[f64]) -> Result<()> {
+fn check_beamlets(scene: &Scene) -> Result<()> {
     let needs = "beamlet needs a sample mask and no detector mask";
     let optics = Optics::of(scene);
     if optics.detector_mask.is_some() {
@@ -165,7 +168,6 @@ fn check_beamlets(scene: &Scene, offsets: &[f64]) -> Result<()> {
     let Some(mask) = &optics.sample_mask else {
         return Err(Error::scene("sample_mask", "nothing", needs));
     };
-    debug_assert_eq!(offsets.len(), 1, "checked before");
     let pixels = mask.openings_in_columns(&optics.detector, 0.0).period[0];
     if pixels < BEAMLET_PIXELS {
         return Err(Error::scene(

@@ -68,6 +68,17 @@ fn each_fault_has_its_warning_and_no_other() {
         };
         assert_eq!(found(&checked(directory.path(), &text, options)), want, "{options}");
     }
+    for (options, words) in [
+        ("--set detector.pitch=2cm", "is wider than any pixel of an X-ray detector"),
+        ("--set scan.angles={from=\"0rad\",to=\"360rad\",count=24}", "cover 54.9 turns"),
+        ("--set scan.mask_offsets=[\"0um\"]", "different values of scan.mask_offsets: 1"),
+        ("--set scan.errors.offset_sigma=2mm", "scan.errors displace the sample mask by up to"),
+        ("--set scan.errors.intensity_sigma=5", "intensity errors are shares"),
+    ] {
+        let report = checked(directory.path(), &plain, options);
+        let warned = report.lines().any(|it| it.starts_with("warning") && it.contains(words));
+        assert!(warned, "{options}: {report}");
+    }
     let hard = format!("{tube} --set surroundings.path_material=\"air\"");
     let text = plain
         .replace("energy = \"30 keV\"\n", "")

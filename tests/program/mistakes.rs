@@ -355,6 +355,13 @@ fn a_retrieval_records_hashes_of_all_that_it_read() {
 }
 
 #[test]
+fn a_long_option_with_one_dash_has_a_tip() {
+    let place = workplace(SCENE);
+    let message = ended(&run(place.path(), "simulate scene.toml -output run"), 2);
+    assert!(message.contains("tip: --output has two dashes"), "{message}");
+}
+
+#[test]
 fn shipped_examples_have_no_warnings() {
     let place = workplace(SCENE);
     for name in ["cylinder", "bracket", "cylinders", "tomography"] {

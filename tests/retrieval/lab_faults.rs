@@ -235,6 +235,17 @@ fn faults_are_warned_of_with_their_size() {
     }
 }
 
+#[test]
+fn swapped_stacks_without_noise_are_warned_of() {
+    let weak = "shape = { cylinder = { radius = \"0.4 mm\", height = \"30 mm\" } }";
+    let truth = Truth::of(scene(PIXELS, ELEVEN, PAPER, weak));
+    let flat = truth.flat.clone().insert_axis(ndarray::Axis(0));
+    let plain = RetrieveOptions::default().with_gain(1.0).with_gain_assumed(true);
+    let swapped = record(&truth.scene, [&truth.sample, &flat], &plain);
+    warned(&swapped, &["flat and sample may be swapped (check --flat"]);
+    warned(&record(&truth.scene, [&flat, &truth.sample], &plain), &[]);
+}
+
 impl Truth {
     fn copy(&self) -> Self {
         Self { scene: self.scene.clone(), flat: self.flat.clone(), sample: self.sample.clone() }

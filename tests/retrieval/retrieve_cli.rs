@@ -394,7 +394,7 @@ fn comparisons_tell_what_differs_and_by_how_much() {
     assert!((frame[[2, 40]] - 0.01).abs() < 1e-6 && frame[[2, 41]].to_bits() == 0);
     bad(place, &["compare", "run", "run/flat.npy"], 2, "compare like with like");
     bad(place, &["compare", "run/flat.npy", "run/sample.npy"], 2, "has [");
-    bad(place, &["compare", "run", "nowhere"], 2, "nowhere");
+    bad(place, &["compare", "run", "nowhere"], 2, "nowhere: is not there");
     good(place, &["compare", "run/sample.npy", "run/sample.npy"]);
 }
 

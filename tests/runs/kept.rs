@@ -328,6 +328,23 @@ impl Dice {
     }
 }
 
+#[test]
+fn moments_of_rays_that_graze_an_exact_sphere_are_accepted() {
+    let ball = scene(&[
+        "detector.pixels=[16, 4]",
+        "scan.angles=[\"0 deg\"]",
+        "object.rod.position=[\"-9 mm\", \"0 mm\", \"0 mm\"]",
+        "object.bead.shape={ sphere = { radius = \"0.2 mm\" } }",
+        "object.bead.position=[\"0.5 mm\", \"0 mm\", \"0.05 mm\"]",
+    ]);
+    let directory = tempfile::tempdir().unwrap();
+    let path = directory.path().join("run");
+    run_of(&ball, &path, None);
+    let kept = StoredMoments::open(&path).unwrap();
+    let stacks = again(&engine(Backend::Bvh), &kept, kept.scene()).unwrap();
+    assert!(stacks.sample.iter().all(|value| value.is_finite()));
+}
+
 /// Seals a file of moments: what stands in it counts as written.
 fn with_hash(mut bytes: Vec<u8>) -> Vec<u8> {
     let end = bytes.len() - 32;

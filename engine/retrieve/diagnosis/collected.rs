@@ -12,8 +12,8 @@ use super::watched::Watched;
 use crate::retrieve::curves::Curves;
 use crate::retrieve::images::Images;
 use crate::retrieve::misfit::median;
-use crate::retrieve::{Method, Record, RetrieveOptions, Retriever};
-use crate::{Error, Result};
+use crate::retrieve::{Method, Record, RetrieveOptions, Retriever, Weights};
+use crate::{Error, Result, numbers};
 use ndarray::Array3;
 use rayon::prelude::*;
 use std::ops::Range;
@@ -139,13 +139,14 @@ impl Diagnosis {
         }
         let view = self.found.views;
         self.found.views += 1;
-        self.found.light.add(images);
         self.found.negative += self.sample.negative();
         let divided = self.measured && light::is_divided(&self.flat, &self.sample);
         self.found.divided += usize::from(divided);
         let offsets = offsets.filter(|_| !self.offsets.is_empty());
         let of_view = offsets.map_or_else(|| self.offsets.clone(), <[f64]>::to_vec);
+        let known = self.found.chi_squares.len();
         self.fits(flat, images, view, &of_view);
+        self.found.light.add(images, self.noise_share(known));
         if let Some(empty) = &mut self.empty {
             let model = self.model;
             let curve = |at: usize| model?.of_flat(flat, at);
@@ -166,6 +167,17 @@ impl Diagnosis {
             self.found.borders.extend(borders.map(|borders| (view, borders)));
         }
         self.sample = self.sample.again_same();
+    }
+
+    /// Share of noise in the uncertainties of the view whose chi squared has this place: fits without
+    /// weights take their residuals for noise, and a Gaussian leaves residuals in noise-free frames.
+    fn noise_share(&self, view: usize) -> f32 {
+        match self.found.chi_squares.get(view) {
+            Some([own, beyond]) if self.options.weights == Weights::None && *own > 0.0 => {
+                numbers::single((beyond / own).clamp(0.0, 1.0).sqrt())
+            }
+            _ => 1.0,
+        }
     }
 
     /// Residuals of the fits of a view.

@@ -25,8 +25,8 @@ pub(super) struct LightCounts {
 }
 
 impl LightCounts {
-    /// Adds the pixels of a view that count.
-    pub(super) fn add(&mut self, images: &Images) {
+    /// Adds the pixels of a view that count. `noise`: share of their uncertainties that is noise.
+    pub(super) fn add(&mut self, images: &Images, noise: f32) {
         let (Some(values), Some(bits)) = (images.get("transmission"), images.get(FLAGS)) else {
             return;
         };
@@ -36,7 +36,7 @@ impl LightCounts {
                 continue;
             }
             let sigma = sigmas.map_or(0.0, |sigmas| sigmas[at]);
-            let sigma = if sigma.is_nan() { 0.0 } else { sigma };
+            let sigma = if sigma.is_nan() { 0.0 } else { noise * sigma };
             let [slack, certain] = SIGMAS.map(|sigmas| sigmas.mul_add(sigma, SLACK));
             self.pixels += 1;
             self.above += u64::from(*value > 1.0 + slack);

@@ -12,6 +12,8 @@ const MANY: f64 = 0.01;
 const RATIO: u64 = 3;
 /// Reduced chi squared from which on values scatter by more than photons do.
 const CHI_SQUARE: f64 = 2.0;
+/// Reduced chi squared below which values scatter by less than photons do.
+const QUIET: f64 = 0.25;
 /// Standard deviations from which on a value of the empty beam is another.
 const SIGMAS: f64 = 4.0;
 /// Least differences in the empty beam: of transmission and dose, and of the centre in widths of the
@@ -55,6 +57,7 @@ pub(super) fn of(found: &Findings<'_>) -> Vec<String> {
         drift(found),
         unsteady(found),
         scatter(found),
+        quiet(found),
     ]
     .into_iter()
     .flatten()
@@ -145,6 +148,16 @@ fn scatter(found: &Findings<'_>) -> Option<String> {
             "reduced chi squared of the sample is {beyond:.1} beyond the residuals of the flat \
              (median of the pixels): values scatter by more than the noise of counts; check --gain and \
              --read-noise, and whether dose and offsets were steady"
+        )
+    })
+}
+
+fn quiet(found: &Findings<'_>) -> Option<String> {
+    let own = median(found.chi_squares.iter().map(|pair| pair[0]).collect())?;
+    (found.is_noise_known && own < QUIET).then(|| {
+        format!(
+            "reduced chi squared of the sample is {own:.1e} (median of the pixels): values scatter by less \
+             than the noise of counts, so that uncertainties are too large; check --gain and --read-noise"
         )
     })
 }

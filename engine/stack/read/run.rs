@@ -46,7 +46,13 @@ impl OpenRun {
     pub fn open(path: impl AsRef<Path>) -> Result<Self> {
         let path = path.as_ref();
         if !layout::is_run(path) {
-            let problem = format!("is no run directory: it has no {RUN}");
+            let problem = match (path.exists(), path.is_dir()) {
+                (false, _) => "is not there".to_owned(),
+                (true, false) => {
+                    "is a file: name a run directory, as `beamlet simulate` makes it".to_owned()
+                }
+                (true, true) => format!("is no run directory: it has no {RUN}"),
+            };
             return Err(Error::file(path, problem, None));
         }
         layout::refuse_unjoined(path)?;
