@@ -186,12 +186,7 @@ fn crossing_rods_are_those_of_fine_facets() {
     compare("fine facets", 5e-4, &whole, &by_facets);
     let mut ordered = exact.clone();
     ordered.sampling.transport = Transport::Exact;
-    compare(
-        "exact transport and auto",
-        4e-4,
-        &whole,
-        &engine.simulate(&ordered).expect("a stack"),
-    );
+    compare("exact transport and auto", 4e-4, &whole, &engine.simulate(&ordered).expect("a stack"));
     // Volumes of the meshes.
     let left = geometry::load(&exact).expect("a sample");
     let meshes = left.meshes(20e-9).expect("meshes");
