@@ -7,7 +7,7 @@ use beamlet::material::constants_at;
 use beamlet::scene::{Beam, Scene};
 use beamlet::spectrum::{Nodes, Spectrum, TOLERANCE, nodes, nodes_with};
 
-/// What the issue asks for, relative to 200 fine bins.
+/// Largest error, relative to 200 fine bins.
 const WANTED: f64 = 1e-3;
 /// Below this transmission errors are relative to it: 1e-5 of the open beam.
 const FLOOR: f64 = 0.01;

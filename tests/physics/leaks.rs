@@ -153,7 +153,7 @@ fn run(watch: &mut Watch, count: usize, mut next: impl FnMut(usize) -> Ray) {
     }
 }
 
-/// Two million rays in all, ten where everything is asked for: half through the grid's own vertices and edges, a quarter through
+/// Two million rays in all, ten with `BEAMLET_ALL`: half through the grid's own vertices and edges, a quarter through
 /// vertices, edges and insides of a rough ball, a quarter at random.
 #[test]
 fn closed_mesh_never_leaks() {

@@ -478,7 +478,8 @@ fn arguments_that_do_not_go_together_are_usage_errors() {
     bad(place, &["retrieve", "--flat", "a.tif"], 2, "");
     bad(place, &["retrieve", "run", "--counts"], 1, "has no counts");
     bad(place, &["retrieve", "run", "--method", "three-step"], 1, "exactly 3");
-    bad(place, &["retrieve", "nowhere"], 1, "no run directory");
+    bad(place, &["retrieve", "nowhere"], 1, "nowhere: is not there");
+    bad(place, &["retrieve", "."], 1, "no run directory");
     assert!(!place.join("run/retrieved").exists());
 }
 
