@@ -91,10 +91,14 @@ pub(super) fn run(arguments: &Simulate, out: &mut impl Write) -> Result<(), Fail
 /// Whether the run of a shard is joined: nothing is left to do then.
 fn is_joined(arguments: &Simulate, shard: Shard) -> Result<bool, Failure> {
     let record = arguments.output.join(RUN);
-    if layout::is_planned(&arguments.output) || !record.exists() {
+    if !record.exists() {
         return Ok(false);
     }
     let file = RunFile::read(&record)?;
+    // A join that was ended while it removed the shards has joined them.
+    if layout::is_planned(&arguments.output) && file.state != RunState::Done {
+        return Ok(false);
+    }
     if file.shards.is_empty() || file.shards.len() == shard.count as usize {
         return Ok(!file.shards.is_empty());
     }

@@ -93,7 +93,9 @@ impl Script<'_> {
     fn options(&self, is_array: bool) -> String {
         let slurm = &self.arguments.slurm;
         let name = self.run.file_name().unwrap_or_default().to_string_lossy();
-        let log = |name: &str| self.folder.join(name).display().to_string();
+        // % begins a replacement of Slurm.
+        let folder = self.folder.display().to_string().replace('%', "%%");
+        let log = |name: &str| format!("{folder}/{name}");
         let mut lines = Vec::new();
         let mut add = |key: &str, value: &str| {
             lines.push(match value {
@@ -134,7 +136,7 @@ impl Script<'_> {
              again() {{\n    \
                  kill -TERM \"$shard\" 2>/dev/null || true\n    \
                  wait \"$shard\" || true\n    \
-                 scontrol requeue \"$SLURM_JOB_ID\"\n    \
+                 scontrol requeue \"${{SLURM_ARRAY_JOB_ID}}_${{SLURM_ARRAY_TASK_ID}}\"\n    \
                  exit 0\n\
              }}\n\
              {program} simulate {scene} --shard \"$SLURM_ARRAY_TASK_ID/{shards}\" -o {run}{more} &\n\

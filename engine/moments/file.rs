@@ -351,6 +351,8 @@ pub(crate) fn adopt(run: &Path, part: &Path, view: u32) -> Result<()> {
     crate::whole_file::link_or_copy(&from, &partial)?;
     fs::rename(&partial, &path)
         .map_err(|error| Error::file(&path, "cannot be written", Some(error)))?;
+    // A rename between two links of one file leaves both.
+    let _ = fs::remove_file(&partial);
     crate::whole_file::sync_directory(&directory)?;
     check([run; 2], view)
 }

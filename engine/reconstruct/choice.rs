@@ -40,8 +40,8 @@ impl GridChoice {
         let voxel = self.voxel.map_or(full.voxel, |side| [side; 3]);
         let size = self.size.unwrap_or_else(|| {
             [0, 1, 2].map(|axis| {
-                // One row sees one plane.
-                if axis == 2 && geometry.rows.len() == 1 {
+                // One row sees one plane, unless the sample travels.
+                if axis == 2 && geometry.rows.len() == 1 && full.size[2] == 1 {
                     return 1;
                 }
                 let voxels = full.size[axis] as f64 * full.voxel[axis] / voxel[axis];

@@ -9,7 +9,7 @@ use crate::array_file::{ArrayFile, Format, endings};
 use crate::cancel::Cancel;
 use crate::scene::Scene;
 use crate::stack::layout::{self, GEOMETRY, RECORD};
-use crate::stack::{GeometryFile, Maps};
+use crate::stack::{GeometryFile, Maps, place_of};
 use crate::{Error, Result, reserve};
 use ndarray::{Array2, Array3};
 use std::path::{Path, PathBuf};
@@ -333,11 +333,18 @@ fn difference(a: &GeometryFile, b: &GeometryFile) -> Option<&'static str> {
     let near = |a: &[f64], b: &[f64], least: f64| {
         a.len() == b.len() && a.iter().zip(b).all(|(a, b)| (a - b).abs() <= least)
     };
-    let distances = |file: &GeometryFile| [file.source_to_axis_m, file.source_to_detector_m];
+    let distances = |file: &GeometryFile| {
+        [file.source_to_axis_m, file.source_to_detector_m, file.source_to_analyser_m]
+    };
+    let axis = |file: &GeometryFile| {
+        let place = file.axis_column.and_then(|column| place_of(column, &file.columns_m));
+        place.into_iter().collect::<Vec<f64>>()
+    };
     match () {
         () if !near(&a.angles_rad, &b.angles_rad, 1e-9) => Some("angles"),
         () if !near(&a.rows_m, &b.rows_m, 1e-9) => Some("rows"),
         () if !near(&distances(a), &distances(b), 1e-9) => Some("distances"),
+        () if !near(&axis(a), &axis(b), 1e-9) => Some("axis of rotation"),
         () if !same_motions(a, b) => Some("motions of the sample"),
         () => None,
     }

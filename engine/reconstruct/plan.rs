@@ -95,6 +95,12 @@ impl VolumePlan {
     /// there or do not fit.
     pub fn check(&self, input: &Input) -> Result<()> {
         let has_mu = self.quantities.contains(&Quantity::Mu);
+        if self.quantities.is_empty() {
+            return Err(Error::argument("quantities", "none", "one or more"));
+        }
+        if let Some(k) = self.gradient_bias.filter(|k| !k.is_finite()) {
+            return Err(Error::argument("gradient_bias", k.to_string(), "a finite length, m"));
+        }
         self.regions.iter().try_for_each(|region| region.check(&self.grid))?;
         self.method.check_extras(self.mask.is_some(), self.start.is_some())?;
         if self.beam_hardening.is_some() && !has_mu {

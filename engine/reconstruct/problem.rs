@@ -55,6 +55,9 @@ impl<'a> Problem<'a> {
         if let Some(mask) = &mask {
             change(of_mut(&mut volume), of(mask), |value, may| value * may);
         }
+        if options.is_non_negative {
+            volume.mapv_inplace(|value| value.max(0.0));
+        }
         let mut residual = measured.sinograms.as_standard_layout().into_owned();
         let counted = match &weights {
             Some(weights) => {

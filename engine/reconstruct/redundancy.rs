@@ -205,7 +205,8 @@ impl ScanGeometry {
     /// turn with the axis a tenth of the detector or more beside its middle; 0 in other scans.
     pub(super) fn columns_of_half_fan(&self) -> usize {
         let last = self.columns.len() - 1;
-        let axis = self.axis_column();
+        // By the mean distance of the columns.
+        let axis = (self.axis * self.magnification() - self.columns[0]) / self.column_pitch();
         let from_middle = (axis - last as f64 / 2.0).abs();
         let is_turn = self.motions.is_none() && Redundancy::of(self).is_ok_and(|all| all.is_turn());
         if !is_turn || from_middle < HALF_FAN * self.columns.len() as f64 {

@@ -1,8 +1,8 @@
 //! The geometry of a scan from geometry.json, and its axis by columns.
 
 use super::geometry::ScanGeometry;
-use crate::stack::GeometryFile;
 use crate::stack::layout::GEOMETRY;
+use crate::stack::{GeometryFile, index_of, place_of};
 use crate::{Error, Result};
 use std::path::Path;
 
@@ -41,17 +41,17 @@ impl ScanGeometry {
         [self.angles.len(), self.rows.len(), self.columns.len()]
     }
 
-    /// Column of the axis of rotation, counted from 0 at the centre of the first, by the mean distance
-    /// of the columns.
+    /// Column of the axis of rotation, counted from 0 at the centre of the first, with its fraction
+    /// between the two columns around it.
     #[must_use]
     pub fn axis_column(&self) -> f64 {
-        let first = self.columns.first().copied().unwrap_or_default();
-        (self.axis * self.magnification() - first) / self.column_pitch()
+        index_of(self.axis * self.magnification(), &self.columns).unwrap_or_default()
     }
 
     /// Puts the axis of rotation on a column.
     pub(super) fn set_axis_column(&mut self, column: f64) {
-        let first = self.columns.first().copied().unwrap_or_default();
-        self.axis = (first + column * self.column_pitch()) / self.magnification();
+        if let Some(place) = place_of(column, &self.columns) {
+            self.axis = place / self.magnification();
+        }
     }
 }

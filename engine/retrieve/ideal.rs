@@ -4,7 +4,7 @@ mod columns;
 mod sums;
 
 use crate::interface::{FLAG_NOT_FINITE, Ray, RayResult};
-use crate::numbers::{count, single};
+use crate::numbers::{count, single, whole};
 use crate::optics::Optics;
 use crate::run::{Control, RowsControl, Simulation};
 use crate::scene::Scene;
@@ -26,6 +26,8 @@ const RAYS_AT_ONCE: usize = 1 << 18;
 const AT_ONCE: usize = RAYS_AT_ONCE / FIRST_RAYS;
 /// Places of a pixel's rays along its height: multiples of the golden ratio, less whole numbers.
 const GOLDEN: f64 = 0.618_033_988_749_894_9;
+/// The next such number, 1/ρ with ρ³ = ρ + 1: an even order that is independent of the first.
+const SECOND_GOLDEN: f64 = 0.754_877_666_246_692_7;
 
 /// How ideal images are made; what differs from the default is set in a chain.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -243,8 +245,11 @@ impl Pixels<'_> {
         let slopes = [x / detector.distance, detector.slope_of_row(down)];
         let [at_x, at_z] = slopes.map(|slope| single(slope * self.optics.rotation));
         let [slope_x, slope_z] = slopes.map(single);
-        // Four rays one after the other have one pose, so that both halves of the sums see it.
-        let pose = count(view * poses + number / 4 % poses);
+        // Four rays one after the other have one pose, so that both halves of the sums see it. Few rays
+        // cover the whole sweep.
+        let share = ((number / 4) as f64 * SECOND_GOLDEN + 0.5).fract();
+        let own = whole::<usize>(share * poses as f64).min(poses - 1);
+        let pose = count(view * poses + own);
         Ray { x: at_x, z: at_z, slope_x, slope_z, view: pose, key: 0 }
     }
 

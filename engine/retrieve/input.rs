@@ -310,7 +310,7 @@ impl Input {
     }
 
     /// Rows and columns of a frame as the files have it.
-    const fn whole_frame(&self) -> [usize; 2] {
+    pub(super) const fn whole_frame(&self) -> [usize; 2] {
         let [_, _, rows, columns] = self.flat.shape();
         [rows, columns]
     }

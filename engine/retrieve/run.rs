@@ -105,7 +105,9 @@ pub fn retrieve(
             write_file(&images.file(GEOMETRY)?, geometry.as_bytes())?;
         }
         if !record.corrections.is_empty() {
-            let text = table(&record.corrections, |view| scan.offsets_of(view).to_vec());
+            let own = &options.sample_offsets;
+            let offsets = |view| own.clone().unwrap_or_else(|| scan.offsets_of(view).to_vec());
+            let text = table(&record.corrections, offsets);
             write_file(&images.file(CORRECTIONS)?, text.as_bytes())?;
         }
         images.finish(Some(&record.text()?))?;
@@ -184,6 +186,20 @@ struct Image<'a> {
     values: ArrayView2<'a, f32>,
 }
 
+/// Refuses frames of other pixels than the scene, whose places are those of the scene.
+///
+/// # Errors
+/// [`Error::Scene`] with both.
+fn require_pixels(input: &Input) -> Result<()> {
+    let [rows, columns] = input.whole_frame();
+    let [across, along] = input.scene().detector.pixels;
+    if [across, along] == [columns, rows].map(numbers::count) {
+        return Ok(());
+    }
+    let allowed = format!("[{columns}, {rows}], the pixels of the frames");
+    Err(Error::scene("detector.pixels", format!("[{across}, {along}]"), allowed))
+}
+
 /// Retrieves every view of an input and hands over each image, the flat's first. Returns the record, and
 /// the text of geometry.json if the angles of the views are known.
 fn retrieve_to(
@@ -203,6 +219,9 @@ fn retrieve_to(
     }
     let mut retriever = Retriever::new(engine, input.scene(), &options)?;
     let input = input.fitted_to(&retriever)?;
+    if !options.correct.is_none() || options.phase {
+        require_pixels(&input)?;
+    }
     let [rows, columns] = input.frame();
     let row_count = numbers::count(rows);
     let angles = input.angles()?;
@@ -391,7 +410,9 @@ impl ScanOf<'_> {
             correcting.views.push(of_view.record.clone());
         }
         let offsets = correction.as_ref().and_then(|of| of.frames.as_ref()?.offsets.as_deref());
-        tools.diagnosis.view(flat, &images, shape, offsets);
+        let subtracted =
+            correction.as_ref().and_then(|of| of.record.offset).map_or(0.0, |of| of[0]);
+        tools.diagnosis.view(flat, &images, shape, (offsets, subtracted));
         Ok((images, of_flat))
     }
 }

@@ -2,8 +2,9 @@
 //! and other reconstruction tools.
 
 use super::layout;
+use crate::numbers::whole;
 use crate::optics::Optics;
-use crate::scene::{Motion, Scene};
+use crate::scene::{Motion, ScanErrors, Scene};
 use crate::{Error, Result, input_file};
 use serde::{Deserialize, Serialize};
 use std::path::Path;
@@ -98,7 +99,10 @@ impl GeometryFile {
             astra_cone_vec_mm: even(&columns).map(|even| vectors(scene, even, angles.len())),
             sample_motions: (!scan.is_circle()).then(|| {
                 let to_axis = Motion::translation([0.0, -scan.axis.shift[1], 0.0]);
-                let views = scene.views().take(angles.len());
+                // As planned: retrieval and reconstruction do not know errors.
+                let mut planned = scene.clone();
+                planned.scan.errors = ScanErrors::default();
+                let views = planned.views().take(angles.len());
                 views.map(|view| view.motion.then(&to_axis).matrix()).collect()
             }),
             angles_rad: angles,
@@ -161,13 +165,20 @@ fn even(columns: &[f64]) -> Option<[f64; 2]> {
 }
 
 /// Index of a place among ascending ones, with its fraction; beyond the ends by the last distance.
-fn index_of(place: f64, columns: &[f64]) -> Option<f64> {
+pub(crate) fn index_of(place: f64, columns: &[f64]) -> Option<f64> {
     if columns.len() < 2 {
         return None;
     }
     let after = columns.partition_point(|column| *column < place).clamp(1, columns.len() - 1);
     let [before, behind] = [columns[after - 1], columns[after]];
     Some((after - 1) as f64 + (place - before) / (behind - before))
+}
+
+/// Place of an index among ascending places, the inverse of [`index_of`].
+pub(crate) fn place_of(index: f64, columns: &[f64]) -> Option<f64> {
+    let left = whole::<usize>(index.max(0.0)).min(columns.len().checked_sub(2)?);
+    let [before, behind] = [columns[left], columns[left + 1]];
+    Some(before + (index - left as f64) * (behind - before))
 }
 
 /// Rows of `cone_vec`, of columns with this centre and distance.
@@ -181,4 +192,19 @@ fn vectors(scene: &Scene, [centre, pitch]: [f64; 2], views: usize) -> Vec<[f64; 
         row
     };
     scene.views().take(views).map(of_view).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn indices_of_uneven_columns_lead_back_to_their_places() {
+        let columns = [-1.0, -0.95, 0.0, 0.05, 1.0, 1.05];
+        for place in [-1.5, -1.0, -0.96, -0.3, 0.0, 0.02, 0.7, 1.05, 1.2] {
+            let index = index_of(place, &columns).and_then(|index| place_of(index, &columns));
+            assert!(index.is_some_and(|back| (back - place).abs() < 1e-12), "{place}: {index:?}");
+        }
+        assert_eq!(place_of(0.0, &columns[..1]), None);
+    }
 }

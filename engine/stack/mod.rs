@@ -37,6 +37,7 @@ pub use astra::{AstraFile, write_astra};
 pub use begun_view::BegunView;
 pub use callback::CallbackSink;
 pub use geometry_file::{GeometryFile, Order};
+pub(crate) use geometry_file::{index_of, place_of};
 pub(crate) use image_folder::{ImageDirectory, Kind};
 pub use plan::{Plan, PlanOptions};
 pub use read::{Maps, OpenRun, StackFile};

@@ -47,7 +47,7 @@ pub(super) fn look(path: &Path, overwrite: bool) -> Result<()> {
 /// most the files that a run begins with.
 pub(super) fn has_only_begun(path: &Path) -> bool {
     let mut first = layout::unfinished().collect::<Vec<_>>();
-    first.extend([LOG, layout::SCENE, layout::GEOMETRY].map(str::to_owned));
+    first.extend([LOG, layout::SCENE, layout::GEOMETRY, layout::DEVICE].map(str::to_owned));
     let names = || folder::names(path);
     let is_first = |name: &std::ffi::OsString| first.iter().any(|first| name == first.as_str());
     is_empty_log(path) && names().is_ok_and(|names| names.iter().all(is_first))

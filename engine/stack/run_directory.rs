@@ -349,8 +349,10 @@ impl Sink for RunDirectory {
             let problem = format!("{view:?} has {rows} of {} rows", extent.rows);
             return Err(Error::file(&self.path, problem, None));
         }
+        open.in_place(|open| open.commit(view))?;
+        // Only now: committed rows outlast a commit that fails.
         (open.next, open.has_rows) = ([0; 2], false);
-        open.in_place(|open| open.commit(view))
+        Ok(())
     }
 
     fn finish(&mut self, record: &RunRecord) -> Result<()> {

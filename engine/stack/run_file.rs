@@ -150,6 +150,7 @@ impl RunFile {
         self.began.clone_from(&earlier.began);
         self.duration_s = earlier.duration_s;
         self.commands.clone_from(&earlier.commands);
+        self.shards.clone_from(&earlier.shards);
     }
 
     /// Reads a run.json.

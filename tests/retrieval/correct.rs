@@ -321,6 +321,11 @@ fn what_cannot_be_determined_is_an_error() {
     refused("offset", Region::new(2..3, 0..4), "4 pixels with an answer");
     refused("plane", Region::new(2..3, None), "one row or column");
     refused("plane", Region::new(2..30, 3..4), "one row or column");
+    let mut other = plain.copy();
+    other.scene.detector.pixels = [60, 16];
+    let error =
+        other.retrieved(&options(Method::Gaussian, "plane", false)).unwrap_err().to_string();
+    assert!(error.contains("[64, 16], the pixels of the frames"), "{error}");
     for (text, word) in [("", "\"\""), ("dose,plain", "\"plain\""), ("steps,", "\"\"")] {
         assert!(Corrections::parse(text).unwrap_err().to_string().contains(word));
     }

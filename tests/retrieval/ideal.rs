@@ -248,6 +248,25 @@ fn retrieval_finds_ideal_images_where_a_body_is_smooth() {
     assert!(truth.geometry.contains("\"angles_deg\""));
 }
 
+/// A rod behind the axis moves to both sides equally in a sweep about the optical axis. Few rays see all of
+/// a sweep of many parts.
+#[test]
+fn ideal_images_of_fly_scans_cover_the_whole_sweep() {
+    let fly = "[scan]\nfly = { count = 100, sweep = \"4 deg\" }\n[[object]]\nname = \"rod\"\n\
+               material = \"plastic\"\nshape = { cylinder = { radius = \"0.2 mm\", height = \"9 mm\" } }\n\
+               position = [\"0 mm\", \"6 mm\", \"0 mm\"]\n";
+    let images = made(&scene([8, 1], fly), &IdealOptions::default()).images;
+    let row: Vec<f32> = images["transmission"].iter().copied().collect();
+    println!("transmission in a sweep: {row:?}");
+    // A quarter of the sweep moves the rod by a column, which changes the transmission by 2 %.
+    let mut worst = Worst::new("transmission beside its mirror image", 2e-3);
+    for (column, value) in row.iter().enumerate() {
+        worst.take(f64::from(value - row[row.len() - 1 - column]), || column.to_string());
+    }
+    worst.holds();
+    assert!(row.iter().copied().fold(1.0, f32::min) < 0.99);
+}
+
 #[test]
 fn ideal_images_have_the_columns_of_retrieved_ones() {
     let shape = |scene: &Scene| -> Array3<f32> {

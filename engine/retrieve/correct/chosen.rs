@@ -83,7 +83,7 @@ pub struct ViewCorrection {
     /// not corrected.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub steps: Vec<Option<[f64; 2]>>,
-    /// Refraction angle that was subtracted, at the centre of the image, rad.
+    /// Refraction angle that was subtracted, on the optical axis, rad.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub offset: Option<[f64; 2]>,
     /// Slopes of the refraction angle that was subtracted.

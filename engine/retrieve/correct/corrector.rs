@@ -35,6 +35,8 @@ pub(crate) struct Corrector {
     /// Places of columns and rows on the detector, from the optical axis, m.
     columns_m: Vec<f64>,
     rows_m: Vec<f64>,
+    /// Frames of a view or of the flat, the greater number.
+    frames: usize,
     /// Pixels of the flat of all views, with the pixels that they are of.
     flat: Option<(Vec<usize>, Vec<Option<FlatPixel>>)>,
 }
@@ -96,6 +98,7 @@ impl Corrector {
             geometry,
             columns_m: retriever.places(input),
             rows_m,
+            frames: retriever.steps().into_iter().fold(1, usize::max),
             flat: None,
         }))
     }
@@ -314,8 +317,7 @@ impl Corrector {
                 continue;
             }
             cancel.check()?;
-            let frames = self.options.sample_offsets.as_ref().map_or(16, Vec::len).max(16);
-            let height = (BAND / (4 * columns * frames).max(1)).max(1);
+            let height = (BAND / (4 * columns * self.frames).max(1)).max(1);
             let end = rows.min(start + height);
             let data = read(numbers::count(start)..numbers::count(end))?;
             for (row, of_row) in by_row.iter().enumerate().take(end).skip(start) {

@@ -131,7 +131,7 @@ impl Diagnosis {
         flat: &Curves,
         images: &Images,
         shape: [usize; 2],
-        offsets: Option<&[f64]>,
+        (offsets, subtracted): (Option<&[f64]>, f64),
     ) {
         if self.found.views == 0 {
             self.width =
@@ -154,7 +154,7 @@ impl Diagnosis {
             let found = EmptyBeamOfView::of(
                 images,
                 &empty.images,
-                self.angle_per_shift,
+                (self.angle_per_shift, subtracted),
                 &pixels,
                 [&self.offsets, &of_view],
             );

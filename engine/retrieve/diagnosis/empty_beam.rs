@@ -67,11 +67,12 @@ pub(super) fn pixels(
 
 impl EmptyBeamOfView {
     /// Of a rectangle of the images, with the values of its pixels at these offsets of flat and sample (none
-    /// where the offsets of both were to differ).
+    /// where the offsets of both were to differ). `subtracted`: refraction angle that a correction took
+    /// off the images, rad; the frames still have its displacement.
     pub(super) fn of(
         images: &Images,
         region: &[Range<usize>; 2],
-        angle_per_shift: f64,
+        (angle_per_shift, subtracted): (f64, f64),
         pixels: &[EmptyPixel],
         offsets: [&[f64]; 2],
     ) -> Self {
@@ -80,7 +81,7 @@ impl EmptyBeamOfView {
         let refraction = pair(of("refraction"));
         let drift = refraction
             .map(|[value, sigma]| [value / angle_per_shift, (sigma / angle_per_shift).abs()]);
-        let shift = drift.map_or(0.0, |[shift, _]| shift);
+        let shift = drift.map_or(0.0, |[shift, _]| shift) + subtracted / angle_per_shift;
         let steps = 0..offsets[0].len();
         let dose = steps.filter_map(|k| dose(pixels, k, offsets.map(|of| of[k]), shift)).collect();
         Self { transmission: pair(of("transmission")), refraction, drift, dose }

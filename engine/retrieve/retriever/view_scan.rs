@@ -89,7 +89,8 @@ impl Retriever {
         view: usize,
         offsets: Option<&'a [f64]>,
     ) -> Result<ViewScan<'a>> {
-        let fitter = self.fitter.as_ref();
+        // Two-step does not fit curves of the sample.
+        let fitter = self.fitter.as_ref().filter(|_| self.options.method != Method::TwoStep);
         if let Some(offsets) = offsets {
             let fitter = fitter.map(|fitter| fitter.at(offsets)).transpose()?.map(Cow::Owned);
             return Ok(ViewScan { offsets, fitter });
