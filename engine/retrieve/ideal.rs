@@ -245,9 +245,8 @@ impl Pixels<'_> {
         let slopes = [x / detector.distance, detector.slope_of_row(down)];
         let [at_x, at_z] = slopes.map(|slope| single(slope * self.optics.rotation));
         let [slope_x, slope_z] = slopes.map(single);
-        // Four rays one after the other have one pose, so that both halves of the sums see it. Few rays
-        // cover the whole sweep.
-        let share = ((number / 4) as f64 * SECOND_GOLDEN + 0.5).fract();
+        // Few rays cover the whole sweep, and both halves of the sums by poses of their own.
+        let share = (number as f64 * SECOND_GOLDEN + 0.5).fract();
         let own = whole::<usize>(share * poses as f64).min(poses - 1);
         let pose = count(view * poses + own);
         Ray { x: at_x, z: at_z, slope_x, slope_z, view: pose, key: 0 }

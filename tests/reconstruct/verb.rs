@@ -231,7 +231,7 @@ fn sinograms_from_a_file_are_the_retrieved_ones() {
 fn bad_input_is_refused_and_nothing_is_written() {
     let here = place().path();
     for (line, code, word) in [
-        ("reconstruct nowhere -o none", 1, "retrieved.json"),
+        ("reconstruct nowhere -o none", 1, "nowhere: is not there"),
         ("reconstruct run -o none --origin 9mm,9mm,0mm --size 2,2,1", 1, "that the views see"),
         ("reconstruct run -o none --size 0,2,1", 2, "three whole numbers above 0"),
         ("reconstruct run -o none --voxel 0um", 2, "above 0"),
