@@ -186,7 +186,7 @@ struct Image<'a> {
     values: ArrayView2<'a, f32>,
 }
 
-/// Refuses frames of other pixels than the scene, whose places are those of the scene.
+/// Refuses frames of other pixels than the scene, which gives the places of pixels.
 ///
 /// # Errors
 /// [`Error::Scene`] with both.

@@ -183,8 +183,7 @@ fn kept_moments_serve_another_detector() {
     base.scan.angles = vec![0.7];
     let noisy = base.clone();
     // The kept run is finer than what the detector that takes it asks for.
-    let coarse = if crate::support::everything() { 1.0 } else { 5.0 };
-    base.sampling.tolerance = Some(coarse * 1e-5);
+    base.sampling.tolerance = Some(1e-5);
     base.detector.blur = Some(Blur::Gaussian { sigma: [70e-6, 0.0] });
     (base.detector.scatter, base.detector.counts) = (None, None);
     let options = EngineOptions::default().with_backend(Backend::Bvh).with_keep_moments(true);
@@ -195,7 +194,7 @@ fn kept_moments_serve_another_detector() {
     engine.run(&base, &mut sink, Control::default().with_keep(&mut keep)).unwrap();
     let kept = StoredMoments::open(&run).unwrap();
     let mut blurred = noisy;
-    blurred.sampling.tolerance = Some(coarse * 3e-5);
+    blurred.sampling.tolerance = Some(3e-5);
     blurred.detector.blur = Some(Blur::Gaussian { sigma: [50e-6, 80e-6] });
     let mut sink = ArraySink::new();
     engine.reilluminate(&kept, &blurred).unwrap().run(&mut sink, Control::default()).unwrap();
@@ -203,7 +202,7 @@ fn kept_moments_serve_another_detector() {
     let want = engine.simulate(&blurred).unwrap();
     // Cells are those of one lattice; its offsets differ by half a period in f32.
     // Values of its grid may each miss the tolerance, and rims by 2e-5 more.
-    let mut worst = Worst::new("detector, kept moments under another detector", coarse * 1e-4);
+    let mut worst = Worst::new("detector, kept moments under another detector", 1e-4);
     for ((place, got), want) in got.sample.indexed_iter().zip(&want.sample) {
         worst.take(f64::from(got - want), || format!("{place:?}"));
     }
