@@ -74,11 +74,9 @@ impl StoredMoments {
         layout::refuse_unjoined(run)?;
         let scene_path = run.join(layout::SCENE);
         if !scene_path.is_file() {
-            let problem = match (run.exists(), run.is_dir()) {
-                (false, _) => "is not there".to_owned(),
-                (true, false) => "is a file: name a run that keeps moments".to_owned(),
-                (true, true) => format!("is not a run directory: it has no {}", layout::SCENE),
-            };
+            let file = "is a file: name a run that keeps moments";
+            let lacks = format!("is not a run directory: it has no {}", layout::SCENE);
+            let problem = layout::why_no_run(run, file, &lacks);
             return Err(Error::file(run, problem, None));
         }
         let scene = Scene::load(&scene_path)?;

@@ -3,7 +3,7 @@
 use super::data::Data;
 use super::gradient_bias::add_gradient_bias;
 use super::grid::Volume;
-use super::hardening::BeamHardening;
+use super::hardening::{BeamHardening, HardeningChoice};
 use super::input::Input;
 use super::measured::{Measured, deviation_weights};
 use super::memory::Memory;
@@ -260,8 +260,7 @@ impl Making<'_> {
             .transpose()?;
         self.record.pixels.insert(quantity.name().to_owned(), counts);
         if let (Quantity::Mu, Some(choice)) = (quantity, &plan.beam_hardening) {
-            let most = sinograms.iter().copied().fold(0.0, f32::max);
-            let polynomial = BeamHardening::up_to(choice, most.into())?;
+            let polynomial = hardening(choice, &sinograms)?;
             if let Some(sigmas) = &mut weights {
                 steepen(sigmas, &sinograms, &polynomial);
             }
@@ -294,8 +293,7 @@ impl Making<'_> {
         let mut sigmas = self.input.filled_sigmas(quantity, cancel)?;
         if let (Quantity::Mu, Some(choice)) = (quantity, &plan.beam_hardening) {
             let (sinograms, _) = self.input.sinograms(quantity, cancel)?;
-            let most = sinograms.iter().copied().fold(0.0, f32::max);
-            steepen(&mut sigmas, &sinograms, &BeamHardening::up_to(choice, most.into())?);
+            steepen(&mut sigmas, &sinograms, &hardening(choice, &sinograms)?);
         }
         let given = (self.input.geometry(), sigmas.view(), quantity);
         let quiet = || RowsControl { progress: None, cancel: cancel.clone() };
@@ -335,6 +333,12 @@ impl Making<'_> {
         self.record.files.extend(files);
         Ok(())
     }
+}
+
+/// Correction for beam hardening up to the largest −ln T of sinograms.
+fn hardening(choice: &HardeningChoice, sinograms: &Array3<f32>) -> Result<BeamHardening> {
+    let most = sinograms.iter().copied().fold(0.0, f32::max);
+    BeamHardening::up_to(choice, most.into())
 }
 
 /// Multiplies deviations of −ln T by the slope of a correction for beam hardening.

@@ -94,6 +94,16 @@ pub fn is_run(folder: &Path) -> bool {
     folder.join(RUN).exists() || is_planned(folder)
 }
 
+/// Problem of a path that is no run: nothing is there, or a file (`file`), or another folder (`folder`).
+pub(crate) fn why_no_run(path: &Path, file: &str, folder: &str) -> String {
+    match (path.exists(), path.is_dir()) {
+        (false, _) => "is not there",
+        (true, false) => file,
+        (true, true) => folder,
+    }
+    .to_owned()
+}
+
 /// Whether a folder holds a run in shards that are not joined.
 #[must_use]
 pub fn is_planned(folder: &Path) -> bool {

@@ -1,5 +1,6 @@
 //! What exact shapes that cross share: its volume and depth.
 
+use std::collections::HashSet;
 use std::f64::consts::{PI, TAU};
 
 use arrayvec::ArrayVec;
@@ -245,6 +246,7 @@ impl Sample {
         };
         let partners = |it: u32| self.partners.of(it).unwrap_or_default();
         let mut found: Vec<u32> = partners(at).to_vec();
+        let mut known: HashSet<u32> = found.iter().copied().chain([at]).collect();
         let mut winners: Vec<Solid<'_>> = Vec::new();
         let mut next = 0;
         while let Some(it) = found.get(next).copied() {
@@ -253,7 +255,7 @@ impl Sample {
             winners.push(solid);
             for other in partners(it) {
                 let inside = |solid: Solid<'_>| own.contains(solid.inner_point());
-                if *other != at && !found.contains(other) && wins(*other).is_some_and(inside) {
+                if known.insert(*other) && wins(*other).is_some_and(inside) {
                     found.push(*other);
                 }
             }

@@ -46,13 +46,9 @@ impl OpenRun {
     pub fn open(path: impl AsRef<Path>) -> Result<Self> {
         let path = path.as_ref();
         if !layout::is_run(path) {
-            let problem = match (path.exists(), path.is_dir()) {
-                (false, _) => "is not there".to_owned(),
-                (true, false) => {
-                    "is a file: name a run directory, as `beamlet simulate` makes it".to_owned()
-                }
-                (true, true) => format!("is no run directory: it has no {RUN}"),
-            };
+            let file = "is a file: name a run directory, as `beamlet simulate` makes it";
+            let lacks = format!("is no run directory: it has no {RUN}");
+            let problem = layout::why_no_run(path, file, &lacks);
             return Err(Error::file(path, problem, None));
         }
         layout::refuse_unjoined(path)?;
