@@ -51,6 +51,8 @@ fn run(scene: &Scene, sink: &mut RunDirectory, faults: &[Fault]) -> Result<RunRe
     let engine = Engine::open(
         &EngineOptions::default()
             .with_backend(Backend::Bvh)
+            // Two bands: views one by one, so that calls come in one order.
+            .with_band_rows(3)
             .with_validation(std::env::var_os("BEAMLET_VALIDATION").is_some())
             .with_faults(faults.to_vec()),
     )?;

@@ -21,6 +21,7 @@ mod one_patch;
 mod safety;
 #[cfg(all(feature = "cli", unix))]
 mod shards;
+mod side_by_side;
 mod stack;
 mod stack_read;
 mod tiff_pages;
