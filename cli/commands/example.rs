@@ -57,7 +57,7 @@ pub(super) fn run(arguments: &Example, out: &mut impl Write) -> Result<(), Failu
     };
     let shipped = SHIPPED.iter().find(|shipped| shipped.name == name).ok_or_else(|| {
         let names: Vec<&str> = SHIPPED.iter().map(|shipped| shipped.name).collect();
-        Failure::Usage(format!("there is no example '{name}'; there are: {}", names.join(", ")))
+        Failure::Usage(format!("no example is named '{name}'; allowed: {}", names.join(", ")))
     })?;
     let paths: Vec<_> = shipped.files.iter().map(|(file, _)| directory.join(file)).collect();
     refuse_existing(&paths, arguments.overwrite)?;

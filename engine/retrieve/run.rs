@@ -32,7 +32,7 @@ pub struct ImagesTo<'a> {
     pub path: &'a Path,
     /// Their format.
     pub format: Format,
-    /// Replace images that are there.
+    /// Replace existing images.
     pub overwrite: bool,
     /// Command line, for the record.
     pub command: Option<&'a str>,

@@ -80,7 +80,7 @@ fn methods_that_do_not_fit_are_refused_before_any_work() {
         ("--phase", "has one step"),
         ("--mask cylinder:0mm,0mm,1mm", "has one step"),
         ("--method bb --filter hann", "--filter is for fbp, not for bb"),
-        ("--method cgls --extrapolate", "filter no rows"),
+        ("--method cgls --extrapolate", "do not filter rows"),
         ("--beam-hardening water", "a beam of one energy does not harden"),
         ("--sigma", "has no image refraction_sigma"),
         ("--memory-limit 64MiB", "a reconstruction"),
@@ -302,8 +302,8 @@ fn beam_hardening_leaves_no_cupping_and_says_its_energy() {
     let said = format!("means over the spectrum, {mean:.3} keV");
     assert!(printed.contains(&said) && printed.contains("not corrected"), "{printed}");
     for (energy, words, more) in [
-        (mean, format!("mu is that of {mean:.3} keV"), "--beam-hardening water"),
-        (40.0, "mu is that of 40.000 keV".to_owned(), "--beam-hardening water@40keV"),
+        (mean, format!("mu at {mean:.3} keV"), "--beam-hardening water"),
+        (40.0, "mu at 40.000 keV".to_owned(), "--beam-hardening water@40keV"),
     ] {
         let ([middle, rim], printed) = made(&format!("at_{energy:.0}"), more);
         let truth = of(&[energy])[0];

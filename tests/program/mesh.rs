@@ -59,14 +59,14 @@ fn objects_of_a_scene_become_a_file_and_that_file_others() {
     let last = done(&place, &["mesh", "one.ply", "-o", "last.stl"]);
     assert_eq!(printed(&last, "one"), printed(&text, "ball"));
     let both = place.beamlet(&["mesh", "scene.toml", "-o", "both.ply"]);
-    assert!(both.status.success() && stderr(&both).contains("2 objects are one mesh"));
+    assert!(both.status.success() && stderr(&both).contains("2 objects are written as one mesh"));
 }
 
 #[test]
 fn what_cannot_be_written_is_refused_and_nothing_is_lost() {
     let place = Workplace::new(SCENE);
     for (words, code, told) in [
-        (&["mesh", "scene.toml", "-o", "a.step"][..], 2, "has to end in .obj, .ply or .stl"),
+        (&["mesh", "scene.toml", "-o", "a.step"][..], 2, "must end in .obj, .ply or .stl"),
         (&["mesh", "scene.toml", "-o", "a.obj", "--object", "rodd"], 2, "\"rod\", \"ball\""),
         (&["mesh", "scene.toml", "-o", "a.obj", "--error", "1 pm"], 1, "or more"),
         (&["mesh", "scene.toml", "-o", "a.obj", "--group", "rod"], 2, "--group"),

@@ -261,7 +261,7 @@ fn every_verb_takes_quiet_and_verbose_and_has_a_page_and_completions() {
         assert!(page.contains(".SH SYNOPSIS") && page.contains("beamlet"), "{verb}");
     }
     let message = ended(&run(place.path(), "man -o pages"), 1);
-    assert!(message.contains("pages/beamlet.1: is there already"), "{message}");
+    assert!(message.contains("pages/beamlet.1: exists already"), "{message}");
     ended(&run(place.path(), "man -o pages --overwrite"), 0);
 }
 

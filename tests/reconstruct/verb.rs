@@ -218,7 +218,11 @@ fn sinograms_from_a_file_are_the_retrieved_ones() {
         1,
         "no file of sinograms",
     );
-    refused(&format!("reconstruct run -o none --quantity mu {from}"), 2, "folders have their own");
+    refused(
+        &format!("reconstruct run -o none --quantity mu {from}"),
+        2,
+        "retrieved images have their own",
+    );
     // A view without a value.
     let mut empty = read("refraction.npy");
     empty.slice_mut(s![3, .., ..]).fill(f32::NAN);
@@ -452,7 +456,7 @@ fn the_truth_moves_with_a_shifted_axis() {
 fn retrieve_integrates_refraction_along_the_rows() {
     let here = place().path();
     let printed = done(here, "retrieve run -o phases --phase --format npy");
-    assert!(printed.contains("phase    ") && printed.contains("is taken off"), "{printed}");
+    assert!(printed.contains("phase    ") && printed.contains("is subtracted"), "{printed}");
     let read = |name: &str| {
         Array3::<f32>::read_npy(File::open(here.join("phases").join(name)).unwrap()).unwrap()
     };

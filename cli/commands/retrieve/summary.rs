@@ -72,8 +72,8 @@ pub(super) fn write(
         writeln!(out, "note     {remedy}")?;
     }
     if has_counts && !record.counts {
-        let way = "--counts --weights poisson retrieves from them, with their uncertainties";
-        writeln!(out, "note     the run has counts, too: {way}")?;
+        let way = "--counts --weights poisson retrieves from them, with uncertainties";
+        writeln!(out, "note     the run also has counts: {way}")?;
     }
     Ok(())
 }
@@ -97,7 +97,7 @@ fn write_chi_square(record: &Record, out: &mut impl Write) -> Result<(), Failure
         write!(out, "; {beyond:.2} beyond the residuals of the flat")?;
     }
     match record.gain_assumed {
-        true => writeln!(out, " (a gain of {gain} is assumed: --gain)")?,
+        true => writeln!(out, " (for an assumed gain of {gain}; set it with --gain)")?,
         false => writeln!(out)?,
     }
     Ok(())
@@ -121,7 +121,7 @@ fn write_empty_beam(record: &Record, out: &mut impl Write) -> Result<(), Failure
     }
     let doses: Vec<[f64; 2]> = views.iter().flat_map(|of| &of.dose).copied().collect();
     if let Some(line) = range(&doses, 1.0).filter(|_| doses.len() > 1) {
-        writeln!(out, "empty    dose of a step {line} of the flat's")?;
+        writeln!(out, "empty    dose of a step, relative to the flat, {line}")?;
     }
     Ok(())
 }
