@@ -23,7 +23,7 @@ pub(super) fn above_zero(text: &str) -> Result<f64, String> {
 }
 
 pub(super) fn from_zero(text: &str) -> Result<f64, String> {
-    number(text, "a finite number from 0 on", |value| value >= 0.0)
+    number(text, "a finite number of 0 or more", |value| value >= 0.0)
 }
 
 /// A value of frames, which are of 32 bits.

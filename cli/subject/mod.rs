@@ -156,7 +156,7 @@ impl Subject {
         let problem = match &self.record {
             Some(_) => "holds images per beamlet, which cannot be drawn on pixels".to_owned(),
             None => format!(
-                "is not there; `beamlet retrieve {}` makes it",
+                "does not exist; `beamlet retrieve {}` makes it",
                 beamlet::cli_support::printed::path(&self.path)
             ),
         };

@@ -43,7 +43,10 @@ impl Subject {
             return Self::of_images(path);
         }
         if !path.exists() {
-            return Err(Failure::File { path: path.to_path_buf(), problem: "is not there".into() });
+            return Err(Failure::File {
+                path: path.to_path_buf(),
+                problem: "does not exist".into(),
+            });
         }
         Err(Failure::File {
             path: path.to_path_buf(),

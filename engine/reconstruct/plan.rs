@@ -122,8 +122,8 @@ impl VolumePlan {
                 input.require_sigmas(quantity)?;
             }
             if self.sigma && self.method.is_of_phase(quantity) {
-                let allowed = "refraction angles as they are: deviations of integrated angles grow along \
-                               the row and are no weights";
+                let allowed = "refraction angles without --phase: deviations of integrated angles \
+                               grow along the row and cannot be weights";
                 return Err(Error::argument("sigma", "deviations of integrated angles", allowed));
             }
             if let Some(path) = &self.start {

@@ -293,7 +293,7 @@ impl Input {
         if angles == 0 || !self.is_run {
             return Err(Error::file(self.sample.path(), problem, None));
         }
-        log::warn!("{}: {problem}; the last are left out", self.sample.path().display());
+        log::warn!("{}: {problem}; the last views are ignored", self.sample.path().display());
         Ok(angles)
     }
 

@@ -53,13 +53,13 @@ fn check_explains_three_offsets_and_a_short_scan() {
     };
     let settle = |told: &str| {
         told.lines()
-            .find(|line| line.contains("settle") || line.contains("would determine"))
+            .find(|line| line.contains("with three offsets") || line.contains("would determine"))
             .map(str::to_owned)
     };
     // Sigma of this set-up is 9.8 um: a reach of 2.2 sigma settles no background for three.
     for reach in [10.0, 22.5] {
         let line = settle(&told(&[-reach, 0.0, reach])).unwrap();
-        assert!(line.starts_with("  three offsets settle  T, alpha and sigma_DF2"), "{line}");
+        assert!(line.starts_with("  with three offsets    T, alpha and sigma_DF2"), "{line}");
         assert!(line.contains("--method three-step") && line.contains("background"), "{line}");
     }
     let line = settle(&told(&[-10.0, -3.0, 3.0, 10.0])).unwrap();

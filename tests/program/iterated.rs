@@ -71,7 +71,7 @@ fn methods_that_do_not_fit_are_refused_before_any_work() {
     write_npy(path.join("delta.npy"), &Array3::<f32>::zeros((64, 1, 48))).unwrap();
     let usual = "reconstruct delta.npy --geometry scene.toml --quantity delta -o volume";
     for (more, words) in [
-        ("--method sirt", "those of derivatives are zero"),
+        ("--method sirt", "which are zero for derivatives"),
         ("--method cgls --non-negative", "no bounds"),
         ("--extrapolate", "refraction angles"),
         ("--method bb --iterations 0", "iterations"),
@@ -205,7 +205,7 @@ fn masks_and_starts_that_do_not_fit_are_refused() {
         ("--mask none.npy", "0 everywhere"),
         ("--mask torn.npy", "NaN at x 4, y 3, z 0"),
         ("--mask turned.npy", "[z][y][x]"),
-        ("--mask text.txt", "no file of a mask"),
+        ("--mask text.txt", "not a file of a mask"),
         ("--mask nothing.npy", "nothing.npy"),
         ("--mask cylinder:9mm,0mm,1mm", "without a voxel"),
         ("--start small", "[8, 8, 1] voxels"),

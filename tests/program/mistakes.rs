@@ -205,8 +205,8 @@ fn what_is_missing_is_named() {
         ("compare nowhere run", 2, "nowhere: cannot be read"),
         ("view nowhere -o pictures", 1, "nowhere: cannot be read"),
         ("check nowhere", 1, "nowhere: cannot be read"),
-        ("report nowhere", 1, "nowhere: is not there"),
-        ("simulate scene.toml -o nowhere --resume", 1, "nowhere: is not there"),
+        ("report nowhere", 1, "nowhere: does not exist"),
+        ("simulate scene.toml -o nowhere --resume", 1, "nowhere: does not exist"),
         ("simulate scene.toml -o . --resume", 1, ".: holds no run to resume"),
         (
             "retrieve --flat a.npy --sample b.npy --geometry scene.toml -o out --offsets list.txt",

@@ -140,7 +140,7 @@ impl Corrector {
             None => Err(Error::argument(
                 "correct",
                 format!("no empty beam at both sides of view {view}"),
-                "columns with nothing in the beam, named as empty beam",
+                "columns with nothing in the beam, given as empty beam (--empty-beam)",
             )),
         }
     }

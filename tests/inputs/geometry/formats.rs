@@ -309,7 +309,10 @@ fn units_and_groups_that_a_format_does_not_have_are_refused_at_their_line() {
     assert!(unit.contains("object[0].unit") && unit.contains("3MF files state it"), "{unit}");
     assert!(told("mesh = \"trimesh.ply\"").contains("object[0].unit"));
     let group = told("mesh = \"gmsh.stl\"\nunit = \"mm\"\ngroup = \"a\"");
-    assert!(group.contains("object[0].group") && group.contains("OBJ and 3MF do"), "{group}");
+    assert!(
+        group.contains("object[0].group") && group.contains("only OBJ and 3MF files"),
+        "{group}"
+    );
     let shape = told("shape = { sphere = { radius = \"1 mm\" } }\ngroup = \"a\"");
     assert!(shape.contains("object[0].group"), "{shape}");
     // What is allowed comes back from the resolved scene.

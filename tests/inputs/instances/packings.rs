@@ -188,13 +188,13 @@ fn packings_that_cannot_be_say_how_far_they_came() {
             fibre("5 um", "2 mm"),
             packing("random-fibres", &cube("1 mm"), "fill = 0.01"),
             "instances.fill",
-            "reached a fill 0.000",
+            "reached fill 0.000",
         ),
         (
             fibre("2.5 um", "0.3 mm"),
             packing("random-fibres", &cube("0.5 mm"), "fill = 0.3"),
             "instances.fill",
-            "0.3; the packing reached a fill 0.0",
+            "0.3; the packing reached fill 0.0",
         ),
         (
             fibre("5 um", "1 mm"),
@@ -204,7 +204,7 @@ fn packings_that_cannot_be_say_how_far_they_came() {
                 "count = 45",
             ),
             "instances.count",
-            "45; the packing reached a count ",
+            "45; the packing reached count ",
         ),
     ];
     for (shape, text, key, what) in cases {
