@@ -429,7 +429,7 @@ fn summary(
         let misfits = if is_mu { "filled" } else { "kept" };
         writeln!(
             out,
-            "pixels   {name}: of {} {} without an answer and {} with T <= 0 filled, {} misfits {misfits}",
+            "pixels   {name}: of {}, {} without a result and {} with T <= 0 are filled, {} misfits {misfits}",
             counts.pixels, counts.without_answer, counts.dark, counts.misfits
         )?;
     }

@@ -104,7 +104,7 @@ const WORDS: [(&str, &str); 8] = [
         "reasons to distrust the values of a pixel. Misfit: they differ from both neighbours, for \
          example where the silhouette of an object crosses the pixel. Flagged pixels do not set \
          the colour scales; \
-         pixels without an answer are violet.",
+         pixels without a result are violet.",
     ),
     (
         "A, µ, σ, b",
@@ -244,7 +244,7 @@ pub(super) fn retrieval(run: &Subject) -> Vec<TableRow> {
     ];
     let (lost, all) = (count(record.without_answer), count(pixels as u64));
     rows.push(
-        TableRow::new("without an answer", format!("{lost} of {all} pixels"))
+        TableRow::new("without a result", format!("{lost} of {all} pixels"))
             .marked(record.without_answer > 0),
     );
     rows.extend(corrections(record));

@@ -31,13 +31,13 @@ pub const MISFIT: u32 = 1 << 20;
 /// then, or of the sample, whose dark field is NaN (`beamlet`). The refraction is NaN where they do
 /// not determine its centre. A bit of a pixel.
 pub const UNRESOLVED: u32 = 1 << 21;
-/// A pixel that is named as bad, or a beamlet of such pixels: it has no answer. A bit of a pixel, alone.
+/// A pixel that is named as bad, or a beamlet of such pixels: it has no result. A bit of a pixel, alone.
 pub const BAD_PIXEL: u32 = 1 << 22;
 
 /// Bits of a curve: the sample's bits in an image are the flat's, shifted by this.
 pub const BITS: u32 = 10;
 
-/// With one of these a pixel has no answer, and its images hold NaN.
+/// With one of these a pixel has no result, and its images hold NaN.
 pub const NO_ANSWER: u32 = DEAD | NOT_FINITE | FEW | NOT_CONVERGED | WIDTH | NO_PEAK;
 
 /// Each bit of a pixel with its name and meaning.

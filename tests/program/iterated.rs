@@ -332,7 +332,7 @@ fn beam_hardening_leaves_no_cupping_and_says_its_energy() {
     assert!(ended(&run(path, delta), 1).contains("refraction and dark field have no hardening"));
 }
 
-/// Refraction angles of a disc of δ = 1e-6 with a drift of 2 % of the largest and a column without an answer.
+/// Refraction angles of a disc of δ = 1e-6 with a drift of 2 % of the largest and a column without a result.
 #[test]
 fn delta_is_made_of_integrated_angles_without_their_drift() {
     let directory = workplace(SCENE);
@@ -353,7 +353,7 @@ fn delta_is_made_of_integrated_angles_without_their_drift() {
     for method in ["cgls", "sirt --iterations 60", "bb"] {
         let words = format!("{usual} --phase --method {method} -o volume --overwrite");
         let printed = done(path, &words);
-        let said = "phase    64 angles without an answer are interpolated along the row";
+        let said = "phase    64 angles without a result are interpolated along the row";
         assert!(printed.contains(said) && printed.contains("rms 1.0"), "{printed}");
         let delta: Array3<f32> = read_npy(path.join("volume/delta.npy")).unwrap();
         let inside: Vec<f64> = delta

@@ -44,7 +44,7 @@ pub(super) fn write(
     writeln!(out, "method   {}, weights {}", record.method, record.weights)?;
     writeln!(out, "views    {views} of {columns} x {rows} pixels, in {seconds:.1} s")?;
     let pixels = views * rows * columns;
-    writeln!(out, "pixels   {} of {pixels} without an answer", record.without_answer)?;
+    writeln!(out, "pixels   {} of {pixels} without a result", record.without_answer)?;
     let remedy = remedy(record, pixels as u64);
     let said_once =
         [flags::of_pixel(flags::ILL_CONDITIONED, 0), flags::of_pixel(0, flags::ILL_CONDITIONED)];

@@ -273,12 +273,12 @@ impl Corrector {
     }
 
     fn too_few(view: usize, count: usize) -> Result<()> {
-        let found = format!("{count} pixels with an answer in view {view}");
+        let found = format!("{count} pixels with a result in view {view}");
         let allowed = format!("{FEWEST} pixels or more with nothing in the beam");
         Err(Error::argument("empty_beam", found, allowed))
     }
 
-    /// Place (x, z) and value of the pixels of empty beam that have an answer without a flag of doubt.
+    /// Place (x, z) and value of the pixels of empty beam that have a result without a flag of doubt.
     fn points(&self, images: &Images, name: &str, empty: &[Rectangle]) -> Vec<[f64; 3]> {
         let (Some(image), Some(bits)) = (images.get(name), images.get(FLAGS)) else {
             return Vec::new();

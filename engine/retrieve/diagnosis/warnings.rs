@@ -173,7 +173,7 @@ fn empty_beam(found: &Findings<'_>) -> Vec<String> {
     let without = views().filter(|(_, of)| of.transmission.is_none()).count();
     if without > 0 {
         let begin = place(found, without, None);
-        lines.push(format!("{begin}fewer than two pixels of the empty beam have an answer"));
+        lines.push(format!("{begin}fewer than two pixels of the empty beam have a result"));
     }
     let all = views().filter_map(|(view, of)| Some((view, other(of.transmission?, 1.0, LEAST)?)));
     if let Some((count, view, [value, sigma])) = worst(all, |[value, _]| (value - 1.0).abs()) {
