@@ -84,7 +84,9 @@ impl Record for Detector {
             if let Some((sigma, most)) = wide.find(|(sigma, most)| sigma > most) {
                 let allowed =
                     format!("no more than {} pixels, {}", limits::BLUR, Length.rounded(most));
-                faults.add(Error::scene(key("blur.sigma"), Length.rounded(sigma), allowed));
+                let fwhm = sigma * (8.0 * std::f64::consts::LN_2).sqrt();
+                let found = format!("{} (FWHM {})", Length.rounded(sigma), Length.rounded(fwhm));
+                faults.add(Error::scene(key("blur.sigma"), found, allowed));
             }
         }
         if let Some(Noise { swank, .. }) = self.counts
@@ -156,7 +158,8 @@ impl Record for Blur {
     }
 
     fn finish(&mut self, table: &Table<'_>) -> Result<()> {
-        if let Some(fwhm) = optional::<[f64; 2]>(table, "fwhm")? {
+        if let Some(mut fwhm) = optional::<[f64; 2]>(table, "fwhm")? {
+            refuse_beyond(table, "fwhm", &mut fwhm)?;
             let scale = 1.0 / (8.0 * std::f64::consts::LN_2).sqrt();
             *self = Self::Gaussian { sigma: fwhm.map(|width| width * scale) };
         }

@@ -34,6 +34,18 @@ pub(crate) fn optional<V: Value>(table: &Table<'_>, key: &str) -> Result<Option<
     table.get(key).map(|item| V::read(&item, row)).transpose()
 }
 
+/// Refuses lengths beyond the range of a key whose values the model keeps under another key: the error
+/// names the key and the length of the scene.
+pub(crate) fn refuse_beyond(table: &Table<'_>, key: &str, lengths: &mut [f64]) -> Result<()> {
+    let (row, Some(item)) = (table.row(key)?, table.get(key)) else { return Ok(()) };
+    let mut known = lengths.iter().filter(|length| !length.is_nan());
+    let beyond = known.find_map(|length| in_range(key, &row.kind, *length).err());
+    if let Some(Error::Scene { found, allowed, .. }) = beyond {
+        lengths.fill(item.refuse(item.error(found, allowed), f64::NAN)?);
+    }
+    Ok(())
+}
+
 /// Reads the value of a key that must be there.
 pub(crate) fn required<V: Value>(table: &Table<'_>, key: &str) -> Result<V> {
     V::read(&table.require(key)?, table.row(key)?)
