@@ -413,7 +413,7 @@ pub fn offsets(list_or_file: &str) -> Result<Vec<f64>> {
             crate::units::Dimension::Length.parse(word).map_err(|error| {
                 let allowed = "lengths with units, as in \"-10 um, 0 um, 10 um\", or a file with \
                                one on each line";
-                Error::argument(format!("offsets[{index}]"), format!("{word:?} ({error})"), allowed)
+                Error::argument(format!("offsets[{index}]"), error.found, allowed)
             })
         })
         .collect::<Result<_>>()?;

@@ -143,7 +143,7 @@ impl Plan {
         let path = run.join(PLAN);
         if !path.exists() {
             let problem = match layout::is_run(run) {
-                true => "is a whole run, and not one in shards".to_owned(),
+                true => "is a whole run, not a run in shards".to_owned(),
                 false => {
                     format!("is not a planned run: it has no {PLAN}; `beamlet plan` makes one")
                 }

@@ -243,7 +243,7 @@ fn bad_input_is_refused_and_nothing_is_written() {
         ("reconstruct run -o none --cut-off 2", 1, "cut_off"),
         ("reconstruct run -o none --quantity nu", 2, "dark-field"),
         ("reconstruct run -o none --region a=ball:1mm", 2, "cylinder:X,Y,RADIUS"),
-        ("reconstruct run -o none --region a=sphere:9mm,0mm,0mm,1um", 1, "regions with a voxel"),
+        ("reconstruct run -o none --region a=sphere:9mm,0mm,0mm,1um", 1, "the centre of a voxel"),
         ("reconstruct run -o run/retrieved", 1, "run/retrieved"),
         ("reconstruct run -o scene.toml", 1, "not a directory"),
     ] {

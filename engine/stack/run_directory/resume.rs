@@ -218,6 +218,9 @@ pub(super) fn refuse_other_scene(path: &Path, differences: &[String]) -> Result<
     if differences.is_empty() {
         return Ok(());
     }
-    let problem = format!("holds a run of another scene:\n  {}", differences.join("\n  "));
+    let problem = format!(
+        "holds a run of another scene; give the scene of the run, or choose another directory:\n  {}",
+        differences.join("\n  ")
+    );
     Err(Error::file(path, problem, None))
 }
