@@ -203,7 +203,7 @@ fn problem_of_view(
     match is_whole() {
         Ok(true) => None,
         Ok(false) => Some(format!(
-            "{}: {name} differs from the committed one: resume the run to simulate it again",
+            "{}: {name} differs from its committed state: resume the run to simulate it again",
             path.display()
         )),
         Err(error) => Some(format!("{error} ({name})")),
