@@ -22,7 +22,7 @@ pub fn read(path: &Path) -> Result<Array2<f64>> {
         _ if is_png => read_png(path),
         None | Some(Format::Exr) => {
             let endings = endings(|format| format != Format::Exr);
-            Err(refused(path, format!("has to end in {endings} or .png")))
+            Err(refused(path, format!("must end in {endings} or .png")))
         }
         Some(format) => read_array(path, format),
     }

@@ -42,7 +42,7 @@ const SHIPPED: &[Shipped] = &[
     },
     Shipped {
         name: "tomography",
-        about: "80,000 fibres of 5 um, thicker ones and rods in polyethylene, 360 views",
+        about: "80,000 fibres of 5 um, thick fibres and rods in polyethylene, 360 views",
         files: files!("tomography": "scene.toml", "thick.csv"),
     },
 ];

@@ -93,7 +93,7 @@ fn summary(arguments: &PlanArguments, plan: &Plan, out: &mut impl Write) -> Resu
             writeln!(out, "device   {} ({})", made_by.device, made_by.driver)?;
             writeln!(out, "backend  {}", made_by.backend)?;
         }
-        None => writeln!(out, "device   taken from the first shard")?,
+        None => writeln!(out, "device   recorded by the first shard that begins")?,
     }
     if arguments.slurm.slurm {
         let script = run.join(beamlet::stack::layout::SCRIPTS).join(slurm::SUBMIT);

@@ -57,7 +57,7 @@ pub(super) fn not_backed(purpose: &str, needed: u64) -> Error {
         purpose: purpose.to_owned(),
         needed,
         available: None,
-        remedy: "the device keeps its memory in a file, which may not grow this large: lift the \
+        remedy: "the device keeps its memory in a file, which may not grow this large: raise the \
                  limit of file sizes (ulimit -f)"
             .to_owned(),
     }

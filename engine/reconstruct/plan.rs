@@ -129,7 +129,7 @@ impl VolumePlan {
             if let Some(path) = &self.start {
                 let found = OpenVolumes::open(path)?;
                 if !found.record().units.contains_key(quantity.name()) {
-                    let problem = format!("has no volume {} to begin with", quantity.name());
+                    let problem = format!("has no volume {} to start from", quantity.name());
                     return Err(Error::file(path, problem, None));
                 }
                 same_grid(&found, &self.grid, path)?;

@@ -156,8 +156,8 @@ impl Input {
             let [_, _, other_rows, other_columns] = other.shape();
             if [other_rows, other_columns] != [rows, columns] {
                 let problem = format!(
-                    "has frames of {other_rows} x {other_columns} pixels; those of {} have {rows} x \
-                     {columns}",
+                    "has frames of {other_rows} x {other_columns} pixels; the frames of {} have \
+                     {rows} x {columns}",
                     flat.path().display()
                 );
                 return Err(Error::file(other.path(), problem, None));

@@ -519,7 +519,7 @@ fn paths_that_cannot_be_read_or_written_are_named() {
     place.scene = "nowhere.toml";
     place.refused(&["nowhere.toml: cannot read the scene"]);
     place.scene = ".";
-    place.refused(&[".: the scene file has to end in .toml or .json"]);
+    place.refused(&[".: the scene file must end in .toml or .json"]);
     fs::create_dir(place.directory.path().join("folder.toml")).unwrap();
     place.scene = "folder.toml";
     place.refused(&["folder.toml: cannot read the scene", "directory"]);

@@ -43,7 +43,7 @@ keys! { OBJECT: Object, "object", [Forms(&[&["shape"], &["mesh", "unit", "group"
     roughness => Number("a standard deviation of slopes", within(0.0, limits::ROUGHNESS)), Default("0.0"), "0.002",
         "Standard deviation of the slopes of the surface.";
     normals => Word(NORMALS), Default(r#""facets""#), r#""smooth""#,
-        "Normals that refract light; smooth ones of facets only.";
+        "Normals that refract light; smooth normals of facets only.";
 }
 
 words!(Normals, NORMALS: "facets" => Facets, "smooth" => Smooth);

@@ -8,7 +8,7 @@ keys! { RANGE, "scan.range",
     [Forms(&[&["from"], &["start"]], 0), Forms(&[&["to"], &["stop"]], 0), Forms(&[&["step"], &["count"]], 1)],
     ["end" => "to", "steps" => "count", "num" => "count", "n" => "count", "number" => "count"];
     from => Step, Required, r#""-25 um""#, "First value.";
-    to => Step, Required, r#""25 um""#, "Last length; end of the angles, which is left out.";
+    to => Step, Required, r#""25 um""#, "Last length; end of the angles, which is excluded.";
     count => Count(1, limits::ANGLES as u64), Required, "11", "Number of values, within the limit of the list.";
     step => Step, Required, r#""5 um""#, "Distance between values; the range is a whole multiple of it.";
     start => Step, Required, r#""-25 um""#, "Another name of `from`.";

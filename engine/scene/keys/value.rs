@@ -63,7 +63,7 @@ impl Base<'_> {
     /// A path as the text has it.
     pub(crate) fn file(&self, path: &Path) -> Result<String> {
         let unicode = |path: &Path| {
-            let problem = "the path has to be Unicode to be written into a scene";
+            let problem = "the path must be Unicode to be written into a scene";
             path.to_str().map(str::to_owned).ok_or_else(|| Error::file(path, problem, None))
         };
         if self.directory == self.scene.directory {

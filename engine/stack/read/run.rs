@@ -67,7 +67,7 @@ impl OpenRun {
         let count = committed.keys().filter(is_sample).count();
         if count != views {
             let problem =
-                format!("view {views} is not committed and later ones are; resume the run");
+                format!("view {views} is not committed, but later views are; resume the run");
             return Err(Error::file(path, problem, None));
         }
         let path = path.to_path_buf();

@@ -312,7 +312,7 @@ fn ready(run: &Path, plan: &Plan, scene: &Scene) -> Result<Vec<Ready>> {
             return Err(of_other_plan(&path, "its stacks have another shape or format"));
         }
         if file.keep_moments != Some(plan.keep_moments) {
-            return Err(of_other_plan(&path, "one of them keeps moments"));
+            return Err(of_other_plan(&path, "they differ in keep_moments"));
         }
         let entries = progress_log::read(&path.join(LOG))?;
         let part = Part { extent: plan.extent, shard };
