@@ -96,7 +96,7 @@ pub(super) fn refuse_read(paths: &[PathBuf], read: &[PathBuf]) -> Result<(), Fai
         Some((path, read)) => Err(Failure::File {
             path: path.clone(),
             problem: format!(
-                "cannot be overwritten: this command reads {}",
+                "would replace {}, which this command reads",
                 beamlet::cli_support::printed::path(read)
             ),
         }),

@@ -153,6 +153,6 @@ mod tests {
         found.sort();
         let keys: Vec<&str> = found.iter().map(|(key, _)| key.as_str()).collect();
         assert_eq!(keys, ["b", "object[0].scale", "s.x"]);
-        assert_eq!(found[1].1, "there 1.0, here 2.0");
+        assert_eq!(found[1].1, "1.0 in the run, 2.0 now");
     }
 }

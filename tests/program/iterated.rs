@@ -299,7 +299,7 @@ fn beam_hardening_leaves_no_cupping_and_says_its_energy() {
     };
     let ([middle, rim], printed) = made("plain", "");
     assert!(middle / rim < 0.98, "{middle} {rim}");
-    let said = format!("means over the spectrum, {mean:.3} keV");
+    let said = format!("means over the spectrum (mean detected energy {mean:.3} keV)");
     assert!(printed.contains(&said) && printed.contains("not corrected"), "{printed}");
     for (energy, words, more) in [
         (mean, format!("mu at {mean:.3} keV"), "--beam-hardening water"),

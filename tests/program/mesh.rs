@@ -73,8 +73,8 @@ fn what_cannot_be_written_is_refused_and_nothing_is_lost() {
         (&["mesh", "part.step", "-o", "a.obj"], 2, "neither a scene"),
         (&["mesh", "part.stl", "-o", "a.obj"], 1, "part.stl"),
         (&["mask", "scene.toml", "-o", "a.stl", "--frame", "1 mm"], 2, "--part"),
-        (&["mask", "scene.toml", "-o", "a.obj", "--part", "frame"], 2, "there are: bars"),
-        (&["mask", "scene.toml", "-o", "a.obj", "--width", "1 mm"], 2, "go together"),
+        (&["mask", "scene.toml", "-o", "a.obj", "--part", "frame"], 2, "allowed: bars"),
+        (&["mask", "scene.toml", "-o", "a.obj", "--width", "1 mm"], 2, "both or neither"),
         (&["mask", "scene.toml", "-o", "a.obj", "--frame", "0 mm"], 2, "a value > 0"),
     ] {
         let message = ended(&place.beamlet(words), code);

@@ -658,5 +658,9 @@ fn flats_between_views_are_interpolated_and_each_view_may_have_its_own() {
         assert!(message.contains(word), "{word}: {message}");
     };
     refused("some.npy", &[], "4 flats for 5 views");
-    refused("own.npy", &["--flats-every", "2"], "5 flats for 5 views, 2 between them: 3, or 4");
+    refused(
+        "own.npy",
+        &["--flats-every", "2"],
+        "5 flats for 5 views, 2 between them; allowed: 3, or 4",
+    );
 }

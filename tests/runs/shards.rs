@@ -350,7 +350,7 @@ fn scripts_for_slurm_have_the_options_and_are_shell() {
     // Refusals.
     fs::write(place.path("bad.sh"), "#!/bin/bash\n{options}\n").unwrap();
     let bad = [&plan[..4], &["-o", "bad", "--slurm", "--template", "bad.sh"]].concat();
-    refused(&place, &bad, &["bad.sh", "0 lines {command}"]);
+    refused(&place, &bad, &["bad.sh", "0 lines with {command}"]);
     let set = [&plan[..4], &["-o", "bad", "--slurm", "--sbatch-option", "array=0-9"]].concat();
     refused(&place, &set, &["array is set by the plan"]);
     let alone = [&plan[..4], &["-o", "bad", "--at-once", "2"]].concat();

@@ -196,7 +196,10 @@ fn a_broken_3mf_tells_what_and_where() {
         (b"PK nothing".to_vec(), &["not a 3MF file"]),
         (archive("<model><resources/>"), &["nothing to build"]),
         (model("unit=\"mile\"", &leaf, item), &["unit is \"mile\"", "micron", "line 2"]),
-        (model("", &tetrahedron("id=\"1\" pid=\"4\""), item), &["list 4", "it has none", "line 2"]),
+        (
+            model("", &tetrahedron("id=\"1\" pid=\"4\""), item),
+            &["list 4", "has the lists: none", "line 2"],
+        ),
         (model("", "", item), &["no object has the id 1"]),
         (model("", self_made, item), &["component of itself"]),
         (model("", &leaf.replace("v3=\"2\"", "v3=\"4\""), item), &["4 is not a vertex", "line 4"]),

@@ -169,7 +169,12 @@ fn a_count_is_met_and_small_regions_hold_what_fits() {
 fn packings_that_cannot_be_say_how_far_they_came() {
     let few = "sphere = { radius = \"30 um\" }";
     let cases = [
-        (sphere("10 um"), packing("spheres", few, "count = 20"), "instances.count", "a count "),
+        (
+            sphere("10 um"),
+            packing("spheres", few, "count = 20"),
+            "instances.count",
+            "reached count ",
+        ),
         (sphere("40 um"), packing("spheres", few, "count = 1"), "instances.region", "80"),
         (sphere("10 um"), packing("spheres", few, "fill = 0.05"), "instances.fill", "whole bodies"),
         (

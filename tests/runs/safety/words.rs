@@ -10,15 +10,15 @@ fn options_out_of_range_or_without_effect_are_usage_errors_with_what_is_allowed(
     simulate(place.path(), "");
     ends(place.path(), "retrieve run -q", 0);
     for (line, wanted) in [
-        ("compare run run --tolerance nan", "from 0 on"),
-        ("compare run run --tolerance -1", "from 0 on"),
-        ("compare run run --tolerance inf", "from 0 on"),
+        ("compare run run --tolerance nan", "of 0 or more"),
+        ("compare run run --tolerance -1", "of 0 or more"),
+        ("compare run run --tolerance inf", "of 0 or more"),
         ("compare run run --format npy", "--difference"),
         ("retrieve run --gain -1", "above 0"),
         ("retrieve run --gain nan", "above 0"),
         ("retrieve run --gain 0", "above 0"),
-        ("retrieve run --read-noise -3", "from 0 on"),
-        ("retrieve run --read-noise nan", "from 0 on"),
+        ("retrieve run --read-noise -3", "of 0 or more"),
+        ("retrieve run --read-noise nan", "of 0 or more"),
         ("retrieve run --saturation nan", "above 0"),
         ("retrieve run --saturation 1e39", "3.4e38"),
         ("retrieve run --saturation -5", "above 0"),
