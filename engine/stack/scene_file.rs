@@ -70,7 +70,7 @@ pub(super) fn differences(
             Some(stored) if stored == hash => {}
             Some(stored) => {
                 let values =
-                    format!("sha256 {} in the run, {} now", word(Some(stored)), word(Some(hash)));
+                    format!("sha256 there {}, here {}", word(Some(stored)), word(Some(hash)));
                 differences.found.push(format!("{file}: {values}"));
             }
             None => differences.unhashed.push(file.clone()),
@@ -123,7 +123,7 @@ fn compare(
         }
         (there, here) if there == here => {}
         (there, here) => {
-            found.push((key.into(), format!("{} in the run, {} now", word(there), word(here))))
+            found.push((key.into(), format!("there {}, here {}", word(there), word(here))))
         }
     }
 }
@@ -153,6 +153,6 @@ mod tests {
         found.sort();
         let keys: Vec<&str> = found.iter().map(|(key, _)| key.as_str()).collect();
         assert_eq!(keys, ["b", "object[0].scale", "s.x"]);
-        assert_eq!(found[1].1, "1.0 in the run, 2.0 now");
+        assert_eq!(found[1].1, "there 1.0, here 2.0");
     }
 }

@@ -248,7 +248,7 @@ fn another_scene_or_device_does_not_resume_a_run() {
     let mut other = scene();
     other.sampling.seed = 2;
     let message = RunDirectory::resume(temporary.path(), &other).unwrap_err().to_string();
-    assert!(message.contains("seed") && message.contains("1 in the run, 2 now"), "{message}");
+    assert!(message.contains("seed") && message.contains("there 1, here 2"), "{message}");
 
     let mut elsewhere = start();
     elsewhere.device = "another device".into();

@@ -85,7 +85,8 @@ impl Record for Detector {
                 let allowed =
                     format!("no more than {} pixels, {}", limits::BLUR, Length.rounded(most));
                 let fwhm = sigma * (8.0 * std::f64::consts::LN_2).sqrt();
-                let found = format!("{} (FWHM {})", Length.rounded(sigma), Length.rounded(fwhm));
+                let [sigma, fwhm] = [sigma, fwhm].map(|width| Length.rounded(width));
+                let found = format!("{sigma}, a full width at half maximum of {fwhm}");
                 faults.add(Error::scene(key("blur.sigma"), found, allowed));
             }
         }

@@ -219,7 +219,8 @@ pub(super) fn refuse_other_scene(path: &Path, differences: &[String]) -> Result<
         return Ok(());
     }
     let problem = format!(
-        "holds a run of another scene; give the scene of the run, or choose another directory:\n  {}",
+        "holds a run of another scene (there: the run; here: this scene): choose another directory, or \
+         take these differences back:\n  {}",
         differences.join("\n  ")
     );
     Err(Error::file(path, problem, None))
