@@ -163,7 +163,8 @@ impl Value for [f64; 3] {
             let length = libm::hypot(libm::hypot(self[0], self[1]), self[2]);
             if !(length.is_finite() && length > 0.0) {
                 let allowed = "a direction of finite length > 0";
-                faults.add(Error::scene(key, format!("{length:?}"), allowed));
+                let found = format!("a direction of length {length}");
+                faults.add(Error::scene(key, found, allowed));
             }
             return;
         }
