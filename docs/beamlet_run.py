@@ -133,7 +133,7 @@ class Retrieved:
         theta: angle of each view, degrees. /exchange has the transmission, with a white frame of 1
         and a dark frame of 0; /exchange1 the refraction angle, rad; /exchange2 the dark field, rad^2,
         where the method gives one. Data are [view, row, column], float32, row 0 on top; pixels
-        without an answer are NaN. ValueError where theta does not fit the views; FileExistsError
+        without a result are NaN. ValueError where theta does not fit the views; FileExistsError
         where there is such a file; an error leaves no file behind.
         """
         import h5py

@@ -14,8 +14,9 @@ use std::path::PathBuf;
     beamlet simulate run/scene.toml --shard 0/8 -o run     # and so on to 7/8, anywhere, in any order\n  \
     beamlet join run\n  \
     beamlet plan scan.toml --shards 40 --slurm --at-once 10 --sbatch-option gres=gpu:1 -o run\n\n\
-    Each shard makes its views in a folder of its own; one that was ended goes on when it is started \
-    again. The shards of a run must have the same device, driver and version. Slurm scripts are \
+    Each shard writes its views to its own folder; an interrupted shard continues when it is \
+    started again. The shards of a run must have the same device, driver and version. Slurm \
+    scripts are \
     written to RUN/slurm: shards.sbatch (an array), join.sbatch and submit.sh.")]
 pub(crate) struct PlanArguments {
     #[command(flatten)]
@@ -34,7 +35,7 @@ pub(crate) struct PlanArguments {
     pub(crate) keep_moments: bool,
     #[command(flatten)]
     pub(crate) engine: EngineArguments,
-    /// Take the device of the first shard that begins: for machines without the device of the shards
+    /// Record the device of the first shard that begins: for planning on a machine without it
     #[arg(long, conflicts_with_all = ["device", "backend"])]
     pub(crate) no_device: bool,
     #[command(flatten)]
@@ -56,7 +57,7 @@ pub(crate) struct SlurmArguments {
     /// be repeated)
     #[arg(long, value_name = "KEY=VALUE", requires = "slurm", value_parser = sbatch_option)]
     pub(crate) sbatch_option: Vec<[String; 2]>,
-    /// With --slurm: the scripts as a text with {options} and {command}, each on a line of its own
+    /// With --slurm: template of the scripts, with {options} and {command} each on its own line
     #[arg(long, value_name = "FILE", requires = "slurm")]
     pub(crate) template: Option<PathBuf>,
     /// With --slurm: run beamlet in this image of Apptainer
@@ -68,12 +69,12 @@ pub(crate) struct SlurmArguments {
 #[command(after_help = "Examples:\n  \
     beamlet join run --status\n  \
     beamlet join run\n\n\
-    Every view is compared with the checksum of its shard. A join that was ended goes on when it is \
-    started again. A run that is joined is like any other; its shards and its plan are removed.")]
+    Every view is compared with the checksum of its shard. An interrupted join continues when it \
+    is started again. A joined run is like any other; its shards and its plan are removed.")]
 pub(crate) struct Join {
     /// Run directory made by `beamlet plan`
     pub(crate) run: PathBuf,
-    /// List the shards, and how far each is
+    /// List the shards and their progress
     #[arg(long)]
     pub(crate) status: bool,
     /// With --status: print JSON

@@ -17,7 +17,7 @@ pub(super) fn run(arguments: &Convert, out: &mut impl Write) -> Result<(), Failu
     if !layout::is_retrieved(&images) {
         let problem = match arguments.input.exists() {
             true => "holds no retrieved images: beamlet retrieve makes them",
-            false => "is not there",
+            false => "does not exist",
         };
         return Err(Failure::File { path: images, problem: problem.into() });
     }

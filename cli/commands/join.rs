@@ -28,7 +28,7 @@ pub(super) fn run(arguments: &Join, out: &mut impl Write) -> Result<(), Failure>
     let record = record.map_err(|error| match error {
         Error::Interrupted => {
             let run = quoted(&arguments.run.to_string_lossy());
-            Failure::Interrupted { advice: format!("to go on: beamlet join {run}") }
+            Failure::Interrupted { advice: format!("to continue: beamlet join {run}") }
         }
         error => error.into(),
     })?;

@@ -102,7 +102,7 @@ fn period_of_pixels(optics: &Optics) -> Option<String> {
     (fringes > FRINGES).then(|| {
         format!(
             "the projected period of detector_mask, {:.3} um, and detector.pitch, {:.3} um, differ so that \
-             {fringes:.1} fringes cross the detector: set detector_mask.period to {:.4} um, or leave it out",
+             {fringes:.1} fringes cross the detector: set detector_mask.period to {:.4} um, or omit it",
             period * 1e6,
             detector.pitch[0] * 1e6,
             detector.pitch[0] * 1e6 * (period / detector.pitch[0]).round().max(1.0)
@@ -170,8 +170,8 @@ fn unfiltered(scene: &Scene, energy: f64) -> Option<String> {
     let SpectrumOrigin::Tube { kvp, .. } = &spectrum.origin else { return None };
     (spectrum.filters.is_empty() && energy < SOFT_TUBE * kvp).then(|| {
         format!(
-            "the beam of the tube has no filter beside its window, and a mean energy of {} keV: most set-ups \
-             have a filter (source.spectrum.filters), if only of air",
+            "the beam of the tube has no filter besides its window, and a mean energy of {} keV: \
+             most set-ups have a filter (source.spectrum.filters), at least of air",
             number(energy)
         )
     })

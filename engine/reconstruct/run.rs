@@ -40,7 +40,7 @@ pub struct VolumesTo<'a> {
     pub path: &'a Path,
     /// Their format.
     pub format: VolumeFormat,
-    /// Replace volumes that are there.
+    /// Replace existing volumes.
     pub overwrite: bool,
     /// Command line, for the record.
     pub command: Option<&'a str>,

@@ -156,8 +156,8 @@ impl Input {
             let [_, _, other_rows, other_columns] = other.shape();
             if [other_rows, other_columns] != [rows, columns] {
                 let problem = format!(
-                    "has frames of {other_rows} x {other_columns} pixels; those of {} have {rows} x \
-                     {columns}",
+                    "has frames of {other_rows} x {other_columns} pixels; the frames of {} have \
+                     {rows} x {columns}",
                     flat.path().display()
                 );
                 return Err(Error::file(other.path(), problem, None));
@@ -293,7 +293,7 @@ impl Input {
         if angles == 0 || !self.is_run {
             return Err(Error::file(self.sample.path(), problem, None));
         }
-        log::warn!("{}: {problem}; the last are left out", self.sample.path().display());
+        log::warn!("{}: {problem}; the last views are ignored", self.sample.path().display());
         Ok(angles)
     }
 
@@ -413,7 +413,7 @@ pub fn offsets(list_or_file: &str) -> Result<Vec<f64>> {
             crate::units::Dimension::Length.parse(word).map_err(|error| {
                 let allowed = "lengths with units, as in \"-10 um, 0 um, 10 um\", or a file with \
                                one on each line";
-                Error::argument(format!("offsets[{index}]"), format!("{word:?} ({error})"), allowed)
+                Error::argument(format!("offsets[{index}]"), error.found, allowed)
             })
         })
         .collect::<Result<_>>()?;

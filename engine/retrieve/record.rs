@@ -156,7 +156,7 @@ pub struct Record {
     pub flags: BTreeMap<u32, String>,
     /// Pixels with each bit over all views, by the bit's value.
     pub flagged: BTreeMap<u32, u64>,
-    /// Pixels without an answer over all views; their images hold NaN.
+    /// Pixels without a result over all views; their images hold NaN.
     pub without_answer: u64,
 }
 

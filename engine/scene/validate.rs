@@ -43,7 +43,7 @@ impl Scene {
         faults.note(self.validate_periods());
         check(&self.sampling, &below("sampling"), &mut faults);
         if self.sampling.quality == Some(Quality::Noise) && self.detector.counts.is_none() {
-            let allowed = "\"standard\", \"fine\", or detector.photons, whose noise counts";
+            let allowed = "\"standard\" or \"fine\"; \"noise\" needs detector.photons";
             faults.add(Error::scene("sampling.quality", "\"noise\" without photons", allowed));
         }
         check(&self.scan, &below("scan"), &mut faults);
@@ -64,7 +64,7 @@ impl Scene {
             check(object, &key, &mut faults);
             if !names.insert(&object.name) {
                 let found = format!("{:?}, the name of an earlier object", object.name);
-                faults.add(Error::scene(key("name"), found, "a name of its own"));
+                faults.add(Error::scene(key("name"), found, "a unique name"));
             }
         }
         faults.0
@@ -147,7 +147,7 @@ impl Scene {
         }
         let allowed = format!(
             "bars between the rotation centre at source.distance, {}, and the detector at {}; the \
-             distance is that of the centre plane of the bars",
+             distance is measured to the centre plane of the bars",
             Length.rounded(centre),
             Length.rounded(end)
         );

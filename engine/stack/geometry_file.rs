@@ -119,8 +119,9 @@ impl GeometryFile {
         let path = folder.join(layout::GEOMETRY);
         let text = input_file::text(&path)
             .map_err(|error| Error::file(&path, "cannot be read", Some(error)))?;
-        serde_json::from_str(&text)
-            .map_err(|error| Error::file(&path, format!("is no geometry of views: {error}"), None))
+        serde_json::from_str(&text).map_err(|error| {
+            Error::file(&path, format!("is not a geometry of views: {error}"), None)
+        })
     }
 
     /// Motions of the sample; `None` where the views are a circle.

@@ -97,7 +97,7 @@ pub fn is_run(folder: &Path) -> bool {
 /// Problem of a path that is no run: nothing is there, or a file (`file`), or another folder (`folder`).
 pub(crate) fn why_no_run(path: &Path, file: &str, folder: &str) -> String {
     match (path.exists(), path.is_dir()) {
-        (false, _) => "is not there",
+        (false, _) => "does not exist",
         (true, false) => file,
         (true, true) => folder,
     }

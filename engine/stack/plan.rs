@@ -143,12 +143,14 @@ impl Plan {
         let path = run.join(PLAN);
         if !path.exists() {
             let problem = match layout::is_run(run) {
-                true => "is a whole run, and not one in shards".to_owned(),
-                false => format!("is no planned run: it has no {PLAN}; `beamlet plan` makes one"),
+                true => "is a whole run, not a run in shards".to_owned(),
+                false => {
+                    format!("is not a planned run: it has no {PLAN}; `beamlet plan` makes one")
+                }
             };
             return Err(Error::file(run, problem, None));
         }
-        let plan: Self = parse(&path, "is no plan of a run")?;
+        let plan: Self = parse(&path, "is not the plan of a run")?;
         if plan.plan_version != VERSION {
             let found = plan.plan_version;
             let problem = format!("has the plan_version {found}; allowed: {VERSION}");
@@ -196,7 +198,7 @@ impl Plan {
         if !path.exists() {
             return Ok(None);
         }
-        parse(&path, "is no record of a device").map(Some)
+        parse(&path, "is not the record of a device").map(Some)
     }
 }
 

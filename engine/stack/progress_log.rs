@@ -101,7 +101,7 @@ impl ProgressLog {
 
     fn locked(path: &Path, create: bool) -> Result<Self> {
         let log = Self::try_locked(path, create)?;
-        log.ok_or_else(|| Error::file(path, "another beamlet is using this run", None))
+        log.ok_or_else(|| Error::file(path, "another beamlet process is using this run", None))
     }
 
     /// `None` where another process has the lock.

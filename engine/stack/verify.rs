@@ -190,7 +190,7 @@ fn problem_of_view(
 ) -> Option<String> {
     let name = layout::view(view, false);
     if !part.extent.has(view) || !part.has(view) {
-        return Some(format!("{}: {name} is no view of this run", path.display()));
+        return Some(format!("{}: {name} is not a view of this run", path.display()));
     }
     let checksum = |root: &Path, values| stored.checksum(root, values, view);
     let is_whole = || -> Result<bool> {
@@ -203,7 +203,7 @@ fn problem_of_view(
     match is_whole() {
         Ok(true) => None,
         Ok(false) => Some(format!(
-            "{}: {name} differs from the committed one: resume the run to simulate it again",
+            "{}: {name} differs from its committed state: resume the run to simulate it again",
             path.display()
         )),
         Err(error) => Some(format!("{error} ({name})")),

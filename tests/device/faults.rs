@@ -69,8 +69,8 @@ fn assert_tells(error: &Error, fault: Fault) {
     let wanted = match fault.answer {
         DeviceLost => "the device was lost; ",
         Timeout => "end",
-        OutOfDeviceMemory => "the device has no more: lower the memory limit",
-        OutOfHostMemory => "the host has no more: lower the memory limit",
+        OutOfDeviceMemory => "the device has no memory left: lower the memory limit",
+        OutOfHostMemory => "the host has no memory left: lower the memory limit",
     };
     assert!(text.contains(wanted), "{fault:?}: {text}");
     let memory = matches!(fault.answer, OutOfDeviceMemory | OutOfHostMemory);

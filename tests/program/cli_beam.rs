@@ -157,7 +157,7 @@ fn wrong_words_are_told_with_what_is_allowed() {
         ),
         (&["spectrum", "bad.csv"], 1, "bad.csv:2:4: weight: found -1"),
         (&["spectrum", "missing.csv"], 1, "missing.csv"),
-        (&["spectrum", "bad.csv", "--set", "source.energy=1 keV"], 2, "--set changes a scene"),
+        (&["spectrum", "bad.csv", "--set", "source.energy=1 keV"], 2, "--set is for scenes"),
     ] {
         let output = beamlet(here, arguments);
         let told = text(&output.stderr);

@@ -96,7 +96,7 @@ pub(crate) fn retrieve<'py>(
                     .with_gain(options.gain.unwrap_or(gain))
                     .with_read_noise(options.read_noise.unwrap_or(noise));
             } else if options.gain.is_some() || chosen.weights == Weights::Poisson {
-                let allowed = "gain and weights = \"poisson\" belong to counts";
+                let allowed = "counts; gain and weights = \"poisson\" are for counts";
                 return Err(Error::argument("weights", "intensities", allowed));
             }
             watch.rows("retrieve", |mut control| {

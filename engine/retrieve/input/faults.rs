@@ -50,7 +50,8 @@ pub(super) fn check_sample(flat: &StackFile, sample: &StackFile) -> Result<()> {
             return Ok(());
         }
     }
-    let problem = format!("has the values of the flat, {}: name the sample", flat.path().display());
+    let problem =
+        format!("has the same values as the flat, {}: give the sample", flat.path().display());
     Err(Error::file(sample.path(), problem, None))
 }
 

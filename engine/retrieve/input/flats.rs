@@ -31,18 +31,23 @@ impl Input {
         match self.flats_every {
             None if flats == 1 || flats == views => Ok(()),
             None => refused(format!(
-                "has {flats} flats for {views} views: one, one for each view, or --flats-every N"
+                "has {flats} flats for {views} views; allowed: one flat, one for each view, or \
+                 several with --flats-every N"
             )),
-            Some(0) => refused("has no views between its flats: at least 1".to_owned()),
-            Some(_) if flats < 2 => refused("has one flat; --flats-every needs two".to_owned()),
+            Some(0) => refused(
+                "has no views between its flats; --flats-every must be 1 or more".to_owned(),
+            ),
+            Some(_) if flats < 2 => {
+                refused("has one flat; --flats-every needs two or more".to_owned())
+            }
             Some(every) => {
                 let needed = views.div_ceil(every as usize);
                 if flats == needed || flats == needed + 1 {
                     return Ok(());
                 }
                 refused(format!(
-                    "has {flats} flats for {views} views, {every} between them: {needed}, or {} with \
-                     one behind the last view",
+                    "has {flats} flats for {views} views, {every} between them; allowed: {needed}, \
+                     or {} with a flat after the last view",
                     needed + 1
                 ))
             }

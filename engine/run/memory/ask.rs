@@ -15,7 +15,9 @@ pub(crate) fn check_before_loading(scene: &Scene, limit: Option<u64>) -> Result<
     let needed = PROGRAM.saturating_add(building(triangles));
     match limit {
         Some(limit) if needed > limit => Err(Error::Memory {
-            purpose: format!("the program, the driver and a tree over {triangles} triangles"),
+            purpose: format!(
+                "a run with a tree over {triangles} triangles (with program and driver)"
+            ),
             needed,
             available: Some(limit),
             remedy: "raise the memory limit, or simplify the meshes".into(),

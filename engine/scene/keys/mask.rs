@@ -65,7 +65,9 @@ pub(crate) fn read_mask(table: &Table<'_>, key: &str, detector: &Detector) -> Re
     if table.get("period").is_none() {
         mask.period = projected(detector.pitch[0]);
     }
-    if let Some(aperture) = optional(table, "projected_aperture")? {
+    if let Some(mut aperture) = optional(table, "projected_aperture")? {
+        let length = std::slice::from_mut(&mut aperture);
+        refuse_beyond(table, "projected_aperture", length)?;
         mask.aperture = projected(aperture);
     }
     // A mask without bars is allowed; the projection rounds.

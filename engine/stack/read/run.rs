@@ -47,7 +47,7 @@ impl OpenRun {
         let path = path.as_ref();
         if !layout::is_run(path) {
             let file = "is a file: name a run directory, as `beamlet simulate` makes it";
-            let lacks = format!("is no run directory: it has no {RUN}");
+            let lacks = format!("is not a run directory: it has no {RUN}");
             let problem = layout::why_no_run(path, file, &lacks);
             return Err(Error::file(path, problem, None));
         }
@@ -67,7 +67,7 @@ impl OpenRun {
         let count = committed.keys().filter(is_sample).count();
         if count != views {
             let problem =
-                format!("view {views} is not committed and later ones are; resume the run");
+                format!("view {views} is not committed, but later views are; resume the run");
             return Err(Error::file(path, problem, None));
         }
         let path = path.to_path_buf();

@@ -247,7 +247,7 @@ impl Begun {
         let changed = |counts| {
             let name = layout::view(view, counts);
             let problem = format!(
-                "{name} does not have the checksum of its shard; make it again: {}",
+                "{name} does not have the checksum of its shard; simulate it again: {}",
                 remedy(path, from.part.shard)
             );
             Error::file(&from.path, problem, None)
@@ -295,7 +295,7 @@ fn ready(run: &Path, plan: &Plan, scene: &Scene) -> Result<Vec<Ready>> {
             missing.iter().take(20).map(|status| status.shard.index.to_string()).collect();
         let more = if missing.len() > 20 { ", …" } else { "" };
         let problem = format!(
-            "{} of {} shards are missing ({}): {}{more}; make them, for example: {}",
+            "{} of {} shards are missing ({}): {}{more}; simulate them, for example: {}",
             missing.len(),
             plan.shards,
             words.join(", "),
@@ -312,7 +312,7 @@ fn ready(run: &Path, plan: &Plan, scene: &Scene) -> Result<Vec<Ready>> {
             return Err(of_other_plan(&path, "its stacks have another shape or format"));
         }
         if file.keep_moments != Some(plan.keep_moments) {
-            return Err(of_other_plan(&path, "one of them keeps moments"));
+            return Err(of_other_plan(&path, "they differ in keep_moments"));
         }
         let entries = progress_log::read(&path.join(LOG))?;
         let part = Part { extent: plan.extent, shard };
@@ -357,7 +357,8 @@ fn refuse_mixed(run: &Path, shards: &[Ready], allow: bool) -> Result<()> {
         let [one, other] = [first, other].map(|shard| shard.part.shard);
         let problem = format!(
             "has shard {one} of {what} {here} and shard {other} of {what} {there}; values may \
-             differ in the last digits: make one of them again, or allow a mixed run (--allow-mixed)"
+             differ in the last digits: simulate one of them again, or allow a mixed run \
+             (--allow-mixed)"
         );
         if !allow {
             return Err(Error::file(run, problem, None));

@@ -35,7 +35,7 @@ _default: Engine | None = None
 
 @dataclass(frozen=True)
 class Device:
-    """A Vulkan device. `problem` says why it cannot serve, where it cannot."""
+    """A Vulkan device. `problem` is the reason why it is unusable, or ``None``."""
 
     index: int
     name: str
@@ -53,19 +53,19 @@ class Device:
 
 @dataclass(frozen=True)
 class CheckReport:
-    """What a scene amounts to: ``print`` it; `values` holds the numbers in SI units."""
+    """Result of a check of a scene: ``print`` it; `values` holds the numbers in SI units."""
 
     text: str
     values: dict[str, Any]
 
     @property
     def warnings(self) -> list[str]:
-        """What looks odd but does not stop a run."""
+        """Doubtful values, which do not stop a run."""
         return list(self.values["warnings"])
 
     @property
     def refusals(self) -> list[str]:
-        """Why a run refuses objects, where it does."""
+        """Reasons for which a run refuses objects."""
         return list(self.values["refusals"])
 
     def __str__(self) -> str:
@@ -73,7 +73,7 @@ class CheckReport:
 
 
 def devices() -> list[Device]:
-    """Every device that Vulkan shows, usable or not.
+    """All Vulkan devices, usable or not.
 
     Raises:
         DeviceError: Without Vulkan loader, driver or device.
@@ -96,12 +96,12 @@ class Engine:
         device: Index or part of the name; default: ``BEAMLET_DEVICE``, then the best device.
         backend: How rays find surfaces; default: ``BEAMLET_BACKEND``, then by device and scene.
         memory_limit: Bytes on host and device together, or text such as ``"2 GiB"``; default:
-            ``BEAMLET_MEMORY_LIMIT``, then what the geometry needs and up to 1 GiB for a band.
-        keep_moments: Keep what :meth:`Run.illuminate` needs, in a temporary folder.
+            ``BEAMLET_MEMORY_LIMIT``, then the geometry plus up to 1 GiB for a band.
+        keep_moments: Keep the moments that :meth:`Run.illuminate` needs, in a temporary folder.
         validation: Request the Khronos validation layer.
 
     Raises:
-        DeviceError: No device can serve; also in a fork of a process that used beamlet.
+        DeviceError: No device is usable; also in a fork of a process that used beamlet.
     """
 
     def __init__(
@@ -134,7 +134,7 @@ class Engine:
     ) -> Run:
         """Simulates a scene into arrays.
 
-        Ctrl-C ends it within a second, with ``KeyboardInterrupt``; the engine goes on to serve.
+        Ctrl-C ends it within a second, with ``KeyboardInterrupt``; the engine remains usable.
 
         Args:
             scene: The scene.
@@ -164,7 +164,7 @@ class Engine:
     ) -> Run:
         """Simulates a scene into a run directory, view by view: for stacks that exceed the memory.
 
-        What is interrupted is resumed with ``resume=True``. Meshes given as arrays are written to
+        An interrupted run continues with ``resume=True``. Meshes given as arrays are written to
         the folder ``PATH.meshes``, to which the scene of the run refers.
 
         Args:
@@ -172,15 +172,15 @@ class Engine:
             path: Directory of the run.
             seed: Seed in place of the scene's.
             format: Format of the stacks; ``npy`` can be mapped into memory.
-            overwrite: Replace a run that is there.
-            resume: Go on with a run that is there.
+            overwrite: Replace an existing run.
+            resume: Continue an existing run.
             progress: Callback.
 
         Returns:
             The run, opened as by :meth:`Run.open`.
 
         Raises:
-            FileError: The place is taken or cannot be written.
+            FileError: The directory holds other files or cannot be written.
             SceneError, MeshError, DeviceError, OutOfMemoryError, TallyError
         """
         from ._run import Run
@@ -199,7 +199,7 @@ class Engine:
         """Checks a scene: set-up, illumination curve, materials, meshes, doubts, rays, time and memory.
 
         Raises:
-            SceneError, MeshError: For what would stop a run before its first ray.
+            SceneError, MeshError: For errors that stop a run before its first ray.
         """
         text, values = self._engine.check(scene._scene, progress)
         return CheckReport(text, json.loads(values))
@@ -261,11 +261,11 @@ class Engine:
         scenes: Iterable[Scene],
         seeds: Iterable[int] | None = None,
     ) -> Iterator[Run]:
-        """Simulates scenes one after another, as they are asked for; kernels are made once.
+        """Simulates scenes one after another, each when it is requested; kernels are compiled once.
 
         Args:
-            scenes: Scenes, also without end.
-            seeds: Seed of each; default: those of the scenes.
+            scenes: Scenes; the iterable may be endless.
+            seeds: Seed of each; default: the seeds of the scenes.
 
         Yields:
             The run of each scene, in order.
@@ -281,7 +281,7 @@ class Engine:
         """Closes the device; the end of the process does so too.
 
         Returns:
-            Whether it is destroyed; ``False`` while work in another thread uses it.
+            ``True`` when it is closed; ``False`` while work in another thread uses it.
         """
         _open.discard(self)
         return self._engine.close()
@@ -316,7 +316,7 @@ def check(scene: Scene, progress: Progress | None = None) -> CheckReport:
 
 
 def _end() -> None:
-    """Ends work and closes devices: some drivers crash where one is left at the end of a process."""
+    """Stops work and closes devices: some drivers crash if one is open at the end of a process."""
     global _default
     if _beamlet.stop():
         for engine in list(_open):

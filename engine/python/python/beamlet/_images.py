@@ -47,12 +47,12 @@ class Volume:
         values: float32 ``[z][y][x]``, all ascending.
         voxel: Sides of a voxel along x, y and z, m.
         origin: Centre of the first voxel, x, y and z, m; the axis of rotation is at x = y = 0.
-        quantity: What the values are.
+        quantity: Name of the quantity.
         unit: Their unit.
         residuals: Of iterative methods: root mean square of the weighted residuals of the start, then
             after each iteration.
-        best: Number of the iterate that the values are, the one of the least residual.
-        pixels: Pixels of the images: how many had no answer, no light or were misfits and were filled;
+        best: Iteration of the values, which has the least residual.
+        pixels: Pixels of the images: how many had no result, no light or were misfits and were filled;
             ``None`` for sinograms.
     """
 
@@ -80,7 +80,7 @@ class Volume:
 class Images(Mapping[str, Image]):
     """Retrieved images by name, float32 ``[view][row][column]``; those of the flat have one view.
 
-    A pixel without an answer is NaN and has a bit in ``flags``; `flag_meanings` explains the bits.
+    A pixel without a result is NaN and has a bit in ``flags``; `flag_meanings` explains the bits.
 
     Attributes:
         record: Method, units, flags and their counts: ``retrieved.json``.
@@ -117,7 +117,7 @@ class Images(Mapping[str, Image]):
         """Reads the images of a run directory, or of a folder of retrieved images.
 
         Raises:
-            FileError: No images are there.
+            FileError: There are no retrieved images.
         """
         self = cls._of(_beamlet.read_images(path), None, engine)
         try:
@@ -142,7 +142,7 @@ class Images(Mapping[str, Image]):
         try:
             return self._images[name]
         except KeyError:
-            raise KeyError(f"{name}; there are {', '.join(self._images)}") from None
+            raise KeyError(f"no image is named {name}; allowed: {', '.join(self._images)}") from None
 
     def __iter__(self) -> Iterator[str]:
         return iter(self._images)
@@ -162,7 +162,7 @@ class Images(Mapping[str, Image]):
 
     @property
     def transmission(self) -> Image:
-        """Share of the light that passes, 0 to 1."""
+        """Fraction of the light that the sample transmits."""
         return self["transmission"]
 
     @property
@@ -177,13 +177,13 @@ class Images(Mapping[str, Image]):
 
     @property
     def flags(self) -> Image:
-        """Bits of :attr:`flag_meanings`, as float32; 0: nothing to say."""
+        """Bits of :attr:`flag_meanings`, as float32; 0: no flag."""
         return self["flags"]
 
     def sinograms(self, quantity: Quantity = "mu") -> tuple[Image, dict[str, int]]:
         """Sinograms ready for reconstruction: -ln of the transmission, refraction angles, variances.
 
-        Pixels without an answer, transmissions of 0 or less, and for ``mu`` misfits are filled linearly
+        Pixels without a result, transmissions of 0 or less, and for ``mu`` misfits are filled linearly
         along their row (docs/reconstruction.md).
 
         Returns:
@@ -202,7 +202,7 @@ class Images(Mapping[str, Image]):
 
     def weights(self, quantity: Quantity = "mu") -> Image:
         """Weights of the sinograms by the uncertainties of the retrieval: one over their squares, 0 where
-        a pixel has no answer. Below a tenth of their median uncertainties count as this.
+        a pixel has no result. Uncertainties below a tenth of their median are raised to it.
 
         Raises:
             ArgumentError: The images were not retrieved from counts: they have no uncertainties.
@@ -235,10 +235,10 @@ class Images(Mapping[str, Image]):
         Args:
             quantity: ``mu`` (1/m, from the transmission), ``delta`` (from the refraction) or
                 ``dark_field`` (rad²/m).
-            voxel: Side of the voxels, as ``"50 um"`` or in m; default: a pixel at the axis.
+            voxel: Side of the voxels, as ``"50 um"`` or in m; default: the size of a pixel at the axis.
             size: Voxels along x, y and z; default: the field of view.
             filter: Window of the filter, for ``fbp``.
-            cut_off: Frequency from which on nothing counts, as a share of Nyquist's, for ``fbp``.
+            cut_off: Highest frequency, as a fraction of the Nyquist frequency, for ``fbp``.
             progress: Callback.
             method: Filtered back-projection, or an iterative method: :func:`beamlet.reconstruct`.
             weights: ``"sigma"``: iterative methods weigh values by :meth:`weights`.
@@ -358,16 +358,16 @@ def retrieve(
         weights: ``poisson`` weights counts by their noise.
         gain: Counts of a photon; default 1.
         read_noise: Standard deviation of counts without beam.
-        saturation: Counts from here on are left out.
+        saturation: Counts at or above it are excluded.
         bad_pixels: Not zero where a pixel is bad, ``[row][column]``.
         steps: Steps of the sample for ``two-step``.
-        sample_offsets: Offsets of the sample for ``two-step``, where they are others.
+        sample_offsets: Offsets of the sample for ``two-step``, if they differ from the flat's.
         engine: Engine; default: the shared one.
         progress: Callback.
 
     Raises:
-        ArgumentError, FileError, SceneError: For shapes, values, offsets or options that cannot be;
-            ``flat``, ``sample`` and ``dark`` stand for the files.
+        ArgumentError, FileError, SceneError: For shapes, values, offsets or options that are not possible;
+            errors name ``flat``, ``sample`` or ``dark`` in place of a file.
     """
     of_sample = np.asarray(sample)
     return _retrieve(
@@ -484,17 +484,18 @@ def reconstruct(
         sinograms: ``[view][row][column]``: -ln T, refraction angles (rad), or variances (rad²).
         geometry: Scene, or a dict with the keys of ``geometry.json`` (docs/reading.md).
         quantity: What is reconstructed: ``mu``, ``delta`` or ``dark_field``.
-        voxel: Side of the voxels, as ``"50 um"`` or in m; default: a pixel at the axis.
+        voxel: Side of the voxels, as ``"50 um"`` or in m; default: the size of a pixel at the axis.
         size: Voxels along x, y and z; default: the field of view.
         axis: x of the axis of rotation from the optical axis, m; default: the geometry's.
         filter: Window of the filter, for ``fbp``.
-        cut_off: Frequency from which on nothing counts, as a share of Nyquist's, for ``fbp``.
+        cut_off: Highest frequency, as a fraction of the Nyquist frequency, for ``fbp``.
         engine: Engine; default: the shared one.
         progress: Callback.
         method: ``fbp``, filtered back-projection; or weighted least squares by ``cgls`` (conjugate
             gradients), ``sirt`` or ``bb`` (gradient descent with Barzilai-Borwein steps).
-        origin: Centre of the first voxel, x, y and z; default: the volume lies about the axis.
-        arm_passes: Corrections of ``fbp`` for lever arms; default: one for scans of less than a turn.
+        origin: Centre of the first voxel, x, y and z; default: the volume is centred on the axis.
+        arm_passes: Number of corrections of ``fbp`` for lever arms; default: 1 for scans of less than a
+            turn, else 0.
         extrapolate: ``fbp`` of ``mu`` and ``dark_field`` continues rows of bodies wider than the detector.
         iterations: Most iterations.
         discrepancy: Root mean square of the weighted residuals at which iterations end.
@@ -505,7 +506,7 @@ def reconstruct(
         start: Volume to begin with, ``[z][y][x]``.
 
     Raises:
-        ArgumentError: Shapes, values, options or a geometry that cannot be.
+        ArgumentError: Shapes, values, options or a geometry that are not possible.
     """
     array = _cube("sinograms", sinograms, "(view, row, column)")
     options = {

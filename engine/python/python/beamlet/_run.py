@@ -98,7 +98,7 @@ class Run:
             engine: Engine for what follows; default: the shared one.
 
         Raises:
-            FileError: No run is there, or no view is committed.
+            FileError: There is no run, or no view is committed.
         """
         path = os.fspath(path)
         of_flat, of_sample, of_counts, record = _beamlet.open_run(path)
@@ -160,7 +160,7 @@ class Run:
             progress: Callback.
 
         Raises:
-            SceneError: The method cannot serve the set-up or its mask offsets.
+            SceneError: The method does not suit the set-up or its mask offsets.
             ArgumentError: The run has no counts, or options do not go together.
         """
         from ._images import _retrieve
@@ -201,7 +201,7 @@ class Run:
 
         Raises:
             ArgumentError: The run kept no moments.
-            SceneError: The scene differs in more than moments can follow.
+            SceneError: The scene differs from the run in a way that needs new rays.
         """
         if self._kept is None:
             found, allowed = "a run without moments", "Engine(keep_moments=True)"
