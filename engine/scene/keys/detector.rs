@@ -84,7 +84,10 @@ impl Record for Detector {
             if let Some((sigma, most)) = wide.find(|(sigma, most)| sigma > most) {
                 let allowed =
                     format!("no more than {} pixels, {}", limits::BLUR, Length.rounded(most));
-                faults.add(Error::scene(key("blur.sigma"), Length.rounded(sigma), allowed));
+                let fwhm = sigma * (8.0 * std::f64::consts::LN_2).sqrt();
+                let [sigma, fwhm] = [sigma, fwhm].map(|width| Length.rounded(width));
+                let found = format!("{sigma}, a full width at half maximum of {fwhm}");
+                faults.add(Error::scene(key("blur.sigma"), found, allowed));
             }
         }
         if let Some(Noise { swank, .. }) = self.counts

@@ -61,6 +61,7 @@ fn bad_values_are_refused_with_their_key_and_what_is_allowed() {
         ("blur = {}", "detector.blur.sigma", "fwhm"),
         ("blur = { sigma = \"-1 um\" }", "detector.blur.sigma", ">= 0"),
         ("blur = { sigma = \"1 m\" }", "detector.blur.sigma", "100 pixels"),
+        ("blur = { fwhm = \"1 m\" }", "detector.blur.sigma", "half maximum of 1 m"),
         ("blur = { sigma = \"1 um\", fwhm = \"1 um\" }", "detector.blur.sigma", "one of"),
         ("blur = { kernel = \"k.npy\" }", "detector.blur.pixel", "missing"),
         ("blur = { kernel = \"k.npy\", pixel = \"0 um\" }", "detector.blur.pixel", "> 0"),
