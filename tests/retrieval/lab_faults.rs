@@ -244,6 +244,10 @@ fn swapped_stacks_without_noise_are_warned_of() {
     let swapped = record(&truth.scene, [&truth.sample, &flat], &plain);
     warned(&swapped, &["flat and sample may be swapped (check --flat"]);
     warned(&record(&truth.scene, [&flat, &truth.sample], &plain), &[]);
+    // Counts as flat, shares of open beam as sample.
+    let counts = flat.mapv(|value| 2e4 * value);
+    let record = record(&truth.scene, [&counts, &truth.sample], &plain);
+    warned(&record, &["transmission is below 0.001 in", "different units or exposures"]);
 }
 
 impl Truth {

@@ -216,6 +216,10 @@ pub(super) fn refuse_other_scene(path: &Path, differences: &[String]) -> Result<
     if differences.is_empty() {
         return Ok(());
     }
-    let problem = format!("holds a run of another scene:\n  {}", differences.join("\n  "));
+    let problem = format!(
+        "holds a run of another scene (there: the run; here: this scene): choose another directory, or \
+         take these differences back:\n  {}",
+        differences.join("\n  ")
+    );
     Err(Error::file(path, problem, None))
 }
