@@ -348,9 +348,17 @@ fn photons(counts: &Counts, passed: f64) -> Vec<String> {
             number(counts.photons)
         ));
     }
+    let signal = passed * counts.photons * counts.gain;
+    if counts.electronic_noise > signal {
+        doubts.push(format!(
+            "detector.electronic_noise of {} is more than the {} detector numbers that aligned masks light a \
+             pixel with: it is a standard deviation, in detector numbers",
+            number(counts.electronic_noise),
+            number(signal)
+        ));
+    }
     if let Some(bits) = counts.bit_depth {
         let most = 2_f64.powf(f64::from(bits)) - 1.0;
-        let signal = passed * counts.photons * counts.gain;
         if signal < FEW_NUMBERS {
             doubts.push(format!(
                 "aligned masks light a pixel with {} detector numbers above no light, and rounding to whole \
@@ -358,7 +366,7 @@ fn photons(counts: &Counts, passed: f64) -> Vec<String> {
                 number(signal)
             ));
         }
-        let brightest = passed * counts.photons * counts.gain + counts.number_without_light();
+        let brightest = signal + counts.number_without_light();
         if brightest > most {
             doubts.push(format!(
                 "aligned masks light a pixel with the detector number {}, and {bits} bits hold {} at most: \
