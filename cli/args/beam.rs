@@ -62,16 +62,16 @@ pub(crate) struct Material {
     #[arg(value_parser = material)]
     pub(crate) name: Option<String>,
     /// Density, such as "1.2 g/cm3"; needed for a formula that no built-in material has
-    #[arg(long, value_parser = density, requires = "name")]
+    #[arg(long, value_parser = density, requires = "name", allow_hyphen_values = true)]
     pub(crate) density: Option<f64>,
     /// Photon energy, such as "30 keV" (may be repeated)
-    #[arg(long = "energy", value_name = "ENERGY", value_parser = energy, requires = "name", conflicts_with = "spectrum")]
+    #[arg(long = "energy", value_name = "ENERGY", value_parser = energy, requires = "name", conflicts_with = "spectrum", allow_hyphen_values = true)]
     pub(crate) energies: Vec<f64>,
     /// Mean over a spectrum: a spectrum file, or a scene with its filters and materials
     #[arg(long, value_name = "FILE|SCENE", requires = "name")]
     pub(crate) spectrum: Option<PathBuf>,
     /// Thickness for which the transmission is printed, such as "1 mm"
-    #[arg(long, value_parser = length, requires = "name")]
+    #[arg(long, value_parser = length, requires = "name", allow_hyphen_values = true)]
     pub(crate) thickness: Option<f64>,
     /// Print JSON (SI units, energies in keV, densities in g/cm3)
     #[arg(long)]

@@ -28,7 +28,7 @@ pub(crate) struct Mesh {
     #[arg(long, value_name = "NAME", conflicts_with_all = ["objects", "sets"])]
     pub(crate) group: Option<String>,
     /// Largest distance of facets from an exact shape, such as "1 um"
-    #[arg(long, value_name = "LENGTH", value_parser = length, default_value = "1 um")]
+    #[arg(long, value_name = "LENGTH", value_parser = length, default_value = "1 um", allow_hyphen_values = true)]
     pub(crate) error: f64,
     /// The length of 1.0 in the written file, and in a mesh file without a unit
     #[arg(long, value_name = "UNIT", value_parser = unit, default_value = "mm")]
@@ -61,16 +61,16 @@ pub(crate) struct Mask {
     #[arg(long, value_enum)]
     pub(crate) mask: Option<MaskName>,
     /// Least width covered by the bars, such as "20 mm" [default: the beam on the detector]
-    #[arg(long, value_name = "LENGTH", value_parser = length)]
+    #[arg(long, value_name = "LENGTH", value_parser = length, allow_hyphen_values = true)]
     pub(crate) width: Option<f64>,
     /// Height of the bars [default: the beam on the detector]
-    #[arg(long, value_name = "LENGTH", value_parser = length)]
+    #[arg(long, value_name = "LENGTH", value_parser = length, allow_hyphen_values = true)]
     pub(crate) height: Option<f64>,
     /// Width of a frame around the bars, as thick as they are
-    #[arg(long, value_name = "LENGTH", value_parser = length)]
+    #[arg(long, value_name = "LENGTH", value_parser = length, allow_hyphen_values = true)]
     pub(crate) frame: Option<f64>,
     /// Thickness of a substrate behind the bars
-    #[arg(long, value_name = "LENGTH", value_parser = length)]
+    #[arg(long, value_name = "LENGTH", value_parser = length, allow_hyphen_values = true)]
     pub(crate) substrate: Option<f64>,
     /// Write this part alone: bars, frame or substrate
     #[arg(long, value_name = "PART")]

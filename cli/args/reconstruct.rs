@@ -54,7 +54,7 @@ pub(crate) struct Reconstruct {
     #[arg(long, value_name = "MATERIAL[@ENERGY]", value_parser = hardening)]
     pub(crate) beam_hardening: Option<Hardening>,
     /// Side of a voxel [default: the size of a pixel at the axis of rotation]
-    #[arg(long, value_name = "LENGTH", value_parser = length)]
+    #[arg(long, value_name = "LENGTH", value_parser = length, allow_hyphen_values = true)]
     pub(crate) voxel: Option<f64>,
     /// Voxels along x, y, z [default: the field of view at the axis]
     #[arg(long, value_name = "X,Y,Z", value_parser = sizes)]

@@ -25,7 +25,7 @@ pub(crate) struct PlanArguments {
     #[arg(short, long, value_name = "RUN")]
     pub(crate) output: PathBuf,
     /// Number of shards, at most the number of views
-    #[arg(long, value_name = "N", value_parser = whole_number)]
+    #[arg(long, value_name = "N", value_parser = whole_number, allow_negative_numbers = true)]
     pub(crate) shards: u32,
     /// File format of the frames [default: exr]
     #[arg(long, value_parser = format())]
@@ -51,7 +51,7 @@ pub(crate) struct SlurmArguments {
     #[arg(long)]
     pub(crate) slurm: bool,
     /// With --slurm: most shards that run at the same time
-    #[arg(long, value_name = "M", requires = "slurm", value_parser = whole_number)]
+    #[arg(long, value_name = "M", requires = "slurm", value_parser = whole_number, allow_negative_numbers = true)]
     pub(crate) at_once: Option<u32>,
     /// With --slurm: an option of sbatch, as in partition=gpu; empty for a flag, as in exclusive= (may
     /// be repeated)

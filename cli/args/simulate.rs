@@ -50,7 +50,7 @@ pub(crate) struct Simulate {
     pub(crate) keep_moments: bool,
     /// Commit views in blocks of this number of rows, so that an interrupted view continues [default:
     /// by the estimate, for views that take longer than 4 minutes]
-    #[arg(long, value_name = "ROWS", value_parser = whole_number, conflicts_with = "resume")]
+    #[arg(long, value_name = "ROWS", value_parser = whole_number, conflicts_with = "resume", allow_negative_numbers = true)]
     pub(crate) block_rows: Option<u32>,
     #[command(flatten)]
     pub(crate) messages: Messages,

@@ -30,7 +30,7 @@ pub(crate) struct View {
     #[arg(long, value_enum, default_value_t = PictureFormat::Png)]
     pub(crate) format: PictureFormat,
     /// Width of each picture in pixels, 200 to 20000 [default: about 1200]
-    #[arg(long, value_name = "PIXELS", value_parser = clap::value_parser!(u32).range(200..=20_000))]
+    #[arg(long, value_name = "PIXELS", value_parser = clap::value_parser!(u32).range(200..=20_000), allow_negative_numbers = true)]
     pub(crate) width: Option<u32>,
     #[command(flatten)]
     pub(crate) messages: Messages,
@@ -75,16 +75,16 @@ pub(crate) struct ViewOfRun {
     #[arg(long = "range", value_name = "NAME=LOW..HIGH", value_parser = value_range)]
     pub(crate) ranges: Vec<ValueRange>,
     /// Number of the view, from 0 [default: 0]
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", allow_negative_numbers = true)]
     pub(crate) view: Option<u32>,
     /// Number of the mask step, from 0 [default: the brightest of the flat]
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", allow_negative_numbers = true)]
     pub(crate) step: Option<u32>,
     /// Row of profiles and sinograms, from 0 on top [default: the middle]
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", allow_negative_numbers = true)]
     pub(crate) row: Option<u32>,
     /// Slice of a reconstruction, from 0 at the bottom [default: the middle]
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", allow_negative_numbers = true)]
     pub(crate) slice: Option<u32>,
     /// Pixel of the illumination curve [default: where the sample deflects most in the row]
     #[arg(long, value_name = "COL,ROW", value_parser = pixel)]

@@ -68,5 +68,9 @@ fn status(arguments: &Join, out: &mut impl Write) -> Result<(), Failure> {
         )?;
     }
     let done = states.iter().filter(|status| status.state == ShardState::Done).count();
-    Ok(writeln!(out, "{done} of {} shards are done", states.len())?)
+    Ok(writeln!(
+        out,
+        "{done} of {} shards are done (views include the flat and the dark frames)",
+        states.len()
+    )?)
 }

@@ -117,6 +117,10 @@ fn measured(arguments: &Retrieve) -> Result<(Input, PathBuf), Failure> {
     let missing = |name: &str| {
         Failure::Usage(format!("measured stacks need {name}; or give a run directory"))
     };
+    if arguments.counts {
+        let problem = "--counts belongs to a run: measured stacks are detector numbers already";
+        return Err(Failure::Usage(problem.into()));
+    }
     let flat = arguments.flat.as_ref().ok_or_else(|| missing("--flat"))?;
     let sample = arguments.sample.as_ref().ok_or_else(|| missing("--sample"))?;
     let geometry = arguments.geometry.as_ref().ok_or_else(|| missing("--geometry"))?;

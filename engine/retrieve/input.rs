@@ -168,7 +168,8 @@ impl Input {
         let names = |s: &StackFile| Some((s.path().display().to_string(), s.frame_names()?));
         let frames = [&flat, &sample].into_iter().chain(dark).filter_map(names).collect();
         faults::check_sample(&flat, &sample)?;
-        let warnings = faults::of_bytes(&flat, &sample);
+        let mut warnings = faults::of_bytes(&flat, &sample);
+        warnings.extend(faults::of_pixels(&scene, &flat));
         let dark = match dark {
             Some(stack) => {
                 let dark = Dark::of(stack)?;

@@ -249,7 +249,9 @@ fn retrieve_to(
     let Some(flat) = retriever.flat_curves() else { return Err(Error::Interrupted) };
     let across = flat.len() / rows.max(1);
     if (0..flat.len()).all(|at| !flat.has_answer(at)) {
-        return Err(Error::scene("flat", no_answers(flat), "a flat with light in some pixel"));
+        let allowed = "a flat with a curve that can be fitted in some pixel: check its values, the mask \
+                       offsets, the saturation and the read noise";
+        return Err(Error::argument("flat", no_answers(flat), allowed));
     }
     let joined = retriever.joined(&input);
     let across = joined.as_ref().map_or(across, |joined| joined.order().len());

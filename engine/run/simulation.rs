@@ -343,7 +343,14 @@ impl Simulation {
         control.keep.as_mut().map_or(Ok(()), |keep| keep.begin_run())?;
         let mut made = Handed { tally: control.counted, ..Handed::default() };
         if lanes > 1 {
-            side_by_side(std::mem::take(&mut work), &views, &cancel, sink, &mut control, &mut made)?;
+            side_by_side(
+                std::mem::take(&mut work),
+                &views,
+                &cancel,
+                sink,
+                &mut control,
+                &mut made,
+            )?;
         }
         if made.views < views.len() {
             let one = match work.pop() {

@@ -25,8 +25,8 @@ pub(super) fn look(path: &Path, overwrite: bool) -> Result<()> {
     let is_run = RunFile::read(&path.join(RUN)).is_ok();
     if !empty && !overwrite {
         let problem = if is_run {
-            "holds a run already; resume it (--resume), overwrite it (--overwrite) or choose another \
-             directory"
+            "holds a run already: `simulate --resume` goes on with it, --overwrite replaces it; or choose \
+             another directory"
         } else {
             "is not empty; choose another directory (or --overwrite: files that are not of a run \
              stay)"

@@ -234,7 +234,10 @@ impl Sink for RunDirectory {
         file.title.clone_from(&scene.title);
         file.view_angles = Some(ViewAngles::of(scene));
         file.shard = self.shard;
-        file.host = self.shard.and_then(|_| planned::host());
+        if self.shard.is_some() {
+            file.scene_sha256 = Some(plan::Plan::read(&self.root)?.scene_sha256);
+            file.host = planned::host();
+        }
         let scene_path = self.root.join(SCENE);
         if self.is_planned || self.resumed.is_some() {
             let hashes = Some(&start.mesh_hashes);

@@ -199,6 +199,14 @@ fn the_thickness_of_bars_is_blamed_where_the_mask_itself_stands_well() {
 }
 
 #[test]
+fn a_unit_beside_a_shape_is_named_and_replaces_no_shape() {
+    let place = workplace(SCENE);
+    let line = "check scene.toml --no-estimate --set object.rod.unit=mm";
+    let message = ended(&run(place.path(), line), 1);
+    assert!(message.contains("object[0].unit: found both shape and unit"), "{message}");
+}
+
+#[test]
 fn what_is_missing_is_named() {
     let place = workplace(SCENE);
     for (line, code, words) in [

@@ -476,6 +476,10 @@ fn arguments_that_do_not_go_together_are_usage_errors() {
     bad(place, &["retrieve", "run", "--gain", "2"], 2, "--counts");
     bad(place, &["retrieve", "run", "--flat", "a.tif"], 2, "");
     bad(place, &["retrieve", "--flat", "a.tif"], 2, "");
+    let stacks = ["--flat", "run/flat.npy", "--sample", "run/sample.npy", "--geometry"];
+    let words =
+        [&["retrieve"][..], &stacks, &["run/scene.toml", "-o", "none", "--counts"]].concat();
+    bad(place, &words, 2, "--counts belongs to a run");
     bad(place, &["retrieve", "run", "--counts"], 1, "has no counts");
     bad(place, &["retrieve", "run", "--method", "three-step"], 1, "exactly 3");
     bad(place, &["retrieve", "nowhere"], 1, "nowhere: does not exist");

@@ -212,6 +212,13 @@ fn shards_that_do_not_belong_to_the_plan_are_refused() {
     fs::rename(place_of_other.path("run/shards/0001"), &there).unwrap();
     refused(&place, &["join", "run"], &["shards/0001", "another plan"]);
     fs::remove_dir_all(&there).unwrap();
+    // Of another scene, whose stacks have the same shape.
+    let place_of_scene = planned(3, &["--set", "source.energy=31 keV"]);
+    make(&place_of_scene, &["1/3"]);
+    fs::rename(place_of_scene.path("run/shards/0001"), &there).unwrap();
+    refused(&place, &["join", "run"], &["shards/0001", "another plan: its scene differs"]);
+    refused(&place, &words("1/3"), &["shards/0001", "another plan: its scene differs"]);
+    fs::remove_dir_all(&there).unwrap();
     fs::rename(place.path("run/shards/0002"), &there).unwrap();
     make(&place, &["2/3"]);
     refused(&place, &["join", "run"], &["shards/0001", "it is shard 2/3, here is shard 1/3"]);

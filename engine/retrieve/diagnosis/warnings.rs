@@ -53,6 +53,7 @@ pub(super) fn of(found: &Findings<'_>) -> Vec<String> {
     let measured = found.measured;
     [
         brighter(found).filter(|_| measured),
+        fainter(found).filter(|_| measured),
         dose(found),
         drift(found),
         unsteady(found),
@@ -83,6 +84,18 @@ fn brighter(found: &Findings<'_>) -> Option<String> {
              may be swapped (check --flat and --sample), or the dose of the sample may be higher",
             100.0 * share,
             100.0 * below as f64 / pixels.max(1) as f64
+        )
+    })
+}
+
+fn fainter(found: &Findings<'_>) -> Option<String> {
+    let LightCounts { faint, pixels, .. } = found.light;
+    let share = faint as f64 / pixels.max(1) as f64;
+    (share > 0.5).then(|| {
+        format!(
+            "transmission is below 0.001 in {:.0} % of the pixels: flat and sample may have different units \
+             or exposures, or the sample is opaque",
+            100.0 * share
         )
     })
 }

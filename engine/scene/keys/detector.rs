@@ -38,7 +38,7 @@ keys! { DETECTOR: Detector, "detector",
         "Light that is added to the simulated one.";
     photons at Detector { counts: Some(Noise { photons, .. }), .. } =>
         Number("a number of photons", POSITIVE.up_to(PHOTONS)), Without("none: no counts"), "20000",
-        "Mean number of photons that an open pixel detects.";
+        "Mean number of photons that a pixel without masks and sample detects in a frame.";
     electronic_noise at Detector { counts: Some(Noise { electronic_noise, .. }), .. } =>
         Number("a number", NOT_NEGATIVE), Default("0.0"), "3.5",
         "Standard deviation of the electronic noise, detector numbers.";

@@ -42,7 +42,11 @@ impl Record for MaskSpec {
     fn relations(&self, key: &dyn Fn(&str) -> String, faults: &mut Faults) {
         if self.aperture > self.period {
             let found = format!("{} in the mask plane", Length.rounded(self.aperture));
-            let allowed = format!("no more than the period, {}", Length.rounded(self.period));
+            let allowed = format!(
+                "no more than the period, {}: both follow from lengths on the detector (projected_aperture, \
+                 detector.pitch) where they have no value",
+                Length.rounded(self.period)
+            );
             faults.add(Error::scene(key("aperture"), found, allowed));
         }
     }

@@ -8,7 +8,7 @@ use crate::scene::{Exposure, Scene};
 use crate::stack::frames::Frames;
 use crate::stack::layout::{self, COUNTS, DEVICE, LOG, PLAN, RUN, SHARDS};
 use crate::stack::own_files::{remove_file, remove_stacks};
-use crate::stack::plan::Plan;
+use crate::stack::plan::{Plan, of_other_plan};
 use crate::stack::progress_log::{self, Entry, ProgressLog};
 use crate::stack::record::{RunRecord, RunStart, SamplingSummary};
 use crate::stack::run_file::{JoinedShard, RunFile, RunState};
@@ -73,7 +73,7 @@ pub fn shard_states(run: &Path) -> Result<Vec<ShardStatus>> {
         let record = path.join(RUN);
         let file = if record.exists() { Some(RunFile::read(&record)?) } else { None };
         if let Some(file) = &file {
-            refuse_other(&path, file, shard)?;
+            plan.refuse_other(&path, file, shard)?;
         }
         let is_running = progress_log::is_locked(&path.join(LOG));
         let state = match file.as_ref().map(|file| file.state) {
@@ -324,20 +324,6 @@ fn ready(run: &Path, plan: &Plan, scene: &Scene) -> Result<Vec<Ready>> {
         Ok(Ready { part, path, file, entries, _log: log })
     };
     plan.all().map(of_shard).collect()
-}
-
-/// Refuses the record of another shard.
-fn refuse_other(path: &Path, file: &RunFile, shard: Shard) -> Result<()> {
-    if file.shard == Some(shard) {
-        return Ok(());
-    }
-    let found = file.shard.map_or_else(|| "a whole run".to_owned(), |it| format!("shard {it}"));
-    Err(of_other_plan(path, &format!("it is {found}, here is shard {shard}")))
-}
-
-fn of_other_plan(path: &Path, what: &str) -> Error {
-    let problem = format!("is of another plan: {what}; remove {}", printed::path(path));
-    Error::file(path.join(RUN), problem, None)
 }
 
 /// The command that makes a shard.
