@@ -21,7 +21,7 @@ use crate::run::memory::MemoryEstimate;
 use crate::run::{Blocks, Control};
 use crate::sampling::{self, ErrorBudget, Lattice, ProjectedBounds, Response};
 use crate::scene::{Exposure, Scene, Scheme};
-use crate::stack::{self, RunRecord, RunStart, SamplingSummary, Sink};
+use crate::stack::{self, RunRecord, RunStart, SamplingSummary, Sink, StackShape};
 use crate::trace::{DeviceSample, MaterialTable, Tally, TraceKernels, Tracer};
 use crate::{Error, Result};
 pub use backend::choose;
@@ -288,9 +288,9 @@ impl Simulation {
             self.announce_moments(&control.cancel)?;
         }
         let block_rows = self.block_rows(&control)?;
-        let all = numbers::count(self.scene.scan.views());
+        let extent = StackShape::of(&self.scene)?;
         let views: Vec<Exposure> = stack::views(&self.scene)?
-            .filter(|view| control.shard.has(*view, all) && !control.skip.contains(view))
+            .filter(|view| control.shard.has(*view, extent) && !control.skip.contains(view))
             .collect();
         let mut work = ViewWork::new(self, &views, block_rows, &control.cancel)?;
         // Last of all, so that a run that cannot start writes nothing.
