@@ -4,9 +4,12 @@
 #![expect(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
 
 use super::crash::assert_same;
+use crate::support::files;
 use crate::support::program::{Workplace, ended};
 use beamlet::stack::{OpenRun, StackFile};
+use std::collections::BTreeMap;
 use std::fs;
+use std::path::{Path, PathBuf};
 
 /// Flats before views 0, 3 and 6 and behind view 6; darks before views 0 and 4 and behind view 6.
 const SCENE: &str = concat!(
@@ -34,6 +37,13 @@ errors = { offset_sigma = "0.5 um", intensity_walk = 0.01, source_walk = "1 um" 
 /// Views of the scene: 7 of the sample, 4 flats, 3 darks.
 const VIEWS: usize = 14;
 
+/// Files of a run but its log, which lists a view that is made again twice.
+fn values(run: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
+    let mut files = files::of_run(run);
+    files.remove(Path::new("progress.log"));
+    files
+}
+
 #[test]
 fn flats_and_darks_between_views_survive_shards_damage_and_resuming() {
     let damaged = ["run/flat/view_0002/step_001.exr", "run/counts/flat.npy", "run/dark.tif"];
@@ -41,7 +51,7 @@ fn flats_and_darks_between_views_survive_shards_damage_and_resuming() {
         let place = Workplace::new(SCENE);
         let run = |words: &[&str]| ended(&place.beamlet(words), 0);
         let common = ["--backend", "bvh", "--format", format];
-        run(&[&["simulate", "scene.toml", "-q", "-o", "whole"], &common[..]].concat());
+        run(&[&["simulate", "scene.toml", "-q", "-o", "whole"][..], &common].concat());
         // More shards than flats, so that a shard has none.
         let plan = ["plan", "scene.toml", "-o", "run", "--shards", "5"];
         run(&[&plan[..], &common].concat());
@@ -58,7 +68,7 @@ fn flats_and_darks_between_views_survive_shards_damage_and_resuming() {
         fs::write(&path, bytes).unwrap();
         assert!(!place.beamlet(&["check", "run"]).status.success(), "{damaged}");
         run(&["simulate", "scene.toml", "-q", "-o", "run", "--resume"]);
-        assert_same(&place.path(""), VIEWS);
+        assert!(values(&place.path("run")) == values(&place.path("whole")), "{damaged}");
         run(&["check", "run"]);
         let open = OpenRun::open(place.path("run")).unwrap();
         let views = |stack: StackFile| stack.shape()[..2].to_vec();
@@ -79,7 +89,7 @@ fn flats_and_darks_between_views_survive_shards_damage_and_resuming() {
         }
         // Another number of flats overwrites all of them.
         let other = ["--set", "scan.flats_every=5", "--overwrite"];
-        run(&[&["simulate", "scene.toml", "-q", "-o", "run"], &common[..], &other].concat());
+        run(&[&["simulate", "scene.toml", "-q", "-o", "run"][..], &common, &other].concat());
         run(&["check", "run"]);
         assert_eq!(views(OpenRun::open(place.path("run")).unwrap().flat().unwrap()), [3, 3]);
         assert!(!place.path("run/flat/view_0003").exists());

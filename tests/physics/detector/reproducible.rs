@@ -34,7 +34,6 @@ fn scene(place: &Path) -> Scene {
         Counts::of_photons(500.0).with_electronic_noise(3.0).with_offset(20.0).with_bit_depth(12),
     );
     scene.scan.angles = vec![0.0, 0.7, 1.4];
-    (scene.scan.flats_every, scene.scan.darks_every) = (Some(2), Some(5));
     scene.sampling.tolerance = Some(1e-3);
     scene
 }
@@ -57,7 +56,8 @@ fn same(what: &str, a: &Stacks, b: &Stacks) {
 #[test]
 fn bands_batches_and_threads_change_no_bit_of_counts() {
     let place = tempfile::tempdir().unwrap();
-    let scene = scene(place.path());
+    let mut scene = scene(place.path());
+    (scene.scan.flats_every, scene.scan.darks_every) = (Some(2), Some(5));
     let whole = run(EngineOptions::default(), &scene);
     for (band, batch) in [(Some(1), None), (Some(2), Some(4096)), (Some(5), None)] {
         let options = EngineOptions::default().with_band_rows(band).with_batch_rays(batch);
