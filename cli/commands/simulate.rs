@@ -40,7 +40,7 @@ pub(super) fn run(arguments: &Simulate, out: &mut impl Write) -> Result<(), Fail
         && sink.problems().is_empty()
         && stack::views(&scene)
             .map_err(failed)?
-            .filter(|view| sink.part_of_run().has(*view, extent.views))
+            .filter(|view| sink.part_of_run().has(*view, extent))
             .all(|view| sink.committed().contains(&view))
     {
         let words = match arguments.shard {

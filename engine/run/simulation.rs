@@ -22,7 +22,7 @@ use crate::run::memory::MemoryEstimate;
 use crate::run::{Blocks, Control};
 use crate::sampling::{self, ErrorBudget, Lattice, ProjectedBounds, Response};
 use crate::scene::{Exposure, Scene, Scheme};
-use crate::stack::{self, RunRecord, RunStart, SamplingSummary, Sink};
+use crate::stack::{self, RunRecord, RunStart, SamplingSummary, Sink, StackShape};
 use crate::trace::{DeviceSample, MaterialTable, Tally, TraceKernels, Tracer};
 use crate::{Error, Result};
 pub use backend::choose;
@@ -329,9 +329,9 @@ impl Simulation {
             self.announce_moments(&control.cancel)?;
         }
         let block_rows = self.block_rows(&control)?;
-        let all = numbers::count(self.scene.scan.views());
+        let extent = StackShape::of(&self.scene)?;
         let views: Vec<Exposure> = stack::views(&self.scene)?
-            .filter(|view| control.shard.has(*view, all) && !control.skip.contains(view))
+            .filter(|view| control.shard.has(*view, extent) && !control.skip.contains(view))
             .collect();
         let cancel = control.cancel.of_part();
         let lanes = self.lanes(views.len(), block_rows, &control);

@@ -64,6 +64,13 @@ pub struct RunFile {
     /// Angles of the views; `None` in runs of earlier versions.
     #[serde(flatten)]
     pub view_angles: Option<ViewAngles>,
+    /// For each flat the view before which it is taken, the number of views for a flat behind the last;
+    /// `None` where one flat serves all views.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub flats_before_views: Option<Vec<u32>>,
+    /// The same of the darks.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub darks_before_views: Option<Vec<u32>>,
     /// Command line of each part of the run, the first first.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub commands: Vec<String>,
@@ -136,6 +143,8 @@ impl RunFile {
             duration_s: 0.0,
             title: None,
             view_angles: None,
+            flats_before_views: None,
+            darks_before_views: None,
             commands: Vec::new(),
             resumed_views: 0,
             uncounted_views: 0,

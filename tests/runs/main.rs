@@ -13,6 +13,8 @@ mod crash;
 mod earlier_runs;
 mod endless;
 mod ends;
+#[cfg(all(feature = "cli", unix))]
+mod flats;
 mod frame_order;
 mod integrity;
 mod kept;

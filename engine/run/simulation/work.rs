@@ -101,8 +101,8 @@ impl<'s> ViewWork<'s> {
         let block = block_rows.unwrap_or(grid.pixels[1]);
         let all_bands = || bands_of_blocks(0..grid.pixels[1], block, band);
         let lit_rows = || all_bands().map(|rows| grid.lit_rows(&rows).len());
-        let lit_views = views.iter().filter(|view| **view != Exposure::Dark).count();
-        let blank = views.iter().filter(|view| **view == Exposure::Flat).count();
+        let lit_views = views.iter().filter(|view| !view.is_dark()).count();
+        let blank = views.iter().filter(|view| view.is_flat()).count();
         let traced = !simulation.sample.is_empty() && simulation.stored.is_none();
         let [columns, _] = optics.detector.pixels;
         let steps = optics.mask_steps();
@@ -171,8 +171,8 @@ impl<'s> ViewWork<'s> {
         let rows = self.simulation.scene.detector.pixels[1];
         // The largest of a view are its own.
         (self.tally.most_patch_rays, self.tally.worst_error) = (0, 0);
-        if view == Exposure::Dark {
-            return self.dark(sink);
+        if view.is_dark() {
+            return self.dark(view, sink);
         }
         let detector = &self.simulation.detector;
         self.take_offsets(view);
@@ -193,7 +193,7 @@ impl<'s> ViewWork<'s> {
         let repeated: Vec<Range<i64>> =
             poses.iter().flat_map(|_| sampled.iter().cloned()).collect();
         let lattice = &self.simulation.lattice;
-        self.share.begin(lattice, &poses[0].1, view != Exposure::Flat, &repeated);
+        self.share.begin(lattice, &poses[0].1, !view.is_flat(), &repeated);
         self.rows_done += u64::from(first) * poses.len() as u64;
         self.report(view, control)?;
         let mut before = self.tally()?;
@@ -253,12 +253,12 @@ impl<'s> ViewWork<'s> {
     /// Gives the frames of a view the light that they have over the nominal one.
     fn scale(&self, view: Exposure, intensities: &mut Array3<f32>) {
         let scan = &self.simulation.scene.scan;
-        let Exposure::Sample(view) = view else { return };
+        let Some(view) = scan.view_of_errors(view) else { return };
         if scan.errors.intensities.is_empty() {
             return;
         }
         for (step, mut frame) in intensities.outer_iter_mut().enumerate() {
-            let light = scan.intensity(view as usize, step);
+            let light = scan.intensity(view, step);
             frame.mapv_inplace(|y| numbers::single(light * f64::from(y)));
         }
     }
@@ -311,15 +311,15 @@ impl<'s> ViewWork<'s> {
     }
 
     /// Dark frames need no light.
-    fn dark(&mut self, sink: &mut dyn Sink) -> Result<()> {
+    fn dark(&mut self, view: Exposure, sink: &mut dyn Sink) -> Result<()> {
         let Some(noise) = self.simulation.detector.noise() else { return Ok(()) };
         for band in bands(self.simulation.scene.detector.pixels[1], self.band) {
             let begin = Instant::now();
-            let frame = noise.dark(band.clone(), &self.cancel)?;
+            let frame = noise.dark(view.index(), band.clone(), &self.cancel)?;
             self.seconds.noise += begin.elapsed().as_secs_f64();
             self.count_clipped(frame.clipped);
             let begin = Instant::now();
-            sink.write_counts(Exposure::Dark, band, frame.numbers.view())?;
+            sink.write_counts(view, band, frame.numbers.view())?;
             self.seconds.write += begin.elapsed().as_secs_f64();
         }
         Ok(())

@@ -46,7 +46,7 @@ pub struct ShardStatus {
     pub shard: Shard,
     /// Its state.
     pub state: ShardState,
-    /// Views that are committed, with the flat and the dark frames.
+    /// Views that are committed, with the flats and the darks.
     pub committed: usize,
     /// All of its views.
     pub views: usize,
@@ -67,7 +67,7 @@ pub fn shard_states(run: &Path) -> Result<Vec<ShardStatus>> {
     let of_shard = |shard: Shard| {
         let path = layout::shard(run, shard.index);
         let entries = progress_log::read(&path.join(LOG))?;
-        let own = all.iter().filter(|view| shard.has(**view, plan.extent.views));
+        let own = all.iter().filter(|view| shard.has(**view, plan.extent));
         let (committed, views) = own
             .fold((0, 0), |(n, all), view| (n + usize::from(entries.contains_key(view)), all + 1));
         let record = path.join(RUN);
@@ -254,7 +254,7 @@ impl Begun {
         };
         let take = |frames: &mut Frames, folder: &Path| frames.adopt(view, folder, from.part);
         let counts = match &mut self.counts {
-            Some(frames) if view != Exposure::Dark => Some(take(frames, &from.path.join(COUNTS))?),
+            Some(frames) if !view.is_dark() => Some(take(frames, &from.path.join(COUNTS))?),
             _ => None,
         };
         if counts != entry.counts {

@@ -108,7 +108,7 @@ impl RunDirectory {
             Some(height) => {
                 let mut left = views(scene)?.filter(|view| part.has(*view));
                 left.find(|view| !committed.contains(view))
-                    .filter(|view| *view != Exposure::Dark && !entries.contains_key(view))
+                    .filter(|view| !view.is_dark() && !entries.contains_key(view))
                     .map(|view| {
                         let how = (view, height, keep_moments);
                         (view, verify::blocks(&path, file.format, part, scene, how, &blocks))

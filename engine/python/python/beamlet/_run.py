@@ -34,7 +34,10 @@ class Axis:
 
 @dataclass(frozen=True)
 class Counts:
-    """Detector numbers, float32: flat and dark ``[step][row][column]``, sample ``[view][step][row][column]``."""
+    """Detector numbers, float32: flat and dark ``[step][row][column]``, sample ``[view][step][row][column]``.
+
+    Flats and darks of ``scan.flats_every`` and ``scan.darks_every`` are ``[index][step][row][column]``.
+    """
 
     flat: Stack
     sample: Stack
@@ -46,7 +49,8 @@ class Run:
 
     Attributes:
         scene: The scene.
-        flat: Intensities without sample, float32 ``[step][row][column]``; 1 is the open beam.
+        flat: Intensities without sample, float32 ``[step][row][column]``; 1 is the open beam. With
+            ``scan.flats_every`` all flats, ``[index][step][row][column]``.
         sample: Intensities with sample, float32 ``[view][step][row][column]``.
         counts: Detector numbers, where the scene has ``detector.photons``.
         record: Device, driver, seed, counts of rays, and times.
@@ -104,11 +108,11 @@ class Run:
         of_flat, of_sample, of_counts, record = _beamlet.open_run(path)
         counts = None
         if of_counts is not None:
-            dark = None if of_counts[2] is None else _mapped(*of_counts[2])[0]
-            counts = Counts(_mapped(*of_counts[0])[0], _mapped(*of_counts[1]), dark)
+            dark = None if of_counts[2] is None else _one_or_all(_mapped(*of_counts[2]))
+            counts = Counts(_one_or_all(_mapped(*of_counts[0])), _mapped(*of_counts[1]), dark)
         scene = Scene.load(os.path.join(path, "scene.toml"))
         kept = path if os.path.isdir(os.path.join(path, "moments")) else None
-        flat, sample = _mapped(*of_flat)[0], _mapped(*of_sample)
+        flat, sample = _one_or_all(_mapped(*of_flat)), _mapped(*of_sample)
         return cls(scene, flat, sample, counts, json.loads(record), path, engine, kept)
 
     @property
@@ -120,7 +124,7 @@ class Run:
     def axes(self) -> tuple[Axis, Axis, Axis, Axis]:
         """Axes of the sample: views (rad), steps (mask offsets, m), rows (z, m), columns (x, m).
 
-        The flat has the last three. Rows begin at the top; x and z are those of the pixel centres on
+        A flat has the last three. Rows begin at the top; x and z are those of the pixel centres on
         the detector.
         """
         x, z = pixels(self.scene)
@@ -139,7 +143,8 @@ class Run:
         names = [axis.name for axis in axes]
         coords = {axis.name: (axis.name, axis.values, {"units": axis.unit}) for axis in axes}
         of_values = {"units": "1", "long_name": "intensity, 1 is the open beam"}
-        stacks = {"flat": (names[1:], self.flat, of_values), "sample": (names, self.sample, of_values)}
+        of_flat = names[1:] if self.flat.ndim == 3 else ["flat_index", *names[1:]]
+        stacks = {"flat": (of_flat, self.flat, of_values), "sample": (names, self.sample, of_values)}
         return xarray.Dataset(stacks, coords=coords, attrs={"record": json.dumps(self.record)})
 
     def retrieve(
@@ -227,6 +232,11 @@ class Run:
         views, steps, rows, columns = self.sample.shape
         place = f" in {self.path}" if self.path else ""
         return f"<Run of {views} views x {steps} steps of {columns} x {rows} pixels{place}>"
+
+
+def _one_or_all(stack: Stack) -> Stack:
+    """A flat or dark alone, or all of several."""
+    return stack[0] if len(stack) == 1 else stack
 
 
 def _mapped(file: str | os.PathLike[str], shape: tuple[int, int, int, int]) -> Stack:

@@ -75,7 +75,8 @@ impl Simulation {
         };
         let steps = self.scene.mask_steps();
         let of_exposure = detection_seconds(&self.detector, steps, work.band, cancel)?;
-        estimate.seconds += fixed + (work.view_count() + 1.0) * of_exposure;
+        estimate.seconds +=
+            fixed + (work.view_count() + self.scene.scan.flat_places().len() as f64) * of_exposure;
         Ok(estimate)
     }
 }
