@@ -71,7 +71,9 @@ impl VolumeGrid {
             || self.origin.iter().any(|place| !place.is_finite());
         if is_wrong {
             let allowed = "one voxel or more along each axis, sides above zero, a finite origin";
-            return Err(Error::argument("grid", format!("{self:?}"), allowed));
+            let Self { size, voxel, origin } = self;
+            let found = format!("{size:?} voxels of {voxel:?} m from {origin:?} m");
+            return Err(Error::argument("grid", found, allowed));
         }
         if geometry.motions.is_some() {
             return self.check_motions(geometry);

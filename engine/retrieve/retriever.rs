@@ -91,8 +91,8 @@ impl Retriever {
             let allowed = "poisson with gaussian, two-step or beamlet";
             return Err(Error::argument("weights", format!("poisson with {method}"), allowed));
         }
-        if options.gain.is_some_and(|gain| !(gain.is_finite() && gain > 0.0)) {
-            return Err(Error::argument("gain", format!("{:?}", options.gain), "above zero"));
+        if let Some(gain) = options.gain.filter(|gain| !(gain.is_finite() && *gain > 0.0)) {
+            return Err(Error::argument("gain", gain.to_string(), "a finite number above 0"));
         }
         if !(options.read_noise.is_finite() && options.read_noise >= 0.0) {
             let found = format!("{}", options.read_noise);

@@ -523,7 +523,7 @@ impl<'s> ViewWork<'s> {
     /// Counts views that others have made as done.
     pub(super) fn begin_after(&mut self, views: &[Exposure]) {
         let grid = self.simulation.detector.grid();
-        for view in views.iter().filter(|view| **view != Exposure::Dark) {
+        for view in views.iter().filter(|view| !view.is_dark()) {
             let is_sample = matches!(view, Exposure::Sample(_));
             let poses = if is_sample { self.simulation.scene.scan.poses_of_view() } else { 1 };
             self.rows_done += poses as u64 * u64::from(grid.pixels[1]);

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import atexit
 import json
+import operator
 import os
 import tempfile
 import threading
@@ -16,7 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import _beamlet, _vulkan
-from ._scene import Path, Scene
+from ._errors import DeviceError, wrong
+from ._scene import Path, Scene, inner
 
 if TYPE_CHECKING:
     from ._images import Images
@@ -35,7 +37,7 @@ _default: Engine | None = None
 
 @dataclass(frozen=True)
 class Device:
-    """A Vulkan device. `problem` is the reason why it is unusable, or ``None``."""
+    """A Vulkan device. `problem` says why it cannot serve, where it cannot."""
 
     index: int
     name: str
@@ -53,19 +55,19 @@ class Device:
 
 @dataclass(frozen=True)
 class CheckReport:
-    """Result of a check of a scene: ``print`` it; `values` holds the numbers in SI units."""
+    """What a scene amounts to: ``print`` it; `values` holds the numbers in SI units."""
 
     text: str
     values: dict[str, Any]
 
     @property
     def warnings(self) -> list[str]:
-        """Doubtful values, which do not stop a run."""
+        """What looks odd but does not stop a run."""
         return list(self.values["warnings"])
 
     @property
     def refusals(self) -> list[str]:
-        """Reasons for which a run refuses objects."""
+        """Why a run refuses objects, where it does."""
         return list(self.values["refusals"])
 
     def __str__(self) -> str:
@@ -73,7 +75,7 @@ class CheckReport:
 
 
 def devices() -> list[Device]:
-    """All Vulkan devices, usable or not.
+    """Every device that Vulkan shows, usable or not.
 
     Raises:
         DeviceError: Without Vulkan loader, driver or device.
@@ -86,7 +88,21 @@ def devices() -> list[Device]:
 def _bytes(limit: int | str | None) -> int | None:
     """Bytes of a memory limit, also as text: ``"2 GiB"``."""
     limit = limit if limit is not None else os.environ.get("BEAMLET_MEMORY_LIMIT") or None
-    return _beamlet.memory_size(limit) if isinstance(limit, str) else limit
+    if limit is None or isinstance(limit, str):
+        return None if limit is None else _beamlet.memory_size(limit)
+    try:
+        size = operator.index(limit)
+    except TypeError:
+        size = 0
+    if size < 1:
+        raise wrong("memory_limit", repr(limit), 'a whole number of bytes above 0, or text as "2 GiB"')
+    return size
+
+
+def _seeded(scene: Scene, seed: int | None) -> Scene:
+    """The scene with this seed in place of its own, where there is one."""
+    inner(scene)
+    return scene if seed is None else scene.replace("sampling.seed", seed)
 
 
 class Engine:
@@ -96,12 +112,13 @@ class Engine:
         device: Index or part of the name; default: ``BEAMLET_DEVICE``, then the best device.
         backend: How rays find surfaces; default: ``BEAMLET_BACKEND``, then by device and scene.
         memory_limit: Bytes on host and device together, or text such as ``"2 GiB"``; default:
-            ``BEAMLET_MEMORY_LIMIT``, then the geometry plus up to 1 GiB for a band.
-        keep_moments: Keep the moments that :meth:`Run.illuminate` needs, in a temporary folder.
+            ``BEAMLET_MEMORY_LIMIT``, then what the geometry needs and up to 1 GiB for a band.
+        keep_moments: Keep what :meth:`Run.illuminate` needs, in a temporary folder.
         validation: Request the Khronos validation layer.
 
     Raises:
-        DeviceError: No device is usable; also in a fork of a process that used beamlet.
+        DeviceError: No device can serve; also in a fork of a process that used beamlet.
+        ArgumentError: A backend or memory limit that does not exist.
     """
 
     def __init__(
@@ -134,7 +151,7 @@ class Engine:
     ) -> Run:
         """Simulates a scene into arrays.
 
-        Ctrl-C ends it within a second, with ``KeyboardInterrupt``; the engine remains usable.
+        Ctrl-C ends it within a second, with ``KeyboardInterrupt``; the engine goes on to serve.
 
         Args:
             scene: The scene.
@@ -146,7 +163,7 @@ class Engine:
         """
         from ._run import Run
 
-        scene = scene if seed is None else scene.replace("sampling.seed", seed)
+        scene = _seeded(scene, seed)
         folder = tempfile.TemporaryDirectory(prefix="beamlet-") if self.keep_moments else None
         kept = None if folder is None else folder.name
         found = self._engine.simulate(scene._scene, kept, progress)
@@ -164,7 +181,7 @@ class Engine:
     ) -> Run:
         """Simulates a scene into a run directory, view by view: for stacks that exceed the memory.
 
-        An interrupted run continues with ``resume=True``. Meshes given as arrays are written to
+        What is interrupted is resumed with ``resume=True``. Meshes given as arrays are written to
         the folder ``PATH.meshes``, to which the scene of the run refers.
 
         Args:
@@ -172,20 +189,20 @@ class Engine:
             path: Directory of the run.
             seed: Seed in place of the scene's.
             format: Format of the stacks; ``npy`` can be mapped into memory.
-            overwrite: Replace an existing run.
-            resume: Continue an existing run.
+            overwrite: Replace a run that is there.
+            resume: Go on with a run that is there.
             progress: Callback.
 
         Returns:
             The run, opened as by :meth:`Run.open`.
 
         Raises:
-            FileError: The directory holds other files or cannot be written.
+            FileError: The place is taken or cannot be written.
             SceneError, MeshError, DeviceError, OutOfMemoryError, TallyError
         """
         from ._run import Run
 
-        scene = scene if seed is None else scene.replace("sampling.seed", seed)
+        scene = _seeded(scene, seed)
         path = os.path.abspath(path)
         meshes = f"{path}.meshes"
         if scene._meshes:
@@ -199,9 +216,9 @@ class Engine:
         """Checks a scene: set-up, illumination curve, materials, meshes, doubts, rays, time and memory.
 
         Raises:
-            SceneError, MeshError: For errors that stop a run before its first ray.
+            SceneError, MeshError: For what would stop a run before its first ray.
         """
-        text, values = self._engine.check(scene._scene, progress)
+        text, values = self._engine.check(inner(scene), progress)
         return CheckReport(text, json.loads(values))
 
     def ideal(
@@ -242,7 +259,7 @@ class Engine:
 
         angle = _beamlet.angle("reach", reach) if isinstance(reach, str) else reach
         images, geometry, reached, rays, beyond = _beamlet.ideal(
-            self._engine, scene._scene, angle, tolerance, angle_tolerance, most_rays, progress
+            self._engine, inner(scene), angle, tolerance, angle_tolerance, most_rays, progress
         )
         units = {"transmission": "1", "refraction": "rad", "dark_field": "rad²"}
         record = {
@@ -261,11 +278,11 @@ class Engine:
         scenes: Iterable[Scene],
         seeds: Iterable[int] | None = None,
     ) -> Iterator[Run]:
-        """Simulates scenes one after another, each when it is requested; kernels are compiled once.
+        """Simulates scenes one after another, as they are asked for; kernels are made once.
 
         Args:
-            scenes: Scenes; the iterable may be endless.
-            seeds: Seed of each; default: the seeds of the scenes.
+            scenes: Scenes, also without end.
+            seeds: Seed of each; default: those of the scenes.
 
         Yields:
             The run of each scene, in order.
@@ -281,7 +298,7 @@ class Engine:
         """Closes the device; the end of the process does so too.
 
         Returns:
-            ``True`` when it is closed; ``False`` while work in another thread uses it.
+            Whether it is destroyed; ``False`` while work in another thread uses it.
         """
         _open.discard(self)
         return self._engine.close()
@@ -293,7 +310,10 @@ class Engine:
         self.close()
 
     def __repr__(self) -> str:
-        return f"<Engine {self.device.name}>"
+        try:
+            return f"<Engine {self.device.name}>"
+        except DeviceError:
+            return "<Engine, closed>"
 
 
 def default_engine() -> Engine:
@@ -316,7 +336,7 @@ def check(scene: Scene, progress: Progress | None = None) -> CheckReport:
 
 
 def _end() -> None:
-    """Stops work and closes devices: some drivers crash if one is open at the end of a process."""
+    """Ends work and closes devices: some drivers crash where one is left at the end of a process."""
     global _default
     if _beamlet.stop():
         for engine in list(_open):

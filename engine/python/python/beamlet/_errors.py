@@ -54,6 +54,13 @@ class ArgumentError(Error, ValueError):
     """An argument has a value that is not possible."""
 
 
+def wrong(name: str, found: str, allowed: str) -> ArgumentError:
+    """The error of an argument by its name, with the found value and the allowed ones."""
+    return ArgumentError(
+        f"{name}: found {found}; allowed: {allowed}", key=name, found=found, allowed=allowed
+    )
+
+
 class MeshError(Error, ValueError):
     """A mesh or shape cannot be a sample."""
 

@@ -10,8 +10,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from . import _beamlet
 from ._engine import Engine, Progress, default_engine
-from ._images import _cube, _wrong, circle, grid
+from ._errors import wrong
 from ._scene import Scene
+from ._volume import circle, cube, grid
 
 Data = Literal["attenuation", "refraction", "phase", "dark_field"]
 Values = NDArray[np.float32]
@@ -93,7 +94,7 @@ class Projector:
         Raises:
             ArgumentError: A volume of another shape or of no real numbers.
         """
-        return self._projector.project(_cube("volume", volume, "(z, y, x)"), progress)
+        return self._projector.project(cube("volume", volume, "(z, y, x)"), progress)
 
     @property
     def T(self) -> Transpose:
@@ -135,7 +136,7 @@ class Transpose:
         Raises:
             ArgumentError: Sinograms of another shape or of no real numbers.
         """
-        values = _cube("sinograms", sinograms, "(view, row, column)")
+        values = cube("sinograms", sinograms, "(view, row, column)")
         return self.T._projector.transpose(values, progress)
 
     @property
@@ -163,5 +164,5 @@ class Transpose:
 def _shaped(name: str, values: ArrayLike, shape: tuple[int, int, int]) -> NDArray[Any]:
     array = np.asarray(values)
     if array.size != np.prod(shape):
-        raise _wrong(name, f"{array.size} values", f"{np.prod(shape)}")
+        raise wrong(name, f"{array.size} values", f"{np.prod(shape)}")
     return array.reshape(shape)

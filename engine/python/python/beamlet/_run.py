@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 
 from . import _beamlet
 from ._engine import Engine, Progress, default_engine, pixels
-from ._errors import ArgumentError, FileError
-from ._scene import Path, Scene
+from ._errors import FileError, wrong
+from ._scene import Path, Scene, inner
 
 if TYPE_CHECKING:
     from ._images import Images, Method, Weights
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 Stack = NDArray[np.float32]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Axis:
     """An axis of stacks: name, the places of its entries, and their unit."""
 
@@ -32,7 +32,7 @@ class Axis:
     unit: str
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Counts:
     """Detector numbers, float32: flat and dark ``[step][row][column]``, sample ``[view][step][row][column]``.
 
@@ -45,7 +45,7 @@ class Counts:
 
 
 class Run:
-    """Stacks of a simulation.
+    """Stacks of a simulation. A pickled run has its arrays, and no moments in a temporary folder.
 
     Attributes:
         scene: The scene.
@@ -115,6 +115,10 @@ class Run:
         flat, sample = _one_or_all(_mapped(*of_flat)), _mapped(*of_sample)
         return cls(scene, flat, sample, counts, json.loads(record), path, engine, kept)
 
+    def __getstate__(self) -> dict[str, Any]:
+        kept = self._kept if self._folder is None else None
+        return self.__dict__ | {"_engine": None, "_folder": None, "_kept": kept}
+
     @property
     def engine(self) -> Engine:
         """The engine that made the run, or the shared one."""
@@ -173,14 +177,7 @@ class Run:
         if not counts:
             flat, sample, dark, kind = self.flat, self.sample, None, "intensities"
         elif self.counts is None:
-            found = "a run without counts"
-            allowed = "a scene with detector.photons"
-            raise ArgumentError(
-                f"counts: found {found}; allowed: {allowed}",
-                key="counts",
-                found=found,
-                allowed=allowed,
-            )
+            raise wrong("counts", "a run without counts", "a scene with detector.photons")
         else:
             flat, sample, dark = self.counts.flat, self.counts.sample, self.counts.dark
             kind = "counts"
@@ -209,15 +206,9 @@ class Run:
             SceneError: The scene differs from the run in a way that needs new rays.
         """
         if self._kept is None:
-            found, allowed = "a run without moments", "Engine(keep_moments=True)"
-            raise ArgumentError(
-                f"keep_moments: found {found}; allowed: {allowed}",
-                key="keep_moments",
-                found=found,
-                allowed=allowed,
-            )
+            raise wrong("keep_moments", "a run without moments", "Engine(keep_moments=True)")
         engine = self.engine
-        found_stacks = engine._engine.illuminate(self._kept, scene._scene, progress)
+        found_stacks = engine._engine.illuminate(self._kept, inner(scene), progress)
         run = Run._of_arrays(engine, scene, found_stacks, None)
         run._kept, run._folder = self._kept, self._folder
         return run

@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from ._errors import ArgumentError, Error, FileError
+from ._errors import Error, FileError, wrong
 from ._images import Images
 from ._scene import Path
 
@@ -35,27 +35,21 @@ ABOUT = {
 }
 
 
-def _wrong(name: str, found: str, allowed: str) -> ArgumentError:
-    return ArgumentError(
-        f"{name}: found {found}; allowed: {allowed}", key=name, found=found, allowed=allowed
-    )
-
-
 def _circle(images: Images) -> dict[str, Any]:
     """Geometry of a scan on a circle with even columns."""
     geometry = images.geometry
     if geometry is None:
-        raise _wrong("geometry", "views without angles", "a scene with an angle for each view")
+        raise wrong("geometry", "views without angles", "a scene with an angle for each view")
     if geometry["axis_column"] is None:
-        raise _wrong("scan", "views that move the sample", "views on a circle")
+        raise wrong("scan", "views that move the sample", "views on a circle")
     if geometry["astra_cone_vec_mm"] is None:
-        raise _wrong("columns", "columns at uneven places", "even columns")
+        raise wrong("columns", "columns at uneven places", "even columns")
     return geometry
 
 
 def _data(images: Images, contrast: str) -> NDArray[np.float32]:
     if contrast not in images:
-        raise _wrong("contrast", contrast, ", ".join(name for name in ABOUT if name in images))
+        raise wrong("contrast", contrast, ", ".join(name for name in ABOUT if name in images))
     return np.ascontiguousarray(images[contrast], dtype=np.float32)
 
 
@@ -225,7 +219,7 @@ def to_dxchange(images: Images, path: Path) -> None:
         FileError: The file exists, or it cannot be written.
     """
     if images.geometry is None:
-        raise _wrong("geometry", "views without angles", "a scene with an angle for each view")
+        raise wrong("geometry", "views without angles", "a scene with an angle for each view")
     theta = np.array(images.geometry["angles_deg"])
 
     def write(file: h5py.File) -> None:
