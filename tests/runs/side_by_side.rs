@@ -118,7 +118,7 @@ fn views_before(
 
 /// The flat and the first `count` views.
 fn first(count: u32) -> Vec<Exposure> {
-    std::iter::once(Exposure::Flat).chain((0..count).map(Exposure::Sample)).collect()
+    std::iter::once(Exposure::Flat(0)).chain((0..count).map(Exposure::Sample)).collect()
 }
 
 #[test]
