@@ -9,7 +9,8 @@ use std::path::PathBuf;
     beamlet retrieve run\n  \
     beamlet convert run --to astra -o astra\n\n\
     Writes each retrieved image as NAME.npy, [row][view][column], astra.json with the vectors of the \
-    views (cone_vec) and the extents of a volume in mm, and load_astra.py, which loads both.")]
+    views (cone_vec) and the extents of a volume in mm, and load_astra.py, which loads both. In Python, \
+    beamlet.convert writes NXtomo, CIL and DXchange (docs/python.md).")]
 pub(crate) struct Convert {
     /// Run with retrieved images, or a directory of retrieved images
     #[arg(value_name = "RUN|IMAGES")]

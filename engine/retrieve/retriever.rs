@@ -123,8 +123,8 @@ impl Retriever {
             (Some(other), _) => {
                 return Err(Error::argument(
                     "sample_offsets",
-                    format!("{} offsets of their own with {method}", other.len()),
-                    "two or more, with two-step",
+                    format!("{} with the method {method}", other.len()),
+                    "two or more, with the method two-step",
                 ));
             }
         };

@@ -134,6 +134,7 @@ fn wrong_words_are_told_with_what_is_allowed() {
     std::fs::write(here.join("bad.csv"), "10,1\n20,-1\n").unwrap();
     for (arguments, code, wanted) in [
         (&["material", "watr", "--energy", "30 keV"][..], 1, "did you mean \"water\""),
+        (&["material", "qqq", "--energy", "30 keV"], 1, "`beamlet material` lists them"),
         (&["material", "C5H8O3", "--energy", "30 keV"], 2, "--density"),
         (&["material", "gold"], 2, "--energy"),
         (&["material", "gold", "--energy", "30"], 2, "without a unit"),

@@ -21,13 +21,16 @@ pub(super) struct Dark {
     pub(super) series: Option<DarkSeries>,
 }
 
+/// Index of a dark, and its mean.
+type KeptMean = (usize, Arc<Array2<f32>>);
+
 /// Darks between views, each of several frames.
 #[derive(Debug)]
 pub(super) struct DarkSeries {
     stack: StackFile,
     times: Times,
-    /// The means of two neighbours, with their indices.
-    kept: Mutex<[Option<(usize, Arc<Array2<f32>>)>; 2]>,
+    /// The means of two neighbours.
+    kept: Mutex<[Option<KeptMean>; 2]>,
 }
 
 impl DarkSeries {
