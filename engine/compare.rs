@@ -185,7 +185,8 @@ fn pairs(a: &Path, b: &Path) -> Result<Vec<Pair>> {
         }
         [found, other] => {
             if let Some(missing) = [a, b].into_iter().find(|path| !path.exists()) {
-                return Err(Error::file(missing, "does not exist", None));
+                let problem = layout::problem_of(missing, "", "");
+                return Err(Error::file(missing, problem, None));
             }
             let problem = format!(
                 "is {}; {} is {}: compare like with like, as RUN/sample with a measured stack",

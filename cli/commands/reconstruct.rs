@@ -247,8 +247,6 @@ fn plan(arguments: &Reconstruct, source: &Source) -> Result<VolumePlan, Failure>
         .with_voxel(arguments.voxel)
         .with_size(arguments.size)
         .with_origin(arguments.origin);
-    // δ needs the volume of μ before.
-    quantities.sort_by_key(|quantity| Quantity::ALL.iter().position(|other| other == quantity));
     let grid = choice.grid(input.geometry())?;
     let beam = source.scene.as_ref().and_then(|scene| BeamEnergy::of(scene).ok());
     let plan = VolumePlan::new(quantities, grid, method(arguments));
@@ -433,8 +431,8 @@ fn summary(
             counts.pixels, counts.without_answer, counts.dark, counts.misfits
         )?;
     }
-    if record.units.keys().any(|name| name.ends_with("_sigma")) {
-        writeln!(out, "sigma    excludes rings from the noise of a flat that all views share")?;
+    if let Some(noise) = &record.noise_of_flat {
+        writeln!(out, "sigma    noise of the flat that views share (rings): {noise}")?;
     }
     for table in [&done.regions, &done.errors].into_iter().flatten() {
         writeln!(out)?;

@@ -42,19 +42,12 @@ impl Subject {
         if layout::is_retrieved(path) {
             return Self::of_images(path);
         }
-        if !path.exists() {
-            return Err(Failure::File {
-                path: path.to_path_buf(),
-                problem: "does not exist".into(),
-            });
-        }
-        Err(Failure::File {
-            path: path.to_path_buf(),
-            problem: format!(
-                "is neither a run directory (it has no {RUN}) nor a directory of retrieved images \
-                 (it has no {RECORD})"
-            ),
-        })
+        let neither = format!(
+            "is neither a run directory (it has no {RUN}) nor a directory of retrieved images (it has no \
+             {RECORD})"
+        );
+        let problem = layout::problem_of(path, &neither, &neither);
+        Err(Failure::File { path: path.to_path_buf(), problem })
     }
 
     fn of_run(path: &Path, named: Option<&Path>) -> Result<Self, Failure> {

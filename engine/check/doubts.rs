@@ -3,6 +3,7 @@
 use super::CheckReport;
 use crate::optics::{Mask, Optics};
 use crate::printed::number;
+use crate::retrieve::{Method, different_offsets};
 use crate::scene::{Beam, Counts, MaterialSpec, Scan, Scene, SpectrumOrigin, limits};
 use crate::{material, spot};
 use std::f64::consts::PI;
@@ -26,8 +27,6 @@ const TURN: f64 = 1e-3;
 const MANY_TURNS: f64 = 2.0;
 /// Distance of pixels beyond any detector, m.
 const WIDE_PIXELS: f64 = 5e-3;
-/// Different mask offsets below which no method fits the curve of a pixel.
-const FEW_OFFSETS: usize = 3;
 /// Delta of the free electrons of osmium, the densest solid, times the squared energy, keV2.
 const DENSEST: f64 = 4e-3;
 /// Detector numbers of the brightest pixel behind the masks, below which rounding takes the signal.
@@ -216,14 +215,13 @@ fn many_turns(scan: &Scan) -> Option<String> {
 
 /// Too few mask offsets for any retrieval with both masks.
 fn few_offsets(scene: &Scene) -> Option<String> {
-    let mut offsets = scene.scan.mask_offsets.clone();
-    offsets.sort_by(f64::total_cmp);
-    offsets.dedup();
-    (scene.masks().count() == 2 && offsets.len() < FEW_OFFSETS).then(|| {
+    let different = different_offsets(&scene.scan.mask_offsets);
+    let methods = [Method::ThreeStep, Method::Gaussian, Method::ExactCurve];
+    let [three_step, gaussian, exact_curve] = methods.map(Method::least_offsets);
+    (scene.masks().count() == 2 && different < three_step).then(|| {
         format!(
-            "different values of scan.mask_offsets: {}; `retrieve` needs 3 of them (method three-step), 4 \
-             (gaussian) or 5 (exact-curve)",
-            offsets.len()
+            "different values of scan.mask_offsets: {different}; `retrieve` needs {three_step} of them \
+             (method three-step), {gaussian} (gaussian) or {exact_curve} (exact-curve)"
         )
     })
 }

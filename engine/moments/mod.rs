@@ -76,7 +76,7 @@ impl StoredMoments {
         if !scene_path.is_file() {
             let file = "is a file: name a run that keeps moments";
             let lacks = format!("is not a run directory: it has no {}", layout::SCENE);
-            let problem = layout::why_no_run(run, file, &lacks);
+            let problem = layout::problem_of(run, file, &lacks);
             return Err(Error::file(run, problem, None));
         }
         let scene = Scene::load(&scene_path)?;

@@ -117,6 +117,21 @@ impl ScanGeometry {
         let [left, right] = self.reach();
         if self.columns_of_half_fan() > 0 { left.max(right) } else { left.min(right) }
     }
+
+    /// Whether the rows of every view of a circle see a height at this distance from the axis, m. One row
+    /// sees its plane alone; views that move the sample see a height in turn.
+    pub(super) fn rows_see(&self, radius: f64, height: f64) -> bool {
+        if self.motions.is_some() || self.rows.len() == 1 {
+            return true;
+        }
+        let (per, half) = (self.per_distance(), self.row_pitch() / 2.0);
+        let [top, bottom] = [self.rows[0] + half, self.rows[self.rows.len() - 1] - half];
+        // The height is seen largest before the axis, and smallest behind it.
+        [-radius, radius].into_iter().all(|depth| {
+            let place = height * self.magnification() / (1.0 + depth * per);
+            (bottom..=top).contains(&place)
+        })
+    }
 }
 
 /// Refuses a volume outside the field of view of the scan.

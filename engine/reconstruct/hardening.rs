@@ -4,8 +4,8 @@ use crate::material::{constants_at, constants_over};
 use crate::numbers::single;
 use crate::scene::{self, Scene};
 use crate::spectrum::{Spectrum, response};
-use crate::{Error, Result};
-use ndarray::ArrayViewMut3;
+use crate::{Cancel, Error, Result};
+use ndarray::{Array3, ArrayViewMut3, Axis};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
@@ -155,6 +155,18 @@ impl BeamHardening {
     pub fn slope(&self, p: f64) -> f64 {
         let step = 1e-3 * self.most;
         (self.value(p + step) - self.value(p - step)) / (2.0 * step)
+    }
+
+    /// Corrects sinograms of −ln T in place, view by view.
+    ///
+    /// # Errors
+    /// [`Error::Interrupted`].
+    pub(super) fn apply_until(&self, sinograms: &mut Array3<f32>, cancel: &Cancel) -> Result<()> {
+        for view in sinograms.axis_chunks_iter_mut(Axis(0), 1) {
+            cancel.check()?;
+            self.apply(view);
+        }
+        Ok(())
     }
 
     /// Corrects sinograms of −ln T in place.

@@ -155,7 +155,7 @@ impl Method {
             Self::Iterative { options, .. } => {
                 let integrated = self
                     .is_of_phase(quantity)
-                    .then(|| integrated(geometry, sinograms, None))
+                    .then(|| integrated(geometry, sinograms, None, &control.cancel))
                     .transpose()?;
                 let given = match &integrated {
                     Some((phase, _)) => (Data::Phase, phase.view()),

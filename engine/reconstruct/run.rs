@@ -13,6 +13,7 @@ use super::quantity::Quantity;
 use super::record::{HardeningRecord, VolumeRecord};
 use super::regions::{Region, region_table};
 use super::rings::suppress_rings;
+use super::shared_sigma::{fbp_mean_shared_sigma, fbp_shared_sigma};
 use super::sigma::{fbp_mean_sigma, fbp_sigma};
 use super::truth::Truth;
 use super::write::{VolumeFormat, write};
@@ -23,8 +24,8 @@ use crate::run::{RowsControl, require_memory};
 use crate::stack::layout::{ERRORS, REGIONS, RESIDUALS};
 use crate::stack::{ImageDirectory, Kind, now, refuse_overlap};
 use crate::whole_file::write_file;
-use crate::{Cancel, Engine, Result};
-use ndarray::Array3;
+use crate::{Cancel, Engine, Error, Result, reserve};
+use ndarray::{Array2, Array3};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
@@ -123,6 +124,7 @@ pub fn reconstruct(
     to.check(input)?;
     refuse_overlap(to.path, &plan.paths())?;
     plan.check(input)?;
+    truth.map_or(Ok(()), |truth| truth.require_grid(&plan.grid))?;
     let geometry = input.geometry();
     if plan.method.filtered().is_some() {
         geometry.require_circle("fbp")?;
@@ -161,8 +163,8 @@ pub fn reconstruct(
         mu: None,
         mu_sigma: None,
     };
-    let parts = plan.quantities.len() as u64;
-    for (number, quantity) in (0..).zip(plan.quantities.iter().copied()) {
+    let parts = plan.ordered().count() as u64;
+    for (number, quantity) in (0..).zip(plan.ordered()) {
         let mut advance = |done: u64, all: u64| {
             if let Some(progress) = &mut control.progress {
                 let share = 1000.0 * done as f64 / all.max(1) as f64;
@@ -198,6 +200,26 @@ struct Tables {
     residuals: String,
 }
 
+/// Standard deviations of the values of sinograms.
+struct Deviations {
+    /// Deviations of the values, or of the parts of them that views do not share.
+    all: Array3<f32>,
+    /// Deviations by noise that is the same in all views, where it is known.
+    shared: Option<Array3<f32>>,
+}
+
+impl Deviations {
+    /// The same with the shared part taken off all of them.
+    fn parted(mut self) -> Self {
+        if let Some(shared) = &self.shared {
+            self.all.zip_mut_with(shared, |all, shared| {
+                *all = (*all * *all - *shared * *shared).max(0.0).sqrt();
+            });
+        }
+        self
+    }
+}
+
 /// A reconstruction, quantity by quantity.
 struct Making<'a> {
     engine: &'a Engine,
@@ -220,7 +242,7 @@ struct Making<'a> {
 impl Making<'_> {
     /// Makes and writes the volume of a quantity, with what belongs to it.
     fn quantity(&mut self, quantity: Quantity, control: &mut RowsControl<'_>) -> Result<()> {
-        let made = self.made(quantity, control)?;
+        let (made, deviations) = self.made(quantity, control)?;
         append(&mut self.tables.residuals, &residual_table(quantity, &made));
         if let Some(mut drift) = made.drift {
             // Sinograms come without gaps.
@@ -234,7 +256,7 @@ impl Making<'_> {
             self.record.gradient_bias_m = Some(k);
         }
         self.put((quantity.name(), quantity.unit()), &volume.values, &control.cancel)?;
-        let of_means = self.sigma(quantity, &control.cancel)?;
+        let of_means = self.sigma(quantity, deviations, &control.cancel)?;
         if !self.plan.regions.is_empty() {
             let table = region_table(&self.plan.regions, &volume, of_means.as_deref())?;
             append(&mut self.tables.regions, &table);
@@ -243,7 +265,7 @@ impl Making<'_> {
             if let Some(values) = truth.values(quantity) {
                 let name = format!("{}_truth", quantity.name());
                 self.put((&name, quantity.unit()), &values, &control.cancel)?;
-                append(&mut self.tables.errors, &truth.errors(&volume));
+                append(&mut self.tables.errors, &truth.errors(&volume, &control.cancel)?);
             }
             if !self.record.units.contains_key(LABELS) {
                 self.put((LABELS, "1"), truth.labels(), &control.cancel)?;
@@ -255,14 +277,28 @@ impl Making<'_> {
         Ok(())
     }
 
-    /// The volume of a quantity, of corrected sinograms.
-    fn made(&mut self, quantity: Quantity, control: &mut RowsControl<'_>) -> Result<Made> {
+    /// The volume of a quantity, of corrected sinograms, with their deviations for [`Self::sigma`].
+    fn made(
+        &mut self,
+        quantity: Quantity,
+        control: &mut RowsControl<'_>,
+    ) -> Result<(Made, Option<Deviations>)> {
         let Self { engine, input, plan, method, .. } = self;
         let (geometry, cancel) = (input.geometry(), control.cancel.clone());
         let (mut sinograms, counts) = input.sinograms(quantity, &cancel)?;
-        let mut weights = (plan.sigma && method.filtered().is_none())
-            .then(|| input.sigmas(quantity, &cancel))
-            .transpose()?;
+        let mut deviations = match (plan.sigma, method.filtered()) {
+            (false, _) => None,
+            (true, None) => {
+                Some(Deviations { all: input.sigmas(quantity, &cancel)?, shared: None })
+            }
+            (true, Some(_)) => {
+                let (words, shared) = input.shared_sigmas(quantity)?;
+                self.record.noise_of_flat = Some(words);
+                let all = input.filled_sigmas(quantity, &cancel)?;
+                let shared = shared.map(|shared| repeated(&shared, all.dim().0)).transpose()?;
+                Some(Deviations { all, shared })
+            }
+        };
         self.record.pixels.insert(quantity.name().to_owned(), counts);
         let is_filtered = method.filtered().is_some_and(|options| !options.extrapolate);
         if quantity == Quantity::Mu && is_filtered && is_cut(&sinograms) {
@@ -273,10 +309,13 @@ impl Making<'_> {
         }
         if let (Quantity::Mu, Some(choice)) = (quantity, &plan.beam_hardening) {
             let polynomial = hardening(choice, &sinograms)?;
-            if let Some(sigmas) = &mut weights {
-                steepen(sigmas, &sinograms, &polynomial);
+            if let Some(Deviations { all, shared }) = &mut deviations {
+                for sigmas in [Some(all), shared.as_mut()].into_iter().flatten() {
+                    cancel.check()?;
+                    steepen(sigmas, &sinograms, &polynomial);
+                }
             }
-            polynomial.apply(sinograms.view_mut());
+            polynomial.apply_until(&mut sinograms, &cancel)?;
             self.record.beam_hardening = Some(HardeningRecord {
                 material: choice.material.clone(),
                 energy_kev: polynomial.energy,
@@ -286,34 +325,50 @@ impl Making<'_> {
             });
         }
         if plan.rings {
-            suppress_rings(geometry, sinograms.view_mut())?;
+            suppress_rings(geometry, sinograms.view_mut(), &cancel)?;
         }
-        let weights = weights.map(deviation_weights);
+        let (deviations, weights) = match method.filtered() {
+            Some(_) => (deviations, None),
+            None => (None, deviations.map(|of| deviation_weights(of.all))),
+        };
         let start = plan.start_of(quantity)?;
         let measured = Measured::new(Data::of(quantity), sinograms.view())
             .with_weights(weights.as_ref().map(|weights| weights.view()))
             .with_mask(self.mask.as_ref().map(|mask| mask.view()))
             .with_start(start.as_ref().map(|start| start.values.view()));
-        method.volume(engine, geometry, &measured, &plan.grid, control)
+        let made = method.volume(engine, geometry, &measured, &plan.grid, control)?;
+        Ok((made, deviations))
     }
 
-    /// Writes the deviations of the voxels, and returns the deviations of means of regions.
-    fn sigma(&mut self, quantity: Quantity, cancel: &Cancel) -> Result<Option<Vec<f64>>> {
+    /// Writes the deviations of the voxels by the deviations of sinograms, and returns the deviations of
+    /// means of regions.
+    fn sigma(
+        &mut self,
+        quantity: Quantity,
+        deviations: Option<Deviations>,
+        cancel: &Cancel,
+    ) -> Result<Option<Vec<f64>>> {
         let plan = self.plan;
         let method = self.method;
-        let (true, Some(options)) = (plan.sigma, method.filtered()) else { return Ok(None) };
-        let mut sigmas = self.input.filled_sigmas(quantity, cancel)?;
-        if let (Quantity::Mu, Some(choice)) = (quantity, &plan.beam_hardening) {
-            let (sinograms, _) = self.input.sinograms(quantity, cancel)?;
-            steepen(&mut sigmas, &sinograms, &hardening(choice, &sinograms)?);
-        }
+        let (Some(deviations), Some(options)) = (deviations, method.filtered()) else {
+            return Ok(None);
+        };
+        let Deviations { all: sigmas, shared } = deviations.parted();
         let given = (self.input.geometry(), sigmas.view(), quantity);
+        let shared = shared.as_ref().map(|shared| (given.0, shared.view(), quantity));
         let quiet = || RowsControl { progress: None, cancel: cancel.clone() };
         let mut map = fbp_sigma(self.engine, given, &plan.grid, options, &mut quiet())?.values;
+        if let Some(shared) = shared {
+            let rings = fbp_shared_sigma(shared, &plan.grid, options, &mut quiet())?.values;
+            map.zip_mut_with(&rings, |own, ring| *own = own.hypot(*ring));
+        }
         let name = format!("{}_sigma", quantity.name());
         let of = |region: &Region| {
             let voxels = region.voxels(&plan.grid);
-            fbp_mean_sigma(given, &plan.grid, &voxels, options, &mut quiet())
+            let own = fbp_mean_sigma(given, &plan.grid, &voxels, options, &mut quiet())?;
+            let Some(shared) = shared else { return Ok(own) };
+            let ring = fbp_mean_shared_sigma(shared, &plan.grid, &voxels, options, &mut quiet())?;
+            Ok(own.hypot(ring))
         };
         let mut means = plan.regions.iter().map(of).collect::<Result<Vec<f64>>>()?;
         // The noise of transmissions and of refraction angles is independent.
@@ -369,6 +424,15 @@ fn is_cut(sinograms: &Array3<f32>) -> bool {
         [first, .., last] => first.min(last) > CUT * most,
         _ => false,
     }
+}
+
+/// An image for each view.
+fn repeated(image: &Array2<f32>, views: usize) -> Result<Array3<f32>> {
+    let mut values = reserve::room(views * image.len(), "deviations")?;
+    (0..views).for_each(|_| values.extend(image.iter()));
+    let (rows, columns) = image.dim();
+    Array3::from_shape_vec((views, rows, columns), values)
+        .map_err(|error| Error::argument("sinograms", error.to_string(), "their shape"))
 }
 
 /// Correction for beam hardening up to the largest −ln T of sinograms.

@@ -33,6 +33,8 @@ pub struct Input {
     flats_every: Option<u32>,
     correction: Correction,
     selection: Selection,
+    /// Values of kept pixels from here on are left out.
+    limit: Option<f32>,
     /// Detector number of one photon, and the noise of no light, where the scene has them.
     noise: Option<[f64; 2]>,
     counts: bool,
@@ -58,6 +60,7 @@ impl Input {
             flats_every: None,
             correction: Correction::default(),
             selection: Selection::whole(frame),
+            limit: None,
             noise: None,
             counts: false,
             is_run: false,
@@ -325,7 +328,16 @@ impl Input {
     /// The saturation that a retriever of these values has to know.
     #[must_use]
     pub fn saturation(&self) -> Option<f32> {
-        self.correction.saturation.map(|_| LEFT_OUT)
+        self.correction.saturation.or(self.limit).map(|_| LEFT_OUT)
+    }
+
+    /// Leaves out values from `limit` on, as a retriever gets them, where none are left out as they are in
+    /// the files: corrections of frames change values, and not which of them are saturated.
+    pub(super) const fn limited_to(mut self, limit: Option<f32>) -> Self {
+        if self.correction.saturation.is_none() {
+            self.limit = limit;
+        }
+        self
     }
 
     /// Splits the sample's frames into views of as many steps as `retriever` has offsets.
@@ -378,7 +390,11 @@ impl Input {
         let rows = self.selection.rows(rows);
         let mut data = stack.rows(view, rows.clone())?;
         self.correction.apply(&mut data, &rows, time)?;
-        Ok(self.selection.of(data, self.counts))
+        let mut data = self.selection.of(data, self.counts);
+        if let Some(limit) = self.limit {
+            data.mapv_inplace(|y| if y >= limit { LEFT_OUT } else { y });
+        }
+        Ok(data)
     }
 }
 

@@ -100,8 +100,10 @@ pub fn is_run(folder: &Path) -> bool {
     folder.join(RUN).exists() || is_planned(folder)
 }
 
-/// Problem of a path that is no run: nothing is there, or a file (`file`), or another folder (`folder`).
-pub(crate) fn why_no_run(path: &Path, file: &str, folder: &str) -> String {
+/// Problem of a path that is not the folder to be read: nothing is there, or a file (`file`), or another
+/// folder (`folder`).
+#[must_use]
+pub fn problem_of(path: &Path, file: &str, folder: &str) -> String {
     match (path.exists(), path.is_dir()) {
         (false, _) => "does not exist",
         (true, false) => file,

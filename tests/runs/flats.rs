@@ -1,7 +1,6 @@
 //! Flats and darks every few views on disk: shards and resumed runs have the bits of one run in every
 //! format.
 
-#![expect(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
 
 use super::crash::assert_same;
 use crate::support::files;

@@ -10,6 +10,7 @@ use crate::retrieve::diagnosis::{Borders, is_usable};
 use crate::retrieve::images::{FLAGS, Images};
 use crate::retrieve::input::Input;
 use crate::retrieve::misfit::median;
+use crate::retrieve::retriever::Corrected;
 use crate::retrieve::shape::CurveGeometry;
 use crate::retrieve::{Method, RetrieveOptions, Retriever};
 use crate::{Error, Result, numbers};
@@ -48,10 +49,17 @@ pub(crate) struct FrameCorrection {
     /// Values from here on are left out of fits.
     saturation: Option<f32>,
     /// m, without whole periods.
-    pub(crate) offsets: Option<Vec<f64>>,
+    offsets: Option<Vec<f64>>,
 }
 
 impl FrameCorrection {
+    /// Offsets, and the factor of the values, for fits.
+    pub(crate) fn corrected(&self) -> Corrected<'_> {
+        let factors = self.doses.iter().map(|dose| f64::from(*dose).recip());
+        let factor = factors.sum::<f64>() / self.doses.len() as f64;
+        Corrected { offsets: self.offsets.as_deref(), factor }
+    }
+
     /// Divides values `[step][row][column]` by the doses; saturated values stay.
     pub(crate) fn apply(&self, data: &mut Array3<f32>) {
         let most = self.saturation.unwrap_or(f32::INFINITY);

@@ -48,7 +48,7 @@ impl OpenRun {
         if !layout::is_run(path) {
             let file = "is a file: name a run directory, as `beamlet simulate` makes it";
             let lacks = format!("is not a run directory: it has no {RUN}");
-            let problem = layout::why_no_run(path, file, &lacks);
+            let problem = layout::problem_of(path, file, &lacks);
             return Err(Error::file(path, problem, None));
         }
         layout::refuse_unjoined(path)?;

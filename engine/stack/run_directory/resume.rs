@@ -207,11 +207,8 @@ fn require_run(path: &Path) -> Result<()> {
     if layout::is_run(path) {
         return Ok(());
     }
-    let problem = match path.exists() {
-        true => format!("holds no run to resume: it has no {RUN}"),
-        false => format!("does not exist: there is no {RUN} to resume"),
-    };
-    Err(Error::file(path, problem, None))
+    let lacks = format!("holds no run to resume: it has no {RUN}");
+    Err(Error::file(path, layout::problem_of(path, &lacks, &lacks), None))
 }
 
 pub(super) fn refuse_other_scene(path: &Path, differences: &[String]) -> Result<()> {
