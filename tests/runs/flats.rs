@@ -1,7 +1,6 @@
 //! Flats and darks every few views on disk: shards and resumed runs have the bits of one run in every
 //! format.
 
-
 use super::crash::assert_same;
 use crate::support::files;
 use crate::support::program::{Workplace, ended};
