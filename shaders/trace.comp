@@ -80,8 +80,8 @@ void visit_crossed(Beam beam, uint primitive, Placed placed, inout Gathered all)
         run_count(all.run, own.hash, signature, entering);
         run_add(all.run, beam, all.stretch, surface, met, y, entering);
         if ((KINDS & KIND_ROUGH) != 0u && met != normal_ && rough.outside != surface.outside) {
-            // The drawn normal is that of the whole interface, of which a face that lies in this one
-            // has a part.
+            // The drawn normal belongs to the whole interface. A face that lies in this one has a part of
+            // the interface.
             Surface part = surface;
             part.inside = surface.outside;
             part.outside = rough.outside;

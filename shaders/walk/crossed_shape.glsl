@@ -104,7 +104,7 @@ CrossedShape crossed_shape(Beam beam, Placed placed, uint index) {
     }
     uint at = index;
     [[dont_unroll]] for (uint k = 0u; k <= count; k++) {
-        // Partners that the line passes by. A loop, since CPU devices execute what a condition skips.
+        // Partners that the line passes by. A loop, since CPU devices execute both sides of a condition.
         [[dont_unroll]] for (; k > 0u && k <= count; k++) {
             uint entry = list + PARTNERS_HEAD + (k - 1u) * PARTNER_WORDS;
             at = sample_.partners.at[entry];

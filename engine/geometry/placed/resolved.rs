@@ -12,8 +12,8 @@ use crate::geometry::surface::{Surface, near};
 use crate::geometry::watch::Task;
 
 impl Sample {
-    /// Adds the objects around shapes that cross to what surrounds their facets: the comparison of the
-    /// facets alone does not know them.
+    /// Adds the objects around shapes that cross to the surroundings of their facets: the comparison of
+    /// the facets alone does not know them.
     fn surround_resolved(&self, bodies: &mut [Body]) {
         for (at, _) in self.partners.lists() {
             let placed = &self.placed[at as usize];

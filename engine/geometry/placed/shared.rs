@@ -15,7 +15,7 @@ use crate::geometry::surface::near;
 
 /// Lines along a shape across its radius, and around it.
 const LINES: [u32; 2] = [48, 64];
-/// Lines along a shape that find a point of it, or what it shares with one of more than [`MANY`].
+/// Lines along a shape that find a point of it, or the volume that it shares with one of more than [`MANY`].
 const FEWER_LINES: [u32; 2] = [24, 32];
 const MANY: usize = 8;
 /// Lines across a shape along each of two sides, for its area.
@@ -113,8 +113,8 @@ impl<'a> Solid<'a> {
         self.volume() * share(self.lines(LINES).map(of_line))
     }
 
-    /// Area of what others leave of it, over its own: by the areas that both show along its three axes, as
-    /// often as a line crosses them.
+    /// Area of the remainder that others leave, over its own area: by the areas that both show along its
+    /// three axes, as often as a line crosses them.
     fn area_left_by(self, winners: &[Self]) -> f64 {
         let [_, half] = self.shape.bounds();
         let scales = self.place.scales();
@@ -145,12 +145,12 @@ impl<'a> Solid<'a> {
     }
 }
 
-/// What is left of a shape.
+/// The remainder of a shape.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Left {
     /// Volume that is not, m3.
     pub(super) lost: f64,
-    /// Area of its surface, over that of the whole shape: about, by what shows along its axes.
+    /// Area of its surface over the area of the whole shape: an estimate from the areas along its axes.
     pub(super) area: f64,
 }
 

@@ -96,7 +96,7 @@ fn deviation(results: &[RayResult]) -> f64 {
 }
 
 /// The rough face of a rod ends at the mouth of its bore: rays through an empty bore keep their slopes, and
-/// those through one that is filled have the roughness of what fills it. 4,000 draws hold a deviation to 1.1 %.
+/// rays through a filled one have the roughness of the filling. 4,000 draws hold a deviation to 1.1 %.
 #[test]
 fn rough_faces_do_not_scatter_where_later_faces_lie_in_them() {
     let bench = Bench::new();

@@ -1,4 +1,4 @@
-//! What is left of exact shapes that others cross: volumes, areas, surroundings, contacts.
+//! Remainders of exact shapes that others cross: volumes, areas, surroundings, contacts.
 
 use super::scene;
 use super::solids::{Kind, Solid, cylinder, sphere};
@@ -20,8 +20,8 @@ fn load(solids: &[Solid]) -> geometry::Sample {
     geometry::load(&scene).expect("a sample")
 }
 
-/// Cells are as narrow as a wall that a bore leaves: mean chords follow from volume and area of what is
-/// left. Areas are estimates, by what shows along three axes.
+/// Cells are as narrow as a wall that a bore leaves: mean chords follow from volume and area of the
+/// remainder. Areas are estimates from the areas along three axes.
 #[test]
 fn chords_of_a_bored_rod_are_those_of_the_tube() {
     let turned = |kind| Solid::new(kind).turned([1.0, 0.3, 0.0], 0.4);
