@@ -71,7 +71,7 @@ const RAYS: [u64; 2] = [1 << 18, 1 << 12];
 const LANES: u64 = 2;
 /// Least number of rays of a group for which a limit allows them: smaller groups keep a device less busy.
 const LANE_RAYS: u64 = 1 << 15;
-/// What a limit leaves for the refinement of each of them at least.
+/// Least memory that a limit leaves for the refinement of each of these views, bytes.
 const LANE_PATCH: u64 = 64 << 20;
 
 /// Memory of a run at its peak, in bytes. On a CPU device host and device are one process.

@@ -149,7 +149,7 @@ impl Lanes<'_> {
         }
     }
 
-    /// Makes views until none is left, one fails, or the end is asked for.
+    /// Makes views until none remains, one fails, or a stop is requested.
     fn work(&self, lane: usize, mut work: ViewWork<'_>) -> Seconds {
         let _watch = Watch(self);
         let mut before = Tally::default();
@@ -241,7 +241,7 @@ impl Drop for Watch<'_, '_> {
     }
 }
 
-/// What has been handed to the sink.
+/// Views that the sink has received.
 #[derive(Debug, Default)]
 pub(super) struct Handed {
     /// Number of views.
@@ -258,7 +258,7 @@ impl Handed {
     }
 }
 
-/// Makes views in as many lanes as there is `work`, and hands them to the sink in their order. Returns
+/// Makes views in one lane for each `work`, and hands them to the sink in their order. Returns
 /// before the last view where memory does not suffice for several at a time.
 ///
 /// # Errors
