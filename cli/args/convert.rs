@@ -11,7 +11,7 @@ use std::path::PathBuf;
     Writes each retrieved image as NAME.npy, [row][view][column], astra.json with the vectors of the \
     views (cone_vec) and the extents of a volume in mm, and load_astra.py, which loads both.")]
 pub(crate) struct Convert {
-    /// Run with retrieved images, or a directory of these
+    /// Run with retrieved images, or a directory of retrieved images
     #[arg(value_name = "RUN|IMAGES")]
     pub(crate) input: PathBuf,
     /// Program to write for
@@ -20,7 +20,7 @@ pub(crate) struct Convert {
     /// Directory to write
     #[arg(short, long, value_name = "DIR")]
     pub(crate) output: PathBuf,
-    /// Replace what beamlet wrote there
+    /// Replace files that beamlet wrote there
     #[arg(long)]
     pub(crate) overwrite: bool,
     #[command(flatten)]

@@ -162,7 +162,7 @@ impl Bvh {
             let each = order.len() as u64;
             let end = primitive + each * same.len() as u64;
             if end > u64::from(FACET_LEAF) {
-                let problem = format!("{end} facets of instances are more than {FACET_LEAF}");
+                let problem = format!("its instances have {end} facets; allowed: {FACET_LEAF}");
                 return Err(Error::mesh(
                     "sample",
                     problem,
@@ -217,8 +217,8 @@ impl Bvh {
         if depth > STACK as usize {
             return Err(Error::mesh(
                 "sample",
-                format!("its BVH is {depth} levels deep, {STACK} are allowed"),
-                "triangles that lie on one another, or extreme scales",
+                format!("its BVH is {depth} levels deep; allowed: {STACK}"),
+                "look for triangles that lie on one another, or extreme scales",
             ));
         }
         if keep {

@@ -195,7 +195,7 @@ fn lock(run: &Path) -> Result<Option<LockedFile>> {
     let path = run.join(layout::LOG);
     let Ok(file) = input_file::open(&path) else { return Ok(None) };
     match LockedFile::shared(file) {
-        None => Err(Error::file(path, "another beamlet is writing this run", None)),
+        None => Err(Error::file(path, "another beamlet process is writing this run", None)),
         locked => Ok(locked),
     }
 }

@@ -3,6 +3,7 @@
 use super::geometry::ScanGeometry;
 use super::grid::VolumeGrid;
 use crate::numbers::whole;
+use crate::units::Dimension::Length;
 use crate::{Error, Result};
 
 /// Voxels that can be counted: 2^40, 4 TiB.
@@ -37,6 +38,12 @@ impl GridChoice {
     /// [`Error::Argument`] for a grid that cannot be, and for one that no view sees.
     pub fn grid(&self, geometry: &ScanGeometry) -> Result<VolumeGrid> {
         let full = VolumeGrid::of(geometry)?;
+        let sides = full.size.iter().zip(full.voxel).map(|(size, side)| *size as f64 * side);
+        let field = sides.fold(0.0, f64::max);
+        if let Some(side) = self.voxel.filter(|side| *side > field * (1.0 + 1e-9)) {
+            let allowed = format!("up to {}, the field of view at the axis", Length.rounded(field));
+            return Err(Error::argument("voxel", Length.rounded(side), allowed));
+        }
         let voxel = self.voxel.map_or(full.voxel, |side| [side; 3]);
         let size = self.size.unwrap_or_else(|| {
             [0, 1, 2].map(|axis| {
@@ -207,6 +214,9 @@ mod tests {
             assert!(message.contains("that the views see"), "{message}");
         }
         assert!(GridChoice::default().with_voxel(-1.0).grid(&geometry).is_err());
+        let message =
+            GridChoice::default().with_voxel(40.0).grid(&geometry).unwrap_err().to_string();
+        assert!(message.contains("voxel: found 40 m; allowed: up to 2 mm"), "{message}");
         assert!(GridChoice::default().with_size([0, 1, 1]).grid(&geometry).is_err());
     }
 }

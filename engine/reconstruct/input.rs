@@ -78,7 +78,7 @@ impl Input {
             let name =
                 |at: [usize; 2]| format!("column {} of {}", at[1], opened[at[0]].0.display());
             let problem =
-                format!("measures the place of {}; dithers have to differ", name(pair[0].1));
+                format!("measures the same place as {}; dithers must differ", name(pair[0].1));
             return Err(Error::file(name(pair[1].1), problem, None));
         }
         let mut geometry = ScanGeometry::of_file(first, first_path)?;
@@ -101,7 +101,7 @@ impl Input {
             let allowed = endings(|format| format.abilities().pages);
             return Err(Error::file(
                 path,
-                format!("is no file of sinograms; allowed: {allowed}"),
+                format!("is not a file of sinograms; allowed: {allowed}"),
                 None,
             ));
         };
@@ -115,7 +115,7 @@ impl Input {
             let order = if file.is_fortran() { " in Fortran order" } else { "" };
             let problem = format!(
                 "has the shape {found:?}{order}; the scene has {views} angles, {rows} rows and {columns} \
-                 columns: allowed is {shape:?}, [view][row][column]"
+                 columns; allowed: {shape:?}, [view][row][column]"
             );
             return Err(Error::file(path, problem, None));
         }

@@ -60,8 +60,8 @@ impl Memory {
                     needed,
                     available: Some(limit),
                     remedy:
-                        "raise the memory limit, or take larger or fewer voxels (--voxel, --size), \
-                             a part of the volume at a time (--origin)"
+                        "raise the memory limit, use larger or fewer voxels (--voxel, --size), or \
+                         reconstruct a part of the volume (--origin)"
                             .into(),
                 });
             }

@@ -127,8 +127,8 @@ impl Method {
             (Self::Fbp(_), _, true) => "fbp with a start",
             _ => return Ok(()),
         };
-        let allowed = "cgls, sirt or bb: filtered back-projection computes every voxel for itself, in \
-                       one step";
+        let allowed = "cgls, sirt or bb: filtered back-projection computes every voxel \
+                       independently, in one step";
         Err(Error::argument("method", found, allowed))
     }
 

@@ -130,14 +130,14 @@ impl VolumePlan {
                 input.require_sigmas(quantity)?;
             }
             if self.sigma && self.method.is_of_phase(quantity) {
-                let allowed = "refraction angles as they are: deviations of integrated angles grow along \
-                               the row and are no weights";
+                let allowed = "refraction angles without --phase: deviations of integrated angles \
+                               grow along the row and cannot be weights";
                 return Err(Error::argument("sigma", "deviations of integrated angles", allowed));
             }
             if let Some(path) = &self.start {
                 let found = OpenVolumes::open(path)?;
                 if !found.record().units.contains_key(quantity.name()) {
-                    let problem = format!("has no volume {} to begin with", quantity.name());
+                    let problem = format!("has no volume {} to start from", quantity.name());
                     return Err(Error::file(path, problem, None));
                 }
                 let has_bias = quantity == Quantity::Delta && found.gradient_bias().is_some();

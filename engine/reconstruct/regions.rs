@@ -212,7 +212,11 @@ impl Region {
         let [x, y, z] =
             grid.ends().map(|[low, high]| format!("{:.4} to {:.4} mm", low * 1e3, high * 1e3));
         let found = format!("{:?} without a voxel", self.name);
-        Err(Error::argument("region", found, format!("regions with a voxel; x {x}, y {y}, z {z}")))
+        Err(Error::argument(
+            "region",
+            found,
+            format!("regions that hold the centre of a voxel; centres are at x {x}, y {y}, z {z}"),
+        ))
     }
 }
 

@@ -32,6 +32,10 @@ use std::time::Instant;
 
 /// Name of the volume of the objects of the scene.
 const LABELS: &str = "labels";
+/// Columns for each view beyond which views are few.
+const MANY_COLUMNS: usize = 4;
+/// Mean sinogram at both ends of the rows, over the largest mean of a column, beyond which a body is cut.
+const CUT: f64 = 0.2;
 
 /// Where volumes go.
 #[derive(Debug, Clone, Copy)]
@@ -41,7 +45,7 @@ pub struct VolumesTo<'a> {
     pub path: &'a Path,
     /// Their format.
     pub format: VolumeFormat,
-    /// Replace volumes that are there.
+    /// Replace existing volumes.
     pub overwrite: bool,
     /// Command line, for the record.
     pub command: Option<&'a str>,
@@ -125,6 +129,7 @@ pub fn reconstruct(
     if plan.method.filtered().is_some() {
         geometry.require_circle("fbp")?;
     }
+    warn_of_few_views(geometry.angles.len(), geometry.columns.len());
     let limit = engine.options().memory_limit;
     let memory = Memory::of(geometry, plan, truth.is_some(), limit)?;
     require_memory(memory.host, "a reconstruction")?;
@@ -295,6 +300,13 @@ impl Making<'_> {
             }
         };
         self.record.pixels.insert(quantity.name().to_owned(), counts);
+        let is_filtered = method.filtered().is_some_and(|options| !options.extrapolate);
+        if quantity == Quantity::Mu && is_filtered && is_cut(&sinograms) {
+            log::warn!(
+                "the sample reaches beyond both ends of the rows: mu is too large towards the edge of the \
+                 slices; a wider detector, dithers, or --extrapolate"
+            );
+        }
         if let (Quantity::Mu, Some(choice)) = (quantity, &plan.beam_hardening) {
             let polynomial = hardening(choice, &sinograms)?;
             if let Some(Deviations { all, shared }) = &mut deviations {
@@ -399,6 +411,30 @@ fn repeated(image: &Array2<f32>, views: usize) -> Result<Array3<f32>> {
         .map_err(|error| Error::argument("sinograms", error.to_string(), "their shape"))
 }
 
+/// Warns of views that are far fewer than the columns.
+fn warn_of_few_views(views: usize, columns: usize) {
+    if views.saturating_mul(MANY_COLUMNS) < columns {
+        let needed = columns as f64 * std::f64::consts::FRAC_PI_2;
+        log::warn!(
+            "{views} views are few for {columns} columns: slices will have streaks, which about {needed:.0} \
+             views avoid"
+        );
+    }
+}
+
+/// Whether a body covers both ends of the rows in the mean over views and rows.
+fn is_cut(sinograms: &Array3<f32>) -> bool {
+    let mut sums = vec![0.0_f64; sinograms.dim().2];
+    for ((_, _, column), value) in sinograms.indexed_iter() {
+        sums[column] += f64::from(*value);
+    }
+    let most = sums.iter().copied().fold(0.0, f64::max);
+    match sums[..] {
+        [first, .., last] => first.min(last) > CUT * most,
+        _ => false,
+    }
+}
+
 /// Correction for beam hardening up to the largest −ln T of sinograms.
 fn hardening(choice: &HardeningChoice, sinograms: &Array3<f32>) -> Result<BeamHardening> {
     let most = sinograms.iter().copied().fold(0.0, f32::max);
@@ -429,4 +465,20 @@ fn residual_table(quantity: Quantity, made: &Made) -> String {
 fn append(to: &mut String, table: &str) {
     let body = table.split_once('\n').map_or("", |(_, body)| body);
     to.push_str(if to.is_empty() { table } else { body });
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Three columns of two views: a body inside, one beyond one end, and one beyond both.
+    #[test]
+    fn only_a_body_beyond_both_ends_is_cut() {
+        let sinograms =
+            |columns: [f32; 3]| Array3::from_shape_fn((2, 1, 3), |(_, _, column)| columns[column]);
+        assert!(!is_cut(&sinograms([0.0, 1.0, 0.0])));
+        assert!(!is_cut(&sinograms([0.6, 1.0, 0.1])));
+        assert!(is_cut(&sinograms([0.6, 1.0, 0.3])));
+        assert!(!is_cut(&sinograms([0.0; 3])));
+    }
 }

@@ -139,11 +139,11 @@ pub(super) fn prepared<'a>(
 /// [`Error::Argument`] with the reason.
 pub(super) fn check_sigma(geometry: &ScanGeometry, options: &FbpOptions) -> Result<()> {
     if options.extrapolate {
-        let allowed = "rows as they are: what noise does to extrapolated ones is unknown";
+        let allowed = "rows without extrapolation: the noise of extrapolated rows is unknown";
         return Err(Error::argument("extrapolate", "true", allowed));
     }
     if !Resampling::of(&geometry.columns).is_even {
-        let allowed = "even ones: what interpolation does to noise is unknown";
+        let allowed = "even columns: the noise of interpolated columns is unknown";
         return Err(Error::argument("columns", "uneven places", allowed));
     }
     Ok(())

@@ -100,7 +100,7 @@ fn planes(path: &Path, grid: &VolumeGrid, mut each: impl FnMut(usize, &[f32])) -
     let [x, y, z] = grid.size;
     let Some(format) = Format::of(path).filter(|format| format.abilities().pages) else {
         let allowed = endings(|format| format.abilities().pages);
-        let problem = format!("is no file of a mask; allowed: {allowed}, or a shape");
+        let problem = format!("is not a file of a mask; allowed: {allowed}, or a shape");
         return Err(Error::file(path, problem, None));
     };
     let file = ArrayFile::open(path, format)?;

@@ -96,8 +96,10 @@ impl Method {
         match self {
             Self::Triangle | Self::Trapezoid if blur > SMALL_BLUR => Err(Error::scene(
                 "source.spot",
-                format!("{}, which blurs {blur:.2} of the curve's half base", spot(scene)),
-                format!("{self} is the shape of up to {SMALL_BLUR}: use gaussian or exact-curve"),
+                format!("{}, whose blur is {blur:.2} of half the base of the curve", spot(scene)),
+                format!(
+                    "{self} is valid up to a blur of {SMALL_BLUR}: use gaussian or exact-curve"
+                ),
             )),
             Self::Triangle if shape.half_top() > 0.02 * shape.half_base() => Err(Error::scene(
                 "detector_mask.aperture",
@@ -111,7 +113,7 @@ impl Method {
             Self::ExactCurve if !scene.source.spot.is_gaussian(0) => Err(Error::scene(
                 "source.spot",
                 format!("a spot of {} Gaussians", scene.source.spot.parts().len()),
-                "exact-curve is that of a Gaussian spot across the slits: use gaussian",
+                "exact-curve needs a Gaussian spot across the slits: use gaussian",
             )),
             Self::ExactCurve if shape.blur <= 0.0 => Err(Error::scene(
                 "source.spot",
@@ -138,7 +140,7 @@ impl Method {
         let (served, allowed) = match self {
             Self::Gaussian | Self::TwoStep => (
                 different >= least,
-                format!("at least {least} different offsets; three serve three-step"),
+                format!("at least {least} different offsets; with three use three-step"),
             ),
             Self::ThreeStep => {
                 (count == least && different == least, format!("exactly {least} different offsets"))

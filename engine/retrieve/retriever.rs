@@ -89,28 +89,28 @@ impl Retriever {
         let offsets = periods.without(&scene.scan.mask_offsets);
         let fits = matches!(method, Method::Gaussian | Method::TwoStep);
         if options.weights == Weights::Poisson && !fits && method != Method::Beamlet {
-            let allowed = "weights of counts serve the methods gaussian, two-step and beamlet";
+            let allowed = "poisson with gaussian, two-step or beamlet";
             return Err(Error::argument("weights", format!("poisson with {method}"), allowed));
         }
-        if options.gain.is_some_and(|gain| !(gain.is_finite() && gain > 0.0)) {
-            return Err(Error::argument("gain", format!("{:?}", options.gain), "above zero"));
+        if let Some(gain) = options.gain.filter(|gain| !(gain.is_finite() && *gain > 0.0)) {
+            return Err(Error::argument("gain", gain.to_string(), "a finite number above 0"));
         }
         if !(options.read_noise.is_finite() && options.read_noise >= 0.0) {
             let found = format!("{}", options.read_noise);
-            return Err(Error::argument("read_noise", found, "a finite number from 0 on"));
+            return Err(Error::argument("read_noise", found, "a finite number of 0 or more"));
         }
         options.check_saturation()?;
         if options.steps.is_some() && method != Method::TwoStep {
             return Err(Error::argument(
                 "steps",
                 format!("steps with {method}"),
-                "only for two-step",
+                "steps with two-step",
             ));
         }
         let sample_offsets = match (&options.sample_offsets, method) {
             (None, _) => offsets.clone(),
             (Some(_), Method::TwoStep) if view_scans.is_some() => {
-                let found = "offsets of the sample beside scan.view_offsets";
+                let found = "sample offsets together with scan.view_offsets";
                 return Err(Error::argument("sample_offsets", found, "one of them"));
             }
             (Some(other), Method::TwoStep) if other.len() >= 2 => periods.without(other),
@@ -118,7 +118,7 @@ impl Retriever {
                 return Err(Error::argument(
                     "sample_offsets",
                     format!("{} offsets of their own with {method}", other.len()),
-                    "only two-step takes them, two or more",
+                    "two or more, with two-step",
                 ));
             }
         };

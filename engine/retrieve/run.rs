@@ -35,7 +35,7 @@ pub struct ImagesTo<'a> {
     pub path: &'a Path,
     /// Their format.
     pub format: Format,
-    /// Replace images that are there.
+    /// Replace existing images.
     pub overwrite: bool,
     /// Command line, for the record.
     pub command: Option<&'a str>,
@@ -76,7 +76,7 @@ impl<'a> ImagesTo<'a> {
 /// let to = ImagesTo::new("run/retrieved".as_ref(), Format::Npy);
 /// let options = RetrieveOptions::default();
 /// let record = retrieve(&engine, input, &options, to, &mut RowsControl::default())?;
-/// println!("{} pixels without an answer", record.without_answer);
+/// println!("{} pixels without a result", record.without_answer);
 /// # Ok::<(), beamlet::Error>(())
 /// ```
 pub fn retrieve(
@@ -254,7 +254,9 @@ fn retrieve_to(
     let Some(flat) = retriever.flat_curves() else { return Err(Error::Interrupted) };
     let across = flat.len() / rows.max(1);
     if (0..flat.len()).all(|at| !flat.has_answer(at)) {
-        return Err(Error::scene("flat", no_answers(flat), "a flat with light in some pixel"));
+        let allowed = "a flat with a curve that can be fitted in some pixel: check its values, the mask \
+                       offsets, the saturation and the read noise";
+        return Err(Error::argument("flat", no_answers(flat), allowed));
     }
     let joined = retriever.joined(&input);
     let across = joined.as_ref().map_or(across, |joined| joined.order().len());
@@ -328,7 +330,7 @@ fn no_answers(flat: &Curves) -> String {
         .filter(|(count, _)| *count > 0)
         .map(|(count, meaning)| format!("{count} pixels: {meaning}"))
         .collect();
-    format!("no pixel with an answer ({})", found.join("; "))
+    format!("no pixel with a result ({})", found.join("; "))
 }
 
 fn begun(
@@ -423,7 +425,7 @@ fn about(record: &Record) -> serde_json::Value {
     })
 }
 
-/// Counts flagged pixels and those without an answer.
+/// Counts flagged pixels and those without a result.
 fn count(record: &mut Record, flag_image: Option<&Array2<f32>>) {
     let none = flags::of_pixel(flags::NO_ANSWER, flags::NO_ANSWER) | flags::BAD_PIXEL;
     for value in flag_image.into_iter().flatten() {

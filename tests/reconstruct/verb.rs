@@ -181,7 +181,7 @@ fn five_dithers_interleave_by_their_places() {
     assert!((delta / 4e-7 - 1.0).abs() < 0.04, "{delta}");
     // Twice the same places, and other angles.
     let twice = run(here, "reconstruct dither0 dither0/retrieved -o twice");
-    assert!(ended(&twice, 1).contains("dithers have to differ"));
+    assert!(ended(&twice, 1).contains("dithers must differ"));
     let path = here.join("dither1/retrieved/geometry.json");
     let text = fs::read_to_string(&path).unwrap();
     fs::write(
@@ -222,9 +222,13 @@ fn sinograms_from_a_file_are_the_retrieved_ones() {
     refused(
         &format!("reconstruct scene.toml -o none --quantity mu {from}"),
         1,
-        "no file of sinograms",
+        "not a file of sinograms",
     );
-    refused(&format!("reconstruct run -o none --quantity mu {from}"), 2, "folders have their own");
+    refused(
+        &format!("reconstruct run -o none --quantity mu {from}"),
+        2,
+        "retrieved images have their own",
+    );
     // A view without a value.
     let mut empty = read("refraction.npy");
     empty.slice_mut(s![3, .., ..]).fill(f32::NAN);
@@ -237,7 +241,7 @@ fn sinograms_from_a_file_are_the_retrieved_ones() {
 fn bad_input_is_refused_and_nothing_is_written() {
     let here = place().path();
     for (line, code, word) in [
-        ("reconstruct nowhere -o none", 1, "nowhere: is not there"),
+        ("reconstruct nowhere -o none", 1, "nowhere: does not exist"),
         ("reconstruct run -o none --origin 9mm,9mm,0mm --size 2,2,1", 1, "that the views see"),
         ("reconstruct run -o none --size 0,2,1", 2, "three whole numbers above 0"),
         ("reconstruct run -o none --voxel 0um", 2, "above 0"),
@@ -245,7 +249,7 @@ fn bad_input_is_refused_and_nothing_is_written() {
         ("reconstruct run -o none --cut-off 2", 1, "cut_off"),
         ("reconstruct run -o none --quantity nu", 2, "dark-field"),
         ("reconstruct run -o none --region a=ball:1mm", 2, "cylinder:X,Y,RADIUS"),
-        ("reconstruct run -o none --region a=sphere:9mm,0mm,0mm,1um", 1, "regions with a voxel"),
+        ("reconstruct run -o none --region a=sphere:9mm,0mm,0mm,1um", 1, "the centre of a voxel"),
         ("reconstruct run -o run/retrieved", 1, "run/retrieved"),
         ("reconstruct run -o scene.toml", 1, "not a directory"),
     ] {
@@ -394,7 +398,7 @@ fn deviations_of_the_verb_are_the_scatter_over_draws_of_noise() {
     assert_ne!(weighed, alike);
     assert!(!here.join("weighed/mu_sigma.npy").exists());
     let refused = run(here, "reconstruct run -o none --method cgls --sigma --phase");
-    assert!(ended(&refused, 1).contains("are no weights"));
+    assert!(ended(&refused, 1).contains("cannot be weights"));
 }
 
 #[test]
@@ -619,7 +623,7 @@ fn the_truth_moves_with_a_shifted_axis() {
 fn retrieve_integrates_refraction_along_the_rows() {
     let here = place().path();
     let printed = done(here, "retrieve run -o phases --phase --format npy");
-    assert!(printed.contains("phase    ") && printed.contains("is taken off"), "{printed}");
+    assert!(printed.contains("phase    ") && printed.contains("is subtracted"), "{printed}");
     let read = |name: &str| {
         Array3::<f32>::read_npy(File::open(here.join("phases").join(name)).unwrap()).unwrap()
     };

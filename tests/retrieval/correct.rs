@@ -395,7 +395,7 @@ fn what_cannot_be_determined_is_an_error() {
         assert!(error.contains(words), "{correct}: {error}");
     };
     refused("dose", Region::new(2..3, 0..4), "4 pixels with a curve");
-    refused("offset", Region::new(2..3, 0..4), "4 pixels with an answer");
+    refused("offset", Region::new(2..3, 0..4), "4 pixels with a result");
     refused("plane", Region::new(2..3, None), "one row or column");
     refused("plane", Region::new(2..30, 3..4), "one row or column");
     let mut other = plain.copy();

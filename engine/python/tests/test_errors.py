@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import pickle
 from pathlib import Path
 from typing import Any
 
@@ -38,6 +39,16 @@ def test_unknown_keys_of_dicts_are_named_with_their_place() -> None:
     assert error.key == "detector.pixelz" and error.found and "pixels" in str(error)
     assert error.line and "pixelz" in str(error)
     assert isinstance(error, ValueError) and error.errors == (error,)
+    for scene, key in (
+        ({**SCENE, "detektor": {}}, "detektor"),
+        (changed("object", "colour", "red"), "object[0].colour"),
+        (changed("scan", "mask_offsets", {"from": "0 um", "until": "1 um"}), "scan.mask_offsets.until"),
+    ):
+        with pytest.raises(bl.SceneError) as nested:
+            bl.Scene.from_dict(scene)
+        assert key in {error.key for error in nested.value.errors}
+    with pytest.raises(bl.SceneError, match=r"detector\.pixelz"):
+        bl.Scene.from_dict(SCENE).replace("detector.pixelz", 3)
 
 
 def test_several_errors_come_at_once() -> None:
@@ -155,31 +166,119 @@ def test_stacks_of_other_shapes_and_types(engine: bl.Engine, scene: bl.Scene) ->
         (lambda: bl.retrieve(flat > 0, sample, offsets, scene, engine=engine), "flat"),
         (lambda: bl.retrieve(flat, sample[0, 0], offsets, scene, engine=engine), "sample"),
         (lambda: bl.retrieve(flat, sample, ["1"], scene, engine=engine), "offsets"),
+        (lambda: bl.retrieve(flat, sample, [[0, 1]], scene, engine=engine), "offsets"),  # type: ignore[list-item]
+        (lambda: bl.retrieve(flat[:3], sample, offsets, scene, engine=engine), "flat"),
+        (lambda: bl.retrieve(flat + 1j, sample, offsets, scene, engine=engine), "flat"),
+        (lambda: bl.retrieve(flat.astype(object), sample, offsets, scene, engine=engine), "flat"),
+        (lambda: bl.retrieve(flat, sample[:, :, :20], offsets, scene, engine=engine), "sample"),
+        (lambda: bl.retrieve(flat, sample, offsets, scene, dark=flat[:, 1:], engine=engine), "dark"),
+        (lambda: bl.retrieve(flat, sample, offsets, scene, bad_pixels=flat[0, 1:], engine=engine),
+         "bad_pixels"),
+        (lambda: bl.retrieve(flat, sample, offsets, scene, bad_pixels="x.npy", engine=engine), "bad_pixels"),
+        (lambda: bl.retrieve(flat, sample / 2, offsets, scene, gain=-1.0, engine=engine), "gain"),
+        (lambda: bl.retrieve(flat, sample / 2, offsets, scene, steps=(1, 2, 3), engine=engine), "steps"),  # type: ignore[arg-type]
+        (lambda: bl.retrieve(flat, sample, offsets, SCENE, engine=engine), "geometry"),  # type: ignore[arg-type]
+        (lambda: bl.reconstruct(sample, scene, size=[1.5, 2, 3], engine=engine), "size"),  # type: ignore[list-item]
+        (lambda: bl.reconstruct(sample, scene, voxel=-1.0, engine=engine), "voxel"),
+        (lambda: bl.reconstruct(sample, "scene.toml", engine=engine), "geometry"),  # type: ignore[arg-type]
         (lambda: bl.reconstruct(sample[0], scene, engine=engine), "sinograms"),
         (lambda: bl.reconstruct(sample, scene, engine=engine), "angles"),
         (lambda: bl.reconstruct(sample, scene, "my", engine=engine), "quantity"),  # type: ignore[arg-type]
         (lambda: bl.reconstruct(sample, scene, voxel="9", engine=engine), "voxel"),
-        (lambda: bl.retrieve(flat, sample, offsets, scene, "fast", engine=engine), ""),  # type: ignore[arg-type]
+        (lambda: bl.retrieve(flat, sample, offsets, scene, method="fast", engine=engine), "method"),  # type: ignore[arg-type]
     ):
-        with pytest.raises((bl.ArgumentError, bl.SceneError, bl.FileError)) as raised:
+        with pytest.raises(bl.ArgumentError) as raised:
             wrong()  # type: ignore[no-untyped-call]
-        assert not key or raised.value.key == key, raised.value
-    with pytest.raises(bl.FileError, match="flat"):
-        bl.retrieve(flat[:3], sample, offsets, scene, engine=engine)
+        assert raised.value.key == key, raised.value
     with pytest.raises(bl.FileError, match="sample"):
-        bl.retrieve(flat, sample[:, :, :20], offsets, scene, engine=engine)
+        bl.retrieve(flat, sample[:3], offsets, scene, engine=engine)
+
+
+def test_stacks_may_have_any_strides_and_kinds_of_numbers(engine: bl.Engine, scene: bl.Scene) -> None:
+    run = engine.simulate(scene)
+    # Whole numbers, which every type holds.
+    flat, sample = np.rint(1000 * run.flat), np.rint(1000 * run.sample)
+    dark, bad = np.ones((4, 24)), np.zeros((4, 24), bool)
+    bad[1, 5] = True
+
+    def retrieve(flat: Any, sample: Any, dark: Any, bad: Any) -> bl.Images:
+        offsets = scene.mask_offsets
+        return bl.retrieve(
+            flat, sample, offsets, scene, dark, "moments", bad_pixels=bad, engine=engine
+        )
+
+    expected = retrieve(flat, sample, dark, bad)
+    assert np.isnan(expected.transmission[0, 1, 5])
+    for other in (
+        (flat.astype(">u2"), sample.astype(np.uint16), dark.astype(np.uint8), bad.astype(float)),
+        (np.asfortranarray(flat), np.asfortranarray(sample), dark[np.newaxis], bad.astype(np.int8)),
+        (np.repeat(flat, 2, axis=2)[:, :, ::2], sample[:, ::-1][:, ::-1], dark.T.copy().T, bad),
+        (flat.tolist(), sample[0].tolist(), dark.tolist(), bad.tolist()),
+    ):
+        found = retrieve(*other)
+        for name in expected:
+            assert np.array_equal(found[name], expected[name], equal_nan=True), name
+
+
+def test_other_things_than_scenes_and_quantities_are_named(scene: bl.Scene, engine: bl.Engine) -> None:
+    run = engine.simulate(scene)
+    images = run.retrieve(method="moments")
+    for wrong, key in (
+        (lambda: engine.simulate(SCENE), "scene"),  # type: ignore[arg-type]
+        (lambda: engine.simulate(SCENE, seed=1), "scene"),  # type: ignore[arg-type]
+        (lambda: engine.check("scene.toml"), "scene"),  # type: ignore[arg-type]
+        (lambda: engine.ideal(run), "scene"),  # type: ignore[arg-type]
+        (lambda: run.illuminate(SCENE), "scene"),  # type: ignore[arg-type]
+        (lambda: bl.spectrum(SCENE), "scene"),  # type: ignore[arg-type]
+        (lambda: bl.view(3), "what"),  # type: ignore[arg-type]
+        (lambda: bl.view(scene, format="gif"), "format"),  # type: ignore[arg-type]
+        (lambda: bl.view(scene, width=0), "width"),
+        (lambda: images.sinograms("phase"), "quantity"),  # type: ignore[arg-type]
+        (lambda: images.weights("phase"), "quantity"),  # type: ignore[arg-type]
+        (lambda: bl.material("water", "30 keV"), "energy"),
+        (lambda: bl.material("water", -3.0), "energy"),
+        (lambda: bl.material("unobtainium", 30.0), "material"),
+    ):
+        with pytest.raises(bl.ArgumentError) as raised:
+            wrong()  # type: ignore[no-untyped-call]
+        assert raised.value.key == key, raised.value
+    with pytest.raises(bl.FileError, match="none.toml"):
+        bl.view("none.toml")
+
+
+def test_scenes_and_results_are_pickled_and_copied(
+    engine: bl.Engine, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    scene = bl.Scene.from_dict(with_mesh(tetrahedron())).replace("detector.pixels", [8, 2])
+    run = engine.simulate(scene, seed=3)
+    images = run.retrieve(method="moments")
+    for way in (lambda it: pickle.loads(pickle.dumps(it)), copy.deepcopy):
+        assert np.array_equal(engine.simulate(way(scene), seed=3).sample, run.sample)
+        other = way(run)
+        assert np.array_equal(other.sample, run.sample) and other.axes[1].unit == "m"
+        with pytest.raises(bl.ArgumentError, match="keep_moments"):
+            other.illuminate(scene)
+        assert np.array_equal(way(images).transmission, images.transmission, equal_nan=True)
+    scene.save(tmp_path)
+    monkeypatch.chdir(tmp_path)
+    packed = pickle.dumps(bl.Scene.load("scene.toml"))
+    monkeypatch.chdir("/")
+    assert pickle.loads(packed).shape == scene.shape
+    error = pickle.loads(pickle.dumps(bl.FileError("gone", file="x.npy", remedy="look")))
+    assert (str(error), error.file, error.remedy) == ("gone", "x.npy", "look")
 
 
 def test_options_and_closed_engines(scene: bl.Scene) -> None:
     with pytest.raises(bl.ArgumentError, match="ray-query"):
         bl.Engine(backend="fast")  # type: ignore[arg-type]
-    with pytest.raises(bl.ArgumentError, match="GiB"):
-        bl.Engine(memory_limit="two")
+    for limit in ("two", -1, 0, 1e9):
+        with pytest.raises(bl.ArgumentError, match="GiB"):
+            bl.Engine(memory_limit=limit)  # type: ignore[arg-type]
     with pytest.raises(bl.DeviceError) as raised:
         bl.Engine(device="no such device")
     assert raised.value.remedy
     engine = bl.Engine()
-    assert engine.device.name and engine.close() and engine.close()
+    assert engine.device.name and engine.close() and engine.close() and "closed" in repr(engine)
     with pytest.raises(bl.DeviceError, match="closed"):
         engine.simulate(scene)
     with pytest.raises(bl.OutOfMemoryError) as short, bl.Engine(memory_limit="1 MiB") as small:

@@ -39,8 +39,6 @@ def interrupted(work: Callable[[], object], after: float) -> float:
     return min(clock, busy + 0.1)
 
 
-
-
 def test_interrupts_of_each_long_step(
     scene: bl.Scene, large: bl.Scene, engine: bl.Engine, tmp_path: Path
 ) -> None:
@@ -76,14 +74,21 @@ def test_interrupts_of_each_long_step(
         "scan.mask_offsets", {"from": "-20 um", "to": "20 um", "count": 41}
     )
     assert interrupted(lambda: kept.illuminate(finer), 0.2) < 1
+    assert interrupted(lambda: list(engine.simulate_many([large])), 0.5) < 1
+    assert interrupted(lambda: kept.retrieve(method="exact-curve"), 0.2) < 1
+    stored = engine.simulate_to(wide, tmp_path / "stored").path
+    assert stored is not None
+    assert interrupted(lambda: bl.compare(stored, stored), 0.2) < 1
+    # The program draws in a process of its own, which ends with the call.
+    assert interrupted(lambda: bl.view(wide), 0.2) < 1
     # The engine goes on to serve, and what was interrupted can be resumed.
     assert np.array_equal(before.sample, engine.simulate(scene, seed=1).sample)
-    with pytest.raises(bl.FileError, match="resume|run directory|is not there"):
+    with pytest.raises(bl.FileError, match="resume|run directory|does not exist"):
         bl.Run.open(path)
 
 
 def test_progress_rises_and_exceptions_of_callbacks_end_the_work(
-    scene: bl.Scene, large: bl.Scene, engine: bl.Engine
+    scene: bl.Scene, large: bl.Scene, engine: bl.Engine, tmp_path: Path
 ) -> None:
     calls: list[tuple[str, float | None]] = []
     engine.simulate(
@@ -103,6 +108,33 @@ def test_progress_rises_and_exceptions_of_callbacks_end_the_work(
     with pytest.raises(Stop):
         engine.simulate(large, progress=stop)
     assert time.monotonic() - began < 5
+    turns = {"from": "0 deg", "to": "360 deg", "count": 12}
+    scan = scene.replace("scan.angles", turns)
+    run = engine.simulate(scan)
+    images = run.retrieve(method="moments")
+    flat, sample = 1000 * run.flat, 1000 * run.sample
+    A = bl.Projector(scan, engine=engine)
+    stored = engine.simulate_to(scene, tmp_path / "run").path
+    assert stored is not None
+    for work in (
+        lambda: engine.simulate_to(scene, tmp_path / "other", progress=stop),
+        lambda: engine.check(large, progress=stop),
+        lambda: engine.ideal(scene, progress=stop),
+        lambda: run.illuminate(scan, progress=stop),
+        lambda: run.retrieve(method="moments", progress=stop),
+        lambda: bl.retrieve(
+            flat, sample, scan.mask_offsets, scan, method="moments", engine=engine, progress=stop
+        ),
+        lambda: images.reconstruct(progress=stop),
+        lambda: images.reconstruct(method="cgls", progress=stop),
+        lambda: A(np.ones(A.volume_shape), progress=stop),
+        lambda: A.T(np.ones(A.sinograms_shape), progress=stop),
+        lambda: bl.compare(stored, stored, progress=stop),
+    ):
+        with pytest.raises(Stop):
+            work()  # type: ignore[no-untyped-call]
+    # The engine goes on to serve.
+    assert np.array_equal(engine.simulate(scan).sample, run.sample)
     with pytest.raises(TypeError):
         engine.simulate(large, progress=lambda: None)  # type: ignore[arg-type, misc]
 
@@ -189,12 +221,17 @@ def test_spawned_processes_work() -> None:
     done = run_script(
         """
         import multiprocessing
-        bl.Engine().simulate(bl.Scene.from_dict(SCENE))
+        scene = bl.Scene.from_dict(SCENE)
+        run = bl.Engine().simulate(scene)
         with multiprocessing.get_context("spawn").Pool(1) as pool:
-            print(pool.apply(bl.devices)[0].name != "")
+            # Scenes and images are pickled on their way there and back.
+            ideal = pool.apply(scene.ideal, kwds={"most_rays": 64})
+            images = pool.apply(run.retrieve, kwds={"method": "moments"})
+            print((ideal.transmission == scene.ideal(most_rays=64).transmission).all())
+            print(images.scene.shape == scene.shape, (images.flags == run.retrieve("moments").flags).all())
         """
     )
-    assert (done.returncode, done.stdout) == (0, "True\n"), done.stderr
+    assert (done.returncode, done.stdout) == (0, "True\nTrue True\n"), done.stderr
 
 
 def test_many_simulations_leave_memory_flat(scene: bl.Scene) -> None:

@@ -148,7 +148,7 @@ impl Corrector {
             None => Err(Error::argument(
                 "correct",
                 format!("no empty beam at both sides of view {view}"),
-                "columns with nothing in the beam, named as empty beam",
+                "columns with nothing in the beam, given as empty beam (--empty-beam)",
             )),
         }
     }
@@ -281,12 +281,12 @@ impl Corrector {
     }
 
     fn too_few(view: usize, count: usize) -> Result<()> {
-        let found = format!("{count} pixels with an answer in view {view}");
+        let found = format!("{count} pixels with a result in view {view}");
         let allowed = format!("{FEWEST} pixels or more with nothing in the beam");
         Err(Error::argument("empty_beam", found, allowed))
     }
 
-    /// Place (x, z) and value of the pixels of empty beam that have an answer without a flag of doubt.
+    /// Place (x, z) and value of the pixels of empty beam that have a result without a flag of doubt.
     fn points(&self, images: &Images, name: &str, empty: &[Rectangle]) -> Vec<[f64; 3]> {
         let (Some(image), Some(bits)) = (images.get(name), images.get(FLAGS)) else {
             return Vec::new();

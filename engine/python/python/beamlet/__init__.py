@@ -25,12 +25,13 @@ from ._errors import (
     SceneError,
     TallyError,
 )
-from ._images import Images, Volume, reconstruct, retrieve
+from ._images import Images, retrieve
 from ._projector import Projector
 from ._run import Axis, Counts, Run
 from ._scene import Object, Scene
 from ._tools import Beam, Difference, Material, Spectrum, compare, material, spectrum
 from ._view import Picture, view
+from ._volume import Volume, reconstruct
 
 __all__ = [
     "ArgumentError",

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import atexit
 import json
+import operator
 import os
 import tempfile
 import threading
@@ -16,7 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import _beamlet, _vulkan
-from ._scene import Path, Scene
+from ._errors import DeviceError, wrong
+from ._scene import Path, Scene, inner
 
 if TYPE_CHECKING:
     from ._images import Images
@@ -86,7 +88,21 @@ def devices() -> list[Device]:
 def _bytes(limit: int | str | None) -> int | None:
     """Bytes of a memory limit, also as text: ``"2 GiB"``."""
     limit = limit if limit is not None else os.environ.get("BEAMLET_MEMORY_LIMIT") or None
-    return _beamlet.memory_size(limit) if isinstance(limit, str) else limit
+    if limit is None or isinstance(limit, str):
+        return None if limit is None else _beamlet.memory_size(limit)
+    try:
+        size = operator.index(limit)
+    except TypeError:
+        size = 0
+    if size < 1:
+        raise wrong("memory_limit", repr(limit), 'a whole number of bytes above 0, or text as "2 GiB"')
+    return size
+
+
+def _seeded(scene: Scene, seed: int | None) -> Scene:
+    """The scene with this seed in place of its own, where there is one."""
+    inner(scene)
+    return scene if seed is None else scene.replace("sampling.seed", seed)
 
 
 class Engine:
@@ -102,6 +118,7 @@ class Engine:
 
     Raises:
         DeviceError: No device can serve; also in a fork of a process that used beamlet.
+        ArgumentError: A backend or memory limit that does not exist.
     """
 
     def __init__(
@@ -146,7 +163,7 @@ class Engine:
         """
         from ._run import Run
 
-        scene = scene if seed is None else scene.replace("sampling.seed", seed)
+        scene = _seeded(scene, seed)
         folder = tempfile.TemporaryDirectory(prefix="beamlet-") if self.keep_moments else None
         kept = None if folder is None else folder.name
         found = self._engine.simulate(scene._scene, kept, progress)
@@ -185,7 +202,7 @@ class Engine:
         """
         from ._run import Run
 
-        scene = scene if seed is None else scene.replace("sampling.seed", seed)
+        scene = _seeded(scene, seed)
         path = os.path.abspath(path)
         meshes = f"{path}.meshes"
         if scene._meshes:
@@ -201,7 +218,7 @@ class Engine:
         Raises:
             SceneError, MeshError: For what would stop a run before its first ray.
         """
-        text, values = self._engine.check(scene._scene, progress)
+        text, values = self._engine.check(inner(scene), progress)
         return CheckReport(text, json.loads(values))
 
     def ideal(
@@ -242,7 +259,7 @@ class Engine:
 
         angle = _beamlet.angle("reach", reach) if isinstance(reach, str) else reach
         images, geometry, reached, rays, beyond = _beamlet.ideal(
-            self._engine, scene._scene, angle, tolerance, angle_tolerance, most_rays, progress
+            self._engine, inner(scene), angle, tolerance, angle_tolerance, most_rays, progress
         )
         units = {"transmission": "1", "refraction": "rad", "dark_field": "rad²"}
         record = {
@@ -293,7 +310,10 @@ class Engine:
         self.close()
 
     def __repr__(self) -> str:
-        return f"<Engine {self.device.name}>"
+        try:
+            return f"<Engine {self.device.name}>"
+        except DeviceError:
+            return "<Engine, closed>"
 
 
 def default_engine() -> Engine:

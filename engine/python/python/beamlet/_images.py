@@ -1,11 +1,11 @@
-"""Retrieved images, and volumes made from them."""
+"""Retrieved images, of runs and of measured stacks."""
 
 from __future__ import annotations
 
 import json
 import tempfile
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any, Literal
 
 import numpy as np
@@ -13,8 +13,18 @@ from numpy.typing import ArrayLike, NDArray
 
 from . import _beamlet
 from ._engine import Engine, Progress, default_engine
-from ._errors import ArgumentError, Error
-from ._scene import Path, Scene
+from ._errors import Error, wrong
+from ._scene import Path, Scene, inner
+from ._volume import (
+    Quantity,
+    Reconstruction,
+    Volume,
+    Window,
+    circle,
+    lengths,
+    reconstruct,
+    whole,
+)
 
 Method = Literal[
     "gaussian",
@@ -27,54 +37,16 @@ Method = Literal[
     "beamlet",
 ]
 Weights = Literal["none", "poisson"]
-Quantity = Literal["mu", "delta", "dark_field"]
-Window = Literal["ram-lak", "shepp-logan", "hann"]
-Reconstruction = Literal["fbp", "cgls", "sirt", "bb"]
 Image = NDArray[np.float32]
 
-
-def _wrong(name: str, found: str, allowed: str) -> ArgumentError:
-    return ArgumentError(
-        f"{name}: found {found}; allowed: {allowed}", key=name, found=found, allowed=allowed
-    )
+#: Image from which the sinograms of a quantity come.
+SOURCES = {"mu": "transmission", "delta": "refraction", "dark_field": "dark_field"}
 
 
-@dataclass(frozen=True)
-class Volume:
-    """A reconstructed volume.
-
-    Attributes:
-        values: float32 ``[z][y][x]``, all ascending.
-        voxel: Sides of a voxel along x, y and z, m.
-        origin: Centre of the first voxel, x, y and z, m; the axis of rotation is at x = y = 0.
-        quantity: What the values are.
-        unit: Their unit.
-        residuals: Of iterative methods: root mean square of the weighted residuals of the start, then
-            after each iteration.
-        best: Number of the iterate that the values are, the one of the least residual.
-        pixels: Pixels of the images: how many had no answer, no light or were misfits and were filled;
-            ``None`` for sinograms.
-    """
-
-    values: NDArray[np.float32]
-    voxel: tuple[float, float, float]
-    origin: tuple[float, float, float]
-    quantity: str
-    unit: str
-    residuals: tuple[float, ...] = ()
-    best: int = 0
-    pixels: Mapping[str, int] | None = None
-
-    def centres(self) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-        """Centres of the voxels along x, y and z, m."""
-        deep, across, along = self.values.shape
-        x, y, z = (
-            start + side * np.arange(count)
-            for start, side, count in zip(
-                self.origin, self.voxel, (along, across, deep), strict=True
-            )
-        )
-        return x, y, z
+def _source(quantity: str) -> str:
+    if quantity not in SOURCES:
+        raise wrong("quantity", repr(quantity), ", ".join(SOURCES))
+    return SOURCES[quantity]
 
 
 class Images(Mapping[str, Image]):
@@ -138,6 +110,9 @@ class Images(Mapping[str, Image]):
         """Photon energy, keV; ``None`` for a spectrum."""
         return None if self.scene is None else self.scene._scene.energy
 
+    def __getstate__(self) -> dict[str, Any]:
+        return self.__dict__ | {"_engine": None}
+
     def __getitem__(self, name: str) -> Image:
         try:
             return self._images[name]
@@ -193,8 +168,8 @@ class Images(Mapping[str, Image]):
             ArgumentError: Views without angles or that move the sample, a view without any value.
         """
         if self.geometry is None:
-            raise _wrong("geometry", "views without angles", "a scene with an angle for each view")
-        image = self[{"mu": "transmission", "delta": "refraction"}.get(quantity, quantity)]
+            raise wrong("geometry", "views without angles", "a scene with an angle for each view")
+        image = self[_source(quantity)]
         flags = self._images.get("flags")
         values, counts = _beamlet.prepare(circle(self.geometry), quantity, image, flags)
         names = ("pixels", "without_answer", "dark", "misfits")
@@ -207,9 +182,9 @@ class Images(Mapping[str, Image]):
         Raises:
             ArgumentError: The images were not retrieved from counts: they have no uncertainties.
         """
-        name = {"mu": "transmission", "delta": "refraction"}.get(quantity, quantity)
+        name = _source(quantity)
         if f"{name}_sigma" not in self:
-            raise _wrong("weights", f"images without {name}_sigma", "images of counts")
+            raise wrong("weights", f"images without {name}_sigma", "images of counts")
         sigma = self[f"{name}_sigma"].copy()
         if quantity == "mu":
             with np.errstate(divide="ignore", invalid="ignore"):
@@ -251,7 +226,7 @@ class Images(Mapping[str, Image]):
         assert self.geometry is not None
         if isinstance(weights, str):
             if weights != "sigma":
-                raise _wrong("weights", repr(weights), '"sigma" or an array')
+                raise wrong("weights", repr(weights), '"sigma" or an array')
             weights = self.weights(quantity)
         options.setdefault("engine", self._engine)
         volume = reconstruct(
@@ -277,13 +252,19 @@ def _stack(name: str, values: ArrayLike, sides: int) -> NDArray[np.float32]:
     """Values as contiguous float32 of four sides; a copy only where they are not."""
     array = np.asarray(values)
     if array.dtype.kind not in "fiu":
-        raise _wrong(name, f"dtype {array.dtype}", "real numbers")
-    if array.ndim not in (sides, 4):
-        raise _wrong(name, f"shape {array.shape}", "(step, row, column)" if sides == 3 else
-                     "(view, step, row, column)")
-    if array.ndim < 4:
+        raise wrong(name, f"dtype {array.dtype}", "real numbers")
+    if not sides <= array.ndim <= 4:
+        allowed = {2: "(row, column) or (frame, row, column)", 3: "(step, row, column)"}
+        raise wrong(name, f"shape {array.shape}", allowed.get(sides, "(view, step, row, column)"))
+    while array.ndim < 4:
         array = array[np.newaxis]
     return np.ascontiguousarray(array, dtype=np.float32)
+
+
+def _check_frames(name: str, array: NDArray[Any], frame: tuple[int, ...]) -> None:
+    if array.shape[-2:] != frame:
+        allowed = f"rows and columns of flat, {frame}"
+        raise wrong(name, f"rows and columns {array.shape[-2:]}", allowed)
 
 
 def _retrieve(
@@ -298,18 +279,32 @@ def _retrieve(
     progress: Progress | None = None,
     **options: Any,
 ) -> Images:
+    of_scene = inner(scene, "geometry" if kind == "measured" else "scene")
     of_flat, of_sample = _stack("flat", flat, 3), _stack("sample", sample, 4)
-    of_dark = None if dark is None else _stack("dark", dark, 3)
+    of_dark = None if dark is None else _stack("dark", dark, 2)
+    frame = of_flat.shape[-2:]
+    _check_frames("sample", of_sample, frame)
+    if of_dark is not None:
+        _check_frames("dark", of_dark, frame)
+    if mask_offsets is not None and len(mask_offsets) != of_flat.shape[1]:
+        raise wrong("flat", f"{of_flat.shape[1]} steps", f"{len(mask_offsets)}, as offsets")
     known = ("method", "weights", "gain", "read_noise", "saturation", "steps", "sample_offsets")
     chosen = {name: options.get(name) for name in known} | {"bad_pixels": None}
+    if chosen["steps"] is not None:
+        chosen["steps"] = whole("steps", chosen["steps"], 2, "two numbers of steps, from 0")
     with tempfile.TemporaryDirectory(prefix="beamlet-") as folder:
         if bad_pixels is not None:
+            bad = np.asarray(bad_pixels)
+            if bad.ndim != 2 or bad.dtype.kind not in "bfiu":
+                given = f"shape {bad.shape}, dtype {bad.dtype}"
+                raise wrong("bad_pixels", given, "bool or numbers, (row, column)")
+            _check_frames("bad_pixels", bad, frame)
             path = f"{folder}/bad_pixels.npy"
-            np.save(path, np.asarray(bad_pixels).astype(np.float32))
+            np.save(path, bad.astype(np.float32))
             chosen["bad_pixels"] = path
         found = _beamlet.retrieve(
             engine._engine,
-            scene._scene,
+            of_scene,
             kind,
             of_flat,
             of_sample,
@@ -319,14 +314,6 @@ def _retrieve(
             progress,
         )
     return Images._of(found, scene, engine)
-
-
-def lengths(name: str, values: Sequence[str | float] | NDArray[np.floating[Any]]) -> list[float]:
-    """Lengths in m from numbers in m or text with units."""
-    return [
-        _beamlet.lengths(name, [value])[0] if isinstance(value, str) else float(value)
-        for value in values
-    ]
 
 
 def retrieve(
@@ -353,21 +340,26 @@ def retrieve(
         sample: Counts with sample, ``[view][step][row][column]`` or ``[step][row][column]``.
         offsets: Mask offset of each step, m, or text with a unit.
         geometry: Scene with the set-up.
-        dark: Counts without beam, ``[frame][row][column]``; their mean is subtracted.
+        dark: Counts without beam, ``[frame][row][column]`` or ``[row][column]``; their mean is subtracted.
         method: The estimator (docs/retrieval.md).
         weights: ``poisson`` weights counts by their noise.
         gain: Counts of a photon; default 1.
-        read_noise: Standard deviation of counts without beam.
-        saturation: Counts from here on are left out.
-        bad_pixels: Not zero where a pixel is bad, ``[row][column]``.
-        steps: Steps of the sample for ``two-step``.
-        sample_offsets: Offsets of the sample for ``two-step``, where they are others.
+        read_noise: Standard deviation of counts without beam, in counts.
+        saturation: Counts of this value and above are left out.
+        bad_pixels: True or not zero where a pixel is bad, ``[row][column]``.
+        steps: Indices of the two steps of the sample for ``two-step``, from 0.
+        sample_offsets: Mask offset of each step of the sample for ``two-step``, m, or text with a unit,
+            where they differ from `offsets`.
         engine: Engine; default: the shared one.
         progress: Callback.
 
+    Returns:
+        Images ``[view][row][column]``; a stack ``[step][row][column]`` has one view.
+
     Raises:
-        ArgumentError, FileError, SceneError: For shapes, values, offsets or options that cannot be;
-            ``flat``, ``sample`` and ``dark`` stand for the files.
+        ArgumentError: An array of another shape or type, or an option that cannot be; `key` names it.
+        FileError: A number of steps of the sample that the method does not take.
+        SceneError: Offsets or a set-up that the method does not take.
     """
     of_sample = np.asarray(sample)
     return _retrieve(
@@ -387,167 +379,4 @@ def retrieve(
         saturation=saturation,
         steps=steps,
         sample_offsets=None if sample_offsets is None else lengths("sample_offsets", sample_offsets),
-    )
-
-
-def circle(geometry: Scene | Mapping[str, Any], axis: float | None = None) -> dict[str, Any]:
-    """Geometry of a scan on a circle, as the extension takes it.
-
-    Args:
-        geometry: Scene, or a dict with the keys of ``geometry.json``.
-        axis: x of the axis of rotation from the optical axis, m; default: the geometry's.
-
-    Raises:
-        ArgumentError: A key that lacks, or views that are no circle.
-    """
-    views = geometry.geometry if isinstance(geometry, Scene) else geometry
-    for key in ("source_to_axis_m", "source_to_detector_m", "columns_m", "rows_m", "angles_rad"):
-        if views.get(key) is None:
-            raise _wrong(f"geometry.{key}", "nothing", "the keys of geometry.json")
-    if axis is None and views.get("axis_column") is None:
-        raise _wrong("scan", "views that move the sample", "views on a circle")
-    columns = [float(place) for place in views["columns_m"]]
-    near, far = float(views["source_to_axis_m"]), float(views["source_to_detector_m"])
-    if axis is None:
-        pitch = (columns[-1] - columns[0]) / max(len(columns) - 1, 1)
-        at = columns[0] + pitch * float(views["axis_column"])
-        # Beside the optical axis; on it places of columns are rounded.
-        axis = 0.0 if abs(at) < 1e-6 * pitch else at if np.isinf(near) else at * near / far
-    analyser = views.get("source_to_analyser_m")
-    return {
-        "distances": [near, far],
-        "columns": columns,
-        "rows": [float(place) for place in views["rows_m"]],
-        "angles": [float(angle) for angle in views["angles_rad"]],
-        "axis": float(axis),
-        "lever": None if analyser is None else float(analyser) - near,
-    }
-
-
-def grid(
-    voxel: str | float | None,
-    size: Sequence[int] | None,
-    origin: Sequence[str | float] | None,
-) -> dict[str, Any]:
-    """Voxels, as the extension takes them."""
-    if origin is not None and len(origin) != 3:
-        raise _wrong("origin", f"{len(origin)} lengths", "three, along x, y and z")
-    return {
-        "voxel": None if voxel is None else lengths("voxel", [voxel])[0],
-        "size": None if size is None else _sides("size", size),
-        "origin": None if origin is None else lengths("origin", origin),
-    }
-
-
-def _sides(name: str, values: Sequence[int]) -> list[int]:
-    sides = [int(value) for value in values]
-    if len(sides) != 3 or min(sides) < 1:
-        raise _wrong(name, str(sides), "three numbers of 1 or more, along x, y and z")
-    return sides
-
-
-def _cube(name: str, values: ArrayLike, sides: str) -> NDArray[np.float32]:
-    """Values as contiguous float32 of three sides."""
-    array = np.asarray(values)
-    if array.ndim != 3 or array.dtype.kind not in "fiu":
-        raise _wrong(name, f"shape {array.shape}, dtype {array.dtype}", sides)
-    return np.ascontiguousarray(array, dtype=np.float32)
-
-
-def reconstruct(
-    sinograms: ArrayLike,
-    geometry: Scene | Mapping[str, Any],
-    quantity: Quantity = "mu",
-    voxel: str | float | None = None,
-    size: Sequence[int] | None = None,
-    axis: float | None = None,
-    filter: Window = "ram-lak",
-    cut_off: float = 1.0,
-    engine: Engine | None = None,
-    progress: Progress | None = None,
-    *,
-    method: Reconstruction = "fbp",
-    origin: Sequence[str | float] | None = None,
-    arm_passes: int | None = None,
-    extrapolate: bool = False,
-    iterations: int = 20,
-    discrepancy: float | None = None,
-    non_negative: bool = False,
-    phase: bool = False,
-    weights: ArrayLike | None = None,
-    mask: ArrayLike | None = None,
-    start: ArrayLike | None = None,
-) -> Volume:
-    """Reconstructs sinograms: docs/reconstruction.md has methods and options.
-
-    Args:
-        sinograms: ``[view][row][column]``: -ln T, refraction angles (rad), or variances (rad²).
-        geometry: Scene, or a dict with the keys of ``geometry.json`` (docs/reading.md).
-        quantity: What is reconstructed: ``mu``, ``delta`` or ``dark_field``.
-        voxel: Side of the voxels, as ``"50 um"`` or in m; default: a pixel at the axis.
-        size: Voxels along x, y and z; default: the field of view.
-        axis: x of the axis of rotation from the optical axis, m; default: the geometry's.
-        filter: Window of the filter, for ``fbp``.
-        cut_off: Frequency from which on nothing counts, as a share of Nyquist's, for ``fbp``.
-        engine: Engine; default: the shared one.
-        progress: Callback.
-        method: ``fbp``, filtered back-projection; or weighted least squares by ``cgls`` (conjugate
-            gradients), ``sirt`` or ``bb`` (gradient descent with Barzilai-Borwein steps).
-        origin: Centre of the first voxel, x, y and z; default: the volume lies about the axis.
-        arm_passes: Corrections of ``fbp`` for lever arms; default: one for scans of less than a turn.
-        extrapolate: ``fbp`` of ``mu`` and ``dark_field`` continues rows of bodies wider than the detector.
-        iterations: Most iterations.
-        discrepancy: Root mean square of the weighted residuals at which iterations end.
-        non_negative: Voxels stay at or above zero (``sirt``, ``bb``).
-        phase: ``delta`` from refraction angles integrated along the rows, which begin and end in air.
-        weights: Weight of each value in iterative methods, 0 or more, ``[view][row][column]``.
-        mask: True where voxels may differ from zero, ``[z][y][x]``.
-        start: Volume to begin with, ``[z][y][x]``.
-
-    Raises:
-        ArgumentError: Shapes, values, options or a geometry that cannot be.
-    """
-    array = _cube("sinograms", sinograms, "(view, row, column)")
-    options = {
-        "method": method,
-        "filter": filter,
-        "cut_off": float(cut_off),
-        "arm_passes": arm_passes,
-        "extrapolate": bool(extrapolate),
-        "iterations": int(iterations),
-        "discrepancy": None if discrepancy is None else float(discrepancy),
-        "non_negative": bool(non_negative),
-        "phase": bool(phase),
-    }
-    if method == "fbp":
-        given = {"weights": weights, "mask": mask, "start": start}
-        wrong = [name for name, value in given.items() if value is not None]
-        if wrong:
-            raise _wrong(wrong[0], "an array for fbp", "cgls, sirt or bb")
-    may = None
-    if mask is not None:
-        may = np.asarray(mask)
-        if may.ndim != 3 or may.dtype != np.bool_:
-            raise _wrong("mask", f"shape {may.shape}, dtype {may.dtype}", "bool, (z, y, x)")
-        may = np.ascontiguousarray(may)
-    values, sides, corner, unit, residuals, best = _beamlet.reconstruct(
-        (engine or default_engine())._engine,
-        circle(geometry, axis),
-        array,
-        quantity,
-        grid(voxel, size, origin),
-        options,
-        None if weights is None else _cube("weights", weights, "(view, row, column)"),
-        may,
-        None if start is None else _cube("start", start, "(z, y, x)"),
-        progress,
-    )
-    return Volume(
-        values,
-        (sides[0], sides[1], sides[2]),
-        (corner[0], corner[1], corner[2]),
-        quantity,
-        unit,
-        tuple(residuals),
-        best,
     )

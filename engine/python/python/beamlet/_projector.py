@@ -10,8 +10,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from . import _beamlet
 from ._engine import Engine, Progress, default_engine
-from ._images import _cube, _wrong, circle, grid
+from ._errors import wrong
 from ._scene import Scene
+from ._volume import circle, cube, grid
 
 Data = Literal["attenuation", "refraction", "phase", "dark_field"]
 Values = NDArray[np.float32]
@@ -32,9 +33,9 @@ class Projector:
         data: What sinograms are: ``attenuation`` (-ln T) of a volume of mu (1/m); ``refraction`` (rad, the
             difference over a column) or ``phase`` (m, the integral along the ray) of delta;
             ``dark_field`` (rad²) of rad²/m.
-        voxel: Side of the voxels, as ``"50 um"`` or in m; default: a pixel at the axis.
+        voxel: Side of the voxels, as ``"50 um"`` or in m; default: the size of a pixel at the axis.
         size: Voxels along x, y and z; default: the field of view.
-        origin: Centre of the first voxel, x, y and z; default: the volume lies about the axis.
+        origin: Centre of the first voxel, x, y and z; default: the volume is centred on the axis.
         axis: x of the axis of rotation from the optical axis, m; default: the geometry's.
         engine: Engine; default: the shared one.
 
@@ -93,7 +94,7 @@ class Projector:
         Raises:
             ArgumentError: A volume of another shape or of no real numbers.
         """
-        return self._projector.project(_cube("volume", volume, "(z, y, x)"), progress)
+        return self._projector.project(cube("volume", volume, "(z, y, x)"), progress)
 
     @property
     def T(self) -> Transpose:
@@ -135,7 +136,7 @@ class Transpose:
         Raises:
             ArgumentError: Sinograms of another shape or of no real numbers.
         """
-        values = _cube("sinograms", sinograms, "(view, row, column)")
+        values = cube("sinograms", sinograms, "(view, row, column)")
         return self.T._projector.transpose(values, progress)
 
     @property
@@ -163,5 +164,5 @@ class Transpose:
 def _shaped(name: str, values: ArrayLike, shape: tuple[int, int, int]) -> NDArray[Any]:
     array = np.asarray(values)
     if array.size != np.prod(shape):
-        raise _wrong(name, f"{array.size} values", f"{np.prod(shape)}")
+        raise wrong(name, f"{array.size} values", f"{np.prod(shape)}")
     return array.reshape(shape)

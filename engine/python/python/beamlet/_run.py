@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 
 from . import _beamlet
 from ._engine import Engine, Progress, default_engine, pixels
-from ._errors import ArgumentError, FileError
-from ._scene import Path, Scene
+from ._errors import FileError, wrong
+from ._scene import Path, Scene, inner
 
 if TYPE_CHECKING:
     from ._images import Images, Method, Weights
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 Stack = NDArray[np.float32]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Axis:
     """An axis of stacks: name, the places of its entries, and their unit."""
 
@@ -32,9 +32,12 @@ class Axis:
     unit: str
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Counts:
-    """Detector numbers, float32: flat and dark ``[step][row][column]``, sample ``[view][step][row][column]``."""
+    """Detector numbers, float32: flat and dark ``[step][row][column]``, sample ``[view][step][row][column]``.
+
+    Flats and darks of ``scan.flats_every`` and ``scan.darks_every`` are ``[index][step][row][column]``.
+    """
 
     flat: Stack
     sample: Stack
@@ -42,11 +45,12 @@ class Counts:
 
 
 class Run:
-    """Stacks of a simulation.
+    """Stacks of a simulation. A pickled run has its arrays, and no moments in a temporary folder.
 
     Attributes:
         scene: The scene.
-        flat: Intensities without sample, float32 ``[step][row][column]``; 1 is the open beam.
+        flat: Intensities without sample, float32 ``[step][row][column]``; 1 is the open beam. With
+            ``scan.flats_every`` all flats, ``[index][step][row][column]``.
         sample: Intensities with sample, float32 ``[view][step][row][column]``.
         counts: Detector numbers, where the scene has ``detector.photons``.
         record: Device, driver, seed, counts of rays, and times.
@@ -98,18 +102,22 @@ class Run:
             engine: Engine for what follows; default: the shared one.
 
         Raises:
-            FileError: No run is there, or no view is committed.
+            FileError: There is no run, or no view is committed.
         """
         path = os.fspath(path)
         of_flat, of_sample, of_counts, record = _beamlet.open_run(path)
         counts = None
         if of_counts is not None:
-            dark = None if of_counts[2] is None else _mapped(*of_counts[2])[0]
-            counts = Counts(_mapped(*of_counts[0])[0], _mapped(*of_counts[1]), dark)
+            dark = None if of_counts[2] is None else _one_or_all(_mapped(*of_counts[2]))
+            counts = Counts(_one_or_all(_mapped(*of_counts[0])), _mapped(*of_counts[1]), dark)
         scene = Scene.load(os.path.join(path, "scene.toml"))
         kept = path if os.path.isdir(os.path.join(path, "moments")) else None
-        flat, sample = _mapped(*of_flat)[0], _mapped(*of_sample)
+        flat, sample = _one_or_all(_mapped(*of_flat)), _mapped(*of_sample)
         return cls(scene, flat, sample, counts, json.loads(record), path, engine, kept)
+
+    def __getstate__(self) -> dict[str, Any]:
+        kept = self._kept if self._folder is None else None
+        return self.__dict__ | {"_engine": None, "_folder": None, "_kept": kept}
 
     @property
     def engine(self) -> Engine:
@@ -120,7 +128,7 @@ class Run:
     def axes(self) -> tuple[Axis, Axis, Axis, Axis]:
         """Axes of the sample: views (rad), steps (mask offsets, m), rows (z, m), columns (x, m).
 
-        The flat has the last three. Rows begin at the top; x and z are those of the pixel centres on
+        A flat has the last three. Rows begin at the top; x and z are those of the pixel centres on
         the detector.
         """
         x, z = pixels(self.scene)
@@ -139,7 +147,8 @@ class Run:
         names = [axis.name for axis in axes]
         coords = {axis.name: (axis.name, axis.values, {"units": axis.unit}) for axis in axes}
         of_values = {"units": "1", "long_name": "intensity, 1 is the open beam"}
-        stacks = {"flat": (names[1:], self.flat, of_values), "sample": (names, self.sample, of_values)}
+        of_flat = names[1:] if self.flat.ndim == 3 else ["flat_index", *names[1:]]
+        stacks = {"flat": (of_flat, self.flat, of_values), "sample": (names, self.sample, of_values)}
         return xarray.Dataset(stacks, coords=coords, attrs={"record": json.dumps(self.record)})
 
     def retrieve(
@@ -160,7 +169,7 @@ class Run:
             progress: Callback.
 
         Raises:
-            SceneError: The method cannot serve the set-up or its mask offsets.
+            SceneError: The method does not suit the set-up or its mask offsets.
             ArgumentError: The run has no counts, or options do not go together.
         """
         from ._images import _retrieve
@@ -168,14 +177,7 @@ class Run:
         if not counts:
             flat, sample, dark, kind = self.flat, self.sample, None, "intensities"
         elif self.counts is None:
-            found = "a run without counts"
-            allowed = "a scene with detector.photons"
-            raise ArgumentError(
-                f"counts: found {found}; allowed: {allowed}",
-                key="counts",
-                found=found,
-                allowed=allowed,
-            )
+            raise wrong("counts", "a run without counts", "a scene with detector.photons")
         else:
             flat, sample, dark = self.counts.flat, self.counts.sample, self.counts.dark
             kind = "counts"
@@ -201,18 +203,12 @@ class Run:
 
         Raises:
             ArgumentError: The run kept no moments.
-            SceneError: The scene differs in more than moments can follow.
+            SceneError: The scene differs from the run in a way that needs new rays.
         """
         if self._kept is None:
-            found, allowed = "a run without moments", "Engine(keep_moments=True)"
-            raise ArgumentError(
-                f"keep_moments: found {found}; allowed: {allowed}",
-                key="keep_moments",
-                found=found,
-                allowed=allowed,
-            )
+            raise wrong("keep_moments", "a run without moments", "Engine(keep_moments=True)")
         engine = self.engine
-        found_stacks = engine._engine.illuminate(self._kept, scene._scene, progress)
+        found_stacks = engine._engine.illuminate(self._kept, inner(scene), progress)
         run = Run._of_arrays(engine, scene, found_stacks, None)
         run._kept, run._folder = self._kept, self._folder
         return run
@@ -227,6 +223,11 @@ class Run:
         views, steps, rows, columns = self.sample.shape
         place = f" in {self.path}" if self.path else ""
         return f"<Run of {views} views x {steps} steps of {columns} x {rows} pixels{place}>"
+
+
+def _one_or_all(stack: Stack) -> Stack:
+    """A flat or dark alone, or all of several."""
+    return stack[0] if len(stack) == 1 else stack
 
 
 def _mapped(file: str | os.PathLike[str], shape: tuple[int, int, int, int]) -> Stack:

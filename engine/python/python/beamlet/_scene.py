@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import _beamlet
-from ._errors import ArgumentError
+from ._errors import wrong
 
 if TYPE_CHECKING:
     from ._images import Images
@@ -28,12 +28,7 @@ def _plain(value: object) -> object:
         return value.tolist()
     if isinstance(value, os.PathLike):
         return os.fspath(value)
-    raise ArgumentError(
-        f"scene: found {type(value).__name__}; allowed: numbers, text, lists and dicts",
-        key="scene",
-        found=type(value).__name__,
-        allowed="numbers, text, lists and dicts",
-    )
+    raise wrong("scene", type(value).__name__, "numbers, text, lists and dicts")
 
 
 def _toml(value: object) -> str:
@@ -52,12 +47,6 @@ def _toml(value: object) -> str:
     return _toml(_plain(value))
 
 
-def _wrong(name: str, found: str, allowed: str) -> ArgumentError:
-    return ArgumentError(
-        f"{name}: found {found}; allowed: {allowed}", key=name, found=found, allowed=allowed
-    )
-
-
 def _triangles(mesh: Any, name: str) -> Any:
     """Triangles of a mesh: ``faces``, or those of pyvista."""
     regular = getattr(mesh, "regular_faces", None)
@@ -65,7 +54,7 @@ def _triangles(mesh: Any, name: str) -> Any:
         return regular
     faces = getattr(mesh, "faces", None)
     if faces is None:
-        raise _wrong(f"{name}.mesh", type(mesh).__name__, "an object with vertices and faces")
+        raise wrong(f"{name}.mesh", type(mesh).__name__, "an object with vertices and faces")
     return faces
 
 
@@ -87,28 +76,28 @@ def arrays_of(
     """
     if isinstance(mesh, tuple | list):
         if len(mesh) != 2:
-            raise _wrong(f"{name}.mesh", f"{len(mesh)} items", "vertices and faces")
+            raise wrong(f"{name}.mesh", f"{len(mesh)} items", "vertices and faces")
         points, faces = mesh
     else:
         points = getattr(mesh, "vertices", None)
         if points is None:
             points = getattr(mesh, "points", None)
         if points is None:
-            raise _wrong(f"{name}.mesh", type(mesh).__name__, "an object with vertices and faces")
+            raise wrong(f"{name}.mesh", type(mesh).__name__, "an object with vertices and faces")
         faces = _triangles(mesh, name)
     vertices, triangles = np.asarray(points), np.asarray(faces)
     for array, what in ((vertices, "vertices"), (triangles, "faces")):
         if array.ndim != 2 or array.shape[1] != 3:
-            raise _wrong(f"{name}.{what}", f"shape {array.shape}", "shape (n, 3)")
+            raise wrong(f"{name}.{what}", f"shape {array.shape}", "shape (n, 3)")
     if vertices.dtype.kind not in "fiu":
-        raise _wrong(f"{name}.vertices", f"dtype {vertices.dtype}", "real numbers")
+        raise wrong(f"{name}.vertices", f"dtype {vertices.dtype}", "real numbers")
     if triangles.dtype.kind not in "iu":
-        raise _wrong(f"{name}.faces", f"dtype {triangles.dtype}", "whole numbers")
+        raise wrong(f"{name}.faces", f"dtype {triangles.dtype}", "whole numbers")
     if not np.isfinite(vertices).all():
-        raise _wrong(f"{name}.vertices", "values that are not finite", "finite numbers")
+        raise wrong(f"{name}.vertices", "values that are not finite", "finite numbers")
     if triangles.size and not (0 <= triangles.min() and triangles.max() < len(vertices)):
         found = f"{triangles.min()} to {triangles.max()}"
-        raise _wrong(f"{name}.faces", found, f"indices from 0 to {len(vertices) - 1}")
+        raise wrong(f"{name}.faces", found, f"indices from 0 to {len(vertices) - 1}")
     return (
         np.ascontiguousarray(vertices, dtype=np.float64),
         np.ascontiguousarray(triangles, dtype=np.uint32),
@@ -127,7 +116,7 @@ def _taken_out(value: object, name: str, meshes: Meshes) -> object:
                 arrays = arrays_of(mesh, label)
                 unit = table.get("unit") or getattr(mesh, "units", None)
                 if unit is None:
-                    raise _wrong(f"{label}.unit", "nothing", 'the length of 1.0, as unit = "mm"')
+                    raise wrong(f"{label}.unit", "nothing", 'the length of 1.0, as unit = "mm"')
                 digest = hashlib.sha256(arrays[0].tobytes() + arrays[1].tobytes()).hexdigest()
                 table |= {"mesh": f"mesh-{digest[:20]}.ply", "unit": unit}
                 meshes[str(table["mesh"])] = arrays
@@ -141,11 +130,12 @@ class Scene:
     """What is simulated: source, masks, detector, materials, objects and scan.
 
     Keys and units are those of scene files (docs/scene.md). Quantities are text with a unit, as
-    ``"20 um"``; numbers are used where scene files have numbers.
+    ``"20 um"``; numbers are used where scene files have numbers. Scenes can be pickled and copied; a
+    scene of a file is read again from it.
 
     Args:
         sections: Sections of a scene by name: ``source={...}, detector={...}, object=[{...}]``
-            (``objects`` is another word for ``object``). An object's ``mesh`` is a file, a pair
+            (``objects`` is the same as ``object``). An object's ``mesh`` is a file, a pair
             (vertices, faces) of arrays, or an object with these attributes (trimesh, pyvista); its
             ``unit`` is the length of 1.0 in it.
 
@@ -175,6 +165,16 @@ class Scene:
         self._path: str | None = None
         self._meshes = meshes
         self._read(())
+
+    def __getstate__(self) -> dict[str, Any]:
+        state = {name: value for name, value in self.__dict__.items() if name != "_scene"}
+        if self._path is not None:
+            state["_path"] = os.path.abspath(self._path)
+        return state
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        self.__dict__.update(state)
+        self._read(self._sets)
 
     def _read(self, sets: tuple[str, ...]) -> None:
         self._sets = sets
@@ -232,7 +232,7 @@ class Scene:
             value: Text with a unit, number, list or dict, as the scene file has it.
 
         Raises:
-            SceneError: The key leads nowhere, or the value cannot be.
+            SceneError: There is no such key, or the value is not possible.
         """
         other = Scene.__new__(Scene)
         other._text, other._path, other._meshes = self._text, self._path, self._meshes
@@ -300,6 +300,17 @@ class Scene:
         views, steps, rows, columns = self.shape
         title = f"{self.title!r}, " if self.title else ""
         return f"<Scene {title}{views} views x {steps} steps of {columns} x {rows} pixels>"
+
+
+def inner(scene: Scene, name: str = "scene") -> _beamlet.Scene:
+    """The scene as the extension takes it.
+
+    Raises:
+        ArgumentError: Something else than a scene.
+    """
+    if not isinstance(scene, Scene):
+        raise wrong(name, type(scene).__name__, "a Scene, as of Scene.load or Scene.from_dict")
+    return scene._scene
 
 
 def Object(*, mesh: Any = None, material: str, **keys: Any) -> dict[str, Any]:

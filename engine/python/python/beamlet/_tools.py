@@ -3,20 +3,21 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from . import _beamlet
 from ._engine import Progress
-from ._scene import Path, Scene
+from ._errors import wrong
+from ._scene import Path, Scene, inner
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Material:
-    """Constants of a material: attenuation `mu` (1/m) and decrement `delta` at `energies` (keV)."""
+    """Constants of a material: attenuation `mu` (1/m) and decrement `delta` (1) at `energies` (keV), float64 of
+    one shape."""
 
     name: str
     energies: NDArray[np.float64]
@@ -24,22 +25,22 @@ class Material:
     delta: NDArray[np.float64]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Beam:
-    """Photons by energy: `energies` in keV, `weights` on any scale."""
+    """Photons by energy: `energies` in keV, `weights` on any scale, both ``[energy]``."""
 
     energies: NDArray[np.float64]
     weights: NDArray[np.float64]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Spectrum:
     """Beam of a scene.
 
     Attributes:
         before: Before the filters; ``None`` for a single energy.
         after: Behind them.
-        nodes: Energies that stand for it, with their shares of the signal.
+        nodes: Energies that represent it, with their shares of the signal.
         mean_energy: keV.
         half_value_layer: Of aluminium, m; ``None`` for a single energy.
     """
@@ -53,7 +54,20 @@ class Spectrum:
 
 @dataclass(frozen=True)
 class Difference:
-    """How two series of images differ, b - a: see ``beamlet compare``."""
+    """How two series of images differ, b - a: see ``beamlet compare``.
+
+    Attributes:
+        name: Of the series: ``flat``, ``sample``, ``transmission``, ...
+        images: Number of images.
+        pixels: Number of pixels that are finite in both.
+        unlike: Number of pixels that are finite in one alone, or infinite in unlike ways.
+        mean_a, mean_b: Means of both.
+        mean: Mean of the differences.
+        rms: Their root mean square.
+        relative: `rms` over the root mean square of a; ``None`` where this is 0.
+        largest: Largest absolute difference.
+        largest_at: View, step, row and column where it is.
+    """
 
     name: str
     images: int
@@ -70,7 +84,7 @@ class Difference:
 
 def material(
     name: str,
-    energy: float | Sequence[float] | NDArray[np.floating],
+    energy: ArrayLike,
     density: float | None = None,
     scene: Scene | None = None,
 ) -> Material:
@@ -78,31 +92,35 @@ def material(
 
     Args:
         name: Built-in material, material of `scene`, or with `density` a formula.
-        energy: Photon energies, keV.
+        energy: Photon energies, keV, of any shape; a number counts as one energy.
         density: g/cm³.
-        scene: Scene whose materials count.
+        scene: Scene whose materials are used.
 
     Raises:
-        SceneError: Unknown name, or energies outside the tables.
+        ArgumentError: Unknown name or formula, no numbers, or energies outside the tables.
 
     Example:
         >>> water = material("water", [20.0, 30.0])
         >>> bool(np.all(np.diff(water.mu) < 0)), f"{water.delta[1]:.3e}"
         (True, '2.560e-07')
     """
-    energies = np.atleast_1d(np.asarray(energy, dtype=np.float64))
-    inner = None if scene is None else scene._scene
-    mu, delta = _beamlet.material(name, energies.tolist(), density, inner)
-    return Material(name, energies, np.array(mu), np.array(delta))
+    numbers = np.asarray(energy)
+    if numbers.dtype.kind not in "fiu":
+        raise wrong("energy", repr(energy), "numbers, keV")
+    energies = np.atleast_1d(numbers.astype(np.float64))
+    of_scene = None if scene is None else inner(scene)
+    mu, delta = _beamlet.material(name, energies.ravel().tolist(), density, of_scene)
+    shape = energies.shape
+    return Material(name, energies, np.reshape(mu, shape), np.reshape(delta, shape))
 
 
 def spectrum(scene: Scene) -> Spectrum:
     """The beam of a scene before and after its filters.
 
     Raises:
-        SceneError, FileError: Spectrum files or filters that cannot be.
+        SceneError, FileError: Spectrum files or filters that are not possible.
     """
-    found = json.loads(_beamlet.spectrum(scene._scene))
+    found = json.loads(_beamlet.spectrum(inner(scene)))
 
     def beam(part: dict[str, list[float]] | None) -> Beam | None:
         if part is None:
@@ -123,7 +141,7 @@ def compare(a: Path, b: Path, progress: Progress | None = None) -> list[Differen
     """Differences of two run directories, directories of retrieved images, or stacks in files.
 
     Raises:
-        FileError: One cannot be read, or they are of unlike kinds or shapes.
+        FileError: One cannot be read, or their kinds or shapes differ.
     """
     found = json.loads(_beamlet.compare(a, b, progress))
     return [Difference(**{**one, "largest_at": tuple(one["largest_at"])}) for one in found]

@@ -10,16 +10,18 @@ from dataclasses import dataclass
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING, Literal
 
-from ._errors import ArgumentError, Error
+from ._errors import Error, FileError, wrong
 from ._scene import Path, Scene
 
 if TYPE_CHECKING:
     from ._run import Run
 
+FORMATS = ("png", "svg")
+
 
 @dataclass(frozen=True)
 class Picture:
-    """A picture, which Jupyter shows: its name and its bytes as PNG or SVG."""
+    """A picture, which Jupyter shows: name of its file, and its bytes as PNG or SVG."""
 
     name: str
     data: bytes
@@ -50,18 +52,25 @@ def view(
         options: Other options of ``beamlet view``.
 
     Raises:
+        ArgumentError: A run in memory, a format or width that does not exist.
+        FileError: The path leads nowhere.
         Error: With the message of ``beamlet view``.
     """
+    if format not in FORMATS:
+        raise wrong("format", repr(format), ", ".join(FORMATS))
+    if width is not None and width < 1:
+        raise wrong("width", str(width), "a number of pixels above 0")
     with tempfile.TemporaryDirectory(prefix="beamlet-") as folder:
         if isinstance(what, Scene):
             subject = what.save(os.path.join(folder, "scene"))
         elif isinstance(what, str | os.PathLike):
             subject = os.fspath(what)
+            if not os.path.exists(subject):
+                raise FileError(f"{subject}: is not there", file=subject)
+        elif not hasattr(what, "path"):
+            raise wrong("what", type(what).__name__, "a Scene, a Run in a directory, or a path")
         elif what.path is None:
-            found, allowed = "a run in memory", "a run directory: Engine.simulate_to"
-            raise ArgumentError(
-                f"run: found {found}; allowed: {allowed}", key="run", found=found, allowed=allowed
-            )
+            raise wrong("run", "a run in memory", "a run directory: Engine.simulate_to")
         else:
             subject = what.path
         out = os.path.join(folder, "pictures")
