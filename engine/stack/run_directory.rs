@@ -48,6 +48,8 @@ pub struct RunDirectory {
     is_planned: bool,
     /// The part of the run that is here; `None`: all of it.
     shard: Option<Shard>,
+    /// SHA-256 of the planned scene.toml, in a shard.
+    scene_sha256: Option<String>,
     format: Format,
     overwrite: bool,
     allow_mixed: bool,
@@ -90,6 +92,7 @@ impl RunDirectory {
             path,
             is_planned: false,
             shard: None,
+            scene_sha256: None,
             format,
             overwrite: false,
             allow_mixed: false,
@@ -233,7 +236,7 @@ impl Sink for RunDirectory {
         file.keep_moments = Some(self.keep_moments);
         file.title.clone_from(&scene.title);
         file.view_angles = Some(ViewAngles::of(scene));
-        file.shard = self.shard;
+        (file.shard, file.scene_sha256) = (self.shard, self.scene_sha256.clone());
         file.host = self.shard.and_then(|_| planned::host());
         let scene_path = self.root.join(SCENE);
         if self.is_planned || self.resumed.is_some() {

@@ -83,6 +83,9 @@ pub struct RunFile {
     /// The part of the run that this folder holds; `None`: all of it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub shard: Option<Shard>,
+    /// SHA-256 of scene.toml of the plan, in the record of a shard.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub scene_sha256: Option<String>,
     /// Name of the machine, in the record of a shard.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub host: Option<String>,
@@ -139,6 +142,7 @@ impl RunFile {
             keep_moments: None,
             block_rows: start.block_rows,
             shard: None,
+            scene_sha256: None,
             host: None,
             shards: Vec::new(),
             record: RunRecord::begin(start, seed),

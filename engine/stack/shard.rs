@@ -111,6 +111,14 @@ impl Part {
         self.shard.views(self.extent.views)
     }
 
+    /// Whether its views come before a view of the run.
+    pub(super) fn is_before(&self, view: Exposure) -> bool {
+        match view {
+            Exposure::Sample(index) => self.samples().end <= index,
+            Exposure::Flat | Exposure::Dark => false,
+        }
+    }
+
     /// Whether a view belongs to it.
     pub(super) fn has(&self, view: Exposure) -> bool {
         self.shard.has(view, self.extent.views)

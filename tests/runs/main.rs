@@ -21,6 +21,8 @@ mod one_patch;
 mod safety;
 #[cfg(all(feature = "cli", unix))]
 mod shards;
+#[cfg(all(feature = "cli", unix))]
+mod slurm;
 mod stack;
 mod stack_read;
 mod tiff_pages;

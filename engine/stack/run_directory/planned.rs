@@ -1,11 +1,13 @@
 //! A shard of a planned run: a part of its views in a folder of its own, with its own lock and log.
 
 use super::RunDirectory;
+use super::join::refuse_other;
 use crate::moments::MomentWriter;
 use crate::scene::Scene;
 use crate::stack::layout::{self, LOG, RUN};
 use crate::stack::plan::Plan;
 use crate::stack::progress_log::ProgressLog;
+use crate::stack::run_file::{RunFile, RunState};
 use crate::stack::scene_file;
 use crate::stack::shard::Shard;
 use crate::{Error, Result, folder};
@@ -49,12 +51,22 @@ impl RunDirectory {
         crate::whole_file::refuse_link(&path)?;
         folder::make_all(&path)?;
         let log = ProgressLog::lock_patiently(&path.join(LOG))?;
-        let mut directory = match path.join(RUN).exists() {
+        // A join removes a shard with its lock.
+        let whole = root.join(RUN);
+        if whole.exists() && RunFile::read(&whole)?.state == RunState::Done {
+            return Err(Error::file(&root, "was joined meanwhile", None));
+        }
+        let record = path.join(RUN);
+        if record.exists() {
+            refuse_other(&path, &RunFile::read(&record)?, shard, &plan)?;
+        }
+        let mut directory = match record.exists() {
             true => Self::resume_part(path, root.clone(), Some(shard), Some(log), scene)?,
             false => Self::at(path, plan.format, Some(log)),
         };
         (directory.root, directory.shard, directory.is_planned) = (root, Some(shard), true);
         directory.keep_moments = plan.keep_moments;
+        directory.scene_sha256 = Some(plan.scene_sha256);
         Ok(directory)
     }
 
