@@ -93,12 +93,13 @@ fn template(path: Option<&Path>) -> Result<String, Failure> {
 }
 
 /// The text of a word of a script: a line break would end its line, and another text is another path.
-fn plain(key: &str, word: impl AsRef<OsStr>) -> Result<String, Failure> {
+fn plain(key: &str, word: &(impl AsRef<OsStr> + ?Sized)) -> Result<String, Failure> {
     let word = word.as_ref();
     let refused = |problem: &str| {
         let word = printed::path(Path::new(word));
         Failure::Usage(format!(
-            "{key}: {word} {problem}; allowed in a script for Slurm: Unicode text without control characters"
+            "{key}: {word} {problem}; allowed in a script for Slurm: Unicode text without control \
+             characters"
         ))
     };
     match word.to_str() {

@@ -48,8 +48,8 @@ pub struct AstraFile {
 ///
 /// # Errors
 /// [`Error::File`] where the folder has no images or no vectors of their views, or images of other views,
-/// rows or columns than its geometry, or the place is taken or
-/// cannot be written; [`Error::Interrupted`]. Nothing is left behind then.
+/// rows or columns than its geometry, or the place is taken or cannot be written; [`Error::Interrupted`].
+/// Nothing is left behind then.
 pub fn write_astra(
     images: &Path,
     to: &Path,

@@ -110,7 +110,11 @@ fn a_single_shard_and_one_shard_a_view_are_joined() {
             make(&place, &[&format!("{index}/{shards}")]);
         }
         // Fewer files than shards and stacks have together.
-        let join = format!("ulimit -n 18; exec '{}' join run", env!("CARGO_BIN_EXE_beamlet"));
+        let join = format!(
+            "for fd in /proc/self/fd/*; do fd=${{fd##*/}}; [ \"$fd\" -le 2 ] || eval \"exec $fd>&-\"; done; \
+             ulimit -n 18; exec '{}' join run",
+            env!("CARGO_BIN_EXE_beamlet")
+        );
         let mut few_files = Command::new("bash");
         ended(&few_files.args(["-c", &join]).current_dir(place.path("")).output().unwrap(), 0);
         of_one_run(&place, &["--format", "npy"]);
