@@ -20,7 +20,7 @@ pub(crate) use look::{Check, Compare};
 pub(crate) use mesh::{Mask, Mesh};
 pub(crate) use reconstruct::{Centre, Hardening, QuantityName, Reconstruct, ReconstructionName};
 pub(crate) use retrieve::Retrieve;
-pub(crate) use shards::{Join, PlanArguments, SlurmArguments};
+pub(crate) use shards::{Join, PlanArguments};
 pub(crate) use shared::Messages;
 pub(crate) use simulate::{Illuminate, Simulate};
 pub(crate) use values::ValueRange;

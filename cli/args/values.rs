@@ -131,8 +131,12 @@ pub(super) fn sbatch_option(text: &str) -> Result<[String; 2], String> {
     };
     match parts {
         Some([key, _]) if SET_BY_PLAN.contains(&key) => Err(format!("{key} is set by the plan")),
-        Some([key, value]) if is_name(key) && !value.contains(char::is_control) => {
-            Ok([key.to_owned(), value.to_owned()])
+        // Slurm drops each \ of an option in a script, and a line break ends the option.
+        Some([key, value]) if is_name(key) => {
+            match value.contains(|c: char| c.is_control() || c == '\\') {
+                true => Err("allowed in a value: text without control characters and \\".into()),
+                false => Ok([key.to_owned(), value.to_owned()]),
+            }
         }
         _ => Err("write the long name and its value, as in partition=gpu or exclusive=".into()),
     }

@@ -1,7 +1,7 @@
 //! `beamlet plan`: the directory of a run in shards, and scripts that make these.
 
 use super::simulate::{command_line, quoted};
-use super::slurm;
+use super::slurm::{self, Scripts};
 use crate::args::PlanArguments;
 use crate::failure::Failure;
 use crate::interrupt;
@@ -23,7 +23,7 @@ pub(super) fn run(arguments: &PlanArguments, out: &mut impl Write) -> Result<(),
             "cells, with --keep-moments",
         )));
     }
-    let template = slurm::template(&arguments.slurm)?;
+    let scripts = Scripts::of(arguments, &scene)?;
     let views = StackShape::of(&scene).map_err(failed)?.views;
     if arguments.shards > views {
         return Err(Failure::Usage(format!(
@@ -52,8 +52,8 @@ pub(super) fn run(arguments: &PlanArguments, out: &mut impl Write) -> Result<(),
     // Shards take the tolerances of the plan.
     let scene = with_tolerances(&scene, arguments.keep_moments).map_err(failed)?;
     let plan = Plan::create(&arguments.output, &scene, &options).map_err(failed)?;
-    if let Some(template) = template {
-        slurm::write(arguments, &scene, &template)?;
+    if let Some(scripts) = scripts {
+        scripts.write()?;
     }
     if arguments.messages.quiet {
         return Ok(());

@@ -1,12 +1,13 @@
 //! Scripts for Slurm: an array of shards, the join behind it, and what submits both.
 
 use super::simulate::quoted;
-use crate::args::{PlanArguments, SlurmArguments};
+use crate::args::PlanArguments;
 use crate::failure::Failure;
-use beamlet::cli_support::write_file;
+use beamlet::cli_support::{printed, write_file};
 use beamlet::scene::Scene;
 use beamlet::stack::layout;
 use std::collections::BTreeSet;
+use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
 
 /// Script that submits the other two.
@@ -22,13 +23,56 @@ const TEMPLATE: &str = "#!/bin/bash\n{options}\nset -eu\n{command}\n";
 /// Seconds before the time limit at which Slurm sends the signal.
 const NOTICE: u32 = 90;
 
-/// The text of the scripts; `None` where none are wanted.
-pub(super) fn template(arguments: &SlurmArguments) -> Result<Option<String>, Failure> {
-    if !arguments.slurm {
-        return Ok(None);
+/// Scripts of a planned run, not written yet.
+pub(super) struct Scripts {
+    folder: PathBuf,
+    texts: [(&'static str, String); 3],
+}
+
+impl Scripts {
+    /// The scripts of a run; `None` where none are wanted.
+    pub(super) fn of(arguments: &PlanArguments, scene: &Scene) -> Result<Option<Self>, Failure> {
+        if !arguments.slurm.slurm {
+            return Ok(None);
+        }
+        let template = template(arguments.slurm.template.as_deref())?;
+        let run = std::path::absolute(&arguments.output).map_err(|error| Failure::File {
+            path: arguments.output.clone(),
+            problem: error.to_string(),
+        })?;
+        let run = match arguments.slurm.container {
+            Some(_) => real(&run),
+            None => run,
+        };
+        let program = program(arguments, scene, &run)?;
+        let folder = run.join(layout::SCRIPTS);
+        let text = Script {
+            arguments,
+            run: plain("--output", &run)?,
+            folder: of_option("--output", &folder)?,
+            program,
+        };
+        let texts = [
+            (SHARDS, filled(&template, &text.options(true), &text.shards()?)),
+            (JOIN, filled(&template, &text.options(false), &text.join())),
+            (SUBMIT, text.submit()),
+        ];
+        Ok(Some(Self { folder, texts }))
     }
-    let Some(path) = &arguments.template else { return Ok(Some(TEMPLATE.to_owned())) };
-    let failed = |problem: String| Failure::File { path: path.clone(), problem };
+
+    /// Writes them into the folder of the run.
+    pub(super) fn write(&self) -> Result<(), Failure> {
+        for (name, text) in &self.texts {
+            write_file(&self.folder.join(name), text.as_bytes())?;
+        }
+        Ok(())
+    }
+}
+
+/// The text of the scripts around options and command.
+fn template(path: Option<&Path>) -> Result<String, Failure> {
+    let Some(path) = path else { return Ok(TEMPLATE.to_owned()) };
+    let failed = |problem: String| Failure::File { path: path.to_owned(), problem };
     let text = std::fs::read_to_string(path)
         .map_err(|error| failed(format!("cannot be read: {error}")))?;
     if !text.starts_with("#!") {
@@ -46,30 +90,89 @@ pub(super) fn template(arguments: &SlurmArguments) -> Result<Option<String>, Fai
             }
         }
     }
-    Ok(Some(text))
+    Ok(text)
 }
 
-/// Writes the scripts of a planned run.
-pub(super) fn write(
-    arguments: &PlanArguments,
-    scene: &Scene,
-    template: &str,
-) -> Result<(), Failure> {
-    let run = std::path::absolute(&arguments.output).map_err(|error| Failure::File {
-        path: arguments.output.clone(),
-        problem: error.to_string(),
-    })?;
-    let folder = run.join(layout::SCRIPTS);
-    let text = Script { arguments, run: &run, folder: &folder, scene };
-    let scripts = [
-        (SHARDS, filled(template, &text.options(true), &text.shards())),
-        (JOIN, filled(template, &text.options(false), &text.join())),
-        (SUBMIT, text.submit()),
-    ];
-    for (name, script) in scripts {
-        write_file(&folder.join(name), script.as_bytes())?;
+/// The text of a word of a script: a line break would end its line, and another text is another path.
+fn plain(key: &str, word: &(impl AsRef<OsStr> + ?Sized)) -> Result<String, Failure> {
+    let word = word.as_ref();
+    let refused = |problem: &str| {
+        let word = printed::path(Path::new(word));
+        Failure::Usage(format!(
+            "{key}: {word} {problem}; allowed in a script for Slurm: Unicode text without control \
+             characters"
+        ))
+    };
+    match word.to_str() {
+        None => Err(refused("is no Unicode text")),
+        Some(text) if text.contains(char::is_control) => Err(refused("has a control character")),
+        Some(text) => Ok(text.to_owned()),
     }
-    Ok(())
+}
+
+/// As [`plain`] for a path in a line of options, where Slurm drops each `\`.
+fn of_option(key: &str, path: &Path) -> Result<String, Failure> {
+    let text = plain(key, path)?;
+    if text.contains('\\') {
+        let problem = format!("{key}: {text} has a \\, which Slurm drops from paths of logs");
+        return Err(Failure::Usage(problem));
+    }
+    Ok(text)
+}
+
+/// Command of beamlet: this program, or the program of a container.
+fn program(arguments: &PlanArguments, scene: &Scene, run: &Path) -> Result<String, Failure> {
+    if let Some(image) = &arguments.slurm.container {
+        let mut binds = Vec::new();
+        for folder in bound(scene, run) {
+            let folder = plain("--container", &folder)?;
+            if folder.contains([',', ':']) {
+                let problem = "which separate the paths of --bind of Apptainer";
+                return Err(Failure::Usage(format!(
+                    "--container: the folder {folder} has a comma or colon, {problem}"
+                )));
+            }
+            binds.push(folder);
+        }
+        // A job begins in the folder that it is submitted from.
+        let image = match image.contains("://") {
+            true => PathBuf::from(image),
+            false => std::path::absolute(image).unwrap_or_else(|_| image.into()),
+        };
+        let image = quoted(&plain("--container", &image)?);
+        return Ok(format!(
+            "apptainer exec --nv --bind {} {image} beamlet",
+            quoted(&binds.join(","))
+        ));
+    }
+    // Elsewhere, as in the Python package, the program of this process is another one.
+    let own =
+        std::env::current_exe().ok().filter(|path| path.file_stem() == Some("beamlet".as_ref()));
+    match own {
+        Some(path) => Ok(quoted(&plain("the path of beamlet", &path)?)),
+        None => Ok("beamlet".to_owned()),
+    }
+}
+
+/// Folders that a container needs: the run, and the files of the scene with the files that links there lead
+/// to.
+fn bound(scene: &Scene, run: &Path) -> BTreeSet<PathBuf> {
+    let files = scene.input_files();
+    let paths = files.iter().filter_map(|file| std::path::absolute(file).ok());
+    let paths = paths.flat_map(|path| [real(&path), path]);
+    let folders = paths.filter_map(|path| path.parent().map(Path::to_path_buf));
+    folders.chain([run.to_path_buf()]).collect()
+}
+
+/// A path without links, as far as it exists.
+fn real(path: &Path) -> PathBuf {
+    let found = path.ancestors().find_map(|folder| {
+        let rest = path.strip_prefix(folder).ok()?;
+        let found = folder.canonicalize().ok()?;
+        // An empty rest would add a slash.
+        Some(if folder == path { found } else { found.join(rest) })
+    });
+    found.unwrap_or_else(|| path.to_path_buf())
 }
 
 fn filled(template: &str, options: &str, command: &str) -> String {
@@ -84,18 +187,19 @@ fn filled(template: &str, options: &str, command: &str) -> String {
 /// Parts of the scripts.
 struct Script<'a> {
     arguments: &'a PlanArguments,
-    run: &'a Path,
-    folder: &'a Path,
-    scene: &'a Scene,
+    run: String,
+    folder: String,
+    /// Words of a shell.
+    program: String,
 }
 
 impl Script<'_> {
     /// Lines for sbatch.
     fn options(&self, is_array: bool) -> String {
         let slurm = &self.arguments.slurm;
-        let name = self.run.file_name().unwrap_or_default().to_string_lossy();
+        let name = Path::new(&self.run).file_name().unwrap_or_default().to_string_lossy();
         // % begins a replacement of Slurm.
-        let folder = self.folder.display().to_string().replace('%', "%%");
+        let folder = self.folder.replace('%', "%%");
         let log = |name: &str| format!("{folder}/{name}");
         let mut lines = Vec::new();
         let mut add = |key: &str, value: &str| {
@@ -121,18 +225,18 @@ impl Script<'_> {
     }
 
     /// A shard: at the signal before the time limit it ends, and goes back into the queue.
-    fn shards(&self) -> String {
+    fn shards(&self) -> Result<String, Failure> {
         let engine = &self.arguments.engine;
         let mut more = String::new();
         if let Some(device) = &engine.device.device {
-            more.push_str(&format!(" --device {}", quoted(device)));
+            more.push_str(&format!(" --device {}", quoted(&plain("--device", device)?)));
         }
         if let Some(limit) = engine.memory_limit {
             more.push_str(&format!(" --memory-limit {limit}B"));
         }
-        let run = self.word();
-        let scene = quoted(&self.run.join(layout::SCENE).to_string_lossy());
-        format!(
+        let run = quoted(&self.run);
+        let scene = quoted(&format!("{}/{}", self.run, layout::SCENE));
+        Ok(format!(
             "# {NOTICE} s before the time limit the shard ends, and its task goes back into the queue.\n\
              again() {{\n    \
                  kill -TERM \"$shard\" 2>/dev/null || true\n    \
@@ -144,17 +248,17 @@ impl Script<'_> {
              shard=$!\n\
              trap again TERM\n\
              wait \"$shard\"",
-            program = self.program(),
+            program = self.program,
             shards = self.arguments.shards,
-        )
+        ))
     }
 
     fn join(&self) -> String {
-        format!("{} join {}", self.program(), self.word())
+        format!("{} join {}", self.program, quoted(&self.run))
     }
 
     fn submit(&self) -> String {
-        let script = |name: &str| quoted(&self.folder.join(name).to_string_lossy());
+        let script = |name: &str| quoted(&format!("{}/{name}", self.folder));
         format!(
             "#!/bin/sh\n\
              # Submits the shards, and the join that waits for all of them.\n\
@@ -164,34 +268,5 @@ impl Script<'_> {
             script(SHARDS),
             script(JOIN)
         )
-    }
-
-    fn word(&self) -> String {
-        quoted(&self.run.to_string_lossy())
-    }
-
-    /// Command of beamlet: this program, or the program of a container.
-    fn program(&self) -> String {
-        if let Some(image) = &self.arguments.slurm.container {
-            let binds: Vec<String> =
-                self.bound().iter().map(|path| path.display().to_string()).collect();
-            let binds = quoted(&binds.join(","));
-            return format!("apptainer exec --nv --bind {binds} {} beamlet", quoted(image));
-        }
-        // Elsewhere, as in the Python package, the program of this process is another one.
-        let own = std::env::current_exe()
-            .ok()
-            .filter(|path| path.file_stem() == Some("beamlet".as_ref()));
-        own.map_or_else(|| "beamlet".to_owned(), |path| quoted(&path.to_string_lossy()))
-    }
-
-    /// Folders that a container needs: the run, and the files of the scene.
-    fn bound(&self) -> BTreeSet<PathBuf> {
-        let files = self.scene.input_files();
-        let folders = files.iter().filter_map(|file| {
-            let file = std::path::absolute(file).ok()?;
-            file.parent().map(Path::to_path_buf)
-        });
-        folders.chain([self.run.to_path_buf()]).collect()
     }
 }

@@ -38,8 +38,9 @@ impl Input {
     /// interleave by their places.
     ///
     /// # Errors
-    /// [`Error::File`] where a folder has no images or geometry, or views, rows or distances that are
-    /// not those of the first; where two columns measure the same place.
+    /// [`Error::File`] where a folder has no images or geometry, or images of other views, rows or columns
+    /// than its geometry, or views, rows or distances that are not those of the first; where two columns
+    /// measure the same place.
     pub fn of_images(folders: &[PathBuf]) -> Result<Self> {
         let open = |path: &PathBuf| {
             if !layout::is_retrieved(path) {
@@ -48,14 +49,7 @@ impl Input {
             }
             let maps = Maps::open(path)?;
             let file = GeometryFile::read(path)?;
-            let views = maps.views();
-            if views != file.angles_rad.len() {
-                let problem = format!(
-                    "has images of {views} views; {GEOMETRY} has {} angles",
-                    file.angles_rad.len()
-                );
-                return Err(Error::file(path, problem, None));
-            }
+            file.refuse_other_images(path, maps.sides())?;
             Ok((path.clone(), maps, file))
         };
         let opened = folders.iter().map(open).collect::<Result<Vec<_>>>()?;

@@ -198,7 +198,8 @@ pub enum Progress {
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[non_exhaustive]
 pub struct ViewProgress {
-    /// Work done, in pixel rows (over all views, the flat included).
+    /// Rows of light done in all poses of all views, the flat included. A pixel row is one, or several where
+    /// light is blurred; margins beside the detector count.
     pub rows_done: u64,
     /// All work of this run.
     pub rows_total: u64,

@@ -47,8 +47,9 @@ pub struct AstraFile {
 /// all.
 ///
 /// # Errors
-/// [`Error::File`] where the folder has no images or no vectors of their views, or the place is taken or
-/// cannot be written; [`Error::Interrupted`]. Nothing is left behind then.
+/// [`Error::File`] where the folder has no images or no vectors of their views, or images of other views,
+/// rows or columns than its geometry, or the place is taken or cannot be written; [`Error::Interrupted`].
+/// Nothing is left behind then.
 pub fn write_astra(
     images: &Path,
     to: &Path,
@@ -57,6 +58,7 @@ pub fn write_astra(
     cancel: &Cancel,
 ) -> Result<AstraFile> {
     let (geometry, maps) = (GeometryFile::read(images)?, Maps::open(images)?);
+    geometry.refuse_other_images(images, maps.sides())?;
     let mut about = begun(images, &geometry)?;
     let stacks: Vec<(String, StackFile)> = maps
         .into_stacks()

@@ -128,14 +128,58 @@ impl GeometryFile {
     /// Reads the geometry.json of a folder.
     ///
     /// # Errors
-    /// [`Error::File`] where it is missing or is no such file.
+    /// [`Error::File`] where it is missing or is no such file, or its lists have different numbers of views.
     pub fn read(folder: &Path) -> Result<Self> {
         let path = folder.join(layout::GEOMETRY);
         let text = input_file::text(&path)
             .map_err(|error| Error::file(&path, "cannot be read", Some(error)))?;
-        serde_json::from_str(&text).map_err(|error| {
+        let file: Self = serde_json::from_str(&text).map_err(|error| {
             Error::file(&path, format!("is not a geometry of views: {error}"), None)
-        })
+        })?;
+        file.check().map_err(|problem| Error::file(path, problem, None))?;
+        Ok(file)
+    }
+
+    /// Checks the lengths of the lists.
+    fn check(&self) -> std::result::Result<(), String> {
+        let views = self.angles_rad.len();
+        let of_views = [
+            ("angles_deg", Some(self.angles_deg.len())),
+            ("sample_motions", self.sample_motions.as_ref().map(Vec::len)),
+            ("astra_cone_vec_mm", self.astra_cone_vec_mm.as_ref().map(Vec::len)),
+        ];
+        if let Some((name, found)) =
+            of_views.into_iter().find(|(_, found)| found.is_some_and(|found| found != views))
+        {
+            let found = found.unwrap_or_default();
+            return Err(format!(
+                "{name}: found {found} views; allowed: {views}, the number of angles_rad"
+            ));
+        }
+        let lists = [("angles_rad", views), ("columns_m", self.columns_m.len())];
+        for (name, found) in lists.into_iter().chain([("rows_m", self.rows_m.len())]) {
+            if found == 0 {
+                return Err(format!("{name}: found an empty list; allowed: one or more numbers"));
+            }
+        }
+        Ok(())
+    }
+
+    /// Refuses images in `folder` with other views, rows or columns than this geometry.
+    ///
+    /// # Errors
+    /// [`Error::File`] with both numbers.
+    pub(crate) fn refuse_other_images(&self, folder: &Path, sides: [usize; 3]) -> Result<()> {
+        let own = [self.angles_rad.len(), self.rows_m.len(), self.columns_m.len()];
+        let names = [("views", "angles"), ("rows", "rows_m"), ("columns", "columns_m")];
+        for ((side, list), (found, own)) in names.into_iter().zip(sides.into_iter().zip(own)) {
+            if found != own {
+                let problem =
+                    format!("has images of {found} {side}; {} has {own} {list}", layout::GEOMETRY);
+                return Err(Error::file(folder, problem, None));
+            }
+        }
+        Ok(())
     }
 
     /// Motions of the sample; `None` where the views are a circle.
@@ -145,9 +189,8 @@ impl GeometryFile {
     pub fn motions(&self) -> Result<Option<Vec<Motion>>> {
         let Some(matrices) = &self.sample_motions else { return Ok(None) };
         let wrong = |problem: String| Err(Error::file(layout::GEOMETRY, problem, None));
-        if matrices.len() != self.angles_rad.len() {
-            let [found, needed] = [matrices.len(), self.angles_rad.len()];
-            return wrong(format!("sample_motions: {found} motions for {needed} angles"));
+        if let Err(problem) = self.check() {
+            return wrong(problem);
         }
         let mut motions = Vec::with_capacity(matrices.len());
         for (view, matrix) in matrices.iter().enumerate() {

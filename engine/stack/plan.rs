@@ -14,7 +14,7 @@ use super::values::hex;
 use super::{own_files, read, scene_file};
 use crate::array_file::Format;
 use crate::scene::Scene;
-use crate::whole_file::{link_or_copy, refuse_link, sync_directory, write_whole};
+use crate::whole_file::{refuse_link, sync_directory, write_whole};
 use crate::{Error, Result, folder, input_file};
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
@@ -199,6 +199,12 @@ impl Plan {
         let what = match file.shard {
             Some(found) if found != shard => format!("it is shard {found}, here is shard {shard}"),
             Some(_) if is_other => "its scene differs".to_owned(),
+            Some(_) if file.extent != self.extent || file.format != self.format => {
+                "its stacks have another shape or format".to_owned()
+            }
+            Some(_) if file.keep_moments != Some(self.keep_moments) => {
+                "they differ in keep_moments".to_owned()
+            }
             Some(_) => return Ok(()),
             None => format!("it is a whole run, here is shard {shard}"),
         };
@@ -229,22 +235,27 @@ pub(super) fn settle_platform(run: &Path, folder: &Path, platform: &Platform) ->
     // Whole under a name of its own; only one of several gets the name that counts.
     let mine = folder.join(DEVICE);
     write_whole(&mine, &json(&mine, platform)?)?;
-    let taken = match fs::hard_link(&mine, &path) {
-        Err(error) if error.kind() == ErrorKind::AlreadyExists => Ok(()),
-        // A system without links: the last of those that begin at the same moment wins, and the
-        // join compares all.
-        Err(_) => link_or_copy(&mine, &path),
-        Ok(()) => sync_directory(run),
-    };
-    let _ = fs::remove_file(&mine);
-    taken?;
+    take_name(&mine, &path, fs::hard_link(&mine, &path))?;
     Ok(Plan::platform(run)?.unwrap_or_else(|| platform.clone()))
 }
 
 /// The error of a folder with a shard of another plan.
-pub(super) fn of_other_plan(path: &Path, what: &str) -> Error {
+fn of_other_plan(path: &Path, what: &str) -> Error {
     let problem = format!("is of another plan: {what}; remove {}", crate::printed::path(path));
     Error::file(path.join(RUN), problem, None)
+}
+
+/// Gives a whole file the name that a link took or failed to take; the file loses its first name.
+fn take_name(mine: &Path, path: &Path, linked: std::io::Result<()>) -> Result<()> {
+    let taken = match linked {
+        // A system without links: the last of the shards that begin at the same moment wins, and the
+        // join compares all.
+        Err(error) if error.kind() != ErrorKind::AlreadyExists => fs::rename(mine, path),
+        _ => Ok(()),
+    };
+    let _ = fs::remove_file(mine);
+    taken.map_err(|error| Error::file(path, "cannot be written", Some(error)))?;
+    sync_directory(path.parent().unwrap_or(path))
 }
 
 /// Refuses the folder of a shard where a whole run is expected.
@@ -270,4 +281,27 @@ fn parse<T: serde::de::DeserializeOwned>(path: &Path, problem: &str) -> Result<T
         input_file::text(path).map_err(|error| Error::file(path, "cannot be read", Some(error)))?;
     serde_json::from_str(&text)
         .map_err(|error| Error::file(path, format!("{problem}: {error}"), None))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Without links a file gets its name whole, by a rename: a copy under that name would be seen in parts.
+    #[test]
+    #[cfg(unix)]
+    fn a_file_gets_its_name_whole_where_there_are_no_links() {
+        use std::os::unix::fs::MetadataExt;
+        let folder = tempfile::tempdir().unwrap();
+        let [mine, path] = ["mine", "device.json"].map(|name| folder.path().join(name));
+        let inode = |path: &Path| fs::metadata(path).unwrap().ino();
+        fs::write(&mine, "first").unwrap();
+        let first = inode(&mine);
+        take_name(&mine, &path, Err(ErrorKind::Unsupported.into())).unwrap();
+        assert_eq!((inode(&path), mine.exists()), (first, false));
+        // With links the first of two keeps the name.
+        fs::write(&mine, "second").unwrap();
+        take_name(&mine, &path, fs::hard_link(&mine, &path)).unwrap();
+        assert_eq!((fs::read_to_string(&path).unwrap().as_str(), mine.exists()), ("first", false));
+    }
 }

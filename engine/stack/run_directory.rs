@@ -48,6 +48,8 @@ pub struct RunDirectory {
     is_planned: bool,
     /// The part of the run that is here; `None`: all of it.
     shard: Option<Shard>,
+    /// SHA-256 of the planned scene.toml, in a shard.
+    scene_sha256: Option<String>,
     format: Format,
     overwrite: bool,
     allow_mixed: bool,
@@ -90,6 +92,7 @@ impl RunDirectory {
             path,
             is_planned: false,
             shard: None,
+            scene_sha256: None,
             format,
             overwrite: false,
             allow_mixed: false,
@@ -235,11 +238,8 @@ impl Sink for RunDirectory {
         file.view_angles = Some(ViewAngles::of(scene));
         file.flats_before_views = scene.scan.flats_every.map(|_| scene.scan.flat_places());
         file.darks_before_views = scene.scan.darks_every.map(|_| scene.scan.dark_places());
-        file.shard = self.shard;
-        if self.shard.is_some() {
-            file.scene_sha256 = Some(plan::Plan::read(&self.root)?.scene_sha256);
-            file.host = planned::host();
-        }
+        (file.shard, file.scene_sha256) = (self.shard, self.scene_sha256.clone());
+        file.host = self.shard.and_then(|_| planned::host());
         let scene_path = self.root.join(SCENE);
         if self.is_planned || self.resumed.is_some() {
             let hashes = Some(&start.mesh_hashes);

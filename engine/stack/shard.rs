@@ -128,6 +128,11 @@ impl Part {
         self.shard.range(view, self.extent)
     }
 
+    /// Whether its views come before a view of the run, in the stack of the view.
+    pub(super) fn is_before(&self, view: Exposure) -> bool {
+        self.range(view).end <= view.index()
+    }
+
     /// Whether a view belongs to it.
     pub(super) fn has(&self, view: Exposure) -> bool {
         self.shard.has(view, self.extent)

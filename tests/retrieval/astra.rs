@@ -172,3 +172,50 @@ fn vectors_of_a_run_are_the_motions_of_another() {
     std::fs::write(work.path("vectors.txt"), lines.replace(second, &far.join(" "))).unwrap();
     refused("cone_vec = \"vectors.txt\"", ["view 1", "detector"]);
 }
+
+/// geometry.json of other views, rows or columns than the images is refused by `convert` and `reconstruct`
+/// alike.
+#[test]
+fn geometry_of_other_images_is_refused_with_its_list() {
+    let work = Workplace::new(SCENE);
+    let simulated = work.simulate(&["--format", "npy", "--set", "sampling.tolerance=1e-2"]);
+    assert!(simulated.status.success(), "{}", stderr(&simulated));
+    assert!(work.beamlet(&["retrieve", "run", "-q"]).status.success());
+    let path = work.path("run/retrieved/geometry.json");
+    let whole: Value = serde_json::from_slice(&std::fs::read(&path).unwrap()).unwrap();
+    let list = |name: &str, length: usize| {
+        let mut changed = whole.clone();
+        let values = changed[name].as_array_mut().unwrap();
+        let last = values.last().unwrap().clone();
+        values.resize(length, last);
+        changed
+    };
+    let mut fewer = whole.clone();
+    for name in ["angles_rad", "angles_deg", "astra_cone_vec_mm", "sample_motions"] {
+        fewer[name].as_array_mut().unwrap().pop();
+    }
+    for (geometry, words) in [
+        (list("astra_cone_vec_mm", 0), "astra_cone_vec_mm: found 0 views; allowed: 3"),
+        (list("sample_motions", 2), "sample_motions: found 2 views; allowed: 3"),
+        (list("angles_deg", 4), "angles_deg: found 4 views; allowed: 3"),
+        (list("columns_m", 0), "columns_m: found an empty list"),
+        (list("columns_m", 4), "images of 8 columns; geometry.json has 4 columns_m"),
+        (list("columns_m", 9), "images of 8 columns; geometry.json has 9 columns_m"),
+        (list("rows_m", 0), "rows_m: found an empty list"),
+        (list("rows_m", 7), "images of 6 rows; geometry.json has 7 rows_m"),
+        (fewer, "images of 3 views; geometry.json has 2 angles"),
+    ] {
+        std::fs::write(&path, geometry.to_string()).unwrap();
+        for verb in
+            [["convert", "run", "--to", "astra"], ["reconstruct", "run", "--method", "cgls"]]
+        {
+            let refused = work.beamlet(&[&verb[..], &["-o", "made"]].concat());
+            let message = stderr(&refused);
+            assert!(
+                message.contains(words) && refused.status.code() == Some(1),
+                "{verb:?}: {message}"
+            );
+        }
+        assert!(!work.path("made").exists());
+    }
+}

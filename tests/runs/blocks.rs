@@ -6,7 +6,11 @@
 
 use super::big_input::watched;
 use super::crash::{assert_same, end_again_and_again};
+use crate::support::engine;
 use crate::support::program::{Workplace, beamlet, ended};
+use beamlet::scene::Scene;
+use beamlet::stack::{Format, RunDirectory};
+use beamlet::{Backend, Blocks, Cancel, Control, Progress};
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
@@ -139,6 +143,39 @@ fn runs_by_blocks_that_are_ended_at_random_moments_go_on_to_the_same_bytes() {
     ] {
         end_again_and_again(SCENE, options, VIEWS, seed);
     }
+}
+
+/// Rows that are done and rows in all agree at the end of a run that goes on within a view. Blur of the light
+/// makes two rows of light and more of a pixel row, and margins beside the detector.
+#[test]
+fn progress_of_a_run_that_goes_on_within_a_view_ends_at_all_rows() {
+    let coarse = SCENE.replace("tolerance = 1e-5", "tolerance = 1e-2");
+    let place = Workplace::new(&(coarse + "\n[detector.blur]\nfwhm = \"100 um\"\n"));
+    let scene = Scene::load(place.path("scene.toml")).unwrap();
+    let (engine, run) = (engine(Backend::Bvh), place.path("run"));
+    let cancel = Cancel::default();
+    let mut stop = |_: Progress| {
+        if log_of(&run).contains("\nsample/0/rows/4-8 ") {
+            cancel.cancel();
+        }
+    };
+    let control = Control::default().with_blocks(Blocks::Rows(4)).with_cancel(cancel.clone());
+    let mut directory = RunDirectory::create(&run, Format::Npy, false).unwrap();
+    let ended = engine.run(&scene, &mut directory, control.with_progress(&mut stop));
+    assert!(matches!(ended, Err(beamlet::Error::Interrupted)), "{ended:?}");
+    drop(directory);
+    let mut directory = RunDirectory::resume(&run, &scene).unwrap();
+    assert!(directory.begun_view().is_some(), "{}", log_of(&run));
+    let mut last = [0; 2];
+    let mut report = |progress: Progress| {
+        if let Progress::Views(now) = progress {
+            last = [now.rows_done, now.rows_total];
+        }
+    };
+    let control = Control::default().going_on(&directory).with_progress(&mut report);
+    engine.run(&scene, &mut directory, control).unwrap();
+    // More than the 60 pixel rows of each of two views.
+    assert!(last[0] == last[1] && last[1] > 2 * 60, "{last:?}");
 }
 
 #[test]

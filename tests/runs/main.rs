@@ -24,6 +24,8 @@ mod safety;
 #[cfg(all(feature = "cli", unix))]
 mod shards;
 mod side_by_side;
+#[cfg(all(feature = "cli", unix))]
+mod slurm;
 mod stack;
 mod stack_read;
 mod tiff_pages;

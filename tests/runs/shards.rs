@@ -9,10 +9,10 @@ use crate::support::program::{Workplace, ended};
 use std::fs;
 use std::os::unix::process::ExitStatusExt;
 use std::path::Path;
-use std::process::Stdio;
+use std::process::{Command, Stdio};
 
 /// A scan of 11 views with counts.
-const SCENE: &str = concat!(
+pub(crate) const SCENE: &str = concat!(
     include_str!("../support/masks.toml"),
     r#"
 [detector]
@@ -56,7 +56,7 @@ fn make(place: &Workplace, shards: &[&str]) {
 }
 
 #[track_caller]
-fn refused(place: &Workplace, words: &[&str], expected: &[&str]) {
+pub(crate) fn refused(place: &Workplace, words: &[&str], expected: &[&str]) {
     let output = place.beamlet(words);
     let message = String::from_utf8_lossy(&output.stderr);
     assert!(!output.status.success(), "{words:?} succeeded");
@@ -109,7 +109,14 @@ fn a_single_shard_and_one_shard_a_view_are_joined() {
         for index in 0..shards {
             make(&place, &[&format!("{index}/{shards}")]);
         }
-        ended(&place.beamlet(&["join", "run"]), 0);
+        // Fewer files than shards and stacks have together.
+        let join = format!(
+            "for fd in /proc/self/fd/*; do fd=${{fd##*/}}; [ \"$fd\" -le 2 ] || eval \"exec $fd>&-\"; done; \
+             ulimit -n 18; exec '{}' join run",
+            env!("CARGO_BIN_EXE_beamlet")
+        );
+        let mut few_files = Command::new("bash");
+        ended(&few_files.args(["-c", &join]).current_dir(place.path("")).output().unwrap(), 0);
         of_one_run(&place, &["--format", "npy"]);
         assert_same(&place.path(""), VIEWS);
     }
@@ -212,17 +219,20 @@ fn shards_that_do_not_belong_to_the_plan_are_refused() {
     fs::rename(place_of_other.path("run/shards/0001"), &there).unwrap();
     refused(&place, &["join", "run"], &["shards/0001", "another plan"]);
     fs::remove_dir_all(&there).unwrap();
-    // Of another scene, whose stacks have the same shape.
-    let place_of_scene = planned(3, &["--set", "source.energy=31 keV"]);
-    make(&place_of_scene, &["1/3"]);
-    fs::rename(place_of_scene.path("run/shards/0001"), &there).unwrap();
-    refused(&place, &["join", "run"], &["shards/0001", "another plan: its scene differs"]);
-    refused(&place, &words("1/3"), &["shards/0001", "another plan: its scene differs"]);
-    fs::remove_dir_all(&there).unwrap();
     fs::rename(place.path("run/shards/0002"), &there).unwrap();
     make(&place, &["2/3"]);
     refused(&place, &["join", "run"], &["shards/0001", "it is shard 2/3, here is shard 1/3"]);
     refused(&place, &words("1/3"), &["shards/0001", "shard 2/3"]);
+    // Of a plan of the same shape.
+    let other = ["--set", "source.energy=31 keV"];
+    let place_of_other = planned(3, &other);
+    make(&place_of_other, &["1/3"]);
+    fs::remove_dir_all(&there).unwrap();
+    fs::rename(place_of_other.path("run/shards/0001"), &there).unwrap();
+    let named = ["shards/0001", "another plan: its scene differs"];
+    refused(&place, &["join", "run"], &named);
+    refused(&place, &["join", "run", "--status"], &named);
+    refused(&place, &words("1/3"), &named);
     // A scene that changed since.
     let scene = place.path("run/scene.toml");
     let text = fs::read_to_string(&scene).unwrap();
@@ -316,51 +326,4 @@ fn one_process_at_a_time_makes_a_shard_and_its_state_is_listed() {
     assert_eq!(output.status.signal(), Some(9), "it was done before it was ended");
     assert_eq!(states()[0]["state"], "dead");
     assert_eq!(states()[1]["state"], "waiting");
-}
-
-#[test]
-fn scripts_for_slurm_have_the_options_and_are_shell() {
-    let place = Workplace::new(SCENE);
-    fs::write(place.path("site.sh"), "#!/bin/bash\n{options}\nmodule load vulkan\n{command}\n")
-        .unwrap();
-    let slurm = ["--slurm", "--at-once", "2", "--sbatch-option", "gres=gpu:1"];
-    let more =
-        ["--sbatch-option", "exclusive=", "--template", "site.sh", "--memory-limit", "1 GiB"];
-    let plan = ["plan", "scene.toml", "--shards", "3", "-o", "run"];
-    ended(&place.beamlet(&[&plan[..], &slurm, &more].concat()), 0);
-    let script = |name: &str| fs::read_to_string(place.path("run/slurm").join(name)).unwrap();
-    let shards = script("shards.sbatch");
-    for line in [
-        "#SBATCH --array=0-2%2\n",
-        "#SBATCH --requeue\n",
-        "#SBATCH --signal=B:TERM@90\n",
-        "#SBATCH --gres=gpu:1\n",
-        "#SBATCH --exclusive\n",
-        "\nmodule load vulkan\n",
-        "--shard \"$SLURM_ARRAY_TASK_ID/3\"",
-        "--memory-limit 1073741824B",
-    ] {
-        assert!(shards.contains(line), "{line:?} is not in\n{shards}");
-    }
-    assert!(!script("join.sbatch").contains("--array"));
-    assert!(script("submit.sh").contains("--dependency=\"afterok:"));
-    for name in ["shards.sbatch", "join.sbatch", "submit.sh"] {
-        let path = place.path("run/slurm").join(name);
-        let checked = std::process::Command::new("bash").arg("-n").arg(&path).status().unwrap();
-        assert!(checked.success(), "{name} is no shell");
-    }
-    let in_container = ["--slurm", "--container", "beamlet.sif", "-o", "contained"];
-    ended(&place.beamlet(&[&plan[..4], &in_container].concat()), 0);
-    let script = fs::read_to_string(place.path("contained/slurm/join.sbatch")).unwrap();
-    assert!(script.contains("apptainer exec --nv --bind "), "{script}");
-    assert!(script.contains(" beamlet.sif beamlet join "), "{script}");
-    // Refusals.
-    fs::write(place.path("bad.sh"), "#!/bin/bash\n{options}\n").unwrap();
-    let bad = [&plan[..4], &["-o", "bad", "--slurm", "--template", "bad.sh"]].concat();
-    refused(&place, &bad, &["bad.sh", "0 lines with {command}"]);
-    let set = [&plan[..4], &["-o", "bad", "--slurm", "--sbatch-option", "array=0-9"]].concat();
-    refused(&place, &set, &["array is set by the plan"]);
-    let alone = [&plan[..4], &["-o", "bad", "--at-once", "2"]].concat();
-    refused(&place, &alone, &["--slurm"]);
-    assert!(!place.path("bad").exists());
 }

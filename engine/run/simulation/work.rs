@@ -1,6 +1,7 @@
 //! The run in progress: bands of rows, traced and illuminated in groups, handed to the sink.
 
 mod detection;
+mod in_bands;
 mod mean;
 mod random;
 mod share;
@@ -23,6 +24,7 @@ use crate::scene::{Exposure, Scheme};
 use crate::stack::{BegunView, Sink};
 use crate::trace::Tally;
 use crate::trace::Tracer;
+use in_bands::{bands, bands_of_blocks};
 use mean::Mean;
 use ndarray::Array3;
 use share::Share;
@@ -194,7 +196,10 @@ impl<'s> ViewWork<'s> {
             poses.iter().flat_map(|_| sampled.iter().cloned()).collect();
         let lattice = &self.simulation.lattice;
         self.share.begin(lattice, &poses[0].1, !view.is_flat(), &repeated);
-        self.rows_done += u64::from(first) * poses.len() as u64;
+        if first > 0 {
+            let before = detector.grid().own_rows(&(0..first)).len();
+            self.rows_done += (before * poses.len()) as u64;
+        }
         self.report(view, control)?;
         let mut before = self.tally()?;
         let mut of_blocks = Tally::default();
@@ -539,20 +544,4 @@ impl<'s> ViewWork<'s> {
     pub(super) fn tally(&self) -> Result<Tally> {
         Ok(self.tracer.tally()? + self.tally)
     }
-}
-
-/// Some rows of a detector in bands of at most `band` rows that end at multiples of `block` rows.
-fn bands_of_blocks(rows: Range<u32>, block: u32, band: u32) -> impl Iterator<Item = Range<u32>> {
-    let mut next = rows.start;
-    std::iter::from_fn(move || {
-        let first = next;
-        let border = (first / block).saturating_add(1).saturating_mul(block);
-        next = first.saturating_add(band).min(border).min(rows.end);
-        (first < rows.end).then_some(first..next)
-    })
-}
-
-/// The rows of a detector in bands of at most `band` rows.
-fn bands(rows: u32, band: u32) -> impl Iterator<Item = Range<u32>> {
-    (0..rows).step_by(band as usize).map(move |first| first..rows.min(first + band))
 }

@@ -12,7 +12,8 @@ use std::path::{Path, PathBuf};
 pub struct Maps {
     path: PathBuf,
     maps: BTreeMap<String, StackFile>,
-    views: usize,
+    /// Views, rows and columns.
+    sides: [usize; 3],
 }
 
 impl Maps {
@@ -52,7 +53,7 @@ impl Maps {
             );
             return Err(Error::file(other.path(), problem, None));
         }
-        Ok(Self { path: path.to_path_buf(), maps, views })
+        Ok(Self { path: path.to_path_buf(), maps, sides: [views, rows, columns] })
     }
 
     /// Names of the images, sorted.
@@ -67,13 +68,18 @@ impl Maps {
 
     /// Whether there is one image of this name for several views.
     pub(crate) fn is_shared(&self, name: &str) -> bool {
-        self.views > 1 && self.maps.get(name).is_some_and(|map| map.shape()[1] == 1)
+        self.views() > 1 && self.maps.get(name).is_some_and(|map| map.shape()[1] == 1)
     }
 
     /// Number of views.
     #[must_use]
     pub const fn views(&self) -> usize {
-        self.views
+        self.sides[0]
+    }
+
+    /// Views, rows and columns of the images.
+    pub(crate) const fn sides(&self) -> [usize; 3] {
+        self.sides
     }
 
     /// The image of a view, `[row][column]` (the same for all views where it is the flat's), in the unit that `retrieved.json` names.
@@ -86,9 +92,9 @@ impl Maps {
             let problem = format!("has no image {name}; it has {}", names.join(", "));
             return Err(Error::file(&self.path, problem, None));
         };
-        if view >= self.views {
-            let problem =
-                format!("has {} views; view {view} was requested, counted from 0", self.views);
+        let views = self.views();
+        if view >= views {
+            let problem = format!("has {views} views; view {view} was requested, counted from 0");
             return Err(Error::file(map.path(), problem, None));
         }
         map.only_frame(view.min(map.shape()[1] - 1))

@@ -8,7 +8,7 @@ use crate::scene::{Exposure, Scene};
 use crate::stack::frames::Frames;
 use crate::stack::layout::{self, COUNTS, DEVICE, LOG, PLAN, RUN, SHARDS};
 use crate::stack::own_files::{remove_file, remove_stacks};
-use crate::stack::plan::{Plan, of_other_plan};
+use crate::stack::plan::Plan;
 use crate::stack::progress_log::{self, Entry, ProgressLog};
 use crate::stack::record::{RunRecord, RunStart, SamplingSummary};
 use crate::stack::run_file::{JoinedShard, RunFile, RunState};
@@ -17,7 +17,7 @@ use crate::stack::shard::{Part, Shard};
 use crate::stack::sink::Sink;
 use crate::{Error, Result, Tally, moments, printed};
 use serde::Serialize;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::path::{Path, PathBuf};
 
@@ -89,13 +89,12 @@ pub fn shard_states(run: &Path) -> Result<Vec<ShardStatus>> {
     plan.all().map(of_shard).collect()
 }
 
-/// A shard that is done, locked until it is joined.
+/// A shard that is done.
 struct Ready {
     part: Part,
     path: PathBuf,
     file: RunFile,
     entries: BTreeMap<Exposure, Entry>,
-    _log: ProgressLog,
 }
 
 /// What steers a join.
@@ -199,7 +198,7 @@ fn joined(
     mut progress: Option<&mut dyn FnMut(usize, usize)>,
     cancel: &Cancel,
 ) -> Result<()> {
-    let committed = directory.committed().to_vec();
+    let committed: BTreeSet<Exposure> = directory.committed().iter().copied().collect();
     let mut start =
         RunStart::new(&record.device, &record.driver, record.backend, &record.backend_reason);
     start.search = record.search;
@@ -207,6 +206,8 @@ fn joined(
     start.mesh_hashes = hashes.collect();
     directory.begin(scene, &start)?;
     let all: Vec<Exposure> = views(scene)?.collect();
+    // Of one shard at a time: a process may open few files. Views of a shard follow each other.
+    let mut locked: Option<(Shard, ProgressLog)> = None;
     for (done, view) in all.iter().enumerate() {
         if let Some(progress) = &mut progress {
             progress(done, all.len());
@@ -215,8 +216,13 @@ fn joined(
         if committed.contains(view) {
             continue;
         }
-        let shard = shards.iter().find(|shard| shard.part.has(*view));
-        let Some(shard) = shard else { continue };
+        let at = shards.partition_point(|shard| shard.part.is_before(*view));
+        let Some(shard) = shards.get(at) else { continue };
+        if locked.as_ref().is_none_or(|(of, _)| *of != shard.part.shard) {
+            drop(locked.take());
+            let log = ProgressLog::lock_patiently(&shard.path.join(LOG))?;
+            locked = Some((shard.part.shard, log));
+        }
         let path = directory.path.clone();
         let open = super::opened(&mut directory.open, &path)?;
         open.in_place(|open| open.adopt(&path, *view, shard))?;
@@ -306,14 +312,8 @@ fn ready(run: &Path, plan: &Plan, scene: &Scene) -> Result<Vec<Ready>> {
     }
     let of_shard = |shard: Shard| {
         let path = layout::shard(run, shard.index);
-        let log = ProgressLog::lock_patiently(&path.join(LOG))?;
         let file = RunFile::read(&path.join(RUN))?;
-        if file.extent != plan.extent || file.format != plan.format {
-            return Err(of_other_plan(&path, "its stacks have another shape or format"));
-        }
-        if file.keep_moments != Some(plan.keep_moments) {
-            return Err(of_other_plan(&path, "they differ in keep_moments"));
-        }
+        plan.refuse_other(&path, &file, shard)?;
         let entries = progress_log::read(&path.join(LOG))?;
         let part = Part { extent: plan.extent, shard };
         let mut own = all.iter().filter(|view| part.has(**view));
@@ -321,7 +321,7 @@ fn ready(run: &Path, plan: &Plan, scene: &Scene) -> Result<Vec<Ready>> {
             let problem = format!("has no {}", layout::view(*view, false));
             return Err(Error::file(path.join(LOG), problem, None));
         }
-        Ok(Ready { part, path, file, entries, _log: log })
+        Ok(Ready { part, path, file, entries })
     };
     plan.all().map(of_shard).collect()
 }
@@ -373,12 +373,13 @@ fn record_of(scene: &Scene, shards: &[Ready]) -> Result<RunRecord> {
     Ok(record)
 }
 
-/// Removes beamlet's own files of a shard.
+/// Removes beamlet's own files of a shard, which no other process may use then.
 fn remove_shard(run: &Path, shard: Shard, extent: StackShape) -> Result<()> {
     let path = layout::shard(run, shard.index);
     if !path.exists() {
         return Ok(());
     }
+    let _log = ProgressLog::lock_patiently(&path.join(LOG))?;
     let counts = path.join(COUNTS);
     for root in [&counts, &path] {
         remove_stacks(root, extent, (&[], false))?;

@@ -6,7 +6,7 @@ use crate::scene::Scene;
 use crate::stack::layout::{self, LOG, RUN};
 use crate::stack::plan::Plan;
 use crate::stack::progress_log::ProgressLog;
-use crate::stack::run_file::RunFile;
+use crate::stack::run_file::{RunFile, RunState};
 use crate::stack::scene_file;
 use crate::stack::shard::Shard;
 use crate::{Error, Result, folder};
@@ -50,16 +50,22 @@ impl RunDirectory {
         crate::whole_file::refuse_link(&path)?;
         folder::make_all(&path)?;
         let log = ProgressLog::lock_patiently(&path.join(LOG))?;
+        // A join removes a shard with its lock.
+        let whole = root.join(RUN);
+        if whole.exists() && RunFile::read(&whole)?.state == RunState::Done {
+            return Err(Error::file(&root, "was joined meanwhile", None));
+        }
         let record = path.join(RUN);
+        if record.exists() {
+            plan.refuse_other(&path, &RunFile::read(&record)?, shard)?;
+        }
         let mut directory = match record.exists() {
-            true => {
-                plan.refuse_other(&path, &RunFile::read(&record)?, shard)?;
-                Self::resume_part(path, root.clone(), Some(shard), Some(log), scene)?
-            }
+            true => Self::resume_part(path, root.clone(), Some(shard), Some(log), scene)?,
             false => Self::at(path, plan.format, Some(log)),
         };
         (directory.root, directory.shard, directory.is_planned) = (root, Some(shard), true);
         directory.keep_moments = plan.keep_moments;
+        directory.scene_sha256 = Some(plan.scene_sha256);
         Ok(directory)
     }
 
