@@ -80,7 +80,7 @@ impl Arguments {
 pub(crate) enum Verb {
     /// Simulate a scene into a run directory
     Simulate(Simulate),
-    /// Plan a run in shards that many processes or machines make, with scripts for Slurm
+    /// Plan a run in shards for many processes or machines, with scripts for Slurm
     Plan(PlanArguments),
     /// Join the shards of a planned run, or list them
     Join(Join),
@@ -115,7 +115,7 @@ pub(crate) enum Verb {
     Example(Example),
     /// Print the JSON Schema of scene files, for editors
     Schema(Schema),
-    /// Print what completes words in a shell
+    /// Print the completion script of a shell
     Completions(Completions),
     /// Write manual pages, one for each verb
     Man(Man),
@@ -184,7 +184,7 @@ pub(crate) struct Man {
     /// Directory to write them to
     #[arg(short, long, value_name = "DIR")]
     pub(crate) output: PathBuf,
-    /// Replace pages that are there
+    /// Replace existing pages
     #[arg(long)]
     pub(crate) overwrite: bool,
     #[command(flatten)]
@@ -203,7 +203,7 @@ pub(crate) struct Example {
     /// Directory to write it to
     #[arg(short, long, value_name = "DIR", requires = "name")]
     pub(crate) output: Option<PathBuf>,
-    /// Replace files that are there
+    /// Replace existing files
     #[arg(long, requires = "name")]
     pub(crate) overwrite: bool,
     #[command(flatten)]

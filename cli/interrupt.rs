@@ -53,7 +53,10 @@ pub(crate) fn listen() -> Cancel {
         let _ = thread::Builder::new().spawn(|| {
             thread::sleep(GRACE);
             let seconds = GRACE.as_secs();
-            let _ = writeln!(std::io::stderr(), "interrupted: no answer within {seconds} s");
+            let _ = writeln!(
+                std::io::stderr(),
+                "interrupted; a driver or disk did not respond within {seconds} s"
+            );
             end();
         });
     });

@@ -103,8 +103,10 @@ impl Reporter {
             }
             Progress::Views(ViewProgress { view, rays, share, .. }) => {
                 let (phase, view) = match view {
-                    Exposure::Flat => (Phase::Flat, "flat".to_owned()),
-                    Exposure::Dark => (Phase::Flat, "dark".to_owned()),
+                    Exposure::Flat(0) => (Phase::Flat, "flat".to_owned()),
+                    Exposure::Dark(0) => (Phase::Flat, "dark".to_owned()),
+                    Exposure::Flat(index) => (Phase::Views, format!("flat {index}")),
+                    Exposure::Dark(index) => (Phase::Views, format!("dark {index}")),
                     Exposure::Sample(index) => (Phase::Views, format!("view {index}")),
                 };
                 self.show(phase, Some(share), |state| {

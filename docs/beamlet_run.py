@@ -6,6 +6,8 @@ for runs in those formats, and h5py to write DXchange files.
     run.flat        # [step, row, column]
     run.sample      # [view, step, row, column]
 
+Flats of `scan.flats_every`, and darks of `scan.darks_every`, are [index, step, row, column].
+
 Values are float32: 1.0 is what a pixel gets without masks and without sample. Row 0 is the top of
 the image (largest z); columns run along +x. Detector numbers lie in run.counts_flat,
 run.counts_sample and run.dark, which are None where the scene has no noise.
@@ -82,7 +84,9 @@ class Run:
         if value is not None:
             # Pages of a TIFF do not say where a view ends.
             sides = [self.record["extent"][side] for side in ["steps", "rows", "columns"]]
-            value = value.reshape([-1, *sides] if name.endswith("sample") else [-1, *sides[1:]])
+            several = "darks" if name == "dark" else "flats"
+            has_views = name.endswith("sample") or self.record["extent"].get(several, 1) > 1
+            value = value.reshape([-1, *sides] if has_views else [-1, *sides[1:]])
         setattr(self, name, value)
         return value
 
@@ -98,10 +102,11 @@ class Run:
             name, size, checksum, *_ = line.split()
             if "/rows/" in name:
                 continue  # a block of a view that has a line of its own
-            stack, _, view = name.partition("sample/")
-            stack = stack + "sample" if view else stack
+            stack, _, view = name.rpartition("/")
+            if not view.isdigit():
+                stack, view = name, "0"
             values = getattr(self, stack.replace("/", "_"))
-            values = np.asarray(values[int(view)] if view else values, dtype=np.float32)
+            values = np.asarray(values[int(view)] if values.ndim == 4 else values, dtype=np.float32)
             found = "sha256:" + hashlib.sha256(values.tobytes()).hexdigest()
             if values.nbytes != int(size) or found != checksum:
                 changed.append(name)
@@ -133,7 +138,7 @@ class Retrieved:
         theta: angle of each view, degrees. /exchange has the transmission, with a white frame of 1
         and a dark frame of 0; /exchange1 the refraction angle, rad; /exchange2 the dark field, rad^2,
         where the method gives one. Data are [view, row, column], float32, row 0 on top; pixels
-        without an answer are NaN. ValueError where theta does not fit the views; FileExistsError
+        without a result are NaN. ValueError where theta does not fit the views; FileExistsError
         where there is such a file; an error leaves no file behind.
         """
         import h5py

@@ -211,7 +211,7 @@ fn load_lenient(
         warnings.extend(object.warnings.iter().map(|text| format!("{}: {text}", object.name)));
     }
     if scene.listed_objects().is_empty() {
-        warnings.push("there is no object: the sample stack will equal the flat".into());
+        warnings.push("the scene has no objects: the sample stack will equal the flat".into());
     }
     let mut report = CheckReport {
         title: scene.title.clone(),

@@ -159,7 +159,7 @@ fn pairs(a: &Path, b: &Path) -> Result<Vec<Pair>> {
     match kinds {
         [ComparedKind::Run, ComparedKind::Run] => {
             let runs = [OpenRun::open(a)?, OpenRun::open(b)?];
-            let [flat, sample] = [Exposure::Flat, Exposure::Sample(0)];
+            let [flat, sample] = [Exposure::Flat(0), Exposure::Sample(0)];
             let mut all = vec![
                 (stack_of(flat, false), [runs[0].flat()?, runs[1].flat()?]),
                 (stack_of(sample, false), [runs[0].sample()?, runs[1].sample()?]),
@@ -185,7 +185,8 @@ fn pairs(a: &Path, b: &Path) -> Result<Vec<Pair>> {
         }
         [found, other] => {
             if let Some(missing) = [a, b].into_iter().find(|path| !path.exists()) {
-                return Err(Error::file(missing, "is not there", None));
+                let problem = layout::problem_of(missing, "", "");
+                return Err(Error::file(missing, problem, None));
             }
             let problem = format!(
                 "is {}; {} is {}: compare like with like, as RUN/sample with a measured stack",

@@ -22,7 +22,7 @@ pub fn read(path: &Path) -> Result<Array2<f64>> {
         _ if is_png => read_png(path),
         None | Some(Format::Exr) => {
             let endings = endings(|format| format != Format::Exr);
-            Err(refused(path, format!("has to end in {endings} or .png")))
+            Err(refused(path, format!("must end in {endings} or .png")))
         }
         Some(format) => read_array(path, format),
     }
@@ -60,7 +60,7 @@ fn read_array(path: &Path, format: Format) -> Result<Array2<f64>> {
     let array = ArrayFile::first(path, format)?;
     let sides = array.sides();
     let &[rows, columns] = sides.as_slice() else {
-        return Err(refused(path, format!("has the shape {sides:?}; two dimensions are allowed")));
+        return Err(refused(path, format!("has the shape {sides:?}; allowed: two dimensions")));
     };
     check_size(path, rows, columns)?;
     let values = array.read(0, 0..crate::numbers::length(rows))?;
@@ -71,7 +71,7 @@ fn read_array(path: &Path, format: Format) -> Result<Array2<f64>> {
 }
 
 fn read_png(path: &Path) -> Result<Array2<f64>> {
-    let failed = |error| refused(path, format!("is no PNG file: {error}"));
+    let failed = |error| refused(path, format!("is not a readable PNG file: {error}"));
     let file =
         input_file::open(path).map_err(|error| Error::file(path, "cannot be read", Some(error)))?;
     let mut decoder = png::Decoder::new(BufReader::new(file));
@@ -83,7 +83,7 @@ fn read_png(path: &Path) -> Result<Array2<f64>> {
     let mut reader = decoder.read_info().map_err(failed)?;
     let (colour, depth) = reader.output_color_type();
     if colour != png::ColorType::Grayscale {
-        return Err(refused(path, format!("is {colour:?}; one grey channel is allowed")));
+        return Err(refused(path, format!("is {colour:?}; allowed: one grey channel")));
     }
     let size = reader.output_buffer_size().ok_or_else(|| refused(path, "is too large"))?;
     let mut bytes = reserve::zeroed::<u8>(size, "an image")?;

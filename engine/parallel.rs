@@ -56,9 +56,9 @@ pub fn start_threads() -> Result<()> {
         purpose: format!("{threads} threads"),
         needed: threads * STACK,
         available: None,
-        remedy: "lift the limits of memory or of processes that this one runs under, or lower \
-                 RAYON_NUM_THREADS"
-            .into(),
+        remedy:
+            "raise the limits of memory or of the number of processes, or lower RAYON_NUM_THREADS"
+                .into(),
     })
 }
 

@@ -8,8 +8,7 @@
 use crate::{Error, Result};
 
 /// What may be done where a buffer does not fit.
-pub(crate) const REMEDY: &str =
-    "end other programs, or lift the limit of memory that this one runs under";
+pub(crate) const REMEDY: &str = "end other programs, or raise the memory limit of this process";
 
 /// Bytes that large buffers leave to small allocations.
 const SPARE: usize = 4 << 20;

@@ -91,7 +91,7 @@ pub(crate) fn refuse_link(path: &Path) -> Result<()> {
             Err(Error::file(path, problem, None))
         }
         Ok(found) if !found.is_file() && !found.is_dir() => {
-            let problem = "is neither a file nor a folder, in the place of beamlet's output";
+            let problem = "is neither a file nor a folder, so beamlet cannot write there";
             Err(Error::file(path, problem, None))
         }
         Err(error) if error.kind() != ErrorKind::NotFound => {

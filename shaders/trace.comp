@@ -66,11 +66,29 @@ void visit_crossed(Beam beam, uint primitive, Placed placed, inout Gathered all)
                 shape.covered[i] ? own.inside : material_of_object(shape.around[i]);
         }
         if (run_ends_at(all.run, surface)) run_flush(all.sums, all.run);
-        vec3 met = shape.found.normal_[i];
+        vec3 normal_ = shape.found.normal_[i];
+        vec3 met = normal_;
         float y = shape.found.y[i];
-        if ((KINDS & KIND_ROUGH) != 0u) met = rough_normal(beam, surface, primitive, met, y, all);
+        Surface rough = surface;
+        if ((KINDS & KIND_ROUGH) != 0u) {
+            if (crossed) {
+                rough.outside =
+                    shape.hidden[i] ? own.inside : material_of_object(shape.around_rough[i]);
+            }
+            met = rough_normal(beam, rough, primitive, normal_, y, all);
+        }
         run_count(all.run, own.hash, signature, entering);
         run_add(all.run, beam, all.stretch, surface, met, y, entering);
+        if ((KINDS & KIND_ROUGH) != 0u && met != normal_ && rough.outside != surface.outside) {
+            // The drawn normal belongs to the whole interface. A face that lies in this one has a part of
+            // the interface.
+            Surface part = surface;
+            part.inside = surface.outside;
+            part.outside = rough.outside;
+            if (run_ends_at(all.run, part)) run_flush(all.sums, all.run);
+            run_add(all.run, beam, all.stretch, part, met, y, entering);
+            run_add(all.run, beam, all.stretch, part, normal_, y, !entering);
+        }
     }
 }
 

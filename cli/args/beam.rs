@@ -12,7 +12,7 @@ use std::path::PathBuf;
     beamlet spectrum tube.csv --filter 'Al:1 mm' --plot tube.svg\n  \
     beamlet spectrum --anode tungsten --kvp '60 kV' --inherent 'beryllium:0.2 mm' --filter 'Al:1 mm'\n\n\
     The half-value layer is the thickness of aluminium that halves the air kerma. A scene's \
-    energy nodes are the few energies that a run takes for the spectrum.")]
+    energy nodes are the few energies that represent the spectrum in a run.")]
 pub(crate) struct Spectrum {
     /// Scene file (.toml, .json), or a spectrum file: energy in keV, weight in photons
     #[arg(conflicts_with = "anode")]
@@ -35,10 +35,10 @@ pub(crate) struct Spectrum {
     /// Additional filter, behind the filters of the scene (may be repeated)
     #[arg(long = "filter", value_name = "MATERIAL:THICKNESS", value_parser = filter)]
     pub(crate) filters: Vec<Filter>,
-    /// Draw it, before and after filters, as SVG or PNG by the name's ending
+    /// Draw the spectrum before and after filters into this file (.svg or .png)
     #[arg(long, value_name = "FILE")]
     pub(crate) plot: Option<PathBuf>,
-    /// Replace the picture if it is there
+    /// Replace an existing picture
     #[arg(long, requires = "plot")]
     pub(crate) overwrite: bool,
     /// Print JSON (keV, photons on the scale of the input; layers in m)
@@ -54,25 +54,24 @@ pub(crate) struct Spectrum {
     beamlet material gold --energy '30 keV' --thickness '225 um'\n  \
     beamlet material C5H8O2 --density '1.18 g/cm3' --energy '20 keV' --energy '30 keV'\n  \
     beamlet material water --spectrum tube.csv --thickness '1 cm'\n\n\
-    mu: all that takes light out of the beam (photoabsorption, coherent and incoherent \
-    scattering), Elam, Ravel and Sieber (2002), as in the index n = 1 - delta + i beta. \
-    delta: f1 of Chantler (2000).")]
+    mu: photoabsorption, coherent and incoherent scattering, Elam, Ravel and Sieber (2002). \
+    delta: f1 of Chantler (2000). The refractive index is n = 1 - delta + i beta.")]
 pub(crate) struct Material {
     /// Name of a built-in material or of the scene's, or a chemical formula; without it the
     /// built-in names are listed
     #[arg(value_parser = material)]
     pub(crate) name: Option<String>,
     /// Density, such as "1.2 g/cm3"; needed for a formula that no built-in material has
-    #[arg(long, value_parser = density, requires = "name")]
+    #[arg(long, value_parser = density, requires = "name", allow_hyphen_values = true)]
     pub(crate) density: Option<f64>,
     /// Photon energy, such as "30 keV" (may be repeated)
-    #[arg(long = "energy", value_name = "ENERGY", value_parser = energy, requires = "name", conflicts_with = "spectrum")]
+    #[arg(long = "energy", value_name = "ENERGY", value_parser = energy, requires = "name", conflicts_with = "spectrum", allow_hyphen_values = true)]
     pub(crate) energies: Vec<f64>,
     /// Mean over a spectrum: a spectrum file, or a scene with its filters and materials
     #[arg(long, value_name = "FILE|SCENE", requires = "name")]
     pub(crate) spectrum: Option<PathBuf>,
     /// Thickness for which the transmission is printed, such as "1 mm"
-    #[arg(long, value_parser = length, requires = "name")]
+    #[arg(long, value_parser = length, requires = "name", allow_hyphen_values = true)]
     pub(crate) thickness: Option<f64>,
     /// Print JSON (SI units, energies in keV, densities in g/cm3)
     #[arg(long)]

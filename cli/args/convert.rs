@@ -9,9 +9,10 @@ use std::path::PathBuf;
     beamlet retrieve run\n  \
     beamlet convert run --to astra -o astra\n\n\
     Writes each retrieved image as NAME.npy, [row][view][column], astra.json with the vectors of the \
-    views (cone_vec) and the extents of a volume in mm, and load_astra.py, which loads both.")]
+    views (cone_vec) and the extents of a volume in mm, and load_astra.py, which loads both. In Python, \
+    beamlet.convert writes NXtomo, CIL and DXchange (docs/python.md).")]
 pub(crate) struct Convert {
-    /// Run with retrieved images, or a directory of these
+    /// Run with retrieved images, or a directory of retrieved images
     #[arg(value_name = "RUN|IMAGES")]
     pub(crate) input: PathBuf,
     /// Program to write for
@@ -20,7 +21,7 @@ pub(crate) struct Convert {
     /// Directory to write
     #[arg(short, long, value_name = "DIR")]
     pub(crate) output: PathBuf,
-    /// Replace what beamlet wrote there
+    /// Replace files that beamlet wrote there
     #[arg(long)]
     pub(crate) overwrite: bool,
     #[command(flatten)]

@@ -27,7 +27,7 @@ pub(crate) struct Check {
     /// Draw the illumination curve into this file (.svg or .png)
     #[arg(long, value_name = "FILE")]
     pub(crate) plot: Option<PathBuf>,
-    /// Replace the picture if it is there
+    /// Replace an existing picture
     #[arg(long, requires = "plot")]
     pub(crate) overwrite: bool,
     /// Print JSON (SI units, energies in keV)
@@ -43,25 +43,25 @@ pub(crate) struct Check {
     beamlet compare run/retrieved other/retrieved --json\n  \
     beamlet compare run/sample measured.tif --tolerance 0.01 --difference differences\n  \
     beamlet compare run/retrieved measured_images -o pictures\n\n\
-    Exit codes: 0 nothing differs by more than the tolerance, 1 something does, 2 trouble.")]
+    Exit codes: 0 no difference above the tolerance, 1 a difference, 2 it could not compare.")]
 pub(crate) struct Compare {
     /// Run, directory of retrieved images, or stack (NPY, EXR, TIFF, folder of frames)
     pub(crate) a: PathBuf,
     /// The other one, of the same kind
     pub(crate) b: PathBuf,
-    /// Largest difference of a pixel that counts as none
+    /// Largest difference of a pixel that is ignored
     #[arg(long, value_name = "NUMBER", default_value_t = 0.0, value_parser = from_zero, allow_negative_numbers = true)]
     pub(crate) tolerance: f64,
-    /// Draw B - A as pictures into a directory: of each series the image that differs most
+    /// Directory for pictures of B - A: the image of each series that differs most
     #[arg(short, long, value_name = "DIR", conflicts_with = "json")]
     pub(crate) output: Option<PathBuf>,
-    /// Replace pictures that are there
+    /// Replace existing pictures
     #[arg(long, requires = "output")]
     pub(crate) overwrite: bool,
     /// Write images of B - A into a new directory
     #[arg(long, value_name = "DIR")]
     pub(crate) difference: Option<PathBuf>,
-    /// File format of the images of differences
+    /// File format of the difference images
     #[arg(long, value_parser = format(), default_value_t = Format::Exr, requires = "difference")]
     pub(crate) format: Format,
     /// Print JSON

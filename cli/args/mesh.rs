@@ -21,14 +21,14 @@ pub(crate) struct Mesh {
     /// File to write, by its ending OBJ, PLY or STL
     #[arg(short, long, value_name = "FILE")]
     pub(crate) output: PathBuf,
-    /// An object of the scene; without it all of them (may be repeated)
+    /// An object of the scene; without it all objects (may be repeated)
     #[arg(long = "object", value_name = "NAME")]
     pub(crate) objects: Vec<String>,
-    /// Object, group or material of the mesh file (OBJ, 3MF); without it all of it
+    /// Object, group or material of the mesh file (OBJ, 3MF); without it the whole file
     #[arg(long, value_name = "NAME", conflicts_with_all = ["objects", "sets"])]
     pub(crate) group: Option<String>,
-    /// How far facets may be off an exact shape, such as "1 um"
-    #[arg(long, value_name = "LENGTH", value_parser = length, default_value = "1 um")]
+    /// Largest distance of facets from an exact shape, such as "1 um"
+    #[arg(long, value_name = "LENGTH", value_parser = length, default_value = "1 um", allow_hyphen_values = true)]
     pub(crate) error: f64,
     /// The length of 1.0 in the written file, and in a mesh file without a unit
     #[arg(long, value_name = "UNIT", value_parser = unit, default_value = "mm")]
@@ -36,7 +36,7 @@ pub(crate) struct Mesh {
     /// Change a value of the scene: key.path=value (may be repeated)
     #[arg(long = "set", value_name = "KEY=VALUE", value_parser = super::key_value)]
     pub(crate) sets: Vec<String>,
-    /// Replace the file if it is there
+    /// Replace an existing file
     #[arg(long)]
     pub(crate) overwrite: bool,
     #[command(flatten)]
@@ -47,8 +47,8 @@ pub(crate) struct Mesh {
 #[command(after_help = "Examples:\n  \
     beamlet mask scene.toml -o mask.obj\n  \
     beamlet mask scene.toml --mask detector --frame '5 mm' --substrate '0.5 mm' -o mask.obj\n\n\
-    Bars are closed boxes, in one object. Frame and substrate touch them, so they are objects of \
-    their own: OBJ files name them, STL and PLY files hold one --part. x runs across the slits from \
+    Bars are closed boxes, in one object. Frame and substrate touch them and are separate \
+    objects: OBJ files hold all of them, STL and PLY files one --part. x runs across the slits from \
     the optical axis, y along the beam from the centre plane of the bars, z along the slits. The command \
     prints the object for a scene.")]
 pub(crate) struct Mask {
@@ -57,20 +57,20 @@ pub(crate) struct Mask {
     /// File to write, by its ending OBJ, PLY or STL
     #[arg(short, long, value_name = "FILE")]
     pub(crate) output: PathBuf,
-    /// The mask before the sample, or that before the detector [default: the one there is, sample]
+    /// The mask to write [default: the sample mask, else the detector mask]
     #[arg(long, value_enum)]
     pub(crate) mask: Option<MaskName>,
-    /// Least width covered by the bars, such as "20 mm" [default: all light]
-    #[arg(long, value_name = "LENGTH", value_parser = length)]
+    /// Least width covered by the bars, such as "20 mm" [default: the beam on the detector]
+    #[arg(long, value_name = "LENGTH", value_parser = length, allow_hyphen_values = true)]
     pub(crate) width: Option<f64>,
-    /// Height of the bars [default: all light]
-    #[arg(long, value_name = "LENGTH", value_parser = length)]
+    /// Height of the bars [default: the beam on the detector]
+    #[arg(long, value_name = "LENGTH", value_parser = length, allow_hyphen_values = true)]
     pub(crate) height: Option<f64>,
     /// Width of a frame around the bars, as thick as they are
-    #[arg(long, value_name = "LENGTH", value_parser = length)]
+    #[arg(long, value_name = "LENGTH", value_parser = length, allow_hyphen_values = true)]
     pub(crate) frame: Option<f64>,
     /// Thickness of a substrate behind the bars
-    #[arg(long, value_name = "LENGTH", value_parser = length)]
+    #[arg(long, value_name = "LENGTH", value_parser = length, allow_hyphen_values = true)]
     pub(crate) substrate: Option<f64>,
     /// Write this part alone: bars, frame or substrate
     #[arg(long, value_name = "PART")]
@@ -78,7 +78,7 @@ pub(crate) struct Mask {
     /// The length of 1.0 in the file
     #[arg(long, value_name = "UNIT", value_parser = unit, default_value = "mm")]
     pub(crate) unit: f64,
-    /// Replace the file if it is there
+    /// Replace an existing file
     #[arg(long)]
     pub(crate) overwrite: bool,
     #[command(flatten)]

@@ -28,13 +28,13 @@ pub(crate) enum MethodName {
     ThreeStep,
     /// Two steps on the flat's fitted curve; no dark field
     TwoStep,
-    /// Area, centroid and variance of curves that end within the scan
+    /// Area, centroid and variance of curves that reach zero within the scan
     Moments,
     /// Triangle, for small spots and apertures of one projected width
     Triangle,
     /// Trapezoid, for small spots
     Trapezoid,
-    /// The masks' own curve, blurred: free of the Gaussian's bias
+    /// The curve of the masks, blurred: without the bias of a Gaussian
     ExactCurve,
     /// Blurred box per beamlet, integrated over neighbouring pixels: single mask
     Beamlet,
@@ -58,9 +58,9 @@ impl From<MethodName> for Method {
 /// `--weights`
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub(crate) enum WeightsName {
-    /// All values alike
+    /// Equal weights
     None,
-    /// Of counts, from the fit: the maximum of the Poisson likelihood
+    /// For counts, from the fit: the maximum of the Poisson likelihood
     Poisson,
 }
 
@@ -80,7 +80,7 @@ pub(crate) enum BackendName {
     Auto,
     /// The driver's acceleration structures
     RayQuery,
-    /// Our own tree, in a compute shader
+    /// The tree of beamlet, in a compute shader
     Bvh,
 }
 

@@ -43,28 +43,28 @@ pub(crate) struct Reconstruct {
     /// regions, iterative methods weigh by them
     #[arg(long)]
     pub(crate) sigma: bool,
-    /// Take stripes of single columns off the sinograms, which are rings in slices
+    /// Remove rings: stripes of single columns in the sinograms
     #[arg(long)]
     pub(crate) rings: bool,
-    /// Leave out kμ, which is added to delta for gradients of the attenuation where mu is made, too
+    /// Do not correct delta for gradients of the attenuation (by kμ, where mu is made, too)
     #[arg(long)]
     pub(crate) no_gradient_bias: bool,
-    /// Correct mu for the hardening of a beam with a spectrum in a sample of this material; ENERGY (with a
-    /// unit, as in water@40keV) is that of mu [default: the mean of what the detector sees]
+    /// Correct mu for the hardening of a beam with a spectrum in a sample of this material; ENERGY
+    /// (with a unit, as in water@40keV) is the energy of mu [default: the mean detected energy]
     #[arg(long, value_name = "MATERIAL[@ENERGY]", value_parser = hardening)]
     pub(crate) beam_hardening: Option<Hardening>,
-    /// Side of a voxel [default: a pixel as the axis of rotation sees it]
-    #[arg(long, value_name = "LENGTH", value_parser = length)]
+    /// Side of a voxel [default: the size of a pixel at the axis of rotation]
+    #[arg(long, value_name = "LENGTH", value_parser = length, allow_hyphen_values = true)]
     pub(crate) voxel: Option<f64>,
     /// Voxels along x, y, z [default: the field of view at the axis]
     #[arg(long, value_name = "X,Y,Z", value_parser = sizes)]
     pub(crate) size: Option<[usize; 3]>,
-    /// Centre of the first voxel from the axis of rotation and the optical axis [default: the volume
-    /// lies about them]
+    /// Centre of the first voxel from the axis of rotation and the optical axis [default: the volume is
+    /// centred on both]
     #[arg(long, value_name = "X,Y,Z", value_parser = lengths, allow_hyphen_values = true)]
     pub(crate) origin: Option<[f64; 3]>,
     /// Column of the axis of rotation, counted from 0 at the centre of the first, with a fraction; auto
-    /// finds it by lines that are seen from both ends [default: from geometry.json or the scene]
+    /// finds it from lines that views from both ends measure [default: from geometry.json or the scene]
     #[arg(long, value_name = "auto|PIXELS", value_parser = centre, allow_negative_numbers = true)]
     pub(crate) centre: Option<Centre>,
     /// File format of the volumes
@@ -87,10 +87,10 @@ pub(crate) struct Reconstruct {
     #[command(flatten)]
     pub(crate) device: DeviceArguments,
     /// Most memory, host and device together, such as "2 GiB": slabs on the device become smaller
-    /// [default: what sinograms and volumes take, and up to 1 GiB on the device]
+    /// [default: the sinograms and volumes, plus up to 1 GiB on the device]
     #[arg(long, value_name = "SIZE", value_parser = memory_size)]
     pub(crate) memory_limit: Option<u64>,
-    /// Replace volumes that are there
+    /// Replace existing volumes
     #[arg(long)]
     pub(crate) overwrite: bool,
     /// Print the grid, memory and time, and write nothing
@@ -109,12 +109,11 @@ pub(crate) struct Filtered {
     /// Window of the filter of fbp [default: ram-lak]
     #[arg(long, value_parser = filter())]
     pub(crate) filter: Option<Filter>,
-    /// Frequency from which on nothing counts in fbp, as a share of Nyquist's: above 0, up to 1 [default:
-    /// 1]
+    /// Highest frequency in fbp, as a fraction of the Nyquist frequency: above 0, up to 1 [default: 1]
     #[arg(long, value_name = "SHARE", value_parser = above_zero)]
     pub(crate) cut_off: Option<f64>,
-    /// Corrections for the lever arms of voxels before and behind the axis in fbp [default: 1 for views
-    /// over less than a turn, else 0]
+    /// Number of corrections for the lever arms of voxels before and behind the axis, in fbp [default:
+    /// 1 for views over less than a turn, else 0]
     #[arg(long, value_name = "COUNT")]
     pub(crate) arm_passes: Option<usize>,
     /// Continue rows of a body wider than the detector as an ellipse, in fbp of mu and dark-field
@@ -134,14 +133,14 @@ pub(crate) struct Iterated {
     /// Keep voxels at or above zero, in sirt and bb
     #[arg(long)]
     pub(crate) non_negative: bool,
-    /// Make delta of refraction angles integrated along the rows, in cgls, sirt and bb
+    /// Reconstruct delta from refraction angles integrated along the rows, in cgls, sirt and bb
     #[arg(long)]
     pub(crate) phase: bool,
-    /// Voxels that may differ from zero, in cgls, sirt and bb: a shape as of --region, without a name, or a
-    /// file (NPY, TIFF) [z][y][x] with 0 for all others
+    /// Voxels that may differ from zero, in cgls, sirt and bb: a shape as in --region but without
+    /// NAME=, or a file (NPY, TIFF) [z][y][x] with 0 for all other voxels
     #[arg(long, value_name = "SHAPE|FILE")]
     pub(crate) mask: Option<VoxelMask>,
-    /// Directory of volumes on the same voxels that cgls, sirt and bb begin with [default: zero]
+    /// Directory of volumes with the same voxels, from which cgls, sirt and bb start [default: zero]
     #[arg(long, value_name = "DIR")]
     pub(crate) start: Option<PathBuf>,
 }

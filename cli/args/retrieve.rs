@@ -27,8 +27,8 @@ pub(crate) struct Retrieve {
     /// Flat frames: NPY, EXR, TIFF, or a folder of frames
     #[arg(long, value_name = "FILE", requires_all = ["sample", "geometry", "output"])]
     pub(crate) flat: Option<PathBuf>,
-    /// Views between one flat and the next, where FILE of --flat has several: the flat of a view is
-    /// interpolated between those before and behind it [default: one flat, or one for each view]
+    /// Views between one flat and the next, if --flat has several: the flat of a view is interpolated
+    /// between the two nearest [default: one flat, or one for each view]
     #[arg(long, value_name = "N", requires = "flat", value_parser = clap::value_parser!(u32).range(1..))]
     pub(crate) flats_every: Option<u32>,
     /// Sample frames, one view or several
@@ -37,31 +37,33 @@ pub(crate) struct Retrieve {
     /// Frames without beam; their mean is subtracted
     #[arg(long, value_name = "FILE", requires = "flat")]
     pub(crate) dark: Option<PathBuf>,
-    /// Pixels that measure nothing: an image (NPY, EXR, TIFF) with 0 for each good pixel, or a text
-    /// with row,column on each line, counted from 0; they have no answer and a flag of their own
+    /// Pixels to exclude: an image (NPY, EXR, TIFF) with 0 for each good pixel, or a text with
+    /// row,column on each line, counted from 0; they get no result and their own flag
     #[arg(long, value_name = "FILE")]
     pub(crate) bad_pixels: Option<PathBuf>,
     /// Columns to keep, counted from 0, the end excluded, as `1::2` for a mask of two pixels per period
     #[arg(long, value_name = "START:END:STEP", value_parser = columns)]
     pub(crate) columns: Option<Columns>,
-    /// Columns and rows to add to one pixel, behind --columns: sums of counts, means of intensities
+    /// Columns and rows to combine into one pixel, after --columns: sums of counts, means of
+    /// intensities
     #[arg(long, value_name = "COLUMNS,ROWS", value_parser = bin)]
     pub(crate) bin: Option<[usize; 2]>,
-    /// Pixels (behind --columns and --bin) with nothing in the beam, the ends excluded: reports
+    /// Pixels (after --columns and --bin) with nothing in the beam, the ends excluded: reports
     /// transmission, refraction, dose of each step and drift there, and warns if they differ from an
     /// empty beam
     #[arg(long, value_name = "C0:C1[,R0:R1]", value_parser = region)]
     pub(crate) empty_beam: Option<Region>,
-    /// Corrections by the pixels of --empty-beam or, without it, by both sides of each view where they look
-    /// empty: `offset` subtracts the refraction angle found there, `plane` a plane through it, `dose`
-    /// divides each frame by its dose, `steps` fits curves at the mask offsets of the frames as found
+    /// Corrections from the pixels of --empty-beam or, without it, from both sides of each view where
+    /// they are empty: `offset` subtracts the refraction angle found there, `plane` a plane through it,
+    /// `dose` divides each frame by its dose, `steps` fits curves with the mask offset found for each
+    /// frame
     #[arg(long, value_name = "offset,plane,dose,steps", value_parser = corrections)]
     pub(crate) correct: Option<Corrections>,
     /// Offsets of the sample mask: a list with units, or a file with one on each line [default: from the
     /// geometry's scan]
     #[arg(long, value_name = "LIST|FILE", requires = "flat", allow_hyphen_values = true)]
     pub(crate) offsets: Option<String>,
-    /// Scene file whose distances and masks the frames were taken with
+    /// Scene file with the distances and masks of the measurement
     #[arg(long, value_name = "SCENE", requires = "flat")]
     pub(crate) geometry: Option<PathBuf>,
     /// Change a value of the geometry: key.path=value (may be repeated)
@@ -83,22 +85,22 @@ pub(crate) struct Retrieve {
     /// 1]
     #[arg(long, value_name = "NUMBER", value_parser = above_zero, allow_negative_numbers = true)]
     pub(crate) gain: Option<f64>,
-    /// Standard deviation of a number without light, for --weights poisson [default: from a run's scene,
-    /// else 0]
+    /// Standard deviation of the detector number without light, for --weights poisson [default: from a
+    /// run's scene, else 0]
     #[arg(long, value_name = "NUMBER", value_parser = from_zero, allow_negative_numbers = true)]
     pub(crate) read_noise: Option<f64>,
-    /// Leave out values from here on, as they are in the files [default: the largest number of
-    /// a run's detector]
+    /// Exclude values at or above this number of the files [default: the largest number of a run's
+    /// detector]
     #[arg(long, value_name = "NUMBER", value_parser = single, allow_negative_numbers = true)]
     pub(crate) saturation: Option<f32>,
-    /// Two-step: steps of the sample, counted from 0 [default: those nearest to the slopes]
+    /// Two-step: steps of the sample, counted from 0 [default: the steps nearest to the slopes]
     #[arg(long, value_name = "I,J", value_parser = two_steps)]
     pub(crate) steps: Option<[usize; 2]>,
     /// Two-step: offsets of the sample's steps, if they differ from the flat's
     #[arg(long, value_name = "LIST|FILE", allow_hyphen_values = true)]
     pub(crate) sample_offsets: Option<String>,
-    /// Make images of the phase, too: refraction integrated along the rows, m of delta times length; rows
-    /// have to begin and end in air
+    /// Also make images of the phase: refraction integrated along the rows, m of delta times length;
+    /// rows must begin and end in air
     #[arg(long)]
     pub(crate) phase: bool,
     /// File format of the images
@@ -106,7 +108,7 @@ pub(crate) struct Retrieve {
     pub(crate) format: Format,
     #[command(flatten)]
     pub(crate) device: DeviceArguments,
-    /// Replace images that are there
+    /// Replace existing images
     #[arg(long)]
     pub(crate) overwrite: bool,
     /// Print retrieved.json instead of a summary

@@ -14,8 +14,9 @@ use std::path::PathBuf;
     beamlet simulate run/scene.toml --shard 0/8 -o run     # and so on to 7/8, anywhere, in any order\n  \
     beamlet join run\n  \
     beamlet plan scan.toml --shards 40 --slurm --at-once 10 --sbatch-option gres=gpu:1 -o run\n\n\
-    Each shard makes its views in a folder of its own; one that was ended goes on when it is started \
-    again. The shards of a run must have the same device, driver and version. Slurm scripts are \
+    Each shard writes its views to its own folder; an interrupted shard continues when it is \
+    started again. The shards of a run must have the same device, driver and version. Slurm \
+    scripts are \
     written to RUN/slurm: shards.sbatch (an array), join.sbatch and submit.sh.")]
 pub(crate) struct PlanArguments {
     #[command(flatten)]
@@ -24,7 +25,7 @@ pub(crate) struct PlanArguments {
     #[arg(short, long, value_name = "RUN")]
     pub(crate) output: PathBuf,
     /// Number of shards, at most the number of views
-    #[arg(long, value_name = "N", value_parser = whole_number)]
+    #[arg(long, value_name = "N", value_parser = whole_number, allow_negative_numbers = true)]
     pub(crate) shards: u32,
     /// File format of the frames [default: exr]
     #[arg(long, value_parser = format())]
@@ -34,7 +35,7 @@ pub(crate) struct PlanArguments {
     pub(crate) keep_moments: bool,
     #[command(flatten)]
     pub(crate) engine: EngineArguments,
-    /// Take the device of the first shard that begins: for machines without the device of the shards
+    /// Record the device of the first shard that begins: for planning on a machine without it
     #[arg(long, conflicts_with_all = ["device", "backend"])]
     pub(crate) no_device: bool,
     #[command(flatten)]
@@ -50,13 +51,13 @@ pub(crate) struct SlurmArguments {
     #[arg(long)]
     pub(crate) slurm: bool,
     /// With --slurm: most shards that run at the same time
-    #[arg(long, value_name = "M", requires = "slurm", value_parser = whole_number)]
+    #[arg(long, value_name = "M", requires = "slurm", value_parser = whole_number, allow_negative_numbers = true)]
     pub(crate) at_once: Option<u32>,
     /// With --slurm: an option of sbatch, as in partition=gpu; empty for a flag, as in exclusive= (may
     /// be repeated)
     #[arg(long, value_name = "KEY=VALUE", requires = "slurm", value_parser = sbatch_option)]
     pub(crate) sbatch_option: Vec<[String; 2]>,
-    /// With --slurm: the scripts as a text with {options} and {command}, each on a line of its own
+    /// With --slurm: template of the scripts, with {options} and {command} each on its own line
     #[arg(long, value_name = "FILE", requires = "slurm")]
     pub(crate) template: Option<PathBuf>,
     /// With --slurm: run beamlet in this image of Apptainer
@@ -68,12 +69,12 @@ pub(crate) struct SlurmArguments {
 #[command(after_help = "Examples:\n  \
     beamlet join run --status\n  \
     beamlet join run\n\n\
-    Every view is compared with the checksum of its shard. A join that was ended goes on when it is \
-    started again. A run that is joined is like any other; its shards and its plan are removed.")]
+    Every view is compared with the checksum of its shard. An interrupted join continues when it \
+    is started again. A joined run is like any other; its shards and its plan are removed.")]
 pub(crate) struct Join {
     /// Run directory made by `beamlet plan`
     pub(crate) run: PathBuf,
-    /// List the shards, and how far each is
+    /// List the shards and their progress
     #[arg(long)]
     pub(crate) status: bool,
     /// With --status: print JSON

@@ -28,8 +28,8 @@ pub(crate) struct EngineArguments {
     pub(crate) backend: BackendName,
     #[command(flatten)]
     pub(crate) device: DeviceArguments,
-    /// Memory limit of the run, host and device together, such as "2 GiB" [default: the geometry, and up
-    /// to 1 GiB for a band]
+    /// Memory limit of the run, host and device together, such as "2 GiB" [default: the geometry plus
+    /// up to 1 GiB for a band]
     #[arg(long, value_name = "SIZE", value_parser = memory_size)]
     pub(crate) memory_limit: Option<u64>,
 }

@@ -27,11 +27,11 @@ pub(crate) struct Simulate {
     pub(crate) format: Option<Format>,
     #[command(flatten)]
     pub(crate) engine: EngineArguments,
-    /// Go on with an interrupted run
+    /// Continue an interrupted run
     #[arg(long, conflicts_with = "overwrite", group = "goes_on")]
     pub(crate) resume: bool,
-    /// Make part K of N of the run that `beamlet plan` made at RUN, K from 0 on; one that was ended goes
-    /// on
+    /// Simulate shard K of N of the run that `beamlet plan` made at RUN, K from 0; an interrupted shard
+    /// continues
     #[arg(long, value_name = "K/N", value_parser = shard, group = "goes_on",
           conflicts_with_all = ["overwrite", "format", "keep_moments"])]
     pub(crate) shard: Option<Shard>,
@@ -39,18 +39,18 @@ pub(crate) struct Simulate {
     /// with
     #[arg(long, requires = "goes_on")]
     pub(crate) allow_mixed: bool,
-    /// With --resume: go on where the run recorded no hashes of the files that its scene names
+    /// With --resume: continue although the run recorded no hashes of the files that its scene names
     #[arg(long, requires = "resume")]
     pub(crate) allow_unhashed: bool,
-    /// Replace an earlier run; files that are not of a run stay
+    /// Replace an earlier run; files that beamlet did not write stay
     #[arg(long)]
     pub(crate) overwrite: bool,
     /// Keep the moments of the rays in RUN/moments, for `beamlet illuminate`
     #[arg(long)]
     pub(crate) keep_moments: bool,
-    /// Rows of the blocks that views are committed by, so that a view that was ended goes on [default:
+    /// Commit views in blocks of this number of rows, so that an interrupted view continues [default:
     /// by the estimate, for views that take longer than 4 minutes]
-    #[arg(long, value_name = "ROWS", value_parser = whole_number, conflicts_with = "resume")]
+    #[arg(long, value_name = "ROWS", value_parser = whole_number, conflicts_with = "resume", allow_negative_numbers = true)]
     pub(crate) block_rows: Option<u32>,
     #[command(flatten)]
     pub(crate) messages: Messages,
@@ -62,12 +62,14 @@ pub(crate) struct Simulate {
     beamlet illuminate run --scene wider.toml -o wider\n  \
     beamlet illuminate run --set 'source.spot=60 um' -o blurred\n  \
     beamlet illuminate run --scene a.toml --scene b.toml -o designs\n\n\
-    Source distance, angles, and the place and shape of every object must equal the run's; masks, mask offsets, spot, spectrum, the materials' constants and the detector may differ. \
-    Several scenes are written to directories of their names.")]
+    Source distance, angles, and the place and shape of every object must be as in the run; \
+    masks, mask offsets, spot, spectrum, the materials' constants and the detector may differ. \
+    With several scenes each run directory is named after its scene.")]
 pub(crate) struct Illuminate {
     /// Run directory with moments (`simulate --keep-moments`)
     pub(crate) run: PathBuf,
-    /// Scene to illuminate them with, TOML or JSON (may be repeated) [default: the scene of RUN]
+    /// Scene with the new masks, spectrum or detector, TOML or JSON (may be repeated) [default: the
+    /// scene of RUN]
     #[arg(long, value_name = "SCENE")]
     pub(crate) scene: Vec<PathBuf>,
     /// Change a value of every scene: key.path=value (may be repeated)
@@ -81,7 +83,7 @@ pub(crate) struct Illuminate {
     pub(crate) format: Option<Format>,
     #[command(flatten)]
     pub(crate) engine: EngineArguments,
-    /// Replace earlier runs; files that are not of a run stay
+    /// Replace earlier runs; files that beamlet did not write stay
     #[arg(long)]
     pub(crate) overwrite: bool,
     #[command(flatten)]

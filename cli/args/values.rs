@@ -9,7 +9,7 @@ pub(super) fn two_steps(text: &str) -> Result<[usize; 2], String> {
     let steps: Option<Vec<usize>> = text.split(',').map(|word| word.trim().parse().ok()).collect();
     match steps.as_deref() {
         Some(&[first, second]) if first != second => Ok([first, second]),
-        _ => Err("write two steps that differ, as in 3,7; they count from 0".into()),
+        _ => Err("write two different steps, as in 3,7, counted from 0".into()),
     }
 }
 
@@ -23,7 +23,7 @@ pub(super) fn above_zero(text: &str) -> Result<f64, String> {
 }
 
 pub(super) fn from_zero(text: &str) -> Result<f64, String> {
-    number(text, "a finite number from 0 on", |value| value >= 0.0)
+    number(text, "a finite number of 0 or more", |value| value >= 0.0)
 }
 
 /// A value of frames, which are of 32 bits.
@@ -85,7 +85,7 @@ pub(super) fn pixel(text: &str) -> Result<[u32; 2], String> {
     let parts: Vec<_> = text.split(',').map(|part| part.trim().parse::<u32>()).collect();
     match parts[..] {
         [Ok(column), Ok(row)] => Ok([column, row]),
-        _ => Err("write column,row as in 80,64; both count from 0, rows from the top".into()),
+        _ => Err("write column,row, as in 80,64, both counted from 0, rows from the top".into()),
     }
 }
 

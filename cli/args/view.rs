@@ -15,7 +15,7 @@ use std::path::PathBuf;
     beamlet view run --retrieved other -o pictures --format svg\n  \
     beamlet view measured_images -o pictures\n  \
     beamlet view volume -o pictures --map mu --slice 12 --range mu=0..60\n\n\
-    Prints the names of the files that it wrote. Nothing is written where anything is wrong. \
+    Prints the names of the files that it wrote. If a picture fails, nothing is written. \
     docs/pictures.md explains each picture.")]
 pub(crate) struct View {
     /// Scene file (TOML or JSON), run directory, directory of retrieved images, or of volumes
@@ -23,15 +23,14 @@ pub(crate) struct View {
     /// Directory to write the pictures to
     #[arg(short, long, value_name = "DIR")]
     pub(crate) output: PathBuf,
-    /// Replace pictures that are there
+    /// Replace existing pictures
     #[arg(long)]
     pub(crate) overwrite: bool,
     /// File format of the pictures
     #[arg(long, value_enum, default_value_t = PictureFormat::Png)]
     pub(crate) format: PictureFormat,
-    /// Width of each picture in pixels, 200 to 20000 [default: 1.5 for each point of its drawing,
-    /// about 1200]
-    #[arg(long, value_name = "PIXELS", value_parser = clap::value_parser!(u32).range(200..=20_000))]
+    /// Width of each picture in pixels, 200 to 20000 [default: about 1200]
+    #[arg(long, value_name = "PIXELS", value_parser = clap::value_parser!(u32).range(200..=20_000), allow_negative_numbers = true)]
     pub(crate) width: Option<u32>,
     #[command(flatten)]
     pub(crate) messages: Messages,
@@ -48,8 +47,7 @@ pub(crate) struct ViewOfScene {
     /// Change a value of the scene: key.path=value (may be repeated)
     #[arg(long = "set", value_name = "KEY=VALUE", value_parser = key_value)]
     pub(crate) sets: Vec<String>,
-    /// Where the sample is looked at from: degrees from the source's side towards +x [default:
-    /// 35]
+    /// Direction from which the sample is drawn: degrees from the source towards +x [default: 35]
     #[arg(long, value_name = "DEG", value_parser = degrees, allow_hyphen_values = true)]
     pub(crate) azimuth: Option<f64>,
     /// Degrees above the horizontal plane [default: 24]
@@ -77,16 +75,16 @@ pub(crate) struct ViewOfRun {
     #[arg(long = "range", value_name = "NAME=LOW..HIGH", value_parser = value_range)]
     pub(crate) ranges: Vec<ValueRange>,
     /// Number of the view, from 0 [default: 0]
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", allow_negative_numbers = true)]
     pub(crate) view: Option<u32>,
     /// Number of the mask step, from 0 [default: the brightest of the flat]
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", allow_negative_numbers = true)]
     pub(crate) step: Option<u32>,
     /// Row of profiles and sinograms, from 0 on top [default: the middle]
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", allow_negative_numbers = true)]
     pub(crate) row: Option<u32>,
     /// Slice of a reconstruction, from 0 at the bottom [default: the middle]
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", allow_negative_numbers = true)]
     pub(crate) slice: Option<u32>,
     /// Pixel of the illumination curve [default: where the sample deflects most in the row]
     #[arg(long, value_name = "COL,ROW", value_parser = pixel)]
@@ -99,7 +97,7 @@ pub(crate) enum PictureFormat {
     /// Pixels
     #[default]
     Png,
-    /// Lines and words as such, images as pixels
+    /// Lines and text as vectors, images as pixels
     Svg,
 }
 
@@ -147,10 +145,10 @@ pub(crate) struct Report {
     /// alone]
     #[arg(short, long, value_name = "FILE")]
     pub(crate) output: Option<PathBuf>,
-    /// Most bytes of image data in the page, such as "64 MiB" [default: 24 MiB]
+    /// Limit of image data in the page, such as "64 MiB" [default: 24 MiB]
     #[arg(long, value_name = "SIZE", value_parser = memory_size)]
     pub(crate) most: Option<u64>,
-    /// Replace the file if it is there
+    /// Replace an existing file
     #[arg(long)]
     pub(crate) overwrite: bool,
     #[command(flatten)]

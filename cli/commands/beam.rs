@@ -29,7 +29,7 @@ pub(super) fn of_file(path: &Path, sets: &[String]) -> Result<Scene, Failure> {
     }
     if !sets.is_empty() {
         let problem = format!(
-            "--set changes a scene, and {} is none",
+            "--set is for scenes; {} is not a scene",
             beamlet::cli_support::printed::path(path)
         );
         return Err(Failure::Usage(problem));

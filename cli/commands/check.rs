@@ -20,7 +20,8 @@ pub(super) fn run(arguments: &Check, out: &mut impl Write) -> Result<(), Failure
         return run_directory(arguments, out);
     }
     if arguments.no_estimate && arguments.plot.is_none() && chooses_device(arguments) {
-        let problem = "--device and --backend belong to the estimate and to --plot: --no-estimate uses no device";
+        let problem =
+            "--device and --backend have no effect with --no-estimate: remove them, or add --plot";
         return Err(Failure::Usage(problem.into()));
     }
     let scene = arguments.scene.load()?;
@@ -64,8 +65,10 @@ fn plot(
     refuse_read(&[path.to_owned()], &read)?;
     let Some(curve) = &report.illumination else {
         let problem = match (&scene.sample_mask, &scene.detector_mask) {
-            (Some(_), Some(_)) => "--plot: there is no device to compute the illumination curve on",
-            _ => "--plot: the scene has no illumination curve: it takes both masks",
+            (Some(_), Some(_)) => {
+                "--plot: the illumination curve needs a Vulkan device; see `beamlet devices`"
+            }
+            _ => "--plot: an illumination curve needs both [sample_mask] and [detector_mask]",
         };
         return Err(Failure::Usage(problem.into()));
     };

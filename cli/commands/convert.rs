@@ -15,11 +15,9 @@ pub(super) fn run(arguments: &Convert, out: &mut impl Write) -> Result<(), Failu
         false => arguments.input.clone(),
     };
     if !layout::is_retrieved(&images) {
-        let problem = match arguments.input.exists() {
-            true => "holds no retrieved images: beamlet retrieve makes them",
-            false => "is not there",
-        };
-        return Err(Failure::File { path: images, problem: problem.into() });
+        let lacks = "holds no retrieved images: beamlet retrieve makes them";
+        let problem = layout::problem_of(&arguments.input, lacks, lacks);
+        return Err(Failure::File { path: images, problem });
     }
     refuse_overlap(&arguments.output, std::slice::from_ref(&images))?;
     let cancel = interrupt::listen();

@@ -63,11 +63,11 @@ impl Compared {
             Self::Stack(stack) => frame(stack),
             Self::Images { maps, .. } => Ok(maps.map(name, step)?.mapv(f64::from)),
             Self::Run(run) => match layout::stack_named(name) {
-                Some((Exposure::Flat, false)) => frame(&run.flat()?),
+                Some((Exposure::Flat(_), false)) => frame(&run.flat()?),
                 Some((_, false)) => frame(&run.sample()?),
                 Some((stack, true)) => {
                     let stack = match stack {
-                        Exposure::Flat => run.counts_flat()?,
+                        Exposure::Flat(_) => run.counts_flat()?,
                         _ => run.counts_sample()?,
                     };
                     frame(&stack.ok_or_else(|| Failure::File {
@@ -122,7 +122,7 @@ pub(super) fn draw(
         let plot = plot(series, &values, &quantity, flagged.as_ref(), &grid, [a, b]);
         let place = match stack {
             _ if is_map => format!("view_{step:04}"),
-            Some((Exposure::Flat, _)) => format!("step_{step:03}"),
+            Some((Exposure::Flat(_), _)) if *view == 0 => format!("step_{step:03}"),
             _ => format!("view_{view:04}_step_{step:03}"),
         };
         let file = format!("difference_{}_{place}", name.replace('/', "_"));

@@ -42,7 +42,7 @@ const SHIPPED: &[Shipped] = &[
     },
     Shipped {
         name: "tomography",
-        about: "80,000 fibres of 5 um, thicker ones and rods in polyethylene, 360 views",
+        about: "80,000 fibres of 5 um, thick fibres and rods in polyethylene, 360 views",
         files: files!("tomography": "scene.toml", "thick.csv"),
     },
 ];
@@ -57,7 +57,7 @@ pub(super) fn run(arguments: &Example, out: &mut impl Write) -> Result<(), Failu
     };
     let shipped = SHIPPED.iter().find(|shipped| shipped.name == name).ok_or_else(|| {
         let names: Vec<&str> = SHIPPED.iter().map(|shipped| shipped.name).collect();
-        Failure::Usage(format!("there is no example '{name}'; there are: {}", names.join(", ")))
+        Failure::Usage(format!("no example is named '{name}'; allowed: {}", names.join(", ")))
     })?;
     let paths: Vec<_> = shipped.files.iter().map(|(file, _)| directory.join(file)).collect();
     refuse_existing(&paths, arguments.overwrite)?;

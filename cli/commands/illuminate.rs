@@ -168,7 +168,7 @@ fn illuminate(
     }
 }
 
-/// What to enter to go on after an interrupt, with the scenes that are left.
+/// What to enter to go on after an interrupt, with the remaining scenes.
 fn advice(arguments: &Illuminate, left: &[&(PathBuf, PathBuf)]) -> String {
     let word = |path: &Path| quoted(&path.to_string_lossy());
     let mut command = vec!["beamlet illuminate".to_owned(), word(&arguments.run)];
@@ -187,7 +187,7 @@ fn advice(arguments: &Illuminate, left: &[&(PathBuf, PathBuf)]) -> String {
         command.extend(["--format".into(), format.to_string()]);
     }
     command.push("--overwrite".into());
-    let what = if left.len() == 1 { "this scene" } else { "the scenes that are left" };
+    let what = if left.len() == 1 { "this scene" } else { "the remaining scenes" };
     format!("to start {what} again: {}", command.join(" "))
 }
 

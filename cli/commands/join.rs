@@ -28,7 +28,7 @@ pub(super) fn run(arguments: &Join, out: &mut impl Write) -> Result<(), Failure>
     let record = record.map_err(|error| match error {
         Error::Interrupted => {
             let run = quoted(&arguments.run.to_string_lossy());
-            Failure::Interrupted { advice: format!("to go on: beamlet join {run}") }
+            Failure::Interrupted { advice: format!("to continue: beamlet join {run}") }
         }
         error => error.into(),
     })?;
@@ -68,5 +68,9 @@ fn status(arguments: &Join, out: &mut impl Write) -> Result<(), Failure> {
         )?;
     }
     let done = states.iter().filter(|status| status.state == ShardState::Done).count();
-    Ok(writeln!(out, "{done} of {} shards are done", states.len())?)
+    Ok(writeln!(
+        out,
+        "{done} of {} shards are done (views include the flat and the dark frames)",
+        states.len()
+    )?)
 }

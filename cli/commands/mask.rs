@@ -26,7 +26,7 @@ pub(super) fn run(arguments: &Arguments, out: &mut impl Write) -> Result<(), Fai
     let size = match (arguments.width, arguments.height) {
         (Some(width), Some(height)) => Some([width, height]),
         (None, None) => None,
-        _ => return Err(Failure::Usage("--width and --height go together".into())),
+        _ => return Err(Failure::Usage("--width and --height: give both or neither".into())),
     };
     let options = MaskMeshOptions::default()
         .with_size(size)
@@ -39,14 +39,14 @@ pub(super) fn run(arguments: &Arguments, out: &mut impl Write) -> Result<(), Fai
         meshes.retain(|mesh| mesh.name == *part);
         if meshes.is_empty() {
             let there = there.join(", ");
-            return Err(Failure::Usage(format!("there is no part \"{part}\"; there are: {there}")));
+            return Err(Failure::Usage(format!("no part is named \"{part}\"; allowed: {there}")));
         }
     }
     let has_names = MeshFormat::of(&arguments.output).is_some_and(MeshFormat::has_groups);
     if meshes.len() > 1 && !has_names {
         return Err(Failure::Usage(
-            "bars, frame and substrate touch and so are objects of their own, which only OBJ files \
-             keep apart; choose one --part, or a name that ends in .obj"
+            "bars, frame and substrate are separate objects, which only OBJ files can hold; write \
+             one with --part, or choose a name that ends in .obj"
                 .into(),
         ));
     }
@@ -81,7 +81,7 @@ fn print_object(
     }
     match mask.body.material() {
         Some(material) if mesh.name != "substrate" => writeln!(out, "material = \"{material}\"")?,
-        _ => writeln!(out, "material = \"silicon\"   # what the substrate is made of")?,
+        _ => writeln!(out, "material = \"silicon\"   # material of the substrate")?,
     }
     // To a picometre: the difference of two distances rounds.
     let y = ((mask.distance - scene.source.distance) * 1e12).round() / 1e12;

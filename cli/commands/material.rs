@@ -64,7 +64,7 @@ pub(super) fn run(arguments: &Arguments, out: &mut impl Write) -> Result<(), Fai
     };
     define(&mut scene, name, arguments.density)?;
     if arguments.energies.is_empty() && arguments.spectrum.is_none() {
-        let problem = "give an --energy, as in '30 keV', or a --spectrum";
+        let problem = "--energy, such as '30 keV', or --spectrum is required";
         return Err(Failure::Usage(problem.into()));
     }
     let (formula, density) = match (scene.materials.get(name), builtin(name)) {
@@ -115,11 +115,11 @@ fn define(scene: &mut Scene, name: &str, density: Option<f64>) -> Result<(), Fai
     let formula = match (scene.materials.get(name), builtin) {
         (Some(MaterialSpec::Formula { formula, .. }), _) => formula.clone(),
         (Some(_), _) if density.is_some() => {
-            let problem = format!("{name:?} has no formula: --density has no meaning for it");
+            let problem = format!("--density is for formulas; {name:?} has none");
             return Err(Failure::Usage(problem));
         }
         (None, Some(found)) if found.formula.is_empty() && density.is_some() => {
-            return Err(Failure::Usage(format!("{name:?} has no density")));
+            return Err(Failure::Usage(format!("--density: {name:?} has no density to change")));
         }
         (None, Some(found)) => found.formula.to_owned(),
         (Some(_), _) => return Ok(()),
@@ -132,8 +132,7 @@ fn define(scene: &mut Scene, name: &str, density: Option<f64>) -> Result<(), Fai
                 material::range(scene, name)?;
             }
             let Some(density) = density else {
-                let problem =
-                    format!("{name:?} is a formula: give its --density, as in '1.2 g/cm3'");
+                let problem = format!("the formula {name:?} needs --density, such as '1.2 g/cm3'");
                 return Err(Failure::Usage(problem));
             };
             scene.materials.insert(name.to_owned(), spec(density));
@@ -172,7 +171,7 @@ fn over_spectrum(
 ) -> Result<MaterialValues, Failure> {
     let Beam::Spectrum(spec) = &scene.source.beam else {
         return Err(Failure::Usage(
-            "the scene of --spectrum has one energy and no spectrum".into(),
+            "--spectrum: the scene has one energy and no spectrum; use --energy".into(),
         ));
     };
     let spectrum = Spectrum::after_filters(scene, spec)?.significant();
@@ -213,7 +212,7 @@ fn write_text(report: &MaterialReport, out: &mut impl Write) -> std::io::Result<
         let mut line = |name: &str, value: String| writeln!(out, "  {name:<16}{value}");
         let energy = format!("{} keV", number(value.energy_kev));
         if report.over_spectrum {
-            line("mean energy", format!("{energy}; below, means over the photons"))?;
+            line("mean energy", format!("{energy}; the values below are means over the photons"))?;
         } else {
             line("energy", energy)?;
         }
@@ -251,6 +250,6 @@ fn list(json: bool, out: &mut impl Write) -> Result<(), Failure> {
     writeln!(out, "\n{TABLES}; 0.1 keV to 800 keV at most.")?;
     Ok(writeln!(
         out,
-        "Elements and compounds of the list go by their formula too, where no other has the same."
+        "A formula also selects an element or compound of this list, if no other entry has the formula."
     )?)
 }

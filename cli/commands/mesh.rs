@@ -44,7 +44,7 @@ fn scene(arguments: &Arguments) -> Result<Scene, Failure> {
     let input = &arguments.input;
     if beam::is_scene(input) {
         if arguments.group.is_some() {
-            let problem = "--group belongs to a mesh file; --object belongs to a scene";
+            let problem = "--group is for mesh files; for a scene use --object";
             return Err(Failure::Usage(problem.into()));
         }
         return Ok(Scene::load_with(input, &arguments.sets)?);
@@ -57,7 +57,7 @@ fn scene(arguments: &Arguments) -> Result<Scene, Failure> {
     };
     if !arguments.objects.is_empty() || !arguments.sets.is_empty() {
         return Err(Failure::Usage(
-            "--object and --set belong to scenes; --group belongs to a mesh file".into(),
+            "--object and --set are for scenes; for a mesh file use --group".into(),
         ));
     }
     let name = input.file_stem().unwrap_or_default().to_string_lossy();
@@ -77,7 +77,7 @@ fn chosen(meshes: Vec<NamedMesh>, names: &[String]) -> Result<Vec<NamedMesh>, Fa
     if let Some(name) = names.iter().find(|name| !meshes.iter().any(|mesh| mesh.name == **name)) {
         let there: Vec<_> = meshes.iter().map(|mesh| format!("\"{}\"", mesh.name)).collect();
         let there = if there.is_empty() { "none".into() } else { there.join(", ") };
-        return Err(Failure::Usage(format!("there is no object \"{name}\"; there are: {there}")));
+        return Err(Failure::Usage(format!("no object is named \"{name}\"; allowed: {there}")));
     }
     Ok(meshes.into_iter().filter(|mesh| names.contains(&mesh.name)).collect())
 }
@@ -87,7 +87,7 @@ pub(super) fn refuse_format(path: &Path) -> Result<(), Failure> {
     match MeshFormat::of(path) {
         Some(MeshFormat::Obj | MeshFormat::Ply | MeshFormat::Stl) => Ok(()),
         _ => Err(Failure::Usage(format!(
-            "{}: the name has to end in .obj, .ply or .stl",
+            "{}: the name must end in .obj, .ply or .stl",
             beamlet::cli_support::printed::path(path)
         ))),
     }
@@ -104,11 +104,14 @@ pub(super) fn write(
     if filled.is_empty() {
         return Err(Failure::File {
             path: path.into(),
-            problem: "there is nothing to write".into(),
+            problem: "nothing to write: no object has triangles".into(),
         });
     }
     if filled.len() > 1 && MeshFormat::of(path) != Some(MeshFormat::Obj) {
-        log::warn!("{} objects are one mesh in this format; OBJ keeps them apart", filled.len());
+        log::warn!(
+            "{} objects are written as one mesh; OBJ files keep them separate",
+            filled.len()
+        );
     }
     write_meshes(path, meshes, unit)?;
     writeln!(out, "{}", beamlet::cli_support::printed::path(path))?;

@@ -72,8 +72,8 @@ fn write_json(value: &impl serde::Serialize, out: &mut impl Write) -> Result<(),
 /// How refraction angles were integrated along the rows, in words.
 fn drift_words(drift: &Drift) -> String {
     format!(
-        "{} angles without an answer are interpolated along the row; the mean angle of each row, rms {:.2e} \
-         rad, largest {:.2e} rad ({:.1} % of the largest phase), is taken off",
+        "{} angles without a result are interpolated along the row; the mean angle of each row, rms {:.2e} \
+         rad, largest {:.2e} rad ({:.1} % of the largest phase), is subtracted",
         drift.filled,
         drift.rms_rad,
         drift.largest_rad,

@@ -81,7 +81,7 @@ pub(super) fn refuse_existing(paths: &[PathBuf], overwrite: bool) -> Result<(), 
     match paths.iter().find(|path| fs::symlink_metadata(path).is_ok() && !overwrite) {
         Some(path) => Err(Failure::File {
             path: path.clone(),
-            problem: "is there already; --overwrite replaces it".into(),
+            problem: "exists already; --overwrite replaces it".into(),
         }),
         None => Ok(()),
     }
@@ -96,7 +96,7 @@ pub(super) fn refuse_read(paths: &[PathBuf], read: &[PathBuf]) -> Result<(), Fai
         Some((path, read)) => Err(Failure::File {
             path: path.clone(),
             problem: format!(
-                "is, or is part of, {}, which this command reads",
+                "would replace {}, which this command reads",
                 beamlet::cli_support::printed::path(read)
             ),
         }),
@@ -114,7 +114,7 @@ pub(super) fn save_plot(drawing: &Drawing, path: &Path, overwrite: bool) -> Resu
             .map_err(|problem| Failure::File { path: path.to_owned(), problem })?,
         _ => {
             let problem = format!(
-                "--plot {}: the name has to end in .svg or .png",
+                "--plot {}: the name must end in .svg or .png",
                 beamlet::cli_support::printed::path(path)
             );
             return Err(Failure::Usage(problem));

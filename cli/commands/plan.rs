@@ -87,13 +87,13 @@ fn summary(arguments: &PlanArguments, plan: &Plan, out: &mut impl Write) -> Resu
     let word = quoted(&run.to_string_lossy());
     let scene = quoted(&run.join(beamlet::stack::layout::SCENE).to_string_lossy());
     writeln!(out, "run      {} ({})", printed::path(run), plan.format)?;
-    writeln!(out, "shards   {shards}, of {} views in all", plan.extent.views)?;
+    writeln!(out, "shards   {shards} for {} views", plan.extent.views)?;
     match Plan::platform(run)? {
         Some(made_by) => {
             writeln!(out, "device   {} ({})", made_by.device, made_by.driver)?;
             writeln!(out, "backend  {}", made_by.backend)?;
         }
-        None => writeln!(out, "device   taken from the first shard")?,
+        None => writeln!(out, "device   recorded by the first shard that begins")?,
     }
     if arguments.slurm.slurm {
         let script = run.join(beamlet::stack::layout::SCRIPTS).join(slurm::SUBMIT);

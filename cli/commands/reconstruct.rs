@@ -69,8 +69,7 @@ fn work(
         (true, Some(scene)) if scene.objects.is_empty() => {
             let path = arguments.inputs[0].clone();
             let problem =
-                "has a geometry without objects, with which --truth has nothing to compare: \
-                           name a geometry with the sample"
+                "has a geometry without objects, which --truth needs: use a --geometry with the sample"
                     .into();
             return Err(Failure::File { path, problem });
         }
@@ -84,7 +83,7 @@ fn work(
         }
         (true, None) => {
             let path = arguments.inputs[0].clone();
-            let problem = "does not name its scene, which --truth needs: retrieve again".into();
+            let problem = "has no record of its scene, which --truth needs: retrieve again".into();
             return Err(Failure::File { path, problem });
         }
     };
@@ -130,8 +129,7 @@ impl Source {
                 let images = input.join(layout::RETRIEVED);
                 if !layout::is_retrieved(&images) {
                     if arguments.dry_run {
-                        let problem = "is not retrieved yet, and --dry-run writes nothing: beamlet retrieve \
-                                       comes first";
+                        let problem = "is not retrieved yet: run beamlet retrieve before --dry-run";
                         return Err(Failure::File { path: input.clone(), problem: problem.into() });
                     }
                     retrieve_run(engine, input, &images, cancel, reporter)?;
@@ -144,7 +142,7 @@ impl Source {
             } else if input.is_file() {
                 let is_scene = input.extension().is_some_and(|it| it == "toml" || it == "json");
                 let problem = match is_scene {
-                    true => "is a scene: simulate it, and name the run directory",
+                    true => "is a scene: simulate it, and give the run directory",
                     false => "is a file: sinograms need --geometry SCENE, for angles and distances",
                 };
                 return Err(Failure::File { path: input.clone(), problem: problem.into() });
@@ -163,10 +161,12 @@ impl Source {
     fn of_file(arguments: &Reconstruct, geometry: &Path) -> Result<Self, Failure> {
         let usage = |problem: &str| Err(Failure::Usage(problem.into()));
         let [path] = arguments.inputs.as_slice() else {
-            return usage("--geometry belongs to one file of sinograms");
+            return usage("--geometry requires exactly one file of sinograms");
         };
         if path.is_dir() {
-            return usage("--geometry belongs to a file of sinograms; folders have their own");
+            return usage(
+                "--geometry is for files of sinograms; retrieved images have their own geometry",
+            );
         }
         let [QuantityName::One(quantity)] = arguments.quantity.as_slice() else {
             return usage(
@@ -214,7 +214,7 @@ fn refuse_options(arguments: &Reconstruct) -> Result<(), Failure> {
     let method = method(arguments).name();
     let reason = match arguments.method {
         ReconstructionName::Fbp => "filtered back-projection has one step",
-        _ => "iterations filter no rows, and their model has the lever arms",
+        _ => "iterative methods do not filter rows, and their model contains the lever arms",
     };
     Err(Failure::Usage(format!("{option} is for {allowed}, not for {method}: {reason}")))
 }
@@ -232,7 +232,7 @@ fn plan(arguments: &Reconstruct, source: &Source) -> Result<VolumePlan, Failure>
             if !has.contains(&quantity) {
                 let path = input.paths().into_iter().next().unwrap_or_default();
                 let problem = format!(
-                    "has no image {}, which {} is made of",
+                    "has no image {}, from which {} is reconstructed",
                     quantity.image(),
                     quantity.name()
                 );
@@ -247,8 +247,6 @@ fn plan(arguments: &Reconstruct, source: &Source) -> Result<VolumePlan, Failure>
         .with_voxel(arguments.voxel)
         .with_size(arguments.size)
         .with_origin(arguments.origin);
-    // δ needs the volume of μ before.
-    quantities.sort_by_key(|quantity| Quantity::ALL.iter().position(|other| other == quantity));
     let grid = choice.grid(input.geometry())?;
     let beam = source.scene.as_ref().and_then(|scene| BeamEnergy::of(scene).ok());
     let plan = VolumePlan::new(quantities, grid, method(arguments));
@@ -268,7 +266,7 @@ fn hardening(arguments: &Reconstruct, source: &Source) -> Result<Option<Hardenin
     let Some(Hardening { material, energy }) = &arguments.beam_hardening else { return Ok(None) };
     let Some(scene) = &source.scene else {
         let path = arguments.inputs[0].clone();
-        let problem = "does not name its scene, which --beam-hardening needs for the spectrum: \
+        let problem = "has no record of its scene, which --beam-hardening needs for the spectrum: \
                        retrieve again";
         return Err(Failure::File { path, problem: problem.into() });
     };
@@ -357,7 +355,11 @@ fn describe(
         }
         _ => "back-projection".to_owned(),
     };
-    writeln!(out, "time     {:.1} s of {what}, by a part of it on this device", found.seconds)?;
+    writeln!(
+        out,
+        "time     about {:.1} s of {what}, extrapolated from a part of it on this device",
+        found.seconds
+    )?;
     writeln!(out, "nothing was written")?;
     Ok(())
 }
@@ -367,7 +369,7 @@ fn energy_words(record: &VolumeRecord, out: &mut impl Write) -> Result<(), Failu
     if let Some(it) = &record.beam_hardening {
         writeln!(
             out,
-            "energy   mu is that of {:.3} keV, corrected for beam hardening in {} (-ln T up to {:.3}; fit \
+            "energy   mu at {:.3} keV, corrected for beam hardening in {} (-ln T up to {:.3}; fit \
              within {:.1e})",
             it.energy_kev, it.material, it.largest, it.error
         )?;
@@ -376,8 +378,8 @@ fn energy_words(record: &VolumeRecord, out: &mut impl Write) -> Result<(), Failu
     match record.beam {
         Some(beam) if beam.spectrum => writeln!(
             out,
-            "energy   mu and delta are means over the spectrum, {:.3} keV in the mean of what the detector \
-             sees; mu is not corrected for beam hardening",
+            "energy   mu and delta are means over the spectrum (mean detected energy {:.3} keV); mu \
+             is not corrected for beam hardening",
             beam.kev
         )?,
         Some(beam) => writeln!(out, "energy   {:.3} keV", beam.kev)?,
@@ -396,7 +398,7 @@ fn summary(
 ) -> Result<(), Failure> {
     let record = &done.record;
     if let Some(path) = retrieved {
-        let note = "retrieved on the way, as beamlet retrieve does";
+        let note = "retrieved first, with the defaults of beamlet retrieve";
         writeln!(out, "images   {} ({note})", printed::path(path))?;
     }
     writeln!(out, "volumes  {}", printed::path(&arguments.output))?;
@@ -425,12 +427,12 @@ fn summary(
         let misfits = if is_mu { "filled" } else { "kept" };
         writeln!(
             out,
-            "pixels   {name}: of {} {} without an answer and {} with T <= 0 filled, {} misfits {misfits}",
+            "pixels   {name}: of {}, {} without a result and {} with T <= 0 are filled, {} misfits {misfits}",
             counts.pixels, counts.without_answer, counts.dark, counts.misfits
         )?;
     }
-    if record.units.keys().any(|name| name.ends_with("_sigma")) {
-        writeln!(out, "sigma    without rings by the noise of a flat that all views share")?;
+    if let Some(noise) = &record.noise_of_flat {
+        writeln!(out, "sigma    noise of the flat that views share (rings): {noise}")?;
     }
     for table in [&done.regions, &done.errors].into_iter().flatten() {
         writeln!(out)?;

@@ -33,7 +33,7 @@ pub(super) fn run(arguments: &Report, out: &mut impl Write) -> Result<(), Failur
     let mut reporter = Reporter::new(arguments.messages);
     let page = match (layout::is_volume(&arguments.run), &arguments.retrieved) {
         (true, Some(_)) => {
-            let problem = "--retrieved belongs to a run; this is a reconstruction";
+            let problem = "--retrieved is for runs; this is a reconstruction";
             return Err(Failure::Usage(problem.into()));
         }
         (true, None) => report::volume_page(&arguments.run, &options, &mut reporter)?,

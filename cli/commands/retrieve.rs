@@ -38,7 +38,7 @@ pub(super) fn run(arguments: &Retrieve, out: &mut impl Write) -> Result<(), Fail
         (true, gain) => gain.or(of_scene.map(|[gain, _]| gain)).or(Some(1.0)),
         (false, None) => None,
         (false, Some(_)) => {
-            let problem = "--gain belongs to counts: a run needs --counts with it";
+            let problem = "--gain is for counts: add --counts for a run";
             return Err(Failure::Usage(problem.into()));
         }
     };
@@ -54,11 +54,11 @@ pub(super) fn run(arguments: &Retrieve, out: &mut impl Write) -> Result<(), Fail
         .with_steps(arguments.steps)
         .with_sample_offsets(arguments.sample_offsets.as_deref().map(offsets).transpose()?);
     if options.weights == Weights::Poisson && !input.counts() {
-        let problem = "--weights poisson belongs to counts: a run needs --counts with it";
+        let problem = "--weights poisson is for counts: add --counts for a run";
         return Err(Failure::Usage(problem.into()));
     }
     if arguments.read_noise.is_some() && options.weights == Weights::None {
-        return Err(Failure::Usage("--read-noise belongs to --weights poisson".into()));
+        return Err(Failure::Usage("--read-noise requires --weights poisson".into()));
     }
     let two_step = options.method == Method::TwoStep;
     for (key, given) in [
@@ -66,7 +66,7 @@ pub(super) fn run(arguments: &Retrieve, out: &mut impl Write) -> Result<(), Fail
         ("--sample-offsets", options.sample_offsets.is_some()),
     ] {
         if given && !two_step {
-            let problem = format!("{key} belongs to --method two-step, not to {}", options.method);
+            let problem = format!("{key} is for --method two-step, not for {}", options.method);
             return Err(Failure::Usage(problem));
         }
     }
@@ -115,8 +115,12 @@ fn of_run(arguments: &Retrieve, run: &Path) -> Result<Input, Failure> {
 /// Stacks of their own, with the geometry of a scene.
 fn measured(arguments: &Retrieve) -> Result<(Input, PathBuf), Failure> {
     let missing = |name: &str| {
-        Failure::Usage(format!("measured stacks need {name} (or name a run directory)"))
+        Failure::Usage(format!("measured stacks need {name}; or give a run directory"))
     };
+    if arguments.counts {
+        let problem = "--counts belongs to a run: measured stacks are detector numbers already";
+        return Err(Failure::Usage(problem.into()));
+    }
     let flat = arguments.flat.as_ref().ok_or_else(|| missing("--flat"))?;
     let sample = arguments.sample.as_ref().ok_or_else(|| missing("--sample"))?;
     let geometry = arguments.geometry.as_ref().ok_or_else(|| missing("--geometry"))?;

@@ -40,11 +40,11 @@ pub(super) fn run(arguments: &Simulate, out: &mut impl Write) -> Result<(), Fail
         && sink.problems().is_empty()
         && stack::views(&scene)
             .map_err(failed)?
-            .filter(|view| sink.part_of_run().has(*view, extent.views))
+            .filter(|view| sink.part_of_run().has(*view, extent))
             .all(|view| sink.committed().contains(&view))
     {
         let words = match arguments.shard {
-            Some(shard) => format!("has shard {shard} complete already"),
+            Some(shard) => format!("already has the complete shard {shard}"),
             None => "is complete already".to_owned(),
         };
         return told(arguments, &words, out);
@@ -129,12 +129,12 @@ fn keep_moments(arguments: &Simulate, sink: &RunDirectory) -> Result<bool, Failu
     match sink.keeps_moments() {
         Some(false) if wanted => Err(Failure::Usage(format!(
             "{path} was begun without --keep-moments ({RUN}: \"keep_moments\": false); it cannot \
-             go on with --keep-moments"
+             continue with --keep-moments"
         ))),
         Some(keeps) => Ok(keeps),
         None if wanted && !sink.committed().is_empty() => Err(Failure::Usage(format!(
-            "{path} has no moments, and its {RUN}, of an earlier version, does not say anything of \
-             --keep-moments; it cannot go on with --keep-moments"
+            "{path} has no moments, and its {RUN}, of an earlier version, does not record \
+             --keep-moments; it cannot continue with --keep-moments"
         ))),
         None => Ok(wanted),
     }
@@ -160,7 +160,7 @@ fn directory(arguments: &Simulate, scene: &Scene) -> Result<RunDirectory, Failur
         }
         if let Some(format) = format.filter(|format| *format != sink.format()) {
             return Err(Failure::Usage(format!(
-                "the run was begun with --format {}; it cannot go on with --format {format}",
+                "the run was begun with --format {}; it cannot continue with --format {format}",
                 sink.format()
             )));
         }
@@ -215,7 +215,7 @@ pub(super) fn summary(
     writeln!(out, "backend  {}: {}", record.backend, record.backend_reason)?;
     let part = match sink.committed().len() {
         0 => String::new(),
-        views => format!(" (and {} before, of {views} views)", record.tally.rays - rays),
+        views => format!(" (and {} earlier, for {views} views)", record.tally.rays - rays),
     };
     writeln!(out, "rays     {rays} in {seconds:.1} s ({rate:.2} million a second){part}")?;
     if let Some(sampling) = &record.sampling {
@@ -236,8 +236,8 @@ fn tell_sampling(sampling: &SamplingSummary, out: &mut impl Write) -> Result<(),
         let (beyond, tolerance) = (sampling.beyond_tolerance, sampling.tolerance);
         writeln!(
             out,
-            "         {beyond} of {patches} beamlets and rows may miss a tolerance: {tolerance:.1e} of open \
-             beam, or the tolerance of angles"
+            "         {beyond} of {patches} patches (one beamlet, one row) may exceed a tolerance: \
+             {tolerance:.1e} of open beam, or the tolerance of angles"
         )?;
     }
     Ok(())
@@ -257,13 +257,13 @@ fn counts(tally: &Tally) -> [(u64, &'static str); 12] {
         (tally.exact, "rays traced exactly"),
         (tally.split, "cells split by refinement"),
         (tally.unbalanced, "rays unbalanced after re-tracing"),
-        (tally.unordered, "rays not followed exactly, their first order counts"),
+        (tally.unordered, "rays not followed exactly; their first order is used"),
         (tally.retraced, "rays traced again with the software BVH"),
         (tally.dropped, "cells or crossings dropped at a limit"),
         (tally.reflected, "rays totally reflected"),
-        (tally.not_finite, "rays not finite, their light left out"),
-        (tally.landed_off, "cells landed off the detector"),
-        (tally.defective_objects, "objects with defects, let through by allow_defects"),
+        (tally.not_finite, "rays not finite; their light is omitted"),
+        (tally.landed_off, "cells whose light landed outside the detector"),
+        (tally.defective_objects, "objects with defects, accepted by allow_defects"),
         (tally.saturated, "detector numbers clipped at the upper end of the bit depth"),
         (tally.clipped_at_zero, "detector numbers clipped at 0"),
     ]

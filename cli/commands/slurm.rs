@@ -32,14 +32,15 @@ pub(super) fn template(arguments: &SlurmArguments) -> Result<Option<String>, Fai
     let text = std::fs::read_to_string(path)
         .map_err(|error| failed(format!("cannot be read: {error}")))?;
     if !text.starts_with("#!") {
-        return Err(failed("does not begin with #! and an interpreter, as in #!/bin/bash".into()));
+        return Err(failed("must begin with #! and an interpreter, such as #!/bin/bash".into()));
     }
     for place in [OPTIONS, COMMAND] {
         match text.lines().filter(|line| line.trim() == place).count() {
             1 => {}
             count => {
                 let problem = format!(
-                    "has {count} lines {place}; allowed: 1 of each of {OPTIONS} and {COMMAND}"
+                    "has {count} lines with {place}; allowed: one line with {OPTIONS} and one with \
+                     {COMMAND}"
                 );
                 return Err(failed(problem));
             }

@@ -14,7 +14,7 @@ pub(crate) fn draw(residuals: &Residuals, method: &str) -> Drawing {
     let title = format!("Residuals of {name} by {method}");
     drawing.text([area.left, 28.0], title, 17.0, INK, Anchor::Start);
     let taken = values.get(*best).copied().unwrap_or(f64::NAN);
-    let note = format!("iteration {best} is taken: rms {}", short(taken));
+    let note = format!("iteration {best} is used: rms {}", short(taken));
     drawing.text([area.left, 50.0], note, SMALL, INK, Anchor::Start);
     let points: Vec<[f64; 2]> =
         values.iter().enumerate().map(|(n, value)| [n as f64, value.log10()]).collect();

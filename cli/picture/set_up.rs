@@ -46,7 +46,11 @@ fn caption(scene: &Scene) -> String {
     let spot = match scene.source.spot.parts().len() {
         1 if across == 0.0 && up == 0.0 => "a point".to_owned(),
         1 => format!("{} × {} (FWHM)", length(across), length(up)),
-        n => format!("of {n} parts, {} × {} (FWHM by variance)", length(across), length(up)),
+        n => format!(
+            "of {n} Gaussians, {} × {} (FWHM from the variance)",
+            length(across),
+            length(up)
+        ),
     };
     let views = match scene.scan.views() {
         1 => "1 view".to_owned(),
@@ -229,7 +233,7 @@ fn true_scale(drawing: &mut Drawing, scene: &Scene) {
     drawing.line([x, middle - half], [x, middle + half], Paint::line(DETECTOR, 2.0));
     drawing.text(
         [left + width, middle - half - 5.0],
-        "the same with x and y at one scale",
+        "the same drawing with equal scales of x and y",
         SMALL,
         GREY,
         Anchor::End,

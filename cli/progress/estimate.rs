@@ -65,7 +65,8 @@ impl Estimate {
         self.end = if first { end } else { self.end + weight * (end - self.end) };
         // The next step is taken to be as long as this one. It counts down to then, and waits there.
         let after = (1.0 - 2.0 * share + self.at[1]).max(0.0) / (1.0 - share).max(1e-9);
-        self.then = (self.shown.unwrap_or(self.end) - now).max(0.0) * after;
+        // Lines of a log show an end rarely: an earlier one counts at once.
+        self.then = (self.shown.unwrap_or(self.end).min(self.end) - now).max(0.0) * after;
         self.at = [now, share];
     }
 
@@ -218,6 +219,29 @@ mod tests {
                     assert!((0.7..1.4).contains(&(left / rest)), "{left} of {rest} s, view {n}");
                 }
             }
+        }
+    }
+
+    #[test]
+    fn lines_of_a_log_follow_a_pace_that_grows() {
+        // 150 s to 6 %, 650 s for the rest, a step each half second and a line each 30 s.
+        let share = |now: f64| match now < 150.0 {
+            true => 0.06 * now / 150.0,
+            false => 0.06 + 0.94 * (now - 150.0) / 650.0,
+        };
+        let (mut estimate, mut next) = (Estimate::default(), 0.5);
+        estimate.begin(at(0.0), 0.0);
+        for line in (30..=720).step_by(30).map(f64::from) {
+            while next <= line {
+                estimate.reach(at(next), share(next));
+                next += 0.5;
+            }
+            let Some(left) = estimate.left(at(line)) else { continue };
+            let over = left.as_secs_f64() / (800.0 - line);
+            assert!(
+                line < 400.0 || (0.9..1.35).contains(&over),
+                "{over} times the rest at {line} s"
+            );
         }
     }
 

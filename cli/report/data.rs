@@ -173,8 +173,10 @@ fn notes(contents: &Contents<'_>, most: u64) -> Vec<String> {
         ));
     }
     if every > 1 {
-        notes
-            .push(format!("Of {all_views} views every {every}th is in this page: {}.", kept.len()));
+        notes.push(format!(
+            "This page contains every {every}th of {all_views} views: {}.",
+            kept.len()
+        ));
     }
     if bin > 1 || every > 1 {
         notes.push(format!(
@@ -184,12 +186,12 @@ fn notes(contents: &Contents<'_>, most: u64) -> Vec<String> {
         ));
     }
     if let Some(reason) = run.without() {
-        notes.push(format!("Without the frames that the images were retrieved from: {reason}"));
+        notes.push(format!("The frames of these images are not shown: {reason}"));
     }
     if run.beamlets().is_some() {
         notes.push(
-            "The run was retrieved per beamlet; `beamlet view` draws those images, this page is of \
-             pixels."
+            "The run was retrieved per beamlet, and this page shows pixels only; `beamlet view` \
+             draws the images."
                 .into(),
         );
     } else if contrasts.is_empty() {
@@ -200,8 +202,8 @@ fn notes(contents: &Contents<'_>, most: u64) -> Vec<String> {
     }
     if run.has_unused_counts() {
         notes.push(format!(
-            "The run has detector numbers, and its images were retrieved from noise-free \
-             intensities; `beamlet retrieve {} --counts --weights poisson` takes the numbers.",
+            "The images were retrieved from noise-free intensities; `beamlet retrieve {} --counts \
+             --weights poisson` retrieves from the detector numbers of the run.",
             beamlet::cli_support::printed::path(run.path())
         ));
     }

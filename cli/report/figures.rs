@@ -32,7 +32,7 @@ pub(super) fn of(
     let mut progress = |progress| reporter.update(progress);
     let mut control = Control::default().with_progress(&mut progress);
     let loaded = beamlet::load_sample(scene, &mut control).unwrap_or_else(|error| {
-        figures.notes.push(format!("Without the sample: {error}"));
+        figures.notes.push(format!("The sample is not drawn: {error}"));
         Sample::default()
     });
     reporter.doing("drawing");
@@ -41,10 +41,10 @@ pub(super) fn of(
     if !loaded.objects.is_empty() {
         match sample::draw(scene, &loaded, Camera::default(), device) {
             Ok(drawing) => {
-                let label = "The sample, its materials in colours";
+                let label = "The sample; colours are materials";
                 figures.sample = drawing.to_svg("sample-picture", label);
             }
-            Err(error) => figures.notes.push(format!("Without a picture of the sample: {error}")),
+            Err(error) => figures.notes.push(format!("The sample is not drawn: {error}")),
         }
     }
     figures.beam(scene);
@@ -65,7 +65,7 @@ impl Figures {
                         let label = "The spectrum before and after its filters";
                         self.spectrum = drawing.to_svg("spectrum", label);
                     }
-                    Err(error) => self.notes.push(format!("Without the spectrum: {error}")),
+                    Err(error) => self.notes.push(format!("The spectrum is not drawn: {error}")),
                 }
             }
             _ => {}

@@ -82,12 +82,12 @@ const WORDS: [(&str, &str); 8] = [
     (
         "α, refraction angle",
         "mean angle by which the sample deflects the beam, in µrad; positive towards +x. It is the \
-         shift of the curve times the mask magnification over the lever arm, with opposite sign.",
+         shift of the curve times the mask magnification divided by the lever arm, with opposite sign.",
     ),
     (
         "σ_DF², dark field",
         "variance of the angles within a pixel, in µrad²: how much broader the curve is with the \
-         sample. Noise, and curves that are no Gaussian, can make it negative.",
+         sample. Noise, and curves that are not Gaussian, can make it negative.",
     ),
     (
         "1 (intensity)",
@@ -95,13 +95,16 @@ const WORDS: [(&str, &str); 8] = [
     ),
     (
         "1σ",
-        "one standard deviation of the noise of counts. Noise-free intensities have none; their measure is the rms residual, as a fraction of the open beam.",
+        "one standard deviation of the noise of counts. Noise-free intensities have none; the rms \
+         residual, a fraction of the open beam, shows the quality of their fits.",
     ),
     ("residual", "data − fit; the rms residual is its root mean square over the mask steps."),
     (
         "flags",
-        "reasons to distrust the values of a pixel. Misfit: they differ from both neighbours, as where the silhouette of an object crosses the pixel. Flagged pixels do not set the colour scales; \
-         pixels without an answer are violet.",
+        "reasons to distrust the values of a pixel. Misfit: they differ from both neighbours, for \
+         example where the silhouette of an object crosses the pixel. Flagged pixels do not set \
+         the colour scales; \
+         pixels without a result are violet.",
     ),
     (
         "A, µ, σ, b",
@@ -118,7 +121,7 @@ pub(super) fn words() -> Vec<TableRow> {
 /// Meanings of the counts of a tally.
 const MEANINGS: [(&str, &str); 13] = [
     ("rays", "traced as straight lines, with refraction to first order"),
-    ("exact", "traced exactly, surface by surface, since they graze one"),
+    ("exact", "traced exactly, surface by surface, because they graze a surface"),
     ("split", "rectangles that refinement has split"),
     ("unbalanced", "rays that entered and left some object unequally often; should be 0"),
     (
@@ -128,9 +131,9 @@ const MEANINGS: [(&str, &str); 13] = [
     ("retraced", "rays of the ray-query backend that the software BVH has traced again"),
     ("dropped", "rectangles or crossings beyond a limit; should be 0"),
     ("reflected", "rays that were totally reflected at least once"),
-    ("not_finite", "rays whose value is no number; their light is left out; should be 0"),
+    ("not_finite", "rays whose value is not a number; their light is omitted; should be 0"),
     ("landed_off", "rectangles whose light lands outside the detector or too far off to follow"),
-    ("defective_objects", "objects with open or crossing surfaces that allow_defects let through"),
+    ("defective_objects", "objects with open or crossing surfaces, accepted by allow_defects"),
     ("saturated", "detector numbers clipped at the upper end of the bit depth"),
     ("clipped_at_zero", "detector numbers clipped at 0; should be 0"),
 ];
@@ -241,7 +244,7 @@ pub(super) fn retrieval(run: &Subject) -> Vec<TableRow> {
     ];
     let (lost, all) = (count(record.without_answer), count(pixels as u64));
     rows.push(
-        TableRow::new("without an answer", format!("{lost} of {all} pixels"))
+        TableRow::new("without a result", format!("{lost} of {all} pixels"))
             .marked(record.without_answer > 0),
     );
     rows.extend(corrections(record));

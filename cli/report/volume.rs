@@ -294,7 +294,7 @@ fn reconstruction(record: &VolumeRecord) -> Vec<TableRow> {
     if let Some(drift) = record.drift {
         let words =
             format!("{} rad rms, largest {} rad", short(drift.rms_rad), short(drift.largest_rad));
-        rows.push(TableRow::new("mean angle of rows, taken off", words));
+        rows.push(TableRow::new("mean angle of rows, subtracted", words));
     }
     for (name, counts) in &record.pixels {
         let filled = counts.without_answer + counts.dark;

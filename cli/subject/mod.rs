@@ -154,9 +154,9 @@ impl Subject {
     /// What to do where there are no retrieved images.
     pub(crate) fn not_retrieved(&self) -> Failure {
         let problem = match &self.record {
-            Some(_) => "holds images of beamlets, which are not drawn on pixels".to_owned(),
+            Some(_) => "holds images per beamlet, which cannot be drawn on pixels".to_owned(),
             None => format!(
-                "is not there; `beamlet retrieve {}` makes it",
+                "does not exist; `beamlet retrieve {}` makes it",
                 beamlet::cli_support::printed::path(&self.path)
             ),
         };
@@ -179,7 +179,7 @@ impl Subject {
             return Err(Failure::File {
                 path: self.retrieved.clone(),
                 problem: format!(
-                    "has {} views, and view {view} is requested; retrieve the run again",
+                    "has {} views, but view {view} was requested; retrieve the run again",
                     maps.views()
                 ),
             });

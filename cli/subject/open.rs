@@ -36,22 +36,18 @@ impl Subject {
             return Self::of_run(path, retrieved);
         }
         if retrieved.is_some() {
-            let problem = format!("--retrieved belongs to a run; this is none: it has no {RUN}");
+            let problem = format!("--retrieved is for runs; this is not a run: it has no {RUN}");
             return Err(Failure::Usage(problem));
         }
         if layout::is_retrieved(path) {
             return Self::of_images(path);
         }
-        if !path.exists() {
-            return Err(Failure::File { path: path.to_path_buf(), problem: "is not there".into() });
-        }
-        Err(Failure::File {
-            path: path.to_path_buf(),
-            problem: format!(
-                "is neither a run directory (it has no {RUN}) nor a directory of retrieved images \
-                 (it has no {RECORD})"
-            ),
-        })
+        let neither = format!(
+            "is neither a run directory (it has no {RUN}) nor a directory of retrieved images (it has no \
+             {RECORD})"
+        );
+        let problem = layout::problem_of(path, &neither, &neither);
+        Err(Failure::File { path: path.to_path_buf(), problem })
     }
 
     fn of_run(path: &Path, named: Option<&Path>) -> Result<Self, Failure> {
@@ -67,9 +63,10 @@ impl Subject {
             if found.record.kept_columns.is_some() || found.record.bin.is_some() {
                 return Err(Failure::File {
                     path: retrieved,
-                    problem: "holds images of selected or added pixels (--columns, --bin), which \
-                              are not those of the run: name this directory alone"
-                        .into(),
+                    problem:
+                        "was retrieved with --columns or --bin, so its pixels differ from the \
+                              pixels of the run: give this directory without the run"
+                            .into(),
                 });
             }
             if differs && !found.of_beamlets || found.maps.views() > shape[0] {

@@ -25,6 +25,9 @@ use rayon::prelude::*;
 /// Triangles of a leaf: the most that the wide nodes can count.
 const MOST_IN_LEAF: u32 = 3;
 
+/// Radii around shapes are larger by this share, so that rounding leaves out no ray.
+const PARTNER_ROOM: f64 = 1e-6;
+
 /// Nodes and leaves as the shaders read them: a tree over the triangles of the sample and its placed
 /// surfaces, then one over each prototype in its own frame.
 #[derive(Debug, Clone, Default)]
@@ -46,7 +49,7 @@ pub(crate) struct Bvh {
     pub prototypes: Vec<interface::Prototype>,
     pub shapes: Vec<interface::AnalyticShape>,
     /// Lists of the shapes that cross a shape: the object around all of them, counted from 1, their
-    /// number, and their places.
+    /// number, and the place and the radii of each.
     pub partners: Vec<u32>,
     /// `KIND_` bits of the placed leaves.
     pub kinds: u32,
@@ -162,7 +165,7 @@ impl Bvh {
             let each = order.len() as u64;
             let end = primitive + each * same.len() as u64;
             if end > u64::from(FACET_LEAF) {
-                let problem = format!("{end} facets of instances are more than {FACET_LEAF}");
+                let problem = format!("its instances have {end} facets; allowed: {FACET_LEAF}");
                 return Err(Error::mesh(
                     "sample",
                     problem,
@@ -195,7 +198,14 @@ impl Bvh {
             let first = numbers::count(self.partners.len());
             self.placed[places[at as usize] as usize].partners = first;
             self.partners.extend([around.map_or(0, |it| it + 1), numbers::count(partners.len())]);
-            self.partners.extend(partners.iter().map(|it| places[*it as usize]));
+            for partner in partners {
+                let placed = &sample.placed[*partner as usize];
+                let shape = sample.prototypes[placed.prototype as usize].shape;
+                let scales = placed.place.scales();
+                let radii = shape.map_or([f64::INFINITY; 2], |it| it.radii(scales));
+                let [ball, rod] = radii.map(|it| single(it * (1.0 + PARTNER_ROOM)).to_bits());
+                self.partners.extend([places[*partner as usize], ball, rod]);
+            }
             self.kinds |= KIND_CROSSED;
         }
     }
@@ -217,8 +227,8 @@ impl Bvh {
         if depth > STACK as usize {
             return Err(Error::mesh(
                 "sample",
-                format!("its BVH is {depth} levels deep, {STACK} are allowed"),
-                "triangles that lie on one another, or extreme scales",
+                format!("its BVH is {depth} levels deep; allowed: {STACK}"),
+                "look for triangles that lie on one another, or extreme scales",
             ));
         }
         if keep {

@@ -155,7 +155,7 @@ fn failed(path: &Path, error: exr::error::Error) -> Error {
         exr::error::Error::Io(source) => {
             Error::file(path, "cannot be read (cut short?)", Some(source))
         }
-        other => Error::file(path, format!("is no EXR frame that can be read: {other}"), None),
+        other => Error::file(path, format!("is not a readable EXR frame: {other}"), None),
     }
 }
 

@@ -32,8 +32,9 @@ pub(super) fn refuse_hollow(path: &Path, [rows, columns]: [usize; 2]) -> Result<
     if claimed <= 4096.0 * found as f64 && 4.0 * claimed <= most {
         return refuse_wide(path, [rows, columns]);
     }
-    let problem =
-        format!("claims {rows} rows of {columns} columns in {found} bytes: cut short, or no frame");
+    let problem = format!(
+        "claims {rows} rows of {columns} columns in {found} bytes: cut short, or not a frame"
+    );
     Err(Error::file(path, problem, None))
 }
 

@@ -32,8 +32,8 @@ fn left_out(angles: &[f64]) -> Option<String> {
     (is_round(included) && !is_round(step)).then(|| {
         let [from, to] = [*first, first + count * step.to_radians()].map(f64::to_degrees);
         format!(
-            "scan.angles steps by {step:.4} deg from {from:.4} deg, as the end of a range, {to:.4} deg, is \
-             left out: to = \"{:.4} deg\" steps by {included:.4} deg",
+            "scan.angles steps by {step:.4} deg from {from:.4} deg, because a range excludes its \
+             end, {to:.4} deg; with to = \"{:.4} deg\" it steps by {included:.4} deg",
             from + count * included
         )
     })

@@ -64,7 +64,7 @@ impl Display for CheckedContact {
                 let width = number(width * 1e6);
                 match pairs {
                     1 => write!(f, "nearly touch: {width} um apart")?,
-                    _ => write!(f, "nearly touch: {pairs} pairs, {width} um apart at the least")?,
+                    _ => write!(f, "nearly touch: {pairs} pairs, at least {width} um apart")?,
                 }
             }
         }

@@ -134,8 +134,9 @@ fn write_illumination(f: &mut Formatter<'_>, curve: &IlluminationCurve) -> fmt::
         format!("{low:.2} to {high:.2} sigma, {:.3} to {:.3} periods", periods[0], periods[1]);
     line(f, "mask offsets", reach)?;
     if curve.has_three_offsets() {
-        let settled = "T, alpha and sigma_DF2 by `retrieve --method three-step` only: a background appears as dark field, and misfits are not found";
-        line(f, "three offsets settle", settled.into())?;
+        let settled = "T, alpha and sigma_DF2, only by `retrieve --method three-step`: a background \
+                       appears as dark field, and misfits are not found";
+        line(f, "with three offsets", settled.into())?;
     }
     let Some(expected) = &curve.expected else { return Ok(()) };
     let ExpectedUncertainty { transmission, refraction, dark_field } = *expected;
@@ -174,7 +175,7 @@ fn write_object(f: &mut Formatter<'_>, object: &CheckedObject) -> fmt::Result {
     let detail =
         |f: &mut Formatter<'_>, label: &str, text: String| writeln!(f, "    {label:<18}{text}");
     let triangles = match object.triangles {
-        0 => "0: exact shapes have none".into(),
+        0 => "0: an exact shape has none".into(),
         triangles => count(triangles as u64),
     };
     detail(f, "triangles", triangles)?;
@@ -189,7 +190,7 @@ fn write_object(f: &mut Formatter<'_>, object: &CheckedObject) -> fmt::Result {
         detail(f, "inside", object.inside.join(", "))?;
     }
     if !object.cut_by.is_empty() {
-        detail(f, "gives way to", object.cut_by.join(", "))?;
+        detail(f, "is cut by", object.cut_by.join(", "))?;
     }
     let kinds = object.defects.kinds();
     for (kind, found) in kinds.into_iter().filter(|(_, found)| found.count > 0) {

@@ -3,6 +3,7 @@
 use super::CheckReport;
 use crate::optics::{Mask, Optics};
 use crate::printed::number;
+use crate::retrieve::{Method, different_offsets};
 use crate::scene::{Beam, Counts, MaterialSpec, Scan, Scene, SpectrumOrigin, limits};
 use crate::{material, spot};
 use std::f64::consts::PI;
@@ -26,8 +27,12 @@ const TURN: f64 = 1e-3;
 const MANY_TURNS: f64 = 2.0;
 /// Distance of pixels beyond any detector, m.
 const WIDE_PIXELS: f64 = 5e-3;
-/// Different mask offsets below which no method fits the curve of a pixel.
-const FEW_OFFSETS: usize = 3;
+/// Delta of the free electrons of osmium, the densest solid, times the squared energy, keV2.
+const DENSEST: f64 = 4e-3;
+/// Detector numbers of the brightest pixel behind the masks, below which rounding takes the signal.
+const FEW_NUMBERS: f64 = 2.0;
+/// Relative difference of periods that fit one another.
+const SAME_PERIOD: f64 = 1e-3;
 /// Light of a frame over the nominal one, or its inverse, beyond which a share was meant as per cent.
 const UNSTEADY: f64 = 2.0;
 
@@ -46,6 +51,7 @@ pub(super) fn doubts(scene: &Scene, report: &CheckReport) -> Vec<String> {
         radians(&scene.scan.angles),
         many_turns(&scene.scan),
         few_offsets(scene),
+        curve_beside_scan(scene, &optics),
     ]
     .into_iter()
     .flatten()
@@ -54,7 +60,7 @@ pub(super) fn doubts(scene: &Scene, report: &CheckReport) -> Vec<String> {
     doubts.extend(thick_bars(scene));
     doubts.extend(displaced_mask(scene));
     doubts.extend(unsteady_light(&scene.scan));
-    doubts.extend(odd_materials(scene));
+    doubts.extend(odd_materials(scene, report.setup.energy));
     let passed = masks.into_iter().flatten().map(open_share).fold(1.0, f64::min);
     doubts.extend(scene.detector.counts.iter().flat_map(|counts| photons(counts, passed)));
     doubts
@@ -102,7 +108,7 @@ fn period_of_pixels(optics: &Optics) -> Option<String> {
     (fringes > FRINGES).then(|| {
         format!(
             "the projected period of detector_mask, {:.3} um, and detector.pitch, {:.3} um, differ so that \
-             {fringes:.1} fringes cross the detector: set detector_mask.period to {:.4} um, or leave it out",
+             {fringes:.1} fringes cross the detector: set detector_mask.period to {:.4} um, or omit it",
             period * 1e6,
             detector.pitch[0] * 1e6,
             detector.pitch[0] * 1e6 * (period / detector.pitch[0]).round().max(1.0)
@@ -170,8 +176,8 @@ fn unfiltered(scene: &Scene, energy: f64) -> Option<String> {
     let SpectrumOrigin::Tube { kvp, .. } = &spectrum.origin else { return None };
     (spectrum.filters.is_empty() && energy < SOFT_TUBE * kvp).then(|| {
         format!(
-            "the beam of the tube has no filter beside its window, and a mean energy of {} keV: most set-ups \
-             have a filter (source.spectrum.filters), if only of air",
+            "the beam of the tube has no filter besides its window, and a mean energy of {} keV: \
+             most set-ups have a filter (source.spectrum.filters), at least of air",
             number(energy)
         )
     })
@@ -209,14 +215,41 @@ fn many_turns(scan: &Scan) -> Option<String> {
 
 /// Too few mask offsets for any retrieval with both masks.
 fn few_offsets(scene: &Scene) -> Option<String> {
-    let mut offsets = scene.scan.mask_offsets.clone();
-    offsets.sort_by(f64::total_cmp);
-    offsets.dedup();
-    (scene.masks().count() == 2 && offsets.len() < FEW_OFFSETS).then(|| {
+    let different = different_offsets(&scene.scan.mask_offsets);
+    let methods = [Method::ThreeStep, Method::Gaussian, Method::ExactCurve];
+    let [three_step, gaussian, exact_curve] = methods.map(Method::least_offsets);
+    (scene.masks().count() == 2 && different < three_step).then(|| {
         format!(
-            "different values of scan.mask_offsets: {}; `retrieve` needs 3 of them (method three-step), 4 \
-             (gaussian) or 5 (exact-curve)",
-            offsets.len()
+            "different values of scan.mask_offsets: {different}; `retrieve` needs {three_step} of them \
+             (method three-step), {gaussian} (gaussian) or {exact_curve} (exact-curve)"
+        )
+    })
+}
+
+/// Offsets of the masks that move the illumination curve out of the scan, where slits and pixels have one
+/// period.
+fn curve_beside_scan(scene: &Scene, optics: &Optics) -> Option<String> {
+    let [sample, detector] = [&scene.sample_mask, &scene.detector_mask].map(Option::as_ref);
+    let [sample, detector] = [sample?, detector?];
+    let (period, pitch) = (sample.period, scene.detector.pitch[0] / scene.detector.distance);
+    let fits = |period: f64, distance: f64| (period / distance / pitch - 1.0).abs() < SAME_PERIOD;
+    if !fits(period, sample.distance) || !fits(detector.period, detector.distance) {
+        return None;
+    }
+    let offsets = || scene.scan.mask_offsets.iter().copied();
+    let low = offsets().fold(f64::INFINITY, f64::min);
+    let high = offsets().fold(f64::NEG_INFINITY, f64::max);
+    let seen = |offset: f64, distance: f64| offset * optics.analyser / distance;
+    let peak = seen(detector.offset, detector.distance) / scene.magnification() - sample.offset;
+    let middle = f64::midpoint(low, high);
+    let peak = middle + libm::remainder(peak - middle, period);
+    (low < high && !(low..=high).contains(&peak)).then(|| {
+        format!(
+            "the illumination curve has its peak at a mask offset of {:.3} um, outside scan.mask_offsets \
+             ({:.3} to {:.3} um): sample_mask.offset and detector_mask.offset displace it",
+            peak * 1e6,
+            low * 1e6,
+            high * 1e6
         )
     })
 }
@@ -262,8 +295,9 @@ fn thick_bars(scene: &Scene) -> Vec<String> {
         .collect()
 }
 
-/// Materials of objects with the density of a gas, or that refract as light optics does.
-fn odd_materials(scene: &Scene) -> Vec<String> {
+/// Materials of objects with the density of a gas, that refract as light optics does, or more than any
+/// solid. `energy`: of the beam, keV.
+fn odd_materials(scene: &Scene, energy: f64) -> Vec<String> {
     let mut doubts = Vec::new();
     for (name, spec) in &scene.materials {
         let used = scene.objects.iter().any(|object| object.material == *name);
@@ -281,6 +315,14 @@ fn odd_materials(scene: &Scene) -> Vec<String> {
                 "materials.{name}.delta of {delta:e} is negative: X-rays away from absorption edges have \
                  delta > 0, with n = 1 - delta"
             )),
+            MaterialSpec::Constants { delta, .. } if *delta > DENSEST / energy.powi(2) => {
+                doubts.push(format!(
+                    "materials.{name}.delta of {delta:e} is more than the densest solid has at {} keV, \
+                     about {:.1e}: is it right?",
+                    number(energy),
+                    DENSEST / energy.powi(2)
+                ));
+            }
             _ => {}
         }
     }
@@ -304,9 +346,25 @@ fn photons(counts: &Counts, passed: f64) -> Vec<String> {
             number(counts.photons)
         ));
     }
+    let signal = passed * counts.photons * counts.gain;
+    if counts.electronic_noise > signal {
+        doubts.push(format!(
+            "detector.electronic_noise of {} is more than the {} detector numbers that aligned masks light a \
+             pixel with: it is a standard deviation, in detector numbers",
+            number(counts.electronic_noise),
+            number(signal)
+        ));
+    }
     if let Some(bits) = counts.bit_depth {
         let most = 2_f64.powf(f64::from(bits)) - 1.0;
-        let brightest = passed * counts.photons * counts.gain + counts.number_without_light();
+        if signal < FEW_NUMBERS {
+            doubts.push(format!(
+                "aligned masks light a pixel with {} detector numbers above no light, and rounding to whole \
+                 numbers takes the rest: a larger detector.gain avoids it",
+                number(signal)
+            ));
+        }
+        let brightest = signal + counts.number_without_light();
         if brightest > most {
             doubts.push(format!(
                 "aligned masks light a pixel with the detector number {}, and {bits} bits hold {} at most: \

@@ -349,7 +349,11 @@ fn group_of(
     let held = |place: &&Place| place.bounds(bounds).iter().all(|it| it.as_vec3().is_finite());
     if let Some(place) = places.iter().find(|place| !held(place)) {
         let place = format!("at {}", in_mm(place.position));
-        return Err(Error::mesh(label, "it is beyond what f32 holds", place));
+        return Err(Error::mesh(
+            label,
+            "it reaches beyond 3.4e38 m: check its scale and position",
+            place,
+        ));
     }
     let apart = matches!(object.instances, Some(Instances::Packing(_)));
     Ok(Group { object: number, prototype, places, apart })

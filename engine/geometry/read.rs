@@ -136,7 +136,10 @@ fn arrays(vertices: &[[f64; 3]], triangles: &[[u32; 3]]) -> std::result::Result<
         let place = || format!("triangle {}", number + 1);
         let [Some(a), Some(b), Some(c)] = triangle.map(|index| vertices.get(index as usize)) else {
             return Err(Defect::new(
-                format!("{triangle:?} names a vertex beyond the {} given", vertices.len()),
+                format!(
+                    "{triangle:?} has a vertex that does not exist: {} are given",
+                    vertices.len()
+                ),
                 place(),
             ));
         };

@@ -1,4 +1,4 @@
-//! Meshes whose size suggests a wrong unit.
+//! Meshes whose size suggests a wrong unit, and shapes too small to be seen.
 
 use super::{ObjectSummary, Sample};
 use crate::scene::{Mesh, Object, Scene, ShapeOrMesh};
@@ -8,11 +8,13 @@ use crate::units::Dimension::Length;
 const MOST_FIELDS: f64 = 20.0;
 /// Pixels that it should be across.
 const LEAST_PIXELS: f64 = 2.0;
+/// Pixels across below which a shape is too small for any image.
+const INVISIBLE_PIXELS: f64 = 1e-3;
 /// Units that files are written in, m.
 const UNITS: [f64; 5] = [1e-3, 1e-6, 1e-2, 25.4e-3, 1.0];
 
 /// Meshes of files that are more than 20 fields of view across, or less than 2 pixels, in words,
-/// with the unit that was probably meant.
+/// with the unit that was probably meant; shapes that no image can show.
 pub(crate) fn unit_warnings(scene: &Scene, sample: &Sample) -> Vec<String> {
     let named = |(object, summary): (&Object, &ObjectSummary)| {
         Some(format!("\"{}\" {}", summary.name, unit_doubt(scene, object, summary)?))
@@ -26,12 +28,21 @@ pub(super) fn unit_doubt(
     object: &Object,
     summary: &ObjectSummary,
 ) -> Option<String> {
-    let ShapeOrMesh::Mesh(Mesh::File { unit, .. }) = &object.geometry else { return None };
     let shrink = scene.source.distance / scene.detector.distance;
     let field = scene.detector.size().into_iter().fold(0.0, f64::max) * shrink;
     let pixel = scene.detector.pitch.into_iter().fold(0.0, f64::max) * shrink;
     let [low, high] = summary.bounds;
     let across = (0..3).map(|axis| high[axis] - low[axis]).fold(0.0, f64::max);
+    let ShapeOrMesh::Mesh(Mesh::File { unit, .. }) = &object.geometry else {
+        let is_invisible = across < INVISIBLE_PIXELS * pixel && object.instances.is_none();
+        return is_invisible.then(|| {
+            format!(
+                "is {} across, {:.2e} pixels at the rotation centre: is its size (or `scale`) the right one?",
+                rounded(across),
+                across / pixel
+            )
+        });
+    };
     let is_small = |across: f64| across < LEAST_PIXELS * pixel;
     let is_large = |across: f64| across > MOST_FIELDS * field;
     let size = if is_large(across) {

@@ -7,8 +7,7 @@ use rayon::prelude::*;
 /// Peak bytes per triangle of a mesh while it is read and welded, as measured.
 pub(crate) const PEAK_PER_TRIANGLE: u64 = 160;
 /// What may be done where a mesh does not fit.
-pub(super) const SIMPLIFY: &str =
-    "simplify it, or lift the limit of memory that this program runs under";
+pub(super) const SIMPLIFY: &str = "simplify it, or raise the memory limit of this process";
 
 /// A defect of a surface, and its place.
 #[derive(Debug)]

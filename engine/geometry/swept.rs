@@ -122,7 +122,7 @@ impl Swept {
                 return Err(Error::scene(
                     scene.object_key(number, ""),
                     format!(
-                        "\"{}\" reaching, {}, from {:.6} m to {:.6} m from the source, so that its {side} touches {wall}",
+                        "\"{}\", {}, from {:.6} m to {:.6} m from the source: its {side} touches or passes {wall}",
                         self.names[number],
                         at(scene, view),
                         first,

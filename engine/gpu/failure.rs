@@ -19,7 +19,7 @@ pub(super) fn vulkan(what: &str, result: vk::Result) -> Error {
             "a driver's time limit or another program may have ended the work: try again, with \
              smaller batches or another device; a run directory can be resumed",
         ),
-        vk::Result::TIMEOUT => hung(what, "it did not end in time".to_owned()),
+        vk::Result::TIMEOUT => hung(what, "it did not finish in time".to_owned()),
         other => Error::device(what, format!("Vulkan answered {other:?}"), ""),
     }
 }
@@ -36,11 +36,11 @@ pub(super) fn hung(what: &str, found: String) -> Error {
 pub(super) fn out_of_memory(purpose: &str, needed: u64, result: vk::Result) -> Error {
     let remedy = match result {
         vk::Result::ERROR_OUT_OF_HOST_MEMORY => {
-            "the host has no more: lower the memory limit, or end other programs"
+            "the host has no memory left: lower the memory limit, or end other programs"
         }
         _ => {
-            "the device has no more: lower the memory limit, end other programs that use it, or \
-             choose a device with more memory"
+            "the device has no memory left: lower the memory limit, end other programs that use it, \
+             or choose a device with more memory"
         }
     };
     Error::Memory {
@@ -57,7 +57,7 @@ pub(super) fn not_backed(purpose: &str, needed: u64) -> Error {
         purpose: purpose.to_owned(),
         needed,
         available: None,
-        remedy: "the device keeps its memory in a file, which may not grow this large: lift the \
+        remedy: "the device keeps its memory in a file, which may not grow this large: raise the \
                  limit of file sizes (ulimit -f)"
             .to_owned(),
     }

@@ -110,7 +110,7 @@ impl Drop for Instance {
 
 /// The error where Vulkan is there but shows no device.
 pub(super) fn no_device() -> Error {
-    Error::device("a Vulkan device", "no driver shows one", INSTALL)
+    Error::device("a Vulkan device", "no driver provides one", INSTALL)
 }
 
 fn check_version(entry: &ash::Entry) -> Result<()> {

@@ -57,7 +57,7 @@ impl fmt::Display for DeviceDescription {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "{}: {} ({})", self.index, self.name, self.driver)?;
         match &self.problem {
-            Some(problem) => write!(f, ": cannot serve, {problem}"),
+            Some(problem) => write!(f, ": unsuitable: {problem}"),
             None => Ok(()),
         }
     }

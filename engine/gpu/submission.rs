@@ -109,7 +109,7 @@ impl Submission {
                 // It may still run: its objects, the batch included, are not destroyed.
                 self.number = 0;
                 lock(&self.device.stuck).push(batch);
-                let found = format!("no end after {} s", PATIENCE.as_secs());
+                let found = format!("not finished after {} s", PATIENCE.as_secs());
                 return Err(failure::hung("work on the device", found));
             }
             Err(vk::Result::ERROR_DEVICE_LOST) => {

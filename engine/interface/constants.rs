@@ -45,9 +45,15 @@ shared_constants! {
     SHAPE_TUBE: u32 = 3;
     /// In place of the list of the shapes that cross a shape, where none does.
     NO_PARTNERS: u32 = u32::MAX;
-    /// Words of the list of a shape that others cross before the places of those: the object around
-    /// all of them, counted from 1 (0: the surroundings), and their number.
+    /// Words of the list of a shape that others cross before its partners: the object around all of
+    /// them, counted from 1 (0: the surroundings), and their number.
     PARTNERS_HEAD: u32 = 2;
+    /// Words of a partner: its place, and two f32.
+    PARTNER_WORDS: u32 = 3;
+    /// Word of the radius of the ball around a partner, m.
+    PARTNER_BALL: u32 = 1;
+    /// Word of the largest radius of a partner around its axis, m.
+    PARTNER_ROD: u32 = 2;
     /// In place of a neighbour at an open edge.
     NO_LEAF: u32 = u32::MAX;
 

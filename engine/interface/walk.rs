@@ -185,7 +185,7 @@ shared_structs! {
         pub placed: u64 => PlacedRef,
         pub prototypes: u64 => Prototypes,
         pub shapes: u64 => AnalyticShapes,
-        /// Lists of the shapes that cross a shape: `PARTNERS_HEAD` words, then their places.
+        /// Lists of the shapes that cross a shape: `PARTNERS_HEAD` words, then `PARTNER_WORDS` for each.
         pub partners: u64 => Partners,
         /// `[leaf][corner][3]`, unit, in the order of leaves; zero where facets refract by their own
         /// normals.

@@ -107,7 +107,7 @@ pub(super) fn range(name: &str, formula: &str, density: f64) -> Result<[f64; 2]>
 fn database() -> Result<std::result::Result<XrayDb, XrayDbError>> {
     /// Bytes while they are read, as measured; packed tables are unpacked beside them.
     const READ: u64 = if cfg!(feature = "packed-tables") { 32 << 20 } else { 24 << 20 };
-    reserve::ask(READ, "the tables of the elements", "lift the limit of memory")?;
+    reserve::ask(READ, "the tables of the elements", "raise the memory limit of this process")?;
     Ok(tables())
 }
 

@@ -40,7 +40,9 @@ pub fn constants(scene: &Scene, name: &str) -> Result<Constants> {
             let of_scene = Asked { scene, name, key: None, of_scene: true };
             Ok(of_scene.constants(&[energy])?.first().copied().unwrap_or_default())
         }
-        None => Err(Error::scene("source.spectrum", "a spectrum", "one energy for this")),
+        None => {
+            Err(Error::scene("source.spectrum", "a spectrum", "source.energy, one photon energy"))
+        }
     }
 }
 

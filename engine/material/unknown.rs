@@ -18,7 +18,7 @@ pub(super) fn unknown(scene: &Scene, name: &str, key: Option<&str>) -> Error {
     }
 }
 
-/// A suggestion in parentheses, or nothing.
+/// A suggestion in parentheses.
 fn meant(scene: &Scene, name: &str) -> String {
     let same = of_formula(name);
     if !same.is_empty() {
@@ -36,7 +36,7 @@ fn meant(scene: &Scene, name: &str) -> String {
              density)"
         );
     }
-    String::new()
+    " (`beamlet material` lists them)".to_owned()
 }
 
 /// Materials whose name begins as `name` does, or else the one most like it, in quotes.

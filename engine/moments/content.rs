@@ -68,7 +68,7 @@ impl Bounds {
         let exact = &cell_rows.moments.exact;
         let ascend = exact.windows(2).all(|pair| pair[0].cell < pair[1].cell);
         if !ascend || exact.last().is_some_and(|last| last.cell >= next) {
-            return Err("exact cells that are not there");
+            return Err("exact cells that do not exist");
         }
         match exact.iter().all(|cell| self.is_exact(cell)) {
             true => Ok(()),

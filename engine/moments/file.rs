@@ -206,7 +206,7 @@ impl MomentWriter {
             self.begin(view, words)?;
         }
         self.scene.as_ref().map_or(Ok(()), RunScene::refuse_moved)?;
-        let missing = || Error::file(&self.part, "has no moments in the making", None);
+        let missing = || Error::file(&self.part, "has no unfinished moments", None);
         let open = self.open.as_mut().ok_or_else(missing)?;
         open_file::refuse_moved(open.file.get_ref(), &open.partial, open_file::RESUME)?;
         open.file

@@ -76,7 +76,7 @@ impl StoredMoments {
         if !scene_path.is_file() {
             let file = "is a file: name a run that keeps moments";
             let lacks = format!("is not a run directory: it has no {}", layout::SCENE);
-            let problem = layout::why_no_run(run, file, &lacks);
+            let problem = layout::problem_of(run, file, &lacks);
             return Err(Error::file(run, problem, None));
         }
         let scene = Scene::load(&scene_path)?;
@@ -195,7 +195,7 @@ fn lock(run: &Path) -> Result<Option<LockedFile>> {
     let path = run.join(layout::LOG);
     let Ok(file) = input_file::open(&path) else { return Ok(None) };
     match LockedFile::shared(file) {
-        None => Err(Error::file(path, "another beamlet is writing this run", None)),
+        None => Err(Error::file(path, "another beamlet process is writing this run", None)),
         locked => Ok(locked),
     }
 }

@@ -165,7 +165,7 @@ impl Optics {
 
 /// Mask offsets of a scan less whole periods of the sample mask, m. The rest is exact.
 fn within_period(scene: &Scene) -> ViewOffsets {
-    let applied = |view| scene.applied_offsets(view);
+    let applied = |exposure| scene.applied_offsets(exposure);
     ViewOffsets::new(&scene.scan, applied, |offset| match &scene.sample_mask {
         Some(mask) => libm::remainder(offset, mask.period),
         None => offset,

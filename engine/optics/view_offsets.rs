@@ -11,13 +11,15 @@ pub(crate) struct ViewOffsets {
     lists: Vec<Vec<f64>>,
     /// Index of the list of each view; none where all have the first.
     of_view: Vec<u32>,
+    /// Index of the list of each flat.
+    of_flat: Vec<u32>,
 }
 
 impl ViewOffsets {
-    /// `applied`: offsets of a view with its errors; `within`: an offset less whole periods.
+    /// `applied`: offsets of an exposure with its errors; `within`: an offset less whole periods.
     pub(super) fn new(
         scan: &Scan,
-        applied: impl Fn(usize) -> Vec<f64>,
+        applied: impl Fn(Exposure) -> Vec<f64>,
         within: impl Fn(f64) -> f64,
     ) -> Self {
         let reduced = |list: &[f64]| list.iter().map(|offset| within(*offset)).collect();
@@ -28,15 +30,20 @@ impl ViewOffsets {
         let differ = !scan.view_offsets.is_empty()
             || !errors.mask_offsets.is_empty()
             || !errors.source.is_empty();
-        let of_view = (0..scan.views()).filter(|_| differ).map(|view| {
-            let list = reduced(&applied(view));
+        let mut index = |exposure| {
+            let list = reduced(&applied(exposure));
             *known.entry(bits(&list)).or_insert_with(|| {
                 lists.push(list);
                 numbers::count(lists.len() - 1)
             })
-        });
-        let of_view = of_view.collect();
-        Self { lists, of_view }
+        };
+        let mut indices = |count: usize, stack: Exposure| {
+            let count = if differ { numbers::count(count) } else { 0 };
+            (0..count).map(|at| index(stack.with_index(at))).collect()
+        };
+        let of_view = indices(scan.views(), Exposure::Sample(0));
+        let of_flat = indices(scan.flat_places().len(), Exposure::Flat(0));
+        Self { lists, of_view, of_flat }
     }
 
     /// All lists, in the order of their indices.
@@ -44,12 +51,14 @@ impl ViewOffsets {
         &self.lists
     }
 
-    /// Index of the list of a view.
+    /// Index of the list of an exposure.
     pub(crate) fn list_of(&self, view: Exposure) -> usize {
-        match view {
-            Exposure::Sample(view) => self.of_view.get(view as usize).map_or(0, |it| *it as usize),
-            _ => 0,
-        }
+        let lists = match view {
+            Exposure::Sample(_) => &self.of_view,
+            Exposure::Flat(_) => &self.of_flat,
+            Exposure::Dark(_) => return 0,
+        };
+        lists.get(view.index() as usize).map_or(0, |list| *list as usize)
     }
 }
 
@@ -61,7 +70,7 @@ mod tests {
     fn equal_lists_are_kept_once() {
         let mut scan = Scan::new(vec![-1.0, 2.0], vec![0.0; 4]);
         let of = |scan: &Scan| {
-            let applied = |view| scan.offsets_of(view).to_vec();
+            let applied = |exposure| scan.planned_offsets(exposure).to_vec();
             ViewOffsets::new(scan, applied, |offset| libm::remainder(offset, 10.0))
         };
         assert_eq!(of(&scan).lists(), [[-1.0, 2.0]]);
@@ -72,6 +81,6 @@ mod tests {
         assert_eq!(offsets.lists(), [[-1.0, 2.0], [3.0, 4.0]]);
         let lists = (0..4).map(|view| offsets.list_of(Exposure::Sample(view)));
         assert_eq!(lists.collect::<Vec<_>>(), [1, 0, 0, 1]);
-        assert_eq!(offsets.list_of(Exposure::Flat), 0);
+        assert_eq!(offsets.list_of(Exposure::Flat(0)), 0);
     }
 }

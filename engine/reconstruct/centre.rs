@@ -2,7 +2,7 @@
 
 use super::data::Data;
 use super::geometry::{ScanGeometry, same_shape};
-use crate::{Error, Result, parallel};
+use crate::{Cancel, Error, Result, parallel};
 use ndarray::{Array2, ArrayView3};
 use rayon::prelude::*;
 use std::f64::consts::{PI, TAU};
@@ -26,11 +26,12 @@ const FINE: f64 = 1e-3;
 ///
 /// # Errors
 /// [`Error::Argument`] for a geometry that cannot be, sinograms of another shape, values that are not
-/// finite, views that see too few lines twice, and sinograms without contrast.
+/// finite, views that see too few lines twice, and sinograms without contrast; [`Error::Interrupted`].
 pub fn find_axis(
     geometry: &ScanGeometry,
     sinograms: ArrayView3<'_, f32>,
     data: Data,
+    cancel: &Cancel,
 ) -> Result<f64> {
     geometry.check()?;
     geometry.require_circle("the search of the axis of rotation")?;
@@ -41,7 +42,8 @@ pub fn find_axis(
     let columns = geometry.columns.len() as f64;
     let far = (columns * RANGE).floor();
     let coarse: Vec<f64> = (0..).map(|n| f64::from(n) - far).take_while(|n| *n <= far).collect();
-    let costs: Vec<f64> = coarse.par_iter().map(|n| search.cost(n * pitch)).collect();
+    let cost = |n: f64| search.cost(n * pitch, cancel);
+    let costs: Vec<f64> = coarse.par_iter().map(|n| cost(*n)).collect::<Result<_>>()?;
     let best = (0..costs.len()).min_by(|a, b| costs[*a].total_cmp(&costs[*b])).unwrap_or(0);
     if !costs[best].is_finite() {
         let found = "views that see too few lines from both ends, or no contrast";
@@ -50,18 +52,17 @@ pub fn find_axis(
     // Golden section about the best column.
     let ratio = (5.0_f64.sqrt() - 1.0) / 2.0;
     let [mut low, mut high] = [coarse[best] - 1.5, coarse[best] + 1.5];
-    let cost = |n: f64| search.cost(n * pitch);
     let [mut a, mut b] = [high - ratio * (high - low), low + ratio * (high - low)];
-    let [mut at_a, mut at_b] = [cost(a), cost(b)];
+    let [mut at_a, mut at_b] = [cost(a)?, cost(b)?];
     while high - low > FINE {
         if at_a < at_b {
             (high, b, at_b) = (b, a, at_a);
             a = high - ratio * (high - low);
-            at_a = cost(a);
+            at_a = cost(a)?;
         } else {
             (low, a, at_a) = (a, b, at_b);
             b = low + ratio * (high - low);
-            at_b = cost(b);
+            at_b = cost(b)?;
         }
     }
     Ok(f64::midpoint(low, high) * pitch)
@@ -119,10 +120,11 @@ impl<'a> Search<'a> {
     }
 
     /// Squares of the differences of lines seen twice, over those of their values.
-    fn cost(&self, axis: f64) -> f64 {
+    fn cost(&self, axis: f64, cancel: &Cancel) -> Result<f64> {
         let per = self.geometry.per_distance();
         let (mut squares, mut energy, mut seen) = (0.0, 0.0, 0_usize);
         for (view, angle) in self.angles.iter().enumerate() {
+            cancel.check()?;
             for (column, u) in self.places.iter().enumerate() {
                 let fan = libm::atan(u * per);
                 let beside = (u - axis) / (u * per).hypot(1.0);
@@ -140,7 +142,7 @@ impl<'a> Search<'a> {
             }
         }
         let enough = seen as f64 > SEEN * self.values.len() as f64;
-        if enough && energy > 0.0 { squares / energy } else { f64::INFINITY }
+        Ok(if enough && energy > 0.0 { squares / energy } else { f64::INFINITY })
     }
 
     /// Value at an angle and a place at the axis, `None` beyond the views or the detector.

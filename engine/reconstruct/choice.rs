@@ -3,6 +3,7 @@
 use super::geometry::ScanGeometry;
 use super::grid::VolumeGrid;
 use crate::numbers::whole;
+use crate::units::Dimension::Length;
 use crate::{Error, Result};
 
 /// Voxels that can be counted: 2^40, 4 TiB.
@@ -37,6 +38,12 @@ impl GridChoice {
     /// [`Error::Argument`] for a grid that cannot be, and for one that no view sees.
     pub fn grid(&self, geometry: &ScanGeometry) -> Result<VolumeGrid> {
         let full = VolumeGrid::of(geometry)?;
+        let sides = full.size.iter().zip(full.voxel).map(|(size, side)| *size as f64 * side);
+        let field = sides.fold(0.0, f64::max);
+        if let Some(side) = self.voxel.filter(|side| *side > field * (1.0 + 1e-9)) {
+            let allowed = format!("up to {}, the field of view at the axis", Length.rounded(field));
+            return Err(Error::argument("voxel", Length.rounded(side), allowed));
+        }
         let voxel = self.voxel.map_or(full.voxel, |side| [side; 3]);
         let size = self.size.unwrap_or_else(|| {
             [0, 1, 2].map(|axis| {
@@ -109,6 +116,21 @@ impl ScanGeometry {
     pub(super) fn seen_radius(&self) -> f64 {
         let [left, right] = self.reach();
         if self.columns_of_half_fan() > 0 { left.max(right) } else { left.min(right) }
+    }
+
+    /// Whether the rows of every view of a circle see a height at this distance from the axis, m. One row
+    /// sees its plane alone; views that move the sample see a height in turn.
+    pub(super) fn rows_see(&self, radius: f64, height: f64) -> bool {
+        if self.motions.is_some() || self.rows.len() == 1 {
+            return true;
+        }
+        let (per, half) = (self.per_distance(), self.row_pitch() / 2.0);
+        let [top, bottom] = [self.rows[0] + half, self.rows[self.rows.len() - 1] - half];
+        // The height is seen largest before the axis, and smallest behind it.
+        [-radius, radius].into_iter().all(|depth| {
+            let place = height * self.magnification() / (1.0 + depth * per);
+            (bottom..=top).contains(&place)
+        })
     }
 }
 
@@ -192,6 +214,9 @@ mod tests {
             assert!(message.contains("that the views see"), "{message}");
         }
         assert!(GridChoice::default().with_voxel(-1.0).grid(&geometry).is_err());
+        let message =
+            GridChoice::default().with_voxel(40.0).grid(&geometry).unwrap_err().to_string();
+        assert!(message.contains("voxel: found 40 m; allowed: up to 2 mm"), "{message}");
         assert!(GridChoice::default().with_size([0, 1, 1]).grid(&geometry).is_err());
     }
 }

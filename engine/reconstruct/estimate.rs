@@ -48,13 +48,15 @@ pub fn estimate(
     truth: bool,
     control: &mut RowsControl<'_>,
 ) -> Result<VolumeEstimate> {
+    geometry.check()?;
+    plan.grid.check(geometry)?;
     let memory = Memory::of(geometry, plan, truth, engine.options().memory_limit)?;
     parallel::start_threads()?;
     let mut work = Work { cancel: control.cancel.clone(), report: &mut |_| () };
     let pairs = passes(geometry, plan);
     let mut seconds = 0.0;
     if plan.method.filtered().is_some() {
-        let all = plan.quantities.len() as f64 + pairs as f64;
+        let all = plan.ordered().count() as f64 + pairs as f64;
         seconds += all * back_projection(engine, geometry, &plan.grid, &mut work)?;
     }
     if pairs > 0 {
@@ -62,7 +64,7 @@ pub fn estimate(
     }
     if let Method::Iterative { options, .. } = &plan.method {
         let [forward, back] = projections(engine, geometry, &plan.grid, &mut work)?;
-        let all = options.iterations.saturating_mul(plan.quantities.len()) as f64;
+        let all = options.iterations.saturating_mul(plan.ordered().count()) as f64;
         seconds += all * (forward + back);
     }
     Ok(VolumeEstimate {

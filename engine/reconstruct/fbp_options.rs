@@ -55,8 +55,8 @@ impl FbpOptions {
             return Err(Error::argument("cut_off", found, "above 0, at most 1"));
         }
         if options.extrapolate && quantity == Quantity::Delta {
-            let allowed = "attenuation or dark field: what refraction angles add up to beyond a row \
-                           is unknown";
+            let allowed =
+                "attenuation or dark field: refraction beyond the ends of a row is unknown";
             return Err(Error::argument("extrapolate", "refraction angles", allowed));
         }
         Ok(())

@@ -86,9 +86,9 @@ impl VolumeGrid {
         let room =
             geometry.source_distance.min(geometry.detector_distance - geometry.source_distance);
         if room.is_finite() && radius >= room {
-            let found = format!("voxels up to {radius} m from the axis of rotation");
+            let found = format!("voxels up to {radius:.4} m from the axis of rotation");
             let allowed =
-                format!("less than {room} m, the way from the axis to source or detector");
+                format!("less than {room:.4} m, the distance of the axis from source or detector");
             return Err(Error::argument("grid", found, allowed));
         }
         Ok(())
@@ -110,7 +110,7 @@ impl VolumeGrid {
             for [_, depth, _] in self.corners().map(|corner| motion.point(corner)) {
                 if depth <= -geometry.source_distance || depth >= behind {
                     let found =
-                        format!("voxels {depth} m behind the rotation centre in view {view}");
+                        format!("voxels {depth:.4} m behind the rotation centre in view {view}");
                     let allowed = "voxels between the source and the detector in every view";
                     return Err(Error::argument("grid", found, allowed));
                 }

@@ -4,8 +4,8 @@ use crate::material::{constants_at, constants_over};
 use crate::numbers::single;
 use crate::scene::{self, Scene};
 use crate::spectrum::{Spectrum, response};
-use crate::{Error, Result};
-use ndarray::ArrayViewMut3;
+use crate::{Cancel, Error, Result};
+use ndarray::{Array3, ArrayViewMut3, Axis};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
@@ -121,7 +121,7 @@ impl BeamHardening {
             ends = [ends[1], 2.0 * ends[1]];
             if ends[1] > LONGEST {
                 let found = format!("−ln T = {most} behind {material}");
-                let allowed = format!("what {LONGEST} m of it let through, or less");
+                let allowed = format!("at most the attenuation of {LONGEST} m of the material");
                 return Err(Error::argument("beam_hardening", found, allowed));
             }
         }
@@ -155,6 +155,18 @@ impl BeamHardening {
     pub fn slope(&self, p: f64) -> f64 {
         let step = 1e-3 * self.most;
         (self.value(p + step) - self.value(p - step)) / (2.0 * step)
+    }
+
+    /// Corrects sinograms of −ln T in place, view by view.
+    ///
+    /// # Errors
+    /// [`Error::Interrupted`].
+    pub(super) fn apply_until(&self, sinograms: &mut Array3<f32>, cancel: &Cancel) -> Result<()> {
+        for view in sinograms.axis_chunks_iter_mut(Axis(0), 1) {
+            cancel.check()?;
+            self.apply(view);
+        }
+        Ok(())
     }
 
     /// Corrects sinograms of −ln T in place.
@@ -228,8 +240,12 @@ fn seen(scene: &Scene) -> Result<(Vec<f64>, Vec<f64>)> {
     }
     let total = spectrum.total();
     if total.is_nan() || total <= 0.0 {
-        let allowed = "energies that the detector responds to";
-        return Err(Error::scene("source.spectrum", "nothing that the detector sees", allowed));
+        let allowed = "energies above thresholds and where the absorber absorbs";
+        return Err(Error::scene(
+            "source.spectrum",
+            "no energy that the detector responds to",
+            allowed,
+        ));
     }
     let weights = spectrum.weights.iter().map(|weight| weight / total).collect();
     Ok((spectrum.energies_kev, weights))
@@ -258,7 +274,7 @@ fn fitted(points: &[[f64; 2]], most: f64) -> Result<Vec<f64>> {
         let leading = rows[pivot];
         if leading[pivot].abs() < f64::MIN_POSITIVE {
             let found = "no attenuation";
-            return Err(Error::argument("material", found, "one that attenuates"));
+            return Err(Error::argument("material", found, "a material that attenuates"));
         }
         for row in &mut rows[pivot + 1..] {
             let factor = row[pivot] / leading[pivot];

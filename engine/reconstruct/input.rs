@@ -5,6 +5,7 @@ use super::data::Data;
 use super::geometry::ScanGeometry;
 use super::prepare::{PixelCounts, Preparation};
 use super::quantity::Quantity;
+use super::shared_noise::SharedNoise;
 use crate::array_file::{ArrayFile, Format, endings};
 use crate::cancel::Cancel;
 use crate::scene::Scene;
@@ -42,11 +43,8 @@ impl Input {
     pub fn of_images(folders: &[PathBuf]) -> Result<Self> {
         let open = |path: &PathBuf| {
             if !layout::is_retrieved(path) {
-                let problem = match path.exists() {
-                    true => format!("holds no retrieved images: it has no {RECORD}"),
-                    false => "is not there".to_owned(),
-                };
-                return Err(Error::file(path, problem, None));
+                let lacks = format!("holds no retrieved images: it has no {RECORD}");
+                return Err(Error::file(path, layout::problem_of(path, &lacks, &lacks), None));
             }
             let maps = Maps::open(path)?;
             let file = GeometryFile::read(path)?;
@@ -80,7 +78,7 @@ impl Input {
             let name =
                 |at: [usize; 2]| format!("column {} of {}", at[1], opened[at[0]].0.display());
             let problem =
-                format!("measures the place of {}; dithers have to differ", name(pair[0].1));
+                format!("measures the same place as {}; dithers must differ", name(pair[0].1));
             return Err(Error::file(name(pair[1].1), problem, None));
         }
         let mut geometry = ScanGeometry::of_file(first, first_path)?;
@@ -103,7 +101,7 @@ impl Input {
             let allowed = endings(|format| format.abilities().pages);
             return Err(Error::file(
                 path,
-                format!("is no file of sinograms; allowed: {allowed}"),
+                format!("is not a file of sinograms; allowed: {allowed}"),
                 None,
             ));
         };
@@ -117,7 +115,7 @@ impl Input {
             let order = if file.is_fortran() { " in Fortran order" } else { "" };
             let problem = format!(
                 "has the shape {found:?}{order}; the scene has {views} angles, {rows} rows and {columns} \
-                 columns: allowed is {shape:?}, [view][row][column]"
+                 columns; allowed: {shape:?}, [view][row][column]"
             );
             return Err(Error::file(path, problem, None));
         }
@@ -148,7 +146,7 @@ impl Input {
         let order = [Quantity::Mu, Quantity::DarkField, Quantity::Delta];
         let of = order.into_iter().find(|of| has.contains(of)).unwrap_or(Quantity::Mu);
         let (sinograms, _) = self.sinograms(of, cancel)?;
-        self.geometry.axis = find_axis(&self.geometry, sinograms.view(), Data::of(of))?;
+        self.geometry.axis = find_axis(&self.geometry, sinograms.view(), Data::of(of), cancel)?;
         Ok(self)
     }
 
@@ -287,6 +285,33 @@ impl Input {
             })?;
         }
         Ok(all)
+    }
+
+    /// Noise that the flat adds to the sinograms of all views, and its deviations of their values where
+    /// they are known, `[row][column]`.
+    ///
+    /// # Errors
+    /// As [`Input::sigmas`].
+    pub(super) fn shared_sigmas(
+        &self,
+        quantity: Quantity,
+    ) -> Result<(String, Option<Array2<f32>>)> {
+        let Source::Images { folders, columns } = &self.source else {
+            return Ok((SharedNoise::Unknown("sinograms have no flat").words(), None));
+        };
+        let noise = SharedNoise::of(folders, quantity)?;
+        let SharedNoise::Known(images) = &noise else { return Ok((noise.words(), None)) };
+        let [_, rows, count] = self.geometry.shape();
+        let mut all = Array2::zeros((rows, count));
+        for (to, [folder, column]) in columns.iter().enumerate() {
+            all.column_mut(to).assign(&images[*folder].column(*column));
+        }
+        // Pixels without an answer have the deviation of their neighbours, as in images.
+        let filled = Preparation::new(&self.geometry, false).view(&mut all.view_mut());
+        Ok(match filled {
+            Ok(()) => (noise.words(), Some(all)),
+            Err(_) => (SharedNoise::Unknown("the flat has no deviations").words(), None),
+        })
     }
 
     /// Reads an image of a view from every folder.

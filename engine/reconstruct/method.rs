@@ -127,8 +127,8 @@ impl Method {
             (Self::Fbp(_), _, true) => "fbp with a start",
             _ => return Ok(()),
         };
-        let allowed = "cgls, sirt or bb: filtered back-projection computes every voxel for itself, in \
-                       one step";
+        let allowed = "cgls, sirt or bb: filtered back-projection computes every voxel \
+                       independently, in one step";
         Err(Error::argument("method", found, allowed))
     }
 
@@ -155,7 +155,7 @@ impl Method {
             Self::Iterative { options, .. } => {
                 let integrated = self
                     .is_of_phase(quantity)
-                    .then(|| integrated(geometry, sinograms, None))
+                    .then(|| integrated(geometry, sinograms, None, &control.cancel))
                     .transpose()?;
                 let given = match &integrated {
                     Some((phase, _)) => (Data::Phase, phase.view()),

@@ -2,7 +2,8 @@
 //!
 //! Parallel beams, fans and cones, on a circle; iterative methods with any motion of the sample. Formulas: docs/physics.md.
 //!
-//! From retrieved images to files: [`Input`] reads sinograms (`prepare.rs` fills their gaps),
+//! From retrieved images to files: [`Input`] reads sinograms (`prepare.rs` fills their gaps, `shared_noise.rs`
+//! has the noise of their flat),
 //! [`GridChoice`] chooses voxels, a [`VolumePlan`] has what is to be made, within a limit of memory
 //! (`memory.rs`), a [`Method`] makes a [`Volume`], [`reconstruct`] writes a folder of them (`write.rs`,
 //! `record.rs`) with means of [`Region`]s and a [`Truth`], [`OpenVolumes`] reads it.
@@ -12,7 +13,7 @@
 //! - `geometry`, `motions`, `grid`, `quantity`, `data`: the scan, the voxels, what values are.
 //! - `centre`, `rings`, `hardening`, `phase`: sinograms corrected.
 //! - `redundancy`, `resampling`, `filter`, `extrapolation`, `filtering`: rows weighted and filtered.
-//! - `back_projector`, `fbp_options`, `fbp`, `sigma`: filtered back-projection, and its noise.
+//! - `back_projector`, `fbp_options`, `fbp`, `sigma`, `shared_sigma`: filtered back-projection, and its noise.
 //! - `joseph`, `moved`, `projector`, `model`: projections of a volume, and the transpose.
 //! - `solver`, `measured`, `preconditioner`, `vectors`, `problem`, `iterative`: least squares.
 //! - `gradient_bias`: slices corrected.
@@ -56,6 +57,8 @@ mod resampling;
 mod rings;
 mod run;
 mod scan;
+mod shared_noise;
+mod shared_sigma;
 mod sigma;
 mod solver;
 mod truth;
@@ -89,6 +92,7 @@ pub use record::{HardeningRecord, VolumeRecord};
 pub use regions::{Region, RegionMean, RegionShape, region_table};
 pub use rings::suppress_rings;
 pub use run::{Reconstructed, VolumesTo, reconstruct};
+pub use shared_sigma::{fbp_mean_shared_sigma, fbp_shared_sigma};
 pub use sigma::{fbp_mean_sigma, fbp_sigma};
 pub use solver::{IterativeOptions, Solver};
 pub use truth::Truth;

@@ -54,6 +54,11 @@ impl OpenVolumes {
         &self.record
     }
 
+    /// Length k with which kμ was added to δ, m.
+    pub(super) const fn gradient_bias(&self) -> Option<f64> {
+        self.record.gradient_bias_m
+    }
+
     /// A slice of a volume by its number from the bottom, `[y][x]`, both ascending.
     ///
     /// # Errors

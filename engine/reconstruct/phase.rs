@@ -2,7 +2,7 @@
 
 use super::geometry::{ScanGeometry, same_shape};
 use crate::retrieve::{Drift, DriftSum, borders, integrated_row};
-use crate::{Error, Result, parallel, reserve};
+use crate::{Cancel, Error, Result, parallel, reserve};
 use ndarray::{Array3, ArrayView3};
 use rayon::prelude::*;
 
@@ -19,7 +19,7 @@ pub fn phase_along_rows(
     angles: ArrayView3<'_, f32>,
     usable: Option<ArrayView3<'_, bool>>,
 ) -> Result<Array3<f32>> {
-    integrated(geometry, angles, usable).map(|(phase, _)| phase)
+    integrated(geometry, angles, usable, &Cancel::default()).map(|(phase, _)| phase)
 }
 
 /// As [`phase_along_rows`], with the drift that was taken off.
@@ -27,6 +27,7 @@ pub(super) fn integrated(
     geometry: &ScanGeometry,
     angles: ArrayView3<'_, f32>,
     usable: Option<ArrayView3<'_, bool>>,
+    cancel: &Cancel,
 ) -> Result<(Array3<f32>, Drift)> {
     geometry.check()?;
     same_shape("angles", angles.dim(), geometry.dim())?;
@@ -38,6 +39,7 @@ pub(super) fn integrated(
     let made: Vec<(Vec<f32>, f64, u64)> = (0..views * rows)
         .into_par_iter()
         .map(|number| {
+            cancel.check()?;
             let (view, row) = (number / rows, number % rows);
             let known: Vec<(usize, f64)> = (0..columns)
                 .filter(|column| usable.as_ref().is_none_or(|usable| usable[[view, row, *column]]))

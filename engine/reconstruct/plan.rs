@@ -1,5 +1,6 @@
 //! Plan of a reconstruction: volumes, method, corrections.
 
+use super::gradient_bias::add_gradient_bias;
 use super::grid::{Volume, VolumeGrid};
 use super::hardening::{BeamEnergy, HardeningChoice};
 use super::input::Input;
@@ -17,7 +18,7 @@ use std::path::PathBuf;
 #[derive(Debug, Clone)]
 #[non_exhaustive]
 pub struct VolumePlan {
-    /// Quantities, one volume each.
+    /// Quantities, one volume each, in any order.
     pub quantities: Vec<Quantity>,
     /// Voxels of every volume.
     pub grid: VolumeGrid,
@@ -82,6 +83,11 @@ impl VolumePlan {
         with_start(start: impl Into<Option<PathBuf>>);
     }
 
+    /// The quantities in the order in which they are made: δ needs the volume of μ.
+    pub(super) fn ordered(&self) -> impl Iterator<Item = Quantity> + '_ {
+        Quantity::ALL.into_iter().filter(move |quantity| self.quantities.contains(quantity))
+    }
+
     /// Files and folders that are read beside the input.
     pub(super) fn paths(&self) -> Vec<PathBuf> {
         let mask = self.mask.as_ref().and_then(VoxelMask::path);
@@ -95,6 +101,8 @@ impl VolumePlan {
     /// there or do not fit.
     pub fn check(&self, input: &Input) -> Result<()> {
         let has_mu = self.quantities.contains(&Quantity::Mu);
+        input.geometry().check()?;
+        self.grid.check(input.geometry())?;
         if self.quantities.is_empty() {
             return Err(Error::argument("quantities", "none", "one or more"));
         }
@@ -108,7 +116,7 @@ impl VolumePlan {
             return Err(Error::argument("beam_hardening", "no volume of mu", allowed));
         }
         if let Some(mask) = &self.mask {
-            mask.on(&self.grid)?;
+            mask.check(&self.grid)?;
         }
         if let Some(options) = self.method.filtered() {
             Redundancy::of(input.geometry())?;
@@ -116,20 +124,25 @@ impl VolumePlan {
                 check_sigma(input.geometry(), options)?;
             }
         }
-        for quantity in self.quantities.iter().copied() {
+        for quantity in self.ordered() {
             self.method.check(quantity)?;
             if self.sigma {
                 input.require_sigmas(quantity)?;
             }
             if self.sigma && self.method.is_of_phase(quantity) {
-                let allowed = "refraction angles as they are: deviations of integrated angles grow along \
-                               the row and are no weights";
+                let allowed = "refraction angles without --phase: deviations of integrated angles \
+                               grow along the row and cannot be weights";
                 return Err(Error::argument("sigma", "deviations of integrated angles", allowed));
             }
             if let Some(path) = &self.start {
                 let found = OpenVolumes::open(path)?;
                 if !found.record().units.contains_key(quantity.name()) {
-                    let problem = format!("has no volume {} to begin with", quantity.name());
+                    let problem = format!("has no volume {} to start from", quantity.name());
+                    return Err(Error::file(path, problem, None));
+                }
+                let has_bias = quantity == Quantity::Delta && found.gradient_bias().is_some();
+                if has_bias && !found.record().units.contains_key(Quantity::Mu.name()) {
+                    let problem = "has delta + k mu and no volume mu, by which k mu is taken off";
                     return Err(Error::file(path, problem, None));
                 }
                 same_grid(&found, &self.grid, path)?;
@@ -138,13 +151,17 @@ impl VolumePlan {
         Ok(())
     }
 
-    /// The volume that iterations of a quantity begin with.
+    /// The volume that iterations of a quantity begin with; δ without kμ, as sinograms show it.
     ///
     /// # Errors
     /// [`Error::File`] where it cannot be read, or holds values that are not finite.
     pub(super) fn start_of(&self, quantity: Quantity) -> Result<Option<Volume>> {
         let Some(path) = &self.start else { return Ok(None) };
-        let volume = OpenVolumes::open(path)?.volume(quantity)?;
+        let volumes = OpenVolumes::open(path)?;
+        let mut volume = volumes.volume(quantity)?;
+        if let (Quantity::Delta, Some(k)) = (quantity, volumes.gradient_bias()) {
+            add_gradient_bias(&mut volume, &volumes.volume(Quantity::Mu)?, -k)?;
+        }
         let bad = volume.values.indexed_iter().find(|(_, value)| !value.is_finite());
         if let Some(((z, y, x), value)) = bad {
             let problem = format!(

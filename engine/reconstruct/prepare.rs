@@ -14,11 +14,11 @@ use serde::{Deserialize, Serialize};
 pub struct PixelCounts {
     /// All pixels.
     pub pixels: u64,
-    /// Pixels without an answer of the retrieval (NaN), filled from the pixels beside them.
+    /// Pixels without a result of the retrieval (NaN), filled from the pixels beside them.
     pub without_answer: u64,
     /// Pixels whose transmission is not above 0, filled likewise.
     pub dark: u64,
-    /// Pixels with an answer that are flagged as misfits. For μ they are filled likewise: on a
+    /// Pixels with a result that are flagged as misfits. For μ they are filled likewise: on a
     /// silhouette the transmission may be off by a third. Refraction and dark field keep their values,
     /// for silhouettes hold much of the integral of refraction.
     pub misfits: u64,

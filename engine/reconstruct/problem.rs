@@ -165,6 +165,7 @@ impl<'a> Problem<'a> {
         self.begin(work)?;
         let (gradient, mut direction) = self.descent(work)?;
         let mut size = dot(of(&gradient), of(&direction));
+        drop(gradient);
         self.met(size)?;
         for n in 0..self.options.iterations {
             let projected = work.stage(self.part(n, [0.0, 0.5]), |work| {

@@ -1,9 +1,11 @@
 //! Means of regions of a volume.
 
 use super::grid::{Volume, VolumeGrid};
+use crate::numbers::whole;
 use crate::units::Dimension;
 use crate::{Error, Result};
 use std::fmt::{self, Write};
+use std::ops::Range;
 use std::str::FromStr;
 
 /// A region with a name; lengths in m, coordinates of the volume.
@@ -55,6 +57,38 @@ impl RegionShape {
     /// Whether a text begins as a shape does, and not as the name of a file.
     pub(super) fn is_begun(text: &str) -> bool {
         text.split_once(':').is_some_and(|(kind, _)| SHAPES.contains(&kind.trim()))
+    }
+
+    /// Voxels of a grid whose centres lie in the shape, each as its x, y and z, by a search of a box
+    /// about it.
+    pub(super) fn places(self, grid: &VolumeGrid) -> impl Iterator<Item = [usize; 3]> {
+        let grid = *grid;
+        let [x, y, z] = self.within(&grid);
+        let all = z.flat_map(move |z| {
+            let x = x.clone();
+            y.clone().flat_map(move |y| x.clone().map(move |x| [x, y, z]))
+        });
+        all.filter(move |[x, y, z]| self.holds(grid.centre((*z, *y, *x))))
+    }
+
+    /// Voxels along x, y and z of a box that holds the shape.
+    fn within(self, grid: &VolumeGrid) -> [Range<usize>; 3] {
+        let about = |centre: f64, half: f64| [centre - half, centre + half];
+        let ends = match self {
+            Self::Cylinder([a, b, radius]) => {
+                [about(a, radius), about(b, radius), [f64::NEG_INFINITY, f64::INFINITY]]
+            }
+            Self::Sphere([a, b, c, radius]) => [a, b, c].map(|centre| about(centre, radius)),
+            Self::Box([a, b, c, width, depth, height]) => {
+                [about(a, width / 2.0), about(b, depth / 2.0), about(c, height / 2.0)]
+            }
+        };
+        [0, 1, 2].map(|axis| {
+            let at = |place: f64| (place - grid.origin[axis]) / grid.voxel[axis];
+            let clamped = |at: f64| whole::<usize>(at.clamp(0.0, grid.size[axis] as f64));
+            let [low, high] = ends[axis];
+            clamped(at(low).floor())..clamped(at(high).ceil() + 1.0)
+        })
     }
 
     /// Whether a point lies in the shape, m.
@@ -138,9 +172,9 @@ impl Region {
     /// Voxels of the region, each as its x, y and z.
     #[must_use]
     pub fn voxels(&self, grid: &VolumeGrid) -> Vec<[usize; 3]> {
-        let [x, y, z] = grid.size;
-        let all = (0..z).flat_map(|z| (0..y).flat_map(move |y| (0..x).map(move |x| [x, y, z])));
-        all.filter(|[x, y, z]| self.shape.holds(grid.centre((*z, *y, *x)))).collect()
+        let mut voxels = Vec::with_capacity(self.shape.places(grid).count());
+        voxels.extend(self.shape.places(grid));
+        voxels
     }
 
     /// Mean and spread of a volume in the region.
@@ -150,13 +184,11 @@ impl Region {
     pub fn mean(&self, volume: &Volume) -> Result<RegionMean> {
         let (mut voxels, mut sum, mut squares) = (0_u64, 0.0, 0.0);
         let mut range = [f64::INFINITY, f64::NEG_INFINITY];
-        for (at, value) in volume.values.indexed_iter() {
-            if self.shape.holds(volume.grid.centre(at)) {
-                let value = f64::from(*value);
-                (voxels, sum) = (voxels + 1, sum + value);
-                squares += value * value;
-                range = [range[0].min(value), range[1].max(value)];
-            }
+        for [x, y, z] in self.shape.places(&volume.grid) {
+            let value = f64::from(volume.values[[z, y, x]]);
+            (voxels, sum) = (voxels + 1, sum + value);
+            squares += value * value;
+            range = [range[0].min(value), range[1].max(value)];
         }
         self.refuse_empty(voxels, &volume.grid)?;
         let mean = sum / voxels as f64;
@@ -169,9 +201,7 @@ impl Region {
     /// # Errors
     /// [`Error::Argument`].
     pub fn check(&self, grid: &VolumeGrid) -> Result<()> {
-        let [x, y, z] = grid.size;
-        let mut all = (0..z).flat_map(|z| (0..y).flat_map(move |y| (0..x).map(move |x| (z, y, x))));
-        let has = all.any(|at| self.shape.holds(grid.centre(at)));
+        let has = self.shape.places(grid).next().is_some();
         self.refuse_empty(u64::from(has), grid)
     }
 
@@ -182,7 +212,11 @@ impl Region {
         let [x, y, z] =
             grid.ends().map(|[low, high]| format!("{:.4} to {:.4} mm", low * 1e3, high * 1e3));
         let found = format!("{:?} without a voxel", self.name);
-        Err(Error::argument("region", found, format!("regions with a voxel; x {x}, y {y}, z {z}")))
+        Err(Error::argument(
+            "region",
+            found,
+            format!("regions that hold the centre of a voxel; centres are at x {x}, y {y}, z {z}"),
+        ))
     }
 }
 

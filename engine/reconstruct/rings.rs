@@ -2,7 +2,7 @@
 
 use super::geometry::{ScanGeometry, same_shape};
 use crate::numbers::single;
-use crate::{Error, Result, parallel};
+use crate::{Cancel, Error, Result, parallel};
 use ndarray::{ArrayView3, ArrayViewMut3};
 use rayon::prelude::*;
 
@@ -22,10 +22,11 @@ const LEAST: f64 = 0.001;
 ///
 /// # Errors
 /// [`Error::Argument`] for a geometry that cannot be, sinograms of another shape, fewer than 16 views or
-/// 5 columns.
+/// 5 columns; [`Error::Interrupted`].
 pub fn suppress_rings(
     geometry: &ScanGeometry,
     mut sinograms: ArrayViewMut3<'_, f32>,
+    cancel: &Cancel,
 ) -> Result<()> {
     geometry.check()?;
     same_shape("sinograms", sinograms.dim(), geometry.dim())?;
@@ -37,7 +38,7 @@ pub fn suppress_rings(
     }
     parallel::start_threads()?;
     for row in 0..rows {
-        let stripes = stripes(&medians(sinograms.view(), row));
+        let stripes = stripes(&medians(sinograms.view(), row, cancel)?);
         for mut view in sinograms.outer_iter_mut() {
             view.row_mut(row).iter_mut().zip(&stripes).for_each(|(value, stripe)| {
                 *value = single(f64::from(*value) - stripe);
@@ -48,11 +49,12 @@ pub fn suppress_rings(
 }
 
 /// Medians over views of the fourth differences along a row.
-fn medians(sinograms: ArrayView3<'_, f32>, row: usize) -> Vec<f64> {
+fn medians(sinograms: ArrayView3<'_, f32>, row: usize, cancel: &Cancel) -> Result<Vec<f64>> {
     let (views, _, columns) = sinograms.dim();
     (0..=columns - FOURTH.len())
         .into_par_iter()
         .map(|first| {
+            cancel.check()?;
             let difference = |view: usize| {
                 let term = |(n, factor): (usize, &f64)| {
                     factor * f64::from(sinograms[[view, row, first + n]])
@@ -61,7 +63,7 @@ fn medians(sinograms: ArrayView3<'_, f32>, row: usize) -> Vec<f64> {
             };
             let mut found: Vec<f64> = (0..views).map(difference).collect();
             let (_, median, _) = found.select_nth_unstable_by(views / 2, f64::total_cmp);
-            *median
+            Ok(*median)
         })
         .collect()
 }

@@ -13,6 +13,7 @@ use super::quantity::Quantity;
 use super::record::{HardeningRecord, VolumeRecord};
 use super::regions::{Region, region_table};
 use super::rings::suppress_rings;
+use super::shared_sigma::{fbp_mean_shared_sigma, fbp_shared_sigma};
 use super::sigma::{fbp_mean_sigma, fbp_sigma};
 use super::truth::Truth;
 use super::write::{VolumeFormat, write};
@@ -23,14 +24,18 @@ use crate::run::{RowsControl, require_memory};
 use crate::stack::layout::{ERRORS, REGIONS, RESIDUALS};
 use crate::stack::{ImageDirectory, Kind, now, refuse_overlap};
 use crate::whole_file::write_file;
-use crate::{Cancel, Engine, Result};
-use ndarray::Array3;
+use crate::{Cancel, Engine, Error, Result, reserve};
+use ndarray::{Array2, Array3};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 /// Name of the volume of the objects of the scene.
 const LABELS: &str = "labels";
+/// Columns for each view beyond which views are few.
+const MANY_COLUMNS: usize = 4;
+/// Mean sinogram at both ends of the rows, over the largest mean of a column, beyond which a body is cut.
+const CUT: f64 = 0.2;
 
 /// Where volumes go.
 #[derive(Debug, Clone, Copy)]
@@ -40,7 +45,7 @@ pub struct VolumesTo<'a> {
     pub path: &'a Path,
     /// Their format.
     pub format: VolumeFormat,
-    /// Replace volumes that are there.
+    /// Replace existing volumes.
     pub overwrite: bool,
     /// Command line, for the record.
     pub command: Option<&'a str>,
@@ -119,10 +124,12 @@ pub fn reconstruct(
     to.check(input)?;
     refuse_overlap(to.path, &plan.paths())?;
     plan.check(input)?;
+    truth.map_or(Ok(()), |truth| truth.require_grid(&plan.grid))?;
     let geometry = input.geometry();
     if plan.method.filtered().is_some() {
         geometry.require_circle("fbp")?;
     }
+    warn_of_few_views(geometry.angles.len(), geometry.columns.len());
     let limit = engine.options().memory_limit;
     let memory = Memory::of(geometry, plan, truth.is_some(), limit)?;
     require_memory(memory.host, "a reconstruction")?;
@@ -156,8 +163,8 @@ pub fn reconstruct(
         mu: None,
         mu_sigma: None,
     };
-    let parts = plan.quantities.len() as u64;
-    for (number, quantity) in (0..).zip(plan.quantities.iter().copied()) {
+    let parts = plan.ordered().count() as u64;
+    for (number, quantity) in (0..).zip(plan.ordered()) {
         let mut advance = |done: u64, all: u64| {
             if let Some(progress) = &mut control.progress {
                 let share = 1000.0 * done as f64 / all.max(1) as f64;
@@ -193,6 +200,26 @@ struct Tables {
     residuals: String,
 }
 
+/// Standard deviations of the values of sinograms.
+struct Deviations {
+    /// Deviations of the values, or of the parts of them that views do not share.
+    all: Array3<f32>,
+    /// Deviations by noise that is the same in all views, where it is known.
+    shared: Option<Array3<f32>>,
+}
+
+impl Deviations {
+    /// The same with the shared part taken off all of them.
+    fn parted(mut self) -> Self {
+        if let Some(shared) = &self.shared {
+            self.all.zip_mut_with(shared, |all, shared| {
+                *all = (*all * *all - *shared * *shared).max(0.0).sqrt();
+            });
+        }
+        self
+    }
+}
+
 /// A reconstruction, quantity by quantity.
 struct Making<'a> {
     engine: &'a Engine,
@@ -215,7 +242,7 @@ struct Making<'a> {
 impl Making<'_> {
     /// Makes and writes the volume of a quantity, with what belongs to it.
     fn quantity(&mut self, quantity: Quantity, control: &mut RowsControl<'_>) -> Result<()> {
-        let made = self.made(quantity, control)?;
+        let (made, deviations) = self.made(quantity, control)?;
         append(&mut self.tables.residuals, &residual_table(quantity, &made));
         if let Some(mut drift) = made.drift {
             // Sinograms come without gaps.
@@ -229,7 +256,7 @@ impl Making<'_> {
             self.record.gradient_bias_m = Some(k);
         }
         self.put((quantity.name(), quantity.unit()), &volume.values, &control.cancel)?;
-        let of_means = self.sigma(quantity, &control.cancel)?;
+        let of_means = self.sigma(quantity, deviations, &control.cancel)?;
         if !self.plan.regions.is_empty() {
             let table = region_table(&self.plan.regions, &volume, of_means.as_deref())?;
             append(&mut self.tables.regions, &table);
@@ -238,7 +265,7 @@ impl Making<'_> {
             if let Some(values) = truth.values(quantity) {
                 let name = format!("{}_truth", quantity.name());
                 self.put((&name, quantity.unit()), &values, &control.cancel)?;
-                append(&mut self.tables.errors, &truth.errors(&volume));
+                append(&mut self.tables.errors, &truth.errors(&volume, &control.cancel)?);
             }
             if !self.record.units.contains_key(LABELS) {
                 self.put((LABELS, "1"), truth.labels(), &control.cancel)?;
@@ -250,21 +277,45 @@ impl Making<'_> {
         Ok(())
     }
 
-    /// The volume of a quantity, of corrected sinograms.
-    fn made(&mut self, quantity: Quantity, control: &mut RowsControl<'_>) -> Result<Made> {
+    /// The volume of a quantity, of corrected sinograms, with their deviations for [`Self::sigma`].
+    fn made(
+        &mut self,
+        quantity: Quantity,
+        control: &mut RowsControl<'_>,
+    ) -> Result<(Made, Option<Deviations>)> {
         let Self { engine, input, plan, method, .. } = self;
         let (geometry, cancel) = (input.geometry(), control.cancel.clone());
         let (mut sinograms, counts) = input.sinograms(quantity, &cancel)?;
-        let mut weights = (plan.sigma && method.filtered().is_none())
-            .then(|| input.sigmas(quantity, &cancel))
-            .transpose()?;
+        let mut deviations = match (plan.sigma, method.filtered()) {
+            (false, _) => None,
+            (true, None) => {
+                Some(Deviations { all: input.sigmas(quantity, &cancel)?, shared: None })
+            }
+            (true, Some(_)) => {
+                let (words, shared) = input.shared_sigmas(quantity)?;
+                self.record.noise_of_flat = Some(words);
+                let all = input.filled_sigmas(quantity, &cancel)?;
+                let shared = shared.map(|shared| repeated(&shared, all.dim().0)).transpose()?;
+                Some(Deviations { all, shared })
+            }
+        };
         self.record.pixels.insert(quantity.name().to_owned(), counts);
+        let is_filtered = method.filtered().is_some_and(|options| !options.extrapolate);
+        if quantity == Quantity::Mu && is_filtered && is_cut(&sinograms) {
+            log::warn!(
+                "the sample reaches beyond both ends of the rows: mu is too large towards the edge of the \
+                 slices; a wider detector, dithers, or --extrapolate"
+            );
+        }
         if let (Quantity::Mu, Some(choice)) = (quantity, &plan.beam_hardening) {
             let polynomial = hardening(choice, &sinograms)?;
-            if let Some(sigmas) = &mut weights {
-                steepen(sigmas, &sinograms, &polynomial);
+            if let Some(Deviations { all, shared }) = &mut deviations {
+                for sigmas in [Some(all), shared.as_mut()].into_iter().flatten() {
+                    cancel.check()?;
+                    steepen(sigmas, &sinograms, &polynomial);
+                }
             }
-            polynomial.apply(sinograms.view_mut());
+            polynomial.apply_until(&mut sinograms, &cancel)?;
             self.record.beam_hardening = Some(HardeningRecord {
                 material: choice.material.clone(),
                 energy_kev: polynomial.energy,
@@ -274,34 +325,50 @@ impl Making<'_> {
             });
         }
         if plan.rings {
-            suppress_rings(geometry, sinograms.view_mut())?;
+            suppress_rings(geometry, sinograms.view_mut(), &cancel)?;
         }
-        let weights = weights.map(deviation_weights);
+        let (deviations, weights) = match method.filtered() {
+            Some(_) => (deviations, None),
+            None => (None, deviations.map(|of| deviation_weights(of.all))),
+        };
         let start = plan.start_of(quantity)?;
         let measured = Measured::new(Data::of(quantity), sinograms.view())
             .with_weights(weights.as_ref().map(|weights| weights.view()))
             .with_mask(self.mask.as_ref().map(|mask| mask.view()))
             .with_start(start.as_ref().map(|start| start.values.view()));
-        method.volume(engine, geometry, &measured, &plan.grid, control)
+        let made = method.volume(engine, geometry, &measured, &plan.grid, control)?;
+        Ok((made, deviations))
     }
 
-    /// Writes the deviations of the voxels, and returns the deviations of means of regions.
-    fn sigma(&mut self, quantity: Quantity, cancel: &Cancel) -> Result<Option<Vec<f64>>> {
+    /// Writes the deviations of the voxels by the deviations of sinograms, and returns the deviations of
+    /// means of regions.
+    fn sigma(
+        &mut self,
+        quantity: Quantity,
+        deviations: Option<Deviations>,
+        cancel: &Cancel,
+    ) -> Result<Option<Vec<f64>>> {
         let plan = self.plan;
         let method = self.method;
-        let (true, Some(options)) = (plan.sigma, method.filtered()) else { return Ok(None) };
-        let mut sigmas = self.input.filled_sigmas(quantity, cancel)?;
-        if let (Quantity::Mu, Some(choice)) = (quantity, &plan.beam_hardening) {
-            let (sinograms, _) = self.input.sinograms(quantity, cancel)?;
-            steepen(&mut sigmas, &sinograms, &hardening(choice, &sinograms)?);
-        }
+        let (Some(deviations), Some(options)) = (deviations, method.filtered()) else {
+            return Ok(None);
+        };
+        let Deviations { all: sigmas, shared } = deviations.parted();
         let given = (self.input.geometry(), sigmas.view(), quantity);
+        let shared = shared.as_ref().map(|shared| (given.0, shared.view(), quantity));
         let quiet = || RowsControl { progress: None, cancel: cancel.clone() };
         let mut map = fbp_sigma(self.engine, given, &plan.grid, options, &mut quiet())?.values;
+        if let Some(shared) = shared {
+            let rings = fbp_shared_sigma(shared, &plan.grid, options, &mut quiet())?.values;
+            map.zip_mut_with(&rings, |own, ring| *own = own.hypot(*ring));
+        }
         let name = format!("{}_sigma", quantity.name());
         let of = |region: &Region| {
             let voxels = region.voxels(&plan.grid);
-            fbp_mean_sigma(given, &plan.grid, &voxels, options, &mut quiet())
+            let own = fbp_mean_sigma(given, &plan.grid, &voxels, options, &mut quiet())?;
+            let Some(shared) = shared else { return Ok(own) };
+            let ring = fbp_mean_shared_sigma(shared, &plan.grid, &voxels, options, &mut quiet())?;
+            Ok(own.hypot(ring))
         };
         let mut means = plan.regions.iter().map(of).collect::<Result<Vec<f64>>>()?;
         // The noise of transmissions and of refraction angles is independent.
@@ -335,6 +402,39 @@ impl Making<'_> {
     }
 }
 
+/// Warns of views that are far fewer than the columns.
+fn warn_of_few_views(views: usize, columns: usize) {
+    if views.saturating_mul(MANY_COLUMNS) < columns {
+        let needed = columns as f64 * std::f64::consts::FRAC_PI_2;
+        log::warn!(
+            "{views} views are few for {columns} columns: slices will have streaks, which about {needed:.0} \
+             views avoid"
+        );
+    }
+}
+
+/// Whether a body covers both ends of the rows in the mean over views and rows.
+fn is_cut(sinograms: &Array3<f32>) -> bool {
+    let mut sums = vec![0.0_f64; sinograms.dim().2];
+    for ((_, _, column), value) in sinograms.indexed_iter() {
+        sums[column] += f64::from(*value);
+    }
+    let most = sums.iter().copied().fold(0.0, f64::max);
+    match sums[..] {
+        [first, .., last] => first.min(last) > CUT * most,
+        _ => false,
+    }
+}
+
+/// An image for each view.
+fn repeated(image: &Array2<f32>, views: usize) -> Result<Array3<f32>> {
+    let mut values = reserve::room(views * image.len(), "deviations")?;
+    (0..views).for_each(|_| values.extend(image.iter()));
+    let (rows, columns) = image.dim();
+    Array3::from_shape_vec((views, rows, columns), values)
+        .map_err(|error| Error::argument("sinograms", error.to_string(), "their shape"))
+}
+
 /// Correction for beam hardening up to the largest −ln T of sinograms.
 fn hardening(choice: &HardeningChoice, sinograms: &Array3<f32>) -> Result<BeamHardening> {
     let most = sinograms.iter().copied().fold(0.0, f32::max);
@@ -365,4 +465,20 @@ fn residual_table(quantity: Quantity, made: &Made) -> String {
 fn append(to: &mut String, table: &str) {
     let body = table.split_once('\n').map_or("", |(_, body)| body);
     to.push_str(if to.is_empty() { table } else { body });
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Three columns of two views: a body inside, one beyond one end, and one beyond both.
+    #[test]
+    fn only_a_body_beyond_both_ends_is_cut() {
+        let sinograms =
+            |columns: [f32; 3]| Array3::from_shape_fn((2, 1, 3), |(_, _, column)| columns[column]);
+        assert!(!is_cut(&sinograms([0.0, 1.0, 0.0])));
+        assert!(!is_cut(&sinograms([0.6, 1.0, 0.1])));
+        assert!(is_cut(&sinograms([0.6, 1.0, 0.3])));
+        assert!(!is_cut(&sinograms([0.0; 3])));
+    }
 }

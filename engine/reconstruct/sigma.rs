@@ -18,7 +18,7 @@ use rayon::prelude::*;
 
 /// Standard deviation of each voxel of [`super::fbp`], from the deviations of independent values of
 /// sinograms, `[view][row][column]`. Corrections of lever arms are small and neglected. Noise that views
-/// share, as of a common flat, makes rings, which are not included.
+/// share has a function of its own: [`super::fbp_shared_sigma`].
 ///
 /// # Errors
 /// As [`super::fbp`]; [`Error::Argument`] for columns that are uneven, rows that are extrapolated, and
@@ -77,15 +77,7 @@ pub fn fbp_mean_sigma(
     control: &mut RowsControl<'_>,
 ) -> Result<f64> {
     let filtering = prepared(geometry, sigmas, quantity, options)?;
-    grid.check(geometry)?;
-    let is_beyond = |voxel: &&[usize; 3]| (0..3).any(|axis| voxel[axis] >= grid.size[axis]);
-    if let Some(voxel) = voxels.iter().find(is_beyond) {
-        let found = format!("{voxel:?}");
-        return Err(Error::argument("voxels", found, format!("below {:?}", grid.size)));
-    }
-    if voxels.is_empty() {
-        return Err(Error::argument("voxels", "none", "one or more"));
-    }
+    check_voxels(geometry, grid, voxels)?;
     let cancel = &control.cancel;
     let of_view = |view: usize| {
         cancel.check()?;
@@ -104,8 +96,27 @@ pub fn fbp_mean_sigma(
 }
 
 /// # Errors
+/// [`Error::Argument`] for no voxel, and for a voxel beyond the grid.
+pub(super) fn check_voxels(
+    geometry: &ScanGeometry,
+    grid: &VolumeGrid,
+    voxels: &[[usize; 3]],
+) -> Result<()> {
+    grid.check(geometry)?;
+    let is_beyond = |voxel: &&[usize; 3]| (0..3).any(|axis| voxel[axis] >= grid.size[axis]);
+    if let Some(voxel) = voxels.iter().find(is_beyond) {
+        let found = format!("{voxel:?}");
+        return Err(Error::argument("voxels", found, format!("below {:?}", grid.size)));
+    }
+    if voxels.is_empty() {
+        return Err(Error::argument("voxels", "none", "one or more"));
+    }
+    Ok(())
+}
+
+/// # Errors
 /// [`Error::Argument`] for options without a known deviation.
-fn prepared<'a>(
+pub(super) fn prepared<'a>(
     geometry: &'a ScanGeometry,
     sigmas: ArrayView3<'_, f32>,
     quantity: Quantity,
@@ -128,18 +139,18 @@ fn prepared<'a>(
 /// [`Error::Argument`] with the reason.
 pub(super) fn check_sigma(geometry: &ScanGeometry, options: &FbpOptions) -> Result<()> {
     if options.extrapolate {
-        let allowed = "rows as they are: what noise does to extrapolated ones is unknown";
+        let allowed = "rows without extrapolation: the noise of extrapolated rows is unknown";
         return Err(Error::argument("extrapolate", "true", allowed));
     }
     if !Resampling::of(&geometry.columns).is_even {
-        let allowed = "even ones: what interpolation does to noise is unknown";
+        let allowed = "even columns: the noise of interpolated columns is unknown";
         return Err(Error::argument("columns", "uneven places", allowed));
     }
     Ok(())
 }
 
 /// Standard deviations of the weighted values of a row.
-fn deviations<'a>(
+pub(super) fn deviations<'a>(
     filtering: &'a Filtering<'_>,
     geometry: &'a ScanGeometry,
     sigmas: ArrayView3<'a, f32>,
@@ -152,41 +163,57 @@ fn deviations<'a>(
 
 /// The transpose of the sum of back-projection, for ones in some voxels: weights of the columns of a view,
 /// row by row.
-fn spread(
+pub(super) fn spread(
     geometry: &ScanGeometry,
     filtering: &Filtering<'_>,
     quantity: Quantity,
     (grid, voxels): (&VolumeGrid, &[[usize; 3]]),
     view: usize,
 ) -> Vec<f64> {
+    let columns = filtering.count();
+    let mut spread = vec![0.0; geometry.rows.len() * columns];
+    for [x, y, z] in voxels {
+        let point = grid.centre((*z, *y, *x));
+        for (row, column, share) in
+            shares(geometry, filtering, quantity, point, view).into_iter().flatten()
+        {
+            spread[row * columns + column] += share;
+        }
+    }
+    spread
+}
+
+/// Rows and columns of a view that back-projection takes at a point, m, each with its weight; `None` where
+/// the point is outside of the detector.
+pub(super) fn shares(
+    geometry: &ScanGeometry,
+    filtering: &Filtering<'_>,
+    quantity: Quantity,
+    [x, y, z]: [f64; 3],
+    view: usize,
+) -> Option<[(usize, usize, f64); 4]> {
     let (columns, rows) = (filtering.count(), geometry.rows.len());
     let [first, pitch] = filtering.columns();
     let (sine, cosine) = (libm::sin(geometry.angles[view]), libm::cos(geometry.angles[view]));
     let scale = geometry.magnification();
     let last = [(columns - 1) as f64, (rows - 1) as f64];
-    let mut spread = vec![0.0; rows * columns];
-    for voxel in voxels {
-        let [x, y, z] =
-            [0, 1, 2].map(|axis| grid.origin[axis] + grid.voxel[axis] * voxel[axis] as f64);
-        let depth = y * cosine - x * sine;
-        let near = 1.0 / (1.0 + depth * geometry.per_distance());
-        let across = (x * cosine + y * sine + geometry.axis) * near * scale;
-        let at = [
-            (across - first) / pitch,
-            (geometry.rows[0] - z * near * scale) / geometry.row_pitch(),
-        ];
-        if (0..2).any(|n| at[n] < -0.5 || at[n] > last[n] + 0.5) {
-            continue;
-        }
-        let weight = if quantity == Quantity::Delta { near } else { near * near };
-        let [column, row] = [0, 1].map(|n| at[n].clamp(0.0, last[n]));
-        let [left, top] = [column, row].map(whole::<usize>);
-        for (n, share) in [(0, 1.0 - (row - top as f64)), (1, row - top as f64)] {
-            let start = (top + n).min(rows - 1) * columns;
-            let right = column - left as f64;
-            spread[start + left] += weight * share * (1.0 - right);
-            spread[start + (left + 1).min(columns - 1)] += weight * share * right;
-        }
+    let depth = y * cosine - x * sine;
+    let near = 1.0 / (1.0 + depth * geometry.per_distance());
+    let across = (x * cosine + y * sine + geometry.axis) * near * scale;
+    let at =
+        [(across - first) / pitch, (geometry.rows[0] - z * near * scale) / geometry.row_pitch()];
+    if (0..2).any(|n| at[n] < -0.5 || at[n] > last[n] + 0.5) {
+        return None;
     }
-    spread
+    let weight = if quantity == Quantity::Delta { near } else { near * near };
+    let [column, row] = [0, 1].map(|n| at[n].clamp(0.0, last[n]));
+    let [left, top] = [column, row].map(whole::<usize>);
+    let [right, low] = [column - left as f64, row - top as f64];
+    let (left_two, top_two) = ([left, (left + 1).min(columns - 1)], [top, (top + 1).min(rows - 1)]);
+    let share = |n: usize, m: usize| {
+        let of_row = if n == 0 { 1.0 - low } else { low };
+        let of_column = if m == 0 { 1.0 - right } else { right };
+        (top_two[n], left_two[m], weight * of_row * of_column)
+    };
+    Some([share(0, 0), share(0, 1), share(1, 0), share(1, 1)])
 }

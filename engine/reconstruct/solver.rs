@@ -77,7 +77,7 @@ impl IterativeOptions {
             |name: &str, found: &str, allowed: &str| Err(Error::argument(name, found, allowed));
         if data == Data::Refraction && options.solver == Solver::Sirt {
             let allowed = "cgls or bb, or sirt for integrated phase: SIRT divides by the sums of \
-                       coefficients along rays, and those of derivatives are zero";
+                           coefficients along rays, which are zero for derivatives";
             return wrong("method", "sirt for refraction angles", allowed);
         }
         if options.is_non_negative && options.solver == Solver::Cgls {

@@ -26,8 +26,8 @@ pub struct Truth {
     names: Vec<[String; 2]>,
     /// Constants minus the surroundings', by label.
     constants: Vec<Constants>,
-    /// Distance from the axis up to which every view sees a voxel, m.
-    radius: f64,
+    grid: VolumeGrid,
+    geometry: ScanGeometry,
 }
 
 impl Truth {
@@ -35,8 +35,8 @@ impl Truth {
     /// at the energy, or means over the spectrum, minus the surroundings'.
     ///
     /// # Errors
-    /// As [`Engine::prepare`]; [`Error::Argument`] for lines through more than 1024 surfaces;
-    /// [`Error::Interrupted`].
+    /// As [`Engine::prepare`]; [`Error::Argument`] for a geometry or grid that cannot be, and lines through
+    /// more than 1024 surfaces; [`Error::Interrupted`].
     pub fn of(
         engine: &Engine,
         scene: &Scene,
@@ -44,6 +44,8 @@ impl Truth {
         grid: &VolumeGrid,
         cancel: &Cancel,
     ) -> Result<Self> {
+        geometry.check()?;
+        grid.check(geometry)?;
         // Lines along y are rays of the view at 0.
         let mut upright = scene.clone();
         upright.scan = Scan::new(vec![0.0], vec![0.0]);
@@ -59,7 +61,7 @@ impl Truth {
             scene.objects.iter().map(|object| [object.name.clone(), object.material.clone()]);
         let names = std::iter::once(surroundings).chain(objects).collect();
         let labels = labels(engine, &upright, grid, cancel)?;
-        Ok(Self { labels, names, constants, radius: geometry.seen_radius() })
+        Ok(Self { labels, names, constants, grid: *grid, geometry: geometry.clone() })
     }
 
     /// The same with μ at an energy, keV, in place of the mean over a spectrum.
@@ -106,19 +108,40 @@ impl Truth {
         Some(self.constants.iter().map(of))
     }
 
+    /// # Errors
+    /// [`Error::Argument`] for another grid than the truth's.
+    pub(super) fn require_grid(&self, grid: &VolumeGrid) -> Result<()> {
+        if *grid == self.grid {
+            return Ok(());
+        }
+        let words = |grid: &VolumeGrid| {
+            format!("{:?} voxels of {:?} m from {:?} m", grid.size, grid.voxel, grid.origin)
+        };
+        Err(Error::argument("truth", words(&self.grid), format!("the volume's {}", words(grid))))
+    }
+
     /// Errors of a volume on the same grid as CSV, one line for each object with voxels whose
     /// neighbours all have its label, and which every view sees.
-    #[must_use]
-    pub fn errors(&self, volume: &Volume) -> String {
+    ///
+    /// # Errors
+    /// [`Error::Argument`] for a volume on another grid; [`Error::Interrupted`].
+    pub fn errors(&self, volume: &Volume, cancel: &Cancel) -> Result<String> {
+        self.require_grid(&volume.grid)?;
         let mut text = String::from(
             "object,material,quantity,unit,inner_voxels,truth,mean,error_percent,rms_error\n",
         );
-        let Some(by_label) = self.by_label(volume.quantity) else { return text };
+        let Some(by_label) = self.by_label(volume.quantity) else { return Ok(text) };
         let truths: Vec<f64> = by_label.collect();
         let mut sums = vec![(0_u64, 0.0, 0.0); truths.len()];
+        let radius = self.geometry.seen_radius();
         for ((at, label), value) in self.labels.indexed_iter().zip(&volume.values) {
-            let [x, y, _] = volume.grid.centre(at);
-            if x.hypot(y) <= self.radius && self.is_inner(at) {
+            if at.2 == 0 {
+                cancel.check()?;
+            }
+            let [x, y, z] = volume.grid.centre(at);
+            let from_axis = x.hypot(y);
+            let is_seen = from_axis <= radius && self.geometry.rows_see(from_axis, z);
+            if is_seen && self.is_inner(at) {
                 let label = label_index(*label);
                 let off = f64::from(*value) - truths[label];
                 let (voxels, sum, squares) = sums[label];
@@ -144,7 +167,7 @@ impl Truth {
                 truth + error
             );
         }
-        text
+        Ok(text)
     }
 
     /// Whether a voxel and its neighbours have one label; neighbours beyond the volume do not count.

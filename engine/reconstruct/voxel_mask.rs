@@ -3,8 +3,8 @@
 use super::grid::VolumeGrid;
 use super::regions::RegionShape;
 use crate::array_file::{ArrayFile, Format, endings};
-use crate::{Error, Result};
-use ndarray::Array3;
+use crate::{Error, Result, reserve};
+use ndarray::{Array3, Axis};
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
@@ -47,40 +47,60 @@ impl VoxelMask {
         }
     }
 
-    /// The mask on a grid, `[z][y][x]`: true where a voxel may differ from zero.
+    /// Refuses a mask that does not fit a grid; no more than a plane of it is in memory.
     ///
     /// # Errors
     /// [`Error::File`] for a file that cannot be read, of another shape, with values that are not
     /// numbers, or without a voxel; [`Error::Argument`] for a shape without a voxel.
-    pub(super) fn on(&self, grid: &VolumeGrid) -> Result<Array3<bool>> {
-        let [x, y, z] = grid.size;
-        let mask = match self {
-            Self::Shape(shape) => {
-                Array3::from_shape_fn((z, y, x), |at| shape.holds(grid.centre(at)))
-            }
-            Self::File(path) => of_file(path, grid)?,
-        };
-        if mask.iter().any(|may| *may) {
-            return Ok(mask);
-        }
+    pub(super) fn check(&self, grid: &VolumeGrid) -> Result<()> {
         match self {
-            Self::Shape(shape) => {
+            Self::Shape(shape) if shape.places(grid).next().is_none() => {
                 let found = format!("{shape} without a voxel");
                 Err(Error::argument("mask", found, "a shape with one voxel or more"))
             }
+            Self::Shape(_) => Ok(()),
             Self::File(path) => {
-                Err(Error::file(path, "is 0 everywhere; allowed: one voxel or more", None))
+                let mut any = false;
+                planes(path, grid, |_, values| any |= values.iter().any(|value| *value != 0.0))?;
+                match any {
+                    true => Ok(()),
+                    false => {
+                        Err(Error::file(path, "is 0 everywhere; allowed: one voxel or more", None))
+                    }
+                }
             }
         }
     }
+
+    /// The mask on a grid, `[z][y][x]`: true where a voxel may differ from zero.
+    ///
+    /// # Errors
+    /// As [`VoxelMask::check`]; [`Error::Memory`].
+    pub(super) fn on(&self, grid: &VolumeGrid) -> Result<Array3<bool>> {
+        self.check(grid)?;
+        let [x, y, z] = grid.size;
+        let values = reserve::zeroed(x * y * z, "a mask of voxels")?;
+        let mut mask = Array3::from_shape_vec((z, y, x), values)
+            .map_err(|error| Error::argument("grid", error.to_string(), "its number of voxels"))?;
+        match self {
+            Self::Shape(shape) => {
+                shape.places(grid).for_each(|[x, y, z]| mask[[z, y, x]] = true);
+            }
+            Self::File(path) => planes(path, grid, |slice, values| {
+                let plane = mask.index_axis_mut(Axis(0), slice);
+                plane.into_iter().zip(values).for_each(|(may, value)| *may = *value != 0.0);
+            })?,
+        }
+        Ok(mask)
+    }
 }
 
-/// Voxels of a file that are not 0.
-fn of_file(path: &Path, grid: &VolumeGrid) -> Result<Array3<bool>> {
+/// Hands over the planes of a file, each with its number.
+fn planes(path: &Path, grid: &VolumeGrid, mut each: impl FnMut(usize, &[f32])) -> Result<()> {
     let [x, y, z] = grid.size;
     let Some(format) = Format::of(path).filter(|format| format.abilities().pages) else {
         let allowed = endings(|format| format.abilities().pages);
-        let problem = format!("is no file of a mask; allowed: {allowed}, or a shape");
+        let problem = format!("is not a file of a mask; allowed: {allowed}, or a shape");
         return Err(Error::file(path, problem, None));
     };
     let file = ArrayFile::open(path, format)?;
@@ -91,14 +111,13 @@ fn of_file(path: &Path, grid: &VolumeGrid) -> Result<Array3<bool>> {
             format!("has the shape {found:?}{order}; the volume has {needed:?}, [z][y][x]");
         return Err(Error::file(path, problem, None));
     }
-    let mut mask = Array3::default((z, y, x));
-    for (slice, mut plane) in mask.outer_iter_mut().enumerate() {
+    for slice in 0..z {
         let values: Vec<f32> = file.read(slice, 0..y)?;
         if let Some(at) = values.iter().position(|value| value.is_nan()) {
             let problem = format!("is NaN at x {}, y {}, z {slice}", at % x, at / x);
             return Err(Error::file(path, problem, None));
         }
-        plane.iter_mut().zip(values).for_each(|(may, value)| *may = value != 0.0);
+        each(slice, &values);
     }
-    Ok(mask)
+    Ok(())
 }

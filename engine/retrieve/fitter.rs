@@ -118,12 +118,14 @@ impl Fitter {
         Self::with_kernel(device, kernel, offsets, options)
     }
 
-    /// The same fits of curves taken at other offsets.
+    /// The same fits of curves taken at other offsets, whose values were multiplied by `factor`.
     ///
     /// # Errors
     /// As [`Self::new`].
-    pub(super) fn at(&self, offsets: &[f64]) -> Result<Self> {
-        Self::with_kernel(self.device.clone(), self.kernel.clone(), offsets, &self.options)
+    pub(super) fn at(&self, offsets: &[f64], factor: f64) -> Result<Self> {
+        let FitOptions { gain, read_noise, .. } = self.options;
+        let options = self.options.with_gain(factor * gain).with_read_noise(factor * read_noise);
+        Self::with_kernel(self.device.clone(), self.kernel.clone(), offsets, &options)
     }
 
     fn with_kernel(

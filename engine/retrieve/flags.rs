@@ -31,13 +31,13 @@ pub const MISFIT: u32 = 1 << 20;
 /// then, or of the sample, whose dark field is NaN (`beamlet`). The refraction is NaN where they do
 /// not determine its centre. A bit of a pixel.
 pub const UNRESOLVED: u32 = 1 << 21;
-/// A pixel that is named as bad, or a beamlet of such pixels: it has no answer. A bit of a pixel, alone.
+/// A pixel that is named as bad, or a beamlet of such pixels: it has no result. A bit of a pixel, alone.
 pub const BAD_PIXEL: u32 = 1 << 22;
 
 /// Bits of a curve: the sample's bits in an image are the flat's, shifted by this.
 pub const BITS: u32 = 10;
 
-/// With one of these a pixel has no answer, and its images hold NaN.
+/// With one of these a pixel has no result, and its images hold NaN.
 pub const NO_ANSWER: u32 = DEAD | NOT_FINITE | FEW | NOT_CONVERGED | WIDTH | NO_PEAK;
 
 /// Each bit of a pixel with its name and meaning.
@@ -48,7 +48,7 @@ pub const OF_PIXEL: [(u32, &str, &str); 3] = [
         "unresolved",
         "pixels too wide, or counts too few, to determine the width of the beamlet",
     ),
-    (BAD_PIXEL, "bad_pixel", "named as bad (--bad-pixels): its values are left out"),
+    (BAD_PIXEL, "bad_pixel", "excluded as a bad pixel (--bad-pixels)"),
 ];
 
 /// Each bit of a curve with its name and meaning, for files and tables.
@@ -56,13 +56,21 @@ pub const MEANINGS: [(u32, &str, &str); 10] = [
     (DEAD, "dead", "all values are the same: dead pixel, or no light"),
     (NOT_FINITE, "not_finite", "a value is not a number or infinite"),
     (SATURATED, "saturated", "values at or above the saturation were left out"),
-    (FEW, "few", "fewer values are left than the method needs"),
-    (NOT_CONVERGED, "not_converged", "the fit did not settle"),
-    (ILL_CONDITIONED, "ill_conditioned", "the condition number of the normal equations passes 100"),
-    (WIDTH, "width", "the width is beyond what the offsets can resolve"),
+    (FEW, "few", "too few values remain for the method"),
+    (NOT_CONVERGED, "not_converged", "the fit did not converge"),
+    (
+        ILL_CONDITIONED,
+        "ill_conditioned",
+        "the condition number of the normal equations exceeds 100",
+    ),
+    (WIDTH, "width", "the offsets cannot resolve the width"),
     (OUTSIDE, "outside", "the centre lies outside the scan"),
     (NO_PEAK, "no_peak", "the amplitude is not above three times its own uncertainty"),
-    (TRUNCATED, "truncated", "the curve does not fall off within the scan, or leaves the steps"),
+    (
+        TRUNCATED,
+        "truncated",
+        "the curve does not fall off within the scan, or the steps miss its slopes",
+    ),
 ];
 
 /// Bits of an image's pixel, from the bits of its two curves.

@@ -19,6 +19,10 @@ pub(super) const CONTRASTS: [&str; 6] = [
 /// Images of the flat's curves: one for all views.
 pub(super) const OF_FLAT: [&str; 5] =
     ["flat_amplitude", "flat_centre", "flat_width", "flat_background", "residual_flat"];
+/// Standard deviations of the flat's curves, where values are counts: of the area as a share of it, of the
+/// centre and of the width.
+pub(super) const SIGMAS_OF_FLAT: [&str; 3] =
+    ["flat_area_sigma", "flat_centre_sigma", "flat_width_sigma"];
 /// Images of the sample's curves.
 pub(super) const OF_SAMPLE: [&str; 5] =
     ["sample_amplitude", "sample_centre", "sample_width", "sample_background", "residual_sample"];
@@ -30,11 +34,12 @@ pub(super) const FLAGS: &str = "flags";
 /// Unit of an image. `value`: what intensities are counted in.
 pub(super) fn unit<'a>(name: &str, value: &'a str) -> &'a str {
     match name {
-        "transmission" | "transmission_sigma" => "1",
+        "transmission" | "transmission_sigma" | "flat_area_sigma" => "1",
         "refraction" | "refraction_sigma" => "rad",
         "dark_field" | "dark_field_sigma" => "rad^2",
         FLAGS => "bits",
         PHASE => "m",
+        "flat_centre_sigma" | "flat_width_sigma" => "m",
         name if name.ends_with("_centre") || name.ends_with("_width") => "m",
         _ => value,
     }

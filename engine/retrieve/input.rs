@@ -33,6 +33,8 @@ pub struct Input {
     flats_every: Option<u32>,
     correction: Correction,
     selection: Selection,
+    /// Values of kept pixels from here on are left out.
+    limit: Option<f32>,
     /// Detector number of one photon, and the noise of no light, where the scene has them.
     noise: Option<[f64; 2]>,
     counts: bool,
@@ -58,6 +60,7 @@ impl Input {
             flats_every: None,
             correction: Correction::default(),
             selection: Selection::whole(frame),
+            limit: None,
             noise: None,
             counts: false,
             is_run: false,
@@ -93,21 +96,22 @@ impl Input {
                 };
                 return Err(Error::file(run.path(), problem, None));
             };
-            Self::simulated_counts(&scene, flat, sample, run.dark()?.as_ref())?
+            Self::simulated_counts(&scene, flat, sample, run.dark()?)?
         } else {
             Self::simulated(&scene, run.flat()?, run.sample()?)
         };
         Ok(input.with_read(&read))
     }
 
-    /// Simulated intensities of a scene.
+    /// Simulated intensities of a scene. Several flats are taken every `scan.flats_every` views.
     #[must_use]
     pub fn simulated(scene: &Scene, flat: StackFile, sample: StackFile) -> Self {
-        Self { is_run: true, ..Self::new(scene.clone(), flat, sample, Vec::new()) }
+        let flats_every = scene.scan.flats_every.filter(|_| flat.shape()[0] > 1);
+        Self { is_run: true, flats_every, ..Self::new(scene.clone(), flat, sample, Vec::new()) }
     }
 
     /// Simulated detector numbers of a scene. Noise and saturation are taken from its detector; the mean
-    /// of the dark frames is subtracted.
+    /// of the dark frames is subtracted, with `scan.darks_every` interpolated between darks.
     ///
     /// # Errors
     /// [`Error::File`] where the dark cannot be read; [`Error::Scene`] for materials of the detector.
@@ -115,7 +119,7 @@ impl Input {
         scene: &Scene,
         flat: StackFile,
         sample: StackFile,
-        dark: Option<&StackFile>,
+        dark: Option<StackFile>,
     ) -> Result<Self> {
         let numbers = scene.detector.counts;
         // The largest number stands for all that was clipped to it.
@@ -126,8 +130,13 @@ impl Input {
             Some(n) => Some([DetectorModel::variance_per_value(scene)?, n.electronic_noise]),
             None => None,
         };
-        let correction =
-            Correction { dark: dark.map(Dark::of).transpose()?, bad: None, saturation };
+        let dark = match (dark, scene.scan.darks_every) {
+            (Some(darks), Some(every)) if darks.shape()[0] > 1 => {
+                Some(Dark::between(darks, every, scene.scan.views())?)
+            }
+            (dark, _) => dark.as_ref().map(Dark::of).transpose()?,
+        };
+        let correction = Correction { dark, bad: None, saturation };
         let input = Self::simulated(scene, flat, sample);
         Ok(Self { correction, noise, counts: true, ..input })
     }
@@ -156,8 +165,8 @@ impl Input {
             let [_, _, other_rows, other_columns] = other.shape();
             if [other_rows, other_columns] != [rows, columns] {
                 let problem = format!(
-                    "has frames of {other_rows} x {other_columns} pixels; those of {} have {rows} x \
-                     {columns}",
+                    "has frames of {other_rows} x {other_columns} pixels; the frames of {} have \
+                     {rows} x {columns}",
                     flat.path().display()
                 );
                 return Err(Error::file(other.path(), problem, None));
@@ -168,7 +177,8 @@ impl Input {
         let names = |s: &StackFile| Some((s.path().display().to_string(), s.frame_names()?));
         let frames = [&flat, &sample].into_iter().chain(dark).filter_map(names).collect();
         faults::check_sample(&flat, &sample)?;
-        let warnings = faults::of_bytes(&flat, &sample);
+        let mut warnings = faults::of_bytes(&flat, &sample);
+        warnings.extend(faults::of_pixels(&scene, &flat));
         let dark = match dark {
             Some(stack) => {
                 let dark = Dark::of(stack)?;
@@ -293,7 +303,7 @@ impl Input {
         if angles == 0 || !self.is_run {
             return Err(Error::file(self.sample.path(), problem, None));
         }
-        log::warn!("{}: {problem}; the last are left out", self.sample.path().display());
+        log::warn!("{}: {problem}; the last views are ignored", self.sample.path().display());
         Ok(angles)
     }
 
@@ -318,7 +328,16 @@ impl Input {
     /// The saturation that a retriever of these values has to know.
     #[must_use]
     pub fn saturation(&self) -> Option<f32> {
-        self.correction.saturation.map(|_| LEFT_OUT)
+        self.correction.saturation.or(self.limit).map(|_| LEFT_OUT)
+    }
+
+    /// Leaves out values from `limit` on, as a retriever gets them, where none are left out as they are in
+    /// the files: corrections of frames change values, and not which of them are saturated.
+    pub(super) const fn limited_to(mut self, limit: Option<f32>) -> Self {
+        if self.correction.saturation.is_none() {
+            self.limit = limit;
+        }
+        self
     }
 
     /// Splits the sample's frames into views of as many steps as `retriever` has offsets.
@@ -357,15 +376,25 @@ impl Input {
     /// # Errors
     /// As [`StackFile::rows`].
     pub fn sample_rows(&self, view: usize, rows: Range<u32>) -> Result<Array3<f32>> {
-        self.values(&self.sample, view, &rows)
+        self.values(&self.sample, view, &rows, flats::during(view))
     }
 
-    /// Rows of a view, corrected, of the pixels that are kept.
-    fn values(&self, stack: &StackFile, view: usize, rows: &Range<u32>) -> Result<Array3<f32>> {
+    /// Rows of a view that is taken at this time, corrected, of the pixels that are kept.
+    fn values(
+        &self,
+        stack: &StackFile,
+        view: usize,
+        rows: &Range<u32>,
+        time: f64,
+    ) -> Result<Array3<f32>> {
         let rows = self.selection.rows(rows);
         let mut data = stack.rows(view, rows.clone())?;
-        self.correction.apply(&mut data, &rows);
-        Ok(self.selection.of(data, self.counts))
+        self.correction.apply(&mut data, &rows, time)?;
+        let mut data = self.selection.of(data, self.counts);
+        if let Some(limit) = self.limit {
+            data.mapv_inplace(|y| if y >= limit { LEFT_OUT } else { y });
+        }
+        Ok(data)
     }
 }
 
@@ -413,7 +442,7 @@ pub fn offsets(list_or_file: &str) -> Result<Vec<f64>> {
             crate::units::Dimension::Length.parse(word).map_err(|error| {
                 let allowed = "lengths with units, as in \"-10 um, 0 um, 10 um\", or a file with \
                                one on each line";
-                Error::argument(format!("offsets[{index}]"), format!("{word:?} ({error})"), allowed)
+                Error::argument(format!("offsets[{index}]"), error.found, allowed)
             })
         })
         .collect::<Result<_>>()?;

@@ -96,8 +96,10 @@ impl Method {
         match self {
             Self::Triangle | Self::Trapezoid if blur > SMALL_BLUR => Err(Error::scene(
                 "source.spot",
-                format!("{}, which blurs {blur:.2} of the curve's half base", spot(scene)),
-                format!("{self} is the shape of up to {SMALL_BLUR}: use gaussian or exact-curve"),
+                format!("{}, whose blur is {blur:.2} of half the base of the curve", spot(scene)),
+                format!(
+                    "{self} is valid up to a blur of {SMALL_BLUR}: use gaussian or exact-curve"
+                ),
             )),
             Self::Triangle if shape.half_top() > 0.02 * shape.half_base() => Err(Error::scene(
                 "detector_mask.aperture",
@@ -111,7 +113,7 @@ impl Method {
             Self::ExactCurve if !scene.source.spot.is_gaussian(0) => Err(Error::scene(
                 "source.spot",
                 format!("a spot of {} Gaussians", scene.source.spot.parts().len()),
-                "exact-curve is that of a Gaussian spot across the slits: use gaussian",
+                "exact-curve needs a Gaussian spot across the slits: use gaussian",
             )),
             Self::ExactCurve if shape.blur <= 0.0 => Err(Error::scene(
                 "source.spot",
@@ -122,21 +124,29 @@ impl Method {
         }
     }
 
+    /// Fewest different mask offsets that it serves.
+    pub(crate) const fn least_offsets(self) -> usize {
+        match self {
+            Self::Gaussian | Self::TwoStep => 4,
+            Self::ThreeStep => 3,
+            Self::Moments | Self::Triangle | Self::Trapezoid | Self::ExactCurve => 5,
+            Self::Beamlet => 1,
+        }
+    }
+
     fn check_offsets(self, offsets: &[f64]) -> Result<()> {
-        let mut sorted = offsets.to_vec();
-        sorted.sort_by(f64::total_cmp);
-        sorted.dedup();
-        let (count, different) = (offsets.len(), sorted.len());
+        let (count, different) = (offsets.len(), different_offsets(offsets));
+        let least = self.least_offsets();
         let (served, allowed) = match self {
-            Self::Gaussian | Self::TwoStep => {
-                (different >= 4, "at least 4 different offsets; three serve three-step")
+            Self::Gaussian | Self::TwoStep => (
+                different >= least,
+                format!("at least {least} different offsets; with three use three-step"),
+            ),
+            Self::ThreeStep => {
+                (count == least && different == least, format!("exactly {least} different offsets"))
             }
-            Self::ThreeStep => (count == 3 && different == 3, "exactly 3 different offsets"),
-            Self::Moments => (different >= 5, "at least 5 different offsets"),
-            Self::Triangle | Self::Trapezoid | Self::ExactCurve => {
-                (different >= 5, "at least 5 different offsets")
-            }
-            Self::Beamlet => (count == 1, "exactly 1 offset"),
+            Self::Beamlet => (count == least, format!("exactly {least} offset")),
+            _ => (different >= least, format!("at least {least} different offsets")),
         };
         if served && offsets.iter().all(|offset| offset.is_finite()) {
             return Ok(());
@@ -157,6 +167,14 @@ impl fmt::Display for Method {
 
 fn spot(scene: &Scene) -> String {
     format!("a spot of {} across the slits", Length.rounded(scene.source.spot.fwhm()[0]))
+}
+
+/// Number of different values among mask offsets.
+pub(crate) fn different_offsets(offsets: &[f64]) -> usize {
+    let mut sorted = offsets.to_vec();
+    sorted.sort_by(f64::total_cmp);
+    sorted.dedup();
+    sorted.len()
 }
 
 fn check_beamlets(scene: &Scene) -> Result<()> {

@@ -37,6 +37,7 @@ pub use images::Images;
 pub(crate) use input::path_hash;
 pub use input::{Columns, Input, offsets};
 pub use method::Method;
+pub(crate) use method::different_offsets;
 pub use options::{ReadRows, RetrieveOptions};
 pub use phase::Drift;
 pub(crate) use phase::{DriftSum, borders, integrated_row};

@@ -4,7 +4,7 @@ use super::correct::Corrections;
 use super::diagnosis::Region;
 use super::fitter::Weights;
 use super::method::Method;
-use crate::Result;
+use crate::{Error, Result};
 use ndarray::Array3;
 use std::ops::Range;
 
@@ -72,6 +72,17 @@ impl RetrieveOptions {
         with_empty_beam(empty_beam: impl Into<Option<Region>>);
         /// Makes images of the phase, too.
         with_phase(phase: bool);
+    }
+
+    /// # Errors
+    /// [`Error::Argument`] for a saturation that is no finite number above 0.
+    pub(super) fn check_saturation(&self) -> Result<()> {
+        match self.saturation.filter(|value| !(value.is_finite() && *value > 0.0)) {
+            Some(value) => {
+                Err(Error::argument("saturation", value.to_string(), "a finite number above 0"))
+            }
+            None => Ok(()),
+        }
     }
 }
 

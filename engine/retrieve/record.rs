@@ -143,7 +143,7 @@ pub struct Record {
     /// dithers. geometry.json has their places.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub columns: Vec<[usize; 2]>,
-    /// Views between one measured flat and the next, where flats are interpolated.
+    /// Views between one flat and the next, where flats are interpolated.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub flats_every: Option<u32>,
     /// Mean angles of rows that were taken off before angles were integrated to the phase; `None` without
@@ -156,7 +156,7 @@ pub struct Record {
     pub flags: BTreeMap<u32, String>,
     /// Pixels with each bit over all views, by the bit's value.
     pub flagged: BTreeMap<u32, u64>,
-    /// Pixels without an answer over all views; their images hold NaN.
+    /// Pixels without a result over all views; their images hold NaN.
     pub without_answer: u64,
 }
 

@@ -7,7 +7,7 @@ use super::beamlets::Beamlets;
 use super::curves::Curves;
 use super::fitter::{FitOptions, Fitter, Weights};
 use super::flags;
-use super::images::{CONTRASTS, FLAGS, Images, OF_SAMPLE};
+use super::images::{CONTRASTS, FLAGS, Images, OF_FLAT, OF_SAMPLE, SIGMAS_OF_FLAT};
 use super::input::Input;
 use super::joined::JoinedColumns;
 use super::method::Method;
@@ -23,6 +23,7 @@ use crate::{Engine, Error, Result, reserve};
 use ndarray::{Array2, Array3, ArrayView3, Axis, s};
 use std::borrow::Cow;
 use std::ops::Range;
+pub(super) use view_scan::Corrected;
 use view_scan::{ViewScan, ViewScans};
 
 /// Bytes of a band of rows with all its steps, for fits on the device; on the host, where a band
@@ -88,7 +89,7 @@ impl Retriever {
         let offsets = periods.without(&scene.scan.mask_offsets);
         let fits = matches!(method, Method::Gaussian | Method::TwoStep);
         if options.weights == Weights::Poisson && !fits && method != Method::Beamlet {
-            let allowed = "weights of counts serve the methods gaussian, two-step and beamlet";
+            let allowed = "poisson with gaussian, two-step or beamlet";
             return Err(Error::argument("weights", format!("poisson with {method}"), allowed));
         }
         if let Some(gain) = options.gain.filter(|gain| !(gain.is_finite() && *gain > 0.0)) {
@@ -96,35 +97,28 @@ impl Retriever {
         }
         if !(options.read_noise.is_finite() && options.read_noise >= 0.0) {
             let found = format!("{}", options.read_noise);
-            return Err(Error::argument("read_noise", found, "a finite number from 0 on"));
+            return Err(Error::argument("read_noise", found, "a finite number of 0 or more"));
         }
-        if let Some(value) = options.saturation.filter(|value| !(value.is_finite() && *value > 0.0))
-        {
-            return Err(Error::argument(
-                "saturation",
-                format!("{value}"),
-                "a finite number above 0",
-            ));
-        }
+        options.check_saturation()?;
         if options.steps.is_some() && method != Method::TwoStep {
             return Err(Error::argument(
                 "steps",
                 format!("steps with {method}"),
-                "only for two-step",
+                "steps with two-step",
             ));
         }
         let sample_offsets = match (&options.sample_offsets, method) {
             (None, _) => offsets.clone(),
             (Some(_), Method::TwoStep) if view_scans.is_some() => {
-                let found = "offsets of the sample beside scan.view_offsets";
+                let found = "sample offsets together with scan.view_offsets";
                 return Err(Error::argument("sample_offsets", found, "one of them"));
             }
             (Some(other), Method::TwoStep) if other.len() >= 2 => periods.without(other),
             (Some(other), _) => {
                 return Err(Error::argument(
                     "sample_offsets",
-                    format!("{} offsets of their own with {method}", other.len()),
-                    "only two-step takes them, two or more",
+                    format!("{} with the method {method}", other.len()),
+                    "two or more, with the method two-step",
                 ));
             }
         };
@@ -212,7 +206,7 @@ impl Retriever {
     /// # Errors
     /// As [`Retriever::retrieve`].
     pub(super) fn offsets_of_view(&self, view: usize) -> Result<Vec<f64>> {
-        Ok(self.view_scan(view, None)?.offsets.to_vec())
+        Ok(self.view_scan(view, Corrected::NONE)?.offsets.to_vec())
     }
 
     /// Size of a pixel of the images, x and z, m, of frames with pixels of this size.
@@ -258,6 +252,13 @@ impl Retriever {
         CONTRASTS.into_iter().filter(is_given).chain([FLAGS]).chain(OF_SAMPLE).collect()
     }
 
+    /// Names of the images of the flat.
+    pub(super) fn names_of_flat(&self) -> Vec<&'static str> {
+        let has_sigmas = self.options.gain.is_some();
+        let sigmas = SIGMAS_OF_FLAT.into_iter().filter(|_| has_sigmas);
+        OF_FLAT.into_iter().chain(sigmas).collect()
+    }
+
     /// Takes the flat, `rows` rows of `columns` pixels.
     ///
     /// # Errors
@@ -289,6 +290,7 @@ impl Retriever {
         self.bands(rows, columns, self.offsets.len(), control, |band, control| {
             let scan = ViewScan {
                 offsets: &self.offsets,
+                factor: 1.0,
                 fitter: self.fitter.as_ref().map(Cow::Borrowed),
             };
             let curves = self.curves(read(band.clone())?, &scan, None, &control.cancel)?;
@@ -315,18 +317,17 @@ impl Retriever {
         read: &mut ReadRows<'_>,
         control: &mut RowsControl<'_>,
     ) -> Result<Images> {
-        self.retrieve_at(view, None, columns, read, control)
+        self.retrieve_corrected(view, Corrected::NONE, columns, read, control)
     }
 
-    /// As [`Retriever::retrieve`], at other mask offsets (without whole periods, m) than the view was to
-    /// have.
+    /// As [`Retriever::retrieve`], of frames that were corrected.
     ///
     /// # Errors
     /// As [`Retriever::retrieve`].
-    pub(super) fn retrieve_at(
+    pub(super) fn retrieve_corrected(
         &self,
         view: usize,
-        offsets: Option<&[f64]>,
+        corrected: Corrected<'_>,
         columns: usize,
         read: &mut ReadRows<'_>,
         control: &mut RowsControl<'_>,
@@ -342,7 +343,7 @@ impl Retriever {
                 "frames of one shape for flat and sample",
             ));
         }
-        let scan = self.view_scan(view, offsets)?;
+        let scan = self.view_scan(view, corrected)?;
         let chosen = self.two_steps(flat, scan.offsets);
         let offsets_used = chosen.map_or(self.sample_offsets.len(), |steps| steps.len());
         let across = flat.columns;
@@ -356,7 +357,7 @@ impl Retriever {
                     ndarray::stack![Axis(0), data.slice(s![i, .., ..]), data.slice(s![j, .., ..])];
                 two = vec![scan.offsets[i], scan.offsets[j]];
             }
-            let at_two = ViewScan { offsets: &two, fitter: None };
+            let at_two = ViewScan { offsets: &two, factor: corrected.factor, fitter: None };
             let scan = if chosen.is_some() { &at_two } else { &scan };
             let pixels = band.start as usize * across..band.end as usize * across;
             let known = Some((&flat.curves, pixels.start));
@@ -365,8 +366,8 @@ impl Retriever {
             Ok(())
         })?;
         let noise = Noise {
-            gain: self.options.gain,
-            read_noise: self.options.read_noise,
+            gain: self.options.gain.map(|gain| corrected.factor * gain),
+            read_noise: corrected.factor * self.options.read_noise,
             steps: self.beamlets.as_ref().map_or(offsets_used, |of| of.offsets().len()),
         };
         misfit::mark(&mut images, &flat.curves, self.angle_per_shift, noise);

@@ -1,8 +1,10 @@
 //! A whole retrieval: from an input to a directory of images.
 
-use super::correct::{Corrector, FrameCorrection, Rectangle, ViewCorrection, table};
+mod views;
+
+use super::correct::{Corrector, table};
 use super::diagnosis::Diagnosis;
-use super::images::{FLAGS, Images, OF_FLAT, PHASE, unit};
+use super::images::{FLAGS, Images, PHASE, unit};
 use super::input::Input;
 use super::joined::JoinedColumns;
 use super::misfit::median;
@@ -23,6 +25,7 @@ use std::collections::btree_map::Entry;
 use std::ops::Range;
 use std::path::Path;
 use std::time::Instant;
+use views::{Correcting, ScanOf, Tools, flat_images};
 
 /// Where images go.
 #[derive(Debug, Clone, Copy)]
@@ -32,7 +35,7 @@ pub struct ImagesTo<'a> {
     pub path: &'a Path,
     /// Their format.
     pub format: Format,
-    /// Replace images that are there.
+    /// Replace existing images.
     pub overwrite: bool,
     /// Command line, for the record.
     pub command: Option<&'a str>,
@@ -73,7 +76,7 @@ impl<'a> ImagesTo<'a> {
 /// let to = ImagesTo::new("run/retrieved".as_ref(), Format::Npy);
 /// let options = RetrieveOptions::default();
 /// let record = retrieve(&engine, input, &options, to, &mut RowsControl::default())?;
-/// println!("{} pixels without an answer", record.without_answer);
+/// println!("{} pixels without a result", record.without_answer);
 /// # Ok::<(), beamlet::Error>(())
 /// ```
 pub fn retrieve(
@@ -210,7 +213,9 @@ fn retrieve_to(
     put: &mut dyn FnMut(&Record, Image<'_>) -> Result<()>,
 ) -> Result<(Record, Option<String>)> {
     let (began, since) = (now(), Instant::now());
-    let saturation = input.saturation().or(options.saturation);
+    options.check_saturation()?;
+    let input = input.limited_to(options.saturation);
+    let saturation = input.saturation();
     let noise = options.read_noise * (input.added() as f64).sqrt();
     let options = options.clone().with_saturation(saturation).with_read_noise(noise);
     if options.method == Method::Beamlet && input.selection() != (None, None) {
@@ -249,7 +254,9 @@ fn retrieve_to(
     let Some(flat) = retriever.flat_curves() else { return Err(Error::Interrupted) };
     let across = flat.len() / rows.max(1);
     if (0..flat.len()).all(|at| !flat.has_answer(at)) {
-        return Err(Error::scene("flat", no_answers(flat), "a flat with light in some pixel"));
+        let allowed = "a flat with a curve that can be fitted in some pixel: check its values, the mask \
+                       offsets, the saturation and the read noise";
+        return Err(Error::argument("flat", no_answers(flat), allowed));
     }
     let joined = retriever.joined(&input);
     let across = joined.as_ref().map_or(across, |joined| joined.order().len());
@@ -257,11 +264,12 @@ fn retrieve_to(
     record.columns = joined.as_ref().map(JoinedColumns::order).unwrap_or_default().to_vec();
     let value = if input.counts() { "counts" } else { "open pixels" };
     let names = retriever.names();
-    for name in names.iter().copied().chain(OF_FLAT) {
+    let names_of_flat = retriever.names_of_flat();
+    for name in names.iter().chain(&names_of_flat).copied() {
         record.units.insert(name.to_owned(), unit(name, value).to_owned());
     }
     if !input.has_flats() {
-        for (name, image) in flat_images(flat, rows, joined.as_ref())? {
+        for (name, image) in flat_images(flat, &names_of_flat, rows, joined.as_ref())? {
             cancel.check()?;
             put(&record, Image { name, unit: unit(name, value), views: 1, values: image.view() })?;
         }
@@ -273,17 +281,17 @@ fn retrieve_to(
     }
     let mut residuals = Vec::new();
     let bad = input.bad_pixels();
-    let scan = ScanOf { input: &input, joined: joined.as_ref(), bad: bad.as_ref() };
+    let scan = ScanOf::new(&input, joined.as_ref(), bad.as_ref());
     let mut correcting = match Corrector::of(&retriever, &input, &options)? {
         None => None,
         Some(corrector) => {
             record.correct = options.correct.names();
             let empty = Corrector::named(&retriever, &options, input.frame())?;
-            Some(Correcting { corrector, empty, views: Vec::new() })
+            Some(Correcting::new(corrector, empty))
         }
     };
     for angle in 0..angles {
-        let mut tools = Tools { diagnosis: &mut diagnosis, correcting: correcting.as_mut() };
+        let mut tools = Tools::new(&mut diagnosis, correcting.as_mut());
         let (retrieved, of_flats) = scan.angle(angle, &mut retriever, &mut tools, &mut inner)?;
         for (name, image) in of_flats.iter().flat_map(Images::iter).chain(retrieved.iter()) {
             cancel.check()?;
@@ -300,7 +308,7 @@ fn retrieve_to(
         residuals.extend(median(left.map(|left| f64::from(*left)).collect()));
     }
     record.residual = median(residuals).filter(|residual| *residual > 0.0);
-    record.corrections = correcting.map_or_else(Vec::new, |correcting| correcting.views);
+    record.corrections = correcting.map_or_else(Vec::new, Correcting::views);
     record.drift = phases.map(|phases| phases.drift());
     diagnosis.finish(&mut record, input.warnings());
     record.inputs = hashes.wait(&cancel, &mut || {})??;
@@ -314,165 +322,6 @@ fn retrieve_to(
     Ok((record, geometry))
 }
 
-/// Corrections by empty beam, view by view.
-struct Correcting {
-    corrector: Corrector,
-    /// Pixels of empty beam of the images, where they are named.
-    empty: Option<Vec<Rectangle>>,
-    views: Vec<ViewCorrection>,
-}
-
-/// What looks at views or corrects them.
-struct Tools<'a> {
-    diagnosis: &'a mut Diagnosis,
-    correcting: Option<&'a mut Correcting>,
-}
-
-/// Inputs of the images of an angle.
-#[derive(Clone, Copy)]
-struct ScanOf<'a> {
-    input: &'a Input,
-    joined: Option<&'a JoinedColumns>,
-    /// Bad pixels of the images.
-    bad: Option<&'a Array2<bool>>,
-}
-
-impl ScanOf<'_> {
-    /// The images of an angle, and of its flats if views have their own; dithers are side by side.
-    fn angle(
-        self,
-        angle: usize,
-        retriever: &mut Retriever,
-        tools: &mut Tools<'_>,
-        control: &mut RowsControl<'_>,
-    ) -> Result<(Images, Option<Images>)> {
-        let Some(joined) = self.joined else {
-            return self.view(angle, retriever, tools, control);
-        };
-        let dithers = self.input.scene().scan.dithers_of_angle();
-        let views = angle * dithers..(angle + 1) * dithers;
-        let (images, flats): (Vec<Images>, Vec<Option<Images>>) = views
-            .map(|view| self.view(view, retriever, tools, control))
-            .collect::<Result<Vec<_>>>()?
-            .into_iter()
-            .unzip();
-        let flats: Option<Vec<Images>> = flats.into_iter().collect();
-        Ok((joined.images(&images), flats.map(|flats| joined.images(&flats))))
-    }
-
-    /// The images of a view, and of its flat if views have their own.
-    fn view(
-        self,
-        view: usize,
-        retriever: &mut Retriever,
-        tools: &mut Tools<'_>,
-        control: &mut RowsControl<'_>,
-    ) -> Result<(Images, Option<Images>)> {
-        let input = self.input;
-        let [rows, columns] = input.frame();
-        let mut of_flat = None;
-        if input.has_flats() {
-            // The first was taken to begin with.
-            if view > 0 {
-                let mut read = |band: Range<u32>| {
-                    let data = input.flat_rows(view, band.clone())?;
-                    tools.diagnosis.take_flat(&data, &band);
-                    Ok(data)
-                };
-                retriever.set_flat(numbers::count(rows), columns, &mut read, control)?;
-            }
-            let Some(flat) = retriever.flat_curves() else { return Err(Error::Interrupted) };
-            of_flat = Some(Images::of(flat_images(flat, rows, None)?));
-        }
-        let mut correction = match &mut tools.correcting {
-            Some(correcting) => Some(correcting.begin(self, view, retriever, control)?),
-            None => None,
-        };
-        let frames = correction.as_ref().and_then(|of| of.frames.as_ref());
-        let diagnosis = &mut *tools.diagnosis;
-        let mut read = |band: Range<u32>| {
-            let mut data = input.sample_rows(view, band.clone())?;
-            if let Some(frames) = frames {
-                frames.apply(&mut data);
-            }
-            diagnosis.take_sample(&data, &band);
-            Ok(data)
-        };
-        let offsets = frames.and_then(|frames| frames.offsets.as_deref());
-        let mut images = retriever.retrieve_at(view, offsets, columns, &mut read, control)?;
-        if let Some(bad) = self.bad {
-            retriever.mark_bad(&mut images, bad);
-        }
-        let Some(flat) = retriever.flat_curves() else { return Err(Error::Interrupted) };
-        let shape = [rows, flat.len() / rows.max(1)];
-        if let (Some(correcting), Some(of_view)) = (&mut tools.correcting, &mut correction) {
-            correcting.corrector.images(&mut images, view, &of_view.empty, &mut of_view.record)?;
-            correcting.views.push(of_view.record.clone());
-        }
-        let offsets = correction.as_ref().and_then(|of| of.frames.as_ref()?.offsets.as_deref());
-        let subtracted =
-            correction.as_ref().and_then(|of| of.record.offset).map_or(0.0, |of| of[0]);
-        tools.diagnosis.view(flat, &images, shape, (offsets, subtracted));
-        Ok((images, of_flat))
-    }
-}
-
-/// Corrections of a view before its curves are fitted.
-struct OfView {
-    empty: Vec<Rectangle>,
-    frames: Option<FrameCorrection>,
-    record: ViewCorrection,
-}
-
-impl Correcting {
-    /// Finds the empty beam of a view where it is not named, and the doses and offsets of its frames.
-    fn begin(
-        &mut self,
-        scan: ScanOf<'_>,
-        view: usize,
-        retriever: &Retriever,
-        control: &mut RowsControl<'_>,
-    ) -> Result<OfView> {
-        let input = scan.input;
-        let empty = match &self.empty {
-            Some(empty) => empty.clone(),
-            None => {
-                let mut read = |band: Range<u32>| input.sample_rows(view, band);
-                // The view is read once more: no progress.
-                let mut quiet = RowsControl { progress: None, cancel: control.cancel.clone() };
-                let columns = input.frame()[1];
-                let mut images = retriever.retrieve(view, columns, &mut read, &mut quiet)?;
-                if let Some(bad) = scan.bad {
-                    retriever.mark_bad(&mut images, bad);
-                }
-                Corrector::found(&images, view, retriever)?
-            }
-        };
-        let cancel = &control.cancel;
-        let found = self.corrector.frames(input, retriever, view, &empty, cancel)?;
-        let (frames, record) = match found {
-            Some((frames, record)) => (Some(frames), record),
-            None => (None, Corrector::begun(&empty)),
-        };
-        Ok(OfView { empty, frames, record })
-    }
-}
-
-/// Images of the flat, in the order of [`OF_FLAT`], repeated for dithers.
-fn flat_images(
-    flat: &Curves,
-    rows: usize,
-    joined: Option<&JoinedColumns>,
-) -> Result<Vec<(&'static str, Array2<f32>)>> {
-    let of = [&flat.amplitude, &flat.centre, &flat.width, &flat.background, &flat.residual];
-    let image = |(name, values): (&'static str, &Vec<f32>)| {
-        let values = ArrayView2::from_shape((rows, flat.len() / rows.max(1)), values)
-            .map_err(|error| Error::argument(name, error.to_string(), "a value for each pixel"))?;
-        Ok((name, joined.map_or_else(|| values.to_owned(), |joined| joined.flat(values))))
-    };
-    OF_FLAT.into_iter().zip(of).map(image).collect()
-}
-
 /// Reasons for missing answers, for a message.
 fn no_answers(flat: &Curves) -> String {
     let found: Vec<String> = flags::MEANINGS
@@ -481,7 +330,7 @@ fn no_answers(flat: &Curves) -> String {
         .filter(|(count, _)| *count > 0)
         .map(|(count, meaning)| format!("{count} pixels: {meaning}"))
         .collect();
-    format!("no pixel with an answer ({})", found.join("; "))
+    format!("no pixel with a result ({})", found.join("; "))
 }
 
 fn begun(
@@ -576,7 +425,7 @@ fn about(record: &Record) -> serde_json::Value {
     })
 }
 
-/// Counts flagged pixels and those without an answer.
+/// Counts flagged pixels and those without a result.
 fn count(record: &mut Record, flag_image: Option<&Array2<f32>>) {
     let none = flags::of_pixel(flags::NO_ANSWER, flags::NO_ANSWER) | flags::BAD_PIXEL;
     for value in flag_image.into_iter().flatten() {

@@ -46,8 +46,9 @@ impl EdgeBlur {
         let least = tolerance.max(if self.traced { LEAST } else { LEAST_UNTRACED });
         (self.error > least).then(|| {
             format!(
-                "the spot blurs edges as at the rotation centre: edges of \"{}\", up to \
-                 {:.1} mm {} it, err by up to {:.1e} of open beam{}; sampling.scheme = \"random\" blurs each in its own plane",
+                "the blur by the focal spot is that at the rotation centre: edges of \"{}\", up to \
+                 {:.1} mm {} it, err by up to {:.1e} of open beam{}; sampling.scheme = \"random\" \
+                 blurs each edge in its own plane",
                 self.object,
                 self.y.abs() * 1e3,
                 if self.y < 0.0 { "before" } else { "behind" },

@@ -67,6 +67,12 @@ const FRAME_COPIES: u64 = 2;
 const BAND: u64 = 1 << 30;
 /// Rays of a group of rows, about, with room enough; and least.
 const RAYS: [u64; 2] = [1 << 18, 1 << 12];
+/// Views that are made side by side where each fits into one band.
+const LANES: u64 = 2;
+/// Least number of rays of a group for which a limit allows them: smaller groups keep a device less busy.
+const LANE_RAYS: u64 = 1 << 15;
+/// Least memory that a limit leaves for the refinement of each of these views, bytes.
+const LANE_PATCH: u64 = 64 << 20;
 
 /// Memory of a run at its peak, in bytes. On a CPU device host and device are one process.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
@@ -74,11 +80,13 @@ const RAYS: [u64; 2] = [1 << 18, 1 << 12];
 pub struct MemoryEstimate {
     /// Rows of a band.
     pub band_rows: u32,
-    /// Rays traced together, about.
+    /// Rays traced together, about, of each view in work.
     pub rays_at_once: u64,
-    /// For one row of pixels with all its steps, host and device together.
+    /// Views that are made side by side.
+    pub views_at_once: u32,
+    /// For one row of pixels of all views in work with all its steps, host and device together.
     pub row_bytes: u64,
-    /// For a band, host and device together.
+    /// For a band of all views in work, host and device together.
     pub band_bytes: u64,
     /// On the host, at its peak; the program itself included.
     pub host_bytes: u64,
@@ -124,11 +132,15 @@ struct Needs {
     cut: u64,
     largest_mesh: u64,
     views: u64,
+    /// Views that are made side by side.
+    lanes: u64,
     rows: u32,
     steps: u64,
     /// Per row of pixels with all steps: sums on the device; light, blurred light and counts on
     /// the host.
     row: HostAndDevice,
+    /// Bytes per row of pixels of a finished view that waits to be written.
+    held: u64,
     /// Rows beside a band whose light it needs.
     beside: u64,
     frame: u64,
@@ -160,6 +172,19 @@ pub fn estimate(
     Needs::of(scene, objects)?.estimate(scene, limit, band_rows)
 }
 
+/// As [`estimate`], with one view at a time.
+///
+/// # Errors
+/// As [`estimate`].
+pub(crate) fn estimate_alone(
+    scene: &Scene,
+    objects: &[ObjectSummary],
+    limit: Option<u64>,
+    band_rows: Option<u32>,
+) -> Result<MemoryEstimate> {
+    Needs::of(scene, objects)?.in_lanes(scene, limit, band_rows)
+}
+
 /// As [`estimate`]; `rays_per_view` is the number of rays of a view after refinement.
 ///
 /// # Errors
@@ -172,6 +197,7 @@ pub(crate) fn estimate_refined(
 ) -> Result<MemoryEstimate> {
     let mut needs = Needs::of(scene, objects)?;
     let first = needs.estimate(scene, limit, None)?;
+    needs.lanes = first.views_at_once.into();
     if needs.cells {
         let rays = numbers::whole::<u64>(rays_per_view);
         needs.crowded = rays.saturating_sub(REFINED_USUALLY.saturating_mul(needs.rays));
@@ -227,9 +253,14 @@ impl Needs {
             cut: cut_triangles(objects),
             largest_mesh: scene.objects.iter().zip(objects).map(of_mesh).max().unwrap_or(0),
             views: extent.views.into(),
+            lanes: 1,
             rows: extent.rows,
             steps,
             row,
+            held: 4
+                * steps
+                * u64::from(extent.columns)
+                * (1 + u64::from(detector.counts.is_some())),
             beside: 2 * u64::from(grid.margin[1] + grid.scatter_rows),
             frame: extent.frame_bytes(),
             beamlets,
@@ -242,13 +273,36 @@ impl Needs {
         })
     }
 
+    /// The estimate with views side by side where each fits into one band, else with one at a time.
     fn estimate(
         &self,
         scene: &Scene,
         limit: Option<u64>,
         band_rows: Option<u32>,
     ) -> Result<MemoryEstimate> {
-        let mut rays = RAYS[0];
+        if self.cells && self.rays > 0 && self.views > 1 {
+            let host = self.row.host + self.held;
+            let row = HostAndDevice { host, ..self.row };
+            let several = Self { lanes: LANES, row, ..*self };
+            let least = several.rays_together(LANE_RAYS);
+            if let Ok(found) = several.in_lanes(scene, limit, band_rows)
+                && found.band_rows == self.rows
+                && several.rays_together(found.rays_at_once) >= least
+                && found.left_for_refinement.is_none_or(|left| left >= LANE_PATCH)
+            {
+                return Ok(found);
+            }
+        }
+        self.in_lanes(scene, limit, band_rows)
+    }
+
+    fn in_lanes(
+        &self,
+        scene: &Scene,
+        limit: Option<u64>,
+        band_rows: Option<u32>,
+    ) -> Result<MemoryEstimate> {
+        let mut rays = RAYS[0] / self.lanes;
         let all = self.rows;
         if let Some(rows) = band_rows {
             let rows = rows.clamp(1, all);
@@ -281,7 +335,7 @@ impl Needs {
 
     /// Sums on the device, intensities on the host.
     const fn row_bytes(&self) -> u64 {
-        self.row.sum()
+        self.lanes * self.row.sum()
     }
 
     fn at(&self, band_rows: u32, rays_at_once: u64) -> MemoryEstimate {
@@ -314,6 +368,7 @@ impl Needs {
         MemoryEstimate {
             band_rows,
             rays_at_once,
+            views_at_once: u32::try_from(self.lanes).unwrap_or(1),
             row_bytes: self.row_bytes(),
             band_bytes: self.row_bytes().saturating_mul(u64::from(band_rows) + self.beside),
             host_bytes: peak(|b| b.host),
@@ -327,7 +382,7 @@ impl Needs {
     fn left(&self, limit: u64, band_rows: u32, rays_at_once: u64) -> u64 {
         let rays = self.rays_together(rays_at_once);
         let others = self.run(band_rows, rays_at_once).sum() - self.refinement(rays);
-        limit.saturating_sub(others).saturating_sub(BASE * rays)
+        limit.saturating_sub(others).saturating_sub(self.lanes * BASE * rays) / self.lanes
     }
 
     /// Rays of a group of rows.
@@ -335,9 +390,9 @@ impl Needs {
         rays_at_once.max(self.row_rays).min(self.rays)
     }
 
-    /// Bytes of the refinement of `rays` rays.
+    /// Bytes of the refinement of `rays` rays of each view in work.
     const fn refinement(&self, rays: u64) -> u64 {
-        if self.cells { self.ray_host * rays } else { 0 }
+        if self.cells { self.lanes * self.ray_host * rays } else { 0 }
     }
 
     /// Placed surfaces.
@@ -351,20 +406,20 @@ impl Needs {
     /// While views are traced and illuminated in bands of `rows` rows.
     fn run(&self, band_rows: u32, rays_at_once: u64) -> HostAndDevice {
         let rays = self.rays_together(rays_at_once);
-        let band = u64::from(band_rows) + self.beside;
+        let band = self.lanes * (u64::from(band_rows) + self.beside);
         let refined = self.refinement(rays);
         let host = self.program
             + KEPT * self.triangles
             + self.instances().host
-            + BEAMLET * self.beamlets
+            + self.lanes * BEAMLET * self.beamlets
             + refined
-            + CROWDED * self.crowded.min(MOST_CROWDED)
+            + self.lanes * CROWDED * self.crowded.min(MOST_CROWDED)
             + 64 * self.views
             + FRAME_COPIES * self.frame;
-        let device = LISTS
+        let device = self.lanes * LISTS
             + (TREE + STRUCTURE) * self.triangles
             + self.instances().device
-            + self.ray_device * rays
+            + self.lanes * self.ray_device * rays
             + 16 * self.views;
         HostAndDevice {
             host: host.saturating_add(band.saturating_mul(self.row.host)),

@@ -53,7 +53,8 @@ fn hold(
     *given = Some(given.map_or(traced, |given| given.max(traced)));
     if wanted < traced * (1.0 - SAME) {
         log::warn!(
-            "sampling.{key}: the scene needs {}, but the rays of the run have {}, which is used; simulate the scene for smaller errors",
+            "sampling.{key}: the scene requires {}, but the stored rays have {}, which is used; \
+             simulate the scene for smaller errors",
             text(wanted),
             text(traced)
         );

@@ -6,6 +6,7 @@ mod edges;
 mod kept_error;
 mod prepare;
 mod rays;
+mod side_by_side;
 mod work;
 
 use crate::accel::Backend;
@@ -21,11 +22,12 @@ use crate::run::memory::MemoryEstimate;
 use crate::run::{Blocks, Control};
 use crate::sampling::{self, ErrorBudget, Lattice, ProjectedBounds, Response};
 use crate::scene::{Exposure, Scene, Scheme};
-use crate::stack::{self, RunRecord, RunStart, SamplingSummary, Sink};
+use crate::stack::{self, RunRecord, RunStart, SamplingSummary, Sink, StackShape};
 use crate::trace::{DeviceSample, MaterialTable, Tally, TraceKernels, Tracer};
 use crate::{Error, Result};
 pub use backend::choose;
 pub use rays::{moments, trace};
+use side_by_side::{Handed, side_by_side};
 use std::sync::Arc;
 use std::time::Instant;
 use work::ViewWork;
@@ -71,6 +73,8 @@ pub struct Simulation {
     /// Moments that another run kept, in place of rays.
     stored: Option<StoredSource>,
     memory: MemoryEstimate,
+    /// The same with one view at a time.
+    alone: MemoryEstimate,
     start: RunStart,
     prepared_in: f64,
 }
@@ -102,7 +106,7 @@ impl Simulation {
         self.engine.options()
     }
 
-    fn tracer(&self, backend: Backend) -> Result<Tracer> {
+    fn tracer(&self, backend: Backend, memory: &MemoryEstimate) -> Result<Tracer> {
         Tracer::new(
             self.device(),
             self.engine.trace_kernels(),
@@ -110,7 +114,7 @@ impl Simulation {
             backend,
             self.scene.sampling.transport,
             self.options().batch_rays,
-            numbers::at_most(numbers::length(self.memory.rays_at_once)),
+            numbers::at_most(numbers::length(memory.rays_at_once)),
         )
     }
 
@@ -130,10 +134,10 @@ impl Simulation {
     }
 
     /// What refinement may hold.
-    fn room(&self) -> sampling::Room {
-        let limit = self.options().memory_limit.zip(self.memory.left_for_refinement);
+    fn room(&self, memory: &MemoryEstimate) -> sampling::Room {
+        let limit = self.options().memory_limit.zip(memory.left_for_refinement);
         sampling::Room {
-            rays_at_once: numbers::length(self.memory.rays_at_once),
+            rays_at_once: numbers::length(memory.rays_at_once),
             limit: limit.map(<[u64; 2]>::from),
             words: self.recording.as_ref().map_or(0, sampling::MomentRecording::words),
         }
@@ -246,6 +250,43 @@ impl Simulation {
         Ok(height.filter(|height| *height < rows))
     }
 
+    /// Number of views that are made side by side.
+    fn lanes(&self, views: usize, block_rows: Option<u32>, control: &Control<'_>) -> usize {
+        // Kept moments and blocks of rows are committed in their order.
+        let in_order = control.keep.is_some() || control.begun.is_some() || block_rows.is_some();
+        let most = if in_order { 1 } else { self.memory.views_at_once };
+        views.min(numbers::length(most.into())).max(1)
+    }
+
+    /// Makes the views that are not made yet one after another, and hands them to the sink.
+    fn one_by_one(
+        &self,
+        mut work: ViewWork<'_>,
+        views: &[Exposure],
+        sink: &mut dyn Sink,
+        control: &mut Control<'_>,
+        made: &mut Handed,
+    ) -> Result<()> {
+        work.begin_after(&views[..made.views]);
+        let mut begun = control.begun.take();
+        let mut before = Tally::default();
+        for view in &views[made.views..] {
+            let begun = begun.take_if(|begun| begun.view == *view);
+            work.view(*view, begun.as_ref(), sink, control)?;
+            let tally = work.tally()?;
+            let own = tally.since(before) + begun.map(|begun| begun.tally).unwrap_or_default();
+            before = tally;
+            sink.tally(*view, &own)?;
+            if let (Exposure::Sample(index), Some(keep)) = (*view, control.keep.as_mut()) {
+                keep.commit(index, self.moment_words())?;
+            }
+            sink.commit(*view)?;
+            made.add(own);
+        }
+        made.seconds = std::mem::take(&mut made.seconds) + work.seconds;
+        Ok(())
+    }
+
     /// Runs every view that `control` does not skip and hands it to the sink.
     ///
     /// # Errors
@@ -288,28 +329,37 @@ impl Simulation {
             self.announce_moments(&control.cancel)?;
         }
         let block_rows = self.block_rows(&control)?;
-        let all = numbers::count(self.scene.scan.views());
+        let extent = StackShape::of(&self.scene)?;
         let views: Vec<Exposure> = stack::views(&self.scene)?
-            .filter(|view| control.shard.has(*view, all) && !control.skip.contains(view))
+            .filter(|view| control.shard.has(*view, extent) && !control.skip.contains(view))
             .collect();
-        let mut work = ViewWork::new(self, &views, block_rows, &control.cancel)?;
+        let cancel = control.cancel.of_part();
+        let lanes = self.lanes(views.len(), block_rows, &control);
+        let memory = if lanes > 1 { self.memory } else { self.alone };
+        let lane = |_| ViewWork::new(self, &views, block_rows, &cancel, memory);
+        let mut work = (0..lanes).map(lane).collect::<Result<Vec<_>>>()?;
         // Last of all, so that a run that cannot start writes nothing.
         sink.begin(&self.scene, &RunStart { block_rows, ..self.start.clone() })?;
         control.keep.as_mut().map_or(Ok(()), |keep| keep.begin_run())?;
-        let mut begun = control.begun.take();
-        let (mut before, mut counted) = (Tally::default(), control.counted);
-        for view in views {
-            let begun = begun.take_if(|begun| begun.view == view);
-            work.view(view, begun.as_ref(), sink, &mut control)?;
-            let tally = work.tally()?;
-            let own = tally.since(before) + begun.map(|begun| begun.tally).unwrap_or_default();
-            sink.tally(view, &own)?;
-            (before, counted) = (tally, counted + own);
-            if let (Exposure::Sample(index), Some(keep)) = (view, control.keep.as_mut()) {
-                keep.commit(index, self.moment_words())?;
-            }
-            sink.commit(view)?;
+        let mut made = Handed { tally: control.counted, ..Handed::default() };
+        if lanes > 1 {
+            side_by_side(
+                std::mem::take(&mut work),
+                &views,
+                &cancel,
+                sink,
+                &mut control,
+                &mut made,
+            )?;
         }
+        if made.views < views.len() {
+            let one = match work.pop() {
+                Some(one) => one,
+                None => ViewWork::new(self, &views, block_rows, &control.cancel, self.alone)?,
+            };
+            self.one_by_one(one, &views, sink, &mut control, &mut made)?;
+        }
+        let Handed { tally: counted, seconds, .. } = made;
         let tally = Tally { defective_objects: self.defective_objects(), ..counted };
         let record = RunRecord {
             tally,
@@ -317,11 +367,11 @@ impl Simulation {
             edge_error: edges.map(|edges| edges.error),
             seconds: [
                 ("prepare", self.prepared_in),
-                ("trace", work.seconds.trace),
-                ("illuminate", work.seconds.illuminate),
-                ("detect", work.seconds.detect),
-                ("noise", work.seconds.noise),
-                ("write", work.seconds.write),
+                ("trace", seconds.trace),
+                ("illuminate", seconds.illuminate),
+                ("detect", seconds.detect),
+                ("noise", seconds.noise),
+                ("write", seconds.write),
                 ("total", self.prepared_in + begin.elapsed().as_secs_f64()),
             ]
             .map(|(stage, seconds)| (stage.to_owned(), seconds))

@@ -16,7 +16,7 @@ pub(super) const ROWS_TOGETHER: i64 = 4;
 
 /// Results of the base rays of some rows and beamlets.
 #[derive(Debug)]
-pub(super) struct BaseLattice {
+pub(crate) struct BaseLattice {
     grid: PatchGrid,
     /// Rectangles of a patch in x and z.
     pub(super) base: [u32; 2],
@@ -39,11 +39,12 @@ pub(super) struct Found {
 
 impl BaseLattice {
     /// Traces the base rays of the patches of `rows`, and of those around them, that a shadow
-    /// touches.
+    /// touches, except the rays of `before`: another lattice of the same view.
     pub(super) fn trace(
         view: &ViewContext<'_>,
         tracer: &mut Tracer,
         rows: &Range<i64>,
+        before: Option<&Self>,
     ) -> Result<Self> {
         let rows = rows.start - 1..rows.end + 1;
         let grid = PatchGrid { rows, beamlets: view.lattice.beamlets.clone() };
@@ -64,9 +65,19 @@ impl BaseLattice {
             results: Vec::new(),
             empty: bytemuck::Zeroable::zeroed(),
         };
-        let (order, rays) = lattice.rays(view);
+        let known = |beamlet, row| before.and_then(|before| before.patch(beamlet, row));
+        let (order, rays) = lattice.rays(view, &|beamlet, row| known(beamlet, row).is_none());
         let traced = tracer.trace(&rays)?;
         lattice.results = bytemuck::zeroed_vec(count as usize);
+        for row in lattice.grid.rows.clone() {
+            for beamlet in lattice.grid.beamlets.clone() {
+                let place = lattice.grid.index(beamlet, row).and_then(|at| lattice.places[at]);
+                if let (Some(first), Some(results)) = (place, known(beamlet, row)) {
+                    let first = first as usize;
+                    lattice.results[first..first + results.len()].copy_from_slice(results);
+                }
+            }
+        }
         for (at, result) in order.iter().zip(traced) {
             lattice.results[*at as usize] = result;
         }
@@ -118,16 +129,22 @@ impl BaseLattice {
         Some(Found { result, x: x + shift_x, z: z + shift_z })
     }
 
-    /// The rays in an order that keeps neighbours together, and the place of each in the results.
-    fn rays(&self, view: &ViewContext<'_>) -> (Vec<u32>, Vec<Ray>) {
+    /// The rays of the patches that are `wanted`, in an order that keeps neighbours together, and the place
+    /// of each in the results.
+    fn rays(
+        &self,
+        view: &ViewContext<'_>,
+        wanted: &dyn Fn(i64, i64) -> bool,
+    ) -> (Vec<u32>, Vec<Ray>) {
         let (mut order, mut rays) = (Vec::new(), Vec::new());
         let PatchGrid { rows, beamlets } = &self.grid;
         let mut first = rows.start;
         while first < rows.end {
             let together = first..(first + ROWS_TOGETHER).min(rows.end);
             for beamlet in beamlets.clone() {
+                let rows: Vec<i64> = together.clone().filter(|row| wanted(beamlet, *row)).collect();
                 for column in 0..self.base[0] {
-                    for row in together.clone() {
+                    for row in rows.iter().copied() {
                         let index = self.grid.index(beamlet, row);
                         let Some(first) = index.and_then(|index| self.places[index]) else {
                             continue;

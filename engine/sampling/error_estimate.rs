@@ -38,6 +38,8 @@ const CANCELLED: f32 = 0.25;
 const FARTHEST: f32 = 100.0;
 /// Errors of rows beside the detector add to the errors of its rows; they must be smaller by this factor.
 const BESIDE: f32 = 4.0;
+/// Weight of the errors of a patch below which its rectangles do not slant as its silhouettes do.
+const LITTLE: f32 = 0.25;
 /// Standard deviation of a place spread evenly over an interval, share of the interval.
 pub(super) const SPREAD: f32 = 0.288_675_13;
 
@@ -156,6 +158,12 @@ impl Estimator<'_> {
             error.weigh(self.weight_beside(patch, node).max(least), detector);
         }
         error
+    }
+
+    /// Whether errors of a patch beside the detector count so little that its rectangles need no care.
+    pub(super) fn counts_little(&self, patch: &Patch) -> bool {
+        !self.counts_in_full(patch.row)
+            && patch.nodes.iter().all(|node| self.weight_beside(patch, node) <= LITTLE)
     }
 
     /// Whether light of a rectangle, or of one of its height beside it, crosses a border of the detector.

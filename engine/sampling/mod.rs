@@ -17,6 +17,7 @@ mod facet_means;
 mod lattice;
 mod layout;
 mod moment_recording;
+mod narrow_components;
 mod neighbours;
 mod patch;
 mod patch_error;
@@ -38,6 +39,7 @@ mod unresolved;
 mod view_context;
 mod windows;
 
+pub(crate) use base_lattice::BaseLattice;
 pub(crate) use cell_batch::{CellBatch, empty_cell_rows};
 pub(crate) use cell_batch::{blank_cell_rows, empty_cell, empty_cell_row};
 pub(crate) use cell_moments::{CellMoments, ExactCell};

@@ -12,6 +12,7 @@ use super::error_estimate::Estimator;
 use super::facet_lists::FacetLists;
 use super::facet_means::FacetMeans;
 use super::lattice::Lattice;
+use super::narrow_components::NarrowComponents;
 use super::patch::{Known, Patch, alike};
 use super::patch_error::{KnownErrors, NarrowComponent, error_of_pieces};
 use super::response::Opening;
@@ -24,7 +25,6 @@ use crate::trace::Tracer;
 use held::Held;
 pub(super) use held::{Refined, bytes_of};
 use rayon::prelude::*;
-use std::collections::HashMap;
 use std::ops::Range;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
@@ -81,7 +81,7 @@ pub(super) struct Refiner<'a> {
     view: &'a ViewContext<'a>,
     pub(super) estimator: Estimator<'a>,
     facets: Option<(FacetLists<'a>, FacetMeans<'a>)>,
-    narrow: HashMap<(i64, i64), Vec<NarrowComponent>>,
+    narrow: NarrowComponents,
     recorded_rows: &'a Range<i64>,
 }
 
@@ -90,7 +90,7 @@ impl<'a> Refiner<'a> {
         view: &'a ViewContext<'a>,
         base: &'a BaseLattice,
         rows: &Range<i64>,
-        narrow: HashMap<(i64, i64), Vec<NarrowComponent>>,
+        narrow: NarrowComponents,
         recorded_rows: &'a Range<i64>,
     ) -> Self {
         let optics = view.optics;
@@ -122,7 +122,7 @@ impl<'a> Refiner<'a> {
         let results = base.patch(beamlet, row)?;
         let period = single(self.view.lattice.period);
         let patch = Patch::new(beamlet, row, period, base.base, results);
-        let narrow = self.narrow.get(&(beamlet, row)).cloned().unwrap_or_default();
+        let narrow = self.narrow.of(beamlet, row).to_vec();
         if narrow.is_empty() && self.cannot_reach(&patch) {
             return None;
         }

@@ -5,23 +5,20 @@ use super::cell_batch::{CellBatch, blank_cell_rows, empty_cell};
 use super::cell_moments::CellMoments;
 use super::emission::Emitter;
 use super::error_budget::tally_of;
+use super::narrow_components::NarrowComponents;
 use super::patch::Patch;
-use super::patch_error::NarrowComponent;
 use super::refinement::{Refined, Refiner};
 use super::room::{Group, Room};
 use super::view_context::ViewContext;
 use crate::Result;
-use crate::numbers::{self, single};
+use crate::numbers;
 use crate::trace::Tracer;
-use std::collections::HashMap;
 use std::ops::Range;
 
 /// Leaves of a patch that memory is reckoned for.
 const LEAVES_OF_A_PATCH: usize = 256;
 /// Facets of a patch that take as much memory as those leaves.
 const FACETS_OF_A_PATCH: usize = 40;
-/// Components that take less light than this share of the budget together may hide.
-const HIDDEN: f64 = 0.05;
 /// Cell rows without a sample that are handed over at once.
 const BLANK_AT_ONCE: usize = 1 << 12;
 
@@ -33,7 +30,8 @@ pub(crate) type Advance<'a> = &'a mut dyn FnMut(&Tracer, f64);
 
 /// Samples the patches of some rows and hands their cells to `take`, in parts. `lit`: rows whose
 /// undeflected light is needed; other cells are kept only if light lands there. `room`: memory of
-/// refinement. The cells, but not their order, are the same for any `rows` and `room`.
+/// refinement. `known`: base rays of rows of this view that were sampled before; those of
+/// these rows take their place. The cells, but not their order, are the same for any `rows` and `room`.
 ///
 /// # Errors
 /// As [`Tracer::trace`]; errors of `take`.
@@ -41,16 +39,17 @@ pub(crate) fn sample_rows(
     view: &ViewContext<'_>,
     tracer: &mut Tracer,
     rows: Range<i64>,
-    lit: &Range<i64>,
+    (lit, known): (&Range<i64>, &mut Option<BaseLattice>),
     room: &Room,
     take: Take<'_>,
     advance: Advance<'_>,
 ) -> Result<()> {
-    let base = BaseLattice::trace(view, tracer, &rows)?;
+    let base = BaseLattice::trace(view, tracer, &rows, known.take().as_ref())?;
+    let base = &*known.insert(base);
     if base.is_empty() && (rows.end <= lit.start || rows.start >= lit.end) {
         return Ok(());
     }
-    let narrow = narrow_components(view, &rows, base.base);
+    let narrow = NarrowComponents::new(view, &rows, base.base);
     let mut blank = Vec::new();
     let mut waiting = Vec::new();
     let first_beamlet = view.lattice.beamlets.start;
@@ -66,7 +65,7 @@ pub(crate) fn sample_rows(
             }
         }
     }
-    let refiner = Refiner::new(view, &base, &rows, narrow, lit);
+    let refiner = Refiner::new(view, base, &rows, narrow, lit);
     let mut rest = &waiting[..];
     while !rest.is_empty() {
         let mut patches = (room.rays_at_once / LEAVES_OF_A_PATCH).max(1);
@@ -161,47 +160,4 @@ fn blocks(rows: &Range<i64>) -> impl Iterator<Item = Range<i64>> {
     rows.clone()
         .step_by(numbers::narrow::<usize>(ROWS_TOGETHER))
         .map(move |first| first..(first + ROWS_TOGETHER).min(end))
-}
-
-/// By beamlet and row the components that may hide between base rays, in coordinates of the patch.
-pub(super) fn narrow_components(
-    view: &ViewContext<'_>,
-    rows: &Range<i64>,
-    base: [u32; 2],
-) -> HashMap<(i64, i64), Vec<NarrowComponent>> {
-    let lattice = view.lattice;
-    let cell = [lattice.period / f64::from(base[0]), 1.0 / f64::from(base[1])];
-    let mut all: HashMap<(i64, i64), Vec<NarrowComponent>> = HashMap::new();
-    for bounds in view.projected_bounds {
-        if bounds.width >= cell[0] && bounds.height >= cell[1] {
-            continue;
-        }
-        let [touched, beamlets] = bounds.patches(lattice);
-        for row in touched.start.max(rows.start)..touched.end.min(rows.end) {
-            for beamlet in beamlets.clone() {
-                let centre = lattice.centre(beamlet);
-                all.entry((beamlet, row)).or_default().push(NarrowComponent {
-                    x: bounds.x.map(|x| single(x - centre)),
-                    z: bounds.rows.map(|z| single(z - row as f64)),
-                    width: single(bounds.width),
-                    height: single(bounds.height),
-                    light: bounds.area * f64::from(view.response.weight),
-                });
-            }
-        }
-    }
-    // Slivers that booleans leave may be thousands, and take no light to speak of together.
-    let least = HIDDEN * view.budget.light;
-    for narrow in all.values_mut() {
-        narrow.sort_by(|a, b| a.light.total_cmp(&b.light));
-        let mut sum = 0.0;
-        let mut is_hidden = |component: &NarrowComponent| {
-            sum += component.light;
-            sum <= least
-        };
-        let hidden = narrow.iter().take_while(|component| is_hidden(component)).count();
-        narrow.drain(..hidden);
-    }
-    all.retain(|_, narrow| !narrow.is_empty());
-    all
 }

@@ -2,9 +2,10 @@
 //! stand for the others.
 
 use super::base_lattice::BaseLattice;
+use super::narrow_components::NarrowComponents;
 use super::refinement::Refiner;
 use super::room::Room;
-use super::rows::{narrow_components, refined};
+use super::rows::refined;
 use super::view_context::ViewContext;
 use crate::Result;
 use crate::numbers;
@@ -96,7 +97,7 @@ pub(crate) fn survey_rows(
 ) -> Result<RowsCost> {
     let begin = Instant::now();
     let before = tracer.rays_traced();
-    let base = BaseLattice::trace(view, tracer, &rows)?;
+    let base = BaseLattice::trace(view, tracer, &rows, None)?;
     let mut cost = RowsCost {
         rows: (rows.end - rows.start) as f64,
         base_rays: (tracer.rays_traced() - before) as f64,
@@ -104,7 +105,7 @@ pub(crate) fn survey_rows(
         ..RowsCost::default()
     };
     let begin = Instant::now();
-    let narrow = narrow_components(view, &rows, base.base);
+    let narrow = NarrowComponents::new(view, &rows, base.base);
     let refiner = Refiner::new(view, &base, &rows, narrow, lit);
     cost.facet_seconds = begin.elapsed().as_secs_f64();
     let mut kinds = [Vec::new(), Vec::new()];

@@ -75,8 +75,12 @@ pub(super) fn motion(scene: &Scene, row: &[f64; 12]) -> std::result::Result<Moti
         return Err([found, format!("{distance:.9} m, as detector.distance, to 1 nm")]);
     }
     if across.abs() > LENGTH || up.abs() > LENGTH {
-        let found = format!("the centre of the detector {} and {} beside", um(across), um(up));
-        return Err([found, "the foot of the source on the detector, to 1 nm".to_owned()]);
+        let found = format!(
+            "the centre of the detector {} and {} off the foot of the source",
+            um(across),
+            um(up)
+        );
+        return Err([found, "at the foot of the source on the detector, to 1 nm".to_owned()]);
     }
     let turned = DMat3::from_cols(x, y, z).transpose();
     let columns = [turned.x_axis, turned.y_axis, turned.z_axis].map(|axis| axis.to_array());

@@ -114,9 +114,9 @@ impl Scene {
                 }
                 let problem = match path.is_dir() {
                     true => {
-                        "the scene file has to end in .toml or .json; this is a directory without a run"
+                        "the scene file must end in .toml or .json; this is a directory without a run"
                     }
-                    false => "the scene file has to end in .toml or .json",
+                    false => "the scene file must end in .toml or .json",
                 };
                 return Err(Error::file(path, problem, None));
             }

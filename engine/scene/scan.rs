@@ -1,6 +1,7 @@
 //! The scan: mask offsets and views, with the motion of the sample in each.
 
-use super::{Motion, ScanErrors};
+use super::{Exposure, Motion, ScanErrors};
+use crate::numbers;
 use std::f64::consts::TAU;
 
 /// Mask offsets, angles and motions. A view is one angle, or one dither of an angle.
@@ -27,6 +28,11 @@ pub struct Scan {
     pub dithers: Vec<f64>,
     /// Turn of the sample during the exposure of a view; `None` where it rests.
     pub fly: Option<Fly>,
+    /// Views between one flat and the next, the first of which is taken before the first view, and the last
+    /// behind the last view; `None`: one flat for all views.
+    pub flats_every: Option<u32>,
+    /// The same of the dark frames.
+    pub darks_every: Option<u32>,
     /// Errors of the scan.
     pub errors: ScanErrors,
 }
@@ -97,6 +103,8 @@ impl Scan {
             travel: [0.0; 3],
             dithers: Vec::new(),
             fly: None,
+            flats_every: None,
+            darks_every: None,
             errors: ScanErrors {
                 mask_offsets: Vec::new(),
                 intensities: Vec::new(),
@@ -172,10 +180,53 @@ impl Scan {
         self.view_offsets.get(self.angle_index(view)).unwrap_or(&self.mask_offsets)
     }
 
-    /// Displacements of the sample mask in a view as they are, with the errors of the mask, m.
-    pub(super) fn moved_offsets(&self, view: usize) -> Vec<f64> {
-        let asked = self.offsets_of(view).iter();
-        match self.errors.mask_offsets.get(view) {
+    /// For each flat the view before which it is taken; the number of views for a flat behind the last.
+    #[must_use]
+    pub fn flat_places(&self) -> Vec<u32> {
+        self.places(self.flats_every)
+    }
+
+    /// The same of the dark frames.
+    #[must_use]
+    pub fn dark_places(&self) -> Vec<u32> {
+        self.places(self.darks_every)
+    }
+
+    fn places(&self, every: Option<u32>) -> Vec<u32> {
+        let Some(every) = every else { return vec![0] };
+        let views = numbers::count(self.views());
+        (0..views).step_by(every.max(1) as usize).chain([views]).collect()
+    }
+
+    /// The view whose errors an exposure has: a flat has the errors of the view that follows, and a flat
+    /// behind the last view the errors of the last view. `None` for darks, and for the flat of a scan that
+    /// has one.
+    #[must_use]
+    pub fn view_of_errors(&self, exposure: Exposure) -> Option<usize> {
+        match exposure {
+            Exposure::Sample(view) => Some(view as usize),
+            Exposure::Flat(flat) => self.flats_every.map(|every| {
+                let place = (flat as usize).saturating_mul(every as usize);
+                place.min(self.views().saturating_sub(1))
+            }),
+            Exposure::Dark(_) => None,
+        }
+    }
+
+    /// Displacements of the sample mask that an exposure has by plan, m.
+    #[must_use]
+    pub fn planned_offsets(&self, exposure: Exposure) -> &[f64] {
+        match exposure {
+            Exposure::Sample(view) => self.offsets_of(view as usize),
+            Exposure::Flat(_) | Exposure::Dark(_) => &self.mask_offsets,
+        }
+    }
+
+    /// Displacements of the sample mask as they are, with the errors of the mask, m.
+    pub(super) fn moved_offsets(&self, exposure: Exposure) -> Vec<f64> {
+        let asked = self.planned_offsets(exposure).iter();
+        let view = self.view_of_errors(exposure);
+        match view.and_then(|view| self.errors.mask_offsets.get(view)) {
             None => asked.copied().collect(),
             Some(errors) => asked.zip(errors).map(|(asked, error)| asked + error).collect(),
         }
@@ -256,6 +307,18 @@ mod tests {
         assert_eq!((scan.poses(), scan.view_of(3), scan.view_of(4)), (8, 0, 1));
         let near = |pose, angle: f64| (scan.angle_of_pose(pose) - angle).abs() < 1e-15;
         assert!(near(0, 0.2) && near(3, 0.8) && near(4, 1.2) && near(5, 1.4));
+    }
+
+    #[test]
+    fn flats_are_taken_before_views_and_behind_the_last() {
+        let mut scan = Scan::new(vec![0.0], vec![0.0; 10]);
+        assert_eq!((scan.flat_places(), scan.view_of_errors(Exposure::Flat(0))), (vec![0], None));
+        scan.flats_every = Some(4);
+        assert_eq!(scan.flat_places(), [0, 4, 8, 10]);
+        let views = (0..4).map(|flat| scan.view_of_errors(Exposure::Flat(flat)));
+        assert_eq!(views.collect::<Vec<_>>(), [Some(0), Some(4), Some(8), Some(9)]);
+        scan.darks_every = Some(20);
+        assert_eq!(scan.dark_places(), [0, 10]);
     }
 
     #[test]

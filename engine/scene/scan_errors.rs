@@ -9,7 +9,7 @@ const INTENSITIES: u8 = 0x52;
 const SOURCE: u8 = 0x53;
 
 /// Errors of the frames of a scan with the sample, `[view][step]`: simulated, and unknown to retrieval.
-/// Flats have none.
+/// Flats that are taken between views have the errors of the view behind them, a flat for all views has none.
 #[derive(Debug, Clone, PartialEq, Default)]
 #[non_exhaustive]
 pub struct ScanErrors {

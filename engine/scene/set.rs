@@ -140,6 +140,10 @@ impl Keys {
 /// Drops the file's values of keys that a key excludes. Values of an earlier override stay, and the
 /// reader reports the conflict.
 fn drop_rivals(entries: &mut Vec<TreeEntry>, key: &str, spec: &Spec) {
+    // They go with a mesh and choose none: beside a shape they are a mistake that the reader names.
+    if matches!(key, "unit" | "group") {
+        return;
+    }
     let mut rivals = spec.rivals(key);
     if key == "mesh" {
         // The recorded hash belongs to the mesh that the file names.

@@ -382,7 +382,7 @@ fn describe(value: &TreeValue) -> String {
         TreeValue::Integer(number) => format!("the number {number}"),
         TreeValue::Float(number) => format!("the number {number:?}"),
         TreeValue::Bool(value) => format!("{value}"),
-        TreeValue::List(items) => format!("a list of {}", items.len()),
+        TreeValue::List(items) => format!("a list of length {}", items.len()),
         TreeValue::Table(_) => "a table".to_owned(),
         TreeValue::Other(what) => (*what).to_owned(),
         TreeValue::Missing => "nothing".to_owned(),

@@ -6,10 +6,10 @@ use super::derived::AT_DETECTOR;
 use super::keys::detector::validate_thresholds;
 use super::keys::faults::{Faults, named};
 use super::keys::record::check;
-use super::{Beam, MaskSpec, Quality, Scene, SpectrumOrigin, SpectrumSpec, limits, path};
+use super::{Beam, Exposure, MaskSpec, Quality, Scene, SpectrumOrigin, SpectrumSpec, limits, path};
 use crate::spot::Spot;
 use crate::units::Dimension::Length;
-use crate::{Error, Result};
+use crate::{Error, Result, numbers};
 
 impl Scene {
     /// Checks every range, and the order of the elements along the optical axis. The existence of meshes,
@@ -43,10 +43,14 @@ impl Scene {
         faults.note(self.validate_periods());
         check(&self.sampling, &below("sampling"), &mut faults);
         if self.sampling.quality == Some(Quality::Noise) && self.detector.counts.is_none() {
-            let allowed = "\"standard\", \"fine\", or detector.photons, whose noise counts";
+            let allowed = "\"standard\" or \"fine\"; \"noise\" needs detector.photons";
             faults.add(Error::scene("sampling.quality", "\"noise\" without photons", allowed));
         }
         check(&self.scan, &below("scan"), &mut faults);
+        if self.scan.darks_every.is_some() && self.detector.counts.is_none() {
+            let allowed = "detector.photons: dark frames are detector numbers";
+            faults.add(Error::scene("scan.darks_every", "dark frames without photons", allowed));
+        }
         faults.note(self.validate_offsets("scan.mask_offsets", &self.scan.mask_offsets));
         faults.note(self.validate_view_offsets());
         faults.note(self.validate_motions());
@@ -64,7 +68,7 @@ impl Scene {
             check(object, &key, &mut faults);
             if !names.insert(&object.name) {
                 let found = format!("{:?}, the name of an earlier object", object.name);
-                faults.add(Error::scene(key("name"), found, "a name of its own"));
+                faults.add(Error::scene(key("name"), found, "a unique name"));
             }
         }
         faults.0
@@ -147,7 +151,7 @@ impl Scene {
         }
         let allowed = format!(
             "bars between the rotation centre at source.distance, {}, and the detector at {}; the \
-             distance is that of the centre plane of the bars",
+             distance is measured to the centre plane of the bars",
             Length.rounded(centre),
             Length.rounded(end)
         );
@@ -235,7 +239,15 @@ impl Scene {
                 true => "scan.errors.source_x".to_owned(),
                 false => format!("scan.errors.mask_offsets[{view}]"),
             };
-            self.validate_offsets(&key, &self.applied_offsets(view))?;
+            let exposure = Exposure::Sample(numbers::count(view));
+            self.validate_offsets(&key, &self.applied_offsets(exposure))?;
+        }
+        let flats = match self.scan.flats_every {
+            Some(_) if !errors.is_none() => self.scan.flat_places().len(),
+            _ => 0,
+        };
+        for flat in (0..).take(flats).map(Exposure::Flat) {
+            self.validate_offsets("scan.errors", &self.applied_offsets(flat))?;
         }
         Ok(())
     }

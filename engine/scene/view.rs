@@ -1,6 +1,6 @@
 //! Views: positions of source, masks and detector at each angle, in world coordinates.
 
-use super::{MaskSpec, Motion, Scene};
+use super::{Exposure, MaskSpec, Motion, Scene};
 use serde::Serialize;
 
 /// Positions in one view, in world coordinates (m). The sample never moves.
@@ -87,12 +87,14 @@ impl Scene {
         Some(by.map(|by| -by * share))
     }
 
-    /// Displacements of the sample mask in a view as they are, m: with their errors, and with the
+    /// Displacements of the sample mask in an exposure as they are, m: with their errors, and with the
     /// displacement -s (M - 1)/M equivalent to a source displaced by s.
     #[must_use]
-    pub fn applied_offsets(&self, view: usize) -> Vec<f64> {
-        let offsets = self.scan.moved_offsets(view);
-        match (self.scan.errors.source.get(view), &self.sample_mask) {
+    pub fn applied_offsets(&self, exposure: Exposure) -> Vec<f64> {
+        let offsets = self.scan.moved_offsets(exposure);
+        let view = self.scan.view_of_errors(exposure);
+        let source = view.and_then(|view| self.scan.errors.source.get(view));
+        match (source, &self.sample_mask) {
             (Some([x, _]), Some(_)) => {
                 let share = 1.0 - self.magnification().recip();
                 offsets.into_iter().map(|offset| libm::fma(-share, *x, offset)).collect()

@@ -87,8 +87,12 @@ pub fn nodes_with(scene: &Scene, response: impl Fn(f64) -> Result<f64>) -> Resul
     }
     let spectrum = spectrum.significant();
     if spectrum.energies_kev.is_empty() {
-        let allowed = "energies that the detector responds to";
-        return Err(Error::scene("source.spectrum", "nothing that the detector sees", allowed));
+        let allowed = "energies above thresholds and where the absorber absorbs";
+        return Err(Error::scene(
+            "source.spectrum",
+            "no energy that the detector responds to",
+            allowed,
+        ));
     }
     let probes = Probes::of(scene, &spectrum)?;
     let mut segments = edges::segments(&spectrum, &probes)?;

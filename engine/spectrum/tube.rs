@@ -67,7 +67,11 @@ fn table(anode: Anode) -> Result<&'static TubeTable> {
         Anode::Molybdenum => (&MOLYBDENUM, include_bytes!("molybdenum.bin")),
     };
     cell.get_or_init(|| TubeTable::read(bytes)).as_ref().ok_or_else(|| {
-        Error::scene("source.spectrum.anode", anode.name(), "a build with whole tables")
+        Error::scene(
+            "source.spectrum.anode",
+            anode.name(),
+            "tungsten or molybdenum; the tables of this build are damaged: build again",
+        )
     })
 }
 

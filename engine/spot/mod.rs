@@ -151,8 +151,8 @@ impl Spot {
         if fit.relative_error > fit::TOLERANCE {
             let (parts, error) = (self.parts.len(), fit.relative_error);
             warnings.push(format!(
-                "focal spot {}: {parts} Gaussians have its shape within {error:.1e} of its \
-                 deviation, more than {:.0e}: smooth the image",
+                "focal spot {}: {parts} Gaussians reproduce its shape within {error:.1e} of its \
+                 standard deviation, worse than {:.0e}: smooth the image",
                 fit.file,
                 fit::TOLERANCE
             ));

@@ -40,7 +40,7 @@ impl Spot {
         for ((row, column), value) in values.indexed_iter() {
             if !(value.is_finite() && *value >= 0.0) {
                 let found = format!("{value} in row {row}, column {column}");
-                let allowed = "finite values >= 0 (key background: what to subtract)";
+                let allowed = "finite values >= 0 (key background: the value to subtract)";
                 return Err(Error::scene("source.spot.image", found, allowed));
             }
         }

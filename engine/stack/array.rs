@@ -12,8 +12,10 @@ use std::ops::Range;
 #[derive(Debug, Clone)]
 #[non_exhaustive]
 pub struct Stacks {
-    /// Without the sample, `[step][row][column]`.
+    /// Without the sample, `[step][row][column]`: the first flat.
     pub flat: Array3<f32>,
+    /// The flats behind it, `[flat][step][row][column]`; none without `scan.flats_every`.
+    pub later_flats: Array4<f32>,
     /// With the sample, `[view][step][row][column]`.
     pub sample: Array4<f32>,
     /// Detector numbers, if the scene has noise.
@@ -26,18 +28,23 @@ pub struct Stacks {
 #[derive(Debug, Clone, Default)]
 #[non_exhaustive]
 pub struct CountStacks {
-    /// Without the sample, `[step][row][column]`.
+    /// Without the sample, `[step][row][column]`: the first flat.
     pub flat: Array3<f32>,
+    /// The flats behind it, `[flat][step][row][column]`; none without `scan.flats_every`.
+    pub later_flats: Array4<f32>,
     /// With the sample, `[view][step][row][column]`.
     pub sample: Array4<f32>,
-    /// Without light, `[step][row][column]`.
+    /// Without light, `[step][row][column]`: the first dark.
     pub dark: Array3<f32>,
+    /// The darks behind it, `[dark][step][row][column]`; none without `scan.darks_every`.
+    pub later_darks: Array4<f32>,
 }
 
 /// Collects a run into `ndarray` arrays. All views are held at once.
 #[derive(Debug, Default)]
 pub struct ArraySink {
     flat: Array3<f32>,
+    later_flats: Array4<f32>,
     sample: Array4<f32>,
     counts: Option<CountStacks>,
     record: Option<RunRecord>,
@@ -53,16 +60,16 @@ impl ArraySink {
     /// The stacks of the finished run; `None` before it has finished.
     #[must_use]
     pub fn into_stacks(self) -> Option<Stacks> {
-        let Self { flat, sample, counts, record } = self;
-        record.map(|record| Stacks { flat, sample, counts, record })
+        let Self { flat, later_flats, sample, counts, record } = self;
+        record.map(|record| Stacks { flat, later_flats, sample, counts, record })
     }
 }
 
 impl Sink for ArraySink {
     fn begin(&mut self, scene: &Scene, _start: &RunStart) -> Result<()> {
         let extent = StackShape::of(scene)?;
-        let [views, steps, rows, columns] =
-            [extent.views, extent.steps, extent.rows, extent.columns].map(|n| n as usize);
+        let StackShape { views, flats, darks, steps, rows, columns } = extent;
+        let [steps, rows, columns] = [steps, rows, columns].map(|n| n as usize);
         let zeros = |len: usize| {
             let mut values = Vec::new();
             values.try_reserve_exact(len).map_err(|_| Error::Memory {
@@ -77,13 +84,20 @@ impl Sink for ArraySink {
         let frames = steps * rows * columns;
         self.record = None;
         let one = || Ok(shaped(Array3::from_shape_vec((steps, rows, columns), zeros(frames)?)));
-        let all = || {
-            let values = zeros(frames.saturating_mul(views))?;
-            Ok(shaped(Array4::from_shape_vec((views, steps, rows, columns), values)))
+        let all = |count: u32| {
+            let count = count as usize;
+            let values = zeros(frames.saturating_mul(count))?;
+            Ok(shaped(Array4::from_shape_vec((count, steps, rows, columns), values)))
         };
-        (self.flat, self.sample) = (one()?, all()?);
+        (self.flat, self.later_flats, self.sample) = (one()?, all(flats - 1)?, all(views)?);
         self.counts = match scene.detector.counts {
-            Some(_) => Some(CountStacks { flat: one()?, sample: all()?, dark: one()? }),
+            Some(_) => Some(CountStacks {
+                flat: one()?,
+                later_flats: all(flats - 1)?,
+                sample: all(views)?,
+                dark: one()?,
+                later_darks: all(darks - 1)?,
+            }),
             None => None,
         };
         Ok(())
@@ -91,9 +105,9 @@ impl Sink for ArraySink {
 
     fn write(&mut self, view: Exposure, rows: Range<u32>, data: ArrayView3<'_, f32>) -> Result<()> {
         let stack = match view {
-            Exposure::Flat => self.flat.view_mut(),
+            Exposure::Flat(index) => one_of(&mut self.flat, &mut self.later_flats, index),
             Exposure::Sample(index) => self.sample.index_axis_mut(Axis(0), index as usize),
-            Exposure::Dark => return Ok(()),
+            Exposure::Dark(_) => return Ok(()),
         };
         put(stack, rows, data);
         Ok(())
@@ -107,9 +121,9 @@ impl Sink for ArraySink {
     ) -> Result<()> {
         let Some(counts) = &mut self.counts else { return Ok(()) };
         let stack = match view {
-            Exposure::Flat => counts.flat.view_mut(),
+            Exposure::Flat(index) => one_of(&mut counts.flat, &mut counts.later_flats, index),
             Exposure::Sample(index) => counts.sample.index_axis_mut(Axis(0), index as usize),
-            Exposure::Dark => counts.dark.view_mut(),
+            Exposure::Dark(index) => one_of(&mut counts.dark, &mut counts.later_darks, index),
         };
         put(stack, rows, numbers);
         Ok(())
@@ -122,6 +136,18 @@ impl Sink for ArraySink {
     fn finish(&mut self, record: &RunRecord) -> Result<()> {
         self.record = Some(record.clone());
         Ok(())
+    }
+}
+
+/// The first of a stack, or one behind it.
+fn one_of<'a>(
+    first: &'a mut Array3<f32>,
+    later: &'a mut Array4<f32>,
+    index: u32,
+) -> ArrayViewMut3<'a, f32> {
+    match index {
+        0 => first.view_mut(),
+        _ => later.index_axis_mut(Axis(0), index as usize - 1),
     }
 }
 

@@ -47,10 +47,10 @@ impl ArrayLayout {
     fn stack(&self, root: &Path, view: Exposure, values: Values) -> Result<(PathBuf, RangeLayout)> {
         let path = layout::array(root, &layout::stack(view), self.format);
         let StackShape { steps, rows, columns, .. } = self.part.extent;
-        let views = self.part.samples();
+        let views = self.part.range(view);
         let sides = [views.end - views.start, steps, rows, columns];
-        let first = usize::from(!matches!(view, Exposure::Sample(_)));
-        let is_number = view == Exposure::Dark || values == Values::Numbers;
+        let first = usize::from(!layout::has_folders(self.part.extent, view));
+        let is_number = view.is_dark() || values == Values::Numbers;
         let sample = if is_number { self.numbers } else { Sample::F32 };
         let layout = RangeLayout::new(self.format, &sides[first..], self.pitch, sample);
         let missing = || Error::file(&path, format!("{} has no ranges", self.format), None);
@@ -60,8 +60,7 @@ impl ArrayLayout {
 
     /// Frames of a view in the file of its stack.
     fn frames(&self, view: Exposure) -> Range<u64> {
-        let first = self.part.samples().start;
-        let index = if let Exposure::Sample(index) = view { u64::from(index - first) } else { 0 };
+        let index = u64::from(view.index() - self.part.range(view).start);
         let steps = u64::from(self.part.extent.steps);
         index * steps..(index + 1) * steps
     }
@@ -73,7 +72,7 @@ pub(super) struct ArrayFrames {
     root: PathBuf,
     layout: ArrayLayout,
     values: Values,
-    /// In the shard that has the flat.
+    /// In shards that have flats.
     flat: Option<RangeFile>,
     sample: RangeFile,
     dark: Option<RangeFile>,
@@ -91,11 +90,11 @@ impl ArrayFrames {
             let (path, layout) = layout.stack(root, view, values)?;
             layout.open(path)
         };
-        let has = |view| layout.part.has(view);
-        let flat = if has(Exposure::Flat) { Some(open(Exposure::Flat)?) } else { None };
-        let sample = open(Exposure::Sample(0))?;
-        let has_dark = dark && has(Exposure::Dark);
-        let dark = if has_dark { Some(open(Exposure::Dark)?) } else { None };
+        let has = |view| !layout.part.range(view).is_empty();
+        let [of_flats, of_sample, of_darks] = layout::STACKS;
+        let flat = if has(of_flats) { Some(open(of_flats)?) } else { None };
+        let sample = open(of_sample)?;
+        let dark = if dark && has(of_darks) { Some(open(of_darks)?) } else { None };
         Ok(Self { root: root.to_path_buf(), layout, values, flat, sample, dark })
     }
 
@@ -148,9 +147,9 @@ impl ArrayFrames {
     /// The file of a view.
     fn file(&mut self, view: Exposure) -> Result<&mut RangeFile> {
         let file = match view {
-            Exposure::Flat => self.flat.as_mut(),
+            Exposure::Flat(_) => self.flat.as_mut(),
             Exposure::Sample(_) => Some(&mut self.sample),
-            Exposure::Dark => self.dark.as_mut(),
+            Exposure::Dark(_) => self.dark.as_mut(),
         };
         file.ok_or_else(|| Error::file(&self.root, format!("has no place for {view:?}"), None))
     }
@@ -164,9 +163,9 @@ pub(super) fn header_problems(
     values: Values,
     dark: bool,
 ) -> Vec<String> {
-    let flat = layout.part.has(Exposure::Flat).then_some(Exposure::Flat);
-    let dark = (dark && layout.part.has(Exposure::Dark)).then_some(Exposure::Dark);
-    let stacks = flat.into_iter().chain([Exposure::Sample(0)]).chain(dark);
+    let stacks = layout::STACKS
+        .into_iter()
+        .filter(|stack| !layout.part.range(*stack).is_empty() && (dark || !stack.is_dark()));
     let problem = |view: Exposure| match layout.stack(root, view, values) {
         Ok((path, layout)) => {
             layout.problem(&path).map(|problem| format!("{}: {problem}", path.display()))

@@ -101,7 +101,7 @@ fn of_views(name: &str, stack: &StackFile, [_, views, _]: &[usize; 3]) -> bool {
 
 fn begun(images: &Path, geometry: &GeometryFile) -> Result<AstraFile> {
     let Some(vectors) = geometry.astra_cone_vec_mm.clone() else {
-        let problem = "has columns at uneven places: ASTRA needs even ones";
+        let problem = "has unevenly spaced columns; ASTRA needs even spacing";
         return Err(Error::file(images, problem, None));
     };
     let record = images.join(RECORD);

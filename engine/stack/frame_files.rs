@@ -153,7 +153,7 @@ impl FrameFiles {
     pub(super) fn adopt(&self, view: Exposure, from: &Path) -> Result<String> {
         self.make_partial()?;
         let partial = self.root.join(layout::PARTIAL);
-        let from = layout::view_folder(from, self.part.extent.views, view);
+        let from = layout::view_folder(from, self.part.extent, view);
         let names: Vec<String> =
             (0..self.part.extent.steps).map(|step| self.step_name(step)).collect();
         names.par_iter().try_for_each(|name| {
@@ -193,7 +193,7 @@ impl FrameFiles {
 
     /// Renames the frames to where they belong, one by one where they share their folder with a spool.
     fn put_in_place(&self, view: Exposure, partial: &Path, is_spooled: bool) -> Result<()> {
-        let target = layout::view_folder(&self.root, self.part.extent.views, view);
+        let target = layout::view_folder(&self.root, self.part.extent, view);
         let parent = target.parent().unwrap_or(&self.root).to_path_buf();
         folder::make(&parent).map_err(failed(&parent, "cannot be created"))?;
         if is_spooled {
@@ -220,10 +220,10 @@ impl FrameFiles {
 
     /// Refuses a run whose views are committed and whose frames are not all in place.
     pub(super) fn refuse_missing(&self) -> Result<()> {
-        let dark = self.dark.then_some(Exposure::Dark);
-        let views = self.part.extent.all_views().chain(dark);
+        let darks = if self.dark { self.part.extent.darks } else { 0 };
+        let views = self.part.extent.all_views().chain((0..darks).map(Exposure::Dark));
         for view in views.filter(|view| self.part.has(*view)) {
-            let directory = layout::view_folder(&self.root, self.part.extent.views, view);
+            let directory = layout::view_folder(&self.root, self.part.extent, view);
             let found = open_file::names_of_run(&directory)?;
             // Names are sorted; files of others may be among them.
             let is_there = |step: &u32| found.binary_search(&self.step_name(*step).into()).is_ok();
@@ -277,7 +277,7 @@ pub(super) fn checksum(
     extent: StackShape,
     view: Exposure,
 ) -> Result<String> {
-    let directory = layout::view_folder(root, extent.views, view);
+    let directory = layout::view_folder(root, extent, view);
     let mut hasher = Sha256::new();
     let shape = [extent.rows as usize, extent.columns as usize];
     for step in 0..extent.steps {
@@ -330,27 +330,39 @@ impl About {
     fn of_frame(&self, view: Exposure, step: u32) -> String {
         let mut about = self.shared.clone();
         about.insert("mask_step".into(), step.into());
-        let offsets = match view {
-            Exposure::Sample(index) => self.scene.scan.offsets_of(index as usize),
-            _ => &self.scene.scan.mask_offsets,
-        };
+        let scan = &self.scene.scan;
+        let offsets = scan.planned_offsets(view);
         about.insert("mask_offset".into(), offsets.get(step as usize).copied().into());
+        let before = match view {
+            Exposure::Flat(flat) if scan.flats_every.is_some() => {
+                scan.flat_places().get(flat as usize).copied()
+            }
+            Exposure::Dark(dark) if scan.darks_every.is_some() => {
+                scan.dark_places().get(dark as usize).copied()
+            }
+            _ => None,
+        };
+        if let Some(before) = before {
+            about.insert("before_view".into(), before.into());
+        }
         if let Exposure::Sample(index) = view {
             about.insert("view".into(), index.into());
-            if !self.scene.scan.errors.is_none() {
-                let (scan, view, step) = (&self.scene.scan, index as usize, step as usize);
-                let applied = self.scene.applied_offsets(view).get(step).copied();
-                about.insert("mask_offset_applied".into(), applied.into());
-                about.insert("intensity_applied".into(), scan.intensity(view, step).into());
-                if let Some(source) = scan.errors.source.get(view) {
-                    about.insert("source_applied".into(), source.to_vec().into());
-                }
+        }
+        let step = step as usize;
+        if let Some(of) = scan.view_of_errors(view).filter(|_| !scan.errors.is_none()) {
+            let applied = self.scene.applied_offsets(view).get(step).copied();
+            about.insert("mask_offset_applied".into(), applied.into());
+            about.insert("intensity_applied".into(), scan.intensity(of, step).into());
+            if let Some(source) = scan.errors.source.get(of) {
+                about.insert("source_applied".into(), source.to_vec().into());
             }
-            if (index as usize) < self.scene.scan.views() {
-                about.insert("angle".into(), self.scene.scan.angle_of(index as usize).into());
-                let vectors = serde_json::to_value(self.scene.view(index as usize));
-                about.insert("vectors".into(), vectors.unwrap_or_default());
-            }
+        }
+        if let Exposure::Sample(index) = view
+            && (index as usize) < scan.views()
+        {
+            about.insert("angle".into(), scan.angle_of(index as usize).into());
+            let vectors = serde_json::to_value(self.scene.view(index as usize));
+            about.insert("vectors".into(), vectors.unwrap_or_default());
         }
         serde_json::Value::Object(about).to_string()
     }

@@ -37,6 +37,13 @@ pub struct GeometryFile {
     /// `source_to_axis_m` and the source on -y. `null` where `angles_rad` and `axis_column` say all.
     #[serde(default)]
     pub sample_motions: Option<Vec<[f64; 12]>>,
+    /// For each flat of a run the view before which it is taken, the number of views for a flat behind the
+    /// last; left out where one flat serves all views.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub flats_before_views: Option<Vec<u32>>,
+    /// The same of the darks.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub darks_before_views: Option<Vec<u32>>,
     /// Place u of each column: x from the optical axis on the detector, m, ascending.
     pub columns_m: Vec<f64>,
     /// z of each row on the detector, m, descending.
@@ -65,7 +72,12 @@ impl GeometryFile {
     /// detector mask.
     #[must_use]
     pub fn of(scene: &Scene) -> Self {
-        Self::with_columns(scene, Optics::of(scene).column_places(), scene.scan.views())
+        let scan = &scene.scan;
+        Self {
+            flats_before_views: scan.flats_every.map(|_| scan.flat_places()),
+            darks_before_views: scan.darks_every.map(|_| scan.dark_places()),
+            ..Self::with_columns(scene, Optics::of(scene).column_places(), scan.views())
+        }
     }
 
     /// The geometry of the first `views` views of a scene with columns at these places, x from the
@@ -106,6 +118,8 @@ impl GeometryFile {
                 views.map(|view| view.motion.then(&to_axis).matrix()).collect()
             }),
             angles_rad: angles,
+            flats_before_views: None,
+            darks_before_views: None,
             columns_m: columns,
             rows_m: (0..rows).map(row).collect(),
         }
@@ -119,8 +133,9 @@ impl GeometryFile {
         let path = folder.join(layout::GEOMETRY);
         let text = input_file::text(&path)
             .map_err(|error| Error::file(&path, "cannot be read", Some(error)))?;
-        serde_json::from_str(&text)
-            .map_err(|error| Error::file(&path, format!("is no geometry of views: {error}"), None))
+        serde_json::from_str(&text).map_err(|error| {
+            Error::file(&path, format!("is not a geometry of views: {error}"), None)
+        })
     }
 
     /// Motions of the sample; `None` where the views are a circle.

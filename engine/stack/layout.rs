@@ -3,6 +3,7 @@
 //! ```text
 //! RUN/scene.toml  geometry.json  run.json  progress.log  report.html
 //! RUN/flat.npy  sample.npy  dark.npy  counts/flat.npy  counts/sample.npy      a file per stack
+//! RUN/flat/view_0001/step_000.exr  dark/view_0001/…     the second of several flats, a file per frame
 //! RUN/flat/step_000.exr  sample/view_0000/step_000.exr  dark/…  counts/…      a file per frame
 //! RUN/moments/view_0000.bin
 //! RUN/plan.json  device.json  shards/0000/run.json  progress.log  …   a planned run, until it is joined
@@ -13,6 +14,7 @@
 //!
 //! A volume is an array with a name, as a retrieved image is ([`array`]).
 
+use super::shape::StackShape;
 use crate::array_file::Format;
 use crate::scene::Exposure;
 use crate::{Error, Result, printed};
@@ -71,8 +73,12 @@ pub(crate) const IMAGES_REPLACED: &str = ".replaced";
 pub(crate) const IMAGES_MARK: &str = ".beamlet-partial";
 /// Ending of files that are not whole yet ([`crate::whole_file`]).
 const NEW: &str = ".new";
+const FLAT: &str = "flat";
 const SAMPLE: &str = "sample";
 const DARK: &str = "dark";
+/// The stacks, each by its first view.
+pub(super) const STACKS: [Exposure; 3] =
+    [Exposure::Flat(0), Exposure::Sample(0), Exposure::Dark(0)];
 /// Before the rows of a block, in the log.
 const ROWS: &str = "/rows/";
 /// Beginnings of the names of views and steps.
@@ -94,10 +100,12 @@ pub fn is_run(folder: &Path) -> bool {
     folder.join(RUN).exists() || is_planned(folder)
 }
 
-/// Problem of a path that is no run: nothing is there, or a file (`file`), or another folder (`folder`).
-pub(crate) fn why_no_run(path: &Path, file: &str, folder: &str) -> String {
+/// Problem of a path that is not the folder to be read: nothing is there, or a file (`file`), or another
+/// folder (`folder`).
+#[must_use]
+pub fn problem_of(path: &Path, file: &str, folder: &str) -> String {
     match (path.exists(), path.is_dir()) {
-        (false, _) => "is not there",
+        (false, _) => "does not exist",
         (true, false) => file,
         (true, true) => folder,
     }
@@ -143,18 +151,14 @@ pub fn is_retrieved(folder: &Path) -> bool {
     folder.join(RECORD).exists()
 }
 
-/// Name of a flat: the first is `flat`, one that was taken before a later view has its number.
-fn flat(view: u32) -> String {
-    if view == 0 { "flat".to_owned() } else { format!("flat_{view:04}") }
-}
-
 /// Name of the stack that a view belongs to: `flat`, `sample` or `dark`.
 pub(crate) fn stack(view: Exposure) -> String {
     match view {
-        Exposure::Flat => flat(0),
-        Exposure::Sample(_) => SAMPLE.to_owned(),
-        Exposure::Dark => DARK.to_owned(),
+        Exposure::Flat(_) => FLAT,
+        Exposure::Sample(_) => SAMPLE,
+        Exposure::Dark(_) => DARK,
     }
+    .to_owned()
 }
 
 /// Name of a stack, of intensities or of counts: `sample`, `counts/sample`.
@@ -166,16 +170,16 @@ pub fn stack_of(view: Exposure, counts: bool) -> String {
 /// The stack of such a name, and whether it is one of counts.
 #[must_use]
 pub fn stack_named(name: &str) -> Option<(Exposure, bool)> {
-    let stacks = [Exposure::Flat, Exposure::Sample(0), Exposure::Dark];
-    let mut all = stacks.into_iter().flat_map(|view| [(view, false), (view, true)]);
+    let mut all = STACKS.into_iter().flat_map(|view| [(view, false), (view, true)]);
     all.find(|(view, counts)| stack_of(*view, *counts) == name)
 }
 
-/// Name of a view, as intensities or as counts, in the log: `sample/3`, `counts/flat`.
+/// Name of a view, as intensities or as counts, in the log: `sample/3`, `counts/flat`; `flat/1` is the
+/// second flat.
 pub(crate) fn view(view: Exposure, counts: bool) -> String {
     match view {
-        Exposure::Sample(index) => format!("{}/{index}", stack_of(view, counts)),
-        _ => stack_of(view, counts),
+        Exposure::Flat(0) | Exposure::Dark(0) => stack_of(view, counts),
+        _ => format!("{}/{}", stack_of(view, counts), view.index()),
     }
 }
 
@@ -184,11 +188,11 @@ pub(crate) fn view_named(name: &str) -> Option<(Exposure, bool)> {
     let counted = name.strip_prefix(COUNTS).and_then(|name| name.strip_prefix('/'));
     let name = counted.unwrap_or(name);
     let view = match name.split_once('/') {
-        Some((SAMPLE, index)) => Exposure::Sample(index.parse().ok()?),
-        Some(_) => return None,
-        None => [Exposure::Flat, Exposure::Dark].into_iter().find(|view| stack(*view) == name)?,
+        Some((stack, index)) => stack_named(stack)?.0.with_index(index.parse().ok()?),
+        None => stack_named(name)?.0,
     };
-    Some((view, counted.is_some()))
+    let counts = counted.is_some();
+    (self::view(view, false) == name).then_some((view, counts))
 }
 
 /// Name of a block of rows of a view in the log: `sample/3/rows/0-64`, `counts/flat/rows/0-64`.
@@ -263,20 +267,20 @@ fn numbered(beginning: &str, count: u32, index: u32) -> String {
 }
 
 /// Folder of a view's frames, of a format with a file per frame.
-pub(crate) fn view_folder(root: &Path, views: u32, view: Exposure) -> PathBuf {
+pub(super) fn view_folder(root: &Path, extent: StackShape, view: Exposure) -> PathBuf {
     let stack = root.join(stack(view));
-    match view {
-        Exposure::Sample(index) => stack.join(numbered_view(views, index)),
-        _ => stack,
+    match has_folders(extent, view) {
+        true => stack.join(numbered_view(extent.count_of(view), view.index())),
+        false => stack,
     }
 }
 
-/// Folder of the views of the sample.
-pub(crate) fn sample_folder(root: &Path) -> PathBuf {
-    root.join(SAMPLE)
+/// Whether the views of a stack have folders: views of the sample, and several flats or darks.
+pub(super) const fn has_folders(extent: StackShape, view: Exposure) -> bool {
+    matches!(view, Exposure::Sample(_)) || extent.count_of(view) > 1
 }
 
-/// The view of a folder of the sample.
+/// The view of a folder of a stack.
 pub(crate) fn view_of_folder(name: &str, views: u32) -> Option<u32> {
     number(name, VIEW, "").filter(|view| *view < views && numbered_view(views, *view) == name)
 }
@@ -341,13 +345,12 @@ pub(crate) fn view_of_moments(name: &str) -> Option<u32> {
 
 /// Folders of a run.
 pub(crate) fn folders() -> impl Iterator<Item = String> {
-    let stacks = [Exposure::Flat, Exposure::Sample(0), Exposure::Dark].map(stack);
-    stacks.into_iter().chain([COUNTS, PARTIAL, MOMENTS].map(str::to_owned))
+    STACKS.map(stack).into_iter().chain([COUNTS, PARTIAL, MOMENTS].map(str::to_owned))
 }
 
 /// Files of the stacks of a run, and of its counts, in every format.
 pub(crate) fn stack_files() -> impl Iterator<Item = String> {
-    let stacks = [Exposure::Flat, Exposure::Sample(0), Exposure::Dark].map(stack);
+    let stacks = STACKS.map(stack);
     paged()
         .flat_map(move |format| stacks.clone().map(|stack| format!("{stack}.{}", format.ending())))
 }
@@ -367,7 +370,7 @@ pub(crate) fn owned() -> impl Iterator<Item = String> {
 pub(crate) fn is_of_folder(name: &str) -> bool {
     let numbered = [(VIEW, ""), (VIEW, BIN), (VIEW, BIN_PARTIAL)];
     let is_step = |format: Format| number(name, STEP, &format!(".{}", format.ending())).is_some();
-    [flat(0).as_str(), SAMPLE, PARTIAL, SPOOL].contains(&name)
+    [FLAT, SAMPLE, PARTIAL, SPOOL].contains(&name)
         || stack_files().any(|file| file == name)
         || single().any(is_step)
         || numbered.iter().any(|(start, end)| number(name, start, end).is_some())
@@ -392,13 +395,14 @@ mod tests {
     #[test]
     fn names_are_recognised_and_those_of_others_are_not() {
         let folder = Path::new("");
-        for view in [Exposure::Flat, Exposure::Dark, Exposure::Sample(12_345)] {
+        let [flats, darks] = [Exposure::Flat, Exposure::Dark].map(|of| [of(0), of(12)]);
+        for view in [&flats[..], &darks, &[Exposure::Sample(12_345)]].concat() {
             for counts in [false, true] {
                 assert_eq!(view_named(&super::view(view, counts)), Some((view, counts)));
             }
         }
         let of_rows = |name: &str| line_named(name);
-        for (view, counts) in [(Exposure::Flat, true), (Exposure::Sample(7), false)] {
+        for (view, counts) in [(Exposure::Flat(3), true), (Exposure::Sample(7), false)] {
             let line = Line::Rows(view, counts, 8..16);
             assert_eq!(of_rows(&rows(view, counts, &(8..16))), Some(line));
             let line = Line::Moments(view, 0..8);
@@ -428,12 +432,5 @@ mod tests {
         }
         assert_eq!(view_of_moments("view_7.bin"), None);
         assert_eq!(array_name("flat.bin"), None);
-    }
-
-    #[test]
-    fn flats_of_later_views_have_names_of_their_own() {
-        let names: Vec<String> = [0, 1, 20_000].map(flat).into();
-        assert_eq!(names, ["flat", "flat_0001", "flat_20000"]);
-        assert!(names[1..].iter().all(|name| !owned().any(|owned| owned == *name)));
     }
 }

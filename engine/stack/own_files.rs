@@ -25,8 +25,8 @@ pub(super) fn look(path: &Path, overwrite: bool) -> Result<()> {
     let is_run = RunFile::read(&path.join(RUN)).is_ok();
     if !empty && !overwrite {
         let problem = if is_run {
-            "holds a run already; resume it (--resume), overwrite it (--overwrite) or choose another \
-             directory"
+            "holds a run already: `simulate --resume` goes on with it, --overwrite replaces it; or choose \
+             another directory"
         } else {
             "is not empty; choose another directory (or --overwrite: files that are not of a run \
              stay)"
@@ -90,24 +90,26 @@ pub(super) fn remove_stacks(
     extent: StackShape,
     (keep, begun): (&[Exposure], bool),
 ) -> Result<()> {
-    let folder = |view| layout::view_folder(root, extent.views, view);
-    for view in [Exposure::Flat, Exposure::Dark] {
-        if !keep.contains(&view) {
-            remove_frames(&folder(view), extent)?;
+    for stack in layout::STACKS {
+        if !layout::has_folders(extent, stack) {
+            if !keep.contains(&stack) {
+                remove_frames(&layout::view_folder(root, extent, stack), extent)?;
+            }
+            continue;
         }
+        let folder = root.join(layout::stack(stack));
+        each_entry(&folder, |name, path| {
+            let index = layout::view_of_folder(name, extent.count_of(stack));
+            match index.is_some_and(|index| !keep.contains(&stack.with_index(index))) {
+                true => remove_frames(path, extent),
+                false => Ok(()),
+            }
+        })?;
+        let _ = fs::remove_dir(folder);
     }
-    let sample = layout::sample_folder(root);
-    each_entry(&sample, |name, path| {
-        let view = layout::view_of_folder(name, extent.views).map(Exposure::Sample);
-        match view.is_some_and(|view| !keep.contains(&view)) {
-            true => remove_frames(path, extent),
-            false => Ok(()),
-        }
-    })?;
     if !begun {
         remove_frames(&root.join(layout::PARTIAL), extent)?;
     }
-    let _ = fs::remove_dir(sample);
     Ok(())
 }
 

@@ -4,7 +4,7 @@
 //! its own, on the platform of device.json; the join makes a run of them and removes the plan.
 
 use super::geometry_file::GeometryFile;
-use super::layout::{self, DEVICE, GEOMETRY, LOG, PLAN, SCENE};
+use super::layout::{self, DEVICE, GEOMETRY, LOG, PLAN, RUN, SCENE};
 use super::progress_log::ProgressLog;
 use super::record::Platform;
 use super::run_file::{RunFile, now};
@@ -143,12 +143,14 @@ impl Plan {
         let path = run.join(PLAN);
         if !path.exists() {
             let problem = match layout::is_run(run) {
-                true => "is a whole run, and not one in shards".to_owned(),
-                false => format!("is no planned run: it has no {PLAN}; `beamlet plan` makes one"),
+                true => "is a whole run, not a run in shards".to_owned(),
+                false => {
+                    format!("is not a planned run: it has no {PLAN}; `beamlet plan` makes one")
+                }
             };
             return Err(Error::file(run, problem, None));
         }
-        let plan: Self = parse(&path, "is no plan of a run")?;
+        let plan: Self = parse(&path, "is not the plan of a run")?;
         if plan.plan_version != VERSION {
             let found = plan.plan_version;
             let problem = format!("has the plan_version {found}; allowed: {VERSION}");
@@ -187,6 +189,22 @@ impl Plan {
         Ok(scene)
     }
 
+    /// Refuses the record of another shard, or of a shard of another plan. `path`: the folder of the shard.
+    ///
+    /// # Errors
+    /// [`Error::File`].
+    pub(super) fn refuse_other(&self, path: &Path, file: &RunFile, shard: Shard) -> Result<()> {
+        // A record without the hash is compared by the rest.
+        let is_other = file.scene_sha256.as_ref().is_some_and(|hash| *hash != self.scene_sha256);
+        let what = match file.shard {
+            Some(found) if found != shard => format!("it is shard {found}, here is shard {shard}"),
+            Some(_) if is_other => "its scene differs".to_owned(),
+            Some(_) => return Ok(()),
+            None => format!("it is a whole run, here is shard {shard}"),
+        };
+        Err(of_other_plan(path, &what))
+    }
+
     /// The platform of the shards of the planned run in `run`; `None` before the first began.
     ///
     /// # Errors
@@ -196,7 +214,7 @@ impl Plan {
         if !path.exists() {
             return Ok(None);
         }
-        parse(&path, "is no record of a device").map(Some)
+        parse(&path, "is not the record of a device").map(Some)
     }
 }
 
@@ -221,6 +239,12 @@ pub(super) fn settle_platform(run: &Path, folder: &Path, platform: &Platform) ->
     let _ = fs::remove_file(&mine);
     taken?;
     Ok(Plan::platform(run)?.unwrap_or_else(|| platform.clone()))
+}
+
+/// The error of a folder with a shard of another plan.
+pub(super) fn of_other_plan(path: &Path, what: &str) -> Error {
+    let problem = format!("is of another plan: {what}; remove {}", crate::printed::path(path));
+    Error::file(path.join(RUN), problem, None)
 }
 
 /// Refuses the folder of a shard where a whole run is expected.

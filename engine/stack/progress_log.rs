@@ -101,7 +101,7 @@ impl ProgressLog {
 
     fn locked(path: &Path, create: bool) -> Result<Self> {
         let log = Self::try_locked(path, create)?;
-        log.ok_or_else(|| Error::file(path, "another beamlet is using this run", None))
+        log.ok_or_else(|| Error::file(path, "another beamlet process is using this run", None))
     }
 
     /// `None` where another process has the lock.
@@ -297,10 +297,10 @@ mod tests {
         let whole = Entry { counts: Some("d".repeat(64)), ..entry('a') };
         let mut log = open(&path);
         log.append(Exposure::Sample(3), &whole).unwrap();
-        log.append(Exposure::Dark, &entry('b')).unwrap();
+        log.append(Exposure::Dark(0), &entry('b')).unwrap();
         let there = read(&path).unwrap();
         assert_eq!(there[&Exposure::Sample(3)], whole);
-        assert_eq!(there[&Exposure::Dark], entry('b'));
+        assert_eq!(there[&Exposure::Dark(0)], entry('b'));
         // Cut after the line of the counts: nothing is committed.
         let text = std::fs::read_to_string(&path).unwrap();
         let first = text.find('\n').unwrap() + 1;
@@ -313,17 +313,17 @@ mod tests {
         let directory = tempfile::tempdir().unwrap();
         let path = directory.path().join("progress.log");
         let mut log = open(&path);
-        log.append(Exposure::Flat, &entry('a')).unwrap();
+        log.append(Exposure::Flat(0), &entry('a')).unwrap();
         log.append(Exposure::Sample(12345), &entry('b')).unwrap();
         let counted = Entry { tally: Some(Tally { rays: 7, ..Tally::default() }), ..entry('d') };
         log.append(Exposure::Sample(0), &counted).unwrap();
-        log.append(Exposure::Flat, &entry('c')).unwrap();
+        log.append(Exposure::Flat(0), &entry('c')).unwrap();
         let read = read(&path).unwrap();
         assert_eq!(read.len(), 3);
         assert_eq!(read[&Exposure::Sample(0)], counted);
         let text = std::fs::read_to_string(&path).unwrap();
         assert!(text.contains(" tally:{\"rays\":7}\n"), "{text}");
-        assert_eq!(read[&Exposure::Flat], entry('c'));
+        assert_eq!(read[&Exposure::Flat(0)], entry('c'));
         assert_eq!(read[&Exposure::Sample(12345)], entry('b'));
     }
 
@@ -331,14 +331,14 @@ mod tests {
     fn a_line_cut_short_does_not_count_and_is_not_appended_to() {
         let directory = tempfile::tempdir().unwrap();
         let path = directory.path().join("progress.log");
-        open(&path).append(Exposure::Flat, &entry('a')).unwrap();
+        open(&path).append(Exposure::Flat(0), &entry('a')).unwrap();
         let mut text = std::fs::read_to_string(&path).unwrap();
         text.push_str("sample/0 44 sha256:bbbb");
         std::fs::write(&path, &text).unwrap();
         assert_eq!(read(&path).unwrap().len(), 1);
         open(&path).append(Exposure::Sample(1), &entry('c')).unwrap();
         let views: Vec<Exposure> = read(&path).unwrap().into_keys().collect();
-        assert_eq!(views, [Exposure::Flat, Exposure::Sample(1)]);
+        assert_eq!(views, [Exposure::Flat(0), Exposure::Sample(1)]);
     }
 
     #[test]

@@ -233,8 +233,13 @@ impl Sink for RunDirectory {
         file.keep_moments = Some(self.keep_moments);
         file.title.clone_from(&scene.title);
         file.view_angles = Some(ViewAngles::of(scene));
+        file.flats_before_views = scene.scan.flats_every.map(|_| scene.scan.flat_places());
+        file.darks_before_views = scene.scan.darks_every.map(|_| scene.scan.dark_places());
         file.shard = self.shard;
-        file.host = self.shard.and_then(|_| planned::host());
+        if self.shard.is_some() {
+            file.scene_sha256 = Some(plan::Plan::read(&self.root)?.scene_sha256);
+            file.host = planned::host();
+        }
         let scene_path = self.root.join(SCENE);
         if self.is_planned || self.resumed.is_some() {
             let hashes = Some(&start.mesh_hashes);
@@ -341,7 +346,7 @@ impl Sink for RunDirectory {
         let open = opened(&mut self.open, &self.path)?;
         let extent = open.file.extent;
         let rows = match view {
-            Exposure::Dark => open.next[1],
+            Exposure::Dark(_) => open.next[1],
             _ if open.counts.is_some() => open.next[0].min(open.next[1]),
             _ => open.next[0],
         };

@@ -64,6 +64,13 @@ pub struct RunFile {
     /// Angles of the views; `None` in runs of earlier versions.
     #[serde(flatten)]
     pub view_angles: Option<ViewAngles>,
+    /// For each flat the view before which it is taken, the number of views for a flat behind the last;
+    /// `None` where one flat serves all views.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub flats_before_views: Option<Vec<u32>>,
+    /// The same of the darks.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub darks_before_views: Option<Vec<u32>>,
     /// Command line of each part of the run, the first first.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub commands: Vec<String>,
@@ -83,6 +90,9 @@ pub struct RunFile {
     /// The part of the run that this folder holds; `None`: all of it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub shard: Option<Shard>,
+    /// SHA-256 of the scene.toml of the plan, in the record of a shard.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub scene_sha256: Option<String>,
     /// Name of the machine, in the record of a shard.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub host: Option<String>,
@@ -133,12 +143,15 @@ impl RunFile {
             duration_s: 0.0,
             title: None,
             view_angles: None,
+            flats_before_views: None,
+            darks_before_views: None,
             commands: Vec::new(),
             resumed_views: 0,
             uncounted_views: 0,
             keep_moments: None,
             block_rows: start.block_rows,
             shard: None,
+            scene_sha256: None,
             host: None,
             shards: Vec::new(),
             record: RunRecord::begin(start, seed),

@@ -133,7 +133,7 @@ fn word(value: Option<&Value>) -> String {
     match value {
         None => "nothing".into(),
         Some(Value::Table(_)) => "a table".into(),
-        Some(Value::Array(values)) => format!("a list of {}", values.len()),
+        Some(Value::Array(values)) => format!("a list of length {}", values.len()),
         Some(value) => value.to_string(),
     }
 }

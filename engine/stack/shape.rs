@@ -1,21 +1,25 @@
 //! Shape of the stacks of a scene, and the views of a run.
 
 use crate::scene::{Exposure, Scene, limits};
-use crate::{Error, Result};
+use crate::{Error, Result, numbers};
 use serde::{Deserialize, Serialize};
 
-/// Every view of a run of `scene`: the flat, the dark frames where there are counts, then the
-/// angles in order.
+/// Every view of a run of `scene` in the order of time: flats and, where there are counts, darks
+/// before the views that follow them.
 ///
 /// # Errors
 /// As [`StackShape::of`].
 pub fn views(scene: &Scene) -> Result<impl Iterator<Item = Exposure> + use<>> {
     let extent = StackShape::of(scene)?;
-    let dark = scene.detector.counts.map(|_| Exposure::Dark);
-    Ok([Some(Exposure::Flat), dark]
-        .into_iter()
-        .flatten()
-        .chain((0..extent.views).map(Exposure::Sample)))
+    let flats = scene.scan.flat_places();
+    let darks = scene.detector.counts.map(|_| scene.scan.dark_places()).unwrap_or_default();
+    let index = |places: &[u32], view: u32| places.binary_search(&view).ok().map(numbers::count);
+    Ok((0..=extent.views).flat_map(move |view| {
+        let flat = index(&flats, view).map(Exposure::Flat);
+        let dark = index(&darks, view).map(Exposure::Dark);
+        let sample = (view < extent.views).then_some(Exposure::Sample(view));
+        [flat, dark, sample].into_iter().flatten()
+    }))
 }
 
 /// Angles of the views of a scene, in order.
@@ -39,12 +43,27 @@ impl ViewAngles {
     }
 }
 
+const fn one() -> u32 {
+    1
+}
+
+#[allow(clippy::trivially_copy_pass_by_ref, reason = "serde hands over a reference")]
+const fn is_one(count: &u32) -> bool {
+    *count == 1
+}
+
 /// Shape of the stacks of a scene.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[non_exhaustive]
 pub struct StackShape {
-    /// Views with the sample (the flat is one more).
+    /// Views with the sample.
     pub views: u32,
+    /// Flats.
+    #[serde(default = "one", skip_serializing_if = "is_one")]
+    pub flats: u32,
+    /// Darks, where there are counts.
+    #[serde(default = "one", skip_serializing_if = "is_one")]
+    pub darks: u32,
     /// Mask steps.
     pub steps: u32,
     /// Detector rows.
@@ -66,13 +85,15 @@ impl StackShape {
         };
         let extent = Self {
             views: count("scan.angles", scene.scan.views())?,
+            flats: count("scan.flats_every", scene.scan.flat_places().len())?,
+            darks: count("scan.darks_every", scene.scan.dark_places().len())?,
             steps: count("scan.mask_offsets", scene.scan.mask_offsets.len())?,
             rows: scene.detector.pixels[1],
             columns: scene.detector.pixels[0],
         };
-        let Self { views, steps, rows, columns } = extent;
+        let Self { views, steps, rows, columns, .. } = extent;
         let bytes = [views, steps, rows, columns].iter().map(|n| f64::from(*n)).product::<f64>();
-        // Frames have four bytes a pixel, and there is the flat.
+        // Frames have four bytes a pixel, and there are at most two flats for each view.
         if bytes > 2.0_f64.powi(60) {
             return Err(Error::scene(
                 "scan",
@@ -87,6 +108,8 @@ impl StackShape {
     pub(super) fn check(self) -> std::result::Result<(), String> {
         let sides = [
             ("views", self.views, limits::ANGLES),
+            ("flats", self.flats, limits::ANGLES + 1),
+            ("darks", self.darks, limits::ANGLES + 1),
             ("steps", self.steps, limits::MASK_OFFSETS),
             ("rows", self.rows, limits::PIXELS),
             ("columns", self.columns, limits::PIXELS),
@@ -109,10 +132,10 @@ impl StackShape {
         self.frame_bytes() * u64::from(self.steps)
     }
 
-    /// Bytes of all views, the flat included.
+    /// Bytes of all views, the flats included.
     #[must_use]
     pub fn total_bytes(&self) -> u64 {
-        self.view_bytes() * (u64::from(self.views) + 1)
+        self.view_bytes() * (u64::from(self.views) + u64::from(self.flats))
     }
 
     /// Bytes of all stacks of a run of `scene`: twice the intensities and the dark frames where
@@ -120,18 +143,27 @@ impl StackShape {
     #[must_use]
     pub fn output_bytes(&self, scene: &Scene) -> u64 {
         match scene.detector.counts {
-            Some(_) => 2 * self.total_bytes() + self.view_bytes(),
+            Some(_) => 2 * self.total_bytes() + u64::from(self.darks) * self.view_bytes(),
             None => self.total_bytes(),
         }
     }
 
     /// Whether a view lies within.
     pub(super) fn has(&self, view: Exposure) -> bool {
-        !matches!(view, Exposure::Sample(index) if index >= self.views)
+        view.index() < self.count_of(view)
     }
 
-    /// Every view with light: the flat, then the angles in order.
+    /// Number of exposures of the stack of a view.
+    pub(super) const fn count_of(&self, view: Exposure) -> u32 {
+        match view {
+            Exposure::Flat(_) => self.flats,
+            Exposure::Dark(_) => self.darks,
+            Exposure::Sample(_) => self.views,
+        }
+    }
+
+    /// Every view with light: the flats, then the angles in order.
     pub fn all_views(&self) -> impl Iterator<Item = Exposure> + use<> {
-        std::iter::once(Exposure::Flat).chain((0..self.views).map(Exposure::Sample))
+        (0..self.flats).map(Exposure::Flat).chain((0..self.views).map(Exposure::Sample))
     }
 }

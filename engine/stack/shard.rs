@@ -11,8 +11,8 @@ use std::ops::Range;
 /// Most shards of a run.
 const MOST: u32 = 100_000;
 
-/// One of `count` parts of the views of a run: consecutive views with the sample. The flat and the
-/// dark frames belong to the first part.
+/// One of `count` parts of the views of a run: consecutive views with the sample, and consecutive flats
+/// and darks. One flat and one dark belong to the first part.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[non_exhaustive]
 pub struct Shard {
@@ -61,13 +61,25 @@ impl Shard {
         first(self.index)..first(self.index + 1)
     }
 
-    /// Whether a view of a run of `views` views belongs to this part.
-    #[must_use]
-    pub fn has(self, view: Exposure, views: u32) -> bool {
+    /// Indices of its flats or darks among `all`.
+    fn flats(self, all: u32) -> Range<u32> {
+        let [all, count] = [all, self.count].map(u64::from);
+        let first = |index: u32| numbers::low_word((u64::from(index) * all).div_ceil(count));
+        first(self.index)..first(self.index + 1)
+    }
+
+    /// Indices of its views in the stack of a view.
+    fn range(self, view: Exposure, extent: StackShape) -> Range<u32> {
         match view {
-            Exposure::Sample(index) => self.views(views).contains(&index),
-            Exposure::Flat | Exposure::Dark => self.index == 0,
+            Exposure::Sample(_) => self.views(extent.views),
+            Exposure::Flat(_) | Exposure::Dark(_) => self.flats(extent.count_of(view)),
         }
+    }
+
+    /// Whether a view of a run with this extent belongs to this part.
+    #[must_use]
+    pub fn has(self, view: Exposure, extent: StackShape) -> bool {
+        self.range(view, extent).contains(&view.index())
     }
 }
 
@@ -111,9 +123,14 @@ impl Part {
         self.shard.views(self.extent.views)
     }
 
+    /// Indices of its views in the stack of a view.
+    pub(super) fn range(&self, view: Exposure) -> Range<u32> {
+        self.shard.range(view, self.extent)
+    }
+
     /// Whether a view belongs to it.
     pub(super) fn has(&self, view: Exposure) -> bool {
-        self.shard.has(view, self.extent.views)
+        self.shard.has(view, self.extent)
     }
 }
 
@@ -133,8 +150,9 @@ mod tests {
             }
             assert_eq!(next, views);
         }
-        let flats = |index| Shard { index, count: 3 }.has(Exposure::Flat, 9);
-        assert_eq!([flats(0), flats(1), flats(2)], [true, false, false]);
+        let flats = |all: u32| [0, 1, 2].map(|index| Shard { index, count: 3 }.flats(all));
+        assert_eq!(flats(1), [0..1, 1..1, 1..1]);
+        assert_eq!(flats(4), [0..2, 2..3, 3..4]);
     }
 
     #[test]

@@ -9,7 +9,7 @@ use std::ops::Range;
 
 /// Receives stacks band by band. Calls come in this order: `begin`, then for each view `write` for each
 /// band of rows (top to bottom) and one `commit`, then `finish`. With noise, `write_counts` follows each
-/// `write`; [`Exposure::Dark`] has counts only.
+/// `write`; An [`Exposure::Dark`] has counts only.
 pub trait Sink {
     /// A run begins. Nothing may have been written before this returns.
     ///

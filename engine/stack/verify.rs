@@ -23,7 +23,7 @@ use std::path::Path;
 pub struct RunCheck {
     /// Format of the frames.
     pub format: Format,
-    /// Views of the run: the angles, the flat, and the dark frames where there are counts.
+    /// Views of the run: the angles, the flats, and the darks where there are counts.
     pub views: usize,
     /// Views whose frames, and counts if any, are the committed ones.
     pub whole: usize,
@@ -118,7 +118,7 @@ pub(super) fn frames(
         found.problems = problems.into_iter().map(|problem| (None, problem)).collect();
     }
     let of_view = |(view, entry): (&Exposure, &Entry)| {
-        let counts = counts && *view != Exposure::Dark;
+        let counts = counts && !view.is_dark();
         (*view, problem_of_view(path, &stored, part, counts, *view, entry))
     };
     let views: Vec<_> = entries.par_iter().map(of_view).collect();
@@ -153,7 +153,7 @@ pub(super) fn blocks(
             (Some(kept), Exposure::Sample(index)) if keeps => {
                 moments::file::is_beginning(path, index, kept)
             }
-            _ => !keeps || view == Exposure::Flat,
+            _ => !keeps || view.is_flat(),
         };
         Ok(kept
             && rows.end - rows.start == height
@@ -174,7 +174,7 @@ pub(super) fn moments(folders: [&Path; 2], views: &[Exposure]) -> Vec<(Exposure,
             let error = moments::file::check(folders, *index).err()?;
             Some((*view, format!("{error} ({})", layout::view(*view, false))))
         }
-        Exposure::Flat | Exposure::Dark => None,
+        Exposure::Flat(_) | Exposure::Dark(_) => None,
     };
     views.par_iter().filter_map(of_view).collect()
 }
@@ -190,7 +190,7 @@ fn problem_of_view(
 ) -> Option<String> {
     let name = layout::view(view, false);
     if !part.extent.has(view) || !part.has(view) {
-        return Some(format!("{}: {name} is no view of this run", path.display()));
+        return Some(format!("{}: {name} is not a view of this run", path.display()));
     }
     let checksum = |root: &Path, values| stored.checksum(root, values, view);
     let is_whole = || -> Result<bool> {
@@ -203,7 +203,7 @@ fn problem_of_view(
     match is_whole() {
         Ok(true) => None,
         Ok(false) => Some(format!(
-            "{}: {name} differs from the committed one: resume the run to simulate it again",
+            "{}: {name} differs from its committed state: resume the run to simulate it again",
             path.display()
         )),
         Err(error) => Some(format!("{error} ({name})")),

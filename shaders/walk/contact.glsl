@@ -6,19 +6,21 @@
 
 const float CONTACT_FAR = 1e-2;      // m; crossings farther apart along the ray are not compared
 
-// Unit normal at a crossing of the straight line, beam frame; `reach`: the largest coordinate there,
-// about.
-vec3 normal_at(Bent ray, Crossing crossing, out float reach) {
+// Unit normal at a crossing of the straight line, beam frame; `limit`: the largest distance along it of
+// surfaces in contact; `crossed`: of a shape that others cross.
+vec3 normal_at(Bent ray, Crossing crossing, out float limit, out bool crossed) {
+    crossed = false;
 #ifdef PLACED
     Placed placed;
     if (is_shape(crossing.facet & FACET_LEAF, placed)) {
-        vec3 place = placed.position;
-        reach = max(max(abs(place.x), abs(place.y)), abs(place.z)) + moved_by(ray.line);
+        crossed = is_crossed(placed);
+        limit = contact_limit(crossing.y, extent_of(placed));
         return normal_of_shape(ray.line, placed, crossing);
     }
 #endif
     Leaf leaf = leaf_at(crossing.facet & FACET_LEAF);
-    reach = max(max(abs(leaf.a.x), abs(leaf.a.y)), abs(leaf.a.z)) + moved_by(ray.line);
+    float reach = max(max(abs(leaf.a.x), abs(leaf.a.y)), abs(leaf.a.z)) + moved_by(ray.line);
+    limit = max(CONTACT, CONTACT_ROUNDING * reach);
     return beam_from_world_direction(ray.line, leaf.normal);
 }
 
@@ -43,8 +45,9 @@ uint contact_end(Bent ray, Gathered list, uint i, Crossing first) {
     if (i + 1u == list.count || list_at(list, i + 1u).y - first.y > CONTACT_FAR) return i + 1u;
     vec3 direction = vec3(slope_of(ray.line), 1.0).xzy;
     float first_cosine = 0.0;
-    float first_reach = 0.0;
+    float first_limit = 0.0;
     bool mixed = false;
+    uint shapes = 0u; // that others cross
     uint j = i;
     [[dont_unroll]] for (; j < list.count; j++) {
         Crossing crossing = list_at(list, j);
@@ -59,21 +62,21 @@ uint contact_end(Bent ray, Gathered list, uint i, Crossing first) {
             repeated = repeated || same;
         }
         if (repeated) break;
-        float reach;
-        float cosine = max(abs(dot(normal_at(ray, crossing, reach), direction)), first_cosine);
-        reach = max(reach, first_reach);
+        float limit;
+        bool crossed;
+        float cosine = abs(dot(normal_at(ray, crossing, limit, crossed), direction));
+        cosine = max(cosine, first_cosine);
+        limit = max(limit, first_limit);
         if (j == i) {
             first_cosine = cosine;
-            first_reach = reach;
+            first_limit = limit;
         }
-        if (apart * max(cosine, CONTACT_COSINE) > max(CONTACT, CONTACT_ROUNDING * reach)) break;
+        if (apart * max(cosine, CONTACT_COSINE) > limit) break;
+        shapes += crossed ? 1u : 0u;
         mixed = mixed || ((crossing.facet ^ first.facet) & FACET_ENTERED) != 0u;
     }
-#ifdef PLACED
     // Of shapes that overlap, several may be entered, or left, at one place.
-    mixed = mixed || (KINDS & KIND_CROSSED) != 0u;
-#endif
-    return mixed ? j : i + 1u;
+    return mixed || shapes > 1u ? j : i + 1u;
 }
 
 // The media behind the crossings from i to end; false if an object is left that was not entered.

@@ -158,6 +158,22 @@ uint signature_at(MediumSet media, Gathered list, uint first, uint end, uint j) 
 }
 #endif
 
+#ifdef PLACED
+// The surface whose roughness an interface of the crossings from `first` to `end` has: of faces that lie
+// in each other the face of the object listed last.
+uint rough_surface(Gathered list, uint first, uint end) {
+    Crossing one = list_at(list, first);
+    Crossing last = one;
+    for (uint j = first + 1u; j < end; j++) {
+        Crossing crossing = list_at(list, j);
+        bool flush = ((crossing.facet ^ one.facet) & FACET_ENTERED) == 0u;
+        bool missed = (crossing.facet & FACET_MISSED) != 0u;
+        if (flush && !missed && object_of(crossing) > object_of(last)) last = crossing;
+    }
+    return last.surface;
+}
+#endif
+
 // Takes the crossings at i of the list, as far as they are one interface; i: behind them. Interfaces
 // of one crossing and of several go through the same calls, since drivers copy a function to each
 // of its calls.
@@ -192,7 +208,14 @@ uint take_next(inout Walk walk, Gathered list, inout uint i) {
         if (material != walk.material) {
             at = meet(walk.ray, at.leaf, entering, at.y, earliest(walk, at.leaf, entering));
             if (at.outcome == MEETS) {
-                reflected = pass_into(walk, at, one.crossing.surface, material);
+                uint surface = one.crossing.surface;
+#ifdef PLACED
+                const uint ROUGH_CROSSED = KIND_ROUGH | KIND_CROSSED;
+                if (together && (KINDS & ROUGH_CROSSED) == ROUGH_CROSSED) {
+                    surface = rough_surface(list, first, end);
+                }
+#endif
+                reflected = pass_into(walk, at, surface, material);
                 along = dot(at.normal, vec3(slope_of(walk.ray.line), 1.0).xzy);
             } else if (!together) {
                 bool missed = at.outcome == MISSES && entering && miss(list, first, one.object);

@@ -53,6 +53,21 @@ ShapeCrossings shape_crossings(Beam beam, vec2 moved, vec2 bent, Placed placed) 
     return all;
 }
 
+// About the farthest that a shape reaches from its centre along or across its axis, m.
+float extent_of(Placed placed) {
+    AnalyticShape shape = shape_of(placed);
+    vec3 size = shape.high;
+    float across = size.x;
+    if (shape.kind == SHAPE_FRUSTUM) across += abs(size.z) * size.y;
+    if (shape.kind == SHAPE_TORUS) across += size.y;
+    float along = size.y;
+    if (shape.kind == SHAPE_ELLIPSOID) {
+        across = 1.0 / min(size.x, size.y);
+        along = 1.0 / size.z;
+    }
+    return max(across * placed.scale, along * placed.scale_z);
+}
+
 // Whether a line may cross a shape four times.
 bool has_hole(Placed placed) {
     if (!TORI && !TUBES) return false;

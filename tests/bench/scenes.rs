@@ -71,7 +71,7 @@ fn bumpy(out: &mut Soup, n: u32) {
     }
 }
 
-/// Parallel fibres of 5 um along z (64 triangles each) in a square patch of this side.
+/// Parallel fibres of 5 um along z (64 triangles each) in a square of this side.
 fn fibres(out: &mut Soup, count: u32, side: f64) {
     let columns = f64::from(count).sqrt().ceil();
     let pitch = side / columns;

@@ -51,6 +51,8 @@ fn run(scene: &Scene, sink: &mut RunDirectory, faults: &[Fault]) -> Result<RunRe
     let engine = Engine::open(
         &EngineOptions::default()
             .with_backend(Backend::Bvh)
+            // Two bands: views one by one, so that calls come in one order.
+            .with_band_rows(3)
             .with_validation(std::env::var_os("BEAMLET_VALIDATION").is_some())
             .with_faults(faults.to_vec()),
     )?;
@@ -67,8 +69,8 @@ fn assert_tells(error: &Error, fault: Fault) {
     let wanted = match fault.answer {
         DeviceLost => "the device was lost; ",
         Timeout => "end",
-        OutOfDeviceMemory => "the device has no more: lower the memory limit",
-        OutOfHostMemory => "the host has no more: lower the memory limit",
+        OutOfDeviceMemory => "the device has no memory left: lower the memory limit",
+        OutOfHostMemory => "the host has no memory left: lower the memory limit",
     };
     assert!(text.contains(wanted), "{fault:?}: {text}");
     let memory = matches!(fault.answer, OutOfDeviceMemory | OutOfHostMemory);

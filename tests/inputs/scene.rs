@@ -165,6 +165,11 @@ fn values_out_of_range_are_refused() {
             "projected_aperture = \"30 um\"\naperture = \"20 um\"",
             "sample_mask.projected_aperture",
         ),
+        (
+            "projected_aperture = \"30 um\"",
+            "projected_aperture = \"-3 um\"",
+            "sample_mask.projected_aperture",
+        ),
     ];
     for (from, to, expected) in cases {
         let (place, key, ..) = parts(changed(from, to));

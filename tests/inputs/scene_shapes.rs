@@ -96,7 +96,12 @@ fn impossible_shapes_name_the_key_what_was_found_and_what_is_allowed() {
             "-1 mm",
             "> 0",
         ),
-        ("ellipsoid = { semi_axes = [\"1 mm\"] }", "ellipsoid.semi_axes", "a list of 1", "half"),
+        (
+            "ellipsoid = { semi_axes = [\"1 mm\"] }",
+            "ellipsoid.semi_axes",
+            "a list of length 1",
+            "half",
+        ),
         (
             "torus = { radius = \"1 mm\", tube_radius = \"1 mm\" }",
             "torus.tube_radius",
@@ -139,7 +144,7 @@ fn impossible_shapes_name_the_key_what_was_found_and_what_is_allowed() {
         (
             "extrusion = { points = [[\"0 mm\"]], height = \"1 mm\" }",
             "extrusion.points[0]",
-            "a list of 1",
+            "a list of length 1",
             "a corner",
         ),
         (

@@ -144,7 +144,7 @@ fn a_region_that_cuts_a_mask_is_an_error_with_its_key() {
     let told = check_clearance(&bath, &load(&bath).unwrap()).unwrap_err().to_string();
     assert!(
         told.contains("surroundings.region")
-            && told.contains("touches the back of the sample mask"),
+            && told.contains("touches or passes the back of the sample mask"),
         "{told}"
     );
 }

@@ -177,6 +177,9 @@ fn edges_at_the_rotation_centre_are_right_and_warn_of_nothing() {
         assert!(error < 1e-4, "{error}");
         assert!(stacks.record.edge_error.unwrap() < 1e-4);
         let warnings = Check::of(&scene).with_engine(&engine).run().unwrap().warnings;
-        assert!(warnings.iter().all(|text| !text.contains("blurs edges")), "{warnings:?}");
+        assert!(
+            warnings.iter().all(|text| !text.contains("the blur by the focal spot")),
+            "{warnings:?}"
+        );
     }
 }

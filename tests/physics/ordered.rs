@@ -156,8 +156,8 @@ fn all() -> Vec<(String, Vec<Body>, f64)> {
     let water = body(sphere(1e-3, 4).rounded(), WATER[0], WATER[1]);
     all.push(("ball in a block".into(), vec![carbon(cuboid([4e-3; 3])), water], 0.0));
     for angle in [0.0_f64, 0.47] {
-        let patch = fibres(100, 2.5e-6, 16).turned([0.0, 0.0, 1.0], angle);
-        all.push((format!("fibres at {angle} rad"), vec![carbon(patch)], 0.03));
+        let bundle = fibres(100, 2.5e-6, 16).turned([0.0, 0.0, 1.0], angle);
+        all.push((format!("fibres at {angle} rad"), vec![carbon(bundle)], 0.03));
     }
     all
 }

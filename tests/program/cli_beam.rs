@@ -134,10 +134,16 @@ fn wrong_words_are_told_with_what_is_allowed() {
     std::fs::write(here.join("bad.csv"), "10,1\n20,-1\n").unwrap();
     for (arguments, code, wanted) in [
         (&["material", "watr", "--energy", "30 keV"][..], 1, "did you mean \"water\""),
+        (&["material", "qqq", "--energy", "30 keV"], 1, "`beamlet material` lists them"),
         (&["material", "C5H8O3", "--energy", "30 keV"], 2, "--density"),
         (&["material", "gold"], 2, "--energy"),
         (&["material", "gold", "--energy", "30"], 2, "without a unit"),
-        (&["material", "gold", "--energy", "-3 keV"], 2, "found"),
+        (&["material", "gold", "--energy", "-3 keV"], 2, "found -3 keV; allowed: a value > 0"),
+        (
+            &["material", "gold", "--energy", "3 keV", "--thickness", "-5 um"],
+            2,
+            "found -5 um; allowed: a value > 0",
+        ),
         (&["material", "gold", "--energy", "2 MeV"], 1, "0.1 keV to 800 keV"),
         (&["material", "vacuum", "--density", "1 g/cm3", "--energy", "3 keV"], 2, "no density"),
         (&["material", "gold", "--spectrum", "bad.csv"], 1, "bad.csv:2:4: weight: found -1"),
@@ -157,7 +163,7 @@ fn wrong_words_are_told_with_what_is_allowed() {
         ),
         (&["spectrum", "bad.csv"], 1, "bad.csv:2:4: weight: found -1"),
         (&["spectrum", "missing.csv"], 1, "missing.csv"),
-        (&["spectrum", "bad.csv", "--set", "source.energy=1 keV"], 2, "--set changes a scene"),
+        (&["spectrum", "bad.csv", "--set", "source.energy=1 keV"], 2, "--set is for scenes"),
     ] {
         let output = beamlet(here, arguments);
         let told = text(&output.stderr);

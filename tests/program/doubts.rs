@@ -74,6 +74,17 @@ fn each_fault_has_its_warning_and_no_other() {
         ("--set scan.mask_offsets=[\"0um\"]", "different values of scan.mask_offsets: 1"),
         ("--set scan.errors.offset_sigma=2mm", "scan.errors displace the sample mask by up to"),
         ("--set scan.errors.intensity_sigma=5", "intensity errors are shares"),
+        (
+            "--set detector.photons=20000 --set detector.electronic_noise=1e5",
+            "it is a standard deviation, in detector numbers",
+        ),
+        ("--set object.rod.scale=1e-9", "is its size (or `scale`) the right one?"),
+        ("--set sample_mask.offset=40um", "peak at a mask offset of -40.000 um, outside"),
+        ("--set materials.plastic.delta=2.4e-5", "the densest solid has at 30 keV, about 4.4e-6"),
+        (
+            "--set detector.photons=20000 --set detector.bit_depth=16 --set detector.gain=1e-4",
+            "a larger detector.gain avoids it",
+        ),
     ] {
         let report = checked(directory.path(), &plain, options);
         let warned = report.lines().any(|it| it.starts_with("warning") && it.contains(words));

@@ -5,13 +5,13 @@ use std::collections::BTreeMap;
 use std::fs;
 use std::path::Path;
 
-/// Regions of the small scene, mm: inside of the matrix, the rods and the patch.
+/// Regions of the small scene, mm: inside of the matrix, the rods and the bundle of thin fibres.
 const REGIONS: [&str; 5] = [
     "matrix=cylinder:1.2 mm,-1.6 mm,0.45 mm",
     "nylon=cylinder:-1.6 mm,-1.2 mm,0.35 mm",
     "epoxy=cylinder:-2.1 mm,0.5 mm,0.35 mm",
     "carbon=cylinder:2.1 mm,0.3 mm,0.35 mm",
-    "patch=cylinder:0 mm,1.6 mm,0.3 mm",
+    "bundle=cylinder:0 mm,1.6 mm,0.3 mm",
 ];
 
 /// Runs the program; its arguments may hold blanks.
@@ -56,7 +56,7 @@ fn reconstructed(
 }
 
 /// Contrasts of the experiment: μ and δ rise from polyethylene to nylon, epoxy and carbon; the dark field of
-/// the patch exceeds five times that of the matrix; δ by Gaussian fits is below δ by exact curves.
+/// the bundle exceeds five times the dark field of the matrix; δ by Gaussian fits is below δ by exact curves.
 #[track_caller]
 fn contrasts_hold([gaussian, exact]: &[BTreeMap<(String, String), f64>; 2]) {
     let of = |means: &BTreeMap<(String, String), f64>, quantity: &str, region: &str| {
@@ -67,8 +67,8 @@ fn contrasts_hold([gaussian, exact]: &[BTreeMap<(String, String), f64>; 2]) {
             let rising = ["matrix", "nylon", "epoxy", "carbon"].map(|it| of(means, quantity, it));
             assert!(rising.is_sorted(), "{quantity}: {rising:?}");
         }
-        let [patch, matrix] = ["patch", "matrix"].map(|it| of(means, "dark-field", it));
-        assert!(patch > 5.0 * matrix.abs(), "{patch:e} in the patch, {matrix:e} in the matrix");
+        let [bundle, matrix] = ["bundle", "matrix"].map(|it| of(means, "dark-field", it));
+        assert!(bundle > 5.0 * matrix.abs(), "{bundle:e} in the bundle, {matrix:e} in the matrix");
     }
     for region in ["matrix", "nylon", "epoxy", "carbon"] {
         let [low, high] = [gaussian, exact].map(|means| of(means, "delta", region));
@@ -111,7 +111,7 @@ fn experiment_of_64_views_has_the_contrasts_of_the_paper() {
         "nylon=cylinder:-6 mm,-4 mm,0.35 mm",
         "epoxy=cylinder:-5 mm,0 mm,0.35 mm",
         "carbon=cylinder:5 mm,0 mm,0.35 mm",
-        "patch=cylinder:0 mm,5 mm,0.25 mm",
+        "bundle=cylinder:0 mm,5 mm,0.25 mm",
     ];
     contrasts_hold(&reconstructed(directory.path(), &sets, &regions));
 }

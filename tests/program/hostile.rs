@@ -211,7 +211,7 @@ fn values_out_of_range_are_refused_with_the_range() {
         ("[16, 4]", "[16, 0]", &["detector.pixels[1]", "found the number 0", "from 1 to 65536"]),
         ("[16, 4]", "[16, 99999999999999999999]", &["detector.pixels[1]", "from 1 to 65536"]),
         ("[16, 4]", "[16, -1]", &["detector.pixels[1]", "found the number -1"]),
-        ("[16, 4]", "[16]", &["detector.pixels", "a list of 1"]),
+        ("[16, 4]", "[16]", &["detector.pixels", "a list of length 1"]),
         ("[16, 4]", "[16.5, 4]", &["detector.pixels[0]", "16.5"]),
         ("count = 3", "count = 4294967297", &["scan.mask_offsets.count", "4294967297"]),
         ("count = 3", "count = 0", &["scan.mask_offsets.count", "found the number 0"]),
@@ -230,7 +230,7 @@ fn values_out_of_range_are_refused_with_the_range() {
         ("seed = 1", "seed = -1", &["sampling.seed", "18446744073709551615"]),
         ("seed = 1", "seed = 18446744073709551616", &["sampling.seed"]),
         ("seed = 1", "seed = 1e400", &["sampling.seed"]),
-        ("[\"0 deg\", \"90 deg\"]", "[]", &["scan.angles", "a list of 0"]),
+        ("[\"0 deg\", \"90 deg\"]", "[]", &["scan.angles", "a list of length 0"]),
     ]);
 }
 
@@ -499,7 +499,7 @@ fn syntax_of_toml_and_json_is_shown_where_it_breaks() {
         ("{ \"source\": { ", &["scene.json:1:", "syntax: found EOF", "valid JSON"][..]),
         ("{ \"source\": 1, }", &["scene.json:1:", "trailing comma"]),
         ("", &["scene.json:1:", "valid JSON"]),
-        ("[]", &["scene.json:1:1: scene: found a list of 0", "a table"]),
+        ("[]", &["scene.json:1:1: scene: found a list of length 0", "a table"]),
         ("{}", &["scene.json:1:1: source", "the key is missing"]),
         ("{ \"source\": null }", &["source: found null"]),
         ("{ \"a\": 1, \"a\": 1 }", &["scene.json:1:11: a: found the key a second time"]),
@@ -519,7 +519,7 @@ fn paths_that_cannot_be_read_or_written_are_named() {
     place.scene = "nowhere.toml";
     place.refused(&["nowhere.toml: cannot read the scene"]);
     place.scene = ".";
-    place.refused(&[".: the scene file has to end in .toml or .json"]);
+    place.refused(&[".: the scene file must end in .toml or .json"]);
     fs::create_dir(place.directory.path().join("folder.toml")).unwrap();
     place.scene = "folder.toml";
     place.refused(&["folder.toml: cannot read the scene", "directory"]);

@@ -71,7 +71,7 @@ fn methods_that_do_not_fit_are_refused_before_any_work() {
     write_npy(path.join("delta.npy"), &Array3::<f32>::zeros((64, 1, 48))).unwrap();
     let usual = "reconstruct delta.npy --geometry scene.toml --quantity delta -o volume";
     for (more, words) in [
-        ("--method sirt", "those of derivatives are zero"),
+        ("--method sirt", "which are zero for derivatives"),
         ("--method cgls --non-negative", "no bounds"),
         ("--extrapolate", "refraction angles"),
         ("--method bb --iterations 0", "iterations"),
@@ -80,7 +80,7 @@ fn methods_that_do_not_fit_are_refused_before_any_work() {
         ("--phase", "has one step"),
         ("--mask cylinder:0mm,0mm,1mm", "has one step"),
         ("--method bb --filter hann", "--filter is for fbp, not for bb"),
-        ("--method cgls --extrapolate", "filter no rows"),
+        ("--method cgls --extrapolate", "do not filter rows"),
         ("--beam-hardening water", "a beam of one energy does not harden"),
         ("--sigma", "has no image refraction_sigma"),
         ("--memory-limit 64MiB", "a reconstruction"),
@@ -205,7 +205,7 @@ fn masks_and_starts_that_do_not_fit_are_refused() {
         ("--mask none.npy", "0 everywhere"),
         ("--mask torn.npy", "NaN at x 4, y 3, z 0"),
         ("--mask turned.npy", "[z][y][x]"),
-        ("--mask text.txt", "no file of a mask"),
+        ("--mask text.txt", "not a file of a mask"),
         ("--mask nothing.npy", "nothing.npy"),
         ("--mask cylinder:9mm,0mm,1mm", "without a voxel"),
         ("--start small", "[8, 8, 1] voxels"),
@@ -299,11 +299,11 @@ fn beam_hardening_leaves_no_cupping_and_says_its_energy() {
     };
     let ([middle, rim], printed) = made("plain", "");
     assert!(middle / rim < 0.98, "{middle} {rim}");
-    let said = format!("means over the spectrum, {mean:.3} keV");
+    let said = format!("means over the spectrum (mean detected energy {mean:.3} keV)");
     assert!(printed.contains(&said) && printed.contains("not corrected"), "{printed}");
     for (energy, words, more) in [
-        (mean, format!("mu is that of {mean:.3} keV"), "--beam-hardening water"),
-        (40.0, "mu is that of 40.000 keV".to_owned(), "--beam-hardening water@40keV"),
+        (mean, format!("mu at {mean:.3} keV"), "--beam-hardening water"),
+        (40.0, "mu at 40.000 keV".to_owned(), "--beam-hardening water@40keV"),
     ] {
         let ([middle, rim], printed) = made(&format!("at_{energy:.0}"), more);
         let truth = of(&[energy])[0];
@@ -332,7 +332,7 @@ fn beam_hardening_leaves_no_cupping_and_says_its_energy() {
     assert!(ended(&run(path, delta), 1).contains("refraction and dark field have no hardening"));
 }
 
-/// Refraction angles of a disc of δ = 1e-6 with a drift of 2 % of the largest and a column without an answer.
+/// Refraction angles of a disc of δ = 1e-6 with a drift of 2 % of the largest and a column without a result.
 #[test]
 fn delta_is_made_of_integrated_angles_without_their_drift() {
     let directory = workplace(SCENE);
@@ -353,7 +353,7 @@ fn delta_is_made_of_integrated_angles_without_their_drift() {
     for method in ["cgls", "sirt --iterations 60", "bb"] {
         let words = format!("{usual} --phase --method {method} -o volume --overwrite");
         let printed = done(path, &words);
-        let said = "phase    64 angles without an answer are interpolated along the row";
+        let said = "phase    64 angles without a result are interpolated along the row";
         assert!(printed.contains(said) && printed.contains("rms 1.0"), "{printed}");
         let delta: Array3<f32> = read_npy(path.join("volume/delta.npy")).unwrap();
         let inside: Vec<f64> = delta

@@ -199,14 +199,22 @@ fn the_thickness_of_bars_is_blamed_where_the_mask_itself_stands_well() {
 }
 
 #[test]
+fn a_unit_beside_a_shape_is_named_and_replaces_no_shape() {
+    let place = workplace(SCENE);
+    let line = "check scene.toml --no-estimate --set object.rod.unit=mm";
+    let message = ended(&run(place.path(), line), 1);
+    assert!(message.contains("object[0].unit: found both shape and unit"), "{message}");
+}
+
+#[test]
 fn what_is_missing_is_named() {
     let place = workplace(SCENE);
     for (line, code, words) in [
         ("compare nowhere run", 2, "nowhere: cannot be read"),
         ("view nowhere -o pictures", 1, "nowhere: cannot be read"),
         ("check nowhere", 1, "nowhere: cannot be read"),
-        ("report nowhere", 1, "nowhere: is not there"),
-        ("simulate scene.toml -o nowhere --resume", 1, "nowhere: is not there"),
+        ("report nowhere", 1, "nowhere: does not exist"),
+        ("simulate scene.toml -o nowhere --resume", 1, "nowhere: does not exist"),
         ("simulate scene.toml -o . --resume", 1, ".: holds no run to resume"),
         (
             "retrieve --flat a.npy --sample b.npy --geometry scene.toml -o out --offsets list.txt",
@@ -261,7 +269,7 @@ fn every_verb_takes_quiet_and_verbose_and_has_a_page_and_completions() {
         assert!(page.contains(".SH SYNOPSIS") && page.contains("beamlet"), "{verb}");
     }
     let message = ended(&run(place.path(), "man -o pages"), 1);
-    assert!(message.contains("pages/beamlet.1: is there already"), "{message}");
+    assert!(message.contains("pages/beamlet.1: exists already"), "{message}");
     ended(&run(place.path(), "man -o pages --overwrite"), 0);
 }
 

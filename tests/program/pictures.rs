@@ -230,7 +230,7 @@ fn range_width_and_format_are_as_asked() {
         ("--range contrast=0..1", "allowed: intensity, counts, dark_field"),
         ("--width 20", "200..=20000"),
         ("--format jpeg", "svg"),
-        ("--show curve --range counts=0..1", "--range belongs to --show frames"),
+        ("--show curve --range counts=0..1", "--range needs --show frames"),
     ] {
         let output = run(place.path(), &format!("view images -o none {line}"));
         let message = ended(&output, 2);
@@ -313,7 +313,7 @@ fn measured_stacks_are_looked_at_like_a_run() {
     assert_eq!(printed.lines().count(), 7, "{printed}");
     done(place.path(), "report lab/images -o bare.html");
     let page = fs::read_to_string(place.path().join("bare.html")).unwrap();
-    assert!(page.contains("Without the frames") && page.contains("flat.npy"));
+    assert!(page.contains("The frames of these images are not shown") && page.contains("flat.npy"));
     let output = run(place.path(), "view lab/images -o none --show frames");
     assert!(ended(&output, 1).contains("flat.npy"));
     let output = run(place.path(), "view lab/images --retrieved images -o none");

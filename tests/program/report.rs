@@ -299,7 +299,7 @@ fn what_cannot_be_reported_is_refused_and_nothing_is_written() {
     fs::write(place.path().join("mine.html"), "mine").unwrap();
     for (line, code, wanted) in [
         ("report scene.toml -o page.html", 1, "run.json"),
-        ("report nowhere -o page.html", 1, "nowhere: is not there"),
+        ("report nowhere -o page.html", 1, "nowhere: does not exist"),
         ("report run -o mine.html", 1, "--overwrite"),
         ("report run -o page.html --most 3", 2, "GiB"),
     ] {

@@ -327,6 +327,7 @@ fn missing_views_steps_and_images_are_refused_without_output() {
         ("view run --pixel 0,4", 2, "4 rows, 0 to 3"),
         ("view run --pixel 3", 2, "column,row"),
         ("view run --step 5", 2, "5 mask steps, 0 to 4"),
+        ("view run --step -1", 2, "invalid value '-1' for '--step <N>'"),
         ("view run --view 2", 2, "2 committed views, 0 to 1"),
         ("view run --row 4", 2, "4 rows"),
         ("view run --show retrieved --map contrast", 1, "dark_field"),

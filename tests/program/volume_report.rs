@@ -154,7 +154,7 @@ fn pictures_of_volumes_have_a_bar_a_unit_and_a_range() {
     let section = text("mu_y.svg");
     assert!(section.contains("z [mm]") && section.contains("y = 50 µm"), "{section}");
     let residuals = text("residuals_mu.svg");
-    assert!(residuals.contains("iteration 3 is taken: rms"), "{residuals}");
+    assert!(residuals.contains("iteration 3 is used: rms"), "{residuals}");
     let one = done(path, "view volume -o one --map mu --range mu=0..60 --width 400");
     assert_eq!(one.lines().count(), 4, "{one}");
     let picture = fs::read(path.join("one/mu_z_0001.png")).unwrap();

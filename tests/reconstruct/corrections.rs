@@ -15,7 +15,7 @@ use beamlet::scene::{
     Anode, Beam, Detector, Filter, MaskBody, MaskSpec, Scene, Source, SpectrumOrigin, SpectrumSpec,
 };
 use beamlet::spectrum::Spectrum;
-use beamlet::{Backend, RowsControl};
+use beamlet::{Backend, Cancel, Result, RowsControl};
 
 /// Chords of discs of value 1, m: means over columns.
 fn discs(geometry: &ScanGeometry, discs: &[([f64; 2], f64)]) -> Array3<f32> {
@@ -125,7 +125,7 @@ fn gains_of_columns_leave_a_fifth_of_their_rings() {
     };
     let corrected = |sinograms: &Array3<f32>| {
         let mut sinograms = sinograms.clone();
-        suppress_rings(&geometry, sinograms.view_mut()).unwrap();
+        suppress_rings(&geometry, sinograms.view_mut(), &Cancel::default()).unwrap();
         made(&sinograms)
     };
     let [truth, touched] = [made(&clean), corrected(&clean)];
@@ -152,7 +152,7 @@ fn gains_of_columns_leave_a_fifth_of_their_rings() {
     }
     let few = ScanGeometry::new([f64::INFINITY, 1.0], places(96, PIXEL), vec![0.0], views(5));
     let mut zeros = Array3::zeros((5, 1, 96));
-    assert!(suppress_rings(&few, zeros.view_mut()).is_err());
+    assert!(suppress_rings(&few, zeros.view_mut(), &Cancel::default()).is_err());
 }
 
 fn tube() -> Scene {
@@ -251,6 +251,10 @@ fn integrated_angles_are_the_phase() {
     assert!(error < 8e-3, "{error}");
 }
 
+fn axis_of(geometry: &ScanGeometry, sinograms: &Array3<f32>, data: Data) -> Result<f64> {
+    find_axis(geometry, sinograms.view(), data, &Cancel::default())
+}
+
 #[test]
 fn lines_seen_twice_give_the_axis() {
     let mut worst = Worst::new("axis of rotation, pixels", 0.1);
@@ -266,7 +270,7 @@ fn lines_seen_twice_give_the_axis() {
                 (Data::Refraction, Quantity::Delta),
             ] {
                 let given = sinograms(&geometry, &blobs(), quantity);
-                let found = find_axis(&geometry, given.view(), data).unwrap() / PIXEL;
+                let found = axis_of(&geometry, &given, data).unwrap() / PIXEL;
                 worst.take(found - shift, || format!("blobs, {data:?}, {shift}, turn: {is_turn}"));
             }
             // Sharp borders, with noise of 1 % of the largest value.
@@ -276,18 +280,18 @@ fn lines_seen_twice_give_the_axis() {
                 state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
                 value + (f64::from(state >> 8) / f64::from(1 << 24) - 0.5) as f32 * 6e-5
             });
-            let found = find_axis(&geometry, given.view(), Data::Attenuation).unwrap() / PIXEL;
+            let found = axis_of(&geometry, &given, Data::Attenuation).unwrap() / PIXEL;
             worst.take(found - shift, || format!("discs, {shift}, turn: {is_turn}"));
         }
     }
     worst.holds();
     let geometry = parallel(60);
     let half = sinograms(&geometry, &blobs(), Quantity::Mu);
-    let message = find_axis(&geometry, half.view(), Data::Attenuation).unwrap_err().to_string();
+    let message = axis_of(&geometry, &half, Data::Attenuation).unwrap_err().to_string();
     assert!(message.contains("from both ends"), "{message}");
     let geometry = parallel(180);
     let flat = Array3::<f32>::zeros((180, 1, 96));
-    assert!(find_axis(&geometry, flat.view(), Data::Attenuation).is_err());
+    assert!(axis_of(&geometry, &flat, Data::Attenuation).is_err());
 }
 
 /// The paper's masks; a curve of 9.48 um.

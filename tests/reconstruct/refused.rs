@@ -1,9 +1,14 @@
 //! Scans, sinograms and grids that cannot be reconstructed.
 
 use crate::set_up::{PIXEL, fan, grid, places, reconstruct, views};
+use crate::support;
 use beamlet::ndarray::Array3;
-use beamlet::reconstruct::{FbpOptions, Quantity, ScanGeometry, VolumeGrid};
+use beamlet::reconstruct::{
+    Data, FbpOptions, IterativeOptions, Measured, Method, Quantity, ScanGeometry, VolumeGrid,
+    VolumePlan, estimate, find_axis, suppress_rings,
+};
 use beamlet::scene::{Beam, Detector, Motion, RotationAxis, Scene, Source};
+use beamlet::{Backend, Cancel, Error, RowsControl};
 
 #[track_caller]
 fn refused(geometry: &ScanGeometry, sinograms: &Array3<f32>, grid: &VolumeGrid, words: &str) {
@@ -35,6 +40,49 @@ fn what_cannot_be_reconstructed_is_named() {
     refused(&unsorted, &zeros(&good), &grid, "ascending");
     let two = ScanGeometry::new([0.01, 0.02], places(96, PIXEL), vec![0.0], views(2));
     refused(&two, &zeros(&two), &grid, "three or more");
+}
+
+/// Geometries that a caller takes apart are errors, and end no program.
+#[test]
+fn estimates_of_scans_that_cannot_be_are_refused() {
+    let engine = support::engine(Backend::Bvh);
+    let refused = |geometry: &ScanGeometry, grid: VolumeGrid, words: &str| {
+        for method in [Method::default(), Method::iterative(IterativeOptions::default(), false)] {
+            let plan = VolumePlan::new(vec![Quantity::Mu], grid, method);
+            let made = estimate(&engine, geometry, &plan, true, &mut RowsControl::default());
+            let message = made.unwrap_err().to_string();
+            assert!(message.contains(words), "{message}");
+        }
+    };
+    let good = grid([8, 8, 1]);
+    let changed = |change: fn(&mut ScanGeometry)| {
+        let mut geometry = fan(180);
+        change(&mut geometry);
+        geometry
+    };
+    refused(&changed(|it| it.columns.clear()), good, "0 columns");
+    refused(&changed(|it| it.rows.clear()), good, "0 rows");
+    refused(&changed(|it| it.angles.truncate(1)), good, "1 views");
+    refused(&fan(180), grid([0, 8, 1]), "one voxel or more");
+}
+
+/// A long search ends where its caller wants.
+#[test]
+fn the_search_of_the_axis_and_of_stripes_can_be_interrupted() {
+    let geometry = fan(180);
+    let mut sinograms = Array3::ones((180, 1, 96));
+    let cancel = Cancel::default();
+    cancel.cancel();
+    let found = find_axis(&geometry, sinograms.view(), Data::Attenuation, &cancel);
+    assert!(matches!(found, Err(Error::Interrupted)), "{found:?}");
+    let made = suppress_rings(&geometry, sinograms.view_mut(), &cancel);
+    assert!(matches!(made, Err(Error::Interrupted)), "{made:?}");
+    let measured = Measured::new(Data::Refraction, sinograms.view());
+    let method = Method::iterative(IterativeOptions::default(), true);
+    let control = &mut RowsControl::default().with_cancel(cancel);
+    let engine = support::engine(Backend::Bvh);
+    let made = method.volume(&engine, &geometry, &measured, &grid([8, 8, 1]), control);
+    assert!(matches!(made, Err(Error::Interrupted)), "{made:?}");
 }
 
 #[test]

@@ -52,7 +52,7 @@ pub(crate) fn bumpy(radius: f64, levels: u32) -> Mesh {
     mesh
 }
 
-/// Upright fibres in a square patch, apart.
+/// Upright fibres in a square, apart.
 pub(crate) fn fibres(count: usize, radius: f64, sides: u32) -> Mesh {
     let mut random = Random::new(3);
     let mut centres: Vec<[f64; 2]> = Vec::new();

@@ -107,7 +107,7 @@ fn odd_set_ups_are_warned_of() {
     };
     assert_eq!(
         warnings(ELEVEN, "", |_| ()),
-        "there is no object: the sample stack will equal the flat"
+        "the scene has no objects: the sample stack will equal the flat"
     );
     let far = "{ from = \"-60 um\", to = \"60 um\", count = 11 }";
     assert!(

@@ -192,7 +192,7 @@ fn counts_are_fitted_to_the_f64_optimum_with_and_without_weights() {
 }
 
 /// Bias (in standard deviations) and variance (over the Cramer-Rao bound) of A, mu, sigma, b; and
-/// what share of the curves has no answer.
+/// what share of the curves has no result.
 struct Statistics {
     bias: [f64; 4],
     variance: [f64; 4],
@@ -211,7 +211,7 @@ fn statistics(engine: &Engine, p: &Gaussian, count: usize, weights: Weights) -> 
     let bound = fit::cramer_rao(&offsets, p);
     let with: Vec<usize> = (0..count).filter(|i| got.flags[*i] & flags::NO_ANSWER == 0).collect();
     for i in &with {
-        // Nothing diverges silently: what has an answer lies where the offsets can tell it.
+        // Nothing diverges silently: what has a result lies where the offsets can tell it.
         assert!(got.width[*i] < 101e-6 && got.width[*i] > 1e-6, "width {}", got.width[*i]);
         let outside = got.centre[*i].abs() > 25.1e-6;
         assert!(!outside || got.flags[*i] & flags::OUTSIDE != 0, "centre {}", got.centre[*i]);
@@ -259,7 +259,7 @@ fn weighted_fits_of_counts_reach_the_cramer_rao_bound_without_bias() {
             assert!(s.bias[k].abs() < 0.1, "bias of unknown {k}: {:?}", s.bias);
         }
         assert!(s.reported.iter().all(|r| (r - 1.0).abs() < 0.05), "reported {:?}", s.reported);
-        assert!(s.without < 1e-4, "without an answer: {}", s.without);
+        assert!(s.without < 1e-4, "without a result: {}", s.without);
     }
 }
 
@@ -267,7 +267,7 @@ fn weighted_fits_of_counts_reach_the_cramer_rao_bound_without_bias() {
 fn few_counts_are_flagged_or_stay_within_the_scan() {
     // The table of docs/validation/counts.csv.
     let engine = engine();
-    println!("peak | weights | bias A mu sigma b | variance A mu sigma b | without an answer");
+    println!("peak | weights | bias A mu sigma b | variance A mu sigma b | without a result");
     for peak in [10.0, 30.0, 100.0, 300.0, 1e3, 1e4] {
         for weights in [Weights::None, Weights::Poisson] {
             let p = [peak, 2.0 * UM, 9.0 * UM, 0.05 * peak];

@@ -244,6 +244,14 @@ fn swapped_stacks_without_noise_are_warned_of() {
     let swapped = record(&truth.scene, [&truth.sample, &flat], &plain);
     warned(&swapped, &["flat and sample may be swapped (check --flat"]);
     warned(&record(&truth.scene, [&flat, &truth.sample], &plain), &[]);
+    let mut other = truth.scene.clone();
+    other.detector.pixels = [63, 16];
+    let found = record(&other, [&flat, &truth.sample], &plain);
+    warned(&found, &["the geometry has 63 x 16 pixels, the frames 64 x 16"]);
+    // Counts as flat, shares of open beam as sample.
+    let counts = flat.mapv(|value| 2e4 * value);
+    let record = record(&truth.scene, [&counts, &truth.sample], &plain);
+    warned(&record, &["transmission is below 0.001 in", "different units or exposures"]);
 }
 
 impl Truth {

@@ -13,6 +13,7 @@ mod dark_field;
 mod dithers;
 mod expected;
 mod fits;
+mod flats;
 mod geometry_file;
 mod ideal;
 mod lab_faults;

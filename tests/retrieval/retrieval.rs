@@ -227,7 +227,7 @@ fn exact_curves_of_counts_settle_and_stay_free_of_bias() {
     let options = RetrieveOptions::default().with_method(Method::ExactCurve).with_gain(1.0);
     let images = retrieve_with(&engine(), &scene(&offsets, &[]), &options, [&flat, &sample]);
     let without = images.get("refraction").unwrap().iter().filter(|a| a.is_nan()).count();
-    assert!(without * 1000 < rows * PIXELS, "{without} without an answer");
+    assert!(without * 1000 < rows * PIXELS, "{without} without a result");
     for pixel in 0..PIXELS {
         for (name, truth) in
             ["transmission", "refraction", "dark_field"].into_iter().zip(truth(pixel))

@@ -316,7 +316,7 @@ fn measured_16_bit_tiffs_with_a_dark_frame_give_the_runs_contrasts() {
     write_npy(place.join("zero.npy"), &Array3::<f32>::zeros((11, 4, 64))).unwrap();
     refuse(swap("flat.tif", "zero.npy"), 1, "without beam");
     refuse(swap("dark.tif", "flat.tif"), 1, "without beam");
-    refuse(swap("sample.tif", "flat.tif"), 1, "has the values of the flat");
+    refuse(swap("sample.tif", "flat.tif"), 1, "has the same values as the flat");
     refuse(swap(&list_in_one, &list_in_one.replace("um", "mm")), 1, "periods of the sample mask");
     refuse(swap(&list_in_one, &list_in_one.replace("um", "nm")), 1, "periods of the sample mask");
     write_npy(place.join("nan.npy"), &Array3::from_elem((11, 4, 64), f32::NAN)).unwrap();
@@ -394,7 +394,7 @@ fn comparisons_tell_what_differs_and_by_how_much() {
     assert!((frame[[2, 40]] - 0.01).abs() < 1e-6 && frame[[2, 41]].to_bits() == 0);
     bad(place, &["compare", "run", "run/flat.npy"], 2, "compare like with like");
     bad(place, &["compare", "run/flat.npy", "run/sample.npy"], 2, "has [");
-    bad(place, &["compare", "run", "nowhere"], 2, "nowhere: is not there");
+    bad(place, &["compare", "run", "nowhere"], 2, "nowhere: does not exist");
     good(place, &["compare", "run/sample.npy", "run/sample.npy"]);
 }
 
@@ -476,10 +476,14 @@ fn arguments_that_do_not_go_together_are_usage_errors() {
     bad(place, &["retrieve", "run", "--gain", "2"], 2, "--counts");
     bad(place, &["retrieve", "run", "--flat", "a.tif"], 2, "");
     bad(place, &["retrieve", "--flat", "a.tif"], 2, "");
+    let stacks = ["--flat", "run/flat.npy", "--sample", "run/sample.npy", "--geometry"];
+    let words =
+        [&["retrieve"][..], &stacks, &["run/scene.toml", "-o", "none", "--counts"]].concat();
+    bad(place, &words, 2, "--counts belongs to a run");
     bad(place, &["retrieve", "run", "--counts"], 1, "has no counts");
     bad(place, &["retrieve", "run", "--method", "three-step"], 1, "exactly 3");
-    bad(place, &["retrieve", "nowhere"], 1, "nowhere: is not there");
-    bad(place, &["retrieve", "."], 1, "no run directory");
+    bad(place, &["retrieve", "nowhere"], 1, "nowhere: does not exist");
+    bad(place, &["retrieve", "."], 1, "not a run directory");
     assert!(!place.join("run/retrieved").exists());
 }
 
@@ -658,5 +662,9 @@ fn flats_between_views_are_interpolated_and_each_view_may_have_its_own() {
         assert!(message.contains(word), "{word}: {message}");
     };
     refused("some.npy", &[], "4 flats for 5 views");
-    refused("own.npy", &["--flats-every", "2"], "5 flats for 5 views, 2 between them: 3, or 4");
+    refused(
+        "own.npy",
+        &["--flats-every", "2"],
+        "5 flats for 5 views, 2 between them; allowed: 3, or 4",
+    );
 }

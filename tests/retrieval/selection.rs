@@ -92,7 +92,7 @@ fn selected_columns_match_sliced_stacks_and_bins_match_larger_pixels() {
         (&["--columns", "5:5"], 2, "START:END:STEP"),
         (&["--bin", "0,1"], 2, "columns,rows from 1 on"),
         (&["--bin", "1,9"], 1, "1 to 64 columns and 1 to 8 rows"),
-        (&["--bin", "1,3"], 1, "a part of 8 rows without a rest"),
+        (&["--bin", "1,3"], 1, "a number that divides 8 rows"),
         (&["--empty-beam", "4:4"], 2, "C0:C1"),
         (&["--empty-beam", "0:9,0"], 2, "C0:C1,R0:R1"),
         (&["--empty-beam", "60:65"], 1, "columns from 0 to 64"),
@@ -107,7 +107,7 @@ fn selected_columns_match_sliced_stacks_and_bins_match_larger_pixels() {
     // Images of other pixels are not shown beside the frames of the run.
     let words = ["view", "fine", "-o", "other", "--retrieved", "kept"];
     let output = beamlet(place).args(words).output().unwrap();
-    assert!(stderr(&output).contains("--columns, --bin"), "{}", stderr(&output));
+    assert!(stderr(&output).contains("--columns or --bin"), "{}", stderr(&output));
     assert_eq!(OpenRun::open(place.join("fine")).unwrap().views(), 1);
 }
 

@@ -109,7 +109,7 @@ fn names_whose_order_is_not_known_are_refused_with_the_names() {
         (&["f_1", "f_2", "f_2_old_1"], &["f_2_old_1.tif", "different counts of numbers"]),
         (&["f_1", "thumbnails"], &["thumbnails.tif", "different counts of numbers"]),
         (&["f_500nm", "f_1um"], &["f_1um.tif", "f_500nm.tif", "more than numbers"]),
-        (&["f_1.2", "f_1.9", "f_1.10"], &["f_1.10.tif", "digits behind the point"]),
+        (&["f_1.2", "f_1.9", "f_1.10"], &["f_1.10.tif", "different numbers of decimals"]),
         (&["2026-11-24_1", "2026_11-24_2"], &["more than numbers"]),
     ];
     for (names, words) in cases {

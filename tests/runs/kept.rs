@@ -270,11 +270,11 @@ fn a_run_whose_moments_are_read_is_not_overwritten_meanwhile() {
     let kept = StoredMoments::open(&path).unwrap();
     let again = StoredMoments::open(&path).unwrap();
     let error = RunDirectory::create(&path, Format::Npy, true).unwrap_err().to_string();
-    assert!(error.contains("another beamlet is using this run"), "{error}");
+    assert!(error.contains("another beamlet process is using this run"), "{error}");
     drop((kept, again));
     let writer = RunDirectory::create(&path, Format::Npy, true).unwrap();
     let error = StoredMoments::open(&path).unwrap_err().to_string();
-    assert!(error.contains("another beamlet is writing this run"), "{error}");
+    assert!(error.contains("another beamlet process is writing this run"), "{error}");
     drop(writer);
     StoredMoments::open(&path).unwrap();
 }

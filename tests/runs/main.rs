@@ -13,6 +13,8 @@ mod crash;
 mod earlier_runs;
 mod endless;
 mod ends;
+#[cfg(all(feature = "cli", unix))]
+mod flats;
 mod frame_order;
 mod integrity;
 mod kept;
@@ -21,6 +23,7 @@ mod one_patch;
 mod safety;
 #[cfg(all(feature = "cli", unix))]
 mod shards;
+mod side_by_side;
 mod stack;
 mod stack_read;
 mod tiff_pages;

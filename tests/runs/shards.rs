@@ -200,10 +200,10 @@ fn shards_that_do_not_belong_to_the_plan_are_refused() {
     let other = [&words("0/3")[..], &["--set", "source.energy=31 keV"]].concat();
     refused(&place, &other, &["another scene", "source.energy"]);
     let none = ["simulate", "scene.toml", "-o", "none", "--shard", "0/3"];
-    refused(&place, &none, &["none", "no planned run", "beamlet plan"]);
+    refused(&place, &none, &["none", "not a planned run", "beamlet plan"]);
     let many = ["plan", "scene.toml", "--shards", "12", "-o", "many"];
     refused(&place, &many, &["1 to 11, the number of views"]);
-    refused(&place, &["join", "scene.toml"], &["no planned run"]);
+    refused(&place, &["join", "scene.toml"], &["not a planned run"]);
     // Of another plan.
     let place_of_other = planned(3, &["--format", "npy"]);
     make(&place_of_other, &["1/3"]);
@@ -211,6 +211,13 @@ fn shards_that_do_not_belong_to_the_plan_are_refused() {
     let there = place.path("run/shards/0001");
     fs::rename(place_of_other.path("run/shards/0001"), &there).unwrap();
     refused(&place, &["join", "run"], &["shards/0001", "another plan"]);
+    fs::remove_dir_all(&there).unwrap();
+    // Of another scene, whose stacks have the same shape.
+    let place_of_scene = planned(3, &["--set", "source.energy=31 keV"]);
+    make(&place_of_scene, &["1/3"]);
+    fs::rename(place_of_scene.path("run/shards/0001"), &there).unwrap();
+    refused(&place, &["join", "run"], &["shards/0001", "another plan: its scene differs"]);
+    refused(&place, &words("1/3"), &["shards/0001", "another plan: its scene differs"]);
     fs::remove_dir_all(&there).unwrap();
     fs::rename(place.path("run/shards/0002"), &there).unwrap();
     make(&place, &["2/3"]);
@@ -303,7 +310,7 @@ fn one_process_at_a_time_makes_a_shard_and_its_state_is_listed() {
         std::thread::sleep(std::time::Duration::from_millis(5));
     }
     assert_eq!(states()[0]["state"], "running");
-    refused(&place, &words("0/2"), &["another beamlet is using this run"]);
+    refused(&place, &words("0/2"), &["another beamlet process is using this run"]);
     refused(&place, &["join", "run"], &["1 running"]);
     let output = end(first, &log, 0, 0, "-KILL");
     assert_eq!(output.status.signal(), Some(9), "it was done before it was ended");
@@ -350,7 +357,7 @@ fn scripts_for_slurm_have_the_options_and_are_shell() {
     // Refusals.
     fs::write(place.path("bad.sh"), "#!/bin/bash\n{options}\n").unwrap();
     let bad = [&plan[..4], &["-o", "bad", "--slurm", "--template", "bad.sh"]].concat();
-    refused(&place, &bad, &["bad.sh", "0 lines {command}"]);
+    refused(&place, &bad, &["bad.sh", "0 lines with {command}"]);
     let set = [&plan[..4], &["-o", "bad", "--slurm", "--sbatch-option", "array=0-9"]].concat();
     refused(&place, &set, &["array is set by the plan"]);
     let alone = [&plan[..4], &["-o", "bad", "--at-once", "2"]].concat();

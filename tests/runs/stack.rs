@@ -51,8 +51,8 @@ fn record() -> RunRecord {
 /// Values that differ everywhere, some of them awkward.
 fn values(view: Exposure) -> Array3<f32> {
     let view = match view {
-        Exposure::Flat => 0.5,
-        Exposure::Dark => unreachable!("the scene has no detector.photons"),
+        Exposure::Flat(_) => 0.5,
+        Exposure::Dark(_) => unreachable!("the scene has no detector.photons"),
         Exposure::Sample(index) => f32::from(u16::try_from(index).unwrap()) + 1.25,
     };
     Array3::from_shape_fn((STEPS, ROWS, COLUMNS), |(step, row, column)| {
@@ -75,7 +75,7 @@ fn put(sink: &mut dyn Sink, view: Exposure, band: usize) {
 
 fn whole_run(sink: &mut dyn Sink, band: usize) {
     sink.begin(&scene(), &start()).unwrap();
-    for view in [Exposure::Flat, Exposure::Sample(0), Exposure::Sample(1)] {
+    for view in [Exposure::Flat(0), Exposure::Sample(0), Exposure::Sample(1)] {
         put(sink, view, band);
         sink.commit(view).unwrap();
     }
@@ -109,7 +109,7 @@ fn exr_frames_read_back_bit_for_bit_with_their_geometry() {
         let (flat, _) = read_exr(&run.join(format!("flat/step_{step:03}.exr")));
         assert_eq!(
             flat,
-            values(Exposure::Flat).slice(s![step, .., ..]).iter().copied().collect::<Vec<_>>()
+            values(Exposure::Flat(0)).slice(s![step, .., ..]).iter().copied().collect::<Vec<_>>()
         );
         let (frame, about) = read_exr(&run.join(format!("sample/view_0001/step_{step:03}.exr")));
         let wanted = values(Exposure::Sample(1));
@@ -133,7 +133,7 @@ fn npy_stacks_read_back_bit_for_bit() {
     let open = |name| fs::File::open(temporary.path().join(name)).unwrap();
     let flat = Array3::<f32>::read_npy(open("flat.npy")).unwrap();
     let sample = Array4::<f32>::read_npy(open("sample.npy")).unwrap();
-    assert_eq!(flat, values(Exposure::Flat));
+    assert_eq!(flat, values(Exposure::Flat(0)));
     assert_eq!(sample.dim(), (VIEWS as usize, STEPS, ROWS, COLUMNS));
     for index in 0..VIEWS {
         assert_eq!(sample.slice(s![index as usize, .., .., ..]), values(Exposure::Sample(index)));
@@ -184,14 +184,14 @@ fn a_view_that_is_not_committed_leaves_no_file_that_counts() {
         let temporary = tempfile::tempdir().unwrap();
         let mut sink = RunDirectory::create(temporary.path(), format, false).unwrap();
         sink.begin(&scene(), &start()).unwrap();
-        put(&mut sink, Exposure::Flat, band);
-        sink.commit(Exposure::Flat).unwrap();
+        put(&mut sink, Exposure::Flat(0), band);
+        sink.commit(Exposure::Flat(0)).unwrap();
         put(&mut sink, Exposure::Sample(0), band);
         drop(sink);
         assert!(!temporary.path().join("sample").exists());
         assert!(!temporary.path().join("partial").exists());
         let resumed = RunDirectory::resume(temporary.path(), &scene()).unwrap();
-        assert_eq!(resumed.committed(), [Exposure::Flat]);
+        assert_eq!(resumed.committed(), [Exposure::Flat(0)]);
         assert_eq!(resumed.recorded().unwrap().state, RunState::Interrupted);
     }
 }
@@ -204,8 +204,8 @@ fn a_resumed_run_ends_with_the_bytes_of_an_uninterrupted_one() {
         run_in(&whole, format, ROWS);
         let mut sink = RunDirectory::create(&resumed, format, false).unwrap();
         sink.begin(&scene(), &start()).unwrap();
-        put(&mut sink, Exposure::Flat, 2);
-        sink.commit(Exposure::Flat).unwrap();
+        put(&mut sink, Exposure::Flat(0), 2);
+        sink.commit(Exposure::Flat(0)).unwrap();
         put(&mut sink, Exposure::Sample(0), 2);
         drop(sink);
         let mut sink = RunDirectory::resume(&resumed, &scene()).unwrap();
@@ -237,7 +237,7 @@ fn a_changed_frame_no_longer_counts_as_committed() {
         bytes[at] ^= 1;
         fs::write(&path, bytes).unwrap();
         let resumed = RunDirectory::resume(temporary.path(), &scene()).unwrap();
-        assert_eq!(resumed.committed(), [Exposure::Flat, Exposure::Sample(1)]);
+        assert_eq!(resumed.committed(), [Exposure::Flat(0), Exposure::Sample(1)]);
     }
 }
 
@@ -316,10 +316,10 @@ fn bands_out_of_order_or_missing_are_refused() {
     let temporary = tempfile::tempdir().unwrap();
     let mut sink = RunDirectory::create(temporary.path(), Format::Npy, false).unwrap();
     sink.begin(&scene(), &start()).unwrap();
-    let values = values(Exposure::Flat);
-    assert!(sink.write(Exposure::Flat, 2..4, values.slice(s![.., 2..4, ..])).is_err());
-    sink.write(Exposure::Flat, 0..2, values.slice(s![.., 0..2, ..])).unwrap();
-    assert!(sink.commit(Exposure::Flat).is_err());
+    let values = values(Exposure::Flat(0));
+    assert!(sink.write(Exposure::Flat(0), 2..4, values.slice(s![.., 2..4, ..])).is_err());
+    sink.write(Exposure::Flat(0), 0..2, values.slice(s![.., 0..2, ..])).unwrap();
+    assert!(sink.commit(Exposure::Flat(0)).is_err());
 }
 
 #[test]
@@ -327,7 +327,7 @@ fn arrays_and_callbacks_take_the_same_stacks() {
     let mut arrays = ArraySink::new();
     whole_run(&mut arrays, 2);
     let stacks = arrays.into_stacks().unwrap();
-    assert_eq!(stacks.flat, values(Exposure::Flat));
+    assert_eq!(stacks.flat, values(Exposure::Flat(0)));
     assert_eq!(stacks.sample.slice(s![1, .., .., ..]), values(Exposure::Sample(1)));
     assert_eq!(stacks.record, record());
 
@@ -367,7 +367,7 @@ fn an_open_run_reads_back_what_was_written_and_only_committed_views() {
         let run = OpenRun::open(temporary.path()).unwrap();
         assert_eq!(run.scene().scan, scene().scan);
         assert_eq!((run.views(), run.record().state), (2, RunState::Done));
-        assert_eq!(run.flat().unwrap().view(0).unwrap(), values(Exposure::Flat));
+        assert_eq!(run.flat().unwrap().view(0).unwrap(), values(Exposure::Flat(0)));
         let sample = run.sample().unwrap();
         for view in 0..2 {
             let expected = values(Exposure::Sample(u32::try_from(view).unwrap()));
@@ -379,7 +379,7 @@ fn an_open_run_reads_back_what_was_written_and_only_committed_views() {
         let mut sink = RunDirectory::create(cut.path(), format, false).unwrap();
         sink.begin(&scene(), &start()).unwrap();
         assert!(OpenRun::open(cut.path()).unwrap().flat().is_err());
-        for view in [Exposure::Flat, Exposure::Sample(0)] {
+        for view in [Exposure::Flat(0), Exposure::Sample(0)] {
             put(&mut sink, view, 2);
             sink.commit(view).unwrap();
         }

@@ -228,6 +228,6 @@ fn what_is_no_stack_is_refused_with_what_was_found() {
         assert!(read.is_err(), "{cut} of {} bytes", bytes.len());
     }
     assert!(refusal(&folder.path().join("none.npy")).contains("cannot be read"));
-    assert!(refusal(folder.path()).contains("allowed is one format"));
+    assert!(refusal(folder.path()).contains("allowed: one format"));
     assert!(OpenRun::open(folder.path()).unwrap_err().to_string().contains("run.json"));
 }

@@ -44,7 +44,7 @@ pub(super) fn write(
     writeln!(out, "method   {}, weights {}", record.method, record.weights)?;
     writeln!(out, "views    {views} of {columns} x {rows} pixels, in {seconds:.1} s")?;
     let pixels = views * rows * columns;
-    writeln!(out, "pixels   {} of {pixels} without an answer", record.without_answer)?;
+    writeln!(out, "pixels   {} of {pixels} without a result", record.without_answer)?;
     let remedy = remedy(record, pixels as u64);
     let said_once =
         [flags::of_pixel(flags::ILL_CONDITIONED, 0), flags::of_pixel(0, flags::ILL_CONDITIONED)];
@@ -72,8 +72,8 @@ pub(super) fn write(
         writeln!(out, "note     {remedy}")?;
     }
     if has_counts && !record.counts {
-        let way = "--counts --weights poisson retrieves from them, with their uncertainties";
-        writeln!(out, "note     the run has counts, too: {way}")?;
+        let way = "--counts --weights poisson retrieves from them, with uncertainties";
+        writeln!(out, "note     the run also has counts: {way}")?;
     }
     Ok(())
 }
@@ -97,7 +97,7 @@ fn write_chi_square(record: &Record, out: &mut impl Write) -> Result<(), Failure
         write!(out, "; {beyond:.2} beyond the residuals of the flat")?;
     }
     match record.gain_assumed {
-        true => writeln!(out, " (a gain of {gain} is assumed: --gain)")?,
+        true => writeln!(out, " (for an assumed gain of {gain}; set it with --gain)")?,
         false => writeln!(out)?,
     }
     Ok(())
@@ -121,7 +121,7 @@ fn write_empty_beam(record: &Record, out: &mut impl Write) -> Result<(), Failure
     }
     let doses: Vec<[f64; 2]> = views.iter().flat_map(|of| &of.dose).copied().collect();
     if let Some(line) = range(&doses, 1.0).filter(|_| doses.len() > 1) {
-        writeln!(out, "empty    dose of a step {line} of the flat's")?;
+        writeln!(out, "empty    dose of a step, relative to the flat, {line}")?;
     }
     Ok(())
 }

@@ -92,7 +92,7 @@ fn refuse_ignored(asked: &ViewOfRun) -> Result<(), Failure> {
                 .iter()
                 .filter_map(|show| Some(show.to_possible_value()?.get_name().to_owned()))
                 .collect();
-            let problem = format!("{option} belongs to --show {}", names.join(", "));
+            let problem = format!("{option} needs --show {}", names.join(", "));
             return Err(Failure::Usage(problem));
         }
     }

@@ -42,7 +42,10 @@ pub(super) fn of(path: &Path, asked: &ViewOfRun, form: PictureForm) -> Result<Pi
     if let Some(unknown) =
         maps.iter().map(String::as_str).chain(ranged).find(|name| !names.contains(name))
     {
-        return Err(Failure::Usage(format!("{unknown}: allowed: {}", names.join(", "))));
+        return Err(Failure::Usage(format!(
+            "no volume is named {unknown}; allowed: {}",
+            names.join(", ")
+        )));
     }
     let grid = record.grid();
     let number = slice.map_or(grid.size[2] / 2, |slice| slice as usize);

@@ -101,7 +101,7 @@ function begin() {
     addImage(element("frames"), "sample", "With the sample", 616);
     addCurves();
   } else {
-    element("curve").textContent = "The frames that the images were retrieved from are not there.";
+    element("curve").textContent = "The frames of these images are missing.";
   }
   for (const name of contrasts) {
     const { label } = images[name];

@@ -31,7 +31,7 @@ def rms(values):
 
 exact = {name: image("cells", name) for name in ("transmission", "refraction")}
 print(f"rms of alpha inside the cylinder: {rms(exact['refraction'][:, interior]):.3g} rad")
-print("| rays per pixel | rms error of T | rms error of alpha [rad] | pixels without an answer | traces |")
+print("| rays per pixel | rms error of T | rms error of alpha [rad] | pixels without a result | traces |")
 print("|---|---|---|---|---|")
 errors = {}
 for run in COUNTS + ["cells"]:
@@ -51,7 +51,7 @@ figure, axes = plt.subplots(len(SHOWN), 3, figsize=(10.4, 7.4), layout="constrai
                             gridspec_kw={"width_ratios": [1, 1, 0.9]})
 extent = [x[0] - PITCH / 2, x[-1] + PITCH / 2, -12 * PITCH, 12 * PITCH]
 limit = 2.0  # urad
-# Pixels without an answer are violet, as in beamlet's own pictures.
+# Pixels without a result are violet, as in beamlet's own pictures.
 gray, signed = (matplotlib.colormaps[name].with_extremes(bad="#be46d2") for name in ("gray", "RdBu_r"))
 for (left, middle, right), run in zip(axes, SHOWN):
     for panel, name, factor, style in (

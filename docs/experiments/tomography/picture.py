@@ -28,17 +28,17 @@ QUANTITIES = {  # file: factor, unit, limits of grey values
 }
 # Centres and radius of regions, mm; those of the scene.
 THICK = np.loadtxt("thick.csv", delimiter=",", skiprows=2)[:, :2] + [0, -5]
-PATCH, PATCH_RADIUS = (0.0, 5.0), 1.25
+BUNDLE, BUNDLE_RADIUS = (0.0, 5.0), 1.25
 REGIONS = {
     "polyethylene": ([(5.0, -4.5)], 1.0, "#0072b2"),
     "carbon rod": ([(5.0, 0.0)], 0.35, "#d55e00"),
     "epoxy rod": ([(-5.0, 0.0)], 0.35, "#009e73"),
     "nylon rod": ([(-6.0, -4.0)], 0.35, "#cc79a7"),
     "thick fibres": (THICK, 0.075, "#56b4e9"),
-    "patch": ([PATCH], 0.9, "#e69f00"),
+    "bundle": ([BUNDLE], 0.9, "#e69f00"),
 }
 RADIUS = 2.5e-6  # of a thin fibre, m
-WIDENING = 3.95  # variance of a bundle's curve over N (2 Δδ)², 7 steps over ±30 um
+WIDENING = 3.95  # variance of the curve of a bundle over N (2 Δδ)², 7 steps over ±30 um
 
 
 def region(record, centres, radius):
@@ -61,17 +61,17 @@ slices = {
 }
 truth = {q: np.load(RUNS / "exact_fbp" / f"{q}_truth.npy")[0].astype(float) for q in ("mu", "delta")}
 voxels = {name: region(record, centres, radius) for name, (centres, radius, _) in REGIONS.items()}
-fill = fibres(RUNS / "run/scene.toml") * RADIUS**2 / (1e-3 * PATCH_RADIUS) ** 2
+fill = fibres(RUNS / "run/scene.toml") * RADIUS**2 / (1e-3 * BUNDLE_RADIUS) ** 2
 theory = {}
 for name in REGIONS:
-    if name != "patch":
+    if name != "bundle":
         theory[name] = {q: np.median(truth[q][voxels[name]]) for q in truth} | {"dark-field": 0.0}
 carbon, matrix = theory["carbon rod"], theory["polyethylene"]
 mean = {q: fill * carbon[q] + (1 - fill) * matrix[q] for q in truth}
 crossings = 2 * fill / (np.pi * RADIUS)
-theory["patch"] = mean | {"dark-field": WIDENING * crossings * (2 * (carbon["delta"] - matrix["delta"])) ** 2}
+theory["bundle"] = mean | {"dark-field": WIDENING * crossings * (2 * (carbon["delta"] - matrix["delta"])) ** 2}
 
-print(f"fill of the patch {fill:.3f}, {1e-3 * crossings * 2 * PATCH_RADIUS:.0f} fibres through its centre")
+print(f"fill of the bundle {fill:.3f}, {1e-3 * crossings * 2 * BUNDLE_RADIUS:.0f} fibres through its centre")
 print("| quantity | way | " + " | ".join(REGIONS) + " |")
 print("|" + "---|" * (len(REGIONS) + 2))
 for q, (factor, unit, _) in QUANTITIES.items():

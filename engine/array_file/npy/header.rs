@@ -20,7 +20,7 @@ pub(crate) fn read<R: Read + Seek>(file: &mut R) -> Result<NpyHeader> {
     let mut bytes = vec![0; BEFORE];
     file.read_exact(&mut bytes)?;
     if !bytes.starts_with(b"\x93NUMPY") {
-        return Err(refused("it does not begin with the magic of one".into()));
+        return Err(refused("it does not begin with the magic bytes of NPY".into()));
     }
     let length = if bytes[6] == 1 {
         u32::from(u16::from_le_bytes([bytes[8], bytes[9]]))

@@ -196,7 +196,7 @@ fn numbers<T: Value>(samples: DecodingResult) -> Option<Vec<T>> {
 
 fn refused(path: &Path, found: &str) -> Error {
     let problem = format!(
-        "has {found}; allowed is one sample per pixel: f32, f64, or whole numbers of 8, 16 or 32 bits"
+        "has {found}; allowed: one sample per pixel: f32, f64, or whole numbers of 8, 16 or 32 bits"
     );
     Error::file(path, problem, None)
 }
@@ -206,6 +206,6 @@ fn failed(path: &Path, error: TiffError) -> Error {
         TiffError::IoError(source) => {
             Error::file(path, "cannot be read (cut short?)", Some(source))
         }
-        other => Error::file(path, format!("is no TIFF that can be read: {other}"), None),
+        other => Error::file(path, format!("is not a readable TIFF file: {other}"), None),
     }
 }

@@ -98,12 +98,12 @@ impl Noise {
         self.frame(view, first_row, rows, |index| values[index], cancel)
     }
 
-    /// Numbers of the dark frames, one of each step, in a band of rows.
+    /// Numbers of a dark, a frame of each step, in a band of rows.
     ///
     /// # Errors
     /// [`crate::Error::Interrupted`].
-    pub fn dark(&self, rows: Range<u32>, cancel: &Cancel) -> Result<Frame> {
-        self.frame(Exposure::Dark, rows.start, rows.len(), |_| 0.0, cancel)
+    pub fn dark(&self, index: u32, rows: Range<u32>, cancel: &Cancel) -> Result<Frame> {
+        self.frame(Exposure::Dark(index), rows.start, rows.len(), |_| 0.0, cancel)
     }
 
     fn frame(
@@ -116,9 +116,9 @@ impl Noise {
     ) -> Result<Frame> {
         let mut numbers = Array3::zeros((self.steps, rows, self.columns));
         let (kind, view) = match view {
-            Exposure::Flat => (1, 0),
+            Exposure::Flat(index) => (1, index),
             Exposure::Sample(index) => (2, index),
-            Exposure::Dark => (3, 0),
+            Exposure::Dark(index) => (3, index),
         };
         let line = |(index, line): (usize, &mut [f32])| {
             let mut clipped = Clipped::default();

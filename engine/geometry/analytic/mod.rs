@@ -79,6 +79,18 @@ impl AnalyticShape {
         [-half, half]
     }
 
+    /// Radii of a ball about the centre and of a rod along the axis that hold the shape at some scales, m.
+    pub(crate) fn radii(self, scales: DVec3) -> [f64; 2] {
+        let [_, half] = self.bounds();
+        let half = half * scales;
+        let rod = half.x.max(half.y);
+        let ball = match self.form() {
+            Form::Ellipsoid(_) => half.max_element(),
+            _ => libm::hypot(rod, half.z),
+        };
+        [ball, rod]
+    }
+
     /// Volume, m3.
     pub(crate) fn volume(self) -> f64 {
         match self {

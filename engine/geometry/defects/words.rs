@@ -21,7 +21,7 @@ impl Defects {
 
     /// Why the mesh is refused, and the remedy.
     pub(in crate::geometry) fn problem(&self) -> String {
-        self.description() + "; mend the mesh, or accept it with allow_defects = true"
+        self.description() + "; repair the mesh, or accept it with allow_defects = true"
     }
 
     /// Why the mesh is refused.
@@ -66,7 +66,7 @@ impl Defects {
         [
             (&self.degenerate_triangles, "triangle", "without area (harmless)"),
             (&self.duplicate_triangles, "triangle", "given twice"),
-            (&self.non_manifold_vertices, "vertex", "in which parts touch in a point (harmless)"),
+            (&self.non_manifold_vertices, "vertex", "where parts touch in a point (harmless)"),
         ]
         .into_iter()
         .filter(|(found, ..)| found.count > 0)

@@ -138,7 +138,7 @@ pub(super) fn pack(
     let solid = Region::solid(&spec.region);
     let reach = solid.half_sides::<3>().iter().fold(0.0_f64, |most, side| most.max(*side));
     let Some(body) = Prototype::new(object, spec, reach) else {
-        let (found, allowed) = ("a shape that is not packed", "a cylinder or a sphere");
+        let (found, allowed) = ("another shape", "a cylinder or a sphere");
         return Err(refused(key, "instances.packing", found.into(), allowed.into()));
     };
     let placed = |position: DVec3, scale: f64, scale_z: f64| InstanceTransform {
@@ -235,9 +235,9 @@ impl Target {
                 format!("count {:.0}", (f64::from(count) * share + 1e-6).floor()),
             ),
         };
-        let allowed =
-            "what the region holds without overlap: less, smaller bodies or a larger region";
-        let found = format!("{found}; the packing reached a {reached}");
+        let allowed = "a packing that fits the region without overlap: fewer or smaller bodies, or \
+                       a larger region";
+        let found = format!("{found}; the packing reached {reached}");
         refused(key, self.key(), found, allowed.into())
     }
 
@@ -252,7 +252,7 @@ impl Target {
             self.volume / region,
             volume / region
         );
-        let allowed = "a fill that whole bodies make within 1 %; or count in its place";
+        let allowed = "a fill that a whole number of bodies reaches within 1 %; or count instead";
         Err(refused(key, self.key(), found, allowed.into()))
     }
 }
@@ -285,7 +285,7 @@ impl<const D: usize> Filling<'_, D> {
                 Length.rounded(2.0 * body.outer_radius(largest)),
                 Length.rounded(body.gap)
             );
-            let allowed = "a region in which the largest fits";
+            let allowed = "a region in which the largest body fits";
             return Err(refused(self.key, "instances.region", found, allowed.into()));
         }
         // Bodies have half the gap around them.
@@ -366,7 +366,7 @@ impl<const D: usize> Filling<'_, D> {
             sizes.push(size);
             if sizes.len() as f64 > MOST_IN_BOX {
                 let found = format!("{} bodies and more around the region", sizes.len());
-                let allowed = "a region that is wide against its bodies, or fewer of them";
+                let allowed = "a region much wider than its bodies, or fewer bodies";
                 return Err(refused(self.key, target.key(), found, allowed.into()));
             }
         }

@@ -73,7 +73,7 @@ impl Names {
         }
         let place =
             match (all.is_empty(), suggestion::nearest(group, all.clone(), str::to_lowercase)) {
-                (true, _) => "it names none".to_owned(),
+                (true, _) => "the file has no names".to_owned(),
                 (false, Some(meant)) => format!("did you mean {meant:?}? It has {}", listed(&all)),
                 (false, None) => format!("it has {}", listed(&all)),
             };
@@ -104,7 +104,7 @@ impl Names {
         let Some((kind, names)) = several else { return Vec::new() };
         let shown: Vec<&str> = names.iter().map(String::as_str).collect();
         vec![format!(
-            "the file's {} {kind} are taken as one ({}); `group` takes one of them",
+            "the file's {} {kind} become one object ({}); `group` selects one of them",
             names.len(),
             listed(&shown)
         )]

@@ -219,7 +219,7 @@ fn shown(line: &str) -> String {
 /// backwards.
 fn corner(word: &str, vertices: usize) -> Result<usize, String> {
     let bad =
-        || format!("\"{}\" names no vertex: {vertices} are given before this line", shown(word));
+        || format!("\"{}\" is not a vertex: {vertices} are given before this line", shown(word));
     let index: i64 = word.split('/').next().unwrap_or_default().parse().map_err(|_| bad())?;
     let back = usize::try_from(index.unsigned_abs()).map_err(|_| bad())?;
     match index {

@@ -75,7 +75,9 @@ fn surface(vertices: &[Vertex], faces: &[Face], progress: impl Fn(f64)) -> Resul
             let vertex = usize::try_from(*number).ok().and_then(|number| vertices.get(number));
             let Some(Vertex(vertex)) = vertex else {
                 let there = vertices.len();
-                return Err(failed(format!("{number} names no vertex: there are {there}, from 0")));
+                return Err(failed(format!(
+                    "{number} is not a vertex: there are {there}, counted from 0"
+                )));
             };
             corners.push(*vertex);
         }
@@ -98,14 +100,14 @@ fn vet(header: &Header, mut left: u64) -> Result<(), Defect> {
     };
     for axis in ["x", "y", "z"] {
         if !matches!(has("vertex", axis), Some(PropertyType::Scalar(_))) {
-            let problem = format!("vertices have no number {axis}");
+            let problem = format!("vertices have no coordinate {axis}");
             return Err(Defect::new(problem, "header: \"element vertex\" needs x, y and z"));
         }
     }
     if !CORNERS.iter().any(|name| matches!(has("face", name), Some(PropertyType::List(..)))) {
         let problem = match header.elements.contains_key("tristrips") {
             true => "it holds strips of triangles and no faces; write it with faces",
-            false => "it has no faces: a cloud of points bounds no material",
+            false => "it has no faces: a cloud of points has no surface",
         };
         let place = "header: \"element face\" needs a list vertex_indices";
         return Err(Defect::new(problem, place));

@@ -21,7 +21,7 @@ pub(super) fn closed(surface: &Surface) -> (Surface, usize) {
         while let Some(next) = way.last().and_then(|last| take(&mut missing, *last)) {
             match way.iter().position(|it| *it == next) {
                 Some(from) => {
-                    patch(&mut whole, &way[from..]);
+                    cover(&mut whole, &way[from..]);
                     holes += 1;
                     way.truncate(from + 1);
                 }
@@ -62,7 +62,7 @@ fn take(missing: &mut BTreeMap<u32, Vec<u32>>, from: u32) -> Option<u32> {
     to
 }
 
-fn patch(surface: &mut Surface, corners: &[u32]) {
+fn cover(surface: &mut Surface, corners: &[u32]) {
     if let [a, b, c] = corners {
         surface.triangles.push([*a, *b, *c]);
         return;

@@ -92,7 +92,7 @@ impl Parts {
         Error::mesh(
             format!("\"{}\" and \"{}\"", names[first.object], names[second.object]),
             format!(
-                "they overlap or touch, and the first cannot be cut: {problem}{defects}; mend \
+                "they overlap or touch, and the first cannot be cut: {problem}{defects}; repair \
                  their meshes, or leave a gap between them"
             ),
             format!("near {}", in_mm(low.midpoint(high))),

@@ -161,7 +161,7 @@ impl Solid {
             }))
         };
         let made = if clean && triangles < SLOW { work() } else { watched(work, &token, task) };
-        let made = made.map_err(|_| failed("the boolean failed".to_owned()))?;
+        let made = made.map_err(|_| failed("the boolean operation failed".to_owned()))?;
         match made.status() {
             types::Error::NoError => Ok(Self { mesh: made, holes: self.holes, clean }),
             types::Error::Cancelled => Err(Error::Interrupted),

@@ -82,8 +82,13 @@ fn touch(both: [(&Group, &Place); 2], names: &[String], task: Task<'_>) -> Resul
     let mut bodies: Vec<Body> = (0..).zip(both).map(body).collect();
     let names = objects.map(|it| names[it as usize].clone());
     let (_, contacts) = nest(&mut bodies, &names, &[None, None], true, task)?;
-    let place = both[0].1.position.to_array();
-    let nothing = Contact { objects, kind: ContactKind::Touch { area: 0.0 }, place, pairs: 1 };
-    let found = contacts.into_iter().next().unwrap_or(nothing);
-    Ok(Some(Contact { objects, ..found }))
+    // Facets of shapes that touch may lie apart, or share a volume; the shapes do neither.
+    let area_of = |it: &Contact| match it.kind {
+        ContactKind::Touch { area } => area,
+        _ => 0.0,
+    };
+    let widest = contacts.iter().max_by(|a, b| area_of(a).total_cmp(&area_of(b)));
+    let nowhere = (0.0, both[0].1.position.to_array());
+    let (area, place) = widest.map_or(nowhere, |it| (area_of(it), it.place));
+    Ok(Some(Contact { objects, kind: ContactKind::Touch { area }, place, pairs: 1 }))
 }

@@ -30,7 +30,8 @@ impl Place {
         }
     }
 
-    fn scales(&self) -> DVec3 {
+    /// Of the own frame.
+    pub(crate) fn scales(&self) -> DVec3 {
         DVec3::new(self.scale, self.scale, self.scale * self.stretch)
     }
 

@@ -6,12 +6,27 @@ use super::own;
 use super::{Placed, Prototype};
 use crate::error::Result;
 use crate::geometry::Sample;
-use crate::geometry::body::Body;
+use crate::geometry::body::{Body, corners_of};
 use crate::geometry::nesting::nest;
-use crate::geometry::surface::Surface;
+use crate::geometry::surface::{Surface, near};
 use crate::geometry::watch::Task;
 
 impl Sample {
+    /// Adds the objects around shapes that cross to the surroundings of their facets: the comparison of
+    /// the facets alone does not know them.
+    fn surround_resolved(&self, bodies: &mut [Body]) {
+        for (at, _) in self.partners.lists() {
+            let placed = &self.placed[at as usize];
+            let own = &self.components[placed.component as usize];
+            let bounds = corners_of(own);
+            for component in &mut bodies[own.object as usize].components {
+                if near(bounds, corners_of(component), 0.0) {
+                    component.outside = component.outside.max(own.outside);
+                }
+            }
+        }
+    }
+
     /// Of each object, the facets of its shapes that cross others, cut by those; `facets`: of a shape in
     /// its own frame.
     ///
@@ -44,6 +59,7 @@ impl Sample {
             }
         }
         nest(&mut bodies, &names, &vec![None; names.len()], false, Task::unwatched())?;
+        self.surround_resolved(&mut bodies);
         Ok(bodies)
     }
 }

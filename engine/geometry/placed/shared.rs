@@ -15,9 +15,11 @@ use crate::geometry::surface::near;
 
 /// Lines along a shape across its radius, and around it.
 const LINES: [u32; 2] = [48, 64];
-/// Lines along a shape with more than [`MANY`] that cover parts of it.
+/// Lines along a shape that find a point of it, or the volume that it shares with one of more than [`MANY`].
 const FEWER_LINES: [u32; 2] = [24, 32];
-const MANY: usize = 4;
+const MANY: usize = 8;
+/// Lines across a shape along each of two sides, for its area.
+const AREA_LINES: u32 = 16;
 /// Lines across a region that is searched for the deepest point, along each of two sides.
 const ACROSS: u32 = 8;
 /// Searches about it, each in a region of 0.3 of the size of the one before.
@@ -90,12 +92,66 @@ impl<'a> Solid<'a> {
         self.parts(point, along).iter().any(|[from, to]| *from < 0.0 && *to > 0.0)
     }
 
+    /// The parts of a line that it has outside others.
+    fn parts_outside(self, winners: &[Self], origin: DVec3, direction: DVec3) -> Vec<[f64; 2]> {
+        let mut parts = self.parts(origin, direction).to_vec();
+        for part in winners.iter().flat_map(|it| it.parts(origin, direction)) {
+            without(&mut parts, part);
+        }
+        parts
+    }
+
+    /// Volume that lies in others, m3, within 0.3 % of its own by lines along it.
+    fn lost_to(self, winners: &[Self]) -> f64 {
+        let along = self.place.linear() * DVec3::Z;
+        let of_line = |(at, area): (DVec3, f64)| {
+            let origin = self.place.world_from_own(at);
+            let whole = length(&self.parts(origin, along));
+            let left = length(&self.parts_outside(winners, origin, along));
+            [area * (whole - left), area * whole]
+        };
+        self.volume() * share(self.lines(LINES).map(of_line))
+    }
+
+    /// Area of the remainder that others leave, over its own area: by the areas that both show along its
+    /// three axes, as often as a line crosses them.
+    fn area_left_by(self, winners: &[Self]) -> f64 {
+        let [_, half] = self.shape.bounds();
+        let scales = self.place.scales();
+        let at = |k: u32| (2.0 * f64::from(k) + 1.0) / f64::from(AREA_LINES) - 1.0;
+        let of_axis = |axis: usize| {
+            let mut along = DVec3::ZERO;
+            along[axis] = 1.0;
+            let direction = self.place.linear() * along;
+            let [u, v] = [(axis + 1) % 3, (axis + 2) % 3];
+            let area = half[u] * scales[u] * half[v] * scales[v];
+            (0..AREA_LINES * AREA_LINES).map(move |k| {
+                let mut origin = DVec3::ZERO;
+                origin[u] = half[u] * at(k % AREA_LINES);
+                origin[v] = half[v] * at(k / AREA_LINES);
+                let origin = self.place.world_from_own(origin);
+                let left = self.parts_outside(winners, origin, direction).len();
+                [left, self.parts(origin, direction).len()].map(|it| area * it as f64)
+            })
+        };
+        share((0..3).flat_map(of_axis))
+    }
+
     /// The parts of a line of the world that lie in it.
     fn parts(self, origin: DVec3, direction: DVec3) -> Parts {
         let own = self.place.own_from_world(origin);
         let crossings = self.shape.crossings(own, self.inverse * direction);
         crossings.chunks_exact(2).map(|pair| [pair[0].t, pair[1].t]).collect()
     }
+}
+
+/// The remainder of a shape.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Left {
+    /// Volume that is not, m3.
+    pub(super) lost: f64,
+    /// Area of its surface over the area of the whole shape: an estimate from the areas along its axes.
+    pub(super) area: f64,
 }
 
 /// What two lists of parts have in common.
@@ -117,6 +173,11 @@ fn length(parts: &[[f64; 2]]) -> f64 {
 /// Volume that two shapes share, m3: in closed form for two balls, to rounding for cylinders and cones on
 /// one axis, else within 0.3 % by lines along the smaller shape.
 pub(super) fn shared_volume(a: Solid<'_>, b: Solid<'_>) -> f64 {
+    shared_by_lines(a, b, LINES)
+}
+
+/// As [`shared_volume`], by some lines.
+fn shared_by_lines(a: Solid<'_>, b: Solid<'_>, lines: [u32; 2]) -> f64 {
     if let (Some(first), Some(second)) = (radius_of_ball(a), radius_of_ball(b)) {
         return lens(first, second, a.place.position.distance(b.place.position));
     }
@@ -124,9 +185,16 @@ pub(super) fn shared_volume(a: Solid<'_>, b: Solid<'_>) -> f64 {
     let along = thin.place.linear() * DVec3::Z;
     let of_line = |(at, area): (DVec3, f64)| {
         let origin = thin.place.world_from_own(at);
-        area * common(&thin.parts(origin, along), &other.parts(origin, along))
+        let own = thin.parts(origin, along);
+        [common(&own, &other.parts(origin, along)), length(&own)].map(|it| area * it)
     };
-    thin.lines(LINES).map(of_line).sum::<f64>() * thin.place.volume()
+    thin.volume() * share(thin.lines(lines).map(of_line))
+}
+
+/// The share of first in second numbers.
+fn share(of: impl Iterator<Item = [f64; 2]>) -> f64 {
+    let [part, whole] = of.fold([0.0; 2], |sum, it| [sum[0] + it[0], sum[1] + it[1]]);
+    if whole > 0.0 { part / whole } else { 0.0 }
 }
 
 fn radius_of_ball(solid: Solid<'_>) -> Option<f64> {
@@ -235,10 +303,12 @@ impl Sample {
         Some((Solid::new(shape, place), self.components[*component as usize].object))
     }
 
-    /// Volume of a placed shape that later ones of its partners hold, or earlier ones of its own object,
-    /// m3. A shape inside it that crosses one of these crosses the surface that they leave, and counts, too.
-    pub(super) fn lost_to(&self, at: u32) -> f64 {
-        let Some((own, object)) = self.solid_at(at) else { return 0.0 };
+    /// What others leave of a placed shape: later ones of its partners, or earlier ones of its own
+    /// object. A shape inside it that crosses one of these crosses the surface that they leave, and
+    /// counts, too.
+    pub(super) fn left_of(&self, at: u32) -> Left {
+        let whole = Left { lost: 0.0, area: 1.0 };
+        let Some((own, object)) = self.solid_at(at) else { return whole };
         let wins = |it: u32| {
             let (solid, other) = self.solid_at(it)?;
             let is_near = near(solid.bounds(), own.bounds(), 0.0);
@@ -247,12 +317,12 @@ impl Sample {
         let partners = |it: u32| self.partners.of(it).unwrap_or_default();
         let mut found: Vec<u32> = partners(at).to_vec();
         let mut known: HashSet<u32> = found.iter().copied().chain([at]).collect();
-        let mut winners: Vec<Solid<'_>> = Vec::new();
+        let mut winners: Vec<(u32, Solid<'_>)> = Vec::new();
         let mut next = 0;
         while let Some(it) = found.get(next).copied() {
             next += 1;
             let Some(solid) = wins(it) else { continue };
-            winners.push(solid);
+            winners.push((it, solid));
             for other in partners(it) {
                 let inside = |solid: Solid<'_>| own.contains(solid.inner_point());
                 if known.insert(*other) && wins(*other).is_some_and(inside) {
@@ -260,23 +330,26 @@ impl Sample {
                 }
             }
         }
-        match winners[..] {
-            [] => return 0.0,
-            [winner] => return shared_volume(own, winner),
-            _ => {}
+        if winners.is_empty() {
+            return whole;
         }
-        let along = own.place.linear() * DVec3::Z;
-        let of_line = |(at, area): (DVec3, f64)| {
-            let origin = own.place.world_from_own(at);
-            let mut parts = own.parts(origin, along).to_vec();
-            let whole = length(&parts);
-            for part in winners.iter().flat_map(|it| it.parts(origin, along)) {
-                without(&mut parts, part);
-            }
-            area * (whole - length(&parts))
+        let meet = |(a, first): (u32, Solid<'_>), (b, second): (u32, Solid<'_>)| {
+            a != b
+                && near(first.bounds(), second.bounds(), 0.0)
+                && (partners(a).contains(&b)
+                    || first.contains(second.inner_point())
+                    || second.contains(first.inner_point()))
         };
-        let lines = if winners.len() > MANY { FEWER_LINES } else { LINES };
-        own.lines(lines).map(of_line).sum::<f64>() * own.place.volume()
+        let (together, alone): (Vec<_>, Vec<_>) =
+            winners.iter().copied().partition(|it| winners.iter().any(|other| meet(*it, *other)));
+        let lines = if alone.len() > MANY { FEWER_LINES } else { LINES };
+        let mut lost: f64 = alone.iter().map(|it| shared_by_lines(own, it.1, lines)).sum();
+        if !together.is_empty() {
+            let together: Vec<Solid<'_>> = together.iter().map(|it| it.1).collect();
+            lost += own.lost_to(&together);
+        }
+        let all: Vec<Solid<'_>> = winners.iter().map(|it| it.1).collect();
+        Left { lost, area: own.area_left_by(&all) }
     }
 }
 

@@ -165,7 +165,7 @@ pub(crate) fn reconstruct<'py>(
     Ok((values, grid.voxel, grid.origin, unit, residuals, best))
 }
 
-/// Pixels in all; without an answer, not above 0, and misfits.
+/// Pixels in all; without a result, not above 0, and misfits.
 type Counted = (u64, u64, u64, u64);
 
 /// Sinograms of a retrieved image `[view][row][column]`: -ln of transmissions, pixels without a value

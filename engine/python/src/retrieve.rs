@@ -80,11 +80,11 @@ pub(crate) fn retrieve<'py>(
             if let Some(offsets) = mask_offsets {
                 geometry.scan.mask_offsets = offsets;
             }
-            let dark = dark_stack.as_ref();
+            let (flat, sample, dark) = (flat_stack, sample_stack, dark_stack);
             let input = match kind {
-                "counts" => Input::simulated_counts(&geometry, flat_stack, sample_stack, dark)?,
-                "measured" => Input::measured(&geometry, flat_stack, sample_stack, dark)?,
-                _ => Input::simulated(&geometry, flat_stack, sample_stack),
+                "counts" => Input::simulated_counts(&geometry, flat, sample, dark)?,
+                "measured" => Input::measured(&geometry, flat, sample, dark.as_ref())?,
+                _ => Input::simulated(&geometry, flat, sample),
             };
             let mut input = input.saturated_at(options.saturation);
             if let Some(path) = &options.bad_pixels {
@@ -96,7 +96,7 @@ pub(crate) fn retrieve<'py>(
                     .with_gain(options.gain.unwrap_or(gain))
                     .with_read_noise(options.read_noise.unwrap_or(noise));
             } else if options.gain.is_some() || chosen.weights == Weights::Poisson {
-                let allowed = "gain and weights = \"poisson\" belong to counts";
+                let allowed = "counts; gain and weights = \"poisson\" are for counts";
                 return Err(Error::argument("weights", "intensities", allowed));
             }
             watch.rows("retrieve", |mut control| {

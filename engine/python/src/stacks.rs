@@ -1,24 +1,45 @@
 //! Arrays of numpy from and to the engine.
 
-use beamlet::ndarray::{Array3, Array4};
+use beamlet::ndarray::{Array3, Array4, Axis, concatenate};
 use beamlet::stack::{StackFile, Stacks};
-use numpy::{IntoPyArray, PyArray3, PyArray4, PyReadonlyArray4, PyUntypedArrayMethods};
+use numpy::{IntoPyArray, PyArray4, PyArrayDyn, PyReadonlyArray4, PyUntypedArrayMethods};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 
 /// Counts of flat, sample and dark frames.
 pub(crate) type CountArrays<'py> =
-    (Bound<'py, PyArray3<f32>>, Bound<'py, PyArray4<f32>>, Bound<'py, PyArray3<f32>>);
+    (Bound<'py, PyArrayDyn<f32>>, Bound<'py, PyArray4<f32>>, Bound<'py, PyArrayDyn<f32>>);
 /// Flat, sample, counts, and the record of the run as JSON.
 pub(crate) type RunArrays<'py> =
-    (Bound<'py, PyArray3<f32>>, Bound<'py, PyArray4<f32>>, Option<CountArrays<'py>>, String);
+    (Bound<'py, PyArrayDyn<f32>>, Bound<'py, PyArray4<f32>>, Option<CountArrays<'py>>, String);
 
 /// Hands stacks to Python; their memory goes along.
 pub(crate) fn handed_over(py: Python<'_>, stacks: Stacks) -> PyResult<RunArrays<'_>> {
-    let three = |array: Array3<f32>| array.into_pyarray(py);
-    let four = |array: Array4<f32>| array.into_pyarray(py);
-    let counts = stacks.counts.map(|it| (three(it.flat), four(it.sample), three(it.dark)));
-    Ok((three(stacks.flat), four(stacks.sample), counts, json(&stacks.record)?))
+    let all = |first: Array3<f32>, later: Array4<f32>| one_or_all(py, first, &later);
+    let counts = match stacks.counts {
+        None => None,
+        Some(of) => Some((
+            all(of.flat, of.later_flats)?,
+            of.sample.into_pyarray(py),
+            all(of.dark, of.later_darks)?,
+        )),
+    };
+    let flat = all(stacks.flat, stacks.later_flats)?;
+    Ok((flat, stacks.sample.into_pyarray(py), counts, json(&stacks.record)?))
+}
+
+/// A flat or dark `[step][row][column]`, or several of them `[index][step][row][column]`.
+fn one_or_all<'py>(
+    py: Python<'py>,
+    first: Array3<f32>,
+    later: &Array4<f32>,
+) -> PyResult<Bound<'py, PyArrayDyn<f32>>> {
+    if later.is_empty() {
+        return Ok(first.into_dyn().into_pyarray(py));
+    }
+    let all = concatenate(Axis(0), &[first.view().insert_axis(Axis(0)), later.view()])
+        .map_err(|error| PyValueError::new_err(error.to_string()))?;
+    Ok(all.into_dyn().into_pyarray(py))
 }
 
 /// A value as JSON.

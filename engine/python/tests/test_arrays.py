@@ -51,6 +51,27 @@ def test_arrays_equal_the_files_of_a_run_and_of_the_program(
     assert run.record["seed"] == stored.record["seed"] == 7
 
 
+@pytest.mark.parametrize("format", ["exr", "npy", "tiff"])
+def test_flats_and_darks_between_views_are_stacks(
+    scene: bl.Scene, engine: bl.Engine, tmp_path: Path, format: str
+) -> None:
+    # Flats before views 0, 2 and 4 and behind view 4, darks before views 0 and 3 and behind view 4.
+    several = scene.replace("scan.angles", {"from": "0 deg", "to": "90 deg", "count": 5})
+    for key, value in (("detector.photons", 5000), ("scan.flats_every", 2), ("scan.darks_every", 3)):
+        several = several.replace(key, value)
+    run = engine.simulate(several)
+    stored = engine.simulate_to(several, tmp_path / "run", format=format)  # type: ignore[arg-type]
+    for of in (run, stored):
+        assert of.counts and of.flat.shape == of.counts.flat.shape == (4, 5, 4, 24)
+        assert of.counts.dark is not None and of.counts.dark.shape == (3, 5, 4, 24)
+    assert run.counts and stored.counts and np.array_equal(run.flat, stored.flat)
+    assert np.array_equal(run.counts.flat, stored.counts.flat)
+    assert run.counts.dark is not None and np.array_equal(run.counts.dark, stored.counts.dark)
+    images = [of.retrieve(counts=True) for of in (run, stored)]
+    assert images[0]["flat_amplitude"].shape[0] == 5
+    assert np.array_equal(images[0].transmission, images[1].transmission, equal_nan=True)
+
+
 @pytest.mark.parametrize("format", ["exr", "tiff"])
 def test_other_formats_are_read(scene: bl.Scene, engine: bl.Engine, tmp_path: Path, format: str) -> None:
     run = engine.simulate_to(scene, tmp_path / "run", format=format)  # type: ignore[arg-type]

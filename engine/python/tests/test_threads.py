@@ -83,7 +83,7 @@ def test_interrupts_of_each_long_step(
     assert interrupted(lambda: bl.view(wide), 0.2) < 1
     # The engine goes on to serve, and what was interrupted can be resumed.
     assert np.array_equal(before.sample, engine.simulate(scene, seed=1).sample)
-    with pytest.raises(bl.FileError, match="resume|run directory|is not there"):
+    with pytest.raises(bl.FileError, match="resume|run directory|does not exist"):
         bl.Run.open(path)
 
 

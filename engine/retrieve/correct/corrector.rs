@@ -10,6 +10,7 @@ use crate::retrieve::diagnosis::{Borders, is_usable};
 use crate::retrieve::images::{FLAGS, Images};
 use crate::retrieve::input::Input;
 use crate::retrieve::misfit::median;
+use crate::retrieve::retriever::Corrected;
 use crate::retrieve::shape::CurveGeometry;
 use crate::retrieve::{Method, RetrieveOptions, Retriever};
 use crate::{Error, Result, numbers};
@@ -48,10 +49,17 @@ pub(crate) struct FrameCorrection {
     /// Values from here on are left out of fits.
     saturation: Option<f32>,
     /// m, without whole periods.
-    pub(crate) offsets: Option<Vec<f64>>,
+    offsets: Option<Vec<f64>>,
 }
 
 impl FrameCorrection {
+    /// Offsets, and the factor of the values, for fits.
+    pub(crate) fn corrected(&self) -> Corrected<'_> {
+        let factors = self.doses.iter().map(|dose| f64::from(*dose).recip());
+        let factor = factors.sum::<f64>() / self.doses.len() as f64;
+        Corrected { offsets: self.offsets.as_deref(), factor }
+    }
+
     /// Divides values `[step][row][column]` by the doses; saturated values stay.
     pub(crate) fn apply(&self, data: &mut Array3<f32>) {
         let most = self.saturation.unwrap_or(f32::INFINITY);
@@ -140,7 +148,7 @@ impl Corrector {
             None => Err(Error::argument(
                 "correct",
                 format!("no empty beam at both sides of view {view}"),
-                "columns with nothing in the beam, named as empty beam",
+                "columns with nothing in the beam, given as empty beam (--empty-beam)",
             )),
         }
     }
@@ -273,12 +281,12 @@ impl Corrector {
     }
 
     fn too_few(view: usize, count: usize) -> Result<()> {
-        let found = format!("{count} pixels with an answer in view {view}");
+        let found = format!("{count} pixels with a result in view {view}");
         let allowed = format!("{FEWEST} pixels or more with nothing in the beam");
         Err(Error::argument("empty_beam", found, allowed))
     }
 
-    /// Place (x, z) and value of the pixels of empty beam that have an answer without a flag of doubt.
+    /// Place (x, z) and value of the pixels of empty beam that have a result without a flag of doubt.
     fn points(&self, images: &Images, name: &str, empty: &[Rectangle]) -> Vec<[f64; 3]> {
         let (Some(image), Some(bits)) = (images.get(name), images.get(FLAGS)) else {
             return Vec::new();

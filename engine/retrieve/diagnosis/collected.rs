@@ -12,6 +12,7 @@ use super::watched::Watched;
 use crate::retrieve::curves::Curves;
 use crate::retrieve::images::Images;
 use crate::retrieve::misfit::median;
+use crate::retrieve::retriever::Corrected;
 use crate::retrieve::{Method, Record, RetrieveOptions, Retriever, Weights};
 use crate::{Error, Result, numbers};
 use ndarray::Array3;
@@ -125,13 +126,14 @@ impl Diagnosis {
         [Some(&mut self.sample), of_empty].into_iter().flatten().for_each(|of| of.take(data, rows));
     }
 
-    /// Examines a view whose rows were taken. `offsets`: of its curves, where they were corrected, m.
+    /// Examines a view whose rows were taken, with the corrections of its frames and the refraction angle
+    /// that was subtracted, rad.
     pub(crate) fn view(
         &mut self,
         flat: &Curves,
         images: &Images,
         shape: [usize; 2],
-        (offsets, subtracted): (Option<&[f64]>, f64),
+        (corrected, subtracted): (Corrected<'_>, f64),
     ) {
         if self.found.views == 0 {
             self.width =
@@ -142,10 +144,10 @@ impl Diagnosis {
         self.found.negative += self.sample.negative();
         let divided = self.measured && light::is_divided(&self.flat, &self.sample);
         self.found.divided += usize::from(divided);
-        let offsets = offsets.filter(|_| !self.offsets.is_empty());
+        let offsets = corrected.offsets.filter(|_| !self.offsets.is_empty());
         let of_view = offsets.map_or_else(|| self.offsets.clone(), <[f64]>::to_vec);
         let known = self.found.chi_squares.len();
-        self.fits(flat, images, view, &of_view);
+        self.fits(flat, images, view, (of_view.as_slice(), corrected.factor));
         self.found.light.add(images, self.noise_share(known));
         if let Some(empty) = &mut self.empty {
             let model = self.model;
@@ -181,7 +183,13 @@ impl Diagnosis {
     }
 
     /// Residuals of the fits of a view.
-    fn fits(&mut self, flat: &Curves, images: &Images, view: usize, of_view: &[f64]) {
+    fn fits(
+        &mut self,
+        flat: &Curves,
+        images: &Images,
+        view: usize,
+        (of_view, factor): (&[f64], f64),
+    ) {
         let (Some(model), false) = (self.model, self.offsets.len() < 5) else { return };
         if matches!(self.options.method, Method::TwoStep | Method::Moments | Method::ThreeStep) {
             return;
@@ -189,8 +197,8 @@ impl Diagnosis {
         let pairs: Vec<_> = self.flat.iter().zip(self.sample.iter()).collect();
         let of_pixel = |at: usize, values: [&[f64]; 2]| {
             let curves = [model.of_flat(flat, at)?, model.of_sample(flat, images, at)?];
-            let of = |curve, offsets: &[f64]| Leverage::of(curve, offsets, &self.options);
-            let (of_flat, of_sample) = (of(&curves[0], &self.offsets)?, of(&curves[1], of_view)?);
+            let of_flat = Leverage::of(&curves[0], &self.offsets, &self.options, 1.0)?;
+            let of_sample = Leverage::of(&curves[1], of_view, &self.options, factor)?;
             let leverages = [&of_flat, &of_sample];
             let heights = curves.map(|curve| curve.amplitude);
             let steps = PixelSteps::of(leverages, values, heights, curves[1].width)?;

@@ -22,17 +22,18 @@ pub(super) struct Leverage {
 }
 
 impl Leverage {
-    /// `None` where the fit is singular.
+    /// A curve of values that were multiplied by `factor`. `None` where the fit is singular.
     pub(super) fn of(
         curve: &FittedCurve,
         offsets: &[f64],
         options: &RetrieveOptions,
+        factor: f64,
     ) -> Option<Self> {
         let (values, slopes): (Vec<f64>, Vec<[f64; 4]>) =
             offsets.iter().map(|x| curve.at(*x)).unzip();
-        let gain = options.gain.unwrap_or(1.0);
+        let gain = factor * options.gain.unwrap_or(1.0);
         let least = LEAST * curve.amplitude;
-        let noise = options.read_noise.powi(2);
+        let noise = (factor * options.read_noise).powi(2);
         let variances: Vec<f64> = values.iter().map(|y| gain * y.max(least) + noise).collect();
         let weights: Vec<f64> = match options.weights {
             Weights::Poisson => variances.iter().map(|variance| variance.recip()).collect(),

@@ -8,6 +8,8 @@ use crate::retrieve::images::{FLAGS, Images};
 /// Least difference of a transmission from 1 that counts, as refraction at edges and the bias of a
 /// Gaussian make.
 const SLACK: f32 = 0.01;
+/// Transmission below which a sample is opaque, or its values have another unit.
+const FAINT: f32 = 1e-3;
 /// Standard deviations from which on pixels are compared in number, and from which on one is bright.
 const SIGMAS: [f32; 2] = [2.0, 4.0];
 /// Part of the flat's contrast over mask offsets (beamlets: over pixels) below which a sample has none.
@@ -21,6 +23,8 @@ pub(super) struct LightCounts {
     pub(super) below: u64,
     /// Above 1 by four deviations.
     pub(super) bright: u64,
+    /// With next to no light.
+    pub(super) faint: u64,
     pub(super) pixels: u64,
 }
 
@@ -42,6 +46,7 @@ impl LightCounts {
             self.above += u64::from(*value > 1.0 + slack);
             self.below += u64::from(*value < 1.0 - slack);
             self.bright += u64::from(*value > 1.0 + certain);
+            self.faint += u64::from(*value < FAINT);
         }
     }
 }

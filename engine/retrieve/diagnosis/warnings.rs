@@ -45,14 +45,15 @@ pub(super) fn of(found: &Findings<'_>) -> Vec<String> {
     if found.divided > 0 {
         // Nothing else that was retrieved from such values means anything.
         return vec![format!(
-            "{}the values of the sample do not change with the mask offset as those of the flat do: \
-             give frames of the detector, not frames that were divided by the flat",
+            "{}the sample does not change with the mask offset as the flat does: give frames of the \
+             detector, not frames that were divided by the flat",
             place(found, found.divided, None)
         )];
     }
     let measured = found.measured;
     [
         brighter(found).filter(|_| measured),
+        fainter(found).filter(|_| measured),
         dose(found),
         drift(found),
         unsteady(found),
@@ -83,6 +84,18 @@ fn brighter(found: &Findings<'_>) -> Option<String> {
              may be swapped (check --flat and --sample), or the dose of the sample may be higher",
             100.0 * share,
             100.0 * below as f64 / pixels.max(1) as f64
+        )
+    })
+}
+
+fn fainter(found: &Findings<'_>) -> Option<String> {
+    let LightCounts { faint, pixels, .. } = found.light;
+    let share = faint as f64 / pixels.max(1) as f64;
+    (share > 0.5).then(|| {
+        format!(
+            "transmission is below 0.001 in {:.0} % of the pixels: flat and sample may have different units \
+             or exposures, or the sample is opaque",
+            100.0 * share
         )
     })
 }
@@ -133,7 +146,8 @@ const fn moved(found: &Findings<'_>) -> &'static str {
 fn unsteady(found: &Findings<'_>) -> Option<String> {
     let (count, view, unsteady) = worst(found.unsteady.iter().copied(), |of| of.dose)?;
     Some(format!(
-        "{}the steps leave the fitted curves in all pixels alike: the dose varies by {:.1} % (rms) from \
+        "{}the steps deviate from the fitted curves in all pixels alike: the dose varies by {:.1} \
+         % (rms) from \
          step to step, or the mask offsets are off by {:.2} um; monitor the dose, or check --offsets",
         place(found, count, Some(view)),
         100.0 * unsteady.dose,
@@ -172,7 +186,7 @@ fn empty_beam(found: &Findings<'_>) -> Vec<String> {
     let without = views().filter(|(_, of)| of.transmission.is_none()).count();
     if without > 0 {
         let begin = place(found, without, None);
-        lines.push(format!("{begin}fewer than two pixels of the empty beam have an answer"));
+        lines.push(format!("{begin}fewer than two pixels of the empty beam have a result"));
     }
     let all = views().filter_map(|(view, of)| Some((view, other(of.transmission?, 1.0, LEAST)?)));
     if let Some((count, view, [value, sigma])) = worst(all, |[value, _]| (value - 1.0).abs()) {

@@ -30,7 +30,7 @@ impl Input {
         }
         if 2 * count > bad.len() {
             log::warn!(
-                "{}: {count} of {} pixels are bad; in a mask of bad pixels 0 is a good one",
+                "{}: {count} of {} pixels are bad; in a mask of bad pixels 0 is a good pixel",
                 path.display(),
                 bad.len()
             );

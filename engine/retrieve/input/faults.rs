@@ -50,7 +50,8 @@ pub(super) fn check_sample(flat: &StackFile, sample: &StackFile) -> Result<()> {
             return Ok(());
         }
     }
-    let problem = format!("has the values of the flat, {}: name the sample", flat.path().display());
+    let problem =
+        format!("has the same values as the flat, {}: give the sample", flat.path().display());
     Err(Error::file(sample.path(), problem, None))
 }
 
@@ -66,6 +67,18 @@ pub(super) fn of_bytes(flat: &StackFile, sample: &StackFile) -> Vec<String> {
         })
     };
     [(sample, flat), (flat, sample)].into_iter().filter_map(of).collect()
+}
+
+/// Warning about frames of another shape than the detector of the geometry.
+pub(super) fn of_pixels(scene: &Scene, flat: &StackFile) -> Option<String> {
+    let [_, _, rows, columns] = flat.shape();
+    let [width, height] = scene.detector.pixels;
+    ([width, height] != [numbers::count(columns), numbers::count(rows)]).then(|| {
+        format!(
+            "the geometry has {width} x {height} pixels, the frames {columns} x {rows}: is it the geometry of \
+             these frames?"
+        )
+    })
 }
 
 /// Refuses a dark that is brighter than the flat in its darkest steps.

@@ -172,7 +172,7 @@ impl Input {
             return Err(Error::argument("bin", format!("{across},{down}"), allowed));
         }
         if !rows.is_multiple_of(down) {
-            let allowed = format!("a part of {rows} rows without a rest");
+            let allowed = format!("a number that divides {rows} rows");
             return Err(Error::argument("bin", format!("{down} rows"), allowed));
         }
         if !kept.is_multiple_of(across) {

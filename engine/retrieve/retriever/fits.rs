@@ -66,8 +66,8 @@ impl Retriever {
             return fitter.fit(flat.view(), cancel);
         }
         let scan = match &self.beamlets {
-            Some(beamlets) => self.scan(&beamlets.offsets()),
-            None => self.scan(offsets),
+            Some(beamlets) => self.scan(&beamlets.offsets(), scan.factor),
+            None => self.scan(offsets, scan.factor),
         };
         let lights = self.beamlets.as_ref().map(Beamlets::lights);
         let entry = |pixel: usize| -> Result<Curve> {
@@ -107,15 +107,16 @@ impl Retriever {
         }
     }
 
-    pub(super) fn scan(&self, offsets: &[f64]) -> CurveScan {
+    /// A scan of values that were multiplied by `factor`.
+    fn scan(&self, offsets: &[f64], factor: f64) -> CurveScan {
         let mut sorted = offsets.to_vec();
         sorted.sort_by(f64::total_cmp);
         CurveScan {
             offsets: offsets.to_vec(),
             shares: offsets.iter().map(|offset| share(&sorted, *offset)).collect(),
             saturation: self.options.saturation.map_or(f64::INFINITY, f64::from),
-            gain: self.options.gain,
-            read_noise: self.options.read_noise,
+            gain: self.options.gain.map(|gain| factor * gain),
+            read_noise: factor * self.options.read_noise,
             weights: self.options.weights,
         }
     }

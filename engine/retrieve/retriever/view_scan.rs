@@ -17,10 +17,27 @@ pub(super) struct ViewScans {
     dithers: usize,
 }
 
+/// Corrections of the frames of a view before its curves are fitted.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Corrected<'a> {
+    /// Mask offsets of the frames, m, without whole periods; `None`: as they were to be.
+    pub(crate) offsets: Option<&'a [f64]>,
+    /// Factor of the values, and thus of the gain and the read noise: one over the dose, in the mean of
+    /// the frames.
+    pub(crate) factor: f64,
+}
+
+impl Corrected<'_> {
+    /// Frames as they are.
+    pub(crate) const NONE: Self = Self { offsets: None, factor: 1.0 };
+}
+
 /// The scan of a view.
 #[derive(Debug)]
 pub(super) struct ViewScan<'a> {
     pub(super) offsets: &'a [f64],
+    /// Factor of the gain and the read noise of its values.
+    pub(super) factor: f64,
     pub(super) fitter: Option<Cow<'a, Fitter>>,
 }
 
@@ -79,7 +96,7 @@ impl Retriever {
         Err(Error::scene("scan.view_offsets", found, "offsets of every view of the sample"))
     }
 
-    /// The scan of a view of the sample, at other offsets than its own where these are given.
+    /// The scan of a view of the sample, with the corrections of its frames.
     ///
     /// # Errors
     /// [`Error::Argument`] where the scene has no offsets of the view; [`Error::Device`],
@@ -87,25 +104,31 @@ impl Retriever {
     pub(super) fn view_scan<'a>(
         &'a self,
         view: usize,
-        offsets: Option<&'a [f64]>,
+        corrected: Corrected<'a>,
     ) -> Result<ViewScan<'a>> {
         // Two-step does not fit curves of the sample.
         let fitter = self.fitter.as_ref().filter(|_| self.options.method != Method::TwoStep);
-        if let Some(offsets) = offsets {
-            let fitter = fitter.map(|fitter| fitter.at(offsets)).transpose()?.map(Cow::Owned);
-            return Ok(ViewScan { offsets, fitter });
-        }
-        let Some(scans) = &self.view_scans else {
-            let fitter = fitter.map(Cow::Borrowed);
-            return Ok(ViewScan { offsets: &self.sample_offsets, fitter });
+        let factor = corrected.factor;
+        let own = corrected.offsets.map_or_else(|| self.own_offsets(view), |own| Ok(Some(own)))?;
+        let is_usual = own.is_none() && factor.total_cmp(&1.0).is_eq();
+        let offsets = own.unwrap_or(&self.sample_offsets);
+        let fitter = match fitter {
+            Some(fitter) if is_usual => Some(Cow::Borrowed(fitter)),
+            Some(fitter) => Some(Cow::Owned(fitter.at(offsets, factor)?)),
+            None => None,
         };
+        Ok(ViewScan { offsets, factor, fitter })
+    }
+
+    /// Offsets of a view, if views have offsets of their own.
+    fn own_offsets(&self, view: usize) -> Result<Option<&[f64]>> {
+        let Some(scans) = &self.view_scans else { return Ok(None) };
         let Some(offsets) = scans.lists.get(view / scans.dithers) else {
             let found = format!("view {view}");
             let views = scans.angles() * scans.dithers;
             let allowed = format!("0 to {}, of which the scene has mask offsets", views - 1);
             return Err(Error::argument("view", found, allowed));
         };
-        let fitter = fitter.map(|fitter| fitter.at(offsets)).transpose()?.map(Cow::Owned);
-        Ok(ViewScan { offsets, fitter })
+        Ok(Some(offsets))
     }
 }

@@ -15,10 +15,16 @@ pub(crate) fn check_before_loading(scene: &Scene, limit: Option<u64>) -> Result<
     let needed = PROGRAM.saturating_add(building(triangles));
     match limit {
         Some(limit) if needed > limit => Err(Error::Memory {
-            purpose: format!("the program, the driver and a tree over {triangles} triangles"),
+            purpose: match triangles {
+                0 => "the program with the driver".to_owned(),
+                _ => format!("the program, the driver and a tree over {triangles} triangles"),
+            },
             needed,
             available: Some(limit),
-            remedy: "raise the memory limit, or simplify the meshes".into(),
+            remedy: match triangles {
+                0 => "raise the memory limit".to_owned(),
+                _ => "raise the memory limit, or simplify the meshes".to_owned(),
+            },
         }),
         _ => Ok(()),
     }

@@ -39,7 +39,7 @@ pub fn choose(kind: DeviceKind, counts: SearchCounts) -> (Backend, &'static str)
 const fn by_kind(kind: DeviceKind) -> Option<(Backend, &'static str)> {
     match kind {
         DeviceKind::Cpu => {
-            Some((Backend::Bvh, "the device is a processor, on which ray query is software, too"))
+            Some((Backend::Bvh, "the device is a CPU, where ray query runs in software, too"))
         }
         _ => None,
     }

@@ -14,16 +14,17 @@ use std::ops::Range;
 /// As [`Simulation::run`].
 pub fn cells_of_rows(simulation: &Simulation, view: u32, rows: Range<i64>) -> Result<CellBatch> {
     let projected_bounds = simulation.projected_bounds(view);
-    let mut tracer = simulation.tracer(simulation.start.backend)?;
+    let mut tracer = simulation.tracer(simulation.start.backend, &simulation.alone)?;
     let response = simulation.response(Exposure::Sample(simulation.view_of(view)));
     let view = simulation.view(view, &projected_bounds, &response);
     let mut parts = Vec::new();
-    let room = simulation.room();
+    let room = simulation.room(&simulation.alone);
     let mut keep = |_: &mut Tracer, part: &CellBatch| {
         parts.push(part.clone());
         Ok(())
     };
     let (all, ignored) = (rows.clone(), &mut |_: &Tracer, _| {});
-    sampling::sample_rows(&view, &mut tracer, all, &rows, &room, &mut keep, ignored)?;
+    let lit = (&rows, &mut None);
+    sampling::sample_rows(&view, &mut tracer, all, lit, &room, &mut keep, ignored)?;
     Ok(CellBatch::concat(parts))
 }

@@ -74,7 +74,7 @@ impl Simulation {
         suspects.truncate(MOST_SUSPECTS);
         (largest.error, largest.traced) = (0.0, true);
         let paths = [0, 1].map(|axis| LightPath::new(&self.scene, axis));
-        let mut tracer = self.tracer(self.start.backend)?;
+        let mut tracer = self.tracer(self.start.backend, &self.alone)?;
         tracer.set_cancel(cancel.clone());
         for suspect in suspects.iter().filter(|suspect| suspect.bound > tolerance) {
             for line in self.lines(suspect, &paths) {

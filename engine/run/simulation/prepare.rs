@@ -117,8 +117,14 @@ impl Simulation {
             Some(sample) => sample,
             None => load(&scene, &parts, options.memory_limit, control)?,
         };
-        let memory =
-            memory::estimate(&scene, &sample.objects, options.memory_limit, options.band_rows)?;
+        let (limit, band_rows) = (options.memory_limit, options.band_rows);
+        let alone = memory::estimate_alone(&scene, &sample.objects, limit, band_rows)?;
+        // Kept moments are written and read in the order of the views.
+        let ordered = options.keep_moments || parts.stored.is_some();
+        let memory = match ordered {
+            true => alone,
+            false => memory::estimate(&scene, &sample.objects, limit, band_rows)?,
+        };
         memory::ask_for_run(&scene, &memory)?;
         log_spot(&scene);
         scene.middle_line_warning().iter().for_each(|text| log::warn!("{text}"));
@@ -174,6 +180,7 @@ impl Simulation {
             recording,
             stored,
             memory,
+            alone,
             prepared_in: 0.0,
         };
         control.cancel.check()?;

@@ -13,7 +13,7 @@ use crate::{Cancel, Error, Result, interface};
 /// [`Error::Device`], [`Error::Memory`]; [`Error::Argument`] for a view that is not there.
 pub fn trace(simulation: &Simulation, rays: &[interface::Ray]) -> Result<Vec<RayResult>> {
     simulation.check_views(rays.iter().map(|ray| ray.view))?;
-    simulation.tracer(simulation.start.backend)?.trace(rays)
+    simulation.tracer(simulation.start.backend, &simulation.alone)?.trace(rays)
 }
 
 /// Traces rays and returns their results and first-order moments.
@@ -25,7 +25,7 @@ pub fn moments(
     rays: &[interface::Ray],
 ) -> Result<(Vec<RayResult>, Moments)> {
     simulation.check_views(rays.iter().map(|ray| ray.view))?;
-    let mut tracer = simulation.tracer(simulation.start.backend)?;
+    let mut tracer = simulation.tracer(simulation.start.backend, &simulation.alone)?;
     let (results, words) = tracer.trace_with_moments(rays)?;
     Ok((results, Moments::new(words, simulation.on_device.materials, tracer.moment_words())))
 }
@@ -41,7 +41,7 @@ impl Simulation {
     /// # Errors
     /// [`Error::Device`], [`Error::Memory`].
     pub(crate) fn tracer_of_rays(&self, cancel: &Cancel) -> Result<Tracer> {
-        let mut tracer = self.tracer(self.start.backend)?;
+        let mut tracer = self.tracer(self.start.backend, &self.alone)?;
         tracer.set_cancel(cancel.clone());
         Ok(tracer)
     }

@@ -16,8 +16,9 @@ use crate::illuminate::{
     SpectralBand,
 };
 use crate::numbers;
+use crate::run::memory::MemoryEstimate;
 use crate::run::{Control, Progress, ViewProgress};
-use crate::sampling::{self, CellBatch, ProjectedBounds, Response};
+use crate::sampling::{self, BaseLattice, CellBatch, ProjectedBounds, Response};
 use crate::scene::{Exposure, Scheme};
 use crate::stack::{BegunView, Sink};
 use crate::trace::Tally;
@@ -43,6 +44,20 @@ pub(super) struct Seconds {
     pub(super) write: f64,
 }
 
+impl std::ops::Add for Seconds {
+    type Output = Self;
+
+    fn add(self, other: Self) -> Self {
+        Self {
+            trace: self.trace + other.trace,
+            illuminate: self.illuminate + other.illuminate,
+            detect: self.detect + other.detect,
+            noise: self.noise + other.noise,
+            write: self.write + other.write,
+        }
+    }
+}
+
 /// The run in progress.
 pub(super) struct ViewWork<'s> {
     simulation: &'s Simulation,
@@ -64,6 +79,7 @@ pub(super) struct ViewWork<'s> {
     rows_total: u64,
     share: Share,
     cancel: Cancel,
+    memory: MemoryEstimate,
     /// Pose of the sample in work.
     pose: u32,
     /// Index of the list of mask offsets of the view, and the response at these.
@@ -76,6 +92,7 @@ impl<'s> ViewWork<'s> {
         views: &[Exposure],
         block_rows: Option<u32>,
         cancel: &Cancel,
+        memory: MemoryEstimate,
     ) -> Result<Self> {
         let (scene, optics) = (&simulation.scene, simulation.detector.optics());
         let device = simulation.device().clone();
@@ -84,8 +101,8 @@ impl<'s> ViewWork<'s> {
         let block = block_rows.unwrap_or(grid.pixels[1]);
         let all_bands = || bands_of_blocks(0..grid.pixels[1], block, band);
         let lit_rows = || all_bands().map(|rows| grid.lit_rows(&rows).len());
-        let lit_views = views.iter().filter(|view| **view != Exposure::Dark).count();
-        let blank = views.iter().filter(|view| **view == Exposure::Flat).count();
+        let lit_views = views.iter().filter(|view| !view.is_dark()).count();
+        let blank = views.iter().filter(|view| view.is_flat()).count();
         let traced = !simulation.sample.is_empty() && simulation.stored.is_none();
         let [columns, _] = optics.detector.pixels;
         let steps = optics.mask_steps();
@@ -107,7 +124,7 @@ impl<'s> ViewWork<'s> {
                 .map(|part| IlluminationBuffer::of_cells(&device, scene, optics, lattice, &part))
                 .collect::<Result<_>>()?,
         };
-        let mut tracer = simulation.tracer(simulation.start.backend)?;
+        let mut tracer = simulation.tracer(simulation.start.backend, &memory)?;
         tracer.set_cancel(cancel.clone());
         let engine = &simulation.engine;
         let mut kernels = vec![&engine.illuminate_kernels().near];
@@ -137,6 +154,7 @@ impl<'s> ViewWork<'s> {
             pose: 0,
             share: Share::new([blank, lit_views - blank], traced),
             cancel: cancel.clone(),
+            memory,
             response: (0, simulation.response.clone()),
             device,
             simulation,
@@ -153,8 +171,8 @@ impl<'s> ViewWork<'s> {
         let rows = self.simulation.scene.detector.pixels[1];
         // The largest of a view are its own.
         (self.tally.most_patch_rays, self.tally.worst_error) = (0, 0);
-        if view == Exposure::Dark {
-            return self.dark(sink);
+        if view.is_dark() {
+            return self.dark(view, sink);
         }
         let detector = &self.simulation.detector;
         self.take_offsets(view);
@@ -175,7 +193,7 @@ impl<'s> ViewWork<'s> {
         let repeated: Vec<Range<i64>> =
             poses.iter().flat_map(|_| sampled.iter().cloned()).collect();
         let lattice = &self.simulation.lattice;
-        self.share.begin(lattice, &poses[0].1, view != Exposure::Flat, &repeated);
+        self.share.begin(lattice, &poses[0].1, !view.is_flat(), &repeated);
         self.rows_done += u64::from(first) * poses.len() as u64;
         self.report(view, control)?;
         let mut before = self.tally()?;
@@ -235,12 +253,12 @@ impl<'s> ViewWork<'s> {
     /// Gives the frames of a view the light that they have over the nominal one.
     fn scale(&self, view: Exposure, intensities: &mut Array3<f32>) {
         let scan = &self.simulation.scene.scan;
-        let Exposure::Sample(view) = view else { return };
+        let Some(view) = scan.view_of_errors(view) else { return };
         if scan.errors.intensities.is_empty() {
             return;
         }
         for (step, mut frame) in intensities.outer_iter_mut().enumerate() {
-            let light = scan.intensity(view as usize, step);
+            let light = scan.intensity(view, step);
             frame.mapv_inplace(|y| numbers::single(light * f64::from(y)));
         }
     }
@@ -293,15 +311,15 @@ impl<'s> ViewWork<'s> {
     }
 
     /// Dark frames need no light.
-    fn dark(&mut self, sink: &mut dyn Sink) -> Result<()> {
+    fn dark(&mut self, view: Exposure, sink: &mut dyn Sink) -> Result<()> {
         let Some(noise) = self.simulation.detector.noise() else { return Ok(()) };
         for band in bands(self.simulation.scene.detector.pixels[1], self.band) {
             let begin = Instant::now();
-            let frame = noise.dark(band.clone(), &self.cancel)?;
+            let frame = noise.dark(view.index(), band.clone(), &self.cancel)?;
             self.seconds.noise += begin.elapsed().as_secs_f64();
             self.count_clipped(frame.clipped);
             let begin = Instant::now();
-            sink.write_counts(Exposure::Dark, band, frame.numbers.view())?;
+            sink.write_counts(view, band, frame.numbers.view())?;
             self.seconds.write += begin.elapsed().as_secs_f64();
         }
         Ok(())
@@ -321,6 +339,7 @@ impl<'s> ViewWork<'s> {
         let halo = self.simulation.lattice.halo;
         let group = self.group_rows(!projected_bounds.is_empty());
         let mut row = inner.start - halo;
+        let mut base = None;
         while row < inner.end + halo {
             // Groups end at the borders of the band, so that its own counts stay separate.
             let borders = [inner.start, own.start.into(), own.end.into(), inner.end];
@@ -336,7 +355,8 @@ impl<'s> ViewWork<'s> {
             if self.simulation.scene.sampling.scheme == Scheme::Random {
                 self.random_rows(self.simulation.detector.optics(), view, projected_bounds, &rows)?;
             } else {
-                self.cell_rows(view, projected_bounds, &rows, &inner, [own, recorded], control)?;
+                let rows = (&rows, &mut base);
+                self.cell_rows(view, projected_bounds, rows, &inner, [own, recorded], control)?;
             }
             if own {
                 self.rows_done += numbers::narrow::<u64>(rows.end - rows.start);
@@ -362,7 +382,7 @@ impl<'s> ViewWork<'s> {
             let beamlets = numbers::narrow::<u64>(lattice.beamlets.end - lattice.beamlets.start);
             beamlets * (2 * u64::from(lattice.cells) + 1) * 2 * u64::from(optics.sampling.rows)
         };
-        (self.simulation.memory.rays_at_once / per_row.max(1)).max(1) as i64
+        (self.memory.rays_at_once / per_row.max(1)).max(1) as i64
     }
 
     fn report(&mut self, view: Exposure, control: &mut Control<'_>) -> Result<()> {
@@ -383,7 +403,7 @@ impl<'s> ViewWork<'s> {
         &mut self,
         view: Exposure,
         projected_bounds: &[ProjectedBounds],
-        rows: &Range<i64>,
+        (rows, base): (&Range<i64>, &mut Option<BaseLattice>),
         inner: &Range<i64>,
         [own, recorded]: [bool; 2],
         control: &mut Control<'_>,
@@ -392,7 +412,19 @@ impl<'s> ViewWork<'s> {
         let blur_rows = self.simulation.lattice.blur_rows;
         let lit = inner.start - blur_rows..inner.end + blur_rows;
         let steps = numbers::count(self.simulation.scene.scan.mask_offsets.len());
-        let Self { cells, bars, lights, sums, tally, tracer, simulation, cancel, share, .. } = self;
+        let Self {
+            cells,
+            bars,
+            lights,
+            sums,
+            tally,
+            tracer,
+            simulation,
+            cancel,
+            share,
+            memory,
+            ..
+        } = self;
         let pose = self.pose;
         let (_, response) = &self.response;
         let counted = [self.rows_done, self.rows_total];
@@ -437,12 +469,12 @@ impl<'s> ViewWork<'s> {
             }
             (Exposure::Sample(_), ..) if !projected_bounds.is_empty() => {
                 let view = simulation.view(pose, projected_bounds, response);
-                let room = simulation.room();
+                let room = simulation.room(memory);
                 sampling::sample_rows(
                     &view,
                     tracer,
                     rows.clone(),
-                    &lit,
+                    (&lit, base),
                     &room,
                     &mut add,
                     &mut advance,
@@ -483,8 +515,25 @@ impl<'s> ViewWork<'s> {
         let inner = i64::from(lit.start)..i64::from(lit.end);
         let beside = simulation.lattice.rows_blurred_into();
         let rows = inner.start - beside..inner.end + beside;
-        self.cell_rows(view, projected_bounds, &rows, &inner, [false; 2], control)?;
+        let rows = (&rows, &mut None);
+        self.cell_rows(view, projected_bounds, rows, &inner, [false; 2], control)?;
         simulation.detector.intensities(view, &band, self.sums.intensities()?, &self.cancel)
+    }
+
+    /// Counts views that others have made as done.
+    pub(super) fn begin_after(&mut self, views: &[Exposure]) {
+        let grid = self.simulation.detector.grid();
+        for view in views.iter().filter(|view| !view.is_dark()) {
+            let is_sample = matches!(view, Exposure::Sample(_));
+            let poses = if is_sample { self.simulation.scene.scan.poses_of_view() } else { 1 };
+            self.rows_done += poses as u64 * u64::from(grid.pixels[1]);
+            self.share.skip(is_sample);
+        }
+    }
+
+    /// Pixel rows of all views.
+    pub(super) const fn rows_total(&self) -> u64 {
+        self.rows_total
     }
 
     pub(super) fn tally(&self) -> Result<Tally> {

@@ -27,6 +27,7 @@ impl Refiner<'_> {
             let few = |count: u32| count <= MOST_ALIGNED;
             work.narrow.is_empty()
                 && work.patch.facets.is_none()
+                && !self.estimator.counts_little(&work.patch)
                 && self.silhouettes(&work.patch).is_some_and(few)
         };
         let mut slanting: Vec<(&mut PatchWork, Scanlines)> = work

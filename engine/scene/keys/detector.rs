@@ -10,9 +10,9 @@ const PHOTONS: f64 = 1e12;
 
 keys! { DETECTOR: Detector, "detector",
     [With(&["threshold_low", "threshold_high"], "mode",
-          "no threshold: only mode = \"counting\" has them"),
+          "no threshold, or mode = \"counting\""),
      With(&["electronic_noise", "swank", "gain", "offset", "bit_depth"], "photons",
-          "this key together with photons: without them there are no counts")],
+          "this key only together with detector.photons, which makes counts")],
     ["pixel" => "pitch", "pixelsize" => "pitch", "pixel_size" => "pitch", "pixel_pitch" => "pitch",
      "size" => "pixels", "shape" => "pixels", "resolution" => "pixels", "psf" => "blur",
      "noise" => "photons", "counts" => "photons", "bits" => "bit_depth",
@@ -38,18 +38,18 @@ keys! { DETECTOR: Detector, "detector",
         "Light that is added to the simulated one.";
     photons at Detector { counts: Some(Noise { photons, .. }), .. } =>
         Number("a number of photons", POSITIVE.up_to(PHOTONS)), Without("none: no counts"), "20000",
-        "Mean number of photons that an open pixel detects.";
+        "Mean number of photons that a pixel without masks and sample detects in a frame.";
     electronic_noise at Detector { counts: Some(Noise { electronic_noise, .. }), .. } =>
         Number("a number", NOT_NEGATIVE), Default("0.0"), "3.5",
         "Standard deviation of the electronic noise, detector numbers.";
     swank at Detector { counts: Some(Noise { swank, .. }), .. } =>
         Number("a number", POSITIVE.up_to(1.0)), Default("1.0"), "0.85",
-        "Swank factor; below 1 of an integrating detector only.";
+        "Swank factor; below 1 only for integrating detectors.";
     gain at Detector { counts: Some(Noise { gain, .. }), .. } =>
         Number("a number", POSITIVE), Default("1.0"), "0.5", "Detector numbers per photon.";
     offset at Detector { counts: Some(Noise { offset, .. }), .. } =>
         Number("a number", ANY), Without("0; with `bit_depth` 8.3 × `electronic_noise`, rounded up"), "100",
-        "Detector number of no light; with `bit_depth` a warning below 4 × `electronic_noise`.";
+        "Detector number without light; with `bit_depth` a warning below 4 × `electronic_noise`.";
     bit_depth at Detector { counts: Some(Noise { bit_depth, .. }), .. } =>
         Count(1, limits::BIT_DEPTH as u64), Without("none: not rounded, not clipped"), "16",
         "Bits of a detector number.";
@@ -84,7 +84,10 @@ impl Record for Detector {
             if let Some((sigma, most)) = wide.find(|(sigma, most)| sigma > most) {
                 let allowed =
                     format!("no more than {} pixels, {}", limits::BLUR, Length.rounded(most));
-                faults.add(Error::scene(key("blur.sigma"), Length.rounded(sigma), allowed));
+                let fwhm = sigma * (8.0 * std::f64::consts::LN_2).sqrt();
+                let [sigma, fwhm] = [sigma, fwhm].map(|width| Length.rounded(width));
+                let found = format!("{sigma}, a full width at half maximum of {fwhm}");
+                faults.add(Error::scene(key("blur.sigma"), found, allowed));
             }
         }
         if let Some(Noise { swank, .. }) = self.counts
@@ -92,7 +95,7 @@ impl Record for Detector {
             && self.mode != DetectorMode::Integrating
         {
             let found = format!("{swank:?} with mode = \"counting\"");
-            let allowed = "1: a photon that is counted is one count; or mode = \"integrating\"";
+            let allowed = "1, as each counted photon is one count; or mode = \"integrating\"";
             faults.add(Error::scene(key("swank"), found, allowed));
         }
     }
@@ -156,7 +159,8 @@ impl Record for Blur {
     }
 
     fn finish(&mut self, table: &Table<'_>) -> Result<()> {
-        if let Some(fwhm) = optional::<[f64; 2]>(table, "fwhm")? {
+        if let Some(mut fwhm) = optional::<[f64; 2]>(table, "fwhm")? {
+            refuse_beyond(table, "fwhm", &mut fwhm)?;
             let scale = 1.0 / (8.0 * std::f64::consts::LN_2).sqrt();
             *self = Self::Gaussian { sigma: fwhm.map(|width| width * scale) };
         }

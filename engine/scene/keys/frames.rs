@@ -29,7 +29,7 @@ pub(super) use series;
 
 keys! { ERRORS, "scan.errors", [], [];
     mask_offsets => frames!(Some(Length)), Without("none"), r#"[["1 um", "-2 um"]]"#,
-        "Displacements of the sample mask beside its offsets, a list for each view.";
+        "Displacements of the sample mask in addition to its offsets, a list for each view.";
     offset_sigma => Quantity(Length, NOT_NEGATIVE), Default(r#""0 m""#), r#""2 um""#,
         "Standard deviation of independent errors of the mask offsets.";
     offset_walk => Quantity(Length, NOT_NEGATIVE), Default(r#""0 m""#), r#""0.1 um""#,

@@ -42,7 +42,11 @@ impl Record for MaskSpec {
     fn relations(&self, key: &dyn Fn(&str) -> String, faults: &mut Faults) {
         if self.aperture > self.period {
             let found = format!("{} in the mask plane", Length.rounded(self.aperture));
-            let allowed = format!("no more than the period, {}", Length.rounded(self.period));
+            let allowed = format!(
+                "no more than the period, {}: both follow from lengths on the detector (projected_aperture, \
+                 detector.pitch) where they have no value",
+                Length.rounded(self.period)
+            );
             faults.add(Error::scene(key("aperture"), found, allowed));
         }
     }
@@ -65,7 +69,9 @@ pub(crate) fn read_mask(table: &Table<'_>, key: &str, detector: &Detector) -> Re
     if table.get("period").is_none() {
         mask.period = projected(detector.pitch[0]);
     }
-    if let Some(aperture) = optional(table, "projected_aperture")? {
+    if let Some(mut aperture) = optional(table, "projected_aperture")? {
+        let length = std::slice::from_mut(&mut aperture);
+        refuse_beyond(table, "projected_aperture", length)?;
         mask.aperture = projected(aperture);
     }
     // A mask without bars is allowed; the projection rounds.

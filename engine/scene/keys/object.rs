@@ -15,7 +15,7 @@ const GROUP: Kind = Name("name of an object, group or material of the file");
 keys! { OBJECT: Object, "object", [Forms(&[&["shape"], &["mesh", "unit", "group", "sha256"]], 1)],
     ["file" => "mesh", "stl" => "mesh", "path" => "mesh", "translate" => "position",
      "rotation" => "rotate"];
-    name => Name("a name of its own"), Required, r#""rod""#, "Unique name.";
+    name => Name("a unique name"), Required, r#""rod""#, "Unique name.";
     mesh at Object { geometry: ShapeOrMesh::Mesh(Mesh::File { path: mesh, .. }), .. } =>
         MESH, Required, r#""rod.stl""#, "A closed triangle mesh: .stl, .obj, .ply, .3mf.";
     unit at Object { geometry: ShapeOrMesh::Mesh(Mesh::File { unit, .. }), .. } =>
@@ -28,7 +28,7 @@ keys! { OBJECT: Object, "object", [Forms(&[&["shape"], &["mesh", "unit", "group"
         Hash, Without("not checked"), "written by a run", "Hash of the mesh file.";
     shape at Object { geometry: ShapeOrMesh::Shape(shape), .. } =>
         Inner(&SHAPE), Required, r#"{ sphere = { radius = "1 mm", sides = 256 } }"#, "A built-in shape.";
-    allow_defects => Flag, Default("false"), "true", "Takes a mesh that is open or crosses itself.";
+    allow_defects => Flag, Default("false"), "true", "Accepts a mesh that is open or crosses itself.";
     material => MATERIAL, Required, r#""carbon""#, "Its material.";
     center at Object { placement: Placement { center, .. }, .. } => Flag, Default("false"), "true",
         "Moves the centre of the bounding box to the mesh origin.";
@@ -43,7 +43,7 @@ keys! { OBJECT: Object, "object", [Forms(&[&["shape"], &["mesh", "unit", "group"
     roughness => Number("a standard deviation of slopes", within(0.0, limits::ROUGHNESS)), Default("0.0"), "0.002",
         "Standard deviation of the slopes of the surface.";
     normals => Word(NORMALS), Default(r#""facets""#), r#""smooth""#,
-        "Normals that refract light; smooth ones of facets only.";
+        "Normals that refract light; smooth normals of facets only.";
 }
 
 words!(Normals, NORMALS: "facets" => Facets, "smooth" => Smooth);
@@ -85,7 +85,8 @@ impl Record for Object {
         match &self.geometry {
             ShapeOrMesh::Mesh(mesh) => check_mesh(mesh, key, faults),
             ShapeOrMesh::Shape(shape) if self.normals == Normals::Smooth && !shape.has_facets() => {
-                let allowed = "\"facets\" where a curved shape without sides has its exact surface";
+                let allowed = "\"facets\": this shape has its exact surface; smooth normals are for \
+                               shapes with `sides` and meshes";
                 faults.add(Error::scene(key("normals"), "\"smooth\"", allowed));
             }
             ShapeOrMesh::Shape(_) => {}
@@ -101,7 +102,7 @@ fn check_mesh(mesh: &Mesh, key: &dyn Fn(&str) -> String, faults: &mut Faults) {
     let Mesh::File { path, unit, group } = mesh else { return };
     let format = MeshFormat::of(path);
     if let (Some(group), Some(false)) = (group, format.map(MeshFormat::has_groups)) {
-        let allowed = "no group: STL and PLY files name no parts, OBJ and 3MF do";
+        let allowed = "no group: only OBJ and 3MF files name their parts";
         faults.add(Error::scene(key("group"), format!("{group:?}"), allowed));
     }
     match (unit, format.is_some_and(MeshFormat::has_unit)) {

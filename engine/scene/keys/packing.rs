@@ -138,6 +138,6 @@ pub(crate) fn packed_shape(table: &str, packing: &Packing, geometry: &ShapeOrMes
     }
     let found = format!("\"{}\" of {found}", packing.kind.word());
     let allowed = "\"spheres\" with shape = { sphere = ... }; \"parallel-fibres\" and \
-                   \"random-fibres\" with shape = { cylinder = ... }; a file of positions with any";
+                   \"random-fibres\" with shape = { cylinder = ... }; a file of positions with any shape";
     Err(Error::scene(format!("{table}.packing"), found, allowed))
 }

@@ -11,7 +11,7 @@ pub(super) use super::row::Kind::{
 };
 pub(super) use super::row::Need::{self, Default, Required, Without};
 pub(super) use super::row::{ANY, IMAGE, MATERIAL, NOT_NEGATIVE, POSITIVE, Range, Row, within};
-pub(super) use super::value::{Base, Value, optional, required, words};
+pub(super) use super::value::{Base, Value, optional, refuse_beyond, required, words};
 pub(super) use crate::scene::limits;
 pub(super) use crate::scene::table::{ListItem, Table};
 pub(super) use crate::scene::text::{list, number, quantity, quoted};

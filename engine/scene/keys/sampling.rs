@@ -11,7 +11,7 @@ keys! { SAMPLING: Sampling, "sampling", [], [];
     rows => Count(1, limits::ROWS as u64), Default("1"), "4",
         "Parts of a row of pixels in z before refinement.";
     quality => Word(QUALITIES), Without("\"noise\" with `detector.photons`, else \"standard\""), r#""fine""#,
-        "Rule of the two tolerances below, where they have no number.";
+        "Preset of the two tolerances below, unless they are numbers.";
     tolerance => Number("a share of open beam", within(*limits::TOLERANCE.start(), *limits::TOLERANCE.end())),
         Without("by `quality`"), "1e-3", "Error that sampling may leave in a recorded value.";
     angle_tolerance => Quantity(Angle, POSITIVE), Without("by `quality`"), r#""1 nrad""#,

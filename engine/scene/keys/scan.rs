@@ -34,6 +34,10 @@ keys! { SCAN: Scan, "scan", [],
     fly => Inner(&FLY.spec), Without("the sample rests in each view"),
         r#"{ count = 8, sweep = "1 deg" }"#,
         "Turn of the sample during the exposure of a view, whose intensities are means.";
+    flats_every => Count(1, limits::ANGLES as u64), Without("one flat before the first view"), "50",
+        "Views between one flat and the next; the first is taken before the first view, the last behind the last.";
+    darks_every => Count(1, limits::ANGLES as u64), Without("one dark behind the first flat"), "100",
+        "Views between dark frames, as `flats_every`; needs `detector.photons`.";
     errors => Inner(&ERRORS), Without("none"), r#"{ offset_sigma = "2 um" }"#,
         "Errors of offsets and intensity; retrieval does not know them.";
 }
@@ -65,6 +69,8 @@ impl Record for Scan {
             "travel" => self.travel.iter().all(|length| *length == 0.0),
             "dithers" => self.dithers.is_empty(),
             "fly" => self.fly.is_none(),
+            "flats_every" => self.flats_every.is_none(),
+            "darks_every" => self.darks_every.is_none(),
             "errors" => self.errors.is_none(),
             _ => false,
         }

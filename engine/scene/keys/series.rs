@@ -8,13 +8,13 @@ keys! { RANGE, "scan.range",
     [Forms(&[&["from"], &["start"]], 0), Forms(&[&["to"], &["stop"]], 0), Forms(&[&["step"], &["count"]], 1)],
     ["end" => "to", "steps" => "count", "num" => "count", "n" => "count", "number" => "count"];
     from => Step, Required, r#""-25 um""#, "First value.";
-    to => Step, Required, r#""25 um""#, "Last length; end of the angles, which is left out.";
+    to => Step, Required, r#""25 um""#, "Last length; end of the angles, which is excluded.";
     count => Count(1, limits::ANGLES as u64), Required, "11", "Number of values, within the limit of the list.";
-    step => Step, Required, r#""5 um""#, "Distance of the values, a whole number of which is the range.";
+    step => Step, Required, r#""5 um""#, "Distance between values; the range is a whole multiple of it.";
     start => Step, Required, r#""-25 um""#, "Another name of `from`.";
     stop => Step, Required, r#""25 um""#, "Another name of `to`.";
     order => Word(ORDERS), Default(r#""even""#), r#""golden""#,
-        "Order of angles: ascending, or each at the golden section of the range behind the one before.";
+        "Order of angles: ascending, or each advances by the golden section of the range.";
 }
 
 /// Order of the angles of a range.
@@ -160,8 +160,9 @@ fn read_count(
     }
     let span = dimension.rounded(to - from);
     let found = dimension.rounded(step);
-    let allowed =
-        format!("a step of which a whole number, up to {most} values in all, makes {span}");
+    let allowed = format!(
+        "a step that divides {span} into a whole number of parts, at most {most} values in all"
+    );
     item.refuse(item.error(found, allowed), 1)
 }
 

@@ -25,7 +25,7 @@ keys! { SPOT, "source.spot",
 
 keys! { GAUSSIAN: SpotPart, "source.spot.gaussian", [], [];
     weight => Number("a number", NOT_NEGATIVE), Default("1.0"), "0.4",
-        "Share of the light, in any unit; some are above 0.";
+        "Relative weight of the light; at least one is above 0.";
     fwhm => Pair(NOT_NEGATIVE), Required, r#"["14 um", "10 um"]"#,
         "Full width at half maximum; 0 is a point.";
     offset => Pair(ANY), Default(r#"["0 m", "0 m"]"#), r#"["-10 um", "4 um"]"#, "Its centre.";

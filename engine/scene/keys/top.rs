@@ -22,7 +22,7 @@ keys! { TOP, "", [], ["sample" => "object", "objects" => "object", "mesh" => "ob
     materials => Named(&MATERIAL), Without("built-in ones"), "{ ... }", "Materials by name.";
     surroundings => Inner(&SURROUNDINGS), Without("vacuum"), "{ ... }", "Surroundings of the objects.";
     object => Tables(&OBJECT.spec), Without("none"), "[[object]]",
-        "Objects of the sample; where they overlap the one listed later wins.";
+        "Objects of the sample; where they overlap, the object listed later wins.";
     files => Named(&Hash), Without("none"), "{ ... }", "SHA-256 of files that the scene refers to, by path.";
 }
 

@@ -34,6 +34,18 @@ pub(crate) fn optional<V: Value>(table: &Table<'_>, key: &str) -> Result<Option<
     table.get(key).map(|item| V::read(&item, row)).transpose()
 }
 
+/// Refuses lengths beyond the range of a key whose values the model keeps under another key: the error
+/// names the key and the length of the scene.
+pub(crate) fn refuse_beyond(table: &Table<'_>, key: &str, lengths: &mut [f64]) -> Result<()> {
+    let (row, Some(item)) = (table.row(key)?, table.get(key)) else { return Ok(()) };
+    let mut known = lengths.iter().filter(|length| !length.is_nan());
+    let beyond = known.find_map(|length| in_range(key, &row.kind, *length).err());
+    if let Some(Error::Scene { found, allowed, .. }) = beyond {
+        lengths.fill(item.refuse(item.error(found, allowed), f64::NAN)?);
+    }
+    Ok(())
+}
+
 /// Reads the value of a key that must be there.
 pub(crate) fn required<V: Value>(table: &Table<'_>, key: &str) -> Result<V> {
     V::read(&table.require(key)?, table.row(key)?)
@@ -51,7 +63,7 @@ impl Base<'_> {
     /// A path as the text has it.
     pub(crate) fn file(&self, path: &Path) -> Result<String> {
         let unicode = |path: &Path| {
-            let problem = "the path has to be Unicode to be written into a scene";
+            let problem = "the path must be Unicode to be written into a scene";
             path.to_str().map(str::to_owned).ok_or_else(|| Error::file(path, problem, None))
         };
         if self.directory == self.scene.directory {
@@ -151,7 +163,8 @@ impl Value for [f64; 3] {
             let length = libm::hypot(libm::hypot(self[0], self[1]), self[2]);
             if !(length.is_finite() && length > 0.0) {
                 let allowed = "a direction of finite length > 0";
-                faults.add(Error::scene(key, format!("{length:?}"), allowed));
+                let found = format!("a direction of length {length}");
+                faults.add(Error::scene(key, found, allowed));
             }
             return;
         }

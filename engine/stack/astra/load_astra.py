@@ -1,7 +1,7 @@
 """Projections and geometry of this folder for the ASTRA toolbox.
 
     import load_astra
-    data = load_astra.load("transmission")           # [row][view][column]; NaN where there is no answer
+    data = load_astra.load("transmission")           # [row][view][column]; NaN where there is no result
     projections = load_astra.link(-np.log(data))     # an id of ASTRA's data3d
     volume = load_astra.astra.data3d.create("-vol", load_astra.vol_geom)    # [z][y][x], all ascending
 

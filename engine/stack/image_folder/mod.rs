@@ -56,13 +56,13 @@ impl ImageDirectory {
     ) -> Result<Self> {
         let place = match fs::symlink_metadata(path) {
             Ok(found) if found.is_symlink() => {
-                path.canonicalize().map_err(failed(path, "leads nowhere"))?
+                path.canonicalize().map_err(failed(path, "is a link to a missing target"))?
             }
             _ => path.to_path_buf(),
         };
         check(&place, kind, overwrite)?;
         if place.file_name().is_none() {
-            return Err(Error::file(path, "has no name of its own: name a directory", None));
+            return Err(Error::file(path, "does not end in a directory name", None));
         }
         let replaced = sibling(&place, REPLACED);
         if fs::symlink_metadata(&replaced).is_ok() {

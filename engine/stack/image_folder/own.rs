@@ -100,8 +100,9 @@ pub(super) fn claim(partial: &Path) -> Result<LockedFile> {
     }
     refuse_link(&mark)?;
     let file = File::create(&mark).map_err(failed(&mark, "cannot be created"))?;
-    let file = LockedFile::exclusive(file)
-        .ok_or_else(|| Error::file(partial, "another beamlet is making images here", None))?;
+    let file = LockedFile::exclusive(file).ok_or_else(|| {
+        Error::file(partial, "another beamlet process is writing images here", None)
+    })?;
     sweep(partial)?;
     Ok(file)
 }

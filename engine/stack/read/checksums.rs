@@ -74,7 +74,7 @@ impl Checksums {
         }
         if hex(&hasher.finalize()) != *recorded {
             let problem = format!(
-                "{name} differs from the committed one: its values do not have the checksum of {}; \
+                "{name} differs from its committed state: its values do not have the checksum of {}; \
                  resume the run to simulate it again",
                 layout::LOG
             );

@@ -65,6 +65,11 @@ impl Maps {
         self.maps
     }
 
+    /// Whether there is one image of this name for several views.
+    pub(crate) fn is_shared(&self, name: &str) -> bool {
+        self.views > 1 && self.maps.get(name).is_some_and(|map| map.shape()[1] == 1)
+    }
+
     /// Number of views.
     #[must_use]
     pub const fn views(&self) -> usize {

@@ -47,8 +47,8 @@ impl OpenRun {
         let path = path.as_ref();
         if !layout::is_run(path) {
             let file = "is a file: name a run directory, as `beamlet simulate` makes it";
-            let lacks = format!("is no run directory: it has no {RUN}");
-            let problem = layout::why_no_run(path, file, &lacks);
+            let lacks = format!("is not a run directory: it has no {RUN}");
+            let problem = layout::problem_of(path, file, &lacks);
             return Err(Error::file(path, problem, None));
         }
         layout::refuse_unjoined(path)?;
@@ -67,7 +67,7 @@ impl OpenRun {
         let count = committed.keys().filter(is_sample).count();
         if count != views {
             let problem =
-                format!("view {views} is not committed and later ones are; resume the run");
+                format!("view {views} is not committed, but later views are; resume the run");
             return Err(Error::file(path, problem, None));
         }
         let path = path.to_path_buf();
@@ -98,15 +98,16 @@ impl OpenRun {
         self.views
     }
 
-    /// The flat, one view.
+    /// The flats, a view each.
     ///
     /// # Errors
-    /// [`Error::File`] where it is not committed or does not have the shape of run.json.
+    /// [`Error::File`] where a flat before a committed view is not committed, or does not have the shape
+    /// of run.json.
     pub fn flat(&self) -> Result<StackFile> {
-        if !self.is_committed(Exposure::Flat) {
-            return Err(Error::file(&self.path, "the flat is not committed: resume the run", None));
+        match self.committed_of(Exposure::Flat(0))? {
+            0 => Err(Error::file(&self.path, "the flat is not committed: resume the run", None)),
+            flats => self.stack(Exposure::Flat(0), false, flats),
         }
-        self.stack(Exposure::Flat, false, 1)
     }
 
     /// The committed views with the sample.
@@ -120,12 +121,12 @@ impl OpenRun {
         self.stack(Exposure::Sample(0), false, self.views)
     }
 
-    /// Detector numbers of the flat, if the scene has noise.
+    /// Detector numbers of the flats, if the scene has noise.
     ///
     /// # Errors
     /// As [`OpenRun::flat`].
     pub fn counts_flat(&self) -> Result<Option<StackFile>> {
-        self.optional(Exposure::Flat, true, usize::from(self.is_committed(Exposure::Flat)))
+        self.optional(Exposure::Flat(0), true, self.committed_of(Exposure::Flat(0))?)
     }
 
     /// Detector numbers with the sample, if the scene has noise.
@@ -136,16 +137,27 @@ impl OpenRun {
         self.optional(Exposure::Sample(0), true, self.views)
     }
 
-    /// Detector numbers without beam, if the scene has noise.
+    /// Detector numbers without beam, if the scene has noise: the darks, a view each.
     ///
     /// # Errors
     /// As [`OpenRun::flat`].
     pub fn dark(&self) -> Result<Option<StackFile>> {
-        self.optional(Exposure::Dark, false, usize::from(self.is_committed(Exposure::Dark)))
+        self.optional(Exposure::Dark(0), false, self.committed_of(Exposure::Dark(0))?)
     }
 
-    fn is_committed(&self, view: Exposure) -> bool {
-        self.committed.contains_key(&view)
+    /// Number of flats or darks, from the first on, that are committed; 0 where there are none.
+    fn committed_of(&self, stack: Exposure) -> Result<usize> {
+        let scan = &self.scene.scan;
+        let places = if stack.is_flat() { scan.flat_places() } else { scan.dark_places() };
+        let indices = (0..numbers::count(places.len())).map(|index| stack.with_index(index));
+        let found = indices.take_while(|view| self.committed.contains_key(view)).count();
+        let needed = places.iter().filter(|place| (**place as usize) < self.views).count();
+        if found > 0 && found < needed {
+            let name = layout::view(stack.with_index(numbers::count(found)), false);
+            let problem = format!("{name} is not committed and later views are: resume the run");
+            return Err(Error::file(&self.path, problem, None));
+        }
+        Ok(found)
     }
 
     /// Checksums of the log of the first `views` views of a stack.
@@ -157,10 +169,7 @@ impl OpenRun {
         steps: usize,
     ) -> Result<Checksums> {
         let of_view = |index: usize| {
-            let view = match stack {
-                Exposure::Sample(_) => Exposure::Sample(numbers::count(index)),
-                other => other,
-            };
+            let view = stack.with_index(numbers::count(index));
             let entry = self.committed.get(&view);
             let found =
                 entry.and_then(|e| if counts { e.counts.as_ref() } else { Some(&e.sha256) });
@@ -192,7 +201,7 @@ impl OpenRun {
         let path = self.file_of(stack, counts);
         let extent = self.file.extent;
         let file = StackFile::open(&path)?;
-        let is_dark = stack == Exposure::Dark;
+        let is_dark = stack.is_dark() && extent.darks == 1;
         // Pages do not say where a view ends.
         let file = match is_dark || self.file.format.abilities().sides {
             true => file,

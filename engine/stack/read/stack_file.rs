@@ -113,7 +113,7 @@ impl StackFile {
         let Some(format) = Format::of(path) else {
             let folders = endings(|format| format.abilities().folders);
             let problem = format!(
-                "is no stack: allowed are {}, and folders of frames ({folders})",
+                "is not a stack; allowed: {}, and folders of frames ({folders})",
                 endings(|_| true)
             );
             return Err(Error::file(path, problem, None));
@@ -367,7 +367,7 @@ fn owned<D: Dimension>(path: &Path, part: ArrayView<'_, f32, D>) -> Result<Array
 /// Two to four sides, filled up with ones in front.
 fn shape_of(path: &Path, file: &ArrayFile) -> Result<[usize; 4]> {
     if file.is_fortran() {
-        let problem = "is in Fortran order; allowed is C order (numpy: np.ascontiguousarray)";
+        let problem = "is in Fortran order; allowed: C order (numpy: np.ascontiguousarray)";
         return Err(Error::file(path, problem, None));
     }
     let sides: Option<Vec<u32>> = file.sides().iter().map(|n| u32::try_from(*n).ok()).collect();

@@ -73,7 +73,7 @@ impl Begun {
         *next = rows.end;
         let frames = match (values, view) {
             // Dark frames are beside the intensities: no light is no light.
-            (Values::Intensities, _) | (_, Exposure::Dark) => Some(&mut self.frames),
+            (Values::Intensities, _) | (_, Exposure::Dark(_)) => Some(&mut self.frames),
             _ => self.counts.as_mut(),
         };
         let missing = || Error::file(path, "the scene has no detector.photons", None);
@@ -114,7 +114,7 @@ impl Begun {
     /// Makes a view count.
     pub(super) fn commit(&mut self, view: Exposure) -> Result<()> {
         let counts = match &mut self.counts {
-            Some(frames) if view != Exposure::Dark => Some(frames.commit(view)?),
+            Some(frames) if !view.is_dark() => Some(frames.commit(view)?),
             _ => None,
         };
         let sha256 = self.frames.commit(view)?;

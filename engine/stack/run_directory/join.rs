@@ -8,7 +8,7 @@ use crate::scene::{Exposure, Scene};
 use crate::stack::frames::Frames;
 use crate::stack::layout::{self, COUNTS, DEVICE, LOG, PLAN, RUN, SHARDS};
 use crate::stack::own_files::{remove_file, remove_stacks};
-use crate::stack::plan::Plan;
+use crate::stack::plan::{Plan, of_other_plan};
 use crate::stack::progress_log::{self, Entry, ProgressLog};
 use crate::stack::record::{RunRecord, RunStart, SamplingSummary};
 use crate::stack::run_file::{JoinedShard, RunFile, RunState};
@@ -46,7 +46,7 @@ pub struct ShardStatus {
     pub shard: Shard,
     /// Its state.
     pub state: ShardState,
-    /// Views that are committed, with the flat and the dark frames.
+    /// Views that are committed, with the flats and the darks.
     pub committed: usize,
     /// All of its views.
     pub views: usize,
@@ -67,13 +67,13 @@ pub fn shard_states(run: &Path) -> Result<Vec<ShardStatus>> {
     let of_shard = |shard: Shard| {
         let path = layout::shard(run, shard.index);
         let entries = progress_log::read(&path.join(LOG))?;
-        let own = all.iter().filter(|view| shard.has(**view, plan.extent.views));
+        let own = all.iter().filter(|view| shard.has(**view, plan.extent));
         let (committed, views) = own
             .fold((0, 0), |(n, all), view| (n + usize::from(entries.contains_key(view)), all + 1));
         let record = path.join(RUN);
         let file = if record.exists() { Some(RunFile::read(&record)?) } else { None };
         if let Some(file) = &file {
-            refuse_other(&path, file, shard)?;
+            plan.refuse_other(&path, file, shard)?;
         }
         let is_running = progress_log::is_locked(&path.join(LOG));
         let state = match file.as_ref().map(|file| file.state) {
@@ -247,14 +247,14 @@ impl Begun {
         let changed = |counts| {
             let name = layout::view(view, counts);
             let problem = format!(
-                "{name} does not have the checksum of its shard; make it again: {}",
+                "{name} does not have the checksum of its shard; simulate it again: {}",
                 remedy(path, from.part.shard)
             );
             Error::file(&from.path, problem, None)
         };
         let take = |frames: &mut Frames, folder: &Path| frames.adopt(view, folder, from.part);
         let counts = match &mut self.counts {
-            Some(frames) if view != Exposure::Dark => Some(take(frames, &from.path.join(COUNTS))?),
+            Some(frames) if !view.is_dark() => Some(take(frames, &from.path.join(COUNTS))?),
             _ => None,
         };
         if counts != entry.counts {
@@ -295,7 +295,7 @@ fn ready(run: &Path, plan: &Plan, scene: &Scene) -> Result<Vec<Ready>> {
             missing.iter().take(20).map(|status| status.shard.index.to_string()).collect();
         let more = if missing.len() > 20 { ", …" } else { "" };
         let problem = format!(
-            "{} of {} shards are missing ({}): {}{more}; make them, for example: {}",
+            "{} of {} shards are missing ({}): {}{more}; simulate them, for example: {}",
             missing.len(),
             plan.shards,
             words.join(", "),
@@ -312,7 +312,7 @@ fn ready(run: &Path, plan: &Plan, scene: &Scene) -> Result<Vec<Ready>> {
             return Err(of_other_plan(&path, "its stacks have another shape or format"));
         }
         if file.keep_moments != Some(plan.keep_moments) {
-            return Err(of_other_plan(&path, "one of them keeps moments"));
+            return Err(of_other_plan(&path, "they differ in keep_moments"));
         }
         let entries = progress_log::read(&path.join(LOG))?;
         let part = Part { extent: plan.extent, shard };
@@ -324,20 +324,6 @@ fn ready(run: &Path, plan: &Plan, scene: &Scene) -> Result<Vec<Ready>> {
         Ok(Ready { part, path, file, entries, _log: log })
     };
     plan.all().map(of_shard).collect()
-}
-
-/// Refuses the record of another shard.
-fn refuse_other(path: &Path, file: &RunFile, shard: Shard) -> Result<()> {
-    if file.shard == Some(shard) {
-        return Ok(());
-    }
-    let found = file.shard.map_or_else(|| "a whole run".to_owned(), |it| format!("shard {it}"));
-    Err(of_other_plan(path, &format!("it is {found}, here is shard {shard}")))
-}
-
-fn of_other_plan(path: &Path, what: &str) -> Error {
-    let problem = format!("is of another plan: {what}; remove {}", printed::path(path));
-    Error::file(path.join(RUN), problem, None)
 }
 
 /// The command that makes a shard.
@@ -357,7 +343,8 @@ fn refuse_mixed(run: &Path, shards: &[Ready], allow: bool) -> Result<()> {
         let [one, other] = [first, other].map(|shard| shard.part.shard);
         let problem = format!(
             "has shard {one} of {what} {here} and shard {other} of {what} {there}; values may \
-             differ in the last digits: make one of them again, or allow a mixed run (--allow-mixed)"
+             differ in the last digits: simulate one of them again, or allow a mixed run \
+             (--allow-mixed)"
         );
         if !allow {
             return Err(Error::file(run, problem, None));

@@ -6,6 +6,7 @@ use crate::scene::Scene;
 use crate::stack::layout::{self, LOG, RUN};
 use crate::stack::plan::Plan;
 use crate::stack::progress_log::ProgressLog;
+use crate::stack::run_file::RunFile;
 use crate::stack::scene_file;
 use crate::stack::shard::Shard;
 use crate::{Error, Result, folder};
@@ -49,8 +50,12 @@ impl RunDirectory {
         crate::whole_file::refuse_link(&path)?;
         folder::make_all(&path)?;
         let log = ProgressLog::lock_patiently(&path.join(LOG))?;
-        let mut directory = match path.join(RUN).exists() {
-            true => Self::resume_part(path, root.clone(), Some(shard), Some(log), scene)?,
+        let record = path.join(RUN);
+        let mut directory = match record.exists() {
+            true => {
+                plan.refuse_other(&path, &RunFile::read(&record)?, shard)?;
+                Self::resume_part(path, root.clone(), Some(shard), Some(log), scene)?
+            }
             false => Self::at(path, plan.format, Some(log)),
         };
         (directory.root, directory.shard, directory.is_planned) = (root, Some(shard), true);

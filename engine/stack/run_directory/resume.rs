@@ -108,7 +108,7 @@ impl RunDirectory {
             Some(height) => {
                 let mut left = views(scene)?.filter(|view| part.has(*view));
                 left.find(|view| !committed.contains(view))
-                    .filter(|view| *view != Exposure::Dark && !entries.contains_key(view))
+                    .filter(|view| !view.is_dark() && !entries.contains_key(view))
                     .map(|view| {
                         let how = (view, height, keep_moments);
                         (view, verify::blocks(&path, file.format, part, scene, how, &blocks))
@@ -179,7 +179,8 @@ impl RunDirectory {
             return Ok(());
         }
         let problem = format!(
-            "has no hash of {}, so that a change of that file cannot be found; start anew, or allow it (--allow-unhashed)",
+            "has no hash of {}, so a change of that file would not be noticed; start a new run, or \
+             accept this (--allow-unhashed)",
             files.join(", ")
         );
         Err(Error::file(&self.path, problem, None))
@@ -190,7 +191,8 @@ impl RunDirectory {
         for [what, before, now] in recorded.differences(now) {
             if !self.allow_mixed {
                 let problem = format!(
-                    "was begun with {what} {before}, now {now}; results may differ in the last digits: use the first, start anew, or allow a mixed run (--allow-mixed)"
+                    "was begun with {what} {before}, now {now}; results may differ in the last \
+                     digits: use the first, start a new run, or allow a mixed run (--allow-mixed)"
                 );
                 return Err(Error::file(&self.path, problem, None));
             }
@@ -205,17 +207,18 @@ fn require_run(path: &Path) -> Result<()> {
     if layout::is_run(path) {
         return Ok(());
     }
-    let problem = match path.exists() {
-        true => format!("holds no run to resume: it has no {RUN}"),
-        false => format!("is not there: it has no {RUN} to go on from"),
-    };
-    Err(Error::file(path, problem, None))
+    let lacks = format!("holds no run to resume: it has no {RUN}");
+    Err(Error::file(path, layout::problem_of(path, &lacks, &lacks), None))
 }
 
 pub(super) fn refuse_other_scene(path: &Path, differences: &[String]) -> Result<()> {
     if differences.is_empty() {
         return Ok(());
     }
-    let problem = format!("holds a run of another scene:\n  {}", differences.join("\n  "));
+    let problem = format!(
+        "holds a run of another scene (there: the run; here: this scene): choose another directory, or \
+         take these differences back:\n  {}",
+        differences.join("\n  ")
+    );
     Err(Error::file(path, problem, None))
 }

@@ -28,7 +28,7 @@ pub fn fixture(name: &str, format: Format) -> PathBuf {
     let rows = 0..scene.detector.pixels[1];
     for view in views(&scene).expect("few views") {
         let [intensities, counts] = [false, true].map(|counts| values(&scene, view, counts));
-        if view != Exposure::Dark {
+        if view != Exposure::Dark(0) {
             sink.write(view, rows.clone(), intensities.view()).expect("written");
         }
         sink.write_counts(view, rows.clone(), counts.view()).expect("written");
@@ -56,8 +56,8 @@ pub fn fixture(name: &str, format: Format) -> PathBuf {
 fn values(scene: &Scene, view: Exposure, counts: bool) -> Array3<f32> {
     let [columns, rows] = scene.detector.pixels.map(|side| side as usize);
     let of_view = match view {
-        Exposure::Flat => 1.0,
-        Exposure::Dark => 2.0,
+        Exposure::Flat(_) => 1.0,
+        Exposure::Dark(_) => 2.0,
         Exposure::Sample(index) => 3.0 + index as f32,
     };
     let scale = if counts { 1000.0 } else { 0.25 };
@@ -79,7 +79,7 @@ pub fn read(path: &Path) {
         assert_eq!(found, wanted, "{view:?}");
     };
     if let Ok(flat) = run.flat() {
-        same(Exposure::Flat, false, flat.view(0));
+        same(Exposure::Flat(0), false, flat.view(0));
     }
     if let Ok(sample) = run.sample() {
         for view in 0..run.views() {
@@ -88,13 +88,13 @@ pub fn read(path: &Path) {
         }
     }
     if let Ok(Some(flat)) = run.counts_flat() {
-        same(Exposure::Flat, true, flat.view(0));
+        same(Exposure::Flat(0), true, flat.view(0));
     }
     if let Ok(Some(sample)) = run.counts_sample() {
         same(Exposure::Sample(0), true, sample.view(0));
     }
     if let Ok(Some(dark)) = run.dark() {
-        same(Exposure::Dark, true, dark.view(0));
+        same(Exposure::Dark(0), true, dark.view(0));
     }
     let record = run.record();
     if let Ok(checked) = checked

@@ -131,7 +131,7 @@ fn parts_that_touch_in_a_vertex_or_stand_apart_do_not_cross() {
     assert_eq!(defects.non_manifold_vertices.count, 1);
     assert_eq!(defects.non_manifold_vertices.places[0].position_mm, Some([1.0; 3]));
     let warnings = &loaded.unwrap().objects[0].warnings;
-    assert!(warnings[0].contains("1 vertex in which parts touch"), "{warnings:?}");
+    assert!(warnings[0].contains("1 vertex where parts touch"), "{warnings:?}");
     // A corner that stands on a face.
     let mut turned = shape("x", Shape::Box { size: [1e-3; 3] });
     turned.placement.rotate =

@@ -86,7 +86,7 @@ fn files_of_other_programs_keep_their_volume() {
         assert!(close(both.objects[0].volume, 6000e-9 + ball, 1e-6), "{path}");
         let warnings = both.objects[0].warnings.join("\n");
         assert!(
-            warnings.contains("2 objects are taken as one (\"box\", \"ball\"); `group`"),
+            warnings.contains("2 objects become one object (\"box\", \"ball\"); `group`"),
             "{path}: {warnings}"
         );
         for (name, volume) in [("box", 6000e-9), ("ball", ball)] {
@@ -154,7 +154,7 @@ fn groups_and_materials_of_an_obj_are_taken_by_name() {
         "{told}"
     );
     let merged = read("cubes.obj", text.as_bytes(), None).unwrap().objects[0].warnings.join("");
-    assert!(merged.contains("2 groups are taken as one (\"left half\", \"right\")"), "{merged}");
+    assert!(merged.contains("2 groups become one object (\"left half\", \"right\")"), "{merged}");
 }
 
 #[test]
@@ -196,10 +196,13 @@ fn a_broken_3mf_tells_what_and_where() {
         (b"PK nothing".to_vec(), &["not a 3MF file"]),
         (archive("<model><resources/>"), &["nothing to build"]),
         (model("unit=\"mile\"", &leaf, item), &["unit is \"mile\"", "micron", "line 2"]),
-        (model("", &tetrahedron("id=\"1\" pid=\"4\""), item), &["list 4", "it has none", "line 2"]),
-        (model("", "", item), &["no object of the id 1"]),
+        (
+            model("", &tetrahedron("id=\"1\" pid=\"4\""), item),
+            &["list 4", "has the lists: none", "line 2"],
+        ),
+        (model("", "", item), &["no object has the id 1"]),
         (model("", self_made, item), &["component of itself"]),
-        (model("", &leaf.replace("v3=\"2\"", "v3=\"4\""), item), &["4 names no vertex", "line 4"]),
+        (model("", &leaf.replace("v3=\"2\"", "v3=\"4\""), item), &["4 is not a vertex", "line 4"]),
         (model("", &leaf.replace("x=\"1\"", "x=\"one\""), item), &["x is \"one\"", "line 2"]),
         (model("", &leaf.replace("y=\"1\"", ""), item), &["attribute y is missing", "line 3"]),
         (model("", &leaf, "<item objectid=\"1\" transform=\"1 2\"/>"), &["transform is \"1 2\""]),
@@ -212,7 +215,7 @@ fn a_broken_3mf_tells_what_and_where() {
     let two = "<basematerials id=\"4\"><base name=\"tin\"/></basematerials>";
     let beyond =
         model("", &(two.to_owned() + &tetrahedron("id=\"1\" pid=\"4\" pindex=\"1\"")), item);
-    assert!(refused("a.3mf", &beyond).contains("material 1 of the list 4 is used, which has 1"));
+    assert!(refused("a.3mf", &beyond).contains("material 1 of the list 4 is used; the list has 1"));
 }
 
 #[test]
@@ -278,13 +281,13 @@ fn a_ply_in_text_or_of_either_byte_order_is_the_same() {
 fn a_broken_ply_tells_what_and_where() {
     for (from, to, words) in [
         ("ply\n", "plx\n", &["not a valid PLY", "line 1"][..]),
-        ("float x", "float u", &["vertices have no number x"]),
+        ("float x", "float u", &["vertices have no coordinate x"]),
         ("vertex_index", "corners", &["no faces"]),
         ("face 4", "tristrips 4", &["strips of triangles"]),
         ("face 4", "face 4000000000", &["\"face\" need", "are left"]),
         ("vertex 4", "vertex 99999999999999999999", &["not a valid PLY", "line 4"]),
-        ("3 1 2 3", "3 1 2 4", &["4 names no vertex", "face 4"]),
-        ("3 1 2 3", "3 1 2 -3", &["-3 names no vertex", "face 4"]),
+        ("3 1 2 3", "3 1 2 4", &["4 is not a vertex", "face 4"]),
+        ("3 1 2 3", "3 1 2 -3", &["-3 is not a vertex", "face 4"]),
         ("3 1 2 3", "2 1 2", &["has 2", "face 4"]),
         ("1 0 0 9", "1 zero 0 9", &["not a valid PLY", "line 14"]),
         ("1 0 0 9", "inf 0 0 9", &["not a valid PLY", "line 14"]),
@@ -309,7 +312,10 @@ fn units_and_groups_that_a_format_does_not_have_are_refused_at_their_line() {
     assert!(unit.contains("object[0].unit") && unit.contains("3MF files state it"), "{unit}");
     assert!(told("mesh = \"trimesh.ply\"").contains("object[0].unit"));
     let group = told("mesh = \"gmsh.stl\"\nunit = \"mm\"\ngroup = \"a\"");
-    assert!(group.contains("object[0].group") && group.contains("OBJ and 3MF do"), "{group}");
+    assert!(
+        group.contains("object[0].group") && group.contains("only OBJ and 3MF files"),
+        "{group}"
+    );
     let shape = told("shape = { sphere = { radius = \"1 mm\" } }\ngroup = \"a\"");
     assert!(shape.contains("object[0].group"), "{shape}");
     // What is allowed comes back from the resolved scene.

@@ -34,7 +34,7 @@ fn triangle_given_twice_is_refused() {
 fn index_beyond_the_vertices_is_refused() {
     let mut wild = Arrays::cube(2e-3);
     wild.1[3][1] = 8;
-    assert!(wild.load().unwrap_err().to_string().contains("8 given"));
+    assert!(wild.load().unwrap_err().to_string().contains("8 are given"));
 }
 
 #[test]

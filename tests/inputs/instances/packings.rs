@@ -169,7 +169,12 @@ fn a_count_is_met_and_small_regions_hold_what_fits() {
 fn packings_that_cannot_be_say_how_far_they_came() {
     let few = "sphere = { radius = \"30 um\" }";
     let cases = [
-        (sphere("10 um"), packing("spheres", few, "count = 20"), "instances.count", "a count "),
+        (
+            sphere("10 um"),
+            packing("spheres", few, "count = 20"),
+            "instances.count",
+            "reached count ",
+        ),
         (sphere("40 um"), packing("spheres", few, "count = 1"), "instances.region", "80"),
         (sphere("10 um"), packing("spheres", few, "fill = 0.05"), "instances.fill", "whole bodies"),
         (
@@ -188,13 +193,13 @@ fn packings_that_cannot_be_say_how_far_they_came() {
             fibre("5 um", "2 mm"),
             packing("random-fibres", &cube("1 mm"), "fill = 0.01"),
             "instances.fill",
-            "reached a fill 0.000",
+            "reached fill 0.000",
         ),
         (
             fibre("2.5 um", "0.3 mm"),
             packing("random-fibres", &cube("0.5 mm"), "fill = 0.3"),
             "instances.fill",
-            "0.3; the packing reached a fill 0.0",
+            "0.3; the packing reached fill 0.0",
         ),
         (
             fibre("5 um", "1 mm"),
@@ -204,7 +209,7 @@ fn packings_that_cannot_be_say_how_far_they_came() {
                 "count = 45",
             ),
             "instances.count",
-            "45; the packing reached a count ",
+            "45; the packing reached count ",
         ),
     ];
     for (shape, text, key, what) in cases {

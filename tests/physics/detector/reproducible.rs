@@ -45,8 +45,9 @@ fn run(options: EngineOptions, scene: &Scene) -> Stacks {
 fn same(what: &str, a: &Stacks, b: &Stacks) {
     let bits = |stacks: &Stacks| {
         let counts = stacks.counts.as_ref().unwrap();
-        let stacks = stacks.flat.iter().chain(&stacks.sample);
-        let counts = counts.flat.iter().chain(&counts.sample).chain(&counts.dark);
+        let stacks = stacks.flat.iter().chain(&stacks.later_flats).chain(&stacks.sample);
+        let later = counts.later_flats.iter().chain(&counts.later_darks);
+        let counts = counts.flat.iter().chain(&counts.sample).chain(&counts.dark).chain(later);
         stacks.chain(counts).map(|value| value.to_bits()).collect::<Vec<_>>()
     };
     assert!(bits(a) == bits(b), "{what}");
@@ -55,7 +56,8 @@ fn same(what: &str, a: &Stacks, b: &Stacks) {
 #[test]
 fn bands_batches_and_threads_change_no_bit_of_counts() {
     let place = tempfile::tempdir().unwrap();
-    let scene = scene(place.path());
+    let mut scene = scene(place.path());
+    (scene.scan.flats_every, scene.scan.darks_every) = (Some(2), Some(5));
     let whole = run(EngineOptions::default(), &scene);
     for (band, batch) in [(Some(1), None), (Some(2), Some(4096)), (Some(5), None)] {
         let options = EngineOptions::default().with_band_rows(band).with_batch_rays(batch);
@@ -120,7 +122,7 @@ fn interrupted_run_goes_on_to_the_same_files_and_overwrites_its_own_alone() {
         assert!(matches!(ended, Err(Error::Interrupted)));
         drop(sink);
         let mut sink = RunDirectory::resume(&broken, &scene).unwrap();
-        assert_eq!(sink.committed(), [Exposure::Flat, Exposure::Dark, Exposure::Sample(0)]);
+        assert_eq!(sink.committed(), [Exposure::Flat(0), Exposure::Dark(0), Exposure::Sample(0)]);
         // Counts that were changed since do not count.
         if format == Format::Npy {
             // A run is locked from the first look on.
@@ -130,7 +132,7 @@ fn interrupted_run_goes_on_to_the_same_files_and_overwrites_its_own_alone() {
             *bytes.last_mut().unwrap() ^= 1;
             fs::write(&path, bytes).unwrap();
             sink = RunDirectory::resume(&broken, &scene).unwrap();
-            assert_eq!(sink.committed(), [Exposure::Dark, Exposure::Sample(0)]);
+            assert_eq!(sink.committed(), [Exposure::Dark(0), Exposure::Sample(0)]);
         }
         let skip = sink.committed().to_vec();
         engine.run(&scene, &mut sink, Control::default().with_skip(skip)).unwrap();

@@ -65,7 +65,7 @@ fn poisson_scores(mean: f64, stacks: &[(&str, Array3<f32>)]) -> Scores {
 }
 
 fn stacks(scene: &Scene) -> Stacks {
-    [("flat", Exposure::Flat), ("view 0", Exposure::Sample(0)), ("view 1", Exposure::Sample(1))]
+    [("flat", Exposure::Flat(0)), ("view 0", Exposure::Sample(0)), ("view 1", Exposure::Sample(1))]
         .map(|(name, view)| (name, frames(scene, 1.0, view)))
         .to_vec()
 }
@@ -140,9 +140,9 @@ fn dark_frames_hold_offset_and_electronic_noise_of_their_own() {
     let counts =
         Counts::of_photons(1e-9).with_electronic_noise(2.5).with_offset(100.0).with_bit_depth(16);
     let scene = scene([160, 128], STEPS, counts);
-    let dark = Noise::of(&scene, 1.0).unwrap().dark(0..128, &Cancel::default()).unwrap().numbers;
+    let dark = Noise::of(&scene, 1.0).unwrap().dark(0, 0..128, &Cancel::default()).unwrap().numbers;
     // Without photons the flat is another dark frame; rounding adds 1/12.
-    let flat = frames(&scene, 1.0, Exposure::Flat);
+    let flat = frames(&scene, 1.0, Exposure::Flat(0));
     let deviation = (2.5_f64 * 2.5 + 1.0 / 12.0).sqrt();
     let z = |frame: ArrayView2<'_, f32>| standard(frame, 100.0, deviation);
     let mut scores = Scores::default();
@@ -164,7 +164,7 @@ fn gain_offset_and_electronic_noise_make_the_numbers() {
     let counts =
         Counts::of_photons(400.0).with_electronic_noise(30.0).with_gain(4.0).with_offset(-50.0);
     let scene = scene([160, 128], STEPS, counts);
-    let stack = frames(&scene, 1.0, Exposure::Flat);
+    let stack = frames(&scene, 1.0, Exposure::Flat(0));
     let (mean, variance) = (4.0 * 200.0 - 50.0, 16.0 * 200.0 + 900.0_f64);
     let mut scores = Scores::default();
     // Fourth cumulant of the photons alone.
@@ -182,7 +182,7 @@ fn integrating_detector_has_the_excess_noise_of_its_swank_factor() {
         scene.detector.mode = DetectorMode::Integrating;
         let excess = beamlet::internals::detector::excess_noise(&scene.detector, &[[30.0, 1.0]]);
         assert!((excess - 1.0 / swank).abs() < 1e-12);
-        let stack = frames(&scene, excess, Exposure::Flat);
+        let stack = frames(&scene, excess, Exposure::Flat(0));
         let mean = 0.5 * photons;
         let variance = mean / swank;
         // Cumulants of a compound Poisson number: the mean number of photons times the moments of
@@ -211,7 +211,7 @@ fn bit_depth_rounds_and_clips_and_saturation_is_counted() {
         Counts::of_photons(240.0).with_electronic_noise(20.0).with_gain(2.0).with_offset(0.0);
     let clipped = free.with_bit_depth(8);
     let scenes = [free, clipped].map(|counts| scene([64, 32], STEPS, counts));
-    let [free, numbers] = scenes.each_ref().map(|scene| frames(scene, 1.0, Exposure::Flat));
+    let [free, numbers] = scenes.each_ref().map(|scene| frames(scene, 1.0, Exposure::Flat(0)));
     for (number, free) in numbers.iter().zip(&free) {
         // f32 holds the unrounded number to 1e-5: ties may round either way.
         let want = free.clamp(0.0, 255.0);
@@ -219,11 +219,12 @@ fn bit_depth_rounds_and_clips_and_saturation_is_counted() {
     }
     let noise = Noise::of(&scenes[1], 1.0).unwrap();
     let even = Array3::from_elem((STEPS, 32, 64), 0.5_f32);
-    let clipped = noise.counts(Exposure::Flat, 0, even.view(), &Cancel::default()).unwrap().clipped;
+    let clipped =
+        noise.counts(Exposure::Flat(0), 0, even.view(), &Cancel::default()).unwrap().clipped;
     assert_eq!(clipped.high, free.iter().filter(|number| number.round() > 255.0).count() as u64);
     assert!(clipped.high > 1000);
     // Without light and offset half of the electronic noise is below zero.
-    let dark = noise.dark(0..32, &Cancel::default()).unwrap();
+    let dark = noise.dark(0, 0..32, &Cancel::default()).unwrap();
     let lows = frames_without_light(&scenes[0]);
     assert_eq!(dark.clipped.low, lows.iter().filter(|number| number.round() < 0.0).count() as u64);
     let share = dark.clipped.low as f64 / dark.numbers.len() as f64;
@@ -233,7 +234,7 @@ fn bit_depth_rounds_and_clips_and_saturation_is_counted() {
 /// Numbers of the dark frames.
 fn frames_without_light(scene: &Scene) -> Array3<f32> {
     let rows = 0..scene.detector.pixels[1];
-    Noise::of(scene, 1.0).unwrap().dark(rows, &Cancel::default()).unwrap().numbers
+    Noise::of(scene, 1.0).unwrap().dark(0, rows, &Cancel::default()).unwrap().numbers
 }
 
 /// An offset that the scene does not have is one that no electronic noise reaches below: the mean of
@@ -245,8 +246,8 @@ fn default_offset_clips_no_number_and_keeps_the_mean_of_faint_light() {
         let scene = scene([160, 128], STEPS, counts.with_bit_depth(16));
         let made = Noise::of(&scene, 1.0).unwrap();
         let even = Array3::from_elem((STEPS, 128, 160), 0.5_f32);
-        let flat = made.counts(Exposure::Flat, 0, even.view(), &Cancel::default()).unwrap();
-        let dark = made.dark(0..128, &Cancel::default()).unwrap();
+        let flat = made.counts(Exposure::Flat(0), 0, even.view(), &Cancel::default()).unwrap();
+        let dark = made.dark(0, 0..128, &Cancel::default()).unwrap();
         for (name, frame) in [("flat", &flat), ("dark", &dark)] {
             assert_eq!([frame.clipped.low, frame.clipped.high], [0, 0], "{name}, noise {noise}");
         }

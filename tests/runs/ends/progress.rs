@@ -351,7 +351,7 @@ fn packing_and_views_can_be_cancelled_and_what_stands_can_be_gone_on_with() {
     drop(sink);
     let mut sink = RunDirectory::resume(place.path("run"), &scene).unwrap();
     let skip = sink.committed().to_vec();
-    assert_eq!(skip, [Exposure::Flat, Exposure::Sample(0), Exposure::Sample(1)]);
+    assert_eq!(skip, [Exposure::Flat(0), Exposure::Sample(0), Exposure::Sample(1)]);
     engine.run(&scene, &mut sink, Control::default().with_skip(skip)).unwrap();
     drop(sink);
     let mut whole = RunDirectory::create(place.path("whole"), Format::Npy, false).unwrap();

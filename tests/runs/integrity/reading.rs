@@ -73,7 +73,7 @@ fn a_doubled_value_is_found_by_every_verb_that_reads_it() {
             for verb in verbs {
                 let code = if verb[0] == "compare" { 2 } else { 1 };
                 let message = ended(&place.beamlet(verb), code);
-                let expected = format!("{name} differs from the committed one");
+                let expected = format!("{name} differs from its committed state");
                 assert_says(&message, &[&expected, stack]);
             }
             assert!(!place.path("run/retrieved").exists() && !place.path("pictures").exists());
@@ -82,7 +82,7 @@ fn a_doubled_value_is_found_by_every_verb_that_reads_it() {
         for (stack, name) in [("counts/sample", "counts/sample/2"), ("dark", "dark")] {
             double(&place, format, stack);
             let message = ended(&place.beamlet(&["retrieve", "run", "-q", "--counts"]), 1);
-            assert_says(&message, &[&format!("{name} differs from the committed one")]);
+            assert_says(&message, &[&format!("{name} differs from its committed state")]);
             restore(&place, format, stack, &whole);
         }
         ended(&place.beamlet(&["compare", "run", &other]), 0);
@@ -97,7 +97,7 @@ fn pictures_of_one_view_ask_for_no_other() {
         ended(&place.beamlet(&[&view[..], &["--view", "1"]].concat()), 0);
         let message =
             ended(&place.beamlet(&[&view[..], &["--view", "2", "--overwrite"]].concat()), 1);
-        assert_says(&message, &["sample/2 differs from the committed one"]);
+        assert_says(&message, &["sample/2 differs from its committed state"]);
     }
 }
 
@@ -119,7 +119,7 @@ fn check_finds_what_is_wrong_with_a_run_and_says_when_it_is_whole() {
         for (stack, view) in views {
             double(&place, format, stack);
             let message = ended(&place.beamlet(&["check", "run"]), 1);
-            assert_says(&message, &[&format!("{view} differs from the committed one")]);
+            assert_says(&message, &[&format!("{view} differs from its committed state")]);
             restore(&place, format, stack, &whole);
         }
         let log = String::from_utf8(place.bytes("progress.log")).unwrap();

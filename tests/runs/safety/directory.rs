@@ -28,7 +28,10 @@ fn of_two_that_overwrite_one_run_at_once_only_one_does() {
     let done = outputs.iter().filter(|output| output.status.success()).count();
     let messages: Vec<_> = outputs.iter().map(|o| String::from_utf8_lossy(&o.stderr)).collect();
     assert_eq!(done, 1, "{messages:?}");
-    assert!(messages.concat().contains("another beamlet is using this run"), "{messages:?}");
+    assert!(
+        messages.concat().contains("another beamlet process is using this run"),
+        "{messages:?}"
+    );
     assert_eq!(fs::read_dir(place.path().join("run/moments")).unwrap().count(), 20_000);
     ends(place.path(), "simulate scene.toml -q -o run --resume", 0);
     ends(place.path(), "report run", 0);

@@ -63,13 +63,13 @@ fn about_y(mesh: Mesh, degrees: f64) -> Mesh {
 }
 
 /// Fibres of 5 um in a disc of this radius, m, turned about z.
-fn bundle(count: usize, patch: f64, degrees: f64) -> Mesh {
+fn bundle(count: usize, radius: f64, degrees: f64) -> Mesh {
     let mut random = Random::new(5);
     let mut centres: Vec<[f64; 2]> = Vec::new();
     while centres.len() < count {
-        let c = [random.between(-patch, patch), random.between(-patch, patch)];
+        let c = [random.between(-radius, radius), random.between(-radius, radius)];
         let apart = |p: &[f64; 2]| (p[0] - c[0]).hypot(p[1] - c[1]) > 5.2e-6;
-        if c[0].hypot(c[1]) < patch && centres.iter().all(apart) {
+        if c[0].hypot(c[1]) < radius && centres.iter().all(apart) {
             centres.push(c);
         }
     }
@@ -141,10 +141,10 @@ fn narrow() -> Vec<Case> {
     ]
 }
 
-fn fibre_patches() -> impl Iterator<Item = Case> {
+fn fibre_bundles() -> impl Iterator<Item = Case> {
     [0.0, 13.0, 27.0, 45.0, 90.0].into_iter().map(|degrees| {
-        let patch = bundle(300, 0.12e-3, degrees).moved([0.03e-3, 0.0, 0.0]);
-        Case::paper(format!("300 fibres at {degrees} degrees"), vec![of(CARBON, patch)])
+        let fibres = bundle(300, 0.12e-3, degrees).moved([0.03e-3, 0.0, 0.0]);
+        Case::paper(format!("300 fibres at {degrees} degrees"), vec![of(CARBON, fibres)])
     })
 }
 
@@ -287,7 +287,7 @@ pub(crate) fn all() -> Vec<Case> {
     silhouettes()
         .into_iter()
         .chain(narrow())
-        .chain(fibre_patches())
+        .chain(fibre_bundles())
         .chain(set_ups())
         .chain(walls_behind_bars())
         .chain(leaks())

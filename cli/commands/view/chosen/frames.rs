@@ -58,7 +58,11 @@ impl Chosen<'_> {
         match self.step < frames.shape()[0] {
             true => Ok(frames.index_axis(ndarray::Axis(0), self.step).mapv(f64::from)),
             false => {
-                let problem = format!("--step {}: a view has {}", self.step, frames.shape()[0]);
+                let problem = format!(
+                    "--step {}: a view has {} mask steps, counted from 0",
+                    self.step,
+                    frames.shape()[0]
+                );
                 Err(Failure::Usage(problem))
             }
         }

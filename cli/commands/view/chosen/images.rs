@@ -92,7 +92,7 @@ impl Chosen<'_> {
         let lost = image.values.iter().filter(|value| !value.is_finite()).count();
         let lost = match lost {
             0 => String::new(),
-            count => format!("{} without an answer (violet)", pixels(count)),
+            count => format!("{} without a result (violet)", pixels(count)),
         };
         let mut below = vec![image.flag_words.clone()];
         below.push(joined(&[scale.words_beyond(quantity.unit), lost]));

@@ -21,7 +21,10 @@ pub(super) fn expand(models: &Models, root: &str) -> Result<MeshFile, Defect> {
         ));
     };
     if model.build.is_empty() {
-        return Err(Defect::new("there is nothing to build: its list has no items", "build"));
+        return Err(Defect::new(
+            "there is nothing to build: the element \"build\" has no items",
+            "build",
+        ));
     }
     let mut counts = HashMap::new();
     let triangles = model.build.iter().try_fold(0_u64, |sum, item| {
@@ -60,7 +63,7 @@ fn found<'a>(
         .get_key_value(&key)
         .and_then(|(key, model)| Some((key.as_str(), model.objects.get(&reference.object)?)));
     object.ok_or_else(|| {
-        let problem = format!("there is no object of the id {}", reference.object);
+        let problem = format!("no object has the id {}", reference.object);
         Defect::new(problem, printed::line(&key))
     })
 }
@@ -183,7 +186,7 @@ fn material(model: &Model, name: &str, of: MaterialOf) -> Result<Option<String>,
             let there = there.iter().map(u32::to_string).collect::<Vec<_>>().join(", ");
             let has = if there.is_empty() { "none".to_owned() } else { there };
             let problem = format!(
-                "a material of the list {} is used, which the file does not have: it has {has}",
+                "a material of the list {} is used; the file has the lists: {has}",
                 of.resource
             );
             Err(Defect::new(problem, place()))
@@ -193,7 +196,7 @@ fn material(model: &Model, name: &str, of: MaterialOf) -> Result<Option<String>,
             Some(name) => Ok(Some(name.clone())),
             None => {
                 let problem = format!(
-                    "the material {} of the list {} is used, which has {}, from 0",
+                    "the material {} of the list {} is used; the list has {}, counted from 0",
                     of.number,
                     of.resource,
                     names.len()

@@ -155,7 +155,9 @@ impl Reading {
                 let object = self.object(name)?;
                 let there = object.vertices.len();
                 if let Some(corner) = corners.iter().find(|it| **it as usize >= there) {
-                    return Err(format!("{corner} names no vertex: there are {there}, from 0"));
+                    return Err(format!(
+                        "{corner} is not a vertex: there are {there}, counted from 0"
+                    ));
                 }
                 let material = attributes.material("p1", object.material, line)?;
                 object.triangles.push(Triangle { corners, material });
@@ -190,7 +192,7 @@ impl Reading {
             "base" => {
                 let name = Attributes::of(tag)?.text("name").unwrap_or_default();
                 let names = self.names.and_then(|id| self.materials.get_mut(&id)?.as_mut());
-                names.ok_or("a base material outside of a list of them")?.push(name);
+                names.ok_or("a base material outside of \"basematerials\"")?.push(name);
             }
             "colorgroup" | "texture2dgroup" | "compositematerials" | "multiproperties" => {
                 self.materials.insert(Attributes::of(tag)?.number("id")?, None);

@@ -47,11 +47,11 @@ class Error(Exception):
 
 
 class SceneError(Error, ValueError):
-    """A scene asks for something that cannot be."""
+    """A value of the scene is not possible."""
 
 
 class ArgumentError(Error, ValueError):
-    """An argument cannot be."""
+    """An argument has a value that is not possible."""
 
 
 def wrong(name: str, found: str, allowed: str) -> ArgumentError:
@@ -62,11 +62,11 @@ def wrong(name: str, found: str, allowed: str) -> ArgumentError:
 
 
 class MeshError(Error, ValueError):
-    """A mesh or shape cannot serve as a sample."""
+    """A mesh or shape cannot be a sample."""
 
 
 class DeviceError(Error, RuntimeError):
-    """No Vulkan device can serve, the device failed, or the engine is closed or of another process."""
+    """No Vulkan device is usable, the device failed, or the engine is closed or of another process."""
 
 
 class OutOfMemoryError(Error, MemoryError):
@@ -78,8 +78,8 @@ class FileError(Error, OSError):
 
 
 class TallyError(Error, ArithmeticError):
-    """Too many rays failed a check; the result is not to be trusted."""
+    """Too many rays failed a check; the result is unreliable."""
 
 
 class InterruptedWork(Error):
-    """The process is about to end, and ended this work."""
+    """The process is about to end and stopped this work."""

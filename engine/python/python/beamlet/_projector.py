@@ -33,9 +33,9 @@ class Projector:
         data: What sinograms are: ``attenuation`` (-ln T) of a volume of mu (1/m); ``refraction`` (rad, the
             difference over a column) or ``phase`` (m, the integral along the ray) of delta;
             ``dark_field`` (rad²) of rad²/m.
-        voxel: Side of the voxels, as ``"50 um"`` or in m; default: a pixel at the axis.
+        voxel: Side of the voxels, as ``"50 um"`` or in m; default: the size of a pixel at the axis.
         size: Voxels along x, y and z; default: the field of view.
-        origin: Centre of the first voxel, x, y and z; default: the volume lies about the axis.
+        origin: Centre of the first voxel, x, y and z; default: the volume is centred on the axis.
         axis: x of the axis of rotation from the optical axis, m; default: the geometry's.
         engine: Engine; default: the shared one.
 

@@ -34,7 +34,10 @@ class Axis:
 
 @dataclass(frozen=True, eq=False)
 class Counts:
-    """Detector numbers, float32: flat and dark ``[step][row][column]``, sample ``[view][step][row][column]``."""
+    """Detector numbers, float32: flat and dark ``[step][row][column]``, sample ``[view][step][row][column]``.
+
+    Flats and darks of ``scan.flats_every`` and ``scan.darks_every`` are ``[index][step][row][column]``.
+    """
 
     flat: Stack
     sample: Stack
@@ -46,7 +49,8 @@ class Run:
 
     Attributes:
         scene: The scene.
-        flat: Intensities without sample, float32 ``[step][row][column]``; 1 is the open beam.
+        flat: Intensities without sample, float32 ``[step][row][column]``; 1 is the open beam. With
+            ``scan.flats_every`` all flats, ``[index][step][row][column]``.
         sample: Intensities with sample, float32 ``[view][step][row][column]``.
         counts: Detector numbers, where the scene has ``detector.photons``.
         record: Device, driver, seed, counts of rays, and times.
@@ -98,17 +102,17 @@ class Run:
             engine: Engine for what follows; default: the shared one.
 
         Raises:
-            FileError: No run is there, or no view is committed.
+            FileError: There is no run, or no view is committed.
         """
         path = os.fspath(path)
         of_flat, of_sample, of_counts, record = _beamlet.open_run(path)
         counts = None
         if of_counts is not None:
-            dark = None if of_counts[2] is None else _mapped(*of_counts[2])[0]
-            counts = Counts(_mapped(*of_counts[0])[0], _mapped(*of_counts[1]), dark)
+            dark = None if of_counts[2] is None else _one_or_all(_mapped(*of_counts[2]))
+            counts = Counts(_one_or_all(_mapped(*of_counts[0])), _mapped(*of_counts[1]), dark)
         scene = Scene.load(os.path.join(path, "scene.toml"))
         kept = path if os.path.isdir(os.path.join(path, "moments")) else None
-        flat, sample = _mapped(*of_flat)[0], _mapped(*of_sample)
+        flat, sample = _one_or_all(_mapped(*of_flat)), _mapped(*of_sample)
         return cls(scene, flat, sample, counts, json.loads(record), path, engine, kept)
 
     def __getstate__(self) -> dict[str, Any]:
@@ -124,7 +128,7 @@ class Run:
     def axes(self) -> tuple[Axis, Axis, Axis, Axis]:
         """Axes of the sample: views (rad), steps (mask offsets, m), rows (z, m), columns (x, m).
 
-        The flat has the last three. Rows begin at the top; x and z are those of the pixel centres on
+        A flat has the last three. Rows begin at the top; x and z are those of the pixel centres on
         the detector.
         """
         x, z = pixels(self.scene)
@@ -143,7 +147,8 @@ class Run:
         names = [axis.name for axis in axes]
         coords = {axis.name: (axis.name, axis.values, {"units": axis.unit}) for axis in axes}
         of_values = {"units": "1", "long_name": "intensity, 1 is the open beam"}
-        stacks = {"flat": (names[1:], self.flat, of_values), "sample": (names, self.sample, of_values)}
+        of_flat = names[1:] if self.flat.ndim == 3 else ["flat_index", *names[1:]]
+        stacks = {"flat": (of_flat, self.flat, of_values), "sample": (names, self.sample, of_values)}
         return xarray.Dataset(stacks, coords=coords, attrs={"record": json.dumps(self.record)})
 
     def retrieve(
@@ -164,7 +169,7 @@ class Run:
             progress: Callback.
 
         Raises:
-            SceneError: The method cannot serve the set-up or its mask offsets.
+            SceneError: The method does not suit the set-up or its mask offsets.
             ArgumentError: The run has no counts, or options do not go together.
         """
         from ._images import _retrieve
@@ -198,7 +203,7 @@ class Run:
 
         Raises:
             ArgumentError: The run kept no moments.
-            SceneError: The scene differs in more than moments can follow.
+            SceneError: The scene differs from the run in a way that needs new rays.
         """
         if self._kept is None:
             raise wrong("keep_moments", "a run without moments", "Engine(keep_moments=True)")
@@ -218,6 +223,11 @@ class Run:
         views, steps, rows, columns = self.sample.shape
         place = f" in {self.path}" if self.path else ""
         return f"<Run of {views} views x {steps} steps of {columns} x {rows} pixels{place}>"
+
+
+def _one_or_all(stack: Stack) -> Stack:
+    """A flat or dark alone, or all of several."""
+    return stack[0] if len(stack) == 1 else stack
 
 
 def _mapped(file: str | os.PathLike[str], shape: tuple[int, int, int, int]) -> Stack:

@@ -135,7 +135,7 @@ class Scene:
 
     Args:
         sections: Sections of a scene by name: ``source={...}, detector={...}, object=[{...}]``
-            (``objects`` is another word for ``object``). An object's ``mesh`` is a file, a pair
+            (``objects`` is the same as ``object``). An object's ``mesh`` is a file, a pair
             (vertices, faces) of arrays, or an object with these attributes (trimesh, pyvista); its
             ``unit`` is the length of 1.0 in it.
 
@@ -232,7 +232,7 @@ class Scene:
             value: Text with a unit, number, list or dict, as the scene file has it.
 
         Raises:
-            SceneError: The key leads nowhere, or the value cannot be.
+            SceneError: There is no such key, or the value is not possible.
         """
         other = Scene.__new__(Scene)
         other._text, other._path, other._meshes = self._text, self._path, self._meshes

@@ -40,7 +40,7 @@ class Spectrum:
     Attributes:
         before: Before the filters; ``None`` for a single energy.
         after: Behind them.
-        nodes: Energies that stand for it, with their shares of the signal.
+        nodes: Energies that represent it, with their shares of the signal.
         mean_energy: keV.
         half_value_layer: Of aluminium, m; ``None`` for a single energy.
     """
@@ -94,7 +94,7 @@ def material(
         name: Built-in material, material of `scene`, or with `density` a formula.
         energy: Photon energies, keV, of any shape; a number counts as one energy.
         density: g/cm³.
-        scene: Scene whose materials count.
+        scene: Scene whose materials are used.
 
     Raises:
         ArgumentError: Unknown name or formula, no numbers, or energies outside the tables.
@@ -118,7 +118,7 @@ def spectrum(scene: Scene) -> Spectrum:
     """The beam of a scene before and after its filters.
 
     Raises:
-        SceneError, FileError: Spectrum files or filters that cannot be.
+        SceneError, FileError: Spectrum files or filters that are not possible.
     """
     found = json.loads(_beamlet.spectrum(inner(scene)))
 
@@ -141,7 +141,7 @@ def compare(a: Path, b: Path, progress: Progress | None = None) -> list[Differen
     """Differences of two run directories, directories of retrieved images, or stacks in files.
 
     Raises:
-        FileError: One cannot be read, or they are of unlike kinds or shapes.
+        FileError: One cannot be read, or their kinds or shapes differ.
     """
     found = json.loads(_beamlet.compare(a, b, progress))
     return [Difference(**{**one, "largest_at": tuple(one["largest_at"])}) for one in found]

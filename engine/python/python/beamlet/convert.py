@@ -95,7 +95,7 @@ def to_nxtomo(images: Images, path: Path, contrast: Contrast = "transmission") -
 
     Raises:
         ArgumentError: No scan on a circle, or no such contrast.
-        FileError: There is such a file, or it cannot be written.
+        FileError: The file exists, or it cannot be written.
     """
     geometry, data = _circle(images), _data(images, contrast)
     angles = np.array(geometry["angles_deg"])
@@ -153,12 +153,12 @@ def to_nxtomo(images: Images, path: Path, contrast: Contrast = "transmission") -
 def to_cil(images: Images, path: Path, contrast: Contrast = "transmission") -> None:
     """Writes a contrast in the layout of CIL's NEXUSDataWriter, for its NEXUSDataReader. Lengths are mm;
     source and detector lie along y, rows begin at the top. CIL turns source and detector by minus
-    its angles, so that these are minus the angles of the views.
+    its angles; the written angles are therefore minus the angles of the views.
 
     Raises:
         ArgumentError: Views that move the sample (CIL's writer has no such geometry), or no such
             contrast.
-        FileError: There is such a file, or it cannot be written.
+        FileError: The file exists, or it cannot be written.
     """
     geometry, data = _circle(images), _data(images, contrast)
     views, rows, columns = data.shape
@@ -216,7 +216,7 @@ def to_dxchange(images: Images, path: Path) -> None:
 
     Raises:
         ArgumentError: Views without angles.
-        FileError: There is such a file, or it cannot be written.
+        FileError: The file exists, or it cannot be written.
     """
     if images.geometry is None:
         raise wrong("geometry", "views without angles", "a scene with an angle for each view")
@@ -273,7 +273,7 @@ def main(words: list[str] | None = None) -> int:
     parser = argparse.ArgumentParser(prog="python -m beamlet.convert", description=__doc__)
     parser.add_argument("run", help="run directory with retrieved images, or a folder of images")
     parser.add_argument("--to", required=True, choices=["nxtomo", "cil", "dxchange"])
-    parser.add_argument("-o", "--output", required=True, help="file, which must not be there yet")
+    parser.add_argument("-o", "--output", required=True, help="file to write; it must not exist yet")
     parser.add_argument("--contrast", choices=list(ABOUT), default="transmission",
                         help="contrast of an NXtomo or CIL file")
     arguments = parser.parse_args(words)

@@ -43,7 +43,7 @@ impl ViewWork<'_> {
             }
         }
         let view = match view {
-            Exposure::Flat | Exposure::Dark => 0,
+            Exposure::Flat(_) | Exposure::Dark(_) => 0,
             Exposure::Sample(_) => self.pose,
         };
         for (pixels, empty) in [(&met, false), (&missed, true)] {

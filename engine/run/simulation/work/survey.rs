@@ -66,7 +66,7 @@ impl Simulation {
     pub(crate) fn estimate_until(&self, cancel: &Cancel) -> Result<RunEstimate> {
         let begin = Instant::now();
         let views: Vec<Exposure> = stack::views(&self.scene)?.collect();
-        let mut work = ViewWork::new(self, &views, None, cancel)?;
+        let mut work = ViewWork::new(self, &views, None, cancel, self.alone)?;
         let fixed = self.prepared_in + begin.elapsed().as_secs_f64();
         let mut estimate = if self.scene.sampling.scheme == Scheme::Random {
             work.random_estimate()?
@@ -75,7 +75,8 @@ impl Simulation {
         };
         let steps = self.scene.mask_steps();
         let of_exposure = detection_seconds(&self.detector, steps, work.band, cancel)?;
-        estimate.seconds += fixed + (work.view_count() + 1.0) * of_exposure;
+        estimate.seconds +=
+            fixed + (work.view_count() + self.scene.scan.flat_places().len() as f64) * of_exposure;
         Ok(estimate)
     }
 }

@@ -79,7 +79,7 @@ fn listing(path: &Path) -> Result<(Vec<PathBuf>, Vec<PathBuf>)> {
     let formats: Vec<Format> = Format::ALL.into_iter().filter(of).collect();
     if let [one, other, ..] = formats[..] {
         let [one, other] = [one, other].map(|format| format.to_string().to_uppercase());
-        let problem = format!("holds {one} and {other} frames; allowed is one format");
+        let problem = format!("holds {one} and {other} frames; allowed: one format");
         return Err(Error::file(path, problem, None));
     }
     Ok((frames, folders))

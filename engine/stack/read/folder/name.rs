@@ -186,8 +186,8 @@ fn ambiguous(paths: &[PathBuf], names: &[Name], place: usize) -> Result<()> {
         return Ok(());
     };
     let problem = format!(
-        "and {} have different counts of digits behind the point: as many for all names, or another \
-         character than a point between two numbers",
+        "and {} have different numbers of decimals; allowed: the same number in all names, or \
+         another character than a point between two numbers",
         shown(&paths[short])
     );
     Err(Error::file(&paths[padded], problem, None))

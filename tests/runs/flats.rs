@@ -1,0 +1,95 @@
+//! Flats and darks every few views on disk: shards and resumed runs have the bits of one run in every
+//! format.
+
+use super::crash::assert_same;
+use crate::support::files;
+use crate::support::program::{Workplace, ended};
+use beamlet::stack::{OpenRun, StackFile};
+use std::collections::BTreeMap;
+use std::fs;
+use std::path::{Path, PathBuf};
+
+/// Flats before views 0, 3 and 6 and behind view 6; darks before views 0 and 4 and behind view 6.
+const SCENE: &str = concat!(
+    include_str!("../support/masks.toml"),
+    r#"
+[detector]
+distance = "1.8 m"
+pixels = [6, 3]
+pitch = "150 um"
+photons = 1000
+electronic_noise = 2
+bit_depth = 14
+
+[scan]
+mask_offsets = { from = "-25 um", to = "25 um", count = 3 }
+angles = { from = "0 deg", to = "360 deg", count = 7 }
+flats_every = 3
+darks_every = 4
+errors = { offset_sigma = "0.5 um", intensity_walk = 0.01, source_walk = "1 um" }
+
+"#,
+    include_str!("../support/rod.toml")
+);
+
+/// Views of the scene: 7 of the sample, 4 flats, 3 darks.
+const VIEWS: usize = 14;
+
+/// Files of a run but its log, which lists a view that is made again twice.
+fn values(run: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
+    let mut files = files::of_run(run);
+    files.remove(Path::new("progress.log"));
+    files
+}
+
+#[test]
+fn flats_and_darks_between_views_survive_shards_damage_and_resuming() {
+    let damaged = ["run/flat/view_0002/step_001.exr", "run/counts/flat.npy", "run/dark.tif"];
+    for (format, damaged) in ["exr", "npy", "tiff"].into_iter().zip(damaged) {
+        let place = Workplace::new(SCENE);
+        let run = |words: &[&str]| ended(&place.beamlet(words), 0);
+        let common = ["--backend", "bvh", "--format", format];
+        run(&[&["simulate", "scene.toml", "-q", "-o", "whole"][..], &common].concat());
+        // More shards than flats, so that a shard has none.
+        let plan = ["plan", "scene.toml", "-o", "run", "--shards", "5"];
+        run(&[&plan[..], &common].concat());
+        for shard in ["3/5", "0/5", "4/5", "1/5", "2/5"] {
+            run(&["simulate", "run/scene.toml", "-q", "-o", "run", "--shard", shard]);
+        }
+        run(&["join", "run"]);
+        assert_same(&place.path(""), VIEWS);
+        // A lost or changed flat or dark is made again.
+        let path = place.path(damaged);
+        let mut bytes = fs::read(&path).unwrap();
+        let last = bytes.len() - 3;
+        bytes[last] ^= 0x11;
+        fs::write(&path, bytes).unwrap();
+        assert!(!place.beamlet(&["check", "run"]).status.success(), "{damaged}");
+        run(&["simulate", "scene.toml", "-q", "-o", "run", "--resume"]);
+        assert!(values(&place.path("run")) == values(&place.path("whole")), "{damaged}");
+        run(&["check", "run"]);
+        let open = OpenRun::open(place.path("run")).unwrap();
+        let views = |stack: StackFile| stack.shape()[..2].to_vec();
+        assert_eq!(views(open.flat().unwrap()), [4, 3], "{format}");
+        assert_eq!(views(open.counts_flat().unwrap().unwrap()), [4, 3], "{format}");
+        assert_eq!(views(open.dark().unwrap().unwrap()), [3, 3], "{format}");
+        // Each flat and dark has noise and light of its own.
+        for stack in [open.counts_flat(), open.dark()] {
+            let stack = stack.unwrap().unwrap();
+            let all: Vec<_> = (0..stack.shape()[0]).map(|view| stack.view(view).unwrap()).collect();
+            assert!(all.windows(2).all(|pair| pair[0] != pair[1]), "{format}");
+        }
+        for name in ["run.json", "geometry.json"] {
+            let text = fs::read_to_string(place.path("run").join(name)).unwrap();
+            let json: serde_json::Value = serde_json::from_str(&text).unwrap();
+            assert_eq!(json["flats_before_views"], serde_json::json!([0, 3, 6, 7]), "{name}");
+            assert_eq!(json["darks_before_views"], serde_json::json!([0, 4, 7]), "{name}");
+        }
+        // Another number of flats overwrites all of them.
+        let other = ["--set", "scan.flats_every=5", "--overwrite"];
+        run(&[&["simulate", "scene.toml", "-q", "-o", "run"][..], &common, &other].concat());
+        run(&["check", "run"]);
+        assert_eq!(views(OpenRun::open(place.path("run")).unwrap().flat().unwrap()), [3, 3]);
+        assert!(!place.path("run/flat/view_0003").exists());
+    }
+}

@@ -1,0 +1,150 @@
+//! Views that are made side by side: the bits, counts and order of views that are made one by one.
+
+#![expect(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
+
+use beamlet::internals::gpu::{Fault, FaultAnswer, FaultyCall};
+use beamlet::ndarray::{ArrayView3, Axis};
+use beamlet::scene::{Exposure, Scene};
+use beamlet::stack::{CallbackSink, Stacks};
+use beamlet::{Backend, Cancel, Control, Engine, EngineOptions, Error, Progress};
+use std::ops::Range;
+
+const SCENE: &str = concat!(
+    include_str!("../support/masks.toml"),
+    r#"
+[detector]
+distance = "1.8 m"
+pixels = [24, 4]
+pitch = "150 um"
+photons = 1000
+
+[sampling]
+tolerance = 1e-3
+
+[scan]
+mask_offsets = { from = "-25 um", to = "25 um", count = 5 }
+angles = { from = "0 deg", to = "360 deg", count = 7 }
+
+[[object]]
+name = "rod"
+shape = { cylinder = { radius = "0.4 mm", height = "1 mm" } }
+material = "water"
+position = ["0.3 mm", "0 mm", "0 mm"]
+
+[[object]]
+name = "bead"
+shape = { sphere = { radius = "0.2 mm" } }
+material = "PMMA"
+position = ["-0.4 mm", "0.1 mm", "0 mm"]
+roughness = 0.01
+"#
+);
+
+fn scene() -> Scene {
+    Scene::from_toml(SCENE, ".").unwrap()
+}
+
+fn engine(set: impl FnOnce(EngineOptions) -> EngineOptions) -> Engine {
+    Engine::open(&set(EngineOptions::default().with_backend(Backend::Bvh))).unwrap()
+}
+
+/// Stacks, and the number of views made side by side.
+fn simulated(engine: &Engine, scene: &Scene) -> (Stacks, u32) {
+    let lanes = engine.prepare(scene).unwrap().memory().views_at_once;
+    (engine.simulate(scene).unwrap(), lanes)
+}
+
+#[test]
+fn views_side_by_side_have_the_bits_of_views_one_by_one() {
+    let scene = scene();
+    let whole = engine(|it| it);
+    let (found, lanes) = simulated(&whole, &scene);
+    assert_eq!(lanes, 2);
+    // A limit that suffices for one view at a time.
+    let peak = whole.prepare(&scene).unwrap().memory().peak_bytes;
+    let (limited, lanes) = simulated(&engine(|it| it.with_memory_limit(peak - (4 << 20))), &scene);
+    assert_eq!(lanes, 1);
+    assert!(found.flat == limited.flat && found.sample == limited.sample);
+    let counts = [&found, &limited].map(|stacks| stacks.counts.as_ref().unwrap());
+    assert!(counts[0].sample == counts[1].sample && counts[0].dark == counts[1].dark);
+    assert_eq!(found.record.tally, limited.record.tally);
+    // Views in several bands are made one by one.
+    let (bands, lanes) = simulated(&engine(|it| it.with_band_rows(2)), &scene);
+    assert_eq!(lanes, 1);
+    assert!(bands.sample == found.sample);
+    // The first view alone: draws of rough surfaces have the number of their view in their seed.
+    let mut alone = scene.clone();
+    alone.scan.angles.truncate(1);
+    let (view, lanes) = simulated(&whole, &alone);
+    assert_eq!(lanes, 1);
+    assert!(view.sample.index_axis(Axis(0), 0) == found.sample.index_axis(Axis(0), 0));
+    // Where an allocation fails the views left are made one by one, or the run ends with an error.
+    let mut survived = 0;
+    for number in [15, 40, 65, 78] {
+        let answer = FaultAnswer::OutOfDeviceMemory;
+        let fault = Fault { call: FaultyCall::Allocate, number, answer };
+        match engine(|it| it.with_faults(vec![fault])).simulate(&scene) {
+            Ok(other) => {
+                assert!(found.flat == other.flat && found.sample == other.sample);
+                assert_eq!(found.record.tally, other.record.tally);
+                survived += 1;
+            }
+            Err(Error::Memory { .. }) => {}
+            Err(error) => panic!("{number}: {error}"),
+        }
+    }
+    assert!(survived > 0);
+}
+
+/// Runs with a sink that fails at a view; the views that it got.
+fn views_before(
+    engine: &Engine,
+    fails_at: Option<u32>,
+    control: Control<'_>,
+) -> (Vec<Exposure>, Option<Error>) {
+    let mut views = Vec::new();
+    let band = |view: Exposure, _: Range<u32>, _: ArrayView3<'_, f32>| {
+        if fails_at.is_some_and(|index| view == Exposure::Sample(index)) {
+            return Err(Error::Interrupted);
+        }
+        views.push(view);
+        Ok(())
+    };
+    let mut sink = CallbackSink::new(band);
+    let error = engine.run(&scene(), &mut sink, control).err();
+    drop(sink);
+    (views, error)
+}
+
+/// The flat and the first `count` views.
+fn first(count: u32) -> Vec<Exposure> {
+    std::iter::once(Exposure::Flat(0)).chain((0..count).map(Exposure::Sample)).collect()
+}
+
+#[test]
+fn views_come_in_their_order_up_to_an_error_of_the_sink_or_the_end() {
+    let engine = engine(|it| it);
+    let (views, error) = views_before(&engine, None, Control::default());
+    assert!(views == first(7) && error.is_none(), "{views:?} {error:?}");
+    let (views, error) = views_before(&engine, Some(4), Control::default());
+    assert!(views == first(4) && matches!(error, Some(Error::Interrupted)), "{views:?} {error:?}");
+    let cancel = Cancel::default();
+    let mut seen = Vec::new();
+    let mut look = |progress: Progress| {
+        if let Progress::Views(views) = progress {
+            assert!(views.rows_done <= views.rows_total, "{views:?}");
+            seen.push((views.view, views.share));
+            if views.view == Exposure::Sample(2) {
+                cancel.cancel();
+            }
+        }
+    };
+    let control = Control::default().with_progress(&mut look).with_cancel(cancel.clone());
+    let (views, error) = views_before(&engine, None, control);
+    assert!(views == first(2) && matches!(error, Some(Error::Interrupted)), "{views:?} {error:?}");
+    assert!(seen.windows(2).all(|pair| pair[0].1 <= pair[1].1), "{seen:?}");
+    let mut shown: Vec<Exposure> = seen.into_iter().map(|(view, _)| view).collect();
+    shown.dedup();
+    let flat_and_dark = shown.iter().filter(|view| !matches!(view, Exposure::Sample(_))).count();
+    assert_eq!(shown[flat_and_dark..], first(3)[1..], "{shown:?}");
+}
