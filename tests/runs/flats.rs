@@ -65,7 +65,7 @@ fn flats_and_darks_between_views_survive_shards_damage_and_resuming() {
         bytes[last] ^= 0x11;
         fs::write(&path, bytes).unwrap();
         assert!(!place.beamlet(&["check", "run"]).status.success(), "{damaged}");
-        run(&["simulate", "scene.toml", "-q", "-o", "run", "--resume"]);
+        run(&["simulate", "scene.toml", "-q", "-o", "run", "--resume", "--backend", "bvh"]);
         assert!(values(&place.path("run")) == values(&place.path("whole")), "{damaged}");
         run(&["check", "run"]);
         let open = OpenRun::open(place.path("run")).unwrap();
