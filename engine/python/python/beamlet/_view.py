@@ -66,7 +66,7 @@ def view(
         elif isinstance(what, str | os.PathLike):
             subject = os.fspath(what)
             if not os.path.exists(subject):
-                raise FileError(f"{subject}: is not there", file=subject)
+                raise FileError(f"{subject}: does not exist", file=subject)
         elif not hasattr(what, "path"):
             raise wrong("what", type(what).__name__, "a Scene, a Run in a directory, or a path")
         elif what.path is None:

@@ -246,7 +246,10 @@ def to_astra(images: Images, contrast: Contrast = "transmission") -> dict[str, A
 
     Returns:
         ``projections`` (row, view, column) of the contrast, ``vectors`` of ``cone_vec``, and
-        ``proj_geom``, the dict of ``astra.create_proj_geom("cone_vec", ...)``.
+        ``proj_geom``, the dict of ``astra.create_proj_geom("cone_vec", ...)``. The contrast is as
+        retrieved, with NaN and misfits at silhouettes, on which iterations of ASTRA may diverge;
+        :meth:`Images.sinograms` fills them: ``sinograms.transpose(1, 0, 2)`` in the place of
+        ``projections``.
 
     Raises:
         ArgumentError: Columns at uneven places, or no such contrast.
