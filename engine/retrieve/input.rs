@@ -6,6 +6,7 @@ mod faults;
 mod flats;
 mod reopened;
 mod selection;
+mod times;
 
 use super::retriever::Retriever;
 use crate::cancel::{Aside, Cancel};
@@ -376,7 +377,7 @@ impl Input {
     /// # Errors
     /// As [`StackFile::rows`].
     pub fn sample_rows(&self, view: usize, rows: Range<u32>) -> Result<Array3<f32>> {
-        self.values(&self.sample, view, &rows, flats::during(view))
+        self.values(&self.sample, view, &rows, times::during(view))
     }
 
     /// Rows of a view that is taken at this time, corrected, of the pixels that are kept.

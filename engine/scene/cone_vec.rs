@@ -137,8 +137,8 @@ mod tests {
             assert!(error.contains(word), "{word}: {error}");
         };
         refused(1, 2e-6, "detector.distance");
-        refused(0, 2e-6, "beside");
-        refused(5, 2e-6, "beside");
+        refused(0, 2e-6, "off the foot of the source");
+        refused(5, 2e-6, "off the foot of the source");
         refused(6, 2e-6, "detector.pitch");
         refused(11, 2e-6, "rows");
         refused(8, 3e-7, "right angles");

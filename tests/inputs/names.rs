@@ -185,7 +185,7 @@ fn ranges_take_steps_and_either_name_of_their_ends() {
         ("{ from = \"0 um\", start = \"0 um\", to = \"9 um\", count = 2 }", "either from or start"),
         ("{ from = \"0 um\", to = \"9 um\", step = \"1 um\", count = 2 }", "either count or step"),
         ("{ from = \"0 um\", end = \"9 um\", count = 2 }", "did you mean `to`?"),
-        ("{ from = \"0 um\", to = \"9 um\", step = \"0.01 nm\" }", "up to 100000 values"),
+        ("{ from = \"0 um\", to = \"9 um\", step = \"0.01 nm\" }", "at most 100000 values"),
     ] {
         let error = offsets(range).unwrap_err();
         assert!(error.contains(words), "{range}: {error}");

@@ -1,6 +1,6 @@
 //! Corrections of values before curves are fitted: the dark, saturated values, bad pixels.
 
-use super::flats::Times;
+use super::times::Times;
 use crate::stack::StackFile;
 use crate::{Error, Result, numbers, reserve};
 use ndarray::{Array2, Array3, ArrayView2, Zip, s};
