@@ -621,7 +621,7 @@ fn flats_between_views_are_interpolated_and_each_view_may_have_its_own() {
     good(place, &["retrieve", "run", "--format", "npy"]);
     let flat: Array3<f32> = read_npy(run.join("flat.npy")).unwrap();
     let sample: Array4<f32> = read_npy(run.join("sample.npy")).unwrap();
-    // Light at the time of a view; a flat is taken before each second one.
+    // Light at the time of a view; a flat is taken before each second one, and behind the last.
     let light = |time: f32| 1.0 - 0.01 * (time + 0.5);
     let views: Vec<Array3<f32>> = (0..5)
         .map(|view| sample.index_axis(Axis(0), view % 2).mapv(|y| y * light(view as f32)))
@@ -631,7 +631,7 @@ fn flats_between_views_are_interpolated_and_each_view_may_have_its_own() {
     };
     write_npy(place.join("sample.npy"), &stack(&views)).unwrap();
     let flats: Vec<Array3<f32>> =
-        (0..4).map(|k| flat.mapv(|y| y * light(2.0 * k as f32 - 0.5))).collect();
+        [0.0, 2.0, 4.0, 5.0].map(|time| flat.mapv(|y| y * light(time - 0.5))).to_vec();
     write_npy(place.join("some.npy"), &stack(&flats)).unwrap();
     let own: Vec<Array3<f32>> = (0..5).map(|view| flat.mapv(|y| y * light(view as f32))).collect();
     write_npy(place.join("own.npy"), &stack(&own)).unwrap();

@@ -92,10 +92,8 @@ impl<'a> Field<'a> {
                 return;
             }
             let there = field.standing(member);
-            // Instances of one object that touch are one solid.
-            let is_contact = |gap: f64| {
-                objects[0] == objects[1] && gap <= tolerance(own.bounds(), there.bounds())
-            };
+            // Places that touch are one solid, or exact shapes listed as in contact.
+            let is_contact = |gap: f64| gap <= tolerance(own.bounds(), there.bounds());
             let gap = own.distance(&there, limit).filter(|gap| !is_contact(gap.0)).filter(|_| {
                 let within = |outer: &Group, place: &Place, point: DVec3| {
                     outer.prototype.shape.is_none() && outer.contains(place, point)

@@ -29,7 +29,9 @@ fn chords_of_a_bored_rod_are_those_of_the_tube() {
         let rod = load(&[turned(cylinder(1e-3, 4e-3)), turned(cylinder(inner, 5e-3))]);
         let tube = load(&[turned(Kind::Tube { outer: 1e-3, inner, half: 2e-3 })]);
         let [left, want] = [&rod, &tube].map(|it| &it.components[0]);
-        assert!((left.volume / want.volume - 1.0).abs() < 0.05, "{left:?} {want:?}");
+        // Lines hold the volume that the bore takes to 0.3 %.
+        let off = (left.volume - want.volume).abs();
+        assert!(off < 5e-3 * PI * 4e-9, "{left:?} {want:?}");
         assert!((left.area / want.area - 1.0).abs() < 0.15, "{left:?} {want:?}");
     }
 }
