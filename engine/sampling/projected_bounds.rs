@@ -124,12 +124,7 @@ pub(crate) fn projected_bounds(
 /// Mean chord of a component is at least this in every direction: at most half of its area
 /// shows on either side (Cauchy).
 fn least_chord(component: &Component) -> f64 {
-    // Others may leave nothing of a shape.
-    if component.area <= 0.0 {
-        f64::INFINITY
-    } else {
-        2.0 * component.volume.abs() / component.area
-    }
+    2.0 * component.volume.abs() / component.area
 }
 
 /// Mean chord of each component along x and z of the beam frame: volume over projected area (Cauchy);
@@ -156,7 +151,7 @@ fn mean_chords(
             sum[2] += 0.5 * area.dot(y).abs();
         }
         let mut known: Option<(&Placed, Vec<[f64; 3]>)> = None;
-        for (at, placed) in (0_u32..).zip(&sample.placed) {
+        for placed in &sample.placed {
             let same = known.as_ref().filter(|(other, _)| other.shows_the_same(placed));
             let shown = match same {
                 Some((_, shown)) => shown.clone(),
@@ -167,15 +162,6 @@ fn mean_chords(
                 if hide[component] {
                     areas[component] = shown.map(|area| area * scale);
                 }
-            }
-            // What others leave of a shape shows another area.
-            if sample.partners.of(at).is_some() {
-                let component = placed.component as usize;
-                let whole: f64 =
-                    sample.prototypes[placed.prototype as usize].areas(&placed.place).iter().sum();
-                let left = sample.components[component].area / whole;
-                let [x, z, _] = &mut areas[component];
-                (*x, *z) = (*x * left, *z * left);
             }
             known = Some((placed, shown));
         }

@@ -4,14 +4,10 @@ use glam::DVec3;
 use rayon::prelude::*;
 
 use super::nesting::{Group, Groups};
-use super::shared::Left;
 use super::{Partners, Placed};
 use crate::geometry::surface::bounds_of;
 use crate::geometry::{ObjectSummary, Sample};
 use crate::numbers;
-
-/// Least share of a shape that others leave: less is the error of the volume that they take.
-const LEAST_LEFT: f64 = 3e-3;
 
 impl Groups {
     /// Adds the placed surfaces to a sample, whose meshes are complete.
@@ -36,12 +32,13 @@ impl Groups {
         let at = |[group, place]: [u32; 2]| first[group as usize] + place;
         sample.partners = Partners::of_pairs(self.crossing.iter().map(|pair| pair.map(at)));
         let crossed: Vec<u32> = sample.partners.lists().map(|(at, _)| at).collect();
-        let left: Vec<Left> = crossed.par_iter().map(|at| sample.left_of(*at)).collect();
-        for (at, left) in crossed.iter().zip(left) {
-            let own = &mut sample.components[sample.placed[*at as usize].component as usize];
-            sample.objects[own.object as usize].volume -= left.lost;
-            own.volume = (own.volume - left.lost).max(LEAST_LEFT * own.volume);
-            own.area *= left.area;
+        let lost = |at: &u32| {
+            let own = &sample.placed[*at as usize];
+            (sample.components[own.component as usize].object, sample.lost_to(*at))
+        };
+        let lost: Vec<(u32, f64)> = crossed.par_iter().map(lost).collect();
+        for (object, volume) in lost {
+            sample.objects[object as usize].volume -= volume;
         }
     }
 }

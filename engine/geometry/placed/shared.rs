@@ -18,8 +18,6 @@ const LINES: [u32; 2] = [48, 64];
 /// Lines along a shape that find a point of it, or the volume that it shares with one of more than [`MANY`].
 const FEWER_LINES: [u32; 2] = [24, 32];
 const MANY: usize = 8;
-/// Lines across a shape along each of two sides, for its area.
-const AREA_LINES: u32 = 16;
 /// Lines across a region that is searched for the deepest point, along each of two sides.
 const ACROSS: u32 = 8;
 /// Searches about it, each in a region of 0.3 of the size of the one before.
@@ -113,45 +111,12 @@ impl<'a> Solid<'a> {
         self.volume() * share(self.lines(LINES).map(of_line))
     }
 
-    /// Area of the remainder that others leave, over its own area: by the areas that both show along its
-    /// three axes, as often as a line crosses them.
-    fn area_left_by(self, winners: &[Self]) -> f64 {
-        let [_, half] = self.shape.bounds();
-        let scales = self.place.scales();
-        let at = |k: u32| (2.0 * f64::from(k) + 1.0) / f64::from(AREA_LINES) - 1.0;
-        let of_axis = |axis: usize| {
-            let mut along = DVec3::ZERO;
-            along[axis] = 1.0;
-            let direction = self.place.linear() * along;
-            let [u, v] = [(axis + 1) % 3, (axis + 2) % 3];
-            let area = half[u] * scales[u] * half[v] * scales[v];
-            (0..AREA_LINES * AREA_LINES).map(move |k| {
-                let mut origin = DVec3::ZERO;
-                origin[u] = half[u] * at(k % AREA_LINES);
-                origin[v] = half[v] * at(k / AREA_LINES);
-                let origin = self.place.world_from_own(origin);
-                let left = self.parts_outside(winners, origin, direction).len();
-                [left, self.parts(origin, direction).len()].map(|it| area * it as f64)
-            })
-        };
-        share((0..3).flat_map(of_axis))
-    }
-
     /// The parts of a line of the world that lie in it.
     fn parts(self, origin: DVec3, direction: DVec3) -> Parts {
         let own = self.place.own_from_world(origin);
         let crossings = self.shape.crossings(own, self.inverse * direction);
         crossings.chunks_exact(2).map(|pair| [pair[0].t, pair[1].t]).collect()
     }
-}
-
-/// The remainder of a shape.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct Left {
-    /// Volume that is not, m3.
-    pub(super) lost: f64,
-    /// Area of its surface over the area of the whole shape: an estimate from the areas along its axes.
-    pub(super) area: f64,
 }
 
 /// What two lists of parts have in common.
@@ -303,12 +268,10 @@ impl Sample {
         Some((Solid::new(shape, place), self.components[*component as usize].object))
     }
 
-    /// What others leave of a placed shape: later ones of its partners, or earlier ones of its own
-    /// object. A shape inside it that crosses one of these crosses the surface that they leave, and
-    /// counts, too.
-    pub(super) fn left_of(&self, at: u32) -> Left {
-        let whole = Left { lost: 0.0, area: 1.0 };
-        let Some((own, object)) = self.solid_at(at) else { return whole };
+    /// Volume of a placed shape that later ones of its partners hold, or earlier ones of its own object,
+    /// m3. A shape inside it that crosses one of these crosses the surface that they leave, and counts, too.
+    pub(super) fn lost_to(&self, at: u32) -> f64 {
+        let Some((own, object)) = self.solid_at(at) else { return 0.0 };
         let wins = |it: u32| {
             let (solid, other) = self.solid_at(it)?;
             let is_near = near(solid.bounds(), own.bounds(), 0.0);
@@ -330,9 +293,6 @@ impl Sample {
                 }
             }
         }
-        if winners.is_empty() {
-            return whole;
-        }
         let meet = |(a, first): (u32, Solid<'_>), (b, second): (u32, Solid<'_>)| {
             a != b
                 && near(first.bounds(), second.bounds(), 0.0)
@@ -348,8 +308,7 @@ impl Sample {
             let together: Vec<Solid<'_>> = together.iter().map(|it| it.1).collect();
             lost += own.lost_to(&together);
         }
-        let all: Vec<Solid<'_>> = winners.iter().map(|it| it.1).collect();
-        Left { lost, area: own.area_left_by(&all) }
+        lost
     }
 }
 

@@ -1,7 +1,7 @@
-//! Remainders of exact shapes that others cross: volumes, areas, surroundings, contacts.
+//! Remainders of exact shapes that others cross: volumes, surroundings, contacts.
 
 use super::scene;
-use super::solids::{Kind, Solid, cylinder, sphere};
+use super::solids::{Solid, cylinder, sphere};
 use crate::reference::vector::{scaled, unit};
 use crate::support::{CARBON, WATER};
 use beamlet::geometry;
@@ -18,22 +18,6 @@ fn load(solids: &[Solid]) -> geometry::Sample {
     let constants: Vec<[f64; 2]> = (0..solids.len()).map(|k| [CARBON, WATER][k % 2]).collect();
     let scene = scene(objects(solids), &constants, Transport::Auto);
     geometry::load(&scene).expect("a sample")
-}
-
-/// Cells are as narrow as a wall that a bore leaves: mean chords follow from volume and area of the
-/// remainder. Areas are estimates from the areas along three axes.
-#[test]
-fn chords_of_a_bored_rod_are_those_of_the_tube() {
-    let turned = |kind| Solid::new(kind).turned([1.0, 0.3, 0.0], 0.4);
-    for inner in [0.5e-3, 0.9e-3, 0.97e-3] {
-        let rod = load(&[turned(cylinder(1e-3, 4e-3)), turned(cylinder(inner, 5e-3))]);
-        let tube = load(&[turned(Kind::Tube { outer: 1e-3, inner, half: 2e-3 })]);
-        let [left, want] = [&rod, &tube].map(|it| &it.components[0]);
-        // Lines hold the volume that the bore takes to 0.3 %.
-        let off = (left.volume - want.volume).abs();
-        assert!(off < 5e-3 * PI * 4e-9, "{left:?} {want:?}");
-        assert!((left.area / want.area - 1.0).abs() < 0.15, "{left:?} {want:?}");
-    }
 }
 
 /// Balls halved by the face of a rod: within 0.3 % of their volume.
