@@ -134,7 +134,7 @@ fn resuming_where_there_is_no_run_fails() {
     let place = workplace(SCENE);
     let output = run(place.path(), "simulate scene.toml -o run --resume");
     ended(&output, 1);
-    assert!(stderr(&output).contains("run.json"));
+    assert!(stderr(&output).contains("run: does not exist"));
 }
 
 #[test]

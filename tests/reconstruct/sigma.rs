@@ -92,6 +92,7 @@ fn compare_shared(
     quantity: Quantity,
     grid: &VolumeGrid,
     options: FbpOptions,
+    draws: usize,
 ) {
     let mut sigmas = deviations(geometry);
     let first = sigmas.slice(s![..1, .., ..]).to_owned();
@@ -109,15 +110,15 @@ fn compare_shared(
     let mut state = 11;
     let mut squares = Array3::<f64>::zeros(map.dim());
     let mut of_means = 0.0;
-    for _ in 0..COUNT {
+    for _ in 0..draws {
         let noise = Array3::from_shape_fn((1, rows, columns), |at| {
             (f64::from(first[at]) * normal(&mut state)) as f32
         });
         let noise = noise.broadcast((views, rows, columns)).unwrap().to_owned();
         let made = reconstruct(geometry, &noise, quantity, grid, &options).unwrap().values;
-        squares.zip_mut_with(&made, |sum, value| *sum += f64::from(*value).powi(2) / COUNT as f64);
+        squares.zip_mut_with(&made, |sum, value| *sum += f64::from(*value).powi(2) / draws as f64);
         let sum: f64 = region.iter().map(|[x, y, z]| f64::from(made[[*z, *y, *x]])).sum();
-        of_means += (sum / region.len() as f64).powi(2) / COUNT as f64;
+        of_means += (sum / region.len() as f64).powi(2) / draws as f64;
     }
     // A hundred draws scatter by 7 % in a ring, whose voxels share their noise.
     let mut worst = Worst::new("deviation of rings", 0.25);
@@ -145,13 +146,19 @@ fn compare_shared(
 #[test]
 fn deviations_by_shared_noise_are_the_scatter_of_rings() {
     let flat = grid([40, 40, 1]);
-    compare_shared(&fan(180), Quantity::Delta, &flat, FbpOptions::default());
+    compare_shared(&fan(180), Quantity::Delta, &flat, FbpOptions::default(), COUNT);
     let smooth = FbpOptions::default().with_filter(Filter::Hann).with_cut_off(0.8);
-    compare_shared(&fan(118), Quantity::Mu, &flat, smooth);
+    compare_shared(&fan(118), Quantity::Mu, &flat, smooth, COUNT);
     let pitch = 2.0 * PIXEL;
     let rows = places(6, pitch).into_iter().rev().collect();
     let cone = ScanGeometry::new([0.02, 0.04], places(60, pitch), rows, views(180));
-    compare_shared(&cone, Quantity::DarkField, &grid([40, 40, 2]), FbpOptions::default());
+    compare_shared(
+        &cone,
+        Quantity::DarkField,
+        &grid([40, 40, 2]),
+        FbpOptions::default(),
+        4 * COUNT,
+    );
     let sigmas = deviations(&cone);
     let cancel = Cancel::default();
     cancel.cancel();

@@ -8,6 +8,7 @@ use super::big_input::watched;
 use super::crash::{assert_same, end_again_and_again};
 use crate::support::engine;
 use crate::support::program::{Workplace, beamlet, ended};
+use beamlet::ndarray::Array2;
 use beamlet::scene::Scene;
 use beamlet::stack::{Format, RunDirectory};
 use beamlet::{Backend, Blocks, Cancel, Control, Progress};
@@ -150,7 +151,9 @@ fn runs_by_blocks_that_are_ended_at_random_moments_go_on_to_the_same_bytes() {
 #[test]
 fn progress_of_a_run_that_goes_on_within_a_view_ends_at_all_rows() {
     let coarse = SCENE.replace("tolerance = 1e-5", "tolerance = 1e-2");
-    let place = Workplace::new(&(coarse + "\n[detector.blur]\nfwhm = \"100 um\"\n"));
+    let blur = "\n[detector.blur]\nkernel = \"point.npy\"\npixel = \"50 um\"\n";
+    let place = Workplace::new(&(coarse + blur));
+    ndarray_npy::write_npy(place.path("point.npy"), &Array2::from_elem((3, 3), 1.0_f32)).unwrap();
     let scene = Scene::load(place.path("scene.toml")).unwrap();
     let (engine, run) = (engine(Backend::Bvh), place.path("run"));
     let cancel = Cancel::default();

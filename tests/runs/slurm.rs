@@ -65,7 +65,7 @@ fn scripts_for_slurm_have_the_options_and_are_shell() {
     // Refusals.
     fs::write(place.path("bad.sh"), "#!/bin/bash\n{options}\n").unwrap();
     let bad = [&PLAN[..], &["-o", "bad", "--template", "bad.sh"]].concat();
-    refused(&place, &bad, &["bad.sh", "0 lines {command}"]);
+    refused(&place, &bad, &["bad.sh", "0 lines with {command}"]);
     let set = [&PLAN[..], &["-o", "bad", "--sbatch-option", "array=0-9"]].concat();
     refused(&place, &set, &["array is set by the plan"]);
     let alone = [&PLAN[..5], &["-o", "bad", "--at-once", "2"]].concat();
@@ -76,16 +76,15 @@ fn scripts_for_slurm_have_the_options_and_are_shell() {
 /// Apptainer is given the folders of the run and of the files of the scene, and files that links lead to.
 #[test]
 fn a_container_has_the_folders_of_the_run_and_of_the_files_of_the_scene() {
-    let place = Workplace::new(&SCENE.replace(
-        "angles = { from = \"0 deg\", to = \"360 deg\", count = 11 }",
-        "angles = \"tables/angles.csv\"",
-    ));
+    let material = "material = \"plastic\"\n";
+    let placed = [material, "instances = \"tables/places.csv\"\n"].concat();
+    let place = Workplace::new(&SCENE.replace(material, &placed));
     let here = place.path("").canonicalize().unwrap();
     for folder in ["tables", "kept"] {
         fs::create_dir(here.join(folder)).unwrap();
     }
-    fs::write(here.join("kept/angles.csv"), "angle_deg\n0\n10\n20\n").unwrap();
-    std::os::unix::fs::symlink("../kept/angles.csv", here.join("tables/angles.csv")).unwrap();
+    fs::write(here.join("kept/places.csv"), "x_mm,y_mm,z_mm\n0,0,0\n").unwrap();
+    std::os::unix::fs::symlink("../kept/places.csv", here.join("tables/places.csv")).unwrap();
     let run = here.join("it's a $(run)");
     let name = run.to_str().unwrap();
     planned(&place, &["--container", "beamlet 1.sif", "-o", name]);

@@ -528,10 +528,11 @@ impl<'s> ViewWork<'s> {
     /// Counts views that others have made as done.
     pub(super) fn begin_after(&mut self, views: &[Exposure]) {
         let grid = self.simulation.detector.grid();
+        let rows = grid.own_rows(&(0..grid.pixels[1])).len() as u64;
         for view in views.iter().filter(|view| !view.is_dark()) {
             let is_sample = matches!(view, Exposure::Sample(_));
             let poses = if is_sample { self.simulation.scene.scan.poses_of_view() } else { 1 };
-            self.rows_done += poses as u64 * u64::from(grid.pixels[1]);
+            self.rows_done += poses as u64 * rows;
             self.share.skip(is_sample);
         }
     }
