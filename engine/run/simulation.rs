@@ -152,7 +152,13 @@ impl Simulation {
     /// rays make the light.
     pub(crate) fn moments_of_rays(&self) -> Option<impl Fn(f64) -> u64 + use<>> {
         let each = moments::file::cell_bytes(self.moment_words());
-        let cells = if self.options().keep_moments { KEPT_CELLS } else { CELLS_IF_KEPT };
+        // Rows whose blur reaches the detector are sampled in full where moments are kept.
+        let rows = f64::from(self.detector.optics().detector.pixels[1]);
+        let beside = (2 * self.lattice.blur_rows) as f64 / rows;
+        let cells = match self.options().keep_moments {
+            true => KEPT_CELLS,
+            false => CELLS_IF_KEPT * (1.0 + beside),
+        };
         let bytes = move |rays: f64| numbers::whole::<u64>(cells * rays * each as f64);
         (self.scene.sampling.scheme == Scheme::Cells).then_some(bytes)
     }

@@ -238,12 +238,13 @@ const FULL: u32 = 56 << 10;
 /// Detector of a scene with 60 MiB of stacks.
 const LARGE: &str = "pixels = [256, 512]";
 
-/// Runs as on a disk that is full once a file has so many KiB: further writes fail. Bands keep the memory
-/// of the device small.
+/// Runs as on a disk that is full once a file has so many KiB: further writes fail. With this limit of memory
+/// one view is in work at a time, and the files of the device are small.
 fn with_full_disk(place: &Path, kib: u32, more: &str) -> Output {
     let program = env!("CARGO_BIN_EXE_beamlet");
     let script = format!(
-        "ulimit -f {kib}; exec '{program}' simulate scene.toml -q --backend bvh --band-rows 128 -o run {more}"
+        "ulimit -f {kib}; exec '{program}' simulate scene.toml -q --backend bvh --memory-limit 300MiB \
+         -o run {more}"
     );
     Command::new("bash").args(["-c", &script]).current_dir(place).output().unwrap()
 }
