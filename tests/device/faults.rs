@@ -68,7 +68,7 @@ fn assert_tells(error: &Error, fault: Fault) {
     let text = error.to_string();
     let wanted = match fault.answer {
         DeviceLost => "the device was lost; ",
-        Timeout => "end",
+        Timeout => "not finished after",
         OutOfDeviceMemory => "the device has no memory left: lower the memory limit",
         OutOfHostMemory => "the host has no memory left: lower the memory limit",
     };
