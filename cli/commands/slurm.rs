@@ -5,7 +5,7 @@ use crate::args::PlanArguments;
 use crate::failure::Failure;
 use beamlet::cli_support::{printed, write_file};
 use beamlet::scene::Scene;
-use beamlet::stack::layout;
+use beamlet::stack::{canonical, layout};
 use std::collections::BTreeSet;
 use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
@@ -41,7 +41,7 @@ impl Scripts {
             problem: error.to_string(),
         })?;
         let run = match arguments.slurm.container {
-            Some(_) => real(&run),
+            Some(_) => canonical(&run),
             None => run,
         };
         let program = program(arguments, scene, &run)?;
@@ -159,20 +159,9 @@ fn program(arguments: &PlanArguments, scene: &Scene, run: &Path) -> Result<Strin
 fn bound(scene: &Scene, run: &Path) -> BTreeSet<PathBuf> {
     let files = scene.input_files();
     let paths = files.iter().filter_map(|file| std::path::absolute(file).ok());
-    let paths = paths.flat_map(|path| [real(&path), path]);
+    let paths = paths.flat_map(|path| [canonical(&path), path]);
     let folders = paths.filter_map(|path| path.parent().map(Path::to_path_buf));
     folders.chain([run.to_path_buf()]).collect()
-}
-
-/// A path without links, as far as it exists.
-fn real(path: &Path) -> PathBuf {
-    let found = path.ancestors().find_map(|folder| {
-        let rest = path.strip_prefix(folder).ok()?;
-        let found = folder.canonicalize().ok()?;
-        // An empty rest would add a slash.
-        Some(if folder == path { found } else { found.join(rest) })
-    });
-    found.unwrap_or_else(|| path.to_path_buf())
 }
 
 fn filled(template: &str, options: &str, command: &str) -> String {

@@ -38,9 +38,9 @@ impl Input {
     /// interleave by their places.
     ///
     /// # Errors
-    /// [`Error::File`] where a folder has no images or geometry, or images of other views, rows or columns
-    /// than its geometry, or views, rows or distances that are not those of the first; where two columns
-    /// measure the same place.
+    /// [`Error::File`] where a folder has no images or geometry, its images and geometry differ in views, rows
+    /// or columns, or it differs from the first folder in views, rows or distances; where two columns measure
+    /// the same place.
     pub fn of_images(folders: &[PathBuf]) -> Result<Self> {
         let open = |path: &PathBuf| {
             if !layout::is_retrieved(path) {

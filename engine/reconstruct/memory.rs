@@ -77,7 +77,7 @@ pub(super) fn passes(geometry: &ScanGeometry, plan: &VolumePlan) -> usize {
     plan.ordered().map(|quantity| options.passes(geometry, quantity, is_turn)).sum()
 }
 
-/// Columns of filtered rows: even ones, and those that a half-fan adds on its shorter side.
+/// Number of columns of a filtered row: even columns, and the columns that a half-fan adds on its shorter side.
 fn filtered_columns(geometry: &ScanGeometry) -> usize {
     let even = Resampling::of(&geometry.columns);
     let added = Redundancy::of(geometry)

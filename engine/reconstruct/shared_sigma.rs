@@ -6,7 +6,7 @@ use super::filtering::Filtering;
 use super::geometry::ScanGeometry;
 use super::grid::{Volume, VolumeGrid};
 use super::quantity::Quantity;
-use super::sigma::{check_voxels, deviations, prepared, shares, spread};
+use super::sigma::{amplitudes, check_voxels, prepared, shares, spread};
 use crate::numbers::single;
 use crate::run::RowsControl;
 use crate::{Cancel, Error, Result, reserve};
@@ -97,14 +97,12 @@ pub fn fbp_mean_shared_sigma(
             let mut found = vec![0.0; rows * columns];
             for (row, line) in spread.chunks(filtering.count()).enumerate() {
                 let to = &mut found[row * columns..(row + 1) * columns];
-                add((geometry, sigmas), &filtering, line, ([*view, row], to));
+                add(to, amplitudes(&filtering, (geometry, sigmas), line, [*view, row]));
             }
             Ok(found)
         };
         let found: Vec<Vec<f64>> = some.par_iter().map(of_view).collect::<Result<_>>()?;
-        for found in found {
-            sums.iter_mut().zip(found).for_each(|(sum, value)| *sum += value);
-        }
+        found.into_iter().for_each(|found| add(&mut sums, found));
     }
     Ok(sums.iter().map(|sum| sum * sum).sum::<f64>().sqrt() / voxels.len() as f64)
 }
@@ -127,25 +125,15 @@ fn of_point(
         }
         for (row, line) in lines {
             let to = sums.entry(row).or_insert_with(|| vec![0.0; geometry.columns.len()]);
-            add((geometry, sigmas), filtering, &line, ([view, row], to.as_mut_slice()));
+            add(to, amplitudes(filtering, (geometry, sigmas), &line, [view, row]));
         }
     }
     Ok(sums.values().flatten().map(|sum| sum * sum).sum())
 }
 
-/// Adds the deviations by the columns of a row, whose filtered columns have these weights.
-fn add(
-    (geometry, sigmas): (&ScanGeometry, ArrayView3<'_, f32>),
-    filtering: &Filtering<'_>,
-    weights: &[f64],
-    (at, to): ([usize; 2], &mut [f64]),
-) {
-    if weights.iter().all(|weight| weight.abs() <= 0.0) {
-        return;
-    }
-    let filtered = &filtering.filter().apply(weights)[filtering.measured()];
-    let given = deviations(filtering, geometry, sigmas, at);
-    to.iter_mut().zip(filtered).zip(given).for_each(|((sum, a), b)| *sum += a * b);
+/// Adds amplitudes to the sums of their columns.
+fn add(to: &mut [f64], amplitudes: Vec<f64>) {
+    to.iter_mut().zip(amplitudes).for_each(|(sum, amplitude)| *sum += amplitude);
 }
 
 /// Rings whose variances are computed.

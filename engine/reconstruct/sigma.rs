@@ -84,9 +84,8 @@ pub fn fbp_mean_sigma(
         let spread = spread(geometry, &filtering, quantity, (grid, voxels), view);
         let mut sum = 0.0;
         for (row, line) in spread.chunks(filtering.count()).enumerate() {
-            let filtered = &filtering.filter().apply(line)[filtering.measured()];
-            let given = deviations(&filtering, geometry, sigmas, [view, row]);
-            sum += filtered.iter().zip(given).map(|(a, b)| (a * b).powi(2)).sum::<f64>();
+            let amplitudes = amplitudes(&filtering, (geometry, sigmas), line, [view, row]);
+            sum += amplitudes.iter().map(|amplitude| amplitude.powi(2)).sum::<f64>();
         }
         Ok(sum)
     };
@@ -149,8 +148,24 @@ pub(super) fn check_sigma(geometry: &ScanGeometry, options: &FbpOptions) -> Resu
     Ok(())
 }
 
+/// Deviations that the columns of a row of a view add to a sum over its filtered columns with these weights;
+/// empty where all weights are zero.
+pub(super) fn amplitudes(
+    filtering: &Filtering<'_>,
+    (geometry, sigmas): (&ScanGeometry, ArrayView3<'_, f32>),
+    weights: &[f64],
+    at: [usize; 2],
+) -> Vec<f64> {
+    if weights.iter().all(|weight| weight.abs() <= 0.0) {
+        return Vec::new();
+    }
+    let filtered = &filtering.filter().apply(weights)[filtering.measured()];
+    let given = deviations(filtering, geometry, sigmas, at);
+    filtered.iter().zip(given).map(|(a, b)| a * b).collect()
+}
+
 /// Standard deviations of the weighted values of a row.
-pub(super) fn deviations<'a>(
+fn deviations<'a>(
     filtering: &'a Filtering<'_>,
     geometry: &'a ScanGeometry,
     sigmas: ArrayView3<'a, f32>,

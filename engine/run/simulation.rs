@@ -6,6 +6,7 @@ mod edges;
 mod kept_error;
 mod prepare;
 mod rays;
+mod seconds;
 mod side_by_side;
 mod work;
 
@@ -289,7 +290,7 @@ impl Simulation {
             sink.commit(*view)?;
             made.add(own);
         }
-        made.seconds = std::mem::take(&mut made.seconds) + work.seconds;
+        made.seconds += work.seconds;
         Ok(())
     }
 
@@ -348,18 +349,15 @@ impl Simulation {
         sink.begin(&self.scene, &RunStart { block_rows, ..self.start.clone() })?;
         control.keep.as_mut().map_or(Ok(()), |keep| keep.begin_run())?;
         let mut made = Handed { tally: control.counted, ..Handed::default() };
-        if lanes > 1 {
-            side_by_side(
-                std::mem::take(&mut work),
-                &views,
-                &cancel,
-                sink,
-                &mut control,
-                &mut made,
-            )?;
-        }
+        let one = match lanes {
+            1 => work.pop(),
+            _ => {
+                side_by_side(work, &views, &cancel, sink, &mut control, &mut made)?;
+                None
+            }
+        };
         if made.views < views.len() {
-            let one = match work.pop() {
+            let one = match one {
                 Some(one) => one,
                 None => ViewWork::new(self, &views, block_rows, &control.cancel, self.alone)?,
             };

@@ -68,8 +68,8 @@ impl NarrowComponents {
     }
 }
 
-/// The components without those that together take no more light than `least`: slivers that booleans
-/// leave may be thousands.
+/// The components except the faintest, which take at most `least` light together: booleans may leave
+/// thousands of slivers.
 fn shown(mut components: Vec<NarrowComponent>, least: f64) -> Vec<NarrowComponent> {
     components.sort_by(|a, b| a.light.total_cmp(&b.light));
     let mut sum = 0.0;

@@ -30,8 +30,8 @@ pub(crate) type Advance<'a> = &'a mut dyn FnMut(&Tracer, f64);
 
 /// Samples the patches of some rows and hands their cells to `take`, in parts. `lit`: rows whose
 /// undeflected light is needed; other cells are kept only if light lands there. `room`: memory of
-/// refinement. `known`: base rays of rows of this view that were sampled before; those of
-/// these rows take their place. The cells, but not their order, are the same for any `rows` and `room`.
+/// refinement. `known`: base rays of rows of this view that were sampled before; the base rays
+/// of these rows replace them. The cells, but not their order, are the same for any `rows` and `room`.
 ///
 /// # Errors
 /// As [`Tracer::trace`]; errors of `take`.

@@ -6,7 +6,8 @@ use crate::{Error, Result, printed};
 use std::path::{Component, Path, PathBuf};
 
 /// The path without links, `.` and `..`, also where its end does not exist yet.
-fn canonical(path: &Path) -> PathBuf {
+#[must_use]
+pub fn canonical(path: &Path) -> PathBuf {
     let absolute = std::path::absolute(path).unwrap_or_else(|_| path.to_path_buf());
     let mut found = PathBuf::new();
     for component in absolute.components() {

@@ -31,7 +31,7 @@ mod values;
 mod verify;
 
 pub use crate::array_file::{Abilities, Format};
-pub use apart::{is_of_run, is_same_place, refuse_overlap};
+pub use apart::{canonical, is_of_run, is_same_place, refuse_overlap};
 pub use array::{ArraySink, CountStacks, Stacks};
 pub use astra::{AstraFile, write_astra};
 pub use begun_view::BegunView;

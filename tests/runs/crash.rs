@@ -238,8 +238,8 @@ const FULL: u32 = 56 << 10;
 /// Detector of a scene with 60 MiB of stacks.
 const LARGE: &str = "pixels = [256, 512]";
 
-/// Runs as on a disk that is full once a file has so many KiB: further writes fail. With this limit of memory
-/// one view is in work at a time, and the files of the device are small.
+/// Runs with a limit of `kib` KiB for each file, as on a full disk: further writes fail. With this limit of
+/// memory one view is in work at a time, and the files of the device are small.
 fn with_full_disk(place: &Path, kib: u32, more: &str) -> Output {
     let program = env!("CARGO_BIN_EXE_beamlet");
     let script = format!(

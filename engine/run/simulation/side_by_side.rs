@@ -2,7 +2,8 @@
 //! a third is written. Each lane is a thread with a tracer and sums of its own; the views are handed
 //! to the sink by the calling thread, in their order.
 
-use super::work::{Seconds, ViewWork};
+use super::seconds::Seconds;
+use super::work::ViewWork;
 use crate::cancel::{Cancel, TICK};
 use crate::run::{Control, Progress, ViewProgress};
 use crate::scene::{Exposure, Scene};
@@ -297,7 +298,7 @@ pub(super) fn side_by_side(
         lanes.changed.notify_all();
         for thread in threads {
             match thread.join() {
-                Ok(own) => handed.seconds = std::mem::take(&mut handed.seconds) + own,
+                Ok(own) => handed.seconds += own,
                 Err(panic) => std::panic::resume_unwind(panic),
             }
         }

@@ -8,6 +8,7 @@ mod share;
 mod survey;
 
 use super::Simulation;
+use super::seconds::Seconds;
 use crate::Result;
 use crate::cancel::Cancel;
 use crate::detector::Clipped;
@@ -34,31 +35,6 @@ use std::time::Instant;
 
 /// Cells whose energies are gathered at once: exact transport at each node takes 2 KiB and more a cell.
 const GATHERED: usize = 1 << 15;
-
-/// Seconds by stage.
-#[derive(Debug, Default)]
-pub(super) struct Seconds {
-    pub(super) trace: f64,
-    pub(super) illuminate: f64,
-    /// Reading light from the device, blur, scatter.
-    pub(super) detect: f64,
-    pub(super) noise: f64,
-    pub(super) write: f64,
-}
-
-impl std::ops::Add for Seconds {
-    type Output = Self;
-
-    fn add(self, other: Self) -> Self {
-        Self {
-            trace: self.trace + other.trace,
-            illuminate: self.illuminate + other.illuminate,
-            detect: self.detect + other.detect,
-            noise: self.noise + other.noise,
-            write: self.write + other.write,
-        }
-    }
-}
 
 /// The run in progress.
 pub(super) struct ViewWork<'s> {
@@ -255,19 +231,6 @@ impl<'s> ViewWork<'s> {
         Ok((tally, of_blocks + own))
     }
 
-    /// Gives the frames of a view the light that they have over the nominal one.
-    fn scale(&self, view: Exposure, intensities: &mut Array3<f32>) {
-        let scan = &self.simulation.scene.scan;
-        let Some(view) = scan.view_of_errors(view) else { return };
-        if scan.errors.intensities.is_empty() {
-            return;
-        }
-        for (step, mut frame) in intensities.outer_iter_mut().enumerate() {
-            let light = scan.intensity(view, step);
-            frame.mapv_inplace(|y| numbers::single(light * f64::from(y)));
-        }
-    }
-
     /// Poses of the sample in a view, each with its shadows; one without any for a flat.
     fn poses(&self, view: Exposure) -> Vec<(u32, Vec<ProjectedBounds>)> {
         let Exposure::Sample(view) = view else { return vec![(0, Vec::new())] };
@@ -308,6 +271,19 @@ impl<'s> ViewWork<'s> {
             self.response = (list, self.simulation.response(view));
         }
         list
+    }
+
+    /// Gives the frames of a view the light that they have over the nominal one.
+    fn scale(&self, view: Exposure, intensities: &mut Array3<f32>) {
+        let scan = &self.simulation.scene.scan;
+        let Some(view) = scan.view_of_errors(view) else { return };
+        if scan.errors.intensities.is_empty() {
+            return;
+        }
+        for (step, mut frame) in intensities.outer_iter_mut().enumerate() {
+            let light = scan.intensity(view, step);
+            frame.mapv_inplace(|y| numbers::single(light * f64::from(y)));
+        }
     }
 
     fn count_clipped(&mut self, clipped: Clipped) {
