@@ -2,7 +2,7 @@
 //! of boxes, prisms, cylinders and spheres, each apart from the others in one of a few scenes, against
 //! what lies inside along every ray in f64.
 
-use super::nested::{are_listed, differs, interfaces, listed};
+use super::nested::{are_listed, compared, interfaces, listed};
 use super::solids::{Kind, Solid, cylinder, sphere};
 use super::{direction, ray_through, scene};
 use crate::assemblies::{Bench, paths_of};
@@ -233,7 +233,8 @@ impl Differing {
                 assert_eq!(words[i * stride + MOMENTS_BALANCE], 0, "{ray:?}, {solids:?}");
                 let got = paths_of(&words, i, MOST);
                 self.ways.extend(
-                    differs(solids, ray, &got, results[i].crossings, errors[*of])
+                    compared(solids, ray, &got, results[i].crossings, errors[*of])
+                        .err()
                         .map(|it| format!("{backend}, scene {number}, {of}: {it}")),
                 );
                 self.compared[0] += 1;

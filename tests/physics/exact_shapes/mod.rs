@@ -10,6 +10,8 @@
 mod arrangements;
 mod balance;
 mod crossing;
+mod crossing_balance;
+mod crossing_exact;
 mod crossing_faces;
 mod crossing_parts;
 mod crossing_runs;

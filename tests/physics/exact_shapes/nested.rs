@@ -94,27 +94,33 @@ fn scene_of(solids: &[Solid], transport: Transport) -> Scene {
     scene(solids.iter().enumerate().map(object).collect(), &constants, transport)
 }
 
-/// What is wrong with the ways of a ray: by more than a ray beside by twice the error `error` of
-/// surfaces, m, may make.
-pub(super) fn differs(
+/// The largest error of the ways of a ray, m, if rays beside it have equal ways (else 0), where surfaces err
+/// by `error`, m. `Err` where the ways differ by more than a ray beside by twice this error may make.
+pub(super) fn compared(
     solids: &[Solid],
     ray: &Ray,
     got: &[f64],
     crossings: u32,
     error: f64,
-) -> Option<String> {
+) -> Result<f64, String> {
     let near = [[0.0; 2], [1.0, 0.0], [-1.0, 0.0], [0.0, 1.0], [0.0, -1.0]].map(|by| {
         let by = by.map(|it: f64| 2.0 * error * it);
         let moved = |x: f32, by: f64| (f64::from(x) + by) as f32;
         ways(solids, &Ray { x: moved(ray.x, by[0]), z: moved(ray.z, by[1]), ..*ray })
     });
-    let ok = (0..solids.len()).all(|k| {
+    let mut worst = 0.0_f64;
+    for k in 0..solids.len() {
         let of = near.iter().map(|it| it[k]);
         let (low, high) = (of.clone().fold(f64::MAX, f64::min), of.fold(0.0, f64::max));
         let room = (high - low) + f64::from(crossings.max(2)) * error;
-        (low - room..=high + room).contains(&got[k])
-    });
-    (!ok).then(|| format!("{ray:?}: {got:?} for {:?} in {solids:?}", near[0]))
+        if !(low - room..=high + room).contains(&got[k]) {
+            return Err(format!("{ray:?}: {got:?} for {:?} in {solids:?}", near[0]));
+        }
+        if high - low < error {
+            worst = worst.max((got[k] - near[0][k]).abs());
+        }
+    }
+    Ok(worst)
 }
 
 /// Compares ways through objects; `error`: of surfaces, m. Gives how many rays differ by more than
@@ -133,7 +139,7 @@ fn differing(
     for (i, ray) in rays.iter().enumerate() {
         assert_eq!(words[i * stride + MOMENTS_BALANCE], 0, "{ray:?}, {solids:?}");
         let got = paths_of(&words, i, solids.len());
-        if let Some(found) = differs(solids, ray, &got, results[i].crossings, error) {
+        if let Err(found) = compared(solids, ray, &got, results[i].crossings, error) {
             wrong.push(format!("{backend}: {found}"));
         }
     }

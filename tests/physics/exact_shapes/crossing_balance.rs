@@ -1,0 +1,88 @@
+//! Rays beside the curves in which exact shapes cross, beside their edges and silhouettes: the media along
+//! each ray are contiguous.
+
+use super::crossing::{Arrangement, arrangements, moved, pick, scene_of, scenes};
+use super::nested::interfaces;
+use super::{direction, ray_through};
+use crate::assemblies::Bench;
+use crate::reference::surfaces::Random;
+use crate::reference::vector::{add, scaled};
+use crate::support::backends;
+use beamlet::Backend;
+use beamlet::internals::trace::Ray;
+use beamlet::scene::Transport;
+
+/// Rays about a border: neighbours in f32, ten by ten.
+const ACROSS: i32 = 10;
+
+/// The media along a ray.
+fn media(it: &Arrangement, ray: &Ray) -> Vec<Option<usize>> {
+    interfaces(&it.solids, ray, 0.0).iter().map(|it| it.media[1]).collect()
+}
+
+/// A ray beside which, by the rounding of f32, the media change.
+fn border(it: &Arrangement, random: &mut Random) -> Option<Ray> {
+    let off = scaled(direction(random), 1.5e-3 * random.next());
+    let mut ray = ray_through(add(it.middle, off), 0, 0.0, random);
+    if pick(random, 4) == 0 {
+        (ray.slope_x, ray.slope_z) = (0.0, 0.0);
+    }
+    let by = [random.between(-1e-3, 1e-3), random.between(-1e-3, 1e-3)];
+    let before = media(it, &ray);
+    let (mut low, mut high) = (0.0, 1.0);
+    if media(it, &moved(&ray, by)) == before {
+        return None;
+    }
+    // 1 mm over 2^20 is 1 nm.
+    for _ in 0..20 {
+        let middle = f64::midpoint(low, high);
+        let changed = media(it, &moved(&ray, by.map(|it| middle * it))) != before;
+        (low, high) = if changed { (low, middle) } else { (middle, high) };
+    }
+    Some(moved(&ray, by.map(|it| high * it)))
+}
+
+fn about(ray: Ray) -> impl Iterator<Item = Ray> {
+    let beside = |value: f32, steps: i32| {
+        (0..steps.abs()).fold(value, |it, _| if steps < 0 { it.next_down() } else { it.next_up() })
+    };
+    let step = |k: i32| k - ACROSS / 2;
+    (0..ACROSS * ACROSS).map(move |k| Ray {
+        x: beside(ray.x, step(k % ACROSS)),
+        z: beside(ray.z, step(k / ACROSS)),
+        ..ray
+    })
+}
+
+/// 2 million rays a scene, a tenth of them in the only scene of a short run.
+#[test]
+fn rays_beside_the_curves_in_which_shapes_cross_balance() {
+    let bench = Bench::new();
+    let mut random = Random::new(307);
+    let each = if scenes() > 1 { 640 } else { 64 };
+    let mut total = 0_usize;
+    for number in 0..scenes() {
+        let all = arrangements([0.0; 3], &mut random);
+        let scene = scene_of(&all, Transport::FirstOrder);
+        let of = |k: usize| k % all.len();
+        let borders = (0..all.len() * each).filter_map(|k| border(&all[of(k)], &mut random));
+        let rays: Vec<Ray> = borders.flat_map(about).collect();
+        for backend in backends() {
+            if backend == Backend::RayQuery && !number.is_multiple_of(8) {
+                continue;
+            }
+            let some = if backend == Backend::Bvh { rays.len() } else { rays.len() / 4 };
+            let mut tracer = bench.tracer(backend, &scene);
+            let results = tracer.trace(&rays[..some]).expect("results");
+            let crossed = results.iter().filter(|it| it.crossings > 0).count();
+            assert!(crossed > some / 2, "{crossed} of {some}");
+            let tally = tracer.tally().expect("a tally");
+            let failed = [tally.unbalanced, tally.not_finite, tally.dropped, tally.retraced];
+            assert_eq!(failed, [0; 4], "{backend}, scene {number}");
+            total += some;
+        }
+    }
+    println!("measured balance beside crossing curves: 0 of {total} rays");
+    assert!(total > scenes() * 100_000, "{total}");
+    bench.end();
+}
