@@ -6,12 +6,11 @@ use glam::DVec3;
 
 use super::nesting::{Boxed, Fate, Field, Group, Member};
 use super::{Place, Prototype};
-use crate::geometry::Component;
 use crate::geometry::analytic::Form;
-use crate::geometry::body::{Body, corners_of};
+use crate::geometry::body::Body;
 use crate::geometry::overlap::{Contact, ContactKind, SOUNDINGS, distance_of};
 use crate::geometry::search::Search;
-use crate::geometry::surface::{Surface, encloses, near};
+use crate::geometry::surface::{Surface, near};
 
 /// A covered place, and what covers it.
 struct Cover<'a> {
@@ -29,25 +28,21 @@ impl Field<'_> {
     /// Whether what covers a place has a void in it, where something of it is left.
     pub(super) fn holds_void(&self, member: Member, bodies: &[Boxed<'_>]) -> bool {
         let (group, place) = self.of(member);
-        let is_in = |bounds: [DVec3; 2], start: DVec3| {
-            encloses(member.bounds, bounds) && group.contains(place, start)
-        };
+        let is_in =
+            |start: DVec3| near([start; 2], member.bounds, 0.0) && group.contains(place, start);
         let point = group.point(place);
         let later = (0..).zip(bodies).filter(|(object, _)| *object > group.object);
         let mut found = later.map(|it| it.1).any(|Boxed { body, starts, bounds }| {
-            let has =
-                |(component, start): (&Component, &DVec3)| is_in(corners_of(component), *start);
             near([point; 2], *bounds, 0.0)
-                && body.components.iter().zip(starts).any(has)
+                && starts.iter().any(|start| is_in(*start))
                 && body.contains(point)
         });
-        self.tree.around(member.bounds, |other| {
+        self.tree.around(self.core(member), |other| {
             let (outer, there) = self.of(self.members[other as usize]);
             let is_later = outer.object > group.object && outer.prototype.components.len() > 1;
             if !found && is_later && outer.contains(there, point) {
-                found = outer.prototype.starts().any(|(component, start)| {
-                    is_in(there.bounds(corners_of(component)), there.world_from_own(start))
-                });
+                let mut starts = outer.prototype.starts();
+                found = starts.any(|start| is_in(there.world_from_own(start)));
             }
         });
         found
@@ -76,7 +71,7 @@ impl Field<'_> {
                     take(object, By::Body(body));
                 }
             }
-            self.tree.around(member.bounds, |other| {
+            self.tree.around(self.core(*member), |other| {
                 let (outer, there) = self.of(self.members[other as usize]);
                 if outer.object > group.object && outer.contains(there, point) {
                     take(outer.object, By::Place(outer, there));

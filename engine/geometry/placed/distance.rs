@@ -227,15 +227,17 @@ impl Solid<'_> {
         match (self, other) {
             (Self::Ring(ring), Self::Ring(other)) => ring.distance(limit, other.tube, |point| {
                 let nearest = other.nearest(point);
-                Some((nearest.distance(point), nearest))
+                (nearest.distance(point), nearest)
             }),
             (Self::Ring(ring), Self::Pipe(pipe)) | (Self::Pipe(pipe), Self::Ring(ring)) => ring
                 .distance(limit, 0.0, |point| {
                     let nearest = pipe.nearest(point);
-                    Some((nearest.distance(point), nearest))
+                    (nearest.distance(point), nearest)
                 }),
             (Self::Ring(ring), convex) | (convex, Self::Ring(ring)) => {
-                ring.distance(limit, 0.0, |point| convex.gap_to_set(|_| point, f64::INFINITY))
+                // A point in the convex solid has no distance from it.
+                let gap = |point| convex.gap_to_set(|_| point, f64::INFINITY);
+                ring.distance(limit, 0.0, |point| gap(point).unwrap_or((0.0, point)))
             }
             (Self::Pipe(pipe), Self::Pipe(other)) => pipe.distance(other, limit),
             (Self::Pipe(pipe), convex) | (convex, Self::Pipe(pipe)) => {
@@ -263,7 +265,7 @@ impl Solid<'_> {
         if let Self::Ring(ring) = self {
             return ring.distance(limit, 0.0, |point| {
                 let nearest = closest_on_triangle(point, corners);
-                Some((nearest.distance(point), nearest))
+                (nearest.distance(point), nearest)
             });
         }
         let farthest = |along: DVec3| {
@@ -303,13 +305,8 @@ impl Ring {
 
     /// Distance of the torus from a set thickened by `thick`; `of`: distance of a point from the set
     /// itself, and its nearest point there.
-    fn distance(
-        &self,
-        limit: f64,
-        thick: f64,
-        of: impl Fn(DVec3) -> Option<Distance>,
-    ) -> Option<Distance> {
-        let at = |angle: f64| of(self.point(angle)).unwrap_or((f64::INFINITY, DVec3::ZERO));
+    fn distance(&self, limit: f64, thick: f64, of: impl Fn(DVec3) -> Distance) -> Option<Distance> {
+        let at = |angle: f64| of(self.point(angle));
         let (to_circle, place) = around(at, self.radius, limit + self.tube + thick)?;
         let width = to_circle - self.tube - thick;
         (width > 0.0 && width <= limit).then_some((width, place))

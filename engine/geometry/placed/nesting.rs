@@ -128,6 +128,24 @@ impl Group {
         self.prototype.contains(place.own_from_world(point))
     }
 
+    /// A box that lies in the box around any solid that contains a place: around the place itself for a shape,
+    /// and around some points of it for a mesh. Boxes of turned boxes are larger, and may reach out of the solid.
+    fn core(&self, place: &Place) -> [DVec3; 2] {
+        let axes = [DVec3::X, DVec3::Y, DVec3::Z];
+        match self.prototype.shape {
+            Some(shape) => {
+                let linear = place.linear();
+                let farthest = |along: DVec3| shape.support(linear.transpose() * along);
+                let points = axes.into_iter().flat_map(|axis| [farthest(axis), farthest(-axis)]);
+                bounds_of(points.map(|point| place.world_from_own(point)))
+            }
+            None => {
+                let corners = &self.prototype.extremes;
+                bounds_of(corners.iter().map(|corner| place.world_from_own(*corner)))
+            }
+        }
+    }
+
     /// A point of the surface of a place.
     pub(super) fn point(&self, place: &Place) -> DVec3 {
         place.world_from_own(self.prototype.corners(0)[0])
@@ -345,13 +363,19 @@ impl<'a> Field<'a> {
         Self { groups, members, tree }
     }
 
+    /// Box that lies in the box around any solid that contains a member.
+    pub(super) fn core(&self, member: Member) -> [DVec3; 2] {
+        let (group, place) = self.of(member);
+        group.core(place)
+    }
+
     pub(super) fn of(&self, member: Member) -> (&'a Group, &'a Place) {
         let group = &self.groups[member.group as usize];
         (group, &group.places[member.place as usize])
     }
 
-    /// Objects whose places are around a body of these bounds, of which this is a point; `except` for
-    /// some members.
+    /// Objects whose places are around a body, of which this is a point, and which holds these bounds; `except`
+    /// for some members.
     fn around(
         &self,
         bounds: [DVec3; 2],
@@ -429,7 +453,7 @@ impl<'a> Field<'a> {
         });
         let around = of_bodies
             .map(|(object, _)| object)
-            .chain(self.around(member.bounds, point, group.object, partners))
+            .chain(self.around(self.core(member), point, group.object, partners))
             .max();
         match around {
             Some(object) if object > group.object => match self.holds_void(member, bodies) {
@@ -467,10 +491,9 @@ impl<'a> Field<'a> {
         }
         while let Some(member) = joining.pop() {
             let (group, place) = self.of(self.members[member]);
-            for (component, point) in group.prototype.starts() {
-                let bounds = place.bounds(corners_of(component));
-                let around = (bounds, place.world_from_own(point));
-                join(group.object, around, fates, &mut joining);
+            for point in group.prototype.starts() {
+                let point = place.world_from_own(point);
+                join(group.object, ([point; 2], point), fates, &mut joining);
             }
             for partner in &partners[member] {
                 let fate = &mut fates[*partner as usize];

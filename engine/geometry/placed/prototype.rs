@@ -40,6 +40,18 @@ pub(crate) struct Prototype {
     /// Triangles across the edges of each, as [`super::super::across_edges`] gives them.
     pub(crate) across: Vec<[u32; 3]>,
     bounds: [DVec3; 2],
+    /// Vertices of a mesh that are farthest along some directions.
+    pub(super) extremes: Vec<DVec3>,
+}
+
+/// The vertices farthest along the axes of a cube, its diagonals, and those of its faces.
+fn extremes_of(vertices: &[DVec3]) -> Vec<DVec3> {
+    let along = |k: i32| DVec3::new(f64::from(k % 3), f64::from(k / 3 % 3), f64::from(k / 9)) - 1.0;
+    let farthest = |k: i32| {
+        let reach = |vertex: &DVec3| vertex.dot(along(k));
+        vertices.iter().copied().max_by(|a, b| reach(a).total_cmp(&reach(b)))
+    };
+    (0..27).filter(|k| *k != 13).filter_map(farthest).collect()
 }
 
 impl Prototype {
@@ -59,6 +71,7 @@ impl Prototype {
             component.lids = lids.lids();
         }
         let bounds = bounds_of(vertices.iter().copied());
+        let extremes = extremes_of(&vertices);
         let error = 0.0;
         Self {
             shape: None,
@@ -69,6 +82,7 @@ impl Prototype {
             components,
             across,
             bounds,
+            extremes,
         }
     }
 
@@ -134,12 +148,12 @@ impl Prototype {
     }
 
     /// Its components with a point of each.
-    pub(super) fn starts(&self) -> impl Iterator<Item = (&Component, DVec3)> {
+    pub(super) fn starts(&self) -> impl Iterator<Item = DVec3> {
         let mut first = vec![None; self.components.len()];
         for (triangle, component) in self.triangle_component.iter().enumerate() {
             first[*component as usize].get_or_insert(self.corners(triangle)[0]);
         }
-        self.components.iter().zip(first).filter_map(|(component, point)| Some((component, point?)))
+        first.into_iter().flatten()
     }
 
     /// Whether a point off the surface lies in the material, of the own frame.

@@ -20,7 +20,7 @@ use std::f64::consts::FRAC_PI_2;
 /// Columns and rows of the square of arrangements of a scene.
 const ACROSS: usize = 8;
 const PITCH: f64 = 8e-3;
-const MOST: usize = 5;
+pub(super) const MOST: usize = 5;
 const RAYS: usize = 12;
 
 /// Solids around a point of the world.

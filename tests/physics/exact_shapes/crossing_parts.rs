@@ -1,13 +1,15 @@
 //! Remainders of exact shapes that others cross: volumes, surroundings, contacts.
 
-use super::scene;
-use super::solids::{Solid, cylinder, sphere};
-use crate::reference::vector::{scaled, unit};
+use super::crossing::{pick, scenes};
+use super::solids::{Kind, Solid, cylinder, sphere};
+use super::{direction, scene};
+use crate::reference::surfaces::Random;
+use crate::reference::vector::{add, scaled, unit};
 use crate::support::{CARBON, WATER};
 use beamlet::geometry;
 use beamlet::geometry::ContactKind;
 use beamlet::internals::geometry::load_lenient;
-use beamlet::scene::{Object, Transport};
+use beamlet::scene::{Instances, Object, Transport};
 use std::f64::consts::PI;
 
 fn objects(solids: &[Solid]) -> Vec<Object> {
@@ -74,5 +76,67 @@ fn balls_that_touch_have_no_gap() {
         let off = [0, 1, 2].map(|k| contact.place[k] - own * direction[k]);
         let off = off.iter().map(|it| it * it).sum::<f64>().sqrt();
         assert!(area < PI * 4e-10 && off < 2e-5, "{contact:?}");
+    }
+}
+
+/// The box around the box of a turned shape reaches out of a ball that the shape nearly fills.
+#[test]
+fn turned_shapes_lie_in_balls_that_they_nearly_fill() {
+    let directory = tempfile::tempdir().expect("a folder");
+    let mut random = Random::new(311);
+    let mut table = String::from("x_um,y_um,z_um,axis_x,axis_y,axis_z,angle_deg\n");
+    for k in 0..64_u32 {
+        let [x, y, z] = direction(&mut random);
+        let (column, row) = (4000 * (k % 8), 4000 * (k / 8));
+        let angle = random.between(0.0, 180.0);
+        table += &format!("{column},0,{row},{x},{y},{z},{angle}\n");
+    }
+    let path = directory.path().join("places.csv");
+    std::fs::write(&path, table).expect("a file");
+    let fill = |solid: Solid| {
+        let mut object = solid.object("0", "");
+        object.instances = Some(Instances::File(path.clone()));
+        object
+    };
+    // The edges of the caps are at 0.99 of the radius of the ball.
+    let prism = Kind::Prism { radius: 0.7e-3, half: 0.7e-3, sides: 12 };
+    for inner in [cylinder(0.7e-3, 1.4e-3), prism] {
+        let load = |solids: [Kind; 2]| {
+            let objects = solids.map(|kind| fill(Solid::new(kind))).to_vec();
+            let scene = scene(objects, &[CARBON, WATER], Transport::Auto);
+            geometry::load(&scene).expect("a sample")
+        };
+        let nested = load([sphere(1e-3), inner]);
+        let outside = nested.components.iter().filter(|it| it.object == 1).map(|it| it.outside);
+        assert_eq!(outside.collect::<Vec<_>>(), vec![Some(0); 64], "{inner:?}");
+        let covered = load([inner, sphere(1e-3)]);
+        assert!(covered.components.iter().all(|it| it.object == 1), "{inner:?}");
+    }
+}
+
+/// Shapes around a place of the circle in a torus cross the torus if they are larger than its tube.
+#[test]
+fn shapes_through_a_torus_cross_it() {
+    let mut random = Random::new(313);
+    let (ring, tube) = (1.2e-3, 0.3e-3);
+    for number in 0..40 * scenes() {
+        let (sin, cos) = random.between(0.0, 6.0).sin_cos();
+        let mut size = || 1e-3 * random.between(0.45, 0.9);
+        let (a, b, c) = (size(), size(), size());
+        let kind = match pick(&mut random, 4) {
+            0 => sphere(a),
+            1 => Kind::Ellipsoid([a, b, c]),
+            2 => cylinder(a, 2.0 * b),
+            _ => Kind::Cone { bottom: a, top: b, half: c },
+        };
+        // Within 0.1 mm of the circle: the shape holds a place of it.
+        let off = scaled(direction(&mut random), 0.1e-3 * random.next());
+        let at = add([ring * cos, ring * sin, 0.0], off);
+        let turn = (direction(&mut random), random.between(0.0, 3.0));
+        let through = Solid::new(kind).turned(turn.0, turn.1).at(at);
+        let solids = [Solid::new(Kind::Torus { ring, tube }), through];
+        let sample = load(&solids);
+        assert_eq!(sample.objects[0].cut_by, [1], "{number}: {solids:?}");
+        assert!(sample.triangles.is_empty());
     }
 }

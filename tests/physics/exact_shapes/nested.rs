@@ -323,8 +323,9 @@ fn random_solid(random: &mut Random) -> Solid {
 pub(super) fn are_listed(solids: &[Solid], ray: &Ray, met: &[SurfaceCrossing], error: f64) -> bool {
     let least = 3.0 * error;
     let got = listed(met, solids.len(), least);
-    // A layer about as thin as that may be told or not.
-    [1.0, 0.8, 1.25].into_iter().any(|share| are_those(solids, ray, &got, share * least, error))
+    // A layer about as thin as that may be listed or not: both surfaces err by `error` over the cosine of
+    // incidence along the ray.
+    [1.0, 0.8, 1.25, 0.5, 2.0].into_iter().any(|share| are_those(solids, ray, &got, share * least, error))
 }
 
 fn are_those(solids: &[Solid], ray: &Ray, got: &[Interface], least: f64, error: f64) -> bool {
