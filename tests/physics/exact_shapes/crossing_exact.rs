@@ -76,7 +76,8 @@ fn snell(solids: &[Solid], ray: &Ray, by: [f64; 2]) -> Option<(Passage, f64, boo
     None
 }
 
-/// Rays at up to 2 mrad to caps of upright arrangements, on and beside them: carbon reflects below 0.96 mrad.
+/// Rays at 0.02 to 2 mrad to caps of upright arrangements, on and beside them: carbon reflects below 0.96 mrad,
+/// and rays at less would run along a cap within the rounding of f32.
 fn along_caps(all: &[Arrangement], random: &mut Random) -> Vec<(usize, Ray)> {
     let mut rays = Vec::new();
     for (of, it) in all.iter().enumerate().filter(|(_, it)| it.upright) {
@@ -91,7 +92,8 @@ fn along_caps(all: &[Arrangement], random: &mut Random) -> Vec<(usize, Ray)> {
             let out = radius * random.between(0.0, 1.2);
             let end = half * [-1.0, 1.0][pick(random, 2)];
             let [x, y, z] = solid.world([out * cos, out * sin, end]);
-            let slope = [random.between(-0.05, 0.05), random.between(-2e-3, 2e-3)];
+            let steep = random.between(2e-5, 2e-3) * [-1.0, 1.0][pick(random, 2)];
+            let slope = [random.between(-0.05, 0.05), steep];
             let [slope_x, slope_z] = slope.map(|it| it as f32);
             let [x, z] =
                 [x - f64::from(slope_x) * y, z - f64::from(slope_z) * y].map(|it| it as f32);

@@ -39,7 +39,11 @@ pub(super) fn interfaces(solids: &[Solid], ray: &Ray, least: f64) -> Vec<Interfa
         }
         before = medium;
     }
-    // Surfaces in a later object are none of the layers that may be thin.
+    thick(all, least)
+}
+
+/// Without layers thinner than `least`. Surfaces in a later object bound none.
+fn thick(all: Vec<Interface>, least: f64) -> Vec<Interface> {
     let mut found: Vec<Interface> = Vec::new();
     let mut before = None;
     let mut ends = all.iter().skip(1).map(|it| it.y).collect::<Vec<f64>>().into_iter();
@@ -69,22 +73,19 @@ pub(super) fn ways(solids: &[Solid], ray: &Ray) -> Vec<f64> {
 /// Interfaces of a list of crossings.
 pub(super) fn listed(met: &[SurfaceCrossing], objects: usize, least: f64) -> Vec<Interface> {
     let mut depth = vec![0; objects];
-    let mut found: Vec<Interface> = Vec::new();
+    let mut all: Vec<Interface> = Vec::new();
     let mut before = None;
-    for (k, it) in met.iter().enumerate() {
+    for it in met {
         depth[it.object as usize] += if it.entering { 1 } else { -1 };
-        if met.get(k + 1).is_some_and(|next| f64::from(next.y - it.y) < least) {
-            continue;
-        }
         let medium = depth.iter().rposition(|count| *count > 0);
         if medium != before {
             let normal = it.normal.map(f64::from);
-            found.push(Interface { y: it.y.into(), media: [before, medium], normal });
+            all.push(Interface { y: it.y.into(), media: [before, medium], normal });
         }
         before = medium;
     }
     assert!(before.is_none() && depth.iter().all(|count| *count == 0), "{met:?}");
-    found
+    thick(all, least)
 }
 
 fn scene_of(solids: &[Solid], transport: Transport) -> Scene {
@@ -325,7 +326,9 @@ pub(super) fn are_listed(solids: &[Solid], ray: &Ray, met: &[SurfaceCrossing], e
     let got = listed(met, solids.len(), least);
     // A layer about as thin as that may be listed or not: both surfaces err by `error` over the cosine of
     // incidence along the ray.
-    [1.0, 0.8, 1.25, 0.5, 2.0].into_iter().any(|share| are_those(solids, ray, &got, share * least, error))
+    [1.0, 0.8, 1.25, 0.5, 2.0]
+        .into_iter()
+        .any(|share| are_those(solids, ray, &got, share * least, error))
 }
 
 fn are_those(solids: &[Solid], ray: &Ray, got: &[Interface], least: f64, error: f64) -> bool {
