@@ -88,8 +88,8 @@ fn rod_with_a_bore_through_it_is_the_tube() {
             loaded.triangles.is_empty() && !loaded.objects[0].cut_by.is_empty()
                 || name == "water around"
         );
-        // The first case on both backends.
-        let on = if name == "one energy" { backends() } else { vec![Backend::Bvh] };
+        let both = ["one energy", "exact transport", "instances"].contains(&name);
+        let on = if both { backends() } else { vec![Backend::Bvh] };
         for backend in on {
             let engine = engine(backend);
             let [rod, tube] = [&rod, &tube].map(|scene| engine.simulate(scene).expect("a stack"));
