@@ -159,6 +159,7 @@ fn a_comparison_shows_its_progress_and_ends_when_it_is_interrupted() {
     sparse_frame(place.path(), "<f4", [65_000; 2], 4 * 65_000 * 65_000);
     let mut compared = program::beamlet(place.path())
         .args(["compare", "a.npy", "a.npy"])
+        .env("BEAMLET_PROGRESS_SECONDS", "1")
         .stderr(std::process::Stdio::piped())
         .spawn()
         .unwrap();
