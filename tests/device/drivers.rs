@@ -222,13 +222,29 @@ mask_offsets = { from = "-20 um", to = "20 um", count = 3 }
 "#
 );
 
-/// Kernels of what is placed and of tori are other ones than those of meshes; smooth normals and
-/// rough surfaces are parts of each.
-#[test]
-fn second_driver_gives_the_same_stacks_of_placed_exact_rough_and_smooth_shapes() {
+/// The kernels of a scene with these objects have the name `kernels`, and the second driver gives its
+/// stacks.
+fn assert_second_driver_has_the_kernels(kernels: &str, objects: &str) {
     let Some(icd) = icd(SECOND_DRIVER) else { return };
     let folder = tempfile::tempdir().expect("a temporary folder");
     let folder = folder.path();
+    let scene = [FEW_PIXELS, objects].concat();
+    let options = ["--backend", "bvh", "--set", "sampling.tolerance=1e-3", "-v"];
+    let output = simulate_scene(folder, "second", Some(&icd), &scene, &options);
+    succeeded(&output);
+    // A driver that ends the process on a kernel leaves its name behind.
+    let messages = String::from_utf8_lossy(&output.stderr);
+    for kernel in [format!("trace_bvh_{kernels}"), format!("exact_bvh_{kernels}")] {
+        assert!(messages.contains(&format!("making the kernel {kernel}")), "{messages}");
+    }
+    succeeded(&simulate_scene(folder, "first", None, &scene, &options));
+    assert_same(folder, "second", "first");
+}
+
+/// Kernels of what is placed are other ones than those of meshes; smooth normals and rough surfaces are
+/// parts of each. A driver takes half a minute for a kernel: tori have a test of their own, beside it.
+#[test]
+fn second_driver_gives_the_same_stacks_of_placed_exact_rough_and_smooth_shapes() {
     let placed = r#"
 [[object]]
 name = "fibres"
@@ -257,6 +273,11 @@ roughness = 0.001
 position = ["0.2 mm", "0 mm", "0 mm"]
 material = "water"
 "#;
+    assert_second_driver_has_the_kernels("placed", placed);
+}
+
+#[test]
+fn second_driver_gives_the_same_stacks_of_a_torus() {
     let torus = r#"
 [[object]]
 name = "ring"
@@ -264,20 +285,7 @@ shape = { torus = { radius = "0.15 mm", tube_radius = "60 um" } }
 rotate = [{ axis = [1, 0, 0], angle = "70 deg" }]
 material = "nylon 6"
 "#;
-    for (name, objects) in [("placed", placed), ("torus", torus)] {
-        let scene = [FEW_PIXELS, objects].concat();
-        let [second, first] = ["second", "first"].map(|driver| format!("{name} {driver}"));
-        let options = ["--backend", "bvh", "--set", "sampling.tolerance=1e-3", "-v"];
-        let output = simulate_scene(folder, &second, Some(&icd), &scene, &options);
-        succeeded(&output);
-        // A driver that ends the process on a kernel leaves its name behind.
-        let messages = String::from_utf8_lossy(&output.stderr);
-        for kernel in [format!("trace_bvh_{name}"), format!("exact_bvh_{name}")] {
-            assert!(messages.contains(&format!("making the kernel {kernel}")), "{messages}");
-        }
-        succeeded(&simulate_scene(folder, &first, None, &scene, &options));
-        assert_same(folder, &second, &first);
-    }
+    assert_second_driver_has_the_kernels("torus", torus);
 }
 
 /// Draws go through the logarithm, sine and cosine of the driver, which may err: a few

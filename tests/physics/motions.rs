@@ -7,12 +7,12 @@ use crate::reference::scenes;
 use crate::reference::stack::Setup;
 use crate::reference::surfaces::{body, cuboid, prism, star};
 use crate::support::{CARBON, WATER, Worst, backends, engine, sample};
-use beamlet::Backend;
 use beamlet::internals::trace::{Moment, Ray, moments, trace};
 use beamlet::scene::{
     self, Fly, Instances, MaterialSpec, Motion, Normals, Object, RandomRays, RotationAxis, Scene,
     Scheme, Shape, ShapeOrMesh, Transport,
 };
+use beamlet::{Backend, Simulation};
 use std::fmt::Write;
 use std::path::Path;
 
@@ -144,11 +144,10 @@ fn rays(view: u32) -> Vec<Ray> {
 const BESIDE: f32 = 1e-10;
 
 /// Path lengths and displacement sums of the rays of one view, displaced in x and z, by material.
-fn sums(backend: Backend, scene: &Scene, view: u32, [x, z]: [f32; 2]) -> Vec<[f64; 3]> {
-    let simulation = engine(backend).prepare(scene).unwrap();
+fn sums(simulation: &Simulation, view: u32, [x, z]: [f32; 2]) -> Vec<[f64; 3]> {
     let mut rays = rays(view);
     rays.iter_mut().for_each(|ray| (ray.x, ray.z) = (ray.x + x, ray.z + z));
-    let (results, moments) = moments(&simulation, &rays).unwrap();
+    let (results, moments) = moments(simulation, &rays).unwrap();
     let sums = |Moment { path, lever: [x, z], .. }: Moment| [path, x, z].map(f64::from);
     (0..results.len())
         .flat_map(|ray| (1..moments.materials()).map(move |material| (ray, material)))
@@ -165,11 +164,13 @@ fn sums_of_moved_and_tilted_samples_agree_to_1e_6() {
         let limit = if rounded { 3e-6 } else { 1e-6 };
         let mut worst = Worst::new(name, limit);
         for backend in backends() {
+            let engine = engine(backend);
+            let moved = engine.prepare(&moved(&rest)).unwrap();
             for view in [0, 1] {
-                let got = sums(backend, &moved(&rest), view, [0.0; 2]);
-                let scene = placed(&rest, view as usize);
+                let got = sums(&moved, view, [0.0; 2]);
+                let placed = engine.prepare(&placed(&rest, view as usize)).unwrap();
                 let [want, beside, above] =
-                    [[0.0; 2], [BESIDE, 0.0], [0.0, BESIDE]].map(|by| sums(backend, &scene, 0, by));
+                    [[0.0; 2], [BESIDE, 0.0], [0.0, BESIDE]].map(|by| sums(&placed, 0, by));
                 assert_eq!(got.len(), want.len());
                 for sum in 0..3 {
                     let largest = want.iter().fold(0.0_f64, |m, s| m.max(s[sum].abs()));

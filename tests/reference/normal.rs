@@ -25,8 +25,11 @@ pub(crate) fn quantile(p: f64) -> f64 {
     0.5 * (low + high)
 }
 
-/// erfc to about 1e-15.
+/// erfc to about 1e-15; 0 below 1e-44.
 fn complementary_error(x: f64) -> f64 {
+    if x > 10.0 {
+        return 0.0;
+    }
     if x < 0.0 {
         return 2.0 - complementary_error(-x);
     }
@@ -40,9 +43,9 @@ fn complementary_error(x: f64) -> f64 {
         }
         return 1.0 - 2.0 / PI.sqrt() * (-x * x).exp() * sum;
     }
-    // erfc x = e^{-x^2}/sqrt(pi) / (x + (1/2)/(x + (2/2)/(x + ...)))
+    // erfc x = e^{-x^2}/sqrt(pi) / (x + (1/2)/(x + (2/2)/(x + ...))): 38 terms reach 2e-16 at 2.5.
     let mut tail = x;
-    for k in (1..=120).rev() {
+    for k in (1..=40).rev() {
         tail = x + 0.5 * f64::from(k) / tail;
     }
     (-x * x).exp() / PI.sqrt() / tail

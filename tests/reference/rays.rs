@@ -77,6 +77,24 @@ struct Fan {
     bins: Vec<Vec<u32>>,
 }
 
+/// The least and the largest of some numbers.
+fn ends(all: impl Iterator<Item = f64>) -> [f64; 2] {
+    all.fold([f64::MAX, f64::MIN], |[low, high], x| [low.min(x), high.max(x)])
+}
+
+/// Along x, the ends of those parts of the edges of a triangle that lie in a band along z.
+fn parts_within(corners: [[f64; 2]; 3], [low, high]: [f64; 2]) -> impl Iterator<Item = f64> {
+    (0..3).flat_map(move |i| {
+        let (a, b) = (corners[i], corners[(i + 1) % 3]);
+        let (a, b) = if a[1] <= b[1] { (a, b) } else { (b, a) };
+        let at = |z: f64| a[0] + (b[0] - a[0]) * ((z - a[1]) / (b[1] - a[1]));
+        let from = if a[1] >= low { a[0] } else { at(low) };
+        let to = if b[1] <= high { b[0] } else { at(high) };
+        let within = b[1] >= low && a[1] <= high;
+        [from, to].into_iter().take(if within { 2 } else { 0 })
+    })
+}
+
 impl Fan {
     /// Bins along x and z; one of each tests every triangle.
     fn new(triangles: &[Triangle], source: f64, count: [usize; 2]) -> Self {
@@ -96,22 +114,24 @@ impl Fan {
             Self { source, y, low, width, count, bins: vec![vec![]; count[0] * count[1]] };
         for (index, triangle) in triangles.iter().enumerate() {
             let s = triangle.corners.map(seen);
-            let range = |k: usize| {
-                let all = [s[0][k], s[1][k], s[2][k]];
-                fan.range(
-                    k,
-                    all.iter().copied().fold(f64::MAX, f64::min),
-                    all.iter().copied().fold(f64::MIN, f64::max),
-                )
-            };
-            let (columns, rows) = (range(0), range(1));
-            for column in columns {
-                for row in rows.clone() {
+            let [low, high] = ends(s.iter().map(|corner| corner[1]));
+            for row in fan.range(1, low, high) {
+                let [low, high] = ends(parts_within(s, fan.band(row)));
+                for column in fan.range(0, low, high) {
                     fan.bins[row * count[0] + column].push(index as u32);
                 }
             }
         }
         fan
+    }
+
+    /// Directions along z of a row of bins, with room for rounding. The outer rows have no end.
+    fn band(&self, row: usize) -> [f64; 2] {
+        let at = |row: f64| self.low[1] + row * self.width[1];
+        [
+            if row == 0 { f64::MIN } else { at(row as f64 - 1e-6) },
+            if row + 1 == self.count[1] { f64::MAX } else { at(row as f64 + 1.0 + 1e-6) },
+        ]
     }
 
     fn range(&self, k: usize, low: f64, high: f64) -> std::ops::Range<usize> {
@@ -238,6 +258,9 @@ impl Sample {
     /// Triangles of one interface with the one that is met at `o`: bodies are left and others
     /// entered within [`CONTACT`]. Until that is so no body is met twice.
     fn interface(&self, o: Vector, d: Vector, first: Hit, here: &[usize]) -> Vec<usize> {
+        if self.constants.len() == 1 {
+            return vec![first.triangle];
+        }
         let mut hits = Vec::new();
         self.fan.each(o, d, |triangle| {
             if let Some(t) = self.meet(triangle, o, d)

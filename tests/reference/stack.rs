@@ -255,6 +255,9 @@ impl Job<'_> {
     /// Light through the cell centred at `x1`, from every source point.
     fn add_cell(&self, x1: f64, sum: &mut [f64]) {
         let setup = self.setup;
+        if self.is_blocked(x1) {
+            return;
+        }
         let far = setup.detector_distance;
         for &[height, source_z, breadth, weight_z] in self.heights {
             let slope_z = (height - source_z) / far;
@@ -282,6 +285,15 @@ impl Job<'_> {
                 self.land(x1, [slope_x, slope_z], landing[0], slope, weight, sum);
             }
         }
+    }
+
+    /// Whether an opaque sheet covers the cell centred at `x1` at every step, whatever the source point.
+    fn is_blocked(&self, x1: f64) -> bool {
+        let Some(mask) = self.setup.sample_mask else { return false };
+        let Bars::Sheet { transmission: 0.0 } = mask.bars else { return false };
+        let half = 0.5 * self.cell + 1e-12;
+        let through = |by: &f64| mask.moved(*by).mean(x1 - half, x1 + half, [0.0; 2]);
+        self.offsets.iter().all(|by| through(by) == 0.0)
     }
 
     fn share_of_row(&self, z: f64, breadth: f64) -> f64 {

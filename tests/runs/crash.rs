@@ -160,9 +160,9 @@ pub(crate) fn end(
     child.wait_with_output().unwrap()
 }
 
-/// Kills of each kind of run.
+/// Kills of each kind of run: 250 by `.ci/long kills`.
 pub(crate) fn kills() -> u32 {
-    std::env::var("BEAMLET_KILLS").map_or(5, |text| text.parse().unwrap())
+    std::env::var("BEAMLET_KILLS").map_or(3, |text| text.parse().unwrap())
 }
 
 /// Ends runs at random moments and resumes them, until enough were killed.
