@@ -315,7 +315,7 @@ mod tests {
                 let (got, kept) = (found[[view, row, column]], image[[view, row, column]]);
                 let at = [view, row, column];
                 assert!((got - value).abs() < 1e-6, "{at:?}: {got} for {value}");
-                // What has a value keeps every bit.
+                // A pixel with a value keeps every bit.
                 let is_filled = kept.is_nan() || kept <= 0.0 || bits[at] > 0.0;
                 assert!(is_filled || got.to_bits() == kept.to_bits(), "{at:?}");
             }

@@ -21,6 +21,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import _beamlet
+from ._arguments import path as place
+from ._arguments import shown
 from ._errors import Error, FileError, wrong
 from ._images import SOURCES, Images
 from ._scene import Path
@@ -38,11 +40,18 @@ ABOUT = {
 }
 
 
+def _views(images: Images) -> dict[str, Any]:
+    """Geometry of the views."""
+    if not isinstance(images, Images):
+        raise wrong("images", type(images).__name__, "Images, as of Run.retrieve or Images.open")
+    if images.geometry is None:
+        raise wrong("geometry", "views without angles", "a scene with an angle for each view")
+    return images.geometry
+
+
 def _circle(images: Images) -> dict[str, Any]:
     """Geometry of a scan on a circle with even columns."""
-    geometry = images.geometry
-    if geometry is None:
-        raise wrong("geometry", "views without angles", "a scene with an angle for each view")
+    geometry = _views(images)
     if geometry["axis_column"] is None:
         raise wrong("scan", "views that move the sample", "views on a circle")
     if geometry["astra_cone_vec_mm"] is None:
@@ -56,7 +65,7 @@ def _data(
     """A contrast ``[view][row][column]``, and what its dataset says of filled pixels."""
     has = [name for name in ABOUT if name in images]
     if contrast not in has:
-        raise wrong("contrast", repr(contrast), ", ".join(has))
+        raise wrong("contrast", shown(contrast), ", ".join(has))
     data = np.ascontiguousarray(images[contrast], dtype=np.float32)
     if not fill:
         return data, {}
@@ -78,13 +87,14 @@ def _written(path: Path, write: Callable[[h5py.File], None]) -> None:
     """Writes a file whole or not at all; one that is there is not replaced."""
     import h5py
 
-    part = FilePath(f"{os.fspath(path)}.part")
+    path = place("path", path)
+    part = FilePath(f"{path}.part")
     try:
         with h5py.File(part, "x") as file:
             write(file)
         os.link(part, path)
     except OSError as error:
-        message = f"{os.fspath(path)}: cannot be written: {error.strerror or error}"
+        message = f"{path}: cannot be written: {error.strerror or error}"
         raise FileError(message, file=path, found=str(error)) from error
     finally:
         part.unlink(missing_ok=True)
@@ -257,9 +267,7 @@ def to_dxchange(images: Images, path: Path, *, fill: bool = True) -> None:
         ArgumentError: Views without angles, or a view without any value to fill from.
         FileError: The file exists, or it cannot be written.
     """
-    if images.geometry is None:
-        raise wrong("geometry", "views without angles", "a scene with an angle for each view")
-    theta = np.array(images.geometry["angles_deg"])
+    theta = np.array(_views(images)["angles_deg"])
     found = {name: _data(images, name, fill) for name in ABOUT if name in images}
 
     def write(file: h5py.File) -> None:
