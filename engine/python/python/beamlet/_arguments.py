@@ -96,7 +96,7 @@ def floats(name: str, values: object, allowed: str = "a list of numbers") -> lis
 
 def array(name: str, values: ArrayLike, allowed: str) -> NDArray[Any]:
     """Values as an array. A mask that covers values would be lost, and is refused."""
-    if isinstance(values, np.ma.MaskedArray) and np.ma.is_masked(values):  # type: ignore[no-untyped-call]
+    if isinstance(values, np.ma.MaskedArray) and np.ma.is_masked(values):
         raise wrong(name, "an array with masked values", f"{allowed}, without a mask")
     try:
         return np.asarray(values)

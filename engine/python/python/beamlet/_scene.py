@@ -95,8 +95,8 @@ def arrays_of(
     if not np.isfinite(vertices).all():
         raise wrong(f"{name}.vertices", "values that are not finite", "finite numbers")
     if triangles.size and not (0 <= triangles.min() and triangles.max() < len(vertices)):
-        found = f"{triangles.min()} to {triangles.max()}"
-        raise wrong(f"{name}.faces", found, f"indices from 0 to {len(vertices) - 1}")
+        range_of = f"{triangles.min()} to {triangles.max()}"
+        raise wrong(f"{name}.faces", range_of, f"indices from 0 to {len(vertices) - 1}")
     return (
         np.ascontiguousarray(vertices, dtype=np.float64),
         np.ascontiguousarray(triangles, dtype=np.uint32),
