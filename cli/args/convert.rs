@@ -9,8 +9,9 @@ use std::path::PathBuf;
     beamlet retrieve run\n  \
     beamlet convert run --to astra -o astra\n\n\
     Writes each retrieved image as NAME.npy, [row][view][column], astra.json with the vectors of the \
-    views (cone_vec) and the extents of a volume in mm, and load_astra.py, which loads both. In Python, \
-    beamlet.convert writes NXtomo, CIL and DXchange (docs/python.md).")]
+    views (cone_vec) and the extents of a volume in mm, and load_astra.py, which loads both. Pixels of \
+    transmission, refraction and dark field without a value are filled as by `beamlet reconstruct`. In \
+    Python, beamlet.convert writes NXtomo, CIL and DXchange (docs/python.md).")]
 pub(crate) struct Convert {
     /// Run with retrieved images, or a directory of retrieved images
     #[arg(value_name = "RUN|IMAGES")]
@@ -21,6 +22,9 @@ pub(crate) struct Convert {
     /// Directory to write
     #[arg(short, long, value_name = "DIR")]
     pub(crate) output: PathBuf,
+    /// Leave pixels without a result NaN, and misfits of the transmission as they are
+    #[arg(long)]
+    pub(crate) as_retrieved: bool,
     /// Replace files that beamlet wrote there
     #[arg(long)]
     pub(crate) overwrite: bool,

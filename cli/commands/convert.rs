@@ -5,7 +5,8 @@ use crate::failure::Failure;
 use crate::interrupt;
 use crate::progress::Reporter;
 use beamlet::Error;
-use beamlet::stack::{layout, refuse_overlap, write_astra};
+use beamlet::reconstruct::write_astra;
+use beamlet::stack::{layout, refuse_overlap};
 use std::io::Write;
 
 pub(super) fn run(arguments: &Convert, out: &mut impl Write) -> Result<(), Failure> {
@@ -23,8 +24,8 @@ pub(super) fn run(arguments: &Convert, out: &mut impl Write) -> Result<(), Failu
     let cancel = interrupt::listen();
     let mut reporter = Reporter::new(arguments.messages);
     let mut progress = |done, all| reporter.rows(done, all);
-    let written =
-        write_astra(&images, &arguments.output, arguments.overwrite, &mut progress, &cancel);
+    let (fill, overwrite) = (!arguments.as_retrieved, arguments.overwrite);
+    let written = write_astra(&images, &arguments.output, fill, overwrite, &mut progress, &cancel);
     reporter.finish();
     match written {
         Ok(_) if arguments.messages.quiet => Ok(()),
@@ -33,7 +34,18 @@ pub(super) fn run(arguments: &Convert, out: &mut impl Write) -> Result<(), Failu
             let names: Vec<&str> = about.units.keys().map(String::as_str).collect();
             let path = beamlet::cli_support::printed::path(&arguments.output);
             writeln!(out, "arrays   {path}, {rows} rows, {views} views, {columns} columns")?;
-            Ok(writeln!(out, "         {}", names.join(", "))?)
+            writeln!(out, "         {}", names.join(", "))?;
+            if about.filled_pixels.is_empty() {
+                return Ok(());
+            }
+            let filled: Vec<String> =
+                about.filled_pixels.iter().map(|(name, count)| format!("{name} {count}")).collect();
+            Ok(writeln!(
+                out,
+                "filled   {} of {} pixels",
+                filled.join(", "),
+                rows * views * columns
+            )?)
         }
         Err(Error::Interrupted) => {
             Err(Failure::Interrupted { advice: "nothing was written".into() })

@@ -8,15 +8,13 @@ use super::quantity::Quantity;
 use super::shared_noise::SharedNoise;
 use crate::array_file::{ArrayFile, Format, endings};
 use crate::cancel::Cancel;
+use crate::retrieve::FLAGS;
 use crate::scene::Scene;
 use crate::stack::layout::{self, GEOMETRY, RECORD};
 use crate::stack::{GeometryFile, Maps, place_of};
 use crate::{Error, Result, reserve};
 use ndarray::{Array2, Array3};
 use std::path::{Path, PathBuf};
-
-/// Image of the flags of a retrieval.
-const FLAGS: &str = "flags";
 
 /// Sinograms of one or more quantities, with the geometry of their views.
 #[derive(Debug)]

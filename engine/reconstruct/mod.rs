@@ -2,6 +2,8 @@
 //!
 //! Parallel beams, fans and cones, on a circle; iterative methods with any motion of the sample. Formulas: docs/physics.md.
 //!
+//! [`write_astra`] writes filled images for the ASTRA toolbox.
+//!
 //! From retrieved images to files: [`Input`] reads sinograms (`prepare.rs` fills their gaps, `shared_noise.rs`
 //! has the noise of their flat),
 //! [`GridChoice`] chooses voxels, a [`VolumePlan`] has what is to be made, within a limit of memory
@@ -19,6 +21,7 @@
 //! - `gradient_bias`: slices corrected.
 //! - `work`: progress of several stages.
 
+mod astra;
 mod back_projector;
 mod centre;
 mod choice;
@@ -67,6 +70,7 @@ mod voxel_mask;
 mod work;
 mod write;
 
+pub use astra::{AstraFile, write_astra};
 pub use centre::find_axis;
 pub use choice::GridChoice;
 pub use data::Data;
@@ -86,7 +90,7 @@ pub use model::Model;
 pub use open::OpenVolumes;
 pub use phase::phase_along_rows;
 pub use plan::VolumePlan;
-pub use prepare::{PixelCounts, prepare_sinograms};
+pub use prepare::{PixelCounts, fill_images, prepare_sinograms};
 pub use quantity::Quantity;
 pub use record::{HardeningRecord, VolumeRecord};
 pub use regions::{Region, RegionMean, RegionShape, region_table};

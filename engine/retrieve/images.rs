@@ -29,7 +29,7 @@ pub(super) const OF_SAMPLE: [&str; 5] =
 /// Image of the integral of δ along the beam.
 pub(super) const PHASE: &str = "phase";
 /// Image of the flags.
-pub(super) const FLAGS: &str = "flags";
+pub(crate) const FLAGS: &str = "flags";
 
 /// Unit of an image. `value`: what intensities are counted in.
 pub(super) fn unit<'a>(name: &str, value: &'a str) -> &'a str {

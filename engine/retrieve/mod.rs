@@ -33,6 +33,7 @@ pub use diagnosis::{EmptyBeam, EmptyBeamOfView, Region};
 pub use fitter::Weights;
 pub(crate) use fitter::{FitOptions, Fitter};
 pub use ideal::{IdealImages, IdealOptions, ideal};
+pub(crate) use images::FLAGS;
 pub use images::Images;
 pub(crate) use input::path_hash;
 pub use input::{Columns, Input, offsets};

@@ -3,8 +3,12 @@
 #![allow(clippy::unwrap_used, reason = "tests")]
 
 use crate::support::program::{Workplace, stderr};
+use beamlet::Cancel;
+use beamlet::reconstruct::{Input, Quantity};
 use beamlet::scene::Scene;
-use beamlet::stack::StackFile;
+use beamlet::stack::{Maps, StackFile};
+use ndarray::Array3;
+use ndarray_npy::{read_npy, write_npy};
 use serde_json::Value;
 
 /// Radius (mm) and centre (mm) of the balls; the attenuation is 0.4 /mm.
@@ -85,7 +89,8 @@ fn projections_match_a_projector_along_their_vectors() {
     assert!(stderr(&early).contains("holds no retrieved images"), "{}", stderr(&early));
     let done = work.beamlet(&["retrieve", "run", "-q"]);
     assert!(done.status.success(), "{}", stderr(&done));
-    let words = ["convert", "run", "--to", "astra", "-o", "astra"];
+    // Filled pixels of rims within two pixels of each other have the values of their neighbours.
+    let words = ["convert", "run", "--to", "astra", "--as-retrieved", "-o", "astra"];
     let done = work.beamlet(&words);
     assert!(done.status.success(), "{}", stderr(&done));
     let again = work.beamlet(&words);
@@ -124,6 +129,73 @@ fn projections_match_a_projector_along_their_vectors() {
         }
     }
     assert!(darkest < 0.87, "{darkest} {worst}");
+}
+
+/// Pixels without a value, a row of them among them, have the values that `reconstruct` gives them; all others
+/// and all other images are as retrieved, and with `--as-retrieved` every pixel is.
+#[test]
+fn gaps_of_exported_images_are_filled_as_by_reconstruct() {
+    let work = Workplace::new(SCENE);
+    let simulated = work.simulate(&["--format", "npy", "--set", "sampling.tolerance=1e-2"]);
+    assert!(simulated.status.success(), "{}", stderr(&simulated));
+    let row: String = (0..8).map(|column| format!("3,{column}\n")).collect();
+    std::fs::write(work.path("bad.txt"), row + "1,2\n0,7\n").unwrap();
+    let done =
+        work.beamlet(&["retrieve", "run", "--bad-pixels", "bad.txt", "--format", "npy", "-q"]);
+    assert!(done.status.success(), "{}", stderr(&done));
+    // A misfit, a transmission of 0, and an angle that is a misfit.
+    let retrieved = work.path("run/retrieved");
+    let read = |name: &str| -> Array3<f32> { read_npy(retrieved.join(name)).unwrap() };
+    let (mut transmission, mut flags) = (read("transmission.npy"), read("flags.npy"));
+    transmission[[1, 2, 4]] = 0.0;
+    flags.fill(0.0);
+    flags[[2, 4, 5]] = 1_048_576.0;
+    write_npy(retrieved.join("transmission.npy"), &transmission).unwrap();
+    write_npy(retrieved.join("flags.npy"), &flags).unwrap();
+    let input = Input::of_images(std::slice::from_ref(&retrieved)).unwrap();
+    let maps = Maps::open(&retrieved).unwrap();
+    let done = work.beamlet(&["convert", "run", "--to", "astra", "-o", "filled"]);
+    let printed = String::from_utf8_lossy(&done.stdout).into_owned();
+    assert!(printed.contains("dark_field 30, refraction 30, transmission 32 of 144"), "{printed}");
+    let bare = ["convert", "run", "--to", "astra", "--as-retrieved", "-o", "bare"];
+    let done = work.beamlet(&bare);
+    assert!(done.status.success(), "{}", stderr(&done));
+    assert!(!String::from_utf8_lossy(&done.stdout).contains("filled"));
+    let about: Value =
+        serde_json::from_slice(&std::fs::read(work.path("filled/astra.json")).unwrap()).unwrap();
+    assert_eq!(about["filled_pixels"]["transmission"], 32);
+    for name in maps.names().filter(|name| !name.contains("flat")) {
+        let open = |folder: &str| StackFile::open(work.path(folder).join(format!("{name}.npy")));
+        let stacks = [open("filled").unwrap(), open("bare").unwrap()];
+        let quantity = Quantity::ALL.into_iter().find(|quantity| quantity.image() == name);
+        let sinograms = quantity.map(|it| input.sinograms(it, &Cancel::new()).unwrap().0);
+        for view in 0..3 {
+            let map = maps.map(name, view).unwrap();
+            for row in 0..6 {
+                let [filled, bare] =
+                    [0, 1].map(|index: usize| stacks[index].frame(0, row, 0..3).unwrap());
+                for column in 0..8_usize {
+                    let at = format!("{name}, view {view}, row {row}, column {column}");
+                    let (kept, got) = (map[[row, column]], filled[[view, column]]);
+                    assert_eq!(bare[[view, column]].to_bits(), kept.to_bits(), "{at}");
+                    let Some(sinograms) = &sinograms else {
+                        assert_eq!(got.to_bits(), kept.to_bits(), "{at}");
+                        continue;
+                    };
+                    let is_transmission = quantity == Some(Quantity::Mu);
+                    let lacks = kept.is_nan() || is_transmission && kept == 0.0;
+                    if !lacks && !(is_transmission && [view, row, column] == [2, 4, 5]) {
+                        assert_eq!(got.to_bits(), kept.to_bits(), "{at}");
+                    }
+                    let wanted = f64::from(sinograms[[view, row, column]]);
+                    let wanted = if is_transmission { (-wanted).exp() } else { wanted };
+                    // Rounding to f32, of the transmission and of its -ln.
+                    let off = (f64::from(got) - wanted).abs();
+                    assert!(off <= 3e-7 * wanted.abs(), "{at}: {got} for {wanted}");
+                }
+            }
+        }
+    }
 }
 
 #[test]

@@ -99,8 +99,6 @@ pub(crate) fn read_images(py: Python<'_>, path: PathBuf) -> PyResult<Retrieved<'
 /// Bytes of a size of memory such as "2 GiB".
 #[pyfunction]
 pub(crate) fn memory_size(py: Python<'_>, text: &str) -> PyResult<u64> {
-    beamlet::cli_support::units::memory_size(text).map_err(|error| {
-        let found = format!("{text:?} ({error})");
-        raised(py, &Error::argument("memory_limit", found, "bytes with a unit, as \"2 GiB\""))
-    })
+    beamlet::cli_support::units::memory_size(text)
+        .map_err(|error| raised(py, &Error::argument("memory_limit", error.found, error.allowed)))
 }

@@ -46,6 +46,7 @@ fn _beamlet(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(retrieve::retrieve, module)?)?;
     module.add_class::<reconstruct::Projector>()?;
     module.add_function(wrap_pyfunction!(reconstruct::reconstruct, module)?)?;
+    module.add_function(wrap_pyfunction!(reconstruct::fill, module)?)?;
     module.add_function(wrap_pyfunction!(reconstruct::prepare, module)?)?;
     module.add_function(wrap_pyfunction!(reconstruct::weights, module)?)?;
     module.add_function(wrap_pyfunction!(retrieve::ideal, module)?)?;

@@ -100,10 +100,9 @@ pub(crate) fn compare(
 #[pyfunction]
 pub(crate) fn lengths(py: Python<'_>, name: &str, texts: Vec<String>) -> PyResult<Vec<f64>> {
     let length = |text: &String| {
-        Dimension::Length.parse(text).map_err(|error| {
-            let found = format!("{text:?} ({error})");
-            raised(py, &Error::argument(name, found, "a length with its unit, as \"20 um\""))
-        })
+        Dimension::Length
+            .parse(text)
+            .map_err(|error| raised(py, &Error::argument(name, error.found, error.allowed)))
     };
     texts.iter().map(length).collect()
 }
@@ -111,8 +110,7 @@ pub(crate) fn lengths(py: Python<'_>, name: &str, texts: Vec<String>) -> PyResul
 /// An angle in rad from text with a unit.
 #[pyfunction]
 pub(crate) fn angle(py: Python<'_>, name: &str, text: &str) -> PyResult<f64> {
-    Dimension::Angle.parse(text).map_err(|error| {
-        let found = format!("{text:?} ({error})");
-        raised(py, &Error::argument(name, found, "an angle with its unit, as \"30 urad\""))
-    })
+    Dimension::Angle
+        .parse(text)
+        .map_err(|error| raised(py, &Error::argument(name, error.found, error.allowed)))
 }

@@ -6,7 +6,7 @@ use crate::work::interruptible;
 use beamlet::Error;
 use beamlet::reconstruct::{
     Data, FbpOptions, Filter, GridChoice, IterativeOptions, Measured, Method, Model, PixelCounts,
-    Quantity, ScanGeometry, Solver, VolumeGrid, deviation_weights, prepare_sinograms,
+    Quantity, ScanGeometry, Solver, VolumeGrid, deviation_weights, fill_images, prepare_sinograms,
 };
 use numpy::{IntoPyArray, PyArray3, PyReadonlyArray3};
 use pyo3::prelude::*;
@@ -184,6 +184,22 @@ pub(crate) fn prepare<'py>(
         interruptible(py, None, |_| prepare_sinograms(&geometry, quantity, image, flags))?;
     let PixelCounts { pixels, without_answer, dark, misfits, .. } = counts;
     Ok((sinograms.into_pyarray(py), (pixels, without_answer, dark, misfits)))
+}
+
+/// A retrieved image `[view][row][column]` with the values of its sinograms where it has none, and their number.
+#[pyfunction]
+pub(crate) fn fill<'py>(
+    py: Python<'py>,
+    places: [Vec<f64>; 2],
+    of: &str,
+    image: PyReadonlyArray3<'py, f32>,
+    flags: Option<PyReadonlyArray3<'py, f32>>,
+) -> PyResult<(Bound<'py, PyArray3<f32>>, u64)> {
+    let quantity = quantity(py, of)?;
+    let (image, flags) = (image.as_array(), flags.as_ref().map(|flags| flags.as_array()));
+    let places = places.each_ref().map(Vec::as_slice);
+    let (filled, count) = interruptible(py, None, |_| fill_images(places, quantity, image, flags))?;
+    Ok((filled.into_pyarray(py), count))
 }
 
 /// Weights of values by their standard deviations, `[view][row][column]`.

@@ -62,7 +62,13 @@ impl Scene {
     }
 
     /// Gives an error that came up after loading its place in the scene file.
-    pub(crate) fn located(&self, error: beamlet::Error) -> beamlet::Error {
+    pub(crate) fn located(&self, mut error: beamlet::Error) -> beamlet::Error {
+        if let beamlet::Error::Mesh { object, .. } = &mut error
+            && self.meshes.keys().any(|name| object.contains(name.as_str()))
+        {
+            // The file of arrays is temporary and says nothing; the name of the object is before it.
+            object.truncate(object.find(" (").unwrap_or(object.len()));
+        }
         match &self.file {
             Some((path, sets)) => beamlet::scene::Scene::locate(path, sets, error),
             None => error,

@@ -5,6 +5,7 @@ from __future__ import annotations
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import h5py
 import numpy as np
@@ -34,6 +35,99 @@ def images(run: bl.Run) -> bl.Images:
     return bl.Images.open(run.path or "")
 
 
+def with_gaps(run: bl.Run) -> bl.Images:
+    """The images with pixels that a reconstruction fills, a row of them among them."""
+    taken = images(run)
+    changed = {name: taken[name].copy() for name in taken}
+    for name in ("transmission", "refraction", "dark_field"):
+        changed[name][0, 1, 7] = np.nan
+        changed[name][3, 2] = np.nan
+    changed["transmission"][1, 0, 3] = -0.25
+    # A misfit, of which a half of the light is gone.
+    changed["transmission"][2, 3, 11] /= 2
+    changed["flags"][2, 3, 11] = next(
+        bit for bit, meaning in taken.flag_meanings.items() if "misfit" in meaning
+    )
+    return bl.Images(changed, taken.record, taken.geometry, taken.scene, None)
+
+
+def reconstructed_from(taken: bl.Images, name: str) -> np.ndarray:
+    """A contrast that has the values from which beamlet reconstructs."""
+    quantity = {"transmission": "mu", "refraction": "delta", "dark_field": "dark_field"}[name]
+    sinograms, _ = taken.sinograms(quantity)  # type: ignore[arg-type]
+    return np.exp(-sinograms) if name == "transmission" else sinograms
+
+
+def written(path: Path, place: str) -> tuple[np.ndarray, int | None]:
+    """A dataset, and its number of filled pixels."""
+    with h5py.File(path) as file:
+        count = file[place].attrs.get("filled_pixels")
+        return file[place][()], None if count is None else int(count)
+
+
+PLACES = {
+    "nxtomo": "entry0000/instrument/detector/data",
+    "cil": "entry1/tomo_entry/data/data",
+    "dxchange": "exchange/data",
+}
+
+
+@pytest.mark.parametrize("name", ["transmission", "refraction"])
+def test_all_tools_get_the_data_of_reconstruct(run: bl.Run, tmp_path: Path, name: Any) -> None:
+    taken = with_gaps(run)
+    expected = reconstructed_from(taken, name)
+    gaps = ~np.isfinite(taken[name])
+    if name == "transmission":
+        misfits = (taken.flags.astype(int) & (1 << 20)) != 0
+        assert misfits[2, 3, 11]
+        gaps |= misfits | (taken[name] <= 0)
+    assert gaps.sum() >= 25
+    found = {}
+    for fill in (True, False):
+        for tool in PLACES:
+            path = tmp_path / f"{tool}.{fill}"
+            if tool == "dxchange":
+                convert.to_dxchange(taken, path, fill=fill)
+                place = PLACES[tool] if name == "transmission" else "exchange1/data"
+            else:
+                write = convert.to_nxtomo if tool == "nxtomo" else convert.to_cil
+                write(taken, path, name, fill=fill)
+                place = PLACES[tool]
+            data, count = written(path, place)
+            assert count == (gaps.sum() if fill else None), tool
+            # Flat and dark frame of NXtomo come first.
+            found[tool, fill] = data[-5:]
+    for tool in PLACES:
+        assert np.array_equal(found[tool, False], taken[name], equal_nan=True), tool
+        # Rounding to float32 of T and of -ln T.
+        assert np.allclose(found[tool, True], expected, rtol=1e-6, atol=0), tool
+        assert np.array_equal(found[tool, True][~gaps], taken[name][~gaps]), tool
+    quantity: Any = "mu" if name == "transmission" else "delta"
+    astra = convert.to_astra(taken, name)["projections"]
+    assert np.allclose(astra.transpose(1, 0, 2), taken.sinograms(quantity)[0], rtol=1e-6, atol=1e-6)
+    bare = convert.to_astra(taken, name, fill=False)["projections"].transpose(1, 0, 2)
+    lacks = ~(taken[name] > 0) if name == "transmission" else np.isnan(taken[name])
+    assert np.array_equal(np.isnan(bare), lacks)
+    assert name != "transmission" or abs(bare[2, 3, 11] + np.log(taken[name][2, 3, 11])) < 1e-6
+
+
+def test_views_without_any_value_cannot_be_filled(run: bl.Run, tmp_path: Path) -> None:
+    taken = with_gaps(run)
+    taken.refraction[4] = np.nan
+    for write in (
+        lambda: convert.to_nxtomo(taken, tmp_path / "a", "refraction"),
+        lambda: convert.to_cil(taken, tmp_path / "a", "refraction"),
+        lambda: convert.to_dxchange(taken, tmp_path / "a"),
+        lambda: convert.to_astra(taken, "refraction"),
+    ):
+        with pytest.raises(bl.ArgumentError, match="view 4"):
+            write()  # type: ignore[no-untyped-call]
+    assert not list(tmp_path.iterdir())
+    convert.to_nxtomo(taken, tmp_path / "a", "refraction", fill=False)
+    with pytest.raises(bl.ArgumentError, match="transmission, refraction, dark_field"):
+        convert.to_astra(taken, "flags")  # type: ignore[arg-type]
+
+
 def test_images_of_folders_are_those_in_memory(run: bl.Run) -> None:
     opened, made = images(run), bl.Run.open(run.path or "").retrieve()
     assert set(opened) == set(made) and opened.units == made.units
@@ -60,7 +154,7 @@ def test_nxtomo_reads_nxtomo(run: bl.Run, tmp_path: Path) -> None:
     with h5py.File(path) as file:
         data = file["entry0000/data/data"]
         assert data.chunks is None and data.compression is None
-        assert np.array_equal(data[2:], images(run).transmission)
+        assert np.allclose(data[2:], reconstructed_from(images(run), "transmission"), rtol=1e-6, atol=0)
         assert (data[0] == 0).all() and (data[1] == 1).all()
     with pytest.raises(bl.FileError, match="exists"):
         convert.to_nxtomo(images(run), path)
@@ -82,7 +176,7 @@ def test_cil_has_the_geometry_of_astra(run: bl.Run, tmp_path: Path, rows: int) -
         names = [data.attrs[f"dim{index}"] for index in range(data.ndim)]
         assert names == (["angle", "vertical", "horizontal"] if rows > 1 else ["angle", "horizontal"])
         assert data.attrs["data_type"] == "AcquisitionData" and data.attrs["num_channels"] == 1
-        assert np.array_equal(data[()].reshape(5, rows, 24), taken.refraction)
+        assert np.array_equal(data[()].reshape(5, rows, 24), reconstructed_from(taken, "refraction"))
         angles = config["angles"]
         assert angles.attrs["angle_unit"] == "degree" and angles.attrs["initial_angle"] == 0
         sides = 3 if rows > 1 else 2
@@ -107,13 +201,14 @@ def test_cil_has_the_geometry_of_astra(run: bl.Run, tmp_path: Path, rows: int) -
 
 def test_dxchange_has_all_contrasts(run: bl.Run, tmp_path: Path) -> None:
     path = tmp_path / "scan.h5"
-    words = [sys.executable, "-m", "beamlet.convert", run.path or "", "--to", "dxchange", "-o", str(path)]
+    words = [sys.executable, "-m", "beamlet.convert", run.path or "", "--to", "dxchange", "-o", str(path),
+             "--as-retrieved"]
     subprocess.run(words, check=True)
     with h5py.File(path) as file:
         for group, name in (("exchange", "transmission"), ("exchange1", "refraction"),
                             ("exchange2", "dark_field")):
             data = file[f"{group}/data"]
-            assert np.array_equal(data[()], images(run)[name]) and data.chunks is None
+            assert np.array_equal(data[()], images(run)[name], equal_nan=True) and data.chunks is None
             assert data.attrs["units"] == images(run).units[name]
             assert np.allclose(file[f"{group}/theta"][()], [0, 72, 144, 216, 288])
         assert (file["exchange/data_white"][()] == 1).all()
@@ -128,19 +223,19 @@ def test_silx_finds_what_to_plot(run: bl.Run, tmp_path: Path) -> None:
     from silx.io.nxdata import get_default
 
     path = tmp_path / "scan.nx"
-    convert.to_nxtomo(images(run), path, "refraction")
+    convert.to_nxtomo(images(run), path, "refraction", fill=False)
     with silx.io.open(str(path)) as file:
         plot = get_default(file)
         assert plot is not None and plot.is_valid, plot and plot.issues
         assert plot.signal.shape == (5, 4, 24)
-        assert np.array_equal(plot.signal[()], images(run).refraction)
+        assert np.array_equal(plot.signal[()], images(run).refraction, equal_nan=True)
     for name in ("cil", "dxchange"):
         other = tmp_path / f"scan.{name}"
         write = convert.to_cil if name == "cil" else convert.to_dxchange
-        write(images(run), other)
+        write(images(run), other, fill=False)
         with silx.io.open(str(other)) as file:
-            place = {"cil": "entry1/tomo_entry/data/data", "dxchange": "exchange/data"}[name]
-            assert np.array_equal(file[place][()], images(run).transmission)
+            values = file[PLACES[name]][()]
+            assert np.array_equal(values, images(run).transmission, equal_nan=True)
 
 
 def test_tifffile_reads_retrieved_images(run: bl.Run, tmp_path: Path) -> None:
@@ -157,5 +252,5 @@ def test_tifffile_reads_retrieved_images(run: bl.Run, tmp_path: Path) -> None:
 def test_astra_gets_rows_first(run: bl.Run) -> None:
     taken = convert.to_astra(images(run), "refraction")
     assert taken["projections"].shape == (4, 5, 24)
-    assert np.array_equal(taken["projections"][:, 2], images(run).refraction[2])
+    assert np.array_equal(taken["projections"][:, 2], reconstructed_from(images(run), "refraction")[2])
     assert taken["proj_geom"]["type"] == "cone_vec" and taken["vectors"].shape == (5, 12)

@@ -25,6 +25,7 @@ __all__ = [
     "angle",
     "compare",
     "devices",
+    "fill",
     "ideal",
     "lengths",
     "material",
@@ -117,6 +118,9 @@ class Projector:
 def angle(name: str, text: str) -> float: ...
 def compare(a: _Path, b: _Path, progress: _Progress) -> str: ...
 def devices() -> str: ...
+def fill(
+    places: Sequence[Sequence[float]], of: str, image: _Floats, flags: _Floats | None
+) -> tuple[_Floats, int]: ...
 def ideal(
     engine: Engine,
     scene: Scene,

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import atexit
 import json
-import operator
 import os
+import shutil
 import tempfile
 import threading
 import weakref
@@ -17,7 +17,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import _beamlet, _vulkan
-from ._errors import DeviceError, wrong
+from ._arguments import number, shown, whole_number, word
+from ._arguments import path as place
+from ._errors import ArgumentError, DeviceError, wrong
 from ._scene import Path, Scene, inner
 
 if TYPE_CHECKING:
@@ -91,12 +93,18 @@ def _bytes(limit: int | str | None) -> int | None:
     if limit is None or isinstance(limit, str):
         return None if limit is None else _beamlet.memory_size(limit)
     try:
-        size = operator.index(limit)
-    except TypeError:
-        size = 0
-    if size < 1:
-        raise wrong("memory_limit", repr(limit), 'a whole number of bytes above 0, or text as "2 GiB"')
-    return size
+        return whole_number("memory_limit", limit, 1)
+    except ArgumentError:
+        allowed = 'a whole number of bytes above 0, or text as "2 GiB"'
+        raise wrong("memory_limit", shown(limit), allowed) from None
+
+
+class Folder:
+    """A temporary folder, which is removed with the last object that uses it."""
+
+    def __init__(self) -> None:
+        self.name = tempfile.mkdtemp(prefix="beamlet-")
+        weakref.finalize(self, shutil.rmtree, self.name, ignore_errors=True)
 
 
 def _seeded(scene: Scene, seed: int | None) -> Scene:
@@ -131,7 +139,8 @@ class Engine:
     ) -> None:
         _vulkan.find_driver()
         name = None if device is None else str(device)
-        way = backend or os.environ.get("BEAMLET_BACKEND") or None
+        way = None if backend is None else word("backend", backend, Backend)
+        way = way or os.environ.get("BEAMLET_BACKEND") or None
         self.keep_moments = keep_moments
         limit = _bytes(memory_limit)
         with _vulkan.naming_the_package():
@@ -164,7 +173,7 @@ class Engine:
         from ._run import Run
 
         scene = _seeded(scene, seed)
-        folder = tempfile.TemporaryDirectory(prefix="beamlet-") if self.keep_moments else None
+        folder = Folder() if self.keep_moments else None
         kept = None if folder is None else folder.name
         found = self._engine.simulate(scene._scene, kept, progress)
         return Run._of_arrays(self, scene, found, folder)
@@ -203,7 +212,8 @@ class Engine:
         from ._run import Run
 
         scene = _seeded(scene, seed)
-        path = os.path.abspath(path)
+        path = os.path.abspath(place("path", path))
+        word("format", format, Format)
         meshes = f"{path}.meshes"
         if scene._meshes:
             os.makedirs(meshes, exist_ok=True)
@@ -257,9 +267,17 @@ class Engine:
         """
         from ._images import Images
 
-        angle = _beamlet.angle("reach", reach) if isinstance(reach, str) else reach
+        angle = None if reach is None else (
+            _beamlet.angle("reach", reach) if isinstance(reach, str) else number("reach", reach)
+        )
         images, geometry, reached, rays, beyond = _beamlet.ideal(
-            self._engine, inner(scene), angle, tolerance, angle_tolerance, most_rays, progress
+            self._engine,
+            inner(scene),
+            angle,
+            number("tolerance", tolerance),
+            number("angle_tolerance", angle_tolerance),
+            whole_number("most_rays", most_rays, 0),
+            progress,
         )
         units = {"transmission": "1", "refraction": "rad", "dark_field": "rad²"}
         record = {
@@ -282,20 +300,34 @@ class Engine:
 
         Args:
             scenes: Scenes, also without end.
-            seeds: Seed of each; default: those of the scenes.
+            seeds: Seed of each, also without end; default: those of the scenes.
 
-        Yields:
-            The run of each scene, in order.
+        Returns:
+            The run of each scene, in order. A scene that fails ends it with its exception.
+
+        Raises:
+            ArgumentError: No scenes or seeds, at once; fewer seeds than scenes, at the first scene
+                without one.
         """
-        if seeds is None:
-            for scene in scenes:
-                yield self.simulate(scene)
-        else:
-            for scene, seed in zip(scenes, seeds, strict=False):
-                yield self.simulate(scene, seed=seed)
+        for name, values in (("scenes", scenes), ("seeds", () if seeds is None else seeds)):
+            if not isinstance(values, Iterable):
+                raise wrong(name, shown(values), f"{name}, one after another")
+        return self._many(iter(scenes), None if seeds is None else iter(seeds))
+
+    def _many(self, scenes: Iterator[Scene], seeds: Iterator[int] | None) -> Iterator[Run]:
+        for count, scene in enumerate(scenes):
+            seed = None if seeds is None else next(seeds, None)
+            if seeds is not None and seed is None:
+                raise wrong("seeds", f"{count} seeds", "a seed for each scene")
+            yield self.simulate(scene, seed=seed)
+
+    @property
+    def closed(self) -> bool:
+        """Whether it was closed."""
+        return self not in _open
 
     def close(self) -> bool:
-        """Closes the device; the end of the process does so too.
+        """Closes the device; the end of the process does so too. Runs of this engine use the shared one then.
 
         Returns:
             Whether it is destroyed; ``False`` while work in another thread uses it.
@@ -314,6 +346,15 @@ class Engine:
             return f"<Engine {self.device.name}>"
         except DeviceError:
             return "<Engine, closed>"
+
+
+def serving(engine: Engine | None) -> Engine:
+    """An engine that was given, or the shared one."""
+    if engine is None:
+        return default_engine()
+    if not isinstance(engine, Engine):
+        raise wrong("engine", shown(engine), "an Engine")
+    return engine
 
 
 def default_engine() -> Engine:

@@ -12,7 +12,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from . import _beamlet
-from ._engine import Engine, Progress, default_engine
+from ._arguments import array, number, shown, whole, word
+from ._arguments import path as place
+from ._engine import Engine, Progress, serving
 from ._errors import Error, wrong
 from ._scene import Path, Scene, inner
 from ._volume import (
@@ -23,7 +25,6 @@ from ._volume import (
     circle,
     lengths,
     reconstruct,
-    whole,
 )
 
 Method = Literal[
@@ -44,9 +45,7 @@ SOURCES = {"mu": "transmission", "delta": "refraction", "dark_field": "dark_fiel
 
 
 def _source(quantity: str) -> str:
-    if quantity not in SOURCES:
-        raise wrong("quantity", repr(quantity), ", ".join(SOURCES))
-    return SOURCES[quantity]
+    return SOURCES[word("quantity", quantity, Quantity)]
 
 
 class Images(Mapping[str, Image]):
@@ -91,7 +90,7 @@ class Images(Mapping[str, Image]):
         Raises:
             FileError: No images are there.
         """
-        self = cls._of(_beamlet.read_images(path), None, engine)
+        self = cls._of(_beamlet.read_images(place("path", path)), None, engine)
         try:
             self.scene = Scene.from_toml(self.record["geometry"] or "")
         except Error:
@@ -129,6 +128,11 @@ class Images(Mapping[str, Image]):
     def units(self) -> dict[str, str]:
         """Unit of each image."""
         return {str(name): str(unit) for name, unit in self.record["units"].items()}
+
+    @property
+    def warnings(self) -> list[str]:
+        """What the retrieval doubts: faults of the stacks, and uncertainties that do not fit them."""
+        return [str(warning) for warning in self.record.get("warnings", ())]
 
     @property
     def flag_meanings(self) -> dict[int, str]:
@@ -226,9 +230,10 @@ class Images(Mapping[str, Image]):
         assert self.geometry is not None
         if isinstance(weights, str):
             if weights != "sigma":
-                raise wrong("weights", repr(weights), '"sigma" or an array')
+                raise wrong("weights", shown(weights), '"sigma" or an array')
             weights = self.weights(quantity)
-        options.setdefault("engine", self._engine)
+        engine = self._engine
+        options.setdefault("engine", None if engine is None or engine.closed else engine)
         volume = reconstruct(
             sinograms,
             self.geometry,
@@ -245,26 +250,28 @@ class Images(Mapping[str, Image]):
         return replace(volume, pixels=counts)
 
     def __repr__(self) -> str:
-        return f"<Images {', '.join(self._images)}>"
+        doubts = {0: "", 1: ", 1 warning"}.get(len(self.warnings), f", {len(self.warnings)} warnings")
+        return f"<Images {', '.join(self._images)}{doubts}>"
 
 
 def _stack(name: str, values: ArrayLike, sides: int) -> NDArray[np.float32]:
     """Values as contiguous float32 of four sides; a copy only where they are not."""
-    array = np.asarray(values)
-    if array.dtype.kind not in "fiu":
-        raise wrong(name, f"dtype {array.dtype}", "real numbers")
-    if not sides <= array.ndim <= 4:
-        allowed = {2: "(row, column) or (frame, row, column)", 3: "(step, row, column)"}
-        raise wrong(name, f"shape {array.shape}", allowed.get(sides, "(view, step, row, column)"))
-    while array.ndim < 4:
-        array = array[np.newaxis]
-    return np.ascontiguousarray(array, dtype=np.float32)
+    all_sides = {2: "(row, column) or (frame, row, column)", 3: "(step, row, column)"}
+    allowed = all_sides.get(sides, "(view, step, row, column)")
+    found = array(name, values, allowed)
+    if found.dtype.kind not in "fiu":
+        raise wrong(name, f"dtype {found.dtype}", "real numbers")
+    if not sides <= found.ndim <= 4 or found.size == 0:
+        raise wrong(name, f"shape {found.shape}", allowed)
+    while found.ndim < 4:
+        found = found[np.newaxis]
+    return np.ascontiguousarray(found, dtype=np.float32)
 
 
-def _check_frames(name: str, array: NDArray[Any], frame: tuple[int, ...]) -> None:
-    if array.shape[-2:] != frame:
+def _check_frames(name: str, found: NDArray[Any], frame: tuple[int, ...]) -> None:
+    if found.shape[-2:] != frame:
         allowed = f"rows and columns of flat, {frame}"
-        raise wrong(name, f"rows and columns {array.shape[-2:]}", allowed)
+        raise wrong(name, f"rows and columns {found.shape[-2:]}", allowed)
 
 
 def _retrieve(
@@ -290,15 +297,22 @@ def _retrieve(
         raise wrong("flat", f"{of_flat.shape[1]} steps", f"{len(mask_offsets)}, as offsets")
     known = ("method", "weights", "gain", "read_noise", "saturation", "steps", "sample_offsets")
     chosen = {name: options.get(name) for name in known} | {"bad_pixels": None}
+    word("method", chosen["method"], Method)
+    word("weights", chosen["weights"], Weights)
+    for name in ("gain", "read_noise", "saturation"):
+        if chosen[name] is not None:
+            chosen[name] = number(name, chosen[name])
     if chosen["steps"] is not None:
         chosen["steps"] = whole("steps", chosen["steps"], 2, "two numbers of steps, from 0")
     with tempfile.TemporaryDirectory(prefix="beamlet-") as folder:
         if bad_pixels is not None:
-            bad = np.asarray(bad_pixels)
+            bad = array("bad_pixels", bad_pixels, "bool or numbers, (row, column)")
             if bad.ndim != 2 or bad.dtype.kind not in "bfiu":
                 given = f"shape {bad.shape}, dtype {bad.dtype}"
                 raise wrong("bad_pixels", given, "bool or numbers, (row, column)")
             _check_frames("bad_pixels", bad, frame)
+            if (bad != 0).all():
+                raise wrong("bad_pixels", "every pixel", "False or 0 where a pixel is good")
             path = f"{folder}/bad_pixels.npy"
             np.save(path, bad.astype(np.float32))
             chosen["bad_pixels"] = path
@@ -361,9 +375,9 @@ def retrieve(
         FileError: A number of steps of the sample that the method does not take.
         SceneError: Offsets or a set-up that the method does not take.
     """
-    of_sample = np.asarray(sample)
+    of_sample = array("sample", sample, "(view, step, row, column) or (step, row, column)")
     return _retrieve(
-        engine or default_engine(),
+        serving(engine),
         geometry,
         "measured",
         flat,

@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from . import _beamlet
-from ._engine import Engine, Progress, default_engine
+from ._arguments import array, word
+from ._engine import Engine, Progress, serving
 from ._errors import wrong
 from ._scene import Scene
 from ._volume import circle, cube, grid
@@ -75,9 +76,9 @@ class Projector:
     ) -> None:
         self.data = data
         self._projector = _beamlet.Projector(
-            (engine or default_engine())._engine,
+            serving(engine)._engine,
             circle(geometry, axis),
-            data,
+            word("data", data, Data),
             grid(voxel, size, origin),
         )
         x, y, z = self._projector.size
@@ -162,7 +163,7 @@ class Transpose:
 
 
 def _shaped(name: str, values: ArrayLike, shape: tuple[int, int, int]) -> NDArray[Any]:
-    array = np.asarray(values)
-    if array.size != np.prod(shape):
-        raise wrong(name, f"{array.size} values", f"{np.prod(shape)}")
-    return array.reshape(shape)
+    found = array(name, values, f"{np.prod(shape)} numbers")
+    if found.size != np.prod(shape):
+        raise wrong(name, f"{found.size} values", f"{np.prod(shape)}")
+    return found.reshape(shape)

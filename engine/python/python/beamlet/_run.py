@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import os
-import tempfile
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
@@ -13,7 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import _beamlet
-from ._engine import Engine, Progress, default_engine, pixels
+from ._arguments import path as place
+from ._engine import Engine, Folder, Progress, default_engine, pixels
 from ._errors import FileError, wrong
 from ._scene import Path, Scene, inner
 
@@ -67,7 +67,7 @@ class Run:
         path: str | None,
         engine: Engine | None,
         kept: str | None,
-        folder: tempfile.TemporaryDirectory[str] | None = None,
+        folder: Folder | None = None,
     ) -> None:
         self.scene = scene
         self.flat = flat
@@ -86,7 +86,7 @@ class Run:
         engine: Engine,
         scene: Scene,
         found: tuple[Stack, Stack, tuple[Stack, Stack, Stack] | None, str],
-        folder: tempfile.TemporaryDirectory[str] | None,
+        folder: Folder | None,
     ) -> Run:
         flat, sample, numbers, record = found
         counts = None if numbers is None else Counts(*numbers)
@@ -104,7 +104,7 @@ class Run:
         Raises:
             FileError: There is no run, or no view is committed.
         """
-        path = os.fspath(path)
+        path = place("path", path)
         of_flat, of_sample, of_counts, record = _beamlet.open_run(path)
         counts = None
         if of_counts is not None:
@@ -121,8 +121,10 @@ class Run:
 
     @property
     def engine(self) -> Engine:
-        """The engine that made the run, or the shared one."""
-        return self._engine or default_engine()
+        """The engine that made the run; the shared one where it is closed or not known."""
+        if self._engine is None or self._engine.closed:
+            return default_engine()
+        return self._engine
 
     @property
     def axes(self) -> tuple[Axis, Axis, Axis, Axis]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import math
 import os
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
@@ -12,7 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import _beamlet
-from ._errors import wrong
+from ._arguments import array
+from ._arguments import text as text_of
+from ._arguments import path as place
+from ._errors import FileError, wrong
 
 if TYPE_CHECKING:
     from ._images import Images
@@ -22,29 +26,23 @@ Path = str | os.PathLike[str]
 Meshes = dict[str, tuple[NDArray[np.float64], NDArray[np.uint32]]]
 
 
-def _plain(value: object) -> object:
-    """A value for JSON: arrays and numbers of numpy as lists and numbers, paths as text."""
-    if isinstance(value, np.ndarray | np.generic):
-        return value.tolist()
-    if isinstance(value, os.PathLike):
-        return os.fspath(value)
-    raise wrong("scene", type(value).__name__, "numbers, text, lists and dicts")
+def _text(value: str) -> str:
+    """A text for JSON and TOML."""
+    return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
 
 
 def _toml(value: object) -> str:
-    """A value of an override as TOML."""
+    """A plain value of an override as TOML."""
     if isinstance(value, bool):
         return "true" if value else "false"
     if isinstance(value, str):
-        return json.dumps(value, ensure_ascii=False)
-    if isinstance(value, int | float):
-        return repr(value)
+        return _text(value)
     if isinstance(value, Mapping):
-        items = (f"{json.dumps(str(key))} = {_toml(item)}" for key, item in value.items())
+        items = (f"{_text(str(key))} = {_toml(item)}" for key, item in value.items())
         return "{ " + ", ".join(items) + " }"
-    if isinstance(value, list | tuple):
+    if isinstance(value, list):
         return "[" + ", ".join(_toml(item) for item in value) + "]"
-    return _toml(_plain(value))
+    return repr(value)
 
 
 def _triangles(mesh: Any, name: str) -> Any:
@@ -85,10 +83,11 @@ def arrays_of(
         if points is None:
             raise wrong(f"{name}.mesh", type(mesh).__name__, "an object with vertices and faces")
         faces = _triangles(mesh, name)
-    vertices, triangles = np.asarray(points), np.asarray(faces)
-    for array, what in ((vertices, "vertices"), (triangles, "faces")):
-        if array.ndim != 2 or array.shape[1] != 3:
-            raise wrong(f"{name}.{what}", f"shape {array.shape}", "shape (n, 3)")
+    vertices = array(f"{name}.vertices", points, "shape (n, 3)")
+    triangles = array(f"{name}.faces", faces, "shape (n, 3)")
+    for found, what in ((vertices, "vertices"), (triangles, "faces")):
+        if found.ndim != 2 or found.shape[1] != 3 or not len(found):
+            raise wrong(f"{name}.{what}", f"shape {found.shape}", "shape (n, 3), n above 0")
     if vertices.dtype.kind not in "fiu":
         raise wrong(f"{name}.vertices", f"dtype {vertices.dtype}", "real numbers")
     if triangles.dtype.kind not in "iu":
@@ -96,34 +95,66 @@ def arrays_of(
     if not np.isfinite(vertices).all():
         raise wrong(f"{name}.vertices", "values that are not finite", "finite numbers")
     if triangles.size and not (0 <= triangles.min() and triangles.max() < len(vertices)):
-        found = f"{triangles.min()} to {triangles.max()}"
-        raise wrong(f"{name}.faces", found, f"indices from 0 to {len(vertices) - 1}")
+        range_of = f"{triangles.min()} to {triangles.max()}"
+        raise wrong(f"{name}.faces", range_of, f"indices from 0 to {len(vertices) - 1}")
     return (
         np.ascontiguousarray(vertices, dtype=np.float64),
         np.ascontiguousarray(triangles, dtype=np.uint32),
     )
 
 
-def _taken_out(value: object, name: str, meshes: Meshes) -> object:
-    """A copy in which names of files stand for meshes of arrays, which are put into `meshes`."""
+def _mesh(mesh: object, label: str, meshes: Meshes) -> str:
+    """The file of a mesh; of arrays a name that stands for them in `meshes`."""
+    if isinstance(mesh, str | os.PathLike):
+        return place(f"{label}.mesh", mesh)
+    arrays = arrays_of(mesh, label)
+    digest = hashlib.sha256(arrays[0].tobytes() + arrays[1].tobytes()).hexdigest()
+    name = f"mesh-{digest[:20]}.ply"
+    meshes[name] = arrays
+    return name
+
+
+def _plain(value: object, key: str, meshes: Meshes) -> object:
+    """A value for JSON and TOML: text, finite numbers, lists and dicts. Names of files stand for meshes of arrays,
+    which are put into `meshes`.
+
+    Args:
+        value: The value.
+        key: Its key in the scene.
+        meshes: Meshes that were found.
+
+    Raises:
+        ArgumentError: With the key, for other values.
+    """
     if isinstance(value, Mapping):
-        table = {str(key): _taken_out(item, str(key), meshes) for key, item in value.items()
-                 if key != "mesh"}
+        inside = f"{key}." if key else ""
+        table = {str(name): _plain(item, f"{inside}{name}", meshes)
+                 for name, item in value.items() if name != "mesh"}
         if "mesh" in value:
-            table["mesh"] = mesh = value["mesh"]
-            if not isinstance(mesh, str | os.PathLike):
-                label = f"object.{value.get('name', name)}"
-                arrays = arrays_of(mesh, label)
+            mesh = value["mesh"]
+            label = f"object.{value['name']}" if "name" in value else key
+            table["mesh"] = _mesh(mesh, label, meshes)
+            if table["mesh"] in meshes:
                 unit = table.get("unit") or getattr(mesh, "units", None)
                 if unit is None:
                     raise wrong(f"{label}.unit", "nothing", 'the length of 1.0, as unit = "mm"')
-                digest = hashlib.sha256(arrays[0].tobytes() + arrays[1].tobytes()).hexdigest()
-                table |= {"mesh": f"mesh-{digest[:20]}.ply", "unit": unit}
-                meshes[str(table["mesh"])] = arrays
+                table["unit"] = unit
         return table
+    if isinstance(value, np.ndarray | np.generic):
+        value = value.tolist()
     if isinstance(value, list | tuple):
-        return [_taken_out(item, f"{name}[{index}]", meshes) for index, item in enumerate(value)]
-    return value
+        return [_plain(item, f"{key}[{index}]", meshes) for index, item in enumerate(value)]
+    if isinstance(value, os.PathLike):
+        value = place(key, value)
+    if isinstance(value, str):
+        if any("\ud800" <= letter <= "\udfff" for letter in value):
+            raise wrong(key, ascii(value), "text of Unicode")
+        return value
+    if isinstance(value, float) and not math.isfinite(value):
+        raise wrong(key, repr(value), "a finite number")
+    if value is None or isinstance(value, bool | int | float):
+        return value
+    raise wrong(key, type(value).__name__, "numbers, text, lists and dicts")
 
 
 class Scene:
@@ -159,9 +190,9 @@ class Scene:
         if "objects" in sections:
             sections["object"] = sections.pop("objects")
         meshes: Meshes = {}
-        table = _taken_out(sections, "scene", meshes)
-        text = json.dumps(table, default=_plain, indent=1, ensure_ascii=False)
-        self._text: tuple[str, bool, str] | None = (text, True, os.getcwd())
+        table = _plain(sections, "", meshes)
+        written = json.dumps(table, indent=1, ensure_ascii=False)
+        self._text: tuple[str, bool, str] | None = (written, True, os.getcwd())
         self._path: str | None = None
         self._meshes = meshes
         self._read(())
@@ -182,8 +213,10 @@ class Scene:
             assert self._path is not None
             self._scene = _beamlet.Scene.load(self._path, list(sets))
         else:
-            text, is_json, directory = self._text
-            self._scene = _beamlet.Scene.parse(text, is_json, directory, list(sets), self._meshes)
+            written, is_json, directory = self._text
+            self._scene = _beamlet.Scene.parse(
+                written, is_json, directory, list(sets), self._meshes
+            )
 
     @classmethod
     def load(cls, path: Path, **changes: Any) -> Scene:
@@ -198,9 +231,18 @@ class Scene:
             SceneError: With file, line, key, what was found and what is allowed.
         """
         self = cls.__new__(cls)
-        self._text, self._path, self._meshes = None, os.fspath(path), {}
-        self._read(tuple(f"{key.replace('__', '.')}={_toml(v)}" for key, v in changes.items()))
+        self._text, self._path, self._meshes = None, place("path", path), {}
+        named = ((key.replace("__", "."), value) for key, value in changes.items())
+        self._read(tuple(self._change(key, value) for key, value in named))
         return self
+
+    def _change(self, key: str, value: object) -> str:
+        """An override; the scene gets its meshes of arrays."""
+        if value is None:
+            raise wrong(key, "None", "text with a unit, a number, a list or a dict")
+        if key.rpartition(".")[2] == "mesh":
+            return f"{key}={_toml(_mesh(value, key.rpartition('.')[0], self._meshes))}"
+        return f"{key}={_toml(_plain(value, key, self._meshes))}"
 
     @classmethod
     def from_dict(cls, scene: Mapping[str, Any]) -> Scene:
@@ -209,6 +251,8 @@ class Scene:
         Raises:
             SceneError: As of the constructor; unknown keys are errors.
         """
+        if not isinstance(scene, Mapping):
+            raise wrong("scene", type(scene).__name__, "a dict with the sections of a scene file")
         return cls(**{str(key): value for key, value in scene.items()})
 
     @classmethod
@@ -219,7 +263,8 @@ class Scene:
             SceneError: With line, key, what was found and what is allowed.
         """
         self = cls.__new__(cls)
-        self._text, self._path, self._meshes = (text, False, os.fspath(directory)), None, {}
+        self._text = (text_of("text", text, "TOML"), False, place("directory", directory))
+        self._path, self._meshes = None, {}
         self._read(())
         return self
 
@@ -229,14 +274,15 @@ class Scene:
         Args:
             key: Path of the key: ``detector_mask.projected_aperture``, ``object.rod.material``,
                 ``object[0].material``.
-            value: Text with a unit, number, list or dict, as the scene file has it.
+            value: Text with a unit, number, list or dict, as the scene file has it; for ``object.NAME.mesh``
+                also arrays, in the unit of the object.
 
         Raises:
             SceneError: There is no such key, or the value is not possible.
         """
         other = Scene.__new__(Scene)
-        other._text, other._path, other._meshes = self._text, self._path, self._meshes
-        other._read((*self._sets, f"{key}={_toml(value)}"))
+        other._text, other._path, other._meshes = self._text, self._path, dict(self._meshes)
+        other._read((*self._sets, other._change(text_of("key", key, "the path of a key"), value)))
         return other
 
     @property
@@ -272,12 +318,21 @@ class Scene:
 
         Returns:
             The path of the file.
+
+        Raises:
+            FileError: It cannot be written.
         """
-        os.makedirs(directory, exist_ok=True)
+        directory = place("directory", directory)
         path = os.path.join(directory, "scene.toml")
-        text = self._scene.to_toml(os.path.abspath(directory))
-        with open(path, "w", encoding="utf-8") as file:
-            file.write(text)
+        try:
+            os.makedirs(directory, exist_ok=True)
+            written = self._scene.to_toml(os.path.abspath(directory))
+            with open(path, "w", encoding="utf-8") as file:
+                file.write(written)
+        except OSError as error:
+            if isinstance(error, FileError):
+                raise
+            raise FileError(f"{path}: cannot be written: {error.strerror}", file=path) from error
         return path
 
     def ideal(self, **options: Any) -> Images:

@@ -9,8 +9,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from . import _beamlet
+from ._arguments import array, number, path, shown, text
 from ._engine import Progress
 from ._errors import wrong
+from ._run import Run
 from ._scene import Path, Scene, inner
 
 
@@ -104,12 +106,14 @@ def material(
         >>> bool(np.all(np.diff(water.mu) < 0)), f"{water.delta[1]:.3e}"
         (True, '2.560e-07')
     """
-    numbers = np.asarray(energy)
+    numbers = array("energy", energy, "numbers, keV")
     if numbers.dtype.kind not in "fiu":
-        raise wrong("energy", repr(energy), "numbers, keV")
+        raise wrong("energy", shown(energy), "numbers, keV")
     energies = np.atleast_1d(numbers.astype(np.float64))
     of_scene = None if scene is None else inner(scene)
-    mu, delta = _beamlet.material(name, energies.ravel().tolist(), density, of_scene)
+    name = text("name", name, "the name of a material")
+    weight = None if density is None else number("density", density, "g/cm³")
+    mu, delta = _beamlet.material(name, energies.ravel().tolist(), weight, of_scene)
     shape = energies.shape
     return Material(name, energies, np.reshape(mu, shape), np.reshape(delta, shape))
 
@@ -137,11 +141,21 @@ def spectrum(scene: Scene) -> Spectrum:
     )
 
 
-def compare(a: Path, b: Path, progress: Progress | None = None) -> list[Difference]:
+def compare(a: Run | Path, b: Run | Path, progress: Progress | None = None) -> list[Difference]:
     """Differences of two run directories, directories of retrieved images, or stacks in files.
 
     Raises:
+        ArgumentError: A run in memory, or no path.
         FileError: One cannot be read, or their kinds or shapes differ.
     """
-    found = json.loads(_beamlet.compare(a, b, progress))
+    found = json.loads(_beamlet.compare(_place("a", a), _place("b", b), progress))
     return [Difference(**{**one, "largest_at": tuple(one["largest_at"])}) for one in found]
+
+
+def _place(name: str, what: Run | Path) -> str:
+    """The path of a run directory, or of other files."""
+    if not isinstance(what, Run):
+        return path(name, what)
+    if what.path is None:
+        raise wrong(name, "a run in memory", "a run directory: Engine.simulate_to")
+    return what.path

@@ -10,13 +10,15 @@ from dataclasses import dataclass
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING, Literal
 
+from ._arguments import path as place
+from ._arguments import shown, whole_number, word
 from ._errors import Error, FileError, wrong
 from ._scene import Path, Scene
 
 if TYPE_CHECKING:
     from ._run import Run
 
-FORMATS = ("png", "svg")
+Format = Literal["png", "svg"]
 
 
 @dataclass(frozen=True)
@@ -33,13 +35,21 @@ class Picture:
         return self.data.decode() if self.name.endswith(".svg") else None
 
     def save(self, path: Path) -> None:
-        """Writes the picture to a file."""
-        FilePath(path).write_bytes(self.data)
+        """Writes the picture to a file.
+
+        Raises:
+            FileError: It cannot be written.
+        """
+        to = place("path", path)
+        try:
+            FilePath(to).write_bytes(self.data)
+        except OSError as error:
+            raise FileError(f"{to}: cannot be written: {error.strerror}", file=to) from error
 
 
 def view(
     what: Scene | Run | Path,
-    format: Literal["png", "svg"] = "png",
+    format: Format = "png",
     width: int | None = None,
     options: tuple[str, ...] = (),
 ) -> list[Picture]:
@@ -56,10 +66,11 @@ def view(
         FileError: The path leads nowhere.
         Error: With the message of ``beamlet view``.
     """
-    if format not in FORMATS:
-        raise wrong("format", repr(format), ", ".join(FORMATS))
-    if width is not None and width < 1:
-        raise wrong("width", str(width), "a number of pixels above 0")
+    word("format", format, Format)
+    if width is not None:
+        width = whole_number("width", width, 1)
+    if isinstance(options, str) or not all(isinstance(option, str) for option in options):
+        raise wrong("options", shown(options), "options of beamlet view, each a text of its own")
     with tempfile.TemporaryDirectory(prefix="beamlet-") as folder:
         if isinstance(what, Scene):
             subject = what.save(os.path.join(folder, "scene"))

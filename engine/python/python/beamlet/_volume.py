@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import operator
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
 
@@ -11,7 +10,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from . import _beamlet
-from ._engine import Engine, Progress, default_engine
+from ._arguments import array, floats, number, shown, whole, whole_number, word
+from ._engine import Engine, Progress, serving
 from ._errors import wrong
 from ._scene import Scene
 
@@ -68,27 +68,16 @@ class Volume:
 
 def lengths(name: str, values: Sequence[str | float] | NDArray[np.floating[Any]]) -> list[float]:
     """Lengths in m from numbers in m or text with units."""
+    allowed = 'numbers in m, or text with a unit as "20 um"'
+    if isinstance(values, str) or not isinstance(values, Iterable):
+        raise wrong(name, shown(values), f"a list: {allowed}")
     found = []
     for value in values:
         if isinstance(value, str):
             found += _beamlet.lengths(name, [value])
-            continue
-        try:
-            found.append(float(value))
-        except (TypeError, ValueError):
-            raise wrong(name, repr(value), 'numbers in m, or text with a unit as "20 um"') from None
+        else:
+            found.append(number(name, value, allowed))
     return found
-
-
-def whole(name: str, values: Sequence[int], count: int, allowed: str, least: int = 0) -> list[int]:
-    """Whole numbers, `count` of them; other numbers are errors."""
-    try:
-        numbers = [operator.index(value) for value in values]
-    except TypeError:
-        numbers = []
-    if len(numbers) != count or min(numbers) < least:
-        raise wrong(name, repr(values), allowed)
-    return numbers
 
 
 def circle(geometry: Scene | Mapping[str, Any], axis: float | None = None) -> dict[str, Any]:
@@ -109,21 +98,21 @@ def circle(geometry: Scene | Mapping[str, Any], axis: float | None = None) -> di
             raise wrong(f"geometry.{key}", "nothing", "the keys of geometry.json")
     if axis is None and views.get("axis_column") is None:
         raise wrong("scan", "views that move the sample", "views on a circle")
-    columns = [float(place) for place in views["columns_m"]]
-    near, far = float(views["source_to_axis_m"]), float(views["source_to_detector_m"])
+    columns = floats("geometry.columns_m", views["columns_m"])
+    near, far = (number(f"geometry.{key}", views[key]) for key in ("source_to_axis_m", "source_to_detector_m"))
     if axis is None:
         pitch = (columns[-1] - columns[0]) / max(len(columns) - 1, 1)
-        at = columns[0] + pitch * float(views["axis_column"])
+        at = columns[0] + pitch * number("geometry.axis_column", views["axis_column"])
         # Beside the optical axis; on it places of columns are rounded.
         axis = 0.0 if abs(at) < 1e-6 * pitch else at if np.isinf(near) else at * near / far
     analyser = views.get("source_to_analyser_m")
     return {
         "distances": [near, far],
         "columns": columns,
-        "rows": [float(place) for place in views["rows_m"]],
-        "angles": [float(angle) for angle in views["angles_rad"]],
-        "axis": float(axis),
-        "lever": None if analyser is None else float(analyser) - near,
+        "rows": floats("geometry.rows_m", views["rows_m"]),
+        "angles": floats("geometry.angles_rad", views["angles_rad"]),
+        "axis": number("axis", axis, "a length, m"),
+        "lever": None if analyser is None else number("geometry.source_to_analyser_m", analyser) - near,
     }
 
 
@@ -137,21 +126,22 @@ def grid(
     side = None if voxel is None else lengths("voxel", [voxel])[0]
     if side is not None and not 0 < side < np.inf:
         raise wrong("voxel", f"{side} m", "a length above 0")
-    if origin is not None and len(origin) != 3:
-        raise wrong("origin", f"{len(origin)} lengths", "three, along x, y and z")
+    corner = None if origin is None else lengths("origin", origin)
+    if corner is not None and len(corner) != 3:
+        raise wrong("origin", f"{len(corner)} lengths", "three, along x, y and z")
     return {
         "voxel": side,
         "size": None if size is None else whole("size", size, 3, sides, least=1),
-        "origin": None if origin is None else lengths("origin", origin),
+        "origin": corner,
     }
 
 
 def cube(name: str, values: ArrayLike, sides: str) -> NDArray[np.float32]:
     """Values as contiguous float32 of three sides."""
-    array = np.asarray(values)
-    if array.ndim != 3 or array.dtype.kind not in "fiu":
-        raise wrong(name, f"shape {array.shape}, dtype {array.dtype}", sides)
-    return np.ascontiguousarray(array, dtype=np.float32)
+    found = array(name, values, sides)
+    if found.ndim != 3 or found.dtype.kind not in "fiu":
+        raise wrong(name, f"shape {found.shape}, dtype {found.dtype}", sides)
+    return np.ascontiguousarray(found, dtype=np.float32)
 
 
 def reconstruct(
@@ -207,15 +197,15 @@ def reconstruct(
     Raises:
         ArgumentError: Shapes, values, options or a geometry that cannot be.
     """
-    array = cube("sinograms", sinograms, "(view, row, column)")
+    values = cube("sinograms", sinograms, "(view, row, column)")
     options = {
-        "method": method,
-        "filter": filter,
-        "cut_off": float(cut_off),
-        "arm_passes": arm_passes,
+        "method": word("method", method, Reconstruction),
+        "filter": word("filter", filter, Window),
+        "cut_off": number("cut_off", cut_off),
+        "arm_passes": None if arm_passes is None else whole_number("arm_passes", arm_passes, 0),
         "extrapolate": bool(extrapolate),
-        "iterations": int(iterations),
-        "discrepancy": None if discrepancy is None else float(discrepancy),
+        "iterations": whole_number("iterations", iterations, 1),
+        "discrepancy": None if discrepancy is None else number("discrepancy", discrepancy),
         "non_negative": bool(non_negative),
         "phase": bool(phase),
     }
@@ -224,17 +214,19 @@ def reconstruct(
         for name, value in given.items():
             if value is not None:
                 raise wrong(name, "an array for fbp", "cgls, sirt or bb")
+        if phase:
+            raise wrong("phase", "True for fbp", "cgls, sirt or bb")
     may = None
     if mask is not None:
-        may = np.asarray(mask)
+        may = array("mask", mask, "bool, (z, y, x)")
         if may.ndim != 3 or may.dtype != np.bool_:
             raise wrong("mask", f"shape {may.shape}, dtype {may.dtype}", "bool, (z, y, x)")
         may = np.ascontiguousarray(may)
-    values, sides, corner, unit, residuals, best = _beamlet.reconstruct(
-        (engine or default_engine())._engine,
+    volume, sides, corner, unit, residuals, best = _beamlet.reconstruct(
+        serving(engine)._engine,
         circle(geometry, axis),
-        array,
-        quantity,
+        values,
+        word("quantity", quantity, Quantity),
         grid(voxel, size, origin),
         options,
         None if weights is None else cube("weights", weights, "(view, row, column)"),
@@ -243,7 +235,7 @@ def reconstruct(
         progress,
     )
     return Volume(
-        values,
+        volume,
         (sides[0], sides[1], sides[2]),
         (corner[0], corner[1], corner[2]),
         quantity,

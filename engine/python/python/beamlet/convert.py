@@ -2,8 +2,10 @@
 
     python -m beamlet.convert RUN --to nxtomo|cil|dxchange -o FILE
 
-One contrast a file, but for DXchange. Datasets are contiguous and unfiltered; lengths are m in NXtomo,
-mm in CIL. A scan on a circle is required: these files have one axis of rotation and even columns.
+One contrast a file, but for DXchange. Pixels without a result, transmissions of 0 or less, and misfits of the
+transmission are filled as by `beamlet reconstruct`; the attribute filled_pixels of the data is their
+number. Datasets are contiguous and unfiltered; lengths are m in NXtomo, mm in CIL. NXtomo and CIL take
+scans on a circle with even columns.
 """
 
 from __future__ import annotations
@@ -18,8 +20,11 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from . import _beamlet
+from ._arguments import path as place
+from ._arguments import shown
 from ._errors import Error, FileError, wrong
-from ._images import Images
+from ._images import SOURCES, Images
 from ._scene import Path
 
 if TYPE_CHECKING:
@@ -35,11 +40,18 @@ ABOUT = {
 }
 
 
+def _views(images: Images) -> dict[str, Any]:
+    """Geometry of the views."""
+    if not isinstance(images, Images):
+        raise wrong("images", type(images).__name__, "Images, as of Run.retrieve or Images.open")
+    if images.geometry is None:
+        raise wrong("geometry", "views without angles", "a scene with an angle for each view")
+    return images.geometry
+
+
 def _circle(images: Images) -> dict[str, Any]:
     """Geometry of a scan on a circle with even columns."""
-    geometry = images.geometry
-    if geometry is None:
-        raise wrong("geometry", "views without angles", "a scene with an angle for each view")
+    geometry = _views(images)
     if geometry["axis_column"] is None:
         raise wrong("scan", "views that move the sample", "views on a circle")
     if geometry["astra_cone_vec_mm"] is None:
@@ -47,10 +59,21 @@ def _circle(images: Images) -> dict[str, Any]:
     return geometry
 
 
-def _data(images: Images, contrast: str) -> NDArray[np.float32]:
-    if contrast not in images:
-        raise wrong("contrast", contrast, ", ".join(name for name in ABOUT if name in images))
-    return np.ascontiguousarray(images[contrast], dtype=np.float32)
+def _data(
+    images: Images, contrast: str, fill: bool
+) -> tuple[NDArray[np.float32], dict[str, Any]]:
+    """A contrast ``[view][row][column]``, and what its dataset says of filled pixels."""
+    has = [name for name in ABOUT if name in images]
+    if contrast not in has:
+        raise wrong("contrast", shown(contrast), ", ".join(has))
+    data = np.ascontiguousarray(images[contrast], dtype=np.float32)
+    if not fill:
+        return data, {}
+    assert images.geometry is not None
+    places = [images.geometry["columns_m"], images.geometry["rows_m"]]
+    quantity = next(name for name, source in SOURCES.items() if source == contrast)
+    data, filled = _beamlet.fill(places, quantity, data, images.get("flags"))
+    return data, {"filled_pixels": filled}
 
 
 def _pitch(places: list[float], other: list[float]) -> float:
@@ -64,13 +87,14 @@ def _written(path: Path, write: Callable[[h5py.File], None]) -> None:
     """Writes a file whole or not at all; one that is there is not replaced."""
     import h5py
 
-    part = FilePath(f"{os.fspath(path)}.part")
+    path = place("path", path)
+    part = FilePath(f"{path}.part")
     try:
         with h5py.File(part, "x") as file:
             write(file)
         os.link(part, path)
     except OSError as error:
-        message = f"{os.fspath(path)}: cannot be written: {error.strerror or error}"
+        message = f"{path}: cannot be written: {error.strerror or error}"
         raise FileError(message, file=path, found=str(error)) from error
     finally:
         part.unlink(missing_ok=True)
@@ -89,15 +113,24 @@ def _value(group: Any, name: str, value: Any, units: str | None = None) -> Any:
     return group[name]
 
 
-def to_nxtomo(images: Images, path: Path, contrast: Contrast = "transmission") -> None:
+def to_nxtomo(
+    images: Images, path: Path, contrast: Contrast = "transmission", *, fill: bool = True
+) -> None:
     """Writes a contrast as NXtomo: for the transmission a dark frame of 0 and a flat frame of 1 come
     first, by ``image_key``; the others have projections alone.
 
+    Args:
+        images: Retrieved images.
+        path: The file.
+        contrast: The contrast.
+        fill: Pixels without a usable value are filled; ``False``: every pixel is as retrieved.
+
     Raises:
-        ArgumentError: No scan on a circle, or no such contrast.
+        ArgumentError: No scan on a circle, no such contrast, or a view without any value to fill from.
         FileError: The file exists, or it cannot be written.
     """
-    geometry, data = _circle(images), _data(images, contrast)
+    geometry = _circle(images)
+    data, about = _data(images, contrast, fill)
     angles = np.array(geometry["angles_deg"])
     keys = np.zeros(len(data), dtype=np.int64)
     if contrast == "transmission":
@@ -127,6 +160,7 @@ def to_nxtomo(images: Images, path: Path, contrast: Contrast = "transmission") -
         detector = _group(file, "entry0000/instrument/detector", "NXdetector")
         _value(detector, "data", data).attrs["interpretation"] = "image"
         detector["data"].attrs["units"] = images.units[contrast]
+        detector["data"].attrs.update(about)
         _value(detector, "image_key", keys)
         _value(detector, "image_key_control", keys)
         _value(detector, "x_pixel_size", across, "m")
@@ -150,17 +184,26 @@ def to_nxtomo(images: Images, path: Path, contrast: Contrast = "transmission") -
     _written(path, write)
 
 
-def to_cil(images: Images, path: Path, contrast: Contrast = "transmission") -> None:
+def to_cil(
+    images: Images, path: Path, contrast: Contrast = "transmission", *, fill: bool = True
+) -> None:
     """Writes a contrast in the layout of CIL's NEXUSDataWriter, for its NEXUSDataReader. Lengths are mm;
     source and detector lie along y, rows begin at the top. CIL turns source and detector by minus
     its angles; the written angles are therefore minus the angles of the views.
 
+    Args:
+        images: Retrieved images.
+        path: The file.
+        contrast: The contrast.
+        fill: Pixels without a usable value are filled; ``False``: every pixel is as retrieved.
+
     Raises:
-        ArgumentError: Views that move the sample (CIL's writer has no such geometry), or no such
-            contrast.
+        ArgumentError: Views that move the sample (CIL's writer has no such geometry), no such contrast,
+            or a view without any value to fill from.
         FileError: The file exists, or it cannot be written.
     """
-    geometry, data = _circle(images), _data(images, contrast)
+    geometry = _circle(images)
+    data, about = _data(images, contrast, fill)
     views, rows, columns = data.shape
     # A single row is a fan: CIL has two dimensions then.
     sides = 2 if rows == 1 else 3
@@ -181,6 +224,7 @@ def to_cil(images: Images, path: Path, contrast: Contrast = "transmission") -> N
                         data[:, 0] if rows == 1 else data)
         names = ["angle", "vertical", "horizontal"] if rows > 1 else ["angle", "horizontal"]
         values.attrs["data_type"] = "AcquisitionData"
+        values.attrs.update(about)
         for index, name in enumerate(names):
             values.attrs[f"dim{index}"] = name
         values.attrs["geometry"] = "cone"
@@ -209,26 +253,32 @@ def to_cil(images: Images, path: Path, contrast: Contrast = "transmission") -> N
     _written(path, write)
 
 
-def to_dxchange(images: Images, path: Path) -> None:
+def to_dxchange(images: Images, path: Path, *, fill: bool = True) -> None:
     """Writes all contrasts as DXchange: the transmission under ``/exchange`` with a white frame of 1 and
     a dark frame of 0, the refraction (rad) under ``/exchange1``, the dark field (rad²) under
     ``/exchange2``; ``theta`` in degrees.
 
+    Args:
+        images: Retrieved images.
+        path: The file.
+        fill: Pixels without a usable value are filled; ``False``: every pixel is as retrieved.
+
     Raises:
-        ArgumentError: Views without angles.
+        ArgumentError: Views without angles, or a view without any value to fill from.
         FileError: The file exists, or it cannot be written.
     """
-    if images.geometry is None:
-        raise wrong("geometry", "views without angles", "a scene with an angle for each view")
-    theta = np.array(images.geometry["angles_deg"])
+    theta = np.array(_views(images)["angles_deg"])
+    found = {name: _data(images, name, fill) for name in ABOUT if name in images}
 
     def write(file: h5py.File) -> None:
         file["implements"] = "exchange"
         groups = ("exchange", "exchange1", "exchange2")
         for group, contrast in zip(groups, ABOUT, strict=True):
-            if contrast not in images:
+            if contrast not in found:
                 continue
-            data = _value(file.create_group(group), "data", _data(images, contrast))
+            values, about = found[contrast]
+            data = _value(file.create_group(group), "data", values)
+            data.attrs.update(about)
             data.attrs["axes"] = "theta:y:x"
             data.attrs["units"] = images.units[contrast]
             data.attrs["description"] = ABOUT[contrast]
@@ -241,20 +291,31 @@ def to_dxchange(images: Images, path: Path) -> None:
     _written(path, write)
 
 
-def to_astra(images: Images, contrast: Contrast = "transmission") -> dict[str, Any]:
+def to_astra(
+    images: Images, contrast: Contrast = "transmission", *, fill: bool = True
+) -> dict[str, Any]:
     """Projections and geometry as astra-toolbox takes them, lengths in mm.
 
+    Args:
+        images: Retrieved images.
+        contrast: The contrast.
+        fill: Pixels without a usable value are filled: ``projections`` are what
+            :meth:`beamlet.Images.reconstruct` takes. ``False``: they are NaN there, and misfits of the
+            transmission are as retrieved, on which iterations of ASTRA may diverge.
+
     Returns:
-        ``projections`` (row, view, column) of the contrast, ``vectors`` of ``cone_vec``, and
-        ``proj_geom``, the dict of ``astra.create_proj_geom("cone_vec", ...)``. The contrast is as
-        retrieved, with NaN and misfits at silhouettes, on which iterations of ASTRA may diverge;
-        :meth:`Images.sinograms` fills them: ``sinograms.transpose(1, 0, 2)`` in the place of
-        ``projections``.
+        ``projections`` (row, view, column): -ln of the transmission, refraction angles (rad) or
+        variances (rad²), ``vectors`` of ``cone_vec``, and ``proj_geom``, the dict of
+        ``astra.create_proj_geom("cone_vec", ...)``.
 
     Raises:
-        ArgumentError: Columns at uneven places, or no such contrast.
+        ArgumentError: No scan on a circle, columns at uneven places, no such contrast, or a view without
+            any value to fill from.
     """
-    geometry, data = _circle(images), _data(images, contrast)
+    geometry = _circle(images)
+    data, _ = _data(images, contrast, fill)
+    if contrast == "transmission":
+        data = -np.log(data, out=np.full_like(data, np.nan), where=data > 0)
     vectors = np.array(geometry["astra_cone_vec_mm"])
     views, rows, columns = data.shape
     proj_geom = {
@@ -276,15 +337,18 @@ def main(words: list[str] | None = None) -> int:
     parser.add_argument("-o", "--output", required=True, help="file to write; it must not exist yet")
     parser.add_argument("--contrast", choices=list(ABOUT), default="transmission",
                         help="contrast of an NXtomo or CIL file")
+    parser.add_argument("--as-retrieved", action="store_true",
+                        help="leave pixels without a result NaN, and misfits of the transmission as they are")
     arguments = parser.parse_args(words)
     try:
         images = Images.open(arguments.run)
+        fill = not arguments.as_retrieved
         if arguments.to == "nxtomo":
-            to_nxtomo(images, arguments.output, arguments.contrast)
+            to_nxtomo(images, arguments.output, arguments.contrast, fill=fill)
         elif arguments.to == "cil":
-            to_cil(images, arguments.output, arguments.contrast)
+            to_cil(images, arguments.output, arguments.contrast, fill=fill)
         else:
-            to_dxchange(images, arguments.output)
+            to_dxchange(images, arguments.output, fill=fill)
     except ImportError as error:
         print(f"error: {error}: pip install 'beamlet[convert]'", file=sys.stderr)
         return 1

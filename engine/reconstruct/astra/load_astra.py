@@ -1,11 +1,13 @@
 """Projections and geometry of this folder for the ASTRA toolbox.
 
     import load_astra
-    data = load_astra.load("transmission")           # [row][view][column]; NaN where there is no result
+    data = load_astra.load("transmission")           # [row][view][column]
     projections = load_astra.link(-np.log(data))     # an id of ASTRA's data3d
     volume = load_astra.astra.data3d.create("-vol", load_astra.vol_geom)    # [z][y][x], all ascending
 
-Lengths are in mm: what a reconstruction of -ln(transmission) gives is mu in 1/mm.
+Lengths are in mm: what a reconstruction of -ln(transmission) gives is mu in 1/mm. filled_pixels of astra.json
+are the pixels of transmission, refraction and dark_field that have no usable result and are filled, as in
+`beamlet reconstruct`. Other arrays, and all of `convert --as-retrieved`, have NaN there.
 """
 
 import json

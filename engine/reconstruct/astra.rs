@@ -1,16 +1,18 @@
 //! Retrieved images as ASTRA takes projections, with their geometry and a script that loads both.
 
-use super::geometry_file::GeometryFile;
-use super::image_folder::{ImageDirectory, Kind};
-use super::layout::{ASTRA_SCRIPT, RECORD};
-use super::read::{Maps, StackFile};
+use super::prepare::Preparation;
+use super::quantity::Quantity;
 use crate::array_file::Format;
 use crate::cancel::Cancel;
+use crate::retrieve::FLAGS;
+use crate::stack::layout::{ASTRA_SCRIPT, RECORD};
+use crate::stack::{GeometryFile, ImageDirectory, Kind, Maps, StackFile};
 use crate::whole_file::write_file;
 use crate::{Error, Result, input_file, numbers};
-use ndarray::{Array3, s};
+use ndarray::{Array2, Array3, s};
 use serde::Serialize;
 use std::collections::BTreeMap;
+use std::ops::Range;
 use std::path::Path;
 
 /// Bytes of a band of rows of all views.
@@ -28,6 +30,9 @@ pub struct AstraFile {
     pub order: String,
     /// Unit of each array by its name.
     pub units: BTreeMap<String, String>,
+    /// Number of filled pixels of transmission, refraction and dark field; empty where arrays are as
+    /// retrieved.
+    pub filled_pixels: BTreeMap<String, u64>,
     /// Files beside the arrays.
     pub files: Vec<String>,
     /// Rows, views and columns of the arrays.
@@ -43,16 +48,18 @@ pub struct AstraFile {
 }
 
 /// Writes the images of a folder of retrieved images into another folder: each as `NAME.npy`
-/// `[row][view][column]`, with `astra.json` and `load_astra.py`. `progress` takes the rows that are done, and
-/// all.
+/// `[row][view][column]`, with `astra.json` and `load_astra.py`. With `fill`, transmission, refraction and dark
+/// field have the values of a reconstruction in pixels that lack one, see [`super::fill_images`]; all other
+/// images are as retrieved. `progress` takes the rows that are done, and all.
 ///
 /// # Errors
 /// [`Error::File`] where the folder has no images or no vectors of their views, or images of other views,
-/// rows or columns than its geometry, or the place is taken or cannot be written; [`Error::Interrupted`].
-/// Nothing is left behind then.
+/// rows or columns than its geometry, or with `fill` a view without any value, or the place is taken or
+/// cannot be written; [`Error::Interrupted`]. Nothing is left behind then.
 pub fn write_astra(
     images: &Path,
     to: &Path,
+    fill: bool,
     overwrite: bool,
     progress: &mut dyn FnMut(u64, u64),
     cancel: &Cancel,
@@ -60,32 +67,46 @@ pub fn write_astra(
     let (geometry, maps) = (GeometryFile::read(images)?, Maps::open(images)?);
     geometry.refuse_other_images(images, maps.sides())?;
     let mut about = begun(images, &geometry)?;
-    let stacks: Vec<(String, StackFile)> = maps
+    let stacks: BTreeMap<String, StackFile> = maps
         .into_stacks()
         .into_iter()
         .filter(|(name, stack)| of_views(name, stack, &about.shape))
         .collect();
-    about.units.retain(|name, _| stacks.iter().any(|(other, _)| other == name));
+    about.units.retain(|name, _| stacks.contains_key(name));
     let metadata = serde_json::json!({ "order": about.order });
     let mut folder = ImageDirectory::begin(to, Kind::Astra, Format::Npy, overwrite, metadata)?;
     let [rows, views, columns] = about.shape;
     let height = (BAND / (4 * views * columns)).max(1);
     let (mut done, all) = (0, (stacks.len() * rows) as u64);
     for (name, stack) in &stacks {
+        let quantity = Quantity::ALL.into_iter().find(|of| fill && of.image() == name);
+        let gaps = quantity.map(|quantity| Gaps {
+            stack,
+            flags: stacks.get(FLAGS),
+            geometry: &geometry,
+            is_transmission: quantity == Quantity::Mu,
+        });
+        let mut filled = 0;
         let unit = about.units.get(name).map_or("", String::as_str);
         for start in (0..rows).step_by(height) {
             let band = start..rows.min(start + height);
             let mut values = Array3::zeros((views, band.len(), columns));
             for view in 0..views {
                 cancel.check()?;
-                let band = numbers::count(band.start)..numbers::count(band.end);
-                values.slice_mut(s![view, .., ..]).assign(&stack.frame(0, view, band)?);
+                let image = match &gaps {
+                    None => frame(stack, view, &band)?,
+                    Some(gaps) => gaps.filled(view, &band, &mut filled)?,
+                };
+                values.slice_mut(s![view, .., ..]).assign(&image);
             }
             for row in 0..band.len() {
                 folder.put(name, unit, rows, values.slice(s![.., row, ..]))?;
             }
             done += band.len() as u64;
             progress(done, all);
+        }
+        if gaps.is_some() {
+            about.filled_pixels.insert(name.clone(), filled);
         }
     }
     write_file(&folder.file(ASTRA_SCRIPT)?, SCRIPT.as_bytes())?;
@@ -94,6 +115,59 @@ pub fn write_astra(
     text.push('\n');
     folder.finish(Some(&text))?;
     Ok(about)
+}
+
+/// Rows of a view.
+fn frame(stack: &StackFile, view: usize, rows: &Range<usize>) -> Result<Array2<f32>> {
+    stack.frame(0, view, numbers::count(rows.start)..numbers::count(rows.end))
+}
+
+/// An image whose gaps are filled.
+struct Gaps<'a> {
+    stack: &'a StackFile,
+    flags: Option<&'a StackFile>,
+    geometry: &'a GeometryFile,
+    is_transmission: bool,
+}
+
+impl Gaps<'_> {
+    /// Rows of a view, filled; adds the number of their gaps to `filled`.
+    fn filled(&self, view: usize, band: &Range<usize>, filled: &mut u64) -> Result<Array2<f32>> {
+        let (mut image, mut preparation) = self.read(view, band)?;
+        let gaps = preparation.gaps(image.view());
+        *filled += gaps.iter().sum::<usize>() as u64;
+        if !gaps.contains(&image.ncols()) {
+            // Every row has values, so that it needs no other rows.
+            return preparation
+                .fill(&mut image.view_mut())
+                .map(|()| image)
+                .map_err(self.lack(view));
+        }
+        let (mut whole, mut preparation) = self.read(view, &(0..self.geometry.rows_m.len()))?;
+        preparation.fill(&mut whole.view_mut()).map_err(self.lack(view))?;
+        Ok(whole.slice_move(s![band.clone(), ..]))
+    }
+
+    fn read(&self, view: usize, rows: &Range<usize>) -> Result<(Array2<f32>, Preparation<'_>)> {
+        let places = &self.geometry.rows_m[rows.clone()];
+        let columns = &self.geometry.columns_m;
+        let mut preparation = Preparation::of_places(columns, places, self.is_transmission);
+        if let Some(flags) = self.flags {
+            let flags = frame(flags, view, rows)?;
+            for (column, flags) in flags.columns().into_iter().enumerate() {
+                preparation.flags_of_column(column, flags);
+            }
+        }
+        Ok((frame(self.stack, view, rows)?, preparation))
+    }
+
+    fn lack(&self, view: usize) -> impl Fn(&'static str) -> Error {
+        let path = self.stack.path().to_owned();
+        move |problem| {
+            let problem = format!("view {view} {problem}, from which its pixels could be filled");
+            Error::file(&path, problem, None)
+        }
+    }
 }
 
 /// Whether an image has the views of the geometry, and is not an image of the flat.
@@ -125,6 +199,7 @@ fn begun(images: &Path, geometry: &GeometryFile) -> Result<AstraFile> {
         beamlet: env!("CARGO_PKG_VERSION").to_owned(),
         order: "[row][view][column]".to_owned(),
         units,
+        filled_pixels: BTreeMap::new(),
         files: vec![ASTRA_SCRIPT.to_owned()],
         shape: [rows, vectors.len(), columns],
         cone_vec_mm: vectors,
