@@ -1,5 +1,5 @@
 //! Random arrangements (`BEAMLET_SCENES` times 16 of each of four kinds, 64 with `BEAMLET_ALL`)
-//! of boxes, prisms, cylinders and spheres, each apart from the others in one of a few scenes, against
+//! of solids of eight kinds, each apart from the others in one of a few scenes, against
 //! what lies inside along every ray in f64.
 
 use super::nested::{are_listed, compared, interfaces, listed};
@@ -55,11 +55,15 @@ fn pick(random: &mut Random, count: usize) -> usize {
 fn any_kind(random: &mut Random, size: f64) -> Kind {
     let mut length = || size * random.between(0.4, 1.5);
     let (a, b, c) = (length(), length(), length());
-    match pick(random, 4) {
+    match pick(random, 8) {
         0 => Kind::Box([a, b, c]),
         1 => Kind::Prism { radius: 0.6 * a, half: 0.5 * b, sides: 3 + pick(random, 10) as u32 },
         2 => cylinder(0.5 * a, b),
-        _ => sphere(0.5 * a),
+        3 => sphere(0.5 * a),
+        4 => Kind::Cone { bottom: 0.6 * a, top: 0.3 * b, half: 0.5 * c },
+        5 => Kind::Ellipsoid([0.5 * a, 0.5 * b, 0.5 * c]),
+        6 => Kind::Torus { ring: 0.4 * a, tube: 0.12 * b.min(a) },
+        _ => Kind::Tube { outer: 0.5 * a, inner: 0.35 * a, half: 0.5 * b },
     }
 }
 

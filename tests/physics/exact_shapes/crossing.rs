@@ -20,7 +20,7 @@ use std::f64::consts::FRAC_PI_2;
 /// Columns and rows of the square of arrangements of a scene.
 const ACROSS: usize = 8;
 const PITCH: f64 = 8e-3;
-pub(super) const MOST: usize = 5;
+const MOST: usize = 5;
 const RAYS: usize = 12;
 
 /// Solids around a point of the world.
@@ -170,6 +170,11 @@ pub(super) fn scene_of(all: &[Arrangement], transport: Transport) -> Scene {
     scene
 }
 
+/// Materials of the scene of arrangements.
+pub(super) fn materials(all: &[Arrangement]) -> usize {
+    all.iter().map(|it| it.solids.len()).max().unwrap_or_default()
+}
+
 /// Rays through arrangements, with the number of that.
 pub(super) fn rays_through(all: &[Arrangement], random: &mut Random) -> Vec<(usize, Ray)> {
     let through = |of: usize, random: &mut Random| {
@@ -266,11 +271,12 @@ fn ways_and_bends_of_exact_shapes_that_cross_are_those_of_points_in_solids() {
             }
             let mut tracer = bench.tracer(backend, &scene);
             let (results, words) = tracer.trace_with_moments(&only).expect("results");
-            let stride = MOMENTS_HEAD + (MOST + 1) * MOMENTS_PER_MATERIAL;
+            let materials = materials(&all);
+            let stride = MOMENTS_HEAD + (materials + 1) * MOMENTS_PER_MATERIAL;
             for (i, (of, ray)) in rays.iter().enumerate() {
                 let Arrangement { solids, what, .. } = &all[*of];
                 assert_eq!(words[i * stride + MOMENTS_BALANCE], 0, "{ray:?}, {solids:?}");
-                let got = paths_of(&words, i, MOST);
+                let got = paths_of(&words, i, materials);
                 let told = |it: String| format!("{backend}, scene {number}, {what}: {it}");
                 let error = hair(&all[*of]);
                 let way = compared(solids, ray, &got, results[i].crossings, error);

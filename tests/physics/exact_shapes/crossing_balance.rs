@@ -1,7 +1,7 @@
 //! Rays beside the curves in which exact shapes cross, beside their edges and silhouettes: each shape is left
 //! as often as it is entered, and the media along each ray are contiguous.
 
-use super::crossing::{Arrangement, MOST, arrangements, moved, pick, scene_of, scenes};
+use super::crossing::{Arrangement, arrangements, materials, moved, pick, scene_of, scenes};
 use super::nested::interfaces;
 use super::{direction, ray_through};
 use crate::assemblies::{Bench, paths_of};
@@ -83,7 +83,7 @@ fn rays_beside_the_curves_in_which_shapes_cross_balance() {
                 let (results, words) = tracer.trace_with_moments(rays).expect("results");
                 crossed += results.iter().filter(|it| it.crossings > 0).count();
                 for (i, ray) in rays.iter().enumerate() {
-                    let ways = paths_of(&words, i, MOST);
+                    let ways = paths_of(&words, i, materials(&all));
                     let ok = |way: &f64| (-1e-7..LONGEST).contains(way);
                     assert!(ways.iter().all(ok), "{backend}, scene {number}: {ray:?} {ways:?}");
                 }
