@@ -16,6 +16,7 @@ use beamlet::Backend;
 use beamlet::scene::Transport;
 use ndarray::Array3;
 use std::ops::Range;
+use std::slice::from_ref;
 
 /// Pixels inside a sample, in open beam: they have to reach 2e-4, and do so with room. The
 /// reference itself is good to 2e-5 (kinks of overlapping edges between 121 source points).
@@ -171,7 +172,8 @@ fn nested_shells_and_a_void_match_the_reference() {
     let mut rim = Worst::new("sample, shells, silhouettes", RIM);
     let mut inside = Worst::new("sample, shells, interior", INTERIOR);
     let interior = [4..6, 10..14, 17..27, 35..37];
-    compared.parts(0..40, 0, &mut [(&mut rim, &[0..40]), (&mut inside, &interior)]);
+    let all = 0..40;
+    compared.parts(all.clone(), 0, &mut [(&mut rim, from_ref(&all)), (&mut inside, &interior)]);
     rim.holds();
     inside.holds();
 }
@@ -232,7 +234,9 @@ fn face_within_the_critical_angle_reflects_into_other_pixels() {
     let mut worst = Worst::new("sample, total reflection, all pixels", RIM);
     // Rims at columns 6.05 and 17.95; reflections land beyond.
     let mut inside = Worst::new("sample, total reflection, interior", INTERIOR);
-    compared.parts(0..24, 0, &mut [(&mut worst, &[0..24]), (&mut inside, &[8..16])]);
+    let (all, inner) = (0..24, 8..16);
+    let parts = &mut [(&mut worst, from_ref(&all)), (&mut inside, from_ref(&inner))];
+    compared.parts(all.clone(), 0, parts);
     assert!(compared.reflected > 0);
     worst.holds();
     inside.holds();
