@@ -1,17 +1,12 @@
 #!/usr/bin/env bash
-# Lints of the extension, a thousand simulations in one process against a thousand processes, files under both
-# versions of h5py, ASTRA, and the notebooks of docs/tutorial in full, in Jupyter. After tests/run.sh, whose
-# environment it takes.
+# A thousand simulations in one process against a thousand processes, files under both versions of h5py, ASTRA,
+# and the notebooks of docs/tutorial in full, in Jupyter. After tests/run.sh, whose environment it takes.
 # Usage: engine/python/tests/long.sh [TARGET]
 set -euo pipefail
 root=$(cd "$(dirname "${BASH_SOURCE[0]}")/../../.." && pwd)
 target=$(realpath -m "${1:-$root/target}")
 bin=$target/python/bin
 [ -e "$bin/beamlet" ] || "$root/engine/python/tests/run.sh" "$target"
-# Here and not in each run of .ci/test: a workspace of its own, whose features differ, so that about 60 units
-# are checked anew.
-cargo clippy --release --locked --all-targets --package beamlet-python \
-    --manifest-path "$root/engine/python/Cargo.toml" --target-dir "$target" -- -D warnings
 scratch=$(mktemp -d)
 trap 'rm -rf "$scratch"' EXIT
 cd "$scratch"
