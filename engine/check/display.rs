@@ -139,7 +139,7 @@ fn write_illumination(f: &mut Formatter<'_>, curve: &IlluminationCurve) -> fmt::
         line(f, "with three offsets", settled.into())?;
     }
     let Some(expected) = &curve.expected else { return Ok(()) };
-    let ExpectedUncertainty { transmission, refraction, dark_field } = *expected;
+    let ExpectedUncertainty { transmission, refraction, dark_field, .. } = *expected;
     let text = format!(
         "T {transmission:.2e}, alpha {:.2e} urad, sigma_DF2 {:.2e} urad2, without a sample",
         refraction * 1e6,

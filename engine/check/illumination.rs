@@ -13,6 +13,10 @@ use serde::Serialize;
 
 /// Offsets over a period at which the curve is taken.
 const OFFSETS: u32 = 128;
+/// Displacement of the curve that shows the response of a fit, share of a period.
+const DISPLACED: f64 = 0.005;
+/// Responses of a fit about which nothing is said.
+const RESPONSES: [f64; 2] = [0.8, 1.25];
 /// Most columns and rows of the examined part of a detector: light of a pixel without blur is its own,
 /// with blur it comes from around it.
 const PART: [u32; 2] = [4, 1];
@@ -58,6 +62,10 @@ pub struct ExpectedUncertainty {
     pub refraction: f64,
     /// Of the dark field σ², rad².
     pub dark_field: f64,
+    /// Displacement that a weighted Gaussian fit finds of a small one, over it. Far from 1 the curve is no
+    /// Gaussian: the fit finds this share of a small refraction angle. `None` for three offsets, which `three-step`
+    /// takes.
+    pub response: Option<f64>,
 }
 
 impl IlluminationCurve {
@@ -95,9 +103,13 @@ pub(super) fn illumination(
     let step = period / f64::from(OFFSETS);
     let offsets: Vec<f64> = (0..OFFSETS).map(|i| f64::from(i) * step - 0.5 * period).collect();
     let mut all = offsets.clone();
-    all.extend(&scene.scan.mask_offsets);
+    let scanned_offsets = &scene.scan.mask_offsets;
+    all.extend(scanned_offsets);
+    let displacement = DISPLACED * period;
+    all.extend(scanned_offsets.iter().map(|offset| offset - displacement));
     let values = flat(engine, scene, all)?;
-    let (light, scanned) = values.split_at(offsets.len());
+    let (light, rest) = values.split_at(offsets.len());
+    let (scanned, displaced) = rest.split_at(scanned_offsets.len());
     let Some(sigma) = fitted(engine, &offsets, light, None)?.map(|fit| fit.sigma) else {
         return Ok(None);
     };
@@ -108,7 +120,7 @@ pub(super) fn illumination(
     let scan: Vec<[f64; 2]> =
         scene.scan.mask_offsets.iter().zip(scanned).map(|(a, b)| [*a, *b]).collect();
     let expected = match &scene.detector.counts {
-        Some(counts) => expected(engine, scene, counts, scanned)?,
+        Some(counts) => expected(engine, scene, counts, scanned, (displaced, displacement))?,
         None => None,
     };
     Ok(Some(IlluminationCurve {
@@ -165,8 +177,9 @@ fn width_above(light: &[f64], level: f64) -> f64 {
     (0..light.len()).map(above).sum()
 }
 
-/// A fit of one curve: σ, and the uncertainties of area (relative), centre and σ.
+/// A fit of one curve: centre, σ, and the uncertainties of area (relative), centre and σ.
 struct CurveFit {
+    centre: f64,
     sigma: f64,
     uncertainties: [f64; 3],
 }
@@ -188,9 +201,10 @@ fn fitted(
     let curve = Array2::from_shape_fn((light.len(), 1), |(step, _)| single(light[step]));
     // Offsets that are no scan, such as five times the same, settle nothing.
     let Ok(fitter) = Fitter::new(engine, offsets, &options) else { return Ok(None) };
-    let Curves { width, area_sigma, centre_sigma, width_sigma, .. } =
+    let Curves { centre, width, area_sigma, centre_sigma, width_sigma, .. } =
         fitter.fit(curve.view(), &Cancel::default())?;
     let fit = CurveFit {
+        centre: f64::from(centre[0]),
         sigma: f64::from(width[0]),
         uncertainties: [area_sigma[0], centre_sigma[0], width_sigma[0]].map(f64::from),
     };
@@ -198,20 +212,23 @@ fn fitted(
 }
 
 /// Uncertainties of T, α and σ² where flat and sample have these counts (docs/retrieval.md,
-/// "Uncertainties").
+/// "Uncertainties"). `displaced`: the light of a curve that is displaced, and its displacement, m.
 fn expected(
     engine: &Engine,
     scene: &Scene,
     counts: &Counts,
     light: &[f64],
+    (displaced, displacement): (&[f64], f64),
 ) -> Result<Option<ExpectedUncertainty>> {
     let variance = quality::open_variance(scene, counts)?;
     let offsets = &scene.scan.mask_offsets;
-    let fit = if offsets.len() == 3 {
-        three_step_uncertainties(offsets, light, |light| variance.of(light))
-            .map(|(sigma, uncertainties)| CurveFit { sigma, uncertainties })
+    let noise = Some([variance.per_light, variance.read_noise]);
+    let (fit, moved) = if offsets.len() == 3 {
+        let fit = three_step_uncertainties(offsets, light, |light| variance.of(light))
+            .map(|(sigma, uncertainties)| CurveFit { centre: 0.0, sigma, uncertainties });
+        (fit, None)
     } else {
-        fitted(engine, offsets, light, Some([variance.per_light, variance.read_noise]))?
+        (fitted(engine, offsets, light, noise)?, fitted(engine, offsets, displaced, noise)?)
     };
     let Some(fit) = fit else { return Ok(None) };
     let both = std::f64::consts::SQRT_2;
@@ -221,6 +238,7 @@ fn expected(
         transmission: both * area,
         refraction: both * angle * centre,
         dark_field: 2.0 * both * angle * angle * fit.sigma * sigma,
+        response: moved.map(|moved| (moved.centre - fit.centre) / displacement),
     };
     Ok(expected.transmission.is_finite().then_some(expected))
 }
@@ -241,6 +259,19 @@ pub(super) fn warnings(
     let mut warnings = leak_warnings(leaks);
     if let Some(sigma) = curve.map(|curve| curve.sigma).or_else(thin) {
         warnings.extend(scan_warning(&scene.scan.mask_offsets, sigma, optics.curve_period()));
+    }
+    let response = curve.and_then(|curve| curve.expected?.response);
+    let is_odd = |it: &f64| !(RESPONSES[0]..=RESPONSES[1]).contains(it);
+    if let Some(response) = response.filter(is_odd) {
+        let angle = quality::expected_angle(scene)?;
+        let noise = angle.map(|angle| format!(", with 1 sigma of about {:.2e} urad", angle * 1e6));
+        warnings.push(format!(
+            "a Gaussian fit with the weights of counts finds {:.0} % of a small refraction angle, since the \
+             illumination curve is no Gaussian: the expected 1 sigma is the scatter of this fit; `retrieve \
+             --method exact-curve` finds the angle{}",
+            100.0 * response,
+            noise.unwrap_or_default()
+        ));
     }
     Ok(warnings)
 }

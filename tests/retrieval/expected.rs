@@ -72,6 +72,43 @@ fn expected_uncertainties_are_the_scatter_of_pixels_without_a_sample() {
     told.holds();
 }
 
+/// Flat and a copy that is displaced by 0.5 um: what `check` states is what images have, and the warning names
+/// the method that finds the displacement. The displacement of `check` is 0.5 um, too.
+#[test]
+fn a_weighted_gaussian_fit_finds_the_stated_share_of_an_angle() {
+    let engine = engine(Backend::Bvh);
+    let mut worst = Worst::new("share of the angle over what check states, less 1", 0.03);
+    for (spot, odd) in [(30e-6, false), (5e-6, true)] {
+        let mut scene = scene(ELEVEN, "");
+        scene.source.spot = [spot; 2].into();
+        scene.detector.pixels = [5, 1];
+        scene.detector.counts = Some(Counts::of_photons(20_000.0));
+        let (curve, warnings) = curve(&scene);
+        let response = curve.expected.unwrap().response.unwrap();
+        let warning = warnings.iter().find(|it| it.contains("% of a small refraction angle"));
+        assert_eq!(warning.is_some(), odd, "{spot}: {response}, {warnings:?}");
+
+        scene.detector.counts = None;
+        let displacement = 0.5e-6;
+        let mut displaced = scene.clone();
+        displaced.scan.mask_offsets.iter_mut().for_each(|it| *it -= displacement);
+        let [flat, sample] = [&scene, &displaced].map(|it| engine.simulate(it).unwrap().flat);
+        let found = |method: Method, weights: Weights| {
+            let options = RetrieveOptions::default().with_method(method).with_weights(weights);
+            let mut retriever = Retriever::new(&engine, &scene, &options).unwrap();
+            retriever.set_flat_array(flat.view()).unwrap();
+            let images = retriever.retrieve_array(sample.view()).unwrap();
+            let angle = scene.magnification() / scene.lever_arm() * displacement;
+            (f64::from(images.get("refraction").unwrap()[[0, 2]]) / angle).abs()
+        };
+        let share = found(Method::Gaussian, Weights::Poisson);
+        worst.take(share / response - 1.0, || format!("spot {spot}: {share} for {response}"));
+        let exact = found(Method::ExactCurve, Weights::None);
+        assert!((exact - 1.0).abs() < 0.05, "{spot}: {exact} by exact curves");
+    }
+    worst.holds();
+}
+
 #[test]
 fn the_curve_of_thin_masks_is_a_trapezoid_behind_a_point_source() {
     let opaque = |name: &str, distance: f64| {
