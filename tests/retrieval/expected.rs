@@ -94,7 +94,11 @@ fn a_weighted_gaussian_fit_finds_the_stated_share_of_an_angle() {
         displaced.scan.mask_offsets.iter_mut().for_each(|it| *it -= displacement);
         let [flat, sample] = [&scene, &displaced].map(|it| engine.simulate(it).unwrap().flat);
         let found = |method: Method, weights: Weights| {
-            let options = RetrieveOptions::default().with_method(method).with_weights(weights);
+            // Values of 20,000 photons in the open beam.
+            let options = RetrieveOptions::default()
+                .with_method(method)
+                .with_weights(weights)
+                .with_gain(1.0 / 20_000.0);
             let mut retriever = Retriever::new(&engine, &scene, &options).unwrap();
             retriever.set_flat_array(flat.view()).unwrap();
             let images = retriever.retrieve_array(sample.view()).unwrap();
