@@ -84,7 +84,8 @@ shared_structs! {
         pub displacement_z: f32,
         /// Share that lands in the row above; -1: farther, to be computed.
         pub share_above: f32,
-        /// Share that lands in the row below.
+        /// Share that lands in the row below; where it is to be computed, change of the light over the
+        /// height, relative to the mean light.
         pub share_below: f32,
         /// Of pixel edges on the analyser, from the gap to the detector.
         pub pixel_shift: f32,

@@ -138,7 +138,10 @@ impl Emitter<'_> {
         let farthest = down * self.view.delta_ratio();
         row.lands.start = row.lands.start.min(numbers::whole::<i64>(farthest.floor()));
         row.lands.end = row.lands.end.max(numbers::whole::<i64>(farthest.ceil()) + 1);
-        let [above, below] = self.row_shares(rectangle, place.z, down);
+        let [above, mut below] = self.row_shares(rectangle, place.z, down);
+        if above < 0.0 && !self.estimator.other_energies {
+            below = rectangle.tilt;
+        }
         self.record(row, place.patch, rectangle, share, moments);
         row.cells.push(Cell {
             x_low: x[0],

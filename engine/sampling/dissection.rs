@@ -223,6 +223,9 @@ impl FacetMeans<'_> {
         [whole, [centre, rise]]: [[f64; 2]; 2],
         down: f64,
     ) -> PieceRows {
+        let [low, high] = moments.reach[1];
+        let steepest = 1.0 / (high - low).max(f64::MIN_POSITIVE);
+        let fall = -rise.clamp(-steepest, steepest);
         let border = |side: usize| {
             let towards = if side == 0 { -1.0 } else { 1.0 };
             let inner = |z: f64| if side == 0 { z + down } else { 1.0 - z - down };
@@ -233,15 +236,20 @@ impl FacetMeans<'_> {
             }
             // Light changes along z.
             let own = inner(0.5 * (whole[0] + whole[1]));
-            let [low, high] = moments.reach[1];
-            let steepest = 1.0 / (high - low).max(f64::MIN_POSITIVE);
-            let per_distance = -towards * rise.clamp(-steepest, steepest);
+            let per_distance = towards * fall;
             let brighter = per_distance * (own * crossed.light - crossed.by_distance);
             let share = ((crossed.light + brighter) / moments.area).clamp(0.0, 1.0);
             (share, towards * crossed.rise / moments.area)
         };
         let [above, below] = [border(0), border(1)];
-        PieceRows { whole, down, shares: [above.0, below.0], rises: [above.1, below.1] }
+        let (_, [_, variance]) = moments.about_centroid();
+        PieceRows {
+            whole,
+            centroid: 0.5 * (whole[0] + whole[1]) + fall * variance,
+            down,
+            shares: [above.0, below.0],
+            rises: [above.1, below.1],
+        }
     }
 }
 

@@ -7,6 +7,7 @@ use super::moment_recording::LinearModel;
 use super::neighbours::Slopes;
 use super::patch::{Border, Even, Known, Patch, alike};
 use super::rectangle::Rectangle;
+use super::row_spread::tilt_by_depth;
 use super::view_context::ViewContext;
 use crate::Result;
 use crate::interface::{FLAG_EXACT, FLAG_GRAZING, FLAG_REFLECTED, RayResult};
@@ -119,11 +120,13 @@ impl<'a> Emitter<'a> {
                 rectangles.extend(pieces.iter().map(of_piece));
                 continue;
             }
-            let (slopes, displacement_variance, ends_z, borders) =
+            let (slopes, displacement_variance, ends_z, borders, tilt) =
                 if let Known::Mean(fit) = node.known {
                     let slopes =
                         Slopes { depth: [fit.slope_depth, 0.0], displacement: [fit.slope, 0.0] };
-                    (slopes, fit.displacement.powi(2) + fit.across.powi(2), fit.ends_z, fit.borders)
+                    let variance = fit.displacement.powi(2) + fit.across.powi(2);
+                    let tilt = tilt_by_depth(fit.rise.into());
+                    (slopes, variance, fit.ends_z, fit.borders, single(tilt))
                 } else {
                     // Rays that are spread evenly are not interpolated.
                     let slopes = if patch.even == Even::No {
@@ -136,7 +139,8 @@ impl<'a> Emitter<'a> {
                         None => node.result.displacement_variance,
                         Some(_) => 0.0,
                     };
-                    (slopes, variance, [node.result.landing_z(self.estimator.gap); 2], [None; 2])
+                    let landing_z = node.result.landing_z(self.estimator.gap);
+                    (slopes, variance, [landing_z; 2], [None; 2], 0.0)
                 };
             rectangles.push(Rectangle {
                 x: node.x,
@@ -145,6 +149,7 @@ impl<'a> Emitter<'a> {
                 ends: LinearModel::new(&node.result, node.width(), &slopes),
                 displacement_variance,
                 ends_z,
+                tilt,
                 borders,
                 rows: None,
             });
@@ -200,6 +205,7 @@ impl<'a> Emitter<'a> {
                 ends,
                 borders,
                 displacement_variance: mean(|r| r.displacement_variance),
+                tilt: mean(|r| r.tilt),
                 ends_z: [mean(|r| r.ends_z[0]), mean(|r| r.ends_z[1])],
                 ..*widest
             });

@@ -32,6 +32,11 @@ const BAND: f32 = 0.05;
 const ALONG_Z: f32 = 0.5;
 /// Light that a blur takes over a border, per standard deviation of it: 1 / sqrt(2 pi).
 const BLURRED: f32 = 0.398_942_3;
+/// Half of the steepest change of the density of a Gaussian, which is a change of light per variance:
+/// e^(-1/2) / sqrt(8 pi).
+const STEEPENS: f32 = 0.121;
+/// Variance of a share of light that bows by one standard deviation over a height of 1: 1 / sqrt(180).
+const BOWED: f32 = 0.074_5;
 /// Part of a slope over z that the row beside does not have, and so does not make up for.
 const CANCELLED: f32 = 0.25;
 /// Rays that are off by more standard deviations are too few to count.
@@ -110,6 +115,8 @@ pub(super) struct Estimator<'a> {
     pub(super) gap: f32,
     /// Standard deviation of the blur over rows, rows.
     pub(super) row_blur: f32,
+    /// The blur takes light beyond the rows beside.
+    pub(super) wide_blur: bool,
     /// Moments are kept: light moves otherwise at other energies.
     pub(super) other_energies: bool,
     /// Correction factor of the summed error of pieces.
@@ -300,6 +307,7 @@ impl Estimator<'_> {
         // along x like all of the rectangle.
         let aside = self.leak(node) * (ALONG_Z * along + CANCELLED * across);
         let down = down.hypot(aside).hypot(passed * self.response.flat(residuals.across));
+        let down = down.hypot(passed * self.bent(node, residuals));
         let all = along + down;
         let where_open = along * whole.min(1.0);
         CellError {
@@ -388,6 +396,23 @@ impl Estimator<'_> {
         // Neighbours along x that are thinner than high err together.
         let together = (height * self.row_height / node.width()).max(1.0).sqrt();
         visible * together * (off / height).min(1.0)
+    }
+
+    /// Share of the light of a rectangle that rows may record more or less under a wide blur: a line stands
+    /// for its light over z, or its mean at other energies.
+    fn bent(&self, node: &Node, residuals: &Residuals) -> f32 {
+        if !self.wide_blur {
+            return 0.0;
+        }
+        let height = node.height() / self.row_blur;
+        let squared = residuals.rise * residuals.rise;
+        let mut error = STEEPENS * height * height * (squared / 360.0 + BOWED * residuals.bow);
+        if self.other_energies {
+            error += squared / 24.0 + BLURRED * height * residuals.rise.abs() / 12.0;
+        }
+        // Neighbours along x err together.
+        let together = (node.height() * self.row_height / node.width()).max(1.0).sqrt();
+        (together * error).min(1.0)
     }
 
     /// Share of the light of a rectangle that the blur takes over the borders of the row that it

@@ -101,8 +101,9 @@ pub(super) struct FacetMeans<'a> {
     pub(super) weight: f64,
     /// Distance from analyser to detector, m.
     pub(super) gap: f32,
-    /// Pitch of the detector's rows, m.
+    /// Pitch of the detector's rows, m, and the same at the rotation centre.
     pub(super) row_pitch: f64,
+    row: f64,
     /// Where the first order may err by more than this, m, nothing is left to it.
     pub(super) far: f64,
     /// No ray of a mean may need more than the first order.
@@ -123,6 +124,7 @@ impl<'a> FacetMeans<'a> {
             weight: f64::from(view.response.weight),
             gap: single(optics.gap()),
             row_pitch: optics.detector.pitch[1],
+            row: optics.detector.pitch_at(1, optics.rotation),
             far: FAR_OFF * optics.detector.pitch[1],
             strict: view.recording.is_some(),
         }
@@ -299,11 +301,12 @@ impl<'a> FacetMeans<'a> {
             across,
             slope_z,
             depth,
+            depth_z,
             variance,
             variance_z,
             spread,
             farthest: farthest_by,
-        } = SheetFits::of(sums, self.steps, self.analyser, width, [x2, z2])?;
+        } = SheetFits::of(sums, self.steps, self.analyser, [width, height * self.row], [x2, z2])?;
         let error = sums.first_order / area;
         if !error.is_finite() || met.balance != 0 {
             return None;
@@ -327,6 +330,8 @@ impl<'a> FacetMeans<'a> {
             slope: single(slope),
             slope_depth: single(sums.depth_by_x / area / x2),
             ends_z: [-0.5, 0.5].map(|end| landing_z + single(end * height * slope_z)),
+            rise: single(sums.depth_by_z / area / z2 * height),
+            bow: single(depth_z.sqrt()),
             borders: [None; 2],
             depth: single(depth.sqrt()),
             displacement: single(variance.sqrt()),

@@ -4,7 +4,8 @@ use super::dissection::Piece;
 use super::moment_recording::LinearModel;
 use super::neighbours::Slopes;
 use super::patch::Border;
-use super::row_spread::PieceRows;
+use super::row_spread::{PieceRows, tilt_by_centroid};
+use crate::numbers::single;
 
 /// Over less, m, no depth rises: f32 does not resolve it.
 const THINNEST: f32 = 1e-12;
@@ -21,6 +22,8 @@ pub(super) struct Rectangle {
     pub(super) displacement_variance: f32,
     /// Displacement on the detector along z at both ends of z, m.
     pub(super) ends_z: [f32; 2],
+    /// Change of its light over its height, relative to the mean light.
+    pub(super) tilt: f32,
     /// What crosses the borders of the row, of a mean.
     pub(super) borders: [Option<Border>; 2],
     /// Where its light comes from in the row, of a piece.
@@ -40,6 +43,8 @@ impl Rectangle {
         let magnification = magnification.unwrap_or(0.0);
         let apart = piece.centroid[0] - 0.5 * (piece.x[0] + piece.x[1]);
         ends.displacement = ends.displacement.map(|d| d + magnification * apart);
+        let [top, bottom] = piece.z.map(f64::from);
+        let aside = piece.rows.centroid - 0.5 * (top + bottom);
         let wider = (piece.variance - width * width / 12.0).max(0.0);
         Self {
             x: piece.x,
@@ -48,6 +53,7 @@ impl Rectangle {
             ends,
             displacement_variance: magnification * magnification * wider,
             ends_z: [piece.result.landing_z(gap); 2],
+            tilt: single(tilt_by_centroid(aside, bottom - top)),
             borders: [None; 2],
             rows: Some(piece.rows),
         }

@@ -104,6 +104,7 @@ impl<'a> Refiner<'a> {
             row_height: single(detector.pitch_at(1, view.lattice.plane)),
             row_pitch: single(detector.pitch[1]),
             row_blur: single(view.lattice.row_spread.blur),
+            wide_blur: view.lattice.row_spread.is_wide(),
             gap: single(optics.gap()),
             other_energies: view.recording.is_some(),
             pieces: error_of_pieces(optics, view.budget.tolerance),

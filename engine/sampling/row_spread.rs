@@ -9,6 +9,12 @@ use std::f64::consts::{PI, SQRT_2};
 const FARTHEST: f64 = 8.0;
 /// Ends of an edge that are nearer to one another along z, standard deviations, count as level.
 const LEVEL: f64 = 1e-3;
+/// A blur above this share of a row takes light beyond the rows beside.
+const WIDE: f64 = 1.0 / 6.0;
+/// A tilt moves the centroid of an interval by a twelfth of its height.
+const BY_TILT: f64 = 1.0 / 12.0;
+/// Least motion of a centroid by a tilt, rows.
+const LEAST_MOTION: f64 = 1e-6;
 
 impl RayResult {
     /// Displacement along z on the detector, m; `gap`: from analyser to detector, m.
@@ -24,13 +30,35 @@ pub(super) struct RowSpread {
     pub(super) blur: f64,
 }
 
+/// Change of the density of light over an interval, relative to its mean density, where the optical depth
+/// rises by `rise` over it: of the line with the same centroid.
+pub(super) fn tilt_by_depth(rise: f64) -> f64 {
+    let half = 0.5 * rise;
+    let langevin = if half.abs() < 1e-2 { half / 3.0 } else { 1.0 / libm::tanh(half) - 1.0 / half };
+    -0.5 * langevin / BY_TILT
+}
+
+/// The same of light in an interval of this height, rows, whose centroid lies `aside` from its middle; 0
+/// where that is too little to count.
+pub(super) fn tilt_by_centroid(aside: f64, height: f64) -> f64 {
+    if aside.abs() < LEAST_MOTION {
+        return 0.0;
+    }
+    (aside / height).clamp(-0.5, 0.5) / BY_TILT
+}
+
 impl RowSpread {
+    /// Whether the blur takes light of every interval beyond the rows beside.
+    pub(super) fn is_wide(self) -> bool {
+        self.blur > WIDE
+    }
+
     /// Shares that land in the row above and in the row below, or `None` where light lands
     /// farther off. `shift` is downwards.
     pub(super) fn shares(self, top: f64, bottom: f64, shift: f64) -> Option<[f32; 2]> {
         let (low, high) = (top + shift, bottom + shift);
         let reach = 6.0 * self.blur;
-        if low - reach < -1.0 || high + reach > 2.0 {
+        if self.is_wide() || low - reach < -1.0 || high + reach > 2.0 {
             return None;
         }
         let above = self.share_below(0.0, low, high);
@@ -112,6 +140,8 @@ impl RowSpread {
 pub(super) struct PieceRows {
     /// The interval of its centroid and variance.
     pub(super) whole: [f64; 2],
+    /// Centroid of its light.
+    pub(super) centroid: f64,
     /// Its displacement by the first order, rows, downwards.
     pub(super) down: f64,
     /// Shares that land in the row above and in the row below, with that displacement.

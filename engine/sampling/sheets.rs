@@ -113,8 +113,9 @@ pub(super) struct SheetFits {
     pub(super) slope: f64,
     pub(super) across: f64,
     pub(super) slope_z: f64,
-    /// Variances about the fits: of the optical depth, of the displacements along x and z, m2.
+    /// Variances about the fits: of the optical depth along x and z, of the displacements along x and z, m2.
     pub(super) depth: f64,
+    pub(super) depth_z: f64,
     pub(super) variance: f64,
     pub(super) variance_z: f64,
     /// Width and height of facets whose displacement along x is outstanding, relative to the rectangle:
@@ -125,13 +126,13 @@ pub(super) struct SheetFits {
 }
 
 impl SheetFits {
-    /// Fits the displacements of each sheet by a plane over a rectangle of this width, whose
+    /// Fits the displacements of each sheet by a plane over a rectangle of this width and height, m, whose
     /// variances of x and z are `squares`; nothing where a sheet does not cover all of it.
     pub(super) fn of(
         sums: &RectangleSums,
         surfaces: &[SurfaceStep],
         analyser: f64,
-        width: f64,
+        [width, height]: [f64; 2],
         squares: [f64; 2],
     ) -> Option<Self> {
         let area = sums.area;
@@ -170,8 +171,13 @@ impl SheetFits {
             }
             // Depth is the integral of what moves light: a bow where that rises, kinks where it
             // jumps.
-            let bow = BOW * by_x.abs() * width * width + KINKS * own.sqrt() * width;
-            fits.depth += (step.mu * bow / analyser).powi(2);
+            let bow = |change: f64, own: f64, [size, metres]: [f64; 2]| {
+                let bow = BOW * change.abs() * size * metres + KINKS * own.sqrt() * metres;
+                (step.mu * bow / analyser).powi(2)
+            };
+            fits.depth += bow(by_x, own, [width, width]);
+            // Of z in rows.
+            fits.depth_z += bow(z_by_z, own_z, [(12.0 * z2).sqrt(), height]);
         }
         Some(fits)
     }

@@ -11,6 +11,9 @@ pub(in crate::sampling) struct Residuals {
     pub(in crate::sampling) slope_depth: f32,
     /// Displacement on the detector along z at both ends of z, m.
     pub(in crate::sampling) ends_z: [f32; 2],
+    /// Rise of the optical depth over its height by the fit, and standard deviation from that line.
+    pub(in crate::sampling) rise: f32,
+    pub(in crate::sampling) bow: f32,
     /// What crosses the upper and the lower border of the row, where it touches them.
     pub(in crate::sampling) borders: [Option<Border>; 2],
     /// Standard deviations from the fit: of the optical depth, and of the displacement along x
