@@ -20,6 +20,8 @@ const MOST_HEIGHTS: f32 = 64.0;
 /// Light of both ends of a rectangle that lands farther apart than this, relative to its height, is
 /// spread over what lies between.
 const STRETCHED: f64 = 0.2;
+/// Cells of less height than this share of the blur have no tilt.
+const LEAST_TILTED: f32 = 0.5;
 
 /// Position of a row of cells.
 struct RowPlace<'a> {
@@ -139,8 +141,15 @@ impl Emitter<'_> {
         row.lands.start = row.lands.start.min(numbers::whole::<i64>(farthest.floor()));
         row.lands.end = row.lands.end.max(numbers::whole::<i64>(farthest.ceil()) + 1);
         let [above, mut below] = self.row_shares(rectangle, place.z, down);
-        if above < 0.0 && !self.estimator.other_energies {
-            below = rectangle.tilt;
+        let mut landing_z = displacement_z;
+        if above < 0.0 && self.estimator.wide_blur && !self.estimator.other_energies {
+            let height = place.z[1] - place.z[0];
+            if height > LEAST_TILTED * self.estimator.row_blur {
+                below = rectangle.tilt;
+            } else {
+                // In f32 the tilt of a thin cell is lost in rounding: its centroid moves instead.
+                landing_z -= rectangle.tilt * height / 12.0 * self.estimator.row_pitch;
+            }
         }
         self.record(row, place.patch, rectangle, share, moments);
         row.cells.push(Cell {
@@ -150,7 +159,7 @@ impl Emitter<'_> {
             depth_high: depth[1],
             displacement_low: displacement[0],
             displacement_high: displacement[1],
-            displacement_z,
+            displacement_z: landing_z,
             share_above: above,
             share_below: below,
             pixel_shift,

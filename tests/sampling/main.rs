@@ -8,6 +8,7 @@ mod support;
 
 mod determinism;
 mod rims;
+mod row_blur;
 mod sampling;
 mod traps;
 mod truth;

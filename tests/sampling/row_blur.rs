@@ -1,0 +1,77 @@
+//! Light under every blur along x and along z, by the detector and by the spot, against runs of a much
+//! smaller tolerance. A mesh is taken by means over its facets, which know their light along z by its
+//! line; kept moments know it by rays.
+
+use crate::support::{Worst, engine, engine_with};
+use beamlet::moments::MomentWriter;
+use beamlet::scene::Scene;
+use beamlet::stack::{ArraySink, Format, RunDirectory};
+use beamlet::{Backend, Control, EngineOptions};
+use ndarray::Array4;
+
+/// Tolerance of the scenes, share of open beam.
+const TOLERANCE: f64 = 1e-4;
+/// Tolerance of what they are compared with.
+const FINE: f64 = 5e-6;
+
+/// A coarse ball behind one mask; the spot along z, um, and what the detector has beside pixels.
+fn scene(spot: &str, detector: &str, tolerance: f64) -> Scene {
+    let text = format!(
+        "[source]\ndistance = \"1.21 m\"\nspot = [\"30 um\", \"{spot} um\"]\nenergy = \"30 keV\"\n\
+         [detector]\ndistance = \"1.8 m\"\npixels = [7, 9]\npitch = \"150 um\"\n{detector}\n\
+         [sample_mask]\ndistance = \"1.2 m\"\nthickness = \"225 um\"\nmaterial = \"bars\"\n\
+         projected_aperture = \"30 um\"\n\
+         [sampling]\ntolerance = {tolerance}\n\
+         [scan]\nmask_offsets = [\"0 um\", \"9 um\"]\nangles = [\"40.107 deg\"]\n\
+         [[object]]\nname = \"ball\"\nmaterial = \"dense\"\n\
+         shape = {{ sphere = {{ radius = \"0.25 mm\", sides = 24 }} }}\n\
+         [materials.bars]\nmu = \"53122 /m\"\ndelta = 4e-6\n\
+         [materials.dense]\nmu = \"2049.4 /m\"\ndelta = 4.6092e-7\n"
+    );
+    Scene::from_toml(&text, ".").unwrap()
+}
+
+fn plain(scene: &Scene) -> Array4<f32> {
+    engine(Backend::Bvh).simulate(scene).unwrap().sample
+}
+
+/// The same by a run that keeps its moments.
+fn kept(scene: &Scene) -> Array4<f32> {
+    let place = tempfile::tempdir().unwrap();
+    let run = place.path().join("run");
+    let options = EngineOptions::default().with_backend(Backend::Bvh).with_keep_moments(true);
+    let mut directory = RunDirectory::create(&run, Format::Npy, false).unwrap();
+    let mut keep = MomentWriter::new(&run);
+    let engine = engine_with(options);
+    engine.run(scene, &mut directory, Control::default().with_keep(&mut keep)).unwrap();
+    let stored = beamlet::moments::StoredMoments::open(&run).unwrap();
+    let mut sink = ArraySink::new();
+    engine.reilluminate(&stored, scene).unwrap().run(&mut sink, Control::default()).unwrap();
+    sink.into_stacks().unwrap().sample
+}
+
+/// Blurs of 0.04 to 0.53 rows. Rows receive light of the whole ball, so that errors of one sign add up;
+/// values hold the tolerance, but for that of the finer run.
+#[test]
+fn light_under_a_blur_holds_the_tolerance() {
+    let blur = |x: u32, z: u32| format!("blur = {{ sigma = [\"{x} um\", \"{z} um\"] }}");
+    let cases = [
+        ("none", "26", String::new(), false),
+        ("along x", "26", blur(50, 0), false),
+        ("along z", "26", blur(0, 80), false),
+        ("along both", "26", blur(50, 80), false),
+        ("a fourth of a row", "26", blur(0, 40), false),
+        ("a spot", "200", String::new(), false),
+        ("kept moments, along both", "26", blur(50, 80), true),
+    ];
+    for (name, spot, detector, keeps) in cases {
+        let want = plain(&scene(spot, &detector, FINE));
+        let coarse = scene(spot, &detector, TOLERANCE);
+        let got = if keeps { kept(&coarse) } else { plain(&coarse) };
+        let mut worst = Worst::new("light under a blur", TOLERANCE + FINE);
+        for ((place, got), want) in got.indexed_iter().zip(&want) {
+            worst.take(f64::from(got - want), || format!("{name}, {place:?}"));
+        }
+        worst.holds();
+    }
+}
