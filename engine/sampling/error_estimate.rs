@@ -398,8 +398,8 @@ impl Estimator<'_> {
         visible * together * (off / height).min(1.0)
     }
 
-    /// Share of the light of a rectangle that rows may record more or less under a wide blur: a line stands
-    /// for its light over z, or its mean at other energies.
+    /// Share of the light of a rectangle that rows may record more or less under a wide blur: a line replaces
+    /// its light over z, or its mean at other energies.
     fn bent(&self, node: &Node, residuals: &Residuals) -> f32 {
         if !self.wide_blur {
             return 0.0;

@@ -241,7 +241,7 @@ fn assert_second_driver_has_the_kernels(kernels: &str, objects: &str) {
     assert_same(folder, "second", "first");
 }
 
-/// Kernels of what is placed are other ones than those of meshes; smooth normals and rough surfaces are
+/// Kernels of placed shapes are not the kernels of meshes; smooth normals and rough surfaces are
 /// parts of each. A driver takes half a minute for a kernel: tori have a test of their own, beside it.
 #[test]
 fn second_driver_gives_the_same_stacks_of_placed_exact_rough_and_smooth_shapes() {

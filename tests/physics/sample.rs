@@ -360,7 +360,7 @@ fn set_ups_without_one_mask_or_both_show_the_sample() {
         let bodies = [carbon(cylinder(1.0e-3, 8e-3, 2048, 0.25))];
         let offsets = if sample_mask { vec![-40e-6, 0.0, 20e-6] } else { vec![0.0] };
         let mut compared = Comparison::new(&setup, &bodies, &offsets, Quadrature::line());
-        // Nothing averages over the sample in a plane of its own: cells of 0.25 um, which those of 10 nm
+        // Nothing averages over the sample in a plane of its own: cells of 0.25 um, which cells of 10 nm
         // confirm to 5e-7, and of 10 nm for the rims, where facets are as narrow.
         let cells = |finer: usize| if sample_mask { 200 } else { finer };
         // Rims at columns 2.1 and 21.9.

@@ -72,7 +72,7 @@ fn expected_uncertainties_are_the_scatter_of_pixels_without_a_sample() {
     told.holds();
 }
 
-/// Flat and a copy that is displaced by 0.5 um: what `check` states is what images have, and the warning names
+/// Flat and a copy that is displaced by 0.5 um: images have the share that `check` states, and the warning names
 /// the method that finds the displacement. The displacement of `check` is 0.5 um, too.
 #[test]
 fn a_weighted_gaussian_fit_finds_the_stated_share_of_an_angle() {

@@ -11,10 +11,10 @@ use ndarray::Array4;
 
 /// Tolerance of the scenes, share of open beam.
 const TOLERANCE: f64 = 1e-4;
-/// Tolerance of what they are compared with.
+/// Tolerance of the finer runs.
 const FINE: f64 = 5e-6;
 
-/// A coarse ball behind one mask; the spot along z, um, and what the detector has beside pixels.
+/// A coarse ball behind one mask; the spot along z, um, and further keys of the detector.
 fn scene(spot: &str, detector: &str, tolerance: f64) -> Scene {
     let text = format!(
         "[source]\ndistance = \"1.21 m\"\nspot = [\"30 um\", \"{spot} um\"]\nenergy = \"30 keV\"\n\

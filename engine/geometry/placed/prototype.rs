@@ -44,7 +44,7 @@ pub(crate) struct Prototype {
     pub(super) extremes: Vec<DVec3>,
 }
 
-/// The vertices farthest along the axes of a cube, its diagonals, and those of its faces.
+/// The vertices farthest along the axes of a cube, its space diagonals and its face diagonals.
 fn extremes_of(vertices: &[DVec3]) -> Vec<DVec3> {
     let along = |k: i32| DVec3::new(f64::from(k % 3), f64::from(k / 3 % 3), f64::from(k / 9)) - 1.0;
     let farthest = |k: i32| {
