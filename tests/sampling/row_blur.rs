@@ -2,6 +2,8 @@
 //! smaller tolerance. A mesh is taken by means over its facets, which know their light along z by its
 //! line; kept moments know it by rays.
 
+#![allow(clippy::unwrap_used, reason = "tests")]
+
 use crate::support::{Worst, engine, engine_with};
 use beamlet::moments::MomentWriter;
 use beamlet::scene::Scene;
