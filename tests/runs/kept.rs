@@ -3,6 +3,7 @@
 
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
 
+use crate::support::kept::again;
 use crate::support::{Checked, Worst, engine, engine_with};
 use beamlet::moments::{MomentWriter, StoredMoments};
 use beamlet::scene::Scene;
@@ -75,12 +76,6 @@ fn run_of(scene: &Scene, directory: &Path, band_rows: Option<u32>) {
     let mut keep = MomentWriter::new(directory);
     let control = Control::default().with_keep(&mut keep);
     keeping(band_rows).run(scene, &mut sink, control).unwrap();
-}
-
-fn again(engine: &Checked, kept: &StoredMoments, scene: &Scene) -> beamlet::Result<Stacks> {
-    let mut sink = ArraySink::new();
-    engine.reilluminate(kept, scene)?.run(&mut sink, Control::default())?;
-    Ok(sink.into_stacks().unwrap())
 }
 
 #[test]

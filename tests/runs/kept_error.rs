@@ -6,7 +6,7 @@
 use crate::support::{engine, engine_with};
 use beamlet::moments::{MomentWriter, StoredMoments};
 use beamlet::scene::Scene;
-use beamlet::stack::{ArraySink, Format, RunDirectory, Stacks};
+use beamlet::stack::{Format, RunDirectory, Stacks};
 use beamlet::{Backend, Control, EngineOptions, Error};
 use std::path::Path;
 
@@ -74,9 +74,7 @@ fn keep(directory: &Path, body: &str) -> StoredMoments {
 }
 
 fn again(kept: &StoredMoments, scene: &Scene) -> beamlet::Result<Stacks> {
-    let mut sink = ArraySink::new();
-    engine(Backend::Bvh).reilluminate(kept, scene)?.run(&mut sink, Control::default())?;
-    Ok(sink.into_stacks().unwrap())
+    crate::support::kept::again(&engine(Backend::Bvh), kept, scene)
 }
 
 /// Root mean square and largest error of the pixels that the sample touches, of each the step where it

@@ -4,11 +4,10 @@
 
 #![allow(clippy::unwrap_used, reason = "tests")]
 
+use crate::support::kept::{again, keep};
 use crate::support::{Worst, engine, engine_with};
-use beamlet::moments::MomentWriter;
 use beamlet::scene::Scene;
-use beamlet::stack::{ArraySink, Format, RunDirectory};
-use beamlet::{Backend, Control, EngineOptions};
+use beamlet::{Backend, EngineOptions};
 use ndarray::Array4;
 
 /// Tolerance of the scenes, share of open beam.
@@ -40,16 +39,10 @@ fn plain(scene: &Scene) -> Array4<f32> {
 /// The same by a run that keeps its moments.
 fn kept(scene: &Scene) -> Array4<f32> {
     let place = tempfile::tempdir().unwrap();
-    let run = place.path().join("run");
     let options = EngineOptions::default().with_backend(Backend::Bvh).with_keep_moments(true);
-    let mut directory = RunDirectory::create(&run, Format::Npy, false).unwrap();
-    let mut keep = MomentWriter::new(&run);
     let engine = engine_with(options);
-    engine.run(scene, &mut directory, Control::default().with_keep(&mut keep)).unwrap();
-    let stored = beamlet::moments::StoredMoments::open(&run).unwrap();
-    let mut sink = ArraySink::new();
-    engine.reilluminate(&stored, scene).unwrap().run(&mut sink, Control::default()).unwrap();
-    sink.into_stacks().unwrap().sample
+    let stored = keep(&engine, scene, &place.path().join("run"));
+    again(&engine, &stored, scene).unwrap().sample
 }
 
 /// Blurs of 0.04 to 0.53 rows. Rows receive light of the whole ball, so that errors of one sign add up. Values

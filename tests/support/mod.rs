@@ -4,6 +4,7 @@
 #![allow(dead_code, reason = "every test binary uses another part")]
 
 pub(crate) mod files;
+pub(crate) mod kept;
 pub(crate) mod log;
 #[cfg(feature = "cli")]
 pub(crate) mod program;

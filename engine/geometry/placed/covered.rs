@@ -37,7 +37,7 @@ impl Field<'_> {
                 && starts.iter().any(|start| is_in(*start))
                 && body.contains(point)
         });
-        self.tree.around(self.core(member), |other| {
+        self.tree.around(group.core(place), |other| {
             let (outer, there) = self.of(self.members[other as usize]);
             let is_later = outer.object > group.object && outer.prototype.components.len() > 1;
             if !found && is_later && outer.contains(there, point) {
@@ -71,7 +71,7 @@ impl Field<'_> {
                     take(object, By::Body(body));
                 }
             }
-            self.tree.around(self.core(*member), |other| {
+            self.tree.around(group.core(place), |other| {
                 let (outer, there) = self.of(self.members[other as usize]);
                 if outer.object > group.object && outer.contains(there, point) {
                     take(outer.object, By::Place(outer, there));

@@ -130,7 +130,7 @@ impl Group {
 
     /// A box that lies in the box around any solid that contains a place: around the place itself for a shape,
     /// and around some points of it for a mesh. Boxes of turned boxes are larger, and may reach out of the solid.
-    fn core(&self, place: &Place) -> [DVec3; 2] {
+    pub(super) fn core(&self, place: &Place) -> [DVec3; 2] {
         let axes = [DVec3::X, DVec3::Y, DVec3::Z];
         match self.prototype.shape {
             Some(shape) => {
@@ -140,8 +140,8 @@ impl Group {
                 bounds_of(points.map(|point| place.world_from_own(point)))
             }
             None => {
-                let corners = &self.prototype.extremes;
-                bounds_of(corners.iter().map(|corner| place.world_from_own(*corner)))
+                let vertices = self.prototype.extremes().iter();
+                bounds_of(vertices.map(|vertex| place.world_from_own(*vertex)))
             }
         }
     }
@@ -363,12 +363,6 @@ impl<'a> Field<'a> {
         Self { groups, members, tree }
     }
 
-    /// Box that lies in the box around any solid that contains a member.
-    pub(super) fn core(&self, member: Member) -> [DVec3; 2] {
-        let (group, place) = self.of(member);
-        group.core(place)
-    }
-
     pub(super) fn of(&self, member: Member) -> (&'a Group, &'a Place) {
         let group = &self.groups[member.group as usize];
         (group, &group.places[member.place as usize])
@@ -453,7 +447,7 @@ impl<'a> Field<'a> {
         });
         let around = of_bodies
             .map(|(object, _)| object)
-            .chain(self.around(self.core(member), point, group.object, partners))
+            .chain(self.around(group.core(place), point, group.object, partners))
             .max();
         match around {
             Some(object) if object > group.object => match self.holds_void(member, bodies) {

@@ -1,5 +1,7 @@
 //! A surface in its own frame, with several places.
 
+use std::sync::OnceLock;
+
 use glam::DVec3;
 
 use super::super::Component;
@@ -40,8 +42,8 @@ pub(crate) struct Prototype {
     /// Triangles across the edges of each, as [`super::super::across_edges`] gives them.
     pub(crate) across: Vec<[u32; 3]>,
     bounds: [DVec3; 2],
-    /// Vertices of a mesh that are farthest along some directions.
-    pub(super) extremes: Vec<DVec3>,
+    /// See [`Self::extremes`].
+    extremes: OnceLock<Vec<DVec3>>,
 }
 
 /// The vertices farthest along the axes of a cube, its space diagonals and its face diagonals.
@@ -71,7 +73,6 @@ impl Prototype {
             component.lids = lids.lids();
         }
         let bounds = bounds_of(vertices.iter().copied());
-        let extremes = extremes_of(&vertices);
         let error = 0.0;
         Self {
             shape: None,
@@ -82,7 +83,7 @@ impl Prototype {
             components,
             across,
             bounds,
-            extremes,
+            extremes: OnceLock::new(),
         }
     }
 
@@ -147,7 +148,12 @@ impl Prototype {
         Some(Self { shape: Some(shape), bounds: shape.bounds(), ..none })
     }
 
-    /// Its components with a point of each.
+    /// The vertices farthest along some directions.
+    pub(super) fn extremes(&self) -> &[DVec3] {
+        self.extremes.get_or_init(|| extremes_of(&self.vertices))
+    }
+
+    /// A point of each component.
     pub(super) fn starts(&self) -> impl Iterator<Item = DVec3> {
         let mut first = vec![None; self.components.len()];
         for (triangle, component) in self.triangle_component.iter().enumerate() {

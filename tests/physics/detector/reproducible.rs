@@ -3,11 +3,11 @@
 use crate::reference::scenes;
 use crate::reference::stack::Setup;
 use crate::reference::surfaces::{body, star};
+use crate::support::kept::{again, keep};
 use crate::support::{CARBON, Worst, engine_with, files};
-use beamlet::moments::{MomentWriter, StoredMoments};
 use beamlet::scene::Exposure;
 use beamlet::scene::{Blur, Counts, KernelFile, Scatter, Scene, Shape, ShapeOrMesh};
-use beamlet::stack::{ArraySink, Format, OpenRun, RunDirectory, StackFile, Stacks};
+use beamlet::stack::{Format, OpenRun, RunDirectory, StackFile, Stacks};
 use beamlet::{Backend, Cancel, Control, EngineOptions, Error, Progress};
 use ndarray::Array2;
 use std::collections::BTreeMap;
@@ -191,16 +191,11 @@ fn kept_moments_serve_another_detector() {
     let options = EngineOptions::default().with_backend(Backend::Bvh).with_keep_moments(true);
     let engine = engine_with(options);
     let run = place.path().join("run");
-    let mut sink = RunDirectory::create(&run, Format::Npy, false).unwrap();
-    let mut keep = MomentWriter::new(&run);
-    engine.run(&base, &mut sink, Control::default().with_keep(&mut keep)).unwrap();
-    let kept = StoredMoments::open(&run).unwrap();
+    let kept = keep(&engine, &base, &run);
     let mut blurred = noisy;
     blurred.sampling.tolerance = Some(3e-5);
     blurred.detector.blur = Some(Blur::Gaussian { sigma: [50e-6, 80e-6] });
-    let mut sink = ArraySink::new();
-    engine.reilluminate(&kept, &blurred).unwrap().run(&mut sink, Control::default()).unwrap();
-    let got = sink.into_stacks().unwrap();
+    let got = again(&engine, &kept, &blurred).unwrap();
     let want = engine.simulate(&blurred).unwrap();
     // Cells are those of one lattice; its offsets differ by half a period in f32.
     // Values of its grid may each miss the tolerance, and rims by 2e-5 more.

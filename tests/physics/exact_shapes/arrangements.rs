@@ -4,7 +4,7 @@
 
 use super::nested::{are_listed, compared, interfaces, listed};
 use super::solids::{Kind, Solid, cylinder, sphere};
-use super::{direction, ray_through, scene};
+use super::{direction, pick, ray_through, scene, scenes};
 use crate::assemblies::{Bench, paths_of};
 use crate::reference::surfaces::Random;
 use crate::reference::vector::{Vector, add, length, scaled, turned};
@@ -46,10 +46,6 @@ struct Arrangement {
     middle: Vector,
     /// Number of its first object.
     first: usize,
-}
-
-fn pick(random: &mut Random, count: usize) -> usize {
-    (random.next() * count as f64) as usize
 }
 
 fn any_kind(random: &mut Random, size: f64) -> Kind {
@@ -273,7 +269,7 @@ impl Differing {
 
 #[test]
 fn paths_through_random_arrangements_match_points_in_solids() {
-    let scenes: usize = std::env::var("BEAMLET_SCENES").map_or(1, |it| it.parse().unwrap());
+    let scenes = scenes();
     let bench = Bench::new();
     let mut wrong = 0;
     for setting in &SETTINGS {

@@ -2,9 +2,9 @@
 //! 64 arrangements), against what lies inside along every ray in f64: ways and first order.
 
 use super::nested::{are_listed, compared, interfaces};
-use super::rays::line;
+use super::rays::{beside, error_among, line, moved};
 use super::solids::{Kind, Solid, cylinder, sphere};
-use super::{direction, ray_through, scene};
+use super::{direction, pick, ray_through, scene, scenes};
 use crate::assemblies::{Bench, paths_of};
 use crate::reference::surfaces::Random;
 use crate::reference::vector::{Vector, add, dot, length, scaled, turned};
@@ -33,10 +33,6 @@ pub(super) struct Arrangement {
     first: usize,
     /// Not turned as a whole.
     pub(super) upright: bool,
-}
-
-pub(super) fn pick(random: &mut Random, count: usize) -> usize {
-    (random.next() * count as f64) as usize
 }
 
 fn any_kind(random: &mut Random) -> Kind {
@@ -205,30 +201,10 @@ fn first_order(solids: &[Solid], ray: &Ray) -> ([f64; 2], f64) {
     (slope, grazing)
 }
 
-pub(super) fn moved(ray: &Ray, by: [f64; 2]) -> Ray {
-    let to = |x: f32, by: f64| (f64::from(x) + by) as f32;
-    Ray { x: to(ray.x, by[0]), z: to(ray.z, by[1]), ..*ray }
-}
-
-pub(super) const SIDES: [[f64; 2]; 5] =
-    [[0.0; 2], [1.0, 0.0], [-1.0, 0.0], [0.0, 1.0], [0.0, -1.0]];
-
-/// The largest error of the slope of a ray, if rays beside it have equal slopes (else 0), among slopes of the
-/// ray and of these. `Err` where it differs from them by more than `room`.
-pub(super) fn slopes_compared(near: &[[f64; 2]], got: [f64; 2], room: f64) -> Result<f64, ()> {
-    let mut worst = 0.0_f64;
-    for k in 0..2 {
-        let of = near.iter().map(|it| it[k]);
-        let (low, high) = (of.clone().fold(f64::MAX, f64::min), of.fold(f64::MIN, f64::max));
-        let room = room + (high - low);
-        if !(low - room..=high + room).contains(&got[k]) {
-            return Err(());
-        }
-        if high - low < 1e-10 {
-            worst = worst.max((got[k] - near[0][k]).abs());
-        }
-    }
-    Ok(worst)
+/// The largest error of the slope of a ray, as [`error_among`] has it.
+pub(super) fn slope_error(near: &[[f64; 2]; 5], got: [f64; 2], room: f64) -> Option<f64> {
+    let error = |k: usize| error_among(&near.map(|it| it[k]), got[k], room, 1e-10);
+    Some(error(0)?.max(error(1)?))
 }
 
 /// f32 holds places of 40 mm to 4 nm.
@@ -236,18 +212,13 @@ pub(super) fn hair(all: &Arrangement) -> f64 {
     (2.4e-7 * length(all.middle)).max(3e-9)
 }
 
-/// Scenes of 64 arrangements in a test.
-pub(super) fn scenes() -> usize {
-    std::env::var("BEAMLET_SCENES").map_or(1, |it| it.parse().expect("a number of scenes"))
-}
-
 fn bends_compared(solids: &[Solid], ray: &Ray, got: &RayResult, hair: f64) -> Result<f64, String> {
-    let near = SIDES.map(|by| first_order(solids, &moved(ray, by.map(|it| it * hair))));
+    let near = beside(hair).map(|by| first_order(solids, &moved(ray, by)));
     let steep = near.iter().map(|it| it.1).fold(1.0, f64::min).max(1e-6);
     let room = 2e-13 + 8e-12 / steep.powi(2);
     let got = [got.slope_x, got.slope_z].map(f64::from);
-    slopes_compared(&near.map(|it| it.0), got, room)
-        .map_err(|()| format!("{ray:?}: {got:?} for {:?} in {solids:?}", near[0]))
+    slope_error(&near.map(|it| it.0), got, room)
+        .ok_or_else(|| format!("{ray:?}: {got:?} for {:?} in {solids:?}", near[0]))
 }
 
 #[test]

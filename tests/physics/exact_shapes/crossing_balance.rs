@@ -1,9 +1,10 @@
 //! Rays beside the curves in which exact shapes cross, beside their edges and silhouettes: each shape is left
 //! as often as it is entered, and the media along each ray are contiguous.
 
-use super::crossing::{Arrangement, arrangements, materials, moved, pick, scene_of, scenes};
+use super::crossing::{Arrangement, arrangements, materials, scene_of};
 use super::nested::interfaces;
-use super::{direction, ray_through};
+use super::rays::moved;
+use super::{direction, pick, ray_through, scenes};
 use crate::assemblies::{Bench, paths_of};
 use crate::reference::surfaces::Random;
 use crate::reference::vector::{add, scaled};
@@ -69,6 +70,7 @@ fn rays_beside_the_curves_in_which_shapes_cross_balance() {
     for number in 0..scenes() {
         let all = arrangements([0.0, FAR, 0.0], &mut random);
         let scene = scene_of(&all, Transport::FirstOrder);
+        let materials = materials(&all);
         let of = |k: usize| k % all.len();
         let borders = (0..all.len() * each).filter_map(|k| border(&all[of(k)], &mut random));
         let rays: Vec<Ray> = borders.flat_map(about).collect();
@@ -83,7 +85,7 @@ fn rays_beside_the_curves_in_which_shapes_cross_balance() {
                 let (results, words) = tracer.trace_with_moments(rays).expect("results");
                 crossed += results.iter().filter(|it| it.crossings > 0).count();
                 for (i, ray) in rays.iter().enumerate() {
-                    let ways = paths_of(&words, i, materials(&all));
+                    let ways = paths_of(&words, i, materials);
                     let ok = |way: &f64| (-1e-7..LONGEST).contains(way);
                     assert!(ways.iter().all(ok), "{backend}, scene {number}: {ray:?} {ways:?}");
                 }

@@ -1,8 +1,7 @@
 //! Remainders of exact shapes that others cross: volumes, surroundings, contacts.
 
-use super::crossing::{pick, scenes};
 use super::solids::{Kind, Solid, cylinder, sphere};
-use super::{direction, scene};
+use super::{direction, pick, scene, scenes};
 use crate::reference::surfaces::Random;
 use crate::reference::vector::{add, scaled, unit};
 use crate::support::{CARBON, WATER};

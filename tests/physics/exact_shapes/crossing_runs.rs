@@ -1,12 +1,12 @@
 //! Whole runs of exact shapes that cross: a rod with a bore that leaves it is the tube, whatever else a
 //! scene has, and crossing rods match fine facets.
 
-use crate::support::{Checked, Worst, backends, engine, engine_with};
+use crate::support::kept::{again, keep};
+use crate::support::{Worst, backends, engine, engine_with};
 use beamlet::internals::geometry::load_lenient;
-use beamlet::moments::{MomentWriter, StoredMoments};
 use beamlet::scene::{Motion, Scene, Transport};
-use beamlet::stack::{ArraySink, Format, RunDirectory, Stacks};
-use beamlet::{Backend, Control, EngineOptions, geometry};
+use beamlet::stack::Stacks;
+use beamlet::{Backend, EngineOptions, geometry};
 
 const ENERGY: &str = "energy = \"30 keV\"";
 const SPECTRUM: &str = "spectrum = \"photons.csv\"";
@@ -118,13 +118,6 @@ fn moved_views_of_a_bored_rod_are_those_of_the_tube() {
     compare("motions", 2e-4, &rod, &tube);
 }
 
-fn again(engine: &Checked, kept: &StoredMoments, scene: &Scene) -> Stacks {
-    let mut sink = ArraySink::new();
-    let simulation = engine.reilluminate(kept, scene).expect("a scene that fits");
-    simulation.run(&mut sink, Control::default()).expect("a run");
-    sink.into_stacks().expect("stacks")
-}
-
 /// Kept moments of the rod, for its own and other steps, match a fresh run.
 #[test]
 fn kept_moments_of_a_bored_rod_serve_other_steps() {
@@ -134,17 +127,15 @@ fn kept_moments_of_a_bored_rod_serve_other_steps() {
     let path = directory.path().join("run");
     let options = EngineOptions::default().with_backend(Backend::Bvh).with_keep_moments(true);
     let keeping = engine_with(options);
-    let mut sink = RunDirectory::create(&path, Format::Npy, false).expect("a run");
-    let mut keep = MomentWriter::new(&path);
-    keeping.run(&run, &mut sink, Control::default().with_keep(&mut keep)).expect("a run");
-    let kept = StoredMoments::open(&path).expect("moments");
+    let kept = keep(&keeping, &run, &path);
     let engine = engine(Backend::Bvh);
     let fresh = keeping.simulate(&run).expect("a run");
-    assert_eq!(again(&engine, &kept, kept.scene()).sample, fresh.sample);
+    assert_eq!(again(&engine, &kept, kept.scene()).expect("a run").sample, fresh.sample);
     let mut steps = run.clone();
     steps.scan.mask_offsets = vec![-7e-6, 11e-6];
     let fresh = engine.simulate(&steps).expect("a run");
-    compare("kept moments", 1e-3, &fresh, &again(&engine, &kept, &steps));
+    let got = again(&engine, &kept, &steps).expect("a run");
+    compare("kept moments", 1e-3, &fresh, &got);
 }
 
 /// Rods across each other, a ball where they cross, and a cone: as they are and of 256 facets around,

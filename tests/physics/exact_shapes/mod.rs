@@ -84,6 +84,16 @@ fn places(kind: Kind) -> Vec<(&'static str, Solid)> {
     ]
 }
 
+/// Scenes of a test of random arrangements.
+fn scenes() -> usize {
+    std::env::var("BEAMLET_SCENES").map_or(1, |it| it.parse().expect("a number of scenes"))
+}
+
+/// A number below `count`.
+fn pick(random: &mut Random, count: usize) -> usize {
+    (random.next() * count as f64) as usize
+}
+
 /// A direction, uniform over all.
 fn direction(random: &mut Random) -> Vector {
     loop {

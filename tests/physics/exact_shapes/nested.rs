@@ -1,7 +1,7 @@
 //! Shapes in shapes and in meshes, on them and across them, against what lies inside along every
 //! ray in f64.
 
-use super::rays::line;
+use super::rays::{beside, error_among, line, moved};
 use super::solids::{Kind, Solid, cylinder, sphere};
 use super::{direction, ray_through, scene};
 use crate::assemblies::{Bench, paths_of};
@@ -104,22 +104,14 @@ pub(super) fn compared(
     crossings: u32,
     error: f64,
 ) -> Result<f64, String> {
-    let near = [[0.0; 2], [1.0, 0.0], [-1.0, 0.0], [0.0, 1.0], [0.0, -1.0]].map(|by| {
-        let by = by.map(|it: f64| 2.0 * error * it);
-        let moved = |x: f32, by: f64| (f64::from(x) + by) as f32;
-        ways(solids, &Ray { x: moved(ray.x, by[0]), z: moved(ray.z, by[1]), ..*ray })
-    });
+    let near = beside(2.0 * error).map(|by| ways(solids, &moved(ray, by)));
+    let room = f64::from(crossings.max(2)) * error;
     let mut worst = 0.0_f64;
     for k in 0..solids.len() {
-        let of = near.iter().map(|it| it[k]);
-        let (low, high) = (of.clone().fold(f64::MAX, f64::min), of.fold(0.0, f64::max));
-        let room = (high - low) + f64::from(crossings.max(2)) * error;
-        if !(low - room..=high + room).contains(&got[k]) {
+        let Some(found) = error_among(&near.each_ref().map(|it| it[k]), got[k], room, error) else {
             return Err(format!("{ray:?}: {got:?} for {:?} in {solids:?}", near[0]));
-        }
-        if high - low < error {
-            worst = worst.max((got[k] - near[0][k]).abs());
-        }
+        };
+        worst = worst.max(found);
     }
     Ok(worst)
 }
@@ -332,10 +324,8 @@ pub(super) fn are_listed(solids: &[Solid], ray: &Ray, met: &[SurfaceCrossing], e
 }
 
 fn are_those(solids: &[Solid], ray: &Ray, got: &[Interface], least: f64, error: f64) -> bool {
-    [[0.0; 2], [1.0, 0.0], [-1.0, 0.0], [0.0, 1.0], [0.0, -1.0]].into_iter().any(|by: [f64; 2]| {
-        let moved = |x: f32, by: f64| (f64::from(x) + 4.0 * error * by) as f32;
-        let beside = Ray { x: moved(ray.x, by[0]), z: moved(ray.z, by[1]), ..*ray };
-        let want = interfaces(solids, &beside, least);
+    beside(4.0 * error).into_iter().any(|by| {
+        let want = interfaces(solids, &moved(ray, by), least);
         want.len() == got.len()
             && want.iter().zip(got).all(|(want, got)| {
                 // Facets that are off by e stand sqrt(8 e / r) apart and lean by half of that.

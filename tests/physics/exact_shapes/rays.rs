@@ -47,7 +47,7 @@ pub(super) fn beside(hair: f64) -> [[f64; 2]; 5] {
 
 /// Change of slope and displacement at the analyser of a ray that was at `place` going along
 /// `before`, and goes along `after`.
-fn bend(passage: &mut Passage, before: Vector, after: Vector, y: f64) {
+pub(super) fn bend(passage: &mut Passage, before: Vector, after: Vector, y: f64) {
     for (k, axis) in [0, 2].into_iter().enumerate() {
         // As differences of the two: no digits go.
         let change = sub(after, before);
@@ -55,6 +55,37 @@ fn bend(passage: &mut Passage, before: Vector, after: Vector, y: f64) {
         passage.slope[k] += slope;
         passage.displacement[k] += slope * (LEVER - y);
     }
+}
+
+/// The direction of a ray behind a surface, by Snell's law, and whether it is totally reflected. `along`: the
+/// normal, ahead; deltas of the media before and behind.
+pub(super) fn refracted(d: Vector, along: Vector, [from, to]: [f64; 2]) -> (Vector, bool) {
+    let cosine = dot(along, d);
+    let ratio = (1.0 - from) / (1.0 - to);
+    let tangent = sub(d, scaled(along, cosine));
+    // 1 - ratio² sin², without loss of digits.
+    let square = cosine * cosine - (ratio - 1.0) * (ratio + 1.0) * dot(tangent, tangent);
+    if square < 0.0 {
+        (sub(d, scaled(along, 2.0 * cosine)), true)
+    } else {
+        (add(scaled(tangent, ratio), scaled(along, square.sqrt())), false)
+    }
+}
+
+/// Error of a value that was got, against the value of a ray, the first of `near`, and of rays beside it: 0
+/// where these differ by `alike` or more; `None` where it is farther than `room` and their difference from all.
+pub(super) fn error_among(near: &[f64], got: f64, room: f64, alike: f64) -> Option<f64> {
+    let low = near.iter().copied().fold(f64::MAX, f64::min);
+    let high = near.iter().copied().fold(f64::MIN, f64::max);
+    let room = room + (high - low);
+    let error = if high - low < alike { (got - near[0]).abs() } else { 0.0 };
+    (low - room..=high + room).contains(&got).then_some(error)
+}
+
+/// A ray beside another, rounded to f32.
+pub(super) fn moved(ray: &Ray, by: [f64; 2]) -> Ray {
+    let to = |x: f32, by: f64| (f64::from(x) + by) as f32;
+    Ray { x: to(ray.x, by[0]), z: to(ray.z, by[1]), ..*ray }
 }
 
 /// To first order in delta, along the straight line.
@@ -103,20 +134,11 @@ pub(super) fn snell(solid: &Solid, delta: f64, ray: &Ray, by: [f64; 2]) -> Optio
         passage.path += if inside { hit.t } else { 0.0 };
         passage.crossings += 1;
         let along = if inside { hit.normal } else { scaled(hit.normal, -1.0) };
-        let cosine = dot(along, d);
-        passage.grazing = passage.grazing.min(cosine);
-        let [from, to] = if inside { [delta, 0.0] } else { [0.0, delta] };
-        let ratio = (1.0 - from) / (1.0 - to);
-        let tangent = sub(d, scaled(along, cosine));
-        // 1 - ratio² sin², without loss of digits.
-        let square = cosine * cosine - (ratio - 1.0) * (ratio + 1.0) * dot(tangent, tangent);
-        let after = if square < 0.0 {
-            passage.reflected = true;
-            sub(d, scaled(along, 2.0 * cosine))
-        } else {
-            inside = !inside;
-            add(scaled(tangent, ratio), scaled(along, square.sqrt()))
-        };
+        passage.grazing = passage.grazing.min(dot(along, d));
+        let deltas = if inside { [delta, 0.0] } else { [0.0, delta] };
+        let (after, reflected) = refracted(d, along, deltas);
+        passage.reflected |= reflected;
+        inside ^= !reflected;
         bend(&mut passage, d, after, o[1]);
         d = unit(after);
     }

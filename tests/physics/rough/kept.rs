@@ -1,19 +1,12 @@
 //! Kept moments of a rough body: what it spreads is kept by pairs of materials.
 
 use super::light::{MONO, SPECTRUM, plates};
-use crate::support::{Checked, engine, engine_with};
-use beamlet::moments::{MomentWriter, StoredMoments};
-use beamlet::scene::{MaterialSpec, Scene};
-use beamlet::stack::{ArraySink, Format, RunDirectory, Stacks};
-use beamlet::{Backend, Control, EngineOptions};
+use crate::support::kept::{again, keep};
+use crate::support::{engine, engine_with};
+use beamlet::scene::MaterialSpec;
+use beamlet::stack::Stacks;
+use beamlet::{Backend, EngineOptions};
 use ndarray::Array4;
-
-fn again(engine: &Checked, kept: &StoredMoments, scene: &Scene) -> Stacks {
-    let mut sink = ArraySink::new();
-    let simulation = engine.reilluminate(kept, scene).expect("a scene that fits");
-    simulation.run(&mut sink, Control::default()).expect("a run");
-    sink.into_stacks().expect("stacks")
-}
 
 fn mean_off(a: &Stacks, b: &Stacks) -> f64 {
     let off: Array4<f64> = (&a.sample - &b.sample).mapv(|off| f64::from(off.abs()));
@@ -32,13 +25,10 @@ fn rough_bodies_are_illuminated_again() {
     let path = directory.path().join("run");
     let options = EngineOptions::default().with_backend(Backend::Bvh).with_keep_moments(true);
     let keeping = engine_with(options);
-    let mut sink = RunDirectory::create(&path, Format::Npy, false).expect("a run");
-    let mut keep = MomentWriter::new(&path);
-    keeping.run(&run, &mut sink, Control::default().with_keep(&mut keep)).expect("a run");
-    let kept = StoredMoments::open(&path).expect("moments");
+    let kept = keep(&keeping, &run, &path);
     let engine = engine(Backend::Bvh);
     // Nothing is traced again here: the empty sample of this run must not say what a ray keeps.
-    let same = again(&engine, &kept, kept.scene());
+    let same = again(&engine, &kept, kept.scene()).expect("a run");
     let fresh = keeping.simulate(&run).expect("a run");
     assert_eq!(same.flat, fresh.flat);
     assert_eq!(same.sample, fresh.sample);
@@ -48,7 +38,7 @@ fn rough_bodies_are_illuminated_again() {
     let beryllium = MaterialSpec::Formula { formula: "Be".to_owned(), density: 2.2 };
     denser.materials.insert("matter".to_owned(), beryllium);
     for (change, scene) in [("steps", steps), ("density", denser), ("spectrum", few(SPECTRUM))] {
-        let got = again(&engine, &kept, &scene);
+        let got = again(&engine, &kept, &scene).expect("a run");
         let want = engine.simulate(&scene).expect("a run");
         let mut smooth = scene.clone();
         smooth.objects[0].roughness = 0.0;

@@ -43,7 +43,7 @@ def whole_number(name: str, value: object, least: int) -> int:
         except TypeError:
             pass
         else:
-            # Larger ones are refused by their meaning; these are none of the engine's.
+            # The engine takes 64 bits.
             if least <= found < 1 << 63:
                 return found
     raise wrong(name, shown(value), f"a whole number, {least} or more")

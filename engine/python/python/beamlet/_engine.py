@@ -348,6 +348,11 @@ class Engine:
             return "<Engine, closed>"
 
 
+def still_open(engine: Engine | None) -> Engine | None:
+    """An engine that is not closed."""
+    return None if engine is None or engine.closed else engine
+
+
 def serving(engine: Engine | None) -> Engine:
     """An engine that was given, or the shared one."""
     if engine is None:

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from . import _beamlet
 from ._arguments import array, number, shown, whole, word
 from ._arguments import path as place
-from ._engine import Engine, Progress, serving
+from ._engine import Engine, Progress, serving, still_open
 from ._errors import Error, wrong
 from ._scene import Path, Scene, inner
 from ._volume import (
@@ -232,8 +232,7 @@ class Images(Mapping[str, Image]):
             if weights != "sigma":
                 raise wrong("weights", shown(weights), '"sigma" or an array')
             weights = self.weights(quantity)
-        engine = self._engine
-        options.setdefault("engine", None if engine is None or engine.closed else engine)
+        options.setdefault("engine", still_open(self._engine))
         volume = reconstruct(
             sinograms,
             self.geometry,

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from . import _beamlet
 from ._arguments import path as place
-from ._engine import Engine, Folder, Progress, default_engine, pixels
+from ._engine import Engine, Folder, Progress, pixels, serving, still_open
 from ._errors import FileError, wrong
 from ._scene import Path, Scene, inner
 
@@ -122,9 +122,7 @@ class Run:
     @property
     def engine(self) -> Engine:
         """The engine that made the run; the shared one where it is closed or not known."""
-        if self._engine is None or self._engine.closed:
-            return default_engine()
-        return self._engine
+        return serving(still_open(self._engine))
 
     @property
     def axes(self) -> tuple[Axis, Axis, Axis, Axis]:
