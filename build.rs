@@ -16,6 +16,7 @@ use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 use std::{env, fs, process};
 use xraydb::XrayDb;
+use xraydb_data::XrayDatabase;
 
 /// One compiled shader: its name, its file, and the macros defined for it.
 type Permutation = (&'static str, &'static str, &'static [(&'static str, &'static str)]);
@@ -104,10 +105,8 @@ fn main() {
             .expect("OUT_DIR can be written");
         fs::write(path, text).expect("OUT_DIR can be written");
     }
-    if env::var_os("CARGO_FEATURE_PACKED_TABLES").is_none() {
-        write_elements(&out.join("elements.bin"));
-    }
-    if let Some(commit) = commit() {
+    write_elements(&out.join("elements.bin"));
+    if let Some(commit) = commit(&out) {
         println!("cargo::rustc-env=BEAMLET_COMMIT={commit}");
     }
     build_all(ROOT, PERMUTATIONS, &interface, &out, "shaders.rs");
@@ -116,21 +115,37 @@ fn main() {
     build_all(TEST_ROOT, tests, &interface, &out, "test_shaders.rs");
 }
 
-/// Writes the tables of the elements as the library reads them: unpacking them took a tenth of the
-/// processor time of a small run.
+/// Writes the tables of the elements that the library reads, not packed: unpacking all of them takes 0.1 s,
+/// and half of their bytes are tables that no formula needs.
 fn write_elements(path: &Path) {
     let elements = XrayDb::try_new().expect("the crate has its tables");
-    let bytes = postcard::to_allocvec(elements.raw()).expect("they were read from such bytes");
+    let bytes = postcard::to_allocvec(elements.raw()).expect("tables of plain values");
+    let mut tables: XrayDatabase = postcard::from_bytes(&bytes).expect("such bytes were written");
+    tables.xray_transitions.clear();
+    tables.coster_kronig.clear();
+    tables.waasmaier.clear();
+    for widths in
+        [&mut tables.keski_rahkonen_krause, &mut tables.krause_oliver, &mut tables.corelevel_widths]
+    {
+        widths.clear();
+    }
+    for element in &mut tables.chantler {
+        for attenuation in [&mut element.mu_photo, &mut element.mu_incoh, &mut element.mu_total] {
+            attenuation.clear();
+        }
+    }
+    let bytes = postcard::to_allocvec(&tables).expect("tables of plain values");
     fs::write(path, bytes).expect("OUT_DIR can be written");
 }
 
 /// The commit that is checked out, for the record of runs; `None` in a package, also where that lies
 /// in a repository of others. Builds for development go without it, or each commit would build all anew:
-/// those in debug, and those with `CARGO_INCREMENTAL=1`.
-fn commit() -> Option<String> {
+/// those in folders other than `release`, and those with `CARGO_INCREMENTAL=1`.
+fn commit(out: &Path) -> Option<String> {
     println!("cargo::rerun-if-env-changed=CARGO_INCREMENTAL");
     let is_incremental = env::var("CARGO_INCREMENTAL").is_ok_and(|value| value == "1");
-    if is_incremental || env::var("PROFILE").ok()? != "release" {
+    // OUT_DIR is PROFILE/build/PACKAGE/out.
+    if is_incremental || out.ancestors().nth(3)?.file_name()? != "release" {
         return None;
     }
     let root = env::var_os("CARGO_MANIFEST_DIR")?;

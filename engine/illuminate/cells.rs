@@ -31,7 +31,7 @@ impl CellKernels {
             |name, spirv| LazyKernel::new(device, name, spirv, push_bytes::<IlluminatePush>());
         Self {
             near: kernel("illuminate", shaders::ILLUMINATE),
-            far: kernel("illuminate far", shaders::ILLUMINATE_FAR),
+            far: kernel("illuminate_far", shaders::ILLUMINATE_FAR),
         }
     }
 }

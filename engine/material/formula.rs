@@ -105,22 +105,12 @@ pub(super) fn range(name: &str, formula: &str, density: f64) -> Result<[f64; 2]>
 
 /// The tables of the elements; room for them is reserved, since reading them panics without.
 fn database() -> Result<std::result::Result<XrayDb, XrayDbError>> {
-    /// Bytes while they are read, as measured; packed tables are unpacked beside them.
-    const READ: u64 = if cfg!(feature = "packed-tables") { 32 << 20 } else { 24 << 20 };
-    reserve::ask(READ, "the tables of the elements", "raise the memory limit of this process")?;
-    Ok(tables())
-}
-
-#[cfg(feature = "packed-tables")]
-fn tables() -> std::result::Result<XrayDb, XrayDbError> {
-    XrayDb::try_new()
-}
-
-#[cfg(not(feature = "packed-tables"))]
-fn tables() -> std::result::Result<XrayDb, XrayDbError> {
-    /// Unpacked by `build.rs`.
+    /// Bytes while they are read, as measured.
+    const READ: u64 = 24 << 20;
+    /// Written by `build.rs`.
     const ELEMENTS: &[u8] = include_bytes!(concat!(env!("OUT_DIR"), "/elements.bin"));
-    XrayDb::load_uncompressed(ELEMENTS)
+    reserve::ask(READ, "the tables of the elements", "raise the memory limit of this process")?;
+    Ok(XrayDb::load_uncompressed(ELEMENTS))
 }
 
 fn unreadable(name: &str, formula: &str, density: f64, error: &XrayDbError) -> Error {

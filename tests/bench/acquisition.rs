@@ -5,12 +5,10 @@
 #![allow(clippy::unwrap_used, reason = "a benchmark stops at the first fault")]
 #![allow(clippy::print_stdout, reason = "a table is the result")]
 
-#[path = "../reference/mod.rs"]
-mod reference;
-
 use beamlet::scene::{Mesh, Scene, ShapeOrMesh};
 use beamlet::stack::ArraySink;
 use beamlet::{Backend, Control, Engine, EngineOptions};
+use beamlet_reference as reference;
 use reference::surfaces;
 use std::time::Instant;
 

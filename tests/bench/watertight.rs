@@ -14,9 +14,8 @@
     reason = "small counts; rays are f32"
 )]
 
+use beamlet_reference as reference;
 mod closed;
-#[path = "../reference/mod.rs"]
-mod reference;
 
 use beamlet::internals::gpu::{Device, DeviceOptions};
 use beamlet::internals::interface::FLAG_UNBALANCED;

@@ -49,11 +49,11 @@ rotate = [{ axis = [0, 0, 1], angle = "0.1 deg" }]
 );
 
 const NO_RAY_QUERY: &str = "BEAMLET_NO_RAY_QUERY_ICD";
-const SECOND_DRIVER: &str = "BEAMLET_SECOND_DRIVER_ICD";
+pub(crate) const SECOND_DRIVER: &str = "BEAMLET_SECOND_DRIVER_ICD";
 
 /// A driver's description; `None` where there is none and none has to be.
 #[expect(clippy::print_stderr, reason = "a test that skips itself has to say so")]
-fn icd(variable: &str) -> Option<PathBuf> {
+pub(crate) fn icd(variable: &str) -> Option<PathBuf> {
     let icd = std::env::var_os(variable).map(PathBuf::from);
     let ci = std::env::var("CI").is_ok_and(|value| value == "true");
     assert!(icd.is_some() || !ci, "{variable} is not set, and CI=true forbids to skip");
@@ -95,7 +95,7 @@ fn simulate_scene(
     beamlet(driver, &arguments)
 }
 
-fn succeeded(output: &Output) {
+pub(crate) fn succeeded(output: &Output) {
     let message = String::from_utf8_lossy(&output.stderr);
     assert!(output.status.success(), "beamlet failed:\n{message}");
 }
@@ -209,7 +209,7 @@ fn second_driver_gives_the_same_stacks_under_a_spectrum_and_of_kept_moments() {
 }
 
 /// Masks and a detector of few pixels; a test adds objects.
-const FEW_PIXELS: &str = concat!(
+pub(crate) const FEW_PIXELS: &str = concat!(
     include_str!("../support/masks.toml"),
     r#"
 [detector]
@@ -327,7 +327,7 @@ fn second_driver_fits_the_same_curves() {
 }
 
 /// Sinograms of two Gaussian rods in a fan and in a cone: attenuation and refraction.
-fn sinograms(folder: &Path, rows: usize) {
+pub(crate) fn sinograms(folder: &Path, rows: usize) {
     let shape = (60, rows, 40);
     for (name, is_angle) in [("mu.npy", false), ("delta.npy", true)] {
         let values = ndarray::Array3::from_shape_fn(shape, |(view, _, column)| {

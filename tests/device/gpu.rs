@@ -24,7 +24,7 @@ fn ci() -> bool {
 }
 
 /// With validation where the layer is installed: continuous integration has it.
-fn open(staging: bool) -> Arc<Device> {
+pub(crate) fn open(staging: bool) -> Arc<Device> {
     let options = DeviceOptions { validation: true, staging, ..Default::default() };
     match Device::open(&options) {
         Err(Error::Device { wanted, .. }) if wanted.contains("validation layer") => {

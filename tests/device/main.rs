@@ -1,8 +1,7 @@
 //! Devices and drivers: the Vulkan wrapper, both traversal backends, other drivers, and devices that
 //! fail.
 
-#[path = "../reference/mod.rs"]
-mod reference;
+use beamlet_reference as reference;
 #[path = "../support/mod.rs"]
 mod support;
 
@@ -12,3 +11,4 @@ mod faults;
 mod gpu;
 mod handle;
 mod interface;
+mod layer;

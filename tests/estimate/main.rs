@@ -2,8 +2,7 @@
 //!
 //! A program of its own: a look lasts a second, and sees less where other tests take its time.
 
-#[path = "../reference/mod.rs"]
-mod reference;
+use beamlet_reference as reference;
 #[path = "../support/mod.rs"]
 mod support;
 

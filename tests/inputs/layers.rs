@@ -18,7 +18,7 @@ fn ranks() -> BTreeMap<String, usize> {
 pub(crate) fn sources(folder: &Path, out: &mut Vec<PathBuf>) {
     for entry in fs::read_dir(folder).unwrap() {
         let path = entry.unwrap().path();
-        // The Python package is a workspace of its own above the engine.
+        // The Python package lies above the engine.
         if path == Path::new("engine/python") {
             continue;
         }

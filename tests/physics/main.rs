@@ -1,8 +1,7 @@
 //! Values that can be written down or traced in f64: single rays, flats, samples, spots, spectra and
 //! the detector, against closed forms and the reference program.
 
-#[path = "../reference/mod.rs"]
-mod reference;
+use beamlet_reference as reference;
 #[path = "../support/mod.rs"]
 mod support;
 

@@ -3,8 +3,7 @@
 #![expect(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
 #![expect(clippy::cast_possible_truncation, reason = "sinograms are f32")]
 
-#[path = "../reference/mod.rs"]
-mod reference;
+use beamlet_reference as reference;
 #[path = "../support/mod.rs"]
 mod support;
 

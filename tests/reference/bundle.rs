@@ -10,22 +10,22 @@ use super::surfaces::Random;
 use super::vector::{Vector, add, dot, scaled, sub, unit};
 
 /// Fibres in a block.
-pub(crate) struct Bundle {
+pub struct Bundle {
     /// Axes of the fibres in x and y from the rotation centre, m.
-    pub(crate) axes: Vec<[f64; 2]>,
+    pub axes: Vec<[f64; 2]>,
     /// Radius of a fibre, m.
-    pub(crate) radius: f64,
+    pub radius: f64,
     /// Roughness of a fibre.
-    pub(crate) roughness: f64,
+    pub roughness: f64,
     /// Attenuation (1/m) and decrement of the block and of the fibres.
-    pub(crate) constants: [[f64; 2]; 2],
+    pub constants: [[f64; 2]; 2],
     /// Thickness of the block along y, m.
-    pub(crate) thickness: f64,
+    pub thickness: f64,
 }
 
 impl Bundle {
     /// The same with axes in the order of their direction from the source.
-    pub(crate) fn sorted(mut self, setup: &Setup) -> Self {
+    pub fn sorted(mut self, setup: &Setup) -> Self {
         let slope = |[x, y]: &[f64; 2]| x / (y + setup.source_distance);
         self.axes.sort_by(|a, b| slope(a).total_cmp(&slope(b)));
         self
@@ -66,7 +66,7 @@ impl Bundle {
 
     /// Light of a pixel at each offset of the sample mask, share of open beam, by `rays` rays to an
     /// aperture. Masks are thin and opaque.
-    pub(crate) fn curve(
+    pub fn curve(
         &self,
         setup: &Setup,
         column: u32,

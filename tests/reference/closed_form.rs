@@ -8,29 +8,29 @@ fn ramp(v: f64, blur: f64) -> f64 {
 }
 
 /// Overlap of boxes of widths `w1` and `w2` displaced by `x` and blurred, as a length.
-pub(crate) fn blurred_overlap(x: f64, w1: f64, w2: f64, blur: f64) -> f64 {
+pub fn blurred_overlap(x: f64, w1: f64, w2: f64, blur: f64) -> f64 {
     let (far, near) = (0.5 * (w1 + w2), 0.5 * (w1 - w2));
     ramp(x + far, blur) - ramp(x + near, blur) - ramp(x - near, blur) + ramp(x - far, blur)
 }
 
 /// Two thin masks whose projected periods are one pixel.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct ThinMasks {
+pub struct ThinMasks {
     /// Mask magnification.
-    pub(crate) magnification: f64,
+    pub magnification: f64,
     /// Aperture and period of the sample mask in its plane, m.
-    pub(crate) sample: [f64; 2],
+    pub sample: [f64; 2],
     /// Aperture and period of the detector mask, m.
-    pub(crate) detector: [f64; 2],
+    pub detector: [f64; 2],
     /// Standard deviation of the focal spot, m.
-    pub(crate) sigma: f64,
+    pub sigma: f64,
     /// Transmission of the bars of the sample and the detector mask.
-    pub(crate) leak: [f64; 2],
+    pub leak: [f64; 2],
 }
 
 impl ThinMasks {
     /// Intensity at a mask offset.
-    pub(crate) fn intensity(&self, offset: f64) -> f64 {
+    pub fn intensity(&self, offset: f64) -> f64 {
         let ([a1, p1], [a2, p2], [e1, e2]) = (self.sample, self.detector, self.leak);
         let blur = (self.magnification - 1.0) * self.sigma;
         let open: f64 = (-4..=4)
@@ -49,7 +49,7 @@ impl ThinMasks {
 /// Box bars seen at a slope as hard edges and a blur: the edge of an aperture lets light
 /// through as e^(-mu way), the way growing linearly over the shadow's width. Gives the aperture
 /// with the same light, bars leaking e = e^(-mu t), and the variance of the edge's place.
-pub(crate) fn bars_at_slope(aperture: f64, mu: f64, thickness: f64, slope: f64) -> [f64; 2] {
+pub fn bars_at_slope(aperture: f64, mu: f64, thickness: f64, slope: f64) -> [f64; 2] {
     let (depth, shadow) = (mu * thickness, thickness * slope.abs());
     let leak = (-depth).exp();
     let narrowing = shadow * ((1.0 + leak) / (1.0 - leak) - 2.0 / depth);
@@ -58,11 +58,11 @@ pub(crate) fn bars_at_slope(aperture: f64, mu: f64, thickness: f64, slope: f64) 
 }
 
 /// Deflection by a cylinder at `x` from its axis, ray along y.
-pub(crate) fn cylinder_deflection(delta: f64, radius: f64, x: f64) -> f64 {
+pub fn cylinder_deflection(delta: f64, radius: f64, x: f64) -> f64 {
     2.0 * delta * x / (radius * radius - x * x).sqrt()
 }
 
 /// Grazing angle below which a face reflects totally.
-pub(crate) fn critical_angle(delta: f64) -> f64 {
+pub fn critical_angle(delta: f64) -> f64 {
     (2.0 * delta - delta * delta).sqrt().asin()
 }

@@ -2,7 +2,7 @@
 //! PTRS) or, for small means, by products of uniform numbers.
 
 #[derive(Debug, Clone)]
-pub(crate) struct Draws(pub(crate) u64);
+pub struct Draws(pub u64);
 
 impl Draws {
     fn next(&mut self) -> u64 {
@@ -14,16 +14,16 @@ impl Draws {
     }
 
     /// In (0, 1).
-    pub(crate) fn uniform(&mut self) -> f64 {
+    pub fn uniform(&mut self) -> f64 {
         ((self.next() >> 11) as f64 + 0.5) / 9_007_199_254_740_992.0
     }
 
     /// In (low, high).
-    pub(crate) fn between(&mut self, low: f64, high: f64) -> f64 {
+    pub fn between(&mut self, low: f64, high: f64) -> f64 {
         low + (high - low) * self.uniform()
     }
 
-    pub(crate) fn poisson(&mut self, mean: f64) -> f64 {
+    pub fn poisson(&mut self, mean: f64) -> f64 {
         if mean < 10.0 {
             let (limit, mut product, mut count) = ((-mean).exp(), self.uniform(), 0.0);
             while product > limit {

@@ -2,23 +2,23 @@
 //! equations, for counts by weights from the fit.
 
 /// A, mu, sigma, b of A exp(-(x - mu)^2 / (2 sigma^2)) + b.
-pub(crate) type Gaussian = [f64; 4];
+pub type Gaussian = [f64; 4];
 
 /// Value and slopes by A, mu, sigma, b.
-pub(crate) fn gaussian(p: &Gaussian, x: f64) -> (f64, [f64; 4]) {
+pub fn gaussian(p: &Gaussian, x: f64) -> (f64, [f64; 4]) {
     let t = (x - p[1]) / p[2];
     let e = (-0.5 * t * t).exp();
     (p[0] * e + p[3], [e, p[0] * e * t / p[2], p[0] * e * t * t / p[2], 1.0])
 }
 
 /// The Gaussian that fits best, all values alike; from `start`, lengths in units of `unit`.
-pub(crate) fn fit(offsets: &[f64], curve: &[f64]) -> Gaussian {
+pub fn fit(offsets: &[f64], curve: &[f64]) -> Gaussian {
     fit_weighted(offsets, curve, |_, _| 1.0, 400)
 }
 
 /// The same with weights of counts from the fit: the maximum of the Poisson likelihood, where
 /// no fitted value is below a thousandth of the amplitude.
-pub(crate) fn fit_counts(offsets: &[f64], curve: &[f64]) -> Gaussian {
+pub fn fit_counts(offsets: &[f64], curve: &[f64]) -> Gaussian {
     fit_weighted(offsets, curve, |p, f| 1.0 / f.max(1e-3 * p[0].abs()), 400)
 }
 
@@ -102,7 +102,7 @@ fn descend(
 
 /// Variances of A, mu, sigma, b of counts drawn from eq. 1 (Cramer-Rao): the inverse of the
 /// Fisher information.
-pub(crate) fn cramer_rao(offsets: &[f64], p: &Gaussian) -> [f64; 4] {
+pub fn cramer_rao(offsets: &[f64], p: &Gaussian) -> [f64; 4] {
     let unit = p[2];
     let mut information = [[0.0; 4]; 4];
     for x in offsets {
@@ -127,7 +127,7 @@ pub(crate) fn cramer_rao(offsets: &[f64], p: &Gaussian) -> [f64; 4] {
 }
 
 /// Gaussian elimination of four equations, the right side in the last column.
-pub(crate) fn solve(mut a: [[f64; 5]; 4]) -> [f64; 4] {
+pub fn solve(mut a: [[f64; 5]; 4]) -> [f64; 4] {
     for i in 0..4 {
         let pivot = (i..4).max_by(|&j, &k| a[j][i].abs().total_cmp(&a[k][i].abs())).unwrap_or(i);
         a.swap(i, pivot);

@@ -2,7 +2,7 @@
 
 /// What the bars are.
 #[derive(Debug, Clone, Copy)]
-pub(crate) enum Bars {
+pub enum Bars {
     /// Boxes of a linear attenuation coefficient (1/m) and a thickness (m).
     Boxes { mu: f64, thickness: f64 },
     /// A sheet without thickness that lets this fraction through.
@@ -11,18 +11,18 @@ pub(crate) enum Bars {
 
 /// A periodic mask. Aperture k is centred at `origin + k * period` on its centre plane.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Mask {
+pub struct Mask {
     /// Source to centre plane, m.
-    pub(crate) distance: f64,
-    pub(crate) period: f64,
-    pub(crate) aperture: f64,
-    pub(crate) origin: f64,
-    pub(crate) bars: Bars,
+    pub distance: f64,
+    pub period: f64,
+    pub aperture: f64,
+    pub origin: f64,
+    pub bars: Bars,
 }
 
 impl Mask {
     /// The mask displaced along +x.
-    pub(crate) fn moved(mut self, by: f64) -> Self {
+    pub fn moved(mut self, by: f64) -> Self {
         self.origin += by;
         self
     }
@@ -37,7 +37,7 @@ impl Mask {
 
     /// Transmission of a straight ray through `x` on the centre plane with slopes dx/dy, dz/dy.
     /// The ray spends a share of its way between the faces inside bars.
-    pub(crate) fn transmission(&self, x: f64, slope: [f64; 2]) -> f64 {
+    pub fn transmission(&self, x: f64, slope: [f64; 2]) -> f64 {
         let ray = Stretch { mask: *self, low: x, high: x, slope };
         let inside = ray.bar_share(0.0, self.shadow(slope));
         if inside > 0.0 { (ray.ln_of_bars() * inside).exp() } else { 1.0 }
@@ -52,18 +52,18 @@ impl Mask {
     }
 
     /// Mean transmission over rays of one slope through `low..high` on the centre plane.
-    pub(crate) fn mean(&self, low: f64, high: f64, slope: [f64; 2]) -> f64 {
+    pub fn mean(&self, low: f64, high: f64, slope: [f64; 2]) -> f64 {
         mean(&[Stretch { mask: *self, low, high, slope }])
     }
 }
 
 /// A mask where a thin sheaf of rays of one slope goes through it, in the order of the rays.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Stretch {
-    pub(crate) mask: Mask,
-    pub(crate) low: f64,
-    pub(crate) high: f64,
-    pub(crate) slope: [f64; 2],
+pub struct Stretch {
+    pub mask: Mask,
+    pub low: f64,
+    pub high: f64,
+    pub slope: [f64; 2],
 }
 
 impl Stretch {
@@ -120,7 +120,7 @@ fn floor(x: f64) -> f64 {
 
 /// Mean of the product of transmissions over a sheaf of rays. The way inside bars is linear
 /// between the cuts of all masks, so each piece is integrated exactly.
-pub(crate) fn mean(masks: &[Stretch]) -> f64 {
+pub fn mean(masks: &[Stretch]) -> f64 {
     let mut cuts = Vec::with_capacity(16);
     cuts.extend([0.0, 1.0]);
     masks.iter().for_each(|m| m.cuts(&mut cuts));

@@ -3,20 +3,20 @@
 use std::f64::consts::{PI, SQRT_2};
 
 /// Standard deviation of a Gaussian of unit full width at half maximum.
-pub(crate) const SIGMA_PER_FWHM: f64 = 0.424_660_900_144_009_5;
+pub const SIGMA_PER_FWHM: f64 = 0.424_660_900_144_009_5;
 
 /// Density of the standard normal.
-pub(crate) fn density(v: f64) -> f64 {
+pub fn density(v: f64) -> f64 {
     (-0.5 * v * v).exp() / (2.0 * PI).sqrt()
 }
 
 /// Distribution function of the standard normal.
-pub(crate) fn cumulative(v: f64) -> f64 {
+pub fn cumulative(v: f64) -> f64 {
     0.5 * complementary_error(-v / SQRT_2)
 }
 
 /// Quantile of the standard normal by bisection; `p` in (0, 1).
-pub(crate) fn quantile(p: f64) -> f64 {
+pub fn quantile(p: f64) -> f64 {
     let (mut low, mut high) = (-9.0, 9.0);
     for _ in 0..70 {
         let middle = 0.5 * (low + high);
@@ -53,7 +53,7 @@ fn complementary_error(x: f64) -> f64 {
 
 /// Nodes and weights (sum 1) of a fine trapezoid over a Gaussian of standard deviation
 /// `sigma`, to `reach` sigmas on either side. One node where `sigma` is 0.
-pub(crate) fn nodes(sigma: f64, count: usize, reach: f64) -> Vec<(f64, f64)> {
+pub fn nodes(sigma: f64, count: usize, reach: f64) -> Vec<(f64, f64)> {
     if sigma <= 0.0 || count <= 1 {
         return vec![(0.0, 1.0)];
     }

@@ -11,7 +11,7 @@ const CONTACT: f64 = 5e-9;
 
 /// How a ray goes through the sample.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum Order {
+pub enum Order {
     /// Snell's law at every surface, from where the bent ray meets it.
     Exact,
     /// Direction changes along the straight ray, first order in delta.
@@ -20,25 +20,25 @@ pub(crate) enum Order {
 
 /// What became of a ray.
 #[derive(Debug, Clone, Default)]
-pub(crate) struct Trace {
+pub struct Trace {
     /// Attenuation exponent, relative to the surroundings.
-    pub(crate) optical_depth: f64,
+    pub optical_depth: f64,
     /// Displacement in x and z on the analyser plane from the straight ray, m.
-    pub(crate) displacement: [f64; 2],
+    pub displacement: [f64; 2],
     /// Change of the slopes dx/dy and dz/dy.
-    pub(crate) slope: [f64; 2],
+    pub slope: [f64; 2],
     /// Way through each body where no later body covers it, m.
-    pub(crate) path: Vec<f64>,
+    pub path: Vec<f64>,
     /// Totally reflected at least once.
-    pub(crate) reflected: bool,
+    pub reflected: bool,
     /// Surfaces met.
-    pub(crate) crossings: usize,
+    pub crossings: usize,
     /// Their triangles, in the order of bodies and meshes, and where each was met, y.
-    pub(crate) met: Vec<(usize, f64)>,
+    pub met: Vec<(usize, f64)>,
     /// Least cosine between ray and normal over all surfaces that change the medium.
-    pub(crate) grazing: f64,
+    pub grazing: f64,
     /// Entered and left every body equally often.
-    pub(crate) balanced: bool,
+    pub balanced: bool,
 }
 
 #[derive(Debug, Clone, Copy)]
@@ -56,7 +56,7 @@ struct Hit {
 
 /// Bodies in the frame of the beam of one view.
 #[derive(Debug, Clone)]
-pub(crate) struct Sample {
+pub struct Sample {
     triangles: Vec<Triangle>,
     /// mu and delta of each body, later bodies win.
     constants: Vec<[f64; 2]>,
@@ -170,14 +170,14 @@ impl Fan {
 
 impl Sample {
     /// Bodies seen in a view: source, masks and detector turn by +angle, the sample by -angle.
-    pub(crate) fn new(bodies: &[Body], source_distance: f64, angle: f64) -> Self {
+    pub fn new(bodies: &[Body], source_distance: f64, angle: f64) -> Self {
         let count: usize = bodies.iter().map(|b| b.mesh.triangles.len()).sum();
         let bins = ((count as f64 / 2.0).sqrt() as usize).clamp(1, 400);
         Self::with_bins(bodies, source_distance, angle, [(4 * bins).min(2000), bins.min(100)])
     }
 
     /// As [`Sample::new`], testing every triangle against every ray.
-    pub(crate) fn brute_force(bodies: &[Body], source_distance: f64, angle: f64) -> Self {
+    pub fn brute_force(bodies: &[Body], source_distance: f64, angle: f64) -> Self {
         Self::with_bins(bodies, source_distance, angle, [1, 1])
     }
 
@@ -199,19 +199,13 @@ impl Sample {
     }
 
     /// Constants outside all bodies.
-    pub(crate) fn within(mut self, mu: f64, delta: f64) -> Self {
+    pub fn within(mut self, mu: f64, delta: f64) -> Self {
         self.surroundings = [mu, delta];
         self
     }
 
     /// Traces a ray to the plane y = `analyser`.
-    pub(crate) fn trace(
-        &self,
-        source: Vector,
-        direction: Vector,
-        analyser: f64,
-        order: Order,
-    ) -> Trace {
+    pub fn trace(&self, source: Vector, direction: Vector, analyser: f64, order: Order) -> Trace {
         match order {
             Order::Exact => self.exact(source, unit(direction), analyser),
             Order::First => self.first(source, unit(direction), analyser),

@@ -4,10 +4,10 @@ use super::surfaces::Random;
 use super::vector::{Vector, add, dot, scaled, sub, unit};
 
 /// Normal numbers, two at a time.
-pub(crate) struct Gauss(pub(crate) Random);
+pub struct Gauss(pub Random);
 
 impl Gauss {
-    pub(crate) fn pair(&mut self, sigma: f64) -> [f64; 2] {
+    pub fn pair(&mut self, sigma: f64) -> [f64; 2] {
         let radius = sigma * (-2.0 * (1.0 - self.0.next()).ln()).sqrt();
         let (sin, cos) = (std::f64::consts::TAU * self.0.next()).sin_cos();
         [radius * cos, radius * sin]
@@ -17,7 +17,7 @@ impl Gauss {
 /// Direction of a ray after a face along z, of which `face` is the normal along the ray, and whether the
 /// ray is behind it. Normals face the ray, and are drawn anew where the face says that the ray has not
 /// left it. `index`: refractive indices before and behind.
-pub(crate) fn passed(
+pub fn passed(
     gauss: &mut Gauss,
     sigma: f64,
     face: Vector,

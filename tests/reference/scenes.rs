@@ -9,7 +9,7 @@ use beamlet::scene::{
 use std::collections::BTreeMap;
 
 /// A scene with `bodies` in it, every constant given by number, one view at angle 0.
-pub(crate) fn scene(setup: &Setup, bodies: &[Body], offsets: &[f64]) -> Scene {
+pub fn scene(setup: &Setup, bodies: &[Body], offsets: &[f64]) -> Scene {
     let mut materials = BTreeMap::new();
     let mut add = |name: String, mu: f64, delta: f64| {
         materials.insert(name.clone(), MaterialSpec::Constants { mu, delta });

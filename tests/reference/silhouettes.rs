@@ -7,7 +7,7 @@ use std::collections::HashMap;
 use std::f64::consts::TAU;
 
 /// Cone along z with its tip up.
-pub(crate) fn cone(radius: f64, height: f64, sides: u32) -> Mesh {
+pub fn cone(radius: f64, height: f64, sides: u32) -> Mesh {
     let step = TAU / f64::from(sides);
     let rim = (0..sides).map(|i| {
         let (sin, cos) = (step * (f64::from(i) + 0.3)).sin_cos();
@@ -20,7 +20,7 @@ pub(crate) fn cone(radius: f64, height: f64, sides: u32) -> Mesh {
 }
 
 /// Torus about z: radii of the ring and of its section, facets around each.
-pub(crate) fn torus([ring, tube]: [f64; 2], [around, across]: [u32; 2]) -> Mesh {
+pub fn torus([ring, tube]: [f64; 2], [around, across]: [u32; 2]) -> Mesh {
     let mut mesh = Mesh { vertices: Vec::new(), triangles: Vec::new() };
     for i in 0..around {
         let (sin, cos) = (TAU * (f64::from(i) + 0.3) / f64::from(around)).sin_cos();
@@ -37,7 +37,7 @@ pub(crate) fn torus([ring, tube]: [f64; 2], [around, across]: [u32; 2]) -> Mesh 
 }
 
 /// Sphere with smooth bumps, of 20 * 4^levels triangles.
-pub(crate) fn bumpy(radius: f64, levels: u32) -> Mesh {
+pub fn bumpy(radius: f64, levels: u32) -> Mesh {
     let mut mesh = sphere(1.0, levels);
     for v in &mut mesh.vertices {
         let d = unit(*v);
@@ -53,7 +53,7 @@ pub(crate) fn bumpy(radius: f64, levels: u32) -> Mesh {
 }
 
 /// Upright fibres in a square, apart.
-pub(crate) fn fibres(count: usize, radius: f64, sides: u32) -> Mesh {
+pub fn fibres(count: usize, radius: f64, sides: u32) -> Mesh {
     let mut random = Random::new(3);
     let mut centres: Vec<[f64; 2]> = Vec::new();
     while centres.len() < count {
@@ -67,7 +67,7 @@ pub(crate) fn fibres(count: usize, radius: f64, sides: u32) -> Mesh {
 }
 
 /// Meshes as one.
-pub(crate) fn together(meshes: impl Iterator<Item = Mesh>) -> Mesh {
+pub fn together(meshes: impl Iterator<Item = Mesh>) -> Mesh {
     let mut all = Mesh { vertices: Vec::new(), triangles: Vec::new() };
     for one in meshes {
         let first = all.vertices.len() as u32;
@@ -79,7 +79,7 @@ pub(crate) fn together(meshes: impl Iterator<Item = Mesh>) -> Mesh {
 
 /// Rays from the source's centre, or almost, 0.1 nm to 10 um beside silhouettes of the bodies, on
 /// either side of them.
-pub(crate) fn near_silhouettes(
+pub fn near_silhouettes(
     bodies: &[Body],
     source: f64,
     count: usize,

@@ -8,67 +8,67 @@ use std::ops::Range;
 
 /// Source, masks and detector of one view, in the frame of the beam.
 #[derive(Debug, Clone)]
-pub(crate) struct Setup {
+pub struct Setup {
     /// Source to rotation centre, m.
-    pub(crate) source_distance: f64,
+    pub source_distance: f64,
     /// FWHM of the focal spot in x and z, m.
-    pub(crate) spot: [f64; 2],
+    pub spot: [f64; 2],
     /// Its centre in x and z, m.
-    pub(crate) source_offset: [f64; 2],
+    pub source_offset: [f64; 2],
     /// Source to detector, m.
-    pub(crate) detector_distance: f64,
+    pub detector_distance: f64,
     /// Columns and rows.
-    pub(crate) pixels: [u32; 2],
+    pub pixels: [u32; 2],
     /// Pixel pitch in x and z, m.
-    pub(crate) pitch: [f64; 2],
+    pub pitch: [f64; 2],
     /// Mask before the sample.
-    pub(crate) sample_mask: Option<Mask>,
+    pub sample_mask: Option<Mask>,
     /// Mask before the detector.
-    pub(crate) detector_mask: Option<Mask>,
+    pub detector_mask: Option<Mask>,
 }
 
 /// How finely an image is summed.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Quadrature {
+pub struct Quadrature {
     /// Rays along x in one period of the detector's pixels. Masks are averaged over a cell, so
     /// few are needed where the sample is smooth.
-    pub(crate) cells: usize,
+    pub cells: usize,
     /// Source points in x for each ray target, over `reach` standard deviations on either side.
-    pub(crate) sources: usize,
+    pub sources: usize,
     /// Standard deviations of the focal spot that count.
-    pub(crate) reach: f64,
+    pub reach: f64,
     /// Lines along z in a pixel, each with a source height of its own; 1: the row's centre
     /// line from the source's centre, for samples that do not change along z.
-    pub(crate) lines: usize,
+    pub lines: usize,
     /// Largest displacement of light that is followed along x and z, m at the detector.
-    pub(crate) farthest: [f64; 2],
+    pub farthest: [f64; 2],
 }
 
 impl Quadrature {
     /// For whole lines: 1e-5 of open beam where the sample is smooth (kinks of overlapping
     /// edges between source points).
-    pub(crate) fn line() -> Self {
+    pub fn line() -> Self {
         Self { cells: 200, sources: 121, reach: 5.0, lines: 1, farthest: [20e-6; 2] }
     }
 
     /// For single pixels of samples that do not change along z.
-    pub(crate) fn fine() -> Self {
+    pub fn fine() -> Self {
         Self { cells: 1000, sources: 241, reach: 5.0, lines: 1, farthest: [20e-6; 2] }
     }
 
     /// For single pixels of samples that change along z.
-    pub(crate) fn volume() -> Self {
+    pub fn volume() -> Self {
         Self { cells: 100, sources: 81, reach: 5.0, lines: 64, farthest: [20e-6; 2] }
     }
 
     /// The same with light followed farther along x.
-    pub(crate) fn following(mut self, farthest: f64) -> Self {
+    pub fn following(mut self, farthest: f64) -> Self {
         self.farthest[0] = farthest;
         self
     }
 
     /// The same with light followed farther along z.
-    pub(crate) fn following_along_z(mut self, farthest: f64) -> Self {
+    pub fn following_along_z(mut self, farthest: f64) -> Self {
         self.farthest[1] = farthest;
         self
     }
@@ -76,7 +76,7 @@ impl Quadrature {
 
 impl Setup {
     /// The paper's: gold bars of 225 um at 30 keV, masks 100/20 and 150/30 um, M = 1.5.
-    pub(crate) fn paper(pixels: [u32; 2]) -> Self {
+    pub fn paper(pixels: [u32; 2]) -> Self {
         let bars = Bars::Boxes { mu: 53_122.0, thickness: 225e-6 };
         let mut setup = Self {
             source_distance: 1.21,
@@ -94,7 +94,7 @@ impl Setup {
     }
 
     /// A mask of one aperture per pixel column, aligned with the columns.
-    pub(crate) fn mask(&self, distance: f64, aperture: f64, bars: Bars) -> Mask {
+    pub fn mask(&self, distance: f64, aperture: f64, bars: Bars) -> Mask {
         let period = self.pitch[0] * distance / self.detector_distance;
         // Aperture k of C is centred at (k + 1/2 - C/2) periods.
         let origin = if self.pixels[0].is_multiple_of(2) { 0.5 * period } else { 0.0 };
@@ -102,7 +102,7 @@ impl Setup {
     }
 
     /// Both masks with bars of this kind.
-    pub(crate) fn with_bars(mut self, bars: Bars) -> Self {
+    pub fn with_bars(mut self, bars: Bars) -> Self {
         for mask in self.sample_mask.iter_mut().chain(self.detector_mask.iter_mut()) {
             mask.bars = bars;
         }
@@ -110,17 +110,17 @@ impl Setup {
     }
 
     /// Standard deviation of the focal spot in x and z, m.
-    pub(crate) fn sigma(&self) -> [f64; 2] {
+    pub fn sigma(&self) -> [f64; 2] {
         self.spot.map(|s| s * SIGMA_PER_FWHM)
     }
 
     /// The analyser from the source: the detector mask, or the detector.
-    pub(crate) fn analyser(&self) -> f64 {
+    pub fn analyser(&self) -> f64 {
         self.detector_mask.map_or(self.detector_distance, |m| m.distance)
     }
 
     /// Centre of a pixel on the detector, x and z.
-    pub(crate) fn centre(&self, column: u32, row: u32) -> [f64; 2] {
+    pub fn centre(&self, column: u32, row: u32) -> [f64; 2] {
         let [columns, rows] = self.pixels.map(f64::from);
         [
             (f64::from(column) + 0.5 - 0.5 * columns) * self.pitch[0],
@@ -130,7 +130,7 @@ impl Setup {
 
     /// Traces the ray from source point `source` (x, z) that would go straight to `target`
     /// (x, z) on the detector.
-    pub(crate) fn trace(
+    pub fn trace(
         &self,
         sample: &Sample,
         source: [f64; 2],
@@ -144,7 +144,7 @@ impl Setup {
     }
 
     /// Intensity of one pixel at each mask offset.
-    pub(crate) fn pixel(
+    pub fn pixel(
         &self,
         sample: Option<&Sample>,
         order: Order,
@@ -159,7 +159,7 @@ impl Setup {
 
     /// Intensities `[step][column - columns.start]` of a stretch of one row: every ray that
     /// lands there counts where it lands, whichever aperture it came through.
-    pub(crate) fn line(
+    pub fn line(
         &self,
         sample: Option<&Sample>,
         order: Order,

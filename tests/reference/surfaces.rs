@@ -6,41 +6,41 @@ use std::f64::consts::{PI, TAU};
 
 /// A closed mesh, metres.
 #[derive(Debug, Clone)]
-pub(crate) struct Mesh {
-    pub(crate) vertices: Vec<Vector>,
-    pub(crate) triangles: Vec<[u32; 3]>,
+pub struct Mesh {
+    pub vertices: Vec<Vector>,
+    pub triangles: Vec<[u32; 3]>,
 }
 
 /// A mesh of one material. In a list of bodies the later one wins where they overlap.
 #[derive(Debug, Clone)]
-pub(crate) struct Body {
-    pub(crate) mesh: Mesh,
+pub struct Body {
+    pub mesh: Mesh,
     /// Linear attenuation coefficient, 1/m.
-    pub(crate) mu: f64,
+    pub mu: f64,
     /// Refractive index decrement.
-    pub(crate) delta: f64,
+    pub delta: f64,
 }
 
 /// A body of a mesh and its constants.
-pub(crate) fn body(mesh: Mesh, mu: f64, delta: f64) -> Body {
+pub fn body(mesh: Mesh, mu: f64, delta: f64) -> Body {
     Body { mesh, mu, delta }
 }
 
 /// Box of full edge lengths `size`, centred.
-pub(crate) fn cuboid(size: Vector) -> Mesh {
+pub fn cuboid(size: Vector) -> Mesh {
     let [x, y, z] = scaled(size, 0.5);
     extruded(&[[-x, -y], [x, -y], [x, y], [-x, y]], z)
 }
 
 /// Cylinder along z with `sides` facets whose section has the area of the circle. The first
 /// vertex stands at `phase` facets from +x.
-pub(crate) fn cylinder(radius: f64, height: f64, sides: u32, phase: f64) -> Mesh {
+pub fn cylinder(radius: f64, height: f64, sides: u32, phase: f64) -> Mesh {
     let step = TAU / f64::from(sides);
     prism(radius * (step / step.sin()).sqrt(), height, sides, phase)
 }
 
 /// Regular prism along z, circumradius `radius`.
-pub(crate) fn prism(radius: f64, height: f64, sides: u32, phase: f64) -> Mesh {
+pub fn prism(radius: f64, height: f64, sides: u32, phase: f64) -> Mesh {
     let step = TAU / f64::from(sides);
     let corner = |i: u32| {
         let (sin, cos) = (step * (f64::from(i) + phase)).sin_cos();
@@ -51,12 +51,12 @@ pub(crate) fn prism(radius: f64, height: f64, sides: u32, phase: f64) -> Mesh {
 
 /// Wedge: section in (x, y) with corners (0, 0), (length, 0), (length, length tan angle), so
 /// that the thickness along y grows with x; the face of entry is y = 0.
-pub(crate) fn wedge(length: f64, angle: f64, height: f64) -> Mesh {
+pub fn wedge(length: f64, angle: f64, height: f64) -> Mesh {
     extruded(&[[0.0, 0.0], [length, 0.0], [length, length * angle.tan()]], 0.5 * height)
 }
 
 /// Convex section (counter-clockwise) drawn out from z = -half to z = half.
-pub(crate) fn extruded(section: &[[f64; 2]], half: f64) -> Mesh {
+pub fn extruded(section: &[[f64; 2]], half: f64) -> Mesh {
     let n = u32::try_from(section.len()).expect("small section");
     let ring = |z: f64| section.iter().map(move |p| [p[0], p[1], z]);
     let mut triangles = Vec::new();
@@ -128,14 +128,14 @@ fn unit_sphere(levels: u32) -> Mesh {
 }
 
 /// Sphere of 20 * 4^levels triangles with the volume of the true one.
-pub(crate) fn sphere(radius: f64, levels: u32) -> Mesh {
+pub fn sphere(radius: f64, levels: u32) -> Mesh {
     let mesh = unit_sphere(levels);
     let grow = (4.0 / 3.0 * PI / mesh.volume()).cbrt();
     mesh.scaled(radius * grow)
 }
 
 /// Random closed mesh, star-shaped about the origin: radii between `inner` and `outer`.
-pub(crate) fn star(inner: f64, outer: f64, levels: u32, seed: u64) -> Mesh {
+pub fn star(inner: f64, outer: f64, levels: u32, seed: u64) -> Mesh {
     let mut random = Random::new(seed);
     let mut mesh = unit_sphere(levels);
     for vertex in &mut mesh.vertices {
@@ -146,34 +146,34 @@ pub(crate) fn star(inner: f64, outer: f64, levels: u32, seed: u64) -> Mesh {
 }
 
 impl Mesh {
-    pub(crate) fn scaled(mut self, factor: f64) -> Self {
+    pub fn scaled(mut self, factor: f64) -> Self {
         self.vertices.iter_mut().for_each(|v| *v = scaled(*v, factor));
         self
     }
 
-    pub(crate) fn moved(mut self, by: Vector) -> Self {
+    pub fn moved(mut self, by: Vector) -> Self {
         self.vertices.iter_mut().for_each(|v| *v = add(*v, by));
         self
     }
 
-    pub(crate) fn turned(mut self, axis: Vector, angle: f64) -> Self {
+    pub fn turned(mut self, axis: Vector, angle: f64) -> Self {
         self.vertices.iter_mut().for_each(|v| *v = turned(*v, axis, angle));
         self
     }
 
     /// The mesh with every vertex rounded to f32, so that a program that keeps f32 metres and
     /// this reference speak of the same body.
-    pub(crate) fn rounded(mut self) -> Self {
+    pub fn rounded(mut self) -> Self {
         self.vertices.iter_mut().for_each(|v| *v = v.map(|c| f64::from(c as f32)));
         self
     }
 
-    pub(crate) fn corners(&self, triangle: usize) -> [Vector; 3] {
+    pub fn corners(&self, triangle: usize) -> [Vector; 3] {
         self.triangles[triangle].map(|v| self.vertices[v as usize])
     }
 
     /// Enclosed volume, m3; positive where triangles face outward.
-    pub(crate) fn volume(&self) -> f64 {
+    pub fn volume(&self) -> f64 {
         let six = (0..self.triangles.len()).map(|i| {
             let [a, b, c] = self.corners(i);
             dot(a, cross(b, c))
@@ -182,7 +182,7 @@ impl Mesh {
     }
 
     /// Area of the surface, m2.
-    pub(crate) fn area(&self) -> f64 {
+    pub fn area(&self) -> f64 {
         let each = (0..self.triangles.len()).map(|i| {
             let [a, b, c] = self.corners(i);
             0.5 * super::vector::length(cross(sub(b, a), sub(c, a)))
@@ -193,15 +193,15 @@ impl Mesh {
 
 /// `SplitMix64`: random numbers of the tests.
 #[derive(Debug, Clone)]
-pub(crate) struct Random(u64);
+pub struct Random(u64);
 
 impl Random {
-    pub(crate) fn new(seed: u64) -> Self {
+    pub fn new(seed: u64) -> Self {
         Self(seed)
     }
 
     /// Uniform in [0, 1).
-    pub(crate) fn next(&mut self) -> f64 {
+    pub fn next(&mut self) -> f64 {
         self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
         let mut z = self.0;
         z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
@@ -210,7 +210,7 @@ impl Random {
     }
 
     /// Uniform in [low, high).
-    pub(crate) fn between(&mut self, low: f64, high: f64) -> f64 {
+    pub fn between(&mut self, low: f64, high: f64) -> f64 {
         low + (high - low) * self.next()
     }
 }

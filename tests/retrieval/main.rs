@@ -1,7 +1,6 @@
 //! Retrieval from stacks: fits, maps, and the verbs `retrieve` and `compare`.
 
-#[path = "../reference/mod.rs"]
-mod reference;
+use beamlet_reference as reference;
 #[path = "../support/mod.rs"]
 mod support;
 

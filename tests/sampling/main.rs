@@ -1,8 +1,7 @@
 //! Which rays are traced: the schemes against one another and against many more rays, and the same
 //! bits however a run is cut.
 
-#[path = "../reference/mod.rs"]
-mod reference;
+use beamlet_reference as reference;
 #[path = "../support/mod.rs"]
 mod support;
 

@@ -14,17 +14,17 @@
 )]
 #![allow(clippy::float_cmp, reason = "media of the very same constants do not deflect")]
 
-pub(crate) mod blobs;
-pub(crate) mod bundle;
-pub(crate) mod closed_form;
-pub(crate) mod draws;
-pub(crate) mod fit;
-pub(crate) mod masks;
-pub(crate) mod normal;
-pub(crate) mod rays;
-pub(crate) mod rough;
-pub(crate) mod scenes;
-pub(crate) mod silhouettes;
-pub(crate) mod stack;
-pub(crate) mod surfaces;
-pub(crate) mod vector;
+pub mod blobs;
+pub mod bundle;
+pub mod closed_form;
+pub mod draws;
+pub mod fit;
+pub mod masks;
+pub mod normal;
+pub mod rays;
+pub mod rough;
+pub mod scenes;
+pub mod silhouettes;
+pub mod stack;
+pub mod surfaces;
+pub mod vector;
