@@ -15,7 +15,6 @@ use beamlet::{Cancel, Engine, EngineOptions, Error, RowsControl};
 use ndarray_npy::{ReadNpyExt, WriteNpyExt};
 use std::fs::{self, File};
 use std::path::Path;
-use std::process::Command;
 use std::sync::OnceLock;
 use tempfile::TempDir;
 
@@ -288,7 +287,7 @@ fn an_interrupt_between_two_volumes_leaves_nothing() {
     let here = place().path();
     let mut command = beamlet(here);
     command.args(["reconstruct", "run", "-o", "ended", "--format", "npy"]);
-    let mut begun = Held::at(Gate::Synced("ended.partial/mu", ""), command);
+    let mut begun = Held::at(Gate::Write("ended.partial/mu"), command);
     assert!(here.join("ended.partial").is_dir());
     begun.interrupt();
     ended(&begun.ends(), 130);

@@ -52,6 +52,11 @@ int fsync(int file) { return synced(SYS_fsync, file); }
 
 int fdatasync(int file) { return synced(SYS_fdatasync, file); }
 
+ssize_t write(int file, const void *from, size_t bytes) {
+    if (is_here("write", file)) wait_at_gate();
+    return syscall(SYS_write, file, from, bytes);
+}
+
 ssize_t read(int file, void *to, size_t bytes) {
     if (is_here("read", file) && lseek(file, 0, SEEK_CUR) >= atoll(getenv("BEAMLET_GATE_AT")))
         wait_at_gate();

@@ -33,6 +33,8 @@ pub(crate) enum Gate<'a> {
     Synced(&'a str, &'a str),
     /// Before a read of a file with this text in its path, from this byte or a later one.
     Read(&'a str, u64),
+    /// Before a write to a file with this text in its path.
+    Write(&'a str),
 }
 
 /// The program at a gate.
@@ -107,6 +109,7 @@ pub(crate) fn variables(gate: Gate<'_>, pipe: &Path) -> [(&'static str, String);
     let (call, file, at) = match gate {
         Gate::Synced(file, text) => ("sync", file, text.to_owned()),
         Gate::Read(file, byte) => ("read", file, byte.to_string()),
+        Gate::Write(file) => ("write", file, String::new()),
     };
     let text = |path: &Path| path.to_str().expect("a path of UTF-8").to_owned();
     [

@@ -158,7 +158,7 @@ fn readers_of_a_run_in_the_making_get_an_answer_and_do_not_disturb_it() {
     };
     let running = beamlet(&place.path(""), &words("run"));
     let running = Held::at(Gate::Synced("run/progress.log", "sample/11 "), running);
-    assert_eq!(answered(), ["compare", "view", "report"]);
+    assert_eq!(answered(), ["compare", "retrieve", "view", "report"]);
     ended(&running.ends(), 0);
     assert_eq!(answered(), ["check", "compare", "retrieve", "view", "report", "illuminate"]);
     assert!(contents(&place.path("run")) == contents(&place.path("alone")));
