@@ -292,13 +292,8 @@ fn an_overwriting_run_interrupted_before_it_writes_names_the_command_that_starts
     ended(&run(place.path(), "mesh scene.toml -o rod.stl"), 0);
     let mut command = beamlet(place.path());
     command.args(["simulate", "scene.toml", "-o", "run", "--format", "npy", "--backend", "bvh"]);
-    command.args([
-        "--overwrite",
-        "--set",
-        "object.rod.mesh=rod.stl",
-        "--set",
-        "object.rod.unit=mm",
-    ]);
+    let mesh = "--overwrite --set object.rod.mesh=rod.stl --set object.rod.unit=mm";
+    command.args(mesh.split(' '));
     // Meshes are read before a run writes anything.
     let mut begun = Held::at(Gate::Read("rod.stl", 0), command);
     begun.interrupt();
