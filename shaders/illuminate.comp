@@ -131,16 +131,17 @@ void illuminate(uint mask_step) {
     Landing landing = landing_begin(mask_step, setting.faint, step_.pixels);
     Place place = Place(step_.from, 0u);
     uint layer = 0u;
+    uint layers = 1u;
     int n = step_.at_all_steps ? -1 : 0;
     do {
         Opening opening = leak_of();
         if (n >= 0) opening.first = cell_row.cell_count;
         bool is_last = true;
         if (n >= 0 && n < step_.apertures) {
-            if (layer == 0u) bars.layers = layers_at(centre_of(step_, place.period));
-            opening = opening_of(step_, place, layer);
+            if (layer == 0u) layers = layers_at(centre_of(step_, place.period));
+            opening = opening_of(step_, place, layer, layers);
             layer++;
-            is_last = layer == bars.layers;
+            is_last = layer == layers;
             if (is_last) {
                 place = next_place(light.sample_mask, place);
                 layer = 0u;

@@ -5,6 +5,7 @@
 #   tests/slurm.sh PROGRAM
 set -euo pipefail
 program=$(realpath "$1")
+tests=$(realpath "$(dirname "$0")")
 PATH=$PATH:/usr/sbin:/sbin
 place=$(mktemp -d)
 daemons=()
@@ -111,16 +112,21 @@ TOML
 "$program" plan scan.toml --shards 4 --slurm --at-once 2 --format npy --backend bvh -o run \
     --sbatch-option time=10 --sbatch-option cpus-per-task=1
 
-# The first array: one shard is killed, one receives the signal of a time limit.
-sh run/slurm/submit.sh >/dev/null
+# The first array: one shard is killed, one receives the signal of a time limit. Shards wait at a gate (a pipe
+# that nobody has opened for writing) once they have committed a view.
+mkfifo gate
+cc -shared -fPIC -O1 -o gate.so "$tests/support/gate.c"
+env LD_PRELOAD="$place/gate.so" BEAMLET_GATE=sync BEAMLET_GATE_FILE=/progress.log BEAMLET_GATE_AT=sample/ \
+    BEAMLET_GATE_PIPE="$place/gate" sh run/slurm/submit.sh >/dev/null
 array=$(squeue -h -r -o %i -n beamlet-run | sed 's/_.*//' | head -n 1)
-begun() { [ -s "run/shards/000$1/progress.log" ]; }
+begun() { grep -q sample/ "run/shards/000$1/progress.log"; }
 wait_for 60 "shard 0 begins" begun 0
 wait_for 60 "shard 1 begins" begun 1
 kill_shard() { scancel -s KILL --full "${array}_1"; }
 wait_for 20 "shard 1 is killed" kill_shard
-# It reports an error where the task is in the queue again before it looks.
-scancel -s TERM --batch "${array}_0" 2>/dev/null || true
+scancel -s TERM --batch "${array}_0"
+wait_for 60 "shard 0 is interrupted" grep -q "stopping; press" run/slurm/shard-0.log
+: >gate
 is_queued_again() { scontrol show job "${array}_0" | grep -q 'Restarts=1'; }
 wait_for 60 "shard 0 is queued again" is_queued_again
 say "$SECONDS s: shard 1 killed, shard 0 in the queue again"

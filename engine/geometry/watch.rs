@@ -252,23 +252,27 @@ impl Watch {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::cancel::TICK;
     use std::thread;
 
     #[test]
     fn every_step_is_reported_as_it_began_and_again_while_it_lasts() {
         let names = ["a".to_owned(), "b".to_owned()];
         let mut reports = Vec::new();
+        let (sender, seen) = mpsc::channel();
         let mut take = |report: LoadProgress| {
+            if report.done > 0 {
+                let _ = sender.send(());
+            }
             reports.push((report.object, report.step, report.done, report.total));
         };
         let watcher = Watcher { progress: Some(&mut take), ..Watcher::default() };
-        let made = watched(&names, watcher, |watch| {
+        let made = watched(&names, watcher, move |watch| {
             watch.object(0).begin(LoadStep::Reading, 10)?;
             watch.object(0).finish();
             watch.object(1).begin(LoadStep::Checking, 7)?;
             watch.object(1).reach(3);
-            thread::sleep(4 * TICK);
+            // The step lasts until it is reported once more.
+            let _ = seen.recv();
             watch.object(1).finish();
             watch.nesting().begin(LoadStep::Nesting, 0)?;
             Ok(42)

@@ -182,10 +182,10 @@ uint layers_at(float centre) {
     return is_shared(centre) ? bars_before(slope_at(centre)).layers : bars.layers;
 }
 
-// A layer of the aperture at `place`.
-Opening opening_of(Exposed step_, Place place, uint layer) {
+// A layer of the `layers` of the aperture at `place`.
+Opening opening_of(Exposed step_, Place place, uint layer, uint layers) {
     float centre = centre_of(step_, place.period);
-    Opening opening = Opening(true, bars.open_tilt / light.cell_plane, layer_of(bars, layer, bars.layers),
+    Opening opening = Opening(true, bars.open_tilt / light.cell_plane, layer_of(bars, layer, layers),
                               aperture_of(light.sample_mask, place), centre, 0u, 0.0);
     if (is_shared(centre)) {
         float grown = max(1.0 + bars.stretch * (abs(slope_at(centre)) - bars.slope), 0.0);

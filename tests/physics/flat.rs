@@ -100,6 +100,27 @@ fn thick_bars_match_exact_box_paths_within_2e_5() {
     worst.holds();
 }
 
+/// An invocation on the device takes more or fewer mask steps, as dispatches take time: no bit depends on it.
+#[test]
+fn a_mask_step_has_the_same_bits_alone_and_beside_others() {
+    let offsets = steps(40e-6, 17);
+    for spot in [0.0, 30e-6] {
+        // 0.043 rad: light of an aperture lands in several beamlets, which see its bars alike.
+        let mut setup = Setup::paper([1024, 1]);
+        setup.spot[0] = spot;
+        let engine = engine(Backend::Bvh);
+        let together = flat(&engine, &setup, &offsets);
+        for (step, offset) in offsets.iter().enumerate() {
+            let alone = flat(&engine, &setup, &[*offset]);
+            for (column, alone) in alone.iter().enumerate() {
+                let beside = together[[step, 0, column]];
+                let shown = || format!("spot {spot:e}, step {step}, column {column}");
+                assert!(alone.to_bits() == beside.to_bits(), "{}: {alone} and {beside}", shown());
+            }
+        }
+    }
+}
+
 #[test]
 fn rows_see_the_bars_under_their_own_angle() {
     // Blocks of rows share an angle: 1e-7 of open beam is promised for each mask, f32 adds as much.

@@ -2,11 +2,12 @@
 
 #![expect(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
 
+#[cfg(target_os = "linux")]
+use crate::support::gate::{Gate, Held};
 use crate::support::program::{beamlet, ended, run, stderr, workplace};
 use std::fs;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::process::{Command, Output, Stdio};
-use std::time::{Duration, Instant};
 
 const SCENE: &str = r#"
 [source]
@@ -251,68 +252,34 @@ fn the_resolved_scene_of_a_run_gives_the_same_bits() {
     }
 }
 
-/// A run of 400 views, interrupted once it has committed the first.
-#[cfg(unix)]
-fn interrupted(place: &Path) -> Output {
+/// Simulates 12 views into a folder.
+#[cfg(target_os = "linux")]
+fn twelve_views(place: &Path, run: &str) -> Command {
     let mut command = beamlet(place);
-    command.args(["simulate", "scene.toml", "-o", "run", "--format", "npy", "--backend", "bvh"]);
-    command.args(["--set", "scan.angles={ from = \"0 deg\", to = \"360 deg\", count = 400 }"]);
-    let mut child = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
-    let log: PathBuf = place.join("run/progress.log");
-    let began = Instant::now();
-    while fs::metadata(&log).map_or(0, |log| log.len()) == 0 {
-        if child.try_wait().unwrap().is_some() {
-            return child.wait_with_output().unwrap();
-        }
-        assert!(began.elapsed() < Duration::from_secs(120), "no view was committed");
-        std::thread::sleep(Duration::from_millis(5));
-    }
-    // The shell's own: a bare machine has no program of that name.
-    let kill = format!("kill -INT {}", child.id());
-    assert!(Command::new("sh").args(["-c", &kill]).status().unwrap().success());
-    child.wait_with_output().unwrap()
+    command.args(["simulate", "scene.toml", "-o", run, "--format", "npy", "--backend", "bvh"]);
+    command.args(["--set", "scan.angles={ from = \"0 deg\", to = \"360 deg\", count = 12 }"]);
+    command
 }
 
 #[test]
-#[cfg(unix)]
+#[cfg(target_os = "linux")]
 fn an_interrupted_run_names_the_command_that_resumes_it_to_the_same_bits() {
     let place = workplace(SCENE);
-    let output = interrupted(place.path());
-    ended(&output, 130);
-    let message = stderr(&output);
+    let gate = Gate::Synced("run/progress.log", "flat");
+    let mut begun = Held::at(gate, twelve_views(place.path(), "run"));
+    begun.interrupt();
+    let message = ended(&begun.ends(), 130);
     let resume = message.lines().find_map(|line| line.strip_prefix("to resume: beamlet ")).unwrap();
     let command = format!("{} {resume}", env!("CARGO_BIN_EXE_beamlet"));
     let resumed =
         Command::new("sh").args(["-c", &command]).current_dir(place.path()).output().unwrap();
     ended(&resumed, 0);
 
-    let mut whole = beamlet(place.path());
-    whole.args(["simulate", "scene.toml", "-o", "whole", "--format", "npy", "--backend", "bvh"]);
-    whole.args(["--set", "scan.angles={ from = \"0 deg\", to = \"360 deg\", count = 400 }"]);
-    ended(&whole.output().unwrap(), 0);
+    ended(&twelve_views(place.path(), "whole").output().unwrap(), 0);
     for name in ["flat.npy", "sample.npy"] {
         let bytes = |run: &str| fs::read(place.path().join(run).join(name)).unwrap();
         assert!(bytes("run") == bytes("whole"), "{name}");
     }
-}
-
-/// Sends SIGINT as soon as the program catches it: before the device is open, hence before any
-/// file is written.
-#[cfg(target_os = "linux")]
-fn interrupted_at_once(mut command: Command) -> Output {
-    let mut child = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
-    let status = format!("/proc/{}/status", child.id());
-    let catches = || {
-        let text = fs::read_to_string(&status).unwrap_or_default();
-        let mask = text.lines().find_map(|line| line.strip_prefix("SigCgt:")).map(str::trim);
-        mask.and_then(|mask| u64::from_str_radix(mask, 16).ok()).is_some_and(|mask| mask & 2 != 0)
-    };
-    while !catches() && child.try_wait().unwrap().is_none() {
-        std::thread::yield_now();
-    }
-    let kill = format!("kill -INT {}", child.id());
-    assert!(Command::new("sh").args(["-c", &kill]).status().unwrap().success());
-    child.wait_with_output().unwrap()
 }
 
 #[test]
@@ -322,14 +289,15 @@ fn an_overwriting_run_interrupted_before_it_writes_names_the_command_that_starts
     ended(&run(place.path(), "simulate scene.toml -o run --backend bvh -q"), 0);
     let recorded = || fs::read(place.path().join("run/run.json")).unwrap();
     let before = recorded();
+    ended(&run(place.path(), "mesh scene.toml -o rod.stl"), 0);
     let mut command = beamlet(place.path());
     command.args(["simulate", "scene.toml", "-o", "run", "--format", "npy", "--backend", "bvh"]);
-    let output = interrupted_at_once({
-        command.args(["--overwrite", "--set", "detector.pixels=[8, 2]"]);
-        command
-    });
-    ended(&output, 130);
-    let message = stderr(&output);
+    let mesh = "--overwrite --set object.rod.mesh=rod.stl --set object.rod.unit=mm";
+    command.args(mesh.split(' '));
+    // Meshes are read before a run writes anything.
+    let mut begun = Held::at(Gate::Read("rod.stl", 0), command);
+    begun.interrupt();
+    let message = ended(&begun.ends(), 130);
     let begin = "nothing was written; to start again: beamlet ";
     let again = message.lines().find_map(|line| line.strip_prefix(begin)).expect(&message);
     assert!(!again.contains("--resume"), "the earlier run is another one: {again}");

@@ -85,6 +85,29 @@ fn the_search_of_the_axis_and_of_stripes_can_be_interrupted() {
     assert!(matches!(made, Err(Error::Interrupted)), "{made:?}");
 }
 
+/// Work that is cancelled midway ends at its next look at the cancel, and reports no further progress.
+#[test]
+fn a_volume_that_is_cancelled_midway_ends_before_its_next_report() {
+    let geometry = fan(180);
+    let sinograms = Array3::ones((180, 1, 96));
+    let measured = Measured::new(Data::Attenuation, sinograms.view());
+    let engine = support::engine(Backend::Bvh);
+    for method in [Method::default(), Method::iterative(IterativeOptions::default(), false)] {
+        let (cancel, mut reports) = (Cancel::default(), 0);
+        let mut progress = |_, _| {
+            reports += 1;
+            if reports == 2 {
+                cancel.cancel();
+            }
+        };
+        let control = RowsControl::default().with_progress(&mut progress);
+        let control = &mut control.with_cancel(cancel.clone());
+        let made = method.volume(&engine, &geometry, &measured, &grid([96, 96, 1]), control);
+        assert!(matches!(made, Err(Error::Interrupted)), "{method:?}");
+        assert_eq!(reports, 2, "{method:?}");
+    }
+}
+
 #[test]
 fn the_scan_of_a_scene_has_its_pixels_and_motions() {
     let source = Source::new(1.2, [30e-6; 2], Beam::Energy(30.0));

@@ -7,6 +7,7 @@
 use super::big_input::watched;
 use super::crash::{assert_same, end_again_and_again};
 use crate::support::engine;
+use crate::support::gate::{Gate, Held};
 use crate::support::program::{Workplace, beamlet, ended};
 use beamlet::ndarray::Array2;
 use beamlet::scene::Scene;
@@ -15,7 +16,6 @@ use beamlet::{Backend, Blocks, Cancel, Control, Progress};
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
-use std::time::{Duration, Instant};
 
 const SCENE: &str = concat!(
     include_str!("../support/masks.toml"),
@@ -53,23 +53,14 @@ fn log_of(run: &Path) -> String {
     fs::read_to_string(run.join("progress.log")).unwrap_or_default()
 }
 
-/// A run that was killed when the view `sample/1` had two blocks or more, and was not whole; the lines
-/// of its log.
+/// A run that was killed when the view `sample/1` had two blocks; the lines of its log.
 fn killed(options: &[&str]) -> (Workplace, String) {
     let place = Workplace::new(SCENE);
     let more = [&["--block-rows", ROWS][..], options].concat();
     ended(&simulate(&place, &[&more[..], &["-o", "whole"]].concat()).output().unwrap(), 0);
-    let run = place.path("run");
-    let mut child = simulate(&place, &[&more[..], &["-o", "run"]].concat()).spawn().unwrap();
-    let began = Instant::now();
-    while !log_of(&run).contains("\nsample/1/rows/4-8 ") {
-        assert!(child.try_wait().unwrap().is_none(), "the run ended");
-        assert!(began.elapsed() < Duration::from_secs(60), "no block was committed");
-        std::thread::sleep(Duration::from_millis(1));
-    }
-    child.kill().unwrap();
-    child.wait().unwrap();
-    let log = log_of(&run);
+    let command = simulate(&place, &[&more[..], &["-o", "run"]].concat());
+    Held::at(Gate::Synced("run/progress.log", "\nsample/1/rows/4-8 "), command).kill();
+    let log = log_of(&place.path("run"));
     assert!(!log.contains("\nsample/1 "), "the view was whole before it was killed: {log}");
     (place, log)
 }

@@ -6,7 +6,7 @@ mod support;
 
 mod big_input;
 mod big_tiff;
-#[cfg(all(feature = "cli", unix))]
+#[cfg(all(feature = "cli", target_os = "linux"))]
 mod blocks;
 mod crash;
 #[cfg(feature = "cli")]

@@ -5,6 +5,8 @@
 #![expect(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
 
 use super::crash::{Dice, assert_same, end, kills};
+#[cfg(target_os = "linux")]
+use crate::support::gate::{Gate, Held};
 use crate::support::program::{Workplace, ended};
 use std::fs;
 use std::os::unix::process::ExitStatusExt;
@@ -300,30 +302,20 @@ fn the_first_shard_settles_the_device_of_a_plan_without_one() {
 }
 
 #[test]
+#[cfg(target_os = "linux")]
 fn one_process_at_a_time_makes_a_shard_and_its_state_is_listed() {
-    // A shard takes some ten seconds, unless it is killed.
-    let slow = SCENE.replace("pixels = [8, 3]", "pixels = [64, 600]");
-    let place =
-        Workplace::new(&(slow + "\n[sampling]\ntolerance = 1e-6\nangle_tolerance = \"1 nrad\"\n"));
-    let plan = ["plan", "scene.toml", "--shards", "2", "-o", "run", "--backend", "bvh"];
-    ended(&place.beamlet(&plan), 0);
+    let place = planned(2, &[]);
     let states = || -> serde_json::Value {
         let output = place.beamlet(&["join", "run", "--status", "--json"]);
         serde_json::from_slice(&output.stdout).unwrap()
     };
     let mut command = crate::support::program::beamlet(place.path(""));
-    let first = command.args(words("0/2")).stderr(Stdio::piped()).spawn().unwrap();
-    let log = place.path("run/shards/0000");
-    let began = std::time::Instant::now();
-    while fs::metadata(log.join("progress.log")).map_or(0, |found| found.len()) == 0 {
-        assert!(began.elapsed().as_secs() < 60, "no view was committed");
-        std::thread::sleep(std::time::Duration::from_millis(5));
-    }
+    command.args(words("0/2"));
+    let first = Held::at(Gate::Synced("0000/progress.log", "sample/0 "), command);
     assert_eq!(states()[0]["state"], "running");
     refused(&place, &words("0/2"), &["another beamlet process is using this run"]);
     refused(&place, &["join", "run"], &["1 running"]);
-    let output = end(first, &log, 0, 0, "-KILL");
-    assert_eq!(output.status.signal(), Some(9), "it was done before it was ended");
+    assert_eq!(first.kill().status.signal(), Some(9));
     assert_eq!(states()[0]["state"], "dead");
     assert_eq!(states()[1]["state"], "waiting");
 }

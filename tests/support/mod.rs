@@ -4,6 +4,8 @@
 #![allow(dead_code, reason = "every test binary uses another part")]
 
 pub(crate) mod files;
+#[cfg(target_os = "linux")]
+pub(crate) mod gate;
 pub(crate) mod kept;
 pub(crate) mod log;
 #[cfg(feature = "cli")]

@@ -105,18 +105,29 @@ def test_threads_may_share_a_projector(fan: bl.Scene, engine: bl.Engine) -> None
 
 
 def test_scipy_takes_the_operator(fan: bl.Scene, engine: bl.Engine) -> None:
-    from scipy.sparse.linalg import aslinearoperator, lsqr
+    from scipy.sparse.linalg import LinearOperator, aslinearoperator, lsqr
 
     operator = bl.Projector(fan, engine=engine)
     x = 0.1 * np.random.default_rng(2).random(operator.volume_shape, np.float32)
     sinograms = operator(x)
     linear = aslinearoperator(operator)
     assert np.array_equal((linear @ x.ravel()).reshape(sinograms.shape), sinograms)
-    # The same Krylov space as conjugate gradients: the same iterate, but for rounding.
-    solved = lsqr(operator, sinograms.ravel(), iter_lim=6)[0].reshape(operator.volume_shape)
+    # LSQR in float64, with products in float32: with all of it in float32 its norms differ by processor, and six
+    # steps make 1e-3 of these roundings.
+    reference = LinearOperator(
+        linear.shape,
+        matvec=lambda x: linear.matvec(x).astype(float),
+        rmatvec=lambda y: linear.rmatvec(y).astype(float),
+        dtype=float,
+    )
+    solved = lsqr(reference, sinograms.ravel().astype(float), iter_lim=6)[0]
     volume = bl.reconstruct(sinograms, fan, "mu", method="cgls", iterations=6, engine=engine)
     assert volume.best == 6 and len(volume.residuals) == 7
-    assert np.abs(solved - volume.values).max() < 1e-3 * np.abs(volume.values).max()
+    # The same Krylov space as conjugate gradients, hence the same iterate but for rounding. CGLS rounds its vectors
+    # to float32, by 6e-8, and six steps amplify this by up to 2,000: random roundings in a model of this scan changed
+    # the iterate by 1.2e-4 of its largest value at most in 20 draws. LSQR is 2.5e-6 off.
+    difference = np.abs(solved.reshape(operator.volume_shape) - volume.values).max()
+    assert difference < 3e-4 * np.abs(volume.values).max()
 
 
 @pytest.mark.parametrize("method", ["cgls", "sirt", "bb"])

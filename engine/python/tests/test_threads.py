@@ -101,13 +101,15 @@ def test_progress_rises_and_exceptions_of_callbacks_end_the_work(
     class Stop(Exception):
         pass
 
+    stopped: list[str] = []
+
     def stop(step: str, share: float | None) -> None:
+        stopped.append(step)
         raise Stop(step)
 
-    began = time.monotonic()
     with pytest.raises(Stop):
         engine.simulate(large, progress=stop)
-    assert time.monotonic() - began < 5
+    assert len(stopped) == 1
     turns = {"from": "0 deg", "to": "360 deg", "count": 12}
     scan = scene.replace("scan.angles", turns)
     run = engine.simulate(scan)
@@ -197,20 +199,22 @@ def run_script(text: str, *words: str) -> subprocess.CompletedProcess[str]:
     setup = f"import sys; sys.path.insert(0, {str(Path(__file__).parent)!r})\n"
     script = setup + "import beamlet as bl\nfrom conftest import SCENE\n" + textwrap.dedent(text)
     return subprocess.run(
-        [sys.executable, "-c", script, *words], capture_output=True, text=True, timeout=60, check=False
+        [sys.executable, "-c", script, *words], capture_output=True, text=True, timeout=600, check=False
     )
 
 
 def test_processes_end_well_with_open_engines_and_work_in_threads() -> None:
     done = run_script(
         """
-        import threading, time
+        import threading
         scene = bl.Scene.from_dict(SCENE)
         engine = bl.Engine()
         engine.simulate(scene)
         many = scene.replace("detector.pixels", [512, 512]).replace("sampling.tolerance", 1e-6)
-        threading.Thread(target=engine.simulate, args=(many,), daemon=True).start()
-        time.sleep(0.5)
+        begun = threading.Event()
+        work = lambda: engine.simulate(many, progress=lambda step, share: begun.set())
+        threading.Thread(target=work, daemon=True).start()
+        begun.wait()
         print("end")
         """
     )

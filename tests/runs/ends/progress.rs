@@ -2,7 +2,8 @@
 //! callback.
 
 use super::{code_and_stderr, workplace};
-use crate::support::program::Workplace;
+use crate::support::gate::{Gate, Held, reached, variables};
+use crate::support::program::{Workplace, ended};
 use beamlet::check::Check;
 use beamlet::geometry::LoadStep;
 use beamlet::scene::{Exposure, Scene};
@@ -60,29 +61,68 @@ fn with_boxes(count: u16) -> (Workplace, [&'static str; 4]) {
     (place, sets)
 }
 
-/// What the program draws on a terminal.
-fn on_a_terminal(place: &Workplace, words: &[&str]) -> String {
+/// The program on a terminal.
+fn on_a_terminal(place: &Workplace, words: &[&str]) -> Command {
     let words = words.iter().map(|word| format!("'{word}'")).collect::<Vec<_>>().join(" ");
     let line = format!("stty cols 200; {} {words}", env!("CARGO_BIN_EXE_beamlet"));
     let mut command = Command::new("script");
     command.args(["--quiet", "--return", "--command", &line, "/dev/null"]);
-    let output = command.current_dir(place.path("")).env_remove("RUST_LOG").output().unwrap();
-    let shown = String::from_utf8_lossy(&output.stdout).into_owned();
-    assert_eq!(code_and_stderr(&output), (Some(0), String::new()), "{words}: {shown}");
-    shown
+    command.current_dir(place.path("")).env_remove("RUST_LOG");
+    command
+}
+
+/// Runs the program on a terminal, holds it while it reads the mesh until the terminal shows what `until`
+/// wants, presses these keys and waits for their answer. Its exit code, and what the terminal showed.
+fn held_on_a_terminal(
+    place: &Workplace,
+    words: &[&str],
+    until: impl Fn(&str) -> bool,
+    [keys, answer]: [&str; 2],
+) -> (Option<i32>, String) {
+    let pipe = place.path("gate");
+    let _ = fs::remove_file(&pipe);
+    assert!(Command::new("mkfifo").arg(&pipe).status().unwrap().success());
+    let mut command = on_a_terminal(place, words);
+    // Behind the head, which is read before to estimate the memory.
+    command.envs(variables(Gate::Read("many.stl", 1000), &pipe));
+    let mut child = command.stdin(Stdio::piped()).stdout(Stdio::piped()).spawn().unwrap();
+    let open = reached(&pipe, || child.try_wait().unwrap().is_some()).expect("a reader of meshes");
+    let mut keyboard = child.stdin.take().unwrap();
+    let mut shown = String::new();
+    let mut terminal = child.stdout.take().unwrap();
+    let mut show_until = |shown: &mut String, until: &dyn Fn(&str) -> bool| {
+        let mut part = [0; 4096];
+        while !until(shown) {
+            let length = terminal.read(&mut part).unwrap_or(0);
+            if length == 0 {
+                break;
+            }
+            shown.push_str(&String::from_utf8_lossy(&part[..length]));
+        }
+    };
+    show_until(&mut shown, &until);
+    keyboard.write_all(keys.as_bytes()).unwrap();
+    show_until(&mut shown, &|shown| shown.contains(answer));
+    drop(open);
+    show_until(&mut shown, &|_| false);
+    (child.wait().unwrap().code(), shown)
 }
 
 #[test]
-fn a_terminal_shows_what_is_read_and_checked_and_a_pipe_does_not() {
-    let (place, sets) = with_boxes(30_000);
+fn a_terminal_shows_what_is_read_and_a_pipe_does_not() {
+    let (place, sets) = with_boxes(100);
     let run = ["simulate", "scene.toml", "-o", "run", "--backend", "bvh"];
     for words in [&["check", "scene.toml"][..], &run] {
-        let shown = on_a_terminal(&place, &[words, &sets].concat());
-        assert!(shown.contains("checking \"part\"") && shown.contains(" %"), "{shown}");
+        let is_shown = |shown: &str| shown.contains("reading \"part\"") && shown.contains(" %");
+        let words = [words, &sets].concat();
+        let (code, shown) = held_on_a_terminal(&place, &words, is_shown, [""; 2]);
+        assert_eq!(code, Some(0), "{shown}");
         assert!(shown.contains("objects  ") || shown.contains("rays     "), "{shown}");
     }
-    let shown = on_a_terminal(&place, &[&["check", "-q", "scene.toml"][..], &sets].concat());
-    assert!(!shown.contains("checking \"part\"") && shown.contains("memory  "), "{shown}");
+    let quiet = on_a_terminal(&place, &[&["check", "-q", "scene.toml"][..], &sets].concat());
+    let shown = { quiet }.output().unwrap().stdout;
+    let shown = String::from_utf8_lossy(&shown);
+    assert!(!shown.contains("reading \"part\"") && shown.contains("memory  "), "{shown}");
     let (code, message) =
         code_and_stderr(&place.beamlet(&[&["check", "scene.toml"][..], &sets].concat()));
     assert_eq!((code, message), (Some(0), String::new()), "lines come every 30 seconds");
@@ -257,37 +297,17 @@ fn clocks(shown: &str, word: &str) -> Vec<u64> {
 
 #[test]
 fn a_terminal_ticks_while_one_step_lasts_and_ctrl_c_ends_that() {
-    let place = with_spheres();
-    let line =
-        format!("stty cols 200; {} simulate scene.toml -o run", env!("CARGO_BIN_EXE_beamlet"));
-    let mut command = Command::new("script");
-    command.args(["--quiet", "--return", "--command", &line, "/dev/null"]);
-    command.current_dir(place.path("")).env_remove("RUST_LOG");
-    let mut child = command.stdin(Stdio::piped()).stdout(Stdio::piped()).spawn().unwrap();
-    let (mut output, mut shown) = (child.stdout.take().unwrap(), Vec::new());
-    let mut part = [0; 4096];
-    let packing = |shown: &[u8]| clocks(&String::from_utf8_lossy(shown), "packing instances of");
-    let mut keyboard = child.stdin.take().unwrap();
-    let mut pressed = false;
-    loop {
-        let length = output.read(&mut part).unwrap_or(0);
-        if length == 0 {
-            break;
-        }
-        shown.extend_from_slice(&part[..length]);
-        let mut told = packing(&shown);
-        told.dedup();
-        if told.len() > 3 && !pressed {
-            // What the terminal makes a signal of.
-            keyboard.write_all(b"\x03").unwrap();
-            pressed = true;
-        }
-    }
-    let ended = child.wait().unwrap();
-    let told = packing(&shown);
-    let shown = String::from_utf8_lossy(&shown);
-    assert!(told.is_sorted() && told.last().is_some_and(|last| *last >= 3), "{told:?}: {shown}");
-    assert_eq!(ended.code(), Some(130), "{shown}");
+    let (place, sets) = with_boxes(100);
+    let reading = |shown: &str| clocks(shown, "reading \"part\"");
+    let has_ticked = |shown: &str| reading(shown).last().is_some_and(|last| *last >= 3);
+    let words = [&["simulate", "scene.toml", "-o", "run"][..], &sets].concat();
+    // The terminal makes a signal of this key.
+    let keys = ["\x03", "stopping; press Ctrl-C again"];
+    let (code, shown) = held_on_a_terminal(&place, &words, has_ticked, keys);
+    let mut ticks = reading(&shown);
+    ticks.dedup();
+    assert!(ticks.is_sorted() && ticks.len() >= 3, "{ticks:?}: {shown}");
+    assert_eq!(code, Some(130), "{shown}");
     assert!(shown.contains("interrupted") && !shown.contains("finding objects"), "{shown}");
     assert!(!place.path("run").exists(), "nothing was written");
 }
@@ -296,11 +316,11 @@ fn a_terminal_ticks_while_one_step_lasts_and_ctrl_c_ends_that() {
 fn a_pipe_gets_lines_with_a_clock_that_runs() {
     let place = workplace();
     let mut command = super::beamlet(&place.path(""), &["simulate", "scene.toml", "-o", "run"]);
-    command.args(["--set", "scan.angles={ from = \"0 deg\", to = \"180 deg\", count = 200 }"]);
-    command.args(["--backend", "bvh"]);
-    let (code, message) =
-        code_and_stderr(&command.env("BEAMLET_PROGRESS_SECONDS", "0.02").output().unwrap());
-    assert_eq!(code, Some(0), "{message}");
+    command.args(["--set", "scan.angles={ from = \"0 deg\", to = \"180 deg\", count = 5 }"]);
+    command.args(["--backend", "bvh"]).env("BEAMLET_PROGRESS_SECONDS", "0.02");
+    let mut run = Held::at(Gate::Synced("run/progress.log", "sample/0 "), command);
+    run.lines("view ", 4);
+    let message = ended(&run.ends(), 0);
     let shares: Vec<f64> = message
         .lines()
         .filter(|line| line.contains("view "))

@@ -5,6 +5,7 @@
 
 mod directory;
 mod full_disk;
+#[cfg(target_os = "linux")]
 mod moved;
 mod replace;
 mod words;
