@@ -69,6 +69,16 @@ impl Workplace {
         self.beamlet(&words)
     }
 
+    /// A library, made of this source in C, for `LD_PRELOAD`.
+    pub(crate) fn preloaded(&self, name: &str, source: &str) -> PathBuf {
+        let [code, library] = ["c", "so"].map(|ending| self.path(&format!("{name}.{ending}")));
+        std::fs::write(&code, source).expect("the source is written");
+        let mut compiler = Command::new("cc");
+        compiler.args(["-shared", "-fPIC", "-O1", "-o"]).args([&library, &code]).arg("-ldl");
+        assert!(compiler.status().expect("a compiler").success());
+        library
+    }
+
     /// The bytes of a file of the run.
     pub(crate) fn bytes(&self, name: &str) -> Vec<u8> {
         let path = self.path("run").join(name);

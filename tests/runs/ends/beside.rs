@@ -2,10 +2,10 @@
 //! numbers of threads, and readers.
 
 use super::{beamlet, code_and_stderr, workplace};
-use crate::support::program::{Workplace, ended};
+use crate::support::program::ended;
 use std::fs;
-use std::path::{Path, PathBuf};
-use std::process::{Command, Stdio};
+use std::path::Path;
+use std::process::Stdio;
 
 const VIEWS: &str = "scan.angles={ from = \"0 deg\", to = \"90 deg\", count = 24 }";
 
@@ -70,16 +70,6 @@ int closedir(DIR *folder) {
 }
 "#;
 
-/// A library, made of this source, for `LD_PRELOAD`.
-fn preloaded(place: &Workplace, name: &str, source: &str) -> PathBuf {
-    let [code, library] = ["c", "so"].map(|ending| place.path(&format!("{name}.{ending}")));
-    fs::write(&code, source).unwrap();
-    let mut compiler = Command::new("cc");
-    compiler.args(["-shared", "-fPIC", "-O1", "-o"]).args([&library, &code]).arg("-ldl");
-    assert!(compiler.status().unwrap().success());
-    library
-}
-
 /// Files of a run that are the same whenever it is made, with their bytes.
 fn contents(run: &Path) -> Vec<(String, Vec<u8>)> {
     let names = ["scene.toml", "progress.log", "flat.npy", "sample.npy", "moments/view_0007.bin"];
@@ -94,7 +84,7 @@ fn words(to: &str) -> Vec<&str> {
 #[test]
 fn clocks_that_jump_change_nothing() {
     let place = workplace();
-    let clocks = preloaded(&place, "clocks", CLOCKS);
+    let clocks = place.preloaded("clocks", CLOCKS);
     let left_alone = place.beamlet(&words("alone"));
     assert_eq!(left_alone.status.code(), Some(0), "{left_alone:?}");
     let mut jumped = beamlet(&place.path(""), &words("jumped"));
@@ -114,7 +104,7 @@ fn clocks_that_jump_change_nothing() {
 #[test]
 fn folders_whose_closing_fails_are_read_all_the_same() {
     let place = workplace();
-    let folders = preloaded(&place, "folders", FOLDERS);
+    let folders = place.preloaded("folders", FOLDERS);
     let simulate = ["simulate", "scene.toml", "-o", "run", "-q", "--keep-moments"];
     let commands: [&[&str]; 9] = [
         &simulate,
