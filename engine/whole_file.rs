@@ -3,16 +3,64 @@
 //! The bytes go to a file of another name, which is flushed and synced and then renamed into
 //! place: a full disk or a crash leaves the file that was there before.
 
-use crate::{Error, Result, folder};
+use crate::locked_file::LockedFile;
+use crate::{Error, Result, folder, open_file};
+use std::ffi::OsString;
 use std::fs::{self, File, OpenOptions};
 use std::io::{self, ErrorKind, Write};
 use std::path::{Path, PathBuf};
+
+/// Ending of files of a run that are not whole yet.
+pub(crate) const NEW: &str = ".new";
+/// Beginning and ending of other files that are not whole yet.
+const UNFINISHED: [&str; 2] = [".", ".beamlet-new"];
+
+/// Path of a file while it is not whole: a hidden name of its own, so that files of others stay. A file
+/// that a crash leaves there is replaced by the next that is written.
+fn unfinished(path: &Path) -> PathBuf {
+    let mut name = OsString::from(UNFINISHED[0]);
+    name.push(path.file_name().unwrap_or_default());
+    name.push(UNFINISHED[1]);
+    path.with_file_name(name)
+}
+
+/// The name that a file gets when it is whole; the name itself for others. Earlier versions had the number
+/// of their process behind [`NEW`].
+pub(crate) fn whole_name(name: &str) -> &str {
+    let [beginning, ending] = UNFINISHED;
+    let hidden = || name.strip_prefix(beginning)?.strip_suffix(ending);
+    let numbered = || {
+        let (name, process) = name.rsplit_once(NEW)?;
+        let number = process.strip_prefix('-').unwrap_or(process);
+        number.bytes().all(|byte| byte.is_ascii_digit()).then_some(name)
+    };
+    hidden().or_else(numbered).unwrap_or(name)
+}
+
+/// Opens the file of a name that one process has at a time, emptied.
+fn claim(path: &Path) -> Result<LockedFile> {
+    let failed = |error| Error::file(path, "cannot be written", Some(error));
+    loop {
+        refuse_link(path)?;
+        let mut options = OpenOptions::new();
+        let file = options.write(true).create(true).truncate(false).open(path).map_err(failed)?;
+        let file = LockedFile::exclusive(file).ok_or_else(|| {
+            Error::file(path, "another beamlet process is writing this file", None)
+        })?;
+        // Another process may have finished its file, which has another name then.
+        if open_file::is_at(&file, path) {
+            file.set_len(0).map_err(failed)?;
+            return Ok(file);
+        }
+    }
+}
 
 /// Writes a file with the directories it is in, and syncs it, before it takes the place of one
 /// that is there, or that a link there leads to. A device or pipe is written to.
 ///
 /// # Errors
-/// [`Error::File`] if it cannot be written; an existing file is unchanged then.
+/// [`Error::File`] if it cannot be written, or another process writes it; an existing file is unchanged
+/// then.
 pub fn write_file(path: &Path, bytes: &[u8]) -> Result<()> {
     let failed = |error| Error::file(path, "cannot be written", Some(error));
     match fs::metadata(path) {
@@ -26,24 +74,22 @@ pub fn write_file(path: &Path, bytes: &[u8]) -> Result<()> {
     // Links such as /dev/stdout are not replaced.
     let real = path.canonicalize().unwrap_or_else(|_| path.to_path_buf());
     folder::make_all(real.parent().unwrap_or(path))?;
-    // A name of its own: files of others are not written over.
-    let new = sibling(&real, &format!(".new-{}", std::process::id()));
-    let file = OpenOptions::new().write(true).create_new(true).open(&new).map_err(failed)?;
-    replace(&real, &new, file, bytes).map_err(failed)
+    let new = unfinished(&real);
+    let mut file = claim(&new)?;
+    replace(&real, &new, &mut file, bytes).map_err(failed)
 }
 
-/// As [`write_file`] for a file of a run directory, under the name with `.new`, which a crash
-/// may leave and the next write replaces.
+/// As [`write_file`] for a file of a run directory, which is locked, under the name with [`NEW`].
 pub(super) fn write_whole(path: &Path, bytes: &[u8]) -> Result<()> {
-    let new = sibling(path, ".new");
+    let new = sibling(path, NEW);
     refuse_link(&new)?;
     refuse_link(path)?;
     File::create(&new)
-        .and_then(|file| replace(path, &new, file, bytes))
+        .and_then(|mut file| replace(path, &new, &mut file, bytes))
         .map_err(|error| Error::file(path, "cannot be written", Some(error)))
 }
 
-fn replace(path: &Path, new: &Path, mut file: File, bytes: &[u8]) -> io::Result<()> {
+fn replace(path: &Path, new: &Path, file: &mut File, bytes: &[u8]) -> io::Result<()> {
     let done = file
         .write_all(bytes)
         .and_then(|()| file.sync_all())

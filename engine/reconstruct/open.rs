@@ -5,7 +5,7 @@ use super::quantity::Quantity;
 use super::record::VolumeRecord;
 use super::write::VolumeFormat;
 use crate::array_file::LONGEST_SIDE;
-use crate::stack::{StackFile, layout};
+use crate::stack::{StackFile, layout, refuse_changed};
 use crate::{Error, Result, reserve};
 use ndarray::{Array2, Array3, s};
 use std::io::{Read, Seek, SeekFrom};
@@ -22,7 +22,8 @@ impl OpenVolumes {
     /// Opens a folder of `beamlet reconstruct`.
     ///
     /// # Errors
-    /// [`Error::File`] where there is no volume.json, or it is not of beamlet.
+    /// [`Error::File`] where there is no volume.json, or it is not of beamlet, or an input has another hash
+    /// than in it: names the command that makes the volumes again.
     ///
     /// # Example
     ///
@@ -37,6 +38,7 @@ impl OpenVolumes {
     pub fn open(path: impl AsRef<Path>) -> Result<Self> {
         let path = path.as_ref().to_path_buf();
         let record = VolumeRecord::read(&path)?;
+        refuse_changed(&path, layout::VOLUME, "reconstruct")?;
         let is_name = |name: &String| !name.contains(['/', '\\']);
         if record.size.iter().any(|side| *side == 0 || *side > LONGEST_SIDE as usize)
             || !record.units.keys().all(is_name)

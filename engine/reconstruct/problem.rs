@@ -5,7 +5,6 @@ use super::measured::Measured;
 use super::model::Model;
 use super::preconditioner::Preconditioner;
 use super::solver::IterativeOptions;
-
 use super::vectors::{change, dot};
 use super::work::Work;
 use crate::numbers::single;
@@ -17,7 +16,11 @@ use ndarray::Array3;
 pub(super) struct Problem<'a> {
     model: &'a Model,
     options: &'a IterativeOptions,
+    /// Weights over `unit`.
     weights: Option<Array3<f32>>,
+    /// Largest power of two up to the largest weight: weights in any unit are between 0 and 2 of it, and
+    /// none is rounded.
+    unit: f64,
     mask: Option<Array3<f32>>,
     filter: Option<Preconditioner>,
     /// Number of weights above zero.
@@ -37,6 +40,14 @@ fn of_mut(array: &mut Array3<f32>) -> &mut [f32] {
     array.as_slice_mut().unwrap_or_default()
 }
 
+/// Divides weights by the largest power of two up to the largest of them, and returns it.
+fn scale(weights: &mut Array3<f32>) -> f64 {
+    let most = weights.iter().copied().fold(0.0, f32::max);
+    let unit = libm::exp2(libm::log2(most.into()).floor());
+    weights.mapv_inplace(|weight| single(f64::from(weight) / unit));
+    unit
+}
+
 impl<'a> Problem<'a> {
     /// # Errors
     /// [`Error::Memory`].
@@ -46,7 +57,8 @@ impl<'a> Problem<'a> {
         options: &'a IterativeOptions,
     ) -> Result<Self> {
         let [x, y, z] = model.size();
-        let weights = measured.weights.map(|weights| weights.as_standard_layout().into_owned());
+        let mut weights = measured.weights.map(|weights| weights.as_standard_layout().into_owned());
+        let unit = weights.as_mut().map_or(1.0, scale);
         let mask = measured.mask.map(|mask| mask.map(|may| f32::from(u8::from(*may))));
         let mut volume = match measured.start {
             Some(start) => start.as_standard_layout().into_owned(),
@@ -72,6 +84,7 @@ impl<'a> Problem<'a> {
             model,
             options,
             weights,
+            unit,
             mask,
             filter,
             counted: counted as f64,
@@ -93,8 +106,7 @@ impl<'a> Problem<'a> {
             let projected = self.model.forward(self.volume.view(), work)?;
             change(of_mut(&mut self.residual), of(&projected), |r, p| r - p);
         }
-        self.note();
-        Ok(())
+        self.note().map(drop)
     }
 
     /// Sum of the products of two sinograms, weighted.
@@ -110,14 +122,19 @@ impl<'a> Problem<'a> {
     }
 
     /// Notes the residual of the volume; true where iterations end.
-    fn note(&mut self) -> bool {
-        let now = (self.product(&self.residual, &self.residual) / self.counted).sqrt();
+    ///
+    /// # Errors
+    /// [`Error::Argument`] for a residual that is not finite.
+    fn note(&mut self) -> Result<bool> {
+        let squares = self.unit * self.product(&self.residual, &self.residual);
+        let now = (squares / self.counted).sqrt();
+        self.refuse_infinite("residual", now)?;
         if self.residuals.iter().all(|earlier| now < *earlier) && !self.residuals.is_empty() {
             self.best.0 = self.residuals.len();
             self.best.1.assign(&self.volume);
         }
         self.residuals.push(now);
-        self.options.discrepancy.is_some_and(|bound| now <= bound)
+        Ok(self.options.discrepancy.is_some_and(|bound| now <= bound))
     }
 
     /// The negative gradient, and its filtered form.
@@ -151,8 +168,23 @@ impl<'a> Problem<'a> {
     }
 
     /// # Errors
-    /// [`Error::Argument`] if no weighted ray passes a voxel, but there is something to explain.
+    /// [`Error::Argument`] for a residual or gradient that is not finite.
+    fn refuse_infinite(&self, what: &str, value: f64) -> Result<()> {
+        if value.is_finite() {
+            return Ok(());
+        }
+        let found =
+            format!("values with a {what} of {value} in iteration {}", self.residuals.len());
+        let allowed =
+            "values and a start whose projections and their sums are finite 32-bit numbers";
+        Err(Error::argument("sinograms", found, allowed))
+    }
+
+    /// # Errors
+    /// [`Error::Argument`] if no weighted ray passes a voxel, but there is something to explain, or the
+    /// gradient is not finite.
     fn met(&self, descent: f64) -> Result<()> {
+        self.refuse_infinite("gradient", descent)?;
         if descent > 0.0 || self.residuals[0] <= 0.0 {
             return Ok(());
         }
@@ -178,7 +210,7 @@ impl<'a> Problem<'a> {
             let step = single(size / curvature);
             change(of_mut(&mut self.volume), of(&direction), |x, p| x + step * p);
             change(of_mut(&mut self.residual), of(&projected), |r, q| r - step * q);
-            if self.note() || n + 1 == self.options.iterations {
+            if self.note()? || n + 1 == self.options.iterations {
                 break;
             }
             let (gradient, filtered) =
@@ -205,7 +237,7 @@ impl<'a> Problem<'a> {
             work.stage(self.part(n, [0.5, 1.0]), |work| self.model.forward(moved.view(), work))?;
         change(of_mut(&mut self.residual), of(&projected), |r, q| r - q);
         self.volume = volume;
-        Ok(self.note())
+        self.note()
     }
 
     /// Gradient descent with steps of Barzilai and Borwein.

@@ -9,6 +9,7 @@ use super::voxel_mask::VoxelMask;
 use super::write::VolumeFormat;
 use crate::retrieve::Drift;
 use crate::stack::layout::VOLUME;
+use crate::stack::working_directory;
 use crate::{Error, Result, input_file};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -40,8 +41,15 @@ pub struct VolumeRecord {
     pub method: String,
     /// Its options.
     pub options: serde_json::Value,
-    /// SHA-256 of the inputs, by path, as in retrieved.json.
+    /// SHA-256 of the inputs, by path, as in retrieved.json, and those of the retrieved.json of the images.
     pub inputs: BTreeMap<String, String>,
+    /// Hashes of sizes and times of modification of inputs, by path. An input is compared by its contents
+    /// where its stamp differs, or it has none.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub input_stamps: BTreeMap<String, String>,
+    /// Directory that relative paths of inputs start from; `None` in records of earlier versions.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub working_directory: Option<String>,
     /// Views, rows and columns of the sinograms.
     pub sinograms: [usize; 3],
     /// Column of the axis of rotation among these columns, counted from 0.
@@ -135,6 +143,8 @@ impl VolumeRecord {
             method: plan.method.name().to_owned(),
             options: plan.method.options(),
             inputs: BTreeMap::new(),
+            input_stamps: BTreeMap::new(),
+            working_directory: working_directory(),
             sinograms: geometry.shape(),
             axis_column: geometry.axis_column(),
             rings: plan.rings,

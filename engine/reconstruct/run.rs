@@ -19,15 +19,13 @@ use super::truth::Truth;
 use super::write::{VolumeFormat, write};
 use crate::cancel::Aside;
 use crate::numbers::{single, whole};
-use crate::retrieve::path_hash;
 use crate::run::{RowsControl, require_memory};
-use crate::stack::layout::{ERRORS, REGIONS, RESIDUALS};
-use crate::stack::{ImageDirectory, Kind, now, refuse_overlap};
+use crate::stack::layout::{ERRORS, RECORD, REGIONS, RESIDUALS};
+use crate::stack::{ImageDirectory, InputHashes, Kind, now, refuse_overlap};
 use crate::whole_file::write_file;
 use crate::{Cancel, Engine, Error, Result, reserve};
 use ndarray::{Array2, Array3};
-use std::collections::BTreeMap;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::time::Instant;
 
 /// Name of the volume of the objects of the scene.
@@ -134,11 +132,7 @@ pub fn reconstruct(
     let memory = Memory::of(geometry, plan, truth.is_some(), limit)?;
     require_memory(memory.host, "a reconstruction")?;
     let record = VolumeRecord::begin(engine, geometry, plan, to.format);
-    let paths: Vec<PathBuf> = input.paths().into_iter().chain(plan.paths()).collect();
-    let hashes: Aside<Result<BTreeMap<String, String>>> = Aside::begin(move |end| {
-        let hash = |path: &PathBuf| Ok((path.display().to_string(), path_hash(path, end)?));
-        paths.iter().map(hash).collect()
-    });
+    let hashes = input_hashes(input, plan);
     let images = ImageDirectory::begin(
         to.path,
         Kind::Volume,
@@ -182,7 +176,8 @@ pub fn reconstruct(
             record.files.push(name.to_owned());
         }
     }
-    record.inputs = hashes.wait(&control.cancel, &mut || {})??;
+    let InputHashes { hashes, stamps } = hashes.wait(&control.cancel, &mut || {})??;
+    (record.inputs, record.input_stamps) = (hashes, stamps);
     record.command = to.command.map(str::to_owned);
     record.labels = truth.map(Truth::names).unwrap_or_default();
     record.written = now();
@@ -190,6 +185,16 @@ pub fn reconstruct(
     images.finish(Some(&record.text()?))?;
     let table = |text: String| (!text.is_empty()).then_some(text);
     Ok(Reconstructed { record, regions: table(regions), errors: table(errors) })
+}
+
+/// Begins to find the hashes of everything that is read, with the inputs of retrieved images.
+fn input_hashes(input: &Input, plan: &VolumePlan) -> Aside<Result<InputHashes>> {
+    let (own, beside) = (input.paths(), plan.paths());
+    Aside::begin(move |end| {
+        let mut found = InputHashes::of(&[&own[..], &beside].concat(), end)?;
+        own.iter().try_for_each(|folder| found.inherit(folder, RECORD))?;
+        Ok(found)
+    })
 }
 
 /// Tables beside the volumes, as CSV.

@@ -9,13 +9,13 @@ mod selection;
 mod times;
 
 use super::retriever::Retriever;
-use crate::cancel::{Aside, Cancel};
+use crate::cancel::Aside;
 use crate::detector::DetectorModel;
 use crate::numbers;
-use crate::scene::{Scene, hash_until, text_hash};
-use crate::stack::layout::{GEOMETRY, LOG, SCENE};
-use crate::stack::{OpenRun, StackFile};
-use crate::{Error, Result, folder, input_file};
+use crate::scene::Scene;
+use crate::stack::layout::GEOMETRY;
+use crate::stack::{InputHashes, OpenRun, StackFile};
+use crate::{Error, Result, input_file};
 use correction::{Correction, Dark, LEFT_OUT};
 use ndarray::Array3;
 pub use selection::Columns;
@@ -41,8 +41,10 @@ pub struct Input {
     counts: bool,
     /// The views are the first of the scene's; measured ones have angles where there are as many.
     is_run: bool,
-    /// Everything that was read, files and folders.
+    /// Everything that was read, files and folders, but for the run.
     read: Vec<PathBuf>,
+    /// SHA-256 of the files of the run, by path.
+    run: BTreeMap<String, String>,
     /// Files of each folder of measured frames, in their order.
     frames: BTreeMap<String, Vec<String>>,
     /// Warnings about the files.
@@ -66,6 +68,7 @@ impl Input {
             counts: false,
             is_run: false,
             read,
+            run: BTreeMap::new(),
             frames: BTreeMap::new(),
             warnings: Vec::new(),
         }
@@ -86,7 +89,6 @@ impl Input {
                 run.views()
             );
         }
-        let read = [SCENE, LOG].map(|name| run.path().join(name));
         let input = if counts {
             let (Some(flat), Some(sample)) = (run.counts_flat()?, run.counts_sample()?) else {
                 let problem = match scene.detector.counts {
@@ -101,7 +103,7 @@ impl Input {
         } else {
             Self::simulated(&scene, run.flat()?, run.sample()?)
         };
-        Ok(input.with_read(&read))
+        Ok(Self { run: run.hashes().clone(), ..input })
     }
 
     /// Simulated intensities of a scene. Several flats are taken every `scan.flats_every` views.
@@ -201,11 +203,12 @@ impl Input {
     }
 
     /// Begins to find the SHA-256 of everything that is read, by its path, while curves are fitted.
-    pub(super) fn hashes(&self) -> Aside<Result<BTreeMap<String, String>>> {
-        let read = self.read.clone();
+    pub(super) fn hashes(&self) -> Aside<Result<InputHashes>> {
+        let (read, run) = (self.read.clone(), self.run.clone());
         Aside::begin(move |end| {
-            let hash = |path: &PathBuf| Ok((path.display().to_string(), path_hash(path, end)?));
-            read.iter().map(hash).collect()
+            let mut found = InputHashes::of(&read, end)?;
+            found.hashes.extend(run);
+            Ok(found)
         })
     }
 
@@ -397,21 +400,6 @@ impl Input {
         }
         Ok(data)
     }
-}
-
-/// SHA-256 of a file, or of the contents of a folder: lines of hash and name.
-pub(crate) fn path_hash(path: &Path, cancel: &Cancel) -> Result<String> {
-    if !path.is_dir() {
-        return hash_until(path, cancel);
-    }
-    let unread = |error| Error::file(path, "cannot be read", Some(error));
-    let paths = folder::paths(path).map_err(unread)?;
-    let line = |path: &PathBuf| {
-        let name = path.file_name().unwrap_or_default().display().to_string();
-        Ok(format!("{}  {name}\n", path_hash(path, cancel)?))
-    };
-    let lines = paths.iter().map(line).collect::<Result<String>>()?;
-    Ok(text_hash(&lines))
 }
 
 /// Mask offsets from a list such as "-10 um, 0 um, 10 um", or from a file with one per line.

@@ -35,7 +35,6 @@ pub(crate) use fitter::{FitOptions, Fitter};
 pub use ideal::{IdealImages, IdealOptions, ideal};
 pub(crate) use images::FLAGS;
 pub use images::Images;
-pub(crate) use input::path_hash;
 pub use input::{Columns, Input, offsets};
 pub use method::Method;
 pub(crate) use method::different_offsets;

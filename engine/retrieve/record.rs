@@ -86,6 +86,13 @@ pub struct Record {
     /// lines `HASH  NAME` of its files, in the order of their names, as sha256sum prints them.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub inputs: BTreeMap<String, String>,
+    /// Hashes of sizes and times of modification of inputs, by path. An input is compared by its contents
+    /// where its stamp differs, or it has none.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub input_stamps: BTreeMap<String, String>,
+    /// Directory that relative paths of inputs start from; `None` in records of earlier versions.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub working_directory: Option<String>,
     /// SHA-256 of the files that the scene of the geometry refers to, by their paths.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub files: BTreeMap<String, String>,

@@ -16,7 +16,9 @@ use super::{Curves, Method, Weights, flags};
 use crate::numbers;
 use crate::run::RowsControl;
 use crate::stack::layout::{CORRECTIONS, GEOMETRY};
-use crate::stack::{Format, ImageDirectory, Kind, now, refuse_overlap};
+use crate::stack::{
+    Format, ImageDirectory, InputHashes, Kind, now, refuse_overlap, working_directory,
+};
 use crate::whole_file::write_file;
 use crate::{Engine, Error, Result, reserve};
 use ndarray::{Array2, Array3, ArrayView2};
@@ -311,7 +313,9 @@ fn retrieve_to(
     record.corrections = correcting.map_or_else(Vec::new, Correcting::views);
     record.drift = phases.map(|phases| phases.drift());
     diagnosis.finish(&mut record, input.warnings());
-    record.inputs = hashes.wait(&cancel, &mut || {})??;
+    let InputHashes { hashes, stamps } = hashes.wait(&cancel, &mut || {})??;
+    (record.inputs, record.input_stamps) = (hashes, stamps);
+    record.working_directory = working_directory().filter(|_| !record.inputs.is_empty());
     record.began = Some(began);
     record.written = Some(now());
     record.duration_s = since.elapsed().as_secs_f64();
@@ -377,6 +381,8 @@ fn begun(
         // In no directory, so that every path is written absolute.
         geometry: scene.to_toml("", &BTreeMap::new(), &[]).ok(),
         inputs: BTreeMap::new(),
+        input_stamps: BTreeMap::new(),
+        working_directory: None,
         files: scene
             .files
             .iter()

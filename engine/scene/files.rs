@@ -180,8 +180,8 @@ pub(crate) fn hash_until(path: &Path, cancel: &Cancel) -> Result<String> {
     Ok(digest.iter().map(|byte| format!("{byte:02x}")).collect())
 }
 
-/// SHA-256 of a text, in lower-case hexadecimal.
-pub(crate) fn text_hash(text: &str) -> String {
+/// SHA-256 of a text or of bytes, in lower-case hexadecimal.
+pub(crate) fn text_hash(text: impl AsRef<[u8]>) -> String {
     use std::fmt::Write;
     Sha256::digest(text).iter().fold(String::new(), |mut out, byte| {
         let _ = write!(out, "{byte:02x}");

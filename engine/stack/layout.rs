@@ -1,4 +1,4 @@
-//! Names of the files of a run directory and of retrieved images: no other file spells one.
+//! Names of all files that beamlet gives a name, also in the making: no other file spells one.
 //!
 //! ```text
 //! RUN/scene.toml  geometry.json  run.json  progress.log  report.html
@@ -9,7 +9,11 @@
 //! RUN/plan.json  device.json  shards/0000/run.json  progress.log  …   a planned run, until it is joined
 //! RUN/retrieved/retrieved.json  geometry.json  corrections.csv  NAME.npy  or  NAME/view_0000.exr
 //! ASTRA/astra.json  load_astra.py  NAME.npy
-//! VOLUME/volume.json  NAME.npy  or  NAME/slice_0000.exr  or  NAME.mhd  NAME.raw
+//! VOLUME/volume.json  regions.csv  errors.csv  residuals.csv
+//! VOLUME/NAME.npy  or  NAME/slice_0000.exr  or  NAME.mhd  NAME.raw
+//! FOLDER.partial/.beamlet-partial  FOLDER.replaced   arrays in the making, and those that they replace
+//! RUN/NAME.new  RUN/partial  RUN/moments/view_0000.partial                    a run in the making
+//! .NAME.beamlet-new                                                any other file in the making
 //! ```
 //!
 //! A volume is an array with a name, as a retrieved image is ([`array`]).
@@ -17,6 +21,7 @@
 use super::shape::StackShape;
 use crate::array_file::Format;
 use crate::scene::Exposure;
+use crate::whole_file::{NEW, whole_name};
 use crate::{Error, Result, printed};
 use std::ops::Range;
 use std::path::{Path, PathBuf};
@@ -39,6 +44,8 @@ pub(crate) const SHARDS: &str = "shards";
 pub const SCRIPTS: &str = "slurm";
 /// Page of `beamlet report` in a run.
 pub const REPORT: &str = "report.html";
+/// Text by which a page of `beamlet report` is known.
+pub(crate) const REPORT_MARK: &str = "<meta name=\"generator\" content=\"beamlet\">";
 /// Folder of the images that were retrieved from a run.
 pub const RETRIEVED: &str = "retrieved";
 /// Description of retrieved images, in their folder.
@@ -71,8 +78,6 @@ pub(crate) const IMAGES_PARTIAL: &str = ".partial";
 pub(crate) const IMAGES_REPLACED: &str = ".replaced";
 /// File that marks a folder of images in the making as one of beamlet.
 pub(crate) const IMAGES_MARK: &str = ".beamlet-partial";
-/// Ending of files that are not whole yet ([`crate::whole_file`]).
-const NEW: &str = ".new";
 const FLAT: &str = "flat";
 const SAMPLE: &str = "sample";
 const DARK: &str = "dark";
@@ -85,8 +90,9 @@ const ROWS: &str = "/rows/";
 const VIEW: &str = "view_";
 const STEP: &str = "step_";
 const SLICE: &str = "slice_";
-/// Endings of files beside the arrays of a folder.
-const BESIDE: [&str; 4] = [".csv", ".py", HEADER, RAW];
+/// Files beside the arrays of a folder.
+const BESIDE: [&str; 9] =
+    [RECORD, ASTRA, VOLUME, GEOMETRY, CORRECTIONS, REGIONS, ERRORS, RESIDUALS, ASTRA_SCRIPT];
 /// Endings of a `MetaImage`: its header, and its values.
 const HEADER: &str = ".mhd";
 const RAW: &str = ".raw";
@@ -321,9 +327,10 @@ pub(crate) fn meta_image(name: &str) -> [String; 2] {
     [HEADER, RAW].map(|ending| format!("{name}{ending}"))
 }
 
-/// Whether a file may lie beside the arrays of a folder of volumes in the making.
+/// Whether a file may lie beside the arrays of a folder, or is one of these in the making.
 pub(crate) fn is_beside_arrays(name: &str) -> bool {
-    BESIDE.iter().any(|ending| name.ends_with(ending))
+    let name = whole_name(name);
+    BESIDE.contains(&name) || [HEADER, RAW].iter().any(|ending| name.ends_with(ending))
 }
 
 /// File of the moments of a view.

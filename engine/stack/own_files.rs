@@ -7,8 +7,8 @@ use super::shape::StackShape;
 use crate::scene::Exposure;
 use crate::whole_file::refuse_link;
 use crate::{Error, Result, folder};
-use std::fs;
-use std::io::ErrorKind;
+use std::fs::{self, File};
+use std::io::{self, ErrorKind, Read};
 use std::path::Path;
 
 /// Whether a run can begin in `path`.
@@ -33,24 +33,24 @@ pub(super) fn look(path: &Path, overwrite: bool) -> Result<()> {
         };
         return Err(Error::file(path, problem, None));
     }
-    if !is_run
-        && !has_only_begun(path)
-        && let Some(name) = first_of_our_names(path)
-    {
+    if !is_run && let Some(name) = first_of_our_names(path) {
         let problem = "was not written by beamlet and would be replaced; choose another directory";
         return Err(Error::file(path.join(name), problem, None));
     }
     refuse_links(path)
 }
 
-/// Whether a run ended here before run.json existed: its log exists and is empty, and beside it are at
-/// most the files that a run begins with.
+/// Whether a run ended here before run.json existed, and nothing else is here.
 pub(super) fn has_only_begun(path: &Path) -> bool {
-    let mut first = layout::unfinished().collect::<Vec<_>>();
-    first.extend([LOG, layout::SCENE, layout::GEOMETRY, layout::DEVICE].map(str::to_owned));
-    let names = || folder::names(path);
+    let first = first_names();
     let is_first = |name: &std::ffi::OsString| first.iter().any(|first| name == first.as_str());
-    is_empty_log(path) && names().is_ok_and(|names| names.iter().all(is_first))
+    is_empty_log(path) && folder::names(path).is_ok_and(|names| names.iter().all(is_first))
+}
+
+/// Files that a run begins with, before run.json.
+fn first_names() -> Vec<String> {
+    let names = [LOG, layout::SCENE, layout::GEOMETRY, layout::DEVICE].map(str::to_owned);
+    layout::unfinished().chain(names).collect()
 }
 
 /// Whether the log is there and commits nothing.
@@ -58,18 +58,19 @@ fn is_empty_log(path: &Path) -> bool {
     fs::symlink_metadata(path.join(LOG)).is_ok_and(|log| log.is_file() && log.len() == 0)
 }
 
-/// The first name of ours in `path`. An empty log does not count: a run begins with one, and it holds
-/// nothing to lose.
+/// The first name of ours in `path`. Beside an empty log the files that a run begins with do not count: it
+/// ended before run.json existed.
 fn first_of_our_names(path: &Path) -> Option<String> {
-    let empty_log = is_empty_log(path);
+    let first = if is_empty_log(path) { first_names() } else { Vec::new() };
     layout::owned()
-        .filter(|name| !(empty_log && *name == LOG))
+        .filter(|name| !first.contains(name))
         .find(|name| fs::symlink_metadata(path.join(name)).is_ok())
 }
 
 /// Refuses links in place of files and folders of a run.
 pub(super) fn refuse_links(path: &Path) -> Result<()> {
-    layout::owned().try_for_each(|name| refuse_link(&path.join(name)))?;
+    let names = layout::owned().chain([layout::RETRIEVED.to_owned()]);
+    names.map(|name| path.join(name)).try_for_each(|path| refuse_link(&path))?;
     layout::folders().try_for_each(|folder| refuse_links_in(&path.join(folder)))
 }
 
@@ -122,6 +123,20 @@ pub(super) fn remove_frames(directory: &Path, extent: StackShape) -> Result<()> 
     })?;
     let _ = fs::remove_dir(directory);
     Ok(())
+}
+
+/// Removes the page of `beamlet report` in a run; any other file or link in its place stays.
+pub(super) fn remove_report(run: &Path) -> Result<()> {
+    let page = run.join(layout::REPORT);
+    let is_file = fs::symlink_metadata(&page).is_ok_and(|found| found.is_file());
+    if is_file && begins_as_report(&page).unwrap_or(false) { remove_file(&page) } else { Ok(()) }
+}
+
+/// Whether the mark of reports is in the first bytes of a file.
+fn begins_as_report(page: &Path) -> io::Result<bool> {
+    let mut beginning = Vec::new();
+    File::open(page)?.take(1 << 12).read_to_end(&mut beginning)?;
+    Ok(String::from_utf8_lossy(&beginning).contains(layout::REPORT_MARK))
 }
 
 /// Removes a file; a link in its place is an error.

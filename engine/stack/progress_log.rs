@@ -15,7 +15,7 @@
 use super::layout::{self, Line};
 use crate::locked_file::LockedFile;
 use crate::moments::Beginning;
-use crate::scene::Exposure;
+use crate::scene::{Exposure, text_hash};
 use crate::whole_file::refuse_link;
 use crate::{Error, Result, Tally, input_file, open_file};
 use std::collections::BTreeMap;
@@ -195,6 +195,8 @@ fn lines([counts, own]: [String; 2], entry: &Entry) -> String {
 /// Contents of a log.
 #[derive(Debug, Default)]
 pub(super) struct Contents {
+    /// SHA-256 of the text, hexadecimal.
+    pub(super) sha256: String,
     /// Views that are committed.
     pub(super) views: BTreeMap<Exposure, Entry>,
     /// Blocks of views, by their first row.
@@ -208,13 +210,14 @@ pub(super) fn read(path: &Path) -> Result<BTreeMap<Exposure, Entry>> {
 
 /// Reads a log; the last line of a view or block counts. A missing log is an empty one.
 pub(super) fn read_all(path: &Path) -> Result<Contents> {
-    let text = match input_file::read(path, MOST) {
-        // Bytes that are no text are no line, and named below.
-        Ok(bytes) => String::from_utf8_lossy(&bytes).into_owned(),
+    let bytes = match input_file::read(path, MOST) {
+        Ok(bytes) => bytes,
         Err(error) if error.kind() == ErrorKind::NotFound => return Ok(Contents::default()),
         Err(error) => return Err(Error::file(path, "cannot be read", Some(error))),
     };
-    let mut contents = Contents::default();
+    let mut contents = Contents { sha256: text_hash(&bytes), ..Contents::default() };
+    // Bytes that are no text are no line, and named below.
+    let text = String::from_utf8_lossy(&bytes);
     // Lines before the line that they belong to.
     let mut counts = BTreeMap::new();
     let mut kept = BTreeMap::new();

@@ -11,6 +11,7 @@ mod resume;
 
 use super::frames::Frames;
 use super::geometry_file::GeometryFile;
+use super::image_folder::{ImageDirectory, Kind};
 use super::layout::{self, COUNTS, GEOMETRY, LOG, PARTIAL, RUN, SCENE};
 use super::own_files::{self, remove_file, remove_frames, remove_stacks};
 use super::plan;
@@ -70,8 +71,8 @@ impl RunDirectory {
     ///
     /// # Errors
     /// [`Error::File`] where `path` is taken: a run, or anything else that is not an empty
-    /// directory. With `overwrite` the files of an earlier run there are replaced and files of
-    /// others are left; it is still an error where a file of others has the name of one of ours.
+    /// directory. With `overwrite` the files of an earlier run there are replaced, its retrieved images and
+    /// its report are removed, and files of others are left; it is still an error where a file of others has the name of one of ours.
     pub fn create(path: impl Into<PathBuf>, format: Format, overwrite: bool) -> Result<Self> {
         let path = path.into();
         layout::refuse_unjoined(&path)?;
@@ -206,6 +207,8 @@ impl RunDirectory {
             // is the lock; run.json stays until the new one replaces it, so that the remains of a crash
             // are recognised as a run.
             log.clear()?;
+            ImageDirectory::discard(&self.path.join(layout::RETRIEVED), Kind::Images)?;
+            own_files::remove_report(&self.path)?;
             moments::file::remove(&self.path, earlier.views)?;
             for name in layout::stack_files() {
                 remove_file(&self.path.join(&name))?;

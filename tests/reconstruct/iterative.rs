@@ -242,6 +242,35 @@ fn gaps_in_a_pattern_slow_iterations_down() {
     assert!(is_near(many, 4.3e-3) && is_near(begun, 2.9e-3), "{many} {begun}");
 }
 
+/// Powers of two are factors that round nothing. Squares of values and weights in these units are far beyond
+/// the range of 32-bit numbers.
+#[test]
+fn the_unit_of_weights_changes_no_bit() {
+    let (geometry, grid) = (parallel(30), grid(SIZE));
+    let given = sinograms(&geometry, &blobs(), Quantity::Mu);
+    let weights =
+        Array3::from_shape_fn(given.dim(), |(v, _, c)| [0.0, 0.25, 1.0, 1.75][(v + c) % 4]);
+    for method in [Solver::Cgls, Solver::Sirt, Solver::Bb] {
+        let made = |exponent: i32| {
+            let factor = 2.0_f64.powi(exponent);
+            let weights = weights.mapv(|weight: f32| (f64::from(weight) * factor) as f32);
+            assert!(weights.iter().any(|weight| *weight > 0.0));
+            let measured =
+                Measured::new(Data::Attenuation, given.view()).with_weights(weights.view());
+            solve(&geometry, &measured, &grid, options(method, 4)).unwrap()
+        };
+        let usual = made(0);
+        assert!(usual.best > 0, "{method:?}");
+        for exponent in [-140, -80, 90, 126] {
+            let made = made(exponent);
+            assert!(made.volume.values == usual.volume.values, "{method:?} 2^{exponent}");
+            let factor = 2.0_f64.powi(exponent / 2);
+            let residuals: Vec<f64> = usual.residuals.iter().map(|it| it * factor).collect();
+            assert_eq!(made.residuals, residuals, "{method:?} 2^{exponent}");
+        }
+    }
+}
+
 #[test]
 fn what_cannot_be_iterated_is_named() {
     let geometry = parallel(30);
@@ -278,6 +307,11 @@ fn what_cannot_be_iterated_is_named() {
         let made = solve(&beside, &whole, &grid, options(method, 3));
         let message = made.unwrap_err().to_string();
         assert!(message.contains("in the beam of some views"), "{message}");
+    }
+    let large = ones.mapv(|value| 3e38 * value);
+    for method in [Solver::Cgls, Solver::Sirt, Solver::Bb] {
+        let large = Measured::new(Data::Attenuation, large.view());
+        refused(&large, options(method, 3), "finite 32-bit numbers");
     }
     // Nothing to explain is explained by nothing.
     let empty = solve(&geometry, &Measured::new(Data::Phase, zeros.view()), &grid, usual).unwrap();

@@ -19,6 +19,7 @@ mod frame_order;
 mod integrity;
 mod kept;
 mod kept_error;
+mod kills;
 mod one_patch;
 mod safety;
 #[cfg(all(feature = "cli", unix))]

@@ -11,10 +11,10 @@ use crate::locked_file::LockedFile;
 use crate::stack::layout::{
     IMAGES_MARK as MARK, IMAGES_PARTIAL as PARTIAL, IMAGES_REPLACED as REPLACED,
 };
-use crate::whole_file::{sibling, sync_directory, sync_path, write_file};
+use crate::whole_file::{refuse_link, sibling, sync_directory, sync_path, write_file};
 use crate::{Error, Result, open_file};
 use ndarray::ArrayView2;
-use own::{check, claim, remove, sweep};
+use own::{check, claim, discard, refuse_linked, remove, sweep};
 use sheet::Sheet;
 use std::collections::BTreeMap;
 use std::fs;
@@ -43,7 +43,14 @@ pub(crate) struct ImageDirectory {
 impl ImageDirectory {
     /// Refuses a place that is taken, before any work is done.
     pub(crate) fn check(path: &Path, kind: Kind, overwrite: bool) -> Result<()> {
+        refuse_linked(path)?;
         check(path, kind, overwrite)
+    }
+
+    /// Removes the arrays at `path` with the files beside them, also where they were about to be replaced.
+    /// Files of others stay.
+    pub(crate) fn discard(path: &Path, kind: Kind) -> Result<()> {
+        [path, &sibling(path, REPLACED)].into_iter().try_for_each(|path| discard(path, kind))
     }
 
     /// Begins beside `path`; for a link, beside its target.
@@ -54,6 +61,7 @@ impl ImageDirectory {
         overwrite: bool,
         about: serde_json::Value,
     ) -> Result<Self> {
+        refuse_linked(path)?;
         let place = match fs::symlink_metadata(path) {
             Ok(found) if found.is_symlink() => {
                 path.canonicalize().map_err(failed(path, "is a link to a missing target"))?
@@ -67,6 +75,7 @@ impl ImageDirectory {
         let replaced = sibling(&place, REPLACED);
         if fs::symlink_metadata(&replaced).is_ok() {
             // The remains of a crash; anything else there belongs to others.
+            refuse_link(&replaced)?;
             check(&replaced, kind, true)?;
         }
         let partial = sibling(&place, PARTIAL);

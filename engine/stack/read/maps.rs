@@ -1,7 +1,8 @@
 //! Retrieved images of a run.
 
 use super::stack_file::StackFile;
-use crate::stack::layout;
+use crate::stack::inputs::refuse_changed;
+use crate::stack::layout::{self, RECORD};
 use crate::{Error, Result, folder};
 use ndarray::Array2;
 use std::collections::BTreeMap;
@@ -21,9 +22,11 @@ impl Maps {
     /// view, or `NAME/view_0000.exr`.
     ///
     /// # Errors
-    /// [`Error::File`] where there are none, or where they differ in shape.
+    /// [`Error::File`] where there are none, or where they differ in shape, or where an input has another
+    /// hash than in the retrieved.json beside them: names the command that makes them again.
     pub fn open(path: impl AsRef<Path>) -> Result<Self> {
         let path = path.as_ref();
+        refuse_changed(path, RECORD, "retrieve")?;
         let unread = |error| Error::file(path, "cannot be read", Some(error));
         let mut maps = BTreeMap::new();
         for entry in folder::paths(path).map_err(unread)? {

@@ -2,11 +2,12 @@
 
 use super::checksums::{Checksums, Compared};
 use super::stack_file::StackFile;
+use crate::cancel::Cancel;
 use crate::numbers;
-use crate::scene::{Exposure, Scene};
+use crate::scene::{Exposure, Scene, hash_until};
 use crate::stack::layout::{self, COUNTS, LOG, RUN, SCENE};
 use crate::stack::plan;
-use crate::stack::progress_log::{self, Entry};
+use crate::stack::progress_log::{self, Contents, Entry};
 use crate::stack::run_file::RunFile;
 use crate::stack::shape::StackShape;
 use crate::{Error, Result};
@@ -25,6 +26,8 @@ pub struct OpenRun {
     compared: Compared,
     /// Views from the first on that are committed.
     views: usize,
+    /// SHA-256 of scene.toml and progress.log as they were read, by path.
+    hashes: BTreeMap<String, String>,
 }
 
 impl OpenRun {
@@ -54,8 +57,12 @@ impl OpenRun {
         layout::refuse_unjoined(path)?;
         let file = RunFile::read(&path.join(RUN))?;
         plan::refuse_shard(path, &file)?;
-        let scene = read_scene(&path.join(SCENE))?;
-        let committed = progress_log::read(&path.join(LOG))?;
+        let [scene_path, log] = [SCENE, LOG].map(|name| path.join(name));
+        let scene = read_scene(&scene_path)?;
+        let Contents { views: committed, sha256, .. } = progress_log::read_all(&log)?;
+        let scene_hash = hash_until(&scene_path, &Cancel::default())?;
+        let name = |path: PathBuf| path.display().to_string();
+        let hashes = [(name(scene_path), scene_hash), (name(log), sha256)].into();
         let of_scene = StackShape::of(&scene)?;
         if of_scene != file.extent {
             let problem = format!("claims {:?}; {SCENE} has {of_scene:?}", file.extent);
@@ -71,7 +78,8 @@ impl OpenRun {
             return Err(Error::file(path, problem, None));
         }
         let path = path.to_path_buf();
-        Ok(Self { path, scene, file, committed, compared: Compared::default(), views })
+        let compared = Compared::default();
+        Ok(Self { path, scene, file, committed, compared, views, hashes })
     }
 
     /// The directory.
@@ -90,6 +98,11 @@ impl OpenRun {
     #[must_use]
     pub const fn record(&self) -> &RunFile {
         &self.file
+    }
+
+    /// SHA-256 of scene.toml and progress.log as they were read, by path.
+    pub(crate) const fn hashes(&self) -> &BTreeMap<String, String> {
+        &self.hashes
     }
 
     /// Views of the sample that are committed, from the first on.

@@ -84,7 +84,7 @@ impl RunDirectory {
         refuse_other_scene(&root, &differences.found)?;
         let extent = StackShape::of(scene)?;
         let part = shard.map_or(Part::whole(extent), |shard| Part { extent, shard });
-        let Contents { views: entries, blocks } = progress_log::read_all(&path.join(LOG))?;
+        let Contents { views: entries, blocks, .. } = progress_log::read_all(&path.join(LOG))?;
         let found = verify::frames(&path, file.format, part, scene, &entries);
         let mut problems: Vec<String> = found
             .problems

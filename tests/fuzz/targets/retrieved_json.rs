@@ -1,5 +1,5 @@
 //! retrieved.json: any bytes are a record or refused, and a record that reads can be written and
-//! read again. The images beside it are compared whatever it says.
+//! read again. The images beside it are compared, or refused by its inputs.
 #![no_main]
 
 use beamlet::retrieve::Record;
@@ -24,6 +24,7 @@ fn records() -> Vec<(u8, Vec<u8>)> {
     record.gain = Some(1.5);
     record.sources = vec!["flat".into(), "sample".into()];
     record.files = [("a.csv".into(), "0".repeat(64))].into();
+    record.inputs = [("transmission.npy".into(), "0".repeat(64))].into();
     record.offsets = vec![-1e-5, 0.0, 1e-5];
     record.magnification = 1.5;
     record.lever_arm = 0.6;
@@ -43,6 +44,7 @@ fuzz_target!(init: seeds(records), |input: &[u8]| {
         write(&path, &serde_json::to_vec(&record).expect("it can be written"));
         assert_eq!(Record::read(&path).expect("it can be read again"), record);
     }
-    let found = beamlet::compare::compare(&IMAGES, &IMAGES, None, &mut beamlet::RowsControl::default()).expect("images are there");
-    assert!(found.iter().all(|difference| difference.within(0.0)));
+    if let Ok(found) = beamlet::compare::compare(&IMAGES, &IMAGES, None, &mut beamlet::RowsControl::default()) {
+        assert!(found.iter().all(|difference| difference.within(0.0)));
+    }
 });

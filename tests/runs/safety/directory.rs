@@ -51,6 +51,7 @@ fn links_inside_a_run_are_named_and_not_followed() {
                 "scene.toml.new",
                 "run.json.new",
                 "partial",
+                "retrieved",
             ]
             .as_slice(),
         ),
@@ -76,7 +77,7 @@ fn links_inside_a_run_are_named_and_not_followed() {
             }
             fs::remove_file(&path).unwrap();
             fs::rename(at("elsewhere"), &path).unwrap();
-            if name.ends_with(".new") || *name == "partial" {
+            if name.ends_with(".new") || ["partial", "retrieved"].contains(name) {
                 fs::remove_file(&path).unwrap();
             }
         }

@@ -92,6 +92,24 @@ fn retrieved_images_are_replaced_without_the_files_of_others() {
         fs::remove_file(at(file)).unwrap();
     }
     fs::remove_dir(at("images.replaced")).unwrap();
+    // A link in place of images that are to be replaced, and one in place of the images of a run.
+    fs::create_dir(at("elsewhere")).unwrap();
+    fs::write(at("elsewhere/thesis.tex"), "mine").unwrap();
+    for (name, line) in [("images.replaced", "images"), ("run/retrieved", "run/retrieved")] {
+        symlink(at("elsewhere"), at(name)).unwrap();
+        let before = contents(place.path());
+        let message = ends(place.path(), &format!("retrieve run -o {line} -q --overwrite"), 1);
+        assert!(message.contains(&format!("{name}: is a link")), "{message}");
+        assert_eq!(contents(place.path()), before, "{name}");
+        if name == "run/retrieved" {
+            fs::remove_file(at("elsewhere/thesis.tex")).unwrap();
+            for line in ["retrieve run -q", "retrieve run -o run/retrieved/ -q"] {
+                let message = ends(place.path(), line, 1);
+                assert!(message.contains("run/retrieved: is a link"), "{message}");
+            }
+        }
+        fs::remove_file(at(name)).unwrap();
+    }
     // A link to a scratch disk stays one.
     fs::create_dir(at("scratch")).unwrap();
     fs::rename(at("images"), at("scratch/images")).unwrap();
