@@ -17,7 +17,10 @@ mod flats;
 mod geometry_file;
 mod ideal;
 mod lab_faults;
+#[cfg(feature = "cli")]
+mod measured;
 mod misfit;
+mod noise;
 #[cfg(feature = "cli")]
 mod provenance;
 mod retrieval;
@@ -28,3 +31,4 @@ mod rough_fibres;
 #[cfg(feature = "cli")]
 mod selection;
 mod tracking;
+mod uneven;
