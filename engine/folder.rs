@@ -4,7 +4,7 @@
 //! the folder is read, and the error concerns nobody.
 
 use crate::{Error, Result};
-use std::ffi::OsString;
+use std::ffi::{OsStr, OsString};
 use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
@@ -19,6 +19,58 @@ pub(crate) fn names(folder: &Path) -> io::Result<Vec<OsString>> {
 /// Paths in a folder, sorted by name.
 pub(crate) fn paths(folder: &Path) -> io::Result<Vec<PathBuf>> {
     Ok(names(folder)?.into_iter().map(|name| folder.join(name)).collect())
+}
+
+/// Whether a path is a pattern for names in a folder: nothing has this name, and its last part has `*` (any
+/// text) or `?` (one character).
+pub(crate) fn is_pattern(path: &Path) -> bool {
+    let name = path.file_name().map(OsStr::as_encoded_bytes).unwrap_or_default();
+    name.iter().any(|byte| b"*?".contains(byte)) && fs::symlink_metadata(path).is_err()
+}
+
+/// The folder that holds the entries of a path: itself, or the parent of a pattern.
+pub(crate) fn holder(path: &Path) -> &Path {
+    match path.parent().filter(|_| is_pattern(path)) {
+        Some(parent) if parent.as_os_str().is_empty() => Path::new("."),
+        Some(parent) => parent,
+        None => path,
+    }
+}
+
+/// Paths in a folder, or of the names in a folder that a pattern fits, sorted by name.
+pub(crate) fn entries(path: &Path) -> io::Result<Vec<PathBuf>> {
+    if !is_pattern(path) {
+        return paths(path);
+    }
+    let pattern = path.file_name().unwrap_or_default().to_string_lossy();
+    let pattern: Vec<char> = pattern.chars().collect();
+    let fits = |name: &OsString| {
+        let name: Vec<char> = name.to_string_lossy().chars().collect();
+        fits(&pattern, &name)
+    };
+    let folder = holder(path);
+    Ok(names(folder)?.into_iter().filter(fits).map(|name| folder.join(name)).collect())
+}
+
+/// Whether a pattern fits a name.
+fn fits(pattern: &[char], name: &[char]) -> bool {
+    // Places of the last star and of the name behind the text that it stands for.
+    let (mut at, mut place, mut star) = (0, 0, None);
+    while place < name.len() {
+        match pattern.get(at) {
+            Some('*') => {
+                star = Some((at, place));
+                at += 1;
+            }
+            Some(c) if *c == '?' || *c == name[place] => (at, place) = (at + 1, place + 1),
+            _ => {
+                let Some((of_star, behind)) = star else { return false };
+                star = Some((of_star, behind + 1));
+                (at, place) = (of_star + 1, behind + 1);
+            }
+        }
+    }
+    pattern[at..].iter().all(|c| *c == '*')
 }
 
 /// Removes a folder with everything in it; links are removed and not followed.
@@ -111,6 +163,28 @@ mod tests {
         assert!(message.contains("length 7: is not a directory"), "{message}");
         make_all(&at("new/one/two")).unwrap();
         assert!(at("new/one/two").is_dir());
+    }
+
+    #[test]
+    fn patterns_name_the_entries_that_they_fit() {
+        let place = tempfile::tempdir().unwrap();
+        for name in ["flat_1.tif", "flat_2.tif", "flat_10.tif", "FLAT_1.tif", "flat_1.txt", "flat"]
+        {
+            fs::write(place.path().join(name), name).unwrap();
+        }
+        let of = |pattern: &str| -> Vec<String> {
+            let paths = entries(&place.path().join(pattern)).unwrap();
+            paths.iter().map(|p| p.file_name().unwrap().display().to_string()).collect()
+        };
+        assert_eq!(of("flat_*.tif"), ["flat_1.tif", "flat_10.tif", "flat_2.tif"]);
+        assert_eq!(of("flat_?.t*"), ["flat_1.tif", "flat_1.txt", "flat_2.tif"]);
+        assert_eq!(of("*1*tif"), ["FLAT_1.tif", "flat_1.tif", "flat_10.tif"]);
+        assert_eq!(of("flat*"), ["flat", "flat_1.tif", "flat_1.txt", "flat_10.tif", "flat_2.tif"]);
+        assert!(of("none_*").is_empty());
+        assert_eq!(holder(Path::new("a*")), Path::new("."));
+        // A file that has this name is no pattern.
+        fs::write(place.path().join("odd*"), "").unwrap();
+        assert!(!is_pattern(&place.path().join("odd*")));
     }
 
     #[cfg(unix)]

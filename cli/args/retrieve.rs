@@ -24,14 +24,15 @@ pub(crate) struct Retrieve {
     #[arg(required_unless_present = "flat",
         conflicts_with_all = ["flat", "flats_every", "sample", "dark", "geometry", "offsets", "sets"])]
     pub(crate) run: Option<PathBuf>,
-    /// Flat frames: NPY, EXR, TIFF, or a folder of frames
+    /// Flat frames: NPY, EXR, TIFF, a folder of frames, or a pattern for names in a folder, as
+    /// 'raw/flat_*' (in quotes)
     #[arg(long, value_name = "FILE", requires_all = ["sample", "geometry", "output"])]
     pub(crate) flat: Option<PathBuf>,
     /// Views between one flat and the next, if --flat has several: the flat of a view is interpolated
     /// between the two nearest [default: one flat, or one for each view]
     #[arg(long, value_name = "N", requires = "flat", value_parser = clap::value_parser!(u32).range(1..))]
     pub(crate) flats_every: Option<u32>,
-    /// Sample frames, one view or several
+    /// Sample frames, one view or several, as --flat
     #[arg(long, value_name = "FILE", requires = "flat")]
     pub(crate) sample: Option<PathBuf>,
     /// Frames without beam; their mean is subtracted
@@ -69,6 +70,10 @@ pub(crate) struct Retrieve {
     /// Change a value of the geometry: key.path=value (may be repeated)
     #[arg(long = "set", value_name = "KEY=VALUE", value_parser = key_value, requires = "geometry")]
     pub(crate) sets: Vec<String>,
+    /// Mask steps to leave out of flat and sample, counted from 0, as a frame without beam
+    #[arg(long, value_name = "STEP,…", requires = "flat", value_delimiter = ',',
+        conflicts_with_all = ["steps", "sample_offsets"])]
+    pub(crate) omit_steps: Vec<usize>,
     /// Directory of the images [default: RUN/retrieved]
     #[arg(short, long, value_name = "DIR")]
     pub(crate) output: Option<PathBuf>,
@@ -85,8 +90,8 @@ pub(crate) struct Retrieve {
     /// 1]
     #[arg(long, value_name = "NUMBER", value_parser = above_zero, allow_negative_numbers = true)]
     pub(crate) gain: Option<f64>,
-    /// Standard deviation of the detector number without light, for --weights poisson [default: from a
-    /// run's scene, else 0]
+    /// Standard deviation of the detector number without light, for the uncertainties of counts
+    /// [default: from a run's scene, else 0]
     #[arg(long, value_name = "NUMBER", value_parser = from_zero, allow_negative_numbers = true)]
     pub(crate) read_noise: Option<f64>,
     /// Exclude values at or above this number of the files [default: the largest number of a run's

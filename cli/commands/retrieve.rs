@@ -34,14 +34,18 @@ pub(super) fn run(arguments: &Retrieve, out: &mut impl Write) -> Result<(), Fail
     }
     let of_scene = input.noise();
     let gain_assumed = arguments.gain.is_none() && of_scene.is_none();
-    let gain = match (input.counts(), arguments.gain) {
-        (true, gain) => gain.or(of_scene.map(|[gain, _]| gain)).or(Some(1.0)),
-        (false, None) => None,
-        (false, Some(_)) => {
-            let problem = "--gain is for counts: add --counts for a run";
-            return Err(Failure::Usage(problem.into()));
+    for (key, given) in [
+        ("--gain", arguments.gain.is_some()),
+        ("--read-noise", arguments.read_noise.is_some()),
+        ("--weights poisson", Weights::from(arguments.weights) == Weights::Poisson),
+    ] {
+        if given && !input.counts() {
+            let problem = format!("{key} is for counts: add --counts for a run");
+            return Err(Failure::Usage(problem));
         }
-    };
+    }
+    let [gain_of_scene, noise_of_scene] = of_scene.unwrap_or([1.0, 0.0]);
+    let gain = input.counts().then(|| arguments.gain.unwrap_or(gain_of_scene));
     let options = RetrieveOptions::default()
         .with_method(arguments.method.into())
         .with_weights(arguments.weights.into())
@@ -50,16 +54,9 @@ pub(super) fn run(arguments: &Retrieve, out: &mut impl Write) -> Result<(), Fail
         .with_empty_beam(arguments.empty_beam.clone())
         .with_correct(arguments.correct.unwrap_or_default())
         .with_phase(arguments.phase)
-        .with_read_noise(arguments.read_noise.or(of_scene.map(|[_, noise]| noise)).unwrap_or(0.0))
+        .with_read_noise(arguments.read_noise.unwrap_or(noise_of_scene))
         .with_steps(arguments.steps)
         .with_sample_offsets(arguments.sample_offsets.as_deref().map(offsets).transpose()?);
-    if options.weights == Weights::Poisson && !input.counts() {
-        let problem = "--weights poisson is for counts: add --counts for a run";
-        return Err(Failure::Usage(problem.into()));
-    }
-    if arguments.read_noise.is_some() && options.weights == Weights::None {
-        return Err(Failure::Usage("--read-noise requires --weights poisson".into()));
-    }
     let two_step = options.method == Method::TwoStep;
     for (key, given) in [
         ("--steps", options.steps.is_some()),
@@ -140,6 +137,7 @@ fn measured(arguments: &Retrieve) -> Result<(Input, PathBuf), Failure> {
     let dark = arguments.dark.as_ref().map(StackFile::open).transpose()?;
     let others: Vec<PathBuf> = std::iter::once(geometry.clone()).chain(lists(arguments)).collect();
     let input = Input::measured(&scene, flat, sample, dark.as_ref())?
+        .without_steps(&arguments.omit_steps)?
         .with_flats_every(arguments.flats_every)
         .with_read(&others);
     Ok((input, output.clone()))

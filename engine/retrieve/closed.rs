@@ -3,6 +3,7 @@
 use super::curves::{Curve, Curves};
 use super::flags;
 use super::least_squares::{CurveScan, moments};
+use super::quadrature;
 
 /// Part of the greatest value that the ends of a scan may have for moments to count: the paper's
 /// curve, cut there, loses 0.2 % of its shift and 2.5 % of what it widens.
@@ -96,11 +97,17 @@ pub(super) fn three_step(scan: &CurveScan, curve: impl Iterator<Item = f32>) -> 
     }
 }
 
-/// Area, centroid and standard deviation.
+/// Area, centroid and standard deviation. The shares of `scan` are [`quadrature::weights`].
 pub(super) fn by_moments(scan: &CurveScan, curve: impl Iterator<Item = f32>) -> Curve {
-    let values = scan.values(curve, 3);
+    let mut values = scan.values(curve, 3);
     if values.flags & flags::NO_ANSWER != 0 {
         return Curve::unknown(values.flags);
+    }
+    if values.points.len() < scan.offsets.len() {
+        // Values that are left out leave wider gaps.
+        let offsets: Vec<f64> = values.points.iter().map(|[x, ..]| *x).collect();
+        let weights = quadrature::weights(&offsets);
+        values.points.iter_mut().zip(weights).for_each(|(point, weight)| point[2] = weight);
     }
     let [area, centre, width] = moments(&values.points, 0.0);
     if !(area > 0.0 && width > 0.0) {
@@ -109,7 +116,7 @@ pub(super) fn by_moments(scan: &CurveScan, curve: impl Iterator<Item = f32>) -> 
     let [low, high] = scan.ends();
     let at_ends = values.points.iter().filter(|[x, ..]| *x <= low || *x >= high);
     let most_at_ends = at_ends.fold(0.0_f64, |most, [_, y, _]| most.max(*y));
-    let noise = scan.gain.map_or(0.0, |gain| 3.0 * (gain * most_at_ends.max(gain)).sqrt());
+    let noise = scan.gain.map_or(0.0, |gain| 3.0 * scan.variance(most_at_ends.max(gain)).sqrt());
     let sum = |of: &dyn Fn(f64) -> f64| {
         let terms = values
             .points

@@ -1,6 +1,8 @@
 //! Fits of a Gaussian on a background to many illumination curves at once, on the device.
 
 use super::curves::Curves;
+use super::noise_factors::NoiseFactors;
+use super::quadrature;
 use crate::cancel::Cancel;
 use crate::gpu::{Buffer, Device, Kernel, Memory, Pace, shaders};
 use crate::interface::{
@@ -118,13 +120,14 @@ impl Fitter {
         Self::with_kernel(device, kernel, offsets, options)
     }
 
-    /// The same fits of curves taken at other offsets, whose values were multiplied by `factor`.
+    /// The same fits of curves taken at other offsets, whose values have other noise.
     ///
     /// # Errors
     /// As [`Self::new`].
-    pub(super) fn at(&self, offsets: &[f64], factor: f64) -> Result<Self> {
+    pub(super) fn at(&self, offsets: &[f64], noise: NoiseFactors) -> Result<Self> {
         let FitOptions { gain, read_noise, .. } = self.options;
-        let options = self.options.with_gain(factor * gain).with_read_noise(factor * read_noise);
+        let options =
+            self.options.with_gain(noise.gain(gain)).with_read_noise(noise.read_noise(read_noise));
         Self::with_kernel(self.device.clone(), self.kernel.clone(), offsets, &options)
     }
 
@@ -150,13 +153,13 @@ impl Fitter {
         let least = gaps.fold(f64::INFINITY, f64::min) / half;
         let steps: Vec<Step> = offsets
             .iter()
-            .map(|offset| {
+            .zip(quadrature::trapezoids(offsets))
+            .map(|(offset, share)| {
                 let at = (offset - middle) / half;
-                let width = share(&sorted, *offset) / half;
                 Step {
                     offset: single(at),
                     offset_low: single(at - f64::from(single(at))),
-                    width: single(width),
+                    width: single(share / half),
                 }
             })
             .collect();
@@ -272,18 +275,4 @@ impl Fitter {
 
 fn fill(to: &mut [f32], start: usize, from: impl Iterator<Item = f32>) {
     to[start..].iter_mut().zip(from).for_each(|(to, from)| *to = from);
-}
-
-/// The part of the scan that an offset stands for: half the way to its neighbours.
-pub(super) fn share(sorted: &[f64], offset: f64) -> f64 {
-    let below = sorted.iter().rev().find(|other| **other < offset);
-    let above = sorted.iter().find(|other| **other > offset);
-    let gap = |other: Option<&f64>| other.map(|other| (other - offset).abs() / 2.0);
-    let same = sorted.iter().filter(|other| other.total_cmp(&offset).is_eq()).count() as f64;
-    match (gap(below), gap(above)) {
-        // At an end the curve is taken to go on as it came.
-        (Some(gap), None) | (None, Some(gap)) => gap / same,
-        (Some(below), Some(above)) => (below + above) / same,
-        (None, None) => 1.0,
-    }
 }

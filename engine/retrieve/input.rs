@@ -4,6 +4,7 @@ mod bad_pixels;
 mod correction;
 mod faults;
 mod flats;
+mod omitted;
 mod reopened;
 mod selection;
 mod times;
@@ -34,6 +35,8 @@ pub struct Input {
     flats_every: Option<u32>,
     correction: Correction,
     selection: Selection,
+    /// Mask steps of the files that are left out, ascending.
+    omitted: Vec<usize>,
     /// Values of kept pixels from here on are left out.
     limit: Option<f32>,
     /// Detector number of one photon, and the noise of no light, where the scene has them.
@@ -63,6 +66,7 @@ impl Input {
             flats_every: None,
             correction: Correction::default(),
             selection: Selection::whole(frame),
+            omitted: Vec::new(),
             limit: None,
             noise: None,
             counts: false,
@@ -272,7 +276,7 @@ impl Input {
 
     /// Files and folders of the stacks.
     pub(super) fn paths(&self) -> Vec<PathBuf> {
-        [&self.flat, &self.sample].map(|stack| stack.path().to_path_buf()).to_vec()
+        [&self.flat, &self.sample].into_iter().flat_map(StackFile::places).collect()
     }
 
     /// Views of the sample.
@@ -311,10 +315,10 @@ impl Input {
         Ok(angles)
     }
 
-    /// Mask steps of the flat and of each view of the sample.
+    /// Mask steps of the flat and of each view of the sample, without omitted ones.
     #[must_use]
-    pub const fn steps(&self) -> [usize; 2] {
-        [self.flat.shape()[1], self.sample.shape()[1]]
+    pub fn steps(&self) -> [usize; 2] {
+        [&self.flat, &self.sample].map(|stack| stack.shape()[1].saturating_sub(self.omitted.len()))
     }
 
     /// Rows and columns of the kept part of a frame.
@@ -351,7 +355,7 @@ impl Input {
     /// mean of the dark is not finite in a pixel that is not a bad one.
     pub(crate) fn fitted_to(mut self, retriever: &Retriever) -> Result<Self> {
         self.correction.check()?;
-        let [flat, sample] = retriever.steps();
+        let [flat, sample] = retriever.steps().map(|steps| steps + self.omitted.len());
         let [flats, frames, ..] = self.flat.shape();
         if frames != flat {
             let problem = format!("has {frames} frames for {flat} mask offsets");
@@ -392,7 +396,7 @@ impl Input {
         time: f64,
     ) -> Result<Array3<f32>> {
         let rows = self.selection.rows(rows);
-        let mut data = stack.rows(view, rows.clone())?;
+        let mut data = self.kept_steps(stack.rows(view, rows.clone())?);
         self.correction.apply(&mut data, &rows, time)?;
         let mut data = self.selection.of(data, self.counts);
         if let Some(limit) = self.limit {

@@ -19,7 +19,7 @@ const WEIGHED: f64 = 1e-6;
 pub(super) struct CurveScan {
     /// Offsets, m.
     pub(super) offsets: Vec<f64>,
-    /// The part of the scan that each offset stands for, m.
+    /// Weight of each offset in an integral over the scan, m.
     pub(super) shares: Vec<f64>,
     /// Values from here on are left out.
     pub(super) saturation: f64,

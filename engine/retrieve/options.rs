@@ -30,7 +30,7 @@ pub struct RetrieveOptions {
     pub gain: Option<f64>,
     /// Whether the gain is a guess: uncertainties follow it, and no warning compares values with it.
     pub gain_assumed: bool,
-    /// Standard deviation of noise besides photon noise, for weighted fits. >= 0.
+    /// Standard deviation of a value without light, for uncertainties and weights of counts. >= 0.
     pub read_noise: f64,
     /// Values from here on are left out and flagged.
     pub saturation: Option<f32>,

@@ -62,6 +62,10 @@ pub struct Record {
     /// earlier versions.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub bad_pixels: Option<String>,
+    /// Mask steps of the files that were left out, counted from 0; empty where none were, and in records of
+    /// earlier versions. `offsets` has the others.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub omitted_steps: Vec<usize>,
     /// Columns that were kept of the frames, `START:END:STEP`; `None` where all were, and in records of
     /// earlier versions.
     #[serde(default, skip_serializing_if = "Option::is_none")]

@@ -1,13 +1,13 @@
 //! One method on one set-up: the flat's curves once, then the images of each view.
 
 mod fits;
+mod flat;
 mod view_scan;
 
 use super::beamlets::Beamlets;
-use super::curves::Curves;
 use super::fitter::{FitOptions, Fitter, Weights};
 use super::flags;
-use super::images::{CONTRASTS, FLAGS, Images, OF_FLAT, OF_SAMPLE, SIGMAS_OF_FLAT};
+use super::images::{CONTRASTS, FLAGS, Images, OF_SAMPLE};
 use super::input::Input;
 use super::joined::JoinedColumns;
 use super::method::Method;
@@ -19,9 +19,9 @@ use crate::numbers;
 use crate::run::RowsControl;
 use crate::scene::Scene;
 use crate::stack::GeometryFile;
-use crate::{Engine, Error, Result, reserve};
+use crate::{Engine, Error, Result};
+use flat::Flat;
 use ndarray::{Array2, Array3, ArrayView3, Axis, s};
-use std::borrow::Cow;
 use std::ops::Range;
 pub(super) use view_scan::Corrected;
 use view_scan::{ViewScan, ViewScans};
@@ -47,17 +47,6 @@ pub struct Retriever {
     /// Refraction angle per shift of the centre.
     angle_per_shift: f64,
     flat: Option<Flat>,
-}
-
-/// Curves of the flat and the extent of its images.
-#[derive(Debug)]
-struct Flat {
-    curves: Curves,
-    rows: usize,
-    /// Curves along a row: pixels, or beamlets.
-    columns: usize,
-    /// Pixels along a row of the frames.
-    frame_columns: usize,
 }
 
 impl Retriever {
@@ -206,7 +195,7 @@ impl Retriever {
     /// # Errors
     /// As [`Retriever::retrieve`].
     pub(super) fn offsets_of_view(&self, view: usize) -> Result<Vec<f64>> {
-        Ok(self.view_scan(view, Corrected::NONE)?.offsets.to_vec())
+        Ok(self.own_offsets(view)?.unwrap_or(&self.sample_offsets).to_vec())
     }
 
     /// Size of a pixel of the images, x and z, m, of frames with pixels of this size.
@@ -233,10 +222,9 @@ impl Retriever {
         self.periods.length()
     }
 
-    /// Curves of the flat, counted over rows; `None` before it was taken.
-    #[must_use]
-    pub(crate) fn flat_curves(&self) -> Option<&Curves> {
-        self.flat.as_ref().map(|flat| &flat.curves)
+    /// Masks and spot, as their curve depends on them.
+    pub(super) const fn curve_geometry(&self) -> CurveGeometry {
+        self.shape
     }
 
     /// Names of the images of a view.
@@ -250,60 +238,6 @@ impl Retriever {
                 && (!sigma || self.options.gain.is_some())
         };
         CONTRASTS.into_iter().filter(is_given).chain([FLAGS]).chain(OF_SAMPLE).collect()
-    }
-
-    /// Names of the images of the flat.
-    pub(super) fn names_of_flat(&self) -> Vec<&'static str> {
-        let has_sigmas = self.options.gain.is_some();
-        let sigmas = SIGMAS_OF_FLAT.into_iter().filter(|_| has_sigmas);
-        OF_FLAT.into_iter().chain(sigmas).collect()
-    }
-
-    /// Takes the flat, `rows` rows of `columns` pixels.
-    ///
-    /// # Errors
-    /// As `read`; [`Error::Scene`] where the frames do not fit the offsets or the set-up;
-    /// [`Error::Interrupted`].
-    pub fn set_flat(
-        &mut self,
-        rows: u32,
-        columns: usize,
-        read: &mut ReadRows<'_>,
-        control: &mut RowsControl<'_>,
-    ) -> Result<()> {
-        if let Some(beamlets) = &self.beamlets
-            && beamlets.columns() != columns
-        {
-            return Err(Error::scene(
-                "detector.pixels",
-                format!("{} columns for frames of {columns}", beamlets.columns()),
-                "all columns of the frames, which beamlets need",
-            ));
-        }
-        let across = self.beamlets.as_ref().map_or(columns, Beamlets::count);
-        // The curves of the flat, and the images of a view.
-        let numbers = (Curves::NUMBERS + self.names().len()) as u64;
-        let bytes = 4 * numbers * u64::from(rows) * across as u64;
-        let purpose = format!("the images of a view of {rows} x {across}");
-        reserve::ask(bytes, &purpose, "retrieve frames with fewer pixels")?;
-        let mut all = Curves::new(rows as usize * across);
-        self.bands(rows, columns, self.offsets.len(), control, |band, control| {
-            let scan = ViewScan {
-                offsets: &self.offsets,
-                factor: 1.0,
-                fitter: self.fitter.as_ref().map(Cow::Borrowed),
-            };
-            let curves = self.curves(read(band.clone())?, &scan, None, &control.cancel)?;
-            all.put(band.start as usize * across, &curves);
-            Ok(())
-        })?;
-        self.flat = Some(Flat {
-            curves: all,
-            rows: rows as usize,
-            columns: across,
-            frame_columns: columns,
-        });
-        Ok(())
     }
 
     /// The images of the view of this index, at its own mask offsets; the flat comes first.
@@ -357,7 +291,7 @@ impl Retriever {
                     ndarray::stack![Axis(0), data.slice(s![i, .., ..]), data.slice(s![j, .., ..])];
                 two = vec![scan.offsets[i], scan.offsets[j]];
             }
-            let at_two = ViewScan { offsets: &two, factor: corrected.factor, fitter: None };
+            let at_two = ViewScan { offsets: &two, noise: corrected.noise, fitter: None };
             let scan = if chosen.is_some() { &at_two } else { &scan };
             let pixels = band.start as usize * across..band.end as usize * across;
             let known = Some((&flat.curves, pixels.start));
@@ -366,8 +300,8 @@ impl Retriever {
             Ok(())
         })?;
         let noise = Noise {
-            gain: self.options.gain.map(|gain| corrected.factor * gain),
-            read_noise: corrected.factor * self.options.read_noise,
+            gain: self.options.gain.map(|gain| corrected.noise.gain(gain)),
+            read_noise: corrected.noise.read_noise(self.options.read_noise),
             steps: self.beamlets.as_ref().map_or(offsets_used, |of| of.offsets().len()),
         };
         misfit::mark(&mut images, &flat.curves, self.angle_per_shift, noise);
@@ -392,17 +326,6 @@ impl Retriever {
                 }
             });
         }
-    }
-
-    /// The flat, from an array `[step][row][column]`.
-    ///
-    /// # Errors
-    /// As [`Retriever::set_flat`].
-    pub fn set_flat_array(&mut self, flat: ArrayView3<'_, f32>) -> Result<()> {
-        let (_, rows, columns) = flat.dim();
-        let rows = u32::try_from(rows)
-            .map_err(|_| Error::argument("flat", format!("{rows} rows"), "fewer than 2^32"))?;
-        self.set_flat(rows, columns, &mut |band| Ok(part(flat, &band)), &mut RowsControl::default())
     }
 
     /// The images of the first view, from an array `[step][row][column]`; of any view, where all have the

@@ -220,6 +220,12 @@ fn retrieve_to(
     let saturation = input.saturation();
     let noise = options.read_noise * (input.added() as f64).sqrt();
     let options = options.clone().with_saturation(saturation).with_read_noise(noise);
+    if !input.omitted_steps().is_empty()
+        && (options.steps.is_some() || options.sample_offsets.is_some())
+    {
+        let found = "steps to omit together with steps or offsets of the sample";
+        return Err(Error::argument("omit_steps", found, "one of them"));
+    }
     if options.method == Method::Beamlet && input.selection() != (None, None) {
         let allowed = "every pixel: beamlets are found among all of them";
         return Err(Error::argument("columns", "a part of the pixels", allowed));
@@ -252,7 +258,7 @@ fn retrieve_to(
         diagnosis.take_flat(&data, &band);
         Ok(data)
     };
-    retriever.set_flat(row_count, columns, &mut read, &mut inner)?;
+    retriever.set_flat_with(row_count, columns, input.flat_noise(0), &mut read, &mut inner)?;
     let Some(flat) = retriever.flat_curves() else { return Err(Error::Interrupted) };
     let across = flat.len() / rows.max(1);
     if (0..flat.len()).all(|at| !flat.has_answer(at)) {
@@ -312,7 +318,7 @@ fn retrieve_to(
     record.residual = median(residuals).filter(|residual| *residual > 0.0);
     record.corrections = correcting.map_or_else(Vec::new, Correcting::views);
     record.drift = phases.map(|phases| phases.drift());
-    diagnosis.finish(&mut record, input.warnings());
+    diagnosis.finish(&mut record, &retriever, input.warnings())?;
     let InputHashes { hashes, stamps } = hashes.wait(&cancel, &mut || {})??;
     (record.inputs, record.input_stamps) = (hashes, stamps);
     record.working_directory = working_directory().filter(|_| !record.inputs.is_empty());
@@ -374,6 +380,7 @@ fn begun(
         frames: input.frames().clone(),
         dark: input.dark_source(),
         bad_pixels: input.bad_pixels_source(),
+        omitted_steps: input.omitted_steps().to_vec(),
         kept_columns: columns.map(|columns| columns.to_string()),
         bin,
         columns_m: retriever.columns_m(input),

@@ -238,6 +238,16 @@ impl Scan {
         self.errors.intensities.get(view).and_then(|list| list.get(step)).copied().unwrap_or(1.0)
     }
 
+    /// Removes these mask steps from the offsets and from the errors of frames.
+    pub(crate) fn omit_steps(&mut self, omitted: &[usize]) {
+        let errors = [&mut self.errors.mask_offsets, &mut self.errors.intensities];
+        let lists = errors.into_iter().chain([&mut self.view_offsets]).flatten();
+        for list in lists.chain([&mut self.mask_offsets]) {
+            let mut steps = 0..;
+            list.retain(|_| steps.next().is_none_or(|step| !omitted.contains(&step)));
+        }
+    }
+
     /// Draws the errors that are to be drawn.
     pub(super) fn draw_errors(&mut self) {
         let (views, steps) = (self.views(), self.mask_offsets.len());

@@ -112,7 +112,11 @@ impl Recorded {
                 std::iter::once(from.join(input)).chain(beside).collect()
             }
         };
-        places.retain(|place| place.exists());
+        let is_there = |place: &Path| match folder::is_pattern(place) {
+            true => folder::entries(place).is_ok_and(|found| !found.is_empty()),
+            false => place.exists(),
+        };
+        places.retain(|place| is_there(place));
         places
     }
 
@@ -179,27 +183,27 @@ pub(crate) fn refuse_changed(folder: &Path, record: &str, verb: &str) -> Result<
     Ok(())
 }
 
-/// SHA-256 of a file, or of the contents of a folder: lines of hash and name.
+/// SHA-256 of a file, or of the contents of a folder or a pattern: lines of hash and name.
 pub(crate) fn path_hash(path: &Path, cancel: &Cancel) -> Result<String> {
-    if !path.is_dir() {
+    if !path.is_dir() && !folder::is_pattern(path) {
         return hash_until(path, cancel);
     }
     let unread = |error| Error::file(path, "cannot be read", Some(error));
-    let paths = folder::paths(path).map_err(unread)?;
+    let paths = folder::entries(path).map_err(unread)?;
     let line = |path: &PathBuf| Ok(line(&path_hash(path, cancel)?, path));
     let lines = paths.iter().map(line).collect::<Result<String>>()?;
     Ok(text_hash(&lines))
 }
 
-/// Hash of size and time of modification of a file, or of all files of a folder.
+/// Hash of size and time of modification of a file, or of all files of a folder or a pattern.
 fn stamp(path: &Path) -> io::Result<String> {
-    let found = fs::metadata(path)?;
-    if !found.is_dir() {
+    if !path.is_dir() && !folder::is_pattern(path) {
+        let found = fs::metadata(path)?;
         let since = found.modified()?.duration_since(UNIX_EPOCH).map_err(io::Error::other)?;
         return Ok(text_hash(&format!("{} {}", found.len(), since.as_nanos())));
     }
     let line = |path: &PathBuf| Ok(line(&stamp(path)?, path));
-    let lines = folder::paths(path)?.iter().map(line).collect::<io::Result<String>>()?;
+    let lines = folder::entries(path)?.iter().map(line).collect::<io::Result<String>>()?;
     Ok(text_hash(&lines))
 }
 

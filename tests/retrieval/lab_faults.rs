@@ -12,7 +12,7 @@ use beamlet::retrieve::{
 use beamlet::scene::Scene;
 use beamlet::stack::{Format, StackFile};
 use beamlet::{Backend, RowsControl};
-use ndarray::{Array3, Array4, Zip};
+use ndarray::{Array3, Array4, Axis, Zip};
 use ndarray_npy::write_npy;
 use tempfile::TempDir;
 
@@ -56,7 +56,7 @@ impl Truth {
             true => draws.poisson(f64::from(y) * photons) as f32,
             false => 1e4 * y,
         };
-        let flat = self.flat.clone().insert_axis(ndarray::Axis(0));
+        let flat = self.flat.clone().insert_axis(Axis(0));
         [flat.mapv(&mut count), self.sample.mapv(&mut count)]
     }
 }
@@ -227,7 +227,7 @@ fn faults_are_warned_of_with_their_size() {
         println!("divided");
         let mut divided = sample.clone();
         for mut view in divided.outer_iter_mut() {
-            Zip::from(&mut view).and(&flat.index_axis(ndarray::Axis(0), 0)).for_each(|s, f| {
+            Zip::from(&mut view).and(&flat.index_axis(Axis(0), 0)).for_each(|s, f| {
                 *s /= f.max(1.0);
             });
         }
@@ -235,11 +235,61 @@ fn faults_are_warned_of_with_their_size() {
     }
 }
 
+/// Doses that vary by 0.4 % from step to step give air a dark field of 23 urad^2 and more.
+#[test]
+fn small_changes_of_the_dose_are_warned_of_with_the_remedy() {
+    let truth = Truth::cylinder(ELEVEN);
+    let doses = [4.0, -5.0, 0.0, 5.0, -4.0, 3.0, -5.0, 1.0, 5.0, -3.0, 2.0].map(|e| 1.0 + 1e-3 * e);
+    let mut uneven = truth.copy();
+    for mut view in uneven.sample.outer_iter_mut() {
+        Zip::from(view.outer_iter_mut()).and(&doses).for_each(|mut frame, dose| frame *= *dose);
+    }
+    for method in [Method::Gaussian, Method::ExactCurve] {
+        let [flat, _] = truth.counts(2e5, 21);
+        let [_, sample] = uneven.counts(2e5, 22);
+        let found = record(&truth.scene, [&flat, &sample], &of_counts(method));
+        println!("{method}: {:#?}", found.warnings);
+        warned(
+            &found,
+            &[
+                "the dose varies by 0.4 % (rms) from step to step",
+                "air has a dark field of",
+                "--correct dose (or steps)",
+            ],
+        );
+    }
+}
+
+/// One step is lost in flat and sample alike: chi squared beyond the residuals of the flat does not show it.
+#[test]
+fn offsets_that_are_even_across_a_lost_step_are_warned_of() {
+    let truth = Truth::cylinder(ELEVEN);
+    for (lost, even) in [(4, [-25.0, 25.0]), (6, [-25.0, 20.0]), (2, [-25.0, 25.0])] {
+        let kept: Vec<usize> = (0..11).filter(|step| *step != lost).collect();
+        let mut scene = truth.scene.clone();
+        let [from, to] = even;
+        scene.scan.mask_offsets =
+            (0..10).map(|k| 1e-6 * (from + (to - from) * f64::from(k) / 9.0)).collect();
+        for (method, photons) in [(Method::Gaussian, 2e4), (Method::ExactCurve, 2e4)] {
+            let frames = truth.counts(photons, 31).map(|stack| stack.select(Axis(1), &kept));
+            let [flat, sample] = &frames;
+            for options in [of_counts(method), of_counts(method).with_gain_assumed(true)] {
+                let found = record(&scene, [flat, sample], &options);
+                println!(
+                    "step {lost}, {method}: {:?}, {:#?}",
+                    found.reduced_chi_square, found.warnings
+                );
+                warned(&found, &["a frame may be missing", "check --offsets"]);
+            }
+        }
+    }
+}
+
 #[test]
 fn swapped_stacks_without_noise_are_warned_of() {
     let weak = "shape = { cylinder = { radius = \"0.4 mm\", height = \"30 mm\" } }";
     let truth = Truth::of(scene(PIXELS, ELEVEN, PAPER, weak));
-    let flat = truth.flat.clone().insert_axis(ndarray::Axis(0));
+    let flat = truth.flat.clone().insert_axis(Axis(0));
     let plain = RetrieveOptions::default().with_gain(1.0).with_gain_assumed(true);
     let swapped = record(&truth.scene, [&truth.sample, &flat], &plain);
     warned(&swapped, &["flat and sample may be swapped (check --flat"]);

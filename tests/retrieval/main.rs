@@ -16,7 +16,10 @@ mod flats;
 mod geometry_file;
 mod ideal;
 mod lab_faults;
+#[cfg(feature = "cli")]
+mod measured;
 mod misfit;
+mod noise;
 #[cfg(feature = "cli")]
 mod provenance;
 mod retrieval;
@@ -27,3 +30,4 @@ mod rough_fibres;
 #[cfg(feature = "cli")]
 mod selection;
 mod tracking;
+mod uneven;

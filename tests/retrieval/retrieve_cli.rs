@@ -607,7 +607,7 @@ fn clipped_numbers_are_flagged_and_left_out() {
 #[test]
 fn noise_that_nothing_uses_is_refused() {
     let (folder, _) = copy();
-    bad(folder.path(), &["retrieve", "run", "--read-noise", "3"], 2, "--weights poisson");
+    bad(folder.path(), &["retrieve", "run", "--read-noise", "3"], 2, "--read-noise is for counts");
     bad(folder.path(), &["retrieve", "run", "--gain", "3"], 2, "--counts");
     let words = ["retrieve", "run", "--counts"];
     bad(folder.path(), &words, 1, "detector.photons");

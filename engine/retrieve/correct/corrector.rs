@@ -10,6 +10,7 @@ use crate::retrieve::diagnosis::{Borders, is_usable};
 use crate::retrieve::images::{FLAGS, Images};
 use crate::retrieve::input::Input;
 use crate::retrieve::misfit::median;
+use crate::retrieve::noise_factors::NoiseFactors;
 use crate::retrieve::retriever::Corrected;
 use crate::retrieve::shape::CurveGeometry;
 use crate::retrieve::{Method, RetrieveOptions, Retriever};
@@ -53,11 +54,11 @@ pub(crate) struct FrameCorrection {
 }
 
 impl FrameCorrection {
-    /// Offsets, and the factor of the values, for fits.
+    /// Offsets and noise of the values, for fits.
     pub(crate) fn corrected(&self) -> Corrected<'_> {
         let factors = self.doses.iter().map(|dose| f64::from(*dose).recip());
         let factor = factors.sum::<f64>() / self.doses.len() as f64;
-        Corrected { offsets: self.offsets.as_deref(), factor }
+        Corrected { offsets: self.offsets.as_deref(), noise: NoiseFactors::multiplied(factor) }
     }
 
     /// Divides values `[step][row][column]` by the doses; saturated values stay.

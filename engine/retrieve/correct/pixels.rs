@@ -2,11 +2,11 @@
 
 use super::equations::Unknowns;
 use crate::retrieve::diagnosis::{FittedCurve, Model};
-use crate::retrieve::fitter::{Weights, share};
+use crate::retrieve::fitter::Weights;
 use crate::retrieve::least_squares::{self, CurveScan};
 use crate::retrieve::misfit::median;
 use crate::retrieve::shape::CurveGeometry;
-use crate::retrieve::{RetrieveOptions, flags};
+use crate::retrieve::{RetrieveOptions, flags, quadrature};
 use rayon::prelude::*;
 
 /// Fewest frames for pixels with a curve of their own.
@@ -143,11 +143,9 @@ impl<'a> PixelSet<'a> {
 }
 
 fn scan(offsets: &[f64], options: &RetrieveOptions) -> CurveScan {
-    let mut sorted = offsets.to_vec();
-    sorted.sort_by(f64::total_cmp);
     CurveScan {
         offsets: offsets.to_vec(),
-        shares: offsets.iter().map(|offset| share(&sorted, *offset)).collect(),
+        shares: quadrature::trapezoids(offsets),
         saturation: f64::INFINITY,
         gain: options.gain,
         read_noise: options.read_noise,

@@ -25,6 +25,8 @@ const DARK_FIELD: f64 = 0.05;
 pub(in crate::retrieve) struct Borders {
     pub(super) transmission: Estimate,
     pub(super) refraction: Estimate,
+    /// `None` for methods without it.
+    pub(super) dark_field: Option<Estimate>,
     /// Columns of a strip.
     pub(in crate::retrieve) width: usize,
     /// The transmission is not 1.
@@ -50,13 +52,15 @@ impl Borders {
         let slack = [LEAST[0], LEAST[1] * angle];
         let transmission = common(images, "transmission", &strips, slack[0])?;
         let refraction = common(images, "refraction", &strips, slack[1])?;
+        let mut dark_field = None;
         if images.get("dark_field").is_some() {
             let slack = DARK_FIELD * angle * angle;
-            let dark_field = common(images, "dark_field", &strips, slack)?;
+            let found = common(images, "dark_field", &strips, slack)?;
             // Scatter widens the curve: a strip that has it is not empty.
-            if dark_field.differs(0.0, SIGNIFICANT, slack) {
+            if found.differs(0.0, SIGNIFICANT, slack) {
                 return None;
             }
+            dark_field = Some(found);
         }
         let differs = |of: &Estimate, from: f64, least: f64| {
             of.differs(from, SIGNIFICANT, (OF_PIXEL * of.scatter).max(least))
@@ -64,6 +68,7 @@ impl Borders {
         Some(Self {
             transmission,
             refraction,
+            dark_field,
             width,
             has_other_dose: differs(&transmission, 1.0, slack[0]),
             has_drift: differs(&refraction, 0.0, slack[1]),

@@ -3,21 +3,30 @@
 use super::borders::Borders;
 use super::chi_square::{self, PixelResiduals};
 use super::empty_beam::{self, EmptyBeam, EmptyBeamOfView};
-use super::fitted::Model;
+use super::fitted::{FittedCurve, Model};
 use super::leverage::Leverage;
 use super::light::{self, LightCounts};
-use super::steps::{self, PixelSteps, Unsteady};
+use super::moments::{MomentsCheck, MomentsErrors};
+use super::steps::{self, PixelSteps, STEADY, STEADY_IN_AIR, Unsteady};
 use super::warnings::{self, Findings};
 use super::watched::Watched;
 use crate::retrieve::curves::Curves;
 use crate::retrieve::images::Images;
 use crate::retrieve::misfit::median;
+use crate::retrieve::noise_factors::NoiseFactors;
 use crate::retrieve::retriever::Corrected;
 use crate::retrieve::{Method, Record, RetrieveOptions, Retriever, Weights};
 use crate::{Error, Result, numbers};
 use ndarray::Array3;
 use rayon::prelude::*;
 use std::ops::Range;
+
+/// Displacement in widths of the curve, and relative change of the width, below which a pixel counts as
+/// air: a Gaussian leaves the same residuals there as in the flat, within 1e-3 of the height.
+const IN_AIR: f64 = 0.03;
+/// Residuals of the flat beyond noise and beyond the method's own misfit, rms over the height, that show a
+/// wrong list of offsets: leaking bars, thick bars and spots that are no Gaussian leave less.
+const MISFIT: f64 = 0.02;
 
 /// Data of flat and views for the diagnosis of faults.
 #[derive(Debug)]
@@ -33,9 +42,29 @@ pub(crate) struct Diagnosis {
     flat: Watched,
     sample: Watched,
     empty: Option<Empty>,
+    /// For the method `moments`.
+    moments: Option<MomentsCheck>,
     /// Median width of the flat's curves, m.
     width: f64,
     found: Found,
+}
+
+/// A view that was retrieved.
+#[derive(Clone, Copy)]
+pub(crate) struct ExaminedView<'a> {
+    /// Curves of its flat.
+    pub(crate) flat: &'a Curves,
+    /// Noise of the values of the flat.
+    pub(crate) flat_noise: NoiseFactors,
+    pub(crate) images: &'a Images,
+    /// Mask offsets of its frames, m.
+    pub(crate) offsets: &'a [f64],
+    /// Rows and columns of the images.
+    pub(crate) shape: [usize; 2],
+    /// Corrections of the frames.
+    pub(crate) corrected: Corrected<'a>,
+    /// Refraction angle that was subtracted, rad.
+    pub(crate) subtracted: f64,
 }
 
 /// Pixels that are named as empty beam.
@@ -50,6 +79,18 @@ struct Empty {
     views: Vec<EmptyBeamOfView>,
 }
 
+/// A pixel with the fits of flat and sample.
+struct FittedPixel {
+    residuals: PixelResiduals,
+    steps: PixelSteps,
+    /// Height of the curve of the sample.
+    height: f64,
+    /// The curve of the sample lies as in the flat.
+    in_air: bool,
+    /// Residuals of the flat, rms, over the height of its curve.
+    misfit: f64,
+}
+
 /// What views have had so far.
 #[derive(Debug, Default)]
 struct Found {
@@ -59,6 +100,9 @@ struct Found {
     /// Reduced chi squared of views: of the fits, and beyond the residuals of the flat.
     chi_squares: Vec<[f64; 2]>,
     unsteady: Vec<(usize, Unsteady)>,
+    /// Residuals of the flat beyond noise, rms, over the height of the curve, by view.
+    misfits: Vec<f64>,
+    moments: Vec<(usize, MomentsErrors)>,
     borders: Vec<(usize, Borders)>,
     divided: usize,
 }
@@ -100,6 +144,10 @@ impl Diagnosis {
         let flat = Watched::over(&[0..rows, 0..columns], columns, flat_steps, saturation);
         let [of_flat, of_sample] = retriever.offsets();
         let is_one = of_flat == of_sample;
+        let moments = match options.method {
+            Method::Moments => MomentsCheck::of(retriever.curve_geometry(), of_flat),
+            _ => None,
+        };
         Ok(Self {
             options: options.clone(),
             model: Model::of(retriever, options.method),
@@ -109,6 +157,7 @@ impl Diagnosis {
             sample: flat.again(sample_steps),
             flat,
             empty,
+            moments,
             width: f64::NAN,
             found: Found::default(),
         })
@@ -126,15 +175,9 @@ impl Diagnosis {
         [Some(&mut self.sample), of_empty].into_iter().flatten().for_each(|of| of.take(data, rows));
     }
 
-    /// Examines a view whose rows were taken, with the corrections of its frames and the refraction angle
-    /// that was subtracted, rad.
-    pub(crate) fn view(
-        &mut self,
-        flat: &Curves,
-        images: &Images,
-        shape: [usize; 2],
-        (corrected, subtracted): (Corrected<'_>, f64),
-    ) {
+    /// Examines a view whose rows were taken.
+    pub(crate) fn view(&mut self, of: &ExaminedView<'_>) {
+        let ExaminedView { flat, images, shape, corrected, subtracted, .. } = *of;
         if self.found.views == 0 {
             self.width =
                 median(flat.width.iter().copied().map(f64::from).collect()).unwrap_or(f64::NAN);
@@ -142,12 +185,14 @@ impl Diagnosis {
         let view = self.found.views;
         self.found.views += 1;
         self.found.negative += self.sample.negative();
+        let errors = self.moments.as_mut().and_then(|check| check.view(flat, of.offsets));
+        self.found.moments.extend(errors.map(|errors| (view, errors)));
         let divided = self.measured && light::is_divided(&self.flat, &self.sample);
         self.found.divided += usize::from(divided);
         let offsets = corrected.offsets.filter(|_| !self.offsets.is_empty());
         let of_view = offsets.map_or_else(|| self.offsets.clone(), <[f64]>::to_vec);
         let known = self.found.chi_squares.len();
-        self.fits(flat, images, view, (of_view.as_slice(), corrected.factor));
+        self.fits(of, view, &of_view);
         self.found.light.add(images, self.noise_share(known));
         if let Some(empty) = &mut self.empty {
             let model = self.model;
@@ -183,13 +228,8 @@ impl Diagnosis {
     }
 
     /// Residuals of the fits of a view.
-    fn fits(
-        &mut self,
-        flat: &Curves,
-        images: &Images,
-        view: usize,
-        (of_view, factor): (&[f64], f64),
-    ) {
+    fn fits(&mut self, of: &ExaminedView<'_>, view: usize, of_view: &[f64]) {
+        let ExaminedView { flat, images, flat_noise, corrected, .. } = *of;
         let (Some(model), false) = (self.model, self.offsets.len() < 5) else { return };
         if matches!(self.options.method, Method::TwoStep | Method::Moments | Method::ThreeStep) {
             return;
@@ -197,37 +237,63 @@ impl Diagnosis {
         let pairs: Vec<_> = self.flat.iter().zip(self.sample.iter()).collect();
         let of_pixel = |at: usize, values: [&[f64]; 2]| {
             let curves = [model.of_flat(flat, at)?, model.of_sample(flat, images, at)?];
-            let of_flat = Leverage::of(&curves[0], &self.offsets, &self.options, 1.0)?;
-            let of_sample = Leverage::of(&curves[1], of_view, &self.options, factor)?;
+            let of_flat = Leverage::of(&curves[0], &self.offsets, &self.options, flat_noise)?;
+            let of_sample = Leverage::of(&curves[1], of_view, &self.options, corrected.noise)?;
             let leverages = [&of_flat, &of_sample];
             let heights = curves.map(|curve| curve.amplitude);
-            let steps = PixelSteps::of(leverages, values, heights, curves[1].width)?;
-            Some((PixelResiduals::of(leverages, values, heights), steps, heights[1]))
+            Some(FittedPixel {
+                residuals: PixelResiduals::of(leverages, values, heights),
+                steps: PixelSteps::of(leverages, values, heights, curves[1].width)?,
+                height: heights[1],
+                in_air: is_in_air(&curves),
+                misfit: rms(values[0].iter().zip(&of_flat.values).map(|(y, f)| y - f)) / heights[0],
+            })
         };
         let pixels: Vec<_> = pairs
             .par_iter()
             .filter_map(|((at, flat), (_, sample))| of_pixel(*at, [flat, sample]))
             .collect();
         let freedom = self.offsets.len() - 4;
-        let own = chi_square::reduced(pixels.iter().map(|(r, ..)| r.own), freedom);
-        let beyond = chi_square::reduced(pixels.iter().map(|(r, ..)| r.beyond_flat), freedom);
+        let own = chi_square::reduced(pixels.iter().map(|of| of.residuals.own), freedom);
+        let beyond = chi_square::reduced(pixels.iter().map(|of| of.residuals.beyond_flat), freedom);
         if let (Some(own), Some(beyond), true) = (own, beyond, self.options.gain.is_some()) {
             self.found.chi_squares.push([own, beyond]);
+            // Residuals beyond the flat are noise: the rest is common to flat and sample.
+            let share = (1.0 - beyond / own).max(0.0).sqrt();
+            let misfit = median(pixels.iter().map(|of| of.misfit).collect());
+            self.found.misfits.extend(misfit.map(|misfit| share * misfit));
         }
         if !self.measured {
             return;
         }
         // Pixels with little light are noisier than the rest.
-        let bright =
-            median(pixels.iter().map(|(.., height)| *height).collect()).unwrap_or(0.0) / 2.0;
-        let bright: Vec<PixelSteps> =
-            pixels.into_iter().filter(|(.., height)| *height > bright).map(|(_, s, _)| s).collect();
-        self.found.unsteady.extend(steps::unsteady(&bright).map(|found| (view, found)));
+        let least = median(pixels.iter().map(|of| of.height).collect()).unwrap_or(0.0) / 2.0;
+        let steps = |of_air: bool| -> Vec<&PixelSteps> {
+            let chosen = pixels.iter().filter(|of| of.height > least && (of.in_air || !of_air));
+            chosen.map(|of| &of.steps).collect()
+        };
+        let found = steps::unsteady(&steps(false), STEADY)
+            .or_else(|| steps::unsteady(&steps(true), STEADY_IN_AIR));
+        self.found.unsteady.extend(found.map(|found| (view, found)));
     }
 
     /// Writes the findings into the record, and logs the warnings, behind those about the files.
-    pub(crate) fn finish(self, record: &mut Record, of_files: &[String]) {
-        let Found { views, light, negative, chi_squares, unsteady, borders, divided } = self.found;
+    ///
+    /// # Errors
+    /// As [`Retriever::misfit_of_masks`].
+    pub(crate) fn finish(
+        self,
+        record: &mut Record,
+        retriever: &Retriever,
+        of_files: &[String],
+    ) -> Result<()> {
+        let Found { views, light, negative, chi_squares, unsteady, misfits, moments, .. } =
+            self.found;
+        let (borders, divided) = (self.found.borders, self.found.divided);
+        let misfit = match median(misfits).filter(|misfit| self.measured && *misfit > MISFIT) {
+            Some(found) => Some([found, retriever.misfit_of_masks()?]),
+            None => None,
+        };
         let middle = |at: usize| median(chi_squares.iter().map(|pair| pair[at]).collect());
         record.reduced_chi_square = middle(0);
         record.chi_square_beyond_flat = middle(1);
@@ -243,6 +309,8 @@ impl Diagnosis {
             chi_squares: &chi_squares,
             is_noise_known: self.options.gain.is_some() && !self.options.gain_assumed,
             unsteady: &unsteady,
+            misfit: misfit.filter(|[found, of_masks]| *found > of_masks + MISFIT),
+            moments: &moments,
             borders: &borders,
             divided,
             empty_beam: record.empty_beam.as_ref(),
@@ -255,5 +323,17 @@ impl Diagnosis {
         for warning in &record.warnings {
             log::warn!("{warning}");
         }
+        Ok(())
     }
+}
+
+/// Decides whether the curve of the sample lies where the flat's does, and is as wide.
+fn is_in_air([flat, sample]: &[FittedCurve; 2]) -> bool {
+    let moved = (sample.centre() - flat.centre()).abs() / flat.width;
+    moved < IN_AIR && (sample.width / flat.width - 1.0).abs() < IN_AIR
+}
+
+fn rms(values: impl ExactSizeIterator<Item = f64>) -> f64 {
+    let count = values.len() as f64;
+    (values.map(|value| value * value).sum::<f64>() / count).sqrt()
 }

@@ -2,6 +2,7 @@
 
 use super::fitted::FittedCurve;
 use crate::retrieve::equations::{Equations, add, inverse};
+use crate::retrieve::noise_factors::NoiseFactors;
 use crate::retrieve::{RetrieveOptions, Weights};
 
 /// Least expected value, as a part of the amplitude, as in weighted fits.
@@ -22,18 +23,18 @@ pub(super) struct Leverage {
 }
 
 impl Leverage {
-    /// A curve of values that were multiplied by `factor`. `None` where the fit is singular.
+    /// A curve of values with this noise. `None` where the fit is singular.
     pub(super) fn of(
         curve: &FittedCurve,
         offsets: &[f64],
         options: &RetrieveOptions,
-        factor: f64,
+        noise: NoiseFactors,
     ) -> Option<Self> {
         let (values, slopes): (Vec<f64>, Vec<[f64; 4]>) =
             offsets.iter().map(|x| curve.at(*x)).unzip();
-        let gain = factor * options.gain.unwrap_or(1.0);
+        let gain = noise.gain(options.gain.unwrap_or(1.0));
         let least = LEAST * curve.amplitude;
-        let noise = (factor * options.read_noise).powi(2);
+        let noise = noise.read_noise(options.read_noise).powi(2);
         let variances: Vec<f64> = values.iter().map(|y| gain * y.max(least) + noise).collect();
         let weights: Vec<f64> = match options.weights {
             Weights::Poisson => variances.iter().map(|variance| variance.recip()).collect(),

@@ -11,6 +11,7 @@
 //! - `estimate.rs`: medians with their uncertainty;
 //! - `region.rs`: a rectangle of pixels;
 //! - `empty_beam.rs`: transmission, refraction, dose and drift where nothing is in the beam;
+//! - `moments.rs`: errors of the method `moments` at the offsets of a scan;
 //! - `borders.rs`: the same at both sides of an image, where they look empty;
 //! - `warnings.rs`: all of them, as lines for the log and the record;
 //! - `collected.rs`: the diagnosis of a retrieval, view by view.
@@ -23,13 +24,14 @@ mod estimate;
 mod fitted;
 mod leverage;
 mod light;
+mod moments;
 mod region;
 mod steps;
 mod warnings;
 mod watched;
 
 pub(super) use borders::Borders;
-pub(super) use collected::Diagnosis;
+pub(super) use collected::{Diagnosis, ExaminedView};
 pub use empty_beam::{EmptyBeam, EmptyBeamOfView};
 pub(super) use fitted::{FittedCurve, Model, is_usable};
 pub use region::Region;

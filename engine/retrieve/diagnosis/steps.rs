@@ -18,9 +18,12 @@ const DAMPING: f64 = 1e-3;
 const OUTLIER: f64 = 10.0;
 /// Standard deviations of chi squared above its mean from which on residuals are no noise.
 const SIGNIFICANT: f64 = 6.0;
-/// Least change that counts: of the dose, and of an offset in widths of the curve. Sources and stages
-/// are steady to this.
-const STEADY: f64 = 1e-2;
+/// Least change that counts: of the dose, and of an offset in widths of the curve. In pixels with a sample
+/// a Gaussian leaves other residuals than in the flat, up to this share of the height.
+pub(super) const STEADY: f64 = 1e-2;
+/// The same in pixels whose curve lies as in the flat: their residuals differ by noise alone, and smaller
+/// changes alter no image.
+pub(super) const STEADY_IN_AIR: f64 = 2e-3;
 /// Bias of fits of counts, in relative variances of the highest value, at most.
 const BIAS: f64 = 2.0;
 /// Fewest pixels that decide.
@@ -103,14 +106,14 @@ impl PixelSteps {
     }
 }
 
-/// Changes of dose or offsets from step to step; `None` where there are none beyond noise.
-pub(super) fn unsteady(pixels: &[PixelSteps]) -> Option<Unsteady> {
+/// Changes of dose or offsets from step to step; `None` where there are none beyond noise and `least`.
+pub(super) fn unsteady(pixels: &[&PixelSteps], least: f64) -> Option<Unsteady> {
     let steps = pixels.first()?.residuals.len();
     let none = vec![0.0; steps];
     let squares: Vec<f64> = pixels.iter().map(|p| p.squares([&none, &none])).collect();
     let most = OUTLIER * median(squares.clone())?;
     let near = pixels.iter().zip(&squares).filter(|(_, squares)| **squares <= most);
-    let near: Vec<&PixelSteps> = near.map(|(pixel, _)| pixel).collect();
+    let near: Vec<&PixelSteps> = near.map(|(pixel, _)| *pixel).collect();
     if near.len() < FEWEST || steps < 5 {
         return None;
     }
@@ -124,7 +127,7 @@ pub(super) fn unsteady(pixels: &[PixelSteps]) -> Option<Unsteady> {
     let [dose, offset] = [0, 1].map(|kind| solutions[kind].size(noise));
     let middle = |of: fn(&PixelSteps) -> f64| median(near.iter().map(|pixel| of(pixel)).collect());
     let variance = noise * middle(|pixel| pixel.variance)? / middle(|pixel| pixel.share)?;
-    let least = STEADY.max(BIAS * variance);
+    let least = least.max(BIAS * variance);
     (dose > least || offset > least).then_some(Unsteady { dose, offset })
 }
 

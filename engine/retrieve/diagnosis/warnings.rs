@@ -3,6 +3,7 @@
 use super::borders::Borders;
 use super::empty_beam::EmptyBeam;
 use super::light::LightCounts;
+use super::moments::MomentsErrors;
 use super::steps::Unsteady;
 use crate::retrieve::misfit::median;
 
@@ -29,6 +30,10 @@ pub(super) struct Findings<'a> {
     /// Whether the gain is known, not assumed.
     pub(super) is_noise_known: bool,
     pub(super) unsteady: &'a [(usize, Unsteady)],
+    /// Residuals of the flat beyond noise, over the height, and those of the method on the curve of the
+    /// masks, where the first are too large.
+    pub(super) misfit: Option<[f64; 2]>,
+    pub(super) moments: &'a [(usize, MomentsErrors)],
     pub(super) borders: &'a [(usize, Borders)],
     /// Views that do not follow the flat.
     pub(super) divided: usize,
@@ -57,6 +62,8 @@ pub(super) fn of(found: &Findings<'_>) -> Vec<String> {
         dose(found),
         drift(found),
         unsteady(found),
+        misfit(found),
+        moments(found),
         scatter(found),
         quiet(found),
     ]
@@ -145,13 +152,50 @@ const fn moved(found: &Findings<'_>) -> &'static str {
 
 fn unsteady(found: &Findings<'_>) -> Option<String> {
     let (count, view, unsteady) = worst(found.unsteady.iter().copied(), |of| of.dose)?;
+    let borders = found.borders.iter().find(|(of, _)| *of == view);
+    let dark_field =
+        borders.and_then(|(_, borders)| borders.dark_field).map_or_else(String::new, |of| {
+            let [value, sigma] = [of.value, of.sigma].map(|value| 1e12 * value);
+            format!(", and air has a dark field of {} urad^2", with_sigma(value, sigma, 1))
+        });
     Some(format!(
         "{}the steps deviate from the fitted curves in all pixels alike: the dose varies by {:.1} \
          % (rms) from \
-         step to step, or the mask offsets are off by {:.2} um; monitor the dose, or check --offsets",
+         step to step, or the mask offsets are off by {:.2} um{}; monitor the dose, or check --offsets; \
+         --correct dose (or steps) corrects it by an empty beam",
         place(found, count, Some(view)),
         100.0 * unsteady.dose,
-        1e6 * unsteady.offset * found.width
+        1e6 * unsteady.offset * found.width,
+        dark_field
+    ))
+}
+
+fn misfit(found: &Findings<'_>) -> Option<String> {
+    let [misfit, of_masks] = found.misfit?;
+    let own = median(found.chi_squares.iter().map(|pair| pair[0]).collect())?;
+    let chi_square = match found.is_noise_known {
+        true => format!("; reduced chi squared {own:.1}"),
+        false => String::new(),
+    };
+    Some(format!(
+        "the curves of flat and sample differ from the fitted ones by {:.1} % of their height (rms{chi_square}), \
+         where the curve of the masks leaves {:.1} %: a frame may be missing or the offsets may have another \
+         order; check --offsets, and masks and spot of the geometry",
+        100.0 * misfit,
+        100.0 * of_masks
+    ))
+}
+
+fn moments(found: &Findings<'_>) -> Option<String> {
+    let size = |of: &MomentsErrors| of.angle.abs().max(0.2 * of.dark_field.abs());
+    let (count, view, errors) = worst(found.moments.iter().copied(), size)?;
+    Some(format!(
+        "{}at these mask offsets the method moments errs by {:+.1} % of an angle that moves the curve by \
+         a tenth of its width, and by {:+.0} % of a small dark field: steps are too wide for the curve, \
+         or the scan ends within it; the method exact-curve has no such error",
+        place(found, count, Some(view)),
+        100.0 * errors.angle,
+        100.0 * errors.dark_field
     ))
 }
 
@@ -214,7 +258,7 @@ fn empty_beam(found: &Findings<'_>) -> Vec<String> {
     if let Some((count, view, scatter)) = worst(all, |scatter| *scatter) {
         lines.push(format!(
             "{}the dose of the empty beam varies by {:.1} % (rms) from step to step: the source is not \
-             steady, or mask offsets are off where curves are steep",
+             steady, or mask offsets are off where curves are steep; --correct dose (or steps) corrects it",
             place(found, count, Some(view)),
             100.0 * scatter
         ));

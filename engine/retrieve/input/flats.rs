@@ -2,6 +2,7 @@
 
 use super::Input;
 use super::times::{Times, during};
+use crate::retrieve::noise_factors::NoiseFactors;
 use crate::{Error, Result};
 use ndarray::Array3;
 use std::ops::Range;
@@ -81,6 +82,14 @@ impl Input {
             };
         });
         Ok(mean)
+    }
+
+    /// Noise of the flat of a view: interpolated values have less than the values of one flat.
+    pub(in super::super) fn flat_noise(&self, view: usize) -> NoiseFactors {
+        self.flats_every.map_or(NoiseFactors::ONE, |every| {
+            let (_, share) = self.times(every, self.flat.shape()[0]).at(during(view));
+            NoiseFactors::interpolated(f64::from(share))
+        })
     }
 
     fn times(&self, every: u32, count: usize) -> Times {

@@ -7,7 +7,7 @@ use crate::retrieve::Record;
 use crate::scene::Scene;
 use crate::stack::StackFile;
 use crate::stack::layout::RECORD;
-use crate::{Error, Result};
+use crate::{Error, Result, folder};
 use std::path::{Path, PathBuf};
 
 impl Input {
@@ -49,7 +49,8 @@ impl Input {
                 return Err(Error::file(other.path(), problem, None));
             }
         }
-        let steps = record.offsets.len();
+        let omitted = record.omitted_steps.clone();
+        let steps = record.offsets.len() + omitted.len();
         let flat = match flat.shape()[1] {
             frames if frames > steps && steps > 0 => flat.with_steps(steps)?,
             _ => flat,
@@ -65,6 +66,7 @@ impl Input {
             counts,
             is_run: false,
             frames,
+            omitted,
             ..input
         };
         let columns = record.kept_columns.as_deref().map(Columns::parse).transpose()?;
@@ -87,7 +89,13 @@ fn place(source: &str, directory: &Path) -> PathBuf {
     let path = PathBuf::from(source);
     let beside = directory.parent().map(|parent| parent.join(&path));
     match beside {
-        Some(beside) if !path.exists() && beside.exists() => beside,
+        Some(beside) if !is_there(&path) && is_there(&beside) => beside,
         _ => path,
     }
+}
+
+/// Whether a file or folder is there, or one that a pattern fits.
+fn is_there(path: &Path) -> bool {
+    path.exists()
+        || (folder::is_pattern(path) && folder::entries(path).is_ok_and(|all| !all.is_empty()))
 }

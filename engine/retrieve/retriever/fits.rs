@@ -2,11 +2,11 @@
 
 use super::super::beamlets::Beamlets;
 use super::super::curves::{Curve, Curves};
-use super::super::fitter::share;
 use super::super::least_squares::{self, CurveScan};
 use super::super::method::Method;
+use super::super::noise_factors::NoiseFactors;
 use super::super::shape::CurveShape;
-use super::super::{closed, flags};
+use super::super::{closed, flags, quadrature};
 use super::view_scan::ViewScan;
 use super::{Flat, Retriever};
 use crate::cancel::Cancel;
@@ -66,8 +66,8 @@ impl Retriever {
             return fitter.fit(flat.view(), cancel);
         }
         let scan = match &self.beamlets {
-            Some(beamlets) => self.scan(&beamlets.offsets(), scan.factor),
-            None => self.scan(offsets, scan.factor),
+            Some(beamlets) => self.scan(&beamlets.offsets(), scan.noise),
+            None => self.scan(offsets, scan.noise),
         };
         let lights = self.beamlets.as_ref().map(Beamlets::lights);
         let entry = |pixel: usize| -> Result<Curve> {
@@ -107,16 +107,17 @@ impl Retriever {
         }
     }
 
-    /// A scan of values that were multiplied by `factor`.
-    fn scan(&self, offsets: &[f64], factor: f64) -> CurveScan {
-        let mut sorted = offsets.to_vec();
-        sorted.sort_by(f64::total_cmp);
+    /// A scan of values with this noise.
+    fn scan(&self, offsets: &[f64], noise: NoiseFactors) -> CurveScan {
         CurveScan {
             offsets: offsets.to_vec(),
-            shares: offsets.iter().map(|offset| share(&sorted, *offset)).collect(),
+            shares: match self.options.method {
+                Method::Moments => quadrature::weights(offsets),
+                _ => quadrature::trapezoids(offsets),
+            },
             saturation: self.options.saturation.map_or(f64::INFINITY, f64::from),
-            gain: self.options.gain.map(|gain| factor * gain),
-            read_noise: factor * self.options.read_noise,
+            gain: self.options.gain.map(|gain| noise.gain(gain)),
+            read_noise: noise.read_noise(self.options.read_noise),
             weights: self.options.weights,
         }
     }

@@ -2,6 +2,7 @@
 
 use super::super::fitter::Fitter;
 use super::super::method::Method;
+use super::super::noise_factors::NoiseFactors;
 use super::super::periods::WholePeriods;
 use super::Retriever;
 use crate::scene::Scene;
@@ -22,23 +23,43 @@ pub(super) struct ViewScans {
 pub(crate) struct Corrected<'a> {
     /// Mask offsets of the frames, m, without whole periods; `None`: as they were to be.
     pub(crate) offsets: Option<&'a [f64]>,
-    /// Factor of the values, and thus of the gain and the read noise: one over the dose, in the mean of
-    /// the frames.
-    pub(crate) factor: f64,
+    /// Noise of the values, which were divided by the doses: the mean of the frames.
+    pub(crate) noise: NoiseFactors,
 }
 
 impl Corrected<'_> {
     /// Frames as they are.
-    pub(crate) const NONE: Self = Self { offsets: None, factor: 1.0 };
+    pub(crate) const NONE: Self = Self { offsets: None, noise: NoiseFactors::ONE };
 }
 
 /// The scan of a view.
 #[derive(Debug)]
 pub(super) struct ViewScan<'a> {
     pub(super) offsets: &'a [f64],
-    /// Factor of the gain and the read noise of its values.
-    pub(super) factor: f64,
+    /// Noise of its values.
+    pub(super) noise: NoiseFactors,
     pub(super) fitter: Option<Cow<'a, Fitter>>,
+}
+
+impl<'a> ViewScan<'a> {
+    /// Offsets and noise of values, and the fitter for them, from the fitter of single frames of the flat.
+    /// `is_usual`: it serves these values, too.
+    ///
+    /// # Errors
+    /// [`Error::Device`], [`Error::Memory`].
+    pub(super) fn of(
+        offsets: &'a [f64],
+        noise: NoiseFactors,
+        fitter: Option<&'a Fitter>,
+        is_usual: bool,
+    ) -> Result<Self> {
+        let fitter = match fitter {
+            Some(fitter) if is_usual => Some(Cow::Borrowed(fitter)),
+            Some(fitter) => Some(Cow::Owned(fitter.at(offsets, noise)?)),
+            None => None,
+        };
+        Ok(Self { offsets, noise, fitter })
+    }
 }
 
 impl ViewScans {
@@ -108,20 +129,15 @@ impl Retriever {
     ) -> Result<ViewScan<'a>> {
         // Two-step does not fit curves of the sample.
         let fitter = self.fitter.as_ref().filter(|_| self.options.method != Method::TwoStep);
-        let factor = corrected.factor;
+        let noise = corrected.noise;
         let own = corrected.offsets.map_or_else(|| self.own_offsets(view), |own| Ok(Some(own)))?;
-        let is_usual = own.is_none() && factor.total_cmp(&1.0).is_eq();
+        let is_usual = own.is_none() && noise.is_one();
         let offsets = own.unwrap_or(&self.sample_offsets);
-        let fitter = match fitter {
-            Some(fitter) if is_usual => Some(Cow::Borrowed(fitter)),
-            Some(fitter) => Some(Cow::Owned(fitter.at(offsets, factor)?)),
-            None => None,
-        };
-        Ok(ViewScan { offsets, factor, fitter })
+        ViewScan::of(offsets, noise, fitter, is_usual)
     }
 
     /// Offsets of a view, if views have offsets of their own.
-    fn own_offsets(&self, view: usize) -> Result<Option<&[f64]>> {
+    pub(super) fn own_offsets(&self, view: usize) -> Result<Option<&[f64]>> {
         let Some(scans) = &self.view_scans else { return Ok(None) };
         let Some(offsets) = scans.lists.get(view / scans.dithers) else {
             let found = format!("view {view}");

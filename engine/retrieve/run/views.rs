@@ -3,7 +3,7 @@
 use crate::numbers;
 use crate::retrieve::Curves;
 use crate::retrieve::correct::{Corrector, FrameCorrection, Rectangle, ViewCorrection};
-use crate::retrieve::diagnosis::Diagnosis;
+use crate::retrieve::diagnosis::{Diagnosis, ExaminedView};
 use crate::retrieve::images::{Images, OF_FLAT, SIGMAS_OF_FLAT};
 use crate::retrieve::input::Input;
 use crate::retrieve::joined::JoinedColumns;
@@ -96,7 +96,8 @@ impl<'a> ScanOf<'a> {
                     tools.diagnosis.take_flat(&data, &band);
                     Ok(data)
                 };
-                retriever.set_flat(numbers::count(rows), columns, &mut read, control)?;
+                let (rows, noise) = (numbers::count(rows), input.flat_noise(view));
+                retriever.set_flat_with(rows, columns, noise, &mut read, control)?;
             }
             let Some(flat) = retriever.flat_curves() else { return Err(Error::Interrupted) };
             let names = retriever.names_of_flat();
@@ -132,7 +133,16 @@ impl<'a> ScanOf<'a> {
         let corrected = frames.map_or(Corrected::NONE, FrameCorrection::corrected);
         let subtracted =
             correction.as_ref().and_then(|of| of.record.offset).map_or(0.0, |of| of[0]);
-        tools.diagnosis.view(flat, &images, shape, (corrected, subtracted));
+        let nominal = retriever.offsets_of_view(view)?;
+        tools.diagnosis.view(&ExaminedView {
+            flat,
+            flat_noise: retriever.flat_noise(),
+            images: &images,
+            offsets: corrected.offsets.unwrap_or(&nominal),
+            shape,
+            corrected,
+            subtracted,
+        });
         Ok((images, of_flat))
     }
 }

@@ -3,6 +3,7 @@
 use super::checksums::Checksums;
 use super::folder::{self, FolderFrames};
 use crate::array_file::{ArrayFile, Format, endings, refuse_wide};
+use crate::folder as folder_names;
 use crate::numbers;
 use crate::{Error, Result, reserve};
 use ndarray::{Array, Array2, Array3, ArrayView, Axis, Dimension, s};
@@ -21,6 +22,7 @@ use std::sync::Arc;
 /// | `.exr` | one frame |
 /// | folder of `.exr` or `.tif` files | one frame per file, in the order of the numbers in their names ([`StackFile::frame_names`]) |
 /// | folder of such folders | one view per folder |
+/// | pattern for names in a folder, `raw/flat_*` | as a folder of the files or folders that it fits |
 ///
 /// Samples are f32, f64, or whole numbers of 8, 16 or 32 bits (EXR: f16, f32, u32), one per pixel.
 #[derive(Debug)]
@@ -105,6 +107,9 @@ impl StackFile {
     /// ```
     pub fn open(path: impl AsRef<Path>) -> Result<Self> {
         let path = path.as_ref();
+        if folder_names::is_pattern(path) {
+            return Self::open_folder(path);
+        }
         let found = std::fs::metadata(path)
             .map_err(|error| Error::file(path, "cannot be read", Some(error)))?;
         if found.is_dir() {
@@ -209,13 +214,21 @@ impl StackFile {
         self
     }
 
-    /// The file or folder.
+    /// The file, the folder, or the pattern for names in a folder.
     #[must_use]
     pub fn path(&self) -> &Path {
         &self.path
     }
 
-    /// The file or folder; `None` where the values are in memory.
+    /// The file or folder, or the files and folders that a pattern fits.
+    pub(crate) fn places(&self) -> Vec<PathBuf> {
+        match folder_names::is_pattern(&self.path) {
+            true => folder_names::entries(&self.path).unwrap_or_default(),
+            false => vec![self.path.clone()],
+        }
+    }
+
+    /// The file, folder or pattern; `None` where the values are in memory.
     pub(crate) fn file(&self) -> Option<&Path> {
         match self.source {
             StackSource::Values(_) => None,
@@ -228,7 +241,10 @@ impl StackFile {
     #[must_use]
     pub fn frame_names(&self) -> Option<Vec<String>> {
         let StackSource::Frames(FolderFrames { files, .. }) = &self.source else { return None };
-        let name = |file: &PathBuf| Some(file.strip_prefix(&self.path).ok()?.display().to_string());
+        let name = |file: &PathBuf| {
+            let name = file.strip_prefix(folder_names::holder(&self.path)).ok()?;
+            Some(name.display().to_string())
+        };
         Some(files.iter().filter_map(name).collect())
     }
 

@@ -1,4 +1,4 @@
-//! Folders of frames: which files are frames, and the views they make.
+//! Folders of frames, or patterns for names in a folder: which files are frames, and the views they make.
 
 mod name;
 mod order;
@@ -54,7 +54,8 @@ pub(super) fn frames(path: &Path) -> Result<FolderFrames> {
     }
     let format = all.first().and_then(|file| Format::of(file)).ok_or_else(|| {
         let endings = endings(|format| format.abilities().folders);
-        let problem = format!("holds no frames: files that end in {endings}, or folders of them");
+        let what = if folder::is_pattern(path) { "names" } else { "holds" };
+        let problem = format!("{what} no frames: files that end in {endings}, or folders of them");
         Error::file(path, problem, None)
     })?;
     Ok(FolderFrames { format, views: count, files: all, sides: Vec::new() })
@@ -64,7 +65,7 @@ pub(super) fn frames(path: &Path) -> Result<FolderFrames> {
 fn listing(path: &Path) -> Result<(Vec<PathBuf>, Vec<PathBuf>)> {
     let unread = |error| Error::file(path, "cannot be read", Some(error));
     let (mut frames, mut folders) = (Vec::new(), Vec::new());
-    for entry in folder::paths(path).map_err(unread)? {
+    for entry in folder::entries(path).map_err(unread)? {
         let hidden = entry.file_name().is_some_and(|n| n.as_encoded_bytes().starts_with(b"."));
         if hidden {
             continue;
