@@ -69,9 +69,14 @@ function upwards(context, text, x, y) {
   context.restore();
 }
 
-// Colours of objects with their names, down to the end of the area; the table of the voxel has all names.
+// Colours of objects with their names, down to the end of the canvas; the table of the voxel has all names.
 function drawObjects(context, image, area) {
-  const room = Math.max(1, Math.floor(area.height / 18));
+  const room = Math.floor((area.height + BELOW) / 18), width = BAR - 30;
+  const cut = (name) => {
+    let text = name.replace(/ \(.*\)$/, "");
+    while (text && context.measureText(text).width > width) text = text.slice(0, -2).trimEnd() + "…";
+    return text;
+  };
   context.textAlign = "left";
   context.textBaseline = "middle";
   Object.entries(image.objects).slice(0, room).forEach(([label, name], i) => {
@@ -80,7 +85,7 @@ function drawObjects(context, image, area) {
     context.fillRect(area.left, y, 12, 12);
     context.strokeStyle = context.fillStyle = colour("ink");
     context.strokeRect(area.left + .5, y + .5, 11, 11);
-    context.fillText(name, area.left + 17, y + 6, BAR - 32);
+    context.fillText(cut(name), area.left + 17, y + 6);
   });
 }
 
