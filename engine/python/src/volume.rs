@@ -125,7 +125,7 @@ struct TrueVolume {
     errors: String,
 }
 
-/// A volume with everything that was asked for beside it.
+/// A volume with the results beside it.
 struct Made {
     volume: Volume,
     residuals: Vec<f64>,
