@@ -10,8 +10,9 @@ use std::path::PathBuf;
     beamlet convert run --to astra -o astra\n\n\
     Writes each retrieved image as NAME.npy, [row][view][column], astra.json with the vectors of the \
     views (cone_vec) and the extents of a volume in mm, and load_astra.py, which loads both. Pixels of \
-    transmission, refraction and dark field without a value are filled as by `beamlet reconstruct`. In \
-    Python, beamlet.convert writes NXtomo, CIL and DXchange (docs/python.md).")]
+    transmission, refraction and dark field without a value are filled as by `beamlet reconstruct`. \
+    NXtomo, CIL and DXchange are HDF5, which the Python package writes: --to prints the command \
+    (docs/how-to/convert.md).")]
 pub(crate) struct Convert {
     /// Run with retrieved images, or a directory of retrieved images
     #[arg(value_name = "RUN|IMAGES")]
@@ -37,4 +38,10 @@ pub(crate) struct Convert {
 pub(crate) enum Program {
     /// The ASTRA toolbox
     Astra,
+    /// NXtomo, in Python: prints the command
+    Nxtomo,
+    /// CIL, in Python: prints the command
+    Cil,
+    /// DXchange, in Python: prints the command
+    Dxchange,
 }

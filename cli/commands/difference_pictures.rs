@@ -4,7 +4,7 @@
 use super::pictures::{PictureForm, Pictures};
 use crate::failure::Failure;
 use crate::numbers;
-use crate::picture::image::{self, Grid, ImagePlot};
+use crate::picture::image::{self, Grid, ImagePlot, Key};
 use crate::picture::quantity::Quantity;
 use crate::picture::scale::{Scale, pixels};
 use crate::picture::text::{capital, joined, rough};
@@ -198,7 +198,7 @@ fn plot<'a>(
         values: values.view(),
         flagged,
         quantity,
-        scale,
+        key: Key::Scale(scale),
         title: capital(&quantity.label),
         note: joined(&[format!("A: {a}"), format!("B: {b}"), place]),
         below,

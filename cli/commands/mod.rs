@@ -71,12 +71,14 @@ fn write_json(value: &impl serde::Serialize, out: &mut impl Write) -> Result<(),
 
 /// How refraction angles were integrated along the rows, in words.
 fn drift_words(drift: &Drift) -> String {
+    // Without a sample little but rounding is left of the phase.
+    let share = match drift.largest_share {
+        share if share < 10.0 => format!("{:.1} % of the largest phase", 100.0 * share),
+        _ => "more than ten times the phase that is left".to_owned(),
+    };
     format!(
         "{} angles without a result are interpolated along the row; the mean angle of each row, rms {:.2e} \
-         rad, largest {:.2e} rad ({:.1} % of the largest phase), is subtracted",
-        drift.filled,
-        drift.rms_rad,
-        drift.largest_rad,
-        100.0 * drift.largest_share
+         rad, largest {:.2e} rad ({share}), is subtracted",
+        drift.filled, drift.rms_rad, drift.largest_rad,
     )
 }

@@ -1,8 +1,9 @@
 //! An image in colours on its axes, with its bar; and sinograms.
 
 use super::axes::{Axes, BELOW, LEFT, ticks};
-use super::colour::SMALL;
+use super::colour::{Rgb, SMALL};
 use super::drawing::{Anchor, Area, Drawing, GREY, INK, Paint, text_width};
+use super::objects::{self, Objects};
 use super::quantity::Quantity;
 use super::scale::Scale;
 use super::text::wrapped;
@@ -94,6 +95,52 @@ impl Grid {
     }
 }
 
+/// Meaning of the colours of an image.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) enum Key {
+    /// Values on a scale.
+    Scale(Scale),
+    /// Labels of objects.
+    Objects(Objects),
+}
+
+impl Key {
+    fn colour(&self, value: f64) -> Rgb {
+        match self {
+            Self::Scale(scale) => scale.colour(value),
+            Self::Objects(_) => objects::colour(value),
+        }
+    }
+
+    /// Room to the right of the image and the gap beside it.
+    fn width(&self) -> f64 {
+        match self {
+            Self::Scale(_) => 16.0 + BAR,
+            Self::Objects(objects) => objects.width(),
+        }
+    }
+
+    /// Height from the top of the image on that the image need not have.
+    fn height(&self) -> f64 {
+        match self {
+            Self::Scale(_) => 0.0,
+            Self::Objects(objects) => objects.height(),
+        }
+    }
+
+    /// Draws bar or legend to the right of an image.
+    fn draw(&self, drawing: &mut Drawing, image: Area, words: &str) {
+        let left = image.right() + 20.0;
+        match self {
+            Self::Scale(scale) => {
+                let bar = Area::new(left, image.top + 12.0, 16.0, image.height - 24.0);
+                scale.bar(drawing, bar, words);
+            }
+            Self::Objects(objects) => objects.legend(drawing, [left, image.top]),
+        }
+    }
+}
+
 /// An image with its words.
 #[derive(Debug, Clone)]
 pub(crate) struct ImagePlot<'a> {
@@ -102,7 +149,7 @@ pub(crate) struct ImagePlot<'a> {
     /// Pixels that are hatched.
     pub(crate) flagged: Option<&'a Array2<bool>>,
     pub(crate) quantity: &'a Quantity,
-    pub(crate) scale: Scale,
+    pub(crate) key: Key,
     pub(crate) title: String,
     /// Above the image.
     pub(crate) note: String,
@@ -133,7 +180,7 @@ fn size(grid: &Grid) -> [f64; 2] {
 pub(crate) fn draw(grid: &Grid, image: &ImagePlot<'_>) -> Drawing {
     let [width, height] = size(grid);
     let left = LEFT + 10.0;
-    let right = (left + width + 20.0 + 16.0 + BAR).max(left + 420.0);
+    let right = (left + width + 20.0 + image.key.width()).max(left + 420.0);
     let room = right - left - 12.0;
     let notes = wrapped(&image.note, room, SMALL);
     let below: Vec<String> =
@@ -141,8 +188,9 @@ pub(crate) fn draw(grid: &Grid, image: &ImagePlot<'_>) -> Drawing {
     let area = Area::new(left, ABOVE + LINE * notes.len().max(1) as f64, width, height);
     let foot = area.bottom() + BELOW + 6.0;
     let lines = LINE * below.len() as f64;
-    let mut drawing = Drawing::new(right, foot + lines + if below.is_empty() { 0.0 } else { 6.0 });
-    let colours = image.values.iter().map(|value| image.scale.colour(*value)).collect();
+    let end = foot + lines + if below.is_empty() { 0.0 } else { 6.0 };
+    let mut drawing = Drawing::new(right, end.max(area.top + image.key.height()));
+    let colours = image.values.iter().map(|value| image.key.colour(*value)).collect();
     drawing.pixels(area, image.values.ncols(), colours);
     if let Some(flagged) = image.flagged.filter(|flagged| can_hatch(grid, flagged)) {
         hatch(&mut drawing, area, flagged);
@@ -160,8 +208,7 @@ pub(crate) fn draw(grid: &Grid, image: &ImagePlot<'_>) -> Drawing {
         let y = foot + 8.0 + LINE * at as f64;
         drawing.text([left, y], line, SMALL, INK, Anchor::Start);
     }
-    let bar = Area::new(area.right() + 20.0, area.top + 12.0, 16.0, area.height - 24.0);
-    image.scale.bar(&mut drawing, bar, &image.quantity.words());
+    image.key.draw(&mut drawing, area, &image.quantity.words());
     drawing
 }
 

@@ -1,4 +1,4 @@
-//! Colours of the materials of a scene, the same in every picture of it.
+//! Colours of the materials of a scene, the same in every picture of it, and of labelled objects.
 
 use super::colour::{Rgb, SET};
 use crate::numbers;
@@ -22,6 +22,11 @@ pub(super) fn materials(scene: &Scene) -> Vec<&str> {
 pub(super) fn colour_of(scene: &Scene, material: &str) -> Rgb {
     let place = materials(scene).iter().position(|name| *name == material);
     place.map_or(EMPTY, nth)
+}
+
+/// Colour of the label of an object, from 1 on; 0 is the surroundings.
+pub(crate) fn colour_of_label(label: u32) -> Rgb {
+    label.checked_sub(1).map_or(EMPTY, |place| nth(place as usize))
 }
 
 /// The colours of the set, then darker and paler ones of them: 21 materials differ.

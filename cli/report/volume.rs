@@ -7,21 +7,20 @@ use super::{
     table_of, words_of,
 };
 use crate::failure::Failure;
+use crate::numbers;
 use crate::picture::colour::Map;
+use crate::picture::palette::colour_of_label;
 use crate::picture::quantity::Quantity;
-use crate::picture::scale::Scale;
+use crate::picture::volume_scale;
 use crate::progress::Reporter;
 use crate::residuals::{self, Residuals};
 use beamlet::cli_support::{printed, require_memory};
-use beamlet::reconstruct::{OpenVolumes, Region, RegionShape, VolumeRecord};
+use beamlet::reconstruct::{LABELS, OpenVolumes, Region, RegionShape, VolumeRecord};
 use beamlet::stack::layout::{ERRORS, REGIONS};
 use minijinja::context;
 use ndarray::Array3;
 use serde_json::{Map as Object, Value, json};
 use std::path::Path;
-
-/// Name of the volume of the objects of the scene.
-const LABELS: &str = "labels";
 
 /// The page of a reconstruction.
 const VOLUME: Page =
@@ -51,7 +50,9 @@ pub(crate) fn page(
     for name in record.units.keys() {
         let quantity = Quantity::of_volume(name);
         let values = bins.binned(&volumes, name, quantity.factor)?;
-        let scale = Scale::of(quantity.map, &values, None, None);
+        let views: Vec<_> = values.outer_iter().collect();
+        let scale = volume_scale::of(name, quantity.map, &views);
+        let values = values.iter().copied().collect::<Vec<f64>>();
         let Quantised { low, high, words } = Quantised::of(&values);
         arrays.push((name.clone(), words));
         let mut about = json!({
@@ -63,7 +64,11 @@ pub(crate) fn page(
             "scale": [scale.low, scale.high],
         });
         if name == LABELS {
+            let named = record.labels.keys().max().copied().unwrap_or(0);
+            let labels = 0..=named.max(numbers::whole(high)).min(u16::MAX.into());
+            about["palette"] = labels.map(colour_of_label).collect::<Vec<_>>().into();
             about["objects"] = json!(record.labels);
+            about["scale"] = json!([low, high.max(low + 1.0)]);
         }
         described.insert(name.clone(), about);
     }
@@ -147,7 +152,12 @@ impl Bins {
     }
 
     /// Means over blocks, those at the ends smaller, `[z][y][x]`; of labels the first of each.
-    fn binned(&self, volumes: &OpenVolumes, name: &str, factor: f64) -> Result<Vec<f64>, Failure> {
+    fn binned(
+        &self,
+        volumes: &OpenVolumes,
+        name: &str,
+        factor: f64,
+    ) -> Result<Array3<f64>, Failure> {
         let [wide, high, deep] = self.size;
         let [bin_x, bin_y, bin_z] = self.bin;
         let mut sums = Array3::<f64>::zeros((deep, high, wide));
@@ -165,8 +175,8 @@ impl Bins {
                 counts[at] += 1;
             }
         }
-        let means = sums.iter().zip(&counts).map(|(sum, count)| sum / f64::from(*count));
-        Ok(means.collect())
+        sums.zip_mut_with(&counts, |sum, count| *sum /= f64::from(*count));
+        Ok(sums)
     }
 }
 

@@ -163,17 +163,22 @@ pub(super) fn header(
 ) -> Option<Vec<u8>> {
     match format {
         Format::Exr => None,
-        Format::Npy => Some(npy::header(sides)),
+        Format::Npy => Some(npy::header(sides, sample)),
         Format::Tiff => Some(tiff::header(sides, pitch, sample)),
     }
 }
 
 /// As [`header`], of a volume `[z][y][x]` with these sides and voxels, x, y, z, m.
-pub(super) fn volume_header(format: Format, sides: [u32; 3], voxel: [f64; 3]) -> Option<Vec<u8>> {
+pub(super) fn volume_header(
+    format: Format,
+    sides: [u32; 3],
+    voxel: [f64; 3],
+    sample: Sample,
+) -> Option<Vec<u8>> {
     match format {
         Format::Exr => None,
-        Format::Npy => Some(npy::header(&sides)),
-        Format::Tiff => Some(tiff::volume_header(sides, voxel)),
+        Format::Npy => Some(npy::header(&sides, sample)),
+        Format::Tiff => Some(tiff::volume_header(sides, voxel, sample)),
     }
 }
 

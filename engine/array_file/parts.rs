@@ -41,7 +41,7 @@ impl Sample {
     ///
     /// # Errors
     /// [`Error::Memory`].
-    pub(super) fn encode(self, values: impl ExactSizeIterator<Item = f32>) -> Result<Vec<u8>> {
+    pub(crate) fn encode(self, values: impl ExactSizeIterator<Item = f32>) -> Result<Vec<u8>> {
         if self == Self::F32 {
             return le_bytes(values);
         }

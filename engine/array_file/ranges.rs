@@ -46,12 +46,17 @@ impl RangeLayout {
         Some(Self { header, start, sample, frames, rows: *rows, columns: *columns })
     }
 
-    /// The layout of a volume `[z][y][x]` of f32 with these sides and voxels, x, y, z, m; `None` where
-    /// the format has no such files.
-    pub(crate) fn volume(format: Format, sides: [u32; 3], voxel: [f64; 3]) -> Option<Self> {
-        let header = volume_header(format, sides, voxel)?;
+    /// The layout of a volume `[z][y][x]` with these sides and voxels, x, y, z, m; `None` where the format
+    /// has no such files.
+    pub(crate) fn volume(
+        format: Format,
+        sides: [u32; 3],
+        voxel: [f64; 3],
+        sample: Sample,
+    ) -> Option<Self> {
+        let header = volume_header(format, sides, voxel, sample)?;
         let (start, [slices, rows, columns]) = (header.len() as u64, sides);
-        Some(Self { header, start, sample: Sample::F32, frames: slices.into(), rows, columns })
+        Some(Self { header, start, sample, frames: slices.into(), rows, columns })
     }
 
     fn row_bytes(&self) -> u64 {

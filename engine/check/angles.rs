@@ -39,6 +39,20 @@ fn left_out(angles: &[f64]) -> Option<String> {
     })
 }
 
+/// Doubt about views at the angle of another, of which there is a pair.
+fn repeats(scan: &Scan, [a, b]: [usize; 2], count: usize) -> String {
+    let [a, b] = [a.min(b), a.max(b)];
+    let degrees = |view: usize| scan.angles[view].to_degrees();
+    let places = format!("at {:.4} and {:.4} deg", degrees(a), degrees(b));
+    match count {
+        1 => format!("views {a} and {b} of scan.angles are the same, {places}: is one too many?"),
+        _ => format!(
+            "{count} views of scan.angles repeat the angle of another, as views {a} and {b}, {places}: is \
+             that intended?"
+        ),
+    }
+}
+
 /// Doubts about the angles; none where the sample moves otherwise, for angles may repeat then.
 pub(super) fn doubts(scan: &Scan) -> Vec<String> {
     if !scan.is_circle() || !scan.view_offsets.is_empty() {
@@ -56,14 +70,13 @@ pub(super) fn doubts(scan: &Scan) -> Vec<String> {
         [first, .., last] if around(&first, &last) < SAME => Some([first.1, last.1]),
         _ => None,
     };
-    let degrees = |view: usize| scan.angles[view].to_degrees();
-    if let Some([a, b]) = same.or(ends) {
-        let [a, b] = [a.min(b), a.max(b)];
-        doubts.push(format!(
-            "views {a} and {b} of scan.angles are the same, at {:.4} and {:.4} deg: is one too many?",
-            degrees(a),
-            degrees(b)
-        ));
+    // Gaps lie between angles, however many views one has.
+    angles.dedup_by(|next, kept| next.0 - kept.0 < SAME);
+    if ends.is_some() && angles.len() > 1 {
+        angles.pop();
+    }
+    if let Some(pair) = same.or(ends) {
+        doubts.push(repeats(scan, pair, scan.angles.len() - angles.len()));
     }
     let mut gaps: Vec<f64> = angles.windows(2).map(gap).collect();
     gaps.sort_by(f64::total_cmp);
@@ -113,6 +126,17 @@ mod tests {
         assert!(of((0..192).map(|k| 360.0 / 192.0 * f64::from(k))).is_empty());
         let closed = of((0..=36).map(|k| 10.0 * f64::from(k)));
         assert!(closed.len() == 1 && closed[0].contains("views 0 and 36"), "{closed:?}");
+        // Two turns of 45 angles, whose angles differ by rounding; a full turn may end as the first angle.
+        for angles in [(0..90).map(|k| 8.0 * f64::from(k)).collect::<Vec<_>>(), {
+            (0..90).map(|k| 8.0 * f64::from(k % 45) + 1e-9 * f64::from(k)).collect()
+        }] {
+            let found = of(angles.into_iter());
+            assert!(found.len() == 1 && found[0].starts_with("45 views"), "{found:?}");
+        }
+        let ten = || (0..36).map(|k| 10.0 * f64::from(k)).filter(|k| !(120.0..150.0).contains(k));
+        let gap = of(ten().chain(ten()).chain([359.999_999_999_9]));
+        assert!(gap.len() == 2 && gap[1].contains("40.0000 deg"), "{gap:?}");
+        assert!(gap[1].contains("4.0 times the median"), "{gap:?}");
         let gap = of(even().filter(|k| !(12.0..15.0).contains(k)).map(|k| 10.0 * k));
         assert!(gap.len() == 1 && gap[0].contains("gap of 40.0000 deg between views 11 and 12"));
     }

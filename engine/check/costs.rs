@@ -127,8 +127,9 @@ pub(super) fn needless(
     let time = seconds.map_or(String::new(), |it| format!(": about {}", duration(it)));
     let text = |key: &str, found: String, times: f64, noise: String, tenth: String| {
         format!(
-            "sampling.{key} of {found} is {times:.0} times below the noise of {noise}: omit it and \
-             set sampling.quality = \"noise\", which uses {tenth} and is faster{time}"
+            "sampling.{key} of {found} is {} times below the noise of {noise}: omit it and \
+             set sampling.quality = \"noise\", which uses {tenth} and is faster{time}",
+            number(times.round())
         )
     };
     let nrad = |angle: f64| format!("{} nrad", number(angle * 1e9));

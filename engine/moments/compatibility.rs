@@ -3,7 +3,7 @@
 use super::DELTA_HEADROOM;
 use crate::scene::{Instances, Mesh, Normals, Object, Scene, ShapeOrMesh};
 use crate::trace::MaterialTable;
-use crate::{Error, Result, geometry};
+use crate::{Error, Result, geometry, printed};
 
 /// Source distance, angles and the shape and place of every object must be the same.
 ///
@@ -152,12 +152,13 @@ pub(super) fn media(
     for (index, name) in media.names.iter().enumerate() {
         let (now, was) = (media.delta(index), old.delta(index));
         if now > DELTA_HEADROOM * was * (1.0 + 1e-9) && now > 0.0 {
+            let beside = match was > 0.0 {
+                true => format!("{} times the delta of the run", printed::number(now / was)),
+                false => "where the run has 0".to_owned(),
+            };
             return Err(Error::scene(
                 "source",
-                format!(
-                    "\"{name}\" with a delta of {now:.3e}, {:.2} times the delta of the run",
-                    now / was
-                ),
+                format!("\"{name}\" with a delta of {now:.3e}, {beside}"),
                 format!(
                     "up to {DELTA_HEADROOM} times the delta of the run, for which its rays are valid; simulate this scene instead"
                 ),

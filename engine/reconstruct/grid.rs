@@ -133,7 +133,9 @@ pub struct Volume {
 }
 
 impl Volume {
-    pub(super) const fn new(grid: VolumeGrid, quantity: Quantity, values: Array3<f32>) -> Self {
+    /// Values `[z][y][x]` of a quantity, in its unit, on the voxels of a grid.
+    #[must_use]
+    pub const fn new(grid: VolumeGrid, quantity: Quantity, values: Array3<f32>) -> Self {
         Self { grid, quantity, values }
     }
 }

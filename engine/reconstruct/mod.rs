@@ -95,7 +95,7 @@ pub use quantity::Quantity;
 pub use record::{HardeningRecord, VolumeRecord};
 pub use regions::{Region, RegionMean, RegionShape, region_table};
 pub use rings::suppress_rings;
-pub use run::{Reconstructed, VolumesTo, reconstruct};
+pub use run::{LABELS, Reconstructed, VolumesTo, reconstruct};
 pub use shared_sigma::{fbp_mean_shared_sigma, fbp_shared_sigma};
 pub use sigma::{fbp_mean_sigma, fbp_sigma};
 pub use solver::{IterativeOptions, Solver};

@@ -3,10 +3,10 @@
 use super::grid::Volume;
 use super::quantity::Quantity;
 use super::record::VolumeRecord;
-use super::write::VolumeFormat;
-use crate::array_file::LONGEST_SIDE;
+use super::write::{VolumeFormat, meta_sample};
+use crate::array_file::{LONGEST_SIDE, Sample};
 use crate::stack::{StackFile, layout, refuse_changed};
-use crate::{Error, Result, reserve};
+use crate::{Error, Result, input_file, reserve};
 use ndarray::{Array2, Array3, s};
 use std::io::{Read, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
@@ -95,14 +95,27 @@ impl OpenVolumes {
 
     fn raw_slice(&self, name: &str, slice: usize) -> Result<Array2<f32>> {
         let [x, y, _] = self.record.size;
-        let [_, raw] = layout::meta_image(name);
-        let path = self.path.join(raw);
+        let [header, raw] = layout::meta_image(name).map(|name| self.path.join(name));
+        let text = input_file::text(&header)
+            .map_err(|error| Error::file(&header, "cannot be read", Some(error)))?;
+        let Some(sample) = meta_sample(&text) else {
+            let problem = "has no ElementType of MET_FLOAT or MET_USHORT";
+            return Err(Error::file(header, problem, None));
+        };
+        let path = raw;
         let failed = |error| Error::file(&path, "cannot be read", Some(error));
-        let mut bytes: Vec<u8> = reserve::zeroed(4 * x * y, "a slice")?;
-        let mut file = crate::input_file::open(&path).map_err(failed)?;
-        file.seek(SeekFrom::Start((4 * x * y * slice) as u64)).map_err(failed)?;
+        let of_slice = crate::numbers::length(sample.bytes()) * x * y;
+        let mut bytes: Vec<u8> = reserve::zeroed(of_slice, "a slice")?;
+        let mut file = input_file::open(&path).map_err(failed)?;
+        file.seek(SeekFrom::Start((of_slice * slice) as u64)).map_err(failed)?;
         file.read_exact(&mut bytes).map_err(failed)?;
-        let values = bytes.as_chunks().0.iter().map(|four| f32::from_le_bytes(*four)).collect();
+        let values = match sample {
+            Sample::F32 => bytes.as_chunks().0.iter().map(|it| f32::from_le_bytes(*it)).collect(),
+            Sample::U16 => {
+                let short = |it: &[u8; 2]| f32::from(u16::from_le_bytes(*it));
+                bytes.as_chunks().0.iter().map(short).collect()
+            }
+        };
         Array2::from_shape_vec((y, x), values)
             .map_err(|error| Error::file(&path, error.to_string(), None))
     }

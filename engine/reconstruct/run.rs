@@ -16,7 +16,7 @@ use super::rings::suppress_rings;
 use super::shared_sigma::{fbp_mean_shared_sigma, fbp_shared_sigma};
 use super::sigma::{fbp_mean_sigma, fbp_sigma};
 use super::truth::Truth;
-use super::write::{VolumeFormat, write};
+use super::write::{VolumeFormat, Voxels, write};
 use crate::cancel::Aside;
 use crate::numbers::{single, whole};
 use crate::run::{RowsControl, require_memory};
@@ -28,8 +28,8 @@ use ndarray::{Array2, Array3};
 use std::path::Path;
 use std::time::Instant;
 
-/// Name of the volume of the objects of the scene.
-const LABELS: &str = "labels";
+/// Name of the volume of labels, the objects of the scene: 0 in the surroundings, 1 + the index of the object.
+pub const LABELS: &str = "labels";
 /// Columns for each view beyond which views are few.
 const MANY_COLUMNS: usize = 4;
 /// Mean sinogram at both ends of the rows, over the largest mean of a column, beyond which a body is cut.
@@ -260,7 +260,8 @@ impl Making<'_> {
             add_gradient_bias(&mut volume, mu, k)?;
             self.record.gradient_bias_m = Some(k);
         }
-        self.put((quantity.name(), quantity.unit()), &volume.values, &control.cancel)?;
+        let named = (quantity.name(), quantity.unit());
+        self.put(named, Voxels::Values(&volume.values), &control.cancel)?;
         let of_means = self.sigma(quantity, deviations, &control.cancel)?;
         if !self.plan.regions.is_empty() {
             let table = region_table(&self.plan.regions, &volume, of_means.as_deref())?;
@@ -269,11 +270,11 @@ impl Making<'_> {
         if let Some(truth) = self.truth {
             if let Some(values) = truth.values(quantity) {
                 let name = format!("{}_truth", quantity.name());
-                self.put((&name, quantity.unit()), &values, &control.cancel)?;
+                self.put((&name, quantity.unit()), Voxels::Values(&values), &control.cancel)?;
                 append(&mut self.tables.errors, &truth.errors(&volume, &control.cancel)?);
             }
             if !self.record.units.contains_key(LABELS) {
-                self.put((LABELS, "1"), truth.labels(), &control.cancel)?;
+                self.put((LABELS, "1"), Voxels::Labels(truth.labels()), &control.cancel)?;
             }
         }
         if quantity == Quantity::Mu && self.plan.gradient_bias.is_some() {
@@ -385,7 +386,7 @@ impl Making<'_> {
             });
             means.iter_mut().zip(of_mu).for_each(|(delta, mu)| *delta = delta.hypot(k * mu));
         }
-        self.put((&name, quantity.unit()), &map, cancel)?;
+        self.put((&name, quantity.unit()), Voxels::Values(&map), cancel)?;
         if quantity == Quantity::Mu && plan.gradient_bias.is_some() {
             self.mu_sigma = Some((map, means.clone()));
         }
@@ -396,12 +397,12 @@ impl Making<'_> {
     fn put(
         &mut self,
         (name, unit): (&str, &str),
-        values: &Array3<f32>,
+        voxels: Voxels<'_>,
         cancel: &Cancel,
     ) -> Result<()> {
         self.record.units.insert(name.to_owned(), unit.to_owned());
         let (images, grid) = (&mut self.images, &self.plan.grid);
-        let files = write(images, self.format, (name, unit), grid, values, cancel)?;
+        let files = write(images, self.format, (name, unit), grid, voxels, cancel)?;
         self.record.files.extend(files);
         Ok(())
     }

@@ -16,12 +16,14 @@ use std::fmt::Write;
 
 /// Surfaces along a line of voxels, at most: first, and where these are not enough.
 const MOST: [u32; 2] = [64, 1024];
+/// Share of the largest constant below which one is zero but for rounding.
+const ROUNDING: f64 = 1e-9;
 
 /// Objects of a scene at the centres of voxels, with their constants.
 #[derive(Debug, Clone)]
 pub struct Truth {
     /// `[z][y][x]`: 0 in the surroundings, 1 + the index of the object.
-    labels: Array3<f32>,
+    labels: Array3<u16>,
     /// Names and materials by label.
     names: Vec<[String; 2]>,
     /// Constants minus the surroundings', by label.
@@ -35,8 +37,8 @@ impl Truth {
     /// at the energy, or means over the spectrum, minus the surroundings'.
     ///
     /// # Errors
-    /// As [`Engine::prepare`]; [`Error::Argument`] for a geometry or grid that cannot be, and lines through
-    /// more than 1024 surfaces; [`Error::Interrupted`].
+    /// As [`Engine::prepare`]; [`Error::Argument`] for a geometry or grid that cannot be, more than 65,535
+    /// objects, and lines through more than 1024 surfaces; [`Error::Interrupted`].
     pub fn of(
         engine: &Engine,
         scene: &Scene,
@@ -46,6 +48,10 @@ impl Truth {
     ) -> Result<Self> {
         geometry.check()?;
         grid.check(geometry)?;
+        if u16::try_from(scene.objects.len()).is_err() {
+            let found = format!("{} objects", scene.objects.len());
+            return Err(Error::argument("truth", found, "65535 objects: labels have 16 bits"));
+        }
         // Lines along y are rays of the view at 0.
         let mut upright = scene.clone();
         upright.scan = Scan::new(vec![0.0], vec![0.0]);
@@ -81,7 +87,7 @@ impl Truth {
 
     /// Labels of the voxels, `[z][y][x]`: 0 in the surroundings, 1 + the index of the object.
     #[must_use]
-    pub const fn labels(&self) -> &Array3<f32> {
+    pub const fn labels(&self) -> &Array3<u16> {
         &self.labels
     }
 
@@ -96,7 +102,7 @@ impl Truth {
     #[must_use]
     pub fn values(&self, quantity: Quantity) -> Option<Array3<f32>> {
         let by_label: Vec<f32> = self.by_label(quantity)?.map(single).collect();
-        Some(self.labels.mapv(|label| by_label[label_index(label)]))
+        Some(self.labels.mapv(|label| by_label[usize::from(label)]))
     }
 
     fn by_label(&self, quantity: Quantity) -> Option<impl Iterator<Item = f64> + '_> {
@@ -142,13 +148,14 @@ impl Truth {
             let from_axis = x.hypot(y);
             let is_seen = from_axis <= radius && self.geometry.rows_see(from_axis, z);
             if is_seen && self.is_inner(at) {
-                let label = label_index(*label);
+                let label = usize::from(*label);
                 let off = f64::from(*value) - truths[label];
                 let (voxels, sum, squares) = sums[label];
                 sums[label] = (voxels + 1, sum + off, squares + off * off);
             }
         }
         let (quantity, unit) = (volume.quantity.name(), volume.quantity.unit());
+        let largest = truths.iter().fold(0.0_f64, |most, truth| most.max(truth.abs()));
         for (([object, material], truth), (voxels, sum, squares)) in
             self.names.iter().zip(&truths).zip(sums)
         {
@@ -156,7 +163,8 @@ impl Truth {
                 continue;
             }
             let (error, rms) = (sum / voxels as f64, (squares / voxels as f64).sqrt());
-            let percent = match truth.abs() > 0.0 {
+            // Materials that differ by rounding alone from the surroundings have no relative error.
+            let percent = match truth.abs() > ROUNDING * largest {
                 true => format!("{:.4}", 100.0 * error / truth),
                 false => String::new(),
             };
@@ -175,14 +183,9 @@ impl Truth {
         let (depth, height, width) = self.labels.dim();
         let around = |at: usize, most: usize| at.saturating_sub(1)..(at + 2).min(most);
         let [z_range, y_range, x_range] = [around(z, depth), around(y, height), around(x, width)];
-        let own = self.labels[[z, y, x]].to_bits();
-        self.labels.slice(s![z_range, y_range, x_range]).iter().all(|label| label.to_bits() == own)
+        let own = self.labels[[z, y, x]];
+        self.labels.slice(s![z_range, y_range, x_range]).iter().all(|label| *label == own)
     }
-}
-
-/// A label, which is a whole number.
-fn label_index(label: f32) -> usize {
-    crate::numbers::whole(f64::from(label))
 }
 
 /// A field of CSV.
@@ -199,7 +202,7 @@ fn labels(
     scene: &Scene,
     grid: &VolumeGrid,
     cancel: &Cancel,
-) -> Result<Array3<f32>> {
+) -> Result<Array3<u16>> {
     let [x, y, z] = grid.size;
     let values = reserve::zeroed(x * y * z, "labels of voxels")?;
     let mut labels = Array3::from_shape_vec((z, y, x), values)
@@ -244,7 +247,7 @@ fn labels(
 fn along<'a>(
     met: &'a [SurfaceCrossing],
     places: impl Iterator<Item = f64> + 'a,
-) -> impl Iterator<Item = f32> + 'a {
+) -> impl Iterator<Item = u16> + 'a {
     let (mut next, mut inside) = (0, Vec::new());
     places.map(move |place| {
         while let Some(crossing) = met.get(next).filter(|met| f64::from(met.y) <= place) {
@@ -255,7 +258,8 @@ fn along<'a>(
             }
             next += 1;
         }
-        inside.iter().max().map_or(0.0, |object| single(f64::from(*object) + 1.0))
+        // `Truth::of` refuses more objects than labels count.
+        inside.iter().max().map_or(0, |object| u16::try_from(*object + 1).unwrap_or(u16::MAX))
     })
 }
 
@@ -281,7 +285,7 @@ mod tests {
             at(5.0, 2, false),
         ];
         let places = [0.5, 1.5, 2.5, 3.5, 4.5, 5.5];
-        let found: Vec<f32> = along(&met, places.into_iter()).collect();
-        assert_eq!(found, [0.0, 1.0, 2.0, 1.0, 3.0, 0.0]);
+        let found: Vec<u16> = along(&met, places.into_iter()).collect();
+        assert_eq!(found, [0, 1, 2, 1, 3, 0]);
     }
 }

@@ -75,8 +75,9 @@ impl VoxelMask {
     /// The mask on a grid, `[z][y][x]`: true where a voxel may differ from zero.
     ///
     /// # Errors
-    /// As [`VoxelMask::check`]; [`Error::Memory`].
-    pub(super) fn on(&self, grid: &VolumeGrid) -> Result<Array3<bool>> {
+    /// [`Error::File`] for a file that cannot be read or does not fit the grid; [`Error::Argument`] for a shape
+    /// without a voxel; [`Error::Memory`].
+    pub fn on(&self, grid: &VolumeGrid) -> Result<Array3<bool>> {
         self.check(grid)?;
         let [x, y, z] = grid.size;
         let values = reserve::zeroed(x * y * z, "a mask of voxels")?;

@@ -1,13 +1,13 @@
 //! Volumes in files: TIFF, NPY, EXR, and `MetaImage`.
 
 use super::grid::VolumeGrid;
-use crate::array_file::{Format, RangeLayout, le_bytes};
+use crate::array_file::{Format, RangeLayout, Sample};
 use crate::cancel::Cancel;
 use crate::numbers::count;
 use crate::stack::{ImageDirectory, layout};
 use crate::whole_file::write_file;
 use crate::{Error, Result};
-use ndarray::{Array3, Axis};
+use ndarray::{Array2, Array3, Axis};
 use serde::{Deserialize, Serialize};
 use std::fmt;
 use std::fs::File;
@@ -72,6 +72,31 @@ impl fmt::Display for VolumeFormat {
     }
 }
 
+/// Values of a volume, `[z][y][x]`.
+#[derive(Debug, Clone, Copy)]
+pub(super) enum Voxels<'a> {
+    Values(&'a Array3<f32>),
+    /// Labels of objects: 16-bit integers in formats that have them, 32-bit floats in EXR.
+    Labels(&'a Array3<u16>),
+}
+
+impl Voxels<'_> {
+    const fn sample(self) -> Sample {
+        match self {
+            Self::Values(_) => Sample::F32,
+            Self::Labels(_) => Sample::U16,
+        }
+    }
+
+    /// A slice, `[y][x]`.
+    fn slice(self, z: usize) -> Array2<f32> {
+        match self {
+            Self::Values(values) => values.index_axis(Axis(0), z).to_owned(),
+            Self::Labels(labels) => labels.index_axis(Axis(0), z).mapv(f32::from),
+        }
+    }
+}
+
 /// Writes a volume into a folder in the making; returns the files that the record has to list.
 ///
 /// # Errors
@@ -81,26 +106,26 @@ pub(super) fn write(
     format: VolumeFormat,
     (name, unit): (&str, &str),
     grid: &VolumeGrid,
-    values: &Array3<f32>,
+    voxels: Voxels<'_>,
     cancel: &Cancel,
 ) -> Result<Vec<String>> {
     if format == VolumeFormat::Mhd {
-        return meta_image(to, name, grid, values, cancel);
+        return meta_image(to, name, grid, voxels, cancel);
     }
-    let (of_images, slices) = (format.of_images(), values.axis_iter(Axis(0)));
+    let (of_images, slices) = (format.of_images(), 0..grid.size[2]);
     let sides = [2, 1, 0].map(|axis| count(grid.size[axis]));
-    if let Some(layout) = RangeLayout::volume(of_images, sides, grid.voxel) {
+    if let Some(layout) = RangeLayout::volume(of_images, sides, grid.voxel, voxels.sample()) {
         let path = layout::array(Path::new(""), name, of_images);
         let mut file = layout.open(to.file(&path.to_string_lossy())?)?;
-        for (slice, values) in (0..).zip(slices) {
+        for slice in slices {
             cancel.check()?;
-            file.write(slice, 0, values)?;
+            file.write(slice as u64, 0, voxels.slice(slice).view())?;
         }
         file.refuse_moved()?;
     } else {
         for slice in slices {
             cancel.check()?;
-            to.put(name, unit, grid.size[2], slice)?;
+            to.put(name, unit, grid.size[2], voxels.slice(slice).view())?;
         }
     }
     Ok(Vec::new())
@@ -111,32 +136,51 @@ fn meta_image(
     to: &mut ImageDirectory,
     name: &str,
     grid: &VolumeGrid,
-    values: &Array3<f32>,
+    voxels: Voxels<'_>,
     cancel: &Cancel,
 ) -> Result<Vec<String>> {
     let [header, raw] = layout::meta_image(name);
-    write_file(&to.file(&header)?, meta_header(grid, &raw).as_bytes())?;
+    let text = meta_header(grid, &raw, voxels.sample());
+    write_file(&to.file(&header)?, text.as_bytes())?;
     let path = to.file(&raw)?;
     let failed = |error| Error::file(&path, "cannot be written", Some(error));
     let mut file = BufWriter::new(File::create(&path).map_err(failed)?);
-    for slice in values.axis_iter(Axis(0)) {
+    for slice in 0..grid.size[2] {
         cancel.check()?;
-        file.write_all(&le_bytes(slice.iter().copied())?).map_err(failed)?;
+        let values = voxels.slice(slice);
+        file.write_all(&voxels.sample().encode(values.iter().copied())?).map_err(failed)?;
     }
     file.flush().map_err(failed)?;
     Ok(vec![header, raw])
 }
 
+/// Line of a `MetaImage` header that states the type of its values.
+const ELEMENT_TYPE: &str = "ElementType = ";
+
+const fn meta_type(sample: Sample) -> &'static str {
+    match sample {
+        Sample::F32 => "MET_FLOAT",
+        Sample::U16 => "MET_USHORT",
+    }
+}
+
+/// Type of the values of a `MetaImage` by its header; `None` for a type that is not written here.
+pub(super) fn meta_sample(header: &str) -> Option<Sample> {
+    let found = header.lines().find_map(|line| line.strip_prefix(ELEMENT_TYPE))?.trim();
+    [Sample::F32, Sample::U16].into_iter().find(|sample| meta_type(*sample) == found)
+}
+
 /// Header of a `MetaImage` whose values are in another file. Lengths are mm, as its readers expect.
-fn meta_header(grid: &VolumeGrid, raw: &str) -> String {
+fn meta_header(grid: &VolumeGrid, raw: &str, sample: Sample) -> String {
     let list = |values: [f64; 3]| values.map(|value| format!("{}", 1e3 * value)).join(" ");
     let [x, y, z] = grid.size;
     format!(
         "ObjectType = Image\nNDims = 3\nBinaryData = True\nBinaryDataByteOrderMSB = False\n\
          CompressedData = False\nTransformMatrix = 1 0 0 0 1 0 0 0 1\nOffset = {}\n\
          CenterOfRotation = 0 0 0\nElementSpacing = {}\nDimSize = {x} {y} {z}\n\
-         ElementType = MET_FLOAT\nElementDataFile = {raw}\n",
+         {ELEMENT_TYPE}{}\nElementDataFile = {raw}\n",
         list(grid.origin),
         list(grid.voxel),
+        meta_type(sample),
     )
 }

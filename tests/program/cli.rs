@@ -74,6 +74,13 @@ fn usage_errors_end_with_2_and_say_what_is_missing() {
         ("example cylinder", "--output"),
         ("example teapot -o here", "cylinder"),
         ("simulat scene.toml", "simulate"),
+        ("convert run --to zarr -o a", "astra"),
+        (
+            "convert run --to nxtomo -o a.nx",
+            "pip install 'beamlet[convert]'\n  python -m beamlet.convert 'run' --to nxtomo -o 'a.nx'",
+        ),
+        ("convert run --to cil -o it's", "--to cil -o 'it'\\''s'"),
+        ("convert run --to dxchange -o a", "-m beamlet.convert 'run' --to dxchange -o 'a'"),
     ] {
         let output = run(place.path(), line);
         ended(&output, 2);

@@ -116,6 +116,11 @@
     found = changed(before);
     check("another volume is shown", slices.concat("histogram").every((id) => found.split(" ").includes(id)), found);
     check("with its label", by("slice-z").getAttribute("aria-label").includes("truth"), by("slice-z").getAttribute("aria-label"));
+    await put("volume", "labels", "change");
+    const [around, rod] = [volumes.labels.palette[0], volumes.labels.palette[1]];
+    const word = volumes.labels.words[(16 + 8) * 16 + 9], ink = volumes.labels.colours[word];
+    check("labels have the colours of objects", around.join() === "255,255,255" && rod.join() !== around.join()
+      && [ink & 255, ink >> 8 & 255, ink >> 16 & 255].join() === rod.join(), `${rod} ${ink}`);
     await put("volume", "mu", "change");
     check("and the first again", changed(before) === "", changed(before));
 

@@ -5,7 +5,7 @@
 use super::report::{chromium, explore_with};
 use crate::support::program::{done, ended, run, workplace};
 use beamlet::ndarray::Array3;
-use ndarray_npy::write_npy;
+use ndarray_npy::{read_npy, write_npy};
 use std::fs;
 use std::path::Path;
 use tempfile::TempDir;
@@ -71,7 +71,7 @@ fn the_page_shows_slices_values_regions_and_histograms() {
     for width in [1400, 390] {
         let verdict = explore_with(&program, place.path(), &page, width, script);
         assert!(verdict.failed().is_empty(), "{width}: {:#?}", verdict.failed());
-        assert_eq!(verdict.checks.len(), 46, "{width}: every check was made");
+        assert_eq!(verdict.checks.len(), 47, "{width}: every check was made");
     }
     // The exploration is no proof unless it fails on a page that is broken.
     for (right, wrong, named) in [
@@ -151,10 +151,22 @@ fn pictures_of_volumes_have_a_bar_a_unit_and_a_range() {
     ] {
         assert!(slice.contains(words), "{words}: {slice}");
     }
+    let labels = text("labels_z_0002.svg");
+    for words in [">rod (plastic)<", ">surroundings (vacuum)<", "z = 100 µm"] {
+        assert!(labels.contains(words), "{words}: {labels}");
+    }
+    assert!(!labels.contains("values from"), "{labels}");
     let section = text("mu_y.svg");
     assert!(section.contains("z [mm]") && section.contains("y = 50 µm"), "{section}");
     let residuals = text("residuals_mu.svg");
     assert!(residuals.contains("iteration 3 is used: rms"), "{residuals}");
+    // Labels of 32-bit floats are the same objects.
+    let file = path.join("volume/labels.npy");
+    let found: Array3<u16> = read_npy(&file).unwrap();
+    assert!(found.iter().any(|label| *label == 1), "{found:?}");
+    write_npy(&file, &found.mapv(f32::from)).unwrap();
+    done(path, "view volume -o floats --format svg --slice 2 --map labels");
+    assert_eq!(fs::read_to_string(path.join("floats/labels_z_0002.svg")).unwrap(), labels);
     let one = done(path, "view volume -o one --map mu --range mu=0..60 --width 400");
     assert_eq!(one.lines().count(), 4, "{one}");
     let picture = fs::read(path.join("one/mu_z_0001.png")).unwrap();
@@ -169,4 +181,43 @@ fn pictures_of_volumes_have_a_bar_a_unit_and_a_range() {
         assert!(!output.status.success() && message.contains(words), "{line}: {message}");
         assert!(!path.join("none").exists(), "{line}");
     }
+}
+
+/// A picture of labels is the same for every format of the volumes.
+#[test]
+fn labels_are_integers_in_every_format_that_has_them() {
+    let place = volumes();
+    let path = place.path();
+    let words = "reconstruct mu.npy --geometry scene.toml --quantity mu --truth -q -o";
+    let expected = done(path, "view volume -o npy --format svg --map labels");
+    let read = |folder: &str, line: &str| {
+        let name = line.split_once('/').map_or(line, |(_, name)| name);
+        fs::read_to_string(path.join(folder).join(name))
+            .unwrap()
+            .replace("method fbp", "method cgls")
+    };
+    for format in ["tiff", "exr", "mhd"] {
+        done(path, &format!("{words} of_{format} --format {format}"));
+        done(path, &format!("view of_{format} -o {format} --format svg --map labels"));
+        for line in expected.lines() {
+            assert_eq!(read(format, line), read("npy", line), "{format} {line}");
+        }
+    }
+    let voxels = 16 * 16 * 3;
+    assert_eq!(fs::metadata(path.join("of_mhd/labels.raw")).unwrap().len(), 2 * voxels);
+    assert_eq!(fs::metadata(path.join("of_mhd/mu.raw")).unwrap().len(), 4 * voxels);
+    let header = fs::read_to_string(path.join("of_mhd/labels.mhd")).unwrap();
+    assert!(header.contains("ElementType = MET_USHORT\n"), "{header}");
+    // Labels of 32-bit floats are read, too.
+    let raw = fs::read(path.join("of_mhd/labels.raw")).unwrap();
+    let floats = raw.chunks(2).flat_map(|it| f32::from(u16::from(it[0])).to_le_bytes());
+    fs::write(path.join("of_mhd/labels.raw"), floats.collect::<Vec<u8>>()).unwrap();
+    fs::write(path.join("of_mhd/labels.mhd"), header.replace("MET_USHORT", "MET_FLOAT")).unwrap();
+    done(path, "view of_mhd -o float --format svg --map labels");
+    for line in expected.lines() {
+        assert_eq!(read("float", line), read("npy", line), "{line}");
+    }
+    fs::write(path.join("of_mhd/labels.mhd"), header.replace("MET_USHORT", "MET_DOUBLE")).unwrap();
+    let message = ended(&run(path, "view of_mhd -o none --map labels"), 1);
+    assert!(message.contains("labels.mhd") && message.contains("MET_USHORT"), "{message}");
 }

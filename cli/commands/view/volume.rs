@@ -3,13 +3,15 @@
 use crate::args::{ValueRange, ViewOfRun};
 use crate::commands::pictures::{PictureForm, Pictures};
 use crate::failure::Failure;
-use crate::picture::image::{self, Grid, ImagePlot};
+use crate::picture::image::{self, Grid, ImagePlot, Key};
+use crate::picture::objects::Objects;
 use crate::picture::quantity::Quantity;
 use crate::picture::scale::Scale;
 use crate::picture::text::{capital, length, short};
+use crate::picture::volume_scale;
 use crate::{picture, residuals};
 use beamlet::cli_support::require_memory;
-use beamlet::reconstruct::{OpenVolumes, VolumeGrid};
+use beamlet::reconstruct::{LABELS, OpenVolumes, VolumeGrid, VolumeRecord};
 use ndarray::{Array2, Axis, s};
 use std::path::Path;
 
@@ -57,18 +59,21 @@ pub(super) fn of(path: &Path, asked: &ViewOfRun, form: PictureForm) -> Result<Pi
     {
         let quantity = Quantity::of_volume(name);
         let slices = slices(&volumes, name, &grid, number, quantity.factor)?;
-        let scale = scale(&quantity, name, ranges, &slices);
+        let key = key(record, name, &quantity, ranges, &slices);
         for Slice { values, grid: places, at: (axis, place) } in &slices {
             let about = format!("{axis} = {}, method {}", length(*place), record.method);
-            let beyond = scale_words(&quantity, values);
+            let below = match key {
+                Key::Scale(_) => vec![scale_words(&quantity, values)],
+                Key::Objects(_) => Vec::new(),
+            };
             let plot = ImagePlot {
                 values: values.view(),
                 flagged: None,
                 quantity: &quantity,
-                scale,
+                key: key.clone(),
                 title: capital(&quantity.label),
                 note: about,
-                below: vec![beyond],
+                below,
             };
             let number = if *axis == "z" { format!("_{number:04}") } else { String::new() };
             pictures.add(format!("{name}_{axis}{number}"), &image::draw(places, &plot))?;
@@ -128,13 +133,23 @@ fn slices(
     Ok(all)
 }
 
-/// One scale for the slices of a volume.
-fn scale(quantity: &Quantity, name: &str, ranges: &[ValueRange], slices: &[Slice]) -> Scale {
-    let values: Vec<f64> = slices.iter().flat_map(|slice| slice.values.iter().copied()).collect();
-    match ranges.iter().find(|range| range.name == name) {
-        Some(range) => Scale::between(quantity.map, range.ends, values.into_iter()),
-        None => Scale::of(quantity.map, &values, None, None),
+/// One scale for the slices of a volume, or the objects of labels.
+fn key(
+    record: &VolumeRecord,
+    name: &str,
+    quantity: &Quantity,
+    ranges: &[ValueRange],
+    slices: &[Slice],
+) -> Key {
+    let values = || slices.iter().flat_map(|slice| slice.values.iter().copied());
+    if let Some(range) = ranges.iter().find(|range| range.name == name) {
+        return Key::Scale(Scale::between(quantity.map, range.ends, values()));
     }
+    if name == LABELS {
+        return Key::Objects(Objects::among(&record.labels, values()));
+    }
+    let views: Vec<_> = slices.iter().map(|slice| slice.values.view()).collect();
+    Key::Scale(volume_scale::of(name, quantity.map, &views))
 }
 
 /// Least and largest value of a slice, in words.

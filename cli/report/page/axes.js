@@ -69,7 +69,28 @@ function upwards(context, text, x, y) {
   context.restore();
 }
 
+// Colours of objects with their names, down to the end of the canvas; the table of the voxel has all names.
+function drawObjects(context, image, area) {
+  const room = Math.floor((area.height + BELOW) / 18), width = BAR - 30;
+  const cut = (name) => {
+    let text = name.replace(/ \(.*\)$/, "");
+    while (text && context.measureText(text).width > width) text = text.slice(0, -2).trimEnd() + "…";
+    return text;
+  };
+  context.textAlign = "left";
+  context.textBaseline = "middle";
+  Object.entries(image.objects).slice(0, room).forEach(([label, name], i) => {
+    const y = area.top + 18 * i, [r, g, b] = image.palette[label];
+    context.fillStyle = `rgb(${r}, ${g}, ${b})`;
+    context.fillRect(area.left, y, 12, 12);
+    context.strokeStyle = context.fillStyle = colour("ink");
+    context.strokeRect(area.left + .5, y + .5, 11, 11);
+    context.fillText(cut(name), area.left + 17, y + 6);
+  });
+}
+
 function drawBar(context, image, area) {
+  if (image.palette) { drawObjects(context, image, area); return; }
   const [low, high] = image.scale;
   for (let i = 0; i < 256; i++) {
     const index = place(image, low + (high - low) * i / 255);

@@ -43,8 +43,8 @@ function place(image, value) {
 function colours(image) {
   image.colours = new Uint32Array(NOTHING + 1);
   for (let word = 0; word < NOTHING; word++) {
-    const index = place(image, image.low + (image.high - image.low) * word / (NOTHING - 1));
-    const [r, g, b] = image.table.subarray(index, index + 3);
+    const value = valueOf(image, word), index = image.palette ? 0 : place(image, value);
+    const [r, g, b] = image.palette ? image.palette[Math.round(value)] || [] : image.table.subarray(index, index + 3);
     image.colours[word] = 0xff000000 | (b << 16) | (g << 8) | r;
   }
   image.colours[NOTHING] = 0xffd246be;

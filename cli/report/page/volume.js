@@ -68,7 +68,9 @@ function hover(panel, found) {
   panel.line.textContent = `${valueTold(where)} at ${AXES.map((axis, i) => `${axis} ${minus(placeOf(i, where[i]).toFixed(3))}`).join(", ")} mm`;
 }
 
-const valueTold = (where) => told(valueIn(at.name, where), shown().unit);
+// A value of a volume in words; the object of a label.
+const inWords = (image, value) => (image.objects && image.objects[Math.round(value)]) || told(value, image.unit);
+const valueTold = (where) => inWords(shown(), valueIn(at.name, where));
 
 function drawSlice(panel) {
   const { across, right, up, axis, canvas, pixels, heading, line } = panel;
@@ -192,8 +194,7 @@ function fillTable() {
   cells.number.textContent = AXES.map((_, axis) => numberIn(axis)).join(", ");
   cells.where.textContent = minus(places.map((place) => place.toFixed(3)).join(", ") + " mm");
   for (const name of names) {
-    const value = valueIn(name, at.voxel);
-    cells[name].textContent = volumes[name].objects ? volumes[name].objects[Math.round(value)] || told(value) : told(value, volumes[name].unit);
+    cells[name].textContent = inWords(volumes[name], valueIn(name, at.voxel));
   }
   if (cells.in) cells.in.textContent = regions.filter((region) => holds(region, places)).map((region) => region.name).join(", ") || "none";
 }

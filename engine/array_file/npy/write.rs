@@ -1,8 +1,8 @@
-//! Headers of version 1.0, padded to 64 bytes, f32 little endian, C order: numpy, and everything that
-//! memory-maps, reads such a file without conversion.
+//! Headers of version 1.0, padded to 64 bytes, f32 or u16 little endian, C order: numpy, and everything
+//! that memory-maps, reads such a file without conversion.
 
 use crate::Result;
-use crate::array_file::parts::{Append, le_bytes, unwritten};
+use crate::array_file::parts::{Append, Sample, le_bytes, unwritten};
 use ndarray::ArrayView2;
 use std::fs::File;
 use std::io::{BufWriter, Write};
@@ -10,10 +10,14 @@ use std::path::{Path, PathBuf};
 
 /// Magic, version, length, and a Python dict padded with spaces so that the values start at a multiple
 /// of 64 bytes. Sides, the slowest first, at least two.
-pub(crate) fn header(sides: &[u32]) -> Vec<u8> {
+pub(crate) fn header(sides: &[u32], sample: Sample) -> Vec<u8> {
     const BEFORE_DICT: usize = 10;
+    let kind = match sample {
+        Sample::F32 => "<f4",
+        Sample::U16 => "<u2",
+    };
     let shape = sides.iter().map(u32::to_string).collect::<Vec<_>>().join(", ");
-    let mut dict = format!("{{'descr': '<f4', 'fortran_order': False, 'shape': ({shape}), }}");
+    let mut dict = format!("{{'descr': '{kind}', 'fortran_order': False, 'shape': ({shape}), }}");
     let end = (BEFORE_DICT + dict.len() + 1).next_multiple_of(64);
     dict.push_str(&" ".repeat(end - BEFORE_DICT - dict.len() - 1));
     dict.push('\n');
@@ -26,7 +30,7 @@ pub(crate) fn header(sides: &[u32]) -> Vec<u8> {
 pub(crate) fn append(path: &Path, sides: [u32; 3]) -> Result<Box<dyn Append>> {
     let failed = |error| unwritten(path, error);
     let mut file = BufWriter::new(File::create(path).map_err(failed)?);
-    file.write_all(&header(&sides)).map_err(failed)?;
+    file.write_all(&header(&sides, Sample::F32)).map_err(failed)?;
     Ok(Box::new(NpyWriter { path: path.to_path_buf(), file }))
 }
 

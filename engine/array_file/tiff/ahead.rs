@@ -17,8 +17,8 @@ pub(crate) fn header(sides: &[u32], pitch: [f64; 2], sample: Sample) -> Vec<u8> 
 }
 
 /// Everything before the values of a volume `[z][y][x]` with these sides and voxels, x, y, z, m.
-pub(crate) fn volume_header(sides: [u32; 3], [x, y, z]: [f64; 3]) -> Vec<u8> {
-    TiffHeader::new(&sides, [x, y], Sample::F32, Some(z)).bytes()
+pub(crate) fn volume_header(sides: [u32; 3], [x, y, z]: [f64; 3], sample: Sample) -> Vec<u8> {
+    TiffHeader::new(&sides, [x, y], sample, Some(z)).bytes()
 }
 
 /// The pages of a file.

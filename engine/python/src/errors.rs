@@ -62,5 +62,7 @@ fn exception<'py>(py: Python<'py>, error: &Error) -> PyResult<Bound<'py, PyAny>>
         Error::Interrupted => "InterruptedWork",
         _ => "Error",
     };
-    py.import("beamlet._errors")?.getattr(name)?.call((error.to_string(),), Some(&facts))
+    py.import("beamlet._errors")?
+        .getattr("of_engine")?
+        .call((name, error.to_string()), Some(&facts))
 }

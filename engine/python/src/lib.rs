@@ -7,7 +7,8 @@
 //! | `scene.rs` | scenes, and meshes given as arrays |
 //! | `stacks.rs` | arrays of numpy from and to the engine |
 //! | `engine.rs` | the device: simulate, illuminate, check |
-//! | `retrieve.rs`, `reconstruct.rs` | retrieval and reconstruction |
+//! | `retrieve.rs` | retrieval |
+//! | `reconstruct.rs`, `volume.rs` | scans, sinograms and the projector; volumes |
 //! | `files.rs` | run directories and stacks in files |
 //! | `physics.rs` | materials and spectra; differences of files |
 
@@ -19,6 +20,7 @@ mod reconstruct;
 mod retrieve;
 mod scene;
 mod stacks;
+mod volume;
 mod work;
 
 use pyo3::prelude::*;
@@ -45,7 +47,7 @@ fn _beamlet(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(files::memory_size, module)?)?;
     module.add_function(wrap_pyfunction!(retrieve::retrieve, module)?)?;
     module.add_class::<reconstruct::Projector>()?;
-    module.add_function(wrap_pyfunction!(reconstruct::reconstruct, module)?)?;
+    module.add_function(wrap_pyfunction!(volume::reconstruct, module)?)?;
     module.add_function(wrap_pyfunction!(reconstruct::fill, module)?)?;
     module.add_function(wrap_pyfunction!(reconstruct::prepare, module)?)?;
     module.add_function(wrap_pyfunction!(reconstruct::weights, module)?)?;
@@ -55,5 +57,6 @@ fn _beamlet(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(physics::compare, module)?)?;
     module.add_function(wrap_pyfunction!(physics::lengths, module)?)?;
     module.add_function(wrap_pyfunction!(physics::angle, module)?)?;
+    module.add_function(wrap_pyfunction!(physics::energy, module)?)?;
     Ok(())
 }

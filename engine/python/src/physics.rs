@@ -107,6 +107,14 @@ pub(crate) fn lengths(py: Python<'_>, name: &str, texts: Vec<String>) -> PyResul
     texts.iter().map(length).collect()
 }
 
+/// An energy in keV from text with a unit.
+#[pyfunction]
+pub(crate) fn energy(py: Python<'_>, name: &str, text: &str) -> PyResult<f64> {
+    Dimension::Energy
+        .parse(text)
+        .map_err(|error| raised(py, &Error::argument(name, error.found, error.allowed)))
+}
+
 /// An angle in rad from text with a unit.
 #[pyfunction]
 pub(crate) fn angle(py: Python<'_>, name: &str, text: &str) -> PyResult<f64> {

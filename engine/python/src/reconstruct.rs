@@ -1,12 +1,12 @@
-//! Reconstruction of volumes, and the projector.
+//! Scans and voxels of reconstructions, sinograms of images, and the projector.
 
 use crate::engine::Engine;
 use crate::errors::raised;
 use crate::work::interruptible;
 use beamlet::Error;
 use beamlet::reconstruct::{
-    Data, FbpOptions, Filter, GridChoice, IterativeOptions, Measured, Method, Model, PixelCounts,
-    Quantity, ScanGeometry, Solver, VolumeGrid, deviation_weights, fill_images, prepare_sinograms,
+    Data, GridChoice, Model, PixelCounts, Quantity, ScanGeometry, VolumeGrid, deviation_weights,
+    fill_images, prepare_sinograms,
 };
 use numpy::{IntoPyArray, PyArray3, PyReadonlyArray3};
 use pyo3::prelude::*;
@@ -24,7 +24,7 @@ pub(crate) struct Circle {
 }
 
 impl Circle {
-    fn geometry(self) -> ScanGeometry {
+    pub(crate) fn geometry(self) -> ScanGeometry {
         let mut geometry = ScanGeometry::new(self.distances, self.columns, self.rows, self.angles);
         geometry.axis = self.axis;
         geometry.lever = self.lever.unwrap_or(f64::INFINITY);
@@ -42,32 +42,13 @@ pub(crate) struct Grid {
 }
 
 impl Grid {
-    fn of(self, py: Python<'_>, geometry: &ScanGeometry) -> PyResult<VolumeGrid> {
-        let choice = GridChoice::default()
-            .with_voxel(self.voxel)
-            .with_size(self.size)
-            .with_origin(self.origin);
-        choice.grid(geometry).map_err(|error| raised(py, &error))
+    pub(crate) fn choice(&self) -> GridChoice {
+        GridChoice::default().with_voxel(self.voxel).with_size(self.size).with_origin(self.origin)
     }
 }
 
-/// Options of all methods; each method reads its own.
-#[derive(FromPyObject)]
-#[pyo3(from_item_all)]
-pub(crate) struct Options {
-    method: String,
-    filter: String,
-    cut_off: f64,
-    arm_passes: Option<usize>,
-    extrapolate: bool,
-    iterations: usize,
-    discrepancy: Option<f64>,
-    non_negative: bool,
-    phase: bool,
-}
-
 /// The entry of a list that has this name.
-fn named<T>(py: Python<'_>, option: &str, name: &str, all: &[(&str, T)]) -> PyResult<T>
+pub(crate) fn named<T>(py: Python<'_>, option: &str, name: &str, all: &[(&str, T)]) -> PyResult<T>
 where
     T: Copy,
 {
@@ -77,92 +58,10 @@ where
     })
 }
 
-fn quantity(py: Python<'_>, name: &str) -> PyResult<Quantity> {
+pub(crate) fn quantity(py: Python<'_>, name: &str) -> PyResult<Quantity> {
     let all =
         [("mu", Quantity::Mu), ("delta", Quantity::Delta), ("dark_field", Quantity::DarkField)];
     named(py, "quantity", name, &all)
-}
-
-const FILTERS: [(&str, Filter); 3] =
-    [("ram-lak", Filter::RamLak), ("shepp-logan", Filter::SheppLogan), ("hann", Filter::Hann)];
-const METHODS: [(&str, Option<Solver>); 4] = [
-    ("fbp", None),
-    ("cgls", Some(Solver::Cgls)),
-    ("sirt", Some(Solver::Sirt)),
-    ("bb", Some(Solver::Bb)),
-];
-
-impl Options {
-    fn method(&self, py: Python<'_>) -> PyResult<Method> {
-        let filter = named(py, "filter", &self.filter, &FILTERS)?;
-        Ok(match named(py, "method", &self.method, &METHODS)? {
-            None => Method::Fbp(
-                FbpOptions::default()
-                    .with_filter(filter)
-                    .with_cut_off(self.cut_off)
-                    .with_arm_passes(self.arm_passes)
-                    .with_extrapolate(self.extrapolate),
-            ),
-            Some(solver) => {
-                let options = IterativeOptions::default()
-                    .with_solver(solver)
-                    .with_iterations(self.iterations)
-                    .with_discrepancy(self.discrepancy)
-                    .with_non_negative(self.non_negative);
-                Method::iterative(options, self.phase)
-            }
-        })
-    }
-}
-
-/// Values `[z][y][x]`, sides of a voxel and centre of the first one, m, their unit, and of iterative
-/// methods the residuals and the number of the iterate.
-type Reconstructed<'py> =
-    (Bound<'py, PyArray3<f32>>, [f64; 3], [f64; 3], &'static str, Vec<f64>, usize);
-
-/// Reconstructs sinograms `[view][row][column]`.
-#[pyfunction]
-#[expect(clippy::too_many_arguments, reason = "options by name in Python")]
-pub(crate) fn reconstruct<'py>(
-    py: Python<'py>,
-    engine: &Engine,
-    circle: Circle,
-    sinograms: PyReadonlyArray3<'py, f32>,
-    of: &str,
-    grid: Grid,
-    options: Options,
-    weights: Option<PyReadonlyArray3<'py, f32>>,
-    mask: Option<PyReadonlyArray3<'py, bool>>,
-    start: Option<PyReadonlyArray3<'py, f32>>,
-    progress: Option<&Bound<'py, PyAny>>,
-) -> PyResult<Reconstructed<'py>> {
-    let engine = engine.get(py)?;
-    let quantity = quantity(py, of)?;
-    let method = options.method(py)?;
-    let geometry = circle.geometry();
-    let grid = grid.of(py, &geometry)?;
-    let sinograms = sinograms.as_array();
-    let [weights, start] = [&weights, &start].map(|it| it.as_ref().map(|it| it.as_array()));
-    let mask = mask.as_ref().map(|mask| mask.as_array());
-    let (volume, residuals, best) = interruptible(py, progress, |watch| {
-        watch.rows("reconstruct", |mut control| {
-            method.check(quantity)?;
-            let data = match quantity {
-                Quantity::Mu => Data::Attenuation,
-                Quantity::Delta => Data::Refraction,
-                Quantity::DarkField => Data::DarkField,
-            };
-            let measured = Measured::new(data, sinograms)
-                .with_weights(weights)
-                .with_mask(mask)
-                .with_start(start);
-            let made = method.volume(&engine, &geometry, &measured, &grid, &mut control)?;
-            Ok((made.volume, made.residuals, made.best))
-        })
-    })?;
-    let unit = volume.quantity.unit();
-    let values = volume.values.into_pyarray(py);
-    Ok((values, grid.voxel, grid.origin, unit, residuals, best))
 }
 
 /// Pixels in all; without a result, not above 0, and misfits.
@@ -240,7 +139,7 @@ impl Projector {
         ];
         let (data, unit) = named(py, "data", data, &all)?;
         let geometry = circle.geometry();
-        let grid = grid.of(py, &geometry)?;
+        let grid = grid.choice().grid(&geometry).map_err(|error| raised(py, &error))?;
         let shape = geometry.shape();
         let model = interruptible(py, None, |_| Model::new(&engine, &geometry, &grid, data, None))?;
         Ok(Self { model, grid, shape, unit, volume_unit: data.quantity().unit() })

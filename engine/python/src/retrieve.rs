@@ -1,11 +1,15 @@
 //! Retrieval from arrays.
 
 use crate::engine::Engine;
+use crate::errors::raised;
 use crate::scene::Scene;
 use crate::stacks::{json, of_array};
 use crate::work::interruptible;
 use beamlet::Error;
-use beamlet::retrieve::{IdealOptions, Input, Method, RetrieveOptions, Weights, retrieve_arrays};
+use beamlet::retrieve::{
+    Columns, Corrections, IdealOptions, Input, Method, Region, RetrieveOptions, Weights,
+    retrieve_arrays,
+};
 use numpy::{IntoPyArray, PyArray3, PyReadonlyArray4};
 use pyo3::prelude::*;
 use std::collections::BTreeMap;
@@ -23,6 +27,72 @@ pub(crate) struct Options {
     steps: Option<[usize; 2]>,
     sample_offsets: Option<Vec<f64>>,
     bad_pixels: Option<PathBuf>,
+    flats_every: Option<u32>,
+    columns: Option<String>,
+    bin: Option<[usize; 2]>,
+    empty_beam: Option<([usize; 2], Option<[usize; 2]>)>,
+    correct: Option<String>,
+    phase: bool,
+}
+
+impl Options {
+    /// Options of the engine; noise and saturation depend on the input.
+    fn of_engine(&self, py: Python<'_>) -> PyResult<RetrieveOptions> {
+        let correct = self.correct.as_deref().map(Corrections::parse).transpose();
+        let correct = correct.map_err(|error| raised(py, &error))?;
+        let region = |(columns, rows): ([usize; 2], Option<[usize; 2]>)| {
+            Region::new(columns[0]..columns[1], rows.map(|rows| rows[0]..rows[1]))
+        };
+        Ok(RetrieveOptions::default()
+            .with_method(method(py, &self.method)?)
+            .with_weights(weights(py, &self.weights)?)
+            .with_steps(self.steps)
+            .with_sample_offsets(self.sample_offsets.clone())
+            .with_empty_beam(self.empty_beam.map(region))
+            .with_correct(correct.unwrap_or_default())
+            .with_phase(self.phase))
+    }
+
+    /// The input with the pixels and values that are kept of it.
+    fn applied_to(&self, input: Input) -> beamlet::Result<Input> {
+        let mut input = input.saturated_at(self.saturation);
+        if let Some(path) = &self.bad_pixels {
+            input = input.with_bad_pixels(path)?;
+        }
+        if self.columns.is_some() || self.bin.is_some() {
+            let columns = self.columns.as_deref().map(Columns::parse).transpose()?;
+            input = input.with_selection(columns, self.bin)?;
+        }
+        Ok(input)
+    }
+
+    /// The noise of the values: as given, else of the scene's detector.
+    fn with_noise(
+        &self,
+        chosen: RetrieveOptions,
+        input: &Input,
+    ) -> beamlet::Result<RetrieveOptions> {
+        if input.counts() {
+            let of_scene = input.noise();
+            let [gain, noise] = of_scene.unwrap_or([1.0, 0.0]);
+            return Ok(chosen
+                .with_gain(self.gain.unwrap_or(gain))
+                .with_gain_assumed(self.gain.is_none() && of_scene.is_none())
+                .with_read_noise(self.read_noise.unwrap_or(noise)));
+        }
+        let given = [
+            ("gain", self.gain.is_some()),
+            ("read_noise", self.read_noise.is_some()),
+            ("weights", chosen.weights == Weights::Poisson),
+        ];
+        match given.into_iter().find(|(_, given)| *given) {
+            None => Ok(chosen),
+            Some((name, _)) => {
+                let allowed = "counts; gain, read_noise and weights=\"poisson\" are for counts";
+                Err(Error::argument(name, "intensities", allowed))
+            }
+        }
+    }
 }
 
 /// Images by name, `[view][row][column]`, record of the retrieval and geometry of the views as JSON.
@@ -31,19 +101,17 @@ pub(crate) type Retrieved<'py> =
 
 fn method(py: Python<'_>, name: &str) -> PyResult<Method> {
     let names = Method::ALL.map(Method::name).join(", ");
-    Method::ALL.into_iter().find(|it| it.name() == name).ok_or_else(|| {
-        crate::errors::raised(py, &Error::argument("method", format!("{name:?}"), names))
-    })
+    Method::ALL
+        .into_iter()
+        .find(|it| it.name() == name)
+        .ok_or_else(|| raised(py, &Error::argument("method", format!("{name:?}"), names)))
 }
 
 fn weights(py: Python<'_>, name: &str) -> PyResult<Weights> {
     match name {
         "none" => Ok(Weights::None),
         "poisson" => Ok(Weights::Poisson),
-        _ => Err(crate::errors::raised(
-            py,
-            &Error::argument("weights", format!("{name:?}"), "none, poisson"),
-        )),
+        _ => Err(raised(py, &Error::argument("weights", format!("{name:?}"), "none, poisson"))),
     }
 }
 
@@ -69,36 +137,23 @@ pub(crate) fn retrieve<'py>(
         unsafe { (of_array(py, "flat", &flat)?, of_array(py, "sample", &sample)?) };
     // SAFETY: as above.
     let dark_stack = dark.as_ref().map(|dark| unsafe { of_array(py, "dark", dark) }).transpose()?;
-    let mut chosen = RetrieveOptions::default()
-        .with_method(method(py, &options.method)?)
-        .with_weights(weights(py, &options.weights)?)
-        .with_steps(options.steps)
-        .with_sample_offsets(options.sample_offsets);
+    let chosen = options.of_engine(py)?;
     let found = interruptible(py, progress, |watch| {
         let work = || {
             let mut geometry = scene.scene()?;
             if let Some(offsets) = mask_offsets {
                 geometry.scan.mask_offsets = offsets;
+                geometry.scan.view_offsets.clear();
             }
             let (flat, sample, dark) = (flat_stack, sample_stack, dark_stack);
             let input = match kind {
                 "counts" => Input::simulated_counts(&geometry, flat, sample, dark)?,
-                "measured" => Input::measured(&geometry, flat, sample, dark.as_ref())?,
+                "measured" => Input::measured(&geometry, flat, sample, dark.as_ref())?
+                    .with_flats_every(options.flats_every),
                 _ => Input::simulated(&geometry, flat, sample),
             };
-            let mut input = input.saturated_at(options.saturation);
-            if let Some(path) = &options.bad_pixels {
-                input = input.with_bad_pixels(path)?;
-            }
-            if input.counts() {
-                let [gain, noise] = input.noise().unwrap_or([1.0, 0.0]);
-                chosen = chosen
-                    .with_gain(options.gain.unwrap_or(gain))
-                    .with_read_noise(options.read_noise.unwrap_or(noise));
-            } else if options.gain.is_some() || chosen.weights == Weights::Poisson {
-                let allowed = "counts; gain and weights = \"poisson\" are for counts";
-                return Err(Error::argument("weights", "intensities", allowed));
-            }
+            let input = options.applied_to(input)?;
+            let chosen = options.with_noise(chosen, &input)?;
             watch.rows("retrieve", |mut control| {
                 retrieve_arrays(&engine, input, &chosen, &mut control)
             })

@@ -26,25 +26,43 @@ struct Arrays {
     triangles: Vec<[u32; 3]>,
 }
 
+/// Vertices and triangles of numpy by the name of their mesh.
+type GivenMeshes<'py> = BTreeMap<String, (PyReadonlyArray2<'py, f64>, PyReadonlyArray2<'py, u32>)>;
+
+fn owned(meshes: GivenMeshes<'_>) -> BTreeMap<String, Arrays> {
+    let arrays = |(name, (vertices, triangles)): (String, (PyReadonlyArray2<'_, f64>, _))| {
+        let triangles: PyReadonlyArray2<'_, u32> = triangles;
+        let vertices = vertices.as_array().outer_iter().map(|v| [v[0], v[1], v[2]]).collect();
+        let triangles = triangles.as_array().outer_iter().map(|t| [t[0], t[1], t[2]]).collect();
+        (name, Arrays { vertices, triangles })
+    };
+    meshes.into_iter().map(arrays).collect()
+}
+
 impl Scene {
     /// The scene with its arrays.
     pub(crate) fn scene(&self) -> beamlet::Result<beamlet::scene::Scene> {
-        self.with_meshes(|_, mesh| Ok(mesh))
-    }
-
-    /// The scene with its arrays as PLY files in `folder`.
-    pub(crate) fn scene_with_files(&self, folder: &Path) -> beamlet::Result<beamlet::scene::Scene> {
-        self.with_meshes(|name, mesh| {
-            let Mesh::Arrays { vertices, triangles } = mesh else { return Ok(mesh) };
-            let path = folder.join(name);
-            write_meshes(&path, &[NamedMesh::new(name, vertices, triangles)], 1.0)?;
-            Ok(Mesh::file(path, 1.0))
+        self.with_meshes(|_, Arrays { vertices, triangles }, unit| {
+            let vertices = vertices.iter().map(|at| at.map(|x| x * unit)).collect();
+            Ok(Mesh::Arrays { vertices, triangles: triangles.clone() })
         })
     }
 
+    /// The scene with its arrays as PLY files in `folder`. A file holds the vertices in the unit of the
+    /// arrays: objects of different units may share it.
+    pub(crate) fn scene_with_files(&self, folder: &Path) -> beamlet::Result<beamlet::scene::Scene> {
+        self.with_meshes(|name, Arrays { vertices, triangles }, unit| {
+            let path = folder.join(name);
+            let mesh = NamedMesh::new(name, vertices.clone(), triangles.clone());
+            write_meshes(&path, &[mesh], 1.0)?;
+            Ok(Mesh::file(path, unit))
+        })
+    }
+
+    /// The scene with a mesh by `place`, from name, arrays and unit (m), for each mesh of arrays.
     fn with_meshes(
         &self,
-        mut place: impl FnMut(&str, Mesh) -> beamlet::Result<Mesh>,
+        mut place: impl FnMut(&str, &Arrays, f64) -> beamlet::Result<Mesh>,
     ) -> beamlet::Result<beamlet::scene::Scene> {
         let mut scene = self.scene.clone();
         for object in &mut scene.objects {
@@ -53,10 +71,7 @@ impl Scene {
             };
             let name = path.to_string_lossy().into_owned();
             let Some(arrays) = self.meshes.get(&name) else { continue };
-            let unit = unit.unwrap_or(1.0);
-            let vertices = arrays.vertices.iter().map(|at| at.map(|x| x * unit)).collect();
-            let mesh = Mesh::Arrays { vertices, triangles: arrays.triangles.clone() };
-            object.geometry = place(&name, mesh)?.into();
+            object.geometry = place(&name, arrays, unit.unwrap_or(1.0))?.into();
         }
         Ok(scene)
     }
@@ -78,17 +93,22 @@ impl Scene {
 
 #[pymethods]
 impl Scene {
-    /// Loads a scene file with overrides `key.path=value`.
+    /// Loads a scene file with overrides `key.path=value`. `meshes`: vertices and triangles by the name
+    /// of the mesh file that stands for them in the overrides.
     #[staticmethod]
-    fn load(py: Python<'_>, path: PathBuf, sets: Vec<String>) -> PyResult<Self> {
+    fn load(
+        py: Python<'_>,
+        path: PathBuf,
+        sets: Vec<String>,
+        meshes: GivenMeshes<'_>,
+    ) -> PyResult<Self> {
         let scene = py
             .detach(|| beamlet::scene::Scene::load_with(&path, &sets))
             .map_err(|error| raised(py, &error))?;
-        Ok(Self { scene, file: Some((path, sets)), meshes: BTreeMap::new() })
+        Ok(Self { scene, file: Some((path, sets)), meshes: owned(meshes) })
     }
 
-    /// Reads a scene from text, JSON or TOML. `meshes`: vertices and triangles by the name of the mesh
-    /// file that stands for them in the text.
+    /// Reads a scene from text, JSON or TOML. `meshes`: as for [`Self::load`], in text and overrides.
     #[staticmethod]
     fn parse(
         py: Python<'_>,
@@ -96,22 +116,14 @@ impl Scene {
         json: bool,
         directory: PathBuf,
         sets: Vec<String>,
-        meshes: BTreeMap<String, (PyReadonlyArray2<'_, f64>, PyReadonlyArray2<'_, u32>)>,
+        meshes: GivenMeshes<'_>,
     ) -> PyResult<Self> {
         let scene = match json {
             true => beamlet::scene::Scene::from_json_with(text, directory, &sets),
             false => beamlet::scene::Scene::from_toml_with(text, directory, &sets),
         };
         let scene = scene.map_err(|error| raised(py, &error))?;
-        let arrays = |(name, (vertices, triangles)): (
-            String,
-            (PyReadonlyArray2<'_, f64>, PyReadonlyArray2<'_, u32>),
-        )| {
-            let vertices = vertices.as_array().outer_iter().map(|v| [v[0], v[1], v[2]]).collect();
-            let triangles = triangles.as_array().outer_iter().map(|t| [t[0], t[1], t[2]]).collect();
-            (name, Arrays { vertices, triangles })
-        };
-        Ok(Self { scene, file: None, meshes: meshes.into_iter().map(arrays).collect() })
+        Ok(Self { scene, file: None, meshes: owned(meshes) })
     }
 
     /// The resolved scene as TOML for a file in `directory`, where meshes given as arrays are written.

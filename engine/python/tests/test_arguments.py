@@ -52,7 +52,12 @@ def test_options_of_reconstructions_name_themselves(images: bl.Images) -> None:
         "voxel": ([1, 2, 3], float("nan"), 0, "9"),
         "origin": ("1 mm", 3, ["1 mm"]),
         "weights": (3, "poisson", np.ones((6, 4, 24)) > 0),
-        "mask": (np.ones((4, 24, 24)), "x"),
+        "sigma": (True,),
+        "gradient_bias": (3, "mu"),
+        "beam_hardening": ("", "@40keV", "water@40", "water@x", 3, "resin"),
+        "centre": ("middle", float("nan"), [3.0]),
+        "regions": ([3], ["rod"], ["rod=cylinder:1 mm"], ["rod=cylinder:0.1 um,0 mm,1 nm"]),
+        "mask": (np.ones((4, 24, 24)), 3, "sphere:9 m,0 m,0 m,1 mm"),
         "engine": ("gpu", 0, object()),
     }.items():
         names(key, *(with_option(**{key: value}) for value in values))
@@ -96,7 +101,7 @@ def test_options_of_retrievals_name_themselves(scan: bl.Run, scene: bl.Scene) ->
     for key, values in {
         "flat": (None, 1.0, flat[:, :0], masked, [[[1.0], [1.0, 2.0]]], flat.astype(str)),
         "sample": (sample[:0], sample[None], sample[..., :0]),
-        "offsets": (5, "20 um", None, [None] * 5, [np.nan] * 5, ["1"] * 5),
+        "offsets": (5, "20 um", [None] * 5, [np.nan] * 5, ["1"] * 5),
         "method": (None, 3, "fast"),
         "weights": (None, "all"),
         "gain": ("x", float("nan"), [1, 2]),
@@ -104,6 +109,11 @@ def test_options_of_retrievals_name_themselves(scan: bl.Run, scene: bl.Scene) ->
         "saturation": ("x", float("nan")),
         "bad_pixels": (np.ones((4, 24)), [[1], [1, 2]]),
         "steps": (1, (0.5, 1), (-1, 2), "ab"),
+        "flats_every": (0, 1.5, "2"),
+        "columns": ("1::2", 3, slice(-1, None), slice(0, 4, 0), slice(0, 99)),
+        "bin": (2, (0, 1), (2, 1, 1), (25, 1)),
+        "empty_beam": (3, "0:2", (2, 2), (0, 99), ((0, 2), 3), ((0, 2), (0, 9))),
+        "correct": ("drift", ["offset", "drift"], 3),
         "engine": (scene,),
     }.items():
         names(key, *(with_option(**{key: value}) for value in values))

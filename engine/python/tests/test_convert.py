@@ -254,3 +254,26 @@ def test_astra_gets_rows_first(run: bl.Run) -> None:
     assert taken["projections"].shape == (4, 5, 24)
     assert np.array_equal(taken["projections"][:, 2], reconstructed_from(images(run), "refraction")[2])
     assert taken["proj_geom"]["type"] == "cone_vec" and taken["vectors"].shape == (5, 12)
+
+
+def test_both_programs_write_for_astra_and_name_what_they_cannot(run: bl.Run, tmp_path: Path) -> None:
+    place = run.path or ""
+    for module, out in (("beamlet", "program"), ("beamlet.convert", "package")):
+        verb = ["convert"] if module == "beamlet" else []
+        words = [sys.executable, "-m", module, *verb, place, "--to", "astra", "-o", str(tmp_path / out)]
+        subprocess.run(words, check=True, capture_output=True)
+    names = sorted(path.name for path in (tmp_path / "program").iterdir())
+    assert "astra.json" in names and "refraction.npy" in names
+    assert names == sorted(path.name for path in (tmp_path / "package").iterdir())
+    for name in names:
+        assert (tmp_path / "program" / name).read_bytes() == (tmp_path / "package" / name).read_bytes(), name
+    for name in ("nxtomo", "cil", "dxchange"):
+        out = tmp_path / f"it's.{name}"
+        words = [sys.executable, "-m", "beamlet", "convert", place, "--to", name, "-o", str(out)]
+        refused = subprocess.run(words, check=False, capture_output=True, text=True)
+        assert refused.returncode == 2 and not out.exists()
+        # The printed line does it.
+        line = next(line for line in refused.stderr.splitlines() if line.startswith("  python -m"))
+        line = line.replace("python -m", f"{sys.executable} -m", 1)
+        subprocess.run(line, shell=True, check=True)
+        assert h5py.is_hdf5(out)

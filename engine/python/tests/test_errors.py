@@ -158,6 +158,46 @@ def test_meshes_of_arrays_and_of_files_are_alike(
     assert a.replace("object.body.material", "gold").shape == a.shape
 
 
+def test_scenes_of_files_take_meshes_of_arrays(
+    engine: bl.Engine, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    vertices, faces = tetrahedron()
+    expected = engine.simulate(bl.Scene.from_dict(with_mesh((2 * vertices, faces))), seed=1).sample
+    bl.Scene.from_dict(with_mesh((vertices, faces))).save(tmp_path)
+    monkeypatch.chdir(tmp_path)
+    text = Path("scene.toml").read_text()
+    scaled = (2e-3 * vertices, faces)
+    for scene in (bl.Scene.load("scene.toml"), bl.Scene.from_toml(text)):
+        # Every change reads the file again, from any working directory.
+        monkeypatch.chdir("/")
+        unit = scene.replace("object.body.unit", "m")
+        large = unit.replace("object.body.mesh", scaled)
+        large = large.replace("detector.photons", 1000).replace("detector.photons", 2000)
+        for each in (large, pickle.loads(pickle.dumps(large)), copy.deepcopy(large)):
+            found = engine.simulate(each, seed=1)
+            assert np.allclose(found.sample, expected, atol=1e-6)
+    assert engine.check(large).refusals == []
+    assert large.ideal(most_rays=64).transmission.shape == (1, 4, 24)
+    assert bl.Scene.load(large.save(tmp_path / "saved")).shape == large.shape
+    stored = engine.simulate_to(large, tmp_path / "run", seed=1)
+    assert np.allclose(stored.sample, expected, atol=1e-6)
+
+
+def test_a_mesh_of_arrays_in_two_units_is_two_sizes(engine: bl.Engine, tmp_path: Path) -> None:
+    scene = with_mesh(tetrahedron())
+    scene["object"].append({**scene["object"][0], "name": "small", "unit": "0.5 mm",
+                            "position": ["-1 mm", "0 mm", "0 mm"]})
+    both = bl.Scene.from_dict(scene)
+    alike = both.replace("object.small.unit", "mm")
+    # Without moments meshes stay in memory; moments and run directories have files of them.
+    with bl.Engine() as plain:
+        expected = plain.simulate(both, seed=1).sample
+        stored = plain.simulate_to(both, tmp_path / "run", seed=1).sample
+        assert np.allclose(stored, expected, atol=1e-6)
+        assert np.abs(plain.simulate(alike, seed=1).sample - expected).max() > 3e-3
+    assert np.allclose(engine.simulate(both, seed=1).sample, expected, atol=1e-3)
+
+
 def test_stacks_of_other_shapes_and_types(engine: bl.Engine, scene: bl.Scene) -> None:
     offsets = scene.mask_offsets
     flat, sample = np.ones((5, 4, 24)), np.ones((5, 4, 24))

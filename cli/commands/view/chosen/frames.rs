@@ -3,7 +3,7 @@
 use super::Chosen;
 use crate::commands::pictures::Pictures;
 use crate::failure::Failure;
-use crate::picture::image::{self, ImagePlot};
+use crate::picture::image::{self, ImagePlot, Key};
 use crate::picture::quantity::Quantity;
 use crate::picture::scale::Scale;
 use crate::picture::text::joined;
@@ -102,7 +102,7 @@ impl Chosen<'_> {
                 values: frame.view(),
                 flagged: None,
                 quantity,
-                scale: own,
+                key: Key::Scale(own),
                 title: format!("{title}{kind}"),
                 note,
                 below: if words.is_empty() { Vec::new() } else { vec![words] },

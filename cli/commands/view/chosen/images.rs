@@ -4,7 +4,7 @@ use super::{CONTRASTS, Chosen};
 use crate::args::ViewOfRun;
 use crate::commands::pictures::Pictures;
 use crate::failure::Failure;
-use crate::picture::image::{self, Grid, ImagePlot};
+use crate::picture::image::{self, Grid, ImagePlot, Key};
 use crate::picture::quantity::Quantity;
 use crate::picture::scale::{Scale, pixels};
 use crate::picture::text::{capital, joined};
@@ -101,7 +101,7 @@ impl Chosen<'_> {
             values: image.values.view(),
             flagged: image.flagged.as_ref(),
             quantity,
-            scale,
+            key: Key::Scale(scale),
             title,
             note,
             below,

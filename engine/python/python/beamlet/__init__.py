@@ -25,13 +25,14 @@ from ._errors import (
     SceneError,
     TallyError,
 )
-from ._images import Images, retrieve
+from ._images import Images
 from ._projector import Projector
+from ._retrieve import retrieve
 from ._run import Axis, Counts, Run
 from ._scene import Object, Scene
 from ._tools import Beam, Difference, Material, Spectrum, compare, material, spectrum
 from ._view import Picture, view
-from ._volume import Volume, reconstruct
+from ._volume import Truth, Volume, reconstruct
 
 __all__ = [
     "ArgumentError",
@@ -58,6 +59,7 @@ __all__ = [
     "SceneError",
     "Spectrum",
     "TallyError",
+    "Truth",
     "Volume",
     "__version__",
     "check",

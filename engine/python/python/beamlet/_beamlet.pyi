@@ -3,7 +3,7 @@
 import os
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import final
+from typing import Any, final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +16,7 @@ _Run = tuple[_Floats, _Floats, _Counts | None, str]
 _Images = tuple[dict[str, _Floats], str, str | None]
 _Shape = tuple[int, int, int, int]
 _Place = tuple[Path, _Shape]
+_Meshes = Mapping[str, tuple[NDArray[np.float64], NDArray[np.uint32]]]
 
 __all__ = [
     "Engine",
@@ -25,6 +26,7 @@ __all__ = [
     "angle",
     "compare",
     "devices",
+    "energy",
     "fill",
     "ideal",
     "lengths",
@@ -46,14 +48,14 @@ __version__: str
 @final
 class Scene:
     @staticmethod
-    def load(path: _Path, sets: Sequence[str]) -> Scene: ...
+    def load(path: _Path, sets: Sequence[str], meshes: _Meshes) -> Scene: ...
     @staticmethod
     def parse(
         text: str,
         json: bool,
         directory: _Path,
         sets: Sequence[str],
-        meshes: Mapping[str, tuple[NDArray[np.float64], NDArray[np.uint32]]],
+        meshes: _Meshes,
     ) -> Scene: ...
     def to_toml(self, directory: _Path) -> str: ...
     @property
@@ -118,6 +120,7 @@ class Projector:
 def angle(name: str, text: str) -> float: ...
 def compare(a: _Path, b: _Path, progress: _Progress) -> str: ...
 def devices() -> str: ...
+def energy(name: str, text: str) -> float: ...
 def fill(
     places: Sequence[Sequence[float]], of: str, image: _Floats, flags: _Floats | None
 ) -> tuple[_Floats, int]: ...
@@ -151,11 +154,10 @@ def reconstruct(
     of: str,
     grid: Mapping[str, object],
     options: Mapping[str, object],
-    weights: _Floats | None,
-    mask: NDArray[np.bool_] | None,
-    start: _Floats | None,
+    given: Mapping[str, object],
+    scene: Scene | None,
     progress: _Progress,
-) -> tuple[_Floats, list[float], list[float], str, list[float], int]: ...
+) -> dict[str, Any]: ...
 def retrieve(
     engine: Engine,
     scene: Scene,

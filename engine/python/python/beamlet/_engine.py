@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from . import _beamlet, _vulkan
 from ._arguments import number, shown, whole_number, word
 from ._arguments import path as place
-from ._errors import ArgumentError, DeviceError, wrong
+from ._errors import ArgumentError, DeviceError, in_python, wrong
 from ._scene import Path, Scene, inner
 
 if TYPE_CHECKING:
@@ -65,15 +65,15 @@ class CheckReport:
     @property
     def warnings(self) -> list[str]:
         """What looks odd but does not stop a run."""
-        return list(self.values["warnings"])
+        return [in_python(warning) for warning in self.values["warnings"]]
 
     @property
     def refusals(self) -> list[str]:
         """Why a run refuses objects, where it does."""
-        return list(self.values["refusals"])
+        return [in_python(refusal) for refusal in self.values["refusals"]]
 
     def __str__(self) -> str:
-        return self.text
+        return self.text + "".join(f"\nrefused: {refusal}\n" for refusal in self.refusals)
 
 
 def devices() -> list[Device]:
@@ -229,7 +229,7 @@ class Engine:
             SceneError, MeshError: For what would stop a run before its first ray.
         """
         text, values = self._engine.check(inner(scene), progress)
-        return CheckReport(text, json.loads(values))
+        return CheckReport(in_python(text), json.loads(values))
 
     def ideal(
         self,

@@ -3,7 +3,35 @@
 from __future__ import annotations
 
 import os
+import re
 from collections.abc import Sequence
+from typing import Any
+
+#: An option of the command line in a message of the engine, with its value where one follows.
+_OPTION = re.compile(r"(?<![\w/.-])--(?P<name>[a-z]+(?:-[a-z]+)*)(?: (?P<value>[A-Z][A-Z0-9]*(?::[A-Z0-9]+)*)\b)?")
+#: A method in such a message, also behind its command.
+_METHOD = re.compile(r"(?:retrieve )?(?<![\w/.-])--(method|weights) ([a-z]+(?:-[a-z]+)*)")
+
+#: A command of the program.
+_COMMAND = re.compile(r"(`beamlet [^`]*`)")
+
+
+def in_python(message: str) -> str:
+    """A message of the engine with the arguments of Python in place of options of the command line; commands
+    of the program in backticks stay.
+
+    Example:
+        >>> in_python("has one flat; --flats-every must be 1 or more; or --method two-step")
+        'has one flat; flats_every must be 1 or more; or method="two-step"'
+    """
+    def argument(found: re.Match[str]) -> str:
+        name, value = found["name"].replace("-", "_"), found["value"]
+        name = "replace" if name == "set" else name
+        return name if value is None else f"{name}={value}"
+
+    parts = _COMMAND.split(message)
+    parts[::2] = [_OPTION.sub(argument, _METHOD.sub(r'\1="\2"', part)) for part in parts[::2]]
+    return "".join(parts)
 
 
 class Error(Exception):
@@ -59,6 +87,15 @@ def wrong(name: str, found: str, allowed: str) -> ArgumentError:
     return ArgumentError(
         f"{name}: found {found}; allowed: {allowed}", key=name, found=found, allowed=allowed
     )
+
+
+def of_engine(name: str, message: str, **facts: Any) -> Error:
+    """The exception of an error of the engine, by the name of its class."""
+    for fact in ("found", "allowed", "remedy"):
+        if isinstance(facts.get(fact), str):
+            facts[fact] = in_python(facts[fact])
+    kind: type[Error] = globals()[name]
+    return kind(in_python(message), **facts)
 
 
 class MeshError(Error, ValueError):

@@ -1,43 +1,31 @@
-"""Retrieved images, of runs and of measured stacks."""
+"""Retrieved images."""
 
 from __future__ import annotations
 
 import json
-import tempfile
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from . import _beamlet
-from ._arguments import array, number, shown, whole, word
+from ._arguments import shown, word
 from ._arguments import path as place
-from ._engine import Engine, Progress, serving, still_open
-from ._errors import Error, wrong
-from ._scene import Path, Scene, inner
+from ._engine import Engine, Progress, still_open
+from ._errors import Error, in_python, wrong
+from ._scene import Path, Scene
 from ._volume import (
+    DEFAULTS,
     Quantity,
     Reconstruction,
     Volume,
     Window,
     circle,
-    lengths,
-    reconstruct,
+    volume_of,
 )
 
-Method = Literal[
-    "gaussian",
-    "three-step",
-    "two-step",
-    "moments",
-    "triangle",
-    "trapezoid",
-    "exact-curve",
-    "beamlet",
-]
-Weights = Literal["none", "poisson"]
 Image = NDArray[np.float32]
 
 #: Image from which the sinograms of a quantity come.
@@ -132,12 +120,12 @@ class Images(Mapping[str, Image]):
     @property
     def warnings(self) -> list[str]:
         """What the retrieval doubts: faults of the stacks, and uncertainties that do not fit them."""
-        return [str(warning) for warning in self.record.get("warnings", ())]
+        return [in_python(str(warning)) for warning in self.record.get("warnings", ())]
 
     @property
     def flag_meanings(self) -> dict[int, str]:
         """Meaning of each bit of ``flags``."""
-        return {int(bit): str(meaning) for bit, meaning in self.record["flags"].items()}
+        return {int(bit): in_python(str(meaning)) for bit, meaning in self.record["flags"].items()}
 
     @property
     def transmission(self) -> Image:
@@ -186,15 +174,7 @@ class Images(Mapping[str, Image]):
         Raises:
             ArgumentError: The images were not retrieved from counts: they have no uncertainties.
         """
-        name = _source(quantity)
-        if f"{name}_sigma" not in self:
-            raise wrong("weights", f"images without {name}_sigma", "images of counts")
-        sigma = self[f"{name}_sigma"].copy()
-        if quantity == "mu":
-            with np.errstate(divide="ignore", invalid="ignore"):
-                sigma = np.where(self[name] > 0, sigma / self[name], np.nan).astype(np.float32)
-        sigma[~np.isfinite(sigma)] = np.nan
-        return _beamlet.weights(sigma)
+        return _beamlet.weights(self._sigmas(quantity))
 
     def reconstruct(
         self,
@@ -206,7 +186,8 @@ class Images(Mapping[str, Image]):
         progress: Progress | None = None,
         *,
         method: Reconstruction = "fbp",
-        weights: Literal["sigma"] | ArrayLike | None = None,
+        sigma: bool = False,
+        gradient_bias: Volume | None = None,
         **options: Any,
     ) -> Volume:
         """Reconstructs a scan on a circle. Pixels without a value are filled: :meth:`sinograms`.
@@ -220,176 +201,90 @@ class Images(Mapping[str, Image]):
             cut_off: Frequency from which on nothing counts, as a share of Nyquist's, for ``fbp``.
             progress: Callback.
             method: Filtered back-projection, or an iterative method: :func:`beamlet.reconstruct`.
-            weights: ``"sigma"``: iterative methods weigh values by :meth:`weights`.
+            sigma: Uncertainties of the retrieval are used: ``fbp`` gives ``Volume.sigma``, with the noise
+                of a flat that views share where the images have it; iterative methods weigh values by
+                :meth:`weights`.
+            gradient_bias: Volume of ``mu`` on the same voxels: ``delta`` is corrected for gradients of
+                the attenuation (δ + kμ).
             options: Others of :func:`beamlet.reconstruct`.
 
         Raises:
             ArgumentError: As of :func:`beamlet.reconstruct`, :meth:`sinograms` and :meth:`weights`.
         """
+        unknown = options.keys() - DEFAULTS.keys()
+        if unknown:
+            raise TypeError(f"reconstruct() got an unexpected keyword argument {min(unknown)!r}")
         sinograms, counts = self.sinograms(quantity)
-        assert self.geometry is not None
-        if isinstance(weights, str):
-            if weights != "sigma":
-                raise wrong("weights", shown(weights), '"sigma" or an array')
-            weights = self.weights(quantity)
-        options.setdefault("engine", still_open(self._engine))
-        volume = reconstruct(
-            sinograms,
-            self.geometry,
-            quantity,
-            voxel=voxel,
-            size=size,
-            filter=filter,
-            cut_off=cut_off,
-            progress=progress,
-            method=method,
-            weights=weights,
+        given = DEFAULTS | {
+            "engine": still_open(self._engine),
+            "scene": self.scene,
             **options,
-        )
-        return replace(volume, pixels=counts)
+            "sinograms": sinograms,
+            "geometry": self.geometry,
+            "quantity": quantity,
+            "voxel": voxel,
+            "size": size,
+            "filter": filter,
+            "cut_off": cut_off,
+            "progress": progress,
+            "method": method,
+        }
+        beside = self._bias(quantity, gradient_bias)
+        if sigma:
+            given["sigma"], beside["flat_sigma"] = self._deviations(quantity, method)
+        return replace(volume_of(given, beside), pixels=counts)
+
+    def _bias(self, quantity: Quantity, mu: Volume | None) -> dict[str, Any]:
+        """Volume and width by which ``delta`` is corrected for gradients of the attenuation."""
+        if mu is None:
+            return {}
+        if not isinstance(mu, Volume) or mu.quantity != "mu" or quantity != "delta":
+            raise wrong("gradient_bias", shown(mu), "a Volume of mu, for delta")
+        if self.scene is None or self.record.get("flat_width") is None:
+            raise wrong("gradient_bias", "images without scene or flat_width", "images with their scene")
+        return {"mu": np.ascontiguousarray(mu.values), "flat_width": self.record["flat_width"]}
+
+    def _deviations(self, quantity: Quantity, method: str) -> tuple[Image, Image | None]:
+        """Uncertainties of the sinograms, and those that views share by their flat, which are not in the
+        first then. Both ``[view][row][column]``."""
+        own = self._sigmas(quantity)
+        if method != "fbp":
+            return own, None
+        assert self.geometry is not None
+        geometry = circle(self.geometry)
+        # Pixels without a result have the uncertainty of their neighbours.
+        own, _ = _beamlet.prepare(geometry, "delta", own, None)
+        shared = self._flat_sigma(quantity)
+        if shared is None:
+            return own, None
+        every = np.ascontiguousarray(np.broadcast_to(shared, own.shape))
+        every, _ = _beamlet.prepare(geometry, "delta", every, None)
+        return np.sqrt(np.maximum(own**2 - every**2, 0)), every
+
+    def _flat_sigma(self, quantity: Quantity) -> Image | None:
+        """Uncertainties of the sinograms of all views by their one flat, ``[row][column]``; ``None``
+        where views have other flats, or images do not have them."""
+        name = {"mu": "flat_area_sigma", "delta": "flat_centre_sigma", "dark_field": "flat_width_sigma"}[quantity]
+        record = self.record
+        is_other = record.get("flats_every") is not None or record.get("columns")
+        if is_other or name not in self or len(self[name]) > 1:
+            return None
+        angle = abs(record["angle_per_shift"])
+        factor = {"mu": 1.0, "delta": angle, "dark_field": 2 * angle**2 * self["flat_width"][0]}[quantity]
+        return np.asarray(factor * self[name][0], dtype=np.float32)
+
+    def _sigmas(self, quantity: Quantity) -> Image:
+        """Uncertainties of the sinograms, NaN where a pixel has no answer."""
+        name = _source(quantity)
+        if f"{name}_sigma" not in self:
+            raise wrong("sigma", f"images without {name}_sigma", "images of counts")
+        sigma = self[f"{name}_sigma"].copy()
+        if quantity == "mu":
+            with np.errstate(divide="ignore", invalid="ignore"):
+                sigma = np.where(self[name] > 0, sigma / self[name], np.nan).astype(np.float32)
+        sigma[~np.isfinite(sigma)] = np.nan
+        return sigma
 
     def __repr__(self) -> str:
         doubts = {0: "", 1: ", 1 warning"}.get(len(self.warnings), f", {len(self.warnings)} warnings")
         return f"<Images {', '.join(self._images)}{doubts}>"
-
-
-def _stack(name: str, values: ArrayLike, sides: int) -> NDArray[np.float32]:
-    """Values as contiguous float32 of four sides; a copy only where they are not."""
-    all_sides = {2: "(row, column) or (frame, row, column)", 3: "(step, row, column)"}
-    allowed = all_sides.get(sides, "(view, step, row, column)")
-    found = array(name, values, allowed)
-    if found.dtype.kind not in "fiu":
-        raise wrong(name, f"dtype {found.dtype}", "real numbers")
-    if not sides <= found.ndim <= 4 or found.size == 0:
-        raise wrong(name, f"shape {found.shape}", allowed)
-    while found.ndim < 4:
-        found = found[np.newaxis]
-    return np.ascontiguousarray(found, dtype=np.float32)
-
-
-def _check_frames(name: str, found: NDArray[Any], frame: tuple[int, ...]) -> None:
-    if found.shape[-2:] != frame:
-        allowed = f"rows and columns of flat, {frame}"
-        raise wrong(name, f"rows and columns {found.shape[-2:]}", allowed)
-
-
-def _retrieve(
-    engine: Engine,
-    scene: Scene,
-    kind: str,
-    flat: ArrayLike,
-    sample: ArrayLike,
-    dark: ArrayLike | None = None,
-    mask_offsets: list[float] | None = None,
-    bad_pixels: ArrayLike | None = None,
-    progress: Progress | None = None,
-    **options: Any,
-) -> Images:
-    of_scene = inner(scene, "geometry" if kind == "measured" else "scene")
-    of_flat, of_sample = _stack("flat", flat, 3), _stack("sample", sample, 4)
-    of_dark = None if dark is None else _stack("dark", dark, 2)
-    frame = of_flat.shape[-2:]
-    _check_frames("sample", of_sample, frame)
-    if of_dark is not None:
-        _check_frames("dark", of_dark, frame)
-    if mask_offsets is not None and len(mask_offsets) != of_flat.shape[1]:
-        raise wrong("flat", f"{of_flat.shape[1]} steps", f"{len(mask_offsets)}, as offsets")
-    known = ("method", "weights", "gain", "read_noise", "saturation", "steps", "sample_offsets")
-    chosen = {name: options.get(name) for name in known} | {"bad_pixels": None}
-    word("method", chosen["method"], Method)
-    word("weights", chosen["weights"], Weights)
-    for name in ("gain", "read_noise", "saturation"):
-        if chosen[name] is not None:
-            chosen[name] = number(name, chosen[name])
-    if chosen["steps"] is not None:
-        chosen["steps"] = whole("steps", chosen["steps"], 2, "two numbers of steps, from 0")
-    with tempfile.TemporaryDirectory(prefix="beamlet-") as folder:
-        if bad_pixels is not None:
-            bad = array("bad_pixels", bad_pixels, "bool or numbers, (row, column)")
-            if bad.ndim != 2 or bad.dtype.kind not in "bfiu":
-                given = f"shape {bad.shape}, dtype {bad.dtype}"
-                raise wrong("bad_pixels", given, "bool or numbers, (row, column)")
-            _check_frames("bad_pixels", bad, frame)
-            if (bad != 0).all():
-                raise wrong("bad_pixels", "every pixel", "False or 0 where a pixel is good")
-            path = f"{folder}/bad_pixels.npy"
-            np.save(path, bad.astype(np.float32))
-            chosen["bad_pixels"] = path
-        found = _beamlet.retrieve(
-            engine._engine,
-            of_scene,
-            kind,
-            of_flat,
-            of_sample,
-            of_dark,
-            mask_offsets,
-            chosen,
-            progress,
-        )
-    return Images._of(found, scene, engine)
-
-
-def retrieve(
-    flat: ArrayLike,
-    sample: ArrayLike,
-    offsets: Sequence[str | float] | NDArray[np.floating[Any]],
-    geometry: Scene,
-    dark: ArrayLike | None = None,
-    method: Method = "gaussian",
-    weights: Weights = "none",
-    gain: float | None = None,
-    read_noise: float | None = None,
-    saturation: float | None = None,
-    bad_pixels: ArrayLike | None = None,
-    steps: tuple[int, int] | None = None,
-    sample_offsets: Sequence[str | float] | None = None,
-    engine: Engine | None = None,
-    progress: Progress | None = None,
-) -> Images:
-    """Retrieves measured stacks.
-
-    Args:
-        flat: Counts without sample, ``[step][row][column]``.
-        sample: Counts with sample, ``[view][step][row][column]`` or ``[step][row][column]``.
-        offsets: Mask offset of each step, m, or text with a unit.
-        geometry: Scene with the set-up.
-        dark: Counts without beam, ``[frame][row][column]`` or ``[row][column]``; their mean is subtracted.
-        method: The estimator (docs/retrieval.md).
-        weights: ``poisson`` weights counts by their noise.
-        gain: Counts of a photon; default 1.
-        read_noise: Standard deviation of counts without beam, in counts.
-        saturation: Counts of this value and above are left out.
-        bad_pixels: True or not zero where a pixel is bad, ``[row][column]``.
-        steps: Indices of the two steps of the sample for ``two-step``, from 0.
-        sample_offsets: Mask offset of each step of the sample for ``two-step``, m, or text with a unit,
-            where they differ from `offsets`.
-        engine: Engine; default: the shared one.
-        progress: Callback.
-
-    Returns:
-        Images ``[view][row][column]``; a stack ``[step][row][column]`` has one view.
-
-    Raises:
-        ArgumentError: An array of another shape or type, or an option that cannot be; `key` names it.
-        FileError: A number of steps of the sample that the method does not take.
-        SceneError: Offsets or a set-up that the method does not take.
-    """
-    of_sample = array("sample", sample, "(view, step, row, column) or (step, row, column)")
-    return _retrieve(
-        serving(engine),
-        geometry,
-        "measured",
-        flat,
-        of_sample[np.newaxis] if of_sample.ndim == 3 else of_sample,
-        dark=dark,
-        mask_offsets=lengths("offsets", offsets),
-        bad_pixels=bad_pixels,
-        progress=progress,
-        method=method,
-        weights=weights,
-        gain=gain,
-        read_noise=read_noise,
-        saturation=saturation,
-        steps=steps,
-        sample_offsets=None if sample_offsets is None else lengths("sample_offsets", sample_offsets),
-    )

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from . import _beamlet
 from ._arguments import path as place
@@ -18,7 +18,8 @@ from ._errors import FileError, wrong
 from ._scene import Path, Scene, inner
 
 if TYPE_CHECKING:
-    from ._images import Images, Method, Weights
+    from ._images import Images
+    from ._retrieve import Correction, EmptyBeam, Method, Weights
 
 Stack = NDArray[np.float32]
 
@@ -158,8 +159,20 @@ class Run:
         weights: Weights = "none",
         steps: tuple[int, int] | None = None,
         progress: Progress | None = None,
+        *,
+        gain: float | None = None,
+        read_noise: float | None = None,
+        saturation: float | None = None,
+        bad_pixels: ArrayLike | None = None,
+        sample_offsets: Sequence[str | float] | None = None,
+        columns: slice | None = None,
+        bin: tuple[int, int] | None = None,
+        empty_beam: EmptyBeam | None = None,
+        correct: Correction | Sequence[Correction] = (),
+        phase: bool = False,
     ) -> Images:
-        """Retrieves transmission, refraction and dark field.
+        """Retrieves transmission, refraction and dark field. Options that are not listed here are as in
+        :func:`beamlet.retrieve`.
 
         Args:
             method: The estimator (docs/retrieval.md).
@@ -167,12 +180,16 @@ class Run:
             weights: ``poisson`` weights counts by their noise.
             steps: Steps of the sample for ``two-step``.
             progress: Callback.
+            gain: Numbers of a photon; default: the scene's.
+            read_noise: Standard deviation of numbers without beam; default: the scene's.
+            saturation: Numbers of this value and above are left out; default: the largest number of the
+                scene's detector.
 
         Raises:
             SceneError: The method does not suit the set-up or its mask offsets.
             ArgumentError: The run has no counts, or options do not go together.
         """
-        from ._images import _retrieve
+        from ._retrieve import retrieved
 
         if not counts:
             flat, sample, dark, kind = self.flat, self.sample, None, "intensities"
@@ -181,7 +198,7 @@ class Run:
         else:
             flat, sample, dark = self.counts.flat, self.counts.sample, self.counts.dark
             kind = "counts"
-        return _retrieve(
+        return retrieved(
             self.engine,
             self.scene,
             kind,
@@ -192,6 +209,16 @@ class Run:
             method=method,
             weights=weights,
             steps=steps,
+            gain=gain,
+            read_noise=read_noise,
+            saturation=saturation,
+            bad_pixels=bad_pixels,
+            sample_offsets=sample_offsets,
+            columns=columns,
+            bin=bin,
+            empty_beam=empty_beam,
+            correct=correct,
+            phase=phase,
         )
 
     def illuminate(self, scene: Scene, progress: Progress | None = None) -> Run:

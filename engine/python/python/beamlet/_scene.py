@@ -198,10 +198,7 @@ class Scene:
         self._read(())
 
     def __getstate__(self) -> dict[str, Any]:
-        state = {name: value for name, value in self.__dict__.items() if name != "_scene"}
-        if self._path is not None:
-            state["_path"] = os.path.abspath(self._path)
-        return state
+        return {name: value for name, value in self.__dict__.items() if name != "_scene"}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         self.__dict__.update(state)
@@ -211,7 +208,7 @@ class Scene:
         self._sets = sets
         if self._text is None:
             assert self._path is not None
-            self._scene = _beamlet.Scene.load(self._path, list(sets))
+            self._scene = _beamlet.Scene.load(self._path, list(sets), self._meshes)
         else:
             written, is_json, directory = self._text
             self._scene = _beamlet.Scene.parse(
@@ -231,7 +228,7 @@ class Scene:
             SceneError: With file, line, key, what was found and what is allowed.
         """
         self = cls.__new__(cls)
-        self._text, self._path, self._meshes = None, place("path", path), {}
+        self._text, self._path, self._meshes = None, os.path.abspath(place("path", path)), {}
         named = ((key.replace("__", "."), value) for key, value in changes.items())
         self._read(tuple(self._change(key, value) for key, value in named))
         return self
@@ -263,7 +260,8 @@ class Scene:
             SceneError: With line, key, what was found and what is allowed.
         """
         self = cls.__new__(cls)
-        self._text = (text_of("text", text, "TOML"), False, place("directory", directory))
+        place_of_files = os.path.abspath(place("directory", directory))
+        self._text = (text_of("text", text, "TOML"), False, place_of_files)
         self._path, self._meshes = None, {}
         self._read(())
         return self

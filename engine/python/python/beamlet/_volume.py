@@ -2,22 +2,59 @@
 
 from __future__ import annotations
 
+import csv
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from inspect import signature
 from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from . import _beamlet
-from ._arguments import array, floats, number, shown, whole, whole_number, word
+from ._arguments import array, floats, number, shown, text, whole, whole_number, word
 from ._engine import Engine, Progress, serving
 from ._errors import wrong
-from ._scene import Scene
+from ._scene import Scene, inner
 
 Quantity = Literal["mu", "delta", "dark_field"]
 Window = Literal["ram-lak", "shepp-logan", "hann"]
 Reconstruction = Literal["fbp", "cgls", "sirt", "bb"]
+
+
+#: Line of a table: text, or numbers where a column has them; ``None`` where a cell is empty.
+Line = dict[str, str | float | None]
+
+
+def _table(written: str) -> tuple[Line, ...]:
+    """Lines of a table in CSV."""
+
+    def cell(value: str) -> str | float | None:
+        try:
+            return float(value) if value else None
+        except ValueError:
+            return value
+
+    lines = csv.DictReader(written.splitlines())
+    return tuple({key: cell(value) for key, value in line.items()} for line in lines)
+
+
+@dataclass(frozen=True, eq=False)
+class Truth:
+    """The scene on the voxels of a volume.
+
+    Attributes:
+        labels: uint16 ``[z][y][x]``: 0 in the surroundings, 1 and up the objects in the order of the scene.
+        names: Object and material of each label.
+        values: True values of the volume, float32 ``[z][y][x]``; ``None`` for the dark field.
+        errors: Errors of the volume by object: a line with ``object``, ``truth``, ``mean``,
+            ``error_percent``, ... for each object with inner voxels.
+    """
+
+    labels: NDArray[np.uint16]
+    names: Mapping[int, str]
+    values: NDArray[np.float32] | None
+    errors: tuple[Line, ...]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -35,6 +72,13 @@ class Volume:
         best: Number of the iterate that the values are, the one of the least residual.
         pixels: Pixels of the images: how many had no answer, no light or were misfits and were filled;
             ``None`` for sinograms.
+        sigma: Uncertainties of ``fbp`` by those of the sinograms, ``[z][y][x]``; ``None`` without.
+        regions: Means of regions: a line with ``region``, ``mean``, ``sigma_of_mean``, ... for each.
+        truth: The scene on the voxels; ``None`` without.
+        axis: x of the axis of rotation from the optical axis, m.
+        energy: Energy of ``mu`` after the correction of beam hardening, keV; ``None`` without.
+        bias: Length k of δ + kμ after the correction for gradients of the attenuation, m; ``None``
+            without.
     """
 
     values: NDArray[np.float32]
@@ -45,6 +89,12 @@ class Volume:
     residuals: tuple[float, ...] = ()
     best: int = 0
     pixels: Mapping[str, int] | None = None
+    sigma: NDArray[np.float32] | None = None
+    regions: tuple[Line, ...] = ()
+    truth: Truth | None = None
+    axis: float = 0.0
+    energy: float | None = None
+    bias: float | None = None
 
     def centres(self) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
         """Centres of the voxels along x, y and z, m."""
@@ -144,6 +194,67 @@ def cube(name: str, values: ArrayLike, sides: str) -> NDArray[np.float32]:
     return np.ascontiguousarray(found, dtype=np.float32)
 
 
+def _hardening(value: str | None) -> tuple[str, float | None] | None:
+    """Material and energy (keV) of a correction of beam hardening."""
+    if value is None:
+        return None
+    material, at, energy = text("beam_hardening", value, '"MATERIAL" or "MATERIAL@ENERGY"').partition("@")
+    if not material.strip():
+        raise wrong("beam_hardening", shown(value), 'a material, or one with an energy as "water@40keV"')
+    return material.strip(), _beamlet.energy("beam_hardening", energy) if at else None
+
+
+def _centred(
+    geometry: Scene | Mapping[str, Any], centre: float | str | None
+) -> Scene | Mapping[str, Any]:
+    """The geometry with the axis of rotation on a column."""
+    if centre is None or centre == "auto":
+        return geometry
+    column = number("centre", centre, 'a column, counted from 0 with a fraction, or "auto"')
+    views = geometry.geometry if isinstance(geometry, Scene) else geometry
+    if not isinstance(views, Mapping) or views.get("axis_column") is None:
+        return geometry
+    return {**views, "axis_column": column}
+
+
+def _options(method: Reconstruction, given: Mapping[str, Any]) -> dict[str, Any]:
+    """Options of a method, checked, as the extension takes them."""
+    options = {
+        "method": word("method", method, Reconstruction),
+        "filter": word("filter", given["filter"], Window),
+        "cut_off": number("cut_off", given["cut_off"]),
+        "iterations": whole_number("iterations", given["iterations"], 1),
+        "beam_hardening": _hardening(given["beam_hardening"]),
+        "regions": [text("regions", region) for region in given["regions"]],
+        "find_centre": given["centre"] == "auto",
+    }
+    passes, discrepancy = given["arm_passes"], given["discrepancy"]
+    options["arm_passes"] = None if passes is None else whole_number("arm_passes", passes, 0)
+    options["discrepancy"] = None if discrepancy is None else number("discrepancy", discrepancy)
+    for name in ("extrapolate", "non_negative", "phase", "rings", "truth"):
+        options[name] = bool(given[name])
+    return options
+
+
+def _refuse_for_fbp(given: Mapping[str, Any]) -> None:
+    """Refuses options of iterative methods."""
+    for name in ("weights", "mask", "start"):
+        if given[name] is not None:
+            raise wrong(name, "an array for fbp", "cgls, sirt or bb")
+    if given["phase"]:
+        raise wrong("phase", "True for fbp", "cgls, sirt or bb")
+
+
+def _mask(mask: ArrayLike | str | None) -> tuple[NDArray[np.bool_] | None, str | None]:
+    """A mask of voxels as an array, or as a shape."""
+    if mask is None or isinstance(mask, str):
+        return None, mask
+    may = array("mask", mask, "bool, (z, y, x), or a shape")
+    if may.ndim != 3 or may.dtype != np.bool_:
+        raise wrong("mask", f"shape {may.shape}, dtype {may.dtype}", "bool, (z, y, x), or a shape")
+    return np.ascontiguousarray(may), None
+
+
 def reconstruct(
     sinograms: ArrayLike,
     geometry: Scene | Mapping[str, Any],
@@ -165,8 +276,15 @@ def reconstruct(
     non_negative: bool = False,
     phase: bool = False,
     weights: ArrayLike | None = None,
-    mask: ArrayLike | None = None,
+    mask: ArrayLike | str | None = None,
     start: ArrayLike | None = None,
+    centre: float | Literal["auto"] | None = None,
+    rings: bool = False,
+    beam_hardening: str | None = None,
+    sigma: ArrayLike | None = None,
+    regions: Sequence[str] = (),
+    truth: bool = False,
+    scene: Scene | None = None,
 ) -> Volume:
     """Reconstructs sinograms: docs/reconstruction.md has methods and options.
 
@@ -191,55 +309,94 @@ def reconstruct(
         non_negative: Voxels stay at or above zero (``sirt``, ``bb``).
         phase: ``delta`` from refraction angles integrated along the rows, which begin and end in air.
         weights: Weight of each value in iterative methods, 0 or more, ``[view][row][column]``.
-        mask: True where voxels may differ from zero, ``[z][y][x]``.
+        mask: True where voxels may differ from zero, ``[z][y][x]``, a shape as
+            ``"cylinder:0 mm,0 mm,8 mm"``, or the path of a file as for the command line.
         start: Volume to begin with, ``[z][y][x]``.
+        centre: Column of the axis of rotation, counted from 0 at the centre of the first, with a
+            fraction; ``"auto"`` finds it in the sinograms; default: `axis`.
+        rings: Stripes of single columns are removed.
+        beam_hardening: Material of the sample, as ``"water"`` or with the energy of ``mu`` as
+            ``"water@40keV"``: -ln T under the spectrum of the scene is corrected for beam hardening.
+        sigma: Uncertainties of the sinograms, ``[view][row][column]``: ``fbp`` gives ``Volume.sigma``,
+            iterative methods weigh values by one over their squares.
+        regions: Means of regions, as ``"rod=cylinder:0 mm,0 mm,1 mm"``; ``sphere:X,Y,Z,RADIUS`` and
+            ``box:X,Y,Z,WIDTH,DEPTH,HEIGHT`` are the other shapes.
+        truth: The scene on the same voxels and the errors by object: ``Volume.truth``.
+        scene: Scene for `beam_hardening` and `truth`; default: `geometry`, where it is one.
 
     Raises:
         ArgumentError: Shapes, values, options or a geometry that cannot be.
     """
-    values = cube("sinograms", sinograms, "(view, row, column)")
-    options = {
-        "method": word("method", method, Reconstruction),
-        "filter": word("filter", filter, Window),
-        "cut_off": number("cut_off", cut_off),
-        "arm_passes": None if arm_passes is None else whole_number("arm_passes", arm_passes, 0),
-        "extrapolate": bool(extrapolate),
-        "iterations": whole_number("iterations", iterations, 1),
-        "discrepancy": None if discrepancy is None else number("discrepancy", discrepancy),
-        "non_negative": bool(non_negative),
-        "phase": bool(phase),
+    return volume_of(dict(locals()), {})
+
+
+#: Values of options that are not given.
+DEFAULTS = {name: option.default for name, option in signature(reconstruct).parameters.items()}
+
+
+def volume_of(given: Mapping[str, Any], beside: Mapping[str, Any]) -> Volume:
+    """The volume of :func:`reconstruct`.
+
+    Args:
+        given: All its arguments.
+        beside: What retrieved images know beside them: ``flat_sigma``, uncertainties by a flat that views
+            share, and to correct ``delta`` for gradients of the attenuation the volume ``mu`` and
+            ``flat_width`` (m).
+    """
+    weights, sigma, start, geometry = (given[name] for name in ("weights", "sigma", "start", "geometry"))
+    if given["method"] == "fbp":
+        _refuse_for_fbp(given)
+    if given["axis"] is not None and given["centre"] is not None:
+        raise wrong("centre", "centre and axis", "one of them")
+    if weights is not None and sigma is not None:
+        raise wrong("weights", "weights and sigma", "one of them")
+    sides = "(view, row, column)"
+    values = cube("sinograms", given["sinograms"], sides)
+    may, shape = _mask(given["mask"])
+    arrays = {
+        "weights": None if weights is None else cube("weights", weights, sides),
+        "mask": may,
+        "start": None if start is None else cube("start", start, "(z, y, x)"),
+        "sigma": None if sigma is None else cube("sigma", sigma, sides),
+        "flat_sigma": beside.get("flat_sigma"),
+        "mu": beside.get("mu"),
     }
-    if method == "fbp":
-        given = {"weights": weights, "mask": mask, "start": start}
-        for name, value in given.items():
-            if value is not None:
-                raise wrong(name, "an array for fbp", "cgls, sirt or bb")
-        if phase:
-            raise wrong("phase", "True for fbp", "cgls, sirt or bb")
-    may = None
-    if mask is not None:
-        may = array("mask", mask, "bool, (z, y, x)")
-        if may.ndim != 3 or may.dtype != np.bool_:
-            raise wrong("mask", f"shape {may.shape}, dtype {may.dtype}", "bool, (z, y, x)")
-        may = np.ascontiguousarray(may)
-    volume, sides, corner, unit, residuals, best = _beamlet.reconstruct(
-        serving(engine)._engine,
-        circle(geometry, axis),
+    options = _options(given["method"], given)
+    scene = given["scene"]
+    if scene is None and isinstance(geometry, Scene):
+        scene = geometry
+    found = _beamlet.reconstruct(
+        serving(given["engine"])._engine,
+        circle(_centred(geometry, given["centre"]), given["axis"]),
         values,
-        word("quantity", quantity, Quantity),
-        grid(voxel, size, origin),
-        options,
-        None if weights is None else cube("weights", weights, "(view, row, column)"),
-        may,
-        None if start is None else cube("start", start, "(z, y, x)"),
-        progress,
+        word("quantity", given["quantity"], Quantity),
+        grid(given["voxel"], given["size"], given["origin"]),
+        options | {"mask_shape": shape, "flat_width": beside.get("flat_width")},
+        arrays,
+        None if scene is None else inner(scene),
+        given["progress"],
     )
+    return _volume(given["quantity"], found)
+
+
+def _volume(quantity: str, found: Mapping[str, Any]) -> Volume:
+    """A volume as the extension gives it."""
+    truth = found["truth"]
+    if truth is not None:
+        labels, names, values, errors = truth
+        truth = Truth(labels, names, values, _table(errors))
     return Volume(
-        volume,
-        (sides[0], sides[1], sides[2]),
-        (corner[0], corner[1], corner[2]),
+        found["values"],
+        tuple(found["voxel"]),
+        tuple(found["origin"]),
         quantity,
-        unit,
-        tuple(residuals),
-        best,
+        found["unit"],
+        tuple(found["residuals"]),
+        found["best"],
+        sigma=found["sigma"],
+        regions=_table(found["regions"]),
+        truth=truth,
+        axis=found["axis"],
+        energy=found["energy"],
+        bias=found["bias"],
     )

@@ -1,6 +1,6 @@
-"""Retrieved images as HDF5 files of other tools, by h5py.
+"""Retrieved images for other tools: HDF5 files by h5py, and arrays for ASTRA.
 
-    python -m beamlet.convert RUN --to nxtomo|cil|dxchange -o FILE
+    python -m beamlet.convert RUN --to astra|nxtomo|cil|dxchange -o FILE
 
 One contrast a file, but for DXchange. Pixels without a result, transmissions of 0 or less, and misfits of the
 transmission are filled as by `beamlet reconstruct`; the attribute filled_pixels of the data is their
@@ -333,13 +333,18 @@ def main(words: list[str] | None = None) -> int:
     """``python -m beamlet.convert``; the exit code."""
     parser = argparse.ArgumentParser(prog="python -m beamlet.convert", description=__doc__)
     parser.add_argument("run", help="run directory with retrieved images, or a folder of images")
-    parser.add_argument("--to", required=True, choices=["nxtomo", "cil", "dxchange"])
-    parser.add_argument("-o", "--output", required=True, help="file to write; it must not exist yet")
+    parser.add_argument("--to", required=True, choices=["astra", "nxtomo", "cil", "dxchange"])
+    parser.add_argument("-o", "--output", required=True,
+                        help="file to write, for ASTRA a directory; it must not exist yet")
     parser.add_argument("--contrast", choices=list(ABOUT), default="transmission",
                         help="contrast of an NXtomo or CIL file")
     parser.add_argument("--as-retrieved", action="store_true",
                         help="leave pixels without a result NaN, and misfits of the transmission as they are")
     arguments = parser.parse_args(words)
+    if arguments.to == "astra":
+        # As `beamlet convert` writes them.
+        leave = ["--as-retrieved"] if arguments.as_retrieved else []
+        return _beamlet.program(["convert", arguments.run, "--to", "astra", "-o", arguments.output, *leave])
     try:
         images = Images.open(arguments.run)
         fill = not arguments.as_retrieved

@@ -1,0 +1,411 @@
+//! Volumes of sinograms: corrections, the method, uncertainties, means of regions, truth.
+
+use crate::engine::Engine;
+use crate::reconstruct::{Circle, Grid, named, quantity};
+use crate::scene::Scene;
+use crate::work::interruptible;
+use beamlet::ndarray::{Array3, ArrayView3, Zip};
+use beamlet::reconstruct::{
+    BeamHardening, Data, FbpOptions, Filter, HardeningChoice, IterativeOptions, Measured, Method,
+    Quantity, Region, ScanGeometry, Solver, Truth, Volume, VolumeGrid, VoxelMask,
+    add_gradient_bias, deviation_weights, fbp_mean_shared_sigma, fbp_mean_sigma, fbp_shared_sigma,
+    fbp_sigma, find_axis, gradient_bias, region_table, suppress_rings,
+};
+use beamlet::{Error, RowsControl};
+use numpy::{IntoPyArray, PyArray3, PyReadonlyArray3};
+use pyo3::prelude::*;
+use std::collections::BTreeMap;
+
+/// Options of all methods; each method reads its own.
+#[derive(FromPyObject)]
+#[pyo3(from_item_all)]
+pub(crate) struct Options {
+    method: String,
+    filter: String,
+    cut_off: f64,
+    arm_passes: Option<usize>,
+    extrapolate: bool,
+    iterations: usize,
+    discrepancy: Option<f64>,
+    non_negative: bool,
+    phase: bool,
+    find_centre: bool,
+    rings: bool,
+    /// Material, and the energy of μ, keV.
+    beam_hardening: Option<(String, Option<f64>)>,
+    /// Regions as the command line has them.
+    regions: Vec<String>,
+    truth: bool,
+    /// Shape of the voxels that may differ from zero, or a file.
+    mask_shape: Option<String>,
+    /// Width of the curves without sample, m, for the bias by gradients of μ.
+    flat_width: Option<f64>,
+}
+
+const FILTERS: [(&str, Filter); 3] =
+    [("ram-lak", Filter::RamLak), ("shepp-logan", Filter::SheppLogan), ("hann", Filter::Hann)];
+const METHODS: [(&str, Option<Solver>); 4] = [
+    ("fbp", None),
+    ("cgls", Some(Solver::Cgls)),
+    ("sirt", Some(Solver::Sirt)),
+    ("bb", Some(Solver::Bb)),
+];
+
+impl Options {
+    fn method(&self, py: Python<'_>) -> PyResult<Method> {
+        let filter = named(py, "filter", &self.filter, &FILTERS)?;
+        Ok(match named(py, "method", &self.method, &METHODS)? {
+            None => Method::Fbp(
+                FbpOptions::default()
+                    .with_filter(filter)
+                    .with_cut_off(self.cut_off)
+                    .with_arm_passes(self.arm_passes)
+                    .with_extrapolate(self.extrapolate),
+            ),
+            Some(solver) => {
+                let options = IterativeOptions::default()
+                    .with_solver(solver)
+                    .with_iterations(self.iterations)
+                    .with_discrepancy(self.discrepancy)
+                    .with_non_negative(self.non_negative);
+                Method::iterative(options, self.phase)
+            }
+        })
+    }
+}
+
+/// Arrays beside the sinograms: `[view][row][column]` weights and deviations, `[z][y][x]` all others.
+#[derive(FromPyObject)]
+#[pyo3(from_item_all)]
+pub(crate) struct Given<'py> {
+    weights: Option<PyReadonlyArray3<'py, f32>>,
+    mask: Option<PyReadonlyArray3<'py, bool>>,
+    start: Option<PyReadonlyArray3<'py, f32>>,
+    /// Deviations by noise that views do not share.
+    sigma: Option<PyReadonlyArray3<'py, f32>>,
+    /// Deviations by the noise of a flat that views share.
+    flat_sigma: Option<PyReadonlyArray3<'py, f32>>,
+    /// Volume of μ by which δ is corrected for gradients of μ.
+    mu: Option<PyReadonlyArray3<'py, f32>>,
+}
+
+/// Views of [`Given`].
+struct Views<'a> {
+    weights: Option<ArrayView3<'a, f32>>,
+    mask: Option<ArrayView3<'a, bool>>,
+    start: Option<ArrayView3<'a, f32>>,
+    sigma: Option<ArrayView3<'a, f32>>,
+    flat_sigma: Option<ArrayView3<'a, f32>>,
+    mu: Option<ArrayView3<'a, f32>>,
+}
+
+/// The values of an array, if there is one.
+fn view<'a>(array: &'a Option<PyReadonlyArray3<'_, f32>>) -> Option<ArrayView3<'a, f32>> {
+    array.as_ref().map(|array| array.as_array())
+}
+
+impl Given<'_> {
+    fn views(&self) -> Views<'_> {
+        Views {
+            weights: view(&self.weights),
+            mask: self.mask.as_ref().map(|mask| mask.as_array()),
+            start: view(&self.start),
+            sigma: view(&self.sigma),
+            flat_sigma: view(&self.flat_sigma),
+            mu: view(&self.mu),
+        }
+    }
+}
+
+/// Scene on the voxels.
+struct TrueVolume {
+    labels: Array3<u16>,
+    names: BTreeMap<u32, String>,
+    values: Option<Array3<f32>>,
+    errors: String,
+}
+
+/// A volume with the results beside it.
+struct Made {
+    volume: Volume,
+    residuals: Vec<f64>,
+    best: usize,
+    sigma: Option<Array3<f32>>,
+    /// CSV.
+    regions: String,
+    truth: Option<TrueVolume>,
+    /// x of the axis of rotation, m.
+    axis: f64,
+    /// Energy of μ after the correction of beam hardening, keV.
+    energy: Option<f64>,
+    /// Length k of the bias of δ, m.
+    bias: Option<f64>,
+}
+
+/// A reconstruction in work.
+struct Work<'a> {
+    engine: &'a beamlet::Engine,
+    of: Quantity,
+    method: Method,
+    options: &'a Options,
+    given: Views<'a>,
+    scene: Option<&'a Scene>,
+}
+
+impl Work<'_> {
+    /// The scene, for an option that needs it.
+    fn scene(&self, option: &str) -> beamlet::Result<beamlet::scene::Scene> {
+        match self.scene {
+            Some(scene) => scene.scene(),
+            None => Err(Error::argument(option, "a geometry without its scene", "a Scene")),
+        }
+    }
+
+    /// Regions with voxels of a grid.
+    fn regions(&self, grid: &VolumeGrid) -> beamlet::Result<Vec<Region>> {
+        let region = |text: &String| {
+            let region: Region = text.parse()?;
+            region.check(grid).map(|()| region)
+        };
+        let regions = self.options.regions.iter().map(region).collect::<beamlet::Result<_>>();
+        regions.map_err(|error| match error {
+            Error::Argument { found, allowed, .. } => Error::argument("regions", found, allowed),
+            error => error,
+        })
+    }
+
+    fn made(
+        &self,
+        mut geometry: ScanGeometry,
+        grid: &Grid,
+        mut sinograms: Array3<f32>,
+        control: &mut RowsControl<'_>,
+    ) -> beamlet::Result<Made> {
+        self.method.check(self.of)?;
+        let data = match self.of {
+            Quantity::Mu => Data::Attenuation,
+            Quantity::Delta => Data::Refraction,
+            Quantity::DarkField => Data::DarkField,
+        };
+        if self.options.find_centre {
+            geometry.axis = find_axis(&geometry, sinograms.view(), data, &control.cancel)?;
+        }
+        let grid = grid.choice().grid(&geometry)?;
+        let regions = self.regions(&grid)?;
+        let mut deviations = [&self.given.sigma, &self.given.flat_sigma]
+            .map(|given| given.as_ref().map(|array| array.to_owned()));
+        let hardening = self.hardening(&mut sinograms, &mut deviations)?;
+        if self.options.rings {
+            suppress_rings(&geometry, sinograms.view_mut(), &control.cancel)?;
+        }
+        let made = self.volume(&geometry, &grid, (data, &sinograms), &deviations, control)?;
+        let mut volume = made.volume;
+        let bias = self.add_bias(&mut volume)?;
+        let (sigma, of_means) = match (&self.method, &deviations) {
+            (Method::Fbp(options), [Some(own), shared]) => {
+                let scan = (&geometry, self.of, &grid, options);
+                let found = self.sigma(scan, [Some(own), shared.as_ref()], &regions, control)?;
+                (Some(found.0), Some(found.1))
+            }
+            _ => (None, None),
+        };
+        let truth = self.truth(&geometry, &volume, hardening.as_ref(), control)?;
+        Ok(Made {
+            regions: region_table(&regions, &volume, of_means.as_deref())?,
+            volume,
+            residuals: made.residuals,
+            best: made.best,
+            sigma,
+            truth,
+            axis: geometry.axis,
+            energy: hardening.map(|choice| choice.quoted()).transpose()?,
+            bias,
+        })
+    }
+
+    /// Corrects −ln T for beam hardening, and its deviations with it.
+    fn hardening(
+        &self,
+        sinograms: &mut Array3<f32>,
+        deviations: &mut [Option<Array3<f32>>; 2],
+    ) -> beamlet::Result<Option<HardeningChoice>> {
+        let Some((material, energy)) = &self.options.beam_hardening else { return Ok(None) };
+        if self.of != Quantity::Mu {
+            let allowed = "volumes of mu: refraction and dark field have no hardening to correct";
+            return Err(Error::argument("beam_hardening", "no volume of mu", allowed));
+        }
+        let choice = HardeningChoice::new(self.scene("beam_hardening")?, material, *energy)?;
+        let most = sinograms.iter().copied().fold(0.0, f32::max);
+        let polynomial = BeamHardening::up_to(&choice, most.into())?;
+        for sigmas in deviations.iter_mut().flatten() {
+            Zip::from(sigmas).and(&*sinograms).for_each(|sigma, value| {
+                *sigma = (f64::from(*sigma) * polynomial.slope((*value).into())) as f32;
+            });
+        }
+        polynomial.apply(sinograms.view_mut());
+        Ok(Some(choice))
+    }
+
+    fn volume(
+        &self,
+        geometry: &ScanGeometry,
+        grid: &VolumeGrid,
+        (data, sinograms): (Data, &Array3<f32>),
+        deviations: &[Option<Array3<f32>>; 2],
+        control: &mut RowsControl<'_>,
+    ) -> beamlet::Result<beamlet::reconstruct::Made> {
+        let shape: Option<VoxelMask> =
+            self.options.mask_shape.as_deref().map(str::parse).transpose()?;
+        let shape = shape.map(|mask| mask.on(grid)).transpose()?;
+        let by_sigma = match (&self.method, &deviations[0]) {
+            (Method::Fbp(_), _) | (_, None) => None,
+            (_, Some(sigmas)) => Some(deviation_weights(sigmas.clone())),
+        };
+        let measured = Measured::new(data, sinograms.view())
+            .with_weights(self.given.weights.or(by_sigma.as_ref().map(|weights| weights.view())))
+            .with_mask(self.given.mask.or(shape.as_ref().map(|mask| mask.view())))
+            .with_start(self.given.start);
+        self.method.volume(self.engine, geometry, &measured, grid, control)
+    }
+
+    /// Adds kμ to a volume of δ, where μ is given. Returns k, m.
+    fn add_bias(&self, volume: &mut Volume) -> beamlet::Result<Option<f64>> {
+        let Some(mu) = &self.given.mu else { return Ok(None) };
+        let width = self.options.flat_width.unwrap_or(f64::NAN);
+        let k = gradient_bias(&self.scene("gradient_bias")?, width)?;
+        add_gradient_bias(volume, &Volume::new(volume.grid, Quantity::Mu, mu.to_owned()), k)?;
+        Ok(Some(k))
+    }
+
+    /// Deviations of voxels, and of means of regions.
+    fn sigma(
+        &self,
+        (geometry, of, grid, options): (&ScanGeometry, Quantity, &VolumeGrid, &FbpOptions),
+        deviations: [Option<&Array3<f32>>; 2],
+        regions: &[Region],
+        control: &RowsControl<'_>,
+    ) -> beamlet::Result<(Array3<f32>, Vec<f64>)> {
+        let mut quiet = RowsControl::default().with_cancel(control.cancel.clone());
+        let [own, shared] =
+            deviations.map(|sigmas| sigmas.map(|sigmas| (geometry, sigmas.view(), of)));
+        let Some(own) = own else {
+            return Err(Error::argument("sigma", "no deviations", "deviations of the sinograms"));
+        };
+        let mut map = fbp_sigma(self.engine, own, grid, options, &mut quiet)?.values;
+        if let Some(shared) = shared {
+            let rings = fbp_shared_sigma(shared, grid, options, &mut quiet)?.values;
+            map.zip_mut_with(&rings, |own, ring| *own = own.hypot(*ring));
+        }
+        let mut of_region = |region: &Region| {
+            let voxels = region.voxels(grid);
+            let mean = fbp_mean_sigma(own, grid, &voxels, options, &mut quiet)?;
+            let Some(shared) = shared else { return Ok(mean) };
+            let ring = fbp_mean_shared_sigma(shared, grid, &voxels, options, &mut quiet)?;
+            Ok(mean.hypot(ring))
+        };
+        let means = regions.iter().map(&mut of_region).collect::<beamlet::Result<_>>()?;
+        Ok((map, means))
+    }
+
+    fn truth(
+        &self,
+        geometry: &ScanGeometry,
+        volume: &Volume,
+        hardening: Option<&HardeningChoice>,
+        control: &RowsControl<'_>,
+    ) -> beamlet::Result<Option<TrueVolume>> {
+        if !self.options.truth {
+            return Ok(None);
+        }
+        let (scene, cancel) = (self.scene("truth")?, &control.cancel);
+        if scene.objects.is_empty() {
+            return Err(Error::argument(
+                "truth",
+                "a scene without objects",
+                "a scene with its sample",
+            ));
+        }
+        let mut truth = Truth::of(self.engine, &scene, geometry, &volume.grid, cancel)?;
+        if let Some(choice) = hardening {
+            truth = truth.with_mu_at(&scene, choice.quoted()?)?;
+        }
+        Ok(Some(TrueVolume {
+            names: truth.names(),
+            values: truth.values(volume.quantity),
+            errors: truth.errors(volume, cancel)?,
+            labels: truth.labels().clone(),
+        }))
+    }
+}
+
+/// Truth as Python takes it.
+type TrueArrays<'py> =
+    (Bound<'py, PyArray3<u16>>, BTreeMap<u32, String>, Option<Bound<'py, PyArray3<f32>>>, String);
+
+/// A volume as Python takes it, by the names of the items.
+#[derive(IntoPyObject)]
+pub(crate) struct Found<'py> {
+    values: Bound<'py, PyArray3<f32>>,
+    voxel: [f64; 3],
+    origin: [f64; 3],
+    unit: &'static str,
+    residuals: Vec<f64>,
+    best: usize,
+    sigma: Option<Bound<'py, PyArray3<f32>>>,
+    regions: String,
+    truth: Option<TrueArrays<'py>>,
+    axis: f64,
+    energy: Option<f64>,
+    bias: Option<f64>,
+}
+
+/// Reconstructs sinograms `[view][row][column]`.
+#[pyfunction]
+#[expect(clippy::too_many_arguments, reason = "options by name in Python")]
+pub(crate) fn reconstruct<'py>(
+    py: Python<'py>,
+    engine: &Engine,
+    circle: Circle,
+    sinograms: PyReadonlyArray3<'py, f32>,
+    of: &str,
+    grid: Grid,
+    options: Options,
+    given: Given<'py>,
+    scene: Option<&Scene>,
+    progress: Option<&Bound<'py, PyAny>>,
+) -> PyResult<Found<'py>> {
+    let (engine, method) = (engine.get(py)?, options.method(py)?);
+    let work = Work {
+        engine: &engine,
+        of: quantity(py, of)?,
+        method,
+        options: &options,
+        given: given.views(),
+        scene,
+    };
+    let (geometry, sinograms) = (circle.geometry(), sinograms.as_array());
+    let made = interruptible(py, progress, |watch| {
+        watch.rows("reconstruct", |mut control| {
+            work.made(geometry, &grid, sinograms.to_owned(), &mut control)
+        })
+    })?;
+    let truth = made.truth.map(|it| {
+        let values = it.values.map(|values| values.into_pyarray(py));
+        (it.labels.into_pyarray(py), it.names, values, it.errors)
+    });
+    let VolumeGrid { voxel, origin, .. } = made.volume.grid;
+    Ok(Found {
+        unit: made.volume.quantity.unit(),
+        values: made.volume.values.into_pyarray(py),
+        voxel,
+        origin,
+        residuals: made.residuals,
+        best: made.best,
+        sigma: made.sigma.map(|sigma| sigma.into_pyarray(py)),
+        regions: made.regions,
+        truth,
+        axis: made.axis,
+        energy: made.energy,
+        bias: made.bias,
+    })
+}

@@ -1,0 +1,145 @@
+"""Options of volumes and retrievals, against the program on the same run."""
+
+from __future__ import annotations
+
+import csv
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from conftest import SCENE
+
+import beamlet as bl
+
+VOXELS = ["--voxel", "200 um", "--size", "18,18,2", "--format", "npy"]
+GRID: dict[str, Any] = {"voxel": "200 um", "size": [18, 18, 2]}
+
+
+@pytest.fixture(scope="module")
+def run(engine: bl.Engine, tmp_path_factory: pytest.TempPathFactory) -> bl.Run:
+    """A scan with counts under a spectrum, in a directory."""
+    scene = bl.Scene.from_dict(SCENE).replace("detector.photons", 20_000)
+    folder = tmp_path_factory.mktemp("volumes")
+    (folder / "tube.csv").write_text("energy_keV,weight\n25,1\n35,2\n45,1\n")
+    scene = scene.replace("source.spectrum", str(folder / "tube.csv"))
+    turns = {"from": "0 deg", "to": "360 deg", "count": 16}
+    scene = scene.replace("scan.angles", turns).replace("detector.pixels", [48, 4])
+    return engine.simulate_to(scene, folder / "run", seed=1)
+
+
+def program(*words: str) -> None:
+    done = subprocess.run([sys.executable, "-m", "beamlet", *words, "-q"], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+
+
+@pytest.fixture(scope="module")
+def images(run: bl.Run) -> bl.Images:
+    program("retrieve", str(run.path), "--counts", "--method", "exact-curve", "--format", "npy")
+    return bl.Images.open(str(run.path))
+
+
+def of_program(run: bl.Run, name: str, *words: str) -> Path:
+    """Folder of volumes of the program."""
+    folder = Path(f"{run.path}-{name}")
+    program("reconstruct", str(run.path), "-o", str(folder), *VOXELS, *words)
+    return folder
+
+
+def table(path: Path) -> list[dict[str, str]]:
+    return list(csv.DictReader(path.read_text().splitlines()))
+
+
+def test_volumes_are_those_of_the_program(run: bl.Run, images: bl.Images) -> None:
+    region = "rod=cylinder:0 mm,0 mm,0.5 mm"
+    folder = of_program(
+        run, "fbp", "--quantity", "mu,delta", "--sigma", "--rings", "--beam-hardening", "resin@30keV",
+        "--centre", "23.4", "--truth", "--region", region,
+    )
+    options: dict[str, Any] = {**GRID, "sigma": True, "rings": True, "centre": 23.4, "truth": True,
+                               "regions": [region]}
+    mu = images.reconstruct("mu", beam_hardening="resin@30keV", **options)
+    delta = images.reconstruct("delta", gradient_bias=mu, **options)
+    assert mu.energy == 30.0 and delta.energy is None and delta.bias and delta.bias > 0
+    regions, errors = table(folder / "regions.csv"), table(folder / "errors.csv")
+    for at, volume in enumerate((mu, delta)):
+        name = volume.quantity
+        assert np.array_equal(volume.values, np.load(folder / f"{name}.npy")), name
+        truth = volume.truth
+        assert truth is not None and truth.labels.dtype == np.uint16
+        labels = np.load(folder / "labels.npy")
+        assert labels.dtype == np.uint16 and np.array_equal(truth.labels, labels) and labels.any()
+        assert truth.names[1] == "rod (resin)"
+        assert truth.values is not None and np.array_equal(truth.values, np.load(folder / f"{name}_truth.npy"))
+        line = volume.regions[0]
+        assert line["region"] == "rod" and line["mean"] == float(regions[at]["mean"])
+        ours = [line for line in truth.errors if line["object"] == "rod"]
+        theirs = [line for line in errors if line["object"] == "rod" and line["quantity"] == name]
+        assert ours[0]["mean"] == float(theirs[0]["mean"])
+    # Differences of variances are rounded in another order; of delta the program adds the noise of k mu.
+    assert mu.sigma is not None and np.allclose(mu.sigma, np.load(folder / "mu_sigma.npy"), rtol=1e-5)
+    of_mean = mu.regions[0]["sigma_of_mean"]
+    assert isinstance(of_mean, float) and np.isclose(of_mean, float(regions[0]["sigma_of_mean"]), rtol=1e-5)
+    assert delta.sigma is not None and delta.bias is not None
+    whole = np.hypot(delta.sigma, delta.bias * mu.sigma)
+    assert np.allclose(whole, np.load(folder / "delta_sigma.npy"), rtol=1e-5)
+
+
+def test_iterations_weigh_by_sigma_and_take_shapes(run: bl.Run, images: bl.Images) -> None:
+    shape = "cylinder:0 mm,0 mm,1.2 mm"
+    folder = of_program(run, "cgls", "--quantity", "mu", "--sigma", "--method", "cgls", "--iterations", "4",
+                        "--mask", shape, "--centre", "auto")
+    volume = images.reconstruct("mu", **GRID, sigma=True, method="cgls", iterations=4, mask=shape, centre="auto")
+    assert np.array_equal(volume.values, np.load(folder / "mu.npy"))
+    assert volume.sigma is None and (volume.values[:, 0, 0] == 0).all() and volume.axis != 0
+
+
+def test_sinograms_have_the_options_of_images(images: bl.Images) -> None:
+    sinograms, _ = images.sinograms("mu")
+    assert images.scene is not None and images.geometry is not None
+    given: dict[str, Any] = {**GRID, "rings": True, "truth": True, "beam_hardening": "resin"}
+    of_scene = bl.reconstruct(sinograms, images.scene, **given)
+    assert np.array_equal(of_scene.values, images.reconstruct("mu", **given).values)
+    with pytest.raises(bl.ArgumentError) as raised:
+        bl.reconstruct(sinograms, images.geometry, **given)
+    assert raised.value.key == "beam_hardening"
+    sigma = 0.01 * np.ones_like(sinograms)
+    ours = bl.reconstruct(sinograms, images.geometry, sigma=sigma, **GRID).sigma
+    assert ours is not None and ours.shape == (2, 18, 18) and ours.min() > 0
+    with pytest.raises(TypeError, match="sharpness"):
+        images.reconstruct("mu", sharpness=3)
+
+
+def test_retrievals_are_those_of_the_program(run: bl.Run) -> None:
+    images = f"{run.path}-corrected"
+    program("retrieve", str(run.path), "-o", images, "--counts", "--format", "npy", "--columns", "2:46:1", "--bin",
+            "2,1", "--empty-beam", "0:6", "--correct", "offset,dose", "--phase", "--gain", "1.5", "--weights",
+            "poisson", "--read-noise", "3", "--saturation", "60000")
+    theirs = bl.Images.open(images)
+    ours = run.retrieve(
+        counts=True, columns=slice(2, 46), bin=(2, 1), empty_beam=(0, 6), correct=("offset", "dose"), phase=True,
+        gain=1.5, weights="poisson", read_noise=3, saturation=60_000,
+    )
+    assert sorted(ours) == sorted(theirs) and "phase" in ours and ours.transmission.shape == (16, 4, 22)
+    for name in ours:
+        assert np.array_equal(ours[name], theirs[name], equal_nan=True), name
+    for key in ("gain", "read_noise", "kept_columns", "bin", "correct", "corrections", "empty_beam", "warnings"):
+        assert ours.record.get(key) == theirs.record.get(key), key
+    assert ours.record["corrections"]
+
+
+def test_several_flats_are_interpolated(engine: bl.Engine) -> None:
+    scene = bl.Scene.from_dict(SCENE).replace("scan.angles", {"from": "0 deg", "to": "90 deg", "count": 4})
+    run = engine.simulate(scene)
+    flats = np.stack([run.flat, 1.1 * run.flat, 1.2 * run.flat])
+    found = bl.retrieve(1e4 * flats, 1e4 * run.sample, None, scene, flats_every=2, engine=engine)
+    plain = bl.retrieve(1e4 * run.flat, 1e4 * run.sample, None, scene, engine=engine)
+    assert found.record["flats_every"] == 2 and found.record["gain_assumed"]
+    ratio = np.nanmedian(plain.transmission / found.transmission, axis=(1, 2))
+    # Views are taken half a view behind their number: flats before views 0, 2 and behind 3.
+    assert np.allclose(ratio, [1.025, 1.075, 1.125, 1.175], atol=2e-3), ratio
+    with pytest.raises(bl.ArgumentError) as raised:
+        run.retrieve(gain=2.0)
+    assert raised.value.key == "gain"
