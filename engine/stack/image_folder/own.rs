@@ -163,12 +163,11 @@ pub(super) fn remove(path: &Path, kind: Kind) -> Result<()> {
 }
 
 /// Removes the arrays of a folder and the files beside them, the record last: a removal that ends early can
-/// be repeated. Files of others stay, and so does a folder without a record.
+/// be repeated. Files of others stay, and so does a folder without a record that can be read.
 pub(super) fn discard(path: &Path, kind: Kind) -> Result<()> {
     refuse_link(path)?;
     let record = path.join(kind.record());
-    if record.is_file() {
-        let listed = Listed::read(&record, kind)?;
+    if let Ok(listed) = Listed::read(&record, kind) {
         let gone =
             |place: &Path| fs::remove_file(place).map_err(failed(place, "cannot be removed"));
         for (name, kind) in entries(path)? {
