@@ -18,19 +18,19 @@ impl NoiseFactors {
         Self { gain: factor, read_noise: factor }
     }
 
-    /// Interpolated values: `share` of one frame and the rest of another. Their variance is that of a
-    /// single frame times (1 − share)² + share².
+    /// Interpolated values: `share` of one frame and the rest of another, with the variance of a single
+    /// frame times (1 − share)² + share².
     pub(crate) fn interpolated(share: f64) -> Self {
         let variance = libm::fma(share, share, (1.0 - share).powi(2));
         Self { gain: variance, read_noise: variance.sqrt() }
     }
 
-    /// Variance over mean of these values, from that of single frames.
+    /// Variance over mean of these values, from the one of single frames.
     pub(crate) const fn gain(self, gain: f64) -> f64 {
         self.gain * gain
     }
 
-    /// Standard deviation of these values without light, from that of single frames.
+    /// Standard deviation of these values without light, from the one of single frames.
     pub(crate) const fn read_noise(self, read_noise: f64) -> f64 {
         self.read_noise * read_noise
     }

@@ -2,7 +2,7 @@
 
 /// Offsets closer than this share of the mean distance count as one: a spline through two noisy values
 /// at nearly one place would multiply their noise by the quotient of distances. With a quarter the
-/// noise of 21 random offsets stays within 1.5 times that of trapezoids.
+/// noise of 21 random offsets stays within 1.5 times the noise of trapezoids.
 const CLOSE: f64 = 0.25;
 
 /// Weights of the trapezoid rule, in the unit of the offsets: half the distances to the neighbours, shared
@@ -60,7 +60,7 @@ fn groups(offsets: &[f64]) -> Vec<Vec<usize>> {
 
 /// Weights of the spline at ascending knots. With gaps h and second derivatives m the integral is
 /// Σ h (y₀ + y₁)/2 − h³ (m₀ + m₁)/24, and m solves A m = B y with symmetric tridiagonal A and B; so the
-/// weights are those of the trapezoids less B A⁻¹ times the factors of m.
+/// weights are the trapezoids' less B A⁻¹ times the factors of m.
 fn of_knots(knots: &[f64]) -> Vec<f64> {
     let n = knots.len();
     if n < 2 {

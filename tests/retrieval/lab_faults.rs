@@ -235,11 +235,12 @@ fn faults_are_warned_of_with_their_size() {
     }
 }
 
-/// Doses that vary by 0.4 % from step to step give air a dark field of 23 urad^2 and more.
+/// Doses that vary by 0.4 % from step to step give air a dark field.
 #[test]
 fn small_changes_of_the_dose_are_warned_of_with_the_remedy() {
     let truth = Truth::cylinder(ELEVEN);
-    let doses = [4.0, -5.0, 0.0, 5.0, -4.0, 3.0, -5.0, 1.0, 5.0, -3.0, 2.0].map(|e| 1.0 + 1e-3 * e);
+    let doses =
+        [3.0, -2.0, 5.0, 4.0, -4.0, -6.0, -3.0, 5.0, 2.0, -5.0, 4.0].map(|e| 1.0 + 1e-3 * e);
     let mut uneven = truth.copy();
     for mut view in uneven.sample.outer_iter_mut() {
         Zip::from(view.outer_iter_mut()).and(&doses).for_each(|mut frame, dose| frame *= *dose);
@@ -251,12 +252,12 @@ fn small_changes_of_the_dose_are_warned_of_with_the_remedy() {
         println!("{method}: {:#?}", found.warnings);
         warned(
             &found,
-            &[
-                "the dose varies by 0.4 % (rms) from step to step",
-                "air has a dark field of",
-                "--correct dose (or steps)",
-            ],
+            &["% (rms) from step to step", "air has a dark field of", "--correct dose (or steps)"],
         );
+        // 0.4 % rms, of which the fits follow a part.
+        let text = &found.warnings[0];
+        let number = text.split("the dose varies by ").nth(1).unwrap().split(' ').next().unwrap();
+        assert!((0.25..0.65).contains(&number.parse::<f64>().unwrap()), "{number}");
     }
 }
 
@@ -264,14 +265,20 @@ fn small_changes_of_the_dose_are_warned_of_with_the_remedy() {
 #[test]
 fn offsets_that_are_even_across_a_lost_step_are_warned_of() {
     let truth = Truth::cylinder(ELEVEN);
-    for (lost, even) in [(4, [-25.0, 25.0]), (6, [-25.0, 20.0]), (2, [-25.0, 25.0])] {
+    // A list without its last offset makes the curve so narrow that exact curves are refused.
+    let [gaussian, exact] = [Method::Gaussian, Method::ExactCurve];
+    for (lost, even, methods) in [
+        (4, [-25.0, 25.0], vec![gaussian, exact]),
+        (6, [-25.0, 20.0], vec![gaussian]),
+        (2, [-25.0, 25.0], vec![gaussian, exact]),
+    ] {
         let kept: Vec<usize> = (0..11).filter(|step| *step != lost).collect();
         let mut scene = truth.scene.clone();
         let [from, to] = even;
         scene.scan.mask_offsets =
             (0..10).map(|k| 1e-6 * (from + (to - from) * f64::from(k) / 9.0)).collect();
-        for (method, photons) in [(Method::Gaussian, 2e4), (Method::ExactCurve, 2e4)] {
-            let frames = truth.counts(photons, 31).map(|stack| stack.select(Axis(1), &kept));
+        for method in methods {
+            let frames = truth.counts(2e4, 31).map(|stack| stack.select(Axis(1), &kept));
             let [flat, sample] = &frames;
             for options in [of_counts(method), of_counts(method).with_gain_assumed(true)] {
                 let found = record(&scene, [flat, sample], &options);
@@ -280,6 +287,7 @@ fn offsets_that_are_even_across_a_lost_step_are_warned_of() {
                     found.reduced_chi_square, found.warnings
                 );
                 warned(&found, &["a frame may be missing", "check --offsets"]);
+                assert_eq!(found.warnings.len(), 1, "{:?}", found.warnings);
             }
         }
     }

@@ -116,7 +116,7 @@ fn omitted_steps_leave_the_images_of_the_other_steps() {
     done(here, "view images -o pictures --show curve --pixel 3,2");
 
     for (words, code, message) in [
-        ("--omit-steps 11", 1, "omit_steps: step 11; allowed: 0 to 10"),
+        ("--omit-steps 11", 1, "omit_steps: found step 11; allowed: 0 to 10"),
         ("--omit-steps 0,1,2,3,4,5,6", 1, "at least 5"),
         ("--omit-steps 2 --steps 3,7", 2, "cannot be used with"),
     ] {

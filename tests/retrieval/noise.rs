@@ -84,7 +84,7 @@ fn retrieved(input: Input, options: &RetrieveOptions) -> RetrievedArrays {
 }
 
 /// Holds the scatter of the pixels of each view over their uncertainty to 1, within four deviations of
-/// the scatter of so many pixels, and a share `of_fit` for what is not linear in the noise.
+/// the scatter of a sample of this size, and a share `of_fit` for what is not linear in the noise.
 fn hold(images: &BTreeMap<String, Array3<f32>>, of_fit: f64, what: &str) {
     for name in QUANTITIES {
         let sigmas = &images[&format!("{name}_sigma")];

@@ -30,7 +30,7 @@ pub(super) struct Findings<'a> {
     /// Whether the gain is known, not assumed.
     pub(super) is_noise_known: bool,
     pub(super) unsteady: &'a [(usize, Unsteady)],
-    /// Residuals of the flat beyond noise, over the height, and those of the method on the curve of the
+    /// Residuals of the flat beyond noise, over the height, and residuals of the method on the curve of the
     /// masks, where the first are too large.
     pub(super) misfit: Option<[f64; 2]>,
     pub(super) moments: &'a [(usize, MomentsErrors)],
@@ -61,8 +61,8 @@ pub(super) fn of(found: &Findings<'_>) -> Vec<String> {
         fainter(found).filter(|_| measured),
         dose(found),
         drift(found),
-        unsteady(found),
-        misfit(found),
+        // Curves of another shape leave other residuals in the sample than in the flat.
+        misfit(found).or_else(|| unsteady(found)),
         moments(found),
         scatter(found),
         quiet(found),
@@ -153,11 +153,13 @@ const fn moved(found: &Findings<'_>) -> &'static str {
 fn unsteady(found: &Findings<'_>) -> Option<String> {
     let (count, view, unsteady) = worst(found.unsteady.iter().copied(), |of| of.dose)?;
     let borders = found.borders.iter().find(|(of, _)| *of == view);
-    let dark_field =
-        borders.and_then(|(_, borders)| borders.dark_field).map_or_else(String::new, |of| {
-            let [value, sigma] = [of.value, of.sigma].map(|value| 1e12 * value);
-            format!(", and air has a dark field of {} urad^2", with_sigma(value, sigma, 1))
-        });
+    let dark_field = borders
+        .and_then(|(_, borders)| borders.dark_field)
+        .filter(|of| of.differs(0.0, SIGMAS, 0.0));
+    let dark_field = dark_field.map_or_else(String::new, |of| {
+        let [value, sigma] = [of.value, of.sigma].map(|value| 1e12 * value);
+        format!(", and air has a dark field of {} urad^2", with_sigma(value, sigma, 1))
+    });
     Some(format!(
         "{}the steps deviate from the fitted curves in all pixels alike: the dose varies by {:.1} \
          % (rms) from \
