@@ -26,6 +26,9 @@ fn meant(scene: &Scene, name: &str) -> String {
         let names: Vec<String> = same.iter().map(entry).collect();
         return format!(" (the formula is that of {})", names.join(", "));
     }
+    if let Some(ways) = formula::other_ways(name) {
+        return format!("; {ways}");
+    }
     let suggested = suggested(scene, name);
     if !suggested.is_empty() {
         return format!(" (did you mean {}?)", suggested.join(" or "));

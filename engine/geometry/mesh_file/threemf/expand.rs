@@ -46,7 +46,8 @@ pub(super) fn expand(models: &Models, root: &str) -> Result<MeshFile, Defect> {
     for item in &model.build {
         made.add(root, item, DAffine3::IDENTITY, &mut Vec::new())?;
     }
-    Ok(MeshFile { surface: made.surface, names: made.names, unit: Some(model.unit) })
+    let (surface, names) = (made.surface, made.names);
+    Ok(MeshFile { surface, names, unit: Some(model.unit), warnings: Vec::new() })
 }
 
 /// Triangles by model and object; `None` while they are counted.
