@@ -14,7 +14,7 @@ const TRACES: [&str; 3] = ["B", "C", "P"];
 /// Symbol of an element, and its number if it has one.
 type Element<'a> = (&'a str, Option<&'a str>);
 
-/// Whether elements with their numbers look like the designation of an alloy. A base metal without a
+/// Checks whether elements with their numbers look like the designation of an alloy. A base metal without a
 /// number comes first: `TiAl6V4`, `CuSn6`; or all numbers are percentages: `Sn63Pb37`.
 pub(super) fn is_by_weight(elements: &[Element<'_>]) -> bool {
     let [(base, share), added @ ..] = elements else { return false };

@@ -38,7 +38,7 @@ type Atom = (String, f64);
 /// Reads a formula; `mass` has the molar mass of an element.
 ///
 /// # Errors
-/// What is wrong, with its place.
+/// The fault, with its place.
 pub(super) fn read(text: &str, mass: impl Fn(&str) -> Option<f64>) -> Result<Composition, String> {
     let text = plain(text)?;
     let mass = |symbol: &str| {
@@ -261,7 +261,7 @@ impl<'a, M: Fn(&str) -> Option<f64>> Reader<'a, M> {
         }
     }
 
-    /// Whether the point at `dot` separates parts: it is no decimal point.
+    /// Checks whether the point at `dot` separates parts: it is no decimal point.
     fn separates(&self, dot: usize, counts: bool) -> Result<bool, String> {
         let before = self.letters[..dot].iter().rev().take_while(|c| c.is_ascii_digit()).count();
         let (digits, end) = (&self.letters[dot - before..dot], self.digits_end(dot + 1));

@@ -165,7 +165,7 @@ fn without_comment(line: &str) -> &str {
     line.split('#').next().unwrap_or_default().trim_end()
 }
 
-/// Whether a line, its blanks taken off, names what follows.
+/// Checks whether a line, its blanks taken off, names what follows.
 fn names_follow(line: &str) -> bool {
     let word = line.split_ascii_whitespace().next();
     word.is_some_and(|word| NAMING.contains(&word))
