@@ -53,10 +53,10 @@ pub(super) fn constants(
     Ok(mu_per_cm.into_iter().zip(deltas).map(constants).collect())
 }
 
-/// Whether a text is a chemical formula.
-pub(super) fn is_formula(text: &str) -> Result<bool> {
+/// Checks that a text is a chemical formula; the inner error is the fault of it.
+pub(super) fn check(text: &str) -> Result<std::result::Result<(), String>> {
     let db = database()?;
-    Ok(db.is_ok_and(|db| composition(&db, text).is_ok()))
+    Ok(db.map_err(|error| error.to_string()).and_then(|db| composition(&db, text).map(|_| ())))
 }
 
 /// The composition of a formula.

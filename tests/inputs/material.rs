@@ -185,6 +185,8 @@ fn designations_of_alloys_are_no_formulas() {
         assert_eq!(mixed.is_ok(), builtin(text).is_some(), "{text}");
         assert!(of(&format!("({text})"), 8.0)[0] > 0.0);
     }
+    let doubtful = constants(&scene(30.0), "Al2O3.2SiO2").unwrap_err().to_string();
+    assert!(doubtful.contains("write 3.20 for the number"), "{doubtful}");
     let unknown = constants(&scene(30.0), "CuSn10Zn2").unwrap_err().to_string();
     assert!(unknown.contains("Sn10wt%Zn2wt%Cu"), "{unknown}");
     // By name they are the alloys.
