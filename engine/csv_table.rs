@@ -1,4 +1,5 @@
-//! CSV tables with a header: rows with the place of each field, for errors that name line and column.
+//! CSV tables with a header: rows with the place of each field, for errors that name line and column; and
+//! the cells of the lines of other tables.
 
 mod quantities;
 mod rigid;
@@ -37,7 +38,7 @@ impl TableKind {
         row: impl Fn(&Row<'_>, &C) -> Result<T>,
     ) -> Result<Vec<T>> {
         let failed = |e| Error::file(path, format!("cannot read the {}", self.noun), Some(e));
-        let bytes = input_file::read(path, input_file::TEXT).map_err(failed)?;
+        let bytes = input_file::lines(path).map_err(failed)?;
         self.parse(path, &bytes, header, row)
     }
 
@@ -49,7 +50,14 @@ impl TableKind {
         header: impl Fn(&Row<'_>) -> Result<C>,
         value: impl Fn(&Row<'_>, &C) -> Result<T>,
     ) -> Result<Vec<T>> {
+        let is_comment = |line: &&[u8]| {
+            let line = line.trim_ascii();
+            line.is_empty() || line.starts_with(b"#")
+        };
+        let header_line = bytes.split(|byte| *byte == b'\n').find(|line| !is_comment(line));
+        let separator = separator(header_line.unwrap_or_default()).unwrap_or(b',');
         let mut reader = ReaderBuilder::new()
+            .delimiter(separator)
             .has_headers(false)
             .flexible(true)
             .comment(Some(b'#'))
@@ -64,6 +72,7 @@ impl TableKind {
                 kind: self,
                 path,
                 bytes,
+                separator,
                 end: reader.position().byte(),
                 record: &record,
                 number: values.len(),
@@ -95,11 +104,27 @@ impl TableKind {
     }
 }
 
+/// The sign between the cells of a line, if there is one: the first of semicolon, tab and comma that it
+/// holds, since a comma may be a decimal one.
+fn separator(line: &[u8]) -> Option<u8> {
+    [b';', b'\t', b','].into_iter().find(|sign| line.contains(sign))
+}
+
+/// The cells of a line, separated by semicolons, tabs, commas or blanks. Empty cells count but with blanks.
+pub(crate) fn cells(line: &str) -> Vec<&str> {
+    match separator(line.as_bytes()) {
+        Some(separator) => line.split(char::from(separator)).map(str::trim).collect(),
+        None => line.split_whitespace().collect(),
+    }
+}
+
 /// A record of a file.
 struct Row<'a> {
     kind: &'a TableKind,
     path: &'a Path,
     bytes: &'a [u8],
+    /// Between fields.
+    separator: u8,
     /// Offset behind the record.
     end: u64,
     record: &'a ByteRecord,
@@ -116,9 +141,10 @@ impl Row<'_> {
         let newlines = before.iter().filter(|byte| **byte == b'\n').count();
         let line = before.rsplit(|byte| *byte == b'\n').next().unwrap_or_default();
         let line = String::from_utf8_lossy(line);
-        // A field in quotes may hold commas: the reported column is then an earlier one.
-        let skipped: usize = line.split(',').take(field).map(|text| text.chars().count() + 1).sum();
-        let text = line.split(',').nth(field).unwrap_or_default();
+        // A field in quotes may hold separators: the reported column is then an earlier one.
+        let fields = || line.split(char::from(self.separator));
+        let skipped: usize = fields().take(field).map(|text| text.chars().count() + 1).sum();
+        let text = fields().nth(field).unwrap_or_default();
         let spaces = text.chars().take_while(|c| c.is_whitespace()).count();
         let place = Place {
             file: Some(self.path.to_owned()),

@@ -1,6 +1,8 @@
-//! Files that are read: regular ones, and no longer than memory bears.
+//! Files that are read: regular ones, and no longer than memory bears; and their text, whatever editor
+//! wrote it.
 
 use crate::numbers;
+use std::borrow::Cow;
 use std::fs::{File, Metadata};
 use std::io::{Error, ErrorKind, Read, Result};
 use std::path::Path;
@@ -49,10 +51,44 @@ pub(crate) fn read(path: &Path, most: u64) -> Result<Vec<u8>> {
     }
 }
 
-/// A regular file of UTF-8.
+/// A regular file of UTF-8, as [`plain`].
 pub(crate) fn text(path: &Path) -> Result<String> {
-    let problem = "stream did not contain valid UTF-8";
-    String::from_utf8(read(path, TEXT)?).map_err(|_| Error::new(ErrorKind::InvalidData, problem))
+    let problem = "it is not UTF-8";
+    let invalid = |_| Error::new(ErrorKind::InvalidData, problem);
+    String::from_utf8(lines(path)?).map_err(invalid)
+}
+
+/// A regular file of text in any encoding of 8 bits, as [`plain`].
+pub(crate) fn lines(path: &Path) -> Result<Vec<u8>> {
+    let bytes = read(path, TEXT)?;
+    match plain(&bytes).map_err(|problem| Error::new(ErrorKind::InvalidData, problem))? {
+        Cow::Borrowed(same) if same.len() == bytes.len() => Ok(bytes),
+        other => Ok(other.into_owned()),
+    }
+}
+
+/// Text without a byte order mark and without the zeros and Ctrl-Z that some programs end files with.
+/// Carriage returns that end lines become line feeds; lengths stay.
+///
+/// # Errors
+/// UTF-16, by its mark.
+pub(crate) fn plain(bytes: &[u8]) -> std::result::Result<Cow<'_, [u8]>, &'static str> {
+    if bytes.starts_with(b"\xff\xfe") || bytes.starts_with(b"\xfe\xff") {
+        return Err("it is UTF-16; save it as UTF-8");
+    }
+    let bytes = without_mark(bytes);
+    let end = bytes.iter().rposition(|byte| !matches!(byte, 0 | 0x1a)).map_or(0, |last| last + 1);
+    let bytes = &bytes[..end];
+    let is_old = |at: usize| bytes[at] == b'\r' && bytes.get(at + 1) != Some(&b'\n');
+    let Some(first) = (0..end).find(|at| is_old(*at)) else { return Ok(Cow::Borrowed(bytes)) };
+    let mut owned = bytes.to_vec();
+    (first..end).filter(|at| is_old(*at)).for_each(|at| owned[at] = b'\n');
+    Ok(Cow::Owned(owned))
+}
+
+/// The bytes behind a byte order mark of UTF-8.
+pub(crate) fn without_mark(bytes: &[u8]) -> &[u8] {
+    bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes)
 }
 
 #[cfg(unix)]
@@ -72,4 +108,28 @@ fn kind(found: &Metadata) -> &'static str {
 #[cfg(not(unix))]
 fn kind(found: &Metadata) -> &'static str {
     if found.is_dir() { "a directory" } else { "no file" }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn text_has_no_marks_and_one_kind_of_line_end() {
+        for (bytes, wanted) in [
+            (b"\xef\xbb\xbfa\nb".as_slice(), b"a\nb".as_slice()),
+            (b"a\rb\r", b"a\nb\n"),
+            (b"a\r\nb\rc", b"a\r\nb\nc"),
+            (b"a\n\x1a", b"a\n"),
+            (b"a\n\0\0", b"a\n"),
+            (b"\0", b""),
+            (b"", b""),
+        ] {
+            assert_eq!(plain(bytes).unwrap(), wanted);
+        }
+        assert!(matches!(plain(b"a\r\nb").unwrap(), Cow::Borrowed(_)));
+        for bytes in [b"\xff\xfea\0", b"\xfe\xff\0a"] {
+            assert!(plain(bytes).unwrap_err().contains("UTF-16"));
+        }
+    }
 }

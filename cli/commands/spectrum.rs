@@ -150,6 +150,9 @@ fn write_text(report: &SpectrumReport, out: &mut impl Write) -> std::io::Result<
     line("highest energy", "keV", &|beam| {
         beam.spectrum.energies_kev.last().copied().unwrap_or(0.0)
     })?;
+    if !before.spectrum.is_even() && !report.source.contains(" anode, ") {
+        writeln!(out, "\nenergies are uneven: each weight counts as the photons of its row")?;
+    }
     let Some(nodes) = &report.nodes else { return Ok(()) };
     let how = if nodes.chosen { "chosen" } else { "set by the scene" };
     writeln!(

@@ -5,6 +5,7 @@ use crate::optics::{Mask, Optics};
 use crate::printed::number;
 use crate::retrieve::{Method, different_offsets};
 use crate::scene::{Beam, Counts, MaterialSpec, Scan, Scene, SpectrumOrigin, limits};
+use crate::spectrum::Spectrum;
 use crate::{material, spot};
 use std::f64::consts::PI;
 
@@ -15,6 +16,8 @@ const SOFT: f64 = 30.0;
 const TAKEN_BY_AIR: f64 = 0.1;
 /// Mean energy over the tube voltage below which a beam is hardly filtered, keV/kV.
 const SOFT_TUBE: f64 = 0.45;
+/// Rows of a file that is a continuous spectrum, and no list of lines, nor joined.
+const CONTINUOUS: std::ops::Range<usize> = 10..8192;
 /// Density of a gas at most, g/cm3.
 const GAS: f64 = 0.01;
 /// Photons of an open pixel below which no curve can be fitted.
@@ -48,6 +51,7 @@ pub(super) fn doubts(scene: &Scene, report: &CheckReport) -> Vec<String> {
         blurred_away(scene, &optics),
         air(scene, report.setup.energy),
         unfiltered(scene, report.setup.energy),
+        uneven_spectrum(scene),
         radians(&scene.scan.angles),
         many_turns(&scene.scan),
         few_offsets(scene),
@@ -179,6 +183,22 @@ fn unfiltered(scene: &Scene, energy: f64) -> Option<String> {
             "the beam of the tube has no filter besides its window, and a mean energy of {} keV: \
              most set-ups have a filter (source.spectrum.filters), at least of air",
             number(energy)
+        )
+    })
+}
+
+/// A file of a continuous spectrum with uneven energies, whose weights may be meant per keV. Long files were
+/// joined and have uneven means.
+fn uneven_spectrum(scene: &Scene) -> Option<String> {
+    let Beam::Spectrum(spec) = &scene.source.beam else { return None };
+    let SpectrumOrigin::File { path } = &spec.origin else { return None };
+    let spectrum = Spectrum::before_filters(scene, spec).ok()?;
+    let is_continuous = CONTINUOUS.contains(&spectrum.energies_kev.len());
+    (is_continuous && !spectrum.is_even()).then(|| {
+        format!(
+            "the energies of {} are uneven: each weight counts as the photons of its row; multiply weights per \
+             keV by the width of their row",
+            crate::printed::path(path)
         )
     })
 }

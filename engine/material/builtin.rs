@@ -1,8 +1,11 @@
 //! Materials known by name: formula or shares by weight, and nominal density at room temperature.
 //!
 //! Tissues, glasses and concrete are from the NIST tables of ICRU and ICRP compositions (as in xraylib),
-//! breast tissue from ICRU 44, steels and wood from PNNL-15870 Rev. 1; brass, bronze and Ti-6Al-4V have
-//! their nominal composition (EN 12163 CW508L, CW452K; ISO 5832-3).
+//! breast tissue from ICRU 44, steels and wood from PNNL-15870 Rev. 1. Other alloys have the nominal
+//! composition, or the middle of the limits, of their standards: EN 573-3 (wrought aluminium), EN 1706
+//! (cast aluminium), EN 12163, 12164 and 1982 (copper), EN 1753 (magnesium), EN 1774 (zinc), ISO 683-17
+//! (bearing steel), ISO 5832-3 and ASTM F1537 (implants), J-STD-006 (solders), and of the makers' data
+//! sheets; elements below 0.1 % are left out. Densities are nominal, to about 1 %.
 
 /// A material known by name.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -59,6 +62,9 @@ const STEEL: &str = "C0.5wt%Fe";
 const STEEL_304: &str = "C0.04wt%Si0.5wt%P0.023wt%S0.015wt%Cr19wt%Mn1wt%Ni9.25wt%Fe";
 const STEEL_316: &str = "C0.041wt%Si0.507wt%P0.023wt%S0.015wt%Cr17wt%Mn1.014wt%Ni12wt%Mo2.5wt%Fe";
 const WOOD: &str = "H5.9642wt%N0.497wt%O42.7435wt%Mg0.1988wt%S0.497wt%K0.1988wt%Ca0.1988wt%C";
+
+const AL_7075: &str = "Zn5.6wt%Mg2.5wt%Cu1.6wt%Cr0.23wt%Al";
+const NI_718: &str = "Ni52.5wt%Cr19wt%Nb5.1wt%Mo3.05wt%Ti0.9wt%Al0.5wt%Fe";
 
 const BUILTINS: &[Builtin] = &[
     m("vacuum", "", 0.0, &[]),
@@ -120,11 +126,44 @@ const BUILTINS: &[Builtin] = &[
     m("concrete", CONCRETE, 2.3, &["portland concrete"]),
     m("wood", WOOD, 0.64, &["pine"]),
     m("carbon steel", STEEL, 7.82, &["mild steel"]),
-    m("stainless steel 304", STEEL_304, 8.0, &["steel 304", "stainless steel"]),
-    m("stainless steel 316", STEEL_316, 8.0, &["steel 316"]),
-    m("brass", "Cu63wt%Zn37wt%", 8.44, &[]),
-    m("bronze", "Cu94wt%Sn6wt%", 8.8, &[]),
-    m("titanium alloy", "Al6wt%V4wt%Ti", 4.43, &["Ti-6Al-4V", "Ti64"]),
+    m("stainless steel 304", STEEL_304, 8.0, &["steel 304", "stainless steel", "X5CrNi18-10"]),
+    m("stainless steel 316", STEEL_316, 8.0, &["steel 316", "X5CrNiMo17-12-2"]),
+    m("bearing steel", "C1wt%Cr1.5wt%Mn0.35wt%Si0.25wt%Fe", 7.83, &["100Cr6"]),
+    m("invar", "Ni36wt%Fe", 8.1, &["FeNi36"]),
+    m("kovar", "Ni29wt%Co17wt%Fe", 8.36, &["FeNi29Co17"]),
+    m("aluminium 2024", "Cu4.35wt%Mg1.5wt%Mn0.6wt%Al", 2.78, &["AlCu4Mg1", "EN AW-2024"]),
+    m("aluminium 5083", "Mg4.45wt%Mn0.7wt%Cr0.15wt%Al", 2.66, &["AlMg4.5Mn0.7", "EN AW-5083"]),
+    m("aluminium 5754", "Mg3.1wt%Mn0.25wt%Al", 2.67, &["AlMg3", "EN AW-5754"]),
+    m("aluminium 6061", "Mg1wt%Si0.6wt%Cu0.28wt%Cr0.2wt%Al", 2.7, &["AlMg1SiCu", "EN AW-6061"]),
+    m("aluminium 6082", "Si1wt%Mg0.9wt%Mn0.7wt%Al", 2.7, &["AlSi1MgMn", "EN AW-6082"]),
+    m("aluminium 7075", AL_7075, 2.81, &["AlZn5.5MgCu", "AlZn6MgCu", "EN AW-7075"]),
+    m("AlSi7Mg", "Si7wt%Mg0.35wt%Al", 2.68, &["AlSi7Mg0.3", "A356"]),
+    m("AlSi10Mg", "Si10wt%Mg0.325wt%Al", 2.67, &["EN AC-43000"]),
+    m("AlSi12", "Si12wt%Al", 2.65, &["EN AC-44200"]),
+    m("magnesium AZ31", "Al3wt%Zn1wt%Mn0.3wt%Mg", 1.77, &["AZ31", "MgAl3Zn1"]),
+    m("magnesium AZ91", "Al9wt%Zn0.7wt%Mn0.2wt%Mg", 1.81, &["AZ91", "MgAl9Zn1"]),
+    m("brass", "Cu63wt%Zn37wt%", 8.44, &["CuZn37"]),
+    m("brass CuZn30", "Cu70wt%Zn30wt%", 8.53, &["CuZn30", "cartridge brass"]),
+    m("brass CuZn39Pb3", "Cu58wt%Pb3wt%Zn", 8.47, &["CuZn39Pb3", "free-cutting brass"]),
+    m("bronze", "Cu94wt%Sn6wt%", 8.8, &["CuSn6"]),
+    m("bronze CuSn8", "Sn8wt%Cu", 8.8, &["CuSn8"]),
+    m("bronze CuSn12", "Sn12wt%Cu", 8.7, &["CuSn12"]),
+    m("beryllium copper", "Be1.9wt%Cu", 8.25, &["CuBe2"]),
+    m("constantan", "Ni44wt%Mn1wt%Cu", 8.9, &["CuNi44", "CuNi44Mn1"]),
+    m("nickel silver", "Cu62wt%Ni18wt%Zn", 8.7, &["CuNi18Zn20"]),
+    m("zamak 3", "Al4wt%Zn", 6.6, &["ZnAl4", "zamak"]),
+    m("zamak 5", "Al4wt%Cu1wt%Zn", 6.7, &["ZnAl4Cu1"]),
+    m("cobalt chrome", "Cr28wt%Mo6wt%Co", 8.3, &["CoCr28Mo6", "CoCrMo"]),
+    m(
+        "nickel alloy 625",
+        "Cr21.5wt%Mo9wt%Nb3.65wt%Fe2.5wt%Ni",
+        8.44,
+        &["NiCr22Mo9Nb", "inconel 625"],
+    ),
+    m("nickel alloy 718", NI_718, 8.19, &["NiCr19Fe19Nb5Mo3", "inconel 718"]),
+    m("solder Sn63Pb37", "Sn63wt%Pb37wt%", 8.4, &["Sn63Pb37", "SnPb37"]),
+    m("solder SAC305", "Ag3wt%Cu0.5wt%Sn", 7.38, &["SnAg3Cu0.5", "Sn96.5Ag3Cu0.5"]),
+    m("titanium alloy", "Al6wt%V4wt%Ti", 4.43, &["Ti-6Al-4V", "Ti64", "TiAl6V4"]),
     m("lithium", "Li", 0.534, &[]),
     m("beryllium", "Be", 1.848, &[]),
     m("magnesium", "Mg", 1.738, &[]),

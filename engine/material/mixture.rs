@@ -4,9 +4,9 @@ use super::{builtin, formula};
 use crate::error::{Error, Result};
 use crate::scene::{MaterialSpec, Scene, path};
 
-/// The formula of a mixture by weight. A part is an entry of `materials` with a formula, a
+/// The formula of a mixture by weight, and the factor of its density (`formula::mixed`). A part is an entry of `materials` with a formula, a
 /// built-in material, or a formula.
-pub(super) fn formula(scene: &Scene, name: &str, parts: &[(String, f64)]) -> Result<String> {
+pub(super) fn formula(scene: &Scene, name: &str, parts: &[(String, f64)]) -> Result<(String, f64)> {
     let table = path::join(&path::join("materials", name), "mixture");
     let mut known = Vec::with_capacity(parts.len());
     for (part, weight) in parts {

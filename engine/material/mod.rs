@@ -5,8 +5,10 @@
 //! sections, from a table file, or as given.
 
 pub(crate) mod builtin;
+mod designation;
 mod formula;
 mod mixture;
+mod notation;
 mod table;
 mod unknown;
 
@@ -226,8 +228,8 @@ impl<'a> Law<'a> {
                 Ok(Self::Formula { formula: formula.into(), density: *density })
             }
             MaterialSpec::Mixture { parts, density } => {
-                let formula = mixture::formula(scene, name, parts)?;
-                Ok(Self::Formula { formula: formula.into(), density: *density })
+                let (formula, lightness) = mixture::formula(scene, name, parts)?;
+                Ok(Self::Formula { formula: formula.into(), density: *density * lightness })
             }
             MaterialSpec::Table { path } => {
                 Ok(Self::Table(table::ConstantsTable::read(&scene.checked(path)?)?))

@@ -1,15 +1,17 @@
-//! Material tables: CSV with the columns `energy_keV,mu_per_cm,delta`.
+//! Material tables: CSV with the columns `energy_keV,mu_per_cm,delta`. An energy that comes twice is an
+//! absorption edge: the first row holds below it, the second from it on.
 
 use std::path::{Path, PathBuf};
 
 use super::Constants;
+use crate::csv_table::cells;
 use crate::error::{Error, Place, Result};
 use crate::input_file;
 use crate::interpolation::log_log;
 
 const COLUMNS: [&str; 3] = ["energy_keV", "mu_per_cm", "delta"];
 
-/// Rows of (energy keV, mu 1/cm, delta), energies strictly ascending, everything above 0.
+/// Rows of (energy keV, mu 1/cm, delta), energies ascending, each at most twice; everything above 0.
 pub(super) struct ConstantsTable {
     path: PathBuf,
     rows: Vec<[f64; 3]>,
@@ -23,18 +25,23 @@ impl ConstantsTable {
         let mut order = None;
         for (index, line) in text.lines().enumerate() {
             let at = TableLine { path, number: index + 1, text: line };
-            let line = line.trim_start_matches('\u{feff}').trim();
+            let line = line.trim();
             if line.is_empty() || line.starts_with('#') {
                 continue;
             }
-            let fields: Vec<&str> = line.split(',').map(str::trim).collect();
+            let fields = cells(line);
             let Some(order) = order else {
                 order = Some(header(&at, &fields)?);
                 continue;
             };
             let row = row(&at, &fields, order)?;
-            if rows.last().is_some_and(|last| last[0] >= row[0]) {
-                return Err(at.error(COLUMNS[0], fields[order[0]], "energies in ascending order"));
+            let before = rows.len().checked_sub(2).map(|index| rows[index][0]);
+            if rows.last().is_some_and(|last| last[0] > row[0])
+                || before.is_some_and(|e| e >= row[0])
+            {
+                let allowed =
+                    "energies in ascending order, each once, or twice at an absorption edge";
+                return Err(at.error(COLUMNS[0], fields[order[0]], allowed));
             }
             rows.push(row);
         }
@@ -65,8 +72,9 @@ impl ConstantsTable {
                 ),
             ));
         }
-        let above = self.rows.partition_point(|row| row[0] < energy);
-        let (a, b) = (self.rows[above.saturating_sub(1)], self.rows[above]);
+        // The last row at the energy or below it, and the next: an edge belongs to the energies above it.
+        let above = self.rows.partition_point(|row| row[0] <= energy);
+        let (a, b) = (self.rows[above - 1], self.rows[above.min(self.rows.len() - 1)]);
         let between = |column: usize| log_log(energy, [a[0], a[column]], [b[0], b[column]]);
         Ok(Constants { mu: between(1) * 100.0, delta: between(2) })
     }
@@ -78,7 +86,8 @@ impl ConstantsTable {
         [self.rows[0][0], self.rows[self.rows.len() - 1][0]]
     }
 
-    /// Energies, keV, between rows across which mu rises: only an edge does that.
+    /// Energies, keV, between rows across which mu rises: only an edge does that. Of an energy that comes
+    /// twice, that energy.
     pub(super) fn edges(&self) -> Vec<f64> {
         let rises = |pair: &&[[f64; 3]]| pair[1][1] > pair[0][1];
         let between = |pair: &[[f64; 3]]| (pair[0][0] * pair[1][0]).sqrt();

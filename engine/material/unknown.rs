@@ -26,17 +26,26 @@ fn meant(scene: &Scene, name: &str) -> String {
         let names: Vec<String> = same.iter().map(entry).collect();
         return format!(" (the formula is that of {})", names.join(", "));
     }
+    if let Some(ways) = formula::other_ways(name) {
+        return format!("; {ways}");
+    }
     let suggested = suggested(scene, name);
     if !suggested.is_empty() {
         return format!(" (did you mean {}?)", suggested.join(" or "));
     }
-    if formula::is_formula(name).unwrap_or(false) {
-        return format!(
-            " (a formula needs its density: an entry of [materials] with formula = \"{name}\" and \
-             density)"
-        );
+    match formula::check(name) {
+        Ok(Ok(())) => format!(
+            " (a formula needs its density: an entry of [materials] with formula = \"{name}\" and density)"
+        ),
+        // Names of compounds have capitals and numbers.
+        Ok(Err(fault))
+            if name.starts_with(|c: char| c.is_ascii_alphanumeric() && !c.is_lowercase())
+                && name.contains(|c: char| c.is_ascii_digit()) =>
+        {
+            format!(" (`beamlet material` lists them; as a formula: {fault})")
+        }
+        _ => " (`beamlet material` lists them)".to_owned(),
     }
-    " (`beamlet material` lists them)".to_owned()
 }
 
 /// Materials whose name begins as `name` does, or else the one most like it, in quotes.

@@ -17,7 +17,7 @@ use ndarray::{ArrayView3, Zip};
 /// Filtered back-projection of sinograms, `[view][row][column]`: −ln T, refraction angles (rad) or
 /// variances (rad²), as `quantity` says. One row is a fan, or a parallel beam; more are a cone, by
 /// Feldkamp, Davis and Kress. Views over a whole turn count alike, those over less by Parker's
-/// weights; where the axis is beside the middle of the detector (half-fan), lines that are seen once count
+/// weights; over more than a turn, views of one direction share its weight. Where the axis is beside the middle of the detector (half-fan), lines that are seen once count
 /// twice. Where a voxel is outside of the detector in a view, that view adds nothing. Lever arms are
 /// corrected as [`FbpOptions::arm_passes`] says.
 ///

@@ -1,5 +1,6 @@
 //! Weights of views and columns: views over a whole turn see each line twice, but for lines that pass
-//! beyond the shorter side of the detector (half-fan); views over less share it by Parker's weights.
+//! beyond the shorter side of the detector (half-fan); views over less share it by Parker's weights. Over
+//! more than a turn, as with both ends of one, views of one direction share its weight.
 
 use super::geometry::ScanGeometry;
 use crate::numbers::whole;
@@ -36,6 +37,8 @@ struct HalfFan {
 /// Distance of the axis from the middle of the detector from which on a scan over a whole turn is taken
 /// for a half-fan, as a share of the width.
 const HALF_FAN: f64 = 0.1;
+/// Views over more than a turn have one direction up to this angle, rad.
+const SAME: f64 = 1e-6;
 /// Least ramp of a half-fan, as a share of its shorter side.
 const RAMP: f64 = 0.25;
 
@@ -49,37 +52,103 @@ impl HalfFan {
     }
 }
 
+/// Directions of views, ascending.
+struct Circle {
+    /// Angle of the first, rad.
+    first: f64,
+    /// Views of each direction.
+    views: Vec<Vec<usize>>,
+    /// Angles from a direction to the next, rad.
+    gaps: Vec<f64>,
+    /// Median of the gaps.
+    step: f64,
+    /// Angle from the first to the last, rad.
+    width: f64,
+}
+
+impl Circle {
+    /// Views by their angles, each a direction of its own.
+    fn of(angles: &[f64]) -> Self {
+        Self::sorted(angles.iter().copied().zip(0..).collect(), -1.0)
+    }
+
+    /// Views over more than a turn by their directions in one.
+    fn of_one_turn(angles: &[f64]) -> Self {
+        let first = angles.iter().copied().fold(f64::INFINITY, f64::min);
+        let wrapped = angles.iter().map(|angle| {
+            let turned = (angle - first).rem_euclid(TAU);
+            first + if TAU - turned < SAME { 0.0 } else { turned }
+        });
+        Self::sorted(wrapped.zip(0..).collect(), SAME)
+    }
+
+    /// Views with their angles; those that are at most `same` apart are one direction.
+    fn sorted(mut angles: Vec<(f64, usize)>, same: f64) -> Self {
+        angles.sort_by(|a, b| a.0.total_cmp(&b.0));
+        let (first, mut last) = (angles[0].0, angles[0].0);
+        let (mut views, mut gaps) = (vec![vec![angles[0].1]], Vec::new());
+        for (angle, view) in &angles[1..] {
+            match views.last_mut() {
+                Some(of_last) if angle - last <= same => of_last.push(*view),
+                _ => {
+                    gaps.push(angle - last);
+                    views.push(vec![*view]);
+                    last = *angle;
+                }
+            }
+        }
+        let mut ascending = gaps.clone();
+        ascending.sort_by(f64::total_cmp);
+        let step = ascending.get(ascending.len() / 2).copied().unwrap_or_default();
+        Self { first, views, gaps, step, width: last - first }
+    }
+
+    /// Angle that the views cover, rad.
+    fn span(&self) -> f64 {
+        self.width + self.step
+    }
+
+    fn is_more_than_a_turn(&self) -> bool {
+        self.span() > TAU + self.step / 2.0
+    }
+
+    /// Angle that each view stands for, rad.
+    fn shares(&self, is_turn: bool) -> Vec<f64> {
+        let around = if is_turn { TAU - self.width } else { self.step };
+        let mut shares = vec![0.0; self.views.iter().map(Vec::len).sum()];
+        for (n, views) in self.views.iter().enumerate() {
+            let before = if n == 0 { around } else { self.gaps[n - 1] };
+            let share = f64::midpoint(before, *self.gaps.get(n).unwrap_or(&around));
+            views.iter().for_each(|view| shares[*view] = share / views.len() as f64);
+        }
+        shares
+    }
+}
+
 impl Redundancy {
     /// # Errors
-    /// [`Error::Argument`] for views that do not serve: no circle, less than half a turn and the fan, more than
-    /// a turn, or a gap in between.
+    /// [`Error::Argument`] for views that do not serve: no circle, less than half a turn and the fan, or a gap
+    /// in between.
     pub(super) fn of(geometry: &ScanGeometry) -> Result<Self> {
         geometry.require_circle("fbp")?;
         let angles = &geometry.angles;
-        let mut order: Vec<usize> = (0..angles.len()).collect();
-        order.sort_by(|a, b| angles[*a].total_cmp(&angles[*b]));
-        let gaps: Vec<f64> =
-            order.windows(2).map(|pair| angles[pair[1]] - angles[pair[0]]).collect();
-        let mut sorted = gaps.clone();
-        sorted.sort_by(f64::total_cmp);
-        let (step, largest) = (sorted[sorted.len() / 2], sorted[sorted.len() - 1]);
-        let [first, last] = [order[0], order[order.len() - 1]].map(|view| angles[view]);
-        let span = last - first + step;
+        let mut circle = Circle::of(angles);
+        let (step, span) = (circle.step, circle.span());
         let wrong = |found: String, allowed: String| Err(Error::argument("angles", found, allowed));
-        if step <= 0.0 || largest > 5.0 * step {
-            let found = format!("a gap of {:.3}°", largest.to_degrees());
-            let allowed = format!("at most five times the usual {:.3}°", step.to_degrees());
-            return wrong(found, allowed);
+        if circle.is_more_than_a_turn() {
+            circle = Circle::of_one_turn(angles);
         }
-        if span > TAU + step / 2.0 {
-            let found = format!("views over {:.2}°", span.to_degrees());
-            return wrong(found, "at most a turn".into());
+        let largest = circle.gaps.iter().copied().fold(0.0, f64::max);
+        if circle.step <= 0.0 || largest > 5.0 * circle.step {
+            let found = format!("a gap of {:.3}°", largest.to_degrees());
+            let allowed = format!("at most five times the usual {:.3}°", circle.step.to_degrees());
+            return wrong(found, allowed);
         }
         let is_turn = span > TAU - step / 2.0;
         let per_distance = geometry.per_distance();
         let axis_angle = libm::atan(geometry.axis * per_distance);
         let mut made = Self {
-            shares: vec![0.0; angles.len()],
+            shares: circle.shares(is_turn),
             since: None,
             excess: (span - PI) / 2.0,
             per_distance,
@@ -87,11 +156,6 @@ impl Redundancy {
             axis_angle,
             half_fan: None,
         };
-        let around = if is_turn { TAU - (last - first) } else { step };
-        for (n, view) in order.iter().enumerate() {
-            let before = if n == 0 { around } else { gaps[n - 1] };
-            made.shares[*view] = f64::midpoint(before, *gaps.get(n).unwrap_or(&around));
-        }
         if is_turn {
             made.half_fan = made.half_fan(geometry)?;
         } else {
@@ -105,7 +169,7 @@ impl Redundancy {
                 return wrong(found, format!("at least {needed:.2}°: half a turn and the fan"));
             }
             made.excess = made.excess.max(fan);
-            let start = first - step / 2.0;
+            let start = circle.first - step / 2.0;
             made.since = Some(angles.iter().map(|angle| angle - start).collect());
         }
         Ok(made)
@@ -201,6 +265,17 @@ impl Redundancy {
 }
 
 impl ScanGeometry {
+    /// Where the views of a circle cover more than a turn: how many of them repeat a direction, 1 for angles
+    /// from 0° to 360° with both ends. [`fbp`](super::fbp()) lets them share its weight.
+    #[must_use]
+    pub fn repeated_views(&self) -> Option<usize> {
+        if self.motions.is_some() || self.angles.is_empty() {
+            return None;
+        }
+        let is_more = Circle::of(&self.angles).is_more_than_a_turn();
+        is_more.then(|| self.angles.len() - Circle::of_one_turn(&self.angles).views.len())
+    }
+
     /// Columns of a detector that were as wide to either side of the axis as to the longer one, in a whole
     /// turn with the axis a tenth of the detector or more beside its middle; 0 in other scans.
     pub(super) fn columns_of_half_fan(&self) -> usize {

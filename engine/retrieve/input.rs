@@ -426,7 +426,7 @@ pub fn offsets(list_or_file: &str) -> Result<Vec<f64>> {
     let words = text
         .lines()
         .map(|line| line.split('#').next().unwrap_or_default())
-        .flat_map(|line| line.split(','))
+        .flat_map(|line| line.split([',', ';', '\t']))
         .map(str::trim)
         .filter(|word| !word.is_empty());
     let offsets: Vec<f64> = words

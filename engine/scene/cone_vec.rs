@@ -10,7 +10,8 @@ const LENGTH: f64 = 1e-9;
 /// Most that directions may be off right angles, rad.
 const ANGLE: f64 = 1e-6;
 
-/// Reads the vectors of a file: 12 numbers in a line, mm, separated by blanks or commas.
+/// Reads the vectors of a file: 12 numbers in a line, mm, separated by blanks, tabs, commas or
+/// semicolons.
 ///
 /// # Errors
 /// [`Error::File`] with the line, counted from 1.
@@ -20,7 +21,7 @@ pub(super) fn read(path: &Path) -> Result<Vec<[f64; 12]>> {
     let mut rows = Vec::new();
     for (number, line) in text.lines().enumerate() {
         let line = line.split('#').next().unwrap_or_default();
-        let words = line.split([',', ' ', '\t']).filter(|word| !word.is_empty());
+        let words = line.split([',', ';', ' ', '\t']).filter(|word| !word.is_empty());
         let values: Vec<f64> = words.map(|word| word.parse().unwrap_or(f64::NAN)).collect();
         if values.is_empty() {
             continue;
@@ -69,6 +70,25 @@ pub(super) fn motion(scene: &Scene, row: &[f64; 12]) -> std::result::Result<Moti
     let y = z.cross(x);
     let line = detector - source;
     let [across, along, up] = [x, y, z].map(|axis| axis.dot(line));
+    if along < 0.0 {
+        // A mirror image, which no motion of the sample makes.
+        let found = if down.z > 0.0 {
+            "rows that run up (+z), as in ASTRA's own geometries"
+        } else {
+            "columns from right to left, seen from the source"
+        };
+        let allowed = match down.z > 0.0 {
+            true => {
+                "rows that run down: negate the last three numbers of each line, and turn the rows of \
+                 the images over"
+            }
+            false => {
+                "columns from left to right, seen from the source: negate numbers 7 to 9 of each line, \
+                 and turn the columns of the images over"
+            }
+        };
+        return Err([found.to_owned(), allowed.to_owned()]);
+    }
     let distance = scene.detector.distance;
     if (along - distance).abs() > LENGTH {
         let found = format!("the detector {along:.9} m from the source");
@@ -142,5 +162,20 @@ mod tests {
         refused(6, 2e-6, "detector.pitch");
         refused(11, 2e-6, "rows");
         refused(8, 3e-7, "right angles");
+    }
+
+    /// A detector of the other handedness, by its rows or by its columns.
+    #[test]
+    fn mirrored_detectors_are_refused_by_their_name() {
+        let mut scene = scene();
+        for angle in [0.0, 0.7, 3.0] {
+            scene.scan.motions = vec![Motion::about([0.0, 0.0, 1.0], angle).unwrap()];
+            for (numbers, word) in [(9..12, "rows that run up"), (6..9, "columns from right")] {
+                let mut row = vectors(&scene);
+                row[numbers].iter_mut().for_each(|number| *number = -*number);
+                let [found, allowed] = motion(&scene, &row).unwrap_err();
+                assert!(found.contains(word) && allowed.contains("negate"), "{found}; {allowed}");
+            }
+        }
     }
 }

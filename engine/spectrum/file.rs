@@ -9,6 +9,7 @@
 use std::path::Path;
 
 use super::Spectrum;
+use crate::csv_table::cells;
 use crate::error::{Error, Place, Result};
 use crate::input_file;
 
@@ -94,11 +95,9 @@ struct Row<'a> {
 impl<'a> Row<'a> {
     /// Cells; empty ones count with separators other than a blank.
     fn fields(&self) -> Vec<&'a str> {
-        let line = self.line.trim_start_matches('\u{feff}').trim();
-        match line.find([',', ';', '\t']).and_then(|at| line[at..].chars().next()) {
-            _ if line.is_empty() || line.starts_with('#') => Vec::new(),
-            Some(separator) => line.split(separator).map(str::trim).collect(),
-            None => line.split_whitespace().collect(),
+        match self.line.trim() {
+            line if line.starts_with('#') => Vec::new(),
+            line => cells(line),
         }
     }
 

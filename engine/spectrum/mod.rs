@@ -135,6 +135,16 @@ impl Spectrum {
         Ok(self)
     }
 
+    /// Checks whether neighbouring energies are equally far apart, to a tenth of their mean distance: weights per
+    /// keV and photons of rows are then the same but for a factor.
+    pub fn is_even(&self) -> bool {
+        let gaps = || self.energies_kev.windows(2).map(|pair| pair[1] - pair[0]);
+        let (least, most) =
+            gaps().fold((f64::INFINITY, 0.0_f64), |(a, b), gap| (a.min(gap), b.max(gap)));
+        let mean = gaps().sum::<f64>() / (self.energies_kev.len().max(2) - 1) as f64;
+        most - least <= 0.1 * mean
+    }
+
     /// Sum of the weights.
     pub fn total(&self) -> f64 {
         self.weights.iter().sum()

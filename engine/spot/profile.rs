@@ -6,6 +6,7 @@
 //! with `#` and empty lines are comments.
 
 use super::Spot;
+use crate::csv_table::cells;
 use crate::input_file;
 use crate::{Error, Place, Result};
 use ndarray::Array2;
@@ -49,14 +50,11 @@ impl MeasuredProfile {
         let mut rows: Vec<[f64; 2]> = Vec::new();
         let mut header: Option<(bool, [usize; 2])> = None;
         for (index, line) in text.lines().enumerate() {
-            let line = line.trim_start_matches('\u{feff}').trim();
+            let line = line.trim();
             if line.is_empty() || line.starts_with('#') {
                 continue;
             }
-            let cells: Vec<&str> = match line.find([',', ';', '\t']) {
-                Some(_) => line.split([',', ';', '\t']).map(str::trim).collect(),
-                None => line.split_whitespace().collect(),
-            };
+            let cells = cells(line);
             let Some((round, order)) = header else {
                 let at = |name: &str| cells.iter().position(|c| c.eq_ignore_ascii_case(name));
                 let place = at("radius_um").map(|i| (true, i));

@@ -124,6 +124,84 @@ fn bad_formula_or_density_is_an_error_that_names_the_material() {
     }
 }
 
+/// Values of a formula at 25 keV.
+fn of(text: &str, density: f64) -> [f64; 2] {
+    let found = constants(&with(25.0, "x", formula(text, density)), "x").unwrap();
+    [found.mu, found.delta]
+}
+
+#[test]
+fn formulas_have_their_values_in_any_notation() {
+    for (text, plain) in [
+        ("CuSO4.5H2O", "CuSO4(H2O)5"),
+        ("CuSO4·5H2O", "CuSO4(H2O)5"),
+        ("CuSO4 * 5 H2O", "CuSO4(H2O)5"),
+        ("CaSO4.0.5H2O", "CaSO4(H2O)0.5"),
+        ("[Cu(NH3)4]SO4.H2O", "CuN4H12SO4H2O"),
+        ("Lu2O3Eu0.1", "Eu0.1Lu2O3"),
+        ("Al5O12Er3", "Er3Al5O12"),
+        ("Fe2O3Er0.01", "Er0.01Fe2O3"),
+    ] {
+        let ([mu, delta], [mu_plain, delta_plain]) = (of(text, 2.286), of(plain, 2.286));
+        assert!((mu / mu_plain - 1.0).abs() < 1e-12, "{text}: {mu} against {mu_plain}");
+        assert!((delta / delta_plain - 1.0).abs() < 1e-12, "{text}");
+    }
+}
+
+/// Heavy water has the electrons of water with the same number of molecules.
+#[test]
+fn heavy_hydrogen_has_its_weight() {
+    let factor = 18.0153 / 20.0276;
+    for text in ["D2O", "(D2O)100wt%"] {
+        let ([mu, delta], [wanted_mu, wanted]) = (of(text, 1.107), of("H2O", 1.107 * factor));
+        assert!((mu / wanted_mu - 1.0).abs() < 1e-5, "{text}: {mu} against {wanted_mu}");
+        assert!((delta / wanted - 1.0).abs() < 1e-5, "{text}: {delta} against {wanted}");
+    }
+    let [mu, _] = of("T2O", 1.215);
+    assert!((mu / of("H2O", 1.215 * 18.0153 / 22.0315)[0] - 1.0).abs() < 1e-5);
+    let parts = vec![("D2O".to_owned(), 1.0), ("water".to_owned(), 1.0)];
+    let half = MaterialSpec::Mixture { parts, density: 1.05 };
+    let found = constants(&with(25.0, "x", half), "x").unwrap();
+    let wanted = of("H2O", 1.05 * f64::midpoint(1.0, factor))[1];
+    assert!((found.delta / wanted - 1.0).abs() < 1e-5, "{} against {wanted}", found.delta);
+}
+
+#[test]
+fn designations_of_alloys_are_no_formulas() {
+    for (text, ways) in [
+        ("TiAl6V4", ["\"titanium alloy\", Al6wt%V4wt%Ti", "\"(TiAl6V4)\" counts atoms"]),
+        ("CuSn6", ["\"bronze\"", "(CuSn6)"]),
+        ("AlMg3", ["\"aluminium 5754\"", "(AlMg3)"]),
+        ("CuSn10Zn2", ["\"Sn10wt%Zn2wt%Cu\"", "(CuSn10Zn2)"]),
+        ("Sn60Pb40", ["\"Sn60wt%Pb40wt%\"", "(Sn60Pb40)"]),
+    ] {
+        let refused = constants(&with(30.0, "mine", formula(text, 8.0)), "mine").unwrap_err();
+        let refused = refused.to_string();
+        let has = |word: &&str| refused.contains(*word);
+        assert!(refused.contains("materials.mine") && ways.iter().all(has), "{text}: {refused}");
+        let parts = vec![(text.to_owned(), 1.0)];
+        let mixture = MaterialSpec::Mixture { parts, density: 8.0 };
+        let mixed = constants(&with(30.0, "mine", mixture), "mine");
+        assert_eq!(mixed.is_ok(), builtin(text).is_some(), "{text}");
+        assert!(of(&format!("({text})"), 8.0)[0] > 0.0);
+    }
+    let doubtful = constants(&scene(30.0), "Al2O3.2SiO2").unwrap_err().to_string();
+    assert!(doubtful.contains("write 3.20 for the number"), "{doubtful}");
+    let unknown = constants(&scene(30.0), "CuSn10Zn2").unwrap_err().to_string();
+    assert!(unknown.contains("Sn10wt%Zn2wt%Cu"), "{unknown}");
+    // By name they are the alloys.
+    for (name, weights, density) in [
+        ("TiAl6V4", "Al6wt%V4wt%Ti", 4.43),
+        ("AlSi10Mg", "Si10wt%Mg0.325wt%Al", 2.67),
+        ("EN AW-6082", "Si1wt%Mg0.9wt%Mn0.7wt%Al", 2.7),
+        ("NiCr22Mo9Nb", "Cr21.5wt%Mo9wt%Nb3.65wt%Fe2.5wt%Ni", 8.44),
+        ("CuZn37", "Cu63wt%Zn37wt%", 8.44),
+    ] {
+        let found = constants(&scene(25.0), name).unwrap();
+        assert_eq!([found.mu, found.delta], of(weights, density), "{name}");
+    }
+}
+
 fn table(directory: &Path, text: &str, energy: f64) -> beamlet::Result<(f64, f64)> {
     std::fs::write(directory.join("resin.csv"), text).unwrap();
     let mut scene = with(energy, "resin", MaterialSpec::Table { path: "resin.csv".into() });
@@ -141,6 +219,26 @@ fn table_is_interpolated_in_the_logarithms() {
         let (mu, delta) = table(directory.path(), text, energy).unwrap();
         assert!((mu / (800.0 * (energy / 10.0).powi(-3)) - 1.0).abs() < 1e-12, "mu at {energy}");
         assert!((delta / (4e-6 * (energy / 10.0).powi(-2)) - 1.0).abs() < 1e-12, "at {energy}");
+    }
+}
+
+/// As NIST prints tables: the energy of an edge twice, below it and above.
+#[test]
+fn energy_that_comes_twice_in_a_table_is_an_edge() {
+    let directory = tempfile::tempdir().unwrap();
+    let text = "energy_keV;mu_per_cm;delta\r10;8;4e-6\r20;1;1e-6\r20;6;1e-6\r40;0.75;2.5e-7\r";
+    for (energy, mu) in [(10.0, 800.0), (14.0, 800.0 / 1.4_f64.powi(3)), (20.0, 600.0)] {
+        let found = table(directory.path(), text, energy).unwrap().0;
+        assert!((found / mu - 1.0).abs() < 1e-12, "{found} at {energy}");
+    }
+    for (energy, mu) in [(19.999_999, 100.0), (20.000_001, 600.0), (40.0, 75.0)] {
+        let found = table(directory.path(), text, energy).unwrap().0;
+        assert!((found / mu - 1.0).abs() < 1e-6, "{found} at {energy}");
+    }
+    for rows in ["20,1,1e-6\n20,6,1e-6\n20,7,1e-6\n", "20,1,1e-6\n10,6,1e-6\n"] {
+        let text = format!("energy_keV,mu_per_cm,delta\n{rows}");
+        let error = table(directory.path(), &text, 20.0).unwrap_err().to_string();
+        assert!(error.contains("twice at an absorption edge"), "{error}");
     }
 }
 
@@ -169,7 +267,7 @@ fn table_errors_name_file_and_line() {
     let head = "energy_keV,mu_per_cm,delta\n";
     for (text, place, what) in [
         ("energy,mu,delta\n10,1,1e-6\n".to_owned(), "resin.csv:1", "energy_keV"),
-        (format!("{head}10,1,1e-6\n10,2,1e-6\n"), "resin.csv:3", "ascending"),
+        (format!("{head}10,1,1e-6\n9,2,1e-6\n"), "resin.csv:3", "ascending"),
         (format!("{head}10,1,1e-6\n20,x,1e-6\n"), "resin.csv:3:4", "found x"),
         (format!("{head}10,1\n"), "resin.csv:2", "nothing"),
         (format!("{head}10,0,1e-6\n"), "resin.csv:2", "above 0"),

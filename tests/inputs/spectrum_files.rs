@@ -36,9 +36,22 @@ fn separators_headers_and_comments_do_not_matter() {
         "\u{feff}weight\tnote\tENERGY_KEV\n1\tx\t10\n0\ty\t20\n2e6\t\t30.5\n",
         "energy_keV weight\n10  1\n20  0\n30.5  2e6\n",
         "10; 1; 0.5\r\n20; 0; 0\r\n30.5; 2e6; 0\r\n",
+        "10,1\r20,0\r30.5,2e6\r",
+        "10;1\n20;0\n30.5;2e6\n\u{1a}",
     ] {
         assert_eq!(read(text).unwrap(), expected, "{text:?}");
     }
+}
+
+#[test]
+fn even_energies_are_known_from_uneven_ones() {
+    let rows = |step: f64| {
+        (0..20)
+            .map(|n| format!("{:.2},1\n", 10.0 + 0.5 * f64::from(n).powf(step)))
+            .collect::<String>()
+    };
+    assert!(read(&rows(1.0)).unwrap().is_even() && read("10,1\n").unwrap().is_even());
+    assert!(!read(&rows(1.2)).unwrap().is_even());
 }
 
 #[test]

@@ -10,13 +10,14 @@ use std::path::Path;
 const MASKS: &str = include_str!("../support/masks.toml");
 const ROD: &str = include_str!("../support/rod.toml");
 /// Words of every doubt.
-const DOUBTS: [&str; 11] = [
+const DOUBTS: [&str; 12] = [
     "moire fringes",
     "detector.pitch",
     "pixel borders",
     "blurs the illumination curve away",
     "of vacuum",
     "no filter",
+    "are uneven",
     "are radians",
     "density of",
     "is negative",
@@ -43,6 +44,9 @@ fn each_fault_has_its_warning_and_no_other() {
          distance = \"1.8 m\"\npixels = [96, 2]\npitch = \"150 um\"\n{ROD}"
     );
     assert_eq!(found(&checked(directory.path(), &plain, "")), [""; 0]);
+    // Weights of rows that widen, from 30 keV on so that air counts little.
+    let rows: String = (0..20).map(|n| format!("{},1\n", 30.0 + f64::from(n * n) / 20.0)).collect();
+    fs::write(directory.path().join("uneven.csv"), format!("energy_keV,weight\n{rows}")).unwrap();
     let tube = "--set source.spectrum.anode=\"tungsten\" --set source.spectrum.kvp=40kVp";
     let cases = [
         // 0.96 fringes of the masks against one another, which the detector mask alone brings.
@@ -51,6 +55,7 @@ fn each_fault_has_its_warning_and_no_other() {
         ("--set detector_mask.offset=75um", vec!["pixel borders"]),
         ("--set source.spot=400um", vec!["blurs the illumination curve away"]),
         (tube, vec!["of vacuum", "no filter"]),
+        ("--set source.spectrum=\"uneven.csv\"", vec!["are uneven"]),
         ("--set scan.angles={from=\"0deg\",to=\"6.2832deg\",count=360}", vec!["are radians"]),
         ("--set scan.angles={from=\"0deg\",to=\"3.1416deg\",count=20}", vec!["are radians"]),
         ("--set materials.plastic.delta=-2.4e-7", vec!["is negative"]),
@@ -58,7 +63,7 @@ fn each_fault_has_its_warning_and_no_other() {
         ("--set detector.photons=400000 --set detector.bit_depth=16", vec!["bits hold"]),
     ];
     for (options, want) in cases {
-        let text = match options == tube {
+        let text = match options.contains("source.spectrum") {
             // Constants hold at one energy.
             true => plain.replace("energy = \"30 keV\"\n", "").replace(
                 "mu = \"0.25 /cm\"\ndelta = 2.4e-7",

@@ -30,6 +30,23 @@ fn parallel_beams_and_wide_fans_over_a_turn() {
     compare(&fan(180), TOLERANCE, "fan of ±26°, a turn");
 }
 
+/// Views 2° apart: 0° to 360° with both ends, further, and two turns, of which the second repeats the
+/// first.
+#[test]
+fn views_over_more_than_a_turn_share_the_weight_of_a_direction() {
+    for (count, repeated) in [(181, 1), (200, 20), (360, 180)] {
+        assert_eq!(fan(count).repeated_views(), Some(repeated));
+        compare(&fan(count), TOLERANCE, "fan of ±26°, more than a turn");
+    }
+    assert_eq!(fan(180).repeated_views(), None);
+    // A second turn in between the views of the first, in any order.
+    let mut geometry = fan(180);
+    geometry.angles.extend(fan(180).angles.iter().map(|angle| angle + 361_f64.to_radians()));
+    geometry.angles.swap(7, 250);
+    assert_eq!(geometry.repeated_views(), Some(0));
+    compare(&geometry, TOLERANCE, "fan of ±26°, two turns");
+}
+
 #[test]
 fn short_scans_count_each_line_once() {
     compare(&fan(118), TOLERANCE, "fan of ±26° over 236°");

@@ -124,6 +124,89 @@ fn samples_of_big_endian_files_whose_white_is_zero_are_the_stored_numbers() {
     assert_eq!(frame, ndarray::arr2(&[[7.0, 256.0]]));
 }
 
+/// A stack of 16 bits with one directory, as `ImageJ` writes it: strips of two rows, big endian.
+fn one_directory(images: &str, compression: u32) -> Vec<u8> {
+    let text = format!("ImageJ=1.54f\n{images}slices=3\nloop=false\n\0");
+    let values = values();
+    let (rows, columns) = (SIDES[1], SIDES[2]);
+    let strips: Vec<usize> = (0..rows).step_by(2).map(|row| (rows - row).min(2)).collect();
+    let lists = 8 + 2 + 12 * 10 + 4;
+    let first = lists + 8 * strips.len() + text.len();
+    let number = |n: usize| u32::try_from(n).unwrap();
+    let entries: [(u16, u16, usize, u32); 10] = [
+        (256, 4, 1, number(columns)),
+        (257, 4, 1, number(rows)),
+        (258, 3, 1, 16),
+        (259, 3, 1, compression),
+        (262, 3, 1, 1),
+        (270, 2, text.len(), number(lists + 8 * strips.len())),
+        (273, 4, strips.len(), number(lists)),
+        (277, 3, 1, 1),
+        (278, 4, 1, 2),
+        (279, 4, strips.len(), number(lists + 4 * strips.len())),
+    ];
+    let mut bytes = b"MM\0*\0\0\0\x08\0\x0a".to_vec();
+    for (tag, kind, count, value) in entries {
+        bytes.extend(tag.to_be_bytes());
+        bytes.extend(kind.to_be_bytes());
+        bytes.extend(number(count).to_be_bytes());
+        bytes.extend(if kind == 3 { value << 16 } else { value }.to_be_bytes());
+    }
+    bytes.extend([0; 4]);
+    let mut at = first;
+    for height in &strips {
+        bytes.extend(number(at).to_be_bytes());
+        at += 2 * columns * height;
+    }
+    strips.iter().for_each(|height| bytes.extend(number(2 * columns * height).to_be_bytes()));
+    bytes.extend(text.as_bytes());
+    assert_eq!(bytes.len(), first);
+    for value in &values {
+        #[expect(
+            clippy::cast_possible_truncation,
+            clippy::cast_sign_loss,
+            reason = "whole numbers"
+        )]
+        bytes.extend((*value as u16).to_be_bytes());
+    }
+    bytes
+}
+
+#[test]
+fn frames_behind_one_directory_are_read_whole() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.tif");
+    fs::write(&path, one_directory("images=3\n", 1)).unwrap();
+    let stack = StackFile::open(&path).unwrap();
+    assert_eq!(stack.shape(), [1, 3, 5, 7]);
+    assert_eq!(stack.view(0).unwrap(), values());
+    // Any rows, in any order.
+    for (step, rows) in [(2, 1..4), (0, 4..5), (1, 0..3), (2, 0..1)] {
+        let found = stack.frame(0, step, rows.clone()).unwrap();
+        let wanted = rows.start as usize..rows.end as usize;
+        assert_eq!(found, values().slice(s![step, wanted, ..]));
+    }
+    let refused = |bytes: &[u8], words: [&str; 2]| {
+        fs::write(&path, bytes).unwrap();
+        let message = StackFile::open(&path).unwrap_err().to_string();
+        assert!(words.iter().all(|word| message.contains(word)), "{message}");
+    };
+    let good = one_directory("images=3\n", 1);
+    refused(&good[..good.len() - 1], ["images=3", "the values of 2"]);
+    refused(&one_directory("images=3\n", 5), ["images=3", "one directory of compressed values"]);
+    refused(&one_directory("images=4\n", 1), ["images=4", "the values of 3"]);
+    // Directories of another number.
+    let mut encoder = TiffEncoder::new(File::create(&path).unwrap()).unwrap();
+    for about in ["ImageJ=1.54f\nimages=3\n", ""] {
+        let mut image = encoder.new_image::<Gray8>(2, 1).unwrap();
+        image.encoder().write_tag(Tag::ImageDescription, about).unwrap();
+        image.write_data(&[1, 2]).unwrap();
+    }
+    drop(encoder);
+    let bytes = fs::read(&path).unwrap();
+    refused(&bytes, ["images=3", "directories of 2"]);
+}
+
 #[test]
 fn reduced_copies_of_pages_are_no_frames() {
     let folder = tempfile::tempdir().unwrap();

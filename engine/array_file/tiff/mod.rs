@@ -2,6 +2,7 @@
 
 mod ahead;
 mod append;
+mod one_directory;
 mod read;
 mod stored;
 

@@ -1,7 +1,9 @@
 //! TIFF pages: one sample per pixel, strips or tiles, classic or `BigTIFF`. Samples are the numbers
 //! that are stored, whether black or white is zero. Pages that are reduced copies of others are no
-//! frames.
+//! frames. `ImageJ` writes stacks beyond 4 GiB with a single directory, and the frames behind one
+//! another: its description has their number.
 
+use super::one_directory::{self, Behind};
 use super::stored::{self, Replaced};
 use crate::array_file::limits::{LEAST, refuse_hollow, refuse_shape};
 use crate::array_file::parts::Value;
@@ -17,7 +19,7 @@ use tiff::decoder::{Decoder, DecodingResult, Limits};
 use tiff::tags::Tag;
 use tiff::{ColorType, TiffError, TiffResult};
 
-type Pages = Decoder<Replaced<BufReader<File>>>;
+pub(super) type Pages = Decoder<Replaced<BufReader<File>>>;
 
 /// A file of pages, each a frame of the same shape.
 pub(crate) struct TiffPages {
@@ -26,6 +28,8 @@ pub(crate) struct TiffPages {
     frame: [usize; 2],
     /// Places of the frames among all pages.
     frames: Vec<usize>,
+    /// Frames behind the first, which have no directory.
+    behind: Option<Behind>,
     /// Pages that are reduced copies of others.
     reduced: usize,
     /// Whether values of the first frame have 8 bits.
@@ -39,7 +43,7 @@ impl fmt::Debug for TiffPages {
         f.debug_struct("TiffPages")
             .field("path", &self.path)
             .field("frame", &self.frame)
-            .field("count", &self.frames.len())
+            .field("count", &self.count())
             .finish_non_exhaustive()
     }
 }
@@ -50,6 +54,7 @@ impl TiffPages {
         let unread = |error| failed(path, error);
         let mut all = Self::first(path)?;
         let pages = all.pages.get_mut().unwrap_or_else(PoisonError::into_inner);
+        let described = one_directory::images(pages).map_err(unread)?;
         let mut page = all.frames[0];
         while pages.more_images() {
             pages.next_image().map_err(unread)?;
@@ -68,6 +73,18 @@ impl TiffPages {
                 return Err(Error::file(path, problem, None));
             }
             all.frames.push(page);
+        }
+        if let Some(images) = described.filter(|images| *images != all.frames.len() as u64) {
+            stored::seek(pages, all.frames[0]).map_err(unread)?;
+            let found = match all.frames.len() {
+                1 => Behind::of(pages, path, images).map_err(unread)?,
+                count => Err(format!("it has directories of {count}")),
+            };
+            let refused = |found| {
+                let problem = format!("has images={images} in its description, and {found}");
+                Error::file(path, problem, None)
+            };
+            all.behind = Some(found.map_err(refused)?);
         }
         Ok(all)
     }
@@ -93,7 +110,7 @@ impl TiffPages {
         let frames = vec![reduced];
         let has_bytes = matches!(pages.colortype(), Ok(ColorType::Gray(8)));
         let (path, pages) = (path.to_path_buf(), Mutex::new(pages));
-        Ok(Self { path, frame, frames, reduced, has_bytes, pages })
+        Ok(Self { path, frame, frames, behind: None, reduced, has_bytes, pages })
     }
 
     /// Rows and columns of a frame.
@@ -103,7 +120,10 @@ impl TiffPages {
 
     /// Frames.
     pub(crate) const fn count(&self) -> usize {
-        self.frames.len()
+        match &self.behind {
+            Some(behind) => behind.frames,
+            None => self.frames.len(),
+        }
     }
 
     /// Pages that are reduced copies of others, and no frames.
@@ -120,8 +140,12 @@ impl TiffPages {
     pub(crate) fn read<T: Value>(&self, frame: usize, rows: Range<usize>) -> Result<Vec<T>> {
         let mut pages = self.pages.lock().unwrap_or_else(PoisonError::into_inner);
         let unread = |error| failed(&self.path, error);
-        let page = self.frames.get(frame).copied().unwrap_or(usize::MAX);
+        let in_directory = if self.behind.is_some() { 0 } else { frame };
+        let page = self.frames.get(in_directory).copied().unwrap_or(usize::MAX);
         stored::seek(&mut pages, page).map_err(unread)?;
+        if let Some(behind) = &self.behind {
+            behind.go_to(&mut pages, frame);
+        }
         refuse_shape(&self.path, frame_of(&self.path, &mut pages)?, self.frame)?;
         let columns = self.frame[1];
         let (width, height) = pages.chunk_dimensions();

@@ -1,43 +1,79 @@
 //! Samples of a TIFF page as they are stored. The decoder inverts pages whose white is zero, floats with
-//! a loss; so it reads that tag as black is zero.
+//! a loss; so it reads that tag as black is zero. And frames behind a single directory, which the decoder
+//! reads as the frame of that directory.
 
-use std::io::{Read, Result, Seek, SeekFrom};
+use std::io::{Error, ErrorKind, Read, Result, Seek, SeekFrom};
+use std::ops::Range;
 use tiff::TiffResult;
 use tiff::decoder::Decoder;
 use tiff::tags::{ByteOrder, PhotometricInterpretation, Tag};
 
-/// A file in which one byte reads as 1.
+/// A file in which one byte reads as 1, and a range as one of the same length behind it.
 #[derive(Debug)]
 pub(super) struct Replaced<R> {
     inner: R,
     /// Place of the next byte.
     at: u64,
+    /// Place of the inner reader.
+    inner_at: u64,
     /// Place of the byte that reads as 1.
     one: Option<u64>,
+    /// Range that reads as the bytes so far behind it.
+    moved: Option<(Range<u64>, u64)>,
 }
 
 impl<R: Read + Seek> Replaced<R> {
     /// A file at its beginning, as it is.
     pub(super) const fn new(inner: R) -> Self {
-        Self { inner, at: 0, one: None }
+        Self { inner, at: 0, inner_at: 0, one: None, moved: None }
+    }
+
+    /// Reads a range as the bytes that lie `by` behind it.
+    pub(super) fn read_behind(&mut self, range: Range<u64>, by: u64) {
+        self.moved = Some((range, by));
+    }
+
+    /// Place in the file of the next byte, and the bytes that follow it there.
+    fn place(&self) -> (u64, u64) {
+        match &self.moved {
+            Some((range, by)) if range.contains(&self.at) => (self.at + by, range.end - self.at),
+            Some((range, _)) if self.at < range.start => (self.at, range.start - self.at),
+            _ => (self.at, u64::MAX),
+        }
     }
 }
 
-impl<R: Read> Read for Replaced<R> {
+impl<R: Read + Seek> Read for Replaced<R> {
     fn read(&mut self, bytes: &mut [u8]) -> Result<usize> {
-        let count = self.inner.read(bytes)?;
-        let place = self.one.and_then(|one| usize::try_from(one.checked_sub(self.at)?).ok());
-        if let Some(byte) = place.and_then(|place| bytes[..count].get_mut(place)) {
+        let (place, most) = self.place();
+        if place != self.inner_at {
+            self.inner_at = self.inner.seek(SeekFrom::Start(place))?;
+        }
+        let length = usize::try_from(most).map_or(bytes.len(), |most| most.min(bytes.len()));
+        let count = self.inner.read(&mut bytes[..length])?;
+        let one = self.one.and_then(|one| usize::try_from(one.checked_sub(self.at)?).ok());
+        if let Some(byte) = one.and_then(|one| bytes[..count].get_mut(one)) {
             *byte = 1;
         }
         self.at += count as u64;
+        self.inner_at += count as u64;
         Ok(count)
     }
 }
 
 impl<R: Seek> Seek for Replaced<R> {
     fn seek(&mut self, to: SeekFrom) -> Result<u64> {
-        self.at = self.inner.seek(to)?;
+        self.at = match to {
+            SeekFrom::Start(place) => place,
+            SeekFrom::Current(by) => self
+                .at
+                .checked_add_signed(by)
+                .ok_or_else(|| Error::from(ErrorKind::InvalidInput))?,
+            SeekFrom::End(_) => {
+                self.inner_at = self.inner.seek(to)?;
+                self.inner_at
+            }
+        };
         Ok(self.at)
     }
 }

@@ -11,6 +11,8 @@ pub(in crate::geometry) struct MeshFile {
     pub(super) names: Names,
     /// The length of 1.0 in it, m, if the file states it.
     pub(in crate::geometry) unit: Option<f64>,
+    /// Contents that were left out, in words.
+    pub(super) warnings: Vec<String>,
 }
 
 impl MeshFile {
@@ -28,7 +30,10 @@ impl MeshFile {
         group: Option<&str>,
     ) -> Result<(Surface, Vec<String>), Defect> {
         match group {
-            None => Ok((self.surface, self.names.merged())),
+            None => {
+                let merged = self.names.merged();
+                Ok((self.surface, self.warnings.into_iter().chain(merged).collect()))
+            }
             Some(_) => self.part(group),
         }
     }
@@ -41,7 +46,10 @@ impl MeshFile {
         &self,
         group: Option<&str>,
     ) -> Result<(Surface, Vec<String>), Defect> {
-        let Some(group) = group else { return Ok((self.surface.clone(), self.names.merged())) };
+        let warnings = || self.warnings.iter().cloned();
+        let Some(group) = group else {
+            return Ok((self.surface.clone(), warnings().chain(self.names.merged()).collect()));
+        };
         let is_taken = self.names.taken(group)?;
         let mut part = Surface::default();
         let labels = self.names.of_triangles();
@@ -60,6 +68,6 @@ impl MeshFile {
             }
             triangle += 1;
         }
-        Ok((part, Vec::new()))
+        Ok((part, warnings().collect()))
     }
 }

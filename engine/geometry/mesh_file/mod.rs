@@ -7,10 +7,12 @@ mod ply;
 mod stl;
 mod threemf;
 
+use std::borrow::Cow;
 use std::path::Path;
 
 use super::surface::Defect;
 use super::watch::Task;
+use crate::input_file;
 use crate::scene::MeshFormat;
 
 pub(super) use file::MeshFile;
@@ -19,7 +21,7 @@ pub(super) use file::MeshFile;
 pub(super) fn parse(path: &Path, bytes: &[u8], task: Task<'_>) -> Result<MeshFile, Defect> {
     match MeshFormat::of(path) {
         Some(MeshFormat::Obj) => obj::parse(bytes, task),
-        Some(MeshFormat::Stl) => stl::parse(bytes, task).map(MeshFile::of),
+        Some(MeshFormat::Stl) => stl::parse(bytes, task),
         Some(MeshFormat::Ply) => ply::parse(bytes, task).map(MeshFile::of),
         Some(MeshFormat::ThreeMf) => threemf::parse(bytes, task),
         None => Err(Defect::new(
@@ -29,13 +31,18 @@ pub(super) fn parse(path: &Path, bytes: &[u8], task: Task<'_>) -> Result<MeshFil
     }
 }
 
+/// The text of a file, as [`input_file::plain`].
+fn plain(bytes: &[u8]) -> Result<Cow<'_, [u8]>, Defect> {
+    input_file::plain(bytes).map_err(|problem| Defect::new(problem, ""))
+}
+
 /// Number of triangles stated in the first bytes of a file; `None` if it has none, or cannot be read.
 pub(super) fn triangles_in(path: &Path) -> Option<u64> {
     match MeshFormat::of(path)? {
         MeshFormat::Ply => ply::faces_in(path),
         MeshFormat::ThreeMf => None,
-        // Whatever its name: the length decides.
-        MeshFormat::Obj | MeshFormat::Stl => stl::triangles_in(path),
+        MeshFormat::Obj => None,
+        MeshFormat::Stl => stl::triangles_in(path).map(|(triangles, _)| triangles),
     }
 }
 
@@ -44,7 +51,7 @@ pub(super) fn triangles_in(path: &Path) -> Option<u64> {
 pub(super) fn peak_per_byte(path: &Path) -> u64 {
     match MeshFormat::of(path) {
         Some(MeshFormat::Obj) => 16,
-        Some(MeshFormat::Stl) => 2,
+        Some(MeshFormat::Stl) => 3,
         Some(MeshFormat::Ply) => ply::PEAK_PER_BYTE,
         Some(MeshFormat::ThreeMf) | None => 0,
     }
@@ -54,6 +61,7 @@ pub(super) fn peak_per_byte(path: &Path) -> u64 {
 pub(super) fn tells_its_length(path: &Path) -> bool {
     match MeshFormat::of(path) {
         Some(MeshFormat::Ply) => ply::is_binary(path),
-        _ => stl::triangles_in(path).is_some(),
+        // Whatever its name: the length decides.
+        _ => stl::triangles_in(path).is_some_and(|(_, is_all)| is_all),
     }
 }

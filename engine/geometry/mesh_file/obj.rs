@@ -23,6 +23,8 @@ const CORNERS: usize = 1_000_000;
 const LARGE: usize = 1000;
 /// Lines, or faces, between two reports of how far reading is.
 const REPORT: usize = 1 << 14;
+/// Words of lines that name what follows.
+const NAMING: [&str; 3] = ["o", "g", "usemtl"];
 /// Share of the first look in the time to read a file; then `tobj`, then the cutting of faces.
 const FIRST_LOOK: f64 = 0.4;
 const PARSED: f64 = 0.7;
@@ -30,7 +32,8 @@ const PARSED: f64 = 0.7;
 /// Reads an OBJ file.
 pub(super) fn parse(bytes: &[u8], task: Task<'_>) -> Result<MeshFile, Defect> {
     // A name in some other encoding than UTF-8 is no reason to refuse a file.
-    let text = String::from_utf8_lossy(bytes);
+    let plain = super::plain(bytes)?;
+    let text = String::from_utf8_lossy(&plain);
     let share = |share: f64| {
         task.reach(numbers::whole::<u64>(share * bytes.len() as f64));
     };
@@ -59,7 +62,7 @@ pub(super) fn parse(bytes: &[u8], task: Task<'_>) -> Result<MeshFile, Defect> {
             }
         }
     }
-    Ok(MeshFile { surface, names, unit: None })
+    Ok(MeshFile { surface, names, ..MeshFile::default() })
 }
 
 /// Index ranges of the faces.
@@ -115,14 +118,17 @@ fn vetted(text: &str, progress: impl Fn(f64)) -> Result<Vetted, Defect> {
             progress((line.as_ptr() as usize - text.as_ptr() as usize) as f64 / text.len() as f64);
         }
         let joined;
-        let mut line = line.split('#').next().unwrap_or_default().trim();
+        let mut line = without_comment(line);
         if line.ends_with('\\') {
             let mut whole = line.to_owned();
             while whole.ends_with('\\') {
                 whole.pop();
                 whole.push(' ');
                 let next = lines.next().map_or("", |(line, _)| line);
-                whole.push_str(next.split('#').next().unwrap_or_default().trim());
+                whole.push_str(match names_follow(&whole) {
+                    true => next.trim(),
+                    false => without_comment(next),
+                });
             }
             joined = whole;
             line = &joined;
@@ -148,6 +154,21 @@ fn vetted(text: &str, progress: impl Fn(f64)) -> Result<Vetted, Defect> {
         }
     }
     Ok(vetted)
+}
+
+/// A line without blanks around it and without its comment. Names hold any letters, also #.
+fn without_comment(line: &str) -> &str {
+    let line = line.trim();
+    if names_follow(line) {
+        return line;
+    }
+    line.split('#').next().unwrap_or_default().trim_end()
+}
+
+/// Checks whether a line, its blanks taken off, names what follows.
+fn names_follow(line: &str) -> bool {
+    let word = line.split_ascii_whitespace().next();
+    word.is_some_and(|word| NAMING.contains(&word))
 }
 
 /// Position of a vertex: `x y z`, and behind it a weight of 1 or a colour.

@@ -3,7 +3,8 @@
 //! `ply-rs-bw` reads them, after a look at the header that holds its counts to the length of the
 //! file: elements without properties take no bytes, and would come without end.
 
-use std::io::{BufRead, BufReader, Cursor, Read};
+use std::borrow::Cow;
+use std::io::{Cursor, Read};
 use std::path::Path;
 
 use glam::DVec3;
@@ -25,12 +26,13 @@ const REPORT: usize = 1 << 14;
 /// What reading takes of the time; the rest goes to the cutting of faces.
 const PARSED: f64 = 0.7;
 /// Most bytes of a header that is looked for in a file.
-const HEADER: u64 = 1 << 16;
+const HEADER: usize = 1 << 16;
 /// Names of the list of corners of a face.
 const CORNERS: [&str; 2] = ["vertex_indices", "vertex_index"];
 
 /// Reads a PLY file. Not yet welded.
 pub(super) fn parse(bytes: &[u8], task: Task<'_>) -> Result<Surface, Defect> {
+    let bytes = &*plain(bytes)?;
     let mut reader = Reader::new(Cursor::new(bytes));
     let header = Parser::<Other>::new().read_header(&mut reader).map_err(failed)?;
     vet(&header, (bytes.len() as u64).saturating_sub(reader.get_ref().position()))?;
@@ -168,13 +170,34 @@ fn failed(error: ParseError) -> Defect {
     Defect::new(format!("not a valid PLY file: {problem}"), place)
 }
 
+/// A file without a byte order mark, and with line feeds in place of carriage returns: in text, and in
+/// the header of a binary file whose first line ends with one.
+fn plain(bytes: &[u8]) -> Result<Cow<'_, [u8]>, Defect> {
+    let bytes = input_file::without_mark(bytes);
+    let end = b"end_header";
+    let head = &bytes[..bytes.len().min(HEADER)];
+    let end = head.windows(end.len()).position(|part| part == end).map(|at| at + end.len() + 1);
+    let Some(end) = end.filter(|end| *end <= bytes.len()) else { return super::plain(bytes) };
+    if bytes[..end].windows(12).any(|part| part == b"format ascii") {
+        return super::plain(bytes);
+    }
+    if !bytes.starts_with(b"ply\r") || bytes.get(4) == Some(&b'\n') {
+        return Ok(Cow::Borrowed(bytes));
+    }
+    let mut owned = bytes.to_vec();
+    owned[..end].iter_mut().filter(|byte| **byte == b'\r').for_each(|byte| *byte = b'\n');
+    Ok(Cow::Owned(owned))
+}
+
 /// The header of a file that begins with one.
 fn header_of(path: &Path) -> Option<Header> {
     let file = input_file::open(path).ok()?;
-    let mut reader = BufReader::new(file.take(HEADER));
+    let mut bytes = Vec::new();
+    file.take(HEADER as u64).read_to_end(&mut bytes).ok()?;
+    let bytes = plain(&bytes).ok()?;
     // Other files may have no line end at all.
-    reader.fill_buf().ok()?.starts_with(b"ply").then_some(())?;
-    Parser::<Other>::new().read_header(&mut Reader::new(reader)).ok()
+    bytes.starts_with(b"ply").then_some(())?;
+    Parser::<Other>::new().read_header(&mut Reader::new(Cursor::new(&*bytes))).ok()
 }
 
 /// Faces that a PLY file counts, and may hold by its length.

@@ -1,10 +1,11 @@
-//! STL files, binary and ASCII.
+//! STL files, binary and ASCII. Attributes of triangles are passed over.
 
 use std::io::Read;
 use std::path::Path;
 
 use glam::DVec3;
 
+use super::file::MeshFile;
 use crate::geometry::surface::{Defect, Surface};
 use crate::geometry::watch::Task;
 use crate::input_file;
@@ -15,41 +16,76 @@ const RECORD: usize = 50;
 const REPORT: usize = 1 << 14;
 
 /// Reads an STL file. Three vertices per triangle, not yet welded.
-pub(super) fn parse(bytes: &[u8], task: Task<'_>) -> Result<Surface, Defect> {
+pub(super) fn parse(bytes: &[u8], task: Task<'_>) -> Result<MeshFile, Defect> {
     // Many exporters begin a binary file with "solid" as well, so the length decides.
-    let promised = count(bytes).map(|count| HEADER as u64 + RECORD as u64 * u64::from(count));
+    let count = count(bytes);
+    let promised = count.map(length_of);
     if promised == Some(bytes.len() as u64) {
-        return binary(&bytes[HEADER..], task);
+        return binary(&bytes[HEADER..], None, task).map(MeshFile::of);
     }
+    let text = super::plain(bytes)?;
     // A name in some other encoding than UTF-8 is no reason to refuse a text file.
-    let word = bytes.trim_ascii_start().get(..5).unwrap_or_default();
-    if word.eq_ignore_ascii_case(b"solid") && !bytes.contains(&0) {
-        return ascii(&String::from_utf8_lossy(bytes), task);
+    let word = text.trim_ascii_start().get(..5).unwrap_or_default();
+    if word.eq_ignore_ascii_case(b"solid") && !text.contains(&0) {
+        return ascii(&String::from_utf8_lossy(&text), task).map(MeshFile::of);
     }
-    Err(match (count(bytes), promised) {
-        (Some(count), Some(promised)) => Defect::new(
+    match (count, promised) {
+        (Some(count @ 1..), Some(promised)) if promised < bytes.len() as u64 => {
+            longer(bytes, count, task)
+        }
+        (Some(count @ 1..), Some(promised)) => Err(Defect::new(
             format!(
                 "a binary STL of {count} triangles has {promised} bytes, this file has {}",
                 bytes.len()
             ),
             "truncated, or not an STL file",
-        ),
-        _ => Defect::new(
+        )),
+        (Some(0), Some(_)) => Err(Defect::new(
+            format!("a binary STL file of 0 triangles, with {} bytes", bytes.len()),
+            "bytes 81 to 84 are the number of triangles",
+        )),
+        _ => Err(Defect::new(
             format!("{} bytes are too few for an STL file", bytes.len()),
             "a binary one has at least 84 bytes, an ASCII one begins with \"solid\"",
-        ),
-    })
+        )),
+    }
 }
 
-/// Triangles that a binary STL file has, from its first bytes and its length; `None` for other
-/// files and for those that cannot be read.
-pub(super) fn triangles_in(path: &Path) -> Option<u64> {
+/// A binary file with more bytes than its triangles have: attributes behind each triangle, of the length
+/// that its last two bytes state, or bytes behind the last triangle.
+fn longer(bytes: &[u8], count: u32, task: Task<'_>) -> Result<MeshFile, Defect> {
+    let records = &bytes[HEADER..];
+    let mut starts = Vec::new();
+    let mut at = 0;
+    while let Some(record) = records.get(at..at + RECORD).filter(|_| starts.len() < count as usize)
+    {
+        starts.push(at);
+        at += RECORD + usize::from(u16::from_le_bytes([record[48], record[49]]));
+    }
+    if starts.len() == count as usize && at == records.len() {
+        return binary(records, Some(&starts), task).map(MeshFile::of);
+    }
+    let length = RECORD * count as usize;
+    let behind = records.len() - length;
+    let surface = binary(&records[..length], None, task)?;
+    let warning = format!("{behind} bytes behind the last triangle of the file are ignored");
+    Ok(MeshFile { warnings: vec![warning], ..MeshFile::of(surface) })
+}
+
+/// Triangles that a binary STL file has, from its first bytes and its length, and whether they are all of
+/// it; `None` for other files and for those that cannot be read.
+pub(super) fn triangles_in(path: &Path) -> Option<(u64, bool)> {
     let mut file = input_file::open(path).ok()?;
     let length = file.metadata().ok()?.len();
     let mut header = [0; HEADER];
     file.read_exact(&mut header).ok()?;
-    let count = u64::from(count(&header)?);
-    (HEADER as u64 + RECORD as u64 * count == length).then_some(count)
+    let count = count(&header)?;
+    (length_of(count) <= length).then_some((count.into(), length_of(count) == length))
+}
+
+/// Bytes of a file of triangles alone.
+fn length_of(triangles: u32) -> u64 {
+    HEADER as u64 + RECORD as u64 * u64::from(triangles)
 }
 
 fn count(bytes: &[u8]) -> Option<u32> {
@@ -57,13 +93,16 @@ fn count(bytes: &[u8]) -> Option<u32> {
     Some(u32::from_le_bytes(field.try_into().ok()?))
 }
 
-fn binary(records: &[u8], task: Task<'_>) -> Result<Surface, Defect> {
-    let triangles = records.len() / RECORD;
+/// Triangles of records behind one another, or at `starts`.
+fn binary(records: &[u8], starts: Option<&[usize]>, task: Task<'_>) -> Result<Surface, Defect> {
+    let triangles = starts.map_or(records.len() / RECORD, <[usize]>::len);
     let mut surface =
         Surface::new(Vec::with_capacity(3 * triangles), Vec::with_capacity(triangles));
-    for (index, record) in records.chunks_exact(RECORD).enumerate() {
+    for index in 0..triangles {
+        let start = starts.map_or(RECORD * index, |starts| starts[index]);
+        let record = &records[start..start + RECORD];
         if index % REPORT == 0 {
-            task.reach((HEADER + RECORD * index) as u64);
+            task.reach((HEADER + start) as u64);
         }
         let number = |at: usize| {
             let bytes = [record[at], record[at + 1], record[at + 2], record[at + 3]];

@@ -2,6 +2,7 @@
 
 use super::Input;
 use crate::array_file::Format;
+use crate::csv_table::cells;
 use crate::stack::StackFile;
 use crate::{Error, Result, input_file, numbers, reserve};
 use ndarray::Array2;
@@ -83,10 +84,12 @@ fn of_list(path: &Path, [rows, columns]: [usize; 2]) -> Result<Array2<bool>> {
         if words.is_empty() {
             continue;
         }
-        let pixel = words.split_once(',').and_then(|(row, column)| {
-            let place = |word: &str| word.trim().parse::<usize>().ok();
-            bad.get_mut([place(row)?, place(column)?])
-        });
+        let places: Option<Vec<usize>> =
+            cells(words).iter().map(|word| word.parse().ok()).collect();
+        let pixel = match places.as_deref() {
+            Some([row, column]) => bad.get_mut([*row, *column]),
+            _ => None,
+        };
         let Some(pixel) = pixel else {
             let shown: String = words.chars().take(40).collect();
             let problem = format!(

@@ -45,11 +45,18 @@ fn refused(name: &str, bytes: &[u8]) -> String {
 
 /// A 3MF file of a model.
 fn archive(model: &str) -> Vec<u8> {
+    archive_of(&[("3D/3dmodel.model", model)])
+}
+
+/// A zip archive of named texts.
+fn archive_of(parts: &[(&str, &str)]) -> Vec<u8> {
     let mut archive = zip::ZipWriter::new(std::io::Cursor::new(Vec::new()));
     let options =
         zip::write::SimpleFileOptions::default().compression_method(zip::CompressionMethod::Stored);
-    archive.start_file("3D/3dmodel.model", options).unwrap();
-    archive.write_all(model.as_bytes()).unwrap();
+    for (name, text) in parts {
+        archive.start_file(*name, options).unwrap();
+        archive.write_all(text.as_bytes()).unwrap();
+    }
     archive.finish().unwrap().into_inner()
 }
 
@@ -60,10 +67,14 @@ const TRIANGLES: &str = "<triangle v1=\"0\" v2=\"2\" v3=\"1\"/><triangle v1=\"0\
     <triangle v1=\"0\" v2=\"3\" v3=\"2\"/><triangle v1=\"1\" v2=\"2\" v3=\"3\"/>";
 
 fn model(attributes: &str, resources: &str, build: &str) -> Vec<u8> {
-    archive(&format!(
+    archive(&model_text(attributes, resources, build))
+}
+
+fn model_text(attributes: &str, resources: &str, build: &str) -> String {
+    format!(
         "<?xml version=\"1.0\"?>\n<model {attributes}><resources>{resources}</resources>\n\
          <build>{build}</build></model>"
-    ))
+    )
 }
 
 fn tetrahedron(attributes: &str) -> String {
@@ -155,6 +166,200 @@ fn groups_and_materials_of_an_obj_are_taken_by_name() {
     );
     let merged = read("cubes.obj", text.as_bytes(), None).unwrap().objects[0].warnings.join("");
     assert!(merged.contains("2 groups become one object (\"left half\", \"right\")"), "{merged}");
+}
+
+/// A name may hold #, which begins a comment only where no name is.
+#[test]
+fn names_of_an_obj_hold_any_letters() {
+    let leaf = |low: i32, head: &str| {
+        let at = |[x, y, z]: [i32; 3]| format!("v {} {y} {z} # a corner\n", x + low);
+        let corners = [[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]].map(at).concat();
+        format!("{head}\n{corners}f -4 -2 -3\nf -4 -3 -1#lid\nf -4 -1 -2\nf -3 -2 -1\n")
+    };
+    let heads =
+        ["o part #1\nusemtl steel#2", "o part #2\nusemtl steel#3", "o # 3\n# o 4\ng half#1 #2"];
+    let file = (0..).step_by(3).zip(heads).map(|(low, head)| leaf(low, head)).collect::<String>();
+    for group in ["part #1", "part #2", "steel#2", "# 3", "half#1", "#2"] {
+        let sample = read("a.obj", file.as_bytes(), Some(group)).unwrap();
+        assert!(close(sample.objects[0].volume, 1e-9 / 6.0, 1e-9), "{group}");
+    }
+    let steel = read("a.obj", file.as_bytes(), Some("steel#3")).unwrap();
+    assert!(close(steel.objects[0].volume, 2e-9 / 6.0, 1e-9));
+    let message = read("a.obj", file.as_bytes(), Some("part")).unwrap_err().to_string();
+    assert!(message.contains("\"part #1\", "), "{message}");
+}
+
+const CORE: &str = "xmlns=\"http://schemas.microsoft.com/3dmanufacturing/core/2015/02\"";
+const ITEM: &str = "<item objectid=\"1\"/>";
+
+/// Volume of a 3MF file in sixths of a unit, and its warnings.
+fn sixths(bytes: &[u8]) -> (f64, String) {
+    let sample = read("a.3mf", bytes, None).unwrap();
+    (6e9 * sample.objects[0].volume, sample.objects[0].warnings.join("\n"))
+}
+
+/// Elements and attributes of other name spaces, with the names of elements of the core.
+#[test]
+fn elements_of_a_3mf_count_by_their_name_space() {
+    let slices = "<s:slicestack id=\"9\"><s:slice ztop=\"1\"><s:vertices><s:vertex x=\"0\" y=\"0\"/>\
+                  </s:vertices></s:slice></s:slicestack>";
+    let vendor = "<v:note><item objectid=\"1\"/></v:note><v:item objectid=\"1\"/>\
+                  <u:item objectid=\"1\"/>";
+    let spaces = "xmlns:s=\"http://schemas.microsoft.com/3dmanufacturing/slice/2015/07\" \
+                  xmlns:v=\"http://vendor.example/2020\" v:unit=\"mile\"";
+    let leaf = tetrahedron("id=\"1\" v:id=\"8\" v:type=\"other\" s:slicestackid=\"9\"");
+    let build = format!("{ITEM}{vendor}");
+    let (volume, warnings) =
+        sixths(&model(&format!("{CORE} {spaces}"), &format!("{slices}{leaf}"), &build));
+    assert!(close(volume, 1.0, 1e-9) && warnings.is_empty(), "{volume}: {warnings}");
+    // The core may have a prefix.
+    let prefixed = model_text(&format!("{CORE} {spaces}"), &leaf, ITEM);
+    let prefixed = ["model", "resources", "object", "mesh", "vert", "triangle", "build", "item"]
+        .iter()
+        .fold(prefixed.replace("xmlns=", "xmlns:c="), |text, name| {
+            text.replace(&format!("<{name}"), &format!("<c:{name}"))
+                .replace(&format!("</{name}"), &format!("</c:{name}"))
+        });
+    assert!(close(sixths(&archive(&prefixed)).0, 1.0, 1e-9));
+    let coarse = leaf.replace("s:slicestackid", "s:meshresolution=\"lowres\" s:slicestackid");
+    let message = refused("a.3mf", &model(&format!("{CORE} {spaces}"), &coarse, ITEM));
+    assert!(message.contains("the object 1 has slices"), "{message}");
+}
+
+#[test]
+fn required_extensions_of_a_3mf_that_change_its_geometry_are_refused_by_name() {
+    let lattice = "http://schemas.microsoft.com/3dmanufacturing/beamlattice/2017/02";
+    let beams = "<b:beamlattice radius=\"1\"><b:beams><b:beam v1=\"0\" v2=\"1\"/></b:beams></b:beamlattice>";
+    let leaf = tetrahedron("id=\"1\"").replace("</mesh>", &format!("{beams}</mesh>"));
+    let spaces = format!("{CORE} xmlns:b=\"{lattice}\"");
+    let required = |spaces: &str, prefixes: &str| {
+        model(&format!("{spaces} requiredextensions=\"{prefixes}\""), &leaf, ITEM)
+    };
+    assert!(refused("a.3mf", &required(&spaces, "b")).contains(lattice));
+    let message = refused("a.3mf", &required(&spaces, "q"));
+    assert!(message.contains("\"q\", which has no name space"), "{message}");
+    // Where a reader may go on without it, it is said.
+    let (volume, warnings) = sixths(&model(&spaces, &leaf, ITEM));
+    assert!(close(volume, 1.0, 1e-9) && warnings.contains("beamlattice of \"1\""), "{warnings}");
+    let plain = format!(
+        "{spaces} xmlns:p=\"http://schemas.microsoft.com/3dmanufacturing/production/2015/06\" \
+         xmlns:m=\"http://schemas.microsoft.com/3dmanufacturing/material/2015/02\""
+    );
+    assert!(close(sixths(&required(&plain, "p m")).0, 1.0, 1e-9));
+}
+
+#[test]
+fn only_the_model_of_a_3mf_is_read_and_the_rest_is_said() {
+    let leaf = tetrahedron("id=\"1\"");
+    let other = |kind: &str| tetrahedron(&format!("id=\"2\" name=\"extra\" {kind}"));
+    let two = "<item objectid=\"1\"/><item objectid=\"2\" transform=\"1 0 0 0 1 0 0 0 1 3 0 0\"/>";
+    let (volume, _) = sixths(&model(CORE, &format!("{leaf}{}", other("type=\"model\"")), two));
+    assert!(close(volume, 2.0, 1e-9));
+    let setting = |name: &str, text: &str| {
+        let data =
+            format!("<metadatagroup><metadata name=\"{name}\">{text}</metadata></metadatagroup>");
+        other("").replace("<mesh>", &format!("{data}<mesh>"))
+    };
+    for extra in [
+        other("type=\"support\""),
+        other("type=\"solidsupport\""),
+        other("type=\"other\""),
+        other("type=\"surface\""),
+        setting("cura:support_mesh", "True"),
+        setting("cura:infill_mesh", "true"),
+    ] {
+        let (volume, warnings) = sixths(&model(CORE, &format!("{leaf}{extra}"), two));
+        let said = warnings.contains("left out of the file: \"extra\"");
+        assert!(close(volume, 1.0, 1e-9) && said, "{volume}: {warnings}");
+        let alone = refused("a.3mf", &model(CORE, &extra, "<item objectid=\"2\"/>"));
+        assert!(alone.contains("nothing is left of its objects: \"extra\""), "{alone}");
+    }
+    let (volume, _) =
+        sixths(&model(CORE, &format!("{leaf}{}", setting("cura:support_mesh", "False")), two));
+    assert!(close(volume, 2.0, 1e-9));
+    let message = refused("a.3mf", &model(CORE, &other("type=\"odd\""), two));
+    assert!(message.contains("type is \"odd\""), "{message}");
+}
+
+/// Modifiers and negative volumes by the settings of slicers: ranges of triangles of an object, or its
+/// components.
+#[test]
+fn roles_of_slicers_in_a_3mf_are_left_out_and_said() {
+    let shifted = VERTICES
+        .replace("<vertices>", "")
+        .replace("x=\"0\"", "x=\"4\"")
+        .replace("x=\"1\"", "x=\"5\"");
+    let vertices = VERTICES.replace("</vertices>", "") + &shifted;
+    let second = [("\"0\"", "\"4\""), ("\"1\"", "\"5\""), ("\"2\"", "\"6\""), ("\"3\"", "\"7\"")];
+    let second =
+        second.iter().fold(TRIANGLES.to_owned(), |text, (from, to)| text.replace(from, to));
+    let both = format!(
+        "<object id=\"1\" name=\"part\"><mesh>{vertices}<triangles>{TRIANGLES}{second}</triangles>\
+         </mesh></object>"
+    );
+    let text = model_text(CORE, &both, ITEM);
+    let settings = |kind: &str| {
+        format!(
+            "<config><object id=\"1\"><volume firstid=\"0\" lastid=\"3\"><metadata type=\"volume\" \
+             key=\"volume_type\" value=\"ModelPart\"/></volume><volume firstid=\"4\" lastid=\"7\">\
+             <metadata type=\"volume\" key=\"volume_type\" value=\"{kind}\"/></volume></object></config>"
+        )
+    };
+    let with = |text: &str, name: &str, settings: &str| {
+        sixths(&archive_of(&[("3D/3dmodel.model", text), (name, settings)]))
+    };
+    let prusa = "Metadata/Slic3r_PE_model.config";
+    assert!(close(with(&text, prusa, &settings("ModelPart")).0, 2.0, 1e-9));
+    for (kind, words) in [
+        ("NegativeVolume", "a negative volume of a slicer: its hole is not cut"),
+        ("ParameterModifier", "modifies settings"),
+        ("SupportBlocker", "support"),
+    ] {
+        let (volume, warnings) = with(&text, prusa, &settings(kind));
+        let said = warnings.contains("triangles 4 to 7 of \"part\"") && warnings.contains(words);
+        assert!(close(volume, 1.0, 1e-9) && said, "{kind}: {volume}: {warnings}");
+    }
+    let pair = "<object id=\"8\" name=\"pair\"><components><component objectid=\"1\"/>\
+                <component objectid=\"2\" transform=\"1 0 0 0 1 0 0 0 1 3 0 0\"/></components></object>";
+    let leaves = tetrahedron("id=\"1\"") + &tetrahedron("id=\"2\"") + pair;
+    let text = model_text(CORE, &leaves, "<item objectid=\"8\"/>");
+    for (kind, volume) in [("normal_part", 2.0), ("negative_part", 1.0), ("support_enforcer", 1.0)]
+    {
+        let settings = format!(
+            "<config><object id=\"8\"><part id=\"1\" subtype=\"normal_part\"></part>\
+             <part id=\"2\" subtype=\"{kind}\"></part></object></config>"
+        );
+        let (found, warnings) = with(&text, "Metadata/model_settings.config", &settings);
+        let said = warnings.contains("component 2 of \"pair\"");
+        assert!(
+            close(found, volume, 1e-9) && said == (volume < 2.0),
+            "{kind}: {found}: {warnings}"
+        );
+    }
+}
+
+#[test]
+fn parts_of_a_3mf_are_found_by_any_spelling_of_their_names() {
+    let text = model_text(CORE, &tetrahedron("id=\"1\""), ITEM);
+    let relations = |target: &str| {
+        format!(
+            "<Relationships><Relationship Target=\"{target}\" Id=\"r\" \
+             Type=\"http://schemas.microsoft.com/3dmanufacturing/2013/01/3dmodel\"/></Relationships>"
+        )
+    };
+    for (name, target) in [
+        ("3D\\3dmodel.model", "/3D/3dmodel.model"),
+        ("3D/3dmodel.model", "\\3D\\3dmodel.model"),
+        ("3D/part.xml", "/3D/part.xml"),
+        ("3D/PART.MODEL", "3d/part.model"),
+    ] {
+        let relations = relations(target);
+        for rels in ["_rels/.rels", "_rels\\.rels"] {
+            let marked = format!("\u{feff}{text}");
+            let (volume, _) = sixths(&archive_of(&[(name, &marked), (rels, &relations)]));
+            assert!(close(volume, 1.0, 1e-9), "{name}");
+        }
+    }
 }
 
 #[test]

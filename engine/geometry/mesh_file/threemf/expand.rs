@@ -7,13 +7,17 @@ use glam::{DAffine3, DVec3};
 use super::super::file::MeshFile;
 use super::super::names::{Label, Names};
 use super::model::{MaterialOf, Model, Object, Reference};
+use super::roles::Roles;
 use crate::geometry::surface::{Defect, PEAK_PER_TRIANGLE, SIMPLIFY, Surface};
 use crate::{printed, reserve};
 
 type Models = HashMap<String, Model>;
 
-/// The triangles that the model `root` builds, in its unit.
-pub(super) fn expand(models: &Models, root: &str) -> Result<MeshFile, Defect> {
+/// Contents that a message lists.
+const MOST_LEFT_OUT: usize = 12;
+
+/// The triangles that the model `root` builds, in its unit, but for those with `roles`.
+pub(super) fn expand(models: &Models, root: &str, roles: &Roles) -> Result<MeshFile, Defect> {
     let Some(model) = models.get(root) else {
         return Err(Defect::new(
             format!("not a 3MF file: it holds no model \"{}\"", printed::line(root)),
@@ -38,7 +42,10 @@ pub(super) fn expand(models: &Models, root: &str) -> Result<MeshFile, Defect> {
         .map_err(|error| Defect::new(error.to_string(), ""))?;
     let mut made = Made {
         models,
+        root,
+        roles,
         counts: &counts,
+        left_out: Vec::new(),
         unit: model.unit,
         surface: Surface::default(),
         names: Names::default(),
@@ -46,7 +53,15 @@ pub(super) fn expand(models: &Models, root: &str) -> Result<MeshFile, Defect> {
     for item in &model.build {
         made.add(root, item, DAffine3::IDENTITY, &mut Vec::new())?;
     }
-    Ok(MeshFile { surface: made.surface, names: made.names, unit: Some(model.unit) })
+    let (surface, names, left_out) = (made.surface, made.names, made.left_out.join("; "));
+    if names.of_triangles().is_empty() && !left_out.is_empty() {
+        return Err(Defect::new(format!("nothing is left of its objects: {left_out}"), "build"));
+    }
+    let warnings = match left_out.is_empty() {
+        true => Vec::new(),
+        false => vec![format!("left out of the file: {left_out}")],
+    };
+    Ok(MeshFile { surface, names, unit: Some(model.unit), warnings })
 }
 
 /// Triangles by model and object; `None` while they are counted.
@@ -103,6 +118,11 @@ const DEEPEST: usize = 64;
 
 struct Made<'a> {
     models: &'a Models,
+    /// Name of the first model.
+    root: &'a str,
+    roles: &'a Roles,
+    /// Contents that are no parts of the model, in words.
+    left_out: Vec<String>,
     counts: &'a Counts<'a>,
     /// Of the root, m.
     unit: f64,
@@ -120,24 +140,59 @@ impl<'a> Made<'a> {
         above: &mut Vec<String>,
     ) -> Result<(), Defect> {
         let (model, object) = found(self.models, here, reference)?;
+        let name = printed::line(&object.name);
+        if let Some(role) = object.role {
+            self.leave_out(&format!("\"{name}\""), role.reason());
+            return Ok(());
+        }
+        for shape in &object.left_out {
+            let what = format!("{} of \"{name}\"", printed::line(shape));
+            self.leave_out(&what, "an extension: only triangles are read");
+        }
         // Objects without triangles may contain each other without end.
         if self.counts.get(&(model, reference.object)) == Some(&Some(0)) {
             return Ok(());
         }
         let place = around * reference.place;
         above.push(object.name.clone());
-        self.add_mesh(model, object, place, above)?;
+        let id = (model == self.root).then_some(reference.object);
+        let marked = id.map_or_else(Vec::new, |id| self.roles.marked(id, object.triangles.len()));
+        let roles = self.roles;
+        for ([first, last], role) in id.map_or(&[][..], |id| roles.of_triangles(id)) {
+            let what = format!("triangles {first} to {last} of \"{name}\"");
+            self.leave_out(&what, role.reason());
+        }
+        self.add_mesh(model, (object, &marked), place, above)?;
         for component in &object.components {
-            self.add(model, component, place, above)?;
+            let role = id.and_then(|id| self.roles.of_component(id, component.object));
+            match role {
+                Some(role) => {
+                    let what = format!("component {} of \"{name}\"", component.object);
+                    self.leave_out(&what, role.reason());
+                }
+                None => self.add(model, component, place, above)?,
+            }
         }
         above.pop();
         Ok(())
     }
 
+    fn leave_out(&mut self, what: &str, reason: &str) {
+        let words = format!("{what} ({reason})");
+        match self.left_out.len() {
+            MOST_LEFT_OUT => self.left_out.push("and more".to_owned()),
+            count if count < MOST_LEFT_OUT && !self.left_out.contains(&words) => {
+                self.left_out.push(words);
+            }
+            _ => {}
+        }
+    }
+
+    /// Adds the triangles of an object that are not marked.
     fn add_mesh(
         &mut self,
         model: &str,
-        object: &Object,
+        (object, marked): (&Object, &[bool]),
         place: DAffine3,
         objects: &[String],
     ) -> Result<(), Defect> {
@@ -148,7 +203,10 @@ impl<'a> Made<'a> {
         // A mirror turns triangles round.
         let mirrored = place.matrix3.determinant() < 0.0;
         let mut label: Option<(Option<[u32; 2]>, u32)> = None;
-        for (triangle, number) in object.triangles.iter().zip(1_u64..) {
+        for (triangle, number) in object.triangles.iter().zip(1_usize..) {
+            if marked.get(number - 1) == Some(&true) {
+                continue;
+            }
             let key = triangle.material.as_ref().map(MaterialOf::key);
             let label = match label {
                 Some((last, label)) if last == key => label,

@@ -4,9 +4,11 @@ use std::collections::HashMap;
 use std::str::FromStr;
 
 use glam::{DAffine3, DMat3, DVec3};
-use quick_xml::Reader;
+use quick_xml::NsReader;
 use quick_xml::events::{BytesStart, Event};
+use quick_xml::name::{QName, ResolveResult};
 
+use super::roles::Role;
 use crate::geometry::surface::Defect;
 use crate::printed;
 
@@ -19,6 +21,14 @@ const UNITS: [(&str, f64); 6] = [
     ("foot", 0.3048),
     ("meter", 1.0),
 ];
+
+/// Beginning of the name spaces of extensions, whose years follow.
+const EXTENSIONS: &str = "http://schemas.microsoft.com/3dmanufacturing/";
+/// Extensions that this reader follows, or that leave the geometry as it is.
+const FOLLOWED: [&str; 4] = ["production/", "material/", "trianglesets/", "slice/"];
+/// Elements of extensions in place of triangles, or beside them.
+const SHAPES: [&str; 5] =
+    ["beamlattice", "booleanshape", "displacementmesh", "levelset", "volumetricstack"];
 
 #[derive(Debug)]
 pub(super) struct Model {
@@ -34,6 +44,10 @@ pub(super) struct Model {
 #[derive(Debug, Default)]
 pub(super) struct Object {
     pub(super) name: String,
+    /// `None`: a part of the model.
+    pub(super) role: Option<Role>,
+    /// Shapes of extensions, which are left out.
+    pub(super) left_out: Vec<String>,
     pub(super) material: Option<MaterialOf>,
     pub(super) vertices: Vec<DVec3>,
     pub(super) triangles: Vec<Triangle>,
@@ -73,7 +87,7 @@ pub(super) struct Reference {
 
 impl Model {
     pub(super) fn read(text: &str) -> Result<Self, Defect> {
-        let mut reader = Reader::from_str(text);
+        let mut reader = NsReader::from_str(text);
         let mut reading = Reading::default();
         // Lines are counted as far as they are needed.
         let (mut line, mut counted) = (1_u32, 0);
@@ -86,19 +100,28 @@ impl Model {
             line
         };
         loop {
-            let event = reader.read_event();
+            let event = reader.read_resolved_event();
+            let event = event.map(|(space, event)| (reading.is_core(&space), event));
             let position = reader.buffer_position();
             let line = last_line(position);
             // Most programs write a model as one line.
             let place = || format!("line {line}, before byte {position}");
             let at = |problem: String| Defect::new(problem, place());
-            match event {
-                Err(error) => return Err(at(format!("not valid XML: {error}"))),
-                Ok(Event::Eof) => return reading.end(),
-                Ok(Event::Start(tag) | Event::Empty(tag)) => {
-                    reading.begin(&tag, line).map_err(at)?;
+            let invalid = |error| at(format!("not valid XML: {error}"));
+            match event.map_err(invalid)? {
+                (_, Event::Eof) => return reading.end(),
+                (true, Event::Start(tag) | Event::Empty(tag)) => {
+                    reading.begin(&tag, line, &reader).map_err(at)?;
                 }
-                Ok(_) => {}
+                // Elements of extensions may have the names of others.
+                (false, Event::Start(tag)) => {
+                    reading.extension(&tag).map_err(at)?;
+                    reader.read_to_end(tag.to_end().name()).map_err(invalid)?;
+                }
+                (false, Event::Empty(tag)) => reading.extension(&tag).map_err(at)?,
+                (true, Event::End(tag)) => reading.finish(tag.local_name().into_inner()),
+                (_, Event::Text(text)) => reading.text(&text),
+                _ => {}
             }
         }
     }
@@ -106,7 +129,7 @@ impl Model {
 
 /// The target of the first relation whose kind ends so.
 pub(super) fn target(text: &str, kind: &str) -> Option<String> {
-    let mut reader = Reader::from_str(text);
+    let mut reader = quick_xml::Reader::from_str(text);
     loop {
         match reader.read_event().ok()? {
             Event::Eof => return None,
@@ -128,15 +151,73 @@ pub(super) fn target(text: &str, kind: &str) -> Option<String> {
 #[derive(Default)]
 struct Reading {
     unit: Option<f64>,
+    /// Name space of the element "model", and so of all elements of the core; `None` before it.
+    core: Option<String>,
     objects: HashMap<u32, Object>,
     materials: HashMap<u32, Option<Vec<String>>>,
     build: Vec<Reference>,
     object: Option<u32>,
     names: Option<u32>,
+    /// Role of the object in work if the text that follows is "True".
+    setting: Option<Role>,
 }
 
 impl Reading {
-    fn begin(&mut self, tag: &BytesStart<'_>, line: u32) -> Result<(), String> {
+    /// Checks whether an element belongs to the core, by its name space: the space of the root, none, or the space
+    /// of materials, where some programs write their names.
+    fn is_core(&mut self, space: &ResolveResult<'_>) -> bool {
+        match space {
+            ResolveResult::Unbound => true,
+            ResolveResult::Unknown(_) => false,
+            ResolveResult::Bound(space) => {
+                let space = space.into_inner();
+                let core = self.core.get_or_insert_with(|| space.to_owned());
+                let extension = || space.strip_prefix(EXTENSIONS);
+                core == space || extension().is_some_and(|name| name.starts_with("material/"))
+            }
+        }
+    }
+
+    /// An element that has no meaning in the core: a resource without names of materials, or a shape.
+    fn extension(&mut self, tag: &BytesStart<'_>) -> Result<(), String> {
+        let name = tag.local_name().into_inner();
+        match name {
+            "colorgroup" | "texture2dgroup" | "compositematerials" | "multiproperties" => {
+                self.materials.insert(Attributes::of(tag)?.number("id")?, None);
+            }
+            _ if SHAPES.contains(&name) => {
+                if let Some(object) = self.object.and_then(|id| self.objects.get_mut(&id)) {
+                    object.left_out.push(name.to_owned());
+                }
+            }
+            _ => {}
+        }
+        Ok(())
+    }
+
+    fn text(&mut self, text: &str) {
+        if let Some(role) = self.setting
+            && text.trim().eq_ignore_ascii_case("true")
+            && let Some(object) = self.object.and_then(|id| self.objects.get_mut(&id))
+        {
+            object.role = Some(role);
+        }
+    }
+
+    fn finish(&mut self, name: &str) {
+        match name {
+            "object" => self.object = None,
+            "metadata" => self.setting = None,
+            _ => {}
+        }
+    }
+
+    fn begin(
+        &mut self,
+        tag: &BytesStart<'_>,
+        line: u32,
+        reader: &NsReader<&[u8]>,
+    ) -> Result<(), String> {
         let name = tag.local_name().into_inner();
         match name {
             "vertex" => {
@@ -162,28 +243,20 @@ impl Reading {
                 let material = attributes.material("p1", object.material, line)?;
                 object.triangles.push(Triangle { corners, material });
             }
-            "object" => {
-                let attributes = Attributes::of(tag)?;
-                let id: u32 = attributes.number("id")?;
-                let named = ["name", "partnumber"].into_iter().find_map(|key| attributes.text(key));
-                let object = Object {
-                    name: named
-                        .filter(|it| !it.trim().is_empty())
-                        .unwrap_or_else(|| id.to_string()),
-                    material: attributes.material("pindex", None, line)?,
-                    ..Object::default()
-                };
-                if self.objects.insert(id, object).is_some() {
-                    return Err(format!("two objects have the id {id}"));
-                }
-                self.object = Some(id);
-            }
+            "object" => self.begin_object(&Attributes::of(tag)?, line)?,
             "component" => {
                 let reference = Attributes::of(tag)?.reference()?;
                 self.object(name)?.components.push(reference);
             }
             "item" => self.build.push(Attributes::of(tag)?.reference()?),
-            "model" => self.unit = Some(Attributes::of(tag)?.unit()?),
+            "metadata" if self.object.is_some() => {
+                self.setting = Attributes::of(tag)?.get("name").and_then(Role::of_setting);
+            }
+            "model" => {
+                let attributes = Attributes::of(tag)?;
+                attributes.check_extensions(reader)?;
+                self.unit = Some(attributes.unit()?);
+            }
             "basematerials" => {
                 let id = Attributes::of(tag)?.number("id")?;
                 self.materials.insert(id, Some(Vec::new()));
@@ -194,11 +267,29 @@ impl Reading {
                 let names = self.names.and_then(|id| self.materials.get_mut(&id)?.as_mut());
                 names.ok_or("a base material outside of \"basematerials\"")?.push(name);
             }
-            "colorgroup" | "texture2dgroup" | "compositematerials" | "multiproperties" => {
-                self.materials.insert(Attributes::of(tag)?.number("id")?, None);
-            }
-            _ => {}
+            _ => self.extension(tag)?,
         }
+        Ok(())
+    }
+
+    fn begin_object(&mut self, attributes: &Attributes<'_>, line: u32) -> Result<(), String> {
+        let id: u32 = attributes.number("id")?;
+        // Slices are finer than the triangles then.
+        if attributes.in_extension("meshresolution") == Some("lowres") {
+            let problem = "has slices in place of a fine mesh (meshresolution \"lowres\")";
+            return Err(format!("the object {id} {problem}; allowed: \"fullres\""));
+        }
+        let named = ["name", "partnumber"].into_iter().find_map(|key| attributes.text(key));
+        let object = Object {
+            role: attributes.get("type").map_or(Ok(None), Role::of_type)?,
+            name: named.filter(|it| !it.trim().is_empty()).unwrap_or_else(|| id.to_string()),
+            material: attributes.material("pindex", None, line)?,
+            ..Object::default()
+        };
+        if self.objects.insert(id, object).is_some() {
+            return Err(format!("two objects have the id {id}"));
+        }
+        self.object = Some(id);
         Ok(())
     }
 
@@ -215,8 +306,8 @@ impl Reading {
     }
 }
 
-/// Attributes of an element by their local names.
-struct Attributes<'a>(Vec<(&'a str, String)>);
+/// Attributes of an element: whether they have a prefix, their local names, and their values.
+struct Attributes<'a>(Vec<(bool, &'a str, String)>);
 
 impl<'a> Attributes<'a> {
     fn of(tag: &'a BytesStart<'_>) -> Result<Self, String> {
@@ -228,13 +319,42 @@ impl<'a> Attributes<'a> {
                 .normalized_value(quick_xml::XmlVersion::Implicit1_0)
                 .map_err(|error| bad(&error))?
                 .into_owned();
-            found.push((attribute.key.local_name().into_inner(), value));
+            let (name, prefix) = attribute.key.decompose();
+            found.push((prefix.is_some(), name.into_inner(), value));
         }
         Ok(Self(found))
     }
 
     fn get(&self, key: &str) -> Option<&str> {
-        self.0.iter().find(|(found, _)| *found == key).map(|(_, value)| value.as_str())
+        self.0.iter().find(|(extends, found, _)| !extends && *found == key).map(|it| it.2.as_str())
+    }
+
+    /// An attribute with a prefix.
+    fn in_extension(&self, key: &str) -> Option<&str> {
+        self.0.iter().find(|(extends, found, _)| *extends && *found == key).map(|it| it.2.as_str())
+    }
+
+    /// Refuses extensions that a file requires and that change its geometry.
+    fn check_extensions(&self, reader: &NsReader<&[u8]>) -> Result<(), String> {
+        for prefix in self.get("requiredextensions").unwrap_or_default().split_whitespace() {
+            let name = format!("{prefix}:x");
+            let (space, _) = reader.resolver().resolve_element(QName(&name));
+            let space = match space {
+                ResolveResult::Bound(space) => space.into_inner().to_owned(),
+                _ => format!("the prefix \"{prefix}\", which has no name space"),
+            };
+            let is_followed = space
+                .strip_prefix(EXTENSIONS)
+                .is_some_and(|rest| FOLLOWED.iter().any(|known| rest.starts_with(known)));
+            if !is_followed {
+                let known = FOLLOWED.map(|known| known.trim_end_matches('/')).join(", ");
+                let space = printed::line(&space);
+                return Err(format!(
+                    "requires the extension {space}; allowed: {known}. Export it as triangles alone"
+                ));
+            }
+        }
+        Ok(())
     }
 
     fn text(&self, key: &str) -> Option<String> {
@@ -273,7 +393,7 @@ impl<'a> Attributes<'a> {
     fn reference(&self) -> Result<Reference, String> {
         Ok(Reference {
             object: self.number("objectid")?,
-            path: self.text("path"),
+            path: self.in_extension("path").map(str::to_owned),
             place: self.get("transform").map_or(Ok(DAffine3::IDENTITY), place)?,
         })
     }
