@@ -119,11 +119,12 @@ pub(super) fn words() -> Vec<TableRow> {
 }
 
 /// Meanings of the counts of a tally.
-const MEANINGS: [(&str, &str); 13] = [
+const MEANINGS: [(&str, &str); 14] = [
     ("rays", "traced as straight lines, with refraction to first order"),
     ("exact", "traced exactly, surface by surface, because they graze a surface"),
     ("split", "rectangles that refinement has split"),
     ("unbalanced", "rays that entered and left some object unequally often; should be 0"),
+    ("negative", "rays with a negative path in a material, by objects with defects; should be 0"),
     (
         "unordered",
         "rays that could not be followed exactly and keep their first order; should be 0",

@@ -1,14 +1,13 @@
 //! One object as a closed, oriented surface in the world.
 
 use glam::DVec3;
-use rayon::prelude::*;
 
 use super::Component;
+use super::orientation::{Orientation, around};
 use super::placed::Prototype;
 use super::search::{Search, winding_by_solid_angle};
-use super::surface::{Defect, Surface, bounds_of, encloses, in_mm};
+use super::surface::{Defect, Surface, bounds_of};
 use super::topology::{self, Edge};
-use super::tree::Tree;
 use crate::numbers;
 
 /// A surface, its components turned so that material lies behind every triangle.
@@ -45,12 +44,10 @@ impl Body {
         if components.is_empty() {
             return Err(Defect::new("the surface encloses no volume", ""));
         }
-        let depths = depths(&surface, &mut search, &triangle_component, &components);
-        let turned: Vec<bool> = components
-            .iter()
-            .zip(&depths)
-            .map(|(component, depth)| (component.volume > 0.0) != (depth % 2 == 0))
-            .collect();
+        let around = around(&surface, &mut search, &triangle_component, &components);
+        let orientation = Orientation::of(&components, &around);
+        warnings.extend(orientation.warnings(&components));
+        let Orientation { turned, filled } = orientation;
         for (triangle, component) in surface.triangles.iter_mut().zip(&triangle_component) {
             if turned[*component as usize] {
                 triangle.swap(1, 2);
@@ -61,14 +58,10 @@ impl Body {
                 component.volume = -component.volume;
             }
         }
-        if let Some(first) = turned.iter().position(|turned| *turned) {
-            let [low, high] = corners_of(&components[first]);
-            warnings.push(format!(
-                "{} of {} parts were inside out and have been turned (the first around {})",
-                turned.iter().filter(|turned| **turned).count(),
-                turned.len(),
-                in_mm(low.midpoint(high))
-            ));
+        if filled.contains(&true) {
+            let wanted = filled.iter().map(|filled| !filled).collect();
+            keep(wanted, &mut surface, &mut triangle_component, &mut components);
+            search = None;
         }
         Ok(Self { surface, triangle_component, components, warnings, search })
     }
@@ -212,7 +205,7 @@ pub(super) fn is_flat(volume: f64, area: f64) -> bool {
 /// Removes components that enclose nothing, such as a sheet folded onto itself: they have no
 /// outside, and change nothing.
 fn drop_flat(surface: &mut Surface, of: &mut Vec<u32>, components: &mut Vec<Component>) -> usize {
-    let solid = |it: &Component| !is_flat(it.volume, it.area);
+    let solid = components.iter().map(|it| !is_flat(it.volume, it.area)).collect();
     keep(solid, surface, of, components)
 }
 
@@ -224,7 +217,7 @@ fn drop_thin(surface: &mut Surface, of: &mut Vec<u32>, components: &mut Vec<Comp
         let reach = low.abs().max(high.abs()).max_element();
         it.volume.abs() > 0.25 * f64::from(f32::EPSILON) * reach * it.area
     };
-    keep(thick, surface, of, components);
+    keep(components.iter().map(thick).collect(), surface, of, components);
 }
 
 /// A surface without the components that are thinner than f32 resolves.
@@ -237,12 +230,11 @@ pub(super) fn without_thin(mut surface: Surface) -> Surface {
 
 /// Keeps the components that are wanted; gives the number of others.
 fn keep(
-    wanted: impl Fn(&Component) -> bool,
+    solid: Vec<bool>,
     surface: &mut Surface,
     of: &mut Vec<u32>,
     components: &mut Vec<Component>,
 ) -> usize {
-    let solid: Vec<bool> = components.iter().map(wanted).collect();
     let flat = solid.iter().filter(|solid| !**solid).count();
     if flat == 0 {
         return 0;
@@ -265,70 +257,4 @@ fn keep(
     let mut solid = solid.into_iter();
     components.retain(|_| solid.next().unwrap_or(true));
     flat
-}
-
-/// How many other components of the object each component lies in.
-fn depths(
-    surface: &Surface,
-    search: &mut Option<Search>,
-    of: &[u32],
-    components: &[Component],
-) -> Vec<usize> {
-    if components.len() == 1 {
-        return vec![0];
-    }
-    let boxes: Vec<[DVec3; 2]> = components.iter().map(corners_of).collect();
-    let tree = Tree::of_boxes(&boxes);
-    let around: Vec<Vec<u32>> = components
-        .par_iter()
-        .map(|inner| {
-            let mut around = Vec::new();
-            let bounds = corners_of(inner);
-            tree.around(bounds, |outer| {
-                let volume = components[outer as usize].volume;
-                if volume.abs() > inner.volume.abs() && encloses(boxes[outer as usize], bounds) {
-                    around.push(outer);
-                }
-            });
-            around.sort_unstable();
-            around
-        })
-        .collect();
-    if around.iter().all(Vec::is_empty) {
-        return vec![0; components.len()];
-    }
-    let mut members = vec![Vec::new(); components.len()];
-    for (triangle, component) in of.iter().enumerate() {
-        members[*component as usize].push(triangle);
-    }
-    let search = search.get_or_insert_with(|| Search::new(surface));
-    // Several points must agree, or a part that pokes into another would count as a void.
-    let contained = |inner: usize| {
-        let mut outers = around[inner].clone();
-        let triangles = &members[inner];
-        for triangle in triangles.iter().step_by(triangles.len().div_ceil(8)) {
-            if outers.is_empty() {
-                break;
-            }
-            let point = surface.corners(*triangle)[0];
-            match search.crossings(surface, point) {
-                Some(hits) => {
-                    let mut met: Vec<u32> =
-                        hits.iter().map(|(triangle, _)| of[*triangle]).collect();
-                    met.sort_unstable();
-                    let odd = |outer: &u32| {
-                        let first = met.partition_point(|it| it < outer);
-                        met[first..].iter().take_while(|it| *it == outer).count() % 2 == 1
-                    };
-                    outers.retain(odd);
-                }
-                None => outers.retain(|outer| {
-                    let shell = members[*outer as usize].iter().copied();
-                    winding_by_solid_angle(surface, shell, point).abs() > 0.5
-                }),
-            }
-        }
-        outers.len()
-    };
-    (0..components.len()).into_par_iter().map(contained).collect()
 }

@@ -37,7 +37,11 @@ impl NamedMesh {
     /// Volume that it encloses where it is closed, m3.
     #[must_use]
     pub fn volume(&self) -> f64 {
-        let corner = |vertex: u32| DVec3::from_array(self.vertices[vertex as usize]);
+        // About a place of it, or a mesh far from the origin loses its digits.
+        let place = self.vertices.first().copied().unwrap_or_default();
+        let corner = |vertex: u32| {
+            DVec3::from_array(self.vertices[vertex as usize]) - DVec3::from_array(place)
+        };
         let six = |triangle: &[u32; 3]| {
             let [a, b, c] = triangle.map(corner);
             a.dot(b.cross(c))

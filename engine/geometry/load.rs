@@ -16,6 +16,7 @@ use super::examined::{Examined, examine};
 use super::placed::{Group, Groups, Place, Prototype};
 use super::read::{FileOf, ReadSurface, failed, read_file, read_surface};
 use super::surface::{Defect, PEAK_PER_TRIANGLE, SIMPLIFY, in_mm};
+use super::trial::Trial;
 use super::watch::{LoadStep, Task, Watch, Watcher, watched};
 use super::{Contact, Sample, instances, mesh_file, nesting, placement};
 use crate::error::{Error, Result};
@@ -204,7 +205,7 @@ fn sample(scene: &Scene, loaded: Vec<Loaded>, contacts: bool, watch: &Watch) -> 
         groups.extend(object.group);
     }
     let begin = Instant::now();
-    let accepted = |note: &Note| note.defects.refused().then(|| note.defects.description());
+    let accepted = |note: &Note| note.defects.refused().then(|| note.defects.description(None));
     let defects: Vec<Option<String>> = notes.iter().map(accepted).collect();
     let mut groups =
         Groups::settle(groups, &mut bodies, &names, &defects, contacts, watch.nesting())?;
@@ -287,27 +288,32 @@ fn read_object(
     reserve::ask(needed, &format!("checking {label}"), SIMPLIFY)?;
     let alone = Placement { center: object.placement.center, ..Placement::default() };
     let placement = if object.instances.is_some() { &alone } else { &object.placement };
-    let Examined { surface, edges, search, defects, warnings: of_parts } =
+    let Examined { surface, edges, search, defects, apart, warnings: of_parts } =
         examine(surface, unit, placement, is_mesh, task)?.map_err(failed(&label))?;
-    let not_finite = defects.not_finite.count;
-    let refusal = if not_finite > 0 {
-        let problem = format!("the vertices of {not_finite} triangles are not finite numbers");
-        Some(Error::mesh(label.clone(), problem, defects.places()))
-    } else if defects.refused() && !object.allow_defects {
-        Some(Error::mesh(label.clone(), defects.problem(), defects.places()))
-    } else {
-        None
+    let refused = defects.refused().then(|| defects.description(apart));
+    let refusal = |trial: Option<Trial>| match &refused {
+        _ if defects.not_finite.count > 0 => {
+            let count = defects.not_finite.count;
+            let problem = format!("the vertices of {count} triangles are not finite numbers");
+            Some(Error::mesh(label.clone(), problem, defects.places()))
+        }
+        Some(why) if !object.allow_defects => {
+            Some(Error::mesh(label.clone(), format!("{why}; {}", remedy(trial)), defects.places()))
+        }
+        _ => None,
     };
     let mut body = match Body::new(surface, &edges, search, number) {
         Ok(body) => body,
         // A refused mesh may have no body.
-        Err(defect) => return Err(refusal.unwrap_or_else(|| failed(&label)(defect))),
+        Err(defect) => return Err(refusal(None).unwrap_or_else(|| failed(&label)(defect))),
     };
+    let trial = refused.is_some().then(|| Trial::of(&body.surface));
+    let refusal = refusal(trial);
     let mut warnings = defects.warnings();
     warnings.extend(of_parts);
     warnings.extend(read_warnings);
-    if defects.refused() && refusal.is_none() {
-        warnings.insert(0, format!("{} (accepted: allow_defects)", defects.description()));
+    if let (Some(why), Some(trial), None) = (&refused, trial, &refusal) {
+        warnings.insert(0, format!("{why} (accepted: allow_defects); {trial}"));
     }
     warnings.append(&mut body.warnings);
     let [low, high] = body.bounds();
@@ -329,6 +335,17 @@ fn read_object(
     log::info!("{label}: {parts} parts, read and checked in {seconds:.1} s");
     task.finish();
     Ok(Loaded { body, group, hash, defects, refusal })
+}
+
+/// Remedy for a mesh with defects, by the trial of its rays.
+fn remedy(trial: Option<Trial>) -> String {
+    match trial {
+        None => "repair the mesh".to_owned(),
+        Some(trial) if trial.is_sound() => {
+            format!("repair the mesh, or accept it with allow_defects = true ({trial})")
+        }
+        Some(trial) => format!("{trial}: repair the mesh"),
+    }
 }
 
 /// The places of an object with instances or an analytic surface; `prototype`: its surface, for that

@@ -1,10 +1,10 @@
 //! Geometry of the sample: welded, closed, oriented triangle surfaces in world metres.
 //!
-//! [`load`] reads the objects of a scene (`mesh_file`, `shapes`), welds and places them, unites touching
-//! parts of a mesh (`united`), refuses open and self-crossing meshes (`examined`, `defects`), turns
-//! inside-out ones (`body`), cuts away volumes covered by later objects (`overlap`), and finds which
-//! object surrounds which (`nesting`). [`check_clearance`] and [`Swept::fov_warnings`] compare the volume
-//! swept over the views with the set-up.
+//! [`load`] reads the objects of a scene (`mesh_file`, `shapes`), welds and places them (`joins`,
+//! `repeated`), unites touching parts of a mesh (`united`), refuses open and self-crossing meshes
+//! (`examined`, `defects`, `trial`), turns inside-out ones (`body`, `orientation`), cuts away volumes
+//! covered by later objects (`overlap`), and finds which object surrounds which (`nesting`).
+//! [`check_clearance`] and [`Swept::fov_warnings`] compare the volume swept over the views with the set-up.
 
 pub(crate) mod adjacency;
 mod analytic;
@@ -17,15 +17,18 @@ mod distance;
 mod examined;
 mod export;
 pub(crate) mod instances;
+mod joins;
 mod lids;
 pub(crate) mod load;
 mod mesh_file;
 mod nesting;
+mod orientation;
 mod overlap;
 mod placed;
 mod placement;
 mod polygon;
 pub(crate) mod read;
+mod repeated;
 mod search;
 mod shapes;
 mod sizes;
@@ -34,6 +37,7 @@ mod surface;
 mod swept;
 mod topology;
 mod tree;
+mod trial;
 mod united;
 mod watch;
 

@@ -50,6 +50,29 @@ impl Search {
             .then_some(hits)
     }
 
+    /// Distances at which a ray crosses triangles, ascending, with the winding number behind each relative
+    /// to the start: +1 where it enters. `None` if it hits an edge.
+    pub(super) fn windings(
+        &self,
+        surface: &Surface,
+        start: DVec3,
+        direction: DVec3,
+    ) -> Option<Vec<(f64, i32)>> {
+        let mut hits = Vec::new();
+        let is_clear = self.shoot(surface, start, direction, |triangle, sign| {
+            let [a, b, c] = surface.corners(triangle);
+            let normal = (b - a).cross(c - a);
+            hits.push(((a - start).dot(normal) / direction.dot(normal), -sign));
+        });
+        hits.sort_by(|a, b| a.0.total_cmp(&b.0));
+        let mut winding = 0;
+        for (_, change) in &mut hits {
+            winding += *change;
+            *change = winding;
+        }
+        is_clear.then_some(hits)
+    }
+
     /// Whether the crossings of the ray are unambiguous.
     fn shoot(
         &self,

@@ -1,11 +1,18 @@
 //! A triangle surface before it is part of a sample, and what can be wrong with it.
 
 use crate::numbers;
+use crate::units::Dimension::Length;
 use glam::{DAffine3, DVec3};
 use rayon::prelude::*;
 
 /// Peak bytes per triangle of a mesh while it is read and welded, as measured.
 pub(crate) const PEAK_PER_TRIANGLE: u64 = 160;
+/// Distance from the origin, in sizes of a surface, beyond which its coordinates are rounded about its
+/// centre: nearer ones lose at most two bits in f32.
+const FAR: f64 = 4.0;
+/// Rounding of numbers that were written as f32, share of their last place: nine decimal digits leave
+/// at most 0.042.
+const AS_SINGLE: f64 = 0.05;
 /// What may be done where a mesh does not fit.
 pub(super) const SIMPLIFY: &str = "simplify it, or raise the memory limit of this process";
 
@@ -33,11 +40,30 @@ pub(super) struct Surface {
     pub(super) not_finite: Vec<u32>,
 }
 
-/// What welding did.
+/// Result of welding.
 #[derive(Debug, Default)]
 pub(super) struct Welded {
     /// Triangles left out because two corners became one: number, and a corner.
     pub(super) dropped: Vec<(u32, DVec3)>,
+    pub(super) grain: Grain,
+}
+
+/// Resolution of the coordinates of a surface, in its unit.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct Grain {
+    /// Origin of rounding to f32: 0, or along an axis on which the surface is far away its centre.
+    about: DVec3,
+    /// Largest distance from that origin along an axis.
+    pub(super) reach: f64,
+    /// One unit of the last place of f32 at the size of the surface; of numbers that were f32, at their
+    /// size.
+    pub(super) step: f64,
+}
+
+/// One unit of the last place of f32 at a number.
+pub(super) fn last_place(of: f64) -> f64 {
+    let single = numbers::single(of.abs());
+    f64::from(single.next_up()) - f64::from(single)
 }
 
 impl Surface {
@@ -78,6 +104,12 @@ impl Surface {
         self.numbers.get(triangle as usize).copied().unwrap_or(triangle + 1)
     }
 
+    /// Number of a corner of a triangle, three for each: the one at a vertex that it has.
+    pub(super) fn corner_of(&self, triangle: u32, vertex: u32) -> u32 {
+        let [_, b, c] = self.triangles[triangle as usize];
+        3 * triangle + u32::from(b == vertex) + 2 * u32::from(c == vertex)
+    }
+
     /// The three corners of a triangle.
     pub(super) fn corners(&self, triangle: usize) -> [DVec3; 3] {
         // Spelled out: the compiler leaves a call of `map` where it is, a tenth of the time.
@@ -85,9 +117,31 @@ impl Surface {
         [self.vertices[a as usize], self.vertices[b as usize], self.vertices[c as usize]]
     }
 
-    /// Merges vertices that are equal in f32, the precision of STL files and of the device;
-    /// drops the triangles that this makes degenerate, and unused vertices.
+    /// The resolution of its coordinates.
+    fn grain(&self) -> Grain {
+        if self.vertices.is_empty() {
+            return Grain::default();
+        }
+        let [low, high] = self.bounds();
+        let size = (high - low).max_element();
+        let far = low.abs().max(high.abs());
+        let single =
+            |it: &f64| (it - f64::from(numbers::single(*it))).abs() <= AS_SINGLE * last_place(*it);
+        if self.vertices.par_iter().all(|it| it.to_array().iter().all(single)) {
+            let reach = far.max_element();
+            return Grain { about: DVec3::ZERO, reach, step: last_place(reach) };
+        }
+        let about =
+            DVec3::select(far.cmpgt(DVec3::splat(FAR * size)), low.midpoint(high), DVec3::ZERO);
+        let reach = (low - about).abs().max((high - about).abs()).max_element();
+        Grain { about, reach, step: last_place(reach.min(size)) }
+    }
+
+    /// Merges vertices that are equal in f32, the precision of STL files and of the device (about the
+    /// centre of a surface of finer numbers that is far from the origin); drops the triangles that this
+    /// makes degenerate, and unused vertices.
     pub(super) fn weld(&mut self) -> Welded {
+        let grain = self.grain();
         // Equal corners are adjacent, the first of each first.
         let mut sorted: Vec<u128> = self
             .triangles
@@ -95,7 +149,8 @@ impl Surface {
             .par_iter()
             .zip(0..u32::MAX)
             .map(|(vertex, corner)| {
-                let [x, y, z] = self.vertices[*vertex as usize].as_vec3().to_array().map(bits);
+                let vertex = self.vertices[*vertex as usize] - grain.about;
+                let [x, y, z] = vertex.as_vec3().to_array().map(bits);
                 u128::from(x) << 96 | u128::from(y) << 64 | u128::from(z) << 32 | u128::from(corner)
             })
             .collect();
@@ -136,7 +191,22 @@ impl Surface {
         if !dropped.is_empty() {
             self.forget_unused();
         }
-        Welded { dropped }
+        Welded { dropped, grain }
+    }
+
+    /// Puts the vertices `to` gives in the place of others; returns the triangles that are left out
+    /// because two corners became one: number, and a corner.
+    pub(super) fn replace_vertices(&mut self, to: &[u32]) -> Vec<(u32, DVec3)> {
+        self.triangles.as_flattened_mut().iter_mut().for_each(|it| *it = to[*it as usize]);
+        let is_line = |[a, b, c]: [u32; 3]| a == b || b == c || c == a;
+        let lines: Vec<bool> = self.triangles.iter().map(|it| is_line(*it)).collect();
+        let dropped = (0_u32..)
+            .zip(&lines)
+            .filter(|it| *it.1)
+            .map(|(at, _)| (self.number(at), self.corners(at as usize)[0]))
+            .collect();
+        self.keep(|triangle| !lines[triangle]);
+        dropped
     }
 
     /// Keeps the triangles that are wanted, and their vertices.
@@ -219,6 +289,11 @@ pub(super) fn near(a: [DVec3; 2], b: [DVec3; 2], margin: f64) -> bool {
 /// Whether the box `inner` lies in the box `outer`.
 pub(super) fn encloses(outer: [DVec3; 2], inner: [DVec3; 2]) -> bool {
     outer[0].cmple(inner[0]).all() && inner[1].cmple(outer[1]).all()
+}
+
+/// A length to two digits, for messages.
+pub(super) fn rounded(length: f64) -> String {
+    Length.format(format!("{length:.1e}").parse().unwrap_or(length))
 }
 
 /// A position in mm, for messages.

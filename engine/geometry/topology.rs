@@ -25,30 +25,42 @@ impl Edge {
 
 /// All edges of all triangles; edges between the same vertices are adjacent.
 pub(super) fn edges(surface: &Surface) -> Vec<Edge> {
-    let each: Vec<[Edge; 3]> = surface
-        .triangles
-        .par_iter()
-        .zip(0_u32..numbers::count(surface.triangles.len()))
-        .map(|([a, b, c], triangle)| {
-            [(*a, *b), (*b, *c), (*c, *a)].map(|(from, to)| {
-                let key = u64::from(from.min(to)) << 32 | u64::from(from.max(to));
-                Edge { key, triangle, upwards: from < to }
-            })
-        })
+    let each: Vec<[Edge; 3]> = (0..numbers::count(surface.triangles.len()))
+        .into_par_iter()
+        .map(|triangle| edges_of(surface, triangle))
         .collect();
     let mut edges = each.into_flattened();
     edges.par_sort_unstable();
     edges
 }
 
+/// The three edges of a triangle.
+pub(super) fn edges_of(surface: &Surface, triangle: u32) -> [Edge; 3] {
+    let [a, b, c] = surface.triangles[triangle as usize];
+    [[a, b], [b, c], [c, a]].map(|[from, to]| {
+        let key = u64::from(from.min(to)) << 32 | u64::from(from.max(to));
+        Edge { key, triangle, upwards: from < to }
+    })
+}
+
 /// Component of each triangle, and the number of components; components are numbered by their
-/// first triangle. Triangles belong together when they share an edge, not just a vertex.
+/// first triangle. Triangles belong together when they share an edge, not just a vertex. All pieces with
+/// open edges are one component: the volume of one of them says nothing about its orientation.
 pub(super) fn components(surface: &Surface, edges: &[Edge]) -> (Vec<u32>, u32) {
     let mut parent: Vec<u32> = (0_u32..).take(surface.triangles.len()).collect();
     for pair in edges.windows(2).filter(|pair| pair[0].key == pair[1].key) {
         join(&mut parent, [pair[0].triangle, pair[1].triangle]);
     }
+    let mut open = edges.chunk_by(|a, b| a.key == b.key).filter(|edge| !is_balanced(edge));
+    if let Some(first) = open.next() {
+        open.for_each(|edge| join(&mut parent, [first[0].triangle, edge[0].triangle]));
+    }
     labels(&mut parent)
+}
+
+/// True if equal numbers of triangles run along an edge in both directions.
+pub(super) fn is_balanced(edge: &[Edge]) -> bool {
+    2 * edge.iter().filter(|it| it.upwards).count() == edge.len()
 }
 
 /// Whether the triangles at one edge are two that run along it in opposite directions.

@@ -100,7 +100,7 @@ shared_constants! {
     MATERIALS_IN_REGISTERS: u32 = 4;
 
     /// Counters of a run.
-    TALLY_COUNTERS: usize = 5;
+    TALLY_COUNTERS: usize = 6;
     /// Rays that left some object more or less often than they entered it.
     TALLY_UNBALANCED: usize = 0;
     /// Rays that reached a limit.
@@ -111,6 +111,10 @@ shared_constants! {
     TALLY_NOT_FINITE: usize = 3;
     /// Rays that could not be followed exactly: the first order counts.
     TALLY_UNORDERED: usize = 4;
+    /// Rays with a negative path in a material.
+    TALLY_NEGATIVE: usize = 5;
+    /// Length of a negative path that counts, m: sums of paths are rounded to less.
+    NEGATIVE_PATH: f64 = 1e-7;
 
     /// The first order is not enough at some surface.
     FLAG_GRAZING: u32 = 1;

@@ -19,6 +19,8 @@ pub struct Tally {
     pub split: u64,
     /// Rays that entered and left some object unequally often after all re-tracing.
     pub unbalanced: u64,
+    /// Rays with a negative path in a material: a surface with defects is wound wrongly there.
+    pub negative: u64,
     /// Rays that could not be followed exactly after all re-tracing; they count with their first
     /// order.
     pub unordered: u64,
@@ -62,6 +64,7 @@ impl Tally {
             exact: f(self.exact, other.exact),
             split: f(self.split, other.split),
             unbalanced: f(self.unbalanced, other.unbalanced),
+            negative: f(self.negative, other.negative),
             unordered: f(self.unordered, other.unordered),
             retraced: f(self.retraced, other.retraced),
             dropped: f(self.dropped, other.dropped),

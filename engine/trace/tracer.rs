@@ -10,7 +10,8 @@ use crate::cancel::Cancel;
 use crate::gpu::{Buffer, Device, LazyKernel, Memory, Pace};
 use crate::interface::{
     Crossing, MATERIALS_IN_REGISTERS, MOMENTS_HEAD, Ray, RayResult, TALLY_COUNTERS, TALLY_DROPPED,
-    TALLY_NOT_FINITE, TALLY_REFLECTED, TALLY_UNBALANCED, TALLY_UNORDERED, TracePush,
+    TALLY_NEGATIVE, TALLY_NOT_FINITE, TALLY_REFLECTED, TALLY_UNBALANCED, TALLY_UNORDERED,
+    TracePush,
 };
 use crate::numbers;
 use crate::scene::Transport;
@@ -368,6 +369,7 @@ impl Tracer {
             reflected: sums[TALLY_REFLECTED],
             not_finite: sums[TALLY_NOT_FINITE],
             unordered: sums[TALLY_UNORDERED],
+            negative: sums[TALLY_NEGATIVE],
             ..Tally::default()
         })
     }

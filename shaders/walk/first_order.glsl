@@ -81,6 +81,8 @@ void finish(uint index, inout Gathered all) {
     push.results.at[index] = result;
     sums_end(all.sums, index, result, all.run.balance);
     if ((result.flags & FLAG_NOT_FINITE) != 0u) atomicAdd(push.tally.at[TALLY_NOT_FINITE], 1u);
+    bool is_final = push.last != 0u || (result.flags & FLAG_UNBALANCED) == 0u;
+    if (is_final && path_is_negative(all.sums)) atomicAdd(push.tally.at[TALLY_NEGATIVE], 1u);
     if ((result.flags & FLAG_UNBALANCED) != 0u) {
         if (push.last != 0u) {
             atomicAdd(push.tally.at[TALLY_UNBALANCED], 1u);

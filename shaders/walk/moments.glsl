@@ -86,6 +86,16 @@ RayResult result_of(Sums sums, Run run) {
     return result;
 }
 
+// True if the path in a material other than the surroundings is negative: a surface with defects is
+// wound wrongly.
+bool path_is_negative(Sums sums) {
+    bool is_negative = false;
+    EACH_MATERIAL {
+        if (m > 0u && m < push.materials) is_negative = is_negative || sums.path[m] < -NEGATIVE_PATH;
+    }
+    return is_negative;
+}
+
 void sums_end(Sums sums, uint index, RayResult result, uint balance) {
     if (uvec2(push.moments) == uvec2(0u)) return;
     uint head = index * moments_stride();
@@ -144,6 +154,15 @@ RayResult result_of(Sums sums, Run run) {
         result.slope_z += k.delta * moments.at[base + MOMENTS_SLOPE + 1u];
     }
     return result;
+}
+
+bool path_is_negative(Sums sums) {
+    Floats moments = floats_of(push.moments);
+    bool is_negative = false;
+    for (uint m = 1u; m < push.materials; m++) {
+        is_negative = is_negative || moments.at[sums_place(sums, m) + MOMENTS_PATH] < -NEGATIVE_PATH;
+    }
+    return is_negative;
 }
 
 void sums_end(Sums sums, uint index, RayResult result, uint balance) {

@@ -425,11 +425,7 @@ fn stl_files_that_lie_are_refused() {
         ("a.stl", vec![], &["0 bytes are too few"]),
         ("a.stl", good[..90].to_vec(), &["this file has 90"]),
         ("a.stl", nan, &["12 triangles are not finite", "triangle 1\n", "the first 10"]),
-        (
-            "a.stl",
-            open,
-            &["not closed", "4 edges used by one triangle only", "allow_defects", "mm"],
-        ),
+        ("a.stl", open, &["not closed", "4 edges used by one triangle only", "trial rays", "mm"]),
         (
             "a.stl",
             text_stl().replacen("endloop", "vertex 0 0 0\nendloop", 1).into(),
@@ -609,4 +605,45 @@ fn open_mesh_runs_where_defects_are_allowed_and_the_tally_says_so() {
     assert!(record["tally"]["unbalanced"].as_u64().unwrap() > 0, "{record}");
     let resolved = fs::read_to_string(place.directory.path().join("run/scene.toml")).unwrap();
     assert!(resolved.contains("allow_defects = true"), "{resolved}");
+}
+
+#[test]
+fn mesh_with_negative_paths_is_accepted_by_name_alone_and_its_rays_are_counted() {
+    // Both faces across the beam are turned round: a ray leaves the cube before it enters it.
+    let mut turned = stl();
+    for triangle in 4..8 {
+        let corners = 84 + 50 * triangle + 12;
+        let (second, third) = turned[corners + 12..corners + 36].split_at_mut(12);
+        second.swap_with_slice(third);
+    }
+    let place = Workplace::new().mesh("turned.stl", turned);
+    let run = |arguments: &[&str]| {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_beamlet"));
+        command.current_dir(place.directory.path()).args(arguments).output().unwrap()
+    };
+    let refused = run(&["simulate", "scene.toml", "-o", "run"]);
+    let message = String::from_utf8_lossy(&refused.stderr);
+    assert!(message.contains("wind opposite ways"), "{message}");
+    assert!(message.contains("of 4096 trial rays") && message.contains("negative paths, to -"));
+    assert!(!message.contains("allow_defects"), "{message}");
+    let allowed = ["simulate", "scene.toml", "-o", "run", "--set", "object[0].allow_defects=true"];
+    let output = run(&allowed);
+    let (text, message) =
+        (String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr));
+    assert!(output.status.success(), "{message}");
+    assert!(message.contains("(accepted: allow_defects)"), "{message}");
+    assert!(text.contains("rays with negative paths"), "{text}");
+    let record = fs::read(place.directory.path().join("run/run.json")).unwrap();
+    let record: serde_json::Value = serde_json::from_slice(&record).unwrap();
+    let count = |key: &str| record["tally"][key].as_u64().unwrap();
+    // Of the rays at 0 degrees, most through the cube; none is out of balance there.
+    assert!(count("negative") > 0 && count("negative") < count("rays"), "{record}");
+    // The cube without defects has none.
+    let sound = Workplace::new();
+    let mut command = Command::new(env!("CARGO_BIN_EXE_beamlet"));
+    command.current_dir(sound.directory.path()).args(["simulate", "scene.toml", "-o", "run"]);
+    assert!(command.output().unwrap().status.success());
+    let record = fs::read(sound.directory.path().join("run/run.json")).unwrap();
+    let record: serde_json::Value = serde_json::from_slice(&record).unwrap();
+    assert_eq!(record["tally"]["negative"], 0);
 }

@@ -3,6 +3,7 @@
 use std::collections::HashMap;
 
 use arrayvec::ArrayVec;
+use glam::DVec3;
 use rayon::prelude::*;
 
 use super::found::DefectCount;
@@ -21,6 +22,14 @@ pub(in crate::geometry) const ENOUGH: usize = 100_000;
 /// Pairs of one leaf after which it is left alone.
 const ENOUGH_OF_ONE: usize = 1000;
 
+/// A pair of triangles that pass through or lie on each other, in their order.
+#[derive(Debug, Clone, Copy)]
+pub(in crate::geometry) struct CrossingPair {
+    pub(in crate::geometry) triangles: [u32; 2],
+    /// A place of both, where they lie in one plane.
+    pub(in crate::geometry) fold: Option<DVec3>,
+}
+
 /// A pair of triangles, in their order, and their intersection.
 type MeetingPair = (u32, u32, TriangleContact);
 
@@ -34,7 +43,7 @@ pub(super) fn find(
     tree: &Tree,
     resolved: f64,
     task: Task<'_>,
-) -> Result<(DefectCount, Vec<[u32; 2]>)> {
+) -> Result<(DefectCount, Vec<CrossingPair>)> {
     let mut met: Vec<MeetingPair> = Vec::new();
     let mut passed = 0;
     let leaves = tree.leaves();
@@ -46,7 +55,7 @@ pub(super) fn find(
         task.reach((number * CHUNK) as u64);
         let partners = |leaves: &[u32]| partners(surface, tree, leaves, resolved);
         let chunk: Vec<MeetingPair> = chunk.par_chunks(TOGETHER).flat_map_iter(partners).collect();
-        passed += chunk.iter().filter(|it| matches!(it.2, TriangleContact::Crossing(_))).count();
+        passed += chunk.iter().filter(|it| !matches!(it.2, TriangleContact::Graze { .. })).count();
         met.extend(chunk);
         // Some pairs are found twice.
         if passed >= 2 * ENOUGH {
@@ -59,17 +68,19 @@ pub(super) fn find(
     let mut grazes = HashMap::new();
     for (first, second, contact) in met {
         let place = match contact {
-            TriangleContact::Crossing(place) => Some(place),
+            TriangleContact::Crossing(place) => Some((place, None)),
+            TriangleContact::Coplanar(place) => Some((place, Some(place))),
             TriangleContact::Graze { edge, through, side, place } => {
                 // Alone it is a touch; with the triangle beyond the edge, a crossing.
                 let sides = grazes.entry((edge, through)).or_insert([false; 2]);
                 sides[usize::from(side)] = true;
-                (*sides == [true; 2]).then_some(place)
+                (*sides == [true; 2]).then_some((place, None))
             }
         };
-        if let Some(place) = place {
-            found.add(&[first, second].map(|it| surface.number(it)), || Some(place));
-            pairs.push([first, second]);
+        if let Some((place, fold)) = place {
+            let triangles = [first, second];
+            found.add(&triangles.map(|it| surface.number(it)), || Some(place));
+            pairs.push(CrossingPair { triangles, fold });
         }
     }
     Ok((found, pairs))
@@ -104,7 +115,11 @@ mod tests {
     use super::*;
     use crate::geometry::polygon;
     use crate::geometry::tree::Tree;
-    use glam::{DMat3, DVec2, DVec3};
+    use glam::{DMat3, DVec2};
+
+    fn is_crossing(contact: Option<TriangleContact>) -> bool {
+        contact.is_some_and(|it| !matches!(it, TriangleContact::Graze { .. }))
+    }
 
     /// Triangles from one vertex to points around it; `mixed` of them change their places.
     fn fan(count: u32, mixed: usize, tilt: f64) -> Surface {
@@ -139,7 +154,7 @@ mod tests {
             let all = (0..count).flat_map(|a| (a + 1..count).map(move |b| (a, b)));
             let met = |&(a, b): &(u32, u32)| {
                 let [a, b] = [a, b].map(|it| Facet::new(&surface, it));
-                matches!(contact(&a, &b, resolved), Some(TriangleContact::Crossing(_)))
+                is_crossing(contact(&a, &b, resolved))
             };
             let want: Vec<_> = all.filter(met).take(100_000).collect();
             assert_eq!(found.count, want.len(), "{mixed} {tilt}");
@@ -210,7 +225,7 @@ mod tests {
                 let all = (0..count).flat_map(|a| (a + 1..count).map(move |b| (a, b)));
                 let met = |&(a, b): &(u32, u32)| {
                     let [a, b] = [a, b].map(|it| Facet::new(&surface, it));
-                    matches!(contact(&a, &b, resolved), Some(TriangleContact::Crossing(_)))
+                    is_crossing(contact(&a, &b, resolved))
                 };
                 let want = all.filter(met).count();
                 // Edges that graze count besides, in the order of the triangles.

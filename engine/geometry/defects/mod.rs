@@ -12,31 +12,34 @@ mod triangles;
 mod vertices;
 mod words;
 
-pub(super) use crossings::ENOUGH as MOST_PAIRS;
+pub(super) use crossings::{CrossingPair, ENOUGH as MOST_PAIRS};
 pub use found::{DefectCount, DefectPlace, Defects};
+pub(super) use triangles::{duplicate, width};
 
 use super::search::Search;
-use super::surface::{Surface, Welded};
+use super::surface::Surface;
 use super::topology::Edge;
 use super::watch::Task;
 use crate::error::Result;
+use glam::DVec3;
 
-/// Examines a welded surface in the world. `resolved` is the length that f32 resolves of it, m;
-/// with `search` also for triangles that pass through each other, whose pairs it gives, too: all of
-/// them, or [`MOST_PAIRS`] and more.
+/// Examines a welded surface in the world; `dropped`: triangles without area that were left out. `in_file`
+/// and `resolved` are the lengths that its numbers and that f32 resolve in the world, m. With `search` it
+/// also gives the pairs of triangles that pass through each other: all of them, or [`MOST_PAIRS`] and
+/// more.
 ///
 /// # Errors
 /// [`crate::Error::Interrupted`].
 pub(super) fn find(
     surface: &Surface,
     edges: &[Edge],
-    welded: &Welded,
-    resolved: f64,
+    dropped: &[(u32, DVec3)],
+    [in_file, resolved]: [f64; 2],
     search: Option<&Search>,
     task: Task<'_>,
-) -> Result<(Defects, Vec<[u32; 2]>)> {
+) -> Result<(Defects, Vec<CrossingPair>)> {
     let ((non_manifold_vertices, duplicate_triangles), self_intersections) = rayon::join(
-        || rayon::join(|| vertices::pinched(surface, edges), || triangles::duplicate(surface)),
+        || rayon::join(|| vertices::pinched(surface, edges), || duplicate(surface)),
         || search.map(|search| crossings::find(surface, &search.tree, resolved, task)).transpose(),
     );
     let (self_intersections, pairs) = self_intersections?.unwrap_or_default();
@@ -44,7 +47,7 @@ pub(super) fn find(
         non_manifold_vertices,
         duplicate_triangles,
         self_intersections,
-        degenerate_triangles: triangles::degenerate(surface, welded, resolved),
+        degenerate_triangles: triangles::degenerate(surface, dropped, in_file),
         ..Defects::default()
     };
     edges::sort(surface, edges, &mut defects);

@@ -11,8 +11,10 @@ use crate::geometry::surface::Surface;
 /// Intersection of two triangles.
 #[derive(Debug, Clone, Copy)]
 pub(super) enum TriangleContact {
-    /// They pass through each other, or lie on each other.
+    /// They pass through each other.
     Crossing(DVec3),
+    /// They lie on each other, in one plane.
+    Coplanar(DVec3),
     /// An edge of one runs inside the other, and all of the one is on one side.
     Graze {
         /// The edge, as its vertices in ascending order.
@@ -173,7 +175,7 @@ pub(super) fn contact(one: &Facet, other: &Facet, resolved: f64) -> Option<Trian
     let (a, b) = (TriangleSide::new(a, of_a), TriangleSide::new(b, of_b));
     if in_one_plane {
         let plane = if level(of_a) { b.normal } else { a.normal };
-        return common_area(a.corners, b.corners, plane, resolved).map(TriangleContact::Crossing);
+        return common_area(a.corners, b.corners, plane, resolved).map(TriangleContact::Coplanar);
     }
     let along = a.normal.cross(b.normal).normalize_or_zero();
     let (of_a, of_b) = (a.interval(along), b.interval(along));

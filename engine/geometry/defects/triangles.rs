@@ -1,13 +1,18 @@
 //! Triangles without area, and triangles given twice.
 
+use glam::DVec3;
 use rayon::prelude::*;
 
 use super::found::DefectCount;
-use crate::geometry::surface::{Surface, Welded, bounds_of};
+use crate::geometry::surface::{Surface, bounds_of};
 use crate::numbers;
 
-/// Triangles that welding left out, and those that are no wider than `resolved`.
-pub(super) fn degenerate(surface: &Surface, welded: &Welded, resolved: f64) -> DefectCount {
+/// Triangles that joining corners left out, and those that are no wider than `resolved`.
+pub(super) fn degenerate(
+    surface: &Surface,
+    dropped: &[(u32, DVec3)],
+    resolved: f64,
+) -> DefectCount {
     let thin = |triangle: &u32| width(surface.corners(*triangle as usize)) <= resolved;
     let mut all: Vec<_> = (0..numbers::count(surface.triangles.len()))
         .into_par_iter()
@@ -17,7 +22,7 @@ pub(super) fn degenerate(surface: &Surface, welded: &Welded, resolved: f64) -> D
             (surface.number(triangle), low.midpoint(high))
         })
         .collect();
-    all.extend(&welded.dropped);
+    all.extend(dropped);
     all.sort_by_key(|(number, _)| *number);
     let mut found = DefectCount::default();
     for (number, place) in all {
@@ -27,13 +32,13 @@ pub(super) fn degenerate(surface: &Surface, welded: &Welded, resolved: f64) -> D
 }
 
 /// Least height of a triangle, m.
-pub(super) fn width([a, b, c]: [glam::DVec3; 3]) -> f64 {
+pub(in crate::geometry) fn width([a, b, c]: [DVec3; 3]) -> f64 {
     let longest = (b - a).length().max((c - b).length()).max((a - c).length());
     (b - a).cross(c - a).length() / longest
 }
 
 /// Triangles with the corners of an earlier one, in whatever order.
-pub(super) fn duplicate(surface: &Surface) -> DefectCount {
+pub(in crate::geometry) fn duplicate(surface: &Surface) -> DefectCount {
     let mut sorted: Vec<([u32; 3], u32)> = surface
         .triangles
         .par_iter()

@@ -8,14 +8,10 @@ use crate::geometry::topology::{Edge, join};
 pub(super) fn pinched(surface: &Surface, edges: &[Edge]) -> DefectCount {
     // Corners of triangles, three each; corners of one vertex are joined across each edge.
     let mut parent: Vec<u32> = (0..).take(3 * surface.triangles.len()).collect();
-    let corner = |triangle: u32, vertex: u32| {
-        let place = surface.triangles[triangle as usize].iter().position(|it| *it == vertex);
-        3 * triangle + u32::from(place == Some(1)) + 2 * u32::from(place == Some(2))
-    };
     for group in edges.chunk_by(|a, b| a.key == b.key) {
         for pair in group.windows(2) {
             for vertex in pair[0].ends() {
-                join(&mut parent, [0, 1].map(|k| corner(pair[k].triangle, vertex)));
+                join(&mut parent, [0, 1].map(|k| surface.corner_of(pair[k].triangle, vertex)));
             }
         }
     }

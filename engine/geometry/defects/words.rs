@@ -1,6 +1,7 @@
 //! Defects in words.
 
 use super::found::{DefectCount, DefectPlace, Defects};
+use crate::geometry::surface::rounded;
 use std::fmt::{self, Display, Formatter};
 
 impl Defects {
@@ -19,14 +20,9 @@ impl Defects {
         ]
     }
 
-    /// Why the mesh is refused, and the remedy.
-    pub(in crate::geometry) fn problem(&self) -> String {
-        self.description() + "; repair the mesh, or accept it with allow_defects = true"
-    }
-
-    /// Why the mesh is refused.
-    pub(in crate::geometry) fn description(&self) -> String {
-        let edges = listed(&[
+    /// Reasons why the mesh is refused; `apart`: least distance of corners at open edges, m.
+    pub(in crate::geometry) fn description(&self, apart: Option<f64>) -> String {
+        let mut edges = listed(&[
             (&self.open_edges, "edge", "used by one triangle only (a hole or a gap)"),
             (
                 &self.non_manifold_edges,
@@ -35,6 +31,9 @@ impl Defects {
             ),
             (&self.flipped_edges, "edge", "between triangles that wind opposite ways"),
         ]);
+        if let Some(apart) = apart {
+            edges += &format!(", its nearest corners without an edge {} apart", rounded(apart));
+        }
         let crossings = listed(&[(
             &self.self_intersections,
             "pair",

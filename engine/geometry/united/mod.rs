@@ -2,8 +2,9 @@
 //!
 //! CAD programs and modellers write assemblies as one file whose parts touch, share edges or contain each
 //! other. Such a surface is split into closed shells (`shells`); it is sound if no shell passes through
-//! itself, and intersecting shells are united by booleans.
+//! itself (`folds`), and intersecting shells are united by booleans.
 
+mod folds;
 mod shells;
 
 use std::sync::OnceLock;
@@ -13,6 +14,7 @@ use rayon::prelude::*;
 
 use super::Component;
 use super::body::{corners_of, is_flat, measure, without_thin};
+use super::defects::CrossingPair;
 use super::overlap::{Solid, snap};
 use super::search::{Search, winding_by_solid_angle};
 use super::surface::{Surface, bounds_of, encloses, in_mm};
@@ -75,16 +77,16 @@ impl Shell {
 }
 
 /// The surface with touching parts united; `crossing`: the pairs of its triangles that intersect or lie
-/// on each other; `resolved`: the resolution of f32, m; `world`: from the file to its place. `None` if
-/// that does not help: it is not made of closed shells, one of them passes through itself, or the boolean
-/// refuses them.
+/// on each other; `resolved`: the resolution of f32, m; `world`: from the file to its place. One shell that
+/// touches itself, or is folded within planes, gets edges of two triangles each. `None` if that does not
+/// help: it is not made of closed shells, one of them passes through itself, or the boolean refuses them.
 ///
 /// # Errors
 /// [`Error::Memory`]; [`Error::Interrupted`].
 pub(super) fn united(
     surface: &Surface,
     edges: &[Edge],
-    crossing: &[[u32; 2]],
+    crossing: &[CrossingPair],
     (resolved, world): (f64, DAffine3),
     task: Task<'_>,
 ) -> Result<Option<United>> {
@@ -100,21 +102,40 @@ pub(super) fn united(
     } else {
         (surface, edges)
     };
-    let Some((of, count)) = shells::shells(surface, edges, resolved) else { return Ok(None) };
+    let Some(shells) = shells::shells(surface, edges, resolved) else { return Ok(None) };
+    let (of, count) = (&shells.of, shells.count);
+    let mut split = shells.split(surface, edges);
+    let shell_of = |at: u32| of[at as usize];
+    let own = |pair: &&CrossingPair| shell_of(pair.triangles[0]) == shell_of(pair.triangles[1]);
     if count < 2 {
-        return Ok(None);
+        if !folds::enclose_nothing(&split, surface, crossing, resolved) {
+            return Ok(None);
+        }
+        if inside_out {
+            turn(&mut split);
+        }
+        return Ok(Some(United { surface: split, parts: 0, turned: 0 }));
     }
     // Numbers of the file are short: in its frame faces coincide that no longer do where they are
     // turned.
-    let mut in_file = [surface.mapped(world.inverse())];
+    let mut in_file = [split.mapped(world.inverse())];
     snap(&mut in_file);
-    let mut all = taken_apart(&in_file[0], &of, count);
-    let pairs: Vec<[u32; 2]> = crossing.iter().map(|it| it.map(|at| of[at as usize])).collect();
-    let crosses_itself = |&[a, b]: &[u32; 2]| a == b && !all[a as usize].is_sheet();
-    if pairs.iter().any(crosses_itself) {
+    let mut all = taken_apart(&in_file[0], of, count);
+    let mut folded: Vec<Vec<CrossingPair>> = vec![Vec::new(); all.len()];
+    crossing.iter().filter(own).for_each(|it| folded[shell_of(it.triangles[0]) as usize].push(*it));
+    let members = topology::members((of, count));
+    let crosses_itself = |shell: usize| {
+        let own = || split.part(&members[shell]);
+        let folds = &folded[shell];
+        !(folds.is_empty()
+            || all[shell].is_sheet()
+            || folds::enclose_nothing(&own(), surface, folds, resolved))
+    };
+    if (0..all.len()).any(crosses_itself) {
         return Ok(None);
     }
-    let contacts = contacts(&all, pairs, edges, &of);
+    let pairs = crossing.iter().map(|it| it.triangles.map(shell_of)).collect();
+    let contacts = contacts(&all, pairs, edges, of);
     for shell in contacts.iter().flatten() {
         all[*shell as usize].meets = true;
     }

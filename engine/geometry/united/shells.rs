@@ -3,22 +3,31 @@
 use glam::DVec3;
 
 use crate::geometry::surface::Surface;
-use crate::geometry::topology::{Edge, join, labels, root};
+use crate::geometry::topology::{Edge, is_balanced, join, labels, root};
 use crate::numbers;
+use std::collections::HashMap;
 
 /// Triangles at an edge count as faces that coincide where their third corners, as far from the edge,
 /// would be as near as this many times what f32 resolves.
 const ALIKE: f64 = 4.0;
 
-/// Shell of each triangle, and the number of shells; shells are numbered by their first triangle.
-/// Triangles at an edge of more than two are paired with material between them. `resolved`: the
-/// resolution of f32, m. `None` if an edge has unequal numbers of triangles in both directions: no shell
-/// is closed there.
-pub(super) fn shells(surface: &Surface, edges: &[Edge], resolved: f64) -> Option<(Vec<u32>, u32)> {
+/// Closed shells of a surface.
+pub(super) struct Shells {
+    /// Shell of each triangle; shells are numbered by their first triangle.
+    pub(super) of: Vec<u32>,
+    pub(super) count: u32,
+    /// Edges of more than two triangles, with the pairs of triangles that their shells connect there.
+    shared: Vec<([u32; 2], [u32; 2])>,
+}
+
+/// The shells of a surface. Triangles at an edge of more than two are paired with material between them.
+/// `resolved`: the resolution of f32, m. `None` if an edge has unequal numbers of triangles in both
+/// directions: no shell is closed there.
+pub(super) fn shells(surface: &Surface, edges: &[Edge], resolved: f64) -> Option<Shells> {
     let mut parent: Vec<u32> = (0..numbers::count(surface.triangles.len())).collect();
     let mut shared = Vec::new();
     for group in edges.chunk_by(|a, b| a.key == b.key) {
-        if 2 * group.iter().filter(|edge| edge.upwards).count() != group.len() {
+        if !is_balanced(group) {
             return None;
         }
         match group {
@@ -28,10 +37,51 @@ pub(super) fn shells(surface: &Surface, edges: &[Edge], resolved: f64) -> Option
     }
     let mut pairs = Vec::new();
     for group in shared {
-        pairs.extend(wedges(surface, group, resolved, |triangle| root(&mut parent, triangle)));
+        let of_edge = wedges(surface, group, resolved, |triangle| root(&mut parent, triangle));
+        pairs.extend(of_edge.into_iter().map(|pair| (group[0].ends(), pair)));
     }
-    pairs.into_iter().for_each(|pair| join(&mut parent, pair));
-    Some(labels(&mut parent))
+    pairs.iter().for_each(|(_, pair)| join(&mut parent, *pair));
+    let (of, count) = labels(&mut parent);
+    Some(Shells { of, count, shared: pairs })
+}
+
+impl Shells {
+    /// The surface with vertices of their own for parts of a shell that touch along an edge: each of its
+    /// edges has two triangles of each shell then.
+    pub(super) fn split(&self, surface: &Surface, edges: &[Edge]) -> Surface {
+        let mut split = Surface::new(surface.vertices.clone(), surface.triangles.clone());
+        let mut is_shared = vec![false; surface.vertices.len()];
+        self.shared.iter().flat_map(|it| it.0).for_each(|it| is_shared[it as usize] = true);
+        // Corners of triangles, three each; those that triangles connect around a vertex are joined.
+        let mut parent: Vec<u32> = (0..3 * numbers::count(surface.triangles.len())).collect();
+        let manifold = edges.chunk_by(|a, b| a.key == b.key).filter_map(|group| match group {
+            [a, b] => Some((a.ends(), [a.triangle, b.triangle])),
+            _ => None,
+        });
+        for (ends, pair) in manifold.chain(self.shared.iter().copied()) {
+            for vertex in ends.into_iter().filter(|it| is_shared[*it as usize]) {
+                join(&mut parent, pair.map(|triangle| surface.corner_of(triangle, vertex)));
+            }
+        }
+        // Another shell keeps the vertex, too: shells are taken apart.
+        let mut owner: HashMap<(u32, u32), u32> = HashMap::new();
+        let mut own: HashMap<u32, u32> = HashMap::new();
+        for corner in 0..numbers::count(parent.len()) {
+            let [triangle, side] = [corner as usize / 3, corner as usize % 3];
+            let vertex = surface.triangles[triangle][side];
+            if !is_shared[vertex as usize] {
+                continue;
+            }
+            let fan = root(&mut parent, corner);
+            if *owner.entry((vertex, self.of[triangle])).or_insert(fan) != fan {
+                split.triangles[triangle][side] = *own.entry(fan).or_insert_with(|| {
+                    split.vertices.push(surface.vertices[vertex as usize]);
+                    numbers::count(split.vertices.len() - 1)
+                });
+            }
+        }
+        split
+    }
 }
 
 /// A triangle at an edge.
@@ -173,11 +223,16 @@ mod tests {
         surface
     }
 
+    fn of_and_count(surface: &Surface) -> Option<(Vec<u32>, u32)> {
+        let Shells { of, count, .. } = shells(surface, &topology::edges(surface), 1e-9)?;
+        Some((of, count))
+    }
+
     fn shells_of(all: &[[[f64; 3]; 2]]) -> Option<(Vec<u32>, u32)> {
         let all: Vec<[DVec3; 2]> = all.iter().map(|it| it.map(DVec3::from_array)).collect();
         let surface = boxes(&all);
         assert_eq!(surface.triangles.len(), 12 * all.len());
-        shells(&surface, &topology::edges(&surface), 1e-9)
+        of_and_count(&surface)
     }
 
     #[test]
@@ -217,7 +272,7 @@ mod tests {
         surface.weld();
         let edges = topology::edges(&surface);
         assert!(edges.chunk_by(|a, b| a.key == b.key).any(|group| group.len() == 4));
-        let (of, count) = shells(&surface, &edges, 1e-9).unwrap();
+        let (of, count) = of_and_count(&surface).unwrap();
         assert_eq!((count, of), (2, [[0; 12], [1; 12]].concat()));
     }
 
@@ -239,6 +294,6 @@ mod tests {
     fn an_open_surface_has_no_shells() {
         let mut surface = boxes(&[[DVec3::ZERO, DVec3::ONE]]);
         surface.triangles.pop();
-        assert!(shells(&surface, &topology::edges(&surface), 1e-9).is_none());
+        assert!(of_and_count(&surface).is_none());
     }
 }

@@ -22,12 +22,46 @@ fn one_triangle_the_wrong_way_round_is_refused() {
 }
 
 #[test]
-fn triangle_given_twice_is_refused() {
-    let mut double = Arrays::cube(2e-3);
-    double.1.push(double.1[0]);
-    let text = double.load().unwrap_err().to_string();
-    assert!(text.contains("more than two triangles"), "{text}");
-    assert!(text.contains("duplicate triangles, 1:\n    triangles 1 and 13 at"), "{text}");
+fn triangles_given_twice_are_left_out_with_a_warning() {
+    let cube = Arrays::cube(2e-3);
+    let again = |numbers: &[usize]| {
+        let mut double = cube.clone();
+        double.1.extend(numbers.iter().map(|it| cube.1[*it]));
+        double
+    };
+    let mut turned = again(&[0]);
+    turned.1[12].swap(0, 1);
+    // The first of both is the wrong one.
+    let mut first = turned.clone();
+    first.1.swap(0, 12);
+    // Two apart, two of one face, and one that is there three times.
+    for (mesh, count) in [
+        (again(&[3]), 1),
+        (again(&[0, 5]), 2),
+        (again(&[0, 1]), 2),
+        (again(&[7, 7]), 2),
+        (turned, 1),
+        (first, 1),
+    ] {
+        let sample = mesh.load().unwrap();
+        assert!(close(sample.objects[0].volume, 8e-9, 1e-12));
+        assert_eq!((sample.components.len(), sample.triangles.len()), (1, 12));
+        let object = &sample.objects[0];
+        assert_eq!(object.defects.duplicate_triangles.count, count);
+        let s = if count == 1 { "" } else { "s" };
+        let warning = format!("{count} triangle{s} given twice; the first: triangles ");
+        assert!(object.warnings[0].starts_with(&warning), "{:?}", object.warnings);
+        assert_eq!(object.warnings.len(), 1);
+    }
+}
+
+#[test]
+fn triangle_given_twice_does_not_close_a_hole() {
+    let mut open = Arrays::cube(2e-3);
+    open.1.pop();
+    open.1.push(open.1[0]);
+    let text = open.load().unwrap_err().to_string();
+    assert!(text.contains("not closed: 3 edges used by one triangle only"), "{text}");
 }
 
 #[test]
@@ -65,25 +99,84 @@ fn mesh_that_is_inside_out_is_turned_and_told() {
 }
 
 #[test]
-fn void_is_kept_and_its_volume_is_negative() {
-    for inner in [Arrays::cube(1e-3).turned(), Arrays::cube(1e-3)] {
-        let sample = Arrays::cube(2e-3).and(inner).load().unwrap();
-        assert_eq!(sample.components.len(), 2);
-        assert!(close(sample.components[1].volume, -1e-9, 1e-12));
-        assert!(close(sample.objects[0].volume, 7e-9, 1e-12));
+fn part_in_a_part_is_a_void_or_material_by_its_orientation() {
+    let [outer, inner] = [2e-3, 1e-3].map(Arrays::cube);
+    let hollow = outer.clone().and(inner.clone().turned());
+    for (mesh, volume, words) in [
+        (hollow.clone(), 7e-9, vec![]),
+        // All of it inside out.
+        (hollow.turned(), 7e-9, vec!["2 of 2 parts were inside out", "1 of 2 parts became holes"]),
+        (outer.clone().and(inner.clone()), 8e-9, vec!["1 of 2 parts inside others"]),
+        (inner.clone().and(outer.clone()), 8e-9, vec!["1 of 2 parts inside others"]),
+        (
+            outer.clone().and(inner.clone()).turned(),
+            8e-9,
+            vec!["1 of 2 parts were inside out", "1 of 2 parts inside others"],
+        ),
+        // Up to a micrometre below the wall, across it and on it.
+        (
+            outer.clone().and(inner.clone().moved([0.499e-3, 0.0, 0.0])),
+            8e-9,
+            vec!["1 of 2 parts inside others"],
+        ),
+        (
+            outer.clone().and(inner.clone().moved([0.501e-3, 0.0, 0.0])),
+            8.001e-9,
+            vec!["2 of its parts touch or overlap"],
+        ),
+        (outer.and(inner.moved([0.5e-3, 0.0, 0.0])), 8e-9, vec!["2 of its parts touch or overlap"]),
+    ] {
+        let sample = mesh.load().unwrap();
+        assert!(close(sample.objects[0].volume, volume, 1e-9), "{words:?}");
+        let warnings = &sample.objects[0].warnings;
+        assert_eq!(warnings.len(), words.len(), "{warnings:?}");
+        assert!(warnings.iter().zip(&words).all(|(it, word)| it.starts_with(word)), "{warnings:?}");
     }
 }
 
 #[test]
-fn solid_in_a_void_in_a_solid_is_a_solid() {
-    let nested = Arrays::cube(1e-3)
-        .and(Arrays::cube(4e-3))
-        .and(Arrays::sphere(1.2e-3))
-        .and(Arrays::cube(1e-3).moved([6e-3, 0.0, 0.0]));
-    let sample = nested.load().unwrap();
-    let signs: Vec<bool> = sample.components.iter().map(|part| part.volume > 0.0).collect();
-    assert_eq!(signs, [true, true, false, true]);
-    assert!(sample.objects[0].warnings[0].contains("1 of 4"), "{:?}", sample.objects[0].warnings);
+fn parts_in_voids_and_in_material_are_sorted_out_at_any_depth() {
+    let core = || Arrays::cube(0.5e-3);
+    let (ball, block) = (|| Arrays::sphere(1.2e-3), || Arrays::cube(4e-3));
+    let apart = || Arrays::cube(1e-3).moved([6e-3, 0.0, 0.0]);
+    let hole = Arrays::sphere(1.2e-3).load().unwrap().objects[0].volume;
+    for (mesh, volume, components, words) in [
+        // A core in a void; the same with the core inside out.
+        (core().and(block()).and(ball().turned()).and(apart()), 65.125e-9 - hole, 4, vec![]),
+        (
+            core().turned().and(block()).and(ball().turned()).and(apart()),
+            65.125e-9 - hole,
+            4,
+            vec!["1 of 4 parts were inside out"],
+        ),
+        // Inserts in inserts, and one with a void in it, which the block covers.
+        (
+            core().and(block()).and(ball()).and(apart()),
+            65e-9,
+            2,
+            vec!["2 of 4 parts inside others"],
+        ),
+        (
+            core().turned().and(block()).and(ball()).and(apart()),
+            65e-9,
+            2,
+            vec!["2 of 4 parts inside others"],
+        ),
+        // A part apart that is inside out has no effect on the others.
+        (
+            block().and(ball().turned()).and(apart().turned()),
+            65e-9 - hole,
+            3,
+            vec!["1 of 3 parts were inside out"],
+        ),
+    ] {
+        let sample = mesh.load().unwrap();
+        assert!(close(sample.objects[0].volume, volume, 1e-9), "{words:?}");
+        assert_eq!(sample.components.len(), components);
+        let warnings = &sample.objects[0].warnings;
+        assert_eq!(warnings.len(), words.len(), "{warnings:?}");
+        assert!(warnings.iter().zip(&words).all(|(it, word)| it.starts_with(word)), "{warnings:?}");
+    }
 }
 
 #[test]

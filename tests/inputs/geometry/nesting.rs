@@ -29,7 +29,7 @@ fn contained_object_listed_later_stands_in_its_container() {
 
 #[test]
 fn object_in_the_void_of_another_stands_in_what_is_around_that() {
-    let hollow = Arrays::cube(8e-3).and(Arrays::cube(6e-3)).object("hollow");
+    let hollow = Arrays::cube(8e-3).and(Arrays::cube(6e-3).turned()).object("hollow");
     let sample = load(&scene(vec![cube("bath", 10e-3), hollow, cube("core", 2e-3)])).unwrap();
     let outside: Vec<Option<u32>> = sample.components.iter().map(|part| part.outside).collect();
     assert_eq!(outside, [None, Some(0), Some(0), Some(0)]);
@@ -71,7 +71,7 @@ fn coating_of_a_micrometre_sample_is_not_mistaken_for_contact() {
 
 #[test]
 fn boxes_that_overlap_do_not_make_objects_meet() {
-    let ring = Arrays::cube(8e-3).and(Arrays::cube(6e-3)).object("hollow");
+    let ring = Arrays::cube(8e-3).and(Arrays::cube(6e-3).turned()).object("hollow");
     let mut turned = cube("turned", 3e-3);
     turned.placement.rotate = vec![([1.0, 2.0, 3.0], 0.7)];
     let corner = at(sphere("corner", 0.3e-3), [2.6e-3, 2.6e-3, 2.6e-3]);

@@ -148,8 +148,9 @@ fn bar_within_a_container_cuts_its_content_and_not_the_container() {
 #[test]
 fn voids_and_parts_of_one_object_keep_their_meaning() {
     // A hollow cube, and a part apart from it; a plug goes through the wall into the void.
-    let hollow =
-        Arrays::cube(8e-3).and(Arrays::cube(6e-3)).and(Arrays::cube(1e-3).moved([9e-3, 0.0, 0.0]));
+    let hollow = Arrays::cube(8e-3)
+        .and(Arrays::cube(6e-3).turned())
+        .and(Arrays::cube(1e-3).moved([9e-3, 0.0, 0.0]));
     let plug = block("plug", [1e-3, 1e-3, 2e-3], [0.0, 0.0, 3e-3]);
     let sample = load(&scene(vec![hollow.object("hollow"), plug])).unwrap();
     assert!(close(sample.objects[0].volume, 512e-9 - 216e-9 + 1e-9 - 1e-9, 1e-10));
@@ -162,7 +163,7 @@ fn voids_and_parts_of_one_object_keep_their_meaning() {
 
 #[test]
 fn void_of_a_later_object_shows_the_earlier_one_in_it() {
-    let hollow = Arrays::cube(4e-3).and(Arrays::cube(0.5e-3)).object("hollow");
+    let hollow = Arrays::cube(4e-3).and(Arrays::cube(0.5e-3).turned()).object("hollow");
     let ball = |sides| shape("ball", Shape::Sphere { radius: 1e-3, sides });
     for inner in [cube("cube", 1e-3), ball(Some(64)), ball(None)] {
         let sample = load(&scene(vec![inner, hollow.clone()])).unwrap();
