@@ -142,7 +142,7 @@ fn readers_of_a_run_in_the_making_get_an_answer_and_do_not_disturb_it() {
         &["retrieve", "run", "-o", "images", "--overwrite", "-q"],
         &["view", "run", "-o", "pictures", "--overwrite"],
         &["report", "run", "-o", "report.html", "--overwrite"],
-        &["illuminate", "run", "--scene", "scene.toml", "-o", "again", "--overwrite", "-q"],
+        &["illuminate", "run", "--scene", "run/scene.toml", "-o", "again", "--overwrite", "-q"],
     ];
     // The names of the commands that get a result; the others get an error.
     let answered = || -> Vec<&str> {
