@@ -292,7 +292,7 @@ fn setup(
         energy: nodes.mean_energy(),
         nodes,
         magnification: scene.magnification(),
-        object_magnification: scene.detector.distance / scene.source.distance,
+        object_magnification: scene.detector.distance / scene.axis_distance(),
         lever_arm: scene.lever_arm(),
         fan_angle: scene.fan_angle(),
         field_of_view: scene.field_of_view(),

@@ -63,7 +63,8 @@ pub(crate) struct Reconstruct {
     /// centred on both]
     #[arg(long, value_name = "X,Y,Z", value_parser = lengths, allow_hyphen_values = true)]
     pub(crate) origin: Option<[f64; 3]>,
-    /// Column of the axis of rotation, counted from 0 at the centre of the first, with a fraction; auto
+    /// Column of the axis of rotation, counted from 0 at the centre of the first, with a fraction; if views
+    /// move the sample, of the mean place of its origin; auto
     /// finds it from lines that views from both ends measure [default: from geometry.json or the scene]
     #[arg(long, value_name = "auto|PIXELS", value_parser = centre, allow_negative_numbers = true)]
     pub(crate) centre: Option<Centre>,

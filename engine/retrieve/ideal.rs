@@ -220,7 +220,7 @@ impl Pixels<'_> {
         for (node, weight) in media.weights.iter().enumerate() {
             tracer.set_node((media.weights.len() > 1).then_some(node));
             let results = tracer.trace(&rays)?;
-            let lever = self.optics.lever_arm();
+            let lever = self.optics.lever_arm;
             sums.par_iter_mut().zip(results.par_chunks(n)).for_each(|(sums, results)| {
                 for (number, result) in results.iter().enumerate() {
                     if let Some(light) = light(result, *weight, lever) {

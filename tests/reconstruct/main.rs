@@ -9,6 +9,7 @@ mod reference;
 mod support;
 
 mod arm;
+mod axis;
 mod corrections;
 mod fbp;
 mod iterative;
