@@ -50,7 +50,8 @@ pub(crate) struct Reconstruct {
     #[arg(long)]
     pub(crate) no_gradient_bias: bool,
     /// Correct mu for the hardening of a beam with a spectrum in a sample of this material; ENERGY
-    /// (with a unit, as in water@40keV) is the energy of mu [default: the mean detected energy]
+    /// (with a unit, as in water@40keV) is the energy of mu [default: the mean energy of the detected light
+    /// that the masks modulate]
     #[arg(long, value_name = "MATERIAL[@ENERGY]", value_parser = hardening)]
     pub(crate) beam_hardening: Option<Hardening>,
     /// Side of a voxel [default: the size of a pixel at the axis of rotation]

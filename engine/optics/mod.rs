@@ -11,7 +11,7 @@ mod mask_mesh;
 mod thin_curve;
 mod view_offsets;
 
-pub(crate) use bars::{MaskShape, mean_leaks};
+pub(crate) use bars::{MaskShape, mean_leaks, modulated};
 pub(crate) use detector_plane::DetectorPlane;
 pub(crate) use mask::{Mask, Openings};
 pub use mask_mesh::{MaskMeshOptions, MaskPlace, mask_meshes};

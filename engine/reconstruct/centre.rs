@@ -25,7 +25,7 @@ const VIEWS: usize = 64;
 const COARSE: usize = 1 << 18;
 /// Least share of the lines that must be seen twice.
 const SEEN: f64 = 0.05;
-/// Cost, over the mean of all candidates, above which none stands out: noise alone gives 0.8 to 0.95, and
+/// Largest cost of an axis, over the mean of all candidates: noise alone gives 0.8 to 0.95, and
 /// below 0.5 the axis of noisy discs is found within a column.
 const HARDLY: f64 = 0.5;
 /// Standard deviation of the axis from which on there is a warning, columns.
@@ -59,7 +59,7 @@ pub fn find_axis(
     let costs: Vec<f64> = coarse
         .map(|column| Ok(search.pairs(column as f64, every, cancel)?.cost()))
         .collect::<Result<_>>()?;
-    let best = stands_out(&costs)?;
+    let best = best_candidate(&costs)?;
     let cost = |column: f64| Ok(search.pairs(column, 1, cancel)?.cost());
     let found = golden_section(best as f64, cost)?;
     let pairs = search.pairs(found, 1, cancel)?;
@@ -90,7 +90,7 @@ const ALLOWED: &str =
 ///
 /// # Errors
 /// [`Error::Argument`] where there is none, or it is the first or the last.
-fn stands_out(costs: &[f64]) -> Result<usize> {
+fn best_candidate(costs: &[f64]) -> Result<usize> {
     let finite = || (0..costs.len()).filter(|n| costs[*n].is_finite());
     let (Some(first), Some(last)) = (finite().next(), finite().next_back()) else {
         let found = "views that see too few lines from both ends, or no contrast";
@@ -242,7 +242,7 @@ impl<'a> Search<'a> {
         self.places[0] + column * pitch
     }
 
-    /// Lines seen twice by the rows and one of so many views, with the axis on a column.
+    /// Lines seen twice by the rows and every n-th view, with the axis on a column.
     fn pairs(&self, column: f64, every: usize, cancel: &Cancel) -> Result<Pairs> {
         let partners = self.partners(self.place(column));
         let (views, rows, columns) = self.values.dim();

@@ -12,6 +12,7 @@ mod arm;
 mod axis;
 mod corrections;
 mod fbp;
+mod hardened;
 mod iterative;
 mod moved;
 mod paper_fan;

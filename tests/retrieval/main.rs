@@ -17,6 +17,7 @@ mod flats;
 mod geometry_file;
 mod ideal;
 mod lab_faults;
+mod leaking_masks;
 mod misfit;
 #[cfg(feature = "cli")]
 mod provenance;
