@@ -3,7 +3,7 @@
 
 use crate::detector::{self, DetectorModel};
 use crate::geometry::{self, Defects, LoadStep, ObjectSummary, Sample, Swept};
-use crate::optics::{Mask, Optics};
+use crate::optics::{Mask, Optics, modulated};
 use crate::run::memory::{self, MemoryEstimate};
 use crate::run::{EdgeBlur, RunEstimate};
 use crate::scene::Scene;
@@ -63,7 +63,8 @@ pub struct CheckReport {
 #[derive(Debug, Clone, PartialEq, Serialize)]
 #[non_exhaustive]
 pub struct Setup {
-    /// Photon energy, keV; for a spectrum the mean of the detected photons without sample.
+    /// Photon energy, keV; for a spectrum the mean of the detected light that the masks modulate, without
+    /// sample.
     pub energy: f64,
     /// Energy nodes; one where there is one energy.
     pub nodes: Nodes,
@@ -188,7 +189,9 @@ fn load_lenient(
     let extent = StackShape::of(scene)?;
     let detector = DetectorModel::of(scene)?;
     let nodes = spectrum::nodes(scene)?;
-    let materials = materials(scene, nodes.mean_energy())?;
+    let modulated = modulated(scene, (&nodes.energies, &nodes.weights))?;
+    let energy = nodes.energies.iter().zip(&modulated).map(|(energy, share)| energy * share).sum();
+    let materials = materials(scene, energy)?;
     memory::check_before_loading(scene, memory_limit)?;
     let shared = Arc::new(scene.clone());
     let (sample, refusals) =
@@ -215,7 +218,7 @@ fn load_lenient(
     }
     let mut report = CheckReport {
         title: scene.title.clone(),
-        setup: setup(scene, &swept, extent, nodes, &detector),
+        setup: setup(scene, &swept, extent, nodes, energy, &detector),
         illumination: None,
         edges: None,
         work: Work {
@@ -273,6 +276,7 @@ fn setup(
     swept: &Swept,
     extent: StackShape,
     nodes: Nodes,
+    energy: f64,
     detector: &DetectorModel,
 ) -> Setup {
     let reach = (0..scene.scan.poses()).flat_map(|view| swept.extents(view)).fold(
@@ -289,10 +293,10 @@ fn setup(
         openings.map(|openings| [openings.period[0], openings.narrowest(0)])
     };
     Setup {
-        energy: nodes.mean_energy(),
+        energy,
         nodes,
         magnification: scene.magnification(),
-        object_magnification: scene.detector.distance / scene.source.distance,
+        object_magnification: scene.detector.distance / scene.axis_distance(),
         lever_arm: scene.lever_arm(),
         fan_angle: scene.fan_angle(),
         field_of_view: scene.field_of_view(),

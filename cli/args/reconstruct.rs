@@ -50,7 +50,8 @@ pub(crate) struct Reconstruct {
     #[arg(long)]
     pub(crate) no_gradient_bias: bool,
     /// Correct mu for the hardening of a beam with a spectrum in a sample of this material; ENERGY
-    /// (with a unit, as in water@40keV) is the energy of mu [default: the mean detected energy]
+    /// (with a unit, as in water@40keV) is the energy of mu [default: the mean energy of the detected light
+    /// that the masks modulate]
     #[arg(long, value_name = "MATERIAL[@ENERGY]", value_parser = hardening)]
     pub(crate) beam_hardening: Option<Hardening>,
     /// Side of a voxel [default: the size of a pixel at the axis of rotation]
@@ -63,7 +64,8 @@ pub(crate) struct Reconstruct {
     /// centred on both]
     #[arg(long, value_name = "X,Y,Z", value_parser = lengths, allow_hyphen_values = true)]
     pub(crate) origin: Option<[f64; 3]>,
-    /// Column of the axis of rotation, counted from 0 at the centre of the first, with a fraction; auto
+    /// Column of the axis of rotation, counted from 0 at the centre of the first, with a fraction; if views
+    /// move the sample, of the mean place of its origin; auto
     /// finds it from lines that views from both ends measure [default: from geometry.json or the scene]
     #[arg(long, value_name = "auto|PIXELS", value_parser = centre, allow_negative_numbers = true)]
     pub(crate) centre: Option<Centre>,

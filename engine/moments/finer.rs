@@ -56,7 +56,7 @@ impl<'a> SetUp<'a> {
     /// Blur at the rotation centre over the lever arm: angle of refraction that windows resolve. Infinite
     /// without a lever.
     fn angle(&self) -> f64 {
-        self.lattice.edge_blur / self.optics.lever_arm().max(f64::MIN_POSITIVE)
+        self.lattice.edge_blur / self.optics.lever_arm.max(f64::MIN_POSITIVE)
     }
 
     /// Width of apertures as seen from the source, by mask: of any width where there is none.

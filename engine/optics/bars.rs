@@ -18,13 +18,39 @@ pub(crate) fn mean_leaks(
 ) -> Result<[f64; 2]> {
     let mean = |mask: &Option<Mask>| -> Result<f64> {
         let Some(mask) = mask else { return Ok(0.0) };
-        let leak = |(energy, weight): (&f64, &f64)| {
-            let shape = MaskShape::of(scene, mask, mask.distance(), Some(*energy))?;
-            Ok(weight * shape.leak(1.0))
-        };
-        energies.iter().zip(weights).map(leak).sum()
+        energies
+            .iter()
+            .zip(weights)
+            .map(|(energy, weight)| Ok(weight * leak(scene, mask, *energy)?))
+            .sum()
     };
     Ok([mean(&optics.sample_mask)?, mean(&optics.detector_mask)?])
+}
+
+/// Share of the light of an energy, keV, that bars let through along the axis.
+fn leak(scene: &Scene, mask: &Mask, energy: f64) -> Result<f64> {
+    Ok(MaskShape::of(scene, mask, mask.distance(), Some(energy))?.leak(1.0))
+}
+
+/// Shares of the modulated light by energy: the weights of the open beam (energies in keV, each with its weight)
+/// times 1 − e of each mask, e the leak of its bars. Areas of illumination curves above their background
+/// measure this light. The sum is 1. Shares of the open beam where bars absorb nothing.
+///
+/// # Errors
+/// As [`material::constants_at_for`].
+pub(crate) fn modulated(scene: &Scene, (energies, weights): (&[f64], &[f64])) -> Result<Vec<f64>> {
+    let optics = Optics::of(scene);
+    let masks = [&optics.sample_mask, &optics.detector_mask];
+    let share = |(energy, weight): (&f64, &f64)| {
+        let shares = masks.into_iter().flatten().map(|mask| Ok(1.0 - leak(scene, mask, *energy)?));
+        Ok(weight * shares.product::<Result<f64>>()?)
+    };
+    let light: Vec<f64> = energies.iter().zip(weights).map(share).collect::<Result<_>>()?;
+    let of_one = |light: &[f64]| -> Vec<f64> {
+        let total: f64 = light.iter().sum();
+        light.iter().map(|share| share / total).collect()
+    };
+    Ok(of_one(if light.iter().any(|share| *share > 0.0) { &light } else { weights }))
 }
 
 /// A mask as the light stages see it: apertures of one period, and its bars.

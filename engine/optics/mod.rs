@@ -11,7 +11,7 @@ mod mask_mesh;
 mod thin_curve;
 mod view_offsets;
 
-pub(crate) use bars::{MaskShape, mean_leaks};
+pub(crate) use bars::{MaskShape, mean_leaks, modulated};
 pub(crate) use detector_plane::DetectorPlane;
 pub(crate) use mask::{Mask, Openings};
 pub use mask_mesh::{MaskMeshOptions, MaskPlace, mask_meshes};
@@ -33,6 +33,8 @@ pub struct Optics {
     pub(crate) cell_plane: f64,
     /// Source to the analyser, m.
     pub(crate) analyser: f64,
+    /// Axis of rotation to analyser, m.
+    pub(crate) lever_arm: f64,
     /// The pixels that take the light.
     pub(crate) detector: DetectorPlane,
     /// The mask before the sample.
@@ -81,6 +83,7 @@ impl Optics {
             rotation: scene.source.distance,
             cell_plane: scene.cell_plane_distance(),
             analyser: scene.analyser_distance(),
+            lever_arm: scene.lever_arm(),
             detector,
             sample_mask: mask("sample_mask", &scene.sample_mask),
             detector_mask: mask("detector_mask", &scene.detector_mask),
@@ -90,8 +93,8 @@ impl Optics {
         }
     }
 
-    /// Rotation centre to analyser, m.
-    pub(crate) fn lever_arm(&self) -> f64 {
+    /// Rotation centre to analyser, m: y of the analyser in the frame of the set-up.
+    pub(crate) fn analyser_place(&self) -> f64 {
         self.analyser - self.rotation
     }
 

@@ -19,10 +19,11 @@ pub struct ScanGeometry {
     pub columns: Vec<f64>,
     /// z of the centres of the rows on the detector, top row first, even.
     pub rows: Vec<f64>,
-    /// x of the axis of rotation from the optical axis.
+    /// x of the axis of rotation from the optical axis; with `motions`, the mean of the origin of the volume.
     pub axis: f64,
-    /// Axis of rotation to the plane in which displacements are measured (the detector mask, or the
-    /// detector without one). Infinite: voxels before and behind the axis count alike.
+    /// `source_distance` to the plane in which displacements are measured (the detector mask, or the
+    /// detector without one): refraction angles are displacements there over this length. Infinite: voxels
+    /// before and behind the axis count alike.
     pub lever: f64,
     /// Angles of the views, in any order. They count for nothing where there are `motions`.
     pub angles: Vec<f64>,

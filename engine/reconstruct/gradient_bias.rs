@@ -8,7 +8,7 @@ use crate::{Error, Result};
 use ndarray::Zip;
 
 /// Length k by which δ comes out too small, δ − kμ, where a step of the sample mask moves the aperture
-/// over the sample (docs/physics.md): `(M/z)(z_c/z₁)(σ² − a²/12)`, σ the standard deviation of the curve
+/// over the sample (docs/physics.md): `(M/z)(z_s/z₁)(σ² − a²/12)`, σ the standard deviation of the curve
 /// without sample in offsets of the mask (`flat_width`, m), a its aperture.
 ///
 /// # Errors
@@ -25,8 +25,8 @@ pub fn gradient_bias(scene: &Scene, flat_width: f64) -> Result<f64> {
         let allowed = format!("at least {} m, the deviation of the aperture alone", own.sqrt());
         return Err(Error::argument("flat_width", found, allowed));
     }
-    let (analyser, axis) = (scene.analyser_distance(), scene.source.distance);
-    Ok(analyser / mask.distance / (analyser - axis) * (axis / mask.distance) * rest)
+    let moved = scene.axis_distance() / mask.distance;
+    Ok(scene.magnification() / scene.lever_arm() * moved * rest)
 }
 
 /// Adds kμ to a volume of δ.

@@ -2,6 +2,7 @@
 
 use crate::material::{constants_at, constants_over};
 use crate::numbers::single;
+use crate::optics::modulated;
 use crate::scene::{self, Scene};
 use crate::spectrum::{Spectrum, response};
 use crate::{Cancel, Error, Result};
@@ -38,7 +39,7 @@ pub struct HardeningChoice {
     pub scene: Scene,
     /// Material of the sample.
     pub material: String,
-    /// Energy of μ, keV. `None`: the mean of the detected photons without a sample.
+    /// Energy of μ, keV. `None`: the mean of the detected light that the masks modulate, without a sample.
     pub energy: Option<f64>,
 }
 
@@ -75,7 +76,7 @@ impl HardeningChoice {
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[non_exhaustive]
 pub struct BeamEnergy {
-    /// The one energy, or the mean of the detected photons without a sample, keV.
+    /// The one energy, or the mean of the detected light that the masks modulate, without a sample, keV.
     pub kev: f64,
     /// Whether the beam has a spectrum.
     pub spectrum: bool,
@@ -94,8 +95,8 @@ impl BeamEnergy {
 }
 
 impl BeamHardening {
-    /// A polynomial for the spectrum of a scene as its detector sees it, and up to `longest` m of a
-    /// material.
+    /// A polynomial for the spectrum of a scene as its masks modulate it and its detector sees it, and up to
+    /// `longest` m of a material.
     ///
     /// # Errors
     /// [`Error::Argument`] for a length that is not above zero; errors of the scene's spectrum and
@@ -179,11 +180,11 @@ impl BeamHardening {
     }
 }
 
-/// A beam as the detector sees it, and a material in it.
+/// Modulated light as the detector sees it, and a material in it.
 struct Beam {
     /// Energy that μ is quoted at, keV.
     energy: f64,
-    /// Share of the signal without a sample, and μ of the material, 1/m.
+    /// Share of the light without a sample, and μ of the material, 1/m.
     lines: Vec<[f64; 2]>,
     /// μ at the energy that it is quoted at, 1/m.
     of_energy: f64,
@@ -227,8 +228,8 @@ fn mean(energies: &[f64], weights: &[f64]) -> f64 {
     energies.iter().zip(weights).map(|(energy, weight)| energy * weight).sum()
 }
 
-/// Energies, keV, and their shares of the signal without a sample: all rows of the spectrum, since nodes
-/// serve the materials of the scene alone.
+/// Energies, keV, and their shares of the modulated light without a sample as the detector sees it: all rows
+/// of the spectrum, since nodes serve the materials of the scene alone.
 fn seen(scene: &Scene) -> Result<(Vec<f64>, Vec<f64>)> {
     let spec = match &scene.source.beam {
         scene::Beam::Energy(energy) => return Ok((vec![*energy], vec![1.0])),
@@ -247,7 +248,7 @@ fn seen(scene: &Scene) -> Result<(Vec<f64>, Vec<f64>)> {
             allowed,
         ));
     }
-    let weights = spectrum.weights.iter().map(|weight| weight / total).collect();
+    let weights = modulated(scene, (&spectrum.energies_kev, &spectrum.weights))?;
     Ok((spectrum.energies_kev, weights))
 }
 

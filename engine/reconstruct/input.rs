@@ -121,7 +121,7 @@ impl Input {
     }
 
     /// The same with the axis of rotation on a column, counted from 0 at the centre of the first and
-    /// between columns by fractions.
+    /// between columns by fractions; where views move the sample, its origin is there in their mean.
     #[must_use]
     pub fn with_centre(mut self, column: f64) -> Self {
         self.geometry.set_axis_column(column);

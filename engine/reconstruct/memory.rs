@@ -26,14 +26,15 @@ pub(super) struct Memory {
 }
 
 impl Memory {
-    /// The memory of a plan within a limit, the program included; `truth`: with volumes of the scene.
+    /// The memory of a plan within a limit, the program included; `truth`: with volumes of the scene, and the
+    /// number of sinograms of its materials that are alive at once.
     ///
     /// # Errors
     /// [`Error::Memory`] where the limit is too low.
     pub(super) fn of(
         geometry: &ScanGeometry,
         plan: &VolumePlan,
-        truth: bool,
+        truth: Option<usize>,
         limit: Option<u64>,
     ) -> Result<Self> {
         let host = host_bytes(geometry, plan, truth);
@@ -99,7 +100,7 @@ fn region_bytes(geometry: &ScanGeometry, plan: &VolumePlan) -> u64 {
 }
 
 /// Most bytes on the host at a time: volumes and sinograms that are alive together.
-fn host_bytes(geometry: &ScanGeometry, plan: &VolumePlan, truth: bool) -> u64 {
+fn host_bytes(geometry: &ScanGeometry, plan: &VolumePlan, truth: Option<usize>) -> u64 {
     let product =
         |sides: [usize; 3]| sides.iter().fold(VALUE, |all, side| all.saturating_mul(*side as u64));
     let [views, rows, columns] = geometry.shape();
@@ -116,24 +117,22 @@ fn host_bytes(geometry: &ScanGeometry, plan: &VolumePlan, truth: bool) -> u64 {
     // of the truth.
     let is_filtered = plan.method.filtered().is_some();
     let of_mu = if plan.sigma && is_filtered { 2 } else { 1 };
-    let kept = if plan.gradient_bias.is_some() { of_mu } else { 0 } + if truth { 2 } else { 0 };
+    let kept =
+        if plan.gradient_bias.is_some() { of_mu } else { 0 } + if truth.is_some() { 2 } else { 0 };
     let weights = u64::from(plan.sigma);
     // Deviations of sinograms, and of the noise that views share.
     let of_sigma = 2 * weights;
-    match &plan.method {
+    let made = match &plan.method {
         Method::Fbp(_) => {
             let made = match passes(geometry, plan) > 0 {
                 true => counted(kept + 2, 2 + of_sigma, 1),
                 false => counted(kept + 1, 1 + of_sigma, 1),
             };
-            if !plan.sigma {
-                return made;
-            }
             // A map of deviations: the volume, deviations, and two variances for each; then its rings.
             let map = counted(kept + 2, of_sigma, 2);
             let rings = counted(kept + 3, of_sigma, 0);
             let means = counted(kept + 2, of_sigma, 0).saturating_add(region_bytes(geometry, plan));
-            made.max(map).max(rings).max(means)
+            if plan.sigma { made.max(map).max(rings).max(means) } else { made }
         }
         Method::Iterative { options, phase } => {
             let mask = 2 * u64::from(plan.mask.is_some());
@@ -148,6 +147,13 @@ fn host_bytes(geometry: &ScanGeometry, plan: &VolumePlan, truth: bool) -> u64 {
             let planes = filter_bytes(plan.grid.size);
             counted(kept + mask + start + volumes, of_sinograms + extra, 0).saturating_add(planes)
         }
+    };
+    match truth {
+        // Projections of the materials, then the volume that is expected beside the one that is made.
+        Some(materials @ 1..) => {
+            made.saturating_add(volume).max(counted(kept + 2, materials as u64 + 1, 0))
+        }
+        _ => made,
     }
 }
 
@@ -181,7 +187,7 @@ mod tests {
     #[test]
     fn memory_counts_what_is_alive_together() {
         let host = |shift, plan: &VolumePlan| {
-            Memory::of(&scan(shift), plan, false, None).map(|memory| memory.host)
+            Memory::of(&scan(shift), plan, None, None).map(|memory| memory.host)
         };
         let (volume, rows) = (4 * 20 * 20 * 3, 4 * 90 * 3);
         // Sinograms with a column more, and filtered rows.

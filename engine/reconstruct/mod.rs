@@ -35,6 +35,7 @@ mod filtering;
 mod geometry;
 mod gradient_bias;
 mod grid;
+mod hardened;
 mod hardening;
 mod input;
 mod iterative;

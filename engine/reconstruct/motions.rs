@@ -11,18 +11,25 @@ const EQUAL: f64 = 1e-10;
 impl ScanGeometry {
     /// The same scan with a motion of the sample in each view, as [`ScanGeometry::motions`] has them.
     /// Motions that are turns about one upright axis through the origin of the volume, which stays at the
-    /// height of the optical axis, become a circle: angles, and the place of the axis.
+    /// height of the optical axis, become a circle: angles, and the place of the axis. With a lever arm
+    /// the axis has to be at `source_distance`, since angles refer to this plane. Other motions give their
+    /// mean displacement of the origin along x to `axis`.
     #[must_use]
     pub fn with_motions(mut self, motions: Vec<Motion>) -> Self {
         match circle(&motions) {
-            Some((angles, [x, y])) => {
+            Some((angles, [x, y])) if self.lever.is_infinite() || y.abs() < EQUAL => {
                 self.angles = angles;
                 self.axis += x;
                 self.source_distance += y;
-                self.lever -= y;
                 self.motions = None;
             }
-            None => self.motions = Some(motions),
+            _ => {
+                let place = |motion: &Motion| motion.point([0.0; 3])[0];
+                let mean = motions.iter().map(place).sum::<f64>() / motions.len().max(1) as f64;
+                let back = Motion::translation([-mean, 0.0, 0.0]);
+                self.axis += mean;
+                self.motions = Some(motions.iter().map(|motion| motion.then(&back)).collect());
+            }
         }
         self
     }
@@ -117,6 +124,7 @@ fn name(motions: &[Motion]) -> &'static str {
         () if moves(0) || moves(1) => {
             "a cycloidal scan, whose sample moves across the axis of rotation"
         }
+        () if place[2].abs() < EQUAL => "a scan whose axis is not at the distance of its lever arm",
         () => "a sample whose origin is beside the optical axis along z",
     }
 }

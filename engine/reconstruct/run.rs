@@ -129,7 +129,7 @@ pub fn reconstruct(
     }
     warn_of_few_views(geometry.angles.len(), geometry.columns.len());
     let limit = engine.options().memory_limit;
-    let memory = Memory::of(geometry, plan, truth.is_some(), limit)?;
+    let memory = Memory::of(geometry, plan, truth.map(Truth::sinograms), limit)?;
     require_memory(memory.host, "a reconstruction")?;
     let record = VolumeRecord::begin(engine, geometry, plan, to.format);
     let hashes = input_hashes(input, plan);
@@ -148,6 +148,8 @@ pub fn reconstruct(
         input,
         plan,
         method,
+        at_once: memory.at_once,
+        hardening: None,
         truth,
         mask,
         format,
@@ -232,6 +234,10 @@ struct Making<'a> {
     plan: &'a VolumePlan,
     /// The method of the plan, within the memory that there is.
     method: Method,
+    /// Values of a volume, and of sinograms, that are on the device at once.
+    at_once: usize,
+    /// Correction of the sinograms of μ.
+    hardening: Option<BeamHardening>,
     truth: Option<&'a Truth>,
     mask: Option<Array3<bool>>,
     format: VolumeFormat,
@@ -271,7 +277,9 @@ impl Making<'_> {
             if let Some(values) = truth.values(quantity) {
                 let name = format!("{}_truth", quantity.name());
                 self.put((&name, quantity.unit()), Voxels::Values(&values), &control.cancel)?;
-                append(&mut self.tables.errors, &truth.errors(&volume, &control.cancel)?);
+                let expected = self.expected(truth, quantity, &control.cancel)?;
+                let table = truth.errors_beside(&volume, expected.as_ref(), &control.cancel)?;
+                append(&mut self.tables.errors, &table);
             }
             if !self.record.units.contains_key(LABELS) {
                 self.put((LABELS, "1"), Voxels::Labels(truth.labels()), &control.cancel)?;
@@ -325,10 +333,11 @@ impl Making<'_> {
             self.record.beam_hardening = Some(HardeningRecord {
                 material: choice.material.clone(),
                 energy_kev: polynomial.energy,
-                coefficients: polynomial.coefficients,
+                coefficients: polynomial.coefficients.clone(),
                 largest: polynomial.most,
                 error: polynomial.error,
             });
+            self.hardening = Some(polynomial);
         }
         if plan.rings {
             suppress_rings(geometry, sinograms.view_mut(), &cancel)?;
@@ -344,6 +353,26 @@ impl Making<'_> {
             .with_start(start.as_ref().map(|start| start.values.view()));
         let made = method.volume(engine, geometry, &measured, &plan.grid, control)?;
         Ok((made, deviations))
+    }
+
+    /// The volume of the true scene under its spectrum, by the same method.
+    fn expected(
+        &self,
+        truth: &Truth,
+        quantity: Quantity,
+        cancel: &Cancel,
+    ) -> Result<Option<Array3<f32>>> {
+        let hardened = truth.hardened(self.engine, quantity, self.at_once, cancel)?;
+        let Some(mut sinograms) = hardened else { return Ok(None) };
+        if let (Quantity::Mu, Some(polynomial)) = (quantity, &self.hardening) {
+            polynomial.apply_until(&mut sinograms, cancel)?;
+        }
+        let measured = Measured::new(Data::of(quantity), sinograms.view())
+            .with_mask(self.mask.as_ref().map(|mask| mask.view()));
+        let control = &mut RowsControl::default().with_cancel(cancel.clone());
+        let (geometry, grid) = (self.input.geometry(), &self.plan.grid);
+        let made = self.method.volume(self.engine, geometry, &measured, grid, control)?;
+        Ok(Some(made.volume.values))
     }
 
     /// Writes the deviations of the voxels by the deviations of sinograms, and returns the deviations of

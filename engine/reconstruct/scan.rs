@@ -42,7 +42,7 @@ impl ScanGeometry {
     }
 
     /// Column of the axis of rotation, counted from 0 at the centre of the first, with its fraction
-    /// between the two columns around it.
+    /// between the two columns around it; where views move the sample, the mean column of its origin.
     #[must_use]
     pub fn axis_column(&self) -> f64 {
         index_of(self.axis * self.magnification(), &self.columns).unwrap_or_default()

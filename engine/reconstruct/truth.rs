@@ -2,10 +2,12 @@
 
 use super::geometry::ScanGeometry;
 use super::grid::{Volume, VolumeGrid};
+use super::hardened::Light;
 use super::quantity::Quantity;
 use crate::cancel::Cancel;
 use crate::material::{Constants, constants_at};
 use crate::numbers::single;
+use crate::optics::modulated;
 use crate::run::Control;
 use crate::scene::{Scan, Scene};
 use crate::trace::{MaterialTable, Ray, SurfaceCrossing};
@@ -23,18 +25,20 @@ const ROUNDING: f64 = 1e-9;
 #[derive(Debug, Clone)]
 pub struct Truth {
     /// `[z][y][x]`: 0 in the surroundings, 1 + the index of the object.
-    labels: Array3<u16>,
+    pub(super) labels: Array3<u16>,
     /// Names and materials by label.
     names: Vec<[String; 2]>,
     /// Constants minus the surroundings', by label.
     constants: Vec<Constants>,
-    grid: VolumeGrid,
-    geometry: ScanGeometry,
+    /// The light, where it has a spectrum.
+    pub(super) light: Option<Light>,
+    pub(super) grid: VolumeGrid,
+    pub(super) geometry: ScanGeometry,
 }
 
 impl Truth {
     /// The objects of a scene as in a run: overlaps resolved, inner ones inside of outer ones. Constants
-    /// at the energy, or means over the spectrum, minus the surroundings'.
+    /// at the energy, or means over the spectrum of the light that masks modulate, minus the surroundings'.
     ///
     /// # Errors
     /// As [`Engine::prepare`]; [`Error::Argument`] for a geometry or grid that cannot be, more than 65,535
@@ -55,7 +59,8 @@ impl Truth {
         // Lines along y are rays of the view at 0.
         let mut upright = scene.clone();
         upright.scan = Scan::new(vec![0.0], vec![0.0]);
-        let media = MaterialTable::of(&upright)?;
+        let mut media = MaterialTable::of(&upright)?;
+        media.weights = modulated(scene, (&media.energies, &media.weights))?;
         let mean = media.mean();
         let around = mean[0];
         let less =
@@ -67,7 +72,8 @@ impl Truth {
             scene.objects.iter().map(|object| [object.name.clone(), object.material.clone()]);
         let names = std::iter::once(surroundings).chain(objects).collect();
         let labels = labels(engine, &upright, grid, cancel)?;
-        Ok(Self { labels, names, constants, grid: *grid, geometry: geometry.clone() })
+        let (light, geometry) = (Light::of(&media), geometry.clone());
+        Ok(Self { labels, names, constants, light, grid: *grid, geometry })
     }
 
     /// The same with μ at an energy, keV, in place of the mean over a spectrum.
@@ -132,13 +138,24 @@ impl Truth {
     /// # Errors
     /// [`Error::Argument`] for a volume on another grid; [`Error::Interrupted`].
     pub fn errors(&self, volume: &Volume, cancel: &Cancel) -> Result<String> {
+        self.errors_beside(volume, None, cancel)
+    }
+
+    /// The same beside the means of the values that are expected under the spectrum, on the same voxels.
+    pub(super) fn errors_beside(
+        &self,
+        volume: &Volume,
+        expected: Option<&Array3<f32>>,
+        cancel: &Cancel,
+    ) -> Result<String> {
         self.require_grid(&volume.grid)?;
         let mut text = String::from(
-            "object,material,quantity,unit,inner_voxels,truth,mean,error_percent,rms_error\n",
+            "object,material,quantity,unit,inner_voxels,truth,mean,error_percent,rms_error,expected,\
+             off_expected_percent\n",
         );
         let Some(by_label) = self.by_label(volume.quantity) else { return Ok(text) };
         let truths: Vec<f64> = by_label.collect();
-        let mut sums = vec![(0_u64, 0.0, 0.0); truths.len()];
+        let mut sums = vec![Sums::default(); truths.len()];
         let radius = self.geometry.seen_radius();
         for ((at, label), value) in self.labels.indexed_iter().zip(&volume.values) {
             if at.2 == 0 {
@@ -149,30 +166,36 @@ impl Truth {
             let is_seen = from_axis <= radius && self.geometry.rows_see(from_axis, z);
             if is_seen && self.is_inner(at) {
                 let label = usize::from(*label);
-                let off = f64::from(*value) - truths[label];
-                let (voxels, sum, squares) = sums[label];
-                sums[label] = (voxels + 1, sum + off, squares + off * off);
+                let expected = expected.map_or(0.0, |values| f64::from(values[at]));
+                sums[label].take(f64::from(*value) - truths[label], expected);
             }
         }
         let (quantity, unit) = (volume.quantity.name(), volume.quantity.unit());
         let largest = truths.iter().fold(0.0_f64, |most, truth| most.max(truth.abs()));
-        for (([object, material], truth), (voxels, sum, squares)) in
-            self.names.iter().zip(&truths).zip(sums)
-        {
-            if voxels == 0 {
+        for (([object, material], truth), sums) in self.names.iter().zip(&truths).zip(sums) {
+            if sums.voxels == 0 {
                 continue;
             }
-            let (error, rms) = (sum / voxels as f64, (squares / voxels as f64).sqrt());
+            let count = sums.voxels as f64;
             // Materials that differ by rounding alone from the surroundings have no relative error.
-            let percent = match truth.abs() > ROUNDING * largest {
-                true => format!("{:.4}", 100.0 * error / truth),
+            let percent = |off: f64, of: f64| match truth.abs() > ROUNDING * largest {
+                true => format!("{:.4}", 100.0 * off / of),
                 false => String::new(),
+            };
+            let (error, rms) = (sums.off / count, (sums.squares / count).sqrt());
+            let (of_truth, mean) = (percent(error, *truth), truth + error);
+            let beside = match expected {
+                None => ",".to_owned(),
+                Some(_) => {
+                    let expected = sums.expected / count;
+                    format!("{expected:e},{}", percent(mean - expected, expected))
+                }
             };
             let [object, material] = [object, material].map(|name| quoted(name));
             let _ = writeln!(
                 text,
-                "{object},{material},{quantity},{unit},{voxels},{truth:e},{:e},{percent},{rms:e}",
-                truth + error
+                "{object},{material},{quantity},{unit},{},{truth:e},{mean:e},{of_truth},{rms:e},{beside}",
+                sums.voxels
             );
         }
         Ok(text)
@@ -185,6 +208,26 @@ impl Truth {
         let [z_range, y_range, x_range] = [around(z, depth), around(y, height), around(x, width)];
         let own = self.labels[[z, y, x]];
         self.labels.slice(s![z_range, y_range, x_range]).iter().all(|label| *label == own)
+    }
+}
+
+/// Sums over the inner voxels of an object.
+#[derive(Debug, Clone, Copy, Default)]
+struct Sums {
+    voxels: u64,
+    /// Differences from the truth, and their squares.
+    off: f64,
+    squares: f64,
+    /// Values that are expected under the spectrum.
+    expected: f64,
+}
+
+impl Sums {
+    fn take(&mut self, off: f64, expected: f64) {
+        self.voxels += 1;
+        self.off += off;
+        self.squares += off * off;
+        self.expected += expected;
     }
 }
 

@@ -5,8 +5,8 @@ mod sums;
 
 use crate::interface::{FLAG_NOT_FINITE, Ray, RayResult};
 use crate::numbers::{count, single, whole};
-use crate::optics::Optics;
-use crate::run::{Control, RowsControl, Simulation};
+use crate::optics::{Optics, modulated};
+use crate::run::{Control, RowsControl};
 use crate::scene::Scene;
 use crate::stack::GeometryFile;
 use crate::trace::Tracer;
@@ -128,7 +128,13 @@ pub fn ideal(
     let simulation = engine.prepare_with(scene, &mut preparing)?;
     let reach = options.reach.unwrap_or_else(|| half_period(scene));
     let mut tracer = simulation.tracer_of_rays(&control.cancel)?;
-    let pixels = Pixels { scene, simulation: &simulation, optics: Optics::of(scene), columns };
+    let media = simulation.media();
+    let pixels = Pixels {
+        scene,
+        optics: Optics::of(scene),
+        weights: modulated(scene, (&media.energies, &media.weights))?,
+        columns,
+    };
     let total = pixels.count();
     let mut found: Vec<Found> = reserve::room(total, "ideal images")?;
     let mut beyond = 0;
@@ -160,8 +166,9 @@ fn of_pixel(values: [f64; 3]) -> [f32; 3] {
 /// Pixels of all views, `[view][row][column]`.
 struct Pixels<'a> {
     scene: &'a Scene,
-    simulation: &'a Simulation,
     optics: Optics,
+    /// Share of the modulated light of each energy node.
+    weights: Vec<f64>,
     columns: IdealColumns,
 }
 
@@ -216,11 +223,10 @@ impl Pixels<'_> {
             .flat_map_iter(|at| (0..n).map(move |number| self.ray(first + at, number, n)))
             .collect();
         let mut sums = vec![PixelSums::default(); some.len()];
-        let media = self.simulation.media();
-        for (node, weight) in media.weights.iter().enumerate() {
-            tracer.set_node((media.weights.len() > 1).then_some(node));
+        for (node, weight) in self.weights.iter().enumerate() {
+            tracer.set_node((self.weights.len() > 1).then_some(node));
             let results = tracer.trace(&rays)?;
-            let lever = self.optics.lever_arm();
+            let lever = self.optics.lever_arm;
             sums.par_iter_mut().zip(results.par_chunks(n)).for_each(|(sums, results)| {
                 for (number, result) in results.iter().enumerate() {
                     if let Some(light) = light(result, *weight, lever) {

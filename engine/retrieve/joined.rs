@@ -23,8 +23,7 @@ impl JoinedColumns {
         if dithers.is_empty() {
             return None;
         }
-        let axis = scene.source.distance + scene.scan.axis.shift[1];
-        let magnification = scene.detector.distance / axis;
+        let magnification = scene.detector.distance / scene.axis_distance();
         let mut columns: Vec<(f64, [usize; 2])> = Vec::with_capacity(places.len() * dithers.len());
         for (column, place) in places.iter().enumerate() {
             for (dither, by) in dithers.iter().enumerate() {

@@ -139,7 +139,7 @@ pub(crate) fn expected_angle(scene: &Scene) -> Result<Option<f64>> {
     let centre = curve.and_then(|curve| {
         curve.centre_deviation(&scene.scan.mask_offsets, |light| variance.of(light))
     });
-    Ok(centre.map(|centre| SQRT_2 * centre / optics.lever_arm()))
+    Ok(centre.map(|centre| SQRT_2 * centre / optics.lever_arm))
 }
 
 #[cfg(test)]

@@ -117,7 +117,7 @@ impl<'a> FacetMeans<'a> {
             steps,
             lattice: view.lattice,
             rotation: optics.rotation,
-            analyser: optics.lever_arm(),
+            analyser: optics.analyser_place(),
             displacement: FIRST_ORDER_SHARE * view.budget.bounded_displacement(),
             light: FIRST_ORDER_SHARE * view.budget.light,
             steepest: view.response.steepest(),

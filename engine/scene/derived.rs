@@ -31,9 +31,15 @@ impl Scene {
         self.analyser_distance() / self.cell_plane_distance()
     }
 
-    /// Lever arm `z = z_a - z_c` of a deflection at the rotation centre, m.
+    /// Distance `z_s` from the source to the axis of rotation along the optical axis, m: the rotation centre
+    /// where `scan` leaves the sample there, else the mean place of the origin of the sample over the views.
+    pub fn axis_distance(&self) -> f64 {
+        self.source.distance + self.scan.depth()
+    }
+
+    /// Lever arm `z = z_a - z_s` of a deflection at the axis of rotation, m.
     pub fn lever_arm(&self) -> f64 {
-        self.analyser_distance() - self.source.distance
+        self.analyser_distance() - self.axis_distance()
     }
 
     /// Full angle that the detector rows span as seen from the source, rad.
@@ -42,9 +48,9 @@ impl Scene {
         2.0 * libm::atan2(half, self.detector.distance)
     }
 
-    /// Width and height at the rotation centre that the detector covers, along x and z, m.
+    /// Width and height at the axis of rotation that the detector covers, along x and z, m.
     pub fn field_of_view(&self) -> [f64; 2] {
-        let shrink = self.source.distance / self.detector.distance;
+        let shrink = self.axis_distance() / self.detector.distance;
         self.detector.size().map(|side| side * shrink)
     }
 

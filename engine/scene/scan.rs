@@ -268,6 +268,22 @@ impl Scan {
         travel.then(&self.axis.motion()).then(&dither)
     }
 
+    /// Origin of the sample in a view without errors, in the frame of the set-up, m.
+    pub(super) fn origin(&self, view: usize) -> [f64; 3] {
+        let angle = self.angle_of(view);
+        let placed = self.before(view).map_or([0.0; 3], |moved| moved.point([0.0; 3]));
+        self.after(view, angle).point(Motion::about_z(-angle).point(placed))
+    }
+
+    /// Mean of y of the origin of the sample over the views, in the frame of the set-up, m.
+    pub(super) fn depth(&self) -> f64 {
+        let views = self.views();
+        let first = self.origin(0)[1];
+        // Of equal places the mean is exact.
+        let rest: f64 = (0..views).map(|view| self.origin(view)[1] - first).sum();
+        first + rest / views.max(1) as f64
+    }
+
     /// Whether another scan moves the sample as far in a turn.
     pub(crate) fn has_travel_of(&self, other: &Self) -> bool {
         self.travel.map(f64::to_bits) == other.travel.map(f64::to_bits)

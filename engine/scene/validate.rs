@@ -171,8 +171,26 @@ impl Scene {
                 format!("{:?}", motions[view]),
                 "finite numbers",
             )),
-            None => Ok(()),
+            None => self.validate_axis(),
         }
+    }
+
+    /// The axis of rotation lies between the source and the analyser.
+    fn validate_axis(&self) -> Result<()> {
+        let (axis, end) = (self.axis_distance(), self.analyser_distance());
+        let centre = self.source.distance;
+        // Values that cannot be have errors of their own.
+        let is_out =
+            centre > 0.0 && end > centre && axis.is_finite() && !(0.0..end).contains(&axis);
+        if !is_out {
+            return Ok(());
+        }
+        let key = if self.scan.motions.is_empty() { "scan.axis.shift" } else { "scan.motions" };
+        let found = format!("an axis of rotation {} from the source", Length.rounded(axis));
+        let end = Length.rounded(end);
+        let allowed =
+            format!("an axis between the source and the detector mask or detector, {end}");
+        Err(Error::scene(key, found, allowed))
     }
 
     /// Lists of offsets of views are one for each angle, each with the steps of the scan.

@@ -80,10 +80,11 @@ impl Scene {
     /// Displacement of the sample (x, z), m, equivalent to a displaced source.
     /// The shear that takes the source back to the optical axis and keeps the detector in its place
     /// displaces a plane at the distance y from the source by `-s (1 - y/z_d)`, with the displacement s of the
-    /// source and the distance `z_d` of the detector.
+    /// source and the distance `z_d` of the detector. The origin of the sample has it exactly.
     fn drift(&self, view: usize) -> Option<[f64; 2]> {
         let by = self.scan.errors.source.get(view)?;
-        let share = 1.0 - self.source.distance / self.detector.distance;
+        let origin = self.source.distance + self.scan.origin(view)[1];
+        let share = 1.0 - origin / self.detector.distance;
         Some(by.map(|by| -by * share))
     }
 
@@ -152,6 +153,12 @@ mod tests {
         assert!(near(view.detector, [-1.0, 0.0, 0.0]));
         assert!(near(view.column, [0.0, 1e-4, 0.0]));
         assert!(near(view.row, [0.0, 0.0, -1e-4]));
+        // A source displaced by 1 mm displaces a sample halfway to the detector by half, and one at 1.5 m by
+        // a quarter.
+        scene.scan.errors.source = vec![[1e-3, 0.0]];
+        assert!((scene.view(0).motion.point([0.0; 3])[0] + 0.5e-3).abs() < 1e-12);
+        scene.scan.axis.shift[1] = 0.5;
+        assert!((scene.view(0).motion.point([0.0; 3])[0] + 0.25e-3).abs() < 1e-12);
         // A point at +x is nearer the source.
         assert!(near(view.motion.point([0.1, 0.0, 0.2]), [0.0, -0.1, 0.2]));
     }

@@ -21,7 +21,8 @@ pub struct GeometryFile {
     pub angles_deg: Vec<f64>,
     /// The same in radians.
     pub angles_rad: Vec<f64>,
-    /// Source to axis of rotation, m.
+    /// Source to axis of rotation along the optical axis, m; where views move the sample, to the mean place
+    /// of its origin.
     pub source_to_axis_m: f64,
     /// Source to detector, m.
     pub source_to_detector_m: f64,
@@ -91,7 +92,7 @@ impl GeometryFile {
         let [_, rows] = scene.detector.pixels;
         let row =
             |row: u32| (f64::from(rows) / 2.0 - f64::from(row) - 0.5) * scene.detector.pitch[1];
-        let source_to_axis = optics.rotation + scan.axis.shift[1];
+        let source_to_axis = scene.axis_distance();
         let axis = scan.axis.shift[0] * optics.detector.distance / source_to_axis;
         let text = |sides: &str| sides.to_owned();
         Self {
@@ -110,7 +111,7 @@ impl GeometryFile {
             axis_column: if scan.is_circle() { index_of(axis, &columns) } else { None },
             astra_cone_vec_mm: even(&columns).map(|even| vectors(scene, even, angles.len())),
             sample_motions: (!scan.is_circle()).then(|| {
-                let to_axis = Motion::translation([0.0, -scan.axis.shift[1], 0.0]);
+                let to_axis = Motion::translation([0.0, optics.rotation - source_to_axis, 0.0]);
                 // As planned: retrieval and reconstruction do not know errors.
                 let mut planned = scene.clone();
                 planned.scan.errors = ScanErrors::default();

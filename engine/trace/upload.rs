@@ -212,7 +212,7 @@ fn view(scene: &Scene, motion: &Motion, reach: f64) -> ViewTransform {
         position,
         position_rest,
         start: -single(1.01 * reach + 1e-6),
-        analyser: single(scene.lever_arm()),
+        analyser: single(scene.analyser_distance() - scene.source.distance),
     }
 }
 

@@ -8,8 +8,10 @@ use beamlet_reference as reference;
 mod support;
 
 mod arm;
+mod axis;
 mod corrections;
 mod fbp;
+mod hardened;
 mod iterative;
 mod moved;
 mod paper_fan;

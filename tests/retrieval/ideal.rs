@@ -5,7 +5,7 @@
 use crate::support::{Worst, backends, engine};
 use beamlet::ndarray::Array3;
 use beamlet::retrieve::{IdealImages, IdealOptions, Method, RetrieveOptions, Retriever, ideal};
-use beamlet::scene::{Mesh, Object, Scene, ShapeOrMesh};
+use beamlet::scene::{Mesh, Motion, Object, Scene, ShapeOrMesh};
 use beamlet::{Backend, Error, RowsControl, material, spectrum};
 use ndarray::Axis;
 
@@ -99,6 +99,43 @@ fn a_wedge_has_one_angle_and_no_dark_field() {
     }
     transmission.holds();
     angle.holds();
+}
+
+/// Images refer to the lever arm of the axis of rotation wherever it is along the beam; where views move the
+/// sample along the beam, to the arm of its mean place: the angle of a view 50 mm before it is 50 mm over the arm
+/// larger.
+#[test]
+fn angles_refer_to_the_axis_where_it_is_along_the_beam() {
+    let (slope, thin, axis) = (2.0, 4.2e-3, 1.36);
+    let mut scene = scene([3, 1], "");
+    scene.objects.push(wedge(slope, thin));
+    let arm = DETECTOR - axis;
+    let mut worst = Worst::new("refraction of a displaced wedge over the angle, less 1", 2e-3);
+    let mut check = |scene: &Scene, displaced: &[f64], name: &str| {
+        let options = RetrieveOptions::default();
+        let retriever = Retriever::new(&engine(Backend::Bvh), scene, &options).unwrap();
+        let per_shift = -scene.magnification() / arm;
+        assert!((retriever.angle_per_shift() / per_shift - 1.0).abs() < 1e-12, "{name}");
+        let images = made(scene, &IdealOptions::default()).images;
+        for (view, by) in displaced.iter().enumerate() {
+            let x = -150e-6 * (axis + by) / DETECTOR;
+            // From the rear face, which the light leaves at an angle, to the analyser.
+            let rear = arm - by - (thin + slope * x);
+            let expected = -DELTA * slope * rear / arm;
+            let found = f64::from(images["refraction"][[view, 0, 0]]);
+            worst.take(found / expected - 1.0, || format!("{name}, view {view}"));
+        }
+    };
+    scene.scan.mask_offsets = (-5..=5).map(|n| 5e-6 * f64::from(n)).collect();
+    scene.scan.axis.shift = [0.0, axis - CENTRE, 0.0];
+    check(&scene, &[0.0], "shift of the axis");
+    scene.scan.axis.shift = [0.0; 3];
+    scene.scan.angles = vec![0.0; 2];
+    let displaced = [-0.05, 0.05];
+    scene.scan.motions =
+        displaced.map(|by| Motion::translation([0.0, axis - CENTRE + by, 0.0])).to_vec();
+    check(&scene, &displaced, "motions");
+    worst.holds();
 }
 
 /// Gradients within an opening: α = 2δx/√(R² − x²), weighted by the light, and its variance.

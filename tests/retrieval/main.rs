@@ -16,6 +16,7 @@ mod flats;
 mod geometry_file;
 mod ideal;
 mod lab_faults;
+mod leaking_masks;
 #[cfg(feature = "cli")]
 mod measured;
 mod misfit;

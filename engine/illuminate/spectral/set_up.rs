@@ -81,7 +81,7 @@ impl EnergyBinning {
             groups: Vec::new(),
             slopes: lattice.beamlet_geometry(optics).iter().map(|c| c.slope.into()).collect(),
             lattice: lattice.clone(),
-            tolerance: DISPLACEMENT_SHARE * optics.sampling.tolerances().angle * optics.lever_arm(),
+            tolerance: DISPLACEMENT_SHARE * optics.sampling.tolerances().angle * optics.lever_arm,
             gap: optics.gap(),
             ratio: analyser / detector.distance,
             row_pitch: detector.pitch[1],

@@ -88,6 +88,9 @@ def test_geometries_name_their_keys(scan: bl.Run) -> None:
             names(f"geometry.{key}", lambda other=other: bl.reconstruct(sinograms, other))
     axis: Any = "1 mm"
     names("axis", lambda: bl.reconstruct(sinograms, geometry, axis=axis))
+    # A place of the axis makes no circle of views that move the sample.
+    moved = scan.scene.replace("scan.travel", ["0 mm", "0 mm", "1 mm"]).geometry
+    names("scan", lambda: bl.reconstruct(sinograms, moved), lambda: bl.reconstruct(sinograms, moved, axis=0.0))
 
 
 def test_options_of_retrievals_name_themselves(scan: bl.Run, scene: bl.Scene) -> None:

@@ -146,7 +146,7 @@ def circle(geometry: Scene | Mapping[str, Any], axis: float | None = None) -> di
     for key in ("source_to_axis_m", "source_to_detector_m", "columns_m", "rows_m", "angles_rad"):
         if views.get(key) is None:
             raise wrong(f"geometry.{key}", "nothing", "the keys of geometry.json")
-    if axis is None and views.get("axis_column") is None:
+    if views.get("sample_motions") is not None or (axis is None and views.get("axis_column") is None):
         raise wrong("scan", "views that move the sample", "views on a circle")
     columns = floats("geometry.columns_m", views["columns_m"])
     near, far = (number(f"geometry.{key}", views[key]) for key in ("source_to_axis_m", "source_to_detector_m"))
