@@ -47,7 +47,7 @@ impl InputHashes {
     /// [`Error::File`] for a record that cannot be read.
     pub(crate) fn inherit(&mut self, folder: &Path, record: &str) -> Result<()> {
         let Some(recorded) = Recorded::read(&folder.join(record))? else { return Ok(()) };
-        let from = recorded.working_directory.filter(|from| !is_working_directory(from));
+        let from = recorded.elsewhere().map(Path::to_path_buf);
         let moved = |path: String| match &from {
             Some(from) => from.join(path).display().to_string(),
             None => path,
@@ -81,6 +81,11 @@ struct Recorded {
 }
 
 impl Recorded {
+    /// Directory that relative paths start from, where it is not the working directory.
+    fn elsewhere(&self) -> Option<&Path> {
+        self.working_directory.as_deref().filter(|from| !is_working_directory(from))
+    }
+
     /// The entries of a record; `None` where there is no record.
     fn read(path: &Path) -> Result<Option<Self>> {
         let text = match input_file::text(path) {
@@ -105,7 +110,7 @@ impl Recorded {
         let mut places = match own {
             Some(run) => vec![run.join(name)],
             None => {
-                let from = self.working_directory.as_deref().unwrap_or(Path::new(""));
+                let from = self.elsewhere().unwrap_or(Path::new(""));
                 // Files that were moved together lie beside one another as before.
                 let place = canonical(folder);
                 let beside = place.parent().map(|parent| parent.join(input));
@@ -138,7 +143,7 @@ impl Recorded {
             return format!("{begin}{}--overwrite", run.unwrap_or_default());
         };
         let end = if command.contains("--overwrite") { "" } else { " --overwrite" };
-        match self.working_directory.as_ref().filter(|from| !is_working_directory(from)) {
+        match self.elsewhere() {
             Some(from) if from.is_dir() => {
                 format!("cd {} && {command}{end}", printed::path(from))
             }
