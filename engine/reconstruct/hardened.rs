@@ -121,7 +121,7 @@ impl Truth {
         let (_, depth, width) = self.labels.dim();
         let sides =
             [s![.., ..1, ..], s![.., depth - 1.., ..], s![.., .., ..1], s![.., .., width - 1..]];
-        sides.iter().any(|side| self.labels.slice(side).iter().any(|label| *label > 0.0))
+        sides.iter().any(|side| self.labels.slice(side).iter().any(|label| *label > 0))
     }
 
     /// Sinograms that are alive together for [`Self::hardened`].
