@@ -6,7 +6,7 @@ use super::Component;
 use super::orientation::{Orientation, around};
 use super::placed::Prototype;
 use super::search::{Search, winding_by_solid_angle};
-use super::surface::{Defect, Surface, bounds_of};
+use super::surface::{Defect, Surface, bounds_of, corners_of};
 use super::topology::{self, Edge};
 use crate::numbers;
 
@@ -190,11 +190,6 @@ pub(super) fn measure(surface: &Surface, of: &[u32], count: u32, object: u32) ->
         component.area += (b - a).cross(c - a).length() / 2.0;
     }
     components
-}
-
-/// The bounding box of a component as vectors.
-pub(super) fn corners_of(component: &Component) -> [DVec3; 2] {
-    component.bounds.map(DVec3::from_array)
 }
 
 /// Whether a closed surface of this volume and area encloses nothing.

@@ -115,7 +115,7 @@ fn digits_lost(surface: &Surface, [in_file, in_world]: [f64; 2]) -> Option<Strin
 fn sound(united: United, found: &Examined, repeated: Option<DefectCount>) -> Option<Examined> {
     let United { surface, parts, turned } = united;
     let edges = topology::edges(&surface);
-    if !edges.chunk_by(|a, b| a.key == b.key).all(topology::is_manifold) {
+    if !edges.chunk_by(|a, b| a.key == b.key).all(topology::is_balanced) {
         return None;
     }
     let mut warnings = found.warnings.clone();

@@ -6,6 +6,7 @@ use std::path::Path;
 use std::sync::Arc;
 use std::time::Instant;
 
+use glam::DVec3;
 use rayon::prelude::*;
 
 use super::analytic::AnalyticShape;
@@ -125,6 +126,14 @@ struct Loaded {
     defects: Defects,
     /// Why a run must not use it.
     refusal: Option<Error>,
+}
+
+impl Loaded {
+    /// Places of an exact shape.
+    fn of_exact_shape(group: Group) -> Self {
+        let (body, defects) = (Body::empty(), Defects::default());
+        Self { body, group: Some(group), hash: String::new(), defects, refusal: None }
+    }
 }
 
 fn read_all(scene: &Scene, watch: &Watch) -> Result<Vec<Loaded>> {
@@ -262,13 +271,7 @@ fn read_object(
         let prototype = |places| Prototype::of_shape(shape, number, places);
         let group = group_of(scene, object, number, &label, prototype, task)?;
         task.finish();
-        return Ok(Loaded {
-            body: Body::empty(),
-            group: Some(group),
-            hash: String::new(),
-            defects: Defects::default(),
-            refusal: None,
-        });
+        return Ok(Loaded::of_exact_shape(group));
     }
     let ReadSurface { surface, unit, hash, warnings: read_warnings } =
         read_surface(object, file, &label, task)?;
@@ -291,16 +294,16 @@ fn read_object(
     let Examined { surface, edges, search, defects, apart, warnings: of_parts } =
         examine(surface, unit, placement, is_mesh, task)?.map_err(failed(&label))?;
     let refused = defects.refused().then(|| defects.description(apart));
-    let refusal = |trial: Option<Trial>| match &refused {
-        _ if defects.not_finite.count > 0 => {
-            let count = defects.not_finite.count;
-            let problem = format!("the vertices of {count} triangles are not finite numbers");
-            Some(Error::mesh(label.clone(), problem, defects.places()))
-        }
-        Some(why) if !object.allow_defects => {
-            Some(Error::mesh(label.clone(), format!("{why}; {}", remedy(trial)), defects.places()))
-        }
-        _ => None,
+    let refusal = |trial: Option<Trial>| {
+        let not_finite = defects.not_finite.count;
+        let problem = match &refused {
+            _ if not_finite > 0 => {
+                format!("the vertices of {not_finite} triangles are not finite numbers")
+            }
+            Some(why) if !object.allow_defects => format!("{why}; {}", remedy(trial)),
+            _ => return None,
+        };
+        Some(Error::mesh(label.clone(), problem, defects.places()))
     };
     let mut body = match Body::new(surface, &edges, search, number) {
         Ok(body) => body,
@@ -316,13 +319,7 @@ fn read_object(
         warnings.insert(0, format!("{why} (accepted: allow_defects); {trial}"));
     }
     warnings.append(&mut body.warnings);
-    let [low, high] = body.bounds();
-    let extent = (high - low).max_element();
-    if !(1e-6..=1.0).contains(&extent) {
-        warnings.push(format!(
-            "it is {extent:.3e} m across: is its `unit` (or `scale`) the right one?"
-        ));
-    }
+    warnings.extend(odd_size(body.bounds()));
     body.warnings = warnings;
     let group = match &object.instances {
         None => None,
@@ -335,6 +332,14 @@ fn read_object(
     log::info!("{label}: {parts} parts, read and checked in {seconds:.1} s");
     task.finish();
     Ok(Loaded { body, group, hash, defects, refusal })
+}
+
+/// A warning where a mesh of these bounds is oddly small or large.
+fn odd_size([low, high]: [DVec3; 2]) -> Option<String> {
+    let extent = (high - low).max_element();
+    let is_usual = (1e-6..=1.0).contains(&extent);
+    let problem = format!("it is {extent:.3e} m across: is its `unit` (or `scale`) the right one?");
+    (!is_usual).then_some(problem)
 }
 
 /// Remedy for a mesh with defects, by the trial of its rays.

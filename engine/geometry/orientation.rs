@@ -8,9 +8,8 @@ use glam::DVec3;
 use rayon::prelude::*;
 
 use super::Component;
-use super::body::corners_of;
 use super::search::{Search, winding_by_solid_angle};
-use super::surface::{Surface, encloses, in_mm};
+use super::surface::{Surface, corners_of, encloses, in_mm};
 use super::tree::Tree;
 
 /// Points of a shell that must lie in another one: a part that pokes into another is not inside.
@@ -83,8 +82,8 @@ impl Orientation {
         if !filled.is_empty() {
             let (count, places) = (filled.len(), first(&filled));
             warnings.push(format!(
-                "{count} of {all} parts inside others face outwards as these do, and were filled: they \
-                 are no holes {places}; for a hole turn the triangles of the part inwards, or make it \
+                "{count} of {all} parts inside others are in their material by orientation and were \
+                 filled: they are no holes {places}; for a hole turn the triangles of the part inwards, or make it \
                  an object of its own of the material \"vacuum\", listed later"
             ));
         }

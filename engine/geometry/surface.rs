@@ -1,5 +1,6 @@
 //! A triangle surface before it is part of a sample, and what can be wrong with it.
 
+use super::Component;
 use crate::numbers;
 use crate::units::Dimension::Length;
 use glam::{DAffine3, DVec3};
@@ -272,6 +273,11 @@ impl Surface {
 /// Equal for equal numbers: -0 is 0.
 fn bits(x: f32) -> u32 {
     (x + 0.0).to_bits()
+}
+
+/// The bounding box of a component as vectors.
+pub(super) fn corners_of(component: &Component) -> [DVec3; 2] {
+    component.bounds.map(DVec3::from_array)
 }
 
 /// Bounding box of points; empty (min above max) for none.

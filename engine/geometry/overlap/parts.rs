@@ -2,8 +2,8 @@
 
 use glam::DVec3;
 
-use super::super::body::{Body, corners_of};
-use super::super::surface::{Surface, bounds_of, encloses, in_mm, near};
+use super::super::body::Body;
+use super::super::surface::{Surface, bounds_of, corners_of, encloses, in_mm, near};
 use crate::error::Error;
 use crate::numbers;
 

@@ -6,9 +6,9 @@ use super::own;
 use super::{Placed, Prototype};
 use crate::error::Result;
 use crate::geometry::Sample;
-use crate::geometry::body::{Body, corners_of};
+use crate::geometry::body::Body;
 use crate::geometry::nesting::nest;
-use crate::geometry::surface::{Surface, near};
+use crate::geometry::surface::{Surface, corners_of, near};
 use crate::geometry::watch::Task;
 
 impl Sample {

@@ -13,11 +13,11 @@ use glam::{DAffine3, DVec3};
 use rayon::prelude::*;
 
 use super::Component;
-use super::body::{corners_of, is_flat, measure, without_thin};
+use super::body::{is_flat, measure, without_thin};
 use super::defects::CrossingPair;
 use super::overlap::{Solid, snap};
 use super::search::{Search, winding_by_solid_angle};
-use super::surface::{Surface, bounds_of, encloses, in_mm};
+use super::surface::{Surface, bounds_of, corners_of, encloses, in_mm};
 use super::topology::{self, Edge, join, labels};
 use super::tree::Tree;
 use super::watch::{LoadStep, Task};

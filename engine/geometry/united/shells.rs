@@ -46,8 +46,8 @@ pub(super) fn shells(surface: &Surface, edges: &[Edge], resolved: f64) -> Option
 }
 
 impl Shells {
-    /// The surface with vertices of their own for parts of a shell that touch along an edge: each of its
-    /// edges has two triangles of each shell then.
+    /// The surface with a vertex of its own for each fan of triangles of a shell around an end of a shared
+    /// edge.
     pub(super) fn split(&self, surface: &Surface, edges: &[Edge]) -> Surface {
         let mut split = Surface::new(surface.vertices.clone(), surface.triangles.clone());
         let mut is_shared = vec![false; surface.vertices.len()];
