@@ -299,7 +299,7 @@ fn message_offers_allow_defects_only_where_no_trial_ray_is_wrong() {
     across.iter().for_each(|it| negative.1[*it].swap(0, 1));
     for (mesh, words) in [
         (open, "trial rays enter and leave it unequally often: repair the mesh"),
-        (negative, "have negative paths, to -2"),
+        (negative, "have negative paths, to -"),
     ] {
         let text = mesh.load().unwrap_err().to_string();
         assert!(text.contains(words) && !text.contains("allow_defects"), "{text}");
