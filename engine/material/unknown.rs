@@ -65,8 +65,11 @@ fn suggested(scene: &Scene, name: &str) -> Vec<String> {
         let nearest = suggestion::nearest(name, spellings, fold);
         return nearest.map(|meant| format!("\"{meant}\"")).into_iter().collect();
     }
-    // The shortest is the nearest.
+    // The shortest is the nearest, and represents names that continue it.
     found.sort_by_key(|(_, spelling)| spelling.chars().count());
+    let all = found.clone();
+    let goes_on = |a: &str, b: &str| a.strip_prefix(b).is_some_and(|rest| rest.starts_with(' '));
+    found.retain(|(_, spelling)| !all.iter().any(|(_, other)| goes_on(spelling, other)));
     found.iter().take(SUGGESTIONS).map(|(_, spelling)| format!("\"{spelling}\"")).collect()
 }
 

@@ -148,22 +148,23 @@ fn formulas_have_their_values_in_any_notation() {
     }
 }
 
-/// Heavy water has the electrons of water with the same number of molecules.
+/// Heavy water has the electrons of water with the same number of molecules. Molar masses have four
+/// decimals or fewer in the tables: 1e-4.
 #[test]
 fn heavy_hydrogen_has_its_weight() {
     let factor = 18.0153 / 20.0276;
     for text in ["D2O", "(D2O)100wt%"] {
         let ([mu, delta], [wanted_mu, wanted]) = (of(text, 1.107), of("H2O", 1.107 * factor));
-        assert!((mu / wanted_mu - 1.0).abs() < 1e-5, "{text}: {mu} against {wanted_mu}");
-        assert!((delta / wanted - 1.0).abs() < 1e-5, "{text}: {delta} against {wanted}");
+        assert!((mu / wanted_mu - 1.0).abs() < 1e-4, "{text}: {mu} against {wanted_mu}");
+        assert!((delta / wanted - 1.0).abs() < 1e-4, "{text}: {delta} against {wanted}");
     }
     let [mu, _] = of("T2O", 1.215);
-    assert!((mu / of("H2O", 1.215 * 18.0153 / 22.0315)[0] - 1.0).abs() < 1e-5);
+    assert!((mu / of("H2O", 1.215 * 18.0153 / 22.0315)[0] - 1.0).abs() < 1e-4);
     let parts = vec![("D2O".to_owned(), 1.0), ("water".to_owned(), 1.0)];
     let half = MaterialSpec::Mixture { parts, density: 1.05 };
     let found = constants(&with(25.0, "x", half), "x").unwrap();
     let wanted = of("H2O", 1.05 * f64::midpoint(1.0, factor))[1];
-    assert!((found.delta / wanted - 1.0).abs() < 1e-5, "{} against {wanted}", found.delta);
+    assert!((found.delta / wanted - 1.0).abs() < 1e-4, "{} against {wanted}", found.delta);
 }
 
 #[test]

@@ -26,7 +26,9 @@ pub(super) fn parse(bytes: &[u8], task: Task<'_>) -> Result<MeshFile, Defect> {
     let text = super::plain(bytes)?;
     // A name in some other encoding than UTF-8 is no reason to refuse a text file.
     let word = text.trim_ascii_start().get(..5).unwrap_or_default();
-    if word.eq_ignore_ascii_case(b"solid") && !text.contains(&0) {
+    // Zeros at the end may be the count of a binary file that ends there.
+    let has_header = bytes[..bytes.len().min(HEADER)].contains(&0);
+    if word.eq_ignore_ascii_case(b"solid") && !text.contains(&0) && !has_header {
         return ascii(&String::from_utf8_lossy(&text), task).map(MeshFile::of);
     }
     match (count, promised) {

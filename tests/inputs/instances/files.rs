@@ -21,6 +21,7 @@ fn columns_of_any_order_and_unit_are_read() {
     for text in [
         "x_mm,y_um,z_cm\n1,-2,3\n0.1,5,0\n",
         "\u{feff}\"z_cm\",\"x_mm\",\"y_um\"\r\n3, 1, -2\r\n0,0.1,5",
+        "z_cm;x_mm;y_um\r3; 1; -2\r0;0.1;5\r",
         "# from a scan\n\nz_m , y_nm,x_pm,scale\n0.03,-2e3,1e9,1\n# more\n0,5000,1e8,1.0\n\n",
     ] {
         let found = read(text).unwrap();
@@ -54,7 +55,7 @@ fn what_is_no_table_of_instances_is_refused_with_file_line_and_column() {
         ("x,y_mm,z_mm\n1,2,3\n", "at.csv:1:1: x", "allowed: x_m, x_cm, x_mm, x_um, x_nm or x_pm"),
         ("x_mm,y_inch,z_mm\n1,2,3\n", "at.csv:1:6: y", "the column \"y_inch\""),
         ("x_mm,y_mm,z_25.4 mm\n1,2,3\n", "at.csv:1:11: z", "the column \"z_25.4 mm\""),
-        ("x_mm;y_mm;z_mm\n1;2;3\n", "at.csv:1:1: x", "the column \"x_mm;y_mm;z_mm\""),
+        ("x_mm;y_mm;z_mm\n1;2,5;3\n", "at.csv:2:3: y", "found \"2,5\""),
         ("x_mm,y_mm,z_mm,x_um\n1,2,3,4\n", "at.csv:1:16: x", "\"x_um\" after \"x_mm\""),
         ("x_mm,y_mm,z_mm,weight\n1,2,3,4\n", "at.csv:1:16: header", "the column \"weight\""),
         ("1,2,3\n4,5,6\n", "at.csv:1:1: header", "the column \"1\""),
