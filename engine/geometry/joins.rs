@@ -88,7 +88,7 @@ pub(super) fn nearest_corners(surface: &Surface, edges: &[Edge], step: f64) -> O
     let open = Corners::of(surface, edges);
     let [low, high] = bounds_of(open.places.iter().copied());
     let size = low.distance(high);
-    if !(2..=MOST).contains(&open.vertices.len()) || !(step > 0.0 && size.is_finite()) {
+    if !((2..=MOST).contains(&open.vertices.len()) && step > 0.0 && size.is_finite()) {
         return None;
     }
     let has_edge = |a: u32, b: u32| {

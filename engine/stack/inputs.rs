@@ -205,7 +205,7 @@ fn stamp(path: &Path) -> io::Result<String> {
     if !path.is_dir() && !folder::is_pattern(path) {
         let found = fs::metadata(path)?;
         let since = found.modified()?.duration_since(UNIX_EPOCH).map_err(io::Error::other)?;
-        return Ok(text_hash(&format!("{} {}", found.len(), since.as_nanos())));
+        return Ok(text_hash(format!("{} {}", found.len(), since.as_nanos())));
     }
     let line = |path: &PathBuf| Ok(line(&stamp(path)?, path));
     let lines = folder::entries(path)?.iter().map(line).collect::<io::Result<String>>()?;
