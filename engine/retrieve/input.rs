@@ -9,7 +9,6 @@ mod reopened;
 mod selection;
 mod times;
 
-use super::retriever::Retriever;
 use crate::cancel::Aside;
 use crate::detector::DetectorModel;
 use crate::numbers;
@@ -348,14 +347,15 @@ impl Input {
         self
     }
 
-    /// Splits the sample's frames into views of as many steps as `retriever` has offsets.
+    /// Splits the sample's frames into views of some steps. `steps`: numbers of offsets of the flat and of
+    /// the sample, without omitted ones.
     ///
     /// # Errors
     /// [`Error::File`] where frames and offsets do not agree in number, naming the file, and where the
     /// mean of the dark is not finite in a pixel that is not a bad one.
-    pub(crate) fn fitted_to(mut self, retriever: &Retriever) -> Result<Self> {
+    pub(crate) fn fitted_to(mut self, steps: [usize; 2]) -> Result<Self> {
         self.correction.check()?;
-        let [flat, sample] = retriever.steps().map(|steps| steps + self.omitted.len());
+        let [flat, sample] = steps.map(|steps| steps + self.omitted.len());
         let [flats, frames, ..] = self.flat.shape();
         if frames != flat {
             let problem = format!("has {frames} frames for {flat} mask offsets");

@@ -231,7 +231,7 @@ fn retrieve_to(
         return Err(Error::argument("columns", "a part of the pixels", allowed));
     }
     let mut retriever = Retriever::new(engine, input.scene(), &options)?;
-    let input = input.fitted_to(&retriever)?;
+    let input = input.fitted_to(retriever.steps())?;
     if !options.correct.is_none() || options.phase {
         require_pixels(&input)?;
     }
