@@ -277,7 +277,7 @@ impl<'a, M: Fn(&str) -> Option<f64>> Reader<'a, M> {
             let behind = rest.strip_prefix(*water).map(|rest| rest.chars().next());
             behind.is_some_and(|next| matches!(next, None | Some('·' | '.' | ')')))
         };
-        if WATER.iter().any(|water| is_water(water)) {
+        if WATER.iter().any(is_water) {
             return Ok(true);
         }
         let of = &self.letters[..dot - before];

@@ -199,7 +199,7 @@ fn designations_of_alloys_are_no_formulas() {
         ("CuZn37", "Cu63wt%Zn37wt%", 8.44),
     ] {
         let found = constants(&scene(25.0), name).unwrap();
-        assert_eq!([found.mu, found.delta], of(weights, density), "{name}");
+        assert_eq!((found.mu, found.delta), of(weights, density).into(), "{name}");
     }
 }
 
