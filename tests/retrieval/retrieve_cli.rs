@@ -454,7 +454,7 @@ fn bad_pixels_have_a_flag_of_their_own_and_change_no_other_pixel() {
     write_npy(place.join("wide.npy"), &ndarray::Array2::<u8>::zeros((4, 65))).unwrap();
     write_npy(place.join("all.npy"), &ndarray::Array2::<u8>::ones((4, 64))).unwrap();
     fs::write(place.join("outside.txt"), "0,1\n4,1\n").unwrap();
-    fs::write(place.join("word.txt"), "3;1\n").unwrap();
+    fs::write(place.join("word.txt"), "3|1\n").unwrap();
     for (file, word) in [
         ("wide.npy", "1 images of 4 x 65 pixels; allowed: one of 4 x 64"),
         ("all.npy", "every pixel"),
