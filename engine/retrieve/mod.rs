@@ -39,6 +39,7 @@ pub(crate) use input::path_hash;
 pub use input::{Columns, Input, offsets};
 pub use method::Method;
 pub(crate) use method::different_offsets;
+pub(crate) use misfit::median;
 pub use options::{ReadRows, RetrieveOptions};
 pub use phase::Drift;
 pub(crate) use phase::{DriftSum, borders, integrated_row};

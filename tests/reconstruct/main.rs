@@ -10,8 +10,11 @@ mod support;
 
 mod arm;
 mod corrections;
+#[cfg(feature = "cli")]
+mod faces;
 mod fbp;
 mod iterative;
+mod lost_views;
 mod moved;
 mod paper_fan;
 mod peers;
