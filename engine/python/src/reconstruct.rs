@@ -4,9 +4,11 @@ use crate::engine::Engine;
 use crate::errors::raised;
 use crate::work::interruptible;
 use beamlet::Error;
+use beamlet::ndarray::{Array2, Array3, ArrayView3};
 use beamlet::reconstruct::{
-    Data, FbpOptions, Filter, GridChoice, IterativeOptions, Measured, Method, Model, PixelCounts,
-    Quantity, ScanGeometry, Solver, VolumeGrid, deviation_weights, fill_images, prepare_sinograms,
+    Data, FbpOptions, Filter, GridChoice, IterativeOptions, LostViews, Measured, Method, Model, PixelCounts,
+    Quantity, ScanGeometry, Solver, VolumeGrid, deviation_weights, fill_images,
+    prepare_sinograms, reaching_ends,
 };
 use numpy::{IntoPyArray, PyArray3, PyReadonlyArray3};
 use pyo3::prelude::*;
@@ -64,6 +66,7 @@ pub(crate) struct Options {
     discrepancy: Option<f64>,
     non_negative: bool,
     phase: bool,
+    keep_views: bool,
 }
 
 /// The entry of a list that has this name.
@@ -116,11 +119,12 @@ impl Options {
 }
 
 /// Values `[z][y][x]`, sides of a voxel and centre of the first one, m, their unit, and of iterative
-/// methods the residuals and the number of the iterate.
+/// methods the residuals and the number of the iterate; numbers of views that lost their refraction.
 type Reconstructed<'py> =
-    (Bound<'py, PyArray3<f32>>, [f64; 3], [f64; 3], &'static str, Vec<f64>, usize);
+    (Bound<'py, PyArray3<f32>>, [f64; 3], [f64; 3], &'static str, Vec<f64>, usize, Vec<usize>);
 
-/// Reconstructs sinograms `[view][row][column]`.
+/// Reconstructs sinograms `[view][row][column]`. `attenuation`: −ln of the transmission of the same pixels, which shows
+/// bodies that reach an end of a row.
 #[pyfunction]
 #[expect(clippy::too_many_arguments, reason = "options by name in Python")]
 pub(crate) fn reconstruct<'py>(
@@ -134,6 +138,7 @@ pub(crate) fn reconstruct<'py>(
     weights: Option<PyReadonlyArray3<'py, f32>>,
     mask: Option<PyReadonlyArray3<'py, bool>>,
     start: Option<PyReadonlyArray3<'py, f32>>,
+    attenuation: Option<PyReadonlyArray3<'py, f32>>,
     progress: Option<&Bound<'py, PyAny>>,
 ) -> PyResult<Reconstructed<'py>> {
     let engine = engine.get(py)?;
@@ -144,7 +149,8 @@ pub(crate) fn reconstruct<'py>(
     let sinograms = sinograms.as_array();
     let [weights, start] = [&weights, &start].map(|it| it.as_ref().map(|it| it.as_array()));
     let mask = mask.as_ref().map(|mask| mask.as_array());
-    let (volume, residuals, best) = interruptible(py, progress, |watch| {
+    let attenuation = attenuation.as_ref().map(|it| it.as_array());
+    let (volume, residuals, best, lost) = interruptible(py, progress, |watch| {
         watch.rows("reconstruct", |mut control| {
             method.check(quantity)?;
             let data = match quantity {
@@ -152,17 +158,86 @@ pub(crate) fn reconstruct<'py>(
                 Quantity::Delta => Data::Refraction,
                 Quantity::DarkField => Data::DarkField,
             };
-            let measured = Measured::new(data, sinograms)
-                .with_weights(weights)
+            let mut own = (None, None);
+            let mut lost = Vec::new();
+            if quantity == Quantity::Delta {
+                let given = Given { geometry: &geometry, sinograms, weights, attenuation };
+                (own, lost) = given.without_lost(&method, options.keep_views)?;
+            }
+            let measured = Measured::new(data, own.0.as_ref().map_or(sinograms, |it| it.view()))
+                .with_weights(own.1.as_ref().map(|it| it.view()).or(weights))
                 .with_mask(mask)
                 .with_start(start);
             let made = method.volume(&engine, &geometry, &measured, &grid, &mut control)?;
-            Ok((made.volume, made.residuals, made.best))
+            Ok((made.volume, made.residuals, made.best, lost))
         })
     })?;
     let unit = volume.quantity.unit();
     let values = volume.values.into_pyarray(py);
-    Ok((values, grid.voxel, grid.origin, unit, residuals, best))
+    Ok((values, grid.voxel, grid.origin, unit, residuals, best, lost))
+}
+
+/// Refraction angles with all that belongs to them, `[view][row][column]`.
+struct Given<'a> {
+    geometry: &'a ScanGeometry,
+    sinograms: ArrayView3<'a, f32>,
+    weights: Option<ArrayView3<'a, f32>>,
+    attenuation: Option<ArrayView3<'a, f32>>,
+}
+
+/// Sinograms and weights in place of the given ones.
+type Changed = (Option<Array3<f32>>, Option<Array3<f32>>);
+
+impl Given<'_> {
+    /// Sinograms and weights without views that lost their refraction, where there are any, and the numbers of these
+    /// views.
+    fn without_lost(&self, method: &Method, keep: bool) -> beamlet::Result<(Changed, Vec<usize>)> {
+        let (views, rows, _) = self.sinograms.dim();
+        let mut unknown = match self.attenuation {
+            Some(attenuation) => reaching_ends(attenuation),
+            None => Array2::default((views, rows)),
+        };
+        let known = self.weights.map(|weights| self.known(weights, &mut unknown)).transpose()?;
+        let compared = known.as_ref().map_or(self.sinograms, |known| known.view());
+        let mut lost = LostViews::find(self.geometry, compared, Some(unknown.view()))?;
+        let numbers: Vec<usize> = lost.record().lost_views.iter().map(|of| of.view).collect();
+        if numbers.is_empty() {
+            return Ok(((None, None), numbers));
+        }
+        let mut sinograms = self.sinograms.to_owned();
+        let weights = self.weights.map(|weights| weights.to_owned());
+        let weights = lost.leave_out(self.geometry, (method, keep), &mut sinograms, weights)?;
+        Ok(((Some(sinograms), weights), numbers))
+    }
+
+    /// Refraction angles, with values of weight 0, which may be anything, filled from the pixels beside them; views without
+    /// any weight are unknown.
+    fn known(
+        &self,
+        weights: ArrayView3<'_, f32>,
+        unknown: &mut Array2<bool>,
+    ) -> beamlet::Result<Array3<f32>> {
+        let mut angles = self.sinograms.to_owned();
+        if weights.dim() != angles.dim() {
+            return Ok(angles);
+        }
+        for (view, (mut image, weights)) in
+            angles.outer_iter_mut().zip(weights.outer_iter()).enumerate()
+        {
+            if weights.iter().all(|weight| *weight == 0.0) {
+                image.fill(0.0);
+                unknown.row_mut(view).fill(true);
+                continue;
+            }
+            image.zip_mut_with(&weights, |angle, weight| {
+                if *weight == 0.0 {
+                    *angle = f32::NAN;
+                }
+            });
+        }
+        let places = [&self.geometry.columns, &self.geometry.rows].map(Vec::as_slice);
+        Ok(fill_images(places, Quantity::Delta, angles.view(), None)?.0)
+    }
 }
 
 /// Pixels in all; without a result, not above 0, and misfits.

@@ -154,8 +154,9 @@ def reconstruct(
     weights: _Floats | None,
     mask: NDArray[np.bool_] | None,
     start: _Floats | None,
+    attenuation: _Floats | None,
     progress: _Progress,
-) -> tuple[_Floats, list[float], list[float], str, list[float], int]: ...
+) -> tuple[_Floats, list[float], list[float], str, list[float], int, list[int]]: ...
 def retrieve(
     engine: Engine,
     scene: Scene,

@@ -15,7 +15,7 @@ from . import _beamlet
 from ._arguments import array, number, shown, whole, word
 from ._arguments import path as place
 from ._engine import Engine, Progress, serving
-from ._errors import Error, wrong
+from ._errors import ArgumentError, Error, wrong
 from ._scene import Path, Scene, inner
 from ._volume import (
     Quantity,
@@ -179,6 +179,13 @@ class Images(Mapping[str, Image]):
         names = ("pixels", "without_answer", "dark", "misfits")
         return values, dict(zip(names, counts, strict=True))
 
+    def _attenuation(self) -> Image | None:
+        """-ln of the transmission; ``None`` where a view has none."""
+        try:
+            return self.sinograms("mu")[0]
+        except ArgumentError:
+            return None
+
     def weights(self, quantity: Quantity = "mu") -> Image:
         """Weights of the sinograms by the uncertainties of the retrieval: one over their squares, 0 where
         a pixel has no answer. Below a tenth of their median uncertainties count as this.
@@ -221,7 +228,7 @@ class Images(Mapping[str, Image]):
             progress: Callback.
             method: Filtered back-projection, or an iterative method: :func:`beamlet.reconstruct`.
             weights: ``"sigma"``: iterative methods weigh values by :meth:`weights`.
-            options: Others of :func:`beamlet.reconstruct`.
+            options: Others of :func:`beamlet.reconstruct`; ``attenuation`` comes from the transmission.
 
         Raises:
             ArgumentError: As of :func:`beamlet.reconstruct`, :meth:`sinograms` and :meth:`weights`.
@@ -234,6 +241,8 @@ class Images(Mapping[str, Image]):
             weights = self.weights(quantity)
         engine = self._engine
         options.setdefault("engine", None if engine is None or engine.closed else engine)
+        if quantity == "delta" and "transmission" in self and not options.get("keep_views"):
+            options.setdefault("attenuation", self._attenuation())
         volume = reconstruct(
             sinograms,
             self.geometry,

@@ -35,6 +35,8 @@ class Volume:
         best: Number of the iterate that the values are, the one of the least residual.
         pixels: Pixels of the images: how many had no answer, no light or were misfits and were filled;
             ``None`` for sinograms.
+        lost_views: Numbers of the views that lost their refraction, as at flat faces along the beam; without
+            ``keep_views`` they have no weight in ``delta``.
     """
 
     values: NDArray[np.float32]
@@ -45,6 +47,7 @@ class Volume:
     residuals: tuple[float, ...] = ()
     best: int = 0
     pixels: Mapping[str, int] | None = None
+    lost_views: tuple[int, ...] = ()
 
     def centres(self) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
         """Centres of the voxels along x, y and z, m."""
@@ -167,6 +170,8 @@ def reconstruct(
     weights: ArrayLike | None = None,
     mask: ArrayLike | None = None,
     start: ArrayLike | None = None,
+    keep_views: bool = False,
+    attenuation: ArrayLike | None = None,
 ) -> Volume:
     """Reconstructs sinograms: docs/reconstruction.md has methods and options.
 
@@ -193,6 +198,9 @@ def reconstruct(
         weights: Weight of each value in iterative methods, 0 or more, ``[view][row][column]``.
         mask: True where voxels may differ from zero, ``[z][y][x]``.
         start: Volume to begin with, ``[z][y][x]``.
+        keep_views: Views that lost their refraction keep their weight in ``delta``.
+        attenuation: For ``delta``: -ln T of the same pixels, ``[view][row][column]``. Rows in which a body reaches
+            an end are not searched for lost refraction.
 
     Raises:
         ArgumentError: Shapes, values, options or a geometry that cannot be.
@@ -208,6 +216,7 @@ def reconstruct(
         "discrepancy": None if discrepancy is None else number("discrepancy", discrepancy),
         "non_negative": bool(non_negative),
         "phase": bool(phase),
+        "keep_views": bool(keep_views),
     }
     if method == "fbp":
         given = {"weights": weights, "mask": mask, "start": start}
@@ -222,7 +231,7 @@ def reconstruct(
         if may.ndim != 3 or may.dtype != np.bool_:
             raise wrong("mask", f"shape {may.shape}, dtype {may.dtype}", "bool, (z, y, x)")
         may = np.ascontiguousarray(may)
-    volume, sides, corner, unit, residuals, best = _beamlet.reconstruct(
+    volume, sides, corner, unit, residuals, best, lost = _beamlet.reconstruct(
         serving(engine)._engine,
         circle(geometry, axis),
         values,
@@ -232,6 +241,7 @@ def reconstruct(
         None if weights is None else cube("weights", weights, "(view, row, column)"),
         may,
         None if start is None else cube("start", start, "(z, y, x)"),
+        None if attenuation is None else cube("attenuation", attenuation, "(view, row, column)"),
         progress,
     )
     return Volume(
@@ -242,4 +252,5 @@ def reconstruct(
         unit,
         tuple(residuals),
         best,
+        lost_views=tuple(lost),
     )
