@@ -21,6 +21,7 @@ mod costs;
 pub(crate) mod display;
 mod doubts;
 mod estimate;
+mod faces;
 mod illumination;
 pub(crate) mod inputs;
 mod materials;
@@ -236,6 +237,7 @@ fn load_lenient(
         refusals: refusals.iter().map(ToString::to_string).collect(),
     };
     report.warnings.extend(doubts::doubts(scene, &report));
+    report.warnings.extend(faces::doubts(scene, &sample));
     report.warnings.extend(costs::warnings(scene, &report));
     let edges = run::edge_blur::bounded(scene, &swept);
     Ok((report, sample, edges))

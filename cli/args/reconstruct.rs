@@ -46,6 +46,9 @@ pub(crate) struct Reconstruct {
     /// Remove rings: stripes of single columns in the sinograms
     #[arg(long)]
     pub(crate) rings: bool,
+    /// Keep views in delta that lost their refraction at flat faces along the beam
+    #[arg(long)]
+    pub(crate) keep_views: bool,
     /// Do not correct delta for gradients of the attenuation (by kμ, where mu is made, too)
     #[arg(long)]
     pub(crate) no_gradient_bias: bool,

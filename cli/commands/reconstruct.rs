@@ -7,9 +7,9 @@ use crate::interrupt;
 use crate::progress::Reporter;
 use beamlet::cli_support::printed;
 use beamlet::reconstruct::{
-    BeamEnergy, FbpOptions, GridChoice, HardeningChoice, Input, IterativeOptions, Method, Quantity,
-    Reconstructed, Solver, Truth, VolumeEstimate, VolumePlan, VolumeRecord, VolumesTo, estimate,
-    gradient_bias, reconstruct,
+    BeamEnergy, FbpOptions, GridChoice, HardeningChoice, Input, IterativeOptions, LostUse, Method,
+    Quantity, Reconstructed, Solver, Truth, VolumeEstimate, VolumePlan, VolumeRecord, VolumesTo,
+    estimate, gradient_bias, reconstruct,
 };
 use beamlet::retrieve::{self, ImagesTo, Record, RetrieveOptions};
 use beamlet::scene::Scene;
@@ -259,6 +259,7 @@ fn plan(arguments: &Reconstruct, source: &Source) -> Result<VolumePlan, Failure>
     Ok(plan
         .with_regions(arguments.regions.clone())
         .with_rings(arguments.rings)
+        .with_keep_views(arguments.keep_views)
         .with_sigma(arguments.sigma)
         .with_gradient_bias(bias(arguments, source))
         .with_beam(beam)
@@ -394,6 +395,19 @@ fn energy_words(record: &VolumeRecord, out: &mut impl Write) -> Result<(), Failu
     Ok(())
 }
 
+/// Views that lost their refraction.
+fn lost_views(record: &VolumeRecord, out: &mut impl Write) -> Result<(), Failure> {
+    let Some(moment) = &record.refraction_moment else { return Ok(()) };
+    let Some(way) = moment.lost_views_are else { return Ok(()) };
+    let way = match way {
+        LostUse::Interpolated => "interpolated in delta (--keep-views keeps them)",
+        LostUse::ZeroWeight => "weight 0 in delta (--keep-views keeps them)",
+        _ => "kept in delta",
+    };
+    writeln!(out, "lost     refraction in {}: {way}", moment.words())?;
+    Ok(())
+}
+
 /// Closing lines.
 fn summary(
     arguments: &Reconstruct,
@@ -422,6 +436,7 @@ fn summary(
             writeln!(out, "{what:<8} {value}")?;
         }
     }
+    lost_views(record, out)?;
     if let Some(drift) = record.drift {
         writeln!(out, "phase    {}", crate::commands::drift_words(&drift))?;
     }

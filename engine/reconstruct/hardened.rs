@@ -1,6 +1,9 @@
 //! Sinograms of the true scene under its spectrum: what hardening makes of its constants.
 
 use super::data::Data;
+use super::hardening::BeamHardening;
+use super::measured::Measured;
+use super::method::Method;
 use super::model::Model;
 use super::quantity::Quantity;
 use super::truth::Truth;
@@ -10,7 +13,7 @@ use crate::numbers::single;
 use crate::run::RowsControl;
 use crate::trace::MaterialTable;
 use crate::{Engine, Result, reserve};
-use ndarray::{Array3, s};
+use ndarray::{Array3, ArrayView3, s};
 use rayon::prelude::*;
 
 /// Light of more than one energy, and the constants of the materials at each.
@@ -67,22 +70,48 @@ impl Light {
 }
 
 impl Truth {
+    /// Values that a method gives for the objects under their spectrum, `[z][y][x]`: the means over the inner voxels
+    /// are expected of a reconstruction without noise. `mask`, `[z][y][x]`: voxels that may differ from zero.
+    /// `hardening`: the correction of −ln T, for μ. `None` for a single energy, for dark fields, and where
+    /// objects reach the sides of the volume, whose remainder is unknown.
+    ///
+    /// # Errors
+    /// As [`Model::new`], [`Model::project`] and [`Method::volume`]; [`crate::Error::Memory`].
+    pub fn expected(
+        &self,
+        engine: &Engine,
+        quantity: Quantity,
+        (method, mask): (&Method, Option<ArrayView3<'_, bool>>),
+        hardening: Option<&BeamHardening>,
+        cancel: &Cancel,
+    ) -> Result<Option<Array3<f32>>> {
+        let hardened = self.hardened(engine, quantity, method.at_once(), cancel)?;
+        let Some(mut sinograms) = hardened else { return Ok(None) };
+        if let (Quantity::Mu, Some(polynomial)) = (quantity, hardening) {
+            polynomial.apply_until(&mut sinograms, cancel)?;
+        }
+        let measured = Measured::new(Data::of(quantity), sinograms.view()).with_mask(mask);
+        let control = &mut RowsControl::default().with_cancel(cancel.clone());
+        let made = method.volume(engine, &self.geometry, &measured, &self.grid, control)?;
+        Ok(Some(made.volume.values))
+    }
+
     /// Sinograms of the objects on the voxels under the spectrum, `[view][row][column]`. `None` for a single
     /// energy, for dark fields, and where objects reach the sides of the volume, whose remainder is unknown.
     ///
     /// # Errors
     /// As [`Model::new`] and [`Model::project`]; [`crate::Error::Memory`].
-    pub(super) fn hardened(
+    fn hardened(
         &self,
         engine: &Engine,
         quantity: Quantity,
-        at_once: usize,
+        at_once: Option<usize>,
         cancel: &Cancel,
     ) -> Result<Option<Array3<f32>>> {
         let Some(light) = self.light.as_ref().filter(|_| !self.is_cut()) else { return Ok(None) };
         let materials = || 1..light.constants[0].len();
         let project = |data: Data| {
-            let model = Model::new(engine, &self.geometry, &self.grid, data, Some(at_once))?;
+            let model = Model::new(engine, &self.geometry, &self.grid, data, at_once)?;
             let of_material = |material: usize| {
                 let is_inside = |label: u16| light.of_label[usize::from(label)] == material;
                 let inside = self.labels.mapv(|label| f32::from(u8::from(is_inside(label))));

@@ -3,6 +3,7 @@
 use super::centre::find_axis;
 use super::data::Data;
 use super::geometry::ScanGeometry;
+use super::moment::reaching_ends;
 use super::prepare::{PixelCounts, Preparation};
 use super::quantity::Quantity;
 use super::shared_noise::SharedNoise;
@@ -211,6 +212,23 @@ impl Input {
             })?;
         }
         Ok((all, preparation.counts()))
+    }
+
+    /// Views and rows in which a body reaches an end of the row, `[view][row]`; `None` where the transmission is
+    /// not known.
+    ///
+    /// # Errors
+    /// [`Error::Memory`], [`Error::Interrupted`].
+    pub(super) fn reaching_ends(&self, cancel: &Cancel) -> Result<Option<Array2<bool>>> {
+        if !self.quantities().contains(&Quantity::Mu) {
+            return Ok(None);
+        }
+        match self.sinograms(Quantity::Mu, cancel) {
+            Ok((attenuation, _)) => Ok(Some(reaching_ends(attenuation.view()))),
+            // A view without any transmission is no obstacle to a volume of δ.
+            Err(Error::File { .. }) => Ok(None),
+            Err(error) => Err(error),
+        }
     }
 
     /// Whether there are deviations of the values of a quantity.

@@ -4,6 +4,7 @@ use super::geometry::ScanGeometry;
 use super::method::Method;
 use super::plan::VolumePlan;
 use super::projector::AT_ONCE;
+use super::quantity::Quantity;
 use super::redundancy::Redundancy;
 use super::resampling::Resampling;
 use super::solver::Solver;
@@ -143,7 +144,9 @@ fn host_bytes(geometry: &ScanGeometry, plan: &VolumePlan, truth: Option<usize>) 
                 Solver::Sirt => (6, 6),
                 Solver::Bb => (9, 5),
             };
-            let extra = 2 * weights + of_phase;
+            // Views that lost their refraction get weight 0.
+            let may_lose = !plan.keep_views && plan.quantities.contains(&Quantity::Delta);
+            let extra = 2 * weights.max(u64::from(may_lose)) + of_phase;
             let planes = filter_bytes(plan.grid.size);
             counted(kept + mask + start + volumes, of_sinograms + extra, 0).saturating_add(planes)
         }

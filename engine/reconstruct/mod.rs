@@ -14,6 +14,7 @@
 //!
 //! - `geometry`, `motions`, `grid`, `quantity`, `data`: the scan, the voxels, what values are.
 //! - `centre`, `rings`, `hardening`, `phase`: sinograms corrected.
+//! - `moment`, `view_runs`, `lost_views`, `lost_record`: views that lost their refraction, left out of δ.
 //! - `redundancy`, `resampling`, `filter`, `extrapolation`, `filtering`: rows weighted and filtered.
 //! - `back_projector`, `fbp_options`, `fbp`, `sigma`, `shared_sigma`: filtered back-projection, and its noise.
 //! - `joseph`, `moved`, `projector`, `model`: projections of a volume, and the transpose.
@@ -40,10 +41,13 @@ mod hardening;
 mod input;
 mod iterative;
 mod joseph;
+mod lost_record;
+mod lost_views;
 mod measured;
 mod memory;
 mod method;
 mod model;
+mod moment;
 mod motions;
 mod moved;
 mod open;
@@ -67,6 +71,7 @@ mod sigma;
 mod solver;
 mod truth;
 mod vectors;
+mod view_runs;
 mod voxel_mask;
 mod work;
 mod write;
@@ -85,9 +90,12 @@ pub use grid::{Volume, VolumeGrid};
 pub use hardening::{BeamEnergy, BeamHardening, HardeningChoice};
 pub use input::Input;
 pub use iterative::{Iterated, iterate};
+pub use lost_record::{LostUse, LostView, MomentRecord};
+pub use lost_views::LostViews;
 pub use measured::{Measured, deviation_weights};
 pub use method::{Made, Method};
 pub use model::Model;
+pub use moment::reaching_ends;
 pub use open::OpenVolumes;
 pub use phase::phase_along_rows;
 pub use plan::VolumePlan;

@@ -32,6 +32,8 @@ pub struct VolumePlan {
     pub sigma: bool,
     /// Stripes of single columns are taken off ([`super::suppress_rings`]).
     pub rings: bool,
+    /// Views that lost their refraction ([`super::LostViews`]) keep their weight in δ.
+    pub keep_views: bool,
     /// Length k of the bias of δ by gradients of μ ([`super::gradient_bias`]): δ becomes δ + kμ where μ is
     /// made, too.
     pub gradient_bias: Option<f64>,
@@ -56,6 +58,7 @@ impl VolumePlan {
             regions: Vec::new(),
             sigma: false,
             rings: false,
+            keep_views: false,
             gradient_bias: None,
             beam: None,
             beam_hardening: None,
@@ -71,6 +74,8 @@ impl VolumePlan {
         with_sigma(sigma: bool);
         /// Takes stripes of single columns off.
         with_rings(rings: bool);
+        /// Keeps views that lost their refraction in δ.
+        with_keep_views(keep_views: bool);
         /// Sets the length of the bias of δ.
         with_gradient_bias(gradient_bias: impl Into<Option<f64>>);
         /// Sets the energy of the beam, for the record.

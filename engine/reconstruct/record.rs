@@ -3,6 +3,7 @@
 use super::geometry::ScanGeometry;
 use super::grid::VolumeGrid;
 use super::hardening::BeamEnergy;
+use super::lost_record::MomentRecord;
 use super::plan::VolumePlan;
 use super::prepare::PixelCounts;
 use super::voxel_mask::VoxelMask;
@@ -57,6 +58,9 @@ pub struct VolumeRecord {
     /// Stripes of single columns were taken off.
     #[serde(default)]
     pub rings: bool,
+    /// Moments of the refraction of the views, and views that lost them; `None` without a volume of δ.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub refraction_moment: Option<MomentRecord>,
     /// Length k with which kμ was added to δ, m; `None` where it was not.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub gradient_bias_m: Option<f64>,
@@ -148,6 +152,7 @@ impl VolumeRecord {
             sinograms: geometry.shape(),
             axis_column: geometry.axis_column(),
             rings: plan.rings,
+            refraction_moment: None,
             gradient_bias_m: None,
             beam: plan.beam,
             beam_hardening: None,

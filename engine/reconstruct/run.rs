@@ -5,9 +5,11 @@ use super::gradient_bias::add_gradient_bias;
 use super::grid::Volume;
 use super::hardening::{BeamHardening, HardeningChoice};
 use super::input::Input;
+use super::lost_views::LostViews;
 use super::measured::{Measured, deviation_weights};
 use super::memory::Memory;
 use super::method::{Made, Method};
+use super::moment::reaching_ends;
 use super::plan::VolumePlan;
 use super::quantity::Quantity;
 use super::record::{HardeningRecord, VolumeRecord};
@@ -148,7 +150,6 @@ pub fn reconstruct(
         input,
         plan,
         method,
-        at_once: memory.at_once,
         hardening: None,
         truth,
         mask,
@@ -158,6 +159,7 @@ pub fn reconstruct(
         tables: Tables::default(),
         mu: None,
         mu_sigma: None,
+        reaching: None,
     };
     let parts = plan.ordered().count() as u64;
     for (number, quantity) in (0..).zip(plan.ordered()) {
@@ -213,17 +215,18 @@ struct Deviations {
     all: Array3<f32>,
     /// Deviations by noise that is the same in all views, where it is known.
     shared: Option<Array3<f32>>,
+    /// `all` does not contain `shared`.
+    is_parted: bool,
 }
 
 impl Deviations {
-    /// The same with the shared part taken off all of them.
-    fn parted(mut self) -> Self {
-        if let Some(shared) = &self.shared {
-            self.all.zip_mut_with(shared, |all, shared| {
-                *all = (*all * *all - *shared * *shared).max(0.0).sqrt();
-            });
-        }
-        self
+    /// Takes the shared part off all of them, once.
+    fn part(&mut self) {
+        let Some(shared) = self.shared.as_ref().filter(|_| !self.is_parted) else { return };
+        self.all.zip_mut_with(shared, |all, shared| {
+            *all = (*all * *all - *shared * *shared).max(0.0).sqrt();
+        });
+        self.is_parted = true;
     }
 }
 
@@ -234,8 +237,6 @@ struct Making<'a> {
     plan: &'a VolumePlan,
     /// The method of the plan, within the memory that there is.
     method: Method,
-    /// Values of a volume, and of sinograms, that are on the device at once.
-    at_once: usize,
     /// Correction of the sinograms of μ.
     hardening: Option<BeamHardening>,
     truth: Option<&'a Truth>,
@@ -248,6 +249,8 @@ struct Making<'a> {
     mu: Option<Volume>,
     /// Standard deviations of this volume and of its means over regions.
     mu_sigma: Option<(Array3<f32>, Vec<f64>)>,
+    /// Views and rows in which a body reaches an end of the row, where the transmission is known.
+    reaching: Option<Array2<bool>>,
 }
 
 impl Making<'_> {
@@ -277,7 +280,10 @@ impl Making<'_> {
             if let Some(values) = truth.values(quantity) {
                 let name = format!("{}_truth", quantity.name());
                 self.put((&name, quantity.unit()), Voxels::Values(&values), &control.cancel)?;
-                let expected = self.expected(truth, quantity, &control.cancel)?;
+                let chosen = (&self.method, self.mask.as_ref().map(|mask| mask.view()));
+                let hardening = self.hardening.as_ref();
+                let (engine, cancel) = (self.engine, &control.cancel);
+                let expected = truth.expected(engine, quantity, chosen, hardening, cancel)?;
                 let table = truth.errors_beside(&volume, expected.as_ref(), &control.cancel)?;
                 append(&mut self.tables.errors, &table);
             }
@@ -299,21 +305,28 @@ impl Making<'_> {
     ) -> Result<(Made, Option<Deviations>)> {
         let Self { engine, input, plan, method, .. } = self;
         let (geometry, cancel) = (input.geometry(), control.cancel.clone());
+        if quantity == Quantity::Delta && self.reaching.is_none() {
+            self.reaching = input.reaching_ends(&cancel)?;
+        }
         let (mut sinograms, counts) = input.sinograms(quantity, &cancel)?;
         let mut deviations = match (plan.sigma, method.filtered()) {
             (false, _) => None,
             (true, None) => {
-                Some(Deviations { all: input.sigmas(quantity, &cancel)?, shared: None })
+                let all = input.sigmas(quantity, &cancel)?;
+                Some(Deviations { all, shared: None, is_parted: false })
             }
             (true, Some(_)) => {
                 let (words, shared) = input.shared_sigmas(quantity)?;
                 self.record.noise_of_flat = Some(words);
                 let all = input.filled_sigmas(quantity, &cancel)?;
                 let shared = shared.map(|shared| repeated(&shared, all.dim().0)).transpose()?;
-                Some(Deviations { all, shared })
+                Some(Deviations { all, shared, is_parted: false })
             }
         };
         self.record.pixels.insert(quantity.name().to_owned(), counts);
+        if quantity == Quantity::Mu {
+            self.reaching = Some(reaching_ends(sinograms.view()));
+        }
         let is_filtered = method.filtered().is_some_and(|options| !options.extrapolate);
         if quantity == Quantity::Mu && is_filtered && is_cut(&sinograms) {
             log::warn!(
@@ -323,7 +336,7 @@ impl Making<'_> {
         }
         if let (Quantity::Mu, Some(choice)) = (quantity, &plan.beam_hardening) {
             let polynomial = hardening(choice, &sinograms)?;
-            if let Some(Deviations { all, shared }) = &mut deviations {
+            if let Some(Deviations { all, shared, is_parted: false }) = &mut deviations {
                 for sigmas in [Some(all), shared.as_mut()].into_iter().flatten() {
                     cancel.check()?;
                     steepen(sigmas, &sinograms, &polynomial);
@@ -339,13 +352,24 @@ impl Making<'_> {
             });
             self.hardening = Some(polynomial);
         }
-        if plan.rings {
-            suppress_rings(geometry, sinograms.view_mut(), &cancel)?;
-        }
-        let (deviations, weights) = match method.filtered() {
+        let (mut deviations, mut weights) = match method.filtered() {
             Some(_) => (deviations, None),
             None => (None, deviations.map(|of| deviation_weights(of.all))),
         };
+        if quantity == Quantity::Delta {
+            let unknown = self.reaching.as_ref().map(|reaching| reaching.view());
+            let mut lost = LostViews::find(geometry, sinograms.view(), unknown)?;
+            let chosen = (&*method, plan.keep_views);
+            weights = lost.leave_out(geometry, chosen, &mut sinograms, weights)?;
+            if let Some(deviations) = &mut deviations {
+                deviations.part();
+                lost.widen(&mut deviations.all)?;
+            }
+            self.record.refraction_moment = Some(lost.record().clone());
+        }
+        if plan.rings {
+            suppress_rings(geometry, sinograms.view_mut(), &cancel)?;
+        }
         let start = plan.start_of(quantity)?;
         let measured = Measured::new(Data::of(quantity), sinograms.view())
             .with_weights(weights.as_ref().map(|weights| weights.view()))
@@ -353,26 +377,6 @@ impl Making<'_> {
             .with_start(start.as_ref().map(|start| start.values.view()));
         let made = method.volume(engine, geometry, &measured, &plan.grid, control)?;
         Ok((made, deviations))
-    }
-
-    /// The volume of the true scene under its spectrum, by the same method.
-    fn expected(
-        &self,
-        truth: &Truth,
-        quantity: Quantity,
-        cancel: &Cancel,
-    ) -> Result<Option<Array3<f32>>> {
-        let hardened = truth.hardened(self.engine, quantity, self.at_once, cancel)?;
-        let Some(mut sinograms) = hardened else { return Ok(None) };
-        if let (Quantity::Mu, Some(polynomial)) = (quantity, &self.hardening) {
-            polynomial.apply_until(&mut sinograms, cancel)?;
-        }
-        let measured = Measured::new(Data::of(quantity), sinograms.view())
-            .with_mask(self.mask.as_ref().map(|mask| mask.view()));
-        let control = &mut RowsControl::default().with_cancel(cancel.clone());
-        let (geometry, grid) = (self.input.geometry(), &self.plan.grid);
-        let made = self.method.volume(self.engine, geometry, &measured, grid, control)?;
-        Ok(Some(made.volume.values))
     }
 
     /// Writes the deviations of the voxels by the deviations of sinograms, and returns the deviations of
@@ -385,10 +389,11 @@ impl Making<'_> {
     ) -> Result<Option<Vec<f64>>> {
         let plan = self.plan;
         let method = self.method;
-        let (Some(deviations), Some(options)) = (deviations, method.filtered()) else {
+        let (Some(mut deviations), Some(options)) = (deviations, method.filtered()) else {
             return Ok(None);
         };
-        let Deviations { all: sigmas, shared } = deviations.parted();
+        deviations.part();
+        let Deviations { all: sigmas, shared, .. } = deviations;
         let given = (self.input.geometry(), sigmas.view(), quantity);
         let shared = shared.as_ref().map(|shared| (given.0, shared.view(), quantity));
         let quiet = || RowsControl { progress: None, cancel: cancel.clone() };

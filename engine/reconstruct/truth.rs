@@ -1,6 +1,6 @@
 //! The scene on the voxels of a volume, and the errors of a reconstruction by object.
 
-use super::geometry::ScanGeometry;
+use super::geometry::{ScanGeometry, same_shape};
 use super::grid::{Volume, VolumeGrid};
 use super::hardened::Light;
 use super::quantity::Quantity;
@@ -141,14 +141,20 @@ impl Truth {
         self.errors_beside(volume, None, cancel)
     }
 
-    /// The same beside the means of the values that are expected under the spectrum, on the same voxels.
-    pub(super) fn errors_beside(
+    /// The same beside the means of [`Self::expected`] over the same voxels.
+    ///
+    /// # Errors
+    /// [`Error::Argument`] for a volume or expected values on another grid; [`Error::Interrupted`].
+    pub fn errors_beside(
         &self,
         volume: &Volume,
         expected: Option<&Array3<f32>>,
         cancel: &Cancel,
     ) -> Result<String> {
         self.require_grid(&volume.grid)?;
+        if let Some(expected) = expected {
+            same_shape("expected", expected.dim(), self.labels.dim())?;
+        }
         let mut text = String::from(
             "object,material,quantity,unit,inner_voxels,truth,mean,error_percent,rms_error,expected,\
              off_expected_percent\n",

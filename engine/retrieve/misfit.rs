@@ -354,7 +354,7 @@ fn medians(values: &Array2<f64>, rows: usize, columns: usize) -> Array2<f64> {
 }
 
 /// The middle one of the finite values.
-pub(super) fn median(mut values: Vec<f64>) -> Option<f64> {
+pub(crate) fn median(mut values: Vec<f64>) -> Option<f64> {
     values.retain(|value| value.is_finite());
     let middle = values.len() / 2;
     (middle < values.len()).then(|| *values.select_nth_unstable_by(middle, f64::total_cmp).1)

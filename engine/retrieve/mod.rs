@@ -40,6 +40,7 @@ pub use images::Images;
 pub use input::{Columns, Input, offsets};
 pub use method::Method;
 pub(crate) use method::different_offsets;
+pub(crate) use misfit::median;
 pub use options::{ReadRows, RetrieveOptions};
 pub use phase::Drift;
 pub(crate) use phase::{DriftSum, borders, integrated_row};

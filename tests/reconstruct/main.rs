@@ -10,9 +10,12 @@ mod support;
 mod arm;
 mod axis;
 mod corrections;
+#[cfg(feature = "cli")]
+mod faces;
 mod fbp;
 mod hardened;
 mod iterative;
+mod lost_views;
 mod moved;
 mod paper_fan;
 mod peers;

@@ -8,13 +8,14 @@
 //! | `stacks.rs` | arrays of numpy from and to the engine |
 //! | `engine.rs` | the device: simulate, illuminate, check |
 //! | `retrieve.rs` | retrieval |
-//! | `reconstruct.rs`, `volume.rs` | scans, sinograms and the projector; volumes |
+//! | `reconstruct.rs`, `volume.rs`, `lost_views.rs` | scans, sinograms and the projector; volumes; views that lost refraction |
 //! | `files.rs` | run directories and stacks in files |
 //! | `physics.rs` | materials and spectra; differences of files |
 
 mod engine;
 mod errors;
 mod files;
+mod lost_views;
 mod physics;
 mod reconstruct;
 mod retrieve;

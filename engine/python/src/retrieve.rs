@@ -28,6 +28,7 @@ pub(crate) struct Options {
     sample_offsets: Option<Vec<f64>>,
     bad_pixels: Option<PathBuf>,
     flats_every: Option<u32>,
+    omit_steps: Option<Vec<usize>>,
     columns: Option<String>,
     bin: Option<[usize; 2]>,
     empty_beam: Option<([usize; 2], Option<[usize; 2]>)>,
@@ -149,6 +150,7 @@ pub(crate) fn retrieve<'py>(
             let input = match kind {
                 "counts" => Input::simulated_counts(&geometry, flat, sample, dark)?,
                 "measured" => Input::measured(&geometry, flat, sample, dark.as_ref())?
+                    .without_steps(options.omit_steps.as_deref().unwrap_or_default())?
                     .with_flats_every(options.flats_every),
                 _ => Input::simulated(&geometry, flat, sample),
             };

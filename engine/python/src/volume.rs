@@ -1,6 +1,7 @@
 //! Volumes of sinograms: corrections, the method, uncertainties, means of regions, truth.
 
 use crate::engine::Engine;
+use crate::lost_views::Angles;
 use crate::reconstruct::{Circle, Grid, named, quantity};
 use crate::scene::Scene;
 use crate::work::interruptible;
@@ -29,6 +30,7 @@ pub(crate) struct Options {
     discrepancy: Option<f64>,
     non_negative: bool,
     phase: bool,
+    keep_views: bool,
     find_centre: bool,
     rings: bool,
     /// Material, and the energy of μ, keV.
@@ -74,7 +76,7 @@ impl Options {
     }
 }
 
-/// Arrays beside the sinograms: `[view][row][column]` weights and deviations, `[z][y][x]` all others.
+/// Arrays beside the sinograms: `[view][row][column]` weights, deviations and −ln T, `[z][y][x]` all others.
 #[derive(FromPyObject)]
 #[pyo3(from_item_all)]
 pub(crate) struct Given<'py> {
@@ -85,6 +87,8 @@ pub(crate) struct Given<'py> {
     sigma: Option<PyReadonlyArray3<'py, f32>>,
     /// Deviations by the noise of a flat that views share.
     flat_sigma: Option<PyReadonlyArray3<'py, f32>>,
+    /// −ln T of the pixels of refraction angles.
+    attenuation: Option<PyReadonlyArray3<'py, f32>>,
     /// Volume of μ by which δ is corrected for gradients of μ.
     mu: Option<PyReadonlyArray3<'py, f32>>,
 }
@@ -96,6 +100,7 @@ struct Views<'a> {
     start: Option<ArrayView3<'a, f32>>,
     sigma: Option<ArrayView3<'a, f32>>,
     flat_sigma: Option<ArrayView3<'a, f32>>,
+    attenuation: Option<ArrayView3<'a, f32>>,
     mu: Option<ArrayView3<'a, f32>>,
 }
 
@@ -112,8 +117,32 @@ impl Given<'_> {
             start: view(&self.start),
             sigma: view(&self.sigma),
             flat_sigma: view(&self.flat_sigma),
+            attenuation: view(&self.attenuation),
             mu: view(&self.mu),
         }
+    }
+}
+
+impl Views<'_> {
+    /// Refuses arrays of pixels of another shape than the sinograms.
+    fn check(&self, sinograms: &Array3<f32>) -> beamlet::Result<()> {
+        let of_pixels = [
+            ("weights", &self.weights),
+            ("sigma", &self.sigma),
+            ("flat_sigma", &self.flat_sigma),
+            ("attenuation", &self.attenuation),
+        ];
+        let wanted = sinograms.dim();
+        for (name, given) in of_pixels {
+            if let Some(found) = given.map(|given| given.dim()).filter(|found| *found != wanted) {
+                return Err(Error::argument(
+                    name,
+                    format!("shape {found:?}"),
+                    format!("{wanted:?}, the shape of sinograms"),
+                ));
+            }
+        }
+        Ok(())
     }
 }
 
@@ -140,6 +169,8 @@ struct Made {
     energy: Option<f64>,
     /// Length k of the bias of δ, m.
     bias: Option<f64>,
+    /// Numbers of the views that lost their refraction.
+    lost_views: Vec<usize>,
 }
 
 /// A reconstruction in work.
@@ -182,6 +213,7 @@ impl Work<'_> {
         control: &mut RowsControl<'_>,
     ) -> beamlet::Result<Made> {
         self.method.check(self.of)?;
+        self.given.check(&sinograms)?;
         let data = match self.of {
             Quantity::Mu => Data::Attenuation,
             Quantity::Delta => Data::Refraction,
@@ -195,10 +227,19 @@ impl Work<'_> {
         let mut deviations = [&self.given.sigma, &self.given.flat_sigma]
             .map(|given| given.as_ref().map(|array| array.to_owned()));
         let hardening = self.hardening(&mut sinograms, &mut deviations)?;
+        let weights = self.weights(deviations[0].as_ref());
+        let lost = self.without_lost(&geometry, &mut sinograms, (&mut deviations[0], weights))?;
+        let (weights, lost_views) = lost;
         if self.options.rings {
             suppress_rings(&geometry, sinograms.view_mut(), &control.cancel)?;
         }
-        let made = self.volume(&geometry, &grid, (data, &sinograms), &deviations, control)?;
+        let mask = self.mask(&grid)?;
+        let mask = mask.as_ref().map(|mask| mask.view());
+        let measured = Measured::new(data, sinograms.view())
+            .with_weights(weights.as_ref().map(|weights| weights.view()))
+            .with_mask(mask)
+            .with_start(self.given.start);
+        let made = self.method.volume(self.engine, &geometry, &measured, &grid, control)?;
         let mut volume = made.volume;
         let bias = self.add_bias(&mut volume)?;
         let (sigma, of_means) = match (&self.method, &deviations) {
@@ -209,7 +250,7 @@ impl Work<'_> {
             }
             _ => (None, None),
         };
-        let truth = self.truth(&geometry, &volume, hardening.as_ref(), control)?;
+        let truth = self.truth(&geometry, &volume, hardening.as_ref(), mask, control)?;
         Ok(Made {
             regions: region_table(&regions, &volume, of_means.as_deref())?,
             volume,
@@ -218,8 +259,9 @@ impl Work<'_> {
             sigma,
             truth,
             axis: geometry.axis,
-            energy: hardening.map(|choice| choice.quoted()).transpose()?,
+            energy: hardening.map(|polynomial| polynomial.energy),
             bias,
+            lost_views,
         })
     }
 
@@ -228,7 +270,7 @@ impl Work<'_> {
         &self,
         sinograms: &mut Array3<f32>,
         deviations: &mut [Option<Array3<f32>>; 2],
-    ) -> beamlet::Result<Option<HardeningChoice>> {
+    ) -> beamlet::Result<Option<BeamHardening>> {
         let Some((material, energy)) = &self.options.beam_hardening else { return Ok(None) };
         if self.of != Quantity::Mu {
             let allowed = "volumes of mu: refraction and dark field have no hardening to correct";
@@ -243,29 +285,52 @@ impl Work<'_> {
             });
         }
         polynomial.apply(sinograms.view_mut());
-        Ok(Some(choice))
+        Ok(Some(polynomial))
     }
 
-    fn volume(
+    /// Weights of iterative methods: as given, else by the deviations.
+    fn weights(&self, sigmas: Option<&Array3<f32>>) -> Option<Array3<f32>> {
+        if matches!(self.method, Method::Fbp(_)) {
+            return None;
+        }
+        let given = self.given.weights.map(|weights| weights.to_owned());
+        given.or_else(|| sigmas.map(|sigmas| deviation_weights(sigmas.clone())))
+    }
+
+    /// Takes the weight of views that lost their refraction from δ: in the sinograms with their deviations, or in
+    /// the weights. Returns the weights and the numbers of these views.
+    fn without_lost(
         &self,
         geometry: &ScanGeometry,
-        grid: &VolumeGrid,
-        (data, sinograms): (Data, &Array3<f32>),
-        deviations: &[Option<Array3<f32>>; 2],
-        control: &mut RowsControl<'_>,
-    ) -> beamlet::Result<beamlet::reconstruct::Made> {
+        sinograms: &mut Array3<f32>,
+        (sigmas, weights): (&mut Option<Array3<f32>>, Option<Array3<f32>>),
+    ) -> beamlet::Result<(Option<Array3<f32>>, Vec<usize>)> {
+        if self.of != Quantity::Delta {
+            return Ok((weights, Vec::new()));
+        }
+        let angles = Angles {
+            geometry,
+            values: sinograms.view(),
+            weights: weights.as_ref().map(|weights| weights.view()),
+            attenuation: self.given.attenuation,
+        };
+        let mut lost = angles.lost()?;
+        let chosen = (&self.method, self.options.keep_views);
+        let weights = lost.leave_out(geometry, chosen, sinograms, weights)?;
+        if let Some(sigmas) = sigmas {
+            lost.widen(sigmas)?;
+        }
+        Ok((weights, lost.record().lost_views.iter().map(|lost| lost.view).collect()))
+    }
+
+    /// Voxels that may differ from zero.
+    fn mask(&self, grid: &VolumeGrid) -> beamlet::Result<Option<Array3<bool>>> {
+        if let Some(mask) = &self.given.mask {
+            return Ok(Some(mask.to_owned()));
+        }
         let shape: Option<VoxelMask> =
             self.options.mask_shape.as_deref().map(str::parse).transpose()?;
-        let shape = shape.map(|mask| mask.on(grid)).transpose()?;
-        let by_sigma = match (&self.method, &deviations[0]) {
-            (Method::Fbp(_), _) | (_, None) => None,
-            (_, Some(sigmas)) => Some(deviation_weights(sigmas.clone())),
-        };
-        let measured = Measured::new(data, sinograms.view())
-            .with_weights(self.given.weights.or(by_sigma.as_ref().map(|weights| weights.view())))
-            .with_mask(self.given.mask.or(shape.as_ref().map(|mask| mask.view())))
-            .with_start(self.given.start);
-        self.method.volume(self.engine, geometry, &measured, grid, control)
+        shape.map(|mask| mask.on(grid)).transpose()
     }
 
     /// Adds kμ to a volume of δ, where μ is given. Returns k, m.
@@ -311,7 +376,8 @@ impl Work<'_> {
         &self,
         geometry: &ScanGeometry,
         volume: &Volume,
-        hardening: Option<&HardeningChoice>,
+        hardening: Option<&BeamHardening>,
+        mask: Option<ArrayView3<'_, bool>>,
         control: &RowsControl<'_>,
     ) -> beamlet::Result<Option<TrueVolume>> {
         if !self.options.truth {
@@ -326,13 +392,15 @@ impl Work<'_> {
             ));
         }
         let mut truth = Truth::of(self.engine, &scene, geometry, &volume.grid, cancel)?;
-        if let Some(choice) = hardening {
-            truth = truth.with_mu_at(&scene, choice.quoted()?)?;
+        if let Some(polynomial) = hardening {
+            truth = truth.with_mu_at(&scene, polynomial.energy)?;
         }
+        let of = volume.quantity;
+        let expected = truth.expected(self.engine, of, (&self.method, mask), hardening, cancel)?;
         Ok(Some(TrueVolume {
             names: truth.names(),
-            values: truth.values(volume.quantity),
-            errors: truth.errors(volume, cancel)?,
+            values: truth.values(of),
+            errors: truth.errors_beside(volume, expected.as_ref(), cancel)?,
             labels: truth.labels().clone(),
         }))
     }
@@ -357,6 +425,7 @@ pub(crate) struct Found<'py> {
     axis: f64,
     energy: Option<f64>,
     bias: Option<f64>,
+    lost_views: Vec<usize>,
 }
 
 /// Reconstructs sinograms `[view][row][column]`.
@@ -407,5 +476,6 @@ pub(crate) fn reconstruct<'py>(
         axis: made.axis,
         energy: made.energy,
         bias: made.bias,
+        lost_views: made.lost_views,
     })
 }

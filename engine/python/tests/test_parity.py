@@ -57,7 +57,7 @@ def parameters(*functions: Callable[..., Any]) -> set[str]:
             "retrieve",
             (bl.Run.retrieve,),
             # A run has its stacks, offsets and geometry.
-            {"flat", "sample", "dark", "offsets", "geometry", "flats_every"},
+            {"flat", "sample", "dark", "offsets", "geometry", "flats_every", "omit_steps"},
             set(),
         ),
         (
@@ -65,7 +65,7 @@ def parameters(*functions: Callable[..., Any]) -> set[str]:
             (bl.Images.reconstruct, bl.reconstruct),
             # A limit of memory belongs to the engine; nothing is planned without being done; gradient_bias.
             {"memory_limit", "dry_run", "no_gradient_bias", "region"},
-            {"sinograms", "axis", "weights", "gradient_bias", "regions", "scene"},
+            {"sinograms", "axis", "weights", "gradient_bias", "regions", "scene", "attenuation"},
         ),
     ],
 )

@@ -14,7 +14,7 @@ from . import _beamlet
 from ._arguments import shown, word
 from ._arguments import path as place
 from ._engine import Engine, Progress, still_open
-from ._errors import Error, in_python, wrong
+from ._errors import ArgumentError, Error, in_python, wrong
 from ._scene import Path, Scene
 from ._volume import (
     DEFAULTS,
@@ -167,6 +167,13 @@ class Images(Mapping[str, Image]):
         names = ("pixels", "without_answer", "dark", "misfits")
         return values, dict(zip(names, counts, strict=True))
 
+    def _attenuation(self) -> Image | None:
+        """-ln of the transmission; ``None`` where a view has none."""
+        try:
+            return self.sinograms("mu")[0]
+        except ArgumentError:
+            return None
+
     def weights(self, quantity: Quantity = "mu") -> Image:
         """Weights of the sinograms by the uncertainties of the retrieval: one over their squares, 0 where
         a pixel has no answer. Below a tenth of their median uncertainties count as this.
@@ -206,7 +213,7 @@ class Images(Mapping[str, Image]):
                 :meth:`weights`.
             gradient_bias: Volume of ``mu`` on the same voxels: ``delta`` is corrected for gradients of
                 the attenuation (δ + kμ).
-            options: Others of :func:`beamlet.reconstruct`.
+            options: Others of :func:`beamlet.reconstruct`; ``attenuation`` is by default the images'.
 
         Raises:
             ArgumentError: As of :func:`beamlet.reconstruct`, :meth:`sinograms` and :meth:`weights`.
@@ -215,6 +222,8 @@ class Images(Mapping[str, Image]):
         if unknown:
             raise TypeError(f"reconstruct() got an unexpected keyword argument {min(unknown)!r}")
         sinograms, counts = self.sinograms(quantity)
+        if quantity == "delta" and "transmission" in self:
+            options.setdefault("attenuation", self._attenuation())
         given = DEFAULTS | {
             "engine": still_open(self._engine),
             "scene": self.scene,

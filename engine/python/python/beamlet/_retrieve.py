@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any, Literal, get_args
 
 import numpy as np
@@ -89,6 +89,13 @@ def _correct(value: object) -> str | None:
     return ",".join(word("correct", name, Correction) for name in names) or None
 
 
+def _omit_steps(value: object) -> list[int]:
+    """Steps to leave out."""
+    if isinstance(value, str) or not isinstance(value, Iterable):
+        raise wrong("omit_steps", shown(value), "a list of mask steps, from 0")
+    return [whole_number("omit_steps", step, 0) for step in value]
+
+
 def _bad_pixels(value: ArrayLike, frame: tuple[int, ...]) -> NDArray[np.float32]:
     bad = array("bad_pixels", value, "bool or numbers, (row, column)")
     if bad.ndim != 2 or bad.dtype.kind not in "bfiu":
@@ -104,7 +111,7 @@ def _options(given: Mapping[str, Any]) -> dict[str, Any]:
     """Options of a retrieval, checked, as the extension takes them."""
     chosen: dict[str, Any] = dict.fromkeys((
         "gain", "read_noise", "saturation", "steps", "sample_offsets", "flats_every", "columns", "bin",
-        "empty_beam", "correct",
+        "empty_beam", "correct", "omit_steps",
     ))
     chosen |= {name: value for name, value in given.items() if value is not None}
     word("method", given["method"], Method)
@@ -116,6 +123,7 @@ def _options(given: Mapping[str, Any]) -> dict[str, Any]:
         "steps": lambda value: whole("steps", value, 2, "two numbers of steps, from 0"),
         "sample_offsets": lambda value: lengths("sample_offsets", value),
         "flats_every": lambda value: whole_number("flats_every", value, 1),
+        "omit_steps": _omit_steps,
         "columns": _columns,
         "bin": lambda value: whole("bin", value, 2, "numbers of columns and rows, 1 or more", least=1),
         "empty_beam": _empty_beam,
@@ -187,6 +195,7 @@ def retrieve(
     progress: Progress | None = None,
     *,
     flats_every: int | None = None,
+    omit_steps: Sequence[int] = (),
     columns: slice | None = None,
     bin: tuple[int, int] | None = None,
     empty_beam: EmptyBeam | None = None,
@@ -215,6 +224,8 @@ def retrieve(
         progress: Callback.
         flats_every: Views between one flat and the next: the flat of a view is interpolated between the
             two nearest.
+        omit_steps: Mask steps to leave out of flat and sample with their offsets, counted from 0, as a
+            frame without beam.
         columns: Columns to keep, as ``slice(1, None, 2)`` for a mask of two pixels per period.
         bin: Columns and rows to combine into one pixel, after `columns`: sums of counts.
         empty_beam: Pixels (after `columns` and `bin`) with nothing in the beam: ``(first, end)`` of
@@ -252,6 +263,7 @@ def retrieve(
         steps=steps,
         sample_offsets=sample_offsets,
         flats_every=flats_every,
+        omit_steps=omit_steps,
         columns=columns,
         bin=bin,
         empty_beam=empty_beam,

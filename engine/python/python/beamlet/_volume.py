@@ -79,6 +79,8 @@ class Volume:
         energy: Energy of ``mu`` after the correction of beam hardening, keV; ``None`` without.
         bias: Length k of δ + kμ after the correction for gradients of the attenuation, m; ``None``
             without.
+        lost_views: Numbers of the views that lost their refraction, as at flat faces along the beam; without
+            ``keep_views`` they have no weight in ``delta``.
     """
 
     values: NDArray[np.float32]
@@ -95,6 +97,7 @@ class Volume:
     axis: float = 0.0
     energy: float | None = None
     bias: float | None = None
+    lost_views: tuple[int, ...] = ()
 
     def centres(self) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
         """Centres of the voxels along x, y and z, m."""
@@ -231,7 +234,7 @@ def _options(method: Reconstruction, given: Mapping[str, Any]) -> dict[str, Any]
     passes, discrepancy = given["arm_passes"], given["discrepancy"]
     options["arm_passes"] = None if passes is None else whole_number("arm_passes", passes, 0)
     options["discrepancy"] = None if discrepancy is None else number("discrepancy", discrepancy)
-    for name in ("extrapolate", "non_negative", "phase", "rings", "truth"):
+    for name in ("extrapolate", "non_negative", "phase", "rings", "truth", "keep_views"):
         options[name] = bool(given[name])
     return options
 
@@ -285,6 +288,8 @@ def reconstruct(
     regions: Sequence[str] = (),
     truth: bool = False,
     scene: Scene | None = None,
+    keep_views: bool = False,
+    attenuation: ArrayLike | None = None,
 ) -> Volume:
     """Reconstructs sinograms: docs/reconstruction.md has methods and options.
 
@@ -323,6 +328,9 @@ def reconstruct(
             ``box:X,Y,Z,WIDTH,DEPTH,HEIGHT`` are the other shapes.
         truth: The scene on the same voxels and the errors by object: ``Volume.truth``.
         scene: Scene for `beam_hardening` and `truth`; default: `geometry`, where it is one.
+        keep_views: Views that lost their refraction keep their weight in ``delta``.
+        attenuation: For ``delta``: -ln T of the same pixels, ``[view][row][column]``. Rows in which a body reaches
+            an end are not searched for lost refraction.
 
     Raises:
         ArgumentError: Shapes, values, options or a geometry that cannot be.
@@ -344,6 +352,7 @@ def volume_of(given: Mapping[str, Any], beside: Mapping[str, Any]) -> Volume:
             ``flat_width`` (m).
     """
     weights, sigma, start, geometry = (given[name] for name in ("weights", "sigma", "start", "geometry"))
+    attenuation = given["attenuation"]
     if given["method"] == "fbp":
         _refuse_for_fbp(given)
     if given["axis"] is not None and given["centre"] is not None:
@@ -359,6 +368,7 @@ def volume_of(given: Mapping[str, Any], beside: Mapping[str, Any]) -> Volume:
         "start": None if start is None else cube("start", start, "(z, y, x)"),
         "sigma": None if sigma is None else cube("sigma", sigma, sides),
         "flat_sigma": beside.get("flat_sigma"),
+        "attenuation": None if attenuation is None else cube("attenuation", attenuation, sides),
         "mu": beside.get("mu"),
     }
     options = _options(given["method"], given)
@@ -399,4 +409,5 @@ def _volume(quantity: str, found: Mapping[str, Any]) -> Volume:
         axis=found["axis"],
         energy=found["energy"],
         bias=found["bias"],
+        lost_views=tuple(found["lost_views"]),
     )
