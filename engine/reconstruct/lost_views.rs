@@ -45,6 +45,9 @@ pub struct LostViews {
     record: MomentRecord,
 }
 
+/// A lost view and row, and the two views that it is interpolated from with their shares.
+type Between = ((usize, usize), [(usize, f64); 2]);
+
 /// Moments of one row, or of all rows together, in the order of a circle.
 struct Series {
     /// Expected moments.
@@ -253,7 +256,7 @@ impl LostViews {
     }
 
     /// Lost rows, with the views that they are interpolated from and their shares.
-    fn neighbours(&self) -> Vec<((usize, usize), [(usize, f64); 2])> {
+    fn neighbours(&self) -> Vec<Between> {
         let Some(circle) = &self.circle else { return Vec::new() };
         let of_row = |(row, lost): (usize, ArrayView1<'_, bool>)| {
             let lost: Vec<bool> = circle.order.iter().map(|view| lost[*view]).collect();
