@@ -366,7 +366,7 @@ mod tests {
         let mut lost = LostViews::find(&geometry, sinograms.view(), None).unwrap();
         let mut sigmas = Array3::from_elem(sinograms.dim(), 3.0);
         lost.widen(&mut sigmas).unwrap();
-        assert!(sigmas.iter().all(|sigma| *sigma == 3.0));
+        assert_eq!(sigmas, Array3::from_elem(sinograms.dim(), 3.0));
         lost.leave_out(&geometry, (&Method::default(), false), &mut sinograms, None).unwrap();
         lost.widen(&mut sigmas).unwrap();
         let found: Vec<f32> = (0..24).map(|view| sigmas[[view, 0, 5]] / 3.0).collect();

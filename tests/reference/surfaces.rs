@@ -201,6 +201,7 @@ impl Random {
     }
 
     /// Uniform in [0, 1).
+    #[allow(clippy::should_implement_trait, reason = "draws have no end, and are no iterator")]
     pub fn next(&mut self) -> f64 {
         self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
         let mut z = self.0;

@@ -4,7 +4,7 @@ use sha2::{Digest, Sha256};
 use std::fs;
 use std::path::Path;
 
-/// Makes what stands in the arrays of a run what was committed.
+/// Records the arrays of a run as committed.
 pub(crate) fn commit(run: &Path) {
     let values = |name: &str| {
         let bytes = fs::read(run.join(name)).ok()?;

@@ -1,4 +1,4 @@
-//! What the proof tests share: engines that listen to the validation layer, and figures that
+//! Helpers of the tests: engines that listen to the validation layer, and figures that
 //! are printed beside the tolerances they are held to (`cargo test -- --nocapture`).
 
 #![allow(dead_code, reason = "every test binary uses another part")]
@@ -37,8 +37,7 @@ impl Deref for Checked {
     }
 }
 
-// These methods stand before those of the engine. What a simulation does outside of them is
-// compared with the log of the layer by .ci/test.
+// These methods hide methods of the engine. `.ci/test` compares the log of the layer for all other calls.
 impl Checked {
     #[track_caller]
     pub(crate) fn simulate(&self, scene: &Scene) -> Result<Stacks> {
@@ -60,7 +59,7 @@ impl Checked {
         self.silent(self.0.prepare(scene))
     }
 
-    /// What a call returned, if the validation layer said nothing of it.
+    /// Result of a call, if the validation layer printed nothing.
     #[track_caller]
     fn silent<T>(&self, returned: T) -> T {
         assert_eq!(self.0.validation_messages(), 0, "messages of the validation layer");

@@ -24,7 +24,7 @@ pub(crate) fn done(directory: &Path, line: &str) -> String {
     String::from_utf8(output.stdout).expect("text")
 }
 
-/// What a program that was run printed to stderr.
+/// Messages of a program on stderr.
 pub(crate) fn stderr(output: &Output) -> String {
     String::from_utf8_lossy(&output.stderr).into_owned()
 }
