@@ -8,7 +8,8 @@
 //! | `stacks.rs` | arrays of numpy from and to the engine |
 //! | `engine.rs` | the device: simulate, illuminate, check |
 //! | `retrieve.rs` | retrieval |
-//! | `reconstruct.rs`, `volume.rs`, `lost_views.rs` | scans, sinograms and the projector; volumes; views that lost refraction |
+//! | `reconstruct.rs` | scans, sinograms and the projector |
+//! | `volume.rs`, `lost_views.rs` | volumes; views that lost their refraction |
 //! | `files.rs` | run directories and stacks in files |
 //! | `physics.rs` | materials and spectra; differences of files |
 

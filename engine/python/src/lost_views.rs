@@ -3,7 +3,7 @@
 use beamlet::ndarray::{Array2, Array3, ArrayView3};
 use beamlet::reconstruct::{LostViews, Quantity, ScanGeometry, fill_images, reaching_ends};
 
-/// Refraction angles with what is known beside them, all of one shape, `[view][row][column]`.
+/// Refraction angles with weights and attenuation of the same shape, `[view][row][column]`.
 pub(crate) struct Angles<'a> {
     pub(crate) geometry: &'a ScanGeometry,
     pub(crate) values: ArrayView3<'a, f32>,

@@ -336,6 +336,11 @@ impl Work<'_> {
     /// Adds kμ to a volume of δ, where μ is given. Returns k, m.
     fn add_bias(&self, volume: &mut Volume) -> beamlet::Result<Option<f64>> {
         let Some(mu) = &self.given.mu else { return Ok(None) };
+        if mu.dim() != volume.values.dim() {
+            let found = format!("shape {:?}", mu.dim());
+            let allowed = format!("{:?}, the shape of delta", volume.values.dim());
+            return Err(Error::argument("gradient_bias", found, allowed));
+        }
         let width = self.options.flat_width.unwrap_or(f64::NAN);
         let k = gradient_bias(&self.scene("gradient_bias")?, width)?;
         add_gradient_bias(volume, &Volume::new(volume.grid, Quantity::Mu, mu.to_owned()), k)?;

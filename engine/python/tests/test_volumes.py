@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import csv
+import json
+import shutil
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -30,15 +33,31 @@ def run(engine: bl.Engine, tmp_path_factory: pytest.TempPathFactory) -> bl.Run:
     return engine.simulate_to(scene, folder / "run", seed=1)
 
 
+@pytest.fixture(scope="module")
+def clear(engine: bl.Engine, run: bl.Run) -> bl.Run:
+    """The same with little noise."""
+    return engine.simulate_to(run.scene.replace("detector.photons", 1_000_000), f"{run.path}-clear", seed=1)
+
+
 def program(*words: str) -> None:
     done = subprocess.run([sys.executable, "-m", "beamlet", *words, "-q"], capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
 
 
-@pytest.fixture(scope="module")
-def images(run: bl.Run) -> bl.Images:
+def retrieved(run: bl.Run) -> bl.Images:
+    """Images of a run, by the program."""
     program("retrieve", str(run.path), "--counts", "--method", "exact-curve", "--format", "npy")
     return bl.Images.open(str(run.path))
+
+
+@pytest.fixture(scope="module")
+def images(run: bl.Run) -> bl.Images:
+    return retrieved(run)
+
+
+@pytest.fixture(scope="module")
+def clear_images(clear: bl.Run) -> bl.Images:
+    return retrieved(clear)
 
 
 def of_program(run: bl.Run, name: str, *words: str) -> Path:
@@ -77,21 +96,63 @@ def test_volumes_are_those_of_the_program(run: bl.Run, images: bl.Images) -> Non
         assert line["region"] == "rod" and line["mean"] == float(regions[at]["mean"])
         ours = [line for line in truth.errors if line["object"] == "rod"]
         theirs = [line for line in errors if line["object"] == "rod" and line["quantity"] == name]
-        assert ours[0]["mean"] == float(theirs[0]["mean"])
-    # Differences of variances are rounded in another order; of delta the program adds the noise of k mu.
-    assert mu.sigma is not None and np.allclose(mu.sigma, np.load(folder / "mu_sigma.npy"), rtol=1e-5)
-    of_mean = mu.regions[0]["sigma_of_mean"]
-    assert isinstance(of_mean, float) and np.isclose(of_mean, float(regions[0]["sigma_of_mean"]), rtol=1e-5)
-    assert delta.sigma is not None and delta.bias is not None
-    whole = np.hypot(delta.sigma, delta.bias * mu.sigma)
-    assert np.allclose(whole, np.load(folder / "delta_sigma.npy"), rtol=1e-5)
+        for column in ("truth", "mean", "error_percent", "rms_error", "expected", "off_expected_percent"):
+            assert ours[0][column] == float(theirs[0][column]), column
+        assert volume.lost_views == ()
+        # Differences of variances are rounded in another order.
+        assert volume.sigma is not None and volume.sigma.dtype == np.float32
+        assert np.allclose(volume.sigma, np.load(folder / f"{name}_sigma.npy"), rtol=1e-5, atol=0), name
+        of_mean = volume.regions[0]["sigma_of_mean"]
+        assert isinstance(of_mean, float)
+        assert np.isclose(of_mean, float(regions[at]["sigma_of_mean"]), rtol=1e-5, atol=0), name
+    without, cut = replace(mu, sigma=None), replace(mu, values=mu.values[:, 1:])
+    for other in (without, cut, replace(mu, regions=()), replace(mu, voxel=(1e-4, 1e-4, 1e-4))):
+        with pytest.raises(bl.ArgumentError) as raised:
+            images.reconstruct("delta", gradient_bias=other, **options)
+        assert raised.value.key == "gradient_bias"
 
 
-def test_iterations_weigh_by_sigma_and_take_shapes(run: bl.Run, images: bl.Images) -> None:
+@pytest.mark.parametrize("method", ["fbp", "cgls"])
+def test_views_that_lost_their_refraction_are_those_of_the_program(
+    clear: bl.Run, clear_images: bl.Images, tmp_path: Path, method: str
+) -> None:
+    refraction = clear_images.refraction.copy()
+    refraction[[3, 9]] *= -0.2
+    shutil.copytree(Path(str(clear.path)) / "retrieved", tmp_path / "lost")
+    np.save(tmp_path / "lost" / "refraction.npy", refraction)
+    lost = bl.Images.open(tmp_path / "lost")
+    words = ["--quantity", "delta", "--sigma", "--method", method]
+    words += ["--iterations", "4"] if method == "cgls" else []
+    options: dict[str, Any] = {**GRID, "sigma": True, "method": method}
+    options |= {"iterations": 4} if method == "cgls" else {}
+    for name, keep in (("out", False), ("kept", True)):
+        folder = tmp_path / name
+        program("reconstruct", str(tmp_path / "lost"), "-o", str(folder), *VOXELS, *words, *["--keep-views"] * keep)
+        record = json.loads((folder / "volume.json").read_text())["refraction_moment"]
+        volume = lost.reconstruct("delta", keep_views=keep, **options)
+        assert volume.lost_views == tuple(view["view"] for view in record["lost_views"]) == (3, 9)
+        assert np.array_equal(volume.values, np.load(folder / "delta.npy")), name
+        if method == "fbp":
+            assert volume.sigma is not None
+            assert np.allclose(volume.sigma, np.load(folder / "delta_sigma.npy"), rtol=1e-5, atol=0), name
+
+
+def test_arrays_of_pixels_have_the_shape_of_the_sinograms(images: bl.Images) -> None:
+    sinograms, _ = images.sinograms("delta")
+    assert images.geometry is not None
+    cgls = {"method": "cgls"}
+    for name, options in (("attenuation", {}), ("sigma", {}), ("sigma", cgls), ("weights", cgls)):
+        with pytest.raises(bl.ArgumentError) as raised:
+            bl.reconstruct(sinograms, images.geometry, "delta", **GRID, **options, **{name: sinograms[:, :, 1:]})
+        assert raised.value.key == name
+
+
+def test_iterations_weigh_by_sigma_and_take_shapes(clear: bl.Run, clear_images: bl.Images) -> None:
     shape = "cylinder:0 mm,0 mm,1.2 mm"
-    folder = of_program(run, "cgls", "--quantity", "mu", "--sigma", "--method", "cgls", "--iterations", "4",
+    folder = of_program(clear, "cgls", "--quantity", "mu", "--sigma", "--method", "cgls", "--iterations", "4",
                         "--mask", shape, "--centre", "auto")
-    volume = images.reconstruct("mu", **GRID, sigma=True, method="cgls", iterations=4, mask=shape, centre="auto")
+    options: dict[str, Any] = {**GRID, "method": "cgls", "iterations": 4, "mask": shape, "centre": "auto"}
+    volume = clear_images.reconstruct("mu", sigma=True, **options)
     assert np.array_equal(volume.values, np.load(folder / "mu.npy"))
     assert volume.sigma is None and (volume.values[:, 0, 0] == 0).all() and volume.axis != 0
 
@@ -128,6 +189,24 @@ def test_retrievals_are_those_of_the_program(run: bl.Run) -> None:
     for key in ("gain", "read_noise", "kept_columns", "bin", "correct", "corrections", "empty_beam", "warnings"):
         assert ours.record.get(key) == theirs.record.get(key), key
     assert ours.record["corrections"]
+
+
+def test_steps_of_measured_stacks_are_left_out(engine: bl.Engine) -> None:
+    scene = bl.Scene.from_dict(SCENE).replace("scan.mask_offsets", {"from": "-20 um", "to": "20 um", "count": 7})
+    run = engine.simulate(scene)
+    flat, sample, offsets = 1e4 * run.flat, 1e4 * run.sample, scene.mask_offsets
+    kept = [0, 1, 3, 4, 6]
+    wanted = bl.retrieve(flat[kept], sample[:, kept], offsets[kept], scene, engine=engine)
+    # Frames that are left out may be anything.
+    flat[2], sample[:, 5] = 0, 0
+    found = bl.retrieve(flat, sample, offsets, scene, omit_steps=[5, 2], engine=engine)
+    assert sorted(found) == sorted(wanted) and found.record["omitted_steps"] == [2, 5]
+    for name in wanted:
+        assert np.array_equal(found[name], wanted[name], equal_nan=True), name
+    for steps in ([7], range(7), 3, ["1"], [-1]):
+        with pytest.raises(bl.ArgumentError) as raised:
+            bl.retrieve(flat, sample, offsets, scene, omit_steps=steps, engine=engine)
+        assert raised.value.key == "omit_steps"
 
 
 def test_several_flats_are_interpolated(engine: bl.Engine) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
@@ -18,6 +19,7 @@ from ._errors import ArgumentError, Error, in_python, wrong
 from ._scene import Path, Scene
 from ._volume import (
     DEFAULTS,
+    Line,
     Quantity,
     Reconstruction,
     Volume,
@@ -34,6 +36,23 @@ SOURCES = {"mu": "transmission", "delta": "refraction", "dark_field": "dark_fiel
 
 def _source(quantity: str) -> str:
     return SOURCES[word("quantity", quantity, Quantity)]
+
+
+def _with_noise_of_mu(delta: Volume, mu: Volume) -> Volume:
+    """δ + kμ with the noise of kμ, which is independent, in the uncertainties of voxels and of means."""
+    names = [[line["region"] for line in volume.regions] for volume in (delta, mu)]
+    if mu.sigma is None or names[0] != names[1]:
+        raise wrong("gradient_bias", "a Volume without these uncertainties", "one with sigma and the same regions")
+    assert delta.sigma is not None and delta.bias is not None
+
+    def line_of(own: Line, other: Line) -> Line:
+        noise, beside = own["sigma_of_mean"], other["sigma_of_mean"]
+        assert isinstance(noise, float) and isinstance(beside, float) and delta.bias is not None
+        return own | {"sigma_of_mean": math.hypot(noise, delta.bias * beside)}
+
+    regions = tuple(map(line_of, delta.regions, mu.regions))
+    sigma = np.hypot(delta.sigma, delta.bias * mu.sigma).astype(np.float32)
+    return replace(delta, sigma=sigma, regions=regions)
 
 
 class Images(Mapping[str, Image]):
@@ -212,7 +231,7 @@ class Images(Mapping[str, Image]):
                 of a flat that views share where the images have it; iterative methods weigh values by
                 :meth:`weights`.
             gradient_bias: Volume of ``mu`` on the same voxels: ``delta`` is corrected for gradients of
-                the attenuation (δ + kμ).
+                the attenuation (δ + kμ). With `sigma` it has ``sigma`` and the same `regions`, too.
             options: Others of :func:`beamlet.reconstruct`; ``attenuation`` is by default the images'.
 
         Raises:
@@ -241,7 +260,13 @@ class Images(Mapping[str, Image]):
         beside = self._bias(quantity, gradient_bias)
         if sigma:
             given["sigma"], beside["flat_sigma"] = self._deviations(quantity, method)
-        return replace(volume_of(given, beside), pixels=counts)
+        volume = volume_of(given, beside)
+        if gradient_bias is not None:
+            if (volume.voxel, volume.origin) != (gradient_bias.voxel, gradient_bias.origin):
+                raise wrong("gradient_bias", "a Volume on other voxels", "one on the voxels of delta")
+            if volume.sigma is not None:
+                volume = _with_noise_of_mu(volume, gradient_bias)
+        return replace(volume, pixels=counts)
 
     def _bias(self, quantity: Quantity, mu: Volume | None) -> dict[str, Any]:
         """Volume and width by which ``delta`` is corrected for gradients of the attenuation."""

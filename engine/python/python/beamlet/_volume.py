@@ -48,7 +48,8 @@ class Truth:
         names: Object and material of each label.
         values: True values of the volume, float32 ``[z][y][x]``; ``None`` for the dark field.
         errors: Errors of the volume by object: a line with ``object``, ``truth``, ``mean``,
-            ``error_percent``, ... for each object with inner voxels.
+            ``error_percent``, ... for each object with inner voxels. Under a spectrum ``expected`` is the
+            mean that hardening leaves, and ``off_expected_percent`` the deviation from it.
     """
 
     labels: NDArray[np.uint16]
