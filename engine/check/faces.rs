@@ -74,9 +74,10 @@ impl Faces {
             sample.objects.iter().map(|it| (it.name.clone(), vec![0.0; BINS])).collect();
         let reach = scene.field_of_view()[0] / 2.0;
         let mut add = |component: u32, corners: [DVec3; 3]| {
-            let object = sample.components[component as usize].object as usize;
+            let body = &sample.components[component as usize];
+            let object = body.object as usize;
             let summary = &sample.objects[object];
-            let [low, high] = summary.bounds.map(DVec3::from_array);
+            let [low, high] = body.bounds.map(DVec3::from_array);
             let face = Face { corners, middle: low.midpoint(high).truncate() };
             let Some((keys, moment)) = face.moment(scene.source.distance, reach) else { return };
             for key in keys {
@@ -126,7 +127,7 @@ fn bin(azimuth: f64) -> usize {
     whole::<usize>(azimuth.rem_euclid(TAU) / TAU * BINS as f64).min(BINS - 1)
 }
 
-/// A facet, with the middle of its object from above.
+/// A facet, with the middle of its body from above.
 struct Face {
     corners: [DVec3; 3],
     middle: DVec2,

@@ -133,7 +133,7 @@ pub(super) fn around(
             if outers.is_empty() {
                 break;
             }
-            let point = surface.corners(*triangle)[0];
+            let point = just_inside(surface.corners(*triangle), &components[inner]);
             match search.crossings(surface, point) {
                 Some(hits) => {
                     let mut met: Vec<u32> =
@@ -154,4 +154,14 @@ pub(super) fn around(
         outers
     };
     (0..components.len()).into_par_iter().map(contained).collect()
+}
+
+/// A point inside a shell, near the middle of one of its triangles: corners, edges and faces may lie on the shell
+/// around it, and are neither inside nor outside of that.
+fn just_inside([a, b, c]: [DVec3; 3], shell: &Component) -> DVec3 {
+    /// Distance from the triangle as a share of the size of the shell: above rounding, below its walls.
+    const DEPTH: f64 = 1e-6;
+    let [low, high] = corners_of(shell);
+    let outwards = (b - a).cross(c - a).normalize_or_zero() * shell.volume.signum();
+    (a + b + c) / 3.0 - DEPTH * low.distance(high) * outwards
 }

@@ -54,7 +54,7 @@ pub(super) fn parse(bytes: &[u8], task: Task<'_>) -> Result<MeshFile, Defect> {
 }
 
 /// A binary file with more bytes than its triangles have: attributes behind each triangle, of the length
-/// that its last two bytes state, or bytes behind the last triangle.
+/// that its last two bytes state, several solids one behind the other, or bytes behind the last triangle.
 fn longer(bytes: &[u8], count: u32, task: Task<'_>) -> Result<MeshFile, Defect> {
     let records = &bytes[HEADER..];
     let mut starts = Vec::new();
@@ -67,11 +67,30 @@ fn longer(bytes: &[u8], count: u32, task: Task<'_>) -> Result<MeshFile, Defect> 
     if starts.len() == count as usize && at == records.len() {
         return binary(records, Some(&starts), task).map(MeshFile::of);
     }
+    if let Some(starts) = solids(bytes) {
+        return binary(bytes, Some(&starts), task).map(MeshFile::of);
+    }
     let length = RECORD * count as usize;
     let behind = records.len() - length;
     let surface = binary(&records[..length], None, task)?;
     let warning = format!("{behind} bytes behind the last triangle of the file are ignored");
     Ok(MeshFile { warnings: vec![warning], ..MeshFile::of(surface) })
+}
+
+/// Starts of the triangles of solids that fill the bytes one behind the other, each with its header; `None` where
+/// the bytes do not end with a solid.
+fn solids(bytes: &[u8]) -> Option<Vec<usize>> {
+    let (mut starts, mut at) = (Vec::new(), 0);
+    while at < bytes.len() {
+        let triangles = count(&bytes[at..]).filter(|triangles| *triangles > 0)?;
+        let end = at as u64 + length_of(triangles);
+        if end > bytes.len() as u64 {
+            return None;
+        }
+        starts.extend((0..triangles as usize).map(|index| at + HEADER + RECORD * index));
+        at = usize::try_from(end).ok()?;
+    }
+    Some(starts)
 }
 
 /// Triangles that a binary STL file has, from its first bytes and its length, and whether they are all of

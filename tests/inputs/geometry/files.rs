@@ -175,6 +175,19 @@ fn attributes_of_binary_stl_are_passed_over_and_bytes_behind_it_are_said() {
 }
 
 #[test]
+fn solids_behind_one_another_in_a_binary_stl_are_read() {
+    let directory = tempfile::tempdir().unwrap();
+    let bytes = binary(&part(), b"solid");
+    let plain = read(directory.path(), "a.stl", &bytes).unwrap();
+    let both = [bytes, binary(&part().moved([128.0, 0.0, 0.0]), b"another")].concat();
+    let sample = read(directory.path(), "b.stl", &both).unwrap();
+    assert_eq!(sample.triangles.len(), 2 * plain.triangles.len());
+    let volumes = [&sample, &plain].map(|it| it.objects[0].volume);
+    assert!((volumes[0] / volumes[1] - 2.0).abs() < 1e-6, "{volumes:?}");
+    assert!(sample.objects[0].warnings.is_empty(), "{:?}", sample.objects[0].warnings);
+}
+
+#[test]
 fn polygons_negative_indices_and_groups_of_an_obj_are_read() {
     let directory = tempfile::tempdir().unwrap();
     let text = "v -1 -1 -1\nv 1 -1 -1\nv 1 1 -1\nv -1 1 -1\nv -1 -1 1\nv 1 -1 1\nv 1 1 1\nv -1 1 1\n\

@@ -134,6 +134,30 @@ fn part_in_a_part_is_a_void_or_material_by_its_orientation() {
     }
 }
 
+/// A tetrahedron in a cube, with a corner or an edge of its own on that of the cube.
+#[test]
+fn parts_that_share_corners_or_edges_with_the_part_around_them_are_inside() {
+    let [far, low, high] =
+        [[-0.2e-3, -0.6e-3, 0.2e-3], [-0.6e-3, -0.4e-3, 0.8e-3], [-0.6e-3, -0.2e-3, 0.2e-3]];
+    let corner = [-1e-3; 3];
+    for points in [[corner, low, far, high], [corner, [-1e-3, -1e-3, 1e-3], far, high]] {
+        let [a, b, c, d] = points.map(glam::DVec3::from_array);
+        let volume = (b - a).cross(c - a).dot(d - a) / 6.0;
+        let inwards = Arrays(points.to_vec(), vec![[0, 1, 2], [0, 3, 1], [1, 3, 2], [0, 2, 3]]);
+        let inwards = if volume > 0.0 { inwards } else { inwards.turned() };
+        for (part, want) in [(inwards.clone(), 8e-9 - volume.abs()), (inwards.turned(), 8e-9)] {
+            let sample = Arrays::cube(2e-3).and(part).load().unwrap();
+            let object = &sample.objects[0];
+            assert!(
+                close(object.volume, want, 1e-9),
+                "{} {want} {:?}",
+                object.volume,
+                object.warnings
+            );
+        }
+    }
+}
+
 #[test]
 fn parts_in_voids_and_in_material_are_sorted_out_at_any_depth() {
     let core = || Arrays::cube(0.5e-3);
