@@ -30,12 +30,14 @@ fn options_out_of_range_or_without_effect_are_usage_errors_with_what_is_allowed(
         ("view run -o p --show retrieved --step 1", "--show frames"),
         ("view run -o p --show frames --row 1", "--show profiles"),
         ("material H999999999999 --density 1g/cm3 --energy 30keV", "1e6"),
-        ("material H1e300O --density 1g/cm3 --energy 30keV", "1e6"),
         ("material water --density 1e300g/cm3 --energy 30keV", "100 g/cm3"),
     ] {
         let message = ends(place.path(), line, 2);
         assert!(message.contains(wanted), "{line}: {message}");
     }
+    // A formula has no exponents: the element "e300" is unknown, as a material is.
+    let message = ends(place.path(), "material H1e300O --density 1g/cm3 --energy 30keV", 1);
+    assert!(message.contains("\"e300O\" is not part of a formula"), "{message}");
     assert!(!place.path().join("p").exists());
     for set in ["materials.x.formula=H999999999999", "materials.x.density=1e5 g/cm3"] {
         let mut command = beamlet(place.path(), "check scene.toml --set materials.x.formula=C");
