@@ -134,7 +134,7 @@ fn part_in_a_part_is_a_void_or_material_by_its_orientation() {
     }
 }
 
-/// A tetrahedron in a cube, with a corner or an edge of its own on that of the cube.
+/// A tetrahedron in a cube: both have a corner or an edge in common.
 #[test]
 fn parts_that_share_corners_or_edges_with_the_part_around_them_are_inside() {
     let [far, low, high] =
