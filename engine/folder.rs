@@ -21,11 +21,16 @@ pub(crate) fn paths(folder: &Path) -> io::Result<Vec<PathBuf>> {
     Ok(names(folder)?.into_iter().map(|name| folder.join(name)).collect())
 }
 
-/// Whether a path is a pattern for names in a folder: nothing has this name, and its last part has `*` (any
+/// True for a pattern of names in a folder: nothing has this name, and its last part has `*` (any
 /// text) or `?` (one character).
 pub(crate) fn is_pattern(path: &Path) -> bool {
     let name = path.file_name().map(OsStr::as_encoded_bytes).unwrap_or_default();
     name.iter().any(|byte| b"*?".contains(byte)) && fs::symlink_metadata(path).is_err()
+}
+
+/// True where a file or folder exists, or a pattern fits one.
+pub(crate) fn is_there(path: &Path) -> bool {
+    path.exists() || (is_pattern(path) && entries(path).is_ok_and(|all| !all.is_empty()))
 }
 
 /// The folder that holds the entries of a path: itself, or the parent of a pattern.
@@ -52,7 +57,7 @@ pub(crate) fn entries(path: &Path) -> io::Result<Vec<PathBuf>> {
     Ok(names(folder)?.into_iter().filter(fits).map(|name| folder.join(name)).collect())
 }
 
-/// Whether a pattern fits a name.
+/// True where a pattern fits a name.
 fn fits(pattern: &[char], name: &[char]) -> bool {
     // Places of the last star and of the name behind the text that it stands for.
     let (mut at, mut place, mut star) = (0, 0, None);

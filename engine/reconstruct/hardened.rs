@@ -145,7 +145,7 @@ impl Truth {
         Ok(Array3::from_shape_vec((views, rows, columns), values).ok())
     }
 
-    /// Whether an object reaches a side of the volume.
+    /// True where an object reaches a side of the volume.
     fn is_cut(&self) -> bool {
         let (_, depth, width) = self.labels.dim();
         let sides =

@@ -117,11 +117,7 @@ impl Recorded {
                 std::iter::once(from.join(input)).chain(beside).collect()
             }
         };
-        let is_there = |place: &Path| match folder::is_pattern(place) {
-            true => folder::entries(place).is_ok_and(|found| !found.is_empty()),
-            false => place.exists(),
-        };
-        places.retain(|place| is_there(place));
+        places.retain(|place| folder::is_there(place));
         places
     }
 

@@ -36,7 +36,7 @@ pub(super) struct MomentsErrors {
 }
 
 impl MomentsErrors {
-    /// Whether a warning is due.
+    /// True where a warning is due.
     fn is_large(self) -> bool {
         self.angle.abs() > LIMITS[0] || self.dark_field.abs() > LIMITS[1]
     }

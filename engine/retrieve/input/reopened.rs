@@ -89,13 +89,7 @@ fn place(source: &str, directory: &Path) -> PathBuf {
     let path = PathBuf::from(source);
     let beside = directory.parent().map(|parent| parent.join(&path));
     match beside {
-        Some(beside) if !is_there(&path) && is_there(&beside) => beside,
+        Some(beside) if !folder::is_there(&path) && folder::is_there(&beside) => beside,
         _ => path,
     }
-}
-
-/// Whether a file or folder is there, or one that a pattern fits.
-fn is_there(path: &Path) -> bool {
-    path.exists()
-        || (folder::is_pattern(path) && folder::entries(path).is_ok_and(|all| !all.is_empty()))
 }

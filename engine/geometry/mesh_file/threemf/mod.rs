@@ -89,7 +89,7 @@ fn broken(error: ZipError) -> Defect {
 /// A part of an archive.
 struct Part {
     index: usize,
-    /// By [`key`].
+    /// Keyed as [`key`] makes them.
     name: String,
     /// Unpacked, by its entry, bytes.
     size: u64,
