@@ -4,8 +4,8 @@
 pub use crate::check::display::count;
 pub use crate::check::inputs::load_scene;
 pub use crate::parallel::start_threads;
+pub use crate::reserve::require_memory;
 pub use crate::run::quality::resolved as with_tolerances;
-pub use crate::run::require_memory;
 pub use crate::scene::formula::check_formula;
 pub use crate::scene::schema::json_schema;
 pub use crate::whole_file::write_file;

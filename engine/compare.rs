@@ -1,7 +1,7 @@
 //! Differences of two stacks, runs or retrievals, simulated or measured, image by image.
 
 use crate::numbers;
-use crate::run::RowsControl;
+use crate::rows_control::RowsControl;
 use crate::scene::Exposure;
 use crate::stack::layout::{self, RETRIEVED, stack_of};
 use crate::stack::{Format, ImageDirectory, Kind, Maps, OpenRun, StackFile, refuse_overlap};

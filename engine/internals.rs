@@ -3,7 +3,8 @@
 
 /// The detector.
 pub mod detector {
-    pub use crate::detector::{DetectorModel, Noise, excess_noise};
+    pub use crate::detector::{DetectorModel, Noise};
+    pub use crate::spectrum::excess_noise;
 
     /// The detector of a simulation, and the grid that takes its light.
     #[must_use]
@@ -62,8 +63,7 @@ pub mod sampling {
 /// Rays.
 pub mod trace {
     pub use crate::interface::{Ray, RayResult};
+    pub use crate::media::MaterialTable;
     pub use crate::run::simulation::{moments, trace};
-    pub use crate::trace::{
-        CrossingFinder, DeviceSample, MaterialTable, Moment, Moments, TraceKernels, Tracer,
-    };
+    pub use crate::trace::{CrossingFinder, DeviceSample, Moment, Moments, TraceKernels, Tracer};
 }

@@ -41,6 +41,7 @@ pub mod internals;
 mod interpolation;
 mod locked_file;
 pub mod material;
+mod media;
 pub mod moments;
 mod numbers;
 mod open_file;
@@ -51,6 +52,7 @@ mod random;
 pub mod reconstruct;
 mod reserve;
 pub mod retrieve;
+mod rows_control;
 mod run;
 mod sampling;
 pub mod scene;
@@ -58,21 +60,23 @@ pub mod spectrum;
 mod spot;
 pub mod stack;
 mod suggestion;
+mod tally;
 mod trace;
 mod units;
 mod whole_file;
 
 pub use ndarray;
 
-pub use accel::Backend;
 pub use cancel::Cancel;
 pub use error::{Error, Place, Result};
-pub use gpu::{DeviceDescription, DeviceKind};
-pub use optics::{MaskMeshOptions, MaskPlace, mask_meshes};
+pub use geometry::{MaskMeshOptions, MaskPlace, mask_meshes};
+pub use gpu::{Backend, DeviceDescription, DeviceKind};
+pub use rows_control::RowsControl;
 pub use run::{
-    Blocks, Control, EdgeBlur, Engine, EngineOptions, MemoryEstimate, Progress, RowsControl,
-    RunEstimate, Simulation, ViewProgress, devices, load_sample,
+    Blocks, Control, EdgeBlur, Engine, EngineOptions, MemoryEstimate, Progress, RunEstimate,
+    Simulation, ViewProgress, devices, load_sample,
 };
 pub(crate) use stack::layout;
 pub use stack::{RunRecord, SamplingSummary, SearchCounts};
-pub use trace::{Ray, SurfaceCrossing, Tally, uncovered};
+pub use tally::Tally;
+pub use trace::{Ray, SurfaceCrossing, uncovered};

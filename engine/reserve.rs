@@ -10,6 +10,9 @@ use crate::{Error, Result};
 /// What may be done where a buffer does not fit.
 pub(crate) const REMEDY: &str = "end other programs, or raise the memory limit of this process";
 
+/// Program, driver and its compiled kernels, as measured with Mesa's CPU device.
+pub(crate) const PROGRAM: u64 = 122 << 20;
+
 /// Bytes that large buffers leave to small allocations.
 const SPARE: usize = 4 << 20;
 /// Bytes of a buffer that counts as large.
@@ -97,6 +100,15 @@ pub(crate) fn ask(bytes: u64, purpose: &str, remedy: &str) -> Result<()> {
         return Ok(());
     }
     Err(Error::Memory { purpose: purpose.into(), needed, available: None, remedy: remedy.into() })
+}
+
+/// Reserves the memory of work in many pieces, so that its lack is an error before it begins. It is freed
+/// at once; an error names `purpose`.
+///
+/// # Errors
+/// [`Error::Memory`] where they are not to be had.
+pub fn require_memory(bytes: u64, purpose: &str) -> Result<()> {
+    ask(bytes, purpose, REMEDY)
 }
 
 #[cfg(test)]

@@ -3,7 +3,6 @@
 
 mod blur;
 mod clipping;
-mod excess;
 mod grid;
 mod kernel;
 mod model;
@@ -12,7 +11,6 @@ mod scatter;
 mod spread;
 
 pub(crate) use clipping::offset_warning;
-pub use excess::excess_noise;
 pub use grid::SubpixelGrid;
 pub use model::DetectorModel;
 pub(crate) use noise::Clipped;

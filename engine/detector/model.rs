@@ -1,7 +1,6 @@
 //! The detector of a run: from the light on the grid to intensities and counts, band by band.
 
 use super::blur::BlurStage;
-use super::excess_noise;
 use super::grid::SubpixelGrid;
 use super::noise::{Frame, Noise};
 use super::scatter::ScatterStage;
@@ -10,7 +9,7 @@ use crate::optics::Optics;
 use crate::scene::Exposure;
 use crate::scene::{Beam, Scene, SpectrumOrigin, SpectrumSpec, validate_thresholds};
 use crate::spectrum::{self, Spectrum};
-use crate::{Error, Result};
+use crate::Result;
 use ndarray::{Array3, ArrayView3, s};
 use std::ops::Range;
 
@@ -33,24 +32,14 @@ impl DetectorModel {
     pub fn of(scene: &Scene) -> Result<Self> {
         let grid = SubpixelGrid::of(scene)?;
         validate_thresholds(&scene.detector, highest_energy(scene)?)?;
-        let nodes = open_beam(scene)?;
+        let nodes = spectrum::open_beam(scene)?;
         Ok(Self {
             grid,
             optics: grid.optics(scene),
             blur: BlurStage::of(scene, &grid)?,
             scatter: ScatterStage::of(scene)?,
-            noise: Noise::of(scene, excess_noise(&scene.detector, &nodes)),
+            noise: Noise::of(scene, spectrum::excess_noise(&scene.detector, &nodes)),
         })
-    }
-
-    /// Variance of a detector number over its mean above the dark: the gain times the excess
-    /// noise factor of the open beam. 1 without counts.
-    ///
-    /// # Errors
-    /// As [`DetectorModel::of`], for the beam and the absorber.
-    pub fn variance_per_value(scene: &Scene) -> Result<f64> {
-        let gain = scene.detector.counts.map_or(1.0, |counts| counts.gain);
-        Ok(gain * excess_noise(&scene.detector, &open_beam(scene)?))
     }
 
     /// The grid that takes the light.
@@ -116,26 +105,6 @@ impl DetectorModel {
         };
         self.noise.as_ref().map(frame).transpose()
     }
-}
-
-/// Energies (keV) of the beam and their shares of the signal of an open pixel.
-fn open_beam(scene: &Scene) -> Result<Vec<[f64; 2]>> {
-    let energy = match &scene.source.beam {
-        Beam::Energy(energy) => *energy,
-        Beam::Spectrum(_) => {
-            let nodes = spectrum::nodes(scene)?;
-            return Ok(nodes.energies.into_iter().zip(nodes.weights).map(Into::into).collect());
-        }
-    };
-    let signal = spectrum::response(scene, energy)?;
-    if signal > 0.0 {
-        return Ok(vec![[energy, 1.0]]);
-    }
-    Err(Error::scene(
-        "detector",
-        format!("no signal from photons of {energy} keV"),
-        "thresholds around the energy of the beam, and an absorber that absorbs",
-    ))
 }
 
 /// Highest energy of the beam, keV: of a tube its voltage.

@@ -20,6 +20,7 @@ pub(crate) mod instances;
 mod joins;
 mod lids;
 pub(crate) mod load;
+mod mask_mesh;
 mod mesh_file;
 mod nesting;
 mod orientation;
@@ -48,6 +49,7 @@ pub use export::{NamedMesh, write_meshes};
 pub(crate) use lids::Lids;
 pub use load::load;
 pub(crate) use load::{load_lenient_watched, load_watched, triangles_in_files};
+pub use mask_mesh::{MaskMeshOptions, MaskPlace, mask_meshes};
 pub(crate) use overlap::PEAK_PER_CUT_TRIANGLE;
 pub use overlap::{Contact, ContactKind};
 #[cfg(test)]

@@ -11,6 +11,7 @@
 mod acceleration;
 mod allocation;
 mod allocator;
+mod backend;
 mod buffer;
 mod command_batch;
 mod device;
@@ -27,6 +28,7 @@ pub mod shaders;
 mod submission;
 
 pub use acceleration::AccelerationStructure;
+pub use backend::Backend;
 pub use buffer::{Buffer, Memory};
 pub use device::{Device, DeviceOptions};
 pub use faults::{Fault, FaultAnswer, FaultyCall};
@@ -36,5 +38,12 @@ pub use physical::{DeviceDescription, DeviceKind};
 pub use recorder::Recorder;
 pub use submission::Submission;
 
+use crate::numbers;
+
 /// Largest push constant block, in bytes: what every Vulkan device has.
 pub const PUSH_BYTES: u32 = 128;
+
+/// Bytes of a push constant struct.
+pub(crate) const fn push_bytes<T>() -> u32 {
+    const { numbers::count(size_of::<T>()) }
+}

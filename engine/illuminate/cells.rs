@@ -4,11 +4,11 @@ use super::light::IlluminationBuffer;
 use super::sums::PixelSums;
 use crate::Result;
 use crate::cancel::Cancel;
+use crate::gpu::push_bytes;
 use crate::gpu::{Buffer, Device, LazyKernel, Memory, Pace, shaders};
 use crate::interface::{Cell, CellRow, GROUP, IlluminatePush};
 use crate::numbers;
 use crate::sampling::CellBatch;
-use crate::trace::push_bytes;
 use std::ops::Range;
 use std::sync::Arc;
 

@@ -3,12 +3,12 @@
 use crate::Result;
 use crate::gpu::{Buffer, Device};
 use crate::interface::{Address, Aperture, BeamletGeometry, IlluminationParams, Mask, SpotPart};
+use crate::media::MaterialTable;
 use crate::numbers::{count, single};
 use crate::optics::{MaskShape, Optics};
 use crate::sampling::{Lattice, beamlet_geometry};
 use crate::scene::Scene;
 use crate::spot::PlacedPart;
-use crate::trace::MaterialTable;
 use std::ops::Range;
 use std::sync::Arc;
 

@@ -3,12 +3,13 @@
 use super::light::IlluminationBuffer;
 use super::sums::PixelSums;
 use crate::Result;
+use crate::gpu::push_bytes;
 use crate::gpu::{Device, LazyKernel, shaders};
 use crate::interface::{GROUP, Pixel, RandomLightPush, RandomRaysPush};
 use crate::numbers;
 use crate::optics::Optics;
 use crate::scene::RandomRays;
-use crate::trace::{Tracer, push_bytes};
+use crate::trace::Tracer;
 use std::sync::Arc;
 
 /// Kernels of the random scheme, each made when it is first wanted.

@@ -1,8 +1,8 @@
 //! Allowed differences between a run with stored moments and a scene that uses them.
 
 use super::DELTA_HEADROOM;
+use crate::media::MaterialTable;
 use crate::scene::{Instances, Mesh, Normals, Object, Scene, ShapeOrMesh};
-use crate::trace::MaterialTable;
 use crate::{Error, Result, geometry, printed};
 
 /// Source distance, angles and the shape and place of every object must be the same.

@@ -1,10 +1,10 @@
 //! Requirements of a scene on kept cells that exceed those of the run.
 
 use crate::Result;
+use crate::media::MaterialTable;
 use crate::optics::{self, Optics};
 use crate::sampling::Lattice;
 use crate::scene::Scene;
-use crate::trace::MaterialTable;
 
 /// Rounding of lengths that count as the same.
 const SAME: f64 = 1e-9;

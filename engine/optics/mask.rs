@@ -59,7 +59,7 @@ impl Openings {
     }
 
     /// Width of the narrowest bar across the slits; 0 without bars.
-    pub(super) const fn bar(&self) -> f64 {
+    pub(crate) const fn bar(&self) -> f64 {
         self.bar
     }
 }

@@ -7,14 +7,12 @@ mod bars;
 mod column_places;
 mod detector_plane;
 mod mask;
-mod mask_mesh;
 mod thin_curve;
 mod view_offsets;
 
 pub(crate) use bars::{MaskShape, mean_leaks, modulated};
 pub(crate) use detector_plane::DetectorPlane;
 pub(crate) use mask::{Mask, Openings};
-pub use mask_mesh::{MaskMeshOptions, MaskPlace, mask_meshes};
 pub(crate) use thin_curve::ThinCurve;
 pub(crate) use view_offsets::ViewOffsets;
 

@@ -10,7 +10,7 @@ use super::plan::VolumePlan;
 use super::quantity::Quantity;
 use super::resampling::Resampling;
 use super::work::Work;
-use crate::run::RowsControl;
+use crate::rows_control::RowsControl;
 use crate::{Engine, Result, parallel};
 use ndarray::Array3;
 use serde::Serialize;

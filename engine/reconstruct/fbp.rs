@@ -10,7 +10,7 @@ use super::model::Model;
 use super::projector::{AT_ONCE, Arm};
 use super::quantity::Quantity;
 use super::work::reporting;
-use crate::run::RowsControl;
+use crate::rows_control::RowsControl;
 use crate::{Engine, Error, Result, parallel};
 use ndarray::{ArrayView3, Zip};
 

@@ -7,7 +7,7 @@ use super::model::Model;
 use super::problem::Problem;
 use super::solver::{IterativeOptions, Solver};
 use super::work::reporting;
-use crate::run::RowsControl;
+use crate::rows_control::RowsControl;
 use crate::{Engine, Result};
 
 /// A volume, and how it came about.

@@ -9,7 +9,7 @@ use super::redundancy::Redundancy;
 use super::resampling::Resampling;
 use super::solver::Solver;
 use crate::numbers::length;
-use crate::run::PROGRAM;
+use crate::reserve::PROGRAM;
 use crate::{Error, Result};
 
 /// Bytes of a value.

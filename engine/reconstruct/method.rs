@@ -11,7 +11,7 @@ use super::phase::integrated;
 use super::quantity::Quantity;
 use super::solver::IterativeOptions;
 use crate::retrieve::Drift;
-use crate::run::RowsControl;
+use crate::rows_control::RowsControl;
 use crate::{Engine, Error, Result};
 use serde_json::{Value, json};
 

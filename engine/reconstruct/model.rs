@@ -8,7 +8,7 @@ use super::projector::{AT_ONCE, Arm, Projector};
 use super::work::{Work, reporting};
 use crate::numbers::single;
 use crate::retrieve::borders;
-use crate::run::RowsControl;
+use crate::rows_control::RowsControl;
 use crate::{Engine, Result, parallel, reserve};
 use ndarray::{Array3, ArrayView3};
 use rayon::prelude::*;

@@ -2,13 +2,13 @@
 
 use super::joseph::Rays;
 use super::work::Work;
+use crate::gpu::push_bytes;
 use crate::gpu::{Buffer, Device, Kernel, Memory, Pace, shaders};
 use crate::interface::{
     MovedSheet, MovedView, ProjectBackMovedPush, ProjectBackPush, ProjectMovedPush, ProjectPush,
     Sheet,
 };
 use crate::numbers::{count, single};
-use crate::trace::push_bytes;
 use crate::{Cancel, Engine, Error, Result, reserve};
 use ndarray::{Array3, ArrayView3};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};

@@ -8,7 +8,7 @@ use super::grid::{Volume, VolumeGrid};
 use super::quantity::Quantity;
 use super::sigma::{amplitudes, check_voxels, prepared, shares, spread};
 use crate::numbers::single;
-use crate::run::RowsControl;
+use crate::rows_control::RowsControl;
 use crate::{Cancel, Error, Result, reserve};
 use ndarray::{Array3, ArrayView3};
 use rayon::prelude::*;

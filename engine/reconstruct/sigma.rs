@@ -11,7 +11,7 @@ use super::quantity::Quantity;
 use super::resampling::Resampling;
 use super::work::reporting;
 use crate::numbers::{single, whole};
-use crate::run::RowsControl;
+use crate::rows_control::RowsControl;
 use crate::{Engine, Error, Result, parallel, reserve};
 use ndarray::{Array3, ArrayView3};
 use rayon::prelude::*;

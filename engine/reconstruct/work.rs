@@ -1,7 +1,7 @@
 //! Progress and end of work in several stages.
 
 use crate::numbers::whole;
-use crate::run::RowsControl;
+use crate::rows_control::RowsControl;
 use crate::{Cancel, Result};
 use std::fmt;
 

@@ -4,13 +4,13 @@ use super::curves::Curves;
 use super::noise_factors::NoiseFactors;
 use super::quadrature;
 use crate::cancel::Cancel;
+use crate::gpu::push_bytes;
 use crate::gpu::{Buffer, Device, Kernel, Memory, Pace, shaders};
 use crate::interface::{
     FIT_AMPLITUDE, FIT_AREA_SIGMA, FIT_BACKGROUND, FIT_CENTRE, FIT_CENTRE_SIGMA, FIT_CONDITION,
     FIT_FLAGS, FIT_RESIDUAL, FIT_VALUES, FIT_WIDTH, FIT_WIDTH_SIGMA, FitPush, Step,
 };
 use crate::numbers::{self, single};
-use crate::trace::push_bytes;
 use crate::{Engine, Error, Result};
 use ndarray::{ArrayView2, s};
 use serde::Serialize;

@@ -10,12 +10,11 @@ mod selection;
 mod times;
 
 use crate::cancel::Aside;
-use crate::detector::DetectorModel;
 use crate::numbers;
 use crate::scene::Scene;
 use crate::stack::layout::GEOMETRY;
 use crate::stack::{InputHashes, OpenRun, StackFile};
-use crate::{Error, Result, input_file};
+use crate::{Error, Result, input_file, spectrum};
 use correction::{Correction, Dark, LEFT_OUT};
 use ndarray::Array3;
 pub use selection::Columns;
@@ -133,7 +132,7 @@ impl Input {
             .and_then(|n| n.bit_depth)
             .map(|bits| numbers::single(libm::exp2(f64::from(bits)) - 1.0));
         let noise = match numbers {
-            Some(n) => Some([DetectorModel::variance_per_value(scene)?, n.electronic_noise]),
+            Some(n) => Some([spectrum::variance_per_value(scene)?, n.electronic_noise]),
             None => None,
         };
         let dark = match (dark, scene.scan.darks_every) {

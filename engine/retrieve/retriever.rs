@@ -16,7 +16,7 @@ use super::options::{ReadRows, RetrieveOptions};
 use super::periods::WholePeriods;
 use super::shape::CurveGeometry;
 use crate::numbers;
-use crate::run::RowsControl;
+use crate::rows_control::RowsControl;
 use crate::scene::Scene;
 use crate::stack::GeometryFile;
 use crate::{Engine, Error, Result};

@@ -14,7 +14,7 @@ use super::record::Record;
 use super::retriever::Retriever;
 use super::{Curves, Method, Weights, flags};
 use crate::numbers;
-use crate::run::RowsControl;
+use crate::rows_control::RowsControl;
 use crate::stack::layout::{CORRECTIONS, GEOMETRY};
 use crate::stack::{
     Format, ImageDirectory, InputHashes, Kind, now, refuse_overlap, working_directory,

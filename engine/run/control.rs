@@ -6,7 +6,7 @@ use crate::geometry::{self, LoadProgress, LoadStep, Sample, Watcher};
 use crate::moments::MomentWriter;
 use crate::scene::{Exposure, Scene};
 use crate::stack::{BegunView, RunDirectory, Shard};
-use crate::trace::Tally;
+use crate::tally::Tally;
 use std::fmt;
 use std::sync::Arc;
 
@@ -100,31 +100,6 @@ impl Control<'_> {
             .with_begun(directory.begun_view())
             .with_shard(directory.part_of_run())
             .with_blocks(blocks)
-    }
-}
-
-/// What steers a retrieval or a comparison while it goes on; set in a chain as [`Control`] is.
-#[derive(Default)]
-#[non_exhaustive]
-pub struct RowsControl<'a> {
-    /// Called now and then with rows done and rows in all, over all images and the flat.
-    pub progress: Option<&'a mut dyn FnMut(u64, u64)>,
-    /// Ends the work with [`crate::Error::Interrupted`].
-    pub cancel: Cancel,
-}
-
-impl<'a> RowsControl<'a> {
-    setters! {
-        /// Sets the callback for the progress.
-        with_progress(progress: &'a mut dyn FnMut(u64, u64));
-        /// Sets what ends the work.
-        with_cancel(cancel: Cancel);
-    }
-}
-
-impl fmt::Debug for RowsControl<'_> {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.debug_struct("RowsControl").finish_non_exhaustive()
     }
 }
 

@@ -1,7 +1,7 @@
 //! The engine: a Vulkan device that serves many scenes.
 
 use crate::Result;
-use crate::accel::Backend;
+use crate::gpu::Backend;
 use crate::gpu::{Device, DeviceDescription, DeviceOptions, Fault};
 use crate::illuminate::{CellKernels, RandomKernels};
 use crate::moments::StoredMoments;

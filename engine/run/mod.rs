@@ -9,10 +9,9 @@ pub(crate) mod quality;
 pub(crate) mod simulation;
 
 pub(crate) use control::watching;
-pub use control::{Blocks, Control, Progress, RowsControl, ViewProgress, load_sample};
+pub use control::{Blocks, Control, Progress, ViewProgress, load_sample};
 pub use edge_blur::EdgeBlur;
 pub use engine::{Engine, EngineOptions, devices};
 pub use estimate::RunEstimate;
-pub(crate) use memory::PROGRAM;
-pub use memory::{MemoryEstimate, require_memory};
+pub use memory::MemoryEstimate;
 pub use simulation::Simulation;

@@ -1,10 +1,9 @@
 //! Tolerances of a run by the quality of its scene (docs/scene.md, "sampling").
 
-use crate::detector::DetectorModel;
+use crate::media::MaterialTable;
 use crate::optics::{self, Optics, ThinCurve};
 use crate::scene::{Counts, Quality, Scene, Tolerances};
-use crate::trace::MaterialTable;
-use crate::{Result, printed};
+use crate::{Result, printed, spectrum};
 use std::f64::consts::SQRT_2;
 
 /// Share of the noise that sampling may leave.
@@ -119,7 +118,7 @@ impl Variance {
 pub(crate) fn open_variance(scene: &Scene, counts: &Counts) -> Result<Variance> {
     let per_open = counts.gain * counts.photons;
     Ok(Variance {
-        per_light: DetectorModel::variance_per_value(scene)? / per_open,
+        per_light: spectrum::variance_per_value(scene)? / per_open,
         read_noise: counts.electronic_noise / per_open,
     })
 }

@@ -6,7 +6,7 @@ use super::lattice::Lattice;
 use crate::interface::{Cell, CellRow};
 use crate::numbers::{self, single};
 use crate::parallel;
-use crate::trace::Tally;
+use crate::tally::Tally;
 use bytemuck::Pod;
 use std::borrow::Cow;
 use std::ops::Range;

@@ -1,7 +1,7 @@
 //! Error budget of recorded values, and the estimated error.
 
 use crate::numbers;
-use crate::trace::Tally;
+use crate::tally::Tally;
 
 /// Error of the displacement where no angle bounds it, m.
 const UNBOUNDED: f64 = 10e-9;

@@ -11,9 +11,10 @@ use crate::interface::{
     RayResult,
 };
 use crate::material::Constants;
+use crate::media::MaterialTable;
 use crate::numbers::single;
 use crate::parallel;
-use crate::trace::{MaterialTable, Tracer, component_hash};
+use crate::trace::{Tracer, component_hash};
 use rayon::prelude::*;
 
 /// Of constants on both sides of a surface, by which moments follow from a result.

@@ -6,6 +6,7 @@
 //! and refraction (docs/spectra.md).
 
 mod edges;
+mod excess;
 mod file;
 mod gauss;
 mod nodes;
@@ -22,6 +23,8 @@ use crate::material;
 use crate::scene::{Anode, Filter, Scene, SpectrumOrigin, SpectrumSpec};
 use crate::{Error, Result};
 
+pub use excess::excess_noise;
+pub(crate) use excess::{open_beam, variance_per_value};
 pub use nodes::{Nodes, TOLERANCE, nodes, nodes_with};
 pub use response::response;
 

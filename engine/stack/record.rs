@@ -1,7 +1,7 @@
 //! What run.json records.
 
-use crate::accel::Backend;
-use crate::trace::Tally;
+use crate::gpu::Backend;
+use crate::tally::Tally;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 

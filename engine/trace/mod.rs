@@ -1,21 +1,16 @@
 //! Tracing: rays through the sample, to results and moments.
 
 mod crossings;
-mod media;
 mod moments;
 mod ray;
-mod tally;
 mod tracer;
 mod upload;
 
 pub(crate) use crate::interface::RayResult;
 pub use crossings::{CrossingFinder, SurfaceCrossing, uncovered};
-pub use media::MaterialTable;
 pub(crate) use moments::grazing;
 pub use moments::{Moment, Moments};
 pub use ray::Ray;
-pub use tally::Tally;
-pub(crate) use tracer::push_bytes;
 pub use tracer::{TraceKernels, Tracer};
 pub use upload::DeviceSample;
 pub(crate) use upload::{FIRST_ORDER_ERROR, hash as component_hash, least_cosine};

@@ -2,19 +2,12 @@
 
 use crate::interface::{
     FLAG_SHARE_SHIFT, MOMENTS_BALANCE, MOMENTS_CROSSINGS, MOMENTS_HEAD, MOMENTS_LEVER,
-    MOMENTS_PATH, MOMENTS_PER_MATERIAL, MOMENTS_PER_PAIR, MOMENTS_SLOPE, RayResult,
+    MOMENTS_PATH, MOMENTS_PER_MATERIAL, MOMENTS_SLOPE, RayResult,
 };
 
 /// Least cosine of incidence of a ray over that below which rays are traced exactly.
 pub(crate) fn grazing(result: &RayResult) -> f64 {
     f64::from(result.flags >> FLAG_SHARE_SHIFT) / 255.0
-}
-
-/// Words of the moments of a ray, without their head: of each material, and in samples with rough
-/// surfaces of each pair of them.
-pub(crate) const fn moment_words(materials: usize, rough: bool) -> usize {
-    let pairs = if rough { materials * (materials - 1) / 2 } else { 0 };
-    materials * MOMENTS_PER_MATERIAL + pairs * MOMENTS_PER_PAIR
 }
 
 /// First-order moments of rays, by ray and material. Material 0 is the surroundings.

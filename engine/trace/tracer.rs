@@ -5,8 +5,8 @@ mod exact;
 mod kernels;
 
 use super::upload::DeviceSample;
-use crate::accel::Backend;
 use crate::cancel::Cancel;
+use crate::gpu::Backend;
 use crate::gpu::{Buffer, Device, LazyKernel, Memory, Pace};
 use crate::interface::{
     Crossing, MATERIALS_IN_REGISTERS, MOMENTS_HEAD, Ray, RayResult, TALLY_COUNTERS, TALLY_DROPPED,
@@ -15,7 +15,7 @@ use crate::interface::{
 };
 use crate::numbers;
 use crate::scene::Transport;
-use crate::trace::Tally;
+use crate::tally::Tally;
 use crate::{Result, reserve};
 use batch::Batch;
 use exact::{ExactRays, LISTED};
@@ -34,11 +34,6 @@ const LARGEST_BATCH: u32 = 1 << 19;
 /// Unbalanced rays are tried again this far to the side, m: far below any accuracy wanted, far
 /// above the rounding of coordinates that made an edge ambiguous.
 const RAY_OFFSETS: [f32; 5] = [0.0, 3e-10, -7e-10, 2.3e-9, -6e-9];
-
-/// Bytes of a push constant struct.
-pub(crate) const fn push_bytes<T>() -> u32 {
-    const { numbers::count(size_of::<T>()) }
-}
 
 /// Traces rays through a sample on the device.
 #[derive(Debug)]

@@ -1,12 +1,11 @@
 //! The sample on the device: uploaded once, views are records.
 
-use super::media::MaterialTable;
-use super::moments::moment_words;
 use crate::Result;
 use crate::accel::Bvh;
 use crate::geometry;
 use crate::gpu::{AccelerationStructure, Buffer, Device};
 use crate::interface::{self, KIND_MOVED, KIND_ROUGH, Surface, ViewTransform};
+use crate::media::{MaterialTable, moment_words};
 use crate::numbers::{count, high_word, low_word, single};
 use crate::scene::{Motion, Scene, Transport};
 use glam::{DVec2, DVec3};

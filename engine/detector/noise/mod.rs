@@ -59,7 +59,7 @@ impl std::ops::Add for Clipped {
 
 impl Noise {
     /// The noise of a scene; `None` without any. `excess`: the excess noise factor of
-    /// [`excess_noise`](super::excess_noise), at least 1.
+    /// [`excess_noise`](crate::spectrum::excess_noise), at least 1.
     #[must_use]
     pub fn of(scene: &Scene, excess: f64) -> Option<Self> {
         let counts = scene.detector.counts?;

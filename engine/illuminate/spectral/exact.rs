@@ -5,10 +5,11 @@ use super::node_result::NodeResult;
 use crate::Result;
 use crate::interface::{Cell, CellRow, FLAG_NOT_FINITE, Ray, RayResult};
 use crate::material::Constants;
+use crate::media::MaterialTable;
 use crate::numbers;
 use crate::sampling::{CellBatch, ExactCell};
 use crate::scene::Transport;
-use crate::trace::{MaterialTable, Tracer};
+use crate::trace::Tracer;
 use rayon::prelude::*;
 
 /// Severe cells no wider than this (m) take the mean constants' walk at every node: silhouettes

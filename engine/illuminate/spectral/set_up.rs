@@ -8,11 +8,11 @@ use super::{DISPLACEMENT_SHARE, EnergyBinning, NEGLIGIBLE};
 use crate::Result;
 use crate::gpu::Device;
 use crate::material::Constants;
+use crate::media::MaterialTable;
 use crate::numbers::single;
 use crate::optics::{Mask, MaskShape, Optics};
 use crate::sampling::Lattice;
 use crate::scene::Scene;
-use crate::trace::MaterialTable;
 use std::sync::Arc;
 
 impl EnergyBinning {

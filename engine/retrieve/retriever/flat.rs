@@ -10,7 +10,7 @@ use super::view_scan::ViewScan;
 use super::{Retriever, part};
 use crate::cancel::Cancel;
 use crate::numbers;
-use crate::run::RowsControl;
+use crate::rows_control::RowsControl;
 use crate::{Error, Result, reserve};
 use ndarray::{Array2, ArrayView3};
 

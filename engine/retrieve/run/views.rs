@@ -8,7 +8,7 @@ use crate::retrieve::images::{Images, OF_FLAT, SIGMAS_OF_FLAT};
 use crate::retrieve::input::Input;
 use crate::retrieve::joined::JoinedColumns;
 use crate::retrieve::retriever::{Corrected, Retriever};
-use crate::run::RowsControl;
+use crate::rows_control::RowsControl;
 use crate::{Error, Result};
 use ndarray::{Array2, ArrayView2};
 use std::ops::Range;

@@ -1,6 +1,5 @@
 //! Checks, before work begins, that its memory is available.
 
-use super::program::PROGRAM;
 use super::{FRAME_COPIES, MemoryEstimate, building};
 use crate::scene::Scene;
 use crate::stack::StackShape;
@@ -12,7 +11,7 @@ use crate::{Error, Result, geometry, reserve};
 /// [`Error::Memory`] where they cannot.
 pub(crate) fn check_before_loading(scene: &Scene, limit: Option<u64>) -> Result<()> {
     let triangles = geometry::triangles_in_files(scene);
-    let needed = PROGRAM.saturating_add(building(triangles));
+    let needed = reserve::PROGRAM.saturating_add(building(triangles));
     match limit {
         Some(limit) if needed > limit => Err(Error::Memory {
             purpose: match triangles {
@@ -30,15 +29,6 @@ pub(crate) fn check_before_loading(scene: &Scene, limit: Option<u64>) -> Result<
     }
 }
 
-/// Reserves the memory of work in many pieces, so that its lack is an error before it begins. It is freed
-/// at once; an error names `purpose`.
-///
-/// # Errors
-/// [`Error::Memory`] where they are not to be had.
-pub fn require_memory(bytes: u64, purpose: &str) -> Result<()> {
-    reserve::ask(bytes, purpose, reserve::REMEDY)
-}
-
 /// Whether the peak memory of a run is available now, without copies of frames, which not every format
 /// makes.
 ///
@@ -46,7 +36,7 @@ pub fn require_memory(bytes: u64, purpose: &str) -> Result<()> {
 /// [`Error::Memory`] where it is not.
 pub(crate) fn ask_for_run(scene: &Scene, estimate: &MemoryEstimate) -> Result<()> {
     let frames = FRAME_COPIES * StackShape::of(scene)?.frame_bytes();
-    let bytes = estimate.peak_bytes.saturating_sub(PROGRAM).saturating_sub(frames);
+    let bytes = estimate.peak_bytes.saturating_sub(reserve::PROGRAM).saturating_sub(frames);
     let rows = estimate.band_rows;
     let purpose = format!("a run in bands of {rows} rows");
     reserve::ask(

@@ -1,9 +1,8 @@
 //! Memory of the program itself.
 
+use crate::reserve::PROGRAM;
 use crate::scene::{Normals, Object, Scene, ShapeOrMesh};
 
-/// Program, driver and its compiled kernels, as measured with Mesa's CPU device.
-pub(crate) const PROGRAM: u64 = 122 << 20;
 /// Additional memory of its kernels for curved, rough or placed surfaces.
 const KERNELS: u64 = 100 << 20;
 

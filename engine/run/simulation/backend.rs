@@ -1,7 +1,7 @@
 //! The backend of a run: as requested, as the device can, or by counts of the scene.
 
 use super::Simulation;
-use crate::accel::Backend;
+use crate::gpu::Backend;
 use crate::gpu::{DeviceDescription, DeviceKind};
 use crate::sampling::ProjectedBounds;
 use crate::stack::SearchCounts;

@@ -1,10 +1,12 @@
 //! A scene made ready on a device, from its meshes or from kept moments.
 
 use super::{Simulation, backend};
-use crate::accel::{Backend, Bvh};
+use crate::accel::Bvh;
 use crate::detector::DetectorModel;
 use crate::geometry::{self, LoadStep, Sample};
+use crate::gpu::Backend;
 use crate::illuminate::{self, EnergyBinning};
+use crate::media::MaterialTable;
 use crate::moments::{self, StoredMoments, StoredSource};
 use crate::optics::{self, Optics};
 use crate::run::engine::Engine;
@@ -14,7 +16,7 @@ use crate::run::{self, Control};
 use crate::sampling::{self, ErrorBudget, Lattice, Response};
 use crate::scene::{Scene, Scheme};
 use crate::stack::RunStart;
-use crate::trace::{DeviceSample, MaterialTable};
+use crate::trace::DeviceSample;
 use crate::{Error, Result};
 use std::collections::BTreeMap;
 use std::sync::Arc;

@@ -1,9 +1,8 @@
 //! Single rays through the sample: their results, moments and crossings.
 
 use super::Simulation;
-use crate::trace::{
-    CrossingFinder, MaterialTable, Moments, Ray, RayResult, SurfaceCrossing, Tracer,
-};
+use crate::media::MaterialTable;
+use crate::trace::{CrossingFinder, Moments, Ray, RayResult, SurfaceCrossing, Tracer};
 use crate::{Cancel, Error, Result, interface};
 
 /// Traces rays and returns their results at the scene's energy (for a spectrum at the constants

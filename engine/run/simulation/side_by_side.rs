@@ -8,7 +8,7 @@ use crate::cancel::{Cancel, TICK};
 use crate::run::{Control, Progress, ViewProgress};
 use crate::scene::{Exposure, Scene};
 use crate::stack::{RunRecord, RunStart, Sink};
-use crate::trace::Tally;
+use crate::tally::Tally;
 use crate::{Error, Result};
 use ndarray::{Array3, ArrayView3};
 use std::collections::BTreeMap;

@@ -23,7 +23,7 @@ use crate::run::{Control, Progress, ViewProgress};
 use crate::sampling::{self, BaseLattice, CellBatch, ProjectedBounds, Response};
 use crate::scene::{Exposure, Scheme};
 use crate::stack::{BegunView, Sink};
-use crate::trace::Tally;
+use crate::tally::Tally;
 use crate::trace::Tracer;
 use in_bands::{bands, bands_of_blocks};
 use mean::Mean;

@@ -1,7 +1,7 @@
 //! Kernels of the walks.
 
-use super::push_bytes;
-use crate::accel::Backend;
+use crate::gpu::Backend;
+use crate::gpu::push_bytes;
 use crate::gpu::{Device, LazyKernel, shaders};
 use crate::interface::{
     BUNDLE_LANES, CrossingsPush, ExactPush, GROUP, KIND_CROSSED, KIND_ELLIPSOID, KIND_FRUSTUM,

@@ -1,7 +1,7 @@
 //! Masks as meshes: bars as closed boxes, a frame around them, a substrate behind them.
 
-use super::{Mask, Optics};
-use crate::geometry::NamedMesh;
+use super::NamedMesh;
+use crate::optics::{Mask, Optics};
 use crate::scene::Scene;
 use crate::units::Dimension::Length;
 use crate::{Error, Result, numbers};

@@ -1,7 +1,7 @@
 //! Materials of a scene by index, medium 0 being the surroundings, with their constants.
 
-use super::moments::moment_words;
 use crate::Result;
+use crate::interface::{MOMENTS_PER_MATERIAL, MOMENTS_PER_PAIR};
 use crate::material::{self, Constants};
 use crate::numbers;
 use crate::scene::Scene;
@@ -100,4 +100,11 @@ impl MaterialTable {
     pub fn sides(&self, object: u32, outside: Option<u32>) -> [u32; 2] {
         [self.of_object[object as usize], outside.map_or(0, |o| self.of_object[o as usize])]
     }
+}
+
+/// Words of the moments of a ray, without their head: of each material, and in samples with rough
+/// surfaces of each pair of them.
+pub(crate) const fn moment_words(materials: usize, rough: bool) -> usize {
+    let pairs = if rough { materials * (materials - 1) / 2 } else { 0 };
+    materials * MOMENTS_PER_MATERIAL + pairs * MOMENTS_PER_PAIR
 }
