@@ -31,8 +31,9 @@ pub mod instances {
 pub mod gpu {
     pub use crate::gpu::{
         AccelerationStructure, Buffer, Device, DeviceKind, DeviceOptions, Fault, FaultAnswer,
-        FaultyCall, Kernel, LazyKernel, Memory, PUSH_BYTES, Recorder, Submission, shaders,
+        FaultyCall, Kernel, LazyKernel, Memory, PUSH_BYTES, Recorder, Submission,
     };
+    pub use crate::shaders;
 }
 /// Images of one channel.
 pub mod image {

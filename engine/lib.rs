@@ -28,17 +28,21 @@ pub mod cli_support;
 pub mod compare;
 mod csv_table;
 mod detector;
+mod engine;
 mod error;
 mod folder;
 pub mod geometry;
 mod gpu;
+mod ideal;
 mod illuminate;
 mod image;
 mod input_file;
-mod interface;
+#[doc(hidden)]
+pub mod interface;
 #[doc(hidden)]
 pub mod internals;
 mod interpolation;
+mod labels;
 mod locked_file;
 pub mod material;
 mod media;
@@ -48,6 +52,7 @@ mod open_file;
 mod optics;
 mod parallel;
 mod printed;
+mod program;
 mod random;
 pub mod reconstruct;
 mod reserve;
@@ -56,6 +61,8 @@ mod rows_control;
 mod run;
 mod sampling;
 pub mod scene;
+#[doc(hidden)]
+pub mod shaders;
 pub mod spectrum;
 mod spot;
 pub mod stack;
@@ -68,13 +75,14 @@ mod whole_file;
 pub use ndarray;
 
 pub use cancel::Cancel;
+pub use engine::{Engine, devices};
 pub use error::{Error, Place, Result};
 pub use geometry::{MaskMeshOptions, MaskPlace, mask_meshes};
-pub use gpu::{Backend, DeviceDescription, DeviceKind};
+pub use gpu::{Backend, Compute, DeviceDescription, DeviceKind, EngineOptions};
 pub use rows_control::RowsControl;
 pub use run::{
-    Blocks, Control, EdgeBlur, Engine, EngineOptions, MemoryEstimate, Progress, RunEstimate,
-    Simulation, ViewProgress, devices, load_sample,
+    Blocks, Control, EdgeBlur, MemoryEstimate, Progress, RunEstimate, Simulation, ViewProgress,
+    load_sample,
 };
 pub(crate) use stack::layout;
 pub use stack::{RunRecord, SamplingSummary, SearchCounts};

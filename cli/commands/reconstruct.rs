@@ -8,8 +8,8 @@ use crate::progress::Reporter;
 use beamlet::cli_support::printed;
 use beamlet::reconstruct::{
     BeamEnergy, FbpOptions, GridChoice, HardeningChoice, Input, IterativeOptions, LostUse, Method,
-    Quantity, Reconstructed, Solver, Truth, VolumeEstimate, VolumePlan, VolumeRecord, VolumesTo,
-    estimate, gradient_bias, reconstruct,
+    Quantity, Reconstructed, Solver, VolumeEstimate, VolumePlan, VolumeRecord, VolumesTo, estimate,
+    gradient_bias, reconstruct,
 };
 use beamlet::retrieve::{self, ImagesTo, Record, RetrieveOptions};
 use beamlet::scene::Scene;
@@ -81,7 +81,7 @@ fn work(
         }
         (true, Some(scene)) => {
             reporter.doing("finding the objects at the voxels");
-            let truth = Truth::of(&engine, scene, geometry, &plan.grid, cancel)?;
+            let truth = beamlet::reconstruct::truth(&engine, scene, geometry, &plan.grid, cancel)?;
             Some(match &plan.beam_hardening {
                 Some(choice) => truth.with_mu_at(scene, choice.quoted()?)?,
                 None => truth,

@@ -31,7 +31,7 @@ pub(super) fn estimated(
     let objects = sample.objects.clone();
     // No other run may be estimated without an estimate of this one.
     let again = costs::by_noise(scene, &report.work.tolerances)?.map(|_| sample.clone());
-    let made = Simulation::of_loaded(engine, scene, Some(sample), control);
+    let made = Simulation::of_loaded(engine.simulator(), scene, Some(sample), control);
     let edges = match &made {
         Ok(made) => made.edge_blur(&control.cancel)?,
         Err(_) => bounded,
@@ -53,7 +53,7 @@ pub(super) fn estimated(
     }
     report.add_needless(scene, |faster| {
         let Some(sample) = again.filter(|_| is_known) else { return Ok(None) };
-        let made = Simulation::of_loaded(engine, faster, Some(sample), control)?;
+        let made = Simulation::of_loaded(engine.simulator(), faster, Some(sample), control)?;
         Ok(Some(loaded_in + made.estimate_until(&control.cancel)?.seconds))
     })?;
     Ok(report)

@@ -4,12 +4,12 @@ use super::blur::BlurStage;
 use super::grid::SubpixelGrid;
 use super::noise::{Frame, Noise};
 use super::scatter::ScatterStage;
+use crate::Result;
 use crate::cancel::Cancel;
 use crate::optics::Optics;
 use crate::scene::Exposure;
 use crate::scene::{Beam, Scene, SpectrumOrigin, SpectrumSpec, validate_thresholds};
 use crate::spectrum::{self, Spectrum};
-use crate::Result;
 use ndarray::{Array3, ArrayView3, s};
 use std::ops::Range;
 

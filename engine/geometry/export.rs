@@ -198,7 +198,7 @@ pub fn write_meshes(path: &Path, meshes: &[NamedMesh], unit: f64) -> Result<()> 
 }
 
 fn obj(meshes: &[NamedMesh], unit: f64) -> Vec<u8> {
-    let mut text = format!("# beamlet {}\n", env!("CARGO_PKG_VERSION"));
+    let mut text = format!("# beamlet {}\n", crate::program::VERSION);
     let _ = writeln!(text, "# 1.0 is {}", Length.format(unit));
     let mut first = 1;
     for mesh in meshes {
@@ -223,7 +223,7 @@ fn ply(meshes: &[NamedMesh], unit: f64) -> Vec<u8> {
         "ply\nformat binary_little_endian 1.0\ncomment beamlet {}, 1.0 is {}\n\
          element vertex {vertices}\nproperty double x\nproperty double y\nproperty double z\n\
          element face {faces}\nproperty list uchar uint vertex_indices\nend_header\n",
-        env!("CARGO_PKG_VERSION"),
+        crate::program::VERSION,
         Length.format(unit)
     )
     .into_bytes();
@@ -243,8 +243,7 @@ fn ply(meshes: &[NamedMesh], unit: f64) -> Vec<u8> {
 
 fn stl(meshes: &[NamedMesh], unit: f64) -> Vec<u8> {
     let mut bytes =
-        format!("beamlet {}, 1.0 is {}", env!("CARGO_PKG_VERSION"), Length.format(unit))
-            .into_bytes();
+        format!("beamlet {}, 1.0 is {}", crate::program::VERSION, Length.format(unit)).into_bytes();
     bytes.resize(80, b' ');
     let count: usize = meshes.iter().map(|mesh| mesh.triangles.len()).sum();
     bytes.extend(numbers::count(count).to_le_bytes());

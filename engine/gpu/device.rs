@@ -33,7 +33,12 @@ pub struct DeviceOptions {
     pub staging: bool,
     /// Calls of Vulkan that fail (for tests).
     pub faults: Vec<Fault>,
+    /// Kernels that [`Device::kernel`] finds by their names.
+    pub kernels: KernelTable,
 }
+
+/// Names of kernels and their SPIR-V.
+pub(crate) type KernelTable = &'static [(&'static str, &'static [u32])];
 
 /// An open Vulkan device with one compute queue.
 pub struct Device {
@@ -45,6 +50,8 @@ pub struct Device {
     pub(super) memory_types: vk::PhysicalDeviceMemoryProperties,
     pub(super) staging: bool,
     pub(super) faults: Faults,
+    /// Kernels by name.
+    pub(super) table: KernelTable,
     names: Option<ash::ext::debug_utils::Device>,
     queue: Mutex<vk::Queue>,
     /// `None` only while the device is being destroyed.
@@ -108,6 +115,7 @@ impl Device {
             memory_types,
             staging: options.staging,
             faults: Faults::new(&options.faults),
+            table: options.kernels,
             names,
             queue: Mutex::new(queue),
             allocator: Mutex::new(Some(allocator)),

@@ -25,7 +25,6 @@ pub struct Kernel {
 pub struct LazyKernel {
     device: Arc<Device>,
     name: &'static str,
-    spirv: &'static [u32],
     push_bytes: u32,
     constant: Option<u32>,
     made: OnceLock<Kernel>,
@@ -34,14 +33,9 @@ pub struct LazyKernel {
 impl LazyKernel {
     /// A kernel to be made as [`Device::kernel`] makes it.
     #[must_use]
-    pub fn new(
-        device: &Arc<Device>,
-        name: &'static str,
-        spirv: &'static [u32],
-        push_bytes: u32,
-    ) -> Self {
+    pub fn new(device: &Arc<Device>, name: &'static str, push_bytes: u32) -> Self {
         let (device, made) = (device.clone(), OnceLock::new());
-        Self { device, name, spirv, push_bytes, constant: None, made }
+        Self { device, name, push_bytes, constant: None, made }
     }
 
     /// The same with a value of its specialization constant 0.
@@ -58,8 +52,8 @@ impl LazyKernel {
         if let Some(kernel) = self.made.get() {
             return Ok(kernel);
         }
-        let made =
-            self.device.special_kernel(self.name, self.spirv, self.push_bytes, self.constant)?;
+        let spirv = self.device.words_of(self.name)?;
+        let made = self.device.special_kernel(self.name, spirv, self.push_bytes, self.constant)?;
         Ok(self.made.get_or_init(|| made))
     }
 
@@ -79,16 +73,41 @@ impl LazyKernel {
 }
 
 impl Device {
-    /// A kernel from SPIR-V with the entry point `main`. `push_bytes` is the size of its push
-    /// constants.
+    /// A kernel by its name in the table that the device was opened with. `push_bytes` is the size of
+    /// its push constants.
+    ///
+    /// # Errors
+    /// [`Error::Device`] where the table lacks it or the device cannot run it.
+    ///
+    /// # Panics
+    /// With more than [`PUSH_BYTES`] bytes of push constants, or not a multiple of 4.
+    pub fn kernel(self: &Arc<Self>, name: &str, push_bytes: u32) -> Result<Kernel> {
+        self.special_kernel(name, self.words_of(name)?, push_bytes, None)
+    }
+
+    /// A kernel from SPIR-V with the entry point `main`.
     ///
     /// # Errors
     /// [`Error::Device`] where the device cannot run it.
     ///
     /// # Panics
-    /// With more than [`PUSH_BYTES`] bytes of push constants, or not a multiple of 4.
-    pub fn kernel(self: &Arc<Self>, name: &str, spirv: &[u32], push_bytes: u32) -> Result<Kernel> {
+    /// As [`Self::kernel`].
+    pub fn kernel_from(
+        self: &Arc<Self>,
+        name: &str,
+        spirv: &[u32],
+        push_bytes: u32,
+    ) -> Result<Kernel> {
         self.special_kernel(name, spirv, push_bytes, None)
+    }
+
+    /// The SPIR-V of a kernel.
+    fn words_of(&self, name: &str) -> Result<&'static [u32]> {
+        let found = self.table.iter().find(|(of, _)| *of == name);
+        found.map(|(_, words)| *words).ok_or_else(|| {
+            let lacks = "it is not in the table that the device was opened with";
+            Error::device(format!("the kernel {name}"), lacks, "open the device with its kernels")
+        })
     }
 
     /// The same, with a value of specialization constant 0.

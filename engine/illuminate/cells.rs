@@ -5,7 +5,7 @@ use super::sums::PixelSums;
 use crate::Result;
 use crate::cancel::Cancel;
 use crate::gpu::push_bytes;
-use crate::gpu::{Buffer, Device, LazyKernel, Memory, Pace, shaders};
+use crate::gpu::{Buffer, Device, LazyKernel, Memory, Pace};
 use crate::interface::{Cell, CellRow, GROUP, IlluminatePush};
 use crate::numbers;
 use crate::sampling::CellBatch;
@@ -27,12 +27,8 @@ impl CellKernels {
     /// Kernels of a device.
     #[must_use]
     pub(crate) fn new(device: &Arc<Device>) -> Self {
-        let kernel =
-            |name, spirv| LazyKernel::new(device, name, spirv, push_bytes::<IlluminatePush>());
-        Self {
-            near: kernel("illuminate", shaders::ILLUMINATE),
-            far: kernel("illuminate_far", shaders::ILLUMINATE_FAR),
-        }
+        let kernel = |name| LazyKernel::new(device, name, push_bytes::<IlluminatePush>());
+        Self { near: kernel("illuminate"), far: kernel("illuminate_far") }
     }
 }
 

@@ -4,7 +4,7 @@ use super::light::IlluminationBuffer;
 use super::sums::PixelSums;
 use crate::Result;
 use crate::gpu::push_bytes;
-use crate::gpu::{Device, LazyKernel, shaders};
+use crate::gpu::{Device, LazyKernel};
 use crate::interface::{GROUP, Pixel, RandomLightPush, RandomRaysPush};
 use crate::numbers;
 use crate::optics::Optics;
@@ -25,8 +25,8 @@ impl RandomKernels {
     pub(crate) fn new(device: &Arc<Device>) -> Self {
         let (rays, light) = (push_bytes::<RandomRaysPush>(), push_bytes::<RandomLightPush>());
         Self {
-            rays: LazyKernel::new(device, "random_rays", shaders::RANDOM_RAYS, rays),
-            light: LazyKernel::new(device, "random_light", shaders::RANDOM_LIGHT, light),
+            rays: LazyKernel::new(device, "random_rays", rays),
+            light: LazyKernel::new(device, "random_light", light),
         }
     }
 

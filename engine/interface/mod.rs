@@ -52,8 +52,8 @@ macro_rules! shared_structs {
             }
         )*
         $(#[$table_attribute])*
-        $table_visibility const $table: &[$crate::internals::interface::Layout] = &[
-            $( $crate::internals::interface::Layout {
+        $table_visibility const $table: &[$crate::interface::Layout] = &[
+            $( $crate::interface::Layout {
                 name: stringify!($name),
                 size: ::core::mem::size_of::<$name>(),
                 fields: &[ $( (

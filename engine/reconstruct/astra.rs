@@ -196,7 +196,7 @@ fn begun(images: &Path, geometry: &GeometryFile) -> Result<AstraFile> {
     let across = 0.5 * scale * columns as f64 * pitch(&geometry.columns_m);
     let up = 0.5 * scale * rows as f64 * pitch(&geometry.rows_m);
     Ok(AstraFile {
-        beamlet: env!("CARGO_PKG_VERSION").to_owned(),
+        beamlet: crate::program::VERSION.to_owned(),
         order: "[row][view][column]".to_owned(),
         units,
         filled_pixels: BTreeMap::new(),

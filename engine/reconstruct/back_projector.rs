@@ -4,11 +4,12 @@ use super::geometry::ScanGeometry;
 use super::grid::VolumeGrid;
 use super::quantity::Quantity;
 use super::work::Work;
+use crate::gpu::Compute;
 use crate::gpu::push_bytes;
-use crate::gpu::{Device, Kernel, Memory, Pace, shaders};
+use crate::gpu::{Device, Kernel, Memory, Pace};
 use crate::interface::{BackProjectPush, ViewTurn};
 use crate::numbers::{count, single};
-use crate::{Engine, Result, reserve};
+use crate::{Result, reserve};
 use ndarray::{Array3, ArrayView3};
 use std::sync::Arc;
 
@@ -31,32 +32,32 @@ pub(super) struct BackProjector<'a> {
 impl<'a> BackProjector<'a> {
     /// For projections at even columns, the first at `first` and of this `pitch` on the detector, m.
     pub(super) fn new(
-        engine: &Engine,
+        compute: &Compute,
         geometry: &ScanGeometry,
         [first, pitch]: [f64; 2],
         grid: &'a VolumeGrid,
         quantity: Quantity,
     ) -> Result<Self> {
-        let kernel = ("back_project", shaders::BACK_PROJECT);
-        Self::with_kernel(engine, geometry, ([first, pitch], kernel), grid, quantity)
+        let kernel = "back_project";
+        Self::with_kernel(compute, geometry, ([first, pitch], kernel), grid, quantity)
     }
 
     /// For variances of projections: of each column, then of each times the next one.
     pub(super) fn of_variances(
-        engine: &Engine,
+        compute: &Compute,
         geometry: &ScanGeometry,
         columns: [f64; 2],
         grid: &'a VolumeGrid,
         quantity: Quantity,
     ) -> Result<Self> {
-        let kernel = ("back_project_variance", shaders::BACK_PROJECT_VARIANCE);
-        Self::with_kernel(engine, geometry, (columns, kernel), grid, quantity)
+        let kernel = "back_project_variance";
+        Self::with_kernel(compute, geometry, (columns, kernel), grid, quantity)
     }
 
     fn with_kernel(
-        engine: &Engine,
+        compute: &Compute,
         geometry: &ScanGeometry,
-        ([first, pitch], (name, code)): ([f64; 2], (&str, &'static [u32])),
+        ([first, pitch], kernel): ([f64; 2], &str),
         grid: &'a VolumeGrid,
         quantity: Quantity,
     ) -> Result<Self> {
@@ -81,9 +82,9 @@ impl<'a> BackProjector<'a> {
             cosine: single(libm::cos(*angle)),
             sine: single(libm::sin(*angle)),
         };
-        let device = engine.device().clone();
+        let device = compute.device().clone();
         Ok(Self {
-            kernel: device.kernel(name, code, push_bytes::<BackProjectPush>())?,
+            kernel: device.kernel(kernel, push_bytes::<BackProjectPush>())?,
             device,
             push,
             grid,

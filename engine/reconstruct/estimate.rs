@@ -10,8 +10,9 @@ use super::plan::VolumePlan;
 use super::quantity::Quantity;
 use super::resampling::Resampling;
 use super::work::Work;
+use crate::gpu::Compute;
 use crate::rows_control::RowsControl;
-use crate::{Engine, Result, parallel};
+use crate::{Result, parallel};
 use ndarray::Array3;
 use serde::Serialize;
 use std::time::Instant;
@@ -42,7 +43,7 @@ pub struct VolumeEstimate {
 /// # Errors
 /// As [`super::fbp`] and [`super::iterate`]; [`crate::Error::Memory`] where the limit is too low.
 pub fn estimate(
-    engine: &Engine,
+    compute: &Compute,
     geometry: &ScanGeometry,
     plan: &VolumePlan,
     truth: bool,
@@ -50,20 +51,20 @@ pub fn estimate(
 ) -> Result<VolumeEstimate> {
     geometry.check()?;
     plan.grid.check(geometry)?;
-    let memory = Memory::of(geometry, plan, truth.then_some(0), engine.options().memory_limit)?;
+    let memory = Memory::of(geometry, plan, truth.then_some(0), compute.options().memory_limit)?;
     parallel::start_threads()?;
     let mut work = Work { cancel: control.cancel.clone(), report: &mut |_| () };
     let pairs = passes(geometry, plan);
     let mut seconds = 0.0;
     if plan.method.filtered().is_some() {
         let all = plan.ordered().count() as f64 + pairs as f64;
-        seconds += all * back_projection(engine, geometry, &plan.grid, &mut work)?;
+        seconds += all * back_projection(compute, geometry, &plan.grid, &mut work)?;
     }
     if pairs > 0 {
-        seconds += pairs as f64 * projections(engine, geometry, &plan.grid, &mut work)?[0];
+        seconds += pairs as f64 * projections(compute, geometry, &plan.grid, &mut work)?[0];
     }
     if let Method::Iterative { options, .. } = &plan.method {
-        let [forward, back] = projections(engine, geometry, &plan.grid, &mut work)?;
+        let [forward, back] = projections(compute, geometry, &plan.grid, &mut work)?;
         let all = options.iterations.saturating_mul(plan.ordered().count()) as f64;
         seconds += all * (forward + back);
     }
@@ -85,7 +86,7 @@ fn second_time(mut work: impl FnMut() -> Result<()>) -> Result<f64> {
 
 /// Seconds of the back-projection of filtered rows.
 fn back_projection(
-    engine: &Engine,
+    compute: &Compute,
     geometry: &ScanGeometry,
     grid: &VolumeGrid,
     work: &mut Work<'_>,
@@ -98,7 +99,7 @@ fn back_projection(
     let few = (MEASURED / (x * y)).clamp(1, views);
     let part = ScanGeometry { angles: geometry.angles[..few].to_vec(), ..geometry.clone() };
     let columns = [even.first, even.pitch];
-    let projector = BackProjector::new(engine, &part, columns, &slice, Quantity::Mu)?;
+    let projector = BackProjector::new(compute, &part, columns, &slice, Quantity::Mu)?;
     let given = Array3::zeros((few, rows, even.len()));
     let seconds = second_time(|| projector.sum(given.view(), work).map(drop))?;
     Ok(seconds * (z * views) as f64 / few as f64)
@@ -106,7 +107,7 @@ fn back_projection(
 
 /// Seconds of a projection of the volume and of its transpose.
 fn projections(
-    engine: &Engine,
+    compute: &Compute,
     geometry: &ScanGeometry,
     grid: &VolumeGrid,
     work: &mut Work<'_>,
@@ -130,7 +131,7 @@ fn projections(
     let mut origin = grid.origin;
     origin[2] += grid.voxel[2] * plane as f64;
     let slab = VolumeGrid { size: [x, y, planes], origin, ..*grid };
-    let model = Model::new(engine, &part, &slab, super::data::Data::Attenuation, None)?;
+    let model = Model::new(compute, &part, &slab, super::data::Data::Attenuation, None)?;
     let volume = Array3::zeros((planes, y, x));
     let rays = Array3::zeros((few, few_rows, columns));
     let forward = second_time(|| model.forward(volume.view(), work).map(drop))?;

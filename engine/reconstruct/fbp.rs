@@ -10,8 +10,9 @@ use super::model::Model;
 use super::projector::{AT_ONCE, Arm};
 use super::quantity::Quantity;
 use super::work::reporting;
+use crate::gpu::Compute;
 use crate::rows_control::RowsControl;
-use crate::{Engine, Error, Result, parallel};
+use crate::{Error, Result, parallel};
 use ndarray::{ArrayView3, Zip};
 
 /// Filtered back-projection of sinograms, `[view][row][column]`: −ln T, refraction angles (rad) or
@@ -47,7 +48,7 @@ use ndarray::{ArrayView3, Zip};
 /// # Ok::<(), beamlet::Error>(())
 /// ```
 pub fn fbp(
-    engine: &Engine,
+    compute: &Compute,
     geometry: &ScanGeometry,
     sinograms: ArrayView3<'_, f32>,
     quantity: Quantity,
@@ -60,7 +61,7 @@ pub fn fbp(
     grid.check(geometry)?;
     parallel::start_threads()?;
     let filtering = Filtering::new(geometry, quantity, options)?;
-    let mut projector = BackProjector::new(engine, geometry, filtering.columns(), grid, quantity)?;
+    let mut projector = BackProjector::new(compute, geometry, filtering.columns(), grid, quantity)?;
     if let Some(at_once) = options.at_once {
         projector = projector.with_at_once(at_once);
     }
@@ -76,7 +77,7 @@ pub fn fbp(
         let data = Data::of(quantity);
         let arm = Arm { kind: data.arm(), per_lever: 1.0 / geometry.lever, less: 1.0 };
         let at_once = options.at_once.unwrap_or(AT_ONCE);
-        let model = Model::with_arm(engine, geometry, grid, (data, arm), at_once)?;
+        let model = Model::with_arm(compute, geometry, grid, (data, arm), at_once)?;
         for pass in 0..passes {
             let stage = |n: usize| [n as f64 / all, (n + 1) as f64 / all];
             let mut corrected =

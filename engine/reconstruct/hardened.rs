@@ -8,11 +8,12 @@ use super::model::Model;
 use super::quantity::Quantity;
 use super::truth::Truth;
 use crate::cancel::Cancel;
+use crate::gpu::Compute;
 use crate::material::Constants;
 use crate::media::MaterialTable;
 use crate::numbers::single;
 use crate::rows_control::RowsControl;
-use crate::{Engine, Result, reserve};
+use crate::{Result, reserve};
 use ndarray::{Array3, ArrayView3, s};
 use rayon::prelude::*;
 
@@ -79,20 +80,20 @@ impl Truth {
     /// As [`Model::new`], [`Model::project`] and [`Method::volume`]; [`crate::Error::Memory`].
     pub fn expected(
         &self,
-        engine: &Engine,
+        compute: &Compute,
         quantity: Quantity,
         (method, mask): (&Method, Option<ArrayView3<'_, bool>>),
         hardening: Option<&BeamHardening>,
         cancel: &Cancel,
     ) -> Result<Option<Array3<f32>>> {
-        let hardened = self.hardened(engine, quantity, method.at_once(), cancel)?;
+        let hardened = self.hardened(compute, quantity, method.at_once(), cancel)?;
         let Some(mut sinograms) = hardened else { return Ok(None) };
         if let (Quantity::Mu, Some(polynomial)) = (quantity, hardening) {
             polynomial.apply_until(&mut sinograms, cancel)?;
         }
         let measured = Measured::new(Data::of(quantity), sinograms.view()).with_mask(mask);
         let control = &mut RowsControl::default().with_cancel(cancel.clone());
-        let made = method.volume(engine, &self.geometry, &measured, &self.grid, control)?;
+        let made = method.volume(compute, &self.geometry, &measured, &self.grid, control)?;
         Ok(Some(made.volume.values))
     }
 
@@ -103,7 +104,7 @@ impl Truth {
     /// As [`Model::new`] and [`Model::project`]; [`crate::Error::Memory`].
     fn hardened(
         &self,
-        engine: &Engine,
+        compute: &Compute,
         quantity: Quantity,
         at_once: Option<usize>,
         cancel: &Cancel,
@@ -111,7 +112,7 @@ impl Truth {
         let Some(light) = self.light.as_ref().filter(|_| !self.is_cut()) else { return Ok(None) };
         let materials = || 1..light.constants[0].len();
         let project = |data: Data| {
-            let model = Model::new(engine, &self.geometry, &self.grid, data, at_once)?;
+            let model = Model::new(compute, &self.geometry, &self.grid, data, at_once)?;
             let of_material = |material: usize| {
                 let is_inside = |label: u16| light.of_label[usize::from(label)] == material;
                 let inside = self.labels.mapv(|label| f32::from(u8::from(is_inside(label))));

@@ -7,8 +7,9 @@ use super::model::Model;
 use super::problem::Problem;
 use super::solver::{IterativeOptions, Solver};
 use super::work::reporting;
+use crate::Result;
+use crate::gpu::Compute;
 use crate::rows_control::RowsControl;
-use crate::{Engine, Result};
 
 /// A volume, and how it came about.
 #[derive(Debug, Clone)]
@@ -54,7 +55,7 @@ pub struct Iterated {
 /// # Ok::<(), beamlet::Error>(())
 /// ```
 pub fn iterate(
-    engine: &Engine,
+    compute: &Compute,
     geometry: &ScanGeometry,
     measured: &Measured<'_>,
     grid: &VolumeGrid,
@@ -64,7 +65,7 @@ pub fn iterate(
     geometry.check()?;
     options.check(measured.data)?;
     measured.check(geometry, grid)?;
-    let model = Model::new(engine, geometry, grid, measured.data, options.at_once)?;
+    let model = Model::new(compute, geometry, grid, measured.data, options.at_once)?;
     let mut problem = Problem::new(&model, measured, options)?;
     reporting(control, |work| match options.solver {
         Solver::Cgls => problem.cgls(work),

@@ -10,9 +10,10 @@ use super::measured::Measured;
 use super::phase::integrated;
 use super::quantity::Quantity;
 use super::solver::IterativeOptions;
+use crate::gpu::Compute;
 use crate::retrieve::Drift;
 use crate::rows_control::RowsControl;
-use crate::{Engine, Error, Result};
+use crate::{Error, Result};
 use serde_json::{Value, json};
 
 /// A method of reconstruction with its options.
@@ -147,7 +148,7 @@ impl Method {
     /// As the function of the method.
     pub fn volume(
         &self,
-        engine: &Engine,
+        compute: &Compute,
         geometry: &ScanGeometry,
         measured: &Measured<'_>,
         grid: &VolumeGrid,
@@ -157,7 +158,7 @@ impl Method {
         match self {
             Self::Fbp(options) => {
                 self.check_extras(measured.mask.is_some(), measured.start.is_some())?;
-                let volume = fbp(engine, geometry, sinograms, quantity, grid, options, control)?;
+                let volume = fbp(compute, geometry, sinograms, quantity, grid, options, control)?;
                 Ok(Made { volume, residuals: Vec::new(), best: 0, drift: None })
             }
             Self::Iterative { options, .. } => {
@@ -170,7 +171,7 @@ impl Method {
                     None => (measured.data, measured.sinograms),
                 };
                 let measured = Measured { data: given.0, sinograms: given.1, ..*measured };
-                let made = iterate(engine, geometry, &measured, grid, options, control)?;
+                let made = iterate(compute, geometry, &measured, grid, options, control)?;
                 let drift = integrated.as_ref().map(|(_, drift)| *drift);
                 let (volume, residuals) = (made.volume, made.residuals);
                 Ok(Made { volume, residuals, best: made.best, drift })

@@ -6,10 +6,11 @@ use super::grid::VolumeGrid;
 use super::joseph::Rays;
 use super::projector::{AT_ONCE, Arm, Projector};
 use super::work::{Work, reporting};
+use crate::gpu::Compute;
 use crate::numbers::single;
 use crate::retrieve::borders;
 use crate::rows_control::RowsControl;
-use crate::{Engine, Result, parallel, reserve};
+use crate::{Result, parallel, reserve};
 use ndarray::{Array3, ArrayView3};
 use rayon::prelude::*;
 
@@ -48,19 +49,19 @@ impl Model {
     /// [`crate::Error::Argument`] for a geometry or grid that cannot be, more than one plane of voxels for one
     /// row, a fan of 90° or more; [`crate::Error::Device`], [`crate::Error::Memory`].
     pub fn new(
-        engine: &Engine,
+        compute: &Compute,
         geometry: &ScanGeometry,
         grid: &VolumeGrid,
         data: Data,
         at_once: Option<usize>,
     ) -> Result<Self> {
         let arm = Arm { kind: data.arm(), per_lever: 1.0 / geometry.lever, less: 0.0 };
-        Self::with_arm(engine, geometry, grid, (data, arm), at_once.unwrap_or(AT_ONCE))
+        Self::with_arm(compute, geometry, grid, (data, arm), at_once.unwrap_or(AT_ONCE))
     }
 
     /// The same with another arm than the data's.
     pub(super) fn with_arm(
-        engine: &Engine,
+        compute: &Compute,
         geometry: &ScanGeometry,
         grid: &VolumeGrid,
         (data, arm): (Data, Arm),
@@ -74,7 +75,7 @@ impl Model {
             _ => geometry.columns.clone(),
         };
         let rays = Rays { geometry: geometry.clone(), grid: *grid, places };
-        let projector = Projector::new(engine, &rays, arm, at_once)?;
+        let projector = Projector::new(compute, &rays, arm, at_once)?;
         Ok(Self { rays, data, arm, projector })
     }
 

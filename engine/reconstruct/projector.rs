@@ -2,14 +2,15 @@
 
 use super::joseph::Rays;
 use super::work::Work;
+use crate::gpu::Compute;
 use crate::gpu::push_bytes;
-use crate::gpu::{Buffer, Device, Kernel, Memory, Pace, shaders};
+use crate::gpu::{Buffer, Device, Kernel, Memory, Pace};
 use crate::interface::{
     MovedSheet, MovedView, ProjectBackMovedPush, ProjectBackPush, ProjectMovedPush, ProjectPush,
     Sheet,
 };
 use crate::numbers::{count, single};
-use crate::{Cancel, Engine, Error, Result, reserve};
+use crate::{Cancel, Error, Result, reserve};
 use ndarray::{Array3, ArrayView3};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
@@ -61,22 +62,18 @@ enum Tables {
     Moved { sheets: Buffer, views: Buffer, push: ProjectMovedPush },
 }
 
-type Code = (&'static str, &'static [u32]);
+type Names = [&'static str; 2];
 
 /// Kernels, forward and back, of circles under one row and under several, and of other motions.
-const FLAT: [Code; 2] = [("project", shaders::PROJECT), ("project_back", shaders::PROJECT_BACK)];
-const CONE: [Code; 2] =
-    [("project_cone", shaders::PROJECT_CONE), ("project_back_cone", shaders::PROJECT_BACK_CONE)];
-const MOVED: [Code; 2] = [
-    ("project_moved", shaders::PROJECT_MOVED),
-    ("project_back_moved", shaders::PROJECT_BACK_MOVED),
-];
+const FLAT: Names = ["project", "project_back"];
+const CONE: Names = ["project_cone", "project_back_cone"];
+const MOVED: Names = ["project_moved", "project_back_moved"];
 
 impl Projector {
     /// # Errors
     /// [`Error::Argument`] for more than one plane under one row, and for fans of 90° or more;
     /// [`Error::Device`], [`Error::Memory`].
-    pub(super) fn new(engine: &Engine, rays: &Rays, arm: Arm, at_once: usize) -> Result<Self> {
+    pub(super) fn new(compute: &Compute, rays: &Rays, arm: Arm, at_once: usize) -> Result<Self> {
         let [x, y, z] = rays.grid.size;
         let (rows, columns) = (rays.geometry.rows.len(), rays.places.len());
         let views = rays.geometry.angles.len();
@@ -96,7 +93,7 @@ impl Projector {
             .collect();
         let (planes, part) =
             ((at_once / (x * y)).clamp(1, z), (at_once / (rows * columns)).clamp(1, views));
-        let device = engine.device().clone();
+        let device = compute.device().clone();
         let buffer = |name, values: usize| device.buffer(name, values as u64 * 4, Memory::Device);
         let ([forward, back], bytes) = match (is_circle, rows) {
             (true, 1) => (FLAT, [push_bytes::<ProjectPush>(), push_bytes::<ProjectBackPush>()]),
@@ -107,7 +104,7 @@ impl Projector {
                 (MOVED, bytes)
             }
         };
-        let kernel = |(name, code): Code, bytes| device.kernel(name, code, bytes);
+        let kernel = |name, bytes| device.kernel(name, bytes);
         Ok(Self {
             forward: kernel(forward, bytes[0])?,
             back: kernel(back, bytes[1])?,

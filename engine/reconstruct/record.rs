@@ -8,6 +8,7 @@ use super::plan::VolumePlan;
 use super::prepare::PixelCounts;
 use super::voxel_mask::VoxelMask;
 use super::write::VolumeFormat;
+use crate::gpu::Compute;
 use crate::retrieve::Drift;
 use crate::stack::layout::VOLUME;
 use crate::stack::working_directory;
@@ -129,15 +130,15 @@ pub struct HardeningRecord {
 impl VolumeRecord {
     /// The record of a reconstruction that begins.
     pub(super) fn begin(
-        engine: &crate::Engine,
+        compute: &Compute,
         geometry: &ScanGeometry,
         plan: &VolumePlan,
         format: VolumeFormat,
     ) -> Self {
-        let about = engine.description();
+        let about = compute.description();
         Self {
-            version: env!("CARGO_PKG_VERSION").to_owned(),
-            commit: option_env!("BEAMLET_COMMIT").map(str::to_owned),
+            version: crate::program::VERSION.to_owned(),
+            commit: crate::program::commit(),
             began: crate::stack::now(),
             written: String::new(),
             duration_s: 0.0,

@@ -20,13 +20,14 @@ use super::sigma::{fbp_mean_sigma, fbp_sigma};
 use super::truth::Truth;
 use super::write::{VolumeFormat, Voxels, write};
 use crate::cancel::Aside;
+use crate::gpu::Compute;
 use crate::numbers::{single, whole};
 use crate::reserve::require_memory;
 use crate::rows_control::RowsControl;
 use crate::stack::layout::{ERRORS, RECORD, REGIONS, RESIDUALS};
 use crate::stack::{ImageDirectory, InputHashes, Kind, now, refuse_overlap};
 use crate::whole_file::write_file;
-use crate::{Cancel, Engine, Error, Result, reserve};
+use crate::{Cancel, Error, Result, reserve};
 use ndarray::{Array2, Array3};
 use std::path::Path;
 use std::time::Instant;
@@ -114,7 +115,7 @@ pub struct Reconstructed {
 /// # Ok::<(), beamlet::Error>(())
 /// ```
 pub fn reconstruct(
-    engine: &Engine,
+    compute: &Compute,
     input: &Input,
     plan: &VolumePlan,
     truth: Option<&Truth>,
@@ -131,10 +132,10 @@ pub fn reconstruct(
         geometry.require_circle("fbp")?;
     }
     warn_of_few_views(geometry.angles.len(), geometry.columns.len());
-    let limit = engine.options().memory_limit;
+    let limit = compute.options().memory_limit;
     let memory = Memory::of(geometry, plan, truth.map(Truth::sinograms), limit)?;
     require_memory(memory.host, "a reconstruction")?;
-    let record = VolumeRecord::begin(engine, geometry, plan, to.format);
+    let record = VolumeRecord::begin(compute, geometry, plan, to.format);
     let hashes = input_hashes(input, plan);
     let images = ImageDirectory::begin(
         to.path,
@@ -147,7 +148,7 @@ pub fn reconstruct(
     let method = plan.method.with_at_once(memory.at_once);
     let format = to.format;
     let mut making = Making {
-        engine,
+        compute,
         input,
         plan,
         method,
@@ -233,7 +234,7 @@ impl Deviations {
 
 /// A reconstruction, quantity by quantity.
 struct Making<'a> {
-    engine: &'a Engine,
+    compute: &'a Compute,
     input: &'a Input,
     plan: &'a VolumePlan,
     /// The method of the plan, within the memory that there is.
@@ -283,8 +284,8 @@ impl Making<'_> {
                 self.put((&name, quantity.unit()), Voxels::Values(&values), &control.cancel)?;
                 let chosen = (&self.method, self.mask.as_ref().map(|mask| mask.view()));
                 let hardening = self.hardening.as_ref();
-                let (engine, cancel) = (self.engine, &control.cancel);
-                let expected = truth.expected(engine, quantity, chosen, hardening, cancel)?;
+                let (compute, cancel) = (self.compute, &control.cancel);
+                let expected = truth.expected(compute, quantity, chosen, hardening, cancel)?;
                 let table = truth.errors_beside(&volume, expected.as_ref(), &control.cancel)?;
                 append(&mut self.tables.errors, &table);
             }
@@ -304,7 +305,7 @@ impl Making<'_> {
         quantity: Quantity,
         control: &mut RowsControl<'_>,
     ) -> Result<(Made, Option<Deviations>)> {
-        let Self { engine, input, plan, method, .. } = self;
+        let Self { compute, input, plan, method, .. } = self;
         let (geometry, cancel) = (input.geometry(), control.cancel.clone());
         if quantity == Quantity::Delta && self.reaching.is_none() {
             self.reaching = input.reaching_ends(&cancel)?;
@@ -376,7 +377,7 @@ impl Making<'_> {
             .with_weights(weights.as_ref().map(|weights| weights.view()))
             .with_mask(self.mask.as_ref().map(|mask| mask.view()))
             .with_start(start.as_ref().map(|start| start.values.view()));
-        let made = method.volume(engine, geometry, &measured, &plan.grid, control)?;
+        let made = method.volume(compute, geometry, &measured, &plan.grid, control)?;
         Ok((made, deviations))
     }
 
@@ -398,7 +399,7 @@ impl Making<'_> {
         let given = (self.input.geometry(), sigmas.view(), quantity);
         let shared = shared.as_ref().map(|shared| (given.0, shared.view(), quantity));
         let quiet = || RowsControl { progress: None, cancel: cancel.clone() };
-        let mut map = fbp_sigma(self.engine, given, &plan.grid, options, &mut quiet())?.values;
+        let mut map = fbp_sigma(self.compute, given, &plan.grid, options, &mut quiet())?.values;
         if let Some(shared) = shared {
             let rings = fbp_shared_sigma(shared, &plan.grid, options, &mut quiet())?.values;
             map.zip_mut_with(&rings, |own, ring| *own = own.hypot(*ring));

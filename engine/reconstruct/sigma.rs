@@ -10,9 +10,10 @@ use super::grid::{Volume, VolumeGrid};
 use super::quantity::Quantity;
 use super::resampling::Resampling;
 use super::work::reporting;
+use crate::gpu::Compute;
 use crate::numbers::{single, whole};
 use crate::rows_control::RowsControl;
-use crate::{Engine, Error, Result, parallel, reserve};
+use crate::{Error, Result, parallel, reserve};
 use ndarray::{Array3, ArrayView3};
 use rayon::prelude::*;
 
@@ -24,7 +25,7 @@ use rayon::prelude::*;
 /// As [`super::fbp`]; [`Error::Argument`] for columns that are uneven, rows that are extrapolated, and
 /// deviations below zero.
 pub fn fbp_sigma(
-    engine: &Engine,
+    compute: &Compute,
     (geometry, sigmas, quantity): (&ScanGeometry, ArrayView3<'_, f32>, Quantity),
     grid: &VolumeGrid,
     options: &FbpOptions,
@@ -54,7 +55,7 @@ pub fn fbp_sigma(
     let variances =
         Array3::from_shape_vec(shape, variances).unwrap_or_else(|_| Array3::zeros(shape));
     let mut projector =
-        BackProjector::of_variances(engine, geometry, filtering.columns(), grid, quantity)?;
+        BackProjector::of_variances(compute, geometry, filtering.columns(), grid, quantity)?;
     if let Some(at_once) = options.at_once {
         projector = projector.with_at_once(at_once);
     }

@@ -12,7 +12,7 @@ use std::ops::Range;
 
 /// Where beamlets land on the detector.
 #[derive(Debug, Clone)]
-pub(super) struct Beamlets {
+pub(crate) struct Beamlets {
     /// First pixel of each beamlet's window.
     starts: Vec<usize>,
     /// From beamlet to beamlet on the detector, m.
@@ -31,7 +31,7 @@ pub(super) struct Beamlets {
 
 impl Beamlets {
     /// Of a scene that [`super::Method::check`] let through.
-    pub(super) fn of(scene: &Scene) -> Result<Self> {
+    pub(crate) fn of(scene: &Scene) -> Result<Self> {
         let optics = Optics::of(scene);
         let Some(mask) = &optics.sample_mask else {
             return Err(Error::scene("sample_mask", "nothing", "a sample mask"));
@@ -74,22 +74,22 @@ impl Beamlets {
     }
 
     /// Centres of the beamlets, x from the optical axis on the detector, m.
-    pub(super) fn places(&self) -> &[f64] {
+    pub(crate) fn places(&self) -> &[f64] {
         &self.places
     }
 
     /// From beamlet to beamlet on the detector, m.
-    pub(super) const fn period(&self) -> f64 {
+    pub(crate) const fn period(&self) -> f64 {
         self.period
     }
 
     /// Number of beamlets along a row.
-    pub(super) fn count(&self) -> usize {
+    pub(crate) fn count(&self) -> usize {
         self.starts.len()
     }
 
     /// Beamlets whose windows are within these columns.
-    pub(super) fn within(&self, columns: &Range<usize>) -> Range<usize> {
+    pub(crate) fn within(&self, columns: &Range<usize>) -> Range<usize> {
         let first = self.starts.partition_point(|start| *start < columns.start);
         let last = self.starts.partition_point(|start| start + self.pixels <= columns.end);
         first..last.max(first)
@@ -101,18 +101,18 @@ impl Beamlets {
     }
 
     /// Columns of the detector.
-    pub(super) const fn columns(&self) -> usize {
+    pub(crate) const fn columns(&self) -> usize {
         self.columns
     }
 
     /// Places of a window's pixels from its middle, m on the detector.
-    pub(super) fn offsets(&self) -> Vec<f64> {
+    pub(crate) fn offsets(&self) -> Vec<f64> {
         let middle = (self.pixels - 1) as f64 / 2.0;
         (0..self.pixels).map(|i| (i as f64 - middle) * self.pitch).collect()
     }
 
     /// `[pixel of the window][row][beamlet]` of a single frame `[1][row][column]`.
-    pub(super) fn gather<T: Copy>(&self, frame: ArrayView3<'_, T>) -> Array3<T> {
+    pub(crate) fn gather<T: Copy>(&self, frame: ArrayView3<'_, T>) -> Array3<T> {
         let (_, rows, _) = frame.dim();
         Array3::from_shape_fn((self.pixels, rows, self.starts.len()), |(pixel, row, beamlet)| {
             frame[[0, row, self.starts[beamlet] + pixel]]

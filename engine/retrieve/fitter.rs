@@ -4,14 +4,15 @@ use super::curves::Curves;
 use super::noise_factors::NoiseFactors;
 use super::quadrature;
 use crate::cancel::Cancel;
+use crate::gpu::Compute;
 use crate::gpu::push_bytes;
-use crate::gpu::{Buffer, Device, Kernel, Memory, Pace, shaders};
+use crate::gpu::{Buffer, Device, Kernel, Memory, Pace};
 use crate::interface::{
     FIT_AMPLITUDE, FIT_AREA_SIGMA, FIT_BACKGROUND, FIT_CENTRE, FIT_CENTRE_SIGMA, FIT_CONDITION,
     FIT_FLAGS, FIT_RESIDUAL, FIT_VALUES, FIT_WIDTH, FIT_WIDTH_SIGMA, FitPush, Step,
 };
 use crate::numbers::{self, single};
-use crate::{Engine, Error, Result};
+use crate::{Error, Result};
 use ndarray::{ArrayView2, s};
 use serde::Serialize;
 use std::sync::Arc;
@@ -106,7 +107,7 @@ impl Fitter {
     /// println!("{:?}", fitter.fit(curves.view(), &Cancel::default())?.centre);
     /// # Ok::<(), beamlet::Error>(())
     /// ```
-    pub fn new(engine: &Engine, offsets: &[f64], options: &FitOptions) -> Result<Self> {
+    pub fn new(compute: &Compute, offsets: &[f64], options: &FitOptions) -> Result<Self> {
         if !(options.gain.is_finite() && options.gain > 0.0) {
             let found = options.gain.to_string();
             return Err(Error::argument("gain", found, "a number above zero"));
@@ -115,8 +116,8 @@ impl Fitter {
             let found = options.read_noise.to_string();
             return Err(Error::argument("read_noise", found, "a number of at least zero"));
         }
-        let device = engine.device().clone();
-        let kernel = Arc::new(device.kernel("fit", shaders::FIT, push_bytes::<FitPush>())?);
+        let device = compute.device().clone();
+        let kernel = Arc::new(device.kernel("fit", push_bytes::<FitPush>())?);
         Self::with_kernel(device, kernel, offsets, options)
     }
 

@@ -6,7 +6,7 @@ use ndarray::{Array2, ArrayView2};
 
 /// Which column of which dither each column of a joined image is.
 #[derive(Debug, Clone, PartialEq)]
-pub(super) struct JoinedColumns {
+pub(crate) struct JoinedColumns {
     /// Column and dither of each, in the order of their places.
     order: Vec<[usize; 2]>,
     /// Places on the detector, x from the optical axis, m, ascending.
@@ -18,7 +18,7 @@ impl JoinedColumns {
     ///
     /// A sample that is moved by d is seen at x as one at rest is at `x - d z_d / z_c`, with the distances
     /// of detector and axis of rotation from the source.
-    pub(super) fn of(scene: &Scene, places: &[f64]) -> Option<Self> {
+    pub(crate) fn of(scene: &Scene, places: &[f64]) -> Option<Self> {
         let dithers = &scene.scan.dithers;
         if dithers.is_empty() {
             return None;
@@ -36,17 +36,17 @@ impl JoinedColumns {
     }
 
     /// Column and dither of each column.
-    pub(super) fn order(&self) -> &[[usize; 2]] {
+    pub(crate) fn order(&self) -> &[[usize; 2]] {
         &self.order
     }
 
     /// Places of the columns, m.
-    pub(super) fn places(&self) -> &[f64] {
+    pub(crate) fn places(&self) -> &[f64] {
         &self.places
     }
 
     /// The images of an angle from the images of its dithers, in their order.
-    pub(super) fn images(&self, of_dithers: &[Images]) -> Images {
+    pub(crate) fn images(&self, of_dithers: &[Images]) -> Images {
         let names = of_dithers.first().map_or_else(Vec::new, |images| images.names().to_vec());
         let rows = of_dithers.first().map_or(0, Images::rows);
         let mut joined = Images::new(names, rows, self.order.len());
@@ -57,7 +57,7 @@ impl JoinedColumns {
     }
 
     /// An image of the flat, which is the same for all dithers.
-    pub(super) fn flat(&self, image: ArrayView2<'_, f32>) -> Array2<f32> {
+    pub(crate) fn flat(&self, image: ArrayView2<'_, f32>) -> Array2<f32> {
         let shape = (image.nrows(), self.order.len());
         Array2::from_shape_fn(shape, |(row, at)| image[[row, self.order[at][0]]])
     }

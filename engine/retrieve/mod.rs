@@ -3,7 +3,7 @@
 //! Formulas, validity and bias of each method: docs/retrieval.md.
 
 mod beamlet_fit;
-mod beamlets;
+pub(crate) mod beamlets;
 mod closed;
 mod correct;
 pub(crate) mod curves;
@@ -11,12 +11,11 @@ mod diagnosis;
 mod equations;
 pub(crate) mod fitter;
 pub mod flags;
-mod ideal;
 mod images;
 mod input;
-mod joined;
+pub(crate) mod joined;
 mod least_squares;
-mod method;
+pub(crate) mod method;
 mod misfit;
 mod noise_factors;
 mod options;
@@ -28,13 +27,13 @@ mod retriever;
 mod run;
 mod shape;
 
+pub use crate::ideal::{IdealImages, IdealOptions, ideal};
 pub(crate) use closed::three_step_uncertainties;
 pub use correct::{Corrections, Plane, ViewCorrection};
 pub(crate) use curves::Curves;
 pub use diagnosis::{EmptyBeam, EmptyBeamOfView, Region};
 pub use fitter::Weights;
 pub(crate) use fitter::{FitOptions, Fitter};
-pub use ideal::{IdealImages, IdealOptions, ideal};
 pub(crate) use images::FLAGS;
 pub use images::Images;
 pub use input::{Columns, Input, offsets};

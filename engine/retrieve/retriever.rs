@@ -15,11 +15,12 @@ use super::misfit::{self, Noise};
 use super::options::{ReadRows, RetrieveOptions};
 use super::periods::WholePeriods;
 use super::shape::CurveGeometry;
+use crate::gpu::Compute;
 use crate::numbers;
 use crate::rows_control::RowsControl;
 use crate::scene::Scene;
 use crate::stack::GeometryFile;
-use crate::{Engine, Error, Result};
+use crate::{Error, Result};
 use flat::Flat;
 use ndarray::{Array2, Array3, ArrayView3, Axis, s};
 use std::ops::Range;
@@ -70,7 +71,7 @@ impl Retriever {
     /// println!("{:?}", retriever.names());
     /// # Ok::<(), beamlet::Error>(())
     /// ```
-    pub fn new(engine: &Engine, scene: &Scene, options: &RetrieveOptions) -> Result<Self> {
+    pub fn new(compute: &Compute, scene: &Scene, options: &RetrieveOptions) -> Result<Self> {
         let method = options.method;
         let periods = WholePeriods::of(scene);
         let view_scans = ViewScans::of(scene, method, periods)?;
@@ -127,7 +128,7 @@ impl Retriever {
         let lever = scene.lever_arm();
         Ok(Self {
             options: options.clone(),
-            fitter: if fits { Some(Fitter::new(engine, &offsets, &fit_options)?) } else { None },
+            fitter: if fits { Some(Fitter::new(compute, &offsets, &fit_options)?) } else { None },
             angle_per_shift: if beamlets.is_some() {
                 1.0 / lever
             } else {

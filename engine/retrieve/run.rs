@@ -13,6 +13,7 @@ use super::phase::PhaseImages;
 use super::record::Record;
 use super::retriever::Retriever;
 use super::{Curves, Method, Weights, flags};
+use crate::gpu::Compute;
 use crate::numbers;
 use crate::rows_control::RowsControl;
 use crate::stack::layout::{CORRECTIONS, GEOMETRY};
@@ -20,7 +21,7 @@ use crate::stack::{
     Format, ImageDirectory, InputHashes, Kind, now, refuse_overlap, working_directory,
 };
 use crate::whole_file::write_file;
-use crate::{Engine, Error, Result, reserve};
+use crate::{Error, Result, reserve};
 use ndarray::{Array2, Array3, ArrayView2};
 use std::collections::BTreeMap;
 use std::collections::btree_map::Entry;
@@ -82,7 +83,7 @@ impl<'a> ImagesTo<'a> {
 /// # Ok::<(), beamlet::Error>(())
 /// ```
 pub fn retrieve(
-    engine: &Engine,
+    compute: &Compute,
     input: Input,
     options: &RetrieveOptions,
     to: ImagesTo<'_>,
@@ -103,7 +104,7 @@ pub fn retrieve(
         };
         directory.put(image.name, image.unit, image.views, image.values)
     };
-    let (mut record, geometry) = retrieve_to(engine, input, options, control, &mut put)?;
+    let (mut record, geometry) = retrieve_to(compute, input, options, control, &mut put)?;
     record.command = to.command.map(str::to_owned);
     if let Some(mut images) = directory {
         if let Some(geometry) = geometry {
@@ -152,7 +153,7 @@ pub struct RetrievedArrays {
 /// # Ok::<(), beamlet::Error>(())
 /// ```
 pub fn retrieve_arrays(
-    engine: &Engine,
+    compute: &Compute,
     input: Input,
     options: &RetrieveOptions,
     control: &mut RowsControl<'_>,
@@ -169,7 +170,7 @@ pub fn retrieve_arrays(
         all.extend(image.values.iter());
         Ok(())
     };
-    let (record, geometry) = retrieve_to(engine, input, options, control, &mut put)?;
+    let (record, geometry) = retrieve_to(compute, input, options, control, &mut put)?;
     let [_, rows, columns] = record.shape;
     let shaped = |(name, values): (String, Vec<f32>)| {
         let views = values.len() / (rows * columns).max(1);
@@ -208,7 +209,7 @@ fn require_pixels(input: &Input) -> Result<()> {
 /// Retrieves every view of an input and hands over each image, the flat's first. Returns the record, and
 /// the text of geometry.json if the angles of the views are known.
 fn retrieve_to(
-    engine: &Engine,
+    compute: &Compute,
     input: Input,
     options: &RetrieveOptions,
     control: &mut RowsControl<'_>,
@@ -230,7 +231,7 @@ fn retrieve_to(
         let allowed = "every pixel: beamlets are found among all of them";
         return Err(Error::argument("columns", "a part of the pixels", allowed));
     }
-    let mut retriever = Retriever::new(engine, input.scene(), &options)?;
+    let mut retriever = Retriever::new(compute, input.scene(), &options)?;
     let input = input.fitted_to(retriever.steps())?;
     if !options.correct.is_none() || options.phase {
         require_pixels(&input)?;
@@ -360,8 +361,8 @@ fn begun(
         meanings.insert(bit, format!("{name}: {meaning}"));
     }
     Record {
-        version: env!("CARGO_PKG_VERSION").to_owned(),
-        commit: option_env!("BEAMLET_COMMIT").map(str::to_owned),
+        version: crate::program::VERSION.to_owned(),
+        commit: crate::program::commit(),
         began: None,
         written: None,
         duration_s: 0.0,

@@ -2,16 +2,16 @@
 
 mod control;
 pub(crate) mod edge_blur;
-mod engine;
 mod estimate;
 pub(crate) mod memory;
 pub(crate) mod quality;
 pub(crate) mod simulation;
+mod simulator;
 
 pub(crate) use control::watching;
 pub use control::{Blocks, Control, Progress, ViewProgress, load_sample};
 pub use edge_blur::EdgeBlur;
-pub use engine::{Engine, EngineOptions, devices};
 pub use estimate::RunEstimate;
 pub use memory::MemoryEstimate;
 pub use simulation::Simulation;
+pub(crate) use simulator::Simulator;

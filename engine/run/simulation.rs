@@ -13,20 +13,19 @@ mod work;
 use crate::cancel::Cancel;
 use crate::detector::{self, DetectorModel};
 use crate::geometry::Sample;
-use crate::gpu::Backend;
-use crate::gpu::Device;
-use crate::illuminate::{self, EnergyBinning};
+use crate::gpu::{Backend, Device, EngineOptions};
+use crate::illuminate::EnergyBinning;
 use crate::media::MaterialTable;
 use crate::moments::{self, StoredSource};
 use crate::numbers;
-use crate::run::engine::{Engine, EngineOptions};
 use crate::run::memory::MemoryEstimate;
+use crate::run::simulator::Simulator;
 use crate::run::{Blocks, Control};
 use crate::sampling::{self, ErrorBudget, Lattice, ProjectedBounds, Response};
 use crate::scene::{Exposure, Scene, Scheme};
 use crate::stack::{self, RunRecord, RunStart, SamplingSummary, Sink, StackShape};
 use crate::tally::Tally;
-use crate::trace::{DeviceSample, TraceKernels, Tracer};
+use crate::trace::{DeviceSample, Tracer};
 use crate::{Error, Result};
 pub use backend::choose;
 pub use rays::{moments, trace};
@@ -53,7 +52,7 @@ const MANY_BYTES: u64 = 200_000_000;
 /// sent to another thread.
 #[derive(Debug)]
 pub struct Simulation {
-    engine: Engine,
+    simulator: Simulator,
     scene: Arc<Scene>,
     /// The detector; its optics are traced and illuminated.
     detector: DetectorModel,
@@ -102,17 +101,17 @@ impl Simulation {
     }
 
     const fn device(&self) -> &Arc<Device> {
-        self.engine.device()
+        self.simulator.device()
     }
 
     fn options(&self) -> &EngineOptions {
-        self.engine.options()
+        self.simulator.options()
     }
 
     fn tracer(&self, backend: Backend, memory: &MemoryEstimate) -> Result<Tracer> {
         Tracer::new(
             self.device(),
-            self.engine.trace_kernels(),
+            self.simulator.trace_kernels(),
             &self.on_device,
             backend,
             self.scene.sampling.transport,
@@ -391,12 +390,4 @@ impl Simulation {
         sink.finish(&record)?;
         Ok(record)
     }
-}
-
-/// Kernels that every simulation of an engine shares.
-#[derive(Debug)]
-pub(crate) struct Kernels {
-    pub(crate) trace: Arc<TraceKernels>,
-    pub(crate) illuminate: Arc<illuminate::CellKernels>,
-    pub(crate) random: illuminate::RandomKernels,
 }

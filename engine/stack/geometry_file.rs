@@ -96,7 +96,7 @@ impl GeometryFile {
         let axis = scan.axis.shift[0] * optics.detector.distance / source_to_axis;
         let text = |sides: &str| sides.to_owned();
         Self {
-            version: env!("CARGO_PKG_VERSION").to_owned(),
+            version: crate::program::VERSION.to_owned(),
             order: Order {
                 sample: text("[view][step][row][column]"),
                 images: text("[view][row][column], row 0 at the largest z"),

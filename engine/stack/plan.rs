@@ -121,7 +121,7 @@ impl Plan {
         }
         let plan = Self {
             plan_version: VERSION,
-            version: env!("CARGO_PKG_VERSION").to_owned(),
+            version: crate::program::VERSION.to_owned(),
             made: now(),
             command: options.command.clone(),
             shards: options.shards,

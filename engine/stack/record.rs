@@ -129,8 +129,8 @@ impl RunRecord {
     #[must_use]
     pub fn begin(start: &RunStart, seed: u64) -> Self {
         Self {
-            version: env!("CARGO_PKG_VERSION").to_owned(),
-            commit: option_env!("BEAMLET_COMMIT").map(str::to_owned),
+            version: crate::program::VERSION.to_owned(),
+            commit: crate::program::commit(),
             device: start.device.clone(),
             driver: start.driver.clone(),
             backend: start.backend,

@@ -8,7 +8,7 @@
 
 mod scenes;
 
-use beamlet::internals::gpu::{Device, DeviceOptions};
+use beamlet::internals::gpu::{Device, DeviceOptions, shaders};
 use beamlet::internals::trace::{DeviceSample, MaterialTable, Ray, TraceKernels, Tracer};
 use beamlet::scene::{Scene, Transport};
 use beamlet::{Backend, geometry};
@@ -71,7 +71,8 @@ fn main() {
 
 /// A tracer that stays, as in a run: its buffers are not part of what is measured.
 fn tracer(scene: &Scene, backend: Backend) -> Option<Tracer> {
-    let device = Device::open(&DeviceOptions::default()).expect("a Vulkan device");
+    let device = Device::open(&DeviceOptions { kernels: shaders::ALL, ..DeviceOptions::default() })
+        .expect("a Vulkan device");
     let query = backend == Backend::RayQuery;
     if query && !device.description().ray_query {
         return None;

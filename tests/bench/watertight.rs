@@ -17,7 +17,7 @@
 use beamlet_reference as reference;
 mod closed;
 
-use beamlet::internals::gpu::{Device, DeviceOptions};
+use beamlet::internals::gpu::{Device, DeviceOptions, shaders};
 use beamlet::internals::interface::FLAG_UNBALANCED;
 use beamlet::internals::trace::{DeviceSample, MaterialTable, Ray, TraceKernels, Tracer};
 use beamlet::scene::{Scene, Transport};
@@ -124,7 +124,8 @@ impl Counts {
 
 /// Traces rays, by number, through a kind of mesh; `None` where the device cannot.
 fn trace(backend: Backend, bodies: &[Body], rays: Range<u64>) -> Option<Counts> {
-    let device = Device::open(&DeviceOptions::default()).expect("a Vulkan device");
+    let device = Device::open(&DeviceOptions { kernels: shaders::ALL, ..DeviceOptions::default() })
+        .expect("a Vulkan device");
     if backend == Backend::RayQuery && !device.description().ray_query {
         return None;
     }

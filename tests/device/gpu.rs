@@ -54,7 +54,7 @@ struct Entry {
 fn fill_and_read(device: &Arc<Device>, memory: Memory) {
     let count = 10_000u32;
     let bytes = u64::from(count) * 16;
-    let kernel = device.kernel("fill", shaders::FILL_TWICE, 16).unwrap();
+    let kernel = device.kernel_from("fill", shaders::FILL_TWICE, 16).unwrap();
     let entries = device.buffer("entries", bytes, memory).unwrap();
     let copy = device.buffer("copy", bytes, memory).unwrap();
     let push = FillPush { entries: entries.address(), count: count - 5, scale: 0.5 };
@@ -96,7 +96,7 @@ fn a_buffer_beyond_the_storage_buffer_range_is_reached_by_address() {
     let count = 10u32 << 20;
     let bytes = u64::from(count) * 16;
     let entries = device.buffer("160 MiB", bytes, Memory::Device).unwrap();
-    let kernel = device.kernel("fill", shaders::FILL, 16).unwrap();
+    let kernel = device.kernel_from("fill", shaders::FILL, 16).unwrap();
     let push = FillPush { entries: entries.address(), count, scale: 1.0 };
     // More groups than a row of a dispatch may have: the kernel counts them over x and y.
     let groups = [device.max_groups()[0].min(65_535), 3, 1];
@@ -113,7 +113,7 @@ fn a_dispatch_too_large_for_the_device_is_an_error() {
         eprintln!("this device takes any dispatch");
         return;
     }
-    let kernel = device.kernel("fill", shaders::FILL, 16).unwrap();
+    let kernel = device.kernel_from("fill", shaders::FILL, 16).unwrap();
     let push = FillPush { entries: 0, count: 0, scale: 1.0 };
     let groups = [device.max_groups()[0] + 1, 1, 1];
     let error = device.run(|r| r.dispatch(&kernel, bytes_of(&push), groups)).unwrap_err();
@@ -127,7 +127,7 @@ fn what_a_submission_uses_may_be_dropped_while_it_runs() {
     let result = device.buffer("result", 16 << 16, Memory::Host).unwrap();
     let submissions: Vec<_> = (0..4)
         .map(|_| {
-            let kernel = device.kernel("fill", shaders::FILL, 16).unwrap();
+            let kernel = device.kernel_from("fill", shaders::FILL, 16).unwrap();
             let entries = device.buffer("entries", 16 << 16, Memory::Device).unwrap();
             let push = FillPush { entries: entries.address(), count: 1 << 16, scale: 1.0 };
             device
@@ -208,7 +208,7 @@ fn messages_of_the_validation_layer_are_counted() {
     let device = open(false);
     if device.validation() {
         // The push constants of the shader are longer than those of the kernel.
-        let _ = device.kernel("short push", shaders::FILL, 8);
+        let _ = device.kernel_from("short push", shaders::FILL, 8);
         assert!(device.validation_messages() > 0);
     }
 }
@@ -240,7 +240,7 @@ const SQUARES: [[[f32; 3]; 2]; 2] =
 fn a_ray_query_sees_every_box_of_a_structure_given_by_address_once() {
     let device = open(false);
     if !device.description().ray_query {
-        let refused = device.kernel("crossings", shaders::CROSSINGS, 24).unwrap_err();
+        let refused = device.kernel_from("crossings", shaders::CROSSINGS, 24).unwrap_err();
         assert!(refused.to_string().contains("no ray query"), "{refused}");
         assert!(!ci(), "no ray query, and CI=true forbids to skip");
         eprintln!("no ray query on this device");
@@ -250,7 +250,7 @@ fn a_ray_query_sees_every_box_of_a_structure_given_by_address_once() {
     let structure = AccelerationStructure::build(&device, &boxes, 2).unwrap();
     drop(boxes);
     let rays = 20u32;
-    let kernel = device.kernel("crossings", shaders::CROSSINGS, 24).unwrap();
+    let kernel = device.kernel_from("crossings", shaders::CROSSINGS, 24).unwrap();
     let counts = device.buffer("counts", u64::from(rays) * 4, Memory::Host).unwrap();
     let push = CrossingsPush {
         scene: structure.address(),

@@ -11,7 +11,7 @@ use crate::reference::scenes;
 use crate::reference::stack::Setup;
 use crate::reference::surfaces::{Body, Mesh, Random, body, cuboid, star};
 use crate::support::{CARBON, Worst, backends, engine, everything};
-use beamlet::internals::gpu::{Device, DeviceOptions};
+use beamlet::internals::gpu::{Device, DeviceOptions, shaders};
 use beamlet::internals::interface::{FLAG_DROPPED, FLAG_UNBALANCED};
 use beamlet::internals::trace::{
     DeviceSample, MaterialTable, Ray, RayResult, TraceKernels, Tracer, moments,
@@ -52,8 +52,12 @@ impl Watch {
     /// Of a scene, whose rays are traced in the first order.
     pub(crate) fn of(backend: Backend, scene: &Scene) -> Self {
         let validation = std::env::var_os("BEAMLET_VALIDATION").is_some();
-        let device = Device::open(&DeviceOptions { validation, ..DeviceOptions::default() })
-            .expect("a Vulkan device");
+        let device = Device::open(&DeviceOptions {
+            validation,
+            kernels: shaders::ALL,
+            ..DeviceOptions::default()
+        })
+        .expect("a Vulkan device");
         let sample = geometry::load(scene).expect("a sample");
         let media = MaterialTable::of(scene).expect("media");
         let query = backend == Backend::RayQuery;

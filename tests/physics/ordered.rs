@@ -13,7 +13,7 @@ use crate::reference::silhouettes::{bumpy, cone, fibres, near_silhouettes, toget
 use crate::reference::stack::Setup;
 use crate::reference::surfaces::{Body, Mesh, Random, body, cuboid, prism, sphere, wedge};
 use crate::support::{CARBON, WATER, backends, everything};
-use beamlet::internals::gpu::{Device, DeviceOptions};
+use beamlet::internals::gpu::{Device, DeviceOptions, shaders};
 use beamlet::internals::interface::{FLAG_EXACT, FLAG_UNBALANCED};
 use beamlet::internals::trace::{
     DeviceSample, MaterialTable, Ray, RayResult, TraceKernels, Tracer,
@@ -58,8 +58,12 @@ struct Bench {
 impl Bench {
     fn new() -> Self {
         let validation = std::env::var_os("BEAMLET_VALIDATION").is_some();
-        let device = Device::open(&DeviceOptions { validation, ..DeviceOptions::default() })
-            .expect("a Vulkan device");
+        let device = Device::open(&DeviceOptions {
+            validation,
+            kernels: shaders::ALL,
+            ..DeviceOptions::default()
+        })
+        .expect("a Vulkan device");
         let kernels = Arc::new(TraceKernels::new(&device));
         Self { device, kernels }
     }

@@ -4,7 +4,7 @@ use crate::support;
 use beamlet::material::constants_over;
 use beamlet::ndarray::Array3;
 use beamlet::reconstruct::{
-    BeamEnergy, GridChoice, Input, Method, Quantity, Truth, VolumeFormat, VolumePlan, VolumesTo,
+    BeamEnergy, GridChoice, Input, Method, Quantity, VolumeFormat, VolumePlan, VolumesTo,
     reconstruct,
 };
 use beamlet::scene::{Beam, Scene};
@@ -63,7 +63,9 @@ fn hardening_is_expected_and_no_error() {
     let plan = VolumePlan::new(vec![Quantity::Mu], grid, Method::default())
         .with_beam(BeamEnergy::of(&scene).unwrap());
     let engine = support::engine(Backend::Bvh);
-    let truth = Truth::of(&engine, &scene, input.geometry(), &grid, &Cancel::default()).unwrap();
+    let truth =
+        beamlet::reconstruct::truth(&engine, &scene, input.geometry(), &grid, &Cancel::default())
+            .unwrap();
     let at = folder.path().join("volume");
     let to = VolumesTo::new(&at, VolumeFormat::Npy);
     let control = &mut RowsControl::default();

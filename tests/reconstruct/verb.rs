@@ -7,8 +7,7 @@ use crate::support::program::{beamlet, done, ended, run, workplace};
 use beamlet::ndarray::{Array3, s};
 use beamlet::reconstruct::{
     FbpOptions, GridChoice, Input, IterativeOptions, Method, OpenVolumes, Quantity, ScanGeometry,
-    Truth, VolumeFormat, VolumeGrid, VolumePlan, VolumeRecord, VolumesTo, VoxelMask, fbp,
-    reconstruct,
+    VolumeFormat, VolumeGrid, VolumePlan, VolumeRecord, VolumesTo, VoxelMask, fbp, reconstruct,
 };
 use beamlet::scene::Scene;
 use beamlet::{Cancel, Engine, EngineOptions, Error, RowsControl};
@@ -478,7 +477,9 @@ fn a_truth_on_another_grid_is_refused() {
     let scene = Scene::from_toml(SCENE, ".").unwrap();
     let of = |size| GridChoice::default().with_size(size).grid(input.geometry()).unwrap();
     let cancel = Cancel::default();
-    let truth = Truth::of(&engine, &scene, input.geometry(), &of([16, 16, 3]), &cancel).unwrap();
+    let truth =
+        beamlet::reconstruct::truth(&engine, &scene, input.geometry(), &of([16, 16, 3]), &cancel)
+            .unwrap();
     let plan = VolumePlan::new(vec![Quantity::Mu], of([16, 18, 3]), Method::default());
     let path = folder.path().join("none");
     let to = VolumesTo::new(&path, VolumeFormat::Npy);
@@ -521,7 +522,8 @@ fn errors_count_voxels_that_every_view_sees() {
     let grid =
         VolumeGrid { size: [30, 30, 16], voxel: [1e-4; 3], origin: [-1.45e-3, -1.45e-3, -7.5e-4] };
     let cancel = Cancel::default();
-    let truth = Truth::of(&engine(None), &scene, &geometry, &grid, &cancel).unwrap();
+    let truth =
+        beamlet::reconstruct::truth(&engine(None), &scene, &geometry, &grid, &cancel).unwrap();
     let sinograms = Array3::<f32>::zeros((360, 12, 60));
     let control = &mut RowsControl::default();
     let volume = fbp(

@@ -8,9 +8,9 @@ use crate::work::interruptible;
 use beamlet::ndarray::{Array3, ArrayView3, Zip};
 use beamlet::reconstruct::{
     BeamHardening, Data, FbpOptions, Filter, HardeningChoice, IterativeOptions, Measured, Method,
-    Quantity, Region, ScanGeometry, Solver, Truth, Volume, VolumeGrid, VoxelMask,
-    add_gradient_bias, deviation_weights, fbp_mean_shared_sigma, fbp_mean_sigma, fbp_shared_sigma,
-    fbp_sigma, find_axis, gradient_bias, region_table, suppress_rings,
+    Quantity, Region, ScanGeometry, Solver, Volume, VolumeGrid, VoxelMask, add_gradient_bias,
+    deviation_weights, fbp_mean_shared_sigma, fbp_mean_sigma, fbp_shared_sigma, fbp_sigma,
+    find_axis, gradient_bias, region_table, suppress_rings,
 };
 use beamlet::{Error, RowsControl};
 use numpy::{IntoPyArray, PyArray3, PyReadonlyArray3};
@@ -396,7 +396,8 @@ impl Work<'_> {
                 "a scene with its sample",
             ));
         }
-        let mut truth = Truth::of(self.engine, &scene, geometry, &volume.grid, cancel)?;
+        let mut truth =
+            beamlet::reconstruct::truth(self.engine, &scene, geometry, &volume.grid, cancel)?;
         if let Some(polynomial) = hardening {
             truth = truth.with_mu_at(&scene, polynomial.energy)?;
         }

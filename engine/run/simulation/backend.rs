@@ -94,7 +94,7 @@ impl Simulation {
     pub fn search_counts(&self) -> Result<SearchCounts> {
         let rays = self.counted_rays();
         let room = crate::numbers::count(rays.len());
-        let kernels = self.engine.trace_kernels();
+        let kernels = self.simulator.trace_kernels();
         let finder =
             CrossingFinder::of_rays(self.device(), kernels, &self.on_device, MOST_CROSSINGS, room)?;
         let mut crossings = 0;

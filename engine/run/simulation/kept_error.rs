@@ -92,7 +92,7 @@ impl Simulation {
         // Its own error is at most the error of the run's cells in the run's set-up.
         scene.sampling.tolerance =
             Some(scene.sampling.tolerances().light.min(stored.base_tolerance()));
-        let fresh = Self::new(&self.engine, &scene, &mut own)?;
+        let fresh = Self::new(&self.simulator, &scene, &mut own)?;
         let count = numbers::count(self.scene.scan.views());
         let looks = count.min(MOST_VIEWS);
         let views: Vec<u32> = (0..looks)

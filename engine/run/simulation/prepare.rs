@@ -9,9 +9,9 @@ use crate::illuminate::{self, EnergyBinning};
 use crate::media::MaterialTable;
 use crate::moments::{self, StoredMoments, StoredSource};
 use crate::optics::{self, Optics};
-use crate::run::engine::Engine;
 use crate::run::memory;
 use crate::run::quality;
+use crate::run::simulator::Simulator;
 use crate::run::{self, Control};
 use crate::sampling::{self, ErrorBudget, Lattice, Response};
 use crate::scene::{Scene, Scheme};
@@ -33,27 +33,32 @@ struct SimulationParts {
 }
 
 impl Simulation {
-    pub(crate) fn new(engine: &Engine, scene: &Scene, control: &mut Control<'_>) -> Result<Self> {
-        Self::of_loaded(engine, scene, None, control)
+    pub(crate) fn new(
+        simulator: &Simulator,
+        scene: &Scene,
+        control: &mut Control<'_>,
+    ) -> Result<Self> {
+        Self::of_loaded(simulator, scene, None, control)
     }
 
     /// The same with geometry that was loaded and checked before.
     pub(crate) fn of_loaded(
-        engine: &Engine,
+        simulator: &Simulator,
         scene: &Scene,
         sample: Option<Sample>,
         control: &mut Control<'_>,
     ) -> Result<Self> {
         scene.validate()?;
-        let scene = quality::resolved(scene, engine.options().keep_moments)?;
+        let scene = quality::resolved(scene, simulator.options().keep_moments)?;
         // From here on every reader of a file compares it with its hash.
         let scene = Arc::new(scene.with_file_hashes()?);
         let detector = DetectorModel::of(&scene)?;
         let optics = detector.optics();
         let media = MaterialTable::of(&scene)?;
         let lattice = lattice_of(&scene, optics, &media)?;
-        let delta_ratio = if engine.options().keep_moments { moments::DELTA_HEADROOM } else { 1.0 };
-        let several = media.energies.len() > 1 || engine.options().keep_moments;
+        let delta_ratio =
+            if simulator.options().keep_moments { moments::DELTA_HEADROOM } else { 1.0 };
+        let several = media.energies.len() > 1 || simulator.options().keep_moments;
         let spectral = if several && scene.sampling.scheme == Scheme::Cells {
             let flagged = delta_ratio * media.strongest();
             Some(EnergyBinning::new(&scene, optics, &media, &lattice, &media.mean(), flagged)?)
@@ -61,7 +66,7 @@ impl Simulation {
             None
         };
         Self::with(
-            engine,
+            simulator,
             scene,
             SimulationParts { detector, media, lattice, spectral, stored: None, delta_ratio },
             sample,
@@ -70,7 +75,7 @@ impl Simulation {
     }
 
     pub(crate) fn of_stored(
-        engine: &Engine,
+        simulator: &Simulator,
         moments: &StoredMoments,
         scene: &Scene,
         control: &mut Control<'_>,
@@ -91,7 +96,7 @@ impl Simulation {
             EnergyBinning::new(&scene, optics, &media, &lattice, &source.reference, flagged)?;
         let (stored, delta_ratio) = (Some(source), 1.0);
         Self::with(
-            engine,
+            simulator,
             scene,
             SimulationParts {
                 detector,
@@ -107,14 +112,14 @@ impl Simulation {
     }
 
     fn with(
-        engine: &Engine,
+        simulator: &Simulator,
         scene: Arc<Scene>,
         parts: SimulationParts,
         loaded: Option<Sample>,
         control: &mut Control<'_>,
     ) -> Result<Self> {
         let begin = Instant::now();
-        let options = engine.options();
+        let options = simulator.options();
         let sample = match loaded {
             Some(sample) => sample,
             None => load(&scene, &parts, options.memory_limit, control)?,
@@ -130,7 +135,7 @@ impl Simulation {
         memory::ask_for_run(&scene, &memory)?;
         log_spot(&scene);
         scene.middle_line_warning().iter().for_each(|text| log::warn!("{text}"));
-        let device = engine.device();
+        let device = simulator.device();
         let wanted = options.backend;
         let description = device.description();
         backend::check(wanted, description)?;
@@ -163,7 +168,7 @@ impl Simulation {
                 .map(|made| (sample, media, made))
         })??;
         let mut simulation = Self {
-            engine: engine.clone(),
+            simulator: simulator.clone(),
             detector,
             start: RunStart {
                 mesh_hashes: mesh_hashes(&scene, &sample),

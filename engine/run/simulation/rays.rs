@@ -85,7 +85,7 @@ impl Simulation {
         visit: impl FnMut(usize, &[SurfaceCrossing]),
     ) -> Result<()> {
         self.check_views(rays.iter().map(|ray| ray.view))?;
-        let kernels = self.engine.trace_kernels();
+        let kernels = self.simulator.trace_kernels();
         CrossingFinder::new(self.device(), kernels, &self.on_device, most)?.find(rays, visit)
     }
 }

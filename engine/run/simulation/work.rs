@@ -104,10 +104,10 @@ impl<'s> ViewWork<'s> {
         };
         let mut tracer = simulation.tracer(simulation.start.backend, &memory)?;
         tracer.set_cancel(cancel.clone());
-        let engine = &simulation.engine;
-        let mut kernels = vec![&engine.illuminate_kernels().near];
+        let simulator = &simulation.simulator;
+        let mut kernels = vec![&simulator.illuminate_kernels().near];
         if random {
-            kernels.extend(engine.random_kernels().all());
+            kernels.extend(simulator.random_kernels().all());
         }
         if !simulation.sample.is_empty() {
             kernels.extend(tracer.wanted_kernels());
@@ -117,7 +117,7 @@ impl<'s> ViewWork<'s> {
             tracer,
             lights,
             sums: PixelSums::new(&device, steps, lit_rows().max().unwrap_or(0), columns as usize)?,
-            cells: CellIlluminator::new(&device, engine.illuminate_kernels(), cancel),
+            cells: CellIlluminator::new(&device, simulator.illuminate_kernels(), cancel),
             bars: MaskTransmissionCache::default(),
             random,
             band,

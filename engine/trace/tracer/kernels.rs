@@ -2,7 +2,7 @@
 
 use crate::gpu::Backend;
 use crate::gpu::push_bytes;
-use crate::gpu::{Device, LazyKernel, shaders};
+use crate::gpu::{Device, LazyKernel};
 use crate::interface::{
     BUNDLE_LANES, CrossingsPush, ExactPush, GROUP, KIND_CROSSED, KIND_ELLIPSOID, KIND_FRUSTUM,
     KIND_MOVED, KIND_ROUGH, KIND_SMOOTH, KIND_TORUS, KIND_TUBE, RAYS_PER_LANE, TracePush,
@@ -64,12 +64,7 @@ impl TraceKernels {
             ray_query: description
                 .ray_query
                 .then(|| (0..KINDS).map(|kinds| Walks::ray_query(device, kind(kinds))).collect()),
-            crossings: LazyKernel::new(
-                device,
-                "crossings",
-                shaders::CROSSINGS,
-                push_bytes::<CrossingsPush>(),
-            ),
+            crossings: LazyKernel::new(device, "crossings", push_bytes::<CrossingsPush>()),
         }
     }
 
@@ -83,23 +78,15 @@ impl TraceKernels {
     }
 }
 
-/// Kernels by name.
-type Named = (&'static str, &'static [u32]);
-
 impl OrderFree {
-    fn new(device: &Arc<Device>, kinds: u32, rays: u32, [few, many]: [Named; 2]) -> Self {
+    fn new(device: &Arc<Device>, kinds: u32, rays: u32, [few, many]: [&'static str; 2]) -> Self {
         let kernel = |named| kernel_of(device, kinds, named, push_bytes::<TracePush>());
         Self { few: kernel(few), many: kernel(many), rays }
     }
 }
 
-fn kernel_of(
-    device: &Arc<Device>,
-    kinds: u32,
-    (name, spirv): Named,
-    push_bytes: u32,
-) -> LazyKernel {
-    let kernel = LazyKernel::new(device, name, spirv, push_bytes);
+fn kernel_of(device: &Arc<Device>, kinds: u32, name: &'static str, push_bytes: u32) -> LazyKernel {
+    let kernel = LazyKernel::new(device, name, push_bytes);
     if kinds == 0 { kernel } else { kernel.with_constant(kinds) }
 }
 
@@ -117,32 +104,20 @@ impl Walks {
     fn bvh(device: &Arc<Device>, kinds: u32, bundles: bool) -> Self {
         let torus = kinds & KIND_TORUS != 0;
         let exact = match kinds {
-            0 => ("exact_bvh", shaders::EXACT_BVH),
-            _ if torus => ("exact_bvh_torus", shaders::EXACT_BVH_TORUS),
-            _ => ("exact_bvh_placed", shaders::EXACT_BVH_PLACED),
+            0 => "exact_bvh",
+            _ if torus => "exact_bvh_torus",
+            _ => "exact_bvh_placed",
         };
         let bundled = KIND_FRUSTUM | KIND_ELLIPSOID | KIND_TUBE | KIND_MOVED | ONE_BY_ONE;
         let bundles = bundles && kinds & !bundled == 0;
         let single = match kinds {
-            0 => [("trace_bvh", shaders::TRACE_BVH), ("trace_bvh_many", shaders::TRACE_BVH_MANY)],
-            _ if torus => [
-                ("trace_bvh_torus", shaders::TRACE_BVH_TORUS),
-                ("trace_bvh_torus_many", shaders::TRACE_BVH_TORUS_MANY),
-            ],
-            _ => [
-                ("trace_bvh_placed", shaders::TRACE_BVH_PLACED),
-                ("trace_bvh_placed_many", shaders::TRACE_BVH_PLACED_MANY),
-            ],
+            0 => ["trace_bvh", "trace_bvh_many"],
+            _ if torus => ["trace_bvh_torus", "trace_bvh_torus_many"],
+            _ => ["trace_bvh_placed", "trace_bvh_placed_many"],
         };
         let bundle = match kinds {
-            0 => [
-                ("trace_bundles", shaders::TRACE_BUNDLES),
-                ("trace_bundles_many", shaders::TRACE_BUNDLES_MANY),
-            ],
-            _ => [
-                ("trace_bundles_placed", shaders::TRACE_BUNDLES_PLACED),
-                ("trace_bundles_placed_many", shaders::TRACE_BUNDLES_PLACED_MANY),
-            ],
+            0 => ["trace_bundles", "trace_bundles_many"],
+            _ => ["trace_bundles_placed", "trace_bundles_placed_many"],
         };
         let single = OrderFree::new(device, kinds, GROUP, single);
         let exact = kernel_of(device, kinds, exact, push_bytes::<ExactPush>());
@@ -156,21 +131,13 @@ impl Walks {
 
     fn ray_query(device: &Arc<Device>, kinds: u32) -> Self {
         let [few, many, exact] = match kinds {
-            0 => [
-                ("trace_ray_query", shaders::TRACE_RAY_QUERY),
-                ("trace_ray_query_many", shaders::TRACE_RAY_QUERY_MANY),
-                ("exact_ray_query", shaders::EXACT_RAY_QUERY),
-            ],
-            _ if kinds & KIND_TORUS != 0 => [
-                ("trace_ray_query_torus", shaders::TRACE_RAY_QUERY_TORUS),
-                ("trace_ray_query_torus_many", shaders::TRACE_RAY_QUERY_TORUS_MANY),
-                ("exact_ray_query_torus", shaders::EXACT_RAY_QUERY_TORUS),
-            ],
-            _ => [
-                ("trace_ray_query_placed", shaders::TRACE_RAY_QUERY_PLACED),
-                ("trace_ray_query_placed_many", shaders::TRACE_RAY_QUERY_PLACED_MANY),
-                ("exact_ray_query_placed", shaders::EXACT_RAY_QUERY_PLACED),
-            ],
+            0 => ["trace_ray_query", "trace_ray_query_many", "exact_ray_query"],
+            _ if kinds & KIND_TORUS != 0 => {
+                ["trace_ray_query_torus", "trace_ray_query_torus_many", "exact_ray_query_torus"]
+            }
+            _ => {
+                ["trace_ray_query_placed", "trace_ray_query_placed_many", "exact_ray_query_placed"]
+            }
         };
         Self {
             order_free: OrderFree::new(device, kinds, GROUP, [few, many]),

@@ -14,7 +14,7 @@ use crate::reference::rays::{Order, Sample, Trace};
 use crate::reference::scenes;
 use crate::reference::stack::Setup;
 use crate::reference::surfaces::{Body, Random};
-use beamlet::internals::gpu::{Device, DeviceOptions};
+use beamlet::internals::gpu::{Device, DeviceOptions, shaders};
 use beamlet::internals::interface::{
     FLAG_UNBALANCED, MOMENTS_HEAD, MOMENTS_PATH, MOMENTS_PER_MATERIAL,
 };
@@ -39,8 +39,12 @@ pub(super) struct Bench {
 impl Bench {
     pub(super) fn new() -> Self {
         let validation = std::env::var_os("BEAMLET_VALIDATION").is_some();
-        let device = Device::open(&DeviceOptions { validation, ..DeviceOptions::default() })
-            .expect("a Vulkan device");
+        let device = Device::open(&DeviceOptions {
+            validation,
+            kernels: shaders::ALL,
+            ..DeviceOptions::default()
+        })
+        .expect("a Vulkan device");
         let kernels = Arc::new(TraceKernels::new(&device));
         Self { device, kernels }
     }

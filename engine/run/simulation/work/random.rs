@@ -54,7 +54,7 @@ impl ViewWork<'_> {
                     self.tracer.set_node(Some(node));
                     illuminate_random(
                         &self.device,
-                        self.simulation.engine.random_kernels(),
+                        self.simulation.simulator.random_kernels(),
                         optics,
                         &mut self.tracer,
                         light,

@@ -1,83 +1,30 @@
 //! The engine: a Vulkan device that serves many scenes.
 
 use crate::Result;
-use crate::gpu::Backend;
-use crate::gpu::{Device, DeviceDescription, DeviceOptions, Fault};
-use crate::illuminate::{CellKernels, RandomKernels};
+use crate::gpu::{Compute, Device, DeviceDescription, EngineOptions};
 use crate::moments::StoredMoments;
-use crate::parallel::start_threads;
-use crate::run::Control;
-use crate::run::simulation::{Kernels, Simulation};
+use crate::run::{Control, Simulation, Simulator};
 use crate::scene::Scene;
 use crate::stack::RunRecord;
 use crate::stack::{ArraySink, Sink, Stacks};
-use crate::trace::TraceKernels;
-use std::sync::Arc;
-
-/// How to open an [`Engine`]. `EngineOptions::default()` takes the best device that is found; what
-/// differs from it is set in a chain.
-///
-/// ```
-/// use beamlet::{Backend, EngineOptions};
-///
-/// let options = EngineOptions::default().with_backend(Backend::Bvh).with_memory_limit(2 << 30);
-/// assert_eq!(options.backend, Some(Backend::Bvh));
-/// ```
-#[derive(Debug, Clone, Default)]
-#[non_exhaustive]
-pub struct EngineOptions {
-    /// Device by index or part of its name; `None`: the environment variable
-    /// `BEAMLET_DEVICE`, then the best device found.
-    pub device: Option<String>,
-    /// Backend; `None`: chosen by the device and counts of the scene.
-    pub backend: Option<Backend>,
-    /// Load the Khronos validation layer; its messages go to `log` as errors.
-    pub validation: bool,
-    /// Rows of a band; `None`: from the memory limit. Results do not depend on it.
-    pub band_rows: Option<u32>,
-    /// Rays of a dispatch; `None`: adapted to the device. Results do not depend on it.
-    pub batch_rays: Option<u32>,
-    /// Memory limit of a run on host and device together, bytes; `None`: the geometry, and up to 1 GiB
-    /// for a band. Results do not depend on it.
-    pub memory_limit: Option<u64>,
-    /// Prepare runs whose moments are kept ([`Control::keep`]): rays are flagged for materials
-    /// that refract up to twice as strongly.
-    pub keep_moments: bool,
-    /// Calls of Vulkan that fail (for tests).
-    #[doc(hidden)]
-    pub faults: Vec<Fault>,
-}
-
-impl EngineOptions {
-    setters! {
-        /// Chooses the device by its index or a part of its name.
-        with_device(device: impl Into<Option<String>>);
-        /// Chooses the backend.
-        with_backend(backend: impl Into<Option<Backend>>);
-        /// Loads the Khronos validation layer.
-        with_validation(validation: bool);
-        /// Sets the rows of a band.
-        with_band_rows(band_rows: impl Into<Option<u32>>);
-        /// Sets the rays of a dispatch.
-        with_batch_rays(batch_rays: impl Into<Option<u32>>);
-        /// Limits the memory of a run, host and device together, bytes.
-        with_memory_limit(memory_limit: impl Into<Option<u64>>);
-        /// Prepares runs whose moments are kept.
-        with_keep_moments(keep_moments: bool);
-        /// Makes calls of Vulkan fail (for tests).
-        #[doc(hidden)]
-        with_faults(faults: Vec<Fault>);
-    }
-}
+use crate::{program, shaders};
+use std::ops::Deref;
 
 /// Handle of a Vulkan device that serves many scenes. Clones share the device; they may be sent to
 /// other threads and work there at the same time. The device and the Vulkan instance are destroyed
 /// with the last clone and the last [`Simulation`] made from it.
 #[derive(Debug, Clone)]
 pub struct Engine {
-    options: Arc<EngineOptions>,
-    kernels: Arc<Kernels>,
-    device: Arc<Device>,
+    simulator: Simulator,
+}
+
+impl Deref for Engine {
+    type Target = Compute;
+
+    /// The device, as retrieval and reconstruction take it.
+    fn deref(&self) -> &Compute {
+        self.simulator.compute()
+    }
 }
 
 impl Engine {
@@ -96,19 +43,8 @@ impl Engine {
     /// # Ok::<(), beamlet::Error>(())
     /// ```
     pub fn open(options: &EngineOptions) -> Result<Self> {
-        start_threads()?;
-        let device = Device::open(&DeviceOptions {
-            choice: options.device.clone(),
-            validation: options.validation,
-            faults: options.faults.clone(),
-            ..DeviceOptions::default()
-        })?;
-        let kernels = Arc::new(Kernels {
-            trace: Arc::new(TraceKernels::new(&device)),
-            illuminate: Arc::new(CellKernels::new(&device)),
-            random: RandomKernels::new(&device),
-        });
-        Ok(Self { options: Arc::new(options.clone()), device, kernels })
+        program::set_commit(option_env!("BEAMLET_COMMIT"));
+        Ok(Self { simulator: Simulator::new(Compute::open(options, shaders::ALL)?) })
     }
 
     /// Closes the engine. Returns whether the device and the Vulkan instance are destroyed: `false`
@@ -117,41 +53,11 @@ impl Engine {
     /// programs that keep an engine in a static variable call `close` before they exit.
     #[must_use = "the device is not destroyed while somebody uses it"]
     pub fn close(self) -> bool {
-        let Self { options: _, kernels, device } = self;
-        drop(kernels);
-        Arc::into_inner(device).is_some()
+        self.simulator.close()
     }
 
-    /// The device in use.
-    #[must_use]
-    pub fn description(&self) -> &DeviceDescription {
-        self.device.description()
-    }
-
-    /// Messages of the validation layer so far, where it was requested.
-    #[must_use]
-    pub fn validation_messages(&self) -> u32 {
-        self.device.validation_messages()
-    }
-
-    pub(crate) fn options(&self) -> &EngineOptions {
-        &self.options
-    }
-
-    pub(crate) const fn device(&self) -> &Arc<Device> {
-        &self.device
-    }
-
-    pub(crate) fn trace_kernels(&self) -> &Arc<TraceKernels> {
-        &self.kernels.trace
-    }
-
-    pub(crate) fn random_kernels(&self) -> &RandomKernels {
-        &self.kernels.random
-    }
-
-    pub(crate) fn illuminate_kernels(&self) -> &Arc<CellKernels> {
-        &self.kernels.illuminate
+    pub(crate) const fn simulator(&self) -> &Simulator {
+        &self.simulator
     }
 
     /// Makes a scene ready: loads and checks its meshes, uploads them, chooses a backend.
@@ -180,7 +86,7 @@ impl Engine {
     /// # Errors
     /// As [`Engine::prepare`]; [`crate::Error::Interrupted`] when `control.cancel` was set.
     pub fn prepare_with(&self, scene: &Scene, control: &mut Control<'_>) -> Result<Simulation> {
-        Simulation::new(self, scene, control)
+        Simulation::new(&self.simulator, scene, control)
     }
 
     /// Runs a scene: every view is traced, illuminated and handed to `sink`.
@@ -243,7 +149,7 @@ impl Engine {
         scene: &Scene,
         control: &mut Control<'_>,
     ) -> Result<Simulation> {
-        Simulation::of_stored(self, moments, scene, control)
+        Simulation::of_stored(&self.simulator, moments, scene, control)
     }
 
     /// Runs a scene into arrays.

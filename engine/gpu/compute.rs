@@ -1,0 +1,115 @@
+//! A device that work runs on, with the options that it goes by.
+
+use super::backend::Backend;
+use super::device::{Device, DeviceOptions, KernelTable};
+use super::faults::Fault;
+use super::physical::DeviceDescription;
+use crate::Result;
+use crate::parallel::start_threads;
+use std::sync::Arc;
+
+/// How to open an engine. `EngineOptions::default()` takes the best device that is found; what
+/// differs from it is set in a chain.
+///
+/// ```
+/// use beamlet::{Backend, EngineOptions};
+///
+/// let options = EngineOptions::default().with_backend(Backend::Bvh).with_memory_limit(2 << 30);
+/// assert_eq!(options.backend, Some(Backend::Bvh));
+/// ```
+#[derive(Debug, Clone, Default)]
+#[non_exhaustive]
+pub struct EngineOptions {
+    /// Device by index or part of its name; `None`: the environment variable
+    /// `BEAMLET_DEVICE`, then the best device found.
+    pub device: Option<String>,
+    /// Backend; `None`: chosen by the device and counts of the scene.
+    pub backend: Option<Backend>,
+    /// Load the Khronos validation layer; its messages go to `log` as errors.
+    pub validation: bool,
+    /// Rows of a band; `None`: from the memory limit. Results do not depend on it.
+    pub band_rows: Option<u32>,
+    /// Rays of a dispatch; `None`: adapted to the device. Results do not depend on it.
+    pub batch_rays: Option<u32>,
+    /// Memory limit of a run on host and device together, bytes; `None`: the geometry, and up to 1 GiB
+    /// for a band. Results do not depend on it.
+    pub memory_limit: Option<u64>,
+    /// Prepare runs whose moments are kept (`Control::keep`): rays are flagged for materials
+    /// that refract up to twice as strongly.
+    pub keep_moments: bool,
+    /// Calls of Vulkan that fail (for tests).
+    #[doc(hidden)]
+    pub faults: Vec<Fault>,
+}
+
+impl EngineOptions {
+    setters! {
+        /// Chooses the device by its index or a part of its name.
+        with_device(device: impl Into<Option<String>>);
+        /// Chooses the backend.
+        with_backend(backend: impl Into<Option<Backend>>);
+        /// Loads the Khronos validation layer.
+        with_validation(validation: bool);
+        /// Sets the rows of a band.
+        with_band_rows(band_rows: impl Into<Option<u32>>);
+        /// Sets the rays of a dispatch.
+        with_batch_rays(batch_rays: impl Into<Option<u32>>);
+        /// Limits the memory of a run, host and device together, bytes.
+        with_memory_limit(memory_limit: impl Into<Option<u64>>);
+        /// Prepares runs whose moments are kept.
+        with_keep_moments(keep_moments: bool);
+        /// Makes calls of Vulkan fail (for tests).
+        #[doc(hidden)]
+        with_faults(faults: Vec<Fault>);
+    }
+}
+
+/// An open device and its options. Clones share the device.
+#[derive(Debug, Clone)]
+pub struct Compute {
+    options: Arc<EngineOptions>,
+    device: Arc<Device>,
+}
+
+impl Compute {
+    /// Opens a device; its kernels are found in `kernels`.
+    ///
+    /// # Errors
+    /// [`crate::Error::Device`] without a Vulkan loader or a device that can serve.
+    pub(crate) fn open(options: &EngineOptions, kernels: KernelTable) -> Result<Self> {
+        start_threads()?;
+        let device = Device::open(&DeviceOptions {
+            choice: options.device.clone(),
+            validation: options.validation,
+            faults: options.faults.clone(),
+            kernels,
+            ..DeviceOptions::default()
+        })?;
+        Ok(Self { options: Arc::new(options.clone()), device })
+    }
+
+    /// Drops it. Returns whether the device is destroyed: `false` while somebody uses it.
+    pub(crate) fn close(self) -> bool {
+        Arc::into_inner(self.device).is_some()
+    }
+
+    /// The device in use.
+    #[must_use]
+    pub fn description(&self) -> &DeviceDescription {
+        self.device.description()
+    }
+
+    /// Messages of the validation layer so far, where it was requested.
+    #[must_use]
+    pub fn validation_messages(&self) -> u32 {
+        self.device.validation_messages()
+    }
+
+    pub(crate) fn options(&self) -> &EngineOptions {
+        &self.options
+    }
+
+    pub(crate) const fn device(&self) -> &Arc<Device> {
+        &self.device
+    }
+}
