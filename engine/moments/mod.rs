@@ -6,14 +6,15 @@
 //! other scene (`illuminate::EnergyBinning`). Rays that no sum of moments can describe are traced
 //! again, which needs the meshes.
 
+mod bytes;
 mod cell_cache;
 mod compatibility;
 mod content;
-pub(crate) mod file;
 mod finer;
 mod resample;
 
-pub use file::{Beginning, MomentWriter};
+pub use crate::stack::moment_file::{Beginning, MomentWriter};
+pub(crate) use bytes::{cell_bytes, write};
 
 use crate::detector::DetectorModel;
 use crate::illuminate::EnergyBinning;
@@ -23,10 +24,10 @@ use crate::numbers;
 use crate::optics::Optics;
 use crate::sampling::{CellBatch, Lattice};
 use crate::scene::{Scene, Transport};
+use crate::stack::moment_file::{self, MomentFile};
 use crate::{Error, Result, input_file, layout};
 use cell_cache::{CellCache, Part};
 use content::Bounds;
-use file::MomentFile;
 pub(crate) use finer::Finer;
 use finer::SetUp;
 use resample::{Covered, Resampled};
@@ -93,7 +94,7 @@ impl StoredMoments {
             return Err(Error::file(run, problem, None));
         }
         let lock = lock(run)?;
-        let scene_digest = file::scene_digest(run)?;
+        let scene_digest = moment_file::scene_digest(run)?;
         let views = (0..scene.scan.views())
             .map(|view| MomentFile::open(&directory, numbers::count(view), &scene_digest))
             .collect::<Result<_>>()?;
@@ -289,7 +290,9 @@ impl StoredSource {
         let words = self.media.moment_words();
         let bounds = Bounds::of(self.resample.old(), view);
         let old_rows = self.resample.old_rows(rows);
-        self.kept.views[view as usize]
-            .read(&old_rows, words, bounds, |block| take(self.resample.map(block, rows, covered)))
+        let file = &self.kept.views[view as usize];
+        bytes::read(file, &old_rows, words, bounds, |block| {
+            take(self.resample.map(block, rows, covered))
+        })
     }
 }

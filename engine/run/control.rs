@@ -3,8 +3,8 @@
 use crate::cancel::Cancel;
 use crate::error::Result;
 use crate::geometry::{self, LoadProgress, LoadStep, Sample, Watcher};
-use crate::moments::MomentWriter;
 use crate::scene::{Exposure, Scene};
+use crate::stack::moment_file::MomentWriter;
 use crate::stack::{BegunView, RunDirectory, Shard};
 use crate::tally::Tally;
 use std::fmt;

@@ -153,7 +153,7 @@ impl Simulation {
     /// Bytes of kept moments by the rays of this simulation, right to a factor of two; `None` where random
     /// rays make the light.
     pub(crate) fn moments_of_rays(&self) -> Option<impl Fn(f64) -> u64 + use<>> {
-        let each = moments::file::cell_bytes(self.moment_words());
+        let each = moments::cell_bytes(self.moment_words());
         // Rows whose blur reaches the detector are sampled in full where moments are kept.
         let rows = f64::from(self.detector.optics().detector.pixels[1]);
         let beside = (2 * self.lattice.blur_rows) as f64 / rows;

@@ -1,8 +1,8 @@
 //! A view of which some blocks of rows are committed.
 
+use super::moment_file::Beginning;
 use super::progress_log::Block;
 use crate::Tally;
-use crate::moments::Beginning;
 use crate::scene::Exposure;
 
 /// A view of which some rows, from the first on, are committed.

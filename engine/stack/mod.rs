@@ -16,6 +16,7 @@ mod geometry_file;
 mod image_folder;
 mod inputs;
 pub mod layout;
+pub(crate) mod moment_file;
 mod own_files;
 mod plan;
 mod progress_log;

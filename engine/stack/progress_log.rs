@@ -13,8 +13,8 @@
 //! and the checksum of the beginning of their file. They count until the view has a line.
 
 use super::layout::{self, Line};
+use super::moment_file::Beginning;
 use crate::locked_file::LockedFile;
-use crate::moments::Beginning;
 use crate::scene::{Exposure, text_hash};
 use crate::whole_file::refuse_link;
 use crate::{Error, Result, Tally, input_file, open_file};

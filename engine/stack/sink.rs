@@ -1,7 +1,7 @@
 //! The interface that a run hands its stacks to.
 
+use super::moment_file::Beginning;
 use super::record::{RunRecord, RunStart};
-use crate::moments::Beginning;
 use crate::scene::{Exposure, Scene};
 use crate::{Result, Tally};
 use ndarray::ArrayView3;

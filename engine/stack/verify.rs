@@ -9,9 +9,10 @@ use super::run_file::{RunFile, RunState};
 use super::shape::{StackShape, views};
 use super::shard::Part;
 use super::values::Values;
+use crate::Result;
 use crate::array_file::Format;
 use crate::scene::{Exposure, Scene};
-use crate::{Result, moments};
+use crate::stack::moment_file;
 use rayon::prelude::*;
 use serde::Serialize;
 use std::collections::BTreeMap;
@@ -72,7 +73,7 @@ pub fn check_run(path: &Path) -> Result<RunCheck> {
     } else if file.state != RunState::Done {
         problems.push(format!("{place}: every view is committed, but the run has not ended"));
     }
-    let keeps = file.keep_moments.unwrap_or_else(|| moments::file::is_there(path));
+    let keeps = file.keep_moments.unwrap_or_else(|| moment_file::is_there(path));
     let lost = if keeps { moments([path; 2], &found.whole) } else { Vec::new() };
     let of_sample = found.whole.iter().filter(|view| matches!(view, Exposure::Sample(_))).count();
     let kept = keeps.then_some(of_sample - lost.len());
@@ -151,7 +152,7 @@ pub(super) fn blocks(
             if counts { Some(checksum(&path.join(COUNTS), Values::Numbers)?) } else { None };
         let kept = match (&block.kept, view) {
             (Some(kept), Exposure::Sample(index)) if keeps => {
-                moments::file::is_beginning(path, index, kept)
+                moment_file::is_beginning(path, index, kept)
             }
             _ => !keeps || view.is_flat(),
         };
@@ -171,7 +172,7 @@ pub(super) fn blocks(
 pub(super) fn moments(folders: [&Path; 2], views: &[Exposure]) -> Vec<(Exposure, String)> {
     let of_view = |view: &Exposure| match view {
         Exposure::Sample(index) => {
-            let error = moments::file::check(folders, *index).err()?;
+            let error = moment_file::check(folders, *index).err()?;
             Some((*view, format!("{error} ({})", layout::view(*view, false))))
         }
         Exposure::Flat(_) | Exposure::Dark(_) => None,

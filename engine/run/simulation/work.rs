@@ -434,7 +434,7 @@ impl<'s> ViewWork<'s> {
                 *tally = *tally + cell_rows.tally;
             }
             if let (true, Exposure::Sample(index), Some(keep)) = (recorded, view, keep.as_mut()) {
-                keep.write(index, words, cell_rows)?;
+                crate::moments::write(keep, index, words, cell_rows)?;
             }
             match &simulation.spectral {
                 Some(spectral) => cell_rows

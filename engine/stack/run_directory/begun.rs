@@ -1,16 +1,17 @@
 //! A run between its beginning and its end.
 
-use crate::moments::Beginning;
 use crate::scene::Exposure;
 use crate::stack::begun_view::BegunView;
 use crate::stack::frames::Frames;
 use crate::stack::layout::RUN;
+use crate::stack::moment_file;
+use crate::stack::moment_file::Beginning;
 use crate::stack::progress_log::{Block, Entry, ProgressLog};
 use crate::stack::run_file::{RunFile, RunState};
 use crate::stack::shape::StackShape;
 use crate::stack::shard::Part;
 use crate::stack::values::Values;
-use crate::{Error, Result, Tally, moments};
+use crate::{Error, Result, Tally};
 use ndarray::ArrayView3;
 use std::ops::Range;
 use std::path::Path;
@@ -136,7 +137,7 @@ impl Begun {
         self.frames.refuse_missing()?;
         self.counts.as_ref().map_or(Ok(()), Frames::refuse_missing)?;
         match self.file.keep_moments {
-            Some(true) => moments::file::refuse_missing(path, self.part.samples()),
+            Some(true) => moment_file::refuse_missing(path, self.part.samples()),
             _ => Ok(()),
         }
     }

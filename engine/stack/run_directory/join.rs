@@ -7,6 +7,7 @@ use crate::cancel::Cancel;
 use crate::scene::{Exposure, Scene};
 use crate::stack::frames::Frames;
 use crate::stack::layout::{self, COUNTS, DEVICE, LOG, PLAN, RUN, SHARDS};
+use crate::stack::moment_file;
 use crate::stack::own_files::{remove_file, remove_stacks};
 use crate::stack::plan::Plan;
 use crate::stack::progress_log::{self, Entry, ProgressLog};
@@ -15,7 +16,7 @@ use crate::stack::run_file::{JoinedShard, RunFile, RunState};
 use crate::stack::shape::{StackShape, views};
 use crate::stack::shard::{Part, Shard};
 use crate::stack::sink::Sink;
-use crate::{Error, Result, Tally, moments, printed};
+use crate::{Error, Result, Tally, printed};
 use serde::Serialize;
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
@@ -270,7 +271,7 @@ impl Begun {
             return Err(changed(false));
         }
         if let (Exposure::Sample(index), Some(true)) = (view, self.file.keep_moments) {
-            moments::file::adopt(path, &from.path, index)?;
+            moment_file::adopt(path, &from.path, index)?;
         }
         self.log.refuse_moved()?;
         self.log.append(view, entry)
@@ -386,7 +387,7 @@ fn remove_shard(run: &Path, shard: Shard, extent: StackShape) -> Result<()> {
         layout::stack_files().try_for_each(|name| remove_file(&root.join(name)))?;
     }
     let _ = fs::remove_dir(counts);
-    moments::file::remove(&path, extent.views)?;
+    moment_file::remove(&path, extent.views)?;
     let others = [DEVICE, RUN, LOG].into_iter().map(str::to_owned);
     layout::unfinished().chain(others).try_for_each(|name| remove_file(&path.join(name)))?;
     let _ = fs::remove_dir(path);

@@ -1,9 +1,9 @@
 //! A shard of a planned run: a part of its views in a folder of its own, with its own lock and log.
 
 use super::RunDirectory;
-use crate::moments::MomentWriter;
 use crate::scene::Scene;
 use crate::stack::layout::{self, LOG, RUN};
+use crate::stack::moment_file::MomentWriter;
 use crate::stack::plan::Plan;
 use crate::stack::progress_log::ProgressLog;
 use crate::stack::run_file::{RunFile, RunState};

@@ -5,13 +5,14 @@ use crate::numbers;
 use crate::scene::{Exposure, Scene};
 use crate::stack::begun_view::BegunView;
 use crate::stack::layout::{self, LOG, RUN, SCENE};
+use crate::stack::moment_file;
 use crate::stack::progress_log::{self, Contents, ProgressLog};
 use crate::stack::record::Platform;
 use crate::stack::run_file::RunFile;
 use crate::stack::shape::{StackShape, views};
 use crate::stack::shard::{Part, Shard};
 use crate::stack::{own_files, scene_file, verify};
-use crate::{Error, Result, Tally, moments};
+use crate::{Error, Result, Tally};
 use std::path::{Path, PathBuf};
 
 /// Contents of the directory when the run was resumed.
@@ -95,7 +96,7 @@ impl RunDirectory {
             })
             .collect();
         let mut committed = found.whole.clone();
-        let keep_moments = file.keep_moments.unwrap_or_else(|| moments::file::is_there(&path));
+        let keep_moments = file.keep_moments.unwrap_or_else(|| moment_file::is_there(&path));
         if keep_moments {
             for (view, problem) in verify::moments([&root, &path], &found.whole) {
                 committed.retain(|other| *other != view);
@@ -164,7 +165,7 @@ impl RunDirectory {
     pub fn keeps_moments(&self) -> Option<bool> {
         let recorded = self.resumed.as_ref().and_then(|resumed| resumed.file.keep_moments);
         let recorded = recorded.or(self.is_planned.then_some(self.keep_moments));
-        recorded.or_else(|| moments::file::is_there(&self.path).then_some(true))
+        recorded.or_else(|| moment_file::is_there(&self.path).then_some(true))
     }
 
     /// run.json of the run that is resumed.

@@ -1,17 +1,15 @@
 //! Moments of a view on disk.
 //!
-//! A header, then blocks of cell rows with their cells, then the SHA-256 of all of it. Numbers are
+//! A header, then blocks of cell rows with their cells (`moments/bytes.rs`), then the SHA-256 of all of it. Numbers are
 //! little-endian words of 32 bits; docs/kept.md describes them. A file is written under another name and
 //! renamed when its view is committed.
 
 mod read;
 
-pub(super) use read::MomentFile;
+pub(crate) use read::{Block, MomentFile};
 
-use crate::illuminate::NARROW;
-use crate::interface::{Cell, CellRow, MOMENTS_PER_MATERIAL};
+use crate::interface::MOMENTS_PER_MATERIAL;
 use crate::numbers;
-use crate::sampling::{CellBatch, ExactCell};
 use crate::whole_file::refuse_link;
 use crate::{Error, Result, folder, input_file, layout, open_file};
 use sha2::{Digest, Sha256};
@@ -29,21 +27,18 @@ const HASH: usize = 32;
 const WORDS: usize = 10_000 * MOMENTS_PER_MATERIAL;
 /// Words of a block's header: cell rows, cells, wide cells traced exactly, all of those, first and
 /// last row.
-const BLOCK: usize = 6;
+pub(crate) const BLOCK: usize = 6;
 /// Words of a ray: its place and view. Rays of cells have no key.
-const RAY: usize = 5;
+pub(crate) const RAY: usize = 5;
 /// Words of its result.
-const RESULT: usize = 8;
+pub(crate) const RESULT: usize = 8;
 /// Words of the ray at an end, and of its result.
-const END: usize = RAY + RESULT;
-
-/// Bytes of a cell with this number of words of a ray's moments, without the path of exact rays.
-pub(crate) const fn cell_bytes(words: usize) -> usize {
-    size_of::<Cell>() + 2 * words * size_of::<f32>()
-}
+pub(crate) const END: usize = RAY + RESULT;
+/// Words of a cell traced exactly: the cell, and for both ends ray and result.
+pub(crate) const EXACT_WORDS: usize = 1 + 2 * END;
 
 /// What ties moments to their run: the hash of its scene.toml.
-pub(super) fn scene_digest(run: &Path) -> Result<[u8; 32]> {
+pub(crate) fn scene_digest(run: &Path) -> Result<[u8; 32]> {
     let path = run.join(layout::SCENE);
     let text = input_file::read(&path, input_file::TEXT)
         .map_err(|error| Error::file(&path, "cannot be read", Some(error)))?;
@@ -142,59 +137,16 @@ impl MomentWriter {
         Ok(())
     }
 
-    /// Appends the cell rows of some rows of a view, but for whole rows of a beamlet that nothing
-    /// lies before.
+    /// Appends the parts of a block of a view.
     ///
     /// # Errors
     /// [`Error::File`].
-    pub(crate) fn write(&mut self, view: u32, words: usize, cell_rows: &CellBatch) -> Result<()> {
-        let seeing: Vec<&CellRow> =
-            cell_rows.cell_rows.iter().filter(|s| !is_blank(cell_rows, s, words)).collect();
+    pub(crate) fn append(&mut self, view: u32, words: usize, parts: &[&[u8]]) -> Result<()> {
         if self.open.as_ref().is_none_or(|open| open.view != view) {
             self.begin(view, words)?;
         }
-        let Some(open) = self.open.as_mut().filter(|_| !seeing.is_empty()) else { return Ok(()) };
-        let mut cells: Vec<u8> = Vec::new();
-        let (mut ends, mut heads) = (Vec::new(), Vec::new());
-        let (mut wide_exact, mut wide) = (Vec::new(), 0_u32);
-        let mut first = 0_u32;
-        for cell_row in &seeing {
-            let range =
-                cell_row.first_cell as usize..(cell_row.first_cell + cell_row.cell_count) as usize;
-            heads.push(CellRow { first_cell: first, ..**cell_row });
-            cells.extend_from_slice(bytemuck::cast_slice(&cell_rows.cells[range.clone()]));
-            ends.extend_from_slice(
-                &cell_rows.moments.ends[2 * words * range.start..2 * words * range.end],
-            );
-            let from = cell_rows.moments.exact.partition_point(|e| (e.cell as usize) < range.start);
-            let of_row = cell_rows.moments.exact[from..].iter();
-            for exact in of_row.take_while(|e| (e.cell as usize) < range.end) {
-                let cell = &cell_rows.cells[exact.cell as usize];
-                wide += u32::from(cell.x_high - cell.x_low > NARROW);
-                wide_exact
-                    .push(ExactCell { cell: exact.cell - cell_row.first_cell + first, ..*exact });
-            }
-            first += cell_row.cell_count;
-        }
-        let rows = seeing.iter().map(|s| s.row);
-        let (low, high) = (rows.clone().min().unwrap_or(0), rows.max().unwrap_or(0));
-        let head: [u32; BLOCK] = [
-            numbers::count(heads.len()),
-            first,
-            wide,
-            numbers::count(wide_exact.len()),
-            low.cast_unsigned(),
-            high.cast_unsigned(),
-        ];
-        let wide_exact: Vec<u32> = wide_exact.iter().flat_map(words_of).collect();
-        let parts: [&[u8]; 5] = [
-            bytemuck::cast_slice(&head),
-            bytemuck::cast_slice(&heads),
-            &cells,
-            bytemuck::cast_slice(&ends),
-            bytemuck::cast_slice(&wide_exact),
-        ];
-        parts.into_iter().try_for_each(|part| open.put(part))
+        let Some(open) = self.open.as_mut() else { return Ok(()) };
+        parts.iter().try_for_each(|part| open.put(part))
     }
 
     /// Syncs the moments of a view so far: that part of its file.
@@ -435,31 +387,4 @@ fn is_of_beamlet(path: &Path) -> Result<bool> {
         Err(error) if error.kind() == ErrorKind::NotFound => Ok(true),
         Err(error) => Err(Error::file(path, "cannot be read", Some(error))),
     }
-}
-
-/// Whether a cell row is one cell over a whole row and period, without a sample.
-fn is_blank(cell_rows: &CellBatch, cell_row: &CellRow, words: usize) -> bool {
-    let cells = cell_row.first_cell as usize..(cell_row.first_cell + cell_row.cell_count) as usize;
-    let cell = &cell_rows.cells[cells.start];
-    let whole = cell_row.cell_count == 1
-        && cell_row.top <= 0.0
-        && cell_row.bottom >= 1.0
-        && cell.x_low.to_bits() == (-cell.x_high).to_bits();
-    let mut moments = cell_rows.moments.ends[2 * words * cells.start..2 * words * cells.end].iter();
-    whole && moments.all(|moment| moment.abs() <= 0.0)
-}
-
-/// An exact cell as words: cell, and for both ends ray and result.
-const EXACT_WORDS: usize = 1 + 2 * END;
-
-fn words_of(cell: &ExactCell) -> Vec<u32> {
-    let mut words = vec![cell.cell];
-    for (ray, result) in cell.ends.iter().zip(&cell.results) {
-        let ray: &[u32] = bytemuck::cast_slice(bytemuck::bytes_of(ray));
-        words.extend_from_slice(&ray[..RAY]);
-        // What rough surfaces spread is in the moments.
-        let result: &[u32] = bytemuck::cast_slice(bytemuck::bytes_of(result));
-        words.extend_from_slice(&result[..RESULT]);
-    }
-    words
 }

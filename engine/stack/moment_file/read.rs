@@ -1,33 +1,34 @@
 //! The moments of a view, read: its blocks found and checked, then any rows of them.
 
-use super::super::content::Bounds;
-use super::{BLOCK, END, EXACT_WORDS, HASH, HEADER, MAGIC, RAY, RESULT, VERSION, WORDS};
-use crate::interface::{Cell, CellRow, Ray, RayResult};
-use crate::sampling::{CellBatch, CellMoments, ExactCell};
+use super::{BLOCK, EXACT_WORDS, HASH, HEADER, MAGIC, VERSION, WORDS};
+use crate::interface::{Cell, CellRow};
 use crate::{Error, Result, input_file, layout};
 use sha2::{Digest, Sha256};
 use std::fs::File;
-use std::io::{BufReader, ErrorKind, Read, Seek, SeekFrom};
+use std::io::{BufReader, Read, Seek, SeekFrom};
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
 /// The moments of one view, to be read.
 #[derive(Debug)]
-pub(in crate::moments) struct MomentFile {
+pub(crate) struct MomentFile {
     path: PathBuf,
     words: usize,
     blocks: Vec<Block>,
     bytes: u64,
 }
 
+/// A block of a file: where its cell rows begin, and its header.
 #[derive(Debug)]
-struct Block {
+pub(crate) struct Block {
     at: u64,
-    head: [u32; BLOCK],
+    /// Cell rows, cells, wide cells traced exactly, all of those, first and last row.
+    pub(crate) head: [u32; BLOCK],
 }
 
 impl Block {
-    const fn rows(&self) -> Range<i64> {
+    /// Rows that its cell rows lie in.
+    pub(crate) const fn rows(&self) -> Range<i64> {
         self.head[4].cast_signed() as i64..self.head[5].cast_signed() as i64 + 1
     }
 
@@ -42,11 +43,7 @@ impl Block {
 
 impl MomentFile {
     /// Opens the file of a view, checks its hash and finds its blocks.
-    pub(in crate::moments) fn open(
-        directory: &Path,
-        view: u32,
-        scene_digest: &[u8; 32],
-    ) -> Result<Self> {
+    pub(crate) fn open(directory: &Path, view: u32, scene_digest: &[u8; 32]) -> Result<Self> {
         let path = layout::moments(directory, view);
         let failed = |error| Error::file(&path, "cannot be read", Some(error));
         let damaged = |what: &str| Error::file(&path, format!("{what}: simulate again"), None);
@@ -98,21 +95,31 @@ impl MomentFile {
         Ok(Self { path, words, blocks, bytes })
     }
 
-    pub(in crate::moments) const fn bytes(&self) -> u64 {
+    /// Where it is.
+    pub(crate) fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// Its bytes.
+    pub(crate) const fn bytes(&self) -> u64 {
         self.bytes
     }
 
-    pub(in crate::moments) fn has_wide(&self) -> bool {
+    /// Whether it has wide cells that were traced exactly.
+    pub(crate) fn has_wide(&self) -> bool {
         self.blocks.iter().any(|block| block.head[2] > 0)
     }
 
-    /// Hands over the blocks that have cell rows in some rows.
-    pub(in crate::moments) fn read(
+    /// Hands over the blocks that have cell rows in some rows, each with the file at its first byte.
+    ///
+    /// # Errors
+    /// [`Error::File`] for another number of words than a ray of the file has, and where it cannot be
+    /// read; errors of `take`.
+    pub(crate) fn read(
         &self,
         rows: &Range<i64>,
         words: usize,
-        bounds: Bounds,
-        mut take: impl FnMut(CellBatch) -> Result<()>,
+        mut take: impl FnMut(&Block, &mut File) -> Result<()>,
     ) -> Result<()> {
         let failed = |error| Error::file(&self.path, "cannot be read", Some(error));
         if self.words != words {
@@ -129,37 +136,10 @@ impl MomentFile {
                 continue;
             }
             file.seek(SeekFrom::Start(block.at)).map_err(failed)?;
-            let cell_rows = unpack(block, words, &mut file).map_err(failed)?;
-            bounds.check(&cell_rows, &there).map_err(|problem| {
-                let problem = format!("holds {problem}: simulate again");
-                Error::file(&self.path, problem, None)
-            })?;
-            take(cell_rows)?;
+            take(block, &mut file)?;
         }
         Ok(())
     }
-}
-
-fn unpack(block: &Block, words: usize, file: &mut File) -> std::io::Result<CellBatch> {
-    fn take<T: bytemuck::Pod>(file: &mut File, count: usize) -> std::io::Result<Vec<T>> {
-        let lacks = |()| std::io::Error::from(ErrorKind::OutOfMemory);
-        let mut items = bytemuck::allocation::try_zeroed_vec(count).map_err(lacks)?;
-        file.read_exact(bytemuck::cast_slice_mut(&mut items))?;
-        Ok(items)
-    }
-    let [cell_rows, cells, _, exact, ..] = block.head.map(|n| n as usize);
-    Ok(CellBatch {
-        cell_rows: take(file, cell_rows)?,
-        cells: take(file, cells)?,
-        moments: CellMoments {
-            ends: take(file, 2 * words * cells)?,
-            exact: take(file, exact * EXACT_WORDS)?
-                .chunks_exact(EXACT_WORDS)
-                .map(exact_of)
-                .collect(),
-        },
-        ..CellBatch::default()
-    })
 }
 
 fn check_hash(path: &Path, mut file: &File, bytes: u64) -> Result<()> {
@@ -179,24 +159,4 @@ fn check_hash(path: &Path, mut file: &File, bytes: u64) -> Result<()> {
         return Err(Error::file(path, "does not match its hash: simulate again", None));
     }
     Ok(())
-}
-
-fn exact_of(words: &[u32]) -> ExactCell {
-    let end = |i: usize| &words[1 + END * i..1 + END * (i + 1)];
-    let ray = |i: usize| {
-        let mut words = [0_u32; size_of::<Ray>() / 4];
-        words[..RAY].copy_from_slice(&end(i)[..RAY]);
-        bytemuck::cast(words)
-    };
-    let result = |i: usize| {
-        let mut words = [0_u32; size_of::<RayResult>() / 4];
-        words[..RESULT].copy_from_slice(&end(i)[RAY..]);
-        bytemuck::cast(words)
-    };
-    ExactCell {
-        cell: words[0],
-        ends: [ray(0), ray(1)],
-        results: [result(0), result(1)],
-        range: [0.0, 1.0],
-    }
 }
