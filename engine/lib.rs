@@ -70,8 +70,8 @@ pub use error::{Error, Place, Result};
 pub use gpu::{DeviceDescription, DeviceKind};
 pub use optics::{MaskMeshOptions, MaskPlace, mask_meshes};
 pub use run::{
-    Blocks, Control, EdgeBlur, Engine, EngineOptions, MemoryEstimate, Progress, RowsControl,
-    RunEstimate, Simulation, ViewProgress, devices, load_sample,
+    Control, EdgeBlur, Engine, EngineOptions, MemoryEstimate, Progress, RowsControl, RunEstimate,
+    Simulation, ViewProgress, devices, load_sample,
 };
 pub(crate) use stack::layout;
 pub use stack::{RunRecord, SamplingSummary, SearchCounts};

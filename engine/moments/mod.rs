@@ -13,7 +13,7 @@ pub(crate) mod file;
 mod finer;
 mod resample;
 
-pub use file::{Beginning, MomentWriter};
+pub use file::MomentWriter;
 
 use crate::detector::DetectorModel;
 use crate::illuminate::EnergyBinning;

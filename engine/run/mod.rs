@@ -9,7 +9,7 @@ pub(crate) mod quality;
 pub(crate) mod simulation;
 
 pub(crate) use control::watching;
-pub use control::{Blocks, Control, Progress, RowsControl, ViewProgress, load_sample};
+pub use control::{Control, Progress, RowsControl, ViewProgress, load_sample};
 pub use edge_blur::EdgeBlur;
 pub use engine::{Engine, EngineOptions, devices};
 pub use estimate::RunEstimate;
