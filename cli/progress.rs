@@ -259,7 +259,6 @@ fn words(loading: &LoadProgress) -> String {
         LoadStep::Joining => "joining vertices of",
         LoadStep::Checking => "checking",
         LoadStep::Nesting => return "finding objects that touch".to_owned(),
-        LoadStep::Comparing => return "measuring contacts of objects".to_owned(),
         LoadStep::Cutting => return "cutting objects that overlap".to_owned(),
         LoadStep::Clearance => return "comparing the sample with the masks".to_owned(),
         LoadStep::Building => return "sorting surfaces for rays".to_owned(),

@@ -16,7 +16,6 @@ use std::sync::Arc;
 
 mod angles;
 mod builder;
-mod contacts;
 mod costs;
 pub(crate) mod display;
 mod doubts;
@@ -28,7 +27,6 @@ mod materials;
 
 pub use crate::detector::SubpixelGrid;
 pub use builder::Check;
-pub use contacts::CheckedContact;
 pub use costs::CheckedTolerances;
 pub use illumination::{ExpectedUncertainty, IlluminationCurve};
 use materials::materials;
@@ -48,8 +46,6 @@ pub struct CheckReport {
     pub materials: Vec<Material>,
     /// Objects of the sample, in the order of the scene.
     pub objects: Vec<CheckedObject>,
-    /// Where objects overlap, touch or nearly do.
-    pub contacts: Vec<CheckedContact>,
     /// Error of edges off the rotation centre; `None` where there is none.
     pub edges: Option<EdgeBlur>,
     /// Cost of a run.
@@ -148,13 +144,13 @@ pub struct CheckedObject {
     pub triangles: usize,
     /// Number of its places; 0 without instances.
     pub instances: usize,
-    /// Volume, m3.
+    /// Volume, m3; of whole exact shapes where later ones cross these.
     pub volume: f64,
     /// Corners of its bounding box, m.
     pub bounds: [[f64; 3]; 2],
     /// Names of the objects that contain it; empty: none.
     pub inside: Vec<String>,
-    /// Names of the later objects that overlap it: the overlap is cut away.
+    /// Names of the later objects that overlap it, and win.
     pub cut_by: Vec<String>,
     /// SHA-256 of its mesh; empty for a shape.
     pub hash: String,
@@ -232,7 +228,6 @@ fn load_lenient(
         },
         materials,
         objects: objects(scene, &sample),
-        contacts: contacts::contacts(&sample),
         warnings,
         refusals: refusals.iter().map(ToString::to_string).collect(),
     };
@@ -340,6 +335,10 @@ fn objects(scene: &Scene, sample: &Sample) -> Vec<CheckedObject> {
         }
         names
     };
+    let winners = |object: usize| {
+        let own = sample.overlaps.iter().filter(move |it| it[0] as usize == object);
+        own.map(|it| it[1])
+    };
     let checked = |(index, summary): (usize, &ObjectSummary)| CheckedObject {
         name: summary.name.clone(),
         material: scene.objects.get(index).map(|o| o.material.clone()).unwrap_or_default(),
@@ -348,7 +347,7 @@ fn objects(scene: &Scene, sample: &Sample) -> Vec<CheckedObject> {
         volume: summary.volume,
         bounds: summary.bounds,
         inside: names(&mut summary.inside.iter().flatten().copied()),
-        cut_by: names(&mut contacts::winners(sample, index)),
+        cut_by: names(&mut winners(index)),
         hash: summary.hash.clone(),
         defects: summary.defects.clone(),
     };

@@ -81,8 +81,7 @@ pub use geometry::{MaskMeshOptions, MaskPlace, mask_meshes};
 pub use gpu::{Backend, Compute, DeviceDescription, DeviceKind, EngineOptions};
 pub use rows_control::RowsControl;
 pub use run::{
-    Blocks, Control, EdgeBlur, MemoryEstimate, Progress, RunEstimate, Simulation, ViewProgress,
-    load_sample,
+    Control, EdgeBlur, MemoryEstimate, Progress, RunEstimate, Simulation, ViewProgress, load_sample,
 };
 pub(crate) use stack::layout;
 pub use stack::{RunRecord, SamplingSummary, SearchCounts};

@@ -3,7 +3,7 @@
 use super::SceneArguments;
 use super::names::format;
 use super::shared::{EngineArguments, Messages};
-use super::values::{key_value, shard, whole_number};
+use super::values::{key_value, shard};
 use beamlet::stack::{Format, Shard};
 use clap::Args;
 use std::path::PathBuf;
@@ -39,19 +39,12 @@ pub(crate) struct Simulate {
     /// with
     #[arg(long, requires = "goes_on")]
     pub(crate) allow_mixed: bool,
-    /// With --resume: continue although the run recorded no hashes of the files that its scene names
-    #[arg(long, requires = "resume")]
-    pub(crate) allow_unhashed: bool,
     /// Replace an earlier run; files that beamlet did not write stay
     #[arg(long)]
     pub(crate) overwrite: bool,
     /// Keep the moments of the rays in RUN/moments, for `beamlet illuminate`
     #[arg(long)]
     pub(crate) keep_moments: bool,
-    /// Commit views in blocks of this number of rows, so that an interrupted view continues [default:
-    /// by the estimate, for views that take longer than 4 minutes]
-    #[arg(long, value_name = "ROWS", value_parser = whole_number, conflicts_with = "resume", allow_negative_numbers = true)]
-    pub(crate) block_rows: Option<u32>,
     #[command(flatten)]
     pub(crate) messages: Messages,
 }

@@ -7,7 +7,7 @@ use crate::progress::Reporter;
 use beamlet::scene::{Scene, Scheme};
 use beamlet::stack::layout::{self, RUN};
 use beamlet::stack::{self, Plan, RunDirectory, RunFile, RunState, Shard, StackShape};
-use beamlet::{Blocks, Control, Engine, Error, RunRecord, SamplingSummary, Tally};
+use beamlet::{Control, Engine, Error, RunRecord, SamplingSummary, Tally};
 use std::io::Write;
 use std::time::Instant;
 
@@ -67,11 +67,6 @@ pub(super) fn run(arguments: &Simulate, out: &mut impl Write) -> Result<(), Fail
         .with_cancel(cancel)
         .going_on(&sink)
         .with_keep(keep.as_mut());
-    // A run goes on with the blocks that it began with.
-    let control = match (sink.recorded(), arguments.block_rows) {
-        (None, Some(rows)) => control.with_blocks(Blocks::Rows(rows)),
-        _ => control,
-    };
     let done = engine.run(&scene, &mut sink, control);
     reporter.finish();
     match done {
@@ -120,24 +115,19 @@ fn told(arguments: &Simulate, words: &str, out: &mut impl Write) -> Result<(), F
 fn keep_moments(arguments: &Simulate, sink: &RunDirectory) -> Result<bool, Failure> {
     let wanted = arguments.keep_moments;
     if arguments.shard.is_some() {
-        return Ok(sink.keeps_moments().unwrap_or(false));
+        return Ok(sink.keeps_moments());
     }
     if !arguments.resume {
         return Ok(wanted);
     }
     let path = beamlet::cli_support::printed::path(sink.path());
-    match sink.keeps_moments() {
-        Some(false) if wanted => Err(Failure::Usage(format!(
+    if wanted && !sink.keeps_moments() {
+        return Err(Failure::Usage(format!(
             "{path} was begun without --keep-moments ({RUN}: \"keep_moments\": false); it cannot \
              continue with --keep-moments"
-        ))),
-        Some(keeps) => Ok(keeps),
-        None if wanted && !sink.committed().is_empty() => Err(Failure::Usage(format!(
-            "{path} has no moments, and its {RUN}, of an earlier version, does not record \
-             --keep-moments; it cannot continue with --keep-moments"
-        ))),
-        None => Ok(wanted),
+        )));
     }
+    Ok(sink.keeps_moments())
 }
 
 fn directory(arguments: &Simulate, scene: &Scene) -> Result<RunDirectory, Failure> {
@@ -164,7 +154,7 @@ fn directory(arguments: &Simulate, scene: &Scene) -> Result<RunDirectory, Failur
                 sink.format()
             )));
         }
-        sink.allow_mixed(arguments.allow_mixed).allow_unhashed(arguments.allow_unhashed)
+        sink.allow_mixed(arguments.allow_mixed)
     } else {
         let output = &arguments.output;
         if arguments.overwrite {
@@ -291,14 +281,8 @@ fn advice(arguments: &Simulate, began: bool) -> String {
     if arguments.keep_moments {
         command.push("--keep-moments".into());
     }
-    if let (false, Some(rows)) = (began, arguments.block_rows) {
-        command.push(format!("--block-rows {rows}"));
-    }
     if arguments.allow_mixed {
         command.push("--allow-mixed".into());
-    }
-    if arguments.allow_unhashed {
-        command.push("--allow-unhashed".into());
     }
     if !began {
         // A resumed run finds these in its directory.

@@ -171,13 +171,8 @@ fn facts(run: &Subject, command: &str) -> Vec<TableRow> {
     let mut facts = Vec::new();
     let mut add = |key: &str, value: String| facts.push(TableRow::new(key, value));
     if let Some(file) = run.run().map(|run| run.record()) {
-        let began = file.began.as_deref().map(date);
-        let written = file.written.as_deref().map(date);
-        match (began, written) {
-            (Some(began), Some(written)) => add("run", format!("{began} to {written}")),
-            (began, written) => add("run", began.or(written).unwrap_or_else(unknown)),
-        }
-        add("duration", if file.duration_s > 0.0 { words_of(file.duration_s) } else { unknown() });
+        add("run", format!("{} to {}", date(&file.began), date(&file.written)));
+        add("duration", words_of(file.duration_s));
         add("program", program(&file.record.version, file.record.commit.as_deref()));
         for command in &file.commands {
             add("command", command.clone());
@@ -207,11 +202,6 @@ fn now() -> String {
 fn program(version: &str, commit: Option<&str>) -> String {
     let commit = commit.map(|commit| format!(", commit {commit}"));
     format!("beamlet {version}{}", commit.unwrap_or_default())
-}
-
-/// What runs of earlier versions do not say.
-fn unknown() -> String {
-    "not recorded".to_owned()
 }
 
 /// A duration as people say it: 0.4 s, 2 min 05 s, 3 h 20 min.

@@ -115,34 +115,11 @@ impl RangeLayout {
     /// # Errors
     /// [`Error::File`].
     pub(crate) fn hash(&self, path: &Path, frames: Range<u64>, to: &mut Sha256) -> Result<()> {
-        let bytes = (frames.end - frames.start) * self.frame_bytes();
-        self.hash_bytes(path, [frames.start * self.frame_bytes(), bytes], to)
-    }
-
-    /// Adds some rows of some frames of a file to a checksum, as [`RangeLayout::hash`] does.
-    ///
-    /// # Errors
-    /// [`Error::File`].
-    pub(crate) fn hash_rows(
-        &self,
-        path: &Path,
-        mut frames: Range<u64>,
-        rows: &Range<u32>,
-        to: &mut Sha256,
-    ) -> Result<()> {
-        let [first, count] = [rows.start, rows.end - rows.start].map(u64::from);
-        frames.try_for_each(|frame| {
-            let start = frame * self.frame_bytes() + first * self.row_bytes();
-            self.hash_bytes(path, [start, count * self.row_bytes()], to)
-        })
-    }
-
-    /// Adds values of a file, from a byte behind its header on, to a checksum.
-    fn hash_bytes(&self, path: &Path, [start, mut left]: [u64; 2], to: &mut Sha256) -> Result<()> {
+        let mut left = (frames.end - frames.start) * self.frame_bytes();
         let mut read = || {
             let mut file = input_file::open(path)?;
             let mut block = vec![0_u8; BLOCK];
-            file.seek(SeekFrom::Start(self.start + start))?;
+            file.seek(SeekFrom::Start(self.start + frames.start * self.frame_bytes()))?;
             while left > 0 {
                 let len = usize::try_from(left).map_or(BLOCK, |left| left.min(BLOCK));
                 file.read_exact(&mut block[..len])?;
@@ -220,22 +197,6 @@ impl RangeFile {
         let synced = self.file.sync_data();
         synced.map_err(|error| Error::file(&self.path, "cannot be synced", Some(error)))?;
         self.layout.hash(&self.path, frames, to)
-    }
-
-    /// As [`RangeFile::sync`], of some rows of these frames.
-    ///
-    /// # Errors
-    /// As [`RangeFile::sync`].
-    pub(crate) fn sync_rows(
-        &self,
-        frames: Range<u64>,
-        rows: &Range<u32>,
-        to: &mut Sha256,
-    ) -> Result<()> {
-        self.refuse_moved()?;
-        let synced = self.file.sync_data();
-        synced.map_err(|error| Error::file(&self.path, "cannot be synced", Some(error)))?;
-        self.layout.hash_rows(&self.path, frames, rows, to)
     }
 
     /// Refuses a file that is not where it was opened.

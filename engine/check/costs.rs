@@ -1,8 +1,7 @@
 //! The errors that sampling may leave in a run, and what makes a scene slower than it needs to be.
 
-use super::{CheckReport, CheckedContact};
+use super::CheckReport;
 use crate::Result;
-use crate::geometry::ContactKind;
 use crate::printed::{duration, number};
 use crate::run::quality;
 use crate::scene::{Counts, Object, Quality, Scene, ShapeOrMesh, Tolerances};
@@ -53,24 +52,24 @@ impl CheckedTolerances {
 
 /// What makes a run slower than it needs to be, with the remedy.
 pub(super) fn warnings(scene: &Scene, report: &CheckReport) -> Vec<String> {
-    report.contacts.iter().filter_map(|contact| meshes(scene, report, contact)).collect()
+    let pairs =
+        report.objects.iter().flat_map(|it| it.cut_by.iter().map(|later| [&it.name, later]));
+    pairs.filter_map(|pair| meshes(scene, report, pair)).collect()
 }
 
 /// The remedy where an exact shape and a mesh overlap, and the shape becomes a mesh for it.
-fn meshes(scene: &Scene, report: &CheckReport, contact: &CheckedContact) -> Option<String> {
+fn meshes(scene: &Scene, report: &CheckReport, [earlier, later]: [&String; 2]) -> Option<String> {
     let named = |name: &String| scene.objects.iter().find(|object| object.name == *name);
     let is_cut = |object: &Object| {
         report.objects.iter().any(|it| it.name == object.name && it.triangles > 0)
     };
-    let CheckedContact { earlier, later, kind, .. } = contact;
     let (first, second) = (named(earlier)?, named(later)?);
     let (exact, mesh) = match [first, second].map(|it| is_exact(&it.geometry)) {
         [true, false] => (first, second),
         [false, true] => (second, first),
         _ => return None,
     };
-    let overlaps = matches!(kind, ContactKind::Overlap { .. });
-    (overlaps && is_cut(exact)).then(|| {
+    is_cut(exact).then(|| {
         let (exact, mesh) = (&exact.name, &mesh.name);
         format!(
             "\"{exact}\" crosses \"{mesh}\", which has facets: it becomes a mesh there, about ten times \

@@ -33,10 +33,14 @@ impl Display for CheckReport {
         for object in &self.objects {
             write_object(f, object)?;
         }
-        if !self.contacts.is_empty() {
-            writeln!(f, "\noverlaps, contacts and gaps")?;
+        if self.objects.iter().any(|it| !it.cut_by.is_empty()) {
+            writeln!(f, "\noverlaps")?;
         }
-        self.contacts.iter().try_for_each(|contact| writeln!(f, "  {contact}"))?;
+        for CheckedObject { name, cut_by, .. } in &self.objects {
+            cut_by
+                .iter()
+                .try_for_each(|it| writeln!(f, "  \"{name}\" overlaps \"{it}\": \"{it}\" wins"))?;
+        }
         let work = &self.work;
         writeln!(f, "\nwork")?;
         line(f, "tolerances", work.tolerances.text())?;
@@ -182,15 +186,14 @@ fn write_object(f: &mut Formatter<'_>, object: &CheckedObject) -> fmt::Result {
     if object.instances > 0 {
         detail(f, "instances", count(object.instances as u64))?;
     }
-    detail(f, "volume", format!("{} mm3", number(object.volume * 1e9)))?;
+    let is_whole = object.triangles == 0 && !object.cut_by.is_empty();
+    let whole = if is_whole { " with what later objects cover" } else { "" };
+    detail(f, "volume", format!("{} mm3{whole}", number(object.volume * 1e9)))?;
     let [low, high] = object.bounds.map(|corner| corner.map(|value| number(value * 1e3)));
     let range = |axis: usize| format!("{} to {}", low[axis], high[axis]);
     detail(f, "box x, y, z [mm]", format!("{}; {}; {}", range(0), range(1), range(2)))?;
     if !object.inside.is_empty() {
         detail(f, "inside", object.inside.join(", "))?;
-    }
-    if !object.cut_by.is_empty() {
-        detail(f, "is cut by", object.cut_by.join(", "))?;
     }
     let kinds = object.defects.kinds();
     for (kind, found) in kinds.into_iter().filter(|(_, found)| found.count > 0) {

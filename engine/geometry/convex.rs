@@ -15,34 +15,14 @@ struct Vertex {
     first: DVec3,
 }
 
-/// Result of the search for the distance of two sets.
-#[derive(Debug, Clone, Copy)]
-pub(super) enum Separation {
-    /// Farther than the limit.
-    Apart,
-    /// Least distance, m, and the point of the first where it is least.
-    Known(f64, DVec3),
-    /// They intersect, or are too close to decide.
-    Unclear,
-}
-
-impl Separation {
-    pub(super) fn known(self) -> Option<(f64, DVec3)> {
-        match self {
-            Self::Known(distance, point) => Some((distance, point)),
-            Self::Apart | Self::Unclear => None,
-        }
-    }
-}
-
-/// Least distance of two convex sets where it is within a limit, m. Each set gives its point that is
-/// farthest along a direction. The sets lie near the origin: at distances beyond their sizes digits
+/// Least distance of two convex sets, m, and the point of the first where it is least; `None` where they
+/// intersect, or are too close to decide. Each set gives its point that is farthest along a direction. The
+/// sets lie near the origin: at distances beyond their sizes digits
 /// are lost.
 pub(super) fn separation(
     first: impl Fn(DVec3) -> DVec3,
     second: impl Fn(DVec3) -> DVec3,
-    limit: f64,
-) -> Separation {
+) -> Option<(f64, DVec3)> {
     let vertex = |along: DVec3| {
         let on_first = first(along);
         Vertex { point: on_first - second(-along), first: on_first }
@@ -53,13 +33,10 @@ pub(super) fn separation(
     for _ in 0..STEPS {
         let distance = nearest.point.length();
         if distance == 0.0 {
-            return Separation::Unclear;
+            return None;
         }
         let next = vertex(-nearest.point / distance);
         let bound = nearest.point.dot(next.point) / distance;
-        if bound > limit {
-            return Separation::Apart;
-        }
         proven = proven.max(bound);
         let known = simplex[..count].iter().any(|it| it.point == next.point);
         if known || distance - proven <= FOUND * distance {
@@ -67,7 +44,7 @@ pub(super) fn separation(
         }
         simplex[count] = next;
         if count == 3 && proven <= 0.0 && holds_origin(&simplex) {
-            return Separation::Unclear;
+            return None;
         }
         let found = Nearest::of(&simplex, &[0, 1, 2, 3][..=count]);
         if !found.point.is_finite() || found.point.length() >= distance {
@@ -82,11 +59,7 @@ pub(super) fn separation(
     }
     let distance = nearest.point.length();
     // A bound that stays at 0 shows no plane between the sets.
-    if proven > 0.0 && distance <= limit {
-        Separation::Known(distance, nearest.first)
-    } else {
-        Separation::Unclear
-    }
+    (proven > 0.0).then_some((distance, nearest.first))
 }
 
 /// The point of a simplex that is nearest to the origin: by the weights of its vertices, too.

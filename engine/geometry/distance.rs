@@ -2,61 +2,24 @@
 
 use glam::DVec3;
 
-/// Where two triangles come within `limit` of each other, if they do: a point on the first.
-pub(super) fn meet(a: [DVec3; 3], b: [DVec3; 3], limit: f64) -> Option<DVec3> {
+/// Test of two triangles that come within `limit` of each other, m.
+pub(super) fn meet(a: [DVec3; 3], b: [DVec3; 3], limit: f64) -> bool {
     if one_side(a, b, limit) || one_side(b, a, limit) {
-        return None;
+        return false;
     }
     let edges = |t: [DVec3; 3]| [(t[0], t[1]), (t[1], t[2]), (t[2], t[0])];
-    for edge in edges(a) {
-        if let Some(point) = pierce(edge, b) {
-            return Some(point);
-        }
-    }
-    for edge in edges(b) {
-        if let Some(point) = pierce(edge, a) {
-            return Some(point);
-        }
-    }
     let limit = limit * limit;
-    for point in a {
-        if closest_on_triangle(point, b).distance_squared(point) <= limit {
-            return Some(point);
-        }
-    }
-    for point in b {
-        let nearest = closest_on_triangle(point, a);
-        if nearest.distance_squared(point) <= limit {
-            return Some(nearest);
-        }
-    }
-    for first in edges(a) {
-        for second in edges(b) {
-            let (p, q) = closest_of_segments(first, second);
-            if p.distance_squared(q) <= limit {
-                return Some(p);
-            }
-        }
-    }
-    None
-}
-
-/// Distance of two triangles that do not cross, and a point of the first where it is least.
-pub(super) fn distance(a: [DVec3; 3], b: [DVec3; 3]) -> (f64, DVec3) {
-    let edges = |t: [DVec3; 3]| [(t[0], t[1]), (t[1], t[2]), (t[2], t[0])];
-    let corners = a.into_iter().map(|point| (point.distance(closest_on_triangle(point, b)), point));
-    let others = b.into_iter().map(|point| {
-        let nearest = closest_on_triangle(point, a);
-        (point.distance(nearest), nearest)
-    });
-    let sides = edges(a).into_iter().flat_map(|first| {
-        edges(b).into_iter().map(move |second| {
-            let (p, q) = closest_of_segments(first, second);
-            (p.distance(q), p)
+    let near = |p: DVec3, q: DVec3| p.distance_squared(q) <= limit;
+    edges(a).into_iter().any(|edge| pierces(edge, b))
+        || edges(b).into_iter().any(|edge| pierces(edge, a))
+        || a.into_iter().any(|point| near(closest_on_triangle(point, b), point))
+        || b.into_iter().any(|point| near(closest_on_triangle(point, a), point))
+        || edges(a).into_iter().any(|first| {
+            edges(b).into_iter().any(|second| {
+                let (p, q) = closest_of_segments(first, second);
+                near(p, q)
+            })
         })
-    });
-    let all = corners.chain(others).chain(sides);
-    all.fold((f64::INFINITY, a[0]), |least, it| if it.0 < least.0 { it } else { least })
 }
 
 /// Whether all of `b` lies beyond `limit` on one side of the plane of `a`.
@@ -67,9 +30,9 @@ fn one_side(a: [DVec3; 3], b: [DVec3; 3], limit: f64) -> bool {
     heights.iter().all(|height| *height > reach) || heights.iter().all(|height| *height < -reach)
 }
 
-/// Where a segment passes through the inside of a triangle. Passing through an edge or a
+/// Test of a segment that passes through the inside of a triangle. Passing through an edge or a
 /// corner is left to the distances.
-fn pierce((p, q): (DVec3, DVec3), triangle: [DVec3; 3]) -> Option<DVec3> {
+fn pierces((p, q): (DVec3, DVec3), triangle: [DVec3; 3]) -> bool {
     let [a, b, c] = triangle.map(|corner| corner - p);
     let along = q - p;
     let sides = [c.cross(b), a.cross(c), b.cross(a)].map(|normal| along.dot(normal));
@@ -78,11 +41,11 @@ fn pierce((p, q): (DVec3, DVec3), triangle: [DVec3; 3]) -> Option<DVec3> {
     let doubt = 1e-14 * size * along.length();
     let inside = sides.iter().all(|side| *side > doubt) || sides.iter().all(|side| *side < -doubt);
     if !inside {
-        return None;
+        return false;
     }
     let normal = (b - a).cross(c - a);
     let t = a.dot(normal) / along.dot(normal);
-    (0.0..=1.0).contains(&t).then(|| p + along * t)
+    (0.0..=1.0).contains(&t)
 }
 
 /// Closest point of a triangle (Ericson, Real-Time Collision Detection, 5.1.5).

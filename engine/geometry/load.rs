@@ -19,7 +19,7 @@ use super::read::{FileOf, ReadSurface, failed, read_file, read_surface};
 use super::surface::{Defect, PEAK_PER_TRIANGLE, SIMPLIFY, in_mm};
 use super::trial::Trial;
 use super::watch::{LoadStep, Task, Watch, Watcher, watched};
-use super::{Contact, Sample, instances, mesh_file, nesting, placement};
+use super::{Sample, instances, mesh_file, nesting, placement};
 use crate::error::{Error, Result};
 use crate::numbers;
 use crate::parallel::start_threads;
@@ -65,7 +65,7 @@ fn load_all(scene: &Scene, watch: &Watch) -> Result<Sample> {
 }
 
 /// As [`load`], but accepts every defect, to report the defects of each object. Also returns the errors
-/// that `load` would give, one for each refused object; the sample lists its contacts.
+/// that `load` would give, one for each refused object; the sample lists its overlaps.
 ///
 /// # Errors
 /// As [`load`], where an object has no surface.
@@ -197,8 +197,8 @@ fn label(object: &Object) -> String {
     }
 }
 
-/// The sample; with `contacts`, also the contacts of its objects.
-fn sample(scene: &Scene, loaded: Vec<Loaded>, contacts: bool, watch: &Watch) -> Result<Sample> {
+/// The sample; with `overlaps`, also the pairs of its objects that overlap.
+fn sample(scene: &Scene, loaded: Vec<Loaded>, overlaps: bool, watch: &Watch) -> Result<Sample> {
     let names = names(scene);
     let mut bodies = Vec::with_capacity(loaded.len());
     let mut notes = Vec::with_capacity(loaded.len());
@@ -216,20 +216,18 @@ fn sample(scene: &Scene, loaded: Vec<Loaded>, contacts: bool, watch: &Watch) -> 
     let begin = Instant::now();
     let accepted = |note: &Note| note.defects.refused().then(|| note.defects.description(None));
     let defects: Vec<Option<String>> = notes.iter().map(accepted).collect();
-    let mut groups =
-        Groups::settle(groups, &mut bodies, &names, &defects, contacts, watch.nesting())?;
-    let gaps = if contacts { groups.gaps(&mut bodies, watch.nesting())? } else { Vec::new() };
-    let (mut cut_by, contacts) =
-        nesting::nest(&mut bodies, &names, &defects, contacts, watch.nesting())?;
-    let of_places = std::mem::take(&mut groups.overlaps).into_iter().chain(gaps);
-    let contacts = Contact::joined(contacts.into_iter().chain(of_places));
+    let mut groups = Groups::settle(groups, &mut bodies, &names, &defects, watch.nesting())?;
+    let (mut cut_by, mut found) =
+        nesting::nest(&mut bodies, &names, &defects, overlaps, watch.nesting())?;
+    found.append(&mut groups.overlaps);
+    let overlaps = if overlaps { found.into_iter().collect() } else { Vec::new() };
     groups.surround(&mut bodies);
     groups.add_cutters(&mut cut_by);
     log::info!("nesting resolved in {:.1} s", begin.elapsed().as_secs_f64());
     for (note, cut_by) in notes.iter_mut().zip(cut_by) {
         note.cut_by = cut_by;
     }
-    let mut sample = Sample { contacts, ..assemble(bodies, groups, names, notes)? };
+    let mut sample = Sample { overlaps, ..assemble(bodies, groups, names, notes)? };
     let own = sample.components.iter_mut();
     for component in own.chain(sample.prototypes.iter_mut().flat_map(|it| &mut it.components)) {
         let object = &scene.objects[component.object as usize];

@@ -51,7 +51,6 @@ pub use load::load;
 pub(crate) use load::{load_lenient_watched, load_watched, triangles_in_files};
 pub use mask_mesh::{MaskMeshOptions, MaskPlace, mask_meshes};
 pub(crate) use overlap::PEAK_PER_CUT_TRIANGLE;
-pub use overlap::{Contact, ContactKind};
 #[cfg(test)]
 pub(crate) use placed::Place;
 pub(crate) use placed::{FacetNumbers, FacetOf, Partners, Placed, Prototype};
@@ -79,8 +78,8 @@ pub struct Sample {
     pub components: Vec<Component>,
     /// Objects in the order of the scene.
     pub objects: Vec<ObjectSummary>,
-    /// Where objects overlap, touch or nearly do; `check` alone finds them.
-    pub contacts: Vec<Contact>,
+    /// Pairs of objects that overlap, the earlier one first: the later one wins. `check` alone finds them.
+    pub overlaps: Vec<[u32; 2]>,
     /// Surfaces with several places, each once.
     pub(crate) prototypes: Vec<Prototype>,
     /// Their places; places of one prototype are adjacent.
@@ -121,7 +120,8 @@ pub struct ObjectSummary {
     pub triangles: usize,
     /// Number of its places; 0 without instances.
     pub instances: usize,
-    /// Volume of its outer surfaces less its voids, after cuts, m3.
+    /// Volume of its outer surfaces less its voids, m3: after cuts, but of whole exact shapes where later ones
+    /// cross these.
     pub volume: f64,
     /// Least and greatest corner of its bounding box, m.
     pub bounds: [[f64; 3]; 2],

@@ -1,10 +1,12 @@
 //! Nesting of the objects of a sample.
 
+use std::collections::BTreeSet;
+
 use glam::DVec3;
 use rayon::prelude::*;
 
 use super::body::Body;
-use super::overlap::{Assembly, Contact, Cuts, Meetings, Parts, pairs, pairs_to_compare};
+use super::overlap::{Cuts, Meetings, Parts, pairs};
 use super::search::Search;
 use super::watch::{LoadStep, Task};
 use crate::error::Result;
@@ -15,7 +17,7 @@ const PER_PART: u64 = 400;
 
 /// Cuts away volumes covered by later objects, and fills in `outside` of every component: the latest
 /// object that contains it. `defects`: defects of accepted bodies. Returns the later objects that cut
-/// each one and, if `wanted`, the contacts.
+/// each one and, if `wanted`, pairs of objects that overlap.
 ///
 /// # Errors
 /// Objects that overlap and cannot be cut; [`crate::Error::Memory`];
@@ -26,13 +28,11 @@ pub(super) fn nest(
     defects: &[Option<String>],
     wanted: bool,
     task: Task<'_>,
-) -> Result<(Vec<Vec<u32>>, Vec<Contact>)> {
+) -> Result<(Vec<Vec<u32>>, BTreeSet<[u32; 2]>)> {
     let bounds: Vec<[DVec3; 2]> = bodies.iter().map(Body::bounds).collect();
     let pairs = pairs(&bounds);
-    let compared = if wanted { pairs_to_compare(bodies)? } else { Vec::new() };
     let mut is_near = vec![false; bodies.len()];
-    let meeting = pairs.iter().map(|(a, b)| [*a, *b]);
-    for object in meeting.chain(compared.iter().map(|pair| pair.objects)).flatten() {
+    for object in pairs.iter().flat_map(|(a, b)| [*a, *b]) {
         is_near[object] = true;
     }
     let searches: Vec<Option<Search>> = bodies
@@ -44,8 +44,8 @@ pub(super) fn nest(
         })
         .collect();
     task.begin(LoadStep::Nesting, pairs.len() as u64)?;
-    if pairs.is_empty() && compared.is_empty() {
-        return Ok((vec![Vec::new(); bodies.len()], Vec::new()));
+    if pairs.is_empty() {
+        return Ok((vec![Vec::new(); bodies.len()], BTreeSet::new()));
     }
     let components = bodies.iter().map(|body| body.components.len() as u64).sum::<u64>();
     reserve::ask(PER_PART * components, "comparing the parts of objects", reserve::REMEDY)?;
@@ -53,21 +53,12 @@ pub(super) fn nest(
     let meetings = Meetings::find(bodies, &pairs, &parts, &searches, task)?;
     let around = meetings.around(bodies, &parts, &searches);
     let cuts = Cuts::of(bodies, &parts, &meetings, &around);
-    let assembly = Assembly {
-        bodies,
-        parts: &parts,
-        searches: &searches,
-        meetings: &meetings,
-        around: &around,
-        names,
-    };
-    let contacts = assembly.contacts(&compared, task)?;
     drop(searches);
     for (body, outside) in bodies.iter_mut().zip(&cuts.outside) {
         for (component, outside) in body.components.iter_mut().zip(outside) {
             component.outside = *outside;
         }
     }
-    cuts.make(bodies, &parts, names, task)?;
-    Ok((cuts.cut_by, contacts))
+    let overlaps = cuts.make(bodies, &parts, names, wanted, task)?;
+    Ok((cuts.cut_by, overlaps))
 }

@@ -23,8 +23,6 @@ pub enum LoadStep {
     Checking,
     /// Nesting of objects is computed; counted in pairs of objects. For all objects together.
     Nesting,
-    /// Contacts and gaps of objects are measured, for a check alone; counted in pairs of objects.
-    Comparing,
     /// What later objects cover is cut away; counted in parts of objects. Only where objects
     /// overlap or touch, and of all objects together.
     Cutting,
@@ -77,13 +75,12 @@ struct Slot {
     total: AtomicU64,
 }
 
-const STEPS: [LoadStep; 9] = [
+const STEPS: [LoadStep; 8] = [
     LoadStep::Reading,
     LoadStep::Packing,
     LoadStep::Joining,
     LoadStep::Checking,
     LoadStep::Nesting,
-    LoadStep::Comparing,
     LoadStep::Cutting,
     LoadStep::Clearance,
     LoadStep::Building,

@@ -13,7 +13,7 @@ mod content;
 mod finer;
 mod resample;
 
-pub use crate::stack::moment_file::{Beginning, MomentWriter};
+pub use crate::stack::moment_file::MomentWriter;
 pub(crate) use bytes::{cell_bytes, write};
 
 use crate::detector::DetectorModel;

@@ -49,7 +49,7 @@ pub struct VolumeRecord {
     /// where its stamp differs, or it has none.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub input_stamps: BTreeMap<String, String>,
-    /// Directory that relative paths of inputs start from; `None` in records of earlier versions.
+    /// Directory that relative paths of inputs start from.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub working_directory: Option<String>,
     /// Views, rows and columns of the sinograms.

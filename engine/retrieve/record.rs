@@ -15,18 +15,16 @@ use std::path::Path;
 pub struct Record {
     /// Version of beamlet.
     pub version: String,
-    /// Commit of its repository that it was built from; `None` in packages, incremental builds and
-    /// records of earlier versions.
+    /// Commit of its repository that it was built from; `None` in packages and incremental builds.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub commit: Option<String>,
-    /// When the retrieval began, and when its record was written: UTC, RFC 3339. `None` in records of
-    /// earlier versions.
+    /// When the retrieval began, and when its record was written: UTC, RFC 3339. `None` of images in memory.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub began: Option<String>,
     /// See `began`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub written: Option<String>,
-    /// Seconds that the retrieval took by the clock on the wall; 0 in records of earlier versions.
+    /// Seconds that the retrieval took by the clock on the wall.
     #[serde(default)]
     pub duration_s: f64,
     /// Command line; `None` where another program called the library.
@@ -51,38 +49,31 @@ pub struct Record {
     pub read_noise: f64,
     /// Inputs: flat and sample.
     pub sources: Vec<String>,
-    /// Files that were read as frames, in their order, of each folder of `sources` and `dark`; empty
-    /// in records of earlier versions.
+    /// Files that were read as frames, in their order, of each folder of `sources` and `dark`.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub frames: BTreeMap<String, Vec<String>>,
     /// Frames without beam that were subtracted; `None` where there were none.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub dark: Option<String>,
-    /// File of the pixels that were left out as bad; `None` where there was none, and in records of
-    /// earlier versions.
+    /// File of the pixels that were left out as bad; `None` where there was none.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub bad_pixels: Option<String>,
-    /// Mask steps of the files that were left out, counted from 0; empty where none were, and in records of
-    /// earlier versions. `offsets` has the others.
+    /// Mask steps of the files that were left out, counted from 0; `offsets` has the others.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub omitted_steps: Vec<usize>,
-    /// Columns that were kept of the frames, `START:END:STEP`; `None` where all were, and in records of
-    /// earlier versions.
+    /// Columns that were kept of the frames, `START:END:STEP`; `None` where all were.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub kept_columns: Option<String>,
-    /// Columns and rows that were added to one pixel; `None` where none were, and in records of earlier
-    /// versions.
+    /// Columns and rows that were added to one pixel; `None` where none were.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub bin: Option<[usize; 2]>,
-    /// Place of each column of the images, as in geometry.json: x from the optical axis on the detector,
-    /// m; empty in records of earlier versions.
+    /// Place of each column of the images, as in geometry.json: x from the optical axis on the detector, m.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub columns_m: Vec<f64>,
-    /// From pixel to pixel of the images on the detector, x and z, m; 0 in records of earlier versions.
+    /// From pixel to pixel of the images on the detector, x and z, m.
     #[serde(default)]
     pub pitch: [f64; 2],
-    /// The scene whose geometry the frames have, as TOML with absolute paths; `None` in records of
-    /// earlier versions.
+    /// The scene whose geometry the frames have, as TOML with absolute paths.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub geometry: Option<String>,
     /// SHA-256 of the inputs, by path: stacks, dark, geometry and lists of offsets; for a run its
@@ -94,7 +85,7 @@ pub struct Record {
     /// where its stamp differs, or it has none.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub input_stamps: BTreeMap<String, String>,
-    /// Directory that relative paths of inputs start from; `None` in records of earlier versions.
+    /// Directory that relative paths of inputs start from.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub working_directory: Option<String>,
     /// SHA-256 of the files that the scene of the geometry refers to, by their paths.
@@ -103,21 +94,19 @@ pub struct Record {
     /// Offsets of the sample mask, m.
     pub offsets: Vec<f64>,
     /// Whole periods of the sample mask, m, that the offsets have more than the images
-    /// `flat_centre` and `sample_centre`: 0 where the middle of the scan is within half a period of
-    /// 0, and in records of earlier versions.
+    /// `flat_centre` and `sample_centre`: 0 where the middle of the scan is within half a period of 0.
     #[serde(default, skip_serializing_if = "is_zero")]
     pub whole_periods: f64,
-    /// Median standard deviation of the flat's curves, m of offset (of beamlets m on the detector);
-    /// `None` in records of earlier versions.
+    /// Median standard deviation of the flat's curves, m of offset (of beamlets m on the detector).
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub flat_width: Option<f64>,
     /// Median, over pixels and then views, of the residuals of the sample, rms: share of open beam, or
-    /// counts; `None` for methods without residuals, and in records of earlier versions.
+    /// counts; `None` for methods without residuals.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub residual: Option<f64>,
     /// Median, over pixels and then views, of the reduced chi squared of the fits of the sample, over the
     /// median of noise alone: 1 where values scatter as counts of this gain do. `None` where values are no
-    /// counts or the method leaves nothing, and in records of earlier versions.
+    /// counts or the method leaves nothing.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub reduced_chi_square: Option<f64>,
     /// The same beyond the residuals of the flat, which contain the misfit of the method's curve and the

@@ -5,24 +5,10 @@ use crate::error::Result;
 use crate::geometry::{self, LoadProgress, LoadStep, Sample, Watcher};
 use crate::scene::{Exposure, Scene};
 use crate::stack::moment_file::MomentWriter;
-use crate::stack::{BegunView, RunDirectory, Shard};
+use crate::stack::{RunDirectory, Shard};
 use crate::tally::Tally;
 use std::fmt;
 use std::sync::Arc;
-
-/// Blocks of rows that the views of a run are committed by ([`crate::stack::Sink::commit_rows`]). They
-/// change no value.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
-#[non_exhaustive]
-pub enum Blocks {
-    /// None: views are committed whole.
-    #[default]
-    Whole,
-    /// By the estimate: blocks of about two minutes, where a view takes more than twice that.
-    Estimated,
-    /// Of that many rows, from row 0 on.
-    Rows(u32),
-}
 
 /// Control of a running simulation. `Control::default()` runs every view to its end without a report;
 /// other settings are chained.
@@ -52,10 +38,6 @@ pub struct Control<'a> {
     pub shard: Shard,
     /// Views that are committed already and are not computed again.
     pub skip: Vec<Exposure>,
-    /// The view of which some rows are committed already ([`crate::stack::RunDirectory::begun_view`]).
-    pub begun: Option<BegunView>,
-    /// Blocks of rows that views are committed by.
-    pub blocks: Blocks,
     /// Counts of the views made earlier ([`crate::stack::RunDirectory::counted`]), which are added to the
     /// run's own tally.
     pub counted: Tally,
@@ -75,10 +57,6 @@ impl<'a> Control<'a> {
         with_shard(shard: Shard);
         /// Sets the views that are committed already.
         with_skip(skip: Vec<Exposure>);
-        /// Sets the view of which some rows are committed already.
-        with_begun(begun: impl Into<Option<BegunView>>);
-        /// Sets the blocks of rows that views are committed by.
-        with_blocks(blocks: Blocks);
         /// Sets the counts of the views made earlier.
         with_counted(counted: Tally);
         /// Sets what keeps the moments of the rays.
@@ -87,19 +65,12 @@ impl<'a> Control<'a> {
 }
 
 impl Control<'_> {
-    /// Takes the views and rows that a run directory has already, with their counts, its part of the
-    /// views, and the blocks that its run began with; a new run has blocks by the estimate.
+    /// Takes the views that a run directory has already, with their counts, and its part of the views.
     #[must_use]
     pub fn going_on(self, directory: &RunDirectory) -> Self {
-        let blocks = match directory.recorded() {
-            Some(recorded) => recorded.block_rows.map_or(Blocks::Whole, Blocks::Rows),
-            None => Blocks::Estimated,
-        };
         self.with_skip(directory.committed().to_vec())
             .with_counted(directory.counted())
-            .with_begun(directory.begun_view())
             .with_shard(directory.part_of_run())
-            .with_blocks(blocks)
     }
 }
 

@@ -9,7 +9,7 @@ pub(crate) mod simulation;
 mod simulator;
 
 pub(crate) use control::watching;
-pub use control::{Blocks, Control, Progress, ViewProgress, load_sample};
+pub use control::{Control, Progress, ViewProgress, load_sample};
 pub use edge_blur::EdgeBlur;
 pub use estimate::RunEstimate;
 pub use memory::MemoryEstimate;

@@ -18,9 +18,9 @@ use crate::illuminate::EnergyBinning;
 use crate::media::MaterialTable;
 use crate::moments::{self, StoredSource};
 use crate::numbers;
+use crate::run::Control;
 use crate::run::memory::MemoryEstimate;
 use crate::run::simulator::Simulator;
-use crate::run::{Blocks, Control};
 use crate::sampling::{self, ErrorBudget, Lattice, ProjectedBounds, Response};
 use crate::scene::{Exposure, Scene, Scheme};
 use crate::stack::{self, RunRecord, RunStart, SamplingSummary, Sink, StackShape};
@@ -39,10 +39,6 @@ use work::ViewWork;
 const KEPT_CELLS: f64 = 0.4;
 /// Cells that a run stores, per ray of a run without moments, which takes a third to all of its rays.
 const CELLS_IF_KEPT: f64 = 1.0;
-/// Seconds of a block of rows by the estimate, and pixels of a detector from which on a run is estimated
-/// for blocks: views of smaller ones take seconds, and the estimate about one.
-const BLOCK_SECONDS: f64 = 120.0;
-const LARGE: f64 = 1e5;
 /// Pixels of all views above which the size of moments is estimated.
 const MANY_PIXELS: f64 = 2e4;
 /// Bytes of moments above which the estimate is announced.
@@ -240,29 +236,10 @@ impl Simulation {
         Ok(())
     }
 
-    /// Rows of the blocks that views are committed by; `None`: views are committed whole.
-    fn block_rows(&self, control: &Control<'_>) -> Result<Option<u32>> {
-        let [columns, rows] = self.scene.detector.pixels;
-        let height = match control.blocks {
-            Blocks::Rows(height) => Some(height.max(1)),
-            Blocks::Estimated
-                if self.stored.is_none() && f64::from(columns) * f64::from(rows) >= LARGE =>
-            {
-                let views = self.scene.scan.views() as f64;
-                let seconds = self.estimate_until(&control.cancel)?.seconds / views;
-                let height = f64::from(rows) * BLOCK_SECONDS / seconds;
-                (seconds > 2.0 * BLOCK_SECONDS).then(|| numbers::whole::<u32>(height).max(1))
-            }
-            Blocks::Whole | Blocks::Estimated => None,
-        };
-        Ok(height.filter(|height| *height < rows))
-    }
-
     /// Number of views that are made side by side.
-    fn lanes(&self, views: usize, block_rows: Option<u32>, control: &Control<'_>) -> usize {
-        // Kept moments and blocks of rows are committed in their order.
-        let in_order = control.keep.is_some() || control.begun.is_some() || block_rows.is_some();
-        let most = if in_order { 1 } else { self.memory.views_at_once };
+    fn lanes(&self, views: usize, control: &Control<'_>) -> usize {
+        // Kept moments are committed in their order.
+        let most = if control.keep.is_some() { 1 } else { self.memory.views_at_once };
         views.min(numbers::length(most.into())).max(1)
     }
 
@@ -276,13 +253,11 @@ impl Simulation {
         made: &mut Handed,
     ) -> Result<()> {
         work.begin_after(&views[..made.views]);
-        let mut begun = control.begun.take();
         let mut before = Tally::default();
         for view in &views[made.views..] {
-            let begun = begun.take_if(|begun| begun.view == *view);
-            work.view(*view, begun.as_ref(), sink, control)?;
+            work.view(*view, sink, control)?;
             let tally = work.tally()?;
-            let own = tally.since(before) + begun.map(|begun| begun.tally).unwrap_or_default();
+            let own = tally.since(before);
             before = tally;
             sink.tally(*view, &own)?;
             if let (Exposure::Sample(index), Some(keep)) = (*view, control.keep.as_mut()) {
@@ -336,18 +311,17 @@ impl Simulation {
         if control.keep.is_some() {
             self.announce_moments(&control.cancel)?;
         }
-        let block_rows = self.block_rows(&control)?;
         let extent = StackShape::of(&self.scene)?;
         let views: Vec<Exposure> = stack::views(&self.scene)?
             .filter(|view| control.shard.has(*view, extent) && !control.skip.contains(view))
             .collect();
         let cancel = control.cancel.of_part();
-        let lanes = self.lanes(views.len(), block_rows, &control);
+        let lanes = self.lanes(views.len(), &control);
         let memory = if lanes > 1 { self.memory } else { self.alone };
-        let lane = |_| ViewWork::new(self, &views, block_rows, &cancel, memory);
+        let lane = |_| ViewWork::new(self, &views, &cancel, memory);
         let mut work = (0..lanes).map(lane).collect::<Result<Vec<_>>>()?;
         // Last of all, so that a run that cannot start writes nothing.
-        sink.begin(&self.scene, &RunStart { block_rows, ..self.start.clone() })?;
+        sink.begin(&self.scene, &self.start)?;
         control.keep.as_mut().map_or(Ok(()), |keep| keep.begin_run())?;
         let mut made = Handed { tally: control.counted, ..Handed::default() };
         let one = match lanes {
@@ -360,7 +334,7 @@ impl Simulation {
         if made.views < views.len() {
             let one = match one {
                 Some(one) => one,
-                None => ViewWork::new(self, &views, block_rows, &control.cancel, self.alone)?,
+                None => ViewWork::new(self, &views, &control.cancel, self.alone)?,
             };
             self.one_by_one(one, &views, sink, &mut control, &mut made)?;
         }

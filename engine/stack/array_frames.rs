@@ -130,14 +130,6 @@ impl ArrayFrames {
         Ok(hex(&hasher.finalize()))
     }
 
-    /// Syncs some rows of the view; their checksum.
-    pub(super) fn commit_rows(&mut self, view: Exposure, rows: &Range<u32>) -> Result<String> {
-        let mut hasher = Sha256::new();
-        let frames = self.layout.frames(view);
-        self.file(view)?.sync_rows(frames, rows, &mut hasher)?;
-        Ok(hex(&hasher.finalize()))
-    }
-
     /// Refuses files that are not where they were opened.
     pub(super) fn refuse_moved(&self) -> Result<()> {
         let all = [self.flat.as_ref(), Some(&self.sample), self.dark.as_ref()];
@@ -173,20 +165,6 @@ pub(super) fn header_problems(
         Err(error) => Some(error.to_string()),
     };
     stacks.filter_map(problem).collect()
-}
-
-/// SHA-256 of some rows of a view that is not committed, as f32 values whatever the samples.
-pub(super) fn checksum_of_rows(
-    root: &Path,
-    layout: ArrayLayout,
-    values: Values,
-    view: Exposure,
-    rows: &Range<u32>,
-) -> Result<String> {
-    let (path, stack) = layout.stack(root, view, values)?;
-    let mut hasher = Sha256::new();
-    stack.hash_rows(&path, layout.frames(view), rows, &mut hasher)?;
-    Ok(hex(&hasher.finalize()))
 }
 
 /// SHA-256 of a view, as f32 values whatever the samples, as it is in the files under `root`.

@@ -18,7 +18,7 @@ use rayon::prelude::*;
 use sha2::{Digest, Sha256};
 use std::collections::BTreeMap;
 use std::fs::{self, File};
-use std::io::{ErrorKind, Read, Seek, SeekFrom, Write};
+use std::io::{Read, Seek, SeekFrom, Write};
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
@@ -101,29 +101,12 @@ impl FrameFiles {
         Ok(())
     }
 
-    /// Syncs rows of the spool; their checksum.
-    pub(super) fn commit_rows(&self, rows: &Range<u32>) -> Result<String> {
-        let path = self.spool_path();
-        if let Some(file) = &self.spool {
-            open_file::refuse_moved(file, &path, open_file::RESUME)?;
-            file.sync_data().map_err(failed(&path, "cannot be synced"))?;
-        }
-        checksum_of_rows(&self.root, self.part.extent, rows)
-    }
-
-    /// Goes on with the spool of an earlier part of the run.
-    pub(super) fn resume(&mut self) -> Result<()> {
-        let path = self.spool_path();
-        let file = File::options().read(true).write(true).open(&path);
-        self.spool = Some(file.map_err(failed(&path, "cannot be opened"))?);
-        Ok(())
-    }
-
     /// Puts the frames of the view in place and syncs them; their checksum.
     pub(super) fn commit(&mut self, view: Exposure) -> Result<String> {
-        let is_spooled = self.spool.is_some();
         if let Some(spool) = self.spool.take() {
             self.converted = Some(self.convert(view, spool)?);
+            let path = self.spool_path();
+            fs::remove_file(&path).map_err(failed(&path, "cannot be removed"))?;
         }
         let checksum = self.converted.take().unwrap_or_default();
         let partial = self.root.join(layout::PARTIAL);
@@ -133,19 +116,8 @@ impl FrameFiles {
         frames.par_iter().try_for_each(|path| {
             File::open(path).and_then(|file| file.sync_all()).map_err(failed(path, "cannot sync"))
         })?;
-        self.put_in_place(view, &partial, is_spooled)?;
+        self.put_in_place(view, &partial)?;
         Ok(checksum)
-    }
-
-    /// Removes the spool of a view that counts: until then a killed run goes on from it.
-    pub(super) fn tidy(&self) -> Result<()> {
-        let path = self.spool_path();
-        match fs::remove_file(&path) {
-            Err(error) if error.kind() != ErrorKind::NotFound => {
-                Err(failed(&path, "cannot be removed")(error))
-            }
-            _ => Ok(()),
-        }
     }
 
     /// Puts the frames of a view in the folder `from` into place, by links where the system has them;
@@ -160,7 +132,7 @@ impl FrameFiles {
             refuse_link(&from.join(name))?;
             link_or_copy(&from.join(name), &partial.join(name))
         })?;
-        self.put_in_place(view, &partial, false)?;
+        self.put_in_place(view, &partial)?;
         checksum(&self.root, self.format, self.part.extent, view)
     }
 
@@ -191,14 +163,11 @@ impl FrameFiles {
         append(&path, self.format, sides, None)?.put(frame, &about)
     }
 
-    /// Renames the frames to where they belong, one by one where they share their folder with a spool.
-    fn put_in_place(&self, view: Exposure, partial: &Path, is_spooled: bool) -> Result<()> {
+    /// Renames the frames to where they belong.
+    fn put_in_place(&self, view: Exposure, partial: &Path) -> Result<()> {
         let target = layout::view_folder(&self.root, self.part.extent, view);
         let parent = target.parent().unwrap_or(&self.root).to_path_buf();
         folder::make(&parent).map_err(failed(&parent, "cannot be created"))?;
-        if is_spooled {
-            folder::make(&target).map_err(failed(&target, "cannot be created"))?;
-        }
         if target.exists() {
             // A directory that also holds files of others: they stay.
             for step in 0..self.part.extent.steps {
@@ -245,30 +214,6 @@ impl FrameFiles {
 
 /// Frames of fewer bytes are written side by side.
 const SMALL: u64 = 1 << 20;
-
-/// SHA-256 of some rows in the spool under `root`.
-pub(super) fn checksum_of_rows(
-    root: &Path,
-    extent: StackShape,
-    rows: &Range<u32>,
-) -> Result<String> {
-    let path = root.join(layout::PARTIAL).join(layout::SPOOL);
-    let unread = failed(&path, "cannot be read");
-    refuse_link(&path)?;
-    let mut file = File::open(&path).map_err(&unread)?;
-    let row_bytes = 4 * u64::from(extent.columns);
-    let mut values =
-        reserve::zeroed::<u8>(4 * rows.len() * extent.columns as usize, "a block of rows")?;
-    let mut hasher = Sha256::new();
-    for step in 0..u64::from(extent.steps) {
-        let offset = step * extent.frame_bytes() + u64::from(rows.start) * row_bytes;
-        file.seek(SeekFrom::Start(offset))
-            .and_then(|_| file.read_exact(&mut values))
-            .map_err(&unread)?;
-        hasher.update(&values);
-    }
-    Ok(hex(&hasher.finalize()))
-}
 
 /// SHA-256 of a view as it is in its frames under `root`.
 pub(super) fn checksum(

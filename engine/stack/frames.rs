@@ -52,30 +52,6 @@ impl Frames {
         }
     }
 
-    /// Makes a block of rows of the view in work last: its checksum.
-    pub(super) fn commit_rows(&mut self, view: Exposure, rows: &Range<u32>) -> Result<String> {
-        match self {
-            Self::Files(frames) => frames.commit_rows(rows),
-            Self::Arrays(frames) => frames.commit_rows(view, rows),
-        }
-    }
-
-    /// Removes the spool of a view that counts now.
-    pub(super) fn tidy(&self) -> Result<()> {
-        match self {
-            Self::Files(frames) => frames.tidy(),
-            Self::Arrays(_) => Ok(()),
-        }
-    }
-
-    /// Goes on with a view of which blocks of rows are committed.
-    pub(super) fn resume(&mut self) -> Result<()> {
-        match self {
-            Self::Files(frames) => frames.resume(),
-            Self::Arrays(_) => Ok(()),
-        }
-    }
-
     /// Takes the frames of a view from the folder `from`, which holds the part `of` of the run: its
     /// checksum as it is here.
     pub(super) fn adopt(&mut self, view: Exposure, from: &Path, of: Part) -> Result<String> {
@@ -113,20 +89,6 @@ impl StoredFrames {
         match self.layout {
             None => frame_files::checksum(root, self.format, self.part.extent, view),
             Some(layout) => array_frames::checksum(root, layout, values, view),
-        }
-    }
-
-    /// SHA-256 of some rows of a view in the making under `root`.
-    pub(super) fn checksum_of_rows(
-        &self,
-        root: &Path,
-        values: Values,
-        view: Exposure,
-        rows: &Range<u32>,
-    ) -> Result<String> {
-        match self.layout {
-            None => frame_files::checksum_of_rows(root, self.part.extent, rows),
-            Some(layout) => array_frames::checksum_of_rows(root, layout, values, view, rows),
         }
     }
 

@@ -23,7 +23,6 @@ use crate::array_file::Format;
 use crate::scene::Exposure;
 use crate::whole_file::{NEW, whole_name};
 use crate::{Error, Result, printed};
-use std::ops::Range;
 use std::path::{Path, PathBuf};
 
 /// Resolved scene of a run.
@@ -84,8 +83,6 @@ const DARK: &str = "dark";
 /// The stacks, each by its first view.
 pub(super) const STACKS: [Exposure; 3] =
     [Exposure::Flat(0), Exposure::Sample(0), Exposure::Dark(0)];
-/// Before the rows of a block, in the log.
-const ROWS: &str = "/rows/";
 /// Beginnings of the names of views and steps.
 const VIEW: &str = "view_";
 const STEP: &str = "step_";
@@ -199,43 +196,6 @@ pub(crate) fn view_named(name: &str) -> Option<(Exposure, bool)> {
     };
     let counts = counted.is_some();
     (self::view(view, false) == name).then_some((view, counts))
-}
-
-/// Name of a block of rows of a view in the log: `sample/3/rows/0-64`, `counts/flat/rows/0-64`.
-pub(crate) fn rows(view: Exposure, counts: bool, rows: &Range<u32>) -> String {
-    format!("{}{ROWS}{}-{}", self::view(view, counts), rows.start, rows.end)
-}
-
-/// Name of the moments of a view up to the end of a block, in the log: `moments/sample/3/rows/0-64`.
-pub(crate) fn moments_of_rows(view: Exposure, rows: &Range<u32>) -> String {
-    format!("{MOMENTS}/{}", self::rows(view, false, rows))
-}
-
-/// Kind of a line of the log.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub(crate) enum Line {
-    /// A view, as intensities or as counts.
-    View(Exposure, bool),
-    /// A block of its rows, as intensities or as counts.
-    Rows(Exposure, bool, Range<u32>),
-    /// The moments of a view up to the end of a block.
-    Moments(Exposure, Range<u32>),
-}
-
-/// The line of a name in the log.
-pub(crate) fn line_named(name: &str) -> Option<Line> {
-    let Some((view, rows)) = name.split_once(ROWS) else {
-        return view_named(name).map(|(view, counts)| Line::View(view, counts));
-    };
-    let (start, end) = rows.split_once('-')?;
-    let rows = start.parse().ok()?..end.parse().ok()?;
-    if rows.start >= rows.end {
-        return None;
-    }
-    match view.strip_prefix(MOMENTS).and_then(|view| view.strip_prefix('/')) {
-        Some(view) => view_named(view).map(|(view, _)| Line::Moments(view, rows)),
-        None => view_named(view).map(|(view, counts)| Line::Rows(view, counts, rows)),
-    }
 }
 
 /// An array with a name: a file, or a folder of files of frames.
@@ -407,16 +367,6 @@ mod tests {
             for counts in [false, true] {
                 assert_eq!(view_named(&super::view(view, counts)), Some((view, counts)));
             }
-        }
-        let of_rows = |name: &str| line_named(name);
-        for (view, counts) in [(Exposure::Flat(3), true), (Exposure::Sample(7), false)] {
-            let line = Line::Rows(view, counts, 8..16);
-            assert_eq!(of_rows(&rows(view, counts, &(8..16))), Some(line));
-            let line = Line::Moments(view, 0..8);
-            assert_eq!(of_rows(&moments_of_rows(view, &(0..8))), Some(line));
-        }
-        for name in ["flat/rows/8-8", "flat/rows/8", "sample/rows/0-8", "flat/rows/a-8"] {
-            assert_eq!(of_rows(name), None, "{name}");
         }
         for name in ["sample", "sample/", "sample/x", "flat/0", "flat_0001", ""] {
             assert_eq!(view_named(name), None, "{name}");

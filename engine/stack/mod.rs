@@ -8,7 +8,6 @@
 mod apart;
 mod array;
 mod array_frames;
-mod begun_view;
 mod callback;
 mod frame_files;
 mod frames;
@@ -34,7 +33,6 @@ mod verify;
 pub use crate::array_file::{Abilities, Format};
 pub use apart::{canonical, is_of_run, is_same_place, refuse_overlap};
 pub use array::{ArraySink, CountStacks, Stacks};
-pub use begun_view::BegunView;
 pub use callback::CallbackSink;
 pub use geometry_file::{GeometryFile, Order};
 pub(crate) use geometry_file::{index_of, place_of};

@@ -14,7 +14,7 @@ use crate::whole_file::refuse_link;
 use crate::{Error, Result, folder, input_file, layout, open_file};
 use sha2::{Digest, Sha256};
 use std::fs::{self, File};
-use std::io::{BufWriter, ErrorKind, Read, Seek, SeekFrom, Write};
+use std::io::{BufWriter, ErrorKind, Read, Write};
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
@@ -43,16 +43,6 @@ pub(crate) fn scene_digest(run: &Path) -> Result<[u8; 32]> {
     let text = input_file::read(&path, input_file::TEXT)
         .map_err(|error| Error::file(&path, "cannot be read", Some(error)))?;
     Ok(Sha256::digest(text).into())
-}
-
-/// The part of the moments of a view that is kept for certain.
-#[derive(Debug, Clone, PartialEq, Eq)]
-#[non_exhaustive]
-pub struct Beginning {
-    /// Its bytes, from the first on.
-    pub bytes: u64,
-    /// Their SHA-256, hexadecimal.
-    pub sha256: String,
 }
 
 /// Writes the moments of a run, view by view.
@@ -93,10 +83,6 @@ struct ViewInWork {
     file: BufWriter<File>,
     partial: PathBuf,
     hash: Sha256,
-    /// Bytes that were put.
-    bytes: u64,
-    /// Whether a part is kept for certain.
-    is_kept: bool,
 }
 
 impl MomentWriter {
@@ -149,49 +135,6 @@ impl MomentWriter {
         parts.iter().try_for_each(|part| open.put(part))
     }
 
-    /// Syncs the moments of a view so far: that part of its file.
-    ///
-    /// # Errors
-    /// [`Error::File`].
-    pub(crate) fn commit_rows(&mut self, view: u32, words: usize) -> Result<Beginning> {
-        if self.open.as_ref().is_none_or(|open| open.view != view) {
-            self.begin(view, words)?;
-        }
-        self.scene.as_ref().map_or(Ok(()), RunScene::refuse_moved)?;
-        let missing = || Error::file(&self.part, "has no unfinished moments", None);
-        let open = self.open.as_mut().ok_or_else(missing)?;
-        open_file::refuse_moved(open.file.get_ref(), &open.partial, open_file::RESUME)?;
-        open.file
-            .flush()
-            .and_then(|()| open.file.get_ref().sync_data())
-            .map_err(|error| Error::file(&open.partial, "cannot be written", Some(error)))?;
-        open.is_kept = true;
-        Ok(Beginning { bytes: open.bytes, sha256: hexadecimal(&open.hash.clone().finalize()) })
-    }
-
-    /// Goes on with the moments of a view behind their beginning, of which [`is_beginning`] holds.
-    ///
-    /// # Errors
-    /// [`Error::File`].
-    pub(crate) fn resume(&mut self, view: u32, beginning: &Beginning) -> Result<()> {
-        let directory = self.part.join(layout::MOMENTS);
-        let partial = layout::moments_partial(&directory, view);
-        let failed = |error| Error::file(&partial, "cannot be read", Some(error));
-        refuse_link(&partial)?;
-        if !partial.exists() {
-            // Whole already, but the view does not count.
-            fs::rename(layout::moments(&directory, view), &partial).map_err(failed)?;
-        }
-        let mut file = File::options().read(true).write(true).open(&partial).map_err(failed)?;
-        let hash = hash_of(&mut file, beginning.bytes).map_err(failed)?;
-        file.set_len(beginning.bytes)
-            .and_then(|()| file.seek(SeekFrom::Start(beginning.bytes)))
-            .map_err(failed)?;
-        let (bytes, file) = (beginning.bytes, BufWriter::new(file));
-        self.open = Some(ViewInWork { view, file, partial, hash, bytes, is_kept: true });
-        Ok(())
-    }
-
     fn begin(&mut self, view: u32, words: usize) -> Result<()> {
         self.open = None;
         let directory = self.part.join(layout::MOMENTS);
@@ -211,14 +154,8 @@ impl MomentWriter {
         let file = folder::make(&directory)
             .and_then(|()| File::create(&partial))
             .map_err(|error| Error::file(&partial, "cannot be written", Some(error)))?;
-        let mut open = ViewInWork {
-            view,
-            file: BufWriter::new(file),
-            partial,
-            hash: Sha256::new(),
-            bytes: 0,
-            is_kept: false,
-        };
+        let mut open =
+            ViewInWork { view, file: BufWriter::new(file), partial, hash: Sha256::new() };
         open.put(&MAGIC)?;
         open.put(bytemuck::cast_slice(&[VERSION, numbers::count(words)]))?;
         open.put(&scene.digest)?;
@@ -249,35 +186,6 @@ impl MomentWriter {
             .map_err(|error| Error::file(&path, "cannot be written", Some(error)))?;
         crate::whole_file::sync_directory(&directory)
     }
-}
-
-/// Whether the moments of a view in the making, in the folder `part`, begin so.
-pub(crate) fn is_beginning(part: &Path, view: u32, beginning: &Beginning) -> bool {
-    let directory = part.join(layout::MOMENTS);
-    let partial = layout::moments_partial(&directory, view);
-    // A view that was ended before it counted may have its moments whole.
-    let path = if partial.exists() { partial } else { layout::moments(&directory, view) };
-    let hash = || hash_of(&mut input_file::open(&path)?, beginning.bytes);
-    hash().is_ok_and(|hash| hexadecimal(&hash.finalize()) == beginning.sha256)
-}
-
-/// SHA-256 of the first bytes of a file.
-fn hash_of(file: &mut File, bytes: u64) -> std::io::Result<Sha256> {
-    let mut hash = Sha256::new();
-    let mut block = vec![0_u8; 1 << 16];
-    let mut left = bytes;
-    file.seek(SeekFrom::Start(0))?;
-    while left > 0 {
-        let len = usize::try_from(left).map_or(block.len(), |left| left.min(block.len()));
-        file.read_exact(&mut block[..len])?;
-        hash.update(&block[..len]);
-        left -= len as u64;
-    }
-    Ok(hash)
-}
-
-fn hexadecimal(bytes: &[u8]) -> String {
-    bytes.iter().map(|byte| format!("{byte:02x}")).collect()
 }
 
 /// Checks that the moments of a view are in the folder `part`, whole and of the run in `run`.
@@ -323,17 +231,12 @@ pub(crate) fn refuse_missing(run: &Path, mut views: Range<u32>) -> Result<()> {
     lost.map_or(Ok(()), |view| Err(open_file::lost(&layout::moments(&directory, view))))
 }
 
-/// Whether the run has a folder for moments.
-pub(crate) fn is_there(run: &Path) -> bool {
-    run.join(layout::MOMENTS).is_dir()
-}
-
 impl Drop for MomentWriter {
     /// A view of which nothing is committed leaves nothing behind.
     fn drop(&mut self) {
         if let Some(open) = self.open.take() {
             // A run that was moved keeps it there: at the path may be another run.
-            if !open.is_kept && open_file::is_at(open.file.get_ref(), &open.partial) {
+            if open_file::is_at(open.file.get_ref(), &open.partial) {
                 let _ = fs::remove_file(&open.partial);
             }
         }
@@ -343,7 +246,6 @@ impl Drop for MomentWriter {
 impl ViewInWork {
     fn put(&mut self, bytes: &[u8]) -> Result<()> {
         self.hash.update(bytes);
-        self.bytes += bytes.len() as u64;
         self.file
             .write_all(bytes)
             .map_err(|error| Error::file(&self.partial, "cannot be written", Some(error)))

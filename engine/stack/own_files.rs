@@ -84,13 +84,8 @@ fn refuse_links_in(folder: &Path) -> Result<()> {
     })
 }
 
-/// Removes the stacks under `root` of a run with this extent, but for the views in `keep`, and for
-/// the spool where `begun`: rows of a view are committed.
-pub(super) fn remove_stacks(
-    root: &Path,
-    extent: StackShape,
-    (keep, begun): (&[Exposure], bool),
-) -> Result<()> {
+/// Removes the stacks under `root` of a run with this extent, but for the views in `keep`.
+pub(super) fn remove_stacks(root: &Path, extent: StackShape, keep: &[Exposure]) -> Result<()> {
     for stack in layout::STACKS {
         if !layout::has_folders(extent, stack) {
             if !keep.contains(&stack) {
@@ -108,10 +103,7 @@ pub(super) fn remove_stacks(
         })?;
         let _ = fs::remove_dir(folder);
     }
-    if !begun {
-        remove_frames(&root.join(layout::PARTIAL), extent)?;
-    }
-    Ok(())
+    remove_frames(&root.join(layout::PARTIAL), extent)
 }
 
 /// Removes the frames (and the spool) in a directory, and the directory if nothing else is in it.

@@ -194,15 +194,14 @@ impl Plan {
     /// # Errors
     /// [`Error::File`].
     pub(super) fn refuse_other(&self, path: &Path, file: &RunFile, shard: Shard) -> Result<()> {
-        // A record without the hash is compared by the rest.
-        let is_other = file.scene_sha256.as_ref().is_some_and(|hash| *hash != self.scene_sha256);
+        let is_other = file.scene_sha256.as_ref() != Some(&self.scene_sha256);
         let what = match file.shard {
             Some(found) if found != shard => format!("it is shard {found}, here is shard {shard}"),
             Some(_) if is_other => "its scene differs".to_owned(),
             Some(_) if file.extent != self.extent || file.format != self.format => {
                 "its stacks have another shape or format".to_owned()
             }
-            Some(_) if file.keep_moments != Some(self.keep_moments) => {
+            Some(_) if file.keep_moments != self.keep_moments => {
                 "they differ in keep_moments".to_owned()
             }
             Some(_) => return Ok(()),

@@ -6,14 +6,9 @@
 //! `[step][row][column]`: the same for every file format, and in Python
 //! `hashlib.sha256(sample[v].tobytes()).hexdigest()`. Where there are counts, a line of theirs
 //! (`counts/sample/0`) stands before the line of the view, and the view counts with both.
-//! A fourth word, `tally:` and JSON, has the counts of the view's rays that are not zero.
-//!
-//! Views that take long have a line for each block of rows before (`sample/3/rows/0-64`), with the
-//! checksum of these rows, and where moments are kept one (`moments/sample/3/rows/0-64`) with the bytes
-//! and the checksum of the beginning of their file. They count until the view has a line.
+//! Its fourth word, `tally:` and JSON, has the counts of the view's rays that are not zero.
 
-use super::layout::{self, Line};
-use super::moment_file::Beginning;
+use super::layout;
 use crate::locked_file::LockedFile;
 use crate::scene::{Exposure, text_hash};
 use crate::whole_file::refuse_link;
@@ -21,7 +16,6 @@ use crate::{Error, Result, Tally, input_file, open_file};
 use std::collections::BTreeMap;
 use std::fs::OpenOptions;
 use std::io::{ErrorKind, Read, Seek, SeekFrom, Write};
-use std::ops::Range;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
@@ -42,18 +36,8 @@ pub(super) struct Entry {
     pub(super) sha256: String,
     /// SHA-256 of the counts, where the view has them beside its intensities.
     pub(super) counts: Option<String>,
-    /// Counts of its rays; logs of earlier versions have none.
-    pub(super) tally: Option<Tally>,
-}
-
-/// A block of rows of a view that is not committed, as the log knows it.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub(super) struct Block {
-    pub(super) rows: Range<u32>,
-    /// Of its rows in every step.
-    pub(super) entry: Entry,
-    /// Moments of the view up to the last of its rows, where moments are kept.
-    pub(super) kept: Option<Beginning>,
+    /// Counts of its rays.
+    pub(super) tally: Tally,
 }
 
 /// The open log. It is locked while it is open: one writer per run directory.
@@ -154,20 +138,7 @@ impl ProgressLog {
 
     /// Appends a line and syncs it.
     pub(super) fn append(&mut self, view: Exposure, entry: &Entry) -> Result<()> {
-        self.write(&lines([layout::view(view, true), layout::view(view, false)], entry))
-    }
-
-    /// Appends the lines of a block of rows, the last of which makes it count, and syncs them.
-    pub(super) fn append_rows(&mut self, view: Exposure, block: &Block) -> Result<()> {
-        let names = [true, false].map(|counts| layout::rows(view, counts, &block.rows));
-        let kept = block.kept.as_ref().map(|kept| {
-            let name = layout::moments_of_rows(view, &block.rows);
-            format!("{name} {} sha256:{}\n", kept.bytes, kept.sha256)
-        });
-        self.write(&(kept.unwrap_or_default() + &lines(names, &block.entry)))
-    }
-
-    fn write(&mut self, lines: &str) -> Result<()> {
+        let lines = lines(view, entry);
         self.file
             .write_all(lines.as_bytes())
             .and_then(|()| self.file.sync_data())
@@ -184,11 +155,12 @@ pub(super) fn is_locked(path: &Path) -> bool {
     }
 }
 
-/// The lines of a view or block by the names of its counts and of itself.
-fn lines([counts, own]: [String; 2], entry: &Entry) -> String {
+/// The lines of a view: of its counts, and of itself.
+fn lines(view: Exposure, entry: &Entry) -> String {
+    let [counts, own] = [true, false].map(|counts| layout::view(view, counts));
     let bytes = entry.bytes;
     let counts = entry.counts.as_ref().map(|sha256| format!("{counts} {bytes} sha256:{sha256}\n"));
-    let tally = entry.tally.as_ref().map(tally_word).unwrap_or_default();
+    let tally = tally_word(&entry.tally);
     counts.unwrap_or_default() + &format!("{own} {bytes} sha256:{}{tally}\n", entry.sha256)
 }
 
@@ -199,8 +171,6 @@ pub(super) struct Contents {
     pub(super) sha256: String,
     /// Views that are committed.
     pub(super) views: BTreeMap<Exposure, Entry>,
-    /// Blocks of views, by their first row.
-    pub(super) blocks: BTreeMap<(Exposure, u32), Block>,
 }
 
 /// The committed views of a log; a missing log is an empty one.
@@ -208,7 +178,7 @@ pub(super) fn read(path: &Path) -> Result<BTreeMap<Exposure, Entry>> {
     read_all(path).map(|contents| contents.views)
 }
 
-/// Reads a log; the last line of a view or block counts. A missing log is an empty one.
+/// Reads a log; the last line of a view counts. A missing log is an empty one.
 pub(super) fn read_all(path: &Path) -> Result<Contents> {
     let bytes = match input_file::read(path, MOST) {
         Ok(bytes) => bytes,
@@ -220,49 +190,35 @@ pub(super) fn read_all(path: &Path) -> Result<Contents> {
     let text = String::from_utf8_lossy(&bytes);
     // Lines before the line that they belong to.
     let mut counts = BTreeMap::new();
-    let mut kept = BTreeMap::new();
     for (index, line) in text.split_inclusive('\n').enumerate() {
         let Some(line) = line.strip_suffix('\n') else { break };
-        let (what, mut entry) = parse(line).ok_or_else(|| {
+        let ((view, is_counts), mut entry) = parse(line).ok_or_else(|| {
             let problem = format!(
-                "line {} is not \"view bytes sha256:checksum [tally:{{…}}]\": found {line:?}",
+                "line {} is not \"view bytes sha256:checksum tally:{{…}}\": found {line:?}",
                 index + 1
             );
             Error::file(path, problem, None)
         })?;
-        match what {
-            Line::View(view, true) => drop(counts.insert((view, [0; 2]), entry.sha256)),
-            Line::Rows(view, true, rows) => {
-                drop(counts.insert((view, [rows.start, rows.end]), entry.sha256))
-            }
-            Line::Moments(view, rows) => {
-                let Entry { bytes, sha256, .. } = entry;
-                kept.insert((view, [rows.start, rows.end]), Beginning { bytes, sha256 });
-            }
-            Line::View(view, false) => {
-                entry.counts = counts.remove(&(view, [0; 2]));
-                contents.views.insert(view, entry);
-            }
-            Line::Rows(view, false, rows) => {
-                let place = (view, [rows.start, rows.end]);
-                entry.counts = counts.remove(&place);
-                let kept = kept.remove(&place);
-                contents.blocks.insert((view, rows.start), Block { rows, entry, kept });
-            }
+        if is_counts {
+            counts.insert(view, entry.sha256);
+        } else {
+            entry.counts = counts.remove(&view);
+            contents.views.insert(view, entry);
         }
     }
     Ok(contents)
 }
 
-/// Kind and entry of a line.
-fn parse(line: &str) -> Option<(Line, Entry)> {
+/// View and entry of a line, and whether it is the line of the view's counts.
+fn parse(line: &str) -> Option<((Exposure, bool), Entry)> {
     let mut words = line.split(' ');
-    let what = layout::line_named(words.next()?)?;
+    let what = layout::view_named(words.next()?)?;
     let bytes = words.next()?.parse().ok()?;
     let sha256 = words.next()?.strip_prefix("sha256:")?.to_owned();
-    let tally = match words.next() {
-        Some(word) => Some(serde_json::from_str(word.strip_prefix(TALLY)?).ok()?),
-        None => None,
+    // Lines of counts have none.
+    let tally = match (&what, words.next()) {
+        (_, Some(word)) => serde_json::from_str(word.strip_prefix(TALLY)?).ok()?,
+        ((_, is_counts), None) => is_counts.then(Tally::default)?,
     };
     let whole = sha256.len() == 64 && words.next().is_none();
     whole.then_some((what, Entry { bytes, sha256, counts: None, tally }))
@@ -290,7 +246,12 @@ mod tests {
     }
 
     fn entry(digit: char) -> Entry {
-        Entry { bytes: 44, sha256: digit.to_string().repeat(64), counts: None, tally: None }
+        Entry {
+            bytes: 44,
+            sha256: digit.to_string().repeat(64),
+            counts: None,
+            tally: Tally::default(),
+        }
     }
 
     #[test]
@@ -318,7 +279,7 @@ mod tests {
         let mut log = open(&path);
         log.append(Exposure::Flat(0), &entry('a')).unwrap();
         log.append(Exposure::Sample(12345), &entry('b')).unwrap();
-        let counted = Entry { tally: Some(Tally { rays: 7, ..Tally::default() }), ..entry('d') };
+        let counted = Entry { tally: Tally { rays: 7, ..Tally::default() }, ..entry('d') };
         log.append(Exposure::Sample(0), &counted).unwrap();
         log.append(Exposure::Flat(0), &entry('c')).unwrap();
         let read = read(&path).unwrap();

@@ -22,9 +22,6 @@ pub struct RunStart {
     /// SHA-256 of the meshes by the name of their object, as
     /// [`crate::geometry::ObjectSummary::hash`]; shapes have none.
     pub mesh_hashes: BTreeMap<String, String>,
-    /// Rows of the blocks that long views are committed by; `None`: views are committed whole.
-    #[serde(default)]
-    pub block_rows: Option<u32>,
 }
 
 impl RunStart {
@@ -42,7 +39,6 @@ impl RunStart {
             backend_reason: backend_reason.into(),
             search: None,
             mesh_hashes: BTreeMap::new(),
-            block_rows: None,
         }
     }
 }
@@ -91,8 +87,7 @@ pub struct RunRecord {
     pub backend: Backend,
     /// Why that backend.
     pub backend_reason: String,
-    /// Counts by which the backend was chosen; `None` without a choice, and in records of earlier
-    /// versions.
+    /// Counts by which the backend was chosen; `None` without a choice.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub search: Option<SearchCounts>,
     /// Seed.
@@ -101,13 +96,11 @@ pub struct RunRecord {
     pub tally: Tally,
     /// Rays and errors of the patches that the sample touches; `None`: unknown, as under
     /// `scheme = "random"`, or nothing was sampled.
-    #[serde(default)]
     pub sampling: Option<SamplingSummary>,
     /// Largest error of a recorded value from edges off the rotation centre, share of open beam: the spot
     /// blurs them as if they were at the centre. Estimated by rays, or bounded if the bound is within the
     /// tolerance. `None`: unknown, as for kept moments; and under `scheme = "random"`, which has no such
     /// error.
-    #[serde(default)]
     pub edge_error: Option<f64>,
     /// Seconds by stage.
     pub seconds: BTreeMap<String, f64>,

@@ -13,14 +13,13 @@ use super::frames::Frames;
 use super::geometry_file::GeometryFile;
 use super::image_folder::{ImageDirectory, Kind};
 use super::layout::{self, COUNTS, GEOMETRY, LOG, PARTIAL, RUN, SCENE};
-use super::moment_file::Beginning;
 use super::own_files::{self, remove_file, remove_frames, remove_stacks};
 use super::plan;
 use super::progress_log::ProgressLog;
 use super::record::{RunRecord, RunStart};
 use super::run_file::{RunFile, RunState};
 use super::scene_file;
-use super::shape::{StackShape, ViewAngles};
+use super::shape::StackShape;
 use super::shard::{Part, Shard};
 use super::sink::Sink;
 use super::values::Values;
@@ -55,7 +54,6 @@ pub struct RunDirectory {
     format: Format,
     overwrite: bool,
     allow_mixed: bool,
-    allow_unhashed: bool,
     keep_moments: bool,
     /// `key=value` that the scene was loaded with, for scene.toml.
     overrides: Vec<String>,
@@ -98,7 +96,6 @@ impl RunDirectory {
             format,
             overwrite: false,
             allow_mixed: false,
-            allow_unhashed: false,
             keep_moments: false,
             overrides: Vec::new(),
             command: None,
@@ -113,14 +110,6 @@ impl RunDirectory {
     #[must_use]
     pub fn allow_mixed(mut self, allow: bool) -> Self {
         self.allow_mixed = allow;
-        self
-    }
-
-    /// Allows resuming a run whose scene.toml lacks hashes of files that the scene refers to: changes of
-    /// these files cannot be found.
-    #[must_use]
-    pub fn allow_unhashed(mut self, allow: bool) -> Self {
-        self.allow_unhashed = allow;
         self
     }
 
@@ -217,16 +206,15 @@ impl RunDirectory {
             }
         }
         // Moments that were committed are beamlet's, however little their beginning shows it.
-        let recorded = self.resumed.as_ref().filter(|run| run.file.keep_moments == Some(true));
+        let recorded = self.resumed.as_ref().filter(|run| run.file.keep_moments);
         for view in recorded.map_or(&[][..], |resumed| &resumed.again) {
             if let Exposure::Sample(index) = view {
                 let directory = self.path.join(layout::MOMENTS);
                 remove_file(&layout::moments(&directory, *index))?;
             }
         }
-        let begun = self.resumed.as_ref().is_some_and(|resumed| resumed.begun.is_some());
-        remove_stacks(&counts, earlier, (keep, begun))?;
-        remove_stacks(&self.path, earlier, (keep, begun))?;
+        remove_stacks(&counts, earlier, keep)?;
+        remove_stacks(&self.path, earlier, keep)?;
         let _ = fs::remove_dir(counts);
         Ok(())
     }
@@ -236,25 +224,19 @@ impl Sink for RunDirectory {
     fn begin(&mut self, scene: &Scene, start: &RunStart) -> Result<()> {
         let extent = StackShape::of(scene)?;
         let scene = &scene.with_file_hashes()?;
-        let mut file = RunFile::begin(self.format, extent, scene.sampling.seed, start);
-        file.keep_moments = Some(self.keep_moments);
-        file.title.clone_from(&scene.title);
-        file.view_angles = Some(ViewAngles::of(scene));
-        file.flats_before_views = scene.scan.flats_every.map(|_| scene.scan.flat_places());
-        file.darks_before_views = scene.scan.darks_every.map(|_| scene.scan.dark_places());
+        let mut file = RunFile::begin(self.format, extent, scene, start);
+        file.keep_moments = self.keep_moments;
         (file.shard, file.scene_sha256) = (self.shard, self.scene_sha256.clone());
         file.host = self.shard.and_then(|_| planned::host());
         let scene_path = self.root.join(SCENE);
         if self.is_planned || self.resumed.is_some() {
             let hashes = Some(&start.mesh_hashes);
             let differences = scene_file::differences(&scene_path, scene, hashes)?;
-            refuse_other_scene(&self.root, &differences.found)?;
-            self.refuse_unhashed(&differences.unhashed)?;
+            refuse_other_scene(&self.root, &differences)?;
         }
         if let Some(resumed) = &self.resumed {
             self.refuse_mixed(&resumed.file.record.platform(), &file.record.platform())?;
             file.resumed_views = numbers::count(resumed.committed.len());
-            file.uncounted_views = resumed.uncounted;
             file.go_on_from(&resumed.file);
         }
         file.commands.extend(self.command.clone());
@@ -296,8 +278,8 @@ impl Sink for RunDirectory {
         let frames = frames(&self.path, Values::Intensities, noisy)?;
         // Files that were made here last from now on.
         sync_directory(&self.path)?;
-        let (since, before, tally) = (Instant::now(), file.duration_s, None);
-        let mut open = Begun {
+        let (since, before) = (Instant::now(), file.duration_s);
+        let open = Begun {
             file,
             part,
             since,
@@ -305,12 +287,9 @@ impl Sink for RunDirectory {
             log,
             frames,
             counts,
-            tally,
+            tally: Tally::default(),
             next: [0; 2],
-            has_rows: false,
         };
-        let begun = self.resumed.as_ref().and_then(|resumed| resumed.begun.as_ref());
-        begun.map_or(Ok(()), |begun| open.resume_view(begun))?;
         self.open = Some(open);
         Ok(())
     }
@@ -331,19 +310,8 @@ impl Sink for RunDirectory {
     }
 
     fn tally(&mut self, _view: Exposure, tally: &Tally) -> Result<()> {
-        opened(&mut self.open, &self.path)?.tally = Some(*tally);
+        opened(&mut self.open, &self.path)?.tally = *tally;
         Ok(())
-    }
-
-    fn commit_rows(
-        &mut self,
-        view: Exposure,
-        rows: Range<u32>,
-        tally: &Tally,
-        kept: Option<&Beginning>,
-    ) -> Result<()> {
-        let open = opened(&mut self.open, &self.path)?;
-        open.in_place(|open| open.commit_rows(view, rows, tally, kept))
     }
 
     fn commit(&mut self, view: Exposure) -> Result<()> {
@@ -359,8 +327,7 @@ impl Sink for RunDirectory {
             return Err(Error::file(&self.path, problem, None));
         }
         open.in_place(|open| open.commit(view))?;
-        // Only now: committed rows outlast a commit that fails.
-        (open.next, open.has_rows) = ([0; 2], false);
+        open.next = [0; 2];
         Ok(())
     }
 
@@ -387,11 +354,8 @@ impl Drop for RunDirectory {
         if let Some(mut open) = self.open.take().filter(|open| open.log.refuse_moved().is_ok()) {
             // Where it cannot be written the run is still known for one that is not done.
             let _ = open.end(&self.path, RunState::Interrupted);
-            // Rows that are committed stay for a run that goes on.
-            if !open.has_rows {
-                for root in [self.path.join(COUNTS), self.path.clone()] {
-                    let _ = remove_frames(&root.join(PARTIAL), open.file.extent);
-                }
+            for root in [self.path.join(COUNTS), self.path.clone()] {
+                let _ = remove_frames(&root.join(PARTIAL), open.file.extent);
             }
         }
     }

@@ -5,6 +5,7 @@ use super::shape::{StackShape, ViewAngles};
 use super::shard::Shard;
 use crate::array_file::Format;
 use crate::input_file;
+use crate::scene::Scene;
 use crate::{Error, Result};
 use serde::{Deserialize, Serialize};
 use std::path::Path;
@@ -23,14 +24,12 @@ pub enum RunState {
     Done,
 }
 
-/// The layout of run directories that this version writes; it reads earlier ones, too. 0: run.json
-/// without a number.
+/// The layout of run directories that this version writes and reads.
 pub const FORMAT_VERSION: u32 = 1;
 
 /// What every layout has: its number.
 #[derive(Deserialize)]
 struct Versioned {
-    #[serde(default)]
     format_version: u32,
 }
 
@@ -38,8 +37,7 @@ struct Versioned {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[non_exhaustive]
 pub struct RunFile {
-    /// Layout of the run directory, up to [`FORMAT_VERSION`].
-    #[serde(default)]
+    /// Layout of the run directory: [`FORMAT_VERSION`].
     pub format_version: u32,
     /// How far the run came.
     pub state: RunState,
@@ -47,23 +45,19 @@ pub struct RunFile {
     pub format: Format,
     /// Shape of the stacks.
     pub extent: StackShape,
-    /// When the run began, and when run.json was written last: UTC, RFC 3339. `None` in runs of
-    /// earlier versions. Dates, durations and command lines say nothing about the stacks: neither
-    /// resuming nor comparing looks at them.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub began: Option<String>,
+    /// When the run began, and when run.json was written last: UTC, RFC 3339. Dates, durations and
+    /// command lines say nothing about the stacks: neither resuming nor comparing looks at them.
+    pub began: String,
     /// See `began`.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub written: Option<String>,
+    pub written: String,
     /// Seconds that the run took so far by the clock on the wall, all its parts together.
-    #[serde(default)]
     pub duration_s: f64,
     /// Title of the scene.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub title: Option<String>,
-    /// Angles of the views; `None` in runs of earlier versions.
+    /// Angles of the views.
     #[serde(flatten)]
-    pub view_angles: Option<ViewAngles>,
+    pub view_angles: ViewAngles,
     /// For each flat the view before which it is taken, the number of views for a flat behind the last;
     /// `None` where one flat serves all views.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -75,18 +69,9 @@ pub struct RunFile {
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub commands: Vec<String>,
     /// Views that existed already when the run was resumed; times exclude them.
-    #[serde(default)]
     pub resumed_views: u32,
-    /// Views among them without counts in progress.log (runs of earlier versions), which the tally
-    /// excludes.
-    #[serde(default, skip_serializing_if = "is_zero")]
-    pub uncounted_views: u32,
-    /// Whether moments of the rays are kept; `None` in runs of earlier versions.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub keep_moments: Option<bool>,
-    /// Rows of the blocks that views are committed by, from row 0 on; `None`: views are committed whole.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub block_rows: Option<u32>,
+    /// True if moments of the rays are kept.
+    pub keep_moments: bool,
     /// The part of the run that this folder holds; `None`: all of it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub shard: Option<Shard>,
@@ -115,7 +100,7 @@ pub struct JoinedShard {
     #[serde(flatten)]
     pub platform: Platform,
     /// When it began: UTC, RFC 3339.
-    pub began: Option<String>,
+    pub began: String,
     /// Seconds by the clock.
     pub duration_s: f64,
 }
@@ -125,36 +110,35 @@ pub(crate) fn now() -> String {
     humantime::format_rfc3339_seconds(SystemTime::now()).to_string()
 }
 
-#[allow(clippy::trivially_copy_pass_by_ref, reason = "serde hands over a reference")]
-const fn is_zero(count: &u32) -> bool {
-    *count == 0
-}
-
 impl RunFile {
-    /// The file of a run that begins.
-    pub(super) fn begin(format: Format, extent: StackShape, seed: u64, start: &RunStart) -> Self {
+    /// The file of a run of a scene that begins.
+    pub(super) fn begin(
+        format: Format,
+        extent: StackShape,
+        scene: &Scene,
+        start: &RunStart,
+    ) -> Self {
+        let scan = &scene.scan;
         Self {
             format_version: FORMAT_VERSION,
             state: RunState::Running,
             format,
             extent,
-            began: Some(now()),
-            written: None,
+            began: now(),
+            written: String::new(),
             duration_s: 0.0,
-            title: None,
-            view_angles: None,
-            flats_before_views: None,
-            darks_before_views: None,
+            title: scene.title.clone(),
+            view_angles: ViewAngles::of(scene),
+            flats_before_views: scan.flats_every.map(|_| scan.flat_places()),
+            darks_before_views: scan.darks_every.map(|_| scan.dark_places()),
             commands: Vec::new(),
             resumed_views: 0,
-            uncounted_views: 0,
-            keep_moments: None,
-            block_rows: start.block_rows,
+            keep_moments: false,
             shard: None,
             scene_sha256: None,
             host: None,
             shards: Vec::new(),
-            record: RunRecord::begin(start, seed),
+            record: RunRecord::begin(start, scene.sampling.seed),
         }
     }
 
@@ -169,7 +153,7 @@ impl RunFile {
     /// Reads a run.json.
     ///
     /// # Errors
-    /// [`Error::File`] where it is missing, was not written by beamlet, or has a layout of a later
+    /// [`Error::File`] where it is missing, was not written by beamlet, or has the layout of another
     /// version.
     pub fn read(path: &Path) -> Result<Self> {
         let text = input_file::text(path)
@@ -179,11 +163,10 @@ impl RunFile {
         };
         let versioned = serde_json::from_str::<Versioned>(&text);
         match versioned.map_err(|error| refused(error.to_string()))?.format_version {
-            0..=FORMAT_VERSION => {}
-            later => {
+            FORMAT_VERSION => {}
+            found => {
                 let problem = format!(
-                    "has the format_version {later}; this version of beamlet reads runs up to \
-                     {FORMAT_VERSION}"
+                    "has the format_version {found}; this version of beamlet reads {FORMAT_VERSION}"
                 );
                 return Err(Error::file(path, problem, None));
             }
@@ -195,7 +178,7 @@ impl RunFile {
 
     /// Writes it whole or not at all.
     pub(super) fn write(&self, path: &Path) -> Result<()> {
-        let dated = Self { written: Some(now()), ..self.clone() };
+        let dated = Self { written: now(), ..self.clone() };
         let mut text = serde_json::to_string_pretty(&dated)
             .map_err(|error| Error::file(path, format!("cannot be written: {error}"), None))?;
         text.push('\n');

@@ -31,22 +31,13 @@ pub(super) fn keep_tolerances(path: &Path, scene: &mut Scene) {
     own.angle_tolerance = own.angle_tolerance.or(angle);
 }
 
-/// How a scene differs from a stored one.
-#[derive(Debug)]
-pub(super) struct Differences {
-    /// Keys and files that differ, with both values.
-    pub(super) found: Vec<String>,
-    /// Files that the stored scene has no hash of.
-    pub(super) unhashed: Vec<String>,
-}
-
-/// How `scene`, with the hashes of its files, differs from the scene stored at `path`.
+/// Keys and files of `scene`, with their hashes, that differ from the scene stored at `path`, with both values.
 /// `mesh_hashes`: `None` leaves the meshes' hashes out.
 pub(super) fn differences(
     path: &Path,
     scene: &Scene,
     mesh_hashes: Option<&BTreeMap<String, String>>,
-) -> Result<Differences> {
+) -> Result<Vec<String>> {
     let text =
         input_file::text(path).map_err(|error| Error::file(path, "cannot be read", Some(error)))?;
     let mut stored = parse(path, &text)?;
@@ -63,17 +54,13 @@ pub(super) fn differences(
     }
     let mut found = Vec::new();
     compare("", Some(&stored), Some(&now), &mut found);
-    let found = found.into_iter().map(|(key, values)| format!("{key}: {values}")).collect();
-    let mut differences = Differences { found, unhashed: Vec::new() };
+    let mut differences: Vec<String> =
+        found.into_iter().map(|(key, values)| format!("{key}: {values}")).collect();
     for (file, hash) in &files {
-        match stored_files.get(file) {
-            Some(stored) if stored == hash => {}
-            Some(stored) => {
-                let values =
-                    format!("sha256 there {}, here {}", word(Some(stored)), word(Some(hash)));
-                differences.found.push(format!("{file}: {values}"));
-            }
-            None => differences.unhashed.push(file.clone()),
+        let stored = stored_files.get(file);
+        if stored != Some(hash) {
+            let values = format!("sha256 there {}, here {}", word(stored), word(Some(hash)));
+            differences.push(format!("{file}: {values}"));
         }
     }
     Ok(differences)

@@ -1,6 +1,5 @@
 //! The interface that a run hands its stacks to.
 
-use super::moment_file::Beginning;
 use super::record::{RunRecord, RunStart};
 use crate::scene::{Exposure, Scene};
 use crate::{Result, Tally};
@@ -39,22 +38,6 @@ pub trait Sink {
     /// # Errors
     /// Where the counts cannot be kept.
     fn tally(&mut self, _view: Exposure, _tally: &Tally) -> Result<()> {
-        Ok(())
-    }
-
-    /// A block of rows of a view has been written, and more follow: keep it, so that a run that is ended
-    /// goes on behind it. `tally` has the counts of these rows; `kept` is the part of the view's
-    /// moments up to them, where moments are kept.
-    ///
-    /// # Errors
-    /// Where the data cannot be kept.
-    fn commit_rows(
-        &mut self,
-        _view: Exposure,
-        _rows: Range<u32>,
-        _tally: &Tally,
-        _kept: Option<&Beginning>,
-    ) -> Result<()> {
         Ok(())
     }
 

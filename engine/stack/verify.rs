@@ -3,7 +3,7 @@
 use super::frames::StoredFrames;
 use super::layout::{self, COUNTS, LOG, RUN, SCENE};
 use super::plan;
-use super::progress_log::{self, Block, Entry};
+use super::progress_log::{self, Entry};
 use super::read::read_scene;
 use super::run_file::{RunFile, RunState};
 use super::shape::{StackShape, views};
@@ -73,7 +73,7 @@ pub fn check_run(path: &Path) -> Result<RunCheck> {
     } else if file.state != RunState::Done {
         problems.push(format!("{place}: every view is committed, but the run has not ended"));
     }
-    let keeps = file.keep_moments.unwrap_or_else(|| moment_file::is_there(path));
+    let keeps = file.keep_moments;
     let lost = if keeps { moments([path; 2], &found.whole) } else { Vec::new() };
     let of_sample = found.whole.iter().filter(|view| matches!(view, Exposure::Sample(_))).count();
     let kept = keeps.then_some(of_sample - lost.len());
@@ -130,41 +130,6 @@ pub(super) fn frames(
         }
     }
     found
-}
-
-/// Blocks of a view that is not committed, from row 0 on, that have the checksums of the log; of a run of
-/// `scene` with blocks of `height` rows. `keeps`: moments are kept, too.
-pub(super) fn blocks(
-    path: &Path,
-    format: Format,
-    part: Part,
-    scene: &Scene,
-    (view, height, keeps): (Exposure, u32, bool),
-    found: &BTreeMap<(Exposure, u32), Block>,
-) -> Vec<Block> {
-    let stored = StoredFrames::of(format, part, scene);
-    let counts = scene.detector.counts.is_some();
-    let row_bytes = 4 * u64::from(part.extent.columns) * u64::from(part.extent.steps);
-    let is_whole = |block: &Block| -> Result<bool> {
-        let rows = &block.rows;
-        let checksum = |root: &Path, values| stored.checksum_of_rows(root, values, view, rows);
-        let numbers =
-            if counts { Some(checksum(&path.join(COUNTS), Values::Numbers)?) } else { None };
-        let kept = match (&block.kept, view) {
-            (Some(kept), Exposure::Sample(index)) if keeps => {
-                moment_file::is_beginning(path, index, kept)
-            }
-            _ => !keeps || view.is_flat(),
-        };
-        Ok(kept
-            && rows.end - rows.start == height
-            && rows.end < part.extent.rows
-            && block.entry.bytes == row_bytes * rows.len() as u64
-            && numbers == block.entry.counts
-            && checksum(path, Values::Intensities)? == block.entry.sha256)
-    };
-    let each = (0..).step_by(height.max(1) as usize).map_while(|row| found.get(&(view, row)));
-    each.take_while(|block| is_whole(block).unwrap_or(false)).cloned().collect()
 }
 
 /// Views among `views` whose kept moments are missing or damaged, with the defect. `folders`: the folder

@@ -241,3 +241,24 @@ fn ten_thousand_views_take_what_check_tells() {
     let sets = ["--set", VIEWS, "--set", "detector.pixels=[8,2]"];
     compare("10000 views of 8 x 2", place.path(), &small_rod(), &sets);
 }
+
+/// Runs of 2,000 and of 200 views have the same peak within 4 MiB: angles, log and record of a view
+/// take about a kilobyte.
+#[test]
+#[ignore = "a minute: in .ci/long"]
+fn memory_is_flat_over_two_thousand_views() {
+    let peak = |views: u32| {
+        let place = tempfile::tempdir().unwrap();
+        let scene = SCENE.replace("OBJECT", &small_rod());
+        fs::write(place.path().join("scene.toml"), scene).unwrap();
+        let angles =
+            format!("scan.angles={{ from = \"0 deg\", to = \"360 deg\", count = {views} }}");
+        let words = ["--set", &angles, "--set", "sampling.tolerance=1e-3", "--format", "npy"];
+        let (peak, message, ended) = watched(place.path(), &words);
+        assert!(ended.success(), "{message}");
+        peak
+    };
+    let [few, many] = [200, 2000].map(peak);
+    println!("measured peaks of 200 and 2,000 views: {few} and {many} bytes");
+    assert!(many < few + (4 << 20), "{few} and {many} bytes");
+}

@@ -69,18 +69,10 @@ fn assert_whole(place: &Path, run: &str) -> Vec<Exposure> {
 }
 
 /// What run.json tells of when and how a run was made.
-const OF_THIS_TIME: [&str; 8] = [
-    "began",
-    "written",
-    "duration_s",
-    "commands",
-    "seconds",
-    "resumed_views",
-    "shards",
-    "block_rows",
-];
+const OF_THIS_TIME: [&str; 7] =
+    ["began", "written", "duration_s", "commands", "seconds", "resumed_views", "shards"];
 
-/// Files of a run, by name: every file byte by byte, but for the order of lines of progress.log, its blocks
+/// Files of a run, by name: every file byte by byte, but for the order of lines of progress.log
 /// and for times and rates in run.json. All of its `views` have to verify.
 fn contents(place: &Path, run: &str, views: usize) -> BTreeMap<PathBuf, Vec<u8>> {
     assert_eq!(assert_whole(place, run).len(), views);
@@ -98,8 +90,6 @@ fn contents(place: &Path, run: &str, views: usize) -> BTreeMap<PathBuf, Vec<u8>>
             let mut bytes = fs::read(&path).unwrap();
             if name == Path::new("progress.log") {
                 let mut lines: Vec<_> = bytes.split(|byte| *byte == b'\n').collect();
-                // Blocks end with their view; a joined run has none.
-                lines.retain(|line| !String::from_utf8_lossy(line).contains("/rows/"));
                 lines.sort();
                 bytes = lines.join(&b'\n');
             } else if name == Path::new("run.json") {

@@ -7,10 +7,8 @@ mod support;
 mod big_input;
 mod big_tiff;
 #[cfg(all(feature = "cli", target_os = "linux"))]
-mod blocks;
 mod crash;
 #[cfg(feature = "cli")]
-mod earlier_runs;
 mod endless;
 mod ends;
 #[cfg(all(feature = "cli", unix))]

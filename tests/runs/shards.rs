@@ -130,7 +130,7 @@ fn shards_and_joins_that_are_ended_at_random_moments_go_on_to_the_same_bytes() {
     let (mut killed, mut whole) = (0, 0);
     for options in [["--format", "npy"], ["--format", "exr"], ["--format", "tiff"]] {
         let place = planned(3, &options);
-        of_one_run(&place, &[&options[..], &["--block-rows", "1"]].concat());
+        of_one_run(&place, &options);
         let goal = killed + kills().div_ceil(3);
         while killed < goal {
             if !place.path("run").exists() {
@@ -142,7 +142,7 @@ fn shards_and_joins_that_are_ended_at_random_moments_go_on_to_the_same_bytes() {
             let shard = format!("{}/3", turn % 3);
             let words = match turn {
                 4 => vec!["join", "run", "-q"],
-                _ => [&words(&shard)[..], &["--block-rows", "1"]].concat(),
+                _ => words(&shard).to_vec(),
             };
             let mut command = crate::support::program::beamlet(place.path(""));
             command.args(&words).stdout(Stdio::piped()).stderr(Stdio::piped());
@@ -164,8 +164,7 @@ fn shards_and_joins_that_are_ended_at_random_moments_go_on_to_the_same_bytes() {
         }
         if place.path("run").exists() {
             for shard in ["0/3", "1/3", "2/3"] {
-                let words = [&words(shard)[..], &["--block-rows", "1"]].concat();
-                ended(&place.beamlet(&words), 0);
+                ended(&place.beamlet(&words(shard)), 0);
             }
             ended(&place.beamlet(&["join", "run"]), 0);
             assert_same(&place.path(""), VIEWS);

@@ -1,7 +1,6 @@
-//! Shapes with curved surfaces, in f64: sizes, containment, distances, crossings with lines
-//! (`crossings`), and facets in their place (`facets`). Each is centred in a frame of its own, along z.
+//! Shapes with curved surfaces, in f64: sizes, containment, distances, and facets in their place
+//! (`facets`). Each is centred in a frame of its own, along z.
 
-mod crossings;
 mod facets;
 #[cfg(test)]
 mod tests;
@@ -151,15 +150,6 @@ impl AnalyticShape {
     /// Whether it holds all that lies between its points.
     pub(crate) const fn is_convex(self) -> bool {
         !matches!(self, Self::Torus { .. } | Self::Tube(_))
-    }
-
-    /// A point well inside.
-    pub(crate) fn inner_point(self) -> DVec3 {
-        match self.form() {
-            Form::Torus(radius, _) => DVec3::new(radius, 0.0, 0.0),
-            Form::Tube(it) => DVec3::new(it.outer.midpoint(it.inner), 0.0, 0.0),
-            Form::Frustum(_) | Form::Ellipsoid(_) => DVec3::ZERO,
-        }
     }
 
     /// The shape that it holds at a distance from its surface, m, or at most twice that at the tip of

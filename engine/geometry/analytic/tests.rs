@@ -1,4 +1,4 @@
-//! Shapes against closed forms, and crossings against what lies inside along a line.
+//! Shapes against closed forms.
 
 use std::f64::consts::PI;
 
@@ -41,93 +41,6 @@ const SHAPES: [AnalyticShape; 10] = [
 
 fn radius(shape: AnalyticShape) -> f64 {
     shape.bounds()[1].length()
-}
-
-#[test]
-fn crossings_are_where_lines_come_in_and_go_out() {
-    let mut draws = Draws(1);
-    for shape in SHAPES {
-        let reach = radius(shape);
-        let mut crossed = [0; 3];
-        for _ in 0..4000 {
-            let direction = draws.point() * 1.7;
-            let origin = shape.bounds()[1] * draws.point() - direction * draws.next() * reach;
-            let found = shape.crossings(origin, direction);
-            crossed[found.len() / 2] += 1;
-            // Between two crossings, and before and behind them, all of the line is on one side.
-            let far = 6.0 * reach / direction.length();
-            let mut ends = vec![-far];
-            ends.extend(found.iter().map(|it| it.t));
-            ends.push(far);
-            for (at, pair) in ends.windows(2).enumerate() {
-                assert!(pair[0] <= pair[1], "{shape:?} {ends:?}");
-                for _ in 0..40 {
-                    let point = origin + direction * (pair[0] + (pair[1] - pair[0]) * draws.next());
-                    // Next to the surface rounding decides.
-                    let near = shape.distance_bound(point).abs() < 1e-12 * reach;
-                    assert!(near || shape.contains(point) == (at % 2 == 1), "{shape:?} {found:?}");
-                }
-            }
-            for (at, crossing) in found.iter().enumerate() {
-                let point = origin + crossing.t * direction;
-                assert!(shape.distance_bound(point).abs() < 1e-12 * reach, "{shape:?} {point}");
-                assert_eq!(crossing.entering, at % 2 == 0);
-                assert!((crossing.normal.length() - 1.0).abs() < 1e-12);
-                assert!((crossing.normal.dot(direction) < 0.0) == crossing.entering, "{shape:?}");
-                let out = point + 1e-6 * reach * crossing.normal;
-                assert!(!shape.contains(out) || crossing.normal.dot(direction).abs() < 1e-3);
-            }
-        }
-        assert!(crossed[0] > 100 && crossed[1] > 500, "{shape:?} {crossed:?}");
-        let has_hole = matches!(shape, AnalyticShape::Torus { .. } | AnalyticShape::Tube(_));
-        assert_eq!(has_hole, crossed[2] > 20, "{shape:?} {crossed:?}");
-    }
-}
-
-#[test]
-fn crossings_of_axes_and_of_lines_along_surfaces_come_in_pairs() {
-    for shape in SHAPES {
-        let half = shape.bounds()[1];
-        for (axis, other) in [(DVec3::X, DVec3::Z), (DVec3::Y, DVec3::X), (DVec3::Z, DVec3::Y)] {
-            for off in [0.0, 0.5, 1.0 - 1e-15, 1.0, 1.0 + 1e-15] {
-                let found = shape.crossings(off * half * other - 1e-2 * axis, axis);
-                assert!(found.len().is_multiple_of(2), "{shape:?} {axis} {off}");
-                assert!(found.iter().all(|it| it.t.is_finite() && it.normal.is_finite()));
-            }
-        }
-    }
-    let cone = SHAPES[1];
-    let along = cone.crossings(DVec3::new(0.0, 0.0, -1.0), DVec3::Z);
-    assert_eq!(along.len(), 2);
-    assert!((along[1].t - along[0].t - 3e-3).abs() < 1e-15);
-    // Along a line of the cone's own, half a millimetre within it.
-    let steep = DVec3::new(-2.0, 0.0, 3.0);
-    let [entry, exit] = *cone.crossings(DVec3::new(1.5e-3, 0.0, -1.5e-3), steep) else { panic!() };
-    assert!((entry.t - 0.0).abs() < 1e-15 && exit.t > 0.5e-3, "{entry:?} {exit:?}");
-}
-
-#[test]
-fn chords_through_centres_are_the_closed_forms() {
-    let chord = |shape: AnalyticShape, origin: DVec3, direction: DVec3| {
-        let found = shape.crossings(origin, direction);
-        found.chunks(2).map(|pair| pair[1].t - pair[0].t).collect::<Vec<_>>()
-    };
-    let close = |found: Vec<f64>, expected: &[f64]| {
-        let all = found.iter().zip(expected).all(|(a, b)| (a - b).abs() < 1e-15);
-        assert!(all && found.len() == expected.len(), "{found:?} {expected:?}");
-    };
-    close(chord(SHAPES[0], DVec3::new(1e-3, 0.0, 0.0), DVec3::Y), &[2.0 * 3_f64.sqrt() * 1e-3]);
-    close(chord(SHAPES[3], DVec3::new(0.6e-3, 0.0, 0.0), DVec3::Y), &[1.6e-3]);
-    close(chord(SHAPES[4], DVec3::ZERO, DVec3::Y), &[8e-3]);
-    close(chord(SHAPES[6], DVec3::ZERO, DVec3::Y), &[0.8e-3, 0.8e-3]);
-    let inner = (4.6e-3_f64.powi(2) - 1e-6).sqrt();
-    let outer = (5.4e-3_f64.powi(2) - 1e-6).sqrt();
-    close(chord(SHAPES[6], DVec3::X * 1e-3, DVec3::Y), &[outer - inner; 2]);
-    close(chord(SHAPES[8], DVec3::ZERO, DVec3::Y), &[0.5e-3, 0.5e-3]);
-    // In through the upper end of the bore, across it and out through the wall.
-    let down = DVec3::new(1.0, 0.0, -1.0);
-    close(chord(SHAPES[8], DVec3::new(-1.4e-3, 0.0, 3e-3), down), &[0.5e-3]);
-    close(chord(SHAPES[8], DVec3::ZERO, DVec3::Z), &[]);
 }
 
 #[test]

@@ -56,16 +56,6 @@ impl Meetings {
         &self.of[part]
     }
 
-    /// Intersecting pairs of parts of two objects.
-    pub(super) fn between(&self, parts: &Parts, [a, b]: [usize; 2]) -> Vec<[u32; 2]> {
-        let of_first = parts.of[a].iter().copied().collect::<BTreeSet<u32>>();
-        let with = |first: u32| {
-            let met = self.of[first as usize].iter().copied();
-            met.filter(|it| parts.all[*it as usize].object == b).map(move |it| [first, it])
-        };
-        of_first.into_iter().flat_map(with).collect()
-    }
-
     /// The surroundings of each component. A body that intersects a part of an object is inside none of
     /// its parts.
     pub(in crate::geometry) fn around(
@@ -166,7 +156,7 @@ fn between(
                 if locked().contains(&pair) {
                     return !alone;
                 }
-                let meets = meet(corners, bodies[many].surface.corners(other), limit).is_some();
+                let meets = meet(corners, bodies[many].surface.corners(other), limit);
                 if meets {
                     locked().insert(pair);
                 }
@@ -179,16 +169,8 @@ fn between(
 
 /// Pairs of objects whose boxes come near each other.
 pub(in crate::geometry) fn pairs(bounds: &[[DVec3; 2]]) -> Vec<(usize, usize)> {
-    pairs_within(bounds, |a, b| tolerance(bounds[a], bounds[b]))
-}
-
-/// Pairs of objects whose boxes come within a distance of each other.
-pub(super) fn pairs_within(
-    bounds: &[[DVec3; 2]],
-    distance: impl Fn(usize, usize) -> f64,
-) -> Vec<(usize, usize)> {
     (0..bounds.len())
         .flat_map(|a| (a + 1..bounds.len()).map(move |b| (a, b)))
-        .filter(|(a, b)| near(bounds[*a], bounds[*b], distance(*a, *b)))
+        .filter(|(a, b)| near(bounds[*a], bounds[*b], tolerance(bounds[*a], bounds[*b])))
         .collect()
 }

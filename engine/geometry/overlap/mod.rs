@@ -6,15 +6,12 @@
 //! and properly nested parts do not change.
 
 mod closing;
-mod contact;
-mod contacts;
 mod meeting;
 mod parts;
 mod solid;
 
-use glam::DVec3;
 use rayon::prelude::*;
-use std::collections::HashSet;
+use std::collections::{BTreeSet, HashSet};
 use std::sync::OnceLock;
 use std::sync::atomic::{AtomicU64, Ordering};
 
@@ -23,10 +20,6 @@ use super::surface::Surface;
 use super::watch::{LoadStep, Task};
 use crate::error::{Error, Result};
 use crate::numbers;
-pub use contact::{Contact, ContactKind};
-pub(super) use contacts::{
-    Assembly, SOUNDINGS, THIN, arc, distance_of, most_arc, pairs_to_compare,
-};
 pub(super) use meeting::{Around, Meetings, pairs, tolerance};
 pub(super) use parts::Parts;
 pub(crate) use solid::PEAK_PER_CUT_TRIANGLE;
@@ -39,6 +32,8 @@ pub(super) struct Cuts {
     cutters: Vec<Vec<u32>>,
     /// Of each part, components of it that lie in a later object.
     covered: Vec<Vec<u32>>,
+    /// Objects with such components, and the later object around each.
+    covers: BTreeSet<[u32; 2]>,
     /// Of each object: the object around each of its components.
     pub(super) outside: Vec<Vec<Option<u32>>>,
     /// For each object: later ones that intersect or cover a part of it.
@@ -71,6 +66,7 @@ impl Cuts {
                 if let Some(cover) = containers().map(object_of).find(|it| *it > object) {
                     cuts.covered[part as usize].push(component);
                     cuts.cut_by[object].push(numbers::count(cover));
+                    cuts.covers.insert([object, cover].map(numbers::count));
                 }
                 let whole = |it: &&u32| cutters[**it as usize].binary_search(&part).is_err();
                 let latest = containers().filter(whole).map(object_of).max();
@@ -91,7 +87,8 @@ impl Cuts {
         cuts
     }
 
-    /// Cuts the bodies. Bodies without intersections keep every bit.
+    /// Cuts the bodies. Bodies without intersections keep every bit. If `wanted`, returns pairs of objects,
+    /// earlier and later, that overlap and do not just touch.
     ///
     /// # Errors
     /// Meshes that the boolean cannot take; [`Error::Memory`]; [`Error::Interrupted`].
@@ -100,22 +97,25 @@ impl Cuts {
         bodies: &mut [Body],
         parts: &Parts,
         names: &[String],
+        wanted: bool,
         task: Task<'_>,
-    ) -> Result<()> {
+    ) -> Result<BTreeSet<[u32; 2]>> {
         let work: Vec<usize> =
             (0..parts.all.len()).filter(|part| !self.cutters[*part].is_empty()).collect();
         if work.is_empty() && self.covered.iter().all(Vec::is_empty) {
-            return Ok(());
+            return Ok(BTreeSet::new());
         }
         task.begin(LoadStep::Cutting, work.len() as u64)?;
         let operands = Operands::new(bodies, parts);
         let done = AtomicU64::new(0);
-        let left: Vec<(usize, Surface)> = work
+        let left: Vec<(usize, Surface, Vec<u32>)> = work
             .par_iter()
             .map(|part| {
                 let surface = self.cut(*part, &operands, names, task)?;
+                let winners =
+                    if wanted { self.winners(*part, &operands, names, task)? } else { Vec::new() };
                 task.reach(done.fetch_add(1, Ordering::Relaxed) + 1);
-                Ok((*part, surface))
+                Ok((*part, surface, winners))
             })
             .collect::<Result<_>>()?;
         let mut holes = vec![0; bodies.len()];
@@ -129,8 +129,11 @@ impl Cuts {
             ));
         }
         let mut left_of: Vec<Vec<(usize, Surface)>> = bodies.iter().map(|_| Vec::new()).collect();
-        for (part, surface) in left {
-            left_of[parts.all[part].object].push((part, surface));
+        let mut overlaps = self.covers.clone();
+        for (part, surface, winners) in left {
+            let object = parts.all[part].object;
+            overlaps.extend(winners.into_iter().map(|winner| [numbers::count(object), winner]));
+            left_of[object].push((part, surface));
         }
         for (object, (body, left)) in bodies.iter_mut().zip(left_of).enumerate() {
             let gone = self.gone(object, parts, body.components.len());
@@ -147,7 +150,31 @@ impl Cuts {
                     .push("it is covered completely by later objects and ignored".to_owned());
             }
         }
-        Ok(())
+        Ok(overlaps)
+    }
+
+    /// Later objects that overlap a part: they share a volume with it that is thicker than rounding.
+    fn winners(
+        &self,
+        number: usize,
+        operands: &Operands<'_>,
+        names: &[String],
+        task: Task<'_>,
+    ) -> Result<Vec<u32>> {
+        let parts = operands.parts;
+        let bounds = |object: usize| operands.bodies[object].bounds();
+        let mut winners = Vec::new();
+        for cutter in &self.cutters[number] {
+            let pair = [number, *cutter as usize];
+            let failed = |problem| parts.failed(pair, names, problem);
+            let [own, other] = pair.map(|part| operands.solid(part));
+            let [first, second] = pair.map(|part| parts.all[part].object);
+            let limit = tolerance(bounds(first), bounds(second));
+            if own.and(other, task, failed)?.thickness() > 2.0 * limit {
+                winners.push(numbers::count(second));
+            }
+        }
+        Ok(winners)
     }
 
     /// Components of an object that are cut, or covered.
@@ -239,44 +266,4 @@ fn cutters(part: usize, parts: &Parts, meetings: &Meetings, around: &[Vec<Vec<u3
     }
     found.sort_unstable();
     found
-}
-
-/// Area where two triangles lie on each other, within `limit`, m2: the second, cut to the edges of
-/// the first.
-fn overlap_area(a: [DVec3; 3], b: [DVec3; 3], limit: f64) -> f64 {
-    let normal = |t: [DVec3; 3]| (t[1] - t[0]).cross(t[2] - t[0]).normalize_or_zero();
-    let (up, other) = (normal(a), normal(b));
-    if up.dot(other).abs() < 0.999 {
-        return 0.0;
-    }
-    let mut polygon = b.to_vec();
-    for k in 0..3 {
-        // Inside is to the left of each edge.
-        let (from, to) = (a[k], a[(k + 1) % 3]);
-        let inward = up.cross(to - from);
-        let side = |point: DVec3| inward.dot(point - from);
-        let mut cut = Vec::with_capacity(polygon.len() + 1);
-        for (i, &point) in polygon.iter().enumerate() {
-            let next = polygon[(i + 1) % polygon.len()];
-            let (here, there) = (side(point), side(next));
-            if here >= 0.0 {
-                cut.push(point);
-            }
-            if (here > 0.0 && there < 0.0) || (here < 0.0 && there > 0.0) {
-                cut.push(point.lerp(next, here / (here - there)));
-            }
-        }
-        polygon = cut;
-    }
-    let Some(&first) = polygon.first() else { return 0.0 };
-    let middle = polygon.iter().sum::<DVec3>() / polygon.len() as f64;
-    if up.dot(middle - a[0]).abs() > limit {
-        return 0.0;
-    }
-    let twice =
-        polygon.windows(2).map(|pair| (pair[0] - first).cross(pair[1] - first)).sum::<DVec3>();
-    let area = 0.5 * twice.dot(up).abs();
-    let length = polygon.iter().fold(0.0_f64, |most, it| most.max(it.distance(first)));
-    // Narrower than the resolution of positions: an edge, not an area.
-    if area > limit * length { area } else { 0.0 }
 }

@@ -127,9 +127,10 @@ impl Solid {
         Ok(solids.first().map_or_else(Surface::default, Self::surface))
     }
 
-    /// Volume, m3.
-    pub(super) fn volume(&self) -> f64 {
-        self.mesh.volume()
+    /// Mean thickness, m: twice the volume over the area; 0 of nothing.
+    pub(super) fn thickness(&self) -> f64 {
+        let (volume, area) = (self.mesh.volume(), self.mesh.surface_area());
+        if area > 0.0 { 2.0 * volume / area } else { 0.0 }
     }
 
     fn combine(

@@ -1,7 +1,6 @@
 //! Placed surfaces as part of a sample.
 
 use glam::DVec3;
-use rayon::prelude::*;
 
 use super::nesting::{Group, Groups};
 use super::{Partners, Placed};
@@ -31,15 +30,6 @@ impl Groups {
         }
         let at = |[group, place]: [u32; 2]| first[group as usize] + place;
         sample.partners = Partners::of_pairs(self.crossing.iter().map(|pair| pair.map(at)));
-        let crossed: Vec<u32> = sample.partners.lists().map(|(at, _)| at).collect();
-        let lost = |at: &u32| {
-            let own = &sample.placed[*at as usize];
-            (sample.components[own.component as usize].object, sample.lost_to(*at))
-        };
-        let lost: Vec<(u32, f64)> = crossed.par_iter().map(lost).collect();
-        for (object, volume) in lost {
-            sample.objects[object as usize].volume -= volume;
-        }
     }
 }
 

@@ -51,7 +51,7 @@ impl Group {
 }
 
 fn standing<'a>(group: &'a Group, place: &'a Place) -> Standing<'a> {
-    Standing { prototype: &group.prototype, place, tree: None, is_hull: false }
+    Standing { prototype: &group.prototype, place }
 }
 
 /// Whether a place intersects the surface of a body.
@@ -177,7 +177,7 @@ fn any_facet_meets(
         let mut met = false;
         if near(bounds, all, limit) {
             tree.within([bounds[0] - limit, bounds[1] + limit], |other| {
-                met = met || meet(corners, others[other as usize], limit).is_some();
+                met = met || meet(corners, others[other as usize], limit);
             });
         }
         met

@@ -2,10 +2,7 @@
 
 mod around;
 mod assemble;
-mod covered;
-mod crossed;
 mod distance;
-mod gaps;
 mod meeting;
 mod nesting;
 mod own;
@@ -14,7 +11,6 @@ mod pipe;
 mod place;
 mod prototype;
 mod resolved;
-mod shared;
 
 pub(super) use nesting::{Group, Groups};
 pub(crate) use partners::Partners;
@@ -206,7 +202,7 @@ impl Sample {
             vertices: self.vertices.clone(),
             components: self.components.clone(),
             objects: self.objects.clone(),
-            contacts: self.contacts.clone(),
+            overlaps: self.overlaps.clone(),
             ..Self::default()
         };
         let object = |component: u32| self.components[component as usize].object;

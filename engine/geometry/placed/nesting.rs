@@ -4,16 +4,18 @@
 //! shapes that cross each other stay exact, as partners; so do places that lie apart or properly in one
 //! another.
 
+use std::collections::BTreeSet;
+
 use glam::DVec3;
 use rayon::prelude::*;
 
 use super::meeting::{meets_body, meets_place};
-use super::own::{self, Clash, clash};
+use super::own::{self, Clash, clash, touch_at_most};
 use super::{Place, Prototype};
 use crate::error::{Error, Result};
 use crate::geometry::Component;
 use crate::geometry::body::Body;
-use crate::geometry::overlap::Contact;
+use crate::geometry::overlap::tolerance;
 use crate::geometry::search::Search;
 use crate::geometry::surface::{Surface, bounds_of, corners_of, near};
 use crate::geometry::tree::Tree;
@@ -45,8 +47,8 @@ pub(in crate::geometry) struct Groups {
     /// Of each group: how many have joined the mesh of their object, and how far their facets are off
     /// their surfaces at most, m.
     pub(in crate::geometry) joined: Vec<(usize, f64)>,
-    /// What places that are left out, or cross, share with others, where that is wanted.
-    pub(in crate::geometry) overlaps: Vec<Contact>,
+    /// Pairs of objects, earlier and later, of which places cross or the later one covers a place.
+    pub(in crate::geometry) overlaps: BTreeSet<[u32; 2]>,
     /// Pairs of exact shapes whose surfaces cross or touch: group, and number among the standing places.
     pub(in crate::geometry) crossing: Vec<[[u32; 2]; 2]>,
 }
@@ -82,8 +84,8 @@ pub(super) enum Fate {
     Joins,
     /// It lies in another place of its object.
     Inside,
-    /// It lies in a later object.
-    Covered,
+    /// It lies in this later object.
+    Covered(u32),
     Stands(Option<u32>),
 }
 
@@ -172,7 +174,7 @@ impl Group {
 
 impl Groups {
     /// Finds the surroundings of each place; places that intersect a surface join the bodies of their
-    /// objects. `defects`: defects of accepted meshes; `wanted`: whether contacts are needed.
+    /// objects. `defects`: defects of accepted meshes.
     ///
     /// # Errors
     /// Places of one object that overlap and cannot be united; [`Error::Interrupted`].
@@ -181,7 +183,6 @@ impl Groups {
         bodies: &mut [Body],
         names: &[String],
         defects: &[Option<String>],
-        wanted: bool,
         task: Task<'_>,
     ) -> Result<Self> {
         task.begin(LoadStep::Nesting, 0)?;
@@ -227,16 +228,13 @@ impl Groups {
         let standing =
             |pair: &&[u32; 2]| pair.iter().all(|it| matches!(fate_of(*it), Fate::Stands(_)));
         let crossing: Vec<[u32; 2]> = crossing.iter().filter(standing).copied().collect();
-        let of_crossing =
-            if wanted { field.crossings(&crossing, names, task)? } else { Vec::new() };
+        let overlaps = field.overlaps(&crossing, &fates);
         let numbers = field.numbers_of_standing(&fates);
         let mut settled: Vec<Vec<Fate>> =
             groups.iter().map(|group| Vec::with_capacity(group.places.len())).collect();
         for (member, fate) in field.members.iter().zip(fates) {
             settled[member.group as usize].push(fate);
         }
-        let mut overlaps = if wanted { field.covered(&settled, &boxed) } else { Vec::new() };
-        overlaps.extend(of_crossing);
         drop(field);
         let crossing = crossing.iter().map(|pair| pair.map(|it| numbers[it as usize])).collect();
         let mut this = Self { overlaps, crossing, ..Self::default() };
@@ -281,9 +279,9 @@ impl Groups {
         (clean, name): (bool, &str),
         task: Task<'_>,
     ) -> Result<()> {
-        let count = |fate| fates.iter().filter(|it| **it == fate).count();
-        self.covered.push(count(Fate::Covered));
-        self.inner.push(count(Fate::Inside));
+        let count = |is: fn(&&Fate) -> bool| fates.iter().filter(is).count();
+        self.covered.push(count(|it| matches!(it, Fate::Covered(_))));
+        self.inner.push(count(|it| **it == Fate::Inside));
         let joins: Vec<u32> =
             (0..).zip(fates).filter(|it| *it.1 == Fate::Joins).map(|it| it.0).collect();
         let clusters = own::clusters(&joins, pairs);
@@ -436,6 +434,25 @@ impl<'a> Field<'a> {
         self.members.iter().zip(fates).map(number).collect()
     }
 
+    /// Pairs of objects, earlier and later, of which places cross deeper than they touch, or the later one
+    /// covers a place. Instances of one object are one solid.
+    fn overlaps(&self, crossing: &[[u32; 2]], fates: &[Fate]) -> BTreeSet<[u32; 2]> {
+        let crosses = |pair: &[u32; 2]| {
+            let members = pair.map(|it| self.members[it as usize]);
+            let both = members.map(|it| self.of(it));
+            let [a, b] = both.map(|it| it.0.object);
+            let limit = tolerance(members[0].bounds, members[1].bounds);
+            (a != b && !touch_at_most(both, limit)).then_some([a.min(b), a.max(b)])
+        };
+        let covers = |(member, fate): (&Member, &Fate)| match fate {
+            Fate::Covered(by) => Some([self.groups[member.group as usize].object, *by]),
+            _ => None,
+        };
+        let crossed: Vec<[u32; 2]> = crossing.par_iter().filter_map(crosses).collect();
+        let covered = self.members.iter().zip(fates).filter_map(covers);
+        crossed.into_iter().chain(covered).collect()
+    }
+
     /// What becomes of a member that crosses at most its partners, which are exact as it is.
     fn stands(&self, member: Member, bodies: &[Boxed<'_>], partners: &[u32]) -> Fate {
         let (group, place) = self.of(member);
@@ -452,10 +469,33 @@ impl<'a> Field<'a> {
         match around {
             Some(object) if object > group.object => match self.holds_void(member, bodies) {
                 true => Fate::Joins,
-                false => Fate::Covered,
+                false => Fate::Covered(object),
             },
             around => Fate::Stands(around),
         }
+    }
+
+    /// Test for a void, inside a place, of the later objects that cover it: something of the place is left there.
+    fn holds_void(&self, member: Member, bodies: &[Boxed<'_>]) -> bool {
+        let (group, place) = self.of(member);
+        let is_in =
+            |start: DVec3| near([start; 2], member.bounds, 0.0) && group.contains(place, start);
+        let point = group.point(place);
+        let later = (0..).zip(bodies).filter(|(object, _)| *object > group.object);
+        let mut found = later.map(|it| it.1).any(|Boxed { body, starts, bounds }| {
+            near([point; 2], *bounds, 0.0)
+                && starts.iter().any(|start| is_in(*start))
+                && body.contains(point)
+        });
+        self.tree.around(group.core(place), |other| {
+            let (outer, there) = self.of(self.members[other as usize]);
+            let is_later = outer.object > group.object && outer.prototype.components.len() > 1;
+            if !found && is_later && outer.contains(there, point) {
+                let mut starts = outer.prototype.starts();
+                found = starts.any(|start| is_in(there.world_from_own(start)));
+            }
+        });
+        found
     }
 
     /// Places around components of earlier objects join the meshes of theirs, which cut those; so do

@@ -5,10 +5,10 @@
 
 use glam::DVec3;
 
+use super::Place;
 use super::distance::Standing;
 use super::meeting::{are_apart, meets_place};
 use super::nesting::{Fate, Group};
-use super::{Place, Prototype};
 use crate::error::{Error, Result};
 use crate::geometry::overlap::{Solid, snap, tolerance};
 use crate::geometry::surface::{Surface, in_mm};
@@ -39,7 +39,7 @@ pub(super) fn clash(
 ) -> Option<Clash> {
     let limit = tolerance(bounds[0], bounds[1]);
     if are_apart((group, place), (group, there), limit)
-        || touch_at_most(&group.prototype, [place, there], limit)
+        || touch_at_most([(group, place), (group, there)], limit)
     {
         return None;
     }
@@ -57,12 +57,13 @@ pub(super) fn clash(
     Some(if group.prototype.components.len() == 1 { found } else { Clash::Overlap })
 }
 
-/// Whether exact shapes lie apart, or at most twice a limit deep in each other.
-fn touch_at_most(prototype: &Prototype, places: [&Place; 2], limit: f64) -> bool {
-    let inset = |place: &Place| prototype.inset(limit / (place.scale * place.stretch.min(1.0)));
-    let [Some(own), Some(other)] = places.map(inset) else { return false };
-    let [first, second] = [(&own, places[0]), (&other, places[1])]
-        .map(|(prototype, place)| Standing { prototype, place, tree: None, is_hull: false });
+/// Test of exact shapes that lie apart, or at most twice a limit deep in each other.
+pub(super) fn touch_at_most(both: [(&Group, &Place); 2], limit: f64) -> bool {
+    let inset =
+        |(group, place): (&Group, &Place)| group.prototype.inset(limit / place.least_scale());
+    let [Some(own), Some(other)] = both.map(inset) else { return false };
+    let [first, second] = [(&own, both[0].1), (&other, both[1].1)]
+        .map(|(prototype, place)| Standing { prototype, place });
     first.clearance_of(&second).is_some()
 }
 
@@ -75,7 +76,7 @@ pub(super) fn settle(clashes: &[([u32; 2], Clash)], fates: &mut [Fate]) -> Vec<[
             Clash::Overlap => {}
         }
     }
-    let gone = |it: &u32| matches!(fates[*it as usize], Fate::Inside | Fate::Covered);
+    let gone = |it: &u32| matches!(fates[*it as usize], Fate::Inside | Fate::Covered(_));
     let pairs: Vec<[u32; 2]> = clashes
         .iter()
         .filter(|(pair, clash)| *clash == Clash::Overlap && !pair.iter().any(gone))

@@ -3,9 +3,9 @@
 
 use glam::{DVec2, DVec3};
 
-use super::around::{Distance, around};
+use super::around::around;
 use crate::geometry::analytic::{AnalyticShape, Tube};
-use crate::geometry::convex::{Separation, separation};
+use crate::geometry::convex::separation;
 
 /// A tube in its place, about a point near it.
 #[derive(Clone, Copy)]
@@ -42,25 +42,23 @@ impl Pipe {
     }
 
     /// Distance of a triangle that lies in the bore, m; `None` for others.
-    pub(super) fn width_around(&self, corners: [DVec3; 3]) -> Option<Distance> {
+    pub(super) fn width_around(&self, corners: [DVec3; 3]) -> Option<f64> {
         let width = |corner: &DVec3| {
             let own = self.own(*corner);
             let width = self.size.inner - own.truncate().length();
-            (width > 0.0 && own.z.abs() <= self.size.half_height).then_some((width, *corner))
+            (width > 0.0 && own.z.abs() <= self.size.half_height).then_some(width)
         };
-        let widths: Option<Vec<Distance>> = corners.iter().map(width).collect();
-        widths?.into_iter().min_by(|a, b| a.0.total_cmp(&b.0))
+        let widths: Option<Vec<f64>> = corners.iter().map(width).collect();
+        widths?.into_iter().min_by(f64::total_cmp)
     }
 
-    /// Distance from a convex set if within a limit, m; `None` also if they intersect.
-    pub(super) fn gap_to_set(&self, set: impl Fn(DVec3) -> DVec3, limit: f64) -> Option<Distance> {
-        match separation(|along| self.support(along), &set, limit) {
-            Separation::Apart => return None,
-            // In the mouth of the bore there is nothing of the tube.
-            Separation::Known(width, at) if self.own(at).truncate().length() >= self.size.inner => {
-                return Some((width, at));
-            }
-            Separation::Known(..) | Separation::Unclear => {}
+    /// Distance from a convex set, m; `None` if they intersect.
+    pub(super) fn gap_to_set(&self, set: impl Fn(DVec3) -> DVec3) -> Option<f64> {
+        // In the mouth of the bore there is nothing of the tube.
+        if let Some((width, at)) = separation(|along| self.support(along), &set)
+            && self.own(at).truncate().length() >= self.size.inner
+        {
+            return Some(width);
         }
         // From the section of the wall at an angle, which is a rectangle.
         let Tube { outer, inner, half_height } = self.size;
@@ -73,23 +71,17 @@ impl Pipe {
                     + across * out
                     + half_height.copysign(self.axes[2].dot(along)) * self.axes[2]
             };
-            separation(section, &set, f64::INFINITY).known().unwrap_or_default()
+            separation(section, &set).map_or(0.0, |it| it.0)
         };
-        let found = around(to_section, outer, limit)?;
-        (found.0 > 0.0 && found.0 <= limit).then_some(found)
+        around(to_section).filter(|width| *width > 0.0)
     }
 
-    /// Distance from another tube if within a limit, m; `None` also if they intersect or are links of a
-    /// chain. If the mouths of their bores face each other it may be less than the distance.
-    pub(super) fn distance(&self, other: &Self, limit: f64) -> Option<Distance> {
+    /// Distance from another tube, m; `None` if they intersect or are links of a chain. If the mouths of
+    /// their bores face each other it may be less than the distance.
+    pub(super) fn distance(&self, other: &Self) -> Option<f64> {
         let hulls = [self, other].map(|it| move |along| it.support(along));
-        if let Separation::Apart = separation(hulls[0], hulls[1], limit) {
-            return None;
-        }
         // One of them lies outside the cylinder around the other, or in its bore.
-        let [own, others] =
-            [self.gap_to_set(hulls[1], f64::INFINITY), other.gap_to_set(hulls[0], f64::INFINITY)];
-        let found = own.into_iter().chain(others).max_by(|a, b| a.0.total_cmp(&b.0))?;
-        (found.0 <= limit).then_some(found)
+        let both = [self.gap_to_set(hulls[1]), other.gap_to_set(hulls[0])];
+        both.into_iter().flatten().max_by(f64::total_cmp)
     }
 }

@@ -17,11 +17,6 @@ const FINE: f64 = 5e-4;
 const COARSE: f64 = 5e-3;
 const FEW: usize = 1000;
 
-/// Vertices that a search for the farthest one goes through, at most.
-const MANY: usize = 256;
-/// Vertices of a plane may be off it by this share of the extent: by the f32 of files.
-const ROUNDING: f64 = 1e-7;
-
 /// Most facets of a shape that is cut, or nearly touches another surface.
 const MOST_FACETS: u64 = 150_000;
 
@@ -182,21 +177,6 @@ impl Prototype {
                 reaches.fold(f64::NEG_INFINITY, f64::max)
             }
         }
-    }
-
-    /// Whether a mesh is the hull of its vertices, which are few: no vertex lies in front of a triangle,
-    /// within rounding.
-    pub(super) fn is_hull(&self) -> bool {
-        let [low, high] = self.bounds;
-        let rounding = ROUNDING * (high - low).length();
-        self.components.len() == 1
-            && self.vertices.len() <= MANY
-            && self.triangles.len() <= 2 * MANY
-            && (0..self.triangles.len()).all(|triangle| {
-                let [a, b, c] = self.corners(triangle);
-                let normal = (b - a).cross(c - a).normalize_or_zero();
-                self.vertices.iter().all(|it| normal.dot(*it - a) <= rounding)
-            })
     }
 
     /// How far facets that stand for the surface are off it, m of the own frame.

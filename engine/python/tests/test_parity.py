@@ -86,7 +86,7 @@ def test_options_in_messages_of_the_engine_are_arguments() -> None:
     callables = [function for function in functions if callable(function)]
     arguments = set().union(*(inspect.signature(function).parameters for function in callables))
     # Shards, resumption against advice, and lines of scene files are no work of the package.
-    others = {"shard", "set", "allow-mixed", "allow-unhashed"}
+    others = {"shard", "set", "allow-mixed"}
     named: dict[str, str] = {}
     for path in sorted(ENGINE.rglob("*.rs")):
         if "python" in path.parts:

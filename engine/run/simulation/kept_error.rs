@@ -105,8 +105,8 @@ impl Simulation {
             .collect();
         let exposures: Vec<Exposure> = views.iter().map(|view| Exposure::Sample(*view)).collect();
         let mut works = [
-            ViewWork::new(self, &exposures, None, &own.cancel, self.alone)?,
-            ViewWork::new(&fresh, &exposures, None, &own.cancel, fresh.alone)?,
+            ViewWork::new(self, &exposures, &own.cancel, self.alone)?,
+            ViewWork::new(&fresh, &exposures, &own.cancel, fresh.alone)?,
         ];
         let pixels = crate::optics::Optics::of(&self.scene);
         let lattice = Lattice::of(&pixels, fresh.media.strongest());

@@ -188,7 +188,7 @@ impl Lanes<'_> {
         let mut control =
             Control::default().with_progress(&mut report).with_cancel(self.end.clone());
         let mut bands = Held::default();
-        work.view(self.views[index], None, &mut bands, &mut control)?;
+        work.view(self.views[index], &mut bands, &mut control)?;
         let tally = work.tally()?;
         let own = tally.since(*before);
         *before = tally;

@@ -22,10 +22,10 @@ use crate::run::memory::MemoryEstimate;
 use crate::run::{Control, Progress, ViewProgress};
 use crate::sampling::{self, BaseLattice, CellBatch, ProjectedBounds, Response};
 use crate::scene::{Exposure, Scheme};
-use crate::stack::{BegunView, Sink};
+use crate::stack::Sink;
 use crate::tally::Tally;
 use crate::trace::Tracer;
-use in_bands::{bands, bands_of_blocks};
+use in_bands::bands;
 use mean::Mean;
 use ndarray::Array3;
 use share::Share;
@@ -48,8 +48,6 @@ pub(super) struct ViewWork<'s> {
     bars: MaskTransmissionCache,
     random: bool,
     band: u32,
-    /// Rows of the blocks that views are committed by; all where they are committed whole.
-    block: u32,
     pixel_columns: Range<i64>,
     tally: Tally,
     pub(super) seconds: Seconds,
@@ -68,7 +66,6 @@ impl<'s> ViewWork<'s> {
     pub(super) fn new(
         simulation: &'s Simulation,
         views: &[Exposure],
-        block_rows: Option<u32>,
         cancel: &Cancel,
         memory: MemoryEstimate,
     ) -> Result<Self> {
@@ -76,8 +73,7 @@ impl<'s> ViewWork<'s> {
         let device = simulation.device().clone();
         let band = simulation.band_rows();
         let grid = simulation.detector.grid();
-        let block = block_rows.unwrap_or(grid.pixels[1]);
-        let all_bands = || bands_of_blocks(0..grid.pixels[1], block, band);
+        let all_bands = || bands(grid.pixels[1], band);
         let lit_rows = || all_bands().map(|rows| grid.lit_rows(&rows).len());
         let lit_views = views.iter().filter(|view| !view.is_dark()).count();
         let blank = views.iter().filter(|view| view.is_flat()).count();
@@ -121,7 +117,6 @@ impl<'s> ViewWork<'s> {
             bars: MaskTransmissionCache::default(),
             random,
             band,
-            block,
             pixel_columns,
             tally: Tally::default(),
             seconds: Seconds::default(),
@@ -142,7 +137,6 @@ impl<'s> ViewWork<'s> {
     pub(super) fn view(
         &mut self,
         view: Exposure,
-        begun: Option<&BegunView>,
         sink: &mut dyn Sink,
         control: &mut Control<'_>,
     ) -> Result<()> {
@@ -156,13 +150,7 @@ impl<'s> ViewWork<'s> {
         self.take_offsets(view);
         let poses: Vec<(u32, Vec<ProjectedBounds>)> = self.poses(view);
         let halo = self.simulation.lattice.halo;
-        let first = begun.map_or(0, |begun| begun.rows);
-        if let (Some(begun), Exposure::Sample(index), Some(keep)) = (begun, view, &mut control.keep)
-            && let Some(kept) = &begun.kept
-        {
-            keep.resume(index, kept)?;
-        }
-        let all: Vec<Range<u32>> = bands_of_blocks(first..rows, self.block, self.band).collect();
+        let all: Vec<Range<u32>> = bands(rows, self.band).collect();
         let sampled: Vec<Range<i64>> = all
             .iter()
             .map(|band| detector.grid().lit_rows(band))
@@ -172,15 +160,8 @@ impl<'s> ViewWork<'s> {
             poses.iter().flat_map(|_| sampled.iter().cloned()).collect();
         let lattice = &self.simulation.lattice;
         self.share.begin(lattice, &poses[0].1, !view.is_flat(), &repeated);
-        if first > 0 {
-            let before = detector.grid().own_rows(&(0..first)).len();
-            self.rows_done += (before * poses.len()) as u64;
-        }
         self.report(view, control)?;
-        let mut before = self.tally()?;
-        let mut of_blocks = Tally::default();
         for band in all {
-            let end = band.end;
             let mut mean = Mean::of(poses.len());
             for (pose, projected_bounds) in &poses {
                 self.pose = *pose;
@@ -197,38 +178,9 @@ impl<'s> ViewWork<'s> {
                 self.count_clipped(frame.clipped);
                 sink.write_counts(view, band, frame.numbers.view())?;
             }
-            if end < rows && end % self.block == 0 {
-                (before, of_blocks) =
-                    self.commit_rows(view, end, (before, of_blocks), sink, control)?;
-            }
             self.seconds.write += begin.elapsed().as_secs_f64();
         }
-        self.tally.most_patch_rays = self.tally.most_patch_rays.max(of_blocks.most_patch_rays);
-        self.tally.worst_error = self.tally.worst_error.max(of_blocks.worst_error);
         Ok(())
-    }
-
-    /// Commits the block of rows that ends at `end`. Takes and returns the counts of the run so far and
-    /// of the blocks of this view; maxima are counted by block.
-    fn commit_rows(
-        &mut self,
-        view: Exposure,
-        end: u32,
-        (before, of_blocks): (Tally, Tally),
-        sink: &mut dyn Sink,
-        control: &mut Control<'_>,
-    ) -> Result<(Tally, Tally)> {
-        let kept = match (view, &mut control.keep) {
-            (Exposure::Sample(index), Some(keep)) => {
-                Some(keep.commit_rows(index, self.simulation.moment_words())?)
-            }
-            _ => None,
-        };
-        let tally = self.tally()?;
-        let own = tally.since(before);
-        sink.commit_rows(view, end - self.block..end, &own, kept.as_ref())?;
-        (self.tally.most_patch_rays, self.tally.worst_error) = (0, 0);
-        Ok((tally, of_blocks + own))
     }
 
     /// Poses of the sample in a view, each with its shadows; one without any for a flat.

@@ -1,12 +1,10 @@
 //! A run between its beginning and its end.
 
 use crate::scene::Exposure;
-use crate::stack::begun_view::BegunView;
 use crate::stack::frames::Frames;
 use crate::stack::layout::RUN;
 use crate::stack::moment_file;
-use crate::stack::moment_file::Beginning;
-use crate::stack::progress_log::{Block, Entry, ProgressLog};
+use crate::stack::progress_log::{Entry, ProgressLog};
 use crate::stack::run_file::{RunFile, RunState};
 use crate::stack::shape::StackShape;
 use crate::stack::shard::Part;
@@ -30,11 +28,9 @@ pub(super) struct Begun {
     /// Detector numbers, if the scene has noise.
     pub(super) counts: Option<Frames>,
     /// Counts of the view in work.
-    pub(super) tally: Option<Tally>,
+    pub(super) tally: Tally,
     /// First row that the view in work still lacks, and of its counts.
     pub(super) next: [u32; 2],
-    /// Whether rows of the view in work are committed.
-    pub(super) has_rows: bool,
 }
 
 impl Begun {
@@ -81,37 +77,6 @@ impl Begun {
         frames.ok_or_else(missing)?.write(view, rows, data)
     }
 
-    /// Goes on with a view of which rows are committed.
-    pub(super) fn resume_view(&mut self, begun: &BegunView) -> Result<()> {
-        (self.next, self.has_rows) = ([begun.rows; 2], true);
-        self.frames.resume()?;
-        self.counts.as_mut().map_or(Ok(()), Frames::resume)
-    }
-
-    /// Makes a block of rows of the view in work count.
-    pub(super) fn commit_rows(
-        &mut self,
-        view: Exposure,
-        rows: Range<u32>,
-        tally: &Tally,
-        kept: Option<&Beginning>,
-    ) -> Result<()> {
-        let extent = self.file.extent;
-        let counts = match &mut self.counts {
-            Some(frames) => Some(frames.commit_rows(view, &rows)?),
-            None => None,
-        };
-        let entry = Entry {
-            bytes: 4 * u64::from(extent.steps) * u64::from(extent.columns) * rows.len() as u64,
-            sha256: self.frames.commit_rows(view, &rows)?,
-            counts,
-            tally: Some(*tally),
-        };
-        self.log.refuse_moved()?;
-        self.has_rows = true;
-        self.log.append_rows(view, &Block { rows, entry, kept: kept.cloned() })
-    }
-
     /// Makes a view count.
     pub(super) fn commit(&mut self, view: Exposure) -> Result<()> {
         let counts = match &mut self.counts {
@@ -123,13 +88,11 @@ impl Begun {
             bytes: self.file.extent.view_bytes(),
             sha256,
             counts,
-            tally: self.tally.take(),
+            tally: std::mem::take(&mut self.tally),
         };
         // The frames of a run that was moved meanwhile are in the other place.
         self.log.refuse_moved()?;
-        self.log.append(view, &entry)?;
-        self.frames.tidy()?;
-        self.counts.as_ref().map_or(Ok(()), Frames::tidy)
+        self.log.append(view, &entry)
     }
 
     /// Refuses a run whose folders or files were moved or removed while it went on.
@@ -137,8 +100,8 @@ impl Begun {
         self.frames.refuse_missing()?;
         self.counts.as_ref().map_or(Ok(()), Frames::refuse_missing)?;
         match self.file.keep_moments {
-            Some(true) => moment_file::refuse_missing(path, self.part.samples()),
-            _ => Ok(()),
+            true => moment_file::refuse_missing(path, self.part.samples()),
+            false => Ok(()),
         }
     }
 }

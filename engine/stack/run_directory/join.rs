@@ -84,7 +84,7 @@ pub fn shard_states(run: &Path) -> Result<Vec<ShardStatus>> {
             Some(_) => ShardState::Interrupted,
             None => ShardState::Waiting,
         };
-        let (host, began) = file.map(|file| (file.host, file.began)).unwrap_or_default();
+        let (host, began) = file.map(|file| (file.host, Some(file.began))).unwrap_or_default();
         Ok(ShardStatus { shard, state, committed, views, host, began })
     };
     plan.all().map(of_shard).collect()
@@ -270,7 +270,7 @@ impl Begun {
         if take(&mut self.frames, &from.path)? != entry.sha256 {
             return Err(changed(false));
         }
-        if let (Exposure::Sample(index), Some(true)) = (view, self.file.keep_moments) {
+        if let (Exposure::Sample(index), true) = (view, self.file.keep_moments) {
             moment_file::adopt(path, &from.path, index)?;
         }
         self.log.refuse_moved()?;
@@ -362,7 +362,7 @@ fn record_of(scene: &Scene, shards: &[Ready]) -> Result<RunRecord> {
     };
     let mut record = first.file.record.clone();
     let of_views = shards.iter().flat_map(|shard| shard.entries.values());
-    let counted: Tally = of_views.filter_map(|entry| entry.tally).sum();
+    let counted: Tally = of_views.map(|entry| entry.tally).sum();
     record.tally = Tally { defective_objects: record.tally.defective_objects, ..counted };
     let tolerance = scene.sampling.tolerances().light;
     record.sampling = SamplingSummary::of(&record.tally, tolerance);
@@ -383,7 +383,7 @@ fn remove_shard(run: &Path, shard: Shard, extent: StackShape) -> Result<()> {
     let _log = ProgressLog::lock_patiently(&path.join(LOG))?;
     let counts = path.join(COUNTS);
     for root in [&counts, &path] {
-        remove_stacks(root, extent, (&[], false))?;
+        remove_stacks(root, extent, &[])?;
         layout::stack_files().try_for_each(|name| remove_file(&root.join(name)))?;
     }
     let _ = fs::remove_dir(counts);

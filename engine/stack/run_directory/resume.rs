@@ -1,15 +1,12 @@
 //! Resuming a run: the views that are still as committed, and whether it may continue.
 
 use super::RunDirectory;
-use crate::numbers;
 use crate::scene::{Exposure, Scene};
-use crate::stack::begun_view::BegunView;
 use crate::stack::layout::{self, LOG, RUN, SCENE};
-use crate::stack::moment_file;
-use crate::stack::progress_log::{self, Contents, ProgressLog};
+use crate::stack::progress_log::{self, ProgressLog};
 use crate::stack::record::Platform;
 use crate::stack::run_file::RunFile;
-use crate::stack::shape::{StackShape, views};
+use crate::stack::shape::StackShape;
 use crate::stack::shard::{Part, Shard};
 use crate::stack::{own_files, scene_file, verify};
 use crate::{Error, Result, Tally};
@@ -26,11 +23,8 @@ pub(super) struct Resumed {
     pub(super) again: Vec<Exposure>,
     /// Differences from the committed state.
     pub(super) problems: Vec<String>,
-    /// The view of which some blocks of rows are committed.
-    pub(super) begun: Option<BegunView>,
-    /// Counts of the committed views, and the number of those without.
+    /// Counts of the committed views.
     pub(super) counted: Tally,
-    pub(super) uncounted: u32,
 }
 
 impl RunDirectory {
@@ -82,10 +76,10 @@ impl RunDirectory {
         }
         let scene = &scene.with_file_hashes()?;
         let differences = scene_file::differences(&root.join(SCENE), scene, None)?;
-        refuse_other_scene(&root, &differences.found)?;
+        refuse_other_scene(&root, &differences)?;
         let extent = StackShape::of(scene)?;
         let part = shard.map_or(Part::whole(extent), |shard| Part { extent, shard });
-        let Contents { views: entries, blocks, .. } = progress_log::read_all(&path.join(LOG))?;
+        let entries = progress_log::read(&path.join(LOG))?;
         let found = verify::frames(&path, file.format, part, scene, &entries);
         let mut problems: Vec<String> = found
             .problems
@@ -96,41 +90,19 @@ impl RunDirectory {
             })
             .collect();
         let mut committed = found.whole.clone();
-        let keep_moments = file.keep_moments.unwrap_or_else(|| moment_file::is_there(&path));
+        let keep_moments = file.keep_moments;
         if keep_moments {
             for (view, problem) in verify::moments([&root, &path], &found.whole) {
                 committed.retain(|other| *other != view);
                 problems.push(format!("{problem}; it is simulated again"));
             }
         }
-        let counted = committed.iter().filter_map(|view| entries[view].tally);
-        let (uncounted, counted) = (committed.len() - counted.clone().count(), counted.sum());
-        let begun = match file.block_rows {
-            Some(height) => {
-                let mut left = views(scene)?.filter(|view| part.has(*view));
-                left.find(|view| !committed.contains(view))
-                    .filter(|view| !view.is_dark() && !entries.contains_key(view))
-                    .map(|view| {
-                        let how = (view, height, keep_moments);
-                        (view, verify::blocks(&path, file.format, part, scene, how, &blocks))
-                    })
-                    .and_then(|(view, blocks)| BegunView::of(view, &blocks))
-            }
-            None => None,
-        };
+        let counted = committed.iter().map(|view| entries[view].tally).sum();
         let again = entries.into_keys().filter(|view| !committed.contains(view)).collect();
         let mut run = Self::at(path, file.format, log);
         (run.root, run.shard, run.keep_moments) = (root, shard, keep_moments);
-        run.resumed = Some(Resumed {
-            file,
-            committed,
-            intact: found.whole,
-            again,
-            problems,
-            begun,
-            counted,
-            uncounted: numbers::count(uncounted),
-        });
+        run.resumed =
+            Some(Resumed { file, committed, intact: found.whole, again, problems, counted });
         Ok(run)
     }
 
@@ -138,12 +110,6 @@ impl RunDirectory {
     #[must_use]
     pub fn committed(&self) -> &[Exposure] {
         self.resumed.as_ref().map_or(&[], |resumed| &resumed.committed)
-    }
-
-    /// The view of which some rows are committed, for [`crate::Control::begun`].
-    #[must_use]
-    pub fn begun_view(&self) -> Option<BegunView> {
-        self.resumed.as_ref().and_then(|resumed| resumed.begun.clone())
     }
 
     /// Differences of the resumed run from its committed state, one message each: the views concerned are
@@ -159,32 +125,16 @@ impl RunDirectory {
         self.resumed.as_ref().map_or_else(Tally::default, |resumed| resumed.counted)
     }
 
-    /// Whether the run that is resumed, or a shard of a planned run, keeps moments, where that is known: runs of earlier
-    /// versions do not record it, and may have been interrupted before they kept any.
+    /// True for a run that is resumed, or a shard of a planned run, if it keeps moments.
     #[must_use]
-    pub fn keeps_moments(&self) -> Option<bool> {
-        let recorded = self.resumed.as_ref().and_then(|resumed| resumed.file.keep_moments);
-        let recorded = recorded.or(self.is_planned.then_some(self.keep_moments));
-        recorded.or_else(|| moment_file::is_there(&self.path).then_some(true))
+    pub fn keeps_moments(&self) -> bool {
+        self.keep_moments
     }
 
     /// run.json of the run that is resumed.
     #[must_use]
     pub fn recorded(&self) -> Option<&RunFile> {
         self.resumed.as_ref().map(|resumed| &resumed.file)
-    }
-
-    /// Refuses files that the run began without the hashes of.
-    pub(super) fn refuse_unhashed(&self, files: &[String]) -> Result<()> {
-        if files.is_empty() || self.allow_unhashed {
-            return Ok(());
-        }
-        let problem = format!(
-            "has no hash of {}, so a change of that file would not be noticed; start a new run, or \
-             accept this (--allow-unhashed)",
-            files.join(", ")
-        );
-        Err(Error::file(&self.path, problem, None))
     }
 
     /// Refuses a device, driver, backend or version other than those that began the run.

@@ -16,7 +16,7 @@ fn sample_of(shape: &str, places: &[[f64; 3]]) -> Sample {
     std::fs::write(directory.path().join("places.csv"), text).unwrap();
     let scene = scene_in(directory.path(), shape, "\"places.csv\"").unwrap();
     let (checked, refusals) = beamlet::internals::geometry::load_lenient(&scene).unwrap();
-    assert!(refusals.is_empty() && checked.contacts.is_empty(), "{:?}", checked.contacts);
+    assert!(refusals.is_empty() && checked.overlaps.is_empty(), "{:?}", checked.overlaps);
     geometry::load(&scene).unwrap()
 }
 

@@ -96,23 +96,3 @@ fn frames_stay_where_their_moments_alone_are_lost_until_they_are_made_again() {
     ended(&place.simulate(&["--resume"]), 1);
     assert_eq!(place.bytes(frame), whole);
 }
-
-#[test]
-fn a_run_of_an_earlier_version_follows_the_moments_that_it_has() {
-    let place = Workplace::new(SCENE);
-    interrupted(&place, &["--keep-moments"], &["sample/3"]);
-    let whole = contents(&place);
-    let run = String::from_utf8(place.bytes("run.json")).unwrap();
-    let old: String = run.split_inclusive('\n').filter(|l| !l.contains("keep_moments")).collect();
-    place.write("run.json", old.as_bytes());
-    assert_eq!(ended(&place.simulate(&["--resume"]), 0), "");
-    assert_eq!(contents(&place), whole);
-    // Without moments there is nothing that tells.
-    fs::remove_dir_all(place.path("run")).unwrap();
-    interrupted(&place, &[], &["sample/3"]);
-    let run = String::from_utf8(place.bytes("run.json")).unwrap();
-    let old: String = run.split_inclusive('\n').filter(|l| !l.contains("keep_moments")).collect();
-    place.write("run.json", old.as_bytes());
-    let message = ended(&place.simulate(&["--resume", "--keep-moments"]), 2);
-    assert_says(&message, &["run.json", "--keep-moments"]);
-}

@@ -155,3 +155,28 @@ fn check_reads_the_moments_of_a_run_and_tells_of_files_that_changed() {
     let message = ended(&place.beamlet(&["check", "run", "--set", "a.b=1"]), 2);
     assert_says(&message, &["this is a run"]);
 }
+
+#[test]
+fn a_run_of_another_format_is_refused_with_its_number() {
+    let place = Workplace::new(SCENE);
+    ended(&place.simulate(&["--format", "npy"]), 0);
+    let run = String::from_utf8(place.bytes("run.json")).unwrap();
+    let mut json: serde_json::Value = serde_json::from_str(&run).unwrap();
+    json["format_version"] = 7.into();
+    // Another format may have other keys.
+    json.as_object_mut().unwrap().remove("extent");
+    place.write("run.json", json.to_string().as_bytes());
+    for line in [
+        &["check", "run"][..],
+        &["retrieve", "run", "--method", "three-step"],
+        &["view", "run", "-o", "pictures"],
+        &["report", "run"],
+        &["compare", "run", "run"],
+        &["simulate", "scene.toml", "-o", "run", "--resume"],
+    ] {
+        assert_says(&ended(&place.beamlet(line), 1), &["has the format_version 7"]);
+    }
+    json.as_object_mut().unwrap().remove("format_version");
+    place.write("run.json", json.to_string().as_bytes());
+    assert_says(&ended(&place.beamlet(&["check", "run"]), 1), &["missing field `format_version`"]);
+}

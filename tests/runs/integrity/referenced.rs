@@ -107,18 +107,15 @@ fn a_run_goes_on_only_with_the_files_that_it_began_with() {
 }
 
 #[test]
-fn a_run_without_hashes_goes_on_only_where_that_is_allowed() {
+fn a_run_without_hashes_does_not_go_on() {
     let place = place();
     interrupted(&place, &[]);
-    let whole = place.bytes("sample.npy");
     let resolved = String::from_utf8(place.bytes("scene.toml")).unwrap();
     let (without, _) = resolved.split_once("\n[files]\n").unwrap();
     place.write("scene.toml", without.as_bytes());
     let message = ended(&place.simulate(&["--resume"]), 1);
     assert_says(&message, &["beam.csv", "blur.npy", "scatter.npy", "resin.csv"]);
-    assert_says(&message, &["has no hash of", "--allow-unhashed"]);
-    assert_eq!(ended(&place.simulate(&["--resume", "--allow-unhashed"]), 0), "");
-    assert_eq!(place.bytes("sample.npy"), whole);
+    assert_says(&message, &["sha256 there nothing, here"]);
 }
 
 #[test]

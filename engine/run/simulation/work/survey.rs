@@ -66,7 +66,7 @@ impl Simulation {
     pub(crate) fn estimate_until(&self, cancel: &Cancel) -> Result<RunEstimate> {
         let begin = Instant::now();
         let views: Vec<Exposure> = stack::views(&self.scene)?.collect();
-        let mut work = ViewWork::new(self, &views, None, cancel, self.alone)?;
+        let mut work = ViewWork::new(self, &views, cancel, self.alone)?;
         let fixed = self.prepared_in + begin.elapsed().as_secs_f64();
         let mut estimate = if self.scene.sampling.scheme == Scheme::Random {
             work.random_estimate()?
