@@ -3,7 +3,7 @@
 use arrayvec::ArrayVec;
 use glam::DVec3;
 
-use super::{AnalyticShape, Form, Frustum, Tube, across};
+use super::{AnalyticShape, Form, Frustum, Tube};
 
 /// A crossing of a line with a shape.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -26,7 +26,6 @@ impl AnalyticShape {
         let found: ArrayVec<(f64, DVec3), 4> = match self.form() {
             Form::Frustum(frustum) => frustum_crossings(frustum, origin, direction),
             Form::Ellipsoid(axes) => ellipsoid_crossings(axes, origin, direction),
-            Form::Torus(radius, tube) => torus_crossings(radius, tube, origin, direction),
             Form::Tube(tube) => tube_crossings(tube, origin, direction),
         };
         let crossing = |(at, (t, gradient)): (usize, (f64, DVec3))| ShapeCrossing {
@@ -116,71 +115,6 @@ fn tube_crossings(it: Tube, origin: DVec3, direction: DVec3) -> ArrayVec<(f64, D
     }
     if to.0 < leave.0 {
         found.extend([wall(to), leave]);
-    }
-    found
-}
-
-/// The one change of sign in [low, high], of which `rises` says which way; by halving.
-fn change(mut low: f64, mut high: f64, rises: bool, value: impl Fn(f64) -> f64) -> f64 {
-    for _ in 0..200 {
-        let middle = low.midpoint(high);
-        if middle <= low || middle >= high {
-            break;
-        }
-        if (value(middle) < 0.0) == rises { low = middle } else { high = middle }
-    }
-    low.midpoint(high)
-}
-
-fn torus_crossings(
-    radius: f64,
-    tube: f64,
-    origin: DVec3,
-    direction: DVec3,
-) -> ArrayVec<(f64, DVec3), 4> {
-    let mut found = ArrayVec::new();
-    let length = direction.length();
-    let d = direction / length;
-    let nearest = -origin.dot(d);
-    let o = origin + nearest * d;
-    let reach = (radius + tube).powi(2) - o.length_squared();
-    if reach <= 0.0 {
-        return found;
-    }
-    let reach = 1.001 * reach.sqrt();
-    // Squared distance from the circle minus that of the surface: (S² - 4 R² ρ²) over a positive factor,
-    // with the derivative 4 (x³ + p x + c).
-    let residual = |x: f64| {
-        let point = o + x * d;
-        let off = across(point) - radius;
-        off * off + point.z * point.z - tube * tube
-    };
-    let flat = d.truncate();
-    let p = o.length_squared() + radius * radius
-        - tube * tube
-        - 2.0 * radius * radius * flat.length_squared();
-    let c = -2.0 * radius * radius * o.truncate().dot(flat);
-    let slope = |x: f64| (x * x + p) * x + c;
-    let bend = (-p / 3.0).max(0.0).sqrt();
-    let bound = (2.0 * bend).max(radius + p.abs() / radius + c.abs() / (radius * radius));
-    let mut places: ArrayVec<f64, 5> = [-reach].into_iter().collect();
-    if c.abs() < 2.0 * bend.powi(3) {
-        places.push(change(-bound, -bend, true, slope));
-        places.push(change(-bend, bend, false, slope));
-        places.push(change(bend, bound, true, slope));
-    } else {
-        places.push(change(-bound, bound, true, slope));
-    }
-    places.push(reach);
-    let last = places.len() - 1;
-    let outside = |at: usize| at == 0 || at == last || residual(places[at]) >= 0.0;
-    for at in 1..=last {
-        if outside(at) != outside(at - 1) {
-            let x = change(places[at - 1], places[at], outside(at), residual);
-            let point = o + x * d;
-            let ring = radius * point.truncate().normalize_or_zero();
-            found.push(((nearest + x) / length, point - ring.extend(0.0)));
-        }
     }
     found
 }

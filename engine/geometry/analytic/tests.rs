@@ -26,15 +26,12 @@ impl Draws {
     }
 }
 
-const SHAPES: [AnalyticShape; 10] = [
+const SHAPES: [AnalyticShape; 7] = [
     AnalyticShape::Cylinder { radius: 2e-3, half_height: 3e-3 },
     AnalyticShape::Cone { bottom_radius: 2e-3, top_radius: 0.0, half_height: 1.5e-3 },
     AnalyticShape::Cone { bottom_radius: 1e-3, top_radius: 2.5e-3, half_height: 4e-3 },
     AnalyticShape::Sphere { radius: 1e-3 },
     AnalyticShape::Ellipsoid { semi_axes: DVec3::new(1e-3, 4e-3, 2.5e-3) },
-    AnalyticShape::Torus { radius: 3e-3, tube_radius: 2e-3 },
-    AnalyticShape::Torus { radius: 5e-3, tube_radius: 0.4e-3 },
-    AnalyticShape::Torus { radius: 2e-3, tube_radius: 1.9999e-3 },
     AnalyticShape::Tube(Tube { outer: 2e-3, inner: 1.5e-3, half_height: 3e-3 }),
     AnalyticShape::Tube(Tube { outer: 3e-3, inner: 2.99e-3, half_height: 0.4e-3 }),
 ];
@@ -79,7 +76,7 @@ fn crossings_are_where_lines_come_in_and_go_out() {
             }
         }
         assert!(crossed[0] > 100 && crossed[1] > 500, "{shape:?} {crossed:?}");
-        let has_hole = matches!(shape, AnalyticShape::Torus { .. } | AnalyticShape::Tube(_));
+        let has_hole = matches!(shape, AnalyticShape::Tube(_));
         assert_eq!(has_hole, crossed[2] > 20, "{shape:?} {crossed:?}");
     }
 }
@@ -119,15 +116,11 @@ fn chords_through_centres_are_the_closed_forms() {
     close(chord(SHAPES[0], DVec3::new(1e-3, 0.0, 0.0), DVec3::Y), &[2.0 * 3_f64.sqrt() * 1e-3]);
     close(chord(SHAPES[3], DVec3::new(0.6e-3, 0.0, 0.0), DVec3::Y), &[1.6e-3]);
     close(chord(SHAPES[4], DVec3::ZERO, DVec3::Y), &[8e-3]);
-    close(chord(SHAPES[6], DVec3::ZERO, DVec3::Y), &[0.8e-3, 0.8e-3]);
-    let inner = (4.6e-3_f64.powi(2) - 1e-6).sqrt();
-    let outer = (5.4e-3_f64.powi(2) - 1e-6).sqrt();
-    close(chord(SHAPES[6], DVec3::X * 1e-3, DVec3::Y), &[outer - inner; 2]);
-    close(chord(SHAPES[8], DVec3::ZERO, DVec3::Y), &[0.5e-3, 0.5e-3]);
+    close(chord(SHAPES[5], DVec3::ZERO, DVec3::Y), &[0.5e-3, 0.5e-3]);
     // In through the upper end of the bore, across it and out through the wall.
     let down = DVec3::new(1.0, 0.0, -1.0);
-    close(chord(SHAPES[8], DVec3::new(-1.4e-3, 0.0, 3e-3), down), &[0.5e-3]);
-    close(chord(SHAPES[8], DVec3::ZERO, DVec3::Z), &[]);
+    close(chord(SHAPES[5], DVec3::new(-1.4e-3, 0.0, 3e-3), down), &[0.5e-3]);
+    close(chord(SHAPES[5], DVec3::ZERO, DVec3::Z), &[]);
 }
 
 #[test]
@@ -179,8 +172,6 @@ fn facets_stand_on_the_surface_and_leave_no_more_than_they_say() {
             assert!(most <= error * (1.0 + 1e-9), "{shape:?} {error} {most}");
         }
     }
-    let torus = SHAPES[5].surface(1e-30);
-    assert_eq!(torus.triangles.len(), 2 * 2048 * 2048);
 }
 
 #[test]
@@ -208,6 +199,8 @@ fn shapes_with_sides_or_planes_have_no_exact_surface() {
     assert_eq!(AnalyticShape::of(&cylinder(None)), Some(exact));
     assert_eq!(AnalyticShape::of(&cylinder(Some(8))), None);
     assert_eq!(AnalyticShape::of(&Shape::Box { size: [1e-3; 3] }), None);
+    let ring = Shape::Torus { radius: 2e-3, tube_radius: 1e-3, sides: None };
+    assert_eq!(AnalyticShape::of(&ring), None);
 }
 
 /// Root mean squares of what facets change of dT/dx of a ball or cylinder, T the thickness along
@@ -291,7 +284,7 @@ fn facets_err_as_in_the_table_of_physics_md() {
     let mut before = [1.0; 2];
     for sides in [32, 64, 128, 256, 512] {
         let ball = Shape::Sphere { radius: 1.0, sides: Some(sides) };
-        let mut surface = shapes::surface(&ball).unwrap();
+        let mut surface = shapes::surface(&ball, 1.0).unwrap();
         let turn = DQuat::from_axis_angle(DVec3::new(1.0, 2.0, 3.0).normalize(), 1.0);
         surface.vertices.iter_mut().for_each(|vertex| *vertex = turn * *vertex);
         let found = slope_errors(300, false, |x, z| thickness_of_facets(&surface, x, z));

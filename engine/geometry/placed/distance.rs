@@ -3,12 +3,11 @@
 use glam::DVec3;
 
 pub(super) use super::around::Distance;
-use super::around::around;
 use super::pipe::Pipe;
 use super::{Place, Prototype};
 use crate::geometry::analytic::{AnalyticShape, Form, Tube};
 use crate::geometry::convex::{Separation, separation};
-use crate::geometry::distance::{closest_on_triangle, distance};
+use crate::geometry::distance::distance;
 use crate::geometry::surface::{bounds_of, near};
 use crate::geometry::tree::Tree;
 
@@ -29,17 +28,7 @@ pub(super) struct Standing<'a> {
 #[derive(Clone, Copy)]
 enum Solid<'a> {
     Convex(AnalyticShape, &'a Place, DVec3),
-    Ring(Ring),
     Pipe(Pipe),
-}
-
-/// The circle in the middle of the tube of a torus.
-#[derive(Clone, Copy)]
-struct Ring {
-    centre: DVec3,
-    axes: [DVec3; 3],
-    radius: f64,
-    tube: f64,
 }
 
 impl Standing<'_> {
@@ -171,18 +160,14 @@ impl Standing<'_> {
     /// Its exact surface; `None` for a mesh.
     fn solid(&self, about: DVec3) -> Option<Solid<'_>> {
         let shape = self.prototype.shape?;
-        let axes = || [DVec3::X, DVec3::Y, DVec3::Z].map(|it| self.place.rotation * it);
         let scale = self.place.scale;
         let centre = self.place.position - about;
         Some(match shape.form() {
-            Form::Torus(radius, tube) => {
-                let (radius, tube) = (radius * scale, tube * scale);
-                Solid::Ring(Ring { centre, axes: axes(), radius, tube })
-            }
             Form::Tube(it) => {
                 let half_height = it.half_height * scale * self.place.stretch;
                 let size = Tube { outer: it.outer * scale, inner: it.inner * scale, half_height };
-                Solid::Pipe(Pipe { centre, axes: axes(), size })
+                let axes = [DVec3::X, DVec3::Y, DVec3::Z].map(|it| self.place.rotation * it);
+                Solid::Pipe(Pipe { centre, axes, size })
             }
             Form::Frustum(_) | Form::Ellipsoid(_) => Solid::Convex(shape, self.place, centre),
         })
@@ -218,27 +203,12 @@ impl Solid<'_> {
                 let linear = place.linear();
                 linear * shape.support(linear.transpose() * direction) + *centre
             }
-            Self::Ring(ring) => ring.centre,
             Self::Pipe(pipe) => pipe.support(direction),
         }
     }
 
     fn distance(&self, other: &Self, limit: f64) -> Option<Distance> {
         match (self, other) {
-            (Self::Ring(ring), Self::Ring(other)) => ring.distance(limit, other.tube, |point| {
-                let nearest = other.nearest(point);
-                (nearest.distance(point), nearest)
-            }),
-            (Self::Ring(ring), Self::Pipe(pipe)) | (Self::Pipe(pipe), Self::Ring(ring)) => ring
-                .distance(limit, 0.0, |point| {
-                    let nearest = pipe.nearest(point);
-                    (nearest.distance(point), nearest)
-                }),
-            (Self::Ring(ring), convex) | (convex, Self::Ring(ring)) => {
-                // A point in the convex solid has no distance from it.
-                let gap = |point| convex.gap_to_set(|_| point, f64::INFINITY);
-                ring.distance(limit, 0.0, |point| gap(point).unwrap_or((0.0, point)))
-            }
             (Self::Pipe(pipe), Self::Pipe(other)) => pipe.distance(other, limit),
             (Self::Pipe(pipe), convex) | (convex, Self::Pipe(pipe)) => {
                 pipe.gap_to_set(|along| convex.support(along), limit)
@@ -262,12 +232,6 @@ impl Solid<'_> {
     }
 
     fn gap_to_triangle(&self, corners: [DVec3; 3], limit: f64) -> Option<Distance> {
-        if let Self::Ring(ring) = self {
-            return ring.distance(limit, 0.0, |point| {
-                let nearest = closest_on_triangle(point, corners);
-                (nearest.distance(point), nearest)
-            });
-        }
         let farthest = |along: DVec3| {
             let [a, b, c] = corners.map(|it| it.dot(along));
             corners[if a >= b && a >= c {
@@ -286,29 +250,5 @@ impl Solid<'_> {
             },
             _ => self.gap_to_set(farthest, limit),
         }
-    }
-}
-
-impl Ring {
-    fn point(&self, angle: f64) -> DVec3 {
-        let (sin, cos) = angle.sin_cos();
-        self.centre + self.radius * (cos * self.axes[0] + sin * self.axes[1])
-    }
-
-    /// The point of the circle that is nearest to a point.
-    fn nearest(&self, point: DVec3) -> DVec3 {
-        let off = point - self.centre;
-        let [x, y, _] = self.axes.map(|axis| axis.dot(off));
-        let flat = (x * self.axes[0] + y * self.axes[1]).normalize_or(self.axes[0]);
-        self.centre + self.radius * flat
-    }
-
-    /// Distance of the torus from a set thickened by `thick`; `of`: distance of a point from the set
-    /// itself, and its nearest point there.
-    fn distance(&self, limit: f64, thick: f64, of: impl Fn(DVec3) -> Distance) -> Option<Distance> {
-        let at = |angle: f64| of(self.point(angle));
-        let (to_circle, place) = around(at, self.radius, limit + self.tube + thick)?;
-        let width = to_circle - self.tube - thick;
-        (width > 0.0 && width <= limit).then_some((width, place))
     }
 }

@@ -58,7 +58,6 @@ impl<'a> Solid<'a> {
         let [_, half] = self.shape.bounds();
         let hole = match self.shape.form() {
             Form::Frustum(_) | Form::Ellipsoid(_) => 0.0,
-            Form::Torus(radius, tube) => ((radius - tube) / (radius + tube)).max(0.0),
             Form::Tube(it) => it.inner / it.outer,
         };
         let step = 1.0 / f64::from(rings);
@@ -79,7 +78,6 @@ impl<'a> Solid<'a> {
     fn inner_point(self) -> DVec3 {
         let across = match self.shape.form() {
             Form::Frustum(_) | Form::Ellipsoid(_) => 0.0,
-            Form::Torus(radius, _) => radius,
             Form::Tube(it) => it.inner.midpoint(it.outer),
         };
         self.place.world_from_own(DVec3::new(across, 0.0, 0.0))

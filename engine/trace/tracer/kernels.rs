@@ -5,7 +5,7 @@ use crate::accel::Backend;
 use crate::gpu::{Device, LazyKernel, shaders};
 use crate::interface::{
     BUNDLE_LANES, CrossingsPush, ExactPush, GROUP, KIND_CROSSED, KIND_ELLIPSOID, KIND_FRUSTUM,
-    KIND_MOVED, KIND_ROUGH, KIND_SMOOTH, KIND_TORUS, KIND_TUBE, RAYS_PER_LANE, TracePush,
+    KIND_MOVED, KIND_ROUGH, KIND_SMOOTH, KIND_TUBE, RAYS_PER_LANE, TracePush,
 };
 use crate::numbers;
 use std::ops::RangeInclusive;
@@ -115,20 +115,14 @@ impl Walks {
     }
 
     fn bvh(device: &Arc<Device>, kinds: u32, bundles: bool) -> Self {
-        let torus = kinds & KIND_TORUS != 0;
         let exact = match kinds {
             0 => ("exact_bvh", shaders::EXACT_BVH),
-            _ if torus => ("exact_bvh_torus", shaders::EXACT_BVH_TORUS),
             _ => ("exact_bvh_placed", shaders::EXACT_BVH_PLACED),
         };
         let bundled = KIND_FRUSTUM | KIND_ELLIPSOID | KIND_TUBE | KIND_MOVED | ONE_BY_ONE;
         let bundles = bundles && kinds & !bundled == 0;
         let single = match kinds {
             0 => [("trace_bvh", shaders::TRACE_BVH), ("trace_bvh_many", shaders::TRACE_BVH_MANY)],
-            _ if torus => [
-                ("trace_bvh_torus", shaders::TRACE_BVH_TORUS),
-                ("trace_bvh_torus_many", shaders::TRACE_BVH_TORUS_MANY),
-            ],
             _ => [
                 ("trace_bvh_placed", shaders::TRACE_BVH_PLACED),
                 ("trace_bvh_placed_many", shaders::TRACE_BVH_PLACED_MANY),
@@ -160,11 +154,6 @@ impl Walks {
                 ("trace_ray_query", shaders::TRACE_RAY_QUERY),
                 ("trace_ray_query_many", shaders::TRACE_RAY_QUERY_MANY),
                 ("exact_ray_query", shaders::EXACT_RAY_QUERY),
-            ],
-            _ if kinds & KIND_TORUS != 0 => [
-                ("trace_ray_query_torus", shaders::TRACE_RAY_QUERY_TORUS),
-                ("trace_ray_query_torus_many", shaders::TRACE_RAY_QUERY_TORUS_MANY),
-                ("exact_ray_query_torus", shaders::EXACT_RAY_QUERY_TORUS),
             ],
             _ => [
                 ("trace_ray_query_placed", shaders::TRACE_RAY_QUERY_PLACED),

@@ -51,12 +51,6 @@ fn touched(shape: &Shape, [u, v, w]: [f64; 3]) -> [DVec3; 2] {
             let axes = DVec3::from_array(semi_axes);
             [axes * onto_sphere, (onto_sphere / axes).normalize()]
         }
-        // The outer half of the tube.
-        Shape::Torus { radius, tube_radius, .. } => {
-            let lean = (v - 0.5) * 3.0;
-            let normal = DVec3::new(lean.cos() * cos, lean.cos() * sin, lean.sin());
-            [DVec3::new(radius * cos, radius * sin, 0.0) + tube_radius * normal, normal]
-        }
         Shape::Tube { outer, height, .. } if w < 0.5 => side(outer, outer, height),
         Shape::Tube { outer, inner, height, .. } => {
             let across = inner + (outer - inner) * v;
@@ -90,11 +84,6 @@ fn any_shape() -> impl Strategy<Value = Shape> {
     prop_oneof![
         size().prop_map(sphere),
         [size(), size(), size()].prop_map(|semi_axes| Shape::Ellipsoid { semi_axes, sides: None }),
-        (size(), 0.1..0.9).prop_map(|(radius, share)| Shape::Torus {
-            radius,
-            tube_radius: share * radius,
-            sides: None
-        }),
         (size(), size()).prop_map(|(radius, height)| cylinder(radius, height)),
         (size(), 0.0..1.0, size()).prop_map(|(radius, share, height)| Shape::Cone {
             radius,
@@ -304,15 +293,15 @@ fn gaps_of_cubes_match_all_pairs() {
 #[test]
 fn gaps_are_listed_between_shapes_instances_and_meshes() {
     let gap = 0.4e-6;
-    // A ball in the hole of a torus, one above a mesh, and a fibre beside that.
-    let torus = Shape::Torus { radius: 1e-3, tube_radius: 0.3e-3, sides: None };
+    // A ball in the bore of a tube, one above a mesh, and a fibre beside that.
+    let tube = Shape::Tube { outer: 1.3e-3, inner: 0.7e-3, height: 0.6e-3, sides: None };
     let mesh = at(shape("mesh", Shape::Sphere { radius: 2e-4, sides: Some(12) }), [3e-3, 0.0, 0.0]);
     let top = {
         let (sample, _) = load_lenient(&scene(vec![mesh.clone()])).unwrap();
         sample.vertices.iter().map(|it| it[2]).fold(0.0, f64::max)
     };
     let found = contacts(vec![
-        shape("torus", torus),
+        shape("tube", tube),
         shape("ball", sphere(0.7e-3 - gap)),
         mesh,
         at(shape("above", sphere(1e-4)), [3e-3, 0.0, top + 1e-4 + gap]),
@@ -352,10 +341,6 @@ fn what_lies_in_the_bore_of_a_tube_is_a_gap_away_from_its_wall() {
         beside(shape("disc", cylinder(0.5e-3 - gap, 1e-4)), [0.0; 3]),
         beside(shape("tube", tube(0.5e-3 - gap, 1e-4, 1e-3)), [0.0; 3]),
         beside(shape("long tube", tube(0.5e-3 - gap, 1e-4, 7e-3)), [0.0; 3]),
-        beside(
-            shape("torus", Shape::Torus { radius: 4e-4, tube_radius: 1e-4 - gap, sides: None }),
-            [0.0; 3],
-        ),
         beside(
             shape("rod", Shape::Prism { radius: 0.5e-3 - gap, height: 1e-3, sides: 6 }),
             [0.0; 3],
