@@ -217,8 +217,8 @@ Placed placed_at(uint index, out AnalyticShape shape) {
     Record prototype = record_at(Words(uvec2(sample_.prototypes)), at, PROTOTYPE_WORDS);
     at = word_of(prototype, PROTOTYPE_ROOT);
     Record own = record_at(Words(uvec2(sample_.shapes)), at, ANALYTIC_SHAPE_WORDS);
-    shape = AnalyticShape(word_of(own, ANALYTIC_SHAPE_KIND), numbers_of(own, ANALYTIC_SHAPE_HIGH),
-                          numbers_of(own, ANALYTIC_SHAPE_LOW));
+    shape = AnalyticShape(word_of(own, ANALYTIC_SHAPE_KIND),
+                          numbers_of(own, ANALYTIC_SHAPE_PARAMETERS));
     vec4 rotation = vec4(numbers_of(place, PLACED_ROTATION),
                          number_of(place, PLACED_ROTATION + 3u));
     return Placed(numbers_of(place, PLACED_POSITION), numbers_of(place, PLACED_REST), rotation,

@@ -103,9 +103,10 @@ pub(super) fn read_surface(
     match (&object.geometry, file) {
         (ShapeOrMesh::Shape(shape), _) => {
             task.begin(LoadStep::Reading, 0)?;
-            let needed = PEAK_PER_TRIANGLE.saturating_mul(shapes::triangles(shape));
+            let scale = object.placement.scale;
+            let needed = PEAK_PER_TRIANGLE.saturating_mul(shapes::triangles(shape, scale));
             reserve::ask(needed, &format!("making {label}"), SIMPLIFY)?;
-            Ok(of(shapes::surface(shape).map_err(failed(label))?, String::new()))
+            Ok(of(shapes::surface(shape, scale).map_err(failed(label))?, String::new()))
         }
         (ShapeOrMesh::Mesh(Mesh::Arrays { vertices, triangles }), _) => {
             task.begin(LoadStep::Reading, 0)?;

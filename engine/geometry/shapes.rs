@@ -13,8 +13,13 @@ use crate::scene::Shape;
 const MOST_SIDES: u32 = 1 << 20;
 const MOST_SIDES_SPHERE: u32 = 1 << 12;
 
-/// The surface of a shape, m, closed and outward.
-pub(super) fn surface(shape: &Shape) -> Result<Surface, Defect> {
+/// Distance of the facets of a torus without `sides` from its surface, m, where [`MOST_FACETS`] allow it.
+const TORUS_ERROR: f64 = 1e-8;
+/// Most facets of a torus without `sides`.
+const MOST_FACETS: f64 = 2e6;
+
+/// The surface of a shape, m, closed and outward. `scale`: the factor by which it is enlarged later.
+pub(super) fn surface(shape: &Shape, scale: f64) -> Result<Surface, Defect> {
     match shape {
         Shape::Box { size } => {
             size.iter().try_for_each(|edge| positive("size", *edge))?;
@@ -49,9 +54,10 @@ pub(super) fn surface(shape: &Shape) -> Result<Surface, Defect> {
                 let problem = format!("radius is {radius} m; it must be above tube_radius");
                 return Err(Defect::new(problem, "shape"));
             }
-            let sides = facets(*sides)?;
-            within("sides", sides, 4, MOST_SIDES_SPHERE)?;
-            Ok(torus(*radius, *tube_radius, sides))
+            if let Some(sides) = *sides {
+                within("sides", sides, 4, MOST_SIDES_SPHERE)?;
+            }
+            Ok(torus(*radius, *tube_radius, torus_sides([*radius, *tube_radius], *sides, scale)))
         }
         Shape::Tube { outer, inner, height, sides } => {
             tube([*outer, *inner], *height, facets(*sides)?)
@@ -59,8 +65,8 @@ pub(super) fn surface(shape: &Shape) -> Result<Surface, Defect> {
     }
 }
 
-/// About how many triangles a shape has.
-pub(super) fn triangles(shape: &Shape) -> u64 {
+/// About how many triangles a shape has; `scale` as in [`surface`].
+pub(super) fn triangles(shape: &Shape, scale: f64) -> u64 {
     let square = |sides: Option<u32>| sides.map_or(0, |it| u64::from(it) * (u64::from(it) + 1));
     match shape {
         Shape::Box { .. } => 12,
@@ -70,7 +76,10 @@ pub(super) fn triangles(shape: &Shape) -> u64 {
         Shape::Prism { sides, .. } => 4 * u64::from(*sides),
         Shape::Extrusion { points, .. } => 4 * points.len() as u64,
         Shape::Sphere { sides, .. } | Shape::Ellipsoid { sides, .. } => square(*sides),
-        Shape::Torus { sides, .. } => 2 * square(*sides),
+        Shape::Torus { radius, tube_radius, sides } => {
+            let [around, across] = torus_sides([*radius, *tube_radius], *sides, scale);
+            2 * u64::from(around) * u64::from(across)
+        }
         Shape::Tube { sides, .. } => 8 * u64::from(sides.unwrap_or(0)),
     }
 }
@@ -307,18 +316,27 @@ fn unit_sphere(sides: u32) -> Surface {
     Surface::new(vertices, triangles)
 }
 
-/// A torus whose facets enclose its volume.
-fn torus(radius: f64, tube_radius: f64, sides: u32) -> Surface {
-    let mut surface = ring_of_tubes(radius, tube_radius, [sides; 2]);
-    let exact = 2.0 * PI * PI * radius * tube_radius * tube_radius;
-    let scale = (exact / volume(&surface)).cbrt();
-    surface.vertices.iter_mut().for_each(|vertex| *vertex *= scale);
-    surface
+/// Facets of a torus around its ring and around its tube: `sides`, or as many as keep them within
+/// [`TORUS_ERROR`] of the surface at a scale.
+///
+/// Chords are s = (R + r) π²/2n² and t = r π²/2m² off the circles of ring and tube at most; their corners
+/// lie 2s/3 and 2t/3 outside, so facets are up to e = 2 (s + t)/3 off the surface. Along the outline of a
+/// ring s changes its sign within a pixel, t does not: s = 1.2 e and t = 0.3 e.
+fn torus_sides([radius, tube_radius]: [f64; 2], sides: Option<u32>, scale: f64) -> [u32; 2] {
+    if let Some(sides) = sides {
+        return [sides; 2];
+    }
+    let error = TORUS_ERROR / scale;
+    let around = [(radius + tube_radius) / (2.4 * error), tube_radius / (0.6 * error)];
+    let around = around.map(|it| PI * it.sqrt());
+    let fewer = (MOST_FACETS / (2.0 * around[0] * around[1])).sqrt().min(1.0);
+    around.map(|it| numbers::whole((fewer * it).ceil().max(8.0)))
 }
 
-/// A torus with its vertices on the surface; `sides` around the ring and around the tube.
-pub(super) fn ring_of_tubes(radius: f64, tube_radius: f64, [n, m]: [u32; 2]) -> Surface {
-    let (circle, tubes) = (ring(n, 1.0), ring(m, tube_radius));
+/// A torus whose facets enclose its volume: both polygons keep the areas of their circles. `n` facets around
+/// the ring, `m` around the tube.
+fn torus(radius: f64, tube_radius: f64, [n, m]: [u32; 2]) -> Surface {
+    let (circle, tubes) = (ring(n, area_kept(n)), ring(m, tube_radius * area_kept(m)));
     let corner = |[x, y]: [f64; 2], [off, z]: [f64; 2]| {
         DVec3::new((radius + off) * x, (radius + off) * y, z)
     };

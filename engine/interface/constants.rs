@@ -23,26 +23,22 @@ shared_constants! {
     KIND_FRUSTUM: u32 = 2;
     /// Kind in a sample: ellipsoids and spheres.
     KIND_ELLIPSOID: u32 = 4;
-    /// Kind in a sample: tori.
-    KIND_TORUS: u32 = 8;
     /// Kind in a sample: tubes.
-    KIND_TUBE: u32 = 16;
+    KIND_TUBE: u32 = 8;
     /// Kind in a sample: rough surfaces, placed or not.
-    KIND_ROUGH: u32 = 32;
+    KIND_ROUGH: u32 = 16;
     /// Kind in a sample: surfaces that refract by interpolated normals.
-    KIND_SMOOTH: u32 = 64;
+    KIND_SMOOTH: u32 = 32;
     /// Kind in a sample: exact shapes whose surfaces cross.
-    KIND_CROSSED: u32 = 128;
+    KIND_CROSSED: u32 = 64;
     /// Kind in a sample: views that move the sample otherwise than by a turn about z.
-    KIND_MOVED: u32 = 256;
+    KIND_MOVED: u32 = 128;
     /// Cylinder, cone or truncated cone.
     SHAPE_FRUSTUM: u32 = 0;
     /// Ellipsoid or sphere.
     SHAPE_ELLIPSOID: u32 = 1;
-    /// Torus.
-    SHAPE_TORUS: u32 = 2;
     /// Tube.
-    SHAPE_TUBE: u32 = 3;
+    SHAPE_TUBE: u32 = 2;
     /// In place of the list of the shapes that cross a shape, where none does.
     NO_PARTNERS: u32 = u32::MAX;
     /// Words of the list of a shape that others cross before its partners: the object around all of

@@ -80,15 +80,13 @@ shared_structs! {
         pub placed: u32,
     }
 
-    /// A shape with curved surfaces, centred, along z of its own frame. Parameters, each the sum of
-    /// two f32: of a frustum the radius at z = 0, m, half the height, m, and the change of radius per
-    /// length of z; of an ellipsoid one over its semi-axes, 1/m; of a torus the radii of its ring
-    /// and of its tube, m, and 0; of a tube its outer radius, half its height and its inner radius, m.
+    /// A shape with curved surfaces, centred, along z of its own frame. Parameters: of a frustum the
+    /// radius at z = 0, m, half the height, m, and the change of radius per length of z; of an ellipsoid
+    /// one over its semi-axes, 1/m; of a tube its outer radius, half its height and its inner radius, m.
     pub struct AnalyticShape in AnalyticShapes(readonly) {
         /// `SHAPE_`.
         pub kind: u32,
-        pub high: [f32; 3],
-        pub low: [f32; 3],
+        pub parameters: [f32; 3],
     }
 
     /// What lies on the two sides of a connected surface.

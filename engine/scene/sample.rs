@@ -184,7 +184,8 @@ pub enum Shape {
         radius: f64,
         /// Radius of the tube, m. < `radius`.
         tube_radius: f64,
-        /// Facets around the ring and around the tube, which keep the volume. >= 4.
+        /// Facets around the ring and around the tube, which keep the volume, >= 4; `None`: facets within
+        /// 10 nm of the surface, or two million of them.
         sides: Option<u32>,
     },
     /// Cylinder along z with a coaxial bore from end to end.
@@ -204,12 +205,13 @@ impl Shape {
     /// Whether its surface is made of flat facets.
     pub(crate) const fn has_facets(&self) -> bool {
         match self {
-            Self::Box { .. } | Self::Prism { .. } | Self::Extrusion { .. } => true,
+            Self::Box { .. } | Self::Prism { .. } | Self::Extrusion { .. } | Self::Torus { .. } => {
+                true
+            }
             Self::Cylinder { sides, .. }
             | Self::Cone { sides, .. }
             | Self::Sphere { sides, .. }
             | Self::Ellipsoid { sides, .. }
-            | Self::Torus { sides, .. }
             | Self::Tube { sides, .. } => sides.is_some(),
         }
     }

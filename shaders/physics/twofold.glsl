@@ -79,21 +79,12 @@ Twofold3 add(Twofold3 a, Twofold3 b) {
     return two_sum(s.high, low);
 }
 
-Twofold3 subtract(Twofold3 a, Twofold3 b) {
-    return add(a, Twofold3(-b.high, -b.low));
-}
-
 Twofold3 multiply(Twofold3 a, Twofold3 b) {
     Twofold3 p = two_product(a.high, b.high);
     precise vec3 low = p.low + (a.high * b.low + a.low * b.high);
     return two_sum(p.high, low);
 }
 
-Twofold3 multiply(Twofold3 a, vec3 b) {
-    Twofold3 p = two_product(a.high, b);
-    precise vec3 low = p.low + a.low * b;
-    return two_sum(p.high, low);
-}
 
 Twofold twofold_x(Twofold3 v) {
     return Twofold(v.high.x, v.low.x);

@@ -55,10 +55,10 @@ Convex convex_of(Beam frame, Placed placed, AnalyticShape shape) {
     convex.turn = mat3(x, y, z);
     vec3 scales = scales_of(placed);
     convex.size = convex.capped
-        ? shape.high * vec3(scales.x, scales.z, scales.x / scales.z)
-        : shape.high / scales;
+        ? shape.parameters * vec3(scales.x, scales.z, scales.x / scales.z)
+        : shape.parameters / scales;
     bool tube = TUBES && shape.kind == SHAPE_TUBE;
-    convex.bore = tube ? shape.high.z * scales.x : 0.0;
+    convex.bore = tube ? shape.parameters.z * scales.x : 0.0;
     if (tube) convex.size.z = 0.0;
     return convex;
 }

@@ -103,12 +103,4 @@ Twofold3 moved_from_world(ViewTransform view, Twofold3 point) {
     Twofold3 turned = Twofold3(vec3(x.high, y.high, z.high), vec3(x.low, y.low, z.low));
     return add(turned, Twofold3(view.position, view.position_rest));
 }
-
-// A vector of that beam frame in the world.
-Twofold3 world_from_moved_direction(ViewTransform view, Twofold3 v) {
-    Twofold3 x = multiply(Twofold3(view.x, view.x_rest), Twofold3(vec3(v.high.x), vec3(v.low.x)));
-    Twofold3 y = multiply(Twofold3(view.y, view.y_rest), Twofold3(vec3(v.high.y), vec3(v.low.y)));
-    Twofold3 z = multiply(Twofold3(view.z, view.z_rest), Twofold3(vec3(v.high.z), vec3(v.low.z)));
-    return add(add(x, y), z);
-}
 #endif

@@ -1,14 +1,7 @@
 // Crossings of a line and a shape with curved surfaces. The KINDS in a sample are constants of the
-// kernel: CPU devices execute unused code, too. Code for tori is only in kernels of samples with tori
-// (TORUS): drivers need as long to remove it as for all the rest.
+// kernel: CPU devices execute unused code, too.
 
 #include "walk/convex.glsl"
-#ifdef TORUS
-#include "walk/torus.glsl"
-const bool TORI = (KINDS & KIND_TORUS) != 0u;
-#else
-const bool TORI = false;
-#endif
 
 const bool CONVEX = (KINDS & (KIND_FRUSTUM | KIND_ELLIPSOID | KIND_TUBE)) != 0u;
 
@@ -22,17 +15,6 @@ struct ShapeCrossings {
 ShapeCrossings shape_crossings(Beam beam, vec2 moved, vec2 bent, Placed placed) {
     ShapeCrossings all;
     all.count = 0u;
-#ifdef TORUS
-    if (TORI && (!CONVEX || shape_of(placed).kind == SHAPE_TORUS)) {
-        ShapeLine line = shape_line(beam, moved, bent, placed);
-        TorusCrossings found = torus_crossings(line);
-        all.count = found.count;
-        for (uint i = 0u; i < found.count; i++) {
-            all.y[i] = torus_crossing(beam, line, found, i, all.normal_[i]);
-        }
-        return all;
-    }
-#endif
     if (CONVEX) {
         Chord first;
         Chord second;
@@ -56,10 +38,9 @@ ShapeCrossings shape_crossings(Beam beam, vec2 moved, vec2 bent, Placed placed) 
 // About the farthest that a shape reaches from its centre along or across its axis, m.
 float extent_of(Placed placed) {
     AnalyticShape shape = shape_of(placed);
-    vec3 size = shape.high;
+    vec3 size = shape.parameters;
     float across = size.x;
     if (shape.kind == SHAPE_FRUSTUM) across += abs(size.z) * size.y;
-    if (shape.kind == SHAPE_TORUS) across += size.y;
     float along = size.y;
     if (shape.kind == SHAPE_ELLIPSOID) {
         across = 1.0 / min(size.x, size.y);
@@ -70,9 +51,7 @@ float extent_of(Placed placed) {
 
 // Whether a line may cross a shape four times.
 bool has_hole(Placed placed) {
-    if (!TORI && !TUBES) return false;
-    uint kind = shape_of(placed).kind;
-    return (TORI && kind == SHAPE_TORUS) || (TUBES && kind == SHAPE_TUBE);
+    return TUBES && shape_of(placed).kind == SHAPE_TUBE;
 }
 
 // The crossing of a ray next to y that goes into the shape, or out of it; false where there is none.

@@ -242,7 +242,7 @@ fn assert_second_driver_has_the_kernels(kernels: &str, objects: &str) {
 }
 
 /// Kernels of placed shapes are not the kernels of meshes; smooth normals and rough surfaces are
-/// parts of each. A driver takes half a minute for a kernel: tori have a test of their own, beside it.
+/// parts of each.
 #[test]
 fn second_driver_gives_the_same_stacks_of_placed_exact_rough_and_smooth_shapes() {
     let placed = r#"
@@ -274,18 +274,6 @@ position = ["0.2 mm", "0 mm", "0 mm"]
 material = "water"
 "#;
     assert_second_driver_has_the_kernels("placed", placed);
-}
-
-#[test]
-fn second_driver_gives_the_same_stacks_of_a_torus() {
-    let torus = r#"
-[[object]]
-name = "ring"
-shape = { torus = { radius = "0.15 mm", tube_radius = "60 um" } }
-rotate = [{ axis = [1, 0, 0], angle = "70 deg" }]
-material = "nylon 6"
-"#;
-    assert_second_driver_has_the_kernels("torus", torus);
 }
 
 /// Draws go through the logarithm, sine and cosine of the driver, which may err: a few

@@ -44,14 +44,6 @@ roughness = 0.01
 material = "nylon 6"
 "#;
 
-const RING: &str = r#"
-[[object]]
-name = "ring"
-shape = { torus = { radius = "0.15 mm", tube_radius = "60 um" } }
-rotate = [{ axis = [1, 0, 0], angle = "70 deg" }]
-material = "nylon 6"
-"#;
-
 /// Small parts of other materials beside an object: sums of more than four materials are not in registers.
 fn many(objects: &str) -> String {
     let parts =
@@ -132,7 +124,7 @@ fn every_kernel_works_without_a_message_of_the_validation_layer() {
     let ray_query = backends().contains(&Backend::RayQuery);
     for backend in if ray_query { &["bvh", "ray-query"][..] } else { &["bvh"] } {
         let backend = ["--backend", backend];
-        for objects in [MESHES, &[FIBRE, ROUGH].concat(), RING] {
+        for objects in [MESHES, &[FIBRE, ROUGH].concat()] {
             layer.simulate(None, objects, &backend);
             layer.simulate(None, &many(objects), &backend);
         }

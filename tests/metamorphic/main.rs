@@ -26,7 +26,7 @@ use relations::{RELATIONS, Relation};
 use runs::{difference, folder, run};
 use std::time::Instant;
 
-/// Seeds of CI: every shape but the torus, whose kernels take long to make on a CPU, 0 to 2 masks that
+/// Seeds of CI: every shape but the torus, whose facets take long to trace, 0 to 2 masks that
 /// do and do not leak, instances, nested bodies, one energy and a tube.
 const SEEDS: [u64; 12] = [5, 8, 12, 15, 23, 37, 44, 47, 53, 68, 78, 79];
 /// A sample that changes no pixel by this share of open beam is not seen.

@@ -35,7 +35,7 @@ pub(crate) const RELATIONS: [Relation; 8] = [
 
 /// Facets around a cylinder or cone that stands for an exact one.
 const SIDES_OF_ROUNDS: u32 = 2048;
-/// Facets around a ball or ring, whose normals are smooth.
+/// Facets around a ball, whose normals are smooth.
 const SIDES_OF_BALLS: u32 = 256;
 /// Cells of a period and rows of a pixel that a finer lattice begins with.
 const CELLS: [u32; 2] = [60, 3];
@@ -149,9 +149,9 @@ fn with_sides(shape: &mut Shape) -> Option<Normals> {
         Shape::Cylinder { sides, .. } | Shape::Cone { sides, .. } | Shape::Tube { sides, .. } => {
             (sides, SIDES_OF_ROUNDS, Normals::Facets)
         }
-        Shape::Sphere { sides, .. }
-        | Shape::Ellipsoid { sides, .. }
-        | Shape::Torus { sides, .. } => (sides, SIDES_OF_BALLS, Normals::Smooth),
+        Shape::Sphere { sides, .. } | Shape::Ellipsoid { sides, .. } => {
+            (sides, SIDES_OF_BALLS, Normals::Smooth)
+        }
         _ => return None,
     };
     if sides.is_some() {

@@ -19,7 +19,7 @@ pitch = "1 mm"
 const CUBE: &str = "box = { size = [\"1 mm\", \"1 mm\", \"1 mm\"] }";
 const BALL: &str = "sphere = { radius = \"0.5 mm\" }";
 const DISC: &str = "cylinder = { radius = \"0.5 mm\", height = \"0.4 mm\" }";
-const RING: &str = "torus = { radius = \"0.4 mm\", tube_radius = \"0.1 mm\" }";
+const RING: &str = "tube = { outer = \"0.5 mm\", inner = \"0.3 mm\", height = \"0.2 mm\" }";
 const BEAD: &str = "sphere = { radius = \"0.1 mm\" }";
 
 #[test]

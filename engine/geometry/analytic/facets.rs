@@ -29,11 +29,6 @@ impl AnalyticShape {
                 let step = SQRT_2 * half_step(axes.max_element(), error);
                 shapes::ball(sides(2.0 * PI / step), axes)
             }
-            Form::Torus(radius, tube) => {
-                // Both angles contribute to the distance of a facet.
-                let ring = around(radius + tube, error / 4.0);
-                shapes::ring_of_tubes(radius, tube, [ring, around(tube, error / 4.0)])
-            }
             Form::Tube(it) => {
                 let [outer, inner] = rings_of(it, error);
                 shapes::pipe([(it.outer, outer), (it.inner, inner)], it.half_height)
@@ -52,7 +47,6 @@ impl AnalyticShape {
                 off(low.max(high), step)
             }
             Form::Ellipsoid(axes) => off(axes.max_element(), SQRT_2 * step),
-            Form::Torus(radius, tube) => 4.0 * off(radius + tube, step),
             Form::Tube(it) => off(it.outer, step),
         }
     }
@@ -68,11 +62,6 @@ impl AnalyticShape {
             Form::Ellipsoid(axes) => {
                 let step = SQRT_2 * half_step(axes.max_element(), error);
                 u64::from(sides(2.0 * PI / step)).pow(2)
-            }
-            Form::Torus(radius, tube) => {
-                let [ring, tube] =
-                    [radius + tube, tube].map(|it| u64::from(around(it, error / 4.0)));
-                2 * ring * tube
             }
             Form::Tube(it) => rings_of(it, error).into_iter().map(|it| 4 * u64::from(it)).sum(),
         }

@@ -22,8 +22,6 @@ pub(crate) enum AnalyticShape {
     Sphere { radius: f64 },
     /// Half its extent along x, y, z.
     Ellipsoid { semi_axes: DVec3 },
-    /// Around z. `radius`: of the circle in the middle of the tube.
-    Torus { radius: f64, tube_radius: f64 },
     /// A cylinder with a coaxial bore through it, from -`half_height` to `half_height`.
     Tube(Tube),
 }
@@ -42,9 +40,6 @@ impl AnalyticShape {
             Shape::Ellipsoid { semi_axes, sides: None } => {
                 Some(Self::Ellipsoid { semi_axes: semi_axes.into() })
             }
-            Shape::Torus { radius, tube_radius, sides: None } => {
-                Some(Self::Torus { radius, tube_radius })
-            }
             Shape::Tube { outer, inner, height, sides: None } => {
                 Some(Self::Tube(Tube { outer, inner, half_height: height / 2.0 }))
             }
@@ -52,7 +47,7 @@ impl AnalyticShape {
         }
     }
 
-    /// The simpler form shared by the six kinds.
+    /// The simpler form shared by the kinds.
     pub(crate) fn form(self) -> Form {
         match self {
             Self::Cylinder { radius, half_height } => {
@@ -65,7 +60,6 @@ impl AnalyticShape {
             }),
             Self::Sphere { radius } => Form::Ellipsoid(DVec3::splat(radius)),
             Self::Ellipsoid { semi_axes } => Form::Ellipsoid(semi_axes),
-            Self::Torus { radius, tube_radius } => Form::Torus(radius, tube_radius),
             Self::Tube(tube) => Form::Tube(tube),
         }
     }
@@ -99,7 +93,6 @@ impl AnalyticShape {
             }
             Self::Sphere { radius } => 4.0 / 3.0 * PI * radius.powi(3),
             Self::Ellipsoid { semi_axes } => 4.0 / 3.0 * PI * semi_axes.element_product(),
-            Self::Torus { radius, tube_radius } => 2.0 * PI * PI * radius * tube_radius.powi(2),
             Self::Tube(it) => 2.0 * PI * it.wall() * (it.outer + it.inner) * it.half_height,
         }
     }
@@ -117,7 +110,6 @@ impl AnalyticShape {
             Self::Ellipsoid { semi_axes: DVec3 { x, y, z } } => {
                 4.0 * PI * carlson_rg([x * y, y * z, z * x].map(|product| product * product))
             }
-            Self::Torus { radius, tube_radius } => 4.0 * PI * PI * radius * tube_radius,
             Self::Tube(it) => 2.0 * PI * (it.outer + it.inner) * (it.wall() + 2.0 * it.half_height),
         }
     }
@@ -128,7 +120,7 @@ impl AnalyticShape {
     }
 
     /// At most the distance of a point to the surface, m; negative inside. It is the distance
-    /// itself for spheres and tori, next to the surface for others but ellipsoids, and for those
+    /// itself for spheres, next to the surface for others but ellipsoids, and for those
     /// no less than it by the ratio of their least to their greatest semi-axis.
     pub(crate) fn distance_bound(self, point: DVec3) -> f64 {
         match self.form() {
@@ -138,7 +130,6 @@ impl AnalyticShape {
                 side.max(point.z.abs() - frustum.half_height)
             }
             Form::Ellipsoid(axes) => ((point / axes).length() - 1.0) * axes.min_element(),
-            Form::Torus(radius, tube) => libm::hypot(across(point) - radius, point.z) - tube,
             Form::Tube(it) => {
                 let across = across(point);
                 let side = (across - it.outer).max(it.inner - across);
@@ -149,7 +140,7 @@ impl AnalyticShape {
 
     /// Whether it holds all that lies between its points.
     pub(crate) const fn is_convex(self) -> bool {
-        !matches!(self, Self::Torus { .. } | Self::Tube(_))
+        !matches!(self, Self::Tube(_))
     }
 
     /// The shape that it holds at a distance from its surface, m, or at most twice that at the tip of
@@ -178,9 +169,6 @@ impl AnalyticShape {
                 }
                 Self::Ellipsoid { semi_axes }
             }
-            Self::Torus { radius, tube_radius } => {
-                Self::Torus { radius, tube_radius: left(tube_radius)? }
-            }
             Self::Tube(it) => {
                 left(0.5 * it.wall())?;
                 let half_height = left(it.half_height)?;
@@ -199,9 +187,6 @@ impl AnalyticShape {
                 if upper.dot(direction) > lower.dot(direction) { upper } else { lower }
             }
             Form::Ellipsoid(axes) => axes * (axes * direction).normalize_or_zero(),
-            Form::Torus(radius, tube) => {
-                (radius * flat).extend(0.0) + tube * direction.normalize_or_zero()
-            }
             Form::Tube(it) => (it.outer * flat).extend(it.half_height.copysign(direction.z)),
         }
     }
@@ -213,8 +198,6 @@ pub(crate) enum Form {
     Frustum(Frustum),
     /// Semi-axes.
     Ellipsoid(DVec3),
-    /// Radii of the ring and of its tube.
-    Torus(f64, f64),
     Tube(Tube),
 }
 

@@ -26,15 +26,12 @@ impl Draws {
     }
 }
 
-const SHAPES: [AnalyticShape; 10] = [
+const SHAPES: [AnalyticShape; 7] = [
     AnalyticShape::Cylinder { radius: 2e-3, half_height: 3e-3 },
     AnalyticShape::Cone { bottom_radius: 2e-3, top_radius: 0.0, half_height: 1.5e-3 },
     AnalyticShape::Cone { bottom_radius: 1e-3, top_radius: 2.5e-3, half_height: 4e-3 },
     AnalyticShape::Sphere { radius: 1e-3 },
     AnalyticShape::Ellipsoid { semi_axes: DVec3::new(1e-3, 4e-3, 2.5e-3) },
-    AnalyticShape::Torus { radius: 3e-3, tube_radius: 2e-3 },
-    AnalyticShape::Torus { radius: 5e-3, tube_radius: 0.4e-3 },
-    AnalyticShape::Torus { radius: 2e-3, tube_radius: 1.9999e-3 },
     AnalyticShape::Tube(Tube { outer: 2e-3, inner: 1.5e-3, half_height: 3e-3 }),
     AnalyticShape::Tube(Tube { outer: 3e-3, inner: 2.99e-3, half_height: 0.4e-3 }),
 ];
@@ -92,8 +89,6 @@ fn facets_stand_on_the_surface_and_leave_no_more_than_they_say() {
             assert!(most <= error * (1.0 + 1e-9), "{shape:?} {error} {most}");
         }
     }
-    let torus = SHAPES[5].surface(1e-30);
-    assert_eq!(torus.triangles.len(), 2 * 2048 * 2048);
 }
 
 #[test]
@@ -121,6 +116,8 @@ fn shapes_with_sides_or_planes_have_no_exact_surface() {
     assert_eq!(AnalyticShape::of(&cylinder(None)), Some(exact));
     assert_eq!(AnalyticShape::of(&cylinder(Some(8))), None);
     assert_eq!(AnalyticShape::of(&Shape::Box { size: [1e-3; 3] }), None);
+    let ring = Shape::Torus { radius: 2e-3, tube_radius: 1e-3, sides: None };
+    assert_eq!(AnalyticShape::of(&ring), None);
 }
 
 /// Root mean squares of what facets change of dT/dx of a ball or cylinder, T the thickness along
@@ -204,7 +201,7 @@ fn facets_err_as_in_the_table_of_physics_md() {
     let mut before = [1.0; 2];
     for sides in [32, 64, 128, 256, 512] {
         let ball = Shape::Sphere { radius: 1.0, sides: Some(sides) };
-        let mut surface = shapes::surface(&ball).unwrap();
+        let mut surface = shapes::surface(&ball, 1.0).unwrap();
         let turn = DQuat::from_axis_angle(DVec3::new(1.0, 2.0, 3.0).normalize(), 1.0);
         surface.vertices.iter_mut().for_each(|vertex| *vertex = turn * *vertex);
         let found = slope_errors(300, false, |x, z| thickness_of_facets(&surface, x, z));

@@ -2,12 +2,10 @@
 
 use glam::DVec3;
 
-use super::around::around;
 use super::pipe::Pipe;
 use super::{Place, Prototype};
 use crate::geometry::analytic::{AnalyticShape, Form, Tube};
 use crate::geometry::convex::separation;
-use crate::geometry::distance::closest_on_triangle;
 
 /// A surface in its place.
 #[derive(Clone, Copy)]
@@ -20,17 +18,7 @@ pub(super) struct Standing<'a> {
 #[derive(Clone, Copy)]
 enum Solid<'a> {
     Convex(AnalyticShape, &'a Place, DVec3),
-    Ring(Ring),
     Pipe(Pipe),
-}
-
-/// The circle in the middle of the tube of a torus.
-#[derive(Clone, Copy)]
-struct Ring {
-    centre: DVec3,
-    axes: [DVec3; 3],
-    radius: f64,
-    tube: f64,
 }
 
 impl Standing<'_> {
@@ -57,18 +45,14 @@ impl Standing<'_> {
     /// Its exact surface; `None` for a mesh.
     fn solid(&self, about: DVec3) -> Option<Solid<'_>> {
         let shape = self.prototype.shape?;
-        let axes = || [DVec3::X, DVec3::Y, DVec3::Z].map(|it| self.place.rotation * it);
         let scale = self.place.scale;
         let centre = self.place.position - about;
         Some(match shape.form() {
-            Form::Torus(radius, tube) => {
-                let (radius, tube) = (radius * scale, tube * scale);
-                Solid::Ring(Ring { centre, axes: axes(), radius, tube })
-            }
             Form::Tube(it) => {
                 let half_height = it.half_height * scale * self.place.stretch;
                 let size = Tube { outer: it.outer * scale, inner: it.inner * scale, half_height };
-                Solid::Pipe(Pipe { centre, axes: axes(), size })
+                let axes = [DVec3::X, DVec3::Y, DVec3::Z].map(|it| self.place.rotation * it);
+                Solid::Pipe(Pipe { centre, axes, size })
             }
             Form::Frustum(_) | Form::Ellipsoid(_) => Solid::Convex(shape, self.place, centre),
         })
@@ -83,23 +67,12 @@ impl Solid<'_> {
                 let linear = place.linear();
                 linear * shape.support(linear.transpose() * direction) + *centre
             }
-            Self::Ring(ring) => ring.centre,
             Self::Pipe(pipe) => pipe.support(direction),
         }
     }
 
     fn distance(&self, other: &Self) -> Option<f64> {
         match (self, other) {
-            (Self::Ring(ring), Self::Ring(other)) => {
-                ring.distance(other.tube, |point| other.nearest(point).distance(point))
-            }
-            (Self::Ring(ring), Self::Pipe(pipe)) | (Self::Pipe(pipe), Self::Ring(ring)) => {
-                ring.distance(0.0, |point| pipe.nearest(point).distance(point))
-            }
-            (Self::Ring(ring), convex) | (convex, Self::Ring(ring)) => {
-                // A point in the convex solid has no distance from it.
-                ring.distance(0.0, |point| convex.gap_to_set(|_| point).unwrap_or(0.0))
-            }
             (Self::Pipe(pipe), Self::Pipe(other)) => pipe.distance(other),
             (Self::Pipe(pipe), convex) | (convex, Self::Pipe(pipe)) => {
                 pipe.gap_to_set(|along| convex.support(along))
@@ -134,33 +107,8 @@ impl Solid<'_> {
             }]
         };
         match self {
-            Self::Ring(ring) => {
-                ring.distance(0.0, |point| closest_on_triangle(point, corners).distance(point))
-            }
             Self::Pipe(pipe) => pipe.width_around(corners).or_else(|| pipe.gap_to_set(farthest)),
             Self::Convex(..) => self.gap_to_set(farthest),
         }
-    }
-}
-
-impl Ring {
-    fn point(&self, angle: f64) -> DVec3 {
-        let (sin, cos) = angle.sin_cos();
-        self.centre + self.radius * (cos * self.axes[0] + sin * self.axes[1])
-    }
-
-    /// The point of the circle that is nearest to a point.
-    fn nearest(&self, point: DVec3) -> DVec3 {
-        let off = point - self.centre;
-        let [x, y, _] = self.axes.map(|axis| axis.dot(off));
-        let flat = (x * self.axes[0] + y * self.axes[1]).normalize_or(self.axes[0]);
-        self.centre + self.radius * flat
-    }
-
-    /// Distance of the torus from a set thickened by `thick`; `of`: distance of a point from the set
-    /// itself. `None` if they intersect.
-    fn distance(&self, thick: f64, of: impl Fn(DVec3) -> f64) -> Option<f64> {
-        let width = around(|angle| of(self.point(angle)))? - self.tube - thick;
-        (width > 0.0).then_some(width)
     }
 }

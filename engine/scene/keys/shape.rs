@@ -6,6 +6,7 @@ use crate::scene::{Shape, polygon};
 /// Placeholder of a refused shape.
 pub(crate) const NO_SHAPE: Shape = Shape::Sphere { radius: f64::NAN, sides: None };
 const EXACT: Need = Without("none: exact");
+const FINE: Need = Without("none: facets within 10 nm");
 
 keys! { SHAPE, "object.shape",
     [Forms(&[&["box"], &["cylinder"], &["cone"], &["prism"], &["extrusion"], &["sphere"],
@@ -75,7 +76,7 @@ keys! { TORUS: Shape, "object.shape.torus", [], [];
         "Radius of the circle in the middle of the tube.";
     tube_radius at Shape::Torus { tube_radius, .. } => Quantity(Length, POSITIVE), Required, r#""1 mm""#,
         "Radius of the tube, less than `radius`.";
-    sides at Shape::Torus { sides, .. } => Count(4, limits::SPHERE_SIDES as u64), EXACT, "256",
+    sides at Shape::Torus { sides, .. } => Count(4, limits::SPHERE_SIDES as u64), FINE, "256",
         "Facets around the ring, and around the tube.";
 }
 keys! { TUBE: Shape, "object.shape.tube", [], [];

@@ -5,7 +5,7 @@ use crate::gpu::push_bytes;
 use crate::gpu::{Device, LazyKernel};
 use crate::interface::{
     BUNDLE_LANES, CrossingsPush, ExactPush, GROUP, KIND_CROSSED, KIND_ELLIPSOID, KIND_FRUSTUM,
-    KIND_MOVED, KIND_ROUGH, KIND_SMOOTH, KIND_TORUS, KIND_TUBE, RAYS_PER_LANE, TracePush,
+    KIND_MOVED, KIND_ROUGH, KIND_SMOOTH, KIND_TUBE, RAYS_PER_LANE, TracePush,
 };
 use crate::numbers;
 use std::ops::RangeInclusive;
@@ -102,17 +102,14 @@ impl Walks {
     }
 
     fn bvh(device: &Arc<Device>, kinds: u32, bundles: bool) -> Self {
-        let torus = kinds & KIND_TORUS != 0;
         let exact = match kinds {
             0 => "exact_bvh",
-            _ if torus => "exact_bvh_torus",
             _ => "exact_bvh_placed",
         };
         let bundled = KIND_FRUSTUM | KIND_ELLIPSOID | KIND_TUBE | KIND_MOVED | ONE_BY_ONE;
         let bundles = bundles && kinds & !bundled == 0;
         let single = match kinds {
             0 => ["trace_bvh", "trace_bvh_many"],
-            _ if torus => ["trace_bvh_torus", "trace_bvh_torus_many"],
             _ => ["trace_bvh_placed", "trace_bvh_placed_many"],
         };
         let bundle = match kinds {
@@ -132,9 +129,6 @@ impl Walks {
     fn ray_query(device: &Arc<Device>, kinds: u32) -> Self {
         let [few, many, exact] = match kinds {
             0 => ["trace_ray_query", "trace_ray_query_many", "exact_ray_query"],
-            _ if kinds & KIND_TORUS != 0 => {
-                ["trace_ray_query_torus", "trace_ray_query_torus_many", "exact_ray_query_torus"]
-            }
             _ => {
                 ["trace_ray_query_placed", "trace_ray_query_placed_many", "exact_ray_query_placed"]
             }

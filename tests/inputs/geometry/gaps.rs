@@ -34,12 +34,6 @@ fn touched(shape: &Shape, [u, v, w]: [f64; 3]) -> [DVec3; 2] {
             let axes = DVec3::from_array(semi_axes);
             [axes * onto_sphere, (onto_sphere / axes).normalize()]
         }
-        // The outer half of the tube.
-        Shape::Torus { radius, tube_radius, .. } => {
-            let lean = (v - 0.5) * 3.0;
-            let normal = DVec3::new(lean.cos() * cos, lean.cos() * sin, lean.sin());
-            [DVec3::new(radius * cos, radius * sin, 0.0) + tube_radius * normal, normal]
-        }
         Shape::Tube { outer, height, .. } if w < 0.5 => side(outer, outer, height),
         Shape::Tube { outer, inner, height, .. } => {
             let across = inner + (outer - inner) * v;
@@ -73,11 +67,6 @@ fn any_shape() -> impl Strategy<Value = Shape> {
     prop_oneof![
         size().prop_map(sphere),
         [size(), size(), size()].prop_map(|semi_axes| Shape::Ellipsoid { semi_axes, sides: None }),
-        (size(), 0.1..0.9).prop_map(|(radius, share)| Shape::Torus {
-            radius,
-            tube_radius: share * radius,
-            sides: None
-        }),
         (size(), size()).prop_map(|(radius, height)| cylinder(radius, height)),
         (size(), 0.0..1.0, size()).prop_map(|(radius, share, height)| Shape::Cone {
             radius,

@@ -1,5 +1,5 @@
 //! Random arrangements (`BEAMLET_SCENES` times 16 of each of four kinds, 64 with `BEAMLET_ALL`)
-//! of solids of eight kinds, each apart from the others in one of a few scenes, against
+//! of solids of seven kinds, each apart from the others in one of a few scenes, against
 //! what lies inside along every ray in f64.
 
 use super::nested::{are_listed, compared, interfaces, listed};
@@ -58,7 +58,6 @@ fn any_kind(random: &mut Random, size: f64) -> Kind {
         3 => sphere(0.5 * a),
         4 => Kind::Cone { bottom: 0.6 * a, top: 0.3 * b, half: 0.5 * c },
         5 => Kind::Ellipsoid([0.5 * a, 0.5 * b, 0.5 * c]),
-        6 => Kind::Torus { ring: 0.4 * a, tube: 0.12 * b.min(a) },
         _ => Kind::Tube { outer: 0.5 * a, inner: 0.35 * a, half: 0.5 * b },
     }
 }
@@ -142,7 +141,6 @@ fn enlarged(solid: Solid, by: f64) -> Solid {
             Kind::Cone { bottom: bottom * by, top: top * by, half: half * by }
         }
         Kind::Ellipsoid(axes) => Kind::Ellipsoid(axes.map(|it| it * by)),
-        Kind::Torus { ring, tube } => Kind::Torus { ring: ring * by, tube: tube * by },
         Kind::Tube { outer, inner, half } => {
             Kind::Tube { outer: outer * by, inner: inner * by, half: half * by }
         }

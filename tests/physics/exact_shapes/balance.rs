@@ -1,5 +1,5 @@
-//! Rays through edges of caps, tips of cones, along sides and through the holes of tori and tubes: every
-//! shape is left as often as it is entered.
+//! Rays through edges of caps, tips of cones, along sides and through the holes of tubes: every shape is
+//! left as often as it is entered.
 
 use super::solids::{Kind, Solid};
 use super::{KINDS, carbon, direction, places, ray_through};
@@ -30,12 +30,6 @@ fn delicate(kind: Kind, random: &mut Random) -> Vector {
         Kind::Ellipsoid(axes) => {
             let on = direction(random);
             [0, 1, 2].map(|k| on[k] * axes[k])
-        }
-        Kind::Torus { ring, tube } => {
-            // The hole's edge, the outer edge, the top, or the middle of the hole.
-            let places = [(ring - tube, 0.0), (ring + tube, 0.0), (ring, end * tube), (0.0, 0.0)];
-            let (to, z) = places[(random.next() * 4.0) as usize];
-            [to * cos, to * sin, z]
         }
         Kind::Tube { outer, inner, half } => {
             // An edge of the bore, the outer edge, the wall of the bore, or the middle of its mouth.

@@ -43,7 +43,6 @@ fn any_kind(random: &mut Random) -> Kind {
         2 => Kind::Cone { bottom: a, top: if b > c { 0.0 } else { 0.7 * b }, half: 1.5 * c },
         3 => sphere(a),
         4 => Kind::Ellipsoid([a, b, c]),
-        5 => Kind::Torus { ring: a + 0.5 * b, tube: 0.4 * b },
         _ => Kind::Tube { outer: a, inner: 0.7 * a, half: 1.5 * c },
     }
 }

@@ -1,9 +1,9 @@
 //! Remainders of exact shapes that others cross: surroundings, overlaps.
 
 use super::solids::{Kind, Solid, cylinder, sphere};
-use super::{direction, pick, scene, scenes};
+use super::{direction, scene};
 use crate::reference::surfaces::Random;
-use crate::reference::vector::{add, scaled, unit};
+use crate::reference::vector::{scaled, unit};
 use crate::support::{CARBON, WATER};
 use beamlet::geometry;
 use beamlet::internals::geometry::load_lenient;
@@ -85,32 +85,5 @@ fn turned_shapes_lie_in_balls_that_they_nearly_fill() {
         assert_eq!(outside.collect::<Vec<_>>(), vec![Some(0); 64], "{inner:?}");
         let covered = load([inner, sphere(1e-3)]);
         assert!(covered.components.iter().all(|it| it.object == 1), "{inner:?}");
-    }
-}
-
-/// Shapes around a place of the circle in a torus cross the torus if they are larger than its tube.
-#[test]
-fn shapes_through_a_torus_cross_it() {
-    let mut random = Random::new(313);
-    let (ring, tube) = (1.2e-3, 0.3e-3);
-    for number in 0..40 * scenes() {
-        let (sin, cos) = random.between(0.0, 6.0).sin_cos();
-        let mut size = || 1e-3 * random.between(0.45, 0.9);
-        let (a, b, c) = (size(), size(), size());
-        let kind = match pick(&mut random, 4) {
-            0 => sphere(a),
-            1 => Kind::Ellipsoid([a, b, c]),
-            2 => cylinder(a, 2.0 * b),
-            _ => Kind::Cone { bottom: a, top: b, half: c },
-        };
-        // Within 0.1 mm of the circle: the shape holds a place of it.
-        let off = scaled(direction(&mut random), 0.1e-3 * random.next());
-        let at = add([ring * cos, ring * sin, 0.0], off);
-        let turn = (direction(&mut random), random.between(0.0, 3.0));
-        let through = Solid::new(kind).turned(turn.0, turn.1).at(at);
-        let solids = [Solid::new(Kind::Torus { ring, tube }), through];
-        let sample = load(&solids);
-        assert_eq!(sample.objects[0].cut_by, [1], "{number}: {solids:?}");
-        assert!(sample.triangles.is_empty());
     }
 }

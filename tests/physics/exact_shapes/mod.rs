@@ -22,6 +22,7 @@ mod refracted;
 mod runs;
 mod single;
 mod solids;
+mod torus;
 
 use crate::reference::scenes;
 use crate::reference::stack::Setup;
@@ -52,17 +53,15 @@ fn carbon(solid: &Solid, transport: Transport) -> Scene {
 }
 
 /// Shapes of millimetres, the fibre of 2.5 um, and those of 10 mm.
-const KINDS: [(&str, Kind); 14] = [
+const KINDS: [(&str, Kind); 12] = [
     ("cylinder", cylinder(2e-3, 6e-3)),
     ("flat cylinder", cylinder(3e-3, 0.2e-3)),
     ("cone", Kind::Cone { bottom: 2e-3, top: 0.0, half: 1.5e-3 }),
     ("truncated cone", Kind::Cone { bottom: 1e-3, top: 2.5e-3, half: 4e-3 }),
     ("sphere", sphere(1.3e-3)),
     ("ellipsoid", Kind::Ellipsoid([1e-3, 3e-3, 2e-3])),
-    ("torus", Kind::Torus { ring: 2.5e-3, tube: 0.8e-3 }),
     ("fibre", cylinder(2.5e-6, 1e-3)),
     ("bead", sphere(2.5e-6)),
-    ("large torus", Kind::Torus { ring: 7e-3, tube: 3e-3 }),
     ("large cylinder", cylinder(10e-3, 20e-3)),
     ("large sphere", sphere(10e-3)),
     ("tube", Kind::Tube { outer: 2e-3, inner: 1.5e-3, half: 4e-3 }),

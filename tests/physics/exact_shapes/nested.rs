@@ -190,15 +190,6 @@ fn assemblies() -> Vec<(&'static str, Vec<Solid>, f64, bool)> {
             false,
         ),
         (
-            "ball in the hole of a torus",
-            vec![
-                tilt(Solid::new(Kind::Torus { ring: 1.2e-3, tube: 0.4e-3 })),
-                Solid::new(sphere(0.5e-3)),
-            ],
-            2e-9,
-            false,
-        ),
-        (
             "wire through the bore of a tube, a bead in its wall and one in its mouth",
             vec![
                 tilt(Solid::new(TUBE)),

@@ -129,10 +129,6 @@ fn crowd(directory: &std::path::Path) -> Scene {
             CARBON,
         ),
         (
-            Solid::new(Kind::Torus { ring: 0.2e-3, tube: 0.08e-3 }).turned([1.0, 0.0, 0.0], 1.0),
-            WATER,
-        ),
-        (
             Solid::new(Kind::Cone { bottom: 0.2e-3, top: 0.0, half: 0.2e-3 })
                 .at([0.45e-3, 0.0, 0.0]),
             WATER,

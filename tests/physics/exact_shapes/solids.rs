@@ -21,10 +21,6 @@ pub(super) enum Kind {
         half: f64,
     },
     Ellipsoid([f64; 3]),
-    Torus {
-        ring: f64,
-        tube: f64,
-    },
     /// A cylinder with a bore from end to end.
     Tube {
         outer: f64,
@@ -96,9 +92,6 @@ impl Solid {
                 Shape::Sphere { radius: a, sides: None }
             }
             Kind::Ellipsoid(semi_axes) => Shape::Ellipsoid { semi_axes, sides: None },
-            Kind::Torus { ring, tube } => {
-                Shape::Torus { radius: ring, tube_radius: tube, sides: None }
-            }
             Kind::Tube { outer, inner, half } => {
                 Shape::Tube { outer, inner, height: 2.0 * half, sides: None }
             }
@@ -144,7 +137,6 @@ impl Solid {
                     let least = axes.into_iter().fold(f64::MAX, f64::min);
                     least * least / axes.into_iter().fold(0.0, f64::max)
                 }
-                Kind::Torus { tube, .. } => tube,
                 Kind::Tube { inner, .. } => inner,
             }
     }
@@ -166,7 +158,6 @@ impl Solid {
                 Kind::Prism { radius, half, .. } => radius.hypot(half),
                 Kind::Cone { bottom, top, half } => bottom.max(top).hypot(half),
                 Kind::Ellipsoid(axes) => axes.into_iter().fold(0.0, f64::max),
-                Kind::Torus { ring, tube } => ring + tube,
                 Kind::Tube { outer, half, .. } => outer.hypot(half),
             }
     }
@@ -245,11 +236,6 @@ fn off(kind: Kind, p: Vector) -> (f64, Vector) {
             let gradient = [0, 1, 2].map(|k| q[k] / axes[k]);
             ((dot(q, q) - 1.0) / (2.0 * length(gradient)), unit(gradient))
         }
-        Kind::Torus { ring, tube } => {
-            let across = x.hypot(y);
-            let from_circle = [x - ring * x / across, y - ring * y / across, z];
-            (length(from_circle) - tube, unit(from_circle))
-        }
         Kind::Tube { outer, inner, half } => {
             let across = x.hypot(y);
             let out = [x / across, y / across, 0.0];
@@ -299,17 +285,6 @@ fn candidates(kind: Kind, o: Vector, d: Vector) -> Vec<f64> {
             let c = (length(p) - 1.0) * (length(p) + 1.0);
             quadratic(dot(q, q), dot(p, q), c).map(|x| at + x).to_vec()
         }
-        Kind::Torus { ring, tube } => {
-            let (p, t) = (scaled(o, 1.0 / ring), tube / ring);
-            let k = dot(p, p) + 1.0 - t * t;
-            let flat = [0, 1].map(|k| d[k]);
-            let a = flat[0] * flat[0] + flat[1] * flat[1];
-            let b = p[0] * flat[0] + p[1] * flat[1];
-            let c = p[0] * p[0] + p[1] * p[1];
-            // (x² + k)² - 4 (a x² + 2 b x + c)
-            let quartic = [k * k - 4.0 * c, -8.0 * b, 2.0 * k - 4.0 * a, 0.0, 1.0];
-            zeros(&quartic, 3.0 * (1.0 + t)).into_iter().map(|x| x * ring).collect()
-        }
         Kind::Tube { outer, inner, half } => {
             let wall = |radius| candidates(cylinder(radius, 2.0 * half), o, d);
             let mut all = wall(outer);
@@ -324,34 +299,4 @@ fn candidates(kind: Kind, o: Vector, d: Vector) -> Vec<f64> {
 fn quadratic(a: f64, b: f64, c: f64) -> [f64; 2] {
     let sum = -(b + (b * b - a * c).sqrt().copysign(b));
     [sum / a, c / sum]
-}
-
-/// Zeros of a polynomial between -reach and reach: one between any two neighbours of the zeros of
-/// its slope where it changes its sign, by halving.
-fn zeros(polynomial: &[f64], reach: f64) -> Vec<f64> {
-    if polynomial.len() < 2 {
-        return Vec::new();
-    }
-    let value = |x: f64| polynomial.iter().rev().fold(0.0, |sum, k| sum * x + k);
-    let slope: Vec<f64> = (1..).zip(&polynomial[1..]).map(|(n, k)| f64::from(n) * k).collect();
-    let mut ends = vec![-reach];
-    ends.extend(zeros(&slope, reach));
-    ends.push(reach);
-    let mut found = Vec::new();
-    for pair in ends.windows(2) {
-        let (mut low, mut high) = (pair[0], pair[1]);
-        let rises = value(low) < 0.0;
-        if rises == (value(high) < 0.0) {
-            continue;
-        }
-        for _ in 0..200 {
-            let middle = low.midpoint(high);
-            if middle <= low || middle >= high {
-                break;
-            }
-            if (value(middle) < 0.0) == rises { low = middle } else { high = middle }
-        }
-        found.push(low.midpoint(high));
-    }
-    found
 }
