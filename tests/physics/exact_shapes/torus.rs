@@ -6,7 +6,6 @@ use crate::reference::surfaces::Random;
 use crate::support::{CARBON, Worst, backends};
 use beamlet::internals::trace::Ray;
 use beamlet::scene::{Object, Shape, Transport};
-use std::f64::consts::PI;
 
 const RING: f64 = 0.25e-3;
 const TUBE: f64 = 0.08e-3;
