@@ -26,14 +26,10 @@ pub(crate) enum MethodName {
     Gaussian,
     /// Gaussian without background through 3 steps
     ThreeStep,
-    /// Two steps on the flat's fitted curve; no dark field
-    TwoStep,
     /// Area, centroid and variance of curves that reach zero within the scan
     Moments,
     /// Triangle, for small spots and apertures of one projected width
     Triangle,
-    /// Trapezoid, for small spots
-    Trapezoid,
     /// The curve of the masks, blurred: without the bias of a Gaussian
     ExactCurve,
     /// Blurred box per beamlet, integrated over neighbouring pixels: single mask
@@ -45,10 +41,8 @@ impl From<MethodName> for Method {
         match name {
             MethodName::Gaussian => Self::Gaussian,
             MethodName::ThreeStep => Self::ThreeStep,
-            MethodName::TwoStep => Self::TwoStep,
             MethodName::Moments => Self::Moments,
             MethodName::Triangle => Self::Triangle,
-            MethodName::Trapezoid => Self::Trapezoid,
             MethodName::ExactCurve => Self::ExactCurve,
             MethodName::Beamlet => Self::Beamlet,
         }

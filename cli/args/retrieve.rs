@@ -2,9 +2,7 @@
 
 use super::names::{MethodName, WeightsName, format};
 use super::shared::{DeviceArguments, Messages};
-use super::values::{
-    above_zero, bin, columns, corrections, from_zero, key_value, region, single, two_steps,
-};
+use super::values::{above_zero, bin, columns, corrections, from_zero, key_value, region, single};
 use beamlet::retrieve::{Columns, Corrections, Region};
 use beamlet::stack::Format;
 use clap::Args;
@@ -71,8 +69,7 @@ pub(crate) struct Retrieve {
     #[arg(long = "set", value_name = "KEY=VALUE", value_parser = key_value, requires = "geometry")]
     pub(crate) sets: Vec<String>,
     /// Mask steps to leave out of flat and sample, counted from 0, as a frame without beam
-    #[arg(long, value_name = "STEP,…", requires = "flat", value_delimiter = ',',
-        conflicts_with_all = ["steps", "sample_offsets"])]
+    #[arg(long, value_name = "STEP,…", requires = "flat", value_delimiter = ',')]
     pub(crate) omit_steps: Vec<usize>,
     /// Directory of the images [default: RUN/retrieved]
     #[arg(short, long, value_name = "DIR")]
@@ -98,12 +95,6 @@ pub(crate) struct Retrieve {
     /// detector]
     #[arg(long, value_name = "NUMBER", value_parser = single, allow_negative_numbers = true)]
     pub(crate) saturation: Option<f32>,
-    /// Two-step: steps of the sample, counted from 0 [default: the steps nearest to the slopes]
-    #[arg(long, value_name = "I,J", value_parser = two_steps)]
-    pub(crate) steps: Option<[usize; 2]>,
-    /// Two-step: offsets of the sample's steps, if they differ from the flat's
-    #[arg(long, value_name = "LIST|FILE", allow_hyphen_values = true)]
-    pub(crate) sample_offsets: Option<String>,
     /// Also make images of the phase: refraction integrated along the rows, m of delta times length;
     /// rows must begin and end in air
     #[arg(long)]

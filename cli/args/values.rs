@@ -5,14 +5,6 @@ use beamlet::retrieve::{Columns, Corrections, Region};
 use beamlet::stack::Shard;
 use std::ops::Range;
 
-pub(super) fn two_steps(text: &str) -> Result<[usize; 2], String> {
-    let steps: Option<Vec<usize>> = text.split(',').map(|word| word.trim().parse().ok()).collect();
-    match steps.as_deref() {
-        Some(&[first, second]) if first != second => Ok([first, second]),
-        _ => Err("write two different steps, as in 3,7, counted from 0".into()),
-    }
-}
-
 fn number(text: &str, allowed: &str, is_allowed: impl Fn(f64) -> bool) -> Result<f64, String> {
     let found = text.trim().parse().ok().filter(|value: &f64| value.is_finite());
     found.filter(|value| is_allowed(*value)).ok_or_else(|| format!("allowed: {allowed}"))

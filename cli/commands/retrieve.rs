@@ -8,7 +8,7 @@ use crate::failure::Failure;
 use crate::interrupt;
 use crate::progress::Reporter;
 use beamlet::RowsControl;
-use beamlet::retrieve::{ImagesTo, Input, Method, RetrieveOptions, Weights, offsets, retrieve};
+use beamlet::retrieve::{ImagesTo, Input, RetrieveOptions, Weights, offsets, retrieve};
 use beamlet::scene::Scene;
 use beamlet::stack::{OpenRun, StackFile, layout, refuse_overlap};
 use beamlet::{Engine, Error};
@@ -54,19 +54,7 @@ pub(super) fn run(arguments: &Retrieve, out: &mut impl Write) -> Result<(), Fail
         .with_empty_beam(arguments.empty_beam.clone())
         .with_correct(arguments.correct.unwrap_or_default())
         .with_phase(arguments.phase)
-        .with_read_noise(arguments.read_noise.unwrap_or(noise_of_scene))
-        .with_steps(arguments.steps)
-        .with_sample_offsets(arguments.sample_offsets.as_deref().map(offsets).transpose()?);
-    let two_step = options.method == Method::TwoStep;
-    for (key, given) in [
-        ("--steps", options.steps.is_some()),
-        ("--sample-offsets", options.sample_offsets.is_some()),
-    ] {
-        if given && !two_step {
-            let problem = format!("{key} is for --method two-step, not for {}", options.method);
-            return Err(Failure::Usage(problem));
-        }
-    }
+        .with_read_noise(arguments.read_noise.unwrap_or(noise_of_scene));
     let cancel = interrupt::listen();
     let mut reporter = Reporter::new(arguments.messages);
     let engine = Engine::open(&arguments.device.options())?;
@@ -96,13 +84,12 @@ fn read(arguments: &Retrieve) -> Vec<PathBuf> {
     let scene = arguments.run.as_ref().map(|run| run.join(layout::SCENE));
     let bad_pixels = arguments.bad_pixels.clone();
     let files = [arguments.geometry.clone(), arguments.dark.clone(), bad_pixels, scene];
-    files.into_iter().flatten().chain(lists(arguments)).collect()
+    files.into_iter().flatten().chain(list(arguments)).collect()
 }
 
-/// Files of offsets.
-fn lists(arguments: &Retrieve) -> impl Iterator<Item = PathBuf> {
-    let lists = [&arguments.offsets, &arguments.sample_offsets];
-    lists.into_iter().flatten().map(PathBuf::from).filter(|path| path.is_file())
+/// File of offsets.
+fn list(arguments: &Retrieve) -> Option<PathBuf> {
+    arguments.offsets.as_ref().map(PathBuf::from).filter(|path| path.is_file())
 }
 
 fn of_run(arguments: &Retrieve, run: &Path) -> Result<Input, Failure> {
@@ -135,7 +122,7 @@ fn measured(arguments: &Retrieve) -> Result<(Input, PathBuf), Failure> {
     let flat = StackFile::open(flat)?;
     let sample = StackFile::open(sample)?;
     let dark = arguments.dark.as_ref().map(StackFile::open).transpose()?;
-    let others: Vec<PathBuf> = std::iter::once(geometry.clone()).chain(lists(arguments)).collect();
+    let others: Vec<PathBuf> = std::iter::once(geometry.clone()).chain(list(arguments)).collect();
     let input = Input::measured(&scene, flat, sample, dark.as_ref())?
         .without_steps(&arguments.omit_steps)?
         .with_flats_every(arguments.flats_every)

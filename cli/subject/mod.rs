@@ -254,7 +254,7 @@ impl Subject {
 
     /// Whether the images hold Gaussians that were fitted to the curves.
     pub(crate) fn has_gaussians(&self) -> bool {
-        let gaussian = [Method::Gaussian, Method::ThreeStep, Method::TwoStep];
+        let gaussian = [Method::Gaussian, Method::ThreeStep];
         let method = self.record.as_ref().map(|record| record.method.as_str());
         self.maps.is_some() && gaussian.iter().any(|known| method == Some(known.name()))
     }

@@ -1,6 +1,6 @@
-//! Estimators in closed form: three steps, moments, and two steps on a known curve.
+//! Estimators in closed form: three steps, and moments.
 
-use super::curves::{Curve, Curves};
+use super::curves::Curve;
 use super::flags;
 use super::least_squares::{CurveScan, moments};
 use super::quadrature;
@@ -137,78 +137,5 @@ pub(super) fn by_moments(scan: &CurveScan, curve: impl Iterator<Item = f32>) -> 
         condition: f64::NAN,
         flags: values.flags
             | if most_at_ends > EDGE * values.most + noise { flags::TRUNCATED } else { 0 },
-    }
-}
-
-/// The flat's fitted curve: A, mu, sigma, b.
-#[derive(Debug, Clone, Copy)]
-struct FlatFit([f64; 4]);
-
-impl FlatFit {
-    fn at(self, x: f64) -> f64 {
-        let Self([a, mu, sigma, b]) = self;
-        let t = (x - mu) / sigma;
-        a * (-0.5 * t * t).exp() + b
-    }
-
-    /// Transmission and shift that put two values on the curve; they have to lie on either side
-    /// of the shifted peak.
-    fn meet(self, x: [f64; 2], y: &[f64]) -> Option<[f64; 2]> {
-        let [_, mu, ..] = self.0;
-        let miss = |shift: f64| y[0] * self.at(x[1] - shift) - y[1] * self.at(x[0] - shift);
-        let (mut low, mut high) = (x[0] - mu, x[1] - mu);
-        if !(miss(low) < 0.0 && miss(high) > 0.0) {
-            return None;
-        }
-        for _ in 0..60 {
-            let middle = f64::midpoint(low, high);
-            if miss(middle) < 0.0 { low = middle } else { high = middle }
-        }
-        let shift = f64::midpoint(low, high);
-        Some([y[0] / self.at(x[0] - shift), shift])
-    }
-}
-
-/// Two steps of the sample on the flat's fitted curve; the width is taken to be the flat's.
-pub(super) fn two_step(
-    scan: &CurveScan,
-    curve: impl Iterator<Item = f32>,
-    flat: &Curves,
-    at: usize,
-) -> Curve {
-    let values = scan.values(curve, 2);
-    if !flat.has_answer(at) {
-        return Curve::unknown(values.flags);
-    }
-    if values.flags & (flags::NOT_FINITE | flags::FEW) != 0 || values.least <= 0.0 {
-        let dead = if values.least <= 0.0 { flags::DEAD } else { 0 };
-        return Curve::unknown(values.flags | dead);
-    }
-    let known = FlatFit(
-        [flat.amplitude[at], flat.centre[at], flat.width[at], flat.background[at]].map(f64::from),
-    );
-    let mut points = values.points;
-    points.sort_by(|a, b| a[0].total_cmp(&b[0]));
-    let x = [points[0][0], points[1][0]];
-    let y = [points[0][1], points[1][1]];
-    let flags = values.flags & !flags::DEAD;
-    let Some([transmission, shift]) = known.meet(x, &y) else {
-        return Curve::unknown(flags | flags::TRUNCATED | flags::NO_PEAK);
-    };
-    let [transmission_sigma, centre_sigma] =
-        propagate(&y, |y| scan.variance(y), |y| known.meet(x, y));
-    let [a, mu, sigma, b] = known.0;
-    Curve {
-        area: transmission * a * sigma,
-        amplitude: transmission * a,
-        centre: mu + shift,
-        width: sigma,
-        background: transmission * b,
-        residual: 0.0,
-        area_sigma: transmission_sigma / transmission,
-        centre_sigma,
-        width_sigma: f64::NAN,
-        condition: f64::NAN,
-        flags,
     }
 }

@@ -21,7 +21,7 @@ pub const WIDTH: u32 = interface::CURVE_WIDTH;
 pub const OUTSIDE: u32 = interface::CURVE_OUTSIDE;
 /// No peak: its amplitude is not above three times its own uncertainty.
 pub const NO_PEAK: u32 = interface::CURVE_NO_PEAK;
-/// The curve does not fall off within the scan (moments), or the steps miss its slopes (two-step).
+/// The curve does not fall off within the scan (moments).
 pub const TRUNCATED: u32 = 512;
 
 /// The values do not belong to one piece of sample: a silhouette crosses the pixel, or a value of its

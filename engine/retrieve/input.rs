@@ -346,32 +346,31 @@ impl Input {
         self
     }
 
-    /// Splits the sample's frames into views of some steps. `steps`: numbers of offsets of the flat and of
-    /// the sample, without omitted ones.
+    /// Splits the sample's frames into views of some steps. `steps`: number of offsets, without omitted ones.
     ///
     /// # Errors
     /// [`Error::File`] where frames and offsets do not agree in number, naming the file, and where the
     /// mean of the dark is not finite in a pixel that is not a bad one.
-    pub(crate) fn fitted_to(mut self, steps: [usize; 2]) -> Result<Self> {
+    pub(crate) fn fitted_to(mut self, steps: usize) -> Result<Self> {
         self.correction.check()?;
-        let [flat, sample] = steps.map(|steps| steps + self.omitted.len());
+        let steps = steps + self.omitted.len();
         let [flats, frames, ..] = self.flat.shape();
-        if frames != flat {
-            let problem = format!("has {frames} frames for {flat} mask offsets");
-            if flats != 1 || frames % flat != 0 {
+        if frames != steps {
+            let problem = format!("has {frames} frames for {steps} mask offsets");
+            if flats != 1 || frames % steps != 0 {
                 return Err(Error::file(self.flat.path(), problem, None));
             }
-            self.flat = self.flat.with_steps(flat)?;
+            self.flat = self.flat.with_steps(steps)?;
         }
         let path = self.sample.path().to_path_buf();
         let [views, frames, ..] = self.sample.shape();
-        self.sample = self.sample.with_steps(sample).map_err(|error| {
-            if views == 1 && frames % sample == 0 {
+        self.sample = self.sample.with_steps(steps).map_err(|error| {
+            if views == 1 && frames % steps == 0 {
                 // Their names say something else.
                 return error;
             }
             let problem =
-                format!("has {frames} frames in each of {views} views for {sample} mask offsets");
+                format!("has {frames} frames in each of {views} views for {steps} mask offsets");
             Error::file(path, problem, None)
         })?;
         self.check_flats()?;

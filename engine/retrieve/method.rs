@@ -17,15 +17,11 @@ pub enum Method {
     Gaussian,
     /// A Gaussian without background through three steps, in closed form.
     ThreeStep,
-    /// Two steps on the slopes of the flat's fitted curve. No dark field.
-    TwoStep,
     /// Area, centroid and variance of curves that fall to nothing within the scan.
     Moments,
     /// A triangle, for small spots and projected apertures of one width.
     Triangle,
-    /// A trapezoid with the masks' own top, for small spots.
-    Trapezoid,
-    /// The masks' own curve, blurred: no bias of a Gaussian. Needs a finite spot.
+    /// The masks' own curve, blurred: no bias of a Gaussian. A trapezoid behind a point source.
     ExactCurve,
     /// Single mask: a blurred box per beamlet, integrated over neighbouring pixels (beam tracking).
     Beamlet,
@@ -38,13 +34,11 @@ pub(super) const BEAMLET_PIXELS: f64 = 5.0;
 
 impl Method {
     /// All methods.
-    pub const ALL: [Self; 8] = [
+    pub const ALL: [Self; 6] = [
         Self::Gaussian,
         Self::ThreeStep,
-        Self::TwoStep,
         Self::Moments,
         Self::Triangle,
-        Self::Trapezoid,
         Self::ExactCurve,
         Self::Beamlet,
     ];
@@ -55,19 +49,11 @@ impl Method {
         match self {
             Self::Gaussian => "gaussian",
             Self::ThreeStep => "three-step",
-            Self::TwoStep => "two-step",
             Self::Moments => "moments",
             Self::Triangle => "triangle",
-            Self::Trapezoid => "trapezoid",
             Self::ExactCurve => "exact-curve",
             Self::Beamlet => "beamlet",
         }
-    }
-
-    /// Whether it gives the dark field.
-    #[must_use]
-    pub const fn has_dark_field(self) -> bool {
-        !matches!(self, Self::TwoStep)
     }
 
     /// Refuses a set-up or offsets that it cannot serve.
@@ -94,7 +80,7 @@ impl Method {
         let shape = super::shape::CurveGeometry::of(scene);
         let blur = shape.blur / shape.half_base();
         match self {
-            Self::Triangle | Self::Trapezoid if blur > SMALL_BLUR => Err(Error::scene(
+            Self::Triangle if blur > SMALL_BLUR => Err(Error::scene(
                 "source.spot",
                 format!("{}, whose blur is {blur:.2} of half the base of the curve", spot(scene)),
                 format!(
@@ -108,17 +94,12 @@ impl Method {
                     Length.rounded(shape.projected[0]),
                     Length.rounded(shape.projected[1])
                 ),
-                "triangle needs projected apertures of one width: use trapezoid",
+                "triangle needs projected apertures of one width: use exact-curve",
             )),
             Self::ExactCurve if !scene.source.spot.is_gaussian(0) => Err(Error::scene(
                 "source.spot",
                 format!("a spot of {} Gaussians", scene.source.spot.parts().len()),
                 "exact-curve needs a Gaussian spot across the slits: use gaussian",
-            )),
-            Self::ExactCurve if shape.blur <= 0.0 => Err(Error::scene(
-                "source.spot",
-                spot(scene),
-                "exact-curve needs a spot above zero: use trapezoid",
             )),
             _ => Ok(()),
         }
@@ -127,9 +108,9 @@ impl Method {
     /// Fewest different mask offsets that it serves.
     pub(crate) const fn least_offsets(self) -> usize {
         match self {
-            Self::Gaussian | Self::TwoStep => 4,
+            Self::Gaussian => 4,
             Self::ThreeStep => 3,
-            Self::Moments | Self::Triangle | Self::Trapezoid | Self::ExactCurve => 5,
+            Self::Moments | Self::Triangle | Self::ExactCurve => 5,
             Self::Beamlet => 1,
         }
     }
@@ -138,7 +119,7 @@ impl Method {
         let (count, different) = (offsets.len(), different_offsets(offsets));
         let least = self.least_offsets();
         let (served, allowed) = match self {
-            Self::Gaussian | Self::TwoStep => (
+            Self::Gaussian => (
                 different >= least,
                 format!("at least {least} different offsets; with three use three-step"),
             ),

@@ -23,7 +23,7 @@ use std::ops::Range;
 pub struct RetrieveOptions {
     /// The estimator.
     pub method: Method,
-    /// Weights of the values (methods `gaussian`, `two-step` for its flat, and `beamlet`).
+    /// Weights of the values (methods `gaussian` and `beamlet`).
     pub weights: Weights,
     /// Value of one count, where the values are counts: uncertainties of weighted fits and of
     /// closed forms come from it. `None`: values are intensities.
@@ -34,10 +34,6 @@ pub struct RetrieveOptions {
     pub read_noise: f64,
     /// Values from here on are left out and flagged.
     pub saturation: Option<f32>,
-    /// Two-step: the steps of the sample to use; `None`: those nearest to the flat's slopes.
-    pub steps: Option<[usize; 2]>,
-    /// Two-step: offsets of the sample's steps, if they differ from the flat's, m.
-    pub sample_offsets: Option<Vec<f64>>,
     /// Pixels of the frames with nothing in the beam: transmission, refraction, dose and drift there go
     /// to the record.
     pub empty_beam: Option<Region>,
@@ -62,10 +58,6 @@ impl RetrieveOptions {
         with_read_noise(read_noise: f64);
         /// Leaves out and flags values from here on.
         with_saturation(saturation: impl Into<Option<f32>>);
-        /// Two-step: chooses the steps of the sample.
-        with_steps(steps: impl Into<Option<[usize; 2]>>);
-        /// Two-step: sets the offsets of the sample's steps, m.
-        with_sample_offsets(sample_offsets: impl Into<Option<Vec<f64>>>);
         /// Chooses corrections by pixels with nothing in the beam.
         with_correct(correct: Corrections);
         /// Names pixels with nothing in the beam.

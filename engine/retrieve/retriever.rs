@@ -25,7 +25,7 @@ use flat::Flat;
 use ndarray::{Array2, Array3, ArrayView3, Axis, s};
 use std::ops::Range;
 pub(super) use view_scan::Corrected;
-use view_scan::{ViewScan, ViewScans};
+use view_scan::ViewScans;
 
 /// Bytes of a band of rows with all its steps, for fits on the device; on the host, where a band
 /// takes seconds, a sixteenth of it, so that a retrieval can be stopped.
@@ -38,8 +38,6 @@ pub struct Retriever {
     periods: WholePeriods,
     /// Offsets without these periods, m.
     offsets: Vec<f64>,
-    /// As `offsets`, of the sample.
-    sample_offsets: Vec<f64>,
     /// Offsets of each angle, if they differ from the flat's.
     view_scans: Option<ViewScans>,
     fitter: Option<Fitter>,
@@ -77,9 +75,9 @@ impl Retriever {
         let view_scans = ViewScans::of(scene, method, periods)?;
         method.check(scene, &scene.scan.mask_offsets)?;
         let offsets = periods.without(&scene.scan.mask_offsets);
-        let fits = matches!(method, Method::Gaussian | Method::TwoStep);
+        let fits = method == Method::Gaussian;
         if options.weights == Weights::Poisson && !fits && method != Method::Beamlet {
-            let allowed = "poisson with gaussian, two-step or beamlet";
+            let allowed = "poisson with gaussian or beamlet";
             return Err(Error::argument("weights", format!("poisson with {method}"), allowed));
         }
         if let Some(gain) = options.gain.filter(|gain| !(gain.is_finite() && *gain > 0.0)) {
@@ -90,34 +88,6 @@ impl Retriever {
             return Err(Error::argument("read_noise", found, "a finite number of 0 or more"));
         }
         options.check_saturation()?;
-        if options.steps.is_some() && method != Method::TwoStep {
-            return Err(Error::argument(
-                "steps",
-                format!("steps with {method}"),
-                "steps with two-step",
-            ));
-        }
-        let sample_offsets = match (&options.sample_offsets, method) {
-            (None, _) => offsets.clone(),
-            (Some(_), Method::TwoStep) if view_scans.is_some() => {
-                let found = "sample offsets together with scan.view_offsets";
-                return Err(Error::argument("sample_offsets", found, "one of them"));
-            }
-            (Some(other), Method::TwoStep) if other.len() >= 2 => periods.without(other),
-            (Some(other), _) => {
-                return Err(Error::argument(
-                    "sample_offsets",
-                    format!("{} with the method {method}", other.len()),
-                    "two or more, with the method two-step",
-                ));
-            }
-        };
-        if let Some([i, j]) = options.steps
-            && (i == j || i.max(j) >= sample_offsets.len())
-        {
-            let allowed = format!("two different steps below {}", sample_offsets.len());
-            return Err(Error::argument("steps", format!("{i} and {j}"), allowed));
-        }
         let beamlets = if method == Method::Beamlet { Some(Beamlets::of(scene)?) } else { None };
         let fit_options = FitOptions {
             weights: options.weights,
@@ -138,7 +108,6 @@ impl Retriever {
             shape: CurveGeometry::of(scene),
             periods,
             offsets,
-            sample_offsets,
             view_scans,
             flat: None,
         })
@@ -173,16 +142,16 @@ impl Retriever {
         JoinedColumns::of(input.scene(), &self.places(input))
     }
 
-    /// Frames of the flat, and of a view of the sample.
+    /// Frames of the flat, and of each view of the sample.
     #[must_use]
-    pub fn steps(&self) -> [usize; 2] {
-        [self.offsets.len(), self.sample_offsets.len()]
+    pub fn steps(&self) -> usize {
+        self.offsets.len()
     }
 
     /// Offsets of the flat's and the sample's steps, without whole periods, m; none of a sample whose views
     /// have offsets of their own.
     pub(super) fn offsets(&self) -> [&[f64]; 2] {
-        let of_sample = if self.view_scans.is_some() { &[] } else { &self.sample_offsets[..] };
+        let of_sample = if self.view_scans.is_some() { &[] } else { &self.offsets[..] };
         [&self.offsets, of_sample]
     }
 
@@ -196,7 +165,7 @@ impl Retriever {
     /// # Errors
     /// As [`Retriever::retrieve`].
     pub(super) fn offsets_of_view(&self, view: usize) -> Result<Vec<f64>> {
-        Ok(self.own_offsets(view)?.unwrap_or(&self.sample_offsets).to_vec())
+        Ok(self.own_offsets(view)?.unwrap_or(&self.offsets).to_vec())
     }
 
     /// Size of a pixel of the images, x and z, m, of frames with pixels of this size.
@@ -231,13 +200,9 @@ impl Retriever {
     /// Names of the images of a view.
     #[must_use]
     pub fn names(&self) -> Vec<&'static str> {
-        let is_given = |name: &&'static str| {
-            let dark = name.starts_with("dark_field");
-            // Without noise there is nothing to be uncertain of.
-            let sigma = name.ends_with("_sigma");
-            (!dark || self.options.method.has_dark_field())
-                && (!sigma || self.options.gain.is_some())
-        };
+        // Without noise there is nothing to be uncertain of.
+        let is_given =
+            |name: &&'static str| !name.ends_with("_sigma") || self.options.gain.is_some();
         CONTRASTS.into_iter().filter(is_given).chain([FLAGS]).chain(OF_SAMPLE).collect()
     }
 
@@ -279,31 +244,21 @@ impl Retriever {
             ));
         }
         let scan = self.view_scan(view, corrected)?;
-        let chosen = self.two_steps(flat, scan.offsets);
-        let offsets_used = chosen.map_or(self.sample_offsets.len(), |steps| steps.len());
         let across = flat.columns;
         let mut images = Images::new(self.names(), flat.rows, across);
         let rows = numbers::count(flat.rows);
-        self.bands(rows, columns, self.sample_offsets.len(), control, |band, control| {
-            let mut data = read(band.clone())?;
-            let mut two = Vec::new();
-            if let Some([i, j]) = chosen {
-                data =
-                    ndarray::stack![Axis(0), data.slice(s![i, .., ..]), data.slice(s![j, .., ..])];
-                two = vec![scan.offsets[i], scan.offsets[j]];
-            }
-            let at_two = ViewScan { offsets: &two, noise: corrected.noise, fitter: None };
-            let scan = if chosen.is_some() { &at_two } else { &scan };
+        self.bands(rows, columns, self.offsets.len(), control, |band, control| {
+            let data = read(band.clone())?;
             let pixels = band.start as usize * across..band.end as usize * across;
             let known = Some((&flat.curves, pixels.start));
-            let curves = self.curves(data, scan, known, &control.cancel)?;
+            let curves = self.curves(data, &scan, known, &control.cancel)?;
             images.take(pixels, &flat.curves, &curves, self.angle_per_shift);
             Ok(())
         })?;
         let noise = Noise {
             gain: self.options.gain.map(|gain| corrected.noise.gain(gain)),
             read_noise: corrected.noise.read_noise(self.options.read_noise),
-            steps: self.beamlets.as_ref().map_or(offsets_used, |of| of.offsets().len()),
+            steps: self.beamlets.as_ref().map_or(self.offsets.len(), |of| of.offsets().len()),
         };
         misfit::mark(&mut images, &flat.curves, self.angle_per_shift, noise);
         Ok(images)

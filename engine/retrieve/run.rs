@@ -111,8 +111,7 @@ pub fn retrieve(
             write_file(&images.file(GEOMETRY)?, geometry.as_bytes())?;
         }
         if !record.corrections.is_empty() {
-            let own = &options.sample_offsets;
-            let offsets = |view| own.clone().unwrap_or_else(|| scan.offsets_of(view).to_vec());
+            let offsets = |view| scan.offsets_of(view).to_vec();
             let text = table(&record.corrections, offsets);
             write_file(&images.file(CORRECTIONS)?, text.as_bytes())?;
         }
@@ -221,12 +220,6 @@ fn retrieve_to(
     let saturation = input.saturation();
     let noise = options.read_noise * (input.added() as f64).sqrt();
     let options = options.clone().with_saturation(saturation).with_read_noise(noise);
-    if !input.omitted_steps().is_empty()
-        && (options.steps.is_some() || options.sample_offsets.is_some())
-    {
-        let found = "steps to omit together with steps or offsets of the sample";
-        return Err(Error::argument("omit_steps", found, "one of them"));
-    }
     if options.method == Method::Beamlet && input.selection() != (None, None) {
         let allowed = "every pixel: beamlets are found among all of them";
         return Err(Error::argument("columns", "a part of the pixels", allowed));

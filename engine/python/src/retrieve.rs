@@ -24,8 +24,6 @@ pub(crate) struct Options {
     gain: Option<f64>,
     read_noise: Option<f64>,
     saturation: Option<f32>,
-    steps: Option<[usize; 2]>,
-    sample_offsets: Option<Vec<f64>>,
     bad_pixels: Option<PathBuf>,
     flats_every: Option<u32>,
     omit_steps: Option<Vec<usize>>,
@@ -47,8 +45,6 @@ impl Options {
         Ok(RetrieveOptions::default()
             .with_method(method(py, &self.method)?)
             .with_weights(weights(py, &self.weights)?)
-            .with_steps(self.steps)
-            .with_sample_offsets(self.sample_offsets.clone())
             .with_empty_beam(self.empty_beam.map(region))
             .with_correct(correct.unwrap_or_default())
             .with_phase(self.phase))

@@ -111,7 +111,6 @@ def test_options_of_retrievals_name_themselves(scan: bl.Run, scene: bl.Scene) ->
         "read_noise": (-1, "x", float("nan")),
         "saturation": ("x", float("nan")),
         "bad_pixels": (np.ones((4, 24)), [[1], [1, 2]]),
-        "steps": (1, (0.5, 1), (-1, 2), "ab"),
         "flats_every": (0, 1.5, "2"),
         "columns": ("1::2", 3, slice(-1, None), slice(0, 4, 0), slice(0, 99)),
         "bin": (2, (0, 1), (2, 1, 1), (25, 1)),

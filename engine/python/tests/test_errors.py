@@ -216,7 +216,6 @@ def test_stacks_of_other_shapes_and_types(engine: bl.Engine, scene: bl.Scene) ->
          "bad_pixels"),
         (lambda: bl.retrieve(flat, sample, offsets, scene, bad_pixels="x.npy", engine=engine), "bad_pixels"),
         (lambda: bl.retrieve(flat, sample / 2, offsets, scene, gain=-1.0, engine=engine), "gain"),
-        (lambda: bl.retrieve(flat, sample / 2, offsets, scene, steps=(1, 2, 3), engine=engine), "steps"),  # type: ignore[arg-type]
         (lambda: bl.retrieve(flat, sample, offsets, SCENE, engine=engine), "geometry"),  # type: ignore[arg-type]
         (lambda: bl.reconstruct(sample, scene, size=[1.5, 2, 3], engine=engine), "size"),  # type: ignore[list-item]
         (lambda: bl.reconstruct(sample, scene, voxel=-1.0, engine=engine), "voxel"),
@@ -337,7 +336,7 @@ def test_runs_say_what_they_lack(scene: bl.Scene, engine: bl.Engine, tmp_path: P
     with pytest.raises(bl.FileError, match=r"run\.json"):
         bl.Run.open(tmp_path)
     with pytest.raises(KeyError, match="transmission"):
-        run.retrieve(method="two-step").dark_field
+        run.retrieve()["phase"]
     engine.simulate_to(scene, tmp_path / "run")
     with pytest.raises(bl.FileError, match="overwrite"):
         engine.simulate_to(scene, tmp_path / "run")

@@ -107,7 +107,7 @@ impl Corrector {
             geometry,
             columns_m: retriever.places(input),
             rows_m,
-            frames: retriever.steps().into_iter().fold(1, usize::max),
+            frames: retriever.steps().max(1),
             flat: None,
         }))
     }

@@ -119,7 +119,7 @@ impl Diagnosis {
         measured: bool,
     ) -> Result<Self> {
         let [rows, columns] = frame;
-        let [flat_steps, sample_steps] = retriever.steps();
+        let steps = retriever.steps();
         let saturation = options.saturation;
         let empty = match &options.empty_beam {
             None => None,
@@ -131,17 +131,17 @@ impl Diagnosis {
                     return Err(Error::argument("empty_beam", found, "columns of a whole beamlet"));
                 }
                 let pixels = [of_rows.clone(), of_columns];
-                let flat = Watched::over(&pixels, columns, flat_steps, saturation);
+                let flat = Watched::over(&pixels, columns, steps, saturation);
                 Some(Empty {
                     pixels,
                     images: [of_rows, across],
-                    sample: flat.again(sample_steps),
+                    sample: flat.again(steps),
                     flat,
                     views: Vec::new(),
                 })
             }
         };
-        let flat = Watched::over(&[0..rows, 0..columns], columns, flat_steps, saturation);
+        let flat = Watched::over(&[0..rows, 0..columns], columns, steps, saturation);
         let [of_flat, of_sample] = retriever.offsets();
         let is_one = of_flat == of_sample;
         let moments = match options.method {
@@ -154,7 +154,7 @@ impl Diagnosis {
             offsets: if is_one { of_flat.to_vec() } else { Vec::new() },
             angle_per_shift: retriever.angle_per_shift(),
             measured,
-            sample: flat.again(sample_steps),
+            sample: flat.again(steps),
             flat,
             empty,
             moments,
@@ -207,8 +207,7 @@ impl Diagnosis {
             );
             empty.views.push(found);
             empty.sample = empty.sample.again_same();
-        } else if self.measured && self.options.method != Method::TwoStep {
-            // Two steps on the curve of another fit are off by more than a border may be.
+        } else if self.measured {
             let angle = (self.width * self.angle_per_shift).abs();
             let borders = Borders::of(images, shape, angle);
             self.found.borders.extend(borders.map(|borders| (view, borders)));
@@ -231,7 +230,7 @@ impl Diagnosis {
     fn fits(&mut self, of: &ExaminedView<'_>, view: usize, of_view: &[f64]) {
         let ExaminedView { flat, images, flat_noise, corrected, .. } = *of;
         let (Some(model), false) = (self.model, self.offsets.len() < 5) else { return };
-        if matches!(self.options.method, Method::TwoStep | Method::Moments | Method::ThreeStep) {
+        if matches!(self.options.method, Method::Moments | Method::ThreeStep) {
             return;
         }
         let pairs: Vec<_> = self.flat.iter().zip(self.sample.iter()).collect();

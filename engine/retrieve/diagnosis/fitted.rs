@@ -33,9 +33,7 @@ impl Model {
     pub(super) fn of(retriever: &Retriever, method: Method) -> Option<Self> {
         match method {
             Method::Beamlet => None,
-            Method::Triangle | Method::Trapezoid | Method::ExactCurve => {
-                retriever.shape().map(Self::Shape)
-            }
+            Method::Triangle | Method::ExactCurve => retriever.shape().map(Self::Shape),
             _ => Some(Self::Gaussian),
         }
     }

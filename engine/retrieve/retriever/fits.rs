@@ -7,36 +7,14 @@ use super::super::method::Method;
 use super::super::noise_factors::NoiseFactors;
 use super::super::shape::CurveShape;
 use super::super::{closed, flags, quadrature};
+use super::Retriever;
 use super::view_scan::ViewScan;
-use super::{Flat, Retriever};
 use crate::cancel::Cancel;
 use crate::{Error, Result};
 use ndarray::Array3;
 use rayon::prelude::*;
 
 impl Retriever {
-    /// The two steps of the sample that two-step uses.
-    pub(super) fn two_steps(&self, flat: &Flat, offsets: &[f64]) -> Option<[usize; 2]> {
-        if self.options.method != Method::TwoStep {
-            return None;
-        }
-        if let Some(steps) = self.options.steps {
-            return Some(steps);
-        }
-        let mut known: Vec<[f32; 2]> = (0..flat.curves.len())
-            .filter(|at| flat.curves.has_answer(*at))
-            .map(|at| [flat.curves.centre[at], flat.curves.width[at]])
-            .collect();
-        known.sort_by(|a, b| a[0].total_cmp(&b[0]));
-        let [centre, width] = known.get(known.len() / 2).map_or([0.0, 0.0], |k| k.map(f64::from));
-        let nearest = |to: f64| {
-            let distance = |i: &usize| (offsets[*i] - to).abs();
-            (0..offsets.len()).min_by(|a, b| distance(a).total_cmp(&distance(b)))
-        };
-        let [left, right] = [nearest(centre - width)?, nearest(centre + width)?];
-        Some(if left == right { [0, offsets.len() - 1] } else { [left, right] })
-    }
-
     /// The curves of a band. `known`: of a sample, the flat's curves and the first of this band.
     pub(super) fn curves(
         &self,
@@ -58,8 +36,7 @@ impl Retriever {
             None => data,
         };
         let (steps, rows, columns) = data.dim();
-        let on_flat = self.options.method == Method::TwoStep && known.is_some();
-        if let Some(fitter) = scan.fitter.as_ref().filter(|_| !on_flat) {
+        if let Some(fitter) = &scan.fitter {
             let flat = data.into_shape_with_order((steps, rows * columns)).map_err(|error| {
                 Error::argument("frames", error.to_string(), "frames in C order")
             })?;
@@ -78,12 +55,9 @@ impl Retriever {
                 let flat = known.map(|(flat, first)| flat.flags[first + pixel]);
                 return Ok(lights[column].fit(&scan, curve, flat));
             }
-            Ok(match (self.options.method, known) {
-                (Method::ThreeStep, _) => closed::three_step(&scan, curve),
-                (Method::Moments, _) => closed::by_moments(&scan, curve),
-                (Method::TwoStep, Some((flat, first))) => {
-                    closed::two_step(&scan, curve, flat, first + pixel)
-                }
+            Ok(match self.options.method {
+                Method::ThreeStep => closed::three_step(&scan, curve),
+                Method::Moments => closed::by_moments(&scan, curve),
                 _ => self.shape().map_or(Curve::unknown(flags::NOT_CONVERGED), |shape| {
                     least_squares::fit(shape, &scan, curve)
                 }),
@@ -96,13 +70,9 @@ impl Retriever {
 
     /// The shape of methods that fit one, in the unit of offsets.
     pub(in crate::retrieve) fn shape(&self) -> Option<CurveShape> {
-        let m = self.shape.magnification;
-        let [base, top] = [self.shape.half_base() / m, self.shape.half_top() / m];
-        let period = self.shape.period;
         match self.options.method {
             Method::Triangle => Some(CurveShape::Trapezoid { top: 0.0 }),
-            Method::Trapezoid => Some(CurveShape::Trapezoid { top }),
-            Method::ExactCurve => Some(CurveShape::Blurred { base, top, period }),
+            Method::ExactCurve => self.shape.shape(),
             _ => None,
         }
     }

@@ -127,13 +127,11 @@ impl Retriever {
         view: usize,
         corrected: Corrected<'a>,
     ) -> Result<ViewScan<'a>> {
-        // Two-step does not fit curves of the sample.
-        let fitter = self.fitter.as_ref().filter(|_| self.options.method != Method::TwoStep);
         let noise = corrected.noise;
         let own = corrected.offsets.map_or_else(|| self.own_offsets(view), |own| Ok(Some(own)))?;
         let is_usual = own.is_none() && noise.is_one();
-        let offsets = own.unwrap_or(&self.sample_offsets);
-        ViewScan::of(offsets, noise, fitter, is_usual)
+        let offsets = own.unwrap_or(&self.offsets);
+        ViewScan::of(offsets, noise, self.fitter.as_ref(), is_usual)
     }
 
     /// Offsets of a view, if views have offsets of their own.

@@ -89,10 +89,7 @@ impl Chosen<'_> {
         let offsets = self.run.curve_offsets();
         let values = |view: Option<usize>| -> Result<Vec<f64>, Failure> {
             let rows = self.run.fitted_rows(view, at..at + 1)?;
-            // Offsets of separate steps (two-step) are not recorded.
-            let known = rows.shape()[0] == offsets.len();
-            let all = rows.outer_iter().map(|frame| f64::from(frame[[0, column]]));
-            Ok(if known { all.collect() } else { Vec::new() })
+            Ok(rows.outer_iter().map(|frame| f64::from(frame[[0, column]])).collect())
         };
         let fit = |of: &str| self.run.fit(of, self.view, self.pixel);
         let curves = [

@@ -21,8 +21,8 @@ def in_python(message: str) -> str:
     of the program in backticks stay.
 
     Example:
-        >>> in_python("has one flat; --flats-every must be 1 or more; or --method two-step")
-        'has one flat; flats_every must be 1 or more; or method="two-step"'
+        >>> in_python("has one flat; --flats-every must be 1 or more; or --method three-step")
+        'has one flat; flats_every must be 1 or more; or method="three-step"'
     """
     def argument(found: re.Match[str]) -> str:
         name, value = found["name"].replace("-", "_"), found["value"]

@@ -158,7 +158,7 @@ class Images(Mapping[str, Image]):
 
     @property
     def dark_field(self) -> Image:
-        """Variance of the refraction angle, rad²; a KeyError for methods without it."""
+        """Variance of the refraction angle, rad²."""
         return self["dark_field"]
 
     @property

@@ -20,10 +20,8 @@ from ._volume import lengths
 Method = Literal[
     "gaussian",
     "three-step",
-    "two-step",
     "moments",
     "triangle",
-    "trapezoid",
     "exact-curve",
     "beamlet",
 ]
@@ -110,7 +108,7 @@ def _bad_pixels(value: ArrayLike, frame: tuple[int, ...]) -> NDArray[np.float32]
 def _options(given: Mapping[str, Any]) -> dict[str, Any]:
     """Options of a retrieval, checked, as the extension takes them."""
     chosen: dict[str, Any] = dict.fromkeys((
-        "gain", "read_noise", "saturation", "steps", "sample_offsets", "flats_every", "columns", "bin",
+        "gain", "read_noise", "saturation", "flats_every", "columns", "bin",
         "empty_beam", "correct", "omit_steps",
     ))
     chosen |= {name: value for name, value in given.items() if value is not None}
@@ -120,8 +118,6 @@ def _options(given: Mapping[str, Any]) -> dict[str, Any]:
         "gain": lambda value: number("gain", value),
         "read_noise": lambda value: number("read_noise", value),
         "saturation": lambda value: number("saturation", value),
-        "steps": lambda value: whole("steps", value, 2, "two numbers of steps, from 0"),
-        "sample_offsets": lambda value: lengths("sample_offsets", value),
         "flats_every": lambda value: whole_number("flats_every", value, 1),
         "omit_steps": _omit_steps,
         "columns": _columns,
@@ -189,8 +185,6 @@ def retrieve(
     read_noise: float | None = None,
     saturation: float | None = None,
     bad_pixels: ArrayLike | None = None,
-    steps: tuple[int, int] | None = None,
-    sample_offsets: Sequence[str | float] | None = None,
     engine: Engine | None = None,
     progress: Progress | None = None,
     *,
@@ -217,9 +211,6 @@ def retrieve(
         read_noise: Standard deviation of counts without beam, in counts.
         saturation: Counts of this value and above are left out.
         bad_pixels: True or not zero where a pixel is bad, ``[row][column]``.
-        steps: Indices of the two steps of the sample for ``two-step``, from 0.
-        sample_offsets: Mask offset of each step of the sample for ``two-step``, m, or text with a unit,
-            where they differ from `offsets`.
         engine: Engine; default: the shared one.
         progress: Callback.
         flats_every: Views between one flat and the next: the flat of a view is interpolated between the
@@ -260,8 +251,6 @@ def retrieve(
         gain=gain,
         read_noise=read_noise,
         saturation=saturation,
-        steps=steps,
-        sample_offsets=sample_offsets,
         flats_every=flats_every,
         omit_steps=omit_steps,
         columns=columns,

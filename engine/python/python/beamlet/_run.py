@@ -157,14 +157,12 @@ class Run:
         method: Method = "gaussian",
         counts: bool = False,
         weights: Weights = "none",
-        steps: tuple[int, int] | None = None,
         progress: Progress | None = None,
         *,
         gain: float | None = None,
         read_noise: float | None = None,
         saturation: float | None = None,
         bad_pixels: ArrayLike | None = None,
-        sample_offsets: Sequence[str | float] | None = None,
         columns: slice | None = None,
         bin: tuple[int, int] | None = None,
         empty_beam: EmptyBeam | None = None,
@@ -178,7 +176,6 @@ class Run:
             method: The estimator (docs/retrieval.md).
             counts: Retrieve from detector numbers, with uncertainties.
             weights: ``poisson`` weights counts by their noise.
-            steps: Steps of the sample for ``two-step``.
             progress: Callback.
             gain: Numbers of a photon; default: the scene's.
             read_noise: Standard deviation of numbers without beam; default: the scene's.
@@ -208,12 +205,10 @@ class Run:
             progress=progress,
             method=method,
             weights=weights,
-            steps=steps,
             gain=gain,
             read_noise=read_noise,
             saturation=saturation,
             bad_pixels=bad_pixels,
-            sample_offsets=sample_offsets,
             columns=columns,
             bin=bin,
             empty_beam=empty_beam,
