@@ -7,8 +7,9 @@ use glam::DVec3;
 
 use super::Place;
 use super::distance::Standing;
+use super::fate::Fate;
+use super::group::Group;
 use super::meeting::{are_apart, meets_place};
-use super::nesting::{Fate, Group};
 use crate::error::{Error, Result};
 use crate::geometry::overlap::{Solid, snap, tolerance};
 use crate::geometry::surface::{Surface, in_mm};
