@@ -144,7 +144,7 @@ pub struct CheckedObject {
     pub triangles: usize,
     /// Number of its places; 0 without instances.
     pub instances: usize,
-    /// Volume, m3; of whole exact shapes where later ones cross these.
+    /// Volume, m3; of whole exact shapes where others cross these, instances of one object too.
     pub volume: f64,
     /// Corners of its bounding box, m.
     pub bounds: [[f64; 3]; 2],

@@ -120,8 +120,8 @@ pub struct ObjectSummary {
     pub triangles: usize,
     /// Number of its places; 0 without instances.
     pub instances: usize,
-    /// Volume of its outer surfaces less its voids, m3: after cuts, but of whole exact shapes where later ones
-    /// cross these.
+    /// Volume of its outer surfaces less its voids, m3: after cuts, but of whole exact shapes where others cross
+    /// these, instances of one object too.
     pub volume: f64,
     /// Least and greatest corner of its bounding box, m.
     pub bounds: [[f64; 3]; 2],

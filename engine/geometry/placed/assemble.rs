@@ -2,7 +2,8 @@
 
 use glam::DVec3;
 
-use super::nesting::{Group, Groups};
+use super::group::Group;
+use super::nesting::Groups;
 use super::{Partners, Placed};
 use crate::geometry::surface::bounds_of;
 use crate::geometry::{ObjectSummary, Sample};

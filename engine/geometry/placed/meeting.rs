@@ -3,7 +3,8 @@
 use glam::DVec3;
 
 use super::distance::Standing;
-use super::nesting::{Boxed, Group};
+use super::group::Group;
+use super::nesting::Boxed;
 use super::{Place, Prototype};
 use crate::geometry::analytic::AnalyticShape;
 use crate::geometry::distance::meet;

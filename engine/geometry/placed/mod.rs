@@ -3,6 +3,8 @@
 mod around;
 mod assemble;
 mod distance;
+mod fate;
+mod group;
 mod meeting;
 mod nesting;
 mod own;
@@ -12,7 +14,8 @@ mod place;
 mod prototype;
 mod resolved;
 
-pub(super) use nesting::{Group, Groups};
+pub(super) use group::Group;
+pub(super) use nesting::Groups;
 pub(crate) use partners::Partners;
 pub(crate) use place::Place;
 pub(crate) use prototype::Prototype;

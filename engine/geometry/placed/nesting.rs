@@ -9,13 +9,13 @@ use std::collections::BTreeSet;
 use glam::DVec3;
 use rayon::prelude::*;
 
+use super::Place;
+use super::fate::Fate;
+use super::group::Group;
 use super::meeting::{meets_body, meets_place};
-use super::own::{self, Clash, clash, touch_at_most};
-use super::{Place, Prototype};
+use super::own::{self, Clash, clash};
 use crate::error::{Error, Result};
-use crate::geometry::Component;
 use crate::geometry::body::Body;
-use crate::geometry::overlap::tolerance;
 use crate::geometry::search::Search;
 use crate::geometry::surface::{Surface, bounds_of, corners_of, near};
 use crate::geometry::tree::Tree;
@@ -24,16 +24,6 @@ use crate::numbers;
 
 /// Error of the facets of a shape that is cut with others, m, where few enough are as fine.
 const JOINED: f64 = 1e-8;
-/// All places of one object.
-#[derive(Debug)]
-pub(in crate::geometry) struct Group {
-    pub(in crate::geometry) object: u32,
-    pub(in crate::geometry) prototype: Prototype,
-    pub(in crate::geometry) places: Vec<Place>,
-    /// They are known to be disjoint.
-    pub(in crate::geometry) apart: bool,
-}
-
 /// Places of all groups, and their surroundings.
 #[derive(Default)]
 pub(in crate::geometry) struct Groups {
@@ -77,18 +67,6 @@ impl<'a> Boxed<'a> {
     }
 }
 
-/// What becomes of a place.
-#[derive(Clone, Copy, PartialEq)]
-pub(super) enum Fate {
-    /// It intersects a surface.
-    Joins,
-    /// It lies in another place of its object.
-    Inside,
-    /// It lies in this later object.
-    Covered(u32),
-    Stands(Option<u32>),
-}
-
 /// Surfaces that a place intersects.
 #[derive(Default)]
 struct Met {
@@ -112,64 +90,9 @@ fn partners_of(count: usize, crossing: &[[u32; 2]]) -> Vec<Vec<u32>> {
 
 /// Members and the tree over their boxes.
 pub(super) struct Field<'a> {
-    groups: &'a [Group],
+    pub(super) groups: &'a [Group],
     pub(super) members: Vec<Member>,
     pub(super) tree: Tree,
-}
-
-impl Group {
-    /// Box around all places in the world.
-    pub(in crate::geometry) fn bounds(&self) -> [DVec3; 2] {
-        let own = self.prototype.bounds();
-        let corners = self.places.iter().flat_map(|place| place.bounds(own));
-        bounds_of(corners)
-    }
-
-    /// Whether a point of the world lies in the body of a place.
-    pub(super) fn contains(&self, place: &Place, point: DVec3) -> bool {
-        self.prototype.contains(place.own_from_world(point))
-    }
-
-    /// A box that lies in the box around any solid that contains a place: around the place itself for a shape,
-    /// and around some points of it for a mesh. Boxes of turned boxes are larger, and may reach out of the solid.
-    pub(super) fn core(&self, place: &Place) -> [DVec3; 2] {
-        let axes = [DVec3::X, DVec3::Y, DVec3::Z];
-        match self.prototype.shape {
-            Some(shape) => {
-                let linear = place.linear();
-                let farthest = |along: DVec3| shape.support(linear.transpose() * along);
-                let points = axes.into_iter().flat_map(|axis| [farthest(axis), farthest(-axis)]);
-                bounds_of(points.map(|point| place.world_from_own(point)))
-            }
-            None => {
-                let vertices = self.prototype.extremes().iter();
-                bounds_of(vertices.map(|vertex| place.world_from_own(*vertex)))
-            }
-        }
-    }
-
-    /// A point of the surface of a place.
-    pub(super) fn point(&self, place: &Place) -> DVec3 {
-        place.world_from_own(self.prototype.corners(0)[0])
-    }
-
-    /// The components of a place.
-    pub(in crate::geometry) fn components(
-        &self,
-        place: &Place,
-        outside: Option<u32>,
-    ) -> impl Iterator<Item = Component> {
-        let areas = self.prototype.areas(place);
-        self.prototype.components.iter().zip(areas).map(move |(own, area)| Component {
-            object: self.object,
-            outside,
-            volume: own.volume * place.volume(),
-            area,
-            bounds: place.bounds(corners_of(own)).map(Into::into),
-            lids: own.lids.and_then(|lids| place.lids(lids)),
-            ..Component::default()
-        })
-    }
 }
 
 impl Groups {
@@ -368,7 +291,7 @@ impl<'a> Field<'a> {
 
     /// Objects whose places are around a body, of which this is a point, and which holds these bounds; `except`
     /// for some members.
-    fn around(
+    pub(super) fn around(
         &self,
         bounds: [DVec3; 2],
         point: DVec3,
@@ -432,110 +355,5 @@ impl<'a> Field<'a> {
             [member.group, number]
         };
         self.members.iter().zip(fates).map(number).collect()
-    }
-
-    /// Pairs of objects, earlier and later, of which places cross deeper than they touch, or the later one
-    /// covers a place. Instances of one object are one solid.
-    fn overlaps(&self, crossing: &[[u32; 2]], fates: &[Fate]) -> BTreeSet<[u32; 2]> {
-        let crosses = |pair: &[u32; 2]| {
-            let members = pair.map(|it| self.members[it as usize]);
-            let both = members.map(|it| self.of(it));
-            let [a, b] = both.map(|it| it.0.object);
-            let limit = tolerance(members[0].bounds, members[1].bounds);
-            (a != b && !touch_at_most(both, limit)).then_some([a.min(b), a.max(b)])
-        };
-        let covers = |(member, fate): (&Member, &Fate)| match fate {
-            Fate::Covered(by) => Some([self.groups[member.group as usize].object, *by]),
-            _ => None,
-        };
-        let crossed: Vec<[u32; 2]> = crossing.par_iter().filter_map(crosses).collect();
-        let covered = self.members.iter().zip(fates).filter_map(covers);
-        crossed.into_iter().chain(covered).collect()
-    }
-
-    /// What becomes of a member that crosses at most its partners, which are exact as it is.
-    fn stands(&self, member: Member, bodies: &[Boxed<'_>], partners: &[u32]) -> Fate {
-        let (group, place) = self.of(member);
-        let point = group.point(place);
-        let of_bodies = (0..).zip(bodies).filter(|(object, body)| {
-            *object != group.object
-                && near([point; 2], body.bounds, 0.0)
-                && body.body.contains(point)
-        });
-        let around = of_bodies
-            .map(|(object, _)| object)
-            .chain(self.around(group.core(place), point, group.object, partners))
-            .max();
-        match around {
-            Some(object) if object > group.object => match self.holds_void(member, bodies) {
-                true => Fate::Joins,
-                false => Fate::Covered(object),
-            },
-            around => Fate::Stands(around),
-        }
-    }
-
-    /// Test for a void, inside a place, of the later objects that cover it: something of the place is left there.
-    fn holds_void(&self, member: Member, bodies: &[Boxed<'_>]) -> bool {
-        let (group, place) = self.of(member);
-        let is_in =
-            |start: DVec3| near([start; 2], member.bounds, 0.0) && group.contains(place, start);
-        let point = group.point(place);
-        let later = (0..).zip(bodies).filter(|(object, _)| *object > group.object);
-        let mut found = later.map(|it| it.1).any(|Boxed { body, starts, bounds }| {
-            near([point; 2], *bounds, 0.0)
-                && starts.iter().any(|start| is_in(*start))
-                && body.contains(point)
-        });
-        self.tree.around(group.core(place), |other| {
-            let (outer, there) = self.of(self.members[other as usize]);
-            let is_later = outer.object > group.object && outer.prototype.components.len() > 1;
-            if !found && is_later && outer.contains(there, point) {
-                let mut starts = outer.prototype.starts();
-                found = starts.any(|start| is_in(there.world_from_own(start)));
-            }
-        });
-        found
-    }
-
-    /// Places around components of earlier objects join the meshes of theirs, which cut those; so do
-    /// places around such that join, and around these, and the partners of all that join.
-    fn around_earlier(&self, bodies: &[Body], fates: &mut [Fate], partners: &[Vec<u32>]) {
-        let mut joining: Vec<usize> =
-            (0..fates.len()).filter(|member| fates[*member] == Fate::Joins).collect();
-        let join = |object: u32,
-                    (bounds, point): ([DVec3; 2], DVec3),
-                    fates: &mut [Fate],
-                    joining: &mut Vec<usize>| {
-            self.tree.around(bounds, |member| {
-                let (group, place) = self.of(self.members[member as usize]);
-                if group.object > object
-                    && !matches!(fates[member as usize], Fate::Joins | Fate::Inside)
-                    && group.contains(place, point)
-                {
-                    fates[member as usize] = Fate::Joins;
-                    joining.push(member as usize);
-                }
-            });
-        };
-        for (object, body) in (0_u32..).zip(bodies) {
-            for (component, point) in body.components.iter().zip(body.first_corners()) {
-                join(object, (corners_of(component), point), fates, &mut joining);
-            }
-        }
-        while let Some(member) = joining.pop() {
-            let (group, place) = self.of(self.members[member]);
-            for point in group.prototype.starts() {
-                let point = place.world_from_own(point);
-                join(group.object, ([point; 2], point), fates, &mut joining);
-            }
-            for partner in &partners[member] {
-                let fate = &mut fates[*partner as usize];
-                if matches!(fate, Fate::Stands(_)) {
-                    *fate = Fate::Joins;
-                    joining.push(*partner as usize);
-                }
-            }
-        }
     }
 }

@@ -7,8 +7,9 @@ use glam::DVec3;
 
 use super::Place;
 use super::distance::Standing;
+use super::fate::Fate;
+use super::group::Group;
 use super::meeting::{are_apart, meets_place};
-use super::nesting::{Fate, Group};
 use crate::error::{Error, Result};
 use crate::geometry::overlap::{Solid, snap, tolerance};
 use crate::geometry::surface::{Surface, in_mm};
@@ -20,6 +21,9 @@ use crate::numbers;
 const MOST_UNITED: u64 = 4_000_000;
 /// More of them are refused.
 const TOO_MANY: u64 = 4 * MOST_UNITED;
+
+/// Share of the limit below which the distance of shapes is nothing but rounding.
+const LEAST_CLEARANCE: f64 = 1e-3;
 
 /// Contact of two instances of one object.
 #[derive(Clone, Copy, PartialEq)]
@@ -64,7 +68,8 @@ pub(super) fn touch_at_most(both: [(&Group, &Place); 2], limit: f64) -> bool {
     let [Some(own), Some(other)] = both.map(inset) else { return false };
     let [first, second] = [(&own, both[0].1), (&other, both[1].1)]
         .map(|(prototype, place)| Standing { prototype, place });
-    first.clearance_of(&second).is_some()
+    // At the end of the angles at which tubes cross another surface the least distance is barely above 0.
+    first.clearance_of(&second).is_some_and(|least| least > LEAST_CLEARANCE * limit)
 }
 
 /// Decides about members that clash, by their numbers; gives the pairs that overlap.

@@ -98,7 +98,9 @@ proptest! {
     #![proptest_config(ProptestConfig { failure_persistence: None, cases: 512, rng_seed: RngSeed::Fixed(3), ..ProptestConfig::default() })]
 
     /// Two shapes whose points of contact with two parallel planes lie opposite each other: they are apart
-    /// if the planes are, and overlap if each reaches through the plane of the other.
+    /// if the planes are, and overlap if each reaches through the plane of the other. Beside a box exact
+    /// shapes have facets up to 10 nm inside their surface, and the tip of a corner is thinner than deep:
+    /// the overlap is 30 nm deeper.
     #[test]
     fn shapes_overlap_if_no_plane_separates_them(
         shapes in [any_shape(), any_shape()],
@@ -110,7 +112,8 @@ proptest! {
         let [first, second] = [0, 1].map(|k| touched(&shapes[k], at[k]));
         let facing = DQuat::from_axis_angle(first[1], spin) * DQuat::from_rotation_arc(second[1], -first[1]);
         let all = DQuat::from_scaled_axis(3.0 * DVec3::from_array(turn));
-        for (width, want) in [(width, &[][..]), (-width, &[[0, 1]][..])] {
+        let deeper = if shapes.iter().any(|it| matches!(it, Shape::Box { .. })) { 30e-9 } else { 0.0 };
+        for (width, want) in [(width, &[][..]), (-width - deeper, &[[0, 1]][..])] {
             let position = all * (first[0] + width * first[1] - facing * second[0]);
             let objects = vec![
                 placed("a", &shapes[0], &[all], DVec3::ZERO),
