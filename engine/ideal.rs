@@ -107,8 +107,7 @@ pub struct IdealImages {
 /// # Example
 ///
 /// ```no_run
-/// use beamlet::retrieve::{IdealOptions, ideal};
-/// use beamlet::{Engine, EngineOptions, RowsControl, scene::Scene};
+/// use beamlet::{Engine, EngineOptions, IdealOptions, RowsControl, ideal, scene::Scene};
 ///
 /// let engine = Engine::open(&EngineOptions::default())?;
 /// let scene = Scene::load("scene.toml")?;

@@ -79,6 +79,8 @@ pub use engine::{Engine, devices};
 pub use error::{Error, Place, Result};
 pub use geometry::{MaskMeshOptions, MaskPlace, mask_meshes};
 pub use gpu::{Backend, Compute, DeviceDescription, DeviceKind, EngineOptions};
+pub use ideal::{IdealImages, IdealOptions, ideal};
+pub use labels::truth;
 pub use rows_control::RowsControl;
 pub use run::{
     Control, EdgeBlur, MemoryEstimate, Progress, RunEstimate, Simulation, ViewProgress, load_sample,

@@ -81,7 +81,7 @@ fn work(
         }
         (true, Some(scene)) => {
             reporter.doing("finding the objects at the voxels");
-            let truth = beamlet::reconstruct::truth(&engine, scene, geometry, &plan.grid, cancel)?;
+            let truth = beamlet::truth(&engine, scene, geometry, &plan.grid, cancel)?;
             Some(match &plan.beam_hardening {
                 Some(choice) => truth.with_mu_at(scene, choice.quoted()?)?,
                 None => truth,

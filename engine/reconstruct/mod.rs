@@ -76,7 +76,6 @@ mod voxel_mask;
 mod work;
 mod write;
 
-pub use crate::labels::truth;
 pub use astra::{AstraFile, write_astra};
 pub use centre::find_axis;
 pub use choice::GridChoice;

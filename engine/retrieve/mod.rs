@@ -27,7 +27,6 @@ mod retriever;
 mod run;
 mod shape;
 
-pub use crate::ideal::{IdealImages, IdealOptions, ideal};
 pub(crate) use closed::three_step_uncertainties;
 pub use correct::{Corrections, Plane, ViewCorrection};
 pub(crate) use curves::Curves;

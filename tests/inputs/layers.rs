@@ -74,14 +74,15 @@ fn used(source: &str) -> Vec<String> {
 fn home(name: &str) -> &str {
     match name {
         "Error" | "Place" | "Result" => "error",
-        "Backend" => "accel",
         "Cancel" => "cancel",
-        "Tally" => "trace",
+        "RowsControl" => "rows_control",
+        "Tally" => "tally",
         "RunRecord" | "SamplingSummary" => "stack",
-        "Control" | "EdgeBlur" | "Engine" | "EngineOptions" | "Progress" | "RunEstimate"
-        | "Simulation" | "ViewProgress" | "load_sample" => "run",
+        "Engine" => "engine",
+        "Control" | "EdgeBlur" | "Progress" | "RunEstimate" | "Simulation" | "ViewProgress"
+        | "load_sample" => "run",
         "write_file" => "whole_file",
-        "DeviceDescription" => "gpu",
+        "Backend" | "Compute" | "DeviceDescription" | "EngineOptions" => "gpu",
         other => other,
     }
 }

@@ -64,8 +64,7 @@ fn hardening_is_expected_and_no_error() {
         .with_beam(BeamEnergy::of(&scene).unwrap());
     let engine = support::engine(Backend::Bvh);
     let truth =
-        beamlet::reconstruct::truth(&engine, &scene, input.geometry(), &grid, &Cancel::default())
-            .unwrap();
+        beamlet::truth(&engine, &scene, input.geometry(), &grid, &Cancel::default()).unwrap();
     let at = folder.path().join("volume");
     let to = VolumesTo::new(&at, VolumeFormat::Npy);
     let control = &mut RowsControl::default();

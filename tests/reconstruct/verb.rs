@@ -478,8 +478,7 @@ fn a_truth_on_another_grid_is_refused() {
     let of = |size| GridChoice::default().with_size(size).grid(input.geometry()).unwrap();
     let cancel = Cancel::default();
     let truth =
-        beamlet::reconstruct::truth(&engine, &scene, input.geometry(), &of([16, 16, 3]), &cancel)
-            .unwrap();
+        beamlet::truth(&engine, &scene, input.geometry(), &of([16, 16, 3]), &cancel).unwrap();
     let plan = VolumePlan::new(vec![Quantity::Mu], of([16, 18, 3]), Method::default());
     let path = folder.path().join("none");
     let to = VolumesTo::new(&path, VolumeFormat::Npy);
@@ -522,8 +521,7 @@ fn errors_count_voxels_that_every_view_sees() {
     let grid =
         VolumeGrid { size: [30, 30, 16], voxel: [1e-4; 3], origin: [-1.45e-3, -1.45e-3, -7.5e-4] };
     let cancel = Cancel::default();
-    let truth =
-        beamlet::reconstruct::truth(&engine(None), &scene, &geometry, &grid, &cancel).unwrap();
+    let truth = beamlet::truth(&engine(None), &scene, &geometry, &grid, &cancel).unwrap();
     let sinograms = Array3::<f32>::zeros((360, 12, 60));
     let control = &mut RowsControl::default();
     let volume = fbp(

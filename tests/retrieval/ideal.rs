@@ -4,9 +4,10 @@
 
 use crate::support::{Worst, backends, engine};
 use beamlet::ndarray::Array3;
-use beamlet::retrieve::{IdealImages, IdealOptions, Method, RetrieveOptions, Retriever, ideal};
+use beamlet::retrieve::{Method, RetrieveOptions, Retriever};
 use beamlet::scene::{Mesh, Motion, Object, Scene, ShapeOrMesh};
 use beamlet::{Backend, Error, RowsControl, material, spectrum};
+use beamlet::{IdealImages, IdealOptions, ideal};
 use ndarray::Axis;
 
 /// Source to rotation centre, to the detector, and from the rotation centre to the detector mask, m.

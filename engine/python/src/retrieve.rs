@@ -7,8 +7,7 @@ use crate::stacks::{json, of_array};
 use crate::work::interruptible;
 use beamlet::Error;
 use beamlet::retrieve::{
-    Columns, Corrections, IdealOptions, Input, Method, Region, RetrieveOptions, Weights,
-    retrieve_arrays,
+    Columns, Corrections, Input, Method, Region, RetrieveOptions, Weights, retrieve_arrays,
 };
 use numpy::{IntoPyArray, PyArray3, PyReadonlyArray4};
 use pyo3::prelude::*;
@@ -179,7 +178,7 @@ pub(crate) fn ideal<'py>(
     progress: Option<&Bound<'py, PyAny>>,
 ) -> PyResult<Ideal<'py>> {
     let engine = engine.get(py)?;
-    let options = IdealOptions::default()
+    let options = beamlet::IdealOptions::default()
         .with_reach(reach)
         .with_tolerance(tolerance)
         .with_angle_tolerance(angle_tolerance)
@@ -188,7 +187,7 @@ pub(crate) fn ideal<'py>(
         let work = || {
             let scene = scene.scene()?;
             watch.rows("ideal", |mut control| {
-                beamlet::retrieve::ideal(&engine, &scene, &options, &mut control)
+                beamlet::ideal(&engine, &scene, &options, &mut control)
             })
         };
         work().map_err(|error| scene.located(error))

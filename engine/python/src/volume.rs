@@ -396,8 +396,7 @@ impl Work<'_> {
                 "a scene with its sample",
             ));
         }
-        let mut truth =
-            beamlet::reconstruct::truth(self.engine, &scene, geometry, &volume.grid, cancel)?;
+        let mut truth = beamlet::truth(self.engine, &scene, geometry, &volume.grid, cancel)?;
         if let Some(polynomial) = hardening {
             truth = truth.with_mu_at(&scene, polynomial.energy)?;
         }
