@@ -23,6 +23,7 @@ pub mod masks;
 pub mod normal;
 pub mod rays;
 pub mod rough;
+pub mod round_bodies;
 pub mod scenes;
 pub mod silhouettes;
 pub mod stack;

@@ -6,6 +6,7 @@ use beamlet_reference as reference;
 mod support;
 
 mod determinism;
+mod estimated;
 mod rims;
 mod row_blur;
 mod sampling;
