@@ -163,12 +163,12 @@ fn check_names_needless_tolerances_and_shapes_that_cross() {
     let bore = "[[object]]\nname = \"bore\"\nmaterial = \"air\"\nshape = { cylinder = { radius = \"0.1 mm\", \
                 height = \"20 mm\" } }\n";
     let solid = plain.replace(", sides = 16", "");
-    // Exact shapes that cross, or touch all along a wall, stay exact; the overlap is listed.
+    // Exact shapes that cross, or touch all along a wall, stay exact; only the overlap is listed.
     let text = checked(&[&*solid, bore].concat());
-    assert!(text.contains("\"rod\" and \"bore\" overlap") && !text.contains("mesh"), "{text}");
+    assert!(text.contains("\"bore\" wins") && !text.contains("mesh"), "{text}");
     let beside = bore.replace("material", "position = [\"0.1 mm\", \"0 mm\", \"0 mm\"]\nmaterial");
     let text = checked(&[&*solid, &*beside].concat());
-    assert!(text.contains("\"rod\" and \"bore\" overlap") && !text.contains("mesh"), "{text}");
+    assert!(text.contains("\"bore\" wins") && !text.contains("mesh"), "{text}");
     let tube = bore.replace(
         "cylinder = { radius = \"0.1 mm\"",
         "tube = { outer = \"0.1 mm\", inner = \"0.08 mm\"",
@@ -178,7 +178,7 @@ fn check_names_needless_tolerances_and_shapes_that_cross() {
         .replace("name = \"bore\"", "name = \"tube\"\nposition = [\"0 mm\", \"3 mm\", \"0 mm\"]");
     let filling = bore.replace("name = \"bore\"", far[0]).replace("0.1 mm", far[1]);
     let text = checked(&[&*solid, &*apart, &*filling].concat());
-    assert!(text.contains("\"tube\" and \"filling\" touch") && !text.contains("mesh"), "{text}");
+    assert!(!text.contains("\"filling\" wins") && !text.contains("mesh"), "{text}");
     // Facets that an exact shape crosses make a mesh of it.
     let text = checked(&[&*plain, &*beside].concat());
     assert!(
@@ -224,4 +224,25 @@ fn illuminate_takes_the_scene_of_the_run_by_default() {
     assert!(bytes("run/counts/flat.npy") != bytes("blurred/counts/flat.npy"));
     let text = fs::read_to_string(here.join("blurred/scene.toml")).unwrap();
     assert!(text.contains("photons = 80000"), "{text}");
+}
+
+/// Stored cells are compared with a new simulation in some rows of a sample that is seen in many.
+#[test]
+fn illuminate_names_the_rows_in_which_it_compared_stored_cells() {
+    let directory = tempfile::tempdir().unwrap();
+    let here = directory.path();
+    fs::write(here.join("scene.toml"), scene("", "tolerance = 1e-3")).unwrap();
+    done(here, "simulate scene.toml -o run --keep-moments --format npy");
+    let finer = |rows: u32, pitch: u32| {
+        let set = format!(
+            "--set detector.pixels=[6,{rows}] --set detector.pitch=[\"150um\",\"{pitch}um\"]"
+        );
+        run(
+            here,
+            &format!("illuminate run -o other --overwrite {set} --set sampling.tolerance=1e-1"),
+        )
+    };
+    assert!(!stderr(&finer(6, 50)).contains("rows with the sample"));
+    let text = ended(&finer(12, 25), 0);
+    assert!(text.contains("in 8 of about 12 rows with the sample"), "{text}");
 }

@@ -115,16 +115,15 @@ fn omitted_steps_leave_the_images_of_the_other_steps() {
     assert_eq!(again.sample_rows(1, 0..2).unwrap().dim(), (9, 2, COLUMNS));
     done(here, "view images -o pictures --show curve --pixel 3,2");
 
-    for (words, code, message) in [
-        ("--omit-steps 11", 1, "omit_steps: found step 11; allowed: 0 to 10"),
-        ("--omit-steps 0,1,2,3,4,5,6", 1, "at least 5"),
-        ("--omit-steps 2 --steps 3,7", 2, "cannot be used with"),
+    for (words, message) in [
+        ("--omit-steps 11", "omit_steps: found step 11; allowed: 0 to 10"),
+        ("--omit-steps 0,1,2,3,4,5,6", "at least 5"),
     ] {
         let line = format!(
             "retrieve --geometry set_up.toml --flat flat.npy --sample sample.npy -o none \
              --method exact-curve {words}"
         );
-        let found = ended(&run(here, &line), code);
+        let found = ended(&run(here, &line), 1);
         assert!(found.contains(message), "{found}");
         assert!(!here.join("none").exists());
     }

@@ -13,7 +13,8 @@ pub(crate) fn commit(run: &Path) {
     };
     let line = |name: &str, values: &[u8]| {
         let hash: String = Sha256::digest(values).iter().map(|b| format!("{b:02x}")).collect();
-        format!("{name} {} sha256:{hash}\n", values.len())
+        let tally = if name.starts_with("counts/") { "" } else { " tally:{}" };
+        format!("{name} {} sha256:{hash}{tally}\n", values.len())
     };
     let mut log = String::new();
     for counts in ["counts/", ""] {
