@@ -32,7 +32,6 @@ mod room;
 mod row_spread;
 mod rows;
 mod sheets;
-mod step_error;
 mod step_shares;
 mod survey;
 mod touched;

@@ -2,8 +2,7 @@
 
 use super::error_estimate::{CellError, Estimator, SPREAD};
 use super::patch::{Axis, Even, Known, Patch};
-use super::response::Opening;
-use super::step_error::{LitLeaf, StepError, Weighing};
+use super::response::{Opening, Response};
 use super::step_shares::{StepRun, is_open, step_runs};
 use super::unresolved::FIRST;
 use crate::numbers::{self, single};
@@ -16,9 +15,6 @@ const NEGLIGIBLE: f64 = 0.01;
 const SAFETY: f64 = 0.45;
 /// The same with a single step, where the root mean square should be a third of the budget.
 const SAFETY_OF_ONE: f64 = 0.2;
-/// Root mean square of the true error of a single step over the estimate, of rays without facets: alone,
-/// the step is not the worst of several.
-const TRUE_OF_ONE: f64 = 1.0 / 3.0 / SAFETY_OF_ONE;
 /// The same for angles determined by rays: facets about as wide as the distance of rays hide between
 /// them. With 0.45 prisms and fine balls erred by 0.46 of 3 nrad, with 0.23 by 0.34.
 const SAFETY_OF_RAYS: f64 = 0.2;
@@ -123,6 +119,73 @@ fn pool_draws(errors: &mut [Option<CellError>], patch: &Patch) {
     }
 }
 
+/// Errors of the recorded value of a mask step.
+#[derive(Debug, Clone, Copy, Default)]
+struct StepError {
+    /// Of rectangles that err each in its own way, squared.
+    apart: f64,
+    /// Of pieces: along a silhouette their outlines are alike, and so are their errors.
+    together: f64,
+    /// Of the displacement, squared.
+    moment: f64,
+    through: f64,
+}
+
+/// How errors of rectangles count at a mask step.
+#[derive(Clone, Copy)]
+struct Weighing<'a> {
+    response: &'a Response,
+    /// Correction factor of pieces that err together.
+    together: Option<f64>,
+}
+
+impl Weighing<'_> {
+    /// The error of a rectangle that is open to a share.
+    fn of(&self, error: &CellError, known: &Known, open: f32) -> StepError {
+        // Light that leaks through bars is the same at every step, and moves no angle.
+        let through = f64::from(open * error.through);
+        let squared = |part: f32| f64::from(part * error.moment).powi(2);
+        let lit = self.response.lit(open);
+        match known {
+            Known::Ray(_) => StepError {
+                apart: f64::from(lit * error.light).powi(2),
+                together: 0.0,
+                moment: squared(open),
+                through,
+            },
+            // The mean over all of a rectangle is exact, and so is that over nearly all of it.
+            Known::Mean(_) | Known::Pieces(_) => {
+                let cut = self.response.cut(open);
+                let light = f64::from(cut.max(lit * error.whole) * error.light);
+                let [apart, together] = match (known, self.together) {
+                    (Known::Pieces(_), Some(factor)) => [0.0, factor * light],
+                    _ => [light * light, 0.0],
+                };
+                StepError { apart, together, moment: squared(cut), through }
+            }
+        }
+    }
+}
+
+impl StepError {
+    fn add(&mut self, other: &Self) {
+        self.apart += other.apart;
+        self.together += other.together;
+        self.moment += other.moment;
+        self.through += other.through;
+    }
+
+    /// The error of the light, squared.
+    fn light(&self) -> f64 {
+        self.part(self)
+    }
+
+    /// Its contribution to the square of the sum.
+    fn part(&self, all: &Self) -> f64 {
+        self.apart + self.together * all.together
+    }
+}
+
 /// Correction factor of the summed error of pieces. Neglected terms fall more slowly than the estimate as
 /// rectangles shrink: at 3e-5 they were a third of the error of a radiograph, at 1e-4 as large. A
 /// detector mask alone cuts the light of a rim where it is steepest: half of it at 1e-4.
@@ -174,10 +237,8 @@ impl Estimator<'_> {
         self.complete(patch, openings, known_errors);
         let leaves = || {
             patch.leaves().filter_map(|leaf| {
-                let (error, own) = known_errors.of(leaf)?;
-                let dark = error.silhouette && !is_open(own);
-                let beside = dark.then(|| self.lit_beside(patch, leaf, known_errors)).flatten();
-                Some(LitLeaf { error, node: &patch.nodes[leaf as usize], own, beside })
+                let (error, runs) = known_errors.of(leaf)?;
+                Some((error, &patch.nodes[leaf as usize], runs))
             })
         };
         // For any window, of which none sees all of them at its steepest, they count as independent.
@@ -187,14 +248,13 @@ impl Estimator<'_> {
         let mut steps = vec![StepError::default(); self.response.steps()];
         let (mut count, mut silhouettes) = (0_u32, 0_u32);
         let (mut seen, mut by_rays) = (false, false);
-        for leaf in leaves() {
-            let LitLeaf { error, node, own, .. } = leaf;
+        for (error, node, runs) in leaves() {
             count += 1;
             by_rays |= matches!(node.known, Known::Ray(_));
-            seen |= error.silhouette && is_open(own);
+            seen |= error.silhouette && is_open(runs);
             silhouettes += u32::from(error.silhouette);
-            for (step, share) in leaf.steps() {
-                steps[step as usize].add(&leaf.weighed(&weighing, share));
+            for (step, share) in runs.iter().flat_map(StepRun::steps) {
+                steps[step as usize].add(&weighing.of(error, &node.known, share));
             }
         }
         let worst = steps.iter().map(StepError::light).fold(0.0, f64::max).sqrt();
@@ -203,9 +263,8 @@ impl Estimator<'_> {
         let bounded = self.budget.displacement.is_finite() && !(crossed && seen);
         let off = |step: &StepError| step.moment.sqrt() / (self.budget.displacement * step.through);
         let lit = steps.iter().filter(|step| bounded && step.through > 0.0);
-        let is_one_of_rays = self.response.steps() == 1 && patch.facets.is_none();
         let mut result = PatchError {
-            light: if is_one_of_rays { TRUE_OF_ONE * worst } else { worst },
+            light: worst,
             displacement: lit.map(off).fold(0.0, f64::max),
             ..PatchError::default()
         };
@@ -232,14 +291,14 @@ impl Estimator<'_> {
             return result;
         }
         let mut scored = Vec::new();
-        for leaf in leaves() {
-            let LitLeaf { error, own, .. } = leaf;
+        for (error, node, runs) in leaves() {
+            let known = &node.known;
             let may_move = bounded && error.moment > 0.0;
             let part = |(step, share): (u32, f32)| {
-                leaf.weighed(&weighing, share).part(&steps[step as usize])
+                weighing.of(error, known, share).part(&steps[step as usize])
             };
             let most = if alike {
-                leaf.steps().map(part).fold(0.0, f64::max)
+                runs.iter().flat_map(StepRun::steps).map(part).fold(0.0, f64::max)
             } else {
                 f64::from(error.light).powi(2)
             };
@@ -251,28 +310,26 @@ impl Estimator<'_> {
             if negligible && !may_move && narrow.is_empty() {
                 continue;
             }
-            if let Some(axis) = self.may_hide(patch, error, narrow, is_open(own)) {
+            if let Some(axis) = self.may_hide(patch, error, narrow, is_open(runs)) {
                 result.splits.push((error.node, axis));
                 continue;
             }
             if negligible && !may_move {
                 continue;
             }
-            let of = |(step, share)| excess(step, &leaf.weighed(&weighing, share));
-            let score = leaf.steps().map(of).fold(0.0, f64::max);
+            let of = |(step, share)| excess(step, &weighing.of(error, known, share));
+            let score = runs.iter().flat_map(StepRun::steps).map(of).fold(0.0, f64::max);
             if score > 0.0 {
-                scored.push((score, leaf));
+                scored.push((score, error, known, runs));
             }
         }
-        let node = |leaf: &LitLeaf<'_>| leaf.error.node;
-        scored.sort_unstable_by(|a, b| b.0.total_cmp(&a.0).then(node(&a.1).cmp(&node(&b.1))));
-        for (_, leaf) in scored {
-            let error = leaf.error;
+        scored.sort_unstable_by(|a, b| b.0.total_cmp(&a.0).then(a.1.node.cmp(&b.1.node)));
+        for (_, error, known, runs) in scored {
             if left.iter().all(|excess| *excess <= 1.0) {
                 break;
             }
-            for (step, share) in leaf.steps() {
-                let own = excess(step, &leaf.weighed(&weighing, share));
+            for (step, share) in runs.iter().flat_map(StepRun::steps) {
+                let own = excess(step, &weighing.of(error, known, share));
                 left[step as usize] -= (1.0 - LEFT) * own;
             }
             let other = if error.axis == Axis::X { Axis::Z } else { Axis::X };
@@ -282,18 +339,6 @@ impl Estimator<'_> {
             }
         }
         result
-    }
-
-    /// Steps that light a leaf beside a dark one.
-    fn lit_beside<'e>(
-        &self,
-        patch: &Patch,
-        dark: u32,
-        known_errors: &'e KnownErrors,
-    ) -> Option<&'e [StepRun]> {
-        let runs = |leaf: u32| Some(known_errors.of(leaf)?.1);
-        let mut beside = self.leaves_beside(patch, &patch.nodes[dark as usize]);
-        beside.find_map(|leaf| runs(leaf).filter(|runs| is_open(runs)))
     }
 
     /// The axis along which a component may hide in a rectangle. `open`: to some step.

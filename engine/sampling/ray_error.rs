@@ -91,7 +91,10 @@ impl Estimator<'_> {
             silhouette = true;
             change = change.map(|change| change.max(all));
         }
-        if !silhouette && let Some(all) = self.entered(patch, node) {
+        if !silhouette
+            && !patch.straight
+            && let Some(all) = self.entered(patch, node)
+        {
             silhouette = true;
             change = change.map(|change| change.max(all));
         }
@@ -158,8 +161,6 @@ impl Estimator<'_> {
         let out = self.least.map(|least| 0.25 * least);
         let (part, result) = match patch.unlike_witness(node) {
             Some(witness) => (1.0, &witness.result),
-            // Along straight silhouettes three neighbours on each side are compared.
-            None if patch.straight => return None,
             None => patch.unlike_beside(node, out)?,
         };
         let depth = node.result.optical_depth.min(result.optical_depth);

@@ -15,11 +15,8 @@ const MOST_ALIGNED: u32 = 8;
 const MOST_SHEAR: f32 = 2.0;
 /// Factor on the curvature of silhouettes that three scanlines show.
 const BOW: f32 = 1.5;
-/// Lines of rectangles that a patch with straight silhouettes begins with.
+/// Lines of rectangles that a patch with silhouettes begins with.
 const LINES: u32 = 3;
-/// The same where silhouettes bow: between three lines the rim of a ball of 40 um bowed by 0.3 um into
-/// rectangles whose neighbours all missed it.
-const LINES_OF_BOWS: u32 = 9;
 
 impl Refiner<'_> {
     /// Lets the rectangles of patches with silhouettes slant as these do.
@@ -28,7 +25,7 @@ impl Refiner<'_> {
         let base = self.estimator.base.base;
         let slants = |work: &&mut PatchWork| {
             let few = |count: u32| count <= MOST_ALIGNED;
-            work.narrow.len() <= MOST_ALIGNED as usize
+            work.narrow.is_empty()
                 && work.patch.facets.is_none()
                 && !self.estimator.counts_little(&work.patch)
                 && self.silhouettes(&work.patch).is_some_and(few)
@@ -39,7 +36,7 @@ impl Refiner<'_> {
             .map(|work| (work, Scanlines::new(period, base[0])))
             .collect();
         self.trace_rounds(tracer, &mut slanting)?;
-        // Patches with silhouettes begin on several lines whether these slant or not: narrow
+        // Patches with silhouettes begin on three lines whether these slant or not: narrow
         // rectangles learn nothing from the rows above and below.
         for (work, lines) in &mut slanting {
             let most = MOST_SHEAR * period;
@@ -48,12 +45,11 @@ impl Refiner<'_> {
             let width = period + shear.abs();
             let columns =
                 numbers::whole::<u32>(f64::from((width * base[0] as f32 / period).ceil()));
-            let straight = slant.is_some_and(|slant| slant.straight);
-            let base = [columns, base[1] * if straight { LINES } else { LINES_OF_BOWS }];
+            let base = [columns, LINES * base[1]];
             let Patch { beamlet, row, .. } = work.patch;
             work.known_errors = KnownErrors::default();
             work.patch = Patch::sheared(beamlet, row, 0.5 * width, shear, base);
-            work.patch.straight = straight;
+            work.patch.straight = slant.is_some_and(|slant| slant.straight);
             work.patch.bow = slant.map_or(0.0, |slant| BOW * slant.bow);
             work.pending.extend(0..numbers::count(work.patch.nodes.len()));
         }
