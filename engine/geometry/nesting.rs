@@ -15,6 +15,9 @@ use crate::reserve;
 /// Bytes per part, for many small pieces: its record, its intersections, its surroundings.
 const PER_PART: u64 = 400;
 
+/// Pairs of objects that overlap.
+pub(super) type Overlaps = BTreeSet<[u32; 2]>;
+
 /// Cuts away volumes covered by later objects, and fills in `outside` of every component: the latest
 /// object that contains it. `defects`: defects of accepted bodies. Returns the later objects that cut
 /// each one and, if `wanted`, pairs of objects that overlap.
@@ -28,7 +31,7 @@ pub(super) fn nest(
     defects: &[Option<String>],
     wanted: bool,
     task: Task<'_>,
-) -> Result<(Vec<Vec<u32>>, BTreeSet<[u32; 2]>)> {
+) -> Result<(Vec<Vec<u32>>, Overlaps)> {
     let bounds: Vec<[DVec3; 2]> = bodies.iter().map(Body::bounds).collect();
     let pairs = pairs(&bounds);
     let mut is_near = vec![false; bodies.len()];
