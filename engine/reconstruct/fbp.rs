@@ -35,8 +35,9 @@ use ndarray::{ArrayView3, Zip};
 /// let geometry = ScanGeometry::of_scene(&Scene::load("scene.toml")?)?;
 /// // `[view][row][column]`: −ln of the transmission.
 /// let sinograms = Array3::<f32>::zeros((360, 4, 256));
+/// let engine = Engine::open(&EngineOptions::default())?;
 /// let volume = fbp(
-///     &Engine::open(&EngineOptions::default())?,
+///     &engine,
 ///     &geometry,
 ///     sinograms.view(),
 ///     Quantity::Mu,

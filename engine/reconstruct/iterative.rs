@@ -43,8 +43,9 @@ pub struct Iterated {
 /// let geometry = ScanGeometry::of_scene(&Scene::load("scene.toml")?)?;
 /// // `[view][row][column]`: refraction angles, rad.
 /// let angles = Array3::<f32>::zeros((360, 4, 256));
+/// let engine = Engine::open(&EngineOptions::default())?;
 /// let made = iterate(
-///     &Engine::open(&EngineOptions::default())?,
+///     &engine,
 ///     &geometry,
 ///     &Measured::new(Data::Refraction, angles.view()),
 ///     &VolumeGrid::of(&geometry)?,

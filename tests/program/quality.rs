@@ -239,7 +239,7 @@ fn illuminate_names_the_rows_in_which_it_compared_stored_cells() {
         );
         run(
             here,
-            &format!("illuminate run -o other --overwrite {set} --set sampling.tolerance=1e-1"),
+            &format!("illuminate run -o other --overwrite {set} --set sampling.tolerance=1e-2"),
         )
     };
     assert!(!stderr(&finer(6, 50)).contains("rows with the sample"));
