@@ -5,8 +5,7 @@ use crate::gpu::{Compute, Device, DeviceDescription, EngineOptions};
 use crate::moments::StoredMoments;
 use crate::run::{Control, Simulation, Simulator};
 use crate::scene::Scene;
-use crate::stack::RunRecord;
-use crate::stack::{ArraySink, Sink, Stacks};
+use crate::stack::{ArraySink, RunRecord, Sink, Stacks};
 use crate::{program, shaders};
 use std::ops::Deref;
 

@@ -3,7 +3,7 @@
 use crate::cancel::Cancel;
 use std::fmt;
 
-/// What steers a retrieval or a comparison while it goes on; set in a chain.
+/// Progress and end of a retrieval, a reconstruction or a comparison; set in a chain.
 #[derive(Default)]
 #[non_exhaustive]
 pub struct RowsControl<'a> {

@@ -316,7 +316,7 @@ fn unit_sphere(sides: u32) -> Surface {
     Surface::new(vertices, triangles)
 }
 
-/// Facets of a torus around its ring and around its tube: `sides`, or as many as keep them within
+/// Facets of a torus around its ring and around its tube: `sides`, or the number that keeps them within
 /// [`TORUS_ERROR`] of the surface at a scale.
 ///
 /// Chords are s = (R + r) π²/2n² and t = r π²/2m² off the circles of ring and tube at most; their corners

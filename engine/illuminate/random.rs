@@ -3,8 +3,7 @@
 use super::light::IlluminationBuffer;
 use super::sums::PixelSums;
 use crate::Result;
-use crate::gpu::push_bytes;
-use crate::gpu::{Device, LazyKernel};
+use crate::gpu::{Device, LazyKernel, push_bytes};
 use crate::interface::{GROUP, Pixel, RandomLightPush, RandomRaysPush};
 use crate::numbers;
 use crate::optics::Optics;

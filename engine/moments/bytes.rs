@@ -76,7 +76,7 @@ pub(crate) fn write(
     keep.append(view, words, &parts)
 }
 
-/// Whether a cell row is one cell over a whole row and period, without a sample.
+/// True if a cell row is one cell over a whole row and period, without a sample.
 fn is_blank(cell_rows: &CellBatch, cell_row: &CellRow, words: usize) -> bool {
     let cells = cell_row.first_cell as usize..(cell_row.first_cell + cell_row.cell_count) as usize;
     let cell = &cell_rows.cells[cells.start];

@@ -4,9 +4,7 @@ use super::geometry::ScanGeometry;
 use super::grid::VolumeGrid;
 use super::quantity::Quantity;
 use super::work::Work;
-use crate::gpu::Compute;
-use crate::gpu::push_bytes;
-use crate::gpu::{Device, Kernel, Memory, Pace};
+use crate::gpu::{Compute, Device, Kernel, Memory, Pace, push_bytes};
 use crate::interface::{BackProjectPush, ViewTurn};
 use crate::numbers::{count, single};
 use crate::{Result, reserve};
@@ -38,8 +36,8 @@ impl<'a> BackProjector<'a> {
         grid: &'a VolumeGrid,
         quantity: Quantity,
     ) -> Result<Self> {
-        let kernel = "back_project";
-        Self::with_kernel(compute, geometry, ([first, pitch], kernel), grid, quantity)
+        let columns = [first, pitch];
+        Self::with_kernel(compute, geometry, (columns, "back_project"), grid, quantity)
     }
 
     /// For variances of projections: of each column, then of each times the next one.
@@ -50,8 +48,7 @@ impl<'a> BackProjector<'a> {
         grid: &'a VolumeGrid,
         quantity: Quantity,
     ) -> Result<Self> {
-        let kernel = "back_project_variance";
-        Self::with_kernel(compute, geometry, (columns, kernel), grid, quantity)
+        Self::with_kernel(compute, geometry, (columns, "back_project_variance"), grid, quantity)
     }
 
     fn with_kernel(

@@ -2,9 +2,7 @@
 
 use super::joseph::Rays;
 use super::work::Work;
-use crate::gpu::Compute;
-use crate::gpu::push_bytes;
-use crate::gpu::{Buffer, Device, Kernel, Memory, Pace};
+use crate::gpu::{Buffer, Compute, Device, Kernel, Memory, Pace, push_bytes};
 use crate::interface::{
     MovedSheet, MovedView, ProjectBackMovedPush, ProjectBackPush, ProjectMovedPush, ProjectPush,
     Sheet,
@@ -104,10 +102,9 @@ impl Projector {
                 (MOVED, bytes)
             }
         };
-        let kernel = |name, bytes| device.kernel(name, bytes);
         Ok(Self {
-            forward: kernel(forward, bytes[0])?,
-            back: kernel(back, bytes[1])?,
+            forward: device.kernel(forward, bytes[0])?,
+            back: device.kernel(back, bytes[1])?,
             tables: Tables::of(&device, rays, arm)?,
             rows,
             columns,

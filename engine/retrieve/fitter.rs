@@ -4,9 +4,7 @@ use super::curves::Curves;
 use super::noise_factors::NoiseFactors;
 use super::quadrature;
 use crate::cancel::Cancel;
-use crate::gpu::Compute;
-use crate::gpu::push_bytes;
-use crate::gpu::{Buffer, Device, Kernel, Memory, Pace};
+use crate::gpu::{Buffer, Compute, Device, Kernel, Memory, Pace, push_bytes};
 use crate::interface::{
     FIT_AMPLITUDE, FIT_AREA_SIGMA, FIT_BACKGROUND, FIT_CENTRE, FIT_CENTRE_SIGMA, FIT_CONDITION,
     FIT_FLAGS, FIT_RESIDUAL, FIT_VALUES, FIT_WIDTH, FIT_WIDTH_SIGMA, FitPush, Step,

@@ -128,11 +128,17 @@ impl MomentWriter {
     /// # Errors
     /// [`Error::File`].
     pub(crate) fn append(&mut self, view: u32, words: usize, parts: &[&[u8]]) -> Result<()> {
-        if self.open.as_ref().is_none_or(|open| open.view != view) {
-            self.begin(view, words)?;
-        }
+        self.reach(view, words)?;
         let Some(open) = self.open.as_mut() else { return Ok(()) };
         parts.iter().try_for_each(|part| open.put(part))
+    }
+
+    /// Begins a view, unless it is in work.
+    fn reach(&mut self, view: u32, words: usize) -> Result<()> {
+        match &self.open {
+            Some(open) if open.view == view => Ok(()),
+            _ => self.begin(view, words),
+        }
     }
 
     fn begin(&mut self, view: u32, words: usize) -> Result<()> {
@@ -168,9 +174,7 @@ impl MomentWriter {
     /// # Errors
     /// [`Error::File`].
     pub(crate) fn commit(&mut self, view: u32, words: usize) -> Result<()> {
-        if self.open.as_ref().is_none_or(|open| open.view != view) {
-            self.begin(view, words)?;
-        }
+        self.reach(view, words)?;
         self.scene.as_ref().map_or(Ok(()), RunScene::refuse_moved)?;
         let Some(mut open) = self.open.take() else { return Ok(()) };
         open_file::refuse_moved(open.file.get_ref(), &open.partial, open_file::RESUME)?;

@@ -6,8 +6,7 @@ mod kernels;
 
 use super::upload::DeviceSample;
 use crate::cancel::Cancel;
-use crate::gpu::Backend;
-use crate::gpu::{Buffer, Device, LazyKernel, Memory, Pace};
+use crate::gpu::{Backend, Buffer, Device, LazyKernel, Memory, Pace};
 use crate::interface::{
     Crossing, MATERIALS_IN_REGISTERS, MOMENTS_HEAD, Ray, RayResult, TALLY_COUNTERS, TALLY_DROPPED,
     TALLY_NEGATIVE, TALLY_NOT_FINITE, TALLY_REFLECTED, TALLY_UNBALANCED, TALLY_UNORDERED,

@@ -11,7 +11,7 @@ use crate::geometry::body::Body;
 use crate::geometry::overlap::tolerance;
 use crate::geometry::surface::{corners_of, near};
 
-/// What becomes of a place.
+/// Fate of a place.
 #[derive(Clone, Copy, PartialEq)]
 pub(super) enum Fate {
     /// It intersects a surface.
@@ -43,7 +43,7 @@ impl Field<'_> {
         crossed.into_iter().chain(covered).collect()
     }
 
-    /// What becomes of a member that crosses at most its partners, which are exact as it is.
+    /// Fate of a member that crosses at most its partners, which are exact as it is.
     pub(super) fn stands(&self, member: Member, bodies: &[Boxed<'_>], partners: &[u32]) -> Fate {
         let (group, place) = self.of(member);
         let point = group.point(place);

@@ -24,7 +24,7 @@ impl Group {
         bounds_of(corners)
     }
 
-    /// Whether a point of the world lies in the body of a place.
+    /// True if a point of the world lies in the body of a place.
     pub(super) fn contains(&self, place: &Place, point: DVec3) -> bool {
         self.prototype.contains(place.own_from_world(point))
     }

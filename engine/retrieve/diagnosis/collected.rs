@@ -135,7 +135,7 @@ impl Diagnosis {
                 Some(Empty {
                     pixels,
                     images: [of_rows, across],
-                    sample: flat.again(steps),
+                    sample: flat.again(),
                     flat,
                     views: Vec::new(),
                 })
@@ -154,7 +154,7 @@ impl Diagnosis {
             offsets: if is_one { of_flat.to_vec() } else { Vec::new() },
             angle_per_shift: retriever.angle_per_shift(),
             measured,
-            sample: flat.again(steps),
+            sample: flat.again(),
             flat,
             empty,
             moments,
@@ -206,13 +206,13 @@ impl Diagnosis {
                 [&self.offsets, &of_view],
             );
             empty.views.push(found);
-            empty.sample = empty.sample.again_same();
+            empty.sample = empty.sample.again();
         } else if self.measured {
             let angle = (self.width * self.angle_per_shift).abs();
             let borders = Borders::of(images, shape, angle);
             self.found.borders.extend(borders.map(|borders| (view, borders)));
         }
-        self.sample = self.sample.again_same();
+        self.sample = self.sample.again();
     }
 
     /// Share of noise in the uncertainties of the view whose chi squared has this place: fits without

@@ -44,15 +44,10 @@ impl Watched {
         Self { pixels, values, columns, saturation, negative: 0 }
     }
 
-    /// The same pixels, without values, at other steps.
-    pub(super) fn again(&self, steps: usize) -> Self {
-        let values = Array2::from_elem((self.pixels.len(), steps), f32::NAN);
+    /// The same pixels and steps, without values.
+    pub(super) fn again(&self) -> Self {
+        let values = Array2::from_elem(self.values.raw_dim(), f32::NAN);
         Self { pixels: self.pixels.clone(), values, negative: 0, ..*self }
-    }
-
-    /// The same pixels, without values.
-    pub(super) fn again_same(&self) -> Self {
-        self.again(self.values.ncols())
     }
 
     /// Keeps the values of its pixels among rows, `[step][row][column]`.

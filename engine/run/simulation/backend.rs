@@ -1,8 +1,7 @@
 //! The backend of a run: as requested, as the device can, or by counts of the scene.
 
 use super::Simulation;
-use crate::gpu::Backend;
-use crate::gpu::{DeviceDescription, DeviceKind};
+use crate::gpu::{Backend, DeviceDescription, DeviceKind};
 use crate::sampling::ProjectedBounds;
 use crate::stack::SearchCounts;
 use crate::trace::{CrossingFinder, Ray};

@@ -105,7 +105,7 @@ impl MomentFile {
         self.bytes
     }
 
-    /// Whether it has wide cells that were traced exactly.
+    /// True if it has wide cells that were traced exactly.
     pub(crate) fn has_wide(&self) -> bool {
         self.blocks.iter().any(|block| block.head[2] > 0)
     }

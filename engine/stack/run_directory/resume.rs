@@ -90,8 +90,7 @@ impl RunDirectory {
             })
             .collect();
         let mut committed = found.whole.clone();
-        let keep_moments = file.keep_moments;
-        if keep_moments {
+        if file.keep_moments {
             for (view, problem) in verify::moments([&root, &path], &found.whole) {
                 committed.retain(|other| *other != view);
                 problems.push(format!("{problem}; it is simulated again"));
@@ -100,7 +99,7 @@ impl RunDirectory {
         let counted = committed.iter().map(|view| entries[view].tally).sum();
         let again = entries.into_keys().filter(|view| !committed.contains(view)).collect();
         let mut run = Self::at(path, file.format, log);
-        (run.root, run.shard, run.keep_moments) = (root, shard, keep_moments);
+        (run.root, run.shard, run.keep_moments) = (root, shard, file.keep_moments);
         run.resumed =
             Some(Resumed { file, committed, intact: found.whole, again, problems, counted });
         Ok(run)

@@ -2,8 +2,7 @@
 
 use super::{RAY_OFFSETS, Tracer};
 use crate::Result;
-use crate::gpu::Backend;
-use crate::gpu::{Buffer, Kernel, Pace};
+use crate::gpu::{Backend, Buffer, Kernel, Pace};
 use crate::interface::{ExactPush, GROUP, LONGEST_LIST, Ray, RayResult};
 use crate::numbers::count;
 use rayon::prelude::*;

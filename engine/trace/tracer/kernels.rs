@@ -1,8 +1,6 @@
 //! Kernels of the walks.
 
-use crate::gpu::Backend;
-use crate::gpu::push_bytes;
-use crate::gpu::{Device, LazyKernel};
+use crate::gpu::{Backend, Device, LazyKernel, push_bytes};
 use crate::interface::{
     BUNDLE_LANES, CrossingsPush, ExactPush, GROUP, KIND_CROSSED, KIND_ELLIPSOID, KIND_FRUSTUM,
     KIND_MOVED, KIND_ROUGH, KIND_SMOOTH, KIND_TUBE, RAYS_PER_LANE, TracePush,
