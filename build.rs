@@ -1,9 +1,5 @@
-//! Compiles the compute shaders to SPIR-V, and unpacks the tables of the elements. A shader error ends
-//! the build with its file and line.
+//! Compiles the compute shaders to SPIR-V. A shader error ends the build with its file and line.
 #![allow(clippy::print_stdout, clippy::print_stderr, reason = "cargo reads and shows both")]
-
-#[path = "engine/interface/glsl.rs"]
-mod glsl;
 
 use glslang::error::GlslangError;
 use glslang::include::{IncludeHandler, IncludeResult, IncludeType};
@@ -15,8 +11,6 @@ use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 use std::{env, fs, process};
-use xraydb::XrayDb;
-use xraydb_data::XrayDatabase;
 
 /// One compiled shader: its name, its file, and the macros defined for it.
 type Permutation = (&'static str, &'static str, &'static [(&'static str, &'static str)]);
@@ -73,9 +67,8 @@ const TEST_ROOT: &str = "tests/device/shaders";
 
 fn main() {
     println!("cargo::rerun-if-changed=build.rs");
-    println!("cargo::rerun-if-changed=engine/interface");
     let out = PathBuf::from(env::var_os("OUT_DIR").expect("cargo sets OUT_DIR"));
-    let interface = glsl::files();
+    let interface = beamlet_interface::glsl_files();
     for (name, text) in &interface {
         // For readers: shaders get the text from here.
         let path = out.join(name);
@@ -83,7 +76,6 @@ fn main() {
             .expect("OUT_DIR can be written");
         fs::write(path, text).expect("OUT_DIR can be written");
     }
-    write_elements(&out.join("elements.bin"));
     if let Some(commit) = commit(&out) {
         println!("cargo::rustc-env=BEAMLET_COMMIT={commit}");
     }
@@ -91,29 +83,6 @@ fn main() {
     // A package from a registry may come without its tests.
     let tests = if Path::new(TEST_ROOT).is_dir() { TEST_PERMUTATIONS } else { &[] };
     build_all(TEST_ROOT, tests, &interface, &out, "test_shaders.rs");
-}
-
-/// Writes the tables of the elements that the library reads, not packed: unpacking all of them takes 0.1 s,
-/// and half of their bytes are tables that no formula needs.
-fn write_elements(path: &Path) {
-    let elements = XrayDb::try_new().expect("the crate has its tables");
-    let bytes = postcard::to_allocvec(elements.raw()).expect("tables of plain values");
-    let mut tables: XrayDatabase = postcard::from_bytes(&bytes).expect("such bytes were written");
-    tables.xray_transitions.clear();
-    tables.coster_kronig.clear();
-    tables.waasmaier.clear();
-    for widths in
-        [&mut tables.keski_rahkonen_krause, &mut tables.krause_oliver, &mut tables.corelevel_widths]
-    {
-        widths.clear();
-    }
-    for element in &mut tables.chantler {
-        for attenuation in [&mut element.mu_photo, &mut element.mu_incoh, &mut element.mu_total] {
-            attenuation.clear();
-        }
-    }
-    let bytes = postcard::to_allocvec(&tables).expect("tables of plain values");
-    fs::write(path, bytes).expect("OUT_DIR can be written");
 }
 
 /// The commit that is checked out, for the record of runs; `None` in a package, also where that lies

@@ -10,9 +10,6 @@ mod commands;
 mod documents;
 mod failure;
 mod interrupt;
-#[path = "../engine/numbers.rs"]
-#[allow(dead_code, reason = "casts of the engine, of which the command line needs some")]
-mod numbers;
 mod picture;
 mod printed;
 mod progress;
@@ -20,6 +17,7 @@ mod report;
 mod residuals;
 mod subject;
 
+use beamlet::cli_support::numbers;
 use clap::{CommandFactory, Parser};
 use printed::{Printed, Results};
 use std::ffi::OsString;

@@ -1,16 +1,18 @@
 //! Summary of a scene, before hours are spent on it: geometry of the set-up, materials at the energy,
 //! objects, clearance, and an estimate of the work.
 
-use crate::detector::{self, DetectorModel};
-use crate::geometry::{self, Defects, LoadStep, ObjectSummary, Sample, Swept};
-use crate::optics::{Mask, Optics, modulated};
-use crate::run::memory::{self, MemoryEstimate};
-use crate::run::{EdgeBlur, RunEstimate};
-use crate::scene::Scene;
-use crate::spectrum::{self, Nodes};
-use crate::spot::SpotFit;
-use crate::stack::{StackShape, ViewAngles};
-use crate::{Control, Result, run};
+use beamlet_core::Result;
+use beamlet_files::{StackShape, ViewAngles};
+use beamlet_geometry as geometry;
+use beamlet_geometry::{Defects, LoadStep, ObjectSummary, Sample, Swept};
+use beamlet_model::optics::{Mask, Optics, modulated};
+use beamlet_model::scene::Scene;
+use beamlet_model::spectrum::{self, Nodes};
+use beamlet_model::spot::SpotFit;
+use beamlet_simulate::detector::{self, DetectorModel};
+use beamlet_simulate::run;
+use beamlet_simulate::run::memory::{self, MemoryEstimate};
+use beamlet_simulate::run::{Control, EdgeBlur, RunEstimate};
 use serde::Serialize;
 use std::sync::Arc;
 
@@ -25,7 +27,7 @@ mod illumination;
 pub(crate) mod inputs;
 mod materials;
 
-pub use crate::detector::SubpixelGrid;
+pub use beamlet_simulate::detector::SubpixelGrid;
 pub use builder::Check;
 pub use costs::CheckedTolerances;
 pub use illumination::{ExpectedUncertainty, IlluminationCurve};

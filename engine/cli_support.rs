@@ -3,22 +3,23 @@
 
 pub use crate::check::display::count;
 pub use crate::check::inputs::load_scene;
-pub use crate::parallel::start_threads;
-pub use crate::reserve::require_memory;
-pub use crate::run::quality::resolved as with_tolerances;
-pub use crate::scene::formula::check_formula;
-pub use crate::scene::schema::json_schema;
-pub use crate::whole_file::write_file;
+pub use beamlet_core::numbers;
+pub use beamlet_core::parallel::start_threads;
+pub use beamlet_core::reserve::require_memory;
+pub use beamlet_core::whole_file::write_file;
+pub use beamlet_model::scene::formula::check_formula;
+pub use beamlet_model::scene::schema::json_schema;
+pub use beamlet_simulate::run::quality::resolved as with_tolerances;
 
 /// Text for terminals and pages.
 pub mod printed {
-    pub use crate::printed::{is_unsafe, line, lines, number, path};
+    pub use beamlet_core::printed::{is_unsafe, line, lines, number, path};
 }
 /// Quantities with units.
 pub mod units {
-    pub use crate::units::{Dimension, QuantityError, memory_size};
+    pub use beamlet_core::units::{Dimension, QuantityError, memory_size};
 }
 /// Built-in materials.
 pub mod material {
-    pub use crate::material::builtin::{Builtin, builtin, builtin_names, builtins};
+    pub use beamlet_model::material::builtin::{Builtin, builtin, builtin_names, builtins};
 }

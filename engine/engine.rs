@@ -1,12 +1,12 @@
 //! The engine: a Vulkan device that serves many scenes.
 
-use crate::Result;
-use crate::gpu::{Compute, Device, DeviceDescription, EngineOptions};
-use crate::moments::StoredMoments;
-use crate::run::{Control, Simulation, Simulator};
-use crate::scene::Scene;
-use crate::stack::{ArraySink, RunRecord, Sink, Stacks};
-use crate::{program, shaders};
+use crate::shaders;
+use beamlet_core::{Result, program};
+use beamlet_files::{ArraySink, RunRecord, Sink, Stacks};
+use beamlet_gpu::{Compute, Device, DeviceDescription, EngineOptions};
+use beamlet_model::scene::Scene;
+use beamlet_simulate::moments::StoredMoments;
+use beamlet_simulate::run::{Control, Simulation, Simulator};
 use std::ops::Deref;
 
 /// Handle of a Vulkan device that serves many scenes. Clones share the device; they may be sent to
@@ -30,7 +30,7 @@ impl Engine {
     /// Opens a device.
     ///
     /// # Errors
-    /// [`crate::Error::Device`] without a Vulkan loader or a device that can serve.
+    /// [`beamlet_core::Error::Device`] without a Vulkan loader or a device that can serve.
     ///
     /// # Example
     ///
@@ -62,8 +62,8 @@ impl Engine {
     /// Makes a scene ready: loads and checks its meshes, uploads them, chooses a backend.
     ///
     /// # Errors
-    /// [`crate::Error::Scene`], [`crate::Error::Mesh`], [`crate::Error::Device`],
-    /// [`crate::Error::Memory`].
+    /// [`beamlet_core::Error::Scene`], [`beamlet_core::Error::Mesh`], [`beamlet_core::Error::Device`],
+    /// [`beamlet_core::Error::Memory`].
     ///
     /// # Example
     ///
@@ -83,7 +83,7 @@ impl Engine {
     /// `control.cancel` ends it.
     ///
     /// # Errors
-    /// As [`Engine::prepare`]; [`crate::Error::Interrupted`] when `control.cancel` was set.
+    /// As [`Engine::prepare`]; [`beamlet_core::Error::Interrupted`] when `control.cancel` was set.
     pub fn prepare_with(&self, scene: &Scene, control: &mut Control<'_>) -> Result<Simulation> {
         Simulation::new(&self.simulator, scene, control)
     }
@@ -91,7 +91,7 @@ impl Engine {
     /// Runs a scene: every view is traced, illuminated and handed to `sink`.
     ///
     /// # Errors
-    /// See [`crate::Error`]; [`crate::Error::Interrupted`] when `control.cancel` was set.
+    /// See [`beamlet_core::Error`]; [`beamlet_core::Error::Interrupted`] when `control.cancel` was set.
     ///
     /// # Example
     ///
@@ -118,7 +118,7 @@ impl Engine {
     /// loaded only where rays have to be traced exactly again.
     ///
     /// # Errors
-    /// As [`Engine::prepare`]; [`crate::Error::Scene`] if the scene differs from the run's in more than
+    /// As [`Engine::prepare`]; [`beamlet_core::Error::Scene`] if the scene differs from the run's in more than
     /// masks, steps, spot, spectrum, materials' constants and detector.
     ///
     /// # Example
@@ -141,7 +141,7 @@ impl Engine {
     /// As [`Engine::reilluminate`]; `control` is used as in [`Engine::prepare_with`].
     ///
     /// # Errors
-    /// As [`Engine::reilluminate`]; [`crate::Error::Interrupted`] when `control.cancel` was set.
+    /// As [`Engine::reilluminate`]; [`beamlet_core::Error::Interrupted`] when `control.cancel` was set.
     pub fn reilluminate_with(
         &self,
         moments: &StoredMoments,
@@ -170,14 +170,14 @@ impl Engine {
     pub fn simulate(&self, scene: &Scene) -> Result<Stacks> {
         let mut sink = ArraySink::new();
         self.run(scene, &mut sink, Control::default())?;
-        sink.into_stacks().ok_or(crate::Error::Interrupted)
+        sink.into_stacks().ok_or(beamlet_core::Error::Interrupted)
     }
 }
 
 /// Every device that Vulkan shows, usable or not.
 ///
 /// # Errors
-/// [`crate::Error::Device`] without a Vulkan loader, driver or device.
+/// [`beamlet_core::Error::Device`] without a Vulkan loader, driver or device.
 ///
 /// # Example
 ///

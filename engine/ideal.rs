@@ -3,15 +3,16 @@
 mod columns;
 mod sums;
 
-use crate::interface::{FLAG_NOT_FINITE, Ray, RayResult};
-use crate::numbers::{count, single, whole};
-use crate::optics::{Optics, modulated};
-use crate::rows_control::RowsControl;
-use crate::run::Control;
-use crate::scene::Scene;
-use crate::stack::GeometryFile;
-use crate::trace::Tracer;
-use crate::{Engine, Error, Result, parallel, reserve};
+use crate::Engine;
+use beamlet_core::numbers::{count, single, whole};
+use beamlet_core::rows_control::RowsControl;
+use beamlet_core::{Error, Result, parallel, reserve, setters};
+use beamlet_files::GeometryFile;
+use beamlet_interface::{FLAG_NOT_FINITE, Ray, RayResult};
+use beamlet_model::optics::{Optics, modulated};
+use beamlet_model::scene::Scene;
+use beamlet_simulate::run::Control;
+use beamlet_simulate::trace::Tracer;
 use columns::{IdealColumns, half_period};
 use ndarray::Array3;
 use rayon::prelude::*;

@@ -3,68 +3,70 @@
 
 /// The detector.
 pub mod detector {
-    pub use crate::detector::{DetectorModel, Noise};
-    pub use crate::spectrum::excess_noise;
+    pub use beamlet_model::spectrum::excess_noise;
+    pub use beamlet_simulate::detector::{DetectorModel, Noise};
 
     /// The detector of a simulation, and the grid that takes its light.
     #[must_use]
-    pub const fn model(simulation: &crate::Simulation) -> &DetectorModel {
+    pub const fn model(simulation: &beamlet_simulate::run::Simulation) -> &DetectorModel {
         simulation.detector_model()
     }
 }
 /// Meshes: loaded although they have defects, examined, hashed.
 pub mod geometry {
-    pub use crate::geometry::adjacency::across_edges;
-    pub use crate::geometry::load::{diagnose, load_lenient};
-    pub use crate::geometry::read::file_hash;
+    pub use beamlet_geometry::adjacency::across_edges;
+    pub use beamlet_geometry::load::{diagnose, load_lenient};
+    pub use beamlet_geometry::read::file_hash;
 }
 /// Fits of curves.
 pub mod retrieve {
-    pub use crate::retrieve::curves::Curves;
-    pub use crate::retrieve::fitter::{FitOptions, Fitter};
+    pub use beamlet_recon::retrieve::curves::Curves;
+    pub use beamlet_recon::retrieve::fitter::{FitOptions, Fitter};
 }
 /// Instances of objects.
 pub mod instances {
-    pub use crate::geometry::instances::{InstanceTransform, transforms};
+    pub use beamlet_packing::{InstanceTransform, transforms};
 }
 /// Vulkan.
 pub mod gpu {
-    pub use crate::gpu::{
+    pub use crate::shaders;
+    pub use beamlet_gpu::{
         AccelerationStructure, Buffer, Device, DeviceKind, DeviceOptions, Fault, FaultAnswer,
         FaultyCall, Kernel, LazyKernel, Memory, PUSH_BYTES, Recorder, Submission,
     };
-    pub use crate::shaders;
 }
 /// Images of one channel.
 pub mod image {
-    pub use crate::image::read;
+    pub use beamlet_core::image::read;
 }
 /// The tables of docs/scene.md.
 pub mod scene {
-    pub use crate::scene::docs::{tables, title};
+    pub use beamlet_model::scene::docs::{tables, title};
 }
 /// Structs and constants shared with shaders.
 pub mod interface {
-    pub use crate::interface::*;
+    pub use beamlet_interface::*;
 }
 /// The choice of a backend.
 pub mod backend {
-    pub use crate::run::simulation::choose;
+    pub use beamlet_simulate::run::simulation::choose;
 }
 /// Memory of a run.
 pub mod memory {
-    pub use crate::run::memory::{MemoryEstimate, estimate};
+    pub use beamlet_simulate::run::memory::{MemoryEstimate, estimate};
 }
 /// Lattices.
 pub mod sampling {
-    pub use crate::optics::Optics;
-    pub use crate::run::simulation::cells::cells_of_rows;
-    pub use crate::sampling::Lattice;
+    pub use beamlet_model::optics::Optics;
+    pub use beamlet_simulate::run::simulation::cells::cells_of_rows;
+    pub use beamlet_simulate::sampling::Lattice;
 }
 /// Rays.
 pub mod trace {
-    pub use crate::interface::{Ray, RayResult};
-    pub use crate::media::MaterialTable;
-    pub use crate::run::simulation::{moments, trace};
-    pub use crate::trace::{CrossingFinder, DeviceSample, Moment, Moments, TraceKernels, Tracer};
+    pub use beamlet_interface::{Ray, RayResult};
+    pub use beamlet_model::media::MaterialTable;
+    pub use beamlet_simulate::run::simulation::{moments, trace};
+    pub use beamlet_simulate::trace::{
+        CrossingFinder, DeviceSample, Moment, Moments, TraceKernels, Tracer,
+    };
 }

@@ -1,12 +1,13 @@
 //! Objects of a scene at the voxels of a volume.
 
-use crate::cancel::Cancel;
-use crate::numbers::single;
-use crate::reconstruct::{ScanGeometry, Truth, VolumeGrid};
-use crate::run::Control;
-use crate::scene::Scene;
-use crate::trace::{Ray, SurfaceCrossing};
-use crate::{Engine, Error, Result, reserve};
+use crate::Engine;
+use beamlet_core::cancel::Cancel;
+use beamlet_core::numbers::single;
+use beamlet_core::{Error, Result, reserve};
+use beamlet_model::scene::Scene;
+use beamlet_recon::reconstruct::{ScanGeometry, Truth, VolumeGrid};
+use beamlet_simulate::run::Control;
+use beamlet_simulate::trace::{Ray, SurfaceCrossing};
 use ndarray::Array3;
 
 /// Surfaces along a line of voxels, at most: first, and where these are not enough.
@@ -102,11 +103,15 @@ mod tests {
 
     #[test]
     fn labels_along_a_line_are_of_the_object_listed_last() {
-        let at = |y: f32, object: u32, entering: bool| SurfaceCrossing {
-            y,
-            object,
-            entering,
-            normal: [0.0, 1.0, 0.0],
+        let at = |y: f32, object: u32, entering: bool| {
+            let normal = [0.0, 1.0, 0.0];
+            let entering = u32::from(entering);
+            SurfaceCrossing::from(&beamlet_interface::SurfaceCrossing {
+                y,
+                object,
+                entering,
+                normal,
+            })
         };
         // Object 0 holds 1, and 2 begins where 0 ends, found before that.
         let met = [

@@ -16,76 +16,101 @@
 //!
 //! The engine never prints, exits or panics on input; messages go through the `log` crate.
 
-#[macro_use]
-mod setters;
-
-mod accel;
-mod array_file;
-mod cancel;
 pub mod check;
 #[doc(hidden)]
 pub mod cli_support;
-pub mod compare;
-mod csv_table;
-mod detector;
 mod engine;
-mod error;
-mod folder;
-pub mod geometry;
-mod gpu;
 mod ideal;
-mod illuminate;
-mod image;
-mod input_file;
-#[doc(hidden)]
-pub mod interface;
 #[doc(hidden)]
 pub mod internals;
-mod interpolation;
 mod labels;
-mod locked_file;
-pub mod material;
-mod media;
-pub mod moments;
-mod numbers;
-mod open_file;
-mod optics;
-mod parallel;
-mod printed;
-mod program;
-mod random;
-pub mod reconstruct;
-mod reserve;
-pub mod retrieve;
-mod rows_control;
-mod run;
-mod sampling;
-pub mod scene;
 #[doc(hidden)]
 pub mod shaders;
-pub mod spectrum;
-mod spot;
-pub mod stack;
-mod suggestion;
-mod tally;
-mod trace;
-mod units;
-mod whole_file;
 
 pub use ndarray;
 
-pub use cancel::Cancel;
-pub use engine::{Engine, devices};
-pub use error::{Error, Place, Result};
-pub use geometry::{MaskMeshOptions, MaskPlace, mask_meshes};
-pub use gpu::{Backend, Compute, DeviceDescription, DeviceKind, EngineOptions};
-pub use ideal::{IdealImages, IdealOptions, ideal};
-pub use labels::truth;
-pub use rows_control::RowsControl;
-pub use run::{
+pub use beamlet_core::{Cancel, Error, Place, Result, RowsControl, Tally};
+pub use beamlet_files::{RunRecord, SamplingSummary, SearchCounts};
+pub use beamlet_geometry::{MaskMeshOptions, MaskPlace, mask_meshes};
+pub use beamlet_gpu::{Backend, Compute, DeviceDescription, DeviceKind, EngineOptions};
+#[doc(hidden)]
+pub use beamlet_interface::shared_structs;
+pub use beamlet_simulate::run::{
     Control, EdgeBlur, MemoryEstimate, Progress, RunEstimate, Simulation, ViewProgress, load_sample,
 };
-pub(crate) use stack::layout;
-pub use stack::{RunRecord, SamplingSummary, SearchCounts};
-pub use tally::Tally;
-pub use trace::{Ray, SurfaceCrossing, uncovered};
+pub use beamlet_simulate::trace::{Ray, SurfaceCrossing, uncovered};
+pub use engine::{Engine, devices};
+pub use ideal::{IdealImages, IdealOptions, ideal};
+pub use labels::truth;
+
+/// Differences of images and stacks.
+pub mod compare {
+    pub use beamlet_recon::compare::{Difference, DifferencesTo, compare};
+}
+/// Geometry of the sample: meshes and shapes, read, checked and placed.
+pub mod geometry {
+    pub use beamlet_geometry::{
+        BeamExtent, Component, DefectCount, DefectPlace, Defects, LoadProgress, LoadStep,
+        MaskMeshOptions, MaskPlace, NamedMesh, ObjectSummary, Sample, Swept, check_clearance, load,
+        mask_meshes, swept, write_meshes,
+    };
+}
+/// Attenuation and refraction constants of materials.
+pub mod material {
+    pub use beamlet_model::material::{
+        Constants, constants, constants_at, constants_over, of_builtin, range,
+    };
+}
+/// Moments that a run kept, for other masks, spectra and detectors.
+pub mod moments {
+    pub use beamlet_simulate::moments::{MomentWriter, StoredMoments};
+}
+/// Reconstruction: volumes of attenuation, refraction and dark field.
+pub mod reconstruct {
+    pub use beamlet_recon::reconstruct::{
+        AstraFile, BeamEnergy, BeamHardening, Data, FbpOptions, Filter, GridChoice,
+        HardeningChoice, HardeningRecord, Input, Iterated, IterativeOptions, LABELS, LostUse,
+        LostView, LostViews, Made, Measured, Method, Model, MomentRecord, OpenVolumes, PixelCounts,
+        Quantity, Reconstructed, Region, RegionMean, RegionShape, ScanGeometry, Solver, Truth,
+        Volume, VolumeEstimate, VolumeFormat, VolumeGrid, VolumePlan, VolumeRecord, VolumesTo,
+        VoxelMask, add_gradient_bias, deviation_weights, estimate, fbp, fbp_mean_shared_sigma,
+        fbp_mean_sigma, fbp_shared_sigma, fbp_sigma, fill_images, find_axis, gradient_bias,
+        iterate, phase_along_rows, prepare_sinograms, reaching_ends, reconstruct, region_table,
+        suppress_rings, write_astra,
+    };
+}
+/// Retrieval: from illumination curves to transmission, refraction and dark field.
+pub mod retrieve {
+    pub use beamlet_recon::retrieve::{
+        Columns, Corrections, Drift, EmptyBeam, EmptyBeamOfView, Images, ImagesTo, Input, Method,
+        Plane, ReadRows, Record, Region, RetrieveOptions, RetrievedArrays, Retriever,
+        ViewCorrection, Weights, flags, offsets, retrieve, retrieve_arrays,
+    };
+}
+/// Scenes: the model in SI units, and its files.
+pub mod scene {
+    pub use beamlet_model::scene::{
+        Absorber, Anode, Beam, Blur, Counts, Detector, DetectorMode, Exposure, Filter, Fly,
+        Instances, KernelFile, MaskBody, MaskSpec, MaterialSpec, Mesh, MeshFormat, Motion, Normals,
+        Object, Packing, PackingAmount, PackingKind, PackingRegion, Placement, Pose, Quality,
+        RandomRays, RotationAxis, Sampling, Scan, ScanErrors, Scatter, Scene, Scheme, Shape,
+        ShapeOrMesh, Source, SpectrumOrigin, SpectrumSpec, Spot, SpotFit, SpotPart, Tolerances,
+        Transport, View,
+    };
+}
+/// Spectra and their energy nodes.
+pub mod spectrum {
+    pub use beamlet_model::spectrum::{
+        Nodes, Spectrum, TOLERANCE, excess_noise, nodes, nodes_with, response,
+    };
+}
+/// Stacks of frames, and the sinks that take them.
+pub mod stack {
+    pub use beamlet_files::{
+        Abilities, ArraySink, CallbackSink, CountStacks, FORMAT_VERSION, Format, GeometryFile,
+        JoinOptions, JoinedShard, Maps, OpenRun, Order, Plan, PlanOptions, Platform, RunCheck,
+        RunDirectory, RunFile, RunRecord, RunStart, RunState, SamplingSummary, SearchCounts, Shard,
+        ShardState, ShardStatus, Sink, StackFile, StackShape, Stacks, ViewAngles, canonical,
+        check_run, is_of_run, is_same_place, join, layout, refuse_overlap, shard_states, views,
+    };
+}

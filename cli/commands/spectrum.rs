@@ -106,7 +106,6 @@ fn resolve(arguments: &Arguments) -> Result<(Scene, SpectrumSpec), Failure> {
             "the scene has one energy, {energy} keV, and no spectrum; see `beamlet material` for \
              constants at an energy"
         ))),
-        _ => Err(Failure::Usage("the scene has no spectrum".into())),
     }
 }
 

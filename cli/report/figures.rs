@@ -68,7 +68,6 @@ impl Figures {
                     Err(error) => self.notes.push(format!("The spectrum is not drawn: {error}")),
                 }
             }
-            _ => {}
         }
     }
 }

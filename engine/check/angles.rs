@@ -1,6 +1,6 @@
 //! Doubts about the angles of a scan: views that repeat others, and gaps.
 
-use crate::scene::Scan;
+use beamlet_model::scene::Scan;
 use std::f64::consts::TAU;
 
 /// Angles nearer to one another than this are the same view, rad.

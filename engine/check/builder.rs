@@ -1,9 +1,10 @@
 //! Builder of a check: the scene, and the engine, memory limit and estimate that it may use.
 
 use super::{CheckReport, estimate, load_lenient};
-use crate::run::quality;
-use crate::scene::Scene;
-use crate::{Control, Engine, Result};
+use crate::Engine;
+use beamlet_core::Result;
+use beamlet_model::scene::Scene;
+use beamlet_simulate::run::{Control, quality};
 
 /// Check of a scene: loads everything that a run would load, and reports sizes, costs and doubts.
 ///
@@ -48,7 +49,7 @@ impl<'a> Check<'a> {
         self
     }
 
-    /// Memory limit of a run in place of the limit of the engine, bytes (see [`crate::EngineOptions`]).
+    /// Memory limit of a run in place of the limit of the engine, bytes (see [`beamlet_gpu::EngineOptions`]).
     pub fn with_memory_limit(mut self, memory_limit: impl Into<Option<u64>>) -> Self {
         self.memory_limit = memory_limit.into();
         self
@@ -64,7 +65,7 @@ impl<'a> Check<'a> {
     ///
     /// # Errors
     /// Whatever would stop a run before its first ray: materials, meshes that cannot be read, a
-    /// sample that would hit a mask; [`crate::Error::Memory`] where the memory limit is too small.
+    /// sample that would hit a mask; [`beamlet_core::Error::Memory`] where the memory limit is too small.
     /// Meshes that a run refuses for their defects are reported, and listed in
     /// [`CheckReport::refusals`]. Where the device fails, [`super::Work::no_estimate`] says why.
     pub fn run(self) -> Result<CheckReport> {
@@ -75,7 +76,7 @@ impl<'a> Check<'a> {
     /// and `control.cancel` ends it.
     ///
     /// # Errors
-    /// As [`Self::run`]; [`crate::Error::Interrupted`] when `control.cancel` was set.
+    /// As [`Self::run`]; [`beamlet_core::Error::Interrupted`] when `control.cancel` was set.
     pub fn run_with(self, control: &mut Control<'_>) -> Result<CheckReport> {
         let Self { scene, engine, memory_limit, estimates } = self;
         scene.validate()?;

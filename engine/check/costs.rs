@@ -1,10 +1,10 @@
 //! The errors that sampling may leave in a run, and what makes a scene slower than it needs to be.
 
 use super::CheckReport;
-use crate::Result;
-use crate::printed::{duration, number};
-use crate::run::quality;
-use crate::scene::{Counts, Object, Quality, Scene, ShapeOrMesh, Tolerances};
+use beamlet_core::Result;
+use beamlet_core::printed::{duration, number};
+use beamlet_model::scene::{Counts, Object, Quality, Scene, ShapeOrMesh, Tolerances};
+use beamlet_simulate::run::quality;
 use serde::Serialize;
 
 /// Ratio of the expected deviation to a tolerance from which on a larger tolerance is advised: by noise it

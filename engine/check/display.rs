@@ -1,8 +1,8 @@
 //! The report as aligned text for a terminal.
 
 use super::{CheckReport, CheckedObject, ExpectedUncertainty, IlluminationCurve, Material, Work};
-use crate::numbers;
-use crate::printed::{duration, number};
+use beamlet_core::numbers;
+use beamlet_core::printed::{duration, number};
 use std::fmt::{self, Display, Formatter};
 
 /// Most objects of a list by name.
@@ -64,7 +64,7 @@ impl CheckReport {
         let setup = &self.setup;
         let extent = setup.extent;
         if let Some(title) = &self.title {
-            writeln!(f, "{}\n", crate::printed::line(title))?;
+            writeln!(f, "{}\n", beamlet_core::printed::line(title))?;
         }
         writeln!(f, "set-up")?;
         line(f, "mask magnification", number(setup.magnification))?;

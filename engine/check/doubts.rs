@@ -1,12 +1,12 @@
 //! Doubts about a set-up: values that are allowed, and unlikely.
 
 use super::CheckReport;
-use crate::optics::{Mask, Optics};
-use crate::printed::number;
-use crate::retrieve::{Method, different_offsets};
-use crate::scene::{Beam, Counts, MaterialSpec, Scan, Scene, SpectrumOrigin, limits};
-use crate::spectrum::Spectrum;
-use crate::{material, spot};
+use beamlet_core::printed::number;
+use beamlet_model::optics::{Mask, Optics};
+use beamlet_model::scene::{Beam, Counts, MaterialSpec, Scan, Scene, SpectrumOrigin, limits};
+use beamlet_model::spectrum::Spectrum;
+use beamlet_model::{material, spot};
+use beamlet_recon::retrieve::{Method, different_offsets};
 use std::f64::consts::PI;
 
 /// Fringes across the detector from which on periods do not fit.
@@ -198,7 +198,7 @@ fn uneven_spectrum(scene: &Scene) -> Option<String> {
         format!(
             "the energies of {} are uneven: each weight counts as the photons of its row; multiply weights per \
              keV by the width of their row",
-            crate::printed::path(path)
+            beamlet_core::printed::path(path)
         )
     })
 }

@@ -1,10 +1,10 @@
 //! Parts of a check that need a device: the illumination curve, and the estimate of rays and time.
 
 use super::{CheckReport, costs, illumination, load_lenient};
-use crate::run::memory;
-use crate::run::{RunEstimate, Simulation};
-use crate::scene::Scene;
-use crate::{Control, Engine, Result};
+use crate::Engine;
+use beamlet_core::Result;
+use beamlet_model::scene::Scene;
+use beamlet_simulate::run::{Control, Simulation, memory};
 use std::time::Instant;
 
 /// The report with the curve, and an estimate of rays and time of a run of this engine.
@@ -41,14 +41,14 @@ pub(super) fn estimated(
     let found = made.and_then(|made| made.estimate_until(&control.cancel));
     let is_known = found.is_ok();
     match found {
-        Ok(estimate) => {
+        Ok(mut estimate) => {
             report.work.moments_bytes = moments.map(|of_rays| of_rays(estimate.rays));
-            let seconds = loaded_in + estimate.seconds;
+            estimate.seconds += loaded_in;
             let rays = estimate.rays_per_view;
             report.work.memory = memory::estimate_refined(scene, &objects, limit, rays)?;
-            report.work.estimate = Some(RunEstimate { seconds, ..estimate });
+            report.work.estimate = Some(estimate);
         }
-        Err(crate::Error::Interrupted) => return Err(crate::Error::Interrupted),
+        Err(beamlet_core::Error::Interrupted) => return Err(beamlet_core::Error::Interrupted),
         Err(error) => report.work.no_estimate = Some(error.to_string()),
     }
     report.add_needless(scene, |faster| {

@@ -1,9 +1,9 @@
 //! Doubts about scans with views in which flat faces of objects are along the beam.
 
-use crate::geometry::Sample;
-use crate::numbers::whole;
-use crate::printed::number;
-use crate::scene::{Motion, Scene};
+use beamlet_core::numbers::whole;
+use beamlet_core::printed::number;
+use beamlet_geometry::Sample;
+use beamlet_model::scene::{Motion, Scene};
 use glam::{DVec2, DVec3};
 use std::f64::consts::{PI, TAU};
 

@@ -1,13 +1,14 @@
 //! The illumination curve of a set-up, and its sampling by the scan.
 
-use crate::cancel::Cancel;
-use crate::numbers::single;
-use crate::optics::{self, Optics, ThinCurve};
-use crate::retrieve::{Curves, FitOptions, Fitter, Weights, three_step_uncertainties};
-use crate::run::quality;
-use crate::scene::{Counts, Object, Scan, Scatter, Scene, Scheme};
-use crate::spectrum::Nodes;
-use crate::{Engine, Result};
+use crate::Engine;
+use beamlet_core::Result;
+use beamlet_core::cancel::Cancel;
+use beamlet_core::numbers::single;
+use beamlet_model::optics::{self, Optics, ThinCurve};
+use beamlet_model::scene::{Counts, Object, Scan, Scatter, Scene, Scheme};
+use beamlet_model::spectrum::Nodes;
+use beamlet_recon::retrieve::{Curves, FitOptions, Fitter, Weights, three_step_uncertainties};
+use beamlet_simulate::run::quality;
 use ndarray::{Array2, ArrayView2, Axis};
 use serde::Serialize;
 

@@ -2,8 +2,9 @@
 
 use std::path::Path;
 
-use crate::scene::{Beam, Filter, Scene, SpectrumOrigin};
-use crate::{Error, Result, material, printed};
+use beamlet_core::{Error, Result, printed};
+use beamlet_model::material;
+use beamlet_model::scene::{Beam, Filter, Scene, SpectrumOrigin};
 
 /// Loads a scene file as [`Scene::load_with`] does, and also reports unknown materials and missing files.
 /// A single such error is left to the user of the material or file.

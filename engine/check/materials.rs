@@ -1,8 +1,9 @@
 //! The materials of a scene and who uses them.
 
 use super::Material;
-use crate::scene::{MaskSpec, MaterialSpec, Object, Scene};
-use crate::{Result, material};
+use beamlet_core::Result;
+use beamlet_model::material;
+use beamlet_model::scene::{MaskSpec, MaterialSpec, Object, Scene};
 
 /// Materials in use, each once, in the order: surroundings, objects, masks.
 pub(super) fn materials(scene: &Scene, energy: f64) -> Result<Vec<Material>> {

@@ -1,7 +1,7 @@
 //! Which triangles share edges.
 
 use super::Sample;
-use crate::numbers;
+use beamlet_core::numbers;
 
 /// Triangles across the edges of each triangle, opposite to its first, second and third corner:
 /// those that run along the edge the other way. `u32::MAX` at an open edge.

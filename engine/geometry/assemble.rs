@@ -6,16 +6,16 @@ use super::body::Body;
 use super::defects::Defects;
 use super::placed::Groups;
 use super::{ObjectSummary, Sample};
-use crate::error::{Error, Result};
-use crate::numbers;
+use beamlet_core::error::{Error, Result};
+use beamlet_core::numbers;
 
 /// Properties of an object beside its surface.
 pub(super) struct Note {
     /// Bounding box of its mesh.
-    pub(super) bounds: [DVec3; 2],
-    pub(super) hash: String,
-    pub(super) defects: Defects,
-    pub(super) cut_by: Vec<u32>,
+    pub(crate) bounds: [DVec3; 2],
+    pub(crate) hash: String,
+    pub(crate) defects: Defects,
+    pub(crate) cut_by: Vec<u32>,
 }
 
 /// Puts the bodies of all objects together.

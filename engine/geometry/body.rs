@@ -8,17 +8,17 @@ use super::placed::Prototype;
 use super::search::{Search, winding_by_solid_angle};
 use super::surface::{Defect, Surface, bounds_of, corners_of};
 use super::topology::{self, Edge};
-use crate::numbers;
+use beamlet_core::numbers;
 
 /// A surface, its components turned so that material lies behind every triangle.
 #[derive(Debug)]
 pub(super) struct Body {
-    pub(super) surface: Surface,
-    pub(super) triangle_component: Vec<u32>,
-    pub(super) components: Vec<Component>,
-    pub(super) warnings: Vec<String>,
+    pub(crate) surface: Surface,
+    pub(crate) triangle_component: Vec<u32>,
+    pub(crate) components: Vec<Component>,
+    pub(crate) warnings: Vec<String>,
     /// Over its triangles, if it was needed already.
-    pub(super) search: Option<Search>,
+    pub(crate) search: Option<Search>,
 }
 
 impl Body {

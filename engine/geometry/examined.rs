@@ -8,9 +8,9 @@ use super::search::Search;
 use super::surface::{Defect, Surface, Welded, rounded};
 use super::topology::{self, Edge};
 use super::united::{United, united};
-use super::watch::{LoadStep, Task};
-use crate::error::Result;
-use crate::scene::Placement;
+use beamlet_core::error::Result;
+use beamlet_core::watch::{LoadStep, Task};
+use beamlet_model::scene::Placement;
 
 /// Size of a surface over the length that its coordinates resolve, below which it is a warning.
 const DIGITS: f64 = 1e3;
@@ -21,7 +21,7 @@ pub(super) struct Examined {
     pub(super) edges: Vec<Edge>,
     /// Where it was examined for crossing itself.
     pub(super) search: Option<Search>,
-    pub(super) defects: Defects,
+    pub(crate) defects: Defects,
     /// Least distance of corners at open edges that no edge joins, m.
     pub(super) apart: Option<f64>,
     /// Changes made to it.

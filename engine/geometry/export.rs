@@ -7,10 +7,10 @@ use glam::DVec3;
 
 use super::surface::{SIMPLIFY, Surface};
 use super::{Placed, Prototype, Sample};
-use crate::error::{Error, Result};
-use crate::scene::MeshFormat;
-use crate::units::Dimension::Length;
-use crate::{numbers, printed, reserve, whole_file};
+use beamlet_core::error::{Error, Result};
+use beamlet_core::units::Dimension::Length;
+use beamlet_core::{numbers, printed, reserve, whole_file};
+use beamlet_model::scene::MeshFormat;
 
 /// Bytes of a triangle with its share of vertices, as a mesh and in the longest of the formats.
 const PER_TRIANGLE: u64 = 250;
@@ -198,7 +198,7 @@ pub fn write_meshes(path: &Path, meshes: &[NamedMesh], unit: f64) -> Result<()> 
 }
 
 fn obj(meshes: &[NamedMesh], unit: f64) -> Vec<u8> {
-    let mut text = format!("# beamlet {}\n", crate::program::VERSION);
+    let mut text = format!("# beamlet {}\n", beamlet_core::program::VERSION);
     let _ = writeln!(text, "# 1.0 is {}", Length.format(unit));
     let mut first = 1;
     for mesh in meshes {
@@ -223,7 +223,7 @@ fn ply(meshes: &[NamedMesh], unit: f64) -> Vec<u8> {
         "ply\nformat binary_little_endian 1.0\ncomment beamlet {}, 1.0 is {}\n\
          element vertex {vertices}\nproperty double x\nproperty double y\nproperty double z\n\
          element face {faces}\nproperty list uchar uint vertex_indices\nend_header\n",
-        crate::program::VERSION,
+        beamlet_core::program::VERSION,
         Length.format(unit)
     )
     .into_bytes();
@@ -243,7 +243,8 @@ fn ply(meshes: &[NamedMesh], unit: f64) -> Vec<u8> {
 
 fn stl(meshes: &[NamedMesh], unit: f64) -> Vec<u8> {
     let mut bytes =
-        format!("beamlet {}, 1.0 is {}", crate::program::VERSION, Length.format(unit)).into_bytes();
+        format!("beamlet {}, 1.0 is {}", beamlet_core::program::VERSION, Length.format(unit))
+            .into_bytes();
     bytes.resize(80, b' ');
     let count: usize = meshes.iter().map(|mesh| mesh.triangles.len()).sum();
     bytes.extend(numbers::count(count).to_le_bytes());

@@ -9,7 +9,7 @@ use super::defects::width;
 use super::surface::{Surface, bounds_of, rounded};
 use super::topology::{Edge, is_balanced, join, labels, members};
 use super::tree::Tree;
-use crate::numbers;
+use beamlet_core::numbers;
 
 /// Distance over which corners are joined, units of the last place of f32 at the size of the surface.
 const UNITS: f64 = 4.0;
@@ -183,7 +183,7 @@ impl Corners {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::geometry::topology;
+    use crate::topology;
 
     /// A tetrahedron of edges of about `size`, each triangle with corners of its own, apart from the others'
     /// by up to `noise`; in one of two orders.

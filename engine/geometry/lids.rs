@@ -9,7 +9,7 @@ use super::{Component, Sample};
 const UPRIGHT: f64 = 1e-6;
 
 /// Ranges of z that hold the facets of a component that are not upright, the lower and the upper, m.
-pub(crate) type Lids = [[f64; 2]; 2];
+pub type Lids = [[f64; 2]; 2];
 
 /// No facet yet.
 const NONE: [f64; 2] = [f64::INFINITY, f64::NEG_INFINITY];

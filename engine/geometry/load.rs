@@ -18,13 +18,12 @@ use super::placed::{Group, Groups, Place, Prototype};
 use super::read::{FileOf, ReadSurface, failed, read_file, read_surface};
 use super::surface::{Defect, PEAK_PER_TRIANGLE, SIMPLIFY, in_mm};
 use super::trial::Trial;
-use super::watch::{LoadStep, Task, Watch, Watcher, watched};
-use super::{Sample, instances, mesh_file, nesting, placement};
-use crate::error::{Error, Result};
-use crate::numbers;
-use crate::parallel::start_threads;
-use crate::reserve;
-use crate::scene::{Instances, Mesh, Normals, Object, Placement, Scene, ShapeOrMesh};
+use super::{Sample, mesh_file, nesting, placement};
+use beamlet_core::error::{Error, Result};
+use beamlet_core::parallel::start_threads;
+use beamlet_core::watch::{LoadStep, Task, Watch, Watcher, watched};
+use beamlet_core::{numbers, reserve};
+use beamlet_model::scene::{Instances, Mesh, Normals, Object, Placement, Scene, ShapeOrMesh};
 
 /// Normals of a rough surface lean by this many standard deviations of its slopes at most, about.
 const ROUGH_LEANS: f64 = 6.0;
@@ -50,7 +49,11 @@ pub fn load(scene: &Scene) -> Result<Sample> {
 }
 
 /// As [`load`], watched.
-pub(crate) fn load_watched(scene: &Arc<Scene>, watcher: Watcher<'_>) -> Result<Sample> {
+///
+/// # Errors
+///
+/// As [`load`]; [`Error::Interrupted`] when the watcher stops it.
+pub fn load_watched(scene: &Arc<Scene>, watcher: Watcher<'_>) -> Result<Sample> {
     start_threads()?;
     let shared = scene.clone();
     watched(&names(scene), watcher, move |watch| load_all(&shared, watch))
@@ -74,7 +77,11 @@ pub fn load_lenient(scene: &Scene) -> Result<(Sample, Vec<Error>)> {
 }
 
 /// As [`load_lenient`], watched.
-pub(crate) fn load_lenient_watched(
+///
+/// # Errors
+///
+/// As [`load_lenient`]; [`Error::Interrupted`] when the watcher stops it.
+pub fn load_lenient_watched(
     scene: &Arc<Scene>,
     watcher: Watcher<'_>,
 ) -> Result<(Sample, Vec<Error>)> {
@@ -243,7 +250,7 @@ fn sample(scene: &Scene, loaded: Vec<Loaded>, overlaps: bool, watch: &Watch) -> 
 /// Triangles of the meshes of a scene as far as that is known without reading them: those in
 /// binary STL files, and the faces of PLY files.
 #[must_use]
-pub(crate) fn triangles_in_files(scene: &Scene) -> u64 {
+pub fn triangles_in_files(scene: &Scene) -> u64 {
     let of = |object: &Object| match &object.geometry {
         ShapeOrMesh::Mesh(Mesh::File { path, .. }) => {
             mesh_file::triangles_in(&scene.directory.join(path))
@@ -363,7 +370,7 @@ fn group_of(
 ) -> Result<Group> {
     let around = placement::group(&object.placement).map_err(failed(label))?;
     let places: Vec<Place> =
-        instances::watched(scene, object, task)?.iter().map(|it| around.around(it)).collect();
+        beamlet_packing::watched(scene, object, task)?.iter().map(|it| around.around(it)).collect();
     let prototype = prototype(places.len());
     let bounds = prototype.bounds();
     let held = |place: &&Place| place.bounds(bounds).iter().all(|it| it.as_vec3().is_finite());

@@ -1,10 +1,10 @@
 //! Masks as meshes: bars as closed boxes, a frame around them, a substrate behind them.
 
 use super::NamedMesh;
-use crate::optics::{Mask, Optics};
-use crate::scene::Scene;
-use crate::units::Dimension::Length;
-use crate::{Error, Result, numbers};
+use beamlet_core::units::Dimension::Length;
+use beamlet_core::{Error, Result, numbers, setters};
+use beamlet_model::optics::{Mask, Optics};
+use beamlet_model::scene::Scene;
 
 /// Most bars of a mesh: far beyond any mask.
 const MOST_BARS: f64 = 1e6;

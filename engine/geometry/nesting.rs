@@ -8,9 +8,9 @@ use rayon::prelude::*;
 use super::body::Body;
 use super::overlap::{Cuts, Meetings, Parts, pairs};
 use super::search::Search;
-use super::watch::{LoadStep, Task};
-use crate::error::Result;
-use crate::reserve;
+use beamlet_core::error::Result;
+use beamlet_core::reserve;
+use beamlet_core::watch::{LoadStep, Task};
 
 /// Bytes per part, for many small pieces: its record, its intersections, its surroundings.
 const PER_PART: u64 = 400;
@@ -23,8 +23,8 @@ pub(super) type Overlaps = BTreeSet<[u32; 2]>;
 /// each one and, if `wanted`, pairs of objects that overlap.
 ///
 /// # Errors
-/// Objects that overlap and cannot be cut; [`crate::Error::Memory`];
-/// [`crate::Error::Interrupted`].
+/// Objects that overlap and cannot be cut; [`beamlet_core::Error::Memory`];
+/// [`beamlet_core::Error::Interrupted`].
 pub(super) fn nest(
     bodies: &mut [Body],
     names: &[String],

@@ -21,7 +21,7 @@ pub(super) struct Orientation {
     /// Shells to turn.
     pub(super) turned: Vec<bool>,
     /// Shells without effect.
-    pub(super) filled: Vec<bool>,
+    pub(crate) filled: Vec<bool>,
 }
 
 impl Orientation {

@@ -4,7 +4,7 @@ use glam::{DAffine3, DMat3, DQuat, DVec3};
 
 use super::placed::Place;
 use super::surface::{Defect, Surface};
-use crate::scene::Placement;
+use beamlet_model::scene::Placement;
 
 /// The scale, rotations and position of an object, as for a group of instances.
 pub(super) fn group(placement: &Placement) -> Result<Place, Defect> {

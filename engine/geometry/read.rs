@@ -6,11 +6,11 @@ use sha2::{Digest, Sha256};
 
 use super::mesh_file::MeshFile;
 use super::surface::{Defect, PEAK_PER_TRIANGLE, SIMPLIFY, Surface};
-use super::watch::{LoadStep, Task};
 use super::{mesh_file, shapes};
-use crate::error::{Error, Result};
-use crate::scene::{Mesh, MeshFormat, Object, Scene, ShapeOrMesh};
-use crate::{input_file, reserve};
+use beamlet_core::error::{Error, Result};
+use beamlet_core::watch::{LoadStep, Task};
+use beamlet_core::{input_file, reserve};
+use beamlet_model::scene::{Mesh, MeshFormat, Object, Scene, ShapeOrMesh};
 
 /// Most bytes of a mesh in text, and of a file that is none.
 const TEXT: u64 = 2 << 30;
@@ -30,6 +30,7 @@ fn read(path: &Path) -> Result<Vec<u8>> {
     input_file::read(path, most).map_err(failed)
 }
 
+/// SHA-256, in hexadecimal digits.
 pub(super) fn hash(bytes: &[u8]) -> String {
     Sha256::digest(bytes).iter().map(|byte| format!("{byte:02x}")).collect()
 }
@@ -78,7 +79,7 @@ pub(super) struct ReadSurface {
     /// m per unit of it.
     pub(super) unit: f64,
     /// Of the file; empty for shapes.
-    pub(super) hash: String,
+    pub(crate) hash: String,
     pub(super) warnings: Vec<String>,
 }
 

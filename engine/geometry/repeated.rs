@@ -4,7 +4,7 @@ use std::collections::HashMap;
 
 use super::surface::Surface;
 use super::topology::{Edge, edges_of, is_balanced, join, labels, members};
-use crate::numbers;
+use beamlet_core::numbers;
 
 /// A triangle that has the corners of another one.
 struct Copy {

@@ -6,8 +6,8 @@ use glam::DVec3;
 
 use super::polygon;
 use super::surface::{Defect, Surface};
-use crate::numbers;
-use crate::scene::Shape;
+use beamlet_core::numbers;
+use beamlet_model::scene::Shape;
 
 /// More facets than this serve nobody and fill the memory.
 const MOST_SIDES: u32 = 1 << 20;

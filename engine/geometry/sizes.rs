@@ -1,8 +1,8 @@
 //! Meshes whose size suggests a wrong unit, and shapes too small to be seen.
 
 use super::{ObjectSummary, Sample};
-use crate::scene::{Mesh, Object, Scene, ShapeOrMesh};
-use crate::units::Dimension::Length;
+use beamlet_core::units::Dimension::Length;
+use beamlet_model::scene::{Mesh, Object, Scene, ShapeOrMesh};
 
 /// Fields of view that a part may be across.
 const MOST_FIELDS: f64 = 20.0;
@@ -15,7 +15,7 @@ const UNITS: [f64; 5] = [1e-3, 1e-6, 1e-2, 25.4e-3, 1.0];
 
 /// Meshes of files that are more than 20 fields of view across, or less than 2 pixels, in words,
 /// with the unit that was probably meant; shapes that no image can show.
-pub(crate) fn unit_warnings(scene: &Scene, sample: &Sample) -> Vec<String> {
+pub fn unit_warnings(scene: &Scene, sample: &Sample) -> Vec<String> {
     let named = |(object, summary): (&Object, &ObjectSummary)| {
         Some(format!("\"{}\" {}", summary.name, unit_doubt(scene, object, summary)?))
     };

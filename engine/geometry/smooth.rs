@@ -1,6 +1,6 @@
 //! Normals of the surface that facets stand for.
 
-use crate::numbers::count;
+use beamlet_core::numbers::count;
 use glam::DVec3;
 use rayon::prelude::*;
 
@@ -8,12 +8,12 @@ use rayon::prelude::*;
 const CREASE: f64 = 0.866_025_403_784_438_6;
 
 /// Normals of the corners of a facet.
-pub(crate) type CornerNormals = [[f32; 3]; 3];
+pub type CornerNormals = [[f32; 3]; 3];
 
 /// Unit outward normals of the corners of triangles: means over the facets around, weighted by their
 /// angles there, that lean against the triangle's own by no more than a crease. Zero for triangles not in
 /// `smooth`.
-pub(crate) fn corner_normals(
+pub fn corner_normals(
     vertices: &[DVec3],
     triangles: &[[u32; 3]],
     smooth: impl Fn(usize) -> bool + Sync,

@@ -1,13 +1,13 @@
 //! A triangle surface before it is part of a sample, and what can be wrong with it.
 
 use super::Component;
-use crate::numbers;
-use crate::units::Dimension::Length;
+use beamlet_core::numbers;
+use beamlet_core::units::Dimension::Length;
 use glam::{DAffine3, DVec3};
 use rayon::prelude::*;
 
 /// Peak bytes per triangle of a mesh while it is read and welded, as measured.
-pub(crate) const PEAK_PER_TRIANGLE: u64 = 160;
+pub const PEAK_PER_TRIANGLE: u64 = 160;
 /// Distance from the origin, in sizes of a surface, beyond which its coordinates are rounded about its
 /// centre: nearer ones lose at most two bits in f32.
 const FAR: f64 = 4.0;

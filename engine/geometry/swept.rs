@@ -4,8 +4,8 @@ mod outline;
 
 use super::Sample;
 use super::sizes::unit_doubt;
-use crate::error::{Error, Result};
-use crate::scene::{Motion, Object, Scene, ShapeOrMesh};
+use beamlet_core::error::{Error, Result};
+use beamlet_model::scene::{Motion, Object, Scene, ShapeOrMesh};
 use outline::{Seen, UprightOutline};
 use rayon::prelude::*;
 
@@ -145,7 +145,8 @@ impl Swept {
     }
 
     /// Name and extent of each object in a view, without the region that the surroundings fill.
-    pub(crate) fn extents_of_objects(
+    #[doc(hidden)]
+    pub fn extents_of_objects(
         &self,
         scene: &Scene,
         view: usize,

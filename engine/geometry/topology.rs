@@ -1,6 +1,6 @@
 //! Edges of a surface, and the connected components that they make.
 
-use crate::numbers;
+use beamlet_core::numbers;
 use rayon::prelude::*;
 
 use super::surface::Surface;

@@ -6,17 +6,17 @@
 //! are larger than the distance between them have a *plate*, a slab along their normals.
 
 mod build;
-mod pairs;
+pub(crate) mod pairs;
 mod query;
 mod slab;
 
-use crate::numbers;
+use beamlet_core::numbers;
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 
 use super::surface::{Surface, bounds_of};
 use build::{Builder, nodes_of};
-pub(super) use query::Query;
+pub(crate) use query::Query;
 use slab::Slab;
 
 /// Members of a leaf at most.

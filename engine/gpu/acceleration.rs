@@ -8,8 +8,8 @@ use super::buffer::{Buffer, Memory};
 use super::device::Device;
 use super::failure;
 use super::retire::Retired;
-use crate::{Error, Result};
 use ash::vk;
+use beamlet_core::{Error, Result};
 use std::fmt;
 use std::sync::Arc;
 

@@ -1,7 +1,7 @@
 //! The allocator of device memory.
 
-use crate::{Error, Result};
 use ash::vk;
+use beamlet_core::{Error, Result};
 use gpu_allocator::AllocationSizes;
 use gpu_allocator::vulkan::{Allocator, AllocatorCreateDesc};
 

@@ -3,9 +3,8 @@
 use super::device::Device;
 use super::failure;
 use super::retire::Retired;
-use crate::Result;
-use crate::numbers;
 use ash::vk;
+use beamlet_core::{Result, numbers};
 use bytemuck::{AnyBitPattern, NoUninit, Pod};
 use gpu_allocator::vulkan::Allocation;
 use std::fmt;
@@ -39,7 +38,7 @@ impl Device {
     /// A buffer of `bytes` bytes; the content is undefined. `name` describes it in errors.
     ///
     /// # Errors
-    /// [`crate::Error::Memory`] where there is not that much.
+    /// [`beamlet_core::Error::Memory`] where there is not that much.
     pub fn buffer(self: &Arc<Self>, name: &str, bytes: u64, memory: Memory) -> Result<Buffer> {
         let mut usage = vk::BufferUsageFlags::empty();
         if self.structures.is_some() {
@@ -51,7 +50,7 @@ impl Device {
     /// A device buffer with the content of a slice.
     ///
     /// # Errors
-    /// As [`Device::buffer`]; [`crate::Error::Device`] where the copy fails.
+    /// As [`Device::buffer`]; [`beamlet_core::Error::Device`] where the copy fails.
     pub fn upload<T: NoUninit>(self: &Arc<Self>, name: &str, content: &[T]) -> Result<Buffer> {
         let buffer = self.buffer(name, size_of_val(content) as u64, Memory::Device)?;
         buffer.write(0, content)?;
@@ -60,6 +59,11 @@ impl Device {
 }
 
 impl Buffer {
+    /// A buffer of `bytes` bytes; `name` stands in messages.
+    ///
+    /// # Errors
+    ///
+    /// `Error::Memory` or `Error::Device`.
     pub(super) fn new(
         device: &Arc<Device>,
         name: &str,
@@ -133,6 +137,7 @@ impl Buffer {
         &self.name
     }
 
+    /// The handle of Vulkan.
     pub(super) fn raw(&self) -> vk::Buffer {
         self.raw
     }
@@ -140,7 +145,7 @@ impl Buffer {
     /// Writes a slice at a byte offset, and waits until it is there.
     ///
     /// # Errors
-    /// [`crate::Error::Device`] or [`crate::Error::Memory`] where the copy fails.
+    /// [`beamlet_core::Error::Device`] or [`beamlet_core::Error::Memory`] where the copy fails.
     ///
     /// # Panics
     /// Where the slice does not fit.
@@ -206,6 +211,10 @@ impl Buffer {
     }
 
     /// Asserts that a range of bytes lies in the buffer.
+    ///
+    /// # Panics
+    ///
+    /// Where it does not.
     pub(super) fn check(&self, offset: u64, bytes: u64) {
         assert!(
             offset.checked_add(bytes).is_some_and(|end| end <= self.len),

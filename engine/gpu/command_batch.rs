@@ -1,8 +1,8 @@
 //! Commands of one submission, with the fence that signals their end.
 
 use super::failure;
-use crate::Result;
 use ash::vk;
+use beamlet_core::Result;
 use std::time::Duration;
 
 /// A command buffer with its pool, and the fence that signals its end.

@@ -4,8 +4,8 @@ use super::backend::Backend;
 use super::device::{Device, DeviceOptions, KernelTable};
 use super::faults::Fault;
 use super::physical::DeviceDescription;
-use crate::Result;
-use crate::parallel::start_threads;
+use beamlet_core::parallel::start_threads;
+use beamlet_core::{Result, setters};
 use std::sync::Arc;
 
 /// How to open an engine. `EngineOptions::default()` takes the best device that is found; what
@@ -75,8 +75,9 @@ impl Compute {
     /// Opens a device; its kernels are found in `kernels`.
     ///
     /// # Errors
-    /// [`crate::Error::Device`] without a Vulkan loader or a device that can serve.
-    pub(crate) fn open(options: &EngineOptions, kernels: KernelTable) -> Result<Self> {
+    /// [`beamlet_core::Error::Device`] without a Vulkan loader or a device that can serve.
+    #[doc(hidden)]
+    pub fn open(options: &EngineOptions, kernels: KernelTable) -> Result<Self> {
         start_threads()?;
         let device = Device::open(&DeviceOptions {
             choice: options.device.clone(),
@@ -89,7 +90,8 @@ impl Compute {
     }
 
     /// Drops it. Returns whether the device is destroyed: `false` while somebody uses it.
-    pub(crate) fn close(self) -> bool {
+    #[doc(hidden)]
+    pub fn close(self) -> bool {
         Arc::into_inner(self.device).is_some()
     }
 
@@ -105,11 +107,15 @@ impl Compute {
         self.device.validation_messages()
     }
 
-    pub(crate) fn options(&self) -> &EngineOptions {
+    /// How it was opened.
+    #[doc(hidden)]
+    pub fn options(&self) -> &EngineOptions {
         &self.options
     }
 
-    pub(crate) const fn device(&self) -> &Arc<Device> {
+    /// The open device.
+    #[doc(hidden)]
+    pub const fn device(&self) -> &Arc<Device> {
         &self.device
     }
 }

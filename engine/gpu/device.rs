@@ -1,14 +1,13 @@
 //! An open device: the owner of everything made from it.
 
-use super::allocator;
 use super::command_batch::CommandBatch;
-use super::failure;
 use super::faults::{Fault, Faults};
 use super::instance::Instance;
 use super::physical::{self, DeviceDescription, Physical};
 use super::retire::{Retired, Retirement};
-use crate::{Error, Result};
+use super::{allocator, failure};
 use ash::vk;
+use beamlet_core::{Error, Result};
 use gpu_allocator::vulkan::Allocator;
 use std::fmt;
 use std::mem::ManuallyDrop;
@@ -42,16 +41,18 @@ pub(crate) type KernelTable = &'static [(&'static str, &'static [u32])];
 
 /// An open Vulkan device with one compute queue.
 pub struct Device {
+    /// The functions of Vulkan.
     pub(super) raw: ash::Device,
     pub(super) physical: Physical,
     /// Where ray query is there.
     pub(super) structures: Option<ash::khr::acceleration_structure::Device>,
     pub(super) pipeline_cache: vk::PipelineCache,
     pub(super) memory_types: vk::PhysicalDeviceMemoryProperties,
-    pub(super) staging: bool,
-    pub(super) faults: Faults,
+    /// Host memory is copied to buffers by submissions.
+    pub staging: bool,
+    pub(crate) faults: Faults,
     /// Kernels by name.
-    pub(super) table: KernelTable,
+    pub(crate) table: KernelTable,
     names: Option<ash::ext::debug_utils::Device>,
     queue: Mutex<vk::Queue>,
     /// `None` only while the device is being destroyed.
@@ -60,7 +61,7 @@ pub struct Device {
     /// Batches whose end was not to be waited for.
     pub(super) stuck: Mutex<Vec<CommandBatch>>,
     /// Batches that ended and wait for reuse.
-    pub(super) batches: Mutex<Vec<CommandBatch>>,
+    pub(crate) batches: Mutex<Vec<CommandBatch>>,
     /// After everything made from it; kept open where the device hangs.
     instance: ManuallyDrop<Instance>,
 }

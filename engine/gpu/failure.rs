@@ -1,7 +1,7 @@
 //! Vulkan result codes as errors that a user can act on.
 
-use crate::Error;
 use ash::vk;
+use beamlet_core::Error;
 
 /// What to install where there is no loader, driver or device.
 pub(super) const INSTALL: &str = "install a Vulkan driver and loader (Debian: mesa-vulkan-drivers \

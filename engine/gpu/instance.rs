@@ -1,8 +1,8 @@
 //! The Vulkan loader and instance, and the messages of the validation layer.
 
 use super::failure::{self, INSTALL};
-use crate::{Error, Result, reserve};
 use ash::vk;
+use beamlet_core::{Error, Result, reserve};
 use std::ffi::{CStr, c_void};
 use std::sync::atomic::{AtomicU32, Ordering};
 

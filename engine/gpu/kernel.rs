@@ -1,13 +1,12 @@
 //! A kernel: one compute shader, ready to dispatch.
 
-use super::PUSH_BYTES;
 use super::device::Device;
-use super::failure;
 use super::faults::FaultyCall;
 use super::retire::Retired;
-use crate::cancel::Cancel;
-use crate::{Error, Result};
+use super::{PUSH_BYTES, failure};
 use ash::vk;
+use beamlet_core::cancel::Cancel;
+use beamlet_core::{Error, Result};
 use std::fmt;
 use std::sync::{Arc, OnceLock};
 
@@ -15,8 +14,10 @@ use std::sync::{Arc, OnceLock};
 pub struct Kernel {
     device: Arc<Device>,
     pub(super) pipeline: vk::Pipeline,
+    /// Its push constants.
     pub(super) layout: vk::PipelineLayout,
-    pub(super) push_bytes: u32,
+    /// Bytes of its push constants.
+    pub(crate) push_bytes: u32,
     name: String,
 }
 
@@ -63,7 +64,7 @@ impl LazyKernel {
     /// # Errors
     /// As [`Device::kernel`]; [`Error::Interrupted`] if `cancel` was set before one began: a single call
     /// of a driver is not interrupted.
-    pub(crate) fn make_all(kernels: &[&Self], cancel: &Cancel) -> Result<()> {
+    pub fn make_all(kernels: &[&Self], cancel: &Cancel) -> Result<()> {
         for kernel in kernels {
             cancel.check()?;
             kernel.get()?;

@@ -7,7 +7,7 @@ const LONG: Duration = Duration::from_millis(100);
 
 /// Size of a dispatch, in items of the caller: halves after a long one, doubles after a short one.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Pace {
+pub struct Pace {
     size: u32,
     least: u32,
     most: u32,
@@ -15,17 +15,17 @@ pub(crate) struct Pace {
 
 impl Pace {
     /// Begins at `size` and stays from `least` to `most`.
-    pub(crate) const fn new(size: u32, least: u32, most: u32) -> Self {
+    pub const fn new(size: u32, least: u32, most: u32) -> Self {
         Self { size, least, most }
     }
 
     /// Items of the next dispatch.
-    pub(crate) const fn size(&self) -> u32 {
+    pub const fn size(&self) -> u32 {
         self.size
     }
 
     /// Takes the time of a dispatch of that size.
-    pub(crate) fn adapt(&mut self, took: Duration) {
+    pub fn adapt(&mut self, took: Duration) {
         if took > LONG {
             self.size = (self.size / 2).max(self.least);
         } else if took < LONG / 4 {

@@ -1,8 +1,8 @@
 //! Kernels over many items, in dispatches that a device ends in a fraction of a second.
 
 use super::{Device, Kernel, Pace};
-use crate::interface::GROUP;
-use crate::{Cancel, Result};
+use beamlet_core::{Cancel, Result};
+use beamlet_interface::GROUP;
 use bytemuck::NoUninit;
 use std::sync::Arc;
 
@@ -12,8 +12,8 @@ impl Device {
     /// gets the items done so far.
     ///
     /// # Errors
-    /// As [`Device::run`]; [`crate::Error::Interrupted`] where `cancel` was set.
-    pub(crate) fn run_paced<P: NoUninit>(
+    /// As [`Device::run`]; [`beamlet_core::Error::Interrupted`] where `cancel` was set.
+    pub fn run_paced<P: NoUninit>(
         self: &Arc<Self>,
         kernel: &Kernel,
         items: u32,

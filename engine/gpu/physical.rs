@@ -2,8 +2,8 @@
 
 use super::failure;
 use super::instance::{Instance, no_device};
-use crate::{Error, Result};
 use ash::vk;
+use beamlet_core::{Error, Result};
 use serde::Serialize;
 use std::ffi::CStr;
 use std::fmt;
@@ -65,9 +65,9 @@ impl fmt::Display for DeviceDescription {
 
 /// A device of an instance, with what opening it needs to know.
 pub(super) struct Physical {
-    pub(super) raw: vk::PhysicalDevice,
-    pub(super) description: DeviceDescription,
-    pub(super) limits: vk::PhysicalDeviceLimits,
+    pub(crate) raw: vk::PhysicalDevice,
+    pub(crate) description: DeviceDescription,
+    pub(crate) limits: vk::PhysicalDeviceLimits,
     /// Family of the queue to open: compute, without graphics where there is one.
     pub(super) queue_family: u32,
     pub(super) portability_subset: bool,

@@ -3,14 +3,16 @@
 use super::buffer::Buffer;
 use super::device::Device;
 use super::kernel::Kernel;
-use crate::Error;
 use ash::vk;
+use beamlet_core::Error;
 use std::fmt;
 
 /// Records the commands of one submission. Commands may overlap unless a barrier parts them.
 /// Submissions themselves do not overlap on the device, and the host sees all that they wrote.
 pub struct Recorder<'a> {
+    /// The device that runs them.
     pub(super) device: &'a Device,
+    /// The handle of Vulkan.
     pub(super) commands: vk::CommandBuffer,
     /// The first command that could not be recorded.
     pub(super) error: Option<Error>,

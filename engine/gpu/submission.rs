@@ -5,8 +5,8 @@ use super::device::{Device, lock};
 use super::failure;
 use super::faults::FaultyCall;
 use super::recorder::Recorder;
-use crate::Result;
 use ash::vk;
+use beamlet_core::Result;
 use std::fmt;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -30,8 +30,8 @@ impl Device {
     /// Records, submits and waits.
     ///
     /// # Errors
-    /// [`crate::Error::Device`] where a command cannot be recorded or the device fails;
-    /// [`crate::Error::Memory`] where there is no memory for the commands.
+    /// [`beamlet_core::Error::Device`] where a command cannot be recorded or the device fails;
+    /// [`beamlet_core::Error::Memory`] where there is no memory for the commands.
     pub fn run(self: &Arc<Self>, record: impl FnOnce(&mut Recorder<'_>)) -> Result<Duration> {
         self.submit(record)?.wait()
     }
@@ -92,7 +92,7 @@ impl Submission {
     /// Waits for the end; returns the time since the submission.
     ///
     /// # Errors
-    /// [`crate::Error::Device`] where the device was lost or hangs.
+    /// [`beamlet_core::Error::Device`] where the device was lost or hangs.
     pub fn wait(mut self) -> Result<Duration> {
         self.finish()?;
         Ok(self.started.elapsed())

@@ -1,11 +1,11 @@
 //! Columns of ideal images: where the light of each passes, and how far it may be deflected.
 
-use crate::Result;
-use crate::optics::Optics;
-use crate::retrieve::beamlets::Beamlets;
-use crate::retrieve::joined::JoinedColumns;
-use crate::retrieve::method::Method;
-use crate::scene::Scene;
+use beamlet_core::Result;
+use beamlet_model::optics::Optics;
+use beamlet_model::scene::Scene;
+use beamlet_recon::retrieve::beamlets::Beamlets;
+use beamlet_recon::retrieve::joined::JoinedColumns;
+use beamlet_recon::retrieve::method::Method;
 
 /// Columns of the images of a view.
 #[derive(Debug)]

@@ -1,17 +1,17 @@
-//! Files of a module of the engine use one another without long circles: files that name items of one
+//! Files of a crate of the engine use one another without long circles: files that name items of one
 //! another, directly or through others, are a circle. Paths behind `use`, `crate::`, `super::` and
 //! names of modules count, up to the file that defines the item: a `mod.rs` that passes an item on is
 //! not in the way.
 
-use super::layers::{code_of, sources};
+use super::crates::{code_of, sources};
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::path::Path;
 
 /// Most files of a circle.
 const MOST: usize = 4;
-/// Modules with a longer circle, and its files.
-const EXCEPTIONS: [(&str, usize); 1] = [("sampling", 16)];
+/// Crates with a longer circle, and its files.
+const EXCEPTIONS: [(&str, usize); 1] = [("simulate", 16)];
 
 /// Names from the root of the engine to a module or an item.
 type ItemPath = Vec<String>;
@@ -85,27 +85,34 @@ impl File {
     }
 }
 
-/// Files of the engine by the paths of their modules.
+/// Files of the engine by the paths of their modules, which begin with the name of the crate.
 struct Files(BTreeMap<ItemPath, File>);
 
 impl Files {
     /// Files by their paths under the folder of the engine.
     fn of<'a>(sources: impl IntoIterator<Item = (&'a str, &'a str)>) -> Self {
+        let sources: Vec<_> = sources.into_iter().collect();
+        let roots = sources.iter().filter_map(|(path, _)| path.strip_suffix("/lib.rs"));
+        let crates: BTreeSet<&str> = roots.collect();
         let module = |path: &str| {
             let mut names: ItemPath =
                 path.trim_end_matches(".rs").split('/').map(str::to_owned).collect();
             names.pop_if(|last| last == "mod" || last == "lib");
+            // The facade lies beside the folders of the crates.
+            if !path.contains('/') || !crates.contains(names[0].as_str()) {
+                names.insert(0, "facade".to_owned());
+            }
             names
         };
         let parsed = |(path, source): (&str, &str)| (module(path), File::parse(source));
         Self(sources.into_iter().map(parsed).collect())
     }
 
-    /// The path from the root that a module names by `path`; `None` for other crates and local names.
+    /// The path that a module names by `path`, from its crate; `None` for crates of others and local names.
     fn absolute(&self, module: &[String], path: &[String]) -> Option<ItemPath> {
         let child = || [module, &path[..1]].concat();
         match path.first()?.as_str() {
-            "crate" => Some(path[1..].to_vec()),
+            "crate" => Some([&module[..1], &path[1..]].concat()),
             "self" => Some([module, &path[1..]].concat()),
             "super" => {
                 let up = path.iter().take_while(|name| *name == "super").count();
@@ -113,7 +120,10 @@ impl Files {
                 Some([&module[..kept], &path[up..]].concat())
             }
             _ if self.0.contains_key(&child()) => Some([module, path].concat()),
-            _ => None,
+            other => {
+                let member = other.strip_prefix("beamlet_")?.to_owned();
+                Some([&[member], &path[1..]].concat())
+            }
         }
     }
 
@@ -152,7 +162,7 @@ impl Files {
             .collect()
     }
 
-    /// Circles of two files and more inside each module of the engine.
+    /// Circles of two files and more inside each crate.
     fn circles(&self) -> BTreeSet<Vec<ItemPath>> {
         let uses: BTreeMap<_, _> = self.0.keys().map(|file| (file, self.uses(file))).collect();
         let reached = |from: &ItemPath| {
@@ -206,12 +216,12 @@ fn no_circle_of_files_is_longer_than_four() {
 #[test]
 fn circles_are_found_in_every_form_of_path() {
     let files = Files::of([
-        ("m/mod.rs", "mod a;\npub(crate) use a::A;\npub use c::{self, C};\n"),
+        ("m/lib.rs", "mod a;\npub(crate) use a::A;\npub use c::{self, C};\n"),
         ("m/a.rs", "use super::b::{\n    B,\n};\npub struct A(B);\n"),
-        ("m/b.rs", "use crate::m;\nfn b() -> m::c::C {\n}\n"),
-        ("m/c.rs", "fn c(a: crate::m::A) {}\n"),
+        ("m/b.rs", "use crate as m;\nfn b() -> m::c::C {\n}\n"),
+        ("m/c.rs", "fn c(a: crate::A) {}\n"),
         ("m/d.rs", "use super::{A, C};\n// super::d::D\n#[cfg(test)]\nuse super::d;\n"),
-        ("n.rs", "use crate::m::A as Other;\n"),
+        ("n/lib.rs", "use beamlet_m::A as Other;\n"),
     ]);
     let circle = ["a", "b", "c"].map(|name| vec!["m".to_owned(), name.to_owned()]).to_vec();
     assert_eq!(files.circles(), BTreeSet::from([circle]));

@@ -1,8 +1,8 @@
-//! Names of the files of a run and of retrieved images are literals of engine/stack/layout.rs alone.
+//! Names of the files of a run and of retrieved images are literals of engine/files/layout.rs alone.
 
 #![expect(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
 
-use super::layers::sources;
+use super::crates::sources;
 use std::fs;
 use std::path::Path;
 
@@ -109,14 +109,14 @@ fn names_of_run_files_are_literals_of_the_layout_only() {
         for (before, text) in literals(&fs::read_to_string(&file).unwrap()) {
             seen += 1;
             let is_name = names_a_file(&before, &text);
-            if name == "engine/stack/layout.rs" {
+            if name == "engine/files/layout.rs" {
                 own += usize::from(is_name);
             } else if is_name && name != EXAMPLES {
                 wrong.push(format!("{name}: {text:?}"));
             }
         }
     }
-    assert!(wrong.is_empty(), "names for engine/stack/layout.rs:\n{}", wrong.join("\n"));
+    assert!(wrong.is_empty(), "names for engine/files/layout.rs:\n{}", wrong.join("\n"));
     assert!(seen > 4000 && own > 8, "{seen} literals were found, {own} names in the layout");
 }
 

@@ -2,13 +2,13 @@
 //! engine. None of these tests needs a Vulkan device.
 
 mod circles;
+mod crates;
 mod documents;
 mod file_names;
 mod garbage;
 mod geometry;
 mod instances;
 mod kept;
-mod layers;
 mod material;
 mod names;
 mod paper;

@@ -18,7 +18,6 @@ fn shape(scene: &Scene) -> &Shape {
     match &scene.objects[1].geometry {
         ShapeOrMesh::Shape(shape) => shape,
         ShapeOrMesh::Mesh(_) => panic!("a mesh"),
-        _ => unreachable!(),
     }
 }
 

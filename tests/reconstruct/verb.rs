@@ -136,6 +136,8 @@ fn regions_and_truth_have_the_constants_of_the_rod() {
     assert!((delta / 4e-7 - 1.0).abs() < 0.25, "{delta}");
     assert_eq!(number(&errors, "rod,plastic,mu,", "truth").to_bits(), 50_f64.to_bits());
     let record = VolumeRecord::read(&here.join("truth")).unwrap();
+    assert_eq!(record.version, env!("CARGO_PKG_VERSION"));
+    assert_eq!(record.commit.as_deref(), option_env!("BEAMLET_COMMIT"));
     assert_eq!(record.labels[&1], "rod (plastic)");
     // Labels are the discs of a closed form, by the centre of each voxel.
     let labels =

@@ -1,7 +1,7 @@
 """Makes the tables of the built-in X-ray tube, and the numbers its test compares with.
 
     pip install spekpy==2.5.4
-    python tests/tables/tube.py tables     # engine/spectrum/{tungsten,molybdenum}.bin
+    python tests/tables/tube.py tables     # engine/model/spectrum/{tungsten,molybdenum}.bin
     python tests/tables/tube.py reference  # tests/tables/{tube.csv,spekpy_100kv.txt}
 
 Model: "casim" of SpekPy 2.5 (MIT licence, G. Poludniowski and others): Omar, Andreo and

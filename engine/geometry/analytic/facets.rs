@@ -5,7 +5,7 @@ use std::f64::consts::{PI, SQRT_2};
 use super::super::shapes;
 use super::super::surface::Surface;
 use super::{AnalyticShape, Form, Tube};
-use crate::numbers;
+use beamlet_core::numbers;
 
 /// Facets around at least.
 const LEAST: u32 = 8;
@@ -16,7 +16,7 @@ impl AnalyticShape {
     /// Closed facets, outward, in the frame of the shape. Their vertices lie on the surface, and
     /// nothing of it is farther than `error` (m, > 0) from them, unless that took more than 2048
     /// facets around; there are 8 at least.
-    pub(in crate::geometry) fn surface(self, error: f64) -> Surface {
+    pub(crate) fn surface(self, error: f64) -> Surface {
         match self.form() {
             Form::Frustum(frustum) => {
                 let [low, high] =
@@ -37,7 +37,7 @@ impl AnalyticShape {
     }
 
     /// The least error that [`Self::surface`] keeps to, m.
-    pub(in crate::geometry) fn least_error(self) -> f64 {
+    pub(crate) fn least_error(self) -> f64 {
         let off = |radius: f64, half_step: f64| radius * (1.0 - half_step.cos());
         let step = PI / f64::from(MOST);
         match self.form() {
@@ -51,7 +51,7 @@ impl AnalyticShape {
         }
     }
 
-    /// About how many triangles [`Self::surface`] has.
+    /// About how many triangles `Self::surface` has.
     pub(crate) fn triangles(self, error: f64) -> u64 {
         match self.form() {
             Form::Frustum(frustum) => {

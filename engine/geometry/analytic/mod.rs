@@ -9,19 +9,37 @@ use std::f64::consts::PI;
 
 use glam::{DVec2, DVec3};
 
-use crate::scene::Shape;
+use beamlet_model::scene::Shape;
 
 /// A shape with a curved surface, m.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) enum AnalyticShape {
+pub enum AnalyticShape {
     /// From -`half_height` to `half_height`.
-    Cylinder { radius: f64, half_height: f64 },
+    Cylinder {
+        /// m.
+        radius: f64,
+        /// m.
+        half_height: f64,
+    },
     /// A cone, or a truncated one; `bottom_radius` is above 0.
-    Cone { bottom_radius: f64, top_radius: f64, half_height: f64 },
+    Cone {
+        /// At -`half_height`, m.
+        bottom_radius: f64,
+        /// At `half_height`, m.
+        top_radius: f64,
+        /// m.
+        half_height: f64,
+    },
     /// A ball.
-    Sphere { radius: f64 },
+    Sphere {
+        /// m.
+        radius: f64,
+    },
     /// Half its extent along x, y, z.
-    Ellipsoid { semi_axes: DVec3 },
+    Ellipsoid {
+        /// m.
+        semi_axes: DVec3,
+    },
     /// A cylinder with a coaxial bore through it, from -`half_height` to `half_height`.
     Tube(Tube),
 }
@@ -48,7 +66,7 @@ impl AnalyticShape {
     }
 
     /// The simpler form shared by the kinds.
-    pub(crate) fn form(self) -> Form {
+    pub fn form(self) -> Form {
         match self {
             Self::Cylinder { radius, half_height } => {
                 Form::Frustum(Frustum { radius, half_height, widening: 0.0 })
@@ -73,7 +91,7 @@ impl AnalyticShape {
     }
 
     /// Radii of a ball about the centre and of a rod along the axis that hold the shape at some scales, m.
-    pub(crate) fn radii(self, scales: DVec3) -> [f64; 2] {
+    pub fn radii(self, scales: DVec3) -> [f64; 2] {
         let [_, half] = self.bounds();
         let half = half * scales;
         let rod = half.x.max(half.y);
@@ -194,20 +212,22 @@ impl AnalyticShape {
 
 /// The kinds that surfaces differ by.
 #[derive(Debug, Clone, Copy)]
-pub(crate) enum Form {
+pub enum Form {
+    /// A cylinder or a cone.
     Frustum(Frustum),
     /// Semi-axes.
     Ellipsoid(DVec3),
+    /// A tube.
     Tube(Tube),
 }
 
 /// A cylinder less a coaxial bore, m.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct Tube {
-    pub(crate) outer: f64,
+pub struct Tube {
+    pub outer: f64,
     /// Radius of the bore, above 0 and less than `outer`.
-    pub(crate) inner: f64,
-    pub(crate) half_height: f64,
+    pub inner: f64,
+    pub half_height: f64,
 }
 
 impl Tube {
@@ -219,12 +239,12 @@ impl Tube {
 
 /// A cylinder, a cone or a truncated one.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Frustum {
+pub struct Frustum {
     /// At z = 0.
-    pub(crate) radius: f64,
-    pub(crate) half_height: f64,
+    pub radius: f64,
+    pub half_height: f64,
     /// Change of the radius per length of z.
-    pub(crate) widening: f64,
+    pub widening: f64,
 }
 
 impl Frustum {

@@ -7,7 +7,7 @@ use glam::{DQuat, DVec2, DVec3};
 use super::super::shapes;
 use super::super::surface::Surface;
 use super::{AnalyticShape, Tube};
-use crate::scene::Shape;
+use beamlet_model::scene::Shape;
 
 /// Numbers from 0 to 1, the same at every run.
 struct Draws(u64);

@@ -8,26 +8,26 @@ use rayon::prelude::*;
 
 use super::found::DefectCount;
 use super::overlap::{Facet, TriangleContact, contact};
-use crate::geometry::surface::Surface;
-use crate::geometry::tree::{LEAF, Tree};
-use crate::geometry::watch::{LoadStep, Task};
-use crate::{Error, Result};
+use crate::surface::Surface;
+use crate::tree::{LEAF, Tree};
+use beamlet_core::watch::{LoadStep, Task};
+use beamlet_core::{Error, Result};
 
 /// Leaves tried between two looks at the count: a soup of triangles would take for ever.
 const CHUNK: usize = 1024;
 /// Leaves whose search begins together.
 const TOGETHER: usize = 32;
 /// Pairs after which counting ends.
-pub(in crate::geometry) const ENOUGH: usize = 100_000;
+pub(crate) const ENOUGH: usize = 100_000;
 /// Pairs of one leaf after which it is left alone.
 const ENOUGH_OF_ONE: usize = 1000;
 
 /// A pair of triangles that pass through or lie on each other, in their order.
 #[derive(Debug, Clone, Copy)]
-pub(in crate::geometry) struct CrossingPair {
-    pub(in crate::geometry) triangles: [u32; 2],
+pub(crate) struct CrossingPair {
+    pub(crate) triangles: [u32; 2],
     /// A place of both, where they lie in one plane.
-    pub(in crate::geometry) fold: Option<DVec3>,
+    pub(crate) fold: Option<DVec3>,
 }
 
 /// A pair of triangles, in their order, and their intersection.
@@ -113,8 +113,8 @@ fn partners(surface: &Surface, tree: &Tree, leaves: &[u32], resolved: f64) -> Ve
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::geometry::polygon;
-    use crate::geometry::tree::Tree;
+    use crate::polygon;
+    use crate::tree::Tree;
     use glam::{DMat3, DVec2};
 
     fn is_crossing(contact: Option<TriangleContact>) -> bool {

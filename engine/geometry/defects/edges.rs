@@ -1,8 +1,8 @@
 //! Edges by how many triangles use them, and which way.
 
 use super::found::Defects;
-use crate::geometry::surface::Surface;
-use crate::geometry::topology::{Edge, is_manifold};
+use crate::surface::Surface;
+use crate::topology::{Edge, is_manifold};
 
 /// Sorts the edges that are not used exactly twice, once each way, into their kinds.
 pub(super) fn sort(surface: &Surface, edges: &[Edge], defects: &mut Defects) {

@@ -50,6 +50,7 @@ pub struct DefectPlace {
 }
 
 impl DefectCount {
+    /// Counts one; the first of them keep triangles and position (m).
     pub(super) fn add(&mut self, triangles: &[u32], position: impl FnOnce() -> Option<DVec3>) {
         self.count += 1;
         if self.places.len() < MAX_DEFECT_PLACES {

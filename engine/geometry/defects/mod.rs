@@ -12,15 +12,15 @@ mod triangles;
 mod vertices;
 mod words;
 
-pub(super) use crossings::{CrossingPair, ENOUGH as MOST_PAIRS};
+pub(crate) use crossings::{CrossingPair, ENOUGH as MOST_PAIRS};
 pub use found::{DefectCount, DefectPlace, Defects};
-pub(super) use triangles::{duplicate, width};
+pub(crate) use triangles::{duplicate, width};
 
 use super::search::Search;
 use super::surface::Surface;
 use super::topology::Edge;
-use super::watch::Task;
-use crate::error::Result;
+use beamlet_core::error::Result;
+use beamlet_core::watch::Task;
 use glam::DVec3;
 
 /// Examines a welded surface in the world; `dropped`: triangles without area that were left out. `in_file`
@@ -29,7 +29,7 @@ use glam::DVec3;
 /// more.
 ///
 /// # Errors
-/// [`crate::Error::Interrupted`].
+/// [`beamlet_core::Error::Interrupted`].
 pub(super) fn find(
     surface: &Surface,
     edges: &[Edge],

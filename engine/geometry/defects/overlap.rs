@@ -6,7 +6,7 @@
 use glam::{DVec2, DVec3};
 
 use super::triangles::width;
-use crate::geometry::surface::Surface;
+use crate::surface::Surface;
 
 /// Intersection of two triangles.
 #[derive(Debug, Clone, Copy)]

@@ -4,8 +4,8 @@ use glam::DVec3;
 use rayon::prelude::*;
 
 use super::found::DefectCount;
-use crate::geometry::surface::{Surface, bounds_of};
-use crate::numbers;
+use crate::surface::{Surface, bounds_of};
+use beamlet_core::numbers;
 
 /// Triangles that joining corners left out, and those that are no wider than `resolved`.
 pub(super) fn degenerate(
@@ -32,13 +32,13 @@ pub(super) fn degenerate(
 }
 
 /// Least height of a triangle, m.
-pub(in crate::geometry) fn width([a, b, c]: [DVec3; 3]) -> f64 {
+pub(crate) fn width([a, b, c]: [DVec3; 3]) -> f64 {
     let longest = (b - a).length().max((c - b).length()).max((a - c).length());
     (b - a).cross(c - a).length() / longest
 }
 
 /// Triangles with the corners of an earlier one, in whatever order.
-pub(in crate::geometry) fn duplicate(surface: &Surface) -> DefectCount {
+pub(crate) fn duplicate(surface: &Surface) -> DefectCount {
     let mut sorted: Vec<([u32; 3], u32)> = surface
         .triangles
         .par_iter()

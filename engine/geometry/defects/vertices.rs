@@ -1,8 +1,8 @@
 //! Vertices shared by separate surfaces.
 
 use super::found::DefectCount;
-use crate::geometry::surface::Surface;
-use crate::geometry::topology::{Edge, join};
+use crate::surface::Surface;
+use crate::topology::{Edge, join};
 
 /// Vertices whose triangles are not all connected through edges at that vertex.
 pub(super) fn pinched(surface: &Surface, edges: &[Edge]) -> DefectCount {

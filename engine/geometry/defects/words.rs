@@ -1,7 +1,7 @@
 //! Defects in words.
 
 use super::found::{DefectCount, DefectPlace, Defects};
-use crate::geometry::surface::rounded;
+use crate::surface::rounded;
 use std::fmt::{self, Display, Formatter};
 
 impl Defects {
@@ -21,7 +21,7 @@ impl Defects {
     }
 
     /// Reasons why the mesh is refused; `apart`: least distance of corners at open edges, m.
-    pub(in crate::geometry) fn description(&self, apart: Option<f64>) -> String {
+    pub(crate) fn description(&self, apart: Option<f64>) -> String {
         let mut edges = listed(&[
             (&self.open_edges, "edge", "used by one triangle only (a hole or a gap)"),
             (
@@ -49,7 +49,7 @@ impl Defects {
     }
 
     /// Where, kind by kind.
-    pub(in crate::geometry) fn places(&self) -> String {
+    pub(crate) fn places(&self) -> String {
         let mut text = String::new();
         for (name, found) in self.kinds().into_iter().filter(|(_, found)| found.count > 0) {
             text.push_str(&format!("\n  {name}, {found}"));
@@ -58,7 +58,7 @@ impl Defects {
     }
 
     /// One sentence for each kind that does not get a mesh refused.
-    pub(in crate::geometry) fn warnings(&self) -> Vec<String> {
+    pub(crate) fn warnings(&self) -> Vec<String> {
         let first = |found: &DefectCount| {
             found.places.first().map(|spot| format!("; the first: {spot}")).unwrap_or_default()
         };

@@ -1,16 +1,16 @@
 //! A mesh file as it was read: triangles, and the names that they go by.
 
 use super::names::Names;
-use crate::geometry::surface::{Defect, Surface};
+use crate::surface::{Defect, Surface};
 
 /// A mesh file, read.
 #[derive(Debug, Default)]
-pub(in crate::geometry) struct MeshFile {
+pub(crate) struct MeshFile {
     /// Not yet welded.
     pub(super) surface: Surface,
     pub(super) names: Names,
     /// The length of 1.0 in it, m, if the file states it.
-    pub(in crate::geometry) unit: Option<f64>,
+    pub(crate) unit: Option<f64>,
     /// Contents that were left out, in words.
     pub(super) warnings: Vec<String>,
 }
@@ -25,10 +25,7 @@ impl MeshFile {
     ///
     /// # Errors
     /// No triangle goes by that name.
-    pub(in crate::geometry) fn into_part(
-        self,
-        group: Option<&str>,
-    ) -> Result<(Surface, Vec<String>), Defect> {
+    pub(crate) fn into_part(self, group: Option<&str>) -> Result<(Surface, Vec<String>), Defect> {
         match group {
             None => {
                 let merged = self.names.merged();
@@ -42,10 +39,7 @@ impl MeshFile {
     ///
     /// # Errors
     /// As there.
-    pub(in crate::geometry) fn part(
-        &self,
-        group: Option<&str>,
-    ) -> Result<(Surface, Vec<String>), Defect> {
+    pub(crate) fn part(&self, group: Option<&str>) -> Result<(Surface, Vec<String>), Defect> {
         let warnings = || self.warnings.iter().cloned();
         let Some(group) = group else {
             return Ok((self.surface.clone(), warnings().chain(self.names.merged()).collect()));

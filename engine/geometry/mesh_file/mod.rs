@@ -11,11 +11,11 @@ use std::borrow::Cow;
 use std::path::Path;
 
 use super::surface::Defect;
-use super::watch::Task;
-use crate::input_file;
-use crate::scene::MeshFormat;
+use beamlet_core::input_file;
+use beamlet_core::watch::Task;
+use beamlet_model::scene::MeshFormat;
 
-pub(super) use file::MeshFile;
+pub(crate) use file::MeshFile;
 
 /// Contents of a mesh file, by the ending of its name.
 pub(super) fn parse(path: &Path, bytes: &[u8], task: Task<'_>) -> Result<MeshFile, Defect> {

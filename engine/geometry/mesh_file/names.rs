@@ -2,8 +2,8 @@
 
 use std::collections::HashMap;
 
-use crate::geometry::surface::Defect;
-use crate::{numbers, printed, suggestion};
+use crate::surface::Defect;
+use beamlet_core::{numbers, printed, suggestion};
 
 /// Names that a message lists.
 const MOST_NAMES_TOLD: usize = 12;

@@ -6,10 +6,10 @@
 
 use super::file::MeshFile;
 use super::names::{Label, Names};
-use crate::geometry::polygon;
-use crate::geometry::surface::{Defect, Surface};
-use crate::geometry::watch::Task;
-use crate::numbers;
+use crate::polygon;
+use crate::surface::{Defect, Surface};
+use beamlet_core::numbers;
+use beamlet_core::watch::Task;
 use glam::DVec3;
 use rayon::prelude::*;
 use std::collections::HashMap;

@@ -13,10 +13,10 @@ use ply_rs_bw::ply::{
     Encoding, Header, Property, PropertyAccess, PropertyAccessResult, PropertyType, ScalarType,
 };
 
-use crate::geometry::polygon;
-use crate::geometry::surface::{Defect, Surface};
-use crate::geometry::watch::Task;
-use crate::{input_file, printed};
+use crate::polygon;
+use crate::surface::{Defect, Surface};
+use beamlet_core::watch::Task;
+use beamlet_core::{input_file, printed};
 
 /// Peak bytes per byte of a file while it is read: a triangle is a line of eight characters, or 13
 /// bytes, and is held as a list, and as three corners.
@@ -56,11 +56,11 @@ pub(super) fn parse(bytes: &[u8], task: Task<'_>) -> Result<Surface, Defect> {
             }
         }
         let share = PARSED * reader.get_ref().position() as f64;
-        task.reach(crate::numbers::whole(share));
+        task.reach(beamlet_core::numbers::whole(share));
     }
     surface(&vertices, &faces, |share| {
         let share = (PARSED + (1.0 - PARSED) * share) * bytes.len() as f64;
-        task.reach(crate::numbers::whole(share));
+        task.reach(beamlet_core::numbers::whole(share));
     })
 }
 

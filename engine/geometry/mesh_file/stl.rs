@@ -6,9 +6,9 @@ use std::path::Path;
 use glam::DVec3;
 
 use super::file::MeshFile;
-use crate::geometry::surface::{Defect, Surface};
-use crate::geometry::watch::Task;
-use crate::input_file;
+use crate::surface::{Defect, Surface};
+use beamlet_core::input_file;
+use beamlet_core::watch::Task;
 
 const HEADER: usize = 84;
 const RECORD: usize = 50;

@@ -5,7 +5,7 @@ use std::collections::{BTreeMap, HashMap};
 use glam::DVec3;
 
 use super::super::surface::Surface;
-use crate::numbers;
+use beamlet_core::numbers;
 
 /// The surface with its holes closed, and their number. A hole of three edges gets its triangle, a larger
 /// one a fan about the mean of its corners. Closed parts do not change.

@@ -10,16 +10,16 @@ use super::super::distance::meet;
 use super::super::search::{Search, winding_by_solid_angle};
 use super::super::surface::{bounds_of, near};
 use super::super::tree::Query;
-use super::super::watch::Task;
 use super::parts::Parts;
-use crate::error::{Error, Result};
+use beamlet_core::error::{Error, Result};
+use beamlet_core::watch::Task;
 
 /// Parts of other objects around each component of each object, by the number of the part.
-pub(in crate::geometry) type Around = Vec<Vec<Vec<u32>>>;
+pub(crate) type Around = Vec<Vec<Vec<u32>>>;
 
 /// Pairs of parts whose surfaces cross, touch or come within the tolerance of each other.
 #[derive(Debug, Default)]
-pub(in crate::geometry) struct Meetings {
+pub(crate) struct Meetings {
     /// For each part: intersecting parts of other objects, in ascending order.
     of: Vec<Vec<u32>>,
 }
@@ -29,7 +29,7 @@ impl Meetings {
     ///
     /// # Errors
     /// [`Error::Interrupted`].
-    pub(in crate::geometry) fn find(
+    pub(crate) fn find(
         bodies: &[Body],
         pairs: &[(usize, usize)],
         parts: &Parts,
@@ -58,7 +58,7 @@ impl Meetings {
 
     /// The surroundings of each component. A body that intersects a part of an object is inside none of
     /// its parts.
-    pub(in crate::geometry) fn around(
+    pub(crate) fn around(
         &self,
         bodies: &[Body],
         parts: &Parts,
@@ -116,7 +116,7 @@ fn container(body: &Body, search: &Search, of: &[u32], point: DVec3) -> Option<u
 
 /// Surfaces closer than this count as touching: a nanometre or, far from the origin, the resolution of
 /// f32 on the device; less for samples of micrometres.
-pub(in crate::geometry) fn tolerance(a: [DVec3; 2], b: [DVec3; 2]) -> f64 {
+pub(crate) fn tolerance(a: [DVec3; 2], b: [DVec3; 2]) -> f64 {
     let size = |[low, high]: [DVec3; 2]| (high - low).max_element();
     let reach = |[low, high]: [DVec3; 2]| low.abs().max(high.abs()).max_element();
     let resolved = f64::from(f32::EPSILON) * reach(a).max(reach(b));
@@ -168,7 +168,7 @@ fn between(
 }
 
 /// Pairs of objects whose boxes come near each other.
-pub(in crate::geometry) fn pairs(bounds: &[[DVec3; 2]]) -> Vec<(usize, usize)> {
+pub(crate) fn pairs(bounds: &[[DVec3; 2]]) -> Vec<(usize, usize)> {
     (0..bounds.len())
         .flat_map(|a| (a + 1..bounds.len()).map(move |b| (a, b)))
         .filter(|(a, b)| near(bounds[*a], bounds[*b], tolerance(bounds[*a], bounds[*b])))

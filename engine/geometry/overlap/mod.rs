@@ -17,13 +17,13 @@ use std::sync::atomic::{AtomicU64, Ordering};
 
 use super::body::Body;
 use super::surface::Surface;
-use super::watch::{LoadStep, Task};
-use crate::error::{Error, Result};
-use crate::numbers;
-pub(super) use meeting::{Around, Meetings, pairs, tolerance};
-pub(super) use parts::Parts;
-pub(crate) use solid::PEAK_PER_CUT_TRIANGLE;
-pub(super) use solid::{Solid, snap};
+use beamlet_core::error::{Error, Result};
+use beamlet_core::numbers;
+use beamlet_core::watch::{LoadStep, Task};
+pub(crate) use meeting::{Around, Meetings, pairs, tolerance};
+pub(crate) use parts::Parts;
+pub use solid::PEAK_PER_CUT_TRIANGLE;
+pub(crate) use solid::{Solid, snap};
 
 /// What happens to the objects of a sample because they overlap.
 #[derive(Debug, Default)]
@@ -37,7 +37,7 @@ pub(super) struct Cuts {
     /// Of each object: the object around each of its components.
     pub(super) outside: Vec<Vec<Option<u32>>>,
     /// For each object: later ones that intersect or cover a part of it.
-    pub(super) cut_by: Vec<Vec<u32>>,
+    pub(crate) cut_by: Vec<Vec<u32>>,
 }
 
 impl Cuts {

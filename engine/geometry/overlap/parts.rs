@@ -4,23 +4,23 @@ use glam::DVec3;
 
 use super::super::body::Body;
 use super::super::surface::{Surface, bounds_of, corners_of, encloses, in_mm, near};
-use crate::error::Error;
-use crate::numbers;
+use beamlet_core::error::Error;
+use beamlet_core::numbers;
 
 /// A closed outer surface with the voids in it; all of an object that is accepted with defects.
 #[derive(Debug)]
-pub(in crate::geometry) struct Part {
+pub(crate) struct Part {
     pub(super) object: usize,
     /// Components of its object, in ascending order.
-    pub(super) components: Vec<u32>,
-    pub(super) bounds: [DVec3; 2],
+    pub(crate) components: Vec<u32>,
+    pub(crate) bounds: [DVec3; 2],
     /// Defects of the mesh of its object, if it is accepted with defects.
     pub(super) defective: Option<String>,
 }
 
 /// Parts of all objects, in the order of these.
 #[derive(Debug, Default)]
-pub(in crate::geometry) struct Parts {
+pub(crate) struct Parts {
     pub(super) all: Vec<Part>,
     /// Part of each component, by object.
     pub(super) of: Vec<Vec<u32>>,
@@ -28,7 +28,7 @@ pub(in crate::geometry) struct Parts {
 
 impl Parts {
     /// The parts of all bodies; `defects`: defects of the meshes that are accepted with defects.
-    pub(in crate::geometry) fn of(bodies: &[Body], defects: &[Option<String>]) -> Self {
+    pub(crate) fn of(bodies: &[Body], defects: &[Option<String>]) -> Self {
         let mut parts = Self::default();
         for (object, (body, defective)) in bodies.iter().zip(defects).enumerate() {
             let heads = match defective {

@@ -11,13 +11,13 @@ use std::thread;
 use std::time::Duration;
 
 use super::super::surface::{Surface, bounds_of};
-use super::super::watch::Task;
 use super::closing::closed;
-use crate::error::{Error, Result};
-use crate::{numbers, reserve};
+use beamlet_core::error::{Error, Result};
+use beamlet_core::watch::Task;
+use beamlet_core::{numbers, reserve};
 
 /// Peak bytes per triangle of both operands, as measured.
-pub(crate) const PEAK_PER_CUT_TRIANGLE: u64 = 560;
+pub const PEAK_PER_CUT_TRIANGLE: u64 = 560;
 /// Triangles above which somebody may want to cancel a boolean of clean meshes.
 const SLOW: usize = 20_000;
 /// Time between two looks at whether to stop.
@@ -25,7 +25,7 @@ const TICK: Duration = Duration::from_millis(50);
 
 /// A closed mesh as the library takes it.
 #[derive(Clone)]
-pub(in crate::geometry) struct Solid {
+pub(crate) struct Solid {
     mesh: Manifold,
     /// Holes that were closed.
     pub(super) holes: usize,
@@ -36,7 +36,7 @@ pub(in crate::geometry) struct Solid {
 impl Solid {
     /// Takes a surface, oriented outwards; `clean`: that is closed and passes through itself nowhere.
     /// Holes of others are closed with flat covers.
-    pub(in crate::geometry) fn of(surface: &Surface, clean: bool) -> Self {
+    pub(crate) fn of(surface: &Surface, clean: bool) -> Self {
         let patched;
         let (surface, holes) = if clean {
             (surface, 0)
@@ -68,7 +68,7 @@ impl Solid {
     ///
     /// # Errors
     /// Of `failed`; [`Error::Memory`]; [`Error::Interrupted`].
-    pub(in crate::geometry) fn less(
+    pub(crate) fn less(
         &self,
         other: &Self,
         task: Task<'_>,
@@ -95,7 +95,7 @@ impl Solid {
     ///
     /// # Errors
     /// As [`Solid::less`].
-    pub(in crate::geometry) fn united(
+    pub(crate) fn united(
         surfaces: &[Surface],
         clean: bool,
         task: Task<'_>,
@@ -109,7 +109,7 @@ impl Solid {
     ///
     /// # Errors
     /// As [`Solid::less`].
-    pub(in crate::geometry) fn sum(
+    pub(crate) fn sum(
         mut solids: Vec<Self>,
         task: Task<'_>,
         failed: &(impl Fn(String) -> Error + Sync),
@@ -235,7 +235,7 @@ fn watched<T: Send>(work: impl FnOnce() -> T, token: &CancelToken, task: Task<'_
 
 /// Rounds places to 1e-11 of the size, so that faces which coincide but for rounding leave no slit
 /// between them.
-pub(in crate::geometry) fn snap(surfaces: &mut [Surface]) {
+pub(crate) fn snap(surfaces: &mut [Surface]) {
     let [low, high] = bounds_of(surfaces.iter().flat_map(|it| it.vertices.iter().copied()));
     let size = low.abs().max(high.abs()).max_element();
     let step = libm::exp2(libm::floor(libm::log2(size)) - 36.0);

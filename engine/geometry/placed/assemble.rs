@@ -5,13 +5,13 @@ use glam::DVec3;
 use super::group::Group;
 use super::nesting::Groups;
 use super::{Partners, Placed};
-use crate::geometry::surface::bounds_of;
-use crate::geometry::{ObjectSummary, Sample};
-use crate::numbers;
+use crate::surface::bounds_of;
+use crate::{ObjectSummary, Sample};
+use beamlet_core::numbers;
 
 impl Groups {
     /// Adds the placed surfaces to a sample, whose meshes are complete.
-    pub(in crate::geometry) fn add_to(self, sample: &mut Sample) {
+    pub(crate) fn add_to(self, sample: &mut Sample) {
         let mut first = vec![0; self.all.len()];
         for (number, group) in self.all.into_iter().enumerate() {
             let object = &mut sample.objects[group.object as usize];

@@ -4,8 +4,8 @@ use glam::DVec3;
 
 use super::pipe::Pipe;
 use super::{Place, Prototype};
-use crate::geometry::analytic::{AnalyticShape, Form, Tube};
-use crate::geometry::convex::separation;
+use crate::analytic::{AnalyticShape, Form, Tube};
+use crate::convex::separation;
 
 /// A surface in its place.
 #[derive(Clone, Copy)]
@@ -16,7 +16,7 @@ pub(super) struct Standing<'a> {
 
 /// An analytic shape in its place, about a point near it.
 #[derive(Clone, Copy)]
-enum Solid<'a> {
+pub(super) enum Solid<'a> {
     Convex(AnalyticShape, &'a Place, DVec3),
     Pipe(Pipe),
 }

@@ -7,9 +7,9 @@ use rayon::prelude::*;
 
 use super::nesting::{Boxed, Field, Member};
 use super::own::touch_at_most;
-use crate::geometry::body::Body;
-use crate::geometry::overlap::tolerance;
-use crate::geometry::surface::{corners_of, near};
+use crate::body::Body;
+use crate::overlap::tolerance;
+use crate::surface::{corners_of, near};
 
 /// Fate of a place.
 #[derive(Clone, Copy, PartialEq)]

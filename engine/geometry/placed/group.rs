@@ -3,22 +3,22 @@
 use glam::DVec3;
 
 use super::{Place, Prototype};
-use crate::geometry::Component;
-use crate::geometry::surface::{bounds_of, corners_of};
+use crate::Component;
+use crate::surface::{bounds_of, corners_of};
 
 /// All places of one object.
 #[derive(Debug)]
-pub(in crate::geometry) struct Group {
-    pub(in crate::geometry) object: u32,
-    pub(in crate::geometry) prototype: Prototype,
-    pub(in crate::geometry) places: Vec<Place>,
+pub(crate) struct Group {
+    pub(crate) object: u32,
+    pub(crate) prototype: Prototype,
+    pub(crate) places: Vec<Place>,
     /// They are known to be disjoint.
-    pub(in crate::geometry) apart: bool,
+    pub(crate) apart: bool,
 }
 
 impl Group {
     /// Box around all places in the world.
-    pub(in crate::geometry) fn bounds(&self) -> [DVec3; 2] {
+    pub(crate) fn bounds(&self) -> [DVec3; 2] {
         let own = self.prototype.bounds();
         let corners = self.places.iter().flat_map(|place| place.bounds(own));
         bounds_of(corners)
@@ -53,7 +53,7 @@ impl Group {
     }
 
     /// The components of a place.
-    pub(in crate::geometry) fn components(
+    pub(crate) fn components(
         &self,
         place: &Place,
         outside: Option<u32>,

@@ -6,11 +6,11 @@ use super::distance::Standing;
 use super::group::Group;
 use super::nesting::Boxed;
 use super::{Place, Prototype};
-use crate::geometry::analytic::AnalyticShape;
-use crate::geometry::distance::meet;
-use crate::geometry::overlap::tolerance;
-use crate::geometry::surface::{bounds_of, near};
-use crate::geometry::tree::Tree;
+use crate::analytic::AnalyticShape;
+use crate::distance::meet;
+use crate::overlap::tolerance;
+use crate::surface::{bounds_of, near};
+use crate::tree::Tree;
 
 /// Error of the finest facets of a shape that nearly touches another surface, m.
 const FINEST: f64 = 1e-9;

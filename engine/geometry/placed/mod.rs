@@ -14,11 +14,11 @@ mod place;
 mod prototype;
 mod resolved;
 
-pub(super) use group::Group;
-pub(super) use nesting::Groups;
+pub(crate) use group::Group;
+pub(crate) use nesting::Groups;
 pub(crate) use partners::Partners;
-pub(crate) use place::Place;
-pub(crate) use prototype::Prototype;
+pub use place::Place;
+pub use prototype::Prototype;
 
 use glam::DVec3;
 use std::borrow::Cow;
@@ -27,21 +27,22 @@ use std::ops::Range;
 use super::Sample;
 use super::body::Body;
 use super::surface::Surface;
-use crate::numbers;
+use beamlet_core::numbers;
 
 /// A prototype in its place.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Placed {
+pub struct Placed {
     /// Index into the prototypes of the sample.
-    pub(crate) prototype: u32,
+    pub prototype: u32,
     /// The first of its components; the others of its prototype follow it.
-    pub(crate) component: u32,
-    pub(crate) place: Place,
+    pub component: u32,
+    /// Its position and rotation in the sample.
+    pub place: Place,
 }
 
 impl Placed {
     /// Whether both show the same outlines but for their scale and position.
-    pub(crate) fn shows_the_same(&self, other: &Self) -> bool {
+    pub fn shows_the_same(&self, other: &Self) -> bool {
         let Place { stretch, rotation, .. } = self.place;
         self.prototype == other.prototype
             && rotation == other.place.rotation
@@ -52,7 +53,7 @@ impl Placed {
 /// Facets of the sample, placed meshes included, by number: first the triangles of the sample itself,
 /// then of one placed mesh after the other. Analytic surfaces have none.
 #[derive(Debug, Clone)]
-pub(crate) struct FacetNumbers {
+pub struct FacetNumbers {
     /// By prototype: number of its first facet, and its placed ones.
     blocks: Vec<Block>,
 }
@@ -67,7 +68,7 @@ struct Block {
 
 /// A facet by its number.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum FacetOf {
+pub enum FacetOf {
     /// A triangle of the sample.
     Sample(usize),
     /// A triangle of the prototype of a placed mesh: index of the placed one, and of the triangle.
@@ -75,7 +76,8 @@ pub(crate) enum FacetOf {
 }
 
 impl FacetNumbers {
-    pub(crate) fn new(sample: &Sample) -> Self {
+    /// The numbers of the facets of a sample.
+    pub fn new(sample: &Sample) -> Self {
         let mut blocks = Vec::new();
         let mut count = sample.triangles.len() as u64;
         let mut begin = 0;
@@ -93,7 +95,7 @@ impl FacetNumbers {
     }
 
     /// Placed meshes, with the number of the first facet of each.
-    pub(crate) fn placed(&self) -> impl Iterator<Item = (usize, u64)> {
+    pub fn placed(&self) -> impl Iterator<Item = (usize, u64)> {
         self.blocks.iter().flat_map(|block| {
             (0..)
                 .zip(block.placed.clone())
@@ -102,7 +104,7 @@ impl FacetNumbers {
     }
 
     /// Which facet has a number.
-    pub(crate) fn of(&self, sample: &Sample, number: u32) -> FacetOf {
+    pub fn of(&self, sample: &Sample, number: u32) -> FacetOf {
         if (number as usize) < sample.triangles.len() {
             return FacetOf::Sample(number as usize);
         }
@@ -118,12 +120,14 @@ impl FacetNumbers {
 
 impl Sample {
     /// Whether there is nothing to trace.
-    pub(crate) fn is_empty(&self) -> bool {
+    #[doc(hidden)]
+    pub fn is_empty(&self) -> bool {
         self.triangles.is_empty() && self.placed.is_empty()
     }
 
     /// The largest coordinate, m.
-    pub(crate) fn reach(&self) -> f64 {
+    #[doc(hidden)]
+    pub fn reach(&self) -> f64 {
         let of_mesh = self.vertices.iter().flatten().fold(0.0_f64, |most, v| most.max(v.abs()));
         self.placed.iter().fold(of_mesh, |most, it| {
             let [low, high] = self.bounds_of_placed(it);
@@ -132,13 +136,15 @@ impl Sample {
     }
 
     /// Box of a placed surface in the world: least and greatest corner, m.
-    pub(crate) fn bounds_of_placed(&self, placed: &Placed) -> [DVec3; 2] {
+    #[doc(hidden)]
+    pub fn bounds_of_placed(&self, placed: &Placed) -> [DVec3; 2] {
         placed.place.bounds(self.prototypes[placed.prototype as usize].bounds())
     }
 
     /// Area that each component of a placed surface shows along directions, over its scale squared, m2;
     /// half of both sides.
-    pub(crate) fn projected_areas(&self, placed: &Placed, along: [DVec3; 3]) -> Vec<[f64; 3]> {
+    #[doc(hidden)]
+    pub fn projected_areas(&self, placed: &Placed, along: [DVec3; 3]) -> Vec<[f64; 3]> {
         let prototype = &self.prototypes[placed.prototype as usize];
         let place = Place { scale: 1.0, position: DVec3::ZERO, ..placed.place };
         let mut areas = vec![[0.0; 3]; prototype.components.len()];
@@ -153,7 +159,8 @@ impl Sample {
     }
 
     /// Corners of a facet, m.
-    pub(crate) fn corners(&self, facet: FacetOf) -> [DVec3; 3] {
+    #[doc(hidden)]
+    pub fn corners(&self, facet: FacetOf) -> [DVec3; 3] {
         match facet {
             FacetOf::Sample(triangle) => {
                 self.triangles[triangle].map(|v| DVec3::from_array(self.vertices[v as usize]))
@@ -167,7 +174,8 @@ impl Sample {
     }
 
     /// Component of a facet.
-    pub(crate) fn component_of(&self, facet: FacetOf) -> u32 {
+    #[doc(hidden)]
+    pub fn component_of(&self, facet: FacetOf) -> u32 {
         match facet {
             FacetOf::Sample(triangle) => self.triangle_component[triangle],
             FacetOf::Placed(placed, triangle) => {

@@ -14,33 +14,33 @@ use super::fate::Fate;
 use super::group::Group;
 use super::meeting::{meets_body, meets_place};
 use super::own::{self, Clash, clash};
-use crate::error::{Error, Result};
-use crate::geometry::body::Body;
-use crate::geometry::search::Search;
-use crate::geometry::surface::{Surface, bounds_of, corners_of, near};
-use crate::geometry::tree::Tree;
-use crate::geometry::watch::{LoadStep, Task};
-use crate::numbers;
+use crate::body::Body;
+use crate::search::Search;
+use crate::surface::{Surface, bounds_of, corners_of, near};
+use crate::tree::Tree;
+use beamlet_core::error::{Error, Result};
+use beamlet_core::numbers;
+use beamlet_core::watch::{LoadStep, Task};
 
 /// Error of the facets of a shape that is cut with others, m, where few enough are as fine.
 const JOINED: f64 = 1e-8;
 /// Places of all groups, and their surroundings.
 #[derive(Default)]
-pub(in crate::geometry) struct Groups {
-    pub(in crate::geometry) all: Vec<Group>,
+pub(crate) struct Groups {
+    pub(crate) all: Vec<Group>,
     /// Of each place of each group: the latest object around it.
-    pub(in crate::geometry) outside: Vec<Vec<Option<u32>>>,
+    pub(crate) outside: Vec<Vec<Option<u32>>>,
     /// Of each group: how many places lie wholly in later objects, and are left out.
-    pub(in crate::geometry) covered: Vec<usize>,
+    pub(crate) covered: Vec<usize>,
     /// Of each group: how many places lie wholly in others of it, and are left out.
-    pub(in crate::geometry) inner: Vec<usize>,
+    pub(crate) inner: Vec<usize>,
     /// Of each group: how many have joined the mesh of their object, and how far their facets are off
     /// their surfaces at most, m.
-    pub(in crate::geometry) joined: Vec<(usize, f64)>,
+    pub(crate) joined: Vec<(usize, f64)>,
     /// Pairs of objects, earlier and later, of which places cross or the later one covers a place.
-    pub(in crate::geometry) overlaps: BTreeSet<[u32; 2]>,
+    pub(crate) overlaps: BTreeSet<[u32; 2]>,
     /// Pairs of exact shapes whose surfaces cross or touch: group, and number among the standing places.
-    pub(in crate::geometry) crossing: Vec<[[u32; 2]; 2]>,
+    pub(crate) crossing: Vec<[[u32; 2]; 2]>,
 }
 
 /// A place among all of all groups.
@@ -50,15 +50,15 @@ pub(super) struct Member {
     number: u32,
     pub(super) group: u32,
     pub(super) place: u32,
-    pub(super) bounds: [DVec3; 2],
+    pub(crate) bounds: [DVec3; 2],
 }
 
 /// A body and the box around it.
 pub(super) struct Boxed<'a> {
-    pub(super) body: &'a Body,
+    pub(crate) body: &'a Body,
     /// A point of each of its components.
     pub(super) starts: Vec<DVec3>,
-    pub(super) bounds: [DVec3; 2],
+    pub(crate) bounds: [DVec3; 2],
 }
 
 impl<'a> Boxed<'a> {
@@ -90,7 +90,7 @@ fn partners_of(count: usize, crossing: &[[u32; 2]]) -> Vec<Vec<u32>> {
 
 /// Members and the tree over their boxes.
 pub(super) struct Field<'a> {
-    pub(super) groups: &'a [Group],
+    pub(crate) groups: &'a [Group],
     pub(super) members: Vec<Member>,
     pub(super) tree: Tree,
 }
@@ -101,7 +101,7 @@ impl Groups {
     ///
     /// # Errors
     /// Places of one object that overlap and cannot be united; [`Error::Interrupted`].
-    pub(in crate::geometry) fn settle(
+    pub(crate) fn settle(
         groups: Vec<Group>,
         bodies: &mut [Body],
         names: &[String],
@@ -179,7 +179,7 @@ impl Groups {
     }
 
     /// Adds later objects with crossing shapes to the objects that cut an earlier one.
-    pub(in crate::geometry) fn add_cutters(&self, cut_by: &mut [Vec<u32>]) {
+    pub(crate) fn add_cutters(&self, cut_by: &mut [Vec<u32>]) {
         for pair in &self.crossing {
             let [a, b] = pair.map(|[group, _]| self.all[group as usize].object);
             if a != b {
@@ -251,7 +251,7 @@ impl Groups {
 
     /// Components of bodies inside a place of a later object than the one around them so far: that place
     /// is then around them.
-    pub(in crate::geometry) fn surround(&self, bodies: &mut [Body]) {
+    pub(crate) fn surround(&self, bodies: &mut [Body]) {
         if self.all.iter().all(|group| group.places.is_empty()) {
             return;
         }

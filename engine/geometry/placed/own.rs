@@ -10,12 +10,12 @@ use super::distance::Standing;
 use super::fate::Fate;
 use super::group::Group;
 use super::meeting::{are_apart, meets_place};
-use crate::error::{Error, Result};
-use crate::geometry::overlap::{Solid, snap, tolerance};
-use crate::geometry::surface::{Surface, in_mm};
-use crate::geometry::topology::{self, join, labels};
-use crate::geometry::watch::Task;
-use crate::numbers;
+use crate::overlap::{Solid, snap, tolerance};
+use crate::surface::{Surface, in_mm};
+use crate::topology::{self, join, labels};
+use beamlet_core::error::{Error, Result};
+use beamlet_core::numbers;
+use beamlet_core::watch::Task;
 
 /// Most facets of the overlapping instances of an object, where these stand for exact shapes.
 const MOST_UNITED: u64 = 4_000_000;

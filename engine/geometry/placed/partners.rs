@@ -7,7 +7,7 @@ use std::collections::BTreeMap;
 /// Their surfaces are not cut: the material outside a surface depends on the point, and rays find it by
 /// the partners that contain the point.
 #[derive(Debug, Clone, Default, PartialEq)]
-pub(crate) struct Partners {
+pub struct Partners {
     lists: BTreeMap<u32, Vec<u32>>,
 }
 
@@ -24,7 +24,7 @@ impl Partners {
     }
 
     /// Each shape that others cross, with those.
-    pub(crate) fn lists(&self) -> impl Iterator<Item = (u32, &[u32])> {
+    pub fn lists(&self) -> impl Iterator<Item = (u32, &[u32])> {
         self.lists.iter().map(|(at, of)| (*at, of.as_slice()))
     }
 

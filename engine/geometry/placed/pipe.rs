@@ -4,8 +4,8 @@
 use glam::{DVec2, DVec3};
 
 use super::around::around;
-use crate::geometry::analytic::{AnalyticShape, Tube};
-use crate::geometry::convex::separation;
+use crate::analytic::{AnalyticShape, Tube};
+use crate::convex::separation;
 
 /// A tube in its place, about a point near it.
 #[derive(Clone, Copy)]

@@ -3,23 +3,22 @@
 use glam::{DMat3, DQuat, DVec3};
 
 use super::super::Lids;
-use super::super::instances::InstanceTransform;
+use beamlet_packing::InstanceTransform;
 
 /// Scaled, stretched along its own z, turned, moved, in this order.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct Place {
-    pub(crate) scale: f64,
+pub struct Place {
+    /// Of all three axes.
+    pub scale: f64,
     /// Of z, beyond the scale.
-    pub(crate) stretch: f64,
-    pub(crate) rotation: DQuat,
-    pub(crate) position: DVec3,
+    pub stretch: f64,
+    /// Applied after scale and stretch.
+    pub rotation: DQuat,
+    /// m.
+    pub position: DVec3,
 }
 
 impl Place {
-    #[cfg(test)]
-    pub(crate) const ORIGIN: Self =
-        Self { scale: 1.0, stretch: 1.0, rotation: DQuat::IDENTITY, position: DVec3::ZERO };
-
     /// Place of an instance of a group with this place.
     pub(crate) fn around(&self, instance: &InstanceTransform) -> Self {
         Self {
@@ -31,7 +30,7 @@ impl Place {
     }
 
     /// Of the own frame.
-    pub(crate) fn scales(&self) -> DVec3 {
+    pub fn scales(&self) -> DVec3 {
         DVec3::new(self.scale, self.scale, self.scale * self.stretch)
     }
 
@@ -41,7 +40,7 @@ impl Place {
     }
 
     /// A point of the own frame in the world, m.
-    pub(crate) fn world_from_own(&self, point: DVec3) -> DVec3 {
+    pub fn world_from_own(&self, point: DVec3) -> DVec3 {
         self.rotation * (point * self.scales()) + self.position
     }
 

@@ -23,19 +23,21 @@ const MOST_FACETS: u64 = 150_000;
 /// A closed surface in its own frame, m: a mesh, or an analytic shape with facets that stand for it
 /// where no ray is traced.
 #[derive(Debug, Clone)]
-pub(crate) struct Prototype {
-    pub(crate) shape: Option<AnalyticShape>,
+pub struct Prototype {
+    /// The shape that is traced in place of the facets.
+    pub shape: Option<AnalyticShape>,
     /// How far facets that stand for the shape are off it, m.
     error: f64,
-    pub(crate) vertices: Vec<DVec3>,
+    /// m.
+    pub vertices: Vec<DVec3>,
     /// Counter-clockwise seen from outside.
-    pub(crate) triangles: Vec<[u32; 3]>,
+    pub triangles: Vec<[u32; 3]>,
     /// Component of each triangle, counted from 0.
-    pub(crate) triangle_component: Vec<u32>,
+    pub triangle_component: Vec<u32>,
     /// In the own frame; `outside` belongs to each place.
-    pub(crate) components: Vec<Component>,
+    pub components: Vec<Component>,
     /// Triangles across the edges of each, as [`super::super::across_edges`] gives them.
-    pub(crate) across: Vec<[u32; 3]>,
+    pub across: Vec<[u32; 3]>,
     bounds: [DVec3; 2],
     /// See [`Self::extremes`].
     extremes: OnceLock<Vec<DVec3>>,
@@ -52,6 +54,7 @@ fn extremes_of(vertices: &[DVec3]) -> Vec<DVec3> {
 }
 
 impl Prototype {
+    /// A mesh: vertices (m), triangles, and the component of each triangle.
     pub(crate) fn new(
         vertices: Vec<DVec3>,
         triangles: Vec<[u32; 3]>,
@@ -104,7 +107,7 @@ impl Prototype {
         }
     }
 
-    /// The same shape with facets that are off it by less, as near to `error` (m) as [`MOST_FACETS`]
+    /// The same shape with facets that are off it by less, as near to `error` (m) as `MOST_FACETS`
     /// allow; nothing for a mesh, or where they cannot be finer.
     pub(crate) fn finer(&self, error: f64) -> Option<Self> {
         self.finer_of(error, MOST_FACETS)
@@ -126,12 +129,12 @@ impl Prototype {
     }
 
     /// Number of facets that are traced.
-    pub(crate) fn facets(&self) -> usize {
+    pub fn facets(&self) -> usize {
         if self.shape.is_some() { 0 } else { self.triangles.len() }
     }
 
     /// Corners of a triangle, m.
-    pub(crate) fn corners(&self, triangle: usize) -> [DVec3; 3] {
+    pub fn corners(&self, triangle: usize) -> [DVec3; 3] {
         self.triangles[triangle].map(|vertex| self.vertices[vertex as usize])
     }
 

@@ -2,14 +2,13 @@
 
 use std::collections::BTreeMap;
 
-use super::own;
-use super::{Placed, Prototype};
-use crate::error::Result;
-use crate::geometry::Sample;
-use crate::geometry::body::Body;
-use crate::geometry::nesting::nest;
-use crate::geometry::surface::{Surface, corners_of, near};
-use crate::geometry::watch::Task;
+use super::{Placed, Prototype, own};
+use crate::Sample;
+use crate::body::Body;
+use crate::nesting::nest;
+use crate::surface::{Surface, corners_of, near};
+use beamlet_core::error::Result;
+use beamlet_core::watch::Task;
 
 impl Sample {
     /// Adds the objects around shapes that cross to the surroundings of their facets: the comparison of
@@ -31,8 +30,8 @@ impl Sample {
     /// its own frame.
     ///
     /// # Errors
-    /// Facets that cannot be cut; [`crate::Error::Memory`].
-    pub(in crate::geometry) fn resolved(
+    /// Facets that cannot be cut; [`beamlet_core::Error::Memory`].
+    pub(crate) fn resolved(
         &self,
         facets: impl Fn(&Prototype, &Placed) -> Surface,
     ) -> Result<Vec<Body>> {

@@ -2,7 +2,7 @@
 
 use super::super::Sample;
 use super::BeamExtent;
-use crate::scene::Motion;
+use beamlet_model::scene::Motion;
 use glam::{DVec2, DVec3};
 
 /// Points of an object that are kept before their hull replaces them.

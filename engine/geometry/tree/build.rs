@@ -4,8 +4,8 @@ use glam::{DVec3, Vec3};
 
 use super::slab::{self, Slab};
 use super::{Band, BoundsNode, LEAF, NONE, outwards};
-use crate::geometry::surface::Surface;
-use crate::numbers;
+use crate::surface::Surface;
+use beamlet_core::numbers;
 
 /// Fewer members than this are not worth a task of their own.
 const TASK: usize = 4096;

@@ -4,7 +4,7 @@ use glam::{DVec3, Vec3};
 
 use super::slab::{self, ROUNDING, Slab};
 use super::{BoundsNode, NONE, outwards};
-use crate::geometry::surface::bounds_of;
+use crate::surface::bounds_of;
 
 /// Where a slab has more than this share of a line, it is as good as all of it.
 const MOST_OF_IT: f64 = 0.9;
@@ -48,7 +48,7 @@ impl ThickLine {
 }
 
 /// A triangle, or another set of three points, that searches its neighbourhood.
-pub(in crate::geometry) struct Query {
+pub(crate) struct Query {
     corners: [DVec3; 3],
     vertices: [u32; 3],
     margin: f64,
@@ -73,11 +73,7 @@ impl Query {
     /// What comes within `margin` of `corners`. Members that have a vertex in common with
     /// `vertices` are found if the opposite side comes near them, or if theirs comes near the
     /// query: see [`Tree::pairs`].
-    pub(in crate::geometry) fn new(
-        corners: [DVec3; 3],
-        vertices: Option<[u32; 3]>,
-        margin: f64,
-    ) -> Self {
+    pub(crate) fn new(corners: [DVec3; 3], vertices: Option<[u32; 3]>, margin: f64) -> Self {
         let bounds = bounds_of(corners.into_iter());
         let [low, high] = outwards(bounds, margin);
         let slab = |across| Slab::around(across, corners, [low, high], margin);
@@ -167,8 +163,8 @@ impl Query {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::geometry::surface::Surface;
-    use crate::geometry::tree::Tree;
+    use crate::surface::Surface;
+    use crate::tree::Tree;
 
     #[test]
     fn a_triangle_from_the_axis_reaches_few_of_the_walls_that_stand_around_it() {

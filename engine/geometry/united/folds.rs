@@ -3,9 +3,9 @@
 use glam::DVec3;
 use rayon::prelude::*;
 
-use crate::geometry::defects::CrossingPair;
-use crate::geometry::search::Search;
-use crate::geometry::surface::Surface;
+use crate::defects::CrossingPair;
+use crate::search::Search;
+use crate::surface::Surface;
 
 /// Most folds that are tried.
 const MOST: usize = 4096;

@@ -20,9 +20,9 @@ use super::search::{Search, winding_by_solid_angle};
 use super::surface::{Surface, bounds_of, corners_of, encloses, in_mm};
 use super::topology::{self, Edge, join, labels};
 use super::tree::Tree;
-use super::watch::{LoadStep, Task};
-use crate::error::{Error, Result};
-use crate::numbers;
+use beamlet_core::error::{Error, Result};
+use beamlet_core::numbers;
+use beamlet_core::watch::{LoadStep, Task};
 
 /// Points of a shell that are asked.
 const POINTS: usize = 16;
@@ -31,7 +31,7 @@ const MOST_OF_SHEET: usize = 5_000;
 
 /// A surface whose parts are united.
 pub(super) struct United {
-    pub(super) surface: Surface,
+    pub(crate) surface: Surface,
     /// Parts that touched others.
     pub(super) parts: usize,
     /// Of these, such as were inside out.

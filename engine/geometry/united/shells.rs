@@ -2,9 +2,9 @@
 
 use glam::DVec3;
 
-use crate::geometry::surface::Surface;
-use crate::geometry::topology::{Edge, is_balanced, join, labels, root};
-use crate::numbers;
+use crate::surface::Surface;
+use crate::topology::{Edge, is_balanced, join, labels, root};
+use beamlet_core::numbers;
 use std::collections::HashMap;
 
 /// Triangles at an edge count as faces that coincide where their third corners, as far from the edge,
@@ -201,7 +201,7 @@ fn matched<'a>(leaves: impl Iterator<Item = &'a Leaf>) -> Vec<[u32; 2]> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::geometry::topology;
+    use crate::topology;
     use glam::DMat3;
 
     /// Corners of boxes, equal ones joined, as triangles turned outwards.

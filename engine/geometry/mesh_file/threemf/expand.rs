@@ -8,8 +8,8 @@ use super::super::file::MeshFile;
 use super::super::names::{Label, Names};
 use super::model::{MaterialOf, Model, Object, Reference};
 use super::roles::Roles;
-use crate::geometry::surface::{Defect, PEAK_PER_TRIANGLE, SIMPLIFY, Surface};
-use crate::{printed, reserve};
+use crate::surface::{Defect, PEAK_PER_TRIANGLE, SIMPLIFY, Surface};
+use beamlet_core::{printed, reserve};
 
 type Models = HashMap<String, Model>;
 

@@ -17,9 +17,9 @@ use zip::ZipArchive;
 use zip::result::ZipError;
 
 use super::file::MeshFile;
-use crate::geometry::surface::{Defect, SIMPLIFY};
-use crate::geometry::watch::Task;
-use crate::{input_file, printed, reserve};
+use crate::surface::{Defect, SIMPLIFY};
+use beamlet_core::watch::Task;
+use beamlet_core::{input_file, printed, reserve};
 use model::Model;
 use roles::{Roles, SETTINGS};
 

@@ -9,8 +9,8 @@ use quick_xml::events::{BytesStart, Event};
 use quick_xml::name::{QName, ResolveResult};
 
 use super::roles::Role;
-use crate::geometry::surface::Defect;
-use crate::printed;
+use crate::surface::Defect;
+use beamlet_core::printed;
 
 /// Lengths of 1.0 by their names, m.
 const UNITS: [(&str, f64); 6] = [
@@ -33,22 +33,22 @@ const SHAPES: [&str; 5] =
 #[derive(Debug)]
 pub(super) struct Model {
     /// m per unit.
-    pub(super) unit: f64,
-    pub(super) objects: HashMap<u32, Object>,
+    pub(crate) unit: f64,
+    pub(crate) objects: HashMap<u32, Object>,
     /// Names of base materials; `None` for resources of other kinds, colours for one.
-    pub(super) materials: HashMap<u32, Option<Vec<String>>>,
+    pub(crate) materials: HashMap<u32, Option<Vec<String>>>,
     /// The build list.
-    pub(super) build: Vec<Reference>,
+    pub(crate) build: Vec<Reference>,
 }
 
 #[derive(Debug, Default)]
 pub(super) struct Object {
-    pub(super) name: String,
+    pub(crate) name: String,
     /// `None`: a part of the model.
-    pub(super) role: Option<Role>,
+    pub(crate) role: Option<Role>,
     /// Shapes of extensions, which are left out.
     pub(super) left_out: Vec<String>,
-    pub(super) material: Option<MaterialOf>,
+    pub(crate) material: Option<MaterialOf>,
     pub(super) vertices: Vec<DVec3>,
     pub(super) triangles: Vec<Triangle>,
     pub(super) components: Vec<Reference>,
@@ -57,16 +57,16 @@ pub(super) struct Object {
 #[derive(Debug)]
 pub(super) struct Triangle {
     pub(super) corners: [u32; 3],
-    pub(super) material: Option<MaterialOf>,
+    pub(crate) material: Option<MaterialOf>,
 }
 
 /// A material by its resource and its number in it.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct MaterialOf {
     pub(super) resource: u32,
-    pub(super) number: u32,
+    pub(crate) number: u32,
     /// Line of the model where it is named.
-    pub(super) line: u32,
+    pub(crate) line: u32,
 }
 
 impl MaterialOf {
@@ -79,10 +79,10 @@ impl MaterialOf {
 /// An object in its place.
 #[derive(Debug)]
 pub(super) struct Reference {
-    pub(super) object: u32,
+    pub(crate) object: u32,
     /// Another model of the file that holds it.
-    pub(super) path: Option<String>,
-    pub(super) place: DAffine3,
+    pub(crate) path: Option<String>,
+    pub(crate) place: DAffine3,
 }
 
 impl Model {
@@ -95,7 +95,7 @@ impl Model {
             let position = usize::try_from(position).unwrap_or(usize::MAX).min(text.len());
             let bytes = &text.as_bytes()[counted..position.max(counted)];
             let ends = bytes.iter().filter(|byte| **byte == b'\n').count();
-            line = line.saturating_add(crate::numbers::at_most(ends));
+            line = line.saturating_add(beamlet_core::numbers::at_most(ends));
             counted = position.max(counted);
             line
         };

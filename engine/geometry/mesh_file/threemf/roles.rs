@@ -31,7 +31,7 @@ impl Role {
             "surface" => Some(Self::Surface),
             "other" => Some(Self::Other),
             _ => {
-                let text = crate::printed::line(text);
+                let text = beamlet_core::printed::line(text);
                 let allowed = "model, support, solidsupport, surface, other";
                 return Err(format!("type is \"{text}\"; allowed: {allowed}"));
             }

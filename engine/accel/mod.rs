@@ -1,6 +1,0 @@
-//! Acceleration: data for the device's search of triangles in the way of a ray.
-
-mod bvh;
-mod placed;
-
-pub(crate) use bvh::Bvh;

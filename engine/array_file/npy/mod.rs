@@ -1,8 +1,0 @@
-//! NPY: one array of any shape.
-
-mod header;
-mod read;
-mod write;
-
-pub(super) use read::NpyFile;
-pub(super) use write::{append, header};

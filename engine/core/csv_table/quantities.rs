@@ -1,0 +1,103 @@
+//! Columns of quantities of one kind, such as angles, with the unit in the name of the column.
+
+use super::{Row, TableKind};
+use crate::Result;
+use crate::units::Dimension;
+use std::path::Path;
+
+/// How many columns of quantities a table has.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Numbered {
+    /// One, `NAME_UNIT`.
+    No,
+    /// One or more, `NAME_0_UNIT`, `NAME_1_UNIT` and so on.
+    Yes,
+}
+
+/// A table of quantities; a column `view` may number its rows.
+#[derive(Debug, Clone, Copy)]
+pub struct Quantities {
+    /// Its name in messages.
+    pub kind: TableKind,
+    /// Name of the columns, without unit.
+    pub name: &'static str,
+    /// `None`: numbers without a unit, columns `NAME` or `NAME_0` and so on.
+    pub dimension: Option<Dimension>,
+    /// How many columns it may have.
+    pub columns: Numbered,
+}
+
+/// A column: its unit; none of `view`.
+type Column = Option<String>;
+
+impl Quantities {
+    /// Reads the rows of a file, each with the values of its columns in the base unit.
+    ///
+    /// # Errors
+    /// As `TableKind::read`.
+    pub fn read(&self, path: &Path) -> Result<Vec<Vec<f64>>> {
+        self.kind.read(path, |row| self.header(row), |row, columns| self.row(row, columns))
+    }
+
+    fn header(&self, row: &Row<'_>) -> Result<Vec<Column>> {
+        let mut columns: Vec<Column> = Vec::new();
+        let mut has_view = false;
+        for index in 0..row.record.len() {
+            let name = row.field(index).unwrap_or_default();
+            if name == "view" && !has_view {
+                has_view = true;
+                columns.push(None);
+                continue;
+            }
+            let number = columns.iter().flatten().count();
+            let stem = match self.columns {
+                Numbered::No => self.name.to_owned(),
+                Numbered::Yes => format!("{}_{number}", self.name),
+            };
+            let rest = name.strip_prefix(&stem);
+            let unit = match self.dimension {
+                Some(_) => rest.and_then(|rest| rest.strip_prefix('_')),
+                None => rest,
+            };
+            let is_unit = |unit: &&str| match self.dimension {
+                Some(dimension) => dimension.units().any(|known| known == *unit),
+                None => unit.is_empty(),
+            };
+            match unit.filter(is_unit).filter(|_| number == 0 || self.columns == Numbered::Yes) {
+                Some(unit) => columns.push(Some(unit.to_owned())),
+                None => {
+                    let found = format!("the column {}", row.shown(index));
+                    return Err(row.error(index, "header", &found, self.kind.columns));
+                }
+            }
+        }
+        if columns.iter().flatten().next().is_none() {
+            let found = "no column of values";
+            return Err(row.error(0, self.kind.key, found, self.kind.columns));
+        }
+        Ok(columns)
+    }
+
+    fn row(&self, row: &Row<'_>, columns: &[Column]) -> Result<Vec<f64>> {
+        let mut values = Vec::new();
+        for (index, column) in columns.iter().enumerate() {
+            let Some(unit) = column else {
+                row.check_view(index)?;
+                continue;
+            };
+            let Some(dimension) = self.dimension else {
+                values.push(row.number(index, self.name)?);
+                continue;
+            };
+            let text = row.field(index).unwrap_or_default();
+            match dimension.parse(&format!("{text} {unit}")) {
+                Ok(value) => values.push(value),
+                Err(_) => {
+                    let found = row.shown(index);
+                    return Err(row.error(index, self.name, &found, "a finite number"));
+                }
+            }
+        }
+        Ok(values)
+    }
+}

@@ -1,0 +1,214 @@
+//! What run.json records.
+
+use beamlet_core::tally::Tally;
+use beamlet_gpu::Backend;
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+
+/// The part of the record that is known when a run begins.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct RunStart {
+    /// Device name.
+    pub device: String,
+    /// Driver name and version.
+    pub driver: String,
+    /// Backend used.
+    pub backend: Backend,
+    /// Why that backend.
+    pub backend_reason: String,
+    /// Counts by which the backend was chosen; `None` without a choice.
+    pub search: Option<SearchCounts>,
+    /// SHA-256 of the meshes by the name of their object, as
+    /// `beamlet_geometry::ObjectSummary::hash`; shapes have none.
+    pub mesh_hashes: BTreeMap<String, String>,
+}
+
+impl RunStart {
+    /// A run on a device and backend, for reasons in words; nothing was counted, and no mesh read.
+    pub fn new(
+        device: impl Into<String>,
+        driver: impl Into<String>,
+        backend: Backend,
+        backend_reason: impl Into<String>,
+    ) -> Self {
+        Self {
+            device: device.into(),
+            driver: driver.into(),
+            backend,
+            backend_reason: backend_reason.into(),
+            search: None,
+            mesh_hashes: BTreeMap::new(),
+        }
+    }
+}
+
+/// Inputs of the bits of a run beside its scene.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[non_exhaustive]
+pub struct Platform {
+    /// Version of beamlet.
+    pub version: String,
+    /// Device name.
+    pub device: String,
+    /// Driver name and version.
+    pub driver: String,
+    /// Backend used.
+    pub backend: Backend,
+}
+
+impl Platform {
+    /// Names and values of what differs: name, here, there.
+    pub(super) fn differences(&self, other: &Self) -> Vec<[String; 3]> {
+        let values = |of: &Self| {
+            [of.version.clone(), of.device.clone(), of.driver.clone(), of.backend.to_string()]
+        };
+        let names = ["version", "device", "driver", "backend"];
+        let pairs = names.into_iter().zip(values(self)).zip(values(other));
+        let triples = pairs.map(|((name, here), there)| [name.to_owned(), here, there]);
+        triples.filter(|[_, here, there]| here != there).collect()
+    }
+}
+
+/// Provenance of a run, stored as run.json.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct RunRecord {
+    /// Version of beamlet.
+    pub version: String,
+    /// Commit of its repository that it was built from; `None` in packages and incremental builds.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub commit: Option<String>,
+    /// Device name.
+    pub device: String,
+    /// Driver name and version.
+    pub driver: String,
+    /// Backend used.
+    pub backend: Backend,
+    /// Why that backend.
+    pub backend_reason: String,
+    /// Counts by which the backend was chosen; `None` without a choice.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub search: Option<SearchCounts>,
+    /// Seed.
+    pub seed: u64,
+    /// Counts.
+    pub tally: Tally,
+    /// Rays and errors of the patches that the sample touches; `None`: unknown, as under
+    /// `scheme = "random"`, or nothing was sampled.
+    pub sampling: Option<SamplingSummary>,
+    /// Largest error of a recorded value from edges off the rotation centre, share of open beam: the spot
+    /// blurs them as if they were at the centre. Estimated by rays, or bounded if the bound is within the
+    /// tolerance. `None`: unknown, as for kept moments; and under `scheme = "random"`, which has no such
+    /// error.
+    pub edge_error: Option<f64>,
+    /// Seconds by stage.
+    pub seconds: BTreeMap<String, f64>,
+}
+
+impl RunRecord {
+    /// Inputs of the bits of the run beside its scene.
+    #[must_use]
+    pub fn platform(&self) -> Platform {
+        Platform {
+            version: self.version.clone(),
+            device: self.device.clone(),
+            driver: self.driver.clone(),
+            backend: self.backend,
+        }
+    }
+
+    /// The record of a run that begins: nothing is counted yet.
+    #[must_use]
+    pub fn begin(start: &RunStart, seed: u64) -> Self {
+        Self {
+            version: beamlet_core::program::VERSION.to_owned(),
+            commit: beamlet_core::program::commit(),
+            device: start.device.clone(),
+            driver: start.driver.clone(),
+            backend: start.backend,
+            backend_reason: start.backend_reason.clone(),
+            search: start.search,
+            seed,
+            tally: Tally::default(),
+            sampling: None,
+            edge_error: None,
+            seconds: BTreeMap::new(),
+        }
+    }
+}
+
+/// Work of a search for surfaces in a scene, in counts, independent of any clock.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[non_exhaustive]
+pub struct SearchCounts {
+    /// Leaves of the tree: triangles, shapes and placed meshes.
+    pub leaves: u32,
+    /// Mean number of surfaces that a ray through the shadow of the sample crosses (a ray counts
+    /// up to 64).
+    pub crossings_per_ray: f64,
+}
+
+impl SearchCounts {
+    /// Counts of a scene.
+    #[must_use]
+    pub const fn new(leaves: u32, crossings_per_ray: f64) -> Self {
+        Self { leaves, crossings_per_ray }
+    }
+}
+
+/// Fineness of the sampling of patches (beamlet and detector row), and its estimated error in recorded
+/// values: for each patch the error of the worst mask step. For kept moments: the difference of some
+/// pixels from a new simulation with its own rays.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
+#[non_exhaustive]
+pub struct SamplingSummary {
+    /// Patches that the sample touches; of kept moments the pixels that were compared.
+    pub patches: u64,
+    /// Rays of a patch, mean; 0 of kept moments.
+    pub mean_rays: f64,
+    /// Rays of the patch that has the most.
+    pub most_rays: u64,
+    /// Estimated error, root mean square over the patches, share of open beam.
+    pub rms_error: f64,
+    /// Largest estimated error, share of open beam.
+    pub worst_error: f64,
+    /// Error that was allowed, share of open beam.
+    pub tolerance: f64,
+    /// Patches that may exceed it, or the tolerance of angles; of kept moments pixels that exceed it.
+    pub beyond_tolerance: u64,
+}
+
+impl SamplingSummary {
+    /// Of kept cells, in values of `pixels` compared with a new simulation: root mean square and largest.
+    #[doc(hidden)]
+    pub const fn of_kept(
+        pixels: u64,
+        [rms_error, worst_error]: [f64; 2],
+        beyond_tolerance: u64,
+        tolerance: f64,
+    ) -> Self {
+        Self {
+            patches: pixels,
+            mean_rays: 0.0,
+            most_rays: 0,
+            rms_error,
+            worst_error,
+            tolerance,
+            beyond_tolerance,
+        }
+    }
+
+    /// From the counts of a run, where `tolerance` was allowed; `None` where nothing was sampled.
+    #[doc(hidden)]
+    pub fn of(tally: &Tally, tolerance: f64) -> Option<Self> {
+        let float = |count: u64| count as f64;
+        (tally.patches > 0).then(|| Self {
+            patches: tally.patches,
+            mean_rays: float(tally.patch_rays) / float(tally.patches),
+            most_rays: tally.most_patch_rays,
+            rms_error: 1e-9 * (float(tally.error_squares) / float(tally.patches)).sqrt(),
+            worst_error: 1e-9 * float(tally.worst_error),
+            tolerance,
+            beyond_tolerance: tally.beyond_tolerance,
+        })
+    }
+}

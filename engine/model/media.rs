@@ -1,0 +1,109 @@
+//! Materials of a scene by index, medium 0 being the surroundings, with their constants.
+
+use crate::material::{self, Constants};
+use crate::scene::Scene;
+use crate::spectrum;
+use beamlet_core::{Result, numbers};
+use beamlet_interface::{MOMENTS_PER_MATERIAL, MOMENTS_PER_PAIR};
+
+/// Materials by index; index 0 is the surroundings.
+#[derive(Debug, Clone)]
+pub struct MaterialTable {
+    /// Names.
+    pub names: Vec<String>,
+    /// Energy of each node of the beam's spectrum, keV; one for a single energy.
+    pub energies: Vec<f64>,
+    /// Weight of each node; their sum is 1.
+    pub weights: Vec<f64>,
+    /// Constants, `[node][material]`.
+    pub constants: Vec<Vec<Constants>>,
+    /// Material of each object.
+    pub of_object: Vec<u32>,
+    /// Whether each object is rough.
+    pub rough: Vec<bool>,
+}
+
+impl MaterialTable {
+    /// Collects the materials of a scene.
+    ///
+    /// # Errors
+    /// As [`material::constants_at_for`] and [`spectrum::nodes`].
+    pub fn of(scene: &Scene) -> Result<Self> {
+        let mut names = vec![scene.surroundings.clone()];
+        let mut keys = vec![scene.surroundings_key().to_owned()];
+        let mut of_object = Vec::with_capacity(scene.objects.len());
+        for (number, object) in scene.objects.iter().enumerate() {
+            let index = names.iter().position(|n| *n == object.material).unwrap_or_else(|| {
+                names.push(object.material.clone());
+                keys.push(scene.object_key(number, "material"));
+                names.len() - 1
+            });
+            of_object.push(numbers::count(index));
+        }
+        let nodes = spectrum::nodes(scene)?;
+        let at = |energy: f64| -> Result<Vec<Constants>> {
+            let named = names.iter().zip(&keys);
+            named.map(|(name, key)| material::constants_at_for(scene, name, energy, key)).collect()
+        };
+        let constants = nodes.energies.iter().map(|&e| at(e)).collect::<Result<_>>()?;
+        Ok(Self {
+            names,
+            energies: nodes.energies,
+            weights: nodes.weights,
+            constants,
+            of_object,
+            rough: scene.objects.iter().map(|object| object.roughness > 0.0).collect(),
+        })
+    }
+
+    /// Words of the moments of a ray through them.
+    #[must_use]
+    pub fn moment_words(&self) -> usize {
+        moment_words(self.names.len(), self.rough.contains(&true))
+    }
+
+    /// Constants averaged over the spectrum, by material: those that refinement goes by.
+    #[must_use]
+    pub fn mean(&self) -> Vec<Constants> {
+        let mean = |m: usize, of: fn(&Constants) -> f64| {
+            self.weights.iter().zip(&self.constants).map(|(w, c)| w * of(&c[m])).sum()
+        };
+        (0..self.names.len())
+            .map(|m| Constants { mu: mean(m, |c| c.mu), delta: mean(m, |c| c.delta) })
+            .collect()
+    }
+
+    /// Step of delta between two materials, root mean square over the spectrum: neglected terms of the
+    /// first order grow with its square.
+    #[must_use]
+    pub fn step(&self, a: u32, b: u32) -> f64 {
+        let square = |c: &Vec<Constants>| (c[a as usize].delta - c[b as usize].delta).powi(2);
+        self.weights.iter().zip(&self.constants).map(|(w, c)| w * square(c)).sum::<f64>().sqrt()
+    }
+
+    /// Delta of a material, root mean square over the spectrum.
+    #[must_use]
+    pub fn delta(&self, material: usize) -> f64 {
+        let square = |c: &Vec<Constants>| c[material].delta.powi(2);
+        self.weights.iter().zip(&self.constants).map(|(w, c)| w * square(c)).sum::<f64>().sqrt()
+    }
+
+    /// Largest of these of any material.
+    #[must_use]
+    pub fn strongest(&self) -> f64 {
+        (0..self.names.len()).map(|m| self.delta(m)).fold(0.0, f64::max)
+    }
+
+    /// Material inside and outside of a surface, by its objects.
+    #[must_use]
+    pub fn sides(&self, object: u32, outside: Option<u32>) -> [u32; 2] {
+        [self.of_object[object as usize], outside.map_or(0, |o| self.of_object[o as usize])]
+    }
+}
+
+/// Words of the moments of a ray, without their head: of each material, and in samples with rough
+/// surfaces of each pair of them.
+pub const fn moment_words(materials: usize, rough: bool) -> usize {
+    let pairs = if rough { materials * (materials - 1) / 2 } else { 0 };
+    materials * MOMENTS_PER_MATERIAL + pairs * MOMENTS_PER_PAIR
+}

@@ -1,0 +1,151 @@
+//! Effect of the bars of a mask on light, by its energy and angle.
+
+use super::mask::Openings;
+use super::{Mask, Optics};
+use crate::material;
+use crate::scene::{MaskBody, Scene};
+use beamlet_core::Result;
+use beamlet_core::numbers::single;
+
+/// Shares of the light of all energies (keV, each with its weight) that the bars of the sample mask and
+/// of the detector mask let through along the axis; 0 without the mask.
+///
+/// # Errors
+/// As [`material::constants_at_for`].
+pub fn mean_leaks(
+    scene: &Scene,
+    optics: &Optics,
+    (energies, weights): (&[f64], &[f64]),
+) -> Result<[f64; 2]> {
+    let mean = |mask: &Option<Mask>| -> Result<f64> {
+        let Some(mask) = mask else { return Ok(0.0) };
+        energies
+            .iter()
+            .zip(weights)
+            .map(|(energy, weight)| Ok(weight * leak(scene, mask, *energy)?))
+            .sum()
+    };
+    Ok([mean(&optics.sample_mask)?, mean(&optics.detector_mask)?])
+}
+
+/// Share of the light of an energy, keV, that bars let through along the axis.
+fn leak(scene: &Scene, mask: &Mask, energy: f64) -> Result<f64> {
+    Ok(MaskShape::of(scene, mask, mask.distance(), Some(energy))?.leak(1.0))
+}
+
+/// Shares of the modulated light by energy: the weights of the open beam (energies in keV, each with its weight)
+/// times 1 − e of each mask, e the leak of its bars. Areas of illumination curves above their background
+/// measure this light. The sum is 1. Shares of the open beam where bars absorb nothing.
+///
+/// # Errors
+/// As [`material::constants_at_for`].
+pub fn modulated(scene: &Scene, (energies, weights): (&[f64], &[f64])) -> Result<Vec<f64>> {
+    let optics = Optics::of(scene);
+    let masks = [&optics.sample_mask, &optics.detector_mask];
+    let share = |(energy, weight): (&f64, &f64)| {
+        let shares = masks.into_iter().flatten().map(|mask| Ok(1.0 - leak(scene, mask, *energy)?));
+        Ok(weight * shares.product::<Result<f64>>()?)
+    };
+    let light: Vec<f64> = energies.iter().zip(weights).map(share).collect::<Result<_>>()?;
+    let of_one = |light: &[f64]| -> Vec<f64> {
+        let total: f64 = light.iter().sum();
+        light.iter().map(|share| share / total).collect()
+    };
+    Ok(of_one(if light.iter().any(|share| *share > 0.0) { &light } else { weights }))
+}
+
+/// A mask as the light stages see it: apertures of one period, and its bars.
+#[derive(Debug, Clone)]
+pub struct MaskShape {
+    /// Its openings in the plane of evaluation, m.
+    pub openings: Openings,
+    /// Extent along the optical axis, m.
+    pub thickness: f64,
+    /// Of bars along the axis; infinite where they are opaque.
+    pub attenuation: f64,
+    /// Of bars that do not attenuate.
+    pub transmission: f64,
+}
+
+impl MaskShape {
+    /// The mask seen from the source in the plane at `plane`, at an energy (keV) or opaque.
+    ///
+    /// # Errors
+    /// As [`material::constants_at_for`].
+    pub fn of(scene: &Scene, mask: &Mask, plane: f64, energy: Option<f64>) -> Result<Self> {
+        let openings = mask.openings(plane);
+        let (thickness, attenuation, transmission) = match mask.body() {
+            MaskBody::Bars { material, thickness } => {
+                let key = format!("{}.material", mask.name());
+                let mu = |energy| material::constants_at_for(scene, material, energy, &key);
+                let mu = energy.map_or(Ok(f64::INFINITY), |energy| Ok(mu(energy)?.mu))?;
+                (*thickness, mu * thickness, 0.0)
+            }
+            MaskBody::Sheet { transmission } => (0.0, 0.0, *transmission),
+        };
+        // Without bars there is nothing for any material to do.
+        let (thickness, attenuation, transmission) = if openings.bar() > 0.0 {
+            (thickness, attenuation, transmission)
+        } else {
+            (0.0, 0.0, 1.0)
+        };
+        Ok(Self {
+            openings,
+            thickness: thickness * mask.scale_at(plane),
+            attenuation,
+            // Bars of a material that does not absorb are no mask at all.
+            transmission: if thickness > 0.0 && attenuation <= 0.0 { 1.0 } else { transmission },
+        })
+    }
+
+    /// The apertures of a period: sorted open intervals about its centre, m in the plane of
+    /// evaluation, as devices hold them.
+    pub fn apertures(&self) -> Vec<[f32; 2]> {
+        self.openings.ends().map(|ends| ends.map(single)).collect()
+    }
+
+    /// Transmission of bars wider than their shadow, as `thick_bars` in light/mask.glsl.
+    pub fn leak(&self, secant: f64) -> f64 {
+        if self.attenuation > 0.0 {
+            libm::exp(-self.attenuation * secant)
+        } else {
+            self.transmission
+        }
+    }
+
+    /// Share of the shadow width that narrows apertures, as `edge_mean` there gives it, where bars
+    /// leak so much.
+    pub fn narrowing(&self, secant: f64, leak: f64) -> f64 {
+        let a = self.attenuation * secant;
+        if a <= 0.0 || 1.0 - leak < 1e-5 {
+            return 0.0;
+        }
+        let mean = if a < 1e-3 { 1.0 - 0.5 * a } else { (1.0 - leak) / a };
+        1.0 - 2.0 * (mean - leak) / (1.0 - leak)
+    }
+
+    /// Variance of an edge in squared shadow widths, as `edge_variance` there.
+    pub fn edge_variance(&self) -> f64 {
+        let (a, leak) = (self.attenuation, self.leak(1.0));
+        if a <= 0.0 {
+            return 0.0;
+        }
+        if a < 0.1 {
+            return 1.0 / 12.0;
+        }
+        (1.0 / (a * a) - leak / ((1.0 - leak) * (1.0 - leak))).max(0.0)
+    }
+
+    /// Whether bars do the same to light in the way of them; apertures do not count.
+    pub fn same_bars(&self, other: &Self) -> bool {
+        let of =
+            |mask: &Self| [mask.thickness, mask.attenuation, mask.transmission].map(f64::to_bits);
+        of(self) == of(other)
+    }
+
+    /// Width of the narrowest aperture or bar, m in the plane of evaluation.
+    pub fn narrowest(&self) -> f64 {
+        let widths = self.apertures().into_iter().map(|[low, high]| f64::from(high - low));
+        widths.fold(self.openings.bar(), f64::min)
+    }
+}

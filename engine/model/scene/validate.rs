@@ -1,0 +1,329 @@
+//! Requirements on a scene, read from a file or built in the library.
+
+use std::collections::HashSet;
+
+use super::derived::AT_DETECTOR;
+use super::keys::detector::validate_thresholds;
+use super::keys::faults::{Faults, named};
+use super::keys::record::check;
+use super::{Beam, Exposure, MaskSpec, Quality, Scene, SpectrumOrigin, SpectrumSpec, limits, path};
+use crate::spot::Spot;
+use beamlet_core::units::Dimension::Length;
+use beamlet_core::{Error, Result, numbers};
+
+impl Scene {
+    /// Checks every range, and the order of the elements along the optical axis. The existence of meshes,
+    /// the names of materials, and the clearance of the sample are checked where they are loaded.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Scene`] for a value that is not allowed, with its key; [`Error::Several`] for more
+    /// than one.
+    pub fn validate(&self) -> Result<()> {
+        Error::of_all(self.faults())
+    }
+
+    /// The errors of all values that are not allowed.
+    pub(super) fn faults(&self) -> Vec<Error> {
+        let mut faults = Faults::default();
+        let below = |table: &str| {
+            let table = table.to_owned();
+            move |name: &str| format!("{table}.{name}")
+        };
+        check(&self.source, &below("source"), &mut faults);
+        faults.note(spot_in_view(&self.source.spot, self.detector.pitch, self.detector.pixels));
+        check(&self.detector, &below("detector"), &mut faults);
+        faults.note(self.validate_energies());
+        self.validate_order(&mut faults);
+        for (key, mask) in self.masks() {
+            check(mask, &below(key), &mut faults);
+        }
+        faults.note(self.validate_sample_mask());
+        faults.note(self.validate_detector_mask());
+        faults.note(self.validate_periods());
+        check(&self.sampling, &below("sampling"), &mut faults);
+        if self.sampling.quality == Some(Quality::Noise) && self.detector.counts.is_none() {
+            let allowed = "\"standard\" or \"fine\"; \"noise\" needs detector.photons";
+            faults.add(Error::scene("sampling.quality", "\"noise\" without photons", allowed));
+        }
+        check(&self.scan, &below("scan"), &mut faults);
+        if self.scan.darks_every.is_some() && self.detector.counts.is_none() {
+            let allowed = "detector.photons: dark frames are detector numbers";
+            faults.add(Error::scene("scan.darks_every", "dark frames without photons", allowed));
+        }
+        faults.note(self.validate_offsets("scan.mask_offsets", &self.scan.mask_offsets));
+        faults.note(self.validate_view_offsets());
+        faults.note(self.validate_motions());
+        faults.note(self.validate_errors());
+        for (name, spec) in &self.materials {
+            faults.note(named("materials", name));
+            let table = path::join("materials", name);
+            check(spec, &|key| path::join(&table, key), &mut faults);
+        }
+        faults.note(named(self.surroundings_key(), &self.surroundings));
+        faults.note(named("surroundings.path_material", &self.path_material));
+        let mut names = HashSet::new();
+        for (index, object) in self.objects.iter().enumerate() {
+            let key = |key: &str| self.object_key(index, key);
+            check(object, &key, &mut faults);
+            if !names.insert(&object.name) {
+                let found = format!("{:?}, the name of an earlier object", object.name);
+                faults.add(Error::scene(key("name"), found, "a unique name"));
+            }
+        }
+        faults.0
+    }
+
+    /// The masks that there are, by their keys.
+    #[doc(hidden)]
+    pub fn masks(&self) -> impl Iterator<Item = (&'static str, &MaskSpec)> {
+        let masks = [("sample_mask", &self.sample_mask), ("detector_mask", &self.detector_mask)];
+        masks.into_iter().filter_map(|(key, mask)| Some((key, mask.as_ref()?)))
+    }
+
+    fn validate_order(&self, faults: &mut Faults) {
+        let (source, detector) = (&self.source, &self.detector);
+        if detector.distance > 0.0 && detector.distance <= source.distance {
+            let found = Length.rounded(detector.distance);
+            let allowed = format!("more than source.distance, {}", Length.rounded(source.distance));
+            faults.add(Error::scene("detector.distance", found, allowed));
+        }
+    }
+
+    /// Where it takes a file to know the highest energy, the run and `check` look.
+    fn validate_energies(&self) -> Result<()> {
+        match &self.source.beam {
+            Beam::Energy(energy) => validate_thresholds(&self.detector, *energy),
+            Beam::Spectrum(SpectrumSpec { origin: SpectrumOrigin::Tube { kvp, .. }, .. }) => {
+                validate_thresholds(&self.detector, *kvp)
+            }
+            Beam::Spectrum(_) => Ok(()),
+        }
+    }
+
+    /// Time grows with the apertures that a pixel sees.
+    fn validate_periods(&self) -> Result<()> {
+        let detector = &self.detector;
+        let most = limits::APERTURES_PER_PIXEL;
+        for (table, mask) in self.masks() {
+            let pixel = detector.pitch[0] * mask.distance / detector.distance;
+            if pixel / mask.period > most {
+                return Err(Error::scene(
+                    format!("{table}.period"),
+                    Length.rounded(mask.period),
+                    format!(
+                        "at least {}, {most:.0} apertures in a pixel",
+                        Length.rounded(pixel / most)
+                    ),
+                ));
+            }
+        }
+        Ok(())
+    }
+
+    /// The sample mask lies between the source and the rotation centre, with its bars.
+    fn validate_sample_mask(&self) -> Result<()> {
+        let Some(mask) = &self.sample_mask else { return Ok(()) };
+        let centre = self.source.distance;
+        let [front, back] = mask.faces();
+        // Values that cannot be have errors of their own.
+        let is_out = centre > 0.0 && has_place(mask) && (front <= 0.0 || back >= centre);
+        if !is_out {
+            return Ok(());
+        }
+        let allowed = format!(
+            "bars between the source and the rotation centre at source.distance, {}",
+            Length.rounded(centre)
+        );
+        misplaced("sample_mask", mask, [0.0, centre], allowed)
+    }
+
+    /// The detector mask lies between the rotation centre and the detector, with its bars.
+    fn validate_detector_mask(&self) -> Result<()> {
+        let Some(mask) = &self.detector_mask else { return Ok(()) };
+        let (centre, end) = (self.source.distance, self.detector.distance);
+        let [front, back] = mask.faces();
+        let is_out = centre > 0.0
+            && end > centre
+            && has_place(mask)
+            && (front <= centre || back > end + AT_DETECTOR);
+        if !is_out {
+            return Ok(());
+        }
+        let allowed = format!(
+            "bars between the rotation centre at source.distance, {}, and the detector at {}; the \
+             distance is measured to the centre plane of the bars",
+            Length.rounded(centre),
+            Length.rounded(end)
+        );
+        misplaced("detector_mask", mask, [centre, end], allowed)
+    }
+
+    fn validate_motions(&self) -> Result<()> {
+        let (motions, views) = (&self.scan.motions, self.scan.angles.len());
+        if !motions.is_empty() && motions.len() != views {
+            let found = format!("{} motions", motions.len());
+            let allowed = format!("{views}, one for each angle, or none");
+            return Err(Error::scene("scan.motions", found, allowed));
+        }
+        match motions.iter().position(|motion| !motion.is_finite()) {
+            Some(view) => Err(Error::scene(
+                format!("scan.motions[{view}]"),
+                format!("{:?}", motions[view]),
+                "finite numbers",
+            )),
+            None => self.validate_axis(),
+        }
+    }
+
+    /// The axis of rotation lies between the source and the analyser.
+    fn validate_axis(&self) -> Result<()> {
+        let (axis, end) = (self.axis_distance(), self.analyser_distance());
+        let centre = self.source.distance;
+        // Values that cannot be have errors of their own.
+        let is_out =
+            centre > 0.0 && end > centre && axis.is_finite() && !(0.0..end).contains(&axis);
+        if !is_out {
+            return Ok(());
+        }
+        let key = if self.scan.motions.is_empty() { "scan.axis.shift" } else { "scan.motions" };
+        let found = format!("an axis of rotation {} from the source", Length.rounded(axis));
+        let end = Length.rounded(end);
+        let allowed =
+            format!("an axis between the source and the detector mask or detector, {end}");
+        Err(Error::scene(key, found, allowed))
+    }
+
+    /// Lists of offsets of views are one for each angle, each with the steps of the scan.
+    fn validate_view_offsets(&self) -> Result<()> {
+        let (lists, steps) = (&self.scan.view_offsets, self.scan.mask_offsets.len());
+        let views = self.scan.angles.len();
+        if !lists.is_empty() && lists.len() != views {
+            let found = format!("{} lists", lists.len());
+            let allowed = format!("{views}, one for each angle, or none");
+            return Err(Error::scene("scan.view_offsets", found, allowed));
+        }
+        for (view, list) in lists.iter().enumerate() {
+            let key = format!("scan.view_offsets[{view}]");
+            if list.len() != steps {
+                let allowed = format!("{steps}, the number of scan.mask_offsets");
+                return Err(Error::scene(key, format!("{} offsets", list.len()), allowed));
+            }
+            if let Some(offset) = list.iter().find(|offset| !offset.is_finite()) {
+                return Err(Error::scene(key, format!("{offset}"), "finite numbers"));
+            }
+            self.validate_offsets(&key, list)?;
+        }
+        Ok(())
+    }
+
+    /// Lists of errors are one for each view, each with the steps of the scan.
+    fn validate_errors(&self) -> Result<()> {
+        let (views, steps) = (self.scan.views(), self.scan.mask_offsets.len());
+        let errors = &self.scan.errors;
+        for (name, lists) in
+            [("mask_offsets", &errors.mask_offsets), ("intensities", &errors.intensities)]
+        {
+            let key = format!("scan.errors.{name}");
+            if !lists.is_empty() && lists.len() != views {
+                let found = format!("{} lists", lists.len());
+                return Err(Error::scene(key, found, format!("{views}, one for each view")));
+            }
+            if let Some(view) = lists.iter().position(|list| list.len() != steps) {
+                let found = format!("{} values in view {view}", lists[view].len());
+                return Err(Error::scene(key, found, format!("{steps}, one for each mask step")));
+            }
+            let is_wrong =
+                |value: &f64| !value.is_finite() || (name == "intensities" && *value <= 0.0);
+            if let Some(view) = lists.iter().position(|list| list.iter().any(is_wrong)) {
+                let found = format!("{:?} in view {view}", lists[view]);
+                return Err(Error::scene(key, found, "finite numbers; intensities above 0"));
+            }
+        }
+        if !errors.source.is_empty() && errors.source.len() != views {
+            let found = format!("{} displacements", errors.source.len());
+            let allowed = format!("{views}, one for each view");
+            return Err(Error::scene("scan.errors.source_x", found, allowed));
+        }
+        if let Some(place) = errors.source.iter().flatten().find(|place| !place.is_finite()) {
+            return Err(Error::scene("scan.errors.source_x", place.to_string(), "finite lengths"));
+        }
+        if !errors.source.is_empty() && self.sample_mask.is_none() && self.detector_mask.is_some() {
+            let found = "a displaced source with a detector mask alone";
+            let allowed = "a set-up with a sample mask, or without masks";
+            return Err(Error::scene("scan.errors.source_x", found, allowed));
+        }
+        for view in 0..errors.mask_offsets.len().max(errors.source.len()) {
+            let key = match errors.mask_offsets.is_empty() {
+                true => "scan.errors.source_x".to_owned(),
+                false => format!("scan.errors.mask_offsets[{view}]"),
+            };
+            let exposure = Exposure::Sample(numbers::count(view));
+            self.validate_offsets(&key, &self.applied_offsets(exposure))?;
+        }
+        let flats = match self.scan.flats_every {
+            Some(_) if !errors.is_none() => self.scan.flat_places().len(),
+            _ => 0,
+        };
+        for flat in (0..).take(flats).map(Exposure::Flat) {
+            self.validate_offsets("scan.errors", &self.applied_offsets(flat))?;
+        }
+        Ok(())
+    }
+
+    fn validate_offsets(&self, key: &str, offsets: &[f64]) -> Result<()> {
+        if let Some(mask) = &self.sample_mask {
+            let most = limits::OFFSET_PERIODS * mask.period;
+            let far = offsets.iter().find(|offset| offset.abs() > most);
+            return far.map_or(Ok(()), |offset| {
+                let allowed = format!(
+                    "up to {}, {:e} periods of the sample mask",
+                    Length.rounded(most),
+                    limits::OFFSET_PERIODS
+                );
+                Err(Error::scene(key, Length.rounded(*offset), allowed))
+            });
+        }
+        let moved = offsets.iter().find(|offset| offset.abs() > 0.0);
+        let Some(offset) = moved else { return Ok(()) };
+        let found = format!("{} without a sample mask", Length.rounded(*offset));
+        let allowed = "only \"0 m\" where there is no [sample_mask] to move";
+        Err(Error::scene(key, found, allowed))
+    }
+}
+
+/// Whether distance and thickness of a mask allow any position.
+fn has_place(mask: &MaskSpec) -> bool {
+    mask.distance > 0.0 && mask.body.thickness() >= 0.0
+}
+
+/// The error of a mask whose bars do not lie between two planes: of its thickness if its own plane does
+/// and the bars are thick, else of its distance.
+fn misplaced(table: &str, mask: &MaskSpec, [low, high]: [f64; 2], allowed: String) -> Result<()> {
+    let (distance, thickness) = (mask.distance, mask.body.thickness());
+    if distance > low && distance < high - AT_DETECTOR && thickness > limits::THICK_BARS {
+        let most = 2.0 * (distance - low).min(high - distance);
+        // Without the rounding of a difference.
+        let most = Length.rounded((most * 1e9).round() / 1e9);
+        let key = format!("{table}.thickness");
+        let allowed =
+            format!("up to {most} at {table}.distance = {}: {allowed}", Length.rounded(distance));
+        return Err(Error::scene(key, Length.rounded(thickness), allowed));
+    }
+    Err(Error::scene(format!("{table}.distance"), Length.rounded(distance), allowed))
+}
+
+/// Wider spots blur all pixels into one another, and take time without end.
+fn spot_in_view(spot: &Spot, pitch: [f64; 2], pixels: [u32; 2]) -> Result<()> {
+    let sides = [0, 1].map(|axis| pitch[axis] * f64::from(pixels[axis]));
+    let most = sides.into_iter().fold(limits::SPOT, f64::max);
+    let sizes = spot.parts().iter().flat_map(|part| part.fwhm.into_iter().chain(part.offset));
+    match sizes.into_iter().find(|size| size.abs() > most) {
+        None => Ok(()),
+        Some(size) => Err(Error::scene(
+            "source.spot",
+            Length.rounded(size),
+            format!("up to {}, the field of view", Length.rounded(most)),
+        )),
+    }
+}

@@ -1,0 +1,215 @@
+//! Memory of a reconstruction, and the remainder of a limit for the device.
+
+use super::geometry::ScanGeometry;
+use super::method::Method;
+use super::plan::VolumePlan;
+use super::projector::AT_ONCE;
+use super::quantity::Quantity;
+use super::redundancy::Redundancy;
+use super::resampling::Resampling;
+use super::solver::Solver;
+use beamlet_core::numbers::length;
+use beamlet_core::reserve::PROGRAM;
+use beamlet_core::{Error, Result};
+
+/// Bytes of a value.
+const VALUE: u64 = 4;
+
+/// Memory of a reconstruction at its peak, bytes.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Memory {
+    /// On the host, without the program.
+    pub(super) host: u64,
+    /// On the device: slabs of the volume and parts of the sinograms.
+    pub(super) device: u64,
+    /// Values of a volume, and of sinograms, that are on the device at once.
+    pub(super) at_once: usize,
+}
+
+impl Memory {
+    /// The memory of a plan within a limit, the program included; `truth`: with volumes of the scene, and the
+    /// number of sinograms of its materials that are alive at once.
+    ///
+    /// # Errors
+    /// [`Error::Memory`] where the limit is too low.
+    pub(super) fn of(
+        geometry: &ScanGeometry,
+        plan: &VolumePlan,
+        truth: Option<usize>,
+        limit: Option<u64>,
+    ) -> Result<Self> {
+        let host = host_bytes(geometry, plan, truth);
+        let [x, y, z] = plan.grid.size.map(|side| side as u64);
+        let [views, rows, columns] = geometry.shape().map(|side| side as u64);
+        // Refraction angles are differences of one place more than columns.
+        let filtered = plan.method.filtered().map_or(0, |_| filtered_columns(geometry));
+        let places = (filtered as u64).max(columns + 1);
+        let (plane, view) = (x.saturating_mul(y), rows.saturating_mul(places));
+        let pairs = if passes(geometry, plan) > 0 { 2 } else { 1 };
+        let of_device = |at_once: u64| {
+            let slab = at_once.max(plane).min(plane.saturating_mul(z));
+            let part = at_once.max(view).min(view.saturating_mul(views));
+            (pairs * VALUE).saturating_mul(slab.saturating_add(part))
+        };
+        let mut at_once = AT_ONCE as u64;
+        if let Some(limit) = limit {
+            let rest = limit.saturating_sub(PROGRAM).saturating_sub(host);
+            at_once = at_once.min(rest / (2 * pairs * VALUE));
+            let needed = PROGRAM.saturating_add(host).saturating_add(of_device(at_once));
+            if needed > limit {
+                return Err(Error::Memory {
+                    purpose: "a reconstruction".into(),
+                    needed,
+                    available: Some(limit),
+                    remedy:
+                        "raise the memory limit, use larger or fewer voxels (--voxel, --size), or \
+                         reconstruct a part of the volume (--origin)"
+                            .into(),
+                });
+            }
+        }
+        Ok(Self { host, device: of_device(at_once), at_once: length(at_once.max(1)) })
+    }
+}
+
+/// Corrections for lever arms over all quantities of a plan.
+pub(super) fn passes(geometry: &ScanGeometry, plan: &VolumePlan) -> usize {
+    let Some(options) = plan.method.filtered() else { return 0 };
+    let is_turn = Redundancy::of(geometry).is_ok_and(|weights| weights.is_turn());
+    plan.ordered().map(|quantity| options.passes(geometry, quantity, is_turn)).sum()
+}
+
+/// Number of columns of a filtered row: even columns, and the columns that a half-fan adds on its shorter side.
+fn filtered_columns(geometry: &ScanGeometry) -> usize {
+    let even = Resampling::of(&geometry.columns);
+    let added = Redundancy::of(geometry)
+        .map_or([0; 2], |weights| weights.missing(geometry, [even.first, even.pitch], even.len()));
+    even.len() + added[0] + added[1]
+}
+
+/// Bytes of the deviations of means of regions: voxels of a region, and rows of f64 for each thread.
+fn region_bytes(geometry: &ScanGeometry, plan: &VolumePlan) -> u64 {
+    let voxels = plan.regions.iter().map(|region| region.shape.places(&plan.grid).count());
+    let Some(most) = voxels.max() else { return 0 };
+    let [views, rows, _] = geometry.shape();
+    // Weights of a view, and its deviations.
+    let spread = (2 * 8 * rows * filtered_columns(geometry)) as u64;
+    let threads = rayon::current_num_threads().min(views) as u64;
+    (size_of::<[usize; 3]>() as u64)
+        .saturating_mul(most as u64)
+        .saturating_add(spread.saturating_mul(threads))
+}
+
+/// Most bytes on the host at a time: volumes and sinograms that are alive together.
+fn host_bytes(geometry: &ScanGeometry, plan: &VolumePlan, truth: Option<usize>) -> u64 {
+    let product =
+        |sides: [usize; 3]| sides.iter().fold(VALUE, |all, side| all.saturating_mul(*side as u64));
+    let [views, rows, columns] = geometry.shape();
+    let volume = product(plan.grid.size);
+    let sinograms = product([views, rows, columns + 1]);
+    let filtered = product([views, rows, filtered_columns(geometry)]);
+    let counted = |volumes: u64, of_sinograms: u64, of_filtered: u64| {
+        volume
+            .saturating_mul(volumes)
+            .saturating_add(sinograms.saturating_mul(of_sinograms))
+            .saturating_add(filtered.saturating_mul(of_filtered))
+    };
+    // Volumes that are kept from one quantity to the next: μ with its deviations, and the labels and values
+    // of the truth.
+    let is_filtered = plan.method.filtered().is_some();
+    let of_mu = if plan.sigma && is_filtered { 2 } else { 1 };
+    let kept =
+        if plan.gradient_bias.is_some() { of_mu } else { 0 } + if truth.is_some() { 2 } else { 0 };
+    let weights = u64::from(plan.sigma);
+    // Deviations of sinograms, and of the noise that views share.
+    let of_sigma = 2 * weights;
+    let made = match &plan.method {
+        Method::Fbp(_) => {
+            let made = match passes(geometry, plan) > 0 {
+                true => counted(kept + 2, 2 + of_sigma, 1),
+                false => counted(kept + 1, 1 + of_sigma, 1),
+            };
+            // A map of deviations: the volume, deviations, and two variances for each; then its rings.
+            let map = counted(kept + 2, of_sigma, 2);
+            let rings = counted(kept + 3, of_sigma, 0);
+            let means = counted(kept + 2, of_sigma, 0).saturating_add(region_bytes(geometry, plan));
+            if plan.sigma { made.max(map).max(rings).max(means) } else { made }
+        }
+        Method::Iterative { options, phase } => {
+            let mask = 2 * u64::from(plan.mask.is_some());
+            let start = u64::from(plan.start.is_some());
+            let of_phase = 2 * u64::from(*phase);
+            let (volumes, of_sinograms) = match options.solver {
+                Solver::Cgls => (5, 5),
+                Solver::Sirt => (6, 6),
+                Solver::Bb => (9, 5),
+            };
+            // Views that lost their refraction get weight 0.
+            let may_lose = !plan.keep_views && plan.quantities.contains(&Quantity::Delta);
+            let extra = 2 * weights.max(u64::from(may_lose)) + of_phase;
+            let planes = filter_bytes(plan.grid.size);
+            counted(kept + mask + start + volumes, of_sinograms + extra, 0).saturating_add(planes)
+        }
+    };
+    match truth {
+        // Projections of the materials, then the volume that is expected beside the one that is made.
+        Some(materials @ 1..) => {
+            made.saturating_add(volume).max(counted(kept + 2, materials as u64 + 1, 0))
+        }
+        _ => made,
+    }
+}
+
+/// Bytes of the filter of slices: two padded planes of complex numbers for each thread.
+fn filter_bytes([x, y, z]: [usize; 3]) -> u64 {
+    let padded = |side: usize| (2 * side).next_power_of_two() as u64;
+    let threads = rayon::current_num_threads().min(z) as u64;
+    (2 * 8 * threads).saturating_mul(padded(x)).saturating_mul(padded(y))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::reconstruct::{Quantity, VolumeGrid};
+
+    /// A parallel beam over a whole turn, with the axis `shift` columns beside the middle of 101.
+    fn scan(shift: f64) -> ScanGeometry {
+        let columns = (0..101).map(|n| f64::from(n) - 50.0).collect();
+        let angles = (0..90).map(|n| f64::from(4 * n).to_radians()).collect();
+        let mut geometry =
+            ScanGeometry::new([f64::INFINITY, 1.0], columns, vec![1.0, 0.0, -1.0], angles);
+        geometry.axis = shift;
+        geometry
+    }
+
+    fn plan() -> VolumePlan {
+        let grid = VolumeGrid { size: [20, 20, 3], voxel: [1.0; 3], origin: [-9.5, -9.5, -1.0] };
+        VolumePlan::new(vec![Quantity::Mu, Quantity::Delta], grid, Method::default())
+    }
+
+    #[test]
+    fn memory_counts_what_is_alive_together() {
+        let host = |shift, plan: &VolumePlan| {
+            Memory::of(&scan(shift), plan, None, None).map(|memory| memory.host)
+        };
+        let (volume, rows) = (4 * 20 * 20 * 3, 4 * 90 * 3);
+        // Sinograms with a column more, and filtered rows.
+        assert_eq!(host(0.0, &plan()).unwrap(), volume + rows * (102 + 101));
+        // A half-fan whose shorter side is 50 columns less than the longer one.
+        assert_eq!(host(25.0, &plan()).unwrap(), volume + rows * (102 + 151));
+        // The volume, its deviations; deviations of sinograms, their shared part, two variances of each value.
+        let with_sigma = plan().with_sigma(true);
+        let of_sigma = 2 * volume + rows * (2 * 102 + 2 * 101);
+        assert_eq!(host(0.0, &with_sigma).unwrap(), of_sigma);
+        // μ and its deviations are kept for δ.
+        let with_bias = with_sigma.with_gradient_bias(1e-9);
+        assert_eq!(host(0.0, &with_bias).unwrap(), of_sigma + 2 * volume);
+        // Three words of each voxel of a region, and two arrays of f64 for each thread, where this is more.
+        let mut all =
+            with_bias.with_regions(vec!["all=box:0m,0m,0m,500m,500m,500m".parse().unwrap()]);
+        all.grid.size = [200, 200, 3];
+        let threads = rayon::current_num_threads().min(90) as u64;
+        let expected = 100 * (4 * volume + 6 * volume) + rows * 2 * 102 + threads * 16 * 3 * 101;
+        assert_eq!(host(0.0, &all).unwrap(), expected);
+    }
+}

@@ -1,0 +1,102 @@
+//! The corrections that a caller chooses, and their results.
+
+use beamlet_core::{Error, Result};
+use serde::{Deserialize, Serialize};
+
+/// Corrections of a retrieval by pixels with nothing in the beam.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[non_exhaustive]
+pub struct Corrections {
+    /// Subtract the refraction angle of the empty beam.
+    pub offset: bool,
+    /// Subtract a plane of the refraction angle through the empty beam.
+    pub plane: bool,
+    /// Divide each frame by its dose relative to the flat.
+    pub dose: bool,
+    /// Fit curves at the mask offsets of the frames as they are found.
+    pub steps: bool,
+}
+
+impl Corrections {
+    /// Names, as [`Self::parse`] reads them.
+    pub const NAMES: [&str; 4] = ["offset", "plane", "dose", "steps"];
+
+    /// Reads names with commas between them, such as `plane,dose,steps`.
+    ///
+    /// # Errors
+    /// [`Error::Argument`] for other names, and for none.
+    pub fn parse(text: &str) -> Result<Self> {
+        let mut chosen = Self::default();
+        for word in text.split(',').map(str::trim) {
+            let place = match word {
+                "offset" => &mut chosen.offset,
+                "plane" => &mut chosen.plane,
+                "dose" => &mut chosen.dose,
+                "steps" => &mut chosen.steps,
+                _ => {
+                    let allowed = "offset, plane, dose and steps, with commas between them";
+                    return Err(Error::argument("correct", format!("{word:?}"), allowed));
+                }
+            };
+            *place = true;
+        }
+        Ok(chosen)
+    }
+
+    /// Names of the chosen corrections.
+    #[must_use]
+    pub fn names(&self) -> Vec<String> {
+        let chosen = [self.offset, self.plane, self.dose, self.steps];
+        let names = Self::NAMES.into_iter().zip(chosen).filter(|(_, chosen)| *chosen);
+        names.map(|(name, _)| name.to_owned()).collect()
+    }
+
+    /// Whether none is chosen.
+    #[must_use]
+    pub fn is_none(&self) -> bool {
+        *self == Self::default()
+    }
+
+    /// Whether frames are corrected before curves are fitted.
+    pub(super) const fn of_frames(self) -> bool {
+        self.dose || self.steps
+    }
+
+    /// Whether the refraction angle is corrected.
+    pub(super) const fn of_refraction(self) -> bool {
+        self.offset || self.plane
+    }
+}
+
+/// Corrections of a view. Each value has its one-sigma uncertainty behind it; `None` is unknown.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+#[non_exhaustive]
+pub struct ViewCorrection {
+    /// Rectangles of empty beam: first column, end of the columns, first row, end of the rows, in pixels of
+    /// the images.
+    pub empty_beam: Vec<[usize; 4]>,
+    /// Dose of each frame relative to the flat, by which its values were divided; empty where doses were
+    /// not corrected.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub dose: Vec<Option<[f64; 2]>>,
+    /// Displacement of each frame from its mask offset, relative to the flat, m; empty where offsets were
+    /// not corrected.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub steps: Vec<Option<[f64; 2]>>,
+    /// Refraction angle that was subtracted, on the optical axis, rad.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub offset: Option<[f64; 2]>,
+    /// Slopes of the refraction angle that was subtracted.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub plane: Option<Plane>,
+}
+
+/// Slopes of a plane of the refraction angle.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
+#[non_exhaustive]
+pub struct Plane {
+    /// Along +x on the detector, rad/m.
+    pub x: [f64; 2],
+    /// Along +z on the detector, rad/m; `None` for images of one row.
+    pub z: Option<[f64; 2]>,
+}

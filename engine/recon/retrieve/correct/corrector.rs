@@ -1,0 +1,378 @@
+//! Corrections of one view after the other.
+
+use super::chosen::{Corrections, Plane, ViewCorrection};
+use super::equations::Unknowns;
+use super::frames;
+use super::pixels::{FlatPixel, PixelSet};
+use super::plane::{FittedPlane, Slopes};
+use crate::retrieve::diagnosis::{Borders, is_usable};
+use crate::retrieve::images::{FLAGS, Images};
+use crate::retrieve::input::Input;
+use crate::retrieve::misfit::median;
+use crate::retrieve::noise_factors::NoiseFactors;
+use crate::retrieve::retriever::Corrected;
+use crate::retrieve::shape::CurveGeometry;
+use crate::retrieve::{Method, RetrieveOptions, Retriever};
+use beamlet_core::cancel::Cancel;
+use beamlet_core::{Error, Result, numbers};
+use ndarray::Array3;
+use std::ops::Range;
+
+/// Most pixels of empty beam, and of the rest, whose values are kept.
+const MOST: [usize; 2] = [4096, 128];
+/// Fewest pixels of empty beam.
+const FEWEST: usize = 16;
+/// Bytes of a band of rows with all its frames.
+const BAND: usize = 16 << 20;
+
+/// Rows and columns of a rectangle.
+pub(crate) type Rectangle = [Range<usize>; 2];
+
+/// Corrections by empty beam.
+#[derive(Debug)]
+pub(crate) struct Corrector {
+    chosen: Corrections,
+    options: RetrieveOptions,
+    geometry: CurveGeometry,
+    /// Places of columns and rows on the detector, from the optical axis, m.
+    columns_m: Vec<f64>,
+    rows_m: Vec<f64>,
+    /// Frames of a view or of the flat, the greater number.
+    frames: usize,
+    /// Pixels of the flat of all views, with the pixels that they are of.
+    flat: Option<(Vec<usize>, Vec<Option<FlatPixel>>)>,
+}
+
+/// Doses and mask offsets of the frames of a view, as they are found.
+#[derive(Debug)]
+pub(crate) struct FrameCorrection {
+    doses: Vec<f32>,
+    /// Values from here on are left out of fits.
+    saturation: Option<f32>,
+    /// m, without whole periods.
+    offsets: Option<Vec<f64>>,
+}
+
+impl FrameCorrection {
+    /// Offsets and noise of the values, for fits.
+    pub(crate) fn corrected(&self) -> Corrected<'_> {
+        let factors = self.doses.iter().map(|dose| f64::from(*dose).recip());
+        let factor = factors.sum::<f64>() / self.doses.len() as f64;
+        Corrected { offsets: self.offsets.as_deref(), noise: NoiseFactors::multiplied(factor) }
+    }
+
+    /// Divides values `[step][row][column]` by the doses; saturated values stay.
+    pub(crate) fn apply(&self, data: &mut Array3<f32>) {
+        let most = self.saturation.unwrap_or(f32::INFINITY);
+        for (mut frame, dose) in data.outer_iter_mut().zip(&self.doses) {
+            frame.mapv_inplace(|y| if y < most { y / dose } else { y });
+        }
+    }
+}
+
+impl Corrector {
+    /// `None` where nothing is to be corrected.
+    ///
+    /// # Errors
+    /// [`Error::Argument`] for corrections that the method or the set-up does not have.
+    pub(crate) fn of(
+        retriever: &Retriever,
+        input: &Input,
+        options: &RetrieveOptions,
+    ) -> Result<Option<Self>> {
+        let chosen = options.correct;
+        if chosen.is_none() {
+            return Ok(None);
+        }
+        let refused =
+            |found: &str, allowed: &str| Err(Error::argument("correct", found.to_owned(), allowed));
+        if options.method == Method::Beamlet && chosen.steps {
+            return refused(
+                "steps with beamlet",
+                "offset: a frame at one mask offset has one shift",
+            );
+        }
+        let geometry = CurveGeometry::of(input.scene());
+        if chosen.of_frames() && options.method != Method::Beamlet && geometry.shape().is_none() {
+            return refused("dose or steps without two masks", "offset and plane");
+        }
+        let image = input.image_scene();
+        let [rows, pitch] = [f64::from(image.detector.pixels[1]), image.detector.pitch[1]];
+        let rows_m = (0..image.detector.pixels[1])
+            .map(|row| (rows / 2.0 - 0.5 - f64::from(row)) * pitch)
+            .collect();
+        Ok(Some(Self {
+            chosen,
+            options: options.clone(),
+            geometry,
+            columns_m: retriever.places(input),
+            rows_m,
+            frames: retriever.steps().max(1),
+            flat: None,
+        }))
+    }
+
+    /// The empty beam that was named, in pixels of the images; `None` where it is to be found.
+    ///
+    /// # Errors
+    /// [`Error::Argument`] where it is no part of the frame.
+    pub(crate) fn named(
+        retriever: &Retriever,
+        options: &RetrieveOptions,
+        frame: [usize; 2],
+    ) -> Result<Option<Vec<Rectangle>>> {
+        let Some(region) = &options.empty_beam else { return Ok(None) };
+        let [rows, columns] = region.within(frame)?;
+        Ok(Some(vec![[rows, retriever.curves_within(columns)]]))
+    }
+
+    /// Empty beam at both sides of the images of a view: strips that have one transmission, one refraction
+    /// and no dark field.
+    ///
+    /// # Errors
+    /// [`Error::Argument`] where the sides do not look empty.
+    pub(crate) fn found(
+        images: &Images,
+        view: usize,
+        retriever: &Retriever,
+    ) -> Result<Vec<Rectangle>> {
+        // Refraction of a shift by a width of the flat's curve.
+        let widths = retriever.flat_curves().map(|flat| flat.width.as_slice()).unwrap_or_default();
+        let width = median(widths.iter().copied().map(f64::from).collect()).unwrap_or(f64::NAN);
+        let angle = width * retriever.angle_per_shift();
+        let (rows, columns) = images.get(FLAGS).map_or((0, 0), ndarray::Array2::dim);
+        match Borders::of(images, [rows, columns], angle.abs()) {
+            Some(borders) => {
+                let width = borders.width;
+                Ok([0..width, columns - width..columns].map(|strip| [0..rows, strip]).to_vec())
+            }
+            None => Err(Error::argument(
+                "correct",
+                format!("no empty beam at both sides of view {view}"),
+                "columns with nothing in the beam, given as empty beam (--empty-beam)",
+            )),
+        }
+    }
+
+    /// Doses and offsets of the frames of a view by the pixels of empty beam, and their record.
+    ///
+    /// # Errors
+    /// As [`Input::sample_rows`]; [`Error::Argument`] where too few pixels have a curve, or no frame has a
+    /// value that they determine; [`Error::Interrupted`].
+    pub(crate) fn frames(
+        &mut self,
+        input: &Input,
+        retriever: &Retriever,
+        view: usize,
+        empty: &[Rectangle],
+        cancel: &Cancel,
+    ) -> Result<Option<(FrameCorrection, ViewCorrection)>> {
+        if !self.chosen.of_frames() || self.options.method == Method::Beamlet {
+            return Ok(None);
+        }
+        let (pixels, count) = chosen_pixels(input.frame(), empty);
+        let nominal = retriever.offsets_of_view(view)?;
+        let flat_offsets = retriever.flat_offsets();
+        if self.flat.as_ref().is_none_or(|(of, _)| *of != pixels) || input.has_flats() {
+            let mut read = |rows| input.flat_rows(view, rows);
+            let values = self.values(input.frame(), &pixels, &mut read, cancel)?;
+            let flat = FlatPixel::all(values, flat_offsets, self.geometry, &self.options);
+            self.flat = Some((pixels.clone(), flat));
+        }
+        let mut read = |rows| input.sample_rows(view, rows);
+        let sample = self.values(input.frame(), &pixels, &mut read, cancel)?;
+        let flat = self.flat.as_ref().map_or(&[][..], |(_, flat)| flat);
+        let offsets = [flat_offsets, &nominal[..]];
+        // They decide on which side of the peak a frame lies; with doses unknown as well they do not.
+        let inner = self.chosen.steps && !self.chosen.dose;
+        let set = PixelSet::of(flat, sample, count, inner, offsets, self.geometry, &self.options);
+        if set.empty.len() < FEWEST {
+            let found = format!(
+                "{} pixels with a curve and with values in all frames of view {view}",
+                set.empty.len()
+            );
+            let allowed = format!("{FEWEST} pixels or more with nothing in the beam");
+            return Err(Error::argument("empty_beam", found, allowed));
+        }
+        let (dose, steps) = (self.chosen.dose, self.chosen.steps);
+        let of = Unknowns { frames: nominal.len(), dose, steps };
+        let unsolved = |what: &str| {
+            let allowed = "frames on both slopes of the illumination curve";
+            Err(Error::argument("correct", format!("{what} of view {view}: unknown"), allowed))
+        };
+        let Some(found) = frames::solve(&set, of, cancel)? else {
+            return unsolved("doses and offsets");
+        };
+        let [doses, shifts] = found.known(set.width);
+        for (chosen, values, what) in [(dose, &doses, "doses"), (steps, &shifts, "offsets")] {
+            if chosen && values.iter().all(Option::is_none) {
+                return unsolved(what);
+            }
+        }
+        let value = |(chosen, pair): (bool, &[f64; 2])| if chosen { pair[0] } else { 1.0 };
+        let correction = FrameCorrection {
+            saturation: self.options.saturation,
+            doses: found.dose.iter().map(|pair| numbers::single(value((dose, pair)))).collect(),
+            offsets: steps
+                .then(|| nominal.iter().zip(&found.shift).map(|(at, [by, _])| at + by).collect()),
+        };
+        let record = ViewCorrection {
+            dose: if dose { doses } else { Vec::new() },
+            steps: if steps { shifts } else { Vec::new() },
+            ..Self::begun(empty)
+        };
+        Ok(Some((correction, record)))
+    }
+
+    /// The record of a view without corrections.
+    pub(crate) fn begun(empty: &[Rectangle]) -> ViewCorrection {
+        let of = |[rows, columns]: &Rectangle| [columns.start, columns.end, rows.start, rows.end];
+        ViewCorrection { empty_beam: empty.iter().map(of).collect(), ..ViewCorrection::default() }
+    }
+
+    /// Corrects the images of a view, and adds to its record.
+    ///
+    /// # Errors
+    /// [`Error::Argument`] where the pixels do not determine the corrections.
+    pub(crate) fn images(
+        &self,
+        images: &mut Images,
+        view: usize,
+        empty: &[Rectangle],
+        record: &mut ViewCorrection,
+    ) -> Result<()> {
+        if self.chosen.dose && self.options.method == Method::Beamlet {
+            let values = self.points(images, "transmission", empty);
+            let dose = FittedPlane::through(&values, Slopes { x: false, z: false });
+            let Some(dose) = dose.map(|plane| plane.value).filter(|[dose, _]| *dose > 0.0) else {
+                return Self::too_few(view, values.len());
+            };
+            for name in ["transmission", "transmission_sigma"] {
+                if let Some(image) = images.get_mut(name) {
+                    image.mapv_inplace(|value| value / numbers::single(dose[0]));
+                }
+            }
+            record.dose = vec![Some(dose)];
+        }
+        if !self.chosen.of_refraction() {
+            return Ok(());
+        }
+        let points = self.points(images, "refraction", empty);
+        let has_rows = self.rows_m.len() > 1;
+        let slopes = Slopes { x: self.chosen.plane, z: self.chosen.plane && has_rows };
+        if points.len() < FEWEST {
+            return Self::too_few(view, points.len());
+        }
+        let Some(plane) = FittedPlane::through(&points, slopes) else {
+            let found = format!("pixels of one row or column of view {view}");
+            let allowed =
+                "pixels of several columns (and rows, where images have several) for a plane";
+            return Err(Error::argument("empty_beam", found, allowed));
+        };
+        if let Some(image) = images.get_mut("refraction") {
+            for ((row, column), value) in image.indexed_iter_mut() {
+                let angle = plane.at(self.columns_m[column], self.rows_m[row]);
+                *value = numbers::single(f64::from(*value) - angle);
+            }
+        }
+        record.offset = Some(plane.value);
+        let [x, z] = plane.slopes;
+        record.plane = self.chosen.plane.then_some(Plane { x, z: has_rows.then_some(z) });
+        Ok(())
+    }
+
+    fn too_few(view: usize, count: usize) -> Result<()> {
+        let found = format!("{count} pixels with a result in view {view}");
+        let allowed = format!("{FEWEST} pixels or more with nothing in the beam");
+        Err(Error::argument("empty_beam", found, allowed))
+    }
+
+    /// Place (x, z) and value of the pixels of empty beam that have a result without a flag of doubt.
+    fn points(&self, images: &Images, name: &str, empty: &[Rectangle]) -> Vec<[f64; 3]> {
+        let (Some(image), Some(bits)) = (images.get(name), images.get(FLAGS)) else {
+            return Vec::new();
+        };
+        let mut points = Vec::new();
+        for [rows, columns] in empty {
+            for (row, column) in rows.clone().flat_map(|r| columns.clone().map(move |c| (r, c))) {
+                let value = f64::from(image[[row, column]]);
+                let bits = numbers::whole::<u32>(f64::from(bits[[row, column]]));
+                if is_usable(bits) && value.is_finite() {
+                    points.push([self.columns_m[column], self.rows_m[row], value]);
+                }
+            }
+        }
+        points
+    }
+
+    /// Values of pixels of frames, by pixel; NaN for values that are left out.
+    fn values(
+        &self,
+        [rows, columns]: [usize; 2],
+        pixels: &[usize],
+        read: &mut dyn FnMut(Range<u32>) -> Result<Array3<f32>>,
+        cancel: &Cancel,
+    ) -> Result<Vec<Vec<f64>>> {
+        let saturation = self.options.saturation.unwrap_or(f32::INFINITY);
+        let mut by_row: Vec<Vec<usize>> = vec![Vec::new(); rows];
+        for (at, pixel) in pixels.iter().enumerate() {
+            by_row[pixel / columns].push(at);
+        }
+        let mut values = vec![Vec::new(); pixels.len()];
+        let mut start = 0;
+        while start < rows {
+            if by_row[start].is_empty() {
+                start += 1;
+                continue;
+            }
+            cancel.check()?;
+            let height = (BAND / (4 * columns * self.frames).max(1)).max(1);
+            let end = rows.min(start + height);
+            let data = read(numbers::count(start)..numbers::count(end))?;
+            for (row, of_row) in by_row.iter().enumerate().take(end).skip(start) {
+                for at in of_row {
+                    let column = pixels[*at] % columns;
+                    let frames = data.slice(ndarray::s![.., row - start, column]);
+                    let value = |y: &f32| if *y < saturation { f64::from(*y) } else { f64::NAN };
+                    values[*at] = frames.iter().map(value).collect();
+                }
+            }
+            start = end;
+        }
+        Ok(values)
+    }
+}
+
+/// Pixels of empty beam by columns, then pixels of the rest, counted over rows, with the number of the first.
+fn chosen_pixels([rows, columns]: [usize; 2], empty: &[Rectangle]) -> (Vec<usize>, usize) {
+    let is_empty = |pixel: usize| {
+        let (row, column) = (pixel / columns, pixel % columns);
+        empty.iter().any(|[rows, columns]| rows.contains(&row) && columns.contains(&column))
+    };
+    let (of_empty, rest): (Vec<usize>, Vec<usize>) =
+        (0..rows * columns).partition(|pixel| is_empty(*pixel));
+    let mut pixels = spread(of_empty, MOST[0]);
+    // Column by column, for groups of neighbours.
+    pixels.sort_by_key(|pixel| (pixel % columns, pixel / columns));
+    let count = pixels.len();
+    pixels.extend(spread(rest, MOST[1]));
+    (pixels, count)
+}
+
+/// At most `most` of these, evenly over rows and columns.
+fn spread(mut pixels: Vec<usize>, most: usize) -> Vec<usize> {
+    let count = pixels.len();
+    if count > most {
+        // A step near the golden section of the count passes through all columns.
+        let section = (5.0_f64.sqrt() - 1.0) / 2.0;
+        let place = |at: usize| {
+            let share = (at as f64 * section).fract();
+            numbers::whole::<u32>(share * count as f64) as usize
+        };
+        let mut places: Vec<usize> = (0..most).map(|at| place(at).min(count - 1)).collect();
+        places.sort_unstable();
+        places.dedup();
+        pixels = places.into_iter().map(|at| pixels[at]).collect();
+    }
+    pixels
+}

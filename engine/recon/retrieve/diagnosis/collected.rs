@@ -1,0 +1,338 @@
+//! The diagnosis of a retrieval, view by view.
+
+use super::borders::Borders;
+use super::chi_square::{self, PixelResiduals};
+use super::empty_beam::{self, EmptyBeam, EmptyBeamOfView};
+use super::fitted::{FittedCurve, Model};
+use super::leverage::Leverage;
+use super::light::{self, LightCounts};
+use super::moments::{MomentsCheck, MomentsErrors};
+use super::steps::{self, PixelSteps, STEADY, STEADY_IN_AIR, Unsteady};
+use super::warnings::{self, Findings};
+use super::watched::Watched;
+use crate::retrieve::curves::Curves;
+use crate::retrieve::images::Images;
+use crate::retrieve::misfit::median;
+use crate::retrieve::noise_factors::NoiseFactors;
+use crate::retrieve::retriever::Corrected;
+use crate::retrieve::{Method, Record, RetrieveOptions, Retriever, Weights};
+use beamlet_core::{Error, Result, numbers};
+use ndarray::Array3;
+use rayon::prelude::*;
+use std::ops::Range;
+
+/// Displacement in widths of the curve, and relative change of the width, below which a pixel counts as
+/// air: a Gaussian leaves the same residuals there as in the flat, within 1e-3 of the height.
+const IN_AIR: f64 = 0.03;
+/// Residuals of the flat beyond noise and beyond the method's own misfit, rms over the height, that show a
+/// wrong list of offsets: leaking bars, thick bars and spots that are no Gaussian leave less.
+const MISFIT: f64 = 0.02;
+
+/// Data of flat and views for the diagnosis of faults.
+#[derive(Debug)]
+pub(crate) struct Diagnosis {
+    options: RetrieveOptions,
+    model: Option<Model>,
+    /// Offsets of the sample's steps if equal to the flat's; else empty.
+    offsets: Vec<f64>,
+    /// Refraction angle per shift of a centre, rad/m.
+    angle_per_shift: f64,
+    /// Whether values were measured: simulated ones have no faults of a laboratory.
+    measured: bool,
+    flat: Watched,
+    sample: Watched,
+    empty: Option<Empty>,
+    /// For the method `moments`.
+    moments: Option<MomentsCheck>,
+    /// Median width of the flat's curves, m.
+    width: f64,
+    found: Found,
+}
+
+/// A view that was retrieved.
+#[derive(Clone, Copy)]
+pub(crate) struct ExaminedView<'a> {
+    /// Curves of its flat.
+    pub(crate) flat: &'a Curves,
+    /// Noise of the values of the flat.
+    pub(crate) flat_noise: NoiseFactors,
+    pub(crate) images: &'a Images,
+    /// Mask offsets of its frames, m.
+    pub(crate) offsets: &'a [f64],
+    /// Rows and columns of the images.
+    pub(crate) shape: [usize; 2],
+    /// Corrections of the frames.
+    pub(crate) corrected: Corrected<'a>,
+    /// Refraction angle that was subtracted, rad.
+    pub(crate) subtracted: f64,
+}
+
+/// Pixels that are named as empty beam.
+#[derive(Debug)]
+struct Empty {
+    /// Rows and columns of pixels.
+    pixels: [Range<usize>; 2],
+    /// Rows and columns of the images.
+    images: [Range<usize>; 2],
+    flat: Watched,
+    sample: Watched,
+    views: Vec<EmptyBeamOfView>,
+}
+
+/// A pixel with the fits of flat and sample.
+struct FittedPixel {
+    residuals: PixelResiduals,
+    steps: PixelSteps,
+    /// Height of the curve of the sample.
+    height: f64,
+    /// The curve of the sample lies as in the flat.
+    in_air: bool,
+    /// Residuals of the flat, rms, over the height of its curve.
+    misfit: f64,
+}
+
+/// What views have had so far.
+#[derive(Debug, Default)]
+struct Found {
+    views: usize,
+    light: LightCounts,
+    negative: u64,
+    /// Reduced chi squared of views: of the fits, and beyond the residuals of the flat.
+    chi_squares: Vec<[f64; 2]>,
+    unsteady: Vec<(usize, Unsteady)>,
+    /// Residuals of the flat beyond noise, rms, over the height of the curve, by view.
+    misfits: Vec<f64>,
+    moments: Vec<(usize, MomentsErrors)>,
+    borders: Vec<(usize, Borders)>,
+    divided: usize,
+}
+
+impl Diagnosis {
+    /// Ready for the rows of frames of `frame` (rows, columns).
+    ///
+    /// # Errors
+    /// [`Error::Argument`] where the empty beam is no part of the frame.
+    pub(crate) fn begin(
+        retriever: &Retriever,
+        options: &RetrieveOptions,
+        frame: [usize; 2],
+        measured: bool,
+    ) -> Result<Self> {
+        let [rows, columns] = frame;
+        let steps = retriever.steps();
+        let saturation = options.saturation;
+        let empty = match &options.empty_beam {
+            None => None,
+            Some(region) => {
+                let [of_rows, of_columns] = region.within(frame)?;
+                let across = retriever.curves_within(of_columns.clone());
+                if across.is_empty() {
+                    let found = format!("columns {}:{}", of_columns.start, of_columns.end);
+                    return Err(Error::argument("empty_beam", found, "columns of a whole beamlet"));
+                }
+                let pixels = [of_rows.clone(), of_columns];
+                let flat = Watched::over(&pixels, columns, steps, saturation);
+                Some(Empty {
+                    pixels,
+                    images: [of_rows, across],
+                    sample: flat.again(),
+                    flat,
+                    views: Vec::new(),
+                })
+            }
+        };
+        let flat = Watched::over(&[0..rows, 0..columns], columns, steps, saturation);
+        let [of_flat, of_sample] = retriever.offsets();
+        let is_one = of_flat == of_sample;
+        let moments = match options.method {
+            Method::Moments => MomentsCheck::of(retriever.curve_geometry(), of_flat),
+            _ => None,
+        };
+        Ok(Self {
+            options: options.clone(),
+            model: Model::of(retriever, options.method),
+            offsets: if is_one { of_flat.to_vec() } else { Vec::new() },
+            angle_per_shift: retriever.angle_per_shift(),
+            measured,
+            sample: flat.again(),
+            flat,
+            empty,
+            moments,
+            width: f64::NAN,
+            found: Found::default(),
+        })
+    }
+
+    /// Keeps values of rows of the flat, `[step][row][column]`.
+    pub(crate) fn take_flat(&mut self, data: &Array3<f32>, rows: &Range<u32>) {
+        let of_empty = self.empty.as_mut().map(|empty| &mut empty.flat);
+        [Some(&mut self.flat), of_empty].into_iter().flatten().for_each(|of| of.take(data, rows));
+    }
+
+    /// Keeps values of rows of the view to come, `[step][row][column]`.
+    pub(crate) fn take_sample(&mut self, data: &Array3<f32>, rows: &Range<u32>) {
+        let of_empty = self.empty.as_mut().map(|empty| &mut empty.sample);
+        [Some(&mut self.sample), of_empty].into_iter().flatten().for_each(|of| of.take(data, rows));
+    }
+
+    /// Examines a view whose rows were taken.
+    pub(crate) fn view(&mut self, of: &ExaminedView<'_>) {
+        let ExaminedView { flat, images, shape, corrected, subtracted, .. } = *of;
+        if self.found.views == 0 {
+            self.width =
+                median(flat.width.iter().copied().map(f64::from).collect()).unwrap_or(f64::NAN);
+        }
+        let view = self.found.views;
+        self.found.views += 1;
+        self.found.negative += self.sample.negative();
+        let errors = self.moments.as_mut().and_then(|check| check.view(flat, of.offsets));
+        self.found.moments.extend(errors.map(|errors| (view, errors)));
+        let divided = self.measured && light::is_divided(&self.flat, &self.sample);
+        self.found.divided += usize::from(divided);
+        let offsets = corrected.offsets.filter(|_| !self.offsets.is_empty());
+        let of_view = offsets.map_or_else(|| self.offsets.clone(), <[f64]>::to_vec);
+        let known = self.found.chi_squares.len();
+        self.fits(of, view, &of_view);
+        self.found.light.add(images, self.noise_share(known));
+        if let Some(empty) = &mut self.empty {
+            let model = self.model;
+            let curve = |at: usize| model?.of_flat(flat, at);
+            let pixels = empty_beam::pixels(&empty.flat, &empty.sample, curve);
+            let found = EmptyBeamOfView::of(
+                images,
+                &empty.images,
+                (self.angle_per_shift, subtracted),
+                &pixels,
+                [&self.offsets, &of_view],
+            );
+            empty.views.push(found);
+            empty.sample = empty.sample.again();
+        } else if self.measured {
+            let angle = (self.width * self.angle_per_shift).abs();
+            let borders = Borders::of(images, shape, angle);
+            self.found.borders.extend(borders.map(|borders| (view, borders)));
+        }
+        self.sample = self.sample.again();
+    }
+
+    /// Share of noise in the uncertainties of the view whose chi squared has this place: fits without
+    /// weights take their residuals for noise, and a Gaussian leaves residuals in noise-free frames.
+    fn noise_share(&self, view: usize) -> f32 {
+        match self.found.chi_squares.get(view) {
+            Some([own, beyond]) if self.options.weights == Weights::None && *own > 0.0 => {
+                numbers::single((beyond / own).clamp(0.0, 1.0).sqrt())
+            }
+            _ => 1.0,
+        }
+    }
+
+    /// Residuals of the fits of a view.
+    fn fits(&mut self, of: &ExaminedView<'_>, view: usize, of_view: &[f64]) {
+        let ExaminedView { flat, images, flat_noise, corrected, .. } = *of;
+        let (Some(model), false) = (self.model, self.offsets.len() < 5) else { return };
+        if matches!(self.options.method, Method::Moments | Method::ThreeStep) {
+            return;
+        }
+        let pairs: Vec<_> = self.flat.iter().zip(self.sample.iter()).collect();
+        let of_pixel = |at: usize, values: [&[f64]; 2]| {
+            let curves = [model.of_flat(flat, at)?, model.of_sample(flat, images, at)?];
+            let of_flat = Leverage::of(&curves[0], &self.offsets, &self.options, flat_noise)?;
+            let of_sample = Leverage::of(&curves[1], of_view, &self.options, corrected.noise)?;
+            let leverages = [&of_flat, &of_sample];
+            let heights = curves.map(|curve| curve.amplitude);
+            Some(FittedPixel {
+                residuals: PixelResiduals::of(leverages, values, heights),
+                steps: PixelSteps::of(leverages, values, heights, curves[1].width)?,
+                height: heights[1],
+                in_air: is_in_air(&curves),
+                misfit: rms(values[0].iter().zip(&of_flat.values).map(|(y, f)| y - f)) / heights[0],
+            })
+        };
+        let pixels: Vec<_> = pairs
+            .par_iter()
+            .filter_map(|((at, flat), (_, sample))| of_pixel(*at, [flat, sample]))
+            .collect();
+        let freedom = self.offsets.len() - 4;
+        let own = chi_square::reduced(pixels.iter().map(|of| of.residuals.own), freedom);
+        let beyond = chi_square::reduced(pixels.iter().map(|of| of.residuals.beyond_flat), freedom);
+        if let (Some(own), Some(beyond), true) = (own, beyond, self.options.gain.is_some()) {
+            self.found.chi_squares.push([own, beyond]);
+            // Residuals beyond the flat are noise: the rest is common to flat and sample.
+            let share = (1.0 - beyond / own).max(0.0).sqrt();
+            let misfit = median(pixels.iter().map(|of| of.misfit).collect());
+            self.found.misfits.extend(misfit.map(|misfit| share * misfit));
+        }
+        if !self.measured {
+            return;
+        }
+        // Pixels with little light are noisier than the rest.
+        let least = median(pixels.iter().map(|of| of.height).collect()).unwrap_or(0.0) / 2.0;
+        let steps = |of_air: bool| -> Vec<&PixelSteps> {
+            let chosen = pixels.iter().filter(|of| of.height > least && (of.in_air || !of_air));
+            chosen.map(|of| &of.steps).collect()
+        };
+        let found = steps::unsteady(&steps(false), STEADY)
+            .or_else(|| steps::unsteady(&steps(true), STEADY_IN_AIR));
+        self.found.unsteady.extend(found.map(|found| (view, found)));
+    }
+
+    /// Writes the findings into the record, and logs the warnings, behind those about the files.
+    ///
+    /// # Errors
+    /// As [`Retriever::misfit_of_masks`].
+    pub(crate) fn finish(
+        self,
+        record: &mut Record,
+        retriever: &Retriever,
+        of_files: &[String],
+    ) -> Result<()> {
+        let Found { views, light, negative, chi_squares, unsteady, misfits, moments, .. } =
+            self.found;
+        let (borders, divided) = (self.found.borders, self.found.divided);
+        let misfit = match median(misfits).filter(|misfit| self.measured && *misfit > MISFIT) {
+            Some(found) => Some([found, retriever.misfit_of_masks()?]),
+            None => None,
+        };
+        let middle = |at: usize| median(chi_squares.iter().map(|pair| pair[at]).collect());
+        record.reduced_chi_square = middle(0);
+        record.chi_square_beyond_flat = middle(1);
+        record.above_one = light.bright;
+        record.negative_values = negative + self.flat.negative();
+        record.empty_beam = self.empty.map(|empty| {
+            let [rows, columns] = empty.pixels.map(|range| [range.start, range.end]);
+            EmptyBeam { columns, rows, views: empty.views }
+        });
+        let found = warnings::of(&Findings {
+            views,
+            light,
+            chi_squares: &chi_squares,
+            is_noise_known: self.options.gain.is_some() && !self.options.gain_assumed,
+            unsteady: &unsteady,
+            misfit: misfit.filter(|[found, of_masks]| *found > of_masks + MISFIT),
+            moments: &moments,
+            borders: &borders,
+            divided,
+            empty_beam: record.empty_beam.as_ref(),
+            measured: self.measured,
+            width: self.width,
+            angle_per_shift: self.angle_per_shift,
+            is_beamlet: self.options.method == Method::Beamlet,
+        });
+        record.warnings = of_files.iter().cloned().chain(found).collect();
+        for warning in &record.warnings {
+            log::warn!("{warning}");
+        }
+        Ok(())
+    }
+}
+
+/// Decides whether the curve of the sample lies where the flat's does, and is as wide.
+fn is_in_air([flat, sample]: &[FittedCurve; 2]) -> bool {
+    let moved = (sample.centre() - flat.centre()).abs() / flat.width;
+    moved < IN_AIR && (sample.width / flat.width - 1.0).abs() < IN_AIR
+}
+
+fn rms(values: impl ExactSizeIterator<Item = f64>) -> f64 {
+    let count = values.len() as f64;
+    (values.map(|value| value * value).sum::<f64>() / count).sqrt()
+}

@@ -1,0 +1,113 @@
+//! Errors of the method `moments` at the offsets of a scan, by the curve of the masks.
+
+use crate::retrieve::curves::Curves;
+use crate::retrieve::least_squares::moments;
+use crate::retrieve::quadrature;
+use crate::retrieve::shape::{CurveGeometry, CurveShape};
+
+/// Displacement of the curve that stands for a refraction angle, in widths of the curve.
+const SHIFT: f64 = 0.1;
+/// Share by which its variance grows for a dark field.
+const DARK_FIELD: f64 = 0.05;
+/// Relative errors of the angle and of the dark field from which on a warning says them.
+const LIMITS: [f64; 2] = [0.01, 0.05];
+/// Shares of the flat's curves with a smaller centre, of the centres that are examined.
+const CENTRES: [f64; 3] = [0.05, 0.5, 0.95];
+
+/// Offsets at which curves of the masks are sampled.
+#[derive(Debug)]
+pub(super) struct MomentsCheck {
+    shape: CurveShape,
+    spread: f64,
+    flat: Vec<f64>,
+    /// Centres of the flat's curves, m.
+    centres: Vec<f64>,
+    /// The offsets of the last view, and its errors.
+    last: Option<(Vec<f64>, MomentsErrors)>,
+}
+
+/// Relative errors at the offsets of a view.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct MomentsErrors {
+    /// Error of an angle that displaces the curve by a tenth of its width, over this angle.
+    pub(super) angle: f64,
+    /// Error of a dark field of a twentieth of the variance of the curve, over this dark field.
+    pub(super) dark_field: f64,
+}
+
+impl MomentsErrors {
+    /// True where a warning is due.
+    fn is_large(self) -> bool {
+        self.angle.abs() > LIMITS[0] || self.dark_field.abs() > LIMITS[1]
+    }
+}
+
+impl MomentsCheck {
+    /// Flats at these offsets, m; `None` for masks without a curve.
+    pub(super) fn of(geometry: CurveGeometry, flat: &[f64]) -> Option<Self> {
+        let shape = geometry.shape()?;
+        let spread = geometry.spread();
+        Some(Self { shape, spread, flat: flat.to_vec(), centres: Vec::new(), last: None })
+    }
+
+    /// Errors at the offsets of a view, m, where they are large.
+    pub(super) fn view(&mut self, flat: &Curves, offsets: &[f64]) -> Option<MomentsErrors> {
+        if self.centres.is_empty() {
+            self.centres = centres(flat);
+        }
+        let known = self.last.as_ref().filter(|(at, _)| at == offsets).map(|(_, errors)| *errors);
+        let errors = match known {
+            Some(errors) => errors,
+            None => self.errors(offsets),
+        };
+        self.last = Some((offsets.to_vec(), errors));
+        errors.is_large().then_some(errors)
+    }
+
+    /// The largest errors over the centres.
+    fn errors(&self, offsets: &[f64]) -> MomentsErrors {
+        let mut most = MomentsErrors { angle: 0.0, dark_field: 0.0 };
+        let keep = |most: &mut f64, error: f64| {
+            if error.abs() > most.abs() {
+                *most = error;
+            }
+        };
+        for centre in &self.centres {
+            let own = [1.0, *centre, self.spread, 0.0];
+            let [[area, ..], [width, ..]] = self.shape.area_and_width(&own);
+            let [from, of_flat] = self.found(&self.flat, &own);
+            for shift in [-SHIFT * width, SHIFT * width] {
+                let moved = [1.0, centre + shift, self.spread, 0.0];
+                let [to, _] = self.found(offsets, &moved);
+                keep(&mut most.angle, (to - from) / shift - 1.0);
+            }
+            let more = DARK_FIELD * width * width;
+            let [scale, spread] = self.shape.of_area(area, libm::fma(width, width, more).sqrt());
+            let [_, widened] = self.found(offsets, &[scale, *centre, spread, 0.0]);
+            keep(&mut most.dark_field, (widened * widened - of_flat * of_flat) / more - 1.0);
+        }
+        most
+    }
+
+    /// Centre and width that the method finds of a curve at these offsets.
+    fn found(&self, offsets: &[f64], curve: &[f64; 4]) -> [f64; 2] {
+        let weights = quadrature::weights(offsets);
+        let point = |(x, weight): (&f64, f64)| [*x, self.shape.at(curve, *x).0, weight];
+        let points: Vec<[f64; 3]> = offsets.iter().zip(weights).map(point).collect();
+        let [_, centre, width] = moments(&points, 0.0);
+        [centre, width]
+    }
+}
+
+/// Quantiles of the centres of curves.
+fn centres(flat: &Curves) -> Vec<f64> {
+    let answers = (0..flat.len()).filter(|at| flat.has_answer(*at));
+    let mut all: Vec<f64> = answers.map(|at| f64::from(flat.centre[at])).collect();
+    all.sort_by(f64::total_cmp);
+    let at = |share: f64| {
+        let index =
+            beamlet_core::numbers::whole::<usize>(share * all.len().saturating_sub(1) as f64);
+        all.get(index).copied()
+    };
+    CENTRES.into_iter().filter_map(at).collect()
+}

@@ -1,0 +1,277 @@
+//! Fits of a Gaussian on a background to many illumination curves at once, on the device.
+
+use super::curves::Curves;
+use super::noise_factors::NoiseFactors;
+use super::quadrature;
+use beamlet_core::cancel::Cancel;
+use beamlet_core::numbers::{self, single};
+use beamlet_core::{Error, Result, setters};
+use beamlet_gpu::{Buffer, Compute, Device, Kernel, Memory, Pace, push_bytes};
+use beamlet_interface::{
+    FIT_AMPLITUDE, FIT_AREA_SIGMA, FIT_BACKGROUND, FIT_CENTRE, FIT_CENTRE_SIGMA, FIT_CONDITION,
+    FIT_FLAGS, FIT_RESIDUAL, FIT_VALUES, FIT_WIDTH, FIT_WIDTH_SIGMA, FitPush, Step,
+};
+use ndarray::{ArrayView2, s};
+use serde::Serialize;
+use std::sync::Arc;
+
+/// Curves on the device at once: 84 MB with 11 steps.
+const AT_ONCE: usize = 1 << 20;
+
+/// How values of a curve count in a fit.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize)]
+#[serde(rename_all = "kebab-case")]
+#[non_exhaustive]
+pub enum Weights {
+    /// All the same.
+    #[default]
+    None,
+    /// One over the variance of counts, from the fitted curve: the fit is the maximum of the
+    /// Poisson likelihood.
+    Poisson,
+}
+
+/// How curves are fitted. `FitOptions::default()` weighs all values alike; what differs from it is
+/// set in a chain.
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[non_exhaustive]
+pub struct FitOptions {
+    /// Weights of the values.
+    pub weights: Weights,
+    /// Value of one count, for the uncertainties of weighted fits. > 0.
+    pub gain: f64,
+    /// Standard deviation of noise besides photon noise, for weighted fits. >= 0.
+    pub read_noise: f64,
+    /// Values from here on are left out.
+    pub saturation: Option<f32>,
+}
+
+impl Default for FitOptions {
+    fn default() -> Self {
+        Self { weights: Weights::None, gain: 1.0, read_noise: 0.0, saturation: None }
+    }
+}
+
+impl FitOptions {
+    setters! {
+        /// Chooses the weights of the values.
+        with_weights(weights: Weights);
+        /// Sets the value of one count.
+        with_gain(gain: f64);
+        /// Sets the standard deviation of noise besides photon noise.
+        with_read_noise(read_noise: f64);
+        /// Leaves out values from here on.
+        with_saturation(saturation: impl Into<Option<f32>>);
+    }
+}
+
+/// Fits curves taken at the same offsets.
+#[derive(Debug, Clone)]
+pub struct Fitter {
+    device: Arc<Device>,
+    kernel: Arc<Kernel>,
+    steps: Arc<Buffer>,
+    step_count: usize,
+    /// Centre and half width of the scan.
+    middle: f64,
+    half: f64,
+    /// Added to values while they are fitted: with it their variance is the gain times them.
+    pedestal: f32,
+    /// Least and most width, in half widths.
+    min_width: f64,
+    max_width: f64,
+    options: FitOptions,
+}
+
+impl Fitter {
+    /// A fitter for curves at these offsets, in any unit and order; centres and widths come in
+    /// the same unit.
+    ///
+    /// # Errors
+    /// [`Error::Argument`] with fewer than four different offsets, one that is not finite, or a
+    /// gain that is not above zero; [`Error::Device`], [`Error::Memory`].
+    ///
+    /// # Example
+    ///
+    /// ```no_run
+    /// use beamlet::internals::retrieve::{FitOptions, Fitter};
+    /// use beamlet::{Cancel, Engine, EngineOptions, ndarray::Array2};
+    ///
+    /// let engine = Engine::open(&EngineOptions::default())?;
+    /// let offsets = [-20e-6, -10e-6, 0.0, 10e-6, 20e-6];
+    /// let fitter = Fitter::new(&engine, &offsets, &FitOptions::default())?;
+    /// // `[step][curve]`.
+    /// let curves = Array2::<f32>::zeros((5, 1000));
+    /// println!("{:?}", fitter.fit(curves.view(), &Cancel::default())?.centre);
+    /// # Ok::<(), beamlet::Error>(())
+    /// ```
+    pub fn new(compute: &Compute, offsets: &[f64], options: &FitOptions) -> Result<Self> {
+        if !(options.gain.is_finite() && options.gain > 0.0) {
+            let found = options.gain.to_string();
+            return Err(Error::argument("gain", found, "a number above zero"));
+        }
+        if !(options.read_noise.is_finite() && options.read_noise >= 0.0) {
+            let found = options.read_noise.to_string();
+            return Err(Error::argument("read_noise", found, "a number of at least zero"));
+        }
+        let device = compute.device().clone();
+        let kernel = Arc::new(device.kernel("fit", push_bytes::<FitPush>())?);
+        Self::with_kernel(device, kernel, offsets, options)
+    }
+
+    /// The same fits of curves taken at other offsets, whose values have other noise.
+    ///
+    /// # Errors
+    /// As [`Self::new`].
+    pub(super) fn at(&self, offsets: &[f64], noise: NoiseFactors) -> Result<Self> {
+        let FitOptions { gain, read_noise, .. } = self.options;
+        let options =
+            self.options.with_gain(noise.gain(gain)).with_read_noise(noise.read_noise(read_noise));
+        Self::with_kernel(self.device.clone(), self.kernel.clone(), offsets, &options)
+    }
+
+    fn with_kernel(
+        device: Arc<Device>,
+        kernel: Arc<Kernel>,
+        offsets: &[f64],
+        options: &FitOptions,
+    ) -> Result<Self> {
+        let mut sorted = offsets.to_vec();
+        sorted.sort_by(f64::total_cmp);
+        let different = 1 + sorted.windows(2).filter(|pair| pair[0] < pair[1]).count();
+        if different < 4 || offsets.iter().any(|offset| !offset.is_finite()) {
+            return Err(Error::argument(
+                "offsets",
+                format!("{} offsets, {different} of them different", offsets.len()),
+                "a fit of four unknowns needs at least 4 different, finite offsets",
+            ));
+        }
+        let [low, high] = [sorted[0], sorted[sorted.len() - 1]];
+        let (middle, half) = (f64::midpoint(low, high), (high - low) / 2.0);
+        let gaps = sorted.windows(2).map(|pair| pair[1] - pair[0]).filter(|gap| *gap > 0.0);
+        let least = gaps.fold(f64::INFINITY, f64::min) / half;
+        let steps: Vec<Step> = offsets
+            .iter()
+            .zip(quadrature::trapezoids(offsets))
+            .map(|(offset, share)| {
+                let at = (offset - middle) / half;
+                Step {
+                    offset: single(at),
+                    offset_low: single(at - f64::from(single(at))),
+                    width: single(share / half),
+                }
+            })
+            .collect();
+        Ok(Self {
+            kernel,
+            steps: Arc::new(device.upload("mask steps", &steps)?),
+            device,
+            step_count: offsets.len(),
+            middle,
+            half,
+            min_width: least / 3.0,
+            max_width: 2.0,
+            pedestal: match options.weights {
+                Weights::None => 0.0,
+                Weights::Poisson => single(options.read_noise * options.read_noise / options.gain),
+            },
+            options: *options,
+        })
+    }
+
+    /// Number of steps of a curve.
+    #[must_use]
+    pub const fn steps(&self) -> usize {
+        self.step_count
+    }
+
+    /// Fits curves, `[step][curve]`. Each is fitted independently: its bits do not depend on the others.
+    ///
+    /// # Errors
+    /// [`Error::Device`], [`Error::Memory`]; [`Error::Argument`] for another number of steps than
+    /// of offsets; [`Error::Interrupted`] when `cancel` was set.
+    pub fn fit(&self, curves: ArrayView2<'_, f32>, cancel: &Cancel) -> Result<Curves> {
+        let (steps, count) = curves.dim();
+        if steps != self.step_count {
+            return Err(Error::argument(
+                "offsets",
+                format!("{} offsets for {steps} frames", self.step_count),
+                "one offset for each frame",
+            ));
+        }
+        let mut all = Curves::new(count);
+        let room = count.min(AT_ONCE) as u64;
+        let input = self.device.buffer("curves", room * steps as u64 * 4, Memory::Device)?;
+        let output = self.device.buffer("fits", room * FIT_VALUES as u64 * 4, Memory::Device)?;
+        let mut pace = Pace::new(1 << 15, 1024, 1 << 20);
+        for start in (0..count).step_by(AT_ONCE) {
+            let n = (count - start).min(AT_ONCE);
+            for (step, curve) in curves.outer_iter().enumerate() {
+                let part = curve.slice_move(s![start..start + n]);
+                let offset = (step * n * 4) as u64;
+                match part.as_slice() {
+                    Some(values) if self.pedestal <= 0.0 => input.write(offset, values)?,
+                    _ => {
+                        let raised: Vec<f32> = part.iter().map(|y| y + self.pedestal).collect();
+                        input.write(offset, &raised)?;
+                    }
+                }
+            }
+            self.dispatch(&input, &output, numbers::count(n), &mut pace, cancel)?;
+            let values: Vec<f32> = output.read(0, n * FIT_VALUES)?;
+            self.take(&values, start, &mut all);
+        }
+        Ok(all)
+    }
+
+    fn dispatch(
+        &self,
+        input: &Buffer,
+        output: &Buffer,
+        count: u32,
+        pace: &mut Pace,
+        cancel: &Cancel,
+    ) -> Result<()> {
+        let push = |first, _| FitPush {
+            steps: self.steps.address(),
+            curves: input.address(),
+            fits: output.address(),
+            step_count: numbers::count(self.step_count),
+            pixel_count: count,
+            first,
+            poisson: (self.options.weights == Weights::Poisson).into(),
+            gain: single(self.options.gain),
+            saturation: self.options.saturation.map_or(f32::INFINITY, |y| y + self.pedestal),
+            min_width: single(self.min_width),
+            max_width: single(self.max_width),
+        };
+        self.device.run_paced(&self.kernel, count, (pace, cancel), push, &mut |_| ())
+    }
+
+    /// From planes of values in half widths to curves in the offsets' unit.
+    fn take(&self, values: &[f32], start: usize, all: &mut Curves) {
+        let n = values.len() / FIT_VALUES;
+        let plane = |index: usize| &values[index * n..(index + 1) * n];
+        let lengths = |index: usize, zero: f64| {
+            plane(index).iter().map(move |v| single(zero + self.half * f64::from(*v)))
+        };
+        let area = |(a, w): (&f32, &f32)| single(f64::from(*a) * self.half * f64::from(*w));
+        fill(&mut all.area, start, plane(FIT_AMPLITUDE).iter().zip(plane(FIT_WIDTH)).map(area));
+        fill(&mut all.amplitude, start, plane(FIT_AMPLITUDE).iter().copied());
+        fill(&mut all.centre, start, lengths(FIT_CENTRE, self.middle));
+        fill(&mut all.width, start, lengths(FIT_WIDTH, 0.0));
+        fill(&mut all.background, start, plane(FIT_BACKGROUND).iter().map(|b| b - self.pedestal));
+        fill(&mut all.residual, start, plane(FIT_RESIDUAL).iter().copied());
+        fill(&mut all.area_sigma, start, plane(FIT_AREA_SIGMA).iter().copied());
+        fill(&mut all.centre_sigma, start, lengths(FIT_CENTRE_SIGMA, 0.0));
+        fill(&mut all.width_sigma, start, lengths(FIT_WIDTH_SIGMA, 0.0));
+        fill(&mut all.condition, start, plane(FIT_CONDITION).iter().copied());
+        for (to, from) in all.flags[start..start + n].iter_mut().zip(plane(FIT_FLAGS)) {
+            *to = numbers::whole::<u32>(f64::from(*from));
+        }
+    }
+}
+
+fn fill(to: &mut [f32], start: usize, from: impl Iterator<Item = f32>) {
+    to[start..].iter_mut().zip(from).for_each(|(to, from)| *to = from);
+}

@@ -1,0 +1,444 @@
+//! Inputs of a retrieval: a run of beamlet, or measured stacks with their geometry.
+
+mod bad_pixels;
+mod correction;
+mod faults;
+mod flats;
+mod omitted;
+mod reopened;
+mod selection;
+mod times;
+
+use beamlet_core::cancel::Aside;
+use beamlet_core::{Error, Result, input_file, numbers};
+use beamlet_files::layout::GEOMETRY;
+use beamlet_files::{InputHashes, OpenRun, StackFile};
+use beamlet_model::scene::Scene;
+use beamlet_model::spectrum;
+use correction::{Correction, Dark, LEFT_OUT};
+use ndarray::Array3;
+pub use selection::Columns;
+use selection::Selection;
+use std::collections::BTreeMap;
+use std::ops::Range;
+use std::path::{Path, PathBuf};
+
+/// Stacks of flat and sample, and the scene whose geometry and offsets they have.
+#[derive(Debug)]
+pub struct Input {
+    scene: Scene,
+    flat: StackFile,
+    sample: StackFile,
+    /// Views between one flat and the next; `None` where there is one flat, or one for each view.
+    flats_every: Option<u32>,
+    correction: Correction,
+    selection: Selection,
+    /// Mask steps of the files that are left out, ascending.
+    omitted: Vec<usize>,
+    /// Values of kept pixels from here on are left out.
+    limit: Option<f32>,
+    /// Detector number of one photon, and the noise of no light, where the scene has them.
+    noise: Option<[f64; 2]>,
+    counts: bool,
+    /// The views are the first of the scene's; measured ones have angles where there are as many.
+    is_run: bool,
+    /// Everything that was read, files and folders, but for the run.
+    read: Vec<PathBuf>,
+    /// SHA-256 of the files of the run, by path.
+    run: BTreeMap<String, String>,
+    /// Files of each folder of measured frames, in their order.
+    frames: BTreeMap<String, Vec<String>>,
+    /// Warnings about the files.
+    warnings: Vec<String>,
+}
+
+impl Input {
+    /// Values as they are in the files.
+    fn new(scene: Scene, flat: StackFile, sample: StackFile, read: Vec<PathBuf>) -> Self {
+        let [_, _, rows, columns] = flat.shape();
+        let frame = [rows, columns];
+        Self {
+            scene,
+            flat,
+            sample,
+            flats_every: None,
+            correction: Correction::default(),
+            selection: Selection::whole(frame),
+            omitted: Vec::new(),
+            limit: None,
+            noise: None,
+            counts: false,
+            is_run: false,
+            read,
+            run: BTreeMap::new(),
+            frames: BTreeMap::new(),
+            warnings: Vec::new(),
+        }
+    }
+
+    /// A run; with `counts` its detector numbers instead of intensities. Noise and saturation are then
+    /// taken from the scene's detector, and the mean of the run's dark frames is subtracted.
+    ///
+    /// # Errors
+    /// [`Error::File`] where it has none, or cannot be read.
+    pub fn of_run(run: &OpenRun, counts: bool) -> Result<Self> {
+        let scene = run.scene().clone();
+        let all = run.record().extent.views;
+        if run.views() < all as usize {
+            let path = run.path().display();
+            log::warn!(
+                "{path}: {} of {all} views are committed; the rest is left out",
+                run.views()
+            );
+        }
+        let input = if counts {
+            let (Some(flat), Some(sample)) = (run.counts_flat()?, run.counts_sample()?) else {
+                let problem = match scene.detector.counts {
+                    Some(_) => {
+                        "has no committed counts of flat and sample yet: wait for the run, or resume it"
+                    }
+                    None => "has no counts: its scene has no detector.photons",
+                };
+                return Err(Error::file(run.path(), problem, None));
+            };
+            Self::simulated_counts(&scene, flat, sample, run.dark()?)?
+        } else {
+            Self::simulated(&scene, run.flat()?, run.sample()?)
+        };
+        Ok(Self { run: run.hashes().clone(), ..input })
+    }
+
+    /// Simulated intensities of a scene. Several flats are taken every `scan.flats_every` views.
+    #[must_use]
+    pub fn simulated(scene: &Scene, flat: StackFile, sample: StackFile) -> Self {
+        let flats_every = scene.scan.flats_every.filter(|_| flat.shape()[0] > 1);
+        Self { is_run: true, flats_every, ..Self::new(scene.clone(), flat, sample, Vec::new()) }
+    }
+
+    /// Simulated detector numbers of a scene. Noise and saturation are taken from its detector; the mean
+    /// of the dark frames is subtracted, with `scan.darks_every` interpolated between darks.
+    ///
+    /// # Errors
+    /// [`Error::File`] where the dark cannot be read; [`Error::Scene`] for materials of the detector.
+    pub fn simulated_counts(
+        scene: &Scene,
+        flat: StackFile,
+        sample: StackFile,
+        dark: Option<StackFile>,
+    ) -> Result<Self> {
+        let numbers = scene.detector.counts;
+        // The largest number stands for all that was clipped to it.
+        let saturation = numbers
+            .and_then(|n| n.bit_depth)
+            .map(|bits| numbers::single(libm::exp2(f64::from(bits)) - 1.0));
+        let noise = match numbers {
+            Some(n) => Some([spectrum::variance_per_value(scene)?, n.electronic_noise]),
+            None => None,
+        };
+        let dark = match (dark, scene.scan.darks_every) {
+            (Some(darks), Some(every)) if darks.shape()[0] > 1 => {
+                Some(Dark::between(darks, every, scene.scan.views())?)
+            }
+            (dark, _) => dark.as_ref().map(Dark::of).transpose()?,
+        };
+        let correction = Correction { dark, bad: None, saturation };
+        let input = Self::simulated(scene, flat, sample);
+        Ok(Self { correction, noise, counts: true, ..input })
+    }
+
+    /// Measured stacks. `scene` gives the geometry; its mask offsets are those of the frames.
+    /// The dark is averaged over its frames and subtracted from both.
+    ///
+    /// # Errors
+    /// [`Error::File`] where shapes do not agree, naming both files; where the sample has the values of
+    /// the flat, or the dark is brighter than the flat in its darkest steps; where a file that the scene
+    /// refers to does not have the hash that the scene has of it. [`Error::Argument`] where mask offsets
+    /// span less than a tenth or more than ten periods of the sample mask.
+    pub fn measured(
+        scene: &Scene,
+        flat: StackFile,
+        sample: StackFile,
+        dark: Option<&StackFile>,
+    ) -> Result<Self> {
+        if let Some(error) = scene.changed_files().into_iter().next() {
+            return Err(error);
+        }
+        let scene = scene.with_file_hashes()?;
+        faults::check_offsets(&scene)?;
+        let [_, _, rows, columns] = flat.shape();
+        for other in std::iter::once(&sample).chain(dark) {
+            let [_, _, other_rows, other_columns] = other.shape();
+            if [other_rows, other_columns] != [rows, columns] {
+                let problem = format!(
+                    "has frames of {other_rows} x {other_columns} pixels; the frames of {} have \
+                     {rows} x {columns}",
+                    flat.path().display()
+                );
+                return Err(Error::file(other.path(), problem, None));
+            }
+        }
+        let files = [&flat, &sample].into_iter().chain(dark).filter_map(StackFile::file);
+        let read = files.map(Path::to_owned).collect();
+        let names = |s: &StackFile| Some((s.path().display().to_string(), s.frame_names()?));
+        let frames = [&flat, &sample].into_iter().chain(dark).filter_map(names).collect();
+        faults::check_sample(&flat, &sample)?;
+        let mut warnings = faults::of_bytes(&flat, &sample);
+        warnings.extend(faults::of_pixels(&scene, &flat));
+        let dark = match dark {
+            Some(stack) => {
+                let dark = Dark::of(stack)?;
+                faults::check_dark(&flat, &dark)?;
+                Some(dark)
+            }
+            None => None,
+        };
+        let correction = Correction { dark, ..Correction::default() };
+        let input = Self::new(scene, flat, sample, read);
+        Ok(Self { correction, counts: true, frames, warnings, ..input })
+    }
+
+    /// Names other files that were read for it, such as the geometry, for the record.
+    #[must_use]
+    pub fn with_read(mut self, files: &[PathBuf]) -> Self {
+        self.read.extend_from_slice(files);
+        self
+    }
+
+    /// Begins to find the SHA-256 of everything that is read, by its path, while curves are fitted.
+    pub(super) fn hashes(&self) -> Aside<Result<InputHashes>> {
+        let (read, run) = (self.read.clone(), self.run.clone());
+        Aside::begin(move |end| {
+            let mut found = InputHashes::of(&read, end)?;
+            found.hashes.extend(run);
+            Ok(found)
+        })
+    }
+
+    /// Leaves out values from here on, as they are in the files: before the dark is subtracted.
+    /// `None` leaves it at what a run's scene says.
+    #[must_use]
+    pub const fn saturated_at(mut self, saturation: Option<f32>) -> Self {
+        if saturation.is_some() {
+            self.correction.saturation = saturation;
+        }
+        self
+    }
+
+    /// Variance of a number over its mean above the dark (the gain, times the excess noise of an
+    /// integrating detector), and the standard deviation of one without light: those of a run's
+    /// scene, `None` for measured stacks.
+    #[must_use]
+    pub const fn noise(&self) -> Option<[f64; 2]> {
+        self.noise
+    }
+
+    /// The scene whose geometry and offsets the frames have.
+    #[must_use]
+    pub const fn scene(&self) -> &Scene {
+        &self.scene
+    }
+
+    /// Whether the values are detector numbers, and not intensities.
+    #[must_use]
+    pub const fn counts(&self) -> bool {
+        self.counts
+    }
+
+    /// Warnings about the files.
+    pub(super) fn warnings(&self) -> &[String] {
+        &self.warnings
+    }
+
+    /// Whether these are stacks given beside a geometry, and not a run's.
+    pub(super) const fn is_measured(&self) -> bool {
+        !self.is_run
+    }
+
+    /// Files or folders of flat and sample.
+    #[must_use]
+    pub fn sources(&self) -> Vec<String> {
+        [&self.flat, &self.sample].map(|stack| stack.path().display().to_string()).to_vec()
+    }
+
+    /// File or folder of the dark frames.
+    #[must_use]
+    pub(crate) fn dark_source(&self) -> Option<String> {
+        self.correction.dark.as_ref().map(|dark| dark.path.display().to_string())
+    }
+
+    /// Files of each folder of measured frames, in their order, by the folder's path.
+    #[must_use]
+    pub const fn frames(&self) -> &BTreeMap<String, Vec<String>> {
+        &self.frames
+    }
+
+    /// Files and folders of the stacks.
+    pub(super) fn paths(&self) -> Vec<PathBuf> {
+        [&self.flat, &self.sample].into_iter().flat_map(StackFile::places).collect()
+    }
+
+    /// Views of the sample.
+    #[must_use]
+    pub const fn views(&self) -> usize {
+        self.sample.shape()[0]
+    }
+
+    /// Whether the scene has the angle of each view; warns where it has other angles.
+    pub(super) fn has_angles(&self) -> bool {
+        let (views, angles) = (self.views(), self.scene.scan.views());
+        let has = angles == views || self.is_run;
+        if !has {
+            log::warn!(
+                "{views} views, and {angles} angles in scan.angles: the images have no {GEOMETRY}"
+            );
+        }
+        has
+    }
+
+    /// Angles of which there are the views of all dithers.
+    ///
+    /// # Errors
+    /// [`Error::File`] where there is none, and where measured stacks have some of the dithers of an angle.
+    pub(super) fn angles(&self) -> Result<usize> {
+        let (views, dithers) = (self.views(), self.scene.scan.dithers_of_angle());
+        let angles = views / dithers;
+        if angles * dithers == views {
+            return Ok(angles);
+        }
+        let problem = format!("has {views} views; each angle has {dithers}, by scan.dithers");
+        if angles == 0 || !self.is_run {
+            return Err(Error::file(self.sample.path(), problem, None));
+        }
+        log::warn!("{}: {problem}; the last views are ignored", self.sample.path().display());
+        Ok(angles)
+    }
+
+    /// Mask steps of the flat and of each view of the sample, without omitted ones.
+    #[must_use]
+    pub fn steps(&self) -> [usize; 2] {
+        [&self.flat, &self.sample].map(|stack| stack.shape()[1].saturating_sub(self.omitted.len()))
+    }
+
+    /// Rows and columns of the kept part of a frame.
+    #[must_use]
+    pub fn frame(&self) -> [usize; 2] {
+        self.selection.frame()
+    }
+
+    /// Rows and columns of a frame as the files have it.
+    pub(super) const fn whole_frame(&self) -> [usize; 2] {
+        let [_, _, rows, columns] = self.flat.shape();
+        [rows, columns]
+    }
+
+    /// The saturation that a retriever of these values has to know.
+    #[must_use]
+    pub fn saturation(&self) -> Option<f32> {
+        self.correction.saturation.or(self.limit).map(|_| LEFT_OUT)
+    }
+
+    /// Leaves out values from `limit` on, as a retriever gets them, where none are left out as they are in
+    /// the files: corrections of frames change values, and not which of them are saturated.
+    pub(super) const fn limited_to(mut self, limit: Option<f32>) -> Self {
+        if self.correction.saturation.is_none() {
+            self.limit = limit;
+        }
+        self
+    }
+
+    /// Splits the sample's frames into views of some steps. `steps`: number of offsets, without omitted ones.
+    ///
+    /// # Errors
+    /// [`Error::File`] where frames and offsets do not agree in number, naming the file, and where the
+    /// mean of the dark is not finite in a pixel that is not a bad one.
+    pub(crate) fn fitted_to(mut self, steps: usize) -> Result<Self> {
+        self.correction.check()?;
+        let steps = steps + self.omitted.len();
+        let [flats, frames, ..] = self.flat.shape();
+        if frames != steps {
+            let problem = format!("has {frames} frames for {steps} mask offsets");
+            if flats != 1 || frames % steps != 0 {
+                return Err(Error::file(self.flat.path(), problem, None));
+            }
+            self.flat = self.flat.with_steps(steps)?;
+        }
+        let path = self.sample.path().to_path_buf();
+        let [views, frames, ..] = self.sample.shape();
+        self.sample = self.sample.with_steps(steps).map_err(|error| {
+            if views == 1 && frames % steps == 0 {
+                // Their names say something else.
+                return error;
+            }
+            let problem =
+                format!("has {frames} frames in each of {views} views for {steps} mask offsets");
+            Error::file(path, problem, None)
+        })?;
+        self.check_flats()?;
+        Ok(self)
+    }
+
+    /// Rows of a view of the sample, `[step][row][column]`.
+    ///
+    /// # Errors
+    /// As [`StackFile::rows`].
+    pub fn sample_rows(&self, view: usize, rows: Range<u32>) -> Result<Array3<f32>> {
+        self.values(&self.sample, view, &rows, times::during(view))
+    }
+
+    /// Rows of a view that is taken at this time, corrected, of the pixels that are kept.
+    fn values(
+        &self,
+        stack: &StackFile,
+        view: usize,
+        rows: &Range<u32>,
+        time: f64,
+    ) -> Result<Array3<f32>> {
+        let rows = self.selection.rows(rows);
+        let mut data = self.kept_steps(stack.rows(view, rows.clone())?);
+        self.correction.apply(&mut data, &rows, time)?;
+        let mut data = self.selection.of(data, self.counts);
+        if let Some(limit) = self.limit {
+            data.mapv_inplace(|y| if y >= limit { LEFT_OUT } else { y });
+        }
+        Ok(data)
+    }
+}
+
+/// Mask offsets from a list such as "-10 um, 0 um, 10 um", or from a file with one per line.
+///
+/// # Errors
+/// [`Error::File`] for a file that cannot be read; [`Error::Argument`] for a value without a unit,
+/// naming its place in the list.
+pub fn offsets(list_or_file: &str) -> Result<Vec<f64>> {
+    let path = Path::new(list_or_file);
+    // A word that begins with no number can only be meant as the name of a file.
+    let begins = |c: char| c.is_ascii_digit() || "+-.,".contains(c);
+    let named = !list_or_file.trim().is_empty() && !list_or_file.trim_start().starts_with(begins);
+    let text = if path.is_file() || named {
+        let problem =
+            "cannot be read as a file of offsets, nor is it a list such as \"-10 um, 0 um\"";
+        input_file::text(path).map_err(|error| Error::file(path, problem, Some(error)))?
+    } else {
+        list_or_file.to_owned()
+    };
+    let words = text
+        .lines()
+        .map(|line| line.split('#').next().unwrap_or_default())
+        .flat_map(|line| line.split([',', ';', '\t']))
+        .map(str::trim)
+        .filter(|word| !word.is_empty());
+    let offsets: Vec<f64> = words
+        .enumerate()
+        .map(|(index, word)| {
+            beamlet_core::units::Dimension::Length.parse(word).map_err(|error| {
+                let allowed = "lengths with units, as in \"-10 um, 0 um, 10 um\", or a file with \
+                               one on each line";
+                Error::argument(format!("offsets[{index}]"), error.found, allowed)
+            })
+        })
+        .collect::<Result<_>>()?;
+    if offsets.is_empty() {
+        return Err(Error::argument("offsets", "nothing", "at least one length"));
+    }
+    Ok(offsets)
+}

@@ -1,0 +1,323 @@
+//! Least squares in f64 on the host: Levenberg-Marquardt for shapes with four unknowns.
+
+use super::curves::Curve;
+use super::equations::{Equations, add, condition, covariance, inverse, solve};
+use super::fitter::Weights;
+use super::flags;
+use super::shape::CurveShape;
+
+/// Steps below this, in half widths of the scan and ranges of the curve, end a fit.
+const SETTLED: f64 = 1e-7;
+
+/// Number of times that weights follow the fit, at most.
+const WEIGHINGS: usize = 40;
+/// Change of the unknowns, in the units of a step, below which weights have settled.
+const WEIGHED: f64 = 1e-6;
+
+/// What all curves share.
+#[derive(Debug, Clone)]
+pub(super) struct CurveScan {
+    /// Offsets, m.
+    pub(super) offsets: Vec<f64>,
+    /// Weight of each offset in an integral over the scan, m.
+    pub(super) shares: Vec<f64>,
+    /// Values from here on are left out.
+    pub(super) saturation: f64,
+    /// Value of one count, where the values are counts.
+    pub(super) gain: Option<f64>,
+    /// Standard deviation of a value without light.
+    pub(super) read_noise: f64,
+    /// Weights of the values.
+    pub(super) weights: Weights,
+}
+
+/// A curve's values that count, and the flags so far.
+#[derive(Debug)]
+pub(super) struct CurveValues {
+    /// Offset, value, share.
+    pub(crate) points: Vec<[f64; 3]>,
+    pub(crate) flags: u32,
+    pub(crate) least: f64,
+    pub(crate) most: f64,
+}
+
+impl CurveScan {
+    /// Sorts out values; flags say why there is no answer.
+    pub(super) fn values(&self, curve: impl Iterator<Item = f32>, needed: usize) -> CurveValues {
+        let mut values = CurveValues {
+            points: Vec::with_capacity(self.offsets.len()),
+            flags: 0,
+            least: f64::INFINITY,
+            most: f64::NEG_INFINITY,
+        };
+        for ((offset, share), y) in self.offsets.iter().zip(&self.shares).zip(curve) {
+            let y = f64::from(y);
+            if !y.is_finite() {
+                values.flags |= flags::NOT_FINITE;
+            } else if y >= self.saturation {
+                values.flags |= flags::SATURATED;
+            } else {
+                values.points.push([*offset, y, *share]);
+                values.least = values.least.min(y);
+                values.most = values.most.max(y);
+            }
+        }
+        if values.points.len() < needed {
+            values.flags |= flags::FEW;
+        } else if values.most <= values.least {
+            values.flags |= flags::DEAD;
+        }
+        values
+    }
+
+    /// Variance of a value; `NaN` where values are no counts.
+    pub(super) fn variance(&self, value: f64) -> f64 {
+        let read_noise = self.read_noise;
+        self.gain.map_or(f64::NAN, |gain| gain * value.max(0.0) + read_noise * read_noise)
+    }
+
+    /// Half the distance of these.
+    pub(super) fn half(&self) -> f64 {
+        let [low, high] = self.ends();
+        (high - low) / 2.0
+    }
+
+    /// Least and greatest offset.
+    pub(super) fn ends(&self) -> [f64; 2] {
+        self.offsets
+            .iter()
+            .fold([f64::INFINITY, f64::NEG_INFINITY], |[a, b], x| [a.min(*x), b.max(*x)])
+    }
+}
+
+/// Area, centroid and standard deviation of points above `floor`.
+pub(super) fn moments(points: &[[f64; 3]], floor: f64) -> [f64; 3] {
+    let sum = |f: &dyn Fn(f64) -> f64| -> f64 {
+        points.iter().map(|[x, y, share]| share * (y - floor) * f(*x)).sum()
+    };
+    let area = sum(&|_| 1.0);
+    let centre = sum(&|x| x) / area;
+    let variance = sum(&|x| (x - centre) * (x - centre)) / area;
+    [area, centre, variance.max(0.0).sqrt()]
+}
+
+/// A shape that is fitted to the values of a curve, with what limits its unknowns.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Fitting<'a> {
+    pub(crate) shape: CurveShape,
+    pub(crate) scan: &'a CurveScan,
+    pub(super) values: &'a CurveValues,
+    /// Least spread.
+    pub(super) least_spread: f64,
+    /// The spread keeps its first value.
+    pub(crate) held: bool,
+}
+
+/// Where a fit ended.
+#[derive(Debug, Clone)]
+pub(super) struct Fit {
+    /// Scale, centre, spread, background.
+    pub(crate) p: [f64; 4],
+    pub(crate) settled: bool,
+    /// Inverse of the equations in which all values weigh the same.
+    pub(super) inverse: Option<[[f64; 4]; 4]>,
+    /// Covariance of the unknowns; NaN where the noise is not known.
+    pub(super) covariance: Option<[[f64; 4]; 4]>,
+    condition: f64,
+    /// Root mean square of the residuals.
+    pub(crate) residual: f64,
+}
+
+/// Fits a shape to a curve.
+pub(super) fn fit(shape: CurveShape, scan: &CurveScan, curve: impl Iterator<Item = f32>) -> Curve {
+    fit_with(shape, scan, curve, None)
+}
+
+/// Fits a shape to a curve. `held`: the spread, where it is known; three values suffice then.
+pub(super) fn fit_with(
+    shape: CurveShape,
+    scan: &CurveScan,
+    curve: impl Iterator<Item = f32>,
+    held: Option<f64>,
+) -> Curve {
+    let values = scan.values(curve, if held.is_some() { 3 } else { 5 });
+    if values.flags & flags::NO_ANSWER != 0 {
+        return Curve::unknown(values.flags);
+    }
+    let [area, centre, deviation] = moments(&values.points, values.least);
+    let [scale, spread] = shape.guess(area, deviation);
+    let spread = held.unwrap_or(spread);
+    let least_spread = shape.limits(scan.half())[0].min(spread);
+    let fitting = Fitting { shape, scan, values: &values, least_spread, held: held.is_some() };
+    fitting.curve(&fitting.from([scale, centre, spread, values.least]))
+}
+
+impl Fitting<'_> {
+    /// Fits from these unknowns on.
+    pub(super) fn from(&self, p: [f64; 4]) -> Fit {
+        let points = &self.values.points;
+        let mut weights = vec![1.0; points.len()];
+        let mut last = self.descend(p, &weights);
+        if self.scan.weights == Weights::Poisson {
+            for _ in 0..WEIGHINGS {
+                for (weight, [x, ..]) in weights.iter_mut().zip(points) {
+                    *weight = self.weight(&last.p, *x);
+                }
+                let next = self.descend(last.p, &weights);
+                let moved = self.length(&last.p, &next.p);
+                last = next;
+                if moved < WEIGHED {
+                    break;
+                }
+                last.settled &= moved < 100.0 * WEIGHED;
+            }
+        }
+        let Descent { p, equations, settled } = last;
+        let (even, squares) = self.normal(&p, &vec![1.0; points.len()]);
+        let weighted = inverse(&equations);
+        let condition = weighted.as_ref().map_or(f64::INFINITY, |c| condition(&equations, c));
+        let covariance = weighted.map(|inverse| match (self.scan.weights, self.scan.gain) {
+            (Weights::None, None) => {
+                let freedom = points.len() as f64 - 4.0;
+                let variance = if freedom > 0.0 { squares / freedom } else { f64::NAN };
+                inverse.map(|row| row.map(|c| variance * c))
+            }
+            _ => {
+                // Weights are the inverse of variances at most: far from the peak they are less.
+                for (weight, [x, ..]) in weights.iter_mut().zip(points) {
+                    *weight = weight.powi(2) * self.variance(&p, *x);
+                }
+                covariance(&inverse, &self.normal(&p, &weights).0)
+            }
+        });
+        let residual = (squares / points.len() as f64).sqrt();
+        Fit { p, settled, inverse: inverse(&even), covariance, condition, residual }
+    }
+
+    /// Curve of a fit, with its uncertainties and flags.
+    pub(super) fn curve(&self, fit: &Fit) -> Curve {
+        let Fit { p, .. } = fit;
+        let [low, high] = self.scan.ends();
+        let mut flags = self.values.flags | if fit.settled { 0 } else { flags::NOT_CONVERGED };
+        if fit.condition > 100.0 {
+            flags |= flags::ILL_CONDITIONED;
+        }
+        if p[1] < low || p[1] > high {
+            flags |= flags::OUTSIDE;
+        }
+        let of = |i: usize, j: usize| match &fit.covariance {
+            Some(_) if self.held && (i == 2 || j == 2) => 0.0,
+            Some(covariance) => covariance[i][j],
+            None => f64::NAN,
+        };
+        if p[0] <= 0.0 || p[0] <= 3.0 * of(0, 0).sqrt() {
+            flags |= flags::NO_PEAK;
+        }
+        let [area, width] = self.shape.area_and_width(p);
+        let resolved = self.held || p[2] > 1.01 * self.least_spread;
+        if !(resolved && width[0] < 2.0 * self.scan.half()) {
+            flags |= flags::WIDTH;
+        }
+        let sigma = |[_, by_scale, by_spread]: [f64; 3]| {
+            let v = by_scale * by_scale * of(0, 0)
+                + 2.0 * by_scale * by_spread * of(0, 2)
+                + by_spread * by_spread * of(2, 2);
+            v.max(0.0).sqrt()
+        };
+        Curve {
+            area: area[0],
+            amplitude: self.shape.at(p, p[1]).0 - p[3],
+            centre: p[1],
+            width: width[0],
+            background: p[3],
+            residual: fit.residual,
+            area_sigma: sigma(area) / area[0],
+            centre_sigma: of(1, 1).sqrt(),
+            width_sigma: sigma(width),
+            condition: fit.condition,
+            flags,
+        }
+    }
+
+    /// Variance of a value at `x`, from the fit: of one count at least.
+    fn variance(&self, p: &[f64; 4], x: f64) -> f64 {
+        let (gain, read_noise) = (self.scan.gain.unwrap_or(1.0), self.scan.read_noise);
+        let least = self.scan.gain.unwrap_or(0.0);
+        gain * self.shape.at(p, x).0.max(least) + read_noise * read_noise
+    }
+
+    /// One over this variance; far from the peak at least over the variance of a thousandth of it.
+    fn weight(&self, p: &[f64; 4], x: f64) -> f64 {
+        let peak = self.shape.at(p, p[1]).0 - p[3];
+        let least = 1e-3 * self.scan.gain.unwrap_or(1.0) * peak.abs();
+        1.0 / self.variance(p, x).max(least).max(f64::MIN_POSITIVE)
+    }
+
+    /// Largest difference of two sets of unknowns, in half widths of the scan and ranges of the
+    /// curve.
+    fn length(&self, p: &[f64; 4], q: &[f64; 4]) -> f64 {
+        let half = self.scan.half();
+        let range = self.values.most - self.values.least;
+        let units = [self.shape.scale_of(range), half, self.shape.limits(half)[1], range];
+        (0..4).map(|i| (q[i] - p[i]).abs() / units[i]).fold(0.0, f64::max)
+    }
+
+    /// Levenberg-Marquardt from `p`.
+    fn descend(&self, mut p: [f64; 4], weights: &[f64]) -> Descent {
+        let (mut equations, mut squares) = self.normal(&p, weights);
+        let (mut damping, mut settled) = (1e-3, false);
+        for _ in 0..200 {
+            let Some(step) = solve(&equations, damping) else { break };
+            let mut next: [f64; 4] = std::array::from_fn(|i| p[i] + step[i]);
+            next[2] = next[2].clamp(0.1 * p[2], 10.0 * p[2]).max(self.least_spread);
+            let (next_equations, next_squares) = self.normal(&next, weights);
+            let length = self.length(&p, &next);
+            if next_squares <= squares {
+                // Nielsen's rule: by how well the step was foretold.
+                let foretold: f64 = (0..4)
+                    .map(|i| step[i] * (damping * equations[i][i] * step[i] + equations[i][4]))
+                    .sum();
+                let ratio = (squares - next_squares) / foretold.max(f64::MIN_POSITIVE);
+                let factor = (1.0 - (2.0 * ratio - 1.0).powi(3)).max(0.1);
+                (p, equations, squares) = (next, next_equations, next_squares);
+                damping = (damping * factor).clamp(1e-12, 1e12);
+                // The remaining distance is a part of this step.
+                settled = length < SETTLED;
+            } else {
+                damping *= 8.0;
+                // No better place near: at the bottom, to the last digits.
+                settled = length < 10.0 * SETTLED;
+            }
+            if settled || damping > 1e12 {
+                break;
+            }
+        }
+        Descent { p, equations, settled }
+    }
+
+    /// Normal equations with their right side, and the weighted sum of squares.
+    fn normal(&self, p: &[f64; 4], weights: &[f64]) -> (Equations, f64) {
+        let (mut n, mut squares) = ([[0.0; 5]; 4], 0.0);
+        for ([x, y, _], weight) in self.values.points.iter().zip(weights) {
+            let (value, mut slope) = self.shape.at(p, *x);
+            if self.held {
+                slope[2] = 0.0;
+            }
+            let rest = y - value;
+            squares += weight * rest * rest;
+            add(&mut n, slope, *weight, rest);
+        }
+        if self.held {
+            // An equation of its own: no step.
+            n[2][2] = 1.0;
+        }
+        (n, squares)
+    }
+}
+
+/// Where the descent to the least squares ended.
+struct Descent {
+    p: [f64; 4],
+    equations: Equations,
+    settled: bool,
+}

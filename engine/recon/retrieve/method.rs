@@ -1,0 +1,180 @@
+//! The estimators, their requirements and refusals.
+
+use beamlet_core::units::Dimension::Length;
+use beamlet_core::{Error, Result};
+use beamlet_model::optics::Optics;
+use beamlet_model::scene::Scene;
+use serde::{Deserialize, Serialize};
+use std::fmt;
+
+/// How curves become contrasts. Validity and bias of each: docs/retrieval.md.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+#[non_exhaustive]
+pub enum Method {
+    /// A Gaussian on a background, by least squares (eq. 1). Four steps or more.
+    #[default]
+    Gaussian,
+    /// A Gaussian without background through three steps, in closed form.
+    ThreeStep,
+    /// Area, centroid and variance of curves that fall to nothing within the scan.
+    Moments,
+    /// A triangle, for small spots and projected apertures of one width.
+    Triangle,
+    /// The masks' own curve, blurred: no bias of a Gaussian. A trapezoid behind a point source.
+    ExactCurve,
+    /// Single mask: a blurred box per beamlet, integrated over neighbouring pixels (beam tracking).
+    Beamlet,
+}
+
+/// Ratio of blur to half base from where on a triangle is no longer the curve's shape.
+const SMALL_BLUR: f64 = 0.15;
+/// Pixels of a beamlet that a fit of four unknowns needs.
+pub(super) const BEAMLET_PIXELS: f64 = 5.0;
+
+impl Method {
+    /// All methods.
+    pub const ALL: [Self; 6] = [
+        Self::Gaussian,
+        Self::ThreeStep,
+        Self::Moments,
+        Self::Triangle,
+        Self::ExactCurve,
+        Self::Beamlet,
+    ];
+
+    /// Its name on the command line and in files.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Gaussian => "gaussian",
+            Self::ThreeStep => "three-step",
+            Self::Moments => "moments",
+            Self::Triangle => "triangle",
+            Self::ExactCurve => "exact-curve",
+            Self::Beamlet => "beamlet",
+        }
+    }
+
+    /// Refuses a set-up or offsets that it cannot serve.
+    ///
+    /// # Errors
+    /// [`Error::Scene`] with found and allowed values, and where possible an alternative method.
+    pub fn check(self, scene: &Scene, offsets: &[f64]) -> Result<()> {
+        if self == Self::Beamlet {
+            check_beamlets(scene)?;
+            return self.check_offsets(offsets);
+        }
+        for (key, mask) in
+            [("sample_mask", &scene.sample_mask), ("detector_mask", &scene.detector_mask)]
+        {
+            if mask.is_none() {
+                let allowed = format!(
+                    "{self} needs both masks: without one there is no illumination curve (a \
+                     sample mask alone: method beamlet)"
+                );
+                return Err(Error::scene(key, "nothing", allowed));
+            }
+        }
+        self.check_offsets(offsets)?;
+        let shape = super::shape::CurveGeometry::of(scene);
+        let blur = shape.blur / shape.half_base();
+        match self {
+            Self::Triangle if blur > SMALL_BLUR => Err(Error::scene(
+                "source.spot",
+                format!("{}, whose blur is {blur:.2} of half the base of the curve", spot(scene)),
+                format!(
+                    "{self} is valid up to a blur of {SMALL_BLUR}: use gaussian or exact-curve"
+                ),
+            )),
+            Self::Triangle if shape.half_top() > 0.02 * shape.half_base() => Err(Error::scene(
+                "detector_mask.aperture",
+                format!(
+                    "projected apertures of {} and {}",
+                    Length.rounded(shape.projected[0]),
+                    Length.rounded(shape.projected[1])
+                ),
+                "triangle needs projected apertures of one width: use exact-curve",
+            )),
+            Self::ExactCurve if !scene.source.spot.is_gaussian(0) => Err(Error::scene(
+                "source.spot",
+                format!("a spot of {} Gaussians", scene.source.spot.parts().len()),
+                "exact-curve needs a Gaussian spot across the slits: use gaussian",
+            )),
+            _ => Ok(()),
+        }
+    }
+
+    /// Fewest different mask offsets that it serves.
+    #[doc(hidden)]
+    pub const fn least_offsets(self) -> usize {
+        match self {
+            Self::Gaussian => 4,
+            Self::ThreeStep => 3,
+            Self::Moments | Self::Triangle | Self::ExactCurve => 5,
+            Self::Beamlet => 1,
+        }
+    }
+
+    fn check_offsets(self, offsets: &[f64]) -> Result<()> {
+        let (count, different) = (offsets.len(), different_offsets(offsets));
+        let least = self.least_offsets();
+        let (served, allowed) = match self {
+            Self::Gaussian => (
+                different >= least,
+                format!("at least {least} different offsets; with three use three-step"),
+            ),
+            Self::ThreeStep => {
+                (count == least && different == least, format!("exactly {least} different offsets"))
+            }
+            Self::Beamlet => (count == least, format!("exactly {least} offset")),
+            _ => (different >= least, format!("at least {least} different offsets")),
+        };
+        if served && offsets.iter().all(|offset| offset.is_finite()) {
+            return Ok(());
+        }
+        Err(Error::scene(
+            "scan.mask_offsets",
+            format!("{count} offsets, {different} of them different"),
+            format!("{self} needs {allowed}"),
+        ))
+    }
+}
+
+impl fmt::Display for Method {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.name())
+    }
+}
+
+fn spot(scene: &Scene) -> String {
+    format!("a spot of {} across the slits", Length.rounded(scene.source.spot.fwhm()[0]))
+}
+
+/// Number of different values among mask offsets.
+pub fn different_offsets(offsets: &[f64]) -> usize {
+    let mut sorted = offsets.to_vec();
+    sorted.sort_by(f64::total_cmp);
+    sorted.dedup();
+    sorted.len()
+}
+
+fn check_beamlets(scene: &Scene) -> Result<()> {
+    let needs = "beamlet needs a sample mask and no detector mask";
+    let optics = Optics::of(scene);
+    if optics.detector_mask.is_some() {
+        return Err(Error::scene("detector_mask", "a mask", format!("{needs}: use gaussian")));
+    }
+    let Some(mask) = &optics.sample_mask else {
+        return Err(Error::scene("sample_mask", "nothing", needs));
+    };
+    let pixels = mask.openings_in_columns(&optics.detector, 0.0).period[0];
+    if pixels < BEAMLET_PIXELS {
+        return Err(Error::scene(
+            "sample_mask.period",
+            format!("{pixels:.2} pixels per beamlet"),
+            format!("a fit of four unknowns needs at least {BEAMLET_PIXELS} pixels per beamlet"),
+        ));
+    }
+    Ok(())
+}

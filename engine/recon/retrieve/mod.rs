@@ -1,0 +1,45 @@
+//! Retrieval: from illumination curves to transmission, refraction and dark field.
+//!
+//! Formulas, validity and bias of each method: docs/retrieval.md.
+
+mod beamlet_fit;
+pub mod beamlets;
+mod closed;
+mod correct;
+pub mod curves;
+mod diagnosis;
+mod equations;
+pub mod fitter;
+pub mod flags;
+mod images;
+mod input;
+pub mod joined;
+mod least_squares;
+pub mod method;
+mod misfit;
+mod noise_factors;
+mod options;
+mod periods;
+mod phase;
+mod quadrature;
+mod record;
+mod retriever;
+mod run;
+mod shape;
+
+pub use closed::three_step_uncertainties;
+pub use correct::{Corrections, Plane, ViewCorrection};
+pub use curves::Curves;
+pub use diagnosis::{EmptyBeam, EmptyBeamOfView, Region};
+pub use fitter::{FitOptions, Fitter, Weights};
+pub(crate) use images::FLAGS;
+pub use images::Images;
+pub use input::{Columns, Input, offsets};
+pub use method::{Method, different_offsets};
+pub use misfit::median;
+pub use options::{ReadRows, RetrieveOptions};
+pub use phase::{Drift, borders};
+pub(crate) use phase::{DriftSum, integrated_row};
+pub use record::Record;
+pub use retriever::Retriever;
+pub use run::{ImagesTo, RetrievedArrays, retrieve, retrieve_arrays};

@@ -1,0 +1,82 @@
+//! Options of a retrieval, and its control.
+
+use super::correct::Corrections;
+use super::diagnosis::Region;
+use super::fitter::Weights;
+use super::method::Method;
+use beamlet_core::{Error, Result, setters};
+use ndarray::Array3;
+use std::ops::Range;
+
+/// How to retrieve. `RetrieveOptions::default()` fits a Gaussian to each pixel, unweighted; what
+/// differs from it is set in a chain.
+///
+/// ```
+/// use beamlet::retrieve::{Method, RetrieveOptions, Weights};
+///
+/// let options =
+///     RetrieveOptions::default().with_method(Method::Beamlet).with_weights(Weights::Poisson);
+/// assert_eq!(options.method, Method::Beamlet);
+/// ```
+#[derive(Debug, Clone, Default)]
+#[non_exhaustive]
+pub struct RetrieveOptions {
+    /// The estimator.
+    pub method: Method,
+    /// Weights of the values (methods `gaussian` and `beamlet`).
+    pub weights: Weights,
+    /// Value of one count, where the values are counts: uncertainties of weighted fits and of
+    /// closed forms come from it. `None`: values are intensities.
+    pub gain: Option<f64>,
+    /// Whether the gain is a guess: uncertainties follow it, and no warning compares values with it.
+    pub gain_assumed: bool,
+    /// Standard deviation of a value without light, for uncertainties and weights of counts. >= 0.
+    pub read_noise: f64,
+    /// Values from here on are left out and flagged.
+    pub saturation: Option<f32>,
+    /// Pixels of the frames with nothing in the beam: transmission, refraction, dose and drift there go
+    /// to the record.
+    pub empty_beam: Option<Region>,
+    /// Corrections by these pixels or, where none are named, by both sides of the images of a view where
+    /// they look empty.
+    pub correct: Corrections,
+    /// Images of the phase are made, too: refraction angles integrated along the rows.
+    pub phase: bool,
+}
+
+impl RetrieveOptions {
+    setters! {
+        /// Chooses the estimator.
+        with_method(method: Method);
+        /// Chooses the weights of the values.
+        with_weights(weights: Weights);
+        /// Declares values to be counts, of which one is `gain`.
+        with_gain(gain: impl Into<Option<f64>>);
+        /// Declares the gain to be a guess.
+        with_gain_assumed(gain_assumed: bool);
+        /// Sets the standard deviation of noise besides photon noise.
+        with_read_noise(read_noise: f64);
+        /// Leaves out and flags values from here on.
+        with_saturation(saturation: impl Into<Option<f32>>);
+        /// Chooses corrections by pixels with nothing in the beam.
+        with_correct(correct: Corrections);
+        /// Names pixels with nothing in the beam.
+        with_empty_beam(empty_beam: impl Into<Option<Region>>);
+        /// Makes images of the phase, too.
+        with_phase(phase: bool);
+    }
+
+    /// # Errors
+    /// [`Error::Argument`] for a saturation that is no finite number above 0.
+    pub(super) fn check_saturation(&self) -> Result<()> {
+        match self.saturation.filter(|value| !(value.is_finite() && *value > 0.0)) {
+            Some(value) => {
+                Err(Error::argument("saturation", value.to_string(), "a finite number above 0"))
+            }
+            None => Ok(()),
+        }
+    }
+}
+
+/// Reads rows of a stack, `[step][row][column]`.
+pub type ReadRows<'a> = dyn FnMut(Range<u32>) -> Result<Array3<f32>> + 'a;

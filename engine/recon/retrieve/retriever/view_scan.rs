@@ -1,0 +1,148 @@
+//! Mask offsets of the sample in a view, and what fits curves at them.
+
+use super::super::fitter::Fitter;
+use super::super::method::Method;
+use super::super::noise_factors::NoiseFactors;
+use super::super::periods::WholePeriods;
+use super::Retriever;
+use beamlet_core::{Error, Result};
+use beamlet_model::scene::Scene;
+use std::borrow::Cow;
+
+/// Offsets of each angle, if they differ from the flat's.
+#[derive(Debug)]
+pub(super) struct ViewScans {
+    /// Offsets without whole periods, m, by angle.
+    lists: Vec<Vec<f64>>,
+    /// Views of an angle.
+    dithers: usize,
+}
+
+/// Corrections of the frames of a view before its curves are fitted.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Corrected<'a> {
+    /// Mask offsets of the frames, m, without whole periods; `None`: as they were to be.
+    pub(crate) offsets: Option<&'a [f64]>,
+    /// Noise of the values, which were divided by the doses: the mean of the frames.
+    pub(crate) noise: NoiseFactors,
+}
+
+impl Corrected<'_> {
+    /// Frames as they are.
+    pub(crate) const NONE: Self = Self { offsets: None, noise: NoiseFactors::ONE };
+}
+
+/// The scan of a view.
+#[derive(Debug)]
+pub(super) struct ViewScan<'a> {
+    pub(crate) offsets: &'a [f64],
+    /// Noise of its values.
+    pub(crate) noise: NoiseFactors,
+    pub(crate) fitter: Option<Cow<'a, Fitter>>,
+}
+
+impl<'a> ViewScan<'a> {
+    /// Offsets and noise of values, and the fitter for them, from the fitter of single frames of the flat.
+    /// `is_usual`: it serves these values, too.
+    ///
+    /// # Errors
+    /// [`Error::Device`], [`Error::Memory`].
+    pub(super) fn of(
+        offsets: &'a [f64],
+        noise: NoiseFactors,
+        fitter: Option<&'a Fitter>,
+        is_usual: bool,
+    ) -> Result<Self> {
+        let fitter = match fitter {
+            Some(fitter) if is_usual => Some(Cow::Borrowed(fitter)),
+            Some(fitter) => Some(Cow::Owned(fitter.at(offsets, noise)?)),
+            None => None,
+        };
+        Ok(Self { offsets, noise, fitter })
+    }
+}
+
+impl ViewScans {
+    /// The offsets of the angles of a scene whose flat has `periods`; `None` if all equal the flat's.
+    ///
+    /// # Errors
+    /// [`Error::Scene`] with the angle whose offsets `method` cannot serve.
+    pub(super) fn of(scene: &Scene, method: Method, periods: WholePeriods) -> Result<Option<Self>> {
+        let scan = &scene.scan;
+        if scan.view_offsets.iter().all(|list| *list == scan.mask_offsets) {
+            return Ok(None);
+        }
+        if scan.mask_offsets.len() == 1 || method == Method::Beamlet {
+            let found =
+                format!("{} mask steps at each angle, which differ", scan.mask_offsets.len());
+            let allowed = match method {
+                Method::Beamlet => "beamlet needs the same offset at every angle".to_owned(),
+                _ => format!(
+                    "{method} fits a curve in every view: steps of several angles form no curve, since the sample turns between them"
+                ),
+            };
+            return Err(Error::scene("scan.view_offsets", found, allowed));
+        }
+        let of_angle = |(angle, list): (usize, &Vec<f64>)| {
+            method.check(scene, list).map_err(|error| match error {
+                Error::Scene { key, found, allowed, .. } if key == "scan.mask_offsets" => {
+                    Error::scene(format!("scan.view_offsets[{angle}]"), found, allowed)
+                }
+                other => other,
+            })?;
+            Ok(periods.nearest_to(&scan.mask_offsets, list).without(list))
+        };
+        let lists = scan.view_offsets.iter().enumerate().map(of_angle).collect::<Result<_>>()?;
+        Ok(Some(Self { lists, dithers: scan.dithers_of_angle() }))
+    }
+
+    /// Angles with offsets.
+    pub(super) fn angles(&self) -> usize {
+        self.lists.len()
+    }
+}
+
+impl Retriever {
+    /// Refuses more views than have mask offsets.
+    ///
+    /// # Errors
+    /// [`Error::Scene`].
+    pub(in super::super) fn check_views(&self, views: usize) -> Result<()> {
+        let Some(scans) = &self.view_scans else { return Ok(()) };
+        let has = scans.angles() * scans.dithers;
+        if views <= has {
+            return Ok(());
+        }
+        let found = format!("offsets of {has} views for {views}");
+        Err(Error::scene("scan.view_offsets", found, "offsets of every view of the sample"))
+    }
+
+    /// The scan of a view of the sample, with the corrections of its frames.
+    ///
+    /// # Errors
+    /// [`Error::Argument`] where the scene has no offsets of the view; [`Error::Device`],
+    /// [`Error::Memory`].
+    pub(super) fn view_scan<'a>(
+        &'a self,
+        view: usize,
+        corrected: Corrected<'a>,
+    ) -> Result<ViewScan<'a>> {
+        let noise = corrected.noise;
+        let own = corrected.offsets.map_or_else(|| self.own_offsets(view), |own| Ok(Some(own)))?;
+        let is_usual = own.is_none() && noise.is_one();
+        let offsets = own.unwrap_or(&self.offsets);
+        ViewScan::of(offsets, noise, self.fitter.as_ref(), is_usual)
+    }
+
+    /// Offsets of a view, if views have offsets of their own.
+    pub(super) fn own_offsets(&self, view: usize) -> Result<Option<&[f64]>> {
+        let Some(scans) = &self.view_scans else { return Ok(None) };
+        let Some(offsets) = scans.lists.get(view / scans.dithers) else {
+            let found = format!("view {view}");
+            let views = scans.angles() * scans.dithers;
+            let allowed = format!("0 to {}, of which the scene has mask offsets", views - 1);
+            return Err(Error::argument("view", found, allowed));
+        };
+        Ok(Some(offsets))
+    }
+}

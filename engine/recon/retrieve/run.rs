@@ -1,0 +1,447 @@
+//! A whole retrieval: from an input to a directory of images.
+
+mod views;
+
+use super::correct::{Corrector, table};
+use super::diagnosis::Diagnosis;
+use super::images::{FLAGS, Images, PHASE, unit};
+use super::input::Input;
+use super::joined::JoinedColumns;
+use super::misfit::median;
+use super::options::RetrieveOptions;
+use super::phase::PhaseImages;
+use super::record::Record;
+use super::retriever::Retriever;
+use super::{Curves, Method, Weights, flags};
+use beamlet_core::rows_control::RowsControl;
+use beamlet_core::whole_file::write_file;
+use beamlet_core::{Error, Result, numbers, reserve, setters};
+use beamlet_files::layout::{CORRECTIONS, GEOMETRY};
+use beamlet_files::{
+    Format, ImageDirectory, InputHashes, Kind, now, refuse_overlap, working_directory,
+};
+use beamlet_gpu::Compute;
+use ndarray::{Array2, Array3, ArrayView2};
+use std::collections::BTreeMap;
+use std::collections::btree_map::Entry;
+use std::ops::Range;
+use std::path::Path;
+use std::time::Instant;
+use views::{Correcting, ScanOf, Tools, flat_images};
+
+/// Where images go.
+#[derive(Debug, Clone, Copy)]
+#[non_exhaustive]
+pub struct ImagesTo<'a> {
+    /// Directory of the images: `RUN/retrieved`, or any other.
+    pub path: &'a Path,
+    /// Their format.
+    pub format: Format,
+    /// Replace existing images.
+    pub overwrite: bool,
+    /// Command line, for the record.
+    pub command: Option<&'a str>,
+}
+
+impl<'a> ImagesTo<'a> {
+    /// A directory that must not hold images yet.
+    #[must_use]
+    pub const fn new(path: &'a Path, format: Format) -> Self {
+        Self { path, format, overwrite: false, command: None }
+    }
+
+    setters! {
+        /// Replaces images that are there.
+        with_overwrite(overwrite: bool);
+        /// Sets the command line of the record.
+        with_command(command: Option<&'a str>);
+    }
+}
+
+/// Retrieves every view of an input into a directory, whole or not at all.
+///
+/// # Errors
+/// As [`Retriever::new`] and [`Retriever::retrieve`]; [`Error::File`] where the place is taken
+/// or cannot be written; [`Error::Interrupted`]. Nothing is left behind then.
+///
+/// # Example
+///
+/// ```no_run
+/// use beamlet::RowsControl;
+/// use beamlet::retrieve::{ImagesTo, Input, RetrieveOptions, retrieve};
+/// use beamlet::stack::{Format, OpenRun};
+/// use beamlet::{Engine, EngineOptions};
+///
+/// let engine = Engine::open(&EngineOptions::default())?;
+/// // Intensities; `true` takes the counts of a detector with noise.
+/// let input = Input::of_run(&OpenRun::open("run")?, false)?;
+/// let to = ImagesTo::new("run/retrieved".as_ref(), Format::Npy);
+/// let options = RetrieveOptions::default();
+/// let record = retrieve(&engine, input, &options, to, &mut RowsControl::default())?;
+/// println!("{} pixels without a result", record.without_answer);
+/// # Ok::<(), beamlet::Error>(())
+/// ```
+pub fn retrieve(
+    compute: &Compute,
+    input: Input,
+    options: &RetrieveOptions,
+    to: ImagesTo<'_>,
+    control: &mut RowsControl<'_>,
+) -> Result<Record> {
+    refuse_overlap(to.path, &input.paths())?;
+    ImageDirectory::check(to.path, Kind::Images, to.overwrite)?;
+    let scan = input.scene().scan.clone();
+    let mut directory = None;
+    let begin = |record: &Record| {
+        ImageDirectory::begin(to.path, Kind::Images, to.format, to.overwrite, about(record))
+            .map(|directory| directory.with_pitch(record.pitch))
+    };
+    let mut put = |record: &Record, image: Image<'_>| {
+        let directory = match &mut directory {
+            Some(directory) => directory,
+            none => none.insert(begin(record)?),
+        };
+        directory.put(image.name, image.unit, image.views, image.values)
+    };
+    let (mut record, geometry) = retrieve_to(compute, input, options, control, &mut put)?;
+    record.command = to.command.map(str::to_owned);
+    if let Some(mut images) = directory {
+        if let Some(geometry) = geometry {
+            write_file(&images.file(GEOMETRY)?, geometry.as_bytes())?;
+        }
+        if !record.corrections.is_empty() {
+            let offsets = |view| scan.offsets_of(view).to_vec();
+            let text = table(&record.corrections, offsets);
+            write_file(&images.file(CORRECTIONS)?, text.as_bytes())?;
+        }
+        images.finish(Some(&record.text()?))?;
+    }
+    Ok(record)
+}
+
+/// Retrieved images in memory.
+#[derive(Debug)]
+#[non_exhaustive]
+pub struct RetrievedArrays {
+    /// Images by name, `[view][row][column]`; images of the flat have one view.
+    pub images: BTreeMap<String, Array3<f32>>,
+    /// Units by name, flags and their counts.
+    pub record: Record,
+    /// Text of geometry.json: angles, vectors and columns of the images; `None` where the scene has
+    /// other angles than the input has views.
+    pub geometry: Option<String>,
+}
+
+/// Retrieves every view of an input into memory.
+///
+/// # Errors
+/// As [`Retriever::new`] and [`Retriever::retrieve`]; [`Error::Memory`]; [`Error::Interrupted`].
+///
+/// # Example
+///
+/// ```no_run
+/// use beamlet::retrieve::{Input, RetrieveOptions, retrieve_arrays};
+/// use beamlet::{Engine, EngineOptions, RowsControl, stack::OpenRun};
+///
+/// let engine = Engine::open(&EngineOptions::default())?;
+/// let input = Input::of_run(&OpenRun::open("run")?, false)?;
+/// let options = RetrieveOptions::default();
+/// let found = retrieve_arrays(&engine, input, &options, &mut RowsControl::default())?;
+/// println!("{:?}", found.images["transmission"].dim());
+/// # Ok::<(), beamlet::Error>(())
+/// ```
+pub fn retrieve_arrays(
+    compute: &Compute,
+    input: Input,
+    options: &RetrieveOptions,
+    control: &mut RowsControl<'_>,
+) -> Result<RetrievedArrays> {
+    let mut values: BTreeMap<String, Vec<f32>> = BTreeMap::new();
+    let mut put = |_: &Record, image: Image<'_>| {
+        let all = match values.entry(image.name.to_owned()) {
+            Entry::Occupied(found) => found.into_mut(),
+            Entry::Vacant(none) => {
+                let needed = image.views * image.values.len();
+                none.insert(reserve::room(needed, "retrieved images")?)
+            }
+        };
+        all.extend(image.values.iter());
+        Ok(())
+    };
+    let (record, geometry) = retrieve_to(compute, input, options, control, &mut put)?;
+    let [_, rows, columns] = record.shape;
+    let shaped = |(name, values): (String, Vec<f32>)| {
+        let views = values.len() / (rows * columns).max(1);
+        let image = Array3::from_shape_vec((views, rows, columns), values)
+            .map_err(|error| Error::argument(&name, error.to_string(), "one shape of all views"))?;
+        Ok((name, image))
+    };
+    let images = values.into_iter().map(shaped).collect::<Result<_>>()?;
+    Ok(RetrievedArrays { images, record, geometry })
+}
+
+/// An image of a view.
+struct Image<'a> {
+    name: &'a str,
+    unit: &'a str,
+    /// Views that there will be of this name.
+    views: usize,
+    /// `[row][column]`.
+    values: ArrayView2<'a, f32>,
+}
+
+/// Refuses frames of other pixels than the scene, which gives the places of pixels.
+///
+/// # Errors
+/// [`Error::Scene`] with both.
+fn require_pixels(input: &Input) -> Result<()> {
+    let [rows, columns] = input.whole_frame();
+    let [across, along] = input.scene().detector.pixels;
+    if [across, along] == [columns, rows].map(numbers::count) {
+        return Ok(());
+    }
+    let allowed = format!("[{columns}, {rows}], the pixels of the frames");
+    Err(Error::scene("detector.pixels", format!("[{across}, {along}]"), allowed))
+}
+
+/// Retrieves every view of an input and hands over each image, the flat's first. Returns the record, and
+/// the text of geometry.json if the angles of the views are known.
+fn retrieve_to(
+    compute: &Compute,
+    input: Input,
+    options: &RetrieveOptions,
+    control: &mut RowsControl<'_>,
+    put: &mut dyn FnMut(&Record, Image<'_>) -> Result<()>,
+) -> Result<(Record, Option<String>)> {
+    let (began, since) = (now(), Instant::now());
+    options.check_saturation()?;
+    let input = input.limited_to(options.saturation);
+    let saturation = input.saturation();
+    let noise = options.read_noise * (input.added() as f64).sqrt();
+    let options = options.clone().with_saturation(saturation).with_read_noise(noise);
+    if options.method == Method::Beamlet && input.selection() != (None, None) {
+        let allowed = "every pixel: beamlets are found among all of them";
+        return Err(Error::argument("columns", "a part of the pixels", allowed));
+    }
+    let mut retriever = Retriever::new(compute, input.scene(), &options)?;
+    let input = input.fitted_to(retriever.steps())?;
+    if !options.correct.is_none() || options.phase {
+        require_pixels(&input)?;
+    }
+    let [rows, columns] = input.frame();
+    let row_count = numbers::count(rows);
+    let angles = input.angles()?;
+    retriever.check_views(input.views())?;
+    let flats = if input.has_flats() { input.views() } else { 1 };
+    let all = u64::from(row_count) * (input.views() + flats) as u64;
+    let mut done = 0;
+    let mut outer = control.progress.take();
+    let mut advance = |rows: u64, _: u64| {
+        done += rows;
+        if let Some(progress) = &mut outer {
+            progress(done, all);
+        }
+    };
+    let cancel = control.cancel.clone();
+    let mut inner = RowsControl { progress: Some(&mut advance), cancel: cancel.clone() };
+    let hashes = input.hashes();
+    let mut diagnosis = Diagnosis::begin(&retriever, &options, input.frame(), input.is_measured())?;
+    let mut read = |band: Range<u32>| {
+        let data = input.flat_rows(0, band.clone())?;
+        diagnosis.take_flat(&data, &band);
+        Ok(data)
+    };
+    retriever.set_flat_with(row_count, columns, input.flat_noise(0), &mut read, &mut inner)?;
+    let Some(flat) = retriever.flat_curves() else { return Err(Error::Interrupted) };
+    let across = flat.len() / rows.max(1);
+    if (0..flat.len()).all(|at| !flat.has_answer(at)) {
+        let allowed = "a flat with a curve that can be fitted in some pixel: check its values, the mask \
+                       offsets, the saturation and the read noise";
+        return Err(Error::argument("flat", no_answers(flat), allowed));
+    }
+    let joined = retriever.joined(&input);
+    let across = joined.as_ref().map_or(across, |joined| joined.order().len());
+    let mut record = begun(&input, &retriever, &options, [angles, rows, across]);
+    record.columns = joined.as_ref().map(JoinedColumns::order).unwrap_or_default().to_vec();
+    let value = if input.counts() { "counts" } else { "open pixels" };
+    let names = retriever.names();
+    let names_of_flat = retriever.names_of_flat();
+    for name in names.iter().chain(&names_of_flat).copied() {
+        record.units.insert(name.to_owned(), unit(name, value).to_owned());
+    }
+    if !input.has_flats() {
+        for (name, image) in flat_images(flat, &names_of_flat, rows, joined.as_ref())? {
+            cancel.check()?;
+            put(&record, Image { name, unit: unit(name, value), views: 1, values: image.view() })?;
+        }
+    }
+    let mut phases =
+        options.phase.then(|| PhaseImages::new(retriever.geometry(&input, angles))).transpose()?;
+    if phases.is_some() {
+        record.units.insert(PHASE.to_owned(), unit(PHASE, value).to_owned());
+    }
+    let mut residuals = Vec::new();
+    let bad = input.bad_pixels();
+    let scan = ScanOf::new(&input, joined.as_ref(), bad.as_ref());
+    let mut correcting = match Corrector::of(&retriever, &input, &options)? {
+        None => None,
+        Some(corrector) => {
+            record.correct = options.correct.names();
+            let empty = Corrector::named(&retriever, &options, input.frame())?;
+            Some(Correcting::new(corrector, empty))
+        }
+    };
+    for angle in 0..angles {
+        let mut tools = Tools::new(&mut diagnosis, correcting.as_mut());
+        let (retrieved, of_flats) = scan.angle(angle, &mut retriever, &mut tools, &mut inner)?;
+        for (name, image) in of_flats.iter().flat_map(Images::iter).chain(retrieved.iter()) {
+            cancel.check()?;
+            let unit = unit(name, value);
+            put(&record, Image { name, unit, views: angles, values: image.view() })?;
+        }
+        if let (Some(phases), Some(angles_of_view)) = (&mut phases, retrieved.get("refraction")) {
+            let values = phases.of(angles_of_view);
+            let unit = unit(PHASE, value);
+            put(&record, Image { name: PHASE, unit, views: angles, values: values.view() })?;
+        }
+        count(&mut record, retrieved.get(FLAGS));
+        let left = retrieved.get("residual_sample").into_iter().flatten();
+        residuals.extend(median(left.map(|left| f64::from(*left)).collect()));
+    }
+    record.residual = median(residuals).filter(|residual| *residual > 0.0);
+    record.corrections = correcting.map_or_else(Vec::new, Correcting::views);
+    record.drift = phases.map(|phases| phases.drift());
+    diagnosis.finish(&mut record, &retriever, input.warnings())?;
+    let InputHashes { hashes, stamps } = hashes.wait(&cancel, &mut || {})??;
+    (record.inputs, record.input_stamps) = (hashes, stamps);
+    record.working_directory = working_directory().filter(|_| !record.inputs.is_empty());
+    record.began = Some(began);
+    record.written = Some(now());
+    record.duration_s = since.elapsed().as_secs_f64();
+    let geometry = match input.has_angles() {
+        true => Some(retriever.geometry(&input, angles).text()?),
+        false => None,
+    };
+    Ok((record, geometry))
+}
+
+/// Reasons for missing answers, for a message.
+fn no_answers(flat: &Curves) -> String {
+    let found: Vec<String> = flags::MEANINGS
+        .iter()
+        .map(|(bit, _, meaning)| (flat.flags.iter().filter(|f| *f & bit != 0).count(), meaning))
+        .filter(|(count, _)| *count > 0)
+        .map(|(count, meaning)| format!("{count} pixels: {meaning}"))
+        .collect();
+    format!("no pixel with a result ({})", found.join("; "))
+}
+
+fn begun(
+    input: &Input,
+    retriever: &Retriever,
+    options: &RetrieveOptions,
+    shape: [usize; 3],
+) -> Record {
+    let scene = input.scene();
+    let (columns, bin) = input.selection();
+    let mut meanings = BTreeMap::new();
+    for (bit, name, meaning) in flags::MEANINGS {
+        meanings.insert(flags::of_pixel(bit, 0), format!("flat {name}: {meaning}"));
+        meanings.insert(flags::of_pixel(0, bit), format!("sample {name}: {meaning}"));
+    }
+    for (bit, name, meaning) in flags::OF_PIXEL {
+        meanings.insert(bit, format!("{name}: {meaning}"));
+    }
+    Record {
+        version: beamlet_core::program::VERSION.to_owned(),
+        commit: beamlet_core::program::commit(),
+        began: None,
+        written: None,
+        duration_s: 0.0,
+        command: None,
+        title: scene.title.clone(),
+        method: options.method.name().to_owned(),
+        weights: match options.weights {
+            Weights::None => "none".to_owned(),
+            Weights::Poisson => "poisson".to_owned(),
+        },
+        counts: input.counts(),
+        gain: options.gain,
+        gain_assumed: options.gain.is_some() && options.gain_assumed,
+        read_noise: options.read_noise,
+        sources: input.sources(),
+        frames: input.frames().clone(),
+        dark: input.dark_source(),
+        bad_pixels: input.bad_pixels_source(),
+        omitted_steps: input.omitted_steps().to_vec(),
+        kept_columns: columns.map(|columns| columns.to_string()),
+        bin,
+        columns_m: retriever.columns_m(input),
+        pitch: retriever.pitch(input.pitch()),
+        // In no directory, so that every path is written absolute.
+        geometry: scene.to_toml("", &BTreeMap::new(), &[]).ok(),
+        inputs: BTreeMap::new(),
+        input_stamps: BTreeMap::new(),
+        working_directory: None,
+        files: scene
+            .files
+            .iter()
+            .map(|(path, hash)| (path.display().to_string(), hash.clone()))
+            .collect(),
+        offsets: scene.scan.mask_offsets.clone(),
+        whole_periods: retriever.whole_periods(),
+        flat_width: retriever
+            .flat_curves()
+            .and_then(|flat| median(flat.width.iter().copied().map(f64::from).collect())),
+        residual: None,
+        reduced_chi_square: None,
+        chi_square_beyond_flat: None,
+        above_one: 0,
+        negative_values: 0,
+        empty_beam: None,
+        correct: Vec::new(),
+        corrections: Vec::new(),
+        warnings: Vec::new(),
+        magnification: scene.magnification(),
+        lever_arm: scene.lever_arm(),
+        angle_per_shift: retriever.angle_per_shift(),
+        shape,
+        columns: Vec::new(),
+        drift: None,
+        flats_every: input.flats_every(),
+        units: BTreeMap::new(),
+        flagged: meanings.keys().map(|bit| (*bit, 0)).collect(),
+        flags: meanings,
+        without_answer: 0,
+    }
+}
+
+/// The metadata of every image.
+fn about(record: &Record) -> serde_json::Value {
+    serde_json::json!({
+        "beamlet": record.version,
+        "method": record.method,
+        "mask_offsets": record.offsets,
+        "mask_offsets_unit": "m",
+        "magnification": record.magnification,
+        "lever_arm": record.lever_arm,
+        "lever_arm_unit": "m",
+        "row_0": "top (largest z); columns run along +x",
+        "sign": "refraction > 0 deflects towards +x",
+    })
+}
+
+/// Counts flagged pixels and those without a result.
+fn count(record: &mut Record, flag_image: Option<&Array2<f32>>) {
+    let none = flags::of_pixel(flags::NO_ANSWER, flags::NO_ANSWER) | flags::BAD_PIXEL;
+    for value in flag_image.into_iter().flatten() {
+        let bits = numbers::whole::<u32>(f64::from(*value));
+        if bits == 0 {
+            continue;
+        }
+        for (bit, count) in &mut record.flagged {
+            *count += u64::from(bits & bit != 0);
+        }
+        record.without_answer += u64::from(bits & none != 0);
+    }
+}

@@ -1,0 +1,209 @@
+//! Shapes of illumination curves that follow from the masks: triangle, trapezoid, and the closed
+//! form of design 6.1 with any blur.
+
+use beamlet_model::optics::Optics;
+use beamlet_model::scene::Scene;
+use std::f64::consts::{FRAC_1_SQRT_2, PI};
+
+/// Standard deviation of a Gaussian of unit full width at half maximum.
+const SIGMA_PER_FWHM: f64 = 0.424_660_900_144_009_5;
+
+/// Shape of a curve by the masks.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct CurveGeometry {
+    /// Widths of the apertures of sample and detector mask on the analyser, m.
+    pub(crate) projected: [f64; 2],
+    /// Blur of the focal spot on the analyser, standard deviation, m.
+    pub(crate) blur: f64,
+    /// Analyser over sample mask distance.
+    pub(super) magnification: f64,
+    /// Period of the sample mask in its plane, m; infinite without.
+    pub(crate) period: f64,
+}
+
+impl CurveGeometry {
+    /// Of a scene with both masks; zero widths without.
+    pub(super) fn of(scene: &Scene) -> Self {
+        let magnification = scene.magnification();
+        let optics = Optics::of(scene);
+        Self {
+            projected: optics.overlapping_apertures(),
+            blur: (magnification - 1.0) * SIGMA_PER_FWHM * scene.source.spot.fwhm()[0],
+            magnification,
+            period: optics.curve_period(),
+        }
+    }
+
+    /// Shape of the curve over mask offsets: blurred boxes, or a trapezoid without blur; `None` without two
+    /// masks.
+    pub(super) fn shape(&self) -> Option<CurveShape> {
+        let m = self.magnification;
+        let [base, top] = [self.half_base() / m, self.half_top() / m];
+        match self.projected.iter().all(|width| *width > 0.0) {
+            false => None,
+            true if self.blur > 0.0 => Some(CurveShape::Blurred { base, top, period: self.period }),
+            true => Some(CurveShape::Trapezoid { top }),
+        }
+    }
+
+    /// Spread of the shape with the focal spot of the geometry.
+    pub(super) fn spread(&self) -> f64 {
+        let m = self.magnification;
+        if self.blur > 0.0 { (self.blur / m).powi(2) } else { self.half_base() / m }
+    }
+
+    /// Half the base of the curve without blur, m on the analyser.
+    pub(super) fn half_base(&self) -> f64 {
+        (self.projected[0] + self.projected[1]) / 2.0
+    }
+
+    /// Half its top, m on the analyser.
+    pub(super) fn half_top(&self) -> f64 {
+        (self.projected[0] - self.projected[1]).abs() / 2.0
+    }
+}
+
+/// A shape with four unknowns: scale, centre, spread, background. Lengths are in the unit of offsets. The
+/// curve is nearly linear in the spread: half the base of a trapezoid, the variance of a blur.
+#[derive(Debug, Clone, Copy)]
+pub(super) enum CurveShape {
+    /// Height 1 between `-top` and `top`, falling to 0 at the spread.
+    Trapezoid {
+        /// Half the top.
+        top: f64,
+    },
+    /// The overlap of two boxes, of unit area, blurred by the spread: the masks' curve, or the
+    /// light of an aperture over pixels. The curves of the periods on either side add to it.
+    Blurred {
+        /// Half the sum of the boxes' widths.
+        base: f64,
+        /// Half their difference.
+        top: f64,
+        /// From curve to curve.
+        period: f64,
+    },
+}
+
+/// Standard deviations beyond which a Gaussian is nothing in f64.
+const NOTHING: f64 = 8.5;
+
+impl CurveShape {
+    /// Value and slopes at `x` by scale, centre, spread and background.
+    pub(super) fn at(self, p: &[f64; 4], x: f64) -> (f64, [f64; 4]) {
+        let [scale, centre, spread, background] = *p;
+        let (value, by_x, by_spread) = self.unit(x - centre, spread);
+        (scale * value + background, [value, -scale * by_x, scale * by_spread, 1.0])
+    }
+
+    /// Value, slope by place and slope by spread, for a scale of one about zero.
+    fn unit(self, x: f64, spread: f64) -> (f64, f64, f64) {
+        match self {
+            Self::Trapezoid { top } => {
+                let fall = (spread - top).max(1e-12 * spread);
+                let left = spread - x.abs();
+                if left <= 0.0 {
+                    (0.0, 0.0, 0.0)
+                } else if left >= fall {
+                    (1.0, 0.0, 0.0)
+                } else {
+                    (left / fall, -x.signum() / fall, (fall - left) / (fall * fall))
+                }
+            }
+            Self::Blurred { base, top, period } => {
+                let blur = spread.sqrt();
+                let reach = base + NOTHING * blur;
+                let curves = [x, x + period, x - period];
+                let near = curves.into_iter().filter(|x| x.abs() < reach);
+                let [value, by_x, by_spread] = near.fold([0.0; 3], |sum, x| {
+                    let [value, by_x, by_spread] = blurred(x, base, top, blur);
+                    [sum[0] + value, sum[1] + by_x, sum[2] + by_spread]
+                });
+                (value, by_x, by_spread)
+            }
+        }
+    }
+
+    /// Area and standard deviation of a fitted curve, and the slopes of both by scale and
+    /// spread: `[[value, by scale, by spread]; 2]`.
+    pub(super) fn area_and_width(self, p: &[f64; 4]) -> [[f64; 3]; 2] {
+        let [scale, _, spread, _] = *p;
+        match self {
+            Self::Trapezoid { top } => {
+                let width = ((spread * spread + top * top) / 6.0).sqrt();
+                [
+                    [scale * (spread + top), spread + top, scale],
+                    [width, 0.0, spread / (6.0 * width)],
+                ]
+            }
+            Self::Blurred { base, top, .. } => {
+                let width = (spread + (base * base + top * top) / 6.0).sqrt();
+                [[scale, 1.0, 0.0], [width, 0.0, 1.0 / (2.0 * width)]]
+            }
+        }
+    }
+
+    /// Least spread that counts as one, and the unit in which a step of it is judged, for a scan
+    /// of this half width.
+    pub(super) fn limits(self, half: f64) -> [f64; 2] {
+        match self {
+            Self::Trapezoid { top } => [top.max(1e-3 * half), half],
+            Self::Blurred { base, .. } => [(0.02 * base).powi(2), half * base],
+        }
+    }
+
+    /// Scale of a curve with values in this range, roughly.
+    pub(super) fn scale_of(self, range: f64) -> f64 {
+        match self {
+            Self::Trapezoid { .. } => range,
+            Self::Blurred { base, .. } => range * base,
+        }
+    }
+
+    /// Scale and spread of a curve of this area and standard deviation.
+    pub(super) fn of_area(self, area: f64, width: f64) -> [f64; 2] {
+        match self {
+            Self::Trapezoid { top } => {
+                let spread = libm::fma(6.0 * width, width, -top * top).max(top * top).sqrt();
+                [area / (spread + top), spread]
+            }
+            Self::Blurred { base, top, .. } => {
+                let own = libm::fma(base, base, top * top) / 6.0;
+                [area, (width * width - own).max(1e-6 * own)]
+            }
+        }
+    }
+
+    /// Scale and spread of a curve of this area and standard deviation, roughly.
+    pub(super) fn guess(self, area: f64, deviation: f64) -> [f64; 2] {
+        let variance = deviation * deviation;
+        match self {
+            Self::Trapezoid { top } => {
+                let spread = (6.0 * variance - top * top).max(1.1 * top * top).sqrt();
+                [area / (spread + top), spread]
+            }
+            Self::Blurred { base, top, .. } => {
+                let own = (base * base + top * top) / 6.0;
+                [area, (variance - own).max(0.05 * own)]
+            }
+        }
+    }
+}
+
+/// Two boxes of unit overlap behind a blur of standard deviation `blur`: value, slope by `x` and
+/// by the variance of the blur.
+fn blurred(x: f64, base: f64, top: f64, blur: f64) -> [f64; 3] {
+    // Second differences of the ramp's blurred form Q; the area is base^2 - top^2.
+    let area = base * base - top * top;
+    let corners = [(x + base, 1.0), (x - base, 1.0), (x + top, -1.0), (x - top, -1.0)];
+    // Boxes of one width: the inner corners are one.
+    let middle = [(x + base, 1.0), (x - base, 1.0), (x, -2.0)];
+    let corners = if top > 1e-9 * base { &corners[..] } else { &middle[..] };
+    let sum = corners.iter().fold([0.0; 3], |sum, (v, sign)| {
+        let t = v / blur;
+        let density = (-0.5 * t * t).exp() / (2.0 * PI).sqrt();
+        let below = 0.5 * libm::erfc(-t * FRAC_1_SQRT_2);
+        let q = v * below + blur * density;
+        [sum[0] + sign * q, sum[1] + sign * below, sum[2] + sign * density]
+    });
+    [sum[0] / area, sum[1] / area, sum[2] / (2.0 * blur * area)]
+}

@@ -1,0 +1,239 @@
+//! Illuminates cell rows of cells at every mask step.
+
+use super::light::IlluminationBuffer;
+use super::sums::PixelSums;
+use crate::sampling::CellBatch;
+use beamlet_core::cancel::Cancel;
+use beamlet_core::{Result, numbers};
+use beamlet_gpu::{Buffer, Device, LazyKernel, Memory, Pace, push_bytes};
+use beamlet_interface::{Cell, CellRow, GROUP, IlluminatePush};
+use std::ops::Range;
+use std::sync::Arc;
+
+/// Mask steps of an invocation: they share the data of a cell row.
+const STEPS_EACH: u32 = 16;
+
+/// The kernels of cells.
+#[derive(Debug)]
+pub(crate) struct CellKernels {
+    pub(crate) near: LazyKernel,
+    /// For light that lands more than a row away.
+    far: LazyKernel,
+}
+
+impl CellKernels {
+    /// Kernels of a device.
+    #[must_use]
+    pub(crate) fn new(device: &Arc<Device>) -> Self {
+        let kernel = |name| LazyKernel::new(device, name, push_bytes::<IlluminatePush>());
+        Self { near: kernel("illuminate"), far: kernel("illuminate_far") }
+    }
+}
+
+/// Largest number of cells of lists that share a submission; larger lists have their own.
+const CELLS_TOGETHER: usize = 1 << 16;
+
+/// Illuminates cells.
+#[derive(Debug)]
+pub(crate) struct CellIlluminator {
+    device: Arc<Device>,
+    kernels: Arc<CellKernels>,
+    cell_rows: Option<Buffer>,
+    cells: Option<Buffer>,
+    /// Cell rows times steps of a submission.
+    pace: Pace,
+    /// Dispatches of the next submission, to the far kernel or not, and their cost.
+    planned: Vec<(bool, IlluminatePush)>,
+    planned_cost: u64,
+    cancel: Cancel,
+}
+
+impl CellIlluminator {
+    /// An illuminator, which `cancel` ends between two submissions.
+    pub(crate) fn new(device: &Arc<Device>, kernels: &Arc<CellKernels>, cancel: &Cancel) -> Self {
+        Self {
+            device: device.clone(),
+            kernels: kernels.clone(),
+            cell_rows: None,
+            cells: None,
+            pace: Pace::new(1 << 16, 1024, 1 << 26),
+            planned: Vec::new(),
+            planned_cost: 0,
+            cancel: cancel.clone(),
+        }
+    }
+
+    /// Adds the light of lists of cell rows to the sums, at `steps` mask steps.
+    ///
+    /// # Errors
+    /// [`beamlet_core::Error::Memory`], [`beamlet_core::Error::Device`]; [`beamlet_core::Error::Interrupted`].
+    pub(crate) fn add<'l>(
+        &mut self,
+        lists: impl Iterator<Item = (&'l IlluminationBuffer, &'l CellBatch)>,
+        sums: &PixelSums,
+        steps: u32,
+    ) -> Result<()> {
+        let lists = lists.filter(|(_, list)| !list.cell_rows.is_empty() && !list.cells.is_empty());
+        let lists: Vec<_> = lists.collect();
+        let mut rest = &lists[..];
+        while !rest.is_empty() {
+            let mut cells = 0;
+            let fits = |(_, list): &&(&IlluminationBuffer, &CellBatch)| {
+                cells += list.cells.len();
+                cells <= CELLS_TOGETHER
+            };
+            let count = rest.iter().take_while(fits).count().max(1);
+            self.add_together(&rest[..count], sums, steps)?;
+            rest = &rest[count..];
+        }
+        Ok(())
+    }
+
+    /// Adds the light of lists that are on the device together.
+    fn add_together(
+        &mut self,
+        lists: &[(&IlluminationBuffer, &CellBatch)],
+        sums: &PixelSums,
+        steps: u32,
+    ) -> Result<()> {
+        let count = |of: fn(&CellBatch) -> usize| lists.iter().map(|(_, list)| of(list)).sum();
+        let (cell_rows, cells): (usize, usize) =
+            (count(|l| l.cell_rows.len()), count(|l| l.cells.len()));
+        let device = self.device.clone();
+        let cell_buffer = fit::<Cell>(&device, &mut self.cells, "cells", cells)?;
+        let cell_row_buffer = fit::<CellRow>(&device, &mut self.cell_rows, "cell rows", cell_rows)?;
+        let mut ordered = Vec::with_capacity(cell_rows);
+        let mut pieces = Vec::new();
+        let mut first_cell = 0;
+        for (light, list) in lists {
+            cell_buffer.write((first_cell * size_of::<Cell>()) as u64, &list.cells)?;
+            // Light of parts of a spot that spread differently over rows has its own kernel, and so has
+            // light of cells that lands far off.
+            let near =
+                |cell_row: &&CellRow| !light.rows_apart() && lands_near(&list.cells, cell_row);
+            let (near, far): (Vec<_>, Vec<_>) = list.cell_rows.iter().partition(near);
+            for (some, far) in [(near, false), (far, true)] {
+                if !some.is_empty() {
+                    let first = numbers::count(ordered.len());
+                    pieces.push(DispatchPart {
+                        light,
+                        far,
+                        cell_rows: first..first + numbers::count(some.len()),
+                    });
+                }
+                let moved = |cell_row: &CellRow| CellRow {
+                    first_cell: cell_row.first_cell + numbers::count(first_cell),
+                    ..*cell_row
+                };
+                ordered.extend(some.into_iter().map(moved));
+            }
+            first_cell += list.cells.len();
+        }
+        cell_row_buffer.write(0, &ordered)?;
+        let template = IlluminatePush {
+            cell_rows: cell_row_buffer.address(),
+            cells: cell_buffer.address(),
+            sums: sums.buffer.address(),
+            steps,
+            ..bytemuck::Zeroable::zeroed()
+        };
+        pieces.iter().try_for_each(|piece| self.plan(piece, template, steps))?;
+        self.run()
+    }
+
+    /// Plans the dispatches of a piece; runs those before it as they fill a submission.
+    fn plan(
+        &mut self,
+        piece: &DispatchPart<'_>,
+        template: IlluminatePush,
+        steps: u32,
+    ) -> Result<()> {
+        let DispatchPart { light, far, cell_rows } = piece;
+        // Light that no sample mask moves is the same at every step, and has its own sums.
+        let steps = if light.same_at_all_steps { steps..steps + 1 } else { 0..steps };
+        for light_ref in light.addresses() {
+            let mut first_cell_row = cell_rows.start;
+            while first_cell_row < cell_rows.end {
+                let left = cell_rows.end - first_cell_row;
+                let cell_row_count = left.min(self.pace.size().min(1 << 20)).max(1);
+                let at_once =
+                    (self.pace.size() / cell_row_count).clamp(1, 4096).min(steps.end - steps.start);
+                let mut first_step = steps.start;
+                while first_step < steps.end {
+                    let last_step = steps.end.min(first_step + at_once);
+                    let steps_each = STEPS_EACH.min(last_step - first_step);
+                    let push = IlluminatePush {
+                        light_ref,
+                        cell_row_count,
+                        first_cell_row,
+                        first_step,
+                        last_step,
+                        steps_each,
+                        ..template
+                    };
+                    let cost = u64::from(cell_row_count) * u64::from(last_step - first_step);
+                    if self.planned_cost + cost > u64::from(self.pace.size()) {
+                        self.run()?;
+                    }
+                    self.planned.push((*far, push));
+                    self.planned_cost += cost;
+                    first_step = last_step;
+                }
+                first_cell_row += cell_row_count;
+            }
+        }
+        Ok(())
+    }
+
+    /// Runs the plan.
+    fn run(&mut self) -> Result<()> {
+        self.cancel.check()?;
+        let planned = std::mem::take(&mut self.planned);
+        self.planned_cost = 0;
+        let kernels = self.kernels.clone();
+        let far = match planned.iter().any(|(far, _)| *far) {
+            true => Some(kernels.far.get()?),
+            false => None,
+        };
+        let near = kernels.near.get()?;
+        let time = self.device.run(|r| {
+            for (is_far, push) in &planned {
+                let kernel = far.filter(|_| *is_far).unwrap_or(near);
+                let shares = (push.last_step - push.first_step).div_ceil(push.steps_each);
+                let groups = [push.cell_row_count.div_ceil(GROUP), shares, 1];
+                r.dispatch(kernel, bytemuck::bytes_of(push), groups);
+            }
+        })?;
+        self.pace.adapt(time);
+        Ok(())
+    }
+}
+
+/// Cell rows for one kernel.
+struct DispatchPart<'l> {
+    light: &'l IlluminationBuffer,
+    far: bool,
+    cell_rows: Range<u32>,
+}
+
+/// Whether all light of a cell row lands in its row and the two beside it.
+fn lands_near(cells: &[Cell], cell_row: &CellRow) -> bool {
+    let first = cell_row.first_cell as usize;
+    cells[first..first + cell_row.cell_count as usize].iter().all(|cell| cell.share_above >= 0.0)
+}
+
+/// A buffer that holds `items`, and grows as needed.
+fn fit<'b, T>(
+    device: &Arc<Device>,
+    buffer: &'b mut Option<Buffer>,
+    name: &str,
+    items: usize,
+) -> Result<&'b Buffer> {
+    let bytes = (items * size_of::<T>()) as u64;
+    let old = buffer.take().filter(|old| old.len() >= bytes);
+    let made = match old {
+        Some(old) => old,
+        None => device.buffer(name, bytes.next_power_of_two(), Memory::Device)?,
+    };
+    Ok(buffer.insert(made))
+}

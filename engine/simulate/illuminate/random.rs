@@ -1,0 +1,124 @@
+//! The random scheme: rays made, traced and illuminated on the device.
+
+use super::light::IlluminationBuffer;
+use super::sums::PixelSums;
+use crate::trace::Tracer;
+use beamlet_core::{Result, numbers};
+use beamlet_gpu::{Device, LazyKernel, push_bytes};
+use beamlet_interface::{GROUP, Pixel, RandomLightPush, RandomRaysPush};
+use beamlet_model::optics::Optics;
+use beamlet_model::scene::RandomRays;
+use std::sync::Arc;
+
+/// Kernels of the random scheme, each made when it is first wanted.
+#[derive(Debug)]
+pub(crate) struct RandomKernels {
+    rays: LazyKernel,
+    light: LazyKernel,
+}
+
+impl RandomKernels {
+    /// Kernels of a device.
+    #[must_use]
+    pub(crate) fn new(device: &Arc<Device>) -> Self {
+        let (rays, light) = (push_bytes::<RandomRaysPush>(), push_bytes::<RandomLightPush>());
+        Self {
+            rays: LazyKernel::new(device, "random_rays", rays),
+            light: LazyKernel::new(device, "random_light", light),
+        }
+    }
+
+    /// All of them.
+    pub(crate) const fn all(&self) -> [&LazyKernel; 2] {
+        [&self.rays, &self.light]
+    }
+}
+
+/// What one call casts.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct RandomBatch<'a> {
+    /// Pixels, inside the detector or beside it.
+    pub pixels: &'a [Pixel],
+    /// Index of the view.
+    pub view: u32,
+    /// All rays of these pixels miss the sample.
+    pub empty: bool,
+}
+
+/// Casts the random rays of the pixels and adds their light to the sums.
+///
+/// # Errors
+/// [`beamlet_core::Error::Memory`], [`beamlet_core::Error::Device`].
+pub(crate) fn illuminate_random(
+    device: &Arc<Device>,
+    kernels: &RandomKernels,
+    optics: &Optics,
+    tracer: &mut Tracer,
+    light: &IlluminationBuffer,
+    sums: &PixelSums,
+    job: RandomBatch<'_>,
+) -> Result<()> {
+    let (rays_kernel, light_kernel) = (kernels.rays.get()?, kernels.light.get()?);
+    let all = optics.sampling.rays.count();
+    let rays_per_pixel = match optics.sampling.rays {
+        RandomRays::Count(count) => [count, 0],
+        RandomRays::Grid(grid) => grid,
+    };
+    let seed = [numbers::low_word(optics.sampling.seed), numbers::high_word(optics.sampling.seed)];
+    let steps = numbers::count(optics.mask_steps());
+    let capacity = tracer.capacity();
+    let at_once = (capacity / all.min(capacity)).max(1);
+    for pixels in job.pixels.chunks(at_once as usize) {
+        let buffer = device.upload("pixels", pixels)?;
+        let pixel_count = numbers::count(pixels.len());
+        let mut first_ray = 0;
+        while first_ray < all {
+            tracer.cancel().check()?;
+            let batch = (all - first_ray).min(capacity / pixel_count);
+            if !job.empty {
+                let push = RandomRaysPush {
+                    light_ref: light.address(),
+                    pixels: buffer.address(),
+                    rays: tracer.rays().address(),
+                    seed,
+                    rays_per_pixel,
+                    first_ray,
+                    batch,
+                    pixel_count,
+                    view: job.view,
+                };
+                let groups = (pixel_count * batch).div_ceil(GROUP);
+                device.run(|r| {
+                    r.dispatch(rays_kernel, bytemuck::bytes_of(&push), [groups, 1, 1]);
+                })?;
+                tracer.trace_on_device(pixel_count * batch)?;
+            }
+            let mut first_step = 0;
+            while first_step < steps {
+                // A few steps at a time keep dispatches short.
+                let n = (steps - first_step).min(16);
+                let push = RandomLightPush {
+                    light_ref: light.address(),
+                    pixels: buffer.address(),
+                    results: tracer.results().address(),
+                    sums: sums.buffer.address(),
+                    seed,
+                    rays_per_pixel,
+                    first_ray,
+                    batch,
+                    pixel_count,
+                    view: job.view,
+                    empty: job.empty.into(),
+                    first_step,
+                };
+                device.run(|r| {
+                    let groups = [pixel_count.div_ceil(GROUP), n, 1];
+                    r.dispatch(light_kernel, bytemuck::bytes_of(&push), groups);
+                })?;
+                first_step += n;
+            }
+            first_ray += batch;
+        }
+    }
+    Ok(())
+}

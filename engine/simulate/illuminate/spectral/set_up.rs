@@ -1,0 +1,170 @@
+//! The energies of a scene made ready to be gathered, and the parameters of the light of their
+//! groups.
+
+use super::super::light::{IlluminationBuffer, SpectralBand};
+use super::edges::SharedEdges;
+use super::exact::exact_retrace_threshold;
+use super::{DISPLACEMENT_SHARE, EnergyBinning, NEGLIGIBLE};
+use crate::sampling::Lattice;
+use beamlet_core::Result;
+use beamlet_core::numbers::single;
+use beamlet_gpu::Device;
+use beamlet_model::material::Constants;
+use beamlet_model::media::MaterialTable;
+use beamlet_model::optics::{Mask, MaskShape, Optics};
+use beamlet_model::scene::Scene;
+use std::sync::Arc;
+
+impl EnergyBinning {
+    /// For the lattice of a scene.
+    ///
+    /// # Errors
+    /// As [`beamlet_model::material::constants_at_for`].
+    ///
+    /// `reference`: constants that exact transport was computed at; `flagged`: the strongest delta
+    /// that rays were flagged for.
+    pub(crate) fn new(
+        scene: &Scene,
+        optics: &Optics,
+        media: &MaterialTable,
+        lattice: &Lattice,
+        reference: &[Constants],
+        flagged: f64,
+    ) -> Result<Self> {
+        let Optics { analyser, detector, .. } = optics;
+        let at = |mask: &Option<Mask>, plane: f64| {
+            mask.as_ref()
+                .map(|mask| {
+                    let of = |&energy: &f64| MaskShape::of(scene, mask, plane, Some(energy));
+                    media.energies.iter().map(of).collect::<Result<Vec<_>>>()
+                })
+                .transpose()
+        };
+        let masks =
+            [at(&optics.sample_mask, lattice.plane)?, at(&optics.detector_mask, *analyser)?];
+        let flat = |of: fn(&Constants) -> f64| {
+            media.constants.iter().flatten().chain(reference).map(of).collect()
+        };
+        let strength = |c: &[Constants]| c.iter().map(|c| c.delta.abs()).sum::<f64>();
+        let delta_ratio =
+            |node: &Vec<Constants>| strength(node) / strength(reference).max(f64::MIN_POSITIVE);
+        let (mu, delta): (Vec<f64>, Vec<f64>) = (flat(|c| c.mu), flat(|c| c.delta));
+        let materials = media.names.len();
+        let acts = |&material: &usize| {
+            let of = |constants: &Vec<f64>| {
+                constants[material..].iter().step_by(materials).any(|value| *value != 0.0)
+            };
+            of(&mu) || of(&delta)
+        };
+        let edges = SharedEdges::of(
+            [0, 1].map(|i| masks[i].as_deref()),
+            [analyser / lattice.plane, 1.0],
+            &media.weights,
+            lattice.edge_blur,
+            lattice.period * analyser / lattice.plane,
+        );
+        let mut spectral = Self {
+            edges,
+            acting: (0..materials).filter(acts).collect(),
+            weights: media.weights.clone(),
+            mu,
+            delta,
+            delta_ratio: media.constants.iter().map(delta_ratio).collect(),
+            exact_retrace_threshold: exact_retrace_threshold(
+                optics.sampling.transport,
+                media,
+                reference,
+                flagged,
+            ),
+            materials,
+            words: media.moment_words(),
+            groups: Vec::new(),
+            slopes: lattice.beamlet_geometry(optics).iter().map(|c| c.slope.into()).collect(),
+            lattice: lattice.clone(),
+            tolerance: DISPLACEMENT_SHARE * optics.sampling.tolerances().angle * optics.lever_arm,
+            gap: optics.gap(),
+            ratio: analyser / detector.distance,
+            row_pitch: detector.pitch[1],
+            row_slope: -detector.row_slope(),
+            middle_row: detector.half(1),
+            masks,
+        };
+        // One energy has nothing to gather.
+        if spectral.nodes() > 1 {
+            spectral.groups = [[false, false], [true, false], [false, true], [true, true]]
+                .into_iter()
+                .filter(|leaks| {
+                    let has = |i: usize| !leaks[i] || spectral.masks[i].is_some();
+                    let light = |n| spectral.weights[n] * spectral.passes(n, *leaks);
+                    has(0) && has(1) && (0..spectral.nodes()).map(light).sum::<f64>() >= NEGLIGIBLE
+                })
+                .collect();
+        }
+        Ok(spectral)
+    }
+
+    /// Whether the lists of the same cell rows equal those of another scene, except rows without a
+    /// sample. Masks matter if energies are gathered by the effect of bars.
+    pub(crate) fn gathers_like(&self, other: &Self) -> bool {
+        let numbers = |s: &Self| [s.tolerance, s.gap, s.ratio, s.row_pitch].map(f64::to_bits);
+        let energies = [
+            &self.weights,
+            &self.mu,
+            &self.delta,
+            &self.delta_ratio,
+            &self.exact_retrace_threshold,
+        ];
+        let others = [
+            &other.weights,
+            &other.mu,
+            &other.delta,
+            &other.delta_ratio,
+            &other.exact_retrace_threshold,
+        ];
+        let alike = self.lattice.places_like(&other.lattice)
+            && numbers(self) == numbers(other)
+            && energies == others
+            && self.acting == other.acting
+            && self.groups == other.groups;
+        alike && (self.groups.is_empty() || self.bars_like(other))
+    }
+
+    /// Illumination parameters of the lists of [`EnergyBinning::lists`], in their order.
+    ///
+    /// # Errors
+    /// [`beamlet_core::Error::Memory`], or as [`beamlet_model::material::constants_at_for`].
+    pub(crate) fn lights(
+        &self,
+        device: &Arc<Device>,
+        scene: &Scene,
+        optics: &Optics,
+        media: &MaterialTable,
+    ) -> Result<Vec<IlluminationBuffer>> {
+        let edge_variance = |mask: usize, leaks: [bool; 2]| {
+            let shapes = self.masks[mask].as_ref().filter(|_| !leaks[mask])?;
+            let (mut sum, mut all) = ([0.0; 3], 0.0);
+            for (n, shape) in shapes.iter().enumerate() {
+                let weight = self.weights[n] * self.passes(n, leaks);
+                all += weight;
+                let narrowing = shape.narrowing(1.0, shape.leak(1.0));
+                sum[0] += weight * shape.edge_variance();
+                sum[1] += weight * narrowing;
+                sum[2] += weight * narrowing * narrowing;
+            }
+            if all <= 0.0 {
+                return Some(0.0);
+            }
+            let [edge_variance, narrowing, narrowing2] = sum.map(|s| s / all);
+            // Either edge moves by half of the difference of the narrowing from its mean.
+            Some(single(edge_variance + 0.25 * (narrowing2 - narrowing * narrowing)))
+        };
+        let groups = self.groups.iter().map(|&leaks| SpectralBand::Group {
+            edge_variance: [edge_variance(0, leaks), edge_variance(1, leaks)],
+        });
+        let nodes = media.energies.iter().zip(&media.weights);
+        groups
+            .chain(nodes.map(|(&energy, &weight)| SpectralBand::Node { energy, weight }))
+            .map(|part| IlluminationBuffer::of_cells(device, scene, optics, &self.lattice, &part))
+            .collect()
+    }
+}

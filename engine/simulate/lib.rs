@@ -1,0 +1,9 @@
+//! Tracing, sampling and illumination of beamlet.
+
+pub mod accel;
+pub mod detector;
+pub mod illuminate;
+pub mod moments;
+pub mod run;
+pub mod sampling;
+pub mod trace;

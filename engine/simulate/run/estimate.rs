@@ -1,0 +1,19 @@
+//! Estimated cost of a run.
+
+use serde::Serialize;
+
+/// Estimated cost of a run, from a sparse sample of its scene ([`crate::run::Simulation::estimate`]).
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize)]
+#[non_exhaustive]
+pub struct RunEstimate {
+    /// Rays of one view, mean over the views.
+    pub rays_per_view: f64,
+    /// Rays of all views. The flat needs none.
+    pub rays: f64,
+    /// Cells that refinement splits, of all views.
+    pub splits: f64,
+    /// Seconds on this device: preparation, tracing, illumination, blur and scatter, without noise and output.
+    pub seconds: f64,
+    /// Patches (beamlet and detector row) that were refined for the estimate.
+    pub patches_refined: f64,
+}

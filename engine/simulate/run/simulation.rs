@@ -1,0 +1,370 @@
+//! A simulation: one scene made ready on a device, traced view by view and illuminated.
+
+mod backend;
+pub mod cells;
+mod edges;
+mod kept_error;
+mod prepare;
+mod rays;
+mod seconds;
+mod side_by_side;
+mod work;
+
+use crate::detector::{self, DetectorModel};
+use crate::illuminate::EnergyBinning;
+use crate::moments::{self, StoredSource};
+use crate::run::Control;
+use crate::run::memory::MemoryEstimate;
+use crate::run::simulator::Simulator;
+use crate::sampling::{self, ErrorBudget, Lattice, ProjectedBounds, Response};
+use crate::trace::{DeviceSample, Tracer};
+pub use backend::choose;
+use beamlet_core::cancel::Cancel;
+use beamlet_core::tally::Tally;
+use beamlet_core::{Error, Result, numbers};
+use beamlet_files as stack;
+use beamlet_files::{RunRecord, RunStart, SamplingSummary, Sink, StackShape};
+use beamlet_geometry::Sample;
+use beamlet_gpu::{Backend, Device, EngineOptions};
+use beamlet_model::media::MaterialTable;
+use beamlet_model::scene::{Exposure, Scene, Scheme};
+pub use rays::{moments, trace};
+use side_by_side::{Handed, side_by_side};
+use std::sync::Arc;
+use std::time::Instant;
+use work::ViewWork;
+
+/// Cells per ray of a run that keeps moments: 0.3 to 0.7 of them in the shipped experiments and a laboratory
+/// set-up.
+const KEPT_CELLS: f64 = 0.4;
+/// Cells that a run stores, per ray of a run without moments, which takes a third to all of its rays.
+const CELLS_IF_KEPT: f64 = 1.0;
+/// Pixels of all views above which the size of moments is estimated.
+const MANY_PIXELS: f64 = 2e4;
+/// Bytes of moments above which the estimate is announced.
+const MANY_BYTES: u64 = 200_000_000;
+
+/// One scene, ready on a device. It owns its parts: the engine may be dropped, and the simulation may be
+/// sent to another thread.
+#[derive(Debug)]
+pub struct Simulation {
+    simulator: Simulator,
+    scene: Arc<Scene>,
+    /// The detector; its optics are traced and illuminated.
+    detector: DetectorModel,
+    sample: Sample,
+    on_device: Arc<DeviceSample>,
+    /// Surfaces of the sample, for means over facets.
+    facets: sampling::SampleFacets,
+    media: MaterialTable,
+    lattice: Lattice,
+    /// For a spectrum or kept moments, by cells.
+    spectral: Option<EnergyBinning>,
+    /// For what moments of the rays that bound cells are kept.
+    recording: Option<sampling::MomentRecording>,
+    /// What changes of a cell do to recorded values.
+    response: Arc<Response>,
+    /// Shares of the light that the bars of the masks let through.
+    leaks: [f64; 2],
+    /// What sampling may leave in them.
+    budget: ErrorBudget,
+    /// Moments that another run kept, in place of rays.
+    stored: Option<StoredSource>,
+    memory: MemoryEstimate,
+    /// The same with one view at a time.
+    alone: MemoryEstimate,
+    start: RunStart,
+    prepared_in: f64,
+}
+
+impl Simulation {
+    /// The scene.
+    #[must_use]
+    pub fn scene(&self) -> &Scene {
+        &self.scene
+    }
+
+    /// Geometry of the sample.
+    #[must_use]
+    pub const fn sample(&self) -> &Sample {
+        &self.sample
+    }
+
+    /// Device, backend and why.
+    #[must_use]
+    pub const fn start(&self) -> &RunStart {
+        &self.start
+    }
+
+    const fn device(&self) -> &Arc<Device> {
+        self.simulator.device()
+    }
+
+    fn options(&self) -> &EngineOptions {
+        self.simulator.options()
+    }
+
+    fn tracer(&self, backend: Backend, memory: &MemoryEstimate) -> Result<Tracer> {
+        Tracer::new(
+            self.device(),
+            self.simulator.trace_kernels(),
+            &self.on_device,
+            backend,
+            self.scene.sampling.transport,
+            self.options().batch_rays,
+            numbers::at_most(numbers::length(memory.rays_at_once)),
+        )
+    }
+
+    /// View of a pose of the sample.
+    fn view_of(&self, pose: u32) -> u32 {
+        numbers::count(self.scene.scan.view_of(pose as usize))
+    }
+
+    fn projected_bounds(&self, pose: u32) -> Vec<ProjectedBounds> {
+        let motion = self.scene.pose(pose as usize, self.scene.detector.pitch[0]);
+        sampling::projected_bounds(&self.sample, &self.lattice, &motion)
+    }
+
+    /// The detector, and the grid that takes its light.
+    #[doc(hidden)]
+    pub const fn detector_model(&self) -> &DetectorModel {
+        &self.detector
+    }
+
+    /// What refinement may hold.
+    fn room(&self, memory: &MemoryEstimate) -> sampling::Room {
+        let limit = self.options().memory_limit.zip(memory.left_for_refinement);
+        sampling::Room {
+            rays_at_once: numbers::length(memory.rays_at_once),
+            limit: limit.map(<[u64; 2]>::from),
+            words: self.recording.as_ref().map_or(0, sampling::MomentRecording::words),
+        }
+    }
+
+    /// Words of a ray's moments.
+    pub(super) fn moment_words(&self) -> usize {
+        self.media.moment_words()
+    }
+
+    /// Bytes of kept moments by the rays of this simulation, right to a factor of two; `None` where random
+    /// rays make the light.
+    #[doc(hidden)]
+    pub fn moments_of_rays(&self) -> Option<impl Fn(f64) -> u64 + use<>> {
+        let each = moments::cell_bytes(self.moment_words());
+        // Rows whose blur reaches the detector are sampled in full where moments are kept.
+        let rows = f64::from(self.detector.optics().detector.pixels[1]);
+        let beside = (2 * self.lattice.blur_rows) as f64 / rows;
+        let cells = match self.options().keep_moments {
+            true => KEPT_CELLS,
+            false => CELLS_IF_KEPT * (1.0 + beside),
+        };
+        let bytes = move |rays: f64| numbers::whole::<u64>(cells * rays * each as f64);
+        (self.scene.sampling.scheme == Scheme::Cells).then_some(bytes)
+    }
+
+    /// What changes of a cell do to recorded values at the mask offsets of a view.
+    fn response(&self, view: Exposure) -> Arc<Response> {
+        let optics = self.detector.optics();
+        match optics.offsets.list_of(view) {
+            0 => self.response.clone(),
+            list => Arc::new(Response::new(
+                optics,
+                &self.lattice,
+                self.leaks,
+                self.options().keep_moments,
+                &optics.offsets.lists()[list],
+            )),
+        }
+    }
+
+    /// A pose of the sample, by its index.
+    fn view<'a>(
+        &'a self,
+        index: u32,
+        projected_bounds: &'a [ProjectedBounds],
+        response: &'a Response,
+    ) -> sampling::ViewContext<'a> {
+        let optics = self.detector.optics();
+        sampling::ViewContext {
+            optics,
+            motion: self.scene.pose(index as usize, optics.detector.pitch[0]),
+            sample: &self.sample,
+            facets: &self.facets,
+            lattice: &self.lattice,
+            index,
+            projected_bounds,
+            recording: self.recording.as_ref(),
+            response,
+            budget: self.budget,
+        }
+    }
+
+    /// Rows of a band within the memory limit.
+    #[must_use]
+    pub const fn band_rows(&self) -> u32 {
+        self.memory.band_rows
+    }
+
+    /// Peak memory of a run.
+    #[must_use]
+    pub const fn memory(&self) -> &MemoryEstimate {
+        &self.memory
+    }
+
+    /// Objects that have defects and are used all the same.
+    fn defective_objects(&self) -> u64 {
+        self.sample.objects.iter().filter(|object| object.defects.refused()).count() as u64
+    }
+
+    /// Refuses results of which too many rays stayed unbalanced; where objects have defects it warns.
+    ///
+    /// # Errors
+    /// [`Error::Tally`].
+    #[doc(hidden)]
+    pub fn check_tally(&self, tally: &Tally) -> Result<()> {
+        Tally { defective_objects: self.defective_objects(), ..*tally }.refuse_unbalanced()
+    }
+
+    /// Says how much a run will keep, where that is much.
+    fn announce_moments(&self, cancel: &Cancel) -> Result<()> {
+        let pixels: f64 = self.scene.detector.pixels.map(f64::from).iter().product();
+        let Some(bytes) = self.moments_of_rays() else { return Ok(()) };
+        if pixels * self.scene.scan.views() as f64 >= MANY_PIXELS {
+            let bytes = bytes(self.estimate_until(cancel)?.rays);
+            if bytes >= MANY_BYTES {
+                log::warn!("moments of all views: about {:.1} GB", bytes as f64 / 1e9);
+            }
+        }
+        Ok(())
+    }
+
+    /// Number of views that are made side by side.
+    fn lanes(&self, views: usize, control: &Control<'_>) -> usize {
+        // Kept moments are committed in their order.
+        let most = if control.keep.is_some() { 1 } else { self.memory.views_at_once };
+        views.min(numbers::length(most.into())).max(1)
+    }
+
+    /// Makes the views that are not made yet one after another, and hands them to the sink.
+    fn one_by_one(
+        &self,
+        mut work: ViewWork<'_>,
+        views: &[Exposure],
+        sink: &mut dyn Sink,
+        control: &mut Control<'_>,
+        made: &mut Handed,
+    ) -> Result<()> {
+        work.begin_after(&views[..made.views]);
+        let mut before = Tally::default();
+        for view in &views[made.views..] {
+            work.view(*view, sink, control)?;
+            let tally = work.tally()?;
+            let own = tally.since(before);
+            before = tally;
+            sink.tally(*view, &own)?;
+            if let (Exposure::Sample(index), Some(keep)) = (*view, control.keep.as_mut()) {
+                keep.commit(index, self.moment_words())?;
+            }
+            sink.commit(*view)?;
+            made.add(own);
+        }
+        made.seconds += work.seconds;
+        Ok(())
+    }
+
+    /// Runs every view that `control` does not skip and hands it to the sink.
+    ///
+    /// # Errors
+    /// See [`Error`]; [`Error::Interrupted`] when `control.cancel` was set.
+    ///
+    /// # Example
+    ///
+    /// ```no_run
+    /// use beamlet::stack::ArraySink;
+    /// use beamlet::{Control, Engine, EngineOptions, scene::Scene};
+    ///
+    /// let engine = Engine::open(&EngineOptions::default())?;
+    /// let scene = Scene::load("scene.toml")?;
+    /// let simulation = engine.prepare(&scene)?;
+    /// println!("about {} s", simulation.estimate()?.seconds);
+    /// let mut sink = ArraySink::new();
+    /// let record = simulation.run(&mut sink, Control::default())?;
+    /// println!("{} rays", record.tally.rays);
+    /// # Ok::<(), beamlet::Error>(())
+    /// ```
+    pub fn run(&self, sink: &mut dyn Sink, mut control: Control<'_>) -> Result<RunRecord> {
+        if self.stored.is_some() && control.keep.is_some() {
+            let found = "keeping moments while illuminating stored moments";
+            return Err(Error::argument("control.keep", found, "a simulation that traces"));
+        }
+        if control.keep.is_some() && self.scene.scan.poses_of_view() > 1 {
+            let found = "a fly scan with --keep-moments";
+            return Err(Error::scene("scan.fly", found, "no fly scan, or no --keep-moments"));
+        }
+        if let Some(warning) = detector::offset_warning(&self.scene) {
+            log::warn!("{warning}");
+        }
+        let begin = Instant::now();
+        let edges = self.edge_blur(&control.cancel)?;
+        let warning =
+            edges.as_ref().and_then(|it| it.warning(self.scene.sampling.tolerances().light));
+        warning.into_iter().for_each(|text| log::warn!("{text}"));
+        let kept = self.kept_error(&control)?;
+        if control.keep.is_some() {
+            self.announce_moments(&control.cancel)?;
+        }
+        let extent = StackShape::of(&self.scene)?;
+        let views: Vec<Exposure> = stack::views(&self.scene)?
+            .filter(|view| control.shard.has(*view, extent) && !control.skip.contains(view))
+            .collect();
+        let cancel = control.cancel.of_part();
+        let lanes = self.lanes(views.len(), &control);
+        let memory = if lanes > 1 { self.memory } else { self.alone };
+        let lane = |_| ViewWork::new(self, &views, &cancel, memory);
+        let mut work = (0..lanes).map(lane).collect::<Result<Vec<_>>>()?;
+        // Last of all, so that a run that cannot start writes nothing.
+        sink.begin(&self.scene, &self.start)?;
+        control.keep.as_mut().map_or(Ok(()), |keep| keep.begin_run())?;
+        let mut made = Handed { tally: control.counted, ..Handed::default() };
+        let one = match lanes {
+            1 => work.pop(),
+            _ => {
+                side_by_side(work, &views, &cancel, sink, &mut control, &mut made)?;
+                None
+            }
+        };
+        if made.views < views.len() {
+            let one = match one {
+                Some(one) => one,
+                None => ViewWork::new(self, &views, &control.cancel, self.alone)?,
+            };
+            self.one_by_one(one, &views, sink, &mut control, &mut made)?;
+        }
+        let Handed { tally: counted, seconds, .. } = made;
+        let tally = Tally { defective_objects: self.defective_objects(), ..counted };
+        let record = RunRecord {
+            tally,
+            sampling: kept.or_else(|| SamplingSummary::of(&tally, self.budget.tolerance)),
+            edge_error: edges.map(|edges| edges.error),
+            seconds: [
+                ("prepare", self.prepared_in),
+                ("trace", seconds.trace),
+                ("illuminate", seconds.illuminate),
+                ("detect", seconds.detect),
+                ("noise", seconds.noise),
+                ("write", seconds.write),
+                ("total", self.prepared_in + begin.elapsed().as_secs_f64()),
+            ]
+            .map(|(stage, seconds)| (stage.to_owned(), seconds))
+            .into(),
+            ..RunRecord::begin(&self.start, self.scene.sampling.seed)
+        };
+        // The counts of a shard are too few to be judged: the join judges the sum.
+        if control.shard.is_whole() {
+            self.check_tally(&tally)?;
+        }
+        sink.finish(&record)?;
+        Ok(record)
+    }
+}

@@ -1,0 +1,30 @@
+//! The cells of a view as they go to the illumination, for tests.
+
+use super::Simulation;
+use crate::sampling::{self, CellBatch};
+use crate::trace::Tracer;
+use beamlet_core::Result;
+use beamlet_model::scene::Exposure;
+use std::ops::Range;
+
+/// The cells of some detector rows of a view (scheme `cells`); of a detector with blur, of rows of
+/// its grid.
+///
+/// # Errors
+/// As [`Simulation::run`].
+pub fn cells_of_rows(simulation: &Simulation, view: u32, rows: Range<i64>) -> Result<CellBatch> {
+    let projected_bounds = simulation.projected_bounds(view);
+    let mut tracer = simulation.tracer(simulation.start.backend, &simulation.alone)?;
+    let response = simulation.response(Exposure::Sample(simulation.view_of(view)));
+    let view = simulation.view(view, &projected_bounds, &response);
+    let mut parts = Vec::new();
+    let room = simulation.room(&simulation.alone);
+    let mut keep = |_: &mut Tracer, part: &CellBatch| {
+        parts.push(part.clone());
+        Ok(())
+    };
+    let (all, ignored) = (rows.clone(), &mut |_: &Tracer, _| {});
+    let lit = (&rows, &mut None);
+    sampling::sample_rows(&view, &mut tracer, all, lit, &room, &mut keep, ignored)?;
+    Ok(CellBatch::concat(parts))
+}

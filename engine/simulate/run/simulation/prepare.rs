@@ -1,0 +1,303 @@
+//! A scene made ready on a device, from its meshes or from kept moments.
+
+use super::{Simulation, backend};
+use crate::accel::Bvh;
+use crate::detector::DetectorModel;
+use crate::illuminate::{self, EnergyBinning};
+use crate::moments::{self, StoredMoments, StoredSource};
+use crate::run::simulator::Simulator;
+use crate::run::{self, Control, memory, quality};
+use crate::sampling::{self, ErrorBudget, Lattice, Response};
+use crate::trace::DeviceSample;
+use beamlet_core::{Error, Result};
+use beamlet_files::RunStart;
+use beamlet_geometry as geometry;
+use beamlet_geometry::{LoadStep, Sample};
+use beamlet_gpu::Backend;
+use beamlet_model::media::MaterialTable;
+use beamlet_model::optics::{self, Optics};
+use beamlet_model::scene::{Scene, Scheme};
+use std::collections::BTreeMap;
+use std::sync::Arc;
+use std::time::Instant;
+
+/// Parts of a simulation besides its geometry.
+struct SimulationParts {
+    detector: DetectorModel,
+    media: MaterialTable,
+    lattice: Lattice,
+    spectral: Option<EnergyBinning>,
+    stored: Option<StoredSource>,
+    delta_ratio: f64,
+}
+
+impl Simulation {
+    /// Prepares a scene: reads its sample, uploads it and plans its rays.
+    ///
+    /// # Errors
+    ///
+    /// The scene, its files, the device or memory.
+    #[doc(hidden)]
+    pub fn new(simulator: &Simulator, scene: &Scene, control: &mut Control<'_>) -> Result<Self> {
+        Self::of_loaded(simulator, scene, None, control)
+    }
+
+    /// The same with geometry that was loaded and checked before.
+    ///
+    /// # Errors
+    ///
+    /// The scene, its files, the device or memory.
+    #[doc(hidden)]
+    pub fn of_loaded(
+        simulator: &Simulator,
+        scene: &Scene,
+        sample: Option<Sample>,
+        control: &mut Control<'_>,
+    ) -> Result<Self> {
+        scene.validate()?;
+        let scene = quality::resolved(scene, simulator.options().keep_moments)?;
+        // From here on every reader of a file compares it with its hash.
+        let scene = Arc::new(scene.with_file_hashes()?);
+        let detector = DetectorModel::of(&scene)?;
+        let optics = detector.optics();
+        let media = MaterialTable::of(&scene)?;
+        let lattice = lattice_of(&scene, optics, &media)?;
+        let delta_ratio =
+            if simulator.options().keep_moments { moments::DELTA_HEADROOM } else { 1.0 };
+        let several = media.energies.len() > 1 || simulator.options().keep_moments;
+        let spectral = if several && scene.sampling.scheme == Scheme::Cells {
+            let flagged = delta_ratio * media.strongest();
+            Some(EnergyBinning::new(&scene, optics, &media, &lattice, &media.mean(), flagged)?)
+        } else {
+            None
+        };
+        Self::with(
+            simulator,
+            scene,
+            SimulationParts { detector, media, lattice, spectral, stored: None, delta_ratio },
+            sample,
+            control,
+        )
+    }
+
+    /// The same from moments that a run kept, without rays.
+    ///
+    /// # Errors
+    ///
+    /// The scene, where the run cannot serve it; the device or memory.
+    #[doc(hidden)]
+    pub fn of_stored(
+        simulator: &Simulator,
+        moments: &StoredMoments,
+        scene: &Scene,
+        control: &mut Control<'_>,
+    ) -> Result<Self> {
+        scene.validate()?;
+        if scene.sampling.scheme != Scheme::Cells {
+            return Err(Error::scene("sampling.scheme", "random", "cells, for stored moments"));
+        }
+        let scene = Arc::new(quality::as_traced(scene, moments.scene())?.with_file_hashes()?);
+        let detector = DetectorModel::of(&scene)?;
+        let optics = detector.optics();
+        let own = MaterialTable::of(&scene)?;
+        let lattice = lattice_of(&scene, optics, &own)?;
+        let source = moments.for_scene(&scene, optics, &lattice)?;
+        let media = source.media.clone();
+        let flagged = source.flagged;
+        let spectral =
+            EnergyBinning::new(&scene, optics, &media, &lattice, &source.reference, flagged)?;
+        let (stored, delta_ratio) = (Some(source), 1.0);
+        Self::with(
+            simulator,
+            scene,
+            SimulationParts {
+                detector,
+                media,
+                lattice,
+                spectral: Some(spectral),
+                stored,
+                delta_ratio,
+            },
+            None,
+            control,
+        )
+    }
+
+    fn with(
+        simulator: &Simulator,
+        scene: Arc<Scene>,
+        parts: SimulationParts,
+        loaded: Option<Sample>,
+        control: &mut Control<'_>,
+    ) -> Result<Self> {
+        let begin = Instant::now();
+        let options = simulator.options();
+        let sample = match loaded {
+            Some(sample) => sample,
+            None => load(&scene, &parts, options.memory_limit, control)?,
+        };
+        let (limit, band_rows) = (options.memory_limit, options.band_rows);
+        let alone = memory::estimate_alone(&scene, &sample.objects, limit, band_rows)?;
+        // Kept moments are written and read in the order of the views.
+        let ordered = options.keep_moments || parts.stored.is_some();
+        let memory = match ordered {
+            true => alone,
+            false => memory::estimate(&scene, &sample.objects, limit, band_rows)?,
+        };
+        memory::ask_for_run(&scene, &memory)?;
+        log_spot(&scene);
+        scene.middle_line_warning().iter().for_each(|text| log::warn!("{text}"));
+        let device = simulator.device();
+        let wanted = options.backend;
+        let description = device.description();
+        backend::check(wanted, description)?;
+        let recording = parts.spectral.as_ref().map(|_| {
+            sampling::MomentRecording::new(
+                &parts.media,
+                &sample.components,
+                &parts.media.mean(),
+                parts.delta_ratio,
+            )
+        });
+        let ray_query = backend::may_query(wanted, description);
+        let SimulationParts { detector, media, lattice, spectral, stored, delta_ratio } = parts;
+        let optics = detector.optics();
+        let leaks = optics::mean_leaks(&scene, optics, (&media.energies, &media.weights))?;
+        let response = Response::new(
+            optics,
+            &lattice,
+            leaks,
+            options.keep_moments,
+            &optics.offsets.lists()[0],
+        );
+        let budget = error_budget(&scene, detector.optics());
+        let of = scene.clone();
+        let Built { sample, media, bvh, facets } =
+            control.step(LoadStep::Building, move || build(&of, sample, media, delta_ratio))??;
+        let (to, of) = (device.clone(), scene.clone());
+        let (sample, media, on_device) = control.step(LoadStep::Building, move || {
+            DeviceSample::with_bvh(&to, &of, &sample, bvh, &media, ray_query, delta_ratio)
+                .map(|made| (sample, media, made))
+        })??;
+        let mut simulation = Self {
+            simulator: simulator.clone(),
+            detector,
+            start: RunStart {
+                mesh_hashes: mesh_hashes(&scene, &sample),
+                ..RunStart::new(&description.name, &description.driver, Backend::Bvh, "")
+            },
+            scene,
+            sample,
+            on_device: Arc::new(on_device),
+            facets,
+            media,
+            lattice,
+            spectral,
+            response: Arc::new(response),
+            leaks,
+            budget,
+            recording,
+            stored,
+            memory,
+            alone,
+            prepared_in: 0.0,
+        };
+        control.cancel.check()?;
+        simulation.choose_backend(wanted)?;
+        simulation.prepared_in = begin.elapsed().as_secs_f64();
+        Ok(simulation)
+    }
+}
+
+/// The sample, where rays will be traced through it.
+fn load(
+    scene: &Arc<Scene>,
+    parts: &SimulationParts,
+    memory_limit: Option<u64>,
+    control: &mut Control<'_>,
+) -> Result<Sample> {
+    if parts.stored.as_ref().is_some_and(|stored| !stored.retrace) {
+        return Ok(Sample::default());
+    }
+    memory::check_before_loading(scene, memory_limit)?;
+    let progress = control.progress.as_deref_mut();
+    let sample =
+        run::watching(progress, &control.cancel, |watcher| geometry::load_watched(scene, watcher))?;
+    control.cancel.check()?;
+    for object in &sample.objects {
+        object.warnings.iter().for_each(|text| log::warn!("\"{}\": {text}", object.name));
+    }
+    let scene = scene.clone();
+    let sample = control.step(LoadStep::Clearance, move || {
+        geometry::check_clearance(&scene, &sample).map(|()| sample)
+    })??;
+    control.cancel.check()?;
+    Ok(sample)
+}
+
+/// Host data of a sample before upload, and its memory.
+struct Built {
+    sample: Sample,
+    media: MaterialTable,
+    bvh: Bvh,
+    facets: sampling::SampleFacets,
+}
+
+fn build(scene: &Scene, sample: Sample, media: MaterialTable, delta_ratio: f64) -> Result<Built> {
+    let across = geometry::across_edges(&sample);
+    let bvh = Bvh::build(&sample, &across, scene.displacement())?;
+    let transport = scene.sampling.transport;
+    let facets = sampling::SampleFacets::new(transport, &sample, &media, delta_ratio, across);
+    Ok(Built { sample, media, bvh, facets })
+}
+
+/// Logs what stands for a focal spot that is not one Gaussian.
+fn log_spot(scene: &Scene) {
+    let spot = &scene.source.spot;
+    let Some(fit) = spot.fit() else { return };
+    let (parts, samples) = (spot.parts().len(), fit.samples);
+    log::info!("focal spot {}: {parts} Gaussians for {samples} pixels", fit.file);
+    spot.warnings().iter().for_each(|text| log::warn!("{text}"));
+}
+
+/// The lattice of a run with its blocks of rows.
+fn lattice_of(scene: &Scene, optics: &Optics, media: &MaterialTable) -> Result<Lattice> {
+    let mut lattice = Lattice::of(optics, media.strongest());
+    lattice.alike_rows = illuminate::alike_rows(scene, optics, media)?;
+    Ok(lattice)
+}
+
+/// SHA-256 of the meshes by object: as loaded, or as the scene records them.
+fn mesh_hashes(scene: &Scene, sample: &Sample) -> BTreeMap<String, String> {
+    if sample.objects.is_empty() {
+        let recorded = |o: &beamlet_model::scene::Object| Some((o.name.clone(), o.sha256.clone()?));
+        return scene.objects.iter().filter_map(recorded).collect();
+    }
+    let loaded = sample.objects.iter().filter(|o| !o.hash.is_empty());
+    loaded.map(|o| (o.name.clone(), o.hash.clone())).collect()
+}
+
+/// Part of the tolerance that a pixel of a detector that blurs gets: it takes the errors of those beside it
+/// as well. With all of it a ball holds 1e-4 but for its root mean square (0.34), with half 0.2
+/// (docs/validation.md).
+const BLURRED: f64 = 0.5;
+
+/// What sampling may leave in a value of the grid that takes the light, so that pixels of the
+/// detector hold the tolerance.
+fn error_budget(scene: &Scene, optics: &Optics) -> ErrorBudget {
+    let tolerances = scene.sampling.tolerances();
+    let [columns, rows] =
+        [0, 1].map(|axis| scene.detector.pitch[axis] / optics.detector.pitch[axis]);
+    let angles = scene.sample_mask.is_some();
+    // Parts of a pixel that are lit separately err separately. All light of a beamlet of a sample mask
+    // may land in one of them, or beside it in another of the same pixel.
+    let by_grid = rows.sqrt() * if angles { columns } else { columns.sqrt() };
+    let blurred = if by_grid > 1.0 { BLURRED } else { 1.0 };
+    ErrorBudget {
+        light: blurred * tolerances.light * by_grid,
+        by_grid,
+        tolerance: tolerances.light,
+        displacement: if angles { tolerances.angle * scene.lever_arm() } else { f64::INFINITY },
+        max_rays: scene.sampling.max_rays,
+    }
+}

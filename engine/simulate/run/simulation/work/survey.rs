@@ -1,0 +1,304 @@
+//! Cost of a run, from a sparse sample of the scene: patches spread over views, rows and columns are
+//! sampled and illuminated as in a run, and represent the others.
+
+use super::detection::detection_seconds;
+use super::{ViewWork, bands};
+use crate::run::RunEstimate;
+use crate::run::simulation::Simulation;
+use crate::sampling::{self, CellBatch, ProjectedBounds, RowsCost};
+use crate::trace::Tracer;
+use beamlet_core::cancel::Cancel;
+use beamlet_core::{Result, numbers};
+use beamlet_files as stack;
+use beamlet_model::optics::Optics;
+use beamlet_model::scene::{Exposure, Scheme};
+use std::collections::HashSet;
+use std::ops::Range;
+use std::time::Instant;
+
+/// Rows of a view that are surveyed together: the number of rows whose base rays go side by side in a
+/// run.
+const ROWS: i64 = 4;
+/// Mask steps that are illuminated; others cost as much each.
+const STEPS: u32 = 128;
+/// Largest number of looks.
+const MOST_LOOKS: u32 = 24;
+/// Least number of looks, whatever the time.
+const LEAST_LOOKS: u32 = 5;
+/// Seconds after which no further look is taken.
+const SECONDS: f64 = 1.0;
+/// Patches of each kind (without and with a silhouette) that the first look refines.
+const FIRST_PATCHES: [f64; 2] = [24.0, 12.0];
+/// Fewest and most patches of a kind with refinement in a look.
+const PATCHES: [f64; 2] = [8.0, 256.0];
+/// Seconds for each kind in a look.
+const SECONDS_OF_A_KIND: f64 = 0.08;
+/// Rows of the flat, or of random rays, that are timed.
+const TIMED_ROWS: i64 = 8;
+/// Times that the flat's are timed.
+const TIMES: u32 = 3;
+/// Random rays that are timed, about.
+const TIMED_RAYS: f64 = 2e6;
+/// Fractional part of the golden ratio: its multiples spread evenly over [0, 1).
+const GOLDEN: f64 = 0.618_033_988_749_894_9;
+
+/// Rows of a view.
+struct Look {
+    /// Rows of the view that a shadow reaches.
+    all: Range<i64>,
+    /// Seconds that finding the shadows took.
+    shadow_seconds: f64,
+    cost: RowsCost,
+}
+
+impl Simulation {
+    /// Estimates rays and time of a run without noise and output, from a part of the patches; it takes
+    /// about a second, and does not depend on earlier estimates.
+    ///
+    /// # Errors
+    /// As [`Simulation::run`], without errors of a sink.
+    pub fn estimate(&self) -> Result<RunEstimate> {
+        self.estimate_until(&Cancel::default())
+    }
+
+    /// As [`Simulation::estimate`]; [`beamlet_core::Error::Interrupted`] when `cancel` was set.
+    ///
+    /// # Errors
+    ///
+    /// As [`Simulation::estimate`].
+    #[doc(hidden)]
+    pub fn estimate_until(&self, cancel: &Cancel) -> Result<RunEstimate> {
+        let begin = Instant::now();
+        let views: Vec<Exposure> = stack::views(&self.scene)?.collect();
+        let mut work = ViewWork::new(self, &views, cancel, self.alone)?;
+        let fixed = self.prepared_in + begin.elapsed().as_secs_f64();
+        let mut estimate = if self.scene.sampling.scheme == Scheme::Random {
+            work.random_estimate()?
+        } else {
+            work.cells_estimate()?
+        };
+        let steps = self.scene.mask_steps();
+        let of_exposure = detection_seconds(&self.detector, steps, work.band, cancel)?;
+        estimate.seconds +=
+            fixed + (work.view_count() + self.scene.scan.flat_places().len() as f64) * of_exposure;
+        Ok(estimate)
+    }
+}
+
+impl ViewWork<'_> {
+    fn lit_rows_of_all(&self) -> i64 {
+        self.simulation.detector.optics().detector.pixels[1].into()
+    }
+
+    /// Mask steps that are illuminated.
+    fn steps(&self) -> u32 {
+        numbers::count(self.simulation.scene.mask_steps()).min(STEPS)
+    }
+
+    /// The others, for each of these.
+    fn steps_left_out(&self) -> f64 {
+        self.simulation.scene.scan.mask_offsets.len() as f64 / f64::from(self.steps()) - 1.0
+    }
+
+    /// Poses of the sample: one for each view, but in fly scans.
+    fn view_count(&self) -> f64 {
+        self.simulation.scene.scan.poses() as f64
+    }
+
+    /// Sets the sums to the band with a row of the grid, and returns the band's rows there.
+    fn begin_band(&mut self, row: i64) -> Result<Range<i64>> {
+        let rows = self.simulation.scene.detector.pixels[1];
+        let grid = self.simulation.detector.grid();
+        let mut lit = grid.lit_rows(&(0..rows.min(self.band)));
+        for band in bands(rows, self.band) {
+            let own = grid.lit_rows(&band);
+            if i64::from(own.start) <= row {
+                lit = own;
+            }
+        }
+        // The cost of further light does not depend on earlier light.
+        self.sums.set_rows(&lit);
+        self.lights.iter_mut().try_for_each(|light| light.set_band(&lit, 0))?;
+        Ok(i64::from(lit.start)..i64::from(lit.end))
+    }
+
+    fn cells_estimate(&mut self) -> Result<RunEstimate> {
+        let blank = self.blank_seconds()?;
+        let looks = self.looks()?;
+        let views = self.view_count();
+        let count = looks.len().max(1) as f64;
+        let mean = |of: &dyn Fn(&Look) -> f64| looks.iter().map(of).sum::<f64>() / count;
+        // Groups of rows have the base rays of one row on either side, too.
+        let group = self.group_rows(true) as f64;
+        let border = 1.0 + 2.0 / group;
+        let base = |cost: &RowsCost, of: f64| of * cost.rows / (cost.rows + 2.0);
+        let per_view =
+            |look: &Look, own: f64| own * (look.all.end - look.all.start) as f64 / look.cost.rows;
+        let rays = mean(&|look| {
+            let cost = &look.cost;
+            per_view(look, cost.rays() + base(cost, cost.base_rays) * (border - 1.0))
+        });
+        let groups = (self.lit_rows_of_all() as f64 / group).ceil();
+        let seconds = mean(&|look| {
+            let cost = &look.cost;
+            let own = cost.seconds() + base(cost, cost.base_seconds) * (border - 1.0);
+            look.shadow_seconds + groups * cost.facet_seconds + per_view(look, own)
+        });
+        let refined = |cost: &RowsCost| cost.kinds.iter().map(|kind| kind.refined).sum::<f64>();
+        Ok(RunEstimate {
+            rays_per_view: rays,
+            rays: rays * views,
+            splits: views * mean(&|look| per_view(look, look.cost.splits())),
+            seconds: views * seconds + (views + 1.0) * blank,
+            patches_refined: looks.iter().map(|look| refined(&look.cost)).sum(),
+        })
+    }
+
+    /// Looks at rows of views, spread over both.
+    fn looks(&mut self) -> Result<Vec<Look>> {
+        let mut looks = Vec::new();
+        let mut seen = HashSet::new();
+        if self.simulation.sample.is_empty() {
+            return Ok(looks);
+        }
+        let begin = Instant::now();
+        let mut patches = FIRST_PATCHES;
+        for number in 0..MOST_LOOKS {
+            if number >= LEAST_LOOKS && begin.elapsed().as_secs_f64() > SECONDS {
+                break;
+            }
+            let view = (f64::from(number) * GOLDEN + 0.5).fract() * self.view_count();
+            let view = numbers::whole::<u32>(view);
+            let shadow = Instant::now();
+            let projected_bounds = self.simulation.projected_bounds(view);
+            let shadow_seconds = shadow.elapsed().as_secs_f64();
+            let all = self.rows_of(&projected_bounds);
+            let blocks = (all.end - all.start + ROWS - 1) / ROWS;
+            let block = numbers::whole::<i64>(radical_inverse(number) * blocks as f64);
+            if blocks == 0 || !seen.insert((view, block)) {
+                continue;
+            }
+            let first = all.start + block * ROWS;
+            let rows = first..(first + ROWS).min(all.end);
+            let start = (f64::from(number) * GOLDEN).fract();
+            let cost = self.look(view, &projected_bounds, rows, (patches, start))?;
+            for (most, kind) in patches.iter_mut().zip(&cost.kinds) {
+                if kind.refined > 0.0 {
+                    let each = (kind.seconds / kind.refined).max(1e-9);
+                    *most = (SECONDS_OF_A_KIND / each).clamp(PATCHES[0], PATCHES[1]);
+                }
+            }
+            looks.push(Look { all, shadow_seconds, cost });
+        }
+        Ok(looks)
+    }
+
+    /// Rows of a view that shadows reach, as far as a run samples them.
+    fn rows_of(&self, projected_bounds: &[ProjectedBounds]) -> Range<i64> {
+        let halo = self.simulation.lattice.halo;
+        let top = projected_bounds
+            .iter()
+            .map(|s| numbers::whole::<i64>(s.rows[0].floor()))
+            .min()
+            .unwrap_or(0);
+        let bottom = projected_bounds
+            .iter()
+            .map(|s| numbers::whole::<i64>(s.rows[1].floor()) + 1)
+            .max()
+            .unwrap_or(0);
+        let top = top.max(-halo);
+        top..bottom.min(self.lit_rows_of_all() + halo).max(top)
+    }
+
+    fn look(
+        &mut self,
+        view: u32,
+        projected_bounds: &[ProjectedBounds],
+        rows: Range<i64>,
+        chosen: ([f64; 2], f64),
+    ) -> Result<RowsCost> {
+        let band = self.begin_band(rows.start)?;
+        let blur_rows = self.simulation.lattice.blur_rows;
+        let lit = band.start - blur_rows..band.end + blur_rows;
+        let steps = self.steps();
+        let left_out = self.steps_left_out();
+        let Self { cells, bars, lights, sums, tracer, simulation, .. } = self;
+        let mut add = |tracer: &mut Tracer, cell_rows: &CellBatch| {
+            let gathered = match &simulation.spectral {
+                Some(spectral) => Some(spectral.lists(tracer, bars, cell_rows)?),
+                None => None,
+            };
+            let lists = gathered.as_deref().unwrap_or(std::slice::from_ref(cell_rows));
+            let begin = Instant::now();
+            cells.add(lights.iter().zip(lists), sums, steps)?;
+            Ok(left_out * begin.elapsed().as_secs_f64())
+        };
+        let response = simulation.response(Exposure::Sample(simulation.view_of(view)));
+        let view = simulation.view(view, projected_bounds, &response);
+        sampling::survey_rows(&view, tracer, rows, &lit, chosen, &mut add)
+    }
+
+    /// Seconds that the light of a view without a sample takes: the least of a few, since some rows
+    /// stand for all and a pause of the machine would count as often.
+    fn blank_seconds(&mut self) -> Result<f64> {
+        let band = self.begin_band(0)?;
+        let rows = band.start..band.end.min(band.start + TIMED_ROWS);
+        let share = self.lit_rows_of_all() as f64 / (rows.end - rows.start).max(1) as f64;
+        let mut least = f64::INFINITY;
+        for _ in 0..TIMES {
+            let begin = Instant::now();
+            let mut cell_rows = sampling::empty_cell_rows(&self.simulation.lattice, rows.clone());
+            let lists = match &self.simulation.spectral {
+                Some(spectral) => {
+                    cell_rows.keep_nothing(self.simulation.moment_words());
+                    spectral.lists(&mut self.tracer, &mut self.bars, &cell_rows)?
+                }
+                None => vec![cell_rows],
+            };
+            let light = Instant::now();
+            self.cells.add(self.lights.iter().zip(&lists), &self.sums, self.steps())?;
+            let left_out = self.steps_left_out() * light.elapsed().as_secs_f64();
+            let seconds = begin.elapsed().as_secs_f64() + left_out;
+            least = least.min(seconds);
+            if begin.elapsed().as_secs_f64() > SECONDS {
+                break;
+            }
+        }
+        Ok(least * share)
+    }
+
+    fn random_estimate(&mut self) -> Result<RunEstimate> {
+        let all = self.lit_rows_of_all();
+        let projected_bounds = self.simulation.projected_bounds(0);
+        let middle = all / 2;
+        self.begin_band(middle)?;
+        let begin = Instant::now();
+        let rows = middle..(middle + TIMED_ROWS).min(all);
+        let timed = (rows.end - rows.start) as f64;
+        // Fewer rays of each pixel where these are many.
+        let optics = self.simulation.detector.optics();
+        let mut sparse = optics.clone();
+        let of_pixel = |optics: &Optics| f64::from(optics.sampling.rays.count());
+        let most = TIMED_RAYS / (timed * f64::from(optics.detector.pixels[0]));
+        while of_pixel(&sparse) > most.max(1.0) {
+            sparse.sampling.rays = sparse.sampling.rays.halved();
+        }
+        self.random_rows(&sparse, Exposure::Sample(0), &projected_bounds, &rows)?;
+        let share = timed / all as f64 * of_pixel(&sparse) / of_pixel(optics);
+        let seconds = begin.elapsed().as_secs_f64() / share;
+        let pixels = optics.detector.pixels.map(f64::from);
+        let rays = pixels[0] * pixels[1] * f64::from(self.simulation.scene.sampling.rays.count());
+        let views = self.view_count();
+        Ok(RunEstimate {
+            rays_per_view: rays,
+            rays: rays * views,
+            seconds: seconds * (views + 1.0),
+            ..RunEstimate::default()
+        })
+    }
+}
+
+/// Van der Corput's sequence in base 2: evenly spread over [0, 1) from the first numbers on.
+fn radical_inverse(number: u32) -> f64 {
+    f64::from(number.reverse_bits()) / 2_f64.powi(32)
+}

@@ -1,0 +1,67 @@
+//! An open device with the kernels of simulations.
+
+use crate::illuminate::{CellKernels, RandomKernels};
+use crate::trace::TraceKernels;
+use beamlet_gpu::{Compute, Device, EngineOptions};
+use std::sync::Arc;
+
+/// An open device and the kernels that its simulations share. Clones share both.
+#[derive(Debug, Clone)]
+pub struct Simulator {
+    kernels: Arc<Kernels>,
+    compute: Compute,
+}
+
+#[derive(Debug)]
+struct Kernels {
+    trace: Arc<TraceKernels>,
+    illuminate: Arc<CellKernels>,
+    random: RandomKernels,
+}
+
+impl Simulator {
+    /// Prepares the kernels of simulations; each is made when it is first wanted.
+    pub fn new(compute: Compute) -> Self {
+        let device = compute.device();
+        let kernels = Arc::new(Kernels {
+            trace: Arc::new(TraceKernels::new(device)),
+            illuminate: Arc::new(CellKernels::new(device)),
+            random: RandomKernels::new(device),
+        });
+        Self { kernels, compute }
+    }
+
+    /// Drops it. Returns whether the device is destroyed: `false` while somebody uses it.
+    pub fn close(self) -> bool {
+        let Self { kernels, compute } = self;
+        drop(kernels);
+        compute.close()
+    }
+
+    /// The device and how it was opened.
+    pub const fn compute(&self) -> &Compute {
+        &self.compute
+    }
+
+    /// How the device was opened.
+    pub(crate) fn options(&self) -> &EngineOptions {
+        self.compute.options()
+    }
+
+    /// The open device.
+    pub(crate) const fn device(&self) -> &Arc<Device> {
+        self.compute.device()
+    }
+
+    pub(crate) fn trace_kernels(&self) -> &Arc<TraceKernels> {
+        &self.kernels.trace
+    }
+
+    pub(crate) fn random_kernels(&self) -> &RandomKernels {
+        &self.kernels.random
+    }
+
+    pub(crate) fn illuminate_kernels(&self) -> &Arc<CellKernels> {
+        &self.kernels.illuminate
+    }
+}

@@ -1,0 +1,209 @@
+//! Cells in batches, as they go to the illumination: cell rows of cells side by side in x, each of
+//! one interval of z of a row.
+
+use super::cell_moments::{CellMoments, ExactCell};
+use super::lattice::Lattice;
+use beamlet_core::numbers::{self, single};
+use beamlet_core::parallel;
+use beamlet_core::tally::Tally;
+use beamlet_interface::{Cell, CellRow};
+use bytemuck::Pod;
+use std::borrow::Cow;
+use std::ops::Range;
+
+/// Cell rows and cells, ready to be illuminated.
+#[derive(Debug, Clone, Default)]
+pub struct CellBatch {
+    /// Cell rows.
+    pub cell_rows: Vec<CellRow>,
+    /// Their cells.
+    pub cells: Vec<Cell>,
+    /// Moments of the rays that bound the cells, where they are kept.
+    pub moments: CellMoments,
+    /// Cells that refinement cut.
+    pub splits: u64,
+    /// Cells whose light lands too far off to follow, or outside the detector.
+    pub landed_off: u64,
+    /// Patches that they are of: rays and estimated errors.
+    pub tally: Tally,
+}
+
+impl CellBatch {
+    /// Appends a cell row with its cells and their moments.
+    pub(crate) fn push(&mut self, cell_row: CellRow, cells: &[Cell], moments: &CellMoments) {
+        if cells.is_empty() {
+            return;
+        }
+        let first_cell = numbers::count(self.cells.len());
+        let cell_count = numbers::count(cells.len());
+        let cell_row = reach_of(cell_row, cells);
+        self.cell_rows.push(CellRow { first_cell, cell_count, ..cell_row });
+        self.cells.extend_from_slice(cells);
+        self.moments.append(moments, first_cell);
+    }
+
+    /// Gives cells without a sample their moments, which are zero.
+    /// `words`: of the moments of a ray.
+    pub(crate) fn keep_nothing(&mut self, words: usize) {
+        self.moments.ends = vec![0.0; 2 * self.cells.len() * words];
+    }
+
+    /// Cell rows of several parts in their order, with their counts.
+    pub(crate) fn concat(mut parts: Vec<Self>) -> Self {
+        let mut all = Self::default();
+        let mut first = 0;
+        for part in &mut parts {
+            part.cell_rows.iter_mut().for_each(|cell_row| cell_row.first_cell += first);
+            for exact in &mut part.moments.exact {
+                exact.cell += first;
+            }
+            all.moments.exact.append(&mut part.moments.exact);
+            first += numbers::count(part.cells.len());
+            all.splits += part.splits;
+            all.landed_off += part.landed_off;
+            all.tally = all.tally + part.tally;
+        }
+        all.cell_rows = join(&mut parts, |part| &mut part.cell_rows);
+        all.cells = join(&mut parts, |part| &mut part.cells);
+        all.moments.ends = join(&mut parts, |part| &mut part.moments.ends);
+        all
+    }
+
+    /// The cells in parts of whole cell rows, about `most` cells each, without counts. Later stages may
+    /// need many times the memory of cells.
+    pub(crate) fn parts(&self, most: usize) -> impl Iterator<Item = Cow<'_, Self>> {
+        let mut rest = &self.cell_rows[..];
+        std::iter::from_fn(move || {
+            let mut cells = 0;
+            let fits = |row: &&CellRow| {
+                let fits = cells < most;
+                cells += row.cell_count as usize;
+                fits
+            };
+            let (some, after) = rest.split_at(rest.iter().take_while(fits).count());
+            let is_all = some.len() == self.cell_rows.len();
+            rest = after;
+            (!some.is_empty())
+                .then(|| if is_all { Cow::Borrowed(self) } else { Cow::Owned(self.part(some)) })
+        })
+    }
+
+    /// The cell rows of some detector rows.
+    pub(crate) fn of_rows(&self, rows: &Range<i64>) -> Self {
+        let some = self.cell_rows.iter().filter(|it| rows.contains(&i64::from(it.row)));
+        let some: Vec<CellRow> = some.copied().collect();
+        if some.len() == self.cell_rows.len() { self.clone() } else { self.part(&some) }
+    }
+
+    /// Some of the cell rows with their cells.
+    fn part(&self, rows: &[CellRow]) -> Self {
+        let words = self.moments.ends.len() / self.cells.len().max(1);
+        let mut part = Self::default();
+        for row in rows {
+            let first = numbers::count(part.cells.len());
+            let range = row.first_cell as usize..(row.first_cell + row.cell_count) as usize;
+            let exact = &self.moments.exact;
+            let [begin, end] = [range.start, range.end]
+                .map(|at| exact.partition_point(|e| (e.cell as usize) < at));
+            part.moments.exact.extend(
+                exact[begin..end]
+                    .iter()
+                    .map(|e| ExactCell { cell: e.cell - row.first_cell + first, ..*e }),
+            );
+            let ends = words * range.start..words * range.end;
+            part.moments.ends.extend_from_slice(&self.moments.ends[ends]);
+            part.cells.extend_from_slice(&self.cells[range]);
+            part.cell_rows.push(CellRow { first_cell: first, ..*row });
+        }
+        part
+    }
+
+    /// Cell rows of about equal size side by side: invocations of a subgroup wait for one another.
+    pub(crate) fn balance(&mut self) {
+        self.cell_rows.sort_by_key(|s| std::cmp::Reverse(s.cell_count));
+    }
+}
+
+/// What all parts have of something, which is gone from them.
+fn join<T: Pod + Send + Sync>(
+    parts: &mut [CellBatch],
+    of: fn(&mut CellBatch) -> &mut Vec<T>,
+) -> Vec<T> {
+    let own: Vec<Vec<T>> = parts.iter_mut().map(|part| std::mem::take(of(part))).collect();
+    match <[Vec<T>; 1]>::try_from(own) {
+        Ok([only]) => only,
+        Err(own) => parallel::concat(&own),
+    }
+}
+
+/// A cell row with the transmission of its cells and the reach of their light.
+fn reach_of(cell_row: CellRow, cells: &[Cell]) -> CellRow {
+    let mut cell_row = CellRow {
+        light: 0.0,
+        low_landing: f32::INFINITY,
+        high_landing: f32::NEG_INFINITY,
+        displacement_variance: 0.0,
+        displacement_slope: 0.0,
+        ..cell_row
+    };
+    for cell in cells {
+        let depth_change = cell.depth_high - cell.depth_low;
+        let middle = 0.5 * (cell.depth_low + cell.depth_high);
+        let width = cell.x_high - cell.x_low;
+        cell_row.light += width * (-middle).exp() * (1.0 + depth_change * depth_change / 24.0);
+        let (low, high) = (cell.displacement_low, cell.displacement_high);
+        cell_row.low_landing = cell_row.low_landing.min(low.min(high) - cell.pixel_shift);
+        cell_row.high_landing = cell_row.high_landing.max(low.max(high) - cell.pixel_shift);
+        // The largest of its cells: they bound how far light may land. The shader limits the slope.
+        cell_row.displacement_slope = cell_row.displacement_slope.max((high - low).abs() / width);
+        cell_row.displacement_variance =
+            cell_row.displacement_variance.max(cell.displacement_variance);
+    }
+    cell_row
+}
+
+/// Cell rows of all beamlets without a sample: one cell each.
+#[must_use]
+pub(crate) fn empty_cell_rows(lattice: &Lattice, rows: Range<i64>) -> CellBatch {
+    let mut out = CellBatch::default();
+    let cell = empty_cell(lattice);
+    let first = lattice.beamlets.start;
+    let places = rows.flat_map(|row| lattice.direct.clone().map(move |k| (k - first, row)));
+    for cell_row in blank_cell_rows(lattice, places.collect()) {
+        out.push(cell_row, &[cell], &CellMoments::default());
+    }
+    out
+}
+
+/// Cell rows of whole rows without a sample at places (column, row), one for rows that follow one
+/// another in a block.
+pub(crate) fn blank_cell_rows(lattice: &Lattice, mut places: Vec<(i64, i64)>) -> Vec<CellRow> {
+    places.sort_unstable();
+    let block = |row: i64| row.div_euclid(i64::from(lattice.alike_rows));
+    let alike =
+        |a: &(i64, i64), b: &(i64, i64)| a.0 == b.0 && a.1 + 1 == b.1 && block(a.1) == block(b.1);
+    let cell_row = |run: &[(i64, i64)]| CellRow {
+        rows: numbers::count(run.len()),
+        ..empty_cell_row(run[0].0, run[0].1)
+    };
+    places.chunk_by(alike).map(cell_row).collect()
+}
+
+pub(crate) fn empty_cell_row(column: i64, row: i64) -> CellRow {
+    CellRow {
+        first_cell: 0,
+        cell_count: 0,
+        column: numbers::narrow::<u32>(column),
+        row: numbers::narrow::<i32>(row),
+        top: 0.0,
+        bottom: 1.0,
+        rows: 1,
+        ..bytemuck::Zeroable::zeroed()
+    }
+}
+
+pub(crate) fn empty_cell(lattice: &Lattice) -> Cell {
+    let half = single(lattice.period / 2.0);
+    let [share_above, share_below] = lattice.row_shares(0.0, 1.0, 0.0);
+    Cell { x_low: -half, x_high: half, share_above, share_below, ..bytemuck::Zeroable::zeroed() }
+}

@@ -1,0 +1,50 @@
+//! Moments kept with cells, for other energies, masks or steps than those they were traced for.
+
+use crate::trace::grazing;
+use beamlet_interface::{FLAG_DRAWN, Ray, RayResult};
+
+/// Moments of the rays that bound cells.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct CellMoments {
+    /// `[cell][end][material][moment]`, in the order of [`crate::trace::Moment`]: path, lever in
+    /// x and z, slope in x and z. Empty where they are not kept.
+    pub ends: Vec<f32>,
+    /// Cells whose ends were traced exactly.
+    pub exact: Vec<ExactCell>,
+}
+
+/// A cell for which the first order is not enough.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ExactCell {
+    /// Index of the cell.
+    pub cell: u32,
+    /// The rays whose results hold at the two ends that it was traced with.
+    pub ends: [Ray; 2],
+    /// Their results, at the mean constants of the spectrum.
+    pub results: [RayResult; 2],
+    /// Which part of the cell that was traced this is: 0 and 1 are its ends.
+    pub range: [f32; 2],
+}
+
+impl ExactCell {
+    /// Least cosine of incidence at a surface over that below which the first order is not
+    /// enough.
+    #[must_use]
+    pub fn grazing(&self) -> f64 {
+        grazing(&self.results[0]).min(grazing(&self.results[1]))
+    }
+
+    /// Whether its rays drew normals of rough surfaces.
+    #[must_use]
+    pub(crate) fn is_drawn(&self) -> bool {
+        self.results.iter().any(|result| result.flags & FLAG_DRAWN != 0)
+    }
+}
+
+impl CellMoments {
+    /// Appends the moments of other cells, of which the first is cell `first` here.
+    pub(super) fn append(&mut self, other: &Self, first: u32) {
+        self.ends.extend_from_slice(&other.ends);
+        self.exact.extend(other.exact.iter().map(|e| ExactCell { cell: e.cell + first, ..*e }));
+    }
+}

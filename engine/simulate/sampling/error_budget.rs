@@ -1,0 +1,46 @@
+//! Error budget of recorded values, and the estimated error.
+
+use beamlet_core::numbers;
+use beamlet_core::tally::Tally;
+
+/// Error of the displacement where no angle bounds it, m.
+const UNBOUNDED: f64 = 10e-9;
+
+/// What sampling may leave, by patch.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct ErrorBudget {
+    /// Error of a value of the grid that takes the light, share of open beam.
+    pub light: f64,
+    /// Error of a grid value over the error of a recorded one: parts of a pixel err more than the pixel.
+    pub by_grid: f64,
+    /// Error of a recorded value, share of open beam.
+    pub tolerance: f64,
+    /// Error of the mean displacement on the analyser where no silhouette crosses, m; infinite
+    /// without a sample mask.
+    pub displacement: f64,
+    /// Most rays of a patch.
+    pub max_rays: u32,
+}
+
+impl ErrorBudget {
+    /// Error of the displacement, m: light needs a bound where angles have none.
+    pub(super) fn bounded_displacement(&self) -> f64 {
+        self.displacement.min(UNBOUNDED)
+    }
+}
+
+/// Counts of a patch that was sampled by `rays` rays and whose values of the grid may be wrong by
+/// `light`, share of open beam. `displacement`: error of the displacement, share of the budget.
+pub(super) fn tally_of([light, displacement]: [f64; 2], rays: u32, budget: &ErrorBudget) -> Tally {
+    let error = light / budget.by_grid;
+    let parts = 1e9 * error;
+    Tally {
+        patches: 1,
+        patch_rays: rays.into(),
+        most_patch_rays: rays.into(),
+        error_squares: numbers::whole::<u64>(parts * parts),
+        worst_error: numbers::whole::<u64>(parts),
+        beyond_tolerance: u64::from(error > budget.tolerance || displacement > 1.0),
+        ..Tally::default()
+    }
+}

@@ -1,0 +1,401 @@
+//! Facets of the sample by patch: candidates for its rays, and whether a silhouette crosses it.
+
+use super::crowding::{bundles, curved};
+use super::lattice::Lattice;
+use super::patch_grid::PatchGrid;
+use super::polygon::Area;
+use super::touched::touched;
+use super::view_context::ViewContext;
+use crate::trace::{component_hash, least_cosine};
+use beamlet_core::numbers;
+use beamlet_geometry::{FacetNumbers, FacetOf, Sample};
+use beamlet_model::media::MaterialTable;
+use beamlet_model::scene::{Motion, Transport};
+use glam::DVec3;
+use rayon::prelude::*;
+use std::ops::Range;
+use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
+
+/// Patches with more facets than this are sampled by rays alone: their facets are finer than any
+/// rectangle, and sums over them take longer than rays.
+pub(super) const MOST_FACETS: u32 = 1024;
+/// Number of the facets of a patch that is left to rays.
+const CROWDED: u32 = 1 << 31;
+/// Triangles that one task takes.
+const TRIANGLES_OF_A_TASK: usize = 1 << 12;
+
+/// Effect of a surface on rays: constants inside minus constants outside.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct SurfaceStep {
+    /// Of its component, as in signatures of rays.
+    pub(crate) hash: u32,
+    /// Attenuation, 1/m.
+    pub(crate) mu: f64,
+    /// Refraction.
+    pub(crate) delta: f64,
+    /// Cosine of incidence below which the first order is not enough.
+    pub(super) least_cosine: f64,
+}
+
+/// Surfaces of a sample, for means over facets.
+#[derive(Debug)]
+pub(crate) struct SampleFacets {
+    /// No mean replaces rays: facets describe the space between them.
+    pub(super) by_rays_alone: bool,
+    /// By component.
+    pub(super) steps: Vec<SurfaceStep>,
+    /// By component: rays draw its normals, or smooth ones refract them, which means do not know of.
+    by_rays: Vec<bool>,
+    /// Number of triangles by component.
+    pub(crate) triangles: Vec<u32>,
+    /// Triangles across the edges of each, of the sample itself.
+    across: Vec<[u32; 3]>,
+    /// Of placed meshes, too.
+    numbers: FacetNumbers,
+}
+
+impl SampleFacets {
+    /// At the mean constants of the media; rays are flagged for steps of delta that are `delta_ratio`
+    /// times as large. `across`: [`beamlet_geometry::across_edges`] of the sample.
+    #[must_use]
+    pub(crate) fn new(
+        transport: Transport,
+        sample: &Sample,
+        media: &MaterialTable,
+        delta_ratio: f64,
+        across: Vec<[u32; 3]>,
+    ) -> Self {
+        let mean = media.mean();
+        let step = |(index, component): (u32, &beamlet_geometry::Component)| {
+            let [inside, outside] = media.sides(component.object, component.outside);
+            let (a, b) = (&mean[inside as usize], &mean[outside as usize]);
+            SurfaceStep {
+                hash: component_hash(index),
+                mu: a.mu - b.mu,
+                delta: a.delta - b.delta,
+                least_cosine: match transport {
+                    // For exact transport facets estimate errors alone, to first order.
+                    Transport::FirstOrder | Transport::Exact => 0.0,
+                    Transport::Auto => least_cosine(delta_ratio * media.step(inside, outside)),
+                },
+            }
+        };
+        let mut triangles = vec![0; sample.components.len()];
+        sample.triangle_component.iter().for_each(|c| triangles[*c as usize] += 1);
+        for placed in &sample.placed {
+            let prototype = &sample.prototypes[placed.prototype as usize];
+            for component in &prototype.triangle_component[..prototype.facets()] {
+                triangles[(placed.component + component) as usize] += 1;
+            }
+        }
+        let numbers = FacetNumbers::new(sample);
+        let by_rays = sample.components.iter();
+        let by_rays = by_rays.map(|it| it.smooth || media.rough[it.object as usize]).collect();
+        let steps = (0..).zip(&sample.components).map(step).collect();
+        let by_rays_alone = transport == Transport::Exact;
+        Self { by_rays_alone, steps, by_rays, triangles, across, numbers }
+    }
+}
+
+/// A facet as a patch sees it.
+#[derive(Debug, Clone)]
+pub(super) struct PatchFacet {
+    /// Coordinates of its corners in the patch.
+    pub(crate) corners: [[f64; 2]; 3],
+    /// Its edges opposite to each corner: a x + b z + c, positive inside.
+    pub(crate) edges: [[f64; 3]; 3],
+    /// Unit normal in the beam frame, and the plane's distance from its origin along it, m.
+    pub(crate) normal: DVec3,
+    pub(crate) plane: f64,
+    /// Least and largest y, m.
+    pub(crate) depth: [f64; 2],
+    pub(crate) component: u32,
+    /// Rays enter its object.
+    pub(crate) front: bool,
+    /// Whether its edges, opposite to each corner, are silhouettes.
+    pub(crate) silhouette: [bool; 3],
+}
+
+/// How a facet lies to a rectangle.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Overlap {
+    None,
+    Part,
+    /// The facet fills the rectangle.
+    All,
+}
+
+impl PatchFacet {
+    /// One along the beam's axis, of the first component.
+    #[cfg(test)]
+    pub(super) fn flat(corners: [[f64; 2]; 3]) -> Self {
+        Self {
+            corners,
+            edges: [[0.0; 3]; 3],
+            normal: DVec3::Y,
+            plane: 0.0,
+            depth: [0.0; 2],
+            component: 0,
+            front: true,
+            silhouette: [false; 3],
+        }
+    }
+
+    /// Finds its edges.
+    pub(super) fn set_edges(&mut self) {
+        let [p, q, r] = self.corners;
+        let twice = (q[0] - p[0]) * (r[1] - p[1]) - (q[1] - p[1]) * (r[0] - p[0]);
+        let sign = twice.signum();
+        self.edges = [[q, r], [r, p], [p, q]].map(|[from, to]| {
+            let [a, b] = [sign * (from[1] - to[1]), sign * (to[0] - from[0])];
+            [a, b, -(a * from[0] + b * from[1])]
+        });
+    }
+
+    /// Its part inside a rectangle of this centre and half size.
+    pub(super) fn within(&self, centre: [f64; 2], half: [f64; 2]) -> Area {
+        match self.overlap(centre, half) {
+            Overlap::None => Area::NONE,
+            Overlap::All => Area::of_rectangle(centre, half),
+            Overlap::Part => Area::within(&self.corners, centre, half),
+        }
+    }
+
+    /// How it lies to a rectangle of this centre and half size.
+    pub(super) fn overlap(&self, centre: [f64; 2], half: [f64; 2]) -> Overlap {
+        for axis in 0..2 {
+            let [a, b, c] = self.corners.map(|corner| corner[axis] - centre[axis]);
+            if a.min(b).min(c) > half[axis] || a.max(b).max(c) < -half[axis] {
+                return Overlap::None;
+            }
+        }
+        let mut overlap = Overlap::All;
+        for [a, b, c] in self.edges {
+            let middle = a * centre[0] + b * centre[1] + c;
+            let reach = a.abs() * half[0] + b.abs() * half[1];
+            if middle + reach < 0.0 {
+                return Overlap::None;
+            }
+            if middle - reach < 0.0 {
+                overlap = Overlap::Part;
+            }
+        }
+        overlap
+    }
+}
+
+/// Facets of a view in the beam frame.
+#[derive(Clone, Copy)]
+struct Triangles<'a> {
+    sample: &'a Sample,
+    facets: &'a SampleFacets,
+    lattice: &'a Lattice,
+    motion: Motion,
+    source: DVec3,
+}
+
+impl Triangles<'_> {
+    fn corners(&self, facet: FacetOf) -> [DVec3; 3] {
+        self.sample.corners(facet).map(|corner| self.motion.at(corner))
+    }
+
+    fn is_front(&self, corners: &[DVec3; 3]) -> bool {
+        let [a, b, c] = *corners;
+        (b - a).cross(c - a).dot(a - self.source) < 0.0
+    }
+
+    /// Whether the edges are silhouettes: the facet across faces the other way.
+    fn silhouettes(&self, facet: FacetOf, front: bool) -> [bool; 3] {
+        let beside = |other: FacetOf| self.is_front(&self.corners(other)) != front;
+        match facet {
+            FacetOf::Sample(triangle) => self.facets.across[triangle]
+                .map(|other| other == u32::MAX || beside(FacetOf::Sample(other as usize))),
+            FacetOf::Placed(placed, triangle) => {
+                let prototype =
+                    &self.sample.prototypes[self.sample.placed[placed].prototype as usize];
+                prototype.across[triangle].map(|other| {
+                    other == u32::MAX || beside(FacetOf::Placed(placed, other as usize))
+                })
+            }
+        }
+    }
+
+    /// Calls `visit` with the facets of the components that are not left out.
+    fn each(&self, left_out: &[bool], visit: &Visit<'_>) {
+        let tasks = self.sample.triangles.len().div_ceil(TRIANGLES_OF_A_TASK);
+        let take = |number: u32, facet: FacetOf| {
+            let corners = self.corners(facet);
+            visit((number, facet), &corners, &self.project(&corners));
+        };
+        (0..tasks).into_par_iter().for_each(|task| {
+            let first = task * TRIANGLES_OF_A_TASK;
+            let end = (first + TRIANGLES_OF_A_TASK).min(self.sample.triangles.len());
+            for triangle in first..end {
+                if !left_out[self.sample.triangle_component[triangle] as usize] {
+                    take(numbers::count(triangle), FacetOf::Sample(triangle));
+                }
+            }
+        });
+        self.facets.numbers.placed().par_bridge().for_each(|(at, first)| {
+            let placed = &self.sample.placed[at];
+            let prototype = &self.sample.prototypes[placed.prototype as usize];
+            for (number, (triangle, component)) in
+                (numbers::low_word(first)..).zip(prototype.triangle_component.iter().enumerate())
+            {
+                if !left_out[(placed.component + component) as usize] {
+                    take(number, FacetOf::Placed(at, triangle));
+                }
+            }
+        });
+    }
+
+    /// x in the cell plane and row coordinate.
+    fn project(&self, corners: &[DVec3; 3]) -> [[f64; 2]; 3] {
+        corners.map(|p| self.lattice.project(p.x, p.y, p.z))
+    }
+}
+
+/// Takes a facet: its number, its corners in the beam frame, and where they project to.
+type Visit<'v> = dyn Fn((u32, FacetOf), &[DVec3; 3], &[[f64; 2]; 3]) + Sync + 'v;
+
+/// Facets of the patches of some rows.
+pub(super) struct FacetLists<'a> {
+    triangles: Triangles<'a>,
+    grid: PatchGrid,
+    /// End of the list of each patch, by row and beamlet; lists follow one another.
+    ends: Vec<u32>,
+    /// Patches with more facets than lists hold.
+    crowded: Vec<bool>,
+    silhouettes: Vec<bool>,
+    list: Vec<u32>,
+}
+
+impl<'a> FacetLists<'a> {
+    /// Of a view; nothing where its facets are too many to be listed.
+    pub(super) fn new(view: &ViewContext<'a>, rows: &Range<i64>) -> Option<Self> {
+        let facets = view.facets;
+        let lattice = view.lattice;
+        let triangles = Triangles {
+            sample: view.sample,
+            facets,
+            lattice,
+            motion: view.motion,
+            source: DVec3::new(0.0, -view.optics.rotation, 0.0),
+        };
+        let grid = PatchGrid { rows: rows.clone(), beamlets: lattice.beamlets.clone() };
+        let patches = grid.count();
+        let counts: Vec<AtomicU32> = (0..patches).map(|_| AtomicU32::new(0)).collect();
+        let silhouettes: Vec<AtomicBool> = (0..patches).map(|_| AtomicBool::new(false)).collect();
+        let (mut crowded, left_out) = bundles(view, &grid);
+        curved(view, &grid, &mut crowded);
+        triangles.each(&left_out, &|(_, facet), corners, places| {
+            let mut met = false;
+            let by_rays = facets.by_rays[view.sample.component_of(facet) as usize];
+            touched(lattice, rows, places, |row, beamlets| {
+                met = true;
+                for patch in grid.in_row(row, beamlets) {
+                    if by_rays {
+                        counts[patch].fetch_or(CROWDED, Ordering::Relaxed);
+                    } else {
+                        counts[patch].fetch_add(1, Ordering::Relaxed);
+                    }
+                }
+            });
+            if !met {
+                return;
+            }
+            let edges = triangles.silhouettes(facet, triangles.is_front(corners));
+            for (edge, _) in edges.iter().enumerate().filter(|(_, is)| **is) {
+                let ends = [places[(edge + 1) % 3], places[(edge + 2) % 3]];
+                touched(lattice, rows, &ends, |row, beamlets| {
+                    for patch in grid.in_row(row, beamlets) {
+                        silhouettes[patch].store(true, Ordering::Relaxed);
+                    }
+                });
+            }
+        });
+        for (crowded, count) in crowded.iter_mut().zip(&counts) {
+            *crowded |= count.load(Ordering::Relaxed) > MOST_FACETS;
+        }
+        let mut total = 0_u32;
+        for (count, crowded) in counts.iter().zip(&crowded) {
+            let own = if *crowded { 0 } else { count.load(Ordering::Relaxed) };
+            count.store(total, Ordering::Relaxed);
+            total = total.checked_add(own)?;
+        }
+        let list: Vec<AtomicU32> = (0..total).map(|_| AtomicU32::new(0)).collect();
+        triangles.each(&left_out, &|(number, _), _, places| {
+            touched(lattice, rows, places, |row, beamlets| {
+                for patch in grid.in_row(row, beamlets) {
+                    if !crowded[patch] {
+                        let place = counts[patch].fetch_add(1, Ordering::Relaxed);
+                        list[place as usize].store(number, Ordering::Relaxed);
+                    }
+                }
+            });
+        });
+        Some(Self {
+            triangles,
+            grid,
+            ends: counts.into_iter().map(AtomicU32::into_inner).collect(),
+            crowded,
+            silhouettes: silhouettes.into_iter().map(AtomicBool::into_inner).collect(),
+            list: list.into_iter().map(AtomicU32::into_inner).collect(),
+        })
+    }
+
+    /// Whether a silhouette crosses a patch.
+    pub(super) fn has_silhouette(&self, beamlet: i64, row: i64) -> bool {
+        self.grid
+            .index(beamlet, row)
+            .is_none_or(|index| self.silhouettes[index] || self.crowded[index])
+    }
+
+    /// Number of the facets of a patch that are listed.
+    pub(super) fn count(&self, beamlet: i64, row: i64) -> usize {
+        self.grid.index(beamlet, row).map_or(0, |index| self.range(index).len())
+    }
+
+    fn range(&self, index: usize) -> Range<usize> {
+        let begin = index.checked_sub(1).map_or(0, |before| self.ends[before]);
+        begin as usize..self.ends[index] as usize
+    }
+
+    /// The facets of a patch in the order of the mesh; nothing where they are too many.
+    pub(super) fn facets(&self, beamlet: i64, row: i64) -> Option<Vec<PatchFacet>> {
+        let index = self.grid.index(beamlet, row)?;
+        if self.crowded[index] {
+            return None;
+        }
+        let mut list = self.list[self.range(index)].to_vec();
+        list.sort_unstable();
+        let centre = self.triangles.lattice.centre(beamlet);
+        let facet = |number: &u32| {
+            let of = self.triangles.facets.numbers.of(self.triangles.sample, *number);
+            let corners = self.triangles.corners(of);
+            let [a, b, c] = corners;
+            let normal = (b - a).cross(c - a).normalize_or_zero();
+            let front = self.triangles.is_front(&corners);
+            let y = corners.map(|corner| corner.y);
+            let mut facet = PatchFacet {
+                edges: [[0.0; 3]; 3],
+                corners: self
+                    .triangles
+                    .project(&corners)
+                    .map(|[x, z]| [x - centre, z - row as f64]),
+                normal,
+                plane: normal.dot(a),
+                depth: [
+                    y.into_iter().fold(f64::INFINITY, f64::min),
+                    y.into_iter().fold(f64::NEG_INFINITY, f64::max),
+                ],
+                component: self.triangles.sample.component_of(of),
+                front,
+                silhouette: self.triangles.silhouettes(of, front),
+            };
+            facet.set_edges();
+            facet
+        };
+        Some(list.iter().map(facet).collect())
+    }
+}

@@ -1,0 +1,225 @@
+//! The lattice of cells: positions of beamlets in the cell plane, the rays that bound their cells, and
+//! their landing points. All in f64 on the host; the device gets offsets inside an index.
+
+use super::row_spread::{PieceRows, RowSpread};
+use beamlet_core::numbers::{self, single};
+use beamlet_interface::{BeamletGeometry, Ray};
+use beamlet_model::optics::{DetectorPlane, LEAST_CELLS, Mask, Optics};
+use std::ops::Range;
+
+/// Total reflection happens up to a grazing angle of sqrt(2 delta) and deflects by twice it.
+const REFLECTION_REACH: f64 = 2.0;
+
+/// The lattice of cells of a scene.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Lattice {
+    /// Distance of the cell plane from the source, m.
+    pub plane: f64,
+    /// Period in the cell plane, m.
+    pub period: f64,
+    /// Displacement of the lattice along x, m.
+    pub offset: f64,
+    /// Cells per period before refinement.
+    pub cells: u32,
+    /// Beamlets whose light may reach the detector.
+    pub beamlets: Range<i64>,
+    /// Beamlets among them that reach it without a deflection.
+    pub direct: Range<i64>,
+    /// Rows beyond a band (or the detector) whose light may reach it.
+    pub halo: i64,
+    /// Columns beside the detector whose light may reach it.
+    pub halo_columns: i64,
+    /// Rows that the spot blurs what lies at the rotation centre over, on either side.
+    pub blur_rows: i64,
+    /// Least blur of light at edges on the analyser, standard deviation, m.
+    pub edge_blur: f64,
+    /// Rows in a block that see the bars of masks under one angle
+    /// (`illuminate::alike_rows`); blocks begin at multiples of it.
+    pub alike_rows: u32,
+    /// The same reach in columns and rows, not rounded.
+    pub(super) blur: [f64; 2],
+    /// How cells spread over rows.
+    pub(super) row_spread: RowSpread,
+    /// Distance from source to rotation centre, m.
+    rotation: f64,
+    /// The plane that rays are followed to.
+    pub(crate) detector: DetectorPlane,
+}
+
+/// Largest distance over which the sample throws light, in x and z on the detector, m.
+fn max_deflection(optics: &Optics, delta: f64) -> f64 {
+    REFLECTION_REACH * (2.0 * delta.abs()).sqrt() * (optics.detector.distance - optics.rotation)
+}
+
+/// Least standard deviation of the blur at any edge on the analyser, m: of the detector mask, or
+/// of pixels.
+fn edge_blur(optics: &Optics) -> f64 {
+    let spot = optics.spot.narrowest(0);
+    let magnified = |distance: f64| spot * (distance / optics.rotation - 1.0);
+    let (analyser, detector) = (optics.analyser, optics.detector.distance);
+    if optics.detector_mask.is_some() {
+        magnified(analyser)
+    } else {
+        magnified(detector) * analyser / detector
+    }
+}
+
+impl Lattice {
+    /// Whether cells have the positions and landing points of another lattice, whatever the fineness of
+    /// its sampling and of its blocks of rows.
+    #[must_use]
+    pub(crate) fn places_like(&self, other: &Self) -> bool {
+        *self == Self { cells: self.cells, alike_rows: self.alike_rows, ..other.clone() }
+    }
+
+    /// The lattice of optics around a sample whose strongest material has this delta.
+    #[must_use]
+    pub fn of(optics: &Optics, delta: f64) -> Self {
+        let plane = optics.cell_plane;
+        let (detector, pitch) = (optics.detector.distance, optics.detector.pitch);
+        let openings = optics.beamlets();
+        let (period, offset) = (openings.period[0], openings.offset);
+        let cells =
+            optics.sampling.cells.unwrap_or_else(|| default_cells(period, openings.narrowest(0)));
+        let deflection = max_deflection(optics, delta);
+        let spot = &optics.spot;
+        let reach = spot.reach();
+        let spread = |axis: usize, from: f64| reach[axis] * (detector - from) / from;
+        let shift = optics.offsets.lists().iter().flatten().fold(0.0_f64, |m, f| m.max(f.abs()));
+        let direct = (shift + period) * detector / plane + spread(0, plane);
+        let step = period * detector / plane;
+        let middle = optics.detector.half(0) - 0.5 - offset / period;
+        let within = |reach: f64| {
+            let half = (optics.detector.extent(0) / 2.0 + reach) / step;
+            numbers::whole::<i64>((middle - half).floor())
+                ..numbers::whole::<i64>((middle + half).ceil()) + 1
+        };
+        let beamlets = within(direct + deflection);
+        let direct = within(direct);
+        let blur = [0, 1].map(|axis| spread(axis, optics.rotation) / pitch[axis]);
+        // Cells hold the rows' shares of the first part of the spot.
+        let first = spot.parts().iter().find(|part| part.weight > 0.0);
+        let first = 6.0 * first.map_or(0.0, |part| beamlet_model::spot::deviation(part.fwhm[1]));
+        let row_blur = optics.rows_of_source(first);
+        let halo = numbers::whole::<i64>((deflection / pitch[1] + blur[1]).ceil());
+        Self {
+            plane,
+            period,
+            offset,
+            cells,
+            beamlets,
+            direct,
+            halo,
+            halo_columns: numbers::whole::<i64>((deflection / pitch[0] + blur[0]).ceil()),
+            blur_rows: numbers::whole::<i64>(blur[1].ceil()),
+            edge_blur: edge_blur(optics),
+            alike_rows: 1,
+            blur,
+            row_spread: RowSpread { blur: row_blur / 6.0 },
+            rotation: optics.rotation,
+            detector: optics.detector,
+        }
+    }
+
+    /// x of a beamlet's centre in the cell plane, m.
+    #[must_use]
+    pub fn centre(&self, beamlet: i64) -> f64 {
+        (beamlet as f64 + 0.5 - self.detector.half(0)) * self.period + self.offset
+    }
+
+    /// Slopes along x and z of the ray of [`Self::ray`].
+    pub(super) fn slopes(&self, beamlet: i64, x: f64, row: f64) -> [f64; 2] {
+        [(self.centre(beamlet) + x) / self.plane, self.detector.slope_of_row(row)]
+    }
+
+    /// Their changes per m of x, and per row.
+    pub(super) fn slope_steps(&self) -> [f64; 2] {
+        [1.0 / self.plane, -self.detector.row_slope()]
+    }
+
+    /// The ray from the source centre through `x` of a beamlet (m, from its centre, in the cell
+    /// plane) that reaches the detector at row coordinate `row` (downwards, 0 on top).
+    #[must_use]
+    pub fn ray(&self, beamlet: i64, x: f64, row: f64, view: u32) -> Ray {
+        let [slope_x, slope_z] = self.slopes(beamlet, x, row);
+        Ray {
+            x: single(slope_x * self.rotation),
+            z: single(slope_z * self.rotation),
+            slope_x: single(slope_x),
+            slope_z: single(slope_z),
+            view,
+            key: 0,
+        }
+    }
+
+    /// x in the cell plane and row coordinate of the straight line from the source through a
+    /// point of the beam frame (m).
+    #[must_use]
+    pub fn project(&self, x: f64, y: f64, z: f64) -> [f64; 2] {
+        let distance = self.rotation + y;
+        [x * self.plane / distance, self.detector.row_at(z, distance)]
+    }
+
+    /// Rows beside one from which the spot blurs light into it, but for a fortieth: two deviations, rounded.
+    pub(crate) fn rows_blurred_into(&self) -> i64 {
+        numbers::whole::<i64>((2.0 * self.row_spread.blur).round())
+    }
+
+    /// Shares of light spread evenly over [top, bottom] of a row that land in the row above and
+    /// below, moved down by `down` rows; -1 and 0 where light lands farther off.
+    #[must_use]
+    pub fn row_shares(&self, top: f64, bottom: f64, down: f64) -> [f32; 2] {
+        self.row_spread.shares(top, bottom, down).unwrap_or([-1.0, 0.0])
+    }
+
+    /// The same for a piece: by its outline, or else by its interval.
+    pub(super) fn piece_shares(&self, rows: &PieceRows, down: f64) -> [f32; 2] {
+        let Some(shares) = rows.by_outline(down, self.row_spread.blur) else {
+            return self.row_shares(rows.whole[0], rows.whole[1], down);
+        };
+        // Light is not negative, whatever is rounded.
+        let [above, below] = shares.map(single);
+        [above, below.min(1.0 - above)]
+    }
+
+    /// The beamlet in whose period x (m, in the cell plane) lies.
+    #[must_use]
+    pub fn beamlet_at(&self, x: f64) -> i64 {
+        numbers::whole::<i64>(((x - self.offset) / self.period + self.detector.half(0)).floor())
+    }
+
+    /// Beamlets that an interval of x in the cell plane touches.
+    #[must_use]
+    pub fn beamlets_of(&self, x: [f64; 2]) -> Range<i64> {
+        let [first, last] = x.map(|x| self.beamlet_at(x));
+        first.max(self.beamlets.start)..(last + 1).min(self.beamlets.end)
+    }
+
+    /// Table of the beamlets, in the order of `self.beamlets`.
+    #[must_use]
+    pub fn beamlet_geometry(&self, optics: &Optics) -> Vec<BeamletGeometry> {
+        let of = |beamlet| beamlet_geometry(optics, self.centre(beamlet) / self.plane);
+        self.beamlets.clone().map(of).collect()
+    }
+}
+
+/// What depends on the direction of a beamlet's (or pixel's) central ray alone.
+pub fn beamlet_geometry(optics: &Optics, slope: f64) -> BeamletGeometry {
+    let [pixel, pixel_offset] = optics.detector.column_of_slope(slope, optics.analyser);
+    let off = |mask: &Option<Mask>, plane: f64| {
+        mask.as_ref().map_or(0.0, |mask| mask.off_centre(slope, plane))
+    };
+    BeamletGeometry {
+        pixel: numbers::whole::<i32>(pixel),
+        pixel_offset: single(pixel_offset),
+        aperture_offset: single(off(&optics.detector_mask, optics.analyser)),
+        sample_offset: single(off(&optics.sample_mask, optics.cell_plane)),
+        slope: single(slope),
+    }
+}
+
+/// Cells of a period before refinement, enough that the linear model holds in them almost
+/// everywhere: two to the narrowest opening, and [`LEAST_CELLS`] to 64 in all.
+fn default_cells(period: f64, opening: f64) -> u32 {
+    numbers::whole::<u32>((2.0 * period / opening).ceil()).clamp(LEAST_CELLS, 64)
+}

@@ -1,0 +1,56 @@
+//! Sampling: which rays are traced, and the cells that are made of them (docs/sampling.md).
+//! A patch is one beamlet and one detector row; each patch is an adaptive quadrature of the recorded
+//! values over (x, z), refined until its error budget holds.
+
+mod alignment;
+mod base_lattice;
+mod cell_batch;
+mod cell_moments;
+mod cell_rows;
+mod crowding;
+mod dissection;
+mod emission;
+mod error_budget;
+mod error_estimate;
+mod facet_lists;
+mod facet_means;
+mod lattice;
+mod layout;
+mod moment_recording;
+mod narrow_components;
+mod neighbours;
+mod patch;
+mod patch_error;
+mod patch_grid;
+mod polygon;
+mod projected_bounds;
+mod ray_error;
+mod rectangle;
+mod refinement;
+mod response;
+mod room;
+mod row_spread;
+mod rows;
+mod sheets;
+mod step_shares;
+mod survey;
+mod touched;
+mod unresolved;
+mod view_context;
+mod windows;
+
+pub(crate) use base_lattice::BaseLattice;
+pub(crate) use cell_batch::{
+    CellBatch, blank_cell_rows, empty_cell, empty_cell_row, empty_cell_rows,
+};
+pub(crate) use cell_moments::{CellMoments, ExactCell};
+pub(crate) use error_budget::ErrorBudget;
+pub(crate) use facet_lists::SampleFacets;
+pub use lattice::{Lattice, beamlet_geometry};
+pub(crate) use moment_recording::MomentRecording;
+pub(crate) use projected_bounds::{ProjectedBounds, projected_bounds, touches_pixel};
+pub(crate) use response::Response;
+pub use room::Room;
+pub(crate) use rows::sample_rows;
+pub(crate) use survey::{RowsCost, survey_rows};
+pub(crate) use view_context::ViewContext;

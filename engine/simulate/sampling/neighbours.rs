@@ -1,0 +1,169 @@
+//! Neighbours of a rectangle, and the slopes of its result that follow from them.
+
+use super::base_lattice::Found;
+use super::error_estimate::Estimator;
+use super::patch::{Node, Patch, alike, is_drawn};
+use beamlet_interface::RayResult;
+
+/// Largest offset between centres of a rectangle and its neighbour, in units of its size: large enough
+/// for rectangles three times as large.
+const NEAR: f32 = 1.05;
+
+/// Slopes of optical depth and displacement along x (per m) and z (per row).
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct Slopes {
+    pub(crate) depth: [f32; 2],
+    pub(crate) displacement: [f32; 2],
+}
+
+/// Slope from those to two neighbours on either side (van Leer): none where they disagree in sign.
+fn limited(slopes: [Option<f32>; 2]) -> f32 {
+    match slopes {
+        [Some(a), Some(b)] => {
+            if a * b > 0.0 {
+                2.0 * a * b / (a + b)
+            } else {
+                0.0
+            }
+        }
+        [Some(slope), None] | [None, Some(slope)] => slope,
+        [None, None] => 0.0,
+    }
+}
+
+/// Coordinates at lower and higher x, as far from a rectangle as a silhouette there may bow into it;
+/// none where none bows.
+pub(super) fn behind(patch: &Patch, node: &Node) -> impl Iterator<Item = [f32; 2]> + use<> {
+    let [x, z] = node.centre();
+    let sagitta = patch.sagitta(node);
+    let off = 0.5 * node.width() + sagitta;
+    [x - off, x + off].into_iter().filter(move |_| sagitta > 0.0).map(move |x| [x, z])
+}
+
+impl Estimator<'_> {
+    /// The result of a base ray around a patch, at coordinates of the patch.
+    fn around(&self, patch: &Patch, own: &RayResult, [x, z]: [f32; 2]) -> Option<Found> {
+        let place = patch.place([x, z]);
+        let at = |shift: f32| {
+            let place = [place[0] + shift, place[1]];
+            let mut found = self.base.at(patch.beamlet, patch.row, place)?;
+            [found.x, found.z] = patch.coordinates([found.x, found.z]);
+            Some(found)
+        };
+        let nearest = at(0.0)?;
+        if (0.0..1.0).contains(&z) || alike(&nearest.result, own) {
+            return Some(nearest);
+        }
+        // Rays in the rows above and below are far apart: a silhouette between two of them is unrelated
+        // to a narrow rectangle.
+        let beside = [-self.base.width(), self.base.width()].into_iter().filter_map(at);
+        Some(beside.into_iter().find(|found| alike(&found.result, own)).unwrap_or(nearest))
+    }
+
+    /// Coordinates beside a rectangle, three on each side: at lower and higher x, above and below.
+    fn beside(&self, node: &Node) -> [[f32; 2]; 12] {
+        let [x, z] = node.centre();
+        let out = [0.25 * self.least[0], 0.25 * self.least[1]];
+        let along = [-1.0 / 3.0, 0.0, 1.0 / 3.0];
+        std::array::from_fn(|index| {
+            let (side, along) = (index / 3, along[index % 3]);
+            let edge = if side % 2 == 0 { -1.0 } else { 1.0 };
+            if side < 2 {
+                [x + edge * (0.5 * node.width() + out[0]), z + along * node.height()]
+            } else {
+                [x + along * node.width(), z + edge * (0.5 * node.height() + out[1])]
+            }
+        })
+    }
+
+    /// Neighbours of a rectangle, three on each side: at lower and higher x, above and below.
+    pub(super) fn neighbours(&self, patch: &Patch, node: &Node) -> [Option<Found>; 12] {
+        let [x, z] = node.centre();
+        let [width, height] = [NEAR * node.width(), NEAR * node.height()];
+        let places = self.beside(node);
+        let mut last = None;
+        std::array::from_fn(|index| {
+            // Along straight silhouettes rectangles are narrow and their neighbours many.
+            if !patch.straight && index % 3 != 1 {
+                return None;
+            }
+            let at = places[index];
+            // One neighbour along the whole side is taken once.
+            let found = if patch.holds(at) {
+                if last.is_some_and(|last: u32| patch.nodes[last as usize].holds(at)) {
+                    return None;
+                }
+                let leaf = patch.leaf_at(at[0], at[1]);
+                last = Some(leaf);
+                let leaf = &patch.nodes[leaf as usize];
+                let [x, z] = leaf.centre();
+                Found { result: leaf.result, x, z }
+            } else if index % 3 == 1 {
+                self.around(patch, &node.result, at)?
+            } else {
+                return None;
+            };
+            // A much wider neighbour is compared with this rectangle from its own side.
+            let near = if !patch.straight {
+                true
+            } else if index < 6 {
+                (found.z - z).abs() <= height || !alike(&found.result, &node.result)
+            } else {
+                (found.x - x).abs() <= width
+            };
+            near.then_some(found)
+        })
+    }
+
+    /// Leaves beside a rectangle in its own patch, whose errors follow its result.
+    pub(super) fn leaves_beside<'p>(
+        &self,
+        patch: &'p Patch,
+        node: &Node,
+    ) -> impl Iterator<Item = u32> + 'p {
+        let mut last = None;
+        self.beside(node).into_iter().chain(behind(patch, node)).filter_map(move |at| {
+            let known = last.is_some_and(|last: u32| patch.nodes[last as usize].holds(at));
+            if known || !patch.holds(at) {
+                return None;
+            }
+            last = Some(patch.leaf_at(at[0], at[1]));
+            last
+        })
+    }
+
+    /// Slopes of the result of a rectangle, from neighbours that crossed the same components.
+    pub(super) fn slopes(&self, node: &Node, neighbours: &[Option<Found>; 12]) -> Slopes {
+        let centre = node.centre();
+        let own = &node.result;
+        // Between rays that draw their normals nothing is interpolated.
+        if is_drawn(own) {
+            return Slopes::default();
+        }
+        let comparable = |result: &RayResult| alike(result, own) && !is_drawn(result);
+        let slope = |of: fn(&RayResult) -> f32| {
+            let mut slopes = [0.0_f32; 2];
+            // Neighbours of other sizes lie diagonally: subtract the change along the other axis.
+            for axis in [1, 0, 1] {
+                let along = [2 * axis, 2 * axis + 1].map(|side| {
+                    let found = neighbours[3 * side..3 * side + 3].iter().flatten();
+                    let apart = |found: &Found| [found.x - centre[0], found.z - centre[1]];
+                    let nearest =
+                        found.filter(|found| comparable(&found.result)).min_by(|a, b| {
+                            let off = |found: &Found| apart(found)[1 - axis].abs();
+                            off(a).total_cmp(&off(b))
+                        })?;
+                    let apart = apart(nearest);
+                    let rise = of(&nearest.result) - of(own) - slopes[1 - axis] * apart[1 - axis];
+                    Some(rise / apart[axis])
+                });
+                slopes[axis] = limited(along);
+            }
+            slopes
+        };
+        Slopes {
+            depth: slope(|result| result.optical_depth),
+            displacement: slope(|result| result.displacement_x),
+        }
+    }
+}

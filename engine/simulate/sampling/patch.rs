@@ -1,0 +1,366 @@
+//! A patch: one beamlet and detector row, cut into rectangles. A rectangle is represented by the ray
+//! through its centre, or by its facets. Rectangles are split in three, so that the middle one keeps the
+//! ray. Their coordinates are (x - shear (z - 1/2), z): a silhouette that slants by `shear` is upright in
+//! them.
+
+mod beside;
+mod node;
+
+pub(super) use beside::Witness;
+use node::AllRays;
+pub(super) use node::{Border, Known, Node, Residuals, alike, is_drawn, no_silhouette_between};
+
+use super::dissection::Piece;
+use super::facet_lists::{Overlap, PatchFacet};
+use super::facet_means::Mean;
+use beamlet_core::numbers::{self, single};
+use beamlet_interface::RayResult;
+use std::ops::Range;
+
+/// Indices of facets that take as much memory as a rectangle.
+const FACETS_OF_A_RECTANGLE: usize = 32;
+/// Golden section, the number that fractions approach worst.
+const GOLDEN: f64 = 0.618_033_988_749_894_9;
+/// Parts of a rectangle that is split.
+pub(super) const PARTS: u32 = 3;
+
+/// The axis along which a rectangle is split.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Axis {
+    X,
+    Z,
+}
+
+/// Lines of a patch whose rays are spread evenly.
+pub(super) const EVEN_LINES: u32 = 4;
+/// Positions of the rays of these lines in their rectangles, fractions of the width: together they are
+/// four times as dense.
+const EVEN_PLACES: [f32; EVEN_LINES as usize] = [0.125, 0.625, 0.375, 0.875];
+
+/// Rays that are spread evenly over a patch, for structure that they do not resolve.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Even {
+    /// They are not: rectangles are refined.
+    No,
+    /// Trial rays, which determine the number.
+    Trial,
+    /// The final number of rays.
+    Settled,
+}
+
+/// One beamlet and detector row.
+#[derive(Debug, Clone)]
+pub(super) struct Patch {
+    pub(crate) beamlet: i64,
+    pub(crate) row: i64,
+    /// Rectangles before refinement in x and z.
+    base: [u32; 2],
+    /// Their borders along x, m: beyond half a period where they slant.
+    borders: Vec<f32>,
+    /// How far x moves over the row, m.
+    pub(super) shear: f32,
+    /// Its silhouettes are straight and slant by the shear.
+    pub(crate) straight: bool,
+    /// Change of x by the curvature of its silhouettes, m per row squared, where they are not.
+    pub(crate) bow: f32,
+    /// Whether its rays are spread evenly, not at the centres of rectangles.
+    pub(crate) even: Even,
+    /// The base rectangles, by z, then x; then the parts of those that were split.
+    pub(super) nodes: Vec<Node>,
+    pub(crate) splits: u32,
+    /// Rays that crossed other surfaces than the rectangle that contains them.
+    pub(super) witnesses: Vec<Witness>,
+    /// Facets that its rays may cross, if known.
+    pub(crate) facets: Option<Vec<PatchFacet>>,
+    /// Indices of facets, by rectangle.
+    list: Vec<u32>,
+    /// Pieces of rectangles.
+    pub(crate) pieces: Vec<Piece>,
+}
+
+/// Centre and half size of a rectangle.
+pub(super) fn middle(x: [f32; 2], z: [f32; 2]) -> [[f64; 2]; 2] {
+    let (x, z) = (x.map(f64::from), z.map(f64::from));
+    [[0.5 * (x[0] + x[1]), 0.5 * (z[0] + z[1])], [0.5 * (x[1] - x[0]), 0.5 * (z[1] - z[0])]]
+}
+
+/// Borders of `count` equal parts of an interval.
+pub(super) fn part(range: [f32; 2], index: u32, count: u32) -> [f32; 2] {
+    let at = |i: u32| {
+        if i == count {
+            range[1]
+        } else {
+            range[0] + (range[1] - range[0]) * (i as f32 / count as f32)
+        }
+    };
+    [at(index), at(index + 1)]
+}
+
+impl Patch {
+    /// A patch of base rectangles that cover the period, with these results, by z, then x.
+    pub(super) fn new(
+        beamlet: i64,
+        row: i64,
+        period: f32,
+        base: [u32; 2],
+        results: &[RayResult],
+    ) -> Self {
+        let mut patch = Self::sheared(beamlet, row, 0.5 * period, 0.0, base);
+        for (node, result) in patch.nodes.iter_mut().zip(results) {
+            node.result = *result;
+        }
+        patch
+    }
+
+    /// A patch of base rectangles whose results are to be set.
+    pub(super) fn sheared(
+        beamlet: i64,
+        row: i64,
+        half_width: f32,
+        shear: f32,
+        base: [u32; 2],
+    ) -> Self {
+        let border = |index: u32| part([-half_width, half_width], index, base[0])[0];
+        let borders = (0..base[0]).map(border).chain([half_width]).collect();
+        Self { shear, ..Self::slabs(beamlet, row, borders, base[1]) }
+    }
+
+    /// A patch of upright rectangles with these borders on this number of lines, whose results are to
+    /// be set.
+    pub(super) fn slabs(beamlet: i64, row: i64, borders: Vec<f32>, lines: u32) -> Self {
+        let columns = borders.len().saturating_sub(1);
+        let node = |index: usize| {
+            let column = index % columns;
+            let z = part([0.0, 1.0], numbers::count(index / columns), lines);
+            let x = [borders[column], borders[column + 1]];
+            Node::new(x, z, bytemuck::Zeroable::zeroed())
+        };
+        let nodes = (0..columns * lines as usize).map(node).collect();
+        Self {
+            beamlet,
+            row,
+            base: [numbers::count(columns), lines],
+            borders,
+            shear: 0.0,
+            straight: false,
+            bow: 0.0,
+            even: Even::No,
+            nodes,
+            splits: 0,
+            witnesses: Vec::new(),
+            facets: None,
+            list: Vec::new(),
+            pieces: Vec::new(),
+        }
+    }
+
+    /// A patch of rectangles with these borders whose rays are spread evenly; results are to be set.
+    pub(super) fn even(beamlet: i64, row: i64, borders: Vec<f32>, even: Even) -> Self {
+        Self { even, ..Self::slabs(beamlet, row, borders, EVEN_LINES) }
+    }
+
+    /// Place (m from the beamlet's centre, share of the row) of coordinates of rectangles.
+    pub(super) fn place(&self, [x, z]: [f32; 2]) -> [f32; 2] {
+        [x + self.shear * (z - 0.5), z]
+    }
+
+    /// Coordinates of a place.
+    pub(super) fn coordinates(&self, [x, z]: [f32; 2]) -> [f32; 2] {
+        [x - self.shear * (z - 0.5), z]
+    }
+
+    /// Whether coordinates lie in a rectangle.
+    pub(super) fn holds(&self, [x, z]: [f32; 2]) -> bool {
+        x >= self.borders[0] && x < self.borders[self.base[0] as usize] && (0.0..1.0).contains(&z)
+    }
+
+    /// The leaf that holds these coordinates.
+    pub(super) fn leaf_at(&self, x: f32, z: f32) -> u32 {
+        let column = self.borders.partition_point(|border| *border <= x).saturating_sub(1);
+        let column = numbers::count(column).min(self.base[0] - 1);
+        let line = numbers::whole::<u32>(f64::from(z * self.base[1] as f32)).min(self.base[1] - 1);
+        let mut leaf = line * self.base[0] + column;
+        while let Some((axis, first)) = self.nodes[leaf as usize].split {
+            let beyond = |part: u32| {
+                let node = &self.nodes[(first + part) as usize];
+                match axis {
+                    Axis::X => x >= node.x[1],
+                    Axis::Z => z >= node.z[1],
+                }
+            };
+            leaf = first + u32::from(beyond(0)) + u32::from(beyond(0) && beyond(1));
+        }
+        leaf
+    }
+
+    /// Whether a rectangle can be split along an axis in f32.
+    pub(super) fn can_split(&self, node: u32, axis: Axis, least: [f32; 2]) -> bool {
+        let node = &self.nodes[node as usize];
+        match axis {
+            Axis::X => node.width() > PARTS as f32 * least[0],
+            Axis::Z => node.height() > PARTS as f32 * least[1],
+        }
+    }
+
+    /// Takes its facets; it does not slant.
+    pub(super) fn set_facets(&mut self, facets: Vec<PatchFacet>) {
+        let all = numbers::count(facets.len());
+        self.list = (0..all).collect();
+        self.facets = Some(facets);
+        for node in 0..self.nodes.len() {
+            self.list_facets(node, [0, all]);
+        }
+    }
+
+    /// Lists the facets of `before`, a range of the list, that touch a rectangle.
+    fn list_facets(&mut self, node: usize, before: [u32; 2]) {
+        let Some(facets) = &self.facets else { return };
+        let node = &mut self.nodes[node];
+        let first = self.list.len();
+        let [centre, half] = middle(node.x, node.z);
+        for at in before[0]..before[1] {
+            let index = self.list[at as usize];
+            if facets[index as usize].overlap(centre, half) != Overlap::None {
+                self.list.push(index);
+            }
+        }
+        let end = self.list.len();
+        node.facets = [first, end].map(|n| numbers::count(n));
+        // Where facets are larger than rectangles, lists would be copies of one another.
+        if end - first == (before[1] - before[0]) as usize {
+            self.list.truncate(first);
+            node.facets = before;
+        }
+    }
+
+    /// Facets that may touch a rectangle.
+    pub(super) fn facets_of(&self, node: u32) -> &[u32] {
+        let [first, end] = self.nodes[node as usize].facets;
+        &self.list[first as usize..end as usize]
+    }
+
+    /// Splits a leaf; its parts begin with its result.
+    pub(super) fn split(&mut self, index: u32, axis: Axis) -> Range<u32> {
+        let parent = self.nodes[index as usize];
+        let first = numbers::count(self.nodes.len());
+        self.nodes[index as usize].split = Some((axis, first));
+        for i in 0..PARTS {
+            let (x, z) = match axis {
+                Axis::X => (part(parent.x, i, PARTS), parent.z),
+                Axis::Z => (parent.x, part(parent.z, i, PARTS)),
+            };
+            self.nodes.push(Node::new(x, z, parent.result));
+            self.list_facets(self.nodes.len() - 1, parent.facets);
+        }
+        self.splits += 1;
+        first..first + PARTS
+    }
+
+    /// Coordinates of the ray of a rectangle: its centre, but where rays are spread evenly.
+    pub(super) fn ray_coordinates(&self, index: u32) -> [f32; 2] {
+        let node = &self.nodes[index as usize];
+        if self.even == Even::No {
+            return node.centre();
+        }
+        // Heights are a Kronecker sequence: any rectangles that follow one another cover the line.
+        let height = single((0.5 + f64::from(index) * GOLDEN).fract());
+        let place = EVEN_PLACES[(index / self.base[0]) as usize];
+        [node.x[0] + place * node.width(), node.z[0] + height * node.height()]
+    }
+
+    /// The place of the ray of a rectangle.
+    pub(super) fn ray(&self, node: u32) -> [f32; 2] {
+        self.place(self.ray_coordinates(node))
+    }
+
+    /// Sets the result of a rectangle to the result of its ray.
+    pub(super) fn set_result(&mut self, node: u32, result: &RayResult) {
+        let node = &mut self.nodes[node as usize];
+        node.result = *result;
+        if !matches!(node.known, Known::Ray(_)) {
+            node.known = Known::Ray(None);
+        }
+    }
+
+    /// The pieces of a rectangle that is known by them.
+    pub(super) fn pieces(&self, node: &Node) -> Option<&[Piece]> {
+        let Known::Pieces([first, end]) = node.known else { return None };
+        self.pieces.get(first as usize..end as usize)
+    }
+
+    /// Stores the result from the facets of a rectangle; returns whether it is sufficient. With rays
+    /// alone it bounds the space between rays.
+    pub(super) fn set_mean(&mut self, index: u32, mean: &Mean, by_rays_alone: bool) -> bool {
+        let node = &mut self.nodes[index as usize];
+        (node.known, node.crossings) = (Known::Ray(None), None);
+        match mean {
+            Mean::Fit(result, residuals) if by_rays_alone => {
+                node.known = Known::Ray(Some(AllRays::new(result, residuals)));
+            }
+            Mean::Fit(result, residuals) => {
+                (node.result, node.known) = (*result, Known::Mean(*residuals));
+                return true;
+            }
+            Mean::Silhouette { crossings } => node.crossings = Some(*crossings),
+            Mean::Unknown => {}
+        }
+        false
+    }
+
+    /// Takes the pieces of a rectangle.
+    pub(super) fn set_pieces(&mut self, index: u32, pieces: &[Piece]) {
+        let first = self.pieces.len();
+        self.pieces.extend_from_slice(pieces);
+        let node = &mut self.nodes[index as usize];
+        node.known = Known::Pieces([first, self.pieces.len()].map(|n| numbers::count(n)));
+        // Neighbours see the largest.
+        if let Some(largest) = pieces.iter().max_by(|a, b| a.share.total_cmp(&b.share)) {
+            node.result = largest.result;
+        }
+    }
+
+    /// Its size in memory, in rectangles.
+    pub(super) fn size(&self) -> usize {
+        self.nodes.len() + self.list.len() / FACETS_OF_A_RECTANGLE + self.pieces.len()
+    }
+
+    /// Bytes that it holds.
+    pub(super) fn bytes(&self) -> usize {
+        self.nodes.capacity() * size_of::<Node>()
+            + 4 * self.list.capacity()
+            + self.witnesses.capacity() * size_of::<Witness>()
+            + self.pieces.capacity() * size_of::<Piece>()
+            + self.facets.as_ref().map_or(0, |facets| facets.len() * size_of::<PatchFacet>())
+    }
+
+    /// Indices of the leaves.
+    pub(super) fn leaves(&self) -> impl Iterator<Item = u32> {
+        (0..numbers::count(self.nodes.len())).filter(|node| self.nodes[*node as usize].is_leaf())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_place_lies_in_the_leaf_that_is_found_for_it() {
+        let results = vec![<RayResult as bytemuck::Zeroable>::zeroed(); 6];
+        let mut patch = Patch::new(0, 0, 100e-6, [3, 2], &results);
+        let mut next = 7_u32;
+        for _ in 0..200 {
+            next = next.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+            let leaves: Vec<u32> = patch.leaves().collect();
+            let leaf = leaves[(next >> 8) as usize % leaves.len()];
+            patch.split(leaf, if next & 64 == 0 { Axis::X } else { Axis::Z });
+        }
+        let mut area = 0.0;
+        for leaf in patch.leaves() {
+            let node = patch.nodes[leaf as usize];
+            let [x, z] = node.centre();
+            assert_eq!(patch.leaf_at(x, z), leaf);
+            area += f64::from(node.width()) * f64::from(node.height());
+        }
+        assert!((area - 100e-6).abs() < 1e-11, "{area}");
+    }
+}

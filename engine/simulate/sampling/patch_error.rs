@@ -1,0 +1,371 @@
+//! Error of a patch: the errors of its rectangles at every mask step, and which of them to split.
+
+use super::error_estimate::{CellError, Estimator, SPREAD};
+use super::patch::{Axis, Even, Known, Patch};
+use super::response::{Opening, Response};
+use super::step_shares::{StepRun, is_open, step_runs};
+use super::unresolved::FIRST;
+use beamlet_core::numbers::{self, single};
+use beamlet_model::optics::Optics;
+
+/// Rectangles that would hold this part of the budget at every mask step, were all like them, are
+/// not split.
+const NEGLIGIBLE: f64 = 0.01;
+/// Fraction of the budget that refinement aims at for the worst mask step.
+const SAFETY: f64 = 0.45;
+/// The same with a single step, where the root mean square should be a third of the budget.
+const SAFETY_OF_ONE: f64 = 0.2;
+/// The same for angles determined by rays: facets about as wide as the distance of rays hide between
+/// them. With 0.45 prisms and fine balls erred by 0.46 of 3 nrad, with 0.23 by 0.34.
+const SAFETY_OF_RAYS: f64 = 0.2;
+/// Tolerance above which the estimate holds, fraction of the open beam.
+const FINE: f64 = 1e-4;
+/// Exponent of its correction below that tolerance.
+const FALL: f64 = 0.9;
+/// Upper limit of the correction.
+const MOST_OF_PIECES: f64 = 3.0;
+/// Lower limit behind a detector mask alone.
+const DETECTOR_MASK_ALONE: f64 = 1.5;
+/// Part of its square that the error of a rectangle keeps when it is split.
+const LEFT: f64 = 1.0 / 9.0;
+
+/// Error of a patch, and where to split it.
+#[derive(Debug, Default)]
+pub(super) struct PatchError {
+    /// Leaves to split, with the axis.
+    pub(super) splits: Vec<(u32, Axis)>,
+    /// Number of evenly spread rays that the patch needs, if its rays do not resolve its content.
+    pub(super) even: Option<(u32, Even)>,
+    /// Estimated error of the recorded value that has the largest, share of open beam.
+    pub(crate) light: f64,
+    /// Estimated error of the displacement at the mask step that has the largest, share of the budget; 0
+    /// where nothing bounds it.
+    pub(crate) displacement: f64,
+}
+
+/// Rectangles of a patch that must be split whatever their neighbours say: a component may hide
+/// in wider or higher ones.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct NarrowComponent {
+    pub(super) x: [f32; 2],
+    pub(super) z: [f32; 2],
+    pub(super) width: f32,
+    pub(super) height: f32,
+    /// Light that it may take at most, share of open beam.
+    pub(crate) light: f64,
+}
+
+/// Known errors of the rectangles of a patch, by node.
+#[derive(Debug, Default)]
+pub(super) struct KnownErrors {
+    errors: Vec<Option<CellError>>,
+    /// Places of their runs in `runs`.
+    seen: Vec<Option<[u32; 2]>>,
+    /// Mask steps that light a rectangle.
+    runs: Vec<StepRun>,
+}
+
+impl KnownErrors {
+    /// Bytes of a node, about: few runs of steps see it.
+    pub(super) const NODE: usize =
+        size_of::<Option<CellError>>() + size_of::<Option<[u32; 2]>>() + 2 * size_of::<StepRun>();
+
+    /// Forgets the error of a node: a neighbour has changed.
+    pub(super) fn forget(&mut self, node: u32) {
+        if let Some(error) = self.errors.get_mut(node as usize) {
+            *error = None;
+        }
+    }
+
+    /// The error of a leaf, and the steps that light it.
+    fn of(&self, node: u32) -> Option<(&CellError, &[StepRun])> {
+        let [first, end] = self.seen[node as usize]?;
+        Some((self.errors[node as usize].as_ref()?, &self.runs[first as usize..end as usize]))
+    }
+
+    /// Bytes that it holds.
+    pub(super) fn bytes(&self) -> usize {
+        self.errors.capacity() * size_of::<Option<CellError>>()
+            + self.seen.capacity() * size_of::<Option<[u32; 2]>>()
+            + self.runs.capacity() * size_of::<StepRun>()
+    }
+}
+
+/// Rays that draw their normals at rough surfaces are independent samples: whether neighbours agree is
+/// chance. All of a patch share the variance of their light, so that none stands for a wide
+/// rectangle because its neighbours happened to do as it did. `least`: what n draws that agree leave
+/// open, a share of 1 / (n + 2).
+fn pool_draws(errors: &mut [Option<CellError>], patch: &Patch) {
+    let drawn = |leaf: u32| errors[leaf as usize].as_ref().and_then(|error| error.draws);
+    let (mut squares, mut area, mut count) = (0.0, 0.0, 0_u32);
+    for draws in patch.leaves().filter_map(drawn) {
+        count += 1;
+        if let Some(variance) = draws.variance {
+            squares += f64::from(draws.area) * f64::from(variance);
+            area += f64::from(draws.area);
+        }
+    }
+    if count == 0 {
+        return;
+    }
+    let seen = if area > 0.0 { single(squares / area) } else { 0.0 };
+    let least = 0.25 / (count + 2) as f32;
+    for leaf in patch.leaves() {
+        let Some(error) = &mut errors[leaf as usize] else { continue };
+        let Some(draws) = error.draws else { continue };
+        let passed = error.through / draws.area.max(f32::MIN_POSITIVE);
+        let variance = seen.max(least * passed * passed);
+        error.light = draws.others.hypot(draws.area * variance.sqrt());
+    }
+}
+
+/// Errors of the recorded value of a mask step.
+#[derive(Debug, Clone, Copy, Default)]
+struct StepError {
+    /// Of rectangles that err each in its own way, squared.
+    apart: f64,
+    /// Of pieces: along a silhouette their outlines are alike, and so are their errors.
+    together: f64,
+    /// Of the displacement, squared.
+    moment: f64,
+    through: f64,
+}
+
+/// How errors of rectangles count at a mask step.
+#[derive(Clone, Copy)]
+struct Weighing<'a> {
+    response: &'a Response,
+    /// Correction factor of pieces that err together.
+    together: Option<f64>,
+}
+
+impl Weighing<'_> {
+    /// The error of a rectangle that is open to a share.
+    fn of(&self, error: &CellError, known: &Known, open: f32) -> StepError {
+        // Light that leaks through bars is the same at every step, and moves no angle.
+        let through = f64::from(open * error.through);
+        let squared = |part: f32| f64::from(part * error.moment).powi(2);
+        let lit = self.response.lit(open);
+        match known {
+            Known::Ray(_) => StepError {
+                apart: f64::from(lit * error.light).powi(2),
+                together: 0.0,
+                moment: squared(open),
+                through,
+            },
+            // The mean over all of a rectangle is exact, and so is that over nearly all of it.
+            Known::Mean(_) | Known::Pieces(_) => {
+                let cut = self.response.cut(open);
+                let light = f64::from(cut.max(lit * error.whole) * error.light);
+                let [apart, together] = match (known, self.together) {
+                    (Known::Pieces(_), Some(factor)) => [0.0, factor * light],
+                    _ => [light * light, 0.0],
+                };
+                StepError { apart, together, moment: squared(cut), through }
+            }
+        }
+    }
+}
+
+impl StepError {
+    fn add(&mut self, other: &Self) {
+        self.apart += other.apart;
+        self.together += other.together;
+        self.moment += other.moment;
+        self.through += other.through;
+    }
+
+    /// The error of the light, squared.
+    fn light(&self) -> f64 {
+        self.part(self)
+    }
+
+    /// Its contribution to the square of the sum.
+    fn part(&self, all: &Self) -> f64 {
+        self.apart + self.together * all.together
+    }
+}
+
+/// Correction factor of the summed error of pieces. Neglected terms fall more slowly than the estimate as
+/// rectangles shrink: at 3e-5 they were a third of the error of a radiograph, at 1e-4 as large. A
+/// detector mask alone cuts the light of a rim where it is steepest: half of it at 1e-4.
+pub(super) fn error_of_pieces(optics: &Optics, tolerance: f64) -> f64 {
+    let alone = optics.sample_mask.is_none() && optics.detector_mask.is_some();
+    let tight = (FINE / tolerance).powf(FALL).min(MOST_OF_PIECES);
+    tight.max(if alone { DETECTOR_MASK_ALONE } else { 1.0 })
+}
+
+impl Estimator<'_> {
+    /// Part of the budget that refinement aims at.
+    fn safety(&self) -> f64 {
+        if self.response.steps() > 1 { SAFETY } else { SAFETY_OF_ONE }
+    }
+
+    /// Computes the missing errors of the leaves of a patch. `openings`: of its beamlet.
+    fn complete(&self, patch: &Patch, openings: &[Opening], known_errors: &mut KnownErrors) {
+        known_errors.errors.resize(patch.nodes.len(), None);
+        known_errors.seen.resize(patch.nodes.len(), None);
+        for leaf in patch.leaves() {
+            let index = leaf as usize;
+            if known_errors.errors[index].is_none() {
+                known_errors.errors[index] = Some(self.cell_error(patch, leaf));
+            }
+            if known_errors.seen[index].is_none() {
+                let first = known_errors.runs.len();
+                step_runs(patch, leaf, openings, self.response.leaking(), &mut known_errors.runs);
+                let range = [first, known_errors.runs.len()];
+                known_errors.seen[index] = Some(range.map(|n| numbers::count(n)));
+            }
+        }
+        pool_draws(&mut known_errors.errors, patch);
+    }
+
+    /// The error of a patch. `openings`: of its beamlet. `narrow`: components that may hide between rays.
+    /// `crossed`: a silhouette may cross it, according to its facets. `known_errors`: known errors of its
+    /// nodes; the others are computed.
+    pub(super) fn patch_error(
+        &self,
+        patch: &Patch,
+        crossed: bool,
+        openings: &[Opening],
+        narrow: &[NarrowComponent],
+        known_errors: &mut KnownErrors,
+    ) -> PatchError {
+        if patch.even != Even::No {
+            return self.unresolved_error(patch, openings, narrow);
+        }
+        self.complete(patch, openings, known_errors);
+        let leaves = || {
+            patch.leaves().filter_map(|leaf| {
+                let (error, runs) = known_errors.of(leaf)?;
+                Some((error, &patch.nodes[leaf as usize], runs))
+            })
+        };
+        // For any window, of which none sees all of them at its steepest, they count as independent.
+        let alike = !self.other_energies;
+        let response = self.response;
+        let weighing = Weighing { response, together: alike.then_some(self.pieces) };
+        let mut steps = vec![StepError::default(); self.response.steps()];
+        let (mut count, mut silhouettes) = (0_u32, 0_u32);
+        let (mut seen, mut by_rays) = (false, false);
+        for (error, node, runs) in leaves() {
+            count += 1;
+            by_rays |= matches!(node.known, Known::Ray(_));
+            seen |= error.silhouette && is_open(runs);
+            silhouettes += u32::from(error.silhouette);
+            for (step, share) in runs.iter().flat_map(StepRun::steps) {
+                steps[step as usize].add(&weighing.of(error, &node.known, share));
+            }
+        }
+        let worst = steps.iter().map(StepError::light).fold(0.0, f64::max).sqrt();
+        let light = (self.safety() * self.budget.light).powi(2);
+        // A rectangle beside a silhouette of the next patch is not crossed itself.
+        let bounded = self.budget.displacement.is_finite() && !(crossed && seen);
+        let off = |step: &StepError| step.moment.sqrt() / (self.budget.displacement * step.through);
+        let lit = steps.iter().filter(|step| bounded && step.through > 0.0);
+        let mut result = PatchError {
+            light: worst,
+            displacement: lit.map(off).fold(0.0, f64::max),
+            ..PatchError::default()
+        };
+        let aim = if by_rays { SAFETY_OF_RAYS } else { self.safety() };
+        let displacement = aim * self.budget.displacement;
+        // In shares of the budget of a step; nothing of one that holds it.
+        let excess = |step: u32, error: &StepError| {
+            let all = &steps[step as usize];
+            let moment = (displacement * all.through).powi(2);
+            let of_light = if all.light() > light { error.part(all) / light } else { 0.0 };
+            if bounded && all.moment > moment {
+                of_light.max(error.moment / moment)
+            } else {
+                of_light
+            }
+        };
+        let mut left: Vec<f64> = (0..).zip(&steps).map(|(step, all)| excess(step, all)).collect();
+        let exceeded = left.iter().any(|excess| *excess > 1.0);
+        if !exceeded && narrow.is_empty() {
+            return result;
+        }
+        if 2 * silhouettes > count && self.is_unresolved(patch) {
+            result.even = Some((FIRST, Even::Trial));
+            return result;
+        }
+        let mut scored = Vec::new();
+        for (error, node, runs) in leaves() {
+            let known = &node.known;
+            let may_move = bounded && error.moment > 0.0;
+            let part = |(step, share): (u32, f32)| {
+                weighing.of(error, known, share).part(&steps[step as usize])
+            };
+            let most = if alike {
+                runs.iter().flat_map(StepRun::steps).map(part).fold(0.0, f64::max)
+            } else {
+                f64::from(error.light).powi(2)
+            };
+            // Narrow rectangles along a rim err alike where rays alone know them, each by too little
+            // to be split: the bound is one on their sum.
+            let all_alike = alike && self.by_rays_alone && error.draws.is_none();
+            let others = f64::from(count) * if all_alike { f64::from(count) } else { 1.0 };
+            let negligible = most / light * others < NEGLIGIBLE;
+            if negligible && !may_move && narrow.is_empty() {
+                continue;
+            }
+            if let Some(axis) = self.may_hide(patch, error, narrow, is_open(runs)) {
+                result.splits.push((error.node, axis));
+                continue;
+            }
+            if negligible && !may_move {
+                continue;
+            }
+            let of = |(step, share)| excess(step, &weighing.of(error, known, share));
+            let score = runs.iter().flat_map(StepRun::steps).map(of).fold(0.0, f64::max);
+            if score > 0.0 {
+                scored.push((score, error, known, runs));
+            }
+        }
+        scored.sort_unstable_by(|a, b| b.0.total_cmp(&a.0).then(a.1.node.cmp(&b.1.node)));
+        for (_, error, known, runs) in scored {
+            if left.iter().all(|excess| *excess <= 1.0) {
+                break;
+            }
+            for (step, share) in runs.iter().flat_map(StepRun::steps) {
+                let own = excess(step, &weighing.of(error, known, share));
+                left[step as usize] -= (1.0 - LEFT) * own;
+            }
+            let other = if error.axis == Axis::X { Axis::Z } else { Axis::X };
+            let possible = |axis: &Axis| patch.can_split(error.node, *axis, self.least);
+            if let Some(axis) = [error.axis, other].into_iter().find(possible) {
+                result.splits.push((error.node, axis));
+            }
+        }
+        result
+    }
+
+    /// The axis along which a component may hide in a rectangle. `open`: to some step.
+    fn may_hide(
+        &self,
+        patch: &Patch,
+        error: &CellError,
+        narrow: &[NarrowComponent],
+        open: bool,
+    ) -> Option<Axis> {
+        let node = &patch.nodes[error.node as usize];
+        let lit = if open { 1.0 } else { self.response.lit(0.0) };
+        let worth = f64::from(SPREAD * lit * error.through) > self.safety() * self.budget.light;
+        if !worth {
+            return None;
+        }
+        let slant = patch.shear.abs();
+        let overlaps = |n: &&NarrowComponent| {
+            n.x[0] < node.x[1] + slant
+                && n.x[1] > node.x[0] - slant
+                && n.z[0] < node.z[1]
+                && n.z[1] > node.z[0]
+        };
+        narrow.iter().filter(overlaps).find_map(|n| {
+            let wide = node.width() > n.width && patch.can_split(error.node, Axis::X, self.least);
+            let high = node.height() > n.height && patch.can_split(error.node, Axis::Z, self.least);
+            if wide { Some(Axis::X) } else { high.then_some(Axis::Z) }
+        })
+    }
+}

@@ -1,0 +1,337 @@
+//! How a change of a cell's result changes what pixels record: the openings of the sample mask by
+//! mask step, and the blurred windows of the analyser.
+
+use super::lattice::Lattice;
+use super::patch::part;
+use super::windows::{Seen, Windows};
+use beamlet_core::numbers::{self, single};
+use beamlet_interface::BeamletGeometry;
+use beamlet_model::optics::{Mask, Openings, Optics};
+
+/// Rectangles that a patch begins with are at least as wide as this share of the period.
+const LEAST_SLAB: f32 = 1.0 / 128.0;
+/// Mask steps closer to one another than this share of an aperture see the same.
+const STEPS_APART: f64 = 1.0 / 16.0;
+/// Bars that let less light through than this share of the tolerance are opaque.
+const NEGLIGIBLE_LEAK: f64 = 0.5;
+/// An opening is seen this many standard deviations beyond its edges.
+const SOFT_EDGE: f64 = 2.0;
+
+/// Light that a cell sends through the masks, per mask step and window.
+#[derive(Debug, Clone)]
+pub(crate) struct Response {
+    /// Windows that light passes: apertures of the detector mask or pixels; behind a detector mask
+    /// whose bars leak those, and pixels.
+    windows: Vec<Windows>,
+    /// Standard deviation of the blur on the analyser, m.
+    blur: f32,
+    /// From the cell plane to the analyser.
+    pub(crate) magnification: f32,
+    /// Landing point of an undeflected ray through the centre of a beamlet, from the centre of the
+    /// nearest window, m, by beamlet of the lattice.
+    landing: Vec<f32>,
+    /// Openings by mask step in the cell plane, from the nearest period of the sample mask, m; none
+    /// without a sample mask.
+    openings: Vec<Opening>,
+    /// Mask steps that differ enough to count.
+    steps: usize,
+    /// Beamlet's centre from the centre of the nearest period of the sample mask, m.
+    mask_offset: Vec<f32>,
+    /// Reduction of each side of an opening by the shadow of thick bars, m, by beamlet.
+    shadow: Vec<f32>,
+    /// How far an opening is seen beyond its edges, m.
+    soft: f32,
+    /// Share of the light that the bars of the sample mask let through; 0 where that is too little
+    /// to count.
+    leak: f32,
+    /// Period of the lattice and of the openings, and its half, m.
+    period: f32,
+    half_period: f32,
+    /// Recorded value per metre of open cell plane.
+    pub(crate) weight: f32,
+    /// Cells serve any mask, step and detector: stored moments.
+    pub(super) any_masks: bool,
+}
+
+/// An interval of x of a beamlet that a mask step opens.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Opening {
+    pub(super) step: u32,
+    pub(super) x: [f32; 2],
+}
+
+impl Response {
+    /// For the scene that is traced. `leaks`: shares of the light of all energies that the bars of the
+    /// sample mask and of the detector mask let through. `any_masks`: for moments that are stored,
+    /// whose masks and steps are not known yet. `offsets`: of the sample mask, of a view.
+    #[must_use]
+    pub(crate) fn new(
+        optics: &Optics,
+        lattice: &Lattice,
+        leaks: [f64; 2],
+        any_masks: bool,
+        offsets: &[f64],
+    ) -> Self {
+        let Optics { rotation, analyser, detector, .. } = optics;
+        let beamlets = lattice.beamlet_geometry(optics);
+        let least = NEGLIGIBLE_LEAK * optics.sampling.tolerances().light;
+        let [leak, window_leak] = leaks.map(|leak| if leak < least { 0.0 } else { single(leak) });
+        // Of the whole spot: recorded values are sums over its parts.
+        let spot = |part: &beamlet_model::spot::PlacedPart| {
+            part.share * (part.offset[0].powi(2) + part.deviation[0].powi(2))
+        };
+        let spot = optics.spot.placed().iter().map(spot).sum::<f64>().sqrt();
+        let edge = optics.cutting_plane();
+        let magnified = spot * (edge / rotation - 1.0) * analyser / edge;
+        let blur = magnified.max(1e-4 * optics.windows().period[0]);
+        let soft =
+            SOFT_EDGE * optics.spot.narrowest(0) * (rotation - lattice.plane).abs() / rotation;
+        let hard = any_masks || optics.sample_mask.is_none();
+        let openings = match &optics.sample_mask {
+            Some(_) if any_masks => any_openings(&optics.beamlets()),
+            Some(_) => openings_of_steps(&optics.beamlets(), offsets, soft),
+            None => Vec::new(),
+        };
+        let landing = |c: &BeamletGeometry| {
+            if optics.detector_mask.is_some() { c.aperture_offset } else { c.pixel_offset }
+        };
+        Self {
+            windows: windows_of(optics, &beamlets, window_leak, blur),
+            blur: single(blur),
+            magnification: single(analyser / lattice.plane),
+            landing: beamlets.iter().map(landing).collect(),
+            steps: openings.last().map_or(1, |last| last.step as usize + 1),
+            openings,
+            mask_offset: if any_masks {
+                vec![0.0; beamlets.len()]
+            } else {
+                beamlets.iter().map(|c| c.sample_offset).collect()
+            },
+            // The shadow of bars that leak is no darker than they are.
+            shadow: beamlets
+                .iter()
+                .map(|c| if hard || leak > 0.0 { 0.0 } else { shadow(optics, c.slope) })
+                .collect(),
+            leak,
+            soft: if hard { 0.0 } else { single(soft) },
+            period: single(lattice.period),
+            half_period: single(0.5 * lattice.period),
+            weight: single(detector.distance / (lattice.plane * detector.pitch[0])),
+            any_masks,
+        }
+    }
+
+    /// Largest change of the share of light that passes a window, per displacement, 1/m.
+    pub(super) fn steepest(&self) -> f64 {
+        0.4 / f64::from(self.blur)
+    }
+
+    /// Part of a change of light within a rectangle of this width, m, that windows record although
+    /// its mean and slope are right: they are nearly straight over less than the blur.
+    pub(super) fn curvature(&self, width: f32) -> f32 {
+        (0.1 * (self.magnification * width / self.blur).powi(2)).min(1.0)
+    }
+
+    /// Part of the change that a displacement of this standard deviation, m, makes if its mean is
+    /// moved by as much, where it blurs light that is known to be blurred by it. Its third moment
+    /// is left, the deviation squared times `farthest` at most, m.
+    pub(super) fn skew(&self, deviation: f32, farthest: f32) -> f32 {
+        (0.1 * deviation * farthest.max(deviation) / self.blur.powi(2)).min(1.0)
+    }
+
+    /// What windows record of light that is spread evenly with this standard deviation, m, where a
+    /// Gaussian stands for that: its fourth cumulant, -6/5 of the square of the variance.
+    pub(super) fn flat(&self, deviation: f32) -> f32 {
+        (0.03 * (deviation / self.blur).powi(4)).min(1.0)
+    }
+
+    /// Mask steps that differ enough to count.
+    pub(super) fn steps(&self) -> usize {
+        self.steps
+    }
+
+    /// Share of the light behind the sample mask of a rectangle that a step opens to a share.
+    pub(super) fn lit(&self, open: f32) -> f32 {
+        self.leak + (1.0 - self.leak) * open
+    }
+
+    /// Share of the light of a rectangle that an edge of an opening may put on its wrong side, where a
+    /// step opens it to a share.
+    pub(super) fn cut(&self, open: f32) -> f32 {
+        (1.0 - self.leak) * open.min(1.0 - open).max(0.0)
+    }
+
+    /// Number of the mask steps where the bars of the sample mask leak: all steps light all of the
+    /// sample then.
+    pub(super) fn leaking(&self) -> Option<u32> {
+        (self.leak > 0.0).then(|| numbers::count(self.steps()))
+    }
+
+    /// Openings of the beamlet at `column` of the lattice, inside its period.
+    pub(super) fn openings(&self, column: usize) -> Vec<Opening> {
+        let half = self.half_period;
+        if self.openings.is_empty() {
+            return vec![Opening { step: 0, x: [-half, half] }];
+        }
+        let mut all = Vec::new();
+        for Opening { step, x } in &self.openings {
+            let [low, high] = x.map(|x| x - self.mask_offset[column]);
+            let [low, high] = [low + self.shadow[column], high - self.shadow[column]];
+            let mut k = ((-half - high) / self.period).ceil();
+            while low + k * self.period < half {
+                let shift = k * self.period;
+                let x = [(low + shift).max(-half), (high + shift).min(half)];
+                if x[1] > x[0] {
+                    all.push(Opening { step: *step, x });
+                }
+                k += 1.0;
+            }
+        }
+        all
+    }
+
+    /// Borders of the rectangles along x that a patch with facets begins with, at `column` of the
+    /// lattice: edges of openings, or how near to the edges of windows their blur is felt; `cells`
+    /// to the period at least.
+    pub(super) fn edges(&self, column: usize, cells: u32) -> Vec<f32> {
+        let half = self.half_period;
+        let mut inner: Vec<f32> = if self.openings.is_empty() {
+            let felt = 2.0 * self.blur / self.magnification;
+            if felt < 0.5 * half { vec![felt - half, half - felt] } else { Vec::new() }
+        } else {
+            let edges = |o: &Opening| [o.x[0] + self.soft, o.x[1] - self.soft];
+            self.openings(column).iter().flat_map(edges).collect()
+        };
+        inner.sort_unstable_by(f32::total_cmp);
+        let least = 2.0 * half * LEAST_SLAB;
+        let mut borders = vec![-half];
+        for edge in inner {
+            if edge - borders[borders.len() - 1] > least && half - edge > least {
+                borders.push(edge);
+            }
+        }
+        borders.push(half);
+        let widest = 2.0 * half / cells as f32;
+        let parts = |pair: &[f32]| {
+            let range = [pair[0], pair[1]];
+            let count = numbers::whole::<u32>(f64::from(
+                ((range[1] - range[0]) / widest - LEAST_SLAB).ceil().max(1.0),
+            ));
+            (0..count).map(move |index| part(range, index, count)[0])
+        };
+        borders.windows(2).flat_map(parts).chain([half]).collect()
+    }
+
+    /// Share of light spread evenly over [at - half, at + half] that pixels may record more or less if
+    /// it is spread otherwise, with the same mean and variance.
+    pub(super) fn outline(&self, column: usize, at: f32, half: f32) -> f32 {
+        if self.any_masks {
+            return 0.1;
+        }
+        self.windows.iter().map(|it| it.share * it.outline(column, at, half)).sum()
+    }
+
+    /// Landing point of light of a beamlet displaced by `displacement`, from the centre of a
+    /// window, m.
+    pub(super) fn landing(&self, column: usize, x: f32, displacement: f32) -> f32 {
+        self.magnification * x + displacement + self.landing[column]
+    }
+
+    /// Largest change of the light in any pixel between two results of the beamlet at `column`: light
+    /// that passes the sample and landing point of each, spread over 2 `half`.
+    pub(super) fn change(&self, column: usize, a: [f32; 2], b: [f32; 2], half: f32) -> f32 {
+        self.change_from(&self.landed(column, a, half), b)
+    }
+
+    /// Light of the beamlet at `column` that passes the sample and its landing point, spread over
+    /// 2 `half`, as windows see it.
+    pub(super) fn landed(&self, column: usize, [light, at]: [f32; 2], half: f32) -> Landed {
+        let mut landed = Landed { column, light, at, seen: [Seen::default(); 2] };
+        if !self.any_masks {
+            for (seen, windows) in landed.seen.iter_mut().zip(&self.windows) {
+                *seen = windows.seen(column, [light, at], half);
+            }
+        }
+        landed
+    }
+
+    /// Largest change of the light in any pixel if it had this light and landing point.
+    pub(super) fn change_from(&self, own: &Landed, [light, at]: [f32; 2]) -> f32 {
+        if self.any_masks {
+            let slope = 0.4 / self.blur;
+            let moved = ((own.at - at).abs() * slope).min(1.0);
+            return (own.light - light).abs() + own.light.max(light) * moved;
+        }
+        let change = |(windows, seen): (&Windows, &Seen)| {
+            windows.share * windows.change(own.column, (seen, own.light), [light, at])
+        };
+        self.windows.iter().zip(&own.seen).map(change).sum()
+    }
+}
+
+/// Light as windows see it.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Landed {
+    /// Column of its beamlet in the lattice.
+    column: usize,
+    /// Share of the light on the sample that passes it.
+    light: f32,
+    /// Landing point, m.
+    at: f32,
+    seen: [Seen; 2],
+}
+
+/// Windows of the optics by the share of the light that they pass, blurred by `blur`, m. Light that leaks
+/// through the bars of the detector mask is recorded in all of a pixel.
+fn windows_of(optics: &Optics, beamlets: &[BeamletGeometry], leak: f32, blur: f64) -> Vec<Windows> {
+    let leak = if optics.detector_mask.is_some() { leak } else { 0.0 };
+    let mut windows = vec![Windows::new(&optics.windows(), blur, 1.0 - leak, Vec::new())];
+    if leak > 0.0 {
+        let aside = beamlets.iter().map(|c| c.pixel_offset - c.aperture_offset).collect();
+        windows.push(Windows::new(&optics.pixel_windows(), blur, leak, aside));
+    }
+    windows
+}
+
+/// Openings by mask step: the offsets that differ enough, m; `soft`: how far an opening is seen
+/// beyond its edges, m.
+fn openings_of_steps(openings: &Openings, offsets: &[f64], soft: f64) -> Vec<Opening> {
+    let offsets = told_apart(offsets, STEPS_APART * openings.narrowest(0));
+    let of_step = |(step, offset): (u32, f64)| {
+        openings.displaced(offset, soft).map(move |x| Opening { step, x: x.map(single) })
+    };
+    (0..).zip(offsets).flat_map(of_step).collect()
+}
+
+/// Openings side by side, a step to each, that cover a period once and are no wider than these.
+fn any_openings(openings: &Openings) -> Vec<Opening> {
+    let period = openings.period[0];
+    let count = (period / openings.narrowest(0)).ceil().clamp(1.0, 64.0);
+    let width = period / count;
+    let opening = |step: u32| {
+        let low = f64::from(step) * width - 0.5 * period;
+        Opening { step, x: [single(low), single(low + width)] }
+    };
+    (0..numbers::whole::<u32>(count)).map(opening).collect()
+}
+
+/// Reduction of each side of an aperture by the shadow of thick bars of the sample mask, m, at an angle
+/// of this slope.
+fn shadow(optics: &Optics, slope: f32) -> f32 {
+    let thickness = optics.sample_mask.as_ref().and_then(Mask::side_shadow);
+    thickness.map_or(0.0, |thickness| 0.5 * single(thickness) * slope.abs())
+}
+
+/// Offsets of the sample mask farther apart than `least`, m: two accurate steps make the steps between
+/// them accurate.
+fn told_apart(offsets: &[f64], least: f64) -> Vec<f64> {
+    let mut sorted = offsets.to_vec();
+    sorted.sort_unstable_by(f64::total_cmp);
+    let mut kept: Vec<f64> = Vec::new();
+    for offset in sorted {
+        if kept.last().is_none_or(|last| offset - last > least) {
+            kept.push(offset);
+        }
+    }
+    kept
+}

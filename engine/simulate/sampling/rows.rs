@@ -1,0 +1,162 @@
+//! Cells of some rows of a view: base rays, refinement of each patch, and the resulting cells.
+
+use super::base_lattice::{BaseLattice, ROWS_TOGETHER};
+use super::cell_batch::{CellBatch, blank_cell_rows, empty_cell};
+use super::cell_moments::CellMoments;
+use super::emission::Emitter;
+use super::error_budget::tally_of;
+use super::narrow_components::NarrowComponents;
+use super::patch::Patch;
+use super::refinement::{Refined, Refiner};
+use super::room::{Group, Room};
+use super::view_context::ViewContext;
+use crate::trace::Tracer;
+use beamlet_core::{Result, numbers};
+use std::ops::Range;
+
+/// Leaves of a patch that memory is reckoned for.
+const LEAVES_OF_A_PATCH: usize = 256;
+/// Facets of a patch that take as much memory as those leaves.
+const FACETS_OF_A_PATCH: usize = 40;
+/// Cell rows without a sample that are handed over at once.
+const BLANK_AT_ONCE: usize = 1 << 12;
+
+/// Takes cell rows as they are ready; may trace with the tracer that it is lent.
+pub(crate) type Take<'a> = &'a mut dyn FnMut(&mut Tracer, &CellBatch) -> Result<()>;
+
+/// Learns what share of the patches of its rows is done.
+pub(super) type Advance<'a> = &'a mut dyn FnMut(&Tracer, f64);
+
+/// Samples the patches of some rows and hands their cells to `take`, in parts. `lit`: rows whose
+/// undeflected light is needed; other cells are kept only if light lands there. `room`: memory of
+/// refinement. `known`: base rays of rows of this view that were sampled before; the base rays
+/// of these rows replace them. The cells, but not their order, are the same for any `rows` and `room`.
+///
+/// # Errors
+/// As [`Tracer::trace`]; errors of `take`.
+pub(crate) fn sample_rows(
+    view: &ViewContext<'_>,
+    tracer: &mut Tracer,
+    rows: Range<i64>,
+    (lit, known): (&Range<i64>, &mut Option<BaseLattice>),
+    room: &Room,
+    take: Take<'_>,
+    advance: Advance<'_>,
+) -> Result<()> {
+    let base = BaseLattice::trace(view, tracer, &rows, known.take().as_ref())?;
+    let base = &*known.insert(base);
+    if base.is_empty() && (rows.end <= lit.start || rows.start >= lit.end) {
+        return Ok(());
+    }
+    let narrow = NarrowComponents::new(view, &rows, base.base);
+    let mut blank = Vec::new();
+    let mut waiting = Vec::new();
+    let first_beamlet = view.lattice.beamlets.start;
+    for block in blocks(&rows) {
+        for beamlet in view.lattice.beamlets.clone() {
+            for row in block.clone() {
+                let direct = lit.contains(&row) && view.lattice.direct.contains(&beamlet);
+                match base.patch(beamlet, row) {
+                    Some(_) => waiting.push((beamlet, row)),
+                    None if direct => blank.push((beamlet - first_beamlet, row)),
+                    None => {}
+                }
+            }
+        }
+    }
+    let refiner = Refiner::new(view, base, &rows, narrow, lit);
+    let mut rest = &waiting[..];
+    while !rest.is_empty() {
+        let mut patches = (room.rays_at_once / LEAVES_OF_A_PATCH).max(1);
+        let fits = |at: &&(i64, i64)| {
+            let weight = 1 + refiner.facets_of(**at) / FACETS_OF_A_PATCH;
+            let fits = patches > 0;
+            patches = patches.saturating_sub(weight);
+            fits
+        };
+        let before = waiting.len() - rest.len();
+        let (chunk, after) = rest.split_at(rest.iter().take_while(fits).count());
+        rest = after;
+        let mut part = |tracer: &Tracer, done: usize| {
+            advance(tracer, (before + done) as f64 / waiting.len() as f64);
+        };
+        let mut keep = |tracer: &mut Tracer, cells: CellBatch, empty: Vec<(i64, i64)>| {
+            blank.extend(empty.into_iter().filter(|(column, row)| {
+                lit.contains(row) && view.lattice.direct.contains(&(column + first_beamlet))
+            }));
+            take(tracer, &cells)
+        };
+        refined(view, &refiner, tracer, (chunk, room), lit, &mut keep, &mut part)?;
+    }
+    let cell = empty_cell(view.lattice);
+    let words = view.recording.as_ref().map_or(0, |recording| recording.words());
+    let none = CellMoments { ends: vec![0.0; 2 * words], ..CellMoments::default() };
+    for cell_rows in blank_cell_rows(view.lattice, blank).chunks(BLANK_AT_ONCE) {
+        let mut part = CellBatch::default();
+        cell_rows.iter().for_each(|cell_row| part.push(*cell_row, &[cell], &none));
+        take(tracer, &part)?;
+    }
+    Ok(())
+}
+
+/// Receives the cells of some patches, and the places (column, row) of patches that miss the sample.
+pub(super) type TakeRefined<'a> =
+    &'a mut dyn FnMut(&mut Tracer, CellBatch, Vec<(i64, i64)>) -> Result<()>;
+
+/// Refines patches and hands their cells over, in parts. Where the patches would hold more than there
+/// is room for together, one half waits for the other. `advance` gets how many are done.
+pub(super) fn refined(
+    view: &ViewContext<'_>,
+    refiner: &Refiner<'_>,
+    tracer: &mut Tracer,
+    (patches, room): (&[(i64, i64)], &Room),
+    lit: &Range<i64>,
+    take: TakeRefined<'_>,
+    advance: &mut dyn FnMut(&Tracer, usize),
+) -> Result<()> {
+    let emitter = Emitter::new(view, &refiner.estimator, lit);
+    let mut groups = vec![Group::Begun(refiner.begin_all(tracer, patches)?)];
+    let mut finished = 0;
+    while let Some(group) = groups.pop() {
+        let mut group = match group {
+            Group::Begun(work) => work,
+            Group::Waiting(patches) => refiner.begin_all(tracer, &patches)?,
+        };
+        let others = finished + groups.iter().map(Group::done).sum::<usize>();
+        let mut part = |tracer: &Tracer, done: usize| advance(tracer, others + done);
+        let waiting: u64 = groups.iter().map(Group::bytes).sum();
+        let bytes = room.bytes().saturating_sub(waiting);
+        let refined = refiner.refine(tracer, &mut group, (room.rectangles(), bytes), &mut part)?;
+        if refined != Refined::Done {
+            match (refined, &group[..]) {
+                // Their work is lost: it is done again, and comes to the same.
+                (Refined::Full(_), _) if waiting > 0 => groups.iter_mut().for_each(Group::let_go),
+                (Refined::Full(bytes), [one]) => return Err(room.too_small(&one.patch, bytes)),
+                _ => groups.push(Group::Begun(group.split_off(group.len() / 2))),
+            }
+            groups.push(Group::Begun(group));
+            continue;
+        }
+        finished += group.len();
+        let patches: Vec<&Patch> = group.iter().map(|work| &work.patch).collect();
+        let (mut cells, empty) = emitter.cells(tracer, &patches)?;
+        for work in &group {
+            cells.splits += u64::from(work.patch.splits);
+            cells.tally = cells.tally + tally_of(work.errors, work.rays, &view.budget);
+        }
+        // Cells may take as much again.
+        drop(patches);
+        drop(group);
+        cells.balance();
+        take(tracer, cells, empty)?;
+    }
+    Ok(())
+}
+
+/// Rows whose rays go side by side.
+fn blocks(rows: &Range<i64>) -> impl Iterator<Item = Range<i64>> {
+    let end = rows.end;
+    rows.clone()
+        .step_by(numbers::narrow::<usize>(ROWS_TOGETHER))
+        .map(move |first| first..(first + ROWS_TOGETHER).min(end))
+}

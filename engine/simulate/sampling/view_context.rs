@@ -1,0 +1,56 @@
+//! Inputs of the sampling of a view.
+
+use super::error_budget::ErrorBudget;
+use super::facet_lists::SampleFacets;
+use super::lattice::Lattice;
+use super::moment_recording::MomentRecording;
+use super::projected_bounds::ProjectedBounds;
+use super::response::Response;
+use beamlet_geometry::Sample;
+use beamlet_interface::Ray;
+use beamlet_model::optics::Optics;
+use beamlet_model::scene::Motion;
+use std::ops::Range;
+
+/// Inputs of the cells of a view.
+#[derive(Debug)]
+pub(crate) struct ViewContext<'a> {
+    /// Elements of the beam.
+    pub optics: &'a Optics,
+    /// The sample in the view.
+    pub motion: Motion,
+    /// Its sample.
+    pub sample: &'a Sample,
+    /// Surfaces of the sample, whose facets describe the space between rays.
+    pub facets: &'a SampleFacets,
+    /// Its lattice.
+    pub lattice: &'a Lattice,
+    /// Index of the view.
+    pub index: u32,
+    /// Projected bounds of the components.
+    pub projected_bounds: &'a [ProjectedBounds],
+    /// Keep the moments of the rays, for other energies or masks.
+    pub recording: Option<&'a MomentRecording>,
+    /// What changes of a result do to recorded values.
+    pub response: &'a Response,
+    /// What sampling may leave.
+    pub budget: ErrorBudget,
+}
+
+impl ViewContext<'_> {
+    /// The ray through a place of a beamlet (m from its centre) and row (share of it).
+    pub(super) fn ray(&self, beamlet: i64, row: i64, x: f32, z: f32) -> Ray {
+        self.lattice.ray(beamlet, f64::from(x), row as f64 + f64::from(z), self.index)
+    }
+
+    /// Rows whose light is recorded, of the whole detector: cells do not depend on bands.
+    pub(super) fn recorded_rows(&self) -> Range<i64> {
+        let blur = self.lattice.blur_rows;
+        -blur..i64::from(self.optics.detector.pixels[1]) + blur
+    }
+
+    /// How much farther than its result says light may land, at another energy.
+    pub(super) fn delta_ratio(&self) -> f64 {
+        self.recording.map_or(1.0, |recording| recording.delta_ratio)
+    }
+}

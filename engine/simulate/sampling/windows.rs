@@ -1,0 +1,192 @@
+//! Windows on the analyser: the blurred apertures of the detector mask, or pixels, one to a period.
+
+use beamlet_core::numbers::{self, single};
+use beamlet_model::optics::Openings;
+
+/// Points of the table of a window per period of the windows.
+const POINTS_PER_PERIOD: usize = 512;
+/// Half width of the table, periods.
+const REACH: usize = 2;
+/// Strips of a triangle whose light windows see.
+const STRIPS: u16 = 4;
+/// Windows are sharp where they blur less than this share of the deviation of a piece: then all of its
+/// outline counts.
+const SHARP: f32 = 0.25;
+/// Pieces that share an edge of a sharp window err alike there.
+const ALIKE: f32 = 2.0;
+
+/// Windows of one width and period.
+#[derive(Debug, Clone)]
+pub(super) struct Windows {
+    /// Share of the light that they pass where they are open.
+    pub(super) share: f32,
+    /// Integral of the light through one window over the landing point, m, at points from
+    /// -REACH periods on.
+    integral: Vec<f32>,
+    /// Ends of the windows of a period, m, where they are sharper than points of the table show.
+    sharp: Option<Vec<[f32; 2]>>,
+    /// Period on the analyser, m.
+    period: f32,
+    /// Standard deviation of the blur on the analyser, m.
+    blur: f32,
+    /// Distance from the centre of the nearest of these windows to the centre of the nearest aperture of
+    /// the detector mask, m, by beamlet of the lattice; empty if they are those apertures.
+    aside: Vec<f32>,
+}
+
+/// Light as windows see it: spread over 2 `half` about a landing point, m.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct Seen {
+    at: f32,
+    half: f32,
+    /// Number of the nearest window, and what passes that and the two beside it.
+    home: f32,
+    passed: [f32; 3],
+}
+
+impl Windows {
+    /// Windows behind a blur, m, that pass a share of the light.
+    pub(super) fn new(openings: &Openings, blur: f64, share: f32, aside: Vec<f32>) -> Self {
+        let period = openings.period[0];
+        let is_sharp = blur * POINTS_PER_PERIOD as f64 <= period;
+        Self {
+            share,
+            integral: window_integral(openings, blur),
+            sharp: is_sharp.then(|| openings.ends().map(|ends| ends.map(single)).collect()),
+            period: single(period),
+            blur: single(blur),
+            aside,
+        }
+    }
+
+    /// Distance of the landing point of light from the centre of a window, m, given the distance `at`
+    /// from the centre of an aperture of the detector mask.
+    fn landing(&self, column: usize, at: f32) -> f32 {
+        self.aside.get(column).map_or(at, |aside| at + aside)
+    }
+
+    /// Integral of the light through the window at 0 over the landing point.
+    fn integral(&self, at: f32) -> f32 {
+        if let Some(windows) = &self.sharp {
+            return windows.iter().map(|[low, high]| at.clamp(*low, *high)).sum();
+        }
+        let points = POINTS_PER_PERIOD as f32;
+        let place = (at / self.period + REACH as f32) * points;
+        if place <= 0.0 {
+            self.integral[0]
+        } else if place >= (self.integral.len() - 1) as f32 {
+            self.integral[self.integral.len() - 1]
+        } else {
+            let index = numbers::whole::<usize>(f64::from(place));
+            let (a, b) = (self.integral[index], self.integral[index + 1]);
+            a + (b - a) * (place - index as f32)
+        }
+    }
+
+    /// Share of light spread evenly over [at - half, at + half] that passes the window at 0.
+    fn passed(&self, at: f32, half: f32) -> f32 {
+        (self.integral(at + half) - self.integral(at - half)) / (2.0 * half)
+    }
+
+    /// Share of light spread over a triangle that passes the window at 0: of strips of it. From its
+    /// side at `-sqrt(2) deviation` the density falls to nothing at twice that on the other side.
+    fn passed_of_triangle(&self, at: f32, deviation: f32) -> f32 {
+        let side = std::f32::consts::SQRT_2 * deviation;
+        let half = 1.5 * side / f32::from(STRIPS);
+        let strip = |index: u16| {
+            let weight = f32::from(2 * (STRIPS - index) - 1) / f32::from(STRIPS * STRIPS);
+            weight * self.passed(at - side + half * f32::from(2 * index + 1), half.abs())
+        };
+        (0..STRIPS).map(strip).sum()
+    }
+
+    /// Light of the beamlet at `column` that lands at `at`, spread over 2 `half`, as windows see it.
+    pub(super) fn seen(&self, column: usize, [light, at]: [f32; 2], half: f32) -> Seen {
+        let at = self.landing(column, at);
+        // The table has no points within less; and the quotient below keeps its digits.
+        let half = half.max(2.0 * self.period / POINTS_PER_PERIOD as f32);
+        let home = (at / self.period).round();
+        Seen { at, half, home, passed: self.passed_near(light, at, home, half) }
+    }
+
+    /// Light that passes the window `home` and those beside it.
+    fn passed_near(&self, light: f32, at: f32, home: f32, half: f32) -> [f32; 3] {
+        [-1.0, 0.0, 1.0].map(|k| light * self.passed(at - (home + k) * self.period, half))
+    }
+
+    /// Largest change of the light in any window if `own` had another amount and landing point.
+    pub(super) fn change(&self, column: usize, own: (&Seen, f32), [light, at]: [f32; 2]) -> f32 {
+        let (seen, own_light) = own;
+        let at = self.landing(column, at);
+        let most = |a: [f32; 3], b: [f32; 3]| {
+            a.iter().zip(b).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max)
+        };
+        let near = most(seen.passed, self.passed_near(light, at, seen.home, seen.half));
+        let home = (at / self.period).round();
+        if (home - seen.home).abs() < 0.5 {
+            return near;
+        }
+        let there = self.passed_near(own_light, seen.at, home, seen.half);
+        near.max(most(there, self.passed_near(light, at, home, seen.half)))
+    }
+
+    /// Share of light spread evenly over [at - half, at + half] that may pass a window more or less
+    /// if it is spread otherwise, with the same mean and variance: as over a triangle.
+    pub(super) fn outline(&self, column: usize, at: f32, half: f32) -> f32 {
+        let at = self.landing(column, at);
+        let deviation = half / 3.0_f32.sqrt();
+        let home = at - (at / self.period).round() * self.period;
+        let point = 2.0 * self.period / POINTS_PER_PERIOD as f32;
+        let is_sharp = self.blur < SHARP * deviation;
+        let change = |window: f32| {
+            let at = home - window * self.period;
+            if is_sharp {
+                let own = self.passed(at, half);
+                let either =
+                    [-deviation, deviation].map(|it| (own - self.passed_of_triangle(at, it)).abs());
+                return ALIKE * either[0].max(either[1]);
+            }
+            let [near, far] = [at - 0.75 * deviation, at + 1.333 * deviation];
+            let two = 0.64 * self.passed(near, point) + 0.36 * self.passed(far, point);
+            (self.passed(at, half.max(point)) - two).abs()
+        };
+        [-1.0, 0.0, 1.0].map(change).into_iter().fold(0.0, f32::max)
+    }
+}
+
+/// Integral of the windows of a period, blurred by a Gaussian, at the points of the table.
+fn window_integral(openings: &Openings, blur: f64) -> Vec<f32> {
+    let last = 2 * REACH * POINTS_PER_PERIOD;
+    // Second antiderivative of the Gaussian.
+    let ramp = |x: f64| {
+        let t = x / blur;
+        if t.abs() > 8.0 {
+            return x.max(0.0);
+        }
+        let density = libm::exp(-0.5 * t * t) / (2.0 * std::f64::consts::PI).sqrt();
+        x * 0.5 * libm::erfc(-t * std::f64::consts::FRAC_1_SQRT_2) + blur * density
+    };
+    let at = |point: usize| {
+        let x = (point as f64 / POINTS_PER_PERIOD as f64 - REACH as f64) * openings.period[0];
+        single(openings.ends().map(|[low, high]| ramp(x - low) - ramp(x - high)).sum())
+    };
+    (0..=last).map(at).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use beamlet_model::optics::Mask;
+    use beamlet_model::scene::{MaskBody, MaskSpec};
+
+    #[test]
+    fn the_integral_of_a_window_rises_by_its_width() {
+        let body = MaskBody::Sheet { transmission: 0.0 };
+        let spec = MaskSpec::new(1.0, 150e-6, 30e-6, body);
+        let openings = Mask::new("detector_mask", &spec, 1, false).openings(1.0);
+        let table = window_integral(&openings, 6e-6);
+        let rise = f64::from(table[table.len() - 1] - table[0]);
+        assert!((rise - 30e-6).abs() < 1e-10, "{rise}");
+        assert!(table.is_sorted());
+    }
+}

@@ -1,0 +1,279 @@
+//! The sample on the device: uploaded once, views are records.
+
+use crate::accel::Bvh;
+use beamlet_core::Result;
+use beamlet_core::numbers::{count, high_word, low_word, single};
+use beamlet_geometry as geometry;
+use beamlet_gpu::{AccelerationStructure, Buffer, Device};
+use beamlet_interface as interface;
+use beamlet_interface::{KIND_MOVED, KIND_ROUGH, Surface, ViewTransform};
+use beamlet_model::media::{MaterialTable, moment_words};
+use beamlet_model::scene::{Motion, Scene, Transport};
+use glam::{DVec2, DVec3};
+use std::sync::Arc;
+
+/// Error of the slope, rad, above which the first order is not enough at a surface.
+pub(crate) const FIRST_ORDER_ERROR: f64 = 1e-9;
+
+/// The sample on the device, for both backends.
+#[derive(Debug)]
+pub struct DeviceSample {
+    /// The records that shaders start from: at the mean constants of the spectrum, then at each
+    /// of its nodes.
+    records: Buffer,
+    /// Number of materials.
+    pub materials: u32,
+    /// `KIND_` bits of the surfaces that are placed, which kernels have to know of.
+    pub(super) kinds: u32,
+    /// Leaves of the tree over the sample.
+    pub(crate) leaves: u32,
+    _buffers: Vec<Buffer>,
+    _acceleration: Option<AccelerationStructure>,
+}
+
+impl DeviceSample {
+    /// Uploads geometry, materials and views; builds acceleration structures if `ray_query`.
+    /// `across`: [`geometry::across_edges`] of the sample. Rays are flagged for steps of delta that
+    /// are `delta_ratio` times the scene's.
+    ///
+    /// # Errors
+    /// [`beamlet_core::Error::Memory`], [`beamlet_core::Error::Device`], [`beamlet_core::Error::Mesh`].
+    pub fn upload(
+        device: &Arc<Device>,
+        scene: &Scene,
+        sample: &geometry::Sample,
+        across: &[[u32; 3]],
+        media: &MaterialTable,
+        ray_query: bool,
+        delta_ratio: f64,
+    ) -> Result<Self> {
+        let bvh = Bvh::build(sample, across, scene.displacement())?;
+        Self::with_bvh(device, scene, sample, bvh, media, ray_query, delta_ratio)
+    }
+
+    /// As [`DeviceSample::upload`], with the trees of the sample.
+    pub(crate) fn with_bvh(
+        device: &Arc<Device>,
+        scene: &Scene,
+        sample: &geometry::Sample,
+        bvh: Bvh,
+        media: &MaterialTable,
+        ray_query: bool,
+        delta_ratio: f64,
+    ) -> Result<Self> {
+        let Bvh {
+            nodes,
+            leaves,
+            boxes,
+            neighbours,
+            corner_normals,
+            placed,
+            prototypes,
+            shapes,
+            partners,
+            kinds,
+        } = bvh;
+        let reach = from_axis(sample);
+        let motions: Vec<Motion> = scene.poses().collect();
+        let is_moved = !motions.iter().all(Motion::is_turn);
+        let reach = if is_moved { from_origin(sample) + scene.displacement() } else { reach };
+        let views: Vec<_> = motions.iter().map(|motion| view(scene, motion, reach)).collect();
+        let mut surfaces: Vec<Surface> = (0..)
+            .zip(&sample.components)
+            .map(|(i, c)| surface(scene, media, i, c, delta_ratio))
+            .collect();
+        graze_by_partners(scene, media, sample, delta_ratio, &mut surfaces);
+        let rough = surfaces.iter().any(|surface| surface.roughness > 0.0);
+        let kinds =
+            kinds | if rough { KIND_ROUGH } else { 0 } | if is_moved { KIND_MOVED } else { 0 };
+        let materials = media.names.len();
+        let constants: Vec<interface::Constants> = std::iter::once(&media.mean())
+            .chain(&media.constants)
+            .flatten()
+            .map(|c| interface::Constants { mu: single(c.mu), delta: single(c.delta) })
+            .collect();
+        let buffers = vec![
+            upload(device, "nodes", &nodes)?,
+            upload(device, "leaves", &leaves)?,
+            upload(device, "surfaces", &surfaces)?,
+            device.upload("constants", &constants)?,
+            upload(device, "materials of objects", &media.of_object)?,
+            device.upload("views", &views)?,
+            upload(device, "neighbours of leaves", &neighbours)?,
+            upload(device, "places of instances", &placed)?,
+            upload(device, "prototypes", &prototypes)?,
+            upload(device, "shapes", &shapes)?,
+            upload(device, "normals of corners", &corner_normals)?,
+            upload(device, "shapes that cross a shape", &partners)?,
+        ];
+        let (prototype_count, sample_leaves) = (count(prototypes.len()), count(boxes.len()));
+        // The host's copies are freed before the driver allocates memory to build in.
+        drop((nodes, leaves, neighbours, placed));
+        let acceleration = if ray_query && !boxes.is_empty() {
+            let on_device = device.upload("boxes of the acceleration structure", &boxes)?;
+            let number = count(boxes.len());
+            drop(boxes);
+            Some(AccelerationStructure::build(device, &on_device, number)?)
+        } else {
+            None
+        };
+        let table = (materials * size_of::<interface::Constants>()) as u64;
+        let record = |table_index: u64| interface::Sample {
+            nodes: buffers[0].address(),
+            leaves: buffers[1].address(),
+            surfaces: buffers[2].address(),
+            constants: buffers[3].address() + table_index * table,
+            object_materials: buffers[4].address(),
+            views: buffers[5].address(),
+            neighbours: buffers[6].address(),
+            placed: buffers[7].address(),
+            prototypes: buffers[8].address(),
+            shapes: buffers[9].address(),
+            normals: buffers[10].address(),
+            partners: buffers[11].address(),
+            prototype_count,
+            sample_leaves,
+            seed: [low_word(scene.sampling.seed), high_word(scene.sampling.seed)],
+            acceleration: acceleration.as_ref().map_or(0, AccelerationStructure::address),
+        };
+        let records: Vec<_> = (0..=media.weights.len() as u64).map(record).collect();
+        let records = device.upload("sample", &records)?;
+        Ok(Self {
+            records,
+            materials: count(materials),
+            kinds,
+            leaves: sample_leaves,
+            _buffers: buffers,
+            _acceleration: acceleration,
+        })
+    }
+
+    /// Address of the record that shaders start from, at a node of the spectrum or (`None`) at
+    /// the mean constants.
+    #[must_use]
+    pub fn record(&self, node: Option<usize>) -> u64 {
+        let index = node.map_or(0, |n| n + 1);
+        self.records.address() + (index * size_of::<interface::Sample>()) as u64
+    }
+
+    /// Whether some of its surfaces are rough.
+    pub(super) const fn is_rough(&self) -> bool {
+        self.kinds & KIND_ROUGH != 0
+    }
+
+    /// Words of the moments of a ray, without their head.
+    pub(super) const fn moment_words(&self) -> usize {
+        moment_words(self.materials as usize, self.is_rough())
+    }
+}
+
+/// Farthest that anything is from the rotation axis, m.
+fn from_axis(sample: &geometry::Sample) -> f64 {
+    let own = sample.vertices.iter().map(|[x, y, _]| DVec2::new(*x, *y).length());
+    let placed = sample.placed.iter().map(|placed| {
+        let [low, high] = sample.bounds_of_placed(placed);
+        low.abs().max(high.abs()).truncate().length()
+    });
+    own.chain(placed).fold(0.0, f64::max)
+}
+
+/// Farthest that anything is from the rotation centre at most, m.
+fn from_origin(sample: &geometry::Sample) -> f64 {
+    let own = sample.vertices.iter().map(|vertex| DVec3::from_array(*vertex).length());
+    let placed = sample.placed.iter().map(|placed| {
+        let [low, high] = sample.bounds_of_placed(placed);
+        low.abs().max(high.abs()).length()
+    });
+    own.chain(placed).fold(0.0, f64::max)
+}
+
+/// A vector in f32, and its remainder.
+fn twofold(vector: DVec3) -> [[f32; 3]; 2] {
+    let high = vector.to_array().map(single);
+    let rest = vector - DVec3::from_array(high.map(f64::from));
+    [high, rest.to_array().map(single)]
+}
+
+/// Uploads; a zero where there is nothing, for shaders that look at the first.
+fn upload<T: bytemuck::Pod>(device: &Arc<Device>, name: &str, items: &[T]) -> Result<Buffer> {
+    if items.is_empty() { device.upload(name, &[T::zeroed()]) } else { device.upload(name, items) }
+}
+
+fn view(scene: &Scene, motion: &Motion, reach: f64) -> ViewTransform {
+    let [[x, x_rest], [y, y_rest], [z, z_rest]] = motion.rows().map(twofold);
+    let [position, position_rest] = twofold(motion.offset());
+    ViewTransform {
+        x,
+        y,
+        z,
+        x_rest,
+        y_rest,
+        z_rest,
+        position,
+        position_rest,
+        start: -single(1.01 * reach + 1e-6),
+        analyser: single(scene.analyser_distance() - scene.source.distance),
+    }
+}
+
+fn surface(
+    scene: &Scene,
+    media: &MaterialTable,
+    index: u32,
+    component: &geometry::Component,
+    delta_ratio: f64,
+) -> Surface {
+    let [inside, outside] = media.sides(component.object, component.outside);
+    let jump = delta_ratio * media.step(inside, outside);
+    let grazing = match scene.sampling.transport {
+        Transport::FirstOrder => 0.0,
+        Transport::Auto | Transport::Exact => least_cosine(jump),
+    };
+    Surface {
+        object: component.object,
+        inside,
+        outside,
+        hash: hash(index),
+        grazing: single(grazing),
+        roughness: single(scene.objects[component.object as usize].roughness),
+        smooth_: component.smooth.into(),
+    }
+}
+
+/// Surfaces of shapes that cross graze by the largest step of delta to what may be around them.
+fn graze_by_partners(
+    scene: &Scene,
+    media: &MaterialTable,
+    sample: &geometry::Sample,
+    delta_ratio: f64,
+    surfaces: &mut [Surface],
+) {
+    if scene.sampling.transport == Transport::FirstOrder {
+        return;
+    }
+    let component_of = |at: u32| sample.placed[at as usize].component as usize;
+    for (at, partners) in sample.partners.lists() {
+        let own = component_of(at);
+        let inside = surfaces[own].inside;
+        let objects = partners.iter().map(|it| sample.components[component_of(*it)].object);
+        let jump = objects
+            .filter(|it| *it < sample.components[own].object)
+            .map(|it| delta_ratio * media.step(inside, media.of_object[it as usize]))
+            .fold(0.0, f64::max);
+        surfaces[own].grazing = surfaces[own].grazing.max(single(least_cosine(jump)));
+    }
+}
+
+/// Cosine of incidence below which the first order is not enough at a step of delta: the error of
+/// the slope is jump^2 / (2 c^3).
+pub(crate) fn least_cosine(jump: f64) -> f64 {
+    libm::cbrt(jump * jump / (2.0 * FIRST_ORDER_ERROR))
+}
+
+/// Mixes a component's index into 32 bits (splitmix64), so that sums of few of them differ.
+pub(crate) fn hash(component: u32) -> u32 {
+    let mut z = (u64::from(component) + 1).wrapping_mul(0x9e37_79b9_7f4a_7c15);
+    z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+    z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+    ((z ^ (z >> 31)) >> 32) as u32 | 1
+}
