@@ -358,7 +358,7 @@ fn moments_with_a_good_hash_and_a_bad_content_are_refused_by_name_or_end_in_stac
     run(&path, None);
     let view = path.join("moments/view_0001.bin");
     let good = std::fs::read(&view).unwrap();
-    let rounds = std::env::var("BEAMLET_ROUNDS").map_or(40, |text| text.parse().unwrap());
+    let rounds = std::env::var("BEAMLET_ROUNDS").map_or(16, |text| text.parse().unwrap());
     let seed = std::env::var("BEAMLET_SEED").map_or(1, |text| text.parse().unwrap());
     let values = [
         0,

@@ -18,20 +18,21 @@ const KILL: &str = r#"
 #include <string.h>
 #include <unistd.h>
 static unsigned calls;
-static void count(const char *kind) {
+static void count(const char *kind, const char *path) {
     const char *wanted = getenv("KILL_KIND"), *at = getenv("KILL_AT");
-    if (!wanted || !at || strcmp(kind, wanted)) return;
+    /* Mesa renames and removes files of its own. */
+    if (!wanted || !at || strcmp(kind, wanted) || strstr(path, "mesa_shader_cache")) return;
     if (__atomic_add_fetch(&calls, 1, __ATOMIC_RELAXED) == (unsigned)atoi(at))
         for (;;) kill(getpid(), SIGKILL);
 }
 #define REAL(name) ((__typeof__(&name))dlsym(RTLD_NEXT, #name))
-int rename(const char *from, const char *to) { count("rename"); return REAL(rename)(from, to); }
+int rename(const char *from, const char *to) { count("rename", to); return REAL(rename)(from, to); }
 int linkat(int a, const char *from, int b, const char *to, int how) {
-    count("rename");
+    count("rename", to);
     return REAL(linkat)(a, from, b, to, how);
 }
-int unlink(const char *path) { count("removal"); return REAL(unlink)(path); }
-int rmdir(const char *path) { count("removal"); return REAL(rmdir)(path); }
+int unlink(const char *path) { count("removal", path); return REAL(unlink)(path); }
+int rmdir(const char *path) { count("removal", path); return REAL(rmdir)(path); }
 "#;
 
 /// Gold masks, a rod in 3 views, and a spectrum from a file.
@@ -81,8 +82,6 @@ fn kills(place: &Workplace, library: &Path, line: &str, kind: &str) -> u32 {
     loop {
         let mut command = beamlet(place.path(""));
         command.args(line.split_whitespace()).env("LD_PRELOAD", library);
-        // Mesa renames files of its own.
-        command.env("MESA_SHADER_CACHE_DISABLE", "true");
         let output =
             command.env("KILL_KIND", kind).env("KILL_AT", at.to_string()).output().unwrap();
         match (output.status.code(), output.status.signal()) {
