@@ -1,14 +1,14 @@
 //! What objects cover of one another: where they overlap the one listed later wins.
 //!
-//! Every earlier object loses the volumes that later ones cover, by booleans of meshes in f64 (`solid`).
+//! Every earlier object loses the volumes that later ones cover, by booleans of meshes in f64 (`closed_mesh`).
 //! Later stages see bodies that are disjoint or nested: sums over their surfaces need no order. Only
 //! *parts* (`parts`: a closed outer surface with its voids) that intersect are cut (`meeting`); disjoint
 //! and properly nested parts do not change.
 
+mod closed_mesh;
 mod closing;
 mod meeting;
 mod parts;
-mod solid;
 
 use rayon::prelude::*;
 use std::collections::{BTreeSet, HashSet};
@@ -20,10 +20,10 @@ use super::surface::Surface;
 use beamlet_core::error::{Error, Result};
 use beamlet_core::numbers;
 use beamlet_core::watch::{LoadStep, Task};
+pub use closed_mesh::PEAK_PER_CUT_TRIANGLE;
+pub(crate) use closed_mesh::{ClosedMesh, snap};
 pub(crate) use meeting::{Around, Meetings, pairs, tolerance};
 pub(crate) use parts::Parts;
-pub use solid::PEAK_PER_CUT_TRIANGLE;
-pub(crate) use solid::{Solid, snap};
 
 /// What happens to the objects of a sample because they overlap.
 #[derive(Debug, Default)]
@@ -119,8 +119,8 @@ impl Cuts {
             })
             .collect::<Result<_>>()?;
         let mut holes = vec![0; bodies.len()];
-        for (part, solid) in parts.all.iter().zip(&operands.solids) {
-            holes[part.object] += solid.get().map_or(0, |it| it.holes);
+        for (part, mesh) in parts.all.iter().zip(&operands.meshes) {
+            holes[part.object] += mesh.get().map_or(0, |it| it.holes);
         }
         drop(operands);
         for (body, holes) in bodies.iter_mut().zip(holes).filter(|it| it.1 > 0) {
@@ -167,7 +167,7 @@ impl Cuts {
         for cutter in &self.cutters[number] {
             let pair = [number, *cutter as usize];
             let failed = |problem| parts.failed(pair, names, problem);
-            let [own, other] = pair.map(|part| operands.solid(part));
+            let [own, other] = pair.map(|part| operands.mesh(part));
             let [first, second] = pair.map(|part| parts.all[part].object);
             let limit = tolerance(bounds(first), bounds(second));
             if own.and(other, task, failed)?.thickness() > 2.0 * limit {
@@ -200,14 +200,14 @@ impl Cuts {
         if !self.covered[number].is_empty() && part.defective.is_none() {
             return Ok(Surface::default());
         }
-        let mut left = operands.solid(number).clone();
+        let mut left = operands.mesh(number).clone();
         for group in parts.apart(&self.cutters[number]) {
             if task.is_cancelled() {
                 return Err(Error::Interrupted);
             }
             let failed = |problem| parts.failed([number, group[0] as usize], names, problem);
             left = match group[..] {
-                [one] => left.less(operands.solid(one as usize), task, failed)?,
+                [one] => left.less(operands.mesh(one as usize), task, failed)?,
                 _ => left.less(&operands.joined(&group), task, failed)?,
             };
         }
@@ -220,22 +220,22 @@ struct Operands<'a> {
     bodies: &'a [Body],
     parts: &'a Parts,
     members: Vec<Vec<u32>>,
-    solids: Vec<OnceLock<Solid>>,
+    meshes: Vec<OnceLock<ClosedMesh>>,
 }
 
 impl<'a> Operands<'a> {
     fn new(bodies: &'a [Body], parts: &'a Parts) -> Self {
-        let solids = parts.all.iter().map(|_| OnceLock::new()).collect();
-        Self { bodies, parts, members: parts.members(bodies), solids }
+        let meshes = parts.all.iter().map(|_| OnceLock::new()).collect();
+        Self { bodies, parts, members: parts.members(bodies), meshes }
     }
 
-    fn solid(&self, part: usize) -> &Solid {
-        self.solids[part].get_or_init(|| self.joined(&[numbers::count(part)]))
+    fn mesh(&self, part: usize) -> &ClosedMesh {
+        self.meshes[part].get_or_init(|| self.joined(&[numbers::count(part)]))
     }
 
-    fn joined(&self, parts: &[u32]) -> Solid {
+    fn joined(&self, parts: &[u32]) -> ClosedMesh {
         let clean = parts.iter().all(|it| self.parts.all[*it as usize].defective.is_none());
-        Solid::of(&self.parts.joined(parts, &self.members, self.bodies), clean)
+        ClosedMesh::of(&self.parts.joined(parts, &self.members, self.bodies), clean)
     }
 }
 

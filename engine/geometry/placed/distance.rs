@@ -16,7 +16,7 @@ pub(super) struct Standing<'a> {
 
 /// An analytic shape in its place, about a point near it.
 #[derive(Clone, Copy)]
-pub(super) enum Solid<'a> {
+pub(super) enum PlacedShape<'a> {
     Convex(AnalyticShape, &'a Place, DVec3),
     Pipe(Pipe),
 }
@@ -43,7 +43,7 @@ impl Standing<'_> {
     }
 
     /// Its exact surface; `None` for a mesh.
-    fn solid(&self, about: DVec3) -> Option<Solid<'_>> {
+    fn solid(&self, about: DVec3) -> Option<PlacedShape<'_>> {
         let shape = self.prototype.shape?;
         let scale = self.place.scale;
         let centre = self.place.position - about;
@@ -52,14 +52,14 @@ impl Standing<'_> {
                 let half_height = it.half_height * scale * self.place.stretch;
                 let size = Tube { outer: it.outer * scale, inner: it.inner * scale, half_height };
                 let axes = [DVec3::X, DVec3::Y, DVec3::Z].map(|it| self.place.rotation * it);
-                Solid::Pipe(Pipe { centre, axes, size })
+                PlacedShape::Pipe(Pipe { centre, axes, size })
             }
-            Form::Frustum(_) | Form::Ellipsoid(_) => Solid::Convex(shape, self.place, centre),
+            Form::Frustum(_) | Form::Ellipsoid(_) => PlacedShape::Convex(shape, self.place, centre),
         })
     }
 }
 
-impl Solid<'_> {
+impl PlacedShape<'_> {
     /// The point of a convex solid that is farthest along a direction.
     fn support(&self, direction: DVec3) -> DVec3 {
         match self {

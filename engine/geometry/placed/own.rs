@@ -10,7 +10,7 @@ use super::distance::Standing;
 use super::fate::Fate;
 use super::group::Group;
 use super::meeting::{are_apart, meets_place};
-use crate::overlap::{Solid, snap, tolerance};
+use crate::overlap::{ClosedMesh, snap, tolerance};
 use crate::surface::{Surface, in_mm};
 use crate::topology::{self, join, labels};
 use beamlet_core::error::{Error, Result};
@@ -147,5 +147,5 @@ pub(super) fn united(
         let near = first.map_or(String::new(), |it| format!("near {}", in_mm(it)));
         Error::mesh(format!("\"{name}\""), problem, near)
     };
-    Solid::united(&surfaces, clean, task, &failed)
+    ClosedMesh::united(&surfaces, clean, task, &failed)
 }

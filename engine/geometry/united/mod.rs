@@ -15,7 +15,7 @@ use rayon::prelude::*;
 use super::Component;
 use super::body::{is_flat, measure, without_thin};
 use super::defects::CrossingPair;
-use super::overlap::{Solid, snap};
+use super::overlap::{ClosedMesh, snap};
 use super::search::{Search, winding_by_solid_angle};
 use super::surface::{Surface, bounds_of, corners_of, encloses, in_mm};
 use super::topology::{self, Edge, join, labels};
@@ -382,11 +382,11 @@ fn one(cluster: &[u32], all: &[Shell], task: Task<'_>) -> Result<Surface> {
                 outer.append(surface);
             }
         }
-        let mut solid = Solid::of(&outer, true);
+        let mut solid = ClosedMesh::of(&outer, true);
         for cutter in cutters {
-            solid = solid.less(&Solid::of(&cutter, true), task, failed)?;
+            solid = solid.less(&ClosedMesh::of(&cutter, true), task, failed)?;
         }
         solids.push(solid);
     }
-    Solid::sum(solids, task, &failed)
+    ClosedMesh::sum(solids, task, &failed)
 }

@@ -25,7 +25,7 @@ const TICK: Duration = Duration::from_millis(50);
 
 /// A closed mesh as the library takes it.
 #[derive(Clone)]
-pub(crate) struct Solid {
+pub(crate) struct ClosedMesh {
     mesh: Manifold,
     /// Holes that were closed.
     pub(super) holes: usize,
@@ -33,7 +33,7 @@ pub(crate) struct Solid {
     clean: bool,
 }
 
-impl Solid {
+impl ClosedMesh {
     /// Takes a surface, oriented outwards; `clean`: that is closed and passes through itself nowhere.
     /// Holes of others are closed with flat covers.
     pub(crate) fn of(surface: &Surface, clean: bool) -> Self {
@@ -80,7 +80,7 @@ impl Solid {
     /// Its intersection with `other`.
     ///
     /// # Errors
-    /// As [`Solid::less`].
+    /// As [`ClosedMesh::less`].
     pub(super) fn and(
         &self,
         other: &Self,
@@ -91,30 +91,30 @@ impl Solid {
     }
 
     /// Several surfaces as one, those that lie together in the list first; `clean`: as of
-    /// [`Solid::of`].
+    /// [`ClosedMesh::of`].
     ///
     /// # Errors
-    /// As [`Solid::less`].
+    /// As [`ClosedMesh::less`].
     pub(crate) fn united(
         surfaces: &[Surface],
         clean: bool,
         task: Task<'_>,
         failed: &(impl Fn(String) -> Error + Sync),
     ) -> Result<Surface> {
-        let solids = surfaces.par_iter().map(|surface| Self::of(surface, clean)).collect();
-        Self::sum(solids, task, failed)
+        let meshes = surfaces.par_iter().map(|surface| Self::of(surface, clean)).collect();
+        Self::sum(meshes, task, failed)
     }
 
-    /// Several solids as one, those that lie together in the list first.
+    /// Several meshes as one, those that lie together in the list first.
     ///
     /// # Errors
-    /// As [`Solid::less`].
+    /// As [`ClosedMesh::less`].
     pub(crate) fn sum(
-        mut solids: Vec<Self>,
+        mut meshes: Vec<Self>,
         task: Task<'_>,
         failed: &(impl Fn(String) -> Error + Sync),
     ) -> Result<Surface> {
-        while solids.len() > 1 {
+        while meshes.len() > 1 {
             if task.is_cancelled() {
                 return Err(Error::Interrupted);
             }
@@ -122,9 +122,9 @@ impl Solid {
                 [one, other] => one.combine(other, OpType::Add, task, failed),
                 _ => Ok(pair[0].clone()),
             };
-            solids = solids.par_chunks(2).map(both).collect::<Result<_>>()?;
+            meshes = meshes.par_chunks(2).map(both).collect::<Result<_>>()?;
         }
-        Ok(solids.first().map_or_else(Surface::default, Self::surface))
+        Ok(meshes.first().map_or_else(Surface::default, Self::surface))
     }
 
     /// Mean thickness, m: twice the volume over the area; 0 of nothing.
@@ -140,9 +140,9 @@ impl Solid {
         task: Task<'_>,
         failed: impl Fn(String) -> Error,
     ) -> Result<Self> {
-        for solid in [self, other] {
-            if solid.mesh.status() != types::Error::NoError {
-                return Err(failed(solid.mesh.status().to_str().to_lowercase()));
+        for operand in [self, other] {
+            if operand.mesh.status() != types::Error::NoError {
+                return Err(failed(operand.mesh.status().to_str().to_lowercase()));
             }
         }
         let triangles = self.mesh.num_tri() + other.mesh.num_tri();
