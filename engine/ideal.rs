@@ -256,7 +256,7 @@ impl Pixels<'_> {
         let share = (number as f64 * SECOND_GOLDEN + 0.5).fract();
         let own = whole::<usize>(share * poses as f64).min(poses - 1);
         let pose = count(view * poses + own);
-        Ray { x: at_x, z: at_z, slope_x, slope_z, view: pose, key: 0 }
+        Ray { x: at_x, z: at_z, slope_x, slope_z, pose, key: 0 }
     }
 
     fn images(&self, found: &[Found]) -> Result<BTreeMap<String, Array3<f32>>> {

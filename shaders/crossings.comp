@@ -40,7 +40,7 @@ void main() {
     uint index = push.first + gl_GlobalInvocationID.x;
     if (index >= push.count) return;
     Ray ray = push.rays.at[index];
-    Beam beam = beam_of(ray, sample_.views.at[ray.view]);
+    Beam beam = beam_of(ray, sample_.poses.at[ray.pose]);
     Gathered list = list_begin(-1e30, NO_LEAF);
     traverse(beam, -1e30, list);
     for (uint i = 0u; i < list.count; i++) {

@@ -73,7 +73,7 @@ void main() {
     Ray ray = push.rays.at[index];
     ray.x += push.ray_offset;
     ray.z += 0.7 * push.ray_offset;
-    Beam line = beam_of(ray, sample_.views.at[ray.view]);
+    Beam line = beam_of(ray, sample_.poses.at[ray.pose]);
     Gathered list = list_begin(0.0, NO_LEAF);
     bool known = false;
     do {

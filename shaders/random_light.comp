@@ -60,7 +60,7 @@ void main() {
     float gap = light.detector - light.analyser;
     uvec2 own = uvec2(0u); // sum of the pixel's own light
     for (uint r = 0u; r < push.batch; r++) {
-        Draw d = draw(light, pixel, push.view, push.seed, push.first_ray + r, push.rays_per_pixel);
+        Draw d = draw(light, pixel, push.pose, push.seed, push.first_ray + r, push.rays_per_pixel);
         RayResult result = RayResult(0.0, 0.0, 0.0, 0.0, 0.0, 0u, 0u, 0u, 0.0);
         if (push.empty == 0u) result = push.results.at[p * push.batch + r];
         if ((result.flags & FLAG_NOT_FINITE) != 0u) continue;

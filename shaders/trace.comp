@@ -123,7 +123,7 @@ void main() {
     if (index >= push.count) return;
     if (push.listed != 0u) index = push.list.at[1u + index];
     Ray ray = ray_at(index);
-    Beam beam = beam_of(ray, sample_.views.at[ray.view]);
+    Beam beam = beam_of(ray, sample_.poses.at[ray.pose]);
     Gathered all = gathered_begin(beam, index, true);
 #ifdef PLACED
     if ((KINDS & KIND_ROUGH) != 0u) {

@@ -25,10 +25,10 @@ layout(local_size_x = GROUP) in;
 // A ray of a lane.
 struct Member {
     uint index;
-    bool waits; // for its view to be walked
+    bool waits; // for its pose to be walked
     bool walks;
-    uint view;
-    Beam beam; // its view set while it walks
+    uint pose;
+    Beam beam; // its pose set while it walks
     Gathered all;
 };
 
@@ -72,7 +72,7 @@ uint children_met(Children children, bool all_) {
 
 // A bundle on its way through the tree.
 struct Search {
-    ViewTransform view;
+    PoseTransform pose;
     Bounds bounds;
     Stack stack;
     uvec2 group;    // inner children that are left, for pop_child()
@@ -83,8 +83,8 @@ struct Search {
     bool more;      // nodes are left
 };
 
-Search search_begin(ViewTransform view, Bounds bounds) {
-    return Search(view, bounds, stack_begin(), uvec2(0u, 0x80000000u), 0u, 0u, 0u, 0u, true);
+Search search_begin(PoseTransform pose, Bounds bounds) {
+    return Search(pose, bounds, stack_begin(), uvec2(0u, 0x80000000u), 0u, 0u, 0u, 0u, true);
 }
 
 // Continues with a node that has leaves in the way of some ray.
@@ -94,7 +94,7 @@ void next_node(inout Search search) {
         uint node = pop_child(search.group);
         if (search.group.y >= 0x01000000u) stack_push(search.stack, search.group);
         Children children =
-            children_of(Words(uvec2(sample_.nodes)), node, search.view, search.bounds);
+            children_of(Words(uvec2(sample_.nodes)), node, search.pose, search.bounds);
         search.visited += 1u;
         bool wide = search.visited > NODES + NODES_PER_TRIANGLE * search.triangles;
         uint met = children_met(children, wide);
@@ -149,7 +149,7 @@ bool ends_runs(Surface surface, bool crossed[RAYS_PER_LANE], out bool ending[RAY
 }
 
 // Takes leaves of a node until some ray crosses a triangle, a shape comes, which is left, or no leaf
-// is left. `frame`: the beam's view, which is the same for all rays; `before`: leaves that were left
+// is left. `frame`: the beam's pose, which is the same for all rays; `before`: leaves that were left
 // before the last one was taken.
 void next_triangle(inout Search search, Beam frame, out Record leaf,
                    out Facet facets[RAYS_PER_LANE], out bool shape, out uint before) {
@@ -309,10 +309,10 @@ bool visit_to_triangle(inout Search search, Beam frame, inout bool ending[RAYS_P
 #endif
 
 // Hands all crossings of the rays that walk to their runs.
-void walk_together(ViewTransform view) {
-    Search search = search_begin(view, bounds_of_rays());
+void walk_together(PoseTransform pose) {
+    Search search = search_begin(pose, bounds_of_rays());
     Beam frame = rays[0].beam;
-    set_view(frame, view);
+    set_pose(frame, pose);
     bool ends; // runs of some rays
     // CPU devices skip no code but by leaving a loop at its end: rare code is outside, and triangles and
     // shapes have loops of their own.
@@ -346,7 +346,7 @@ void main() {
         if (push.listed != 0u) index = push.list.at[1u + index];
         Ray ray = ray_at(index);
         rays[k].index = index;
-        rays[k].view = ray.view;
+        rays[k].pose = ray.pose;
         rays[k].beam = beam_of(ray);
         rays[k].all = gathered_begin(rays[k].beam, index, rays[k].waits);
 #ifdef PLACED
@@ -354,18 +354,18 @@ void main() {
 #endif
     }
     bool left;
-    do { // one view after another, where a bundle has several
-        uint view = 0u;
-        EACH_RAY view = max(view, rays[k].waits ? rays[k].view + 1u : 0u);
-        view = max(most_of_lanes(view), 1u) - 1u;
+    do { // one pose after another, where a bundle has several
+        uint pose = 0u;
+        EACH_RAY pose = max(pose, rays[k].waits ? rays[k].pose + 1u : 0u);
+        pose = max(most_of_lanes(pose), 1u) - 1u;
         left = false;
         EACH_RAY {
-            rays[k].walks = rays[k].waits && rays[k].view == view;
+            rays[k].walks = rays[k].waits && rays[k].pose == pose;
             rays[k].waits = rays[k].waits && !rays[k].walks;
             left = left || rays[k].waits;
         }
         left = any_lane(uint(left)) != 0u;
-        ViewTransform frame = sample_.views.at[view];
+        PoseTransform frame = sample_.poses.at[pose];
         EACH_RAY rays[k].beam.analyser = frame.analyser;
         walk_together(frame);
     } while (left);

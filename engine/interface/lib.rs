@@ -120,8 +120,8 @@ pub use reconstruct::{
     ProjectMovedPush, ProjectPush, Sheet, ViewTurn,
 };
 pub use walk::{
-    AnalyticShape, Constants, Crossing, CrossingsPush, ExactPush, Leaf, Node, Placed, Prototype,
-    Ray, RayResult, Sample, Surface, SurfaceCrossing, TracePush, ViewTransform,
+    AnalyticShape, Constants, Crossing, CrossingsPush, ExactPush, Leaf, Node, Placed,
+    PoseTransform, Prototype, Ray, RayResult, Sample, Surface, SurfaceCrossing, TracePush,
 };
 
 impl RayResult {

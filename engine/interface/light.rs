@@ -219,7 +219,7 @@ shared_structs! {
         /// Rays per pixel in this batch.
         pub batch: u32,
         pub pixel_count: u32,
-        pub view: u32,
+        pub pose: u32,
     }
 
     /// Push constants of `random_light.comp`.
@@ -234,7 +234,7 @@ shared_structs! {
         pub first_ray: u32,
         pub batch: u32,
         pub pixel_count: u32,
-        pub view: u32,
+        pub pose: u32,
         /// No sample: every result is zero.
         pub empty: u32,
         pub first_step: u32,

@@ -1,4 +1,4 @@
-//! What walks read and write. Lengths in metres in the beam frame of a view unless said otherwise.
+//! What walks read and write. Lengths in metres in the beam frame of a pose unless said otherwise.
 
 shared_structs! {
     /// Structs of the walks.
@@ -12,16 +12,17 @@ shared_structs! {
         pub slope_x: f32,
         /// dz/dy.
         pub slope_z: f32,
-        pub view: u32,
+        /// Index of the pose among the poses of all views.
+        pub pose: u32,
         /// Of the normals that the ray draws at rough surfaces; 0: it draws them where it is traced
         /// exactly alone.
         pub key: u32,
     }
 
-    /// Motion of the sample in a view, and planes of constant y in the beam frame. Rows of the rotation
+    /// Motion of the sample in a pose, and planes of constant y in the beam frame. Rows of the rotation
     /// from the world to the beam frame, then a translation: in f32, and its remainder.
-    pub struct ViewTransform in Views(readonly) {
-        /// Of a turn about z: its cosine, the sine of the view's angle, and 0.
+    pub struct PoseTransform in Poses(readonly) {
+        /// Of a turn about z: its cosine, the sine of its angle, and 0.
         pub x: [f32; 3],
         pub y: [f32; 3],
         pub z: [f32; 3],
@@ -176,7 +177,7 @@ shared_structs! {
         pub object_materials: u64 => ObjectMaterials,
         /// Address of the top-level acceleration structure.
         pub acceleration: u64,
-        pub views: u64 => Views,
+        pub poses: u64 => Poses,
         /// `[leaf][edge opposite to a, b, c]`: leaf of the same tree, counted from its first; `NO_LEAF` at
         /// an open edge.
         pub neighbours: u64 => Neighbours,

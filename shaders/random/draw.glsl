@@ -1,4 +1,4 @@
-// Random source offsets and spread targets: pure functions of (seed, view, row, column, sample), so
+// Random source offsets and spread targets: pure functions of (seed, pose, row, column, sample), so
 // that they do not depend on tiling or batches.
 
 #include "random/hash.glsl"
@@ -23,8 +23,8 @@ vec2 target_of(uvec4 key, uint column, uint ray, uvec2 rays) {
     return vec2((float(ray) + 0.5) / float(rays.x), down) - 0.5;
 }
 
-Draw draw(IlluminationParams light, Pixel pixel, uint view, uvec2 seed, uint ray, uvec2 rays) {
-    uvec4 key = pcg4d(uvec4(seed, view, uint(pixel.row)));
+Draw draw(IlluminationParams light, Pixel pixel, uint pose, uvec2 seed, uint ray, uvec2 rays) {
+    uvec4 key = pcg4d(uvec4(seed, pose, uint(pixel.row)));
     uvec4 bits = pcg4d(key ^ uvec4(uint(pixel.column), ray, 0u, 0u));
     vec2 gauss = normal_pair(bits.xy);
     vec2 target = target_of(key, uint(pixel.column), ray, rays);

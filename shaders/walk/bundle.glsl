@@ -53,11 +53,11 @@ bool meets(Beam beam, Box box) {
 }
 
 // A box of the world from the beam: the smallest around it.
-Box box_from_world(vec3 low, vec3 high, ViewTransform view) {
+Box box_from_world(vec3 low, vec3 high, PoseTransform pose) {
 #ifdef PLACED
     if (MOVED) {
-        mat3 from_world = transpose(mat3(view.x, view.y, view.z));
-        Box box = Box(view.position, view.position);
+        mat3 from_world = transpose(mat3(pose.x, pose.y, pose.z));
+        Box box = Box(pose.position, pose.position);
         for (uint axis = 0u; axis < 3u; axis++) {
             vec3 near = from_world[axis] * low[axis];
             vec3 far = from_world[axis] * high[axis];
@@ -67,10 +67,10 @@ Box box_from_world(vec3 low, vec3 high, ViewTransform view) {
         return box;
     }
 #endif
-    vec2 xc = vec2(low.x, high.x) * view.x.x;
-    vec2 xs = vec2(low.x, high.x) * view.x.y;
-    vec2 yc = vec2(low.y, high.y) * view.x.x;
-    vec2 ys = vec2(low.y, high.y) * view.x.y;
+    vec2 xc = vec2(low.x, high.x) * pose.x.x;
+    vec2 xs = vec2(low.x, high.x) * pose.x.y;
+    vec2 yc = vec2(low.y, high.y) * pose.x.x;
+    vec2 ys = vec2(low.y, high.y) * pose.x.y;
     return Box(vec3(min(xc.x, xc.y) + min(ys.x, ys.y), min(yc.x, yc.y) - max(xs.x, xs.y), low.z),
                vec3(max(xc.x, xc.y) + max(ys.x, ys.y), max(yc.x, yc.y) - min(xs.x, xs.y), high.z));
 }
@@ -79,7 +79,7 @@ Box box_of_lane(Box box, uint lane) {
     return Box(subgroupShuffle(box.low, lane), subgroupShuffle(box.high, lane));
 }
 
-Children children_of(Words nodes, uint node, ViewTransform view, Bounds bounds) {
+Children children_of(Words nodes, uint node, PoseTransform pose, Bounds bounds) {
     Record record = record_at(nodes, node, NODE_WORDS);
     vec3 origin = numbers_of(record, NODE_ORIGIN);
     uint exponents = word_of(record, NODE_EXPONENTS);
@@ -96,7 +96,7 @@ Children children_of(Words nodes, uint node, ViewTransform view, Bounds bounds) 
     uint meta = word_of_two(record, NODE_META, word) >> shift & 0xffu;
     Children children;
     children.box = box_from_world(vec3(low >> shift & 0xffu) * scale + origin,
-                                  vec3(high >> shift & 0xffu) * scale + origin, view);
+                                  vec3(high >> shift & 0xffu) * scale + origin, pose);
     children.bits = meets(bounds, children.box) ? (meta >> 5) << (meta & 31u) : 0u;
     children.base = word_of(record, NODE_CHILD_BASE);
     children.inner = exponents >> 24;

@@ -2,7 +2,7 @@
 // along one interval of the line, cut by the caps. So an entry and an exit are found together, or none.
 // The bore of a tube takes the middle out of that interval, between the same caps.
 
-// A convex shape in the beam frame of a view.
+// A convex shape in the beam frame of a pose.
 struct Convex {
     bool capped;
     vec3 centre;  // m
@@ -41,7 +41,7 @@ Convex convex_of(Beam frame, Placed placed, AnalyticShape shape) {
     bool both = capped && (KINDS & KIND_ELLIPSOID) != 0u;
     convex.capped = both ? shape.kind != SHAPE_ELLIPSOID : capped;
     if (MOVED) {
-        Twofold3 centre = moved_from_world(frame.view, Twofold3(placed.position, placed.rest));
+        Twofold3 centre = moved_from_world(frame.pose, Twofold3(placed.position, placed.rest));
         convex.centre = centre.high;
         convex.rest = centre.low;
     } else {

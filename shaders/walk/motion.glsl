@@ -1,4 +1,4 @@
-// How the sample is placed in a view: vectors and points of the world and of the beam frame. Views
+// How the sample is placed in a pose: vectors and points of the world and of the beam frame. Poses
 // that turn the sample about z alone have kernels of their own: these pay nothing for the others.
 
 #ifdef PLACED
@@ -9,7 +9,7 @@ layout(constant_id = 0) const uint KINDS = 511u;
 const bool MOVED = (KINDS & KIND_MOVED) != 0u;
 #endif
 
-// A ray in the beam frame of its view.
+// A ray in the beam frame of its pose.
 struct Beam {
     float x; // at y = 0
     float z;
@@ -20,21 +20,21 @@ struct Beam {
     float start;
     float analyser;
 #ifdef PLACED
-    ViewTransform view;
+    PoseTransform pose;
 #endif
 };
 
-void set_view(inout Beam beam, ViewTransform view) {
-    beam.cos_angle = view.x.x;
-    beam.sin_angle = view.x.y;
-    beam.start = view.start;
-    beam.analyser = view.analyser;
+void set_pose(inout Beam beam, PoseTransform pose) {
+    beam.cos_angle = pose.x.x;
+    beam.sin_angle = pose.x.y;
+    beam.start = pose.start;
+    beam.analyser = pose.analyser;
 #ifdef PLACED
-    beam.view = view;
+    beam.pose = pose;
 #endif
 }
 
-// A ray without its view.
+// A ray without its pose.
 Beam beam_of(Ray ray) {
     Beam beam;
     beam.x = ray.x;
@@ -46,18 +46,18 @@ Beam beam_of(Ray ray) {
     return beam;
 }
 
-Beam beam_of(Ray ray, ViewTransform view) {
+Beam beam_of(Ray ray, PoseTransform pose) {
     Beam beam = beam_of(ray);
-    set_view(beam, view);
+    set_pose(beam, pose);
     return beam;
 }
 
 vec3 beam_from_world_direction(Beam beam, vec3 v) {
 #ifdef PLACED
     if (MOVED) {
-        vec3 x = vec3(beam.view.x.x, beam.view.y.x, beam.view.z.x);
-        vec3 y = vec3(beam.view.x.y, beam.view.y.y, beam.view.z.y);
-        vec3 z = vec3(beam.view.x.z, beam.view.y.z, beam.view.z.z);
+        vec3 x = vec3(beam.pose.x.x, beam.pose.y.x, beam.pose.z.x);
+        vec3 y = vec3(beam.pose.x.y, beam.pose.y.y, beam.pose.z.y);
+        vec3 z = vec3(beam.pose.x.z, beam.pose.y.z, beam.pose.z.z);
         precise vec3 turned = v.x * x + v.y * y + v.z * z;
         return turned;
     }
@@ -70,14 +70,14 @@ vec3 beam_from_world_direction(Beam beam, vec3 v) {
 vec3 beam_from_world(Beam beam, vec3 point) {
     precise vec3 place = beam_from_world_direction(beam, point);
 #ifdef PLACED
-    if (MOVED) place += beam.view.position;
+    if (MOVED) place += beam.pose.position;
 #endif
     return place;
 }
 
 vec3 world_from_beam_direction(Beam beam, vec3 v) {
 #ifdef PLACED
-    if (MOVED) return v.x * beam.view.x + v.y * beam.view.y + v.z * beam.view.z;
+    if (MOVED) return v.x * beam.pose.x + v.y * beam.pose.y + v.z * beam.pose.z;
 #endif
     return vec3(v.x * beam.cos_angle - v.y * beam.sin_angle,
                 v.x * beam.sin_angle + v.y * beam.cos_angle, v.z);
@@ -85,7 +85,7 @@ vec3 world_from_beam_direction(Beam beam, vec3 v) {
 
 vec3 world_from_beam(Beam beam, vec3 point) {
 #ifdef PLACED
-    if (MOVED) point = (point - beam.view.position) - beam.view.position_rest;
+    if (MOVED) point = (point - beam.pose.position) - beam.pose.position_rest;
 #endif
     return world_from_beam_direction(beam, point);
 }
@@ -95,12 +95,12 @@ Twofold sum_of(Twofold3 v) {
     return add(add(twofold_x(v), twofold_y(v)), twofold_z(v));
 }
 
-// A point of the world in the beam frame of a view that is no turn about z.
-Twofold3 moved_from_world(ViewTransform view, Twofold3 point) {
-    Twofold x = sum_of(multiply(point, Twofold3(view.x, view.x_rest)));
-    Twofold y = sum_of(multiply(point, Twofold3(view.y, view.y_rest)));
-    Twofold z = sum_of(multiply(point, Twofold3(view.z, view.z_rest)));
+// A point of the world in the beam frame of a pose that is no turn about z.
+Twofold3 moved_from_world(PoseTransform pose, Twofold3 point) {
+    Twofold x = sum_of(multiply(point, Twofold3(pose.x, pose.x_rest)));
+    Twofold y = sum_of(multiply(point, Twofold3(pose.y, pose.y_rest)));
+    Twofold z = sum_of(multiply(point, Twofold3(pose.z, pose.z_rest)));
     Twofold3 turned = Twofold3(vec3(x.high, y.high, z.high), vec3(x.low, y.low, z.low));
-    return add(turned, Twofold3(view.position, view.position_rest));
+    return add(turned, Twofold3(pose.position, pose.position_rest));
 }
 #endif

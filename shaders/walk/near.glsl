@@ -11,11 +11,11 @@ float contact_limit(float y, float extent) {
     return max(CONTACT, CONTACT_ROUNDING * extent + PLACE_ROUNDING * abs(y));
 }
 
-// How far the view moves the sample, beam frame.
+// How far the pose moves the sample, beam frame.
 float moved_by(Beam beam) {
 #ifdef PLACED
     if (MOVED) {
-        vec3 moved = abs(beam.view.position);
+        vec3 moved = abs(beam.pose.position);
         return max(max(moved.x, moved.y), moved.z);
     }
 #endif

@@ -30,7 +30,7 @@ vec3 drawn_normal(vec3 normal_, vec3 direction, Surface surface, uint key, uint 
 // Key of the normals that a ray without one draws.
 uint key_of(Ray ray) {
     uvec4 bits = floatBitsToUint(vec4(ray.x, ray.z, ray.slope_x, ray.slope_z));
-    return pcg4d(bits ^ pcg4d(uvec4(sample_.seed, ray.view, 0u))).x;
+    return pcg4d(bits ^ pcg4d(uvec4(sample_.seed, ray.pose, 0u))).x;
 }
 
 // Change of slope of a ray at a rough surface from medium delta_i to delta_r; `reflected` if it stays in

@@ -108,7 +108,7 @@ pub(crate) fn rays(name: &str, n: u32) -> Vec<Ray> {
             let (tile, within) = (i / 16, i % 16);
             let (column, row) = (tile % (n / 4) * 4 + within % 4, tile / (n / 4) * 4 + within / 4);
             let (x, z) = (at(column) as f32, -at(row) as f32);
-            Ray { x, z, slope_x: x / 1.21, slope_z: z / 1.21, view: 0, key: 0 }
+            Ray { x, z, slope_x: x / 1.21, slope_z: z / 1.21, pose: 0, key: 0 }
         })
         .collect()
 }

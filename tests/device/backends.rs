@@ -124,7 +124,7 @@ fn results_are_the_same_ray_by_ray() {
                 z: z as f32,
                 slope_x: sx as f32,
                 slope_z: sz as f32,
-                view: i % 3,
+                pose: i % 3,
                 key: 0,
             }
         })

@@ -129,7 +129,7 @@ fn random_rays(count: usize, random: &mut Random) -> Vec<Ray> {
         let (x, z) = (random.between(-0.55e-3, 0.55e-3), random.between(-0.3e-3, 0.3e-3));
         let slope = |at: f64, random: &mut Random| (at / 1.21 + random.between(-3e-5, 3e-5)) as f32;
         let (slope_x, slope_z) = (slope(x, random), slope(z, random));
-        Ray { x: x as f32, z: z as f32, slope_x, slope_z, view: u32::from(i % 2 == 1), key: 0 }
+        Ray { x: x as f32, z: z as f32, slope_x, slope_z, pose: u32::from(i % 2 == 1), key: 0 }
     };
     (0..count).map(ray).collect()
 }
@@ -177,7 +177,7 @@ fn rays_through_different_bodies_of_an_object_have_different_signatures() {
         (drum(), true),
         (ball.into(), true),
     ];
-    let ray = |x: f32| Ray { x, z: 0.0, slope_x: 0.0, slope_z: 0.0, view: 0, key: 0 };
+    let ray = |x: f32| Ray { x, z: 0.0, slope_x: 0.0, slope_z: 0.0, pose: 0, key: 0 };
     let rays = [-61e-6, -59e-6, 59e-6, 61e-6].map(ray);
     for (geometry, placed) in kinds {
         let mut scene = scenes::scene(&Setup::paper([4, 4]), &[], &[0.0]);

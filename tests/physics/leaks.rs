@@ -141,7 +141,7 @@ fn ray(x: f64, z: f64, slope: [f64; 2], view: u32) -> Ray {
         z: z as f32,
         slope_x: slope[0] as f32,
         slope_z: slope[1] as f32,
-        view,
+        pose: view,
         key: 0,
     }
 }

@@ -131,7 +131,7 @@ fn rays(view: u32) -> Vec<Ray> {
     let slope = |k: u16, n: u16| (0.4e-3 * ((f32::from(k) + 0.41) / f32::from(n) - 0.5)) / 1.21;
     let of = |k: u16| {
         let [slope_x, slope_z] = [slope(k % 40, 40), slope(k / 40, 30)];
-        Ray { x: slope_x * 1.21, z: slope_z * 1.21, slope_x, slope_z, view, key: 0 }
+        Ray { x: slope_x * 1.21, z: slope_z * 1.21, slope_x, slope_z, pose: view, key: 0 }
     };
     (0..1200).map(of).collect()
 }
@@ -350,7 +350,7 @@ fn scattered(backend: Backend, scene: &Scene, view: u32) -> [[f64; 2]; 2] {
     let rays: Vec<Ray> = (0..8000_u16)
         .map(|k| {
             let [x, z] = [k % 100, k / 100].map(|k| 1e-6 * (f32::from(k) - 50.0));
-            Ray { x, z, slope_x: 0.0, slope_z: 0.0, view, key: 0 }
+            Ray { x, z, slope_x: 0.0, slope_z: 0.0, pose: view, key: 0 }
         })
         .collect();
     let results = trace(&simulation, &rays).unwrap();

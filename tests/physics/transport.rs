@@ -40,7 +40,7 @@ fn ray(x: f64, z: f64, slope: [f64; 2], view: u32) -> Ray {
         z: z as f32,
         slope_x: slope[0] as f32,
         slope_z: slope[1] as f32,
-        view,
+        pose: view,
         key: 0,
     }
 }
@@ -372,7 +372,7 @@ fn f32_walk_is_the_f64_walk_in_turned_views() {
     let rays = rays_over(1.6e-3, 10_000, 5, &mut random);
     let (results, moments) = trace(&engine, &bodies, &angles, Transport::FirstOrder, &rays);
     for (i, ray) in rays.iter().enumerate() {
-        let want = reference(&samples[ray.view as usize], ray, Order::First);
+        let want = reference(&samples[ray.pose as usize], ray, Order::First);
         let path = f64::from(moments.of(i, 1).path);
         first.take(&results[i], Some(path), &want, &format!("{ray:?}"));
     }

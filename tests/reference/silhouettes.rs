@@ -112,7 +112,7 @@ pub fn near_silhouettes(
             z: middle[1] as f32,
             slope_x: slope[0] as f32,
             slope_z: slope[1] as f32,
-            view: 0,
+            pose: 0,
             key: 0,
         }
     };

@@ -154,7 +154,7 @@ fn result_of_a_ray_does_not_depend_on_its_company_or_on_who_asks_for_moments() {
                     z,
                     slope_x: x / 1.21,
                     slope_z: z / 1.21,
-                    view: (tile / 144).into(),
+                    pose: (tile / 144).into(),
                     key: 0,
                 }
             })

@@ -39,8 +39,8 @@ impl RandomKernels {
 pub(crate) struct RandomBatch<'a> {
     /// Pixels, inside the detector or beside it.
     pub pixels: &'a [Pixel],
-    /// Index of the view.
-    pub view: u32,
+    /// Index of the pose among the poses of all views.
+    pub pose: u32,
     /// All rays of these pixels miss the sample.
     pub empty: bool,
 }
@@ -85,7 +85,7 @@ pub(crate) fn illuminate_random(
                     first_ray,
                     batch,
                     pixel_count,
-                    view: job.view,
+                    pose: job.pose,
                 };
                 let groups = (pixel_count * batch).div_ceil(GROUP);
                 device.run(|r| {
@@ -107,7 +107,7 @@ pub(crate) fn illuminate_random(
                     first_ray,
                     batch,
                     pixel_count,
-                    view: job.view,
+                    pose: job.pose,
                     empty: job.empty.into(),
                     first_step,
                 };

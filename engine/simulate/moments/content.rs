@@ -101,7 +101,7 @@ impl Bounds {
     fn is_exact(self, cell: &ExactCell) -> bool {
         let ray = |ray: &Ray| {
             let floats = [ray.x, ray.z, ray.slope_x, ray.slope_z];
-            ray.view == self.view && floats.iter().all(|value| value.abs() <= WALKED)
+            ray.pose == self.view && floats.iter().all(|value| value.abs() <= WALKED)
         };
         let result = |result: &RayResult| {
             let RayResult {

@@ -19,8 +19,8 @@ const STEEPEST: f64 = 0.241_970_7;
 const LEAST: f64 = 5e-4;
 /// Error of opaque edges that is worth a warning if no ray decides.
 const LEAST_UNTRACED: f64 = 1e-3;
-/// Views in which edges are looked for, at most.
-const MOST_VIEWS: usize = 64;
+/// Poses in which edges are looked for, at most.
+const MOST_POSES: usize = 64;
 
 /// Error of edges off the rotation centre, which the spot blurs as if they were there.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -156,35 +156,35 @@ impl LightPath {
     }
 }
 
-/// An object in a view whose edges may be wrong.
+/// An object in a pose whose edges may be wrong.
 #[derive(Debug, Clone)]
 pub(super) struct Suspect {
     pub object: String,
-    pub(crate) view: u32,
+    pub(crate) pose: u32,
     pub(super) extent: BeamExtent,
     /// Upper bound, and the place along the beam that has it, m.
     pub(crate) bound: f64,
     pub y: f64,
 }
 
-/// Objects by view, those with the largest bound first; none where each ray draws its source point.
+/// Objects by pose, those with the largest bound first; none where each ray draws its source point.
 pub(super) fn suspects(scene: &Scene, swept: &Swept) -> Vec<Suspect> {
     if scene.sampling.scheme == Scheme::Random {
         return Vec::new();
     }
     let paths = [0, 1].map(|axis| LightPath::new(scene, axis));
     let bound = |y: f64| paths.iter().map(|path| path.bound(y)).fold(0.0, f64::max);
-    let views = scene.scan.poses();
-    let every = views.div_ceil(MOST_VIEWS).max(1);
+    let poses = scene.scan.poses();
+    let every = poses.div_ceil(MOST_POSES).max(1);
     let mut suspects = Vec::new();
-    for view in (0..views).step_by(every) {
-        for (object, extent) in swept.extents_of_objects(scene, view) {
+    for pose in (0..poses).step_by(every) {
+        for (object, extent) in swept.extents_of_objects(scene, pose) {
             let [near, far] = extent.y;
             let y = if bound(near) > bound(far) { near } else { far };
             let object = object.to_owned();
             suspects.push(Suspect {
                 object,
-                view: numbers::count(view),
+                pose: numbers::count(pose),
                 extent,
                 bound: bound(y),
                 y,

@@ -178,21 +178,21 @@ impl Simulation {
         }
     }
 
-    /// A pose of the sample, by its index.
-    fn view<'a>(
+    /// Inputs of the sampling of a pose.
+    fn pose_context<'a>(
         &'a self,
-        index: u32,
+        pose: u32,
         projected_bounds: &'a [ProjectedBounds],
         response: &'a Response,
     ) -> sampling::ViewContext<'a> {
         let optics = self.detector.optics();
         sampling::ViewContext {
             optics,
-            motion: self.scene.pose(index as usize, optics.detector.pitch[0]),
+            motion: self.scene.pose(pose as usize, optics.detector.pitch[0]),
             sample: &self.sample,
             facets: &self.facets,
             lattice: &self.lattice,
-            index,
+            pose,
             projected_bounds,
             recording: self.recording.as_ref(),
             response,

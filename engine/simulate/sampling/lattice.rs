@@ -140,14 +140,14 @@ impl Lattice {
     /// The ray from the source centre through `x` of a beamlet (m, from its centre, in the cell
     /// plane) that reaches the detector at row coordinate `row` (downwards, 0 on top).
     #[must_use]
-    pub fn ray(&self, beamlet: i64, x: f64, row: f64, view: u32) -> Ray {
+    pub fn ray(&self, beamlet: i64, x: f64, row: f64, pose: u32) -> Ray {
         let [slope_x, slope_z] = self.slopes(beamlet, x, row);
         Ray {
             x: single(slope_x * self.rotation),
             z: single(slope_z * self.rotation),
             slope_x: single(slope_x),
             slope_z: single(slope_z),
-            view,
+            pose,
             key: 0,
         }
     }

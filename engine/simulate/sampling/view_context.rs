@@ -1,4 +1,4 @@
-//! Inputs of the sampling of a view.
+//! Inputs of the sampling of a pose of a view.
 
 use super::error_budget::ErrorBudget;
 use super::facet_lists::SampleFacets;
@@ -12,12 +12,12 @@ use beamlet_model::optics::Optics;
 use beamlet_model::scene::Motion;
 use std::ops::Range;
 
-/// Inputs of the cells of a view.
+/// Inputs of the cells of a pose of a view.
 #[derive(Debug)]
 pub(crate) struct ViewContext<'a> {
     /// Elements of the beam.
     pub optics: &'a Optics,
-    /// The sample in the view.
+    /// Motion of the sample in the pose.
     pub motion: Motion,
     /// Its sample.
     pub sample: &'a Sample,
@@ -25,8 +25,8 @@ pub(crate) struct ViewContext<'a> {
     pub facets: &'a SampleFacets,
     /// Its lattice.
     pub lattice: &'a Lattice,
-    /// Index of the view.
-    pub index: u32,
+    /// Index of the pose among the poses of all views.
+    pub pose: u32,
     /// Projected bounds of the components.
     pub projected_bounds: &'a [ProjectedBounds],
     /// Keep the moments of the rays, for other energies or masks.
@@ -40,7 +40,7 @@ pub(crate) struct ViewContext<'a> {
 impl ViewContext<'_> {
     /// The ray through a place of a beamlet (m from its centre) and row (share of it).
     pub(super) fn ray(&self, beamlet: i64, row: i64, x: f32, z: f32) -> Ray {
-        self.lattice.ray(beamlet, f64::from(x), row as f64 + f64::from(z), self.index)
+        self.lattice.ray(beamlet, f64::from(x), row as f64 + f64::from(z), self.pose)
     }
 
     /// Rows whose light is recorded, of the whole detector: cells do not depend on bands.

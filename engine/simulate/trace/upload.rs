@@ -1,4 +1,4 @@
-//! The sample on the device: uploaded once, views are records.
+//! The sample on the device: uploaded once, poses are records.
 
 use crate::accel::Bvh;
 use beamlet_core::Result;
@@ -6,7 +6,7 @@ use beamlet_core::numbers::{count, high_word, low_word, single};
 use beamlet_geometry as geometry;
 use beamlet_gpu::{AccelerationStructure, Buffer, Device};
 use beamlet_interface as interface;
-use beamlet_interface::{KIND_MOVED, KIND_ROUGH, Surface, ViewTransform};
+use beamlet_interface::{KIND_MOVED, KIND_ROUGH, PoseTransform, Surface};
 use beamlet_model::media::{MaterialTable, moment_words};
 use beamlet_model::scene::{Motion, Scene, Transport};
 use glam::{DVec2, DVec3};
@@ -32,7 +32,7 @@ pub struct DeviceSample {
 }
 
 impl DeviceSample {
-    /// Uploads geometry, materials and views; builds acceleration structures if `ray_query`.
+    /// Uploads geometry, materials and poses; builds acceleration structures if `ray_query`.
     /// `across`: [`geometry::across_edges`] of the sample. Rays are flagged for steps of delta that
     /// are `delta_ratio` times the scene's.
     ///
@@ -77,7 +77,8 @@ impl DeviceSample {
         let motions: Vec<Motion> = scene.poses().collect();
         let is_moved = !motions.iter().all(Motion::is_turn);
         let reach = if is_moved { from_origin(sample) + scene.displacement() } else { reach };
-        let views: Vec<_> = motions.iter().map(|motion| view(scene, motion, reach)).collect();
+        let poses: Vec<_> =
+            motions.iter().map(|motion| pose_transform(scene, motion, reach)).collect();
         let mut surfaces: Vec<Surface> = (0..)
             .zip(&sample.components)
             .map(|(i, c)| surface(scene, media, i, c, delta_ratio))
@@ -98,7 +99,7 @@ impl DeviceSample {
             upload(device, "surfaces", &surfaces)?,
             device.upload("constants", &constants)?,
             upload(device, "materials of objects", &media.of_object)?,
-            device.upload("views", &views)?,
+            device.upload("poses", &poses)?,
             upload(device, "neighbours of leaves", &neighbours)?,
             upload(device, "places of instances", &placed)?,
             upload(device, "prototypes", &prototypes)?,
@@ -124,7 +125,7 @@ impl DeviceSample {
             surfaces: buffers[2].address(),
             constants: buffers[3].address() + table_index * table,
             object_materials: buffers[4].address(),
-            views: buffers[5].address(),
+            poses: buffers[5].address(),
             neighbours: buffers[6].address(),
             placed: buffers[7].address(),
             prototypes: buffers[8].address(),
@@ -199,10 +200,10 @@ fn upload<T: bytemuck::Pod>(device: &Arc<Device>, name: &str, items: &[T]) -> Re
     if items.is_empty() { device.upload(name, &[T::zeroed()]) } else { device.upload(name, items) }
 }
 
-fn view(scene: &Scene, motion: &Motion, reach: f64) -> ViewTransform {
+fn pose_transform(scene: &Scene, motion: &Motion, reach: f64) -> PoseTransform {
     let [[x, x_rest], [y, y_rest], [z, z_rest]] = motion.rows().map(twofold);
     let [position, position_rest] = twofold(motion.offset());
-    ViewTransform {
+    PoseTransform {
         x,
         y,
         z,

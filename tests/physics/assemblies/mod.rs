@@ -108,7 +108,7 @@ pub(super) fn random_rays(count: usize, random: &mut Random) -> Vec<Ray> {
     let one = |random: &mut Random| {
         let [x, z] = [0; 2].map(|_| random.between(-1.8e-3, 1.8e-3));
         let slope = |at: f64| (at / SOURCE) as f32;
-        Ray { x: x as f32, z: z as f32, slope_x: slope(x), slope_z: slope(z), view: 0, key: 0 }
+        Ray { x: x as f32, z: z as f32, slope_x: slope(x), slope_z: slope(z), pose: 0, key: 0 }
     };
     (0..count).map(|_| one(random)).collect()
 }

@@ -210,7 +210,7 @@ fn rays_cross_the_interfaces_of_the_bodies_listed_last() {
             }
         };
         let public =
-            |ray: &Ray| beamlet::Ray::new(ray.view, [ray.x, ray.z], [ray.slope_x, ray.slope_z]);
+            |ray: &Ray| beamlet::Ray::new(ray.pose, [ray.x, ray.z], [ray.slope_x, ray.slope_z]);
         let public: Vec<_> = rays.iter().map(public).collect();
         let finder = bench.finder(&scene(&bodies, Transport::FirstOrder));
         finder.find(&public, visit).expect("crossings");

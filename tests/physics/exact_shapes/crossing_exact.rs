@@ -84,7 +84,7 @@ fn along_caps(all: &[Arrangement], random: &mut Random) -> Vec<(usize, Ray)> {
             let [slope_x, slope_z] = slope.map(|it| it as f32);
             let [x, z] =
                 [x - f64::from(slope_x) * y, z - f64::from(slope_z) * y].map(|it| it as f32);
-            rays.push((of, Ray { x, z, slope_x, slope_z, view: 0, key: 0 }));
+            rays.push((of, Ray { x, z, slope_x, slope_z, pose: 0, key: 0 }));
         }
     }
     rays
@@ -168,7 +168,7 @@ fn mouth_of_a_bore_does_not_reflect() {
     let slope = -0.3e-3_f32;
     let ray = |k: u16| {
         let x = (f32::from(k) - 50.0) * 2e-5;
-        Ray { x, z: 2e-3, slope_x: 0.0, slope_z: slope, view: 0, key: 0 }
+        Ray { x, z: 2e-3, slope_x: 0.0, slope_z: slope, pose: 0, key: 0 }
     };
     let rays: Vec<Ray> = (0..=100).map(ray).collect();
     let strong = [50.0, 4.6e-6];

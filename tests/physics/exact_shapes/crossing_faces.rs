@@ -22,7 +22,7 @@ fn objects(solids: &[Solid]) -> Vec<Object> {
 fn along_face(x: f64, z: f64, wide: f64) -> Vec<Ray> {
     let ray = |k: u32| {
         let x = (x + wide * (f64::from(k) / 50.0 - 1.0)) as f32;
-        Ray { x, z: z as f32, slope_x: 0.0, slope_z: -0.3e-3, view: 0, key: 0 }
+        Ray { x, z: z as f32, slope_x: 0.0, slope_z: -0.3e-3, pose: 0, key: 0 }
     };
     (0..=100).map(ray).collect()
 }
@@ -103,7 +103,7 @@ fn rough_faces_do_not_scatter_where_later_faces_lie_in_them() {
     let ray = |k: u32| {
         let [x, z] = [13, 17].map(|step| f64::from(k * step % 101) / 101.0 - 0.5);
         let [x, z] = [x, z].map(|it| (0.7e-3 * it) as f32);
-        Ray { x, z, slope_x: 0.0, slope_z: 0.0, view: 0, key: 0 }
+        Ray { x, z, slope_x: 0.0, slope_z: 0.0, pose: 0, key: 0 }
     };
     let cells: Vec<Ray> = (0..4000).map(ray).collect();
     let drawn: Vec<Ray> =

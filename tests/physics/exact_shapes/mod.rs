@@ -109,7 +109,7 @@ fn ray_through(point: Vector, view: u32, angle: f64, random: &mut Random) -> Ray
     let [x, y, z] = turned(point, [0.0, 0.0, 1.0], -angle);
     let slope = [0; 2].map(|_| random.between(-0.05, 0.05) as f32);
     let [x, z] = [x - f64::from(slope[0]) * y, z - f64::from(slope[1]) * y];
-    Ray { x: x as f32, z: z as f32, slope_x: slope[0], slope_z: slope[1], view, key: 0 }
+    Ray { x: x as f32, z: z as f32, slope_x: slope[0], slope_z: slope[1], pose: view, key: 0 }
 }
 
 /// Rays through the ball around a solid.

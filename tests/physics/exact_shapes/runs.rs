@@ -49,7 +49,7 @@ fn curve(setup: &Setup, solid: Option<&Solid>, column: u32) -> Vec<f64> {
             z: 0.0,
             slope_x: slope[0] as f32,
             slope_z: slope[1] as f32,
-            view: 0,
+            pose: 0,
             key: 0,
         };
         let moved = solid

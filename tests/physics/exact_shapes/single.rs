@@ -90,7 +90,7 @@ fn crossings_lie_on_the_surface_and_match_f64() {
 }
 
 fn public(ray: &Ray) -> beamlet::Ray {
-    beamlet::Ray::new(ray.view, [ray.x, ray.z], [ray.slope_x, ray.slope_z])
+    beamlet::Ray::new(ray.pose, [ray.x, ray.z], [ray.slope_x, ray.slope_z])
 }
 
 /// Deviations from sums of the first order.
@@ -218,7 +218,7 @@ fn tube_is_a_cylinder_less_its_bore() {
     let mut path = Worst::new("way through it, m", 6e-9);
     let mut nested = Worst::new("slope of a tube less that of nested cylinders, rad", 2e-12);
     let at = |k: u16| (f32::from(k) - 50.0) * 4.1e-5;
-    let ray = |k| Ray { x: at(k), z: 0.0, slope_x: 0.0, slope_z: 0.0, view: 0, key: 0 };
+    let ray = |k| Ray { x: at(k), z: 0.0, slope_x: 0.0, slope_z: 0.0, pose: 0, key: 0 };
     let rays: Vec<Ray> = (0..=100).map(ray).collect();
     for (backend, transport) in backends()
         .into_iter()
@@ -277,7 +277,7 @@ fn cylinder_and_sphere_are_the_lenses_of_the_textbook() {
         for backend in backends() {
             let mut tracer = bench.tracer(backend, &carbon(&solid, Transport::FirstOrder));
             let at = |k: u16| (f32::from(k) - 50.0) * 7.2e-5;
-            let ray = |k| Ray { x: at(k), z: 0.0, slope_x: 0.0, slope_z: 0.0, view: 0, key: 0 };
+            let ray = |k| Ray { x: at(k), z: 0.0, slope_x: 0.0, slope_z: 0.0, pose: 0, key: 0 };
             let rays: Vec<Ray> = (0..=100).map(ray).collect();
             let (mut squares, mut count) = (0.0, 0.0);
             for (ray, result) in rays.iter().zip(tracer.trace(&rays).expect("results")) {

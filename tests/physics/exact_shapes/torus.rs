@@ -51,7 +51,7 @@ fn rays_through_a_torus_match_closed_forms_within_its_facets() {
         z: random.between(-0.95 * TUBE, 0.95 * TUBE) as f32,
         slope_x: 0.0,
         slope_z: 0.0,
-        view: 0,
+        pose: 0,
         key: 0,
     };
     let rays: Vec<Ray> = (0..4000).map(one).collect();

@@ -20,7 +20,7 @@ fn slopes(backend: Backend, sigma: f64, incidence: f64, draws: u32) -> [Vec<f64>
     let scene = face(sigma, incidence, CARBON);
     let engine = engine(backend);
     let simulation = engine.prepare(&scene).expect("a sample");
-    let ray = |key| Ray { x: 1e-6, z: 2e-6, slope_x: 0.0, slope_z: 0.0, view: 0, key };
+    let ray = |key| Ray { x: 1e-6, z: 2e-6, slope_x: 0.0, slope_z: 0.0, pose: 0, key };
     let rays: Vec<Ray> = (1..=draws).map(ray).collect();
     let results = trace(&simulation, &rays).expect("results");
     assert!(results.iter().all(|result| result.flags & !0xff00_0007 == 0), "flags");
@@ -195,7 +195,7 @@ fn draws_belong_to_rays_and_seeds() {
     scene.sampling.seed = 2;
     let engine = engine(Backend::Bvh);
     let simulation = engine.prepare(&scene).expect("a sample");
-    let ray = |key| Ray { x: 1e-6, z: 2e-6, slope_x: 0.0, slope_z: 0.0, view: 0, key };
+    let ray = |key| Ray { x: 1e-6, z: 2e-6, slope_x: 0.0, slope_z: 0.0, pose: 0, key };
     let rays: Vec<Ray> = (1..=1000).map(ray).collect();
     let others = trace(&simulation, &rays).expect("results");
     let equal = others.iter().zip(&first).filter(|(a, b)| f64::from(a.slope_x) / CARBON[1] == **b);

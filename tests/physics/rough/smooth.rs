@@ -40,7 +40,7 @@ fn sphere(sides: Option<u32>) -> Shape {
 fn rays() -> Vec<Ray> {
     let at = |i: u32| 0.9 * RADIUS * (f64::from(i) / 2000.0 - 1.0);
     (0..=4000)
-        .map(|i| Ray { x: at(i) as f32, z: 0.31e-3, slope_x: 0.0, slope_z: 0.0, view: 0, key: 0 })
+        .map(|i| Ray { x: at(i) as f32, z: 0.31e-3, slope_x: 0.0, slope_z: 0.0, pose: 0, key: 0 })
         .collect()
 }
 
@@ -116,7 +116,7 @@ fn silhouettes_of_smooth_normals_are_followed() {
             let simulation = engine.prepare(&scene).expect("a sample");
             let at = |i: u32| RADIUS * (0.98 + 0.02 * f64::from(i) / 5000.0);
             let rim =
-                |i| Ray { x: at(i) as f32, z: 0.0, slope_x: 0.0, slope_z: 0.0, view: 0, key: 0 };
+                |i| Ray { x: at(i) as f32, z: 0.0, slope_x: 0.0, slope_z: 0.0, pose: 0, key: 0 };
             let rays: Vec<Ray> = (0..5000).map(rim).collect();
             let results = trace(&simulation, &rays).expect("results");
             let lost = results.iter().filter(|result| result.flags & 8 != 0).count();

@@ -1,4 +1,4 @@
-//! The cells of a view as they go to the illumination, for tests.
+//! The cells of a pose as they go to the illumination, for tests.
 
 use super::Simulation;
 use crate::sampling::{self, CellBatch};
@@ -7,16 +7,16 @@ use beamlet_core::Result;
 use beamlet_model::scene::Exposure;
 use std::ops::Range;
 
-/// The cells of some detector rows of a view (scheme `cells`); of a detector with blur, of rows of
+/// The cells of some detector rows of a pose (scheme `cells`); of a detector with blur, of rows of
 /// its grid.
 ///
 /// # Errors
 /// As [`Simulation::run`].
-pub fn cells_of_rows(simulation: &Simulation, view: u32, rows: Range<i64>) -> Result<CellBatch> {
-    let projected_bounds = simulation.projected_bounds(view);
+pub fn cells_of_rows(simulation: &Simulation, pose: u32, rows: Range<i64>) -> Result<CellBatch> {
+    let projected_bounds = simulation.projected_bounds(pose);
     let mut tracer = simulation.tracer(simulation.start.backend, &simulation.alone)?;
-    let response = simulation.response(Exposure::Sample(simulation.view_of(view)));
-    let view = simulation.view(view, &projected_bounds, &response);
+    let response = simulation.response(Exposure::Sample(simulation.view_of(pose)));
+    let view = simulation.pose_context(pose, &projected_bounds, &response);
     let mut parts = Vec::new();
     let room = simulation.room(&simulation.alone);
     let mut keep = |_: &mut Tracer, part: &CellBatch| {

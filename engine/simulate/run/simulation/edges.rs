@@ -35,7 +35,7 @@ const UNLIKE_LANDING: f64 = 0.25;
 
 /// A line through the sample in the plane of the rotation centre.
 struct Line {
-    view: u32,
+    pose: u32,
     /// Along x (0) or z (1).
     axis: usize,
     /// Its ends, m.
@@ -121,7 +121,7 @@ impl Simulation {
             let margin = window + 4.0 * path.sigma * suspect.y.abs() / rotation;
             let ends = [first - margin, last + margin];
             lines.extend(LINES.map(|share| Line {
-                view: suspect.view,
+                pose: suspect.pose,
                 axis,
                 ends,
                 at: near + share * (far - near),
@@ -137,7 +137,7 @@ impl Simulation {
             std::iter::once(0.0).chain(points.iter().map(|[offset, _]| *offset)).collect();
         let traced = self.trace_line(tracer, line, path, &offsets)?;
         let Some((centre, beside)) = traced.split_first() else { return Ok(0.0) };
-        let steps = self.scene.scan.offsets_of(self.scene.scan.view_of(line.view as usize));
+        let steps = self.scene.scan.offsets_of(self.scene.scan.view_of(line.pose as usize));
         Ok(largest_error(path, steps, centre, points.iter().zip(beside)))
     }
 
@@ -207,5 +207,5 @@ fn ray(line: &Line, path: &LightPath, place: f64, offset: f64) -> Ray {
     let own = [single(place), single((place - offset) / path.rotation)];
     let other = [single(line.at), single(line.at / path.rotation)];
     let [x, z] = if line.axis == 0 { [own, other] } else { [other, own] };
-    Ray { x: x[0], z: z[0], slope_x: x[1], slope_z: z[1], view: line.view, key: 0 }
+    Ray { x: x[0], z: z[0], slope_x: x[1], slope_z: z[1], pose: line.pose, key: 0 }
 }

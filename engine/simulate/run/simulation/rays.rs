@@ -10,9 +10,9 @@ use beamlet_model::media::MaterialTable;
 /// averaged over it), in the order of the rays.
 ///
 /// # Errors
-/// [`Error::Device`], [`Error::Memory`]; [`Error::Argument`] for a view that is not there.
+/// [`Error::Device`], [`Error::Memory`]; [`Error::Argument`] for a pose that is not there.
 pub fn trace(simulation: &Simulation, rays: &[interface::Ray]) -> Result<Vec<RayResult>> {
-    simulation.check_views(rays.iter().map(|ray| ray.view))?;
+    simulation.check_poses(rays.iter().map(|ray| ray.pose))?;
     simulation.tracer(simulation.start.backend, &simulation.alone)?.trace(rays)
 }
 
@@ -24,7 +24,7 @@ pub fn moments(
     simulation: &Simulation,
     rays: &[interface::Ray],
 ) -> Result<(Vec<RayResult>, Moments)> {
-    simulation.check_views(rays.iter().map(|ray| ray.view))?;
+    simulation.check_poses(rays.iter().map(|ray| ray.pose))?;
     let mut tracer = simulation.tracer(simulation.start.backend, &simulation.alone)?;
     let (results, words) = tracer.trace_with_moments(rays)?;
     Ok((results, Moments::new(words, simulation.on_device.materials, tracer.moment_words())))
@@ -48,12 +48,12 @@ impl Simulation {
         Ok(tracer)
     }
 
-    fn check_views(&self, mut views: impl Iterator<Item = u32>) -> Result<()> {
+    fn check_poses(&self, mut poses: impl Iterator<Item = u32>) -> Result<()> {
         let count = self.scene.scan.poses();
-        match views.find(|view| *view as usize >= count) {
-            Some(view) => Err(Error::argument(
+        match poses.find(|pose| *pose as usize >= count) {
+            Some(pose) => Err(Error::argument(
                 "rays",
-                format!("a ray of view {view}"),
+                format!("a ray of pose {pose}"),
                 format!("0 to {}", count - 1),
             )),
             None => Ok(()),
@@ -65,7 +65,7 @@ impl Simulation {
     /// covered by an object listed later are among them; [`uncovered`](crate::trace::uncovered) leaves them out.
     ///
     /// # Errors
-    /// [`Error::Device`], [`Error::Memory`]; [`Error::Argument`] for a view that is not there.
+    /// [`Error::Device`], [`Error::Memory`]; [`Error::Argument`] for a pose that is not there.
     ///
     /// # Example
     ///
@@ -87,7 +87,7 @@ impl Simulation {
         most: u32,
         visit: impl FnMut(usize, &[SurfaceCrossing]),
     ) -> Result<()> {
-        self.check_views(rays.iter().map(|ray| ray.view))?;
+        self.check_poses(rays.iter().map(|ray| ray.pose))?;
         let kernels = self.simulator.trace_kernels();
         CrossingFinder::new(self.device(), kernels, &self.on_device, most)?.find(rays, visit)
     }

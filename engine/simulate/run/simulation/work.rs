@@ -400,7 +400,7 @@ impl<'s> ViewWork<'s> {
                 stored.lists(spectral, index, [rows, &lit], gather, &mut light)?;
             }
             (Exposure::Sample(_), ..) if !projected_bounds.is_empty() => {
-                let view = simulation.view(pose, projected_bounds, response);
+                let view = simulation.pose_context(pose, projected_bounds, response);
                 let room = simulation.room(memory);
                 sampling::sample_rows(
                     &view,

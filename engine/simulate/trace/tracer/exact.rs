@@ -39,7 +39,7 @@ impl Tracer {
         let mut all: Vec<(usize, usize)> = rays.iter().enumerate().flat_map(each).collect();
         let ray = |(node, place): (usize, usize)| rays[node][place];
         // Equal rays side by side, neighbours in x near one another.
-        let order = |r: Ray| (r.view, r.z.to_bits(), r.x.to_bits(), r.slope_x.to_bits());
+        let order = |r: Ray| (r.pose, r.z.to_bits(), r.x.to_bits(), r.slope_x.to_bits());
         all.par_sort_by_key(|&at| (order(ray(at)), at));
         let mut results: Vec<Vec<RayResult>> =
             rays.iter().map(|of| bytemuck::zeroed_vec(of.len())).collect();

@@ -41,13 +41,13 @@ impl ViewWork<'_> {
                 }
             }
         }
-        let view = match view {
+        let pose = match view {
             Exposure::Flat(_) | Exposure::Dark(_) => 0,
             Exposure::Sample(_) => self.pose,
         };
         for (pixels, empty) in [(&met, false), (&missed, true)] {
             if !pixels.is_empty() {
-                let job = RandomBatch { pixels, view, empty };
+                let job = RandomBatch { pixels, pose, empty };
                 for (node, light) in self.lights.iter().enumerate() {
                     self.cancel.check()?;
                     self.tracer.set_node(Some(node));

@@ -212,7 +212,7 @@ impl ViewWork<'_> {
 
     fn look(
         &mut self,
-        view: u32,
+        pose: u32,
         projected_bounds: &[ProjectedBounds],
         rows: Range<i64>,
         chosen: ([f64; 2], f64),
@@ -233,8 +233,8 @@ impl ViewWork<'_> {
             cells.add(lights.iter().zip(lists), sums, steps)?;
             Ok(left_out * begin.elapsed().as_secs_f64())
         };
-        let response = simulation.response(Exposure::Sample(simulation.view_of(view)));
-        let view = simulation.view(view, projected_bounds, &response);
+        let response = simulation.response(Exposure::Sample(simulation.view_of(pose)));
+        let view = simulation.pose_context(pose, projected_bounds, &response);
         sampling::survey_rows(&view, tracer, rows, &lit, chosen, &mut add)
     }
 
