@@ -7,12 +7,14 @@ mod bars;
 mod column_places;
 mod detector_plane;
 mod mask;
+mod periods;
 mod thin_curve;
 mod view_offsets;
 
 pub use bars::{MaskShape, mean_leaks, modulated};
 pub use detector_plane::DetectorPlane;
 pub use mask::{Mask, Openings};
+pub use periods::{WholePeriods, ends};
 pub use thin_curve::ThinCurve;
 pub(crate) use view_offsets::ViewOffsets;
 
@@ -167,10 +169,9 @@ impl Optics {
 /// Mask offsets of a scan less whole periods of the sample mask, m. The rest is exact.
 fn within_period(scene: &Scene) -> ViewOffsets {
     let applied = |exposure| scene.applied_offsets(exposure);
-    ViewOffsets::new(&scene.scan, applied, |offset| match &scene.sample_mask {
-        Some(mask) => libm::remainder(offset, mask.period),
-        None => offset,
-    })
+    let period = scene.sample_mask.as_ref().map_or(f64::INFINITY, |mask| mask.period);
+    let within = |offset| WholePeriods::in_offset(offset, period).reduced(offset);
+    ViewOffsets::new(&scene.scan, applied, within)
 }
 
 /// The focal spot, with a Gaussian blur of the detector added along z: no mask cuts light along the

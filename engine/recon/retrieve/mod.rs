@@ -19,7 +19,6 @@ pub mod method;
 mod misfit;
 mod noise_factors;
 mod options;
-mod periods;
 mod phase;
 mod quadrature;
 mod record;

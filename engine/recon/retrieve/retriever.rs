@@ -13,12 +13,12 @@ use super::joined::JoinedColumns;
 use super::method::Method;
 use super::misfit::{self, Noise};
 use super::options::{ReadRows, RetrieveOptions};
-use super::periods::WholePeriods;
 use super::shape::CurveGeometry;
 use beamlet_core::rows_control::RowsControl;
 use beamlet_core::{Error, Result, numbers};
 use beamlet_files::GeometryFile;
 use beamlet_gpu::Compute;
+use beamlet_model::optics::{Optics, WholePeriods};
 use beamlet_model::scene::Scene;
 use flat::Flat;
 use ndarray::{Array2, Array3, ArrayView3, Axis, s};
@@ -70,7 +70,8 @@ impl Retriever {
     /// ```
     pub fn new(compute: &Compute, scene: &Scene, options: &RetrieveOptions) -> Result<Self> {
         let method = options.method;
-        let periods = WholePeriods::of(scene);
+        let period = Optics::of(scene).curve_period();
+        let periods = WholePeriods::in_scan(&scene.scan.mask_offsets, period);
         let view_scans = ViewScans::of(scene, method, periods)?;
         method.check(scene, &scene.scan.mask_offsets)?;
         let offsets = periods.without(&scene.scan.mask_offsets);

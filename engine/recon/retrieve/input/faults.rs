@@ -3,10 +3,10 @@
 
 use super::Scene;
 use super::correction::Dark;
-use crate::retrieve::periods;
 use beamlet_core::units::Dimension::Length;
 use beamlet_core::{Error, Result, numbers};
 use beamlet_files::StackFile;
+use beamlet_model::optics::{Optics, ends};
 use ndarray::Array2;
 
 /// Fewest and most periods of the sample mask that offsets span.
@@ -17,7 +17,8 @@ const DARK: f64 = 0.1;
 
 /// Refuses mask offsets whose span is no scan of the sample mask.
 pub(super) fn check_offsets(scene: &Scene) -> Result<()> {
-    let ([low, high], period) = (periods::ends(scene), periods::period(scene));
+    let [low, high] = ends(&scene.scan.mask_offsets);
+    let period = Optics::of(scene).curve_period();
     let [least, most] = SPAN;
     let is_scan = (least..=most).contains(&((high - low) / period));
     if scene.scan.mask_offsets.len() < 2 || !period.is_finite() || is_scan {

@@ -3,9 +3,9 @@
 use super::super::fitter::Fitter;
 use super::super::method::Method;
 use super::super::noise_factors::NoiseFactors;
-use super::super::periods::WholePeriods;
 use super::Retriever;
 use beamlet_core::{Error, Result};
+use beamlet_model::optics::WholePeriods;
 use beamlet_model::scene::Scene;
 use std::borrow::Cow;
 
