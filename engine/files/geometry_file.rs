@@ -4,8 +4,8 @@
 use super::layout;
 use beamlet_core::numbers::whole;
 use beamlet_core::{Error, Result, input_file};
-use beamlet_model::optics::Optics;
-use beamlet_model::scene::{Motion, ScanErrors, Scene};
+use beamlet_model::optics::{Optics, ViewGeometry};
+use beamlet_model::scene::{Motion, Scene};
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 
@@ -85,15 +85,10 @@ impl GeometryFile {
     /// optical axis on the detector, m.
     #[must_use]
     pub fn with_columns(scene: &Scene, columns: Vec<f64>, views: usize) -> Self {
-        let optics = Optics::of(scene);
-        let scan = &scene.scan;
-        let angles: Vec<f64> =
-            (0..scan.views().min(views)).map(|view| scan.angle_of(view)).collect();
-        let [_, rows] = scene.detector.pixels;
-        let row =
-            |row: u32| (f64::from(rows) / 2.0 - f64::from(row) - 0.5) * scene.detector.pitch[1];
-        let source_to_axis = scene.axis_distance();
-        let axis = scan.axis.shift[0] * optics.detector.distance / source_to_axis;
+        let made = ViewGeometry::with_columns(scene, columns, views);
+        let axis = scene.scan.axis.shift[0] * made.source_to_detector / made.source_to_axis;
+        let is_circle = made.motions.is_none();
+        let views = made.angles.len();
         let text = |sides: &str| sides.to_owned();
         Self {
             version: beamlet_core::program::VERSION.to_owned(),
@@ -103,26 +98,19 @@ impl GeometryFile {
                 astra_projections: text("[row][view][column]"),
                 volumes: text("[z][y][x], each ascending"),
             },
-            angles_deg: angles.iter().map(|angle| angle.to_degrees()).collect(),
-            source_to_axis_m: source_to_axis,
-            source_to_detector_m: optics.detector.distance,
+            angles_deg: made.angles.iter().map(|angle| angle.to_degrees()).collect(),
+            angles_rad: made.angles,
+            source_to_axis_m: made.source_to_axis,
+            source_to_detector_m: made.source_to_detector,
             source_to_sample_mask_m: scene.sample_mask.as_ref().map(|mask| mask.distance),
-            source_to_analyser_m: optics.analyser,
-            axis_column: if scan.is_circle() { index_of(axis, &columns) } else { None },
-            astra_cone_vec_mm: even(&columns).map(|even| vectors(scene, even, angles.len())),
-            sample_motions: (!scan.is_circle()).then(|| {
-                let to_axis = Motion::translation([0.0, optics.rotation - source_to_axis, 0.0]);
-                // As planned: retrieval and reconstruction do not know errors.
-                let mut planned = scene.clone();
-                planned.scan.errors = ScanErrors::default();
-                let views = planned.views().take(angles.len());
-                views.map(|view| view.motion.then(&to_axis).matrix()).collect()
-            }),
-            angles_rad: angles,
+            source_to_analyser_m: made.source_to_analyser,
+            axis_column: if is_circle { index_of(axis, &made.columns) } else { None },
+            sample_motions: made.motions.map(|all| all.iter().map(Motion::matrix).collect()),
             flats_before_views: None,
             darks_before_views: None,
-            columns_m: columns,
-            rows_m: (0..rows).map(row).collect(),
+            astra_cone_vec_mm: even(&made.columns).map(|even| vectors(scene, even, views)),
+            columns_m: made.columns,
+            rows_m: made.rows,
         }
     }
 

@@ -52,7 +52,7 @@ fn one_axis_has_one_lever_arm_however_it_is_written() {
             vectors.iter().map(|row| row.map(|n| n.to_string()).join(" ")).collect();
         std::fs::write(here.join("vectors.txt"), lines.join("\n")).unwrap();
         let shift = format!("{travel}axis = {{ shift = [\"0 mm\", \"200 mm\", \"0 mm\"] }}");
-        let wanted = ScanGeometry::of_scene(&plain).unwrap();
+        let wanted = ScanGeometry::of_scene(&plain);
         assert_eq!(wanted.motions.is_none(), travel.is_empty());
         let k = gradient_bias(&plain, 9e-6).unwrap();
         // (M/z)(z_s/z₁)(σ² − a²/12).
@@ -62,7 +62,7 @@ fn one_axis_has_one_lever_arm_however_it_is_written() {
         for other in
             [scene("1.2 m", &shift, here), scene("1.2 m", "cone_vec = \"vectors.txt\"", here)]
         {
-            let found = ScanGeometry::of_scene(&other).unwrap();
+            let found = ScanGeometry::of_scene(&other);
             // Vectors are read from text in mm.
             let near = |a: f64, b: f64| (a - b).abs() < 1e-12;
             let at = (found.source_distance, found.lever, found.axis);

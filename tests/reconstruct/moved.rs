@@ -186,11 +186,11 @@ const SCENE: &str = r#"
 #[test]
 fn scenes_have_the_motions_of_their_views() {
     let mut scene = Scene::from_toml(SCENE, ".").unwrap();
-    let circle = ScanGeometry::of_scene(&scene).unwrap();
+    let circle = ScanGeometry::of_scene(&scene);
     assert_eq!(circle.motions, None);
     scene.scan.travel = [0.0, 0.0, 2e-4];
     scene.scan.axis.shift = [3e-4, 2e-3, 0.0];
-    let geometry = ScanGeometry::of_scene(&scene).unwrap();
+    let geometry = ScanGeometry::of_scene(&scene);
     assert!((geometry.source_distance - 0.502).abs() < 1e-15);
     assert!((geometry.axis - 3e-4).abs() < 1e-15, "{}", geometry.axis);
     let motions = geometry.motions.as_ref().unwrap();

@@ -113,20 +113,20 @@ fn the_scan_of_a_scene_has_its_pixels_and_motions() {
     let source = Source::new(1.2, [30e-6; 2], Beam::Energy(30.0));
     let mut scene = Scene::new(source, Detector::new(1.8, [4, 2], [150e-6, 100e-6]));
     scene.scan.angles = views(180);
-    let geometry = ScanGeometry::of_scene(&scene).unwrap();
+    let geometry = ScanGeometry::of_scene(&scene);
     assert_eq!(geometry.columns, places(4, 150e-6));
     assert_eq!(geometry.rows, [50e-6, -50e-6]);
     let grid = VolumeGrid::of(&geometry).unwrap();
     assert_eq!(grid.size, [4, 4, 2]);
     assert!((grid.voxel[0] - 100e-6).abs() < 1e-12 && (grid.origin[2] + 50e-6 / 1.5).abs() < 1e-12);
     scene.scan.axis = RotationAxis::new([0.3e-3, 2e-3, 0.0], 0.0, 0.0);
-    let shifted = ScanGeometry::of_scene(&scene).unwrap();
+    let shifted = ScanGeometry::of_scene(&scene);
     assert_eq!((shifted.axis, shifted.source_distance), (0.3e-3, 1.202));
     scene.scan.axis.tilt_x = 1e-3;
-    assert_eq!(ScanGeometry::of_scene(&scene).unwrap().motions.map(|all| all.len()), Some(180));
+    assert_eq!(ScanGeometry::of_scene(&scene).motions.map(|all| all.len()), Some(180));
     scene.scan.axis = RotationAxis::default();
     scene.scan.motions = vec![Motion::translation([1e-3, 0.0, 0.0]); 180];
-    let moved = ScanGeometry::of_scene(&scene).unwrap().motions.unwrap();
+    let moved = ScanGeometry::of_scene(&scene).motions.unwrap();
     let [x, y, z] = moved[0].point([0.0; 3]);
     assert!((x - 1e-3).abs() < 1e-12 && y.abs() < 1e-12 && z.abs() < 1e-12, "{x} {y} {z}");
 }

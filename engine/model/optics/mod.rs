@@ -9,6 +9,7 @@ mod detector_plane;
 mod mask;
 mod periods;
 mod thin_curve;
+mod view_geometry;
 mod view_offsets;
 
 pub use bars::{MaskShape, mean_leaks, modulated};
@@ -16,6 +17,7 @@ pub use detector_plane::DetectorPlane;
 pub use mask::{Mask, Openings};
 pub use periods::{WholePeriods, ends};
 pub use thin_curve::ThinCurve;
+pub use view_geometry::ViewGeometry;
 pub(crate) use view_offsets::ViewOffsets;
 
 use crate::scene::{Blur, Sampling, Scene};

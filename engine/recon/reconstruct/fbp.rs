@@ -32,7 +32,7 @@ use ndarray::{ArrayView3, Zip};
 /// use beamlet::reconstruct::{FbpOptions, Quantity, ScanGeometry, VolumeGrid, fbp};
 /// use beamlet::{Engine, EngineOptions, RowsControl, ndarray::Array3, scene::Scene};
 ///
-/// let geometry = ScanGeometry::of_scene(&Scene::load("scene.toml")?)?;
+/// let geometry = ScanGeometry::of_scene(&Scene::load("scene.toml")?);
 /// // `[view][row][column]`: −ln of the transmission.
 /// let sinograms = Array3::<f32>::zeros((360, 4, 256));
 /// let engine = Engine::open(&EngineOptions::default())?;

@@ -1,7 +1,7 @@
 //! The geometry of a scan.
 
 use beamlet_core::{Error, Result};
-use beamlet_files::GeometryFile;
+use beamlet_model::optics::ViewGeometry;
 use beamlet_model::scene::{Motion, Scene};
 
 /// A scan: on a circle, where source and detector turn about an axis along z at right angles to the
@@ -52,19 +52,16 @@ impl ScanGeometry {
     /// The scan of a scene: columns are the centres of the openings of the detector mask before each
     /// pixel, rows those of the pixels, and the axis is where `scan.axis` has it. Views that move the sample
     /// have their motions.
-    ///
-    /// # Errors
-    /// [`Error::File`] as [`GeometryFile`].
-    pub fn of_scene(scene: &Scene) -> Result<Self> {
-        let file = GeometryFile::of(scene);
-        let motions = file.motions()?;
-        let distances = [file.source_to_axis_m, file.source_to_detector_m];
-        let lever = file.source_to_analyser_m - file.source_to_axis_m;
-        let made = Self::new(distances, file.columns_m, file.rows_m, file.angles_rad);
-        Ok(match motions {
+    #[must_use]
+    pub fn of_scene(scene: &Scene) -> Self {
+        let views = ViewGeometry::of(scene);
+        let distances = [views.source_to_axis, views.source_to_detector];
+        let lever = views.source_to_analyser - views.source_to_axis;
+        let made = Self::new(distances, views.columns, views.rows, views.angles);
+        match views.motions {
             None => Self { axis: scene.scan.axis.shift[0], lever, ..made },
             Some(motions) => Self { lever, ..made }.with_motions(motions),
-        })
+        }
     }
 
     /// Magnification from the axis of rotation to the detector.

@@ -89,7 +89,7 @@ impl Input {
     /// [`Error::File`] for a file of another shape, naming the shape of the scene; [`Error::Scene`] where
     /// the views are no circle.
     pub fn of_file(path: &Path, quantity: Quantity, scene: &Scene) -> Result<Self> {
-        let geometry = ScanGeometry::of_scene(scene)?;
+        let geometry = ScanGeometry::of_scene(scene);
         let Some(format) = Format::of(path).filter(|format| format.abilities().pages) else {
             let allowed = endings(|format| format.abilities().pages);
             return Err(Error::file(

@@ -40,7 +40,7 @@ pub struct Iterated {
 /// use beamlet::reconstruct::{Data, IterativeOptions, Measured, ScanGeometry, VolumeGrid, iterate};
 /// use beamlet::{Engine, EngineOptions, RowsControl, ndarray::Array3, scene::Scene};
 ///
-/// let geometry = ScanGeometry::of_scene(&Scene::load("scene.toml")?)?;
+/// let geometry = ScanGeometry::of_scene(&Scene::load("scene.toml")?);
 /// // `[view][row][column]`: refraction angles, rad.
 /// let angles = Array3::<f32>::zeros((360, 4, 256));
 /// let engine = Engine::open(&EngineOptions::default())?;

@@ -24,7 +24,7 @@ use rayon::prelude::*;
 /// use beamlet::reconstruct::{Data, Model, ScanGeometry, VolumeGrid};
 /// use beamlet::{Engine, EngineOptions, RowsControl, ndarray::Array3, scene::Scene};
 ///
-/// let geometry = ScanGeometry::of_scene(&Scene::load("scene.toml")?)?;
+/// let geometry = ScanGeometry::of_scene(&Scene::load("scene.toml")?);
 /// let grid = VolumeGrid::of(&geometry)?;
 /// let engine = Engine::open(&EngineOptions::default())?;
 /// let model = Model::new(&engine, &geometry, &grid, Data::Refraction, None)?;
