@@ -52,7 +52,7 @@ pub struct CheckReport {
     pub edges: Option<EdgeBlur>,
     /// Cost of a run.
     pub work: Work,
-    /// What looks odd but does not stop a run.
+    /// Findings that look odd but do not stop a run.
     pub warnings: Vec<String>,
     /// Why a run refuses objects, where it does.
     pub refusals: Vec<String>,
@@ -130,7 +130,7 @@ pub struct Material {
     pub delta: f64,
     /// Critical angle of total reflection from vacuum, sqrt(2 delta), rad.
     pub critical_angle: f64,
-    /// Whether an entry of the scene hides a built-in material of this name.
+    /// True if an entry of the scene hides a built-in material of this name.
     pub shadows_builtin: bool,
 }
 

@@ -292,7 +292,7 @@ impl Pixels<'_> {
     }
 }
 
-/// Whether errors of a pixel exceed the tolerances.
+/// True if errors of a pixel exceed the tolerances.
 fn is_open(sums: &PixelSums, options: &IdealOptions) -> bool {
     let [_, mean, variance] = sums.contrasts();
     let [transmission, angle, dark] = sums.errors();

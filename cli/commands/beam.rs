@@ -16,7 +16,7 @@ pub(super) fn bare(beam: Beam) -> Result<Scene, Failure> {
     Ok(scene)
 }
 
-/// Whether a path names a scene and not a spectrum.
+/// True if a path names a scene and not a spectrum.
 pub(super) fn is_scene(path: &Path) -> bool {
     let ending = path.extension().map(|text| text.to_string_lossy().to_lowercase());
     matches!(ending.as_deref(), Some("toml" | "json"))

@@ -32,13 +32,13 @@ struct BuiltIn {
 /// Constants at an energy, or their mean over the photons of a spectrum.
 #[derive(Debug, Serialize)]
 struct MaterialValues {
-    /// Of the photon, or the mean of the photons.
+    /// Energy of the photon, or the mean of the photons.
     energy_kev: f64,
     mu_per_m: f64,
     delta: f64,
     beta: f64,
     critical_angle_rad: f64,
-    /// Of the requested thickness.
+    /// Transmission of the requested thickness.
     transmission: Option<f64>,
 }
 
@@ -48,7 +48,7 @@ struct MaterialReport {
     formula: Option<String>,
     density_g_cm3: Option<f64>,
     thickness_m: Option<f64>,
-    /// Whether the values are means over a spectrum.
+    /// True if the values are means over a spectrum.
     over_spectrum: bool,
     values: Vec<MaterialValues>,
     tables: String,
@@ -197,7 +197,7 @@ fn beta(mu: f64, energy: f64) -> f64 {
     mu * HC / energy / (4.0 * PI)
 }
 
-/// Of total reflection from vacuum, rad.
+/// Critical angle of total reflection from vacuum, rad.
 fn critical_angle(delta: f64) -> f64 {
     (2.0 * delta.max(0.0)).sqrt()
 }

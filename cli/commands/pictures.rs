@@ -14,7 +14,7 @@ const SCALE: f64 = 1.5;
 /// while it grows.
 const OF_PIXEL: u64 = 24;
 
-/// What kind of files pictures become.
+/// Kind of files that pictures become.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct PictureForm {
     pub(super) format: PictureFormat,

@@ -83,7 +83,7 @@ pub(super) fn run(arguments: &Simulate, out: &mut impl Write) -> Result<(), Fail
     }
 }
 
-/// Whether the run of a shard is joined: nothing is left to do then.
+/// True if the run of a shard is joined: nothing is left to do then.
 fn is_joined(arguments: &Simulate, shard: Shard) -> Result<bool, Failure> {
     let record = arguments.output.join(RUN);
     if !record.exists() {
@@ -111,7 +111,7 @@ fn told(arguments: &Simulate, words: &str, out: &mut impl Write) -> Result<(), F
     Ok(())
 }
 
-/// Whether moments are kept: a run goes on as it began.
+/// True if moments are kept: a run goes on as it began.
 fn keep_moments(arguments: &Simulate, sink: &RunDirectory) -> Result<bool, Failure> {
     let wanted = arguments.keep_moments;
     if arguments.shard.is_some() {

@@ -40,12 +40,12 @@ impl BeamSummary {
 #[derive(Debug, Serialize)]
 struct SpectrumReport {
     source: String,
-    /// Of the tube itself and those behind it, as "1 mm Al".
+    /// Filters of the tube itself and behind it, as "1 mm Al".
     inherent_filters: Vec<String>,
     filters: Vec<String>,
     before: BeamSummary,
     after: BeamSummary,
-    /// Of a scene; without one there is nothing to be accurate for.
+    /// Nodes of a scene; without one there is nothing to be accurate for.
     nodes: Option<Nodes>,
 }
 

@@ -6,9 +6,9 @@ use beamlet::cli_support::printed;
 
 /// Black of lines and words.
 pub(crate) const INK: Rgb = [34, 34, 40];
-/// Of grid lines and notes.
+/// Colour of grid lines and notes.
 pub(crate) const GREY: Rgb = [120, 120, 128];
-/// Of faint lines.
+/// Colour of faint lines.
 pub(crate) const FAINT: Rgb = [214, 214, 220];
 
 /// Left, top, width, height.

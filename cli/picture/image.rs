@@ -27,14 +27,14 @@ const MOST_HATCHED: f64 = 0.5;
 #[derive(Debug, Clone)]
 pub(crate) struct Grid {
     x: [f64; 2],
-    /// Of the lowest and the highest row's outer edge.
+    /// Places of the outer edges of the lowest and the highest row.
     y: [f64; 2],
     labels: [&'static str; 2],
-    /// Whether x and y have one scale.
+    /// True if x and y have one scale.
     equal: bool,
     /// Values of y with their texts, where they are not to be round numbers.
     marks: Vec<(f64, String)>,
-    /// Whether a bar shows a length, in mm.
+    /// True if a bar shows a length, in mm.
     has_bar: bool,
 }
 
@@ -157,7 +157,7 @@ pub(crate) struct ImagePlot<'a> {
     pub(crate) below: Vec<String>,
 }
 
-/// Whether flagged pixels of an image can be hatched on paper: they are large enough, and not most
+/// True if flagged pixels of an image can be hatched on paper: they are large enough, and not most
 /// of the image.
 pub(crate) fn can_hatch(grid: &Grid, flagged: &Array2<bool>) -> bool {
     let (rows, columns) = flagged.dim();

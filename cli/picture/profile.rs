@@ -20,7 +20,7 @@ pub(crate) struct ProfileLine {
 pub(crate) struct Panel {
     pub(crate) label: String,
     pub(crate) lines: Vec<ProfileLine>,
-    /// Whether zero has a line.
+    /// True if zero has a line.
     pub(crate) zero: bool,
     /// Places that do not set the range of y, and have a mark; empty where there are none.
     pub(crate) flagged: Vec<bool>,

@@ -11,7 +11,7 @@ type MeshEdge = (u32, u32);
 pub(super) struct Loop {
     pub(super) points: Vec<[f64; 2]>,
     pub(super) component: usize,
-    /// Whether it surrounds a region without material: a hole.
+    /// True if it surrounds a region without material: a hole.
     pub(super) hole: bool,
     pub(super) area: f64,
 }

@@ -12,7 +12,7 @@ use serde_json::{Value, json};
 const CONTRASTS: [&str; 4] = ["transmission", "refraction", "phase", "dark_field"];
 const FIT: [&str; 4] = ["amplitude", "centre", "width", "background"];
 
-/// What goes into the page.
+/// Data of the page.
 pub(super) struct Data {
     pub(super) meta: Value,
     /// Name, and `[view][step][row][column]` or less.

@@ -187,7 +187,7 @@ impl Subject {
         Ok(maps.map(name, view)?)
     }
 
-    /// Whether there is a retrieved image of pixels.
+    /// True if there is a retrieved image of pixels.
     pub(crate) fn has(&self, name: &str) -> bool {
         self.maps.as_ref().is_some_and(|maps| maps.names().any(|found| found == name))
     }
@@ -212,7 +212,7 @@ impl Subject {
         joined(&[format!("method {}", record.method), weights, format!("from {values}")])
     }
 
-    /// Whether the run has detector numbers, and was retrieved from its intensities.
+    /// True if the run has detector numbers, and was retrieved from its intensities.
     pub(crate) fn has_unused_counts(&self) -> bool {
         let counts = self.record.as_ref().is_none_or(|record| record.counts);
         let run = self.run.as_ref();
@@ -227,7 +227,7 @@ impl Subject {
         }
     }
 
-    /// Whether there are frames that the images were, or would be, retrieved from.
+    /// True if there are frames that the images were, or would be, retrieved from.
     pub(crate) const fn has_fitted(&self) -> bool {
         self.fitted.is_some()
     }
@@ -252,7 +252,7 @@ impl Subject {
         Failure::File { path: self.path.clone(), problem }
     }
 
-    /// Whether the images hold Gaussians that were fitted to the curves.
+    /// True if the images hold Gaussians that were fitted to the curves.
     pub(crate) fn has_gaussians(&self) -> bool {
         let gaussian = [Method::Gaussian, Method::ThreeStep];
         let method = self.record.as_ref().map(|record| record.method.as_str());

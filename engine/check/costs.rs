@@ -15,9 +15,9 @@ const NEEDLESS: f64 = 40.0;
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 #[non_exhaustive]
 pub struct CheckedTolerances {
-    /// Of a recorded value, share of open beam.
+    /// Error of a recorded value, share of open beam.
     pub tolerance: f64,
-    /// Of the mean refraction angle, rad.
+    /// Error of the mean refraction angle, rad.
     pub angle_tolerance: f64,
     /// Standard deviation of the noise of an open pixel, share of open beam; `None` without photons.
     pub open_noise: Option<f64>,
@@ -50,7 +50,7 @@ impl CheckedTolerances {
     }
 }
 
-/// What makes a run slower than it needs to be, with the remedy.
+/// Warnings of choices that make a run slower than it needs to be, with the remedy.
 pub(super) fn warnings(scene: &Scene, report: &CheckReport) -> Vec<String> {
     let pairs =
         report.objects.iter().flat_map(|it| it.cut_by.iter().map(|later| [&it.name, later]));
@@ -78,7 +78,7 @@ fn meshes(scene: &Scene, report: &CheckReport, [earlier, later]: [&String; 2]) -
     })
 }
 
-/// Whether an object has exact curved surfaces.
+/// True if an object has exact curved surfaces.
 fn is_exact(geometry: &ShapeOrMesh) -> bool {
     let ShapeOrMesh::Shape(shape) = geometry else { return false };
     !shape.has_facets()

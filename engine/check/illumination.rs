@@ -57,11 +57,11 @@ pub struct IlluminationCurve {
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 #[non_exhaustive]
 pub struct ExpectedUncertainty {
-    /// Of the transmission.
+    /// Deviation of the transmission.
     pub transmission: f64,
-    /// Of the refraction angle, rad.
+    /// Deviation of the refraction angle, rad.
     pub refraction: f64,
-    /// Of the dark field σ², rad².
+    /// Deviation of the dark field σ², rad².
     pub dark_field: f64,
     /// Displacement that a weighted Gaussian fit finds of a small one, over it. Far from 1 the curve is no
     /// Gaussian: the fit finds this share of a small refraction angle. `None` for three offsets, which `three-step`
@@ -76,7 +76,7 @@ impl IlluminationCurve {
         reach(self.scan.iter().map(|[offset, _]| *offset), self.sigma)
     }
 
-    /// Whether the scan has three different offsets and no more: they settle area, centre and width
+    /// True if the scan has three different offsets and no more: they settle area, centre and width
     /// of a curve without background, and nothing is left to judge it by.
     #[must_use]
     pub(crate) fn has_three_offsets(&self) -> bool {

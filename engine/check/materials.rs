@@ -48,7 +48,7 @@ pub(super) fn materials(scene: &Scene, energy: f64) -> Result<Vec<Material>> {
     Ok(found)
 }
 
-/// Whether an entry of the scene has the name of a built-in material and is another one.
+/// True if an entry of the scene has the name of a built-in material and is another one.
 fn shadows_builtin(scene: &Scene, name: &str) -> bool {
     let (Some(own), Some(builtin)) = (scene.materials.get(name), material::builtin(name)) else {
         return false;

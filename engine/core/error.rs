@@ -86,7 +86,7 @@ pub enum Error {
         wanted: String,
         /// The finding, or the failure.
         found: String,
-        /// What to install or change.
+        /// Advice on what to install or change.
         remedy: String,
     },
     /// Not enough memory.
@@ -97,7 +97,7 @@ pub enum Error {
         needed: u64,
         /// Bytes available, where known.
         available: Option<u64>,
-        /// What to change.
+        /// Advice on what to change.
         remedy: String,
     },
     /// A file or directory cannot be read or written.

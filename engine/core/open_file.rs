@@ -30,7 +30,7 @@ pub fn names_of_run(folder: &Path) -> Result<Vec<OsString>> {
     })
 }
 
-/// Whether a path, links not followed, leads to an open file.
+/// True if a path, links not followed, leads to an open file.
 ///
 /// # Errors
 /// Where the path cannot be looked at; there may be nothing.
@@ -46,7 +46,7 @@ fn leads_to(path: &Path, _: &File) -> std::io::Result<bool> {
     fs::symlink_metadata(path).map(|_| true)
 }
 
-/// Whether an open file is still the one at `path`.
+/// True if an open file is still the one at `path`.
 pub fn is_at(file: &File, path: &Path) -> bool {
     leads_to(path, file).unwrap_or(false)
 }

@@ -22,7 +22,7 @@ fn asked() -> Option<usize> {
     names.into_iter().find_map(number).filter(|number| *number > 0)
 }
 
-/// Whether libraries may start threads of their own: they read the same environment and start any
+/// True if libraries may start threads of their own: they read the same environment and start any
 /// number.
 pub(crate) fn is_bounded() -> bool {
     asked().is_none_or(|asked| asked <= MOST)
@@ -36,7 +36,7 @@ pub(crate) fn is_bounded() -> bool {
 /// # Errors
 /// [`Error::Memory`] where the system has no room for them, or next to none beside them.
 pub fn start_threads() -> Result<()> {
-    /// Whether there are threads. A pool that failed once stays so: rayon tries once.
+    /// True if there are threads. A pool that failed once stays so: rayon tries once.
     static STARTED: OnceLock<bool> = OnceLock::new();
     let started = STARTED.get_or_init(|| {
         let mut threads = rayon::ThreadPoolBuilder::new();

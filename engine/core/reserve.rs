@@ -7,7 +7,7 @@
 
 use crate::{Error, Result};
 
-/// What may be done where a buffer does not fit.
+/// Remedy where a buffer does not fit.
 pub const REMEDY: &str = "end other programs, or raise the memory limit of this process";
 
 /// Program, driver and its compiled kernels, as measured with Mesa's CPU device.
@@ -77,17 +77,17 @@ fn lacks<T>(len: usize, purpose: &str) -> Error {
     Error::Memory { purpose: purpose.into(), needed, available: None, remedy: REMEDY.into() }
 }
 
-/// Whether there is memory for small allocations.
+/// True if there is memory for small allocations.
 pub(crate) fn leaves_spare() -> bool {
     can_be_had(SPARE)
 }
 
-/// Whether this number of bytes can be allocated now. They are not written to, so that this is cheap.
+/// True if this number of bytes can be allocated now. They are not written to, so that this is cheap.
 fn can_be_had(bytes: usize) -> bool {
     Vec::<u8>::new().try_reserve_exact(bytes).is_ok()
 }
 
-/// Whether `bytes`, and small allocations beside them, can be allocated now. They are freed at once.
+/// Checks that `bytes`, and small allocations beside them, can be allocated now. They are freed at once.
 ///
 /// # Errors
 /// [`Error::Memory`].

@@ -97,7 +97,7 @@ const FINISHED: u64 = STEPS.len() as u64 + 1;
 /// A step that began.
 #[derive(Debug)]
 struct Begun {
-    /// Of the slots.
+    /// Number of the slot.
     number: usize,
     step: LoadStep,
     total: u64,
@@ -109,7 +109,7 @@ pub struct Watch {
     cancel: Cancel,
     /// Steps that began; `None` where nobody listens.
     began: Option<Sender<Begun>>,
-    /// Of each object, and of the nesting.
+    /// Slots of each object, and of the nesting.
     slots: Vec<Slot>,
 }
 
@@ -124,12 +124,12 @@ impl Watch {
         Self { cancel: Cancel::default(), began: None, slots }
     }
 
-    /// Of the object with this number.
+    /// Task of the object with this number.
     pub fn object(&self, number: usize) -> Task<'_> {
         Task(Some((self, number)))
     }
 
-    /// Of the nesting.
+    /// Task of the nesting.
     pub fn nesting(&self) -> Task<'_> {
         Task(Some((self, self.slots.len() - 1)))
     }
@@ -184,7 +184,7 @@ impl Task<'_> {
         }
     }
 
-    /// Whether to stop.
+    /// True if the work is to stop.
     pub fn is_cancelled(self) -> bool {
         self.0.is_some_and(|(watch, _)| watch.cancel.is_cancelled())
     }

@@ -24,13 +24,13 @@ pub fn canonical(path: &Path) -> PathBuf {
     found
 }
 
-/// Whether two paths lead to the same place.
+/// True if two paths lead to the same place.
 #[must_use]
 pub fn is_same_place(a: &Path, b: &Path) -> bool {
     canonical(a) == canonical(b)
 }
 
-/// Whether `path` is a file of the run in `run`, or lies in one of its folders: what
+/// True if `path` is a file of the run in `run`, or lies in one of its folders: what
 /// `simulate` and `retrieve` write there.
 #[must_use]
 pub fn is_of_run(run: &Path, path: &Path) -> bool {

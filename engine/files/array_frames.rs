@@ -20,7 +20,7 @@ use std::path::{Path, PathBuf};
 pub(super) struct ArrayLayout {
     part: Part,
     format: Format,
-    /// Of a pixel, x and z, m.
+    /// Pitch of a pixel, x and z, m.
     pitch: [f64; 2],
     /// Samples of detector numbers.
     numbers: Sample,

@@ -28,7 +28,7 @@ pub(super) struct FrameFiles {
     root: PathBuf,
     format: Format,
     part: Part,
-    /// Whether there are dark frames.
+    /// True if there are dark frames.
     dark: bool,
     about: About,
     /// Raw values `[step][row][column]` of the view in work, when it comes in several bands.
@@ -240,7 +240,7 @@ fn failed<'a>(path: &'a Path, problem: &'a str) -> impl Fn(std::io::Error) -> Er
 /// The metadata of a frame, JSON in the attribute `beamlet`.
 #[derive(Debug)]
 struct About {
-    /// What all frames share.
+    /// Keys that all frames share.
     shared: serde_json::Map<String, serde_json::Value>,
     scene: Box<Scene>,
 }

@@ -121,7 +121,7 @@ impl Recorded {
         places
     }
 
-    /// Whether a file or folder is an input as it was.
+    /// True if a file or folder is an input as it was.
     fn is_same(&self, input: &str, hash: &str, place: &Path) -> Result<bool> {
         let recorded = self.input_stamps.get(input);
         if recorded.is_some_and(|recorded| stamp(place).is_ok_and(|found| found == *recorded)) {

@@ -97,7 +97,7 @@ const RAW: &str = ".raw";
 const BIN: &str = ".bin";
 const BIN_PARTIAL: &str = ".partial";
 
-/// Whether a folder holds a run, or the plan of one.
+/// True if a folder holds a run, or the plan of one.
 #[must_use]
 pub fn is_run(folder: &Path) -> bool {
     folder.join(RUN).exists() || is_planned(folder)
@@ -115,7 +115,7 @@ pub fn problem_of(path: &Path, file: &str, folder: &str) -> String {
     .to_owned()
 }
 
-/// Whether a folder holds a run in shards that are not joined.
+/// True if a folder holds a run in shards that are not joined.
 #[must_use]
 pub fn is_planned(folder: &Path) -> bool {
     folder.join(PLAN).exists()
@@ -142,13 +142,13 @@ pub(crate) fn shard(run: &Path, index: u32) -> PathBuf {
     run.join(SHARDS).join(format!("{index:04}"))
 }
 
-/// Whether a folder holds a reconstruction.
+/// True if a folder holds a reconstruction.
 #[must_use]
 pub fn is_volume(folder: &Path) -> bool {
     folder.join(VOLUME).exists()
 }
 
-/// Whether a folder holds retrieved images.
+/// True if a folder holds retrieved images.
 #[must_use]
 pub fn is_retrieved(folder: &Path) -> bool {
     folder.join(RECORD).exists()
@@ -241,7 +241,7 @@ pub(super) fn view_folder(root: &Path, extent: StackShape, view: Exposure) -> Pa
     }
 }
 
-/// Whether the views of a stack have folders: views of the sample, and several flats or darks.
+/// True if the views of a stack have folders: views of the sample, and several flats or darks.
 pub(super) const fn has_folders(extent: StackShape, view: Exposure) -> bool {
     matches!(view, Exposure::Sample(_)) || extent.count_of(view) > 1
 }
@@ -257,7 +257,7 @@ pub(crate) fn frame(steps: u32, step: u32, format: Format) -> String {
     format!("{STEP}{step:0width$}.{}", format.ending())
 }
 
-/// Whether a file is the frame of one of `steps` steps.
+/// True if a file is the frame of one of `steps` steps.
 pub(crate) fn is_frame(name: &str, steps: u32) -> bool {
     single().any(|format| {
         let step = number(name, STEP, &format!(".{}", format.ending()));
@@ -275,7 +275,7 @@ pub(crate) fn image_of_slice(slices: u32, slice: u32, format: Format) -> String 
     format!("{}.{}", numbered(SLICE, slices, slice), format.ending())
 }
 
-/// Whether a file is the image of a view or slice.
+/// True if a file is the image of a view or slice.
 pub(crate) fn is_image_of_folder(name: &str) -> bool {
     let index = [VIEW, SLICE].into_iter().find_map(|beginning| name.strip_prefix(beginning));
     let digits = |format: Format| index?.strip_suffix(format.ending())?.strip_suffix('.');
@@ -287,7 +287,7 @@ pub fn meta_image(name: &str) -> [String; 2] {
     [HEADER, RAW].map(|ending| format!("{name}{ending}"))
 }
 
-/// Whether a file may lie beside the arrays of a folder, or is one of these in the making.
+/// True if a file may lie beside the arrays of a folder, or is one of these in the making.
 pub(crate) fn is_beside_arrays(name: &str) -> bool {
     let name = whole_name(name);
     BESIDE.contains(&name) || [HEADER, RAW].iter().any(|ending| name.ends_with(ending))
@@ -333,7 +333,7 @@ pub(crate) fn owned() -> impl Iterator<Item = String> {
     records.into_iter().chain(stack_files()).chain(unfinished()).chain(folders())
 }
 
-/// Whether beamlet gives this name to anything in a folder of a run.
+/// True if beamlet gives this name to anything in a folder of a run.
 pub(crate) fn is_of_folder(name: &str) -> bool {
     let numbered = [(VIEW, ""), (VIEW, BIN), (VIEW, BIN_PARTIAL)];
     let is_step = |format: Format| number(name, STEP, &format!(".{}", format.ending())).is_some();

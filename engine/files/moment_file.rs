@@ -37,7 +37,7 @@ pub const END: usize = RAY + RESULT;
 /// Words of a cell traced exactly: the cell, and for both ends ray and result.
 pub const EXACT_WORDS: usize = 1 + 2 * END;
 
-/// What ties moments to their run: the hash of its scene.toml.
+/// Hash of the scene.toml of a run, which ties moments to it.
 ///
 /// # Errors
 ///
@@ -292,7 +292,7 @@ pub(crate) fn remove(run: &Path, views: u32) -> Result<()> {
     Ok(())
 }
 
-/// Whether a file begins as moments do, as far as it goes: one in the making may be empty.
+/// True if a file begins as moments do, as far as it goes: one in the making may be empty.
 fn is_of_beamlet(path: &Path) -> Result<bool> {
     let mut head = Vec::new();
     match File::open(path).and_then(|file| file.take(MAGIC.len() as u64).read_to_end(&mut head)) {

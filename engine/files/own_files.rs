@@ -11,7 +11,7 @@ use std::fs::{self, File};
 use std::io::{self, ErrorKind, Read};
 use std::path::Path;
 
-/// Whether a run can begin in `path`.
+/// Checks that a run can begin in `path`.
 ///
 /// # Errors
 /// As [`crate::RunDirectory::create`].
@@ -40,7 +40,7 @@ pub(super) fn look(path: &Path, overwrite: bool) -> Result<()> {
     refuse_links(path)
 }
 
-/// Whether a run ended here before run.json existed, and nothing else is here.
+/// True if a run ended here before run.json existed, and nothing else is here.
 pub(super) fn has_only_begun(path: &Path) -> bool {
     let first = first_names();
     let is_first = |name: &std::ffi::OsString| first.iter().any(|first| name == first.as_str());
@@ -53,7 +53,7 @@ fn first_names() -> Vec<String> {
     layout::unfinished().chain(names).collect()
 }
 
-/// Whether the log is there and commits nothing.
+/// True if the log is there and commits nothing.
 fn is_empty_log(path: &Path) -> bool {
     fs::symlink_metadata(path.join(LOG)).is_ok_and(|log| log.is_file() && log.len() == 0)
 }
@@ -124,7 +124,7 @@ pub(super) fn remove_report(run: &Path) -> Result<()> {
     if is_file && begins_as_report(&page).unwrap_or(false) { remove_file(&page) } else { Ok(()) }
 }
 
-/// Whether the mark of reports is in the first bytes of a file.
+/// True if the mark of reports is in the first bytes of a file.
 fn begins_as_report(page: &Path) -> io::Result<bool> {
     let mut beginning = Vec::new();
     File::open(page)?.take(1 << 12).read_to_end(&mut beginning)?;

@@ -43,7 +43,7 @@ pub struct Plan {
     pub shards: u32,
     /// File format of the frames.
     pub format: Format,
-    /// Whether moments are kept.
+    /// True if moments are kept.
     pub keep_moments: bool,
     /// Shape of the stacks.
     pub extent: StackShape,
@@ -59,7 +59,7 @@ pub struct PlanOptions {
     pub shards: u32,
     /// File format of the frames.
     pub format: Format,
-    /// Whether moments are kept.
+    /// True if moments are kept.
     pub keep_moments: bool,
     /// SHA-256 of the meshes by the name of their object ([`super::RunStart::mesh_hashes`]).
     pub mesh_hashes: BTreeMap<String, String>,

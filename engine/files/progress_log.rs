@@ -146,7 +146,7 @@ impl ProgressLog {
     }
 }
 
-/// Whether a process writes the run of this log.
+/// True if a process writes the run of this log.
 pub(super) fn is_locked(path: &Path) -> bool {
     let is_file = std::fs::symlink_metadata(path).is_ok_and(|found| found.is_file());
     match std::fs::File::open(path) {

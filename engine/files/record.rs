@@ -178,7 +178,7 @@ pub struct SamplingSummary {
 }
 
 impl SamplingSummary {
-    /// Of kept cells, in values of `pixels` compared with a new simulation: root mean square and largest.
+    /// Errors of kept cells, in values of `pixels` compared with a new simulation: root mean square and largest.
     #[doc(hidden)]
     pub const fn of_kept(
         pixels: u64,

@@ -43,7 +43,7 @@ pub struct RunDirectory {
     path: PathBuf,
     /// Folder of scene.toml: the run itself, or the run of this shard.
     root: PathBuf,
-    /// Whether a plan wrote scene.toml.
+    /// True if a plan wrote scene.toml.
     is_planned: bool,
     /// The part of the run that is here; `None`: all of it.
     shard: Option<Shard>,
@@ -145,7 +145,7 @@ impl RunDirectory {
         self
     }
 
-    /// Whether [`Sink::begin`] has written to the directory and [`Sink::finish`] has not ended the run.
+    /// True if [`Sink::begin`] has written to the directory and [`Sink::finish`] has not ended the run.
     /// Before that an earlier run may still be there.
     #[must_use]
     pub fn has_begun(&self) -> bool {

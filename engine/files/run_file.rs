@@ -26,7 +26,7 @@ pub enum RunState {
 /// The layout of run directories that this version writes and reads.
 pub const FORMAT_VERSION: u32 = 1;
 
-/// What every layout has: its number.
+/// Key that every layout has: its number.
 #[derive(Deserialize)]
 struct Versioned {
     format_version: u32,
@@ -95,7 +95,7 @@ pub struct JoinedShard {
     /// Name of the machine.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub host: Option<String>,
-    /// What made it.
+    /// Program that made it.
     #[serde(flatten)]
     pub platform: Platform,
     /// When it began: UTC, RFC 3339.

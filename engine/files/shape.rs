@@ -104,7 +104,7 @@ impl StackShape {
         Ok(extent)
     }
 
-    /// Whether a scene may have this extent; the allowed extent, if not.
+    /// Checks that a scene may have this extent.
     ///
     /// # Errors
     ///
@@ -152,7 +152,7 @@ impl StackShape {
         }
     }
 
-    /// Whether a view lies within.
+    /// True if a view lies within.
     pub(super) fn has(&self, view: Exposure) -> bool {
         view.index() < self.count_of(view)
     }

@@ -46,7 +46,7 @@ impl Shard {
         Ok(Self { index, count })
     }
 
-    /// Whether this is all of a run.
+    /// True if this is all of a run.
     #[must_use]
     pub const fn is_whole(self) -> bool {
         self.count == 1
@@ -75,7 +75,7 @@ impl Shard {
         }
     }
 
-    /// Whether a view of a run with this extent belongs to this part.
+    /// True if a view of a run with this extent belongs to this part.
     #[must_use]
     pub fn has(self, view: Exposure, extent: StackShape) -> bool {
         self.range(view, extent).contains(&view.index())
@@ -127,12 +127,12 @@ impl Part {
         self.shard.range(view, self.extent)
     }
 
-    /// Whether its views come before a view of the run, in the stack of the view.
+    /// True if its views come before a view of the run, in the stack of the view.
     pub(super) fn is_before(&self, view: Exposure) -> bool {
         self.range(view).end <= view.index()
     }
 
-    /// Whether a view belongs to it.
+    /// True if a view belongs to it.
     pub(crate) fn has(&self, view: Exposure) -> bool {
         self.shard.has(view, self.extent)
     }

@@ -136,7 +136,7 @@ impl Body {
         starts
     }
 
-    /// Whether a point off its surface lies in its material; its search exists.
+    /// True if a point off its surface lies in its material; its search exists.
     pub(super) fn contains(&self, point: DVec3) -> bool {
         let Some(search) = &self.search else { return false };
         match search.crossings(&self.surface, point) {
@@ -192,7 +192,7 @@ pub(super) fn measure(surface: &Surface, of: &[u32], count: u32, object: u32) ->
     components
 }
 
-/// Whether a closed surface of this volume and area encloses nothing.
+/// True if a closed surface of this volume and area encloses nothing.
 pub(super) fn is_flat(volume: f64, area: f64) -> bool {
     volume.abs() <= 1e-10 * area.powf(1.5)
 }

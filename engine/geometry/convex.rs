@@ -75,7 +75,7 @@ impl Nearest {
         if other.point.length_squared() < self.point.length_squared() { other } else { self }
     }
 
-    /// Of some vertices of a simplex.
+    /// Nearest point of some vertices of a simplex.
     fn of(simplex: &[Vertex; 4], vertices: &[usize]) -> Self {
         let point = |k: usize| simplex[k].point;
         match *vertices {
@@ -130,7 +130,7 @@ impl Nearest {
     }
 }
 
-/// Whether the origin lies in a tetrahedron.
+/// True if the origin lies in a tetrahedron.
 fn holds_origin(simplex: &[Vertex; 4]) -> bool {
     let point = |k: usize| simplex[k].point;
     [[0, 1, 2, 3], [0, 1, 3, 2], [0, 2, 3, 1], [1, 2, 3, 0]].iter().all(|[i, j, k, apex]| {

@@ -22,7 +22,7 @@ pub(super) fn meet(a: [DVec3; 3], b: [DVec3; 3], limit: f64) -> bool {
         })
 }
 
-/// Whether all of `b` lies beyond `limit` on one side of the plane of `a`.
+/// True if all of `b` lies beyond `limit` on one side of the plane of `a`.
 fn one_side(a: [DVec3; 3], b: [DVec3; 3], limit: f64) -> bool {
     let normal = (a[1] - a[0]).cross(a[2] - a[0]);
     let reach = limit * normal.length();

@@ -106,7 +106,7 @@ pub struct Component {
     /// How far normals of rough walls may lean up or down, sine.
     #[doc(hidden)]
     pub leans: f64,
-    /// Whether normals between the corners of its facets refract light.
+    /// True if normals between the corners of its facets refract light.
     #[doc(hidden)]
     pub smooth: bool,
 }

@@ -49,7 +49,7 @@ fn fan(ring: &[usize]) -> Vec<[usize; 3]> {
     (2..ring.len()).map(|k| [ring[0], ring[k - 1], ring[k]]).collect()
 }
 
-/// What `earcut` makes of a polygon, and corners that it left out for they lie on a line.
+/// Triangles that `earcut` makes of a polygon, with corners that it left out for they lie on a line.
 fn earcut(flat: &[DVec2]) -> Vec<[usize; 3]> {
     let mut indices: Vec<u32> = Vec::new();
     Earcut::new().earcut(flat.iter().map(|point| point.to_array()), &[], &mut indices);

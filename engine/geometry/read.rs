@@ -78,7 +78,7 @@ pub(super) struct ReadSurface {
     pub(super) surface: Surface,
     /// m per unit of it.
     pub(super) unit: f64,
-    /// Of the file; empty for shapes.
+    /// Hash of the file; empty for shapes.
     pub(crate) hash: String,
     pub(super) warnings: Vec<String>,
 }

@@ -73,7 +73,7 @@ impl Search {
         is_clear.then_some(hits)
     }
 
-    /// Whether the crossings of the ray are unambiguous.
+    /// True if the crossings of the ray are unambiguous.
     fn shoot(
         &self,
         surface: &Surface,

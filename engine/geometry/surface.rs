@@ -14,7 +14,7 @@ const FAR: f64 = 4.0;
 /// Rounding of numbers that were written as f32, share of their last place: nine decimal digits leave
 /// at most 0.042.
 const AS_SINGLE: f64 = 0.05;
-/// What may be done where a mesh does not fit.
+/// Remedy where a mesh does not fit.
 pub(super) const SIMPLIFY: &str = "simplify it, or raise the memory limit of this process";
 
 /// A defect of a surface, and its place.
@@ -287,12 +287,12 @@ pub(super) fn bounds_of(points: impl Iterator<Item = DVec3>) -> [DVec3; 2] {
     })
 }
 
-/// Whether two boxes come within `margin` of each other, axis by axis.
+/// True if two boxes come within `margin` of each other, axis by axis.
 pub(super) fn near(a: [DVec3; 2], b: [DVec3; 2], margin: f64) -> bool {
     (a[0] - margin).cmple(b[1]).all() && (b[0] - margin).cmple(a[1]).all()
 }
 
-/// Whether the box `inner` lies in the box `outer`.
+/// True if the box `inner` lies in the box `outer`.
 pub(super) fn encloses(outer: [DVec3; 2], inner: [DVec3; 2]) -> bool {
     outer[0].cmple(inner[0]).all() && inner[1].cmple(outer[1]).all()
 }

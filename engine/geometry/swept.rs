@@ -21,7 +21,7 @@ pub struct Swept {
 
 #[derive(Debug, Clone)]
 enum Outlines {
-    /// By object: every view keeps +z.
+    /// Outlines by object, where every view keeps +z.
     Upright(Vec<UprightOutline>),
     /// `[view][object]`.
     Seen(Vec<Vec<Seen>>),
@@ -225,7 +225,7 @@ impl Swept {
 struct Reach {
     /// Greatest distance from the detector's centre in x and z over the views, m, and its view.
     worst: [(f64, usize); 2],
-    /// Whether it passes through the field along the slits in every view.
+    /// True if it passes through the field along the slits in every view.
     passes: bool,
     /// Outside of the field in every view, in x and z.
     outside: [bool; 2],

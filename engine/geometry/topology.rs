@@ -12,7 +12,7 @@ pub(super) struct Edge {
     pub(super) key: u64,
     /// The triangle.
     pub(super) triangle: u32,
-    /// Whether the triangle runs along it from the lower vertex to the higher.
+    /// True if the triangle runs along it from the lower vertex to the higher.
     pub(super) upwards: bool,
 }
 
@@ -63,7 +63,7 @@ pub(super) fn is_balanced(edge: &[Edge]) -> bool {
     2 * edge.iter().filter(|it| it.upwards).count() == edge.len()
 }
 
-/// Whether the triangles at one edge are two that run along it in opposite directions.
+/// True if the triangles at one edge are two that run along it in opposite directions.
 pub(super) fn is_manifold(edge: &[Edge]) -> bool {
     matches!(edge, [a, b] if a.upwards != b.upwards)
 }

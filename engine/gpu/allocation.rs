@@ -93,7 +93,7 @@ impl Device {
 #[cfg(target_os = "linux")]
 const EIO: i32 = 5;
 
-/// Whether mapped memory is there. llvmpipe keeps memory in a file and overlooks that a limit of file
+/// True if mapped memory is there. llvmpipe keeps memory in a file and overlooks that a limit of file
 /// sizes keeps it short: the first access beyond its end would end the process. A read through the
 /// system fails instead.
 #[cfg(target_os = "linux")]

@@ -127,7 +127,7 @@ impl Buffer {
         self.len
     }
 
-    /// Whether the length is zero.
+    /// True if the length is zero.
     pub fn is_empty(&self) -> bool {
         self.len == 0
     }

@@ -41,7 +41,7 @@ impl CommandBatch {
         }
     }
 
-    /// Whether its work ends within this time (or never will, with the device lost).
+    /// True if its work ends within this time (or never will, with the device lost).
     pub(super) fn ends_within(&self, raw: &ash::Device, time: Duration) -> bool {
         let nanoseconds = u64::try_from(time.as_nanos()).unwrap_or(u64::MAX);
         // SAFETY: the fence was submitted with the work.

@@ -137,7 +137,7 @@ impl Device {
         self.instance.messages()
     }
 
-    /// Whether the validation layer listens.
+    /// True if the validation layer listens.
     pub fn validation(&self) -> bool {
         self.instance.validation()
     }

@@ -3,7 +3,7 @@
 use ash::vk;
 use beamlet_core::Error;
 
-/// What to install where there is no loader, driver or device.
+/// Advice where there is no loader, driver or device.
 pub(super) const INSTALL: &str = "install a Vulkan driver and loader (Debian: mesa-vulkan-drivers \
     and libvulkan1; with or without a GPU, as they bring the CPU device llvmpipe)";
 

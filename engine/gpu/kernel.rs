@@ -185,7 +185,7 @@ impl Device {
     }
 }
 
-/// Whether SPIR-V declares the capability of ray queries.
+/// True if SPIR-V declares the capability of ray queries.
 fn uses_ray_query(spirv: &[u32]) -> bool {
     const CAPABILITY: [u32; 2] = [2 << 16 | 17, 4472];
     // Capabilities come first, right after the five words of the header.

@@ -57,7 +57,7 @@ shared_constants! {
     FACET_ENTERED: u32 = 1 << 31;
     /// Bit of a crossing on a list: the bent ray does not cross here.
     FACET_MISSED: u32 = 1 << 30;
-    /// Of a crossing on a list: bits of the leaf.
+    /// Bits of the leaf in a crossing on a list.
     FACET_LEAF: u32 = FACET_MISSED - 1;
     /// Crossings that the longest list of a ray that is traced exactly holds.
     LONGEST_LIST: u32 = 1 << 20;
@@ -130,28 +130,28 @@ shared_constants! {
     /// first order is not enough, in 255ths; 255 is 1 or more.
     FLAG_SHARE_SHIFT: u32 = 24;
 
-    /// What one Gaussian leaves out of the light by the skewness of a soft edge.
+    /// Light that one Gaussian leaves out by the skewness of a soft edge.
     EDGE_SKEWNESS: f64 = 0.1;
-    /// What one Gaussian leaves out of the light by the flatness of a soft edge.
+    /// Light that one Gaussian leaves out by the flatness of a soft edge.
     EDGE_FLATNESS: f64 = 0.035;
 
-    /// Of a fit: all values are the same, or none is above another.
+    /// Flag of a fit: all values are the same, or none is above another.
     CURVE_DEAD: u32 = 1;
-    /// Of a fit: a value is not a number or infinite.
+    /// Flag of a fit: a value is not a number or infinite.
     CURVE_NOT_FINITE: u32 = 2;
-    /// Of a fit: values at or above the saturation were left out.
+    /// Flag of a fit: values at or above the saturation were left out.
     CURVE_SATURATED: u32 = 4;
-    /// Of a fit: fewer values are left than it needs.
+    /// Flag of a fit: fewer values are left than it needs.
     CURVE_FEW: u32 = 8;
-    /// Of a fit: it did not settle.
+    /// Flag of a fit: it did not settle.
     CURVE_NOT_CONVERGED: u32 = 16;
-    /// Of a fit: the condition number of its normal equations is too large.
+    /// Flag of a fit: the condition number of its normal equations is too large.
     CURVE_ILL_CONDITIONED: u32 = 32;
-    /// Of a fit: the offsets do not resolve the width.
+    /// Flag of a fit: the offsets do not resolve the width.
     CURVE_WIDTH: u32 = 64;
-    /// Of a fit: the centre lies outside the scan.
+    /// Flag of a fit: the centre lies outside the scan.
     CURVE_OUTSIDE: u32 = 128;
-    /// Of a fit: the amplitude is not above its uncertainty.
+    /// Flag of a fit: the amplitude is not above its uncertainty.
     CURVE_NO_PEAK: u32 = 256;
 
     /// Values of a fit, a plane of curves each.
@@ -177,7 +177,7 @@ shared_constants! {
     /// `CURVE_` bits, as a float.
     FIT_FLAGS: usize = 9;
 
-    /// Of a projection: all voxels of a ray count alike,
+    /// Weights of a projection: all voxels of a ray count alike,
     ARM_NONE: u32 = 0;
     /// by the lever arm, and less the farther they are from the source: derivatives along a row;
     ARM_SLOPE: u32 = 1;

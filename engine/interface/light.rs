@@ -22,7 +22,7 @@ shared_structs! {
         pub thickness: f32,
         /// mu * thickness; 0 for a sheet.
         pub attenuation: f32,
-        /// Of a sheet's bars.
+        /// Transmission of a sheet's bars.
         pub transmission: f32,
         /// Over energies: bars are opaque, and each cell has how much they narrow apertures.
         pub averaged: u32,
@@ -34,7 +34,7 @@ shared_structs! {
         pub last: f32,
     }
 
-    /// What depends on the beamlet (index k of the cell lattice) alone.
+    /// Values that depend on the beamlet (index k of the cell lattice) alone.
     pub struct BeamletGeometry in BeamletTable(readonly) {
         /// Where its centre lands without deflection.
         pub pixel: i32,
@@ -87,7 +87,7 @@ shared_structs! {
         /// Share that lands in the row below; where it is to be computed, change of the light over the
         /// height, relative to the mean light.
         pub share_below: f32,
-        /// Of pixel edges on the analyser, from the gap to the detector.
+        /// Shift of pixel edges on the analyser, from the gap to the detector.
         pub pixel_shift: f32,
         /// Variance of the displacement over energies, m2.
         pub displacement_variance: f32,
@@ -125,15 +125,15 @@ shared_structs! {
         pub spot_parts: u64,
         /// Cell plane to analyser.
         pub magnification: f32,
-        /// Of a place in the sample against the sample mask, m.
+        /// Shift of a place in the sample against the sample mask, m.
         pub mask_shift: f32,
-        /// Of the detector mask's edges against the light of a cell, m.
+        /// Shift of the detector mask's edges against the light of a cell, m.
         pub landing_shift: f32,
         /// The same of pixel edges, seen on the analyser.
         pub pixel_shift: f32,
-        /// Of rays, downwards.
+        /// Shift of the slope of rays, downwards.
         pub slope_shift: f32,
-        /// Of light, rows downwards.
+        /// Shift of light, rows downwards.
         pub row_shift: f32,
         /// Blur on the analyser of what lies at the rotation centre, m, std.
         pub spot: f32,
@@ -165,7 +165,7 @@ shared_structs! {
         pub rows_apart: u32,
         /// Rows of the band.
         pub row_count: u32,
-        /// Of the band.
+        /// First row of the band.
         pub first_row: i32,
         /// Pixels.
         pub column_count: u32,
@@ -200,9 +200,9 @@ shared_structs! {
         pub first_step: u32,
         /// One behind.
         pub last_step: u32,
-        /// Of an invocation.
+        /// Steps of an invocation.
         pub steps_each: u32,
-        /// Of the scan.
+        /// Steps of the scan.
         pub steps: u32,
     }
 

@@ -14,7 +14,7 @@ shared_structs! {
         pub slope_z: f32,
         /// Index of the pose among the poses of all views.
         pub pose: u32,
-        /// Of the normals that the ray draws at rough surfaces; 0: it draws them where it is traced
+        /// Key of the normals that the ray draws at rough surfaces; 0: it draws them where it is traced
         /// exactly alone.
         pub key: u32,
     }
@@ -22,7 +22,7 @@ shared_structs! {
     /// Motion of the sample in a pose, and planes of constant y in the beam frame. Rows of the rotation
     /// from the world to the beam frame, then a translation: in f32, and its remainder.
     pub struct PoseTransform in Poses(readonly) {
-        /// Of a turn about z: its cosine, the sine of its angle, and 0.
+        /// First row of the rotation; in a turn about z the cosine and sine of its angle, and 0.
         pub x: [f32; 3],
         pub y: [f32; 3],
         pub z: [f32; 3],
@@ -90,14 +90,14 @@ shared_structs! {
         pub parameters: [f32; 3],
     }
 
-    /// What lies on the two sides of a connected surface.
+    /// A connected surface, with the materials on its two sides.
     pub struct Surface in Surfaces(readonly) {
         pub object: u32,
         /// Material.
         pub inside: u32,
         /// Material.
         pub outside: u32,
-        /// Of the object.
+        /// Hash of the object.
         pub hash: u32,
         /// Cosine of incidence below which the first order is not enough.
         pub grazing: f32,
@@ -192,7 +192,7 @@ shared_structs! {
         pub prototype_count: u32,
         /// Leaves of the sample itself: larger numbers are primitives of placed meshes.
         pub sample_leaves: u32,
-        /// Of the scene.
+        /// Seed of the scene.
         pub seed: [u32; 2] => uvec2,
     }
 

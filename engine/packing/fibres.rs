@@ -102,7 +102,7 @@ struct Fibres {
     fibres: Vec<Fibre>,
     half_sides: DVec3,
     counts: [usize; 3],
-    /// Of each cell, the first entry.
+    /// First entry of each cell.
     first: Vec<u32>,
     /// A fibre with a sample of its axis in a cell, and the next entry of that cell.
     entries: Vec<[u32; 2]>,

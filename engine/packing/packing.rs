@@ -179,7 +179,7 @@ pub(super) struct Target {
 }
 
 impl Target {
-    /// Of bodies of `mean` volume in a region of `volume`.
+    /// Target for bodies of `mean` volume in a region of `volume`.
     ///
     /// # Errors
     /// [`Error::Scene`] where there would be too many.

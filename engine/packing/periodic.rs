@@ -31,7 +31,7 @@ const ADDITION: u8 = 1;
 /// No body.
 const NONE: u32 = u32::MAX;
 
-/// What became of a packing.
+/// Outcome of a packing.
 #[derive(Debug)]
 pub(super) enum Packed<const D: usize> {
     /// Centres, in the order of the radii, each coordinate from 0 up to the side of the box.

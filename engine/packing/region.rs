@@ -65,7 +65,7 @@ impl Region {
         self.balls.iter().map(inner).product()
     }
 
-    /// Whether a point is at least `margin` from the wall.
+    /// True if a point is at least `margin` from the wall.
     pub(super) fn contains(&self, point: &[f64], margin: f64) -> bool {
         let mut rest = point;
         self.balls.iter().all(|&(dimensions, radius)| {
@@ -83,7 +83,7 @@ impl Region {
         std::array::from_fn(|_| sides.next().unwrap_or_default())
     }
 
-    /// Whether a cylinder around the segment from `centre` - `arm` to `centre` + `arm`, of this radius,
+    /// True if a cylinder around the segment from `centre` - `arm` to `centre` + `arm`, of this radius,
     /// lies inside, at least `gap` from the wall. The rim of a cylinder in a cylinder is taken for a sphere.
     pub(super) fn contains_cylinder(
         &self,

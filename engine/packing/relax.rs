@@ -221,7 +221,7 @@ impl<const D: usize> Relaxation<'_, D> {
         changes
     }
 
-    /// Whether a body overlaps no other; bodies of its `own` cell have their new positions.
+    /// True if a body overlaps no other; bodies of its `own` cell have their new positions.
     fn is_free(
         &self,
         body: &Body<D>,

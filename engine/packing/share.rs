@@ -19,7 +19,7 @@ impl<'a> Share<'a> {
         Self { task, ends: [0.0, 1.0] }
     }
 
-    /// What lies between two places of this part, from 0 to 1.
+    /// Part between two places of this part, from 0 to 1.
     pub(super) fn part(self, places: [f64; 2]) -> Self {
         Self { ends: places.map(|place| self.at(place)), ..self }
     }

@@ -11,7 +11,7 @@ use serde::Serialize;
 use std::ops::Range;
 use std::path::Path;
 
-/// What two series of images differ by. `b - a` where there is a sign.
+/// Differences of two series of images. `b - a` where there is a sign.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 #[non_exhaustive]
 pub struct Difference {
@@ -40,7 +40,7 @@ pub struct Difference {
 }
 
 impl Difference {
-    /// Whether nothing differs by more than this.
+    /// True if nothing differs by more than this.
     #[must_use]
     pub fn within(&self, tolerance: f64) -> bool {
         self.unlike == 0 && self.largest <= tolerance

@@ -87,7 +87,7 @@ fn main() {
     assert_eq!(unbalanced, 0, "rays left an object other than as often as they entered it");
 }
 
-/// What became of rays.
+/// Outcome of rays.
 #[derive(Default)]
 struct Counts {
     rays: u64,

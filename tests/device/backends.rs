@@ -22,7 +22,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 /// 1e-7 of a depth or a displacement.
 const SAME_LIGHT: f64 = 1e-6;
 
-/// Whether this device has both backends; without them a test has nothing to compare, and says so.
+/// True if this device has both backends; without them a test has nothing to compare, and says so.
 /// With `CI=true` it must have them.
 #[allow(clippy::print_stderr, reason = "what is left out is told")]
 fn both(what: &str) -> bool {

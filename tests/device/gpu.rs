@@ -18,7 +18,7 @@ mod shaders {
     include!(concat!(env!("OUT_DIR"), "/test_shaders.rs"));
 }
 
-/// Whether no test may leave anything out.
+/// True if no test may leave anything out.
 fn ci() -> bool {
     std::env::var("CI").is_ok_and(|value| value == "true")
 }

@@ -87,7 +87,7 @@ fn string(text: &str, hashes: Option<usize>) -> (&str, &str) {
     (&text[..at], &text[at + end.map_or(1, |end| end.len())..])
 }
 
-/// Whether a literal names a file or folder of a run.
+/// True if a literal names a file or folder of a run.
 fn names_a_file(before: &str, text: &str) -> bool {
     let joined = before.ends_with("join(");
     NAMES.iter().any(|name| text.contains(name))

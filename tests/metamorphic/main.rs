@@ -40,7 +40,7 @@ fn seeds() -> Vec<u64> {
     (number(first)..=number(last)).collect()
 }
 
-/// Whether a seed takes this relation. Each takes a half of them: more scenes find more than more
+/// True if a seed takes this relation. Each takes a half of them: more scenes find more than more
 /// relations of one scene. Random rays are slow, and few scenes suffice.
 fn is_taken(relation: Relation, seed: u64) -> bool {
     match relation {

@@ -55,7 +55,7 @@ impl Case {
     }
 }
 
-/// Whether bars of a mask are narrower than half of their shadow in a column.
+/// True if bars of a mask are narrower than half of their shadow in a column.
 fn is_narrow(setup: &Setup, column: u32) -> bool {
     let slope = setup.centre(column, 0)[0] / setup.detector_distance;
     setup.sample_mask.iter().chain(&setup.detector_mask).any(|mask| match mask.bars {

@@ -104,7 +104,7 @@ fn reference(sample: &Sample, ray: &Ray, by: [f64; 2]) -> Trace {
     sample.trace(from, [slope[0], 1.0, slope[1]], LEVER, Order::Exact)
 }
 
-/// Whether a result is that of the reference, or lies between those a hair beside the ray. Slopes
+/// True if a result is that of the reference, or lies between those a hair beside the ray. Slopes
 /// are held to 1e-6 of their change: facets side by side differ by 4e-4 at least.
 fn is_true(sample: &Sample, ray: &Ray, result: &RayResult) -> bool {
     let got = [result.slope_x, result.slope_z, result.displacement_x, result.displacement_z]

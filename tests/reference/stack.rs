@@ -287,7 +287,7 @@ impl Job<'_> {
         }
     }
 
-    /// Whether an opaque sheet covers the cell centred at `x1` at every step, whatever the source point.
+    /// True if an opaque sheet covers the cell centred at `x1` at every step, whatever the source point.
     fn is_blocked(&self, x1: f64) -> bool {
         let Some(mask) = self.setup.sample_mask else { return false };
         let Bars::Sheet { transmission: 0.0 } = mask.bars else { return false };

@@ -125,7 +125,7 @@ pub(super) fn watched(place: &Path, arguments: &[&str]) -> (u64, String, ExitSta
     }
 }
 
-/// Whether host and device are one process: what is estimated and limited is its resident set.
+/// True if host and device are one process: what is estimated and limited is its resident set.
 pub(super) fn is_one_process() -> bool {
     let device = Device::open(&DeviceOptions::default()).unwrap();
     device.description().kind == DeviceKind::Cpu

@@ -103,7 +103,7 @@ fn errors(got: &Stacks, want: &Stacks) -> [f64; 2] {
 /// What a run's own cells may leave in its set-up at its tolerance of 1e-4: a third of it.
 const OWN: f64 = 3.3e-5;
 
-/// Whether the estimate of a set-up, which is served because its tolerance is wide, is within a factor of
+/// True if the estimate of a set-up, which is served because its tolerance is wide, is within a factor of
 /// three of the true error, and of the error of the new simulation that it compares with.
 #[allow(clippy::print_stdout, reason = "a measured figure")]
 fn holds(name: &str, kept: &StoredMoments, body: &str, changes: &[String]) -> bool {

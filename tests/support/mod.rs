@@ -95,7 +95,7 @@ pub(crate) fn backends() -> Vec<Backend> {
     all
 }
 
-/// Whether every case is asked for, as `.ci/long` does, in place of a sample of them.
+/// True if every case runs, as `.ci/long` does, in place of a sample of them.
 pub(crate) fn everything() -> bool {
     std::env::var_os("BEAMLET_ALL").is_some()
 }

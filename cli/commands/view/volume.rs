@@ -23,7 +23,7 @@ struct Slice {
     /// `[row][column]`, row 0 on top, in the unit of the picture.
     values: Array2<f64>,
     grid: Grid,
-    /// Of which axis, and where, m.
+    /// Axis, and place along it, m.
     at: (&'static str, f64),
 }
 

@@ -89,7 +89,7 @@ impl ArrayFile {
         (sides.product(), [rows, columns])
     }
 
-    /// Whether the first side is the fastest.
+    /// True if the first side is the fastest.
     pub const fn is_fortran(&self) -> bool {
         matches!(self, Self::Npy(file) if file.is_fortran())
     }
@@ -102,7 +102,7 @@ impl ArrayFile {
         }
     }
 
-    /// Whether values have 8 bits.
+    /// True if values have 8 bits.
     pub const fn has_bytes(&self) -> bool {
         match self {
             Self::Exr(_) => false,
@@ -111,7 +111,7 @@ impl ArrayFile {
         }
     }
 
-    /// Whether a few rows cost no more than their share: nothing is decoded whole.
+    /// True if a few rows cost no more than their share: nothing is decoded whole.
     pub const fn reads_any_rows(&self) -> bool {
         matches!(self, Self::Npy(_))
     }

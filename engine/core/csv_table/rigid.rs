@@ -24,7 +24,7 @@ pub struct Placement {
 pub struct PlacementTable {
     /// Its name in messages.
     pub kind: TableKind,
-    /// Whether columns may be `scale`, or else `view`.
+    /// True if columns may be `scale`; else they may be `view`.
     pub scales: bool,
 }
 

@@ -202,7 +202,7 @@ fn entries(path: &Path) -> Result<Vec<(String, FileType)>> {
     names.map(entry).collect()
 }
 
-/// Whether an entry is a file with an array of these names, one of these files, the geometry, a record or
+/// True if an entry is a file with an array of these names, one of these files, the geometry, a record or
 /// the mark.
 fn is_own(
     name: &str,
@@ -215,7 +215,7 @@ fn is_own(
     kind.is_file() && (known.contains(&name) || is_array() || is_file(name))
 }
 
-/// Whether an entry is the image of a view or slice.
+/// True if an entry is the image of a view or slice.
 fn is_image(name: &str, kind: FileType) -> bool {
     kind.is_file() && layout::is_image_of_folder(name)
 }

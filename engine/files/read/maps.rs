@@ -70,7 +70,7 @@ impl Maps {
         self.maps
     }
 
-    /// Whether there is one image of this name for several views.
+    /// True if there is one image of this name for several views.
     #[doc(hidden)]
     pub fn is_shared(&self, name: &str) -> bool {
         self.views() > 1 && self.maps.get(name).is_some_and(|map| map.shape()[1] == 1)

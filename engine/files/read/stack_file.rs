@@ -28,9 +28,9 @@ pub struct StackFile {
     path: PathBuf,
     shape: [usize; 4],
     source: StackSource,
-    /// Whether values (of the first frame of a folder) have 8 bits.
+    /// True if values (of the first frame of a folder) have 8 bits.
     has_bytes: bool,
-    /// Of a stack of a run.
+    /// Checksums of a stack of a run.
     checksums: Option<Checksums>,
 }
 
@@ -254,13 +254,13 @@ impl StackFile {
         self.shape
     }
 
-    /// Whether values (of the first frame of a folder) have 8 bits.
+    /// True if values (of the first frame of a folder) have 8 bits.
     #[doc(hidden)]
     pub const fn has_bytes(&self) -> bool {
         self.has_bytes
     }
 
-    /// Whether a few rows cost no more than their share: nothing is decoded or compared whole.
+    /// True if a few rows cost no more than their share: nothing is decoded or compared whole.
     #[doc(hidden)]
     pub const fn reads_any_rows(&self) -> bool {
         matches!(&self.source, StackSource::File(file) if file.reads_any_rows())

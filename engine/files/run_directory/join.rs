@@ -98,7 +98,7 @@ struct Ready {
     entries: BTreeMap<Exposure, Entry>,
 }
 
-/// What steers a join.
+/// Options of a join.
 #[derive(Default)]
 #[non_exhaustive]
 pub struct JoinOptions<'a> {

@@ -132,7 +132,7 @@ impl AnalyticShape {
         }
     }
 
-    /// Whether a point lies inside.
+    /// True if a point lies inside.
     pub(crate) fn contains(self, point: DVec3) -> bool {
         self.distance_bound(point) < 0.0
     }
@@ -156,7 +156,7 @@ impl AnalyticShape {
         }
     }
 
-    /// Whether it holds all that lies between its points.
+    /// True if it holds all that lies between its points.
     pub(crate) const fn is_convex(self) -> bool {
         !matches!(self, Self::Tube(_))
     }

@@ -61,7 +61,7 @@ impl DefectCount {
 }
 
 impl Defects {
-    /// Whether a mesh with these is refused unless its object allows defects: it is open, its
+    /// True if a mesh with these is refused unless its object allows defects: it is open, its
     /// triangles disagree about which side is out, or it passes through itself.
     #[must_use]
     pub const fn refused(&self) -> bool {

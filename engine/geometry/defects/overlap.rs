@@ -21,7 +21,7 @@ pub(super) enum TriangleContact {
         edge: [u32; 2],
         /// The triangle that it runs in.
         through: u32,
-        /// Whether the triangle of the edge is in front of the other.
+        /// True if the triangle of the edge is in front of the other.
         side: bool,
         /// A point of the edge.
         place: DVec3,
@@ -100,7 +100,7 @@ impl TriangleSide {
         span
     }
 
-    /// Whether a point of its plane lies inside by more than `margin`.
+    /// True if a point of its plane lies inside by more than `margin`.
     fn holds(&self, point: DVec3, margin: f64) -> bool {
         (0..3).all(|k| {
             let (p, q) = (self.corners[k], self.corners[(k + 1) % 3]);
@@ -117,17 +117,17 @@ impl TriangleSide {
     }
 }
 
-/// Whether a triangle lies wholly on one side of a plane, from the heights of its corners.
+/// True if a triangle lies wholly on one side of a plane, from the heights of its corners.
 fn one_sided(heights: [f64; 3]) -> bool {
     heights.iter().all(|h| *h > 0.0) || heights.iter().all(|h| *h < 0.0)
 }
 
-/// Whether it lies in the plane.
+/// True if the triangle lies in the plane.
 fn level(heights: [f64; 3]) -> bool {
     heights.iter().all(|height| height.abs() <= 0.0)
 }
 
-/// Whether it has corners on both sides.
+/// True if it has corners on both sides.
 fn straddles(heights: [f64; 3]) -> bool {
     heights.iter().any(|h| *h > 0.0) && heights.iter().any(|h| *h < 0.0)
 }
@@ -245,7 +245,7 @@ fn common_area(a: [DVec3; 3], b: [DVec3; 3], normal: DVec3, resolved: f64) -> Op
     })
 }
 
-/// Whether all of `b` lies beyond one side of `a`, which runs counter-clockwise.
+/// True if all of `b` lies beyond one side of `a`, which runs counter-clockwise.
 fn apart(a: &[DVec2; 3], b: &[DVec2; 3]) -> bool {
     (0..3).any(|k| {
         let (from, along) = (a[k], a[(k + 1) % 3] - a[k]);

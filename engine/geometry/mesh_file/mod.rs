@@ -57,7 +57,7 @@ pub(super) fn peak_per_byte(path: &Path) -> u64 {
     }
 }
 
-/// Whether a file states its length, and may be longer than text.
+/// True if a file states its length, and may be longer than text.
 pub(super) fn tells_its_length(path: &Path) -> bool {
     match MeshFormat::of(path) {
         Some(MeshFormat::Ply) => ply::is_binary(path),

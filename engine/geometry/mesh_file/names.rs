@@ -8,7 +8,7 @@ use beamlet_core::{numbers, printed, suggestion};
 /// Names that a message lists.
 const MOST_NAMES_TOLD: usize = 12;
 
-/// What triangles go by.
+/// Names that a triangle has.
 #[derive(Debug, Clone, Default, PartialEq, Eq, Hash)]
 pub(super) struct Label {
     /// The object, and of 3MF those that it is a component of.
@@ -29,7 +29,7 @@ impl Label {
 pub(super) struct Names {
     labels: Vec<Label>,
     known: HashMap<Label, u32>,
-    /// Of every triangle of the file, those included that are not finite.
+    /// Label of every triangle of the file, with triangles that are not finite.
     of_triangle: Vec<u32>,
 }
 

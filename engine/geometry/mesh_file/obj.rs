@@ -211,7 +211,7 @@ fn face<'a>(
     Ok(())
 }
 
-/// Whether a line names what follows; takes the name.
+/// True if a line names what follows; takes the name.
 fn is_name(word: &str, line: &str, label: &mut Label) -> bool {
     // Lines may begin with blanks.
     let name = line.split_once(word).map_or("", |(_, rest)| rest).trim();

@@ -23,7 +23,7 @@ use beamlet_core::{input_file, printed};
 pub(super) const PEAK_PER_BYTE: u64 = 24;
 /// Faces between two reports of how far reading is.
 const REPORT: usize = 1 << 14;
-/// What reading takes of the time; the rest goes to the cutting of faces.
+/// Share of the time that reading takes; the rest goes to the cutting of faces.
 const PARSED: f64 = 0.7;
 /// Most bytes of a header that is looked for in a file.
 const HEADER: usize = 1 << 16;
@@ -207,7 +207,7 @@ pub(super) fn faces_in(path: &Path) -> Option<u64> {
     Some(header.elements.get("face")?.count as u64)
 }
 
-/// Whether a file is a binary PLY file.
+/// True if a file is a binary PLY file.
 pub(super) fn is_binary(path: &Path) -> bool {
     header_of(path).is_some_and(|header| header.encoding != Encoding::Ascii)
 }

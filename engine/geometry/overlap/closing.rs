@@ -32,7 +32,7 @@ pub(super) fn closed(surface: &Surface) -> (Surface, usize) {
     (whole, holes)
 }
 
-/// By their first vertex: the second ones of edges along which triangles are missing.
+/// Edges along which triangles are missing: second vertices by the first.
 fn missing_edges(surface: &Surface) -> BTreeMap<u32, Vec<u32>> {
     let mut uses: HashMap<[u32; 2], i32> = HashMap::new();
     for [a, b, c] in &surface.triangles {

@@ -25,16 +25,16 @@ pub(crate) use closed_mesh::{ClosedMesh, snap};
 pub(crate) use meeting::{Around, Meetings, pairs, tolerance};
 pub(crate) use parts::Parts;
 
-/// What happens to the objects of a sample because they overlap.
+/// Changes of the objects of a sample because they overlap.
 #[derive(Debug, Default)]
 pub(super) struct Cuts {
-    /// Of each part: later parts that are taken away from it.
+    /// Later parts that are taken away, for each part.
     cutters: Vec<Vec<u32>>,
-    /// Of each part, components of it that lie in a later object.
+    /// Components that lie in a later object, for each part.
     covered: Vec<Vec<u32>>,
     /// Objects with such components, and the later object around each.
     covers: BTreeSet<[u32; 2]>,
-    /// Of each object: the object around each of its components.
+    /// Object around each component, for each object.
     pub(super) outside: Vec<Vec<Option<u32>>>,
     /// For each object: later ones that intersect or cover a part of it.
     pub(crate) cut_by: Vec<Vec<u32>>,

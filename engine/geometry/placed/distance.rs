@@ -86,7 +86,7 @@ impl PlacedShape<'_> {
         separation(|along| self.support(along), set).map(|it| it.0)
     }
 
-    /// Whether a triangle is farther away than a limit, m, by its size and one point of it: asked of shapes
+    /// True if a triangle is farther away than a limit, m, by its size and one point of it: asked of shapes
     /// alone from which the distance takes long.
     fn is_surely_beyond(&self, corners: [DVec3; 3], limit: f64) -> bool {
         let Self::Pipe(pipe) = self else { return false };

@@ -16,7 +16,7 @@ use crate::tree::Tree;
 const FINEST: f64 = 1e-9;
 
 impl Group {
-    /// Whether the convex shape of a place holds all of a box of another place's own frame, farther from
+    /// True if the convex shape of a place holds all of a box of another place's own frame, farther from
     /// its surface than a limit, m.
     fn holds(&self, place: &Place, [low, high]: [DVec3; 2], there: &Place, limit: f64) -> bool {
         let Some(shape) = self.prototype.shape.filter(|shape| shape.is_convex()) else {
@@ -34,13 +34,13 @@ impl Group {
         self.prototype.shape.is_some_and(AnalyticShape::is_convex)
     }
 
-    /// Whether a point of the surface of another place lies outside a place.
+    /// True if a point of the surface of another place lies outside a place.
     fn leaves_out(&self, place: &Place, others: &Self, there: &Place) -> bool {
         let outside = |it: &DVec3| !self.contains(place, there.world_from_own(*it));
         others.prototype.vertices.iter().any(outside)
     }
 
-    /// Whether corners of one of some triangles lie on both sides of the exact surface of a place: the
+    /// True if corners of one of some triangles lie on both sides of the exact surface of a place: the
     /// surfaces intersect for certain, without fine facets.
     fn is_crossed_by(&self, place: &Place, triangles: &[[DVec3; 3]]) -> bool {
         self.prototype.shape.is_some()
@@ -55,7 +55,7 @@ fn standing<'a>(group: &'a Group, place: &'a Place) -> Standing<'a> {
     Standing { prototype: &group.prototype, place }
 }
 
-/// Whether a place intersects the surface of a body.
+/// True if a place intersects the surface of a body.
 pub(super) fn meets_body(
     group: &Group,
     place: &Place,
@@ -90,7 +90,7 @@ pub(super) fn meets_body(
     })
 }
 
-/// Whether surfaces intersect, with finer and finer facets for shapes until they do not or the facets are
+/// True if surfaces intersect, with finer and finer facets for shapes until they do not or the facets are
 /// as fine as possible; the first facets have the error `of`, m.
 fn sure(of: f64, meet: impl Fn(Option<f64>) -> bool) -> bool {
     let errors = [None, Some(of / 16.0), Some(of / 256.0), Some(FINEST.min(of / 4096.0))];
@@ -98,7 +98,7 @@ fn sure(of: f64, meet: impl Fn(Option<f64>) -> bool) -> bool {
     kinds.iter().all(|error| meet(*error))
 }
 
-/// Whether a plane across the line between two places keeps them apart, as most neighbours are.
+/// True if a plane across the line between two places keeps them apart, as most neighbours are.
 pub(super) fn are_apart(
     (group, place): (&Group, &Place),
     (others, there): (&Group, &Place),
@@ -114,7 +114,7 @@ pub(super) fn are_apart(
         && reach(group, place, along) + reach(others, there, -along) < along.dot(apart) - limit
 }
 
-/// Whether the surfaces of two places intersect.
+/// True if the surfaces of two places intersect.
 pub(super) fn meets_place(
     (group, place): (&Group, &Place),
     (others, there): (&Group, &Place),

@@ -41,7 +41,7 @@ pub struct Placed {
 }
 
 impl Placed {
-    /// Whether both show the same outlines but for their scale and position.
+    /// True if both show the same outlines but for their scale and position.
     pub fn shows_the_same(&self, other: &Self) -> bool {
         let Place { stretch, rotation, .. } = self.place;
         self.prototype == other.prototype
@@ -54,7 +54,7 @@ impl Placed {
 /// then of one placed mesh after the other. Analytic surfaces have none.
 #[derive(Debug, Clone)]
 pub struct FacetNumbers {
-    /// By prototype: number of its first facet, and its placed ones.
+    /// Blocks by prototype: the number of its first facet, and its placed ones.
     blocks: Vec<Block>,
 }
 
@@ -119,7 +119,7 @@ impl FacetNumbers {
 }
 
 impl Sample {
-    /// Whether there is nothing to trace.
+    /// True if there is nothing to trace.
     #[doc(hidden)]
     pub fn is_empty(&self) -> bool {
         self.triangles.is_empty() && self.placed.is_empty()

@@ -28,11 +28,11 @@ const JOINED: f64 = 1e-8;
 #[derive(Default)]
 pub(crate) struct Groups {
     pub(crate) all: Vec<Group>,
-    /// Of each place of each group: the latest object around it.
+    /// Latest object around each place, for each group.
     pub(crate) outside: Vec<Vec<Option<u32>>>,
-    /// Of each group: how many places lie wholly in later objects, and are left out.
+    /// Number of places that lie wholly in later objects and are left out, for each group.
     pub(crate) covered: Vec<usize>,
-    /// Of each group: how many places lie wholly in others of it, and are left out.
+    /// Number of places that lie wholly in others and are left out, for each group.
     pub(crate) inner: Vec<usize>,
     /// Of each group: how many have joined the mesh of their object, and how far their facets are off
     /// their surfaces at most, m.

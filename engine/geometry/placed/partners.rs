@@ -12,7 +12,7 @@ pub struct Partners {
 }
 
 impl Partners {
-    /// Of pairs, each once.
+    /// Partners of pairs, each once.
     pub(super) fn of_pairs(pairs: impl Iterator<Item = [u32; 2]>) -> Self {
         let mut lists: BTreeMap<u32, Vec<u32>> = BTreeMap::new();
         for [a, b] in pairs {
@@ -33,7 +33,7 @@ impl Partners {
         self.lists.get(&at).map(Vec::as_slice)
     }
 
-    /// Whether no shapes cross.
+    /// True if no shapes cross.
     pub(crate) fn is_empty(&self) -> bool {
         self.lists.is_empty()
     }

@@ -11,7 +11,7 @@ use crate::convex::separation;
 #[derive(Clone, Copy)]
 pub(super) struct Pipe {
     pub(super) centre: DVec3,
-    /// Of its frame; the last one is along it.
+    /// Axes of its frame; the last one is along it.
     pub(super) axes: [DVec3; 3],
     pub(super) size: Tube,
 }

@@ -8,9 +8,9 @@ use beamlet_packing::InstanceTransform;
 /// Scaled, stretched along its own z, turned, moved, in this order.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Place {
-    /// Of all three axes.
+    /// Scale of all three axes.
     pub scale: f64,
-    /// Of z, beyond the scale.
+    /// Stretch of z, beyond the scale.
     pub stretch: f64,
     /// Applied after scale and stretch.
     pub rotation: DQuat,
@@ -29,7 +29,7 @@ impl Place {
         }
     }
 
-    /// Of the own frame.
+    /// Scales of the axes of the own frame.
     pub fn scales(&self) -> DVec3 {
         DVec3::new(self.scale, self.scale, self.scale * self.stretch)
     }

@@ -160,7 +160,7 @@ impl Prototype {
         first.into_iter().flatten()
     }
 
-    /// Whether a point off the surface lies in the material, of the own frame.
+    /// True if a point off the surface lies in the material, of the own frame.
     pub(crate) fn contains(&self, point: DVec3) -> bool {
         let [low, high] = self.bounds;
         let in_box = low.cmple(point).all() && point.cmple(high).all();

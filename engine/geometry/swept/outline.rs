@@ -40,7 +40,7 @@ impl Seen {
         }
     }
 
-    /// Whether a box with this centre and half size may add to it.
+    /// True if a box with this centre and half size may add to it.
     fn grows(&self, centre: DVec3, half: DVec3, source: f64) -> bool {
         let (low, high) = (centre - half, centre + half);
         let BeamExtent { x, y, z } = self.extent;

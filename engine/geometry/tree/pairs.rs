@@ -12,7 +12,7 @@ const REACHED: usize = 64;
 struct Reached<'a> {
     /// Which of them, bit by bit.
     by: u8,
-    /// Whether it comes after theirs, or is the same.
+    /// True if it comes after theirs, or is the same.
     later: bool,
     members: &'a [u32],
     boxes: ArrayVec<[DVec3; 2], LEAF>,

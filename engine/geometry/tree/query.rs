@@ -27,7 +27,7 @@ impl ThickLine {
         Self { start, along: side(k), across: across * (corners[(k + 2) % 3] - start).dot(across) }
     }
 
-    /// Whether its part within a slab lies outside a box. Planes of walls around an axis intersect there,
+    /// True if its part within a slab lies outside a box. Planes of walls around an axis intersect there,
     /// far from the walls: a slab alone excludes no line from there.
     fn misses(&self, slab: &Slab, [low, high]: [Vec3; 2], margin: f64) -> bool {
         let slab = slab.widened(margin);
@@ -70,7 +70,7 @@ pub(crate) struct Query {
 }
 
 impl Query {
-    /// What comes within `margin` of `corners`. Members that have a vertex in common with
+    /// Query for members within `margin` of `corners`. Members that have a vertex in common with
     /// `vertices` are found if the opposite side comes near them, or if theirs comes near the
     /// query: see [`Tree::pairs`].
     pub(crate) fn new(corners: [DVec3; 3], vertices: Option<[u32; 3]>, margin: f64) -> Self {
@@ -97,7 +97,7 @@ impl Query {
         }
     }
 
-    /// What comes within `margin` of the triangles of a leaf, whose corners are `corners`.
+    /// Query for members within `margin` of the triangles of a leaf, whose corners are `corners`.
     pub(super) fn of_leaf(leaf: &BoundsNode, corners: Vec<DVec3>, margin: f64) -> Self {
         let bounds = [leaf.low.as_dvec3(), leaf.high.as_dvec3()];
         let [low, high] = outwards(bounds, margin);
@@ -116,12 +116,12 @@ impl Query {
         }
     }
 
-    /// Whether its box, with the margin, overlaps another.
+    /// True if its box, with the margin, overlaps another.
     pub(super) fn meets_box(&self, [low, high]: [DVec3; 2]) -> bool {
         self.bounds[0].cmple(high).all() && low.cmple(self.bounds[1]).all()
     }
 
-    /// Whether points lie on one side of its plane, or of its longest side, beyond the margin.
+    /// True if points lie on one side of its plane, or of its longest side, beyond the margin.
     pub(super) fn is_apart(&self, points: &[DVec3]) -> bool {
         [&self.plate, &self.band].into_iter().flatten().any(|slab| slab.misses(points, 0.0))
     }

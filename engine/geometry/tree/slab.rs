@@ -7,7 +7,7 @@ const WORTH: f64 = 4.0;
 /// Share of the coordinates by which slabs are wider, against rounding.
 pub(super) const ROUNDING: f64 = 1e-14;
 
-/// What lies between two planes.
+/// Space between two planes.
 #[derive(Debug, Clone)]
 pub(super) struct Slab {
     /// Unit vector across it.
@@ -42,7 +42,7 @@ impl Slab {
         (self.across + other.across * way).normalize_or_zero()
     }
 
-    /// Whether a box lies outside.
+    /// True if a box lies outside.
     pub(super) fn misses_box(&self, [low, high]: [Vec3; 2]) -> bool {
         let (low, high) = (low.as_dvec3(), high.as_dvec3());
         let middle = self.across.dot(low.midpoint(high));
@@ -50,7 +50,7 @@ impl Slab {
         middle - half > self.reach[1] || middle + half < self.reach[0]
     }
 
-    /// Whether points lie on one side, farther than `margin`.
+    /// True if points lie on one side, farther than `margin`.
     pub(super) fn misses(&self, points: &[DVec3], margin: f64) -> bool {
         let [low, high] = range(self.across, points.iter().copied());
         low > self.reach[1] + margin || high < self.reach[0] - margin

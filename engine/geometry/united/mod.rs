@@ -34,7 +34,7 @@ pub(super) struct United {
     pub(crate) surface: Surface,
     /// Parts that touched others.
     pub(super) parts: usize,
-    /// Of these, such as were inside out.
+    /// Parts among these that were inside out.
     pub(super) turned: usize,
 }
 
@@ -44,14 +44,14 @@ struct Shell {
     bounds: [DVec3; 2],
     volume: f64,
     is_flat: bool,
-    /// Whether it touches, crosses or lies on another one.
+    /// True if it touches, crosses or lies on another one.
     meets: bool,
     /// For a void: the shell that it is in.
     head: Option<u32>,
 }
 
 impl Shell {
-    /// Whether it is a sheet that is folded onto itself: each facet lies on one that looks the other
+    /// True if it is a sheet that is folded onto itself: each facet lies on one that looks the other
     /// way. One that passes through itself may have no volume, too.
     fn is_sheet(&self) -> bool {
         let count = self.surface.triangles.len();
@@ -228,7 +228,7 @@ impl<'a> Containment<'a> {
         }
     }
 
-    /// Whether a shell lies in another, and touches it at most: its points are asked.
+    /// True if a shell lies in another, and touches it at most: its points are asked.
     fn holds(&self, outer: u32, points: &[DVec3]) -> bool {
         let sum: f64 = points.iter().map(|point| self.winding(outer, *point)).sum();
         sum > 0.5 * points.len() as f64
@@ -284,7 +284,7 @@ fn distance_along(start: DVec3, along: DVec3, [a, b, c]: [DVec3; 3]) -> Option<f
     (slope != 0.0 && distance > 0.0 && inside).then_some(distance)
 }
 
-/// Whether a point lies in a triangle, as seen along its normal.
+/// True if a point lies in a triangle, as seen along its normal.
 fn is_over([a, b, c]: [DVec3; 3], normal: DVec3, point: DVec3) -> bool {
     let left = |[from, to]: [DVec3; 2]| (to - from).cross(point - from).dot(normal) >= 0.0;
     [[a, b], [b, c], [c, a]].into_iter().all(left)

@@ -88,9 +88,9 @@ impl Shells {
 struct Leaf {
     /// About the edge, counter-clockwise as seen against its direction, rad.
     angle: f64,
-    /// What f32 leaves open of it, rad.
+    /// Uncertainty of the angle from rounding to f32, rad.
     doubt: f64,
-    /// Whether the triangle runs along the edge: its material lies clockwise of it.
+    /// True if the triangle runs along the edge: its material lies clockwise of it.
     upwards: bool,
     triangle: u32,
     /// The triangles connected to it by other edges.

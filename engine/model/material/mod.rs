@@ -139,7 +139,7 @@ pub fn range(scene: &Scene, name: &str) -> Result<[f64; 2]> {
     }
 }
 
-/// Whether a scene may name a material, at `key`.
+/// Checks that a scene may name a material, at `key`.
 ///
 /// # Errors
 /// An unknown name, with a suggestion.

@@ -61,9 +61,9 @@ pub struct MaskShape {
     pub openings: Openings,
     /// Extent along the optical axis, m.
     pub thickness: f64,
-    /// Of bars along the axis; infinite where they are opaque.
+    /// Attenuation of bars along the axis; infinite where they are opaque.
     pub attenuation: f64,
-    /// Of bars that do not attenuate.
+    /// Transmission of bars that do not attenuate.
     pub transmission: f64,
 }
 
@@ -136,7 +136,7 @@ impl MaskShape {
         (1.0 / (a * a) - leak / ((1.0 - leak) * (1.0 - leak))).max(0.0)
     }
 
-    /// Whether bars do the same to light in the way of them; apertures do not count.
+    /// True if bars do the same to light in the way of them; apertures do not count.
     pub fn same_bars(&self, other: &Self) -> bool {
         let of =
             |mask: &Self| [mask.thickness, mask.attenuation, mask.transmission].map(f64::to_bits);

@@ -44,7 +44,7 @@ impl WholePeriods {
         }
     }
 
-    /// Periods that take the middle of other offsets nearest to that of the flat's without its own.
+    /// Periods that take the middle of other offsets nearest to the middle of the flat's reduced offsets.
     #[must_use]
     pub fn nearest_to(self, flat: &[f64], other: &[f64]) -> Self {
         let more = ((middle(other) - middle(flat)) / self.period).round();

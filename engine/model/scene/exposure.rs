@@ -30,13 +30,13 @@ impl Exposure {
         }
     }
 
-    /// Whether it is a flat.
+    /// True if it is a flat.
     #[must_use]
     pub const fn is_flat(self) -> bool {
         matches!(self, Self::Flat(_))
     }
 
-    /// Whether it is a dark.
+    /// True if it is a dark.
     #[must_use]
     pub const fn is_dark(self) -> bool {
         matches!(self, Self::Dark(_))

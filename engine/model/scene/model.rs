@@ -37,7 +37,7 @@ pub struct Scene {
     /// Name of the material on the way from the source to the detector. It hardens a spectrum; the
     /// open value stays 1.
     pub path_material: String,
-    /// Whether the first object is the region of the surroundings.
+    /// True if the first object is the region of the surroundings.
     pub(super) has_region: bool,
     /// Objects of the sample. Where they overlap the one listed later wins.
     pub objects: Vec<Object>,
@@ -282,9 +282,9 @@ pub enum Quality {
 /// Errors that sampling may leave.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Tolerances {
-    /// Of a recorded value, share of open beam.
+    /// Error of a recorded value, share of open beam.
     pub light: f64,
-    /// Of the mean refraction angle where no silhouette crosses the pixel, rad.
+    /// Error of the mean refraction angle where no silhouette crosses the pixel, rad.
     pub angle: f64,
 }
 

@@ -39,7 +39,7 @@ pub(super) fn parse(text: &str) -> Option<Vec<Step>> {
     }
 }
 
-/// Whether a key needs no quotes, in a path and in TOML.
+/// True if a key needs no quotes, in a path and in TOML.
 pub(super) fn is_bare(key: &str) -> bool {
     !key.is_empty() && key.chars().all(|c| c.is_ascii_alphanumeric() || c == '_' || c == '-')
 }

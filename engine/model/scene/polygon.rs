@@ -52,7 +52,7 @@ pub(super) fn validate(key: &str, points: &[[f64; 2]], faults: &mut Faults) {
     }
 }
 
-/// Whether two edges touch beyond their common corner: `after`, the first ends where the second begins;
+/// True if two edges touch beyond their common corner: `after`, the first ends where the second begins;
 /// `before`, the other way round.
 fn meet(first: [[f64; 2]; 2], second: [[f64; 2]; 2], after: bool, before: bool) -> bool {
     let [a, b] = first;

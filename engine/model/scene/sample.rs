@@ -199,7 +199,7 @@ pub enum Shape {
 }
 
 impl Shape {
-    /// Whether its surface is made of flat facets.
+    /// True if its surface is made of flat facets.
     #[doc(hidden)]
     pub const fn has_facets(&self) -> bool {
         match self {
@@ -270,13 +270,13 @@ impl MeshFormat {
         }
     }
 
-    /// Whether files state the length of 1.0 in them.
+    /// True if files state the length of 1.0 in them.
     #[must_use]
     pub const fn has_unit(self) -> bool {
         matches!(self, Self::ThreeMf)
     }
 
-    /// Whether files name their objects, groups or materials.
+    /// True if files name their objects, groups or materials.
     #[must_use]
     pub const fn has_groups(self) -> bool {
         matches!(self, Self::Obj | Self::ThreeMf)

@@ -286,13 +286,13 @@ impl Scan {
         first + rest / views.max(1) as f64
     }
 
-    /// Whether another scan moves the sample as far in a turn.
+    /// True if another scan moves the sample as far in a turn.
     #[doc(hidden)]
     pub fn has_travel_of(&self, other: &Self) -> bool {
         self.travel.map(f64::to_bits) == other.travel.map(f64::to_bits)
     }
 
-    /// Whether the sample only turns about an upright axis, which may be beside the optical axis.
+    /// True if the sample only turns about an upright axis, which may be beside the optical axis.
     #[must_use]
     pub fn is_circle(&self) -> bool {
         let rests = self.motions.iter().all(|motion| *motion == Motion::IDENTITY);
@@ -300,7 +300,7 @@ impl Scan {
         rests && is_zero(&self.travel) && is_zero(&self.dithers) && is_zero(&[z, tilt_x, tilt_y])
     }
 
-    /// Whether the sample does anything but turn about z.
+    /// True if the sample does anything but turn about z.
     #[must_use]
     pub fn moves(&self) -> bool {
         !self.is_circle() || !is_zero(&self.axis.shift) || !self.errors.source.is_empty()

@@ -27,7 +27,7 @@ pub(super) struct Table<'a> {
     item: ListItem<'a>,
     entries: &'a [TreeEntry],
     spec: &'static Spec,
-    /// Whether keys that exclude one another were found.
+    /// True if keys that exclude one another were found.
     clash: bool,
 }
 
@@ -277,7 +277,7 @@ impl<'a> Table<'a> {
         }
     }
 
-    /// Whether a key belongs to a form that the table has not.
+    /// True if a key belongs to a form that the table has not.
     fn is_excluded(&self, key: &str) -> bool {
         self.spec.forms(key).is_some_and(|(forms, missing)| {
             let own = Spec::own(forms, |key| self.has(key)).unwrap_or(forms[missing]);

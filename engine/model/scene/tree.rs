@@ -66,7 +66,7 @@ pub(super) struct Document {
     pub(super) faults: RefCell<Faults>,
 }
 
-/// What reading found wrong so far.
+/// Faults that reading found so far.
 #[derive(Debug, Default)]
 pub(super) struct Faults {
     errors: Vec<Error>,
@@ -77,13 +77,13 @@ pub(super) struct Faults {
 }
 
 impl Faults {
-    /// Whether a key is one of these, or lies below or above one.
+    /// True if a key is one of these, or lies below or above one.
     fn concern(&self, key: &str) -> bool {
         self.paths.iter().any(|path| below(key, path) || below(path, key))
     }
 }
 
-/// Whether a path is another one, or leads below it.
+/// True if a path is another one, or leads below it.
 fn below(path: &str, other: &str) -> bool {
     let rest = path.strip_prefix(other);
     rest.is_some_and(|rest| rest.is_empty() || rest.starts_with(['.', '[']))
@@ -129,12 +129,12 @@ impl Document {
         self.faults.borrow_mut().paths.push(path);
     }
 
-    /// Whether the value of a key is not known.
+    /// True if the value of a key is not known.
     pub(super) fn is_forgotten(&self, path: &str) -> bool {
         self.faults.borrow().paths.iter().any(|known| known == path)
     }
 
-    /// Whether an error was reported.
+    /// True if an error was reported.
     pub(super) fn has_errors(&self) -> bool {
         !self.faults.borrow().errors.is_empty()
     }

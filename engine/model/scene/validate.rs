@@ -292,7 +292,7 @@ impl Scene {
     }
 }
 
-/// Whether distance and thickness of a mask allow any position.
+/// True if distance and thickness of a mask allow any position.
 fn has_place(mask: &MaskSpec) -> bool {
     mask.distance > 0.0 && mask.body.thickness() >= 0.0
 }

@@ -15,7 +15,7 @@ pub(super) struct Recurrence {
 }
 
 impl Recurrence {
-    /// Of the measure with `weights` (> 0) at distinct `points`, for up to `most` nodes.
+    /// Recurrence of the measure with `weights` (> 0) at distinct `points`, for up to `most` nodes.
     pub(super) fn of(points: &[f64], weights: &[f64], most: usize) -> Self {
         let size = most.min(points.len());
         let mut alpha = points[..size].to_vec();

@@ -33,7 +33,7 @@ pub struct Nodes {
     /// all rows of the spectrum: relative, below a transmission of 1 % in hundredths of the open
     /// beam.
     pub estimated_error: f64,
-    /// Whether their number was chosen for the accuracy, and not by the scene.
+    /// True if their number was chosen for the accuracy, and not by the scene.
     pub chosen: bool,
 }
 

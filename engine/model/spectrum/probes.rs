@@ -31,7 +31,7 @@ struct Probe {
     slab: LayeredPath,
     /// Medium whose deflection is weighted, and its mean delta behind the slab.
     deflection: Option<(usize, f64)>,
-    /// What errors are relative to.
+    /// Scale that errors are relative to.
     scale: f64,
 }
 

@@ -161,7 +161,7 @@ impl Spot {
         warnings
     }
 
-    /// Whether the light along an axis (0: x, 1: z) is one Gaussian.
+    /// True if the light along an axis (0: x, 1: z) is one Gaussian.
     #[must_use]
     #[doc(hidden)]
     pub fn is_gaussian(&self, axis: usize) -> bool {

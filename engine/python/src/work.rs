@@ -48,7 +48,7 @@ pub(crate) fn refuse_fork(py: Python<'_>) -> PyResult<()> {
     }
 }
 
-/// Whether this process is a fork of the one that worked.
+/// True if this process is a fork of the one that worked.
 pub(crate) fn is_fork() -> bool {
     ![0, std::process::id()].contains(&PROCESS.load(Ordering::Relaxed))
 }
@@ -92,7 +92,7 @@ impl Drop for Entry {
 /// How far work is: its step, and the share that is done, where it is known.
 type Report = (String, Option<f64>);
 
-/// What work sees of its caller.
+/// Parts of its caller that work sees.
 #[derive(Default)]
 pub(crate) struct Watch {
     cancel: Cancel,

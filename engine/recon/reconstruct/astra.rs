@@ -170,7 +170,7 @@ impl Gaps<'_> {
     }
 }
 
-/// Whether an image has the views of the geometry, and is not an image of the flat.
+/// True if an image has the views of the geometry, and is not an image of the flat.
 fn of_views(name: &str, stack: &StackFile, [_, views, _]: &[usize; 3]) -> bool {
     stack.shape()[1] == *views && !name.starts_with("flat_") && name != "residual_flat"
 }

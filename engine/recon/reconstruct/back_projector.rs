@@ -20,7 +20,7 @@ pub(super) const AT_ONCE: usize = 64 << 20;
 pub(super) struct BackProjector<'a> {
     device: Arc<Device>,
     kernel: Kernel,
-    /// What differs from dispatch to dispatch is left at 0.
+    /// Constants of all dispatches; fields that differ between them are 0.
     push: BackProjectPush,
     grid: &'a VolumeGrid,
     turns: Vec<ViewTurn>,

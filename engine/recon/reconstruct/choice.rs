@@ -9,7 +9,7 @@ use beamlet_core::{Error, Result, setters};
 /// Voxels that can be counted: 2^40, 4 TiB.
 const MOST: f64 = (1_u64 << 40) as f64;
 
-/// What differs from the grid of the field of view.
+/// Differences from the grid of the field of view.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 #[non_exhaustive]
 pub struct GridChoice {
@@ -91,7 +91,7 @@ impl ScanGeometry {
         })
     }
 
-    /// Whether the shadow of the convex hull of some points may reach the detector in a view.
+    /// True if the shadow of the convex hull of some points may reach the detector in a view.
     fn sees(&self, view: usize, points: &[[f64; 3]]) -> bool {
         let (motion, per, scale) = (self.motion(view), self.per_distance(), self.magnification());
         let places = points.iter().map(|point| {
@@ -118,7 +118,7 @@ impl ScanGeometry {
         if self.columns_of_half_fan() > 0 { left.max(right) } else { left.min(right) }
     }
 
-    /// Whether the rows of every view of a circle see a height at this distance from the axis, m. One row
+    /// True if the rows of every view of a circle see a height at this distance from the axis, m. One row
     /// sees its plane alone; views that move the sample see a height in turn.
     pub(super) fn rows_see(&self, radius: f64, height: f64) -> bool {
         if self.motions.is_some() || self.rows.len() == 1 {

@@ -18,7 +18,7 @@ pub enum Data {
 }
 
 impl Data {
-    /// What their volume holds.
+    /// Quantity that their volume holds.
     #[must_use]
     pub const fn quantity(self) -> Quantity {
         match self {

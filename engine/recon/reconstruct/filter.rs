@@ -13,9 +13,9 @@ pub enum Filter {
     /// All alike.
     #[default]
     RamLak,
-    /// By sin(x)/x, 0.64 at the cut-off.
+    /// Factor sin(x)/x, 0.64 at the cut-off.
     SheppLogan,
-    /// By a cosine, 0 at the cut-off.
+    /// Cosine, 0 at the cut-off.
     Hann,
 }
 

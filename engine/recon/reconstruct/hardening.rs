@@ -78,7 +78,7 @@ impl HardeningChoice {
 pub struct BeamEnergy {
     /// The one energy, or the mean of the detected light that the masks modulate, without a sample, keV.
     pub kev: f64,
-    /// Whether the beam has a spectrum.
+    /// True if the beam has a spectrum.
     pub spectrum: bool,
 }
 

@@ -231,7 +231,7 @@ impl Input {
         }
     }
 
-    /// Whether there are deviations of the values of a quantity.
+    /// True if there are deviations of the values of a quantity.
     #[must_use]
     pub fn has_sigmas(&self, quantity: Quantity) -> bool {
         let Source::Images { folders, .. } = &self.source else { return false };
@@ -363,7 +363,7 @@ fn sigma_of(quantity: Quantity) -> String {
     format!("{}_sigma", quantity.image())
 }
 
-/// What two scans of one sample do not share, where they do not.
+/// Name of a property in which two scans of one sample differ; `None` where they agree.
 fn difference(a: &GeometryFile, b: &GeometryFile) -> Option<&'static str> {
     let near = |a: &[f64], b: &[f64], least: f64| {
         a.len() == b.len() && a.iter().zip(b).all(|(a, b)| (a - b).abs() <= least)

@@ -328,7 +328,7 @@ impl Series {
         Some(made)
     }
 
-    /// Whether a place is lost because it is lost in the sum of all rows: in rows that lack as much as counts there,
+    /// True if a place is lost because it is lost in the sum of all rows: in rows that lack as much as counts there,
     /// and in rows whose noise hides any loss.
     fn follows(&self, all: &Self, at: usize) -> bool {
         all.is_lost[at] && (self.limit >= 1.0 || self.losses[at] > all.limit)

@@ -113,7 +113,7 @@ impl Method {
         }
     }
 
-    /// Whether a quantity is made of refraction angles integrated along the rows.
+    /// True if a quantity is made of refraction angles integrated along the rows.
     pub(super) fn is_of_phase(&self, quantity: Quantity) -> bool {
         matches!(self, Self::Iterative { phase: true, .. }) && quantity == Quantity::Delta
     }

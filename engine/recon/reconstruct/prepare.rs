@@ -142,7 +142,7 @@ impl<'a> Preparation<'a> {
         image.outer_iter().zip(self.misfits.outer_iter()).map(of_row).collect()
     }
 
-    /// Whether a pixel keeps its value.
+    /// True if a pixel keeps its value.
     pub(super) fn is_usable(&self, value: f32, is_misfit: bool) -> bool {
         value.is_finite() && !(self.is_transmission && (is_misfit || value <= 0.0))
     }

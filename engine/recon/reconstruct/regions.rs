@@ -54,7 +54,7 @@ const ALLOWED: &str = "cylinder:X,Y,RADIUS (along z), sphere:X,Y,Z,RADIUS or \
 const SHAPES: [&str; 3] = ["cylinder", "sphere", "box"];
 
 impl RegionShape {
-    /// Whether a text begins as a shape does, and not as the name of a file.
+    /// True if a text begins as a shape does, and not as the name of a file.
     pub(super) fn is_begun(text: &str) -> bool {
         text.split_once(':').is_some_and(|(kind, _)| SHAPES.contains(&kind.trim()))
     }
@@ -91,7 +91,7 @@ impl RegionShape {
         })
     }
 
-    /// Whether a point lies in the shape, m.
+    /// True if a point lies in the shape, m.
     #[must_use]
     pub fn holds(&self, [x, y, z]: [f64; 3]) -> bool {
         match *self {

@@ -455,7 +455,7 @@ fn warn_of_few_views(views: usize, columns: usize) {
     }
 }
 
-/// Whether a body covers both ends of the rows in the mean over views and rows.
+/// True if a body covers both ends of the rows in the mean over views and rows.
 fn is_cut(sinograms: &Array3<f32>) -> bool {
     let mut sums = vec![0.0_f64; sinograms.dim().2];
     for ((_, _, column), value) in sinograms.indexed_iter() {

@@ -207,7 +207,7 @@ impl Truth {
         Ok(text)
     }
 
-    /// Whether a voxel and its neighbours have one label; neighbours beyond the volume do not count.
+    /// True if a voxel and its neighbours have one label; neighbours beyond the volume do not count.
     fn is_inner(&self, (z, y, x): (usize, usize, usize)) -> bool {
         let (depth, height, width) = self.labels.dim();
         let around = |at: usize, most: usize| at.saturating_sub(1)..(at + 2).min(most);

@@ -8,7 +8,7 @@ use std::fmt;
 /// Steps of the progress that a caller sees.
 const STEPS: u64 = 1000;
 
-/// What work reports a share of it to, and what ends it.
+/// Receiver of the share of work done, and the means to end it.
 pub(super) struct Work<'a> {
     pub(super) cancel: Cancel,
     pub(super) report: &'a mut dyn FnMut(f64),

@@ -30,7 +30,7 @@ pub struct Beamlets {
 }
 
 impl Beamlets {
-    /// Of a scene that [`super::Method::check`] let through.
+    /// Beamlets of a scene that [`super::Method::check`] let through.
     ///
     /// # Errors
     ///

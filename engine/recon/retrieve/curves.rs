@@ -140,7 +140,7 @@ impl Curves {
         self.flags[to].copy_from_slice(&part.flags);
     }
 
-    /// Whether the curve has an answer.
+    /// True if the curve has an answer.
     #[must_use]
     pub fn has_answer(&self, at: usize) -> bool {
         self.flags[at] & flags::NO_ANSWER == 0
@@ -152,7 +152,7 @@ impl Curves {
         self.flags.len()
     }
 
-    /// Whether there are none.
+    /// True if there are none.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.flags.is_empty()

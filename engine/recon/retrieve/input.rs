@@ -238,7 +238,7 @@ impl Input {
         &self.scene
     }
 
-    /// Whether the values are detector numbers, and not intensities.
+    /// True if the values are detector numbers, and not intensities.
     #[must_use]
     pub const fn counts(&self) -> bool {
         self.counts
@@ -249,7 +249,7 @@ impl Input {
         &self.warnings
     }
 
-    /// Whether these are stacks given beside a geometry, and not a run's.
+    /// True if these are stacks given beside a geometry, and not a run's.
     pub(super) const fn is_measured(&self) -> bool {
         !self.is_run
     }
@@ -283,7 +283,7 @@ impl Input {
         self.sample.shape()[0]
     }
 
-    /// Whether the scene has the angle of each view; warns where it has other angles.
+    /// True if the scene has the angle of each view; warns where it has other angles.
     pub(super) fn has_angles(&self) -> bool {
         let (views, angles) = (self.views(), self.scene.scan.views());
         let has = angles == views || self.is_run;

@@ -14,7 +14,7 @@ const WEIGHINGS: usize = 40;
 /// Change of the unknowns, in the units of a step, below which weights have settled.
 const WEIGHED: f64 = 1e-6;
 
-/// What all curves share.
+/// Values that all curves share.
 #[derive(Debug, Clone)]
 pub(super) struct CurveScan {
     /// Offsets, m.

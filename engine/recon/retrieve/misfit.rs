@@ -11,7 +11,7 @@ use beamlet_core::numbers::single;
 use ndarray::Array2;
 use rayon::prelude::*;
 
-/// What decides between noise, bias and misfits.
+/// Limits that decide between noise, bias and misfits.
 struct Limits {
     /// Deviation from both sides from which on a pixel is flagged, and one from which on it is beside
     /// such a pixel.
@@ -79,7 +79,7 @@ struct Field {
     medians: [Array2<f64>; 2],
 }
 
-/// What decides about misfits beside the images.
+/// Inputs of the decision about misfits beside the images.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Noise {
     /// Variance of a value over its mean; `None` for values without noise.

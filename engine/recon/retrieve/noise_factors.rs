@@ -35,7 +35,7 @@ impl NoiseFactors {
         self.read_noise * read_noise
     }
 
-    /// Whether the values have the noise of single frames.
+    /// True if the values have the noise of single frames.
     pub(crate) fn is_one(self) -> bool {
         self == Self::ONE
     }

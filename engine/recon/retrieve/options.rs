@@ -28,7 +28,7 @@ pub struct RetrieveOptions {
     /// Value of one count, where the values are counts: uncertainties of weighted fits and of
     /// closed forms come from it. `None`: values are intensities.
     pub gain: Option<f64>,
-    /// Whether the gain is a guess: uncertainties follow it, and no warning compares values with it.
+    /// True if the gain is a guess: uncertainties follow it, and no warning compares values with it.
     pub gain_assumed: bool,
     /// Standard deviation of a value without light, for uncertainties and weights of counts. >= 0.
     pub read_noise: f64,

@@ -37,11 +37,11 @@ pub struct Record {
     pub method: String,
     /// Weights of the fit.
     pub weights: String,
-    /// Whether values were detector numbers, and not intensities.
+    /// True if values were detector numbers, and not intensities.
     pub counts: bool,
     /// Variance of a value over its mean, where the values are counts.
     pub gain: Option<f64>,
-    /// Whether the gain is a guess.
+    /// True if the gain is a guess.
     #[serde(default)]
     pub gain_assumed: bool,
     /// Standard deviation of a value's noise besides photon noise.
@@ -139,7 +139,7 @@ pub struct Record {
     pub angle_per_shift: f64,
     /// Views, rows and columns of the images.
     pub shape: [usize; 3],
-    /// Of images of dithered views: pixel (or beamlet) and dither of each column, from 0; empty without
+    /// Pixel (or beamlet) and dither of each column in images of dithered views, from 0; empty without
     /// dithers. geometry.json has their places.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub columns: Vec<[usize; 2]>,

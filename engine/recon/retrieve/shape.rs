@@ -22,7 +22,7 @@ pub(super) struct CurveGeometry {
 }
 
 impl CurveGeometry {
-    /// Of a scene with both masks; zero widths without.
+    /// Geometry of the curves of a scene with both masks; zero widths without.
     pub(super) fn of(scene: &Scene) -> Self {
         let magnification = scene.magnification();
         let optics = Optics::of(scene);

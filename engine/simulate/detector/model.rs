@@ -55,7 +55,7 @@ impl DetectorModel {
         &self.optics
     }
 
-    /// Whether a pixel takes up light of others.
+    /// True if a pixel takes up light of others.
     #[must_use]
     pub(crate) const fn spreads_light(&self) -> bool {
         self.blur.is_some() || matches!(self.scatter, Some(ScatterStage::Kernel { .. }))

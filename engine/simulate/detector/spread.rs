@@ -77,7 +77,7 @@ impl Window {
     }
 }
 
-/// Whether transforms take less time than direct sums.
+/// True if transforms take less time than direct sums.
 fn is_wide((rows, columns): (usize, usize), parts: [usize; 2]) -> bool {
     let taps = [columns / parts[0], rows / parts[1]];
     let large = taps[0] >= NARROW && taps[0] * taps[1] >= WIDE * WIDE;

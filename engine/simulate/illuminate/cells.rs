@@ -216,7 +216,7 @@ struct DispatchPart<'l> {
     cell_rows: Range<u32>,
 }
 
-/// Whether all light of a cell row lands in its row and the two beside it.
+/// True if all light of a cell row lands in its row and the two beside it.
 fn lands_near(cells: &[Cell], cell_row: &CellRow) -> bool {
     let first = cell_row.first_cell as usize;
     cells[first..first + cell_row.cell_count as usize].iter().all(|cell| cell.share_above >= 0.0)

@@ -28,7 +28,7 @@ pub(crate) enum SpectralBand {
     Node {
         /// keV.
         energy: f64,
-        /// Of all light.
+        /// Share of all light.
         weight: f64,
     },
     /// Light of all energies that took the same way through the masks: through the apertures of a mask
@@ -127,7 +127,7 @@ impl IlluminationBuffer {
         Ok(Self { buffer, same_at_all_steps, lights, list, _buffers: buffers })
     }
 
-    /// Whether parts of the spot differ in the shares of rows that cells hold.
+    /// True if parts of the spot differ in the shares of rows that cells hold.
     pub(super) fn rows_apart(&self) -> bool {
         self.lights.iter().any(|light| light.rows_apart != 0)
     }
@@ -241,7 +241,7 @@ fn upload_mask(
     Ok(record)
 }
 
-/// What follows from distances and pixels; the rest is zero.
+/// Parameters that follow from distances and pixels; the rest is zero.
 fn set_up(optics: &Optics) -> IlluminationParams {
     let Optics { rotation, cell_plane, analyser, detector, .. } = optics;
     IlluminationParams {

@@ -34,7 +34,7 @@ impl RandomKernels {
     }
 }
 
-/// What one call casts.
+/// Rays that one call casts.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct RandomBatch<'a> {
     /// Pixels, inside the detector or beside it.

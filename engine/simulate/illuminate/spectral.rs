@@ -72,7 +72,7 @@ pub(crate) struct EnergyBinning {
     lattice: Lattice,
     /// dx/dy of the centre ray of each beamlet.
     slopes: Vec<f64>,
-    /// Of displacements on the analyser, m.
+    /// Tolerance of displacements on the analyser, m.
     tolerance: f64,
     gap: f64,
     ratio: f64,
@@ -87,7 +87,7 @@ fn of_material(moments: &[f32], material: usize) -> [f64; MOMENTS_PER_MATERIAL] 
     std::array::from_fn(|i| moments[first + i].into())
 }
 
-/// What gathering works with, kept from cell row to cell row.
+/// Buffers of gathering, kept from cell row to cell row.
 #[derive(Default)]
 struct Scratch {
     /// First-order results at either end of a cell, by node, and the light there.

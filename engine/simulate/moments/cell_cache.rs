@@ -55,7 +55,7 @@ impl Made {
         self.by.as_ref().is_some_and(|(r, s)| r.maps_like(resample) && s.gathers_like(spectral))
     }
 
-    /// Whether it is the first scene's or like it, and `bytes` more still fit.
+    /// True if it is the first scene's or like it, and `bytes` more still fit.
     fn takes(&self, resample: &Resampled, spectral: &EnergyBinning, bytes: u64, most: u64) -> bool {
         self.bytes + bytes <= most && (self.by.is_none() || self.is_by(resample, spectral))
     }
@@ -88,7 +88,7 @@ impl CellCache {
         made.parts.get(place).or_else(containing).cloned()
     }
 
-    /// Whether a part of some bytes would be kept.
+    /// True if a part of some bytes would be kept.
     pub(super) fn takes(&self, resample: &Resampled, spectral: &EnergyBinning, bytes: u64) -> bool {
         self.lock().takes(resample, spectral, bytes, self.most)
     }

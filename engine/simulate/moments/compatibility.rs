@@ -74,7 +74,7 @@ pub(super) fn check(base: &Scene, scene: &Scene) -> Result<()> {
     Ok(())
 }
 
-/// Whether an object has the same instances: files by their contents, packings by their keys.
+/// True if an object has the same instances: files by their contents, packings by their keys.
 fn same_instances(base: &Scene, there: &Object, scene: &Scene, here: &Object) -> Result<bool> {
     match (&there.instances, &here.instances) {
         (Some(Instances::File(was)), Some(Instances::File(now))) => {

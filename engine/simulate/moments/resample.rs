@@ -89,7 +89,7 @@ impl Resampled {
         })
     }
 
-    /// Whether cells are cut at the borders of other beamlets or rows.
+    /// True if cells are cut at the borders of other beamlets or rows.
     pub(super) const fn cuts(&self) -> bool {
         !(self.same_columns && self.same_rows)
     }
@@ -99,7 +99,7 @@ impl Resampled {
         &self.old
     }
 
-    /// Whether the cells that `other` makes of cell rows of the same run are the same.
+    /// True if the cells that `other` makes of cell rows of the same run are the same.
     pub(super) fn maps_like(&self, other: &Self) -> bool {
         let numbers =
             |r: &Self| [r.rows, r.row_slopes, [r.lever, 0.0]].map(|n| n.map(f64::to_bits));

@@ -62,11 +62,11 @@ pub struct Simulation {
     spectral: Option<EnergyBinning>,
     /// For what moments of the rays that bound cells are kept.
     recording: Option<sampling::MomentRecording>,
-    /// What changes of a cell do to recorded values.
+    /// Effect of changes of a cell on recorded values.
     response: Arc<Response>,
     /// Shares of the light that the bars of the masks let through.
     leaks: [f64; 2],
-    /// What sampling may leave in them.
+    /// Error that sampling may leave in them.
     budget: ErrorBudget,
     /// Moments that another run kept, in place of rays.
     stored: Option<StoredSource>,
@@ -132,7 +132,7 @@ impl Simulation {
         &self.detector
     }
 
-    /// What refinement may hold.
+    /// Room that refinement may take.
     fn room(&self, memory: &MemoryEstimate) -> sampling::Room {
         let limit = self.options().memory_limit.zip(memory.left_for_refinement);
         sampling::Room {
@@ -163,7 +163,7 @@ impl Simulation {
         (self.scene.sampling.scheme == Scheme::Cells).then_some(bytes)
     }
 
-    /// What changes of a cell do to recorded values at the mask offsets of a view.
+    /// Effect of changes of a cell on recorded values at the mask offsets of a view.
     fn response(&self, view: Exposure) -> Arc<Response> {
         let optics = self.detector.optics();
         match optics.offsets.list_of(view) {

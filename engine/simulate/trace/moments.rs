@@ -46,7 +46,7 @@ impl Moments {
         self.words.len() / self.stride
     }
 
-    /// Whether there are no rays.
+    /// True if there are no rays.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.words.is_empty()

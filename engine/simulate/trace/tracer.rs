@@ -114,7 +114,7 @@ impl Tracer {
         self.cancel = cancel;
     }
 
-    /// What ends tracing.
+    /// Flag that ends tracing.
     pub(crate) const fn cancel(&self) -> &Cancel {
         &self.cancel
     }

@@ -157,7 +157,7 @@ impl DeviceSample {
         self.records.address() + (index * size_of::<interface::Sample>()) as u64
     }
 
-    /// Whether some of its surfaces are rough.
+    /// True if some of its surfaces are rough.
     pub(super) const fn is_rough(&self) -> bool {
         self.kinds & KIND_ROUGH != 0
     }

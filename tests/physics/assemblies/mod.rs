@@ -113,7 +113,7 @@ pub(super) fn random_rays(count: usize, random: &mut Random) -> Vec<Ray> {
     (0..count).map(|_| one(random)).collect()
 }
 
-/// Whether path lengths in every body, the displacement and the slope are those of the reference,
+/// True if path lengths in every body, the displacement and the slope are those of the reference,
 /// or between those a hair beside the ray.
 pub(super) fn is_true(sample: &Sample, ray: &Ray, result: &RayResult, paths: &[f64]) -> bool {
     let near = [[0.0, 0.0], [HAIR, 0.0], [-HAIR, 0.0], [0.0, HAIR], [0.0, -HAIR]]

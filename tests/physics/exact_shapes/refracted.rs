@@ -61,7 +61,7 @@ fn beside_silhouette(solid: &Solid, random: &mut Random) -> Option<Ray> {
     Some(moved((low + off).clamp(0.0, 1.0)))
 }
 
-/// Whether all rays a hair beside pass alike: not at a silhouette or at the critical angle, where
+/// True if all rays a hair beside pass alike: not at a silhouette or at the critical angle, where
 /// f32 may decide either way.
 fn is_clear(near: &[Passage]) -> bool {
     near.len() == beside(HAIR).len()
@@ -70,7 +70,7 @@ fn is_clear(near: &[Passage]) -> bool {
             .all(|it| (it.crossings, it.reflected) == (near[0].crossings, near[0].reflected))
 }
 
-/// Whether a result lies between those of Snell's law a hair beside the ray.
+/// True if a result lies between those of Snell's law a hair beside the ray.
 fn is_true(near: &[Passage], result: &RayResult, delta: f64) -> bool {
     let got = [result.slope_x, result.slope_z, result.displacement_x, result.displacement_z];
     let reflected = result.flags & FLAG_REFLECTED != 0;

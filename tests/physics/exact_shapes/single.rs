@@ -25,7 +25,7 @@ fn held(angle: f64) -> f64 {
     f64::from(angle.sin() as f32).atan2(f64::from(angle.cos() as f32))
 }
 
-/// Whether the crossings of a ray are those of f64, or of a ray a hair beside it: objects apart,
+/// True if the crossings of a ray are those of f64, or of a ray a hair beside it: objects apart,
 /// entries and exits by turns, normals within what a hair and f32 turn them by.
 fn is_listed(solid: &Solid, ray: &Ray, angle: f64, met: &[SurfaceCrossing]) -> bool {
     let hair = residual(solid);

@@ -12,9 +12,9 @@ use ndarray::Array2;
 
 /// Frames of one kind.
 struct Pair {
-    /// Of file names.
+    /// Prefix of file names.
     prefix: &'static str,
-    /// Of `--range`.
+    /// Name in `--range`.
     name: &'static str,
     quantity: Quantity,
     flat: Array2<f64>,

@@ -44,7 +44,7 @@ impl ValueType {
 }
 
 impl NpyFile {
-    /// Whether values have 8 bits.
+    /// True if values have 8 bits.
     pub(crate) const fn has_bytes(&self) -> bool {
         self.sample.bytes() == 1
     }
@@ -91,7 +91,7 @@ impl NpyFile {
         &self.sides
     }
 
-    /// Whether the first side is the fastest.
+    /// True if the first side is the fastest.
     pub(crate) const fn is_fortran(&self) -> bool {
         self.fortran
     }

@@ -31,7 +31,7 @@ pub struct TiffPages {
     behind: Option<Behind>,
     /// Pages that are reduced copies of others.
     reduced: usize,
-    /// Whether values of the first frame have 8 bits.
+    /// True if values of the first frame have 8 bits.
     has_bytes: bool,
     /// Knows where every page begins, so that seeking does not walk the file again.
     pages: Mutex<Pages>,
@@ -130,7 +130,7 @@ impl TiffPages {
         self.reduced
     }
 
-    /// Whether values of the first frame have 8 bits.
+    /// True if values of the first frame have 8 bits.
     pub(crate) const fn has_bytes(&self) -> bool {
         self.has_bytes
     }
@@ -183,7 +183,7 @@ fn decoder(path: &Path) -> Result<Pages> {
     Ok(decoder.with_limits(limits))
 }
 
-/// Whether the page in turn is a reduced copy of another: a thumbnail, or a level of a pyramid.
+/// True if the page in turn is a reduced copy of another: a thumbnail, or a level of a pyramid.
 fn is_reduced(pages: &mut Pages) -> TiffResult<bool> {
     let kind = pages.find_tag_unsigned::<u32>(Tag::NewSubfileType)?;
     let old_kind = pages.find_tag_unsigned::<u32>(Tag::SubfileType)?;

@@ -124,7 +124,7 @@ struct Made<'a> {
     /// Contents that are no parts of the model, in words.
     left_out: Vec<String>,
     counts: &'a Counts<'a>,
-    /// Of the root, m.
+    /// Unit of the root, m.
     unit: f64,
     surface: Surface,
     names: Names,

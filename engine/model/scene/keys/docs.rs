@@ -111,7 +111,7 @@ fn range(kind: &Kind) -> String {
     }
 }
 
-/// What holds where a key is left out, and the keys that it needs.
+/// Value that holds where a key is left out, and the keys that it needs.
 fn default(row: &Row, spec: &Spec) -> String {
     let quoted = |key: &&str| format!("`{key}`");
     let forms = spec.forms(row.name).map(|(forms, _)| forms).unwrap_or_default();

@@ -5,7 +5,7 @@ use crate::scene::{
     Instances, Packing, PackingAmount, PackingKind, PackingRegion, Shape, ShapeOrMesh,
 };
 
-/// What `instances` takes, in words.
+/// Values that `instances` takes, in words.
 pub(crate) const INSTANCES: &str =
     "path of a CSV file, or a packing { packing = \"spheres\", region = { ... }, fill = 0.3 }";
 

@@ -23,7 +23,7 @@ impl<T> fmt::Debug for Keys<T> {
 
 /// The place of a key in a struct or in a variant of an enum.
 pub(crate) trait Field<T>: Sync {
-    /// Whether the value has this place.
+    /// True if the value has this place.
     fn holds(&self, it: &T) -> bool;
     /// Reads the key into its place.
     fn read(&self, it: &mut T, item: &ListItem<'_>, row: &'static Row) -> Result<()>;
@@ -120,7 +120,7 @@ impl<T> Keys<T> {
         both.filter_map(|(row, field)| Some((row, (*field)?)))
     }
 
-    /// Whether the value has a place for the first key.
+    /// True if the value has a place for the first key.
     pub(crate) fn holds(&self, it: &T) -> bool {
         self.rows().next().is_some_and(|(_, field)| field.holds(it))
     }
@@ -191,7 +191,7 @@ pub(crate) trait Record: Sized + 'static {
     /// Notes what several keys do wrong together.
     fn relations(&self, _: &dyn Fn(&str) -> String, _: &mut Faults) {}
 
-    /// Whether the resolved scene leaves a key out.
+    /// True if the resolved scene leaves a key out.
     fn leaves_out(&self, _: &str) -> bool {
         false
     }

@@ -33,7 +33,7 @@ pub(crate) enum Need {
     Required,
     /// Its default, as TOML.
     Default(&'static str),
-    /// What holds without it, in words.
+    /// Value that holds without it, in words.
     Without(&'static str),
 }
 

@@ -51,7 +51,7 @@ pub(crate) fn required<V: Value>(table: &Table<'_>, key: &str) -> Result<V> {
     V::read(&table.require(key)?, table.row(key)?)
 }
 
-/// What paths in a text are relative to.
+/// Base of relative paths in a text.
 #[derive(Debug)]
 pub(crate) struct Base<'a> {
     pub(crate) scene: &'a Scene,

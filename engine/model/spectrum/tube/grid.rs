@@ -9,7 +9,7 @@ pub(super) struct GridPlace {
 }
 
 impl GridPlace {
-    /// Of `value` on an ascending `axis` of at least two entries.
+    /// Place of `value` on an ascending `axis` of at least two entries.
     pub(super) fn of(axis: &[f64], value: f64) -> Self {
         let below = axis.partition_point(|entry| *entry <= value).clamp(1, axis.len() - 1) - 1;
         let part = (value - axis[below]) / (axis[below + 1] - axis[below]);

@@ -14,7 +14,7 @@ pub(super) struct TubeTable {
     pub(crate) angles: Vec<f64>,
     /// Photon energy over voltage.
     pub(super) ratios: Vec<f64>,
-    /// Of the electrons' range.
+    /// Depths as parts of the electrons' range.
     pub(super) depths: Vec<f64>,
     /// Range of the electrons by voltage, cm.
     pub(super) ranges: Vec<f64>,

@@ -51,18 +51,18 @@ impl Corrections {
         names.map(|(name, _)| name.to_owned()).collect()
     }
 
-    /// Whether none is chosen.
+    /// True if none is chosen.
     #[must_use]
     pub fn is_none(&self) -> bool {
         *self == Self::default()
     }
 
-    /// Whether frames are corrected before curves are fitted.
+    /// True if frames are corrected before curves are fitted.
     pub(super) const fn of_frames(self) -> bool {
         self.dose || self.steps
     }
 
-    /// Whether the refraction angle is corrected.
+    /// True if the refraction angle is corrected.
     pub(super) const fn of_refraction(self) -> bool {
         self.offset || self.plane
     }

@@ -40,7 +40,7 @@ const OF_SLOPE: f64 = 0.03;
 
 /// Doses and displacements (m), each with its uncertainty.
 pub(super) struct Frames {
-    /// Of each frame.
+    /// Dose of each frame.
     pub(super) dose: Vec<[f64; 2]>,
     pub(super) shift: Vec<[f64; 2]>,
 }
@@ -139,7 +139,7 @@ struct Search<'a> {
     /// Variance of a value over that by the assumed noise.
     noise: f64,
     scatter: [f64; 2],
-    /// Whether noise and scatter keep their values.
+    /// True if noise and scatter keep their values.
     held: bool,
 }
 

@@ -78,7 +78,7 @@ impl FlatPixel {
 }
 
 impl<'a> PixelSet<'a> {
-    /// Of pixels of the flat and the values of the sample there; the first `empty` are empty beam, the others
+    /// Set of pixels of the flat and the values of the sample there; the first `empty` are empty beam, the others
     /// are taken with `inner`. Pixels
     /// without a value in a frame, or without a curve of the flat, are left out. `offsets`: of flat and
     /// sample, m.

@@ -12,7 +12,7 @@ pub(super) struct PixelResiduals {
 }
 
 impl PixelResiduals {
-    /// Of flat and sample, each with its measured values.
+    /// Residuals of flat and sample, each with its measured values.
     pub(super) fn of(
         [flat, sample]: [&Leverage; 2],
         [of_flat, of_sample]: [&[f64]; 2],

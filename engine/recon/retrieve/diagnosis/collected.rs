@@ -37,7 +37,7 @@ pub(crate) struct Diagnosis {
     offsets: Vec<f64>,
     /// Refraction angle per shift of a centre, rad/m.
     angle_per_shift: f64,
-    /// Whether values were measured: simulated ones have no faults of a laboratory.
+    /// True if values were measured: simulated ones have no faults of a laboratory.
     measured: bool,
     flat: Watched,
     sample: Watched,
@@ -91,7 +91,7 @@ struct FittedPixel {
     misfit: f64,
 }
 
-/// What views have had so far.
+/// Values collected from the views so far.
 #[derive(Debug, Default)]
 struct Found {
     views: usize,

@@ -16,7 +16,7 @@ pub struct EmptyBeam {
     pub columns: [usize; 2],
     /// First row, and the one behind the last.
     pub rows: [usize; 2],
-    /// Of each view.
+    /// Values of each view.
     pub views: Vec<EmptyBeamOfView>,
 }
 
@@ -66,7 +66,7 @@ pub(super) fn pixels(
 }
 
 impl EmptyBeamOfView {
-    /// Of a rectangle of the images, with the values of its pixels at these offsets of flat and sample (none
+    /// Empty beam in a rectangle of the images, with the values of its pixels at these offsets of flat and sample (none
     /// where the offsets of both were to differ). `subtracted`: refraction angle that a correction took
     /// off the images, rad; the frames still have its displacement.
     pub(super) fn of(

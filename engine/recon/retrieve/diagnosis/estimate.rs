@@ -30,13 +30,13 @@ impl Estimate {
         Some(Self { value, sigma: OF_MEDIAN * scatter / (values.len() as f64).sqrt(), scatter })
     }
 
-    /// Whether the value differs from `expected` by more than `sigmas` of its deviations and by more
+    /// True if the value differs from `expected` by more than `sigmas` of its deviations and by more
     /// than `least`.
     pub(super) fn differs(&self, expected: f64, sigmas: f64, least: f64) -> bool {
         (self.value - expected).abs() > (sigmas * self.sigma).max(least)
     }
 
-    /// Whether two agree within four of their deviations, or within `slack`.
+    /// True if two agree within four of their deviations, or within `slack`.
     pub(super) fn agrees(&self, other: &Self, slack: f64) -> bool {
         (self.value - other.value).abs() <= (4.0 * self.sigma.hypot(other.sigma)).max(slack)
     }

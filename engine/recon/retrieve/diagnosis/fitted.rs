@@ -85,7 +85,7 @@ impl Model {
     }
 }
 
-/// Whether a pixel with these flags in an image counts in a diagnosis.
+/// True if a pixel with these flags in an image counts in a diagnosis.
 pub(in crate::retrieve) const fn is_usable(bits: u32) -> bool {
     let odd = flags::of_pixel(ODD, ODD) | flags::MISFIT | flags::UNRESOLVED | flags::BAD_PIXEL;
     bits & odd == 0

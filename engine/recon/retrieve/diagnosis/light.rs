@@ -18,7 +18,7 @@ const CONTRAST: f64 = 0.2;
 /// Pixels whose transmission is not 1, beyond their uncertainty where it is known.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct LightCounts {
-    /// By two deviations, as `below`: noise makes equal numbers of both.
+    /// Pixels above 1 by two deviations, as `below`: noise makes equal numbers of both.
     pub(super) above: u64,
     pub(super) below: u64,
     /// Above 1 by four deviations.
@@ -51,7 +51,7 @@ impl LightCounts {
     }
 }
 
-/// Whether the values of the sample do not follow the flat: frames that were divided by it already.
+/// True if the values of the sample do not follow the flat: frames that were divided by it already.
 pub(super) fn is_divided(flat: &Watched, sample: &Watched) -> bool {
     let pairs: Vec<Vec<[f64; 2]>> = flat
         .iter()

@@ -62,7 +62,7 @@ struct Solution {
 }
 
 impl PixelSteps {
-    /// Of flat and sample, each with its measured values; `width` in the unit of offsets.
+    /// Residuals of flat and sample, each with its measured values; `width` in the unit of offsets.
     pub(super) fn of(
         [flat, sample]: [&Leverage; 2],
         [of_flat, of_sample]: [&[f64]; 2],

@@ -27,7 +27,7 @@ pub(super) struct Findings<'a> {
     pub(super) light: LightCounts,
     /// For each view: of the fits, and beyond the residuals of the flat.
     pub(super) chi_squares: &'a [[f64; 2]],
-    /// Whether the gain is known, not assumed.
+    /// True if the gain is known, not assumed.
     pub(super) is_noise_known: bool,
     pub(super) unsteady: &'a [(usize, Unsteady)],
     /// Residuals of the flat beyond noise, over the height, and residuals of the method on the curve of the
@@ -39,7 +39,7 @@ pub(super) struct Findings<'a> {
     pub(super) divided: usize,
     pub(super) empty_beam: Option<&'a EmptyBeam>,
     pub(super) measured: bool,
-    /// Of the flat's curves, m.
+    /// Width of the flat's curves, m.
     pub(super) width: f64,
     pub(super) angle_per_shift: f64,
     pub(super) is_beamlet: bool,

@@ -21,7 +21,7 @@ impl Input {
         self.flats_every
     }
 
-    /// Whether views have flats of their own.
+    /// True if views have flats of their own.
     pub(in super::super) const fn has_flats(&self) -> bool {
         self.flat.shape()[0] > 1
     }

@@ -85,7 +85,7 @@ impl Selection {
         [self.whole[0] / self.bin[1], self.chosen().count() / self.bin[0]]
     }
 
-    /// Whether every pixel is kept.
+    /// True if every pixel is kept.
     const fn is_whole(&self) -> bool {
         self.columns.is_none() && self.bin[0] * self.bin[1] == 1
     }

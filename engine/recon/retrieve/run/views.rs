@@ -20,7 +20,7 @@ pub(super) struct Correcting {
     views: Vec<ViewCorrection>,
 }
 
-/// What looks at views or corrects them.
+/// Tools that look at views or correct them.
 pub(super) struct Tools<'a> {
     diagnosis: &'a mut Diagnosis,
     correcting: Option<&'a mut Correcting>,

@@ -112,7 +112,7 @@ fn with_light(shares: &[f64]) -> Range<usize> {
 }
 
 impl EnergyBinning {
-    /// Whether bars do the same to the light of every column, row and energy as in another scene.
+    /// True if bars do the same to the light of every column, row and energy as in another scene.
     pub(super) fn bars_like(&self, other: &Self) -> bool {
         let mask = |(these, others): (&Option<Vec<MaskShape>>, &Option<Vec<MaskShape>>)| {
             let [these, others] = [these, others].map(|mask| mask.as_deref().unwrap_or_default());
@@ -126,7 +126,7 @@ impl EnergyBinning {
             && self.masks.iter().zip(&other.masks).all(mask)
     }
 
-    /// Whether energies share no edges for rays of this dx/dy: shadows of bars touch, so that apertures
+    /// True if energies share no edges for rays of this dx/dy: shadows of bars touch, so that apertures
     /// have no effective width, or edges differ too much.
     fn is_apart(&self, slope: f64) -> bool {
         let closed = |shape: &MaskShape| shape.thickness * slope.abs() > shape.narrowest();

@@ -22,12 +22,12 @@ pub(super) struct SharedEdges {
     edge_variance: [f64; 2],
     /// Blur of light at edges, m.
     blur: f64,
-    /// Of the detector mask, also if absent, m.
+    /// Period of the detector mask, also if absent, m.
     period: f64,
 }
 
 impl SharedEdges {
-    /// Of masks whose lengths are those in planes that the analyser magnifies by these.
+    /// Edges of masks whose lengths are in planes that the analyser magnifies by these.
     /// `weights`: light of each energy that bars stop.
     pub(super) fn of(
         masks: [Option<&[MaskShape]>; 2],
@@ -59,7 +59,7 @@ impl SharedEdges {
         edges
     }
 
-    /// Whether all energies may share edges in a column of this dx/dy.
+    /// True if all energies may share edges in a column of this dx/dy.
     pub(super) fn are_close(&self, slope: f64) -> bool {
         let slope = slope.abs();
         let deviation = slope * self.deviation;

@@ -14,7 +14,7 @@ use rayon::prelude::*;
 /// Severe cells no wider than this (m) take the mean constants' walk at every node: silhouettes
 /// are bisected to it, so that there are many, with next to no light.
 pub const NARROW: f32 = 50e-9;
-/// Of the grazing incidence below which the first order leaves 1e-9 rad, where the second order
+/// Share of the grazing incidence below which the first order leaves 1e-9 rad, where the second order
 /// leaves as much: beyond it the error grows by delta^2 / c^3.
 const SEVERE: f64 = 0.2154;
 

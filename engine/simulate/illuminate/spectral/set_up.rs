@@ -103,7 +103,7 @@ impl EnergyBinning {
         Ok(spectral)
     }
 
-    /// Whether the lists of the same cell rows equal those of another scene, except rows without a
+    /// True if the lists of the same cell rows equal those of another scene, except rows without a
     /// sample. Masks matter if energies are gathered by the effect of bars.
     pub(crate) fn gathers_like(&self, other: &Self) -> bool {
         let numbers = |s: &Self| [s.tolerance, s.gap, s.ratio, s.row_pitch].map(f64::to_bits);

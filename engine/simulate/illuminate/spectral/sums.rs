@@ -19,7 +19,7 @@ const NARROWING: usize = 9;
 const NARROWING_X: usize = 11;
 
 impl Terms {
-    /// Of a cell with these results at its ends, which lets these shares through there; `spread`:
+    /// Terms of a cell with these results at its ends, which lets these shares through there; `spread`:
     /// variance of its displacement about a straight line.
     pub(super) fn new(
         [low, high]: &[NodeResult; 2],

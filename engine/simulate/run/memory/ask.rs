@@ -30,7 +30,7 @@ pub fn check_before_loading(scene: &Scene, limit: Option<u64>) -> Result<()> {
     }
 }
 
-/// Whether the peak memory of a run is available now, without copies of frames, which not every format
+/// Checks that the peak memory of a run is available now, without copies of frames, which not every format
 /// makes.
 ///
 /// # Errors

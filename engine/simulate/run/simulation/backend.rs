@@ -44,7 +44,7 @@ const fn by_kind(kind: DeviceKind) -> Option<(Backend, &'static str)> {
     }
 }
 
-/// Whether a run may take ray query, so that the driver's structure is needed.
+/// True if a run may take ray query, so that the driver's structure is needed.
 pub(super) fn may_query(wanted: Option<Backend>, device: &DeviceDescription) -> bool {
     device.ray_query
         && wanted.map_or_else(|| by_kind(device.kind).is_none(), |it| it == Backend::RayQuery)
@@ -63,7 +63,7 @@ pub(super) fn check(wanted: Option<Backend>, device: &DeviceDescription) -> Resu
 }
 
 impl Simulation {
-    /// By the caller's choice, the abilities of the device, and counts of the scene.
+    /// Chooses by the caller's choice, the abilities of the device, and counts of the scene.
     pub(super) fn choose_backend(&mut self, wanted: Option<Backend>) -> Result<()> {
         let (backend, reason) = if let Some(backend) = wanted {
             (backend, "requested".to_owned())

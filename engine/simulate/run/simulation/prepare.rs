@@ -282,7 +282,7 @@ fn mesh_hashes(scene: &Scene, sample: &Sample) -> BTreeMap<String, String> {
 /// (docs/validation.md).
 const BLURRED: f64 = 0.5;
 
-/// What sampling may leave in a value of the grid that takes the light, so that pixels of the
+/// Error that sampling may leave in a value of the grid that takes the light, so that pixels of the
 /// detector hold the tolerance.
 fn error_budget(scene: &Scene, optics: &Optics) -> ErrorBudget {
     let tolerances = scene.sampling.tolerances();

@@ -102,7 +102,7 @@ impl std::ops::Add for Part {
     }
 }
 
-/// What lanes and the calling thread share.
+/// State that lanes and the calling thread share.
 struct Lanes<'v> {
     views: &'v [Exposure],
     /// Most views that are begun and not handed over.
@@ -123,7 +123,7 @@ struct State {
     parts: BTreeMap<usize, Part>,
     /// Rays traced by each lane.
     rays: Vec<u64>,
-    /// Whether a lane has panicked.
+    /// True if a lane has panicked.
     lost: bool,
 }
 

@@ -16,7 +16,7 @@ const BUNDLES: RangeInclusive<u32> = BUNDLE_LANES..=2 * BUNDLE_LANES;
 /// The kernels of one device, each made when it is first wanted.
 #[derive(Debug)]
 pub struct TraceKernels {
-    /// By the kinds in a sample: `KIND_` bits.
+    /// Walks by the kinds in a sample: `KIND_` bits.
     bvh: Vec<Walks>,
     ray_query: Option<Vec<Walks>>,
     /// Lists of crossings.
@@ -94,7 +94,7 @@ impl Walks {
         self.one_by_one.as_ref().filter(|_| !bundled).unwrap_or(&self.order_free)
     }
 
-    /// Whether the walk of bundles leaves some rays to the walk of single ones.
+    /// True if the walk of bundles leaves some rays to the walk of single ones.
     pub(super) const fn leaves_rays(&self) -> bool {
         self.one_by_one.is_some()
     }

@@ -14,7 +14,7 @@ const BLANK: f64 = 0.05;
 /// Work of a run, in views with the sample: these cost about the same each.
 #[derive(Debug, Default)]
 pub(super) struct Share {
-    /// What views without sample cost.
+    /// Cost of views without sample.
     blank: f64,
     done: f64,
     all: f64,
@@ -27,7 +27,7 @@ pub(super) struct Share {
     most: Cell<f64>,
 }
 
-/// What rows of a view cost, from the first of them on.
+/// Cost of rows of a view, from the first of them on.
 #[derive(Debug, Default)]
 struct RowWeights {
     first: i64,
