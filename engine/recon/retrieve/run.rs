@@ -1,5 +1,6 @@
 //! A whole retrieval: from an input to a directory of images.
 
+mod begun;
 mod views;
 
 use super::correct::{Corrector, table};
@@ -12,16 +13,17 @@ use super::options::RetrieveOptions;
 use super::phase::PhaseImages;
 use super::record::Record;
 use super::retriever::Retriever;
-use super::{Curves, Method, Weights, flags};
+use super::{Curves, Method, flags};
 use beamlet_core::rows_control::RowsControl;
 use beamlet_core::whole_file::write_file;
-use beamlet_core::{Error, Result, numbers, reserve, setters};
+use beamlet_core::{Cancel, Error, Result, numbers, reserve, setters};
 use beamlet_files::layout::{CORRECTIONS, GEOMETRY};
 use beamlet_files::{
     Format, ImageDirectory, InputHashes, Kind, now, refuse_overlap, working_directory,
 };
 use beamlet_gpu::Compute;
-use ndarray::{Array2, Array3, ArrayView2};
+use begun::{about, begun, count};
+use ndarray::{Array3, ArrayView2};
 use std::collections::BTreeMap;
 use std::collections::btree_map::Entry;
 use std::ops::Range;
@@ -204,6 +206,29 @@ fn require_pixels(input: &Input) -> Result<()> {
     Err(Error::scene("detector.pixels", format!("[{across}, {along}]"), allowed))
 }
 
+/// Receiver of images, and the record that describes them.
+struct Output<'a> {
+    put: &'a mut dyn FnMut(&Record, Image<'_>) -> Result<()>,
+    record: Record,
+    /// Unit of recorded values.
+    value: &'static str,
+    cancel: Cancel,
+}
+
+impl Output<'_> {
+    /// Enters the unit of an image into the record.
+    fn enter(&mut self, name: &str) {
+        self.record.units.insert(name.to_owned(), unit(name, self.value).to_owned());
+    }
+
+    /// Hands over an image, one of `views` of this name.
+    fn put(&mut self, name: &str, views: usize, values: ArrayView2<'_, f32>) -> Result<()> {
+        self.cancel.check()?;
+        let unit = unit(name, self.value);
+        (self.put)(&self.record, Image { name, unit, views, values })
+    }
+}
+
 /// Retrieves every view of an input and hands over each image, the flat's first. Returns the record, and
 /// the text of geometry.json if the angles of the views are known.
 fn retrieve_to(
@@ -216,24 +241,17 @@ fn retrieve_to(
     let (began, since) = (now(), Instant::now());
     options.check_saturation()?;
     let input = input.limited_to(options.saturation);
-    let saturation = input.saturation();
-    let noise = options.read_noise * (input.added() as f64).sqrt();
-    let options = options.clone().with_saturation(saturation).with_read_noise(noise);
-    if options.method == Method::Beamlet && input.selection() != (None, None) {
-        let allowed = "every pixel: beamlets are found among all of them";
-        return Err(Error::argument("columns", "a part of the pixels", allowed));
-    }
+    let options = options_for(&input, options)?;
     let mut retriever = Retriever::new(compute, input.scene(), &options)?;
     let input = input.fitted_to(retriever.steps())?;
     if !options.correct.is_none() || options.phase {
         require_pixels(&input)?;
     }
-    let [rows, columns] = input.frame();
-    let row_count = numbers::count(rows);
+    let [rows, _] = input.frame();
     let angles = input.angles()?;
     retriever.check_views(input.views())?;
     let flats = if input.has_flats() { input.views() } else { 1 };
-    let all = u64::from(row_count) * (input.views() + flats) as u64;
+    let all = u64::from(numbers::count(rows)) * (input.views() + flats) as u64;
     let mut done = 0;
     let mut outer = control.progress.take();
     let mut advance = |rows: u64, _: u64| {
@@ -246,71 +264,18 @@ fn retrieve_to(
     let mut inner = RowsControl { progress: Some(&mut advance), cancel: cancel.clone() };
     let hashes = input.hashes();
     let mut diagnosis = Diagnosis::begin(&retriever, &options, input.frame(), input.is_measured())?;
-    let mut read = |band: Range<u32>| {
-        let data = input.flat_rows(0, band.clone())?;
-        diagnosis.take_flat(&data, &band);
-        Ok(data)
-    };
-    retriever.set_flat_with(row_count, columns, input.flat_noise(0), &mut read, &mut inner)?;
-    let Some(flat) = retriever.flat_curves() else { return Err(Error::Interrupted) };
-    let across = flat.len() / rows.max(1);
-    if (0..flat.len()).all(|at| !flat.has_answer(at)) {
-        let allowed = "a flat with a curve that can be fitted in some pixel: check its values, the mask \
-                       offsets, the saturation and the read noise";
-        return Err(Error::argument("flat", no_answers(flat), allowed));
-    }
+    let across = take_flat(&input, &mut retriever, &mut diagnosis, &mut inner)?;
     let joined = retriever.joined(&input);
     let across = joined.as_ref().map_or(across, |joined| joined.order().len());
     let mut record = begun(&input, &retriever, &options, [angles, rows, across]);
     record.columns = joined.as_ref().map(JoinedColumns::order).unwrap_or_default().to_vec();
     let value = if input.counts() { "counts" } else { "open pixels" };
-    let names = retriever.names();
-    let names_of_flat = retriever.names_of_flat();
-    for name in names.iter().chain(&names_of_flat).copied() {
-        record.units.insert(name.to_owned(), unit(name, value).to_owned());
-    }
-    if !input.has_flats() {
-        for (name, image) in flat_images(flat, &names_of_flat, rows, joined.as_ref())? {
-            cancel.check()?;
-            put(&record, Image { name, unit: unit(name, value), views: 1, values: image.view() })?;
-        }
-    }
-    let mut phases =
-        options.phase.then(|| PhaseImages::new(retriever.geometry(&input, angles))).transpose()?;
-    if phases.is_some() {
-        record.units.insert(PHASE.to_owned(), unit(PHASE, value).to_owned());
-    }
-    let mut residuals = Vec::new();
+    let mut output = Output { put, record, value, cancel: cancel.clone() };
+    put_flat(&input, &retriever, joined.as_ref(), &mut output)?;
     let bad = input.bad_pixels();
     let scan = ScanOf::new(&input, joined.as_ref(), bad.as_ref());
-    let mut correcting = match Corrector::of(&retriever, &input, &options)? {
-        None => None,
-        Some(corrector) => {
-            record.correct = options.correct.names();
-            let empty = Corrector::named(&retriever, &options, input.frame())?;
-            Some(Correcting::new(corrector, empty))
-        }
-    };
-    for angle in 0..angles {
-        let mut tools = Tools::new(&mut diagnosis, correcting.as_mut());
-        let (retrieved, of_flats) = scan.angle(angle, &mut retriever, &mut tools, &mut inner)?;
-        for (name, image) in of_flats.iter().flat_map(Images::iter).chain(retrieved.iter()) {
-            cancel.check()?;
-            let unit = unit(name, value);
-            put(&record, Image { name, unit, views: angles, values: image.view() })?;
-        }
-        if let (Some(phases), Some(angles_of_view)) = (&mut phases, retrieved.get("refraction")) {
-            let values = phases.of(angles_of_view);
-            let unit = unit(PHASE, value);
-            put(&record, Image { name: PHASE, unit, views: angles, values: values.view() })?;
-        }
-        count(&mut record, retrieved.get(FLAGS));
-        let left = retrieved.get("residual_sample").into_iter().flatten();
-        residuals.extend(median(left.map(|left| f64::from(*left)).collect()));
-    }
-    record.residual = median(residuals).filter(|residual| *residual > 0.0);
-    record.corrections = correcting.map_or_else(Vec::new, Correcting::views);
-    record.drift = phases.map(|phases| phases.drift());
+    retrieve_views(scan, &options, &mut retriever, &mut diagnosis, &mut output, &mut inner)?;
+    let mut record = output.record;
     diagnosis.finish(&mut record, &retriever, input.warnings())?;
     let InputHashes { hashes, stamps } = hashes.wait(&cancel, &mut || {})??;
     (record.inputs, record.input_stamps) = (hashes, stamps);
@@ -325,6 +290,114 @@ fn retrieve_to(
     Ok((record, geometry))
 }
 
+/// Options with the saturation and the read noise of the values of an input.
+///
+/// # Errors
+/// [`Error::Argument`] for beamlets among a part of the pixels.
+fn options_for(input: &Input, options: &RetrieveOptions) -> Result<RetrieveOptions> {
+    if options.method == Method::Beamlet && input.selection() != (None, None) {
+        let allowed = "every pixel: beamlets are found among all of them";
+        return Err(Error::argument("columns", "a part of the pixels", allowed));
+    }
+    let noise = options.read_noise * (input.added() as f64).sqrt();
+    Ok(options.clone().with_saturation(input.saturation()).with_read_noise(noise))
+}
+
+/// Takes the flat, the first where views have their own, and returns the columns of its curves.
+///
+/// # Errors
+/// As [`Retriever::set_flat`]; [`Error::Argument`] where no curve can be fitted.
+fn take_flat(
+    input: &Input,
+    retriever: &mut Retriever,
+    diagnosis: &mut Diagnosis,
+    control: &mut RowsControl<'_>,
+) -> Result<usize> {
+    let [rows, columns] = input.frame();
+    let mut read = |band: Range<u32>| {
+        let data = input.flat_rows(0, band.clone())?;
+        diagnosis.take_flat(&data, &band);
+        Ok(data)
+    };
+    let noise = input.flat_noise(0);
+    retriever.set_flat_with(numbers::count(rows), columns, noise, &mut read, control)?;
+    let Some(flat) = retriever.flat_curves() else { return Err(Error::Interrupted) };
+    if (0..flat.len()).all(|at| !flat.has_answer(at)) {
+        let allowed = "a flat with a curve that can be fitted in some pixel: check its values, the mask \
+                       offsets, the saturation and the read noise";
+        return Err(Error::argument("flat", no_answers(flat), allowed));
+    }
+    Ok(flat.len() / rows.max(1))
+}
+
+/// Enters the units of all images into the record, and hands over the images of a flat that serves all
+/// views.
+fn put_flat(
+    input: &Input,
+    retriever: &Retriever,
+    joined: Option<&JoinedColumns>,
+    output: &mut Output<'_>,
+) -> Result<()> {
+    let names_of_flat = retriever.names_of_flat();
+    for name in retriever.names().iter().chain(&names_of_flat) {
+        output.enter(name);
+    }
+    if input.has_flats() {
+        return Ok(());
+    }
+    let Some(flat) = retriever.flat_curves() else { return Err(Error::Interrupted) };
+    for (name, image) in flat_images(flat, &names_of_flat, input.frame()[0], joined)? {
+        output.put(name, 1, image.view())?;
+    }
+    Ok(())
+}
+
+/// Retrieves and hands over the images of every view, with corrections and phase where `options` has them,
+/// and enters the results of all views into the record.
+fn retrieve_views(
+    scan: ScanOf<'_>,
+    options: &RetrieveOptions,
+    retriever: &mut Retriever,
+    diagnosis: &mut Diagnosis,
+    output: &mut Output<'_>,
+    control: &mut RowsControl<'_>,
+) -> Result<()> {
+    let input = scan.input;
+    let [angles, ..] = output.record.shape;
+    let mut phases =
+        options.phase.then(|| PhaseImages::new(retriever.geometry(input, angles))).transpose()?;
+    if phases.is_some() {
+        output.enter(PHASE);
+    }
+    let mut residuals = Vec::new();
+    let mut correcting = match Corrector::of(retriever, input, options)? {
+        None => None,
+        Some(corrector) => {
+            output.record.correct = options.correct.names();
+            let empty = Corrector::named(retriever, options, input.frame())?;
+            Some(Correcting::new(corrector, empty))
+        }
+    };
+    for angle in 0..angles {
+        let mut tools = Tools::new(diagnosis, correcting.as_mut());
+        let (retrieved, of_flats) = scan.angle(angle, retriever, &mut tools, control)?;
+        for (name, image) in of_flats.iter().flat_map(Images::iter).chain(retrieved.iter()) {
+            output.put(name, angles, image.view())?;
+        }
+        if let (Some(phases), Some(angles_of_view)) = (&mut phases, retrieved.get("refraction")) {
+            output.put(PHASE, angles, phases.of(angles_of_view).view())?;
+        }
+        count(&mut output.record, retrieved.get(FLAGS));
+        let left = retrieved.get("residual_sample").into_iter().flatten();
+        residuals.extend(median(left.map(|left| f64::from(*left)).collect()));
+    }
+    let record = &mut output.record;
+    record.residual = median(residuals).filter(|residual| *residual > 0.0);
+    record.corrections = correcting.map_or_else(Vec::new, Correcting::views);
+    record.drift = phases.map(|phases| phases.drift());
+    Ok(())
+}
+
 /// Reasons for missing answers, for a message.
 fn no_answers(flat: &Curves) -> String {
     let found: Vec<String> = flags::MEANINGS
@@ -334,114 +407,4 @@ fn no_answers(flat: &Curves) -> String {
         .map(|(count, meaning)| format!("{count} pixels: {meaning}"))
         .collect();
     format!("no pixel with a result ({})", found.join("; "))
-}
-
-fn begun(
-    input: &Input,
-    retriever: &Retriever,
-    options: &RetrieveOptions,
-    shape: [usize; 3],
-) -> Record {
-    let scene = input.scene();
-    let (columns, bin) = input.selection();
-    let mut meanings = BTreeMap::new();
-    for (bit, name, meaning) in flags::MEANINGS {
-        meanings.insert(flags::of_pixel(bit, 0), format!("flat {name}: {meaning}"));
-        meanings.insert(flags::of_pixel(0, bit), format!("sample {name}: {meaning}"));
-    }
-    for (bit, name, meaning) in flags::OF_PIXEL {
-        meanings.insert(bit, format!("{name}: {meaning}"));
-    }
-    Record {
-        version: beamlet_core::program::VERSION.to_owned(),
-        commit: beamlet_core::program::commit(),
-        began: None,
-        written: None,
-        duration_s: 0.0,
-        command: None,
-        title: scene.title.clone(),
-        method: options.method.name().to_owned(),
-        weights: match options.weights {
-            Weights::None => "none".to_owned(),
-            Weights::Poisson => "poisson".to_owned(),
-        },
-        counts: input.counts(),
-        gain: options.gain,
-        gain_assumed: options.gain.is_some() && options.gain_assumed,
-        read_noise: options.read_noise,
-        sources: input.sources(),
-        frames: input.frames().clone(),
-        dark: input.dark_source(),
-        bad_pixels: input.bad_pixels_source(),
-        omitted_steps: input.omitted_steps().to_vec(),
-        kept_columns: columns.map(|columns| columns.to_string()),
-        bin,
-        columns_m: retriever.columns_m(input),
-        pitch: retriever.pitch(input.pitch()),
-        // In no directory, so that every path is written absolute.
-        geometry: scene.to_toml("", &BTreeMap::new(), &[]).ok(),
-        inputs: BTreeMap::new(),
-        input_stamps: BTreeMap::new(),
-        working_directory: None,
-        files: scene
-            .files
-            .iter()
-            .map(|(path, hash)| (path.display().to_string(), hash.clone()))
-            .collect(),
-        offsets: scene.scan.mask_offsets.clone(),
-        whole_periods: retriever.whole_periods(),
-        flat_width: retriever
-            .flat_curves()
-            .and_then(|flat| median(flat.width.iter().copied().map(f64::from).collect())),
-        residual: None,
-        reduced_chi_square: None,
-        chi_square_beyond_flat: None,
-        above_one: 0,
-        negative_values: 0,
-        empty_beam: None,
-        correct: Vec::new(),
-        corrections: Vec::new(),
-        warnings: Vec::new(),
-        magnification: scene.magnification(),
-        lever_arm: scene.lever_arm(),
-        angle_per_shift: retriever.angle_per_shift(),
-        shape,
-        columns: Vec::new(),
-        drift: None,
-        flats_every: input.flats_every(),
-        units: BTreeMap::new(),
-        flagged: meanings.keys().map(|bit| (*bit, 0)).collect(),
-        flags: meanings,
-        without_answer: 0,
-    }
-}
-
-/// The metadata of every image.
-fn about(record: &Record) -> serde_json::Value {
-    serde_json::json!({
-        "beamlet": record.version,
-        "method": record.method,
-        "mask_offsets": record.offsets,
-        "mask_offsets_unit": "m",
-        "magnification": record.magnification,
-        "lever_arm": record.lever_arm,
-        "lever_arm_unit": "m",
-        "row_0": "top (largest z); columns run along +x",
-        "sign": "refraction > 0 deflects towards +x",
-    })
-}
-
-/// Counts flagged pixels and those without a result.
-fn count(record: &mut Record, flag_image: Option<&Array2<f32>>) {
-    let none = flags::of_pixel(flags::NO_ANSWER, flags::NO_ANSWER) | flags::BAD_PIXEL;
-    for value in flag_image.into_iter().flatten() {
-        let bits = numbers::whole::<u32>(f64::from(*value));
-        if bits == 0 {
-            continue;
-        }
-        for (bit, count) in &mut record.flagged {
-            *count += u64::from(bits & bit != 0);
-        }
-        record.without_answer += u64::from(bits & none != 0);
-    }
 }

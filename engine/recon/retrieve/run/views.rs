@@ -29,7 +29,7 @@ pub(super) struct Tools<'a> {
 /// Inputs of the images of an angle.
 #[derive(Clone, Copy)]
 pub(super) struct ScanOf<'a> {
-    input: &'a Input,
+    pub(super) input: &'a Input,
     joined: Option<&'a JoinedColumns>,
     /// Bad pixels of the images.
     bad: Option<&'a Array2<bool>>,

@@ -1,0 +1,122 @@
+//! The record of a retrieval as it begins, the metadata of its images, and counts of flags.
+
+use crate::retrieve::input::Input;
+use crate::retrieve::misfit::median;
+use crate::retrieve::options::RetrieveOptions;
+use crate::retrieve::record::Record;
+use crate::retrieve::retriever::Retriever;
+use crate::retrieve::{Weights, flags};
+use beamlet_core::numbers;
+use ndarray::Array2;
+use std::collections::BTreeMap;
+
+/// The record of a retrieval with its inputs and options; `shape`: angles, rows and columns of the images.
+pub(super) fn begun(
+    input: &Input,
+    retriever: &Retriever,
+    options: &RetrieveOptions,
+    shape: [usize; 3],
+) -> Record {
+    let scene = input.scene();
+    let (columns, bin) = input.selection();
+    let mut meanings = BTreeMap::new();
+    for (bit, name, meaning) in flags::MEANINGS {
+        meanings.insert(flags::of_pixel(bit, 0), format!("flat {name}: {meaning}"));
+        meanings.insert(flags::of_pixel(0, bit), format!("sample {name}: {meaning}"));
+    }
+    for (bit, name, meaning) in flags::OF_PIXEL {
+        meanings.insert(bit, format!("{name}: {meaning}"));
+    }
+    Record {
+        version: beamlet_core::program::VERSION.to_owned(),
+        commit: beamlet_core::program::commit(),
+        began: None,
+        written: None,
+        duration_s: 0.0,
+        command: None,
+        title: scene.title.clone(),
+        method: options.method.name().to_owned(),
+        weights: match options.weights {
+            Weights::None => "none".to_owned(),
+            Weights::Poisson => "poisson".to_owned(),
+        },
+        counts: input.counts(),
+        gain: options.gain,
+        gain_assumed: options.gain.is_some() && options.gain_assumed,
+        read_noise: options.read_noise,
+        sources: input.sources(),
+        frames: input.frames().clone(),
+        dark: input.dark_source(),
+        bad_pixels: input.bad_pixels_source(),
+        omitted_steps: input.omitted_steps().to_vec(),
+        kept_columns: columns.map(|columns| columns.to_string()),
+        bin,
+        columns_m: retriever.columns_m(input),
+        pitch: retriever.pitch(input.pitch()),
+        // In no directory, so that every path is written absolute.
+        geometry: scene.to_toml("", &BTreeMap::new(), &[]).ok(),
+        inputs: BTreeMap::new(),
+        input_stamps: BTreeMap::new(),
+        working_directory: None,
+        files: scene
+            .files
+            .iter()
+            .map(|(path, hash)| (path.display().to_string(), hash.clone()))
+            .collect(),
+        offsets: scene.scan.mask_offsets.clone(),
+        whole_periods: retriever.whole_periods(),
+        flat_width: retriever
+            .flat_curves()
+            .and_then(|flat| median(flat.width.iter().copied().map(f64::from).collect())),
+        residual: None,
+        reduced_chi_square: None,
+        chi_square_beyond_flat: None,
+        above_one: 0,
+        negative_values: 0,
+        empty_beam: None,
+        correct: Vec::new(),
+        corrections: Vec::new(),
+        warnings: Vec::new(),
+        magnification: scene.magnification(),
+        lever_arm: scene.lever_arm(),
+        angle_per_shift: retriever.angle_per_shift(),
+        shape,
+        columns: Vec::new(),
+        drift: None,
+        flats_every: input.flats_every(),
+        units: BTreeMap::new(),
+        flagged: meanings.keys().map(|bit| (*bit, 0)).collect(),
+        flags: meanings,
+        without_answer: 0,
+    }
+}
+
+/// The metadata of every image.
+pub(super) fn about(record: &Record) -> serde_json::Value {
+    serde_json::json!({
+        "beamlet": record.version,
+        "method": record.method,
+        "mask_offsets": record.offsets,
+        "mask_offsets_unit": "m",
+        "magnification": record.magnification,
+        "lever_arm": record.lever_arm,
+        "lever_arm_unit": "m",
+        "row_0": "top (largest z); columns run along +x",
+        "sign": "refraction > 0 deflects towards +x",
+    })
+}
+
+/// Counts flagged pixels and those without a result.
+pub(super) fn count(record: &mut Record, flag_image: Option<&Array2<f32>>) {
+    let none = flags::of_pixel(flags::NO_ANSWER, flags::NO_ANSWER) | flags::BAD_PIXEL;
+    for value in flag_image.into_iter().flatten() {
+        let bits = numbers::whole::<u32>(f64::from(*value));
+        if bits == 0 {
+            continue;
+        }
+        for (bit, count) in &mut record.flagged {
+            *count += u64::from(bits & bit != 0);
+        }
+        record.without_answer += u64::from(bits & none != 0);
+    }
+}
