@@ -83,15 +83,37 @@ pub(super) fn run(arguments: &Illuminate, out: &mut impl Write) -> Result<(), Fa
     // A limit applies to one run.
     let at_once = if arguments.engine.memory_limit.is_some() { 1 } else { SIDE_BY_SIDE };
     let at_once = at_once.min(jobs.len());
+    let unfinished = side_by_side(arguments, (&engine, &kept), (jobs, at_once), &cancel, out)?;
+    let left: Vec<_> = unfinished.keys().map(|index| &places[*index]).collect();
+    let advice = || advice(arguments, &left);
+    // What went wrong says more than that the others were stopped.
+    let mut failures: Vec<_> = unfinished.into_values().flatten().collect();
+    failures.sort_by_key(|failure| matches!(failure, Failure::Interrupted { .. }));
+    match failures.into_iter().next() {
+        Some(Failure::Interrupted { .. }) => Err(Failure::Interrupted { advice: advice() }),
+        Some(failure) => Err(failure),
+        None => Ok(()),
+    }
+}
+
+/// Illuminates scenes, `at_once` of them side by side, and prints a summary of each. Returns the indices of
+/// the unfinished ones, with the failures of those that were begun.
+fn side_by_side(
+    arguments: &Illuminate,
+    (engine, kept): (&Engine, &StoredMoments),
+    (jobs, at_once): (Vec<Job>, usize),
+    cancel: &Cancel,
+    out: &mut impl Write,
+) -> Result<BTreeMap<usize, Option<Failure>>, Failure> {
+    let mut unfinished: BTreeMap<usize, Option<Failure>> =
+        (0..jobs.len()).map(|index| (index, None)).collect();
     let (sender, results) = mpsc::channel();
     let jobs = Mutex::new(jobs.into_iter().enumerate());
     let failed = AtomicBool::new(false);
-    let mut unfinished: BTreeMap<usize, Option<Failure>> =
-        (0..places.len()).map(|index| (index, None)).collect();
     thread::scope(|scope| {
         for worker in 0..at_once {
             let sender = sender.clone();
-            let (engine, kept, jobs, failed) = (&engine, &kept, &jobs, &failed);
+            let (jobs, failed) = (&jobs, &failed);
             let cancel = cancel.clone();
             let begun = thread::Builder::new().spawn_scoped(scope, move || {
                 while !failed.load(Ordering::Relaxed) {
@@ -132,16 +154,7 @@ pub(super) fn run(arguments: &Illuminate, out: &mut impl Write) -> Result<(), Fa
         }
         Ok::<_, Failure>(())
     })?;
-    let left: Vec<_> = unfinished.keys().map(|index| &places[*index]).collect();
-    let advice = || advice(arguments, &left);
-    // What went wrong says more than that the others were stopped.
-    let mut failures: Vec<_> = unfinished.into_values().flatten().collect();
-    failures.sort_by_key(|failure| matches!(failure, Failure::Interrupted { .. }));
-    match failures.into_iter().next() {
-        Some(Failure::Interrupted { .. }) => Err(Failure::Interrupted { advice: advice() }),
-        Some(failure) => Err(failure),
-        None => Ok(()),
-    }
+    Ok(unfinished)
 }
 
 fn illuminate(

@@ -1,8 +1,10 @@
 //! A whole retrieval: from an input to a directory of images.
 
 mod begun;
+mod flat;
 mod views;
 
+use super::Method;
 use super::correct::{Corrector, table};
 use super::diagnosis::Diagnosis;
 use super::images::{FLAGS, Images, PHASE, unit};
@@ -13,7 +15,6 @@ use super::options::RetrieveOptions;
 use super::phase::PhaseImages;
 use super::record::Record;
 use super::retriever::Retriever;
-use super::{Curves, Method, flags};
 use beamlet_core::rows_control::RowsControl;
 use beamlet_core::whole_file::write_file;
 use beamlet_core::{Cancel, Error, Result, numbers, reserve, setters};
@@ -23,13 +24,13 @@ use beamlet_files::{
 };
 use beamlet_gpu::Compute;
 use begun::{about, begun, count};
+use flat::{put_flat, take_flat};
 use ndarray::{Array3, ArrayView2};
 use std::collections::BTreeMap;
 use std::collections::btree_map::Entry;
-use std::ops::Range;
 use std::path::Path;
 use std::time::Instant;
-use views::{Correcting, ScanOf, Tools, flat_images};
+use views::{Correcting, ScanOf, Tools};
 
 /// Where images go.
 #[derive(Debug, Clone, Copy)]
@@ -303,55 +304,6 @@ fn options_for(input: &Input, options: &RetrieveOptions) -> Result<RetrieveOptio
     Ok(options.clone().with_saturation(input.saturation()).with_read_noise(noise))
 }
 
-/// Takes the flat, the first where views have their own, and returns the columns of its curves.
-///
-/// # Errors
-/// As [`Retriever::set_flat`]; [`Error::Argument`] where no curve can be fitted.
-fn take_flat(
-    input: &Input,
-    retriever: &mut Retriever,
-    diagnosis: &mut Diagnosis,
-    control: &mut RowsControl<'_>,
-) -> Result<usize> {
-    let [rows, columns] = input.frame();
-    let mut read = |band: Range<u32>| {
-        let data = input.flat_rows(0, band.clone())?;
-        diagnosis.take_flat(&data, &band);
-        Ok(data)
-    };
-    let noise = input.flat_noise(0);
-    retriever.set_flat_with(numbers::count(rows), columns, noise, &mut read, control)?;
-    let Some(flat) = retriever.flat_curves() else { return Err(Error::Interrupted) };
-    if (0..flat.len()).all(|at| !flat.has_answer(at)) {
-        let allowed = "a flat with a curve that can be fitted in some pixel: check its values, the mask \
-                       offsets, the saturation and the read noise";
-        return Err(Error::argument("flat", no_answers(flat), allowed));
-    }
-    Ok(flat.len() / rows.max(1))
-}
-
-/// Enters the units of all images into the record, and hands over the images of a flat that serves all
-/// views.
-fn put_flat(
-    input: &Input,
-    retriever: &Retriever,
-    joined: Option<&JoinedColumns>,
-    output: &mut Output<'_>,
-) -> Result<()> {
-    let names_of_flat = retriever.names_of_flat();
-    for name in retriever.names().iter().chain(&names_of_flat) {
-        output.enter(name);
-    }
-    if input.has_flats() {
-        return Ok(());
-    }
-    let Some(flat) = retriever.flat_curves() else { return Err(Error::Interrupted) };
-    for (name, image) in flat_images(flat, &names_of_flat, input.frame()[0], joined)? {
-        output.put(name, 1, image.view())?;
-    }
-    Ok(())
-}
-
 /// Retrieves and hands over the images of every view, with corrections and phase where `options` has them,
 /// and enters the results of all views into the record.
 fn retrieve_views(
@@ -396,15 +348,4 @@ fn retrieve_views(
     record.corrections = correcting.map_or_else(Vec::new, Correcting::views);
     record.drift = phases.map(|phases| phases.drift());
     Ok(())
-}
-
-/// Reasons for missing answers, for a message.
-fn no_answers(flat: &Curves) -> String {
-    let found: Vec<String> = flags::MEANINGS
-        .iter()
-        .map(|(bit, _, meaning)| (flat.flags.iter().filter(|f| *f & bit != 0).count(), meaning))
-        .filter(|(count, _)| *count > 0)
-        .map(|(count, meaning)| format!("{count} pixels: {meaning}"))
-        .collect();
-    format!("no pixel with a result ({})", found.join("; "))
 }

@@ -1,7 +1,7 @@
 //! Error of a patch: the errors of its rectangles at every mask step, and which of them to split.
 
 use super::error_estimate::{CellError, Estimator, SPREAD};
-use super::patch::{Axis, Even, Known, Patch};
+use super::patch::{Axis, Even, Known, Node, Patch};
 use super::response::{Opening, Response};
 use super::step_shares::{StepRun, is_open, step_runs};
 use super::unresolved::FIRST;
@@ -81,6 +81,17 @@ impl KnownErrors {
     fn of(&self, node: u32) -> Option<(&CellError, &[StepRun])> {
         let [first, end] = self.seen[node as usize]?;
         Some((self.errors[node as usize].as_ref()?, &self.runs[first as usize..end as usize]))
+    }
+
+    /// Leaves of a patch whose errors are known, with the steps that light them.
+    fn leaves<'k>(
+        &'k self,
+        patch: &'k Patch,
+    ) -> impl Iterator<Item = (&'k CellError, &'k Node, &'k [StepRun])> {
+        patch.leaves().filter_map(|leaf| {
+            let (error, runs) = self.of(leaf)?;
+            Some((error, &patch.nodes[leaf as usize], runs))
+        })
     }
 
     /// Bytes that it holds.
@@ -186,6 +197,51 @@ impl StepError {
     }
 }
 
+/// Errors of the rectangles of a patch summed at every mask step, and their limits.
+struct StepSums<'a> {
+    weighing: Weighing<'a>,
+    steps: Vec<StepError>,
+    /// Rectangles.
+    count: u32,
+    /// Rectangles with a silhouette.
+    silhouettes: u32,
+    /// Limit of the error of the light of a step, squared.
+    light: f64,
+    /// Limit of the error of the displacement.
+    displacement: f64,
+    /// The displacement has a limit.
+    bounded: bool,
+}
+
+impl StepSums<'_> {
+    /// An error at a step in shares of the budget of the step; 0 where the step holds its budget.
+    fn excess(&self, step: u32, error: &StepError) -> f64 {
+        let all = &self.steps[step as usize];
+        let moment = (self.displacement * all.through).powi(2);
+        let of_light = if all.light() > self.light { error.part(all) / self.light } else { 0.0 };
+        if self.bounded && all.moment > moment {
+            of_light.max(error.moment / moment)
+        } else {
+            of_light
+        }
+    }
+
+    /// Largest error of the displacement of a step, share of its budget.
+    fn displacement_share(&self, budget: f64) -> f64 {
+        let off = |step: &StepError| step.moment.sqrt() / (budget * step.through);
+        let lit = self.steps.iter().filter(|step| self.bounded && step.through > 0.0);
+        lit.map(off).fold(0.0, f64::max)
+    }
+}
+
+/// A rectangle with the share of a budget that its split may win.
+struct Scored<'k> {
+    score: f64,
+    error: &'k CellError,
+    known: &'k Known,
+    runs: &'k [StepRun],
+}
+
 /// Correction factor of the summed error of pieces. Neglected terms fall more slowly than the estimate as
 /// rectangles shrink: at 3e-5 they were a third of the error of a radiograph, at 1e-4 as large. A
 /// detector mask alone cuts the light of a rim where it is steepest: half of it at 1e-4.
@@ -235,20 +291,37 @@ impl Estimator<'_> {
             return self.unresolved_error(patch, openings, narrow);
         }
         self.complete(patch, openings, known_errors);
-        let leaves = || {
-            patch.leaves().filter_map(|leaf| {
-                let (error, runs) = known_errors.of(leaf)?;
-                Some((error, &patch.nodes[leaf as usize], runs))
-            })
+        let known_errors = &*known_errors;
+        let sums = self.step_sums(patch, crossed, known_errors);
+        let mut result = PatchError {
+            light: sums.steps.iter().map(StepError::light).fold(0.0, f64::max).sqrt(),
+            displacement: sums.displacement_share(self.budget.displacement),
+            ..PatchError::default()
         };
+        let excesses: Vec<f64> =
+            (0..).zip(&sums.steps).map(|(step, all)| sums.excess(step, all)).collect();
+        let exceeded = excesses.iter().any(|excess| *excess > 1.0);
+        if !exceeded && narrow.is_empty() {
+            return result;
+        }
+        if 2 * sums.silhouettes > sums.count && self.is_unresolved(patch) {
+            result.even = Some((FIRST, Even::Trial));
+            return result;
+        }
+        let scored = self.scored(patch, narrow, known_errors, &sums, &mut result.splits);
+        self.split_worst(patch, &sums, scored, excesses, &mut result.splits);
+        result
+    }
+
+    /// Sums of the errors of the rectangles of a patch, which a silhouette `crossed` or not.
+    fn step_sums(&self, patch: &Patch, crossed: bool, known_errors: &KnownErrors) -> StepSums<'_> {
         // For any window, of which none sees all of them at its steepest, they count as independent.
-        let alike = !self.other_energies;
-        let response = self.response;
-        let weighing = Weighing { response, together: alike.then_some(self.pieces) };
+        let together = (!self.other_energies).then_some(self.pieces);
+        let weighing = Weighing { response: self.response, together };
         let mut steps = vec![StepError::default(); self.response.steps()];
         let (mut count, mut silhouettes) = (0_u32, 0_u32);
         let (mut seen, mut by_rays) = (false, false);
-        for (error, node, runs) in leaves() {
+        for (error, node, runs) in known_errors.leaves(patch) {
             count += 1;
             by_rays |= matches!(node.known, Known::Ray(_));
             seen |= error.silhouette && is_open(runs);
@@ -257,43 +330,35 @@ impl Estimator<'_> {
                 steps[step as usize].add(&weighing.of(error, &node.known, share));
             }
         }
-        let worst = steps.iter().map(StepError::light).fold(0.0, f64::max).sqrt();
-        let light = (self.safety() * self.budget.light).powi(2);
-        // A rectangle beside a silhouette of the next patch is not crossed itself.
-        let bounded = self.budget.displacement.is_finite() && !(crossed && seen);
-        let off = |step: &StepError| step.moment.sqrt() / (self.budget.displacement * step.through);
-        let lit = steps.iter().filter(|step| bounded && step.through > 0.0);
-        let mut result = PatchError {
-            light: worst,
-            displacement: lit.map(off).fold(0.0, f64::max),
-            ..PatchError::default()
-        };
         let aim = if by_rays { SAFETY_OF_RAYS } else { self.safety() };
-        let displacement = aim * self.budget.displacement;
-        // In shares of the budget of a step; nothing of one that holds it.
-        let excess = |step: u32, error: &StepError| {
-            let all = &steps[step as usize];
-            let moment = (displacement * all.through).powi(2);
-            let of_light = if all.light() > light { error.part(all) / light } else { 0.0 };
-            if bounded && all.moment > moment {
-                of_light.max(error.moment / moment)
-            } else {
-                of_light
-            }
-        };
-        let mut left: Vec<f64> = (0..).zip(&steps).map(|(step, all)| excess(step, all)).collect();
-        let exceeded = left.iter().any(|excess| *excess > 1.0);
-        if !exceeded && narrow.is_empty() {
-            return result;
+        StepSums {
+            weighing,
+            steps,
+            count,
+            silhouettes,
+            light: (self.safety() * self.budget.light).powi(2),
+            displacement: aim * self.budget.displacement,
+            // A rectangle beside a silhouette of the next patch is not crossed itself.
+            bounded: self.budget.displacement.is_finite() && !(crossed && seen),
         }
-        if 2 * silhouettes > count && self.is_unresolved(patch) {
-            result.even = Some((FIRST, Even::Trial));
-            return result;
-        }
+    }
+
+    /// Rectangles whose split lowers an error that exceeds its budget, the best first. Rectangles in which a
+    /// component may hide go to `splits`.
+    fn scored<'k>(
+        &self,
+        patch: &'k Patch,
+        narrow: &[NarrowComponent],
+        known_errors: &'k KnownErrors,
+        sums: &StepSums<'_>,
+        splits: &mut Vec<(u32, Axis)>,
+    ) -> Vec<Scored<'k>> {
+        let StepSums { weighing, steps, count, light, bounded, .. } = sums;
+        let alike = weighing.together.is_some();
         let mut scored = Vec::new();
-        for (error, node, runs) in leaves() {
+        for (error, node, runs) in known_errors.leaves(patch) {
             let known = &node.known;
-            let may_move = bounded && error.moment > 0.0;
+            let may_move = *bounded && error.moment > 0.0;
             let part = |(step, share): (u32, f32)| {
                 weighing.of(error, known, share).part(&steps[step as usize])
             };
@@ -305,40 +370,53 @@ impl Estimator<'_> {
             // Narrow rectangles along a rim err alike where rays alone know them, each by too little
             // to be split: the bound is one on their sum.
             let all_alike = alike && self.by_rays_alone && error.draws.is_none();
-            let others = f64::from(count) * if all_alike { f64::from(count) } else { 1.0 };
+            let others = f64::from(*count) * if all_alike { f64::from(*count) } else { 1.0 };
             let negligible = most / light * others < NEGLIGIBLE;
             if negligible && !may_move && narrow.is_empty() {
                 continue;
             }
             if let Some(axis) = self.may_hide(patch, error, narrow, is_open(runs)) {
-                result.splits.push((error.node, axis));
+                splits.push((error.node, axis));
                 continue;
             }
             if negligible && !may_move {
                 continue;
             }
-            let of = |(step, share)| excess(step, &weighing.of(error, known, share));
+            let of = |(step, share)| sums.excess(step, &weighing.of(error, known, share));
             let score = runs.iter().flat_map(StepRun::steps).map(of).fold(0.0, f64::max);
             if score > 0.0 {
-                scored.push((score, error, known, runs));
+                scored.push(Scored { score, error, known, runs });
             }
         }
-        scored.sort_unstable_by(|a, b| b.0.total_cmp(&a.0).then(a.1.node.cmp(&b.1.node)));
-        for (_, error, known, runs) in scored {
-            if left.iter().all(|excess| *excess <= 1.0) {
+        scored.sort_unstable_by(|a, b| {
+            b.score.total_cmp(&a.score).then(a.error.node.cmp(&b.error.node))
+        });
+        scored
+    }
+
+    /// Splits rectangles in their order until no step exceeds its budget. `excesses`: of the steps.
+    fn split_worst(
+        &self,
+        patch: &Patch,
+        sums: &StepSums<'_>,
+        scored: Vec<Scored<'_>>,
+        mut excesses: Vec<f64>,
+        splits: &mut Vec<(u32, Axis)>,
+    ) {
+        for Scored { error, known, runs, .. } in scored {
+            if excesses.iter().all(|excess| *excess <= 1.0) {
                 break;
             }
             for (step, share) in runs.iter().flat_map(StepRun::steps) {
-                let own = excess(step, &weighing.of(error, known, share));
-                left[step as usize] -= (1.0 - LEFT) * own;
+                let own = sums.excess(step, &sums.weighing.of(error, known, share));
+                excesses[step as usize] -= (1.0 - LEFT) * own;
             }
             let other = if error.axis == Axis::X { Axis::Z } else { Axis::X };
             let possible = |axis: &Axis| patch.can_split(error.node, *axis, self.least);
             if let Some(axis) = [error.axis, other].into_iter().find(possible) {
-                result.splits.push((error.node, axis));
+                splits.push((error.node, axis));
             }
         }
-        result
     }
 
     /// The axis along which a component may hide in a rectangle. `open`: to some step.

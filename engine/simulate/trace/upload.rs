@@ -73,12 +73,7 @@ impl DeviceSample {
             partners,
             kinds,
         } = bvh;
-        let reach = from_axis(sample);
-        let motions: Vec<Motion> = scene.poses().collect();
-        let is_moved = !motions.iter().all(Motion::is_turn);
-        let reach = if is_moved { from_origin(sample) + scene.displacement() } else { reach };
-        let poses: Vec<_> =
-            motions.iter().map(|motion| pose_transform(scene, motion, reach)).collect();
+        let (poses, is_moved) = pose_transforms(scene, sample);
         let mut surfaces: Vec<Surface> = (0..)
             .zip(&sample.components)
             .map(|(i, c)| surface(scene, media, i, c, delta_ratio))
@@ -88,16 +83,11 @@ impl DeviceSample {
         let kinds =
             kinds | if rough { KIND_ROUGH } else { 0 } | if is_moved { KIND_MOVED } else { 0 };
         let materials = media.names.len();
-        let constants: Vec<interface::Constants> = std::iter::once(&media.mean())
-            .chain(&media.constants)
-            .flatten()
-            .map(|c| interface::Constants { mu: single(c.mu), delta: single(c.delta) })
-            .collect();
         let buffers = vec![
             upload(device, "nodes", &nodes)?,
             upload(device, "leaves", &leaves)?,
             upload(device, "surfaces", &surfaces)?,
-            device.upload("constants", &constants)?,
+            device.upload("constants", &constants(media))?,
             upload(device, "materials of objects", &media.of_object)?,
             device.upload("poses", &poses)?,
             upload(device, "neighbours of leaves", &neighbours)?,
@@ -110,14 +100,8 @@ impl DeviceSample {
         let (prototype_count, sample_leaves) = (count(prototypes.len()), count(boxes.len()));
         // The host's copies are freed before the driver allocates memory to build in.
         drop((nodes, leaves, neighbours, placed));
-        let acceleration = if ray_query && !boxes.is_empty() {
-            let on_device = device.upload("boxes of the acceleration structure", &boxes)?;
-            let number = count(boxes.len());
-            drop(boxes);
-            Some(AccelerationStructure::build(device, &on_device, number)?)
-        } else {
-            None
-        };
+        let is_queried = ray_query && !boxes.is_empty();
+        let acceleration = is_queried.then(|| acceleration(device, boxes)).transpose()?;
         let table = (materials * size_of::<interface::Constants>()) as u64;
         let record = |table_index: u64| interface::Sample {
             nodes: buffers[0].address(),
@@ -198,6 +182,35 @@ fn twofold(vector: DVec3) -> [[f32; 3]; 2] {
 /// Uploads; a zero where there is nothing, for shaders that look at the first.
 fn upload<T: bytemuck::Pod>(device: &Arc<Device>, name: &str, items: &[T]) -> Result<Buffer> {
     if items.is_empty() { device.upload(name, &[T::zeroed()]) } else { device.upload(name, items) }
+}
+
+/// Constants of all materials: the means, then of each node of the spectrum.
+fn constants(media: &MaterialTable) -> Vec<interface::Constants> {
+    std::iter::once(&media.mean())
+        .chain(&media.constants)
+        .flatten()
+        .map(|c| interface::Constants { mu: single(c.mu), delta: single(c.delta) })
+        .collect()
+}
+
+/// The driver's acceleration structure of boxes, whose copy on the host is freed before it is built.
+fn acceleration(device: &Arc<Device>, boxes: Vec<[[f32; 3]; 2]>) -> Result<AccelerationStructure> {
+    let on_device = device.upload("boxes of the acceleration structure", &boxes)?;
+    let number = count(boxes.len());
+    drop(boxes);
+    AccelerationStructure::build(device, &on_device, number)
+}
+
+/// Transforms of all poses; true if some pose moves the sample otherwise than by a turn about z.
+fn pose_transforms(scene: &Scene, sample: &geometry::Sample) -> (Vec<PoseTransform>, bool) {
+    let motions: Vec<Motion> = scene.poses().collect();
+    let is_moved = !motions.iter().all(Motion::is_turn);
+    let reach = match is_moved {
+        true => from_origin(sample) + scene.displacement(),
+        false => from_axis(sample),
+    };
+    let transform = |motion: &Motion| pose_transform(scene, motion, reach);
+    (motions.iter().map(transform).collect(), is_moved)
 }
 
 fn pose_transform(scene: &Scene, motion: &Motion, reach: f64) -> PoseTransform {

@@ -6,14 +6,14 @@ use crate::detector::DetectorModel;
 use crate::illuminate::{self, EnergyBinning};
 use crate::moments::{self, StoredMoments, StoredSource};
 use crate::run::simulator::Simulator;
-use crate::run::{self, Control, memory, quality};
+use crate::run::{self, Control, MemoryEstimate, memory, quality};
 use crate::sampling::{self, ErrorBudget, Lattice, Response};
 use crate::trace::DeviceSample;
 use beamlet_core::{Error, Result};
 use beamlet_files::RunStart;
 use beamlet_geometry as geometry;
 use beamlet_geometry::{LoadStep, Sample};
-use beamlet_gpu::Backend;
+use beamlet_gpu::{Backend, EngineOptions};
 use beamlet_model::media::MaterialTable;
 use beamlet_model::optics::{self, Optics};
 use beamlet_model::scene::{Scene, Scheme};
@@ -136,14 +136,9 @@ impl Simulation {
             Some(sample) => sample,
             None => load(&scene, &parts, options.memory_limit, control)?,
         };
-        let (limit, band_rows) = (options.memory_limit, options.band_rows);
-        let alone = memory::estimate_alone(&scene, &sample.objects, limit, band_rows)?;
         // Kept moments are written and read in the order of the views.
         let ordered = options.keep_moments || parts.stored.is_some();
-        let memory = match ordered {
-            true => alone,
-            false => memory::estimate(&scene, &sample.objects, limit, band_rows)?,
-        };
+        let [alone, memory] = memory_of(&scene, &sample, options, ordered)?;
         memory::ask_for_run(&scene, &memory)?;
         log_spot(&scene);
         scene.middle_line_warning().iter().for_each(|text| log::warn!("{text}"));
@@ -207,6 +202,23 @@ impl Simulation {
         simulation.prepared_in = begin.elapsed().as_secs_f64();
         Ok(simulation)
     }
+}
+
+/// Memory of a run with one view at a time, and of a run whose views may be made side by side unless they are
+/// `ordered`.
+fn memory_of(
+    scene: &Scene,
+    sample: &Sample,
+    options: &EngineOptions,
+    ordered: bool,
+) -> Result<[MemoryEstimate; 2]> {
+    let (limit, band_rows) = (options.memory_limit, options.band_rows);
+    let alone = memory::estimate_alone(scene, &sample.objects, limit, band_rows)?;
+    let memory = match ordered {
+        true => alone,
+        false => memory::estimate(scene, &sample.objects, limit, band_rows)?,
+    };
+    Ok([alone, memory])
 }
 
 /// The sample, where rays will be traced through it.

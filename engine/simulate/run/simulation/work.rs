@@ -28,12 +28,21 @@ use in_bands::bands;
 use mean::Mean;
 use ndarray::Array3;
 use share::Share;
+use std::cell::Cell;
 use std::ops::Range;
 use std::sync::Arc;
 use std::time::Instant;
 
 /// Cells whose energies are gathered at once: exact transport at each node takes 2 KiB and more a cell.
 const GATHERED: usize = 1 << 15;
+
+/// Does work and adds the time that it takes to `seconds`.
+fn timed<T>(seconds: &Cell<f64>, work: impl FnOnce() -> T) -> T {
+    let begin = Instant::now();
+    let done = work();
+    seconds.set(seconds.get() + begin.elapsed().as_secs_f64());
+    done
+}
 
 /// The run in progress.
 pub(super) struct ViewWork<'s> {
@@ -331,6 +340,7 @@ impl<'s> ViewWork<'s> {
         Ok(())
     }
 
+    /// Sums the light of cells of some rows: kept ones, sampled ones, or none.
     fn cell_rows(
         &mut self,
         view: Exposure,
@@ -344,45 +354,26 @@ impl<'s> ViewWork<'s> {
         let blur_rows = self.simulation.lattice.blur_rows;
         let lit = inner.start - blur_rows..inner.end + blur_rows;
         let steps = numbers::count(self.simulation.scene.scan.mask_offsets.len());
-        let Self {
-            cells,
-            bars,
-            lights,
-            sums,
-            tally,
-            tracer,
-            simulation,
-            cancel,
-            share,
-            memory,
-            ..
-        } = self;
-        let pose = self.pose;
-        let (_, response) = &self.response;
+        let simulation = self.simulation;
         let counted = [self.rows_done, self.rows_total];
-        let mut advance = share::advance(&mut control.progress, share, (view, rows), counted);
-        let illuminating = std::cell::Cell::new(0.0);
+        let mut advance = share::advance(&mut control.progress, &self.share, (view, rows), counted);
+        let illuminating = Cell::new(0.0);
         let words = simulation.moment_words();
         let keep = &mut control.keep;
         // Cell rows as lists, one for each record of light.
         let mut gather = |tracer: &mut Tracer, spectral: &EnergyBinning, cell_rows: &CellBatch| {
-            let begin = Instant::now();
-            let lists = spectral.lists(tracer, bars, cell_rows);
-            illuminating.set(illuminating.get() + begin.elapsed().as_secs_f64());
-            lists
+            timed(&illuminating, || spectral.lists(tracer, &mut self.bars, cell_rows))
         };
         let mut light = |lists: &[CellBatch]| {
-            cancel.check()?;
-            let begin = Instant::now();
-            cells.add(lights.iter().zip(lists), sums, steps)?;
-            illuminating.set(illuminating.get() + begin.elapsed().as_secs_f64());
-            Ok(())
+            self.cancel.check()?;
+            let lists = self.lights.iter().zip(lists);
+            timed(&illuminating, || self.cells.add(lists, &self.sums, steps))
         };
         let mut add = |tracer: &mut Tracer, cell_rows: &CellBatch| {
             if own {
-                tally.split += cell_rows.splits;
-                tally.landed_off += cell_rows.landed_off;
-                *tally = *tally + cell_rows.tally;
+                self.tally.split += cell_rows.splits;
+                self.tally.landed_off += cell_rows.landed_off;
+                self.tally = self.tally + cell_rows.tally;
             }
             if let (true, Exposure::Sample(index), Some(keep)) = (recorded, view, keep.as_mut()) {
                 crate::moments::write(keep, index, words, cell_rows)?;
@@ -396,21 +387,14 @@ impl<'s> ViewWork<'s> {
         };
         match (view, &simulation.stored, &simulation.spectral) {
             (Exposure::Sample(index), Some(stored), Some(spectral)) => {
-                let gather = |cell_rows: &CellBatch| gather(tracer, spectral, cell_rows);
+                let gather = |cell_rows: &CellBatch| gather(&mut self.tracer, spectral, cell_rows);
                 stored.lists(spectral, index, [rows, &lit], gather, &mut light)?;
             }
             (Exposure::Sample(_), ..) if !projected_bounds.is_empty() => {
-                let view = simulation.pose_context(pose, projected_bounds, response);
-                let room = simulation.room(memory);
-                sampling::sample_rows(
-                    &view,
-                    tracer,
-                    rows.clone(),
-                    (&lit, base),
-                    &room,
-                    &mut add,
-                    &mut advance,
-                )?;
+                let view = simulation.pose_context(self.pose, projected_bounds, &self.response.1);
+                let room = simulation.room(&self.memory);
+                let (rows, lit, tracer) = (rows.clone(), (&lit, base), &mut self.tracer);
+                sampling::sample_rows(&view, tracer, rows, lit, &room, &mut add, &mut advance)?;
             }
             _ => {
                 let rows = rows.start.max(lit.start)..rows.end.min(lit.end);
@@ -418,7 +402,7 @@ impl<'s> ViewWork<'s> {
                 if simulation.spectral.is_some() {
                     cell_rows.keep_nothing(simulation.moment_words());
                 }
-                add(tracer, &cell_rows)?;
+                add(&mut self.tracer, &cell_rows)?;
             }
         }
         let illuminating = illuminating.get();
