@@ -36,25 +36,39 @@ fn found(text: &str) -> Vec<&str> {
     DOUBTS.into_iter().filter(|word| warned(word)).collect()
 }
 
+/// Options of a tube without filters.
+const TUBE: &str = "--set source.spectrum.anode=\"tungsten\" --set source.spectrum.kvp=40kVp";
+
+/// A scene without faults.
+fn plain_scene() -> String {
+    format!(
+        "{MASKS}\n[scan]\nmask_offsets = {{ from = \"-25 um\", to = \"25 um\", count = 11 }}\n[detector]\n\
+         distance = \"1.8 m\"\npixels = [96, 2]\npitch = \"150 um\"\n{ROD}"
+    )
+}
+
+/// The scene for a spectrum: constants hold at one energy.
+fn scene_of_formula(plain: &str) -> String {
+    plain
+        .replace("energy = \"30 keV\"\n", "")
+        .replace("mu = \"0.25 /cm\"\ndelta = 2.4e-7", "formula = \"C\"\ndensity = \"1 g/cm3\"")
+}
+
 #[test]
 fn each_fault_has_its_warning_and_no_other() {
     let directory = tempfile::tempdir().unwrap();
-    let plain = format!(
-        "{MASKS}\n[scan]\nmask_offsets = {{ from = \"-25 um\", to = \"25 um\", count = 11 }}\n[detector]\n\
-         distance = \"1.8 m\"\npixels = [96, 2]\npitch = \"150 um\"\n{ROD}"
-    );
+    let plain = plain_scene();
     assert_eq!(found(&checked(directory.path(), &plain, "")), [""; 0]);
     // Weights of rows that widen, from 30 keV on so that air counts little.
     let rows: String = (0..20).map(|n| format!("{},1\n", 30.0 + f64::from(n * n) / 20.0)).collect();
     fs::write(directory.path().join("uneven.csv"), format!("energy_keV,weight\n{rows}")).unwrap();
-    let tube = "--set source.spectrum.anode=\"tungsten\" --set source.spectrum.kvp=40kVp";
     let cases = [
         // 0.96 fringes of the masks against one another, which the detector mask alone brings.
         ("--set detector_mask.period=151.5um", vec!["moire fringes", "detector.pitch"]),
         ("--set sample_mask.period=101um", vec!["moire fringes"]),
         ("--set detector_mask.offset=75um", vec!["pixel borders"]),
         ("--set source.spot=400um", vec!["blurs the illumination curve away"]),
-        (tube, vec!["of vacuum", "no filter"]),
+        (TUBE, vec!["of vacuum", "no filter"]),
         ("--set source.spectrum=\"uneven.csv\"", vec!["are uneven"]),
         ("--set scan.angles={from=\"0deg\",to=\"6.2832deg\",count=360}", vec!["are radians"]),
         ("--set scan.angles={from=\"0deg\",to=\"3.1416deg\",count=20}", vec!["are radians"]),
@@ -64,15 +78,37 @@ fn each_fault_has_its_warning_and_no_other() {
     ];
     for (options, want) in cases {
         let text = match options.contains("source.spectrum") {
-            // Constants hold at one energy.
-            true => plain.replace("energy = \"30 keV\"\n", "").replace(
-                "mu = \"0.25 /cm\"\ndelta = 2.4e-7",
-                "formula = \"C\"\ndensity = \"1 g/cm3\"",
-            ),
+            true => scene_of_formula(&plain),
             false => plain.clone(),
         };
         assert_eq!(found(&checked(directory.path(), &text, options)), want, "{options}");
     }
+    let hard = format!("{TUBE} --set surroundings.path_material=\"air\"");
+    let text = scene_of_formula(&plain);
+    assert!(!found(&checked(directory.path(), &text, &hard)).contains(&"of vacuum"));
+    // A solid of 2 kg/m3.
+    let light = plain.replace(
+        "mu = \"0.25 /cm\"\ndelta = 2.4e-7",
+        "formula = \"C5H8O2\"\ndensity = \"2 kg/m3\"",
+    );
+    assert_eq!(found(&checked(directory.path(), &light, "")), ["density of"]);
+    // Sound beside the faults: one soft energy, a few degrees, a half turn, a limited range, one slit per two pixels.
+    for options in [
+        "--set source.energy=15keV",
+        "--set scan.angles={from=\"-1.575deg\",to=\"1.575deg\",count=41}",
+        "--set scan.angles={from=\"0deg\",to=\"180deg\",count=20}",
+        "--set scan.angles={from=\"-5deg\",to=\"5deg\",count=11}",
+        "--set detector.photons=300000 --set detector.bit_depth=16",
+        "--set detector_mask.period=300um --set detector_mask.offset=75um --set sample_mask.period=200um",
+    ] {
+        assert_eq!(found(&checked(directory.path(), &plain, options)), [""; 0], "{options}");
+    }
+}
+
+#[test]
+fn odd_values_are_warned_of_in_words() {
+    let directory = tempfile::tempdir().unwrap();
+    let plain = plain_scene();
     for (options, words) in [
         ("--set detector.pitch=2cm", "is wider than any pixel of an X-ray detector"),
         ("--set scan.angles={from=\"0rad\",to=\"360rad\",count=24}", "cover 54.9 turns"),
@@ -94,28 +130,6 @@ fn each_fault_has_its_warning_and_no_other() {
         let report = checked(directory.path(), &plain, options);
         let warned = report.lines().any(|it| it.starts_with("warning") && it.contains(words));
         assert!(warned, "{options}: {report}");
-    }
-    let hard = format!("{tube} --set surroundings.path_material=\"air\"");
-    let text = plain
-        .replace("energy = \"30 keV\"\n", "")
-        .replace("mu = \"0.25 /cm\"\ndelta = 2.4e-7", "formula = \"C\"\ndensity = \"1 g/cm3\"");
-    assert!(!found(&checked(directory.path(), &text, &hard)).contains(&"of vacuum"));
-    // A solid of 2 kg/m3.
-    let light = plain.replace(
-        "mu = \"0.25 /cm\"\ndelta = 2.4e-7",
-        "formula = \"C5H8O2\"\ndensity = \"2 kg/m3\"",
-    );
-    assert_eq!(found(&checked(directory.path(), &light, "")), ["density of"]);
-    // Sound beside the faults: one soft energy, a few degrees, a half turn, a limited range, one slit per two pixels.
-    for options in [
-        "--set source.energy=15keV",
-        "--set scan.angles={from=\"-1.575deg\",to=\"1.575deg\",count=41}",
-        "--set scan.angles={from=\"0deg\",to=\"180deg\",count=20}",
-        "--set scan.angles={from=\"-5deg\",to=\"5deg\",count=11}",
-        "--set detector.photons=300000 --set detector.bit_depth=16",
-        "--set detector_mask.period=300um --set detector_mask.offset=75um --set sample_mask.period=200um",
-    ] {
-        assert_eq!(found(&checked(directory.path(), &plain, options)), [""; 0], "{options}");
     }
 }
 

@@ -296,8 +296,12 @@ fn measured_16_bit_tiffs_with_a_dark_frame_give_the_runs_contrasts() {
         assert_eq!(output.status.code(), Some(0), "{}", told(&output));
         assert_eq!(told(&output).contains("may be swapped"), warns, "{}", told(&output));
     }
+    refuse_bad_stacks(place, &measured, &list_in_one);
+}
 
-    // Bad input: each named, and nothing written.
+/// Changes of a command that retrieves stacks are refused, each with its name and nothing written.
+/// `list_in_one`: offsets of the command.
+fn refuse_bad_stacks(place: &Path, measured: &[&str], list_in_one: &str) {
     let swap = |from: &str, to: &str| -> Vec<String> {
         measured.iter().map(|word| if *word == from { to.into() } else { (*word).into() }).collect()
     };
@@ -308,17 +312,17 @@ fn measured_16_bit_tiffs_with_a_dark_frame_give_the_runs_contrasts() {
         bad(place, &words, code, word);
         assert!(!place.join("none").exists() && !place.join("none.partial").exists());
     };
-    refuse(swap(&list_in_one, "-5 um, 0 um, 5 um, 9 um"), 1, "11 frames for 4");
-    refuse(swap(&list_in_one, "-5 um, 0 um, 5 um"), 1, "at least 4");
-    refuse(swap(&list_in_one, "-5 um, 7"), 1, "offsets[1]");
+    refuse(swap(list_in_one, "-5 um, 0 um, 5 um, 9 um"), 1, "11 frames for 4");
+    refuse(swap(list_in_one, "-5 um, 0 um, 5 um"), 1, "at least 4");
+    refuse(swap(list_in_one, "-5 um, 7"), 1, "offsets[1]");
     write_npy(place.join("small.npy"), &Array3::<f32>::zeros((11, 4, 32))).unwrap();
     refuse(swap("sample.tif", "small.npy"), 1, "small.npy");
     write_npy(place.join("zero.npy"), &Array3::<f32>::zeros((11, 4, 64))).unwrap();
     refuse(swap("flat.tif", "zero.npy"), 1, "without beam");
     refuse(swap("dark.tif", "flat.tif"), 1, "without beam");
     refuse(swap("sample.tif", "flat.tif"), 1, "has the same values as the flat");
-    refuse(swap(&list_in_one, &list_in_one.replace("um", "mm")), 1, "periods of the sample mask");
-    refuse(swap(&list_in_one, &list_in_one.replace("um", "nm")), 1, "periods of the sample mask");
+    refuse(swap(list_in_one, &list_in_one.replace("um", "mm")), 1, "periods of the sample mask");
+    refuse(swap(list_in_one, &list_in_one.replace("um", "nm")), 1, "periods of the sample mask");
     write_npy(place.join("nan.npy"), &Array3::from_elem((11, 4, 64), f32::NAN)).unwrap();
     refuse(swap("flat.tif", "nan.npy"), 1, "not a number");
     refuse(swap("dark.tif", "nan.npy"), 1, "not finite");

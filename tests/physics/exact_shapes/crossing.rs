@@ -12,7 +12,7 @@ use crate::support::{CARBON, WATER, backends};
 use beamlet::internals::interface::{
     MOMENTS_BALANCE, MOMENTS_HEAD, MOMENTS_PER_MATERIAL, RayResult,
 };
-use beamlet::internals::trace::Ray;
+use beamlet::internals::trace::{CrossingFinder, Ray};
 use beamlet::scene::{MaterialSpec, Scene, Transport};
 use beamlet::{Backend, SurfaceCrossing, geometry};
 use std::f64::consts::FRAC_PI_2;
@@ -220,6 +220,35 @@ fn bends_compared(solids: &[Solid], ray: &Ray, got: &RayResult, hair: f64) -> Re
         .ok_or_else(|| format!("{ray:?}: {got:?} for {:?} in {solids:?}", near[0]))
 }
 
+/// Number of lists of crossings of rays through arrangements, and the lists that differ from the reference.
+fn wrong_lists(
+    finder: &CrossingFinder,
+    all: &[Arrangement],
+    rays: &[(usize, Ray)],
+) -> (usize, Vec<String>) {
+    let public: Vec<beamlet::Ray> = rays
+        .iter()
+        .map(|(_, ray)| beamlet::Ray::new(0, [ray.x, ray.z], [ray.slope_x, ray.slope_z]))
+        .collect();
+    let (mut visited, mut wrong) = (0, Vec::new());
+    let visit = |i: usize, met: &[SurfaceCrossing]| {
+        let (of, ray) = &rays[i];
+        let Arrangement { solids, first, .. } = &all[*of];
+        let own = |it: &SurfaceCrossing| {
+            let mut own = *it;
+            own.object -= *first as u32;
+            own
+        };
+        let met: Vec<SurfaceCrossing> = met.iter().map(own).collect();
+        visited += 1;
+        if !are_listed(solids, ray, &met, hair(&all[*of])) {
+            wrong.push(format!("{of}: {ray:?} {met:?} in {solids:?}"));
+        }
+    };
+    finder.find(&public, visit).expect("crossings");
+    (visited, wrong)
+}
+
 #[test]
 fn ways_and_bends_of_exact_shapes_that_cross_are_those_of_points_in_solids() {
     let bench = Bench::new();
@@ -265,25 +294,9 @@ fn ways_and_bends_of_exact_shapes_that_cross_are_those_of_points_in_solids() {
             let failed = [tally.unbalanced, tally.not_finite, tally.dropped, tally.retraced];
             assert_eq!(failed, [0; 4], "{backend}");
         }
-        let public: Vec<beamlet::Ray> = only
-            .iter()
-            .map(|ray| beamlet::Ray::new(0, [ray.x, ray.z], [ray.slope_x, ray.slope_z]))
-            .collect();
-        let visit = |i: usize, met: &[SurfaceCrossing]| {
-            let (of, ray) = &rays[i];
-            let Arrangement { solids, first, .. } = &all[*of];
-            let own = |it: &SurfaceCrossing| {
-                let mut own = *it;
-                own.object -= *first as u32;
-                own
-            };
-            let met: Vec<SurfaceCrossing> = met.iter().map(own).collect();
-            count[1] += 1;
-            if !are_listed(solids, ray, &met, hair(&all[*of])) {
-                lists.push(format!("scene {number}, {of}: {ray:?} {met:?} in {solids:?}"));
-            }
-        };
-        bench.finder(&scene).find(&public, visit).expect("crossings");
+        let (visited, wrong) = wrong_lists(&bench.finder(&scene), &all, &rays);
+        lists.extend(wrong.into_iter().map(|it| format!("scene {number}, {it}")));
+        count[1] += visited;
         count[2] += all.len();
     }
     println!(

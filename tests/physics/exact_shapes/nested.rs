@@ -149,13 +149,30 @@ fn rays_at(reach: f64, count: usize, random: &mut Random) -> Vec<Ray> {
 
 const TUBE: Kind = Kind::Tube { outer: 1.3e-3, inner: 0.8e-3, half: 1e-3 };
 
+/// Name, solids, what their surfaces may be off, m, and whether they are cut.
+type Assembly = (&'static str, Vec<Solid>, f64, bool);
+
+fn tilt(solid: Solid) -> Solid {
+    solid.turned([1.0, 0.4, -0.2], 0.5)
+}
+
+fn at(kind: Kind, position: Vector) -> Solid {
+    Solid::new(kind).at(position)
+}
+
+/// A solid at a place of the frame of tilted ones.
+fn along(kind: Kind, own: Vector) -> Solid {
+    tilt(Solid::new(kind)).at(tilt(Solid::new(kind)).world(own))
+}
+
 /// Scenes by name, and what their surfaces may be off: 1 nm where they are exact, 1e-8 m (facets'
 /// own error) where they are cut.
-fn assemblies() -> Vec<(&'static str, Vec<Solid>, f64, bool)> {
-    let tilt = |solid: Solid| solid.turned([1.0, 0.4, -0.2], 0.5);
-    let at = |kind, position| Solid::new(kind).at(position);
-    // At a place of the frame of what is tilted.
-    let along = |kind, own| tilt(Solid::new(kind)).at(tilt(Solid::new(kind)).world(own));
+fn assemblies() -> Vec<Assembly> {
+    [nested_shapes(), tubes(), crossing_shapes()].concat()
+}
+
+/// Shapes in shapes, and one that a later one covers.
+fn nested_shapes() -> Vec<Assembly> {
     let block = Kind::Box([3e-3, 3.4e-3, 2.8e-3]);
     vec![
         (
@@ -189,6 +206,12 @@ fn assemblies() -> Vec<(&'static str, Vec<Solid>, f64, bool)> {
             2e-9,
             false,
         ),
+    ]
+}
+
+/// Tubes, with bodies in their bores and walls.
+fn tubes() -> Vec<Assembly> {
+    vec![
         (
             "wire through the bore of a tube, a bead in its wall and one in its mouth",
             vec![
@@ -226,6 +249,13 @@ fn assemblies() -> Vec<(&'static str, Vec<Solid>, f64, bool)> {
             2e-9,
             false,
         ),
+    ]
+}
+
+/// Shapes that cross or touch each other.
+fn crossing_shapes() -> Vec<Assembly> {
+    let block = Kind::Box([3e-3, 3.4e-3, 2.8e-3]);
+    vec![
         (
             "sphere half in a box",
             vec![Solid::new(block), at(sphere(0.5e-3), [1.5e-3, 0.1e-3, 0.0])],
