@@ -12,6 +12,7 @@ mod clipping;
 mod doubts;
 mod experiment;
 mod hostile;
+mod hostile_meshes;
 mod iterated;
 mod mesh;
 mod mistakes;

@@ -21,7 +21,11 @@ mod paper_fan;
 mod peers;
 mod projector;
 mod refused;
+#[cfg(feature = "cli")]
+mod scatter;
 mod set_up;
 mod sigma;
+#[cfg(feature = "cli")]
+mod truth;
 #[cfg(feature = "cli")]
 mod verb;

@@ -26,6 +26,10 @@ mod provenance;
 mod retrieval;
 #[cfg(feature = "cli")]
 mod retrieve_cli;
+#[cfg(feature = "cli")]
+mod retrieve_counts;
+#[cfg(feature = "cli")]
+mod retrieve_stacks;
 mod retrieved;
 mod rough_fibres;
 #[cfg(feature = "cli")]

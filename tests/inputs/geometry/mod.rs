@@ -17,4 +17,5 @@ mod overlap;
 mod rounding;
 pub(super) mod set_up;
 mod shapes;
+mod threemf;
 mod united;
