@@ -24,6 +24,7 @@ mod reference_against_closed_forms;
 mod rough;
 mod sample;
 mod source_drift;
+mod spot_forms;
 mod spots;
 mod transport;
 mod view_offsets;

@@ -32,6 +32,7 @@ mod room;
 mod row_spread;
 mod rows;
 mod sheets;
+mod step_errors;
 mod step_shares;
 mod survey;
 mod touched;

@@ -2,7 +2,8 @@
 
 use super::error_estimate::{CellError, Estimator, SPREAD};
 use super::patch::{Axis, Even, Known, Node, Patch};
-use super::response::{Opening, Response};
+use super::response::Opening;
+use super::step_errors::{StepError, StepSums, Weighing};
 use super::step_shares::{StepRun, is_open, step_runs};
 use super::unresolved::FIRST;
 use beamlet_core::numbers::{self, single};
@@ -127,110 +128,6 @@ fn pool_draws(errors: &mut [Option<CellError>], patch: &Patch) {
         let passed = error.through / draws.area.max(f32::MIN_POSITIVE);
         let variance = seen.max(least * passed * passed);
         error.light = draws.others.hypot(draws.area * variance.sqrt());
-    }
-}
-
-/// Errors of the recorded value of a mask step.
-#[derive(Debug, Clone, Copy, Default)]
-struct StepError {
-    /// Of rectangles that err each in its own way, squared.
-    apart: f64,
-    /// Of pieces: along a silhouette their outlines are alike, and so are their errors.
-    together: f64,
-    /// Of the displacement, squared.
-    moment: f64,
-    through: f64,
-}
-
-/// How errors of rectangles count at a mask step.
-#[derive(Clone, Copy)]
-struct Weighing<'a> {
-    response: &'a Response,
-    /// Correction factor of pieces that err together.
-    together: Option<f64>,
-}
-
-impl Weighing<'_> {
-    /// The error of a rectangle that is open to a share.
-    fn of(&self, error: &CellError, known: &Known, open: f32) -> StepError {
-        // Light that leaks through bars is the same at every step, and moves no angle.
-        let through = f64::from(open * error.through);
-        let squared = |part: f32| f64::from(part * error.moment).powi(2);
-        let lit = self.response.lit(open);
-        match known {
-            Known::Ray(_) => StepError {
-                apart: f64::from(lit * error.light).powi(2),
-                together: 0.0,
-                moment: squared(open),
-                through,
-            },
-            // The mean over all of a rectangle is exact, and so is that over nearly all of it.
-            Known::Mean(_) | Known::Pieces(_) => {
-                let cut = self.response.cut(open);
-                let light = f64::from(cut.max(lit * error.whole) * error.light);
-                let [apart, together] = match (known, self.together) {
-                    (Known::Pieces(_), Some(factor)) => [0.0, factor * light],
-                    _ => [light * light, 0.0],
-                };
-                StepError { apart, together, moment: squared(cut), through }
-            }
-        }
-    }
-}
-
-impl StepError {
-    fn add(&mut self, other: &Self) {
-        self.apart += other.apart;
-        self.together += other.together;
-        self.moment += other.moment;
-        self.through += other.through;
-    }
-
-    /// The error of the light, squared.
-    fn light(&self) -> f64 {
-        self.part(self)
-    }
-
-    /// Its contribution to the square of the sum.
-    fn part(&self, all: &Self) -> f64 {
-        self.apart + self.together * all.together
-    }
-}
-
-/// Errors of the rectangles of a patch summed at every mask step, and their limits.
-struct StepSums<'a> {
-    weighing: Weighing<'a>,
-    steps: Vec<StepError>,
-    /// Rectangles.
-    count: u32,
-    /// Rectangles with a silhouette.
-    silhouettes: u32,
-    /// Limit of the error of the light of a step, squared.
-    light: f64,
-    /// Limit of the error of the displacement.
-    displacement: f64,
-    /// The displacement has a limit.
-    bounded: bool,
-}
-
-impl StepSums<'_> {
-    /// An error at a step in shares of the budget of the step; 0 where the step holds its budget.
-    fn excess(&self, step: u32, error: &StepError) -> f64 {
-        let all = &self.steps[step as usize];
-        let moment = (self.displacement * all.through).powi(2);
-        let of_light = if all.light() > self.light { error.part(all) / self.light } else { 0.0 };
-        if self.bounded && all.moment > moment {
-            of_light.max(error.moment / moment)
-        } else {
-            of_light
-        }
-    }
-
-    /// Largest error of the displacement of a step, share of its budget.
-    fn displacement_share(&self, budget: f64) -> f64 {
-        let off = |step: &StepError| step.moment.sqrt() / (budget * step.through);
-        let lit = self.steps.iter().filter(|step| self.bounded && step.through > 0.0);
-        lit.map(off).fold(0.0, f64::max)
     }
 }
 

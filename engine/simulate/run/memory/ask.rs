@@ -1,6 +1,7 @@
 //! Checks, before work begins, that its memory is available.
 
-use super::{FRAME_COPIES, MemoryEstimate, building};
+use super::needs::FRAME_COPIES;
+use super::{MemoryEstimate, building};
 use beamlet_core::{Error, Result, reserve};
 use beamlet_files::StackShape;
 use beamlet_geometry as geometry;

@@ -1,5 +1,6 @@
 //! The run in progress: bands of rows, traced and illuminated in groups, handed to the sink.
 
+mod cells;
 mod detection;
 mod in_bands;
 mod mean;
@@ -11,12 +12,11 @@ use super::Simulation;
 use super::seconds::Seconds;
 use crate::detector::Clipped;
 use crate::illuminate::{
-    CellIlluminator, EnergyBinning, IlluminationBuffer, MaskTransmissionCache, PixelSums,
-    SpectralBand,
+    CellIlluminator, IlluminationBuffer, MaskTransmissionCache, PixelSums, SpectralBand,
 };
 use crate::run::memory::MemoryEstimate;
 use crate::run::{Control, Progress, ViewProgress};
-use crate::sampling::{self, BaseLattice, CellBatch, ProjectedBounds, Response};
+use crate::sampling::{ProjectedBounds, Response};
 use crate::trace::Tracer;
 use beamlet_core::cancel::Cancel;
 use beamlet_core::tally::Tally;
@@ -28,21 +28,9 @@ use in_bands::bands;
 use mean::Mean;
 use ndarray::Array3;
 use share::Share;
-use std::cell::Cell;
 use std::ops::Range;
 use std::sync::Arc;
 use std::time::Instant;
-
-/// Cells whose energies are gathered at once: exact transport at each node takes 2 KiB and more a cell.
-const GATHERED: usize = 1 << 15;
-
-/// Does work and adds the time that it takes to `seconds`.
-fn timed<T>(seconds: &Cell<f64>, work: impl FnOnce() -> T) -> T {
-    let begin = Instant::now();
-    let done = work();
-    seconds.set(seconds.get() + begin.elapsed().as_secs_f64());
-    done
-}
 
 /// The run in progress.
 pub(super) struct ViewWork<'s> {
@@ -338,102 +326,6 @@ impl<'s> ViewWork<'s> {
             }));
         }
         Ok(())
-    }
-
-    /// Sums the light of cells of some rows: kept ones, sampled ones, or none.
-    fn cell_rows(
-        &mut self,
-        view: Exposure,
-        projected_bounds: &[ProjectedBounds],
-        (rows, base): (&Range<i64>, &mut Option<BaseLattice>),
-        inner: &Range<i64>,
-        [own, recorded]: [bool; 2],
-        control: &mut Control<'_>,
-    ) -> Result<()> {
-        let begin = Instant::now();
-        let blur_rows = self.simulation.lattice.blur_rows;
-        let lit = inner.start - blur_rows..inner.end + blur_rows;
-        let steps = numbers::count(self.simulation.scene.scan.mask_offsets.len());
-        let simulation = self.simulation;
-        let counted = [self.rows_done, self.rows_total];
-        let mut advance = share::advance(&mut control.progress, &self.share, (view, rows), counted);
-        let illuminating = Cell::new(0.0);
-        let words = simulation.moment_words();
-        let keep = &mut control.keep;
-        // Cell rows as lists, one for each record of light.
-        let mut gather = |tracer: &mut Tracer, spectral: &EnergyBinning, cell_rows: &CellBatch| {
-            timed(&illuminating, || spectral.lists(tracer, &mut self.bars, cell_rows))
-        };
-        let mut light = |lists: &[CellBatch]| {
-            self.cancel.check()?;
-            let lists = self.lights.iter().zip(lists);
-            timed(&illuminating, || self.cells.add(lists, &self.sums, steps))
-        };
-        let mut add = |tracer: &mut Tracer, cell_rows: &CellBatch| {
-            if own {
-                self.tally.split += cell_rows.splits;
-                self.tally.landed_off += cell_rows.landed_off;
-                self.tally = self.tally + cell_rows.tally;
-            }
-            if let (true, Exposure::Sample(index), Some(keep)) = (recorded, view, keep.as_mut()) {
-                crate::moments::write(keep, index, words, cell_rows)?;
-            }
-            match &simulation.spectral {
-                Some(spectral) => cell_rows
-                    .parts(GATHERED)
-                    .try_for_each(|part| light(&gather(tracer, spectral, &part)?)),
-                None => light(std::slice::from_ref(cell_rows)),
-            }
-        };
-        match (view, &simulation.stored, &simulation.spectral) {
-            (Exposure::Sample(index), Some(stored), Some(spectral)) => {
-                let gather = |cell_rows: &CellBatch| gather(&mut self.tracer, spectral, cell_rows);
-                stored.lists(spectral, index, [rows, &lit], gather, &mut light)?;
-            }
-            (Exposure::Sample(_), ..) if !projected_bounds.is_empty() => {
-                let view = simulation.pose_context(self.pose, projected_bounds, &self.response.1);
-                let room = simulation.room(&self.memory);
-                let (rows, lit, tracer) = (rows.clone(), (&lit, base), &mut self.tracer);
-                sampling::sample_rows(&view, tracer, rows, lit, &room, &mut add, &mut advance)?;
-            }
-            _ => {
-                let rows = rows.start.max(lit.start)..rows.end.min(lit.end);
-                let mut cell_rows = sampling::empty_cell_rows(&simulation.lattice, rows);
-                if simulation.spectral.is_some() {
-                    cell_rows.keep_nothing(simulation.moment_words());
-                }
-                add(&mut self.tracer, &cell_rows)?;
-            }
-        }
-        let illuminating = illuminating.get();
-        self.seconds.trace += begin.elapsed().as_secs_f64() - illuminating;
-        self.seconds.illuminate += illuminating;
-        Ok(())
-    }
-
-    /// Values of a row of the detector, `[step][0][column]`, by light of its own rows and of those that
-    /// blur into it: the sample throws none from farther off.
-    pub(super) fn row(
-        &mut self,
-        view: u32,
-        projected_bounds: &[ProjectedBounds],
-        row: u32,
-        control: &mut Control<'_>,
-    ) -> Result<Array3<f32>> {
-        let simulation = self.simulation;
-        // Moments that are kept have one pose in each view.
-        self.pose = view;
-        let (band, view) = (row..row + 1, Exposure::Sample(view));
-        let lit = simulation.detector.grid().lit_rows(&band);
-        self.sums.clear(&lit)?;
-        let list = self.take_offsets(view);
-        self.lights.iter_mut().try_for_each(|light| light.set_band(&lit, list))?;
-        let inner = i64::from(lit.start)..i64::from(lit.end);
-        let beside = simulation.lattice.rows_blurred_into();
-        let rows = inner.start - beside..inner.end + beside;
-        let rows = (&rows, &mut None);
-        self.cell_rows(view, projected_bounds, rows, &inner, [false; 2], control)?;
-        simulation.detector.intensities(view, &band, self.sums.intensities()?, &self.cancel)
     }
 
     /// Counts views that others have made as done.

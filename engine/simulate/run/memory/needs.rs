@@ -1,0 +1,362 @@
+//! Needs of a scene: bytes on host and device, by rows of a band and rays at once.
+
+use super::MemoryEstimate;
+use super::building::building;
+use super::program::program;
+use super::rays::{beamlets, cell_rays};
+use crate::detector::SubpixelGrid;
+use beamlet_core::{Error, Result};
+use beamlet_files::StackShape;
+use beamlet_geometry::{ObjectSummary, PEAK_PER_CUT_TRIANGLE, PEAK_PER_TRIANGLE};
+use beamlet_model::scene::{Beam, Scatter, Scene, Scheme, ShapeOrMesh};
+use std::collections::BTreeSet;
+
+/// Least memory of one patch in refinement under a limit.
+const ONE_PATCH: u64 = 12 << 20;
+/// Bytes on the host per triangle that stay: vertices, indices, components.
+const KEPT: u64 = 28;
+/// Bytes on the device per triangle: leaves with their neighbours, and nodes of the software tree.
+const TREE: u64 = 92;
+/// Bytes on the host per instance: its place, component, and data of a view.
+const INSTANCE: u64 = 320;
+/// Bytes on the device per instance: its leaf, place and surface, and nodes of the tree.
+const INSTANCE_TREE: u64 = 230;
+/// Bytes on the device per triangle of the driver's structure.
+const STRUCTURE: u64 = 60;
+/// Bytes on the device per triangle while that is built: boxes and scratch.
+const SCRATCH: u64 = 60;
+/// Bytes on the host per ray of a group of rows: the ray, its result, segments of its line, cells.
+/// For curved bodies, which refine most; flat ones take less.
+const REFINEMENT: u64 = 680;
+/// Rays of a scene after refinement for each before, as far as [`REFINEMENT`] counts them.
+pub(super) const REFINED_USUALLY: u64 = 4;
+/// Bytes on the host, and what little there is on the device, per ray beyond these: its rectangle,
+/// and what judges it. Measured with a star of 501 teeth.
+const CROWDED: u64 = 1400;
+/// Largest number of them: beyond it patches are refined in turn.
+const MOST_CROWDED: u64 = 2 * RAYS[0];
+/// Part of it for the ray that a rectangle begins with.
+const BASE: u64 = 160;
+/// Bytes on the host per ray and material under a spectrum: moments at both ends of cells.
+const KEPT_MOMENTS: u64 = 40;
+/// Bytes on the host per ray under a spectrum: cells by their way through the masks.
+const GATHERED: u64 = 160;
+/// Bytes on the host and on the device per beamlet whose light reaches the detector: its place, and its
+/// data of the masks.
+const BEAMLET: u64 = 96;
+/// Bytes on the device of a ray besides its moments, and of the cells made from it.
+const RAY: u64 = 140;
+/// Bytes on the device of lists of crossings.
+const LISTS: u64 = 16 << 20;
+/// Copies of a frame while it is encoded: values, and raw or compressed blocks.
+pub(super) const FRAME_COPIES: u64 = 2;
+
+/// Bytes of a band where no limit is set: larger bands were not faster.
+const BAND: u64 = 1 << 30;
+/// Rays of a group of rows, about, with room enough; and least.
+const RAYS: [u64; 2] = [1 << 18, 1 << 12];
+/// Views that are made side by side where each fits into one band.
+const LANES: u64 = 2;
+/// Least number of rays of a group for which a limit allows them: smaller groups keep a device less busy.
+const LANE_RAYS: u64 = 1 << 15;
+/// Least memory that a limit leaves for the refinement of each of these views, bytes.
+const LANE_PATCH: u64 = 64 << 20;
+
+/// Triangles of objects that cut others or are cut.
+fn cut_triangles(objects: &[ObjectSummary]) -> u64 {
+    let cutters = objects.iter().flat_map(|it| &it.cut_by).copied().collect::<BTreeSet<u32>>();
+    let meets = |(number, object): &(u32, &ObjectSummary)| {
+        !object.cut_by.is_empty() || cutters.contains(number)
+    };
+    (0..).zip(objects).filter(meets).map(|(_, object)| object.triangles as u64).sum()
+}
+
+/// Bytes on the host and on the device.
+#[derive(Debug, Clone, Copy)]
+struct HostAndDevice {
+    host: u64,
+    device: u64,
+}
+
+impl HostAndDevice {
+    const fn sum(self) -> u64 {
+        self.host.saturating_add(self.device)
+    }
+}
+
+/// Inputs of the estimate from a scene.
+#[derive(Debug)]
+pub(super) struct Needs {
+    /// Program, driver and kernels, including the detector's.
+    program: u64,
+    triangles: u64,
+    instances: u64,
+    /// Triangles among them of touching objects.
+    cut: u64,
+    largest_mesh: u64,
+    views: u64,
+    /// Views that are made side by side.
+    pub(super) lanes: u64,
+    rows: u32,
+    steps: u64,
+    /// Per row of pixels with all steps: sums on the device; light, blurred light and counts on
+    /// the host.
+    row: HostAndDevice,
+    /// Bytes per row of pixels of a finished view that waits to be written.
+    held: u64,
+    /// Rows beside a band whose light it needs.
+    beside: u64,
+    frame: u64,
+    beamlets: u64,
+    /// Rays of a view, before refinement.
+    pub(super) rays: u64,
+    /// The same of a row of pixels, which are refined together.
+    row_rays: u64,
+    ray_host: u64,
+    ray_device: u64,
+    pub(super) cells: bool,
+    /// Rays of a view that refinement adds beyond what `ray_host` counts.
+    pub(super) crowded: u64,
+}
+
+impl Needs {
+    pub(super) fn of(scene: &Scene, objects: &[ObjectSummary]) -> Result<Self> {
+        let extent = StackShape::of(scene)?;
+        let grid = SubpixelGrid::of(scene)?;
+        let optics = grid.optics(scene);
+        let mut materials: Vec<&str> = scene.objects.iter().map(|o| o.material.as_str()).collect();
+        materials.push(&scene.surroundings);
+        materials.sort_unstable();
+        materials.dedup();
+        let cells = scene.sampling.scheme == Scheme::Cells;
+        let beamlets = beamlets(&optics)?;
+        let [columns, rows] = optics.detector.pixels.map(u64::from);
+        let [rays, row_rays] = if cells {
+            cell_rays(&optics, objects)
+        } else {
+            let of_pixel = u64::from(optics.sampling.rays.count());
+            // Parts of a row are traced separately.
+            [columns.saturating_mul(rows).saturating_mul(of_pixel), 0]
+        };
+        let of_mesh = |(object, summary): (&beamlet_model::scene::Object, &ObjectSummary)| {
+            let is_mesh = matches!(object.geometry, ShapeOrMesh::Mesh(_));
+            if is_mesh { summary.triangles as u64 } else { 0 }
+        };
+        let steps = u64::from(extent.steps);
+        let lit_pixels = columns * u64::from(grid.parts[1]);
+        let lit_row = steps * lit_pixels;
+        let detector = &scene.detector;
+        let copies = u64::from(detector.blur.is_some())
+            + u64::from(detector.counts.is_some())
+            + if matches!(detector.scatter, Some(Scatter::Kernel { .. })) { 2 } else { 0 };
+        let row = HostAndDevice {
+            host: 4 * lit_row + 8 * lit_pixels + copies * 4 * steps * u64::from(extent.columns),
+            device: 8 * (lit_row + lit_pixels),
+        };
+        let ray_host = match scene.source.beam {
+            Beam::Energy(_) => REFINEMENT,
+            Beam::Spectrum(_) => REFINEMENT + GATHERED + KEPT_MOMENTS * materials.len() as u64,
+        };
+        let ray_device = RAY + 4 * (4 + 5 * materials.len() as u64);
+        Ok(Self {
+            program: program(scene).saturating_add(grid.kernel_bytes),
+            triangles: objects.iter().map(|o| o.triangles as u64).sum(),
+            instances: objects.iter().map(|o| o.instances as u64).sum(),
+            cut: cut_triangles(objects),
+            largest_mesh: scene.objects.iter().zip(objects).map(of_mesh).max().unwrap_or(0),
+            views: extent.views.into(),
+            lanes: 1,
+            rows: extent.rows,
+            steps,
+            row,
+            held: 4
+                * steps
+                * u64::from(extent.columns)
+                * (1 + u64::from(detector.counts.is_some())),
+            beside: 2 * u64::from(grid.margin[1] + grid.scatter_rows),
+            frame: extent.frame_bytes(),
+            beamlets,
+            rays,
+            row_rays,
+            ray_host,
+            ray_device,
+            cells,
+            crowded: 0,
+        })
+    }
+
+    /// The estimate with views side by side where each fits into one band, else with one at a time.
+    pub(super) fn estimate(
+        &self,
+        scene: &Scene,
+        limit: Option<u64>,
+        band_rows: Option<u32>,
+    ) -> Result<MemoryEstimate> {
+        if self.cells && self.rays > 0 && self.views > 1 {
+            let host = self.row.host + self.held;
+            let row = HostAndDevice { host, ..self.row };
+            let several = Self { lanes: LANES, row, ..*self };
+            let least = several.rays_together(LANE_RAYS);
+            if let Ok(found) = several.in_lanes(scene, limit, band_rows)
+                && found.band_rows == self.rows
+                && several.rays_together(found.rays_at_once) >= least
+                && found.left_for_refinement.is_none_or(|left| left >= LANE_PATCH)
+            {
+                return Ok(found);
+            }
+        }
+        self.in_lanes(scene, limit, band_rows)
+    }
+
+    pub(super) fn in_lanes(
+        &self,
+        scene: &Scene,
+        limit: Option<u64>,
+        band_rows: Option<u32>,
+    ) -> Result<MemoryEstimate> {
+        let mut rays = RAYS[0] / self.lanes;
+        let all = self.rows;
+        if let Some(rows) = band_rows {
+            let rows = rows.clamp(1, all);
+            let left_for_refinement = limit.map(|limit| self.left(limit, rows, rays));
+            return Ok(MemoryEstimate { left_for_refinement, ..self.at(rows, rays) });
+        }
+        let Some(limit) = limit else {
+            let rows = (BAND / self.row_bytes().max(1)).clamp(1, all.into());
+            return Ok(self.at(u32::try_from(rows).unwrap_or(all), rays));
+        };
+        let patch = if self.cells && self.rays > 0 { ONE_PATCH } else { 0 };
+        let all_of_it = limit;
+        let limit = limit.saturating_sub(patch);
+        // Rays get up to half of what one row leaves: small groups keep a device less busy.
+        let one_row = self.run(1, 0).sum();
+        let half = limit.saturating_sub(one_row) / 2;
+        while rays > RAYS[1] && self.run(1, rays).sum() - one_row > half {
+            rays /= 2;
+        }
+        let least = self.at(1, rays);
+        if least.peak_bytes > limit {
+            return Err(self.refuse(scene, &least, [all_of_it, patch]));
+        }
+        let fixed = self.run(0, rays).sum();
+        let rows = ((limit - fixed) / self.row_bytes().max(1)).clamp(1, all.into());
+        let rows = u32::try_from(rows).unwrap_or(all);
+        let left_for_refinement = Some(self.left(all_of_it, rows, rays));
+        Ok(MemoryEstimate { left_for_refinement, ..self.at(rows, rays) })
+    }
+
+    /// Sums on the device, intensities on the host.
+    const fn row_bytes(&self) -> u64 {
+        self.lanes * self.row.sum()
+    }
+
+    pub(super) fn at(&self, band_rows: u32, rays_at_once: u64) -> MemoryEstimate {
+        let n = self.triangles;
+        let instances = self.instances();
+        let program = |bytes: HostAndDevice| HostAndDevice {
+            host: bytes.host.saturating_add(self.program),
+            ..bytes
+        };
+        let phases = [
+            HostAndDevice {
+                host: PEAK_PER_TRIANGLE * self.largest_mesh + KEPT * (n - self.largest_mesh),
+                device: 0,
+            },
+            HostAndDevice {
+                host: PEAK_PER_CUT_TRIANGLE * self.cut + KEPT * (n - self.cut),
+                device: 0,
+            },
+            HostAndDevice { host: building(n + self.instances) + instances.host, device: 0 },
+            HostAndDevice {
+                host: KEPT * n + instances.host,
+                device: (TREE + STRUCTURE + SCRATCH) * n + instances.device,
+            },
+        ]
+        .map(program);
+        let run = self.run(band_rows, rays_at_once);
+        let peak = |of: fn(HostAndDevice) -> u64| {
+            phases.into_iter().chain([run]).map(of).max().unwrap_or(0)
+        };
+        MemoryEstimate {
+            band_rows,
+            rays_at_once,
+            views_at_once: u32::try_from(self.lanes).unwrap_or(1),
+            row_bytes: self.row_bytes(),
+            band_bytes: self.row_bytes().saturating_mul(u64::from(band_rows) + self.beside),
+            host_bytes: peak(|b| b.host),
+            device_bytes: peak(|b| b.device),
+            peak_bytes: peak(HostAndDevice::sum),
+            left_for_refinement: None,
+        }
+    }
+
+    /// Remainder of a limit for refinement in bands of `band_rows` rows.
+    fn left(&self, limit: u64, band_rows: u32, rays_at_once: u64) -> u64 {
+        let rays = self.rays_together(rays_at_once);
+        let others = self.run(band_rows, rays_at_once).sum() - self.refinement(rays);
+        limit.saturating_sub(others).saturating_sub(self.lanes * BASE * rays) / self.lanes
+    }
+
+    /// Rays of a group of rows.
+    fn rays_together(&self, rays_at_once: u64) -> u64 {
+        rays_at_once.max(self.row_rays).min(self.rays)
+    }
+
+    /// Bytes of the refinement of `rays` rays of each view in work.
+    const fn refinement(&self, rays: u64) -> u64 {
+        if self.cells { self.lanes * self.ray_host * rays } else { 0 }
+    }
+
+    /// Placed surfaces.
+    const fn instances(&self) -> HostAndDevice {
+        HostAndDevice {
+            host: INSTANCE * self.instances,
+            device: (INSTANCE_TREE + STRUCTURE + SCRATCH) * self.instances,
+        }
+    }
+
+    /// While views are traced and illuminated in bands of `rows` rows.
+    fn run(&self, band_rows: u32, rays_at_once: u64) -> HostAndDevice {
+        let rays = self.rays_together(rays_at_once);
+        let band = self.lanes * (u64::from(band_rows) + self.beside);
+        let refined = self.refinement(rays);
+        let host = self.program
+            + KEPT * self.triangles
+            + self.instances().host
+            + self.lanes * BEAMLET * self.beamlets
+            + refined
+            + self.lanes * CROWDED * self.crowded.min(MOST_CROWDED)
+            + 64 * self.views
+            + FRAME_COPIES * self.frame;
+        let device = self.lanes * LISTS
+            + (TREE + STRUCTURE) * self.triangles
+            + self.instances().device
+            + self.lanes * self.ray_device * rays
+            + 16 * self.views;
+        HostAndDevice {
+            host: host.saturating_add(band.saturating_mul(self.row.host)),
+            device: device.saturating_add(band.saturating_mul(self.row.device)),
+        }
+    }
+
+    fn refuse(&self, scene: &Scene, least: &MemoryEstimate, [limit, patch]: [u64; 2]) -> Error {
+        let [columns, _] = scene.detector.pixels;
+        let steps = self.steps;
+        let geometry = self.at(1, least.rays_at_once).peak_bytes - least.band_bytes;
+        let remedy = if geometry > limit {
+            "raise the memory limit, or simplify the meshes"
+        } else {
+            "raise the memory limit, or simulate fewer columns or mask steps"
+        };
+        Error::Memory {
+            purpose: format!(
+                "a run of this scene, with one row of {columns} pixels x {steps} mask steps and \
+                 {} triangles in memory,",
+                self.triangles
+            ),
+            needed: least.peak_bytes + patch,
+            available: Some(limit),
+            remedy: remedy.into(),
+        }
+    }
+}
