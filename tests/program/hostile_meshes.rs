@@ -1,7 +1,5 @@
 //! Bad meshes given to the program: unreadable, malformed, open or wound the wrong way.
 
-#![expect(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
-
 use super::hostile::{Workplace, cube, stl};
 use std::fs;
 use std::process::Command;
