@@ -12,6 +12,7 @@ mod failure;
 mod interrupt;
 mod picture;
 mod printed;
+mod profile;
 mod progress;
 mod report;
 mod residuals;

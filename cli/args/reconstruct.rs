@@ -1,6 +1,6 @@
 //! `reconstruct`.
 
-use super::shared::{DeviceArguments, Messages};
+use super::shared::{DeviceArguments, Messages, ProfileArguments};
 use super::values::{above_zero, finite, key_value, length, lengths, memory_size, sizes};
 use beamlet::cli_support::units::Dimension;
 use beamlet::reconstruct::{Filter, Quantity, Region, VolumeFormat, VoxelMask};
@@ -91,6 +91,8 @@ pub(crate) struct Reconstruct {
     pub(crate) sets: Vec<String>,
     #[command(flatten)]
     pub(crate) device: DeviceArguments,
+    #[command(flatten)]
+    pub(crate) profile: ProfileArguments,
     /// Most memory, host and device together, such as "2 GiB": slabs on the device become smaller
     /// [default: the sinograms and volumes, plus up to 1 GiB on the device]
     #[arg(long, value_name = "SIZE", value_parser = memory_size)]

@@ -1,7 +1,7 @@
 //! `retrieve`.
 
 use super::names::{MethodName, WeightsName, format};
-use super::shared::{DeviceArguments, Messages};
+use super::shared::{DeviceArguments, Messages, ProfileArguments};
 use super::values::{above_zero, bin, columns, corrections, from_zero, key_value, region, single};
 use beamlet::retrieve::{Columns, Corrections, Region};
 use beamlet::stack::Format;
@@ -104,6 +104,8 @@ pub(crate) struct Retrieve {
     pub(crate) format: Format,
     #[command(flatten)]
     pub(crate) device: DeviceArguments,
+    #[command(flatten)]
+    pub(crate) profile: ProfileArguments,
     /// Replace existing images
     #[arg(long)]
     pub(crate) overwrite: bool,

@@ -20,6 +20,15 @@ impl DeviceArguments {
     }
 }
 
+/// The option that shows the work of the device.
+#[derive(Debug, Clone, Copy, Args)]
+pub(crate) struct ProfileArguments {
+    /// Table on stderr of the work of the device: submissions, waits, bytes each way, buffers, and for each
+    /// kernel its dispatches, workgroups and time
+    #[arg(long)]
+    pub(crate) profile: bool,
+}
+
 /// What walks the rays of a run, and in how much memory.
 #[derive(Debug, Clone, Args)]
 pub(crate) struct EngineArguments {

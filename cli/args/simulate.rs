@@ -2,7 +2,7 @@
 
 use super::SceneArguments;
 use super::names::format;
-use super::shared::{EngineArguments, Messages};
+use super::shared::{EngineArguments, Messages, ProfileArguments};
 use super::values::{key_value, shard};
 use beamlet::stack::{Format, Shard};
 use clap::Args;
@@ -27,6 +27,8 @@ pub(crate) struct Simulate {
     pub(crate) format: Option<Format>,
     #[command(flatten)]
     pub(crate) engine: EngineArguments,
+    #[command(flatten)]
+    pub(crate) profile: ProfileArguments,
     /// Continue an interrupted run
     #[arg(long, conflicts_with = "overwrite", group = "goes_on")]
     pub(crate) resume: bool,
@@ -76,6 +78,8 @@ pub(crate) struct Illuminate {
     pub(crate) format: Option<Format>,
     #[command(flatten)]
     pub(crate) engine: EngineArguments,
+    #[command(flatten)]
+    pub(crate) profile: ProfileArguments,
     /// Replace earlier runs; files that beamlet did not write stay
     #[arg(long)]
     pub(crate) overwrite: bool,

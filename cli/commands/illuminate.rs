@@ -4,6 +4,7 @@ use super::simulate::{command_line, quoted, summary};
 use crate::args::Illuminate;
 use crate::failure::Failure;
 use crate::interrupt;
+use crate::profile;
 use crate::progress::Reporter;
 use beamlet::moments::StoredMoments;
 use beamlet::scene::Scene;
@@ -78,12 +79,16 @@ pub(super) fn run(arguments: &Illuminate, out: &mut impl Write) -> Result<(), Fa
     }
     let jobs = jobs(arguments, outputs)?;
     let cancel = interrupt::listen();
-    let engine = Engine::open(&arguments.engine.options())?;
+    let options = arguments.engine.options().with_profile(arguments.profile.profile);
+    let engine = Engine::open(&options)?;
     let places: Vec<_> = jobs.iter().map(|job| (job.path.clone(), job.output.clone())).collect();
     // A limit applies to one run.
     let at_once = if arguments.engine.memory_limit.is_some() { 1 } else { SIDE_BY_SIDE };
     let at_once = at_once.min(jobs.len());
     let unfinished = side_by_side(arguments, (&engine, &kept), (jobs, at_once), &cancel, out)?;
+    if arguments.profile.profile {
+        profile::show(&engine.profile(), None);
+    }
     let left: Vec<_> = unfinished.keys().map(|index| &places[*index]).collect();
     let advice = || advice(arguments, &left);
     // What went wrong says more than that the others were stopped.

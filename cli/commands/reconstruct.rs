@@ -7,6 +7,7 @@ use super::simulate::command_line;
 use crate::args::{Centre, Hardening, QuantityName, Reconstruct, ReconstructionName};
 use crate::failure::Failure;
 use crate::interrupt;
+use crate::profile;
 use crate::progress::Reporter;
 use beamlet::reconstruct::{
     BeamEnergy, FbpOptions, GridChoice, HardeningChoice, IterativeOptions, Method, Quantity,
@@ -40,6 +41,7 @@ fn work(
     let began = Instant::now();
     refuse_options(arguments)?;
     let options = arguments.device.options().with_memory_limit(arguments.memory_limit);
+    let options = options.with_profile(arguments.profile.profile);
     let engine = Engine::open(&options)?;
     let mut source = Source::of(arguments, &engine, cancel, reporter)?;
     match arguments.centre {
@@ -99,6 +101,9 @@ fn work(
     let to = to.with_command(Some(&command));
     let done = reconstruct(&engine, &source.input, &plan, truth.as_ref(), to, &mut control)?;
     reporter.finish();
+    if arguments.profile.profile {
+        profile::show(&engine.profile(), None);
+    }
     if arguments.json {
         return super::write_json(&done.record, out);
     }

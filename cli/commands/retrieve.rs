@@ -6,6 +6,7 @@ use super::simulate::command_line;
 use crate::args::Retrieve;
 use crate::failure::Failure;
 use crate::interrupt;
+use crate::profile;
 use crate::progress::Reporter;
 use beamlet::RowsControl;
 use beamlet::retrieve::{ImagesTo, Input, RetrieveOptions, Weights, offsets, retrieve};
@@ -57,7 +58,8 @@ pub(super) fn run(arguments: &Retrieve, out: &mut impl Write) -> Result<(), Fail
         .with_read_noise(arguments.read_noise.unwrap_or(noise_of_scene));
     let cancel = interrupt::listen();
     let mut reporter = Reporter::new(arguments.messages);
-    let engine = Engine::open(&arguments.device.options())?;
+    let options_of_device = arguments.device.options().with_profile(arguments.profile.profile);
+    let engine = Engine::open(&options_of_device)?;
     let mut progress = |done, all| reporter.rows(done, all);
     let mut control = RowsControl::default().with_progress(&mut progress).with_cancel(cancel);
     let command = command_line();
@@ -66,6 +68,9 @@ pub(super) fn run(arguments: &Retrieve, out: &mut impl Write) -> Result<(), Fail
         .with_command(Some(&command));
     let done = retrieve(&engine, input, &options, to, &mut control);
     reporter.finish();
+    if arguments.profile.profile {
+        profile::show(&engine.profile(), None);
+    }
     match done {
         Ok(record) if arguments.json => super::write_json(&record, out),
         Ok(_) if arguments.messages.quiet => Ok(()),

@@ -3,6 +3,7 @@
 use crate::args::Simulate;
 use crate::failure::Failure;
 use crate::interrupt;
+use crate::profile;
 use crate::progress::Reporter;
 use beamlet::scene::{Scene, Scheme};
 use beamlet::stack::layout::{self, RUN};
@@ -59,6 +60,7 @@ pub(super) fn run(arguments: &Simulate, out: &mut impl Write) -> Result<(), Fail
     // A resumed run goes on with the backend that began it, or its bits would change.
     let backend = arguments.engine.backend.choice().or(recorded_backend);
     let options = arguments.engine.options().with_backend(backend);
+    let options = options.with_profile(arguments.profile.profile);
     let engine = Engine::open(&options.with_keep_moments(keep_moments))?;
     let mut keep = sink.moment_writer();
     let mut report = |progress| reporter.update(progress);
@@ -69,6 +71,10 @@ pub(super) fn run(arguments: &Simulate, out: &mut impl Write) -> Result<(), Fail
         .with_keep(keep.as_mut());
     let done = engine.run(&scene, &mut sink, control);
     reporter.finish();
+    if arguments.profile.profile {
+        let run = done.as_ref().ok().and_then(|record| record.profile.as_ref());
+        profile::show(&engine.profile(), run);
+    }
     match done {
         Ok(_) if arguments.messages.quiet => Ok(()),
         Ok(record) => {

@@ -1,7 +1,7 @@
 //! What run.json records.
 
 use beamlet_core::tally::Tally;
-use beamlet_gpu::Backend;
+use beamlet_gpu::{Backend, Profile, Traffic};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
@@ -102,6 +102,41 @@ pub struct RunRecord {
     pub edge_error: Option<f64>,
     /// Seconds by stage.
     pub seconds: BTreeMap<String, f64>,
+    /// Work of the device, with `--profile` ([`beamlet_gpu::EngineOptions::profile`]).
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub profile: Option<RunProfile>,
+}
+
+/// Work of the device for a run, of the process that ended it.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+#[non_exhaustive]
+pub struct RunProfile {
+    /// All of it.
+    #[serde(flatten)]
+    pub all: Profile,
+    /// The part before the first view: scene, sample and kernels.
+    pub before_views: Traffic,
+    /// The part up to the end of the first view.
+    pub first_view: Traffic,
+    /// The part of all later views; where views are made side by side, the first of them begin earlier.
+    pub later_views: Traffic,
+    /// Number of views that this process made.
+    pub views: usize,
+}
+
+impl RunProfile {
+    /// The profile of a run: the work before it, states after its preparation and its first view, and
+    /// the work in all at its end.
+    #[must_use]
+    pub fn of(prepared: Traffic, first: Traffic, all: Profile, views: usize) -> Self {
+        Self {
+            before_views: prepared,
+            first_view: first.since(prepared),
+            later_views: all.traffic.since(first),
+            views,
+            all,
+        }
+    }
 }
 
 impl RunRecord {
@@ -132,6 +167,7 @@ impl RunRecord {
             sampling: None,
             edge_error: None,
             seconds: BTreeMap::new(),
+            profile: None,
         }
     }
 }

@@ -168,7 +168,11 @@ impl Level {
             // SAFETY: the command buffer is recording; geometry, storage and scratch live until
             // `run` has waited, and sizes and alignment are those that Vulkan required.
             unsafe {
-                structures.cmd_build_acceleration_structures(r.commands, &[info], &[&[range]]);
+                structures.cmd_build_acceleration_structures(
+                    r.batch.commands,
+                    &[info],
+                    &[&[range]],
+                );
             }
         })?;
         let info =

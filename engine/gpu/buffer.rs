@@ -1,6 +1,6 @@
 //! A buffer: memory with a device address.
 
-use super::device::Device;
+use super::device::{Device, lock};
 use super::failure;
 use super::retire::Retired;
 use ash::vk;
@@ -100,6 +100,7 @@ impl Buffer {
         // SAFETY: the allocation satisfies the requirements of this buffer and is bound once.
         let bound =
             unsafe { device.raw.bind_buffer_memory(raw, allocation.memory(), allocation.offset()) };
+        lock(&device.counters).traffic.buffers += 1;
         let mut buffer = Self {
             device: device.clone(),
             raw,
@@ -151,6 +152,11 @@ impl Buffer {
     /// Where the slice does not fit.
     pub fn write<T: NoUninit>(&self, offset: u64, content: &[T]) -> Result<()> {
         let bytes: &[u8] = bytemuck::cast_slice(content);
+        lock(&self.device.counters).traffic.bytes_to_device += bytes.len() as u64;
+        self.write_uncounted(offset, bytes)
+    }
+
+    fn write_uncounted(&self, offset: u64, bytes: &[u8]) -> Result<()> {
         self.check(offset, bytes.len() as u64);
         if let Some(pointer) = self.mapped(offset) {
             // SAFETY: the range was checked, the memory is mapped while the buffer lives, and
@@ -161,7 +167,7 @@ impl Buffer {
         let Some(staging) = self.staging(bytes.len() as u64)? else { return Ok(()) };
         let mut at = offset;
         for part in bytes.chunks(numbers::length(staging.len)) {
-            staging.write(0, part)?;
+            staging.write_uncounted(0, part)?;
             self.device.run(|r| r.copy(&staging, 0, self, at, part.len() as u64))?;
             at += part.len() as u64;
         }
@@ -194,6 +200,11 @@ impl Buffer {
         values: &mut [T],
     ) -> Result<()> {
         let bytes: &mut [u8] = bytemuck::cast_slice_mut(values);
+        lock(&self.device.counters).traffic.bytes_to_host += bytes.len() as u64;
+        self.read_uncounted(offset, bytes)
+    }
+
+    fn read_uncounted(&self, offset: u64, bytes: &mut [u8]) -> Result<()> {
         self.check(offset, bytes.len() as u64);
         if let Some(pointer) = self.mapped(offset) {
             // SAFETY: as in `write`, the other way round.
@@ -204,7 +215,7 @@ impl Buffer {
         let mut at = offset;
         for part in bytes.chunks_mut(numbers::length(staging.len)) {
             self.device.run(|r| r.copy(self, at, &staging, 0, part.len() as u64))?;
-            staging.read_into(0, part)?;
+            staging.read_uncounted(0, part)?;
             at += part.len() as u64;
         }
         Ok(())

@@ -4,9 +4,13 @@ use super::backend::Backend;
 use super::device::{Device, DeviceOptions, KernelTable};
 use super::faults::Fault;
 use super::physical::DeviceDescription;
+use super::profile::Profile;
 use beamlet_core::parallel::start_threads;
 use beamlet_core::{Result, setters};
 use std::sync::Arc;
+
+/// Name of the environment variable that forces staging.
+const STAGING: &str = "BEAMLET_STAGING";
 
 /// How to open an engine. `EngineOptions::default()` takes the best device that is found; what
 /// differs from it is set in a chain.
@@ -37,6 +41,11 @@ pub struct EngineOptions {
     /// Prepare runs whose moments are kept (`Control::keep`): rays are flagged for materials
     /// that refract up to twice as strongly.
     pub keep_moments: bool,
+    /// Measure the time of each kernel on the device ([`Compute::profile`]); counts are taken always.
+    pub profile: bool,
+    /// Copy through staging buffers even where device memory is mapped, as on a CPU: its counts are those
+    /// of a device with memory of its own. Set also by `BEAMLET_STAGING=1`. Results do not depend on it.
+    pub staging: bool,
     /// Calls of Vulkan that fail (for tests).
     #[doc(hidden)]
     pub faults: Vec<Fault>,
@@ -58,6 +67,10 @@ impl EngineOptions {
         with_memory_limit(memory_limit: impl Into<Option<u64>>);
         /// Prepares runs whose moments are kept.
         with_keep_moments(keep_moments: bool);
+        /// Measures the time of each kernel on the device.
+        with_profile(profile: bool);
+        /// Copies through staging buffers where device memory is mapped.
+        with_staging(staging: bool);
         /// Makes calls of Vulkan fail (for tests).
         #[doc(hidden)]
         with_faults(faults: Vec<Fault>);
@@ -82,9 +95,10 @@ impl Compute {
         let device = Device::open(&DeviceOptions {
             choice: options.device.clone(),
             validation: options.validation,
+            profile: options.profile,
+            staging: options.staging || std::env::var(STAGING).is_ok_and(|value| value == "1"),
             faults: options.faults.clone(),
             kernels,
-            ..DeviceOptions::default()
         })?;
         Ok(Self { options: Arc::new(options.clone()), device })
     }
@@ -105,6 +119,13 @@ impl Compute {
     #[must_use]
     pub fn validation_messages(&self) -> u32 {
         self.device.validation_messages()
+    }
+
+    /// Counts of the work of the device since it was opened, by all its users: submissions, waits,
+    /// bytes each way, buffers, and dispatches of each kernel.
+    #[must_use]
+    pub fn profile(&self) -> Profile {
+        self.device.profile()
     }
 
     /// How it was opened.

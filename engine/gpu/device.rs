@@ -4,6 +4,7 @@ use super::command_batch::CommandBatch;
 use super::faults::{Fault, Faults};
 use super::instance::Instance;
 use super::physical::{self, DeviceDescription, Physical};
+use super::profile::{Counters, Profile};
 use super::retire::{Retired, Retirement};
 use super::{allocator, failure};
 use ash::vk;
@@ -30,6 +31,8 @@ pub struct DeviceOptions {
     pub validation: bool,
     /// Copy through staging buffers even where device memory is mapped (for tests of that path).
     pub staging: bool,
+    /// Measure the time of dispatches on the device.
+    pub profile: bool,
     /// Calls of Vulkan that fail (for tests).
     pub faults: Vec<Fault>,
     /// Kernels that [`Device::kernel`] finds by their names.
@@ -50,6 +53,9 @@ pub struct Device {
     pub(super) memory_types: vk::PhysicalDeviceMemoryProperties,
     /// Host memory is copied to buffers by submissions.
     pub staging: bool,
+    /// Dispatches have timestamps.
+    pub(super) timed: bool,
+    pub(super) counters: Mutex<Counters>,
     pub(crate) faults: Faults,
     /// Kernels by name.
     pub(crate) table: KernelTable,
@@ -107,6 +113,7 @@ impl Device {
         let pipeline_cache = unsafe { raw.create_pipeline_cache(&cache_info, None) }
             .map_err(|e| failure::vulkan("making a pipeline cache", e))?;
         log::debug!("opened {}", physical.description);
+        let timed = options.profile && physical.has_timestamps;
         std::mem::forget(guard);
         Ok(Arc::new(Self {
             raw,
@@ -115,6 +122,8 @@ impl Device {
             pipeline_cache,
             memory_types,
             staging: options.staging,
+            timed,
+            counters: Mutex::default(),
             faults: Faults::new(&options.faults),
             table: options.kernels,
             names,
@@ -130,6 +139,11 @@ impl Device {
     /// Name, driver and kind of the device.
     pub fn description(&self) -> &DeviceDescription {
         &self.physical.description
+    }
+
+    /// Counts of its work since it was opened, by all its users.
+    pub fn profile(&self) -> Profile {
+        lock(&self.counters).profile()
     }
 
     /// Warnings and errors of the validation layer so far; 0 without it.

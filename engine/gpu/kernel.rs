@@ -18,7 +18,7 @@ pub struct Kernel {
     pub(super) layout: vk::PipelineLayout,
     /// Bytes of its push constants.
     pub(crate) push_bytes: u32,
-    name: String,
+    pub(super) name: Arc<str>,
 }
 
 /// A kernel that is made when it is first wanted: some take long, and few runs want all.
@@ -141,7 +141,7 @@ impl Device {
             pipeline: vk::Pipeline::null(),
             layout,
             push_bytes,
-            name: name.to_owned(),
+            name: name.into(),
         };
 
         let info = vk::ShaderModuleCreateInfo::default().code(spirv);

@@ -23,6 +23,7 @@ mod kernel;
 mod pace;
 mod paced;
 mod physical;
+mod profile;
 mod recorder;
 mod retire;
 mod submission;
@@ -36,6 +37,7 @@ pub use faults::{Fault, FaultAnswer, FaultyCall};
 pub use kernel::{Kernel, LazyKernel};
 pub use pace::Pace;
 pub use physical::{DeviceDescription, DeviceKind};
+pub use profile::{KernelProfile, Profile, Traffic};
 pub use recorder::Recorder;
 pub use submission::Submission;
 

@@ -70,6 +70,8 @@ pub(super) struct Physical {
     pub(crate) limits: vk::PhysicalDeviceLimits,
     /// Family of the queue to open: compute, without graphics where there is one.
     pub(super) queue_family: u32,
+    /// The queue writes timestamps.
+    pub(super) has_timestamps: bool,
     pub(super) portability_subset: bool,
     /// Alignment of the scratch memory of acceleration structure builds.
     pub(super) scratch_alignment: u64,
@@ -189,6 +191,7 @@ fn diagnose(instance: &Instance, index: usize, raw: vk::PhysicalDevice) -> Resul
         raw,
         description,
         limits: basic.limits,
+        has_timestamps: queue_family.is_some_and(|at| families[at].timestamp_valid_bits > 0),
         queue_family: queue_family.and_then(|family| u32::try_from(family).ok()).unwrap_or(0),
         portability_subset: has(ash::khr::portability_subset::NAME),
         scratch_alignment,

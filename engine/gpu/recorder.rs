@@ -1,8 +1,10 @@
 //! Contents of a submission: dispatches, copies and fills, in order.
 
 use super::buffer::Buffer;
+use super::command_batch::CommandBatch;
 use super::device::Device;
 use super::kernel::Kernel;
+use super::profile::Dispatched;
 use ash::vk;
 use beamlet_core::Error;
 use std::fmt;
@@ -12,8 +14,11 @@ use std::fmt;
 pub struct Recorder<'a> {
     /// The device that runs them.
     pub(super) device: &'a Device,
-    /// The handle of Vulkan.
-    pub(super) commands: vk::CommandBuffer,
+    pub(super) batch: &'a CommandBatch,
+    /// Dispatches so far.
+    pub(super) dispatched: Vec<Dispatched>,
+    /// Timestamps so far.
+    pub(super) stamps: u32,
     /// The first command that could not be recorded.
     pub(super) error: Option<Error>,
 }
@@ -46,7 +51,11 @@ impl Recorder<'_> {
             });
             return;
         }
-        let (raw, commands) = (&self.device.raw, self.commands);
+        let stamp = self.batch.next_stamps(self.stamps);
+        let all = groups.iter().map(|n| u64::from(*n)).product();
+        self.dispatched.push((kernel.name.clone(), all, stamp));
+        self.stamp(vk::PipelineStageFlags::TOP_OF_PIPE);
+        let (raw, commands) = (&self.device.raw, self.batch.commands);
         // SAFETY: the command buffer is recording, the kernel is of this device and is kept until
         // the submission ends, and push constants and counts were checked.
         unsafe {
@@ -56,6 +65,36 @@ impl Recorder<'_> {
                 raw.cmd_push_constants(commands, kernel.layout, stage, 0, push);
             }
             raw.cmd_dispatch(commands, groups[0], groups[1], groups[2]);
+        }
+        if stamp.is_some() {
+            self.stamp(vk::PipelineStageFlags::BOTTOM_OF_PIPE);
+        }
+    }
+
+    /// Writes a timestamp where this stage of all before has ended.
+    fn stamp(&mut self, stage: vk::PipelineStageFlags) {
+        let CommandBatch { commands, stamps, .. } = *self.batch;
+        if self.stamps.is_multiple_of(2) && self.batch.next_stamps(self.stamps).is_none() {
+            return;
+        }
+        // SAFETY: the command buffer is recording, and the timestamp is in the pool and was reset.
+        unsafe { self.device.raw.cmd_write_timestamp(commands, stage, stamps, self.stamps) };
+        self.stamps += 1;
+    }
+
+    /// Resets the timestamps of an earlier submission.
+    pub(super) fn reset_stamps(&self) {
+        if let Some(first) = self.batch.next_stamps(0) {
+            let CommandBatch { commands, stamps, .. } = *self.batch;
+            // SAFETY: the command buffer is recording, and the pool is of this device.
+            unsafe {
+                self.device.raw.cmd_reset_query_pool(
+                    commands,
+                    stamps,
+                    first,
+                    super::command_batch::STAMPS,
+                );
+            }
         }
     }
 
@@ -77,7 +116,7 @@ impl Recorder<'_> {
         // SAFETY: the command buffer is recording.
         unsafe {
             self.device.raw.cmd_pipeline_barrier(
-                self.commands,
+                self.batch.commands,
                 vk::PipelineStageFlags::ALL_COMMANDS,
                 stages,
                 vk::DependencyFlags::empty(),
@@ -103,7 +142,13 @@ impl Recorder<'_> {
             // SAFETY: the command buffer is recording and the range was checked; the buffer is of
             // this device and is kept until the submission ends.
             unsafe {
-                self.device.raw.cmd_fill_buffer(self.commands, buffer.raw(), offset, bytes, word);
+                self.device.raw.cmd_fill_buffer(
+                    self.batch.commands,
+                    buffer.raw(),
+                    offset,
+                    bytes,
+                    word,
+                );
             }
         }
     }
@@ -120,7 +165,7 @@ impl Recorder<'_> {
                 [vk::BufferCopy::default().src_offset(at).dst_offset(to_offset).size(bytes)];
             // SAFETY: as in `fill`.
             unsafe {
-                self.device.raw.cmd_copy_buffer(self.commands, from.raw(), to.raw(), &region);
+                self.device.raw.cmd_copy_buffer(self.batch.commands, from.raw(), to.raw(), &region);
             }
         }
     }

@@ -4,6 +4,7 @@ use super::command_batch::CommandBatch;
 use super::device::{Device, lock};
 use super::failure;
 use super::faults::FaultyCall;
+use super::profile::Dispatched;
 use super::recorder::Recorder;
 use ash::vk;
 use beamlet_core::Result;
@@ -22,6 +23,9 @@ pub struct Submission {
     device: Arc<Device>,
     /// `None` once it has ended.
     batch: Option<CommandBatch>,
+    dispatched: Vec<Dispatched>,
+    /// Timestamps that it writes.
+    stamps: u32,
     number: u64,
     started: Instant,
 }
@@ -44,14 +48,22 @@ impl Device {
         let reused = lock(&self.batches).pop();
         let batch = match reused {
             Some(batch) => batch,
-            None => CommandBatch::new(&self.raw, self.physical.queue_family)?,
+            None => CommandBatch::new(&self.raw, self.physical.queue_family, self.timed)?,
         };
         // What recording names may be dropped while it runs, even before this returns.
         let number = lock(&self.retirement).begin();
-        let mut submission =
-            Submission { device: self.clone(), batch: None, number, started: Instant::now() };
+        let mut submission = Submission {
+            device: self.clone(),
+            batch: None,
+            dispatched: Vec::new(),
+            stamps: 0,
+            number,
+            started: Instant::now(),
+        };
         match self.record(&batch, record) {
-            Ok(()) => {
+            Ok((dispatched, stamps)) => {
+                lock(&self.counters).traffic.submissions += 1;
+                (submission.dispatched, submission.stamps) = (dispatched, stamps);
                 submission.batch = Some(batch);
                 Ok(submission)
             }
@@ -63,17 +75,25 @@ impl Device {
         }
     }
 
-    fn record(&self, batch: &CommandBatch, record: impl FnOnce(&mut Recorder<'_>)) -> Result<()> {
+    /// Records and submits: the dispatches, and the number of their timestamps.
+    fn record(
+        &self,
+        batch: &CommandBatch,
+        record: impl FnOnce(&mut Recorder<'_>),
+    ) -> Result<(Vec<Dispatched>, u32)> {
         let failed = |e| failure::vulkan("submitting work to the device", e);
         let info = vk::CommandBufferBeginInfo::default()
             .flags(vk::CommandBufferUsageFlags::ONE_TIME_SUBMIT);
         // SAFETY: a batch in hand is in no other hand and not in flight.
         unsafe { self.raw.begin_command_buffer(batch.commands, &info) }.map_err(failed)?;
-        let mut recorder = Recorder { device: self, commands: batch.commands, error: None };
+        let (dispatched, stamps) = (Vec::new(), 0);
+        let mut recorder = Recorder { device: self, batch, dispatched, stamps, error: None };
+        recorder.reset_stamps();
         recorder.barrier();
         record(&mut recorder);
         recorder.barrier_to_host();
-        if let Some(error) = recorder.error {
+        let Recorder { dispatched, stamps, error, .. } = recorder;
+        if let Some(error) = error {
             return Err(error);
         }
         let commands = [batch.commands];
@@ -83,8 +103,9 @@ impl Device {
         unsafe {
             self.raw.end_command_buffer(batch.commands).map_err(failed)?;
             self.faults.check(FaultyCall::Submit).map_err(failed)?;
-            self.raw.queue_submit(*queue, &submits, batch.fence).map_err(failed)
+            self.raw.queue_submit(*queue, &submits, batch.fence).map_err(failed)?;
         }
+        Ok((dispatched, stamps))
     }
 }
 
@@ -125,6 +146,7 @@ impl Submission {
                 return Err(failure::vulkan("work on the device", e));
             }
         }
+        self.count(&batch);
         // SAFETY: the work has ended.
         let reset = unsafe {
             raw.reset_fences(&[batch.fence]).and_then(|()| {
@@ -137,6 +159,21 @@ impl Submission {
             Err(_) => unsafe { batch.destroy(raw) },
         }
         Ok(())
+    }
+}
+
+impl Submission {
+    /// Counts its work, which has ended.
+    fn count(&self, batch: &CommandBatch) {
+        let ticks = batch.ticks(&self.device.raw, self.stamps);
+        let tick = f64::from(self.device.physical.limits.timestamp_period) * 1e-9;
+        let seconds = |at: u32| {
+            let at = at as usize;
+            Some(ticks.get(at + 1)?.saturating_sub(*ticks.get(at)?) as f64 * tick)
+        };
+        let mut counters = lock(&self.device.counters);
+        counters.traffic.waits += 1;
+        counters.add(&self.dispatched, seconds);
     }
 }
 

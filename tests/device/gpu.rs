@@ -8,7 +8,7 @@
 )]
 
 use beamlet::Error;
-use beamlet::internals::gpu::{AccelerationStructure, Device, DeviceOptions, Memory};
+use beamlet::internals::gpu::{AccelerationStructure, Device, DeviceKind, DeviceOptions, Memory};
 use bytemuck::{Pod, Zeroable, bytes_of};
 use std::process::Command;
 use std::sync::Arc;
@@ -25,7 +25,7 @@ fn ci() -> bool {
 
 /// With validation where the layer is installed: continuous integration has it.
 pub(crate) fn open(staging: bool) -> Arc<Device> {
-    let options = DeviceOptions { validation: true, staging, ..Default::default() };
+    let options = DeviceOptions { validation: true, staging, profile: true, ..Default::default() };
     match Device::open(&options) {
         Err(Error::Device { wanted, .. }) if wanted.contains("validation layer") => {
             assert!(!ci(), "no validation layer, and CI=true forbids to skip");
@@ -86,6 +86,43 @@ fn a_kernel_fills_and_the_host_reads_what_it_wrote() {
     {
         let device = open(staging);
         fill_and_read(&device, memory);
+        assert_eq!(device.validation_messages(), 0);
+    }
+}
+
+#[test]
+fn work_of_a_device_is_counted() {
+    for staging in [false, true] {
+        let device = open(staging);
+        let kernel = device.kernel_from("fill", shaders::FILL, 16).unwrap();
+        let entries = device.buffer("entries", 640 * 16, Memory::Device).unwrap();
+        let push = FillPush { entries: entries.address(), count: 640, scale: 1.0 };
+        device
+            .run(|r| {
+                for groups in [10, 0, 1] {
+                    r.dispatch(&kernel, bytes_of(&push), [groups, 1, 1]);
+                    r.barrier();
+                }
+            })
+            .unwrap();
+        entries.write(0, &[1_u32, 2]).unwrap();
+        let _: Vec<u32> = entries.read(0, 5).unwrap();
+        let profile = device.profile();
+        let traffic = profile.traffic;
+        // A copy through a buffer for it, each way, where the host does not reach the memory.
+        let copies = traffic.buffers - 1;
+        assert!(copies == 2 || copies == 0 && !staging, "{traffic:?}");
+        if device.description().kind == DeviceKind::Cpu {
+            assert_eq!(copies, if staging { 2 } else { 0 });
+        }
+        assert_eq!([traffic.submissions, traffic.waits], [1 + copies; 2], "{traffic:?}");
+        assert_eq!([traffic.bytes_to_device, traffic.bytes_to_host], [8, 20]);
+        let fill = profile.kernels["fill"];
+        assert_eq!([fill.dispatches, fill.groups, fill.largest], [2, 11, 10]);
+        assert_eq!(fill.mean().to_bits(), 5.5_f64.to_bits());
+        // A device without timestamps knows no time.
+        assert!(fill.seconds.is_none_or(|seconds| (0.0..60.0).contains(&seconds)), "{fill:?}");
+        assert!(fill.seconds.is_some() || device.description().kind != DeviceKind::Cpu);
         assert_eq!(device.validation_messages(), 0);
     }
 }

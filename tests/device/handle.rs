@@ -127,3 +127,27 @@ fn stored_moments_may_be_dropped_before_the_scene_that_they_serve_runs() {
     drop(engine);
     assert!(!run(&simulation).is_empty());
 }
+
+/// On a CPU device mapped memory is reached directly; staging copies by submissions of their own, as a
+/// device with memory of its own does, and is the same work else.
+#[test]
+fn staging_changes_no_bit_and_no_dispatch() {
+    let [mapped, staged] = [false, true].map(|staging| {
+        let engine = Engine::open(&options().with_profile(true).with_staging(staging)).unwrap();
+        let stacks = engine.simulate(&rod()).unwrap();
+        (bits(&stacks), engine.profile())
+    });
+    assert_eq!(mapped.0, staged.0);
+    let counts = |profile: &beamlet::Profile| {
+        let of = |(name, it): (&String, &beamlet::KernelProfile)| {
+            (name.clone(), [it.dispatches, it.groups, it.largest])
+        };
+        profile.kernels.iter().map(of).collect::<Vec<_>>()
+    };
+    assert_eq!(counts(&mapped.1), counts(&staged.1));
+    assert!(!mapped.1.kernels.is_empty());
+    let [mapped, staged] = [mapped.1.traffic, staged.1.traffic];
+    assert_eq!(mapped.bytes_to_device, staged.bytes_to_device);
+    assert_eq!(mapped.bytes_to_host, staged.bytes_to_host);
+    assert!(staged.submissions >= mapped.submissions && staged.buffers >= mapped.buffers);
+}

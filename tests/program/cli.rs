@@ -331,3 +331,33 @@ fn a_reader_that_goes_away_is_no_failure() {
     ended(&output, 0);
     assert_eq!(stderr(&output), "");
 }
+
+#[test]
+fn the_work_of_the_device_is_shown_and_recorded() {
+    let place = workplace(SCENE);
+    let words = ["simulate", "scene.toml", "-o", "run", "-q", "--profile"];
+    let output = beamlet(place.path()).args(words).output().unwrap();
+    ended(&output, 0);
+    let table = stderr(&output);
+    for word in
+        ["submissions", "before the views", "first view", "2 later views", "in all", "illuminate"]
+    {
+        assert!(table.contains(word), "{word}: {table}");
+    }
+    let run: serde_json::Value =
+        serde_json::from_str(&fs::read_to_string(place.path().join("run/run.json")).unwrap())
+            .unwrap();
+    let profile = &run["profile"];
+    let sum = |key: &str| {
+        ["before_views", "first_view", "later_views"]
+            .map(|part| profile[part][key].as_u64().unwrap())
+            .iter()
+            .sum::<u64>()
+    };
+    for key in ["submissions", "waits", "bytes_to_device", "bytes_to_host", "buffers"] {
+        assert_eq!(profile[key], sum(key), "{key}: {profile}");
+    }
+    assert!(sum("bytes_to_device") > 0 && sum("bytes_to_host") > 0, "{profile}");
+    assert_eq!(profile["views"], 3, "{profile}");
+    assert!(profile["kernels"]["illuminate"]["groups"].as_u64().unwrap() > 0, "{profile}");
+}

@@ -23,7 +23,7 @@ use beamlet_core::cancel::Cancel;
 use beamlet_core::tally::Tally;
 use beamlet_core::{Error, Result, numbers};
 use beamlet_files as stack;
-use beamlet_files::{RunRecord, RunStart, SamplingSummary, Sink, StackShape};
+use beamlet_files::{RunProfile, RunRecord, RunStart, SamplingSummary, Sink, StackShape};
 use beamlet_geometry::Sample;
 use beamlet_gpu::{Backend, Device, EngineOptions};
 use beamlet_model::media::MaterialTable;
@@ -326,7 +326,9 @@ impl Simulation {
         // Last of all, so that a run that cannot start writes nothing.
         sink.begin(&self.scene, &self.start)?;
         control.keep.as_mut().map_or(Ok(()), |keep| keep.begin_run())?;
-        let mut made = Handed { tally: control.counted, ..Handed::default() };
+        let device = Some(self.device().clone());
+        let mut made = Handed { tally: control.counted, device, ..Handed::default() };
+        let prepared = self.device().profile().traffic;
         let one = match lanes {
             1 => work.pop(),
             _ => {
@@ -341,7 +343,11 @@ impl Simulation {
             };
             self.one_by_one(one, &views, sink, &mut control, &mut made)?;
         }
-        let Handed { tally: counted, seconds, .. } = made;
+        let Handed { tally: counted, seconds, first, views: handed, .. } = made;
+        let profile = self
+            .options()
+            .profile
+            .then(|| RunProfile::of(prepared, first, self.device().profile(), handed));
         let tally = Tally { defective_objects: self.defective_objects(), ..counted };
         let record = RunRecord {
             tally,
@@ -358,6 +364,7 @@ impl Simulation {
             ]
             .map(|(stage, seconds)| (stage.to_owned(), seconds))
             .into(),
+            profile,
             ..RunRecord::begin(&self.start, self.scene.sampling.seed)
         };
         // The counts of a shard are too few to be judged: the join judges the sum.

@@ -9,11 +9,12 @@ use beamlet_core::cancel::{Cancel, TICK};
 use beamlet_core::tally::Tally;
 use beamlet_core::{Error, Result};
 use beamlet_files::{RunRecord, RunStart, Sink};
+use beamlet_gpu::{Device, Traffic};
 use beamlet_model::scene::{Exposure, Scene};
 use ndarray::{Array3, ArrayView3};
 use std::collections::BTreeMap;
 use std::ops::Range;
-use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::thread;
 use std::time::Instant;
 
@@ -249,11 +250,17 @@ pub(super) struct Handed {
     pub(crate) views: usize,
     pub(crate) tally: Tally,
     pub(super) seconds: Seconds,
+    /// The device, whose work is counted up to the end of the first view.
+    pub(super) device: Option<Arc<Device>>,
+    pub(super) first: Traffic,
 }
 
 impl Handed {
     /// One more view with these counts.
     pub(super) fn add(&mut self, tally: Tally) {
+        if let (0, Some(device)) = (self.views, &self.device) {
+            self.first = device.profile().traffic;
+        }
         self.views += 1;
         self.tally = self.tally + tally;
     }
