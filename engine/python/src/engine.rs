@@ -65,6 +65,7 @@ impl Engine {
         memory_limit: Option<u64>,
         keep_moments: bool,
         validation: bool,
+        profile: bool,
     ) -> PyResult<Self> {
         let backend: Option<beamlet::Backend> = match backend {
             None | Some("auto") => None,
@@ -75,7 +76,8 @@ impl Engine {
             .with_backend(backend)
             .with_memory_limit(memory_limit)
             .with_keep_moments(keep_moments)
-            .with_validation(validation);
+            .with_validation(validation)
+            .with_profile(profile);
         let engine = interruptible(py, None, |_| beamlet::Engine::open(&options))?;
         Ok(Self { engine: Mutex::new(Some(engine)), keep_moments })
     }
@@ -83,6 +85,11 @@ impl Engine {
     /// Description of the device as JSON.
     fn description(&self, py: Python<'_>) -> PyResult<String> {
         json(self.get(py)?.description())
+    }
+
+    /// Work of the device since it was opened, as JSON.
+    fn profile(&self, py: Python<'_>) -> PyResult<String> {
+        json(&self.get(py)?.profile())
     }
 
     /// Closes the device. Returns whether it is destroyed.

@@ -27,6 +27,14 @@ def test_arrays_own_the_engines_memory(scene: bl.Scene, engine: bl.Engine) -> No
     assert np.array_equal(sample, kept)
 
 
+def test_the_work_of_the_device_is_counted(scene: bl.Scene, tmp_path: Path) -> None:
+    engine = bl.Engine(profile=True)
+    engine.simulate_to(scene, tmp_path / "run")
+    work = engine.profile()
+    assert work["bytes_to_device"] > 0 and work["kernels"]["illuminate"]["groups"] > 0
+    assert json.loads((tmp_path / "run" / "run.json").read_text())["profile"]["submissions"] > 0
+
+
 def test_arrays_equal_the_files_of_a_run_and_of_the_program(
     scene: bl.Scene, engine: bl.Engine, tmp_path: Path
 ) -> None:

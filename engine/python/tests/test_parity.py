@@ -31,6 +31,7 @@ EVERYWHERE = {
     "format": "results are arrays",
     "overwrite": "results are arrays",
     "device": "Engine(device=...)",
+    "profile": "Engine(profile=...)",
     "set": "Scene.replace",
 }
 

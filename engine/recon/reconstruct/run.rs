@@ -79,7 +79,7 @@ pub struct Reconstructed {
 /// are written, too, and the errors by material.
 ///
 /// # Errors
-/// As [`VolumePlan::check`], [`Input::sinograms`] and [`Method::volume`]; [`beamlet_core::Error::File`] where the
+/// As [`VolumePlan::check`], [`Input::sinograms`] and the method of the plan; [`beamlet_core::Error::File`] where the
 /// place is taken or cannot be written; [`beamlet_core::Error::Memory`] beyond the limit of the engine;
 /// [`beamlet_core::Error::Interrupted`]. Nothing is left behind then.
 ///

@@ -11,7 +11,7 @@ import threading
 import weakref
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, Literal, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -123,6 +123,7 @@ class Engine:
             ``BEAMLET_MEMORY_LIMIT``, then what the geometry needs and up to 1 GiB for a band.
         keep_moments: Keep what :meth:`Run.illuminate` needs, in a temporary folder.
         validation: Request the Khronos validation layer.
+        profile: Measure the time of each kernel on the device, for :meth:`profile` and run.json.
 
     Raises:
         DeviceError: No device can serve; also in a fork of a process that used beamlet.
@@ -136,6 +137,7 @@ class Engine:
         memory_limit: int | str | None = None,
         keep_moments: bool = False,
         validation: bool = False,
+        profile: bool = False,
     ) -> None:
         _vulkan.find_driver()
         name = None if device is None else str(device)
@@ -144,13 +146,19 @@ class Engine:
         self.keep_moments = keep_moments
         limit = _bytes(memory_limit)
         with _vulkan.naming_the_package():
-            self._engine = _beamlet.Engine(name, way, limit, keep_moments, validation)
+            self._engine = _beamlet.Engine(name, way, limit, keep_moments, validation, profile)
         _open.add(self)
 
     @property
     def device(self) -> Device:
         """The device in use."""
         return Device._of(json.loads(self._engine.description()))
+
+    def profile(self) -> dict[str, Any]:
+        """Work of the device since it was opened: submissions, waits, bytes each way, buffers, and for each
+        kernel dispatches, workgroups and, with ``profile=True``, seconds. A dictionary as ``profile`` in
+        run.json."""
+        return cast(dict[str, Any], json.loads(self._engine.profile()))
 
     def simulate(
         self,
