@@ -3,15 +3,13 @@
 use super::device::{Device, lock};
 use super::failure;
 use super::retire::Retired;
+use super::transfer::{self, Download, Upload};
 use ash::vk;
 use beamlet_core::{Result, numbers};
 use bytemuck::{AnyBitPattern, NoUninit, Pod};
 use gpu_allocator::vulkan::Allocation;
 use std::fmt;
 use std::sync::Arc;
-
-/// Largest staging buffer, in bytes; more is copied in parts.
-const STAGING: u64 = 64 << 20;
 
 /// Where a buffer lies.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -152,23 +150,17 @@ impl Buffer {
     /// Where the slice does not fit.
     pub fn write<T: NoUninit>(&self, offset: u64, content: &[T]) -> Result<()> {
         let bytes: &[u8] = bytemuck::cast_slice(content);
-        lock(&self.device.counters).traffic.bytes_to_device += bytes.len() as u64;
-        self.write_uncounted(offset, bytes)
-    }
-
-    fn write_uncounted(&self, offset: u64, bytes: &[u8]) -> Result<()> {
         self.check(offset, bytes.len() as u64);
         if let Some(pointer) = self.mapped(offset) {
+            lock(&self.device.counters).traffic.bytes_to_device += bytes.len() as u64;
             // SAFETY: the range was checked, the memory is mapped while the buffer lives, and
             // `bytes` is host memory apart from it.
             unsafe { pointer.copy_from_nonoverlapping(bytes.as_ptr(), bytes.len()) };
             return Ok(());
         }
-        let Some(staging) = self.staging(bytes.len() as u64)? else { return Ok(()) };
         let mut at = offset;
-        for part in bytes.chunks(numbers::length(staging.len)) {
-            staging.write_uncounted(0, part)?;
-            self.device.run(|r| r.copy(&staging, 0, self, at, part.len() as u64))?;
+        for part in bytes.chunks(numbers::length(transfer::MOST)) {
+            self.device.run_with(&[Upload::new(self, at, part)], |_| {}, &mut [])?;
             at += part.len() as u64;
         }
         Ok(())
@@ -200,23 +192,18 @@ impl Buffer {
         values: &mut [T],
     ) -> Result<()> {
         let bytes: &mut [u8] = bytemuck::cast_slice_mut(values);
-        lock(&self.device.counters).traffic.bytes_to_host += bytes.len() as u64;
-        self.read_uncounted(offset, bytes)
-    }
-
-    fn read_uncounted(&self, offset: u64, bytes: &mut [u8]) -> Result<()> {
         self.check(offset, bytes.len() as u64);
         if let Some(pointer) = self.mapped(offset) {
+            lock(&self.device.counters).traffic.bytes_to_host += bytes.len() as u64;
             // SAFETY: as in `write`, the other way round.
             unsafe { pointer.copy_to_nonoverlapping(bytes.as_mut_ptr(), bytes.len()) };
             return Ok(());
         }
-        let Some(staging) = self.staging(bytes.len() as u64)? else { return Ok(()) };
         let mut at = offset;
-        for part in bytes.chunks_mut(numbers::length(staging.len)) {
-            self.device.run(|r| r.copy(self, at, &staging, 0, part.len() as u64))?;
-            staging.read_uncounted(0, part)?;
-            at += part.len() as u64;
+        for part in bytes.chunks_mut(numbers::length(transfer::MOST)) {
+            let length = part.len() as u64;
+            self.device.run_with(&[], |_| {}, &mut [Download::new(self, at, part)])?;
+            at += length;
         }
         Ok(())
     }
@@ -236,7 +223,7 @@ impl Buffer {
     }
 
     /// The mapped byte at an offset, where the host may use the memory directly.
-    fn mapped(&self, offset: u64) -> Option<*mut u8> {
+    pub(super) fn mapped(&self, offset: u64) -> Option<*mut u8> {
         if self.staged {
             return None;
         }
@@ -246,13 +233,15 @@ impl Buffer {
         Some(unsafe { pointer.as_ptr().add(offset) })
     }
 
-    /// A host buffer for a copy of `bytes`; `None` for none.
-    fn staging(&self, bytes: u64) -> Result<Option<Self>> {
-        if bytes == 0 {
-            return Ok(None);
-        }
-        let name = format!("staging for {}", self.name);
-        self.device.buffer(&name, bytes.min(STAGING), Memory::Host).map(Some)
+    /// True where the host reaches the memory by copies on the device alone.
+    pub(super) const fn is_staged(&self) -> bool {
+        self.staged
+    }
+
+    /// The buffer of Vulkan and its memory, for a new owner.
+    pub(super) fn into_parts(mut self) -> (vk::Buffer, Option<Allocation>) {
+        // Dropped without memory it destroys nothing.
+        (self.raw, self.memory.take())
     }
 }
 

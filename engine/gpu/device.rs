@@ -6,6 +6,7 @@ use super::instance::Instance;
 use super::physical::{self, DeviceDescription, Physical};
 use super::profile::{Counters, Profile};
 use super::retire::{Retired, Retirement};
+use super::transfer::Staging;
 use super::{allocator, failure};
 use ash::vk;
 use beamlet_core::{Error, Result};
@@ -66,6 +67,9 @@ pub struct Device {
     pub(super) retirement: Mutex<Retirement>,
     /// Batches whose end was not to be waited for.
     pub(super) stuck: Mutex<Vec<CommandBatch>>,
+    /// Staging buffers that wait for reuse, and those that work may still use.
+    pub(super) kept: Mutex<Vec<Staging>>,
+    pub(super) withdrawn: Mutex<Vec<Staging>>,
     /// Batches that ended and wait for reuse.
     pub(crate) batches: Mutex<Vec<CommandBatch>>,
     /// After everything made from it; kept open where the device hangs.
@@ -131,6 +135,8 @@ impl Device {
             allocator: Mutex::new(Some(allocator)),
             retirement: Mutex::default(),
             stuck: Mutex::default(),
+            kept: Mutex::default(),
+            withdrawn: Mutex::default(),
             batches: Mutex::default(),
             instance: ManuallyDrop::new(instance),
         }))
@@ -237,6 +243,9 @@ impl Drop for Device {
             }
             for batch in stuck {
                 batch.destroy(&self.raw);
+            }
+            for staging in [&self.kept, &self.withdrawn] {
+                self.destroy(lock(staging).drain(..).map(Staging::retired));
             }
             let retired = lock(&self.retirement).drain();
             self.destroy(retired);

@@ -27,6 +27,7 @@ mod profile;
 mod recorder;
 mod retire;
 mod submission;
+mod transfer;
 
 pub use acceleration::AccelerationStructure;
 pub use backend::Backend;
@@ -40,6 +41,7 @@ pub use physical::{DeviceDescription, DeviceKind};
 pub use profile::{KernelProfile, Profile, Traffic};
 pub use recorder::Recorder;
 pub use submission::Submission;
+pub use transfer::{Download, Upload};
 
 use beamlet_core::numbers;
 

@@ -153,6 +153,20 @@ impl Recorder<'_> {
         }
     }
 
+    /// Copies bytes between ranges that were checked.
+    pub(super) fn copy_raw(
+        &mut self,
+        from: vk::Buffer,
+        at: u64,
+        to: vk::Buffer,
+        to_offset: u64,
+        bytes: u64,
+    ) {
+        let region = [vk::BufferCopy::default().src_offset(at).dst_offset(to_offset).size(bytes)];
+        // SAFETY: as in `fill`.
+        unsafe { self.device.raw.cmd_copy_buffer(self.batch.commands, from, to, &region) };
+    }
+
     /// Copies bytes between two buffers, or between apart ranges of one.
     ///
     /// # Panics
@@ -161,12 +175,7 @@ impl Recorder<'_> {
         from.check(at, bytes);
         to.check(to_offset, bytes);
         if bytes > 0 {
-            let region =
-                [vk::BufferCopy::default().src_offset(at).dst_offset(to_offset).size(bytes)];
-            // SAFETY: as in `fill`.
-            unsafe {
-                self.device.raw.cmd_copy_buffer(self.batch.commands, from.raw(), to.raw(), &region);
-            }
+            self.copy_raw(from.raw(), at, to.raw(), to_offset, bytes);
         }
     }
 }

@@ -151,3 +151,25 @@ fn staging_changes_no_bit_and_no_dispatch() {
     assert_eq!(mapped.bytes_to_host, staged.bytes_to_host);
     assert!(staged.submissions >= mapped.submissions && staged.buffers >= mapped.buffers);
 }
+
+/// Views that are alike make no buffer after the first of them, also where all memory is reached by staging:
+/// transfers share their buffers with one another, and most of them the submission of a dispatch.
+#[test]
+fn a_later_view_makes_no_buffer() {
+    let engine =
+        Engine::open(&options().with_profile(true).with_staging(true)).expect("a Vulkan device");
+    let traffic = |views: usize| {
+        let angles = vec!["\"20 deg\""; views].join(", ");
+        let text = ROD.replace("[\"0 deg\", \"20 deg\"]", &format!("[{angles}]"));
+        let scene = Scene::from_toml(&text, ".").expect("a scene");
+        let before = engine.profile().traffic;
+        engine.simulate(&scene).expect("stacks");
+        engine.profile().traffic.since(before)
+    };
+    let (four, nine) = (traffic(4), traffic(9));
+    // The first run makes buffers for transfers.
+    assert!(nine.buffers <= four.buffers, "{four:?} {nine:?}");
+    // Of batches of rays, rounds of exact ones, cells and sums; a bound that falls with them.
+    let each = (nine.submissions - four.submissions) / 5;
+    assert!(each <= 240, "{each} submissions of a view");
+}

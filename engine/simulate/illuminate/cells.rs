@@ -5,7 +5,7 @@ use super::sums::PixelSums;
 use crate::sampling::CellBatch;
 use beamlet_core::cancel::Cancel;
 use beamlet_core::{Result, numbers};
-use beamlet_gpu::{Buffer, Device, LazyKernel, Memory, Pace, push_bytes};
+use beamlet_gpu::{Buffer, Device, LazyKernel, Memory, Pace, Recorder, Upload, push_bytes};
 use beamlet_interface::{Cell, CellRow, GROUP, IlluminatePush};
 use std::ops::Range;
 use std::sync::Arc;
@@ -100,13 +100,16 @@ impl CellIlluminator {
         let (cell_rows, cells): (usize, usize) =
             (count(|l| l.cell_rows.len()), count(|l| l.cells.len()));
         let device = self.device.clone();
-        let cell_buffer = fit::<Cell>(&device, &mut self.cells, "cells", cells)?;
-        let cell_row_buffer = fit::<CellRow>(&device, &mut self.cell_rows, "cell rows", cell_rows)?;
+        let cell_buffer = fit::<Cell>(&device, self.cells.take(), "cells", cells)?;
+        let cell_row_buffer =
+            fit::<CellRow>(&device, self.cell_rows.take(), "cell rows", cell_rows)?;
+        let mut uploads = Vec::new();
         let mut ordered = Vec::with_capacity(cell_rows);
         let mut pieces = Vec::new();
         let mut first_cell = 0;
         for (light, list) in lists {
-            cell_buffer.write((first_cell * size_of::<Cell>()) as u64, &list.cells)?;
+            let at = (first_cell * size_of::<Cell>()) as u64;
+            uploads.push(Upload::new(&cell_buffer, at, &list.cells));
             // Light of parts of a spot that spread differently over rows has its own kernel, and so has
             // light of cells that lands far off.
             let near =
@@ -129,7 +132,7 @@ impl CellIlluminator {
             }
             first_cell += list.cells.len();
         }
-        cell_row_buffer.write(0, &ordered)?;
+        uploads.push(Upload::new(&cell_row_buffer, 0, &ordered));
         let template = IlluminatePush {
             cell_rows: cell_row_buffer.address(),
             cells: cell_buffer.address(),
@@ -137,16 +140,21 @@ impl CellIlluminator {
             steps,
             ..bytemuck::Zeroable::zeroed()
         };
-        pieces.iter().try_for_each(|piece| self.plan(piece, template, steps))?;
-        self.run()
+        pieces.iter().try_for_each(|piece| self.plan(piece, template, steps, &mut uploads))?;
+        self.run(&mut uploads)?;
+        drop(uploads);
+        (self.cells, self.cell_rows) = (Some(cell_buffer), Some(cell_row_buffer));
+        Ok(())
     }
 
-    /// Plans the dispatches of a piece; runs those before it as they fill a submission.
+    /// Plans the dispatches of a piece; runs those before it as they fill a submission. The first has the
+    /// `uploads`.
     fn plan(
         &mut self,
         piece: &DispatchPart<'_>,
         template: IlluminatePush,
         steps: u32,
+        uploads: &mut Vec<Upload<'_>>,
     ) -> Result<()> {
         let DispatchPart { light, far, cell_rows } = piece;
         // Light that no sample mask moves is the same at every step, and has its own sums.
@@ -173,7 +181,7 @@ impl CellIlluminator {
                     };
                     let cost = u64::from(cell_row_count) * u64::from(last_step - first_step);
                     if self.planned_cost + cost > u64::from(self.pace.size()) {
-                        self.run()?;
+                        self.run(uploads)?;
                     }
                     self.planned.push((*far, push));
                     self.planned_cost += cost;
@@ -185,8 +193,8 @@ impl CellIlluminator {
         Ok(())
     }
 
-    /// Runs the plan.
-    fn run(&mut self) -> Result<()> {
+    /// Runs the plan, after the uploads.
+    fn run(&mut self, uploads: &mut Vec<Upload<'_>>) -> Result<()> {
         self.cancel.check()?;
         let planned = std::mem::take(&mut self.planned);
         self.planned_cost = 0;
@@ -196,14 +204,16 @@ impl CellIlluminator {
             false => None,
         };
         let near = kernels.near.get()?;
-        let time = self.device.run(|r| {
+        let uploads = std::mem::take(uploads);
+        let record = |r: &mut Recorder<'_>| {
             for (is_far, push) in &planned {
                 let kernel = far.filter(|_| *is_far).unwrap_or(near);
                 let shares = (push.last_step - push.first_step).div_ceil(push.steps_each);
                 let groups = [push.cell_row_count.div_ceil(GROUP), shares, 1];
                 r.dispatch(kernel, bytemuck::bytes_of(push), groups);
             }
-        })?;
+        };
+        let time = self.device.run_with(&uploads, record, &mut [])?;
         self.pace.adapt(time);
         Ok(())
     }
@@ -223,17 +233,15 @@ fn lands_near(cells: &[Cell], cell_row: &CellRow) -> bool {
 }
 
 /// A buffer that holds `items`, and grows as needed.
-fn fit<'b, T>(
+fn fit<T>(
     device: &Arc<Device>,
-    buffer: &'b mut Option<Buffer>,
+    buffer: Option<Buffer>,
     name: &str,
     items: usize,
-) -> Result<&'b Buffer> {
+) -> Result<Buffer> {
     let bytes = (items * size_of::<T>()) as u64;
-    let old = buffer.take().filter(|old| old.len() >= bytes);
-    let made = match old {
-        Some(old) => old,
-        None => device.buffer(name, bytes.next_power_of_two(), Memory::Device)?,
-    };
-    Ok(buffer.insert(made))
+    match buffer.filter(|old| old.len() >= bytes) {
+        Some(old) => Ok(old),
+        None => device.buffer(name, bytes.next_power_of_two(), Memory::Device),
+    }
 }

@@ -4,7 +4,7 @@ use super::light::IlluminationBuffer;
 use super::sums::PixelSums;
 use crate::trace::Tracer;
 use beamlet_core::{Result, numbers};
-use beamlet_gpu::{Device, LazyKernel, push_bytes};
+use beamlet_gpu::{Device, LazyKernel, Memory, Recorder, Upload, push_bytes};
 use beamlet_interface::{GROUP, Pixel, RandomLightPush, RandomRaysPush};
 use beamlet_model::optics::Optics;
 use beamlet_model::scene::RandomRays;
@@ -68,8 +68,11 @@ pub(crate) fn illuminate_random(
     let steps = numbers::count(optics.mask_steps());
     let capacity = tracer.capacity();
     let at_once = (capacity / all.min(capacity)).max(1);
+    let most = job.pixels.len().min(at_once as usize);
+    let buffer = device.buffer("pixels", (most * size_of::<Pixel>()) as u64, Memory::Device)?;
     for pixels in job.pixels.chunks(at_once as usize) {
-        let buffer = device.upload("pixels", pixels)?;
+        // The first submission takes them along.
+        let mut uploads = &[Upload::new(&buffer, 0, pixels)][..];
         let pixel_count = numbers::count(pixels.len());
         let mut first_ray = 0;
         while first_ray < all {
@@ -88,35 +91,38 @@ pub(crate) fn illuminate_random(
                     pose: job.pose,
                 };
                 let groups = (pixel_count * batch).div_ceil(GROUP);
-                device.run(|r| {
+                let record = |r: &mut Recorder<'_>| {
                     r.dispatch(rays_kernel, bytemuck::bytes_of(&push), [groups, 1, 1]);
-                })?;
+                };
+                device.run_with(uploads, record, &mut [])?;
+                uploads = &[];
                 tracer.trace_on_device(pixel_count * batch)?;
             }
-            let mut first_step = 0;
-            while first_step < steps {
-                // A few steps at a time keep dispatches short.
-                let n = (steps - first_step).min(16);
-                let push = RandomLightPush {
-                    light_ref: light.address(),
-                    pixels: buffer.address(),
-                    results: tracer.results().address(),
-                    sums: sums.buffer.address(),
-                    seed,
-                    rays_per_pixel,
-                    first_ray,
-                    batch,
-                    pixel_count,
-                    pose: job.pose,
-                    empty: job.empty.into(),
-                    first_step,
-                };
-                device.run(|r| {
+            let mut push = RandomLightPush {
+                light_ref: light.address(),
+                pixels: buffer.address(),
+                results: tracer.results().address(),
+                sums: sums.buffer.address(),
+                seed,
+                rays_per_pixel,
+                first_ray,
+                batch,
+                pixel_count,
+                pose: job.pose,
+                empty: job.empty.into(),
+                first_step: 0,
+            };
+            let record = |r: &mut Recorder<'_>| {
+                while push.first_step < steps {
+                    // A few steps at a time keep dispatches short; each has sums of its own.
+                    let n = (steps - push.first_step).min(16);
                     let groups = [pixel_count.div_ceil(GROUP), n, 1];
                     r.dispatch(light_kernel, bytemuck::bytes_of(&push), groups);
-                })?;
-                first_step += n;
-            }
+                    push.first_step += n;
+                }
+            };
+            device.run_with(uploads, record, &mut [])?;
+            uploads = &[];
             first_ray += batch;
         }
     }

@@ -9,18 +9,18 @@ use batch::Batch;
 use beamlet_core::cancel::Cancel;
 use beamlet_core::tally::Tally;
 use beamlet_core::{Result, numbers, reserve};
-use beamlet_gpu::{Backend, Buffer, Device, LazyKernel, Memory, Pace};
+use beamlet_gpu::{Backend, Buffer, Device, Download, LazyKernel, Memory, Pace, Recorder, Upload};
 use beamlet_interface::{
     Crossing, MATERIALS_IN_REGISTERS, MOMENTS_HEAD, Ray, RayResult, TALLY_COUNTERS, TALLY_DROPPED,
     TALLY_NEGATIVE, TALLY_NOT_FINITE, TALLY_REFLECTED, TALLY_UNBALANCED, TALLY_UNORDERED,
     TracePush,
 };
 use beamlet_model::scene::Transport;
-use exact::{ExactRays, LISTED};
+use exact::{ExactPass, ExactRays, LISTED};
 pub use kernels::TraceKernels;
 use kernels::{OrderFree, Walks};
 use std::sync::Arc;
-use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::time::Duration;
 
 /// Rays of a batch to begin with; batches adapt so that no dispatch is long.
@@ -51,6 +51,8 @@ pub struct Tracer {
     fixed_batch: Option<u32>,
     most: u32,
     counts: DeviceCounts,
+    /// The batch before was done with one pass.
+    settled: AtomicBool,
     cancel: Cancel,
 }
 
@@ -60,6 +62,27 @@ enum Wanted {
     RayResults,
     Moments,
     Both,
+}
+
+/// A pass in any order over rays.
+#[derive(Debug, Clone, Copy)]
+struct Pass {
+    moments: bool,
+    /// Number of rays.
+    n: u32,
+    /// They are those that were unbalanced.
+    listed: bool,
+    ray_offset: f32,
+    last: bool,
+}
+
+/// Counts of the passes over a batch.
+#[derive(Debug)]
+struct Found {
+    /// Number of rays that are unbalanced.
+    unbalanced: u32,
+    /// Number of rays to be traced exactly, of all passes; `None`: not read.
+    exact: Option<u32>,
 }
 
 #[derive(Debug, Default)]
@@ -105,6 +128,7 @@ impl Tracer {
             fixed_batch,
             most,
             counts: DeviceCounts::default(),
+            settled: AtomicBool::new(true),
             cancel: Cancel::default(),
         })
     }
@@ -222,11 +246,12 @@ impl Tracer {
         while first < rays.len() {
             self.cancel.check()?;
             let n = (rays.len() - first).min(self.batch.capacity as usize);
-            self.batch.rays.write(0, &rays[first..first + n])?;
-            let time = self.trace_batch(numbers::count(n), wanted, true)?;
-            if wanted != Wanted::Moments {
-                self.batch.results.read_into(0, &mut results[first..first + n])?;
-            }
+            let results = match wanted {
+                Wanted::Moments => &mut [],
+                Wanted::RayResults | Wanted::Both => &mut results[first..first + n],
+            };
+            let rays = &rays[first..first + n];
+            let time = self.trace_batch(numbers::count(n), rays, wanted, true, results)?;
             after(&self.batch, first, n)?;
             first += n;
             self.adapt(n, time)?;
@@ -254,21 +279,39 @@ impl Tracer {
     /// [`beamlet_core::Error::Device`].
     pub fn trace_on_device(&self, n: u32) -> Result<Duration> {
         // Random rays draw normals at every rough surface.
-        self.trace_batch(n, Wanted::RayResults, false)
+        self.trace_batch(n, &[], Wanted::RayResults, false, &mut [])
     }
 
-    /// `bundled`: as bundles, where the device walks these.
-    fn trace_batch(&self, n: u32, wanted: Wanted, bundled: bool) -> Result<Duration> {
+    /// Traces `n` rays: these, or without any those that are on the device; `bundled`: as bundles, where
+    /// the device walks these. Results go to `results`, and without room for them stay on the device.
+    fn trace_batch(
+        &self,
+        n: u32,
+        rays: &[Ray],
+        wanted: Wanted,
+        bundled: bool,
+        results: &mut [RayResult],
+    ) -> Result<Duration> {
         let moments = wanted != Wanted::RayResults;
+        let may_be_exact = wanted != Wanted::Moments && self.transport != Transport::FirstOrder;
+        let is_flagged = may_be_exact && self.transport != Transport::Exact;
+        let mut found = Found { unbalanced: 0, exact: is_flagged.then_some(0) };
+        // Results come along where the batch before was done with one pass.
+        let early = self.settled.load(Ordering::Relaxed);
+        let early_results = if early { &mut *results } else { &mut [] };
         let walks = self.walks(self.backend);
         let software = self.walks(Backend::Bvh).order_free(false);
-        let mut time = self.pass(walks.order_free(bundled), moments, n, false, 0.0, false)?;
+        let first = Pass { moments, n, listed: false, ray_offset: 0.0, last: false };
+        let uploads = [Upload::new(&self.batch.rays, 0, rays)];
+        let order_free = walks.order_free(bundled);
+        let mut time = self.pass(order_free, first, &uploads, (&mut found, early_results))?;
+        let mut settled = true;
         let leaves_rays = bundled && walks.leaves_rays();
         self.counts.rays.fetch_add(u64::from(n), Ordering::Relaxed);
         // Whatever the driver's search or the rounding at an edge lost is traced again by the
         // software BVH, at last a hair beside.
-        let mut unbalanced = self.batch.unbalanced.read::<u32>(0, 1)?[0];
         for (i, ray_offset) in RAY_OFFSETS.into_iter().enumerate() {
+            let unbalanced = found.unbalanced;
             if unbalanced == 0 {
                 break;
             }
@@ -278,32 +321,44 @@ impl Tracer {
                 continue;
             }
             let last = i + 1 == RAY_OFFSETS.len();
-            time += self.pass(software, moments, unbalanced, true, ray_offset, last)?;
-            unbalanced = if last { 0 } else { self.batch.unbalanced.read::<u32>(0, 1)?[0] };
+            settled = false;
+            let again = Pass { moments, n: unbalanced, listed: true, ray_offset, last };
+            time += self.pass(software, again, &[], (&mut found, &mut []))?;
         }
         let all = self.transport == Transport::Exact;
-        let flagged = if all { n } else { self.batch.exact.read::<u32>(0, 1)?[0] };
-        let may_be_exact = wanted != Wanted::Moments && self.transport != Transport::FirstOrder;
+        let flagged = if all { n } else { found.exact.unwrap_or(0) };
         if flagged > 0 && may_be_exact {
             self.counts.exact.fetch_add(u64::from(flagged), Ordering::Relaxed);
             let list = &self.batch.exact;
             let exact_rays = ExactRays { list, rays: flagged, all, runs: false };
-            time += self.exact_pass(walks.exact.get()?, exact_rays, false, 0.0, false)?;
-            time += self.exact_again(false)?;
+            let exact = ExactPass {
+                exact_rays,
+                again: false,
+                at_nodes: false,
+                ray_offset: 0.0,
+                last: false,
+            };
+            let (took, lost) = self.exact_pass(walks.exact.get()?, exact, Vec::new())?;
+            time += took + self.exact_again(lost, false)?;
+            settled = false;
         }
+        if !(early && settled) {
+            self.batch.results.read_into(0, results)?;
+        }
+        self.settled.store(settled, Ordering::Relaxed);
         Ok(time)
     }
 
+    /// One pass in any order, after `uploads`; its counts go to `found`, and results as far as there is room.
     fn pass(
         &self,
         trace: &OrderFree,
-        moments: bool,
-        n: u32,
-        listed: bool,
-        ray_offset: f32,
-        last: bool,
+        pass: Pass,
+        uploads: &[Upload<'_>],
+        (found, results): (&mut Found, &mut [RayResult]),
     ) -> Result<Duration> {
         let b = &self.batch;
+        let Pass { moments, n, listed, ray_offset, last } = pass;
         let kernel = self.order_free(trace, moments).get()?;
         // Many materials are summed in memory, with or without moments.
         let keep = moments || !self.few;
@@ -322,7 +377,14 @@ impl Tracer {
             last: last.into(),
             ray_offset,
         };
-        self.device.run(|r| {
+        let mut downloads = vec![
+            Download::new(&b.unbalanced, 0, std::slice::from_mut(&mut found.unbalanced)),
+            Download::new(&b.results, 0, results),
+        ];
+        if let Some(exact) = &mut found.exact {
+            downloads.push(Download::new(&b.exact, 0, std::slice::from_mut(exact)));
+        }
+        let record = |r: &mut Recorder<'_>| {
             if listed {
                 r.copy(&b.unbalanced, 0, &b.list, 0, (u64::from(n) + 1) * 4);
             } else {
@@ -332,7 +394,8 @@ impl Tracer {
             r.fill(&b.unbalanced, 0, 4, 0);
             r.barrier();
             r.dispatch(kernel, bytemuck::bytes_of(&push), [n.div_ceil(trace.rays), 1, 1]);
-        })
+        };
+        self.device.run_with(uploads, record, &mut downloads)
     }
 
     /// Rays traced so far.
