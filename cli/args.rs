@@ -21,7 +21,7 @@ pub(crate) use mesh::{Mask, Mesh};
 pub(crate) use reconstruct::{Centre, Hardening, QuantityName, Reconstruct, ReconstructionName};
 pub(crate) use retrieve::Retrieve;
 pub(crate) use shards::{Join, PlanArguments};
-pub(crate) use shared::Messages;
+pub(crate) use shared::{Messages, ProfileArguments};
 pub(crate) use simulate::{Illuminate, Simulate};
 pub(crate) use values::ValueRange;
 pub(crate) use view::{PictureFormat, Report, Show, View, ViewOfRun, ViewOfScene};

@@ -1,7 +1,8 @@
 //! The table of `--profile`: the work that the device was given.
 
+use crate::args::ProfileArguments;
 use crate::printed::Printed;
-use beamlet::{Profile, RunProfile, Traffic};
+use beamlet::{Engine, Profile, RunProfile, Traffic};
 use std::io::Write;
 
 /// Rows of the traffic, by name.
@@ -21,7 +22,7 @@ fn traffic_rows(all: &Profile, run: Option<&RunProfile>) -> Vec<(String, Traffic
 
 /// The table as text: submissions and bytes, then dispatches by kernel, those with most time or most
 /// groups first.
-pub(crate) fn table(all: &Profile, run: Option<&RunProfile>) -> String {
+fn table(all: &Profile, run: Option<&RunProfile>) -> String {
     let mut text = format!(
         "{:<24}{:>12}{:>10}{:>14}{:>14}{:>10}\n",
         "device", "submissions", "waits", "MB to it", "MB from it", "buffers"
@@ -57,7 +58,11 @@ pub(crate) fn table(all: &Profile, run: Option<&RunProfile>) -> String {
     text
 }
 
-/// Writes the table to stderr.
-pub(crate) fn show(all: &Profile, run: Option<&RunProfile>) {
-    let _ = write!(Printed::new(std::io::stderr()), "{}", table(all, run));
+impl ProfileArguments {
+    /// Writes the table of a device to stderr, where it is wanted.
+    pub(crate) fn show(self, engine: &Engine, run: Option<&RunProfile>) {
+        if self.profile {
+            let _ = write!(Printed::new(std::io::stderr()), "{}", table(&engine.profile(), run));
+        }
+    }
 }

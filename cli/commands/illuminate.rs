@@ -4,7 +4,6 @@ use super::simulate::{command_line, quoted, summary};
 use crate::args::Illuminate;
 use crate::failure::Failure;
 use crate::interrupt;
-use crate::profile;
 use crate::progress::Reporter;
 use beamlet::moments::StoredMoments;
 use beamlet::scene::Scene;
@@ -86,9 +85,7 @@ pub(super) fn run(arguments: &Illuminate, out: &mut impl Write) -> Result<(), Fa
     let at_once = if arguments.engine.memory_limit.is_some() { 1 } else { SIDE_BY_SIDE };
     let at_once = at_once.min(jobs.len());
     let unfinished = side_by_side(arguments, (&engine, &kept), (jobs, at_once), &cancel, out)?;
-    if arguments.profile.profile {
-        profile::show(&engine.profile(), None);
-    }
+    arguments.profile.show(&engine, None);
     let left: Vec<_> = unfinished.keys().map(|index| &places[*index]).collect();
     let advice = || advice(arguments, &left);
     // What went wrong says more than that the others were stopped.

@@ -7,7 +7,6 @@ use super::simulate::command_line;
 use crate::args::{Centre, Hardening, QuantityName, Reconstruct, ReconstructionName};
 use crate::failure::Failure;
 use crate::interrupt;
-use crate::profile;
 use crate::progress::Reporter;
 use beamlet::reconstruct::{
     BeamEnergy, FbpOptions, GridChoice, HardeningChoice, IterativeOptions, Method, Quantity,
@@ -101,9 +100,7 @@ fn work(
     let to = to.with_command(Some(&command));
     let done = reconstruct(&engine, &source.input, &plan, truth.as_ref(), to, &mut control)?;
     reporter.finish();
-    if arguments.profile.profile {
-        profile::show(&engine.profile(), None);
-    }
+    arguments.profile.show(&engine, None);
     if arguments.json {
         return super::write_json(&done.record, out);
     }

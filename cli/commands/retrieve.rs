@@ -6,7 +6,6 @@ use super::simulate::command_line;
 use crate::args::Retrieve;
 use crate::failure::Failure;
 use crate::interrupt;
-use crate::profile;
 use crate::progress::Reporter;
 use beamlet::RowsControl;
 use beamlet::retrieve::{ImagesTo, Input, RetrieveOptions, Weights, offsets, retrieve};
@@ -68,9 +67,7 @@ pub(super) fn run(arguments: &Retrieve, out: &mut impl Write) -> Result<(), Fail
         .with_command(Some(&command));
     let done = retrieve(&engine, input, &options, to, &mut control);
     reporter.finish();
-    if arguments.profile.profile {
-        profile::show(&engine.profile(), None);
-    }
+    arguments.profile.show(&engine, None);
     match done {
         Ok(record) if arguments.json => super::write_json(&record, out),
         Ok(_) if arguments.messages.quiet => Ok(()),

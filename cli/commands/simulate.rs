@@ -3,7 +3,6 @@
 use crate::args::Simulate;
 use crate::failure::Failure;
 use crate::interrupt;
-use crate::profile;
 use crate::progress::Reporter;
 use beamlet::scene::{Scene, Scheme};
 use beamlet::stack::layout::{self, RUN};
@@ -71,10 +70,8 @@ pub(super) fn run(arguments: &Simulate, out: &mut impl Write) -> Result<(), Fail
         .with_keep(keep.as_mut());
     let done = engine.run(&scene, &mut sink, control);
     reporter.finish();
-    if arguments.profile.profile {
-        let run = done.as_ref().ok().and_then(|record| record.profile.as_ref());
-        profile::show(&engine.profile(), run);
-    }
+    let of_run = done.as_ref().ok().and_then(|record| record.profile.as_ref());
+    arguments.profile.show(&engine, of_run);
     match done {
         Ok(_) if arguments.messages.quiet => Ok(()),
         Ok(record) => {

@@ -137,7 +137,7 @@ pub fn link_or_copy(from: &Path, to: &Path) -> Result<()> {
 ///
 /// # Errors
 ///
-/// [`Error::File`] that says what is there.
+/// [`Error::File`] that names the object found.
 pub fn refuse_link(path: &Path) -> Result<()> {
     match fs::symlink_metadata(path) {
         Ok(found) if found.is_symlink() => {

@@ -57,7 +57,7 @@ impl Device {
 }
 
 impl Buffer {
-    /// A buffer of `bytes` bytes; `name` stands in messages.
+    /// A buffer of `bytes` bytes; `name` appears in messages.
     ///
     /// # Errors
     ///

@@ -4,7 +4,7 @@ use super::command_batch::CommandBatch;
 use super::faults::{Fault, Faults};
 use super::instance::Instance;
 use super::physical::{self, DeviceDescription, Physical};
-use super::profile::{Counters, Profile};
+use super::profile::{Counters, Profile, Traffic};
 use super::retire::{Retired, Retirement};
 use super::transfer::Staging;
 use super::{allocator, failure};
@@ -67,8 +67,9 @@ pub struct Device {
     pub(super) retirement: Mutex<Retirement>,
     /// Batches whose end was not to be waited for.
     pub(super) stuck: Mutex<Vec<CommandBatch>>,
-    /// Staging buffers that wait for reuse, and those that work may still use.
+    /// Staging buffers for the next submissions.
     pub(super) kept: Mutex<Vec<Staging>>,
+    /// Staging buffers of submissions that failed.
     pub(super) withdrawn: Mutex<Vec<Staging>>,
     /// Batches that ended and wait for reuse.
     pub(crate) batches: Mutex<Vec<CommandBatch>>,
@@ -150,6 +151,11 @@ impl Device {
     /// Counts of its work since it was opened, by all its users.
     pub fn profile(&self) -> Profile {
         lock(&self.counters).profile()
+    }
+
+    /// The part of [`Device::profile`] without the kernels.
+    pub fn traffic(&self) -> Traffic {
+        lock(&self.counters).traffic
     }
 
     /// Warnings and errors of the validation layer so far; 0 without it.

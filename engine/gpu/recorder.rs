@@ -54,7 +54,9 @@ impl Recorder<'_> {
         let stamp = self.batch.next_stamps(self.stamps);
         let all = groups.iter().map(|n| u64::from(*n)).product();
         self.dispatched.push((kernel.name.clone(), all, stamp));
-        self.stamp(vk::PipelineStageFlags::TOP_OF_PIPE);
+        if stamp.is_some() {
+            self.stamp(vk::PipelineStageFlags::TOP_OF_PIPE);
+        }
         let (raw, commands) = (&self.device.raw, self.batch.commands);
         // SAFETY: the command buffer is recording, the kernel is of this device and is kept until
         // the submission ends, and push constants and counts were checked.
@@ -71,12 +73,9 @@ impl Recorder<'_> {
         }
     }
 
-    /// Writes a timestamp where this stage of all before has ended.
+    /// Writes a timestamp, for which there is room, where this stage of all before has ended.
     fn stamp(&mut self, stage: vk::PipelineStageFlags) {
         let CommandBatch { commands, stamps, .. } = *self.batch;
-        if self.stamps.is_multiple_of(2) && self.batch.next_stamps(self.stamps).is_none() {
-            return;
-        }
         // SAFETY: the command buffer is recording, and the timestamp is in the pool and was reset.
         unsafe { self.device.raw.cmd_write_timestamp(commands, stage, stamps, self.stamps) };
         self.stamps += 1;

@@ -119,10 +119,11 @@ impl Device {
             }
             return Ok(time);
         }
-        let bytes = |of: &mut dyn Iterator<Item = usize>| of.map(|bytes| bytes as u64).sum::<u64>();
+        let sent: u64 = uploads.iter().map(|it| it.bytes.len() as u64).sum();
+        let fetched: u64 = downloads.iter().map(|it| it.bytes.len() as u64).sum();
         let mut counters = lock(&self.counters);
-        counters.traffic.bytes_to_device += bytes(&mut uploads.iter().map(|it| it.bytes.len()));
-        counters.traffic.bytes_to_host += bytes(&mut downloads.iter().map(|it| it.bytes.len()));
+        counters.traffic.bytes_to_device += sent;
+        counters.traffic.bytes_to_host += fetched;
         drop(counters);
 
         let staging = if room > 0 { Some(self.take_staging(room)?) } else { None };

@@ -43,7 +43,7 @@ impl ImageDirectory {
     ///
     /// # Errors
     ///
-    /// [`Error::File`] that says what is there.
+    /// [`Error::File`] that names the object found.
     pub fn check(path: &Path, kind: Kind, overwrite: bool) -> Result<()> {
         refuse_linked(path)?;
         check(path, kind, overwrite)

@@ -328,7 +328,7 @@ impl Simulation {
         control.keep.as_mut().map_or(Ok(()), |keep| keep.begin_run())?;
         let device = Some(self.device().clone());
         let mut made = Handed { tally: control.counted, device, ..Handed::default() };
-        let prepared = self.device().profile().traffic;
+        let prepared = self.device().traffic();
         let one = match lanes {
             1 => work.pop(),
             _ => {

@@ -3,22 +3,23 @@
 mod batch;
 mod exact;
 mod kernels;
+mod pass;
 
 use super::upload::DeviceSample;
 use batch::Batch;
 use beamlet_core::cancel::Cancel;
 use beamlet_core::tally::Tally;
 use beamlet_core::{Result, numbers, reserve};
-use beamlet_gpu::{Backend, Buffer, Device, Download, LazyKernel, Memory, Pace, Recorder, Upload};
+use beamlet_gpu::{Backend, Buffer, Device, LazyKernel, Memory, Pace, Upload};
 use beamlet_interface::{
     Crossing, MATERIALS_IN_REGISTERS, MOMENTS_HEAD, Ray, RayResult, TALLY_COUNTERS, TALLY_DROPPED,
     TALLY_NEGATIVE, TALLY_NOT_FINITE, TALLY_REFLECTED, TALLY_UNBALANCED, TALLY_UNORDERED,
-    TracePush,
 };
 use beamlet_model::scene::Transport;
 use exact::{ExactPass, ExactRays, LISTED};
 pub use kernels::TraceKernels;
 use kernels::{OrderFree, Walks};
+use pass::{Found, Pass};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::time::Duration;
@@ -62,27 +63,6 @@ enum Wanted {
     RayResults,
     Moments,
     Both,
-}
-
-/// A pass in any order over rays.
-#[derive(Debug, Clone, Copy)]
-struct Pass {
-    moments: bool,
-    /// Number of rays.
-    n: u32,
-    /// They are those that were unbalanced.
-    listed: bool,
-    ray_offset: f32,
-    last: bool,
-}
-
-/// Counts of the passes over a batch.
-#[derive(Debug)]
-struct Found {
-    /// Number of rays that are unbalanced.
-    unbalanced: u32,
-    /// Number of rays to be traced exactly, of all passes; `None`: not read.
-    exact: Option<u32>,
 }
 
 #[derive(Debug, Default)]
@@ -347,55 +327,6 @@ impl Tracer {
         }
         self.settled.store(settled, Ordering::Relaxed);
         Ok(time)
-    }
-
-    /// One pass in any order, after `uploads`; its counts go to `found`, and results as far as there is room.
-    fn pass(
-        &self,
-        trace: &OrderFree,
-        pass: Pass,
-        uploads: &[Upload<'_>],
-        (found, results): (&mut Found, &mut [RayResult]),
-    ) -> Result<Duration> {
-        let b = &self.batch;
-        let Pass { moments, n, listed, ray_offset, last } = pass;
-        let kernel = self.order_free(trace, moments).get()?;
-        // Many materials are summed in memory, with or without moments.
-        let keep = moments || !self.few;
-        let push = TracePush {
-            sample_ref: self.sample.record(self.node),
-            rays: b.rays.address(),
-            moments: if keep { b.moments.address() } else { 0 },
-            results: b.results.address(),
-            exact: b.exact.address(),
-            unbalanced: b.unbalanced.address(),
-            list: b.list.address(),
-            tally: self.tally.address(),
-            count: n,
-            materials: self.sample.materials,
-            listed: listed.into(),
-            last: last.into(),
-            ray_offset,
-        };
-        let mut downloads = vec![
-            Download::new(&b.unbalanced, 0, std::slice::from_mut(&mut found.unbalanced)),
-            Download::new(&b.results, 0, results),
-        ];
-        if let Some(exact) = &mut found.exact {
-            downloads.push(Download::new(&b.exact, 0, std::slice::from_mut(exact)));
-        }
-        let record = |r: &mut Recorder<'_>| {
-            if listed {
-                r.copy(&b.unbalanced, 0, &b.list, 0, (u64::from(n) + 1) * 4);
-            } else {
-                r.fill(&b.exact, 0, 4, 0);
-            }
-            r.barrier();
-            r.fill(&b.unbalanced, 0, 4, 0);
-            r.barrier();
-            r.dispatch(kernel, bytemuck::bytes_of(&push), [n.div_ceil(trace.rays), 1, 1]);
-        };
-        self.device.run_with(uploads, record, &mut downloads)
     }
 
     /// Rays traced so far.

@@ -259,7 +259,7 @@ impl Handed {
     /// One more view with these counts.
     pub(super) fn add(&mut self, tally: Tally) {
         if let (0, Some(device)) = (self.views, &self.device) {
-            self.first = device.profile().traffic;
+            self.first = device.traffic();
         }
         self.views += 1;
         self.tally = self.tally + tally;

@@ -1,6 +1,7 @@
 //! Exact transport: several attempts, and lists of crossings as long as each ray needs.
 
-use super::{Found, Pass, RAY_OFFSETS, Tracer};
+use super::pass::{Found, Pass};
+use super::{RAY_OFFSETS, Tracer};
 use beamlet_core::Result;
 use beamlet_core::numbers::count;
 use beamlet_gpu::{Backend, Buffer, Download, Kernel, Pace, Recorder, Upload};
