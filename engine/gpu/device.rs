@@ -6,7 +6,7 @@ use super::instance::Instance;
 use super::physical::{self, DeviceDescription, Physical};
 use super::profile::{Counters, Profile, Traffic};
 use super::retire::{Retired, Retirement};
-use super::transfer::Staging;
+use super::staging::Staging;
 use super::{allocator, failure};
 use ash::vk;
 use beamlet_core::{Error, Result};

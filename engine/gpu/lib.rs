@@ -26,6 +26,7 @@ mod physical;
 mod profile;
 mod recorder;
 mod retire;
+mod staging;
 mod submission;
 mod transfer;
 

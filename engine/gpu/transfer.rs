@@ -4,12 +4,11 @@
 use super::buffer::Buffer;
 use super::device::{Device, lock};
 use super::recorder::Recorder;
-use super::retire::Retired;
+use super::staging::Staging;
 use super::{Memory, failure};
 use ash::vk;
-use beamlet_core::{Result, numbers};
+use beamlet_core::Result;
 use bytemuck::{AnyBitPattern, NoUninit};
-use gpu_allocator::vulkan::Allocation;
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -63,27 +62,6 @@ impl<'a> Download<'a> {
         let bytes: &mut [u8] = bytemuck::cast_slice_mut(values);
         buffer.check(offset, bytes.len() as u64);
         Self { buffer, offset, bytes }
-    }
-}
-
-/// Mapped memory that bytes go through.
-pub(super) struct Staging {
-    raw: vk::Buffer,
-    memory: Allocation,
-    bytes: u64,
-}
-
-impl Staging {
-    /// The mapped byte at an offset.
-    fn at(&self, offset: u64) -> Option<*mut u8> {
-        let pointer = self.memory.mapped_ptr()?.cast::<u8>();
-        // SAFETY: places lie in the buffer, and so in its mapped memory.
-        Some(unsafe { pointer.as_ptr().add(numbers::length(offset)) })
-    }
-
-    /// The object to destroy.
-    pub(super) fn retired(self) -> Retired {
-        Retired::Buffer(self.raw, self.memory)
     }
 }
 
