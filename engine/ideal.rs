@@ -147,7 +147,7 @@ pub fn ideal(
             progress(found.len() as u64, total as u64);
         }
     }
-    simulation.check_tally(&tracer.tally()?)?;
+    simulation.check_tally(&tracer.tally())?;
     Ok(IdealImages {
         images: pixels.images(&found)?,
         geometry: pixels.geometry()?,

@@ -23,6 +23,7 @@ layout(local_size_x = GROUP) in;
 #include "walk/primitive.glsl"
 #include "physics/refraction.glsl"
 #include "walk/list.glsl"
+#include "walk/queue.glsl"
 #include "walk/gather_all.glsl"
 #ifdef BACKEND_RAY_QUERY
 #include "walk/ray_query.glsl"
@@ -38,11 +39,11 @@ layout(local_size_x = GROUP) in;
 #include "walk/bent.glsl"
 #include "walk/follow.glsl"
 
-// The first order is the better answer.
-void give_up(uint index, uint flags) {
-    if (push.last == 0u) {
-        uint slot = atomicAdd(push.unbalanced.at[0], 1u);
-        push.unbalanced.at[1u + slot] = index;
+// Leaves a ray to another walk, or to the first order, which is the better answer for a ray that no attempt
+// can follow.
+void leave(uint index, uint flags) {
+    if (push.attempts < ATTEMPTS) {
+        enqueue(QUEUE_LOST, push.lost, index);
         return;
     }
     atomicAdd(push.tally.at[TALLY_UNORDERED], 1u);
@@ -65,36 +66,47 @@ void write(uint index, Walk walk) {
     push.results.at[index] = result;
 }
 
-void main() {
-    uint place = push.first + gl_GlobalInvocationID.x;
-    if (place >= push.count) return;
-    uint index = push.all != 0u ? place : push.list.at[1u + place];
-    uint end = push.runs != 0u ? push.list.at[2u + place] : index + 1u;
-    Ray ray = push.rays.at[index];
-    ray.x += push.ray_offset;
-    ray.z += 0.7 * push.ray_offset;
-    Beam line = beam_of(ray, sample_.poses.at[ray.pose]);
+// Traces a ray, or a run of one at several energies.
+void trace(uint place) {
+    uint index = push.all != 0u ? place : push.indices.at[place];
+    uint end = push.runs != 0u ? push.indices.at[place + 1u] : index + 1u;
+    uint attempt = 0u;
     Gathered list = list_begin(0.0, NO_LEAF);
     bool known = false;
+    // A bend at an edge, or a new search there, can lose a crossing: such rays are tried again.
     do {
+        Ray own = push.rays.at[index];
+        Beam line = beam_of(attempted(own, attempt), sample_.poses.at[own.pose]);
         uint constants = uvec2(push.nodes) == uvec2(0u) ? 0u : push.nodes.at[index];
         Walk walk = walk_begin(line, push.results.at[index].flags, constants);
 #ifdef PLACED
         if ((KINDS & KIND_ROUGH) != 0u) {
-            Ray own = push.rays.at[index];
             walk.key = own.key != 0u ? own.key : key_of(own);
             walk.draws = own.key != 0u;
         }
 #endif
         uint outcome = follow(walk, list, known);
+        bool again = false;
         if (outcome == THROUGH) {
             write(index, walk);
         } else if (outcome == SEARCHING && push.capacity < LONGEST_LIST) {
-            uint slot = atomicAdd(push.longer.at[0], 1u);
-            push.longer.at[1u + slot] = index;
+            enqueue(push.longer_queue, push.longer, index);
+        } else if (attempt + 1u < push.attempts) {
+            atomicAdd(push.tally.at[TALLY_RETRACED], 1u);
+            again = true;
         } else {
-            give_up(index, walk.flags | (outcome == SEARCHING ? FLAG_DROPPED : 0u));
+            leave(index, walk.flags | (outcome == SEARCHING ? FLAG_DROPPED : 0u));
         }
-        index += 1u;
+        // The list of a ray to the side is not that of the ray at the next energy.
+        if (attempt > 0u || again) known = false;
+        attempt = again ? attempt + 1u : 0u;
+        index += again ? 0u : 1u;
     } while (index < end);
+}
+
+void main() {
+    uint place = gl_GlobalInvocationID.x;
+    if (place >= push.room) return;
+    uint count = push.queue == NO_QUEUE ? push.count : queued(push.queue);
+    for (; place < count; place += push.room) trace(place);
 }

@@ -120,18 +120,23 @@ void visit_shape(Beam beam, uint primitive, Placed placed, inout Gathered all) {
 
 void main() {
     uint index = gl_GlobalInvocationID.x;
-    if (index >= push.count) return;
-    if (push.listed != 0u) index = push.list.at[1u + index];
-    Ray ray = ray_at(index);
-    Beam beam = beam_of(ray, sample_.poses.at[ray.pose]);
-    Gathered all = gathered_begin(beam, index, true);
+    if (index >= (push.listed != 0u ? queued(QUEUE_LEFT) : push.count)) return;
+    if (push.listed != 0u) index = push.left.at[index];
+    Ray own = push.rays.at[index];
+    PoseTransform pose = sample_.poses.at[own.pose];
+    uint attempt = 0u;
+    bool again;
+    do {
+        Beam beam = beam_of(attempted(own, attempt), pose);
+        Gathered all = gathered_begin(beam, index, true);
 #ifdef PLACED
-    if ((KINDS & KIND_ROUGH) != 0u) {
-        Ray own = push.rays.at[index];
-        all.key = own.key != 0u ? own.key : key_of(own);
-        all.draws = own.key != 0u;
-    }
+        if ((KINDS & KIND_ROUGH) != 0u) {
+            all.key = own.key != 0u ? own.key : key_of(own);
+            all.draws = own.key != 0u;
+        }
 #endif
-    traverse(beam, -1e30, all);
-    finish(index, all);
+        traverse(beam, -1e30, all);
+        again = finish(index, all, attempt);
+        attempt += 1u;
+    } while (again);
 }

@@ -25,6 +25,7 @@ layout(local_size_x = GROUP) in;
 // A ray of a lane.
 struct Member {
     uint index;
+    bool tries; // is not done
     bool waits; // for its pose to be walked
     bool walks;
     uint pose;
@@ -334,27 +335,22 @@ void walk_together(PoseTransform pose) {
     } while (ends);
 }
 
-void main() {
-    // Neighbours in the list are neighbours in a bundle.
-    uint lane = gl_GlobalInvocationID.x % gl_SubgroupSize;
-    uint first = (gl_GlobalInvocationID.x - lane) * RAYS_PER_LANE + lane;
-    EACH_RAY {
-        uint index = first + k * gl_SubgroupSize;
-        rays[k].waits = index < push.count;
-        // Lanes without a ray of their own help to load for the others.
-        index = min(index, push.count - 1u);
-        if (push.listed != 0u) index = push.list.at[1u + index];
-        Ray ray = ray_at(index);
-        rays[k].index = index;
-        rays[k].pose = ray.pose;
-        rays[k].beam = beam_of(ray);
-        rays[k].all = gathered_begin(rays[k].beam, index, rays[k].waits);
+// Begins an attempt of a ray of this lane.
+void member_begin(uint k, uint attempt) {
+    Ray ray = attempted(push.rays.at[rays[k].index], attempt);
+    rays[k].waits = rays[k].tries;
+    rays[k].pose = ray.pose;
+    rays[k].beam = beam_of(ray);
+    rays[k].all = gathered_begin(rays[k].beam, rays[k].index, rays[k].tries);
 #ifdef PLACED
-        if ((KINDS & KIND_ROUGH) != 0u) rays[k].all.draws = ray.key != 0u;
+    if ((KINDS & KIND_ROUGH) != 0u) rays[k].all.draws = ray.key != 0u;
 #endif
-    }
+}
+
+// Walks the rays that wait, one pose after another, where a bundle has several.
+void walk_poses() {
     bool left;
-    do { // one pose after another, where a bundle has several
+    do {
         uint pose = 0u;
         EACH_RAY pose = max(pose, rays[k].waits ? rays[k].pose + 1u : 0u);
         pose = max(most_of_lanes(pose), 1u) - 1u;
@@ -369,9 +365,29 @@ void main() {
         EACH_RAY rays[k].beam.analyser = frame.analyser;
         walk_together(frame);
     } while (left);
+}
+
+void main() {
+    // Neighbours in the list are neighbours in a bundle.
+    uint lane = gl_GlobalInvocationID.x % gl_SubgroupSize;
+    uint first = (gl_GlobalInvocationID.x - lane) * RAYS_PER_LANE + lane;
     EACH_RAY {
-        if (first + k * gl_SubgroupSize < push.count) {
-            finish(rays[k].index, rays[k].all);
-        }
+        uint index = first + k * gl_SubgroupSize;
+        rays[k].tries = index < push.count;
+        // Lanes without a ray of their own help to load for the others.
+        rays[k].index = min(index, push.count - 1u);
     }
+    uint attempt = 0u;
+    bool again;
+    do {
+        EACH_RAY member_begin(k, attempt);
+        walk_poses();
+        again = false;
+        EACH_RAY {
+            if (rays[k].tries) rays[k].tries = finish(rays[k].index, rays[k].all, attempt);
+            again = again || rays[k].tries;
+        }
+        again = any_lane(uint(again)) != 0u;
+        attempt += 1u;
+    } while (again);
 }

@@ -79,6 +79,7 @@ impl Buffer {
         let usage = usage
             | Usage::STORAGE_BUFFER
             | Usage::SHADER_DEVICE_ADDRESS
+            | Usage::INDIRECT_BUFFER
             | Usage::TRANSFER_SRC
             | Usage::TRANSFER_DST;
         let info = vk::BufferCreateInfo::default().size(size).usage(usage);

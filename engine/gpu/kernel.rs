@@ -207,6 +207,17 @@ impl Kernel {
     pub fn name(&self) -> &str {
         &self.name
     }
+
+    /// Panics where push constants are not as long as the kernel's.
+    pub(super) fn check(&self, push: &[u8]) {
+        let expected = self.push_bytes as usize;
+        assert!(
+            push.len() == expected,
+            "{}: {} push bytes, {expected} expected",
+            self.name,
+            push.len()
+        );
+    }
 }
 
 impl fmt::Debug for Kernel {

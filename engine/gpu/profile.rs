@@ -1,5 +1,7 @@
 //! Counts of the work that a device was given, since it was opened.
 
+use super::device::{Device, lock};
+use super::kernel::Kernel;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -27,11 +29,15 @@ impl KernelProfile {
         if self.dispatches == 0 { 0.0 } else { self.groups as f64 / self.dispatches as f64 }
     }
 
-    /// Counts one dispatch.
-    fn add(&mut self, groups: u64, seconds: Option<f64>) {
-        self.dispatches += 1;
+    /// Counts the workgroups of a dispatch.
+    fn add(&mut self, groups: u64) {
+        self.dispatches += u64::from(groups > 0);
         self.groups += groups;
         self.largest = self.largest.max(groups);
+    }
+
+    /// Counts the time of a dispatch.
+    fn spend(&mut self, seconds: Option<f64>) {
         if let Some(seconds) = seconds {
             *self.seconds.get_or_insert(0.0) += seconds;
         }
@@ -79,8 +85,16 @@ pub struct Profile {
     pub kernels: BTreeMap<String, KernelProfile>,
 }
 
-/// A dispatch that was recorded: kernel, workgroups, and the first of its two timestamps, if any.
-pub(super) type Dispatched = (Arc<str>, u64, Option<u32>);
+/// A dispatch that was recorded: kernel, workgroups, where the host knows them, and the first of its two
+/// timestamps, if any.
+pub(super) type Dispatched = (Arc<str>, Option<u64>, Option<u32>);
+
+impl Device {
+    /// Counts the workgroups of a dispatch whose size the device decided, which has ended; 0: it had no work.
+    pub fn count_indirect(&self, kernel: &Kernel, groups: u64) {
+        lock(&self.counters).add_groups(&kernel.name, groups);
+    }
+}
 
 /// The counts of an open device.
 #[derive(Debug, Default)]
@@ -94,8 +108,14 @@ impl Counters {
     pub(super) fn add(&mut self, all: &[Dispatched], seconds: impl Fn(u32) -> Option<f64>) {
         for (name, groups, stamp) in all {
             let of = self.kernels.entry(name.clone()).or_default();
-            of.add(*groups, stamp.and_then(&seconds));
+            of.add(groups.unwrap_or(0));
+            of.spend(stamp.and_then(&seconds));
         }
+    }
+
+    /// Counts the workgroups of a dispatch.
+    fn add_groups(&mut self, kernel: &Arc<str>, groups: u64) {
+        self.kernels.entry(kernel.clone()).or_default().add(groups);
     }
 
     /// The counts so far.

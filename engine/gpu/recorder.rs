@@ -30,14 +30,8 @@ impl Recorder<'_> {
     /// # Panics
     /// Where the push constants are not as long as the kernel's.
     pub fn dispatch(&mut self, kernel: &Kernel, push: &[u8], groups: [u32; 3]) {
-        assert!(
-            push.len() == kernel.push_bytes as usize,
-            "{}: {} push bytes, {} expected",
-            kernel.name(),
-            push.len(),
-            kernel.push_bytes
-        );
         if groups.contains(&0) {
+            kernel.check(push);
             return;
         }
         let most = self.device.max_groups();
@@ -51,23 +45,53 @@ impl Recorder<'_> {
             });
             return;
         }
-        let stamp = self.batch.next_stamps(self.stamps);
         let all = groups.iter().map(|n| u64::from(*n)).product();
-        self.dispatched.push((kernel.name.clone(), all, stamp));
+        self.dispatch_by(kernel, push, Some(all), |raw, commands| {
+            // SAFETY: the command buffer is recording, and the counts were checked.
+            unsafe { raw.cmd_dispatch(commands, groups[0], groups[1], groups[2]) };
+        });
+    }
+
+    /// Runs a kernel with as many workgroups as three words of a buffer say when it begins. Its workgroups are
+    /// counted by [`Device::count_indirect`].
+    ///
+    /// # Panics
+    /// As [`Recorder::dispatch`]; where the words are not in the buffer.
+    pub fn dispatch_indirect(&mut self, kernel: &Kernel, push: &[u8], groups: &Buffer, at: u64) {
+        groups.check(at, 12);
+        assert!(at.is_multiple_of(4), "{}: whole words", groups.name());
+        self.dispatch_by(kernel, push, None, |raw, commands| {
+            // SAFETY: the command buffer is recording, and the words were checked to lie in the buffer, which
+            // is of this device and is kept until the submission ends.
+            unsafe { raw.cmd_dispatch_indirect(commands, groups.raw(), at) };
+        });
+    }
+
+    /// Binds a kernel with its push constants, and dispatches it, with timestamps around it.
+    fn dispatch_by(
+        &mut self,
+        kernel: &Kernel,
+        push: &[u8],
+        groups: Option<u64>,
+        dispatch: impl FnOnce(&ash::Device, vk::CommandBuffer),
+    ) {
+        kernel.check(push);
+        let stamp = self.batch.next_stamps(self.stamps);
+        self.dispatched.push((kernel.name.clone(), groups, stamp));
         if stamp.is_some() {
             self.stamp(vk::PipelineStageFlags::TOP_OF_PIPE);
         }
         let (raw, commands) = (&self.device.raw, self.batch.commands);
         // SAFETY: the command buffer is recording, the kernel is of this device and is kept until
-        // the submission ends, and push constants and counts were checked.
+        // the submission ends, and push constants were checked.
         unsafe {
             raw.cmd_bind_pipeline(commands, vk::PipelineBindPoint::COMPUTE, kernel.pipeline);
             if !push.is_empty() {
                 let stage = vk::ShaderStageFlags::COMPUTE;
                 raw.cmd_push_constants(commands, kernel.layout, stage, 0, push);
             }
-            raw.cmd_dispatch(commands, groups[0], groups[1], groups[2]);
         }
+        dispatch(raw, commands);
         if stamp.is_some() {
             self.stamp(vk::PipelineStageFlags::BOTTOM_OF_PIPE);
         }

@@ -22,7 +22,7 @@ const KEPT: usize = 4;
 const ALIGN: u64 = 16;
 
 /// Bytes for a buffer, which are there before the work of a submission.
-#[derive(Debug)]
+#[derive(Debug, Clone, Copy)]
 pub struct Upload<'a> {
     buffer: &'a Buffer,
     offset: u64,
@@ -154,6 +154,18 @@ impl Device {
             self.keep_staging(staging);
         }
         Ok(time)
+    }
+
+    /// Gets bytes of buffers: in one submission where the host does not reach the memory of all, in none where
+    /// it does.
+    ///
+    /// # Errors
+    /// As [`Device::run`].
+    pub fn read(self: &Arc<Self>, downloads: &mut [Download<'_>]) -> Result<()> {
+        if downloads.iter().any(|it| it.buffer.is_staged()) {
+            return self.run_with(&[], |_| {}, downloads).map(drop);
+        }
+        downloads.iter_mut().try_for_each(|it| it.buffer.read_into(it.offset, &mut *it.bytes))
     }
 
     /// A staging buffer of at least this many bytes.

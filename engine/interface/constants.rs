@@ -62,6 +62,22 @@ shared_constants! {
     /// Crossings that the longest list of a ray that is traced exactly holds.
     LONGEST_LIST: u32 = 1 << 20;
 
+    /// Attempts to trace a ray, each a little to the side of the one before.
+    ATTEMPTS: u32 = 5;
+    /// Words at the head of a queue of rays: their number, and the workgroups of a dispatch of one
+    /// invocation for each.
+    QUEUE_HEAD: u32 = 4;
+    /// Queue of rays that a walk leaves to another.
+    QUEUE_LEFT: u32 = 0;
+    /// Queue of rays to trace exactly.
+    QUEUE_EXACT: u32 = 1;
+    /// Queue of rays that an exact walk leaves to another.
+    QUEUE_LOST: u32 = 2;
+    /// First of the queues of rays with more crossings than the lists of a pass hold, one for each pass.
+    QUEUE_LONGER: u32 = 3;
+    /// In place of a queue, where the host knows the rays.
+    NO_QUEUE: u32 = u32::MAX;
+
     /// Words at the head of a ray's moments.
     MOMENTS_HEAD: usize = 4;
     /// Word of the head: hash of the crossings per object, the same in any order.
@@ -96,7 +112,7 @@ shared_constants! {
     MATERIALS_IN_REGISTERS: u32 = 4;
 
     /// Counters of a run.
-    TALLY_COUNTERS: usize = 6;
+    TALLY_COUNTERS: usize = 7;
     /// Rays that left some object more or less often than they entered it.
     TALLY_UNBALANCED: usize = 0;
     /// Rays that reached a limit.
@@ -109,6 +125,8 @@ shared_constants! {
     TALLY_UNORDERED: usize = 4;
     /// Rays with a negative path in a material.
     TALLY_NEGATIVE: usize = 5;
+    /// Further attempts to trace a ray.
+    TALLY_RETRACED: usize = 6;
     /// Length of a negative path that counts, m: sums of paths are rounded to less.
     NEGATIVE_PATH: f64 = 1e-7;
 

@@ -203,20 +203,20 @@ shared_structs! {
         /// `[ray][MOMENTS_HEAD + materials * MOMENTS_PER_MATERIAL]`.
         pub moments: u64 => Words,
         pub results: u64 => RayResults,
-        /// `[0]`: count, then indices of rays to trace exactly.
+        /// `[queue][QUEUE_HEAD]`.
+        pub queues: u64 => Words,
+        /// Indices of rays to trace exactly.
         pub exact: u64 => Words,
-        /// `[0]`: count, then indices of rays to trace again.
-        pub unbalanced: u64 => Words,
-        /// `[0]`: count, then indices of rays to trace, where `listed`.
-        pub list: u64 => Words,
+        /// Indices of rays that are left, or were left where `listed`.
+        pub left: u64 => Words,
         pub tally: u64 => Words,
+        /// Number of rays, where not `listed`.
         pub count: u32,
         pub materials: u32,
+        /// The rays are those that another walk left.
         pub listed: u32,
-        /// No further attempt follows.
-        pub last: u32,
-        /// Moves the rays in x, and in z by 0.7 of it, m.
-        pub ray_offset: f32,
+        /// Attempts of this walk; a ray that needs more, of `ATTEMPTS`, is left to another.
+        pub attempts: u32,
     }
 
     /// Push constants of `exact.comp`.
@@ -224,30 +224,36 @@ shared_structs! {
         pub sample_ref: u64 => SampleRef,
         pub rays: u64 => Rays,
         pub results: u64 => RayResults,
-        /// `[0]`: count, then indices; not used when `all` is set; ends with one more if `runs`.
-        pub list: u64 => Words,
-        /// `[0]`: count, then indices of rays to trace again.
-        pub unbalanced: u64 => Words,
-        /// `[0]`: count, then indices of rays that cross more than a list holds.
+        /// `[queue][QUEUE_HEAD]`.
+        pub queues: u64 => Words,
+        /// Indices of rays; not used when `all` is set; ends with one more if `runs`.
+        pub indices: u64 => Words,
+        /// Indices of rays that are left to another walk.
+        pub lost: u64 => Words,
+        /// Indices of rays that cross more than a list holds.
         pub longer: u64 => Words,
         /// `[group][capacity][stride]`.
         pub lists: u64 => Crossings,
         /// `[ray]`: constants of its energy; null: constants of the sample.
         pub nodes: u64 => Words,
         pub tally: u64 => Words,
+        /// Queue of the rays, or `NO_QUEUE`.
+        pub queue: u32,
+        /// Number of rays that are in no queue.
         pub count: u32,
         pub all: u32,
-        /// Indices in the list are the first of runs of one ray at several energies.
+        /// Indices are the first of runs of one ray at several energies.
         pub runs: u32,
-        pub first: u32,
-        /// No further attempt follows.
-        pub last: u32,
-        /// Moves the rays in x, and in z by 0.7 of it, m.
-        pub ray_offset: f32,
+        /// Queue of rays that cross more than a list holds.
+        pub longer_queue: u32,
+        /// Attempts of this walk; a ray that needs more, of `ATTEMPTS`, is left to another.
+        pub attempts: u32,
         /// Crossings of a list.
         pub capacity: u32,
         /// Rays of a workgroup.
         pub stride: u32,
+        /// Number of lists.
+        pub room: u32,
     }
 
     /// Push constants of `crossings.comp`.

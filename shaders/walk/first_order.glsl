@@ -8,18 +8,12 @@
 #include "walk/primitive.glsl"
 #include "physics/refraction.glsl"
 #include "walk/moments.glsl"
+#include "walk/queue.glsl"
 #ifdef PLACED
 #include "random/hash.glsl"
 #include "walk/rough.glsl"
 #include "walk/smooth.glsl"
 #endif
-
-Ray ray_at(uint index) {
-    Ray ray = push.rays.at[index];
-    ray.x += push.ray_offset;
-    ray.z += 0.7 * push.ray_offset;
-    return ray;
-}
 
 // Sums of a ray.
 struct Gathered {
@@ -63,13 +57,13 @@ bool finite(RayResult result) {
     return sum < 1e30; // false for NaN too
 }
 
-// Writes the result of a ray, and puts it on the list of those that need more.
-void finish(uint index, inout Gathered all) {
+// Writes the result of a ray, and puts it into the queue of those that need more. True if this walk tries
+// it again.
+bool finish(uint index, inout Gathered all, uint attempt) {
 #ifdef PLACED
     if (all.left) {
-        uint slot = atomicAdd(push.unbalanced.at[0], 1u);
-        push.unbalanced.at[1u + slot] = index;
-        return;
+        enqueue(QUEUE_LEFT, push.left, index);
+        return false;
     }
 #endif
     run_flush(all.sums, all.run);
@@ -81,17 +75,18 @@ void finish(uint index, inout Gathered all) {
     push.results.at[index] = result;
     sums_end(all.sums, index, result, all.run.balance);
     if ((result.flags & FLAG_NOT_FINITE) != 0u) atomicAdd(push.tally.at[TALLY_NOT_FINITE], 1u);
-    bool is_final = push.last != 0u || (result.flags & FLAG_UNBALANCED) == 0u;
-    if (is_final && path_is_negative(all.sums)) atomicAdd(push.tally.at[TALLY_NEGATIVE], 1u);
-    if ((result.flags & FLAG_UNBALANCED) != 0u) {
-        if (push.last != 0u) {
-            atomicAdd(push.tally.at[TALLY_UNBALANCED], 1u);
-        } else {
-            uint slot = atomicAdd(push.unbalanced.at[0], 1u);
-            push.unbalanced.at[1u + slot] = index;
-        }
-    } else if ((result.flags & FLAG_GRAZING) != 0u) {
-        uint slot = atomicAdd(push.exact.at[0], 1u);
-        push.exact.at[1u + slot] = index;
+    bool is_balanced = (result.flags & FLAG_UNBALANCED) == 0u;
+    bool is_last = attempt + 1u >= ATTEMPTS;
+    if ((is_balanced || is_last) && path_is_negative(all.sums)) {
+        atomicAdd(push.tally.at[TALLY_NEGATIVE], 1u);
     }
+    if (is_balanced) {
+        if ((result.flags & FLAG_GRAZING) != 0u) enqueue(QUEUE_EXACT, push.exact, index);
+        return false;
+    }
+    bool again = attempt + 1u < push.attempts;
+    if (is_last) atomicAdd(push.tally.at[TALLY_UNBALANCED], 1u);
+    else if (again) atomicAdd(push.tally.at[TALLY_RETRACED], 1u);
+    else enqueue(QUEUE_LEFT, push.left, index);
+    return again;
 }

@@ -142,7 +142,7 @@ fn trace(backend: Backend, bodies: &[Body], rays: Range<u64>) -> Option<Counts> 
             counts.unbalanced += u64::from(result.flags & FLAG_UNBALANCED != 0);
         }
     }
-    let tally = tracer.tally().expect("a tally");
+    let tally = tracer.tally();
     assert_eq!(
         (tally.rays, tally.unbalanced),
         (counts.rays, counts.unbalanced),

@@ -95,7 +95,7 @@ impl Watch {
 
     /// No ray may have needed another attempt, either.
     pub(crate) fn end(self) -> usize {
-        let tally = self.tracer.tally().expect("a tally");
+        let tally = self.tracer.tally();
         assert_eq!((tally.unbalanced, tally.not_finite, tally.dropped), (0, 0, 0));
         assert_eq!(tally.retraced, 0, "rays were traced again");
         assert!(self.met * 3 > self.rays, "{} of {} rays met a body", self.met, self.rays);

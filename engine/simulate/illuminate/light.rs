@@ -3,7 +3,7 @@
 use crate::sampling::{Lattice, beamlet_geometry};
 use beamlet_core::Result;
 use beamlet_core::numbers::{count, single};
-use beamlet_gpu::{Buffer, Device};
+use beamlet_gpu::{Buffer, Device, Upload};
 use beamlet_interface::{Address, Aperture, BeamletGeometry, IlluminationParams, Mask, SpotPart};
 use beamlet_model::media::MaterialTable;
 use beamlet_model::optics::{MaskShape, Optics};
@@ -184,18 +184,16 @@ impl IlluminationBuffer {
         Self::upload(device, scene, optics, &beamlets, band, &[whole])
     }
 
-    /// Sets the band of detector rows that sums are buffers for, and the list of mask offsets.
-    ///
-    /// # Errors
-    /// [`beamlet_core::Error::Device`].
-    pub(crate) fn set_band(&mut self, rows: &Range<u32>, list: usize) -> Result<()> {
+    /// Sets the band of detector rows that sums are buffers for, and the list of mask offsets; returns what
+    /// the device is to know.
+    pub(crate) fn set_band(&mut self, rows: &Range<u32>, list: usize) -> Upload<'_> {
         let (first, stride) = self.list;
         for light in &mut self.lights {
             light.offsets = first + list as u64 * stride;
             light.first_row = rows.start.cast_signed();
             light.row_count = rows.end - rows.start;
         }
-        self.buffer.write(0, &self.lights)
+        Upload::new(&self.buffer, 0, &self.lights)
     }
 }
 

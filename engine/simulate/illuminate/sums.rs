@@ -2,7 +2,7 @@
 
 use beamlet_core::numbers::single;
 use beamlet_core::{Error, Result, reserve};
-use beamlet_gpu::{Buffer, Device, Memory};
+use beamlet_gpu::{Buffer, Device, Download, Memory, Upload};
 use ndarray::Array3;
 use rayon::prelude::*;
 use std::ops::Range;
@@ -42,21 +42,14 @@ impl PixelSums {
         self.shape[1] * self.shape[2]
     }
 
-    /// Makes them the sums of a band of `rows` rows.
-    pub(crate) const fn set_rows(&mut self, rows: &Range<u32>) {
-        self.shape[1] = (rows.end - rows.start) as usize;
-    }
-
-    /// Sets all sums of a band of `rows` rows to zero.
+    /// Sets all sums of a band of `rows` rows to zero, in the submission that takes `uploads` along.
     ///
     /// # Errors
     /// [`Error::Device`].
-    pub(crate) fn clear(&mut self, rows: &Range<u32>) -> Result<()> {
-        self.set_rows(rows);
+    pub(crate) fn clear(&mut self, rows: &Range<u32>, uploads: &[Upload<'_>]) -> Result<()> {
+        self.shape[1] = (rows.end - rows.start) as usize;
         let bytes = (self.shape[0] as u64 + 1) * self.frame() as u64 * 8;
-        self.device.run(|r| {
-            r.fill(&self.buffer, 0, bytes, 0);
-        })?;
+        self.device.run_with(uploads, |r| r.fill(&self.buffer, 0, bytes, 0), &mut [])?;
         Ok(())
     }
 
@@ -67,13 +60,18 @@ impl PixelSums {
     pub(crate) fn intensities(&self) -> Result<Array3<f32>> {
         let whole = |[low, high]: [u32; 2]| u64::from(high) << 32 | u64::from(low);
         let mut values = reserve::zeroed::<f32>(self.shape.iter().product(), "a band of a view")?;
-        let every_step = self.buffer.read::<[u32; 2]>(8 * values.len() as u64, self.frame())?;
-        let every_step = |index: usize| whole(every_step[index % self.frame()]);
+        let mut every_step = vec![[0_u32; 2]; self.frame()];
+        let behind = 8 * values.len() as u64;
         let mut words = reserve::zeroed::<[u32; 2]>(values.len().min(PART), "a part of a band")?;
         let mut first = 0;
         for part in values.chunks_mut(PART) {
             let words = &mut words[..part.len()];
-            self.buffer.read_into(8 * first as u64, words)?;
+            let part_of_step = if first == 0 { &mut every_step[..] } else { &mut [] };
+            self.device.read(&mut [
+                Download::new(&self.buffer, 8 * first as u64, words),
+                Download::new(&self.buffer, behind, part_of_step),
+            ])?;
+            let every_step = |index: usize| whole(every_step[index % self.frame()]);
             part.par_iter_mut().zip(words).enumerate().for_each(|(index, (value, words))| {
                 // Terms may be negative, in two's complement; a sum is so by rounding alone.
                 let sum = whole(*words).wrapping_add(every_step(first + index));

@@ -259,7 +259,7 @@ impl Simulation {
         let mut before = Tally::default();
         for view in &views[made.views..] {
             work.view(*view, sink, control)?;
-            let tally = work.tally()?;
+            let tally = work.tally();
             let own = tally.since(before);
             before = tally;
             sink.tally(*view, &own)?;

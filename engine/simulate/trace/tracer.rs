@@ -2,8 +2,10 @@
 
 mod batch;
 mod exact;
+mod job;
 mod kernels;
 mod pass;
+mod queues;
 
 use super::upload::DeviceSample;
 use batch::Batch;
@@ -13,27 +15,25 @@ use beamlet_core::{Result, numbers, reserve};
 use beamlet_gpu::{Backend, Buffer, Device, LazyKernel, Memory, Pace, Upload};
 use beamlet_interface::{
     Crossing, MATERIALS_IN_REGISTERS, MOMENTS_HEAD, Ray, RayResult, TALLY_COUNTERS, TALLY_DROPPED,
-    TALLY_NEGATIVE, TALLY_NOT_FINITE, TALLY_REFLECTED, TALLY_UNBALANCED, TALLY_UNORDERED,
+    TALLY_NEGATIVE, TALLY_NOT_FINITE, TALLY_REFLECTED, TALLY_RETRACED, TALLY_UNBALANCED,
+    TALLY_UNORDERED,
 };
 use beamlet_model::scene::Transport;
-use exact::{ExactPass, ExactRays, LISTED};
+use exact::LISTED;
 pub use kernels::TraceKernels;
 use kernels::{OrderFree, Walks};
-use pass::{Found, Pass};
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Duration;
 
 /// Rays of a batch to begin with; batches adapt so that no dispatch is long.
 const FIRST_BATCH: u32 = 1 << 16;
+/// As [`FIRST_BATCH`], where all rays are traced exactly, which takes longer.
+const FIRST_EXACT_BATCH: u32 = 1 << 13;
 /// Fewest rays of a batch that adapts.
 const SMALLEST_BATCH: u32 = 1024;
 /// Most rays of a batch.
 const LARGEST_BATCH: u32 = 1 << 19;
-/// Unbalanced rays are tried again this far to the side, m: far below any accuracy wanted, far
-/// above the rounding of coordinates that made an edge ambiguous.
-const RAY_OFFSETS: [f32; 5] = [0.0, 3e-10, -7e-10, 2.3e-9, -6e-9];
-
 /// Traces rays through a sample on the device.
 #[derive(Debug)]
 pub struct Tracer {
@@ -52,8 +52,6 @@ pub struct Tracer {
     fixed_batch: Option<u32>,
     most: u32,
     counts: DeviceCounts,
-    /// The batch before was done with one pass.
-    settled: AtomicBool,
     cancel: Cancel,
 }
 
@@ -73,6 +71,16 @@ struct DeviceCounts {
     device: [AtomicU64; TALLY_COUNTERS],
 }
 
+impl DeviceCounts {
+    /// Takes the counters of the device, which are 32 bits wide and begin anew where they are full.
+    fn take(&self, now: &[u32; TALLY_COUNTERS]) {
+        for (sum, now) in self.device.iter().zip(now) {
+            let before = numbers::low_word(sum.load(Ordering::Relaxed));
+            sum.fetch_add(now.wrapping_sub(before).into(), Ordering::Relaxed);
+        }
+    }
+}
+
 impl Tracer {
     /// A tracer; `fixed_batch` sets the rays of a dispatch, `most` bounds them where it does not
     /// (results do not depend on them).
@@ -89,7 +97,11 @@ impl Tracer {
         most: u32,
     ) -> Result<Self> {
         let most = most.clamp(SMALLEST_BATCH, LARGEST_BATCH);
-        let capacity = fixed_batch.unwrap_or(FIRST_BATCH.min(most)).clamp(1, LARGEST_BATCH);
+        let first = match transport {
+            Transport::Exact => FIRST_EXACT_BATCH,
+            Transport::Auto | Transport::FirstOrder => FIRST_BATCH,
+        };
+        let capacity = fixed_batch.unwrap_or(first.min(most)).clamp(1, LARGEST_BATCH);
         Ok(Self {
             device: device.clone(),
             kernels: kernels.clone(),
@@ -108,7 +120,6 @@ impl Tracer {
             fixed_batch,
             most,
             counts: DeviceCounts::default(),
-            settled: AtomicBool::new(true),
             cancel: Cancel::default(),
         })
     }
@@ -179,7 +190,7 @@ impl Tracer {
     /// [`beamlet_core::Error::Device`], [`beamlet_core::Error::Memory`].
     pub fn trace(&mut self, rays: &[Ray]) -> Result<Vec<RayResult>> {
         let mut results = bytemuck::zeroed_vec(rays.len());
-        self.each_batch(rays, &mut results, Wanted::RayResults, |_, _, _| Ok(()))?;
+        self.each_batch(rays, &mut results, &mut [], Wanted::RayResults)?;
         Ok(results)
     }
 
@@ -209,9 +220,7 @@ impl Tracer {
     ) -> Result<Vec<u32>> {
         let words = MOMENTS_HEAD + self.moment_words();
         let mut moments = reserve::zeroed::<u32>(rays.len() * words, "moments of rays")?;
-        self.each_batch(rays, results, wanted, |batch, first, n| {
-            batch.moments.read_into(0, &mut moments[first * words..(first + n) * words])
-        })?;
+        self.each_batch(rays, results, &mut moments, wanted)?;
         Ok(moments)
     }
 
@@ -219,9 +228,10 @@ impl Tracer {
         &mut self,
         rays: &[Ray],
         results: &mut [RayResult],
+        moments: &mut [u32],
         wanted: Wanted,
-        mut after: impl FnMut(&Batch, usize, usize) -> Result<()>,
     ) -> Result<()> {
+        let words = MOMENTS_HEAD + self.moment_words();
         let mut first = 0;
         while first < rays.len() {
             self.cancel.check()?;
@@ -230,9 +240,15 @@ impl Tracer {
                 Wanted::Moments => &mut [],
                 Wanted::RayResults | Wanted::Both => &mut results[first..first + n],
             };
-            let rays = &rays[first..first + n];
-            let time = self.trace_batch(numbers::count(n), rays, wanted, true, results)?;
-            after(&self.batch, first, n)?;
+            let moments = match wanted {
+                Wanted::RayResults => &mut [],
+                Wanted::Moments | Wanted::Both => &mut moments[first * words..(first + n) * words],
+            };
+            let uploads = [Upload::new(&self.batch.rays, 0, &rays[first..first + n])];
+            let count = numbers::count(n);
+            let job = self.job(count, wanted, true)?;
+            let time = self.run_job(&job, &uploads, (results, moments))?;
+            self.counts.rays.fetch_add(count.into(), Ordering::Relaxed);
             first += n;
             self.adapt(n, time)?;
         }
@@ -259,73 +275,9 @@ impl Tracer {
     /// [`beamlet_core::Error::Device`].
     pub fn trace_on_device(&self, n: u32) -> Result<Duration> {
         // Random rays draw normals at every rough surface.
-        self.trace_batch(n, &[], Wanted::RayResults, false, &mut [])
-    }
-
-    /// Traces `n` rays: these, or without any those that are on the device; `bundled`: as bundles, where
-    /// the device walks these. Results go to `results`, and without room for them stay on the device.
-    fn trace_batch(
-        &self,
-        n: u32,
-        rays: &[Ray],
-        wanted: Wanted,
-        bundled: bool,
-        results: &mut [RayResult],
-    ) -> Result<Duration> {
-        let moments = wanted != Wanted::RayResults;
-        let may_be_exact = wanted != Wanted::Moments && self.transport != Transport::FirstOrder;
-        let is_flagged = may_be_exact && self.transport != Transport::Exact;
-        let mut found = Found { unbalanced: 0, exact: is_flagged.then_some(0) };
-        // Results come along where the batch before was done with one pass.
-        let early = self.settled.load(Ordering::Relaxed);
-        let early_results = if early { &mut *results } else { &mut [] };
-        let walks = self.walks(self.backend);
-        let software = self.walks(Backend::Bvh).order_free(false);
-        let first = Pass { moments, n, listed: false, ray_offset: 0.0, last: false };
-        let uploads = [Upload::new(&self.batch.rays, 0, rays)];
-        let order_free = walks.order_free(bundled);
-        let mut time = self.pass(order_free, first, &uploads, (&mut found, early_results))?;
-        let mut settled = true;
-        let leaves_rays = bundled && walks.leaves_rays();
-        self.counts.rays.fetch_add(u64::from(n), Ordering::Relaxed);
-        // Whatever the driver's search or the rounding at an edge lost is traced again by the
-        // software BVH, at last a hair beside.
-        for (i, ray_offset) in RAY_OFFSETS.into_iter().enumerate() {
-            let unbalanced = found.unbalanced;
-            if unbalanced == 0 {
-                break;
-            }
-            if i > 0 || self.backend != Backend::Bvh {
-                self.counts.retraced.fetch_add(u64::from(unbalanced), Ordering::Relaxed);
-            } else if !leaves_rays {
-                continue;
-            }
-            let last = i + 1 == RAY_OFFSETS.len();
-            settled = false;
-            let again = Pass { moments, n: unbalanced, listed: true, ray_offset, last };
-            time += self.pass(software, again, &[], (&mut found, &mut []))?;
-        }
-        let all = self.transport == Transport::Exact;
-        let flagged = if all { n } else { found.exact.unwrap_or(0) };
-        if flagged > 0 && may_be_exact {
-            self.counts.exact.fetch_add(u64::from(flagged), Ordering::Relaxed);
-            let list = &self.batch.exact;
-            let exact_rays = ExactRays { list, rays: flagged, all, runs: false };
-            let exact = ExactPass {
-                exact_rays,
-                again: false,
-                at_nodes: false,
-                ray_offset: 0.0,
-                last: false,
-            };
-            let (took, lost) = self.exact_pass(walks.exact.get()?, exact, Vec::new())?;
-            time += took + self.exact_again(lost, false)?;
-            settled = false;
-        }
-        if !(early && settled) {
-            self.batch.results.read_into(0, results)?;
-        }
-        self.settled.store(settled, Ordering::Relaxed);
+        let job = self.job(n, Wanted::RayResults, false)?;
+        let time = self.run_job(&job, &[], (&mut [], &mut []))?;
+        self.counts.rays.fetch_add(n.into(), Ordering::Relaxed);
         Ok(time)
     }
 
@@ -336,21 +288,12 @@ impl Tracer {
     }
 
     /// Counts so far.
-    ///
-    /// # Errors
-    /// [`beamlet_core::Error::Device`].
-    pub fn tally(&self) -> Result<Tally> {
-        // Device counters are 32 bits wide: move them to the host before they could overflow.
-        let device: Vec<u32> = self.tally.read(0, TALLY_COUNTERS)?;
-        self.tally.write(0, &[0_u32; TALLY_COUNTERS])?;
-        let mut sums = [0_u64; TALLY_COUNTERS];
-        for ((sum, kept), new) in sums.iter_mut().zip(&self.counts.device).zip(device) {
-            *sum = kept.fetch_add(new.into(), Ordering::Relaxed) + u64::from(new);
-        }
-        Ok(Tally {
+    pub fn tally(&self) -> Tally {
+        let sums = self.counts.device.each_ref().map(|sum| sum.load(Ordering::Relaxed));
+        Tally {
             rays: self.counts.rays.load(Ordering::Relaxed),
             exact: self.counts.exact.load(Ordering::Relaxed),
-            retraced: self.counts.retraced.load(Ordering::Relaxed),
+            retraced: self.counts.retraced.load(Ordering::Relaxed) + sums[TALLY_RETRACED],
             unbalanced: sums[TALLY_UNBALANCED],
             dropped: sums[TALLY_DROPPED],
             reflected: sums[TALLY_REFLECTED],
@@ -358,6 +301,6 @@ impl Tracer {
             unordered: sums[TALLY_UNORDERED],
             negative: sums[TALLY_NEGATIVE],
             ..Tally::default()
-        })
+        }
     }
 }

@@ -290,7 +290,7 @@ fn ways_and_bends_of_exact_shapes_that_cross_are_those_of_points_in_solids() {
                 }
                 count[0] += 1;
             }
-            let tally = tracer.tally().expect("a tally");
+            let tally = tracer.tally();
             let failed = [tally.unbalanced, tally.not_finite, tally.dropped, tally.retraced];
             assert_eq!(failed, [0; 4], "{backend}");
         }

@@ -91,7 +91,7 @@ fn rays_beside_the_curves_in_which_shapes_cross_balance() {
                 }
             }
             assert!(crossed > some / 2, "{crossed} of {some}");
-            let tally = tracer.tally().expect("a tally");
+            let tally = tracer.tally();
             let failed = [tally.unbalanced, tally.not_finite, tally.dropped, tally.retraced];
             assert_eq!(failed, [0; 4], "{backend}, scene {number}");
             total += some;

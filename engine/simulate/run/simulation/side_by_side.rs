@@ -190,7 +190,7 @@ impl Lanes<'_> {
             Control::default().with_progress(&mut report).with_cancel(self.end.clone());
         let mut bands = Held::default();
         work.view(self.views[index], &mut bands, &mut control)?;
-        let tally = work.tally()?;
+        let tally = work.tally();
         let own = tally.since(*before);
         *before = tally;
         Ok(Made { bands, tally: own, part })

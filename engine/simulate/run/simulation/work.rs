@@ -202,14 +202,19 @@ impl<'s> ViewWork<'s> {
         let detector = &self.simulation.detector;
         let lit = detector.grid().lit_rows(band);
         let list = self.response.0;
-        self.sums.clear(&lit)?;
-        self.lights.iter_mut().try_for_each(|light| light.set_band(&lit, list))?;
+        self.clear_band(&lit, list)?;
         self.band(view, projected_bounds, &lit, &detector.grid().own_rows(band), control)?;
         let begin = Instant::now();
         let intensities =
             detector.intensities(view, band, self.sums.intensities()?, &self.cancel)?;
         self.seconds.detect += begin.elapsed().as_secs_f64();
         Ok(intensities)
+    }
+
+    /// Begins sums of the light of rows, at a list of mask offsets.
+    pub(super) fn clear_band(&mut self, lit: &Range<u32>, list: usize) -> Result<()> {
+        let uploads = self.lights.iter_mut().map(|light| light.set_band(lit, list));
+        self.sums.clear(lit, &uploads.collect::<Vec<_>>())
     }
 
     /// Takes the response at the mask offsets of a view; index of their list.
@@ -345,7 +350,7 @@ impl<'s> ViewWork<'s> {
         self.rows_total
     }
 
-    pub(super) fn tally(&self) -> Result<Tally> {
-        Ok(self.tracer.tally()? + self.tally)
+    pub(super) fn tally(&self) -> Tally {
+        self.tracer.tally() + self.tally
     }
 }

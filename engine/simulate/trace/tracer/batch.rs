@@ -1,5 +1,6 @@
 //! Buffers of the rays that are traced together.
 
+use super::queues::Queues;
 use beamlet_core::Result;
 use beamlet_gpu::{Buffer, Device, Memory};
 use beamlet_interface::{Ray, RayResult};
@@ -12,12 +13,14 @@ pub(super) struct Batch {
     pub(crate) rays: Buffer,
     pub(crate) moments: Buffer,
     pub(crate) results: Buffer,
-    pub(crate) exact: Buffer,
-    pub(crate) unbalanced: Buffer,
-    pub(crate) list: Buffer,
-    pub(crate) longer: Buffer,
-    pub(super) long_list: Buffer,
-    pub(crate) nodes: Buffer,
+    /// Heads of the queues; the indices of their rays have buffers of their own.
+    pub(super) queues: Buffer,
+    pub(super) exact: Buffer,
+    pub(super) left: Buffer,
+    pub(super) lost: Buffer,
+    /// Of one pass, and of the next.
+    pub(super) longer: [Buffer; 2],
+    pub(super) nodes: Buffer,
 }
 
 impl Batch {
@@ -31,11 +34,14 @@ impl Batch {
             rays: make("rays", n * size_of::<Ray>() as u64)?,
             moments: make("moments", n * words * 4)?,
             results: make("results", n * size_of::<RayResult>() as u64)?,
-            exact: make("rays to trace exactly", (n + 2) * 4)?,
-            unbalanced: make("unbalanced rays", (n + 1) * 4)?,
-            list: make("rays to trace again", (n + 1) * 4)?,
-            longer: make("rays of many crossings", (n + 1) * 4)?,
-            long_list: make("rays of many crossings to trace", (n + 1) * 4)?,
+            queues: make("queues of rays", size_of::<Queues>() as u64)?,
+            exact: make("rays to trace exactly", (n + 1) * 4)?,
+            left: make("rays that are left", n * 4)?,
+            lost: make("rays to follow again", n * 4)?,
+            longer: [
+                make("rays of many crossings", n * 4)?,
+                make("rays of most crossings", n * 4)?,
+            ],
             nodes: make("energies of rays", n * 4)?,
         })
     }

@@ -1,14 +1,18 @@
 //! Exact transport: several attempts, and lists of crossings as long as each ray needs.
 
-use super::pass::{Found, Pass};
-use super::{RAY_OFFSETS, Tracer};
+use super::job::Job;
+use super::kernels::Walks;
+use super::pass::Rays;
+use super::queues::Queues;
+use super::{Tracer, Wanted};
 use beamlet_core::Result;
 use beamlet_core::numbers::count;
-use beamlet_gpu::{Backend, Buffer, Download, Kernel, Pace, Recorder, Upload};
-use beamlet_interface::{ExactPush, GROUP, LONGEST_LIST, Ray, RayResult};
+use beamlet_gpu::{Backend, Kernel, Recorder, Upload};
+use beamlet_interface::{
+    ATTEMPTS, ExactPush, GROUP, LONGEST_LIST, NO_QUEUE, QUEUE_LONGER, QUEUE_LOST, Ray, RayResult,
+};
 use rayon::prelude::*;
 use std::sync::atomic::Ordering;
-use std::time::Duration;
 
 /// Rays at nodes of the spectrum that are traced exactly together at most.
 const AT_NODES: u32 = 1 << 15;
@@ -17,29 +21,38 @@ const SHORT_LIST: u32 = 64;
 /// Crossings that all lists hold together.
 pub(super) const LISTED: u32 = 1 << 21;
 
-/// Rays of the batch that are traced exactly.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct ExactRays<'a> {
-    pub(crate) list: &'a Buffer,
-    pub(crate) rays: u32,
-    pub(crate) all: bool,
-    /// The list names the first of each run of equal rays.
-    pub(crate) runs: bool,
+/// Passes of an exact walk, with longer and longer lists: the last hold [`LONGEST_LIST`] crossings.
+pub(super) const LEVELS: usize = 6;
+const _: () = assert!(list_of(LEVELS - 1) == LONGEST_LIST && list_of(LEVELS - 2) < LONGEST_LIST);
+
+/// Crossings of a list of a pass.
+const fn list_of(level: usize) -> u32 {
+    let capacity = SHORT_LIST << (3 * level);
+    if capacity < LONGEST_LIST { capacity } else { LONGEST_LIST }
 }
 
-/// Commands before a dispatch.
-type Commands<'a> = &'a dyn Fn(&mut Recorder<'_>);
+/// Rays of the batch that are traced exactly.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum ExactRays {
+    /// This many from the first on.
+    All(u32),
+    /// The first rays of this many runs of equal ones, each at the energy of its node.
+    Runs(u32),
+    /// Those of a queue.
+    Queued(u32),
+}
 
-/// A pass of exact transport.
+/// An exact walk over rays, ready to be recorded.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct ExactPass<'a> {
-    pub(super) exact_rays: ExactRays<'a>,
-    /// They are the lost ones of the pass before, which become the list first.
-    pub(super) again: bool,
+pub(super) struct ExactWalk<'k> {
+    pub(super) kernel: &'k Kernel,
+    pub(super) rays: ExactRays,
     /// Each ray has the constants of its node.
     pub(super) at_nodes: bool,
-    pub(super) ray_offset: f32,
-    pub(super) last: bool,
+    /// It leaves rays that take another attempt to another walk.
+    pub(super) leaves: bool,
+    /// First of its queues of longer lists.
+    pub(super) longer: u32,
 }
 
 impl Tracer {
@@ -76,163 +89,91 @@ impl Tracer {
         let constants = |node: usize| count((node + 1) * self.sample.materials as usize);
         let traced: Vec<Ray> = rays.iter().map(|(_, ray)| *ray).collect();
         let nodes: Vec<u32> = rays.iter().map(|(n, _)| constants(*n)).collect();
-        let uploads =
-            [Upload::new(&self.batch.rays, 0, &traced), Upload::new(&self.batch.nodes, 0, &nodes)];
-        // The first order is the answer for rays that cannot be followed.
-        let first = Pass { moments: false, n, listed: false, ray_offset: 0.0, last: false };
-        let mut found = Found { unbalanced: 0, exact: None };
-        self.pass(walks.order_free(false), first, &uploads, (&mut found, &mut []))?;
-        let mut list = vec![0];
+        let mut list = Vec::new();
         let mut end = 0;
         for run in rays.chunk_by(|a, b| a.1 == b.1) {
             list.push(end);
             end += count(run.len());
         }
-        let runs = count(list.len() - 1);
-        list[0] = runs;
+        let runs = count(list.len());
         list.push(end);
-        let exact_rays = ExactRays { list: &self.batch.exact, rays: runs, all: false, runs: true };
-        let pass =
-            ExactPass { exact_rays, again: false, at_nodes: true, ray_offset: 0.0, last: false };
-        let uploads = vec![Upload::new(&self.batch.exact, 0, &list)];
-        let (_, lost) = self.exact_pass(walks.exact.get()?, pass, uploads)?;
-        self.exact_again(lost, true)?;
+        let mut results = bytemuck::zeroed_vec(rays.len());
+        let uploads = [
+            Upload::new(&self.batch.rays, 0, &traced),
+            Upload::new(&self.batch.nodes, 0, &nodes),
+            Upload::new(&self.batch.exact, 0, &list),
+        ];
+        // The first order is the answer for rays that cannot be followed: it is not tried again.
+        let wanted = Wanted::RayResults;
+        let first = self.pass(walks.order_free(false), Rays::First(n), wanted, true)?;
+        let exact = self.walk(walks, ExactRays::Runs(runs))?;
+        let job = Job { passes: vec![first], walks: vec![exact], again: false, wanted };
+        self.run_job(&job, &uploads, (&mut results, &mut []))?;
         self.counts.rays.fetch_add(n.into(), Ordering::Relaxed);
         self.counts.exact.fetch_add(n.into(), Ordering::Relaxed);
-        self.batch.results.read(0, rays.len())
+        Ok(results)
     }
 
-    /// Tries again the `lost` rays that could not be followed exactly: a bend at an edge, or a new
-    /// search there, can lose a crossing.
-    pub(super) fn exact_again(&self, mut lost: u32, at_nodes: bool) -> Result<Duration> {
-        let b = &self.batch;
-        let mut time = Duration::ZERO;
-        for (i, ray_offset) in RAY_OFFSETS.into_iter().enumerate() {
-            if lost == 0 {
-                break;
-            }
-            if i == 0 && self.backend == Backend::Bvh {
-                continue;
-            }
-            self.counts.retraced.fetch_add(u64::from(lost), Ordering::Relaxed);
-            let kernel = self.walks(Backend::Bvh).exact.get()?;
-            let last = i + 1 == RAY_OFFSETS.len();
-            let exact_rays = ExactRays { list: &b.list, rays: lost, all: false, runs: false };
-            let pass = ExactPass { exact_rays, again: true, at_nodes, ray_offset, last };
-            let (took, still) = self.exact_pass(kernel, pass, Vec::new())?;
-            time += took;
-            lost = still;
-        }
-        Ok(time)
+    /// The exact walk of a backend over rays.
+    pub(super) fn walk<'k>(&self, walks: &'k Walks, rays: ExactRays) -> Result<ExactWalk<'k>> {
+        Ok(ExactWalk {
+            kernel: walks.exact.get()?,
+            rays,
+            at_nodes: matches!(rays, ExactRays::Runs(_)),
+            leaves: self.backend != Backend::Bvh,
+            longer: QUEUE_LONGER,
+        })
     }
 
-    /// Traces rays exactly, after `uploads`: first all with short lists of crossings, then rays with more
-    /// crossings with longer and longer ones, in batches that fit the memory. Returns the time, and the
-    /// number of rays that could not be followed.
-    pub(super) fn exact_pass<'b>(
-        &'b self,
-        kernel: &Kernel,
-        pass: ExactPass<'_>,
-        mut uploads: Vec<Upload<'b>>,
-    ) -> Result<(Duration, u32)> {
+    /// Records an exact walk: first of all its rays with short lists of crossings, then of rays with more
+    /// crossings with longer and longer ones, of which fewer fit the memory.
+    pub(super) fn record_walk(&self, r: &mut Recorder<'_>, walk: &ExactWalk<'_>) {
         let b = &self.batch;
-        let ExactPass { exact_rays, again, at_nodes, ray_offset, last } = pass;
+        let (queue, count) = match walk.rays {
+            ExactRays::All(n) | ExactRays::Runs(n) => (NO_QUEUE, n),
+            ExactRays::Queued(queue) => (queue, 0),
+        };
+        let indices = if queue == QUEUE_LOST { &b.lost } else { &b.exact };
         let mut push = ExactPush {
             sample_ref: self.sample.record(self.node),
             rays: b.rays.address(),
             results: b.results.address(),
-            list: exact_rays.list.address(),
-            unbalanced: b.unbalanced.address(),
-            longer: b.longer.address(),
+            queues: b.queues.address(),
+            indices: indices.address(),
+            lost: b.lost.address(),
+            longer: 0,
             lists: self.lists.address(),
-            nodes: if at_nodes { b.nodes.address() } else { 0 },
+            nodes: if walk.at_nodes { b.nodes.address() } else { 0 },
             tally: self.tally.address(),
-            count: exact_rays.rays,
-            all: exact_rays.all.into(),
-            runs: exact_rays.runs.into(),
-            first: 0,
-            last: last.into(),
-            ray_offset,
+            queue,
+            count,
+            all: matches!(walk.rays, ExactRays::All(_)).into(),
+            runs: matches!(walk.rays, ExactRays::Runs(_)).into(),
+            longer_queue: walk.longer,
+            attempts: if walk.leaves { 1 } else { ATTEMPTS },
             capacity: SHORT_LIST,
             stride: GROUP,
+            room: LISTED / SHORT_LIST,
         };
-        let mut time = Duration::ZERO;
-        let (mut lost, mut longer) = (0, 0);
-        if !again {
-            uploads.push(Upload::new(&b.unbalanced, 0, &[0_u32]));
-            uploads.push(Upload::new(&b.longer, 0, &[0_u32]));
-        }
-        while push.count > 0 {
-            self.cancel.check()?;
-            // Lists of the round before become the lists of this round, and begin anew.
-            let is_first = push.capacity == SHORT_LIST;
-            let begin = |r: &mut Recorder<'_>| {
-                let bytes = (u64::from(push.count) + 1) * 4;
-                match (is_first, again) {
-                    (false, _) => r.copy(&b.longer, 0, &b.long_list, 0, bytes),
-                    (true, true) => r.copy(&b.unbalanced, 0, &b.list, 0, bytes),
-                    (true, false) => return,
-                }
-                r.barrier();
-                if is_first {
-                    r.fill(&b.unbalanced, 0, 4, 0);
-                }
-                r.fill(&b.longer, 0, 4, 0);
-                r.barrier();
-            };
-            let counts = [&mut lost, &mut longer];
-            time += self.exact_dispatches(kernel, push, (&uploads, &begin), counts)?;
-            uploads.clear();
-            if longer == 0 {
-                break;
+        for level in 0..LEVELS {
+            let longer = &b.longer[level % 2];
+            push.longer = longer.address();
+            push.capacity = list_of(level);
+            push.room = LISTED / push.capacity;
+            push.stride = push.room.min(GROUP);
+            r.barrier();
+            let bytes = bytemuck::bytes_of(&push);
+            if push.queue == NO_QUEUE {
+                let groups = push.count.min(push.room).div_ceil(GROUP);
+                r.dispatch(walk.kernel, bytes, [groups, 1, 1]);
+            } else {
+                let at = Queues::groups_at(push.queue);
+                r.dispatch_indirect(walk.kernel, bytes, &b.queues, at);
             }
-            push.list = b.long_list.address();
-            push.count = longer;
             (push.all, push.runs) = (0, 0);
-            push.capacity = (push.capacity * 8).min(LONGEST_LIST);
+            push.queue = push.longer_queue;
+            push.longer_queue += 1;
+            push.indices = longer.address();
         }
-        Ok((time, lost))
-    }
-
-    /// Dispatches of the rays of a push, short ones: the first after uploads and commands, the last gives
-    /// the numbers of lost rays and of rays with more crossings than a list holds.
-    fn exact_dispatches(
-        &self,
-        kernel: &Kernel,
-        push: ExactPush,
-        (uploads, begin): (&[Upload<'_>], Commands<'_>),
-        [lost, longer]: [&mut u32; 2],
-    ) -> Result<Duration> {
-        let b = &self.batch;
-        let room = LISTED / push.capacity;
-        let most = if room < GROUP { room } else { room / GROUP * GROUP };
-        let stride = most.min(GROUP);
-        let mut time = Duration::ZERO;
-        let mut pace = Pace::new(most.min(4096), stride, most);
-        let all = push.count;
-        let mut first = 0;
-        while first < all {
-            let count = all.min(first + pace.size());
-            let push = ExactPush { first, count, stride, ..push };
-            let groups = [(count - first).div_ceil(GROUP), 1, 1];
-            let record = |r: &mut Recorder<'_>| {
-                if first == 0 {
-                    begin(r);
-                }
-                r.dispatch(kernel, bytemuck::bytes_of(&push), groups);
-            };
-            let uploads = if first == 0 { uploads } else { &[] };
-            let mut counts = [
-                Download::new(&b.unbalanced, 0, std::slice::from_mut(&mut *lost)),
-                Download::new(&b.longer, 0, std::slice::from_mut(&mut *longer)),
-            ];
-            let is_last = count == all;
-            let counts = if is_last { &mut counts[..] } else { &mut [] };
-            let took = self.device.run_with(uploads, record, counts)?;
-            first = count;
-            time += took;
-            pace.adapt(took);
-        }
-        Ok(time)
     }
 }

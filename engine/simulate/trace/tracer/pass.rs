@@ -1,45 +1,41 @@
 //! Passes over rays in any order: sums of first order.
 
-use super::Tracer;
 use super::kernels::OrderFree;
+use super::queues::Queues;
+use super::{Tracer, Wanted};
 use beamlet_core::Result;
-use beamlet_gpu::{Download, Recorder, Upload};
-use beamlet_interface::{RayResult, TracePush};
-use std::time::Duration;
+use beamlet_gpu::{Kernel, Recorder};
+use beamlet_interface::{ATTEMPTS, QUEUE_LEFT, TracePush};
 
-/// A pass in any order over rays.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct Pass {
-    pub(super) moments: bool,
-    /// Number of rays.
-    pub(super) n: u32,
-    /// They are those that were unbalanced.
-    pub(super) listed: bool,
-    pub(super) ray_offset: f32,
-    pub(super) last: bool,
+/// Rays of a pass.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Rays {
+    /// This many from the first on.
+    First(u32),
+    /// Those that the pass before left.
+    Left,
 }
 
-/// Counts of the passes over a batch.
-#[derive(Debug)]
-pub(super) struct Found {
-    /// Number of rays that are unbalanced.
-    pub(super) unbalanced: u32,
-    /// Number of rays to be traced exactly, of all passes; `None`: not read.
-    pub(super) exact: Option<u32>,
+/// A pass in any order over rays, ready to be recorded.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Pass<'k> {
+    pub(super) kernel: &'k Kernel,
+    push: TracePush,
+    pub(super) rays: Rays,
+    rays_of_group: u32,
 }
 
 impl Tracer {
-    /// One pass in any order, after `uploads`; its counts go to `found`, and results as far as there is room.
-    pub(super) fn pass(
+    /// A pass; `leaves`: it leaves rays that take another attempt to another pass.
+    pub(super) fn pass<'k>(
         &self,
-        trace: &OrderFree,
-        pass: Pass,
-        uploads: &[Upload<'_>],
-        (found, results): (&mut Found, &mut [RayResult]),
-    ) -> Result<Duration> {
+        trace: &'k OrderFree,
+        rays: Rays,
+        wanted: Wanted,
+        leaves: bool,
+    ) -> Result<Pass<'k>> {
         let b = &self.batch;
-        let Pass { moments, n, listed, ray_offset, last } = pass;
-        let kernel = self.order_free(trace, moments).get()?;
+        let moments = wanted != Wanted::RayResults;
         // Many materials are summed in memory, with or without moments.
         let keep = moments || !self.few;
         let push = TracePush {
@@ -47,34 +43,29 @@ impl Tracer {
             rays: b.rays.address(),
             moments: if keep { b.moments.address() } else { 0 },
             results: b.results.address(),
+            queues: b.queues.address(),
             exact: b.exact.address(),
-            unbalanced: b.unbalanced.address(),
-            list: b.list.address(),
+            left: b.left.address(),
             tally: self.tally.address(),
-            count: n,
+            count: if let Rays::First(n) = rays { n } else { 0 },
             materials: self.sample.materials,
-            listed: listed.into(),
-            last: last.into(),
-            ray_offset,
+            listed: (rays == Rays::Left).into(),
+            attempts: if leaves { 1 } else { ATTEMPTS },
         };
-        let mut downloads = vec![
-            Download::new(&b.unbalanced, 0, std::slice::from_mut(&mut found.unbalanced)),
-            Download::new(&b.results, 0, results),
-        ];
-        if let Some(exact) = &mut found.exact {
-            downloads.push(Download::new(&b.exact, 0, std::slice::from_mut(exact)));
-        }
-        let record = |r: &mut Recorder<'_>| {
-            if listed {
-                r.copy(&b.unbalanced, 0, &b.list, 0, (u64::from(n) + 1) * 4);
-            } else {
-                r.fill(&b.exact, 0, 4, 0);
+        let kernel = self.order_free(trace, moments).get()?;
+        Ok(Pass { kernel, push, rays, rays_of_group: trace.rays })
+    }
+
+    /// Records a pass.
+    pub(super) fn record_pass(&self, r: &mut Recorder<'_>, pass: &Pass<'_>) {
+        let push = bytemuck::bytes_of(&pass.push);
+        match pass.rays {
+            Rays::First(n) => r.dispatch(pass.kernel, push, [n.div_ceil(pass.rays_of_group), 1, 1]),
+            Rays::Left => {
+                r.barrier();
+                let at = Queues::groups_at(QUEUE_LEFT);
+                r.dispatch_indirect(pass.kernel, push, &self.batch.queues, at);
             }
-            r.barrier();
-            r.fill(&b.unbalanced, 0, 4, 0);
-            r.barrier();
-            r.dispatch(kernel, bytemuck::bytes_of(&push), [n.div_ceil(trace.rays), 1, 1]);
-        };
-        self.device.run_with(uploads, record, &mut downloads)
+        }
     }
 }

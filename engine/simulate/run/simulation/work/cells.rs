@@ -109,9 +109,8 @@ impl ViewWork<'_> {
         self.pose = view;
         let (band, view) = (row..row + 1, Exposure::Sample(view));
         let lit = simulation.detector.grid().lit_rows(&band);
-        self.sums.clear(&lit)?;
         let list = self.take_offsets(view);
-        self.lights.iter_mut().try_for_each(|light| light.set_band(&lit, list))?;
+        self.clear_band(&lit, list)?;
         let inner = i64::from(lit.start)..i64::from(lit.end);
         let beside = simulation.lattice.rows_blurred_into();
         let rows = inner.start - beside..inner.end + beside;

@@ -116,9 +116,7 @@ impl ViewWork<'_> {
                 lit = own;
             }
         }
-        // The cost of further light does not depend on earlier light.
-        self.sums.set_rows(&lit);
-        self.lights.iter_mut().try_for_each(|light| light.set_band(&lit, 0))?;
+        self.clear_band(&lit, 0)?;
         Ok(i64::from(lit.start)..i64::from(lit.end))
     }
 
