@@ -33,7 +33,8 @@ pub use beamlet_core::{Cancel, Error, Place, Result, RowsControl, Tally};
 pub use beamlet_files::{RunProfile, RunRecord, SamplingSummary, SearchCounts};
 pub use beamlet_geometry::{MaskMeshOptions, MaskPlace, mask_meshes};
 pub use beamlet_gpu::{
-    Backend, Compute, DeviceDescription, DeviceKind, EngineOptions, KernelProfile, Profile, Traffic,
+    Backend, Compute, DeviceDescription, DeviceKind, EngineOptions, KernelCache, KernelProfile,
+    Profile, Traffic,
 };
 #[doc(hidden)]
 pub use beamlet_interface::shared_structs;

@@ -1,8 +1,10 @@
 //! A device that work runs on, with the options that it goes by.
 
 use super::backend::Backend;
-use super::device::{Device, DeviceOptions, KernelTable};
+use super::device::{Device, DeviceOptions};
 use super::faults::Fault;
+use super::kernel::KernelTable;
+use super::kernel_cache::KernelCache;
 use super::physical::DeviceDescription;
 use super::profile::Profile;
 use beamlet_core::parallel::start_threads;
@@ -46,6 +48,8 @@ pub struct EngineOptions {
     /// Copy through staging buffers even where device memory is mapped, as on a CPU: its counts are those
     /// of a device with memory of its own. Set also by `BEAMLET_STAGING=1`. Results do not depend on it.
     pub staging: bool,
+    /// Where kernels that the driver has made are kept: some drivers take seconds for the large ones.
+    pub cache: KernelCache,
     /// Calls of Vulkan that fail (for tests).
     #[doc(hidden)]
     pub faults: Vec<Fault>,
@@ -71,6 +75,8 @@ impl EngineOptions {
         with_profile(profile: bool);
         /// Copies through staging buffers where device memory is mapped.
         with_staging(staging: bool);
+        /// Chooses where kernels that the driver has made are kept.
+        with_cache(cache: KernelCache);
         /// Makes calls of Vulkan fail (for tests).
         #[doc(hidden)]
         with_faults(faults: Vec<Fault>);
@@ -98,6 +104,7 @@ impl Compute {
             profile: options.profile,
             staging: options.staging || std::env::var(STAGING).is_ok_and(|value| value == "1"),
             faults: options.faults.clone(),
+            cache: options.cache.clone(),
             kernels,
         })?;
         Ok(Self { options: Arc::new(options.clone()), device })

@@ -1,13 +1,15 @@
 //! An open device: the owner of everything made from it.
 
+use super::allocator;
 use super::command_batch::CommandBatch;
 use super::faults::{Fault, Faults};
 use super::instance::Instance;
+use super::kernel::KernelTable;
+use super::kernel_cache::{DeviceCache, KernelCache};
 use super::physical::{self, DeviceDescription, Physical};
 use super::profile::{Counters, Profile, Traffic};
 use super::retire::{Retired, Retirement};
 use super::staging::Staging;
-use super::{allocator, failure};
 use ash::vk;
 use beamlet_core::{Error, Result};
 use gpu_allocator::vulkan::Allocator;
@@ -36,12 +38,11 @@ pub struct DeviceOptions {
     pub profile: bool,
     /// Calls of Vulkan that fail (for tests).
     pub faults: Vec<Fault>,
+    /// Where kernels that the driver has made are kept.
+    pub cache: KernelCache,
     /// Kernels that [`Device::kernel`] finds by their names.
     pub kernels: KernelTable,
 }
-
-/// Names of kernels and their SPIR-V.
-pub(crate) type KernelTable = &'static [(&'static str, &'static [u32])];
 
 /// An open Vulkan device with one compute queue.
 pub struct Device {
@@ -50,7 +51,7 @@ pub struct Device {
     pub(super) physical: Physical,
     /// Where ray query is there.
     pub(super) structures: Option<ash::khr::acceleration_structure::Device>,
-    pub(super) pipeline_cache: vk::PipelineCache,
+    pub(super) cache: DeviceCache,
     pub(super) memory_types: vk::PhysicalDeviceMemoryProperties,
     /// Host memory is copied to buffers by submissions.
     pub staging: bool,
@@ -113,10 +114,7 @@ impl Device {
         let memory_types =
             unsafe { instance.raw.get_physical_device_memory_properties(physical.raw) };
         let allocator = allocator::allocator(&instance.raw, &raw, physical.raw)?;
-        let cache_info = vk::PipelineCacheCreateInfo::default();
-        // SAFETY: the device is alive.
-        let pipeline_cache = unsafe { raw.create_pipeline_cache(&cache_info, None) }
-            .map_err(|e| failure::vulkan("making a pipeline cache", e))?;
+        let cache = DeviceCache::open(&raw, &physical, &options.cache, options.kernels)?;
         log::debug!("opened {}", physical.description);
         let timed = options.profile && physical.has_timestamps;
         std::mem::forget(guard);
@@ -124,7 +122,7 @@ impl Device {
             raw,
             physical,
             structures,
-            pipeline_cache,
+            cache,
             memory_types,
             staging: options.staging,
             timed,
@@ -258,7 +256,8 @@ impl Drop for Device {
             for batch in lock(&self.batches).drain(..) {
                 batch.destroy(&self.raw);
             }
-            self.raw.destroy_pipeline_cache(self.pipeline_cache, None);
+            self.cache.keep(&self.raw);
+            self.raw.destroy_pipeline_cache(self.cache.raw, None);
             drop(lock(&self.allocator).take());
             self.raw.destroy_device(None);
             ManuallyDrop::drop(&mut self.instance);

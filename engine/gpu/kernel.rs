@@ -2,6 +2,7 @@
 
 use super::device::Device;
 use super::faults::FaultyCall;
+use super::physical::DeviceKind;
 use super::retire::Retired;
 use super::{PUSH_BYTES, failure};
 use ash::vk;
@@ -9,6 +10,12 @@ use beamlet_core::cancel::Cancel;
 use beamlet_core::{Error, Result};
 use std::fmt;
 use std::sync::{Arc, OnceLock};
+
+/// Kernels that are made side by side at most.
+const AT_ONCE: usize = 8;
+
+/// Names of kernels and their SPIR-V.
+pub(super) type KernelTable = &'static [(&'static str, &'static [u32])];
 
 /// A compute shader with its push constants, ready to dispatch.
 pub struct Kernel {
@@ -58,16 +65,28 @@ impl LazyKernel {
         Ok(self.made.get_or_init(|| made))
     }
 
-    /// Makes the missing ones of these kernels. One by one: a driver takes tens of MiB for each while it
-    /// makes it.
+    /// Makes the missing ones of these kernels. On a GPU side by side, since drivers take seconds for large
+    /// ones; on a CPU one by one, since its driver takes tens of MiB for each while it makes it.
     ///
     /// # Errors
     /// As [`Device::kernel`]; [`Error::Interrupted`] if `cancel` was set before one began: a single call
     /// of a driver is not interrupted.
     pub fn make_all(kernels: &[&Self], cancel: &Cancel) -> Result<()> {
-        for kernel in kernels {
+        let is_cpu = |it: &&Self| it.device.description().kind == DeviceKind::Cpu;
+        let at_once = if kernels.iter().any(is_cpu) { 1 } else { AT_ONCE };
+        for some in kernels.chunks(at_once) {
             cancel.check()?;
-            kernel.get()?;
+            let (first, others) = some.split_at(1);
+            std::thread::scope(|scope| {
+                for kernel in others {
+                    let thread =
+                        std::thread::Builder::new().name(format!("kernel {}", kernel.name));
+                    // Without a thread, or where it fails, the kernel is made below.
+                    let _ = thread.spawn_scoped(scope, move || kernel.get().map(drop));
+                }
+                first.iter().try_for_each(|kernel| kernel.get().map(drop))
+            })?;
+            others.iter().try_for_each(|kernel| kernel.get().map(drop))?;
         }
         cancel.check()
     }
@@ -163,11 +182,12 @@ impl Device {
         log::debug!("making the kernel {name}");
         // SAFETY: module and layout were just made by this device, as was the cache.
         let made = faulty.and_then(|()| unsafe {
-            self.raw.create_compute_pipelines(self.pipeline_cache, &[info], None)
+            self.raw.create_compute_pipelines(self.cache.raw, &[info], None)
         });
         // SAFETY: a module is not needed once its pipeline is made.
         unsafe { self.raw.destroy_shader_module(module, None) };
         kernel.pipeline = made.map_err(|(_, e)| failed(e))?[0];
+        self.cache.grow();
         self.name(kernel.pipeline, name);
         Ok(kernel)
     }

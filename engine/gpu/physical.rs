@@ -75,6 +75,10 @@ pub(super) struct Physical {
     pub(super) portability_subset: bool,
     /// Alignment of the scratch memory of acceleration structure builds.
     pub(super) scratch_alignment: u64,
+    /// Numbers of its vendor and of the device.
+    pub(super) vendor_and_device: [u32; 2],
+    /// The driver keeps kernels for drivers with this one.
+    pub(super) cache_uuid: [u8; 16],
 }
 
 /// Every device that Vulkan shows; an error where there is none.
@@ -195,6 +199,8 @@ fn diagnose(instance: &Instance, index: usize, raw: vk::PhysicalDevice) -> Resul
         queue_family: queue_family.and_then(|family| u32::try_from(family).ok()).unwrap_or(0),
         portability_subset: has(ash::khr::portability_subset::NAME),
         scratch_alignment,
+        vendor_and_device: [basic.vendor_id, basic.device_id],
+        cache_uuid: basic.pipeline_cache_uuid,
     })
 }
 

@@ -35,14 +35,20 @@ impl Batch {
             moments: make("moments", n * words * 4)?,
             results: make("results", n * size_of::<RayResult>() as u64)?,
             queues: make("queues of rays", size_of::<Queues>() as u64)?,
-            exact: make("rays to trace exactly", (n + 1) * 4)?,
+            exact: make("rays to trace exactly", n * 4)?,
             left: make("rays that are left", n * 4)?,
             lost: make("rays to follow again", n * 4)?,
             longer: [
                 make("rays of many crossings", n * 4)?,
-                make("rays of most crossings", n * 4)?,
+                make("rays of most crossings", (n + 1) * 4)?,
             ],
             nodes: make("energies of rays", n * 4)?,
         })
+    }
+
+    /// Indices of runs of equal rays, with one more: no pass writes here before they are read, as passes of
+    /// first order write to the other queues.
+    pub(super) const fn runs(&self) -> &Buffer {
+        &self.longer[1]
     }
 }

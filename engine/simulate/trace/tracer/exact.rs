@@ -101,7 +101,7 @@ impl Tracer {
         let uploads = [
             Upload::new(&self.batch.rays, 0, &traced),
             Upload::new(&self.batch.nodes, 0, &nodes),
-            Upload::new(&self.batch.exact, 0, &list),
+            Upload::new(self.batch.runs(), 0, &list),
         ];
         // The first order is the answer for rays that cannot be followed: it is not tried again.
         let wanted = Wanted::RayResults;
@@ -129,11 +129,12 @@ impl Tracer {
     /// crossings with longer and longer ones, of which fewer fit the memory.
     pub(super) fn record_walk(&self, r: &mut Recorder<'_>, walk: &ExactWalk<'_>) {
         let b = &self.batch;
-        let (queue, count) = match walk.rays {
-            ExactRays::All(n) | ExactRays::Runs(n) => (NO_QUEUE, n),
-            ExactRays::Queued(queue) => (queue, 0),
+        let (queue, count, indices) = match walk.rays {
+            ExactRays::All(n) => (NO_QUEUE, n, &b.exact),
+            ExactRays::Runs(n) => (NO_QUEUE, n, b.runs()),
+            ExactRays::Queued(QUEUE_LOST) => (QUEUE_LOST, 0, &b.lost),
+            ExactRays::Queued(queue) => (queue, 0, &b.exact),
         };
-        let indices = if queue == QUEUE_LOST { &b.lost } else { &b.exact };
         let mut push = ExactPush {
             sample_ref: self.sample.record(self.node),
             rays: b.rays.address(),

@@ -1,13 +1,12 @@
 //! Kernels of the walks.
 
-use beamlet_core::numbers;
 use beamlet_gpu::{Backend, Device, LazyKernel, push_bytes};
 use beamlet_interface::{
     BUNDLE_LANES, CrossingsPush, ExactPush, GROUP, KIND_CROSSED, KIND_ELLIPSOID, KIND_FRUSTUM,
     KIND_MOVED, KIND_ROUGH, KIND_SMOOTH, KIND_TUBE, RAYS_PER_LANE, TracePush,
 };
 use std::ops::RangeInclusive;
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 /// Sizes of subgroups whose rays walk the tree as a bundle. Smaller ones cannot hold a node; in larger
 /// ones too few of the rays share nodes.
@@ -16,9 +15,10 @@ const BUNDLES: RangeInclusive<u32> = BUNDLE_LANES..=2 * BUNDLE_LANES;
 /// The kernels of one device, each made when it is first wanted.
 #[derive(Debug)]
 pub struct TraceKernels {
+    device: Arc<Device>,
     /// Walks by the kinds in a sample: `KIND_` bits.
-    bvh: Vec<Walks>,
-    ray_query: Option<Vec<Walks>>,
+    bvh: Vec<OnceLock<Walks>>,
+    ray_query: Vec<OnceLock<Walks>>,
     /// Lists of crossings.
     pub(in crate::trace) crossings: LazyKernel,
 }
@@ -54,25 +54,27 @@ impl TraceKernels {
     /// Kernels of a device.
     #[must_use]
     pub fn new(device: &Arc<Device>) -> Self {
-        let description = device.description();
-        let bundles = description.subgroup_exchange && BUNDLES.contains(&description.subgroup_size);
-        let kind = |kinds: usize| numbers::count(kinds);
+        let each = || (0..KINDS).map(|_| OnceLock::new()).collect();
         Self {
-            bvh: (0..KINDS).map(|kinds| Walks::bvh(device, kind(kinds), bundles)).collect(),
-            ray_query: description
-                .ray_query
-                .then(|| (0..KINDS).map(|kinds| Walks::ray_query(device, kind(kinds))).collect()),
+            device: device.clone(),
+            bvh: each(),
+            ray_query: each(),
             crossings: LazyKernel::new(device, "crossings", push_bytes::<CrossingsPush>()),
         }
     }
 
     /// Kernels of a backend; `kinds`: the kinds in the sample.
     pub(super) fn of(&self, backend: Backend, kinds: u32) -> &Walks {
-        let walks = match (&self.ray_query, backend) {
-            (Some(walks), Backend::RayQuery) => walks,
-            _ => &self.bvh,
-        };
-        &walks[kinds as usize % KINDS]
+        let description = self.device.description();
+        let place = kinds as usize % KINDS;
+        if backend == Backend::RayQuery && description.ray_query {
+            return self.ray_query[place].get_or_init(|| Walks::ray_query(&self.device, kinds));
+        }
+        self.bvh[place].get_or_init(|| {
+            let size = description.subgroup_size;
+            let bundles = description.subgroup_exchange && BUNDLES.contains(&size);
+            Walks::bvh(&self.device, kinds, bundles)
+        })
     }
 }
 
