@@ -1,7 +1,9 @@
 #!/usr/bin/env python3
 """Rays, processor time and peak memory of whole runs, beside what `beamlet check` estimates.
 
-    tests/bench/cases.py BEAMLET [CASE…]      (needs numpy; the default: all but "wide" and "fibres*")
+    tests/bench/cases.py BEAMLET [--counts] [CASE…]   (needs numpy; the default: all but "wide" and "fibres*")
+
+`--counts` prints the work of the device instead, as where it has memory of its own.
 
     cylinder  docs/experiments/cylinder, 128 x 128 pixels, 11 steps
     bracket   docs/experiments/bracket, 3 views
@@ -217,16 +219,44 @@ def measure(beamlet, case, folder):
     print(f'| {case} | ' + ' | '.join(row) + ' |', flush=True)
 
 
+def count(beamlet, case, folder):
+    run = os.path.join(folder, 'run')
+    command = [beamlet, 'simulate', *make(case, folder), '--backend', 'bvh', '-o', run, '-q', '--profile']
+    subprocess.run(command, env=os.environ | {'BEAMLET_STAGING': '1'}, check=True)
+    with open(os.path.join(run, 'run.json')) as file:
+        profile = json.load(file)['profile']
+    kernels, later = profile['kernels'], profile['later_views']
+    def mean(start):
+        of = [it for name, it in kernels.items() if name.startswith(start) and it['dispatches'] > 0]
+        dispatches = sum(it['dispatches'] for it in of)
+        return f'{64 * sum(it["groups"] for it in of) / dispatches:,.0f}' if of else ''
+    views = max(profile['views'] - 1, 1)
+    row = [f'{profile["submissions"]:,}', f'{later["submissions"] / views:,.0f}', f'{later["buffers"] / views:.0f}',
+           f'{profile["bytes_to_device"] / 1e6:,.0f} / {profile["bytes_to_host"] / 1e6:,.0f}',
+           mean('trace'), mean('exact'), mean('illuminate')]
+    print(f'| {case} | ' + ' | '.join(row) + ' |', flush=True)
+
+
 def main():
-    if len(sys.argv) < 2:
+    counts = '--counts' in sys.argv
+    words = [word for word in sys.argv[1:] if word != '--counts']
+    if not words:
         raise SystemExit(__doc__)
-    cases = sys.argv[2:] or ['cylinder', 'tilted', 'bumpy', 'radio', 'bracket']
+    cases = words[1:] or ['cylinder', 'tilted', 'bumpy', 'radio', 'bracket']
+    if counts:
+        print('| case | submissions | a view with the sample | buffers a view | MB to / from the device '
+              '| invocations of a dispatch: trace | exact | illuminate |')
+        print('|---|---:|---:|---:|---:|---:|---:|---:|')
+        for case in cases:
+            with tempfile.TemporaryDirectory() as folder:
+                count(os.path.abspath(words[0]), case, folder)
+        return
     print('| case | rays | in patches | cpu, s | clock, s | peak, MiB | check cpu / clock, s '
           '| rays told / true | time told / true |')
     print('|---|---|---|---|---|---|---|---|---|')
     for case in cases:
         with tempfile.TemporaryDirectory() as folder:
-            measure(os.path.abspath(sys.argv[1]), case, folder)
+            measure(os.path.abspath(words[0]), case, folder)
 
 
 if __name__ == '__main__':

@@ -8,6 +8,7 @@
 )]
 
 use beamlet::Error;
+use beamlet::KernelCache;
 use beamlet::internals::gpu::{AccelerationStructure, Device, DeviceKind, DeviceOptions, Memory};
 use bytemuck::{Pod, Zeroable, bytes_of};
 use std::process::Command;
@@ -87,6 +88,63 @@ fn a_kernel_fills_and_the_host_reads_what_it_wrote() {
         let device = open(staging);
         fill_and_read(&device, memory);
         assert_eq!(device.validation_messages(), 0);
+    }
+}
+
+#[test]
+fn words_on_the_device_size_a_dispatch() {
+    for staging in [false, true] {
+        let device = open(staging);
+        let kernel = device.kernel_from("fill", shaders::FILL, 16).unwrap();
+        let entries = device.buffer("entries", 640 * 16, Memory::Device).unwrap();
+        let groups = device.upload("groups", &[9_u32, 0, 1, 1]).unwrap();
+        let push = FillPush { entries: entries.address(), count: 640, scale: 1.0 };
+        let run = |x: u32| {
+            device
+                .run(|r| {
+                    r.fill(&entries, 0, 640 * 16, 7);
+                    r.fill(&groups, 4, 4, x);
+                    r.barrier();
+                    r.dispatch_indirect(&kernel, bytes_of(&push), &groups, 4);
+                })
+                .unwrap();
+            device.count_indirect(&kernel, x.into());
+            let words: Vec<u32> = entries.read(0, 640 * 4).unwrap();
+            words.chunks(4).filter(|entry| **entry != [7; 4]).count()
+        };
+        assert_eq!([0, 3, 10].map(run), [0, 192, 640]);
+        let counted = device.profile().kernels["fill"];
+        assert_eq!([counted.dispatches, counted.groups, counted.largest], [2, 13, 10]);
+        assert_eq!(device.validation_messages(), 0);
+    }
+}
+
+/// Kernels from a file give what new ones give, and a damaged file is as none. Drivers that keep nothing
+/// write no file.
+#[test]
+fn kept_kernels_work_as_new_ones_and_damaged_ones_are_ignored() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("kernels");
+    let files = || {
+        let entries = std::fs::read_dir(&path).into_iter().flatten();
+        entries.map(|entry| entry.unwrap().path()).collect::<Vec<_>>()
+    };
+    let run = || {
+        let options =
+            DeviceOptions { cache: KernelCache::Folder(path.clone()), ..Default::default() };
+        fill_and_read(&Device::open(&options).unwrap(), Memory::Device);
+    };
+    run();
+    let written = files();
+    run();
+    assert_eq!(files(), written);
+    for file in written {
+        let whole = std::fs::read(&file).unwrap();
+        for damaged in [&whole[..whole.len() / 2], &[], &[0xff; 4096]] {
+            std::fs::write(&file, damaged).unwrap();
+            run();
+            assert!(std::fs::read(&file).unwrap().starts_with(b"blkern"));
+        }
     }
 }
 

@@ -169,7 +169,7 @@ fn a_later_view_makes_no_buffer() {
     let (four, nine) = (traffic(4), traffic(9));
     // The first run makes buffers for transfers.
     assert!(nine.buffers <= four.buffers, "{four:?} {nine:?}");
-    // Batches of rays, rounds of exact rays, cells and sums; a bound that falls with them.
+    // A round of rays for each level of refinement, and the light of cells.
     let each = (nine.submissions - four.submissions) / 5;
-    assert!(each <= 240, "{each} submissions of a view");
+    assert!(each <= 90, "{each} submissions of a view");
 }

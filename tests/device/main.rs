@@ -6,6 +6,7 @@ use beamlet_reference as reference;
 mod support;
 
 mod backends;
+mod counts;
 mod drivers;
 mod faults;
 mod gpu;

@@ -54,7 +54,7 @@ pub(super) const FRAME_COPIES: u64 = 2;
 /// Bytes of a band where no limit is set: larger bands were not faster.
 const BAND: u64 = 1 << 30;
 /// Rays of a group of rows, about, with room enough; and least.
-const RAYS: [u64; 2] = [1 << 18, 1 << 12];
+const RAYS: [u64; 2] = [1 << 20, 1 << 12];
 /// Views that are made side by side where each fits into one band.
 const LANES: u64 = 2;
 /// Least number of rays of a group for which a limit allows them: smaller groups keep a device less busy.
