@@ -8,6 +8,7 @@
 //! drivers; `.ci/test` finds them. With `CI=true` both variables have to be there.
 #![cfg(feature = "cli")]
 
+use crate::support::program;
 use ndarray::ArrayD;
 use ndarray_npy::read_npy;
 use std::ffi::OsStr;
@@ -65,7 +66,7 @@ pub(crate) fn icd(variable: &str) -> Option<PathBuf> {
 
 /// Runs beamlet with the driver given, or the machine's own.
 fn beamlet(driver: Option<&Path>, arguments: &[&OsStr]) -> Output {
-    let mut command = Command::new(env!("CARGO_BIN_EXE_beamlet"));
+    let mut command = Command::new(program::path());
     command.args(arguments);
     if let Some(driver) = driver {
         command.env_remove("BEAMLET_DEVICE");

@@ -4,7 +4,7 @@
 
 use super::drivers::{FEW_PIXELS, SECOND_DRIVER, icd, sinograms, succeeded};
 use super::gpu::open;
-use crate::support::backends;
+use crate::support::{backends, program};
 use beamlet::Backend;
 use beamlet::internals::gpu::shaders;
 use std::collections::BTreeSet;
@@ -67,7 +67,7 @@ struct Layer<'a> {
 
 impl Layer<'_> {
     fn run(&mut self, driver: Option<&Path>, arguments: &[&str]) {
-        let mut command = Command::new(env!("CARGO_BIN_EXE_beamlet"));
+        let mut command = Command::new(program::path());
         command.current_dir(self.folder).args(arguments).arg("-v").env_remove("RUST_LOG");
         if self.validation {
             command.env("BEAMLET_VALIDATION", "1");

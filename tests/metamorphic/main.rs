@@ -25,6 +25,7 @@ use ndarray::Array4;
 use relations::{RELATIONS, Relation};
 use runs::{difference, folder, run};
 use std::time::Instant;
+use support::backends;
 
 /// Seeds of CI: every shape but the torus, whose facets take long to trace, 0 to 2 masks that
 /// do and do not leak, instances, nested bodies, one energy and a tube.
@@ -44,6 +45,7 @@ fn seeds() -> Vec<u64> {
 /// relations of one scene. Random rays are slow, and few scenes suffice.
 fn is_taken(relation: Relation, seed: u64) -> bool {
     match relation {
+        Relation::Backend if !backends().contains(&Backend::RayQuery) => false,
         Relation::MirroredInX | Relation::Finer | Relation::Facets => seed.is_multiple_of(2),
         Relation::MirroredInZ | Relation::Turned | Relation::Exact | Relation::Backend => {
             !seed.is_multiple_of(2)

@@ -3,7 +3,7 @@
 use super::case::Case;
 use super::compare::{Difference, flat_of, largest};
 use super::relations::Relation;
-use super::support::{Checked, engine};
+use super::support::{Checked, engine, leftovers};
 use beamlet::{Backend, RunRecord};
 use ndarray::Array4;
 use std::path::PathBuf;
@@ -32,7 +32,7 @@ fn shared(backend: Backend) -> &'static Checked {
 
 /// Folder of the places of instances.
 pub(crate) fn folder() -> PathBuf {
-    let folder = PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join("metamorphic");
+    let folder = leftovers().join("metamorphic");
     std::fs::create_dir_all(&folder).expect("a folder for the places of instances");
     folder
 }

@@ -1,15 +1,15 @@
 //! Set-ups drawn from a seed: source, masks, detector and scan.
 
 use super::draws::Draws;
+use super::support::root;
 use beamlet::scene::{
     Anode, Beam, Blur, Detector, DetectorMode, Filter, MaskBody, MaskSpec, Scene, Source,
     SpectrumOrigin, SpectrumSpec,
 };
 use std::f64::consts::{FRAC_PI_2, PI};
-use std::path::Path;
 
 /// A file of a spectrum with few rows.
-const SPECTRUM: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/metamorphic/spectrum.csv");
+const SPECTRUM: &str = "tests/metamorphic/spectrum.csv";
 
 /// Space for the sample about the rotation centre, m.
 #[derive(Debug, Clone, Copy)]
@@ -64,7 +64,7 @@ fn beam(draws: &mut Draws) -> Beam {
     if draws.chance(0.75) {
         return Beam::Energy(draws.between(20.0, 100.0));
     }
-    let file = SpectrumOrigin::File { path: Path::new(SPECTRUM).to_owned() };
+    let file = SpectrumOrigin::File { path: root().join(SPECTRUM) };
     if draws.chance(0.4) {
         return Beam::Spectrum(SpectrumSpec::new(file));
     }

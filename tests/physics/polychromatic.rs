@@ -6,7 +6,7 @@
 use crate::reference::closed_form::ThinMasks;
 use crate::reference::normal::SIGMA_PER_FWHM;
 use crate::reference::surfaces::wedge;
-use crate::support::{Worst, backends, engine, engine_with};
+use crate::support::{Worst, backends, engine, engine_with, root};
 use beamlet::Backend;
 use beamlet::material::constants_at;
 use beamlet::retrieve::{RetrieveOptions, Retriever};
@@ -227,7 +227,7 @@ fn ordered_walks_at_every_energy_are_the_sum_of_its_energies() {
 
 /// Refraction angles of a row of the paper's fourth experiment, by column.
 fn angles(transport: &str) -> Vec<f64> {
-    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("docs/experiments/cylinders/scene.toml");
+    let path = root().join("docs/experiments/cylinders/scene.toml");
     let sets = ["detector.pixels=[256, 1]".to_owned(), format!("sampling.transport={transport}")];
     let scene = Scene::load_with(path, &sets).unwrap();
     let engine = engine(Backend::Bvh);

@@ -14,9 +14,9 @@ use crate::reference::draws::Draws;
 use crate::reference::fit::{self, Gaussian, gaussian};
 use crate::support::{Checked, Worst, engine_with};
 use beamlet::Cancel;
-use beamlet::Engine;
 use beamlet::internals::retrieve::{Curves, FitOptions, Fitter};
 use beamlet::retrieve::{Weights, flags};
+use beamlet::{Engine, EngineOptions};
 use ndarray::Array2;
 
 const UM: f64 = 1e-6;
@@ -27,7 +27,7 @@ const TOLERANCE: f64 = 1e-5;
 const ILL_TOLERANCE: f64 = 2e-5;
 
 fn engine() -> Checked {
-    engine_with(beamlet::EngineOptions::default())
+    engine_with(EngineOptions::default())
 }
 
 /// Even offsets over +-`half`.
@@ -282,4 +282,25 @@ fn few_counts_are_flagged_or_stay_within_the_scan() {
             assert!(s.without < 0.9);
         }
     }
+}
+
+/// The fits of many views wait for no more than one dispatch each, on a device with memory of its own.
+#[test]
+fn a_fit_of_a_view_is_one_submission_and_makes_no_buffer() {
+    let engine = engine_with(EngineOptions::default().with_staging(true));
+    let offsets = [-20e-6, -10e-6, 0.0, 10e-6, 20e-6];
+    let fitter = Fitter::new(&engine, &offsets, &FitOptions::default()).unwrap();
+    let curve = |(step, column): (usize, usize)| {
+        let u = (offsets[step] - 1e-8 * column as f64) / 9e-6;
+        (0.1 + 0.9 * (-0.5 * u * u).exp()) as f32
+    };
+    let views = Array2::from_shape_fn((5, 4000), curve);
+    let first = fitter.fit(views.view(), &Cancel::default()).unwrap();
+    let before = engine.profile().traffic;
+    for _ in 0..7 {
+        let again = fitter.fit(views.view(), &Cancel::default()).unwrap();
+        assert_eq!(again.centre, first.centre);
+    }
+    let found = engine.profile().traffic.since(before);
+    assert_eq!([found.submissions, found.waits, found.buffers], [7, 7, 0], "{found:?}");
 }

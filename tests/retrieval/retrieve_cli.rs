@@ -12,7 +12,7 @@
 use crate::reference::closed_form::cylinder_deflection;
 use crate::reference::fit;
 use crate::support::log::commit;
-use crate::support::program;
+use crate::support::{program, root};
 use beamlet::RowsControl;
 use beamlet::retrieve::{ImagesTo, Input, Record, RetrieveOptions, retrieve};
 use beamlet::stack::{Format, Maps, OpenRun, StackFile};
@@ -22,11 +22,13 @@ use ndarray_npy::{read_npy, write_npy};
 use std::fs::{self, File};
 use std::path::{Path, PathBuf};
 use std::process::Output;
-use std::sync::OnceLock;
+use std::sync::{LazyLock, OnceLock};
 use tempfile::TempDir;
 
-pub(super) const SCENE: &str =
-    concat!(env!("CARGO_MANIFEST_DIR"), "/docs/experiments/cylinder/scene.toml");
+pub(super) static SCENE: LazyLock<String> = LazyLock::new(|| {
+    let path = root().join("docs/experiments/cylinder/scene.toml").canonicalize();
+    path.unwrap().into_os_string().into_string().unwrap()
+});
 
 pub(super) fn beamlet(directory: &Path, words: &[&str]) -> Output {
     program::beamlet(directory).args(words).output().unwrap()
@@ -56,7 +58,7 @@ fn run() -> PathBuf {
         let folder = tempfile::tempdir().unwrap();
         let words = [
             "simulate",
-            SCENE,
+            &*SCENE,
             "-o",
             "run",
             "--format",
@@ -279,7 +281,7 @@ fn quiet_verbs_print_nothing_and_a_run_is_a_geometry() {
     let here = folder.path();
     let again = [
         "simulate",
-        SCENE,
+        &*SCENE,
         "-o",
         "again",
         "--format",

@@ -56,7 +56,7 @@ fn detector_numbers_of_a_run_give_uncertainties_that_hold() {
 
 /// A run of the cylinder whose detector makes numbers, `[step][row][column]` of 6,144 pixels.
 fn noisy(folder: &Path, name: &str, sets: &[&str]) {
-    let mut words = vec!["simulate", SCENE, "-o", name, "--format", "npy", "-q"];
+    let mut words = vec!["simulate", &*SCENE, "-o", name, "--format", "npy", "-q"];
     let common = ["detector.pixels=[128, 48]", "detector.photons=20000", "detector.offset=100"];
     for set in common.iter().chain(sets) {
         words.extend(["--set", set]);

@@ -45,7 +45,7 @@ fn measured_16_bit_tiffs_with_a_dark_frame_give_the_runs_contrasts() {
     let measured = [
         ["retrieve"].as_slice(),
         &words,
-        &["--offsets", &list_in_one, "--geometry", SCENE, "-o", "images"],
+        &["--offsets", &list_in_one, "--geometry", &*SCENE, "-o", "images"],
     ]
     .concat();
     good(place, &measured);
@@ -63,7 +63,7 @@ fn measured_16_bit_tiffs_with_a_dark_frame_give_the_runs_contrasts() {
     let from_file = [
         ["retrieve"].as_slice(),
         &words,
-        &["--offsets", "offsets.txt", "--geometry", SCENE, "-o", "again"],
+        &["--offsets", "offsets.txt", "--geometry", &*SCENE, "-o", "again"],
     ]
     .concat();
     good(place, &from_file);
@@ -73,7 +73,7 @@ fn measured_16_bit_tiffs_with_a_dark_frame_give_the_runs_contrasts() {
     let clipped = [
         ["retrieve"].as_slice(),
         &words,
-        &["--offsets", &list_in_one, "--geometry", SCENE, "-o", "clipped"],
+        &["--offsets", &list_in_one, "--geometry", &*SCENE, "-o", "clipped"],
         &["--saturation", "31000"],
     ]
     .concat();
@@ -88,7 +88,7 @@ fn measured_16_bit_tiffs_with_a_dark_frame_give_the_runs_contrasts() {
         [("run/flat.npy", "view.npy", false), ("view.npy", "run/flat.npy", true)]
     {
         let words =
-            ["retrieve", "--flat", flat, "--sample", sample, "--geometry", SCENE, "-o", "light"];
+            ["retrieve", "--flat", flat, "--sample", sample, "--geometry", &*SCENE, "-o", "light"];
         let output = beamlet(place, &[words.as_slice(), &["--overwrite"]].concat());
         assert_eq!(output.status.code(), Some(0), "{}", told(&output));
         assert_eq!(told(&output).contains("may be swapped"), warns, "{}", told(&output));
@@ -159,7 +159,7 @@ fn bad_pixels_have_a_flag_of_their_own_and_change_no_other_pixel() {
     fs::write(place.join("list.txt"), &list).unwrap();
     let stacks = ["--flat", "flat.npy", "--sample", "view.npy", "--dark", "dark.npy"];
     let words =
-        [["retrieve"].as_slice(), &stacks, &["--geometry", SCENE, "--format", "npy"]].concat();
+        [["retrieve"].as_slice(), &stacks, &["--geometry", &*SCENE, "--format", "npy"]].concat();
     let clean = Maps::open(place.join("clean")).unwrap();
     for file in ["mask.npy", "list.txt"] {
         let out = format!("{}_images", &file[..4]);
@@ -224,7 +224,7 @@ fn flats_between_views_are_interpolated_and_each_view_may_have_its_own() {
     let offsets = list.join(", ");
     let of = |flat: &str, more: &[&str], to: &str| -> Vec<String> {
         let words = ["retrieve", "--flat", flat, "--sample", "sample.npy", "--offsets", &offsets];
-        let to = ["--geometry", SCENE, "-o", to];
+        let to = ["--geometry", &*SCENE, "-o", to];
         words.iter().chain(&to).chain(more).map(|word| (*word).to_owned()).collect()
     };
     let simulated = Maps::open(run.join("retrieved")).unwrap();

@@ -13,8 +13,8 @@ use tempfile::TempDir;
 
 /// Makes a library of this source for `LD_PRELOAD`, in the folder for the files of tests.
 pub(crate) fn preloaded(name: &str, source: &str) -> PathBuf {
-    let folder = Path::new(env!("CARGO_TARGET_TMPDIR"));
-    let place = tempfile::tempdir_in(folder).expect("a folder");
+    let folder = super::leftovers();
+    let place = tempfile::tempdir_in(&folder).expect("a folder");
     let (code, made) = (place.path().join("code.c"), place.path().join("made.so"));
     fs::write(&code, source).expect("the code is written");
     let mut compiler = Command::new("cc");

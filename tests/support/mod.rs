@@ -15,6 +15,7 @@ use beamlet::scene::Scene;
 use beamlet::stack::{Sink, Stacks};
 use beamlet::{Backend, Control, Engine, EngineOptions, Result, RunRecord, Simulation};
 use std::ops::Deref;
+use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 
 /// Carbon of 2.0 g/cm3 at 30 keV: mu in 1/m, delta.
@@ -85,14 +86,28 @@ pub(crate) fn engine_with(options: EngineOptions) -> Checked {
     Checked(Engine::open(&options.with_validation(validation)).expect("a Vulkan device"))
 }
 
-/// The backends that this device can run.
+/// The backends that this device can run; with `CI=true` it must run both.
 pub(crate) fn backends() -> Vec<Backend> {
     let device = engine(Backend::Bvh);
     let mut all = vec![Backend::Bvh];
     if device.description().ray_query {
         all.push(Backend::RayQuery);
     }
+    let ci = std::env::var("CI").is_ok_and(|value| value == "true");
+    assert!(all.len() == 2 || !ci, "no ray query, and CI=true forbids to leave a backend out");
     all
+}
+
+/// The folder of the package: where the tests were built, or on another machine the working folder.
+pub(crate) fn root() -> PathBuf {
+    let built = Path::new(env!("CARGO_MANIFEST_DIR"));
+    if built.join("tests/support").is_dir() { built.into() } else { PathBuf::from(".") }
+}
+
+/// A folder for files that tests leave: the one of the build, or on another machine the system's.
+pub(crate) fn leftovers() -> PathBuf {
+    let built = Path::new(env!("CARGO_TARGET_TMPDIR"));
+    if built.is_dir() { built.into() } else { std::env::temp_dir() }
 }
 
 /// True if every case runs, as `.ci/long` does, in place of a sample of them.

@@ -4,9 +4,15 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 use tempfile::TempDir;
 
+/// Path of the program: `BEAMLET_PROGRAM`, where tests run on another machine than that of the build.
+pub(crate) fn path() -> PathBuf {
+    let built = || PathBuf::from(env!("CARGO_BIN_EXE_beamlet"));
+    std::env::var_os("BEAMLET_PROGRAM").map_or_else(built, PathBuf::from)
+}
+
 /// The program in a directory, with no words yet. It logs by its own words alone.
 pub(crate) fn beamlet(directory: impl AsRef<Path>) -> Command {
-    let mut command = Command::new(env!("CARGO_BIN_EXE_beamlet"));
+    let mut command = Command::new(path());
     command.current_dir(directory).env_remove("RUST_LOG");
     command
 }

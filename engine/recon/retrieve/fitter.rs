@@ -6,14 +6,17 @@ use super::quadrature;
 use beamlet_core::cancel::Cancel;
 use beamlet_core::numbers::{self, single};
 use beamlet_core::{Error, Result, setters};
-use beamlet_gpu::{Buffer, Compute, Device, Kernel, Memory, Pace, push_bytes};
+use beamlet_gpu::{
+    Buffer, Compute, Device, Download, Kernel, Memory, Pace, Recorder, Upload, push_bytes,
+};
 use beamlet_interface::{
     FIT_AMPLITUDE, FIT_AREA_SIGMA, FIT_BACKGROUND, FIT_CENTRE, FIT_CENTRE_SIGMA, FIT_CONDITION,
-    FIT_FLAGS, FIT_RESIDUAL, FIT_VALUES, FIT_WIDTH, FIT_WIDTH_SIGMA, FitPush, Step,
+    FIT_FLAGS, FIT_RESIDUAL, FIT_VALUES, FIT_WIDTH, FIT_WIDTH_SIGMA, FitPush, GROUP, Step,
 };
 use ndarray::{ArrayView2, s};
 use serde::Serialize;
-use std::sync::Arc;
+use std::borrow::Cow;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 /// Curves on the device at once: 84 MB with 11 steps.
 const AT_ONCE: usize = 1 << 20;
@@ -71,6 +74,8 @@ pub struct Fitter {
     device: Arc<Device>,
     kernel: Arc<Kernel>,
     steps: Arc<Buffer>,
+    /// Curves and fits of the call before.
+    kept: Arc<Mutex<Option<[Buffer; 2]>>>,
     step_count: usize,
     /// Centre and half width of the scan.
     middle: f64,
@@ -166,6 +171,7 @@ impl Fitter {
             kernel,
             steps: Arc::new(device.upload("mask steps", &steps)?),
             device,
+            kept: Arc::default(),
             step_count: offsets.len(),
             middle,
             half,
@@ -201,51 +207,82 @@ impl Fitter {
         }
         let mut all = Curves::new(count);
         let room = count.min(AT_ONCE) as u64;
-        let input = self.device.buffer("curves", room * steps as u64 * 4, Memory::Device)?;
-        let output = self.device.buffer("fits", room * FIT_VALUES as u64 * 4, Memory::Device)?;
+        let [input, output] = self.take_buffers(room)?;
         let mut pace = Pace::new(1 << 15, 1024, 1 << 20);
+        let mut values = Vec::new();
         for start in (0..count).step_by(AT_ONCE) {
             let n = (count - start).min(AT_ONCE);
-            for (step, curve) in curves.outer_iter().enumerate() {
-                let part = curve.slice_move(s![start..start + n]);
-                let offset = (step * n * 4) as u64;
-                match part.as_slice() {
-                    Some(values) if self.pedestal <= 0.0 => input.write(offset, values)?,
-                    _ => {
-                        let raised: Vec<f32> = part.iter().map(|y| y + self.pedestal).collect();
-                        input.write(offset, &raised)?;
+            let rows: Vec<Cow<'_, [f32]>> = curves
+                .outer_iter()
+                .map(|curve| match curve.slice_move(s![start..start + n]) {
+                    part if self.pedestal > 0.0 => part.iter().map(|y| y + self.pedestal).collect(),
+                    part => {
+                        part.to_slice().map_or_else(|| part.iter().copied().collect(), Cow::from)
                     }
-                }
-            }
-            self.dispatch(&input, &output, numbers::count(n), &mut pace, cancel)?;
-            let values: Vec<f32> = output.read(0, n * FIT_VALUES)?;
+                })
+                .collect();
+            let place = |step: usize| (step * n * 4) as u64;
+            let uploads: Vec<Upload<'_>> =
+                (0..).zip(&rows).map(|(step, row)| Upload::new(&input, place(step), row)).collect();
+            values.resize(n * FIT_VALUES, 0.0);
+            let download = Download::new(&output, 0, &mut values);
+            self.dispatch(
+                [&input, &output],
+                numbers::count(n),
+                (&uploads, download),
+                (&mut pace, cancel),
+            )?;
             self.take(&values, start, &mut all);
         }
+        *lock(&self.kept) = Some([input, output]);
         Ok(all)
     }
 
+    /// Buffers for `room` curves and their fits: those of an earlier call where they are large enough.
+    fn take_buffers(&self, room: u64) -> Result<[Buffer; 2]> {
+        let bytes = [room * self.step_count as u64 * 4, room * FIT_VALUES as u64 * 4];
+        let fits = |of: &[Buffer; 2]| of.iter().zip(bytes).all(|(it, bytes)| it.len() >= bytes);
+        if let Some(kept) = lock(&self.kept).take().filter(fits) {
+            return Ok(kept);
+        }
+        let make = |name: &str, bytes| self.device.buffer(name, bytes, Memory::Device);
+        Ok([make("curves", bytes[0])?, make("fits", bytes[1])?])
+    }
+
+    /// Fits `count` curves: they go to the device with the first dispatch, and their fits come with the last.
     fn dispatch(
         &self,
-        input: &Buffer,
-        output: &Buffer,
+        [input, output]: [&Buffer; 2],
         count: u32,
-        pace: &mut Pace,
-        cancel: &Cancel,
+        (uploads, fits): (&[Upload<'_>], Download<'_>),
+        (pace, cancel): (&mut Pace, &Cancel),
     ) -> Result<()> {
-        let push = |first, _| FitPush {
+        let mut push = FitPush {
             steps: self.steps.address(),
             curves: input.address(),
             fits: output.address(),
             step_count: numbers::count(self.step_count),
             pixel_count: count,
-            first,
+            first: 0,
             poisson: (self.options.weights == Weights::Poisson).into(),
             gain: single(self.options.gain),
             saturation: self.options.saturation.map_or(f32::INFINITY, |y| y + self.pedestal),
             min_width: single(self.min_width),
             max_width: single(self.max_width),
         };
-        self.device.run_paced(&self.kernel, count, (pace, cancel), push, &mut |_| ())
+        let mut fits = [fits];
+        while push.first < count {
+            cancel.check()?;
+            let n = pace.size().min(count - push.first);
+            let uploads = if push.first == 0 { uploads } else { &[] };
+            let fits = if push.first + n == count { &mut fits[..] } else { &mut [] };
+            let record = |r: &mut Recorder<'_>| {
+                r.dispatch(&self.kernel, bytemuck::bytes_of(&push), [n.div_ceil(GROUP), 1, 1]);
+            };
+            pace.adapt(self.device.run_with(uploads, record, fits)?);
+            push.first += n;
+        }
+        Ok(())
     }
 
     /// From planes of values in half widths to curves in the offsets' unit.
@@ -270,6 +307,11 @@ impl Fitter {
             *to = numbers::whole::<u32>(f64::from(*from));
         }
     }
+}
+
+/// Locks; buffers of a panicking thread are as good as new ones.
+fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 fn fill(to: &mut [f32], start: usize, from: impl Iterator<Item = f32>) {

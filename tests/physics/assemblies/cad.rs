@@ -6,7 +6,7 @@ use crate::reference::rays::{Order, Sample};
 use crate::reference::scenes;
 use crate::reference::stack::Setup;
 use crate::reference::surfaces::{Body, Mesh, Random, body};
-use crate::support::{backends, engine, everything, sample};
+use crate::support::{backends, engine, everything, root, sample};
 use beamlet::geometry::load;
 use beamlet::internals::geometry::load_lenient;
 use beamlet::scene::{Scene, ShapeOrMesh, Transport};
@@ -33,7 +33,7 @@ fn assembly(turn: ([f64; 3], f64)) -> Scene {
     ];
     let bodies = constants.map(|[mu, delta]| body(tetrahedron.clone(), mu, delta));
     let mut scene = scenes::scene(&setup, &bodies, &[0.0]);
-    scene.directory = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("tests/assembly");
+    scene.directory = root().join("tests/assembly");
     for (object, name) in scene.objects.iter_mut().zip(PARTS) {
         object.name = name.to_owned();
         let path = PathBuf::from(format!("{name}.stl"));

@@ -1,12 +1,12 @@
 //! Cells where a rough face is met near grazing incidence: rays draw their normals there.
 
-use crate::support::engine;
+use crate::support::{engine, root};
 use beamlet::Backend;
 use beamlet::scene::Scene;
 
 /// The octagon of docs/experiments with one of its edges in the middle of few pixels.
 fn scene(angles: &[f64]) -> Scene {
-    let path = concat!(env!("CARGO_MANIFEST_DIR"), "/docs/experiments/octagon/scene.toml");
+    let path = root().join("docs/experiments/octagon/scene.toml");
     let sets = [
         "sampling.scheme=cells",
         "sampling.max_rays=5000",

@@ -1,7 +1,6 @@
 //! What one body needs of its rays changes nothing where another stands.
 
-use crate::support::engine;
-use beamlet::Backend;
+use crate::support::{backends, engine};
 use beamlet::scene::Scene;
 
 /// Columns of light that the plain body meets.
@@ -45,7 +44,7 @@ fn pixels_of_a_plain_body_keep_their_bits_beside_any_other() {
         ("instances", instances.clone()),
         ("rough instances", format!("{instances}roughness = 0.01\n")),
     ];
-    for backend in [Backend::Bvh, Backend::RayQuery] {
+    for backend in backends() {
         let engine = engine(backend);
         let light = |other: &str| {
             let stacks = engine.simulate(&scene(other)).expect("a run");
