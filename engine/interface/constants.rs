@@ -4,6 +4,21 @@ shared_constants! {
     /// Invocations of a workgroup, of every kernel.
     GROUP: u32 = 64;
 
+    /// Values of a vector that a workgroup combines.
+    CHUNK: u32 = 1 << 12;
+    /// Values of two vectors that a workgroup multiplies and sums.
+    DOT_CHUNK: u32 = 1 << 14;
+    /// a + factor b.
+    COMBINE_SUM: u32 = 0;
+    /// a b.
+    COMBINE_PRODUCT: u32 = 1;
+    /// a where it is above zero, else 0.
+    COMBINE_BOUND: u32 = 2;
+    /// a where b is above the factor, else 0.
+    COMBINE_WHERE: u32 = 3;
+    /// One over a where it is above the factor, else 0.
+    COMBINE_INVERSE: u32 = 4;
+
     /// Lanes that hold the words of a record of a bundle, a word each: the least subgroup of
     /// `trace_bundles.comp`. Subgroups of twice the size hold everything twice.
     BUNDLE_LANES: u32 = 8;

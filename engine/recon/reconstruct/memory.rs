@@ -1,13 +1,16 @@
 //! Memory of a reconstruction, and the remainder of a limit for the device.
 
 use super::geometry::ScanGeometry;
+use super::grid::VolumeGrid;
 use super::method::Method;
 use super::plan::VolumePlan;
+use super::problem::spare;
 use super::projector::AT_ONCE;
 use super::quantity::Quantity;
 use super::redundancy::Redundancy;
 use super::resampling::Resampling;
 use super::solver::Solver;
+use super::vectors::Vectors;
 use beamlet_core::numbers::length;
 use beamlet_core::reserve::PROGRAM;
 use beamlet_core::{Error, Result};
@@ -20,10 +23,11 @@ const VALUE: u64 = 4;
 pub(super) struct Memory {
     /// On the host, without the program.
     pub(super) host: u64,
-    /// On the device: slabs of the volume and parts of the sinograms.
+    /// On the device: slabs of the volume and parts of the sinograms, or all vectors of an iterative method.
     pub(super) device: u64,
-    /// Values of a volume, and of sinograms, that are on the device at once.
-    pub(super) at_once: usize,
+    /// Values of a volume, and of sinograms, that are on the device at once; `None`: all vectors of an
+    /// iterative method.
+    pub(super) at_once: Option<usize>,
 }
 
 impl Memory {
@@ -38,7 +42,12 @@ impl Memory {
         truth: Option<usize>,
         limit: Option<u64>,
     ) -> Result<Self> {
-        let host = host_bytes(geometry, plan, truth);
+        if let Some(resident) = Self::resident(geometry, plan, truth)
+            && limit.is_none_or(|limit| resident.needed() <= limit)
+        {
+            return Ok(resident);
+        }
+        let host = host_bytes(geometry, plan, (truth, false));
         let [x, y, z] = plan.grid.size.map(|side| side as u64);
         let [views, rows, columns] = geometry.shape().map(|side| side as u64);
         // Refraction angles are differences of one place more than columns.
@@ -46,14 +55,18 @@ impl Memory {
         let places = (filtered as u64).max(columns + 1);
         let (plane, view) = (x.saturating_mul(y), rows.saturating_mul(places));
         let pairs = if passes(geometry, plan) > 0 { 2 } else { 1 };
+        let pieces = match plan.method {
+            Method::Fbp(_) => 0,
+            Method::Iterative { .. } => 3 * VALUE * piece(geometry, plan),
+        };
         let of_device = |at_once: u64| {
             let slab = at_once.max(plane).min(plane.saturating_mul(z));
             let part = at_once.max(view).min(view.saturating_mul(views));
-            (pairs * VALUE).saturating_mul(slab.saturating_add(part))
+            (pairs * VALUE).saturating_mul(slab.saturating_add(part)).saturating_add(pieces)
         };
         let mut at_once = AT_ONCE as u64;
         if let Some(limit) = limit {
-            let rest = limit.saturating_sub(PROGRAM).saturating_sub(host);
+            let rest = limit.saturating_sub(PROGRAM).saturating_sub(host).saturating_sub(pieces);
             at_once = at_once.min(rest / (2 * pairs * VALUE));
             let needed = PROGRAM.saturating_add(host).saturating_add(of_device(at_once));
             if needed > limit {
@@ -68,8 +81,62 @@ impl Memory {
                 });
             }
         }
-        Ok(Self { host, device: of_device(at_once), at_once: length(at_once.max(1)) })
+        Ok(Self { host, device: of_device(at_once), at_once: Some(length(at_once.max(1))) })
     }
+
+    /// The memory of an iterative method with all vectors on the device.
+    fn resident(geometry: &ScanGeometry, plan: &VolumePlan, truth: Option<usize>) -> Option<Self> {
+        let Method::Iterative { options, phase } = &plan.method else { return None };
+        let filtered = plan.quantities.contains(&Quantity::Delta) && !phase;
+        let extras = [plan.mask.is_some(), has_weights(plan)];
+        let device = resident_bytes(geometry, &plan.grid, (options.solver, filtered), extras);
+        let host = host_bytes(geometry, plan, (truth, true));
+        Some(Self { host, device, at_once: None })
+    }
+
+    /// With the program.
+    const fn needed(&self) -> u64 {
+        PROGRAM.saturating_add(self.host).saturating_add(self.device)
+    }
+}
+
+/// Values of a piece of a vector that is on the host.
+fn piece(geometry: &ScanGeometry, plan: &VolumePlan) -> u64 {
+    let [views, rows, columns] = geometry.shape();
+    let longest = plan.grid.size.iter().product::<usize>().max(views * rows * columns);
+    Vectors::piece(longest, rows * columns) as u64
+}
+
+/// True if sinograms may have weights: deviations, or 0 for views that lost their refraction.
+fn has_weights(plan: &VolumePlan) -> bool {
+    plan.sigma || (!plan.keep_views && plan.quantities.contains(&Quantity::Delta))
+}
+
+/// Bytes of the vectors of a method, with a filter of gradients or not, on the device; with a mask, and with
+/// weights. Rays are there part by part.
+pub(super) fn resident_bytes(
+    geometry: &ScanGeometry,
+    grid: &VolumeGrid,
+    (solver, filtered): (Solver, bool),
+    [mask, weights]: [bool; 2],
+) -> u64 {
+    let product =
+        |sides: [usize; 3]| sides.iter().fold(VALUE, |all, side| all.saturating_mul(*side as u64));
+    let [views, rows, columns] = geometry.shape();
+    let [volumes, sinograms] = vectors(solver, filtered, [mask, weights]);
+    let view = product([1, rows, columns + 1]);
+    let rays = view.saturating_mul(views as u64).min(view.max(VALUE * AT_ONCE as u64));
+    // Factors of each column of a row, and tables of each view.
+    let tables = 4 * product([1, rows, columns]) + 512 * views as u64;
+    let values = product(grid.size).saturating_mul(volumes);
+    let of_sinograms = product([views, rows, columns]).saturating_mul(sinograms);
+    values.saturating_add(of_sinograms).saturating_add(rays).saturating_add(tables)
+}
+
+/// Volumes and sinograms of a method.
+fn vectors(solver: Solver, filtered: bool, [mask, weights]: [bool; 2]) -> [u64; 2] {
+    let [volumes, sinograms] = spare(solver, filtered).map(|count| count as u64);
+    [2 + volumes + u64::from(mask), 2 + sinograms + u64::from(weights)]
 }
 
 /// Corrections for lever arms over all quantities of a plan.
@@ -100,8 +167,13 @@ fn region_bytes(geometry: &ScanGeometry, plan: &VolumePlan) -> u64 {
         .saturating_add(spread.saturating_mul(threads))
 }
 
-/// Most bytes on the host at a time: volumes and sinograms that are alive together.
-fn host_bytes(geometry: &ScanGeometry, plan: &VolumePlan, truth: Option<usize>) -> u64 {
+/// Most bytes on the host at a time: volumes and sinograms that are alive together; `is_resident`: with the
+/// vectors of an iterative method on the device.
+fn host_bytes(
+    geometry: &ScanGeometry,
+    plan: &VolumePlan,
+    (truth, is_resident): (Option<usize>, bool),
+) -> u64 {
     let product =
         |sides: [usize; 3]| sides.iter().fold(VALUE, |all, side| all.saturating_mul(*side as u64));
     let [views, rows, columns] = geometry.shape();
@@ -136,19 +208,19 @@ fn host_bytes(geometry: &ScanGeometry, plan: &VolumePlan, truth: Option<usize>) 
             if plan.sigma { made.max(map).max(rings).max(means) } else { made }
         }
         Method::Iterative { options, phase } => {
-            let mask = 2 * u64::from(plan.mask.is_some());
-            let start = u64::from(plan.start.is_some());
-            let of_phase = 2 * u64::from(*phase);
-            let (volumes, of_sinograms) = match options.solver {
-                Solver::Cgls => (5, 5),
-                Solver::Sirt => (6, 6),
-                Solver::Bb => (9, 5),
+            let is_filtered = plan.quantities.contains(&Quantity::Delta) && !phase;
+            let has_mask = plan.mask.is_some();
+            // The mask and the start, and the volume that is made, or filtered.
+            let beside = u64::from(has_mask) + u64::from(plan.start.is_some()) + 1;
+            // Weights and their copy in another unit; integrals with their deviations.
+            let extra = 2 * u64::from(has_weights(plan)) + 2 * u64::from(*phase);
+            let [volumes, of_sinograms] = match is_resident {
+                true => [u64::from(has_mask), 0],
+                false => vectors(options.solver, is_filtered, [has_mask, has_weights(plan)]),
             };
-            // Views that lost their refraction get weight 0.
-            let may_lose = !plan.keep_views && plan.quantities.contains(&Quantity::Delta);
-            let extra = 2 * weights.max(u64::from(may_lose)) + of_phase;
+            let (volumes, of_sinograms) = (beside + volumes, 1 + extra + of_sinograms);
             let planes = filter_bytes(plan.grid.size);
-            counted(kept + mask + start + volumes, of_sinograms + extra, 0).saturating_add(planes)
+            counted(kept + volumes, of_sinograms, 0).saturating_add(planes)
         }
     };
     match truth {

@@ -1,8 +1,8 @@
 //! The filter 1/|k| of slices: it makes steps of refraction angles about the same size at all frequencies.
 
+use super::vectors::{Vector, Vectors};
 use beamlet_core::numbers::single;
-use beamlet_core::{Cancel, Result};
-use ndarray::Array3;
+use beamlet_core::{Cancel, Result, reserve};
 use rayon::prelude::*;
 use rustfft::num_complex::Complex;
 use rustfft::{Fft, FftPlannerScalar};
@@ -33,14 +33,22 @@ impl Preconditioner {
     }
 
     /// Filters each plane of `[z][y][x]`.
-    pub(super) fn apply(&self, volume: &mut Array3<f32>, cancel: &Cancel) -> Result<()> {
+    pub(super) fn apply(
+        &self,
+        volume: &Vector,
+        to: &mut Vector,
+        vectors: &mut Vectors,
+        cancel: &Cancel,
+    ) -> Result<()> {
         let plane = self.size[0] * self.size[1];
-        let values = volume.as_slice_mut().unwrap_or_default();
+        let mut values = reserve::zeroed(volume.len(), "a volume")?;
+        vectors.values(volume, &mut values)?;
         values.par_chunks_mut(plane).try_for_each(|plane| {
             cancel.check()?;
             self.filter(plane);
             Ok(())
-        })
+        })?;
+        vectors.set(to, &values)
     }
 
     fn filter(&self, plane: &mut [f32]) {
