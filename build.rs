@@ -55,6 +55,7 @@ const PERMUTATIONS: &[Permutation] = &[
     ("sinogram_back", "reconstruct/sinogram.comp", &[("BACK", "1")]),
     ("combine", "reconstruct/combine.comp", &[]),
     ("dot", "reconstruct/dot.comp", &[]),
+    ("fourier", "reconstruct/fourier.comp", &[]),
 ];
 
 /// The shaders of the tests, from tests/device/shaders/; they are not part of the library.

@@ -8,6 +8,18 @@ shared_constants! {
     CHUNK: u32 = 1 << 12;
     /// Values of two vectors that a workgroup multiplies and sums.
     DOT_CHUNK: u32 = 1 << 14;
+    /// Numbers of a step of a Fourier transform that a workgroup makes at a time.
+    FOURIER_CHUNK: u32 = 512;
+    /// Two planes of a volume become the real and the imaginary part of one.
+    FOURIER_PACK: u32 = 0;
+    /// The way back.
+    FOURIER_UNPACK: u32 = 1;
+    /// Numbers over their frequency.
+    FOURIER_FILTER: u32 = 2;
+    /// Joins two transforms.
+    FOURIER_PAIRS: u32 = 3;
+    /// Joins four transforms.
+    FOURIER_FOURS: u32 = 4;
     /// a + factor b.
     COMBINE_SUM: u32 = 0;
     /// a b.

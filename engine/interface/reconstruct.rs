@@ -239,6 +239,38 @@ shared_structs! {
         pub is_weighted: u32,
     }
 
+    /// Push constants of `reconstruct/fourier.comp`.
+    pub struct FourierPush {
+        /// Complex numbers `[pair][high][wide]`, or `[z][y][x]` of a volume.
+        pub from: u64 => Floats,
+        pub to: u64 => Floats,
+        /// Cosine and sine of -2 pi n / `roots_count`.
+        pub roots: u64 => Projections,
+        pub roots_count: u32,
+        /// Items of this dispatch: numbers, or groups of numbers that are joined.
+        pub count: u32,
+        /// `FOURIER_`
+        pub kind: u32,
+        /// Numbers of a line, and those that are not zero.
+        pub numbers: u32,
+        pub valid: u32,
+        /// From a number of a line to the next.
+        pub stride: u32,
+        /// Lines of a plane, one for each row; 1 for all columns together.
+        pub lines: u32,
+        /// Numbers whose transforms are joined.
+        pub joined: u32,
+        pub is_inverse: u32,
+        pub wide: u32,
+        pub high: u32,
+        pub size_x: u32,
+        pub size_y: u32,
+        /// Voxels of the planes.
+        pub voxels: u32,
+        /// Least frequency, in numbers of a cycle.
+        pub least: f32,
+    }
+
     /// Push constants of `reconstruct/sinogram.comp`.
     pub struct SinogramPush {
         /// One of each view.

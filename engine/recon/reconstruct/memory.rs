@@ -4,6 +4,7 @@ use super::geometry::ScanGeometry;
 use super::grid::VolumeGrid;
 use super::method::Method;
 use super::plan::VolumePlan;
+use super::preconditioner::filter_bytes;
 use super::problem::spare;
 use super::projector::AT_ONCE;
 use super::quantity::Quantity;
@@ -57,6 +58,9 @@ impl Memory {
         let pairs = if passes(geometry, plan) > 0 { 2 } else { 1 };
         let pieces = match plan.method {
             Method::Fbp(_) => 0,
+            Method::Iterative { .. } if filters_gradients(plan) => {
+                3 * VALUE * piece(geometry, plan) + filter_bytes(plan.grid.size)
+            }
             Method::Iterative { .. } => 3 * VALUE * piece(geometry, plan),
         };
         let of_device = |at_once: u64| {
@@ -86,10 +90,10 @@ impl Memory {
 
     /// The memory of an iterative method with all vectors on the device.
     fn resident(geometry: &ScanGeometry, plan: &VolumePlan, truth: Option<usize>) -> Option<Self> {
-        let Method::Iterative { options, phase } = &plan.method else { return None };
-        let filtered = plan.quantities.contains(&Quantity::Delta) && !phase;
+        let Method::Iterative { options, .. } = &plan.method else { return None };
+        let method = (options.solver, filters_gradients(plan));
         let extras = [plan.mask.is_some(), has_weights(plan)];
-        let device = resident_bytes(geometry, &plan.grid, (options.solver, filtered), extras);
+        let device = resident_bytes(geometry, &plan.grid, method, extras);
         let host = host_bytes(geometry, plan, (truth, true));
         Some(Self { host, device, at_once: None })
     }
@@ -100,11 +104,19 @@ impl Memory {
     }
 }
 
+/// True if gradients of an iterative method are filtered.
+fn filters_gradients(plan: &VolumePlan) -> bool {
+    matches!(plan.method, Method::Iterative { phase: false, .. })
+        && plan.quantities.contains(&Quantity::Delta)
+}
+
 /// Values of a piece of a vector that is on the host.
 fn piece(geometry: &ScanGeometry, plan: &VolumePlan) -> u64 {
     let [views, rows, columns] = geometry.shape();
     let longest = plan.grid.size.iter().product::<usize>().max(views * rows * columns);
-    Vectors::piece(longest, rows * columns) as u64
+    let [x, y, _] = plan.grid.size;
+    let planes = if filters_gradients(plan) { 2 * x * y } else { 0 };
+    Vectors::piece(longest, planes.max(rows * columns)) as u64
 }
 
 /// True if sinograms may have weights: deviations, or 0 for views that lost their refraction.
@@ -130,7 +142,8 @@ pub(super) fn resident_bytes(
     let tables = 4 * product([1, rows, columns]) + 512 * views as u64;
     let values = product(grid.size).saturating_mul(volumes);
     let of_sinograms = product([views, rows, columns]).saturating_mul(sinograms);
-    values.saturating_add(of_sinograms).saturating_add(rays).saturating_add(tables)
+    let filter = if filtered { filter_bytes(grid.size) } else { 0 };
+    [of_sinograms, rays, tables, filter].into_iter().fold(values, u64::saturating_add)
 }
 
 /// Volumes and sinograms of a method.
@@ -208,19 +221,19 @@ fn host_bytes(
             if plan.sigma { made.max(map).max(rings).max(means) } else { made }
         }
         Method::Iterative { options, phase } => {
-            let is_filtered = plan.quantities.contains(&Quantity::Delta) && !phase;
             let has_mask = plan.mask.is_some();
-            // The mask and the start, and the volume that is made, or filtered.
-            let beside = u64::from(has_mask) + u64::from(plan.start.is_some()) + 1;
+            // The mask and the start, and the volume that is made, where none of the vectors becomes it.
+            let beside: u64 =
+                [has_mask, plan.start.is_some(), is_resident].into_iter().map(u64::from).sum();
             // Weights and their copy in another unit; integrals with their deviations.
             let extra = 2 * u64::from(has_weights(plan)) + 2 * u64::from(*phase);
             let [volumes, of_sinograms] = match is_resident {
                 true => [u64::from(has_mask), 0],
-                false => vectors(options.solver, is_filtered, [has_mask, has_weights(plan)]),
+                false => {
+                    vectors(options.solver, filters_gradients(plan), [has_mask, has_weights(plan)])
+                }
             };
-            let (volumes, of_sinograms) = (beside + volumes, 1 + extra + of_sinograms);
-            let planes = filter_bytes(plan.grid.size);
-            counted(kept + volumes, of_sinograms, 0).saturating_add(planes)
+            counted(kept + beside + volumes, 1 + extra + of_sinograms, 0)
         }
     };
     match truth {
@@ -232,17 +245,10 @@ fn host_bytes(
     }
 }
 
-/// Bytes of the filter of slices: two padded planes of complex numbers for each thread.
-fn filter_bytes([x, y, z]: [usize; 3]) -> u64 {
-    let padded = |side: usize| (2 * side).next_power_of_two() as u64;
-    let threads = rayon::current_num_threads().min(z) as u64;
-    (2 * 8 * threads).saturating_mul(padded(x)).saturating_mul(padded(y))
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::reconstruct::{Quantity, VolumeGrid};
+    use crate::reconstruct::{IterativeOptions, Quantity, VolumeGrid};
 
     /// A parallel beam over a whole turn, with the axis `shift` columns beside the middle of 101.
     fn scan(shift: f64) -> ScanGeometry {
@@ -283,5 +289,24 @@ mod tests {
         let threads = rayon::current_num_threads().min(90) as u64;
         let expected = 100 * (4 * volume + 6 * volume) + rows * 2 * 102 + threads * 16 * 3 * 101;
         assert_eq!(host(0.0, &all).unwrap(), expected);
+    }
+    #[test]
+    fn vectors_of_iterations_are_on_the_device_where_the_limit_allows_it() {
+        let mut plan = plan();
+        plan.quantities = vec![Quantity::Mu];
+        plan.grid.size = [400, 400, 40];
+        plan.method = Method::iterative(IterativeOptions::default(), false);
+        let memory = |limit| Memory::of(&scan(0.0), &plan, None, limit).unwrap();
+        let whole = memory(None);
+        let (volume, sinograms) = (4 * 400 * 400 * 40, 4 * 90 * 3 * 101);
+        // Volume, best volume, gradient and direction; residual and projections; rays, and tables.
+        let (rays, tables) = (4 * 90 * 3 * 102, 16 * 3 * 101 + 512 * 90);
+        assert_eq!(whole.device, 4 * volume + 2 * sinograms + rays + tables);
+        assert_eq!((whole.host, whole.at_once), (volume + rays, None));
+        let needed = PROGRAM + whole.host + whole.device;
+        assert_eq!(memory(Some(needed)).device, whole.device);
+        let slabs = memory(Some(needed - 1));
+        assert!(slabs.at_once.is_some() && slabs.host > whole.host);
+        assert!(PROGRAM + slabs.host + slabs.device < needed);
     }
 }

@@ -73,7 +73,9 @@ impl<'a> Problem<'a> {
         let (views, rows, columns) = measured.sinograms.dim();
         let [voxels, values] = [x * y * z, views * rows * columns];
         let device = model.projector().device();
-        let mut vectors = Vectors::new(device, voxels.max(values), rows * columns, is_resident)?;
+        let is_filtered = measured.data == Data::Refraction;
+        let least = if is_filtered { (rows * columns).max(2 * x * y) } else { rows * columns };
+        let mut vectors = Vectors::new(device, voxels.max(values), least, is_resident)?;
         let mut unit = 1.0;
         let mut counted = values;
         let given = measured.sinograms.as_standard_layout();
@@ -108,7 +110,7 @@ impl<'a> Problem<'a> {
         }
         let mut best = vectors.vector(voxels, "the best volume")?;
         vectors.copy(&mut best, &volume);
-        let filter = (measured.data == Data::Refraction).then(|| Preconditioner::new([x, y]));
+        let filter = is_filtered.then(|| Preconditioner::new(device, model.size())).transpose()?;
         let [volumes, sinograms] = spare(options.solver, filter.is_some());
         let of_volumes = (0..volumes).map(|_| vectors.vector(voxels, "a volume"));
         let of_sinograms = (0..sinograms).map(|_| vectors.vector(values, "sinograms"));

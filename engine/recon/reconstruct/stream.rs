@@ -66,8 +66,9 @@ impl Stream {
         self.steps.push(Step::Copy(from.clone(), to.clone(), bytes));
     }
 
-    /// A dispatch of few workgroups, within the limit of every device.
+    /// A dispatch of workgroups that share all work, at most as the device has them.
     pub(super) fn dispatch<P: NoUninit>(&mut self, kernel: &Arc<Kernel>, push: &P, groups: u32) {
+        let groups = groups.min(self.device.max_groups()[0]);
         let part = (bytemuck::bytes_of(push).to_vec(), groups);
         self.steps.push(Step::Dispatch(kernel.clone(), vec![part]));
     }
