@@ -36,7 +36,7 @@ Twofold plus_product(Twofold sum, float a, float b) {
     return Twofold(more.high, low);
 }
 
-// Exponent of a number with these bits, within that of normal numbers.
+// Exponent of a number with these bits, within the range of normal numbers.
 int exponent_of(uint bits) { return clamp(int(bits >> 23) - 127, -126, 126); }
 
 float power_of_two(int exponent) { return uintBitsToFloat(uint(exponent + 127) << 23); }

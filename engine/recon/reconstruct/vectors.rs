@@ -1,5 +1,5 @@
-//! Volumes and sinograms of an iterative method: on the device as a whole, or on the host and on the device
-//! piece by piece. Kernels do the arithmetic in both cases, so that no bit depends on the place.
+//! Volumes and sinograms of an iterative method: on the device as a whole, or on the host, piece by piece on
+//! the device. Kernels do the arithmetic in both cases, so that no bit depends on the place.
 
 use super::stream::Stream;
 use beamlet_core::numbers::{count, length};
@@ -73,7 +73,7 @@ pub(super) struct Vectors {
     /// Values of a piece.
     piece: usize,
     sums: Arc<Buffer>,
-    /// Records of sums so far: where those of each scalar product end.
+    /// End of the records of each scalar product that was begun.
     ends: Vec<usize>,
 }
 
@@ -265,7 +265,7 @@ impl Vectors {
         self.combine(&mut [Operand::Change(to)], (COMBINE_BOUND, 0.0), [0, 0])
     }
 
-    /// Sets values to zero where those of `b` are not above `least`.
+    /// Sets values to zero where `b` is not above `least`.
     pub(super) fn keep_where(&mut self, to: &mut Vector, b: &Vector, least: f32) -> Result<()> {
         let operands = &mut [Operand::Change(to), Operand::Read(b)];
         self.combine(operands, (COMBINE_WHERE, least), [0, 1])
@@ -286,7 +286,7 @@ impl Vectors {
         }
     }
 
-    /// Sets all values to one.
+    /// Sets all values to one number.
     pub(super) fn fill(&mut self, to: &mut Vector, value: f32) {
         match to {
             Vector::Device(buffer) => self.stream.fill(buffer, buffer.len(), value),
