@@ -119,3 +119,25 @@ fn vectors_on_the_host_give_the_same_bits() {
         assert!(whole.best > 0, "{solver:?} {data:?}: {:?}", whole.residuals);
     }
 }
+
+/// Powers of two round nothing, and squares of these values are beyond the range of 32-bit numbers.
+#[test]
+fn the_unit_of_sinograms_changes_no_digit() {
+    let engine = support::engine_with(EngineOptions::default());
+    let given = Given::new(&cone());
+    let usual = Measured::new(Data::Attenuation, given.sinograms.view());
+    for solver in [Solver::Cgls, Solver::Bb, Solver::Sirt] {
+        let options = IterativeOptions::default().with_solver(solver).with_iterations(3);
+        let made = solve(&engine, &usual, &options);
+        for exponent in [-70, 70] {
+            let factor = 2.0_f64.powi(exponent);
+            let sinograms = given.sinograms.mapv(|value| (f64::from(value) * factor) as f32);
+            let other = Measured::new(Data::Attenuation, sinograms.view());
+            let other = solve(&engine, &other, &options);
+            let residuals: Vec<f64> = made.residuals.iter().map(|it| it * factor).collect();
+            assert_eq!(other.residuals, residuals, "{solver:?} 2^{exponent}");
+            let values = made.volume.values.mapv(|value| (f64::from(value) * factor) as f32);
+            assert!(other.volume.values == values, "{solver:?} 2^{exponent}");
+        }
+    }
+}
