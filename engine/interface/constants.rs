@@ -14,12 +14,10 @@ shared_constants! {
     FOURIER_PACK: u32 = 0;
     /// The way back.
     FOURIER_UNPACK: u32 = 1;
-    /// Numbers over their frequency.
-    FOURIER_FILTER: u32 = 2;
     /// Joins two transforms.
-    FOURIER_PAIRS: u32 = 3;
+    FOURIER_PAIRS: u32 = 2;
     /// Joins four transforms.
-    FOURIER_FOURS: u32 = 4;
+    FOURIER_FOURS: u32 = 3;
     /// a + factor b.
     COMBINE_SUM: u32 = 0;
     /// a b.

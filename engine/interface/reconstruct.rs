@@ -244,25 +244,26 @@ shared_structs! {
         /// Complex numbers `[pair][high][wide]`, or `[z][y][x]` of a volume.
         pub from: u64 => Floats,
         pub to: u64 => Floats,
-        /// Cosine and sine of -2 pi n / `roots_count`.
+        /// Cosine and sine of -2 pi n over their number, a power of two.
         pub roots: u64 => Projections,
-        pub roots_count: u32,
+        pub log_roots: u32,
         /// Items of this dispatch: numbers, or groups of numbers that are joined.
         pub count: u32,
         /// `FOURIER_`
         pub kind: u32,
-        /// Numbers of a line, and those that are not zero.
-        pub numbers: u32,
+        /// Logarithm of the numbers of a line; numbers that are not zero.
+        pub log_numbers: u32,
         pub valid: u32,
-        /// From a number of a line to the next.
-        pub stride: u32,
-        /// Lines of a plane, one for each row; 1 for all columns together.
-        pub lines: u32,
-        /// Numbers whose transforms are joined.
-        pub joined: u32,
+        /// Logarithm of the distance from a number of a line to the next: 0 for rows.
+        pub log_stride: u32,
+        /// Logarithm of the numbers whose transforms are joined.
+        pub log_joined: u32,
         pub is_inverse: u32,
-        pub wide: u32,
-        pub high: u32,
+        /// Numbers are filtered first.
+        pub is_filtered: u32,
+        /// Logarithms of the sides of a plane.
+        pub log_wide: u32,
+        pub log_high: u32,
         pub size_x: u32,
         pub size_y: u32,
         /// Voxels of the planes.

@@ -22,39 +22,60 @@ void write(uint n, vec2 number) {
 
 vec2 times(vec2 a, vec2 b) { return vec2(a.x * b.x - a.y * b.y, a.x * b.y + a.y * b.x); }
 
-// A root of one: exp(-2 pi i n / length), or its conjugate.
+// A root of one: exp(-2 pi i n / numbers of a line), or its conjugate.
 vec2 root(uint n) {
-    uint at = n * (push.roots_count / push.numbers);
+    uint at = n << (push.log_roots - push.log_numbers);
     vec2 forward = vec2(push.roots.at[2u * at], push.roots.at[2u * at + 1u]);
     return push.is_inverse != 0u ? vec2(forward.x, -forward.y) : forward;
 }
 
-// A number of a line; those behind the valid ones are 0.
-vec2 input_at(uint start, uint n) {
-    return n < push.valid ? number_at(start + n * push.stride) : vec2(0.0);
+// The lower bits of a number.
+uint low_bits(uint n, uint bits) { return n & ((1u << bits) - 1u); }
+
+// 1/|k| of a number of a plane.
+float filter_at(uint x, uint y) {
+    uvec2 at = uvec2(x, y);
+    uvec2 size = uvec2(1u << push.log_wide, 1u << push.log_high);
+    vec2 frequency = vec2(min(at, size - at)) / vec2(size);
+    return 1.0 / (max(length(frequency), push.least) * float(size.x) * float(size.y));
 }
 
-// Joins the transforms of `push.joined` numbers, two or four at a time.
+// A number of a line; those behind the valid ones are 0.
+vec2 input_at(uint start, uint n, uint column) {
+    if (n >= push.valid) return vec2(0.0);
+    vec2 number = number_at(start + (n << push.log_stride));
+    return push.is_filtered != 0u ? number * filter_at(column, n) : number;
+}
+
+// Joins the transforms of 2^log_joined numbers, two or four at a time. Lines are rows, or columns if
+// `log_stride` is not 0. Sides are powers of two: items have their places by bits.
 void join(uint item) {
-    uint radix = push.kind == FOURIER_PAIRS ? 2u : 4u;
-    uint part = push.numbers / radix;
-    uint n = item / push.stride % part;
-    uint line = item / (push.stride * part);
-    uint start = line / push.lines * push.wide * push.high + line % push.lines * push.wide
-        + item % push.stride;
-    uint k = n & (push.joined - 1u);
-    uint turn = k * (part / push.joined);
-    uint to = start + ((n - k) * radix + k) * push.stride;
-    uint by = push.joined * push.stride;
-    vec2 a = input_at(start, n);
-    vec2 b = times(input_at(start, n + part), root(turn));
-    if (radix == 2u) {
+    uint log_radix = push.kind == FOURIER_PAIRS ? 1u : 2u;
+    uint log_part = push.log_numbers - log_radix;
+    uint part = 1u << log_part;
+    uint column = low_bits(item, push.log_stride);
+    uint n = low_bits(item >> push.log_stride, log_part);
+    uint line = item >> (push.log_stride + log_part);
+    uint row = 0u;
+    if (push.log_stride == 0u) {
+        row = low_bits(line, push.log_high - 1u);
+        if (row >= push.size_y) return;
+        line >>= push.log_high - 1u;
+    }
+    uint start = (line << (push.log_wide + push.log_high)) + (row << push.log_wide) + column;
+    uint k = low_bits(n, push.log_joined);
+    uint turn = k << (log_part - push.log_joined);
+    uint to = start + ((((n - k) << log_radix) + k) << push.log_stride);
+    uint by = 1u << (push.log_joined + push.log_stride);
+    vec2 a = input_at(start, n, column);
+    vec2 b = times(input_at(start, n + part, column), root(turn));
+    if (log_radix == 1u) {
         write(to, a + b);
         write(to + by, a - b);
         return;
     }
-    vec2 c = times(input_at(start, n + 2u * part), root(2u * turn));
-    vec2 d = times(input_at(start, n + 3u * part), root(3u * turn));
+    vec2 c = times(input_at(start, n + 2u * part, column), root(2u * turn));
+    vec2 d = times(input_at(start, n + 3u * part, column), root(3u * turn));
     vec2 even = a + c, odd = a - c, sum = b + d, change = b - d;
     vec2 turned = push.is_inverse != 0u ? vec2(-change.y, change.x) : vec2(change.y, -change.x);
     write(to, even + sum);
@@ -63,40 +84,31 @@ void join(uint item) {
     write(to + 3u * by, odd - turned);
 }
 
-// Place of a voxel among the complex numbers, for voxels counted plane by plane, pair by pair.
-uint place_of(uint voxel) {
-    uint area = push.size_x * push.size_y;
-    uint within = voxel % area;
-    uint pair = voxel / (2u * area);
-    return (pair * push.high + within / push.size_x) * push.wide + within % push.size_x;
-}
-
+// Two planes of a volume become one of complex numbers, or the way back; items cover a quarter of a plane,
+// which contains all voxels.
 void pack(uint item) {
-    uint area = push.size_x * push.size_y;
-    uint first = item / area * 2u * area + item % area;
-    float second = first + area < push.voxels ? push.from.at[first + area] : 0.0;
-    write(place_of(first), vec2(push.from.at[first], second));
-}
-
-void unpack(uint voxel) {
-    uint part = voxel / (push.size_x * push.size_y) & 1u;
-    push.to.at[voxel] = push.from.at[2u * place_of(voxel) + part];
-}
-
-void filter_number(uint n) {
-    uvec2 at = uvec2(n % push.wide, n / push.wide % push.high);
-    uvec2 size = uvec2(push.wide, push.high);
-    vec2 frequency = vec2(min(at, size - at)) / vec2(size);
-    float most = max(length(frequency), push.least);
-    write(n, number_at(n) / (most * float(push.wide) * float(push.high)));
+    uint x = low_bits(item, push.log_wide - 1u);
+    uint y = low_bits(item >> (push.log_wide - 1u), push.log_high - 1u);
+    uint pair = item >> (push.log_wide + push.log_high - 2u);
+    if (x >= push.size_x || y >= push.size_y) return;
+    uint number = (((pair << push.log_high) + y) << push.log_wide) + x;
+    uint first = (2u * pair * push.size_y + y) * push.size_x + x;
+    uint second = first + push.size_x * push.size_y;
+    if (push.kind == FOURIER_PACK) {
+        float other = second < push.voxels ? push.from.at[second] : 0.0;
+        write(number, vec2(push.from.at[first], other));
+        return;
+    }
+    vec2 both = number_at(number);
+    push.to.at[first] = both.x;
+    if (second < push.voxels) push.to.at[second] = both.y;
 }
 
 void work(uint item) {
-    switch (push.kind) {
-    case FOURIER_PACK: pack(item); break;
-    case FOURIER_UNPACK: unpack(item); break;
-    case FOURIER_FILTER: filter_number(item); break;
-    default: join(item);
+    if (push.kind == FOURIER_PACK || push.kind == FOURIER_UNPACK) {
+        pack(item);
+    } else {
+        join(item);
     }
 }
 

@@ -2,12 +2,11 @@
 
 use super::stream::Stream;
 use super::vectors::{Operand, Vector, Vectors};
-use beamlet_core::numbers::{count, length, single};
+use beamlet_core::numbers::{count, single};
 use beamlet_core::{Cancel, Result};
 use beamlet_gpu::{Buffer, Device, Kernel, Memory, push_bytes};
 use beamlet_interface::{
-    FOURIER_CHUNK, FOURIER_FILTER, FOURIER_FOURS, FOURIER_PACK, FOURIER_PAIRS, FOURIER_UNPACK,
-    FourierPush,
+    FOURIER_CHUNK, FOURIER_FOURS, FOURIER_PACK, FOURIER_PAIRS, FOURIER_UNPACK, FourierPush,
 };
 use bytemuck::Zeroable;
 use std::f64::consts::TAU;
@@ -68,9 +67,9 @@ impl Preconditioner {
         let numbers = || device.buffer("planes", bytes, Memory::Device).map(Arc::new);
         let push = FourierPush {
             roots: roots.address(),
-            roots_count: count(most),
-            wide: count(wide),
-            high: count(high),
+            log_roots: most.ilog2(),
+            log_wide: wide.ilog2(),
+            log_high: high.ilog2(),
             size_x: count(size[0]),
             size_y: count(size[1]),
             least: single(0.25 / size[0].max(size[1]) as f64),
@@ -121,46 +120,45 @@ impl Preconditioner {
     fn filter(&self, stream: &mut Stream, [pairs, voxels]: [usize; 2], [from, to]: [u64; 2]) {
         let [x, y, _] = self.size;
         let [wide, high] = self.padded;
-        let mut push = FourierPush { from, voxels: count(voxels), ..self.push };
+        let push = FourierPush { from, voxels: count(voxels), ..self.push };
         let mut at = 0;
         let mut step = |push: FourierPush, items: usize| {
             let push = FourierPush { count: count(items), ..push };
             stream.dispatch(&self.kernel, &push, push.count.div_ceil(FOURIER_CHUNK));
         };
         let address = |at: usize| self.numbers[at].address();
-        step(FourierPush { kind: FOURIER_PACK, to: address(at), ..push }, pairs * x * y);
-        let along_x = FourierPush { numbers: count(wide), stride: 1, lines: count(y), ..push };
-        let along_y = FourierPush { numbers: count(high), stride: count(wide), lines: 1, ..push };
-        let (rows, columns) = (pairs * y * wide, pairs * wide * high);
-        for (direction, all, valid, is_inverse) in [
-            (along_x, rows, x, false),
-            (along_y, columns, y, false),
-            (along_y, columns, high, true),
-            (along_x, rows, wide, true),
+        let quarter = pairs * wide * high / 4;
+        step(FourierPush { kind: FOURIER_PACK, to: address(at), ..push }, quarter);
+        let rows = FourierPush { log_numbers: wide.ilog2(), log_stride: 0, ..push };
+        let columns = FourierPush { log_numbers: high.ilog2(), log_stride: wide.ilog2(), ..push };
+        let all = pairs * wide * high;
+        for (lines, numbers, valid, is_inverse) in [
+            (rows, all / 2, x, false),
+            (columns, all, y, false),
+            (columns, all, high, true),
+            (rows, all / 2, wide, true),
         ] {
-            let length = length(direction.numbers.into());
-            let mut joined = 1;
-            while joined < length {
-                let is_odd = joined == 1 && length.ilog2() % 2 == 1;
-                let (radix, kind) = if is_odd { (2, FOURIER_PAIRS) } else { (4, FOURIER_FOURS) };
-                push = FourierPush {
+            let FourierPush { log_numbers, log_stride, .. } = lines;
+            let mut log_joined = 0;
+            while log_joined < log_numbers {
+                let is_first = log_joined == 0;
+                let is_odd = is_first && log_numbers % 2 == 1;
+                let (radix, kind) = if is_odd { (1, FOURIER_PAIRS) } else { (2, FOURIER_FOURS) };
+                let push = FourierPush {
                     from: address(at),
                     to: address(1 - at),
                     kind,
-                    joined: count(joined),
-                    valid: count(if joined == 1 { valid } else { length }),
+                    log_joined,
+                    valid: if is_first { count(valid) } else { 1 << log_numbers },
                     is_inverse: is_inverse.into(),
-                    ..direction
+                    is_filtered: (is_first && is_inverse && log_stride > 0).into(),
+                    ..lines
                 };
-                step(push, all / radix);
-                (joined, at) = (joined * radix, 1 - at);
-            }
-            if direction.lines == 1 && !is_inverse {
-                let (from, to) = (address(at), address(at));
-                step(FourierPush { kind: FOURIER_FILTER, from, to, ..direction }, columns);
+                step(push, numbers >> radix);
+                (log_joined, at) = (log_joined + radix, 1 - at);
             }
         }
-        step(FourierPush { kind: FOURIER_UNPACK, from: address(at), to, ..push }, voxels);
+        step(FourierPush { kind: FOURIER_UNPACK, from: address(at), to, ..push }, quarter);
         self.numbers.iter().for_each(|buffer| stream.keep(buffer));
     }
 }
