@@ -51,6 +51,11 @@ const PERMUTATIONS: &[Permutation] = &[
     ("project_back_cone", "reconstruct/project_back.comp", &[("CONE", "1")]),
     ("project_moved", "reconstruct/project_moved.comp", &[]),
     ("project_back_moved", "reconstruct/project_back_moved.comp", &[]),
+    ("sinogram", "reconstruct/sinogram.comp", &[]),
+    ("sinogram_back", "reconstruct/sinogram.comp", &[("BACK", "1")]),
+    ("combine", "reconstruct/combine.comp", &[]),
+    ("dot", "reconstruct/dot.comp", &[]),
+    ("fourier", "reconstruct/fourier.comp", &[]),
 ];
 
 /// The shaders of the tests, from tests/device/shaders/; they are not part of the library.

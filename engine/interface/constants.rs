@@ -4,6 +4,31 @@ shared_constants! {
     /// Invocations of a workgroup, of every kernel.
     GROUP: u32 = 64;
 
+    /// Values of a vector that a workgroup combines.
+    CHUNK: u32 = 1 << 12;
+    /// Values of two vectors that a workgroup multiplies and sums.
+    DOT_CHUNK: u32 = 1 << 14;
+    /// Numbers of a step of a Fourier transform that a workgroup makes at a time.
+    FOURIER_CHUNK: u32 = 512;
+    /// Two planes of a volume become the real and the imaginary part of one.
+    FOURIER_PACK: u32 = 0;
+    /// The way back.
+    FOURIER_UNPACK: u32 = 1;
+    /// Joins two transforms.
+    FOURIER_PAIRS: u32 = 2;
+    /// Joins four transforms.
+    FOURIER_FOURS: u32 = 3;
+    /// a + factor b.
+    COMBINE_SUM: u32 = 0;
+    /// a b.
+    COMBINE_PRODUCT: u32 = 1;
+    /// a where it is above zero, else 0.
+    COMBINE_BOUND: u32 = 2;
+    /// a where b is above the factor, else 0.
+    COMBINE_WHERE: u32 = 3;
+    /// One over a where it is above the factor, else 0.
+    COMBINE_INVERSE: u32 = 4;
+
     /// Lanes that hold the words of a record of a bundle, a word each: the least subgroup of
     /// `trace_bundles.comp`. Subgroups of twice the size hold everything twice.
     BUNDLE_LANES: u32 = 8;

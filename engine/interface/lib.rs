@@ -116,8 +116,9 @@ pub use light::{
     RandomLightPush, RandomRaysPush, SpotPart,
 };
 pub use reconstruct::{
-    BackProjectPush, MovedSheet, MovedView, ProjectBackMovedPush, ProjectBackPush,
-    ProjectMovedPush, ProjectPush, Sheet, ViewTurn,
+    BackProjectPush, CombinePush, DotPush, DotSum, FourierPush, MovedSheet, MovedView,
+    ProjectBackMovedPush, ProjectBackPush, ProjectMovedPush, ProjectPush, Sheet, SinogramPush,
+    Slopes, StepLaw, ViewTurn,
 };
 pub use walk::{
     AnalyticShape, Constants, Crossing, CrossingsPush, ExactPush, Leaf, Node, Placed,

@@ -185,6 +185,117 @@ shared_structs! {
         pub plane_zero: f32,
     }
 
+    /// Slices per depth along x, y and z that the rays of a view cross, 1/m: `value + by place * place +
+    /// by row * row`, place in mean distances of columns and row from the middle of the detector, each
+    /// the sum of two f32. The path from slice to slice is one over the largest.
+    pub struct StepLaw in StepLaws(readonly) {
+        pub high: [f32; 3],
+        pub low: [f32; 3],
+        pub place_high: [f32; 3],
+        pub place_low: [f32; 3],
+        pub row_high: [f32; 3],
+        pub row_low: [f32; 3],
+    }
+
+    /// Factors of the integrals at a column, each the sum of two f32: of that at its place (of its left
+    /// border), and of that at the next place.
+    pub struct Slopes in RowSlopes(readonly) {
+        pub left: f32,
+        pub left_low: f32,
+        pub right: f32,
+        pub right_low: f32,
+    }
+
+    /// Sum over a chunk: `(high + low) 2^exponent`.
+    pub struct DotSum in DotSums(writeonly) {
+        pub high: f32,
+        pub low: f32,
+        pub exponent: i32,
+        /// Largest value of the first vector, at least 0.
+        pub most: f32,
+    }
+
+    /// Push constants of `reconstruct/combine.comp`.
+    pub struct CombinePush {
+        pub to: u64 => Floats,
+        /// May be the values that are written.
+        pub a: u64 => Projections,
+        pub b: u64 => Projections,
+        pub count: u32,
+        /// `COMBINE_`
+        pub kind: u32,
+        pub factor: f32,
+    }
+
+    /// Push constants of `reconstruct/dot.comp`.
+    pub struct DotPush {
+        pub a: u64 => Projections,
+        pub b: u64 => Projections,
+        /// Factors of the values of `a`, if `is_weighted`.
+        pub weights: u64 => Projections,
+        /// One of each chunk.
+        pub sums: u64 => DotSums,
+        pub count: u32,
+        pub is_weighted: u32,
+    }
+
+    /// Push constants of `reconstruct/fourier.comp`.
+    pub struct FourierPush {
+        /// Complex numbers `[pair][high][wide]`, or `[z][y][x]` of a volume.
+        pub from: u64 => Floats,
+        pub to: u64 => Floats,
+        /// Cosine and sine of -2 pi n over their number, a power of two.
+        pub roots: u64 => Projections,
+        pub log_roots: u32,
+        /// Items of this dispatch: numbers, or groups of numbers that are joined.
+        pub count: u32,
+        /// `FOURIER_`
+        pub kind: u32,
+        /// Logarithm of the numbers of a line; numbers that are not zero.
+        pub log_numbers: u32,
+        pub valid: u32,
+        /// Logarithm of the distance from a number of a line to the next: 0 for rows.
+        pub log_stride: u32,
+        /// Logarithm of the numbers whose transforms are joined.
+        pub log_joined: u32,
+        pub is_inverse: u32,
+        /// Numbers are filtered first.
+        pub is_filtered: u32,
+        /// Logarithms of the sides of a plane.
+        pub log_wide: u32,
+        pub log_high: u32,
+        pub size_x: u32,
+        pub size_y: u32,
+        /// Voxels of the planes.
+        pub voxels: u32,
+        /// Least frequency, in numbers of a cycle.
+        pub least: f32,
+    }
+
+    /// Push constants of `reconstruct/sinogram.comp`.
+    pub struct SinogramPush {
+        /// One of each view.
+        pub laws: u64 => StepLaws,
+        /// Two f32 of each place, in mean distances of columns from the middle of the detector.
+        pub places: u64 => Projections,
+        /// `[row][column]`.
+        pub slopes: u64 => RowSlopes,
+        /// `[view][row][place]`.
+        pub rays: u64 => Floats,
+        /// `[view][row][column]`.
+        pub values: u64 => Floats,
+        /// Factors of the values, if `is_weighted`.
+        pub weights: u64 => Projections,
+        /// Values to write.
+        pub count: u32,
+        pub columns: u32,
+        pub place_count: u32,
+        pub rows: u32,
+        /// Values are differences of neighbours.
+        pub is_difference: u32,
+        pub is_weighted: u32,
+    }
+
     /// Push constants of `reconstruct/back_project.comp`. Lengths in m.
     pub struct BackProjectPush {
         pub views: u64 => ViewTurns,

@@ -21,6 +21,7 @@ mod paper_fan;
 mod peers;
 mod projector;
 mod refused;
+mod resident;
 #[cfg(feature = "cli")]
 mod scatter;
 mod set_up;

@@ -28,9 +28,11 @@ const THICK: usize = 4;
 pub struct VolumeEstimate {
     /// Bytes of a volume.
     pub volume_bytes: u64,
-    /// Most bytes on the host at a time, without the program: sinograms and volumes.
+    /// Most bytes on the host at a time, without the program: sinograms and volumes that are not on the
+    /// device.
     pub host_bytes: u64,
-    /// Bytes on the device: slabs of a volume, and parts of the projections.
+    /// Bytes on the device: slabs of a volume and parts of the projections, or all volumes and sinograms of
+    /// an iterative method.
     pub device_bytes: u64,
     /// Seconds of the projections and back-projections of all quantities, by a part of them on this
     /// device. Iterative methods may end before.

@@ -1,14 +1,16 @@
 //! Iterative reconstruction.
 
+use super::data::Data;
 use super::geometry::ScanGeometry;
 use super::grid::{Volume, VolumeGrid};
 use super::measured::Measured;
+use super::memory::resident_bytes;
 use super::model::Model;
 use super::problem::Problem;
 use super::solver::{IterativeOptions, Solver};
 use super::work::reporting;
-use beamlet_core::Result;
 use beamlet_core::rows_control::RowsControl;
+use beamlet_core::{Error, Result};
 use beamlet_gpu::Compute;
 
 /// A volume, and how it came about.
@@ -67,12 +69,21 @@ pub fn iterate(
     options.check(measured.data)?;
     measured.check(geometry, grid)?;
     let model = Model::new(compute, geometry, grid, measured.data, options.at_once)?;
-    let mut problem = Problem::new(&model, measured, options)?;
+    let method = (options.solver, measured.data == Data::Refraction);
+    let extras = [measured.mask.is_some(), measured.weights.is_some()];
+    let needed = resident_bytes(geometry, grid, method, extras);
+    let fits = needed <= compute.device().description().memory_bytes / 8 * 7;
+    let is_resident = options.at_once.is_none() && fits;
+    let mut problem = match Problem::new(&model, measured, options, is_resident) {
+        // Other work may have taken the memory of the device.
+        Err(Error::Memory { .. }) if is_resident => Problem::new(&model, measured, options, false)?,
+        made => made?,
+    };
     reporting(control, |work| match options.solver {
         Solver::Cgls => problem.cgls(work),
         Solver::Sirt => problem.sirt(work),
         Solver::Bb => problem.bb(work),
     })?;
-    let (values, residuals, best) = problem.finish();
+    let (values, residuals, best) = problem.finish(grid.size)?;
     Ok(Iterated { volume: Volume::new(*grid, measured.data.quantity(), values), residuals, best })
 }

@@ -4,7 +4,25 @@ use super::geometry::ScanGeometry;
 use super::grid::VolumeGrid;
 use beamlet_core::numbers::{count, single};
 use beamlet_core::{Error, Result};
-use beamlet_interface::Sheet;
+use beamlet_interface::{Sheet, StepLaw};
+
+/// A number as the sum of two f32.
+pub(super) fn twofold(value: f64) -> [f32; 2] {
+    let high = single(value);
+    [high, single(value - f64::from(high))]
+}
+
+fn step_law(axes: [[f64; 3]; 3]) -> StepLaw {
+    let part = |of: usize, n: usize| axes.map(|law| twofold(law[of])[n]);
+    StepLaw {
+        high: part(0, 0),
+        low: part(0, 1),
+        place_high: part(1, 0),
+        place_low: part(1, 1),
+        row_high: part(2, 0),
+        row_low: part(2, 1),
+    }
+}
 
 /// Rays through places on the detector, one for each, row and view.
 #[derive(Debug)]
@@ -52,6 +70,26 @@ impl Rays {
             1.0 / along_x.max(along_y)
         };
         self.places.iter().map(step).collect()
+    }
+
+    /// Slices per depth that the rays of each view cross.
+    pub(super) fn step_laws(&self) -> Vec<StepLaw> {
+        let views = 0..self.geometry.angles.len();
+        views.map(|view| step_law(self.speed_laws(view))).collect()
+    }
+
+    /// Slices per depth along x, y and z of the rays of a view: for (1, place, row).
+    fn speed_laws(&self, view: usize) -> [[f64; 3]; 3] {
+        if self.geometry.motions.is_some() {
+            return self.moved_speeds(view);
+        }
+        let per = self.geometry.per_distance() / self.geometry.magnification();
+        let (zero, by_place) = (self.middle() * per, self.pitch() * per);
+        let angle = self.geometry.angles[view];
+        let (cosine, sine) = (libm::cos(angle), libm::sin(angle));
+        let [x, y, _] = self.grid.voxel;
+        let along_x = [(zero * cosine - sine) / x, by_place * cosine / x, 0.0];
+        [along_x, [(zero * sine + cosine) / y, by_place * sine / y, 0.0], [0.0; 3]]
     }
 
     /// Slices that a ray through `u` at the axis crosses per depth: those across x, those across y.

@@ -1,13 +1,17 @@
 //! Memory of a reconstruction, and the remainder of a limit for the device.
 
 use super::geometry::ScanGeometry;
+use super::grid::VolumeGrid;
 use super::method::Method;
 use super::plan::VolumePlan;
+use super::preconditioner::filter_bytes;
+use super::problem::spare;
 use super::projector::AT_ONCE;
 use super::quantity::Quantity;
 use super::redundancy::Redundancy;
 use super::resampling::Resampling;
 use super::solver::Solver;
+use super::vectors::Vectors;
 use beamlet_core::numbers::length;
 use beamlet_core::reserve::PROGRAM;
 use beamlet_core::{Error, Result};
@@ -20,10 +24,11 @@ const VALUE: u64 = 4;
 pub(super) struct Memory {
     /// On the host, without the program.
     pub(super) host: u64,
-    /// On the device: slabs of the volume and parts of the sinograms.
+    /// On the device: slabs of the volume and parts of the sinograms, or all vectors of an iterative method.
     pub(super) device: u64,
-    /// Values of a volume, and of sinograms, that are on the device at once.
-    pub(super) at_once: usize,
+    /// Values of a volume, and of sinograms, that are on the device at once; `None`: all vectors of an
+    /// iterative method.
+    pub(super) at_once: Option<usize>,
 }
 
 impl Memory {
@@ -38,7 +43,12 @@ impl Memory {
         truth: Option<usize>,
         limit: Option<u64>,
     ) -> Result<Self> {
-        let host = host_bytes(geometry, plan, truth);
+        if let Some(resident) = Self::resident(geometry, plan, truth)
+            && limit.is_none_or(|limit| resident.needed() <= limit)
+        {
+            return Ok(resident);
+        }
+        let host = host_bytes(geometry, plan, (truth, false));
         let [x, y, z] = plan.grid.size.map(|side| side as u64);
         let [views, rows, columns] = geometry.shape().map(|side| side as u64);
         // Refraction angles are differences of one place more than columns.
@@ -46,14 +56,21 @@ impl Memory {
         let places = (filtered as u64).max(columns + 1);
         let (plane, view) = (x.saturating_mul(y), rows.saturating_mul(places));
         let pairs = if passes(geometry, plan) > 0 { 2 } else { 1 };
+        let pieces = match plan.method {
+            Method::Fbp(_) => 0,
+            Method::Iterative { .. } if filters_gradients(plan) => {
+                3 * VALUE * piece(geometry, plan) + filter_bytes(plan.grid.size)
+            }
+            Method::Iterative { .. } => 3 * VALUE * piece(geometry, plan),
+        };
         let of_device = |at_once: u64| {
             let slab = at_once.max(plane).min(plane.saturating_mul(z));
             let part = at_once.max(view).min(view.saturating_mul(views));
-            (pairs * VALUE).saturating_mul(slab.saturating_add(part))
+            (pairs * VALUE).saturating_mul(slab.saturating_add(part)).saturating_add(pieces)
         };
         let mut at_once = AT_ONCE as u64;
         if let Some(limit) = limit {
-            let rest = limit.saturating_sub(PROGRAM).saturating_sub(host);
+            let rest = limit.saturating_sub(PROGRAM).saturating_sub(host).saturating_sub(pieces);
             at_once = at_once.min(rest / (2 * pairs * VALUE));
             let needed = PROGRAM.saturating_add(host).saturating_add(of_device(at_once));
             if needed > limit {
@@ -68,8 +85,71 @@ impl Memory {
                 });
             }
         }
-        Ok(Self { host, device: of_device(at_once), at_once: length(at_once.max(1)) })
+        Ok(Self { host, device: of_device(at_once), at_once: Some(length(at_once.max(1))) })
     }
+
+    /// The memory of an iterative method with all vectors on the device.
+    fn resident(geometry: &ScanGeometry, plan: &VolumePlan, truth: Option<usize>) -> Option<Self> {
+        let Method::Iterative { options, .. } = &plan.method else { return None };
+        let method = (options.solver, filters_gradients(plan));
+        let extras = [plan.mask.is_some(), has_weights(plan)];
+        let device = resident_bytes(geometry, &plan.grid, method, extras);
+        let host = host_bytes(geometry, plan, (truth, true));
+        Some(Self { host, device, at_once: None })
+    }
+
+    /// With the program.
+    const fn needed(&self) -> u64 {
+        PROGRAM.saturating_add(self.host).saturating_add(self.device)
+    }
+}
+
+/// True if gradients of an iterative method are filtered.
+fn filters_gradients(plan: &VolumePlan) -> bool {
+    matches!(plan.method, Method::Iterative { phase: false, .. })
+        && plan.quantities.contains(&Quantity::Delta)
+}
+
+/// Values of a piece of a vector that is on the host.
+fn piece(geometry: &ScanGeometry, plan: &VolumePlan) -> u64 {
+    let [views, rows, columns] = geometry.shape();
+    let longest = plan.grid.size.iter().product::<usize>().max(views * rows * columns);
+    let [x, y, _] = plan.grid.size;
+    let planes = if filters_gradients(plan) { 2 * x * y } else { 0 };
+    Vectors::piece(longest, planes.max(rows * columns)) as u64
+}
+
+/// True if sinograms may have weights: deviations, or 0 for views that lost their refraction.
+fn has_weights(plan: &VolumePlan) -> bool {
+    plan.sigma || (!plan.keep_views && plan.quantities.contains(&Quantity::Delta))
+}
+
+/// Bytes of the vectors of a method, with a filter of gradients or not, on the device; with a mask, and with
+/// weights. Rays are there part by part.
+pub(super) fn resident_bytes(
+    geometry: &ScanGeometry,
+    grid: &VolumeGrid,
+    (solver, filtered): (Solver, bool),
+    [mask, weights]: [bool; 2],
+) -> u64 {
+    let product =
+        |sides: [usize; 3]| sides.iter().fold(VALUE, |all, side| all.saturating_mul(*side as u64));
+    let [views, rows, columns] = geometry.shape();
+    let [volumes, sinograms] = vectors(solver, filtered, [mask, weights]);
+    let view = product([1, rows, columns + 1]);
+    let rays = view.saturating_mul(views as u64).min(view.max(VALUE * AT_ONCE as u64));
+    // Factors of each column of a row, and tables of each view.
+    let tables = 4 * product([1, rows, columns]) + 512 * views as u64;
+    let values = product(grid.size).saturating_mul(volumes);
+    let of_sinograms = product([views, rows, columns]).saturating_mul(sinograms);
+    let filter = if filtered { filter_bytes(grid.size) } else { 0 };
+    [of_sinograms, rays, tables, filter].into_iter().fold(values, u64::saturating_add)
+}
+
+/// Volumes and sinograms of a method.
+fn vectors(solver: Solver, filtered: bool, [mask, weights]: [bool; 2]) -> [u64; 2] {
+    let [volumes, sinograms] = spare(solver, filtered).map(|count| count as u64);
+    [2 + volumes + u64::from(mask), 2 + sinograms + u64::from(weights)]
 }
 
 /// Corrections for lever arms over all quantities of a plan.
@@ -100,8 +180,13 @@ fn region_bytes(geometry: &ScanGeometry, plan: &VolumePlan) -> u64 {
         .saturating_add(spread.saturating_mul(threads))
 }
 
-/// Most bytes on the host at a time: volumes and sinograms that are alive together.
-fn host_bytes(geometry: &ScanGeometry, plan: &VolumePlan, truth: Option<usize>) -> u64 {
+/// Most bytes on the host at a time: volumes and sinograms that are alive together; `is_resident`: with the
+/// vectors of an iterative method on the device.
+fn host_bytes(
+    geometry: &ScanGeometry,
+    plan: &VolumePlan,
+    (truth, is_resident): (Option<usize>, bool),
+) -> u64 {
     let product =
         |sides: [usize; 3]| sides.iter().fold(VALUE, |all, side| all.saturating_mul(*side as u64));
     let [views, rows, columns] = geometry.shape();
@@ -136,19 +221,19 @@ fn host_bytes(geometry: &ScanGeometry, plan: &VolumePlan, truth: Option<usize>) 
             if plan.sigma { made.max(map).max(rings).max(means) } else { made }
         }
         Method::Iterative { options, phase } => {
-            let mask = 2 * u64::from(plan.mask.is_some());
-            let start = u64::from(plan.start.is_some());
-            let of_phase = 2 * u64::from(*phase);
-            let (volumes, of_sinograms) = match options.solver {
-                Solver::Cgls => (5, 5),
-                Solver::Sirt => (6, 6),
-                Solver::Bb => (9, 5),
+            let has_mask = plan.mask.is_some();
+            // The mask and the start, and the volume that is made, where none of the vectors becomes it.
+            let beside: u64 =
+                [has_mask, plan.start.is_some(), is_resident].into_iter().map(u64::from).sum();
+            // Weights and their copy in another unit; integrals with their deviations.
+            let extra = 2 * u64::from(has_weights(plan)) + 2 * u64::from(*phase);
+            let [volumes, of_sinograms] = match is_resident {
+                true => [u64::from(has_mask), 0],
+                false => {
+                    vectors(options.solver, filters_gradients(plan), [has_mask, has_weights(plan)])
+                }
             };
-            // Views that lost their refraction get weight 0.
-            let may_lose = !plan.keep_views && plan.quantities.contains(&Quantity::Delta);
-            let extra = 2 * weights.max(u64::from(may_lose)) + of_phase;
-            let planes = filter_bytes(plan.grid.size);
-            counted(kept + mask + start + volumes, of_sinograms + extra, 0).saturating_add(planes)
+            counted(kept + beside + volumes, 1 + extra + of_sinograms, 0)
         }
     };
     match truth {
@@ -160,17 +245,10 @@ fn host_bytes(geometry: &ScanGeometry, plan: &VolumePlan, truth: Option<usize>) 
     }
 }
 
-/// Bytes of the filter of slices: two padded planes of complex numbers for each thread.
-fn filter_bytes([x, y, z]: [usize; 3]) -> u64 {
-    let padded = |side: usize| (2 * side).next_power_of_two() as u64;
-    let threads = rayon::current_num_threads().min(z) as u64;
-    (2 * 8 * threads).saturating_mul(padded(x)).saturating_mul(padded(y))
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::reconstruct::{Quantity, VolumeGrid};
+    use crate::reconstruct::{IterativeOptions, Quantity, VolumeGrid};
 
     /// A parallel beam over a whole turn, with the axis `shift` columns beside the middle of 101.
     fn scan(shift: f64) -> ScanGeometry {
@@ -211,5 +289,24 @@ mod tests {
         let threads = rayon::current_num_threads().min(90) as u64;
         let expected = 100 * (4 * volume + 6 * volume) + rows * 2 * 102 + threads * 16 * 3 * 101;
         assert_eq!(host(0.0, &all).unwrap(), expected);
+    }
+    #[test]
+    fn vectors_of_iterations_are_on_the_device_where_the_limit_allows_it() {
+        let mut plan = plan();
+        plan.quantities = vec![Quantity::Mu];
+        plan.grid.size = [400, 400, 40];
+        plan.method = Method::iterative(IterativeOptions::default(), false);
+        let memory = |limit| Memory::of(&scan(0.0), &plan, None, limit).unwrap();
+        let whole = memory(None);
+        let (volume, sinograms) = (4 * 400 * 400 * 40, 4 * 90 * 3 * 101);
+        // Volume, best volume, gradient and direction; residual and projections; rays, and tables.
+        let (rays, tables) = (4 * 90 * 3 * 102, 16 * 3 * 101 + 512 * 90);
+        assert_eq!(whole.device, 4 * volume + 2 * sinograms + rays + tables);
+        assert_eq!((whole.host, whole.at_once), (volume + rays, None));
+        let needed = PROGRAM + whole.host + whole.device;
+        assert_eq!(memory(Some(needed)).device, whole.device);
+        let slabs = memory(Some(needed - 1));
+        assert!(slabs.at_once.is_some() && slabs.host > whole.host);
+        assert!(PROGRAM + slabs.host + slabs.device < needed);
     }
 }

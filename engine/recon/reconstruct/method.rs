@@ -97,10 +97,10 @@ impl Method {
     }
 
     /// The same with a bound of the values of volume and of sinograms that are on the device at once.
-    pub(super) const fn with_at_once(mut self, values: usize) -> Self {
+    pub(super) const fn with_at_once(mut self, values: Option<usize>) -> Self {
         match &mut self {
-            Self::Fbp(options) => options.at_once = Some(values),
-            Self::Iterative { options, .. } => options.at_once = Some(values),
+            Self::Fbp(options) => options.at_once = values,
+            Self::Iterative { options, .. } => options.at_once = values,
         }
         self
     }

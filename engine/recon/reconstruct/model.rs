@@ -4,13 +4,14 @@ use super::data::Data;
 use super::geometry::{ScanGeometry, same_shape};
 use super::grid::VolumeGrid;
 use super::joseph::Rays;
-use super::projector::{AT_ONCE, Arm, Projector};
+use super::projector::{AT_ONCE, Arm, Projector, Source};
+use super::stream::Stream;
 use super::work::{Work, reporting};
 use crate::retrieve::borders;
 use beamlet_core::numbers::single;
 use beamlet_core::rows_control::RowsControl;
 use beamlet_core::{Result, parallel, reserve};
-use beamlet_gpu::Compute;
+use beamlet_gpu::{Compute, Download};
 use ndarray::{Array3, ArrayView3};
 use rayon::prelude::*;
 
@@ -113,7 +114,7 @@ impl Model {
         volume: ArrayView3<'_, f32>,
         work: &mut Work<'_>,
     ) -> Result<Array3<f32>> {
-        let mut rays = self.projector.forward(volume, work)?;
+        let mut rays = self.sums(volume, work)?;
         if self.data != Data::Refraction {
             self.each_row(&mut rays, |[view, row], values| {
                 let steps = self.steps(view, row);
@@ -167,7 +168,84 @@ impl Model {
                 *to = single(sum * step);
             }
         });
-        self.projector.back(lines.view(), work)
+        self.gathered(lines.view(), work)
+    }
+
+    /// Sums along rays, `[view][row][place]`, of a volume.
+    fn sums(&self, volume: ArrayView3<'_, f32>, work: &mut Work<'_>) -> Result<Array3<f32>> {
+        let projector = &self.projector;
+        let (_alone, mut stream) = (projector.alone(), Stream::new(projector.device()));
+        let (views, rows, _) = self.rays.geometry.dim();
+        let per_view = rows * self.rays.places.len();
+        let mut rays: Vec<f32> = reserve::zeroed(views * per_view, "projections")?;
+        for [first, n] in projector.parts() {
+            let shares = [first, first + n].map(|view| view as f64 / views as f64);
+            work.stage(shares, |work| {
+                projector.forward(&Source::Host(volume), [first, n], &mut stream, work)
+            })?;
+            let part = &mut rays[first * per_view..(first + n) * per_view];
+            stream.submit(&mut [Download::new(projector.rays(), 0, part)])?;
+        }
+        let shape = (views, rows, self.rays.places.len());
+        Ok(Array3::from_shape_vec(shape, rays).unwrap_or_else(|_| Array3::zeros(shape)))
+    }
+
+    /// The transpose of [`Self::sums`].
+    fn gathered(&self, rays: ArrayView3<'_, f32>, work: &mut Work<'_>) -> Result<Array3<f32>> {
+        let projector = &self.projector;
+        let (_alone, mut stream) = (projector.alone(), Stream::new(projector.device()));
+        let [x, y, z] = self.size();
+        let mut values: Vec<f32> = reserve::zeroed(x * y * z, "a volume")?;
+        for planes in projector.slabs(false) {
+            let (slab, own) = (projector.slab()?, planes[0] * x * y..planes[1] * x * y);
+            stream.fill(slab, 4 * own.len() as u64, 0.0);
+            for part in projector.parts() {
+                let given = rays.slice(ndarray::s![part[0]..part[0] + part[1], .., ..]);
+                stream.submit(&mut [])?;
+                let given = given.as_standard_layout();
+                projector.rays().write(0, given.as_slice().unwrap_or_default())?;
+                work.stage(self.share(planes, part), |work| {
+                    projector.back((slab, planes), part, &mut stream, work)
+                })?;
+            }
+            stream.submit(&mut [Download::new(slab, 0, &mut values[own])])?;
+        }
+        let shape = (z, y, x);
+        Ok(Array3::from_shape_vec(shape, values).unwrap_or_else(|_| Array3::zeros(shape)))
+    }
+
+    /// Share of a back-projection that is done before and after a part of the views in some planes.
+    pub(super) fn share(&self, [plane, end]: [usize; 2], [view, views]: [usize; 2]) -> [f64; 2] {
+        let all_views = self.rays.geometry.angles.len() as f64;
+        let at = |view: usize| {
+            let planes = plane as f64 + (end - plane) as f64 * view as f64 / all_views;
+            planes / self.size()[2] as f64
+        };
+        [at(view), at(view + views)]
+    }
+
+    pub(super) const fn projector(&self) -> &Projector {
+        &self.projector
+    }
+
+    pub(super) const fn rays(&self) -> &Rays {
+        &self.rays
+    }
+
+    pub(super) const fn data(&self) -> Data {
+        self.data
+    }
+
+    /// Factors of the integrals along lines, per path from slice to slice, in a value of a sinogram: of
+    /// the one at the place of a column (at its left border), and of the next.
+    pub(super) fn factors(&self, row: usize, column: usize) -> [f64; 2] {
+        match self.data {
+            Data::Refraction => self.slopes(row, column),
+            Data::Phase => [1.0, 0.0],
+            Data::Attenuation | Data::DarkField => {
+                [self.rays.geometry.length(self.rays.places[column], row), 0.0]
+            }
+        }
     }
 
     fn each_row(&self, rays: &mut Array3<f32>, work: impl Fn([usize; 2], &mut [f32]) + Sync) {

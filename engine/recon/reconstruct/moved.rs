@@ -75,6 +75,11 @@ impl Rays {
         [0, 1, 2].map(|axis| scaled(lines.direction[axis], 1.0 / self.grid.voxel[axis]))
     }
 
+    /// Slices per depth of the rays of a view along x, y and z.
+    pub(super) fn moved_speeds(&self, view: usize) -> [Law; 3] {
+        self.weights(&self.lines(view))
+    }
+
     fn sheets_of(&self, lines: &Lines) -> [MovedSheet; 3] {
         let weights = self.weights(lines);
         let last = self.places.len() - 1;
@@ -158,7 +163,7 @@ impl Rays {
 
     /// Depth from slice to slice on the ray through a place in a row of a view with a motion, m.
     pub(super) fn moved_steps(&self, view: usize, row: usize) -> Vec<f64> {
-        let weights = self.weights(&self.lines(view));
+        let weights = self.moved_speeds(view);
         let row = row as f64 - (self.geometry.rows.len() - 1) as f64 / 2.0;
         let most =
             |place: f64| weights.iter().map(|law| at(*law, [place, row]).abs()).fold(0.0, f64::max);

@@ -4,40 +4,39 @@ use super::data::Data;
 use super::measured::Measured;
 use super::model::Model;
 use super::preconditioner::Preconditioner;
-use super::solver::IterativeOptions;
-use super::vectors::{change, dot};
+use super::sinograms::Sinograms;
+use super::solver::{IterativeOptions, Solver};
+use super::vectors::{Dot, Vector, Vectors};
 use super::work::Work;
 use beamlet_core::numbers::single;
-use beamlet_core::{Error, Result};
+use beamlet_core::{Error, Result, reserve};
 use ndarray::Array3;
 
-/// Least squares while they are solved. Arrays are `[view][row][column]` and `[z][y][x]`.
+/// Least squares while they are solved.
 #[derive(Debug)]
 pub(super) struct Problem<'a> {
-    model: &'a Model,
+    model: Sinograms<'a>,
     options: &'a IterativeOptions,
+    vectors: Vectors,
     /// Weights over `unit`.
-    weights: Option<Array3<f32>>,
+    weights: Option<Vector>,
     /// Largest power of two up to the largest weight: weights in any unit are between 0 and 2 of it, and
     /// none is rounded.
     unit: f64,
-    mask: Option<Array3<f32>>,
+    mask: Option<Vector>,
     filter: Option<Preconditioner>,
     /// Number of weights above zero.
     counted: f64,
-    volume: Array3<f32>,
+    volume: Vector,
     /// Measured less projected.
-    residual: Array3<f32>,
-    best: (usize, Array3<f32>),
+    residual: Vector,
+    projected: Vector,
+    /// Volumes, and then sinograms, of the method.
+    spare: Vec<Vector>,
+    best: (usize, Vector),
+    /// The volume to begin with is not zero.
+    has_start: bool,
     residuals: Vec<f64>,
-}
-
-fn of(array: &Array3<f32>) -> &[f32] {
-    array.as_slice().unwrap_or_default()
-}
-
-fn of_mut(array: &mut Array3<f32>) -> &mut [f32] {
-    array.as_slice_mut().unwrap_or_default()
 }
 
 /// Divides weights by the largest power of two up to the largest of them, and returns it.
@@ -48,77 +47,124 @@ fn scale(weights: &mut Array3<f32>) -> f64 {
     unit
 }
 
+/// Volumes and sinograms that a method needs beside the volume, the best volume, the residual and
+/// projections; `filtered`: with a filter of gradients.
+pub(super) const fn spare(solver: Solver, filtered: bool) -> [usize; 2] {
+    match (solver, filtered) {
+        (Solver::Cgls, false) => [2, 0],
+        (Solver::Cgls, true) | (Solver::Bb, false) => [3, 0],
+        (Solver::Sirt, _) => [2, 1],
+        (Solver::Bb, true) => [5, 0],
+    }
+}
+
 impl<'a> Problem<'a> {
+    /// With all vectors on the device, or on the host.
+    ///
     /// # Errors
-    /// [`Error::Memory`].
+    /// [`Error::Memory`], [`Error::Device`].
     pub(super) fn new(
         model: &'a Model,
         measured: &Measured<'_>,
         options: &'a IterativeOptions,
+        is_resident: bool,
     ) -> Result<Self> {
         let [x, y, z] = model.size();
-        let mut weights = measured.weights.map(|weights| weights.as_standard_layout().into_owned());
-        let unit = weights.as_mut().map_or(1.0, scale);
-        let mask = measured.mask.map(|mask| mask.map(|may| f32::from(u8::from(*may))));
-        let mut volume = match measured.start {
-            Some(start) => start.as_standard_layout().into_owned(),
-            None => Array3::zeros((z, y, x)),
-        };
-        if let Some(mask) = &mask {
-            change(of_mut(&mut volume), of(mask), |value, may| value * may);
+        let (views, rows, columns) = measured.sinograms.dim();
+        let [voxels, values] = [x * y * z, views * rows * columns];
+        let device = model.projector().device();
+        let is_filtered = measured.data == Data::Refraction;
+        let least = if is_filtered { (rows * columns).max(2 * x * y) } else { rows * columns };
+        let mut vectors = Vectors::new(device, voxels.max(values), least, is_resident)?;
+        let mut unit = 1.0;
+        let mut counted = values;
+        let given = measured.sinograms.as_standard_layout();
+        let mut residual = vectors.with(given.as_slice().unwrap_or_default(), "residuals")?;
+        let mut weights = None;
+        if let Some(given) = measured.weights {
+            let mut own = given.as_standard_layout().into_owned();
+            unit = scale(&mut own);
+            counted = own.iter().filter(|weight| **weight > 0.0).count();
+            let own = vectors.with(own.as_slice().unwrap_or_default(), "weights")?;
+            vectors.keep_where(&mut residual, &own, 0.0)?;
+            weights = Some(own);
         }
-        if options.is_non_negative {
-            volume.mapv_inplace(|value| value.max(0.0));
+        let mut mask = None;
+        if let Some(given) = measured.mask {
+            let own: Vec<f32> = given.iter().map(|may| f32::from(u8::from(*may))).collect();
+            mask = Some(vectors.with(&own, "a mask of voxels")?);
         }
-        let mut residual = measured.sinograms.as_standard_layout().into_owned();
-        let counted = match &weights {
-            Some(weights) => {
-                let known = |value: f32, weight: f32| if weight > 0.0 { value } else { 0.0 };
-                change(of_mut(&mut residual), of(weights), known);
-                weights.iter().filter(|weight| **weight > 0.0).count()
+        let mut volume = vectors.vector(voxels, "a volume")?;
+        match measured.start {
+            Some(start) => {
+                let start = start.as_standard_layout();
+                vectors.set(&mut volume, start.as_slice().unwrap_or_default())?;
+                if let Some(mask) = &mask {
+                    vectors.multiply(&mut volume, mask)?;
+                }
+                if options.is_non_negative {
+                    vectors.bound(&mut volume)?;
+                }
             }
-            None => residual.len(),
-        };
-        let filter = (measured.data == Data::Refraction).then(|| Preconditioner::new([x, y]));
+            None => vectors.fill(&mut volume, 0.0),
+        }
+        let mut best = vectors.vector(voxels, "the best volume")?;
+        vectors.copy(&mut best, &volume);
+        let filter = is_filtered.then(|| Preconditioner::new(device, model.size())).transpose()?;
+        let [volumes, sinograms] = spare(options.solver, filter.is_some());
+        let of_volumes = (0..volumes).map(|_| vectors.vector(voxels, "a volume"));
+        let of_sinograms = (0..sinograms).map(|_| vectors.vector(values, "sinograms"));
+        let spare = of_volumes.chain(of_sinograms).collect::<Result<_>>()?;
         Ok(Self {
-            model,
+            model: Sinograms::new(model)?,
             options,
             weights,
             unit,
             mask,
             filter,
             counted: counted as f64,
-            best: (0, volume.clone()),
+            best: (0, best),
             volume,
             residual,
+            projected: vectors.vector(values, "projections")?,
+            spare,
+            has_start: measured.start.is_some_and(|start| start.iter().any(|value| *value != 0.0)),
             residuals: Vec::new(),
+            vectors,
         })
     }
 
     /// The best volume, all residuals, and the number of the volume among them.
-    pub(super) fn finish(self) -> (Array3<f32>, Vec<f64>, usize) {
-        (self.best.1, self.residuals, self.best.0)
+    ///
+    /// # Errors
+    /// [`Error::Memory`], [`Error::Device`].
+    pub(super) fn finish(mut self, shape: [usize; 3]) -> Result<(Array3<f32>, Vec<f64>, usize)> {
+        let values = match self.best.1 {
+            Vector::Host(values) => values,
+            on_device @ Vector::Device(_) => {
+                let mut values = reserve::zeroed(shape.iter().product(), "a volume")?;
+                self.vectors.values(&on_device, &mut values)?;
+                values
+            }
+        };
+        let shape = (shape[2], shape[1], shape[0]);
+        let values = Array3::from_shape_vec(shape, values).unwrap_or_else(|_| Array3::zeros(shape));
+        Ok((values, self.residuals, self.best.0))
+    }
+
+    /// Vectors of the method.
+    fn spare<const N: usize>(&mut self) -> [Vector; N] {
+        let mut spare = std::mem::take(&mut self.spare).into_iter();
+        std::array::from_fn(|_| spare.next().unwrap_or(Vector::Host(Vec::new())))
     }
 
     /// Takes the projections of the start off the measured values.
     fn begin(&mut self, work: &mut Work<'_>) -> Result<()> {
-        if self.volume.iter().any(|value| *value != 0.0) {
-            let projected = self.model.forward(self.volume.view(), work)?;
-            change(of_mut(&mut self.residual), of(&projected), |r, p| r - p);
+        if self.has_start {
+            self.model.project(&self.volume, &mut self.projected, &mut self.vectors, work)?;
+            self.vectors.add(&mut self.residual, (-1.0, &self.projected))?;
         }
         self.note().map(drop)
-    }
-
-    /// Sum of the products of two sinograms, weighted.
-    fn product(&self, a: &Array3<f32>, b: &Array3<f32>) -> f64 {
-        match &self.weights {
-            None => dot(of(a), of(b)),
-            Some(weights) => {
-                let mut weighted = a.clone();
-                change(of_mut(&mut weighted), of(weights), |a, w| a * w);
-                dot(of(&weighted), of(b))
-            }
-        }
     }
 
     /// Notes the residual of the volume; true where iterations end.
@@ -126,39 +172,46 @@ impl<'a> Problem<'a> {
     /// # Errors
     /// [`Error::Argument`] for a residual that is not finite.
     fn note(&mut self) -> Result<bool> {
-        let squares = self.unit * self.product(&self.residual, &self.residual);
-        let now = (squares / self.counted).sqrt();
+        self.vectors.dot(&self.residual, &self.residual, self.weights.as_ref())?;
+        let [squares] = self.vectors.dots()?;
+        let now = (self.unit * squares.sum / self.counted).sqrt();
         self.refuse_infinite("residual", now)?;
         if self.residuals.iter().all(|earlier| now < *earlier) && !self.residuals.is_empty() {
             self.best.0 = self.residuals.len();
-            self.best.1.assign(&self.volume);
+            self.vectors.copy(&mut self.best.1, &self.volume);
         }
         self.residuals.push(now);
         Ok(self.options.discrepancy.is_some_and(|bound| now <= bound))
     }
 
-    /// The negative gradient, and its filtered form.
-    fn descent(&self, work: &mut Work<'_>) -> Result<(Array3<f32>, Array3<f32>)> {
-        let mut gradient = match &self.weights {
-            None => self.model.back(self.residual.view(), work)?,
-            Some(weights) => {
-                let mut weighted = self.residual.clone();
-                change(of_mut(&mut weighted), of(weights), |r, w| r * w);
-                self.model.back(weighted.view(), work)?
-            }
-        };
-        self.masked(&mut gradient);
-        let mut filtered = gradient.clone();
-        if let Some(filter) = &self.filter {
-            filter.apply(&mut filtered, &work.cancel)?;
-            self.masked(&mut filtered);
-        }
-        Ok((gradient, filtered))
+    /// Square of projections, weighted.
+    fn curvature(&mut self) -> Result<f64> {
+        self.vectors.dot(&self.projected, &self.projected, self.weights.as_ref())?;
+        let [squares] = self.vectors.dots()?;
+        Ok(squares.sum)
     }
 
-    fn masked(&self, volume: &mut Array3<f32>) {
-        if let Some(mask) = &self.mask {
-            change(of_mut(volume), of(mask), |value, may| value * may);
+    /// The negative gradient, and its filtered form where there is a filter.
+    fn descend(
+        &mut self,
+        gradient: &mut Vector,
+        filtered: Option<&mut Vector>,
+        work: &mut Work<'_>,
+    ) -> Result<()> {
+        let residual = (&self.residual, self.weights.as_ref());
+        self.model.gather(residual, gradient, &mut self.vectors, work)?;
+        self.masked(gradient)?;
+        if let (Some(filter), Some(filtered)) = (&self.filter, filtered) {
+            filter.apply(gradient, filtered, &mut self.vectors, &work.cancel)?;
+            self.masked(filtered)?;
+        }
+        Ok(())
+    }
+
+    fn masked(&mut self, volume: &mut Vector) -> Result<()> {
+        match &self.mask {
+            Some(mask) => self.vectors.multiply(volume, mask),
+            None => Ok(()),
         }
     }
 
@@ -194,92 +247,107 @@ impl<'a> Problem<'a> {
 
     /// Conjugate gradients.
     pub(super) fn cgls(&mut self, work: &mut Work<'_>) -> Result<()> {
+        let [mut gradient, mut direction, own] = self.spare();
+        let mut own = self.filter.is_some().then_some(own);
         self.begin(work)?;
-        let (gradient, mut direction) = self.descent(work)?;
-        let mut size = dot(of(&gradient), of(&direction));
-        drop(gradient);
+        self.descend(&mut gradient, own.as_mut(), work)?;
+        let filtered = own.as_ref().unwrap_or(&gradient);
+        self.vectors.copy(&mut direction, filtered);
+        self.vectors.dot(&gradient, filtered, None)?;
+        let [Dot { sum: mut size, .. }] = self.vectors.dots()?;
         self.met(size)?;
         for n in 0..self.options.iterations {
-            let projected = work.stage(self.part(n, [0.0, 0.5]), |work| {
-                self.model.forward(direction.view(), work)
+            work.stage(self.part(n, [0.0, 0.5]), |work| {
+                self.model.project(&direction, &mut self.projected, &mut self.vectors, work)
             })?;
-            let curvature = self.product(&projected, &projected);
+            let curvature = self.curvature()?;
             if size <= 0.0 || curvature <= 0.0 {
                 break;
             }
             let step = single(size / curvature);
-            change(of_mut(&mut self.volume), of(&direction), |x, p| x + step * p);
-            change(of_mut(&mut self.residual), of(&projected), |r, q| r - step * q);
+            self.vectors.add(&mut self.volume, (step, &direction))?;
+            self.vectors.add(&mut self.residual, (-step, &self.projected))?;
             if self.note()? || n + 1 == self.options.iterations {
                 break;
             }
-            let (gradient, filtered) =
-                work.stage(self.part(n, [0.5, 1.0]), |work| self.descent(work))?;
-            let before = std::mem::replace(&mut size, dot(of(&gradient), of(&filtered)));
-            let share = single(size / before);
-            change(of_mut(&mut direction), of(&filtered), |p, z| z + share * p);
+            work.stage(self.part(n, [0.5, 1.0]), |work| {
+                self.descend(&mut gradient, own.as_mut(), work)
+            })?;
+            let filtered = own.as_ref().unwrap_or(&gradient);
+            self.vectors.dot(&gradient, filtered, None)?;
+            let [now] = self.vectors.dots()?;
+            let before = std::mem::replace(&mut size, now.sum);
+            self.vectors.add_to(&mut direction, filtered, single(size / before))?;
         }
         Ok(())
     }
 
     /// Sets voxels below zero to zero, with that option.
-    fn bounded(&self, volume: &mut Array3<f32>) {
-        if self.options.is_non_negative {
-            volume.mapv_inplace(|value| value.max(0.0));
-        }
+    fn bounded(&mut self, volume: &mut Vector) -> Result<()> {
+        if self.options.is_non_negative { self.vectors.bound(volume) } else { Ok(()) }
     }
 
-    /// Moves to a volume, with a projection.
-    fn move_to(&mut self, volume: Array3<f32>, work: &mut Work<'_>, n: usize) -> Result<bool> {
-        let mut moved = volume.clone();
-        change(of_mut(&mut moved), of(&self.volume), |new, old| new - old);
-        let projected =
-            work.stage(self.part(n, [0.5, 1.0]), |work| self.model.forward(moved.view(), work))?;
-        change(of_mut(&mut self.residual), of(&projected), |r, q| r - q);
-        self.volume = volume;
+    /// Moves to a volume, with a projection, and leaves the change in its place.
+    fn move_to(&mut self, volume: &mut Vector, work: &mut Work<'_>, n: usize) -> Result<bool> {
+        std::mem::swap(&mut self.volume, volume);
+        self.vectors.add_to(volume, &self.volume, -1.0)?;
+        work.stage(self.part(n, [0.5, 1.0]), |work| {
+            self.model.project(volume, &mut self.projected, &mut self.vectors, work)
+        })?;
+        self.vectors.add(&mut self.residual, (-1.0, &self.projected))?;
         self.note()
     }
 
     /// Gradient descent with steps of Barzilai and Borwein.
     pub(super) fn bb(&mut self, work: &mut Work<'_>) -> Result<()> {
+        let [mut moved, mut gradient, mut old, own, own_old] = self.spare();
+        let is_filtered = self.filter.is_some();
+        let mut own = is_filtered.then_some([own, own_old]);
         self.begin(work)?;
-        let mut before: Option<[Array3<f32>; 3]> = None;
         let mut step = 0.0;
         for n in 0..self.options.iterations {
-            let (gradient, filtered) =
-                work.stage(self.part(n, [0.0, 0.5]), |work| self.descent(work))?;
-            let size = dot(of(&gradient), of(&filtered));
-            self.met(size)?;
-            step = match &before {
+            work.stage(self.part(n, [0.0, 0.5]), |work| {
+                self.descend(&mut gradient, own.as_mut().map(|[own, _]| own), work)
+            })?;
+            let filtered = own.as_ref().map_or(&gradient, |[own, _]| own);
+            self.vectors.dot(&gradient, filtered, None)?;
+            if n == 0 {
+                let [size] = self.vectors.dots()?;
+                self.met(size.sum)?;
                 // The step to the least residual along the gradient.
-                None => {
-                    let projected = self.model.forward(filtered.view(), work)?;
-                    let curvature = self.product(&projected, &projected);
-                    if curvature > 0.0 { size / curvature } else { 0.0 }
+                work.stage(self.part(n, [0.5, 0.5]), |work| {
+                    self.model.project(filtered, &mut self.projected, &mut self.vectors, work)
+                })?;
+                let curvature = self.curvature()?;
+                step = if curvature > 0.0 { size.sum / curvature } else { 0.0 };
+            } else {
+                // The fall of the gradient.
+                self.vectors.add(&mut old, (-1.0, &gradient))?;
+                self.vectors.dot(&moved, &old, None)?;
+                let [a, b] = match &own {
+                    Some([own, own_old]) => [own_old, own].map(|own| (own, &old)),
+                    None => [(&moved, &moved); 2],
+                };
+                self.vectors.dot(a.0, a.1, None)?;
+                if is_filtered {
+                    self.vectors.dot(b.0, b.1, None)?;
                 }
-                Some([volume, old, old_filtered]) => {
-                    let mut moved = self.volume.clone();
-                    change(of_mut(&mut moved), of(volume), |new, old| new - old);
-                    let mut fall = old.clone();
-                    change(of_mut(&mut fall), of(&gradient), |old, new| old - new);
-                    let along = dot(of(&moved), of(&fall));
-                    let next = if self.filter.is_none() {
-                        dot(of(&moved), of(&moved)) / along
-                    } else {
-                        let filtered_fall =
-                            dot(of(old_filtered), of(&fall)) - dot(of(&filtered), of(&fall));
-                        along / filtered_fall
-                    };
-                    if next.is_finite() && next > 0.0 { next } else { step }
-                }
-            };
-            let mut volume = self.volume.clone();
-            let length = single(step);
-            change(of_mut(&mut volume), of(&filtered), |x, z| x + length * z);
-            self.bounded(&mut volume);
-            before = Some([self.volume.clone(), gradient, filtered]);
-            if step <= 0.0 || self.move_to(volume, work, n)? {
+                let [size, along, first, second] = self.vectors.dots()?.map(|dot| dot.sum);
+                self.met(size)?;
+                let next = if is_filtered { along / (first - second) } else { first / along };
+                step = if next.is_finite() && next > 0.0 { next } else { step };
+            }
+            if step <= 0.0 {
                 break;
+            }
+            self.vectors.sum(&mut moved, &self.volume, (single(step), filtered))?;
+            self.bounded(&mut moved)?;
+            if self.move_to(&mut moved, work, n)? {
+                break;
+            }
+            std::mem::swap(&mut old, &mut gradient);
+            if let Some(own) = &mut own {
+                own.swap(0, 1);
             }
         }
         Ok(())
@@ -287,37 +355,37 @@ impl<'a> Problem<'a> {
 
     /// Residuals over the sums of coefficients of their rays, and over the sums of voxels.
     pub(super) fn sirt(&mut self, work: &mut Work<'_>) -> Result<()> {
+        let [mut moved, mut per_voxel, mut per_ray] = self.spare();
         self.begin(work)?;
-        let mut ones = Array3::ones(self.volume.dim());
-        self.masked(&mut ones);
-        let mut per_ray = self.model.forward(ones.view(), work)?;
-        let most = per_ray.iter().copied().fold(0.0, f32::max);
+        self.vectors.fill(&mut moved, 1.0);
+        self.masked(&mut moved)?;
+        self.model.project(&moved, &mut per_ray, &mut self.vectors, work)?;
+        self.vectors.dot(&per_ray, &per_ray, None)?;
+        let [Dot { most, .. }] = self.vectors.dots()?;
         // Rays that touch a corner alone count for nothing.
-        let inverse = |sum: f32, most: f32| if sum > 1e-6 * most { 1.0 / sum } else { 0.0 };
-        let mut counted = match &self.weights {
-            Some(weights) => weights.clone(),
-            None => Array3::ones(self.residual.dim()),
-        };
-        change(
-            of_mut(&mut counted),
-            of(&per_ray),
-            |w, sum| if sum > 1e-6 * most { w } else { 0.0 },
-        );
-        let mut per_voxel = self.model.back(counted.view(), work)?;
-        let largest = per_voxel.iter().copied().fold(0.0, f32::max);
+        let least = |most: f32| 1e-6 * most;
+        match &self.weights {
+            Some(weights) => self.vectors.copy(&mut self.projected, weights),
+            None => self.vectors.fill(&mut self.projected, 1.0),
+        }
+        self.vectors.keep_where(&mut self.projected, &per_ray, least(most))?;
+        self.model.gather((&self.projected, None), &mut per_voxel, &mut self.vectors, work)?;
+        self.vectors.dot(&per_voxel, &per_voxel, None)?;
+        let [Dot { most: largest, .. }] = self.vectors.dots()?;
         self.met(f64::from(most.min(largest)))?;
-        change(of_mut(&mut per_ray), of(&counted), |sum, w| w * inverse(sum, most));
-        per_voxel.mapv_inplace(|sum| inverse(sum, largest));
-        self.masked(&mut per_voxel);
+        self.vectors.invert(&mut per_ray, least(most))?;
+        self.vectors.multiply(&mut per_ray, &self.projected)?;
+        self.vectors.invert(&mut per_voxel, least(largest))?;
+        self.masked(&mut per_voxel)?;
         for n in 0..self.options.iterations {
-            let mut scaled = self.residual.clone();
-            change(of_mut(&mut scaled), of(&per_ray), |r, per| r * per);
-            let mut volume =
-                work.stage(self.part(n, [0.0, 0.5]), |work| self.model.back(scaled.view(), work))?;
-            change(of_mut(&mut volume), of(&per_voxel), |step, per| step * per);
-            change(of_mut(&mut volume), of(&self.volume), |step, x| x + step);
-            self.bounded(&mut volume);
-            if self.move_to(volume, work, n)? {
+            work.stage(self.part(n, [0.0, 0.5]), |work| {
+                let scaled = (&self.residual, Some(&per_ray));
+                self.model.gather(scaled, &mut moved, &mut self.vectors, work)
+            })?;
+            self.vectors.multiply(&mut moved, &per_voxel)?;
+            self.vectors.add_to(&mut moved, &self.volume, 1.0)?;
+            self.bounded(&mut moved)?;
+            if self.move_to(&mut moved, work, n)? {
                 break;
             }
         }

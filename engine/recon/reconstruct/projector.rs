@@ -1,16 +1,17 @@
 //! Joseph's projector on the device: sums along rays, and the transpose, slab by slab of the volume.
 
 use super::joseph::Rays;
+use super::stream::{Direction, Stream};
 use super::work::Work;
 use beamlet_core::numbers::{count, single};
-use beamlet_core::{Cancel, Error, Result, reserve};
-use beamlet_gpu::{Buffer, Compute, Device, Kernel, Memory, Pace, push_bytes};
+use beamlet_core::{Cancel, Error, Result};
+use beamlet_gpu::{Buffer, Compute, Device, Kernel, Memory, push_bytes};
 use beamlet_interface::{
     MovedSheet, MovedView, ProjectBackMovedPush, ProjectBackPush, ProjectMovedPush, ProjectPush,
     Sheet,
 };
-use ndarray::{Array3, ArrayView3};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use ndarray::ArrayView3;
+use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
 
 /// Values of a slab, and of the rays that are on the device with it: 256 MiB each, or one plane and
 /// one view.
@@ -27,12 +28,19 @@ pub(super) struct Arm {
     pub(super) less: f64,
 }
 
+/// A volume that is projected, `[z][y][x]`.
+#[derive(Debug, Clone, Copy)]
+pub(super) enum Source<'a> {
+    Host(ArrayView3<'a, f32>),
+    Device(&'a Arc<Buffer>),
+}
+
 /// Sums voxels along rays, in voxels and slices: lengths are the caller's.
 #[derive(Debug)]
 pub(super) struct Projector {
     device: Arc<Device>,
-    forward: Kernel,
-    back: Kernel,
+    forward: Arc<Kernel>,
+    back: Arc<Kernel>,
     tables: Tables,
     rows: usize,
     columns: usize,
@@ -44,8 +52,9 @@ pub(super) struct Projector {
     is_even: bool,
     places: Buffer,
     starts: Buffer,
-    volume: Buffer,
-    rays: Buffer,
+    /// A slab of a volume on the host, once there is one.
+    slab: OnceLock<Arc<Buffer>>,
+    rays: Arc<Buffer>,
     /// Held while the buffers are in use.
     busy: Mutex<()>,
 }
@@ -92,7 +101,6 @@ impl Projector {
         let (planes, part) =
             ((at_once / (x * y)).clamp(1, z), (at_once / (rows * columns)).clamp(1, views));
         let device = compute.device().clone();
-        let buffer = |name, values: usize| device.buffer(name, values as u64 * 4, Memory::Device);
         let ([forward, back], bytes) = match (is_circle, rows) {
             (true, 1) => (FLAT, [push_bytes::<ProjectPush>(), push_bytes::<ProjectBackPush>()]),
             (true, _) => (CONE, [push_bytes::<ProjectPush>(), push_bytes::<ProjectBackPush>()]),
@@ -103,8 +111,8 @@ impl Projector {
             }
         };
         Ok(Self {
-            forward: device.kernel(forward, bytes[0])?,
-            back: device.kernel(back, bytes[1])?,
+            forward: Arc::new(device.kernel(forward, bytes[0])?),
+            back: Arc::new(device.kernel(back, bytes[1])?),
             tables: Tables::of(&device, rays, arm)?,
             rows,
             columns,
@@ -115,94 +123,124 @@ impl Projector {
             is_even,
             places: device.upload("places of columns", &places)?,
             starts: device.upload("columns by their places", &starts)?,
-            volume: buffer("a slab", planes * x * y)?,
-            rays: buffer("rays", part * rows * columns)?,
+            slab: OnceLock::new(),
+            rays: Arc::new(device.buffer(
+                "rays",
+                (4 * part * rows * columns) as u64,
+                Memory::Device,
+            )?),
             device,
             busy: Mutex::new(()),
         })
     }
 
     /// Waits until no other thread uses the buffers.
-    fn alone(&self) -> MutexGuard<'_, ()> {
+    pub(super) fn alone(&self) -> MutexGuard<'_, ()> {
         self.busy.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    pub(super) const fn device(&self) -> &Arc<Device> {
+        &self.device
+    }
+
+    /// Rays of a part of the views, `[view][row][place]`.
+    pub(super) const fn rays(&self) -> &Arc<Buffer> {
+        &self.rays
     }
 
     const fn rays_of_a_view(&self) -> usize {
         self.rows * self.columns
     }
 
-    /// Sums along rays, `[view][row][place]`, of a volume, `[z][y][x]`.
-    pub(super) fn forward(
-        &self,
-        volume: ArrayView3<'_, f32>,
-        work: &mut Work<'_>,
-    ) -> Result<Array3<f32>> {
-        let _alone = self.alone();
-        let per_view = self.rays_of_a_view();
-        let mut rays: Vec<f32> = reserve::zeroed(self.views * per_view, "projections")?;
-        let mut pace = Pace::new(1 << 12, 256, 1 << 20);
-        let slabs = self.slabs();
-        let total = (rays.len() * slabs.len()) as f64;
-        let mut before = 0;
-        for (number, part) in rays.chunks_mut(self.part * per_view).enumerate() {
-            self.rays.write(0, part)?;
-            for [first, end] in &slabs {
-                let slab = volume.slice(ndarray::s![*first..*end, .., ..]);
-                self.volume.write(0, slab.as_standard_layout().as_slice().unwrap_or_default())?;
-                let mut done = |n: u32| (work.report)((before + n as usize) as f64 / total);
-                let (items, pace) = (count(part.len()), (&mut pace, &work.cancel));
-                let (view, planes) = (number * self.part, [*first, *end].map(count));
-                self.run_forward(items, pace, (view, planes), &mut done)?;
-                before += part.len();
-            }
-            self.rays.read_into(0, part)?;
-        }
-        let shape = (self.views, self.rows, self.columns);
-        Ok(Array3::from_shape_vec(shape, rays).unwrap_or_else(|_| Array3::zeros(shape)))
+    /// First view and number of views of each part.
+    pub(super) fn parts(&self) -> impl Iterator<Item = [usize; 2]> + use<> {
+        let (views, part) = (self.views, self.part);
+        (0..views).step_by(part).map(move |first| [first, part.min(views - first)])
     }
 
-    /// The transpose: a volume, `[z][y][x]`, of values of rays, `[view][row][place]`.
+    /// First plane and the end of each slab; of one with all planes, where the volume is on the device.
+    pub(super) fn slabs(&self, is_whole: bool) -> Vec<[usize; 2]> {
+        let all = self.size[2];
+        let planes = if is_whole { all } else { self.planes };
+        (0..all).step_by(planes).map(|first| [first, (first + planes).min(all)]).collect()
+    }
+
+    /// Memory for a slab of a volume on the host.
+    ///
+    /// # Errors
+    /// [`Error::Memory`].
+    pub(super) fn slab(&self) -> Result<&Arc<Buffer>> {
+        if let Some(slab) = self.slab.get() {
+            return Ok(slab);
+        }
+        let bytes = (4 * self.planes * self.size[0] * self.size[1]) as u64;
+        let made = Arc::new(self.device.buffer("a slab", bytes, Memory::Device)?);
+        Ok(self.slab.get_or_init(|| made))
+    }
+
+    /// Sums along the rays of a part of the views.
+    ///
+    /// # Errors
+    /// As [`Stream::paced`].
+    pub(super) fn forward(
+        &self,
+        volume: &Source<'_>,
+        [view, views]: [usize; 2],
+        stream: &mut Stream,
+        work: &mut Work<'_>,
+    ) -> Result<()> {
+        let items = views * self.rays_of_a_view();
+        stream.fill(&self.rays, 4 * items as u64, 0.0);
+        let slabs = self.slabs(matches!(volume, Source::Device(_)));
+        for ([first, end], number) in slabs.iter().copied().zip(0..) {
+            let slab = match volume {
+                Source::Device(buffer) => buffer,
+                Source::Host(values) => {
+                    let slab = self.slab()?;
+                    stream.submit(&mut [])?;
+                    let values = values.slice(ndarray::s![first..end, .., ..]);
+                    slab.write(0, values.as_standard_layout().as_slice().unwrap_or_default())?;
+                    slab
+                }
+            };
+            stream.keep(slab);
+            let count_of = slabs.len() as f64;
+            let mut done = |n: u32| {
+                (work.report)((f64::from(number) + f64::from(n) / items as f64) / count_of);
+            };
+            let of = (slab.address(), view, [first, end].map(count));
+            self.run_forward(count(items), of, (stream, &work.cancel), &mut done)?;
+        }
+        Ok(())
+    }
+
+    /// The transpose: adds the values of the rays of a part of the views to a slab, of which the planes are
+    /// given.
+    ///
+    /// # Errors
+    /// As [`Stream::paced`].
     pub(super) fn back(
         &self,
-        rays: ArrayView3<'_, f32>,
+        (slab, [first, end]): (&Arc<Buffer>, [usize; 2]),
+        part: [usize; 2],
+        stream: &mut Stream,
         work: &mut Work<'_>,
-    ) -> Result<Array3<f32>> {
-        let _alone = self.alone();
-        let [x, y, z] = self.size;
-        let mut values: Vec<f32> = reserve::zeroed(x * y * z, "a volume")?;
-        let mut pace = Pace::new(1 << 12, 256, 1 << 20);
-        let total = (values.len() * self.views) as f64;
-        let mut before = 0;
-        for ([first_plane, _], slab) in
-            self.slabs().iter().zip(values.chunks_mut(self.planes * x * y))
-        {
-            self.volume.write(0, slab)?;
-            for start in (0..self.views).step_by(self.part) {
-                let n = self.part.min(self.views - start);
-                let part = rays.slice(ndarray::s![start..start + n, .., ..]);
-                self.rays.write(0, part.as_standard_layout().as_slice().unwrap_or_default())?;
-                let mut done = |voxels: u32| {
-                    (work.report)((before + voxels as usize * n) as f64 / total);
-                };
-                let (items, pace) = (count(slab.len()), (&mut pace, &work.cancel));
-                let views = [start, n];
-                self.run_back(items, pace, (views, count(*first_plane)), &mut done)?;
-                before += slab.len() * n;
-            }
-            self.volume.read_into(0, slab)?;
-        }
-        let shape = (z, y, x);
-        Ok(Array3::from_shape_vec(shape, values).unwrap_or_else(|_| Array3::zeros(shape)))
+    ) -> Result<()> {
+        let items = count((end - first) * self.size[0] * self.size[1]);
+        stream.keep(slab);
+        let mut done = |n: u32| (work.report)(f64::from(n) / f64::from(items));
+        let of = (slab.address(), part, count(first));
+        self.run_back(items, of, (stream, &work.cancel), &mut done)
     }
 
     fn run_forward(
         &self,
         items: u32,
-        pace: (&mut Pace, &Cancel),
-        (view, [first_plane, plane_end]): (usize, [u32; 2]),
+        (volume, view, [first_plane, plane_end]): (u64, usize, [u32; 2]),
+        (stream, cancel): (&mut Stream, &Cancel),
         done: &mut dyn FnMut(u32),
     ) -> Result<()> {
-        let (places, volume) = (self.places.address(), self.volume.address());
+        let places = self.places.address();
         let rays = self.rays.address();
         match &self.tables {
             Tables::Circle { sheets, push } => {
@@ -210,7 +248,7 @@ impl Projector {
                 let push =
                     ProjectPush { sheets, places, volume, rays, first_plane, plane_end, ..*push };
                 let push = |first, end| ProjectPush { first, end, ..push };
-                self.device.run_paced(&self.forward, items, pace, push, done)
+                stream.paced((&self.forward, Direction::Forward), items, cancel, push, done)
             }
             Tables::Moved { sheets, push, .. } => {
                 let sheets = of_view::<MovedSheet>(sheets, 3 * view);
@@ -224,7 +262,7 @@ impl Projector {
                     ..*push
                 };
                 let push = |first, end| ProjectMovedPush { first, end, ..push };
-                self.device.run_paced(&self.forward, items, pace, push, done)
+                stream.paced((&self.forward, Direction::Forward), items, cancel, push, done)
             }
         }
     }
@@ -232,8 +270,8 @@ impl Projector {
     fn run_back(
         &self,
         items: u32,
-        pace: (&mut Pace, &Cancel),
-        ([view, views], first_plane): ([usize; 2], u32),
+        (volume, [view, views], first_plane): (u64, [usize; 2], u32),
+        (stream, cancel): (&mut Stream, &Cancel),
         done: &mut dyn FnMut(u32),
     ) -> Result<()> {
         match &self.tables {
@@ -242,7 +280,7 @@ impl Projector {
                     sheets: of_view::<Sheet>(sheets, 2 * view),
                     places: self.places.address(),
                     starts: self.starts.address(),
-                    volume: self.volume.address(),
+                    volume,
                     rays: self.rays.address(),
                     view_count: count(views),
                     columns: push.columns,
@@ -261,7 +299,7 @@ impl Projector {
                     plane_zero: push.plane_zero,
                 };
                 let push = |first, end| ProjectBackPush { first, end, ..push };
-                self.device.run_paced(&self.back, items, pace, push, done)
+                stream.paced((&self.back, Direction::Back), items, cancel, push, done)
             }
             Tables::Moved { sheets, views: seen, push } => {
                 let push = ProjectBackMovedPush {
@@ -269,7 +307,7 @@ impl Projector {
                     views: of_view::<MovedView>(seen, view),
                     places: self.places.address(),
                     starts: self.starts.address(),
-                    volume: self.volume.address(),
+                    volume,
                     rays: self.rays.address(),
                     view_count: count(views),
                     columns: push.columns,
@@ -286,18 +324,9 @@ impl Projector {
                     per_distance: push.per_distance,
                 };
                 let push = |first, end| ProjectBackMovedPush { first, end, ..push };
-                self.device.run_paced(&self.back, items, pace, push, done)
+                stream.paced((&self.back, Direction::Back), items, cancel, push, done)
             }
         }
-    }
-
-    /// First plane and the end of each slab.
-    fn slabs(&self) -> Vec<[usize; 2]> {
-        let planes = self.size[2];
-        (0..planes)
-            .step_by(self.planes)
-            .map(|first| [first, (first + self.planes).min(planes)])
-            .collect()
     }
 }
 

@@ -42,7 +42,8 @@ pub struct IterativeOptions {
     /// Voxels below zero are set to zero in each iteration.
     pub is_non_negative: bool,
     /// Values of volume and of sinograms that are on the device at once; no bit of the volume
-    /// depends on it. `None`: 64 Mi each.
+    /// depends on it. `None`: all vectors of the method stay on the device, where its memory allows it;
+    /// else 64 Mi each.
     pub at_once: Option<usize>,
 }
 
