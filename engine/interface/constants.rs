@@ -3,6 +3,8 @@
 shared_constants! {
     /// Invocations of a workgroup, of every kernel.
     GROUP: u32 = 64;
+    /// Mask steps of an invocation of `random_light.comp`.
+    RANDOM_STEPS: u32 = 8;
 
     /// Lanes that hold the words of a record of a bundle, a word each: the least subgroup of
     /// `trace_bundles.comp`. Subgroups of twice the size hold everything twice.

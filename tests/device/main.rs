@@ -12,3 +12,4 @@ mod gpu;
 mod handle;
 mod interface;
 mod layer;
+mod light;
