@@ -25,4 +25,13 @@ mod tests {
         assert_eq!([0, 1 << 17, 1 << 18, 1 << 20, 1 << 30].map(gpu), [1, 1, 2, 8, 16]);
         assert_eq!(items_each(DeviceKind::Cpu, 1, 16), 16);
     }
+
+    /// Random rays of the octagon in docs/experiments: 13 to 52 pixels of 5,000 rays.
+    #[test]
+    fn larger_dispatches_fill_a_gpu() {
+        for items in [1 << 17, 200_000, (1 << 18) - 1, 260_000, 1 << 20, 1 << 30] {
+            let each = u64::from(items_each(DeviceKind::Discrete, items, 16));
+            assert!(items / each >= 100_000, "{items} items, {each} each");
+        }
+    }
 }
