@@ -1,5 +1,5 @@
 #version 460
-// Light of cells: one invocation per cell row and some mask steps integrates every cell over the
+// Light of cells: one invocation per part of a cell row and some mask steps integrates every cell over the
 // sample mask, the focal spot, the detector mask and the pixels (docs/physics.md, "Cells").
 // With FAR light may land in rows other than its own and the two beside it.
 #extension GL_GOOGLE_include_directive : require
@@ -101,14 +101,14 @@ void light_through(Exposed step_, Opening opening, inout Landing landing) {
     passed.first = 0;
     passed.last = -1;
     passed.home = 0;
-    uint i = opening.first;
+    uint i = max(opening.first, part.first);
     do {
-        if (passed.first > passed.last && i < cell_row.cell_count) {
+        if (passed.first > passed.last && i < part.last) {
             cell = push.cells.at[cell_row.first_cell + i];
             // Cells of several energies may share an interval.
-            uint next = min(i + 1u, cell_row.cell_count - 1u);
+            uint next = min(i + 1u, part.last - 1u);
             bool is_last = next == i || push.cells.at[cell_row.first_cell + next].x_low >= opening.beyond;
-            i = is_last ? cell_row.cell_count : next;
+            i = is_last ? part.last : next;
             passed = passed_of(step_, piece_through(opening, cell));
         }
         if (passed.first <= passed.last) {
@@ -122,13 +122,14 @@ void light_through(Exposed step_, Opening opening, inout Landing landing) {
             land(landing, cell, pixel, value);
             passed.first++;
         }
-    } while (i < cell_row.cell_count || passed.first <= passed.last);
+    } while (i < part.last || passed.first <= passed.last);
 }
 
-// Light of a cell row at a mask step, or the light common to all steps.
+// Light of a part of a cell row at a mask step, or the light common to all steps.
 void illuminate(uint mask_step) {
     Exposed step_ = exposed_at(mask_step);
-    Landing landing = landing_begin(mask_step, setting.faint, step_.pixels);
+    float faint = part.first == 0u ? setting.faint : 0.0;
+    Landing landing = landing_begin(mask_step, faint, step_.pixels);
     Place place = Place(step_.from, 0u);
     uint layer = 0u;
     uint layers = 1u;
@@ -154,12 +155,12 @@ void illuminate(uint mask_step) {
 }
 
 void main() {
-    uint index = push.first_cell_row + gl_GlobalInvocationID.x;
     uint first_step = push.first_step + gl_GlobalInvocationID.y * push.steps_each;
     uint last_step = min(first_step + push.steps_each, push.last_step);
-    if (gl_GlobalInvocationID.x >= push.cell_row_count || first_step >= last_step) return;
+    if (gl_GlobalInvocationID.x >= push.part_count || first_step >= last_step) return;
     light = push.light_ref.at[0];
-    cell_row = push.cell_rows.at[index];
+    part = push.parts.at[push.first_part + gl_GlobalInvocationID.x];
+    cell_row = push.cell_rows.at[part.cell_row];
     setting_begin();
     // What bars leak is summed once for all mask steps, behind the last.
     uint last_turn = last_step + (setting.leaks && first_step == 0u ? 1u : 0u);

@@ -1,5 +1,5 @@
 #version 460
-// Light of random rays: one invocation per pixel and mask step sums its rays of a batch.
+// Light of random rays: one invocation per share of the rays of a pixel in a batch, and some mask steps.
 #extension GL_GOOGLE_include_directive : require
 #extension GL_EXT_buffer_reference : require
 #extension GL_EXT_buffer_reference2 : require
@@ -23,8 +23,9 @@ float open_share(Mask mask, float low, float high, float shift) {
     int to = int(ceil((high - shift) / mask.period + 0.5));
     for (int k = from; k <= to; k++) {
         for (uint i = 0u; i < mask.count; i++) {
-            float a = float(k) * mask.period + shift + Apertures(mask.apertures).at[i].low;
-            float b = float(k) * mask.period + shift + Apertures(mask.apertures).at[i].high;
+            Aperture aperture = aperture_of(mask, Place(k, i));
+            float a = float(k) * mask.period + shift + aperture.low;
+            float b = float(k) * mask.period + shift + aperture.high;
             if (high > low) open += max(min(b, high) - max(a, low), 0.0);
             else if (low > a && low < b) return 1.0;
         }
@@ -48,9 +49,11 @@ float rounding_threshold(uint ray) {
 }
 
 void main() {
-    uint p = gl_GlobalInvocationID.x;
-    uint mask_step = push.first_step + gl_GlobalInvocationID.y;
-    if (p >= push.pixel_count) return;
+    uint p = gl_GlobalInvocationID.x / push.shares;
+    uint share = gl_GlobalInvocationID.x % push.shares;
+    uint first_step = push.first_step + gl_GlobalInvocationID.y * RANDOM_STEPS;
+    if (p >= push.pixel_count || first_step >= push.steps) return;
+    uint steps = min(push.steps - first_step, RANDOM_STEPS);
     IlluminationParams light = push.light_ref.at[0];
     Pixel pixel = push.pixels.at[p];
     BeamletGeometry beamlet = BeamletTable(light.beamlets).at[pixel.table];
@@ -58,8 +61,12 @@ void main() {
     float row_z = (float(pixel.row) + 0.5 - light.middle_row) * light.row_slope;
     float plane = light.cell_plane / light.detector;
     float gap = light.detector - light.analyser;
-    uvec2 own = uvec2(0u); // sum of the pixel's own light
-    for (uint r = 0u; r < push.batch; r++) {
+    uint frame = light.row_count * light.column_count;
+    // Sums of the light that stays in the pixel, by steps.
+    uvec2 own[RANDOM_STEPS];
+    for (uint k = 0u; k < RANDOM_STEPS; k++) own[k] = uvec2(0u);
+    // Neighbours read neighbouring results.
+    for (uint r = share; r < push.batch; r += push.shares) {
         Draw d = draw(light, pixel, push.pose, push.seed, push.first_ray + r, push.rays_per_pixel);
         RayResult result = RayResult(0.0, 0.0, 0.0, 0.0, 0.0, 0u, 0u, 0u, 0.0);
         if (push.empty == 0u) result = push.results.at[p * push.batch + r];
@@ -68,28 +75,30 @@ void main() {
         float slope_z = row_z + (d.target.y - d.source.y) / light.detector;
         float sec = secant(slope, slope_z);
         float x = d.source.x * (1.0 - plane) + d.target.x * plane;
-        float shift = light.sample_mask.present == 0u ? 0.0
-            : Offsets(light.offsets).at[mask_step] - beamlet.sample_offset;
-        float value = one * mask_transmission(light.sample_mask, x, shift, slope, sec);
         float u = d.source.x * (1.0 - light.ratio) + d.target.x * light.ratio + result.displacement_x;
-        value *= mask_transmission(light.detector_mask, u, -beamlet.aperture_offset, slope, sec);
-        value *= exp(-result.optical_depth);
+        float behind = mask_transmission(light.detector_mask, u, -beamlet.aperture_offset, slope, sec);
+        float passed = exp(-result.optical_depth);
         float land_x = d.target.x + result.displacement_x + result.slope_x * gap;
         float land_z = d.target.y + result.displacement_z + result.slope_z * gap;
         int to_column = int(floor(land_x / light.column_pitch + 0.5));
         int to_row = int(floor(-land_z / light.row_pitch + 0.5));
-        uvec2 fixed_value = fixed_point(value, rounding_threshold(push.first_ray + r));
-        if (to_column == 0 && to_row == 0) {
-            own = plus(own, fixed_value);
-        } else {
-            uint index;
-            if (place_of_light(light, pixel.row + to_row, pixel.column + to_column, mask_step, index)) {
-                add_words(push.sums, index, fixed_value);
+        float threshold = rounding_threshold(push.first_ray + r);
+        bool stays = to_column == 0 && to_row == 0;
+        uint index;
+        bool lands = place_of_light(light, pixel.row + to_row, pixel.column + to_column, first_step, index);
+        for (uint k = 0u; k < steps; k++) {
+            float shift = light.sample_mask.present == 0u ? 0.0
+                : Offsets(light.offsets).at[first_step + k] - beamlet.sample_offset;
+            float value = one * mask_transmission(light.sample_mask, x, shift, slope, sec);
+            uvec2 words = fixed_point(value * behind * passed, threshold);
+            if (stays) {
+                own[k] = plus(own[k], words);
+            } else if (lands && words != uvec2(0u)) {
+                add_words(push.sums, index + k * frame, words);
             }
         }
     }
     uint index;
-    if (place_of_light(light, pixel.row, pixel.column, mask_step, index)) {
-        add_words(push.sums, index, own);
-    }
+    if (!place_of_light(light, pixel.row, pixel.column, first_step, index)) return;
+    for (uint k = 0u; k < steps; k++) add_words(push.sums, index + k * frame, own[k]);
 }

@@ -3,6 +3,8 @@
 shared_constants! {
     /// Invocations of a workgroup, of every kernel.
     GROUP: u32 = 64;
+    /// Mask steps of an invocation of `random_light.comp`.
+    RANDOM_STEPS: u32 = 8;
 
     /// Values of a vector that a workgroup combines.
     CHUNK: u32 = 1 << 12;

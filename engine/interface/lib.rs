@@ -112,8 +112,8 @@ pub use constants::*;
 pub use fit::{FitPush, Step};
 pub use glsl::glsl_files;
 pub use light::{
-    Aperture, BeamletGeometry, Cell, CellRow, IlluminatePush, IlluminationParams, Mask, Pixel,
-    RandomLightPush, RandomRaysPush, SpotPart,
+    Aperture, BeamletGeometry, Cell, CellRow, CellRowPart, IlluminatePush, IlluminationParams,
+    Mask, Pixel, RandomLightPush, RandomRaysPush, SpotPart,
 };
 pub use reconstruct::{
     BackProjectPush, CombinePush, DotPush, DotSum, FourierPush, MovedSheet, MovedView,

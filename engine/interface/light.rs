@@ -99,6 +99,16 @@ shared_structs! {
         pub detector_covariance: f32,
     }
 
+    /// Cells of a cell row that one invocation illuminates.
+    pub struct CellRowPart in CellRowParts(readonly) {
+        /// Index of the cell row.
+        pub cell_row: u32,
+        /// First cell, counted from the first of the cell row.
+        pub first: u32,
+        /// End of the cells (exclusive).
+        pub last: u32,
+    }
+
     /// A Gaussian of the focal spot.
     pub struct SpotPart in SpotParts(readonly) {
         /// Share of the light in this part and those before it; more than 1 in the last.
@@ -190,13 +200,15 @@ shared_structs! {
     /// Push constants of `illuminate.comp`.
     pub struct IlluminatePush {
         pub light_ref: u64 => IlluminationParamsRef,
+        pub parts: u64 => CellRowParts,
         pub cell_rows: u64 => CellRows,
         pub cells: u64 => Cells,
         /// `[step][row][column][2]`, light that is the same at all steps behind the last.
         pub sums: u64 => Words,
-        /// Behind the first.
-        pub cell_row_count: u32,
-        pub first_cell_row: u32,
+        /// Number of parts of this dispatch.
+        pub part_count: u32,
+        /// Index of the first part.
+        pub first_part: u32,
         pub first_step: u32,
         /// One behind.
         pub last_step: u32,
@@ -237,6 +249,10 @@ shared_structs! {
         pub pose: u32,
         /// No sample: every result is zero.
         pub empty: u32,
+        /// Invocations that share the rays of a pixel in this batch.
+        pub shares: u32,
         pub first_step: u32,
+        /// Steps of the scan.
+        pub steps: u32,
     }
 }

@@ -1,6 +1,8 @@
 // Masks in the way of a cell row: at all steps, at one step, and in one layer of one aperture.
 
-// The cell row of this invocation, its beamlet, and the bars of sample and detector mask before it.
+// The part of a cell row that this invocation illuminates, the whole cell row, its beamlet, and the bars of
+// sample and detector mask before it.
+CellRowPart part;
 CellRow cell_row;
 BeamletGeometry beamlet;
 Bars bars;

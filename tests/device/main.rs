@@ -13,3 +13,4 @@ mod gpu;
 mod handle;
 mod interface;
 mod layer;
+mod light;

@@ -1,16 +1,19 @@
 //! Illuminates cell rows of cells at every mask step.
 
+use super::fill::items_each;
+use super::fit::fit;
 use super::light::IlluminationBuffer;
+use super::row_parts::parts_of;
 use super::sums::PixelSums;
 use crate::sampling::CellBatch;
 use beamlet_core::cancel::Cancel;
 use beamlet_core::{Result, numbers};
-use beamlet_gpu::{Buffer, Device, LazyKernel, Memory, Pace, Recorder, Upload, push_bytes};
-use beamlet_interface::{Cell, CellRow, GROUP, IlluminatePush};
+use beamlet_gpu::{Buffer, Device, LazyKernel, Pace, Recorder, Upload, push_bytes};
+use beamlet_interface::{Cell, CellRow, CellRowPart, GROUP, IlluminatePush};
 use std::ops::Range;
 use std::sync::Arc;
 
-/// Mask steps of an invocation: they share the data of a cell row.
+/// Most mask steps of an invocation: they share the data of a cell row.
 const STEPS_EACH: u32 = 16;
 
 /// The kernels of cells.
@@ -38,9 +41,10 @@ const CELLS_TOGETHER: usize = 1 << 16;
 pub(crate) struct CellIlluminator {
     device: Arc<Device>,
     kernels: Arc<CellKernels>,
+    parts: Option<Buffer>,
     cell_rows: Option<Buffer>,
     cells: Option<Buffer>,
-    /// Cell rows times steps of a submission.
+    /// Parts of cell rows times steps of a submission.
     pace: Pace,
     /// Dispatches of the next submission, to the far kernel or not, and their cost.
     planned: Vec<(bool, IlluminatePush)>,
@@ -54,6 +58,7 @@ impl CellIlluminator {
         Self {
             device: device.clone(),
             kernels: kernels.clone(),
+            parts: None,
             cell_rows: None,
             cells: None,
             pace: Pace::new(1 << 16, 1024, 1 << 26),
@@ -105,6 +110,7 @@ impl CellIlluminator {
             fit::<CellRow>(&device, self.cell_rows.take(), "cell rows", cell_rows)?;
         let mut uploads = Vec::new();
         let mut ordered = Vec::with_capacity(cell_rows);
+        let mut parts = Vec::with_capacity(cell_rows);
         let mut pieces = Vec::new();
         let mut first_cell = 0;
         for (light, list) in lists {
@@ -116,24 +122,24 @@ impl CellIlluminator {
                 |cell_row: &&CellRow| !light.rows_apart() && lands_near(&list.cells, cell_row);
             let (near, far): (Vec<_>, Vec<_>) = list.cell_rows.iter().partition(near);
             for (some, far) in [(near, false), (far, true)] {
-                if !some.is_empty() {
-                    let first = numbers::count(ordered.len());
-                    pieces.push(DispatchPart {
-                        light,
-                        far,
-                        cell_rows: first..first + numbers::count(some.len()),
-                    });
-                }
+                let (first_row, first_part) = (ordered.len(), numbers::count(parts.len()));
                 let moved = |cell_row: &CellRow| CellRow {
                     first_cell: cell_row.first_cell + numbers::count(first_cell),
                     ..*cell_row
                 };
                 ordered.extend(some.into_iter().map(moved));
+                parts.extend(parts_of(&ordered[first_row..], numbers::count(first_row), far));
+                let parts = first_part..numbers::count(parts.len());
+                pieces.push(DispatchPart { light, far, parts });
             }
             first_cell += list.cells.len();
         }
+        let part_buffer =
+            fit::<CellRowPart>(&device, self.parts.take(), "parts of cell rows", parts.len())?;
         uploads.push(Upload::new(&cell_row_buffer, 0, &ordered));
+        uploads.push(Upload::new(&part_buffer, 0, &parts));
         let template = IlluminatePush {
+            parts: part_buffer.address(),
             cell_rows: cell_row_buffer.address(),
             cells: cell_buffer.address(),
             sums: sums.buffer.address(),
@@ -144,6 +150,7 @@ impl CellIlluminator {
         self.run(&mut uploads)?;
         drop(uploads);
         (self.cells, self.cell_rows) = (Some(cell_buffer), Some(cell_row_buffer));
+        self.parts = Some(part_buffer);
         Ok(())
     }
 
@@ -156,38 +163,40 @@ impl CellIlluminator {
         steps: u32,
         uploads: &mut Vec<Upload<'_>>,
     ) -> Result<()> {
-        let DispatchPart { light, far, cell_rows } = piece;
+        let DispatchPart { light, far, parts } = piece;
+        let kind = self.device.description().kind;
         // Light that no sample mask moves is the same at every step, and has its own sums.
         let steps = if light.same_at_all_steps { steps..steps + 1 } else { 0..steps };
         for light_ref in light.addresses() {
-            let mut first_cell_row = cell_rows.start;
-            while first_cell_row < cell_rows.end {
-                let left = cell_rows.end - first_cell_row;
-                let cell_row_count = left.min(self.pace.size().min(1 << 20)).max(1);
+            let mut first_part = parts.start;
+            while first_part < parts.end {
+                let left = parts.end - first_part;
+                let part_count = left.min(self.pace.size().min(1 << 20)).max(1);
                 let at_once =
-                    (self.pace.size() / cell_row_count).clamp(1, 4096).min(steps.end - steps.start);
+                    (self.pace.size() / part_count).clamp(1, 4096).min(steps.end - steps.start);
                 let mut first_step = steps.start;
                 while first_step < steps.end {
                     let last_step = steps.end.min(first_step + at_once);
-                    let steps_each = STEPS_EACH.min(last_step - first_step);
+                    let steps = last_step - first_step;
+                    let items = u64::from(part_count) * u64::from(steps);
+                    let steps_each = items_each(kind, items, STEPS_EACH.min(steps));
                     let push = IlluminatePush {
                         light_ref,
-                        cell_row_count,
-                        first_cell_row,
+                        part_count,
+                        first_part,
                         first_step,
                         last_step,
                         steps_each,
                         ..template
                     };
-                    let cost = u64::from(cell_row_count) * u64::from(last_step - first_step);
-                    if self.planned_cost + cost > u64::from(self.pace.size()) {
+                    if self.planned_cost + items > u64::from(self.pace.size()) {
                         self.run(uploads)?;
                     }
                     self.planned.push((*far, push));
-                    self.planned_cost += cost;
+                    self.planned_cost += items;
                     first_step = last_step;
                 }
-                first_cell_row += cell_row_count;
+                first_part += part_count;
             }
         }
         Ok(())
@@ -209,7 +218,7 @@ impl CellIlluminator {
             for (is_far, push) in &planned {
                 let kernel = far.filter(|_| *is_far).unwrap_or(near);
                 let shares = (push.last_step - push.first_step).div_ceil(push.steps_each);
-                let groups = [push.cell_row_count.div_ceil(GROUP), shares, 1];
+                let groups = [push.part_count.div_ceil(GROUP), shares, 1];
                 r.dispatch(kernel, bytemuck::bytes_of(push), groups);
             }
         };
@@ -219,29 +228,15 @@ impl CellIlluminator {
     }
 }
 
-/// Cell rows for one kernel.
+/// Parts of cell rows for one kernel.
 struct DispatchPart<'l> {
     light: &'l IlluminationBuffer,
     far: bool,
-    cell_rows: Range<u32>,
+    parts: Range<u32>,
 }
 
 /// True if all light of a cell row lands in its row and the two beside it.
 fn lands_near(cells: &[Cell], cell_row: &CellRow) -> bool {
     let first = cell_row.first_cell as usize;
     cells[first..first + cell_row.cell_count as usize].iter().all(|cell| cell.share_above >= 0.0)
-}
-
-/// A buffer that holds `items`, and grows as needed.
-fn fit<T>(
-    device: &Arc<Device>,
-    buffer: Option<Buffer>,
-    name: &str,
-    items: usize,
-) -> Result<Buffer> {
-    let bytes = (items * size_of::<T>()) as u64;
-    match buffer.filter(|old| old.len() >= bytes) {
-        Some(old) => Ok(old),
-        None => device.buffer(name, bytes.next_power_of_two(), Memory::Device),
-    }
 }

@@ -1,14 +1,17 @@
 //! Illumination: from the results of cells or rays to the light in the pixels at every mask step.
 
 mod cells;
+mod fill;
+mod fit;
 mod light;
 mod random;
+mod row_parts;
 mod spectral;
 mod sums;
 
 pub(crate) use cells::{CellIlluminator, CellKernels};
 pub(crate) use light::{IlluminationBuffer, SpectralBand, alike_rows};
-pub(crate) use random::{RandomBatch, RandomKernels, illuminate_random};
+pub(crate) use random::{RandomBatch, RandomIlluminator, RandomKernels};
 pub use spectral::NARROW;
 pub(crate) use spectral::{EnergyBinning, MaskTransmissionCache};
 pub use sums::PixelSums;

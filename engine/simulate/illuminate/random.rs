@@ -1,14 +1,24 @@
 //! The random scheme: rays made, traced and illuminated on the device.
 
+use super::fill::items_each;
+use super::fit::fit;
 use super::light::IlluminationBuffer;
 use super::sums::PixelSums;
 use crate::trace::Tracer;
 use beamlet_core::{Result, numbers};
-use beamlet_gpu::{Device, LazyKernel, Memory, Recorder, Upload, push_bytes};
-use beamlet_interface::{GROUP, Pixel, RandomLightPush, RandomRaysPush};
+use beamlet_gpu::{Buffer, Device, LazyKernel, Pace, Recorder, Upload, push_bytes};
+use beamlet_interface::{GROUP, Pixel, RANDOM_STEPS, RandomLightPush, RandomRaysPush};
 use beamlet_model::optics::Optics;
 use beamlet_model::scene::RandomRays;
 use std::sync::Arc;
+use std::time::Duration;
+
+/// Most rays of an invocation of the light.
+const RAYS_EACH: u32 = 16;
+/// Most rays of a dispatch that traces none.
+const MOST_EMPTY: u32 = 1 << 21;
+/// Mask steps of a dispatch: long ones would block a screen.
+const STEPS_TOGETHER: u32 = 16 * RANDOM_STEPS;
 
 /// Kernels of the random scheme, each made when it is first wanted.
 #[derive(Debug)]
@@ -34,7 +44,7 @@ impl RandomKernels {
     }
 }
 
-/// Rays that one call casts.
+/// Pixels whose rays one call casts.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct RandomBatch<'a> {
     /// Pixels, inside the detector or beside it.
@@ -45,86 +55,148 @@ pub(crate) struct RandomBatch<'a> {
     pub empty: bool,
 }
 
-/// Casts the random rays of the pixels and adds their light to the sums.
-///
-/// # Errors
-/// [`beamlet_core::Error::Memory`], [`beamlet_core::Error::Device`].
-pub(crate) fn illuminate_random(
-    device: &Arc<Device>,
-    kernels: &RandomKernels,
-    optics: &Optics,
-    tracer: &mut Tracer,
-    light: &IlluminationBuffer,
-    sums: &PixelSums,
-    job: RandomBatch<'_>,
-) -> Result<()> {
-    let (rays_kernel, light_kernel) = (kernels.rays.get()?, kernels.light.get()?);
-    let all = optics.sampling.rays.count();
-    let rays_per_pixel = match optics.sampling.rays {
-        RandomRays::Count(count) => [count, 0],
-        RandomRays::Grid(grid) => grid,
-    };
-    let seed = [numbers::low_word(optics.sampling.seed), numbers::high_word(optics.sampling.seed)];
-    let steps = numbers::count(optics.mask_steps());
-    let capacity = tracer.capacity();
-    let at_once = (capacity / all.min(capacity)).max(1);
-    let most = job.pixels.len().min(at_once as usize);
-    let buffer = device.buffer("pixels", (most * size_of::<Pixel>()) as u64, Memory::Device)?;
-    for pixels in job.pixels.chunks(at_once as usize) {
-        // The first submission takes them along.
-        let mut uploads = &[Upload::new(&buffer, 0, pixels)][..];
-        let pixel_count = numbers::count(pixels.len());
-        let mut first_ray = 0;
-        while first_ray < all {
-            tracer.cancel().check()?;
-            let batch = (all - first_ray).min(capacity / pixel_count);
-            if !job.empty {
-                let push = RandomRaysPush {
-                    light_ref: light.address(),
-                    pixels: buffer.address(),
-                    rays: tracer.rays().address(),
-                    seed,
-                    rays_per_pixel,
-                    first_ray,
-                    batch,
-                    pixel_count,
-                    pose: job.pose,
-                };
-                let groups = (pixel_count * batch).div_ceil(GROUP);
-                let record = |r: &mut Recorder<'_>| {
-                    r.dispatch(rays_kernel, bytemuck::bytes_of(&push), [groups, 1, 1]);
-                };
-                device.run_with(uploads, record, &mut [])?;
-                uploads = &[];
-                tracer.trace_on_device(pixel_count * batch)?;
-            }
-            let mut push = RandomLightPush {
-                light_ref: light.address(),
-                pixels: buffer.address(),
-                results: tracer.results().address(),
-                sums: sums.buffer.address(),
-                seed,
-                rays_per_pixel,
-                first_ray,
-                batch,
-                pixel_count,
-                pose: job.pose,
-                empty: job.empty.into(),
-                first_step: 0,
-            };
-            let record = |r: &mut Recorder<'_>| {
-                while push.first_step < steps {
-                    // A few steps at a time keep dispatches short; each has sums of its own.
-                    let n = (steps - push.first_step).min(16);
-                    let groups = [pixel_count.div_ceil(GROUP), n, 1];
-                    r.dispatch(light_kernel, bytemuck::bytes_of(&push), groups);
-                    push.first_step += n;
-                }
-            };
-            device.run_with(uploads, record, &mut [])?;
-            uploads = &[];
-            first_ray += batch;
+/// Casts random rays and adds their light to sums.
+#[derive(Debug)]
+pub(crate) struct RandomIlluminator {
+    device: Arc<Device>,
+    kernels: Arc<RandomKernels>,
+    pixels: Option<Buffer>,
+    seed: [u32; 2],
+    /// As in [`RandomLightPush`].
+    rays_per_pixel: [u32; 2],
+    /// Rays of a pixel.
+    rays: u32,
+    steps: u32,
+    /// Rays times steps of a submission that traces none.
+    pace: Pace,
+}
+
+impl RandomIlluminator {
+    /// An illuminator for the rays and mask steps of a scene.
+    pub(crate) fn new(device: &Arc<Device>, kernels: &Arc<RandomKernels>, optics: &Optics) -> Self {
+        let (seed, rays) = (optics.sampling.seed, optics.sampling.rays);
+        Self {
+            device: device.clone(),
+            kernels: kernels.clone(),
+            pixels: None,
+            seed: [numbers::low_word(seed), numbers::high_word(seed)],
+            rays_per_pixel: match rays {
+                RandomRays::Count(count) => [count, 0],
+                RandomRays::Grid(grid) => grid,
+            },
+            rays: rays.count(),
+            steps: numbers::count(optics.mask_steps()),
+            pace: Pace::new(1 << 20, 1 << 16, 1 << 30),
         }
     }
-    Ok(())
+
+    /// Casts the rays of pixels and adds their light to the sums.
+    ///
+    /// # Errors
+    /// [`beamlet_core::Error::Memory`], [`beamlet_core::Error::Device`];
+    /// [`beamlet_core::Error::Interrupted`].
+    pub(crate) fn add(
+        &mut self,
+        tracer: &mut Tracer,
+        light: &IlluminationBuffer,
+        sums: &PixelSums,
+        job: RandomBatch<'_>,
+    ) -> Result<()> {
+        let buffer = fit::<Pixel>(&self.device, self.pixels.take(), "pixels", job.pixels.len())?;
+        // The first submission takes all pixels along.
+        let mut uploads = &[Upload::new(&buffer, 0, job.pixels)][..];
+        let template = RandomLightPush {
+            light_ref: light.address(),
+            results: tracer.results().address(),
+            sums: sums.buffer.address(),
+            seed: self.seed,
+            rays_per_pixel: self.rays_per_pixel,
+            pose: job.pose,
+            empty: job.empty.into(),
+            steps: self.steps,
+            ..bytemuck::Zeroable::zeroed()
+        };
+        let mut traced = None;
+        let mut first_pixel = 0;
+        while first_pixel < job.pixels.len() {
+            let capacity = match job.empty {
+                true => (self.pace.size() / self.steps).clamp(1, MOST_EMPTY),
+                false => tracer.capacity(),
+            };
+            let left = numbers::at_most(job.pixels.len() - first_pixel);
+            let pixel_count = left.min(capacity / self.rays.min(capacity));
+            let pixels = buffer.address() + (first_pixel * size_of::<Pixel>()) as u64;
+            let mut first_ray = 0;
+            while first_ray < self.rays {
+                tracer.cancel().check()?;
+                let batch = (self.rays - first_ray).min(capacity / pixel_count);
+                let push = RandomLightPush { pixels, pixel_count, first_ray, batch, ..template };
+                if job.empty {
+                    let time = self.run(uploads, Some(&push), None)?;
+                    if pixel_count * batch > capacity / 2 {
+                        self.pace.adapt(time);
+                    }
+                } else {
+                    // The light of the batch before and new rays need nothing of each other.
+                    self.run(uploads, traced.as_ref(), Some(&self.rays_of(&push, tracer)))?;
+                    tracer.trace_on_device(pixel_count * batch)?;
+                    traced = Some(push);
+                }
+                uploads = &[];
+                first_ray += batch;
+            }
+            first_pixel += pixel_count as usize;
+        }
+        if traced.is_some() {
+            self.run(&[], traced.as_ref(), None)?;
+        }
+        self.pixels = Some(buffer);
+        Ok(())
+    }
+
+    /// The rays of a batch, to be made.
+    fn rays_of(&self, light: &RandomLightPush, tracer: &Tracer) -> RandomRaysPush {
+        RandomRaysPush {
+            light_ref: light.light_ref,
+            pixels: light.pixels,
+            rays: tracer.rays().address(),
+            seed: light.seed,
+            rays_per_pixel: light.rays_per_pixel,
+            first_ray: light.first_ray,
+            batch: light.batch,
+            pixel_count: light.pixel_count,
+            pose: light.pose,
+        }
+    }
+
+    /// Adds the light of a batch that was traced or is empty, and makes the rays of another.
+    fn run(
+        &self,
+        uploads: &[Upload<'_>],
+        light: Option<&RandomLightPush>,
+        rays: Option<&RandomRaysPush>,
+    ) -> Result<Duration> {
+        let (rays_kernel, light_kernel) = (self.kernels.rays.get()?, self.kernels.light.get()?);
+        let kind = self.device.description().kind;
+        let record = |r: &mut Recorder<'_>| {
+            if let Some(push) = light {
+                let mut push = *push;
+                let rays = u64::from(push.pixel_count) * u64::from(push.batch);
+                let items = rays * u64::from(push.steps.div_ceil(RANDOM_STEPS));
+                push.shares = push.batch.div_ceil(items_each(kind, items, RAYS_EACH));
+                let groups = (push.pixel_count * push.shares).div_ceil(GROUP);
+                while push.first_step < push.steps {
+                    let steps = (push.steps - push.first_step).min(STEPS_TOGETHER);
+                    let groups = [groups, steps.div_ceil(RANDOM_STEPS), 1];
+                    r.dispatch(light_kernel, bytemuck::bytes_of(&push), groups);
+                    push.first_step += steps;
+                }
+            }
+            if let Some(push) = rays {
+                let groups = (push.pixel_count * push.batch).div_ceil(GROUP);
+                r.dispatch(rays_kernel, bytemuck::bytes_of(push), [groups, 1, 1]);
+            }
+        };
+        self.device.run_with(uploads, record, &mut [])
+    }
 }

@@ -25,7 +25,7 @@ use beamlet_core::{Error, Result, numbers};
 use beamlet_files as stack;
 use beamlet_files::{RunProfile, RunRecord, RunStart, SamplingSummary, Sink, StackShape};
 use beamlet_geometry::Sample;
-use beamlet_gpu::{Backend, Device, EngineOptions};
+use beamlet_gpu::{Backend, Device, DeviceKind, EngineOptions};
 use beamlet_model::media::MaterialTable;
 use beamlet_model::scene::{Exposure, Scene, Scheme};
 pub use rays::{moments, trace};
@@ -105,14 +105,18 @@ impl Simulation {
     }
 
     fn tracer(&self, backend: Backend, memory: &MemoryEstimate) -> Result<Tracer> {
+        let most = numbers::at_most(numbers::length(memory.rays_at_once));
+        // Random rays are made and stay on the device, where their batches do not adapt: a GPU takes all.
+        let whole = self.scene.sampling.scheme == Scheme::Random
+            && self.device().description().kind != DeviceKind::Cpu;
         Tracer::new(
             self.device(),
             self.simulator.trace_kernels(),
             &self.on_device,
             backend,
             self.scene.sampling.transport,
-            self.options().batch_rays,
-            numbers::at_most(numbers::length(memory.rays_at_once)),
+            self.options().batch_rays.or(whole.then_some(most)),
+            most,
         )
     }
 

@@ -16,7 +16,7 @@ pub struct Simulator {
 struct Kernels {
     trace: Arc<TraceKernels>,
     illuminate: Arc<CellKernels>,
-    random: RandomKernels,
+    random: Arc<RandomKernels>,
 }
 
 impl Simulator {
@@ -26,7 +26,7 @@ impl Simulator {
         let kernels = Arc::new(Kernels {
             trace: Arc::new(TraceKernels::new(device)),
             illuminate: Arc::new(CellKernels::new(device)),
-            random: RandomKernels::new(device),
+            random: Arc::new(RandomKernels::new(device)),
         });
         Self { kernels, compute }
     }
@@ -57,7 +57,7 @@ impl Simulator {
         &self.kernels.trace
     }
 
-    pub(crate) fn random_kernels(&self) -> &RandomKernels {
+    pub(crate) fn random_kernels(&self) -> &Arc<RandomKernels> {
         &self.kernels.random
     }
 

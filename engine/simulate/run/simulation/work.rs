@@ -12,7 +12,8 @@ use super::Simulation;
 use super::seconds::Seconds;
 use crate::detector::Clipped;
 use crate::illuminate::{
-    CellIlluminator, IlluminationBuffer, MaskTransmissionCache, PixelSums, SpectralBand,
+    CellIlluminator, IlluminationBuffer, MaskTransmissionCache, PixelSums, RandomIlluminator,
+    SpectralBand,
 };
 use crate::run::memory::MemoryEstimate;
 use crate::run::{Control, Progress, ViewProgress};
@@ -22,7 +23,7 @@ use beamlet_core::cancel::Cancel;
 use beamlet_core::tally::Tally;
 use beamlet_core::{Result, numbers};
 use beamlet_files::Sink;
-use beamlet_gpu::{Device, LazyKernel};
+use beamlet_gpu::LazyKernel;
 use beamlet_model::scene::{Exposure, Scheme};
 use in_bands::bands;
 use mean::Mean;
@@ -35,12 +36,12 @@ use std::time::Instant;
 /// The run in progress.
 pub(super) struct ViewWork<'s> {
     simulation: &'s Simulation,
-    device: Arc<Device>,
     tracer: Tracer,
     /// One for each list of cell rows.
     lights: Vec<IlluminationBuffer>,
     sums: PixelSums,
     cells: CellIlluminator,
+    random_light: RandomIlluminator,
     bars: MaskTransmissionCache,
     random: bool,
     band: u32,
@@ -110,6 +111,7 @@ impl<'s> ViewWork<'s> {
             lights,
             sums: PixelSums::new(&device, steps, lit_rows().max().unwrap_or(0), columns as usize)?,
             cells: CellIlluminator::new(&device, simulator.illuminate_kernels(), cancel),
+            random_light: RandomIlluminator::new(&device, simulator.random_kernels(), optics),
             bars: MaskTransmissionCache::default(),
             random,
             band,
@@ -125,7 +127,6 @@ impl<'s> ViewWork<'s> {
             cancel: cancel.clone(),
             memory,
             response: (0, simulation.response.clone()),
-            device,
             simulation,
         })
     }

@@ -1,7 +1,7 @@
 //! Rows whose rays are random.
 
 use super::ViewWork;
-use crate::illuminate::{RandomBatch, illuminate_random};
+use crate::illuminate::RandomBatch;
 use crate::sampling::{ProjectedBounds, touches_pixel};
 use beamlet_core::{Result, numbers};
 use beamlet_interface::Pixel;
@@ -51,15 +51,7 @@ impl ViewWork<'_> {
                 for (node, light) in self.lights.iter().enumerate() {
                     self.cancel.check()?;
                     self.tracer.set_node(Some(node));
-                    illuminate_random(
-                        &self.device,
-                        self.simulation.simulator.random_kernels(),
-                        optics,
-                        &mut self.tracer,
-                        light,
-                        &self.sums,
-                        job,
-                    )?;
+                    self.random_light.add(&mut self.tracer, light, &self.sums, job)?;
                 }
             }
         }
