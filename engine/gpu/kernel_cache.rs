@@ -1,7 +1,7 @@
 //! Kernels that a driver has made, kept on disk: some drivers take seconds for each of the large ones.
 //!
-//! A file belongs to one device, driver and set of kernels. Drivers trust what they are given, so a file is
-//! given to one only where its length, its SHA-256 and the header of Vulkan are right.
+//! A file belongs to one device, driver and set of kernels. Drivers trust what they are given, so one gets a file
+//! only where its length, its SHA-256 and the header of Vulkan are right.
 
 use super::failure;
 use super::kernel::KernelTable;
@@ -105,7 +105,7 @@ impl DeviceCache {
         self.grown.store(true, Ordering::Relaxed);
     }
 
-    /// Writes the kernels to the file where there are new ones. What fails is logged: the cache is a help.
+    /// Writes the kernels to the file where there are new ones. A failure is logged: the cache is a help.
     pub(super) fn keep(&self, raw: &ash::Device) {
         let Some(file) = self.file.as_deref().filter(|_| self.grown.load(Ordering::Relaxed)) else {
             return;
@@ -155,7 +155,7 @@ fn whole(bytes: &[u8]) -> Vec<u8> {
     [&MAGIC[..], &length, Sha256::digest(bytes).as_slice(), bytes].concat()
 }
 
-/// The bytes of the driver in those of a file, if they are whole and of this device.
+/// The bytes of the driver in a file, if they are whole and of this device.
 fn content<'b>(file: &'b [u8], header: &[u8; VULKAN_HEADER]) -> Option<&'b [u8]> {
     let (length, rest) = file.strip_prefix(&MAGIC[..])?.split_first_chunk::<8>()?;
     let (sum, bytes) = rest.split_first_chunk::<32>()?;

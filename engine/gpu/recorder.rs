@@ -52,7 +52,7 @@ impl Recorder<'_> {
         });
     }
 
-    /// Runs a kernel with as many workgroups as three words of a buffer say when it begins. Its workgroups are
+    /// Runs a kernel whose workgroups in x, y and z are three words of a buffer when it begins. Its workgroups are
     /// counted by [`Device::count_indirect`].
     ///
     /// # Panics

@@ -1,7 +1,6 @@
-// Rays for later passes, and what a further attempt to trace one changes. Push constants of the kernel:
-// `queues`.
+// Rays for later passes, and further attempts to trace a ray. Push constants of the kernel: `queues`.
 
-// Puts the index of a ray into a queue, and asks for an invocation for it.
+// Puts the index of a ray into a queue, and adds an invocation for it to the pass over the queue.
 void enqueue(uint queue, Words indices, uint index) {
     uint head = queue * QUEUE_HEAD;
     uint slot = atomicAdd(push.queues.at[head], 1u);

@@ -1,5 +1,5 @@
-//! Counts of the work that tracing gives to a device with memory of its own: what is fast and far away is
-//! busy only with few and large submissions.
+//! Counts of the work that tracing gives to a device with memory of its own: such a device is busy only with
+//! few and large submissions.
 
 use crate::support::backends;
 use beamlet::internals::gpu::{Device, DeviceOptions, shaders};
@@ -78,7 +78,7 @@ fn a_batch_of_rays_is_one_submission_and_makes_no_buffer() {
             let before = device.traffic();
             tracer.trace(&rays).expect("results");
             let found = device.traffic().since(before);
-            // What the driver's search loses is traced again in a second submission of its batch.
+            // A ray that the driver's search loses is traced again in a second submission of its batch.
             let most = if backend == Backend::Bvh { 5 } else { 10 };
             let what = format!("{backend} {transport:?}: {found:?}");
             assert!((5..=most).contains(&found.submissions), "{what}");

@@ -238,7 +238,7 @@ impl Fitter {
         Ok(all)
     }
 
-    /// Buffers for `room` curves and their fits: those of an earlier call where they are large enough.
+    /// Buffers for `room` curves and their fits: kept ones where they are large enough.
     fn take_buffers(&self, room: u64) -> Result<[Buffer; 2]> {
         let bytes = [room * self.step_count as u64 * 4, room * FIT_VALUES as u64 * 4];
         let fits = |of: &[Buffer; 2]| of.iter().zip(bytes).all(|(it, bytes)| it.len() >= bytes);

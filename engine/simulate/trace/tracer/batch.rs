@@ -18,7 +18,7 @@ pub(super) struct Batch {
     pub(super) exact: Buffer,
     pub(super) left: Buffer,
     pub(super) lost: Buffer,
-    /// Of one pass, and of the next.
+    /// Rays with more crossings than the lists of a pass hold, by turns.
     pub(super) longer: [Buffer; 2],
     pub(super) nodes: Buffer,
 }

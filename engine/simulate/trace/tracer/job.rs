@@ -18,7 +18,7 @@ use std::time::Duration;
 pub(super) struct Job<'k> {
     pub(super) passes: Vec<Pass<'k>>,
     pub(super) walks: Vec<ExactWalk<'k>>,
-    /// The software BVH tries again what the driver's search leaves of the first order.
+    /// The software BVH traces rays again that the driver's search leaves.
     pub(super) again: bool,
     pub(super) wanted: Wanted,
 }
@@ -57,7 +57,7 @@ impl Tracer {
         let (mut time, queues) =
             self.submit_job(job, uploads, Queues::EMPTY, (&mut *results, &mut *moments))?;
         let mut exact = queues.rays(QUEUE_EXACT);
-        // Whatever the driver's search loses is traced again by the software BVH.
+        // Rays that the driver's search loses are traced again by the software BVH.
         if self.backend != Backend::Bvh {
             let left = job.again && queues.rays(QUEUE_LEFT) > 0;
             let lost = queues.rays(QUEUE_LOST) > 0;
