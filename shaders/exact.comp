@@ -97,7 +97,7 @@ void trace(uint place) {
         } else {
             leave(index, walk.flags | (outcome == SEARCHING ? FLAG_DROPPED : 0u));
         }
-        // The list of a ray to the side is not that of the ray at the next energy.
+        // The ray at the next energy has another list than one to the side.
         if (attempt > 0u || again) known = false;
         attempt = again ? attempt + 1u : 0u;
         index += again ? 0u : 1u;

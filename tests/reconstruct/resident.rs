@@ -48,7 +48,7 @@ impl Given {
             .with_start(self.start.view())
     }
 
-    /// Bytes of what is given, and of the volume that is made.
+    /// Bytes of sinograms, weights, mask, start and the volume.
     fn bytes(&self) -> u64 {
         let values = 2 * self.sinograms.len() + 3 * self.start.len();
         4 * values as u64

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 use tempfile::TempDir;
 
-/// Path of the program: `BEAMLET_PROGRAM`, where tests run on another machine than that of the build.
+/// Path of the program: `BEAMLET_PROGRAM`, where tests do not run on the machine that built them.
 pub(crate) fn path() -> PathBuf {
     let built = || PathBuf::from(env!("CARGO_BIN_EXE_beamlet"));
     std::env::var_os("BEAMLET_PROGRAM").map_or_else(built, PathBuf::from)

@@ -61,7 +61,7 @@ pub(super) struct Dot {
     pub(super) most: f32,
 }
 
-/// The device and what it does with vectors. Operations wait for a result that the host needs.
+/// Operations on vectors, and their device. Operations wait for a result that the host needs.
 #[derive(Debug)]
 pub(super) struct Vectors {
     pub(super) stream: Stream,

@@ -59,7 +59,7 @@ mod tests {
                 let cells: Vec<u32> = of_row.flat_map(|part| part.first..part.last).collect();
                 assert_eq!(cells, (0..row.cell_count).collect::<Vec<_>>());
             }
-            // First parts in the order of their rows, before what is cut off from long ones.
+            // First parts in the order of their rows, before further parts of long ones.
             let order: Vec<u32> = parts[..6].iter().map(|part| part.cell_row).collect();
             assert_eq!(order, [10, 11, 12, 14, 15, 16]);
         }
