@@ -62,6 +62,7 @@ mod record;
 mod redundancy;
 mod regions;
 mod resampling;
+mod resident;
 mod rings;
 mod run;
 mod scan;
