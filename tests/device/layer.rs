@@ -107,10 +107,15 @@ fn reconstruct(layer: &mut Layer<'_>, rows: usize, scan: &str) {
         (0..60).fold("x_mm,y_mm,z_mm\n".to_owned(), |all, view| all + &format!("0,0,0.00{view}\n"));
     std::fs::write(layer.folder.join("motions.csv"), motions).expect("motions are written");
     // Filtered back-projection takes views on a circle.
-    let methods = ["cgls --iterations 1", "fbp"];
-    for method in &methods[..if scan.is_empty() { 2 } else { 1 }] {
+    let methods = [
+        "mu --method cgls --iterations 1",
+        "delta --method cgls --iterations 1",
+        "mu --method fbp",
+    ];
+    for method in &methods[..if scan.is_empty() { 3 } else { 2 }] {
+        let (quantity, _) = method.split_once(' ').expect("words");
         let line = format!(
-            "reconstruct mu.npy --geometry fan.toml --quantity mu -o volume --overwrite --method {method}"
+            "reconstruct {quantity}.npy --geometry fan.toml -o volume --overwrite --quantity {method}"
         );
         layer.run(None, &line.split(' ').collect::<Vec<_>>());
     }
