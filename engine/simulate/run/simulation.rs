@@ -106,9 +106,10 @@ impl Simulation {
 
     fn tracer(&self, backend: Backend, memory: &MemoryEstimate) -> Result<Tracer> {
         let most = numbers::at_most(numbers::length(memory.rays_at_once));
-        // Random rays are made and stay on the device, where their batches do not adapt: a GPU takes all.
+        // Random rays are made and stay on the device, where their batches do not adapt: a GPU takes all, but
+        // for small ones, whose drivers end long dispatches.
         let whole = self.scene.sampling.scheme == Scheme::Random
-            && self.device().description().kind != DeviceKind::Cpu;
+            && self.device().description().kind == DeviceKind::Discrete;
         Tracer::new(
             self.device(),
             self.simulator.trace_kernels(),
