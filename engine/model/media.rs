@@ -19,7 +19,7 @@ pub struct MaterialTable {
     pub constants: Vec<Vec<Constants>>,
     /// Material of each object.
     pub of_object: Vec<u32>,
-    /// Whether each object is rough.
+    /// True for each object that is rough.
     pub rough: Vec<bool>,
 }
 

@@ -62,7 +62,7 @@ fn run(scene: &Scene, sink: &mut RunDirectory, faults: &[Fault]) -> Result<RunRe
     done
 }
 
-/// Whether the error is the one for this answer, with advice.
+/// Asserts that the error is the one for this answer, with advice.
 #[track_caller]
 fn assert_tells(error: &Error, fault: Fault) {
     let text = error.to_string();
@@ -200,7 +200,7 @@ fn smallest_limit(scene: &Scene) -> u64 {
     accepted
 }
 
-/// What the estimate sees of a rod of so many triangles.
+/// Summary of a rod of this number of triangles, for the estimate.
 fn rod(triangles: usize) -> [ObjectSummary; 1] {
     let (_place, scene) = workplace();
     let mut rod = geometry::load(&scene).unwrap().objects.remove(0);

@@ -276,7 +276,7 @@ fn a_device_that_is_not_there_is_an_error_that_lists_those_that_are() {
     assert!(text.contains(&Device::list().unwrap()[0].name), "{text}");
 }
 
-/// What a process of its own says when it opens a device in that environment.
+/// Output of a process of its own that opens a device in that environment.
 fn opened_with(environment: &[(&str, &str)]) -> String {
     let output = Command::new(std::env::current_exe().unwrap())
         .args(["--exact", "gpu::open_and_say", "--ignored", "--nocapture"])

@@ -12,7 +12,7 @@ mod test_shaders {
     include!(concat!(env!("OUT_DIR"), "/test_shaders.rs"));
 }
 
-/// What the comparison needs of a SPIR-V module.
+/// Parts of a SPIR-V module that the comparison needs.
 #[derive(Default)]
 struct Module {
     names: HashMap<u32, String>,

@@ -19,7 +19,7 @@ fn paper_json() -> String {
     serde_json::to_string_pretty(&value).unwrap()
 }
 
-/// What a scene promises: its own text reads back to an equal scene.
+/// Asserts that the own text of a scene reads back to an equal scene.
 fn read_scene(text: &str) {
     for scene in [Scene::from_toml(text, "."), Scene::from_json(text, ".")].into_iter().flatten() {
         let again = scene.to_toml(".", &BTreeMap::new(), &[]).unwrap();
@@ -153,8 +153,8 @@ fn arrays(meshes: &[Arrays], allow_defects: bool) -> Scene {
     scene
 }
 
-/// What a closed sample promises: each component bounds a volume, and the areas of its
-/// triangles, as vectors, cancel.
+/// Asserts that a closed sample is sound: each component bounds a volume, and the areas of its triangles,
+/// as vectors, cancel.
 fn closed(sample: &Sample) {
     let mut sums = vec![[0.0_f64; 3]; sample.components.len()];
     for (triangle, component) in sample.triangles.iter().zip(&sample.triangle_component) {

@@ -14,7 +14,7 @@ fn scene() -> Scene {
     Scene::from_toml(text, ".").unwrap()
 }
 
-/// What SpekPy says of a tube behind filters.
+/// Values of SpekPy for a tube behind filters.
 struct Case {
     name: &'static str,
     kvp: f64,

@@ -33,7 +33,7 @@ const SEEDS: [u64; 12] = [5, 8, 12, 15, 23, 37, 44, 47, 53, 68, 78, 79];
 /// A sample that changes no pixel by this share of open beam is not seen.
 const SEEN: f32 = 0.01;
 
-/// The seeds of `BEAMLET_SEED`, or those of CI.
+/// The seeds of `BEAMLET_SEED`, or the seeds of CI.
 fn seeds() -> Vec<u64> {
     let Ok(text) = std::env::var("BEAMLET_SEED") else { return SEEDS.to_vec() };
     let (first, last) = text.split_once('-').unwrap_or((&text, &text));
@@ -54,7 +54,7 @@ fn is_taken(relation: Relation, seed: u64) -> bool {
     }
 }
 
-/// What a seed showed.
+/// Findings of a seed.
 #[derive(Default)]
 struct Outcome {
     failed: Vec<String>,

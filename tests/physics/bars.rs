@@ -11,9 +11,9 @@ use beamlet::material::constants_at;
 use beamlet::scene::{Anode, Beam, Filter, MaskBody, Scene, SpectrumOrigin, SpectrumSpec};
 use std::path::Path;
 
-/// What flats have to reach where bars of a mask are narrower than half of their shadow.
+/// Largest deviation of flats where bars of a mask are narrower than half of their shadow.
 const NARROW: f64 = 1e-5;
-/// What they have to reach elsewhere.
+/// Largest deviation of flats elsewhere.
 const WIDE: f64 = 2e-5;
 /// Columns of 150 um, 1.8 m from the source: up to 50 mrad.
 const COLUMNS: u32 = 1200;
@@ -23,7 +23,7 @@ const PLACES: [u32; 6] = [600, 606, 650, 800, 1000, 1199];
 const BETWEEN: [u32; 4] = [790, 797, 803, 999];
 /// Opaque at 225 um, leaking 0.011, 0.39 and 0.91.
 const ATTENUATIONS: [f64; 4] = [GOLD, 20_000.0, 4_185.0, 400.0];
-/// Of the sample mask and the detector mask, m.
+/// Thicknesses of the sample mask and the detector mask, m.
 const THICKNESSES: [[f64; 2]; 4] = [[10e-6; 2], [100e-6, 300e-6], [225e-6; 2], [1e-3, 500e-6]];
 /// FWHM of the focal spot, m.
 const SPOTS: [f64; 3] = [0.0, 30e-6, 90e-6];
@@ -77,7 +77,7 @@ impl WorstOf {
         Self { narrow: Worst::new(narrow, NARROW), wide: Worst::new(wide, WIDE) }
     }
 
-    /// That of the kind of a column.
+    /// Worst deviation of columns of the same kind as this column.
     fn at(&mut self, setup: &Setup, column: u32) -> &mut Worst {
         if is_narrow(setup, column) { &mut self.narrow } else { &mut self.wide }
     }
@@ -88,8 +88,8 @@ impl WorstOf {
     }
 }
 
-/// What a scene whose detector mask lies on the detector is about: the mask counts as there,
-/// as large as it is seen from the source, its shadows too.
+/// Set-up of a scene whose detector mask lies on the detector: the mask counts as there, as large as it is
+/// seen from the source, its shadows too.
 fn on_the_detector(mut setup: Setup) -> Setup {
     if let Some(Mask { bars: Bars::Boxes { mu, thickness }, .. }) = &mut setup.detector_mask {
         let scale = 1.8 / (1.8 - 0.5 * *thickness);

@@ -73,7 +73,7 @@ struct Plate {
     masks: Option<[[f64; 2]; 2]>,
     /// Place of the edge along and across the beam.
     edge: [f64; 2],
-    /// What the plate lets through.
+    /// Light that the plate lets through.
     passes: f64,
 }
 

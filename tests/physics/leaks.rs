@@ -49,7 +49,7 @@ impl Watch {
         Self::of(backend, &scene_of(bodies, angles, Transport::FirstOrder))
     }
 
-    /// Of a scene, whose rays are traced in the first order.
+    /// Watch of a scene, whose rays are traced in the first order.
     pub(crate) fn of(backend: Backend, scene: &Scene) -> Self {
         let validation = std::env::var_os("BEAMLET_VALIDATION").is_some();
         let device = Device::open(&DeviceOptions {

@@ -24,7 +24,7 @@ use std::sync::Arc;
 
 const SOURCE: f64 = 1.21;
 const LEVER: f64 = 0.59;
-/// What f32 may move a ray by against the vertices, m.
+/// Distance by which f32 may move a ray against the vertices, m.
 const HAIR: f64 = 6e-10;
 
 fn carbon(mesh: Mesh) -> Body {

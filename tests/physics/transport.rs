@@ -76,7 +76,7 @@ fn reference(sample: &Sample, ray: &Ray, order: Order) -> Trace {
     sample.trace(from, [slope[0], 1.0, slope[1]], LEVER, order)
 }
 
-/// What f32 may do to a slope: 1e-6 of each change, and 1e-11 / c^2 rad at each surface.
+/// Deviation of a slope that f32 may cause: 1e-6 of each change, and 1e-11 / c^2 rad at each surface.
 fn slope_room(want: &Trace) -> f64 {
     let change = want.slope[0].hypot(want.slope[1]);
     1e-6 * change + want.crossings as f64 * 1e-11 / want.grazing.powi(2)

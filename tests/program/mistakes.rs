@@ -39,7 +39,7 @@ unit = "mm"
 material = "nylon 66"
 "#;
 
-/// What `check` says of the scene with these lines exchanged.
+/// Message of `check` about the scene with these lines exchanged.
 fn said(changes: &[(&str, &str)]) -> String {
     let mut text = SCENE.to_owned();
     for (from, to) in changes {

@@ -1,6 +1,6 @@
 //! Slit masks: straight box bars, cut exactly by every ray.
 
-/// What the bars are.
+/// Bars of a mask.
 #[derive(Debug, Clone, Copy)]
 pub enum Bars {
     /// Boxes of a linear attenuation coefficient (1/m) and a thickness (m).

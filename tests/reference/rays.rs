@@ -18,7 +18,7 @@ pub enum Order {
     First,
 }
 
-/// What became of a ray.
+/// Result of a traced ray.
 #[derive(Debug, Clone, Default)]
 pub struct Trace {
     /// Attenuation exponent, relative to the surroundings.

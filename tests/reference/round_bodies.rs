@@ -262,7 +262,7 @@ impl Walk<'_> {
         self.solids.iter().map(shadow).collect()
     }
 
-    /// What bodies change in one line.
+    /// Change of the light by bodies in one line.
     fn line(&self, number: u32) -> Vec<f64> {
         let beam = self.beam;
         let count = beam.offsets.len() * (beam.pixels[0] * beam.pixels[1]) as usize;

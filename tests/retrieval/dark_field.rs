@@ -52,7 +52,7 @@ enum Section {
     Circle,
     /// 16 sides with the area of the circle, each fibre turned at random.
     Polygon,
-    /// Of a sphere: it turns rays along z, too.
+    /// Section of a sphere: it turns rays along z, too.
     Sphere,
 }
 
@@ -236,7 +236,7 @@ fn lost(refraction: &[[f64; 2]], bend: f64, k: f64) -> f64 {
     refraction.iter().map(|[share, ratio]| share * (1.0 - (k * ARM * bend * ratio).cos())).sum()
 }
 
-/// What the reference says of one bundle.
+/// Reference values of one bundle.
 struct Reference {
     /// Terms of the flat curve's Fourier series, even and odd, up to where it has faded.
     series: Vec<[f64; 2]>,

@@ -131,7 +131,7 @@ pub(super) fn is_one_process() -> bool {
     device.description().kind == DeviceKind::Cpu
 }
 
-/// What `check --json` tells of the work.
+/// Memory that `check --json` reports for the work.
 pub(super) fn check(place: &Path, arguments: &[&str]) -> serde_json::Value {
     let output = beamlet(place)
         .args(["check", "scene.toml", "--json", "--no-estimate"])

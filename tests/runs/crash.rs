@@ -68,7 +68,7 @@ fn assert_whole(place: &Path, run: &str) -> Vec<Exposure> {
     resumed.committed().to_vec()
 }
 
-/// What run.json tells of when and how a run was made.
+/// Keys of run.json that depend on when and how a run was made.
 const OF_THIS_TIME: [&str; 7] =
     ["began", "written", "duration_s", "commands", "seconds", "resumed_views", "shards"];
 

@@ -100,7 +100,7 @@ fn errors(got: &Stacks, want: &Stacks) -> [f64; 2] {
     [(squares / f64::from(count)).sqrt(), worst]
 }
 
-/// What a run's own cells may leave in its set-up at its tolerance of 1e-4: a third of it.
+/// Error that a run's own cells may leave in its set-up at its tolerance of 1e-4: a third of it.
 const OWN: f64 = 3.3e-5;
 
 /// True if the estimate of a set-up, which is served because its tolerance is wide, is within a factor of

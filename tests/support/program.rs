@@ -35,7 +35,7 @@ pub(crate) fn stderr(output: &Output) -> String {
     String::from_utf8_lossy(&output.stderr).into_owned()
 }
 
-/// What stands on stderr of a program that ended with this code.
+/// Asserts that a program ended with this code; returns the text on its stderr.
 #[track_caller]
 pub(crate) fn ended(output: &Output, code: i32) -> String {
     let message = stderr(output);

@@ -106,7 +106,7 @@ impl Begun {
     }
 }
 
-/// Whether a band of a view comes where it should, in its shape.
+/// Checks that a band of a view comes where it should, in its shape.
 fn follows(
     path: &Path,
     extent: StackShape,

@@ -35,8 +35,8 @@ pub(super) struct Resampled {
     same_rows: bool,
 }
 
-/// What kept cell rows cover of the new lattice: by row and beamlet, intervals of z in the row
-/// with intervals of x.
+/// Parts of the new lattice that kept cell rows cover: by row and beamlet, intervals of z in the row with
+/// intervals of x.
 #[derive(Debug, Default)]
 pub(super) struct Covered(HashMap<(i64, i64), Vec<[f64; 4]>>);
 

@@ -84,7 +84,7 @@ impl BaseLattice {
         Ok(lattice)
     }
 
-    /// Whether no shadow falls that matters.
+    /// True if no shadow falls that matters.
     pub(super) fn is_empty(&self) -> bool {
         self.results.is_empty()
     }

@@ -124,7 +124,7 @@ impl CellBatch {
     }
 }
 
-/// What all parts have of something, which is gone from them.
+/// Joins a vector of all parts, which it takes out of them.
 fn join<T: Pod + Send + Sync>(
     parts: &mut [CellBatch],
     of: fn(&mut CellBatch) -> &mut Vec<T>,

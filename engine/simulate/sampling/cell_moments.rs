@@ -34,7 +34,7 @@ impl ExactCell {
         grazing(&self.results[0]).min(grazing(&self.results[1]))
     }
 
-    /// Whether its rays drew normals of rough surfaces.
+    /// True if its rays drew normals of rough surfaces.
     #[must_use]
     pub(crate) fn is_drawn(&self) -> bool {
         self.results.iter().any(|result| result.flags & FLAG_DRAWN != 0)

@@ -213,7 +213,7 @@ impl<'a> Emitter<'a> {
         joined
     }
 
-    /// Whether rectangles that follow one another are one straight line at all of their rays.
+    /// True if rectangles that follow one another are one straight line at all of their rays.
     fn is_one(&self, group: &[Rectangle]) -> bool {
         let (first, last) = (&group[0], &group[group.len() - 1]);
         let before = &group[group.len() - 2];

@@ -6,7 +6,7 @@ use beamlet_core::tally::Tally;
 /// Error of the displacement where no angle bounds it, m.
 const UNBOUNDED: f64 = 10e-9;
 
-/// What sampling may leave, by patch.
+/// Errors that sampling may leave and rays that it may take, by patch.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct ErrorBudget {
     /// Error of a value of the grid that takes the light, share of open beam.

@@ -52,7 +52,7 @@ pub(super) const SPREAD: f32 = 0.288_675_13;
 #[derive(Debug, Clone, Copy)]
 pub(super) struct CellError {
     pub(crate) node: u32,
-    /// Of the recorded light, share of open beam.
+    /// Error of the recorded light, share of open beam.
     pub(crate) light: f32,
     /// Part of it by light that crosses a border of the row.
     pub(crate) over: f32,
@@ -65,7 +65,7 @@ pub(super) struct CellError {
     /// A silhouette crosses it, or a neighbour crossed other objects.
     pub(crate) silhouette: bool,
     pub(crate) axis: Axis,
-    /// What neighbours show, where its ray draws normals.
+    /// Errors and variance by its neighbours, where its ray draws normals.
     pub(crate) draws: Option<Draws>,
 }
 
@@ -167,13 +167,13 @@ impl Estimator<'_> {
         error
     }
 
-    /// Whether errors of a patch beside the detector count so little that its rectangles need no care.
+    /// True if errors of a patch beside the detector count so little that its rectangles need no care.
     pub(super) fn counts_little(&self, patch: &Patch) -> bool {
         !self.counts_in_full(patch.row)
             && patch.nodes.iter().all(|node| self.weight_beside(patch, node) <= LITTLE)
     }
 
-    /// Whether light of a rectangle, or of one of its height beside it, crosses a border of the detector.
+    /// True if light of a rectangle, or of one of its height beside it, crosses a border of the detector.
     fn may_enter(&self, row: i64, node: &Node) -> bool {
         let (down, height) = (self.down(&node.result), node.height());
         let lands = [node.z[0] + down - height, node.z[1] + down + height];
@@ -198,7 +198,7 @@ impl Estimator<'_> {
         -result.landing_z(self.gap) / self.row_pitch
     }
 
-    /// Of a rectangle that is known by its pieces. Their areas, centroids, variances and results are
+    /// Error of a rectangle that is known by its pieces. Their areas, centroids, variances and results are
     /// exact; the outline of a piece that an edge cuts is not.
     fn pieces_error(&self, patch: &Patch, index: u32, pieces: &[Piece]) -> CellError {
         let node = &patch.nodes[index as usize];
@@ -247,8 +247,8 @@ impl Estimator<'_> {
         }
     }
 
-    /// Whether all light of a row counts: in rows of the detector, and where it is not known what other
-    /// energies do.
+    /// True if all light of a row counts: in rows of the detector, and where the effect of other energies
+    /// is not known.
     fn counts_in_full(&self, row: i64) -> bool {
         self.other_energies || self.detector_rows.contains(&row)
     }
@@ -286,7 +286,7 @@ impl Estimator<'_> {
         DENSITY * hidden * (cut + leak).min(0.5)
     }
 
-    /// Of a rectangle that is known as a mean.
+    /// Error of a rectangle that is known as a mean.
     fn mean_error(&self, patch: &Patch, index: u32, residuals: &Residuals) -> CellError {
         let node = &patch.nodes[index as usize];
         let result = &node.result;

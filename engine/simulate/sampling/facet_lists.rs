@@ -27,7 +27,7 @@ const TRIANGLES_OF_A_TASK: usize = 1 << 12;
 /// Effect of a surface on rays: constants inside minus constants outside.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct SurfaceStep {
-    /// Of its component, as in signatures of rays.
+    /// Hash of its component, as in signatures of rays.
     pub(crate) hash: u32,
     /// Attenuation, 1/m.
     pub(crate) mu: f64,
@@ -42,15 +42,16 @@ pub(super) struct SurfaceStep {
 pub(crate) struct SampleFacets {
     /// No mean replaces rays: facets describe the space between them.
     pub(super) by_rays_alone: bool,
-    /// By component.
+    /// Steps of the surfaces, by component.
     pub(super) steps: Vec<SurfaceStep>,
-    /// By component: rays draw its normals, or smooth ones refract them, which means do not know of.
+    /// True for each component whose normals rays draw, or whose smooth normals refract rays: means do not
+    /// know of these.
     by_rays: Vec<bool>,
     /// Number of triangles by component.
     pub(crate) triangles: Vec<u32>,
     /// Triangles across the edges of each, of the sample itself.
     across: Vec<[u32; 3]>,
-    /// Of placed meshes, too.
+    /// Numbers of the facets, placed meshes included.
     numbers: FacetNumbers,
 }
 
@@ -112,7 +113,7 @@ pub(super) struct PatchFacet {
     pub(crate) component: u32,
     /// Rays enter its object.
     pub(crate) front: bool,
-    /// Whether its edges, opposite to each corner, are silhouettes.
+    /// True for each edge, opposite to its corner, that is a silhouette.
     pub(crate) silhouette: [bool; 3],
 }
 
@@ -204,7 +205,7 @@ impl Triangles<'_> {
         (b - a).cross(c - a).dot(a - self.source) < 0.0
     }
 
-    /// Whether the edges are silhouettes: the facet across faces the other way.
+    /// True for each edge that is a silhouette: the facet across faces the other way.
     fn silhouettes(&self, facet: FacetOf, front: bool) -> [bool; 3] {
         let beside = |other: FacetOf| self.is_front(&self.corners(other)) != front;
         match facet {
@@ -271,7 +272,7 @@ pub(super) struct FacetLists<'a> {
 }
 
 impl<'a> FacetLists<'a> {
-    /// Of a view; nothing where its facets are too many to be listed.
+    /// Lists of a view; nothing where its facets are too many to be listed.
     pub(super) fn new(view: &ViewContext<'a>, rows: &Range<i64>) -> Option<Self> {
         let facets = view.facets;
         let lattice = view.lattice;
@@ -344,7 +345,7 @@ impl<'a> FacetLists<'a> {
         })
     }
 
-    /// Whether a silhouette crosses a patch.
+    /// True if a silhouette crosses a patch.
     pub(super) fn has_silhouette(&self, beamlet: i64, row: i64) -> bool {
         self.grid
             .index(beamlet, row)

@@ -156,8 +156,8 @@ impl<'a> FacetMeans<'a> {
         Mean::Fit(result, residuals)
     }
 
-    /// What crosses the borders of the row that a rectangle touches. That light comes from a band
-    /// beside the border: it lands where the mean over the band says.
+    /// Light that crosses the borders of the row that a rectangle touches. It comes from a band beside the
+    /// border, and lands where the mean over the band says.
     fn borders<'f>(
         &self,
         patch: &Patch,

@@ -65,8 +65,8 @@ fn edge_blur(optics: &Optics) -> f64 {
 }
 
 impl Lattice {
-    /// Whether cells have the positions and landing points of another lattice, whatever the fineness of
-    /// its sampling and of its blocks of rows.
+    /// True if cells have the positions and landing points of another lattice, whatever the fineness of its
+    /// sampling and of its blocks of rows.
     #[must_use]
     pub(crate) fn places_like(&self, other: &Self) -> bool {
         *self == Self { cells: self.cells, alike_rows: self.alike_rows, ..other.clone() }
@@ -203,7 +203,7 @@ impl Lattice {
     }
 }
 
-/// What depends on the direction of a beamlet's (or pixel's) central ray alone.
+/// The part of the geometry that depends on the direction of a beamlet's (or pixel's) central ray alone.
 pub fn beamlet_geometry(optics: &Optics, slope: f64) -> BeamletGeometry {
     let [pixel, pixel_offset] = optics.detector.column_of_slope(slope, optics.analyser);
     let off = |mask: &Option<Mask>, plane: f64| {

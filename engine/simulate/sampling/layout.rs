@@ -3,7 +3,7 @@
 use super::dissection::Piece;
 use beamlet_core::numbers::single;
 
-/// Of more pieces only cuts through the middle third are looked at.
+/// Number of pieces above which only cuts through the middle third are considered.
 const MOST_CUTS: usize = 24;
 
 /// Lays out the pieces named by `order` in their rectangle: cut in two where the smallest area lies on

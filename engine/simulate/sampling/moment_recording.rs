@@ -16,7 +16,8 @@ use beamlet_model::material::Constants;
 use beamlet_model::media::MaterialTable;
 use rayon::prelude::*;
 
-/// Of constants on both sides of a surface, by which moments follow from a result.
+/// Least difference of the constants on both sides of a surface, share of the larger one, by which moments
+/// follow from a result.
 const LEAST_CONTRAST: f64 = 0.05;
 
 /// For what moments are kept.

@@ -11,11 +11,11 @@ use std::ops::Range;
 /// Components that take less light than this share of the budget together may hide.
 const HIDDEN: f64 = 0.05;
 
-/// By patch the components that may hide between its base rays, in coordinates of the patch.
+/// Components that may hide between the base rays of each patch, in its coordinates.
 #[derive(Debug)]
 pub(super) struct NarrowComponents {
     grid: PatchGrid,
-    /// By patch, in the order of their light.
+    /// Components of each patch, in the order of their light.
     components: Vec<Vec<NarrowComponent>>,
 }
 
@@ -62,7 +62,7 @@ impl NarrowComponents {
         Self { grid, components }
     }
 
-    /// Those of a patch.
+    /// Components of a patch.
     pub(super) fn of(&self, beamlet: i64, row: i64) -> &[NarrowComponent] {
         self.grid.index(beamlet, row).map_or(&[], |patch| &self.components[patch])
     }

@@ -63,7 +63,7 @@ pub(super) struct Patch {
     pub(crate) straight: bool,
     /// Change of x by the curvature of its silhouettes, m per row squared, where they are not.
     pub(crate) bow: f32,
-    /// Whether its rays are spread evenly, not at the centres of rectangles.
+    /// Spread of its rays: even, or at the centres of rectangles.
     pub(crate) even: Even,
     /// The base rectangles, by z, then x; then the parts of those that were split.
     pub(super) nodes: Vec<Node>,
@@ -169,7 +169,7 @@ impl Patch {
         [x - self.shear * (z - 0.5), z]
     }
 
-    /// Whether coordinates lie in a rectangle.
+    /// True if coordinates lie in a rectangle.
     pub(super) fn holds(&self, [x, z]: [f32; 2]) -> bool {
         x >= self.borders[0] && x < self.borders[self.base[0] as usize] && (0.0..1.0).contains(&z)
     }
@@ -193,7 +193,7 @@ impl Patch {
         leaf
     }
 
-    /// Whether a rectangle can be split along an axis in f32.
+    /// True if a rectangle can be split along an axis in f32.
     pub(super) fn can_split(&self, node: u32, axis: Axis, least: [f32; 2]) -> bool {
         let node = &self.nodes[node as usize];
         match axis {

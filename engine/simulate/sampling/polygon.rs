@@ -21,7 +21,7 @@ pub(super) struct Area {
 impl Area {
     pub(super) const NONE: Self = Self { area: 0.0, centroid: [0.0; 2], moments: [0.0; 3] };
 
-    /// Of a rectangle, by centre and half size.
+    /// Area of a rectangle, by centre and half size.
     pub(super) fn of_rectangle(centre: Corner, half: [f64; 2]) -> Self {
         let area = 4.0 * half[0] * half[1];
         let square = |half: f64| area * half * half / 3.0;
@@ -132,8 +132,8 @@ impl Polygon {
         outside
     }
 
-    /// What lies on one side of a line: `sign` times the coordinate is at least `sign` times
-    /// `limit`.
+    /// Copies into `kept` the part on one side of a line: `sign` times the coordinate is at least `sign`
+    /// times `limit`.
     fn cut(&self, axis: usize, limit: f64, sign: f64, kept: &mut Self) {
         kept.corners.clear();
         let Some(mut a) = self.corners.last().copied() else { return };
@@ -239,7 +239,7 @@ impl AreaMoments {
     }
 }
 
-/// Whether a segment has a point inside a rectangle or on its border.
+/// True if a segment has a point inside a rectangle or on its border.
 pub(super) fn crosses([a, b]: [Corner; 2], x: [f64; 2], z: [f64; 2]) -> bool {
     let (mut from, mut to) = (0.0_f64, 1.0_f64);
     for (axis, range) in [x, z].into_iter().enumerate() {

@@ -27,7 +27,7 @@ pub(crate) struct ProjectedBounds {
 }
 
 impl ProjectedBounds {
-    /// Whether it may throw light out of a row.
+    /// True if it may throw light out of a row.
     pub(super) fn throws(&self, row: i64) -> bool {
         let (top, bottom) = (row as f64, (row + 1) as f64);
         self.lids.iter().any(|[first, last]| *first <= bottom && *last >= top)
@@ -40,7 +40,7 @@ impl ProjectedBounds {
     }
 }
 
-/// Whether a ray from anywhere on the spot to a pixel can cross one of the shadows.
+/// True if a ray from anywhere on the spot to a pixel can cross one of the shadows.
 pub(crate) fn touches_pixel(
     bounds: &[ProjectedBounds],
     lattice: &Lattice,

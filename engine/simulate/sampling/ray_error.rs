@@ -60,7 +60,7 @@ fn bowed(patch: &Patch, node: &Node) -> Option<f32> {
 }
 
 impl Estimator<'_> {
-    /// Of a rectangle that is known by a ray.
+    /// Error of a rectangle that is known by a ray.
     pub(super) fn ray_error(&self, patch: &Patch, index: u32) -> CellError {
         let node = &patch.nodes[index as usize];
         let neighbours = self.neighbours(patch, node);
@@ -219,7 +219,7 @@ impl Estimator<'_> {
         light.hypot(passed * (fall / self.row_pitch).min(1.0))
     }
 
-    /// Whether a rectangle touches a border of its row, or its light crosses one if it lands up to `fall`
+    /// True if a rectangle touches a border of its row, or its light crosses one if it lands up to `fall`
     /// rows elsewhere.
     fn crosses_border(&self, node: &Node, fall: f32) -> bool {
         let down = self.down(&node.result);

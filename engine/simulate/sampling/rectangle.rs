@@ -24,7 +24,7 @@ pub(super) struct Rectangle {
     pub(super) ends_z: [f32; 2],
     /// Change of its light over its height, relative to the mean light.
     pub(crate) tilt: f32,
-    /// What crosses the borders of the row, of a mean.
+    /// Light that crosses the borders of the row, of a mean.
     pub(crate) borders: [Option<Border>; 2],
     /// Where its light comes from in the row, of a piece.
     pub(crate) rows: Option<PieceRows>,

@@ -167,13 +167,13 @@ impl<'a> Refiner<'a> {
         self.facets.as_ref().map_or(0, |(lists, _)| lists.count(beamlet, row))
     }
 
-    /// Whether a silhouette of the facets of a patch crosses it.
+    /// True if a silhouette of the facets of a patch crosses it.
     pub(super) fn has_silhouette(&self, (beamlet, row): (i64, i64)) -> bool {
         self.facets.as_ref().is_none_or(|(lists, _)| lists.has_silhouette(beamlet, row))
     }
 
-    /// Whether a patch outside the recorded rows is seen to send no light into them: no silhouette
-    /// there or beside it, and no ray that lands half as far off.
+    /// True if a patch outside the recorded rows is seen to send no light into them: no silhouette there or
+    /// beside it, and no ray that lands half as far off.
     fn cannot_reach(&self, patch: &Patch) -> bool {
         let row = patch.row;
         if self.recorded_rows.contains(&row) {
@@ -314,7 +314,7 @@ impl<'a> Refiner<'a> {
         }
     }
 
-    /// Whether there was room for it.
+    /// Splits a patch once, begins even rays or marks it as done; false if memory has no room.
     fn split_once(&self, work: &mut PatchWork, held: &Held) -> bool {
         // Not kept: of many patches with many steps they would take more than all else.
         let openings = self.openings(&work.patch);

@@ -10,7 +10,7 @@ const CELLS: u64 = 2;
 /// Copies of the moments of both ends of a cell while they are made and written.
 const MOMENTS: u64 = 4;
 
-/// What refinement may hold.
+/// Rays and memory that refinement may hold.
 #[derive(Debug, Clone, Copy)]
 pub struct Room {
     /// Rays in memory at a time, about.

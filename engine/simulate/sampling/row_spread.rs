@@ -40,7 +40,7 @@ pub(super) fn tilt_by_centroid(aside: f64, height: f64) -> f64 {
 }
 
 impl RowSpread {
-    /// Whether the blur takes light of every interval beyond the rows beside.
+    /// True if the blur takes light of every interval beyond the rows beside.
     pub(super) fn is_wide(self) -> bool {
         self.blur > WIDE
     }
@@ -71,7 +71,7 @@ impl RowSpread {
 /// Light of polygons that a blur moves over a border: integrals over their area.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub(super) struct Crossed {
-    /// Of the share that crosses.
+    /// Integral of the share that crosses.
     pub(super) light: f64,
     /// The same, times the distance from the border.
     pub(super) by_distance: f64,

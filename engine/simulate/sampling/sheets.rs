@@ -15,25 +15,25 @@ const BOW: f64 = 0.037;
 /// Standard deviation of a line with random kinks, per standard deviation of its slope.
 const KINKS: f64 = 0.2;
 
-/// What one side of one component does over a rectangle: integrals over its area.
+/// Effect of one side of one component over a rectangle: integrals over its area.
 #[derive(Clone, Copy, Default)]
 pub(super) struct Sheet {
     component: u32,
     front: bool,
-    /// Of 1.
+    /// Integral of 1.
     area: f64,
-    /// Of the displacement along x per step of delta: itself, times x and z from the centre,
+    /// Integrals of the displacement along x per step of delta: itself, times x and z from the centre,
     /// squared.
     moved: f64,
     by_x: f64,
     by_z: f64,
     square: f64,
-    /// Of that along z: itself, times x and z, squared.
+    /// Integrals of the displacement along z per step of delta: itself, times x and z, squared.
     moved_z: f64,
     z_by_x: f64,
     z_by_z: f64,
     square_z: f64,
-    /// By axis: of the variance of a facet's places about its centroid, m2 and rows2; times the
+    /// Integrals by axis: of the variance of a facet's places about its centroid, m2 and rows2; times the
     /// displacement along x; times its square.
     spread: [[f64; 3]; 2],
     /// Least and largest of both displacements, per facet.
@@ -187,14 +187,14 @@ impl SheetFits {
 pub(super) struct RectangleSums {
     pub(super) centre: Corner,
     pub(crate) area: f64,
-    /// Of the optical depth times x and z from the centre.
+    /// Integrals of the optical depth times x and z from the centre.
     pub(super) depth_by_x: f64,
     pub(super) depth_by_z: f64,
     /// The first order is enough, and sheets are few.
     pub(crate) sound: bool,
     /// Facets that fill it.
     pub(crate) whole: Met,
-    /// Of the numbers of the result.
+    /// Integrals of the numbers of the result.
     pub(crate) result: [f64; 5],
     pub(crate) sheets: ArrayVec<Sheet, MOST_SHEETS>,
     /// First-order remainder of the displacement.

@@ -7,11 +7,11 @@ use super::response::Response;
 /// Errors of the recorded value of a mask step.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct StepError {
-    /// Of rectangles that err each in its own way, squared.
+    /// Error of rectangles that err each in its own way, squared.
     pub(super) apart: f64,
-    /// Of pieces: along a silhouette their outlines are alike, and so are their errors.
+    /// Error of pieces: along a silhouette their outlines are alike, and so are their errors.
     pub(super) together: f64,
-    /// Of the displacement, squared.
+    /// Error of the displacement, squared.
     pub(super) moment: f64,
     pub(super) through: f64,
 }

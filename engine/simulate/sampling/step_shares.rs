@@ -22,7 +22,7 @@ impl StepRun {
     }
 }
 
-/// Whether some step opens a part of the rectangle whose runs these are.
+/// True if some step opens a part of the rectangle whose runs these are.
 pub(super) fn is_open(runs: &[StepRun]) -> bool {
     runs.iter().any(|run| run.share > 0.0)
 }

@@ -128,7 +128,7 @@ pub(super) fn columns(openings: &[Opening], half: f32, leak: f32, count: u32) ->
     borders
 }
 
-/// What openings show together, as intervals that do not touch.
+/// Intervals of x that openings show together; they do not touch.
 fn seen(openings: &[Opening]) -> Vec<[f32; 2]> {
     let mut sorted: Vec<[f32; 2]> = openings.iter().map(|opening| opening.x).collect();
     sorted.sort_unstable_by(|a, b| a[0].total_cmp(&b[0]));
@@ -142,7 +142,7 @@ fn seen(openings: &[Opening]) -> Vec<[f32; 2]> {
     seen
 }
 
-/// Whether rays cross too many surfaces on average to resolve them.
+/// True if rays cross too many surfaces on average to resolve them.
 pub(super) fn cross_many<'r>(results: impl Iterator<Item = &'r RayResult>) -> bool {
     let all = |(crossings, count): (u64, u64), result: &RayResult| {
         (crossings + u64::from(result.crossings), count + 1)
@@ -152,8 +152,8 @@ pub(super) fn cross_many<'r>(results: impl Iterator<Item = &'r RayResult>) -> bo
 }
 
 impl Estimator<'_> {
-    /// Whether the rays of a patch do not resolve it: they cross many surfaces, and their neighbours do
-    /// not predict their light.
+    /// True if the rays of a patch do not resolve it: they cross many surfaces, and their neighbours do not
+    /// predict their light.
     pub(super) fn is_unresolved(&self, patch: &Patch) -> bool {
         if !cross_many(patch.leaves().map(|leaf| &patch.nodes[leaf as usize].result)) {
             return false;
@@ -287,7 +287,7 @@ impl Estimator<'_> {
         samples
     }
 
-    /// Whether a component may hide between rays.
+    /// True if a component may hide between rays.
     fn hides(&self, sample: &Sample, narrow: &[NarrowComponent]) -> bool {
         let lit = if is_open(&sample.runs) { 1.0 } else { self.response.lit(0.0) };
         let worth = f64::from(SPREAD * lit * sample.area * sample.passed);
@@ -311,7 +311,7 @@ fn mean(a: &RayResult, b: &RayResult) -> RayResult {
     }
 }
 
-/// Whether consecutive rays at this distance in the order are evenly spaced.
+/// True if consecutive rays at this distance in the order are evenly spaced.
 fn is_beside(sample: &Sample, other: &Sample, apart: usize) -> bool {
     let [narrow, wide] = [sample.width.min(other.width), sample.width.max(other.width)];
     let distance = other.x - sample.x;

@@ -31,9 +31,9 @@ pub(crate) struct ViewContext<'a> {
     pub projected_bounds: &'a [ProjectedBounds],
     /// Keep the moments of the rays, for other energies or masks.
     pub recording: Option<&'a MomentRecording>,
-    /// What changes of a result do to recorded values.
+    /// Effect of changes of a result on recorded values.
     pub response: &'a Response,
-    /// What sampling may leave.
+    /// Errors that sampling may leave.
     pub budget: ErrorBudget,
 }
 

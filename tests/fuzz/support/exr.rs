@@ -48,7 +48,7 @@ pub fn repaired(control: u8, file: &[u8]) -> Vec<u8> {
     out
 }
 
-/// What the repair has to know of a header.
+/// Parts of a header that the repair needs.
 struct Header {
     /// Bytes up to the table of offsets.
     end: usize,

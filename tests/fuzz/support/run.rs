@@ -52,7 +52,7 @@ pub fn fixture(name: &str, format: Format) -> PathBuf {
     path
 }
 
-/// What a view of the run holds, `[step][row][column]`.
+/// Values of a view of the run, `[step][row][column]`.
 fn values(scene: &Scene, view: Exposure, counts: bool) -> Array3<f32> {
     let [columns, rows] = scene.detector.pixels.map(|side| side as usize);
     let of_view = match view {

@@ -8,7 +8,7 @@ use beamlet::{MaskMeshOptions, MaskPlace, mask_meshes};
 
 use super::set_up::{at, close, cube, object, scene, shape};
 
-/// What a file holds, read by the engine.
+/// Sample of a file, read by the engine.
 fn read(directory: &Path, name: &str, group: Option<&str>) -> Sample {
     let mesh = Mesh::File { path: name.into(), unit: Some(1e-3), group: group.map(str::to_owned) };
     let mut scene = scene(vec![object("read", mesh)]);

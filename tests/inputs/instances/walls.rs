@@ -77,7 +77,7 @@ fn spheres_have_the_same_density_up_to_the_wall() {
     }
 }
 
-/// What is refuted: discs added one by one between hard walls crowd along these.
+/// A case that is refuted: discs added one by one between hard walls crowd along these.
 #[test]
 fn discs_added_between_hard_walls_fail_the_test() {
     let (reach, diameter, side) = (0.2475e-3, 5e-6, 101);

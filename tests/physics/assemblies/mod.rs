@@ -27,7 +27,7 @@ use std::sync::Arc;
 
 pub(super) const SOURCE: f64 = 1.21;
 pub(super) const LEVER: f64 = 0.59;
-/// What f32 may move a ray by against the vertices, m.
+/// Distance by which f32 may move a ray against the vertices, m.
 pub(super) const HAIR: f64 = 1e-9;
 
 /// A device, for tracers of many samples.
@@ -68,7 +68,7 @@ impl Bench {
         made.expect("a tracer")
     }
 
-    /// What finds its crossings.
+    /// Finder of the crossings of a scene.
     pub(super) fn finder(&self, scene: &Scene) -> CrossingFinder {
         let sample = self.sample(Backend::Bvh, scene);
         CrossingFinder::new(&self.device, &self.kernels, &sample, 64).expect("a finder")

@@ -22,8 +22,8 @@ const GRAZING: usize = 12;
 /// Surfaces coincide on a ray, m: f64 holds crossings at 1 mrad to 1e-13 m.
 const SAME: f64 = 1e-11;
 
-/// By Snell's law at one interface after the other, on the bent ray, and how near two surfaces are on it that
-/// do not coincide, and whether any coincide. `None`: it does not get out.
+/// Passage by Snell's law at one interface after the other, on the bent ray, and how near two surfaces are
+/// on it that do not coincide, and whether any coincide. `None`: it does not get out.
 fn snell(solids: &[Solid], ray: &Ray, by: [f64; 2]) -> Option<(Passage, f64, bool)> {
     let [mut o, d] = line(ray, by);
     let mut d = unit(d);

@@ -16,7 +16,7 @@ use std::path::Path;
 /// Mu and delta of the bodies: less than those of the carbon between and around them, which reflects
 /// rays within 0.85 mrad.
 const LIGHT: [f64; 2] = [20.0, 1e-7];
-/// Of surfaces against the beam, rad.
+/// Lean of surfaces against the beam, rad.
 const LEAN: f64 = 5e-4;
 
 fn in_carbon(solids: &[(Solid, [f64; 2])]) -> Scene {

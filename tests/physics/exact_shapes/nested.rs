@@ -18,7 +18,7 @@ use beamlet::{Backend, SurfaceCrossing, geometry};
 pub(super) struct Interface {
     y: f64,
     pub(super) media: [Option<usize>; 2],
-    /// Of the surface that was crossed.
+    /// Normal of the surface that was crossed.
     pub(super) normal: Vector,
 }
 

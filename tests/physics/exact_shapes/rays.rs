@@ -7,7 +7,7 @@ use beamlet::internals::trace::Ray;
 /// Rotation centre to analyser, m.
 pub(super) const LEVER: f64 = 0.59;
 
-/// What a ray did in one solid of constants mu and delta.
+/// Passage of a ray through one solid of constants mu and delta.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Passage {
     pub(super) path: f64,
@@ -117,7 +117,7 @@ pub(super) fn first_order(
     passage
 }
 
-/// By Snell's law at one surface after the other, where the bent ray meets them; total reflection
+/// Passage by Snell's law at one surface after the other, where the bent ray meets them; total reflection
 /// where there is no refracted ray. `None`: it does not get out.
 pub(super) fn snell(solid: &Solid, delta: f64, ray: &Ray, by: [f64; 2]) -> Option<Passage> {
     let [mut o, d] = line(ray, by);

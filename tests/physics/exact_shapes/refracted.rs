@@ -13,7 +13,7 @@ use beamlet::internals::interface::{FLAG_REFLECTED, RayResult};
 use beamlet::internals::trace::Ray;
 use beamlet::scene::Transport;
 
-/// What f32 may move a ray by against a shape within 6 mm of the axis, m.
+/// Distance by which f32 may move a ray against a shape within 6 mm of the axis, m.
 const HAIR: f64 = 5e-10;
 
 /// Ten times carbon's at 30 keV: rays under 3 mrad are totally reflected.

@@ -14,8 +14,8 @@ use beamlet::internals::trace::Ray;
 use beamlet::scene::{Scene, Transport};
 use beamlet::{Backend, SurfaceCrossing};
 
-/// What f32 may leave of a crossing across the surface, m. It holds a coordinate to 6e-8 of it: twice for
-/// the place next to the axis, and twice for the root.
+/// Error of a crossing across the surface that f32 may leave, m. f32 holds a coordinate to 6e-8 of it: twice
+/// for the place next to the axis, and twice for the root.
 fn residual(solid: &Solid) -> f64 {
     1e-9_f64.max(2.4e-7 * (length(solid.position).hypot(solid.reach())))
 }

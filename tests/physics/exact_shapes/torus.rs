@@ -11,7 +11,7 @@ const RING: f64 = 0.25e-3;
 const TUBE: f64 = 0.08e-3;
 /// Distance of facets from the surface, m (docs/scene.md).
 const ERROR: f64 = 1e-8;
-/// What f32 leaves of a path of 0.4 mm, m: 6e-8 of the place of each crossing.
+/// Error of a path of 0.4 mm in f32, m: 6e-8 of the place of each crossing.
 const ROUNDING: f64 = 1e-10;
 
 /// Path of a ray along y at (x, z) through a torus around z, its slopes over delta, and the cosines of

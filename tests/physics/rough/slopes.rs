@@ -178,7 +178,7 @@ fn another_law_is_found_out() {
     assert!(kolmogorov_of_two(want[0].clone(), other[0].clone()) > 4.5);
 }
 
-/// What a ray draws depends on its key, the seed, the surface and the side alone.
+/// Draws of a ray depend on its key, the seed, the surface and the side alone.
 #[test]
 fn draws_belong_to_rays_and_seeds() {
     let [first, _] = slopes(Backend::Bvh, 2e-3, 0.0, 1000);

@@ -9,7 +9,7 @@ use std::collections::HashMap;
 /// Distance of the places on edges and facets that are looked at, pixels.
 const STEP: f64 = 0.1;
 
-/// What a pixel sees of the sample.
+/// Part of the sample that a pixel sees.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub(crate) enum Class {
     Nothing,

@@ -12,7 +12,7 @@ use ndarray::{Array2, Array3};
 /// Angle tolerance where values are compared, rad: the default.
 pub(crate) const ANGLE: f64 = 10e-9;
 
-/// What is compared of a run: values `[step][row][column]` of its one view, share of open beam.
+/// Results of a run that are compared: values `[step][row][column]` of its one view, share of open beam.
 #[derive(Debug)]
 pub(crate) struct Run {
     pub(crate) values: Array3<f64>,
@@ -63,7 +63,7 @@ pub(crate) struct Errors {
 }
 
 impl Errors {
-    /// Of the values in pixels of one class, or of all that the sample touches.
+    /// Errors of the values in pixels of one class, or of all that the sample touches.
     pub(crate) fn of(
         class: Option<Class>,
         classes: &Array2<Class>,
@@ -125,7 +125,7 @@ impl Errors {
         self.within as f64 / self.count.max(1) as f64
     }
 
-    /// What of it fails the demands of docs/validation.md on a class.
+    /// Names of the demands of docs/validation.md on a class that these errors do not fulfil.
     pub(crate) fn failures(&self, class: Class, limit: f64) -> Vec<&'static str> {
         let least = if class == Class::Silhouette { 0.95 } else { 0.99 };
         [

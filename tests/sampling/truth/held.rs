@@ -9,7 +9,7 @@ use beamlet::scene::{Scene, Transport};
 
 /// Base rays of a pixel in x and z, of truth: it differs from finer ones by less than 2e-5.
 const LATTICE: [u32; 2] = [100, 24];
-/// What truth is refined to, share of open beam.
+/// Tolerance that truth is refined to, share of open beam.
 const TRUTH: f64 = 2e-5;
 
 /// Interior pixels hold the default tolerance, pixels with a silhouette one ten times as wide: at
@@ -160,8 +160,8 @@ fn tight_tolerances_hold_without_a_sample_mask() {
     }
 }
 
-/// What is told is the error of pixels, not of the parts of them that take the light where the detector
-/// blurs (16 times as much was told, and refined for): within a factor of two.
+/// Estimated errors are of pixels, not of the parts of them that take the light where the detector blurs
+/// (16 times as much was told, and refined for): within a factor of two.
 #[test]
 fn estimated_errors_are_of_pixels_where_the_detector_blurs() {
     let engine = engine(Backend::Bvh);

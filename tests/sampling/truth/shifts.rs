@@ -13,7 +13,7 @@ const SHIFTS: usize = 64;
 const MOST: [f64; 2] = [5e-6, 50e-6];
 /// Base rays of a pixel in x and z, of truth: its own error is far below the tolerance.
 const LATTICE: [u32; 2] = [100, 24];
-/// What truth is refined to, share of open beam.
+/// Tolerance that truth is refined to, share of open beam.
 const TRUTH: f64 = 2e-5;
 /// The tolerance.
 const TOLERANCE: f64 = 1e-4;

@@ -15,8 +15,8 @@ const TOLERANCES: [f64; 4] = [1e-3, 3e-4, 1e-4, 3e-5];
 const ANGLES: [f64; 3] = [30e-9, 10e-9, 3e-9];
 /// Base rays of a pixel in x and z, of truth.
 const LATTICE: [u32; 2] = [160, 40];
-/// What truth is refined to, share of open beam: where it was 2e-5 its own errors were half of those
-/// that were found at 3e-5.
+/// Tolerance that truth is refined to, share of open beam: where it was 2e-5 its own errors were half of
+/// those that were found at 3e-5.
 const TRUTH: f64 = 4e-6;
 
 fn lattice(case: &Case) -> [u32; 2] {

@@ -306,7 +306,7 @@ impl<T> OneOf<T> {
     }
 }
 
-/// Whether a kind is a table of named values of a kind.
+/// Kind of the values of a table of named values; nothing for another kind.
 pub(crate) fn values_of(kind: &'static Kind) -> Option<&'static Kind> {
     match kind {
         Kind::Named(values) => Some(values),

@@ -14,7 +14,7 @@ pub(in crate::sampling) struct Residuals {
     /// Rise of the optical depth over its height by the fit, and standard deviation from that line.
     pub(in crate::sampling) rise: f32,
     pub(in crate::sampling) bow: f32,
-    /// What crosses the upper and the lower border of the row, where it touches them.
+    /// Light that crosses the upper and the lower border of the row, where the rectangle touches them.
     pub(in crate::sampling) borders: [Option<Border>; 2],
     /// Standard deviations from the fit: of the optical depth, and of the displacement along x
     /// and z, m.
@@ -39,7 +39,7 @@ pub(in crate::sampling) struct Border {
 }
 
 impl Border {
-    /// Of rectangles side by side, each with its width.
+    /// Mean over rectangles side by side, each with its width.
     pub(in crate::sampling) fn mean(parts: impl Iterator<Item = (f32, Self)>) -> Option<Self> {
         let (mut width, mut landing, mut light) = (0.0, 0.0, 0.0);
         for (own, border) in parts {
@@ -83,7 +83,7 @@ pub(in crate::sampling) enum Known {
     Ray(Option<AllRays>),
     /// As the linear model that fits it best.
     Mean(Residuals),
-    /// By the pieces that its facets cut it into: the first of them, and their end.
+    /// Pieces that its facets cut it into: the first of them, and their end.
     Pieces([u32; 2]),
 }
 
@@ -121,7 +121,7 @@ impl Node {
         self.z[1] - self.z[0]
     }
 
-    /// Whether coordinates lie in it.
+    /// True if coordinates lie in it.
     pub(in crate::sampling) fn holds(&self, [x, z]: [f32; 2]) -> bool {
         x >= self.x[0] && x < self.x[1] && z >= self.z[0] && z < self.z[1]
     }
@@ -132,12 +132,12 @@ impl Node {
         self.crossings.map_or(0.0, off)
     }
 
-    /// Whether a silhouette is known to cross it.
+    /// True if a silhouette is known to cross it.
     pub(in crate::sampling) fn has_silhouette(&self) -> bool {
         self.crossings.is_some()
     }
 
-    /// Whether all its rays miss the sample.
+    /// True if all its rays miss the sample.
     pub(in crate::sampling) fn is_empty(&self) -> bool {
         self.result.crossings == 0 && !matches!(self.known, Known::Pieces(_))
     }
@@ -147,20 +147,19 @@ impl Node {
     }
 }
 
-/// Whether two rays crossed the same components in the same way, so that what lies between may be
-/// interpolated.
+/// True if two rays crossed the same components in the same way: results between them may be interpolated.
 pub(in crate::sampling) fn alike(a: &RayResult, b: &RayResult) -> bool {
     a.signature == b.signature
         && (a.flags ^ b.flags) & FLAG_REFLECTED == 0
         && (a.flags | b.flags) & FLAG_NOT_FINITE == 0
 }
 
-/// Whether a ray drew its normal at a rough surface: another at the same place may go elsewhere.
+/// True if a ray drew its normal at a rough surface: another at the same place may go elsewhere.
 pub(in crate::sampling) fn is_drawn(result: &RayResult) -> bool {
     result.flags & FLAG_DRAWN != 0
 }
 
-/// Whether no silhouette lies between two rays. Rays that draw their normals may reflect or not on one
+/// True if no silhouette lies between two rays. Rays that draw their normals may reflect or not on one
 /// surface: any two that cross the sample are alike.
 pub(in crate::sampling) fn no_silhouette_between(a: &RayResult, b: &RayResult) -> bool {
     if is_drawn(a) || is_drawn(b) {

@@ -90,7 +90,7 @@ impl Rounds for BorderRays {
 }
 
 impl Refiner<'_> {
-    /// Whether a silhouette lies in a patch or beside it, according to base rays. If they cross many
+    /// True if a silhouette lies in a patch or beside it, according to base rays. If they cross many
     /// surfaces, bodies are everywhere.
     fn is_near_silhouette(&self, patch: &Patch) -> bool {
         let base = self.estimator.base;

@@ -29,12 +29,12 @@ impl Held {
         self.bytes.fetch_add(bytes, Ordering::Relaxed);
     }
 
-    /// What patches would hold that were not split for it; 0 where all were.
+    /// Bytes that patches would hold with the splits that had no room; 0 where all had.
     pub(super) fn full(self) -> u64 {
         self.full.into_inner()
     }
 
-    /// Whether this number of further splits fits in memory.
+    /// True if this number of further splits fits in memory.
     pub(super) fn takes(&self, splits: usize) -> bool {
         let all = self.bytes.load(Ordering::Relaxed).saturating_add((SPLIT * splits) as u64);
         if all > self.most {
