@@ -6,12 +6,11 @@ use super::light::IlluminationBuffer;
 use super::sums::PixelSums;
 use crate::trace::Tracer;
 use beamlet_core::{Result, numbers};
-use beamlet_gpu::{Buffer, Device, LazyKernel, Pace, Recorder, Upload, push_bytes};
+use beamlet_gpu::{Buffer, Device, Kernel, LazyKernel, Pace, Recorder, Upload, push_bytes};
 use beamlet_interface::{GROUP, Pixel, RANDOM_STEPS, RandomLightPush, RandomRaysPush};
 use beamlet_model::optics::Optics;
 use beamlet_model::scene::RandomRays;
 use std::sync::Arc;
-use std::time::Duration;
 
 /// Most rays of an invocation of the light.
 const RAYS_EACH: u32 = 16;
@@ -102,6 +101,8 @@ impl RandomIlluminator {
         sums: &PixelSums,
         job: RandomBatch<'_>,
     ) -> Result<()> {
+        let kernels = self.kernels.clone();
+        let (rays_kernel, light_kernel) = (kernels.rays.get()?, kernels.light.get()?);
         let buffer = fit::<Pixel>(&self.device, self.pixels.take(), "pixels", job.pixels.len())?;
         // The first submission takes all pixels along.
         let mut uploads = &[Upload::new(&buffer, 0, job.pixels)][..];
@@ -132,14 +133,25 @@ impl RandomIlluminator {
                 let batch = (self.rays - first_ray).min(capacity / pixel_count);
                 let push = RandomLightPush { pixels, pixel_count, first_ray, batch, ..template };
                 if job.empty {
-                    let time = self.run(uploads, Some(&push), None)?;
+                    let time = self.device.run_with(
+                        uploads,
+                        |r| self.light(r, light_kernel, &push),
+                        &mut [],
+                    )?;
                     if pixel_count * batch > capacity / 2 {
                         self.pace.adapt(time);
                     }
                 } else {
                     // The light of the batch before and new rays need nothing of each other.
-                    self.run(uploads, traced.as_ref(), Some(&self.rays_of(&push, tracer)))?;
-                    tracer.trace_on_device(pixel_count * batch)?;
+                    let rays = self.rays_of(&push, tracer);
+                    let begin = |r: &mut Recorder<'_>| {
+                        if let Some(before) = &traced {
+                            self.light(r, light_kernel, before);
+                        }
+                        let groups = (pixel_count * batch).div_ceil(GROUP);
+                        r.dispatch(rays_kernel, bytemuck::bytes_of(&rays), [groups, 1, 1]);
+                    };
+                    tracer.trace_on_device(pixel_count * batch, uploads, begin)?;
                     traced = Some(push);
                 }
                 uploads = &[];
@@ -147,8 +159,8 @@ impl RandomIlluminator {
             }
             first_pixel += pixel_count as usize;
         }
-        if traced.is_some() {
-            self.run(&[], traced.as_ref(), None)?;
+        if let Some(before) = &traced {
+            self.device.run(|r| self.light(r, light_kernel, before))?;
         }
         self.pixels = Some(buffer);
         Ok(())
@@ -169,34 +181,19 @@ impl RandomIlluminator {
         }
     }
 
-    /// Adds the light of a batch that was traced or is empty, and makes the rays of another.
-    fn run(
-        &self,
-        uploads: &[Upload<'_>],
-        light: Option<&RandomLightPush>,
-        rays: Option<&RandomRaysPush>,
-    ) -> Result<Duration> {
-        let (rays_kernel, light_kernel) = (self.kernels.rays.get()?, self.kernels.light.get()?);
+    /// Records the light of a batch that was traced or is empty.
+    fn light(&self, r: &mut Recorder<'_>, kernel: &Kernel, push: &RandomLightPush) {
+        let mut push = *push;
+        let rays = u64::from(push.pixel_count) * u64::from(push.batch);
+        let items = rays * u64::from(push.steps.div_ceil(RANDOM_STEPS));
         let kind = self.device.description().kind;
-        let record = |r: &mut Recorder<'_>| {
-            if let Some(push) = light {
-                let mut push = *push;
-                let rays = u64::from(push.pixel_count) * u64::from(push.batch);
-                let items = rays * u64::from(push.steps.div_ceil(RANDOM_STEPS));
-                push.shares = push.batch.div_ceil(items_each(kind, items, RAYS_EACH));
-                let groups = (push.pixel_count * push.shares).div_ceil(GROUP);
-                while push.first_step < push.steps {
-                    let steps = (push.steps - push.first_step).min(STEPS_TOGETHER);
-                    let groups = [groups, steps.div_ceil(RANDOM_STEPS), 1];
-                    r.dispatch(light_kernel, bytemuck::bytes_of(&push), groups);
-                    push.first_step += steps;
-                }
-            }
-            if let Some(push) = rays {
-                let groups = (push.pixel_count * push.batch).div_ceil(GROUP);
-                r.dispatch(rays_kernel, bytemuck::bytes_of(push), [groups, 1, 1]);
-            }
-        };
-        self.device.run_with(uploads, record, &mut [])
+        push.shares = push.batch.div_ceil(items_each(kind, items, RAYS_EACH));
+        let groups = (push.pixel_count * push.shares).div_ceil(GROUP);
+        while push.first_step < push.steps {
+            let steps = (push.steps - push.first_step).min(STEPS_TOGETHER);
+            let groups = [groups, steps.div_ceil(RANDOM_STEPS), 1];
+            r.dispatch(kernel, bytemuck::bytes_of(&push), groups);
+            push.first_step += steps;
+        }
     }
 }

@@ -12,7 +12,7 @@ use batch::Batch;
 use beamlet_core::cancel::Cancel;
 use beamlet_core::tally::Tally;
 use beamlet_core::{Result, numbers, reserve};
-use beamlet_gpu::{Backend, Buffer, Device, LazyKernel, Memory, Pace, Upload};
+use beamlet_gpu::{Backend, Buffer, Device, LazyKernel, Memory, Pace, Recorder, Upload};
 use beamlet_interface::{
     Crossing, MATERIALS_IN_REGISTERS, MOMENTS_HEAD, Ray, RayResult, TALLY_COUNTERS, TALLY_DROPPED,
     TALLY_NEGATIVE, TALLY_NOT_FINITE, TALLY_REFLECTED, TALLY_RETRACED, TALLY_UNBALANCED,
@@ -247,7 +247,7 @@ impl Tracer {
             let uploads = [Upload::new(&self.batch.rays, 0, &rays[first..first + n])];
             let count = numbers::count(n);
             let job = self.job(count, wanted, true)?;
-            let time = self.run_job(&job, &uploads, (results, moments))?;
+            let time = self.run_job(&job, (&uploads, &|_| ()), (results, moments))?;
             self.counts.rays.fetch_add(count.into(), Ordering::Relaxed);
             first += n;
             self.adapt(n, time)?;
@@ -269,14 +269,24 @@ impl Tracer {
         Ok(())
     }
 
-    /// Traces the first `n` rays of the batch where they are; the results stay on the device.
+    /// Traces the first `n` rays of the batch where they are, after uploads, in the submission that `begin`
+    /// records commands for; the results stay on the device.
     ///
     /// # Errors
     /// [`beamlet_core::Error::Device`].
-    pub fn trace_on_device(&self, n: u32) -> Result<Duration> {
+    pub fn trace_on_device(
+        &self,
+        n: u32,
+        uploads: &[Upload<'_>],
+        begin: impl Fn(&mut Recorder<'_>),
+    ) -> Result<Duration> {
+        let begin = |r: &mut Recorder<'_>| {
+            begin(r);
+            r.barrier();
+        };
         // Random rays draw normals at every rough surface.
         let job = self.job(n, Wanted::RayResults, false)?;
-        let time = self.run_job(&job, &[], (&mut [], &mut []))?;
+        let time = self.run_job(&job, (uploads, &begin), (&mut [], &mut []))?;
         self.counts.rays.fetch_add(n.into(), Ordering::Relaxed);
         Ok(time)
     }

@@ -13,6 +13,9 @@ use beamlet_model::scene::Transport;
 use std::sync::atomic::Ordering;
 use std::time::Duration;
 
+/// Commands before a job, with the barrier that the job needs behind them.
+pub(super) type Commands<'a> = &'a dyn Fn(&mut Recorder<'_>);
+
 /// Passes over a batch, one after another.
 #[derive(Debug)]
 pub(super) struct Job<'k> {
@@ -47,15 +50,15 @@ impl Tracer {
         Ok(Job { passes, walks, again, wanted })
     }
 
-    /// Runs a job after uploads; results and moments as far as there is room for them.
+    /// Runs a job after uploads and commands; results and moments as far as there is room for them.
     pub(super) fn run_job(
         &self,
         job: &Job<'_>,
-        uploads: &[Upload<'_>],
+        uploads_and_begin: (&[Upload<'_>], Commands<'_>),
         (results, moments): (&mut [RayResult], &mut [u32]),
     ) -> Result<Duration> {
         let (mut time, queues) =
-            self.submit_job(job, uploads, Queues::EMPTY, (&mut *results, &mut *moments))?;
+            self.submit_job(job, uploads_and_begin, Queues::EMPTY, (&mut *results, &mut *moments))?;
         let mut exact = queues.rays(QUEUE_EXACT);
         // Rays that the driver's search loses are traced again by the software BVH.
         if self.backend != Backend::Bvh {
@@ -63,7 +66,8 @@ impl Tracer {
             let lost = queues.rays(QUEUE_LOST) > 0;
             if left || lost {
                 let (again, before) = self.job_again(job, left, queues)?;
-                let (took, queues) = self.submit_job(&again, &[], before, (results, moments))?;
+                let (took, queues) =
+                    self.submit_job(&again, (&[], &|_| ()), before, (results, moments))?;
                 time += took;
                 exact += queues.rays(QUEUE_EXACT);
                 let retraced = before.rays(QUEUE_LEFT) + queues.rays(QUEUE_LOST);
@@ -115,7 +119,7 @@ impl Tracer {
     fn submit_job(
         &self,
         job: &Job<'_>,
-        uploads: &[Upload<'_>],
+        (uploads, begin): (&[Upload<'_>], Commands<'_>),
         before: Queues,
         (results, moments): (&mut [RayResult], &mut [u32]),
     ) -> Result<(Duration, Queues)> {
@@ -126,6 +130,7 @@ impl Tracer {
         let before = [before];
         uploads.push(Upload::new(&b.queues, 0, &before));
         let record = |r: &mut Recorder<'_>| {
+            begin(r);
             job.passes.iter().for_each(|pass| self.record_pass(r, pass));
             job.walks.iter().for_each(|walk| self.record_walk(r, walk));
         };
