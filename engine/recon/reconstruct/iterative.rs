@@ -72,13 +72,21 @@ pub fn iterate(
     let method = (options.solver, measured.data == Data::Refraction);
     let extras = [measured.mask.is_some(), measured.weights.is_some()];
     let needed = resident_bytes(geometry, grid, method, extras);
-    let fits = needed <= compute.device().description().memory_bytes / 8 * 7;
+    let device = compute.device().description();
+    // A vector is one buffer, whose places shaders count with 31 bits.
+    let longest = grid.size.iter().product::<usize>().max(geometry.shape().iter().product());
+    let largest = device.max_allocation_bytes.min(4 << 31);
+    let fits = needed <= device.memory_bytes / 8 * 7 && 4 * longest as u64 <= largest;
+    if !fits {
+        log::info!("vectors are on the host: {} has no room for {needed} bytes", device.name);
+    }
     let is_resident = options.at_once.is_none() && fits;
     let mut problem = match Problem::new(&model, measured, options, is_resident) {
         // Other work may have taken the memory of the device.
         Err(Error::Memory { .. }) if is_resident => Problem::new(&model, measured, options, false)?,
         made => made?,
     };
+    problem.end_by(&control.cancel);
     reporting(control, |work| match options.solver {
         Solver::Cgls => problem.cgls(work),
         Solver::Sirt => problem.sirt(work),

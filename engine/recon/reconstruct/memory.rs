@@ -51,12 +51,15 @@ impl Memory {
         let places = (filtered as u64).max(columns + 1);
         let (plane, view) = (x.saturating_mul(y), rows.saturating_mul(places));
         let pairs = if passes(geometry, plan) > 0 { 2 } else { 1 };
-        let pieces = match plan.method {
-            Method::Fbp(_) => 0,
-            Method::Iterative { .. } if filters_gradients(plan) => {
-                3 * VALUE * piece(geometry, plan) + filter_bytes(plan.grid.size)
+        // Factors of each column of a row: made on the host, and kept on the device.
+        let factors = 4 * VALUE * rows.saturating_mul(columns);
+        let (pieces, host) = match plan.method {
+            Method::Fbp(_) => (0, host),
+            Method::Iterative { .. } => {
+                let filter = if filters_gradients(plan) { filter_bytes(plan.grid.size) } else { 0 };
+                let pieces = 3 * VALUE * piece(geometry, plan);
+                (pieces + factors + filter, host.saturating_add(factors))
             }
-            Method::Iterative { .. } => 3 * VALUE * piece(geometry, plan),
         };
         let of_device = |at_once: u64| {
             let slab = at_once.max(plane).min(plane.saturating_mul(z));

@@ -9,7 +9,7 @@ use super::solver::{IterativeOptions, Solver};
 use super::vectors::{Dot, Vector, Vectors};
 use super::work::Work;
 use beamlet_core::numbers::single;
-use beamlet_core::{Error, Result, reserve};
+use beamlet_core::{Cancel, Error, Result, reserve};
 use ndarray::Array3;
 
 /// Least squares while they are solved.
@@ -59,6 +59,11 @@ pub(super) const fn spare(solver: Solver, filtered: bool) -> [usize; 2] {
 }
 
 impl<'a> Problem<'a> {
+    /// Ends work on vectors, too.
+    pub(super) fn end_by(&mut self, cancel: &Cancel) {
+        self.vectors.stream.cancel = cancel.clone();
+    }
+
     /// With all vectors on the device, or on the host.
     ///
     /// # Errors

@@ -3,7 +3,7 @@
 use super::joseph::Rays;
 use super::stream::{Direction, Stream};
 use super::work::Work;
-use beamlet_core::numbers::{count, single};
+use beamlet_core::numbers::{count, length, single};
 use beamlet_core::{Cancel, Error, Result};
 use beamlet_gpu::{Buffer, Compute, Device, Kernel, Memory, push_bytes};
 use beamlet_interface::{
@@ -240,6 +240,10 @@ impl Projector {
         (stream, cancel): (&mut Stream, &Cancel),
         done: &mut dyn FnMut(u32),
     ) -> Result<()> {
+        // Slices that a ray may cross; fewer in a last slab, which is thin.
+        let cost = self.size[0].max(self.size[1]);
+        let planes = length((plane_end - first_plane).into());
+        let is_usual = planes >= self.planes.min(self.size[2]);
         let places = self.places.address();
         let rays = self.rays.address();
         match &self.tables {
@@ -248,7 +252,13 @@ impl Projector {
                 let push =
                     ProjectPush { sheets, places, volume, rays, first_plane, plane_end, ..*push };
                 let push = |first, end| ProjectPush { first, end, ..push };
-                stream.paced((&self.forward, Direction::Forward), items, cancel, push, done)
+                stream.paced(
+                    (&self.forward, Direction::Forward),
+                    (items, cost, is_usual),
+                    cancel,
+                    push,
+                    done,
+                )
             }
             Tables::Moved { sheets, push, .. } => {
                 let sheets = of_view::<MovedSheet>(sheets, 3 * view);
@@ -262,7 +272,13 @@ impl Projector {
                     ..*push
                 };
                 let push = |first, end| ProjectMovedPush { first, end, ..push };
-                stream.paced((&self.forward, Direction::Forward), items, cancel, push, done)
+                stream.paced(
+                    (&self.forward, Direction::Forward),
+                    (items, cost, is_usual),
+                    cancel,
+                    push,
+                    done,
+                )
             }
         }
     }
@@ -299,7 +315,13 @@ impl Projector {
                     plane_zero: push.plane_zero,
                 };
                 let push = |first, end| ProjectBackPush { first, end, ..push };
-                stream.paced((&self.back, Direction::Back), items, cancel, push, done)
+                stream.paced(
+                    (&self.back, Direction::Back),
+                    (items, views, true),
+                    cancel,
+                    push,
+                    done,
+                )
             }
             Tables::Moved { sheets, views: seen, push } => {
                 let push = ProjectBackMovedPush {
@@ -324,7 +346,13 @@ impl Projector {
                     per_distance: push.per_distance,
                 };
                 let push = |first, end| ProjectBackMovedPush { first, end, ..push };
-                stream.paced((&self.back, Direction::Back), items, cancel, push, done)
+                stream.paced(
+                    (&self.back, Direction::Back),
+                    (items, views, true),
+                    cancel,
+                    push,
+                    done,
+                )
             }
         }
     }

@@ -31,9 +31,12 @@ pub(super) struct Stream {
     steps: Vec<Step>,
     /// Buffers that are used by the address alone.
     kept: Vec<Arc<Buffer>>,
+    /// Items times their cost of a dispatch.
     paces: [Pace; 2],
-    /// The direction of the paced dispatch among the steps.
-    paced: Option<Direction>,
+    /// The direction of the paced dispatch among the steps, and whether it has its full size.
+    paced: Option<(Direction, bool)>,
+    /// Ends work on vectors that are on the host.
+    pub(super) cancel: Cancel,
 }
 
 impl fmt::Debug for Stream {
@@ -44,9 +47,16 @@ impl fmt::Debug for Stream {
 
 impl Stream {
     pub(super) fn new(device: &Arc<Device>) -> Self {
-        let pace = Pace::new(1 << 12, 256, 1 << 30);
+        let pace = Pace::new(1 << 18, 1 << 14, u32::MAX);
         let (steps, kept) = (Vec::new(), Vec::new());
-        Self { device: device.clone(), steps, kept, paces: [pace; 2], paced: None }
+        Self {
+            device: device.clone(),
+            steps,
+            kept,
+            paces: [pace; 2],
+            paced: None,
+            cancel: Cancel::default(),
+        }
     }
 
     pub(super) const fn device(&self) -> &Arc<Device> {
@@ -74,34 +84,39 @@ impl Stream {
     }
 
     /// An invocation for each of `items`, in dispatches that end in a fraction of a second; the last one
-    /// waits with the other steps. `push` makes the push constants from the first item and the end of the
-    /// items; `done` gets the items so far.
+    /// waits with the other steps. `cost`: terms of an item, which differ from call to call; `is_usual`: it has
+    /// no fewer here. `push` makes the push constants from the first item and the end of the items; `done`
+    /// gets the items so far.
     ///
     /// # Errors
     /// As [`Device::run`]; [`beamlet_core::Error::Interrupted`].
     pub(super) fn paced<P: NoUninit>(
         &mut self,
         (kernel, direction): (&Arc<Kernel>, Direction),
-        items: u32,
+        (items, cost, is_usual): (u32, usize, bool),
         cancel: &Cancel,
         push: impl Fn(u32, u32) -> P,
         done: &mut dyn FnMut(u32),
     ) -> Result<()> {
         let most = self.device.max_groups()[0].saturating_mul(GROUP).max(GROUP);
+        let cost = beamlet_core::numbers::count(cost.max(1));
+        let kept = self.kept.clone();
         let mut first = 0;
         while first < items {
             cancel.check()?;
             if self.paced.is_some() {
                 self.submit(&mut [])?;
+                self.kept.clone_from(&kept);
             }
-            let end = first + self.paces[direction as usize].size().min(items - first);
+            let size = (self.paces[direction as usize].size() / cost).max(GROUP);
+            let end = first + size.min(items - first);
             let parts = (first..end).step_by(beamlet_core::numbers::length(most.into()));
             let part = |at: u32| {
                 let until = end.min(at.saturating_add(most));
                 (bytemuck::bytes_of(&push(at, until)).to_vec(), (until - at).div_ceil(GROUP))
             };
             self.steps.push(Step::Dispatch(kernel.clone(), parts.map(part).collect()));
-            self.paced = Some(direction);
+            self.paced = Some((direction, is_usual && end - first == size));
             first = end;
             done(first);
         }
@@ -134,8 +149,15 @@ impl Stream {
             }
         };
         let time: Duration = self.device.run_with(&[], record, downloads)?;
-        if let Some(direction) = self.paced.take() {
-            self.paces[direction as usize].adapt(time);
+        if let Some((direction, is_full)) = self.paced.take() {
+            let pace = &mut self.paces[direction as usize];
+            let before = pace.size();
+            let mut next = *pace;
+            next.adapt(time);
+            // A smaller dispatch that is short says nothing of a full one.
+            if is_full || next.size() < before {
+                *pace = next;
+            }
         }
         self.kept.clear();
         Ok(())

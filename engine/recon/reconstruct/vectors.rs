@@ -168,7 +168,7 @@ impl Vectors {
     /// unit of the piece, the number of units, and the address of each operand's piece.
     ///
     /// # Errors
-    /// As [`Stream::submit`].
+    /// As [`Stream::submit`]; [`beamlet_core::Error::Interrupted`].
     pub(super) fn each(
         &mut self,
         operands: &mut [Operand<'_>],
@@ -179,6 +179,9 @@ impl Vectors {
         let most = (most / unit).max(1) * unit;
         let end = operands[0].vector().len().min(range.end * unit);
         for first in (range.start * unit..end).step_by(most) {
+            if !self.is_resident {
+                self.stream.cancel.check()?;
+            }
             let here = first..end.min(first + most);
             let mut addresses = Vec::with_capacity(operands.len());
             for (operand, piece) in operands.iter().zip(0..) {
