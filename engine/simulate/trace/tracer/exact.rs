@@ -107,7 +107,8 @@ impl Tracer {
         let wanted = Wanted::RayResults;
         let first = self.pass(walks.order_free(false), Rays::First(n), wanted, true)?;
         let exact = self.walk(walks, ExactRays::Runs(runs))?;
-        let job = Job { passes: vec![first], walks: vec![exact], again: false, wanted };
+        let job =
+            Job { passes: vec![first], walks: vec![exact], later: None, again: false, wanted };
         self.run_job(&job, (&uploads, &|_| ()), (&mut results, &mut []))?;
         self.counts.rays.fetch_add(n.into(), Ordering::Relaxed);
         self.counts.exact.fetch_add(n.into(), Ordering::Relaxed);

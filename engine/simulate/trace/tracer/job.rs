@@ -21,6 +21,8 @@ pub(super) type Commands<'a> = &'a dyn Fn(&mut Recorder<'_>);
 pub(super) struct Job<'k> {
     pub(super) passes: Vec<Pass<'k>>,
     pub(super) walks: Vec<ExactWalk<'k>>,
+    /// A walk of all rays, which comes after the last pass of first order: that may be in a second submission.
+    pub(super) later: Option<ExactWalk<'k>>,
     /// The software BVH traces rays again that the driver's search leaves.
     pub(super) again: bool,
     pub(super) wanted: Wanted,
@@ -43,17 +45,16 @@ impl Tracer {
             (_, Transport::Exact) => Some(ExactRays::All(n)),
             (_, Transport::Auto) => Some(ExactRays::Queued(QUEUE_EXACT)),
         };
-        let walks = match exact {
-            Some(rays) => vec![self.walk(walks, rays)?],
-            None => Vec::new(),
-        };
-        Ok(Job { passes, walks, again, wanted })
+        let walk = exact.map(|rays| self.walk(walks, rays)).transpose()?;
+        let (later, walk) =
+            if again && self.transport == Transport::Exact { (walk, None) } else { (None, walk) };
+        Ok(Job { passes, walks: walk.into_iter().collect(), later, again, wanted })
     }
 
     /// Runs a job after uploads and commands; results and moments as far as there is room for them.
-    pub(super) fn run_job(
-        &self,
-        job: &Job<'_>,
+    pub(super) fn run_job<'k>(
+        &'k self,
+        job: &Job<'k>,
         uploads_and_begin: (&[Upload<'_>], Commands<'_>),
         (results, moments): (&mut [RayResult], &mut [u32]),
     ) -> Result<Duration> {
@@ -64,7 +65,7 @@ impl Tracer {
         if self.backend != Backend::Bvh {
             let left = job.again && queues.rays(QUEUE_LEFT) > 0;
             let lost = queues.rays(QUEUE_LOST) > 0;
-            if left || lost {
+            if left || lost || job.later.is_some() {
                 let (again, before) = self.job_again(job, left, queues)?;
                 let (took, queues) =
                     self.submit_job(&again, (&[], &|_| ()), before, (results, moments))?;
@@ -74,7 +75,7 @@ impl Tracer {
                 self.counts.retraced.fetch_add(retraced.into(), Ordering::Relaxed);
             }
         }
-        for walk in &job.walks {
+        for walk in job.walks.iter().chain(&job.later) {
             let rays = match walk.rays {
                 ExactRays::All(rays) => rays,
                 ExactRays::Queued(_) => exact,
@@ -86,24 +87,28 @@ impl Tracer {
     }
 
     /// A job for the rays that the driver's search left or lost, and its queues at the start.
-    fn job_again(&self, job: &Job<'_>, left: bool, queues: Queues) -> Result<(Job<'_>, Queues)> {
+    fn job_again<'k>(
+        &'k self,
+        job: &Job<'k>,
+        left: bool,
+        queues: Queues,
+    ) -> Result<(Job<'k>, Queues)> {
         let software = self.walks(Backend::Bvh);
-        let mut again =
-            Job { passes: Vec::new(), walks: Vec::new(), again: false, wanted: job.wanted };
+        let mut again = Job {
+            passes: Vec::new(),
+            walks: job.later.into_iter().collect(),
+            later: None,
+            again: false,
+            wanted: job.wanted,
+        };
         let mut keep = vec![QUEUE_LOST];
         if left {
             keep.push(QUEUE_LEFT);
             let pass = self.pass(software.order_free(false), Rays::Left, job.wanted, false)?;
             again.passes.push(pass);
-            for walk in &job.walks {
-                // A new first order is not the last word for rays that are all traced exactly.
-                if matches!(walk.rays, ExactRays::All(_)) {
-                    keep.retain(|queue| *queue != QUEUE_LOST);
-                }
-                again.walks.push(self.walk(self.walks(self.backend), walk.rays)?);
-            }
+            again.walks.extend(&job.walks);
         }
-        if let Some(walk) = job.walks.first() {
+        if let Some(walk) = job.walks.iter().chain(&job.later).next() {
             again.walks.push(ExactWalk {
                 kernel: software.exact.get()?,
                 rays: ExactRays::Queued(QUEUE_LOST),
