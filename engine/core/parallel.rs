@@ -47,7 +47,7 @@ pub fn start_threads() -> Result<()> {
         // Without a source it says that there is a pool already, as is right.
         threads.build_global().err().is_none_or(|it| it.source().is_none())
     });
-    if *started && reserve::leaves_spare() {
+    if *started && reserve::leaves_spare_beside_a_thread() {
         return Ok(());
     }
     let of_machine = || std::thread::available_parallelism().map_or(1, NonZero::get);

@@ -82,6 +82,11 @@ pub(crate) fn leaves_spare() -> bool {
     can_be_had(SPARE)
 }
 
+/// True if there is memory for small allocations beside another thread, which listens to Ctrl-C.
+pub(crate) fn leaves_spare_beside_a_thread() -> bool {
+    can_be_had(2 * SPARE)
+}
+
 /// True if this number of bytes can be allocated now. They are not written to, so that this is cheap.
 fn can_be_had(bytes: usize) -> bool {
     Vec::<u8>::new().try_reserve_exact(bytes).is_ok()
