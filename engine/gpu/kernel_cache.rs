@@ -1,7 +1,7 @@
 //! Kernels that a driver has made, kept on disk: some drivers take seconds for each of the large ones.
 //!
-//! A file belongs to one device, driver and set of kernels. Drivers trust what they are given, so one gets a file
-//! only where its length, its SHA-256 and the header of Vulkan are right.
+//! A file belongs to one device, driver and set of kernels. Drivers check little, so one gets a
+//! file only where its length, its SHA-256 and the header of Vulkan are right.
 
 use super::failure;
 use super::kernel::KernelTable;
@@ -74,12 +74,14 @@ pub(super) struct DeviceCache {
     file: Option<PathBuf>,
     /// Vulkan's header of this device.
     header: [u8; VULKAN_HEADER],
+    /// SHA-256 of what the file had.
+    kept: [u8; 32],
     /// Kernels were made that the file may lack.
     grown: AtomicBool,
 }
 
 impl DeviceCache {
-    /// The cache of a device for a set of kernels, with what its file has.
+    /// The cache of a device for a set of kernels, filled from its file.
     pub(super) fn open(
         raw: &ash::Device,
         physical: &Physical,
@@ -97,7 +99,8 @@ impl DeviceCache {
         };
         let made = make(&kept).or_else(|_| make(&[]));
         let raw = made.map_err(|e| failure::vulkan("making a pipeline cache", e))?;
-        Ok(Self { raw, file, header, grown: AtomicBool::new(false) })
+        let kept = Sha256::digest(&kept).into();
+        Ok(Self { raw, file, header, kept, grown: AtomicBool::new(false) })
     }
 
     /// A kernel was made.
@@ -114,11 +117,11 @@ impl DeviceCache {
         let Ok(bytes) = (unsafe { raw.get_pipeline_cache_data(self.raw) }) else { return };
         // A driver that keeps nothing gives its header.
         let is_of_size = bytes.len() > VULKAN_HEADER && bytes.len() as u64 <= MOST / 2;
-        if !is_of_size || content(&whole(&bytes), &self.header).is_none() {
+        let is_new = <[u8; 32]>::from(Sha256::digest(&bytes)) != self.kept;
+        if !is_of_size || !bytes.starts_with(&self.header) || !is_new {
             return;
         }
-        let same = read(file, &self.header).is_some_and(|kept| kept == bytes);
-        if let (false, Err(e)) = (same, write(file, &bytes)) {
+        if let Err(e) = write(file, &bytes) {
             log::debug!("the kernels are not kept: {e}");
         }
     }

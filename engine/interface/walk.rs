@@ -213,7 +213,7 @@ shared_structs! {
         /// Number of rays, where not `listed`.
         pub count: u32,
         pub materials: u32,
-        /// The rays are those that another walk left.
+        /// Another walk left these rays.
         pub listed: u32,
         /// Attempts of this walk; a ray that needs more, of `ATTEMPTS`, is left to another.
         pub attempts: u32,

@@ -57,7 +57,7 @@ bool finite(RayResult result) {
     return sum < 1e30; // false for NaN too
 }
 
-// Writes the result of a ray, and puts it into the queue of those that need more. True if this walk tries
+// Writes the result of a ray, and puts a ray that needs another pass into its queue. True if this walk tries
 // it again.
 bool finish(uint index, inout Gathered all, uint attempt) {
 #ifdef PLACED

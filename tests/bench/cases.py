@@ -247,16 +247,13 @@ def main():
         print('| case | submissions | a view with the sample | buffers a view | MB to / from the device '
               '| invocations of a dispatch: trace | exact | illuminate |')
         print('|---|---:|---:|---:|---:|---:|---:|---:|')
-        for case in cases:
-            with tempfile.TemporaryDirectory() as folder:
-                count(os.path.abspath(words[0]), case, folder)
-        return
-    print('| case | rays | in patches | cpu, s | clock, s | peak, MiB | check cpu / clock, s '
-          '| rays told / true | time told / true |')
-    print('|---|---|---|---|---|---|---|---|---|')
+    else:
+        print('| case | rays | in patches | cpu, s | clock, s | peak, MiB | check cpu / clock, s '
+              '| rays told / true | time told / true |')
+        print('|---|---|---|---|---|---|---|---|---|')
     for case in cases:
         with tempfile.TemporaryDirectory() as folder:
-            measure(os.path.abspath(words[0]), case, folder)
+            (count if counts else measure)(os.path.abspath(words[0]), case, folder)
 
 
 if __name__ == '__main__':

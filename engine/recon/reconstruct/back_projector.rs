@@ -133,8 +133,9 @@ impl<'a> BackProjector<'a> {
                     (work.report)((done + voxels as usize * n) as f64 / total);
                 };
                 let push = |first, end| BackProjectPush { first, end, ..push };
-                let pace = (&mut pace, &work.cancel);
-                self.device.run_paced(&self.kernel, count(slab.len()), pace, push, &mut report)?;
+                let (pace, none) = ((&mut pace, &work.cancel), (&[][..], &mut [][..]));
+                let voxels = count(slab.len());
+                self.device.run_paced(&self.kernel, voxels, pace, none, push, &mut report)?;
                 done += slab.len() * n;
             }
             volume.read_into(0, slab)?;

@@ -6,12 +6,10 @@ use super::quadrature;
 use beamlet_core::cancel::Cancel;
 use beamlet_core::numbers::{self, single};
 use beamlet_core::{Error, Result, setters};
-use beamlet_gpu::{
-    Buffer, Compute, Device, Download, Kernel, Memory, Pace, Recorder, Upload, push_bytes,
-};
+use beamlet_gpu::{Buffer, Compute, Device, Download, Kernel, Memory, Pace, Upload, push_bytes};
 use beamlet_interface::{
     FIT_AMPLITUDE, FIT_AREA_SIGMA, FIT_BACKGROUND, FIT_CENTRE, FIT_CENTRE_SIGMA, FIT_CONDITION,
-    FIT_FLAGS, FIT_RESIDUAL, FIT_VALUES, FIT_WIDTH, FIT_WIDTH_SIGMA, FitPush, GROUP, Step,
+    FIT_FLAGS, FIT_RESIDUAL, FIT_VALUES, FIT_WIDTH, FIT_WIDTH_SIGMA, FitPush, Step,
 };
 use ndarray::{ArrayView2, s};
 use serde::Serialize;
@@ -255,34 +253,23 @@ impl Fitter {
         [input, output]: [&Buffer; 2],
         count: u32,
         (uploads, fits): (&[Upload<'_>], Download<'_>),
-        (pace, cancel): (&mut Pace, &Cancel),
+        pace_and_cancel: (&mut Pace, &Cancel),
     ) -> Result<()> {
-        let mut push = FitPush {
+        let push = |first, _| FitPush {
             steps: self.steps.address(),
             curves: input.address(),
             fits: output.address(),
             step_count: numbers::count(self.step_count),
             pixel_count: count,
-            first: 0,
+            first,
             poisson: (self.options.weights == Weights::Poisson).into(),
             gain: single(self.options.gain),
             saturation: self.options.saturation.map_or(f32::INFINITY, |y| y + self.pedestal),
             min_width: single(self.min_width),
             max_width: single(self.max_width),
         };
-        let mut fits = [fits];
-        while push.first < count {
-            cancel.check()?;
-            let n = pace.size().min(count - push.first);
-            let uploads = if push.first == 0 { uploads } else { &[] };
-            let fits = if push.first + n == count { &mut fits[..] } else { &mut [] };
-            let record = |r: &mut Recorder<'_>| {
-                r.dispatch(&self.kernel, bytemuck::bytes_of(&push), [n.div_ceil(GROUP), 1, 1]);
-            };
-            pace.adapt(self.device.run_with(uploads, record, fits)?);
-            push.first += n;
-        }
-        Ok(())
+        let transfers = (uploads, &mut [fits][..]);
+        self.device.run_paced(&self.kernel, count, pace_and_cancel, transfers, push, &mut |_| ())
     }
 
     /// From planes of values in half widths to curves in the offsets' unit.
