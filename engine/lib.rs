@@ -96,7 +96,7 @@ pub mod scene {
         Absorber, Anode, Beam, Blur, Counts, Detector, DetectorMode, Exposure, Filter, Fly,
         Instances, KernelFile, MaskBody, MaskSpec, MaterialSpec, Mesh, MeshFormat, Motion, Normals,
         Object, Packing, PackingAmount, PackingKind, PackingRegion, Placement, Pose, Quality,
-        RandomRays, RotationAxis, Sampling, Scan, ScanErrors, Scatter, Scene, Scheme, Shape,
+        RandomRays, Refine, RotationAxis, Sampling, Scan, ScanErrors, Scatter, Scene, Scheme, Shape,
         ShapeOrMesh, Source, SpectrumOrigin, SpectrumSpec, Spot, SpotFit, SpotPart, Tolerances,
         Transport, View,
     };

@@ -120,8 +120,8 @@ void visit_shape(Beam beam, uint primitive, Placed placed, inout Gathered all) {
 
 void main() {
     uint index = gl_GlobalInvocationID.x;
-    if (index >= (push.listed != 0u ? queued(QUEUE_LEFT) : push.count)) return;
-    if (push.listed != 0u) index = push.left.at[index];
+    if (index >= ray_count()) return;
+    if (push.rays_are == RAYS_LEFT) index = push.left.at[index];
     Ray own = push.rays.at[index];
     PoseTransform pose = sample_.poses.at[own.pose];
     uint attempt = 0u;

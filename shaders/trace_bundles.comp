@@ -371,11 +371,12 @@ void main() {
     // Neighbours in the list are neighbours in a bundle.
     uint lane = gl_GlobalInvocationID.x % gl_SubgroupSize;
     uint first = (gl_GlobalInvocationID.x - lane) * RAYS_PER_LANE + lane;
+    uint count = ray_count();
     EACH_RAY {
         uint index = first + k * gl_SubgroupSize;
-        rays[k].tries = index < push.count;
+        rays[k].tries = index < count;
         // Lanes without a ray of their own help to load for the others.
-        rays[k].index = min(index, push.count - 1u);
+        rays[k].index = min(index, count - 1u);
     }
     uint attempt = 0u;
     bool again;

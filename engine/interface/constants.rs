@@ -100,8 +100,148 @@ shared_constants! {
     QUEUE_EXACT: u32 = 1;
     /// Queue of rays that an exact walk leaves to another.
     QUEUE_LOST: u32 = 2;
+    /// Queue of rays that the device made: all from the first on, without indices.
+    QUEUE_MADE: u32 = 3;
     /// First of the queues of rays with more crossings than the lists of a pass hold, one for each pass.
-    QUEUE_LONGER: u32 = 3;
+    QUEUE_LONGER: u32 = 4;
+    /// Rays of a pass: as many as the host says.
+    RAYS_COUNTED: u32 = 0;
+    /// Rays of a pass: those that another left.
+    RAYS_LEFT: u32 = 1;
+    /// Rays of a pass: those that the device made.
+    RAYS_MADE: u32 = 2;
+
+    /// In place of the index of a patch: no ray of it meets the sample.
+    PATCH_MISSED: u32 = u32::MAX;
+    /// In place of the index of a patch: its rays are not traced.
+    PATCH_UNKNOWN: u32 = u32::MAX - 1;
+    /// In the flags of a rectangle: it is to be split along x.
+    RECTANGLE_ALONG_X: u32 = 128;
+    /// First bit of the number of crossings in the flags of a rectangle.
+    RECTANGLE_CROSSINGS: u32 = 8;
+    /// Octaves of the errors of rectangles that a patch counts.
+    OCTAVES: u32 = 32;
+    /// Exponent of the lowest octave, below zero.
+    LOWEST_OCTAVE: u32 = 20;
+    /// Words at the head of the sums of a patch; then sums and counts of each octave, and sums of two words
+    /// for each mask step and for all of them, of errors and of told errors.
+    PATCH_HEAD: u32 = 4;
+    /// Error from which on rectangles are split.
+    PATCH_THRESHOLD: u32 = 0;
+    /// `PATCH_IS_` bits.
+    PATCH_FLAGS: u32 = 1;
+    /// Rays of a patch.
+    PATCH_RAYS: u32 = 2;
+    /// Nothing is left to split.
+    PATCH_IS_DONE: u32 = 1;
+    /// A silhouette crosses it.
+    PATCH_IS_CROSSED: u32 = 2;
+    /// Some ray meets the sample.
+    PATCH_IS_HIT: u32 = 4;
+
+    /// Work that the refinement may still do in this submission, rays and rectangles.
+    HEAD_ROOM: u32 = 0;
+    /// `PHASE_`.
+    HEAD_PHASE: u32 = 1;
+    /// Number of rectangles.
+    HEAD_RECTANGLES: u32 = 2;
+    /// Next base rectangle.
+    HEAD_BASE: u32 = 3;
+    /// Next rectangle to split, and the number of these.
+    HEAD_SPLIT: u32 = 4;
+    /// Number of rectangles to split.
+    HEAD_SPLITS: u32 = 5;
+    /// Next rectangle to estimate.
+    HEAD_FRESH: u32 = 6;
+    /// End of these.
+    HEAD_FRESH_END: u32 = 7;
+    /// Next rectangle that is asked.
+    HEAD_AGAIN: u32 = 8;
+    /// Number of these.
+    HEAD_AGAINS: u32 = 9;
+    /// Next rectangle to choose from.
+    HEAD_SELECT: u32 = 10;
+    /// The list that is read, 0 or 1.
+    HEAD_LIST: u32 = 11;
+    /// Lengths of both lists.
+    HEAD_LISTED: u32 = 12;
+    /// Next rectangle to make a cell of.
+    HEAD_EMIT: u32 = 14;
+    /// Number of parts of cell rows whose light lands near.
+    HEAD_NEAR: u32 = 15;
+    /// Of those whose light lands farther off.
+    HEAD_FAR: u32 = 16;
+    /// Rectangles of cells that were asked for in this submission.
+    HEAD_CELLS: u32 = 17;
+    /// Rays of patches to refine.
+    HEAD_RAYS: u32 = 18;
+    /// Rays traced exactly.
+    HEAD_EXACT: u32 = 19;
+    /// Rays that a walk left to another.
+    HEAD_LEFT: u32 = 20;
+    /// Rays that an exact walk left to another.
+    HEAD_LOST: u32 = 21;
+    /// Levels.
+    HEAD_LEVELS: u32 = 22;
+    /// Rectangles before this one are older than those that are estimated.
+    HEAD_OLDER: u32 = 23;
+    /// First of the dispatches: first item, number of items, and workgroups.
+    HEAD_STAGES: u32 = 24;
+    /// Words of a dispatch.
+    STAGE_WORDS: u32 = 5;
+    /// Dispatches.
+    STAGE_BASE: u32 = 0;
+    /// Makes the parts of rectangles, and their rays.
+    STAGE_SPLIT: u32 = 1;
+    /// Takes the results of rays.
+    STAGE_KEEP: u32 = 2;
+    /// Estimates the errors of new rectangles.
+    STAGE_ESTIMATE: u32 = 3;
+    /// Estimates those of rectangles that are asked.
+    STAGE_AGAIN: u32 = 4;
+    /// Sets the thresholds of patches.
+    STAGE_BUDGET: u32 = 5;
+    /// Chooses rectangles.
+    STAGE_SELECT: u32 = 6;
+    /// Makes cells.
+    STAGE_EMIT: u32 = 7;
+    /// Sums up told errors.
+    STAGE_TELL: u32 = 8;
+    /// Words of the head.
+    HEAD_WORDS: u32 = 24 + 9 * 5;
+    /// Base rays are traced.
+    PHASE_BASE: u32 = 0;
+    /// New rectangles are estimated.
+    PHASE_ESTIMATE: u32 = 1;
+    /// Rectangles that are asked are estimated.
+    PHASE_AGAIN: u32 = 2;
+    /// Rectangles are chosen.
+    PHASE_SELECT: u32 = 3;
+    /// Rectangles are split.
+    PHASE_SPLIT: u32 = 4;
+    /// Cells are made.
+    PHASE_EMIT: u32 = 5;
+    /// All is done.
+    PHASE_DONE: u32 = 6;
+    /// There is no room for more rectangles.
+    PHASE_FULL: u32 = 7;
+
+    /// Number of patches.
+    TOLD_PATCHES: u32 = 0;
+    /// Their rays, two words.
+    TOLD_RAYS: u32 = 1;
+    /// Most rays of a patch.
+    TOLD_MOST: u32 = 3;
+    /// Largest error, 1e-9 of open beam.
+    TOLD_WORST: u32 = 4;
+    /// Sum of the squares of errors, two words.
+    TOLD_SQUARES: u32 = 5;
+    /// Patches beyond the tolerance.
+    TOLD_BEYOND: u32 = 7;
+    /// Cells whose light lands too far off to follow.
+    TOLD_LANDED_OFF: u32 = 8;
+    /// Words of the told errors.
+    TOLD_WORDS: u32 = 9;
     /// In place of a queue, where the host knows the rays.
     NO_QUEUE: u32 = u32::MAX;
 

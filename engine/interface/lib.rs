@@ -106,6 +106,7 @@ mod constants;
 mod fit;
 mod light;
 mod reconstruct;
+mod refine;
 mod walk;
 
 pub use constants::*;
@@ -119,6 +120,10 @@ pub use reconstruct::{
     BackProjectPush, CombinePush, DotPush, DotSum, FourierPush, MovedSheet, MovedView,
     ProjectBackMovedPush, ProjectBackPush, ProjectMovedPush, ProjectPush, Sheet, SinogramPush,
     Slopes, StepLaw, ViewTurn,
+};
+pub use refine::{
+    MaskOpening, Rectangle, RefineParams, RefinePush, RefinedColumn, RefinedPatch, RefinedRow,
+    WindowTable,
 };
 pub use walk::{
     AnalyticShape, Constants, Crossing, CrossingsPush, ExactPush, Leaf, Node, Placed,
@@ -135,7 +140,7 @@ impl RayResult {
 
 /// Every shared struct, by topic.
 pub const LAYOUTS: &[&[Layout]] =
-    &[walk::LAYOUTS, light::LAYOUTS, fit::LAYOUTS, reconstruct::LAYOUTS];
+    &[walk::LAYOUTS, light::LAYOUTS, fit::LAYOUTS, reconstruct::LAYOUTS, refine::LAYOUTS];
 
 /// Address of a buffer on the device.
 pub type Address = u64;

@@ -207,14 +207,14 @@ shared_structs! {
         pub queues: u64 => Words,
         /// Indices of rays to trace exactly.
         pub exact: u64 => Words,
-        /// Indices of rays that are left, or were left where `listed`.
+        /// Indices of rays that are left, or were left.
         pub left: u64 => Words,
         pub tally: u64 => Words,
-        /// Number of rays, where not `listed`.
+        /// Number of rays that the host counted.
         pub count: u32,
         pub materials: u32,
-        /// Another walk left these rays.
-        pub listed: u32,
+        /// `RAYS_`.
+        pub rays_are: u32,
         /// Attempts of this walk; a ray that needs more, of `ATTEMPTS`, is left to another.
         pub attempts: u32,
     }

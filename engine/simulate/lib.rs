@@ -4,6 +4,7 @@ pub mod accel;
 pub mod detector;
 pub mod illuminate;
 pub mod moments;
+mod refine;
 pub mod run;
 pub mod sampling;
 pub mod trace;

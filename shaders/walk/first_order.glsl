@@ -15,6 +15,12 @@
 #include "walk/smooth.glsl"
 #endif
 
+// Number of the rays of this pass.
+uint ray_count() {
+    if (push.rays_are == RAYS_COUNTED) return push.count;
+    return queued(push.rays_are == RAYS_LEFT ? QUEUE_LEFT : QUEUE_MADE);
+}
+
 // Sums of a ray.
 struct Gathered {
     Stretch stretch;

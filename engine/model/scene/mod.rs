@@ -49,7 +49,7 @@ pub mod schema {
     pub use super::keys::schema::json_schema;
 }
 pub use model::{
-    MaskBody, MaskSpec, Quality, Sampling, Scene, Scheme, Source, Tolerances, Transport,
+    MaskBody, MaskSpec, Quality, Refine, Sampling, Scene, Scheme, Source, Tolerances, Transport,
 };
 pub use motion::Motion;
 pub use sample::{MaterialSpec, Mesh, MeshFormat, Normals, Object, Placement, Shape, ShapeOrMesh};

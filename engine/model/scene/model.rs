@@ -243,6 +243,8 @@ pub struct Sampling {
     pub angle_tolerance: Option<f64>,
     /// Cells: most rays of a pixel in a view. >= 1.
     pub max_rays: u32,
+    /// Cells: where refinement runs.
+    pub refine: Refine,
     /// Random: rays of a pixel and their targets.
     pub rays: RandomRays,
     /// Order of the transport.
@@ -261,6 +263,7 @@ impl Default for Sampling {
             tolerance: None,
             angle_tolerance: None,
             max_rays: 200_000,
+            refine: Refine::Host,
             rays: RandomRays::Count(5000),
             transport: Transport::Auto,
             seed: 1,
@@ -322,6 +325,15 @@ pub enum Scheme {
     Cells,
     /// The paper's: targets spread over the pixel, random source offsets.
     Random,
+}
+
+/// Where the rays of cells are chosen.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Refine {
+    /// On the host, by rules for rays, facets, and unresolved structure.
+    Host,
+    /// On the device, by rays.
+    Device,
 }
 
 /// Order of the transport through the sample.

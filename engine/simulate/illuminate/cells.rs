@@ -5,6 +5,7 @@ use super::fit::fit;
 use super::light::IlluminationBuffer;
 use super::row_parts::parts_of;
 use super::sums::PixelSums;
+use crate::refine::MadeCells;
 use crate::sampling::CellBatch;
 use beamlet_core::cancel::Cancel;
 use beamlet_core::{Result, numbers};
@@ -152,6 +153,35 @@ impl CellIlluminator {
         (self.cells, self.cell_rows) = (Some(cell_buffer), Some(cell_row_buffer));
         self.parts = Some(part_buffer);
         Ok(())
+    }
+
+    /// Adds the light of cells that were made on the device.
+    ///
+    /// # Errors
+    /// As [`Self::add`].
+    pub(crate) fn add_made(
+        &mut self,
+        lights: &[IlluminationBuffer],
+        made: &MadeCells<'_>,
+        sums: &PixelSums,
+        steps: u32,
+    ) -> Result<()> {
+        let template = IlluminatePush {
+            parts: made.parts.address(),
+            cell_rows: made.cell_rows.address(),
+            cells: made.cells.address(),
+            sums: sums.buffer.address(),
+            steps,
+            ..bytemuck::Zeroable::zeroed()
+        };
+        let uploads = &mut Vec::new();
+        for light in lights {
+            for (far, parts) in [(light.rows_apart(), 0..made.near), (true, made.far.clone())] {
+                let piece = DispatchPart { light, far, parts };
+                self.plan(&piece, template, steps, uploads)?;
+            }
+        }
+        self.run(uploads)
     }
 
     /// Plans the dispatches of a piece; runs those before it as they fill a submission. The first has the

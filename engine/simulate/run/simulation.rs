@@ -13,6 +13,7 @@ mod work;
 use crate::detector::{self, DetectorModel};
 use crate::illuminate::EnergyBinning;
 use crate::moments::{self, StoredSource};
+use crate::refine::RefineRoom;
 use crate::run::Control;
 use crate::run::memory::MemoryEstimate;
 use crate::run::simulator::Simulator;
@@ -27,7 +28,7 @@ use beamlet_files::{RunProfile, RunRecord, RunStart, SamplingSummary, Sink, Stac
 use beamlet_geometry::Sample;
 use beamlet_gpu::{Backend, Device, DeviceKind, EngineOptions};
 use beamlet_model::media::MaterialTable;
-use beamlet_model::scene::{Exposure, Scene, Scheme};
+use beamlet_model::scene::{Exposure, Refine, Scene, Scheme};
 pub use rays::{moments, trace};
 use side_by_side::{Handed, side_by_side};
 use std::sync::Arc;
@@ -108,7 +109,9 @@ impl Simulation {
         let most = numbers::at_most(numbers::length(memory.rays_at_once));
         // Random rays are made and stay on the device, where their batches do not adapt: a GPU takes all, but
         // for small ones, whose drivers end long dispatches.
-        let whole = self.scene.sampling.scheme == Scheme::Random
+        let on_device = self.scene.sampling.scheme == Scheme::Random
+            || self.scene.sampling.refine == Refine::Device;
+        let whole = on_device
             && self.device().description().kind == DeviceKind::Discrete;
         Tracer::new(
             self.device(),
@@ -145,6 +148,12 @@ impl Simulation {
             limit: limit.map(<[u64; 2]>::from),
             words: self.recording.as_ref().map_or(0, sampling::MomentRecording::words),
         }
+    }
+
+    /// The same on the device.
+    fn refine_room(&self, memory: &MemoryEstimate) -> RefineRoom {
+        let limit = self.options().memory_limit.zip(memory.left_for_refinement);
+        RefineRoom(limit.map(<[u64; 2]>::from))
     }
 
     /// Words of a ray's moments.

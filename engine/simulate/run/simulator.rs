@@ -1,6 +1,7 @@
 //! An open device with the kernels of simulations.
 
 use crate::illuminate::{CellKernels, RandomKernels};
+use crate::refine::RefineKernels;
 use crate::trace::TraceKernels;
 use beamlet_gpu::{Compute, Device, EngineOptions};
 use std::sync::Arc;
@@ -17,6 +18,7 @@ struct Kernels {
     trace: Arc<TraceKernels>,
     illuminate: Arc<CellKernels>,
     random: Arc<RandomKernels>,
+    refine: Arc<RefineKernels>,
 }
 
 impl Simulator {
@@ -27,6 +29,7 @@ impl Simulator {
             trace: Arc::new(TraceKernels::new(device)),
             illuminate: Arc::new(CellKernels::new(device)),
             random: Arc::new(RandomKernels::new(device)),
+            refine: Arc::new(RefineKernels::new(device)),
         });
         Self { kernels, compute }
     }
@@ -59,6 +62,10 @@ impl Simulator {
 
     pub(crate) fn random_kernels(&self) -> &Arc<RandomKernels> {
         &self.kernels.random
+    }
+
+    pub(crate) fn refine_kernels(&self) -> &Arc<RefineKernels> {
+        &self.kernels.refine
     }
 
     pub(crate) fn illuminate_kernels(&self) -> &Arc<CellKernels> {

@@ -165,11 +165,16 @@ fn reach_of(cell_row: CellRow, cells: &[Cell]) -> CellRow {
 /// Cell rows of all beamlets without a sample: one cell each.
 #[must_use]
 pub(crate) fn empty_cell_rows(lattice: &Lattice, rows: Range<i64>) -> CellBatch {
-    let mut out = CellBatch::default();
-    let cell = empty_cell(lattice);
     let first = lattice.beamlets.start;
     let places = rows.flat_map(|row| lattice.direct.clone().map(move |k| (k - first, row)));
-    for cell_row in blank_cell_rows(lattice, places.collect()) {
+    blank_cells(lattice, places.collect())
+}
+
+/// Cells without a sample at places (column, row).
+pub(crate) fn blank_cells(lattice: &Lattice, places: Vec<(i64, i64)>) -> CellBatch {
+    let mut out = CellBatch::default();
+    let cell = empty_cell(lattice);
+    for cell_row in blank_cell_rows(lattice, places) {
         out.push(cell_row, &[cell], &CellMoments::default());
     }
     out

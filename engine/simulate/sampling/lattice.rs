@@ -160,6 +160,11 @@ impl Lattice {
         [x * self.plane / distance, self.detector.row_at(z, distance)]
     }
 
+    /// Standard deviation of the blur over rows, rows.
+    pub(crate) const fn row_blur(&self) -> f64 {
+        self.row_spread.blur
+    }
+
     /// Rows beside one from which the spot blurs light into it, but for a fortieth: two deviations, rounded.
     pub(crate) fn rows_blurred_into(&self) -> i64 {
         numbers::whole::<i64>((2.0 * self.row_spread.blur).round())

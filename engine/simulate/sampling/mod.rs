@@ -42,7 +42,7 @@ mod windows;
 
 pub(crate) use base_lattice::BaseLattice;
 pub(crate) use cell_batch::{
-    CellBatch, blank_cell_rows, empty_cell, empty_cell_row, empty_cell_rows,
+    CellBatch, blank_cell_rows, blank_cells, empty_cell, empty_cell_row, empty_cell_rows,
 };
 pub(crate) use cell_moments::{CellMoments, ExactCell};
 pub(crate) use error_budget::ErrorBudget;
@@ -50,7 +50,7 @@ pub(crate) use facet_lists::SampleFacets;
 pub use lattice::{Lattice, beamlet_geometry};
 pub(crate) use moment_recording::MomentRecording;
 pub(crate) use projected_bounds::{ProjectedBounds, projected_bounds, touches_pixel};
-pub(crate) use response::Response;
+pub(crate) use response::{Opening, Response};
 pub use room::Room;
 pub(crate) use rows::sample_rows;
 pub(crate) use survey::{RowsCost, survey_rows};

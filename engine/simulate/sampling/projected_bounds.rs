@@ -28,7 +28,7 @@ pub(crate) struct ProjectedBounds {
 
 impl ProjectedBounds {
     /// True if it may throw light out of a row.
-    pub(super) fn throws(&self, row: i64) -> bool {
+    pub(crate) fn throws(&self, row: i64) -> bool {
         let (top, bottom) = (row as f64, (row + 1) as f64);
         self.lids.iter().any(|[first, last]| *first <= bottom && *last >= top)
     }

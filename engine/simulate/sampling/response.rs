@@ -22,9 +22,9 @@ const SOFT_EDGE: f64 = 2.0;
 pub(crate) struct Response {
     /// Windows that light passes: apertures of the detector mask or pixels; behind a detector mask
     /// whose bars leak those, and pixels.
-    windows: Vec<Windows>,
+    pub(crate) windows: Vec<Windows>,
     /// Standard deviation of the blur on the analyser, m.
-    blur: f32,
+    pub(crate) blur: f32,
     /// From the cell plane to the analyser.
     pub(crate) magnification: f32,
     /// Landing point of an undeflected ray through the centre of a beamlet, from the centre of the
@@ -32,18 +32,18 @@ pub(crate) struct Response {
     landing: Vec<f32>,
     /// Openings by mask step in the cell plane, from the nearest period of the sample mask, m; none
     /// without a sample mask.
-    openings: Vec<Opening>,
+    pub(crate) openings: Vec<Opening>,
     /// Mask steps that differ enough to count.
     steps: usize,
     /// Beamlet's centre from the centre of the nearest period of the sample mask, m.
-    mask_offset: Vec<f32>,
+    pub(crate) mask_offset: Vec<f32>,
     /// Reduction of each side of an opening by the shadow of thick bars, m, by beamlet.
-    shadow: Vec<f32>,
+    pub(crate) shadow: Vec<f32>,
     /// How far an opening is seen beyond its edges, m.
     soft: f32,
     /// Share of the light that the bars of the sample mask let through; 0 where that is too little
     /// to count.
-    leak: f32,
+    pub(crate) leak: f32,
     /// Period of the lattice and of the openings, and its half, m.
     period: f32,
     half_period: f32,
@@ -55,9 +55,9 @@ pub(crate) struct Response {
 
 /// An interval of x of a beamlet that a mask step opens.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Opening {
-    pub(super) step: u32,
-    pub(super) x: [f32; 2],
+pub(crate) struct Opening {
+    pub(crate) step: u32,
+    pub(crate) x: [f32; 2],
 }
 
 impl Response {
@@ -146,7 +146,7 @@ impl Response {
     }
 
     /// Mask steps that differ enough to count.
-    pub(super) fn steps(&self) -> usize {
+    pub(crate) fn steps(&self) -> usize {
         self.steps
     }
 
@@ -229,6 +229,16 @@ impl Response {
             return 0.1;
         }
         self.windows.iter().map(|it| it.share * it.outline(column, at, half)).sum()
+    }
+
+    /// Landing points of an undeflected ray through the centre of the beamlet at `column`, from the centre of
+    /// the nearest window of each kind, m.
+    pub(crate) fn landings(&self, column: usize) -> [f32; 2] {
+        let of = |kind: usize| {
+            let windows = self.windows.get(kind);
+            windows.map_or(0.0, |windows| windows.landing(column, self.landing[column]))
+        };
+        [of(0), of(1)]
     }
 
     /// Landing point of light of a beamlet displaced by `displacement`, from the centre of a

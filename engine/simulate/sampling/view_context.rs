@@ -44,7 +44,7 @@ impl ViewContext<'_> {
     }
 
     /// Rows whose light is recorded, of the whole detector: cells do not depend on bands.
-    pub(super) fn recorded_rows(&self) -> Range<i64> {
+    pub(crate) fn recorded_rows(&self) -> Range<i64> {
         let blur = self.lattice.blur_rows;
         -blur..i64::from(self.optics.detector.pixels[1]) + blur
     }

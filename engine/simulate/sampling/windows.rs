@@ -17,16 +17,16 @@ const ALIKE: f32 = 2.0;
 
 /// Windows of one width and period.
 #[derive(Debug, Clone)]
-pub(super) struct Windows {
+pub(crate) struct Windows {
     /// Share of the light that they pass where they are open.
-    pub(super) share: f32,
+    pub(crate) share: f32,
     /// Integral of the light through one window over the landing point, m, at points from
     /// -REACH periods on.
     integral: Vec<f32>,
     /// Ends of the windows of a period, m, where they are sharper than points of the table show.
     sharp: Option<Vec<[f32; 2]>>,
     /// Period on the analyser, m.
-    period: f32,
+    pub(crate) period: f32,
     /// Standard deviation of the blur on the analyser, m.
     blur: f32,
     /// Distance from the centre of the nearest of these windows to the centre of the nearest aperture of
@@ -59,9 +59,19 @@ impl Windows {
         }
     }
 
+    /// True if the windows are given by their ends.
+    pub(crate) const fn is_sharp(&self) -> bool {
+        self.sharp.is_some()
+    }
+
+    /// Ends of sharp windows, or the integral of a window over the landing point.
+    pub(crate) fn numbers(&self) -> Vec<f32> {
+        self.sharp.as_ref().map_or_else(|| self.integral.clone(), |ends| ends.concat())
+    }
+
     /// Distance of the landing point of light from the centre of a window, m, given the distance `at`
     /// from the centre of an aperture of the detector mask.
-    fn landing(&self, column: usize, at: f32) -> f32 {
+    pub(super) fn landing(&self, column: usize, at: f32) -> f32 {
         self.aside.get(column).map_or(at, |aside| at + aside)
     }
 

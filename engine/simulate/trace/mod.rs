@@ -11,5 +11,6 @@ pub use crossings::{CrossingFinder, SurfaceCrossing, uncovered};
 pub use moments::{Moment, Moments, grazing};
 pub use ray::Ray;
 pub use tracer::{TraceKernels, Tracer};
+pub(crate) use tracer::{MadeRays, QUEUE_COUNT};
 pub use upload::DeviceSample;
 pub(crate) use upload::{FIRST_ORDER_ERROR, hash as component_hash, least_cosine};

@@ -4,6 +4,7 @@ mod batch;
 mod exact;
 mod job;
 mod kernels;
+mod made;
 mod pass;
 mod queues;
 
@@ -21,6 +22,7 @@ use beamlet_interface::{
 use beamlet_model::scene::Transport;
 use exact::LISTED;
 pub use kernels::TraceKernels;
+pub(crate) use made::{MadeRays, QUEUE_COUNT};
 use kernels::{OrderFree, Walks};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};

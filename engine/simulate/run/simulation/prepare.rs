@@ -16,7 +16,7 @@ use beamlet_geometry::{LoadStep, Sample};
 use beamlet_gpu::{Backend, EngineOptions};
 use beamlet_model::media::MaterialTable;
 use beamlet_model::optics::{self, Optics};
-use beamlet_model::scene::{Scene, Scheme};
+use beamlet_model::scene::{Refine, Scene, Scheme};
 use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::time::Instant;
@@ -62,6 +62,7 @@ impl Simulation {
         let optics = detector.optics();
         let media = MaterialTable::of(&scene)?;
         let lattice = lattice_of(&scene, optics, &media)?;
+        refuse_device(&scene, &media, simulator.options())?;
         let delta_ratio =
             if simulator.options().keep_moments { moments::DELTA_HEADROOM } else { 1.0 };
         let several = media.energies.len() > 1 || simulator.options().keep_moments;
@@ -202,6 +203,23 @@ impl Simulation {
         simulation.prepared_in = begin.elapsed().as_secs_f64();
         Ok(simulation)
     }
+}
+
+/// Refuses what refinement on the device does not know.
+fn refuse_device(scene: &Scene, media: &MaterialTable, options: &EngineOptions) -> Result<()> {
+    if scene.sampling.refine == Refine::Host || scene.sampling.scheme == Scheme::Random {
+        return Ok(());
+    }
+    let found = if media.energies.len() > 1 {
+        "device, with a spectrum of several energies"
+    } else if options.keep_moments {
+        "device, with kept moments"
+    } else if scene.objects.iter().any(|object| object.roughness > 0.0) {
+        "device, with a rough object"
+    } else {
+        return Ok(());
+    };
+    Err(Error::scene("sampling.refine", found, "host"))
 }
 
 /// Memory of a run with one view at a time, and of a run whose views may be made side by side unless they are

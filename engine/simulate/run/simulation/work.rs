@@ -16,6 +16,7 @@ use crate::illuminate::{
     SpectralBand,
 };
 use crate::run::memory::MemoryEstimate;
+use crate::refine::DeviceRefiner;
 use crate::run::{Control, Progress, ViewProgress};
 use crate::sampling::{ProjectedBounds, Response};
 use crate::trace::Tracer;
@@ -24,7 +25,7 @@ use beamlet_core::tally::Tally;
 use beamlet_core::{Result, numbers};
 use beamlet_files::Sink;
 use beamlet_gpu::LazyKernel;
-use beamlet_model::scene::{Exposure, Scheme};
+use beamlet_model::scene::{Exposure, Refine, Scheme};
 use in_bands::bands;
 use mean::Mean;
 use ndarray::Array3;
@@ -42,6 +43,8 @@ pub(super) struct ViewWork<'s> {
     sums: PixelSums,
     cells: CellIlluminator,
     random_light: RandomIlluminator,
+    /// Refines on the device, where the scene wants that.
+    refiner: Option<DeviceRefiner>,
     bars: MaskTransmissionCache,
     random: bool,
     band: u32,
@@ -105,6 +108,10 @@ impl<'s> ViewWork<'s> {
         if !simulation.sample.is_empty() {
             kernels.extend(tracer.wanted_kernels());
         }
+        let refines = traced && !random && scene.sampling.refine == Refine::Device;
+        if refines {
+            kernels.extend(simulator.refine_kernels().all());
+        }
         LazyKernel::make_all(&kernels, cancel)?;
         Ok(Self {
             tracer,
@@ -112,6 +119,7 @@ impl<'s> ViewWork<'s> {
             sums: PixelSums::new(&device, steps, lit_rows().max().unwrap_or(0), columns as usize)?,
             cells: CellIlluminator::new(&device, simulator.illuminate_kernels(), cancel),
             random_light: RandomIlluminator::new(&device, simulator.random_kernels(), optics),
+            refiner: refines.then(|| DeviceRefiner::new(&device, simulator.refine_kernels())),
             bars: MaskTransmissionCache::default(),
             random,
             band,
@@ -306,6 +314,10 @@ impl<'s> ViewWork<'s> {
     fn group_rows(&self, traced: bool) -> i64 {
         let optics = self.simulation.detector.optics();
         let lattice = &self.simulation.lattice;
+        if traced && self.refiner.is_some() {
+            // The device has groups of patches of its own.
+            return i64::from(u32::MAX);
+        }
         let per_row = if optics.sampling.scheme == Scheme::Random {
             u64::from(optics.detector.pixels[0]) * u64::from(optics.sampling.rays.count())
         } else if self.simulation.stored.is_some() || !traced {

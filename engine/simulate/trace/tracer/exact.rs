@@ -9,7 +9,8 @@ use beamlet_core::Result;
 use beamlet_core::numbers::count;
 use beamlet_gpu::{Backend, Kernel, Recorder, Upload};
 use beamlet_interface::{
-    ATTEMPTS, ExactPush, GROUP, LONGEST_LIST, NO_QUEUE, QUEUE_LONGER, QUEUE_LOST, Ray, RayResult,
+    ATTEMPTS, ExactPush, GROUP, LONGEST_LIST, NO_QUEUE, QUEUE_LONGER, QUEUE_LOST,
+    QUEUE_MADE, Ray, RayResult,
 };
 use rayon::prelude::*;
 use std::sync::atomic::Ordering;
@@ -40,6 +41,8 @@ pub(super) enum ExactRays {
     Runs(u32),
     /// Those of a queue.
     Queued(u32),
+    /// All that the device made.
+    Made,
 }
 
 /// An exact walk over rays, ready to be recorded.
@@ -133,6 +136,7 @@ impl Tracer {
         let (queue, count, indices) = match walk.rays {
             ExactRays::All(n) => (NO_QUEUE, n, &b.exact),
             ExactRays::Runs(n) => (NO_QUEUE, n, b.runs()),
+            ExactRays::Made => (QUEUE_MADE, 0, &b.exact),
             ExactRays::Queued(QUEUE_LOST) => (QUEUE_LOST, 0, &b.lost),
             ExactRays::Queued(queue) => (queue, 0, &b.exact),
         };
@@ -149,7 +153,7 @@ impl Tracer {
             tally: self.tally.address(),
             queue,
             count,
-            all: matches!(walk.rays, ExactRays::All(_)).into(),
+            all: matches!(walk.rays, ExactRays::All(_) | ExactRays::Made).into(),
             runs: matches!(walk.rays, ExactRays::Runs(_)).into(),
             longer_queue: walk.longer,
             attempts: if walk.leaves { 1 } else { ATTEMPTS },

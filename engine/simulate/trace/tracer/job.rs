@@ -79,7 +79,7 @@ impl Tracer {
             let rays = match walk.rays {
                 ExactRays::All(rays) => rays,
                 ExactRays::Queued(_) => exact,
-                ExactRays::Runs(_) => 0,
+                ExactRays::Runs(_) | ExactRays::Made => 0,
             };
             self.counts.exact.fetch_add(rays.into(), Ordering::Relaxed);
         }
@@ -162,7 +162,7 @@ impl Job<'_> {
             let longer = (0..numbers::count(LEVELS) - 1).map(|level| walk.longer + level);
             let own = match walk.rays {
                 ExactRays::Queued(queue) => Some(queue),
-                ExactRays::All(_) | ExactRays::Runs(_) => None,
+                ExactRays::All(_) | ExactRays::Runs(_) | ExactRays::Made => None,
             };
             own.into_iter().chain(longer).map(|queue| (walk.kernel, queue))
         });

@@ -5,7 +5,9 @@ use super::queues::Queues;
 use super::{Tracer, Wanted};
 use beamlet_core::Result;
 use beamlet_gpu::{Kernel, Recorder};
-use beamlet_interface::{ATTEMPTS, QUEUE_LEFT, TracePush};
+use beamlet_interface::{
+    ATTEMPTS, QUEUE_LEFT, QUEUE_MADE, RAYS_COUNTED, RAYS_LEFT, RAYS_MADE, TracePush,
+};
 
 /// Rays of a pass.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -14,6 +16,8 @@ pub(super) enum Rays {
     First(u32),
     /// Those that the pass before left.
     Left,
+    /// Those that the device made.
+    Made,
 }
 
 /// A pass in any order over rays, ready to be recorded.
@@ -49,7 +53,11 @@ impl Tracer {
             tally: self.tally.address(),
             count: if let Rays::First(n) = rays { n } else { 0 },
             materials: self.sample.materials,
-            listed: (rays == Rays::Left).into(),
+            rays_are: match rays {
+                Rays::First(_) => RAYS_COUNTED,
+                Rays::Left => RAYS_LEFT,
+                Rays::Made => RAYS_MADE,
+            },
             attempts: if leaves { 1 } else { ATTEMPTS },
         };
         let kernel = self.order_free(trace, moments).get()?;
@@ -61,9 +69,10 @@ impl Tracer {
         let push = bytemuck::bytes_of(&pass.push);
         match pass.rays {
             Rays::First(n) => r.dispatch(pass.kernel, push, [n.div_ceil(pass.rays_of_group), 1, 1]),
-            Rays::Left => {
+            Rays::Left | Rays::Made => {
                 r.barrier();
-                let at = Queues::groups_at(QUEUE_LEFT);
+                let queue = if pass.rays == Rays::Left { QUEUE_LEFT } else { QUEUE_MADE };
+                let at = Queues::groups_at(queue);
                 r.dispatch_indirect(pass.kernel, push, &self.batch.queues, at);
             }
         }

@@ -5,7 +5,7 @@ use super::exact::LEVELS;
 use beamlet_interface::{QUEUE_HEAD, QUEUE_LONGER};
 
 /// Number of queues: two exact walks have queues of longer lists of their own.
-const QUEUES: usize = QUEUE_LONGER as usize + 2 * LEVELS;
+pub(super) const QUEUES: usize = QUEUE_LONGER as usize + 2 * LEVELS;
 
 /// Heads of the queues of a batch: the number of rays, and the workgroups of a dispatch in x, y and z.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, bytemuck::Pod, bytemuck::Zeroable)]

@@ -2,6 +2,7 @@
 
 use super::{ViewWork, share};
 use crate::illuminate::EnergyBinning;
+use crate::refine::MadeCells;
 use crate::run::Control;
 use crate::sampling::{self, BaseLattice, CellBatch, ProjectedBounds};
 use crate::trace::Tracer;
@@ -34,6 +35,12 @@ impl ViewWork<'_> {
         [own, recorded]: [bool; 2],
         control: &mut Control<'_>,
     ) -> Result<()> {
+        if self.refiner.is_some()
+            && matches!(view, Exposure::Sample(_))
+            && !projected_bounds.is_empty()
+        {
+            return self.device_rows(view, projected_bounds, rows, inner, own, control);
+        }
         let begin = Instant::now();
         let blur_rows = self.simulation.lattice.blur_rows;
         let lit = inner.start - blur_rows..inner.end + blur_rows;
@@ -92,6 +99,50 @@ impl ViewWork<'_> {
         let illuminating = illuminating.get();
         self.seconds.trace += begin.elapsed().as_secs_f64() - illuminating;
         self.seconds.illuminate += illuminating;
+        Ok(())
+    }
+
+    /// Sums the light of cells of some rows that the device refines.
+    fn device_rows(
+        &mut self,
+        view: Exposure,
+        projected_bounds: &[ProjectedBounds],
+        rows: &Range<i64>,
+        inner: &Range<i64>,
+        own: bool,
+        control: &mut Control<'_>,
+    ) -> Result<()> {
+        let Some(refiner) = &mut self.refiner else { return Ok(()) };
+        let begin = Instant::now();
+        let simulation = self.simulation;
+        let blur_rows = simulation.lattice.blur_rows;
+        let lit = inner.start - blur_rows..inner.end + blur_rows;
+        let steps = numbers::count(simulation.scene.scan.mask_offsets.len());
+        let counted = [self.rows_done, self.rows_total];
+        let mut advance = share::advance(&mut control.progress, &self.share, (view, rows), counted);
+        let illuminating = Cell::new(0.0);
+        let context = simulation.pose_context(self.pose, projected_bounds, &self.response.1);
+        let room = simulation.refine_room(&self.memory);
+        let (lights, sums, cells) = (&self.lights, &self.sums, &mut self.cells);
+        let mut light = |made: &MadeCells<'_>| {
+            timed(&illuminating, || cells.add_made(lights, made, sums, steps))
+        };
+        let (found, missed) = refiner.refine(
+            &context,
+            &mut self.tracer,
+            (self.response.0, room),
+            (rows, &lit),
+            &mut light,
+            &mut advance,
+        )?;
+        if own {
+            self.tally = self.tally + found.tally;
+            self.tally.landed_off += found.landed_off;
+        }
+        let blank = sampling::blank_cells(&simulation.lattice, missed);
+        timed(&illuminating, || cells.add(lights.iter().zip([&blank]), sums, steps))?;
+        self.seconds.trace += begin.elapsed().as_secs_f64() - illuminating.get();
+        self.seconds.illuminate += illuminating.get();
         Ok(())
     }
 

@@ -1,0 +1,206 @@
+//! Patches and their rectangles, as the device refines them. Lengths in metres.
+
+shared_structs! {
+    /// Structs of the refinement.
+    pub(super) LAYOUTS;
+
+    /// A patch: a beamlet and a row of the detector.
+    pub struct RefinedPatch in RefinedPatches(readonly) {
+        /// Index of the beamlet.
+        pub column: u32,
+        pub row: i32,
+        /// First of its base rectangles, `[x][z]`.
+        pub first: u32,
+        /// Base rectangles along x and z.
+        pub base: [u32; 2] => uvec2,
+        /// Indices of the patches at lower and higher x, above and below; `PATCH_MISSED` where no ray meets
+        /// the sample, `PATCH_UNKNOWN` where none is traced.
+        pub low: u32,
+        pub high: u32,
+        pub above: u32,
+        pub below: u32,
+        /// Its light counts where all rays miss the sample.
+        pub is_lit: u32,
+    }
+
+    /// A beamlet of the lattice. Slopes and places are sums of two numbers.
+    pub struct RefinedColumn in RefinedColumns(readonly) {
+        /// dx/dy of its centre ray.
+        pub slope: f32,
+        pub slope_rest: f32,
+        /// Its centre ray in the plane of the rotation centre.
+        pub x: f32,
+        pub x_rest: f32,
+        /// Where its centre lands without deflection, from the nearest window of the first kind, and of the
+        /// second.
+        pub landing: [f32; 2] => vec2,
+        /// Its centre, from the nearest period of the sample mask.
+        pub mask_offset: f32,
+        /// By which thick bars narrow each side of an opening.
+        pub shadow: f32,
+    }
+
+    /// A row of the detector, at its upper end.
+    pub struct RefinedRow in RefinedRows(readonly) {
+        /// dz/dy.
+        pub slope: f32,
+        pub slope_rest: f32,
+        pub z: f32,
+        pub z_rest: f32,
+    }
+
+    /// An interval of x in the cell plane that a mask step opens, from the nearest period.
+    pub struct MaskOpening in MaskOpenings(readonly) {
+        pub step: u32,
+        pub low: f32,
+        pub high: f32,
+    }
+
+    /// Windows of one kind on the analyser, one to a period.
+    pub struct WindowTable in WindowTables(readonly) {
+        /// Address of `Floats`: integral of a blurred window over the landing point; of a sharp one the ends
+        /// of its parts.
+        pub values: u64,
+        /// Numbers in the table.
+        pub count: u32,
+        /// The numbers are ends.
+        pub is_sharp: u32,
+        pub period: f32,
+        /// Share of the light that they pass where they are open.
+        pub share: f32,
+    }
+
+    /// A rectangle of a patch, with the result of the ray through its centre; split where it has parts.
+    pub struct Rectangle in Rectangles {
+        /// From the middle of the beamlet, in the cell plane.
+        pub x_low: f32,
+        pub x_high: f32,
+        /// Share of the row, downwards.
+        pub z_low: f32,
+        pub z_high: f32,
+        pub optical_depth: f32,
+        /// At the analyser.
+        pub displacement: f32,
+        /// On the detector, along z.
+        pub landing: f32,
+        /// Shift of pixel edges on the analyser, from the gap to the detector.
+        pub pixel_shift: f32,
+        pub signature: u32,
+        /// `FLAG_` bits, `RECTANGLE_ALONG_X`, and the number of crossings in the bits above `RECTANGLE_CROSSINGS`.
+        pub flags: u32,
+        pub patch_index: u32,
+        /// First of its three parts; 0: it has none.
+        pub parts: u32,
+        /// Largest changes of light towards neighbours along x and z.
+        pub change_x: f32,
+        pub change_z: f32,
+        /// Error of its light squared, share of the budget squared, and with that of the displacement.
+        pub light_error: f32,
+        pub error: f32,
+        /// The same where the step that opens most of it does, as the patch counts it.
+        pub counted: f32,
+    }
+
+    /// Parameters of the refinement of a group of patches.
+    pub struct RefineParams in RefineParamsRef {
+        pub patches: u64 => RefinedPatches,
+        pub columns: u64 => RefinedColumns,
+        pub rows: u64 => RefinedRows,
+        pub openings: u64 => MaskOpenings,
+        pub windows: u64 => WindowTables,
+        pub rectangles: u64 => Rectangles,
+        /// `[patch][REFINED_HEAD + ...]`: sums of errors.
+        pub sums: u64 => Words,
+        /// Cursors and counts, `HEAD_`.
+        pub head: u64 => Words,
+        /// Rectangles that may still be split, by turns.
+        pub lists: u64 => Words,
+        /// Rectangles to split.
+        pub splits: u64 => Words,
+        /// `[rectangle][3]`: changes that younger neighbours ask to take into account, and whether they do.
+        pub asked: u64 => Words,
+        /// Rectangles that are asked.
+        pub again: u64 => Words,
+        pub cells: u64 => CellsOut,
+        pub cell_rows: u64 => CellRowsOut,
+        /// Near parts from the first on, far parts from `cell_room` on.
+        pub parts: u64 => CellRowPartsOut,
+        pub rays: u64 => RaysOut,
+        pub results: u64 => RayResults,
+        /// `[queue][QUEUE_HEAD]`.
+        pub queues: u64 => Words,
+        /// Told errors and counts, `TOLD_`.
+        pub told_sums: u64 => Words,
+        /// Number of patches to refine, and of these with the neighbours that have base rays alone.
+        pub patch_count: u32,
+        pub all_patches: u32,
+        /// Base rectangles of these patches, and of all.
+        pub own_base: u32,
+        pub all_base: u32,
+        /// Rectangles that there is room for.
+        pub room: u32,
+        /// Cells that there is room for.
+        pub cell_room: u32,
+        /// Rays of a batch, and of a workgroup of the walk.
+        pub batch: u32,
+        pub rays_of_group: u32,
+        pub queue_count: u32,
+        pub opening_count: u32,
+        /// Mask steps.
+        pub steps: u32,
+        pub window_count: u32,
+        pub pose: u32,
+        pub max_rays: u32,
+        pub first_row: i32,
+        /// Rows of the detector whose light is recorded, and of those that are wanted now.
+        pub recorded: [i32; 2] => ivec2,
+        pub wanted: [i32; 2] => ivec2,
+        /// Rows that light is followed over.
+        pub halo: f32,
+        /// Of the beamlets in the cell plane.
+        pub period: f32,
+        /// Cell plane to source, inverse, 1/m; source to rotation centre.
+        pub inverse_plane: f32,
+        pub rotation: f32,
+        /// dz/dy per row.
+        pub row_slope: f32,
+        /// Cell plane to analyser.
+        pub magnification: f32,
+        /// Source to analyser, and half the width of the detector there with all that blurs.
+        pub analyser: f32,
+        pub half_width: f32,
+        /// Analyser to detector, and analyser over detector distance.
+        pub gap: f32,
+        pub ratio: f32,
+        pub row_pitch: f32,
+        /// A row in the cell plane.
+        pub row_height: f32,
+        /// Standard deviation of the blur over rows, rows.
+        pub row_blur: f32,
+        /// Recorded value per metre of open cell plane.
+        pub weight: f32,
+        /// Share of the light that the bars of the sample mask let through.
+        pub leak: f32,
+        /// Error of the light, share of open beam, and of the displacement that a patch may have.
+        pub light_budget: f32,
+        pub displacement_budget: f32,
+        /// Width that a mask step opens, of a beamlet.
+        pub open_width: f32,
+        /// Least width and height of a rectangle that is split.
+        pub least: [f32; 2] => vec2,
+        /// Steps of f32 coordinates beside a rectangle.
+        pub beside: [f32; 2] => vec2,
+        /// Error of a told value over `light_budget`, 1e-9 of open beam.
+        pub told: f32,
+        /// A told error beyond this is beyond the tolerance, 1e-9 of open beam.
+        pub tolerance: u32,
+    }
+
+    /// Push constants of the kernels of the refinement.
+    pub struct RefinePush {
+        pub params: u64 => RefineParamsRef,
+        /// `STAGE_` that `refine/plan.comp` plans.
+        pub stage: u32,
+        pub unused: u32,
+    }
+}

@@ -1,0 +1,134 @@
+//! Buffers of the refinement, which groups of patches share.
+
+use crate::trace::Tracer;
+use beamlet_core::Result;
+use beamlet_gpu::{Buffer, Device, Memory};
+use beamlet_interface::{
+    Cell, CellRow, CellRowPart, HEAD_WORDS, OCTAVES, PATCH_HEAD, Rectangle, RefineParams,
+    RefinedPatch, RefinedRow, TOLD_WORDS,
+};
+use std::sync::Arc;
+
+/// Bytes for a rectangle: itself, what younger ones ask of it, and its place in lists.
+pub(super) const RECTANGLE: u64 = size_of::<Rectangle>() as u64 + 3 * 4 + 2 * 4 + 2 * 4;
+/// Bytes for a cell, its row and its part of that.
+pub(super) const CELL: u64 =
+    (size_of::<Cell>() + size_of::<CellRow>() + 2 * size_of::<CellRowPart>()) as u64;
+
+/// Sizes of buffers.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct Sizes {
+    /// Rectangles.
+    pub(super) room: u32,
+    pub(super) cells: u32,
+    pub(super) patches: u32,
+    pub(super) rows: u32,
+    /// Words of the sums of all patches.
+    pub(super) sums: u64,
+}
+
+impl Sizes {
+    /// Words of the sums of a patch.
+    pub(super) fn sums_of_patch(steps: u32) -> u64 {
+        u64::from(PATCH_HEAD + 2 * OCTAVES) + 4 * (u64::from(steps) + 1)
+    }
+
+    fn fits(&self, other: &Self) -> bool {
+        self.room == other.room
+            && self.cells == other.cells
+            && self.patches >= other.patches
+            && self.rows >= other.rows
+            && self.sums >= other.sums
+    }
+}
+
+/// Buffers.
+#[derive(Debug)]
+pub(super) struct Buffers {
+    pub(super) sizes: Sizes,
+    pub(super) params: Buffer,
+    pub(super) head: Buffer,
+    pub(super) told: Buffer,
+    pub(super) patches: Buffer,
+    pub(super) rows: Buffer,
+    pub(super) sums: Buffer,
+    pub(super) rectangles: Buffer,
+    pub(super) lists: Buffer,
+    pub(super) splits: Buffer,
+    pub(super) asked: Buffer,
+    pub(super) again: Buffer,
+    pub(super) cells: Buffer,
+    pub(super) cell_rows: Buffer,
+    pub(super) parts: Buffer,
+}
+
+impl Buffers {
+    /// Those that there are, if they are large enough, or new ones.
+    pub(super) fn fit(device: &Arc<Device>, known: Option<Self>, sizes: Sizes) -> Result<Self> {
+        match known {
+            Some(known) if known.sizes.fits(&sizes) => Ok(known),
+            known => {
+                let sizes = match known.map(|known| known.sizes) {
+                    Some(before) => Sizes {
+                        patches: sizes.patches.max(before.patches),
+                        rows: sizes.rows.max(before.rows),
+                        sums: sizes.sums.max(before.sums),
+                        ..sizes
+                    },
+                    None => sizes,
+                };
+                Self::new(device, sizes)
+            }
+        }
+    }
+
+    fn new(device: &Arc<Device>, sizes: Sizes) -> Result<Self> {
+        let make = |name: &str, count: u64, bytes: usize| {
+            device.buffer(name, (count * bytes as u64).max(4), Memory::Device)
+        };
+        let [room, cells] = [sizes.room, sizes.cells].map(u64::from);
+        Ok(Self {
+            sizes,
+            params: make("parameters of refinement", 1, size_of::<RefineParams>())?,
+            head: make("cursors of refinement", HEAD_WORDS.into(), 4)?,
+            told: make("told errors", TOLD_WORDS.into(), 4)?,
+            patches: make("patches", sizes.patches.into(), size_of::<RefinedPatch>())?,
+            rows: make("rows of patches", sizes.rows.into(), size_of::<RefinedRow>())?,
+            sums: make("errors of patches", sizes.sums, 4)?,
+            rectangles: make("rectangles", room, size_of::<Rectangle>())?,
+            lists: make("lists of rectangles", 2 * room, 4)?,
+            splits: make("rectangles to split", room, 4)?,
+            asked: make("rectangles that are asked", 3 * room, 4)?,
+            again: make("rectangles to estimate again", room, 4)?,
+            cells: make("cells of rectangles", cells, size_of::<Cell>())?,
+            cell_rows: make("cell rows of rectangles", cells, size_of::<CellRow>())?,
+            parts: make("parts of cell rows of rectangles", 2 * cells, size_of::<CellRowPart>())?,
+        })
+    }
+
+    /// Parameters with the addresses of all buffers.
+    pub(super) fn params(&self, tracer: &Tracer) -> RefineParams {
+        RefineParams {
+            patches: self.patches.address(),
+            rows: self.rows.address(),
+            rectangles: self.rectangles.address(),
+            sums: self.sums.address(),
+            head: self.head.address(),
+            told_sums: self.told.address(),
+            lists: self.lists.address(),
+            splits: self.splits.address(),
+            asked: self.asked.address(),
+            again: self.again.address(),
+            cells: self.cells.address(),
+            cell_rows: self.cell_rows.address(),
+            parts: self.parts.address(),
+            rays: tracer.rays().address(),
+            results: tracer.results().address(),
+            queues: tracer.queues().address(),
+            room: self.sizes.room,
+            cell_room: self.sizes.cells,
+            batch: tracer.capacity(),
+            ..bytemuck::Zeroable::zeroed()
+        }
+    }
+}

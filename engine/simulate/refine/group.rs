@@ -1,0 +1,138 @@
+//! Patches that are refined together, and the patches beside them, whose base rays their estimates need.
+
+use crate::sampling::{ProjectedBounds, ViewContext};
+use beamlet_core::numbers;
+use beamlet_interface::{PATCH_MISSED, PATCH_UNKNOWN, RefinedPatch};
+use std::collections::HashMap;
+use std::ops::Range;
+
+/// Rows whose patches are side by side in memory: cells are narrow and rows high, so that rays at one x of a few
+/// rows are closer than the rays of one row.
+const ROWS_TOGETHER: i64 = 4;
+/// Most base rectangles of a patch along x and z.
+const MOST_BASE: [u32; 2] = [128, 64];
+
+/// Base rectangles of the patches that a sample touches, by beamlet and row.
+#[derive(Debug)]
+pub(super) struct Touched {
+    base: HashMap<(i64, i64), [u32; 2]>,
+    /// Rows and beamlets that are known.
+    rows: Range<i64>,
+    beamlets: Range<i64>,
+}
+
+impl Touched {
+    /// The patches of some rows, and of one row on either side, that a shadow touches and whose light may be
+    /// recorded: of other rows than the recorded ones only where a surface throws light out of its row.
+    pub(super) fn new(view: &ViewContext<'_>, rows: &Range<i64>) -> Self {
+        let lattice = view.lattice;
+        let rows = rows.start - 1..rows.end + 1;
+        let recorded = view.recorded_rows();
+        let near = recorded.start - 1..recorded.end + 1;
+        let least = [lattice.cells, view.optics.sampling.rows.max(super::refiner::LEAST_ROWS)];
+        let mut base = HashMap::new();
+        for bounds in view.projected_bounds {
+            let own = dense_for(bounds, lattice.period, least);
+            let [reached, beamlets] = bounds.patches(lattice);
+            for row in reached.start.max(rows.start)..reached.end.min(rows.end) {
+                // A neighbour of what throws light, too.
+                if !near.contains(&row) && !(row - 1..=row + 1).any(|row| bounds.throws(row)) {
+                    continue;
+                }
+                for beamlet in beamlets.clone() {
+                    let known = base.entry((beamlet, row)).or_insert(least);
+                    *known = [0, 1].map(|axis| known[axis].max(own[axis]));
+                }
+            }
+        }
+        Self { base, rows, beamlets: lattice.beamlets.clone() }
+    }
+
+    /// True if a shadow touches a patch.
+    pub(super) fn has(&self, at: &(i64, i64)) -> bool {
+        self.base.contains_key(at)
+    }
+
+    /// The touched patches of rows, in an order that keeps neighbours together.
+    pub(super) fn of_rows(&self, rows: &Range<i64>) -> Vec<(i64, i64)> {
+        let mut own: Vec<(i64, i64)> =
+            self.base.keys().filter(|at| rows.contains(&at.1)).copied().collect();
+        own.sort_unstable_by_key(|&(beamlet, row)| (row.div_euclid(ROWS_TOGETHER), beamlet, row));
+        own
+    }
+
+    /// Base rectangles of a patch.
+    pub(super) fn base_of(&self, at: &(i64, i64)) -> u32 {
+        self.base.get(at).map_or(0, |[x, z]| x * z)
+    }
+
+    /// Patches as the device takes them, with the patches beside them behind.
+    pub(super) fn group(&self, view: &ViewContext<'_>, own: &[(i64, i64)], lit: &Range<i64>) -> Group {
+        let mut index: HashMap<(i64, i64), u32> = (0..).zip(own).map(|(n, at)| (*at, n)).collect();
+        let beside = |&(beamlet, row): &(i64, i64)| {
+            [(beamlet - 1, row), (beamlet + 1, row), (beamlet, row - 1), (beamlet, row + 1)]
+        };
+        let mut all = own.to_vec();
+        for at in own.iter().flat_map(beside) {
+            if self.has(&at) && !index.contains_key(&at) {
+                index.insert(at, numbers::count(all.len()));
+                all.push(at);
+            }
+        }
+        let of = |at: (i64, i64)| match index.get(&at) {
+            Some(index) => *index,
+            None if self.beamlets.contains(&at.0) && self.rows.contains(&at.1) => PATCH_MISSED,
+            None => PATCH_UNKNOWN,
+        };
+        let mut first = 0;
+        let mut own_base = 0;
+        let mut patches = Vec::with_capacity(all.len());
+        for (number, at) in all.iter().enumerate() {
+            let base = self.base[at];
+            let [low, high, above, below] = beside(at).map(of);
+            let is_lit = lit.contains(&at.1) && view.lattice.direct.contains(&at.0);
+            patches.push(RefinedPatch {
+                column: numbers::narrow::<u32>(at.0 - view.lattice.beamlets.start),
+                row: numbers::narrow::<i32>(at.1),
+                first,
+                base,
+                low,
+                high,
+                above,
+                below,
+                is_lit: is_lit.into(),
+            });
+            first += base[0] * base[1];
+            if number + 1 == own.len() {
+                own_base = first;
+            }
+        }
+        Group { patches, own: numbers::count(own.len()), own_base, all_base: first }
+    }
+}
+
+/// Patches to refine, with the patches beside them behind.
+#[derive(Debug)]
+pub(super) struct Group {
+    pub(super) patches: Vec<RefinedPatch>,
+    /// Number of the patches to refine.
+    pub(super) own: u32,
+    /// Their base rectangles, and all.
+    pub(super) own_base: u32,
+    pub(super) all_base: u32,
+}
+
+impl Group {
+    /// Rows of all patches.
+    pub(super) fn rows(&self) -> Range<i32> {
+        let rows = || self.patches.iter().map(|patch| patch.row);
+        rows().min().unwrap_or(0)..rows().max().map_or(0, |row| row + 1)
+    }
+}
+
+/// Base rectangles that hide no component: at half of its mean chord two rays cross it wherever it is thicker.
+fn dense_for(bounds: &ProjectedBounds, period: f64, least: [u32; 2]) -> [u32; 2] {
+    let count = |whole: f64, part: f64| numbers::whole::<u32>((whole / part).ceil().min(1e9));
+    let wanted = [count(period, bounds.width), count(1.0, bounds.height)];
+    [0, 1].map(|axis| wanted[axis].min(MOST_BASE[axis]).max(least[axis]))
+}

@@ -1,0 +1,102 @@
+//! Kernels of the refinement, and the turn that they take.
+
+use crate::trace::{MadeRays, Tracer};
+use beamlet_core::Result;
+use beamlet_gpu::{Buffer, Device, Kernel, LazyKernel, Recorder, push_bytes};
+use beamlet_interface::{
+    RefinePush, STAGE_AGAIN, STAGE_BASE, STAGE_BUDGET, STAGE_EMIT, STAGE_ESTIMATE, STAGE_KEEP,
+    STAGE_SELECT, STAGE_SPLIT, STAGE_TELL, STAGE_WORDS, HEAD_STAGES,
+};
+use std::sync::Arc;
+
+/// The kernels of one device, each made when it is first wanted.
+#[derive(Debug)]
+pub(crate) struct RefineKernels {
+    plan: LazyKernel,
+    /// By `STAGE_`.
+    stages: [LazyKernel; 9],
+}
+
+impl RefineKernels {
+    /// Kernels of a device.
+    #[must_use]
+    pub(crate) fn new(device: &Arc<Device>) -> Self {
+        let kernel = |name| LazyKernel::new(device, name, push_bytes::<RefinePush>());
+        Self {
+            plan: kernel("refine_plan"),
+            stages: [
+                "refine_base",
+                "refine_split",
+                "refine_keep",
+                "refine_estimate",
+                "refine_again",
+                "refine_budget",
+                "refine_select",
+                "refine_emit",
+                "refine_tell",
+            ]
+            .map(kernel),
+        }
+    }
+
+    /// All of them.
+    pub(crate) fn all(&self) -> impl Iterator<Item = &LazyKernel> {
+        std::iter::once(&self.plan).chain(&self.stages)
+    }
+
+    /// The kernels, made.
+    ///
+    /// # Errors
+    /// As [`LazyKernel::get`].
+    pub(super) fn made(&self) -> Result<Stages<'_>> {
+        let stages = self.stages.iter().map(LazyKernel::get).collect::<Result<_>>()?;
+        Ok(Stages { plan: self.plan.get()?, stages })
+    }
+}
+
+/// Kernels that are made.
+pub(super) struct Stages<'k> {
+    plan: &'k Kernel,
+    stages: Vec<&'k Kernel>,
+}
+
+impl Stages<'_> {
+    /// Records one turn: new rays with their results, estimates, the choice of what is split next, and cells
+    /// where nothing is left to split. Stages that have nothing to do have no workgroups.
+    pub(super) fn record_turn(
+        &self,
+        r: &mut Recorder<'_>,
+        (params, head): (u64, &Buffer),
+        tracer: &Tracer,
+        made: &MadeRays<'_>,
+    ) {
+        let plan = |r: &mut Recorder<'_>, stage: u32| {
+            r.barrier();
+            r.dispatch(self.plan, bytemuck::bytes_of(&RefinePush { params, stage, unused: 0 }), [1; 3]);
+            r.barrier();
+        };
+        let run = |r: &mut Recorder<'_>, stage: u32| {
+            let push = RefinePush { params, stage, unused: 0 };
+            let at = u64::from(HEAD_STAGES + stage * STAGE_WORDS + 2) * 4;
+            r.dispatch_indirect(self.stages[stage as usize], bytemuck::bytes_of(&push), head, at);
+        };
+        plan(r, STAGE_BASE);
+        run(r, STAGE_BASE);
+        run(r, STAGE_SPLIT);
+        tracer.record_made(r, made);
+        r.barrier();
+        run(r, STAGE_KEEP);
+        plan(r, STAGE_ESTIMATE);
+        run(r, STAGE_ESTIMATE);
+        plan(r, STAGE_AGAIN);
+        run(r, STAGE_AGAIN);
+        r.barrier();
+        run(r, STAGE_BUDGET);
+        plan(r, STAGE_SELECT);
+        run(r, STAGE_SELECT);
+        plan(r, STAGE_EMIT);
+        run(r, STAGE_EMIT);
+        r.barrier();
+        run(r, STAGE_TELL);
+    }
+}

@@ -1,0 +1,104 @@
+//! Tables of a view that stay on the device: beamlets, openings of the sample mask, and windows.
+
+use crate::sampling::{Response, ViewContext};
+use beamlet_core::Result;
+use beamlet_core::numbers::{self, single};
+use beamlet_gpu::{Buffer, Device};
+use beamlet_interface::{MaskOpening, RefinedColumn, RefinedRow, WindowTable};
+use std::ops::Range;
+use std::sync::Arc;
+
+/// Tables of the mask offsets of a view.
+#[derive(Debug)]
+pub(super) struct Tables {
+    pub(super) columns: Buffer,
+    pub(super) openings: Buffer,
+    pub(super) opening_count: u32,
+    pub(super) windows: Buffer,
+    pub(super) window_count: u32,
+    /// Largest width that a step opens, m.
+    pub(super) open_width: f32,
+    _values: Vec<Buffer>,
+}
+
+/// The nearest f32, and what is left.
+fn in_two(value: f64) -> [f32; 2] {
+    let near = single(value);
+    [near, single(value - f64::from(near))]
+}
+
+impl Tables {
+    pub(super) fn new(device: &Arc<Device>, view: &ViewContext<'_>) -> Result<Self> {
+        let (lattice, response) = (view.lattice, view.response);
+        let rotation = view.optics.rotation;
+        let column = |(index, beamlet): (usize, i64)| {
+            let slope = lattice.centre(beamlet) / lattice.plane;
+            let ([slope_near, slope_rest], [x, x_rest]) = (in_two(slope), in_two(slope * rotation));
+            RefinedColumn {
+                slope: slope_near,
+                slope_rest,
+                x,
+                x_rest,
+                landing: response.landings(index),
+                mask_offset: response.mask_offset[index],
+                shadow: response.shadow[index],
+            }
+        };
+        let columns: Vec<RefinedColumn> = (0..).zip(lattice.beamlets.clone()).map(column).collect();
+        let openings: Vec<MaskOpening> = response
+            .openings
+            .iter()
+            .map(|opening| MaskOpening { step: opening.step, low: opening.x[0], high: opening.x[1] })
+            .collect();
+        let mut values = Vec::new();
+        let mut windows = Vec::new();
+        for kind in &response.windows {
+            let numbers = kind.numbers();
+            let buffer = device.upload("windows on the analyser", &numbers)?;
+            windows.push(WindowTable {
+                values: buffer.address(),
+                count: numbers::count(numbers.len()),
+                is_sharp: kind.is_sharp().into(),
+                period: kind.period,
+                share: kind.share,
+            });
+            values.push(buffer);
+        }
+        Ok(Self {
+            columns: device.upload("beamlets of patches", &columns)?,
+            opening_count: numbers::count(openings.len()),
+            openings: device.upload(
+                "openings by mask step",
+                if openings.is_empty() { &NO_OPENINGS } else { &openings },
+            )?,
+            window_count: numbers::count(windows.len()),
+            windows: device.upload("kinds of windows", &windows)?,
+            open_width: widest(response, single(lattice.period)),
+            _values: values,
+        })
+    }
+}
+
+/// A buffer is not empty.
+const NO_OPENINGS: [MaskOpening; 1] = [MaskOpening { step: 0, low: 0.0, high: 0.0 }];
+
+/// Largest width that a step opens, m: of a period at most.
+fn widest(response: &Response, period: f32) -> f32 {
+    let of_step = |step: &[crate::sampling::Opening]| -> f32 {
+        step.iter().map(|opening| opening.x[1] - opening.x[0]).sum()
+    };
+    let steps = response.openings.chunk_by(|a, b| a.step == b.step).map(of_step);
+    steps.fold(None, |most: Option<f32>, width| Some(most.map_or(width, |most| most.max(width))))
+        .map_or(period, |width| width.min(period))
+}
+
+/// Rows of the detector, as rays need them.
+pub(super) fn rows(view: &ViewContext<'_>, rows: Range<i32>) -> Vec<RefinedRow> {
+    let detector = &view.lattice.detector;
+    let row = |row: i32| {
+        let slope = detector.slope_of_row(row.into());
+        let ([slope, slope_rest], [z, z_rest]) = (in_two(slope), in_two(slope * view.optics.rotation));
+        RefinedRow { slope, slope_rest, z, z_rest }
+    };
+    rows.map(row).collect()
+}

@@ -1,0 +1,223 @@
+#version 460
+// Estimates the errors of rectangles: how the recorded light would change if a rectangle were like its
+// neighbours. With AGAIN of older ones whose younger neighbours crossed other surfaces: these ask in a dispatch
+// of their own, so that no estimate depends on which runs first.
+#extension GL_GOOGLE_include_directive : require
+#extension GL_EXT_buffer_reference : require
+#extension GL_EXT_buffer_reference2 : require
+#extension GL_EXT_buffer_reference_uvec2 : require
+#extension GL_EXT_scalar_block_layout : require
+#include "interface.glsl"
+#include "refine/head.glsl"
+#include "refine/rectangle.glsl"
+#include "refine/light.glsl"
+#include "refine/slopes.glsl"
+
+// Standard deviation of a place spread evenly over a step.
+const float SPREAD = 0.28867513;
+// Light at a silhouette that a rectangle may have on the wrong side, share of its light.
+const float SILHOUETTE = 0.3;
+// Crossings up to which one silhouette may take that much.
+const float SILHOUETTE_CROSSINGS = 8.0;
+// Share of the light at a silhouette that may land in recorded rows from outside.
+const float THROWN = 0.05;
+// Neighbours whose ray is farther aside, of the side of the rectangle, are not compared.
+const float ASIDE = 0.6;
+// Places along a side where the corners of a neighbour are looked for, from its middle.
+const float CORNER = 0.42;
+
+// A rectangle and what its light does.
+struct Own {
+    Rectangle g;
+    RefinedPatch patch_;
+    RefinedColumn column;
+    Found found;
+    RaySlopes slopes;
+    float passed; // share of its light that passes the sample and may be recorded
+    float at;     // where it lands
+    float half_;  // half the width over which it lands
+    vec2 size;    // m, and rows
+};
+
+// Changes towards a neighbour.
+struct Change {
+    float light;
+    float moved; // of the displacement, against what the rectangle predicts
+    bool silhouette;
+};
+
+// Light of a ray that passes and may be recorded.
+float recorded(Own own, Found found) {
+    float row = float(own.patch_.row) + found.at.y - found.landing / P.row_pitch;
+    float reach = 0.5 * own.size.y;
+    bool in_rows = row + reach > float(P.recorded[0]) && row - reach < float(P.recorded[1]);
+    float x = own.column.slope * P.analyser + P.magnification * found.at.x + found.displacement;
+    return in_rows && abs(x) < P.half_width ? exp(-found.depth) : 0.0;
+}
+
+// The change if the silhouette towards a neighbour were on the other side.
+Change over_silhouette(Own own, Found found) {
+    float there = recorded(own, found);
+    float lit = max(own.passed, there);
+    if (lit == 0.0) return Change(THROWN * exp(-min(own.found.depth, found.depth)), 0.0, true);
+    float moved = own.at + found.displacement - own.found.displacement;
+    float light = change_of(own.column, Landed(own.passed, own.at), Landed(there, moved), own.half_);
+    uint crossings = max(max(crossings_of(own.found.flags), crossings_of(found.flags)), 1u);
+    float all = SILHOUETTE * min(SILHOUETTE_CROSSINGS / float(crossings), 1.0) * lit;
+    return Change(max(light, all), 0.0, true);
+}
+
+// The error of the linear result at a neighbour on the same surfaces.
+Change on_surface(Own own, Found found) {
+    vec2 apart = found.at - own.found.at;
+    float depth = found.depth - own.found.depth - dot(own.slopes.depth, apart);
+    float moved = found.displacement - own.found.displacement - dot(own.slopes.displacement, apart);
+    float there = recorded(own, found);
+    if (max(own.passed, there) == 0.0) return Change(0.0, 0.0, false);
+    // A slope between rays close to each other may predict any depth.
+    float other = there == 0.0 ? 0.0 : min(own.passed * exp(-depth), 2.0 * max(own.passed, there));
+    float light = change_of(own.column, Landed(own.passed, own.at), Landed(other, own.at + moved), own.half_);
+    // Light that moves over the border of a row.
+    float fall = abs(found.landing - own.found.landing) / P.row_pitch;
+    float down = -own.found.landing / P.row_pitch;
+    bool crosses = own.g.z_low <= 0.0 || own.g.z_high >= 1.0
+        || floor(own.g.z_low + down - fall) < floor(own.g.z_high + down + fall);
+    if (crosses) light += own.passed * min(fall / own.size.y, 1.0);
+    return Change(light, abs(moved), false);
+}
+
+// An older rectangle beside a younger one that crosses other surfaces is to take that into account.
+void ask(Found found, uint axis, float change) {
+    atomicMax(P.asked.at[3u * found.index + axis], floatBitsToUint(change));
+    if (atomicOr(P.asked.at[3u * found.index + 2u], 1u) == 0u) {
+        uint slot = atomicAdd(P.head.at[HEAD_AGAINS], 1u);
+        P.again.at[slot] = found.index;
+    }
+}
+
+Own own_of(uint index) {
+    Own own;
+    own.g = P.rectangles.at[index];
+    own.patch_ = P.patches.at[own.g.patch_index];
+    own.column = P.columns.at[own.patch_.column];
+    own.found = found_of(own.g, index, vec2(0.0));
+    own.size = vec2(own.g.x_high - own.g.x_low, own.g.z_high - own.g.z_low);
+    own.passed = recorded(own, own.found);
+    own.at = P.magnification * own.found.at.x + own.found.displacement;
+    return own;
+}
+
+// A neighbour beside a side: 0 and 1 at lower and higher x, 2 and 3 above and below, at a place along it.
+Found beside(Own own, uint side, float along) {
+    vec2 low = vec2(own.g.x_low, own.g.z_low);
+    vec2 high = vec2(own.g.x_high, own.g.z_high);
+    vec2 at = own.found.at + along * own.size;
+    uint axis = side / 2u;
+    float out_ = max(1e-4 * own.size[axis], P.beside[axis]);
+    at[axis] = side % 2u == 0u ? low[axis] - out_ : high[axis] + out_;
+    return found_at(own.g.patch_index, at.x, at.y);
+}
+
+bool is_aside(Own own, Found found, uint side) {
+    uint other = 1u - side / 2u;
+    return !found.known || abs(found.at[other] - own.found.at[other]) > ASIDE * own.size[other];
+}
+
+// Error of a rectangle from its largest changes.
+void settle(inout Own own, uint index, vec2 change, float moved, bool silhouette) {
+    float area = own.size.x * own.size.y;
+    precise float light =
+        P.weight * area * SPREAD * max(change.x, change.y) / P.light_budget;
+    precise float square = light * light;
+    own.g.light_error = square;
+    if (!silhouette && P.displacement_budget > 0.0) {
+        precise float turned = SPREAD * moved * area / (P.open_width * P.displacement_budget);
+        square += turned * turned;
+    }
+    own.g.error = square;
+    own.g.change_x = change.x;
+    own.g.change_z = change.y;
+    bool along_x = change.x > 2.0 * change.y
+        || (change.y <= 2.0 * change.x && own.size.y * P.row_height <= own.size.x);
+    float most = weigh(own.g, step_sums_of(own.g.patch_index, false), own.g.error, true);
+    bool least = along_x ? own.size.x <= P.least.x : own.size.y <= P.least.y;
+    precise float counted = own.g.error * most * most;
+    own.g.counted = least ? 0.0 : counted;
+    count_square(own.g.patch_index, own.g.counted, true);
+    P.rectangles.at[index].light_error = own.g.light_error;
+    P.rectangles.at[index].error = own.g.error;
+    P.rectangles.at[index].counted = own.g.counted;
+    P.rectangles.at[index].change_x = change.x;
+    P.rectangles.at[index].change_z = change.y;
+    uint flags = own.g.flags & ~RECTANGLE_ALONG_X;
+    P.rectangles.at[index].flags = flags | (along_x ? RECTANGLE_ALONG_X : 0u);
+}
+
+void main() {
+    uint index;
+#ifdef AGAIN
+    if (!item_of(STAGE_AGAIN, index)) return;
+    index = P.again.at[index];
+#else
+    if (!item_of(STAGE_ESTIMATE, index)) return;
+#endif
+    Own own = own_of(index);
+    uint words = sums_of(own.g.patch_index);
+    if (own.g.parts != 0u || (P.sums.at[words + PATCH_FLAGS] & PATCH_IS_DONE) != 0u) return;
+#ifdef AGAIN
+    P.asked.at[3u * index + 2u] = 0u;
+    weigh(own.g, step_sums_of(own.g.patch_index, false), own.g.error, false);
+    count_square(own.g.patch_index, own.g.counted, false);
+#endif
+    Found found[4];
+    bool aside[4];
+    bool same[4];
+    for (uint side = 0u; side < 4u; side++) {
+        found[side] = beside(own, side, 0.0);
+        aside[side] = is_aside(own, found[side], side);
+        same[side] = !aside[side] && alike(found[side], own.found);
+    }
+    own.slopes = slopes_of(own.found, found, same);
+    own.half_ = 0.5 * abs(P.magnification + own.slopes.displacement.x) * own.size.x;
+    vec2 change = vec2(0.0);
+    float moved = 0.0;
+    bool silhouette = false;
+    for (uint side = 0u; side < 4u; side++) {
+        bool unlike = found[side].known && !alike(found[side], own.found);
+#ifndef AGAIN
+        if (unlike && found[side].index < P.head.at[HEAD_OLDER]) {
+            float lit = max(own.passed, recorded(own, found[side]));
+            ask(found[side], side / 2u, SILHOUETTE * lit);
+        }
+#endif
+        if (aside[side]) continue;
+        Change towards;
+        if (unlike) towards = over_silhouette(own, found[side]);
+        else towards = on_surface(own, found[side]);
+        change[side / 2u] = max(change[side / 2u], towards.light);
+        moved = max(moved, towards.moved);
+        silhouette = silhouette || towards.silhouette;
+    }
+    for (uint corner = 0u; corner < 8u; corner++) {
+        uint side = corner / 2u;
+        Found other = beside(own, side, corner % 2u == 0u ? -CORNER : CORNER);
+        if (!other.known || alike(other, own.found) || is_aside(own, other, side)) continue;
+        Change towards = over_silhouette(own, other);
+        change[side / 2u] = max(change[side / 2u], towards.light);
+        silhouette = true;
+    }
+    for (uint axis = 0u; axis < 2u; axis++) {
+        float asked = uintBitsToFloat(P.asked.at[3u * index + axis]);
+        silhouette = silhouette || asked > 0.0;
+        change[axis] = max(change[axis], asked);
+        // What the whole knew of this axis holds for its parts.
+        float before = axis == 0u ? own.g.change_x : own.g.change_z;
+        if (aside[2u * axis] || aside[2u * axis + 1u]) change[axis] = max(change[axis], before);
+    }
+    settle(own, index, change, moved, silhouette);
+    uint flags = (own.g.signature != 0u || crossings_of(own.g.flags) != 0u ? PATCH_IS_HIT : 0u)
+        | (silhouette ? PATCH_IS_CROSSED : 0u);
+    if ((P.sums.at[words + PATCH_FLAGS] & flags) != flags) {
+        atomicOr(P.sums.at[words + PATCH_FLAGS], flags);
+    }
+}

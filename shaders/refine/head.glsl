@@ -1,0 +1,26 @@
+// Parameters of the refinement, and the dispatches that the device sizes itself.
+
+#include "interface/RefinePush.glsl"
+
+#define P push.params.at[0]
+
+layout(local_size_x = GROUP) in;
+
+// The item of this invocation; false where a stage has fewer.
+bool item_of(uint stage, out uint item) {
+    uint words = HEAD_STAGES + stage * STAGE_WORDS;
+    item = gl_GlobalInvocationID.x;
+    bool is_item = item < P.head.at[words + 1u];
+    item += P.head.at[words];
+    return is_item;
+}
+
+// First word of the sums of a patch.
+uint sums_of(uint patch_index) {
+    return patch_index * (PATCH_HEAD + 2u * OCTAVES + 4u * (P.steps + 1u));
+}
+
+// First word of its sums of errors, or of told errors.
+uint step_sums_of(uint patch_index, bool told) {
+    return sums_of(patch_index) + PATCH_HEAD + 2u * OCTAVES + (told ? 2u * (P.steps + 1u) : 0u);
+}

@@ -1,0 +1,193 @@
+// Rectangles of patches: rays, neighbours, and sums of errors.
+
+// The ray through a place of a patch.
+Ray ray_at(RefinedPatch patch_, float x, float z) {
+    RefinedColumn column = P.columns.at[patch_.column];
+    RefinedRow row = P.rows.at[uint(patch_.row - P.first_row)];
+    // Sums of two numbers, rounded once.
+    float aside = column.slope_rest + x * P.inverse_plane;
+    float below = row.slope_rest + z * P.row_slope;
+    return Ray(column.x + (column.x_rest + x * P.inverse_plane * P.rotation),
+               row.z + (row.z_rest + z * P.row_slope * P.rotation), column.slope + aside,
+               row.slope + below, P.pose, 0u);
+}
+
+// A base rectangle; its neighbours have the same bits at the side that they share.
+void set_base(inout Rectangle g, RefinedPatch patch_, uvec2 at) {
+    float half_period = 0.5 * P.period;
+    uvec2 last = uvec2(patch_.base[0], patch_.base[1]) - 1u;
+    vec2 size = vec2(P.period / float(last.x + 1u), 1.0 / float(last.y + 1u));
+    g.x_low = at.x == 0u ? -half_period : float(at.x) * size.x - half_period;
+    g.x_high = at.x == last.x ? half_period : float(at.x + 1u) * size.x - half_period;
+    g.z_low = at.y == 0u ? 0.0 : float(at.y) * size.y;
+    g.z_high = at.y == last.y ? 1.0 : float(at.y + 1u) * size.y;
+}
+
+vec2 middle_of(Rectangle g) {
+    return vec2(0.5 * (g.x_low + g.x_high), 0.5 * (g.z_low + g.z_high));
+}
+
+// What the ray of a rectangle met, and its place from the middle of the beamlet of the patch that asks.
+struct Found {
+    bool known;
+    uint index; // of a rectangle of this patch
+    vec2 at;
+    float depth;
+    float displacement;
+    float landing;
+    uint signature;
+    uint flags;
+};
+
+Found found_of(Rectangle g, uint index, vec2 shift) {
+    return Found(true, index, middle_of(g) + shift, g.optical_depth, g.displacement, g.landing,
+                 g.signature, g.flags);
+}
+
+const uint NO_RECTANGLE = 0xffffffffu;
+
+// The rectangle at a place of a patch, or the base rectangle of the patch beside it: results do not depend
+// on how far that is refined.
+Found found_at(uint patch_index, float x, float z) {
+    float half_period = 0.5 * P.period;
+    RefinedPatch patch_ = P.patches.at[patch_index];
+    uint other = patch_index;
+    vec2 shift = vec2(0.0);
+    if (x < -half_period) {
+        other = patch_.low;
+        shift.x = -P.period;
+    } else if (x >= half_period) {
+        other = patch_.high;
+        shift.x = P.period;
+    } else if (z < 0.0) {
+        other = patch_.above;
+        shift.y = -1.0;
+    } else if (z >= 1.0) {
+        other = patch_.below;
+        shift.y = 1.0;
+    }
+    Found nothing = Found(other != PATCH_UNKNOWN, NO_RECTANGLE, vec2(x, z), 0.0, 0.0, 0.0, 0u, 0u);
+    if (other == PATCH_UNKNOWN || other == PATCH_MISSED) return nothing;
+    vec2 own = vec2(x, z) - shift;
+    if (other != patch_index) patch_ = P.patches.at[other];
+    uvec2 base = uvec2(patch_.base[0], patch_.base[1]);
+    vec2 share = vec2(own.x / P.period + 0.5, own.y) * vec2(base);
+    uvec2 at = min(uvec2(max(share, vec2(0.0))), base - 1u);
+    uint index = patch_.first + at.x * base.y + at.y;
+    if (other == patch_index) {
+        // Shares are rounded: the sides of rectangles decide.
+        Rectangle g = P.rectangles.at[index];
+        if (own.x < g.x_low && at.x > 0u) index -= base.y;
+        if (own.x >= g.x_high && at.x + 1u < base.x) index += base.y;
+        if (own.y < g.z_low && at.y > 0u) index -= 1u;
+        if (own.y >= g.z_high && at.y + 1u < base.y) index += 1u;
+        uint parts = P.rectangles.at[index].parts;
+        while (parts != 0u) {
+            Rectangle first = P.rectangles.at[parts];
+            bool along_x = P.rectangles.at[parts + 1u].x_low == first.x_high;
+            float v = along_x ? own.x : own.y;
+            float a = along_x ? first.x_high : first.z_high;
+            float b = along_x ? P.rectangles.at[parts + 1u].x_high : P.rectangles.at[parts + 1u].z_high;
+            index = parts + (v < a ? 0u : v < b ? 1u : 2u);
+            parts = P.rectangles.at[index].parts;
+        }
+    }
+    return found_of(P.rectangles.at[index], other == patch_index ? index : NO_RECTANGLE, shift);
+}
+
+// Whether two rays crossed the same components in the same way.
+bool alike(Found a, Found b) {
+    return a.signature == b.signature && ((a.flags ^ b.flags) & FLAG_REFLECTED) == 0u
+        && ((a.flags | b.flags) & FLAG_NOT_FINITE) == 0u;
+}
+
+uint crossings_of(uint flags) {
+    return flags >> RECTANGLE_CROSSINGS;
+}
+
+// Adds a number of 64 bits to two words.
+void add_pair(Words words, uint at, uvec2 value) {
+    if (value == uvec2(0u)) return;
+    uint old = atomicAdd(words.at[at], value.x);
+    uint high = value.y + (old + value.x < old ? 1u : 0u);
+    if (high != 0u) atomicAdd(words.at[at + 1u], high);
+}
+
+// Squares of errors are sums of 2^-16 of the square of the budget, as integers of 64 bits: they do not
+// depend on the order of their terms, and what is taken out of them is what was added.
+const float UNIT = 65536.0;
+const float MOST_SQUARE = 1e12;
+
+void add_square(uint at, float square, bool add) {
+    precise float units = floor(min(square, MOST_SQUARE) * UNIT);
+    float high = floor(units / 4294967296.0);
+    uvec2 value = uvec2(uint(units - high * 4294967296.0), uint(high));
+    if (!add && value != uvec2(0u)) value = uvec2(~value.x + 1u, ~value.y + (value.x == 0u ? 1u : 0u));
+    add_pair(P.sums, at, value);
+}
+
+// Shares of a rectangle that a step opens, by step.
+struct Shares {
+    uint step_;
+    float open;
+    float most; // of all steps so far
+};
+
+void add_step(inout Shares shares, uint first, float square, bool add) {
+    precise float lit = P.leak + (1.0 - P.leak) * min(shares.open, 1.0);
+    precise float part = square * (lit * lit - P.leak * P.leak);
+    if (shares.open > 0.0) add_square(first + 2u * shares.step_, part, add);
+    shares.most = max(shares.most, lit);
+    shares.open = 0.0;
+}
+
+// Adds the square of an error of a rectangle to the sums of all steps, or takes it out; the largest share of it
+// that a step lets through.
+float weigh(Rectangle g, uint first, float square, bool add) {
+    Shares shares = Shares(0u, 0.0, P.leak);
+    RefinedColumn column = P.columns.at[P.patches.at[g.patch_index].column];
+    if (P.opening_count == 0u) shares.open = 1.0;
+    for (uint i = 0u; i < P.opening_count; i++) {
+        MaskOpening opening = P.openings.at[i];
+        if (opening.step != shares.step_) {
+            add_step(shares, first, square, add);
+            shares.step_ = opening.step;
+        }
+        precise float low = opening.low - column.mask_offset + column.shadow;
+        precise float high = opening.high - column.mask_offset - column.shadow;
+        // The opening of the period that ends in the rectangle, or behind it, and the next one.
+        precise float ahead = ceil((g.x_low - high) / P.period) * P.period;
+        low += ahead;
+        high += ahead;
+        precise float part = max(min(high, g.x_high) - max(low, g.x_low), 0.0)
+            + max(min(high + P.period, g.x_high) - max(low + P.period, g.x_low), 0.0);
+        precise float open = shares.open + part / (g.x_high - g.x_low);
+        if (high > low) shares.open = open;
+    }
+    add_step(shares, first, square, add);
+    precise float of_all = square * (P.leak * P.leak);
+    add_square(first + 2u * P.steps, of_all, add);
+    return shares.most;
+}
+
+int octave_of(float square) {
+    return int(floatBitsToUint(square) >> 23u) - 127 + int(LOWEST_OCTAVE);
+}
+
+// Counts an error among those of its octave, or takes it out.
+void count_square(uint patch_index, float square, bool add) {
+    // The largest octave has all beyond it.
+    float limited = min(square, 4095.0);
+    int octave = octave_of(limited);
+    if (!(square > 0.0) || octave < 0) return;
+    uint at = sums_of(patch_index) + PATCH_HEAD + uint(octave);
+    uint mantissa = ((floatBitsToUint(limited) & 0x7fffffu) | 0x800000u) >> 13u;
+    atomicAdd(P.sums.at[at], add ? mantissa : ~mantissa + 1u);
+    atomicAdd(P.sums.at[at + OCTAVES], add ? 1u : 0xffffffffu);
+}
+
+// Sum of the errors of an octave.
+float sum_of_octave(uint patch_index, uint octave) {
+    uint sum = P.sums.at[sums_of(patch_index) + PATCH_HEAD + octave];
+    return float(sum) / 1024.0 * exp2(float(int(octave) - int(LOWEST_OCTAVE)));
+}

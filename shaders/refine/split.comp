@@ -1,0 +1,49 @@
+#version 460
+// Makes the three parts of rectangles. The one in the middle has the ray of the whole.
+#extension GL_GOOGLE_include_directive : require
+#extension GL_EXT_buffer_reference : require
+#extension GL_EXT_buffer_reference2 : require
+#extension GL_EXT_buffer_reference_uvec2 : require
+#extension GL_EXT_scalar_block_layout : require
+#include "interface.glsl"
+#include "refine/head.glsl"
+#include "refine/rectangle.glsl"
+
+void main() {
+    uint item;
+    if (!item_of(STAGE_SPLIT, item)) return;
+    uint place = gl_GlobalInvocationID.x;
+    uint count = P.head.at[HEAD_STAGES + STAGE_SPLIT * STAGE_WORDS + 1u];
+    uint whole = P.splits.at[item];
+    Rectangle g = P.rectangles.at[whole];
+    uint first = P.head.at[HEAD_RECTANGLES] - 3u * (count - place);
+    uint list = P.head.at[HEAD_LIST];
+    uint end = list * P.room + P.head.at[HEAD_LISTED + list] - 3u * (count - place);
+    weigh(g, step_sums_of(g.patch_index, false), g.error, false);
+    bool along_x = (g.flags & RECTANGLE_ALONG_X) != 0u;
+    vec2 ends = along_x ? vec2(g.x_low, g.x_high) : vec2(g.z_low, g.z_high);
+    float third = (ends.y - ends.x) / 3.0;
+    float borders[4] = float[4](ends.x, ends.x + third, ends.y - third, ends.y);
+    RefinedPatch patch_ = P.patches.at[g.patch_index];
+    for (uint k = 0u; k < 3u; k++) {
+        Rectangle part = g;
+        if (along_x) {
+            part.x_low = borders[k];
+            part.x_high = borders[k + 1u];
+        } else {
+            part.z_low = borders[k];
+            part.z_high = borders[k + 1u];
+        }
+        part.light_error = part.error = part.counted = 0.0;
+        uint index = first + k;
+        P.rectangles.at[index] = part;
+        for (uint word = 0u; word < 3u; word++) P.asked.at[3u * index + word] = 0u;
+        P.lists.at[end + k] = index;
+        if (k != 1u) {
+            vec2 at = middle_of(part);
+            P.rays.at[2u * place + k / 2u] = ray_at(patch_, at.x, at.y);
+        }
+    }
+    P.rectangles.at[whole].parts = first;
+    atomicAdd(P.sums.at[sums_of(g.patch_index) + PATCH_RAYS], 2u);
+}

@@ -1,0 +1,13 @@
+// Largest square of the error of a mask step of a patch, of the square of the budget.
+float worst_square(uint patch_index, bool told) {
+    uint first = step_sums_of(patch_index, told);
+    uvec2 most = uvec2(0u);
+    for (uint step_ = 0u; step_ < P.steps; step_++) {
+        uvec2 sum = uvec2(P.sums.at[first + 2u * step_], P.sums.at[first + 2u * step_ + 1u]);
+        if (sum.y > most.y || (sum.y == most.y && sum.x > most.x)) most = sum;
+    }
+    uint of_all = first + 2u * P.steps;
+    float low = float(most.x) + float(P.sums.at[of_all]);
+    float high = float(most.y) + float(P.sums.at[of_all + 1u]);
+    return (low + 4294967296.0 * high) / UNIT;
+}
