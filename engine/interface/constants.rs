@@ -123,8 +123,8 @@ shared_constants! {
     OCTAVES: u32 = 32;
     /// Exponent of the lowest octave, below zero.
     LOWEST_OCTAVE: u32 = 20;
-    /// Words at the head of the sums of a patch; then sums and counts of each octave, and sums of two words
-    /// for each mask step and for all of them, of errors and of told errors.
+    /// Words at the head of the sums of a patch; then sums and counts of each octave, of errors of the light and
+    /// with those of the displacement; then sums of two words for each mask step and for all of them, of both.
     PATCH_HEAD: u32 = 4;
     /// Error from which on rectangles are split.
     PATCH_THRESHOLD: u32 = 0;

@@ -94,11 +94,11 @@ shared_structs! {
         /// Largest changes of light towards neighbours along x and z.
         pub change_x: f32,
         pub change_z: f32,
-        /// Error of its light squared, share of the budget squared, and with that of the displacement.
+        /// Errors of its light and of the displacement, squared, shares of the budgets squared.
         pub light_error: f32,
-        pub error: f32,
-        /// The same where the step that opens most of it does, as the patch counts it.
-        pub counted: f32,
+        pub turn_error: f32,
+        /// Square of the largest share of it that a step lets through; 0 where it is too small to be split.
+        pub weight: f32,
     }
 
     /// Parameters of the refinement of a group of patches.
@@ -181,6 +181,8 @@ shared_structs! {
         pub weight: f32,
         /// Share of the light that the bars of the sample mask let through.
         pub leak: f32,
+        /// Largest change of the share of light that passes a window, per displacement, 1/m.
+        pub steepest: f32,
         /// Error of the light, share of open beam, and of the displacement that a patch may have.
         pub light_budget: f32,
         pub displacement_budget: f32,
@@ -194,6 +196,7 @@ shared_structs! {
         pub told: f32,
         /// A told error beyond this is beyond the tolerance, 1e-9 of open beam.
         pub tolerance: u32,
+        pub unused: u32,
     }
 
     /// Push constants of the kernels of the refinement.

@@ -33,7 +33,7 @@ void main() {
     set_base(g, patch_, uvec2(own / high, own % high));
     g.optical_depth = g.displacement = g.landing = g.pixel_shift = 0.0;
     g.signature = g.flags = g.parts = 0u;
-    g.change_x = g.change_z = g.light_error = g.error = g.counted = 0.0;
+    g.change_x = g.change_z = g.light_error = g.turn_error = g.weight = 0.0;
     g.patch_index = patch_index;
     P.rectangles.at[index] = g;
     for (uint word = 0u; word < 3u; word++) P.asked.at[3u * index + word] = 0u;

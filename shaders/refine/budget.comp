@@ -20,10 +20,11 @@ void main() {
     if (!item_of(STAGE_BUDGET, patch_index)) return;
     uint words = sums_of(patch_index);
     if ((P.sums.at[words + PATCH_FLAGS] & PATCH_IS_DONE) != 0u) return;
-    float worst = worst_square(patch_index, false);
+    bool turns = has_turns(patch_index);
+    float worst = worst_square(patch_index, turns);
     uint left = P.max_rays - min(P.sums.at[words + PATCH_RAYS], P.max_rays);
     float all = 0.0;
-    for (uint octave = 0u; octave < OCTAVES; octave++) all += sum_of_octave(patch_index, octave);
+    for (uint octave = 0u; octave < OCTAVES; octave++) all += sum_of_octave(patch_index, turns, octave);
     float rest = all;
     float unsplit = all;
     float goal = all / max(worst, 1e-9);
@@ -31,10 +32,10 @@ void main() {
     int octave = int(OCTAVES) - 1;
     bool splits = worst > 1.0;
     while (splits && octave >= 0 && rest > goal && unsplit > UNSPLIT * goal) {
-        uint count = P.sums.at[words + PATCH_HEAD + OCTAVES + uint(octave)];
+        uint count = P.sums.at[octaves_of(patch_index, turns) + OCTAVES + uint(octave)];
         splits = count <= left / 2u;
         if (splits && count > 0u) {
-            float here = sum_of_octave(patch_index, uint(octave));
+            float here = sum_of_octave(patch_index, turns, uint(octave));
             rest -= LOST * here;
             unsplit -= here;
             left -= 2u * count;

@@ -1,5 +1,5 @@
 #version 460
-// Makes cells of rectangles, and adds their errors to what is told.
+// Makes cells of rectangles.
 #extension GL_GOOGLE_include_directive : require
 #extension GL_EXT_buffer_reference : require
 #extension GL_EXT_buffer_reference2 : require
@@ -56,7 +56,6 @@ void main() {
     if (!item_of(STAGE_EMIT, index)) return;
     Rectangle g = P.rectangles.at[index];
     RefinedPatch patch_ = P.patches.at[g.patch_index];
-    if (g.parts == 0u) weigh(g, step_sums_of(g.patch_index, true), g.light_error, true);
     bool hit = (P.sums.at[sums_of(g.patch_index) + PATCH_FLAGS] & PATCH_IS_HIT) != 0u;
     // A patch that misses the sample is one cell.
     if (!hit && (index != patch_.first || patch_.is_lit == 0u)) return;

@@ -23,6 +23,10 @@ const float SILHOUETTE_CROSSINGS = 8.0;
 const float THROWN = 0.05;
 // Neighbours whose ray is farther aside, of the side of the rectangle, are not compared.
 const float ASIDE = 0.6;
+// Part of a side below which a neighbour shows that a silhouette ends along it.
+const float PART_OF_SIDE = 0.5;
+// Error of a silhouette, share of the budget, below which nobody looks for it at the corners.
+const float LITTLE = 3e-3;
 // Places along a side where the corners of a neighbour are looked for, from its middle.
 const float CORNER = 0.42;
 
@@ -36,6 +40,7 @@ struct Own {
     float passed; // share of its light that passes the sample and may be recorded
     float at;     // where it lands
     float half_;  // half the width over which it lands
+    Seen seen[2]; // by the windows of each kind
     vec2 size;    // m, and rows
 };
 
@@ -55,13 +60,36 @@ float recorded(Own own, Found found) {
     return in_rows && abs(x) < P.half_width ? exp(-found.depth) : 0.0;
 }
 
+// Error by a change of all light of a rectangle, share of the budget.
+float error_of(Own own, float change) {
+    precise float error = P.weight * (own.size.x * own.size.y) * SPREAD * change / P.light_budget;
+    return error;
+}
+
+// Largest change of the light in any pixel if it were another.
+float change_to(Own own, Landed other) {
+    Landed before = Landed(own.passed, own.at);
+    // The windows change no faster.
+    float moved = min(abs(other.at - before.at) * P.steepest, 1.0);
+    float most = abs(other.light - before.light) + max(other.light, before.light) * moved;
+    if (error_of(own, most) < LITTLE) return most;
+    float change = 0.0;
+    for (uint kind = 0u; kind < P.window_count; kind++) {
+        WindowTable table = P.windows.at[kind];
+        float shift = own.column.landing[kind];
+        change += table.share * change_in(table, own.seen[kind], Landed(before.light, before.at + shift),
+                                          Landed(other.light, other.at + shift), own.half_);
+    }
+    return change;
+}
+
 // The change if the silhouette towards a neighbour were on the other side.
 Change over_silhouette(Own own, Found found) {
     float there = recorded(own, found);
     float lit = max(own.passed, there);
     if (lit == 0.0) return Change(THROWN * exp(-min(own.found.depth, found.depth)), 0.0, true);
     float moved = own.at + found.displacement - own.found.displacement;
-    float light = change_of(own.column, Landed(own.passed, own.at), Landed(there, moved), own.half_);
+    float light = change_to(own, Landed(there, moved));
     uint crossings = max(max(crossings_of(own.found.flags), crossings_of(found.flags)), 1u);
     float all = SILHOUETTE * min(SILHOUETTE_CROSSINGS / float(crossings), 1.0) * lit;
     return Change(max(light, all), 0.0, true);
@@ -76,7 +104,7 @@ Change on_surface(Own own, Found found) {
     if (max(own.passed, there) == 0.0) return Change(0.0, 0.0, false);
     // A slope between rays close to each other may predict any depth.
     float other = there == 0.0 ? 0.0 : min(own.passed * exp(-depth), 2.0 * max(own.passed, there));
-    float light = change_of(own.column, Landed(own.passed, own.at), Landed(other, own.at + moved), own.half_);
+    float light = change_to(own, Landed(other, own.at + moved));
     // Light that moves over the border of a row.
     float fall = abs(found.landing - own.found.landing) / P.row_pitch;
     float down = -own.found.landing / P.row_pitch;
@@ -87,7 +115,12 @@ Change on_surface(Own own, Found found) {
 }
 
 // An older rectangle beside a younger one that crosses other surfaces is to take that into account.
-void ask(Found found, uint axis, float change) {
+void ask(Own own, Found found, uint axis, float change) {
+    // A younger one that takes a part of the side says that the silhouette ends along it.
+    Rectangle older = P.rectangles.at[found.index];
+    vec2 size = vec2(older.x_high - older.x_low, older.z_high - older.z_low);
+    if (own.size[1u - axis] < PART_OF_SIDE * size[1u - axis]) axis = 1u - axis;
+    if (change <= (axis == 0u ? older.change_x : older.change_z)) return;
     atomicMax(P.asked.at[3u * found.index + axis], floatBitsToUint(change));
     if (atomicOr(P.asked.at[3u * found.index + 2u], 1u) == 0u) {
         uint slot = atomicAdd(P.head.at[HEAD_AGAINS], 1u);
@@ -126,49 +159,84 @@ bool is_aside(Own own, Found found, uint side) {
 // Error of a rectangle from its largest changes.
 void settle(inout Own own, uint index, vec2 change, float moved, bool silhouette) {
     float area = own.size.x * own.size.y;
-    precise float light =
-        P.weight * area * SPREAD * max(change.x, change.y) / P.light_budget;
+    precise float light = error_of(own, max(change.x, change.y));
     precise float square = light * light;
     own.g.light_error = square;
+    own.g.turn_error = 0.0;
     if (!silhouette && P.displacement_budget > 0.0) {
         precise float turned = SPREAD * moved * area / (P.open_width * P.displacement_budget);
-        square += turned * turned;
+        precise float turned_square = turned * turned;
+        own.g.turn_error = turned_square;
     }
-    own.g.error = square;
-    own.g.change_x = change.x;
-    own.g.change_z = change.y;
     bool along_x = change.x > 2.0 * change.y
         || (change.y <= 2.0 * change.x && own.size.y * P.row_height <= own.size.x);
-    float most = weigh(own.g, step_sums_of(own.g.patch_index, false), own.g.error, true);
+    float most = weigh(own.g, true);
     bool least = along_x ? own.size.x <= P.least.x : own.size.y <= P.least.y;
-    precise float counted = own.g.error * most * most;
-    own.g.counted = least ? 0.0 : counted;
-    count_square(own.g.patch_index, own.g.counted, true);
+    precise float weight = most * most;
+    own.g.weight = least ? 0.0 : weight;
+    count(own.g, true);
     P.rectangles.at[index].light_error = own.g.light_error;
-    P.rectangles.at[index].error = own.g.error;
-    P.rectangles.at[index].counted = own.g.counted;
+    P.rectangles.at[index].turn_error = own.g.turn_error;
+    P.rectangles.at[index].weight = own.g.weight;
     P.rectangles.at[index].change_x = change.x;
     P.rectangles.at[index].change_z = change.y;
     uint flags = own.g.flags & ~RECTANGLE_ALONG_X;
     P.rectangles.at[index].flags = flags | (along_x ? RECTANGLE_ALONG_X : 0u);
 }
 
+#ifdef AGAIN
+void main() {
+    uint item;
+    if (!item_of(STAGE_AGAIN, item)) return;
+    uint index = P.again.at[item];
+    Own own = own_of(index);
+    P.asked.at[3u * index + 2u] = 0u;
+    if (own.g.parts != 0u) return;
+    weigh(own.g, false);
+    count(own.g, false);
+    vec2 asked = vec2(uintBitsToFloat(P.asked.at[3u * index]), uintBitsToFloat(P.asked.at[3u * index + 1u]));
+    settle(own, index, max(vec2(own.g.change_x, own.g.change_z), asked), 0.0, true);
+    atomicOr(P.sums.at[sums_of(own.g.patch_index) + PATCH_FLAGS], PATCH_IS_CROSSED);
+}
+#else
+// Changes towards the neighbours at the middles of the sides.
+void look_beside(Own own, Found found[4], bool aside[4], inout vec2 change, inout float moved, inout bool silhouette) {
+    for (uint side = 0u; side < 4u; side++) {
+        bool unlike = found[side].known && !alike(found[side], own.found);
+        if (unlike && found[side].index < P.head.at[HEAD_OLDER]) {
+            float lit = max(own.passed, recorded(own, found[side]));
+            ask(own, found[side], side / 2u, SILHOUETTE * lit);
+        }
+        if (aside[side]) continue;
+        Change towards;
+        if (unlike) towards = over_silhouette(own, found[side]);
+        else towards = on_surface(own, found[side]);
+        change[side / 2u] = max(change[side / 2u], towards.light);
+        moved = max(moved, towards.moved);
+        silhouette = silhouette || towards.silhouette;
+    }
+}
+
+// Silhouettes that end along a side.
+void look_at_corners(Own own, bool same[4], inout vec2 change, inout bool silhouette) {
+    for (uint corner = 0u; corner < 8u; corner++) {
+        uint side = corner / 2u;
+        Found other = beside(own, side, corner % 2u == 0u ? -CORNER : CORNER);
+        if (!other.known || alike(other, own.found) || is_aside(own, other, side)) continue;
+        Change towards = over_silhouette(own, other);
+        // Where the middle of the side has the same surfaces, the silhouette ends along it.
+        uint axis = same[side] ? 1u - side / 2u : side / 2u;
+        change[axis] = max(change[axis], towards.light);
+        silhouette = true;
+    }
+}
+
 void main() {
     uint index;
-#ifdef AGAIN
-    if (!item_of(STAGE_AGAIN, index)) return;
-    index = P.again.at[index];
-#else
     if (!item_of(STAGE_ESTIMATE, index)) return;
-#endif
     Own own = own_of(index);
     uint words = sums_of(own.g.patch_index);
-    if (own.g.parts != 0u || (P.sums.at[words + PATCH_FLAGS] & PATCH_IS_DONE) != 0u) return;
-#ifdef AGAIN
-    P.asked.at[3u * index + 2u] = 0u;
-    weigh(own.g, step_sums_of(own.g.patch_index, false), own.g.error, false);
-    count_square(own.g.patch_index, own.g.counted, false);
-#endif
+    if ((P.sums.at[words + PATCH_FLAGS] & PATCH_IS_DONE) != 0u) return;
     Found found[4];
     bool aside[4];
     bool same[4];
@@ -179,41 +247,18 @@ void main() {
     }
     own.slopes = slopes_of(own.found, found, same);
     own.half_ = 0.5 * abs(P.magnification + own.slopes.displacement.x) * own.size.x;
+    for (uint kind = 0u; kind < P.window_count; kind++) {
+        Landed landed = Landed(own.passed, own.at + own.column.landing[kind]);
+        own.seen[kind] = seen_by(P.windows.at[kind], landed, own.half_);
+    }
     vec2 change = vec2(0.0);
     float moved = 0.0;
     bool silhouette = false;
-    for (uint side = 0u; side < 4u; side++) {
-        bool unlike = found[side].known && !alike(found[side], own.found);
-#ifndef AGAIN
-        if (unlike && found[side].index < P.head.at[HEAD_OLDER]) {
-            float lit = max(own.passed, recorded(own, found[side]));
-            ask(found[side], side / 2u, SILHOUETTE * lit);
-        }
-#endif
-        if (aside[side]) continue;
-        Change towards;
-        if (unlike) towards = over_silhouette(own, found[side]);
-        else towards = on_surface(own, found[side]);
-        change[side / 2u] = max(change[side / 2u], towards.light);
-        moved = max(moved, towards.moved);
-        silhouette = silhouette || towards.silhouette;
-    }
-    for (uint corner = 0u; corner < 8u; corner++) {
-        uint side = corner / 2u;
-        Found other = beside(own, side, corner % 2u == 0u ? -CORNER : CORNER);
-        if (!other.known || alike(other, own.found) || is_aside(own, other, side)) continue;
-        Change towards = over_silhouette(own, other);
-        change[side / 2u] = max(change[side / 2u], towards.light);
-        silhouette = true;
-    }
-    for (uint axis = 0u; axis < 2u; axis++) {
-        float asked = uintBitsToFloat(P.asked.at[3u * index + axis]);
-        silhouette = silhouette || asked > 0.0;
-        change[axis] = max(change[axis], asked);
-        // What the whole knew of this axis holds for its parts.
-        float before = axis == 0u ? own.g.change_x : own.g.change_z;
-        if (aside[2u * axis] || aside[2u * axis + 1u]) change[axis] = max(change[axis], before);
-    }
+    look_beside(own, found, aside, change, moved, silhouette);
+    if (error_of(own, SILHOUETTE) > LITTLE) look_at_corners(own, same, change, silhouette);
+    // What the whole knew of an axis holds for its parts.
+    if (aside[0] || aside[1]) change.x = max(change.x, own.g.change_x);
+    if (aside[2] || aside[3]) change.y = max(change.y, own.g.change_z);
     settle(own, index, change, moved, silhouette);
     uint flags = (own.g.signature != 0u || crossings_of(own.g.flags) != 0u ? PATCH_IS_HIT : 0u)
         | (silhouette ? PATCH_IS_CROSSED : 0u);
@@ -221,3 +266,4 @@ void main() {
         atomicOr(P.sums.at[words + PATCH_FLAGS], flags);
     }
 }
+#endif

@@ -17,10 +17,10 @@ bool item_of(uint stage, out uint item) {
 
 // First word of the sums of a patch.
 uint sums_of(uint patch_index) {
-    return patch_index * (PATCH_HEAD + 2u * OCTAVES + 4u * (P.steps + 1u));
+    return patch_index * (PATCH_HEAD + 4u * OCTAVES + 4u * (P.steps + 1u));
 }
 
-// First word of its sums of errors, or of told errors.
-uint step_sums_of(uint patch_index, bool told) {
-    return sums_of(patch_index) + PATCH_HEAD + 2u * OCTAVES + (told ? 2u * (P.steps + 1u) : 0u);
+// First word of its sums of errors of the light by step; those of the displacement follow.
+uint step_sums_of(uint patch_index) {
+    return sums_of(patch_index) + PATCH_HEAD + 4u * OCTAVES;
 }

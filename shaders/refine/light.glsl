@@ -30,33 +30,41 @@ struct Landed {
     float at;
 };
 
-// Largest change of the light in any window of a kind.
-float change_in(WindowTable table, Landed a, Landed b, float half_) {
-    // The table has no points within less; and the quotient keeps its digits.
-    half_ = max(half_, 2.0 * table.period / POINTS);
-    float home = round(a.at / table.period);
-    float there = round(b.at / table.period);
-    float most = 0.0;
+// Light as the windows of a kind see it: the number of the nearest one, and what passes that and those beside it.
+struct Seen {
+    float home;
+    vec3 passed;
+};
+
+vec3 passed_near(WindowTable table, Landed landed, float home, float half_) {
+    vec3 passed;
     for (int k = -1; k <= 1; k++) {
-        float centre = (home + float(k)) * table.period;
-        most = max(most, abs(a.light * passed_of(table, a.at - centre, half_)
-                             - b.light * passed_of(table, b.at - centre, half_)));
-        if (there == home) continue;
-        centre = (there + float(k)) * table.period;
-        most = max(most, abs(a.light * passed_of(table, a.at - centre, half_)
-                             - b.light * passed_of(table, b.at - centre, half_)));
+        passed[k + 1] = landed.light * passed_of(table, landed.at - (home + float(k)) * table.period, half_);
     }
-    return most;
+    return passed;
 }
 
-// Largest change of the light in any pixel; places from the middle of the beamlet.
-float change_of(RefinedColumn column, Landed a, Landed b, float half_) {
-    float change = 0.0;
-    for (uint kind = 0u; kind < P.window_count; kind++) {
-        WindowTable table = P.windows.at[kind];
-        float shift = column.landing[kind];
-        change += table.share
-            * change_in(table, Landed(a.light, a.at + shift), Landed(b.light, b.at + shift), half_);
-    }
-    return change;
+// The table has no points within less; and the quotient keeps its digits.
+float wide(WindowTable table, float half_) {
+    return max(half_, 2.0 * table.period / POINTS);
+}
+
+Seen seen_by(WindowTable table, Landed own, float half_) {
+    float home = round(own.at / table.period);
+    return Seen(home, passed_near(table, own, home, wide(table, half_)));
+}
+
+float largest(vec3 a, vec3 b) {
+    vec3 apart = abs(a - b);
+    return max(max(apart.x, apart.y), apart.z);
+}
+
+// Largest change of the light in any window of a kind.
+float change_in(WindowTable table, Seen seen, Landed own, Landed other, float half_) {
+    half_ = wide(table, half_);
+    float near = largest(seen.passed, passed_near(table, other, seen.home, half_));
+    float home = round(other.at / table.period);
+    if (home == seen.home) return near;
+    vec3 there = passed_near(table, own, home, half_);
+    return max(near, largest(there, passed_near(table, other, home, half_)));
 }

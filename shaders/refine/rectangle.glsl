@@ -133,24 +133,32 @@ struct Shares {
     float most; // of all steps so far
 };
 
-void add_step(inout Shares shares, uint first, float square, bool add) {
-    precise float lit = P.leak + (1.0 - P.leak) * min(shares.open, 1.0);
-    precise float part = square * (lit * lit - P.leak * P.leak);
-    if (shares.open > 0.0) add_square(first + 2u * shares.step_, part, add);
+// Adds the errors of a rectangle at a step, or takes them out: of the light, and of the displacement, which
+// light that leaks through bars does not move.
+void add_step(inout Shares shares, uint first, Rectangle g, bool add) {
+    precise float open = min(shares.open, 1.0);
+    precise float lit = P.leak + (1.0 - P.leak) * open;
+    if (open > 0.0) {
+        precise float light = g.light_error * (lit * lit - P.leak * P.leak);
+        add_square(first + 2u * shares.step_, light, add);
+        precise float turned = g.turn_error * (open * open);
+        if (turned > 0.0) add_square(first + 2u * (P.steps + 1u) + 2u * shares.step_, turned, add);
+    }
     shares.most = max(shares.most, lit);
     shares.open = 0.0;
 }
 
-// Adds the square of an error of a rectangle to the sums of all steps, or takes it out; the largest share of it
-// that a step lets through.
-float weigh(Rectangle g, uint first, float square, bool add) {
+// Adds the errors of a rectangle to the sums of all steps, or takes them out; the largest share of it that a
+// step lets through.
+float weigh(Rectangle g, bool add) {
+    uint first = step_sums_of(g.patch_index);
     Shares shares = Shares(0u, 0.0, P.leak);
     RefinedColumn column = P.columns.at[P.patches.at[g.patch_index].column];
     if (P.opening_count == 0u) shares.open = 1.0;
     for (uint i = 0u; i < P.opening_count; i++) {
         MaskOpening opening = P.openings.at[i];
         if (opening.step != shares.step_) {
-            add_step(shares, first, square, add);
+            add_step(shares, first, g, add);
             shares.step_ = opening.step;
         }
         precise float low = opening.low - column.mask_offset + column.shadow;
@@ -164,8 +172,8 @@ float weigh(Rectangle g, uint first, float square, bool add) {
         precise float open = shares.open + part / (g.x_high - g.x_low);
         if (high > low) shares.open = open;
     }
-    add_step(shares, first, square, add);
-    precise float of_all = square * (P.leak * P.leak);
+    add_step(shares, first, g, add);
+    precise float of_all = g.light_error * (P.leak * P.leak);
     add_square(first + 2u * P.steps, of_all, add);
     return shares.most;
 }
@@ -174,20 +182,41 @@ int octave_of(float square) {
     return int(floatBitsToUint(square) >> 23u) - 127 + int(LOWEST_OCTAVE);
 }
 
+// Errors that the patch counts, in its octaves, of a rectangle: of the light, or with those of the displacement.
+float counted_of(Rectangle g, bool turns) {
+    precise float square = (turns ? g.light_error + g.turn_error : g.light_error) * g.weight;
+    return square;
+}
+
 // Counts an error among those of its octave, or takes it out.
-void count_square(uint patch_index, float square, bool add) {
+void count_octave(uint first, float square, bool add) {
     // The largest octave has all beyond it.
     float limited = min(square, 4095.0);
     int octave = octave_of(limited);
     if (!(square > 0.0) || octave < 0) return;
-    uint at = sums_of(patch_index) + PATCH_HEAD + uint(octave);
     uint mantissa = ((floatBitsToUint(limited) & 0x7fffffu) | 0x800000u) >> 13u;
-    atomicAdd(P.sums.at[at], add ? mantissa : ~mantissa + 1u);
-    atomicAdd(P.sums.at[at + OCTAVES], add ? 1u : 0xffffffffu);
+    atomicAdd(P.sums.at[first + uint(octave)], add ? mantissa : ~mantissa + 1u);
+    atomicAdd(P.sums.at[first + OCTAVES + uint(octave)], add ? 1u : 0xffffffffu);
+}
+
+// First word of the octaves of a patch.
+uint octaves_of(uint patch_index, bool turns) {
+    return sums_of(patch_index) + PATCH_HEAD + (turns ? 2u * OCTAVES : 0u);
+}
+
+// Counts the errors of a rectangle, or takes them out.
+void count(Rectangle g, bool add) {
+    count_octave(octaves_of(g.patch_index, false), counted_of(g, false), add);
+    count_octave(octaves_of(g.patch_index, true), counted_of(g, true), add);
+}
+
+// Whether the error of the displacement is bounded: where no silhouette crosses the patch.
+bool has_turns(uint patch_index) {
+    return (P.sums.at[sums_of(patch_index) + PATCH_FLAGS] & PATCH_IS_CROSSED) == 0u;
 }
 
 // Sum of the errors of an octave.
-float sum_of_octave(uint patch_index, uint octave) {
-    uint sum = P.sums.at[sums_of(patch_index) + PATCH_HEAD + octave];
+float sum_of_octave(uint patch_index, bool turns, uint octave) {
+    uint sum = P.sums.at[octaves_of(patch_index, turns) + octave];
     return float(sum) / 1024.0 * exp2(float(int(octave) - int(LOWEST_OCTAVE)));
 }

@@ -18,10 +18,10 @@ void main() {
     uint words = sums_of(g.patch_index);
     if ((P.sums.at[words + PATCH_FLAGS] & PATCH_IS_DONE) != 0u) return;
     // As the budget counted it.
-    float counted = min(g.counted, 4095.0);
+    float counted = min(counted_of(g, has_turns(g.patch_index)), 4095.0);
     float threshold = uintBitsToFloat(P.sums.at[words + PATCH_THRESHOLD]);
     if (counted > 0.0 && counted >= threshold) {
-        count_square(g.patch_index, g.counted, false);
+        count(g, false);
         P.splits.at[atomicAdd(P.head.at[HEAD_SPLITS], 1u)] = index;
     } else {
         P.lists.at[(1u - list) * P.room + atomicAdd(P.head.at[HEAD_LISTED + 1u - list], 1u)] = index;

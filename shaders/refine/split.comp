@@ -19,7 +19,7 @@ void main() {
     uint first = P.head.at[HEAD_RECTANGLES] - 3u * (count - place);
     uint list = P.head.at[HEAD_LIST];
     uint end = list * P.room + P.head.at[HEAD_LISTED + list] - 3u * (count - place);
-    weigh(g, step_sums_of(g.patch_index, false), g.error, false);
+    weigh(g, false);
     bool along_x = (g.flags & RECTANGLE_ALONG_X) != 0u;
     vec2 ends = along_x ? vec2(g.x_low, g.x_high) : vec2(g.z_low, g.z_high);
     float third = (ends.y - ends.x) / 3.0;
@@ -34,7 +34,7 @@ void main() {
             part.z_low = borders[k];
             part.z_high = borders[k + 1u];
         }
-        part.light_error = part.error = part.counted = 0.0;
+        part.light_error = part.turn_error = part.weight = 0.0;
         uint index = first + k;
         P.rectangles.at[index] = part;
         for (uint word = 0u; word < 3u; word++) P.asked.at[3u * index + word] = 0u;

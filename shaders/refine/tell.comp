@@ -15,7 +15,7 @@ void main() {
     if (!item_of(STAGE_TELL, patch_index)) return;
     RefinedPatch patch_ = P.patches.at[patch_index];
     uint rays = P.sums.at[sums_of(patch_index) + PATCH_RAYS] + patch_.base[0] * patch_.base[1];
-    float error = min(P.told * sqrt(worst_square(patch_index, true)), 4e9);
+    float error = min(P.told * sqrt(worst_square(patch_index, false)), 4e9);
     uint parts = uint(error);
     Words told = P.told_sums;
     atomicAdd(told.at[TOLD_PATCHES], 1u);
@@ -25,8 +25,8 @@ void main() {
     uvec2 square;
     umulExtended(parts, parts, square.y, square.x);
     add_pair(told, TOLD_SQUARES, square);
-    // With the error of the displacement, share of its own budget.
-    if (P.told * sqrt(worst_square(patch_index, false)) > float(P.tolerance)) {
+    // With the error of the displacement, share of its own budget, where it is bounded.
+    if (P.told * sqrt(worst_square(patch_index, has_turns(patch_index))) > float(P.tolerance)) {
         atomicAdd(told.at[TOLD_BEYOND], 1u);
     }
 }

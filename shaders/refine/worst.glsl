@@ -1,12 +1,20 @@
-// Largest square of the error of a mask step of a patch, of the square of the budget.
-float worst_square(uint patch_index, bool told) {
-    uint first = step_sums_of(patch_index, told);
+// Largest square of the error of a mask step of a patch, of the square of the budget: of its light, and with
+// that of the displacement.
+float worst_square(uint patch_index, bool turns) {
+    uint first = step_sums_of(patch_index);
+    uint of_all = first + 2u * P.steps;
+    uint second = of_all + 2u;
     uvec2 most = uvec2(0u);
     for (uint step_ = 0u; step_ < P.steps; step_++) {
         uvec2 sum = uvec2(P.sums.at[first + 2u * step_], P.sums.at[first + 2u * step_ + 1u]);
+        if (turns) {
+            uvec2 turned = uvec2(P.sums.at[second + 2u * step_], P.sums.at[second + 2u * step_ + 1u]);
+            uint carry;
+            sum.x = uaddCarry(sum.x, turned.x, carry);
+            sum.y += turned.y + carry;
+        }
         if (sum.y > most.y || (sum.y == most.y && sum.x > most.x)) most = sum;
     }
-    uint of_all = first + 2u * P.steps;
     float low = float(most.x) + float(P.sums.at[of_all]);
     float high = float(most.y) + float(P.sums.at[of_all + 1u]);
     return (low + 4294967296.0 * high) / UNIT;

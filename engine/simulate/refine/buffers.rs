@@ -30,7 +30,7 @@ pub(super) struct Sizes {
 impl Sizes {
     /// Words of the sums of a patch.
     pub(super) fn sums_of_patch(steps: u32) -> u64 {
-        u64::from(PATCH_HEAD + 2 * OCTAVES) + 4 * (u64::from(steps) + 1)
+        u64::from(PATCH_HEAD + 4 * OCTAVES) + 4 * (u64::from(steps) + 1)
     }
 
     fn fits(&self, other: &Self) -> bool {

@@ -9,6 +9,13 @@ use std::ops::Range;
 /// Rows whose patches are side by side in memory: cells are narrow and rows high, so that rays at one x of a few
 /// rows are closer than the rays of one row.
 const ROWS_TOGETHER: i64 = 4;
+/// Base rectangles of a patch along x, behind a sample mask and without one, where a scene does not say.
+const BASE_COLUMNS: u32 = 6;
+const BASE_COLUMNS_OF_PIXEL: u32 = 3;
+/// The same at most of a patch beside the recorded rows, which has one along z.
+const BASE_COLUMNS_OUTSIDE: u32 = 4;
+/// Least base rectangles along z.
+const BASE_ROWS: u32 = 2;
 /// Most base rectangles of a patch along x and z.
 const MOST_BASE: [u32; 2] = [128, 64];
 
@@ -29,16 +36,24 @@ impl Touched {
         let rows = rows.start - 1..rows.end + 1;
         let recorded = view.recorded_rows();
         let near = recorded.start - 1..recorded.end + 1;
-        let least = [lattice.cells, view.optics.sampling.rows.max(super::refiner::LEAST_ROWS)];
+        let sampling = &view.optics.sampling;
+        let columns = match (sampling.cells, &view.optics.sample_mask) {
+            (Some(cells), _) => cells,
+            (None, Some(_)) => BASE_COLUMNS,
+            (None, None) => BASE_COLUMNS_OF_PIXEL,
+        };
+        let inside = [columns, sampling.rows.max(BASE_ROWS)];
+        let outside = [columns.min(BASE_COLUMNS_OUTSIDE), 1];
         let mut base = HashMap::new();
         for bounds in view.projected_bounds {
-            let own = dense_for(bounds, lattice.period, least);
+            let own = dense_for(bounds, lattice.period);
             let [reached, beamlets] = bounds.patches(lattice);
             for row in reached.start.max(rows.start)..reached.end.min(rows.end) {
                 // A neighbour of what throws light, too.
                 if !near.contains(&row) && !(row - 1..=row + 1).any(|row| bounds.throws(row)) {
                     continue;
                 }
+                let least = if recorded.contains(&row) { inside } else { outside };
                 for beamlet in beamlets.clone() {
                     let known = base.entry((beamlet, row)).or_insert(least);
                     *known = [0, 1].map(|axis| known[axis].max(own[axis]));
@@ -130,9 +145,10 @@ impl Group {
     }
 }
 
-/// Base rectangles that hide no component: at half of its mean chord two rays cross it wherever it is thicker.
-fn dense_for(bounds: &ProjectedBounds, period: f64, least: [u32; 2]) -> [u32; 2] {
+/// Base rectangles along x and z that hide no component: at half of its mean chord two rays cross it wherever it is
+/// thicker.
+fn dense_for(bounds: &ProjectedBounds, period: f64) -> [u32; 2] {
     let count = |whole: f64, part: f64| numbers::whole::<u32>((whole / part).ceil().min(1e9));
     let wanted = [count(period, bounds.width), count(1.0, bounds.height)];
-    [0, 1].map(|axis| wanted[axis].min(MOST_BASE[axis]).max(least[axis]))
+    [0, 1].map(|axis| wanted[axis].min(MOST_BASE[axis]))
 }

@@ -20,8 +20,6 @@ use std::ops::Range;
 use std::sync::Arc;
 use std::time::Duration;
 
-/// Least base rectangles of a patch along z: bodies that end within a row show.
-pub(super) const LEAST_ROWS: u32 = 1;
 /// Turns of a submission.
 const TURNS: u32 = 16;
 /// Work of the first submission, rays and rectangles; least and most.
@@ -46,6 +44,8 @@ const RECTANGLES: [u64; 2] = [1 << 21, 1 << 14];
 const CELLS: [u64; 2] = [1 << 18, 1 << 12];
 /// Rectangles of a group after refinement over those before, as long as none is known.
 const GROWTH: f64 = 8.0;
+/// Rectangles of the next group over what the last one says.
+const SPARE: f64 = 1.5;
 /// Standard deviations that a blur reaches.
 const BLURS: f64 = 6.5;
 
@@ -278,35 +278,12 @@ impl DeviceRefiner {
                 _ => {}
             }
         }
-        if std::env::var("BEAMLET_DEBUG_REFINE").is_ok() {
-            let n = head[HEAD_RECTANGLES as usize] as usize;
-            let g = buffers.rectangles.read::<beamlet_interface::Rectangle>(0, n)?;
-            let words = Sizes::sums_of_patch(steps) as usize;
-            let sm = buffers.sums.read::<u32>(0, words * group.own as usize)?;
-            let pair = |p: usize, at: usize| (sm[words*p+at] as f64 + 4294967296.0 * sm[words*p+at+1] as f64) / 65536.0;
-            let mut leaf = vec![(0u32, 0.0f64, 0.0f64, 0.0f64); group.own as usize];
-            for g in &g { if g.parts == 0 && g.patch_index < group.own { let l = &mut leaf[g.patch_index as usize]; l.0 += 1; l.1 += g.error as f64; l.2 += g.light_error as f64; l.3 = l.3.max(g.error as f64); } }
-            let mut order: Vec<usize> = (0..group.own as usize).collect();
-            let tt = |p: usize| (0..=steps as usize).map(|st| pair(p, 68 + 2*(steps as usize+1) + 2*st)).fold(0.0, f64::max);
-            order.sort_by(|a, b| tt(*b).total_cmp(&tt(*a)));
-            if std::env::var("BY_RAYS").is_ok() { order.sort_by_key(|p| std::cmp::Reverse(sm[words*p+2])); }
-            for p in order.iter().take(6) {
-                let m = (0..=steps as usize).map(|st| pair(*p, 68 + 2*st)).fold(0.0, f64::max);
-                let t = (0..=steps as usize).map(|st| pair(*p, 68 + 2*(steps as usize+1) + 2*st)).fold(0.0, f64::max);
-                eprintln!("patch {p} col {} row {} leaves {} rays {} flags {} thr {} error {:.3e} light {:.3e} max {:.3e} merged {m:.3e} told {t:.3e}", group.patches[*p].column, group.patches[*p].row, leaf[*p].0, sm[words*p+2], sm[words*p+1], f32::from_bits(sm[words*p]), leaf[*p].1, leaf[*p].2, leaf[*p].3);
-            }
-            if let Ok(v) = std::env::var("BEAMLET_DEBUG_PATCH") { let v: usize = v.parse().unwrap_or(0);
-                let mut ls: Vec<_> = g.iter().filter(|g| g.parts == 0 && g.patch_index as usize == v).collect();
-                ls.sort_by(|a, b| b.error.total_cmp(&a.error));
-                for g in ls.iter().take(30) { eprintln!("x {:.5e} {:.5e} w {:.2e} z {:.5} {:.5} h {:.2e} depth {:.4} disp {:.3e} land {:.3e} sig {:08x} flags {:x} change {:.2e} {:.2e} err {:.2e} counted {:.2e}", g.x_low, g.x_high, g.x_high-g.x_low, g.z_low, g.z_high, g.z_high-g.z_low, g.optical_depth, g.displacement, g.landing, g.signature, g.flags, g.change_x, g.change_z, g.error, g.counted); }
-            }
-        }
         let at = |word: u32| head[word as usize];
         let is_full = at(HEAD_PHASE) == PHASE_FULL;
         let rays = if is_full { at(HEAD_BASE) } else { at(HEAD_RAYS) };
         tracer.count_made(&tally, [rays, at(HEAD_EXACT), at(HEAD_LEFT) + at(HEAD_LOST)]);
         let growth = f64::from(at(HEAD_RECTANGLES)) / f64::from(group.own_base.max(1));
-        self.growth = if is_full { 2.0 * growth } else { growth.max(self.growth) };
+        self.growth = if is_full { 2.0 * self.growth.max(growth) } else { 0.5 * (self.growth + SPARE * growth) };
         self.buffers = Some(buffers);
         Ok(if is_full { Outcome::Full } else { Outcome::Done(refined(&told, at(HEAD_RAYS))) })
     }
@@ -385,6 +362,7 @@ fn params_of(view: &ViewContext<'_>, tables: &Tables, of: RefineParams) -> Refin
         row_blur: single(lattice.row_blur()),
         weight: response.weight,
         leak: response.leak,
+        steepest: single(response.steepest()),
         light_budget: single(share * budget.light),
         displacement_budget: match budget.displacement.is_finite() {
             true => single(DISPLACEMENT_SHARE * budget.displacement),

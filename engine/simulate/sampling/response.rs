@@ -122,7 +122,7 @@ impl Response {
     }
 
     /// Largest change of the share of light that passes a window, per displacement, 1/m.
-    pub(super) fn steepest(&self) -> f64 {
+    pub(crate) fn steepest(&self) -> f64 {
         0.4 / f64::from(self.blur)
     }
 
