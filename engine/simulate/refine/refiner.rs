@@ -249,6 +249,7 @@ impl DeviceRefiner {
                 if is_first {
                     r.fill(&buffers.sums, 0, 4 * sums, 0);
                     r.fill(&buffers.told, 0, u64::from(TOLD_WORDS) * 4, 0);
+                    r.fill(tracer.queues(), 0, tracer.queues().len(), 0);
                 }
                 for _ in 0..TURNS {
                     let params = buffers.params.address();
