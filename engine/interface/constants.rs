@@ -138,6 +138,10 @@ shared_constants! {
     PATCH_IS_CROSSED: u32 = 2;
     /// Some ray meets the sample.
     PATCH_IS_HIT: u32 = 4;
+    /// Base rays in it or in a patch beside it met different surfaces.
+    PATCH_IS_NEAR: u32 = 8;
+    /// Levels at which rectangles at the borders of such patches are split.
+    LOOKS: u32 = 4;
 
     /// Work that the refinement may still do in this submission, rays and rectangles.
     HEAD_ROOM: u32 = 0;

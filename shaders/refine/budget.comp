@@ -15,6 +15,29 @@ const float LOST = 8.0 / 9.0;
 // Splitting ends, too, where what stays whole has less than this share of the budget.
 const float UNSPLIT = 0.5;
 
+// Whether base rays of the patch and of those beside it met different surfaces.
+bool is_near_silhouette(uint patch_index) {
+    RefinedPatch patch_ = P.patches.at[patch_index];
+    uint beside[5] = uint[5](patch_index, patch_.low, patch_.high, patch_.above, patch_.below);
+    // What enters beside the recorded rows is not seen.
+    if (patch_.row < P.recorded[0] || patch_.row >= P.recorded[1]) return false;
+    uint signature = P.rectangles.at[patch_.first].signature;
+    bool near = false;
+    for (uint i = 0u; i < 5u; i++) {
+        if (beside[i] == PATCH_UNKNOWN) continue;
+        if (beside[i] == PATCH_MISSED) {
+            near = near || signature != 0u;
+            continue;
+        }
+        RefinedPatch other = P.patches.at[beside[i]];
+        uint end = other.first + other.base[0] * other.base[1];
+        for (uint index = other.first; index < end; index++) {
+            near = near || P.rectangles.at[index].signature != signature;
+        }
+    }
+    return near;
+}
+
 void main() {
     uint patch_index;
     if (!item_of(STAGE_BUDGET, patch_index)) return;
@@ -43,6 +66,13 @@ void main() {
         }
         octave--;
     }
+    if (P.head.at[HEAD_LEVELS] == 0u && is_near_silhouette(patch_index)) {
+        P.sums.at[words + PATCH_FLAGS] |= PATCH_IS_NEAR;
+    }
+    bool looks = (P.sums.at[words + PATCH_FLAGS] & PATCH_IS_NEAR) != 0u
+        && P.head.at[HEAD_LEVELS] < LOOKS;
+    // Nothing but the borders.
+    if (threshold < 0.0 && looks) threshold = 1e30;
     P.sums.at[words + PATCH_THRESHOLD] = floatBitsToUint(threshold);
     if (threshold < 0.0) P.sums.at[words + PATCH_FLAGS] |= PATCH_IS_DONE;
 }

@@ -103,7 +103,7 @@ Change on_surface(Own own, Found found) {
     float there = recorded(own, found);
     if (max(own.passed, there) == 0.0) return Change(0.0, 0.0, false);
     // A slope between rays close to each other may predict any depth.
-    float other = there == 0.0 ? 0.0 : min(own.passed * exp(-depth), 2.0 * max(own.passed, there));
+    float other = there == 0.0 ? 0.0 : min(exp(-own.found.depth - depth), 2.0 * max(own.passed, there));
     float light = change_to(own, Landed(other, own.at + moved));
     // Light that moves over the border of a row.
     float fall = abs(found.landing - own.found.landing) / P.row_pitch;
@@ -207,7 +207,7 @@ void look_beside(Own own, Found found[4], bool aside[4], inout vec2 change, inou
             float lit = max(own.passed, recorded(own, found[side]));
             ask(own, found[side], side / 2u, SILHOUETTE * lit);
         }
-        if (aside[side]) continue;
+        if (!found[side].known || (unlike && aside[side])) continue;
         Change towards;
         if (unlike) towards = over_silhouette(own, found[side]);
         else towards = on_surface(own, found[side]);
@@ -243,7 +243,7 @@ void main() {
     for (uint side = 0u; side < 4u; side++) {
         found[side] = beside(own, side, 0.0);
         aside[side] = is_aside(own, found[side], side);
-        same[side] = !aside[side] && alike(found[side], own.found);
+        same[side] = found[side].known && alike(found[side], own.found);
     }
     own.slopes = slopes_of(own.found, found, same);
     own.half_ = 0.5 * abs(P.magnification + own.slopes.displacement.x) * own.size.x;

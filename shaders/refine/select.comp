@@ -9,6 +9,17 @@
 #include "refine/head.glsl"
 #include "refine/rectangle.glsl"
 
+// Largest rectangles at the borders of patches near silhouettes: bodies may enter between rays.
+const float WIDEST = 1.0 / 17.0;
+const float HIGHEST = 1.0 / 5.0;
+
+bool looks_at(Rectangle g) {
+    bool near = (P.sums.at[sums_of(g.patch_index) + PATCH_FLAGS] & PATCH_IS_NEAR) != 0u;
+    bool at_border = g.x_low <= -0.5 * P.period || g.x_high >= 0.5 * P.period || g.z_low <= 0.0 || g.z_high >= 1.0;
+    bool large = g.x_high - g.x_low > WIDEST * P.period || g.z_high - g.z_low > HIGHEST;
+    return near && at_border && large && g.weight > 0.0 && P.head.at[HEAD_LEVELS] < LOOKS;
+}
+
 void main() {
     uint item;
     if (!item_of(STAGE_SELECT, item)) return;
@@ -20,7 +31,13 @@ void main() {
     // As the budget counted it.
     float counted = min(counted_of(g, has_turns(g.patch_index)), 4095.0);
     float threshold = uintBitsToFloat(P.sums.at[words + PATCH_THRESHOLD]);
-    if (counted > 0.0 && counted >= threshold) {
+    bool chosen = counted > 0.0 && counted >= threshold;
+    if (!chosen && looks_at(g)) {
+        bool along_x = g.x_high - g.x_low > WIDEST * P.period;
+        P.rectangles.at[index].flags = (g.flags & ~RECTANGLE_ALONG_X) | (along_x ? RECTANGLE_ALONG_X : 0u);
+        chosen = true;
+    }
+    if (chosen) {
         count(g, false);
         P.splits.at[atomicAdd(P.head.at[HEAD_SPLITS], 1u)] = index;
     } else {

@@ -11,7 +11,7 @@ use std::ops::Range;
 const ROWS_TOGETHER: i64 = 4;
 /// Base rectangles of a patch along x, behind a sample mask and without one, where a scene does not say.
 const BASE_COLUMNS: u32 = 6;
-const BASE_COLUMNS_OF_PIXEL: u32 = 3;
+const BASE_COLUMNS_OF_PIXEL: u32 = 6;
 /// The same at most of a patch beside the recorded rows, which has one along z.
 const BASE_COLUMNS_OUTSIDE: u32 = 4;
 /// Least base rectangles along z.
