@@ -134,6 +134,7 @@ fn every_kernel_works_without_a_message_of_the_validation_layer() {
             layer.simulate(None, &many(objects), &backend);
         }
     }
+    layer.simulate(None, MESHES, &["--set", "sampling.refine=device"]);
     layer.simulate(None, MESHES, &["--set", "sampling={scheme=\"random\", rays=[8, 8]}"]);
 
     let counts = [

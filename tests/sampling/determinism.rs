@@ -5,7 +5,7 @@ use crate::reference::stack::Setup;
 use crate::reference::surfaces::{body, cuboid, cylinder, star};
 use crate::support::{CARBON, WATER, backends, engine, engine_with};
 use beamlet::internals::trace::{Ray, RayResult, moments, trace};
-use beamlet::scene::{RandomRays, Scene, Scheme, Transport};
+use beamlet::scene::{RandomRays, Refine, Scene, Scheme, Transport};
 use beamlet::stack::Stacks;
 use beamlet::{Backend, EngineOptions};
 
@@ -41,17 +41,23 @@ fn same(what: &str, a: &Stacks, b: &Stacks) {
     assert!(other.is_none(), "{what}: {other:?}");
 }
 
-const SCHEMES: [Scheme; 2] = [Scheme::Cells, Scheme::Random];
+/// Cells refined on the host and on the device, and random rays.
+fn scenes() -> [(&'static str, Scene); 3] {
+    let mut device = scene(Scheme::Cells);
+    device.sampling.refine = Refine::Device;
+    device.sampling.tolerance = Some(1e-3);
+    let host = scene(Scheme::Cells);
+    [("cells", host), ("cells of the device", device), ("random rays", scene(Scheme::Random))]
+}
 
 #[test]
 fn band_and_batch_size_change_no_bit() {
-    for scheme in SCHEMES {
-        let scene = scene(scheme);
+    for (name, scene) in scenes() {
         let whole = run(EngineOptions::default(), &scene);
         assert!(whole.record.tally.exact > 0 && whole.record.tally.reflected > 0);
         for (band, batch) in [(Some(1), None), (Some(3), Some(4096)), (None, Some(257))] {
             let options = EngineOptions::default().with_band_rows(band).with_batch_rays(batch);
-            let what = format!("{scheme:?}, bands of {band:?} rows, batches of {batch:?} rays");
+            let what = format!("{name}, bands of {band:?} rows, batches of {batch:?} rays");
             same(&what, &whole, &run(options, &scene));
         }
     }
@@ -59,38 +65,39 @@ fn band_and_batch_size_change_no_bit() {
 
 #[test]
 fn memory_limit_changes_no_bit() {
-    let scene = scene(Scheme::Cells);
-    let little = EngineOptions::default().with_memory_limit(160 << 20);
-    same("a limit of 160 MiB", &run(EngineOptions::default(), &scene), &run(little, &scene));
+    for (name, scene) in &scenes()[..2] {
+        let little = EngineOptions::default().with_memory_limit(160 << 20);
+        let what = format!("{name}, a limit of 160 MiB");
+        same(&what, &run(EngineOptions::default(), scene), &run(little, scene));
+    }
 }
 
 #[test]
 fn number_of_threads_changes_no_bit() {
-    for scheme in SCHEMES {
-        let scene = scene(scheme);
+    for (name, scene) in scenes() {
         let with = |threads: usize| {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
             pool.expect("threads").install(|| run(EngineOptions::default(), &scene))
         };
         let one = with(1);
         for threads in [2, 7] {
-            same(&format!("{scheme:?}, {threads} threads"), &one, &with(threads));
+            same(&format!("{name}, {threads} threads"), &one, &with(threads));
         }
     }
 }
 
 #[test]
 fn engine_that_served_other_scenes_gives_the_same_bits() {
-    let scene = scene(Scheme::Cells);
-    for backend in backends() {
+    let [(_, host), (_, device), _] = scenes();
+    for (backend, scene) in backends().into_iter().flat_map(|it| [(it, &host), (it, &device)]) {
         let engine = engine(backend);
-        let first = engine.simulate(&scene).expect("a stack");
+        let first = engine.simulate(scene).expect("a stack");
         // Batches have grown by now, buffers are used anew.
         let mut other = scene.clone();
         other.scan.mask_offsets.push(15e-6);
         other.objects.pop();
         engine.simulate(&other).expect("a stack");
-        same("after another scene", &first, &engine.simulate(&scene).expect("a stack"));
+        same("after another scene", &first, &engine.simulate(scene).expect("a stack"));
     }
 }
 

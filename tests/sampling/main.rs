@@ -7,6 +7,7 @@ mod support;
 
 mod determinism;
 mod estimated;
+mod on_device;
 mod rims;
 mod row_blur;
 mod sampling;

@@ -4,7 +4,7 @@ use super::buffers::{Buffers, CELL, RECTANGLE, Sizes};
 use super::group::{Group, Touched};
 use super::kernels::RefineKernels;
 use super::tables::{self, Tables};
-use crate::sampling::ViewContext;
+use crate::sampling::{PatchCost, RowsCost, ViewContext, spread};
 use crate::trace::{QUEUE_COUNT, Tracer};
 use beamlet_core::numbers::{self, single};
 use beamlet_core::tally::Tally;
@@ -18,7 +18,7 @@ use beamlet_interface::{
 };
 use std::ops::Range;
 use std::sync::Arc;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 /// Turns of a submission.
 const TURNS: u32 = 16;
@@ -46,6 +46,8 @@ const CELLS: [u64; 2] = [1 << 18, 1 << 12];
 const GROWTH: f64 = 8.0;
 /// Rectangles of the next group over what the last one says.
 const SPARE: f64 = 1.5;
+/// Most patches of rows that stand for the others when a run is estimated.
+const SURVEYED: f64 = 2048.0;
 /// Standard deviations that a blur reaches.
 const BLURS: f64 = 6.5;
 
@@ -64,11 +66,18 @@ impl RefineRoom {
         numbers::low_word(most.clamp(CELLS[1], CELLS[0]))
     }
 
-    /// Twice as much room for one patch, where memory allows.
-    fn twice(self, room: u32) -> Option<u32> {
-        let bytes = 2 * u64::from(room) * RECTANGLE;
+    /// Room to begin with for this many base rectangles.
+    fn first(self, base: u64) -> u32 {
+        let wanted = numbers::whole::<u64>(base as f64 * GROWTH).next_power_of_two();
+        numbers::low_word(wanted.clamp(RECTANGLES[1], self.rectangles().into()))
+    }
+
+    /// More room: as far as groups of patches have it, or for a single patch as far as memory has it.
+    fn more(self, places: u32, single: bool) -> Option<u32> {
+        let next = places.checked_mul(2)?;
+        let bytes = u64::from(next) * RECTANGLE;
         let fits = self.0.is_none_or(|[_, left]| bytes <= left * 3 / 4);
-        room.checked_mul(2).filter(|_| fits)
+        (next <= self.rectangles() || (single && fits)).then_some(next)
     }
 }
 
@@ -149,10 +158,75 @@ impl DeviceRefiner {
         }
         let touched = Touched::new(view, rows);
         let patches = touched.of_rows(rows);
+        let all = self.patches(view, tracer, (&touched, room), (&patches, lit), light, advance)?;
+        let direct = &view.lattice.direct;
+        let places = rows.clone().filter(|row| lit.contains(row)).flat_map(|row| {
+            direct.clone().map(move |beamlet| (beamlet, row))
+        });
+        let first = view.lattice.beamlets.start;
+        let missed = places.filter(|at| !touched.has(at)).map(|(beamlet, row)| (beamlet - first, row));
+        Ok((all, missed.collect()))
+    }
+
+    /// Refines some patches of rows, evenly spread from the share `start` of their distance on, and returns what all
+    /// of them cost; `light` returns the seconds that a run takes for cells beyond those that it took.
+    ///
+    /// # Errors
+    /// As [`Self::refine`].
+    pub(crate) fn survey(
+        &mut self,
+        view: &ViewContext<'_>,
+        tracer: &mut Tracer,
+        room: RefineRoom,
+        (rows, lit, start): (&Range<i64>, &Range<i64>, f64),
+        light: &mut dyn FnMut(&MadeCells<'_>) -> Result<f64>,
+    ) -> Result<RowsCost> {
+        if self.tables.as_ref().is_none_or(|(known, _)| *known != 0) {
+            self.tables = Some((0, Tables::new(&self.device, view)?));
+        }
+        let touched = Touched::new(view, rows);
+        let patches = touched.of_rows(rows);
+        let chosen = spread(&patches, SURVEYED, start);
+        let base: u64 = patches.iter().map(|at| u64::from(touched.base_of(at))).sum();
+        let (begin, before) = (Instant::now(), tracer.rays_traced());
+        let mut beyond = 0.0;
+        let mut take = |made: &MadeCells<'_>| {
+            beyond += light(made)?;
+            Ok(())
+        };
+        let (from, some) = ((&touched, room), (&chosen[..], lit));
+        self.patches(view, tracer, from, some, &mut take, &mut |_, _| {})?;
+        let traced = (tracer.rays_traced() - before) as f64;
+        let own: u64 = chosen.iter().map(|at| u64::from(touched.base_of(at))).sum();
+        let rows = (rows.end - rows.start) as f64;
+        let kind = PatchCost {
+            patches: patches.len() as f64,
+            refined: chosen.len() as f64,
+            rays: traced - own as f64,
+            splits: 0.0,
+            seconds: begin.elapsed().as_secs_f64() + beyond,
+        };
+        // Base rays count with those of a row on either side.
+        let base_rays = base as f64 * (rows + 2.0) / rows.max(1.0);
+        let kinds = [kind, PatchCost::default()];
+        Ok(RowsCost { rows, base_rays, base_seconds: 0.0, facet_seconds: 0.0, kinds })
+    }
+
+    /// Refines patches in groups that there is room for.
+    fn patches(
+        &mut self,
+        view: &ViewContext<'_>,
+        tracer: &mut Tracer,
+        (touched, room): (&Touched, RefineRoom),
+        (patches, lit): (&[(i64, i64)], &Range<i64>),
+        light: Light<'_>,
+        advance: &mut dyn FnMut(&Tracer, f64),
+    ) -> Result<Refined> {
         let mut all = Refined::default();
-        let mut rest = &patches[..];
+        let mut rest = patches;
         let mut most = usize::MAX;
-        let mut places = room.rectangles();
+        let base = patches.iter().map(|at| u64::from(touched.base_of(at))).sum();
+        let mut places = room.first(base).max(self.buffers.as_ref().map_or(0, |it| it.sizes.room));
         while !rest.is_empty() {
             let budget = f64::from(places) / self.growth;
             let mut base = 0.0;
@@ -172,19 +246,14 @@ impl DeviceRefiner {
                     let done = patches.len() - rest.len();
                     advance(tracer, done as f64 / patches.len() as f64);
                 }
-                Outcome::Full if some.len() > 1 => most = some.len() / 2,
-                Outcome::Full => {
-                    places = room.twice(places).ok_or_else(|| too_small(some[0], places, room))?;
-                }
+                Outcome::Full => match room.more(places, some.len() == 1) {
+                    Some(more) => places = more,
+                    None if some.len() > 1 => most = some.len() / 2,
+                    None => return Err(too_small(some[0], places, room)),
+                },
             }
         }
-        let direct = &view.lattice.direct;
-        let places = rows.clone().filter(|row| lit.contains(row)).flat_map(|row| {
-            direct.clone().map(move |beamlet| (beamlet, row))
-        });
-        let first = view.lattice.beamlets.start;
-        let missed = places.filter(|at| !touched.has(at)).map(|(beamlet, row)| (beamlet - first, row));
-        Ok((all, missed.collect()))
+        Ok(all)
     }
 
     /// Refines a group of patches.

@@ -53,5 +53,5 @@ pub(crate) use projected_bounds::{ProjectedBounds, projected_bounds, touches_pix
 pub(crate) use response::{Opening, Response};
 pub use room::Room;
 pub(crate) use rows::sample_rows;
-pub(crate) use survey::{RowsCost, survey_rows};
+pub(crate) use survey::{PatchCost, RowsCost, spread, survey_rows};
 pub(crate) use view_context::ViewContext;

@@ -145,7 +145,7 @@ pub(crate) fn survey_rows(
 }
 
 /// At most `most` of some patches, evenly spread.
-fn spread(patches: &[(i64, i64)], most: f64, start: f64) -> Vec<(i64, i64)> {
+pub(crate) fn spread(patches: &[(i64, i64)], most: f64, start: f64) -> Vec<(i64, i64)> {
     let count = (patches.len() as f64).min(most.max(1.0).floor());
     let step = patches.len() as f64 / count.max(1.0);
     (0..numbers::whole::<usize>(count))

@@ -8,7 +8,7 @@ use crate::detector::SubpixelGrid;
 use beamlet_core::{Error, Result};
 use beamlet_files::StackShape;
 use beamlet_geometry::{ObjectSummary, PEAK_PER_CUT_TRIANGLE, PEAK_PER_TRIANGLE};
-use beamlet_model::scene::{Beam, Scatter, Scene, Scheme, ShapeOrMesh};
+use beamlet_model::scene::{Beam, Refine, Scatter, Scene, Scheme, ShapeOrMesh};
 use std::collections::BTreeSet;
 
 /// Least memory of one patch in refinement under a limit.
@@ -115,6 +115,8 @@ pub(super) struct Needs {
     ray_host: u64,
     ray_device: u64,
     pub(super) cells: bool,
+    /// Rectangles are refined, and so take memory, on the device.
+    on_device: bool,
     /// Rays of a view that refinement adds beyond what `ray_host` counts.
     pub(super) crowded: u64,
 }
@@ -181,6 +183,7 @@ impl Needs {
             ray_host,
             ray_device,
             cells,
+            on_device: scene.sampling.refine == Refine::Device,
             crowded: 0,
         })
     }
@@ -320,11 +323,12 @@ impl Needs {
         let rays = self.rays_together(rays_at_once);
         let band = self.lanes * (u64::from(band_rows) + self.beside);
         let refined = self.refinement(rays);
+        let [on_host, on_device] = if self.on_device { [0, refined] } else { [refined, 0] };
         let host = self.program
             + KEPT * self.triangles
             + self.instances().host
             + self.lanes * BEAMLET * self.beamlets
-            + refined
+            + on_host
             + self.lanes * CROWDED * self.crowded.min(MOST_CROWDED)
             + 64 * self.views
             + FRAME_COPIES * self.frame;
@@ -332,6 +336,7 @@ impl Needs {
             + (TREE + STRUCTURE) * self.triangles
             + self.instances().device
             + self.lanes * self.ray_device * rays
+            + on_device
             + 16 * self.views;
         HostAndDevice {
             host: host.saturating_add(band.saturating_mul(self.row.host)),

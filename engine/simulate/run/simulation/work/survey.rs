@@ -3,6 +3,7 @@
 
 use super::detection::detection_seconds;
 use super::{ViewWork, bands};
+use crate::refine::MadeCells;
 use crate::run::RunEstimate;
 use crate::run::simulation::Simulation;
 use crate::sampling::{self, CellBatch, ProjectedBounds, RowsCost};
@@ -220,7 +221,18 @@ impl ViewWork<'_> {
         let lit = band.start - blur_rows..band.end + blur_rows;
         let steps = self.steps();
         let left_out = self.steps_left_out();
-        let Self { cells, bars, lights, sums, tracer, simulation, .. } = self;
+        let Self { cells, bars, lights, sums, tracer, simulation, refiner, .. } = self;
+        let response = simulation.response(Exposure::Sample(simulation.view_of(pose)));
+        let view = simulation.pose_context(pose, projected_bounds, &response);
+        if let Some(refiner) = refiner {
+            let mut light = |made: &MadeCells<'_>| {
+                let begin = Instant::now();
+                cells.add_made(lights, made, sums, steps)?;
+                Ok(left_out * begin.elapsed().as_secs_f64())
+            };
+            let room = simulation.refine_room(&simulation.alone);
+            return refiner.survey(&view, tracer, room, (&rows, &lit, chosen.1), &mut light);
+        }
         let mut add = |tracer: &mut Tracer, cell_rows: &CellBatch| {
             let gathered = match &simulation.spectral {
                 Some(spectral) => Some(spectral.lists(tracer, bars, cell_rows)?),
@@ -231,8 +243,6 @@ impl ViewWork<'_> {
             cells.add(lights.iter().zip(lists), sums, steps)?;
             Ok(left_out * begin.elapsed().as_secs_f64())
         };
-        let response = simulation.response(Exposure::Sample(simulation.view_of(pose)));
-        let view = simulation.pose_context(pose, projected_bounds, &response);
         sampling::survey_rows(&view, tracer, rows, &lit, chosen, &mut add)
     }
 

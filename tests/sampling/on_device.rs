@@ -1,0 +1,189 @@
+//! Refinement on the device, `sampling.refine = "device"`: its light, what it tells, and what it refuses.
+
+use crate::reference::scenes;
+use crate::reference::stack::Setup;
+use crate::reference::surfaces::{body, cuboid, cylinder, sphere};
+use crate::support::{CARBON, WATER, backends, engine, engine_with};
+use beamlet::scene::{Beam, Blur, MaskBody, Refine, Scene, SpectrumOrigin, SpectrumSpec};
+use beamlet::stack::ArraySink;
+use beamlet::{Backend, Control, Engine, EngineOptions, RunRecord};
+use ndarray::Array4;
+
+/// Tolerance of the light that is compared.
+const TOLERANCE: f64 = 3e-4;
+
+/// A ball, an upright slab and a tilted rod.
+fn meshes() -> Scene {
+    let rod = cylinder(0.1e-3, 0.9e-3, 24, 0.2).turned([1.0, 0.3, 0.0], 0.7);
+    let bodies = [
+        body(sphere(0.25e-3, 3).moved([-0.4e-3, 0.0, 0.1e-3]).rounded(), CARBON[0], CARBON[1]),
+        body(cuboid([0.2e-3, 1.5e-3, 0.5e-3]), WATER[0], WATER[1]),
+        body(rod.moved([0.4e-3, 0.0, 0.0]).rounded(), WATER[0], WATER[1]),
+    ];
+    scenes::scene(&Setup::paper([12, 5]), &bodies, &[-20e-6, 0.0, 9e-6])
+}
+
+/// Exact shapes, one in the other.
+fn shapes() -> Scene {
+    let text = "[source]\ndistance = \"1.2 m\"\nspot = \"20 um\"\nenergy = \"25 keV\"\n\
+         [detector]\ndistance = \"1.8 m\"\npixels = [14, 5]\npitch = \"75 um\"\n\
+         [sample_mask]\ndistance = \"1.19 m\"\nmaterial = \"gold\"\nthickness = \"200 um\"\n\
+         projected_aperture = \"20 um\"\n\
+         [detector_mask]\nmaterial = \"gold\"\nthickness = \"200 um\"\nprojected_aperture = \"30 um\"\n\
+         [scan]\nmask_offsets = [\"-12 um\", \"-4 um\", \"3 um\", \"11 um\"]\n\
+         [[object]]\nname = \"tube\"\nshape = { cylinder = { radius = \"240 um\", height = \"4 mm\" } }\n\
+         material = \"PMMA\"\nrotate = [{ axis = [0, 1, 0], angle = \"20 deg\" }]\n\
+         [[object]]\nname = \"bore\"\nshape = { cylinder = { radius = \"150 um\", height = \"5 mm\" } }\n\
+         material = \"air\"\nrotate = [{ axis = [0, 1, 0], angle = \"20 deg\" }]\n\
+         [[object]]\nname = \"ball\"\nshape = { sphere = { radius = \"60 um\" } }\nmaterial = \"Al\"\n";
+    Scene::from_toml(text, std::path::Path::new(".")).expect("a scene")
+}
+
+/// Scenes that differ in what stands in the beam.
+fn scenes_of_all_kinds() -> Vec<(&'static str, Scene)> {
+    let mut leaking = meshes();
+    for mask in leaking.sample_mask.iter_mut().chain(&mut leaking.detector_mask) {
+        mask.body = MaskBody::Sheet { transmission: 0.2 };
+    }
+    let mut bare = meshes();
+    (bare.sample_mask, bare.detector_mask) = (None, None);
+    bare.scan.mask_offsets = vec![0.0];
+    let mut tracked = meshes();
+    tracked.detector_mask = None;
+    let mut blurred = meshes();
+    blurred.detector.blur = Some(Blur::Gaussian { sigma: [40e-6; 2] });
+    vec![
+        ("meshes", meshes()),
+        ("shapes", shapes()),
+        ("leaking masks", leaking),
+        ("no masks", bare),
+        ("no detector mask", tracked),
+        ("detector blur", blurred),
+    ]
+}
+
+fn run(engine: &Engine, scene: &Scene, refine: Refine, tolerance: f64) -> (Array4<f32>, RunRecord) {
+    let mut scene = scene.clone();
+    scene.sampling.refine = refine;
+    scene.sampling.tolerance = Some(tolerance);
+    let mut sink = ArraySink::new();
+    let record = engine.run(&scene, &mut sink, Control::default()).expect("a run");
+    (sink.into_stacks().expect("stacks").sample, record)
+}
+
+/// Largest difference and root mean square of values.
+fn apart(a: &Array4<f32>, b: &Array4<f32>) -> [f64; 2] {
+    let off = || a.iter().zip(b).map(|(a, b)| f64::from(a - b));
+    let squares: f64 = off().map(|it| it * it).sum();
+    [off().fold(0.0, |most: f64, it| most.max(it.abs())), (squares / a.len() as f64).sqrt()]
+}
+
+/// Against runs whose rays the host chooses by other rules, at a tolerance six times as tight. None is beyond five
+/// tolerances, as required of sampling (docs/validation.md), and the root mean square is a half of one at most.
+#[test]
+fn light_is_that_of_the_rules_of_the_host() {
+    let engine = engine(Backend::Bvh);
+    for (name, scene) in scenes_of_all_kinds() {
+        let (want, _) = run(&engine, &scene, Refine::Host, TOLERANCE / 6.0);
+        let (got, record) = run(&engine, &scene, Refine::Device, TOLERANCE);
+        let [worst, rms] = apart(&got, &want);
+        let told = record.sampling.expect("told errors");
+        println!("measured device, {name}: worst {worst:.1e}, rms {rms:.1e}, told {:.1e}", told.worst_error);
+        assert!(worst < 5.0 * TOLERANCE && rms < 0.5 * TOLERANCE, "{name}: {worst} {rms}");
+        assert!(told.worst_error > 0.0 && told.worst_error <= TOLERANCE, "{name}: {told:?}");
+        assert_eq!(told.beyond_tolerance, 0, "{name}");
+    }
+}
+
+/// Both backends make the same rays.
+#[test]
+fn both_backends_refine_alike() {
+    let scene = shapes();
+    let runs: Vec<_> = backends()
+        .into_iter()
+        .map(|it| run(&engine(it), &scene, Refine::Device, 1e-3))
+        .collect();
+    for (sample, record) in &runs {
+        let [worst, _] = apart(sample, &runs[0].0);
+        assert!(worst < 1e-6, "{worst}");
+        assert_eq!(record.tally.patch_rays, runs[0].1.tally.patch_rays);
+        assert_eq!(record.tally.exact, runs[0].1.tally.exact);
+    }
+}
+
+/// Squares of errors at first are 1e11 budgets and more, in units of 2^-16 far beyond 32 bits: what is added to
+/// them is taken out of them again, or refinement would not end, or too soon.
+#[test]
+fn sums_of_errors_hold_what_a_word_does_not() {
+    let engine = engine(Backend::Bvh);
+    let mut scene = shapes();
+    scene.detector.pixels = [4, 1];
+    scene.scan.mask_offsets.truncate(1);
+    scene.sampling.max_rays = 1_000_000;
+    scene.sampling.angle_tolerance = Some(1e-6);
+    let (want, _) = run(&engine, &scene, Refine::Host, 1e-5);
+    let (got, record) = run(&engine, &scene, Refine::Device, 3e-6);
+    let [worst, _] = apart(&got, &want);
+    let told = record.sampling.expect("told errors");
+    // Five tolerances of both.
+    assert!(worst < 6.5e-5, "{worst}: {told:?}");
+    assert!(told.worst_error < 3e-6 && told.beyond_tolerance == 0, "{told:?}");
+}
+
+#[test]
+fn rays_of_a_patch_have_a_limit() {
+    let engine = engine(Backend::Bvh);
+    let mut scene = meshes();
+    let (_, free) = run(&engine, &scene, Refine::Device, 1e-4);
+    let most = free.tally.most_patch_rays;
+    assert!(most > 400, "{most}");
+    scene.sampling.max_rays = 200;
+    let (_, record) = run(&engine, &scene, Refine::Device, 1e-4);
+    let told = record.sampling.expect("told errors");
+    // Base rays of a patch come before.
+    assert!(record.tally.most_patch_rays <= 260, "{told:?}");
+    assert!(told.beyond_tolerance > 0 && told.worst_error > 1e-4, "{told:?}");
+}
+
+/// Groups of patches with too little room begin anew with more, or as halves.
+#[test]
+fn room_for_rectangles_changes_no_bit() {
+    let scene = meshes();
+    let of = |options: EngineOptions| {
+        run(&engine_with(options.with_backend(Backend::Bvh)), &scene, Refine::Device, 1e-4)
+    };
+    let (whole, _) = of(EngineOptions::default());
+    let (little, _) = of(EngineOptions::default().with_memory_limit(160 << 20));
+    assert!(whole.iter().zip(&little).all(|(a, b)| a.to_bits() == b.to_bits()));
+}
+
+#[test]
+fn what_the_device_does_not_know_is_refused_by_name() {
+    let engine = engine(Backend::Bvh);
+    let refused = |change: &dyn Fn(&mut Scene), options: EngineOptions| {
+        let mut scene = shapes();
+        scene.sampling.refine = Refine::Device;
+        change(&mut scene);
+        let engine = engine_with(options.with_backend(Backend::Bvh));
+        engine.prepare(&scene).map(drop).expect_err("refused").to_string()
+    };
+    let spectrum = |scene: &mut Scene| {
+        let tube = SpectrumOrigin::Tube {
+            anode: beamlet::scene::Anode::Tungsten,
+            kvp: 60.0,
+            anode_angle: 0.2,
+            inherent_filters: Vec::new(),
+        };
+        scene.source.beam = Beam::Spectrum(SpectrumSpec::new(tube).with_nodes(4));
+    };
+    let rough = |scene: &mut Scene| scene.objects[0].roughness = 1e-3;
+    let kept = EngineOptions::default().with_keep_moments(true);
+    for (found, text) in [
+        ("a spectrum of several energies", refused(&spectrum, EngineOptions::default())),
+        ("a rough object", refused(&rough, EngineOptions::default())),
+        ("kept moments", refused(&|_| (), kept)),
+    ] {
+        assert!(text.contains("sampling.refine") && text.contains(found), "{text}");
+    }
+    drop(engine);
+}
