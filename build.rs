@@ -51,7 +51,7 @@ const PERMUTATIONS: &[Permutation] = &[
     ("refine_budget", "refine/budget.comp", &[]),
     ("refine_select", "refine/select.comp", &[]),
     ("refine_emit", "refine/emit.comp", &[]),
-    ("refine_tell", "refine/tell.comp", &[]),
+    ("refine_report", "refine/report.comp", &[]),
     ("fit", "retrieve/fit.comp", &[]),
     ("back_project", "reconstruct/back_project.comp", &[]),
     ("back_project_variance", "reconstruct/back_project.comp", &[("VARIANCE", "1")]),

@@ -96,9 +96,9 @@ pub mod scene {
         Absorber, Anode, Beam, Blur, Counts, Detector, DetectorMode, Exposure, Filter, Fly,
         Instances, KernelFile, MaskBody, MaskSpec, MaterialSpec, Mesh, MeshFormat, Motion, Normals,
         Object, Packing, PackingAmount, PackingKind, PackingRegion, Placement, Pose, Quality,
-        RandomRays, Refine, RotationAxis, Sampling, Scan, ScanErrors, Scatter, Scene, Scheme, Shape,
-        ShapeOrMesh, Source, SpectrumOrigin, SpectrumSpec, Spot, SpotFit, SpotPart, Tolerances,
-        Transport, View,
+        RandomRays, Refine, RotationAxis, Sampling, Scan, ScanErrors, Scatter, Scene, Scheme,
+        Shape, ShapeOrMesh, Source, SpectrumOrigin, SpectrumSpec, Spot, SpotFit, SpotPart,
+        Tolerances, Transport, View,
     };
 }
 /// Spectra and their energy nodes.

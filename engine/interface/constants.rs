@@ -111,7 +111,7 @@ shared_constants! {
     /// Rays of a pass: those that the device made.
     RAYS_MADE: u32 = 2;
 
-    /// In place of the index of a patch: no ray of it meets the sample.
+    /// In place of the index of a patch: no ray of it crosses the sample.
     PATCH_MISSED: u32 = u32::MAX;
     /// In place of the index of a patch: its rays are not traced.
     PATCH_UNKNOWN: u32 = u32::MAX - 1;
@@ -124,7 +124,7 @@ shared_constants! {
     /// Exponent of the lowest octave, below zero.
     LOWEST_OCTAVE: u32 = 20;
     /// Words at the head of the sums of a patch; then sums and counts of each octave, of errors of the light and
-    /// with those of the displacement; then sums of two words for each mask step and for all of them, of both.
+    /// with the displacement; then sums of two words for each mask step and for all of them, of both.
     PATCH_HEAD: u32 = 4;
     /// Error from which on rectangles are split.
     PATCH_THRESHOLD: u32 = 0;
@@ -136,9 +136,9 @@ shared_constants! {
     PATCH_IS_DONE: u32 = 1;
     /// A silhouette crosses it.
     PATCH_IS_CROSSED: u32 = 2;
-    /// Some ray meets the sample.
+    /// Some ray crosses the sample.
     PATCH_IS_HIT: u32 = 4;
-    /// Base rays in it or in a patch beside it met different surfaces.
+    /// Base rays in it or in a patch beside it crossed different surfaces.
     PATCH_IS_NEAR: u32 = 8;
     /// Levels at which rectangles at the borders of such patches are split.
     LOOKS: u32 = 4;
@@ -173,9 +173,9 @@ shared_constants! {
     HEAD_EMIT: u32 = 14;
     /// Number of parts of cell rows whose light lands near.
     HEAD_NEAR: u32 = 15;
-    /// Of those whose light lands farther off.
+    /// Number of parts whose light lands farther off.
     HEAD_FAR: u32 = 16;
-    /// Rectangles of cells that were asked for in this submission.
+    /// Rectangles whose cells were begun in this submission.
     HEAD_CELLS: u32 = 17;
     /// Rays of patches to refine.
     HEAD_RAYS: u32 = 18;
@@ -209,8 +209,8 @@ shared_constants! {
     STAGE_SELECT: u32 = 6;
     /// Makes cells.
     STAGE_EMIT: u32 = 7;
-    /// Sums up told errors.
-    STAGE_TELL: u32 = 8;
+    /// Sums up reported errors.
+    STAGE_REPORT: u32 = 8;
     /// Words of the head.
     HEAD_WORDS: u32 = 24 + 9 * 5;
     /// Base rays are traced.
@@ -231,21 +231,21 @@ shared_constants! {
     PHASE_FULL: u32 = 7;
 
     /// Number of patches.
-    TOLD_PATCHES: u32 = 0;
+    REPORT_PATCHES: u32 = 0;
     /// Their rays, two words.
-    TOLD_RAYS: u32 = 1;
+    REPORT_RAYS: u32 = 1;
     /// Most rays of a patch.
-    TOLD_MOST: u32 = 3;
+    REPORT_MOST: u32 = 3;
     /// Largest error, 1e-9 of open beam.
-    TOLD_WORST: u32 = 4;
+    REPORT_WORST: u32 = 4;
     /// Sum of the squares of errors, two words.
-    TOLD_SQUARES: u32 = 5;
+    REPORT_SQUARES: u32 = 5;
     /// Patches beyond the tolerance.
-    TOLD_BEYOND: u32 = 7;
+    REPORT_BEYOND: u32 = 7;
     /// Cells whose light lands too far off to follow.
-    TOLD_LANDED_OFF: u32 = 8;
-    /// Words of the told errors.
-    TOLD_WORDS: u32 = 9;
+    REPORT_LANDED_OFF: u32 = 8;
+    /// Words of the report.
+    REPORT_WORDS: u32 = 9;
     /// In place of a queue, where the host knows the rays.
     NO_QUEUE: u32 = u32::MAX;
 

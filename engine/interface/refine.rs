@@ -13,7 +13,7 @@ shared_structs! {
         pub first: u32,
         /// Base rectangles along x and z.
         pub base: [u32; 2] => uvec2,
-        /// Indices of the patches at lower and higher x, above and below; `PATCH_MISSED` where no ray meets
+        /// Indices of the patches at lower and higher x, above and below; `PATCH_MISSED` where no ray crosses
         /// the sample, `PATCH_UNKNOWN` where none is traced.
         pub low: u32,
         pub high: u32,
@@ -36,7 +36,7 @@ shared_structs! {
         pub landing: [f32; 2] => vec2,
         /// Its centre, from the nearest period of the sample mask.
         pub mask_offset: f32,
-        /// By which thick bars narrow each side of an opening.
+        /// Reduction of each side of an opening by thick bars.
         pub shadow: f32,
     }
 
@@ -91,6 +91,8 @@ shared_structs! {
         pub patch_index: u32,
         /// First of its three parts; 0: it has none.
         pub parts: u32,
+        /// The rectangle that it is a part of; its own index for a base rectangle.
+        pub whole: u32,
         /// Largest changes of light towards neighbours along x and z.
         pub change_x: f32,
         pub change_z: f32,
@@ -129,8 +131,8 @@ shared_structs! {
         pub results: u64 => RayResults,
         /// `[queue][QUEUE_HEAD]`.
         pub queues: u64 => Words,
-        /// Told errors and counts, `TOLD_`.
-        pub told_sums: u64 => Words,
+        /// Reported errors and counts, `REPORT_`.
+        pub report: u64 => Words,
         /// Number of patches to refine, and of these with the neighbours that have base rays alone.
         pub patch_count: u32,
         pub all_patches: u32,
@@ -157,7 +159,7 @@ shared_structs! {
         pub wanted: [i32; 2] => ivec2,
         /// Rows that light is followed over.
         pub halo: f32,
-        /// Of the beamlets in the cell plane.
+        /// Period of the beamlets in the cell plane.
         pub period: f32,
         /// Cell plane to source, inverse, 1/m; source to rotation centre.
         pub inverse_plane: f32,
@@ -192,9 +194,9 @@ shared_structs! {
         pub least: [f32; 2] => vec2,
         /// Steps of f32 coordinates beside a rectangle.
         pub beside: [f32; 2] => vec2,
-        /// Error of a told value over `light_budget`, 1e-9 of open beam.
-        pub told: f32,
-        /// A told error beyond this is beyond the tolerance, 1e-9 of open beam.
+        /// Error of a reported value over `light_budget`, 1e-9 of open beam.
+        pub reported: f32,
+        /// A reported error beyond this is beyond the tolerance, 1e-9 of open beam.
         pub tolerance: u32,
         pub unused: u32,
     }

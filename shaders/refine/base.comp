@@ -35,6 +35,7 @@ void main() {
     g.signature = g.flags = g.parts = 0u;
     g.change_x = g.change_z = g.light_error = g.turn_error = g.weight = 0.0;
     g.patch_index = patch_index;
+    g.whole = index;
     P.rectangles.at[index] = g;
     for (uint word = 0u; word < 3u; word++) P.asked.at[3u * index + word] = 0u;
     if (index < P.own_base) P.lists.at[index] = index;

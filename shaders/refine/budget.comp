@@ -15,7 +15,7 @@ const float LOST = 8.0 / 9.0;
 // Splitting ends, too, where what stays whole has less than this share of the budget.
 const float UNSPLIT = 0.5;
 
-// Whether base rays of the patch and of those beside it met different surfaces.
+// Whether base rays of the patch and of patches beside it crossed different surfaces.
 bool is_near_silhouette(uint patch_index) {
     RefinedPatch patch_ = P.patches.at[patch_index];
     uint beside[5] = uint[5](patch_index, patch_.low, patch_.high, patch_.above, patch_.below);

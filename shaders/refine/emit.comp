@@ -37,8 +37,8 @@ RaySlopes slopes_along_x(Rectangle g, uint index) {
     float out_ = max(1e-4 * (g.x_high - g.x_low), P.beside.x);
     Found found[4];
     bool same[4] = bool[4](false, false, false, false);
-    found[0] = found_at(g.patch_index, g.x_low - out_, own.at.y);
-    found[1] = found_at(g.patch_index, g.x_high + out_, own.at.y);
+    found[0] = found_at(index, g.patch_index, g.x_low - out_, own.at.y);
+    found[1] = found_at(index, g.patch_index, g.x_high + out_, own.at.y);
     found[2] = found[3] = own;
     for (uint side = 0u; side < 2u; side++) {
         same[side] = found[side].known && alike(found[side], own);
@@ -70,7 +70,7 @@ void main() {
     float low = g.z_low + down;
     float high = g.z_high + down;
     float reach = BLURS * P.row_blur;
-    if (abs(down) > P.halo) atomicAdd(P.told_sums.at[TOLD_LANDED_OFF], 1u);
+    if (abs(down) > P.halo) atomicAdd(P.report.at[REPORT_LANDED_OFF], 1u);
     float row = float(patch_.row);
     if (row + high + reach < float(P.wanted[0]) || row + low - reach > float(P.wanted[1])) return;
     RaySlopes slopes = slopes_along_x(g, index);

@@ -148,7 +148,7 @@ Found beside(Own own, uint side, float along) {
     uint axis = side / 2u;
     float out_ = max(1e-4 * own.size[axis], P.beside[axis]);
     at[axis] = side % 2u == 0u ? low[axis] - out_ : high[axis] + out_;
-    return found_at(own.g.patch_index, at.x, at.y);
+    return found_at(own.found.index, own.g.patch_index, at.x, at.y);
 }
 
 bool is_aside(Own own, Found found, uint side) {

@@ -20,7 +20,7 @@ uint sums_of(uint patch_index) {
     return patch_index * (PATCH_HEAD + 4u * OCTAVES + 4u * (P.steps + 1u));
 }
 
-// First word of its sums of errors of the light by step; those of the displacement follow.
+// First word of its sums of errors by step: of the light, then of the displacement.
 uint step_sums_of(uint patch_index) {
     return sums_of(patch_index) + PATCH_HEAD + 4u * OCTAVES;
 }

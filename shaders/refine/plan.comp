@@ -29,8 +29,8 @@ void dispatch(uint stage, uint first, uint count) {
     set(words + 4u, 1u);
 }
 
-// Takes at most so many items of those from a cursor to an end, as far as the submission has room for
-// them; an item costs so much.
+// Takes items from a cursor to an end, at most this many, and as far as the submission has room for
+// them; `cost`: of an item.
 uint take(uint stage, uint cursor, uint end, uint most, uint cost) {
     uint first = head(cursor);
     uint count = min(min(end - first, most), min(head(HEAD_ROOM) / cost, MOST));
@@ -135,16 +135,16 @@ void plan_select() {
 
 void plan_emit() {
     dispatch(STAGE_EMIT, 0u, 0u);
-    dispatch(STAGE_TELL, 0u, 0u);
+    dispatch(STAGE_REPORT, 0u, 0u);
     if (head(HEAD_PHASE) != PHASE_EMIT) return;
     uint end = head(HEAD_EMIT) < P.own_base ? P.own_base : head(HEAD_RECTANGLES);
     uint count = take(STAGE_EMIT, HEAD_EMIT, end, P.cell_room - head(HEAD_CELLS), 1u);
     set(HEAD_CELLS, head(HEAD_CELLS) + count);
-    // Base rectangles of neighbours lie behind those of the patches.
+    // Base rectangles of neighbours lie behind all others.
     if (head(HEAD_EMIT) == P.own_base) set(HEAD_EMIT, P.all_base);
     if (head(HEAD_EMIT) != head(HEAD_RECTANGLES)) return;
     set(HEAD_PHASE, PHASE_DONE);
-    dispatch(STAGE_TELL, 0u, P.patch_count);
+    dispatch(STAGE_REPORT, 0u, P.patch_count);
 }
 
 void main() {

@@ -27,7 +27,7 @@ vec2 middle_of(Rectangle g) {
     return vec2(0.5 * (g.x_low + g.x_high), 0.5 * (g.z_low + g.z_high));
 }
 
-// What the ray of a rectangle met, and its place from the middle of the beamlet of the patch that asks.
+// The result of the ray of a rectangle, and its place from the middle of the beamlet of the patch in work.
 struct Found {
     bool known;
     uint index; // of a rectangle of this patch
@@ -46,53 +46,69 @@ Found found_of(Rectangle g, uint index, vec2 shift) {
 
 const uint NO_RECTANGLE = 0xffffffffu;
 
-// The rectangle at a place of a patch, or the base rectangle of the patch beside it: results do not depend
-// on how far that is refined.
-Found found_at(uint patch_index, float x, float z) {
+// The part at a place of a rectangle.
+uint part_at(uint index, vec2 at) {
+    uint parts = P.rectangles.at[index].parts;
+    while (parts != 0u) {
+        bool along_x = (P.rectangles.at[index].flags & RECTANGLE_ALONG_X) != 0u;
+        float v = along_x ? at.x : at.y;
+        float a = along_x ? P.rectangles.at[parts].x_high : P.rectangles.at[parts].z_high;
+        float b = along_x ? P.rectangles.at[parts + 1u].x_high : P.rectangles.at[parts + 1u].z_high;
+        index = parts + (v < a ? 0u : v < b ? 1u : 2u);
+        parts = P.rectangles.at[index].parts;
+    }
+    return index;
+}
+
+bool holds(uint index, vec2 at) {
+    return at.x >= P.rectangles.at[index].x_low && at.x < P.rectangles.at[index].x_high
+        && at.y >= P.rectangles.at[index].z_low && at.y < P.rectangles.at[index].z_high;
+}
+
+// The base rectangle at a place of a patch.
+uint base_at(RefinedPatch patch_, vec2 place, bool own) {
+    uvec2 base = uvec2(patch_.base[0], patch_.base[1]);
+    vec2 share = vec2(place.x / P.period + 0.5, place.y) * vec2(base);
+    uvec2 at = min(uvec2(max(share, vec2(0.0))), base - 1u);
+    uint index = patch_.first + at.x * base.y + at.y;
+    if (own) {
+        // Shares are rounded: the sides of rectangles decide.
+        Rectangle g = P.rectangles.at[index];
+        if (place.x < g.x_low && at.x > 0u) index -= base.y;
+        if (place.x >= g.x_high && at.x + 1u < base.x) index += base.y;
+        if (place.y < g.z_low && at.y > 0u) index -= 1u;
+        if (place.y >= g.z_high && at.y + 1u < base.y) index += 1u;
+    }
+    return index;
+}
+
+// The rectangle at a place near one of a patch, or the base rectangle of the patch beside it: results do not
+// depend on how far that is refined.
+Found found_at(uint near, uint patch_index, float x, float z) {
     float half_period = 0.5 * P.period;
+    if (x >= -half_period && x < half_period && z >= 0.0 && z < 1.0) {
+        // Up to what holds both.
+        vec2 at = vec2(x, z);
+        uint whole = P.rectangles.at[near].whole;
+        while (whole != near && !holds(whole, at)) {
+            near = whole;
+            whole = P.rectangles.at[near].whole;
+        }
+        if (whole == near && !holds(whole, at)) whole = base_at(P.patches.at[patch_index], at, true);
+        uint index = part_at(whole, at);
+        return found_of(P.rectangles.at[index], index, vec2(0.0));
+    }
     RefinedPatch patch_ = P.patches.at[patch_index];
-    uint other = patch_index;
-    vec2 shift = vec2(0.0);
-    if (x < -half_period) {
-        other = patch_.low;
-        shift.x = -P.period;
-    } else if (x >= half_period) {
-        other = patch_.high;
-        shift.x = P.period;
-    } else if (z < 0.0) {
-        other = patch_.above;
-        shift.y = -1.0;
-    } else if (z >= 1.0) {
-        other = patch_.below;
-        shift.y = 1.0;
+    uint other = z < 0.0 ? patch_.above : patch_.below;
+    vec2 shift = vec2(0.0, z < 0.0 ? -1.0 : 1.0);
+    if (x < -half_period || x >= half_period) {
+        other = x < 0.0 ? patch_.low : patch_.high;
+        shift = vec2(x < 0.0 ? -P.period : P.period, 0.0);
     }
     Found nothing = Found(other != PATCH_UNKNOWN, NO_RECTANGLE, vec2(x, z), 0.0, 0.0, 0.0, 0u, 0u);
     if (other == PATCH_UNKNOWN || other == PATCH_MISSED) return nothing;
-    vec2 own = vec2(x, z) - shift;
-    if (other != patch_index) patch_ = P.patches.at[other];
-    uvec2 base = uvec2(patch_.base[0], patch_.base[1]);
-    vec2 share = vec2(own.x / P.period + 0.5, own.y) * vec2(base);
-    uvec2 at = min(uvec2(max(share, vec2(0.0))), base - 1u);
-    uint index = patch_.first + at.x * base.y + at.y;
-    if (other == patch_index) {
-        // Shares are rounded: the sides of rectangles decide.
-        Rectangle g = P.rectangles.at[index];
-        if (own.x < g.x_low && at.x > 0u) index -= base.y;
-        if (own.x >= g.x_high && at.x + 1u < base.x) index += base.y;
-        if (own.y < g.z_low && at.y > 0u) index -= 1u;
-        if (own.y >= g.z_high && at.y + 1u < base.y) index += 1u;
-        uint parts = P.rectangles.at[index].parts;
-        while (parts != 0u) {
-            Rectangle first = P.rectangles.at[parts];
-            bool along_x = P.rectangles.at[parts + 1u].x_low == first.x_high;
-            float v = along_x ? own.x : own.y;
-            float a = along_x ? first.x_high : first.z_high;
-            float b = along_x ? P.rectangles.at[parts + 1u].x_high : P.rectangles.at[parts + 1u].z_high;
-            index = parts + (v < a ? 0u : v < b ? 1u : 2u);
-            parts = P.rectangles.at[index].parts;
-        }
-    }
-    return found_of(P.rectangles.at[index], other == patch_index ? index : NO_RECTANGLE, shift);
+    uint index = base_at(P.patches.at[other], vec2(x, z) - shift, false);
+    return found_of(P.rectangles.at[index], NO_RECTANGLE, shift);
 }
 
 // Whether two rays crossed the same components in the same way.
@@ -182,13 +198,13 @@ int octave_of(float square) {
     return int(floatBitsToUint(square) >> 23u) - 127 + int(LOWEST_OCTAVE);
 }
 
-// Errors that the patch counts, in its octaves, of a rectangle: of the light, or with those of the displacement.
+// Errors that the patch counts, in its octaves, of a rectangle: of the light, or with the displacement.
 float counted_of(Rectangle g, bool turns) {
     precise float square = (turns ? g.light_error + g.turn_error : g.light_error) * g.weight;
     return square;
 }
 
-// Counts an error among those of its octave, or takes it out.
+// Counts an error in its octave, or takes it out.
 void count_octave(uint first, float square, bool add) {
     // The largest octave has all beyond it.
     float limited = min(square, 4095.0);

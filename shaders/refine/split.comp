@@ -27,6 +27,7 @@ void main() {
     RefinedPatch patch_ = P.patches.at[g.patch_index];
     for (uint k = 0u; k < 3u; k++) {
         Rectangle part = g;
+        part.whole = whole;
         if (along_x) {
             part.x_low = borders[k];
             part.x_high = borders[k + 1u];

@@ -1,5 +1,5 @@
 // Largest square of the error of a mask step of a patch, of the square of the budget: of its light, and with
-// that of the displacement.
+// the displacement.
 float worst_square(uint patch_index, bool turns) {
     uint first = step_sums_of(patch_index);
     uint of_all = first + 2u * P.steps;

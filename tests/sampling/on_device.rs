@@ -1,4 +1,4 @@
-//! Refinement on the device, `sampling.refine = "device"`: its light, what it tells, and what it refuses.
+//! Refinement on the device, `sampling.refine = "device"`: its light, its reported errors, and what it refuses.
 
 use crate::reference::scenes;
 use crate::reference::stack::Setup;
@@ -87,8 +87,11 @@ fn light_is_that_of_the_rules_of_the_host() {
         let (want, _) = run(&engine, &scene, Refine::Host, TOLERANCE / 6.0);
         let (got, record) = run(&engine, &scene, Refine::Device, TOLERANCE);
         let [worst, rms] = apart(&got, &want);
-        let told = record.sampling.expect("told errors");
-        println!("measured device, {name}: worst {worst:.1e}, rms {rms:.1e}, told {:.1e}", told.worst_error);
+        let told = record.sampling.expect("reported errors");
+        println!(
+            "measured device, {name}: worst {worst:.1e}, rms {rms:.1e}, told {:.1e}",
+            told.worst_error
+        );
         assert!(worst < 5.0 * TOLERANCE && rms < 0.5 * TOLERANCE, "{name}: {worst} {rms}");
         assert!(told.worst_error > 0.0 && told.worst_error <= TOLERANCE, "{name}: {told:?}");
         assert_eq!(told.beyond_tolerance, 0, "{name}");
@@ -99,10 +102,8 @@ fn light_is_that_of_the_rules_of_the_host() {
 #[test]
 fn both_backends_refine_alike() {
     let scene = shapes();
-    let runs: Vec<_> = backends()
-        .into_iter()
-        .map(|it| run(&engine(it), &scene, Refine::Device, 1e-3))
-        .collect();
+    let runs: Vec<_> =
+        backends().into_iter().map(|it| run(&engine(it), &scene, Refine::Device, 1e-3)).collect();
     for (sample, record) in &runs {
         let [worst, _] = apart(sample, &runs[0].0);
         assert!(worst < 1e-6, "{worst}");
@@ -124,7 +125,7 @@ fn sums_of_errors_hold_what_a_word_does_not() {
     let (want, _) = run(&engine, &scene, Refine::Host, 1e-5);
     let (got, record) = run(&engine, &scene, Refine::Device, 3e-6);
     let [worst, _] = apart(&got, &want);
-    let told = record.sampling.expect("told errors");
+    let told = record.sampling.expect("reported errors");
     // Five tolerances of both.
     assert!(worst < 6.5e-5, "{worst}: {told:?}");
     assert!(told.worst_error < 3e-6 && told.beyond_tolerance == 0, "{told:?}");
@@ -139,7 +140,7 @@ fn rays_of_a_patch_have_a_limit() {
     assert!(most > 400, "{most}");
     scene.sampling.max_rays = 200;
     let (_, record) = run(&engine, &scene, Refine::Device, 1e-4);
-    let told = record.sampling.expect("told errors");
+    let told = record.sampling.expect("reported errors");
     // Base rays of a patch come before.
     assert!(record.tally.most_patch_rays <= 260, "{told:?}");
     assert!(told.beyond_tolerance > 0 && told.worst_error > 1e-4, "{told:?}");

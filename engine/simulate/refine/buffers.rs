@@ -4,8 +4,8 @@ use crate::trace::Tracer;
 use beamlet_core::Result;
 use beamlet_gpu::{Buffer, Device, Memory};
 use beamlet_interface::{
-    Cell, CellRow, CellRowPart, HEAD_WORDS, OCTAVES, PATCH_HEAD, Rectangle, RefineParams,
-    RefinedPatch, RefinedRow, TOLD_WORDS,
+    Cell, CellRow, CellRowPart, HEAD_WORDS, OCTAVES, PATCH_HEAD, REPORT_WORDS, Rectangle,
+    RefineParams, RefinedPatch, RefinedRow,
 };
 use std::sync::Arc;
 
@@ -91,7 +91,7 @@ impl Buffers {
             sizes,
             params: make("parameters of refinement", 1, size_of::<RefineParams>())?,
             head: make("cursors of refinement", HEAD_WORDS.into(), 4)?,
-            told: make("told errors", TOLD_WORDS.into(), 4)?,
+            told: make("reported errors", REPORT_WORDS.into(), 4)?,
             patches: make("patches", sizes.patches.into(), size_of::<RefinedPatch>())?,
             rows: make("rows of patches", sizes.rows.into(), size_of::<RefinedRow>())?,
             sums: make("errors of patches", sizes.sums, 4)?,
@@ -114,7 +114,7 @@ impl Buffers {
             rectangles: self.rectangles.address(),
             sums: self.sums.address(),
             head: self.head.address(),
-            told_sums: self.told.address(),
+            report: self.told.address(),
             lists: self.lists.address(),
             splits: self.splits.address(),
             asked: self.asked.address(),

@@ -82,7 +82,12 @@ impl Touched {
     }
 
     /// Patches as the device takes them, with the patches beside them behind.
-    pub(super) fn group(&self, view: &ViewContext<'_>, own: &[(i64, i64)], lit: &Range<i64>) -> Group {
+    pub(super) fn group(
+        &self,
+        view: &ViewContext<'_>,
+        own: &[(i64, i64)],
+        lit: &Range<i64>,
+    ) -> Group {
         let mut index: HashMap<(i64, i64), u32> = (0..).zip(own).map(|(n, at)| (*at, n)).collect();
         let beside = |&(beamlet, row): &(i64, i64)| {
             [(beamlet - 1, row), (beamlet + 1, row), (beamlet, row - 1), (beamlet, row + 1)]

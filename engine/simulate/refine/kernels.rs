@@ -4,8 +4,8 @@ use crate::trace::{MadeRays, Tracer};
 use beamlet_core::Result;
 use beamlet_gpu::{Buffer, Device, Kernel, LazyKernel, Recorder, push_bytes};
 use beamlet_interface::{
-    RefinePush, STAGE_AGAIN, STAGE_BASE, STAGE_BUDGET, STAGE_EMIT, STAGE_ESTIMATE, STAGE_KEEP,
-    STAGE_SELECT, STAGE_SPLIT, STAGE_TELL, STAGE_WORDS, HEAD_STAGES,
+    HEAD_STAGES, RefinePush, STAGE_AGAIN, STAGE_BASE, STAGE_BUDGET, STAGE_EMIT, STAGE_ESTIMATE,
+    STAGE_KEEP, STAGE_REPORT, STAGE_SELECT, STAGE_SPLIT, STAGE_WORDS,
 };
 use std::sync::Arc;
 
@@ -13,7 +13,7 @@ use std::sync::Arc;
 #[derive(Debug)]
 pub(crate) struct RefineKernels {
     plan: LazyKernel,
-    /// By `STAGE_`.
+    /// Kernels in the order of `STAGE_`.
     stages: [LazyKernel; 9],
 }
 
@@ -33,7 +33,7 @@ impl RefineKernels {
                 "refine_budget",
                 "refine_select",
                 "refine_emit",
-                "refine_tell",
+                "refine_report",
             ]
             .map(kernel),
         }
@@ -72,7 +72,11 @@ impl Stages<'_> {
     ) {
         let plan = |r: &mut Recorder<'_>, stage: u32| {
             r.barrier();
-            r.dispatch(self.plan, bytemuck::bytes_of(&RefinePush { params, stage, unused: 0 }), [1; 3]);
+            r.dispatch(
+                self.plan,
+                bytemuck::bytes_of(&RefinePush { params, stage, unused: 0 }),
+                [1; 3],
+            );
             r.barrier();
         };
         let run = |r: &mut Recorder<'_>, stage: u32| {
@@ -97,6 +101,6 @@ impl Stages<'_> {
         plan(r, STAGE_EMIT);
         run(r, STAGE_EMIT);
         r.barrier();
-        run(r, STAGE_TELL);
+        run(r, STAGE_REPORT);
     }
 }

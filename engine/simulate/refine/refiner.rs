@@ -13,8 +13,8 @@ use beamlet_gpu::{Buffer, Device, DeviceKind, Download, Recorder, Upload};
 use beamlet_interface::{
     HEAD_BASE, HEAD_CELLS, HEAD_EXACT, HEAD_FAR, HEAD_LEFT, HEAD_LISTED, HEAD_LOST, HEAD_NEAR,
     HEAD_PHASE, HEAD_RAYS, HEAD_RECTANGLES, HEAD_ROOM, HEAD_WORDS, PHASE_DONE, PHASE_FULL,
-    RefineParams, TALLY_COUNTERS, TOLD_BEYOND, TOLD_LANDED_OFF, TOLD_MOST, TOLD_PATCHES, TOLD_RAYS,
-    TOLD_SQUARES, TOLD_WORDS, TOLD_WORST,
+    REPORT_BEYOND, REPORT_LANDED_OFF, REPORT_MOST, REPORT_PATCHES, REPORT_RAYS, REPORT_SQUARES,
+    REPORT_WORDS, REPORT_WORST, RefineParams, TALLY_COUNTERS,
 };
 use std::ops::Range;
 use std::sync::Arc;
@@ -96,7 +96,7 @@ pub(crate) struct MadeCells<'b> {
 /// Takes cells as they are made.
 pub(crate) type Light<'a> = &'a mut dyn FnMut(&MadeCells<'_>) -> Result<()>;
 
-/// What refinement found besides light.
+/// Counts of refinement, besides light.
 #[derive(Debug, Default)]
 pub(crate) struct Refined {
     pub(crate) tally: Tally,
@@ -160,11 +160,13 @@ impl DeviceRefiner {
         let patches = touched.of_rows(rows);
         let all = self.patches(view, tracer, (&touched, room), (&patches, lit), light, advance)?;
         let direct = &view.lattice.direct;
-        let places = rows.clone().filter(|row| lit.contains(row)).flat_map(|row| {
-            direct.clone().map(move |beamlet| (beamlet, row))
-        });
+        let places = rows
+            .clone()
+            .filter(|row| lit.contains(row))
+            .flat_map(|row| direct.clone().map(move |beamlet| (beamlet, row)));
         let first = view.lattice.beamlets.start;
-        let missed = places.filter(|at| !touched.has(at)).map(|(beamlet, row)| (beamlet - first, row));
+        let missed =
+            places.filter(|at| !touched.has(at)).map(|(beamlet, row)| (beamlet - first, row));
         Ok((all, missed.collect()))
     }
 
@@ -206,7 +208,7 @@ impl DeviceRefiner {
             splits: 0.0,
             seconds: begin.elapsed().as_secs_f64() + beyond,
         };
-        // Base rays count with those of a row on either side.
+        // Base rays count with a row on either side.
         let base_rays = base as f64 * (rows + 2.0) / rows.max(1.0);
         let kinds = [kind, PatchCost::default()];
         Ok(RowsCost { rows, base_rays, base_seconds: 0.0, facet_seconds: 0.0, kinds })
@@ -298,7 +300,7 @@ impl DeviceRefiner {
         head[HEAD_RECTANGLES as usize] = group.all_base;
         head[HEAD_LISTED as usize] = group.own_base;
         head[HEAD_RAYS as usize] = group.own_base;
-        let mut told = [0_u32; TOLD_WORDS as usize];
+        let mut told = [0_u32; REPORT_WORDS as usize];
         let mut tally = [0_u32; TALLY_COUNTERS];
         let mut is_first = true;
         loop {
@@ -317,7 +319,7 @@ impl DeviceRefiner {
             let record = |r: &mut Recorder<'_>| {
                 if is_first {
                     r.fill(&buffers.sums, 0, 4 * sums, 0);
-                    r.fill(&buffers.told, 0, u64::from(TOLD_WORDS) * 4, 0);
+                    r.fill(&buffers.told, 0, u64::from(REPORT_WORDS) * 4, 0);
                     r.fill(tracer.queues(), 0, tracer.queues().len(), 0);
                 }
                 for _ in 0..TURNS {
@@ -353,7 +355,11 @@ impl DeviceRefiner {
         let rays = if is_full { at(HEAD_BASE) } else { at(HEAD_RAYS) };
         tracer.count_made(&tally, [rays, at(HEAD_EXACT), at(HEAD_LEFT) + at(HEAD_LOST)]);
         let growth = f64::from(at(HEAD_RECTANGLES)) / f64::from(group.own_base.max(1));
-        self.growth = if is_full { 2.0 * self.growth.max(growth) } else { 0.5 * (self.growth + SPARE * growth) };
+        self.growth = if is_full {
+            2.0 * self.growth.max(growth)
+        } else {
+            0.5 * (self.growth + SPARE * growth)
+        };
         self.buffers = Some(buffers);
         Ok(if is_full { Outcome::Full } else { Outcome::Done(refined(&told, at(HEAD_RAYS))) })
     }
@@ -380,21 +386,21 @@ fn too_small((beamlet, row): (i64, i64), places: u32, room: RefineRoom) -> Error
 }
 
 /// Counts of a group.
-fn refined(told: &[u32; TOLD_WORDS as usize], rays: u32) -> Refined {
+fn refined(told: &[u32; REPORT_WORDS as usize], rays: u32) -> Refined {
     let at = |word: u32| u64::from(told[word as usize]);
     let pair = |word: u32| at(word) | at(word + 1) << 32;
-    let base = pair(TOLD_RAYS).min(rays.into());
+    let base = pair(REPORT_RAYS).min(rays.into());
     Refined {
         tally: Tally {
-            patches: at(TOLD_PATCHES),
+            patches: at(REPORT_PATCHES),
             patch_rays: base,
-            most_patch_rays: at(TOLD_MOST),
-            error_squares: pair(TOLD_SQUARES),
-            worst_error: at(TOLD_WORST),
-            beyond_tolerance: at(TOLD_BEYOND),
+            most_patch_rays: at(REPORT_MOST),
+            error_squares: pair(REPORT_SQUARES),
+            worst_error: at(REPORT_WORST),
+            beyond_tolerance: at(REPORT_BEYOND),
             ..Tally::default()
         },
-        landed_off: at(TOLD_LANDED_OFF),
+        landed_off: at(REPORT_LANDED_OFF),
     }
 }
 
@@ -441,7 +447,7 @@ fn params_of(view: &ViewContext<'_>, tables: &Tables, of: RefineParams) -> Refin
         open_width: tables.open_width,
         least: [single(least), LEAST_HEIGHT],
         beside: [BESIDE * period, BESIDE],
-        told: single(1e9 * share * budget.light / budget.by_grid),
+        reported: single(1e9 * share * budget.light / budget.by_grid),
         tolerance: numbers::whole::<u32>(1e9 * budget.tolerance),
         ..of
     }

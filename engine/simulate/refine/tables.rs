@@ -48,7 +48,11 @@ impl Tables {
         let openings: Vec<MaskOpening> = response
             .openings
             .iter()
-            .map(|opening| MaskOpening { step: opening.step, low: opening.x[0], high: opening.x[1] })
+            .map(|opening| MaskOpening {
+                step: opening.step,
+                low: opening.x[0],
+                high: opening.x[1],
+            })
             .collect();
         let mut values = Vec::new();
         let mut windows = Vec::new();
@@ -88,7 +92,8 @@ fn widest(response: &Response, period: f32) -> f32 {
         step.iter().map(|opening| opening.x[1] - opening.x[0]).sum()
     };
     let steps = response.openings.chunk_by(|a, b| a.step == b.step).map(of_step);
-    steps.fold(None, |most: Option<f32>, width| Some(most.map_or(width, |most| most.max(width))))
+    steps
+        .fold(None, |most: Option<f32>, width| Some(most.map_or(width, |most| most.max(width))))
         .map_or(period, |width| width.min(period))
 }
 
@@ -97,7 +102,8 @@ pub(super) fn rows(view: &ViewContext<'_>, rows: Range<i32>) -> Vec<RefinedRow> 
     let detector = &view.lattice.detector;
     let row = |row: i32| {
         let slope = detector.slope_of_row(row.into());
-        let ([slope, slope_rest], [z, z_rest]) = (in_two(slope), in_two(slope * view.optics.rotation));
+        let ([slope, slope_rest], [z, z_rest]) =
+            (in_two(slope), in_two(slope * view.optics.rotation));
         RefinedRow { slope, slope_rest, z, z_rest }
     };
     rows.map(row).collect()

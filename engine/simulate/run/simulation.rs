@@ -111,8 +111,7 @@ impl Simulation {
         // for small ones, whose drivers end long dispatches.
         let on_device = self.scene.sampling.scheme == Scheme::Random
             || self.scene.sampling.refine == Refine::Device;
-        let whole = on_device
-            && self.device().description().kind == DeviceKind::Discrete;
+        let whole = on_device && self.device().description().kind == DeviceKind::Discrete;
         Tracer::new(
             self.device(),
             self.simulator.trace_kernels(),

@@ -22,8 +22,8 @@ use beamlet_interface::{
 use beamlet_model::scene::Transport;
 use exact::LISTED;
 pub use kernels::TraceKernels;
-pub(crate) use made::{MadeRays, QUEUE_COUNT};
 use kernels::{OrderFree, Walks};
+pub(crate) use made::{MadeRays, QUEUE_COUNT};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Duration;

@@ -15,8 +15,8 @@ use crate::illuminate::{
     CellIlluminator, IlluminationBuffer, MaskTransmissionCache, PixelSums, RandomIlluminator,
     SpectralBand,
 };
-use crate::run::memory::MemoryEstimate;
 use crate::refine::DeviceRefiner;
+use crate::run::memory::MemoryEstimate;
 use crate::run::{Control, Progress, ViewProgress};
 use crate::sampling::{ProjectedBounds, Response};
 use crate::trace::Tracer;

@@ -9,8 +9,8 @@ use beamlet_core::Result;
 use beamlet_core::numbers::count;
 use beamlet_gpu::{Backend, Kernel, Recorder, Upload};
 use beamlet_interface::{
-    ATTEMPTS, ExactPush, GROUP, LONGEST_LIST, NO_QUEUE, QUEUE_LONGER, QUEUE_LOST,
-    QUEUE_MADE, Ray, RayResult,
+    ATTEMPTS, ExactPush, GROUP, LONGEST_LIST, NO_QUEUE, QUEUE_LONGER, QUEUE_LOST, QUEUE_MADE, Ray,
+    RayResult,
 };
 use rayon::prelude::*;
 use std::sync::atomic::Ordering;

@@ -1,4 +1,4 @@
-//! Rays that kernels make on the device, as many as these decide: the passes over them are recorded once and
+//! Rays that kernels make on the device, in a number that these decide: the passes over them are recorded once and
 //! run by indirect dispatches.
 
 use super::exact::{ExactRays, ExactWalk, LEVELS};
@@ -7,9 +7,7 @@ use super::queues::QUEUES;
 use super::{Tracer, Wanted};
 use beamlet_core::{Result, numbers};
 use beamlet_gpu::{Backend, Buffer, Download, Recorder};
-use beamlet_interface::{
-    QUEUE_EXACT, QUEUE_LONGER, QUEUE_LOST, TALLY_COUNTERS,
-};
+use beamlet_interface::{QUEUE_EXACT, QUEUE_LONGER, QUEUE_LOST, TALLY_COUNTERS};
 use beamlet_model::scene::Transport;
 use std::sync::atomic::Ordering;
 
@@ -80,13 +78,9 @@ impl Tracer {
         Download::new(&self.tally, 0, tally)
     }
 
-    /// Takes counts that were read, and those of the kernels that made the rays: of all of them, of rays traced
+    /// Takes counts that were read, and counts of the kernels that made the rays: of all of them, of rays traced
     /// exactly, and of rays that the driver's search left or lost.
-    pub(crate) fn count_made(
-        &self,
-        tally: &[u32; TALLY_COUNTERS],
-        [rays, exact, left]: [u32; 3],
-    ) {
+    pub(crate) fn count_made(&self, tally: &[u32; TALLY_COUNTERS], [rays, exact, left]: [u32; 3]) {
         self.counts.take(tally);
         self.counts.rays.fetch_add(rays.into(), Ordering::Relaxed);
         let exact = match self.transport {

@@ -12,21 +12,21 @@
 
 void main() {
     uint patch_index;
-    if (!item_of(STAGE_TELL, patch_index)) return;
+    if (!item_of(STAGE_REPORT, patch_index)) return;
     RefinedPatch patch_ = P.patches.at[patch_index];
     uint rays = P.sums.at[sums_of(patch_index) + PATCH_RAYS] + patch_.base[0] * patch_.base[1];
-    float error = min(P.told * sqrt(worst_square(patch_index, false)), 4e9);
+    float error = min(P.reported * sqrt(worst_square(patch_index, false)), 4e9);
     uint parts = uint(error);
-    Words told = P.told_sums;
-    atomicAdd(told.at[TOLD_PATCHES], 1u);
-    add_pair(told, TOLD_RAYS, uvec2(rays, 0u));
-    atomicMax(told.at[TOLD_MOST], rays);
-    atomicMax(told.at[TOLD_WORST], parts);
+    Words told = P.report;
+    atomicAdd(told.at[REPORT_PATCHES], 1u);
+    add_pair(told, REPORT_RAYS, uvec2(rays, 0u));
+    atomicMax(told.at[REPORT_MOST], rays);
+    atomicMax(told.at[REPORT_WORST], parts);
     uvec2 square;
     umulExtended(parts, parts, square.y, square.x);
-    add_pair(told, TOLD_SQUARES, square);
+    add_pair(told, REPORT_SQUARES, square);
     // With the error of the displacement, share of its own budget, where it is bounded.
-    if (P.told * sqrt(worst_square(patch_index, has_turns(patch_index))) > float(P.tolerance)) {
-        atomicAdd(told.at[TOLD_BEYOND], 1u);
+    if (P.reported * sqrt(worst_square(patch_index, has_turns(patch_index))) > float(P.tolerance)) {
+        atomicAdd(told.at[REPORT_BEYOND], 1u);
     }
 }
