@@ -198,7 +198,6 @@ shared_structs! {
         pub reported: f32,
         /// A reported error beyond this is beyond the tolerance, 1e-9 of open beam.
         pub tolerance: u32,
-        pub unused: u32,
     }
 
     /// Push constants of the kernels of the refinement.
