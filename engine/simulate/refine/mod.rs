@@ -3,9 +3,14 @@
 
 mod buffers;
 mod group;
+mod group_run;
 mod kernels;
+mod params;
 mod refiner;
+mod room;
 mod tables;
 
+pub(crate) use group_run::MadeCells;
 pub(crate) use kernels::RefineKernels;
-pub(crate) use refiner::{DeviceRefiner, MadeCells, RefineRoom};
+pub(crate) use refiner::DeviceRefiner;
+pub(crate) use room::RefineRoom;

@@ -34,6 +34,10 @@ use std::ops::Range;
 use std::sync::Arc;
 use std::time::Instant;
 
+/// Patches and least rows that the host lists at a time, where the device refines.
+const PATCHES_AT_ONCE: i64 = 1 << 17;
+const ROWS_AT_ONCE: i64 = 16;
+
 /// The run in progress.
 pub(super) struct ViewWork<'s> {
     simulation: &'s Simulation,
@@ -315,8 +319,9 @@ impl<'s> ViewWork<'s> {
         let optics = self.simulation.detector.optics();
         let lattice = &self.simulation.lattice;
         if traced && self.refiner.is_some() {
-            // The device has groups of patches of its own.
-            return i64::from(u32::MAX);
+            // The device has groups of patches of its own: these are the patches that the host knows.
+            let beamlets = lattice.beamlets.end - lattice.beamlets.start;
+            return (PATCHES_AT_ONCE / beamlets.max(1)).max(ROWS_AT_ONCE);
         }
         let per_row = if optics.sampling.scheme == Scheme::Random {
             u64::from(optics.detector.pixels[0]) * u64::from(optics.sampling.rays.count())

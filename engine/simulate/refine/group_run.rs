@@ -1,0 +1,162 @@
+//! The refinement of a group of patches: submissions until nothing is left to split, or no room.
+
+use super::buffers::Buffers;
+use super::group::Group;
+use super::kernels::Stages;
+use crate::trace::{MadeRays, Tracer};
+use beamlet_core::Result;
+use beamlet_core::tally::Tally;
+use beamlet_gpu::{Buffer, Device, Download, Recorder, Upload};
+use beamlet_interface::{
+    HEAD_BASE, HEAD_CELLS, HEAD_EXACT, HEAD_FAR, HEAD_LEFT, HEAD_LISTED, HEAD_LOST, HEAD_NEAR,
+    HEAD_PHASE, HEAD_RAYS, HEAD_RECTANGLES, HEAD_ROOM, HEAD_WORDS, PHASE_DONE, PHASE_FULL,
+    REPORT_BEYOND, REPORT_LANDED_OFF, REPORT_MOST, REPORT_PATCHES, REPORT_RAYS, REPORT_SQUARES,
+    REPORT_WORDS, REPORT_WORST, RefineParams, RefinedRow, TALLY_COUNTERS,
+};
+use std::ops::Range;
+use std::sync::Arc;
+use std::time::Duration;
+
+/// Turns of a submission.
+const TURNS: u32 = 16;
+/// Cells that are on the device.
+#[derive(Debug, Clone)]
+pub(crate) struct MadeCells<'b> {
+    pub(crate) parts: &'b Buffer,
+    pub(crate) cell_rows: &'b Buffer,
+    pub(crate) cells: &'b Buffer,
+    /// Parts whose light lands near, from the first on.
+    pub(crate) near: u32,
+    /// Parts whose light lands farther off.
+    pub(crate) far: Range<u32>,
+}
+
+/// Counts of refinement, besides light.
+#[derive(Debug, Default)]
+pub(crate) struct Refined {
+    pub(crate) tally: Tally,
+    /// Cells whose light lands too far off to follow.
+    pub(crate) landed_off: u64,
+}
+
+/// What the device is to know of a group.
+pub(super) struct GroupInputs<'g> {
+    pub(super) group: &'g Group,
+    pub(super) params: [RefineParams; 1],
+    pub(super) rows: Vec<RefinedRow>,
+    /// Words of the sums of errors.
+    pub(super) sums: u64,
+}
+
+/// A group in refinement: counts as the device left them.
+pub(super) struct GroupRun<'b> {
+    buffers: &'b Buffers,
+    head: [u32; HEAD_WORDS as usize],
+    report: [u32; REPORT_WORDS as usize],
+    tally: [u32; TALLY_COUNTERS],
+    begun: bool,
+}
+
+impl<'b> GroupRun<'b> {
+    pub(super) fn new(buffers: &'b Buffers, group: &Group) -> Self {
+        let mut head = [0_u32; HEAD_WORDS as usize];
+        head[HEAD_RECTANGLES as usize] = group.all_base;
+        head[HEAD_LISTED as usize] = group.own_base;
+        head[HEAD_RAYS as usize] = group.own_base;
+        let (report, tally) = ([0; REPORT_WORDS as usize], [0; TALLY_COUNTERS]);
+        Self { buffers, head, report, tally, begun: false }
+    }
+
+    fn at(&self, word: u32) -> u32 {
+        self.head[word as usize]
+    }
+
+    /// True if there was no room for all rectangles.
+    pub(super) fn is_full(&self) -> bool {
+        self.at(HEAD_PHASE) == PHASE_FULL
+    }
+
+    pub(super) fn is_over(&self) -> bool {
+        self.is_full() || self.at(HEAD_PHASE) == PHASE_DONE
+    }
+
+    /// Rectangles so far.
+    pub(super) fn rectangles(&self) -> u32 {
+        self.at(HEAD_RECTANGLES)
+    }
+
+    /// One submission of at most `work` rays and rectangles; the time that it took, and its work.
+    pub(super) fn submit(
+        &mut self,
+        device: &Arc<Device>,
+        inputs: &GroupInputs<'_>,
+        (stages, tracer, made): (&Stages<'_>, &Tracer, &MadeRays<'_>),
+        work: u32,
+    ) -> Result<(Duration, u32)> {
+        let buffers = self.buffers;
+        self.head[HEAD_ROOM as usize] = work;
+        for word in [HEAD_NEAR, HEAD_FAR, HEAD_CELLS] {
+            self.head[word as usize] = 0;
+        }
+        let sent = self.head;
+        let is_first = !self.begun;
+        let mut uploads = vec![Upload::new(&buffers.head, 0, &sent)];
+        if is_first {
+            uploads.push(Upload::new(&buffers.params, 0, &inputs.params));
+            uploads.push(Upload::new(&buffers.patches, 0, &inputs.group.patches));
+            uploads.push(Upload::new(&buffers.rows, 0, &inputs.rows));
+        }
+        let record = |r: &mut Recorder<'_>| {
+            if is_first {
+                r.fill(&buffers.sums, 0, 4 * inputs.sums, 0);
+                r.fill(&buffers.report, 0, u64::from(REPORT_WORDS) * 4, 0);
+                r.fill(tracer.queues(), 0, tracer.queues().len(), 0);
+            }
+            for _ in 0..TURNS {
+                stages.record_turn(r, (buffers.params.address(), &buffers.head), tracer, made);
+            }
+        };
+        let mut downloads = [
+            Download::new(&buffers.head, 0, &mut self.head),
+            Download::new(&buffers.report, 0, &mut self.report),
+            tracer.read_tally(&mut self.tally),
+        ];
+        let time = device.run_with(&uploads, record, &mut downloads)?;
+        self.begun = true;
+        Ok((time, work - self.at(HEAD_ROOM)))
+    }
+
+    /// The cells that the last submission made, if any.
+    pub(super) fn cells(&self) -> Option<MadeCells<'b>> {
+        let (near, far) = (self.at(HEAD_NEAR), self.at(HEAD_FAR));
+        let first = self.buffers.sizes.cells;
+        (near + far > 0).then(|| MadeCells {
+            parts: &self.buffers.parts,
+            cell_rows: &self.buffers.cell_rows,
+            cells: &self.buffers.cells,
+            near,
+            far: first..first + far,
+        })
+    }
+
+    /// Hands the counts of rays to the tracer, and returns the others.
+    pub(super) fn finish(&self, tracer: &Tracer) -> Refined {
+        let rays = if self.is_full() { self.at(HEAD_BASE) } else { self.at(HEAD_RAYS) };
+        let left = self.at(HEAD_LEFT) + self.at(HEAD_LOST);
+        tracer.count_made(&self.tally, [rays, self.at(HEAD_EXACT), left]);
+        let of = |word: u32| u64::from(self.report[word as usize]);
+        let pair = |word: u32| of(word) | of(word + 1) << 32;
+        Refined {
+            tally: Tally {
+                patches: of(REPORT_PATCHES),
+                patch_rays: pair(REPORT_RAYS),
+                most_patch_rays: of(REPORT_MOST),
+                error_squares: pair(REPORT_SQUARES),
+                worst_error: of(REPORT_WORST),
+                beyond_tolerance: of(REPORT_BEYOND),
+                ..Tally::default()
+            },
+            landed_off: of(REPORT_LANDED_OFF),
+        }
+    }
+}

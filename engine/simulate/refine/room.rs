@@ -1,0 +1,53 @@
+//! Room for rectangles and cells on the device.
+
+use super::buffers::{CELL, RECTANGLE};
+use beamlet_core::{Error, numbers};
+
+/// Rectangles that there is room for where memory has no limit, and least.
+const RECTANGLES: [u64; 2] = [1 << 21, 1 << 14];
+/// Cells that are lit at once, and least.
+const CELLS: [u64; 2] = [1 << 18, 1 << 12];
+/// Rectangles of a group after refinement over those before, as long as none is known.
+pub(super) const GROWTH: f64 = 8.0;
+/// Memory of the refinement on the device, bytes; `None` without a limit.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct RefineRoom(pub(crate) Option<[u64; 2]>);
+
+impl RefineRoom {
+    pub(super) fn rectangles(self) -> u32 {
+        let most = self.0.map_or(RECTANGLES[0], |[_, left]| left * 3 / 4 / RECTANGLE);
+        numbers::low_word(most.clamp(RECTANGLES[1], RECTANGLES[0]))
+    }
+
+    pub(super) fn cells(self) -> u32 {
+        let most = self.0.map_or(CELLS[0], |[_, left]| left / 4 / CELL);
+        numbers::low_word(most.clamp(CELLS[1], CELLS[0]))
+    }
+
+    /// Room to begin with for this many base rectangles.
+    pub(super) fn first(self, base: u64) -> u32 {
+        let wanted = numbers::whole::<u64>(base as f64 * GROWTH).next_power_of_two();
+        numbers::low_word(wanted.clamp(RECTANGLES[1], self.rectangles().into()))
+    }
+
+    /// More room: as far as groups of patches have it, or for a single patch as far as memory has it.
+    pub(super) fn more(self, places: u32, single: bool) -> Option<u32> {
+        let next = places.checked_mul(2)?;
+        let bytes = u64::from(next) * RECTANGLE;
+        let fits = self.0.is_none_or(|[_, left]| bytes <= left * 3 / 4);
+        (next <= self.rectangles() || (single && fits)).then_some(next)
+    }
+
+    /// The error of a patch that has more rectangles than there is room for.
+    pub(super) fn too_small(self, (beamlet, row): (i64, i64), places: u32) -> Error {
+        let [limit, left] = self.0.unwrap_or([u64::MAX; 2]);
+        let needed = (2 * u64::from(places) * RECTANGLE).saturating_mul(4) / 3;
+        Error::Memory {
+            purpose: format!("refining beamlet {beamlet}, row {row} ({places} rectangles),"),
+            needed: (limit - left).saturating_add(needed),
+            available: Some(limit),
+            remedy: "raise the memory limit or sampling.tolerance, or lower sampling.max_rays"
+                .into(),
+        }
+    }
+}
