@@ -33,7 +33,7 @@ pub(crate) struct DeviceRefiner {
     device: Arc<Device>,
     kernels: Arc<RefineKernels>,
     buffers: Option<Buffers>,
-    /// With the list of mask offsets that they are for.
+    /// Tables, and the index of the mask offsets that they are for.
     tables: Option<(usize, Tables)>,
     /// Work of a submission.
     work: u32,
