@@ -39,7 +39,7 @@ pub(crate) struct Refined {
     pub(crate) landed_off: u64,
 }
 
-/// What the device is to know of a group.
+/// Inputs of a group, for the device.
 pub(super) struct GroupInputs<'g> {
     pub(super) group: &'g Group,
     pub(super) params: [RefineParams; 1],
