@@ -2,9 +2,9 @@
 
 use crate::support::{self, engine_with};
 use beamlet::moments::{MomentWriter, StoredMoments};
-use beamlet::scene::Scene;
+use beamlet::scene::{Refine, Scene};
 use beamlet::stack::{ArraySink, Format, RunDirectory, Stacks};
-use beamlet::{Backend, Control, Engine, EngineOptions, Simulation};
+use beamlet::{Backend, Control, Engine, EngineOptions, Simulation, Traffic};
 
 const ROD: &str = r#"
 [source]
@@ -152,24 +152,30 @@ fn staging_changes_no_bit_and_no_dispatch() {
     assert!(staged.submissions >= mapped.submissions && staged.buffers >= mapped.buffers);
 }
 
+/// Work of views of a rod, all under one angle, where all memory is reached by staging.
+fn traffic(engine: &Engine, views: usize, refine: Refine) -> Traffic {
+    let angles = vec!["\"20 deg\""; views].join(", ");
+    let text = ROD.replace("[\"0 deg\", \"20 deg\"]", &format!("[{angles}]"));
+    let mut scene = Scene::from_toml(&text, ".").expect("a scene");
+    scene.sampling.refine = refine;
+    let before = engine.profile().traffic;
+    engine.simulate(&scene).expect("stacks");
+    engine.profile().traffic.since(before)
+}
+
 /// Views that are alike make no buffer after the first of them, also where all memory is reached by staging:
-/// transfers share their buffers with one another, and most of them the submission of a dispatch.
+/// transfers share their buffers with one another, and most of them the submission of a dispatch. Refined on
+/// the device, a view is a few submissions, and no ray crosses the bus.
 #[test]
 fn a_later_view_makes_no_buffer() {
     let engine =
         Engine::open(&options().with_profile(true).with_staging(true)).expect("a Vulkan device");
-    let traffic = |views: usize| {
-        let angles = vec!["\"20 deg\""; views].join(", ");
-        let text = ROD.replace("[\"0 deg\", \"20 deg\"]", &format!("[{angles}]"));
-        let scene = Scene::from_toml(&text, ".").expect("a scene");
-        let before = engine.profile().traffic;
-        engine.simulate(&scene).expect("stacks");
-        engine.profile().traffic.since(before)
-    };
-    let (four, nine) = (traffic(4), traffic(9));
-    // The first run makes buffers for transfers.
-    assert!(nine.buffers <= four.buffers, "{four:?} {nine:?}");
     // A round of rays for each level of refinement, and the light of cells.
-    let each = (nine.submissions - four.submissions) / 5;
-    assert!(each <= 90, "{each} submissions of a view");
+    for (refine, most) in [(Refine::Host, 90), (Refine::Device, 8)] {
+        let [four, nine] = [4, 9].map(|views| traffic(&engine, views, refine));
+        // The first run makes buffers for transfers.
+        assert!(nine.buffers <= four.buffers, "{refine:?}: {four:?} {nine:?}");
+        let each = (nine.submissions - four.submissions) / 5;
+        assert!(each <= most, "{refine:?}: {each} submissions of a view");
+    }
 }
