@@ -140,14 +140,18 @@ Own own_of(uint index) {
     return own;
 }
 
-// A neighbour beside a side: 0 and 1 at lower and higher x, 2 and 3 above and below, at a place along it.
-Found beside(Own own, uint side, float along) {
+// A place beside a side: 0 and 1 at lower and higher x, 2 and 3 above and below, and along it from its middle.
+vec2 place_beside(Own own, uint side, float along) {
     vec2 low = vec2(own.g.x_low, own.g.z_low);
     vec2 high = vec2(own.g.x_high, own.g.z_high);
     vec2 at = own.found.at + along * own.size;
     uint axis = side / 2u;
     float out_ = max(1e-4 * own.size[axis], P.beside[axis]);
     at[axis] = side % 2u == 0u ? low[axis] - out_ : high[axis] + out_;
+    return at;
+}
+
+Found found_of_own(Own own, vec2 at) {
     return found_at(own.found.index, own.g.patch_index, at.x, at.y);
 }
 
@@ -218,10 +222,14 @@ void look_beside(Own own, Found found[4], bool aside[4], inout vec2 change, inou
 }
 
 // Silhouettes that end along a side.
-void look_at_corners(Own own, bool same[4], inout vec2 change, inout bool silhouette) {
+void look_at_corners(Own own, Found found[4], bool same[4], inout vec2 change, inout bool silhouette) {
     for (uint corner = 0u; corner < 8u; corner++) {
         uint side = corner / 2u;
-        Found other = beside(own, side, corner % 2u == 0u ? -CORNER : CORNER);
+        vec2 at = place_beside(own, side, corner % 2u == 0u ? -CORNER : CORNER);
+        // One neighbour along the whole side is looked at once.
+        uint middle = found[side].index;
+        if (middle != NO_RECTANGLE && holds(middle, at)) continue;
+        Found other = found_of_own(own, at);
         if (!other.known || alike(other, own.found) || is_aside(own, other, side)) continue;
         Change towards = over_silhouette(own, other);
         // Where the middle of the side has the same surfaces, the silhouette ends along it.
@@ -241,7 +249,7 @@ void main() {
     bool aside[4];
     bool same[4];
     for (uint side = 0u; side < 4u; side++) {
-        found[side] = beside(own, side, 0.0);
+        found[side] = found_of_own(own, place_beside(own, side, 0.0));
         aside[side] = is_aside(own, found[side], side);
         same[side] = found[side].known && alike(found[side], own.found);
     }
@@ -255,7 +263,7 @@ void main() {
     float moved = 0.0;
     bool silhouette = false;
     look_beside(own, found, aside, change, moved, silhouette);
-    if (error_of(own, SILHOUETTE) > LITTLE) look_at_corners(own, same, change, silhouette);
+    if (error_of(own, SILHOUETTE) > LITTLE) look_at_corners(own, found, same, change, silhouette);
     // What the whole knew of an axis holds for its parts.
     if (aside[0] || aside[1]) change.x = max(change.x, own.g.change_x);
     if (aside[2] || aside[3]) change.y = max(change.y, own.g.change_z);
