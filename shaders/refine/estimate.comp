@@ -145,9 +145,10 @@ vec2 place_beside(Own own, uint side, float along) {
     vec2 low = vec2(own.g.x_low, own.g.z_low);
     vec2 high = vec2(own.g.x_high, own.g.z_high);
     vec2 at = own.found.at + along * own.size;
-    uint axis = side / 2u;
-    float out_ = max(1e-4 * own.size[axis], P.beside[axis]);
-    at[axis] = side % 2u == 0u ? low[axis] - out_ : high[axis] + out_;
+    vec2 out_ = max(1e-4 * own.size, P.beside);
+    bool is_low = side % 2u == 0u;
+    if (side < 2u) at.x = is_low ? low.x - out_.x : high.x + out_.x;
+    else at.y = is_low ? low.y - out_.y : high.y + out_.y;
     return at;
 }
 

@@ -11,26 +11,37 @@ float limited(float a, float b) {
     return a * b > 0.0 ? 2.0 * a * b / (a + b) : 0.0;
 }
 
-// The slope along an axis, from the neighbours at its lower and its higher side that count. They lie diagonally where
-// they are of other sizes: the change along the other axis is subtracted.
-float slope_along(uint axis, float own, vec2 at, float low, vec2 low_at, float high, vec2 high_at, bvec2 counts, float across) {
-    uint other = 1u - axis;
-    float a = counts.x ? (own - low + across * (low_at[other] - at[other])) / (at[axis] - low_at[axis]) : 0.0;
-    float b = counts.y ? (high - own - across * (high_at[other] - at[other])) / (high_at[axis] - at[axis]) : 0.0;
-    return counts.x && counts.y ? limited(a, b) : a + b;
+// The slope along an axis, from a neighbour at lower and one at higher coordinates: changes of the value, and how far
+// they lie along the axis and aside. They lie diagonally where they are of other sizes: the change along the other
+// axis, of slope `across`, is subtracted.
+float slope_along(vec2 rise, vec2 along, vec2 aside, bool has_low, bool has_high, float across) {
+    float low = has_low ? (rise.x - across * aside.x) / along.x : 0.0;
+    float high = has_high ? (rise.y - across * aside.y) / along.y : 0.0;
+    return has_low && has_high ? limited(low, high) : low + high;
 }
 
 RaySlopes slopes_of(Found own, Found found[4], bool same[4]) {
+    vec2 left = found[0].at - own.at;
+    vec2 right = found[1].at - own.at;
+    vec2 up = found[2].at - own.at;
+    vec2 down = found[3].at - own.at;
+    // Values of depth and displacement, at both ends along x and along z.
+    vec2 depth_x = vec2(found[0].depth, found[1].depth) - own.depth;
+    vec2 depth_z = vec2(found[2].depth, found[3].depth) - own.depth;
+    vec2 moved_x = vec2(found[0].displacement, found[1].displacement) - own.displacement;
+    vec2 moved_z = vec2(found[2].displacement, found[3].displacement) - own.displacement;
+    vec2 along_x = vec2(left.x, right.x);
+    vec2 aside_x = vec2(left.y, right.y);
+    vec2 along_z = vec2(up.y, down.y);
+    vec2 aside_z = vec2(up.x, down.x);
     RaySlopes slopes = RaySlopes(vec2(0.0), vec2(0.0));
-    for (uint turn = 0u; turn < 3u; turn++) {
-        uint axis = turn == 1u ? 0u : 1u;
-        Found a = found[2u * axis];
-        Found b = found[2u * axis + 1u];
-        bvec2 counts = bvec2(same[2u * axis], same[2u * axis + 1u]);
-        slopes.depth[axis] = slope_along(axis, own.depth, own.at, a.depth, a.at, b.depth, b.at, counts,
-                                         slopes.depth[1u - axis]);
-        slopes.displacement[axis] = slope_along(axis, own.displacement, own.at, a.displacement, a.at,
-                                                b.displacement, b.at, counts, slopes.displacement[1u - axis]);
-    }
+    slopes.depth.y = slope_along(depth_z, along_z, aside_z, same[2], same[3], 0.0);
+    slopes.depth.x = slope_along(depth_x, along_x, aside_x, same[0], same[1], slopes.depth.y);
+    slopes.depth.y = slope_along(depth_z, along_z, aside_z, same[2], same[3], slopes.depth.x);
+    slopes.displacement.y = slope_along(moved_z, along_z, aside_z, same[2], same[3], 0.0);
+    slopes.displacement.x =
+        slope_along(moved_x, along_x, aside_x, same[0], same[1], slopes.displacement.y);
+    slopes.displacement.y =
+        slope_along(moved_z, along_z, aside_z, same[2], same[3], slopes.displacement.x);
     return slopes;
 }
