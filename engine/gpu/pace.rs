@@ -11,12 +11,19 @@ pub struct Pace {
     size: u32,
     least: u32,
     most: u32,
+    long: Duration,
 }
 
 impl Pace {
     /// Begins at `size` and stays from `least` to `most`.
     pub const fn new(size: u32, least: u32, most: u32) -> Self {
-        Self { size, least, most }
+        Self { size, least, most, long: LONG }
+    }
+
+    /// With another longest time.
+    #[must_use]
+    pub const fn with_long(self, long: Duration) -> Self {
+        Self { long, ..self }
     }
 
     /// Items of the next dispatch.
@@ -26,9 +33,9 @@ impl Pace {
 
     /// Takes the time of a dispatch of that size.
     pub fn adapt(&mut self, took: Duration) {
-        if took > LONG {
+        if took > self.long {
             self.size = (self.size / 2).max(self.least);
-        } else if took < LONG / 4 {
+        } else if took < self.long / 4 {
             self.size = self.size.saturating_mul(2).min(self.most);
         }
     }

@@ -104,12 +104,19 @@ shared_constants! {
     QUEUE_MADE: u32 = 3;
     /// First of the queues of rays with more crossings than the lists of a pass hold, one for each pass.
     QUEUE_LONGER: u32 = 4;
-    /// Rays of a pass: as many as the host says.
+    /// In place of a queue, where the host knows the rays.
+    NO_QUEUE: u32 = u32::MAX;
+    /// Rays of a pass: the first ones, in the number that the host gives.
     RAYS_COUNTED: u32 = 0;
-    /// Rays of a pass: those that another left.
+    /// Rays of a pass: rays of `QUEUE_LEFT`.
     RAYS_LEFT: u32 = 1;
-    /// Rays of a pass: those that the device made.
+    /// Rays of a pass: rays of `QUEUE_MADE`.
     RAYS_MADE: u32 = 2;
+
+    /// Points of a table of windows per period of the windows.
+    WINDOW_POINTS: usize = 512;
+    /// Half width of the table, periods.
+    WINDOW_REACH: usize = 2;
 
     /// In place of the index of a patch: no ray of it crosses the sample.
     PATCH_MISSED: u32 = u32::MAX;
@@ -187,7 +194,7 @@ shared_constants! {
     HEAD_LOST: u32 = 21;
     /// Levels.
     HEAD_LEVELS: u32 = 22;
-    /// Rectangles before this one are older than those that are estimated.
+    /// Number of rectangles before the present level.
     HEAD_OLDER: u32 = 23;
     /// First of the dispatches: first item, number of items, and workgroups.
     HEAD_STAGES: u32 = 24;
@@ -201,7 +208,7 @@ shared_constants! {
     STAGE_KEEP: u32 = 2;
     /// Estimates the errors of new rectangles.
     STAGE_ESTIMATE: u32 = 3;
-    /// Estimates those of rectangles that are asked.
+    /// Estimates rectangles again whose younger neighbours crossed other surfaces.
     STAGE_AGAIN: u32 = 4;
     /// Sets the thresholds of patches.
     STAGE_BUDGET: u32 = 5;
@@ -212,7 +219,7 @@ shared_constants! {
     /// Sums up reported errors.
     STAGE_REPORT: u32 = 8;
     /// Words of the head.
-    HEAD_WORDS: u32 = 24 + 9 * 5;
+    HEAD_WORDS: u32 = HEAD_STAGES + 9 * STAGE_WORDS;
     /// Base rays are traced.
     PHASE_BASE: u32 = 0;
     /// New rectangles are estimated.
@@ -246,8 +253,6 @@ shared_constants! {
     REPORT_LANDED_OFF: u32 = 8;
     /// Words of the report.
     REPORT_WORDS: u32 = 9;
-    /// In place of a queue, where the host knows the rays.
-    NO_QUEUE: u32 = u32::MAX;
 
     /// Words at the head of a ray's moments.
     MOMENTS_HEAD: usize = 4;

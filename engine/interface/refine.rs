@@ -154,7 +154,7 @@ shared_structs! {
         pub pose: u32,
         pub max_rays: u32,
         pub first_row: i32,
-        /// Rows of the detector whose light is recorded, and of those that are wanted now.
+        /// Rows of the detector that are recorded, and rows of the present band.
         pub recorded: [i32; 2] => ivec2,
         pub wanted: [i32; 2] => ivec2,
         /// Rows that light is followed over.

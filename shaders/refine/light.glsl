@@ -1,9 +1,5 @@
 // How a change of a ray's result changes the recorded light.
 
-// Points of a table of windows per period, and half its width, periods.
-const float POINTS = 512.0;
-const float REACH = 2.0;
-
 // Integral of the light through the window at 0 over the landing point.
 float integral_of(WindowTable table, float at) {
     Floats values = Floats(table.values);
@@ -13,7 +9,7 @@ float integral_of(WindowTable table, float at) {
         return sum;
     }
     float last = float(table.count - 1u);
-    float place = clamp((at / table.period + REACH) * POINTS, 0.0, last);
+    float place = clamp((at / table.period + float(WINDOW_REACH)) * float(WINDOW_POINTS), 0.0, last);
     uint index = min(uint(place), table.count - 2u);
     float a = values.at[index];
     return a + (values.at[index + 1u] - a) * (place - float(index));
@@ -46,7 +42,7 @@ vec3 passed_near(WindowTable table, Landed landed, float home, float half_) {
 
 // The table has no points within less; and the quotient keeps its digits.
 float wide(WindowTable table, float half_) {
-    return max(half_, 2.0 * table.period / POINTS);
+    return max(half_, 2.0 * table.period / float(WINDOW_POINTS));
 }
 
 Seen seen_by(WindowTable table, Landed own, float half_) {

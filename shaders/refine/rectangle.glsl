@@ -1,5 +1,7 @@
 // Rectangles of patches: rays, neighbours, and sums of errors.
 
+#include "light/words.glsl"
+
 // The ray through a place of a patch.
 Ray ray_at(RefinedPatch patch_, float x, float z) {
     RefinedColumn column = P.columns.at[patch_.column];
@@ -121,14 +123,6 @@ uint crossings_of(uint flags) {
     return flags >> RECTANGLE_CROSSINGS;
 }
 
-// Adds a number of 64 bits to two words.
-void add_pair(Words words, uint at, uvec2 value) {
-    if (value == uvec2(0u)) return;
-    uint old = atomicAdd(words.at[at], value.x);
-    uint high = value.y + (old + value.x < old ? 1u : 0u);
-    if (high != 0u) atomicAdd(words.at[at + 1u], high);
-}
-
 // Squares of errors are sums of 2^-16 of the square of the budget, as integers of 64 bits: they do not
 // depend on the order of their terms, and what is taken out of them is what was added.
 const float UNIT = 65536.0;
@@ -138,8 +132,7 @@ void add_square(uint at, float square, bool add) {
     precise float units = floor(min(square, MOST_SQUARE) * UNIT);
     float high = floor(units / 4294967296.0);
     uvec2 value = uvec2(uint(units - high * 4294967296.0), uint(high));
-    if (!add && value != uvec2(0u)) value = uvec2(~value.x + 1u, ~value.y + (value.x == 0u ? 1u : 0u));
-    add_pair(P.sums, at, value);
+    if (value != uvec2(0u)) add_pair(P.sums, at, add ? value : negative(value));
 }
 
 // Shares of a rectangle that a step opens, by step.

@@ -8,9 +8,7 @@ float worst_square(uint patch_index, bool turns) {
     for (uint step_ = 0u; step_ < P.steps; step_++) {
         uvec2 sum = uvec2(P.sums.at[first + 2u * step_], P.sums.at[first + 2u * step_ + 1u]);
         if (turns) {
-            uvec2 turned = uvec2(P.sums.at[second + 2u * step_], P.sums.at[second + 2u * step_ + 1u]);
-            sum.x += turned.x;
-            sum.y += turned.y + (sum.x < turned.x ? 1u : 0u);
+            sum = plus(sum, uvec2(P.sums.at[second + 2u * step_], P.sums.at[second + 2u * step_ + 1u]));
         }
         if (sum.y > most.y || (sum.y == most.y && sum.x > most.x)) most = sum;
     }

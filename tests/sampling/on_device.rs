@@ -160,7 +160,6 @@ fn room_for_rectangles_changes_no_bit() {
 
 #[test]
 fn what_the_device_does_not_know_is_refused_by_name() {
-    let engine = engine(Backend::Bvh);
     let refused = |change: &dyn Fn(&mut Scene), options: EngineOptions| {
         let mut scene = shapes();
         scene.sampling.refine = Refine::Device;
@@ -186,5 +185,4 @@ fn what_the_device_does_not_know_is_refused_by_name() {
     ] {
         assert!(text.contains("sampling.refine") && text.contains(found), "{text}");
     }
-    drop(engine);
 }

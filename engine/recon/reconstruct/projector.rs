@@ -244,6 +244,7 @@ impl Projector {
         let cost = self.size[0].max(self.size[1]);
         let planes = length((plane_end - first_plane).into());
         let is_usual = planes >= self.planes.min(self.size[2]);
+        let (kernel, work) = ((&self.forward, Direction::Forward), (items, cost, is_usual));
         let places = self.places.address();
         let rays = self.rays.address();
         match &self.tables {
@@ -252,13 +253,7 @@ impl Projector {
                 let push =
                     ProjectPush { sheets, places, volume, rays, first_plane, plane_end, ..*push };
                 let push = |first, end| ProjectPush { first, end, ..push };
-                stream.paced(
-                    (&self.forward, Direction::Forward),
-                    (items, cost, is_usual),
-                    cancel,
-                    push,
-                    done,
-                )
+                stream.paced(kernel, work, cancel, push, done)
             }
             Tables::Moved { sheets, push, .. } => {
                 let sheets = of_view::<MovedSheet>(sheets, 3 * view);
@@ -272,13 +267,7 @@ impl Projector {
                     ..*push
                 };
                 let push = |first, end| ProjectMovedPush { first, end, ..push };
-                stream.paced(
-                    (&self.forward, Direction::Forward),
-                    (items, cost, is_usual),
-                    cancel,
-                    push,
-                    done,
-                )
+                stream.paced(kernel, work, cancel, push, done)
             }
         }
     }
@@ -290,6 +279,7 @@ impl Projector {
         (stream, cancel): (&mut Stream, &Cancel),
         done: &mut dyn FnMut(u32),
     ) -> Result<()> {
+        let (kernel, work) = ((&self.back, Direction::Back), (items, views, true));
         match &self.tables {
             Tables::Circle { sheets, push } => {
                 let push = ProjectBackPush {
@@ -315,13 +305,7 @@ impl Projector {
                     plane_zero: push.plane_zero,
                 };
                 let push = |first, end| ProjectBackPush { first, end, ..push };
-                stream.paced(
-                    (&self.back, Direction::Back),
-                    (items, views, true),
-                    cancel,
-                    push,
-                    done,
-                )
+                stream.paced(kernel, work, cancel, push, done)
             }
             Tables::Moved { sheets, views: seen, push } => {
                 let push = ProjectBackMovedPush {
@@ -346,13 +330,7 @@ impl Projector {
                     per_distance: push.per_distance,
                 };
                 let push = |first, end| ProjectBackMovedPush { first, end, ..push };
-                stream.paced(
-                    (&self.back, Direction::Back),
-                    (items, views, true),
-                    cancel,
-                    push,
-                    done,
-                )
+                stream.paced(kernel, work, cancel, push, done)
             }
         }
     }

@@ -1,17 +1,13 @@
 //! Patches that are refined together, and the patches beside them, whose base rays their estimates need.
 
-use crate::sampling::{ProjectedBounds, ViewContext};
+use crate::sampling::{ProjectedBounds, ROWS_TOGETHER, ViewContext};
 use beamlet_core::numbers;
 use beamlet_interface::{PATCH_MISSED, PATCH_UNKNOWN, RefinedPatch};
 use std::collections::HashMap;
 use std::ops::Range;
 
-/// Rows whose patches are side by side in memory: cells are narrow and rows high, so that rays at one x of a few
-/// rows are closer than the rays of one row.
-const ROWS_TOGETHER: i64 = 4;
-/// Base rectangles of a patch along x, behind a sample mask and without one, where a scene does not say.
+/// Base rectangles of a patch along x, where a scene does not say.
 const BASE_COLUMNS: u32 = 6;
-const BASE_COLUMNS_OF_PIXEL: u32 = 6;
 /// The same at most of a patch beside the recorded rows, which has one along z.
 const BASE_COLUMNS_OUTSIDE: u32 = 4;
 /// Least base rectangles along z.
@@ -35,24 +31,15 @@ impl Touched {
         let lattice = view.lattice;
         let rows = rows.start - 1..rows.end + 1;
         let recorded = view.recorded_rows();
-        let near = recorded.start - 1..recorded.end + 1;
         let sampling = &view.optics.sampling;
-        let columns = match (sampling.cells, &view.optics.sample_mask) {
-            (Some(cells), _) => cells,
-            (None, Some(_)) => BASE_COLUMNS,
-            (None, None) => BASE_COLUMNS_OF_PIXEL,
-        };
+        let columns = sampling.cells.unwrap_or(BASE_COLUMNS);
         let inside = [columns, sampling.rows.max(BASE_ROWS)];
         let outside = [columns.min(BASE_COLUMNS_OUTSIDE), 1];
         let mut base = HashMap::new();
         for bounds in view.projected_bounds {
             let own = dense_for(bounds, lattice.period);
-            let [reached, beamlets] = bounds.patches(lattice);
-            for row in reached.start.max(rows.start)..reached.end.min(rows.end) {
-                // A neighbour of what throws light, too.
-                if !near.contains(&row) && !(row - 1..=row + 1).any(|row| bounds.throws(row)) {
-                    continue;
-                }
+            let beamlets = bounds.patches(lattice)[1].clone();
+            for row in bounds.rows_that_count(lattice, &recorded, &rows) {
                 let least = if recorded.contains(&row) { inside } else { outside };
                 for beamlet in beamlets.clone() {
                     let known = base.entry((beamlet, row)).or_insert(least);

@@ -19,6 +19,7 @@ use std::time::Duration;
 
 /// Turns of a submission.
 const TURNS: u32 = 16;
+
 /// Cells that are on the device.
 #[derive(Debug, Clone)]
 pub(crate) struct MadeCells<'b> {

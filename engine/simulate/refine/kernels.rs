@@ -61,7 +61,7 @@ pub(super) struct Stages<'k> {
 }
 
 impl Stages<'_> {
-    /// Records one turn: new rays with their results, estimates, the choice of what is split next, and cells
+    /// Records one turn: traces new rays, estimates new rectangles, chooses what is split next, and writes cells
     /// where nothing is left to split. Stages that have nothing to do have no workgroups.
     pub(super) fn record_turn(
         &self,

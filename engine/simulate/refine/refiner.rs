@@ -10,18 +10,18 @@ use super::tables::{self, Tables};
 use crate::sampling::{PatchCost, RowsCost, ViewContext, spread};
 use crate::trace::Tracer;
 use beamlet_core::{Result, numbers};
-use beamlet_gpu::{Device, DeviceKind};
+use beamlet_gpu::{Device, DeviceKind, Pace};
 use std::ops::Range;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 /// Work of the first submission, rays and rectangles; least and most.
 const WORK: [u32; 3] = [1 << 15, 1 << 12, 1 << 28];
-/// Submissions are to take about as long.
-const TIME: Duration = Duration::from_millis(250);
+/// Longer submissions are cut: a stop acts between two.
+const LONG: Duration = Duration::from_millis(250);
 /// Rectangles of the next group over what the last one says.
 const SPARE: f64 = 1.5;
-/// Most patches of rows that stand for the others when a run is estimated.
+/// Most patches of some rows that an estimate of a run refines.
 const SURVEYED: f64 = 2048.0;
 
 /// Takes cells as they are made.
@@ -36,7 +36,7 @@ pub(crate) struct DeviceRefiner {
     /// Tables, and the index of the mask offsets that they are for.
     tables: Option<(usize, Tables)>,
     /// Work of a submission.
-    work: u32,
+    work: Pace,
     /// Rectangles over base rectangles, of the groups so far.
     growth: f64,
 }
@@ -49,7 +49,8 @@ impl DeviceRefiner {
             kernels: kernels.clone(),
             buffers: None,
             tables: None,
-            work: if is_cpu { WORK[0] } else { WORK[0] << 6 },
+            work: Pace::new(WORK[0] << if is_cpu { 0 } else { 6 }, WORK[1], WORK[2])
+                .with_long(LONG),
             growth: GROWTH,
         }
     }
@@ -69,9 +70,7 @@ impl DeviceRefiner {
         light: Light<'_>,
         advance: &mut dyn FnMut(&Tracer, f64),
     ) -> Result<(Refined, Vec<(i64, i64)>)> {
-        if self.tables.as_ref().is_none_or(|(known, _)| *known != list) {
-            self.tables = Some((list, Tables::new(&self.device, view)?));
-        }
+        self.take_tables(view, list)?;
         let touched = Touched::new(view, rows);
         let patches = touched.of_rows(rows);
         let all = self.patches(view, tracer, (&touched, room), (&patches, lit), light, advance)?;
@@ -95,13 +94,11 @@ impl DeviceRefiner {
         &mut self,
         view: &ViewContext<'_>,
         tracer: &mut Tracer,
-        room: RefineRoom,
+        (list, room): (usize, RefineRoom),
         (rows, lit, start): (&Range<i64>, &Range<i64>, f64),
         light: &mut dyn FnMut(&MadeCells<'_>) -> Result<f64>,
     ) -> Result<RowsCost> {
-        if self.tables.as_ref().is_none_or(|(known, _)| *known != 0) {
-            self.tables = Some((0, Tables::new(&self.device, view)?));
-        }
+        self.take_tables(view, list)?;
         let touched = Touched::new(view, rows);
         let patches = touched.of_rows(rows);
         let chosen = spread(&patches, SURVEYED, start);
@@ -128,6 +125,14 @@ impl DeviceRefiner {
         let base_rays = base as f64 * (rows + 2.0) / rows.max(1.0);
         let kinds = [kind, PatchCost::default()];
         Ok(RowsCost { rows, base_rays, base_seconds: 0.0, facet_seconds: 0.0, kinds })
+    }
+
+    /// Has the tables of a view with these mask offsets.
+    fn take_tables(&mut self, view: &ViewContext<'_>, list: usize) -> Result<()> {
+        if self.tables.as_ref().is_none_or(|(known, _)| *known != list) {
+            self.tables = Some((list, Tables::new(&self.device, view)?));
+        }
+        Ok(())
     }
 
     /// Refines patches in groups that there is room for.
@@ -204,8 +209,11 @@ impl DeviceRefiner {
         while !run.is_over() {
             tracer.cancel().check()?;
             let with = (&stages, &*tracer, &made);
-            let (time, done) = run.submit(&self.device, &inputs, with, self.work)?;
-            self.work = paced(self.work, time, done);
+            let (time, done) = run.submit(&self.device, &inputs, with, self.work.size())?;
+            // One that ended for want of work says little.
+            if done > self.work.size() / 2 || time > LONG {
+                self.work.adapt(time);
+            }
             run.cells().map_or(Ok(()), |cells| light(&cells))?;
         }
         let refined = run.finish(tracer);
@@ -217,16 +225,5 @@ impl DeviceRefiner {
         };
         self.buffers = Some(buffers);
         Ok((!is_full).then_some(refined))
-    }
-}
-
-/// Work of the next submission: more after a short one that did all of its work, less after a long one.
-fn paced(work: u32, time: Duration, done: u32) -> u32 {
-    if time > TIME {
-        (work / 2).max(WORK[1])
-    } else if time < TIME / 3 && done > work / 2 {
-        (work * 2).min(WORK[2])
-    } else {
-        work
     }
 }

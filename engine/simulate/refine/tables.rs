@@ -92,9 +92,7 @@ fn widest(response: &Response, period: f32) -> f32 {
         step.iter().map(|opening| opening.x[1] - opening.x[0]).sum()
     };
     let steps = response.openings.chunk_by(|a, b| a.step == b.step).map(of_step);
-    steps
-        .fold(None, |most: Option<f32>, width| Some(most.map_or(width, |most| most.max(width))))
-        .map_or(period, |width| width.min(period))
+    steps.reduce(f32::max).map_or(period, |width| width.min(period))
 }
 
 /// Rows of the detector, as rays need them.

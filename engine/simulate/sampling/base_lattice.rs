@@ -12,7 +12,7 @@ use std::ops::Range;
 
 /// Rows whose rays go to the device side by side: cells are narrow and rows high, so rays at one x of a
 /// few rows are closer than the rays of one row.
-pub(super) const ROWS_TOGETHER: i64 = 4;
+pub(crate) const ROWS_TOGETHER: i64 = 4;
 
 /// Results of the base rays of some rows and beamlets.
 #[derive(Debug)]
@@ -167,15 +167,10 @@ impl BaseLattice {
 /// it out of its row.
 fn mark_occupied(view: &ViewContext<'_>, grid: &PatchGrid, places: &mut [Option<u32>]) {
     let recorded = view.recorded_rows();
-    // Rows beside these are neighbours, by which they are judged.
-    let near = recorded.start - 1..recorded.end + 1;
     for bounds in view.projected_bounds {
-        let [rows, beamlets] = bounds.patches(view.lattice);
-        for row in rows.start.max(grid.rows.start)..rows.end.min(grid.rows.end) {
-            // A neighbour of what throws light, too.
-            if near.contains(&row) || (row - 1..=row + 1).any(|row| bounds.throws(row)) {
-                places[grid.in_row(row, beamlets.clone())].fill(Some(0));
-            }
+        let beamlets = bounds.patches(view.lattice)[1].clone();
+        for row in bounds.rows_that_count(view.lattice, &recorded, &grid.rows) {
+            places[grid.in_row(row, beamlets.clone())].fill(Some(0));
         }
     }
 }

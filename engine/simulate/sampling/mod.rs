@@ -40,7 +40,7 @@ mod unresolved;
 mod view_context;
 mod windows;
 
-pub(crate) use base_lattice::BaseLattice;
+pub(crate) use base_lattice::{BaseLattice, ROWS_TOGETHER};
 pub(crate) use cell_batch::{
     CellBatch, blank_cell_rows, blank_cells, empty_cell, empty_cell_row, empty_cell_rows,
 };

@@ -27,8 +27,24 @@ pub(crate) struct ProjectedBounds {
 }
 
 impl ProjectedBounds {
+    /// Rows among `rows` that it touches and whose light may be recorded, or that are neighbours of such rows, by
+    /// which these are judged: of others than the recorded ones only where it throws light out of its row.
+    pub(crate) fn rows_that_count(
+        &self,
+        lattice: &Lattice,
+        recorded: &Range<i64>,
+        rows: &Range<i64>,
+    ) -> impl Iterator<Item = i64> {
+        let near = recorded.start - 1..recorded.end + 1;
+        let [own, _] = self.patches(lattice);
+        let touched = own.start.max(rows.start)..own.end.min(rows.end);
+        touched.filter(move |row| {
+            near.contains(row) || (row - 1..=row + 1).any(|row| self.throws(row))
+        })
+    }
+
     /// True if it may throw light out of a row.
-    pub(crate) fn throws(&self, row: i64) -> bool {
+    fn throws(&self, row: i64) -> bool {
         let (top, bottom) = (row as f64, (row + 1) as f64);
         self.lids.iter().any(|[first, last]| *first <= bottom && *last >= top)
     }

@@ -1,12 +1,9 @@
 //! Windows on the analyser: the blurred apertures of the detector mask, or pixels, one to a period.
 
 use beamlet_core::numbers::{self, single};
+use beamlet_interface::{WINDOW_POINTS, WINDOW_REACH};
 use beamlet_model::optics::Openings;
 
-/// Points of the table of a window per period of the windows.
-const POINTS_PER_PERIOD: usize = 512;
-/// Half width of the table, periods.
-const REACH: usize = 2;
 /// Strips of a triangle whose light windows see.
 const STRIPS: u16 = 4;
 /// Windows are sharp where they blur less than this share of the deviation of a piece: then all of its
@@ -21,7 +18,7 @@ pub(crate) struct Windows {
     /// Share of the light that they pass where they are open.
     pub(crate) share: f32,
     /// Integral of the light through one window over the landing point, m, at points from
-    /// -REACH periods on.
+    /// `-WINDOW_REACH` periods on.
     integral: Vec<f32>,
     /// Ends of the windows of a period, m, where they are sharper than points of the table show.
     sharp: Option<Vec<[f32; 2]>>,
@@ -48,7 +45,7 @@ impl Windows {
     /// Windows behind a blur, m, that pass a share of the light.
     pub(super) fn new(openings: &Openings, blur: f64, share: f32, aside: Vec<f32>) -> Self {
         let period = openings.period[0];
-        let is_sharp = blur * POINTS_PER_PERIOD as f64 <= period;
+        let is_sharp = blur * WINDOW_POINTS as f64 <= period;
         Self {
             share,
             integral: window_integral(openings, blur),
@@ -80,8 +77,8 @@ impl Windows {
         if let Some(windows) = &self.sharp {
             return windows.iter().map(|[low, high]| at.clamp(*low, *high)).sum();
         }
-        let points = POINTS_PER_PERIOD as f32;
-        let place = (at / self.period + REACH as f32) * points;
+        let points = WINDOW_POINTS as f32;
+        let place = (at / self.period + WINDOW_REACH as f32) * points;
         if place <= 0.0 {
             self.integral[0]
         } else if place >= (self.integral.len() - 1) as f32 {
@@ -114,7 +111,7 @@ impl Windows {
     pub(super) fn seen(&self, column: usize, [light, at]: [f32; 2], half: f32) -> Seen {
         let at = self.landing(column, at);
         // The table has no points within less; and the quotient below keeps its digits.
-        let half = half.max(2.0 * self.period / POINTS_PER_PERIOD as f32);
+        let half = half.max(2.0 * self.period / WINDOW_POINTS as f32);
         let home = (at / self.period).round();
         Seen { at, half, home, passed: self.passed_near(light, at, home, half) }
     }
@@ -146,7 +143,7 @@ impl Windows {
         let at = self.landing(column, at);
         let deviation = half / 3.0_f32.sqrt();
         let home = at - (at / self.period).round() * self.period;
-        let point = 2.0 * self.period / POINTS_PER_PERIOD as f32;
+        let point = 2.0 * self.period / WINDOW_POINTS as f32;
         let is_sharp = self.blur < SHARP * deviation;
         let change = |window: f32| {
             let at = home - window * self.period;
@@ -166,7 +163,7 @@ impl Windows {
 
 /// Integral of the windows of a period, blurred by a Gaussian, at the points of the table.
 fn window_integral(openings: &Openings, blur: f64) -> Vec<f32> {
-    let last = 2 * REACH * POINTS_PER_PERIOD;
+    let last = 2 * WINDOW_REACH * WINDOW_POINTS;
     // Second antiderivative of the Gaussian.
     let ramp = |x: f64| {
         let t = x / blur;
@@ -177,7 +174,7 @@ fn window_integral(openings: &Openings, blur: f64) -> Vec<f32> {
         x * 0.5 * libm::erfc(-t * std::f64::consts::FRAC_1_SQRT_2) + blur * density
     };
     let at = |point: usize| {
-        let x = (point as f64 / POINTS_PER_PERIOD as f64 - REACH as f64) * openings.period[0];
+        let x = (point as f64 / WINDOW_POINTS as f64 - WINDOW_REACH as f64) * openings.period[0];
         single(openings.ends().map(|[low, high]| ramp(x - low) - ramp(x - high)).sum())
     };
     (0..=last).map(at).collect()

@@ -9,9 +9,10 @@ use beamlet_core::Result;
 use beamlet_core::numbers::count;
 use beamlet_gpu::{Backend, Kernel, Recorder, Upload};
 use beamlet_interface::{
-    ATTEMPTS, ExactPush, GROUP, LONGEST_LIST, NO_QUEUE, QUEUE_LONGER, QUEUE_LOST, QUEUE_MADE, Ray,
-    RayResult,
+    ATTEMPTS, ExactPush, GROUP, LONGEST_LIST, NO_QUEUE, QUEUE_EXACT, QUEUE_LONGER, QUEUE_LOST,
+    QUEUE_MADE, Ray, RayResult,
 };
+use beamlet_model::scene::Transport;
 use rayon::prelude::*;
 use std::sync::atomic::Ordering;
 
@@ -126,6 +127,26 @@ impl Tracer {
             at_nodes: matches!(rays, ExactRays::Runs(_)),
             leaves: self.backend != Backend::Bvh,
             longer: QUEUE_LONGER,
+        })
+    }
+
+    /// Rays of the batch that are traced exactly, where `all` of them may be.
+    pub(super) const fn exact_rays(&self, all: ExactRays) -> Option<ExactRays> {
+        match self.transport {
+            Transport::FirstOrder => None,
+            Transport::Exact => Some(all),
+            Transport::Auto => Some(ExactRays::Queued(QUEUE_EXACT)),
+        }
+    }
+
+    /// The walk of the software BVH over rays that another exact walk loses.
+    pub(super) fn lost_walk(&self) -> Result<ExactWalk<'_>> {
+        Ok(ExactWalk {
+            kernel: self.walks(Backend::Bvh).exact.get()?,
+            rays: ExactRays::Queued(QUEUE_LOST),
+            at_nodes: false,
+            leaves: false,
+            longer: QUEUE_LONGER + count(LEVELS),
         })
     }
 

@@ -6,9 +6,7 @@ use super::queues::Queues;
 use super::{Tracer, Wanted};
 use beamlet_core::{Result, numbers};
 use beamlet_gpu::{Backend, Download, Recorder, Upload};
-use beamlet_interface::{
-    QUEUE_EXACT, QUEUE_LEFT, QUEUE_LONGER, QUEUE_LOST, RayResult, TALLY_COUNTERS,
-};
+use beamlet_interface::{QUEUE_EXACT, QUEUE_LEFT, QUEUE_LOST, RayResult, TALLY_COUNTERS};
 use beamlet_model::scene::Transport;
 use std::sync::atomic::Ordering;
 use std::time::Duration;
@@ -40,10 +38,9 @@ impl Tracer {
         if leaves {
             passes.push(self.pass(walks.order_free(false), Rays::Left, wanted, false)?);
         }
-        let exact = match (wanted, self.transport) {
-            (Wanted::Moments, _) | (_, Transport::FirstOrder) => None,
-            (_, Transport::Exact) => Some(ExactRays::All(n)),
-            (_, Transport::Auto) => Some(ExactRays::Queued(QUEUE_EXACT)),
+        let exact = match wanted {
+            Wanted::Moments => None,
+            Wanted::RayResults | Wanted::Both => self.exact_rays(ExactRays::All(n)),
         };
         let walk = exact.map(|rays| self.walk(walks, rays)).transpose()?;
         let (later, walk) =
@@ -109,13 +106,7 @@ impl Tracer {
             again.walks.extend(&job.walks);
         }
         if let Some(walk) = job.walks.iter().chain(&job.later).next() {
-            again.walks.push(ExactWalk {
-                kernel: software.exact.get()?,
-                rays: ExactRays::Queued(QUEUE_LOST),
-                at_nodes: walk.at_nodes,
-                leaves: false,
-                longer: QUEUE_LONGER + numbers::count(LEVELS),
-            });
+            again.walks.push(ExactWalk { at_nodes: walk.at_nodes, ..self.lost_walk()? });
         }
         Ok((again, queues.only(&keep)))
     }

@@ -1,13 +1,13 @@
 //! Rays that kernels make on the device, in a number that these decide: the passes over them are recorded once and
 //! run by indirect dispatches.
 
-use super::exact::{ExactRays, ExactWalk, LEVELS};
+use super::exact::{ExactRays, ExactWalk};
 use super::pass::{Pass, Rays};
 use super::queues::QUEUES;
 use super::{Tracer, Wanted};
 use beamlet_core::{Result, numbers};
 use beamlet_gpu::{Backend, Buffer, Download, Recorder};
-use beamlet_interface::{QUEUE_EXACT, QUEUE_LONGER, QUEUE_LOST, TALLY_COUNTERS};
+use beamlet_interface::TALLY_COUNTERS;
 use beamlet_model::scene::Transport;
 use std::sync::atomic::Ordering;
 
@@ -41,22 +41,11 @@ impl Tracer {
             let others = if again { software } else { walks };
             passes.push(self.pass(others.order_free(false), Rays::Left, wanted, false)?);
         }
-        let exact = match self.transport {
-            Transport::FirstOrder => None,
-            Transport::Exact => Some(ExactRays::Made),
-            Transport::Auto => Some(ExactRays::Queued(QUEUE_EXACT)),
-        };
         let mut exact_walks = Vec::new();
-        if let Some(rays) = exact {
+        if let Some(rays) = self.exact_rays(ExactRays::Made) {
             exact_walks.push(self.walk(walks, rays)?);
             if again {
-                exact_walks.push(ExactWalk {
-                    kernel: software.exact.get()?,
-                    rays: ExactRays::Queued(QUEUE_LOST),
-                    at_nodes: false,
-                    leaves: false,
-                    longer: QUEUE_LONGER + numbers::count(LEVELS),
-                });
+                exact_walks.push(self.lost_walk()?);
             }
         }
         Ok(MadeRays { passes, walks: exact_walks, rays_of_group: first.rays })

@@ -222,7 +222,8 @@ impl ViewWork<'_> {
         let steps = self.steps();
         let left_out = self.steps_left_out();
         let Self { cells, bars, lights, sums, tracer, simulation, refiner, .. } = self;
-        let response = simulation.response(Exposure::Sample(simulation.view_of(pose)));
+        let exposure = Exposure::Sample(simulation.view_of(pose));
+        let response = simulation.response(exposure);
         let view = simulation.pose_context(pose, projected_bounds, &response);
         if let Some(refiner) = refiner {
             let mut light = |made: &MadeCells<'_>| {
@@ -230,8 +231,15 @@ impl ViewWork<'_> {
                 cells.add_made(lights, made, sums, steps)?;
                 Ok(left_out * begin.elapsed().as_secs_f64())
             };
+            let list = simulation.detector.optics().offsets.list_of(exposure);
             let room = simulation.refine_room(&simulation.alone);
-            return refiner.survey(&view, tracer, room, (&rows, &lit, chosen.1), &mut light);
+            return refiner.survey(
+                &view,
+                tracer,
+                (list, room),
+                (&rows, &lit, chosen.1),
+                &mut light,
+            );
         }
         let mut add = |tracer: &mut Tracer, cell_rows: &CellBatch| {
             let gathered = match &simulation.spectral {
