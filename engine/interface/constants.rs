@@ -124,8 +124,13 @@ shared_constants! {
     PATCH_UNKNOWN: u32 = u32::MAX - 1;
     /// In the flags of a rectangle: it is to be split along x.
     RECTANGLE_ALONG_X: u32 = 128;
-    /// First bit of the number of crossings in the flags of a rectangle.
+    /// First bit of the number of crossings in the flags of a rectangle, below `FLAG_SHARE_SHIFT`.
     RECTANGLE_CROSSINGS: u32 = 8;
+    /// Most groups of light under a spectrum: ways through both masks.
+    SPECTRUM_GROUPS: u32 = 4;
+    /// Words of the moments of a rectangle in a material: path, lever along x, displacement along z per delta at
+    /// the detector, slope along x.
+    KEPT_WORDS: u32 = 4;
     /// Octaves of the errors of rectangles that a patch counts.
     OCTAVES: u32 = 32;
     /// Exponent of the lowest octave, below zero.
@@ -196,8 +201,12 @@ shared_constants! {
     HEAD_LEVELS: u32 = 22;
     /// Number of rectangles before the present level.
     HEAD_OLDER: u32 = 23;
+    /// Cells of a rectangle that room is kept for.
+    HEAD_MOST: u32 = 24;
+    /// Cells whose light lands too far off to follow.
+    HEAD_LANDED_OFF: u32 = 25;
     /// First of the dispatches: first item, number of items, and workgroups.
-    HEAD_STAGES: u32 = 24;
+    HEAD_STAGES: u32 = 26;
     /// Words of a dispatch.
     STAGE_WORDS: u32 = 5;
     /// Dispatches.
@@ -218,8 +227,10 @@ shared_constants! {
     STAGE_EMIT: u32 = 7;
     /// Sums up reported errors.
     STAGE_REPORT: u32 = 8;
+    /// Puts the parts of cell rows of a spectrum in order, by lists.
+    STAGE_PLACE: u32 = 9;
     /// Words of the head.
-    HEAD_WORDS: u32 = HEAD_STAGES + 9 * STAGE_WORDS;
+    HEAD_WORDS: u32 = HEAD_STAGES + 10 * STAGE_WORDS;
     /// Base rays are traced.
     PHASE_BASE: u32 = 0;
     /// New rectangles are estimated.
@@ -249,10 +260,8 @@ shared_constants! {
     REPORT_SQUARES: u32 = 5;
     /// Patches beyond the tolerance.
     REPORT_BEYOND: u32 = 7;
-    /// Cells whose light lands too far off to follow.
-    REPORT_LANDED_OFF: u32 = 8;
     /// Words of the report.
-    REPORT_WORDS: u32 = 9;
+    REPORT_WORDS: u32 = 8;
 
     /// Words at the head of a ray's moments.
     MOMENTS_HEAD: usize = 4;

@@ -86,7 +86,7 @@ shared_structs! {
         /// Shift of pixel edges on the analyser, from the gap to the detector.
         pub pixel_shift: f32,
         pub signature: u32,
-        /// `FLAG_` bits, `RECTANGLE_ALONG_X`, and the number of crossings in the bits above `RECTANGLE_CROSSINGS`.
+        /// `FLAG_` bits, `RECTANGLE_ALONG_X`, and the number of crossings from bit `RECTANGLE_CROSSINGS` on.
         pub flags: u32,
         pub patch_index: u32,
         /// First of its three parts; 0: it has none.
@@ -101,6 +101,44 @@ shared_structs! {
         pub turn_error: f32,
         /// Square of the largest share of it that a step lets through; 0 where it is too small to be split.
         pub weight: f32,
+    }
+
+    /// Energies of a spectrum, and the materials at them.
+    pub struct RefinedSpectrum in RefinedSpectrumRef {
+        /// Moments of the rays of a batch, `[ray][stride]`.
+        pub traced: u64 => Floats,
+        /// `[rectangle][material][KEPT_WORDS]`, of the rectangle that a ray was traced for.
+        pub kept: u64 => Floats,
+        /// Number of each material in `traced`.
+        pub materials: u64 => Words,
+        /// `[node][material][2]`: attenuation, 1/m, and delta; behind the nodes at the constants of the rays.
+        pub constants: u64 => Floats,
+        /// `[node][2]`: strength of refraction over that of the rays; share of the grazing incidence below which
+        /// total reflection turns light by as much as at the constants of the rays.
+        pub ratios: u64 => Floats,
+        /// `[block of rows][beamlet][...]`: shares of light by masks (`refine/spectrum.glsl`).
+        pub shares: u64 => Floats,
+        /// `[list][near, far]`: number of cells; then the number of all, and where each begins.
+        pub counts: u64 => Words,
+        /// `[cell][2]`: its list, and its place there.
+        pub marks: u64 => Words,
+        pub nodes: u32,
+        pub material_count: u32,
+        /// Words of the moments of a traced ray.
+        pub stride: u32,
+        /// Ways through the masks whose energies share cells.
+        pub groups: u32,
+        /// Number of beamlets.
+        pub columns: u32,
+        /// Rows of a block.
+        pub alike_rows: u32,
+        pub first_block: i32,
+        /// Width from which on cells are held to the tolerances.
+        pub full_width: f32,
+        /// Tolerance of mean displacements, m.
+        pub tolerance: f32,
+        /// Standard deviation of the displacement that energies of a cell may have, m.
+        pub spread: f32,
     }
 
     /// Parameters of the refinement of a group of patches.
@@ -133,6 +171,8 @@ shared_structs! {
         pub queues: u64 => Words,
         /// Reported errors and counts, `REPORT_`.
         pub report: u64 => Words,
+        /// 0 at one energy.
+        pub spectrum: u64 => RefinedSpectrumRef,
         /// Number of patches to refine, and of these with the neighbours that have base rays alone.
         pub patch_count: u32,
         pub all_patches: u32,

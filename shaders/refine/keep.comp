@@ -1,5 +1,5 @@
 #version 460
-// Gives new rectangles the results of their rays.
+// Gives new rectangles the results of their rays; with ENERGIES the moments, too.
 #extension GL_GOOGLE_include_directive : require
 #extension GL_EXT_buffer_reference : require
 #extension GL_EXT_buffer_reference2 : require
@@ -7,6 +7,26 @@
 #extension GL_EXT_scalar_block_layout : require
 #include "interface.glsl"
 #include "refine/head.glsl"
+#include "refine/rectangle.glsl"
+
+#ifdef ENERGIES
+#define S P.spectrum.at[0]
+
+// Keeps the moments of a ray in the materials that act on light.
+void keep_moments(uint ray, uint index) {
+    for (uint m = 0u; m < S.material_count; m++) {
+        uint from = ray * S.stride + MOMENTS_HEAD + S.materials.at[m] * MOMENTS_PER_MATERIAL;
+        uint to = (index * S.material_count + m) * KEPT_WORDS;
+        Floats traced = S.traced;
+        Floats kept = S.kept;
+        kept.at[to] = traced.at[from + MOMENTS_PATH];
+        kept.at[to + 1u] = traced.at[from + MOMENTS_LEVER];
+        kept.at[to + 2u] = traced.at[from + MOMENTS_LEVER + 1u]
+            + P.gap * traced.at[from + MOMENTS_SLOPE + 1u];
+        kept.at[to + 3u] = traced.at[from + MOMENTS_SLOPE];
+    }
+}
+#endif
 
 void main() {
     uint ray;
@@ -24,7 +44,11 @@ void main() {
     P.rectangles.at[index].pixel_shift = result.displacement_x * (1.0 - P.ratio)
         - result.slope_x * P.gap * P.ratio;
     P.rectangles.at[index].signature = result.signature;
-    uint most = (1u << (32u - RECTANGLE_CROSSINGS)) - 1u;
+    uint share = result.flags >> FLAG_SHARE_SHIFT << FLAG_SHARE_SHIFT;
     uint flags = result.flags & ((1u << RECTANGLE_CROSSINGS) - 1u);
-    P.rectangles.at[index].flags = flags | min(result.crossings, most) << RECTANGLE_CROSSINGS;
+    uint crossings = min(result.crossings, MOST_CROSSINGS);
+    P.rectangles.at[index].flags = share | crossings << RECTANGLE_CROSSINGS | flags;
+#ifdef ENERGIES
+    keep_moments(ray, index);
+#endif
 }

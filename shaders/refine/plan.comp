@@ -64,6 +64,12 @@ void estimate_from(uint first) {
     set(HEAD_AGAINS, 0u);
 }
 
+// Cells under a spectrum in this submission.
+uint cells_of_spectrum() {
+    RefinedSpectrum s = P.spectrum.at[0];
+    return s.counts.at[2u * (s.groups + s.nodes)];
+}
+
 // Rays of base rectangles, or of the parts of rectangles.
 void plan_rays() {
     if (head(HEAD_PHASE) == PHASE_SELECT && head(HEAD_SELECT) == head(HEAD_LISTED + head(HEAD_LIST))) {
@@ -137,12 +143,33 @@ void plan_emit() {
     dispatch(STAGE_EMIT, 0u, 0u);
     dispatch(STAGE_REPORT, 0u, 0u);
     if (head(HEAD_PHASE) != PHASE_EMIT) return;
+    bool one_energy = uvec2(P.spectrum) == uvec2(0u);
+    uint cells = one_energy ? head(HEAD_CELLS) : cells_of_spectrum();
     uint end = head(HEAD_EMIT) < P.own_base ? P.own_base : head(HEAD_RECTANGLES);
-    uint count = take(STAGE_EMIT, HEAD_EMIT, end, P.cell_room - head(HEAD_CELLS), 1u);
+    uint most = (P.cell_room - min(cells, P.cell_room)) / head(HEAD_MOST);
+    uint count = take(STAGE_EMIT, HEAD_EMIT, end, most, 1u);
     set(HEAD_CELLS, head(HEAD_CELLS) + count);
     // Base rectangles of neighbours lie behind all others.
     if (head(HEAD_EMIT) == P.own_base) set(HEAD_EMIT, P.all_base);
-    if (head(HEAD_EMIT) != head(HEAD_RECTANGLES)) return;
+    if (head(HEAD_EMIT) != head(HEAD_RECTANGLES) || !one_energy) return;
+    set(HEAD_PHASE, PHASE_DONE);
+    dispatch(STAGE_REPORT, 0u, P.patch_count);
+}
+
+// Lists of the cells of a spectrum one behind the other. There may have been too little room for them.
+void plan_place() {
+    dispatch(STAGE_PLACE, 0u, 0u);
+    dispatch(STAGE_REPORT, 0u, 0u);
+    RefinedSpectrum s = P.spectrum.at[0];
+    uint kinds = 2u * (s.groups + s.nodes);
+    uint first = 0u;
+    for (uint kind = 0u; kind < kinds; kind++) {
+        s.counts.at[kinds + 1u + kind] = first;
+        first += s.counts.at[kind];
+    }
+    if (s.counts.at[kinds] > P.cell_room) return;
+    dispatch(STAGE_PLACE, 0u, s.counts.at[kinds]);
+    if (head(HEAD_PHASE) != PHASE_EMIT || head(HEAD_EMIT) != head(HEAD_RECTANGLES)) return;
     set(HEAD_PHASE, PHASE_DONE);
     dispatch(STAGE_REPORT, 0u, P.patch_count);
 }
@@ -154,6 +181,7 @@ void main() {
     case STAGE_ESTIMATE: plan_estimate(); break;
     case STAGE_AGAIN: plan_again(); break;
     case STAGE_SELECT: plan_select(); break;
-    default: plan_emit(); break;
+    case STAGE_EMIT: plan_emit(); break;
+    default: plan_place(); break;
     }
 }

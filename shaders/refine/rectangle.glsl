@@ -33,6 +33,7 @@ vec2 middle_of(Rectangle g) {
 struct Found {
     bool known;
     uint index; // of a rectangle of this patch
+    uint rectangle; // of any patch
     vec2 at;
     float depth;
     float displacement;
@@ -42,7 +43,7 @@ struct Found {
 };
 
 Found found_of(Rectangle g, uint index, vec2 shift) {
-    return Found(true, index, middle_of(g) + shift, g.optical_depth, g.displacement, g.landing,
+    return Found(true, index, index, middle_of(g) + shift, g.optical_depth, g.displacement, g.landing,
                  g.signature, g.flags);
 }
 
@@ -107,10 +108,12 @@ Found found_at(uint near, uint patch_index, float x, float z) {
         other = x < 0.0 ? patch_.low : patch_.high;
         shift = vec2(x < 0.0 ? -P.period : P.period, 0.0);
     }
-    Found nothing = Found(other != PATCH_UNKNOWN, NO_RECTANGLE, vec2(x, z), 0.0, 0.0, 0.0, 0u, 0u);
+    Found nothing = Found(other != PATCH_UNKNOWN, NO_RECTANGLE, NO_RECTANGLE, vec2(x, z), 0.0, 0.0, 0.0, 0u, 0u);
     if (other == PATCH_UNKNOWN || other == PATCH_MISSED) return nothing;
     uint index = base_at(P.patches.at[other], vec2(x, z) - shift, false);
-    return found_of(P.rectangles.at[index], NO_RECTANGLE, shift);
+    Found found = found_of(P.rectangles.at[index], index, shift);
+    found.index = NO_RECTANGLE;
+    return found;
 }
 
 // Whether two rays crossed the same components in the same way.
@@ -119,8 +122,11 @@ bool alike(Found a, Found b) {
         && ((a.flags | b.flags) & FLAG_NOT_FINITE) == 0u;
 }
 
+// Most crossings that are counted.
+const uint MOST_CROSSINGS = (1u << (FLAG_SHARE_SHIFT - RECTANGLE_CROSSINGS)) - 1u;
+
 uint crossings_of(uint flags) {
-    return flags >> RECTANGLE_CROSSINGS;
+    return (flags >> RECTANGLE_CROSSINGS) & MOST_CROSSINGS;
 }
 
 // Squares of errors are sums of 2^-16 of the square of the budget, as integers of 64 bits: they do not

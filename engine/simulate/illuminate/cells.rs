@@ -155,7 +155,7 @@ impl CellIlluminator {
         Ok(())
     }
 
-    /// Adds the light of cells that were made on the device.
+    /// Adds the light of cells that were made on the device, in a list for each of the `lights`.
     ///
     /// # Errors
     /// As [`Self::add`].
@@ -175,8 +175,8 @@ impl CellIlluminator {
             ..bytemuck::Zeroable::zeroed()
         };
         let uploads = &mut Vec::new();
-        for light in lights {
-            for (far, parts) in [(light.rows_apart(), 0..made.near), (true, made.far.clone())] {
+        for (light, [near, far]) in lights.iter().zip(&made.lists) {
+            for (far, parts) in [(light.rows_apart(), near.clone()), (true, far.clone())] {
                 let piece = DispatchPart { light, far, parts };
                 self.plan(&piece, template, steps, uploads)?;
             }

@@ -13,5 +13,5 @@ pub(crate) use cells::{CellIlluminator, CellKernels};
 pub(crate) use light::{IlluminationBuffer, SpectralBand, alike_rows};
 pub(crate) use random::{RandomBatch, RandomIlluminator, RandomKernels};
 pub use spectral::NARROW;
-pub(crate) use spectral::{EnergyBinning, MaskTransmissionCache};
+pub(crate) use spectral::{EnergyBinning, EnergyTables, MaskTransmissionCache};
 pub use sums::PixelSums;

@@ -1,5 +1,6 @@
 //! Buffers of the refinement, which groups of patches share.
 
+use super::spectrum::kept_bytes;
 use crate::trace::Tracer;
 use beamlet_core::Result;
 use beamlet_gpu::{Buffer, Device, Memory};
@@ -25,6 +26,8 @@ pub(super) struct Sizes {
     pub(super) rows: u32,
     /// Words of the sums of all patches.
     pub(super) sums: u64,
+    /// Materials whose moments are kept, under a spectrum.
+    pub(super) materials: Option<u32>,
 }
 
 impl Sizes {
@@ -36,6 +39,7 @@ impl Sizes {
     fn fits(&self, other: &Self) -> bool {
         self.room == other.room
             && self.cells == other.cells
+            && self.materials == other.materials
             && self.patches >= other.patches
             && self.rows >= other.rows
             && self.sums >= other.sums
@@ -60,6 +64,9 @@ pub(super) struct Buffers {
     pub(super) cells: Buffer,
     pub(super) cell_rows: Buffer,
     pub(super) parts: Buffer,
+    /// Moments of rectangles, and the lists that cells are in, under a spectrum.
+    pub(super) kept: Option<Buffer>,
+    pub(super) marks: Option<Buffer>,
 }
 
 impl Buffers {
@@ -103,6 +110,16 @@ impl Buffers {
             cells: make("cells of rectangles", cells, size_of::<Cell>())?,
             cell_rows: make("cell rows of rectangles", cells, size_of::<CellRow>())?,
             parts: make("parts of cell rows of rectangles", 2 * cells, size_of::<CellRowPart>())?,
+            kept: match sizes.materials {
+                Some(count) => {
+                    Some(make("moments of rectangles", room * kept_bytes(count.into()), 1)?)
+                }
+                None => None,
+            },
+            marks: match sizes.materials {
+                Some(_) => Some(make("lists of cells", 2 * cells, 4)?),
+                None => None,
+            },
         })
     }
 

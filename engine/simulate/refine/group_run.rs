@@ -3,15 +3,17 @@
 use super::buffers::Buffers;
 use super::group::Group;
 use super::kernels::Stages;
+use super::spectrum::Spectrum;
 use crate::trace::{MadeRays, Tracer};
 use beamlet_core::Result;
 use beamlet_core::tally::Tally;
 use beamlet_gpu::{Buffer, Device, Download, Recorder, Upload};
 use beamlet_interface::{
-    HEAD_BASE, HEAD_CELLS, HEAD_EXACT, HEAD_FAR, HEAD_LEFT, HEAD_LISTED, HEAD_LOST, HEAD_NEAR,
-    HEAD_PHASE, HEAD_RAYS, HEAD_RECTANGLES, HEAD_ROOM, HEAD_WORDS, PHASE_DONE, PHASE_FULL,
-    REPORT_BEYOND, REPORT_LANDED_OFF, REPORT_MOST, REPORT_PATCHES, REPORT_RAYS, REPORT_SQUARES,
-    REPORT_WORDS, REPORT_WORST, RefineParams, RefinedRow, TALLY_COUNTERS,
+    HEAD_BASE, HEAD_CELLS, HEAD_EMIT, HEAD_EXACT, HEAD_FAR, HEAD_LANDED_OFF, HEAD_LEFT,
+    HEAD_LISTED, HEAD_LOST, HEAD_MOST, HEAD_NEAR, HEAD_PHASE, HEAD_RAYS, HEAD_RECTANGLES,
+    HEAD_ROOM, HEAD_WORDS, PHASE_DONE, PHASE_FULL, REPORT_BEYOND, REPORT_MOST, REPORT_PATCHES,
+    REPORT_RAYS, REPORT_SQUARES, REPORT_WORDS, REPORT_WORST, RefineParams, RefinedRow,
+    TALLY_COUNTERS,
 };
 use std::ops::Range;
 use std::sync::Arc;
@@ -26,10 +28,8 @@ pub(crate) struct MadeCells<'b> {
     pub(crate) parts: &'b Buffer,
     pub(crate) cell_rows: &'b Buffer,
     pub(crate) cells: &'b Buffer,
-    /// Parts whose light lands near, from the first on.
-    pub(crate) near: u32,
-    /// Parts whose light lands farther off.
-    pub(crate) far: Range<u32>,
+    /// Parts whose light lands near, and parts whose light lands farther off, by list.
+    pub(crate) lists: Vec<[Range<u32>; 2]>,
 }
 
 /// Counts of refinement, besides light.
@@ -52,6 +52,11 @@ pub(super) struct GroupInputs<'g> {
 /// A group in refinement: counts as the device left them.
 pub(super) struct GroupRun<'b> {
     buffers: &'b Buffers,
+    /// Energies, under a spectrum.
+    spectrum: Option<&'b Spectrum<'b>>,
+    /// Cells of the last submission by list, and of all.
+    counts: Vec<u32>,
+    landed_off: u64,
     head: [u32; HEAD_WORDS as usize],
     report: [u32; REPORT_WORDS as usize],
     tally: [u32; TALLY_COUNTERS],
@@ -59,13 +64,19 @@ pub(super) struct GroupRun<'b> {
 }
 
 impl<'b> GroupRun<'b> {
-    pub(super) fn new(buffers: &'b Buffers, group: &Group) -> Self {
+    pub(super) fn new(
+        buffers: &'b Buffers,
+        spectrum: Option<&'b Spectrum<'b>>,
+        group: &Group,
+    ) -> Self {
         let mut head = [0_u32; HEAD_WORDS as usize];
         head[HEAD_RECTANGLES as usize] = group.all_base;
         head[HEAD_LISTED as usize] = group.own_base;
         head[HEAD_RAYS as usize] = group.own_base;
+        head[HEAD_MOST as usize] = spectrum.map_or(1, |it| it.most);
+        let counts = vec![0; spectrum.map_or(0, Spectrum::count_words)];
         let (report, tally) = ([0; REPORT_WORDS as usize], [0; TALLY_COUNTERS]);
-        Self { buffers, head, report, tally, begun: false }
+        Self { buffers, spectrum, counts, landed_off: 0, head, report, tally, begun: false }
     }
 
     fn at(&self, word: u32) -> u32 {
@@ -96,7 +107,7 @@ impl<'b> GroupRun<'b> {
     ) -> Result<(Duration, u32)> {
         let buffers = self.buffers;
         self.head[HEAD_ROOM as usize] = work;
-        for word in [HEAD_NEAR, HEAD_FAR, HEAD_CELLS] {
+        for word in [HEAD_NEAR, HEAD_FAR, HEAD_CELLS, HEAD_LANDED_OFF] {
             self.head[word as usize] = 0;
         }
         let sent = self.head;
@@ -106,6 +117,7 @@ impl<'b> GroupRun<'b> {
             uploads.push(Upload::new(&buffers.params, 0, &inputs.params));
             uploads.push(Upload::new(&buffers.patches, 0, &inputs.group.patches));
             uploads.push(Upload::new(&buffers.rows, 0, &inputs.rows));
+            uploads.extend(self.spectrum.iter().flat_map(|spectrum| spectrum.uploads()));
         }
         let record = |r: &mut Recorder<'_>| {
             if is_first {
@@ -113,30 +125,63 @@ impl<'b> GroupRun<'b> {
                 r.fill(&buffers.report, 0, u64::from(REPORT_WORDS) * 4, 0);
                 r.fill(tracer.queues(), 0, tracer.queues().len(), 0);
             }
+            let of = (buffers.params.address(), &buffers.head);
+            if let Some(spectrum) = self.spectrum {
+                r.fill(spectrum.counts(), 0, spectrum.counts().len(), 0);
+            }
             for _ in 0..TURNS {
-                stages.record_turn(r, (buffers.params.address(), &buffers.head), tracer, made);
+                stages.record_turn(r, of, tracer, made);
+            }
+            if self.spectrum.is_some() {
+                stages.record_lists(r, of);
             }
         };
-        let mut downloads = [
+        let mut downloads = vec![
             Download::new(&buffers.head, 0, &mut self.head),
             Download::new(&buffers.report, 0, &mut self.report),
             tracer.read_tally(&mut self.tally),
         ];
+        if let Some(spectrum) = self.spectrum {
+            downloads.push(Download::new(spectrum.counts(), 0, &mut self.counts));
+        }
         let time = device.run_with(&uploads, record, &mut downloads)?;
         self.begun = true;
+        if self.counts.last().is_some_and(|all| *all > buffers.sizes.cells) {
+            // Too many cells of a rectangle: these again, with more room for each.
+            self.head[HEAD_EMIT as usize] = sent[HEAD_EMIT as usize];
+            self.head[HEAD_MOST as usize] *= 2;
+            self.counts.fill(0);
+        } else {
+            self.landed_off += u64::from(self.at(HEAD_LANDED_OFF));
+        }
         Ok((time, work - self.at(HEAD_ROOM)))
+    }
+
+    /// Cells of a rectangle that room is kept for.
+    pub(super) fn most(&self) -> u32 {
+        self.at(HEAD_MOST)
     }
 
     /// The cells that the last submission made, if any.
     pub(super) fn cells(&self) -> Option<MadeCells<'b>> {
         let (near, far) = (self.at(HEAD_NEAR), self.at(HEAD_FAR));
         let first = self.buffers.sizes.cells;
-        (near + far > 0).then(|| MadeCells {
+        let mut lists = vec![[0..near, first..first + far]];
+        if self.spectrum.is_some() {
+            let (by_list, _) = self.counts.split_at(self.counts.len() - 1);
+            let mut end = 0;
+            let mut next = |count: u32| {
+                end += count;
+                end - count..end
+            };
+            lists = by_list.chunks(2).map(|of| [next(of[0]), next(of[1])]).collect();
+        }
+        let parts: u32 = lists.iter().flatten().map(|part| part.end - part.start).sum();
+        (parts > 0).then(|| MadeCells {
             parts: &self.buffers.parts,
             cell_rows: &self.buffers.cell_rows,
             cells: &self.buffers.cells,
-            near,
-            far: first..first + far,
+            lists,
         })
     }
 
@@ -157,7 +202,7 @@ impl<'b> GroupRun<'b> {
                 beyond_tolerance: of(REPORT_BEYOND),
                 ..Tally::default()
             },
-            landed_off: of(REPORT_LANDED_OFF),
+            landed_off: self.landed_off,
         }
     }
 }

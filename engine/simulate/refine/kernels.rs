@@ -5,7 +5,7 @@ use beamlet_core::Result;
 use beamlet_gpu::{Buffer, Device, Kernel, LazyKernel, Recorder, push_bytes};
 use beamlet_interface::{
     HEAD_STAGES, RefinePush, STAGE_AGAIN, STAGE_BASE, STAGE_BUDGET, STAGE_EMIT, STAGE_ESTIMATE,
-    STAGE_KEEP, STAGE_REPORT, STAGE_SELECT, STAGE_SPLIT, STAGE_WORDS,
+    STAGE_KEEP, STAGE_PLACE, STAGE_REPORT, STAGE_SELECT, STAGE_SPLIT, STAGE_WORDS,
 };
 use std::sync::Arc;
 
@@ -13,8 +13,10 @@ use std::sync::Arc;
 #[derive(Debug)]
 pub(crate) struct RefineKernels {
     plan: LazyKernel,
-    /// Kernels in the order of `STAGE_`.
+    /// Kernels in the order of `STAGE_`, at one energy.
     stages: [LazyKernel; 9],
+    /// Kernels that keep moments, make cells and put these in order under a spectrum.
+    of_spectrum: [LazyKernel; 3],
 }
 
 impl RefineKernels {
@@ -36,20 +38,33 @@ impl RefineKernels {
                 "refine_report",
             ]
             .map(kernel),
+            of_spectrum: ["refine_keep_moments", "refine_emit_energies", "refine_place"]
+                .map(kernel),
         }
     }
 
-    /// All of them.
-    pub(crate) fn all(&self) -> impl Iterator<Item = &LazyKernel> {
-        std::iter::once(&self.plan).chain(&self.stages)
+    /// Kernels of a scene, with a spectrum or without, in the order of `STAGE_`.
+    fn stages(&self, spectrum: bool) -> impl Iterator<Item = &LazyKernel> {
+        let [keep, emit, place] = &self.of_spectrum;
+        let own = (0..).zip(&self.stages).map(move |(stage, kernel)| match stage {
+            STAGE_KEEP if spectrum => keep,
+            STAGE_EMIT if spectrum => emit,
+            _ => kernel,
+        });
+        own.chain(spectrum.then_some(place))
+    }
+
+    /// All kernels of a scene.
+    pub(crate) fn all(&self, spectrum: bool) -> impl Iterator<Item = &LazyKernel> {
+        std::iter::once(&self.plan).chain(self.stages(spectrum))
     }
 
     /// The kernels, made.
     ///
     /// # Errors
     /// As [`LazyKernel::get`].
-    pub(super) fn made(&self) -> Result<Stages<'_>> {
-        let stages = self.stages.iter().map(LazyKernel::get).collect::<Result<_>>()?;
+    pub(super) fn made(&self, spectrum: bool) -> Result<Stages<'_>> {
+        let stages = self.stages(spectrum).map(LazyKernel::get).collect::<Result<_>>()?;
         Ok(Stages { plan: self.plan.get()?, stages })
     }
 }
@@ -61,6 +76,28 @@ pub(super) struct Stages<'k> {
 }
 
 impl Stages<'_> {
+    /// Records the planning of a stage.
+    fn plan(&self, r: &mut Recorder<'_>, params: u64, stage: u32) {
+        let push = RefinePush { params, stage, unused: 0 };
+        r.barrier();
+        r.dispatch(self.plan, bytemuck::bytes_of(&push), [1; 3]);
+        r.barrier();
+    }
+
+    /// Records a stage, of the size that was planned.
+    fn run(&self, r: &mut Recorder<'_>, (params, head): (u64, &Buffer), stage: u32) {
+        let push = RefinePush { params, stage, unused: 0 };
+        let at = u64::from(HEAD_STAGES + stage * STAGE_WORDS + 2) * 4;
+        r.dispatch_indirect(self.stages[stage as usize], bytemuck::bytes_of(&push), head, at);
+    }
+
+    /// Records the order of the cells of a spectrum, and the report where these are the last.
+    pub(super) fn record_lists(&self, r: &mut Recorder<'_>, of: (u64, &Buffer)) {
+        self.plan(r, of.0, STAGE_PLACE);
+        self.run(r, of, STAGE_PLACE);
+        self.run(r, of, STAGE_REPORT);
+    }
+
     /// Records one turn: traces new rays, estimates new rectangles, chooses what is split next, and writes cells
     /// where nothing is left to split. Stages that have nothing to do have no workgroups.
     pub(super) fn record_turn(
@@ -70,20 +107,8 @@ impl Stages<'_> {
         tracer: &Tracer,
         made: &MadeRays<'_>,
     ) {
-        let plan = |r: &mut Recorder<'_>, stage: u32| {
-            r.barrier();
-            r.dispatch(
-                self.plan,
-                bytemuck::bytes_of(&RefinePush { params, stage, unused: 0 }),
-                [1; 3],
-            );
-            r.barrier();
-        };
-        let run = |r: &mut Recorder<'_>, stage: u32| {
-            let push = RefinePush { params, stage, unused: 0 };
-            let at = u64::from(HEAD_STAGES + stage * STAGE_WORDS + 2) * 4;
-            r.dispatch_indirect(self.stages[stage as usize], bytemuck::bytes_of(&push), head, at);
-        };
+        let plan = |r: &mut Recorder<'_>, stage| self.plan(r, params, stage);
+        let run = |r: &mut Recorder<'_>, stage| self.run(r, (params, head), stage);
         plan(r, STAGE_BASE);
         run(r, STAGE_BASE);
         run(r, STAGE_SPLIT);

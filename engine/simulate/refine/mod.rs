@@ -8,6 +8,7 @@ mod kernels;
 mod params;
 mod refiner;
 mod room;
+mod spectrum;
 mod tables;
 
 pub(crate) use group_run::MadeCells;

@@ -24,14 +24,16 @@ const BESIDE: f32 = 2.4e-7;
 /// Standard deviations that a blur reaches.
 const BLURS: f64 = 6.5;
 
-/// Parameters of a group, whose rays have `rays_of_group` in a workgroup. `lit`: rows whose light is wanted.
+/// Parameters of a group, whose rays have `rays_of_group` in a workgroup. `lit`: rows whose light is wanted;
+/// `spectrum`: address of the energies, 0 at one energy.
 pub(super) fn of_group(
     view: &ViewContext<'_>,
     (tables, buffers, tracer): (&Tables, &Buffers, &Tracer),
     (group, lit): (&Group, &Range<i64>),
-    rays_of_group: u32,
+    (rays_of_group, spectrum): (u32, u64),
 ) -> RefineParams {
     RefineParams {
+        spectrum,
         patch_count: group.own,
         all_patches: numbers::count(group.patches.len()),
         own_base: group.own_base,

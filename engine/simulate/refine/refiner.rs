@@ -6,7 +6,9 @@ use super::group_run::{GroupInputs, GroupRun, MadeCells, Refined};
 use super::kernels::RefineKernels;
 use super::params;
 use super::room::{GROWTH, RefineRoom};
+use super::spectrum::Spectrum;
 use super::tables::{self, Tables};
+use crate::illuminate::EnergyBinning;
 use crate::sampling::{PatchCost, RowsCost, ViewContext, spread};
 use crate::trace::Tracer;
 use beamlet_core::{Result, numbers};
@@ -29,30 +31,41 @@ pub(crate) type Light<'a> = &'a mut dyn FnMut(&MadeCells<'_>) -> Result<()>;
 
 /// Refines patches on the device.
 #[derive(Debug)]
-pub(crate) struct DeviceRefiner {
+pub(crate) struct DeviceRefiner<'s> {
     device: Arc<Device>,
     kernels: Arc<RefineKernels>,
     buffers: Option<Buffers>,
     /// Tables, and the index of the mask offsets that they are for.
     tables: Option<(usize, Tables)>,
+    /// Energies, under a spectrum.
+    spectrum: Option<Spectrum<'s>>,
     /// Work of a submission.
     work: Pace,
     /// Rectangles over base rectangles, of the groups so far.
     growth: f64,
 }
 
-impl DeviceRefiner {
-    pub(crate) fn new(device: &Arc<Device>, kernels: &Arc<RefineKernels>) -> Self {
+impl<'s> DeviceRefiner<'s> {
+    /// A refiner; `energies`: of a spectrum.
+    ///
+    /// # Errors
+    /// [`beamlet_core::Error::Memory`].
+    pub(crate) fn new(
+        device: &Arc<Device>,
+        kernels: &Arc<RefineKernels>,
+        energies: Option<&'s EnergyBinning>,
+    ) -> Result<Self> {
         let is_cpu = device.description().kind == DeviceKind::Cpu;
-        Self {
+        Ok(Self {
             device: device.clone(),
             kernels: kernels.clone(),
             buffers: None,
             tables: None,
+            spectrum: energies.map(|energies| Spectrum::new(device, energies)).transpose()?,
             work: Pace::new(WORK[0] << if is_cpu { 0 } else { 6 }, WORK[1], WORK[2])
                 .with_long(LONG),
             growth: GROWTH,
-        }
+        })
     }
 
     /// Refines the patches of rows that a shadow touches, and hands their cells to `light`. `list`: index of the
@@ -198,14 +211,21 @@ impl DeviceRefiner {
             patches: numbers::count(group.patches.len()),
             rows: numbers::count(rows.len()),
             sums,
+            materials: self.spectrum.as_ref().map(|it| numbers::count(it.tables.materials.len())),
         };
         let buffers = Buffers::fit(&self.device, self.buffers.take(), sizes)?;
         let kernels = self.kernels.clone();
-        let (stages, made) = (kernels.made()?, tracer.made_rays()?);
+        if let Some(spectrum) = &mut self.spectrum {
+            spectrum.take(&self.device, (&buffers, tracer), group)?;
+        }
+        let spectrum = self.spectrum.as_ref();
+        let stages = kernels.made(spectrum.is_some())?;
+        let made = tracer.made_rays(spectrum.is_some())?;
         let of = (tables, &buffers, &*tracer);
-        let params = [params::of_group(view, of, (group, lit), made.rays_of_group)];
+        let energies = spectrum.map_or(0, Spectrum::address);
+        let params = [params::of_group(view, of, (group, lit), (made.rays_of_group, energies))];
         let inputs = GroupInputs { group, params, rows, sums };
-        let mut run = GroupRun::new(&buffers, group);
+        let mut run = GroupRun::new(&buffers, spectrum, group);
         while !run.is_over() {
             tracer.cancel().check()?;
             let with = (&stages, &*tracer, &made);
@@ -218,7 +238,11 @@ impl DeviceRefiner {
         }
         let refined = run.finish(tracer);
         let growth = f64::from(run.rectangles()) / f64::from(group.own_base.max(1));
-        let is_full = run.is_full();
+        let (is_full, most) = (run.is_full(), run.most());
+        if let Some(spectrum) = &mut self.spectrum {
+            spectrum.is_sent();
+            spectrum.most = most;
+        }
         self.growth = match is_full {
             true => 2.0 * self.growth.max(growth),
             false => 0.5 * (self.growth + SPARE * growth),

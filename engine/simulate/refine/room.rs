@@ -1,6 +1,7 @@
 //! Room for rectangles and cells on the device.
 
 use super::buffers::{CELL, RECTANGLE};
+use super::spectrum::kept_bytes;
 use beamlet_core::{Error, numbers};
 
 /// Rectangles that there is room for where memory has no limit, and least.
@@ -9,18 +10,28 @@ const RECTANGLES: [u64; 2] = [1 << 21, 1 << 14];
 const CELLS: [u64; 2] = [1 << 18, 1 << 12];
 /// Rectangles of a group after refinement over those before, as long as none is known.
 pub(super) const GROWTH: f64 = 8.0;
-/// Memory of the refinement on the device, bytes; `None` without a limit.
+/// Memory of the refinement on the device.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct RefineRoom(pub(crate) Option<[u64; 2]>);
+pub(crate) struct RefineRoom {
+    /// Limit, and bytes that are left of it; `None` without a limit.
+    limit: Option<[u64; 2]>,
+    /// Bytes of a rectangle.
+    rectangle: u64,
+}
 
 impl RefineRoom {
+    /// Room under a limit, with bytes left; `materials`: number of those whose moments are kept.
+    pub(crate) fn new(limit: Option<[u64; 2]>, materials: usize) -> Self {
+        Self { limit, rectangle: RECTANGLE + kept_bytes(materials as u64) }
+    }
+
     pub(super) fn rectangles(self) -> u32 {
-        let most = self.0.map_or(RECTANGLES[0], |[_, left]| left * 3 / 4 / RECTANGLE);
+        let most = self.limit.map_or(RECTANGLES[0], |[_, left]| left * 3 / 4 / self.rectangle);
         numbers::low_word(most.clamp(RECTANGLES[1], RECTANGLES[0]))
     }
 
     pub(super) fn cells(self) -> u32 {
-        let most = self.0.map_or(CELLS[0], |[_, left]| left / 4 / CELL);
+        let most = self.limit.map_or(CELLS[0], |[_, left]| left / 4 / CELL);
         numbers::low_word(most.clamp(CELLS[1], CELLS[0]))
     }
 
@@ -33,15 +44,15 @@ impl RefineRoom {
     /// More room: as far as groups of patches have it, or for a single patch as far as memory has it.
     pub(super) fn more(self, places: u32, single: bool) -> Option<u32> {
         let next = places.checked_mul(2)?;
-        let bytes = u64::from(next) * RECTANGLE;
-        let fits = self.0.is_none_or(|[_, left]| bytes <= left * 3 / 4);
+        let bytes = u64::from(next) * self.rectangle;
+        let fits = self.limit.is_none_or(|[_, left]| bytes <= left * 3 / 4);
         (next <= self.rectangles() || (single && fits)).then_some(next)
     }
 
     /// The error of a patch that has more rectangles than there is room for.
     pub(super) fn too_small(self, (beamlet, row): (i64, i64), places: u32) -> Error {
-        let [limit, left] = self.0.unwrap_or([u64::MAX; 2]);
-        let needed = (2 * u64::from(places) * RECTANGLE).saturating_mul(4) / 3;
+        let [limit, left] = self.limit.unwrap_or([u64::MAX; 2]);
+        let needed = (2 * u64::from(places) * self.rectangle).saturating_mul(4) / 3;
         Error::Memory {
             purpose: format!("refining beamlet {beamlet}, row {row} ({places} rectangles),"),
             needed: (limit - left).saturating_add(needed),

@@ -152,7 +152,8 @@ impl Simulation {
     /// The same on the device.
     fn refine_room(&self, memory: &MemoryEstimate) -> RefineRoom {
         let limit = self.options().memory_limit.zip(memory.left_for_refinement);
-        RefineRoom(limit.map(<[u64; 2]>::from))
+        let materials = self.spectral.as_ref().map_or(0, |_| self.media.names.len());
+        RefineRoom::new(limit.map(<[u64; 2]>::from), materials)
     }
 
     /// Words of a ray's moments.

@@ -16,7 +16,7 @@ use beamlet_geometry::{LoadStep, Sample};
 use beamlet_gpu::{Backend, EngineOptions};
 use beamlet_model::media::MaterialTable;
 use beamlet_model::optics::{self, Optics};
-use beamlet_model::scene::{Refine, Scene, Scheme};
+use beamlet_model::scene::{Refine, Scene, Scheme, Transport};
 use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::time::Instant;
@@ -210,8 +210,9 @@ fn refuse_device(scene: &Scene, media: &MaterialTable, options: &EngineOptions) 
     if scene.sampling.refine == Refine::Host || scene.sampling.scheme == Scheme::Random {
         return Ok(());
     }
-    let found = if media.energies.len() > 1 {
-        "device, with a spectrum of several energies"
+    let exact = scene.sampling.transport == Transport::Exact;
+    let found = if media.energies.len() > 1 && exact {
+        "device, with a spectrum of several energies and transport = \"exact\""
     } else if options.keep_moments {
         "device, with kept moments"
     } else if scene.objects.iter().any(|object| object.roughness > 0.0) {

@@ -48,7 +48,7 @@ pub(super) struct ViewWork<'s> {
     cells: CellIlluminator,
     random_light: RandomIlluminator,
     /// Refines on the device, where the scene wants that.
-    refiner: Option<DeviceRefiner>,
+    refiner: Option<DeviceRefiner<'s>>,
     bars: MaskTransmissionCache,
     random: bool,
     band: u32,
@@ -114,16 +114,20 @@ impl<'s> ViewWork<'s> {
         }
         let refines = traced && !random && scene.sampling.refine == Refine::Device;
         if refines {
-            kernels.extend(simulator.refine_kernels().all());
+            kernels.extend(simulator.refine_kernels().all(simulation.spectral.is_some()));
         }
         LazyKernel::make_all(&kernels, cancel)?;
+        let energies = simulation.spectral.as_ref();
+        let refiner =
+            refines.then(|| DeviceRefiner::new(&device, simulator.refine_kernels(), energies));
+        let refiner = refiner.transpose()?;
         Ok(Self {
             tracer,
             lights,
             sums: PixelSums::new(&device, steps, lit_rows().max().unwrap_or(0), columns as usize)?,
             cells: CellIlluminator::new(&device, simulator.illuminate_kernels(), cancel),
             random_light: RandomIlluminator::new(&device, simulator.random_kernels(), optics),
-            refiner: refines.then(|| DeviceRefiner::new(&device, simulator.refine_kernels())),
+            refiner,
             bars: MaskTransmissionCache::default(),
             random,
             band,

@@ -29,8 +29,8 @@ impl Tracer {
     ///
     /// # Errors
     /// [`beamlet_core::Error::Device`] where a kernel is not to be had.
-    pub(crate) fn made_rays(&self) -> Result<MadeRays<'_>> {
-        let wanted = Wanted::RayResults;
+    pub(crate) fn made_rays(&self, moments: bool) -> Result<MadeRays<'_>> {
+        let wanted = if moments { Wanted::Both } else { Wanted::RayResults };
         let walks = self.walks(self.backend);
         let software = self.walks(Backend::Bvh);
         let again = self.backend != Backend::Bvh;
@@ -60,6 +60,11 @@ impl Tracer {
     /// Heads of the queues, for kernels that make rays.
     pub(crate) const fn queues(&self) -> &Buffer {
         &self.batch.queues
+    }
+
+    /// Moments of the rays, `[ray][MOMENTS_HEAD + word]`.
+    pub(crate) const fn moments(&self) -> &Buffer {
+        &self.batch.moments
     }
 
     /// Reads the counts of the device.

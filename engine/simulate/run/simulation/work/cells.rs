@@ -139,8 +139,15 @@ impl ViewWork<'_> {
             self.tally = self.tally + found.tally;
             self.tally.landed_off += found.landed_off;
         }
-        let blank = sampling::blank_cells(&simulation.lattice, missed);
-        timed(&illuminating, || cells.add(lights.iter().zip([&blank]), sums, steps))?;
+        let mut blank = sampling::blank_cells(&simulation.lattice, missed);
+        let lists = match &simulation.spectral {
+            Some(spectral) => {
+                blank.keep_nothing(simulation.moment_words());
+                spectral.lists(&mut self.tracer, &mut self.bars, &blank)?
+            }
+            None => vec![blank],
+        };
+        timed(&illuminating, || cells.add(lights.iter().zip(&lists), sums, steps))?;
         self.seconds.trace += begin.elapsed().as_secs_f64() - illuminating.get();
         self.seconds.illuminate += illuminating.get();
         Ok(())

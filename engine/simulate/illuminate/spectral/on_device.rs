@@ -1,0 +1,90 @@
+//! Energies for cells that are made on the device: flat tables of f32.
+
+use super::EnergyBinning;
+use super::{FULL_SHARE, SPREAD_SHARE};
+use beamlet_core::numbers::{self, single};
+use rayon::prelude::*;
+use std::ops::Range;
+
+/// Constants by energy, for the device.
+#[derive(Debug)]
+pub(crate) struct EnergyTables {
+    /// Numbers of the materials that act on light.
+    pub(crate) materials: Vec<u32>,
+    /// `[node][material][2]`, behind the nodes at the constants of the rays.
+    pub(crate) constants: Vec<f32>,
+    /// `[node][2]`.
+    pub(crate) ratios: Vec<f32>,
+    pub(crate) nodes: u32,
+    pub(crate) groups: u32,
+    pub(crate) columns: u32,
+    pub(crate) alike_rows: u32,
+    /// Width of a cell of full accuracy, m.
+    pub(crate) full_width: f32,
+    /// Tolerance of mean displacements, and limit of their spread over energies, m.
+    pub(crate) tolerance: f32,
+    pub(crate) spread: f32,
+}
+
+impl EnergyBinning {
+    /// Tables by energy.
+    pub(crate) fn tables(&self) -> EnergyTables {
+        let all = 0..=self.nodes();
+        let of = |node: usize| {
+            self.acting.iter().flat_map(move |material| {
+                let at = node * self.materials + material;
+                [self.mu[at], self.delta[at]]
+            })
+        };
+        let ratios = self.delta_ratio.iter().zip(&self.exact_retrace_threshold);
+        EnergyTables {
+            materials: self.acting.iter().map(|it| numbers::count(*it)).collect(),
+            constants: all.flat_map(of).map(single).collect(),
+            ratios: ratios.flat_map(|(a, b)| [single(*a), single(*b)]).collect(),
+            nodes: numbers::count(self.nodes()),
+            groups: numbers::count(self.groups.len()),
+            columns: numbers::count(self.slopes.len()),
+            alike_rows: self.lattice.alike_rows,
+            full_width: single(self.lattice.period * FULL_SHARE),
+            tolerance: single(self.tolerance),
+            spread: single((SPREAD_SHARE * self.lattice.edge_blur).max(self.tolerance)),
+        }
+    }
+
+    /// Shares of light by masks for the device (`refine/spectrum.glsl`), of all columns in blocks of rows.
+    pub(crate) fn shares_of(&self, blocks: &Range<i64>) -> Vec<f32> {
+        let columns = numbers::count(self.slopes.len());
+        let places: Vec<(u32, i64)> = blocks
+            .clone()
+            .flat_map(|block| (0..columns).map(move |column| (column, block)))
+            .collect();
+        let of_place = |place: &(u32, i64)| {
+            let bars = self.bars(*place);
+            let mut words = vec![f64::from(u8::from(bars.apart))];
+            // A column whose energies are apart has no shares where the scene has no groups.
+            bars.by_node.iter().for_each(|share| words.push(*share));
+            words.resize(1 + self.nodes(), 0.0);
+            words.extend(bars.nodes.iter().flat_map(|it| [it.start as f64, it.end as f64]));
+            words.extend(&bars.shares);
+            words.extend(bars.narrowings.iter().flatten());
+            words.resize(self.words_of_shares(), 0.0);
+            words.into_iter().map(single).collect::<Vec<f32>>()
+        };
+        places.par_iter().flat_map_iter(of_place).collect()
+    }
+
+    fn words_of_shares(&self) -> usize {
+        1 + self.nodes() + self.groups.len() * (2 + self.nodes()) + 2 * self.nodes()
+    }
+
+    /// Blocks of rows that a range of rows is in.
+    pub(crate) fn blocks_of(&self, rows: &Range<i32>) -> Range<i64> {
+        let block = |row: i32| i64::from(row).div_euclid(self.lattice.alike_rows.into());
+        block(rows.start)..block((rows.end - 1).max(rows.start)) + 1
+    }
+
+    /// True if some column's energies share no edges, in a lattice of these columns.
+    pub(crate) fn has_apart(&self) -> bool {
+        self.groups.is_empty() || self.slopes.iter().any(|slope| self.is_apart(*slope))
+    }
+}

@@ -1,0 +1,133 @@
+#version 460
+// Makes cells of rectangles under a spectrum: in each group of light the energies that share a cell.
+#extension GL_GOOGLE_include_directive : require
+#extension GL_EXT_buffer_reference : require
+#extension GL_EXT_buffer_reference2 : require
+#extension GL_EXT_buffer_reference_uvec2 : require
+#extension GL_EXT_scalar_block_layout : require
+#include "interface.glsl"
+#include "refine/head.glsl"
+#include "physics/gauss.glsl"
+#include "refine/rectangle.glsl"
+#include "refine/slopes.glsl"
+#include "refine/made.glsl"
+#include "refine/spectrum.glsl"
+
+// A rectangle in work.
+struct Own {
+    Rectangle g;
+    RefinedPatch patch_;
+    Beside beside;
+    bool exact;
+    AtNode found; // result of the ray, and what the first order says of it
+    AtNode first;
+};
+
+Own own_of(Rectangle g, uint index, bool hit) {
+    Own own;
+    own.g = g;
+    own.patch_ = P.patches.at[g.patch_index];
+    Found ray = found_of(P.rectangles.at[index], index, vec2(0.0));
+    float width = g.x_high - g.x_low;
+    float out_ = max(1e-4 * width, P.beside.x);
+    Found low = found_at(index, g.patch_index, g.x_low - out_, ray.at.y);
+    Found high = found_at(index, g.patch_index, g.x_high + out_, ray.at.y);
+    bvec2 has = bvec2(hit && low.known && alike(low, ray), hit && high.known && alike(high, ray));
+    vec2 along = vec2(low.at.x, high.at.x) - ray.at.x;
+    own.beside = Beside(traced_for(index), traced_for(low.rectangle), traced_for(high.rectangle), along, has, width);
+    uint flags = ray.flags | (has.x ? low.flags : 0u) | (has.y ? high.flags : 0u);
+    own.exact = (flags & FLAG_EXACT) != 0u;
+    if (own.exact) {
+        own.first = first_order_at(own.beside, S.nodes);
+        vec2 depth = vec2(low.depth, high.depth) - ray.depth;
+        vec2 moved = vec2(low.displacement, high.displacement) - ray.displacement;
+        vec2 depth_rise = vec2(ray.depth, width * slope_along(depth, along, vec2(0.0), has.x, has.y, 0.0));
+        vec2 moved_rise = vec2(ray.displacement, width * slope_along(moved, along, vec2(0.0), has.x, has.y, 0.0));
+        own.found = AtNode(depth_rise, moved_rise, 0.0, 0.0);
+    }
+    return own;
+}
+
+AtNode result_at(Own own, uint node) {
+    AtNode result = first_order_at(own.beside, node);
+    float grazing = float(own.g.flags >> FLAG_SHARE_SHIFT) / 255.0;
+    if (own.exact) correct(result, own.found, own.first, node, grazing);
+    limit(result, own.beside.width);
+    return result;
+}
+
+// Writes a cell of a list, where there is room.
+void push_cell(uint list, Own own, Sums sums) {
+    if (any(lessThan(sums.light, vec3(DARK)))) return;
+    vec3 x = sums.x / sums.light;
+    float middle = sums.light.y;
+    float landing = sums.z / middle;
+    Rows rows = rows_of(own.g, landing);
+    if (!is_wanted(own.patch_, rows, landing)) return;
+    uint slot = atomicAdd(S.counts.at[2u * (S.groups + S.nodes)], 1u);
+    if (slot >= P.cell_room) return;
+    vec2 depth = -log(sums.light.xz);
+    vec2 displacement = own.g.displacement + x.xz;
+    float pixel_shift = 0.5 * (displacement.x + displacement.y) * (1.0 - P.ratio)
+        - sums.slope_x / middle * P.gap * P.ratio;
+    vec2 narrowing = sums.narrowing / middle;
+    vec2 covariance = sums.narrowing_x / middle - narrowing * x.y;
+    Cell cell = Cell(own.g.x_low, own.g.x_high, depth.x, depth.y, displacement.x, displacement.y, landing,
+                     rows.above, rows.below, pixel_shift, variance_of(sums), narrowing.x, narrowing.y,
+                     covariance.x, covariance.y);
+    write_cell(slot, own.g, own.patch_, cell);
+    uint kind = 2u * list + (rows.is_near ? 0u : 1u);
+    S.marks.at[2u * slot] = kind;
+    S.marks.at[2u * slot + 1u] = atomicAdd(S.counts.at[kind], 1u);
+}
+
+// A cell for each energy: these share no edges.
+void push_nodes(Own own) {
+    for (uint node = 0u; node < S.nodes; node++) {
+        Sums sums = plus(no_sums(), result_at(own, node), own.g.displacement, 1.0, vec2(0.0));
+        push_cell(S.groups + node, own, sums);
+    }
+}
+
+// Cells by group: a cell takes energies as long as one cell has their light.
+void push_groups(Own own, uint shares) {
+    float all = 0.0;
+    for (uint node = 0u; node < S.nodes; node++) {
+        all += share_at(shares + 1u + node) * exp(-depth_at(own.beside.own, node));
+    }
+    uint groups = shares + 1u + S.nodes;
+    uint by_group = groups + 2u * S.groups;
+    uint narrowings = by_group + S.groups * S.nodes;
+    Sums sums[SPECTRUM_GROUPS];
+    for (uint group = 0u; group < S.groups; group++) sums[group] = no_sums();
+    for (uint node = 0u; node < S.nodes; node++) {
+        AtNode at = result_at(own, node);
+        vec2 narrowing = vec2(share_at(narrowings + 2u * node), share_at(narrowings + 2u * node + 1u));
+        for (uint group = 0u; group < S.groups; group++) {
+            bool has = float(node) >= share_at(groups + 2u * group)
+                && float(node) < share_at(groups + 2u * group + 1u);
+            if (!has) continue;
+            float share = share_at(by_group + group * S.nodes + node);
+            Sums more = plus(sums[group], at, own.g.displacement, share, narrowing);
+            if (sums[group].light.y > 0.0 && !is_one(more, all, own.beside.width)) {
+                push_cell(group, own, sums[group]);
+                more = plus(no_sums(), at, own.g.displacement, share, narrowing);
+            }
+            sums[group] = more;
+        }
+    }
+    for (uint group = 0u; group < S.groups; group++) push_cell(group, own, sums[group]);
+}
+
+void main() {
+    uint index;
+    if (!item_of(STAGE_EMIT, index)) return;
+    Rectangle g = P.rectangles.at[index];
+    RefinedPatch patch_ = P.patches.at[g.patch_index];
+    bool hit = is_hit(g.patch_index);
+    if (!has_cells(g, patch_, index, hit)) return;
+    Own own = own_of(g, index, hit);
+    uint shares = shares_of(patch_);
+    if (share_at(shares) != 0.0) push_nodes(own);
+    else push_groups(own, shares);
+}

@@ -1,0 +1,78 @@
+// Cells of rectangles, as the kernels of light take them.
+
+// Blur of rows from which on light goes beyond the rows beside, share of a row.
+const float WIDE = 1.0 / 6.0;
+// Standard deviations that a blur reaches.
+const float BLURS = 6.0;
+
+// Share of light spread evenly over [low, high] and blurred that lies before a border.
+float share_before(float border, float low, float high) {
+    float blur = P.row_blur;
+    if (blur <= 0.0) return clamp((border - low) / (high - low), 0.0, 1.0);
+    float near = (border - high) / blur;
+    float far = (border - low) / blur;
+    if (far - near > 0.25) return clamp((ramp(far) - ramp(near)) / (far - near), 0.0, 1.0);
+    // The difference would lose its digits: Simpson's rule.
+    float density, a, b, c;
+    normal(near, density, a);
+    normal(0.5 * (near + far), density, b);
+    normal(far, density, c);
+    return (a + 4.0 * b + c) / 6.0;
+}
+
+// Where the light of a rectangle lands: rows beside its own, and whether these take all of it.
+struct Rows {
+    float low;
+    float high;
+    bool is_near;
+    float above;
+    float below;
+};
+
+// Rows that the light of a rectangle lands in, displaced by so much along z on the detector.
+Rows rows_of(Rectangle g, float landing) {
+    float down = -landing / P.row_pitch;
+    Rows rows = Rows(g.z_low + down, g.z_high + down, false, -1.0, 0.0);
+    float reach = BLURS * P.row_blur;
+    rows.is_near = P.row_blur <= WIDE && rows.low - reach >= -1.0 && rows.high + reach <= 2.0;
+    if (rows.is_near) {
+        rows.above = share_before(0.0, rows.low, rows.high);
+        rows.below = min(1.0 - share_before(1.0, rows.low, rows.high), 1.0 - rows.above);
+    }
+    return rows;
+}
+
+// Whether light in these rows is wanted; counts light that lands too far off to be followed.
+bool is_wanted(RefinedPatch patch_, Rows rows, float landing) {
+    if (abs(landing / P.row_pitch) > P.halo) atomicAdd(P.head.at[HEAD_LANDED_OFF], 1u);
+    float reach = BLURS * P.row_blur;
+    float row = float(patch_.row);
+    return row + rows.high + reach >= float(P.wanted[0]) && row + rows.low - reach <= float(P.wanted[1]);
+}
+
+// Whether a rectangle has cells. One of a patch that misses the sample has the whole patch.
+bool has_cells(inout Rectangle g, RefinedPatch patch_, uint index, bool hit) {
+    if (hit) return g.parts == 0u && (g.flags & FLAG_NOT_FINITE) == 0u;
+    g.x_low = -0.5 * P.period;
+    g.x_high = 0.5 * P.period;
+    g.z_low = 0.0;
+    g.z_high = 1.0;
+    return index == patch_.first && patch_.is_lit != 0u;
+}
+
+bool is_hit(uint patch_index) {
+    return (P.sums.at[sums_of(patch_index) + PATCH_FLAGS] & PATCH_IS_HIT) != 0u;
+}
+
+// Writes a cell, and a row of it alone.
+void write_cell(uint slot, Rectangle g, RefinedPatch patch_, Cell cell) {
+    float width = cell.x_high - cell.x_low;
+    float rise = cell.depth_high - cell.depth_low;
+    float light = width * exp(-0.5 * (cell.depth_low + cell.depth_high)) * (1.0 + rise * rise / 24.0);
+    float low = min(cell.displacement_low, cell.displacement_high) - cell.pixel_shift;
+    float high = max(cell.displacement_low, cell.displacement_high) - cell.pixel_shift;
+    P.cells.at[slot] = cell;
+    P.cell_rows.at[slot] = CellRow(slot, 1u, patch_.column, patch_.row, g.z_low, g.z_high, 1u, light, low,
+                                   high, cell.displacement_variance,
+                                   abs(cell.displacement_high - cell.displacement_low) / width);
+}
