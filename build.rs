@@ -53,6 +53,7 @@ const PERMUTATIONS: &[Permutation] = &[
     ("refine_emit", "refine/emit.comp", &[]),
     ("refine_keep_moments", "refine/keep.comp", &[("ENERGIES", "1")]),
     ("refine_emit_energies", "refine/emit_energies.comp", &[]),
+    ("refine_merge", "refine/merge.comp", &[]),
     ("refine_place", "refine/place.comp", &[]),
     ("refine_report", "refine/report.comp", &[]),
     ("fit", "retrieve/fit.comp", &[]),

@@ -131,6 +131,12 @@ shared_constants! {
     /// Words of the moments of a rectangle in a material: path, lever along x, displacement along z per delta at
     /// the detector, slope along x.
     KEPT_WORDS: u32 = 4;
+    /// Most columns of a patch that leaked light is merged into.
+    MERGED_COLUMNS: u32 = 8;
+    /// Sums of a column: light; times its place along x, and the square of that; times displacement, place and
+    /// displacement, the square of the displacement; times landing, slope, shares in the rows above and below,
+    /// narrowing by either mask, and narrowing and displacement.
+    MERGED_WORDS: u32 = 14;
     /// Octaves of the errors of rectangles that a patch counts.
     OCTAVES: u32 = 32;
     /// Exponent of the lowest octave, below zero.
@@ -201,8 +207,8 @@ shared_constants! {
     HEAD_LEVELS: u32 = 22;
     /// Number of rectangles before the present level.
     HEAD_OLDER: u32 = 23;
-    /// Cells of a rectangle that room is kept for.
-    HEAD_MOST: u32 = 24;
+    /// Next patch to make cells of merged light of.
+    HEAD_MERGE: u32 = 24;
     /// Cells whose light lands too far off to follow.
     HEAD_LANDED_OFF: u32 = 25;
     /// First of the dispatches: first item, number of items, and workgroups.
@@ -227,10 +233,12 @@ shared_constants! {
     STAGE_EMIT: u32 = 7;
     /// Sums up reported errors.
     STAGE_REPORT: u32 = 8;
+    /// Makes cells of light that leaks through bars, merged over the rectangles of a patch.
+    STAGE_MERGE: u32 = 9;
     /// Puts the parts of cell rows of a spectrum in order, by lists.
-    STAGE_PLACE: u32 = 9;
+    STAGE_PLACE: u32 = 10;
     /// Words of the head.
-    HEAD_WORDS: u32 = HEAD_STAGES + 10 * STAGE_WORDS;
+    HEAD_WORDS: u32 = HEAD_STAGES + 11 * STAGE_WORDS;
     /// Base rays are traced.
     PHASE_BASE: u32 = 0;
     /// New rectangles are estimated.

@@ -122,6 +122,8 @@ shared_structs! {
         pub counts: u64 => Words,
         /// `[cell][2]`: its list, and its place there.
         pub marks: u64 => Words,
+        /// `[patch][group][MERGED_COLUMNS][MERGED_WORDS]`: leaked light, as integers.
+        pub merged: u64 => Words,
         pub nodes: u32,
         pub material_count: u32,
         /// Words of the moments of a traced ray.
@@ -139,6 +141,8 @@ shared_structs! {
         pub tolerance: f32,
         /// Standard deviation of the displacement that energies of a cell may have, m.
         pub spread: f32,
+        /// Displacement that merged light may have at most, m.
+        pub reach: f32,
     }
 
     /// Parameters of the refinement of a group of patches.

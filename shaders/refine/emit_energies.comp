@@ -12,6 +12,8 @@
 #include "refine/slopes.glsl"
 #include "refine/made.glsl"
 #include "refine/spectrum.glsl"
+#include "refine/at_node.glsl"
+#include "refine/merged.glsl"
 
 // A rectangle in work.
 struct Own {
@@ -56,36 +58,34 @@ AtNode result_at(Own own, uint node) {
     return result;
 }
 
-// Writes a cell of a list, where there is room.
-void push_cell(uint list, Own own, Sums sums) {
+// Writes a cell, or adds its light to the columns of its patch if that is merged into some.
+void give(uint list, uint columns, Own own, Sums sums) {
     if (any(lessThan(sums.light, vec3(DARK)))) return;
     vec3 x = sums.x / sums.light;
     float middle = sums.light.y;
     float landing = sums.z / middle;
     Rows rows = rows_of(own.g, landing);
     if (!is_wanted(own.patch_, rows, landing)) return;
-    uint slot = atomicAdd(S.counts.at[2u * (S.groups + S.nodes)], 1u);
-    if (slot >= P.cell_room) return;
+    if (columns != 0u && rows.is_near) {
+        merge(merged_of(own.g.patch_index, list), columns, own.g, sums, rows);
+        return;
+    }
     vec2 depth = -log(sums.light.xz);
     vec2 displacement = own.g.displacement + x.xz;
-    float pixel_shift = 0.5 * (displacement.x + displacement.y) * (1.0 - P.ratio)
-        - sums.slope_x / middle * P.gap * P.ratio;
+    float pixel_shift = shift_of(0.5 * (displacement.x + displacement.y), sums.slope_x / middle);
     vec2 narrowing = sums.narrowing / middle;
     vec2 covariance = sums.narrowing_x / middle - narrowing * x.y;
-    Cell cell = Cell(own.g.x_low, own.g.x_high, depth.x, depth.y, displacement.x, displacement.y, landing,
-                     rows.above, rows.below, pixel_shift, variance_of(sums), narrowing.x, narrowing.y,
-                     covariance.x, covariance.y);
-    write_cell(slot, own.g, own.patch_, cell);
-    uint kind = 2u * list + (rows.is_near ? 0u : 1u);
-    S.marks.at[2u * slot] = kind;
-    S.marks.at[2u * slot + 1u] = atomicAdd(S.counts.at[kind], 1u);
+    push_cell(list, own.g, own.patch_, rows,
+              Cell(own.g.x_low, own.g.x_high, depth.x, depth.y, displacement.x, displacement.y, landing,
+                   rows.above, rows.below, pixel_shift, variance_of(sums), narrowing.x, narrowing.y,
+                   covariance.x, covariance.y));
 }
 
 // A cell for each energy: these share no edges.
 void push_nodes(Own own) {
     for (uint node = 0u; node < S.nodes; node++) {
         Sums sums = plus(no_sums(), result_at(own, node), own.g.displacement, 1.0, vec2(0.0));
-        push_cell(S.groups + node, own, sums);
+        give(S.groups + node, 0u, own, sums);
     }
 }
 
@@ -96,7 +96,7 @@ void push_groups(Own own, uint shares) {
         all += share_at(shares + 1u + node) * exp(-depth_at(own.beside.own, node));
     }
     uint groups = shares + 1u + S.nodes;
-    uint by_group = groups + 2u * S.groups;
+    uint by_group = groups + 3u * S.groups;
     uint narrowings = by_group + S.groups * S.nodes;
     Sums sums[SPECTRUM_GROUPS];
     for (uint group = 0u; group < S.groups; group++) sums[group] = no_sums();
@@ -104,19 +104,21 @@ void push_groups(Own own, uint shares) {
         AtNode at = result_at(own, node);
         vec2 narrowing = vec2(share_at(narrowings + 2u * node), share_at(narrowings + 2u * node + 1u));
         for (uint group = 0u; group < S.groups; group++) {
-            bool has = float(node) >= share_at(groups + 2u * group)
-                && float(node) < share_at(groups + 2u * group + 1u);
-            if (!has) continue;
+            uint words = groups + 3u * group;
+            if (float(node) < share_at(words) || float(node) >= share_at(words + 1u)) continue;
             float share = share_at(by_group + group * S.nodes + node);
             Sums more = plus(sums[group], at, own.g.displacement, share, narrowing);
-            if (sums[group].light.y > 0.0 && !is_one(more, all, own.beside.width)) {
-                push_cell(group, own, sums[group]);
+            bool merges = share_at(words + 2u) != 0.0;
+            if (!merges && sums[group].light.y > 0.0 && !is_one(more, all, own.beside.width)) {
+                give(group, 0u, own, sums[group]);
                 more = plus(no_sums(), at, own.g.displacement, share, narrowing);
             }
             sums[group] = more;
         }
     }
-    for (uint group = 0u; group < S.groups; group++) push_cell(group, own, sums[group]);
+    for (uint group = 0u; group < S.groups; group++) {
+        give(group, uint(share_at(groups + 3u * group + 2u)), own, sums[group]);
+    }
 }
 
 void main() {

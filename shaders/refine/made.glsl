@@ -64,6 +64,11 @@ bool is_hit(uint patch_index) {
     return (P.sums.at[sums_of(patch_index) + PATCH_FLAGS] & PATCH_IS_HIT) != 0u;
 }
 
+// Shift of pixel edges on the analyser.
+float shift_of(float displacement, float slope_x) {
+    return displacement * (1.0 - P.ratio) - slope_x * P.gap * P.ratio;
+}
+
 // Writes a cell, and a row of it alone.
 void write_cell(uint slot, Rectangle g, RefinedPatch patch_, Cell cell) {
     float width = cell.x_high - cell.x_low;

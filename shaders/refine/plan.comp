@@ -146,7 +146,9 @@ void plan_emit() {
     bool one_energy = uvec2(P.spectrum) == uvec2(0u);
     uint cells = one_energy ? head(HEAD_CELLS) : cells_of_spectrum();
     uint end = head(HEAD_EMIT) < P.own_base ? P.own_base : head(HEAD_RECTANGLES);
-    uint most = (P.cell_room - min(cells, P.cell_room)) / head(HEAD_MOST);
+    // Each energy may have a cell in each group.
+    uint each = one_energy ? 1u : P.spectrum.at[0].nodes * max(P.spectrum.at[0].groups, 1u);
+    uint most = (P.cell_room - cells) / each;
     uint count = take(STAGE_EMIT, HEAD_EMIT, end, most, 1u);
     set(HEAD_CELLS, head(HEAD_CELLS) + count);
     // Base rectangles of neighbours lie behind all others.
@@ -156,7 +158,15 @@ void plan_emit() {
     dispatch(STAGE_REPORT, 0u, P.patch_count);
 }
 
-// Lists of the cells of a spectrum one behind the other. There may have been too little room for them.
+// Cells of merged light, behind all others.
+void plan_merge() {
+    dispatch(STAGE_MERGE, 0u, 0u);
+    if (head(HEAD_PHASE) != PHASE_EMIT || head(HEAD_EMIT) != head(HEAD_RECTANGLES)) return;
+    uint each = max(P.spectrum.at[0].groups, 1u) * MERGED_COLUMNS;
+    take(STAGE_MERGE, HEAD_MERGE, P.patch_count, (P.cell_room - cells_of_spectrum()) / each, 1u);
+}
+
+// Lists of the cells of a spectrum one behind the other.
 void plan_place() {
     dispatch(STAGE_PLACE, 0u, 0u);
     dispatch(STAGE_REPORT, 0u, 0u);
@@ -167,9 +177,8 @@ void plan_place() {
         s.counts.at[kinds + 1u + kind] = first;
         first += s.counts.at[kind];
     }
-    if (s.counts.at[kinds] > P.cell_room) return;
     dispatch(STAGE_PLACE, 0u, s.counts.at[kinds]);
-    if (head(HEAD_PHASE) != PHASE_EMIT || head(HEAD_EMIT) != head(HEAD_RECTANGLES)) return;
+    if (head(HEAD_PHASE) != PHASE_EMIT || head(HEAD_MERGE) != P.patch_count) return;
     set(HEAD_PHASE, PHASE_DONE);
     dispatch(STAGE_REPORT, 0u, P.patch_count);
 }
@@ -182,6 +191,7 @@ void main() {
     case STAGE_AGAIN: plan_again(); break;
     case STAGE_SELECT: plan_select(); break;
     case STAGE_EMIT: plan_emit(); break;
+    case STAGE_MERGE: plan_merge(); break;
     default: plan_place(); break;
     }
 }

@@ -5,7 +5,7 @@ use crate::trace::Tracer;
 use beamlet_core::Result;
 use beamlet_gpu::{Buffer, Device, Memory};
 use beamlet_interface::{
-    Cell, CellRow, CellRowPart, HEAD_WORDS, OCTAVES, PATCH_HEAD, REPORT_WORDS, Rectangle,
+    Cell, CellRow, CellRowPart, HEAD_WORDS, MERGED_COLUMNS, MERGED_WORDS, OCTAVES, PATCH_HEAD, REPORT_WORDS, Rectangle,
     RefineParams, RefinedPatch, RefinedRow,
 };
 use std::sync::Arc;
@@ -26,8 +26,8 @@ pub(super) struct Sizes {
     pub(super) rows: u32,
     /// Words of the sums of all patches.
     pub(super) sums: u64,
-    /// Materials whose moments are kept, under a spectrum.
-    pub(super) materials: Option<u32>,
+    /// Materials whose moments are kept, and groups of light, under a spectrum.
+    pub(super) spectrum: Option<[u32; 2]>,
 }
 
 impl Sizes {
@@ -36,10 +36,16 @@ impl Sizes {
         u64::from(PATCH_HEAD + 4 * OCTAVES) + 4 * (u64::from(steps) + 1)
     }
 
+    /// Bytes of the sums of leaked light of patches.
+    pub(super) fn merged_bytes(&self, patches: usize) -> u64 {
+        let [_, groups] = self.spectrum.unwrap_or_default();
+        4 * u64::from(groups * MERGED_COLUMNS * MERGED_WORDS) * patches as u64
+    }
+
     fn fits(&self, other: &Self) -> bool {
         self.room == other.room
             && self.cells == other.cells
-            && self.materials == other.materials
+            && self.spectrum == other.spectrum
             && self.patches >= other.patches
             && self.rows >= other.rows
             && self.sums >= other.sums
@@ -64,9 +70,10 @@ pub(super) struct Buffers {
     pub(super) cells: Buffer,
     pub(super) cell_rows: Buffer,
     pub(super) parts: Buffer,
-    /// Moments of rectangles, and the lists that cells are in, under a spectrum.
+    /// Moments of rectangles, the lists that cells are in, and sums of leaked light, under a spectrum.
     pub(super) kept: Option<Buffer>,
     pub(super) marks: Option<Buffer>,
+    pub(super) merged: Option<Buffer>,
 }
 
 impl Buffers {
@@ -93,6 +100,9 @@ impl Buffers {
         let make = |name: &str, count: u64, bytes: usize| {
             device.buffer(name, (count * bytes as u64).max(4), Memory::Device)
         };
+        let of_spectrum = |make: &dyn Fn([u32; 2]) -> Result<Buffer>| {
+            sizes.spectrum.map(make).transpose()
+        };
         let [room, cells] = [sizes.room, sizes.cells].map(u64::from);
         Ok(Self {
             sizes,
@@ -110,16 +120,13 @@ impl Buffers {
             cells: make("cells of rectangles", cells, size_of::<Cell>())?,
             cell_rows: make("cell rows of rectangles", cells, size_of::<CellRow>())?,
             parts: make("parts of cell rows of rectangles", 2 * cells, size_of::<CellRowPart>())?,
-            kept: match sizes.materials {
-                Some(count) => {
-                    Some(make("moments of rectangles", room * kept_bytes(count.into()), 1)?)
-                }
-                None => None,
-            },
-            marks: match sizes.materials {
-                Some(_) => Some(make("lists of cells", 2 * cells, 4)?),
-                None => None,
-            },
+            kept: of_spectrum(&|[materials, _]| {
+                make("moments of rectangles", room * kept_bytes(materials.into()), 1)
+            })?,
+            marks: of_spectrum(&|_| make("lists of cells", 2 * cells, 4))?,
+            merged: of_spectrum(&|_| {
+                make("leaked light", sizes.merged_bytes(sizes.patches as usize), 1)
+            })?,
         })
     }
 

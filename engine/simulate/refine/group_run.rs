@@ -9,8 +9,8 @@ use beamlet_core::Result;
 use beamlet_core::tally::Tally;
 use beamlet_gpu::{Buffer, Device, Download, Recorder, Upload};
 use beamlet_interface::{
-    HEAD_BASE, HEAD_CELLS, HEAD_EMIT, HEAD_EXACT, HEAD_FAR, HEAD_LANDED_OFF, HEAD_LEFT,
-    HEAD_LISTED, HEAD_LOST, HEAD_MOST, HEAD_NEAR, HEAD_PHASE, HEAD_RAYS, HEAD_RECTANGLES,
+    HEAD_BASE, HEAD_CELLS, HEAD_EXACT, HEAD_FAR, HEAD_LANDED_OFF, HEAD_LEFT,
+    HEAD_LISTED, HEAD_LOST, HEAD_NEAR, HEAD_PHASE, HEAD_RAYS, HEAD_RECTANGLES,
     HEAD_ROOM, HEAD_WORDS, PHASE_DONE, PHASE_FULL, REPORT_BEYOND, REPORT_MOST, REPORT_PATCHES,
     REPORT_RAYS, REPORT_SQUARES, REPORT_WORDS, REPORT_WORST, RefineParams, RefinedRow,
     TALLY_COUNTERS,
@@ -47,6 +47,8 @@ pub(super) struct GroupInputs<'g> {
     pub(super) rows: Vec<RefinedRow>,
     /// Words of the sums of errors.
     pub(super) sums: u64,
+    /// Bytes of the sums of leaked light.
+    pub(super) merged: u64,
 }
 
 /// A group in refinement: counts as the device left them.
@@ -73,7 +75,6 @@ impl<'b> GroupRun<'b> {
         head[HEAD_RECTANGLES as usize] = group.all_base;
         head[HEAD_LISTED as usize] = group.own_base;
         head[HEAD_RAYS as usize] = group.own_base;
-        head[HEAD_MOST as usize] = spectrum.map_or(1, |it| it.most);
         let counts = vec![0; spectrum.map_or(0, Spectrum::count_words)];
         let (report, tally) = ([0; REPORT_WORDS as usize], [0; TALLY_COUNTERS]);
         Self { buffers, spectrum, counts, landed_off: 0, head, report, tally, begun: false }
@@ -124,6 +125,7 @@ impl<'b> GroupRun<'b> {
                 r.fill(&buffers.sums, 0, 4 * inputs.sums, 0);
                 r.fill(&buffers.report, 0, u64::from(REPORT_WORDS) * 4, 0);
                 r.fill(tracer.queues(), 0, tracer.queues().len(), 0);
+                buffers.merged.iter().for_each(|merged| r.fill(merged, 0, inputs.merged, 0));
             }
             let of = (buffers.params.address(), &buffers.head);
             if let Some(spectrum) = self.spectrum {
@@ -146,20 +148,8 @@ impl<'b> GroupRun<'b> {
         }
         let time = device.run_with(&uploads, record, &mut downloads)?;
         self.begun = true;
-        if self.counts.last().is_some_and(|all| *all > buffers.sizes.cells) {
-            // Too many cells of a rectangle: these again, with more room for each.
-            self.head[HEAD_EMIT as usize] = sent[HEAD_EMIT as usize];
-            self.head[HEAD_MOST as usize] *= 2;
-            self.counts.fill(0);
-        } else {
-            self.landed_off += u64::from(self.at(HEAD_LANDED_OFF));
-        }
+        self.landed_off += u64::from(self.at(HEAD_LANDED_OFF));
         Ok((time, work - self.at(HEAD_ROOM)))
-    }
-
-    /// Cells of a rectangle that room is kept for.
-    pub(super) fn most(&self) -> u32 {
-        self.at(HEAD_MOST)
     }
 
     /// The cells that the last submission made, if any.

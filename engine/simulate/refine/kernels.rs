@@ -5,7 +5,7 @@ use beamlet_core::Result;
 use beamlet_gpu::{Buffer, Device, Kernel, LazyKernel, Recorder, push_bytes};
 use beamlet_interface::{
     HEAD_STAGES, RefinePush, STAGE_AGAIN, STAGE_BASE, STAGE_BUDGET, STAGE_EMIT, STAGE_ESTIMATE,
-    STAGE_KEEP, STAGE_PLACE, STAGE_REPORT, STAGE_SELECT, STAGE_SPLIT, STAGE_WORDS,
+    STAGE_KEEP, STAGE_MERGE, STAGE_PLACE, STAGE_REPORT, STAGE_SELECT, STAGE_SPLIT, STAGE_WORDS,
 };
 use std::sync::Arc;
 
@@ -15,8 +15,8 @@ pub(crate) struct RefineKernels {
     plan: LazyKernel,
     /// Kernels in the order of `STAGE_`, at one energy.
     stages: [LazyKernel; 9],
-    /// Kernels that keep moments, make cells and put these in order under a spectrum.
-    of_spectrum: [LazyKernel; 3],
+    /// Kernels under a spectrum: keep moments, make cells, make cells of merged light, put cells in order.
+    of_spectrum: [LazyKernel; 4],
 }
 
 impl RefineKernels {
@@ -38,20 +38,20 @@ impl RefineKernels {
                 "refine_report",
             ]
             .map(kernel),
-            of_spectrum: ["refine_keep_moments", "refine_emit_energies", "refine_place"]
+            of_spectrum: ["refine_keep_moments", "refine_emit_energies", "refine_merge", "refine_place"]
                 .map(kernel),
         }
     }
 
     /// Kernels of a scene, with a spectrum or without, in the order of `STAGE_`.
     fn stages(&self, spectrum: bool) -> impl Iterator<Item = &LazyKernel> {
-        let [keep, emit, place] = &self.of_spectrum;
+        let [keep, emit, merge, place] = &self.of_spectrum;
         let own = (0..).zip(&self.stages).map(move |(stage, kernel)| match stage {
             STAGE_KEEP if spectrum => keep,
             STAGE_EMIT if spectrum => emit,
             _ => kernel,
         });
-        own.chain(spectrum.then_some(place))
+        own.chain([merge, place].into_iter().filter(move |_| spectrum))
     }
 
     /// All kernels of a scene.
@@ -91,8 +91,11 @@ impl Stages<'_> {
         r.dispatch_indirect(self.stages[stage as usize], bytemuck::bytes_of(&push), head, at);
     }
 
-    /// Records the order of the cells of a spectrum, and the report where these are the last.
+    /// Records cells of merged light, the order of the cells of a spectrum, and the report where these are the
+    /// last.
     pub(super) fn record_lists(&self, r: &mut Recorder<'_>, of: (u64, &Buffer)) {
+        self.plan(r, of.0, STAGE_MERGE);
+        self.run(r, of, STAGE_MERGE);
         self.plan(r, of.0, STAGE_PLACE);
         self.run(r, of, STAGE_PLACE);
         self.run(r, of, STAGE_REPORT);

@@ -211,7 +211,7 @@ impl<'s> DeviceRefiner<'s> {
             patches: numbers::count(group.patches.len()),
             rows: numbers::count(rows.len()),
             sums,
-            materials: self.spectrum.as_ref().map(|it| numbers::count(it.tables.materials.len())),
+            spectrum: self.spectrum.as_ref().map(Spectrum::sizes),
         };
         let buffers = Buffers::fit(&self.device, self.buffers.take(), sizes)?;
         let kernels = self.kernels.clone();
@@ -224,7 +224,8 @@ impl<'s> DeviceRefiner<'s> {
         let of = (tables, &buffers, &*tracer);
         let energies = spectrum.map_or(0, Spectrum::address);
         let params = [params::of_group(view, of, (group, lit), (made.rays_of_group, energies))];
-        let inputs = GroupInputs { group, params, rows, sums };
+        let merged = buffers.sizes.merged_bytes(group.patches.len());
+        let inputs = GroupInputs { group, params, rows, sums, merged };
         let mut run = GroupRun::new(&buffers, spectrum, group);
         while !run.is_over() {
             tracer.cancel().check()?;
@@ -238,10 +239,9 @@ impl<'s> DeviceRefiner<'s> {
         }
         let refined = run.finish(tracer);
         let growth = f64::from(run.rectangles()) / f64::from(group.own_base.max(1));
-        let (is_full, most) = (run.is_full(), run.most());
+        let is_full = run.is_full();
         if let Some(spectrum) = &mut self.spectrum {
             spectrum.is_sent();
-            spectrum.most = most;
         }
         self.growth = match is_full {
             true => 2.0 * self.growth.max(growth),

@@ -30,8 +30,6 @@ pub(super) struct Spectrum<'s> {
     blocks: Range<i64>,
     unsent: Vec<f32>,
     sent: [RefinedSpectrum; 1],
-    /// Cells of a rectangle that room is kept for.
-    pub(super) most: u32,
 }
 
 impl<'s> Spectrum<'s> {
@@ -49,10 +47,14 @@ impl<'s> Spectrum<'s> {
             blocks: 0..0,
             unsent: Vec::new(),
             sent: bytemuck::Zeroable::zeroed(),
-            most: if energies.has_apart() { tables.nodes } else { tables.groups }.max(2),
             energies,
             tables,
         })
+    }
+
+    /// Materials whose moments are kept, and groups of light.
+    pub(super) fn sizes(&self) -> [u32; 2] {
+        [numbers::count(self.tables.materials.len()), self.tables.groups]
     }
 
     /// Words of the numbers of cells: by list, and of all.
@@ -95,6 +97,7 @@ impl<'s> Spectrum<'s> {
             shares: of(&self.shares),
             counts: self.counts.address(),
             marks: of(&buffers.marks),
+            merged: of(&buffers.merged),
             nodes: self.tables.nodes,
             material_count: numbers::count(self.tables.materials.len()),
             stride: numbers::count(MOMENTS_HEAD + tracer.moment_words()),
@@ -105,6 +108,7 @@ impl<'s> Spectrum<'s> {
             full_width: self.tables.full_width,
             tolerance: self.tables.tolerance,
             spread: self.tables.spread,
+            reach: self.tables.reach,
         }];
         Ok(())
     }

@@ -14,11 +14,11 @@ const LEAK_SHARE: f64 = 1.0 / 2.0;
 /// Largest residual of their displacement about a straight line, share of the blur, in groups as strong
 /// as `LITTLE`, of open beam (less in stronger ones).
 const LEAK_RESIDUAL: f64 = 0.3;
-const LITTLE: f64 = 0.02;
+pub(super) const LITTLE: f64 = 0.02;
 /// Largest change of their light.
 const LEAK_CHANGE: f64 = 0.15;
 /// The light of groups below this is spread over the whole cell row.
-const FAINT: f64 = 1e-3;
+pub(super) const FAINT: f64 = 1e-3;
 
 /// Effect of the masks on the light of a column in a block of rows: by node and group, with the
 /// narrowing.
@@ -128,7 +128,7 @@ impl EnergyBinning {
 
     /// True if energies share no edges for rays of this dx/dy: shadows of bars touch, so that apertures
     /// have no effective width, or edges differ too much.
-    pub(super) fn is_apart(&self, slope: f64) -> bool {
+    fn is_apart(&self, slope: f64) -> bool {
         let closed = |shape: &MaskShape| shape.thickness * slope.abs() > shape.narrowest();
         self.masks.iter().flatten().flatten().any(closed) || !self.edges.are_close(slope)
     }

@@ -1,10 +1,15 @@
 //! Energies for cells that are made on the device: flat tables of f32.
 
 use super::EnergyBinning;
+use super::bars::{FAINT, LITTLE};
 use super::{FULL_SHARE, SPREAD_SHARE};
 use beamlet_core::numbers::{self, single};
+use beamlet_interface::MERGED_COLUMNS;
 use rayon::prelude::*;
 use std::ops::Range;
+
+/// Largest displacement of merged light, periods.
+const REACH: f64 = 8.0;
 
 /// Constants by energy, for the device.
 #[derive(Debug)]
@@ -24,6 +29,8 @@ pub(crate) struct EnergyTables {
     /// Tolerance of mean displacements, and limit of their spread over energies, m.
     pub(crate) tolerance: f32,
     pub(crate) spread: f32,
+    /// Largest displacement of leaked light that is merged, m.
+    pub(crate) reach: f32,
 }
 
 impl EnergyBinning {
@@ -47,6 +54,7 @@ impl EnergyBinning {
             alike_rows: self.lattice.alike_rows,
             full_width: single(self.lattice.period * FULL_SHARE),
             tolerance: single(self.tolerance),
+            reach: single(REACH * self.lattice.period),
             spread: single((SPREAD_SHARE * self.lattice.edge_blur).max(self.tolerance)),
         }
     }
@@ -64,7 +72,11 @@ impl EnergyBinning {
             // A column whose energies are apart has no shares where the scene has no groups.
             bars.by_node.iter().for_each(|share| words.push(*share));
             words.resize(1 + self.nodes(), 0.0);
-            words.extend(bars.nodes.iter().flat_map(|it| [it.start as f64, it.end as f64]));
+            let groups = bars.nodes.iter().zip(bars.shares.chunks(self.nodes())).zip(&self.groups);
+            words.extend(groups.flat_map(|((nodes, shares), leaks)| {
+                let merged = merged_columns(leaks.contains(&true), shares.iter().sum());
+                [nodes.start as f64, nodes.end as f64, merged.into()]
+            }));
             words.extend(&bars.shares);
             words.extend(bars.narrowings.iter().flatten());
             words.resize(self.words_of_shares(), 0.0);
@@ -74,7 +86,7 @@ impl EnergyBinning {
     }
 
     fn words_of_shares(&self) -> usize {
-        1 + self.nodes() + self.groups.len() * (2 + self.nodes()) + 2 * self.nodes()
+        1 + self.nodes() + self.groups.len() * (3 + self.nodes()) + 2 * self.nodes()
     }
 
     /// Blocks of rows that a range of rows is in.
@@ -82,9 +94,13 @@ impl EnergyBinning {
         let block = |row: i32| i64::from(row).div_euclid(self.lattice.alike_rows.into());
         block(rows.start)..block((rows.end - 1).max(rows.start)) + 1
     }
+}
 
-    /// True if some column's energies share no edges, in a lattice of these columns.
-    pub(crate) fn has_apart(&self) -> bool {
-        self.groups.is_empty() || self.slopes.iter().any(|slope| self.is_apart(*slope))
+/// Columns of a patch that the light of a group is merged into; 0: it is not.
+fn merged_columns(leaks: bool, share: f64) -> u32 {
+    match share {
+        _ if !leaks || share > LITTLE => 0,
+        _ if share < FAINT => 1,
+        _ => MERGED_COLUMNS,
     }
 }
