@@ -46,29 +46,60 @@ struct AtNode {
     float slope_x;
 };
 
-// First-order result; behind the nodes at the constants of the rays.
-AtNode first_order_at(Beside beside, uint node) {
-    AtNode result = AtNode(vec2(0.0), vec2(0.0), 0.0, 0.0);
-    Floats constants = S.constants;
+// Moments in a material that the rays cross.
+struct Held {
+    uint material;
+    vec2 path;
+    vec2 lever;
+    float z;
+    float slope_x;
+};
+
+// Materials whose moments are held: rays that cross more of them read them again.
+const uint MOST_HELD = 4u;
+
+struct HeldMoments {
+    Held of[MOST_HELD];
+    uint count;
+};
+
+HeldMoments held_of(Beside beside) {
+    HeldMoments held;
+    held.count = 0u;
     for (uint m = 0u; m < S.material_count; m++) {
-        uint at = 2u * (node * S.material_count + m);
-        float mu = constants.at[at];
-        float delta = constants.at[at + 1u];
-        result.depth += mu * moment_of(beside, m, 0u);
-        result.x += delta * moment_of(beside, m, 1u);
-        result.z += delta * kept_at(beside.own, m, 2u);
-        result.slope_x += delta * kept_at(beside.own, m, 3u);
+        Held one = Held(m, moment_of(beside, m, 0u), moment_of(beside, m, 1u), kept_at(beside.own, m, 2u),
+                        kept_at(beside.own, m, 3u));
+        if (one.path == vec2(0.0) && one.lever == vec2(0.0) && one.z == 0.0 && one.slope_x == 0.0) continue;
+        if (held.count < MOST_HELD) held.of[held.count] = one;
+        held.count++;
     }
-    return result;
+    return held;
 }
 
-float depth_at(uint own, uint node) {
-    float depth = 0.0;
+void add_material(inout AtNode result, uint node, Held one) {
     Floats constants = S.constants;
-    for (uint m = 0u; m < S.material_count; m++) {
-        depth += constants.at[2u * (node * S.material_count + m)] * kept_at(own, m, 0u);
+    uint at = 2u * (node * S.material_count + one.material);
+    float mu = constants.at[at];
+    float delta = constants.at[at + 1u];
+    result.depth += mu * one.path;
+    result.x += delta * one.lever;
+    result.z += delta * one.z;
+    result.slope_x += delta * one.slope_x;
+}
+
+// First-order result; behind the nodes at the constants of the rays.
+AtNode first_order_at(Beside beside, HeldMoments held, uint node) {
+    AtNode result = AtNode(vec2(0.0), vec2(0.0), 0.0, 0.0);
+    if (held.count <= MOST_HELD) {
+        for (uint i = 0u; i < held.count; i++) add_material(result, node, held.of[i]);
+        return result;
     }
-    return depth;
+    for (uint m = 0u; m < S.material_count; m++) {
+        add_material(result, node,
+                     Held(m, moment_of(beside, m, 0u), moment_of(beside, m, 1u), kept_at(beside.own, m, 2u),
+                          kept_at(beside.own, m, 3u)));
+    }
+    return result;
 }
 
 // Adds what exact transport found beyond the first order: of second order, so it grows with the square of delta,
@@ -90,17 +121,20 @@ void limit(inout AtNode result, float width) {
     result.depth.y = clamp(result.depth.y, -abs(result.depth.x), abs(result.depth.x));
 }
 
-// Adds the light of an energy, of which the masks let a share through; `origin`: displacement of the ray.
-Sums plus(Sums sums, AtNode at, float origin, float share, vec2 narrowing) {
-    float middle = share * exp(-at.depth.x);
-    vec3 light = vec3(share * exp(-at.depth.x + 0.5 * at.depth.y), middle, share * exp(-at.depth.x - 0.5 * at.depth.y));
+// Light of an energy at the low end, in the middle and at the high end.
+vec3 light_of(AtNode at) {
+    return exp(-at.depth.x + vec3(0.5, 0.0, -0.5) * at.depth.y);
+}
+
+// Adds light of an energy, of which the masks let a share through; `origin`: displacement of the ray.
+Sums plus(Sums sums, AtNode at, float origin, vec3 light, vec2 narrowing) {
     float x = at.x.x - origin;
     sums.light += light;
     sums.x += light * vec3(x - 0.5 * at.x.y, x, x + 0.5 * at.x.y);
-    sums.x2 += middle * x * x;
-    sums.z += middle * at.z;
-    sums.slope_x += middle * at.slope_x;
-    sums.narrowing += middle * narrowing;
-    sums.narrowing_x += middle * x * narrowing;
+    sums.x2 += light.y * x * x;
+    sums.z += light.y * at.z;
+    sums.slope_x += light.y * at.slope_x;
+    sums.narrowing += light.y * narrowing;
+    sums.narrowing_x += light.y * x * narrowing;
     return sums;
 }

@@ -20,6 +20,7 @@ struct Own {
     Rectangle g;
     RefinedPatch patch_;
     Beside beside;
+    HeldMoments held;
     bool exact;
     AtNode found; // result of the ray, and what the first order says of it
     AtNode first;
@@ -37,10 +38,11 @@ Own own_of(Rectangle g, uint index, bool hit) {
     bvec2 has = bvec2(hit && low.known && alike(low, ray), hit && high.known && alike(high, ray));
     vec2 along = vec2(low.at.x, high.at.x) - ray.at.x;
     own.beside = Beside(traced_for(index), traced_for(low.rectangle), traced_for(high.rectangle), along, has, width);
+    own.held = held_of(own.beside);
     uint flags = ray.flags | (has.x ? low.flags : 0u) | (has.y ? high.flags : 0u);
     own.exact = (flags & FLAG_EXACT) != 0u;
     if (own.exact) {
-        own.first = first_order_at(own.beside, S.nodes);
+        own.first = first_order_at(own.beside, own.held, S.nodes);
         vec2 depth = vec2(low.depth, high.depth) - ray.depth;
         vec2 moved = vec2(low.displacement, high.displacement) - ray.displacement;
         vec2 depth_rise = vec2(ray.depth, width * slope_along(depth, along, vec2(0.0), has.x, has.y, 0.0));
@@ -51,7 +53,7 @@ Own own_of(Rectangle g, uint index, bool hit) {
 }
 
 AtNode result_at(Own own, uint node) {
-    AtNode result = first_order_at(own.beside, node);
+    AtNode result = first_order_at(own.beside, own.held, node);
     float grazing = float(own.g.flags >> FLAG_SHARE_SHIFT) / 255.0;
     if (own.exact) correct(result, own.found, own.first, node, grazing);
     limit(result, own.beside.width);
@@ -84,7 +86,8 @@ void give(uint list, uint columns, Own own, Sums sums) {
 // A cell for each energy: these share no edges.
 void push_nodes(Own own) {
     for (uint node = 0u; node < S.nodes; node++) {
-        Sums sums = plus(no_sums(), result_at(own, node), own.g.displacement, 1.0, vec2(0.0));
+        AtNode at = result_at(own, node);
+        Sums sums = plus(no_sums(), at, own.g.displacement, light_of(at), vec2(0.0));
         give(S.groups + node, 0u, own, sums);
     }
 }
@@ -93,8 +96,11 @@ void push_nodes(Own own) {
 void push_groups(Own own, uint shares) {
     float all = 0.0;
     for (uint node = 0u; node < S.nodes; node++) {
-        all += share_at(shares + 1u + node) * exp(-depth_at(own.beside.own, node));
+        all += share_at(shares + 1u + node) * exp(-first_order_at(own.beside, own.held, node).depth.x);
     }
+    float scale = max(S.full_width / own.beside.width, 1.0);
+    // The effect of the third moment grows with the light.
+    float spread = S.spread * pow(scale, 1.0 / 3.0);
     uint groups = shares + 1u + S.nodes;
     uint by_group = groups + 3u * S.groups;
     uint narrowings = by_group + S.groups * S.nodes;
@@ -102,16 +108,17 @@ void push_groups(Own own, uint shares) {
     for (uint group = 0u; group < S.groups; group++) sums[group] = no_sums();
     for (uint node = 0u; node < S.nodes; node++) {
         AtNode at = result_at(own, node);
+        vec3 light = light_of(at);
         vec2 narrowing = vec2(share_at(narrowings + 2u * node), share_at(narrowings + 2u * node + 1u));
         for (uint group = 0u; group < S.groups; group++) {
             uint words = groups + 3u * group;
             if (float(node) < share_at(words) || float(node) >= share_at(words + 1u)) continue;
-            float share = share_at(by_group + group * S.nodes + node);
-            Sums more = plus(sums[group], at, own.g.displacement, share, narrowing);
+            vec3 passed = share_at(by_group + group * S.nodes + node) * light;
+            Sums more = plus(sums[group], at, own.g.displacement, passed, narrowing);
             bool merges = share_at(words + 2u) != 0.0;
-            if (!merges && sums[group].light.y > 0.0 && !is_one(more, all, own.beside.width)) {
+            if (!merges && sums[group].light.y > 0.0 && !is_one(more, all, scale, spread)) {
                 give(group, 0u, own, sums[group]);
-                more = plus(no_sums(), at, own.g.displacement, share, narrowing);
+                more = plus(no_sums(), at, own.g.displacement, passed, narrowing);
             }
             sums[group] = more;
         }

@@ -42,16 +42,14 @@ float variance_of(Sums sums) {
     return max(sums.x2 / sums.light.y - mean * mean, 0.0);
 }
 
-// Whether one cell has the light of several energies; `all`: light of the rectangle in all groups.
-bool is_one(Sums sums, float all, float width) {
+// Whether one cell has the light of several energies; `all`: light of the rectangle in all groups. It may err by
+// `scale` times the tolerances, and its displacements spread by so much.
+bool is_one(Sums sums, float all, float scale, float spread) {
     if (any(lessThan(sums.light, vec3(DARK)))) return true;
-    float scale = max(S.full_width / width, 1.0);
     float part = sums.light.y / all;
     float bend = abs(sums.light.y / sqrt(sums.light.x * sums.light.z) - 1.0);
     vec3 x = sums.x / sums.light;
     float drift = abs(x.y - 0.5 * (x.x + x.z));
-    // The effect of the third moment grows with the light.
-    float spread = S.spread * pow(scale, 1.0 / 3.0);
     return part * bend <= BEND * scale && part * drift <= S.tolerance * scale
         && part * variance_of(sums) <= spread * spread;
 }
