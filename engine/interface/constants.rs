@@ -187,13 +187,13 @@ shared_constants! {
     HEAD_LIST: u32 = 11;
     /// Lengths of both lists.
     HEAD_LISTED: u32 = 12;
-    /// Next rectangle to make a cell of.
+    /// Next rectangle to look at for a run.
     HEAD_EMIT: u32 = 14;
     /// Number of parts of cell rows whose light lands near.
     HEAD_NEAR: u32 = 15;
     /// Number of parts whose light lands farther off.
     HEAD_FAR: u32 = 16;
-    /// Rectangles whose cells were begun in this submission.
+    /// Cells of this submission.
     HEAD_CELLS: u32 = 17;
     /// Rays of patches to refine.
     HEAD_RAYS: u32 = 18;
@@ -209,10 +209,18 @@ shared_constants! {
     HEAD_OLDER: u32 = 23;
     /// Next patch to make cells of merged light of.
     HEAD_MERGE: u32 = 24;
+    /// Cells that rectangles of this turn may make, with the cells before.
+    HEAD_RESERVED: u32 = 26;
+    /// Runs begin at rectangles that had no room before.
+    HEAD_RETRIES: u32 = 27;
+    /// Rectangles of the runs of this turn, and the number of runs.
+    HEAD_MADE: u32 = 28;
+    /// Number of runs.
+    HEAD_RUNS: u32 = 29;
     /// Cells whose light lands too far off to follow.
     HEAD_LANDED_OFF: u32 = 25;
     /// First of the dispatches: first item, number of items, and workgroups.
-    HEAD_STAGES: u32 = 26;
+    HEAD_STAGES: u32 = 30;
     /// Words of a dispatch.
     STAGE_WORDS: u32 = 5;
     /// Dispatches.
@@ -229,16 +237,20 @@ shared_constants! {
     STAGE_BUDGET: u32 = 5;
     /// Chooses rectangles.
     STAGE_SELECT: u32 = 6;
-    /// Makes cells.
-    STAGE_EMIT: u32 = 7;
+    /// Finds the runs of rectangles whose cells are a row.
+    STAGE_RUNS: u32 = 7;
     /// Sums up reported errors.
     STAGE_REPORT: u32 = 8;
+    /// Makes cells.
+    STAGE_EMIT: u32 = 9;
+    /// Makes cell rows of runs.
+    STAGE_ROWS: u32 = 10;
     /// Makes cells of light that leaks through bars, merged over the rectangles of a patch.
-    STAGE_MERGE: u32 = 9;
+    STAGE_MERGE: u32 = 11;
     /// Puts the parts of cell rows of a spectrum in order, by lists.
-    STAGE_PLACE: u32 = 10;
+    STAGE_PLACE: u32 = 12;
     /// Words of the head.
-    HEAD_WORDS: u32 = HEAD_STAGES + 11 * STAGE_WORDS;
+    HEAD_WORDS: u32 = HEAD_STAGES + 13 * STAGE_WORDS;
     /// Base rays are traced.
     PHASE_BASE: u32 = 0;
     /// New rectangles are estimated.

@@ -72,7 +72,7 @@ shared_structs! {
     }
 
     /// A cell: x interval in the cell plane, relative to the beamlet's centre; results at its ends.
-    pub struct Cell in Cells(readonly), CellsOut(writeonly) {
+    pub struct Cell in Cells(readonly), CellsOut(writeonly), CellsMade {
         pub x_low: f32,
         pub x_high: f32,
         pub depth_low: f32,

@@ -118,9 +118,9 @@ shared_structs! {
         pub ratios: u64 => Floats,
         /// `[block of rows][beamlet][...]`: shares of light by masks (`refine/spectrum.glsl`).
         pub shares: u64 => Floats,
-        /// `[list][near, far]`: number of cells; then the number of all, and where each begins.
+        /// `[list][near, far]`: number of cell rows; then the number of all, and where each begins.
         pub counts: u64 => Words,
-        /// `[cell][2]`: its list, and its place there.
+        /// `[cell row][3]`: its list, its place there, and the number of its first cell.
         pub marks: u64 => Words,
         /// `[patch][group][MERGED_COLUMNS][MERGED_WORDS]`: leaked light, as integers.
         pub merged: u64 => Words,
@@ -165,7 +165,11 @@ shared_structs! {
         pub asked: u64 => Words,
         /// Rectangles that are asked.
         pub again: u64 => Words,
-        pub cells: u64 => CellsOut,
+        pub cells: u64 => CellsMade,
+        /// `[item][3]`: a rectangle of a run, its first cell, and how far its cells of other lists are apart.
+        pub made: u64 => Words,
+        /// `[run][2]`: its first item, and their number.
+        pub runs: u64 => Words,
         pub cell_rows: u64 => CellRowsOut,
         /// Near parts from the first on, far parts from `cell_room` on.
         pub parts: u64 => CellRowPartsOut,

@@ -32,24 +32,23 @@ RaySlopes slopes_along_x(Rectangle g, uint index) {
     return slopes;
 }
 
-void main() {
-    uint index;
-    if (!item_of(STAGE_EMIT, index)) return;
-    Rectangle g = P.rectangles.at[index];
-    RefinedPatch patch_ = P.patches.at[g.patch_index];
-    bool hit = is_hit(g.patch_index);
-    if (!has_cells(g, patch_, index, hit)) return;
-    Rows rows = rows_of(g, g.landing);
-    if (!is_wanted(patch_, rows, g.landing)) return;
+Cell cell_of(Rectangle g, uint index, Rows rows, bool hit) {
     RaySlopes slopes = slopes_along_x(g, index);
     vec2 ends = 0.5 * (g.x_high - g.x_low) * vec2(-1.0, 1.0);
     vec2 depth = g.optical_depth + ends * (hit ? slopes.depth.x : 0.0);
     vec2 displacement = g.displacement + ends * (hit ? slopes.displacement.x : 0.0);
-    uint part = atomicAdd(P.head.at[rows.is_near ? HEAD_NEAR : HEAD_FAR], 1u);
-    uint slot = gl_GlobalInvocationID.x + P.head.at[HEAD_CELLS]
-        - P.head.at[HEAD_STAGES + STAGE_EMIT * STAGE_WORDS + 1u];
-    Cell cell = Cell(g.x_low, g.x_high, depth.x, depth.y, displacement.x, displacement.y, g.landing,
-                     rows.above, rows.below, g.pixel_shift, 0.0, 0.0, 0.0, 0.0, 0.0);
-    write_cell(slot, g, patch_, cell);
-    P.parts.at[(rows.is_near ? 0u : P.cell_room) + part] = CellRowPart(slot, 0u, 1u);
+    return Cell(g.x_low, g.x_high, depth.x, depth.y, displacement.x, displacement.y, g.landing, rows.above,
+                rows.below, g.pixel_shift, 0.0, 0.0, 0.0, 0.0, 0.0);
+}
+
+void main() {
+    uint item;
+    if (!item_of(STAGE_EMIT, item)) return;
+    uint index = P.made.at[3u * item];
+    Rectangle g = rectangle_at(index);
+    Rows rows = rows_of(g, g.landing);
+    bool wanted = is_wanted(P.patches.at[g.patch_index], rows, g.landing);
+    uint slot = P.made.at[3u * item + 1u];
+    if (wanted) P.cells.at[slot] = cell_of(g, index, rows, is_hit(g.patch_index));
+    else P.cells.at[slot] = no_cell(g);
 }

@@ -11,6 +11,7 @@
 #include "refine/rectangle.glsl"
 #include "refine/slopes.glsl"
 #include "refine/made.glsl"
+#include "refine/shares.glsl"
 #include "refine/spectrum.glsl"
 #include "refine/at_node.glsl"
 #include "refine/merged.glsl"
@@ -26,7 +27,8 @@ struct Own {
     AtNode first;
 };
 
-Own own_of(Rectangle g, uint index, bool hit) {
+Own own_of(Rectangle g, uint index) {
+    bool hit = is_hit(g.patch_index);
     Own own;
     own.g = g;
     own.patch_ = P.patches.at[g.patch_index];
@@ -60,83 +62,91 @@ AtNode result_at(Own own, uint node) {
     return result;
 }
 
-// Writes a cell, or adds its light to the columns of its patch if that is merged into some.
-void give(uint list, uint columns, Own own, Sums sums) {
-    if (any(lessThan(sums.light, vec3(DARK)))) return;
+// The cell of a rectangle with this light; one without light where that is not wanted.
+Cell cell_of(Own own, Sums sums) {
+    if (any(lessThan(sums.light, vec3(DARK)))) return no_cell(own.g);
     vec3 x = sums.x / sums.light;
     float middle = sums.light.y;
     float landing = sums.z / middle;
     Rows rows = rows_of(own.g, landing);
-    if (!is_wanted(own.patch_, rows, landing)) return;
-    if (columns != 0u && rows.is_near) {
-        merge(merged_of(own.g.patch_index, list), columns, own.g, sums, rows);
-        return;
-    }
+    if (!is_wanted(own.patch_, rows, landing)) return no_cell(own.g);
     vec2 depth = -log(sums.light.xz);
     vec2 displacement = own.g.displacement + x.xz;
     float pixel_shift = shift_of(0.5 * (displacement.x + displacement.y), sums.slope_x / middle);
     vec2 narrowing = sums.narrowing / middle;
     vec2 covariance = sums.narrowing_x / middle - narrowing * x.y;
-    push_cell(list, own.g, own.patch_, rows,
-              Cell(own.g.x_low, own.g.x_high, depth.x, depth.y, displacement.x, displacement.y, landing,
-                   rows.above, rows.below, pixel_shift, variance_of(sums), narrowing.x, narrowing.y,
-                   covariance.x, covariance.y));
+    return Cell(own.g.x_low, own.g.x_high, depth.x, depth.y, displacement.x, displacement.y, landing,
+                rows.above, rows.below, pixel_shift, variance_of(sums), narrowing.x, narrowing.y,
+                covariance.x, covariance.y);
+}
+
+// A cell in a row of its own.
+void push_alone(uint list, Own own, Sums sums) {
+    Cell cell = cell_of(own, sums);
+    Made made = made_from(atomicAdd(P.head.at[HEAD_CELLS], 1u));
+    P.cells.at[made.first] = cell;
+    take_cell(made, cell);
+    push_row(list, own.g, own.patch_, made);
 }
 
 // A cell for each energy: these share no edges.
-void push_nodes(Own own) {
+void write_nodes(Own own, uint slot, uint stride) {
     for (uint node = 0u; node < S.nodes; node++) {
         AtNode at = result_at(own, node);
-        Sums sums = plus(no_sums(), at, own.g.displacement, light_of(at), vec2(0.0));
-        give(S.groups + node, 0u, own, sums);
+        P.cells.at[slot + node * stride] =
+            cell_of(own, plus(no_sums(), at, own.g.displacement, light_of(at), vec2(0.0)));
     }
 }
 
-// Cells by group: a cell takes energies as long as one cell has their light.
-void push_groups(Own own, uint shares) {
+// Cells by group: one takes energies as long as one cell has their light. The last is in the row of the run.
+void write_groups(Own own, GroupShares shares, uint slot, uint stride) {
     float all = 0.0;
     for (uint node = 0u; node < S.nodes; node++) {
-        all += share_at(shares + 1u + node) * exp(-first_order_at(own.beside, own.held, node).depth.x);
+        all += share_at(shares.nodes + node) * exp(-first_order_at(own.beside, own.held, node).depth.x);
     }
     float scale = max(S.full_width / own.beside.width, 1.0);
     // The effect of the third moment grows with the light.
     float spread = S.spread * pow(scale, 1.0 / 3.0);
-    uint groups = shares + 1u + S.nodes;
-    uint by_group = groups + 3u * S.groups;
-    uint narrowings = by_group + S.groups * S.nodes;
     Sums sums[SPECTRUM_GROUPS];
     for (uint group = 0u; group < S.groups; group++) sums[group] = no_sums();
     for (uint node = 0u; node < S.nodes; node++) {
         AtNode at = result_at(own, node);
         vec3 light = light_of(at);
-        vec2 narrowing = vec2(share_at(narrowings + 2u * node), share_at(narrowings + 2u * node + 1u));
+        uint words = shares.narrowings + 2u * node;
+        vec2 narrowing = vec2(share_at(words), share_at(words + 1u));
         for (uint group = 0u; group < S.groups; group++) {
-            uint words = groups + 3u * group;
+            words = shares.groups + 3u * group;
             if (float(node) < share_at(words) || float(node) >= share_at(words + 1u)) continue;
-            vec3 passed = share_at(by_group + group * S.nodes + node) * light;
+            vec3 passed = share_at(shares.by_group + group * S.nodes + node) * light;
             Sums more = plus(sums[group], at, own.g.displacement, passed, narrowing);
-            bool merges = share_at(words + 2u) != 0.0;
+            bool merges = columns_of(shares, group) != 0u;
             if (!merges && sums[group].light.y > 0.0 && !is_one(more, all, scale, spread)) {
-                give(group, 0u, own, sums[group]);
+                push_alone(group, own, sums[group]);
                 more = plus(no_sums(), at, own.g.displacement, passed, narrowing);
             }
             sums[group] = more;
         }
     }
     for (uint group = 0u; group < S.groups; group++) {
-        give(group, uint(share_at(groups + 3u * group + 2u)), own, sums[group]);
+        uint columns = columns_of(shares, group);
+        if (columns == 0u) {
+            P.cells.at[slot] = cell_of(own, sums[group]);
+            slot += stride;
+        } else if (!any(lessThan(sums[group].light, vec3(DARK)))) {
+            uint first = merged_of(own.g.patch_index, group);
+            if (!merge(first, columns, own.patch_, own.g, sums[group])) push_alone(group, own, sums[group]);
+        }
     }
 }
 
 void main() {
-    uint index;
-    if (!item_of(STAGE_EMIT, index)) return;
-    Rectangle g = P.rectangles.at[index];
-    RefinedPatch patch_ = P.patches.at[g.patch_index];
-    bool hit = is_hit(g.patch_index);
-    if (!has_cells(g, patch_, index, hit)) return;
-    Own own = own_of(g, index, hit);
-    uint shares = shares_of(patch_);
-    if (share_at(shares) != 0.0) push_nodes(own);
-    else push_groups(own, shares);
+    uint item;
+    if (!item_of(STAGE_EMIT, item)) return;
+    uint index = P.made.at[3u * item];
+    Own own = own_of(rectangle_at(index), index);
+    uint slot = P.made.at[3u * item + 1u];
+    uint stride = P.made.at[3u * item + 2u];
+    uint shares = shares_of(own.patch_);
+    if (is_apart(shares)) write_nodes(own, slot, stride);
+    else write_groups(own, shares_at(shares), slot, stride);
 }

@@ -50,18 +50,15 @@ bool is_wanted(RefinedPatch patch_, Rows rows, float landing) {
     return row + rows.high + reach >= float(P.wanted[0]) && row + rows.low - reach <= float(P.wanted[1]);
 }
 
-// Whether a rectangle has cells. One of a patch that misses the sample has the whole patch.
-bool has_cells(inout Rectangle g, RefinedPatch patch_, uint index, bool hit) {
-    if (hit) return g.parts == 0u && (g.flags & FLAG_NOT_FINITE) == 0u;
+// A rectangle of a run; of a patch that misses the sample the whole patch.
+Rectangle rectangle_at(uint index) {
+    Rectangle g = P.rectangles.at[index];
+    if (is_hit(g.patch_index)) return g;
     g.x_low = -0.5 * P.period;
     g.x_high = 0.5 * P.period;
     g.z_low = 0.0;
     g.z_high = 1.0;
-    return index == patch_.first && patch_.is_lit != 0u;
-}
-
-bool is_hit(uint patch_index) {
-    return (P.sums.at[sums_of(patch_index) + PATCH_FLAGS] & PATCH_IS_HIT) != 0u;
+    return g;
 }
 
 // Shift of pixel edges on the analyser.
@@ -69,15 +66,52 @@ float shift_of(float displacement, float slope_x) {
     return displacement * (1.0 - P.ratio) - slope_x * P.gap * P.ratio;
 }
 
-// Writes a cell, and a row of it alone.
-void write_cell(uint slot, Rectangle g, RefinedPatch patch_, Cell cell) {
-    float width = cell.x_high - cell.x_low;
+// Light of a cell, as a length of the open beam.
+float light_of(Cell cell) {
     float rise = cell.depth_high - cell.depth_low;
-    float light = width * exp(-0.5 * (cell.depth_low + cell.depth_high)) * (1.0 + rise * rise / 24.0);
+    float middle = exp(-0.5 * (cell.depth_low + cell.depth_high));
+    return (cell.x_high - cell.x_low) * middle * (1.0 + rise * rise / 24.0);
+}
+
+// Optical depth of a cell without light.
+const float NO_LIGHT = 200.0;
+
+Cell no_cell(Rectangle g) {
+    return Cell(g.x_low, g.x_high, NO_LIGHT, NO_LIGHT, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0);
+}
+
+// A row of cells that is being made.
+struct Made {
+    uint first; // its first cell
+    uint count;
+    bool has_light;
+    bool is_near;
+    float light;
+    vec2 landing; // least and greatest displacement, against the edges of pixels
+    float variance; // largest of a cell
+    float slope; // largest change of the displacement per metre
+};
+
+Made made_from(uint first) {
+    return Made(first, 0u, false, true, 0.0, vec2(1e30, -1e30), 0.0, 0.0);
+}
+
+// Takes the next cell into a row; one without light changes nothing but the length.
+void take_cell(inout Made made, Cell cell) {
+    made.count++;
+    if (cell.depth_low >= NO_LIGHT) return;
+    made.has_light = true;
+    made.is_near = made.is_near && cell.share_above >= 0.0;
+    made.light += light_of(cell);
     float low = min(cell.displacement_low, cell.displacement_high) - cell.pixel_shift;
     float high = max(cell.displacement_low, cell.displacement_high) - cell.pixel_shift;
-    P.cells.at[slot] = cell;
-    P.cell_rows.at[slot] = CellRow(slot, 1u, patch_.column, patch_.row, g.z_low, g.z_high, 1u, light, low,
-                                   high, cell.displacement_variance,
-                                   abs(cell.displacement_high - cell.displacement_low) / width);
+    made.landing = vec2(min(made.landing.x, low), max(made.landing.y, high));
+    made.variance = max(made.variance, cell.displacement_variance);
+    float rise = abs(cell.displacement_high - cell.displacement_low);
+    made.slope = max(made.slope, rise / (cell.x_high - cell.x_low));
+}
+
+CellRow row_of(Made made, Rectangle g, RefinedPatch patch_) {
+    return CellRow(made.first, made.count, patch_.column, patch_.row, g.z_low, g.z_high, 1u, made.light,
+                   made.landing.x, made.landing.y, made.variance, made.slope);
 }

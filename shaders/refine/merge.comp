@@ -10,6 +10,7 @@
 #include "physics/gauss.glsl"
 #include "refine/rectangle.glsl"
 #include "refine/made.glsl"
+#include "refine/shares.glsl"
 #include "refine/spectrum.glsl"
 #include "refine/merged.glsl"
 
@@ -17,9 +18,9 @@
 const float MOST_TILT = 1.0 / 3.0;
 
 // The cell of a column of a group.
-void push_column(uint group, uint words, Rectangle g, RefinedPatch patch_) {
+Cell cell_of_column(uint words, Rectangle g) {
     float light = merged_at(words);
-    if (!(light > 0.0)) return;
+    if (!(light > 0.0)) return no_cell(g);
     float place = merged_at(words + 1u) / light;
     float moved = merged_at(words + 3u) / light;
     float spread = max(merged_at(words + 2u) / light - place * place, 1e-6);
@@ -43,13 +44,13 @@ void push_column(uint group, uint words, Rectangle g, RefinedPatch patch_) {
     vec2 narrowing = vec2(merged_at(words + 10u), merged_at(words + 11u)) * MOST_NARROWING / light;
     vec2 narrowing_x = vec2(merged_at(words + 12u), merged_at(words + 13u)) * MOST_NARROWING / light;
     vec2 covariance = (narrowing_x - narrowing * moved) * S.reach;
-    float above = clamp(merged_at(words + 8u) / light, 0.0, 1.0);
-    float below = clamp(merged_at(words + 9u) / light, 0.0, 1.0 - above);
-    Rows rows = Rows(0.0, 1.0, true, above, below);
-    push_cell(group, g, patch_, rows,
-              Cell(g.x_low, g.x_high, depth.x, depth.y, displacement.x, displacement.y, landing, above, below,
-                   pixel_shift, variance * S.reach * S.reach, narrowing.x, narrowing.y, covariance.x,
-                   covariance.y));
+    // A wide blur of rows is computed with the light.
+    bool wide = P.row_blur > WIDE;
+    float above = wide ? -1.0 : clamp(merged_at(words + 8u) / light, 0.0, 1.0);
+    float below = wide ? 0.0 : clamp(merged_at(words + 9u) / light, 0.0, 1.0 - above);
+    return Cell(g.x_low, g.x_high, depth.x, depth.y, displacement.x, displacement.y, landing, above, below,
+                pixel_shift, variance * S.reach * S.reach, narrowing.x, narrowing.y, covariance.x,
+                covariance.y);
 }
 
 void main() {
@@ -57,16 +58,20 @@ void main() {
     if (!item_of(STAGE_MERGE, patch_index)) return;
     RefinedPatch patch_ = P.patches.at[patch_index];
     uint shares = shares_of(patch_);
-    if (share_at(shares) != 0.0) return;
+    if (is_apart(shares)) return;
     Rectangle g;
     g.z_low = 0.0;
     g.z_high = 1.0;
     for (uint group = 0u; group < S.groups; group++) {
-        uint columns = uint(share_at(shares + 1u + S.nodes + 3u * group + 2u));
+        uint columns = columns_of(shares_at(shares), group);
+        Made made = made_from(columns == 0u ? 0u : atomicAdd(P.head.at[HEAD_CELLS], columns));
         for (uint column = 0u; column < columns; column++) {
             g.x_low = low_of_column(column, columns);
             g.x_high = low_of_column(column + 1u, columns);
-            push_column(group, merged_of(patch_index, group) + column * MERGED_WORDS, g, patch_);
+            Cell cell = cell_of_column(merged_of(patch_index, group) + column * MERGED_WORDS, g);
+            P.cells.at[made.first + column] = cell;
+            take_cell(made, cell);
         }
+        push_row(group, g, patch_, made);
     }
 }

@@ -23,8 +23,12 @@ float merged_at(uint word) {
     return float(int(S.merged.at[word])) / MERGED_UNIT;
 }
 
-// Adds the light of a rectangle to the columns that it is in.
-void merge(uint first, uint columns, Rectangle g, Sums sums, Rows rows) {
+// Adds the light of a rectangle to the columns that it is in; not light that lands farther off than these know.
+bool merge(uint first, uint columns, RefinedPatch patch_, Rectangle g, Sums sums) {
+    float landing = sums.z / sums.light.y;
+    Rows rows = rows_of(g, landing);
+    if (!is_wanted(patch_, rows, landing)) return true;
+    if (!rows.is_near && P.row_blur <= WIDE) return false;
     float width = g.x_high - g.x_low;
     float column_width = P.period / float(columns);
     float middle = 0.5 * (g.x_low + g.x_high);
@@ -53,7 +57,7 @@ void merge(uint first, uint columns, Rectangle g, Sums sums, Rows rows) {
         add_merged(words + 3u, light * moved);
         add_merged(words + 4u, light * (place * moved + spread * rise / 6.0));
         add_merged(words + 5u, light * (moved * moved + variance));
-        add_merged(words + 6u, light * sums.z / (sums.light.y * P.row_pitch));
+        add_merged(words + 6u, light * landing / P.row_pitch);
         add_merged(words + 7u, light * sums.slope_x / sums.light.y);
         add_merged(words + 8u, light * rows.above);
         add_merged(words + 9u, light * rows.below);
@@ -62,4 +66,5 @@ void merge(uint first, uint columns, Rectangle g, Sums sums, Rows rows) {
         add_merged(words + 12u, light * narrowing_x.x / MOST_NARROWING);
         add_merged(words + 13u, light * narrowing_x.y / MOST_NARROWING);
     }
+    return true;
 }

@@ -9,10 +9,10 @@
 #include "refine/head.glsl"
 
 void main() {
-    uint slot;
-    if (!item_of(STAGE_PLACE, slot)) return;
+    uint row;
+    if (!item_of(STAGE_PLACE, row)) return;
     RefinedSpectrum s = P.spectrum.at[0];
-    uint kinds = 2u * (s.groups + s.nodes);
-    uint first = s.counts.at[kinds + 1u + s.marks.at[2u * slot]];
-    P.parts.at[first + s.marks.at[2u * slot + 1u]] = CellRowPart(slot, 0u, 1u);
+    uint first = s.counts.at[2u * (s.groups + s.nodes) + 1u + s.marks.at[3u * row]];
+    uint slot = s.marks.at[3u * row + 2u];
+    P.parts.at[first + s.marks.at[3u * row + 1u]] = CellRowPart(slot, 0u, P.cell_rows.at[slot].cell_count);
 }

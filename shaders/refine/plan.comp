@@ -64,12 +64,6 @@ void estimate_from(uint first) {
     set(HEAD_AGAINS, 0u);
 }
 
-// Cells under a spectrum in this submission.
-uint cells_of_spectrum() {
-    RefinedSpectrum s = P.spectrum.at[0];
-    return s.counts.at[2u * (s.groups + s.nodes)];
-}
-
 // Rays of base rectangles, or of the parts of rectangles.
 void plan_rays() {
     if (head(HEAD_PHASE) == PHASE_SELECT && head(HEAD_SELECT) == head(HEAD_LISTED + head(HEAD_LIST))) {
@@ -78,6 +72,8 @@ void plan_rays() {
         set(HEAD_LEVELS, head(HEAD_LEVELS) + (is_last ? 0u : 1u));
         set(HEAD_SPLIT, 0u);
         set(HEAD_EMIT, 0u);
+        set(HEAD_AGAIN, 0u);
+        set(HEAD_AGAINS, 0u);
         set(HEAD_LIST, 1u - head(HEAD_LIST));
         // Where the parts of this level begin.
         set(HEAD_FRESH, head(HEAD_RECTANGLES));
@@ -139,46 +135,64 @@ void plan_select() {
     take(STAGE_SELECT, HEAD_SELECT, head(HEAD_LISTED + head(HEAD_LIST)), MOST, 1u);
 }
 
-void plan_emit() {
-    dispatch(STAGE_EMIT, 0u, 0u);
-    dispatch(STAGE_REPORT, 0u, 0u);
+// Rectangles at which runs may begin; one whose run has no room for its cells is looked at again later.
+void plan_runs() {
+    dispatch(STAGE_RUNS, 0u, 0u);
+    set(HEAD_MADE, 0u);
+    set(HEAD_RUNS, 0u);
     if (head(HEAD_PHASE) != PHASE_EMIT) return;
-    bool one_energy = uvec2(P.spectrum) == uvec2(0u);
-    uint cells = one_energy ? head(HEAD_CELLS) : cells_of_spectrum();
+    uint cells = head(HEAD_CELLS);
+    uint most = (P.cell_room - cells) / most_cells();
+    set(HEAD_RESERVED, cells);
+    bool retries = head(HEAD_EMIT) == head(HEAD_RECTANGLES);
+    set(HEAD_RETRIES, retries ? 1u : 0u);
+    if (retries) {
+        // Most runs are short.
+        take(STAGE_RUNS, HEAD_AGAIN, head(HEAD_AGAINS), cells == 0u ? (most + 63u) / 64u : most / 64u, 1u);
+        return;
+    }
     uint end = head(HEAD_EMIT) < P.own_base ? P.own_base : head(HEAD_RECTANGLES);
-    // Each energy may have a cell in each group.
-    uint each = one_energy ? 1u : P.spectrum.at[0].nodes * max(P.spectrum.at[0].groups, 1u);
-    uint most = (P.cell_room - cells) / each;
-    uint count = take(STAGE_EMIT, HEAD_EMIT, end, most, 1u);
-    set(HEAD_CELLS, head(HEAD_CELLS) + count);
+    take(STAGE_RUNS, HEAD_EMIT, end, most, 1u);
     // Base rectangles of neighbours lie behind all others.
     if (head(HEAD_EMIT) == P.own_base) set(HEAD_EMIT, P.all_base);
-    if (head(HEAD_EMIT) != head(HEAD_RECTANGLES) || !one_energy) return;
-    set(HEAD_PHASE, PHASE_DONE);
-    dispatch(STAGE_REPORT, 0u, P.patch_count);
+}
+
+// Cells of the rectangles of these runs, and their rows.
+void plan_emit() {
+    dispatch(STAGE_EMIT, 0u, head(HEAD_MADE));
+    dispatch(STAGE_ROWS, 0u, head(HEAD_RUNS));
+}
+
+bool has_emitted() {
+    return head(HEAD_PHASE) == PHASE_EMIT && head(HEAD_EMIT) == head(HEAD_RECTANGLES)
+        && head(HEAD_AGAIN) == head(HEAD_AGAINS);
 }
 
 // Cells of merged light, behind all others.
 void plan_merge() {
     dispatch(STAGE_MERGE, 0u, 0u);
-    if (head(HEAD_PHASE) != PHASE_EMIT || head(HEAD_EMIT) != head(HEAD_RECTANGLES)) return;
+    if (!has_emitted()) return;
     uint each = max(P.spectrum.at[0].groups, 1u) * MERGED_COLUMNS;
-    take(STAGE_MERGE, HEAD_MERGE, P.patch_count, (P.cell_room - cells_of_spectrum()) / each, 1u);
+    take(STAGE_MERGE, HEAD_MERGE, P.patch_count, (P.cell_room - head(HEAD_CELLS)) / each, 1u);
 }
 
-// Lists of the cells of a spectrum one behind the other.
-void plan_place() {
+// The report, where all cells are made; and lists of the cell rows of a spectrum, one behind the other.
+void plan_end() {
     dispatch(STAGE_PLACE, 0u, 0u);
     dispatch(STAGE_REPORT, 0u, 0u);
-    RefinedSpectrum s = P.spectrum.at[0];
-    uint kinds = 2u * (s.groups + s.nodes);
-    uint first = 0u;
-    for (uint kind = 0u; kind < kinds; kind++) {
-        s.counts.at[kinds + 1u + kind] = first;
-        first += s.counts.at[kind];
+    bool ends = has_emitted();
+    if (uvec2(P.spectrum) != uvec2(0u)) {
+        RefinedSpectrum s = P.spectrum.at[0];
+        uint kinds = 2u * (s.groups + s.nodes);
+        uint first = 0u;
+        for (uint kind = 0u; kind < kinds; kind++) {
+            s.counts.at[kinds + 1u + kind] = first;
+            first += s.counts.at[kind];
+        }
+        dispatch(STAGE_PLACE, 0u, s.counts.at[kinds]);
+        ends = ends && head(HEAD_MERGE) == P.patch_count;
     }
-    dispatch(STAGE_PLACE, 0u, s.counts.at[kinds]);
-    if (head(HEAD_PHASE) != PHASE_EMIT || head(HEAD_MERGE) != P.patch_count) return;
+    if (!ends) return;
     set(HEAD_PHASE, PHASE_DONE);
     dispatch(STAGE_REPORT, 0u, P.patch_count);
 }
@@ -190,8 +204,9 @@ void main() {
     case STAGE_ESTIMATE: plan_estimate(); break;
     case STAGE_AGAIN: plan_again(); break;
     case STAGE_SELECT: plan_select(); break;
+    case STAGE_RUNS: plan_runs(); break;
     case STAGE_EMIT: plan_emit(); break;
     case STAGE_MERGE: plan_merge(); break;
-    default: plan_place(); break;
+    default: plan_end(); break;
     }
 }

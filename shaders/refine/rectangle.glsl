@@ -235,3 +235,8 @@ float sum_of_octave(uint patch_index, bool turns, uint octave) {
     uint sum = P.sums.at[octaves_of(patch_index, turns) + octave];
     return float(sum) / 1024.0 * exp2(float(int(octave) - int(LOWEST_OCTAVE)));
 }
+
+// Whether some ray of a patch crosses the sample.
+bool is_hit(uint patch_index) {
+    return (P.sums.at[sums_of(patch_index) + PATCH_FLAGS] & PATCH_IS_HIT) != 0u;
+}

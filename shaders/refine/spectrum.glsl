@@ -1,25 +1,9 @@
 // Light of several energies as one cell (docs/physics.md, "Spectra").
 
-#define S P.spectrum.at[0]
-
 // Bend of the logarithm of light over a whole beamlet that parts energies.
 const float BEND = 2e-5;
 // Light below this, of open beam, is left out.
 const float DARK = 1e-18;
-
-// Words of the shares of a beamlet in a block of rows: whether energies share no edges; the share of each node in
-// all groups; first and last node of each group, and columns of a patch that it is merged into; shares by group and
-// node; narrowing by either mask by node.
-uint shares_of(RefinedPatch patch_) {
-    int block = int(floor(float(patch_.row) / float(S.alike_rows))) - S.first_block;
-    uint words = 1u + S.nodes + S.groups * (3u + S.nodes) + 2u * S.nodes;
-    return (uint(block) * S.columns + patch_.column) * words;
-}
-
-float share_at(uint word) {
-    Floats shares = S.shares;
-    return shares.at[word];
-}
 
 // Sums over energies, weighted with their light: at the low end, in the middle and at the high end; the others in
 // the middle. Displacements are counted from that of the ray.
@@ -54,11 +38,13 @@ bool is_one(Sums sums, float all, float scale, float spread) {
         && part * variance_of(sums) <= spread * spread;
 }
 
-// Writes a cell of a list.
-void push_cell(uint list, Rectangle g, RefinedPatch patch_, Rows rows, Cell cell) {
-    uint slot = atomicAdd(S.counts.at[2u * (S.groups + S.nodes)], 1u);
-    write_cell(slot, g, patch_, cell);
-    uint kind = 2u * list + (rows.is_near ? 0u : 1u);
-    S.marks.at[2u * slot] = kind;
-    S.marks.at[2u * slot + 1u] = atomicAdd(S.counts.at[kind], 1u);
+// Writes a cell row, of a list.
+void push_row(uint list, Rectangle g, RefinedPatch patch_, Made made) {
+    if (!made.has_light) return;
+    P.cell_rows.at[made.first] = row_of(made, g, patch_);
+    uint kind = 2u * list + (made.is_near ? 0u : 1u);
+    uint mark = 3u * atomicAdd(S.counts.at[2u * (S.groups + S.nodes)], 1u);
+    S.marks.at[mark] = kind;
+    S.marks.at[mark + 1u] = atomicAdd(S.counts.at[kind], 1u);
+    S.marks.at[mark + 2u] = made.first;
 }

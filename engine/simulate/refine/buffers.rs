@@ -5,16 +5,16 @@ use crate::trace::Tracer;
 use beamlet_core::Result;
 use beamlet_gpu::{Buffer, Device, Memory};
 use beamlet_interface::{
-    Cell, CellRow, CellRowPart, HEAD_WORDS, MERGED_COLUMNS, MERGED_WORDS, OCTAVES, PATCH_HEAD, REPORT_WORDS, Rectangle,
-    RefineParams, RefinedPatch, RefinedRow,
+    Cell, CellRow, CellRowPart, HEAD_WORDS, MERGED_COLUMNS, MERGED_WORDS, OCTAVES, PATCH_HEAD,
+    REPORT_WORDS, Rectangle, RefineParams, RefinedPatch, RefinedRow,
 };
 use std::sync::Arc;
 
 /// Bytes for a rectangle: itself, what younger ones ask of it, and its place in lists.
 pub(super) const RECTANGLE: u64 = size_of::<Rectangle>() as u64 + 3 * 4 + 2 * 4 + 2 * 4;
-/// Bytes for a cell, its row and its part of that.
+/// Bytes for a cell, its row and its part of that, its rectangle and its lists.
 pub(super) const CELL: u64 =
-    (size_of::<Cell>() + size_of::<CellRow>() + 2 * size_of::<CellRowPart>()) as u64;
+    (size_of::<Cell>() + size_of::<CellRow>() + 2 * size_of::<CellRowPart>() + 8 * 4) as u64;
 
 /// Sizes of buffers.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -70,6 +70,8 @@ pub(super) struct Buffers {
     pub(super) cells: Buffer,
     pub(super) cell_rows: Buffer,
     pub(super) parts: Buffer,
+    pub(super) made: Buffer,
+    pub(super) runs: Buffer,
     /// Moments of rectangles, the lists that cells are in, and sums of leaked light, under a spectrum.
     pub(super) kept: Option<Buffer>,
     pub(super) marks: Option<Buffer>,
@@ -100,9 +102,8 @@ impl Buffers {
         let make = |name: &str, count: u64, bytes: usize| {
             device.buffer(name, (count * bytes as u64).max(4), Memory::Device)
         };
-        let of_spectrum = |make: &dyn Fn([u32; 2]) -> Result<Buffer>| {
-            sizes.spectrum.map(make).transpose()
-        };
+        let of_spectrum =
+            |make: &dyn Fn([u32; 2]) -> Result<Buffer>| sizes.spectrum.map(make).transpose();
         let [room, cells] = [sizes.room, sizes.cells].map(u64::from);
         Ok(Self {
             sizes,
@@ -120,10 +121,12 @@ impl Buffers {
             cells: make("cells of rectangles", cells, size_of::<Cell>())?,
             cell_rows: make("cell rows of rectangles", cells, size_of::<CellRow>())?,
             parts: make("parts of cell rows of rectangles", 2 * cells, size_of::<CellRowPart>())?,
+            made: make("rectangles of runs", 3 * cells, 4)?,
+            runs: make("runs of rectangles", 2 * cells, 4)?,
             kept: of_spectrum(&|[materials, _]| {
                 make("moments of rectangles", room * kept_bytes(materials.into()), 1)
             })?,
-            marks: of_spectrum(&|_| make("lists of cells", 2 * cells, 4))?,
+            marks: of_spectrum(&|_| make("lists of cell rows", 3 * cells, 4))?,
             merged: of_spectrum(&|_| {
                 make("leaked light", sizes.merged_bytes(sizes.patches as usize), 1)
             })?,
@@ -146,6 +149,8 @@ impl Buffers {
             cells: self.cells.address(),
             cell_rows: self.cell_rows.address(),
             parts: self.parts.address(),
+            made: self.made.address(),
+            runs: self.runs.address(),
             rays: tracer.rays().address(),
             results: tracer.results().address(),
             queues: tracer.queues().address(),

@@ -9,11 +9,10 @@ use beamlet_core::Result;
 use beamlet_core::tally::Tally;
 use beamlet_gpu::{Buffer, Device, Download, Recorder, Upload};
 use beamlet_interface::{
-    HEAD_BASE, HEAD_CELLS, HEAD_EXACT, HEAD_FAR, HEAD_LANDED_OFF, HEAD_LEFT,
-    HEAD_LISTED, HEAD_LOST, HEAD_NEAR, HEAD_PHASE, HEAD_RAYS, HEAD_RECTANGLES,
-    HEAD_ROOM, HEAD_WORDS, PHASE_DONE, PHASE_FULL, REPORT_BEYOND, REPORT_MOST, REPORT_PATCHES,
-    REPORT_RAYS, REPORT_SQUARES, REPORT_WORDS, REPORT_WORST, RefineParams, RefinedRow,
-    TALLY_COUNTERS,
+    HEAD_BASE, HEAD_CELLS, HEAD_EXACT, HEAD_FAR, HEAD_LANDED_OFF, HEAD_LEFT, HEAD_LISTED,
+    HEAD_LOST, HEAD_NEAR, HEAD_PHASE, HEAD_RAYS, HEAD_RECTANGLES, HEAD_ROOM, HEAD_WORDS,
+    PHASE_DONE, PHASE_FULL, REPORT_BEYOND, REPORT_MOST, REPORT_PATCHES, REPORT_RAYS,
+    REPORT_SQUARES, REPORT_WORDS, REPORT_WORST, RefineParams, RefinedRow, TALLY_COUNTERS,
 };
 use std::ops::Range;
 use std::sync::Arc;
@@ -134,9 +133,7 @@ impl<'b> GroupRun<'b> {
             for _ in 0..TURNS {
                 stages.record_turn(r, of, tracer, made);
             }
-            if self.spectrum.is_some() {
-                stages.record_lists(r, of);
-            }
+            stages.record_end(r, of, self.spectrum.is_some());
         };
         let mut downloads = vec![
             Download::new(&buffers.head, 0, &mut self.head),

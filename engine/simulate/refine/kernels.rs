@@ -5,7 +5,8 @@ use beamlet_core::Result;
 use beamlet_gpu::{Buffer, Device, Kernel, LazyKernel, Recorder, push_bytes};
 use beamlet_interface::{
     HEAD_STAGES, RefinePush, STAGE_AGAIN, STAGE_BASE, STAGE_BUDGET, STAGE_EMIT, STAGE_ESTIMATE,
-    STAGE_KEEP, STAGE_MERGE, STAGE_PLACE, STAGE_REPORT, STAGE_SELECT, STAGE_SPLIT, STAGE_WORDS,
+    STAGE_KEEP, STAGE_MERGE, STAGE_PLACE, STAGE_REPORT, STAGE_ROWS, STAGE_RUNS, STAGE_SELECT,
+    STAGE_SPLIT, STAGE_WORDS,
 };
 use std::sync::Arc;
 
@@ -14,7 +15,7 @@ use std::sync::Arc;
 pub(crate) struct RefineKernels {
     plan: LazyKernel,
     /// Kernels in the order of `STAGE_`, at one energy.
-    stages: [LazyKernel; 9],
+    stages: [LazyKernel; 11],
     /// Kernels under a spectrum: keep moments, make cells, make cells of merged light, put cells in order.
     of_spectrum: [LazyKernel; 4],
 }
@@ -34,12 +35,19 @@ impl RefineKernels {
                 "refine_again",
                 "refine_budget",
                 "refine_select",
-                "refine_emit",
+                "refine_runs",
                 "refine_report",
+                "refine_emit",
+                "refine_rows",
             ]
             .map(kernel),
-            of_spectrum: ["refine_keep_moments", "refine_emit_energies", "refine_merge", "refine_place"]
-                .map(kernel),
+            of_spectrum: [
+                "refine_keep_moments",
+                "refine_emit_energies",
+                "refine_merge",
+                "refine_place",
+            ]
+            .map(kernel),
         }
     }
 
@@ -91,13 +99,17 @@ impl Stages<'_> {
         r.dispatch_indirect(self.stages[stage as usize], bytemuck::bytes_of(&push), head, at);
     }
 
-    /// Records cells of merged light, the order of the cells of a spectrum, and the report where these are the
-    /// last.
-    pub(super) fn record_lists(&self, r: &mut Recorder<'_>, of: (u64, &Buffer)) {
-        self.plan(r, of.0, STAGE_MERGE);
-        self.run(r, of, STAGE_MERGE);
+    /// Records the end of a submission: cells of merged light and the order of cell rows under a `spectrum`, and the
+    /// report where all cells are made.
+    pub(super) fn record_end(&self, r: &mut Recorder<'_>, of: (u64, &Buffer), spectrum: bool) {
+        if spectrum {
+            self.plan(r, of.0, STAGE_MERGE);
+            self.run(r, of, STAGE_MERGE);
+        }
         self.plan(r, of.0, STAGE_PLACE);
-        self.run(r, of, STAGE_PLACE);
+        if spectrum {
+            self.run(r, of, STAGE_PLACE);
+        }
         self.run(r, of, STAGE_REPORT);
     }
 
@@ -126,9 +138,11 @@ impl Stages<'_> {
         run(r, STAGE_BUDGET);
         plan(r, STAGE_SELECT);
         run(r, STAGE_SELECT);
+        plan(r, STAGE_RUNS);
+        run(r, STAGE_RUNS);
         plan(r, STAGE_EMIT);
         run(r, STAGE_EMIT);
         r.barrier();
-        run(r, STAGE_REPORT);
+        run(r, STAGE_ROWS);
     }
 }

@@ -1,0 +1,51 @@
+#version 460
+// Makes cell rows of the cells of runs.
+#extension GL_GOOGLE_include_directive : require
+#extension GL_EXT_buffer_reference : require
+#extension GL_EXT_buffer_reference2 : require
+#extension GL_EXT_buffer_reference_uvec2 : require
+#extension GL_EXT_scalar_block_layout : require
+#include "interface.glsl"
+#include "refine/head.glsl"
+#include "physics/gauss.glsl"
+#include "refine/rectangle.glsl"
+#include "refine/made.glsl"
+#include "refine/shares.glsl"
+#include "refine/spectrum.glsl"
+
+Made made_of(uint first, uint count) {
+    Made made = made_from(first);
+    for (uint i = 0u; i < count; i++) take_cell(made, P.cells.at[first + i]);
+    return made;
+}
+
+// A row of the only list at one energy.
+void push_only(Rectangle g, RefinedPatch patch_, Made made) {
+    if (!made.has_light) return;
+    uint part = atomicAdd(P.head.at[made.is_near ? HEAD_NEAR : HEAD_FAR], 1u);
+    P.cell_rows.at[made.first] = row_of(made, g, patch_);
+    P.parts.at[(made.is_near ? 0u : P.cell_room) + part] = CellRowPart(made.first, 0u, made.count);
+}
+
+void main() {
+    uint run;
+    if (!item_of(STAGE_ROWS, run)) return;
+    uint item = P.runs.at[2u * run];
+    uint count = P.runs.at[2u * run + 1u];
+    Rectangle g = rectangle_at(P.made.at[3u * item]);
+    uint first = P.made.at[3u * item + 1u];
+    RefinedPatch patch_ = P.patches.at[g.patch_index];
+    if (uvec2(P.spectrum) == uvec2(0u)) {
+        push_only(g, patch_, made_of(first, count));
+        return;
+    }
+    uint words = shares_of(patch_);
+    bool apart = is_apart(words);
+    uint list = apart ? S.groups : 0u;
+    uint end = apart ? S.groups + S.nodes : S.groups;
+    for (; list < end; list++) {
+        if (!apart && columns_of(shares_at(words), list) != 0u) continue;
+        push_row(list, g, patch_, made_of(first, count));
+        first += count;
+    }
+}
