@@ -83,6 +83,7 @@ Cell cell_of(Own own, Sums sums) {
 // A cell in a row of its own.
 void push_alone(uint list, Own own, Sums sums) {
     Cell cell = cell_of(own, sums);
+    if (!has_light(cell)) return;
     Made made = made_from(atomicAdd(P.head.at[HEAD_CELLS], 1u));
     P.cells.at[made.first] = cell;
     take_cell(made, cell);
@@ -98,7 +99,17 @@ void write_nodes(Own own, uint slot, uint stride) {
     }
 }
 
-// Cells by group: one takes energies as long as one cell has their light. The last is in the row of the run.
+// Writes a cell to the row of its run where that has room.
+void give(uint list, Own own, Sums sums, uint slot, inout uint bands) {
+    if (bands == BANDS) {
+        push_alone(list, own, sums);
+        return;
+    }
+    P.cells.at[slot + bands] = cell_of(own, sums);
+    bands++;
+}
+
+// Cells by group: one takes energies as long as one cell has their light.
 void write_groups(Own own, GroupShares shares, uint slot, uint stride) {
     float all = 0.0;
     for (uint node = 0u; node < S.nodes; node++) {
@@ -108,7 +119,14 @@ void write_groups(Own own, GroupShares shares, uint slot, uint stride) {
     // The effect of the third moment grows with the light.
     float spread = S.spread * pow(scale, 1.0 / 3.0);
     Sums sums[SPECTRUM_GROUPS];
-    for (uint group = 0u; group < S.groups; group++) sums[group] = no_sums();
+    uint slots[SPECTRUM_GROUPS];
+    uint bands[SPECTRUM_GROUPS];
+    for (uint group = 0u; group < S.groups; group++) {
+        sums[group] = no_sums();
+        slots[group] = slot;
+        bands[group] = 0u;
+        if (columns_of(shares, group) == 0u) slot += stride;
+    }
     for (uint node = 0u; node < S.nodes; node++) {
         AtNode at = result_at(own, node);
         vec3 light = light_of(at);
@@ -121,7 +139,7 @@ void write_groups(Own own, GroupShares shares, uint slot, uint stride) {
             Sums more = plus(sums[group], at, own.g.displacement, passed, narrowing);
             bool merges = columns_of(shares, group) != 0u;
             if (!merges && sums[group].light.y > 0.0 && !is_one(more, all, scale, spread)) {
-                push_alone(group, own, sums[group]);
+                give(group, own, sums[group], slots[group], bands[group]);
                 more = plus(no_sums(), at, own.g.displacement, passed, narrowing);
             }
             sums[group] = more;
@@ -130,8 +148,8 @@ void write_groups(Own own, GroupShares shares, uint slot, uint stride) {
     for (uint group = 0u; group < S.groups; group++) {
         uint columns = columns_of(shares, group);
         if (columns == 0u) {
-            P.cells.at[slot] = cell_of(own, sums[group]);
-            slot += stride;
+            give(group, own, sums[group], slots[group], bands[group]);
+            while (bands[group] < BANDS) P.cells.at[slots[group] + bands[group]++] = no_cell(own.g);
         } else if (!any(lessThan(sums[group].light, vec3(DARK)))) {
             uint first = merged_of(own.g.patch_index, group);
             if (!merge(first, columns, own.patch_, own.g, sums[group])) push_alone(group, own, sums[group]);

@@ -25,8 +25,8 @@ uint step_sums_of(uint patch_index) {
     return sums_of(patch_index) + PATCH_HEAD + 4u * OCTAVES;
 }
 
-// Cells that a rectangle may have: one, or one of each energy in each group.
+// Cells that a rectangle may have: one, or one of each energy in each group, and what its row keeps free.
 uint most_cells() {
     if (uvec2(P.spectrum) == uvec2(0u)) return 1u;
-    return P.spectrum.at[0].nodes * max(P.spectrum.at[0].groups, 1u);
+    return (P.spectrum.at[0].nodes + 3u) * max(P.spectrum.at[0].groups, 1u);
 }

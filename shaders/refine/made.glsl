@@ -84,7 +84,6 @@ Cell no_cell(Rectangle g) {
 struct Made {
     uint first; // its first cell
     uint count;
-    bool has_light;
     bool is_near;
     float light;
     vec2 landing; // least and greatest displacement, against the edges of pixels
@@ -93,14 +92,16 @@ struct Made {
 };
 
 Made made_from(uint first) {
-    return Made(first, 0u, false, true, 0.0, vec2(1e30, -1e30), 0.0, 0.0);
+    return Made(first, 0u, true, 0.0, vec2(1e30, -1e30), 0.0, 0.0);
 }
 
-// Takes the next cell into a row; one without light changes nothing but the length.
+bool has_light(Cell cell) {
+    return cell.depth_low < NO_LIGHT;
+}
+
+// Takes the next cell into a row.
 void take_cell(inout Made made, Cell cell) {
     made.count++;
-    if (cell.depth_low >= NO_LIGHT) return;
-    made.has_light = true;
     made.is_near = made.is_near && cell.share_above >= 0.0;
     made.light += light_of(cell);
     float low = min(cell.displacement_low, cell.displacement_high) - cell.pixel_shift;

@@ -69,7 +69,8 @@ void main() {
             g.x_low = low_of_column(column, columns);
             g.x_high = low_of_column(column + 1u, columns);
             Cell cell = cell_of_column(merged_of(patch_index, group) + column * MERGED_WORDS, g);
-            P.cells.at[made.first + column] = cell;
+            if (!has_light(cell)) continue;
+            P.cells.at[made.first + made.count] = cell;
             take_cell(made, cell);
         }
         push_row(group, g, patch_, made);

@@ -13,15 +13,21 @@
 #include "refine/shares.glsl"
 #include "refine/spectrum.glsl"
 
+// Moves the cells that have light to the first places of their row.
 Made made_of(uint first, uint count) {
     Made made = made_from(first);
-    for (uint i = 0u; i < count; i++) take_cell(made, P.cells.at[first + i]);
+    for (uint i = 0u; i < count; i++) {
+        Cell cell = P.cells.at[first + i];
+        if (!has_light(cell)) continue;
+        if (first + i != made.first + made.count) P.cells.at[made.first + made.count] = cell;
+        take_cell(made, cell);
+    }
     return made;
 }
 
 // A row of the only list at one energy.
 void push_only(Rectangle g, RefinedPatch patch_, Made made) {
-    if (!made.has_light) return;
+    if (made.count == 0u) return;
     uint part = atomicAdd(P.head.at[made.is_near ? HEAD_NEAR : HEAD_FAR], 1u);
     P.cell_rows.at[made.first] = row_of(made, g, patch_);
     P.parts.at[(made.is_near ? 0u : P.cell_room) + part] = CellRowPart(made.first, 0u, made.count);
@@ -31,9 +37,9 @@ void main() {
     uint run;
     if (!item_of(STAGE_ROWS, run)) return;
     uint item = P.runs.at[2u * run];
-    uint count = P.runs.at[2u * run + 1u];
     Rectangle g = rectangle_at(P.made.at[3u * item]);
     uint first = P.made.at[3u * item + 1u];
+    uint count = P.made.at[3u * item + 2u];
     RefinedPatch patch_ = P.patches.at[g.patch_index];
     if (uvec2(P.spectrum) == uvec2(0u)) {
         push_only(g, patch_, made_of(first, count));

@@ -52,15 +52,16 @@ void main() {
         P.again.at[atomicAdd(P.head.at[HEAD_AGAINS], 1u) % P.room] = index;
         return;
     }
-    uint cell = atomicAdd(P.head.at[HEAD_CELLS], count * lists_of(patch_));
+    uint bands = bands_of(patch_);
+    uint cell = atomicAdd(P.head.at[HEAD_CELLS], count * bands * lists_of(patch_));
     uint item = atomicAdd(P.head.at[HEAD_MADE], count);
     uint run = atomicAdd(P.head.at[HEAD_RUNS], 1u);
     P.runs.at[2u * run] = item;
     P.runs.at[2u * run + 1u] = count;
     for (uint i = 0u; i < count; i++) {
         P.made.at[3u * (item + i)] = index;
-        P.made.at[3u * (item + i) + 1u] = cell + i;
-        P.made.at[3u * (item + i) + 2u] = count;
+        P.made.at[3u * (item + i) + 1u] = cell + bands * i;
+        P.made.at[3u * (item + i) + 2u] = bands * count;
         if (i + 1u < count) index = beside_of(index, true);
     }
 }

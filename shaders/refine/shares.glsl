@@ -43,6 +43,14 @@ bool is_apart(uint first) {
     return share_at(first) != 0.0;
 }
 
+// Cells of a rectangle in the row of its run, by list. Energies that share no cell beyond these have rows of their
+// own.
+const uint BANDS = 3u;
+
+uint bands_of(RefinedPatch patch_) {
+    return uvec2(P.spectrum) == uvec2(0u) || is_apart(shares_of(patch_)) ? 1u : BANDS;
+}
+
 // Lists that a rectangle has cells in, but for groups whose light is merged.
 uint lists_of(RefinedPatch patch_) {
     if (uvec2(P.spectrum) == uvec2(0u)) return 1u;

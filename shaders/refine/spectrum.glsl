@@ -40,7 +40,7 @@ bool is_one(Sums sums, float all, float scale, float spread) {
 
 // Writes a cell row, of a list.
 void push_row(uint list, Rectangle g, RefinedPatch patch_, Made made) {
-    if (!made.has_light) return;
+    if (made.count == 0u) return;
     P.cell_rows.at[made.first] = row_of(made, g, patch_);
     uint kind = 2u * list + (made.is_near ? 0u : 1u);
     uint mark = 3u * atomicAdd(S.counts.at[2u * (S.groups + S.nodes)], 1u);

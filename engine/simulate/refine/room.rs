@@ -7,7 +7,7 @@ use beamlet_core::{Error, numbers};
 /// Rectangles that there is room for where memory has no limit, and least.
 const RECTANGLES: [u64; 2] = [1 << 21, 1 << 14];
 /// Cells that are lit at once, and least.
-const CELLS: [u64; 2] = [1 << 18, 1 << 12];
+const CELLS: [u64; 2] = [1 << 18, 1 << 13];
 /// Rectangles of a group after refinement over those before, as long as none is known.
 pub(super) const GROWTH: f64 = 8.0;
 /// Memory of the refinement on the device.
