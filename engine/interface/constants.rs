@@ -217,10 +217,12 @@ shared_constants! {
     HEAD_MADE: u32 = 28;
     /// Number of runs.
     HEAD_RUNS: u32 = 29;
+    /// Rectangles whose rays are to be traced at each energy.
+    HEAD_REPEATED: u32 = 30;
     /// Cells whose light lands too far off to follow.
     HEAD_LANDED_OFF: u32 = 25;
     /// First of the dispatches: first item, number of items, and workgroups.
-    HEAD_STAGES: u32 = 30;
+    HEAD_STAGES: u32 = 31;
     /// Words of a dispatch.
     STAGE_WORDS: u32 = 5;
     /// Dispatches.

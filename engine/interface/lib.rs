@@ -123,7 +123,7 @@ pub use reconstruct::{
 };
 pub use refine::{
     MaskOpening, Rectangle, RefineParams, RefinePush, RefinedColumn, RefinedPatch, RefinedRow,
-    RefinedSpectrum, WindowTable,
+    RefinedSpectrum, RepeatedRectangle, WindowTable,
 };
 pub use walk::{
     AnalyticShape, Constants, Crossing, CrossingsPush, ExactPush, Leaf, Node, Placed,

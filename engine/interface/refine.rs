@@ -103,6 +103,22 @@ shared_structs! {
         pub weight: f32,
     }
 
+    /// A rectangle whose ray is to be traced exactly at each energy.
+    pub struct RepeatedRectangle in RepeatedRectangles(writeonly) {
+        /// Its ray.
+        pub x: f32,
+        pub z: f32,
+        pub slope_x: f32,
+        pub slope_z: f32,
+        pub x_low: f32,
+        pub x_high: f32,
+        pub z_low: f32,
+        pub z_high: f32,
+        /// Index of the beamlet.
+        pub column: u32,
+        pub row: i32,
+    }
+
     /// Energies of a spectrum, and the materials at them.
     pub struct RefinedSpectrum in RefinedSpectrumRef {
         /// Moments of the rays of a batch, `[ray][stride]`.
@@ -124,6 +140,7 @@ shared_structs! {
         pub marks: u64 => Words,
         /// `[patch][group][MERGED_COLUMNS][MERGED_WORDS]`: leaked light, as integers.
         pub merged: u64 => Words,
+        pub repeated: u64 => RepeatedRectangles,
         pub nodes: u32,
         pub material_count: u32,
         /// Words of the moments of a traced ray.
@@ -143,6 +160,8 @@ shared_structs! {
         pub spread: f32,
         /// Displacement that merged light may have at most, m.
         pub reach: f32,
+        /// Rectangles below this share of the grazing incidence are traced exactly at each energy.
+        pub repeated_below: f32,
     }
 
     /// Parameters of the refinement of a group of patches.

@@ -47,8 +47,6 @@ void main() {
     uint index = P.made.at[3u * item];
     Rectangle g = rectangle_at(index);
     Rows rows = rows_of(g, g.landing);
-    bool wanted = is_wanted(P.patches.at[g.patch_index], rows, g.landing);
-    uint slot = P.made.at[3u * item + 1u];
-    if (wanted) P.cells.at[slot] = cell_of(g, index, rows, is_hit(g.patch_index));
-    else P.cells.at[slot] = no_cell(g);
+    count_landing(g.landing);
+    P.cells.at[P.made.at[3u * item + 1u]] = cell_of(g, index, rows, is_hit(g.patch_index));
 }

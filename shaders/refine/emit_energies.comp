@@ -69,7 +69,7 @@ Cell cell_of(Own own, Sums sums) {
     float middle = sums.light.y;
     float landing = sums.z / middle;
     Rows rows = rows_of(own.g, landing);
-    if (!is_wanted(own.patch_, rows, landing)) return no_cell(own.g);
+    count_landing(landing);
     vec2 depth = -log(sums.light.xz);
     vec2 displacement = own.g.displacement + x.xz;
     float pixel_shift = shift_of(0.5 * (displacement.x + displacement.y), sums.slope_x / middle);
@@ -83,7 +83,7 @@ Cell cell_of(Own own, Sums sums) {
 // A cell in a row of its own.
 void push_alone(uint list, Own own, Sums sums) {
     Cell cell = cell_of(own, sums);
-    if (!has_light(cell)) return;
+    if (!has_light(cell) || !is_wanted(own.g, own.patch_, cell.displacement_z)) return;
     Made made = made_from(atomicAdd(P.head.at[HEAD_CELLS], 1u));
     P.cells.at[made.first] = cell;
     take_cell(made, cell);
@@ -152,9 +152,29 @@ void write_groups(Own own, GroupShares shares, uint slot, uint stride) {
             while (bands[group] < BANDS) P.cells.at[slots[group] + bands[group]++] = no_cell(own.g);
         } else if (!any(lessThan(sums[group].light, vec3(DARK)))) {
             uint first = merged_of(own.g.patch_index, group);
-            if (!merge(first, columns, own.patch_, own.g, sums[group])) push_alone(group, own, sums[group]);
+            if (!merge(first, columns, own.g, sums[group])) push_alone(group, own, sums[group]);
         }
     }
+}
+
+// Whether exact transport at one energy does not say what it is at others: near total reflection. The host traces
+// these rays.
+bool is_repeated(Own own) {
+    float grazing = float(own.g.flags >> FLAG_SHARE_SHIFT) / 255.0;
+    return (own.g.flags & FLAG_EXACT) != 0u && grazing < S.repeated_below;
+}
+
+void repeat_at_nodes(Own own, uint slot, uint stride) {
+    for (uint list = 0u; list < lists_of(own.patch_); list++) {
+        for (uint band = 0u; band < bands_of(own.patch_); band++) {
+            P.cells.at[slot + list * stride + band] = no_cell(own.g);
+        }
+    }
+    vec2 at = middle_of(own.g);
+    Ray ray = ray_at(own.patch_, at.x, at.y);
+    S.repeated.at[atomicAdd(P.head.at[HEAD_REPEATED], 1u)] =
+        RepeatedRectangle(ray.x, ray.z, ray.slope_x, ray.slope_z, own.g.x_low, own.g.x_high, own.g.z_low,
+                          own.g.z_high, own.patch_.column, own.patch_.row);
 }
 
 void main() {
@@ -165,6 +185,7 @@ void main() {
     uint slot = P.made.at[3u * item + 1u];
     uint stride = P.made.at[3u * item + 2u];
     uint shares = shares_of(own.patch_);
-    if (is_apart(shares)) write_nodes(own, slot, stride);
+    if (is_repeated(own)) repeat_at_nodes(own, slot, stride);
+    else if (is_apart(shares)) write_nodes(own, slot, stride);
     else write_groups(own, shares_at(shares), slot, stride);
 }

@@ -42,12 +42,16 @@ Rows rows_of(Rectangle g, float landing) {
     return rows;
 }
 
-// Whether light in these rows is wanted; counts light that lands too far off to be followed.
-bool is_wanted(RefinedPatch patch_, Rows rows, float landing) {
-    if (abs(landing / P.row_pitch) > P.halo) atomicAdd(P.head.at[HEAD_LANDED_OFF], 1u);
+// Whether light of a rectangle, displaced by so much along z on the detector, may land in rows that are wanted.
+bool is_wanted(Rectangle g, RefinedPatch patch_, float landing) {
+    float row = float(patch_.row) - landing / P.row_pitch;
     float reach = BLURS * P.row_blur;
-    float row = float(patch_.row);
-    return row + rows.high + reach >= float(P.wanted[0]) && row + rows.low - reach <= float(P.wanted[1]);
+    return row + g.z_high + reach >= float(P.wanted[0]) && row + g.z_low - reach <= float(P.wanted[1]);
+}
+
+// Counts light that lands too far off to be followed.
+void count_landing(float landing) {
+    if (abs(landing / P.row_pitch) > P.halo) atomicAdd(P.head.at[HEAD_LANDED_OFF], 1u);
 }
 
 // A rectangle of a run; of a patch that misses the sample the whole patch.

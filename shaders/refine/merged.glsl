@@ -24,10 +24,10 @@ float merged_at(uint word) {
 }
 
 // Adds the light of a rectangle to the columns that it is in; not light that lands farther off than these know.
-bool merge(uint first, uint columns, RefinedPatch patch_, Rectangle g, Sums sums) {
+bool merge(uint first, uint columns, Rectangle g, Sums sums) {
     float landing = sums.z / sums.light.y;
     Rows rows = rows_of(g, landing);
-    if (!is_wanted(patch_, rows, landing)) return true;
+    count_landing(landing);
     if (!rows.is_near && P.row_blur <= WIDE) return false;
     float width = g.x_high - g.x_low;
     float column_width = P.period / float(columns);

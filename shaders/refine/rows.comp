@@ -13,9 +13,15 @@
 #include "refine/shares.glsl"
 #include "refine/spectrum.glsl"
 
-// Moves the cells that have light to the first places of their row.
-Made made_of(uint first, uint count) {
+// Moves the cells that have light to the first places of their row; of a row that is not wanted none. A row keeps
+// all of its cells where some are wanted: they share what is faint.
+Made made_of(uint first, uint count, Rectangle g, RefinedPatch patch_) {
     Made made = made_from(first);
+    bool wanted = false;
+    for (uint i = 0u; i < count; i++) {
+        wanted = wanted || is_wanted(g, patch_, P.cells.at[first + i].displacement_z);
+    }
+    if (!wanted) return made;
     for (uint i = 0u; i < count; i++) {
         Cell cell = P.cells.at[first + i];
         if (!has_light(cell)) continue;
@@ -42,7 +48,7 @@ void main() {
     uint count = P.made.at[3u * item + 2u];
     RefinedPatch patch_ = P.patches.at[g.patch_index];
     if (uvec2(P.spectrum) == uvec2(0u)) {
-        push_only(g, patch_, made_of(first, count));
+        push_only(g, patch_, made_of(first, count, g, patch_));
         return;
     }
     uint words = shares_of(patch_);
@@ -51,7 +57,7 @@ void main() {
     uint end = apart ? S.groups + S.nodes : S.groups;
     for (; list < end; list++) {
         if (!apart && columns_of(shares_at(words), list) != 0u) continue;
-        push_row(list, g, patch_, made_of(first, count));
+        push_row(list, g, patch_, made_of(first, count, g, patch_));
         first += count;
     }
 }

@@ -4,7 +4,9 @@ use crate::reference::scenes;
 use crate::reference::stack::Setup;
 use crate::reference::surfaces::{body, cuboid, cylinder, sphere};
 use crate::support::{CARBON, WATER, backends, engine, engine_with};
-use beamlet::scene::{Beam, Blur, MaskBody, Refine, Scene, SpectrumOrigin, SpectrumSpec};
+use beamlet::scene::{
+    Beam, Blur, MaskBody, Refine, Scene, Shape, SpectrumOrigin, SpectrumSpec, Transport,
+};
 use beamlet::stack::ArraySink;
 use beamlet::{Backend, Control, Engine, EngineOptions, RunRecord};
 use ndarray::Array4;
@@ -37,6 +39,49 @@ fn shapes() -> Scene {
          material = \"air\"\nrotate = [{ axis = [0, 1, 0], angle = \"20 deg\" }]\n\
          [[object]]\nname = \"ball\"\nshape = { sphere = { radius = \"60 um\" } }\nmaterial = \"Al\"\n";
     Scene::from_toml(text, std::path::Path::new(".")).expect("a scene")
+}
+
+/// The beam of a tube, at some energy nodes.
+fn tube(kvp: f64, nodes: u32) -> Beam {
+    let tube = SpectrumOrigin::Tube {
+        anode: beamlet::scene::Anode::Tungsten,
+        kvp,
+        anode_angle: 0.2,
+        inherent_filters: Vec::new(),
+    };
+    Beam::Spectrum(SpectrumSpec::new(tube).with_nodes(nodes))
+}
+
+fn with_tube(mut scene: Scene) -> Scene {
+    scene.source.beam = tube(40.0, 4);
+    scene
+}
+
+/// Far from the axis thick bars narrow apertures so much, and otherwise at each energy, that light goes energy by
+/// energy.
+fn aside() -> Scene {
+    let mut scene = with_tube(shapes());
+    scene.detector.pixels = [360, 2];
+    let bars = scene.sample_mask.as_mut().map(|mask| &mut mask.body);
+    if let Some(MaskBody::Bars { thickness, .. }) = bars {
+        *thickness = 400e-6;
+    }
+    for object in &mut scene.objects {
+        object.placement.position[0] = 8.5e-3;
+    }
+    scene
+}
+
+/// A slab whose faces are almost along the beam: light is totally reflected, at each energy from other angles on.
+fn grazed() -> Scene {
+    let mut scene = with_tube(shapes());
+    scene.detector.pixels = [40, 2];
+    scene.objects.truncate(1);
+    let slab = &mut scene.objects[0];
+    slab.geometry = Shape::Box { size: [0.4e-3, 3e-3, 5e-3] }.into();
+    slab.placement.rotate = vec![([0.0, 0.0, 1.0], 5e-4)];
+    slab.placement.position = [17e-6, 0.0, 0.0];
+    scene
 }
 
 /// Scenes that differ in what stands in the beam.
@@ -112,6 +157,36 @@ fn both_backends_refine_alike() {
     }
 }
 
+/// Under a spectrum the sum over runs at each energy is what a run of all energies is to give. Rays close to total
+/// reflection are traced at each.
+#[test]
+fn light_of_a_spectrum_is_the_sum_over_its_energies() {
+    let engine = engine(Backend::Bvh);
+    let mut hard = shapes();
+    hard.source.beam = tube(90.0, 5);
+    for (name, scene) in [
+        ("tube", with_tube(shapes())),
+        ("bars that leak", hard),
+        ("thick bars aside", aside()),
+        ("grazed slab", grazed()),
+    ] {
+        let nodes = beamlet::spectrum::nodes(&scene).expect("energies");
+        let mut sum: Option<Array4<f32>> = None;
+        for (energy, weight) in nodes.energies.iter().zip(&nodes.weights) {
+            let mut one = scene.clone();
+            one.source.beam = Beam::Energy(*energy);
+            let light = run(&engine, &one, Refine::Host, TOLERANCE / 6.0).0 * (*weight as f32);
+            sum = Some(sum.map_or(light.clone(), |sum| sum + light));
+        }
+        let (got, record) = run(&engine, &scene, Refine::Device, TOLERANCE);
+        let sum = sum.expect("energies");
+        let [worst, rms] = apart(&got, &sum);
+        println!("measured device, {name}: worst {worst:.1e}, rms {rms:.1e}");
+        assert!(worst < 5.0 * TOLERANCE && rms < 0.5 * TOLERANCE, "{name}: {worst} {rms}");
+        assert!(record.tally.exact > 0, "{name}");
+    }
+}
+
 /// Squares of errors at first are 1e11 budgets and more, in units of 2^-16 far beyond 32 bits: what is added to
 /// them is taken out of them again, or refinement would not end, or too soon.
 #[test]
@@ -158,6 +233,25 @@ fn room_for_rectangles_changes_no_bit() {
     assert!(whole.iter().zip(&little).all(|(a, b)| a.to_bits() == b.to_bits()));
 }
 
+/// Cells of a spectrum are made in an order that depends on their number at a time.
+#[test]
+fn a_spectrum_has_the_same_bits_in_bands_and_with_little_room() {
+    for scene in [with_tube(shapes()), grazed()] {
+        let of = |options: EngineOptions| {
+            run(&engine_with(options.with_backend(Backend::Bvh)), &scene, Refine::Device, 3e-4).0
+        };
+        let whole = of(EngineOptions::default());
+        for (what, options) in [
+            ("bands", EngineOptions::default().with_band_rows(Some(1))),
+            ("batches", EngineOptions::default().with_batch_rays(Some(257))),
+            ("little room", EngineOptions::default().with_memory_limit(300 << 20)),
+        ] {
+            let other = of(options);
+            assert!(whole.iter().zip(&other).all(|(a, b)| a.to_bits() == b.to_bits()), "{what}");
+        }
+    }
+}
+
 #[test]
 fn what_the_device_does_not_know_is_refused_by_name() {
     let refused = |change: &dyn Fn(&mut Scene), options: EngineOptions| {
@@ -168,13 +262,8 @@ fn what_the_device_does_not_know_is_refused_by_name() {
         engine.prepare(&scene).map(drop).expect_err("refused").to_string()
     };
     let spectrum = |scene: &mut Scene| {
-        let tube = SpectrumOrigin::Tube {
-            anode: beamlet::scene::Anode::Tungsten,
-            kvp: 60.0,
-            anode_angle: 0.2,
-            inherent_filters: Vec::new(),
-        };
-        scene.source.beam = Beam::Spectrum(SpectrumSpec::new(tube).with_nodes(4));
+        scene.source.beam = tube(60.0, 4);
+        scene.sampling.transport = Transport::Exact;
     };
     let rough = |scene: &mut Scene| scene.objects[0].roughness = 1e-3;
     let kept = EngineOptions::default().with_keep_moments(true);

@@ -181,7 +181,8 @@ impl CellIlluminator {
                 self.plan(&piece, template, steps, uploads)?;
             }
         }
-        self.run(uploads)
+        self.run(uploads)?;
+        self.add(lights.iter().zip(&made.repeated), sums, steps)
     }
 
     /// Plans the dispatches of a piece; runs those before it as they fill a submission. The first has the

@@ -6,7 +6,7 @@ use beamlet_core::Result;
 use beamlet_gpu::{Buffer, Device, Memory};
 use beamlet_interface::{
     Cell, CellRow, CellRowPart, HEAD_WORDS, MERGED_COLUMNS, MERGED_WORDS, OCTAVES, PATCH_HEAD,
-    REPORT_WORDS, Rectangle, RefineParams, RefinedPatch, RefinedRow,
+    REPORT_WORDS, Rectangle, RefineParams, RefinedPatch, RefinedRow, RepeatedRectangle,
 };
 use std::sync::Arc;
 
@@ -76,6 +76,8 @@ pub(super) struct Buffers {
     pub(super) kept: Option<Buffer>,
     pub(super) marks: Option<Buffer>,
     pub(super) merged: Option<Buffer>,
+    /// Rectangles whose rays are traced at each energy.
+    pub(super) repeated: Option<Buffer>,
 }
 
 impl Buffers {
@@ -125,6 +127,9 @@ impl Buffers {
             runs: make("runs of rectangles", 2 * cells, 4)?,
             kept: of_spectrum(&|[materials, _]| {
                 make("moments of rectangles", room * kept_bytes(materials.into()), 1)
+            })?,
+            repeated: of_spectrum(&|_| {
+                make("rectangles to trace at each energy", cells, size_of::<RepeatedRectangle>())
             })?,
             marks: of_spectrum(&|_| make("lists of cell rows", 3 * cells, 4))?,
             merged: of_spectrum(&|_| {

@@ -4,15 +4,17 @@ use super::buffers::Buffers;
 use super::group::Group;
 use super::kernels::Stages;
 use super::spectrum::Spectrum;
+use crate::sampling::CellBatch;
 use crate::trace::{MadeRays, Tracer};
 use beamlet_core::Result;
 use beamlet_core::tally::Tally;
 use beamlet_gpu::{Buffer, Device, Download, Recorder, Upload};
 use beamlet_interface::{
     HEAD_BASE, HEAD_CELLS, HEAD_EXACT, HEAD_FAR, HEAD_LANDED_OFF, HEAD_LEFT, HEAD_LISTED,
-    HEAD_LOST, HEAD_NEAR, HEAD_PHASE, HEAD_RAYS, HEAD_RECTANGLES, HEAD_ROOM, HEAD_WORDS,
-    PHASE_DONE, PHASE_FULL, REPORT_BEYOND, REPORT_MOST, REPORT_PATCHES, REPORT_RAYS,
-    REPORT_SQUARES, REPORT_WORDS, REPORT_WORST, RefineParams, RefinedRow, TALLY_COUNTERS,
+    HEAD_LOST, HEAD_NEAR, HEAD_PHASE, HEAD_RAYS, HEAD_RECTANGLES, HEAD_REPEATED, HEAD_ROOM,
+    HEAD_WORDS, PHASE_DONE, PHASE_FULL, REPORT_BEYOND, REPORT_MOST, REPORT_PATCHES, REPORT_RAYS,
+    REPORT_SQUARES, REPORT_WORDS, REPORT_WORST, RefineParams, RefinedRow, RepeatedRectangle,
+    TALLY_COUNTERS,
 };
 use std::ops::Range;
 use std::sync::Arc;
@@ -29,6 +31,8 @@ pub(crate) struct MadeCells<'b> {
     pub(crate) cells: &'b Buffer,
     /// Parts whose light lands near, and parts whose light lands farther off, by list.
     pub(crate) lists: Vec<[Range<u32>; 2]>,
+    /// Cells of rays that were traced exactly at each energy, by list.
+    pub(crate) repeated: Vec<CellBatch>,
 }
 
 /// Counts of refinement, besides light.
@@ -58,6 +62,8 @@ pub(super) struct GroupRun<'b> {
     /// Cells of the last submission by list, and of all.
     counts: Vec<u32>,
     landed_off: u64,
+    /// Rays of the last submission were traced again.
+    repeats: bool,
     head: [u32; HEAD_WORDS as usize],
     report: [u32; REPORT_WORDS as usize],
     tally: [u32; TALLY_COUNTERS],
@@ -76,7 +82,17 @@ impl<'b> GroupRun<'b> {
         head[HEAD_RAYS as usize] = group.own_base;
         let counts = vec![0; spectrum.map_or(0, Spectrum::count_words)];
         let (report, tally) = ([0; REPORT_WORDS as usize], [0; TALLY_COUNTERS]);
-        Self { buffers, spectrum, counts, landed_off: 0, head, report, tally, begun: false }
+        Self {
+            buffers,
+            spectrum,
+            counts,
+            landed_off: 0,
+            repeats: false,
+            head,
+            report,
+            tally,
+            begun: false,
+        }
     }
 
     fn at(&self, word: u32) -> u32 {
@@ -107,11 +123,13 @@ impl<'b> GroupRun<'b> {
     ) -> Result<(Duration, u32)> {
         let buffers = self.buffers;
         self.head[HEAD_ROOM as usize] = work;
-        for word in [HEAD_NEAR, HEAD_FAR, HEAD_CELLS, HEAD_LANDED_OFF] {
+        for word in [HEAD_NEAR, HEAD_FAR, HEAD_CELLS, HEAD_LANDED_OFF, HEAD_REPEATED] {
             self.head[word as usize] = 0;
         }
         let sent = self.head;
         let is_first = !self.begun;
+        // Another walk leaves its counts there.
+        let clears_queues = is_first || self.repeats;
         let mut uploads = vec![Upload::new(&buffers.head, 0, &sent)];
         if is_first {
             uploads.push(Upload::new(&buffers.params, 0, &inputs.params));
@@ -123,8 +141,10 @@ impl<'b> GroupRun<'b> {
             if is_first {
                 r.fill(&buffers.sums, 0, 4 * inputs.sums, 0);
                 r.fill(&buffers.report, 0, u64::from(REPORT_WORDS) * 4, 0);
-                r.fill(tracer.queues(), 0, tracer.queues().len(), 0);
                 buffers.merged.iter().for_each(|merged| r.fill(merged, 0, inputs.merged, 0));
+            }
+            if clears_queues {
+                r.fill(tracer.queues(), 0, tracer.queues().len(), 0);
             }
             let of = (buffers.params.address(), &buffers.head);
             if let Some(spectrum) = self.spectrum {
@@ -149,8 +169,19 @@ impl<'b> GroupRun<'b> {
         Ok((time, work - self.at(HEAD_ROOM)))
     }
 
-    /// The cells that the last submission made, if any.
-    pub(super) fn cells(&self) -> Option<MadeCells<'b>> {
+    /// Rectangles of the last submission whose rays are to be traced at each energy.
+    pub(super) fn repeated(&mut self, device: &Arc<Device>) -> Result<Vec<RepeatedRectangle>> {
+        let count = self.at(HEAD_REPEATED) as usize;
+        self.repeats = count > 0;
+        let mut found = bytemuck::zeroed_vec(count);
+        if let Some(buffer) = self.buffers.repeated.as_ref().filter(|_| count > 0) {
+            device.run_with(&[], |_| {}, &mut [Download::new(buffer, 0, &mut found)])?;
+        }
+        Ok(found)
+    }
+
+    /// The cells that the last submission made, if any, besides `repeated` ones.
+    pub(super) fn cells(&self, repeated: Vec<CellBatch>) -> Option<MadeCells<'b>> {
         let (near, far) = (self.at(HEAD_NEAR), self.at(HEAD_FAR));
         let first = self.buffers.sizes.cells;
         let mut lists = vec![[0..near, first..first + far]];
@@ -164,11 +195,12 @@ impl<'b> GroupRun<'b> {
             lists = by_list.chunks(2).map(|of| [next(of[0]), next(of[1])]).collect();
         }
         let parts: u32 = lists.iter().flatten().map(|part| part.end - part.start).sum();
-        (parts > 0).then(|| MadeCells {
+        (parts > 0 || !repeated.is_empty()).then(|| MadeCells {
             parts: &self.buffers.parts,
             cell_rows: &self.buffers.cell_rows,
             cells: &self.buffers.cells,
             lists,
+            repeated,
         })
     }
 

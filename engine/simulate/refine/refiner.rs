@@ -235,7 +235,12 @@ impl<'s> DeviceRefiner<'s> {
             if done > self.work.size() / 2 || time > LONG {
                 self.work.adapt(time);
             }
-            run.cells().map_or(Ok(()), |cells| light(&cells))?;
+            let repeated = run.repeated(&self.device)?;
+            let again = match spectrum.filter(|_| !repeated.is_empty()) {
+                Some(spectrum) => spectrum.repeat(tracer, view.pose, &repeated)?,
+                None => Vec::new(),
+            };
+            run.cells(again).map_or(Ok(()), |cells| light(&cells))?;
         }
         let refined = run.finish(tracer);
         let growth = f64::from(run.rectangles()) / f64::from(group.own_base.max(1));

@@ -3,10 +3,11 @@
 use super::buffers::Buffers;
 use super::group::Group;
 use crate::illuminate::{EnergyBinning, EnergyTables};
+use crate::sampling::CellBatch;
 use crate::trace::Tracer;
 use beamlet_core::{Result, numbers};
 use beamlet_gpu::{Buffer, Device, Memory, Upload};
-use beamlet_interface::{KEPT_WORDS, MOMENTS_HEAD, RefinedSpectrum};
+use beamlet_interface::{KEPT_WORDS, MOMENTS_HEAD, RefinedSpectrum, RepeatedRectangle};
 use std::ops::Range;
 use std::sync::Arc;
 
@@ -98,6 +99,7 @@ impl<'s> Spectrum<'s> {
             counts: self.counts.address(),
             marks: of(&buffers.marks),
             merged: of(&buffers.merged),
+            repeated: of(&buffers.repeated),
             nodes: self.tables.nodes,
             material_count: numbers::count(self.tables.materials.len()),
             stride: numbers::count(MOMENTS_HEAD + tracer.moment_words()),
@@ -109,6 +111,7 @@ impl<'s> Spectrum<'s> {
             tolerance: self.tables.tolerance,
             spread: self.tables.spread,
             reach: self.tables.reach,
+            repeated_below: self.tables.repeated_below,
         }];
         Ok(())
     }
@@ -120,6 +123,19 @@ impl<'s> Spectrum<'s> {
             uploads.push(Upload::new(shares, 0, &self.unsent));
         }
         uploads
+    }
+
+    /// Cells of rectangles whose rays are traced exactly at each energy, by list.
+    ///
+    /// # Errors
+    /// As [`Tracer::trace`].
+    pub(super) fn repeat(
+        &self,
+        tracer: &Tracer,
+        pose: u32,
+        rectangles: &[RepeatedRectangle],
+    ) -> Result<Vec<CellBatch>> {
+        self.energies.cells_at_nodes(tracer, pose, rectangles)
     }
 
     /// Notes that a group was begun.

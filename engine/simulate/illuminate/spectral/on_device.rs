@@ -3,8 +3,12 @@
 use super::EnergyBinning;
 use super::bars::{FAINT, LITTLE};
 use super::{FULL_SHARE, SPREAD_SHARE};
+use crate::sampling::{CellBatch, CellMoments};
+use crate::trace::Tracer;
+use beamlet_core::Result;
 use beamlet_core::numbers::{self, single};
-use beamlet_interface::MERGED_COLUMNS;
+use beamlet_interface::{Cell, CellRow, MERGED_COLUMNS, Ray, RepeatedRectangle};
+use bytemuck::Zeroable;
 use rayon::prelude::*;
 use std::ops::Range;
 
@@ -31,6 +35,8 @@ pub(crate) struct EnergyTables {
     pub(crate) spread: f32,
     /// Largest displacement of leaked light that is merged, m.
     pub(crate) reach: f32,
+    /// Cells below this share of the grazing incidence are traced exactly at each energy.
+    pub(crate) repeated_below: f32,
 }
 
 impl EnergyBinning {
@@ -55,6 +61,9 @@ impl EnergyBinning {
             full_width: single(self.lattice.period * FULL_SHARE),
             tolerance: single(self.tolerance),
             reach: single(REACH * self.lattice.period),
+            repeated_below: single(
+                self.exact_retrace_threshold.iter().fold(0.0, |most: f64, it| most.max(*it)),
+            ),
             spread: single((SPREAD_SHARE * self.lattice.edge_blur).max(self.tolerance)),
         }
     }
@@ -85,6 +94,40 @@ impl EnergyBinning {
         places.par_iter().flat_map_iter(of_place).collect()
     }
 
+    /// Cells of rectangles whose rays are traced exactly at each node, by list.
+    ///
+    /// # Errors
+    /// As [`Tracer::trace`].
+    pub(crate) fn cells_at_nodes(
+        &self,
+        tracer: &Tracer,
+        pose: u32,
+        rectangles: &[RepeatedRectangle],
+    ) -> Result<Vec<CellBatch>> {
+        let ray = |it: &RepeatedRectangle| Ray {
+            x: it.x,
+            z: it.z,
+            slope_x: it.slope_x,
+            slope_z: it.slope_z,
+            pose,
+            key: 0,
+        };
+        let rays: Vec<Ray> = rectangles.iter().map(ray).collect();
+        let results = tracer.walk_at_nodes(&vec![rays; self.nodes()])?;
+        let mut lists = vec![CellBatch::default(); self.groups.len() + self.nodes()];
+        for (of_node, list) in results.iter().zip(&mut lists[self.groups.len()..]) {
+            for (it, result) in rectangles.iter().zip(of_node) {
+                let (row, mut cells) = (row_of(it), Vec::new());
+                let place = Cell { x_low: it.x_low, x_high: it.x_high, ..Cell::zeroed() };
+                self.push_exact(&mut cells, &row, &place, [result; 2], [0.0, 1.0]);
+                if !cells.is_empty() {
+                    list.push(row, &cells, &CellMoments::default());
+                }
+            }
+        }
+        Ok(lists)
+    }
+
     fn words_of_shares(&self) -> usize {
         1 + self.nodes() + self.groups.len() * (3 + self.nodes()) + 2 * self.nodes()
     }
@@ -93,6 +136,18 @@ impl EnergyBinning {
     pub(crate) fn blocks_of(&self, rows: &Range<i32>) -> Range<i64> {
         let block = |row: i32| i64::from(row).div_euclid(self.lattice.alike_rows.into());
         block(rows.start)..block((rows.end - 1).max(rows.start)) + 1
+    }
+}
+
+/// The row of a cell of a rectangle.
+fn row_of(it: &RepeatedRectangle) -> CellRow {
+    CellRow {
+        column: it.column,
+        row: it.row,
+        top: it.z_low,
+        bottom: it.z_high,
+        rows: 1,
+        ..CellRow::zeroed()
     }
 }
 

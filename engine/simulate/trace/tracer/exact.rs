@@ -65,7 +65,7 @@ impl Tracer {
     ///
     /// # Errors
     /// As [`Tracer::trace`].
-    pub fn walk_at_nodes(&mut self, rays: &[Vec<Ray>]) -> Result<Vec<Vec<RayResult>>> {
+    pub fn walk_at_nodes(&self, rays: &[Vec<Ray>]) -> Result<Vec<Vec<RayResult>>> {
         let each = |(node, of_node): (usize, &Vec<Ray>)| {
             (0..of_node.len()).map(move |place| (node, place)).collect::<Vec<_>>()
         };
