@@ -29,3 +29,4 @@ pub mod silhouettes;
 pub mod stack;
 pub mod surfaces;
 pub mod vector;
+pub mod waves;
