@@ -30,29 +30,24 @@ impl Outline {
         }
     }
 
-    /// Path length along y between the ends, m.
-    pub fn length(&self, x: f64) -> f64 {
-        match *self {
-            Self::Cylinder { centre, radius } => {
-                let from = (x - centre).abs();
-                2.0 * ((radius - from).max(0.0) * (radius + from)).sqrt()
-            }
-            Self::Slab { thickness, .. } => thickness,
-            Self::Wedge { low, slope, .. } => slope * (x - low),
-        }
-    }
-
-    /// Derivative of the path length between the ends.
-    pub fn slope(&self, x: f64) -> f64 {
+    /// Path length along y (m) and its derivative, between the ends.
+    pub fn path(&self, x: f64) -> [f64; 2] {
         match *self {
             Self::Cylinder { centre, radius } => {
                 let from = x - centre;
-                -2.0 * from / ((radius - from.abs()) * (radius + from.abs())).sqrt()
+                let half = ((radius - from.abs()).max(0.0) * (radius + from.abs())).sqrt();
+                [2.0 * half, -2.0 * from / half]
             }
-            Self::Slab { .. } => 0.0,
-            Self::Wedge { slope, .. } => slope,
+            Self::Slab { thickness, .. } => [thickness, 0.0],
+            Self::Wedge { low, slope, .. } => [slope * (x - low), slope],
         }
     }
+}
+
+/// Slice of a sphere at a height z above its centre: a line along x sees a cylinder.
+pub fn slice(centre: f64, radius: f64, height: f64) -> Option<Outline> {
+    let square = radius * radius - height * height;
+    (square > 0.0).then(|| Outline::Cylinder { centre, radius: square.sqrt() })
 }
 
 /// Parallel cylinders of one radius with uniform random centres between `low` and `high`.

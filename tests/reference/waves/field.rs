@@ -75,21 +75,19 @@ impl Grid {
         field
     }
 
-    /// Multiplies a field in the plane of the mask by exp(−τ/2 − ikδL) of a sample that is seen from a
-    /// source at `source`.
-    pub fn cross(&self, field: &mut [Complex<f64>], setup: &Setup, sample: &[Body], source: f64) {
-        let mut exponent = vec![Complex::ZERO; self.count];
+    /// Amplitude exp(−τ/2 − ikδL) behind a sample that is seen from a source at `source` (m).
+    pub fn through(&self, setup: &Setup, sample: &[Body], source: f64) -> Vec<Complex<f64>> {
+        let mut values = vec![Complex::ZERO; self.count];
         for body in sample {
             let constants = Complex::new(-0.5 * body.mu, -setup.wavenumber() * body.delta);
             let [low, high] = body.outline.ends().map(|x| setup.in_mask(x, source));
             for i in self.samples(low, high) {
                 let x = setup.in_sample(self.x(i), source);
-                exponent[i] += constants * body.outline.length(x);
+                values[i] += constants * body.outline.path(x)[0];
             }
         }
-        for (value, exponent) in field.iter_mut().zip(exponent) {
-            *value *= exponent.exp();
-        }
+        values.iter_mut().for_each(|value| *value = value.exp());
+        values
     }
 
     /// Propagates a field over an effective distance (m).
@@ -112,32 +110,25 @@ impl Grid {
         Self::transform(field, FftDirection::Inverse);
     }
 
-    /// Intensity at the analyser of a point source at `source` (m), by two propagations where mask and
-    /// sample are apart. Places are seen from that source, without its displacement.
+    /// Intensity at the analyser of a point source, by two propagations where mask and sample are apart;
+    /// `sample` is its amplitude. Places are seen from that source, without its displacement.
     pub fn intensity(
         &self,
         setup: &Setup,
         slits: Option<&Slits>,
-        sample: &[Body],
-        source: f64,
+        sample: &[Complex<f64>],
     ) -> Vec<f64> {
         let open = || vec![Complex::ONE; self.count];
         let mask = slits.map_or_else(open, |slits| self.behind(slits));
-        let between = setup.effective(setup.mask, setup.sample);
-        let mut field = mask;
-        if setup.sample >= setup.mask {
-            self.propagate(&mut field, setup.wavelength, between);
-            self.cross(&mut field, setup, sample, source);
-            let behind = setup.effective(setup.sample, setup.analyser);
-            self.propagate(&mut field, setup.wavelength, behind);
+        let (mut field, second, planes) = if setup.sample >= setup.mask {
+            (mask, sample, [setup.mask, setup.sample])
         } else {
-            let mut light = open();
-            self.cross(&mut light, setup, sample, source);
-            self.propagate(&mut light, setup.wavelength, -between);
-            field.iter_mut().zip(light).for_each(|(value, light)| *value *= light);
-            let behind = setup.effective(setup.mask, setup.analyser);
-            self.propagate(&mut field, setup.wavelength, behind);
-        }
+            (sample.to_vec(), &mask[..], [setup.sample, setup.mask])
+        };
+        self.propagate(&mut field, setup.wavelength, setup.effective(planes[0], planes[1]));
+        field.iter_mut().zip(second).for_each(|(value, second)| *value *= second);
+        let behind = setup.effective(planes[1], setup.analyser);
+        self.propagate(&mut field, setup.wavelength, behind);
         field.iter().map(Complex::norm_sqr).collect()
     }
 }

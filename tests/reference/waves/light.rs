@@ -1,5 +1,6 @@
 //! Light of windows: intensity blurred by the focal spot, and curves over offsets of the sample mask.
 
+use super::super::normal::nodes;
 use super::body::Body;
 use super::field::Grid;
 use super::setup::{Setup, Slits, Spot, Window};
@@ -76,9 +77,10 @@ impl Case<'_> {
     /// Light of windows about `centres` (analyser, m) at each offset of the mask:
     /// `[offset][centre]`, 1 for the open beam. The spot is a blur at the analyser.
     pub fn curves(&self, grid: Grid, centres: &[f64], offsets: &[f64]) -> Vec<Vec<f64>> {
+        let sample = grid.through(self.setup, self.sample, 0.0);
         let at = |&offset: &f64| {
             let slits = self.slits.map(|slits| slits.moved(offset));
-            let intensity = grid.intensity(self.setup, slits.as_ref(), self.sample, 0.0);
+            let intensity = grid.intensity(self.setup, slits.as_ref(), &sample);
             let light = Light::blurred(grid, self.setup, &intensity, &self.setup.spot);
             centres.iter().map(|&c| light.seen(self.setup, &self.window, c)).collect()
         };
@@ -90,18 +92,30 @@ impl Case<'_> {
         self.curves(grid, &[0.0], offsets).into_iter().flatten().collect()
     }
 
-    /// Light as by `curves`, the field computed for `count` points of each Gaussian of the spot: the
-    /// sample moves against a mask of another plane as it is seen from them.
-    pub fn by_source_points(&self, grid: Grid, centres: &[f64], count: usize) -> Vec<f64> {
-        let mut sums = vec![0.0; centres.len()];
-        for spot in &self.setup.spot {
-            for (from, weight) in super::super::normal::nodes(spot.sigma, count, 6.0) {
-                let source = spot.centre + from;
-                let point = [Spot { weight: spot.weight * weight, centre: source, sigma: 0.0 }];
-                let intensity = grid.intensity(self.setup, self.slits, self.sample, source);
+    /// Light as by `curves`, from `count` points of each Gaussian of the spot: a sample that is not in
+    /// the plane of the mask moves against the mask as it is seen from them. Points need to be so dense
+    /// that their fringes (period λz/a for an aperture a) add to a blur: 12 σ (M − 1)/M < `count` λz/a.
+    pub fn by_source_points(
+        &self,
+        grid: Grid,
+        centres: &[f64],
+        offsets: &[f64],
+        count: usize,
+    ) -> Vec<Vec<f64>> {
+        let mut sums = vec![vec![0.0; centres.len()]; offsets.len()];
+        let points = self.setup.spot.iter().flat_map(|spot| {
+            let nodes = nodes(spot.sigma, count, 6.0).into_iter();
+            nodes.map(|(from, weight)| (spot.weight * weight, spot.centre + from))
+        });
+        for (weight, centre) in points {
+            let point = [Spot { weight, centre, sigma: 0.0 }];
+            let sample = grid.through(self.setup, self.sample, centre);
+            for (row, &offset) in sums.iter_mut().zip(offsets) {
+                let slits = self.slits.map(|slits| slits.moved(offset));
+                let intensity = grid.intensity(self.setup, slits.as_ref(), &sample);
                 let light = Light::blurred(grid, self.setup, &intensity, &point);
-                for (sum, &centre) in sums.iter_mut().zip(centres) {
-                    *sum += light.seen(self.setup, &self.window, centre);
+                for (sum, &at) in row.iter_mut().zip(centres) {
+                    *sum += light.seen(self.setup, &self.window, at);
                 }
             }
         }

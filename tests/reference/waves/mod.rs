@@ -10,6 +10,8 @@
 //! - `body.rs`: path lengths of cylinders and slabs
 //! - `field.rs`: grids and propagation by FFT
 //! - `light.rs`: blur by the spot, light of windows, curves
+//! - `plane.rs`: fields of two dimensions, for spheres
+//! - `row.rs`: pixels of a row, as a detector has them
 //! - `rays.rs`: the same curves by rays
 //! - `fresnel.rs`: Fresnel integrals of slits, a second method
 
@@ -17,7 +19,9 @@ pub mod body;
 pub mod field;
 pub mod fresnel;
 pub mod light;
+pub mod plane;
 pub mod rays;
+pub mod row;
 pub mod setup;
 
 #[cfg(test)]

@@ -1,7 +1,8 @@
 //! The same curves by rays: straight lines to the sample, displaced at the analyser by their angle.
 //!
-//! Between two rims x = m + h sin t, so that slopes that grow as d^(-1/2) towards a rim are smooth in
-//! t: rays at every distance from a rim count, as far as their light lands in the window.
+//! Slopes grow as d^(-1/2) towards a rim. Between two rims rays are so dense at both that the light of
+//! a window converges: rays at every distance from a rim count, down to femtometres, and bend as the
+//! formula of rays has it. A line of uniform rays omits the nearest ones and errs by 1e-4 of the light.
 
 use super::super::closed_form::blurred_overlap;
 use super::super::normal::cumulative;
@@ -25,8 +26,7 @@ pub fn seen(setup: &Setup, window: &Window, centre: f64, x: f64) -> f64 {
     window.boxes().map(part).iter().sum()
 }
 
-/// Exact light of a window about `centre` without a sample, for opaque bars or a mask of one opening
-/// with bars that leak towards both sides.
+/// Exact light of a window about `centre` without a sample; bars that leak have no end.
 pub fn flat(case: &Case<'_>, centre: f64, offset: f64) -> f64 {
     let (setup, m) = (case.setup, case.setup.magnification());
     let bars = case.slits.map_or(1.0, |slits| slits.bars.norm_sqr());
@@ -79,24 +79,38 @@ struct Ray {
     weight: f64,
 }
 
+/// Places in −1..1 and weights (sum 2): x = sin(π/4 (3s − s³)), s at the middles of `count` parts.
+fn nodes(count: u32) -> Vec<[f64; 2]> {
+    let node = |i| {
+        let s = (2.0 * f64::from(i) + 1.0) / f64::from(count) - 1.0;
+        let (sin, cos) = (0.25 * PI * (3.0 * s - s * s * s)).sin_cos();
+        [sin, cos * (1.0 - s * s)]
+    };
+    let nodes: Vec<[f64; 2]> = (0..count).map(node).collect();
+    let total: f64 = nodes.iter().map(|node| node[1]).sum();
+    nodes.iter().map(|[x, weight]| [*x, 2.0 * weight / total]).collect()
+}
+
 /// Rays between neighbouring `ends` (sorted), `count` to a piece.
 fn trace(setup: &Setup, sample: &[Body], ends: &[f64], count: u32) -> Vec<Ray> {
+    assert!(setup.sample >= setup.mask, "rays are named by their place in the mask");
     let lever = (setup.analyser - setup.sample) / setup.magnification();
-    let sorted = Sorted::new(sample);
-    let step = PI / f64::from(count);
-    let mut rays = Vec::with_capacity(ends.len() * count as usize);
+    let (sorted, nodes) = (Sorted::new(sample), nodes(count));
+    let mut rays = Vec::with_capacity(ends.len() * nodes.len());
     for piece in ends.windows(2) {
         let (middle, half) = (0.5 * (piece[0] + piece[1]), 0.5 * (piece[1] - piece[0]));
         let over = sorted.over(setup.in_sample(middle, 0.0));
-        for i in 0..count {
-            let (sin, cos) = ((f64::from(i) + 0.5) * step - 0.5 * PI).sin_cos();
-            let start = middle + half * sin;
+        for [place, weight] in &nodes {
+            let start = middle + half * place;
             let x = setup.in_sample(start, 0.0);
-            let depth: f64 = over.iter().map(|body| body.mu * body.outline.length(x)).sum();
-            let angle: f64 = over.iter().map(|body| -body.delta * body.outline.slope(x)).sum();
-            // The integral of dx = h cos t dt, exact for a constant.
-            let share = half * cos * 2.0 * (0.5 * step).sin();
-            rays.push(Ray { start, end: start + lever * angle, weight: share * (-depth).exp() });
+            let (mut depth, mut angle) = (0.0, 0.0);
+            for body in &over {
+                let [length, slope] = body.outline.path(x);
+                depth += body.mu * length;
+                angle -= body.delta * slope;
+            }
+            let weight = half * weight * (-depth).exp();
+            rays.push(Ray { start, end: start + lever * angle, weight });
         }
     }
     rays

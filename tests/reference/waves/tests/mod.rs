@@ -1,7 +1,11 @@
 //! Waves against Fresnel integrals, closed forms and values of other programs.
 
+mod bodies;
 mod flats;
 mod fresnel;
+mod planes;
+mod spheres;
+mod stacks;
 
 use super::field::Grid;
 use super::light::Case;
