@@ -28,4 +28,5 @@ mod spot_forms;
 mod spots;
 mod transport;
 mod view_offsets;
+mod waves;
 mod worst;
