@@ -41,6 +41,10 @@ shared_structs! {
     pub struct WaveBeamlet in WaveBeamlets(readonly) {
         pub low: f32,
         pub high: f32,
+        /// Narrowing of the aperture on either side by a mask offset, share of the offset.
+        pub tilt: f32,
+        /// Variance of soft edges of both masks.
+        pub variance: f32,
         /// Index of its first pixel among the rows of the table of responses.
         pub first_target: u32,
         pub target_count: u32,
@@ -53,6 +57,8 @@ shared_structs! {
         pub targets: u64 => Words,
         /// `[row][shear]`: effect of a frequency on a pixel.
         pub responses: u64 => WavePairs,
+        /// `[shear]`: motion of the sample against the mask by the focal spot, in cells.
+        pub motions: u64 => WavePairs,
         /// Rays of a line, even.
         pub rays: u32,
         /// Number of shears, 0 included.

@@ -27,6 +27,11 @@ struct Shear {
     uint first_sum;
 };
 
+// Frequency per cell.
+float cycles_per_cell(WaveParams params, Shear shear) {
+    return float(shear.index * params.turn) * 2.3283064365386963e-10;
+}
+
 // Product of the rays of a pair, turned by the frequency from the first ray of the line.
 vec2 product(WaveParams params, WaveLine line, Shear shear, uint i) {
     uint whole = i * shear.index * params.turn;
@@ -74,23 +79,37 @@ vec2 sum_of(Shear shear, uint pairs) {
     return totals[(pairs - 1u) / shear.each] + vec2(sum.re, sum.im);
 }
 
-// Integral up to a place, in cells from the low end of the first pair. `cycles`: frequency per cell; the part of a
-// cell has the phase of its own middle.
-vec2 integral(Shear shear, float cycles, float place) {
+// Integral up to a place, and product there.
+struct End {
+    vec2 sum;
+    vec2 value;
+};
+
+// End of an integral, in cells from the low end of the first pair. `cycles`: frequency per cell; the part of a cell
+// has the phase of its own middle.
+End end_at(Shear shear, float cycles, float place) {
     float at = clamp(place, 0.0, float(shear.count));
     uint whole = min(uint(at), shear.count - 1u);
     vec2 below = sum_of(shear, whole);
     float part = at - float(whole);
     vec2 own = sum_of(shear, whole + 1u) - below;
-    return below + part * times(own, turned(0.5 * (1.0 - part) * cycles));
+    return End(below + part * times(own, turned(0.5 * (1.0 - part) * cycles)),
+               times(own, turned((0.5 - part) * cycles)));
 }
 
-// Integral over middles of pairs from `low` to `high`, in cells from the centre of the line.
+// Integral over middles of pairs from `low` to `high`, in cells from the centre of the line. The sample moves against
+// the mask as the focal spot sees it: to first order by the derivative of its product, without the phase of the
+// frequency, which the blur of the spot has.
 vec2 between(WaveParams params, Shear shear, float low, float high) {
     if (!(high > low) || shear.count == 0u) return vec2(0.0);
     float begin = 0.5 * float(shear.count);
-    float cycles = float(shear.index * params.turn) * 2.3283064365386963e-10;
-    return integral(shear, cycles, high + begin) - integral(shear, cycles, low + begin);
+    float cycles = cycles_per_cell(params, shear);
+    End from = end_at(shear, cycles, low + begin);
+    End to = end_at(shear, cycles, high + begin);
+    vec2 sum = to.sum - from.sum;
+    WavePair motion = params.motions.at[shear.index];
+    vec2 change = to.value - from.value + 6.283185307179586 * cycles * vec2(-sum.y, sum.x);
+    return sum + times(vec2(motion.re, motion.im), change);
 }
 
 // Transform of the light behind the mask: amplitude 1 in apertures, of the bars beside them.
@@ -134,9 +153,13 @@ void main() {
         Shear shear = Shear(j, count, (count + GROUP - 1u) / GROUP, dispatched * params.rays);
         sum_products(params, line, shear);
         if (has) {
-            vec2 found = transform(params, shear, beamlet.low + offset, beamlet.high + offset);
+            float tilt = beamlet.tilt * offset;
+            vec2 found = transform(params, shear, beamlet.low + offset + tilt,
+                                   beamlet.high + offset - tilt);
             WavePair effect = params.responses.at[response + j];
-            light += found.x * effect.re - found.y * effect.im;
+            float turns = 6.283185307179586 * cycles_per_cell(params, shear);
+            float soft = exp(-0.5 * turns * turns * beamlet.variance);
+            light += soft * (found.x * effect.re - found.y * effect.im);
         }
         // The next sums replace these.
         barrier();

@@ -1,5 +1,6 @@
 //! Pixels that see a beamlet, and the response of each to a frequency.
 
+use super::bars::Bars;
 use super::frequencies::{Frequencies, PERIODS};
 use crate::sampling::Lattice;
 use beamlet_core::numbers::{self, single};
@@ -11,6 +12,8 @@ use std::ops::Range;
 
 /// Places that differ by less are one, m.
 const SAME: f64 = 1e-12;
+/// Least mean over the images of the focal spot that has a motion.
+const LEAST_SEEN: f64 = 1e-7;
 
 /// Windows of a pixel from the centre of a beamlet, in the plane of the sample mask, m: openings of the detector
 /// mask, behind them the pixel.
@@ -31,14 +34,16 @@ pub(super) struct Columns {
 }
 
 impl Columns {
-    pub(super) fn of(optics: &Optics, lattice: &Lattice) -> Self {
+    /// Pixels at an energy; `bars`: of the detector mask.
+    pub(super) fn of(optics: &Optics, lattice: &Lattice, bars: Option<&Bars>) -> Self {
         let width = optics.detector.pitch_at(0, optics.cell_plane);
         let count = optics.detector.pixels[0];
         let left = |column: u32| (f64::from(column) - optics.detector.half(0)) * width;
         let reach = 0.5 * PERIODS * lattice.period;
         let beamlets =
             lattice.beamlet_at(left(0) - reach)..lattice.beamlet_at(left(count) + reach) + 1;
-        let openings: Vec<Windows> = (0..count).map(|column| windows(optics, column)).collect();
+        let openings: Vec<Windows> =
+            (0..count).map(|column| windows(optics, bars, column)).collect();
         let mut known: HashMap<Vec<i64>, u32> = HashMap::new();
         let mut made = Self {
             beamlets: beamlets.clone(),
@@ -104,32 +109,71 @@ impl Columns {
 }
 
 /// Windows of a column from the optical axis, in the plane of the sample mask, m.
-fn windows(optics: &Optics, column: u32) -> Windows {
+fn windows(optics: &Optics, bars: Option<&Bars>, column: u32) -> Windows {
     let width = optics.detector.pitch_at(0, optics.cell_plane);
     let left = f64::from(column) - optics.detector.half(0);
-    let mut parts = optics.windows_of_column(column);
-    parts.push([left, left + 1.0]);
-    parts.into_iter().map(|ends| ends.map(|end| end * width)).collect()
+    let pixel = [left, left + 1.0].map(|end| end * width);
+    let opening = |ends: [f64; 2]| {
+        let open = ends.map(|end| end * width);
+        let narrowed = bars.map_or(open, |bars| bars.narrowed(open));
+        // Borders of the pixel have no bar.
+        let is_border = |end: f64, border: f64| (end - border).abs() < SAME;
+        [
+            if is_border(open[0], pixel[0]) { open[0] } else { narrowed[0] },
+            if is_border(open[1], pixel[1]) { open[1] } else { narrowed[1] },
+        ]
+    };
+    let mut parts: Windows = optics.windows_of_column(column).into_iter().map(opening).collect();
+    parts.push(pixel);
+    parts
 }
 
 /// Part of a response that all windows share: step of frequency and length, mean over a cell, blur and images of the
 /// focal spot, and the phase of the first pair.
 fn shared_response(optics: &Optics, of: &Frequencies, rays: u32, index: u32) -> [f64; 2] {
     let (f, spacing) = (of.at(index), of.spacing);
-    let shrink = 1.0 - optics.cell_plane / optics.analyser;
-    let mut spot = [0.0; 2];
-    for part in optics.spot.placed() {
-        let exponent = -0.5 * (TAU * f * part.deviation[0] * shrink).powi(2);
-        // The image of a source to the right moves to the left.
-        let turned = turn(f * part.offset[0] * shrink);
-        let seen = times_real(turned, part.share * libm::exp(exponent));
-        spot = [spot[0] + seen[0], spot[1] + seen[1]];
-    }
+    let [spot, _] = images(optics, f);
     let pairs = f64::from(of.pairs) * f64::from(index);
     let first = spacing * (0.5 - 0.5 * f64::from(rays) + 0.5 * pairs);
     let twice = if index == 0 { 1.0 } else { 2.0 };
     let cell = interval([-0.5 * spacing, 0.5 * spacing], f)[0];
     times_real(times(spot, turn(-f * first)), twice * of.at(1) * cell)
+}
+
+/// Mean of exp(2πifs) over the images s of the focal spot, and the mean of that times the motion of the sample
+/// against the mask, m.
+fn images(optics: &Optics, f: f64) -> [[f64; 2]; 2] {
+    let shrink = 1.0 - optics.cell_plane / optics.analyser;
+    let sample = optics.analyser - optics.lever_arm;
+    let motion = -(sample - optics.cell_plane) / sample;
+    let mut sums = [[0.0; 2]; 2];
+    for part in optics.spot.placed() {
+        let (offset, deviation) = (part.offset[0], part.deviation[0]);
+        let exponent = -0.5 * (TAU * f * deviation * shrink).powi(2);
+        // The image of a source to the right moves to the left.
+        let seen = times_real(turn(f * offset * shrink), part.share * libm::exp(exponent));
+        let mean = [offset, TAU * f * shrink * deviation * deviation];
+        let moved = times_real(times(seen, mean), motion);
+        sums = [
+            [sums[0][0] + seen[0], sums[0][1] + seen[1]],
+            [sums[1][0] + moved[0], sums[1][1] + moved[1]],
+        ];
+    }
+    sums
+}
+
+/// Motion of the sample against the mask at each frequency, in spacings, over the mean of the images.
+pub(super) fn motions(optics: &Optics, of: &Frequencies) -> Vec<WavePair> {
+    let motion = |j: u32| {
+        let [seen, moved] = images(optics, of.at(j));
+        let square = seen[0] * seen[0] + seen[1] * seen[1];
+        if square < LEAST_SEEN * LEAST_SEEN {
+            return WavePair { re: 0.0, im: 0.0 };
+        }
+        let ratio = times(moved, [seen[0], -seen[1]]).map(|it| it / square / of.spacing);
+        WavePair { re: single(ratio[0]), im: single(ratio[1]) }
+    };
+    (0..of.count).map(motion).collect()
 }
 
 /// exp(2πi cycles).

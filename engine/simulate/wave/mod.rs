@@ -1,11 +1,12 @@
 //! Light by waves: uniform lines of rays along x in place of cells (docs/waves.md).
 //!
-//! In the order of the data flow: `refusal` names what waves do not compute; `frequencies` has the spacing of a
+//! In the order of the data flow: `refusal` names scenes that waves do not compute; `bars` has the apertures of masks, `frequencies` the spacing of a
 //! line and its shears by energy, `columns` the pixels of each beamlet with their response to a frequency; `plan`
 //! holds both on the device. `lines` traces lines and makes their light, `patch` chooses the heights of the lines
 //! of a beamlet and row, `band` adds light to rows of pixels.
 
 mod band;
+mod bars;
 mod columns;
 mod frequencies;
 mod kernels;

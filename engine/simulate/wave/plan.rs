@@ -1,14 +1,16 @@
 //! Lines of a scene on the device: frequencies of each energy, pixels and responses of each beamlet.
 
-use super::columns::Columns;
+use super::bars::Bars;
+use super::columns::{Columns, motions};
 use super::frequencies::{Frequencies, spacing, wavelength};
 use crate::sampling::Lattice;
 use beamlet_core::numbers::{self, single};
 use beamlet_core::{Error, Result};
 use beamlet_gpu::{Buffer, Device};
 use beamlet_interface::{Address, WaveBeamlet, WaveMaterial, WaveParams};
+use beamlet_model::material::Constants;
 use beamlet_model::media::MaterialTable;
-use beamlet_model::optics::{Mask, MaskShape, Optics};
+use beamlet_model::optics::Optics;
 use beamlet_model::scene::Scene;
 use std::ops::Range;
 use std::sync::Arc;
@@ -46,47 +48,126 @@ pub(crate) struct WavePlan {
     _buffers: Vec<Buffer>,
 }
 
-/// Apertures of the sample mask in its plane, m.
-#[derive(Debug, Clone, Copy)]
-struct Apertures {
-    period: f64,
-    ends: [f64; 2],
-    /// Width of the bars.
-    bar: f64,
-    /// Farthest edge from the centre of a beamlet at any offset.
-    farthest: f64,
+/// Masks and frequencies at an energy.
+struct Energy {
+    sample: Bars,
+    detector: Option<Bars>,
+    frequencies: Frequencies,
+    /// Share of the light.
+    share: f64,
 }
 
-impl Apertures {
-    fn of(optics: &Optics, mask: &Mask) -> Self {
-        let openings = mask.openings(optics.cell_plane);
-        let ends = openings.ends().next().unwrap_or([0.0; 2]);
-        let offsets = optics.offsets.lists().iter().flatten();
-        let farthest = |f: &f64| ends.map(|end| (end + f).abs()).into_iter().fold(0.0, f64::max);
-        let farthest = offsets.map(farthest).fold(0.0, f64::max);
-        Self { period: openings.period[0], ends, bar: openings.bar(), farthest }
-    }
-
-    /// Largest shear of pairs that pass, m.
-    fn widest(&self, leaks: bool) -> f64 {
-        if leaks { self.period } else { self.ends[1] - self.ends[0] }
-    }
-
-    /// Half of a line, m: pairs of a beamlet lie on it. `shear`: the largest.
-    fn reach(&self, leaks: bool, shear: f64) -> f64 {
-        match leaks {
-            true => self.farthest.max(0.5 * self.period) + shear,
-            false if shear > self.bar => self.farthest + shear,
-            false => self.farthest,
+impl Energy {
+    fn of(
+        scene: &Scene,
+        optics: &Optics,
+        (energy, share): (f64, f64),
+        spacing: f64,
+    ) -> Result<Option<Self>> {
+        let Some(mask) = &optics.sample_mask else { return Ok(None) };
+        let sample = Bars::of(scene, optics, mask, energy)?;
+        let detector = optics.detector_mask.as_ref();
+        let detector = detector.map(|mask| Bars::of(scene, optics, mask, energy)).transpose()?;
+        let [low, high] = sample.ends;
+        let widest = if sample.leak > 0.0 { sample.period } else { high - low };
+        let wavelength = wavelength(energy);
+        let frequencies = Frequencies::of(optics, spacing, wavelength, sample.period, widest);
+        if frequencies.count > MOST_FREQUENCIES {
+            return refuse(format!("{} frequencies", frequencies.count));
         }
+        Ok(Some(Self { sample, detector, frequencies, share }))
+    }
+
+    /// Half of a line, m: pairs of a beamlet lie on it. `offsets`: of the sample mask.
+    fn reach(&self, offsets: &[f64]) -> f64 {
+        let farthest =
+            |f: &f64| self.sample.ends.map(|end| (end + f).abs()).into_iter().fold(0.0, f64::max);
+        let farthest = offsets.iter().map(farthest).fold(0.0, f64::max);
+        let shear = self.frequencies.largest_shear();
+        match self.sample.leak > 0.0 {
+            true => farthest.max(0.5 * self.sample.period) + shear,
+            false if shear > self.sample.bar() => farthest + shear,
+            false => farthest,
+        }
+    }
+
+    /// Records of the beamlets.
+    fn beamlets(&self, columns: &Columns, lattice: &Lattice) -> Vec<WaveBeamlet> {
+        let cells = 1.0 / self.frequencies.spacing;
+        let mut first_target = 0;
+        let record = |(beamlet, (_, target_count)): (i64, &(u32, u32))| {
+            let centre = lattice.centre(beamlet);
+            let narrowed = self.sample.narrowed(self.sample.ends.map(|end| centre + end));
+            let [low, high] = narrowed.map(|end| single((end - centre) * cells));
+            let variance = self.sample.variance(centre)
+                + self.detector.map_or(0.0, |bars| bars.variance(centre));
+            let record = WaveBeamlet {
+                low,
+                high,
+                tilt: single(self.sample.tilt(centre)),
+                variance: single(variance * cells * cells),
+                first_target,
+                target_count: *target_count,
+            };
+            first_target += target_count;
+            record
+        };
+        columns.beamlets.clone().zip(&columns.pixels).map(record).collect()
+    }
+
+    /// Refuses bars with edges that are not one soft edge.
+    fn check(&self, optics: &Optics, tolerance: f64) -> Result<()> {
+        let shrink = 1.0 - optics.cell_plane / optics.analyser;
+        let blur = optics.spot.narrowest(0) * shrink;
+        let farthest =
+            0.5 * optics.detector.extent(0) * optics.cell_plane / optics.detector.distance;
+        let masks = [Some(&self.sample), self.detector.as_ref()];
+        masks.into_iter().flatten().try_for_each(|bars| bars.check(farthest, blur, tolerance))
+    }
+
+    /// Uploads the tables of this energy.
+    fn params(
+        &self,
+        device: &Arc<Device>,
+        (optics, lattice): (&Optics, &Lattice),
+        columns: &Columns,
+        rays: u32,
+        buffers: &mut Vec<Buffer>,
+    ) -> Result<WaveParams> {
+        let (of, sample) = (&self.frequencies, &self.sample);
+        let leak = self.detector.map_or(0.0, |bars| bars.leak);
+        let beamlets = device.upload("beamlets of lines", &self.beamlets(columns, lattice))?;
+        let targets = device.upload("pixels of beamlets", &columns.windows_of)?;
+        let responses = columns.responses(optics, of, rays, [self.share, leak]);
+        let responses = device.upload("responses of pixels", &responses)?;
+        let motions = device.upload("motions of the sample", &motions(optics, of))?;
+        let params = WaveParams {
+            beamlets: beamlets.address(),
+            targets: targets.address(),
+            responses: responses.address(),
+            motions: motions.address(),
+            rays,
+            shears: of.count,
+            pairs: of.pairs,
+            turn: of.turn,
+            target_stride: columns.most,
+            neighbours: numbers::whole((of.largest_shear() / sample.bar()).min(8.0)),
+            mask_shear: single(of.mask_shear / of.spacing),
+            period: single(sample.period / of.spacing),
+            cells: single(1.0 / of.spacing),
+            frequency: single(of.at(1)),
+            bars: single(sample.leak.sqrt()),
+        };
+        buffers.extend([beamlets, targets, responses, motions]);
+        Ok(params)
     }
 }
 
 impl WavePlan {
-    /// Plans lines at a tolerance (share of open beam).
+    /// Plans the lines of a scene; none without a sample mask.
     ///
     /// # Errors
-    /// [`Error::Scene`] where lines would have too many rays; as [`MaskShape::of`].
+    /// [`Error::Scene`] where lines would have too many rays or masks are not described by waves.
     pub(crate) fn new(
         device: &Arc<Device>,
         scene: &Scene,
@@ -94,59 +175,22 @@ impl WavePlan {
         lattice: &Lattice,
         media: &MaterialTable,
     ) -> Result<Option<Self>> {
-        let Some(mask) = &optics.sample_mask else { return Ok(None) };
         let tolerance = scene.sampling.tolerances().light;
-        let apertures = Apertures::of(optics, mask);
-        let spacing = spacing(optics, &media.energies, apertures.period, tolerance);
-        let leaks: Vec<[f64; 2]> = media
-            .energies
-            .iter()
-            .map(|energy| {
-                let leak = |mask: &Option<Mask>| match mask {
-                    None => Ok(0.0),
-                    Some(mask) => MaskShape::of(scene, mask, mask.distance(), Some(*energy))
-                        .map(|it| it.leak(1.0)),
-                };
-                Ok([leak(&optics.sample_mask)?, leak(&optics.detector_mask)?])
-            })
-            .collect::<Result<_>>()?;
-        let frequencies: Vec<Frequencies> = media
-            .energies
-            .iter()
-            .zip(&leaks)
-            .map(|(energy, [leak, _])| {
-                let widest = apertures.widest(*leak > 0.0);
-                Frequencies::of(optics, spacing, wavelength(*energy), apertures.period, widest)
-            })
-            .collect();
-        let rays = rays_of(&apertures, &frequencies, &leaks)?;
-        let columns = Columns::of(optics, lattice);
-        let mut buffers = vec![
-            device.upload("beamlets of lines", &beamlets(&columns, &apertures, spacing))?,
-            device.upload("pixels of beamlets", &columns.windows_of)?,
-        ];
+        let spacing = spacing(optics, &media.energies, lattice.period, tolerance);
+        let nodes = media.energies.iter().copied().zip(media.weights.iter().copied());
+        let energies = nodes.map(|node| Energy::of(scene, optics, node, spacing));
+        let energies: Option<Vec<Energy>> = energies.collect::<Result<_>>()?;
+        let Some(energies) = energies else { return Ok(None) };
+        let rays = rays_of(optics, &energies)?;
+        let mut buffers = Vec::new();
         let mut params = Vec::new();
-        for ((of, leaks), share) in frequencies.iter().zip(&leaks).zip(&media.weights) {
-            let responses = columns.responses(optics, of, rays, [*share, leaks[1]]);
-            let responses = device.upload("responses of pixels", &responses)?;
-            params.push(WaveParams {
-                beamlets: buffers[0].address(),
-                targets: buffers[1].address(),
-                responses: responses.address(),
-                rays,
-                shears: of.count,
-                pairs: of.pairs,
-                turn: of.turn,
-                target_stride: columns.most,
-                neighbours: numbers::whole((of.largest_shear() / apertures.bar).min(8.0)),
-                mask_shear: single(of.mask_shear / spacing),
-                period: single(apertures.period / spacing),
-                cells: single(1.0 / spacing),
-                frequency: single(of.at(1)),
-                bars: single(leaks[0].sqrt()),
-            });
-            buffers.push(responses);
+        for energy in &energies {
+            energy.check(optics, tolerance)?;
+            let columns = Columns::of(optics, lattice, energy.detector.as_ref());
+            params.push(energy.params(device, (optics, lattice), &columns, rays, &mut buffers)?);
         }
+        let columns = Columns::of(optics, lattice, None);
+        let first = optics.spot.placed().first().map_or(0.0, |part| part.offset[1]);
         Ok(Some(Self {
             beamlets: columns.beamlets,
             pixels: columns.pixels,
@@ -156,11 +200,7 @@ impl WavePlan {
             energies: numbers::count(params.len()),
             materials: numbers::count(media.names.len()),
             lever: optics.lever_arm,
-            row_shift: optics
-                .spot
-                .placed()
-                .first()
-                .map_or(0.0, |it| optics.rows_of_source(it.offset[1])),
+            row_shift: optics.rows_of_source(first),
             offsets: optics.offsets.lists().to_vec(),
             params: device.upload("lines", &params)?,
             media: device.upload("phases of materials", &materials(optics, media))?,
@@ -180,44 +220,30 @@ impl WavePlan {
     }
 }
 
+fn refuse<T>(found: String) -> Result<T> {
+    let allowed = "a larger tolerance, narrower apertures, less distance or a larger focal spot";
+    Err(Error::scene("sampling.transport", format!("\"wave\" with {found}"), allowed))
+}
+
 /// Rays of a line, an even number.
-fn rays_of(apertures: &Apertures, of: &[Frequencies], leaks: &[[f64; 2]]) -> Result<u32> {
-    let refuse = |found: String| {
-        let allowed =
-            "a larger tolerance, narrower apertures, less distance or a larger focal spot";
-        Err(Error::scene("sampling.transport", found, allowed))
+fn rays_of(optics: &Optics, energies: &[Energy]) -> Result<u32> {
+    let offsets = optics.offsets.lists().concat();
+    let of = |energy: &Energy| {
+        let half = energy.reach(&offsets) / energy.frequencies.spacing;
+        2.0 * (half.ceil() + 1.0)
     };
-    let mut most = 0.0_f64;
-    for (of, [leak, _]) in of.iter().zip(leaks) {
-        if of.count > MOST_FREQUENCIES {
-            return refuse(format!("\"wave\" with {} frequencies", of.count));
-        }
-        let half = apertures.reach(*leak > 0.0, of.largest_shear()) / of.spacing;
-        most = most.max(2.0 * (half.ceil() + 1.0));
-    }
+    let most = energies.iter().map(of).fold(0.0, f64::max);
     if most > MOST_RAYS {
-        return refuse(format!("\"wave\" with {most:.0} rays in a line"));
+        return refuse(format!("{most:.0} rays in a line"));
     }
     Ok(numbers::whole(most))
 }
 
-/// Records of the beamlets.
-fn beamlets(columns: &Columns, apertures: &Apertures, spacing: f64) -> Vec<WaveBeamlet> {
-    let [low, high] = apertures.ends.map(|end| single(end / spacing));
-    let mut first_target = 0;
-    let record = |(_, target_count): &(u32, u32)| {
-        let record = WaveBeamlet { low, high, first_target, target_count: *target_count };
-        first_target += target_count;
-        record
-    };
-    columns.pixels.iter().map(record).collect()
-}
-
 /// Records of the materials by energy.
 fn materials(optics: &Optics, media: &MaterialTable) -> Vec<WaveMaterial> {
-    let of_energy = |(energy, constants): (&f64, &Vec<beamlet_model::material::Constants>)| {
+    let of_energy = |(energy, constants): (&f64, &Vec<Constants>)| {
         let wavelength = wavelength(*energy);
-        let of = |constants: &beamlet_model::material::Constants| {
+        let of = |constants: &Constants| {
             let cycles = constants.delta / wavelength;
             WaveMaterial {
                 cycles: single(cycles),

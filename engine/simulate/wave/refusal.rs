@@ -2,7 +2,7 @@
 
 use beamlet_core::{Error, Result};
 use beamlet_gpu::EngineOptions;
-use beamlet_model::optics::{MaskShape, Optics};
+use beamlet_model::optics::Optics;
 use beamlet_model::scene::{Refine, Scene, Scheme, Transport};
 
 /// Refuses by name what lines of rays along x do not describe.
@@ -26,14 +26,8 @@ pub(crate) fn refuse(scene: &Scene, optics: &Optics, options: &EngineOptions) ->
         let found = format!("the rough object \"{}\"", object.name);
         return wave(&found, "roughness = 0: roughness has no correlation length");
     }
-    let Some(mask) = &optics.sample_mask else {
+    if optics.sample_mask.is_none() {
         return wave("no sample mask", "a scene with a sample mask");
-    };
-    for mask in [Some(mask), optics.detector_mask.as_ref()].into_iter().flatten() {
-        if MaskShape::of(scene, mask, mask.distance(), None)?.thickness > 0.0 {
-            let found = format!("thick bars in {}", mask.name());
-            return wave(&found, "masks with a transmission in place of a material and thickness");
-        }
     }
     let parts = optics.spot.placed();
     let first = parts.first().map(|part| (part.offset[1], part.deviation[1]));

@@ -2,13 +2,19 @@
 
 #![allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "numbers of samples")]
 
+mod bodies;
+mod flats;
+mod limits;
+mod refused;
+mod rows;
+
 use crate::reference::normal::SIGMA_PER_FWHM;
 use crate::reference::waves::body::{Body, Outline};
 use crate::reference::waves::field::Grid;
 use crate::reference::waves::light::Case;
 use crate::reference::waves::row::Row;
 use crate::reference::waves::setup::{Setup, Slits, Window};
-use crate::support::{Worst, engine};
+use crate::support::engine;
 use beamlet::Backend;
 use beamlet::scene::{MaterialSpec, Object, Scene, Shape};
 use beamlet::stack::Stacks;
@@ -77,9 +83,13 @@ const OFFSETS: [f64; 7] = [-12e-6, -3e-6, 0.0, 6.665e-6, 13.335e-6, 20e-6, 28e-6
 impl Masks {
     /// Scene of `columns` pixels whose sample lies `behind` the mask (m).
     fn scene(&self, columns: u32, behind: f64, offsets: &[f64]) -> Scene {
+        Scene::from_toml(&self.text(columns, behind, offsets), ".").expect("a scene")
+    }
+
+    fn text(&self, columns: u32, behind: f64, offsets: &[f64]) -> String {
         let Self { energy, distances: [near, far], spot, sample, detector, leaks } = self;
         let steps: Vec<String> = offsets.iter().map(|it| format!("\"{} um\"", 1e6 * it)).collect();
-        let text = format!(
+        format!(
             "[source]\ndistance = \"{} m\"\nspot = \"{spot} um\"\nenergy = \"{energy} keV\"\n\
              [detector]\ndistance = \"{} m\"\npixels = [{columns}, 1]\npitch = \"{} um\"\n\
              [sample_mask]\ndistance = \"{near} m\"\naperture = \"{} um\"\nperiod = \"{} um\"\n\
@@ -95,8 +105,7 @@ impl Masks {
             detector[0],
             leaks[1],
             steps.join(", ")
-        );
-        Scene::from_toml(&text, ".").expect("a scene")
+        )
     }
 
     fn set_up(&self) -> Setup {
@@ -138,22 +147,6 @@ fn simulate(scene: &Scene, backend: Backend) -> Stacks {
     engine(backend).simulate(scene).expect("stacks")
 }
 
-#[test]
-fn flats_of_thin_masks_match_fft_within_1e_6() {
-    let mut worst = Worst::new("waves, flats of four set-ups", 1e-6);
-    for (name, masks) in &SET_UPS {
-        let want = masks.flat(&OFFSETS);
-        let stacks = simulate(&masks.scene(4, 0.0003, &OFFSETS), Backend::Bvh);
-        for (step, want) in want.iter().enumerate() {
-            for column in 0..4 {
-                let got = f64::from(stacks.flat[[step, 0, column]]);
-                worst.take(got - want, || format!("{name}, step {step}, {column}: {got} {want}"));
-            }
-        }
-    }
-    worst.holds();
-}
-
 /// Adds a cylinder along z: x of its axis and its radius (m).
 fn add_cylinder(scene: &mut Scene, centre: f64, radius: f64, [delta, mu]: [f64; 2]) {
     scene.materials.insert("matter".into(), MaterialSpec::Constants { mu, delta });
@@ -186,69 +179,9 @@ fn both(
     [(0..OFFSETS.len()).map(own).collect(), row.light(&set_up, &sample, 5e-9, &OFFSETS, None)]
 }
 
-#[test]
-fn light_of_single_bodies_matches_fft_within_2e_5() {
-    let mut worst = Worst::new("waves, single bodies", 2e-5);
-    for (centre, radius) in [
-        (50e-6, 2.5e-6),
-        (57e-6, 2.5e-6),
-        (52e-6, 10e-6),
-        (41e-6, 10e-6),
-        (-99e-6, 150e-6),
-        (-93e-6, 150e-6),
-    ] {
-        let [got, want] = both(&REFERENCE, 4, 0.0003, (centre, radius, FIBRE));
-        for (step, (got, want)) in got.iter().zip(&want).enumerate() {
-            for (column, (got, want)) in got.iter().zip(want).enumerate() {
-                let place =
-                    || format!("{centre:e} {radius:e}, step {step}, {column}: {got} {want}");
-                worst.take(got - want, place);
-            }
-        }
-    }
-    worst.holds();
-}
-
-#[test]
-fn wires_behind_the_mask_match_propagation_in_two_steps_within_2e_5() {
-    let mut worst = Worst::new("waves, a wire behind the mask", 2e-5);
-    for behind in [0.001, 0.01, 0.1] {
-        for centre in [52e-6, 41e-6] {
-            let [got, want] = both(&REFERENCE, 4, behind, (centre, 50e-6, FIBRE));
-            for (got, want) in got.iter().flatten().zip(want.iter().flatten()) {
-                worst.take(got - want, || format!("{centre:e}, {behind} m: {got} {want}"));
-            }
-        }
-    }
-    worst.holds();
-}
-
-#[test]
-fn wire_of_another_group_has_its_ten_values_within_4e_4() {
-    let want = [
-        (-150.0, 0.7500),
-        (-145.0, 0.7188),
-        (-140.0, 0.7941),
-        (-100.0, 0.8935),
-        (0.0, 0.9381),
-        (100.0, 1.0122),
-        (140.0, 1.1453),
-        (145.0, 1.1690),
-        (150.0, 1.2162),
-        (155.0, 1.0849),
-    ];
-    let mut worst = Worst::new("waves, the wire of another group", 4e-4);
-    for (x, want) in want {
-        // The openings of both masks are half a detector opening apart.
-        let mut scene = LONE.scene(1, 0.0003, &[-8e-6]);
-        let mu = 2.0 * LONE.set_up().wavenumber() * 1e-9;
-        // The wire of the reference lies in the plane of the mask.
-        let scale = 1.0 + 0.0003 / 1.6;
-        let centre = (-x * 1e-6 - 8e-6) * scale;
-        add_cylinder(&mut scene, centre, 150e-6 * scale, [1e-6 / scale, mu / scale]);
-        let stacks = simulate(&scene, Backend::Bvh);
-        let got = f64::from(stacks.sample[[0, 0, 0, 0]]) / f64::from(stacks.flat[[0, 0, 0]]);
-        worst.take(got - want, || format!("{x} um: {got} for {want}"));
-    }
-    worst.holds();
+/// The text of a scene whose detector mask has its default distance.
+fn without_distance(text: &str) -> String {
+    let (before, after) = text.split_once("[detector_mask]\n").expect("a mask");
+    let (_, after) = after.split_once('\n').expect("its distance");
+    format!("{before}[detector_mask]\n{after}")
 }
