@@ -62,8 +62,8 @@ pub struct Simulation {
     lattice: Lattice,
     /// For a spectrum or kept moments, by cells.
     spectral: Option<EnergyBinning>,
-    /// Lines of rays in place of cells, for waves.
-    wave: Option<Arc<WavePlan>>,
+    /// Lines of rays in place of cells, for waves, and lines of half their spacing.
+    wave: Option<[Arc<WavePlan>; 2]>,
     /// For what moments of the rays that bound cells are kept.
     recording: Option<sampling::MomentRecording>,
     /// Effect of changes of a cell on recorded values.

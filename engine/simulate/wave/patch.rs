@@ -32,7 +32,8 @@ impl Interval {
         self.ends[1] - self.ends[0]
     }
 
-    const fn middle(&self) -> f64 {
+    /// Height of its line, within the row.
+    pub(super) const fn middle(&self) -> f64 {
         f64::midpoint(self.ends[0], self.ends[1])
     }
 }
@@ -58,13 +59,22 @@ pub(super) struct Limits {
 }
 
 impl Patch {
-    /// A patch before its first line, with `parts` intervals between the two at its borders.
+    /// A patch before its first line, with `parts` intervals between the two at its borders; one in all for 0,
+    /// where bodies are the same at all heights.
     pub(super) fn new(beamlet: i64, row: i64, parts: u32) -> Self {
+        if parts == 0 {
+            return Self { beamlet, row, intervals: vec![Interval::new([0.0, 1.0])] };
+        }
         let height = (1.0 - 2.0 * BORDER) / f64::from(parts);
         let end = |part: u32| BORDER + f64::from(part) * height;
         let inner = (0..parts).map(|part| [end(part), end(part + 1)]);
         let all = [[0.0, BORDER]].into_iter().chain(inner).chain([[1.0 - BORDER, 1.0]]);
         Self { beamlet, row, intervals: all.map(Interval::new).collect() }
+    }
+
+    /// The interval nearest to the middle of the row.
+    pub(super) fn middle(&self) -> &Interval {
+        &self.intervals[self.intervals.len() / 2]
     }
 
     /// Lines that are to be traced; none if it is done.
@@ -100,6 +110,9 @@ impl Patch {
     /// Estimated error of an interval, share of open beam: by the light on the line through its neighbours.
     fn error_of(&self, at: usize) -> f64 {
         let last = self.intervals.len() - 1;
+        if last == 0 {
+            return 0.0;
+        }
         // At a border of the row the neighbours are on one side.
         let [a, b] = match at {
             0 => [1, 2.min(last)],

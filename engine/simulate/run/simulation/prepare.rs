@@ -203,7 +203,7 @@ impl Simulation {
             leaks,
             budget,
             recording,
-            wave: wave.map(Arc::new),
+            wave,
             stored,
             memory,
             alone,

@@ -125,7 +125,8 @@ impl<'s> ViewWork<'s> {
         }
         LazyKernel::make_all(&kernels, cancel)?;
         let wave = simulation.wave.as_ref();
-        let wave = wave.map(|plan| WaveBand::new(&device, plan, simulator.wave_kernels(), columns));
+        let wave =
+            wave.map(|plans| WaveBand::new(&device, plans, simulator.wave_kernels(), columns));
         let wave = wave.transpose()?;
         Ok(Self {
             tracer,
