@@ -52,13 +52,14 @@ shared_structs! {
 
     /// Lines at one energy. Lengths are in cells (spacings of the rays).
     pub struct WaveParams in WaveParamsRef(readonly) {
-        pub beamlets: u64 => WaveBeamlets,
-        /// Row of the responses of each pixel of a beamlet.
-        pub targets: u64 => Words,
-        /// `[row][shear]`: effect of a frequency on a pixel.
-        pub responses: u64 => WavePairs,
-        /// `[shear]`: motion of the sample against the mask by the focal spot, in cells.
-        pub motions: u64 => WavePairs,
+        /// Address of `WaveBeamlets`.
+        pub beamlets: u64,
+        /// Address of `Words`: row of the responses of each pixel of a beamlet.
+        pub targets: u64,
+        /// Address of `WavePairs`, `[row][shear]`: effect of a frequency on a pixel.
+        pub responses: u64,
+        /// Address of `WavePairs`, `[shear]`: motion of the sample against the mask by the focal spot, in cells.
+        pub motions: u64,
         /// Rays of a line, even.
         pub rays: u32,
         /// Number of shears, 0 included.

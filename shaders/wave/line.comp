@@ -107,7 +107,7 @@ vec2 between(WaveParams params, Shear shear, float low, float high) {
     End from = end_at(shear, cycles, low + begin);
     End to = end_at(shear, cycles, high + begin);
     vec2 sum = to.sum - from.sum;
-    WavePair motion = params.motions.at[shear.index];
+    WavePair motion = WavePairs(params.motions).at[shear.index];
     vec2 change = to.value - from.value + 6.283185307179586 * cycles * vec2(-sum.y, sum.x);
     return sum + times(vec2(motion.re, motion.im), change);
 }
@@ -135,7 +135,7 @@ void main() {
     WaveParams params = push.params.at[0];
     uint line_index = push.first_line + gl_WorkGroupID.x;
     WaveLine line = push.lines.at[line_index];
-    WaveBeamlet beamlet = params.beamlets.at[line.beamlet];
+    WaveBeamlet beamlet = WaveBeamlets(params.beamlets).at[line.beamlet];
     uint item = gl_WorkGroupID.y * GROUP + gl_LocalInvocationID.x;
     uint step_ = item / params.target_stride;
     uint target = item % params.target_stride;
@@ -144,7 +144,7 @@ void main() {
     uint response = 0u;
     if (has) {
         offset = push.offsets.at[step_] * params.cells;
-        response = params.targets.at[beamlet.first_target + target] * params.shears;
+        response = Words(params.targets).at[beamlet.first_target + target] * params.shears;
     }
     float light = 0.0;
     uint dispatched = gl_WorkGroupID.y * gl_NumWorkGroups.x + gl_WorkGroupID.x;
@@ -156,7 +156,7 @@ void main() {
             float tilt = beamlet.tilt * offset;
             vec2 found = transform(params, shear, beamlet.low + offset + tilt,
                                    beamlet.high + offset - tilt);
-            WavePair effect = params.responses.at[response + j];
+            WavePair effect = WavePairs(params.responses).at[response + j];
             float turns = 6.283185307179586 * cycles_per_cell(params, shear);
             float soft = exp(-0.5 * turns * turns * beamlet.variance);
             light += soft * (found.x * effect.re - found.y * effect.im);
