@@ -87,22 +87,22 @@ def panel(x0, curves, x_ends, y_ends, ticks, labels):
         path = " ".join(f"{at_x(x):.1f},{at_y(y):.1f}" for x, y in points)
         out.append(f'<polyline points="{path}" fill="none" stroke="{colour}" stroke-width="1.6"/>')
         y = TOP + 16 + 16 * number
-        out.append(f'<text x="{x0 + LEFT + 8}" y="{y}" fill="{colour}">{name}</text>')
+        out.append(f'<text x="{x0 + LEFT + WIDTH / 2}" y="{y}" text-anchor="middle" fill="{colour}">{name}</text>')
     out.append(f'<text x="{x0 + LEFT + WIDTH / 2}" y="{TOP + HEIGHT + 34}" text-anchor="middle">{labels[0]}</text>')
     out.append(f'<text x="{x0 + 12}" y="{TOP + HEIGHT / 2}" text-anchor="middle" transform="rotate(-90 {x0 + 12} {TOP + HEIGHT / 2})">{labels[1]}</text>')
     return out
 
 
 def main():
-    offset, radius = 10e-6, 2.5e-6
+    offset, radius = 0.0, 2.5e-6
     flats = [by_rays(1, radius, offset), by_waves(1, radius, offset)]
-    places = [-6 + 0.5 * i for i in range(65)]
+    places = [-16 + 0.5 * i for i in range(65)]
     change = lambda of, flat: [(x, 1e4 * (of(x * 1e-6, radius, offset) - flat)) for x in places]
     rays, waves = change(by_rays, flats[0]), change(by_waves, flats[1])
     values = [y for _, y in rays + waves]
     reach = math.ceil(max(map(abs, values)))
-    ticks = ([(x, str(x)) for x in (-5, 0, 5, 10, 15, 20, 25)], [(y, str(y)) for y in (-reach, 0, reach)])
-    left = panel(0, [(rays, "#c33", "rays"), (waves, "#06c", "waves")], (-6, 26), (-reach, reach), ticks,
+    ticks = ([(x, str(x)) for x in (-15, -10, -5, 0, 5, 10, 15)], [(y, str(y)) for y in (-reach, 0, reach)])
+    left = panel(0, [(rays, "#c33", "rays"), (waves, "#06c", "waves")], (-16, 16), (-reach, reach), ticks,
                  ("place of the fibre, µm", "change of light, 1e-4"))
     diameters = [0.5 * 1.25**i for i in range(30)]
     curve = [(math.log10(d), ratio(0.5e-6 * d)) for d in diameters]

@@ -19,7 +19,7 @@ use crate::run::memory::MemoryEstimate;
 use crate::run::simulator::Simulator;
 use crate::sampling::{self, ErrorBudget, Lattice, ProjectedBounds, Response};
 use crate::trace::{DeviceSample, Tracer};
-use crate::wave::WavePlan;
+use crate::wave::WavePlans;
 pub use backend::choose;
 use beamlet_core::cancel::Cancel;
 use beamlet_core::tally::Tally;
@@ -62,8 +62,8 @@ pub struct Simulation {
     lattice: Lattice,
     /// For a spectrum or kept moments, by cells.
     spectral: Option<EnergyBinning>,
-    /// Lines of rays in place of cells, for waves, and lines of half their spacing.
-    wave: Option<[Arc<WavePlan>; 2]>,
+    /// Lines of rays in place of cells, for waves.
+    wave: Option<WavePlans>,
     /// For what moments of the rays that bound cells are kept.
     recording: Option<sampling::MomentRecording>,
     /// Effect of changes of a cell on recorded values.

@@ -3,7 +3,7 @@
 use super::kernels::WaveKernels;
 use super::lines::Lines;
 use super::patch::Patch;
-use super::plan::WavePlan;
+use super::plan::{WavePlan, WavePlans};
 use super::rows::WaveView;
 use beamlet_core::numbers::{self, single};
 use beamlet_core::{Error, Result, reserve};
@@ -18,9 +18,9 @@ const UNIT: f64 = 4_294_967_296.0;
 /// Light of all beamlets without a sample, at a list of mask offsets.
 #[derive(Debug)]
 struct FlatLight {
-    /// `[beamlet][step][pixel]`.
+    /// `[beamlet][step][pixel]` by the frequencies of lines of rays: light of lines is put in its place.
     beamlets: Vec<f32>,
-    /// `[step][column]`, in units.
+    /// `[step][column]` of all apertures, in units.
     columns: Vec<i64>,
 }
 
@@ -31,6 +31,7 @@ pub(crate) struct WaveBand {
     pub(super) lines: Lines,
     /// Lines of half the spacing, for estimates.
     pub(super) finer: Lines,
+    without_rays: Lines,
     flats: HashMap<usize, FlatLight>,
     /// `[step][row][column]`, in units.
     sums: Vec<i64>,
@@ -45,17 +46,18 @@ impl WaveBand {
     /// [`Error::Memory`].
     pub(crate) fn new(
         device: &Arc<Device>,
-        [plan, finer]: &[Arc<WavePlan>; 2],
+        plans: &WavePlans,
         kernels: &Arc<WaveKernels>,
         columns: u32,
     ) -> Result<Self> {
         Ok(Self {
-            plan: plan.clone(),
-            lines: Lines::new(device, plan, kernels)?,
-            finer: Lines::new(device, finer, kernels)?,
+            plan: plans.rays.clone(),
+            lines: Lines::new(device, &plans.rays, kernels)?,
+            finer: Lines::new(device, &plans.finer, kernels)?,
+            without_rays: Lines::new(device, &plans.flat, kernels)?,
             flats: HashMap::new(),
             sums: Vec::new(),
-            shape: [plan.offsets[0].len(), 0, columns as usize],
+            shape: [plans.rays.offsets[0].len(), 0, columns as usize],
             first_row: 0,
         })
     }
@@ -83,10 +85,11 @@ impl WaveBand {
             return Ok(());
         }
         let beamlets = self.lines.flat(list)?;
+        let all = self.without_rays.flat(list)?;
         let [steps, _, columns] = self.shape;
         let mut sums = vec![0_i64; steps * columns];
         let stride = self.plan.most_pixels as usize;
-        for (own, (first, count)) in beamlets.chunks(steps * stride).zip(&self.plan.pixels) {
+        for (own, (first, count)) in all.chunks(steps * stride).zip(&self.plan.pixels) {
             for (step, values) in own.chunks(stride).enumerate() {
                 let from = step * columns + *first as usize;
                 let pixels = &mut sums[from..from + *count as usize];

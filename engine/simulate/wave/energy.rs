@@ -2,7 +2,7 @@
 
 use super::bars::Bars;
 use super::columns::{Columns, motions};
-use super::frequencies::{Frequencies, wavelength};
+use super::frequencies::{Frequencies, Kind, wavelength};
 use crate::sampling::Lattice;
 use beamlet_core::numbers::{self, single};
 use beamlet_core::{Error, Result};
@@ -29,7 +29,7 @@ impl Energy {
         scene: &Scene,
         optics: &Optics,
         (energy, share): (f64, f64),
-        spacing: f64,
+        lines: (f64, Kind),
     ) -> Result<Option<Self>> {
         let Some(mask) = &optics.sample_mask else { return Ok(None) };
         let sample = Bars::of(scene, optics, mask, energy)?;
@@ -38,7 +38,7 @@ impl Energy {
         let [low, high] = sample.ends;
         let widest = if sample.leak > 0.0 { sample.period } else { high - low };
         let wavelength = wavelength(energy);
-        let frequencies = Frequencies::of(optics, spacing, wavelength, sample.period, widest);
+        let frequencies = Frequencies::of(optics, lines, wavelength, sample.period, widest);
         if frequencies.count > MOST_FREQUENCIES {
             return refuse(format!("{} frequencies", frequencies.count));
         }
@@ -90,6 +90,19 @@ impl Energy {
             0.5 * optics.detector.extent(0) * optics.cell_plane / optics.detector.distance;
         let masks = [Some(&self.sample), self.detector.as_ref()];
         masks.into_iter().flatten().try_for_each(|bars| bars.check(farthest, blur, tolerance))
+    }
+
+    /// Largest change of light by the phase of bars that leak, share of open beam (2√e Λ/w, Λ the shear at the width
+    /// of the curve).
+    pub(super) fn by_phase_of_bars(&self, optics: &Optics) -> f64 {
+        let width = |[low, high]: [f64; 2]| high - low;
+        let pixel = optics.detector.pitch_at(0, optics.cell_plane);
+        let window = self.detector.map_or(pixel, |bars| width(bars.ends));
+        let blur = optics.spot.narrowest(0) * (1.0 - optics.cell_plane / optics.analyser);
+        let squares = (width(self.sample.ends).powi(2) + window.powi(2)) / 12.0 + blur * blur;
+        let area = self.frequencies.mask_shear / self.frequencies.at(1);
+        let shear = area / (std::f64::consts::TAU * squares.sqrt());
+        2.0 * self.share * self.sample.leak.sqrt() * shear / pixel
     }
 
     /// Uploads the tables of this energy.

@@ -42,12 +42,21 @@ impl Distances {
     }
 }
 
+/// Lines that frequencies belong to.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Kind {
+    /// Lines of rays: the shear of the sample is a whole number of spacings.
+    Rays,
+    /// Lines without rays: light repeats after whole periods, so that all apertures of endless masks count.
+    Flat,
+}
+
 /// Frequencies of the light of an energy, and their shears.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Frequencies {
     /// Spacing of the rays, m.
     pub spacing: f64,
-    /// Shear of the sample per frequency, in spacings: a whole number, so that pairs are rays.
+    /// Shear of the sample per frequency, in spacings; 0 without rays.
     pub pairs: u32,
     /// Frequency per spacing, 2^-32 cycles.
     pub turn: u32,
@@ -61,15 +70,22 @@ impl Frequencies {
     /// Frequencies at a wavelength (m) on rays of a spacing. `widest`: largest shear of pairs that pass the mask, m.
     pub(super) fn of(
         optics: &Optics,
-        spacing: f64,
+        (spacing, kind): (f64, Kind),
         wavelength: f64,
         period: f64,
         widest: f64,
     ) -> Self {
         let Distances { mask, sample } = Distances::of(optics);
         let area = wavelength * sample;
-        let pairs = (area / (PERIODS * period * spacing) + 1e-6).floor().max(1.0);
-        let turn = (pairs * spacing * spacing / area * TURN).round();
+        let length = PERIODS * period;
+        let (pairs, step) = match kind {
+            Kind::Rays => {
+                let pairs = (area / (length * spacing) + 1e-6).floor().max(1.0);
+                (pairs, pairs * spacing / area)
+            }
+            Kind::Flat => (0.0, 1.0 / length),
+        };
+        let turn = (step * spacing * TURN).round();
         let step = turn / TURN / spacing;
         let mask_shear = wavelength * mask * step;
         let shrink = 1.0 - optics.cell_plane / optics.analyser;

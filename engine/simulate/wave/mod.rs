@@ -26,6 +26,6 @@ mod rows;
 
 pub(crate) use band::WaveBand;
 pub(crate) use kernels::WaveKernels;
-pub(crate) use plan::WavePlan;
+pub(crate) use plan::WavePlans;
 pub(crate) use refusal::refuse;
 pub(crate) use rows::WaveView;

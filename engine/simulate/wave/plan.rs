@@ -2,7 +2,7 @@
 
 use super::columns::Columns;
 use super::energy::{Energy, refuse};
-use super::frequencies::{spacing, wavelength};
+use super::frequencies::{Kind, spacing, wavelength};
 use crate::sampling::Lattice;
 use beamlet_core::Result;
 use beamlet_core::numbers::{self, single};
@@ -17,6 +17,9 @@ use std::sync::Arc;
 
 /// Most rays of a line: a wider period or aperture has too many.
 const MOST_RAYS: f64 = 1e6;
+
+/// Spread by propagation between mask and sample over the blur of the focal spot, from which on it is warned of.
+const PROPAGATED: f64 = 0.25;
 
 /// Lines of a scene with the tables of their kernels.
 #[derive(Debug)]
@@ -46,8 +49,19 @@ pub(crate) struct WavePlan {
     _buffers: Vec<Buffer>,
 }
 
-impl WavePlan {
-    /// Plans the lines of a scene, and of half their spacing; none without a sample mask.
+/// Lines of a scene of each kind.
+#[derive(Debug)]
+pub(crate) struct WavePlans {
+    /// Lines of rays.
+    pub(super) rays: Arc<WavePlan>,
+    /// Lines of half their spacing, for estimates.
+    pub(super) finer: Arc<WavePlan>,
+    /// Lines without rays.
+    pub(super) flat: Arc<WavePlan>,
+}
+
+impl WavePlans {
+    /// Plans the lines of a scene; none without a sample mask.
     ///
     /// # Errors
     /// [`beamlet_core::Error::Scene`] where lines would have too many rays or masks are not described by waves.
@@ -57,27 +71,39 @@ impl WavePlan {
         optics: &Optics,
         lattice: &Lattice,
         media: &MaterialTable,
-    ) -> Result<Option<[Arc<Self>; 2]>> {
+    ) -> Result<Option<Self>> {
         let tolerance = scene.sampling.tolerances().light;
         let spacing = spacing(optics, &media.energies, lattice.period, tolerance);
-        let own = Self::with_spacing(device, (scene, optics), lattice, media, spacing)?;
-        let finer = Self::with_spacing(device, (scene, optics), lattice, media, 0.5 * spacing)?;
-        Ok(own.zip(finer).map(|(own, finer)| [Arc::new(own), Arc::new(finer)]))
+        log::info!("waves: rays {:.0} nm apart", 1e9 * spacing);
+        let plan = |spacing, kind| {
+            let plan = WavePlan::of(device, (scene, optics), lattice, media, (spacing, kind))?;
+            Ok::<_, beamlet_core::Error>(plan.map(Arc::new))
+        };
+        let rays = plan(spacing, Kind::Rays)?;
+        let finer = plan(0.5 * spacing, Kind::Rays)?;
+        let flat = plan(spacing, Kind::Flat)?;
+        let all = rays.zip(finer).zip(flat);
+        Ok(all.map(|((rays, finer), flat)| Self { rays, finer, flat }))
     }
+}
 
-    fn with_spacing(
+impl WavePlan {
+    fn of(
         device: &Arc<Device>,
         (scene, optics): (&Scene, &Optics),
         lattice: &Lattice,
         media: &MaterialTable,
-        spacing: f64,
+        lines: (f64, Kind),
     ) -> Result<Option<Self>> {
         let tolerance = scene.sampling.tolerances().light;
         let nodes = media.energies.iter().copied().zip(media.weights.iter().copied());
-        let energies = nodes.map(|node| Energy::of(scene, optics, node, spacing));
+        let energies = nodes.map(|node| Energy::of(scene, optics, node, lines));
         let energies: Option<Vec<Energy>> = energies.collect::<Result<_>>()?;
         let Some(energies) = energies else { return Ok(None) };
         let rays = rays_of(optics, &energies)?;
+        if lines.1 == Kind::Flat {
+            warn(optics, &energies, (media.energies[0], tolerance));
+        }
         let mut buffers = Vec::new();
         let mut params = Vec::new();
         for energy in &energies {
@@ -92,7 +118,7 @@ impl WavePlan {
             pixels: columns.pixels,
             most_pixels: columns.most,
             rays,
-            spacing,
+            spacing: lines.0,
             energies: numbers::count(params.len()),
             materials: numbers::count(media.names.len()),
             lever: optics.lever_arm,
@@ -113,6 +139,29 @@ impl WavePlan {
     pub(super) fn media(&self, energy: u32) -> Address {
         let first = u64::from(energy * self.materials) * size_of::<WaveMaterial>() as u64;
         self.media.address() + first
+    }
+}
+
+/// Warns of phases of bars, and of propagation between mask and sample, that change light; `energy`: of the first
+/// node, keV.
+fn warn(optics: &Optics, energies: &[Energy], (energy, tolerance): (f64, f64)) {
+    let by_phase: f64 = energies.iter().map(|energy| energy.by_phase_of_bars(optics)).sum();
+    if by_phase > tolerance {
+        log::warn!(
+            "waves: the phase of the bars of sample_mask changes light by up to {by_phase:.1e} of the open beam; \
+             it is taken as 0"
+        );
+    }
+    let apart = (optics.analyser - optics.lever_arm - optics.cell_plane).abs();
+    let spread = (wavelength(energy) * apart).sqrt();
+    let blur = optics.spot.narrowest(0) * (1.0 - optics.cell_plane / optics.analyser);
+    if spread > PROPAGATED * blur {
+        log::warn!(
+            "waves: propagation between sample_mask and sample is neglected: √(λd) = {:.1} um exceeds a quarter of \
+             the blur of the focal spot, {:.1} um",
+            1e6 * spread,
+            1e6 * blur
+        );
     }
 }
 

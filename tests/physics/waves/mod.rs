@@ -7,6 +7,7 @@ mod flats;
 mod limits;
 mod refused;
 mod rows;
+mod spectra;
 
 use crate::reference::normal::SIGMA_PER_FWHM;
 use crate::reference::waves::body::{Body, Outline};

@@ -9,7 +9,7 @@ use crate::run::simulator::Simulator;
 use crate::run::{self, Control, MemoryEstimate, memory, quality};
 use crate::sampling::{self, ErrorBudget, Lattice, Response};
 use crate::trace::DeviceSample;
-use crate::wave::{self, WavePlan};
+use crate::wave::{self, WavePlans};
 use beamlet_core::{Error, Result};
 use beamlet_files::RunStart;
 use beamlet_geometry as geometry;
@@ -173,7 +173,7 @@ impl Simulation {
             &optics.offsets.lists()[0],
         );
         let wave = match scene.sampling.transport {
-            Transport::Wave => WavePlan::new(device, &scene, optics, &lattice, &media)?,
+            Transport::Wave => WavePlans::new(device, &scene, optics, &lattice, &media)?,
             Transport::Auto | Transport::FirstOrder | Transport::Exact => None,
         };
         let budget = error_budget(&scene, detector.optics());
