@@ -76,7 +76,7 @@ pub struct ObjectLimits {
     pub name: String,
     /// Least and greatest diameter of its bodies, m; `None` where they have flat faces.
     pub diameters: Option<[f64; 2]>,
-    /// True if the bodies are round; other diameters are those of an inscribed and an enclosing cylinder.
+    /// True if the bodies are round; otherwise the diameters belong to an inscribed and an enclosing cylinder.
     pub round: bool,
     /// Greatest difference of waves and rays in a pixel with one rim of a body, at the mask offsets of the
     /// scan, share of open beam.

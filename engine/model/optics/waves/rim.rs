@@ -9,8 +9,8 @@ use rayon::prelude::*;
 use std::f64::consts::{FRAC_PI_2, TAU};
 
 /// Points of each piece of a quadrature by waves, and of a quadrature by rays from a rim inwards.
-const WAVE_POINTS: usize = 128;
-const RAY_POINTS: u32 = 512;
+const WAVE_POINTS: usize = 80;
+const RAY_POINTS: u32 = 256;
 /// Places of the rim in the aperture.
 const PLACES: u32 = 7;
 
