@@ -1,5 +1,6 @@
 //! Light of a pixel whose aperture contains a rim of a round body.
 
+use super::flat::Flat;
 use super::pixel::{Pixel, interval};
 use super::quadrature::pieces;
 use super::series::Series;
@@ -42,8 +43,10 @@ impl Rim {
     }
 
     /// Light over the offset of the sample mask by waves and by rays, with the centre of the body at `centre`
-    /// (m) from the middle of the first aperture and moving with it. Bars of the sample mask are opaque, and
-    /// windows one period away belong to other pixels.
+    /// (m) from the middle of the first aperture and moving with it. The body covers no other aperture.
+    ///
+    /// Two periods keep bent light out of the windows of other pixels. The flat of one aperture on these two
+    /// periods is replaced by the flat of all apertures, so that no light of copies is left.
     #[must_use]
     pub fn light(&self, pixel: &Pixel, nodes: &[Node], centre: f64) -> [Series; 2] {
         let period = 2.0 * pixel.period;
@@ -59,13 +62,22 @@ impl Rim {
                 let response = pixel.response(frequency, *leak).rotate(place);
                 let length = wavelength(*energy);
                 let [delta, mu] = *constants;
-                let waves = body.waves(pixel, (length, frequency), TAU / length * delta, mu);
-                let rays = body.rays(pixel, frequency, delta, mu);
+                let waves = body.waves(pixel, (length, frequency), TAU / length * delta, mu)
+                    - body.empty(pixel, length, frequency);
+                let rays =
+                    body.rays(pixel, frequency, delta, mu) - body.empty(pixel, 0.0, frequency);
                 for (sum, light) in sums.iter_mut().zip([waves, rays]) {
                     *sum += light.rotate(response) * (weight * twice / period);
                 }
             }
             series.iter_mut().zip(sums).for_each(|(series, sum)| series.terms.push(sum));
+        }
+        for (energy, weight, leaks) in nodes {
+            for (series, length) in series.iter_mut().zip([wavelength(*energy), 0.0]) {
+                let flat = Flat::of(pixel, length, *leaks).light.terms;
+                let even = series.terms.iter_mut().step_by(2);
+                even.zip(flat).for_each(|(sum, term)| *sum += *weight * term);
+            }
         }
         series
     }
@@ -94,6 +106,12 @@ impl InAperture {
         };
         let kinks = [-radius, radius].map(|rim| [centre + rim - shift, centre + rim + shift]);
         pieces([-end, end], kinks.as_flattened(), WAVE_POINTS, value)
+    }
+
+    /// The same without the body.
+    fn empty(&self, pixel: &Pixel, length: f64, f: f64) -> DVec2 {
+        let end = self.half - 0.5 * pixel.fringe_area(length) * f;
+        interval([-end, end], f)
     }
 
     /// The same by rays: φ' in place of differences of the phase.

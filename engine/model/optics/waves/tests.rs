@@ -141,13 +141,13 @@ fn gaussian_fits_behind_fibres_match_random_stacks() {
     }
 }
 
-/// UCL's wire: values by waves (rays) of two other programs, which add light of other apertures, up to 1e-3.
+/// UCL's wire behind one aperture: values of two other programs by waves and by rays.
 #[test]
-fn light_at_the_rims_of_a_wire_matches_other_programs() {
+fn light_at_the_rims_of_a_wire_matches_other_programs_within_3e_4() {
     let optics = optics(
         "[source]\ndistance = \"1.61 m\"\nspot = \"70 um\"\nenergy = \"21 keV\"\n\
          [detector]\ndistance = \"2 m\"\npixels = [9, 1]\npitch = \"50 um\"\n",
-        "distance = \"1.6 m\"\naperture = \"12 um\"\nperiod = \"40 um\"",
+        "distance = \"1.6 m\"\naperture = \"12 um\"\nperiod = \"400 um\"",
         "distance = \"2 m\"\naperture = \"20 um\"",
     );
     let pixel = brightest(&optics);
@@ -173,7 +173,6 @@ fn light_at_the_rims_of_a_wire_matches_other_programs() {
     for [x, waves, rays] in table {
         let light = wire(1e-6, 1e-9).light(&pixel, &nodes, -1e-6 * x);
         let [w, r] = [0, 1].map(|part: usize| light[part].at(offset) / flat[part]);
-        assert!((w - waves).abs() < 1e-3 && (r - rays).abs() < 1e-3, "{x}: {w} {r}");
-        assert!((w - r - waves + rays).abs() < 4e-4, "{x}: {w} {r}");
+        assert!((w - waves).abs() < 3e-4 && (r - rays).abs() < 3e-4, "{x}: {w} {r}");
     }
 }
