@@ -7,6 +7,7 @@ use crate::reference::waves::light::Case;
 use crate::reference::waves::rays;
 use crate::reference::waves::setup::{Setup, Slits, Spot, Window};
 use beamlet::check::{Check, CheckReport, ObjectLimits, RayLimits};
+use beamlet::cli_support::numbers::whole;
 use beamlet::scene::{Scene, Spot as FocalSpot, SpotPart};
 
 /// Thin masks: energy (keV), distances source to mask to detector (m), FWHM of the spot, aperture and period of
@@ -99,7 +100,7 @@ impl Masks {
         let slits = Slits::periodic(aperture, period, 0).leaking(self.leaks[0], phase);
         let case = Case { setup: set_up, slits: Some(&slits), sample: &[], window: self.window() };
         let spacing = 5e-9;
-        let count = (period / spacing).round() as usize;
+        let count = whole((period / spacing).round());
         case.curve(Grid { count, spacing, repeats: true }, offsets)
     }
 }

@@ -7,11 +7,11 @@ use std::f64::consts::PI;
 
 /// Light of a pixel behind periodic thin masks over the offset of the sample mask.
 #[derive(Debug, Clone)]
-pub struct Flat {
+pub(super) struct Flat {
     /// Light with bars that transmit without interference.
-    pub light: Series,
+    pub(super) light: Series,
     /// Interference of openings and bars: factors of the cosine and the sine of the phase of the bars.
-    pub bars: [Series; 2],
+    pub(super) bars: [Series; 2],
 }
 
 impl Flat {
@@ -20,8 +20,7 @@ impl Flat {
     ///
     /// The field ψ of the mask is periodic: the transform of ψ(x − Λ/2) ψ*(x + Λ/2) at j/p, with Λ = λzj/p,
     /// contains pairs of all its apertures.
-    #[must_use]
-    pub fn of(pixel: &Pixel, wavelength: f64, leaks: [f64; 2]) -> Self {
+    pub(super) fn of(pixel: &Pixel, wavelength: f64, leaks: [f64; 2]) -> Self {
         let period = pixel.period;
         let [leak, behind] = leaks;
         let amplitude = leak.sqrt();
@@ -45,13 +44,6 @@ impl Flat {
         }
         let [light, even, odd] = terms.map(|terms| Series { period, terms });
         Self { light, bars: [even, odd] }
-    }
-
-    /// Largest change of the light at an offset (m) by the phase of the bars.
-    #[must_use]
-    pub fn of_bars(&self, offset: f64) -> f64 {
-        let [even, odd] = &self.bars;
-        libm::hypot(even.at(offset), odd.at(offset))
     }
 }
 

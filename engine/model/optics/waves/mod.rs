@@ -19,11 +19,9 @@ mod tests;
 
 pub use bodies::{Bodies, Body};
 pub use error::{FlatError, remedies};
-pub use flat::Flat;
 pub use pixel::Pixel;
 pub use rim::Rim;
-pub use series::Series;
-pub use structure::{Form, structure_by_rays, structure_by_waves};
+pub use structure::Form;
 
 /// Energy node: photon energy in keV, weight, and light that the bars of both masks transmit.
 pub type Node = (f64, f64, [f64; 2]);

@@ -47,8 +47,7 @@ impl Rim {
     ///
     /// Two periods keep bent light out of the windows of other pixels. The flat of one aperture on these two
     /// periods is replaced by the flat of all apertures, so that no light of copies is left.
-    #[must_use]
-    pub fn light(&self, pixel: &Pixel, nodes: &[Node], centre: f64) -> [Series; 2] {
+    pub(super) fn light(&self, pixel: &Pixel, nodes: &[Node], centre: f64) -> [Series; 2] {
         let period = 2.0 * pixel.period;
         let [low, high] = pixel.apertures[0];
         let body = InAperture { radius: self.radius, half: 0.5 * (high - low), centre };
