@@ -8,7 +8,7 @@ use crate::reference::waves::rays;
 use crate::reference::waves::setup::{Setup, Slits, Spot, Window};
 use beamlet::check::{Check, CheckReport, ObjectLimits, RayLimits};
 use beamlet::cli_support::numbers::whole;
-use beamlet::scene::{Scene, Spot as FocalSpot, SpotPart};
+use beamlet::scene::{Blur, Scene, Spot as FocalSpot, SpotPart};
 
 /// Thin masks: energy (keV), distances source to mask to detector (m), FWHM of the spot, aperture and period of
 /// the sample mask, aperture of the detector mask, pixel (um), and light that the bars of both masks transmit.
@@ -171,6 +171,30 @@ fn flats_of_a_spot_of_two_gaussians_match_fft_within_2e_7() {
     assert!(off < 2e-7, "{off:e}");
 }
 
+/// Without a detector mask a blur of the pixels is a larger spot; four pixels see a period of the mask.
+#[test]
+fn flats_of_blurred_pixels_match_fft_within_2e_7() {
+    let masks = Masks { detector: [37.5, 37.5], ..REFERENCE };
+    let sigma = 6e-6;
+    let mut scene = masks.scene(&OFFSETS, "");
+    scene.detector_mask = None;
+    scene.detector.blur = Some(Blur::Gaussian { sigma: [sigma, 0.0] });
+    let found = waves(&checked(&scene).ray_limits);
+    let mut set_up = masks.set_up();
+    let blur = sigma / set_up.magnification() / set_up.source_shift();
+    set_up.spot[0].sigma = libm::hypot(set_up.spot[0].sigma, blur);
+    let slits = Slits::periodic(20e-6, 100e-6, 0);
+    let case =
+        Case { setup: &set_up, slits: Some(&slits), sample: &[], window: Window::open(37.5e-6) };
+    let grid = Grid { count: 20_000, spacing: 5e-9, repeats: true };
+    let pixels = [-1.5, -0.5, 0.5, 1.5].map(|at| at * 37.5e-6);
+    let light = case.curves(grid, &pixels, &OFFSETS);
+    let of_pixel = |pixel: usize| light.iter().map(|row| row[pixel]).collect::<Vec<_>>();
+    let off = (0..4).map(|pixel| apart(&found, &of_pixel(pixel))).fold(f64::INFINITY, f64::min);
+    println!("flat of blurred pixels: {off:.1e}");
+    assert!(off < 2e-7, "{off:e}");
+}
+
 /// A wire of carbon at seven places of its rim. Light that it changes in its aperture is added to the flat of the
 /// endless mask.
 #[test]
@@ -306,6 +330,7 @@ fn shapes_have_a_value_a_range_or_a_reason() {
     assert!(cuboid.dark_field.is_none() && cuboid.unknown[0].contains("flat faces"));
     let thick = of_object("{ cylinder = { radius = \"0.15 mm\", height = \"1 mm\" } }");
     assert!(thick.dark_field.is_none() && thick.unknown.is_empty() && thick.rim.is_some());
+    assert!(tube.rim.is_none() && tube.unknown[0].contains("round bodies only"));
 }
 
 #[test]

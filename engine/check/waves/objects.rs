@@ -59,6 +59,7 @@ fn limits(
         _ => found.diameters.map(|[least, _]| least),
     };
     found.rim = rim(set_up, pixel, &sizes, &hosts);
+    found.unknown.extend(no_rim(&sizes).filter(|_| found.rim.is_none()).map(Into::into));
     if least.is_some_and(|least| least < LARGE) {
         dark_field(set_up, pixel, (&sizes, summary), &hosts, &mut found);
         if found.fill > DENSE && found.dark_field.is_some() {
@@ -110,6 +111,15 @@ fn rim(set_up: &SetUp<'_>, pixel: &Pixel, sizes: &Sizes, hosts: &[Vec<[f64; 2]>]
         rim.error(pixel, &set_up.nodes, &set_up.offsets)
     };
     hosts.iter().map(of).reduce(|a, b| Some(a?.max(b?)))?
+}
+
+/// Reason why the error at rims is unknown, where none has been stated.
+const fn no_rim(sizes: &Sizes) -> Option<&'static str> {
+    match sizes {
+        Sizes::Round(..) => Some("the spot is too small for an estimate at rims"),
+        Sizes::Between(..) => Some("rims are estimated for round bodies only"),
+        Sizes::Unknown(..) => None,
+    }
 }
 
 /// Dark field by waves over rays: all hosts, and both cylinders of other shapes.
