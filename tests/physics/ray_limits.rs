@@ -220,7 +220,7 @@ fn error_at_a_rim_matches_fft_and_rays_within_3e_6() {
                     let window = REFERENCE.window();
                     let case = Case { setup: &set_up, slits: Some(&slits), sample, window };
                     let by_waves = case.curve(Grid::FINE, &[*offset])[0];
-                    [by_waves, rays::curve(&case, (1e-4, 200), &[*offset])[0]]
+                    [by_waves, rays::curve(&case, 1e-4, 200, &[*offset])[0]]
                 };
                 let [[waves, rays], [flat, _]] = [light(&sample), light(&[])];
                 expected = expected.max((waves - flat + endless - rays).abs());

@@ -120,7 +120,8 @@ fn trace(setup: &Setup, sample: &[Body], ends: &[f64], count: u32) -> Vec<Ray> {
 /// `count` rays between any two rims or edges. Rays start within `reach` of 0 in the mask.
 pub fn curves(
     case: &Case<'_>,
-    (reach, count): (f64, u32),
+    reach: f64,
+    count: u32,
     centres: &[f64],
     offsets: &[f64],
 ) -> Vec<Vec<f64>> {
@@ -160,6 +161,6 @@ pub fn curves(
 }
 
 /// Curve of a window about 0.
-pub fn curve(case: &Case<'_>, rays: (f64, u32), offsets: &[f64]) -> Vec<f64> {
-    curves(case, rays, &[0.0], offsets).into_iter().flatten().collect()
+pub fn curve(case: &Case<'_>, reach: f64, count: u32, offsets: &[f64]) -> Vec<f64> {
+    curves(case, reach, count, &[0.0], offsets).into_iter().flatten().collect()
 }

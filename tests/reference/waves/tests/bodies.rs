@@ -45,7 +45,7 @@ fn rays_behind_a_fibre_match_uniform_rays() {
     for centre in [0.0, 7e-6, 12e-6] {
         let sample = fibre(centre, radius);
         let case = Case { sample: &sample, ..empty(&setup, &slits) };
-        let [coarse, fine] = [64, 128].map(|count| rays::curve(&case, (1e-4, count), &[0.0])[0]);
+        let [coarse, fine] = [64, 128].map(|count| rays::curve(&case, 1e-4, count, &[0.0])[0]);
         close(coarse, fine, 3e-7);
         // A line of uniform rays omits bent light of the rims: its error falls as the root of the
         // spacing, 0.1 nm here.
@@ -90,7 +90,7 @@ fn wire_of_another_group_has_its_ten_values_within_3e_4() {
         let case = Case { sample: &sample, ..flat };
         let seen = [
             case.curves(Grid::FINE, &centre, &[0.0])[0][0] / open[0],
-            rays::curves(&case, (1e-4, 64), &centre, &[0.0])[0][0] / open[1],
+            rays::curves(&case, 1e-4, 64, &centre, &[0.0])[0][0] / open[1],
         ];
         all_close(&seen, &[by_waves, by_rays], 3e-4);
     }
@@ -105,7 +105,7 @@ fn waves_become_rays_as_the_root_of_the_wavelength() {
         let flat = empty(&setup, &slits);
         let case = Case { sample: &sample, ..flat };
         let effect = |case: &Case<'_>| case.curve(Grid::FINE, &[5e-6])[0];
-        let by_rays = |case: &Case<'_>| rays::curve(case, (1e-4, 64), &[5e-6])[0];
+        let by_rays = |case: &Case<'_>| rays::curve(case, 1e-4, 64, &[5e-6])[0];
         (effect(&case) - effect(&flat) - by_rays(&case) + by_rays(&flat)).abs()
     };
     // Light of rays nearer to a rim than a shear, where slopes grow as d^(-1/2).

@@ -133,7 +133,7 @@ fn rays_of_leaking_masks_and_two_spots_match_their_integral_within_1e_6() {
     let window = Window { leak: 0.02, ..WINDOW };
     let case = Case { setup: &setup, slits: Some(&slits), sample: &[], window };
     let offsets = [0.0, 9e-6, 30e-6];
-    let got = rays::curve(&case, (2e-4, 32), &offsets);
+    let got = rays::curve(&case, 2e-4, 32, &offsets);
     all_close(&got, &offsets.map(|offset| rays::flat(&case, 0.0, offset)), 1e-6);
     // Waves differ by 9e-4 for opaque bars, and by 1e-3 by interference.
     all_close(&case.curve(Grid::FINE, &offsets), &got, 2e-3);

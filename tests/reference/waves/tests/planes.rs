@@ -3,7 +3,7 @@
 use super::super::body::{Body, Outline};
 use super::super::light::Case;
 use super::super::rays;
-use super::super::setup::{Setup, Slits, Window};
+use super::super::setup::{Setup, Slits, Spot, Window};
 use super::bodies::fibre;
 use super::{APERTURE, WINDOW, all_close, close, empty, setup};
 use crate::waves::field::Grid;
@@ -39,7 +39,7 @@ fn wedges_displace_curves_by_their_lever() {
         all_close(&case.curve(Grid::FINE, &offsets), &want, 1e-6);
         if distance >= 0.0 {
             let want = offsets.map(|offset| rays::flat(&flat, -5e-6 * lever, offset));
-            all_close(&rays::curve(&case, (1e-4, 32), &offsets), &want, 1e-6);
+            all_close(&rays::curve(&case, 1e-4, 32, &offsets), &want, 1e-6);
         }
     }
 }
@@ -91,6 +91,20 @@ fn two_steps_match_diffraction_integrals_in_space_within_1e_5() {
 }
 
 #[test]
+fn sources_beside_the_axis_see_what_a_moved_set_up_shows() {
+    let by = -15e-6;
+    let slits = Slits::one(APERTURE);
+    let spot = |centre| vec![Spot { weight: 1.0, centre, sigma: 0.0 }];
+    let moved = Setup { spot: spot(0.0), ..behind(0.1) };
+    let beside = Setup { spot: spot(-by), ..behind(0.1) };
+    let sample = [fibre(5e-6, 10e-6), fibre(5e-6 + by, 10e-6)];
+    let case = Case { setup: &beside, slits: Some(&slits), sample: &sample[0], window: WINDOW };
+    let got = case.by_source_points(Grid::FINE, &[0.0], &[6e-6], 1).concat();
+    let case = Case { setup: &moved, sample: &sample[1], ..case };
+    all_close(&got, &case.curves(Grid::FINE, &[by], &[6e-6 + by]).concat(), 1e-6);
+}
+
+#[test]
 fn points_of_the_spot_add_to_its_blur() {
     let slits = Slits::periodic(APERTURE, 100e-6, 1).leaking(1e-3, 0.4);
     let grid = Grid { count: 1 << 15, spacing: 10e-9, repeats: false };
@@ -131,4 +145,18 @@ fn rows_repeat_their_pixels_and_shift_with_the_sample() {
     for (a, b) in seen[0].iter().zip(&seen[1]) {
         all_close(&a[2..3], &b[1..2], 1e-5);
     }
+}
+
+#[test]
+fn rows_without_masks_spread_light_and_keep_its_sum() {
+    let setup = Setup { sample: 1.2, ..Setup::new(30.0, [0.3, 1.5], 1e-6) };
+    let row =
+        Row { columns: 24, window: Window::open(3e-6), aperture: None, period: 1.0, leak: 0.0 };
+    let fibre = [Body { mu: 0.0, ..fibre(0.0, 8e-6)[0] }];
+    let light = row.light(&setup, &fibre, 4e-9, &[0.0], None).concat();
+    close(light.iter().sum::<f64>(), 24.0, 1e-3);
+    // A diverging lens: dark in the middle, bright beside both rims at the same places.
+    let reversed: Vec<f64> = light.iter().rev().copied().collect();
+    all_close(&light, &reversed, 1e-6);
+    assert!(light[11] < 0.95 && light[6] > 1.04, "{light:?}");
 }
