@@ -20,6 +20,7 @@ mod motions;
 mod offsets;
 mod ordered;
 mod polychromatic;
+mod ray_limits;
 mod reference_against_closed_forms;
 mod rough;
 mod sample;

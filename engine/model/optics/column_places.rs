@@ -83,7 +83,7 @@ fn centre(windows: &Openings, left: f64, half: f64) -> Option<[f64; 2]> {
 
 /// Openings between `left` and `left` + 1, each no wider than `widest` about its centre, as [`centre`] has
 /// them.
-fn before_pixel(windows: &Openings, left: f64, half: f64, widest: f64) -> Vec<[f64; 2]> {
+pub(super) fn before_pixel(windows: &Openings, left: f64, half: f64, widest: f64) -> Vec<[f64; 2]> {
     let period = windows.period[0];
     let number = |place: f64| (place - windows.offset) / period + half - 0.5;
     let mut number_of = number(left).floor() - 1.0;
