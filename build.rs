@@ -58,6 +58,8 @@ const PERMUTATIONS: &[Permutation] = &[
     ("refine_merge", "refine/merge.comp", &[]),
     ("refine_place", "refine/place.comp", &[]),
     ("refine_report", "refine/report.comp", &[]),
+    ("wave_field", "wave/field.comp", &[]),
+    ("wave_line", "wave/line.comp", &[]),
     ("fit", "retrieve/fit.comp", &[]),
     ("back_project", "reconstruct/back_project.comp", &[]),
     ("back_project_variance", "reconstruct/back_project.comp", &[("VARIANCE", "1")]),

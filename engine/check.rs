@@ -26,12 +26,14 @@ mod faces;
 mod illumination;
 pub(crate) mod inputs;
 mod materials;
+mod waves;
 
 pub use beamlet_simulate::detector::SubpixelGrid;
 pub use builder::Check;
 pub use costs::CheckedTolerances;
 pub use illumination::{ExpectedUncertainty, IlluminationCurve};
 use materials::materials;
+pub use waves::{FlatLimits, ObjectLimits, RayLimits, WaveCriteria};
 
 /// Summary of a scene. Lengths in metres, angles in radians.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -44,6 +46,8 @@ pub struct CheckReport {
     pub setup: Setup,
     /// The illumination curve; nothing without a device, or where a mask is missing.
     pub illumination: Option<IlluminationCurve>,
+    /// Errors of ray optics.
+    pub ray_limits: RayLimits,
     /// Materials in use, the surroundings first.
     pub materials: Vec<Material>,
     /// Objects of the sample, in the order of the scene.
@@ -215,10 +219,12 @@ fn load_lenient(
     if scene.listed_objects().is_empty() {
         warnings.push("the scene has no objects: the sample stack will equal the flat".into());
     }
+    let ray_limits = RayLimits::of(scene, &sample)?;
     let mut report = CheckReport {
         title: scene.title.clone(),
         setup: setup(scene, &swept, extent, nodes, energy, &detector),
         illumination: None,
+        ray_limits,
         edges: None,
         work: Work {
             tolerances: costs::tolerances(scene)?,
@@ -235,6 +241,7 @@ fn load_lenient(
     };
     report.warnings.extend(doubts::doubts(scene, &report));
     report.warnings.extend(faces::doubts(scene, &sample));
+    report.warnings.extend(report.ray_limits.warnings());
     report.warnings.extend(costs::warnings(scene, &report));
     let edges = run::edge_blur::bounded(scene, &swept);
     Ok((report, sample, edges))

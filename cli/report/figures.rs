@@ -1,16 +1,19 @@
-//! Drawings of a page: set-up, sample, spectrum. A note names the missing ones.
+//! Parts of a page that need the scene: drawings of set-up, sample and spectrum, limits of ray optics. A note
+//! names the missing ones.
 
+use super::tables::TableRow;
 use crate::failure::Failure;
 use crate::picture::sample::{self, Camera};
 use crate::picture::{set_up, spectrum};
 use crate::progress::Reporter;
 use crate::subject::Subject;
 use beamlet::Control;
+use beamlet::check::RayLimits;
 use beamlet::geometry::Sample;
 use beamlet::scene::{Beam, Scene};
 use beamlet::spectrum::Spectrum;
 
-/// Drawings as SVG; empty where there is nothing to draw.
+/// Drawings as SVG, empty where there is nothing to draw, and limits of ray optics.
 #[derive(Debug, Default)]
 pub(super) struct Figures {
     pub(super) set_up: String,
@@ -18,6 +21,7 @@ pub(super) struct Figures {
     pub(super) spectrum: String,
     /// The beam in words.
     pub(super) energy: String,
+    pub(super) limits: Vec<TableRow>,
     pub(super) notes: Vec<String>,
 }
 
@@ -32,7 +36,9 @@ pub(super) fn of(
     let mut progress = |progress| reporter.update(progress);
     let mut control = Control::default().with_progress(&mut progress);
     let loaded = beamlet::load_sample(scene, &mut control).unwrap_or_else(|error| {
-        figures.notes.push(format!("The sample is not drawn: {error}"));
+        figures.notes.push(format!(
+            "The sample is not drawn, and errors of ray optics at objects are unknown: {error}"
+        ));
         Sample::default()
     });
     reporter.doing("drawing");
@@ -48,10 +54,25 @@ pub(super) fn of(
         }
     }
     figures.beam(scene);
+    figures.limits(scene, &loaded);
     Ok(figures)
 }
 
 impl Figures {
+    /// Expected errors of ray optics, and warnings of a scene outside it.
+    fn limits(&mut self, scene: &Scene, sample: &Sample) {
+        match RayLimits::of(scene, sample) {
+            Ok(limits) => {
+                let lines = limits.lines().into_iter();
+                self.limits = lines.map(|(key, text)| TableRow::new(key, text)).collect();
+                let warnings = limits.warnings().into_iter();
+                self.limits
+                    .extend(warnings.map(|text| TableRow::new("warning", text).marked(true)));
+            }
+            Err(error) => self.notes.push(format!("The limits of ray optics are unknown: {error}")),
+        }
+    }
+
     /// The spectrum before and after its filters, or the one energy.
     fn beam(&mut self, scene: &Scene) {
         match &scene.source.beam {

@@ -101,6 +101,7 @@ pub(crate) fn page(
         sample => figures.sample,
         spectrum => figures.spectrum,
         energy => figures.energy,
+        limits => figures.limits,
         provenance => tables::provenance(run),
         retrieval => tables::retrieval(run),
         tally => tables::tally(run),

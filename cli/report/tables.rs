@@ -56,7 +56,7 @@ impl TableRow {
         Self { key: key.into(), value: value.into(), ..Self::default() }
     }
 
-    const fn marked(mut self, marked: bool) -> Self {
+    pub(super) const fn marked(mut self, marked: bool) -> Self {
         self.marked = marked;
         self
     }

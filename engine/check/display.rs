@@ -14,6 +14,8 @@ impl Display for CheckReport {
         if let Some(curve) = &self.illumination {
             write_illumination(f, curve)?;
         }
+        writeln!(f, "\nlimits of ray optics")?;
+        self.ray_limits.lines().into_iter().try_for_each(|(label, text)| line(f, &label, text))?;
         let nodes = &self.setup.nodes;
         write!(f, "\nmaterials at {} keV", number(self.setup.energy))?;
         match nodes.energies.len() {
@@ -215,7 +217,7 @@ fn named(names: &[String]) -> String {
 }
 
 /// A length in the unit that suits it.
-fn length(metres: f64) -> String {
+pub(super) fn length(metres: f64) -> String {
     let (scale, unit) = match metres.abs() {
         size if size >= 0.1 || size == 0.0 => (1.0, "m"),
         size if size >= 1e-3 => (1e3, "mm"),

@@ -6,6 +6,9 @@ shared_constants! {
     /// Mask steps of an invocation of `random_light.comp`.
     RANDOM_STEPS: u32 = 8;
 
+    /// In place of the first ray of a line that misses the sample.
+    WAVE_EMPTY: u32 = u32::MAX;
+
     /// Values of a vector that a workgroup combines.
     CHUNK: u32 = 1 << 12;
     /// Values of two vectors that a workgroup multiplies and sums.

@@ -108,6 +108,7 @@ mod light;
 mod reconstruct;
 mod refine;
 mod walk;
+mod wave;
 
 pub use constants::*;
 pub use fit::{FitPush, Step};
@@ -129,6 +130,10 @@ pub use walk::{
     AnalyticShape, Constants, Crossing, CrossingsPush, ExactPush, Leaf, Node, Placed,
     PoseTransform, Prototype, Ray, RayResult, Sample, Surface, SurfaceCrossing, TracePush,
 };
+pub use wave::{
+    WaveBeamlet, WaveField, WaveFieldPush, WaveLine, WaveLinePush, WaveMaterial, WavePair,
+    WaveParams,
+};
 
 impl RayResult {
     /// Displacement along z on the detector, m; `gap`: from analyser to detector, m.
@@ -139,8 +144,14 @@ impl RayResult {
 }
 
 /// Every shared struct, by topic.
-pub const LAYOUTS: &[&[Layout]] =
-    &[walk::LAYOUTS, light::LAYOUTS, fit::LAYOUTS, reconstruct::LAYOUTS, refine::LAYOUTS];
+pub const LAYOUTS: &[&[Layout]] = &[
+    walk::LAYOUTS,
+    light::LAYOUTS,
+    fit::LAYOUTS,
+    reconstruct::LAYOUTS,
+    refine::LAYOUTS,
+    wave::LAYOUTS,
+];
 
 /// Address of a buffer on the device.
 pub type Address = u64;

@@ -129,7 +129,7 @@ shared_structs! {
         pub materials: u64 => Words,
         /// `[node][material][2]`: attenuation, 1/m, and delta; behind the nodes at the constants of the rays.
         pub constants: u64 => Floats,
-        /// `[node][2]`: strength of refraction over that of the rays; share of the grazing incidence below which
+        /// `[node][2]`: refraction relative to the constants of the rays; share of the grazing incidence below which
         /// total reflection turns light by as much as at the constants of the rays.
         pub ratios: u64 => Floats,
         /// `[block of rows][beamlet][...]`: shares of light by masks (`refine/spectrum.glsl`).

@@ -5,7 +5,7 @@
 #![allow(clippy::unwrap_used, reason = "a benchmark stops at the first fault")]
 #![allow(clippy::print_stdout, reason = "a table is the result")]
 
-use beamlet::scene::{Mesh, Scene, ShapeOrMesh};
+use beamlet::scene::{Mesh, Scene, ShapeOrMesh, Transport};
 use beamlet::stack::ArraySink;
 use beamlet::{Backend, Control, Engine, EngineOptions};
 use beamlet_reference as reference;
@@ -75,4 +75,12 @@ fn main() {
         (n.into(), scene)
     });
     slope("views", views.into());
+    // Upright cylinder: one line for each beamlet and row.
+    let waves = [1, 11].map(|steps| {
+        let mut scene = experiment(64, steps);
+        scene.detector.pixels = [64, 4];
+        scene.sampling.transport = Transport::Wave;
+        (u64::from(steps), scene)
+    });
+    slope("steps by waves", waves.into());
 }

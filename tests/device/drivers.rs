@@ -180,6 +180,17 @@ fn second_driver_gives_the_same_stacks() {
 }
 
 #[test]
+fn second_driver_gives_the_same_stacks_by_waves() {
+    let Some(icd) = icd(SECOND_DRIVER) else { return };
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let folder = folder.path();
+    let few = ["--set", "sampling.transport=wave", "--set", "detector.pixels=[6, 1]"];
+    succeeded(&simulate_scene(folder, "second", Some(&icd), SCENE, &few));
+    succeeded(&simulate_scene(folder, "first", None, SCENE, &few));
+    assert_same(folder, "second", "first");
+}
+
+#[test]
 fn second_driver_gives_the_same_stacks_under_a_spectrum_and_of_kept_moments() {
     let Some(icd) = icd(SECOND_DRIVER) else { return };
     let folder = tempfile::tempdir().expect("a temporary folder");

@@ -370,14 +370,24 @@ fn a_long_option_with_one_dash_has_a_tip() {
 }
 
 #[test]
-fn shipped_examples_have_no_warnings() {
+fn shipped_examples_have_no_warnings_but_of_the_limits_of_rays() {
     let place = workplace(SCENE);
     for name in ["cylinder", "bracket", "cylinders", "tomography"] {
         ended(&run(place.path(), &format!("example {name} -o {name}")), 0);
         let output = run(place.path(), &format!("check {name}/scene.toml --no-estimate"));
         ended(&output, 0);
         let text = String::from_utf8(output.stdout).unwrap();
-        assert!(!text.contains("warning"), "{name}: {text}");
+        let warnings: Vec<&str> = text.lines().filter(|line| line.contains("warning")).collect();
+        match name {
+            "tomography" => {
+                let [warning] = warnings[..] else { panic!("{name}: {text}") };
+                assert!(
+                    warning.starts_with("warning: \"fibres\" is outside ray optics"),
+                    "{warning}"
+                );
+            }
+            _ => assert!(warnings.is_empty(), "{name}: {text}"),
+        }
     }
     // A body that is many times as long is still told, and a material that is not what its name says.
     let text = SCENE.split("[[object]]\nname = \"part\"").next().unwrap();

@@ -374,3 +374,21 @@ fn the_page_tells_the_title_and_what_the_record_says_of_the_run() {
         assert!(!output.status.success() && message.contains(allowed), "{wrong}: {message}");
     }
 }
+
+#[test]
+fn the_page_of_a_run_states_the_limits_of_ray_optics() {
+    let place = tempfile::tempdir().unwrap();
+    fs::write(place.path().join("scene.toml"), SCENE).unwrap();
+    let page = |name: &str, more: &str| {
+        done(place.path(), &format!("simulate scene.toml -o {name} --format npy -q{more}"));
+        done(place.path(), &format!("report {name}"));
+        fs::read_to_string(place.path().join(format!("{name}/report.html"))).unwrap()
+    };
+    let plain = page("plain", "");
+    for words in ["Limits of ray optics", "24.2 of the aperture", "flat faces have few slopes"] {
+        assert!(plain.contains(words), "{words}");
+    }
+    let warning =
+        "<tr class=\"marked\"><th scope=\"row\">warning</th><td>the set-up is outside ray optics";
+    assert!(!plain.contains(warning) && page("sharp", " --set source.spot=3um").contains(warning));
+}

@@ -3,6 +3,7 @@
 //! It shares no function with the engine and follows the statements of physics, not the
 //! engine's algorithms: full vector Snell on n = 1 - delta, hits in order with moved hit points,
 //! box bars cut by every ray, and sums over source points whose rays are traced again.
+//! `waves` propagates fields by FFT.
 //! Frame and signs: +y source to detector, +x across the slits, +z up, origin at the rotation
 //! centre; metres and radians throughout.
 
@@ -29,3 +30,4 @@ pub mod silhouettes;
 pub mod stack;
 pub mod surfaces;
 pub mod vector;
+pub mod waves;

@@ -11,6 +11,7 @@ mod dark_field;
 #[cfg(feature = "cli")]
 mod dithers;
 mod expected;
+mod fibres_by_waves;
 mod fits;
 mod flats;
 mod geometry_file;

@@ -105,6 +105,18 @@ fn shards_in_any_order_have_the_bits_of_one_run_in_every_format() {
 }
 
 #[test]
+fn shards_of_waves_have_the_bits_of_one_run() {
+    let place = Workplace::new(&format!("{SCENE}\n[sampling]\ntransport = \"wave\"\n"));
+    let options = ["--format", "npy"];
+    let words = ["plan", "scene.toml", "--backend", "bvh", "-o", "run", "--shards", "3"];
+    ended(&place.beamlet(&[&words[..], &options].concat()), 0);
+    make(&place, &["1/3", "0/3", "2/3"]);
+    ended(&place.beamlet(&["join", "run"]), 0);
+    of_one_run(&place, &options);
+    assert_same(&place.path(""), VIEWS);
+}
+
+#[test]
 fn a_single_shard_and_one_shard_a_view_are_joined() {
     for shards in [1, 11] {
         let place = planned(shards, &["--format", "npy"]);

@@ -116,6 +116,11 @@ fn run(engine: &Engine, scene: &Scene, refine: Refine, tolerance: f64) -> (Array
     (sink.into_stacks().expect("stacks").sample, record)
 }
 
+#[expect(clippy::cast_possible_truncation, reason = "the nearest value")]
+const fn narrow(value: f64) -> f32 {
+    value as f32
+}
+
 /// Largest difference and root mean square of values.
 fn apart(a: &Array4<f32>, b: &Array4<f32>) -> [f64; 2] {
     let off = || a.iter().zip(b).map(|(a, b)| f64::from(a - b));
@@ -176,7 +181,8 @@ fn light_of_a_spectrum_is_the_sum_over_its_energies() {
         for (energy, weight) in nodes.energies.iter().zip(&nodes.weights) {
             let mut one = scene.clone();
             one.source.beam = Beam::Energy(*energy);
-            let light = run(&engine, &one, Refine::Host, TOLERANCE / 6.0).0 * (*weight as f32);
+            let mut light = run(&engine, &one, Refine::Host, TOLERANCE / 6.0).0;
+            light.mapv_inplace(|it| narrow(weight * f64::from(it)));
             sum = Some(sum.map_or(light.clone(), |sum| sum + light));
         }
         let (got, record) = run(&engine, &scene, Refine::Device, TOLERANCE);

@@ -29,7 +29,7 @@ pub fn mean_leaks(
 }
 
 /// Share of the light of an energy, keV, that bars let through along the axis.
-fn leak(scene: &Scene, mask: &Mask, energy: f64) -> Result<f64> {
+pub(super) fn leak(scene: &Scene, mask: &Mask, energy: f64) -> Result<f64> {
     Ok(MaskShape::of(scene, mask, mask.distance(), Some(energy))?.leak(1.0))
 }
 

@@ -30,6 +30,22 @@ impl Optics {
         (0..columns).map(place).collect()
     }
 
+    /// Openings of the detector mask before a column, columns from the optical axis; the whole column without a
+    /// mask.
+    pub fn windows_of_column(&self, column: u32) -> Vec<[f64; 2]> {
+        let half = self.detector.half(0);
+        let left = f64::from(column) - half;
+        match &self.detector_mask {
+            None => vec![[left, left + 1.0]],
+            Some(mask) => before_pixel(
+                &mask.openings_in_columns(&self.detector, 0.0),
+                left,
+                half,
+                f64::INFINITY,
+            ),
+        }
+    }
+
     /// Parts of each column that light reaches straight through aligned masks, x from the optical axis on
     /// the detector, m: openings of the detector mask, no wider than the narrowest of the sample mask is
     /// seen; openings of the sample mask at `offset` (m) without a detector mask; whole pixels without masks.
@@ -67,7 +83,7 @@ fn centre(windows: &Openings, left: f64, half: f64) -> Option<[f64; 2]> {
 
 /// Openings between `left` and `left` + 1, each no wider than `widest` about its centre, as [`centre`] has
 /// them.
-fn before_pixel(windows: &Openings, left: f64, half: f64, widest: f64) -> Vec<[f64; 2]> {
+pub(super) fn before_pixel(windows: &Openings, left: f64, half: f64, widest: f64) -> Vec<[f64; 2]> {
     let period = windows.period[0];
     let number = |place: f64| (place - windows.offset) / period + half - 0.5;
     let mut number_of = number(left).floor() - 1.0;

@@ -11,6 +11,7 @@ mod periods;
 mod thin_curve;
 mod view_geometry;
 mod view_offsets;
+pub mod waves;
 
 pub use bars::{MaskShape, mean_leaks, modulated};
 pub use detector_plane::DetectorPlane;

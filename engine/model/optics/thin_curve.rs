@@ -37,8 +37,8 @@ pub struct ThinCurve {
 
 /// Light at an offset with its derivatives by the displacement.
 #[derive(Debug, Clone, Copy, Default)]
-struct Light {
-    value: f64,
+pub(super) struct Light {
+    pub(super) value: f64,
     slope: f64,
     curvature: f64,
 }
@@ -72,7 +72,7 @@ impl ThinCurve {
     }
 
     /// Light at a mask offset, m: value, and derivatives by the displacement x of the aperture.
-    fn at(&self, offset: f64) -> Light {
+    pub(super) fn at(&self, offset: f64) -> Light {
         let displaced = self.magnification * offset + self.shift;
         let nearest = libm::remainder(displaced, self.period);
         let mut sum = Light { value: self.background, ..Light::default() };

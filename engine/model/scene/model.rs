@@ -345,4 +345,6 @@ pub enum Transport {
     FirstOrder,
     /// Exact transport, with refraction at every surface, for every ray.
     Exact,
+    /// Waves: phases along straight lines, propagated along x.
+    Wave,
 }

@@ -56,7 +56,7 @@ pub struct Object {
     pub allow_defects: bool,
     /// Places of copies of the shape or mesh; `None`: one copy at the object's own origin.
     pub instances: Option<Instances>,
-    /// Standard deviation of the slopes of its surface against its facets, 0 to 0.3.
+    /// Standard deviation of the slopes of its surface against its facets, 0 to 0.3; they have no correlation length.
     pub roughness: f64,
     /// Which normals refract light.
     pub normals: Normals,

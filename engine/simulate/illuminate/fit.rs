@@ -8,7 +8,7 @@ use std::sync::Arc;
 ///
 /// # Errors
 /// [`beamlet_core::Error::Memory`].
-pub(super) fn fit<T>(
+pub(crate) fn fit<T>(
     device: &Arc<Device>,
     buffer: Option<Buffer>,
     name: &str,

@@ -10,6 +10,7 @@ mod spectral;
 mod sums;
 
 pub(crate) use cells::{CellIlluminator, CellKernels};
+pub(crate) use fit::fit;
 pub(crate) use light::{IlluminationBuffer, SpectralBand, alike_rows};
 pub(crate) use random::{RandomBatch, RandomIlluminator, RandomKernels};
 pub use spectral::NARROW;

@@ -195,7 +195,7 @@ impl<'b> GroupRun<'b> {
             lists = by_list.chunks(2).map(|of| [next(of[0]), next(of[1])]).collect();
         }
         let parts: u32 = lists.iter().flatten().map(|part| part.end - part.start).sum();
-        (parts > 0 || !repeated.is_empty()).then(|| MadeCells {
+        (parts > 0 || !repeated.is_empty()).then_some(MadeCells {
             parts: &self.buffers.parts,
             cell_rows: &self.buffers.cell_rows,
             cells: &self.buffers.cells,

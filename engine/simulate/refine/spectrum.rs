@@ -116,7 +116,7 @@ impl<'s> Spectrum<'s> {
         Ok(())
     }
 
-    /// What the first submission of a group sends.
+    /// Uploads of the first submission of a group.
     pub(super) fn uploads(&self) -> Vec<Upload<'_>> {
         let mut uploads = vec![Upload::new(&self.record, 0, &self.sent)];
         if let Some(shares) = self.shares.as_ref().filter(|_| !self.unsent.is_empty()) {

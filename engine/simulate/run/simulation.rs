@@ -19,6 +19,7 @@ use crate::run::memory::MemoryEstimate;
 use crate::run::simulator::Simulator;
 use crate::sampling::{self, ErrorBudget, Lattice, ProjectedBounds, Response};
 use crate::trace::{DeviceSample, Tracer};
+use crate::wave::WavePlans;
 pub use backend::choose;
 use beamlet_core::cancel::Cancel;
 use beamlet_core::tally::Tally;
@@ -61,6 +62,8 @@ pub struct Simulation {
     lattice: Lattice,
     /// For a spectrum or kept moments, by cells.
     spectral: Option<EnergyBinning>,
+    /// Lines of rays in place of cells, for waves.
+    wave: Option<WavePlans>,
     /// For what moments of the rays that bound cells are kept.
     recording: Option<sampling::MomentRecording>,
     /// Effect of changes of a cell on recorded values.
@@ -162,7 +165,7 @@ impl Simulation {
     }
 
     /// Bytes of kept moments by the rays of this simulation, right to a factor of two; `None` where random
-    /// rays make the light.
+    /// rays or waves make the light.
     #[doc(hidden)]
     pub fn moments_of_rays(&self) -> Option<impl Fn(f64) -> u64 + use<>> {
         let each = moments::cell_bytes(self.moment_words());
@@ -174,7 +177,8 @@ impl Simulation {
             false => CELLS_IF_KEPT * (1.0 + beside),
         };
         let bytes = move |rays: f64| numbers::whole::<u64>(cells * rays * each as f64);
-        (self.scene.sampling.scheme == Scheme::Cells).then_some(bytes)
+        let is_kept = self.scene.sampling.scheme == Scheme::Cells && self.wave.is_none();
+        is_kept.then_some(bytes)
     }
 
     /// Effect of changes of a cell on recorded values at the mask offsets of a view.

@@ -3,6 +3,7 @@
 use crate::illuminate::{CellKernels, RandomKernels};
 use crate::refine::RefineKernels;
 use crate::trace::TraceKernels;
+use crate::wave::WaveKernels;
 use beamlet_gpu::{Compute, Device, EngineOptions};
 use std::sync::Arc;
 
@@ -19,6 +20,7 @@ struct Kernels {
     illuminate: Arc<CellKernels>,
     random: Arc<RandomKernels>,
     refine: Arc<RefineKernels>,
+    wave: Arc<WaveKernels>,
 }
 
 impl Simulator {
@@ -30,6 +32,7 @@ impl Simulator {
             illuminate: Arc::new(CellKernels::new(device)),
             random: Arc::new(RandomKernels::new(device)),
             refine: Arc::new(RefineKernels::new(device)),
+            wave: Arc::new(WaveKernels::new(device)),
         });
         Self { kernels, compute }
     }
@@ -66,6 +69,10 @@ impl Simulator {
 
     pub(crate) fn refine_kernels(&self) -> &Arc<RefineKernels> {
         &self.kernels.refine
+    }
+
+    pub(crate) fn wave_kernels(&self) -> &Arc<WaveKernels> {
+        &self.kernels.wave
     }
 
     pub(crate) fn illuminate_kernels(&self) -> &Arc<CellKernels> {

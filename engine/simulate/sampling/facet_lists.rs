@@ -76,7 +76,7 @@ impl SampleFacets {
                 delta: a.delta - b.delta,
                 least_cosine: match transport {
                     // For exact transport facets estimate errors alone, to first order.
-                    Transport::FirstOrder | Transport::Exact => 0.0,
+                    Transport::FirstOrder | Transport::Wave | Transport::Exact => 0.0,
                     Transport::Auto => least_cosine(delta_ratio * media.step(inside, outside)),
                 },
             }

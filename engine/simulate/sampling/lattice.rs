@@ -177,6 +177,15 @@ impl Lattice {
         self.row_spread.shares(top, bottom, down).unwrap_or([-1.0, 0.0])
     }
 
+    /// Share of light spread evenly over an interval of a row, and moved down by `shift` rows, that lands in the
+    /// row `down` rows below.
+    #[must_use]
+    pub(crate) fn share_of_row(&self, ends: [f64; 2], shift: f64, down: i64) -> f64 {
+        let [top, bottom] = ends.map(|end| end + shift);
+        let below = |border: i64| self.row_spread.share_below(border as f64, top, bottom);
+        below(down + 1) - below(down)
+    }
+
     /// The same for a piece: by its outline, or else by its interval.
     pub(super) fn piece_shares(&self, rows: &PieceRows, down: f64) -> [f32; 2] {
         let Some(shares) = rows.by_outline(down, self.row_spread.blur) else {

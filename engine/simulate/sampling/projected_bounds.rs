@@ -43,8 +43,8 @@ impl ProjectedBounds {
         })
     }
 
-    /// True if it may throw light out of a row.
-    fn throws(&self, row: i64) -> bool {
+    /// True if it may throw light out of a row: it has surfaces there that are not upright.
+    pub(crate) fn throws(&self, row: i64) -> bool {
         let (top, bottom) = (row as f64, (row + 1) as f64);
         self.lids.iter().any(|[first, last]| *first <= bottom && *last >= top)
     }

@@ -4,6 +4,7 @@ mod batch;
 mod exact;
 mod job;
 mod kernels;
+mod lines;
 mod made;
 mod pass;
 mod queues;
@@ -101,7 +102,7 @@ impl Tracer {
         let most = most.clamp(SMALLEST_BATCH, LARGEST_BATCH);
         let first = match transport {
             Transport::Exact => FIRST_EXACT_BATCH,
-            Transport::Auto | Transport::FirstOrder => FIRST_BATCH,
+            Transport::Auto | Transport::FirstOrder | Transport::Wave => FIRST_BATCH,
         };
         let capacity = fixed_batch.unwrap_or(first.min(most)).clamp(1, LARGEST_BATCH);
         Ok(Self {

@@ -240,7 +240,7 @@ fn surface(
     let [inside, outside] = media.sides(component.object, component.outside);
     let jump = delta_ratio * media.step(inside, outside);
     let grazing = match scene.sampling.transport {
-        Transport::FirstOrder => 0.0,
+        Transport::FirstOrder | Transport::Wave => 0.0,
         Transport::Auto | Transport::Exact => least_cosine(jump),
     };
     Surface {
@@ -262,7 +262,7 @@ fn graze_by_partners(
     delta_ratio: f64,
     surfaces: &mut [Surface],
 ) {
-    if scene.sampling.transport == Transport::FirstOrder {
+    if matches!(scene.sampling.transport, Transport::FirstOrder | Transport::Wave) {
         return;
     }
     let component_of = |at: u32| sample.placed[at as usize].component as usize;

@@ -23,14 +23,15 @@ keys! { SAMPLING: Sampling, "sampling", [], [];
     rays => Either(RAYS, &ONE, &Counts("counts in x, z", 1, limits::RAYS as u64)), Default("5000"), "[100, 10]",
         "Rays of a pixel under the scheme `random`, spread over it or in a grid; up to 400000 in all.";
     transport => Word(TRANSPORTS), Default(r#""auto""#), r#""exact""#,
-        "Order of the transport through the sample.";
+        "Order of the transport through the sample, or waves ([waves](waves.md)).";
     seed => Count(0, u64::MAX), Default("1"), "7", "Seed of every random number.";
 }
 
 words!(Scheme, SCHEMES: "cells" => Cells, "random" => Random);
 words!(Refine, REFINES: "host" => Host, "device" => Device);
 words!(Quality, QUALITIES: "noise" => Noise, "standard" => Standard, "fine" => Fine);
-words!(Transport, TRANSPORTS: "auto" => Auto, "first-order" => FirstOrder, "exact" => Exact);
+words!(Transport, TRANSPORTS: "auto" => Auto, "first-order" => FirstOrder, "exact" => Exact,
+    "wave" => Wave);
 
 impl Record for Sampling {
     const KEYS: &'static Keys<Self> = &SAMPLING;

@@ -8,7 +8,7 @@ use crate::detector::SubpixelGrid;
 use beamlet_core::{Error, Result};
 use beamlet_files::StackShape;
 use beamlet_geometry::{ObjectSummary, PEAK_PER_CUT_TRIANGLE, PEAK_PER_TRIANGLE};
-use beamlet_model::scene::{Beam, Refine, Scatter, Scene, Scheme, ShapeOrMesh};
+use beamlet_model::scene::{Beam, Refine, Scatter, Scene, Scheme, ShapeOrMesh, Transport};
 use std::collections::BTreeSet;
 
 /// Least memory of one patch in refinement under a limit.
@@ -48,6 +48,10 @@ const BEAMLET: u64 = 96;
 const RAY: u64 = 140;
 /// Bytes on the device of lists of crossings.
 const LISTS: u64 = 16 << 20;
+/// Bytes on the device of fields, sums and records of lines by waves, and of the lines of half the spacing.
+const WAVE_DEVICE: u64 = 96 << 20;
+/// Bytes on the host of the light of lines whose heights are chosen together.
+const WAVE_HOST: u64 = 64 << 20;
 /// Copies of a frame while it is encoded: values, and raw or compressed blocks.
 pub(super) const FRAME_COPIES: u64 = 2;
 
@@ -117,6 +121,8 @@ pub(super) struct Needs {
     pub(super) cells: bool,
     /// Rectangles are refined, and so take memory, on the device.
     on_device: bool,
+    /// Lines of rays replace cells.
+    wave: bool,
     /// Rays of a view that refinement adds beyond what `ray_host` counts.
     pub(super) crowded: u64,
 }
@@ -155,6 +161,7 @@ impl Needs {
             host: 4 * lit_row + 8 * lit_pixels + copies * 4 * steps * u64::from(extent.columns),
             device: 8 * (lit_row + lit_pixels),
         };
+        let wave = scene.sampling.transport == Transport::Wave;
         let ray_host = match scene.source.beam {
             Beam::Energy(_) => REFINEMENT,
             Beam::Spectrum(_) => REFINEMENT + GATHERED + KEPT_MOMENTS * materials.len() as u64,
@@ -184,6 +191,7 @@ impl Needs {
             ray_device,
             cells,
             on_device: scene.sampling.refine == Refine::Device,
+            wave,
             crowded: 0,
         })
     }
@@ -324,7 +332,9 @@ impl Needs {
         let band = self.lanes * (u64::from(band_rows) + self.beside);
         let refined = self.refinement(rays);
         let [on_host, on_device] = if self.on_device { [0, refined] } else { [refined, 0] };
+        let [wave_host, wave_device] = if self.wave { [WAVE_HOST, WAVE_DEVICE] } else { [0; 2] };
         let host = self.program
+            + self.lanes * wave_host
             + KEPT * self.triangles
             + self.instances().host
             + self.lanes * BEAMLET * self.beamlets
@@ -332,7 +342,7 @@ impl Needs {
             + self.lanes * CROWDED * self.crowded.min(MOST_CROWDED)
             + 64 * self.views
             + FRAME_COPIES * self.frame;
-        let device = self.lanes * LISTS
+        let device = self.lanes * (LISTS + wave_device)
             + (TREE + STRUCTURE) * self.triangles
             + self.instances().device
             + self.lanes * self.ray_device * rays

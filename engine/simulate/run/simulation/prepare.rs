@@ -9,6 +9,7 @@ use crate::run::simulator::Simulator;
 use crate::run::{self, Control, MemoryEstimate, memory, quality};
 use crate::sampling::{self, ErrorBudget, Lattice, Response};
 use crate::trace::DeviceSample;
+use crate::wave::{self, WavePlans};
 use beamlet_core::{Error, Result};
 use beamlet_files::RunStart;
 use beamlet_geometry as geometry;
@@ -63,6 +64,7 @@ impl Simulation {
         let media = MaterialTable::of(&scene)?;
         let lattice = lattice_of(&scene, optics, &media)?;
         refuse_device(&scene, &media, simulator.options())?;
+        wave::refuse(&scene, optics, simulator.options())?;
         let delta_ratio =
             if simulator.options().keep_moments { moments::DELTA_HEADROOM } else { 1.0 };
         let several = media.energies.len() > 1 || simulator.options().keep_moments;
@@ -96,6 +98,10 @@ impl Simulation {
         scene.validate()?;
         if scene.sampling.scheme != Scheme::Cells {
             return Err(Error::scene("sampling.scheme", "random", "cells, for stored moments"));
+        }
+        if scene.sampling.transport == Transport::Wave {
+            let (found, allowed) = ("\"wave\" with stored moments", "a simulation that traces");
+            return Err(Error::scene("sampling.transport", found, allowed));
         }
         let scene = Arc::new(quality::as_traced(scene, moments.scene())?.with_file_hashes()?);
         let detector = DetectorModel::of(&scene)?;
@@ -166,6 +172,10 @@ impl Simulation {
             options.keep_moments,
             &optics.offsets.lists()[0],
         );
+        let wave = match scene.sampling.transport {
+            Transport::Wave => WavePlans::new(device, &scene, optics, &lattice, &media)?,
+            Transport::Auto | Transport::FirstOrder | Transport::Exact => None,
+        };
         let budget = error_budget(&scene, detector.optics());
         let of = scene.clone();
         let Built { sample, media, bvh, facets } =
@@ -193,6 +203,7 @@ impl Simulation {
             leaks,
             budget,
             recording,
+            wave,
             stored,
             memory,
             alone,

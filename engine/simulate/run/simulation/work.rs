@@ -7,6 +7,7 @@ mod mean;
 mod random;
 mod share;
 mod survey;
+mod waves;
 
 use super::Simulation;
 use super::seconds::Seconds;
@@ -20,6 +21,7 @@ use crate::run::memory::MemoryEstimate;
 use crate::run::{Control, Progress, ViewProgress};
 use crate::sampling::{ProjectedBounds, Response};
 use crate::trace::Tracer;
+use crate::wave::WaveBand;
 use beamlet_core::cancel::Cancel;
 use beamlet_core::tally::Tally;
 use beamlet_core::{Result, numbers};
@@ -49,6 +51,8 @@ pub(super) struct ViewWork<'s> {
     random_light: RandomIlluminator,
     /// Refines on the device, where the scene wants that.
     refiner: Option<DeviceRefiner<'s>>,
+    /// Light by waves in place of cells, where the scene wants that.
+    wave: Option<WaveBand>,
     bars: MaskTransmissionCache,
     random: bool,
     band: u32,
@@ -116,11 +120,18 @@ impl<'s> ViewWork<'s> {
         if refines {
             kernels.extend(simulator.refine_kernels().all(simulation.spectral.is_some()));
         }
+        if simulation.wave.is_some() {
+            kernels.extend(simulator.wave_kernels().all());
+        }
         LazyKernel::make_all(&kernels, cancel)?;
         let energies = simulation.spectral.as_ref();
         let refiner =
             refines.then(|| DeviceRefiner::new(&device, simulator.refine_kernels(), energies));
         let refiner = refiner.transpose()?;
+        let wave = simulation.wave.as_ref();
+        let wave =
+            wave.map(|plans| WaveBand::new(&device, plans, simulator.wave_kernels(), columns));
+        let wave = wave.transpose()?;
         Ok(Self {
             tracer,
             lights,
@@ -128,6 +139,7 @@ impl<'s> ViewWork<'s> {
             cells: CellIlluminator::new(&device, simulator.illuminate_kernels(), cancel),
             random_light: RandomIlluminator::new(&device, simulator.random_kernels(), optics),
             refiner,
+            wave,
             bars: MaskTransmissionCache::default(),
             random,
             band,
@@ -222,14 +234,20 @@ impl<'s> ViewWork<'s> {
         self.clear_band(&lit, list)?;
         self.band(view, projected_bounds, &lit, &detector.grid().own_rows(band), control)?;
         let begin = Instant::now();
-        let intensities =
-            detector.intensities(view, band, self.sums.intensities()?, &self.cancel)?;
+        let light = match &self.wave {
+            Some(wave) => wave.intensities()?,
+            None => self.sums.intensities()?,
+        };
+        let intensities = detector.intensities(view, band, light, &self.cancel)?;
         self.seconds.detect += begin.elapsed().as_secs_f64();
         Ok(intensities)
     }
 
     /// Begins sums of the light of rows, at a list of mask offsets.
     pub(super) fn clear_band(&mut self, lit: &Range<u32>, list: usize) -> Result<()> {
+        if let Some(wave) = &mut self.wave {
+            return wave.begin(lit, list);
+        }
         let uploads = self.lights.iter_mut().map(|light| light.set_band(lit, list));
         self.sums.clear(lit, &uploads.collect::<Vec<_>>())
     }
@@ -303,7 +321,9 @@ impl<'s> ViewWork<'s> {
             let beside = (rows.end <= 0 && own.start == 0) || (rows.start >= all && own.end == all);
             let own = own.contains(&rows.start);
             let recorded = own || beside;
-            if self.simulation.scene.sampling.scheme == Scheme::Random {
+            if self.wave_rows(view, projected_bounds, (&rows, &inner), own)? {
+                // All light comes from lines.
+            } else if self.simulation.scene.sampling.scheme == Scheme::Random {
                 self.random_rows(self.simulation.detector.optics(), view, projected_bounds, &rows)?;
             } else {
                 let rows = (&rows, &mut base);

@@ -133,7 +133,7 @@ impl Tracer {
     /// Rays of the batch that are traced exactly, where `all` of them may be.
     pub(super) const fn exact_rays(&self, all: ExactRays) -> Option<ExactRays> {
         match self.transport {
-            Transport::FirstOrder => None,
+            Transport::FirstOrder | Transport::Wave => None,
             Transport::Exact => Some(all),
             Transport::Auto => Some(ExactRays::Queued(QUEUE_EXACT)),
         }

@@ -78,7 +78,7 @@ impl Tracer {
         self.counts.take(tally);
         self.counts.rays.fetch_add(rays.into(), Ordering::Relaxed);
         let exact = match self.transport {
-            Transport::FirstOrder => 0,
+            Transport::FirstOrder | Transport::Wave => 0,
             Transport::Exact => rays,
             Transport::Auto => exact,
         };

@@ -73,7 +73,9 @@ impl Simulation {
         let views: Vec<Exposure> = stack::views(&self.scene)?.collect();
         let mut work = ViewWork::new(self, &views, cancel, self.alone)?;
         let fixed = self.prepared_in + begin.elapsed().as_secs_f64();
-        let mut estimate = if self.scene.sampling.scheme == Scheme::Random {
+        let mut estimate = if self.wave.is_some() {
+            work.wave_estimate()?
+        } else if self.scene.sampling.scheme == Scheme::Random {
             work.random_estimate()?
         } else {
             work.cells_estimate()?
@@ -102,12 +104,12 @@ impl ViewWork<'_> {
     }
 
     /// Poses of the sample: one for each view, but in fly scans.
-    fn view_count(&self) -> f64 {
+    pub(super) fn view_count(&self) -> f64 {
         self.simulation.scene.scan.poses() as f64
     }
 
     /// Sets the sums to the band with a row of the grid, and returns the band's rows there.
-    fn begin_band(&mut self, row: i64) -> Result<Range<i64>> {
+    pub(super) fn begin_band(&mut self, row: i64) -> Result<Range<i64>> {
         let rows = self.simulation.scene.detector.pixels[1];
         let grid = self.simulation.detector.grid();
         let mut lit = grid.lit_rows(&(0..rows.min(self.band)));
@@ -193,7 +195,7 @@ impl ViewWork<'_> {
     }
 
     /// Rows of a view that shadows reach, as far as a run samples them.
-    fn rows_of(&self, projected_bounds: &[ProjectedBounds]) -> Range<i64> {
+    pub(super) fn rows_of(&self, projected_bounds: &[ProjectedBounds]) -> Range<i64> {
         let halo = self.simulation.lattice.halo;
         let top = projected_bounds
             .iter()

@@ -1,0 +1,214 @@
+//! Lines of rays, traced in batches, and their light in the pixels of their beamlets.
+
+use super::kernels::WaveKernels;
+use super::plan::WavePlan;
+use crate::illuminate::fit;
+use crate::sampling::Lattice;
+use crate::trace::Tracer;
+use beamlet_core::{Result, numbers};
+use beamlet_gpu::{Buffer, Device, Download, Kernel, Recorder, Upload, push_bytes};
+use beamlet_interface::{
+    GROUP, Ray, WAVE_EMPTY, WaveField, WaveFieldPush, WaveLine, WaveLinePush, WavePair,
+};
+use std::sync::Arc;
+
+/// Bytes of fields on the device that lines are traced for at a time.
+const FIELD_BYTES: usize = 1 << 25;
+/// Products of pairs of a dispatch: long ones would block a screen.
+const MOST_PRODUCTS: u64 = 1 << 25;
+
+const _: () = assert!(push_bytes::<WaveLinePush>() <= beamlet_gpu::PUSH_BYTES);
+
+/// A line of rays.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Line {
+    /// Beamlet of the lattice.
+    pub beamlet: i64,
+    /// Row coordinate, downwards.
+    pub row: f64,
+}
+
+/// Buffers of lines on the device, which grow as needed.
+#[derive(Debug)]
+pub(super) struct Lines {
+    device: Arc<Device>,
+    plan: Arc<WavePlan>,
+    kernels: Arc<WaveKernels>,
+    fields: Option<Buffer>,
+    sums: Option<Buffer>,
+    records: Option<Buffer>,
+    light: Option<Buffer>,
+    offsets: Buffer,
+    steps: u32,
+}
+
+impl Lines {
+    pub(super) fn new(
+        device: &Arc<Device>,
+        plan: &Arc<WavePlan>,
+        kernels: &Arc<WaveKernels>,
+    ) -> Result<Self> {
+        let lists: Vec<f32> =
+            plan.offsets.iter().flatten().map(|offset| numbers::single(*offset)).collect();
+        Ok(Self {
+            device: device.clone(),
+            plan: plan.clone(),
+            kernels: kernels.clone(),
+            fields: None,
+            sums: None,
+            records: None,
+            light: None,
+            offsets: device.upload("offsets of lines", &lists)?,
+            steps: numbers::count(plan.offsets[0].len()),
+        })
+    }
+
+    /// Values of a line: `[step][pixel of the beamlet]`.
+    pub(super) fn values(&self) -> usize {
+        self.steps as usize * self.plan.most_pixels as usize
+    }
+
+    /// Light of lines that miss the sample, of all beamlets: `[beamlet][step][pixel]`.
+    ///
+    /// # Errors
+    /// [`beamlet_core::Error::Device`], [`beamlet_core::Error::Memory`].
+    pub(super) fn flat(&mut self, list: usize) -> Result<Vec<f32>> {
+        let count = numbers::count(self.plan.pixels.len());
+        let records: Vec<WaveLine> =
+            (0..count).map(|beamlet| WaveLine { first_ray: WAVE_EMPTY, beamlet }).collect();
+        self.light_of(&records, list)
+    }
+
+    /// Light of lines at a pose of the sample: `[line][step][pixel]`.
+    ///
+    /// # Errors
+    /// As [`Tracer::trace`].
+    pub(super) fn light(
+        &mut self,
+        tracer: &mut Tracer,
+        lattice: &Lattice,
+        lines: &[Line],
+        [pose, list]: [u32; 2],
+    ) -> Result<Vec<f32>> {
+        let each = self.plan.rays as usize;
+        let energies = self.plan.energies as usize;
+        let at_once = (FIELD_BYTES / (each * energies * size_of::<WaveField>())).max(1);
+        let mut light = Vec::with_capacity(lines.len() * self.values());
+        for some in lines.chunks(at_once) {
+            self.trace(tracer, lattice, some, pose)?;
+            let record = |(index, line): (usize, &Line)| WaveLine {
+                first_ray: numbers::count(index * each),
+                beamlet: numbers::narrow(line.beamlet - self.plan.beamlets.start),
+            };
+            let records: Vec<WaveLine> = some.iter().enumerate().map(record).collect();
+            light.extend(self.light_of(&records, list as usize)?);
+        }
+        Ok(light)
+    }
+
+    /// Traces lines, and leaves the fields of all energies, `[energy][line][ray]`.
+    fn trace(
+        &mut self,
+        tracer: &mut Tracer,
+        lattice: &Lattice,
+        lines: &[Line],
+        pose: u32,
+    ) -> Result<()> {
+        let (plan, all) = (self.plan.clone(), lines.len() * self.plan.rays as usize);
+        let fields = self.fields.take();
+        let size = all * plan.energies as usize;
+        let fields = fit::<WaveField>(&self.device, fields, "fields of lines", size)?;
+        let kernel = self.kernels.field.get()?;
+        let mut first = 0;
+        while first < all {
+            let count = (all - first).min(tracer.capacity() as usize);
+            let rays: Vec<Ray> =
+                (first..first + count).map(|at| self.ray(lattice, lines, at, pose)).collect();
+            tracer.with_moments_on_device(&rays, |tracer| {
+                let field = |energy: u32| WaveFieldPush {
+                    moments: tracer.moments().address(),
+                    fields: fields.address(),
+                    materials: plan.media(energy),
+                    ray_count: numbers::count(count),
+                    first: numbers::count(energy as usize * all + first),
+                    words: tracer.moment_stride(),
+                    material_count: plan.materials,
+                    lever: numbers::single(plan.lever),
+                };
+                let record = |r: &mut Recorder<'_>| {
+                    for energy in 0..plan.energies {
+                        let groups = [numbers::count(count).div_ceil(GROUP), 1, 1];
+                        r.dispatch(kernel, bytemuck::bytes_of(&field(energy)), groups);
+                    }
+                };
+                self.device.run(record).map(|_| ())
+            })?;
+            first += count;
+        }
+        self.fields = Some(fields);
+        Ok(())
+    }
+
+    /// A ray of a line, by its index among the rays of all.
+    fn ray(&self, lattice: &Lattice, lines: &[Line], at: usize, pose: u32) -> Ray {
+        let each = self.plan.rays as usize;
+        let line = &lines[at / each];
+        let from_middle = (at % each) as f64 + 0.5 - 0.5 * each as f64;
+        lattice.ray(line.beamlet, from_middle * self.plan.spacing, line.row, pose)
+    }
+
+    /// Light of lines whose fields are on the device.
+    fn light_of(&mut self, records: &[WaveLine], list: usize) -> Result<Vec<f32>> {
+        let kernels = self.kernels.clone();
+        let kernel = kernels.line.get()?;
+        let (plan, count) = (self.plan.clone(), records.len());
+        let values = count * self.values();
+        let of_line = u64::from(plan.rays) * 64;
+        let at_once = numbers::whole::<u32>((MOST_PRODUCTS / of_line).max(1) as f64);
+        let parts = numbers::count(self.values()).div_ceil(GROUP);
+        let device = self.device.clone();
+        let line_buffer = fit::<WaveLine>(&device, self.records.take(), "records of lines", count)?;
+        let light = fit::<f32>(&device, self.light.take(), "light of lines", values)?;
+        let room = at_once.min(numbers::count(count)) as usize * (parts * plan.rays) as usize;
+        let sums = fit::<WavePair>(&device, self.sums.take(), "sums of pairs", room)?;
+        let template = WaveLinePush {
+            lines: line_buffer.address(),
+            fields: 0,
+            sums: sums.address(),
+            offsets: self.offsets.address() + u64::from(self.steps) * 4 * list as u64,
+            light: light.address(),
+            steps: self.steps,
+            ..bytemuck::Zeroable::zeroed()
+        };
+        let field_bytes = (count * plan.rays as usize * size_of::<WaveField>()) as u64;
+        let fields = self.fields.as_ref().map_or(0, Buffer::address);
+        let mut uploads = &[Upload::new(&line_buffer, 0, records)][..];
+        for first_line in (0..numbers::count(count)).step_by(at_once as usize) {
+            let groups = [at_once.min(numbers::count(count) - first_line), parts, 1];
+            let record = |r: &mut Recorder<'_>| {
+                for energy in 0..plan.energies {
+                    let push = WaveLinePush {
+                        params: plan.params(energy),
+                        fields: fields + u64::from(energy) * field_bytes,
+                        first_line,
+                        adds: u32::from(energy > 0),
+                        ..template
+                    };
+                    dispatch(r, kernel, &push, groups);
+                }
+            };
+            device.run_with(uploads, record, &mut [])?;
+            uploads = &[];
+        }
+        let mut found = beamlet_core::reserve::zeroed::<f32>(values, "light of lines")?;
+        device.read(&mut [Download::new(&light, 0, &mut found)])?;
+        (self.records, self.light, self.sums) = (Some(line_buffer), Some(light), Some(sums));
+        Ok(found)
+    }
+}
+
+/// Records a dispatch after all before, whose sums it replaces.
+fn dispatch(r: &mut Recorder<'_>, kernel: &Kernel, push: &WaveLinePush, groups: [u32; 3]) {
+    r.barrier();
+    r.dispatch(kernel, bytemuck::bytes_of(push), groups);
+}

@@ -1,0 +1,31 @@
+//! Light by waves: uniform lines of rays along x in place of cells (docs/waves.md).
+//!
+//! In the order of the data flow:
+//!
+//! - `refusal`: scenes that waves do not compute;
+//! - `bars`: apertures of a mask at an energy;
+//! - `frequencies`: spacing of a line, and its shears by energy;
+//! - `columns`: pixels of each beamlet, and their response to a frequency;
+//! - `energy`, `plan`: tables of these on the device;
+//! - `kernels`, `lines`: lines of rays, traced, and their light;
+//! - `patch`: heights of the lines of a beamlet and row;
+//! - `rows`: patches of rows, and estimates of their errors;
+//! - `band`: sums of light of a band of rows.
+
+mod band;
+mod bars;
+mod columns;
+mod energy;
+mod frequencies;
+mod kernels;
+mod lines;
+mod patch;
+mod plan;
+mod refusal;
+mod rows;
+
+pub(crate) use band::WaveBand;
+pub(crate) use kernels::WaveKernels;
+pub(crate) use plan::WavePlans;
+pub(crate) use refusal::refuse;
+pub(crate) use rows::WaveView;

@@ -1,0 +1,199 @@
+//! Lines of a scene on the device: frequencies of each energy, pixels and responses of each beamlet.
+
+use super::columns::Columns;
+use super::energy::{Energy, refuse};
+use super::frequencies::{Kind, spacing};
+use crate::sampling::Lattice;
+use beamlet_core::Result;
+use beamlet_core::numbers::{self, single};
+use beamlet_gpu::{Buffer, Device};
+use beamlet_interface::{Address, WaveMaterial, WaveParams};
+use beamlet_model::material::Constants;
+use beamlet_model::media::MaterialTable;
+use beamlet_model::optics::Optics;
+use beamlet_model::optics::waves::wavelength;
+use beamlet_model::scene::Scene;
+use std::ops::Range;
+use std::sync::Arc;
+
+/// Most rays of a line: a wider period or aperture has too many.
+const MOST_RAYS: f64 = 1e6;
+
+/// Spread by propagation between mask and sample over the blur of the focal spot, from which on it is warned of.
+const PROPAGATED: f64 = 0.25;
+
+/// Lines of a scene with the tables of their kernels.
+#[derive(Debug)]
+pub(crate) struct WavePlan {
+    /// Beamlets whose light reaches a pixel.
+    pub(super) beamlets: Range<i64>,
+    /// First pixel of each beamlet, and the number of its pixels.
+    pub(super) pixels: Vec<(u32, u32)>,
+    /// Most pixels of a beamlet.
+    pub(super) most_pixels: u32,
+    /// Rays of a line.
+    pub(super) rays: u32,
+    /// Their spacing, m.
+    pub(super) spacing: f64,
+    /// Number of energies.
+    pub(super) energies: u32,
+    /// Number of materials.
+    pub(super) materials: u32,
+    /// Centre of the sample to the analyser, m.
+    pub(super) lever: f64,
+    /// Shift of light by the focal spot, rows downwards.
+    pub(super) row_shift: f64,
+    /// Mask offsets of each list, m.
+    pub(super) offsets: Vec<Vec<f64>>,
+    params: Buffer,
+    media: Buffer,
+    _buffers: Vec<Buffer>,
+}
+
+/// Lines of a scene of each kind.
+#[derive(Debug)]
+pub(crate) struct WavePlans {
+    /// Lines of rays.
+    pub(super) rays: Arc<WavePlan>,
+    /// Lines of half their spacing, for estimates.
+    pub(super) finer: Arc<WavePlan>,
+    /// Lines without rays.
+    pub(super) flat: Arc<WavePlan>,
+}
+
+impl WavePlans {
+    /// Plans the lines of a scene; none without a sample mask.
+    ///
+    /// # Errors
+    /// [`beamlet_core::Error::Scene`] where lines would have too many rays or masks are not described by waves.
+    pub(crate) fn new(
+        device: &Arc<Device>,
+        scene: &Scene,
+        optics: &Optics,
+        lattice: &Lattice,
+        media: &MaterialTable,
+    ) -> Result<Option<Self>> {
+        let tolerance = scene.sampling.tolerances().light;
+        let spacing = spacing(optics, &media.energies, lattice.period, tolerance);
+        log::info!("waves: rays {:.0} nm apart", 1e9 * spacing);
+        let plan = |spacing, kind| {
+            let plan = WavePlan::of(device, (scene, optics), lattice, media, (spacing, kind))?;
+            Ok::<_, beamlet_core::Error>(plan.map(Arc::new))
+        };
+        let rays = plan(spacing, Kind::Rays)?;
+        let finer = plan(0.5 * spacing, Kind::Rays)?;
+        let flat = plan(spacing, Kind::Flat)?;
+        let all = rays.zip(finer).zip(flat);
+        Ok(all.map(|((rays, finer), flat)| Self { rays, finer, flat }))
+    }
+}
+
+impl WavePlan {
+    fn of(
+        device: &Arc<Device>,
+        (scene, optics): (&Scene, &Optics),
+        lattice: &Lattice,
+        media: &MaterialTable,
+        lines: (f64, Kind),
+    ) -> Result<Option<Self>> {
+        let tolerance = scene.sampling.tolerances().light;
+        let nodes = media.energies.iter().copied().zip(media.weights.iter().copied());
+        let energies = nodes.map(|node| Energy::of(scene, optics, node, lines));
+        let energies: Option<Vec<Energy>> = energies.collect::<Result<_>>()?;
+        let Some(energies) = energies else { return Ok(None) };
+        let rays = rays_of(optics, &energies)?;
+        if lines.1 == Kind::Flat {
+            warn(optics, &energies, (media.energies[0], tolerance));
+        }
+        let mut buffers = Vec::new();
+        let mut params = Vec::new();
+        for energy in &energies {
+            energy.check(optics, tolerance)?;
+            let columns = Columns::of(optics, lattice, energy.detector.as_ref());
+            params.push(energy.params(device, (optics, lattice), &columns, rays, &mut buffers)?);
+        }
+        let columns = Columns::of(optics, lattice, None);
+        let first = optics.spot.placed().first().map_or(0.0, |part| part.offset[1]);
+        Ok(Some(Self {
+            beamlets: columns.beamlets,
+            pixels: columns.pixels,
+            most_pixels: columns.most,
+            rays,
+            spacing: lines.0,
+            energies: numbers::count(params.len()),
+            materials: numbers::count(media.names.len()),
+            lever: optics.lever_arm,
+            row_shift: optics.rows_of_source(first),
+            offsets: optics.offsets.lists().to_vec(),
+            params: device.upload("lines", &params)?,
+            media: device.upload("phases of materials", &materials(optics, media))?,
+            _buffers: buffers,
+        }))
+    }
+
+    /// Parameters of an energy on the device.
+    pub(super) fn params(&self, energy: u32) -> Address {
+        self.params.address() + u64::from(energy) * size_of::<WaveParams>() as u64
+    }
+
+    /// Materials at an energy on the device.
+    pub(super) fn media(&self, energy: u32) -> Address {
+        let first = u64::from(energy * self.materials) * size_of::<WaveMaterial>() as u64;
+        self.media.address() + first
+    }
+}
+
+/// Warns of phases of bars, and of propagation between mask and sample, that change light; `energy`: of the first
+/// node, keV.
+fn warn(optics: &Optics, energies: &[Energy], (energy, tolerance): (f64, f64)) {
+    let by_phase: f64 = energies.iter().map(|energy| energy.by_phase_of_bars(optics)).sum();
+    if by_phase > tolerance {
+        log::warn!(
+            "waves: the phase of the bars of sample_mask changes light by up to {by_phase:.1e} of the open beam; \
+             it is taken as 0"
+        );
+    }
+    let apart = (optics.analyser - optics.lever_arm - optics.cell_plane).abs();
+    let spread = (wavelength(energy) * apart).sqrt();
+    let blur = optics.spot.narrowest(0) * (1.0 - optics.cell_plane / optics.analyser);
+    if spread > PROPAGATED * blur {
+        log::warn!(
+            "waves: propagation between sample_mask and sample is neglected: √(λd) = {:.1} um exceeds a quarter of \
+             the blur of the focal spot, {:.1} um",
+            1e6 * spread,
+            1e6 * blur
+        );
+    }
+}
+
+/// Rays of a line, an even number.
+fn rays_of(optics: &Optics, energies: &[Energy]) -> Result<u32> {
+    let offsets = optics.offsets.lists().concat();
+    let of = |energy: &Energy| {
+        let half = energy.reach(&offsets) / energy.frequencies.spacing;
+        2.0 * (half.ceil() + 1.0)
+    };
+    let most = energies.iter().map(of).fold(0.0, f64::max);
+    if most > MOST_RAYS {
+        return refuse(format!("{most:.0} rays in a line"));
+    }
+    Ok(numbers::whole(most))
+}
+
+/// Records of the materials by energy.
+fn materials(optics: &Optics, media: &MaterialTable) -> Vec<WaveMaterial> {
+    let of_energy = |(energy, constants): (&f64, &Vec<Constants>)| {
+        let wavelength = wavelength(*energy);
+        let of = |constants: &Constants| {
+            let cycles = constants.delta / wavelength;
+            WaveMaterial {
+                cycles: single(cycles),
+                cycles_low: single(cycles - f64::from(single(cycles))),
+                half_mu: single(0.5 * constants.mu),
+                delta: single(constants.delta * optics.cell_plane / optics.analyser),
+            }
+        };
+        constants.iter().map(of).collect::<Vec<_>>()
+    };
+    media.energies.iter().zip(&media.constants).flat_map(of_energy).collect()
+}

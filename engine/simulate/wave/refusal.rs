@@ -1,0 +1,38 @@
+//! Scenes that waves do not compute.
+
+use beamlet_core::{Error, Result};
+use beamlet_gpu::EngineOptions;
+use beamlet_model::optics::Optics;
+use beamlet_model::scene::{Refine, Scene, Scheme, Transport};
+
+/// Refuses by name what lines of rays along x do not describe.
+pub(crate) fn refuse(scene: &Scene, optics: &Optics, options: &EngineOptions) -> Result<()> {
+    if scene.sampling.transport != Transport::Wave {
+        return Ok(());
+    }
+    let wave = |found: &str, allowed: &str| {
+        Err(Error::scene("sampling.transport", format!("\"wave\" with {found}"), allowed))
+    };
+    if scene.sampling.scheme == Scheme::Random {
+        return wave("scheme = \"random\"", "scheme = \"cells\"");
+    }
+    if scene.sampling.refine == Refine::Device {
+        return wave("refine = \"device\"", "refine = \"host\"");
+    }
+    if options.keep_moments {
+        return wave("kept moments", "a run without --keep-moments");
+    }
+    if let Some(object) = scene.objects.iter().find(|object| object.roughness > 0.0) {
+        let found = format!("the rough object \"{}\"", object.name);
+        return wave(&found, "roughness = 0: roughness has no correlation length");
+    }
+    if optics.sample_mask.is_none() {
+        return wave("no sample mask", "a scene with a sample mask");
+    }
+    let parts = optics.spot.placed();
+    let first = parts.first().map(|part| (part.offset[1], part.deviation[1]));
+    if parts.iter().any(|part| Some((part.offset[1], part.deviation[1])) != first) {
+        return wave("a focal spot whose parts differ along z", "parts that are alike along z");
+    }
+    Ok(())
+}

@@ -1,0 +1,194 @@
+//! Patches of rows that the sample touches: heights of their lines, and estimates of their errors.
+
+use super::band::WaveBand;
+use super::lines::Line;
+use super::patch::{Limits, Patch};
+use crate::sampling::{Lattice, ProjectedBounds};
+use crate::trace::Tracer;
+use beamlet_core::tally::Tally;
+use beamlet_core::{Result, numbers};
+use std::collections::BTreeMap;
+use std::ops::Range;
+
+/// Patches whose heights are chosen together.
+const PATCHES: usize = 1 << 12;
+/// Most intervals of a patch before they are cut, besides the two at its borders.
+const MOST_PARTS: u32 = 25;
+/// Share of the tolerance that an estimated error may take.
+const TOLERATED: f64 = 0.45;
+/// Patches of a row of which one is traced with half the spacing.
+const SPARSE: usize = 16;
+/// Error of a spacing over the change by half of it: errors grow as the power 2.3 of the spacing.
+const PER_CHANGE: f64 = 1.25;
+
+/// Pose of a sample at a list of mask offsets.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct WaveView<'a> {
+    /// Lattice of the beamlets.
+    pub lattice: &'a Lattice,
+    /// Shadows of its components.
+    pub shadows: &'a [ProjectedBounds],
+    /// Index of the pose among the poses of all views.
+    pub pose: u32,
+    /// Index of the list of mask offsets.
+    pub list: usize,
+    /// Error of light, share of open beam.
+    pub tolerance: f64,
+    /// Most rays of a patch.
+    pub max_rays: u32,
+}
+
+/// Patch that a shadow touches.
+#[derive(Debug, Clone, Copy)]
+struct Touched {
+    row: i64,
+    beamlet: i64,
+    /// Height that hides no component, rows; infinite where all are upright.
+    height: f64,
+    /// Number of patches whose spacing this one is an estimate for; 0 for none.
+    counts_for: f64,
+}
+
+impl WaveBand {
+    /// Puts the light of lines in the place of the flat in the patches of some rows that a shadow touches.
+    ///
+    /// # Errors
+    /// As [`Tracer::trace`].
+    pub(crate) fn add_rows(
+        &mut self,
+        tracer: &mut Tracer,
+        view: &WaveView<'_>,
+        rows: &Range<i64>,
+    ) -> Result<Tally> {
+        let touched = self.touched(view, rows);
+        let most = numbers::whole::<u32>(f64::from(view.max_rays / self.plan.rays)).max(3);
+        let limits = Limits { tolerance: view.tolerance, lines: numbers::length(most.into()) };
+        let parts = |height: f64| {
+            let most = f64::from(most.saturating_sub(2).clamp(1, MOST_PARTS));
+            numbers::whole::<u32>((1.0 / height).ceil().min(most))
+        };
+        let mut tally = Tally::default();
+        for some in touched.chunks(PATCHES) {
+            let patch = |it: &Touched| Patch::new(it.beamlet, it.row, parts(it.height));
+            let mut patches: Vec<Patch> = some.iter().map(patch).collect();
+            self.choose_heights(tracer, view, &mut patches, limits)?;
+            let changes = self.spacing_errors(tracer, view, some, &patches)?;
+            for ((patch, at), change) in patches.iter().zip(some).zip(changes) {
+                self.add_patch(view, patch);
+                let errors = [patch.error(), change];
+                tally =
+                    tally + tally_of(patch, errors, at.counts_for, self.plan.rays, view.tolerance);
+            }
+        }
+        Ok(tally)
+    }
+
+    /// Patches that shadows touch, in order.
+    fn touched(&self, view: &WaveView<'_>, rows: &Range<i64>) -> Vec<Touched> {
+        let mut found: BTreeMap<i64, BTreeMap<i64, f64>> = BTreeMap::new();
+        let all = &self.plan.beamlets;
+        for shadow in view.shadows {
+            let [own, beamlets] = shadow.patches(view.lattice);
+            // Lines reach over the borders of their beamlet.
+            let near = (beamlets.start - 1).max(all.start)..(beamlets.end + 1).min(all.end);
+            for row in own.start.max(rows.start)..own.end.min(rows.end) {
+                // Upright bodies are the same at all heights.
+                let height = if shadow.throws(row) { shadow.height } else { f64::INFINITY };
+                let of_row = found.entry(row).or_default();
+                for beamlet in near.clone() {
+                    let least = of_row.entry(beamlet).or_insert(f64::INFINITY);
+                    *least = height.min(*least);
+                }
+            }
+        }
+        found.into_iter().flat_map(|(row, of_row)| in_row(row, of_row)).collect()
+    }
+
+    /// Errors of the spacing in the patches that are estimates, by lines of half of it; 0 for others.
+    fn spacing_errors(
+        &mut self,
+        tracer: &mut Tracer,
+        view: &WaveView<'_>,
+        touched: &[Touched],
+        patches: &[Patch],
+    ) -> Result<Vec<f64>> {
+        let chosen: Vec<usize> =
+            (0..touched.len()).filter(|at| touched[*at].counts_for > 0.0).collect();
+        let line = |at: &usize| Line {
+            beamlet: patches[*at].beamlet,
+            row: patches[*at].row as f64 + patches[*at].middle().middle(),
+        };
+        let lines: Vec<Line> = chosen.iter().map(line).collect();
+        let index = [view.pose, numbers::count(view.list)];
+        let light = self.finer.light(tracer, view.lattice, &lines, index)?;
+        let mut errors = vec![0.0; touched.len()];
+        for (at, finer) in chosen.iter().zip(light.chunks_exact(self.finer.values())) {
+            let pairs = patches[*at].middle().light.iter().zip(finer);
+            let change = pairs.map(|(own, finer)| f64::from(own - finer).abs());
+            errors[*at] = PER_CHANGE * change.fold(0.0, f64::max);
+        }
+        Ok(errors)
+    }
+
+    fn choose_heights(
+        &mut self,
+        tracer: &mut Tracer,
+        view: &WaveView<'_>,
+        patches: &mut [Patch],
+        limits: Limits,
+    ) -> Result<()> {
+        let values = self.lines.values();
+        let index = [view.pose, numbers::count(view.list)];
+        loop {
+            let wanted: Vec<_> = patches.iter().map(Patch::next_lines).collect();
+            let all: Vec<_> = wanted.iter().flatten().copied().collect();
+            if all.is_empty() {
+                return Ok(());
+            }
+            let light = self.lines.light(tracer, view.lattice, &all, index)?;
+            let mut rest = &light[..];
+            for (patch, lines) in patches.iter_mut().zip(&wanted).filter(|(_, it)| !it.is_empty()) {
+                let (own, after) = rest.split_at(lines.len() * values);
+                patch.take(own, values, limits);
+                rest = after;
+            }
+        }
+    }
+}
+
+/// Patches of a row, with the number of them that each of a few counts for: which ones depends on the row alone.
+fn in_row(row: i64, beamlets: BTreeMap<i64, f64>) -> Vec<Touched> {
+    let count = beamlets.len();
+    let every = SPARSE.min(count);
+    let first = numbers::whole::<usize>((5 * row).rem_euclid(every as i64) as f64);
+    let chosen = (count - first).div_ceil(every);
+    let patch = |(index, (beamlet, height)): (usize, (i64, f64))| {
+        let is_chosen = index % every == first;
+        let counts_for = if is_chosen { count as f64 / chosen as f64 } else { 0.0 };
+        Touched { row, beamlet, height, counts_for }
+    };
+    beamlets.into_iter().enumerate().map(patch).collect()
+}
+
+/// Counts of a patch. `errors`: by the heights of its lines and by their spacing, the second of `counts_for`
+/// patches.
+fn tally_of(
+    patch: &Patch,
+    [heights, spacing]: [f64; 2],
+    counts_for: f64,
+    rays: u32,
+    tolerance: f64,
+) -> Tally {
+    let squares = heights * heights + counts_for * spacing * spacing;
+    let error = heights.hypot(spacing);
+    let rays = patch.intervals.len() as u64 * u64::from(rays);
+    Tally {
+        patches: 1,
+        patch_rays: rays,
+        most_patch_rays: rays,
+        error_squares: numbers::whole(squares * 1e18),
+        worst_error: numbers::whole(error * 1e9),
+        beyond_tolerance: u64::from(error > TOLERATED * tolerance),
+        ..Tally::default()
+    }
+}

@@ -1,0 +1,347 @@
+//! Limits of ray optics that `check` states, against propagation of fields by FFT and rays in f64.
+
+use crate::reference::normal::SIGMA_PER_FWHM;
+use crate::reference::waves::body::{Outline, bodies};
+use crate::reference::waves::field::Grid;
+use crate::reference::waves::light::Case;
+use crate::reference::waves::rays;
+use crate::reference::waves::setup::{Setup, Slits, Spot, Window};
+use beamlet::check::{Check, CheckReport, ObjectLimits, RayLimits};
+use beamlet::cli_support::numbers::whole;
+use beamlet::scene::{Blur, Scene, Spot as FocalSpot, SpotPart};
+
+/// Thin masks: energy (keV), distances source to mask to detector (m), FWHM of the spot, aperture and period of
+/// the sample mask, aperture of the detector mask, pixel (um), and light that the bars of both masks transmit.
+struct Masks {
+    energy: f64,
+    distances: [f64; 2],
+    spot: f64,
+    sample: [f64; 2],
+    detector: [f64; 2],
+    leaks: [f64; 2],
+}
+
+/// The set-up of the reference values.
+const REFERENCE: Masks = Masks {
+    energy: 30.0,
+    distances: [1.2, 0.6],
+    spot: 30.0,
+    sample: [20.0, 100.0],
+    detector: [30.0, 150.0],
+    leaks: [0.0; 2],
+};
+/// Near the detector, with a small spot.
+const SMALL_SPOT: Masks = Masks {
+    energy: 20.0,
+    distances: [0.5, 0.5],
+    spot: 5.0,
+    sample: [15.0, 31.0],
+    detector: [20.0, 62.0],
+    leaks: [0.0; 2],
+};
+/// Displaced masks with a large spot.
+const LARGE_SPOT: Masks = Masks {
+    energy: 21.0,
+    distances: [1.6, 0.4],
+    spot: 70.0,
+    sample: [12.0, 40.0],
+    detector: [20.0, 50.0],
+    leaks: [0.0; 2],
+};
+/// Near neighbours, and bars that transmit.
+const LEAKING: Masks = Masks {
+    energy: 25.0,
+    distances: [1.2, 0.6],
+    spot: 30.0,
+    sample: [20.0, 60.0],
+    detector: [30.0, 90.0],
+    leaks: [0.01, 0.02],
+};
+
+impl Masks {
+    fn scene(&self, offsets: &[f64], objects: &str) -> Scene {
+        Scene::from_toml(&self.text(offsets, objects), ".").expect("a scene")
+    }
+
+    fn text(&self, offsets: &[f64], objects: &str) -> String {
+        let Self { energy, distances: [near, far], spot, sample, detector, leaks } = self;
+        let steps: Vec<String> = offsets.iter().map(|it| format!("\"{} um\"", 1e6 * it)).collect();
+        format!(
+            "[source]\ndistance = \"{} m\"\nspot = \"{spot} um\"\nenergy = \"{energy} keV\"\n\
+             [detector]\ndistance = \"{} m\"\npixels = [4, 1]\npitch = \"{} um\"\n\
+             [sample_mask]\ndistance = \"{near} m\"\naperture = \"{} um\"\nperiod = \"{} um\"\n\
+             transmission = {:?}\n\
+             [detector_mask]\ndistance = \"{1} m\"\naperture = \"{} um\"\ntransmission = {:?}\n\
+             [scan]\nmask_offsets = [{}]\n{objects}",
+            near + 0.0003,
+            near + far,
+            detector[1],
+            sample[0],
+            sample[1],
+            leaks[0],
+            detector[0],
+            leaks[1],
+            steps.join(", ")
+        )
+    }
+
+    fn set_up(&self) -> Setup {
+        Setup::new(self.energy, self.distances, 1e-6 * self.spot * SIGMA_PER_FWHM)
+    }
+
+    fn window(&self) -> Window {
+        let [aperture, pixel] = self.detector.map(|it| 1e-6 * it);
+        Window { aperture, pixel, leak: self.leaks[1] }
+    }
+
+    /// Light of the endless mask by FFT on a period, whose bars have a phase (rad).
+    fn by_fft(&self, set_up: &Setup, offsets: &[f64], phase: f64) -> Vec<f64> {
+        let [aperture, period] = self.sample.map(|it| 1e-6 * it);
+        let slits = Slits::periodic(aperture, period, 0).leaking(self.leaks[0], phase);
+        let case = Case { setup: set_up, slits: Some(&slits), sample: &[], window: self.window() };
+        let spacing = 5e-9;
+        let count = whole((period / spacing).round());
+        case.curve(Grid { count, spacing, repeats: true }, offsets)
+    }
+}
+
+fn checked(scene: &Scene) -> CheckReport {
+    Check::of(scene).without_estimate().run().expect("a report")
+}
+
+/// Light by waves at the steps of a scene.
+fn waves(limits: &RayLimits) -> Vec<f64> {
+    let flat = limits.flat.as_ref().expect("a flat");
+    flat.steps.iter().map(|[_, rays, more]| rays + more).collect()
+}
+
+const OFFSETS: [f64; 5] = [-12e-6, -3e-6, 0.0, 7e-6, 14e-6];
+
+fn apart(a: &[f64], b: &[f64]) -> f64 {
+    assert_eq!(a.len(), b.len());
+    a.iter().zip(b).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max)
+}
+
+/// Light of all apertures is exact in the estimate and on a period of the grid, whose edges lie between samples.
+#[test]
+fn flats_of_four_set_ups_match_fft_within_2e_7() {
+    for masks in [REFERENCE, SMALL_SPOT, LARGE_SPOT, LEAKING] {
+        let set_up = masks.set_up();
+        let limits = checked(&masks.scene(&OFFSETS, "")).ray_limits;
+        // Light of bars and openings interferes with the sine and cosine of a phase: its mean over four phases
+        // has none.
+        let quarters =
+            [0.0, 1.0, 2.0, 3.0].map(|quarter: f64| quarter * std::f64::consts::FRAC_PI_2);
+        let all = quarters.map(|phase| masks.by_fft(&set_up, &OFFSETS, phase));
+        let mean = |at: usize| all.iter().map(|light| light[at]).sum::<f64>() / 4.0;
+        let expected: Vec<f64> = (0..OFFSETS.len()).map(mean).collect();
+        let off = apart(&waves(&limits), &expected);
+        println!("flat at {} keV: {off:.1e}", masks.energy);
+        assert!(off < 2e-7, "{} keV: {off:e}", masks.energy);
+        let flat = limits.flat.expect("a flat");
+        let bars = (0..OFFSETS.len())
+            .map(|at| {
+                let [even, odd] =
+                    [0, 1].map(|part: usize| 0.5 * (all[part][at] - all[part + 2][at]));
+                libm::hypot(even, odd)
+            })
+            .fold(0.0, f64::max);
+        assert!((flat.bars - bars).abs() < 2e-6, "{} keV: {:e} {bars:e}", masks.energy, flat.bars);
+        let [with_bars, error] = [bars > 1e-4, flat.relative > 1e-3];
+        assert!(with_bars == (masks.leaks[0] > 0.0) && error);
+    }
+}
+
+/// Two Gaussians of unlike size beside the axis.
+#[test]
+fn flats_of_a_spot_of_two_gaussians_match_fft_within_2e_7() {
+    let mut scene = REFERENCE.scene(&OFFSETS, "");
+    let parts = [(3.0, 20e-6, -6e-6), (1.0, 45e-6, 18e-6)];
+    let part = |(weight, fwhm, x)| SpotPart::new(weight, [fwhm; 2], [x, 0.0]);
+    scene.source.spot = FocalSpot::gaussians(parts.map(part).to_vec());
+    let mut set_up = REFERENCE.set_up();
+    let of = |(weight, fwhm, centre): (f64, f64, f64)| Spot {
+        weight: weight / 4.0,
+        centre,
+        sigma: fwhm * SIGMA_PER_FWHM,
+    };
+    set_up.spot = parts.map(of).to_vec();
+    let off = apart(&waves(&checked(&scene).ray_limits), &REFERENCE.by_fft(&set_up, &OFFSETS, 0.0));
+    println!("flat of two Gaussians: {off:.1e}");
+    assert!(off < 2e-7, "{off:e}");
+}
+
+/// Without a detector mask a blur of the pixels is a larger spot; four pixels see a period of the mask.
+#[test]
+fn flats_of_blurred_pixels_match_fft_within_2e_7() {
+    let masks = Masks { detector: [37.5, 37.5], ..REFERENCE };
+    let sigma = 6e-6;
+    let mut scene = masks.scene(&OFFSETS, "");
+    scene.detector_mask = None;
+    scene.detector.blur = Some(Blur::Gaussian { sigma: [sigma, 0.0] });
+    let found = waves(&checked(&scene).ray_limits);
+    let mut set_up = masks.set_up();
+    let blur = sigma / set_up.magnification() / set_up.source_shift();
+    set_up.spot[0].sigma = libm::hypot(set_up.spot[0].sigma, blur);
+    let slits = Slits::periodic(20e-6, 100e-6, 0);
+    let case =
+        Case { setup: &set_up, slits: Some(&slits), sample: &[], window: Window::open(37.5e-6) };
+    let grid = Grid { count: 20_000, spacing: 5e-9, repeats: true };
+    let pixels = [-1.5, -0.5, 0.5, 1.5].map(|at| at * 37.5e-6);
+    let light = case.curves(grid, &pixels, &OFFSETS);
+    let of_pixel = |pixel: usize| light.iter().map(|row| row[pixel]).collect::<Vec<_>>();
+    let off = (0..4).map(|pixel| apart(&found, &of_pixel(pixel))).fold(f64::INFINITY, f64::min);
+    println!("flat of blurred pixels: {off:.1e}");
+    assert!(off < 2e-7, "{off:e}");
+}
+
+/// A wire of carbon at seven places of its rim. Light that it changes in its aperture is added to the flat of the
+/// endless mask.
+#[test]
+fn error_at_a_rim_matches_fft_and_rays_within_3e_6() {
+    let (set_up, half) = (REFERENCE.set_up(), 0.5e-6 * REFERENCE.sample[0]);
+    let slits = Slits::one(2.0 * half);
+    let endless = REFERENCE.by_fft(&set_up, &OFFSETS, 0.0);
+    for radius in [150e-6, 2.5e-6] {
+        let wire = format!(
+            "[materials.wire]\nmu = \"50 /m\"\ndelta = 4.61e-7\n[[object]]\nname = \"wire\"\n\
+             shape = {{ cylinder = {{ radius = \"{} um\", height = \"1 mm\" }} }}\nmaterial = \"wire\"\n",
+            1e6 * radius
+        );
+        let limits = checked(&REFERENCE.scene(&OFFSETS, &wire)).ray_limits;
+        let found = limits.objects[0].rim.expect("a round body");
+        let mut expected = 0.0_f64;
+        for place in 0..7 {
+            let rim = half * (f64::from(2 * place + 1) / 7.0 - 1.0);
+            for (offset, endless) in OFFSETS.iter().zip(&endless) {
+                let centre = offset + rim - radius;
+                let sample = bodies(&[Outline::Cylinder { centre, radius }], 4.61e-7, 50.0);
+                let light = |sample| {
+                    let window = REFERENCE.window();
+                    let case = Case { setup: &set_up, slits: Some(&slits), sample, window };
+                    let by_waves = case.curve(Grid::FINE, &[*offset])[0];
+                    [by_waves, rays::curve(&case, 1e-4, 200, &[*offset])[0]]
+                };
+                let [[waves, rays], [flat, _]] = [light(&sample), light(&[])];
+                expected = expected.max((waves - flat + endless - rays).abs());
+            }
+        }
+        println!("rim of {radius}: {found:.4e}, reference {expected:.4e}");
+        assert!((found - expected).abs() < 3e-6, "{radius}: {found:e} {expected:e}");
+    }
+}
+
+#[test]
+fn a_spectrum_is_the_mean_of_its_nodes_with_their_weights() {
+    let directory = tempfile::tempdir().expect("a directory");
+    std::fs::write(directory.path().join("two.csv"), "energy_keV,weight\n20,1\n40,3\n")
+        .expect("a file");
+    let fibre = "[[object]]\nname = \"fibre\"\nmaterial = \"carbon\"\n\
+                 shape = { cylinder = { radius = \"5 um\", height = \"1 mm\" } }\n";
+    let one = |energy: f64| checked(&Masks { energy, ..REFERENCE }.scene(&OFFSETS, fibre));
+    let text =
+        REFERENCE.text(&OFFSETS, fibre).replace("energy = \"30 keV\"", "spectrum = \"two.csv\"");
+    let path = directory.path().join("scene.toml");
+    std::fs::write(&path, text).expect("a file");
+    let report = checked(&Scene::load(&path).expect("a scene"));
+    let nodes = &report.setup.nodes;
+    assert_eq!(nodes.energies.len(), 2);
+    let singles: Vec<CheckReport> = nodes.energies.iter().map(|energy| one(*energy)).collect();
+    let mean = |at: usize| {
+        let lights = singles.iter().map(|single| waves(&single.ray_limits)[at]);
+        lights.zip(&nodes.weights).map(|(light, weight)| light * weight).sum::<f64>()
+    };
+    let expected: Vec<f64> = (0..OFFSETS.len()).map(mean).collect();
+    assert!(apart(&waves(&report.ray_limits), &expected) < 1e-12);
+    let ratio = |report: &CheckReport| report.ray_limits.objects[0].dark_field.expect("fibres")[0];
+    let [low, both, high] = [&singles[0], &report, &singles[1]].map(ratio);
+    assert!((both - low) * (both - high) < 0.0, "{low} {both} {high}");
+}
+
+/// Warnings of a scene outside ray optics.
+fn outside(report: &CheckReport) -> Vec<&String> {
+    report.warnings.iter().filter(|text| text.contains("outside ray optics")).collect()
+}
+
+#[test]
+fn a_small_spot_is_warned_of_until_the_remedies_hold() {
+    let mut scene = SMALL_SPOT.scene(&OFFSETS, "");
+    let report = checked(&scene);
+    let warnings = outside(&report);
+    assert!(warnings.len() == 1 && warnings[0].contains("a focal spot of"), "{warnings:?}");
+    let flat = report.ray_limits.flat.as_ref().expect("a flat");
+    scene.source.spot = [flat.least_spot.expect("a spot"); 2].into();
+    assert!(outside(&checked(&scene)).is_empty());
+    let factor = flat.distance_factor.expect("a factor");
+    let distances = SMALL_SPOT.distances.map(|distance| factor * distance);
+    let nearer = Masks { distances, ..SMALL_SPOT }.scene(&OFFSETS, "");
+    assert!(outside(&checked(&nearer)).is_empty());
+}
+
+#[test]
+fn the_reference_set_up_is_within_ray_optics() {
+    let rod = "[materials.plastic]\nmu = \"25 /m\"\ndelta = 2.4e-7\n[[object]]\nname = \"rod\"\n\
+               shape = { cylinder = { radius = \"0.2 mm\", height = \"1 mm\" } }\nmaterial = \"plastic\"\n";
+    let report = checked(&REFERENCE.scene(&[-20e-6, -10e-6, 0.0, 10e-6, 20e-6], rod));
+    assert!(outside(&report).is_empty(), "{:?}", report.warnings);
+    let criteria = report.ray_limits.criteria.expect("a sample mask");
+    assert!((criteria.fresnel_number - 24.2).abs() < 0.05 && criteria.blur_over_fringe > 1.03);
+    assert!((criteria.shear - 0.286e-6).abs() < 1e-9);
+    let text = report.to_string();
+    for words in ["limits of ray optics", "Fresnel number", "24.2 of the aperture", "0.286 um"] {
+        assert!(text.contains(words), "{words}: {text}");
+    }
+    assert!(text.contains("diameter 400 um; rims err by up to"), "{text}");
+}
+
+/// Carbon differs from the polyethylene around it by less than from vacuum.
+#[test]
+fn the_fibres_of_the_fifth_experiment_are_outside_ray_optics() {
+    let scene = Scene::load("docs/experiments/tomography/scene.toml").expect("a scene");
+    let report = checked(&scene);
+    let warnings = outside(&report);
+    assert_eq!(warnings.len(), 1, "{warnings:?}");
+    assert!(warnings[0].starts_with("\"fibres\" is outside ray optics"), "{warnings:?}");
+    assert!(warnings[0].contains("bodies of 5 um by rays is 2.4 times"), "{warnings:?}");
+    let fibres = &report.ray_limits.objects[1];
+    assert!(fibres.rough && fibres.fill > 0.2 && fibres.unknown[0].contains("not independent"));
+    assert!(report.to_string().contains("slopes without a length"));
+}
+
+/// Limits at the one object of a scene.
+fn of_object(shape: &str) -> ObjectLimits {
+    let object = format!("[[object]]\nname = \"it\"\nmaterial = \"carbon\"\nshape = {shape}\n");
+    checked(&REFERENCE.scene(&OFFSETS, &object)).ray_limits.objects.remove(0)
+}
+
+#[test]
+fn shapes_have_a_value_a_range_or_a_reason() {
+    let sphere = of_object("{ sphere = { radius = \"5 um\" } }");
+    let [low, high] = sphere.dark_field.expect("a sphere");
+    assert!((low - 0.55).abs() < 0.015 && (high - low).abs() < 1e-12, "{low} {high}");
+    let cone =
+        of_object("{ cone = { radius = \"5 um\", top_radius = \"2.5 um\", height = \"0.1 mm\" } }");
+    let [mean, _] = cone.dark_field.expect("a cone");
+    assert!(mean > 0.49 && mean < 0.58, "{mean}");
+    let tube = of_object("{ tube = { outer = \"10 um\", inner = \"5 um\", height = \"0.1 mm\" } }");
+    let [low, high] = tube.dark_field.expect("a tube");
+    assert!(!tube.round && (low - 0.49).abs() < 0.02 && (high - 0.67).abs() < 0.02, "{low} {high}");
+    let cuboid = of_object("{ box = { size = [\"9 um\", \"9 um\", \"9 um\"] } }");
+    assert!(cuboid.dark_field.is_none() && cuboid.unknown[0].contains("flat faces"));
+    let thick = of_object("{ cylinder = { radius = \"0.15 mm\", height = \"1 mm\" } }");
+    assert!(thick.dark_field.is_none() && thick.unknown.is_empty() && thick.rim.is_some());
+    assert!(tube.rim.is_none() && tube.unknown[0].contains("round bodies only"));
+}
+
+#[test]
+fn without_a_sample_mask_dark_fields_are_unknown() {
+    let mut scene = REFERENCE.scene(
+        &[0.0],
+        "[[object]]\nname = \"it\"\nmaterial = \"carbon\"\nshape = { sphere = { radius = \"5 um\" } }\n",
+    );
+    scene.sample_mask = None;
+    let limits = checked(&scene).ray_limits;
+    assert!(limits.criteria.is_none() && limits.flat.is_none());
+    let object = &limits.objects[0];
+    assert!(object.dark_field.is_none() && object.rim.is_none() && !object.unknown.is_empty());
+}

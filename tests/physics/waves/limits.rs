@@ -1,0 +1,60 @@
+//! Waves of short wavelength, and of samples that refract evenly, against rays.
+
+use super::{FIBRE, REFERENCE, add_cylinder, simulate};
+use crate::reference::waves::body::{Body, Outline};
+use crate::reference::waves::light::Case;
+use crate::reference::waves::rays;
+use crate::reference::waves::setup::Slits;
+use beamlet::Backend;
+use beamlet::scene::{Beam, Transport};
+use beamlet::stack::Stacks;
+
+/// A cylinder (x of its axis and its radius, m), `behind` the mask (m), at an energy (keV).
+fn light(energy: f64, (centre, radius, behind): (f64, f64, f64), transport: Transport) -> Stacks {
+    let mut scene = REFERENCE.scene(4, behind, &[5e-6]);
+    scene.source.beam = Beam::Energy(energy);
+    add_cylinder(&mut scene, centre, radius, FIBRE);
+    scene.sampling.transport = transport;
+    scene.sampling.tolerance = Some(2e-6);
+    simulate(&scene, Backend::Bvh)
+}
+
+#[test]
+fn waves_become_rays_at_a_rim_as_the_root_of_the_wavelength() {
+    // Change of the light of a pixel by a fibre, less the change by rays in f64.
+    let error = |energy: f64| {
+        let stacks = light(energy, (54e-6, 10e-6, 0.0001), Transport::Wave);
+        let change = f64::from(stacks.sample[[0, 0, 0, 2]]) - f64::from(stacks.flat[[0, 0, 2]]);
+        let mut set_up = REFERENCE.set_up();
+        set_up.sample = 1.2001;
+        let slits = Slits::one(20e-6);
+        let outline = Outline::Cylinder { centre: 4e-6, radius: 10e-6 };
+        let sample = [Body { outline, delta: FIBRE[0], mu: FIBRE[1] }];
+        let flat =
+            Case { setup: &set_up, slits: Some(&slits), sample: &[], window: REFERENCE.window() };
+        let case = Case { sample: &sample, ..flat };
+        let by_rays = |case: &Case<'_>| rays::curve(case, 1e-4, 64, &[5e-6])[0];
+        (change - by_rays(&case) + by_rays(&flat)).abs()
+    };
+    let errors = [30.0, 300.0].map(error);
+    // Light of rays nearer to a rim than a shear, where slopes grow as d^(-1/2).
+    let ratio = errors[1] / errors[0];
+    assert!((ratio - 0.1_f64.sqrt()).abs() < 0.05, "{ratio} {errors:?}");
+    assert!((errors[0] - 1e-4).abs() < 2e-5, "{errors:?}");
+}
+
+#[test]
+fn interiors_of_large_bodies_have_the_light_of_rays() {
+    let normalized = |energy: f64, transport| {
+        let stacks = light(energy, (13e-6, 2e-3, 0.003), transport);
+        let of = |column| f64::from(stacks.sample[[0, 0, 0, column]] / stacks.flat[[0, 0, column]]);
+        [0, 1, 2, 3].map(of)
+    };
+    let error = |energy: f64| {
+        let [waves, rays] = [Transport::Wave, Transport::Auto].map(|by| normalized(energy, by));
+        waves.iter().zip(&rays).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max)
+    };
+    // The slope of the flat curve differs by parts of a percent, and falls with the wavelength.
+    let errors = [30.0, 300.0].map(error);
+    assert!(errors[0] < 3e-5 && errors[1] < 5e-6, "{errors:?}");
+}

@@ -1,0 +1,44 @@
+//! Scenes that waves refuse by name.
+
+use super::{FIBRE, REFERENCE, add_cylinder, without_distance};
+use crate::support::{engine, engine_with};
+use beamlet::scene::{Refine, Scene, Scheme, Spot, SpotPart};
+use beamlet::{Backend, EngineOptions, Error};
+
+fn refusal(change: impl Fn(&mut Scene)) -> String {
+    let mut scene = REFERENCE.scene(4, 0.0003, &[0.0]);
+    add_cylinder(&mut scene, 5e-6, 20e-6, FIBRE);
+    change(&mut scene);
+    let error = engine(Backend::Bvh).prepare(&scene).expect_err("a refusal");
+    assert!(matches!(error, Error::Scene { .. }), "{error:?}");
+    error.to_string()
+}
+
+#[test]
+fn scenes_that_waves_do_not_describe_are_refused_by_name() {
+    let has = |text: String, word: &str| {
+        assert!(text.contains("sampling.transport") && text.contains(word), "{text}");
+    };
+    has(refusal(|scene| scene.sampling.scheme = Scheme::Random), "random");
+    has(refusal(|scene| scene.sampling.refine = Refine::Device), "device");
+    has(refusal(|scene| scene.objects[0].roughness = 1e-3), "cylinder");
+    has(refusal(|scene| scene.sample_mask = None), "sample mask");
+    let parts = [[30e-6, 10e-6], [30e-6, 20e-6]].map(|fwhm| SpotPart::new(0.5, fwhm, [0.0; 2]));
+    has(refusal(|scene| scene.source.spot = Spot::gaussians(parts.to_vec())), "along z");
+    let wide = |scene: &mut Scene| {
+        let text = REFERENCE.text(4000, 0.01, &[0.0]);
+        let metal = "material = \"gold\"\nthickness = \"5 mm\"";
+        let text = without_distance(&text.replace("transmission = 0.0", metal));
+        *scene = Scene::from_toml(&text, ".").expect("a scene");
+    };
+    has(refusal(wide), "shadow");
+}
+
+#[test]
+fn waves_refuse_to_keep_moments() {
+    let mut scene = REFERENCE.scene(4, 0.0003, &[0.0]);
+    add_cylinder(&mut scene, 5e-6, 20e-6, FIBRE);
+    let keeping = engine_with(EngineOptions::default().with_keep_moments(true));
+    let error = keeping.prepare(&scene).expect_err("a refusal").to_string();
+    assert!(error.contains("sampling.transport") && error.contains("moments"), "{error}");
+}
