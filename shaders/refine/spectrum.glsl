@@ -6,7 +6,7 @@ const float BEND = 2e-5;
 const float DARK = 1e-18;
 
 // Sums over energies, weighted with their light: at the low end, in the middle and at the high end; the others in
-// the middle. Displacements are counted from that of the ray.
+// the middle. Displacements are counted from the displacement of the ray.
 struct Sums {
     vec3 light;
     vec3 x;

@@ -35,7 +35,7 @@ impl Row {
         Grid { count, spacing, repeats: false }
     }
 
-    /// Openings over the whole grid at offset 0; those of a mask that moves less than its period.
+    /// Openings over the whole grid at offset 0, of a mask that moves less than its period.
     pub fn slits(&self, grid: Grid) -> Option<Slits> {
         let count = (0.5 * grid.length() / self.period).ceil() as i32 + 2;
         let middle = 0.5 * f64::from((self.columns + 1) % 2) * self.period;

@@ -74,7 +74,7 @@ fn fitted(curve: &[f64]) -> f64 {
     fit(&seven(&offsets()), &seven(curve))[2].powi(2)
 }
 
-/// −ln of the transform at `f` behind a stack over that of the flat curve: nD.
+/// −ln of the ratio of the transforms at `f` behind a stack and of the flat curve: nD.
 fn scatter(sample: &[f64], flat: &[f64]) -> f64 {
     // 1/(2πσ) of the flat curve.
     let f = 1.0 / (TAU * 9.2e-6);
