@@ -16,6 +16,14 @@ pub(super) const RECTANGLE: u64 = size_of::<Rectangle>() as u64 + 3 * 4 + 2 * 4 
 pub(super) const CELL: u64 =
     (size_of::<Cell>() + size_of::<CellRow>() + 2 * size_of::<CellRowPart>() + 8 * 4) as u64;
 
+/// Bytes for a cell under a spectrum beyond these: its list, and a ray to trace at each energy.
+pub(super) const CELL_OF_SPECTRUM: u64 = 3 * 4 + size_of::<RepeatedRectangle>() as u64;
+
+/// Bytes of the sums of leaked light of a patch in these groups.
+pub(super) const fn merged_bytes(groups: u64) -> u64 {
+    4 * groups * (MERGED_COLUMNS * MERGED_WORDS) as u64
+}
+
 /// Sizes of buffers.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Sizes {
@@ -39,7 +47,7 @@ impl Sizes {
     /// Bytes of the sums of leaked light of patches.
     pub(super) fn merged_bytes(&self, patches: usize) -> u64 {
         let [_, groups] = self.spectrum.unwrap_or_default();
-        4 * u64::from(groups * MERGED_COLUMNS * MERGED_WORDS) * patches as u64
+        merged_bytes(groups.into()) * patches as u64
     }
 
     fn fits(&self, other: &Self) -> bool {

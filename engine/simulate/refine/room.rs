@@ -1,6 +1,6 @@
 //! Room for rectangles and cells on the device.
 
-use super::buffers::{CELL, RECTANGLE};
+use super::buffers::{CELL, CELL_OF_SPECTRUM, RECTANGLE, merged_bytes};
 use super::spectrum::kept_bytes;
 use beamlet_core::{Error, numbers};
 
@@ -10,19 +10,29 @@ const RECTANGLES: [u64; 2] = [1 << 21, 1 << 14];
 const CELLS: [u64; 2] = [1 << 18, 1 << 13];
 /// Rectangles of a group after refinement over those before, as long as none is known.
 pub(super) const GROWTH: f64 = 8.0;
+/// Least base rectangles of a patch.
+const LEAST_BASE: u64 = 4;
+
 /// Memory of the refinement on the device.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct RefineRoom {
     /// Limit, and bytes that are left of it; `None` without a limit.
     limit: Option<[u64; 2]>,
-    /// Bytes of a rectangle.
+    /// Bytes of a rectangle, and of a cell.
     rectangle: u64,
+    cell: u64,
 }
 
 impl RefineRoom {
-    /// Room under a limit, with bytes left; `materials`: number of those whose moments are kept.
-    pub(crate) fn new(limit: Option<[u64; 2]>, materials: usize) -> Self {
-        Self { limit, rectangle: RECTANGLE + kept_bytes(materials as u64) }
+    /// Room under a limit, with bytes left; `spectrum`: numbers of materials whose moments are kept, and of groups
+    /// of light.
+    pub(crate) fn new(limit: Option<[u64; 2]>, spectrum: Option<[usize; 2]>) -> Self {
+        let [mut rectangle, mut cell] = [RECTANGLE, CELL];
+        if let Some([materials, groups]) = spectrum {
+            rectangle += kept_bytes(materials as u64) + merged_bytes(groups as u64) / LEAST_BASE;
+            cell += CELL_OF_SPECTRUM;
+        }
+        Self { limit, rectangle, cell }
     }
 
     pub(super) fn rectangles(self) -> u32 {
@@ -31,7 +41,7 @@ impl RefineRoom {
     }
 
     pub(super) fn cells(self) -> u32 {
-        let most = self.limit.map_or(CELLS[0], |[_, left]| left / 4 / CELL);
+        let most = self.limit.map_or(CELLS[0], |[_, left]| left / 4 / self.cell);
         numbers::low_word(most.clamp(CELLS[1], CELLS[0]))
     }
 

@@ -155,8 +155,9 @@ impl Simulation {
     /// The same on the device.
     fn refine_room(&self, memory: &MemoryEstimate) -> RefineRoom {
         let limit = self.options().memory_limit.zip(memory.left_for_refinement);
-        let materials = self.spectral.as_ref().map_or(0, |_| self.media.names.len());
-        RefineRoom::new(limit.map(<[u64; 2]>::from), materials)
+        let names = self.media.names.len();
+        let spectrum = self.spectral.as_ref().map(|it| [names, it.group_count()]);
+        RefineRoom::new(limit.map(<[u64; 2]>::from), spectrum)
     }
 
     /// Words of a ray's moments.

@@ -132,6 +132,11 @@ impl EnergyBinning {
         1 + self.nodes() + self.groups.len() * (3 + self.nodes()) + 2 * self.nodes()
     }
 
+    /// Number of the groups of light.
+    pub(crate) const fn group_count(&self) -> usize {
+        self.groups.len()
+    }
+
     /// Blocks of rows that a range of rows is in.
     pub(crate) fn blocks_of(&self, rows: &Range<i32>) -> Range<i64> {
         let block = |row: i32| i64::from(row).div_euclid(self.lattice.alike_rows.into());
