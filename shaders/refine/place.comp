@@ -8,11 +8,12 @@
 #include "interface.glsl"
 #include "refine/head.glsl"
 
+#define S P.spectrum.at[0]
+
 void main() {
     uint row;
     if (!item_of(STAGE_PLACE, row)) return;
-    RefinedSpectrum s = P.spectrum.at[0];
-    uint first = s.counts.at[2u * (s.groups + s.nodes) + 1u + s.marks.at[3u * row]];
-    uint slot = s.marks.at[3u * row + 2u];
-    P.parts.at[first + s.marks.at[3u * row + 1u]] = CellRowPart(slot, 0u, P.cell_rows.at[slot].cell_count);
+    uint first = S.counts.at[2u * (S.groups + S.nodes) + 1u + S.marks.at[3u * row]];
+    uint slot = S.marks.at[3u * row + 2u];
+    P.parts.at[first + S.marks.at[3u * row + 1u]] = CellRowPart(slot, 0u, P.cell_rows.at[slot].cell_count);
 }

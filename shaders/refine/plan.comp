@@ -9,6 +9,8 @@
 #include "interface.glsl"
 #include "refine/head.glsl"
 
+#define S P.spectrum.at[0]
+
 // Most items of a dispatch: it has at most 65,535 workgroups.
 const uint MOST = 65535u * GROUP;
 
@@ -172,7 +174,7 @@ bool has_emitted() {
 void plan_merge() {
     dispatch(STAGE_MERGE, 0u, 0u);
     if (!has_emitted()) return;
-    uint each = max(P.spectrum.at[0].groups, 1u) * MERGED_COLUMNS;
+    uint each = max(S.groups, 1u) * MERGED_COLUMNS;
     take(STAGE_MERGE, HEAD_MERGE, P.patch_count, (P.cell_room - head(HEAD_CELLS)) / each, 1u);
 }
 
@@ -182,14 +184,13 @@ void plan_end() {
     dispatch(STAGE_REPORT, 0u, 0u);
     bool ends = has_emitted();
     if (uvec2(P.spectrum) != uvec2(0u)) {
-        RefinedSpectrum s = P.spectrum.at[0];
-        uint kinds = 2u * (s.groups + s.nodes);
+        uint kinds = 2u * (S.groups + S.nodes);
         uint first = 0u;
         for (uint kind = 0u; kind < kinds; kind++) {
-            s.counts.at[kinds + 1u + kind] = first;
-            first += s.counts.at[kind];
+            S.counts.at[kinds + 1u + kind] = first;
+            first += S.counts.at[kind];
         }
-        dispatch(STAGE_PLACE, 0u, s.counts.at[kinds]);
+        dispatch(STAGE_PLACE, 0u, S.counts.at[kinds]);
         ends = ends && head(HEAD_MERGE) == P.patch_count;
     }
     if (!ends) return;
