@@ -212,18 +212,18 @@ shared_constants! {
     HEAD_OLDER: u32 = 23;
     /// Next patch to make cells of merged light of.
     HEAD_MERGE: u32 = 24;
+    /// Cells whose light lands too far off to follow.
+    HEAD_LANDED_OFF: u32 = 25;
     /// Cells that rectangles of this turn may make, with the cells before.
     HEAD_RESERVED: u32 = 26;
     /// Runs begin at rectangles that had no room before.
     HEAD_RETRIES: u32 = 27;
-    /// Rectangles of the runs of this turn, and the number of runs.
+    /// Number of rectangles in the runs of this turn.
     HEAD_MADE: u32 = 28;
-    /// Number of runs.
+    /// Number of these runs.
     HEAD_RUNS: u32 = 29;
     /// Rectangles whose rays are to be traced at each energy.
     HEAD_REPEATED: u32 = 30;
-    /// Cells whose light lands too far off to follow.
-    HEAD_LANDED_OFF: u32 = 25;
     /// First of the dispatches: first item, number of items, and workgroups.
     HEAD_STAGES: u32 = 31;
     /// Words of a dispatch.

@@ -63,12 +63,16 @@ struct HeldMoments {
     uint count;
 };
 
+Held moments_in(Beside beside, uint material) {
+    return Held(material, moment_of(beside, material, 0u), moment_of(beside, material, 1u),
+                kept_at(beside.own, material, 2u), kept_at(beside.own, material, 3u));
+}
+
 HeldMoments held_of(Beside beside) {
     HeldMoments held;
     held.count = 0u;
     for (uint m = 0u; m < S.material_count; m++) {
-        Held one = Held(m, moment_of(beside, m, 0u), moment_of(beside, m, 1u), kept_at(beside.own, m, 2u),
-                        kept_at(beside.own, m, 3u));
+        Held one = moments_in(beside, m);
         if (one.path == vec2(0.0) && one.lever == vec2(0.0) && one.z == 0.0 && one.slope_x == 0.0) continue;
         if (held.count < MOST_HELD) held.of[held.count] = one;
         held.count++;
@@ -95,9 +99,7 @@ AtNode first_order_at(Beside beside, HeldMoments held, uint node) {
         return result;
     }
     for (uint m = 0u; m < S.material_count; m++) {
-        add_material(result, node,
-                     Held(m, moment_of(beside, m, 0u), moment_of(beside, m, 1u), kept_at(beside.own, m, 2u),
-                          kept_at(beside.own, m, 3u)));
+        add_material(result, node, moments_in(beside, m));
     }
     return result;
 }

@@ -15,11 +15,11 @@
 // Linear result of a rectangle along x.
 RaySlopes slopes_along_x(Rectangle g, uint index) {
     Found own = found_of(g, index, vec2(0.0));
-    float out_ = max(1e-4 * (g.x_high - g.x_low), P.beside.x);
+    vec2 x = beside_x(g);
     Found found[4];
     bool same[4] = bool[4](false, false, false, false);
-    found[0] = found_at(index, g.patch_index, g.x_low - out_, own.at.y);
-    found[1] = found_at(index, g.patch_index, g.x_high + out_, own.at.y);
+    found[0] = found_at(index, g.patch_index, x.x, own.at.y);
+    found[1] = found_at(index, g.patch_index, x.y, own.at.y);
     found[2] = found[3] = own;
     for (uint side = 0u; side < 2u; side++) {
         same[side] = found[side].known && alike(found[side], own);

@@ -34,9 +34,9 @@ Own own_of(Rectangle g, uint index) {
     own.patch_ = P.patches.at[g.patch_index];
     Found ray = found_of(P.rectangles.at[index], index, vec2(0.0));
     float width = g.x_high - g.x_low;
-    float out_ = max(1e-4 * width, P.beside.x);
-    Found low = found_at(index, g.patch_index, g.x_low - out_, ray.at.y);
-    Found high = found_at(index, g.patch_index, g.x_high + out_, ray.at.y);
+    vec2 x = beside_x(g);
+    Found low = found_at(index, g.patch_index, x.x, ray.at.y);
+    Found high = found_at(index, g.patch_index, x.y, ray.at.y);
     bvec2 has = bvec2(hit && low.known && alike(low, ray), hit && high.known && alike(high, ray));
     vec2 along = vec2(low.at.x, high.at.x) - ray.at.x;
     own.beside = Beside(traced_for(index), traced_for(low.rectangle), traced_for(high.rectangle), along, has, width);
@@ -157,8 +157,8 @@ void write_groups(Own own, GroupShares shares, uint slot, uint stride) {
     }
 }
 
-// Whether exact transport at one energy does not say what it is at others: near total reflection. The host traces
-// these rays.
+// Whether a ray is close to total reflection, where exact transport at one energy does not determine other
+// energies: the host traces it at each.
 bool is_repeated(Own own) {
     float grazing = float(own.g.flags >> FLAG_SHARE_SHIFT) / 255.0;
     return (own.g.flags & FLAG_EXACT) != 0u && grazing < S.repeated_below;

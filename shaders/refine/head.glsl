@@ -3,6 +3,8 @@
 #include "interface/RefinePush.glsl"
 
 #define P push.params.at[0]
+// Energies, where the scene has a spectrum.
+#define S P.spectrum.at[0]
 
 layout(local_size_x = GROUP) in;
 
@@ -25,8 +27,15 @@ uint step_sums_of(uint patch_index) {
     return sums_of(patch_index) + PATCH_HEAD + 4u * OCTAVES;
 }
 
-// Cells that a rectangle may have: one, or one of each energy in each group, and what its row keeps free.
+bool has_spectrum() {
+    return uvec2(P.spectrum) != uvec2(0u);
+}
+
+// Cells of a rectangle in the row of its run, by list. Energies that share no cell beyond these have rows of their
+// own.
+const uint BANDS = 3u;
+
+// Most cells of a rectangle: one, or one of each energy in each group beside the places in its row.
 uint most_cells() {
-    if (uvec2(P.spectrum) == uvec2(0u)) return 1u;
-    return (P.spectrum.at[0].nodes + 3u) * max(P.spectrum.at[0].groups, 1u);
+    return has_spectrum() ? (S.nodes + BANDS) * max(S.groups, 1u) : 1u;
 }

@@ -10,7 +10,6 @@
 #include "refine/rectangle.glsl"
 
 #ifdef ENERGIES
-#define S P.spectrum.at[0]
 
 // Keeps the moments of a ray in the materials that act on light.
 void keep_moments(uint ray, uint index) {

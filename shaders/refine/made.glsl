@@ -29,7 +29,7 @@ struct Rows {
     float below;
 };
 
-// Rows that the light of a rectangle lands in, displaced by so much along z on the detector.
+// Rows that light of a rectangle reaches; `landing`: displacement along z on the detector.
 Rows rows_of(Rectangle g, float landing) {
     float down = -landing / P.row_pitch;
     Rows rows = Rows(g.z_low + down, g.z_high + down, false, -1.0, 0.0);
@@ -42,7 +42,7 @@ Rows rows_of(Rectangle g, float landing) {
     return rows;
 }
 
-// Whether light of a rectangle, displaced by so much along z on the detector, may land in rows that are wanted.
+// Whether light of a rectangle may land in a wanted row; `landing` as above.
 bool is_wanted(Rectangle g, RefinedPatch patch_, float landing) {
     float row = float(patch_.row) - landing / P.row_pitch;
     float reach = BLURS * P.row_blur;

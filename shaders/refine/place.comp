@@ -8,8 +8,6 @@
 #include "interface.glsl"
 #include "refine/head.glsl"
 
-#define S P.spectrum.at[0]
-
 void main() {
     uint row;
     if (!item_of(STAGE_PLACE, row)) return;

@@ -9,8 +9,6 @@
 #include "interface.glsl"
 #include "refine/head.glsl"
 
-#define S P.spectrum.at[0]
-
 // Most items of a dispatch: it has at most 65,535 workgroups.
 const uint MOST = 65535u * GROUP;
 
@@ -183,7 +181,7 @@ void plan_end() {
     dispatch(STAGE_PLACE, 0u, 0u);
     dispatch(STAGE_REPORT, 0u, 0u);
     bool ends = has_emitted();
-    if (uvec2(P.spectrum) != uvec2(0u)) {
+    if (has_spectrum()) {
         uint kinds = 2u * (S.groups + S.nodes);
         uint first = 0u;
         for (uint kind = 0u; kind < kinds; kind++) {

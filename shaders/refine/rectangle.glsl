@@ -29,6 +29,12 @@ vec2 middle_of(Rectangle g) {
     return vec2(0.5 * (g.x_low + g.x_high), 0.5 * (g.z_low + g.z_high));
 }
 
+// Places beside a rectangle at lower and higher x.
+vec2 beside_x(Rectangle g) {
+    float out_ = max(1e-4 * (g.x_high - g.x_low), P.beside.x);
+    return vec2(g.x_low - out_, g.x_high + out_);
+}
+
 // The result of the ray of a rectangle, and its place from the middle of the beamlet of the patch in work.
 struct Found {
     bool known;

@@ -13,8 +13,8 @@
 #include "refine/shares.glsl"
 #include "refine/spectrum.glsl"
 
-// Moves the cells that have light to the first places of their row; of a row that is not wanted none. A row keeps
-// all of its cells where some are wanted: they share what is faint.
+// Moves the cells that have light to the first places of their row. A row is kept whole where a cell is wanted,
+// since faint light is a sum over the row; other rows lose all cells.
 Made made_of(uint first, uint count, Rectangle g, RefinedPatch patch_) {
     Made made = made_from(first);
     bool wanted = false;
@@ -47,7 +47,7 @@ void main() {
     uint first = P.made.at[3u * item + 1u];
     uint count = P.made.at[3u * item + 2u];
     RefinedPatch patch_ = P.patches.at[g.patch_index];
-    if (uvec2(P.spectrum) == uvec2(0u)) {
+    if (!has_spectrum()) {
         push_only(g, patch_, made_of(first, count, g, patch_));
         return;
     }

@@ -15,21 +15,12 @@ uint beside_of(uint index, bool is_high) {
     Rectangle g = P.rectangles.at[index];
     float half_period = 0.5 * P.period;
     if (is_high ? g.x_high >= half_period : g.x_low <= -half_period) return NO_RECTANGLE;
-    float out_ = max(1e-4 * (g.x_high - g.x_low), P.beside.x);
-    float x = is_high ? g.x_high + out_ : g.x_low - out_;
-    uint other = found_at(index, g.patch_index, x, 0.5 * (g.z_low + g.z_high)).index;
+    vec2 x = beside_x(g);
+    uint other = found_at(index, g.patch_index, is_high ? x.y : x.x, 0.5 * (g.z_low + g.z_high)).index;
     if (other == NO_RECTANGLE) return other;
     bool same = P.rectangles.at[other].z_low == g.z_low && P.rectangles.at[other].z_high == g.z_high
         && (P.rectangles.at[other].flags & FLAG_NOT_FINITE) == 0u;
     return same ? other : NO_RECTANGLE;
-}
-
-// The number of rectangles in the run that begins with one; 0 where another begins it.
-uint run_from(uint index) {
-    if (beside_of(index, false) != NO_RECTANGLE) return 0u;
-    uint count = 0u;
-    for (uint next = index; next != NO_RECTANGLE; next = beside_of(next, true)) count++;
-    return count;
 }
 
 // The number of rectangles in the run that begins with this one; 0 where another begins it.
@@ -37,7 +28,11 @@ uint count_of(uint index, RefinedPatch patch_) {
     Rectangle g = P.rectangles.at[index];
     // The first rectangle of a patch that misses the sample has the whole patch.
     if (!is_hit(g.patch_index)) return index == patch_.first && patch_.is_lit != 0u ? 1u : 0u;
-    return g.parts != 0u || (g.flags & FLAG_NOT_FINITE) != 0u ? 0u : run_from(index);
+    if (g.parts != 0u || (g.flags & FLAG_NOT_FINITE) != 0u) return 0u;
+    if (beside_of(index, false) != NO_RECTANGLE) return 0u;
+    uint count = 0u;
+    for (uint next = index; next != NO_RECTANGLE; next = beside_of(next, true)) count++;
+    return count;
 }
 
 void main() {

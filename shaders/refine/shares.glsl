@@ -1,7 +1,5 @@
 // Light of a beamlet by energies and by ways through the masks.
 
-#define S P.spectrum.at[0]
-
 // Words of the shares of a beamlet in a block of rows: whether energies share no edges; the share of each node in
 // all groups; first and last node of each group, and columns of a patch that it is merged into; shares by group and
 // node; narrowing by either mask by node.
@@ -43,17 +41,14 @@ bool is_apart(uint first) {
     return share_at(first) != 0.0;
 }
 
-// Cells of a rectangle in the row of its run, by list. Energies that share no cell beyond these have rows of their
-// own.
-const uint BANDS = 3u;
-
+// Cells of a rectangle of a patch in the row of its run, by list.
 uint bands_of(RefinedPatch patch_) {
-    return uvec2(P.spectrum) == uvec2(0u) || is_apart(shares_of(patch_)) ? 1u : BANDS;
+    return !has_spectrum() || is_apart(shares_of(patch_)) ? 1u : BANDS;
 }
 
 // Lists that a rectangle has cells in, but for groups whose light is merged.
 uint lists_of(RefinedPatch patch_) {
-    if (uvec2(P.spectrum) == uvec2(0u)) return 1u;
+    if (!has_spectrum()) return 1u;
     uint first = shares_of(patch_);
     if (is_apart(first)) return S.nodes;
     uint lists = 0u;

@@ -27,6 +27,7 @@ mod sample;
 mod source_drift;
 mod spot_forms;
 mod spots;
+mod thin_masks;
 mod transport;
 mod view_offsets;
 mod waves;

@@ -5,104 +5,17 @@ use crate::reference::waves::body::{Outline, bodies};
 use crate::reference::waves::field::Grid;
 use crate::reference::waves::light::Case;
 use crate::reference::waves::rays;
-use crate::reference::waves::setup::{Setup, Slits, Spot, Window};
+use crate::reference::waves::setup::{Slits, Spot, Window};
+use crate::thin_masks::{LARGE_SPOT, LEAKING, Masks, REFERENCE, SMALL_SPOT};
 use beamlet::check::{Check, CheckReport, ObjectLimits, RayLimits};
-use beamlet::cli_support::numbers::whole;
 use beamlet::scene::{Blur, Scene, Spot as FocalSpot, SpotPart};
 
-/// Thin masks: energy (keV), distances source to mask to detector (m), FWHM of the spot, aperture and period of
-/// the sample mask, aperture of the detector mask, pixel (um), and light that the bars of both masks transmit.
-struct Masks {
-    energy: f64,
-    distances: [f64; 2],
-    spot: f64,
-    sample: [f64; 2],
-    detector: [f64; 2],
-    leaks: [f64; 2],
-}
+/// Distance of the sample behind the mask, m.
+const BEHIND: f64 = 0.0003;
 
-/// The set-up of the reference values.
-const REFERENCE: Masks = Masks {
-    energy: 30.0,
-    distances: [1.2, 0.6],
-    spot: 30.0,
-    sample: [20.0, 100.0],
-    detector: [30.0, 150.0],
-    leaks: [0.0; 2],
-};
-/// Near the detector, with a small spot.
-const SMALL_SPOT: Masks = Masks {
-    energy: 20.0,
-    distances: [0.5, 0.5],
-    spot: 5.0,
-    sample: [15.0, 31.0],
-    detector: [20.0, 62.0],
-    leaks: [0.0; 2],
-};
-/// Displaced masks with a large spot.
-const LARGE_SPOT: Masks = Masks {
-    energy: 21.0,
-    distances: [1.6, 0.4],
-    spot: 70.0,
-    sample: [12.0, 40.0],
-    detector: [20.0, 50.0],
-    leaks: [0.0; 2],
-};
-/// Near neighbours, and bars that transmit.
-const LEAKING: Masks = Masks {
-    energy: 25.0,
-    distances: [1.2, 0.6],
-    spot: 30.0,
-    sample: [20.0, 60.0],
-    detector: [30.0, 90.0],
-    leaks: [0.01, 0.02],
-};
-
-impl Masks {
-    fn scene(&self, offsets: &[f64], objects: &str) -> Scene {
-        Scene::from_toml(&self.text(offsets, objects), ".").expect("a scene")
-    }
-
-    fn text(&self, offsets: &[f64], objects: &str) -> String {
-        let Self { energy, distances: [near, far], spot, sample, detector, leaks } = self;
-        let steps: Vec<String> = offsets.iter().map(|it| format!("\"{} um\"", 1e6 * it)).collect();
-        format!(
-            "[source]\ndistance = \"{} m\"\nspot = \"{spot} um\"\nenergy = \"{energy} keV\"\n\
-             [detector]\ndistance = \"{} m\"\npixels = [4, 1]\npitch = \"{} um\"\n\
-             [sample_mask]\ndistance = \"{near} m\"\naperture = \"{} um\"\nperiod = \"{} um\"\n\
-             transmission = {:?}\n\
-             [detector_mask]\ndistance = \"{1} m\"\naperture = \"{} um\"\ntransmission = {:?}\n\
-             [scan]\nmask_offsets = [{}]\n{objects}",
-            near + 0.0003,
-            near + far,
-            detector[1],
-            sample[0],
-            sample[1],
-            leaks[0],
-            detector[0],
-            leaks[1],
-            steps.join(", ")
-        )
-    }
-
-    fn set_up(&self) -> Setup {
-        Setup::new(self.energy, self.distances, 1e-6 * self.spot * SIGMA_PER_FWHM)
-    }
-
-    fn window(&self) -> Window {
-        let [aperture, pixel] = self.detector.map(|it| 1e-6 * it);
-        Window { aperture, pixel, leak: self.leaks[1] }
-    }
-
-    /// Light of the endless mask by FFT on a period, whose bars have a phase (rad).
-    fn by_fft(&self, set_up: &Setup, offsets: &[f64], phase: f64) -> Vec<f64> {
-        let [aperture, period] = self.sample.map(|it| 1e-6 * it);
-        let slits = Slits::periodic(aperture, period, 0).leaking(self.leaks[0], phase);
-        let case = Case { setup: set_up, slits: Some(&slits), sample: &[], window: self.window() };
-        let spacing = 5e-9;
-        let count = whole((period / spacing).round());
-        case.curve(Grid { count, spacing, repeats: true }, offsets)
-    }
+/// Scene of four pixels.
+fn scene_of(masks: &Masks, offsets: &[f64], objects: &str) -> Scene {
+    masks.scene(4, BEHIND, offsets, objects)
 }
 
 fn checked(scene: &Scene) -> CheckReport {
@@ -127,7 +40,7 @@ fn apart(a: &[f64], b: &[f64]) -> f64 {
 fn flats_of_four_set_ups_match_fft_within_2e_7() {
     for masks in [REFERENCE, SMALL_SPOT, LARGE_SPOT, LEAKING] {
         let set_up = masks.set_up();
-        let limits = checked(&masks.scene(&OFFSETS, "")).ray_limits;
+        let limits = checked(&scene_of(&masks, &OFFSETS, "")).ray_limits;
         // Light of bars and openings interferes with the sine and cosine of a phase: its mean over four phases
         // has none.
         let quarters =
@@ -155,7 +68,7 @@ fn flats_of_four_set_ups_match_fft_within_2e_7() {
 /// Two Gaussians of unlike size beside the axis.
 #[test]
 fn flats_of_a_spot_of_two_gaussians_match_fft_within_2e_7() {
-    let mut scene = REFERENCE.scene(&OFFSETS, "");
+    let mut scene = scene_of(&REFERENCE, &OFFSETS, "");
     let parts = [(3.0, 20e-6, -6e-6), (1.0, 45e-6, 18e-6)];
     let part = |(weight, fwhm, x)| SpotPart::new(weight, [fwhm; 2], [x, 0.0]);
     scene.source.spot = FocalSpot::gaussians(parts.map(part).to_vec());
@@ -176,7 +89,7 @@ fn flats_of_a_spot_of_two_gaussians_match_fft_within_2e_7() {
 fn flats_of_blurred_pixels_match_fft_within_2e_7() {
     let masks = Masks { detector: [37.5, 37.5], ..REFERENCE };
     let sigma = 6e-6;
-    let mut scene = masks.scene(&OFFSETS, "");
+    let mut scene = scene_of(&masks, &OFFSETS, "");
     scene.detector_mask = None;
     scene.detector.blur = Some(Blur::Gaussian { sigma: [sigma, 0.0] });
     let found = waves(&checked(&scene).ray_limits);
@@ -208,7 +121,7 @@ fn error_at_a_rim_matches_fft_and_rays_within_3e_6() {
              shape = {{ cylinder = {{ radius = \"{} um\", height = \"1 mm\" }} }}\nmaterial = \"wire\"\n",
             1e6 * radius
         );
-        let limits = checked(&REFERENCE.scene(&OFFSETS, &wire)).ray_limits;
+        let limits = checked(&scene_of(&REFERENCE, &OFFSETS, &wire)).ray_limits;
         let found = limits.objects[0].rim.expect("a round body");
         let mut expected = 0.0_f64;
         for place in 0..7 {
@@ -238,9 +151,10 @@ fn a_spectrum_is_the_mean_of_its_nodes_with_their_weights() {
         .expect("a file");
     let fibre = "[[object]]\nname = \"fibre\"\nmaterial = \"carbon\"\n\
                  shape = { cylinder = { radius = \"5 um\", height = \"1 mm\" } }\n";
-    let one = |energy: f64| checked(&Masks { energy, ..REFERENCE }.scene(&OFFSETS, fibre));
-    let text =
-        REFERENCE.text(&OFFSETS, fibre).replace("energy = \"30 keV\"", "spectrum = \"two.csv\"");
+    let one = |energy: f64| checked(&scene_of(&Masks { energy, ..REFERENCE }, &OFFSETS, fibre));
+    let text = REFERENCE
+        .text(4, BEHIND, &OFFSETS, fibre)
+        .replace("energy = \"30 keV\"", "spectrum = \"two.csv\"");
     let path = directory.path().join("scene.toml");
     std::fs::write(&path, text).expect("a file");
     let report = checked(&Scene::load(&path).expect("a scene"));
@@ -265,7 +179,7 @@ fn outside(report: &CheckReport) -> Vec<&String> {
 
 #[test]
 fn a_small_spot_is_warned_of_until_the_remedies_hold() {
-    let mut scene = SMALL_SPOT.scene(&OFFSETS, "");
+    let mut scene = scene_of(&SMALL_SPOT, &OFFSETS, "");
     let report = checked(&scene);
     let warnings = outside(&report);
     assert!(warnings.len() == 1 && warnings[0].contains("a focal spot of"), "{warnings:?}");
@@ -274,7 +188,7 @@ fn a_small_spot_is_warned_of_until_the_remedies_hold() {
     assert!(outside(&checked(&scene)).is_empty());
     let factor = flat.distance_factor.expect("a factor");
     let distances = SMALL_SPOT.distances.map(|distance| factor * distance);
-    let nearer = Masks { distances, ..SMALL_SPOT }.scene(&OFFSETS, "");
+    let nearer = scene_of(&Masks { distances, ..SMALL_SPOT }, &OFFSETS, "");
     assert!(outside(&checked(&nearer)).is_empty());
 }
 
@@ -282,7 +196,7 @@ fn a_small_spot_is_warned_of_until_the_remedies_hold() {
 fn the_reference_set_up_is_within_ray_optics() {
     let rod = "[materials.plastic]\nmu = \"25 /m\"\ndelta = 2.4e-7\n[[object]]\nname = \"rod\"\n\
                shape = { cylinder = { radius = \"0.2 mm\", height = \"1 mm\" } }\nmaterial = \"plastic\"\n";
-    let report = checked(&REFERENCE.scene(&[-20e-6, -10e-6, 0.0, 10e-6, 20e-6], rod));
+    let report = checked(&scene_of(&REFERENCE, &[-20e-6, -10e-6, 0.0, 10e-6, 20e-6], rod));
     assert!(outside(&report).is_empty(), "{:?}", report.warnings);
     let criteria = report.ray_limits.criteria.expect("a sample mask");
     assert!((criteria.fresnel_number - 24.2).abs() < 0.05 && criteria.blur_over_fringe > 1.03);
@@ -311,7 +225,7 @@ fn the_fibres_of_the_fifth_experiment_are_outside_ray_optics() {
 /// Limits at the one object of a scene.
 fn of_object(shape: &str) -> ObjectLimits {
     let object = format!("[[object]]\nname = \"it\"\nmaterial = \"carbon\"\nshape = {shape}\n");
-    checked(&REFERENCE.scene(&OFFSETS, &object)).ray_limits.objects.remove(0)
+    checked(&scene_of(&REFERENCE, &OFFSETS, &object)).ray_limits.objects.remove(0)
 }
 
 #[test]
@@ -335,7 +249,8 @@ fn shapes_have_a_value_a_range_or_a_reason() {
 
 #[test]
 fn without_a_sample_mask_dark_fields_are_unknown() {
-    let mut scene = REFERENCE.scene(
+    let mut scene = scene_of(
+        &REFERENCE,
         &[0.0],
         "[[object]]\nname = \"it\"\nmaterial = \"carbon\"\nshape = { sphere = { radius = \"5 um\" } }\n",
     );

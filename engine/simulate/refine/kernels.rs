@@ -113,8 +113,8 @@ impl Stages<'_> {
         self.run(r, of, STAGE_REPORT);
     }
 
-    /// Records one turn: traces new rays, estimates new rectangles, chooses what is split next, and writes cells
-    /// where nothing is left to split. Stages that have nothing to do have no workgroups.
+    /// Records one turn: traces new rays, estimates new rectangles, chooses the next rectangles to split, and makes
+    /// cells where none is chosen. Stages that have nothing to do have no workgroups.
     pub(super) fn record_turn(
         &self,
         r: &mut Recorder<'_>,

@@ -7,7 +7,7 @@ use crate::sampling::CellBatch;
 use crate::trace::Tracer;
 use beamlet_core::{Result, numbers};
 use beamlet_gpu::{Buffer, Device, Memory, Upload};
-use beamlet_interface::{KEPT_WORDS, MOMENTS_HEAD, RefinedSpectrum, RepeatedRectangle};
+use beamlet_interface::{KEPT_WORDS, RefinedSpectrum, RepeatedRectangle};
 use std::ops::Range;
 use std::sync::Arc;
 
@@ -27,7 +27,7 @@ pub(super) struct Spectrum<'s> {
     counts: Buffer,
     record: Buffer,
     shares: Option<Buffer>,
-    /// Blocks of rows of the shares, and what is to be sent.
+    /// Blocks of rows of the shares; shares that the device does not have yet.
     blocks: Range<i64>,
     unsent: Vec<f32>,
     sent: [RefinedSpectrum; 1],
@@ -102,7 +102,7 @@ impl<'s> Spectrum<'s> {
             repeated: of(&buffers.repeated),
             nodes: self.tables.nodes,
             material_count: numbers::count(self.tables.materials.len()),
-            stride: numbers::count(MOMENTS_HEAD + tracer.moment_words()),
+            stride: tracer.moment_stride(),
             groups: self.tables.groups,
             columns: self.tables.columns,
             alike_rows: self.tables.alike_rows,

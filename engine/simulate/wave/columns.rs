@@ -6,6 +6,7 @@ use crate::sampling::Lattice;
 use beamlet_core::numbers::{self, single};
 use beamlet_interface::WavePair;
 use beamlet_model::optics::Optics;
+use glam::DVec2;
 use std::collections::HashMap;
 use std::f64::consts::TAU;
 use std::ops::Range;
@@ -86,7 +87,7 @@ impl Columns {
         [share, leak]: [f64; 2],
     ) -> Vec<WavePair> {
         let width = optics.detector.pitch_at(0, optics.cell_plane);
-        let shared: Vec<[f64; 2]> =
+        let shared: Vec<DVec2> =
             (0..of.count).map(|j| shared_response(optics, of, rays, j)).collect();
         let of_windows = |windows: &Windows| {
             let (whole, openings) = windows.split_last().expect("a pixel");
@@ -94,13 +95,9 @@ impl Columns {
                 .zip(shared.clone())
                 .map(move |(j, shared)| {
                     let f = of.at(j);
-                    let mut sum = times_real(interval(*whole, f), leak);
-                    for ends in openings {
-                        let part = times_real(interval(*ends, f), 1.0 - leak);
-                        sum = [sum[0] + part[0], sum[1] + part[1]];
-                    }
-                    let [re, im] = times_real(times(sum, shared), share / width);
-                    WavePair { re: single(re), im: single(im) }
+                    let open = openings.iter().map(|ends| interval(*ends, f) * (1.0 - leak));
+                    let sum = open.fold(interval(*whole, f) * leak, |sum, part| sum + part);
+                    pair(sum.rotate(shared) * (share / width))
                 })
                 .collect::<Vec<_>>()
         };
@@ -130,34 +127,31 @@ fn windows(optics: &Optics, bars: Option<&Bars>, column: u32) -> Windows {
 
 /// Part of a response that all windows share: step of frequency and length, mean over a cell, blur and images of the
 /// focal spot, and the phase of the first pair.
-fn shared_response(optics: &Optics, of: &Frequencies, rays: u32, index: u32) -> [f64; 2] {
+fn shared_response(optics: &Optics, of: &Frequencies, rays: u32, index: u32) -> DVec2 {
     let (f, spacing) = (of.at(index), of.spacing);
     let [spot, _] = images(optics, f);
     let pairs = f64::from(of.pairs) * f64::from(index);
     let first = spacing * (0.5 - 0.5 * f64::from(rays) + 0.5 * pairs);
     let twice = if index == 0 { 1.0 } else { 2.0 };
-    let cell = interval([-0.5 * spacing, 0.5 * spacing], f)[0];
-    times_real(times(spot, turn(-f * first)), twice * of.at(1) * cell)
+    let cell = interval([-0.5 * spacing, 0.5 * spacing], f).x;
+    spot.rotate(turn(-f * first)) * (twice * of.at(1) * cell)
 }
 
 /// Mean of exp(2πifs) over the images s of the focal spot, and the mean of that times the motion of the sample
 /// against the mask, m.
-fn images(optics: &Optics, f: f64) -> [[f64; 2]; 2] {
+fn images(optics: &Optics, f: f64) -> [DVec2; 2] {
     let shrink = 1.0 - optics.cell_plane / optics.analyser;
     let sample = optics.analyser - optics.lever_arm;
     let motion = -(sample - optics.cell_plane) / sample;
-    let mut sums = [[0.0; 2]; 2];
+    let mut sums = [DVec2::ZERO; 2];
     for part in optics.spot.placed() {
         let (offset, deviation) = (part.offset[0], part.deviation[0]);
         let exponent = -0.5 * (TAU * f * deviation * shrink).powi(2);
         // The image of a source to the right moves to the left.
-        let seen = times_real(turn(f * offset * shrink), part.share * libm::exp(exponent));
-        let mean = [offset, TAU * f * shrink * deviation * deviation];
-        let moved = times_real(times(seen, mean), motion);
-        sums = [
-            [sums[0][0] + seen[0], sums[0][1] + seen[1]],
-            [sums[1][0] + moved[0], sums[1][1] + moved[1]],
-        ];
+        let seen = turn(f * offset * shrink) * (part.share * libm::exp(exponent));
+        let mean = DVec2::new(offset, TAU * f * shrink * deviation * deviation);
+        sums[0] += seen;
+        sums[1] += seen.rotate(mean) * motion;
     }
     sums
 }
@@ -166,34 +160,29 @@ fn images(optics: &Optics, f: f64) -> [[f64; 2]; 2] {
 pub(super) fn motions(optics: &Optics, of: &Frequencies) -> Vec<WavePair> {
     let motion = |j: u32| {
         let [seen, moved] = images(optics, of.at(j));
-        let square = seen[0] * seen[0] + seen[1] * seen[1];
+        let square = seen.length_squared();
         if square < LEAST_SEEN * LEAST_SEEN {
-            return WavePair { re: 0.0, im: 0.0 };
+            return pair(DVec2::ZERO);
         }
-        let ratio = times(moved, [seen[0], -seen[1]]).map(|it| it / square / of.spacing);
-        WavePair { re: single(ratio[0]), im: single(ratio[1]) }
+        pair(moved.rotate(DVec2::new(seen.x, -seen.y)) / square / of.spacing)
     };
     (0..of.count).map(motion).collect()
 }
 
 /// exp(2πi cycles).
-fn turn(cycles: f64) -> [f64; 2] {
+fn turn(cycles: f64) -> DVec2 {
     let angle = TAU * (cycles - cycles.round());
-    [libm::cos(angle), libm::sin(angle)]
+    DVec2::new(libm::cos(angle), libm::sin(angle))
 }
 
-fn times(a: [f64; 2], b: [f64; 2]) -> [f64; 2] {
-    [a[0] * b[0] - a[1] * b[1], a[0] * b[1] + a[1] * b[0]]
-}
-
-fn times_real(a: [f64; 2], b: f64) -> [f64; 2] {
-    a.map(|it| it * b)
+fn pair(value: DVec2) -> WavePair {
+    WavePair { re: single(value.x), im: single(value.y) }
 }
 
 /// ∫ exp(2πifx) dx between two ends.
-fn interval([low, high]: [f64; 2], f: f64) -> [f64; 2] {
+fn interval([low, high]: [f64; 2], f: f64) -> DVec2 {
     let width = high - low;
     let half = 0.5 * TAU * f * width;
     let sinc = if half.abs() < 1e-8 { 1.0 } else { libm::sin(half) / half };
-    times_real(turn(f * f64::midpoint(low, high)), width * sinc)
+    turn(f * f64::midpoint(low, high)) * (width * sinc)
 }

@@ -1,8 +1,9 @@
 //! Bodies that are the same at all z.
 
-use super::{FIBRE, LONE, REFERENCE, add_cylinder, both, simulate};
+use super::{BY_WAVES, FIBRE, add_cylinder, both, row, simulate};
 use crate::reference::waves::body::{Body, Outline};
 use crate::support::Worst;
+use crate::thin_masks::{LONE, REFERENCE};
 use beamlet::Backend;
 
 #[test]
@@ -45,7 +46,7 @@ fn wire_of_another_group_has_its_ten_values_within_4e_4() {
     let mut worst = Worst::new("waves, the wire of another group", 4e-4);
     for (x, want) in want {
         // The openings of both masks are half a detector opening apart.
-        let mut scene = LONE.scene(1, 0.0003, &[-8e-6]);
+        let mut scene = LONE.scene(1, 0.0003, &[-8e-6], BY_WAVES);
         let mu = 2.0 * LONE.set_up().wavenumber() * 1e-9;
         // The wire of the reference lies in the plane of the mask.
         let scale = 1.0 + 0.0003 / 1.6;
@@ -66,14 +67,14 @@ fn bodies_behind_the_mask_match_two_steps_of_fft_from_points_of_the_spot_within_
         [(52e-6, 10e-6, 0.012), (-95e-6, 150e-6, 0.012), (41e-6, 50e-6, 0.001), (41e-6, 50e-6, 0.1)]
     {
         let offsets = [-3e-6, 9e-6];
-        let mut scene = REFERENCE.scene(4, behind, &offsets);
+        let mut scene = REFERENCE.scene(4, behind, &offsets, BY_WAVES);
         add_cylinder(&mut scene, centre, radius, FIBRE);
         let stacks = simulate(&scene, Backend::Bvh);
         let mut set_up = REFERENCE.set_up();
         set_up.sample = 1.2 + behind;
         let [delta, mu] = FIBRE;
         let sample = [Body { outline: Outline::Cylinder { centre, radius }, delta, mu }];
-        let light = |points| REFERENCE.row(4).light(&set_up, &sample, 10e-9, &offsets, points);
+        let light = |points| row(&REFERENCE, 4).light(&set_up, &sample, 10e-9, &offsets, points);
         let (want, blurred) = (light(Some(80)), light(None));
         for (step, (want, blurred)) in want.iter().zip(&blurred).enumerate() {
             for (column, (want, blurred)) in want.iter().zip(blurred).enumerate() {

@@ -1,10 +1,11 @@
 //! Light without a sample.
 
-use super::{LEAKING, OFFSETS, REFERENCE, SET_UPS, simulate, without_distance};
+use super::{BY_WAVES, OFFSETS, SET_UPS, flat, simulate, without_distance};
 use crate::reference::waves::field::Grid;
 use crate::reference::waves::light::Case;
 use crate::reference::waves::setup::{Slits, Spot, Window};
 use crate::support::{GOLD, Worst};
+use crate::thin_masks::{LEAKING, REFERENCE};
 use beamlet::Backend;
 use beamlet::scene::{Scene, Spot as FocalSpot, SpotPart};
 
@@ -12,8 +13,8 @@ use beamlet::scene::{Scene, Spot as FocalSpot, SpotPart};
 fn flats_of_thin_masks_match_fft_within_1e_6() {
     let mut worst = Worst::new("waves, flats of four set-ups", 1e-6);
     for (name, masks) in &SET_UPS {
-        let want = masks.flat(&OFFSETS);
-        let stacks = simulate(&masks.scene(4, 0.0003, &OFFSETS), Backend::Bvh);
+        let want = flat(masks, &OFFSETS);
+        let stacks = simulate(&masks.scene(4, 0.0003, &OFFSETS, BY_WAVES), Backend::Bvh);
         for (step, want) in want.iter().enumerate() {
             for column in 0..4 {
                 let got = f64::from(stacks.flat[[step, 0, column]]);
@@ -28,7 +29,7 @@ fn flats_of_thin_masks_match_fft_within_1e_6() {
 fn flats_of_two_spots_and_leaking_bars_match_fft_within_1e_6() {
     // Share, standard deviation and centre of each part, m.
     let parts = [(0.6, 6e-6, -10e-6), (0.4, 3e-6, 15e-6)];
-    let mut scene = LEAKING.scene(3, 0.0003, &OFFSETS);
+    let mut scene = LEAKING.scene(3, 0.0003, &OFFSETS, BY_WAVES);
     let fwhm = |sigma: f64| sigma / crate::reference::normal::SIGMA_PER_FWHM;
     let part =
         |(weight, sigma, x): (f64, f64, f64)| SpotPart::new(weight, [fwhm(sigma), 0.0], [x, 0.0]);
@@ -53,7 +54,7 @@ const DEPTH: f64 = 225e-6 * GOLD;
 #[test]
 fn flats_of_thick_bars_match_fft_with_their_mean_edges_within_1e_5() {
     let metal = "material = \"gold\"\nthickness = \"225 um\"";
-    let text = REFERENCE.text(64, 0.0003, &OFFSETS).replace("transmission = 0.0", metal);
+    let text = REFERENCE.text(64, 0.0003, &OFFSETS, BY_WAVES).replace("transmission = 0.0", metal);
     let scene = Scene::from_toml(&without_distance(&text), ".").expect("a scene");
     let stacks = simulate(&scene, Backend::Bvh);
     let mut set_up = REFERENCE.set_up();

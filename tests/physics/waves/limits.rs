@@ -1,17 +1,18 @@
 //! Waves of short wavelength, and of samples that refract evenly, against rays.
 
-use super::{FIBRE, REFERENCE, add_cylinder, simulate};
+use super::{BY_WAVES, FIBRE, add_cylinder, simulate};
 use crate::reference::waves::body::{Body, Outline};
 use crate::reference::waves::light::Case;
 use crate::reference::waves::rays;
 use crate::reference::waves::setup::Slits;
+use crate::thin_masks::REFERENCE;
 use beamlet::Backend;
 use beamlet::scene::{Beam, Transport};
 use beamlet::stack::Stacks;
 
 /// A cylinder (x of its axis and its radius, m), `behind` the mask (m), at an energy (keV).
 fn light(energy: f64, (centre, radius, behind): (f64, f64, f64), transport: Transport) -> Stacks {
-    let mut scene = REFERENCE.scene(4, behind, &[5e-6]);
+    let mut scene = REFERENCE.scene(4, behind, &[5e-6], BY_WAVES);
     scene.source.beam = Beam::Energy(energy);
     add_cylinder(&mut scene, centre, radius, FIBRE);
     scene.sampling.transport = transport;

@@ -1,12 +1,13 @@
 //! Scenes that waves refuse by name.
 
-use super::{FIBRE, REFERENCE, add_cylinder, without_distance};
+use super::{BY_WAVES, FIBRE, add_cylinder, without_distance};
 use crate::support::{engine, engine_with};
+use crate::thin_masks::REFERENCE;
 use beamlet::scene::{Refine, Scene, Scheme, Spot, SpotPart};
 use beamlet::{Backend, EngineOptions, Error};
 
 fn refusal(change: impl Fn(&mut Scene)) -> String {
-    let mut scene = REFERENCE.scene(4, 0.0003, &[0.0]);
+    let mut scene = REFERENCE.scene(4, 0.0003, &[0.0], BY_WAVES);
     add_cylinder(&mut scene, 5e-6, 20e-6, FIBRE);
     change(&mut scene);
     let error = engine(Backend::Bvh).prepare(&scene).expect_err("a refusal");
@@ -26,7 +27,7 @@ fn scenes_that_waves_do_not_describe_are_refused_by_name() {
     let parts = [[30e-6, 10e-6], [30e-6, 20e-6]].map(|fwhm| SpotPart::new(0.5, fwhm, [0.0; 2]));
     has(refusal(|scene| scene.source.spot = Spot::gaussians(parts.to_vec())), "along z");
     let wide = |scene: &mut Scene| {
-        let text = REFERENCE.text(4000, 0.01, &[0.0]);
+        let text = REFERENCE.text(4000, 0.01, &[0.0], BY_WAVES);
         let metal = "material = \"gold\"\nthickness = \"5 mm\"";
         let text = without_distance(&text.replace("transmission = 0.0", metal));
         *scene = Scene::from_toml(&text, ".").expect("a scene");
@@ -36,7 +37,7 @@ fn scenes_that_waves_do_not_describe_are_refused_by_name() {
 
 #[test]
 fn waves_refuse_to_keep_moments() {
-    let mut scene = REFERENCE.scene(4, 0.0003, &[0.0]);
+    let mut scene = REFERENCE.scene(4, 0.0003, &[0.0], BY_WAVES);
     add_cylinder(&mut scene, 5e-6, 20e-6, FIBRE);
     let keeping = engine_with(EngineOptions::default().with_keep_moments(true));
     let error = keeping.prepare(&scene).expect_err("a refusal").to_string();

@@ -1,8 +1,9 @@
 //! Rows whose lines differ: bodies that lean or end, bands, batches and backends.
 
-use super::{FIBRE, OFFSETS, REFERENCE, SET_UPS, add_cylinder, simulate};
+use super::{BY_WAVES, FIBRE, OFFSETS, SET_UPS, add_cylinder, row, simulate};
 use crate::reference::waves::body::{Body, Outline, slice};
 use crate::support::{Worst, backends, engine_with};
+use crate::thin_masks::REFERENCE;
 use beamlet::scene::{MaterialSpec, Object, Scene, Shape, Spot, SpotPart};
 use beamlet::stack::Stacks;
 use beamlet::{Backend, EngineOptions};
@@ -22,7 +23,7 @@ fn ball(radius: f64, [x, z]: [f64; 2]) -> Object {
 }
 
 fn with(objects: Vec<Object>, rows: u32) -> Scene {
-    let mut scene = REFERENCE.scene(4, 0.0003, &OFFSETS);
+    let mut scene = REFERENCE.scene(4, 0.0003, &OFFSETS, BY_WAVES);
     let [delta, mu] = FIBRE;
     scene.materials.insert("matter".into(), MaterialSpec::Constants { mu, delta });
     scene.sampling.tolerance = Some(5e-5);
@@ -40,7 +41,7 @@ fn compare(what: &'static str, scene: &Scene, slice_at: impl Fn(f64) -> Vec<Body
     let stacks = simulate(&scene, Backend::Bvh);
     let mut set_up = REFERENCE.set_up();
     set_up.sample = 1.2003;
-    let row = REFERENCE.row(4);
+    let row = row(&REFERENCE, 4);
     let mut want = vec![vec![0.0; 4]; EVEN.len()];
     for line in 0..LINES {
         let z = ((f64::from(line) + 0.5) / f64::from(LINES) - 0.5) * ROW;
@@ -135,7 +136,7 @@ fn estimated_errors_are_those_of_half_the_spacing_within_a_factor_of_3() {
     for (name, masks) in &SET_UPS {
         let columns = 96_usize;
         let at = |tolerance: f64| {
-            let mut scene = masks.scene(96, 0.0003, &OFFSETS);
+            let mut scene = masks.scene(96, 0.0003, &OFFSETS, BY_WAVES);
             // Rims in many places of the apertures.
             for k in 0..30 {
                 let centre = 1e-6 * masks.sample[1] * (3.1 * f64::from(k) - 45.0);

@@ -1,7 +1,8 @@
 //! Light of a spectrum from one trace.
 
-use super::{FIBRE, LEAKING, OFFSETS, REFERENCE, add_cylinder, simulate};
+use super::{BY_WAVES, FIBRE, OFFSETS, add_cylinder, simulate};
 use crate::support::Worst;
+use crate::thin_masks::{LEAKING, REFERENCE};
 use beamlet::Backend;
 use beamlet::scene::{Beam, Scene};
 use beamlet::spectrum;
@@ -15,7 +16,7 @@ fn light_of_a_spectrum_is_the_sum_of_its_energies_within_2e_5() {
     let mut worst = Worst::new("waves, a spectrum", 2e-5);
     for masks in [&REFERENCE, &LEAKING] {
         let beam = format!("spectrum = {{ file = \"{}\", nodes = 3 }}", path.display());
-        let text = masks.text(4, 0.0003, &OFFSETS);
+        let text = masks.text(4, 0.0003, &OFFSETS, BY_WAVES);
         let text = text.replace(&format!("energy = \"{} keV\"", masks.energy), &beam);
         let mut scene = Scene::from_toml(&text, ".").expect("a scene");
         add_cylinder(&mut scene, 46e-6, 60e-6, FIBRE);

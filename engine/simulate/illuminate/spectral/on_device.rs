@@ -68,7 +68,7 @@ impl EnergyBinning {
         }
     }
 
-    /// Shares of light by masks for the device (`refine/spectrum.glsl`), of all columns in blocks of rows.
+    /// Shares of light by masks for the device (`refine/shares.glsl`), of all columns in blocks of rows.
     pub(crate) fn shares_of(&self, blocks: &Range<i64>) -> Vec<f32> {
         let columns = numbers::count(self.slopes.len());
         let places: Vec<(u32, i64)> = blocks

@@ -7,8 +7,8 @@ use beamlet_interface::{MOMENTS_HEAD, Ray};
 use std::sync::atomic::Ordering;
 
 impl Tracer {
-    /// Traces rays, as many as a batch takes at most, and leaves their moments in [`Self::moments`], where `take`
-    /// uses them before the batch may change its size.
+    /// Traces at most a batch of rays and leaves their moments in [`Self::moments`]; `take` uses them before the
+    /// batch may change its size.
     ///
     /// # Errors
     /// As [`Tracer::trace`]; errors of `take`.
@@ -26,6 +26,7 @@ impl Tracer {
         take(self)?;
         self.adapt(rays.len(), time)
     }
+
     /// Words of the moments of a ray with their head.
     pub(crate) fn moment_stride(&self) -> u32 {
         numbers::count(MOMENTS_HEAD + self.moment_words())

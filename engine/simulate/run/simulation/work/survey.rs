@@ -41,7 +41,7 @@ const TIMES: u32 = 3;
 /// Random rays that are timed, about.
 const TIMED_RAYS: f64 = 2e6;
 /// Fractional part of the golden ratio: its multiples spread evenly over [0, 1).
-const GOLDEN: f64 = 0.618_033_988_749_894_9;
+pub(super) const GOLDEN: f64 = 0.618_033_988_749_894_9;
 
 /// Rows of a view.
 struct Look {

@@ -1,6 +1,7 @@
 //! Light of rows by waves.
 
 use super::ViewWork;
+use super::survey::GOLDEN;
 use crate::run::RunEstimate;
 use crate::sampling::ProjectedBounds;
 use crate::wave::WaveView;
@@ -13,9 +14,6 @@ use std::time::Instant;
 const TIMED_ROWS: i64 = 2;
 /// Most rows of all views that are timed, in turns of [`TIMED_ROWS`].
 const LOOKS: u32 = 4;
-/// Fractional part of the golden ratio: its multiples spread evenly over [0, 1).
-const GOLDEN: f64 = 0.618_033_988_749_894_9;
-
 impl ViewWork<'_> {
     /// Adds the light of lines in some rows; true where the scene wants waves. `own`: the rows are counted.
     pub(super) fn wave_rows(
