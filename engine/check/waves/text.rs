@@ -36,7 +36,7 @@ impl RayLimits {
             lines.push(("roughness".into(), text));
         }
         if let Some(more) = self.objects.len().checked_sub(LISTED).filter(|more| *more > 0) {
-            lines.push((String::new(), format!("{more} more objects: see --json")));
+            lines.push((String::new(), format!("{more} more objects: see `beamlet check --json`")));
         }
         lines
     }
