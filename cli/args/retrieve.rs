@@ -2,8 +2,10 @@
 
 use super::names::{MethodName, WeightsName, format};
 use super::shared::{DeviceArguments, Messages, ProfileArguments};
-use super::values::{above_zero, bin, columns, corrections, from_zero, key_value, region, single};
-use beamlet::retrieve::{Columns, Corrections, Region};
+use super::values::{
+    above_zero, aperture, bin, columns, corrections, from_zero, key_value, lattice, region, single,
+};
+use beamlet::retrieve::{Aperture, Columns, Corrections, Lattice, Region};
 use beamlet::stack::Format;
 use clap::Args;
 use std::path::PathBuf;
@@ -13,14 +15,17 @@ use std::path::PathBuf;
     beamlet retrieve run\n  \
     beamlet retrieve run --method exact-curve --format npy --overwrite\n  \
     beamlet retrieve --flat flat.tif --sample sample.tif --dark dark.tif \\\n    \
-      --offsets '-12 um, -6 um, 0 um, 6 um, 12 um' --geometry scene.toml -o images\n\n\
+      --offsets '-12 um, -6 um, 0 um, 6 um, 12 um' --geometry scene.toml -o images\n  \
+    beamlet retrieve --flat flat.tif --sample sample.tif --geometry scene.toml \\\n    \
+      --lattice '40 um, 40 um' -o images\n\n\
     Images go to RUN/retrieved, or to DIR: transmission, refraction (rad), dark_field (rad^2), \
     their 1-sigma uncertainties, flags, and the parameters of the fits; retrieved.json records \
     units and the meaning of the flags. docs/retrieval.md has formulas, validity and bias.")]
 pub(crate) struct Retrieve {
     /// Run directory of `beamlet simulate`
     #[arg(required_unless_present = "flat",
-        conflicts_with_all = ["flat", "flats_every", "sample", "dark", "geometry", "offsets", "sets"])]
+        conflicts_with_all = ["flat", "flats_every", "sample", "dark", "geometry", "offsets",
+            "offsets_z", "sets"])]
     pub(crate) run: Option<PathBuf>,
     /// Flat frames: NPY, EXR, TIFF, a folder of frames, or a pattern for names in a folder, as
     /// 'raw/flat_*' (in quotes)
@@ -62,6 +67,18 @@ pub(crate) struct Retrieve {
     /// geometry's scan]
     #[arg(long, value_name = "LIST|FILE", requires = "flat", allow_hyphen_values = true)]
     pub(crate) offsets: Option<String>,
+    /// Offsets of the sample mask along z, as --offsets and one for each of them: retrieves refraction and
+    /// dark field along x and z
+    #[arg(long, value_name = "LIST|FILE", requires = "flat", allow_hyphen_values = true)]
+    pub(crate) offsets_z: Option<String>,
+    /// Lattice of the beamlets of a sample mask alone, as it is on the detector: periods along x and z, an
+    /// angle after them, or two vectors `X,Z;X,Z`. Retrieves refraction and dark field along x and z
+    #[arg(long, value_name = "X,Z[,ANGLE]", value_parser = lattice, allow_hyphen_values = true)]
+    pub(crate) lattice: Option<Lattice>,
+    /// Aperture of a beamlet on this lattice, as it is on the detector, for --method beamlet: `WIDTH,HEIGHT` or
+    /// `round DIAMETER`
+    #[arg(long, value_name = "WIDTH,HEIGHT", value_parser = aperture, requires = "lattice")]
+    pub(crate) aperture: Option<Aperture>,
     /// Scene file with the distances and masks of the measurement
     #[arg(long, value_name = "SCENE", requires = "flat")]
     pub(crate) geometry: Option<PathBuf>,
@@ -74,9 +91,10 @@ pub(crate) struct Retrieve {
     /// Directory of the images [default: RUN/retrieved]
     #[arg(short, long, value_name = "DIR")]
     pub(crate) output: Option<PathBuf>,
-    /// The estimator
-    #[arg(long, value_enum, default_value_t = MethodName::Gaussian)]
-    pub(crate) method: MethodName,
+    /// The estimator [default: gaussian; for a sample mask alone beamlet, on a lattice without --aperture
+    /// gaussian]
+    #[arg(long, value_enum)]
+    pub(crate) method: Option<MethodName>,
     /// Weights of a fit's values
     #[arg(long, value_enum, default_value_t = WeightsName::None)]
     pub(crate) weights: WeightsName,

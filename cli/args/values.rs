@@ -1,7 +1,7 @@
 //! Values that are checked as they are typed.
 
 use crate::numbers;
-use beamlet::retrieve::{Columns, Corrections, Region};
+use beamlet::retrieve::{Aperture, Columns, Corrections, Lattice, Region};
 use beamlet::stack::Shard;
 use std::ops::Range;
 
@@ -164,6 +164,14 @@ pub(super) fn region(text: &str) -> Result<Region, String> {
 
 pub(super) fn columns(text: &str) -> Result<Columns, String> {
     Columns::parse(text).map_err(|error| error.to_string())
+}
+
+pub(super) fn lattice(text: &str) -> Result<Lattice, String> {
+    Lattice::parse(text).map_err(|error| error.to_string())
+}
+
+pub(super) fn aperture(text: &str) -> Result<Aperture, String> {
+    Aperture::parse(text).map_err(|error| error.to_string())
 }
 
 pub(super) fn corrections(text: &str) -> Result<Corrections, String> {

@@ -46,8 +46,16 @@ pub(super) fn run(arguments: &Retrieve, out: &mut impl Write) -> Result<(), Fail
     }
     let [gain_of_scene, noise_of_scene] = of_scene.unwrap_or([1.0, 0.0]);
     let gain = input.counts().then(|| arguments.gain.unwrap_or(gain_of_scene));
-    let options = RetrieveOptions::default()
-        .with_method(arguments.method.into())
+    let offsets_z = arguments.offsets_z.as_deref().map(offsets).transpose()?;
+    let chosen = RetrieveOptions::default()
+        .with_lattice(arguments.lattice)
+        .with_aperture(arguments.aperture)
+        .with_offsets_z(offsets_z.unwrap_or_default());
+    let options = match arguments.method {
+        Some(method) => chosen.with_method(method.into()),
+        None => chosen.suited_to(input.scene()),
+    };
+    let options = options
         .with_weights(arguments.weights.into())
         .with_gain(gain)
         .with_gain_assumed(gain_assumed)
@@ -86,12 +94,13 @@ fn read(arguments: &Retrieve) -> Vec<PathBuf> {
     let scene = arguments.run.as_ref().map(|run| run.join(layout::SCENE));
     let bad_pixels = arguments.bad_pixels.clone();
     let files = [arguments.geometry.clone(), arguments.dark.clone(), bad_pixels, scene];
-    files.into_iter().flatten().chain(list(arguments)).collect()
+    files.into_iter().flatten().chain(lists(arguments)).collect()
 }
 
-/// File of offsets.
-fn list(arguments: &Retrieve) -> Option<PathBuf> {
-    arguments.offsets.as_ref().map(PathBuf::from).filter(|path| path.is_file())
+/// Files of offsets.
+fn lists(arguments: &Retrieve) -> Vec<PathBuf> {
+    let lists = [&arguments.offsets, &arguments.offsets_z].into_iter().flatten();
+    lists.map(PathBuf::from).filter(|path| path.is_file()).collect()
 }
 
 fn of_run(arguments: &Retrieve, run: &Path) -> Result<Input, Failure> {
@@ -124,7 +133,7 @@ fn measured(arguments: &Retrieve) -> Result<(Input, PathBuf), Failure> {
     let flat = StackFile::open(flat)?;
     let sample = StackFile::open(sample)?;
     let dark = arguments.dark.as_ref().map(StackFile::open).transpose()?;
-    let others: Vec<PathBuf> = std::iter::once(geometry.clone()).chain(list(arguments)).collect();
+    let others: Vec<PathBuf> = std::iter::once(geometry.clone()).chain(lists(arguments)).collect();
     let input = Input::measured(&scene, flat, sample, dark.as_ref())?
         .without_steps(&arguments.omit_steps)?
         .with_flats_every(arguments.flats_every)

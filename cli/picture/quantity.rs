@@ -44,7 +44,8 @@ impl Quantity {
     pub(crate) fn of_map(name: &str) -> Self {
         let empty = match name {
             "transmission" => Some(1.0),
-            "refraction" | "phase" | "dark_field" => Some(0.0),
+            "refraction" | "refraction_z" | "phase" => Some(0.0),
+            "dark_field" | "dark_field_z" | "dark_field_xz" => Some(0.0),
             _ => None,
         };
         let make =
@@ -52,11 +53,19 @@ impl Quantity {
         match name {
             "transmission" => make("transmission", "", 1.0, Map::Grey),
             "refraction" => make("refraction angle", "µrad", 1e6, Map::Diverging),
+            "refraction_z" => make("refraction angle along z", "µrad", 1e6, Map::Diverging),
             "phase" => make("phase: integral of δ along the beam", "nm", 1e9, Map::Grey),
             "dark_field" => make("dark field σ²", "µrad²", 1e12, Map::Inferno),
+            "dark_field_z" => make("dark field σ² along z", "µrad²", 1e12, Map::Inferno),
+            "dark_field_xz" => make("dark field covariance xz", "µrad²", 1e12, Map::Diverging),
             "transmission_sigma" => make("1σ of the transmission", "", 1.0, Map::Viridis),
             "refraction_sigma" => make("1σ of the refraction angle", "µrad", 1e6, Map::Viridis),
             "dark_field_sigma" => make("1σ of the dark field", "µrad²", 1e12, Map::Viridis),
+            "refraction_z_sigma" => make("1σ of the refraction along z", "µrad", 1e6, Map::Viridis),
+            "dark_field_z_sigma" => {
+                make("1σ of the dark field along z", "µrad²", 1e12, Map::Viridis)
+            }
+            "dark_field_xz_sigma" => make("1σ of the covariance xz", "µrad²", 1e12, Map::Viridis),
             "flags" => make("flags (sum of bits)", "", 1.0, Map::Viridis),
             "residual_flat" => make("rms residual of the flat's fit", "", 1.0, Map::Viridis),
             "residual_sample" => make("rms residual of the sample's fit", "", 1.0, Map::Viridis),

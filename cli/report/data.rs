@@ -9,7 +9,15 @@ use crate::picture::scale::Scale;
 use crate::subject::{Subject, trusted};
 use serde_json::{Value, json};
 
-const CONTRASTS: [&str; 4] = ["transmission", "refraction", "phase", "dark_field"];
+const CONTRASTS: [&str; 7] = [
+    "transmission",
+    "refraction",
+    "refraction_z",
+    "phase",
+    "dark_field",
+    "dark_field_z",
+    "dark_field_xz",
+];
 const FIT: [&str; 4] = ["amplitude", "centre", "width", "background"];
 
 /// Data of the page.

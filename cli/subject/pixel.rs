@@ -37,7 +37,14 @@ impl Subject {
         [column, row]: [usize; 2],
     ) -> Result<Vec<String>, Failure> {
         let mut lines = Vec::new();
-        let signs = [("transmission", "T"), ("refraction", "α"), ("dark_field", "σ_DF²")];
+        let signs = [
+            ("transmission", "T"),
+            ("refraction", "α"),
+            ("refraction_z", "α_z"),
+            ("dark_field", "σ_DF²"),
+            ("dark_field_z", "σ_zz"),
+            ("dark_field_xz", "σ_xz"),
+        ];
         for (name, sign) in signs.into_iter().filter(|(name, _)| self.has(name)) {
             let quantity = Quantity::of_map(name);
             let value = |name: &str| -> Result<f64, Failure> {

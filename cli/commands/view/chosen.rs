@@ -19,7 +19,15 @@ use clap::ValueEnum;
 use std::path::Path;
 
 /// Images that are drawn where none are named.
-const CONTRASTS: [&str; 4] = ["transmission", "refraction", "phase", "dark_field"];
+const CONTRASTS: [&str; 7] = [
+    "transmission",
+    "refraction",
+    "refraction_z",
+    "phase",
+    "dark_field",
+    "dark_field_z",
+    "dark_field_xz",
+];
 
 /// Bytes for each pixel of a frame or a sinogram that is drawn: values read, in the unit of the
 /// picture, their flags and 1 sigma, and sorted for its scale; colours.

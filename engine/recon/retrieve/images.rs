@@ -35,12 +35,18 @@ pub(crate) const FLAGS: &str = "flags";
 pub(super) fn unit<'a>(name: &str, value: &'a str) -> &'a str {
     match name {
         "transmission" | "transmission_sigma" | "flat_area_sigma" => "1",
-        "refraction" | "refraction_sigma" => "rad",
-        "dark_field" | "dark_field_sigma" => "rad^2",
+        name if name.starts_with("refraction") => "rad",
+        name if name.starts_with("dark_field") => "rad^2",
         FLAGS => "bits",
         PHASE => "m",
         "flat_centre_sigma" | "flat_width_sigma" => "m",
-        name if name.ends_with("_centre") || name.ends_with("_width") => "m",
+        name if name.ends_with("_covariance_xz") => "m^2",
+        name if ["_centre", "_centre_z", "_width", "_width_z"]
+            .iter()
+            .any(|end| name.ends_with(end)) =>
+        {
+            "m"
+        }
         _ => value,
     }
 }

@@ -95,7 +95,20 @@ pub(super) fn mark(images: &mut Images, flat: &Curves, angle_per_shift: f64, noi
     let Some(width) = median(flat.width.iter().map(|width| f64::from(*width)).collect()) else {
         return;
     };
-    let unit = angle_per_shift.abs() * width;
+    let names = ["transmission", "refraction", "dark_field"];
+    if let Some(marked) = found(images, names, angle_per_shift.abs() * width, noise) {
+        flag(images, &marked);
+    }
+}
+
+/// Misfits by the images of transmission, refraction and dark field along one axis. `unit`: angle of a shift by
+/// the width of the flat's curve.
+pub(super) fn found(
+    images: &Images,
+    names: [&str; 3],
+    unit: f64,
+    noise: Noise,
+) -> Option<Array2<bool>> {
     let limits = if noise.gain.is_some() { OF_COUNTS } else { WITHOUT_NOISE };
     let [bias, bias_of_centre] = limits.bias;
     let field = |name: &str, unit: f64, bias: f64, slack: f64| -> Option<Field> {
@@ -108,16 +121,22 @@ pub(super) fn mark(images: &mut Images, flat: &Curves, angle_per_shift: f64, noi
         let medians = [medians(&values, 1, 0), medians(&values, 0, 1)];
         Some(Field { values, sigma, bias, slack, medians })
     };
-    let Some(transmission) = field("transmission", 1.0, bias, SLACK[0]) else { return };
-    let Some(centre) = field("refraction", unit, bias_of_centre, SLACK[1]) else { return };
-    let width = field("dark_field", 2.0 * unit * unit, bias, SLACK[1]);
+    let [transmission, centre, width] = names;
+    let transmission = field(transmission, 1.0, bias, SLACK[0])?;
+    let centre = field(centre, unit, bias_of_centre, SLACK[1])?;
+    let width = field(width, 2.0 * unit * unit, bias, SLACK[1]);
     let mut marked = edges(&transmission, &centre, width.as_ref(), &limits);
     if let Some(residuals) = residuals(images, noise) {
         let rare = rare_residuals(&residuals, noise);
         marked.zip_mut_with(&rare, |marked, rare| *marked |= rare);
     }
+    Some(marked)
+}
+
+/// Adds the flag of misfits to these pixels.
+pub(super) fn flag(images: &mut Images, marked: &Array2<bool>) {
     if let Some(bits) = images.get_mut(FLAGS) {
-        bits.zip_mut_with(&marked, |bits, marked| {
+        bits.zip_mut_with(marked, |bits, marked| {
             if *marked {
                 *bits += single(f64::from(flags::MISFIT));
             }

@@ -4,7 +4,9 @@ use super::correct::Corrections;
 use super::diagnosis::Region;
 use super::fitter::Weights;
 use super::method::Method;
+use super::planar::{self, Aperture, Lattice};
 use beamlet_core::{Error, Result, setters};
+use beamlet_model::scene::Scene;
 use ndarray::Array3;
 use std::ops::Range;
 
@@ -42,6 +44,13 @@ pub struct RetrieveOptions {
     pub correct: Corrections,
     /// Images of the phase are made, too: refraction angles integrated along the rows.
     pub phase: bool,
+    /// Lattice of the beamlets of a sample mask alone, as it is on the detector, for retrieval in two
+    /// directions. `None`: the lattice of the scene where its apertures have ends along z, else slits.
+    pub lattice: Option<Lattice>,
+    /// Aperture of a beamlet on the lattice, as it is on the detector (method `beamlet`).
+    pub aperture: Option<Aperture>,
+    /// Offsets of the sample mask along z, m, one for each of the scene's along x; empty without steps along z.
+    pub offsets_z: Vec<f64>,
 }
 
 impl RetrieveOptions {
@@ -64,6 +73,22 @@ impl RetrieveOptions {
         with_empty_beam(empty_beam: impl Into<Option<Region>>);
         /// Makes images of the phase, too.
         with_phase(phase: bool);
+        /// Names the lattice of beamlets on the detector.
+        with_lattice(lattice: impl Into<Option<Lattice>>);
+        /// Names the aperture of a beamlet on the detector.
+        with_aperture(aperture: impl Into<Option<Aperture>>);
+        /// Sets the offsets of the sample mask along z.
+        with_offsets_z(offsets_z: Vec<f64>);
+    }
+
+    /// Chooses the estimator for the masks of a scene: `beamlet` for a sample mask alone, and `gaussian` where the
+    /// apertures on a lattice are not known or there are two masks.
+    #[must_use]
+    pub fn suited_to(mut self, scene: &Scene) -> Self {
+        let is_alone = scene.sample_mask.is_some() && scene.detector_mask.is_none();
+        let known = self.lattice.is_none() || planar::aperture(scene, &self).is_some();
+        self.method = if is_alone && known { Method::Beamlet } else { Method::Gaussian };
+        self
     }
 
     /// # Errors

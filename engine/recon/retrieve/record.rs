@@ -93,6 +93,17 @@ pub struct Record {
     pub files: BTreeMap<String, String>,
     /// Offsets of the sample mask, m.
     pub offsets: Vec<f64>,
+    /// Offsets of the sample mask along z, m, one for each of `offsets`; empty without steps along z.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub offsets_z: Vec<f64>,
+    /// Vectors of the lattice of beamlets as the flat has it, and the place of one beamlet from the middle of the
+    /// detector, x and z, m; `None` without a lattice.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub lattice_m: Option<[[f64; 2]; 3]>,
+    /// Expected 1 sigma of each contrast in two directions where nothing is in the beam, median over the image, in
+    /// the unit of its image; empty where values are no counts.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub expected_sigma: BTreeMap<String, f64>,
     /// Whole periods of the sample mask, m, that the offsets have more than the images
     /// `flat_centre` and `sample_centre`: 0 where the middle of the scan is within half a period of 0.
     #[serde(default, skip_serializing_if = "is_zero")]

@@ -2,6 +2,7 @@
 
 mod begun;
 mod flat;
+mod planar;
 mod views;
 
 use super::Method;
@@ -13,6 +14,7 @@ use super::joined::JoinedColumns;
 use super::misfit::median;
 use super::options::RetrieveOptions;
 use super::phase::PhaseImages;
+use super::planar::Design;
 use super::record::Record;
 use super::retriever::Retriever;
 use beamlet_core::rows_control::RowsControl;
@@ -23,9 +25,10 @@ use beamlet_files::{
     Format, ImageDirectory, InputHashes, Kind, now, refuse_overlap, working_directory,
 };
 use beamlet_gpu::Compute;
-use begun::{about, begun, count};
+use begun::{Described, about, begun, count};
 use flat::{put_flat, take_flat};
 use ndarray::{Array3, ArrayView2};
+use planar::retrieve_planar;
 use std::collections::BTreeMap;
 use std::collections::btree_map::Entry;
 use std::path::Path;
@@ -243,6 +246,14 @@ fn retrieve_to(
     options.check_saturation()?;
     let input = input.limited_to(options.saturation);
     let options = options_for(&input, options)?;
+    if let Some(design) = Design::of(input.scene(), &options, input.omitted_steps())? {
+        design.check(input.scene(), &options)?;
+        let input = input.fitted_to(design.steps())?;
+        let hashes = input.hashes();
+        let (mut record, geometry) = retrieve_planar(&input, &design, &options, control, put)?;
+        finish(&mut record, hashes.wait(&control.cancel, &mut || {})??, (began, since));
+        return Ok((record, geometry));
+    }
     let mut retriever = Retriever::new(compute, input.scene(), &options)?;
     let input = input.fitted_to(retriever.steps())?;
     if !options.correct.is_none() || options.phase {
@@ -268,7 +279,8 @@ fn retrieve_to(
     let across = take_flat(&input, &mut retriever, &mut diagnosis, &mut inner)?;
     let joined = retriever.joined(&input);
     let across = joined.as_ref().map_or(across, |joined| joined.order().len());
-    let mut record = begun(&input, &retriever, &options, [angles, rows, across]);
+    let described = Described::of(&retriever, &input);
+    let mut record = begun(&input, &described, &options, [angles, rows, across]);
     record.columns = joined.as_ref().map(JoinedColumns::order).unwrap_or_default().to_vec();
     let value = if input.counts() { "counts" } else { "open pixels" };
     let mut output = Output { put, record, value, cancel: cancel.clone() };
@@ -278,12 +290,7 @@ fn retrieve_to(
     retrieve_views(scan, &options, &mut retriever, &mut diagnosis, &mut output, &mut inner)?;
     let mut record = output.record;
     diagnosis.finish(&mut record, &retriever, input.warnings())?;
-    let InputHashes { hashes, stamps } = hashes.wait(&cancel, &mut || {})??;
-    (record.inputs, record.input_stamps) = (hashes, stamps);
-    record.working_directory = working_directory().filter(|_| !record.inputs.is_empty());
-    record.began = Some(began);
-    record.written = Some(now());
-    record.duration_s = since.elapsed().as_secs_f64();
+    finish(&mut record, hashes.wait(&cancel, &mut || {})??, (began, since));
     let geometry = match input.has_angles() {
         true => Some(retriever.geometry(&input, angles).text()?),
         false => None,
@@ -291,12 +298,22 @@ fn retrieve_to(
     Ok((record, geometry))
 }
 
+/// Enters inputs and times into a record.
+fn finish(record: &mut Record, inputs: InputHashes, (began, since): (String, Instant)) {
+    (record.inputs, record.input_stamps) = (inputs.hashes, inputs.stamps);
+    record.working_directory = working_directory().filter(|_| !record.inputs.is_empty());
+    record.began = Some(began);
+    record.written = Some(now());
+    record.duration_s = since.elapsed().as_secs_f64();
+}
+
 /// Options with the saturation and the read noise of the values of an input.
 ///
 /// # Errors
 /// [`Error::Argument`] for beamlets among a part of the pixels.
 fn options_for(input: &Input, options: &RetrieveOptions) -> Result<RetrieveOptions> {
-    if options.method == Method::Beamlet && input.selection() != (None, None) {
+    let beamlets = options.method == Method::Beamlet || options.lattice.is_some();
+    if beamlets && input.selection() != (None, None) {
         let allowed = "every pixel: beamlets are found among all of them";
         return Err(Error::argument("columns", "a part of the pixels", allowed));
     }

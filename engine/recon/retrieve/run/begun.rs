@@ -10,10 +10,40 @@ use beamlet_core::numbers;
 use ndarray::Array2;
 use std::collections::BTreeMap;
 
+/// What the record says of a retriever.
+pub(super) struct Described {
+    pub(super) columns_m: Vec<f64>,
+    pub(super) pitch: [f64; 2],
+    pub(super) whole_periods: f64,
+    pub(super) flat_width: Option<f64>,
+    pub(super) angle_per_shift: f64,
+    pub(super) lattice: Option<[[f64; 2]; 3]>,
+    pub(super) offsets_z: Vec<f64>,
+    pub(super) expected_sigma: BTreeMap<String, f64>,
+}
+
+impl Described {
+    /// The retriever of slits along z.
+    pub(super) fn of(retriever: &Retriever, input: &Input) -> Self {
+        Self {
+            columns_m: retriever.columns_m(input),
+            pitch: retriever.pitch(input.pitch()),
+            whole_periods: retriever.whole_periods(),
+            flat_width: retriever
+                .flat_curves()
+                .and_then(|flat| median(flat.width.iter().copied().map(f64::from).collect())),
+            angle_per_shift: retriever.angle_per_shift(),
+            lattice: None,
+            offsets_z: Vec::new(),
+            expected_sigma: BTreeMap::new(),
+        }
+    }
+}
+
 /// The record of a retrieval with its inputs and options; `shape`: angles, rows and columns of the images.
 pub(super) fn begun(
     input: &Input,
-    retriever: &Retriever,
+    described: &Described,
     options: &RetrieveOptions,
     shape: [usize; 3],
 ) -> Record {
@@ -51,8 +81,11 @@ pub(super) fn begun(
         omitted_steps: input.omitted_steps().to_vec(),
         kept_columns: columns.map(|columns| columns.to_string()),
         bin,
-        columns_m: retriever.columns_m(input),
-        pitch: retriever.pitch(input.pitch()),
+        columns_m: described.columns_m.clone(),
+        pitch: described.pitch,
+        lattice_m: described.lattice,
+        offsets_z: described.offsets_z.clone(),
+        expected_sigma: described.expected_sigma.clone(),
         // In no directory, so that every path is written absolute.
         geometry: scene.to_toml("", &BTreeMap::new(), &[]).ok(),
         inputs: BTreeMap::new(),
@@ -64,10 +97,8 @@ pub(super) fn begun(
             .map(|(path, hash)| (path.display().to_string(), hash.clone()))
             .collect(),
         offsets: scene.scan.mask_offsets.clone(),
-        whole_periods: retriever.whole_periods(),
-        flat_width: retriever
-            .flat_curves()
-            .and_then(|flat| median(flat.width.iter().copied().map(f64::from).collect())),
+        whole_periods: described.whole_periods,
+        flat_width: described.flat_width,
         residual: None,
         reduced_chi_square: None,
         chi_square_beyond_flat: None,
@@ -79,7 +110,7 @@ pub(super) fn begun(
         warnings: Vec::new(),
         magnification: scene.magnification(),
         lever_arm: scene.lever_arm(),
-        angle_per_shift: retriever.angle_per_shift(),
+        angle_per_shift: described.angle_per_shift,
         shape,
         columns: Vec::new(),
         drift: None,
@@ -102,7 +133,7 @@ pub(super) fn about(record: &Record) -> serde_json::Value {
         "lever_arm": record.lever_arm,
         "lever_arm_unit": "m",
         "row_0": "top (largest z); columns run along +x",
-        "sign": "refraction > 0 deflects towards +x",
+        "sign": "refraction > 0 deflects towards +x, refraction_z > 0 towards +z",
     })
 }
 

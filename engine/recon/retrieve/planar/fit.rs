@@ -1,0 +1,301 @@
+//! The fit of a beamlet, or of a curve over offsets in two directions, by least squares.
+
+use super::super::fitter::Weights;
+use super::super::flags;
+use super::curve::PlanarCurve;
+use super::descent::{Descent, Held};
+use super::equations::{Equations, Matrix, sandwich};
+use super::scan::{PlanarNoise, PlanarValues};
+use super::shape::{MOST_CORRELATED, PlanarShape, Points, Tables, UNKNOWNS, Valued};
+
+/// Noise of a value, as a part of the peak, by which fits are judged where it is not known.
+const NOISE: f64 = 0.005;
+/// Largest relative uncertainty of a variance of the blur that values determine, and of a sample whose flat
+/// does not determine it.
+const WIDTH_LIMITS: [f64; 2] = [0.3, 0.1];
+/// Uncertainty of the centre in pixels, at that noise, beyond which pixels do not determine it.
+const CENTRE_LIMIT: f64 = 0.015;
+/// Least deviation of a blur, as a part of the light without it or of the distance of values.
+const LEAST_BLUR: f64 = 0.01;
+/// Variance inflation of an unknown from which on the values hardly determine it.
+const ILL_CONDITIONED: f64 = 100.0;
+
+/// Model of the curves of an image.
+#[derive(Debug, Clone)]
+pub(super) struct PlanarModel {
+    pub(super) shape: PlanarShape,
+    /// Variances xx and zz of the blur by the geometry, m^2; those that are fitted where it is not known.
+    pub(super) blur: Option<[f64; 2]>,
+    /// Size of a pixel, m, of beamlets.
+    pub(super) pixel: Option<[f64; 2]>,
+}
+
+/// A fit of flat or sample.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct PlanarFit {
+    pub(super) curve: PlanarCurve,
+    /// Unknowns, for the fit of the sample.
+    pub(super) unknowns: [f64; UNKNOWNS],
+    /// Axes whose blur the values do not determine.
+    pub(super) unresolved: [bool; 2],
+}
+
+impl PlanarFit {
+    /// The curve of the fit.
+    pub(crate) const fn curve(&self) -> &PlanarCurve {
+        &self.curve
+    }
+
+    /// No fit.
+    const fn none(flags: u32) -> Self {
+        let curve = PlanarCurve::unknown(flags);
+        Self { curve, unknowns: [f64::NAN; UNKNOWNS], unresolved: [false; 2] }
+    }
+}
+
+/// Where a fit ended.
+struct Ended {
+    p: [f64; UNKNOWNS],
+    settled: bool,
+    /// Inverse of the equations in which all values weigh the same.
+    even: Option<Matrix>,
+    /// Covariance of the unknowns.
+    covariance: Option<Matrix>,
+    inflation: f64,
+    residual: f64,
+}
+
+impl PlanarModel {
+    /// Fits values. `flat`: the fit of the same curve of the flat, `None` for the flat itself.
+    pub(super) fn fit(
+        &self,
+        values: &PlanarValues,
+        noise: &PlanarNoise,
+        flat: Option<&PlanarFit>,
+    ) -> PlanarFit {
+        if values.flags & flags::NO_ANSWER != 0 {
+            return PlanarFit::none(values.flags);
+        }
+        let least = self.least_blur(&values.points);
+        let start = self.start(values, flat, least);
+        let free = [false; UNKNOWNS];
+        let mut ended = self.descend(values, noise, start, (free, least));
+        let peak = self.peak(&ended.p);
+        let unresolved =
+            [0, 1].map(|axis| !self.resolves(&ended, noise, flat, (axis, peak, least)));
+        let mut held = free;
+        if unresolved[0] || unresolved[1] {
+            let mut p = ended.p;
+            for axis in [0, 1].into_iter().filter(|axis| unresolved[*axis]) {
+                let known = flat.map(|flat| flat.unknowns[3 + axis]).filter(|v| v.is_finite());
+                let of_geometry = self.blur.map(|blur| blur[axis]);
+                p[3 + axis] = known.or(of_geometry).unwrap_or(p[3 + axis]).max(least[axis]);
+                held[3 + axis] = true;
+            }
+            p[5] = flat.map_or(0.0, |flat| flat.unknowns[5]).clamp_to(p[3] * p[4]);
+            held[5] = true;
+            ended = self.descend(values, noise, p, (held, least));
+        }
+        let curve = self.curve(values, &ended, (held, unresolved));
+        PlanarFit { curve, unknowns: ended.p, unresolved }
+    }
+
+    /// Least variances of the blur.
+    fn least_blur(&self, points: &Points) -> [f64; 2] {
+        let own = self.shape.own_variances();
+        [0, 1].map(|axis| {
+            let all = &points.along[axis];
+            let between = 2.0 * points.half()[axis] / (all.len().max(2) - 1) as f64;
+            (LEAST_BLUR * LEAST_BLUR) * own[axis].max(between * between)
+        })
+    }
+
+    /// Unknowns to begin with: of a sample the flat's, displaced as the centroid is.
+    fn start(
+        &self,
+        values: &PlanarValues,
+        flat: Option<&PlanarFit>,
+        least: [f64; 2],
+    ) -> [f64; UNKNOWNS] {
+        let (_, centroid, second) = values.about_least();
+        let own = self.shape.own_variances();
+        let mut p = [1.0, centroid[0], centroid[1], 0.0, 0.0, 0.0, 0.0];
+        for axis in [0, 1] {
+            let blur = (second[axis] - own[axis]).max(0.1 * second[axis]).max(2.0 * least[axis]);
+            p[3 + axis] = blur;
+        }
+        p[5] = second[2].clamp_to(0.3 * p[3] * p[4]);
+        if let Some(flat) = flat.filter(|flat| flat.curve.has_answer()) {
+            p[3..6].copy_from_slice(&flat.unknowns[3..6]);
+        }
+        let [scale, background] = self.linear(values, &p);
+        (p[0], p[6]) = (scale, background);
+        p
+    }
+
+    /// Light and background for the other unknowns, by linear least squares.
+    fn linear(&self, values: &PlanarValues, p: &[f64; UNKNOWNS]) -> [f64; 2] {
+        let mut out = Vec::new();
+        self.shape.evaluate(&values.points, p, &mut Tables::default(), &mut out);
+        let count = values.values.len() as f64;
+        let mean = out.iter().map(|value| value[1]).sum::<f64>() / count;
+        let mean_value = values.values.iter().sum::<f64>() / count;
+        let [mut product, mut square] = [0.0; 2];
+        for (unit, value) in out.iter().zip(&values.values) {
+            product += (unit[1] - mean) * (value - mean_value);
+            square += (unit[1] - mean).powi(2);
+        }
+        let scale = product / square.max(f64::MIN_POSITIVE);
+        [scale, mean_value - scale * mean]
+    }
+
+    /// Height above the background.
+    fn peak(&self, p: &[f64; UNKNOWNS]) -> f64 {
+        let mut out: Vec<Valued> = Vec::new();
+        let centre = Points::of(&[[p[1], p[2]]]);
+        self.shape.evaluate(&centre, p, &mut Tables::default(), &mut out);
+        out.first().map_or(f64::NAN, |value| value[0] - p[6])
+    }
+
+    /// Decides whether values determine the blur along an axis.
+    fn resolves(
+        &self,
+        ended: &Ended,
+        noise: &PlanarNoise,
+        flat: Option<&PlanarFit>,
+        (axis, peak, least): (usize, f64, [f64; 2]),
+    ) -> bool {
+        let (at, value) = (3 + axis, ended.p[3 + axis]);
+        let variance = match (&ended.covariance, &ended.even, noise.gain) {
+            (Some(covariance), _, Some(_)) => covariance[at][at],
+            (_, Some(even), _) => even[at][at] * (NOISE * peak).powi(2),
+            _ => f64::NAN,
+        };
+        let limit = match flat {
+            None => WIDTH_LIMITS[0] * self.blur.map_or(value, |blur| value.min(blur[axis])),
+            Some(flat) if flat.unresolved[axis] => WIDTH_LIMITS[1] * value,
+            Some(_) => WIDTH_LIMITS[0] * value,
+        };
+        ended.settled && value > 1.01 * least[axis] && variance.sqrt() < limit
+    }
+
+    /// Levenberg-Marquardt with weights that follow the fit, and the covariance of the unknowns.
+    fn descend(
+        &self,
+        values: &PlanarValues,
+        noise: &PlanarNoise,
+        start: [f64; UNKNOWNS],
+        (held, least): ([bool; UNKNOWNS], [f64; 2]),
+    ) -> Ended {
+        let mut descent = Descent::new(&self.shape, values, Held { unknowns: held, least });
+        let (p, settled, weights) = descent.run(
+            start,
+            |p, values| {
+                let peak = self.peak(p);
+                values.iter().map(|value| noise.weight(value[0], peak)).collect()
+            },
+            noise.weights == Weights::Poisson,
+        );
+        let (equations, _) = descent.normal(&p, &weights);
+        let (even, squares) = descent.normal(&p, &vec![1.0; weights.len()]);
+        let inverse = equations.inverse();
+        let inflation = inverse.as_ref().map_or(f64::INFINITY, |it| equations.inflation(it));
+        let covariance = inverse.map(|inverse| {
+            if noise.gain.is_none() && noise.weights == Weights::None {
+                let freedom = values.values.len() as f64 - UNKNOWNS as f64;
+                let variance = if freedom > 0.0 { squares / freedom } else { f64::NAN };
+                return inverse.map(|row| row.map(|value| variance * value));
+            }
+            let of_noise: Vec<f64> = descent
+                .fitted(&p)
+                .iter()
+                .zip(&weights)
+                .map(|(value, weight)| weight * weight * noise.variance_of_fit(value[0]))
+                .collect();
+            sandwich(&inverse, &without_held(descent.normal(&p, &of_noise).0, &held).matrix)
+        });
+        let residual = (squares / values.values.len() as f64).sqrt();
+        Ended { p, settled, even: even.inverse(), covariance, inflation, residual }
+    }
+
+    /// The curve of a fit, with its uncertainties and flags.
+    fn curve(
+        &self,
+        values: &PlanarValues,
+        ended: &Ended,
+        (held, unresolved): ([bool; UNKNOWNS], [bool; 2]),
+    ) -> PlanarCurve {
+        let p = &ended.p;
+        let sigma = |k: usize| match &ended.covariance {
+            _ if held[k] => 0.0,
+            Some(covariance) => covariance[k][k].max(0.0).sqrt(),
+            None => f64::NAN,
+        };
+        let mut flags = values.flags | if ended.settled { 0 } else { flags::NOT_CONVERGED };
+        let correlation = p[5].abs() / (p[3] * p[4]).sqrt();
+        if unresolved[0] || unresolved[1] || correlation > 0.999 * MOST_CORRELATED {
+            flags |= flags::UNRESOLVED;
+        }
+        if ended.inflation > ILL_CONDITIONED {
+            flags |= flags::ILL_CONDITIONED;
+        }
+        if p[0] <= 0.0 || p[0] <= 3.0 * sigma(0) {
+            flags |= flags::NO_PEAK;
+        }
+        let is_outside = (0..2).any(|axis| {
+            let all = &values.points.along[axis];
+            all.first().is_some_and(|low| p[1 + axis] < *low)
+                || all.last().is_some_and(|high| p[1 + axis] > *high)
+        });
+        if is_outside {
+            flags |= flags::OUTSIDE;
+        }
+        let amplitude = self.peak(p);
+        let mut centre = [p[1], p[2]];
+        for axis in [0, 1] {
+            let variance = ended.even.as_ref().map_or(f64::NAN, |even| even[1 + axis][1 + axis]);
+            let is_fine =
+                |pixel: [f64; 2]| variance.sqrt() * NOISE * amplitude < CENTRE_LIMIT * pixel[axis];
+            if !self.pixel.is_none_or(is_fine) {
+                centre[axis] = f64::NAN;
+                flags |= flags::UNRESOLVED;
+            }
+        }
+        let own = self.shape.own_variances();
+        PlanarCurve {
+            area: p[0],
+            amplitude,
+            centre,
+            moments: [p[3] + own[0], p[4] + own[1], p[5]],
+            background: p[6],
+            residual: ended.residual,
+            area_sigma: sigma(0) / p[0],
+            centre_sigma: [sigma(1), sigma(2)],
+            moments_sigma: [sigma(3), sigma(4), sigma(5)],
+            flags,
+        }
+    }
+}
+
+/// Takes the equations of unknowns that keep their value out again.
+fn without_held(mut equations: Equations, held: &[bool; UNKNOWNS]) -> Equations {
+    for (k, held) in held.iter().enumerate() {
+        if *held {
+            equations.matrix[k][k] = 0.0;
+        }
+    }
+    equations
+}
+
+/// Limits a covariance.
+pub(super) trait Correlated {
+    /// The covariance nearest to it that two variances of this product have.
+    fn clamp_to(self, product: f64) -> f64;
+}
+
+impl Correlated for f64 {
+    fn clamp_to(self, product: f64) -> f64 {
+        let most = MOST_CORRELATED * product.max(0.0).sqrt();
+        self.clamp(-most, most)
+    }
+}

@@ -1,0 +1,191 @@
+//! What a scene and the options say of a retrieval in two directions.
+
+use super::super::method::Method;
+use super::super::options::RetrieveOptions;
+use super::super::shape::CurveGeometry;
+use super::aperture::Aperture;
+use super::lattice::Lattice;
+use beamlet_core::{Error, Result};
+use beamlet_model::optics::{Mask, Optics};
+use beamlet_model::scene::{Blur, Scene};
+
+/// Standard deviation of a Gaussian of unit full width at half maximum.
+const SIGMA_PER_FWHM: f64 = 0.424_660_900_144_009_5;
+
+/// What is retrieved in two directions.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) enum Design {
+    /// Beamlets of a sample mask alone, on a lattice.
+    Beamlets(Lattice),
+    /// Mask steps along x and z, m.
+    Steps(Vec<[f64; 2]>),
+}
+
+impl Design {
+    /// The design of a scene; `None` for slits along z that are moved along x. `omitted`: steps that are left
+    /// out of those of the options.
+    ///
+    /// # Errors
+    /// [`Error::Argument`] for options that contradict each other or the scene.
+    pub(crate) fn of(
+        scene: &Scene,
+        options: &RetrieveOptions,
+        omitted: &[usize],
+    ) -> Result<Option<Self>> {
+        let all = options.offsets_z.iter().enumerate();
+        let z: Vec<f64> =
+            all.filter(|(step, _)| !omitted.contains(step)).map(|(_, z)| *z).collect();
+        let x = &scene.scan.mask_offsets;
+        if !z.is_empty() {
+            if options.lattice.is_some() {
+                let found = "a lattice beside offsets along z";
+                return Err(Error::argument("lattice", found, "one of both"));
+            }
+            if z.len() != x.len() {
+                let found = format!("{} offsets along z for {} along x", z.len(), x.len());
+                return Err(Error::argument("offsets_z", found, "one for each offset along x"));
+            }
+            return Ok(Some(Self::Steps(x.iter().zip(&z).map(|(x, z)| [*x, *z]).collect())));
+        }
+        let lattice = match options.lattice {
+            Some(lattice) => Some(lattice),
+            None => lattice_of(scene)?,
+        };
+        Ok(lattice.map(Self::Beamlets))
+    }
+
+    /// Frames of the flat, and of each view of the sample.
+    pub(crate) fn steps(&self) -> usize {
+        match self {
+            Self::Beamlets(_) => 1,
+            Self::Steps(pairs) => pairs.len(),
+        }
+    }
+
+    /// Refuses methods, weights and corrections that have no form in two directions.
+    ///
+    /// # Errors
+    /// [`Error::Argument`] with the option; [`Error::Scene`] for masks that the design does not have.
+    pub(crate) fn check(&self, scene: &Scene, options: &RetrieveOptions) -> Result<()> {
+        let (serves, allowed) = match self {
+            Self::Beamlets(_) => (
+                matches!(options.method, Method::Gaussian | Method::Beamlet | Method::Moments),
+                "gaussian, beamlet or moments for beamlets on a lattice",
+            ),
+            Self::Steps(_) => (
+                matches!(options.method, Method::Gaussian | Method::ExactCurve),
+                "gaussian or exact-curve for steps along x and z",
+            ),
+        };
+        if !serves {
+            return Err(Error::argument("method", options.method.name(), allowed));
+        }
+        if !options.correct.is_none() {
+            let found = options.correct.names().join(",");
+            return Err(Error::argument("correct", found, "nothing in two directions"));
+        }
+        for (name, given) in
+            [("empty_beam", options.empty_beam.is_some()), ("phase", options.phase)]
+        {
+            if given {
+                return Err(Error::argument(name, "given", "nothing in two directions"));
+            }
+        }
+        if !scene.scan.dithers.is_empty() {
+            return Err(Error::scene("scan.dithers", "dithers", "no dithers in two directions"));
+        }
+        let scan = &scene.scan;
+        if scan.view_offsets.iter().any(|list| *list != scan.mask_offsets) {
+            let allowed = "the same offsets at every angle in two directions";
+            return Err(Error::scene("scan.view_offsets", "offsets that differ", allowed));
+        }
+        match self {
+            Self::Beamlets(_) => check_beamlets(scene),
+            Self::Steps(_) => check_steps(scene),
+        }
+    }
+}
+
+fn check_beamlets(scene: &Scene) -> Result<()> {
+    if scene.detector_mask.is_some() {
+        let allowed = "a sample mask alone for beamlets on a lattice";
+        return Err(Error::scene("detector_mask", "a mask", allowed));
+    }
+    if scene.sample_mask.is_none() {
+        let allowed = "a sample mask for beamlets on a lattice";
+        return Err(Error::scene("sample_mask", "nothing", allowed));
+    }
+    let steps = scene.scan.mask_offsets.len();
+    if steps != 1 {
+        let allowed = "exactly 1 offset for beamlets on a lattice";
+        return Err(Error::scene("scan.mask_offsets", format!("{steps} offsets"), allowed));
+    }
+    Ok(())
+}
+
+fn check_steps(scene: &Scene) -> Result<()> {
+    let masks = [("sample_mask", &scene.sample_mask), ("detector_mask", &scene.detector_mask)];
+    match masks.into_iter().find(|(_, mask)| mask.is_none()) {
+        None => Ok(()),
+        Some((key, _)) => Err(Error::scene(key, "nothing", "both masks for steps along x and z")),
+    }
+}
+
+/// Lattice of the apertures of a sample mask alone; `None` for slits and with a detector mask.
+fn lattice_of(scene: &Scene) -> Result<Option<Lattice>> {
+    let optics = Optics::of(scene);
+    let Some(mask) = optics.sample_mask.as_ref().filter(|_| optics.detector_mask.is_none()) else {
+        return Ok(None);
+    };
+    let [x, z] = mask.openings(optics.detector.distance).period;
+    if z.is_finite() { Lattice::turned([x, z], 0.0).map(Some) } else { Ok(None) }
+}
+
+/// The aperture of a sample mask as it is on the detector: of the options, else of the scene where it has ends
+/// along z.
+pub(crate) fn aperture(scene: &Scene, options: &RetrieveOptions) -> Option<Aperture> {
+    let optics = Optics::of(scene);
+    options.aperture.or_else(|| {
+        let openings = optics.sample_mask.as_ref()?.openings(optics.detector.distance);
+        rectangle(&openings)
+    })
+}
+
+/// Size of the openings of a mask with ends along both axes.
+fn rectangle(openings: &beamlet_model::optics::Openings) -> Option<Aperture> {
+    let size = [0, 1].map(|axis| openings.narrowest(axis));
+    size[1].is_finite().then_some(Aperture::Rectangle(size))
+}
+
+/// Sizes of the apertures of both masks as they are in the plane of the sample mask, m; `None` where one has no
+/// ends along z.
+pub(super) fn overlap(scene: &Scene) -> Option<[[f64; 2]; 2]> {
+    let optics = Optics::of(scene);
+    let magnification = scene.magnification();
+    let size = |mask: &Mask, plane: f64| match rectangle(&mask.openings(plane))? {
+        Aperture::Rectangle(size) => Some(size.map(|width| width / magnification)),
+        Aperture::Round(_) => None,
+    };
+    let sample = size(optics.sample_mask.as_ref()?, optics.analyser)?;
+    let detector = optics.detector_mask.as_ref()?;
+    Some([sample, size(detector, detector.distance())?])
+}
+
+/// Variances xx and zz of the blur of spot and detector, m^2 on the detector or, of steps, in the plane of the
+/// sample mask.
+pub(super) fn blur(scene: &Scene, is_steps: bool) -> [f64; 2] {
+    let magnification = scene.magnification();
+    let fwhm = scene.source.spot.fwhm();
+    let detector = match &scene.detector.blur {
+        Some(Blur::Gaussian { sigma }) if !is_steps => *sigma,
+        _ => [0.0; 2],
+    };
+    let scale = if is_steps { magnification } else { 1.0 };
+    [0, 1].map(|axis| {
+        let spot = match axis {
+            0 => CurveGeometry::of(scene).blur,
+            _ => (magnification - 1.0) * SIGMA_PER_FWHM * fwhm[1],
+        };
+        (spot.hypot(detector[axis]) / scale).powi(2)
+    })
+}

@@ -1,0 +1,49 @@
+//! Retrieval in two directions: refraction along x and z, and the directional dark field.
+//!
+//! | file | content |
+//! |---|---|
+//! | `profile.rs` | profile of light along one axis |
+//! | `shape.rs` | light in two directions: strips of an aperture and a correlated blur |
+//! | `equations.rs` | normal equations of seven unknowns |
+//! | `scan.rs` | values and their noise |
+//! | `descent.rs` | Levenberg-Marquardt |
+//! | `fit.rs` | the fit of a curve, with uncertainties and flags |
+//! | `moments.rs` | moments in closed form |
+//! | `curve.rs` | results of either |
+//! | `lattice.rs` | lattices of beamlets |
+//! | `found.rs` | a lattice found in a flat |
+//! | `windows.rs` | pixels of beamlets |
+//! | `aperture.rs` | apertures as strips |
+//! | `offsets.rs` | lists of offsets, and what they determine |
+//! | `geometry.rs` | designs, masks and blur of a scene |
+//! | `retriever.rs` | a design made ready: fits of flat and sample |
+//! | `images.rs` | images of a view |
+
+mod aperture;
+mod curve;
+mod descent;
+mod equations;
+mod fit;
+mod found;
+mod geometry;
+mod images;
+mod lattice;
+mod moments;
+mod offsets;
+mod profile;
+mod retriever;
+mod scan;
+mod shape;
+mod windows;
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, clippy::float_cmp, reason = "tests")]
+#[allow(clippy::cast_possible_truncation, reason = "frames of f32")]
+mod tests;
+
+pub use aperture::Aperture;
+pub(crate) use fit::PlanarFit;
+pub(crate) use geometry::{Design, aperture};
+pub(crate) use images::{names, of_flat};
+pub use lattice::Lattice;
+pub(crate) use retriever::{Fits, PlanarRetriever};

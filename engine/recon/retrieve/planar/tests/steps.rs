@@ -1,0 +1,75 @@
+//! Curves over mask offsets in two directions.
+
+use super::super::super::options::RetrieveOptions;
+use super::super::Design;
+use super::super::retriever::PlanarRetriever;
+use super::light::{Blurred, Contrasts};
+use super::{ARM, MAGNIFICATION, PIXEL, assert_within, images, scene};
+use ndarray::Array3;
+
+const UM: f64 = 1e-6;
+const OBJECT: Contrasts = Contrasts([0.8, 0.7e-6, -0.4e-6, 2e-11, 1.1e-11, 0.6e-11]);
+
+/// Detector mask of the set-up, and one angle.
+const MASKS: &str = "[detector_mask]\ndistance = \"1.7 m\"\nperiod = \"60 um\"\naperture = \"15 um\"\n\
+                     transmission = 0.0\n";
+
+/// Frames of curves of pixels at these offsets: the curve is displaced by -z/M times the angle.
+fn frames(light: &Blurred, pairs: &[[f64; 2]], of: &Contrasts, [z, m]: [f64; 2]) -> Array3<f32> {
+    let blurred = light.behind(of, z / m);
+    Array3::from_shape_fn((pairs.len(), 2, 3), |(step, row, column)| {
+        let [x, y] = pairs[step];
+        let own = [0.7 * UM * column as f64, -0.9 * UM * row as f64];
+        let shift = [of.0[1] * z / m, of.0[2] * z / m];
+        blurred.density([x - own[0] + shift[0], y - own[1] + shift[1]]) as f32
+    })
+}
+
+#[test]
+fn steps_along_x_and_z_give_back_all_six_contrasts() {
+    let light = Blurred::gaussian([(8.0 * UM).powi(2), (7.0 * UM).powi(2), 0.0]);
+    let grid: Vec<[f64; 2]> = (-2..=2)
+        .flat_map(|j| (-2..=2).map(move |i| [f64::from(i) * 7.0 * UM, f64::from(j) * 6.5 * UM]))
+        .collect();
+    // Any list that determines the curve: no grid, and ten pairs.
+    let scattered: Vec<[f64; 2]> = [
+        [0.0, 0.0],
+        [9.0, 1.0],
+        [-8.0, 2.0],
+        [1.0, 9.0],
+        [-2.0, -10.0],
+        [7.0, 7.0],
+        [-7.0, 6.0],
+        [6.0, -8.0],
+        [-6.0, -7.0],
+        [14.0, -3.0],
+    ]
+    .map(|pair| pair.map(|at| at * UM))
+    .to_vec();
+    for pairs in [grid, scattered] {
+        let scene = scene([2, 3], MASKS);
+        let design = Design::Steps(pairs.clone());
+        let options = RetrieveOptions::default();
+        let [z, m] = [scene.lever_arm(), scene.magnification()];
+        assert!(z < ARM && m < MAGNIFICATION, "the analyser is the detector mask");
+        let flat = frames(&light, &pairs, &Contrasts::EMPTY, [z, m]);
+        let sample = frames(&light, &pairs, &OBJECT, [z, m]);
+        let retriever =
+            PlanarRetriever::new((&scene, &design), &options, [PIXEL; 2], flat.view()).unwrap();
+        let found = images(&retriever, [&flat, &sample]);
+        let parts = [1e-4, 1e-4, 1e-4, 1e-3, 1e-3, 1e-3];
+        assert_within(&found, &OBJECT, parts, &format!("{} pairs", pairs.len()));
+    }
+}
+
+#[test]
+fn steps_along_x_alone_are_refused_with_what_they_lack() {
+    let scene = scene([2, 3], MASKS);
+    let pairs: Vec<[f64; 2]> = (-5..=5).map(|i| [f64::from(i) * 4.0 * UM, 0.0]).collect();
+    let flat = Array3::zeros((pairs.len(), 2, 3));
+    let set_up = (&scene, &Design::Steps(pairs));
+    let refused =
+        PlanarRetriever::new(set_up, &RetrieveOptions::default(), [PIXEL; 2], flat.view());
+    let message = refused.unwrap_err().to_string();
+    assert!(message.contains("refraction along z"), "{message}");
+}

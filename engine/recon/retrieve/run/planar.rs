@@ -1,0 +1,205 @@
+//! Retrieval of every view in two directions.
+
+use super::begun::{Described, begun, count};
+use super::{Image, Output};
+use crate::retrieve::images::{FLAGS, Images};
+use crate::retrieve::input::Input;
+use crate::retrieve::misfit::median;
+use crate::retrieve::options::RetrieveOptions;
+use crate::retrieve::planar::{Design, Fits, PlanarFit, PlanarRetriever, names, of_flat};
+use crate::retrieve::record::Record;
+use beamlet_core::rows_control::RowsControl;
+use beamlet_core::{Error, Result, numbers, reserve};
+use beamlet_files::GeometryFile;
+use ndarray::Array2;
+use std::ops::Range;
+
+/// Bytes of a band of rows with all its steps.
+const BAND: usize = 16 << 20;
+
+/// Receiver of images and of the record.
+type Put<'a> = dyn FnMut(&Record, Image<'_>) -> Result<()> + 'a;
+
+/// Retrieves every view in two directions and hands over the images, the flat's first. Returns the record, and
+/// the text of geometry.json of images of pixels.
+pub(super) fn retrieve_planar(
+    input: &Input,
+    design: &Design,
+    options: &RetrieveOptions,
+    control: &mut RowsControl<'_>,
+    put: &mut Put<'_>,
+) -> Result<(Record, Option<String>)> {
+    let frame = input.frame();
+    let angles = input.angles()?;
+    ask_memory(input, design, options)?;
+    let first = input.flat_rows(0, 0..1)?;
+    let whole = matches!(design, Design::Beamlets(_));
+    let first = if whole { input.flat_rows(0, all_rows(frame))? } else { first };
+    let set_up = (input.scene(), design);
+    let retriever = PlanarRetriever::new(set_up, options, input.pitch(), first.view())?;
+    let mut work = Work { input, retriever: &retriever, control, done: 0, all: 0 };
+    let flats = if input.has_flats() { angles } else { 1 };
+    work.all = (frame[0] * (angles + flats)) as u64;
+    let mut flat = work.fits(Of::Flat(0), None)?;
+    refuse_without_answer(&flat)?;
+    let shape = retriever.shape(frame[0]);
+    let described = described(input, &retriever, options, &flat);
+    let record = begun(input, &described, options, [angles, shape[0], shape[1]]);
+    let value = if input.counts() { "counts" } else { "open pixels" };
+    let mut output = Output { put, record, value, cancel: work.control.cancel.clone() };
+    let [of_flats, of_views] = names(options.gain.is_some());
+    for name in of_flats.iter().chain(&of_views) {
+        output.enter(name);
+    }
+    let bad = input.bad_pixels();
+    let mut residuals = Vec::new();
+    for view in 0..angles {
+        if view > 0 && input.has_flats() {
+            flat = work.fits(Of::Flat(view), None)?;
+        }
+        if view == 0 || input.has_flats() {
+            put_all(&mut output, flats, &of_flat(shape, &flat))?;
+        }
+        let sample = work.fits(Of::Sample(view), Some(&flat))?;
+        let mut images = retriever.images(&flat, &sample, frame[0], input.flat_noise(view));
+        if let Some(bad) = &bad {
+            retriever.mark_bad(&mut images, bad);
+        }
+        put_all(&mut output, angles, &images)?;
+        count(&mut output.record, images.get(FLAGS));
+        residuals.extend(residual(images.get("residual_sample")));
+    }
+    let mut record = output.record;
+    record.residual = median(residuals).filter(|residual| *residual > 0.0);
+    record.warnings.extend(input.warnings().iter().cloned());
+    let geometry = match whole {
+        false if input.has_angles() => {
+            let scene = input.image_scene();
+            Some(GeometryFile::with_columns(&scene, input.columns_m(), angles).text()?)
+        }
+        _ => None,
+    };
+    Ok((record, geometry))
+}
+
+/// Frames of flat or of a view of the sample.
+#[derive(Clone, Copy)]
+enum Of {
+    Flat(usize),
+    Sample(usize),
+}
+
+/// Fits of frames, band by band.
+struct Work<'a, 'b> {
+    input: &'a Input,
+    retriever: &'a PlanarRetriever,
+    control: &'a mut RowsControl<'b>,
+    done: u64,
+    all: u64,
+}
+
+impl Work<'_, '_> {
+    /// Fits of all rows; `flat`: those of the flat for a sample.
+    fn fits(&mut self, of: Of, flat: Option<&Fits>) -> Result<Fits> {
+        let [rows, columns] = self.input.frame();
+        let steps = self.input.steps()[0];
+        let height = match self.retriever.needs_whole_frames() {
+            true => rows,
+            false => (BAND / (4 * steps * columns).max(1)).clamp(1, rows.max(1)),
+        };
+        let mut fits = Fits::new();
+        let mut start = 0;
+        while start < rows {
+            let end = rows.min(start + height);
+            let band: Range<u32> = numbers::count(start)..numbers::count(end);
+            let (frames, noise) = match of {
+                Of::Flat(view) => (self.input.flat_rows(view, band)?, self.input.flat_noise(view)),
+                Of::Sample(view) => {
+                    let one = crate::retrieve::noise_factors::NoiseFactors::ONE;
+                    (self.input.sample_rows(view, band)?, one)
+                }
+            };
+            let known = flat.map(|flat| match self.retriever.needs_whole_frames() {
+                true => &flat[..],
+                false => &flat[start * columns..end * columns],
+            });
+            fits.extend(self.retriever.fits(frames.view(), noise, known, &self.control.cancel)?);
+            self.done += (end - start) as u64;
+            if let Some(progress) = &mut self.control.progress {
+                progress(self.done, self.all);
+            }
+            start = end;
+        }
+        Ok(fits)
+    }
+}
+
+fn all_rows([rows, _]: [usize; 2]) -> Range<u32> {
+    0..numbers::count(rows)
+}
+
+/// Asks for the memory of the fits of flat and sample, and of the images of a view.
+fn ask_memory(input: &Input, design: &Design, options: &RetrieveOptions) -> Result<()> {
+    let [rows, columns] = input.frame();
+    let [flat, sample] = names(options.gain.is_some());
+    let fit = 2 * size_of::<Option<PlanarFit>>() + 4 * (flat.len() + sample.len());
+    let (curves, frames) = match design {
+        // Beamlets are 4 pixels apart at least.
+        Design::Beamlets(_) => (rows * columns / 12, 8 * rows * columns),
+        Design::Steps(_) => (rows * columns, BAND),
+    };
+    let purpose = format!("the images of a view of {rows} x {columns} pixels in two directions");
+    reserve::ask((curves * fit + frames) as u64, &purpose, "retrieve frames with fewer pixels")
+}
+
+/// Refuses a flat without any curve.
+fn refuse_without_answer(flat: &Fits) -> Result<()> {
+    if flat.iter().flatten().any(|fit| fit.curve().has_answer()) {
+        return Ok(());
+    }
+    let count = flat.iter().flatten().count();
+    let allowed = "a flat with a curve that can be fitted in some place: check its values, the lattice or the mask \
+                   offsets, the saturation and the read noise";
+    Err(Error::argument("flat", format!("{count} curves without a result"), allowed))
+}
+
+/// What the record says of the retriever.
+fn described(
+    input: &Input,
+    retriever: &PlanarRetriever,
+    options: &RetrieveOptions,
+    flat: &Fits,
+) -> Described {
+    let pitch = match retriever.lattice() {
+        Some([a, b, _]) => [a[0].hypot(a[1]), b[0].hypot(b[1])],
+        None => input.pitch(),
+    };
+    let widths = flat.iter().flatten().map(|fit| fit.curve().moments[0].sqrt());
+    Described {
+        columns_m: retriever.columns_m().unwrap_or_else(|| input.columns_m()),
+        pitch,
+        whole_periods: 0.0,
+        flat_width: median(widths.collect()),
+        angle_per_shift: retriever.angle_per_shift(),
+        lattice: retriever.lattice(),
+        offsets_z: options.offsets_z.clone(),
+        expected_sigma: retriever
+            .expected(flat)
+            .into_iter()
+            .flatten()
+            .map(|(name, sigma)| (name.to_owned(), sigma))
+            .collect(),
+    }
+}
+
+fn put_all(output: &mut Output<'_>, views: usize, images: &Images) -> Result<()> {
+    for (name, image) in images.iter() {
+        output.put(name, views, image.view())?;
+    }
+    Ok(())
+}
+
+/// Median residual of an image.
+fn residual(image: Option<&Array2<f32>>) -> Option<f64> {
+    median(image.into_iter().flatten().map(|left| f64::from(*left)).collect())
+}
