@@ -7,7 +7,7 @@ use crate::failure::Failure;
 use crate::interrupt;
 use crate::progress::Reporter;
 use beamlet::cli_support::{printed, with_tolerances};
-use beamlet::scene::{Scene, Scheme};
+use beamlet::scene::{Refine, Scene, Scheme};
 use beamlet::stack::{Plan, PlanOptions, StackShape};
 use beamlet::{Control, Engine, Error, RunRecord};
 use std::collections::BTreeMap;
@@ -37,7 +37,7 @@ pub(super) fn run(arguments: &PlanArguments, out: &mut impl Write) -> Result<(),
         Control::default().with_progress(&mut progress).with_cancel(interrupt::listen());
     let found = settled(arguments, &scene, &mut control);
     reporter.finish();
-    let (platform, mesh_hashes) = found.map_err(|error| match error {
+    let Settled { platform, mesh_hashes, refine } = found.map_err(|error| match error {
         Error::Interrupted => Failure::Interrupted { advice: String::new() },
         error => failed(error),
     })?;
@@ -49,8 +49,9 @@ pub(super) fn run(arguments: &PlanArguments, out: &mut impl Write) -> Result<(),
         .with_platform(platform)
         .with_overrides(arguments.scene.sets.clone())
         .with_command(command_line());
-    // Shards take the tolerances of the plan.
-    let scene = with_tolerances(&scene, arguments.keep_moments).map_err(failed)?;
+    // Shards take the tolerances of the plan, and choose rays in the same place.
+    let mut scene = with_tolerances(&scene, arguments.keep_moments).map_err(failed)?;
+    scene.sampling.refine = refine;
     let plan = Plan::create(&arguments.output, &scene, &options).map_err(failed)?;
     if let Some(scripts) = scripts {
         scripts.write()?;
@@ -61,9 +62,15 @@ pub(super) fn run(arguments: &PlanArguments, out: &mut impl Write) -> Result<(),
     summary(arguments, &plan, out)
 }
 
-type Settled = (Option<beamlet::stack::Platform>, BTreeMap<String, String>);
+/// Properties that all shards have in common.
+struct Settled {
+    platform: Option<beamlet::stack::Platform>,
+    mesh_hashes: BTreeMap<String, String>,
+    refine: Refine,
+}
 
-/// Platform of the shards, and hashes of the meshes: the scene is prepared as a shard prepares it.
+/// Platform of the shards, hashes of the meshes, and the place where rays are chosen: the scene is prepared as a
+/// shard prepares it. Without a device rays are chosen on the host, which every device allows.
 fn settled(
     arguments: &PlanArguments,
     scene: &Scene,
@@ -72,13 +79,22 @@ fn settled(
     if arguments.no_device {
         let sample = beamlet::load_sample(scene, control)?;
         let meshes = sample.objects.iter().filter(|object| !object.hash.is_empty());
-        return Ok((None, meshes.map(|it| (it.name.clone(), it.hash.clone())).collect()));
+        let mesh_hashes = meshes.map(|it| (it.name.clone(), it.hash.clone())).collect();
+        let refine = match scene.sampling.refine {
+            Refine::Auto => Refine::Host,
+            given => given,
+        };
+        return Ok(Settled { platform: None, mesh_hashes, refine });
     }
     let options = arguments.engine.options().with_keep_moments(arguments.keep_moments);
     let simulation = Engine::open(&options)?.prepare_with(scene, control)?;
     let start = simulation.start();
     let record = RunRecord::begin(start, scene.sampling.seed);
-    Ok((Some(record.platform()), start.mesh_hashes.clone()))
+    Ok(Settled {
+        platform: Some(record.platform()),
+        mesh_hashes: start.mesh_hashes.clone(),
+        refine: simulation.scene().sampling.refine,
+    })
 }
 
 fn summary(arguments: &PlanArguments, plan: &Plan, out: &mut impl Write) -> Result<(), Failure> {

@@ -3,6 +3,7 @@
 use super::{CheckReport, costs, illumination, load_lenient};
 use crate::Engine;
 use beamlet_core::Result;
+use beamlet_gpu::DeviceKind;
 use beamlet_model::scene::Scene;
 use beamlet_simulate::run::{Control, Simulation, memory};
 use std::time::Instant;
@@ -18,7 +19,8 @@ pub(super) fn estimated(
     control: &mut Control<'_>,
 ) -> Result<CheckReport> {
     let begin = Instant::now();
-    let (mut report, sample, bounded) = load_lenient(scene, limit, control)?;
+    let device = Some(device_of(engine));
+    let (mut report, sample, bounded) = load_lenient(scene, device, limit, control)?;
     let loaded_in = begin.elapsed().as_secs_f64();
     add_curve(engine, scene, &mut report);
     report.add_doubts_of_scan(scene)?;
@@ -45,7 +47,9 @@ pub(super) fn estimated(
             report.work.moments_bytes = moments.map(|of_rays| of_rays(estimate.rays));
             estimate.seconds += loaded_in;
             let rays = estimate.rays_per_view;
-            report.work.memory = memory::estimate_refined(scene, &objects, limit, rays)?;
+            let mut of_run = scene.clone();
+            of_run.sampling.refine = report.work.refine.unwrap_or(scene.sampling.refine);
+            report.work.memory = memory::estimate_refined(&of_run, &objects, limit, rays)?;
             report.work.estimate = Some(estimate);
         }
         Err(beamlet_core::Error::Interrupted) => return Err(beamlet_core::Error::Interrupted),
@@ -57,6 +61,11 @@ pub(super) fn estimated(
         Ok(Some(loaded_in + made.estimate_until(&control.cancel)?.seconds))
     })?;
     Ok(report)
+}
+
+/// Kind of the device of an engine; true if its runs keep moments.
+pub(super) fn device_of(engine: &Engine) -> (DeviceKind, bool) {
+    (engine.description().kind, engine.options().keep_moments)
 }
 
 /// Adds the curve; a device that fails takes it away.

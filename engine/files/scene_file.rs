@@ -2,7 +2,7 @@
 
 use beamlet_core::units::Dimension::Angle;
 use beamlet_core::{Error, Result, input_file};
-use beamlet_model::scene::Scene;
+use beamlet_model::scene::{Refine, Scene};
 use std::collections::BTreeMap;
 use std::path::Path;
 use toml::Value;
@@ -18,9 +18,9 @@ pub(super) fn resolved(
     scene.to_toml(directory, mesh_hashes, overrides)
 }
 
-/// Takes the tolerances of the scene stored at `path` where `scene` has no number. Of the text alone: meshes
-/// of arrays are not in it.
-pub(super) fn keep_tolerances(path: &Path, scene: &mut Scene) {
+/// Takes the tolerances of the scene stored at `path` where `scene` has no number, and the place where rays are
+/// chosen where `scene` leaves it open. Reads the text alone: meshes of arrays are not in it.
+pub(super) fn keep_resolved(path: &Path, scene: &mut Scene) {
     let stored = input_file::text(path).ok().and_then(|text| text.parse::<toml::Table>().ok());
     let sampling = stored.as_ref().and_then(|scene| scene.get("sampling")?.as_table());
     let value = |key: &str| sampling.and_then(|sampling| sampling.get(key));
@@ -29,6 +29,11 @@ pub(super) fn keep_tolerances(path: &Path, scene: &mut Scene) {
     let own = &mut scene.sampling;
     own.tolerance = own.tolerance.or(value("tolerance").and_then(Value::as_float));
     own.angle_tolerance = own.angle_tolerance.or(angle);
+    own.refine = match (own.refine, value("refine").and_then(Value::as_str)) {
+        (Refine::Auto, Some("host")) => Refine::Host,
+        (Refine::Auto, Some("device")) => Refine::Device,
+        (given, _) => given,
+    };
 }
 
 /// Keys and files of `scene`, with their hashes, that differ from the scene stored at `path`, with both values.

@@ -246,3 +246,54 @@ fn illuminate_names_the_rows_in_which_it_compared_stored_cells() {
     let text = ended(&finer(12, 25), 0);
     assert!(text.contains("in 8 of about 12 rows with the sample"), "{text}");
 }
+
+/// The word of `sampling.refine` in the scene.toml of a run.
+fn place_of(run: &Path) -> String {
+    let text = fs::read_to_string(run.join("scene.toml")).unwrap();
+    let scene: toml::Table = text.parse().unwrap();
+    scene["sampling"]["refine"].as_str().unwrap().to_owned()
+}
+
+/// The place is written as it was settled, with the reason, and a plan settles it for its shards.
+#[test]
+fn runs_plans_and_check_record_where_rays_are_chosen_and_why() {
+    let directory = tempfile::tempdir().unwrap();
+    let here = directory.path();
+    let json = |text: &str| -> serde_json::Value { serde_json::from_str(text).unwrap() };
+    let record = |run: &str| json(&fs::read_to_string(here.join(run).join("run.json")).unwrap());
+    traced(here, ["", ""], "");
+    let place = place_of(&here.join("run"));
+    assert!(["host", "device"].contains(&&*place), "{place}");
+    assert_eq!(record("run")["refine"], *place);
+    let work = &json(&done(here, "check scene.toml --json"))["work"];
+    assert_eq!(work["refine"], *place);
+    assert_eq!(work["refine_reason"], record("run")["refine_reason"]);
+    let text = done(here, "check scene.toml");
+    let line = format!("on the {place}: {}", work["refine_reason"].as_str().unwrap());
+    assert!(text.contains(&line), "{text}");
+    done(here, "plan scene.toml --shards 1 -o shards");
+    assert_eq!(place_of(&here.join("shards")), place);
+    done(here, "plan scene.toml --shards 1 --no-device -o blind");
+    assert_eq!(place_of(&here.join("blind")), "host");
+    done(here, "simulate scene.toml --shard 0/1 -o blind");
+}
+
+/// Its bits would change otherwise.
+#[test]
+fn a_resumed_run_goes_on_choosing_rays_in_the_same_place() {
+    let directory = tempfile::tempdir().unwrap();
+    let here = directory.path();
+    let views = "--set scan.angles=[\"0deg\",\"9deg\"]";
+    for place in ["host", "device"] {
+        let coarse = ["", "tolerance = 1e-3"];
+        traced(here, coarse, &format!("{views} --set sampling.refine={place}"));
+        let whole = fs::read(here.join("run/sample.npy")).unwrap();
+        let log = fs::read_to_string(here.join("run/progress.log")).unwrap();
+        let first: Vec<&str> = log.lines().filter(|it| !it.starts_with("sample/1")).collect();
+        fs::write(here.join("run/progress.log"), first.join("\n") + "\n").unwrap();
+        let output = run(here, &format!("simulate scene.toml -o run --resume {views}"));
+        ended(&output, 0);
+        assert_eq!(place_of(&here.join("run")), place);
+        assert!(fs::read(here.join("run/sample.npy")).unwrap() == whole, "{place}");
+    }
+}

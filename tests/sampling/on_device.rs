@@ -15,7 +15,7 @@ use ndarray::Array4;
 const TOLERANCE: f64 = 3e-4;
 
 /// A ball, an upright slab and a tilted rod.
-fn meshes() -> Scene {
+pub(super) fn meshes() -> Scene {
     let rod = cylinder(0.1e-3, 0.9e-3, 24, 0.2).turned([1.0, 0.3, 0.0], 0.7);
     let bodies = [
         body(sphere(0.25e-3, 3).moved([-0.4e-3, 0.0, 0.1e-3]).rounded(), CARBON[0], CARBON[1]),
@@ -26,7 +26,7 @@ fn meshes() -> Scene {
 }
 
 /// Exact shapes, one in the other.
-fn shapes() -> Scene {
+pub(super) fn shapes() -> Scene {
     let text = "[source]\ndistance = \"1.2 m\"\nspot = \"20 um\"\nenergy = \"25 keV\"\n\
          [detector]\ndistance = \"1.8 m\"\npixels = [14, 5]\npitch = \"75 um\"\n\
          [sample_mask]\ndistance = \"1.19 m\"\nmaterial = \"gold\"\nthickness = \"200 um\"\n\
@@ -42,7 +42,7 @@ fn shapes() -> Scene {
 }
 
 /// The beam of a tube, at some energy nodes.
-fn tube(kvp: f64, nodes: u32) -> Beam {
+pub(super) fn tube(kvp: f64, nodes: u32) -> Beam {
     let tube = SpectrumOrigin::Tube {
         anode: beamlet::scene::Anode::Tungsten,
         kvp,

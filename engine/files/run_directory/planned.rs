@@ -19,15 +19,15 @@ pub(super) fn host() -> Option<String> {
 }
 
 impl RunDirectory {
-    /// The scene with the tolerances of the planned run in `run` where it has no numbers: the scene
-    /// of its shards.
+    /// The scene with the tolerances of the planned run in `run` where it has no numbers, and its `refine`
+    /// for `"auto"`: the scene of its shards.
     ///
     /// # Errors
     /// [`Error::File`] where there is no plan.
     pub fn scene_of_shard(run: &Path, scene: &Scene) -> Result<Scene> {
         Plan::read(run)?;
         let mut scene = scene.clone();
-        scene_file::keep_tolerances(&run.join(layout::SCENE), &mut scene);
+        scene_file::keep_resolved(&run.join(layout::SCENE), &mut scene);
         Ok(scene)
     }
 

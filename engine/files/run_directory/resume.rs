@@ -28,8 +28,8 @@ pub(super) struct Resumed {
 }
 
 impl RunDirectory {
-    /// The scene with the tolerances of an interrupted run where it has no numbers: the scene that a
-    /// resumed run goes on with.
+    /// The scene with the tolerances of an interrupted run where it has no numbers, and its `refine` for
+    /// `"auto"`: the scene that a resumed run goes on with.
     ///
     /// # Errors
     /// [`Error::File`] where there is no run.
@@ -38,7 +38,7 @@ impl RunDirectory {
         require_run(path)?;
         let mut scene = scene.clone();
         // A scene that cannot be read is an error of `resume`, which compares the two.
-        scene_file::keep_tolerances(&path.join(SCENE), &mut scene);
+        scene_file::keep_resolved(&path.join(SCENE), &mut scene);
         Ok(scene)
     }
 

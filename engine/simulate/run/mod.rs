@@ -5,6 +5,7 @@ pub mod edge_blur;
 mod estimate;
 pub mod memory;
 pub mod quality;
+pub mod refine_choice;
 pub mod simulation;
 mod simulator;
 

@@ -6,7 +6,7 @@ use crate::detector::DetectorModel;
 use crate::illuminate::{self, EnergyBinning};
 use crate::moments::{self, StoredMoments, StoredSource};
 use crate::run::simulator::Simulator;
-use crate::run::{self, Control, MemoryEstimate, memory, quality};
+use crate::run::{self, Control, MemoryEstimate, memory, quality, refine_choice};
 use crate::sampling::{self, ErrorBudget, Lattice, Response};
 use crate::trace::DeviceSample;
 use crate::wave::{self, WavePlans};
@@ -17,7 +17,7 @@ use beamlet_geometry::{LoadStep, Sample};
 use beamlet_gpu::{Backend, EngineOptions};
 use beamlet_model::media::MaterialTable;
 use beamlet_model::optics::{self, Optics};
-use beamlet_model::scene::{Refine, Scene, Scheme, Transport};
+use beamlet_model::scene::{Scene, Scheme, Transport};
 use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::time::Instant;
@@ -63,7 +63,8 @@ impl Simulation {
         let optics = detector.optics();
         let media = MaterialTable::of(&scene)?;
         let lattice = lattice_of(&scene, optics, &media)?;
-        refuse_device(&scene, &media, simulator.options())?;
+        let keeps_moments = simulator.options().keep_moments;
+        refine_choice::refuse(&scene, media.energies.len(), keeps_moments)?;
         wave::refuse(&scene, optics, simulator.options())?;
         let delta_ratio =
             if simulator.options().keep_moments { moments::DELTA_HEADROOM } else { 1.0 };
@@ -143,6 +144,9 @@ impl Simulation {
             Some(sample) => sample,
             None => load(&scene, &parts, options.memory_limit, control)?,
         };
+        refine_choice::warning(&scene, &sample).iter().for_each(|text| log::warn!("{text}"));
+        let mut scene = scene;
+        let refine_reason = settle_refine(&mut scene, &sample, &parts, simulator);
         // Kept moments are written and read in the order of the views.
         let ordered = options.keep_moments || parts.stored.is_some();
         let [alone, memory] = memory_of(&scene, &sample, options, ordered)?;
@@ -190,6 +194,8 @@ impl Simulation {
             detector,
             start: RunStart {
                 mesh_hashes: mesh_hashes(&scene, &sample),
+                refine: refine_reason.as_ref().map(|_| scene.sampling.refine),
+                refine_reason,
                 ..RunStart::new(&description.name, &description.driver, Backend::Bvh, "")
             },
             scene,
@@ -216,22 +222,23 @@ impl Simulation {
     }
 }
 
-/// Refuses what refinement on the device does not know.
-fn refuse_device(scene: &Scene, media: &MaterialTable, options: &EngineOptions) -> Result<()> {
-    if scene.sampling.refine == Refine::Host || scene.sampling.scheme == Scheme::Random {
-        return Ok(());
-    }
-    let exact = scene.sampling.transport == Transport::Exact;
-    let found = if media.energies.len() > 1 && exact {
-        "device, with a spectrum of several energies and transport = \"exact\""
-    } else if options.keep_moments {
-        "device, with kept moments"
-    } else if scene.objects.iter().any(|object| object.roughness > 0.0) {
-        "device, with a rough object"
-    } else {
-        return Ok(());
-    };
-    Err(Error::scene("sampling.refine", found, "host"))
+/// Settles where the rays of a scene are chosen, and returns why there; nothing where none are chosen.
+fn settle_refine(
+    scene: &mut Arc<Scene>,
+    sample: &Sample,
+    parts: &SimulationParts,
+    simulator: &Simulator,
+) -> Option<String> {
+    let kind = simulator.device().description().kind;
+    let device = (kind, simulator.options().keep_moments);
+    let energies = parts.media.energies.len();
+    // Without rays a sample is there only to be traced again.
+    let no_rays = Sample::default();
+    let sample = if parts.stored.is_some() { &no_rays } else { sample };
+    let reason = refine_choice::settle(Arc::make_mut(scene), sample, energies, device);
+    let place = scene.sampling.refine;
+    reason.iter().for_each(|reason| log::info!("rays are chosen on the {place}: {reason}"));
+    reason
 }
 
 /// Memory of a run with one view at a time, and of a run whose views may be made side by side unless they are

@@ -1,0 +1,102 @@
+//! Place where rays are chosen: as the scene requests, or by the device and the sample.
+
+use beamlet_core::{Error, Result};
+use beamlet_geometry::Sample;
+use beamlet_gpu::DeviceKind;
+use beamlet_model::scene::{Refine, Scene, Scheme, Transport};
+
+/// Bodies of a sample up to which rays resolve it: the device samples no unresolved structure.
+const MANY_BODIES: usize = 64;
+
+/// Properties of a scene that refinement on the device does not know; `None`: it knows all. `energies`: number
+/// of energy nodes.
+fn unknown(scene: &Scene, energies: usize, keeps_moments: bool) -> Option<&'static str> {
+    if energies > 1 && scene.sampling.transport == Transport::Exact {
+        Some("a spectrum of several energies and transport = \"exact\"")
+    } else if keeps_moments {
+        Some("kept moments")
+    } else if scene.objects.iter().any(|object| object.roughness > 0.0) {
+        Some("a rough object")
+    } else {
+        None
+    }
+}
+
+/// True if rays of a scene are chosen, either on the host or on the device.
+fn applies(scene: &Scene) -> bool {
+    let sampling = &scene.sampling;
+    sampling.scheme == Scheme::Cells && sampling.transport != Transport::Wave
+}
+
+/// Refuses refinement on the device of a scene that it does not know.
+///
+/// # Errors
+/// [`Error::Scene`].
+pub(crate) fn refuse(scene: &Scene, energies: usize, keeps_moments: bool) -> Result<()> {
+    if scene.sampling.refine != Refine::Device || !applies(scene) {
+        return Ok(());
+    }
+    match unknown(scene, energies, keeps_moments) {
+        Some(found) => {
+            Err(Error::scene("sampling.refine", format!("device, with {found}"), "host"))
+        }
+        None => Ok(()),
+    }
+}
+
+/// Settles where the rays of a loaded scene are chosen on a kind of device, and returns why there; nothing where
+/// no rays are chosen.
+#[must_use]
+pub fn settle(
+    scene: &mut Scene,
+    sample: &Sample,
+    energies: usize,
+    (kind, keeps_moments): (DeviceKind, bool),
+) -> Option<String> {
+    let auto = scene.sampling.refine == Refine::Auto;
+    if !applies(scene) || sample.is_empty() {
+        if auto {
+            scene.sampling.refine = Refine::Host;
+        }
+        return None;
+    }
+    if !auto {
+        return Some("by the scene".into());
+    }
+    let (place, reason) = match unknown(scene, energies, keeps_moments) {
+        Some(found) => (Refine::Host, format!("the device does not know {found}")),
+        None => by_kind(kind, sample),
+    };
+    scene.sampling.refine = place;
+    Some(reason)
+}
+
+fn has_facets(sample: &Sample) -> bool {
+    sample.objects.iter().any(|object| object.triangles > 0)
+}
+
+/// Warning of a scene that requests the device for a sample whose light it may miss.
+#[must_use]
+pub fn warning(scene: &Scene, sample: &Sample) -> Option<String> {
+    let requested = scene.sampling.refine == Refine::Device && applies(scene);
+    (requested && has_facets(sample)).then(|| {
+        "sampling.refine = \"device\" may miss faces of meshes along the beam, whose light the reported \
+         error leaves out; \"host\" finds them"
+            .into()
+    })
+}
+
+/// Place of a sample that the device knows, and why there. Between two faces of one body rays miss a narrow face
+/// along the beam, which the host finds among the facets; shapes without facets have such faces at silhouettes
+/// alone.
+fn by_kind(kind: DeviceKind, sample: &Sample) -> (Refine, String) {
+    if kind == DeviceKind::Cpu {
+        (Refine::Host, "the device is a CPU".into())
+    } else if has_facets(sample) {
+        (Refine::Host, "rays may miss faces of meshes along the beam".into())
+    } else if sample.components.len() > MANY_BODIES {
+        (Refine::Host, format!("rays may not resolve more than {MANY_BODIES} bodies"))
+    } else {
+        (Refine::Device, "exact shapes on a GPU".into())
+    }
+}

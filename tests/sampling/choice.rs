@@ -1,0 +1,97 @@
+//! Place where rays are chosen, `sampling.refine = "auto"`.
+
+use crate::on_device::{meshes, shapes, tube};
+use beamlet::internals::refine_choice::{settle, warning};
+use beamlet::scene::{Refine, Scene, Scheme, Transport};
+use beamlet::{Control, DeviceKind};
+use std::path::Path;
+
+/// Kinds of devices that are no processor.
+const GPUS: [DeviceKind; 4] =
+    [DeviceKind::Discrete, DeviceKind::Integrated, DeviceKind::Virtual, DeviceKind::Other];
+
+/// Place where the rays of a scene at some energies are chosen, and why there.
+fn choice(scene: &Scene, energies: usize, device: (DeviceKind, bool)) -> (Refine, Option<String>) {
+    let sample = beamlet::load_sample(scene, &mut Control::default()).expect("a sample");
+    let mut scene = scene.clone();
+    let reason = settle(&mut scene, &sample, energies, device);
+    (scene.sampling.refine, reason)
+}
+
+/// A bundle of exact fibres.
+fn bundle(count: u32) -> Scene {
+    let text = format!(
+        "[source]\ndistance = \"1.2 m\"\nspot = \"20 um\"\nenergy = \"25 keV\"\n\
+         [detector]\ndistance = \"1.8 m\"\npixels = [8, 2]\npitch = \"75 um\"\n\
+         [[object]]\nname = \"fibres\"\nmaterial = \"Al\"\n\
+         shape = {{ cylinder = {{ radius = \"2 um\", height = \"1 mm\" }} }}\n\
+         [object.instances]\npacking = \"parallel-fibres\"\ncount = {count}\nseed = 1\n\
+         region = {{ cylinder = {{ radius = \"50 um\", height = \"1 mm\" }} }}\n"
+    );
+    Scene::from_toml(&text, Path::new(".")).expect("a scene")
+}
+
+#[test]
+fn gpus_choose_the_rays_of_exact_shapes_and_cpus_leave_them_to_the_host() {
+    let mut with_tube = shapes();
+    with_tube.source.beam = tube(40.0, 4);
+    for (scene, energies) in [(shapes(), 1), (with_tube, 4), (bundle(64), 1)] {
+        assert_eq!(scene.sampling.refine, Refine::Auto, "the default");
+        for kind in GPUS {
+            let (place, reason) = choice(&scene, energies, (kind, false));
+            assert_eq!(place, Refine::Device, "{reason:?}");
+            assert!(reason.is_some_and(|it| it.contains("GPU")));
+        }
+        let (place, reason) = choice(&scene, energies, (DeviceKind::Cpu, false));
+        assert_eq!(place, Refine::Host);
+        assert!(reason.is_some_and(|it| it.contains("CPU")));
+    }
+}
+
+#[test]
+fn the_host_chooses_the_rays_of_samples_that_the_device_does_not_know_or_may_miss() {
+    let gpu = (DeviceKind::Discrete, false);
+    let mut rough = shapes();
+    rough.objects[0].roughness = 1e-3;
+    let mut exact = shapes();
+    exact.sampling.transport = Transport::Exact;
+    assert_eq!(choice(&exact, 1, gpu).0, Refine::Device, "exact transport at one energy is known");
+    for (found, (place, reason)) in [
+        ("a rough object", choice(&rough, 1, gpu)),
+        ("kept moments", choice(&shapes(), 1, (DeviceKind::Discrete, true))),
+        ("a spectrum", choice(&exact, 4, gpu)),
+        ("faces of meshes", choice(&meshes(), 1, gpu)),
+        ("64 bodies", choice(&bundle(65), 1, gpu)),
+    ] {
+        assert_eq!(place, Refine::Host, "{found}");
+        assert!(reason.clone().is_some_and(|it| it.contains(found)), "{found}: {reason:?}");
+    }
+}
+
+#[test]
+fn a_stated_place_is_kept_and_scenes_without_chosen_rays_have_no_reason() {
+    for (place, kind) in [(Refine::Host, DeviceKind::Discrete), (Refine::Device, DeviceKind::Cpu)] {
+        let mut scene = shapes();
+        scene.sampling.refine = place;
+        assert_eq!(choice(&scene, 1, (kind, false)), (place, Some("by the scene".to_owned())));
+    }
+    let (mut random, mut waves, mut empty) = (shapes(), shapes(), shapes());
+    random.sampling.scheme = Scheme::Random;
+    waves.sampling.transport = Transport::Wave;
+    empty.objects.clear();
+    for scene in [random, waves, empty] {
+        assert_eq!(choice(&scene, 1, (DeviceKind::Discrete, false)), (Refine::Host, None));
+    }
+}
+
+#[test]
+fn facets_on_the_device_are_warned_of() {
+    let warned = |mut scene: Scene, place: Refine| {
+        scene.sampling.refine = place;
+        let sample = beamlet::load_sample(&scene, &mut Control::default()).expect("a sample");
+        warning(&scene, &sample).is_some_and(|text| text.contains("faces of meshes"))
+    };
+    assert!(warned(meshes(), Refine::Device));
+    assert!(!warned(meshes(), Refine::Auto) && !warned(meshes(), Refine::Host));
+    assert!(!warned(shapes(), Refine::Device));
+}
