@@ -64,6 +64,7 @@ pub(super) fn write(
     if let Some(drift) = record.drift {
         writeln!(out, "phase    {}", crate::commands::drift_words(&drift))?;
     }
+    write_expected(record, out)?;
     write_light(record, out)?;
     write_chi_square(record, out)?;
     write_empty_beam(record, out)?;
@@ -74,6 +75,29 @@ pub(super) fn write(
     if has_counts && !record.counts {
         let way = "--counts --weights poisson retrieves from them, with uncertainties";
         writeln!(out, "note     the run also has counts: {way}")?;
+    }
+    Ok(())
+}
+
+/// Expected uncertainties in two directions.
+fn write_expected(record: &Record, out: &mut impl Write) -> Result<(), Failure> {
+    let of = |name: &str| record.expected_sigma.get(name).copied();
+    let all = [
+        "transmission",
+        "refraction",
+        "refraction_z",
+        "dark_field",
+        "dark_field_z",
+        "dark_field_xz",
+    ];
+    if let [Some(t), Some(x), Some(z), Some(xx), Some(zz), Some(xz)] = all.map(of) {
+        let [x, z] = [x, z].map(|angle| angle * 1e6);
+        let [xx, zz, xz] = [xx, zz, xz].map(|square| square * 1e12);
+        writeln!(
+            out,
+            "noise    1 sigma without a sample: T {t:.2e}, angles x {x:.2e} and z {z:.2e} urad, dark fields xx \
+             {xx:.2e}, zz {zz:.2e} and xz {xz:.2e} urad^2"
+        )?;
     }
     Ok(())
 }

@@ -7,7 +7,8 @@ use crate::stacks::{json, of_array};
 use crate::work::interruptible;
 use beamlet::Error;
 use beamlet::retrieve::{
-    Columns, Corrections, Input, Method, Region, RetrieveOptions, Weights, retrieve_arrays,
+    Aperture, Columns, Corrections, Input, Lattice, Method, Region, RetrieveOptions, Weights,
+    retrieve_arrays,
 };
 use numpy::{IntoPyArray, PyArray3, PyReadonlyArray4};
 use pyo3::prelude::*;
@@ -18,7 +19,7 @@ use std::path::PathBuf;
 #[derive(FromPyObject)]
 #[pyo3(from_item_all)]
 pub(crate) struct Options {
-    method: String,
+    method: Option<String>,
     weights: String,
     gain: Option<f64>,
     read_noise: Option<f64>,
@@ -31,6 +32,9 @@ pub(crate) struct Options {
     empty_beam: Option<([usize; 2], Option<[usize; 2]>)>,
     correct: Option<String>,
     phase: bool,
+    lattice: Option<String>,
+    aperture: Option<String>,
+    offsets_z: Option<Vec<f64>>,
 }
 
 impl Options {
@@ -41,8 +45,17 @@ impl Options {
         let region = |(columns, rows): ([usize; 2], Option<[usize; 2]>)| {
             Region::new(columns[0]..columns[1], rows.map(|rows| rows[0]..rows[1]))
         };
-        Ok(RetrieveOptions::default()
-            .with_method(method(py, &self.method)?)
+        let lattice = self.lattice.as_deref().map(Lattice::parse).transpose();
+        let aperture = self.aperture.as_deref().map(Aperture::parse).transpose();
+        let chosen = RetrieveOptions::default()
+            .with_lattice(lattice.map_err(|error| raised(py, &error))?)
+            .with_aperture(aperture.map_err(|error| raised(py, &error))?)
+            .with_offsets_z(self.offsets_z.clone().unwrap_or_default());
+        let chosen = match &self.method {
+            Some(name) => chosen.with_method(method(py, name)?),
+            None => chosen,
+        };
+        Ok(chosen
             .with_weights(weights(py, &self.weights)?)
             .with_empty_beam(self.empty_beam.map(region))
             .with_correct(correct.unwrap_or_default())
@@ -150,6 +163,10 @@ pub(crate) fn retrieve<'py>(
                 _ => Input::simulated(&geometry, flat, sample),
             };
             let input = options.applied_to(input)?;
+            let chosen = match options.method {
+                Some(_) => chosen,
+                None => chosen.suited_to(input.scene()),
+            };
             let chosen = options.with_noise(chosen, &input)?;
             watch.rows("retrieve", |mut control| {
                 retrieve_arrays(&engine, input, &chosen, &mut control)

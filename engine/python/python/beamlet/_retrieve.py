@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from . import _beamlet
-from ._arguments import array, number, shown, whole, whole_number, word
+from ._arguments import array, number, shown, text, whole, whole_number, word
 from ._engine import Engine, Progress, serving
 from ._errors import wrong
 from ._images import Images
@@ -109,10 +109,11 @@ def _options(given: Mapping[str, Any]) -> dict[str, Any]:
     """Options of a retrieval, checked, as the extension takes them."""
     chosen: dict[str, Any] = dict.fromkeys((
         "gain", "read_noise", "saturation", "flats_every", "columns", "bin",
-        "empty_beam", "correct", "omit_steps",
+        "empty_beam", "correct", "omit_steps", "method", "lattice", "aperture", "offsets_z",
     ))
     chosen |= {name: value for name, value in given.items() if value is not None}
-    word("method", given["method"], Method)
+    if given["method"] is not None:
+        word("method", given["method"], Method)
     word("weights", given["weights"], Weights)
     checks: dict[str, Callable[[Any], Any]] = {
         "gain": lambda value: number("gain", value),
@@ -125,6 +126,9 @@ def _options(given: Mapping[str, Any]) -> dict[str, Any]:
         "empty_beam": _empty_beam,
         "correct": _correct,
         "phase": bool,
+        "lattice": lambda value: text("lattice", value, 'text as "40 um, 40 um, 3 deg"'),
+        "aperture": lambda value: text("aperture", value, 'text as "30 um, 20 um" or "round 30 um"'),
+        "offsets_z": lambda value: lengths("offsets_z", value),
     }
     for name, check in checks.items():
         if chosen.get(name) is not None:
@@ -179,7 +183,7 @@ def retrieve(
     offsets: Sequence[str | float] | NDArray[np.floating[Any]] | None,
     geometry: Scene,
     dark: ArrayLike | None = None,
-    method: Method = "gaussian",
+    method: Method | None = None,
     weights: Weights = "none",
     gain: float | None = None,
     read_noise: float | None = None,
@@ -195,6 +199,9 @@ def retrieve(
     empty_beam: EmptyBeam | None = None,
     correct: Correction | Sequence[Correction] = (),
     phase: bool = False,
+    offsets_z: Sequence[str | float] | NDArray[np.floating[Any]] | None = None,
+    lattice: str | None = None,
+    aperture: str | None = None,
 ) -> Images:
     """Retrieves measured stacks, as ``beamlet retrieve`` does (docs/retrieval.md).
 
@@ -205,7 +212,8 @@ def retrieve(
         offsets: Mask offset of each step, m, or text with a unit; ``None``: those of the geometry's scan.
         geometry: Scene with the set-up.
         dark: Counts without beam, ``[frame][row][column]`` or ``[row][column]``; their mean is subtracted.
-        method: The estimator.
+        method: The estimator; default: ``beamlet`` for a sample mask alone (on a lattice with `aperture`), else
+            ``gaussian``.
         weights: ``poisson`` weights counts by their noise.
         gain: Counts of a photon; default 1.
         read_noise: Standard deviation of counts without beam, in counts.
@@ -226,6 +234,12 @@ def retrieve(
             are empty: ``"offset"``, ``"plane"``, ``"dose"``, ``"steps"``. ``record["corrections"]`` has
             their values.
         phase: Images of the phase, too: refraction integrated along the rows, m of delta times length.
+        offsets_z: Mask offset along z of each step, as `offsets`: refraction and dark field along x and z.
+        lattice: Lattice of the beamlets of a sample mask alone, as it is on the detector: ``"40 um, 40 um"``, with
+            an angle ``"40 um, 40 um, 3 deg"``, or two vectors ``"40 um, 0 um; 20 um, 34.6 um"``. Refraction and
+            dark field along x and z.
+        aperture: Aperture of a beamlet on the lattice, as it is on the detector: ``"30 um, 20 um"`` or
+            ``"round 30 um"``.
 
     Returns:
         Images ``[view][row][column]``; a stack ``[step][row][column]`` has one view.
@@ -258,4 +272,7 @@ def retrieve(
         empty_beam=empty_beam,
         correct=correct,
         phase=phase,
+        offsets_z=offsets_z,
+        lattice=lattice,
+        aperture=aperture,
     )

@@ -154,7 +154,7 @@ class Run:
 
     def retrieve(
         self,
-        method: Method = "gaussian",
+        method: Method | None = None,
         counts: bool = False,
         weights: Weights = "none",
         progress: Progress | None = None,
@@ -168,12 +168,15 @@ class Run:
         empty_beam: EmptyBeam | None = None,
         correct: Correction | Sequence[Correction] = (),
         phase: bool = False,
+        lattice: str | None = None,
+        aperture: str | None = None,
     ) -> Images:
         """Retrieves transmission, refraction and dark field. Options that are not listed here are as in
         :func:`beamlet.retrieve`.
 
         Args:
-            method: The estimator (docs/retrieval.md).
+            method: The estimator (docs/retrieval.md); default: ``beamlet`` for a sample mask alone, else
+                ``gaussian``.
             counts: Retrieve from detector numbers, with uncertainties.
             weights: ``poisson`` weights counts by their noise.
             progress: Callback.
@@ -214,6 +217,8 @@ class Run:
             empty_beam=empty_beam,
             correct=correct,
             phase=phase,
+            lattice=lattice,
+            aperture=aperture,
         )
 
     def illuminate(self, scene: Scene, progress: Progress | None = None) -> Run:

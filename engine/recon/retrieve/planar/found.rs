@@ -9,6 +9,8 @@ use std::f64::consts::TAU;
 const BLOCK: f64 = 6.0;
 /// Amplitude of the first harmonics over the mean of the frame, below which there is no lattice.
 const LEAST_CONTRAST: f64 = 0.02;
+/// Part of these amplitudes that is left of their sum over the frame where all blocks have the same lattice.
+const LEAST_COHERENCE: f64 = 0.7;
 /// Largest change of a vector, as a part of it, that a flat may ask for.
 const MOST_CHANGE: f64 = 0.06;
 
@@ -61,13 +63,36 @@ impl PlacedLattice {
         for _ in 0..3 {
             found = found.improved(flat, frame)?;
         }
-        for (vector, before) in found.lattice.vectors.iter().zip(given.vectors) {
+        if !found.is_near(&given, MOST_CHANGE) {
+            return Err(absent(format!("{:?} m in the flat", found.lattice.vectors)));
+        }
+        found.check(flat, frame)?;
+        Ok(found)
+    }
+
+    /// True if no vector differs from another lattice's by more than a part of it.
+    fn is_near(&self, other: &Lattice, part: f64) -> bool {
+        self.lattice.vectors.iter().zip(other.vectors).all(|(vector, before)| {
             let change = (vector[0] - before[0]).hypot(vector[1] - before[1]);
-            if change.is_nan() || change > MOST_CHANGE * before[0].hypot(before[1]) {
-                return Err(absent(format!("{:?} m in the flat", found.lattice.vectors)));
+            change <= part * before[0].hypot(before[1])
+        })
+    }
+
+    /// Refuses a lattice whose waves differ in phase over the frame.
+    fn check(&self, flat: ArrayView2<'_, f32>, frame: &Frame) -> Result<()> {
+        let blocks = self.blocks(flat, frame);
+        for axis in [0, 1] {
+            let [cos, sin, amplitude] = blocks.iter().fold([0.0; 3], |sum, block| {
+                let [cos, sin] = block.waves[axis];
+                [sum[0] + cos, sum[1] + sin, sum[2] + f64::hypot(cos, sin)]
+            });
+            let coherence = f64::hypot(cos, sin) / amplitude;
+            if coherence.is_nan() || coherence < LEAST_COHERENCE {
+                let found = format!("a flat in which {coherence:.2} of the light follows it");
+                return Err(absent(found));
             }
         }
-        Ok(found)
+        Ok(())
     }
 
     /// The lattice through centres of beamlets, by their indices, with least squares.
@@ -86,7 +111,8 @@ impl PlacedLattice {
             solved(matrix)
         };
         let ([x, ax, bx], [z, az, bz]) = (along(0)?, along(1)?);
-        Some(Self { lattice: Lattice { vectors: [[ax, az], [bx, bz]] }, origin: [x, z] })
+        let found = Self { lattice: Lattice { vectors: [[ax, az], [bx, bz]] }, origin: [x, z] };
+        found.is_near(&self.lattice, MOST_CHANGE).then_some(found)
     }
 
     /// Places of first harmonics relative to the present lattice: a plane of phases over the frame for each.
@@ -241,10 +267,27 @@ mod tests {
     }
 
     #[test]
-    fn flats_without_a_lattice_are_refused() {
-        let frame = Frame { shape: [40, 40], pitch: [1.0, 1.0] };
-        let given = Lattice::turned([6.0, 6.0], 0.0).unwrap();
-        let flat = Array2::from_elem((40, 40), 1.0_f32);
-        assert!(PlacedLattice::find(flat.view(), &frame, given).is_err());
+    fn flats_of_another_lattice_or_none_are_refused() {
+        let frame = Frame { shape: [90, 90], pitch: [1.0, 1.0] };
+        let spots = |px: f64, pz: f64| {
+            Array2::from_shape_fn((90, 90), |(row, column)| {
+                let [x, z] = frame.place(row as i64, column as i64);
+                let [x, z] = [x - px * (x / px).round(), z - pz * (z / pz).round()];
+                (-(x * x + z * z) / 2.0).exp() as f32
+            })
+        };
+        let even = Array2::from_elem((90, 90), 1.0_f32);
+        for (flat, periods) in [
+            (even, [6.0, 6.0]),
+            (spots(7.5, 7.5), [6.0, 7.5]),
+            (spots(7.5, 7.5), [7.5, 9.0]),
+            (spots(7.5, 7.5), [5.5, 5.5]),
+        ] {
+            let given = Lattice::turned(periods, 0.0).unwrap();
+            let found = PlacedLattice::find(flat.view(), &frame, given);
+            assert!(found.is_err(), "{periods:?}: {found:?}");
+        }
+        let given = Lattice::turned([7.4, 7.6], 0.01).unwrap();
+        assert!(PlacedLattice::find(spots(7.5, 7.5).view(), &frame, given).is_ok());
     }
 }
