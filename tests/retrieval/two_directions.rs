@@ -102,14 +102,14 @@ fn options_that_two_directions_do_not_have_are_refused_before_anything_is_writte
         (&["--phase"], "phase"),
         (&["--columns", "0:40"], "every pixel"),
     ] {
-        bad(path, &words(&with(more)), 2, word);
+        bad(path, &words(&with(more)), 1, word);
     }
     let other = ["--geometry", "scene.toml", "--lattice", "60 um, 80 um", "-o", "images"];
-    bad(path, &words(&other), 2, "the lattice of the flat's beamlets");
+    bad(path, &words(&other), 1, "the lattice of the flat's beamlets");
     let narrow = ["--geometry", "scene.toml", "--lattice", "30 um, 30 um", "-o", "images"];
-    bad(path, &words(&narrow), 2, "lattice");
+    bad(path, &words(&narrow), 1, "lattice");
     let mask = ["--geometry", "two.toml", "--lattice", "80 um, 80 um", "-o", "images"];
-    bad(path, &words(&mask), 2, "a sample mask alone");
+    bad(path, &words(&mask), 1, "a sample mask alone");
     assert!(!path.join("images").exists());
 }
 
@@ -136,7 +136,7 @@ fn steps_along_x_and_z_become_images_and_lists_without_a_direction_are_refused()
     let steps = |z: &'static str| {
         words(&["--geometry", "two.toml", "--offsets", "x.txt", "--offsets-z", z, "-o", "images"])
     };
-    bad(path, &steps("none.txt"), 2, "refraction along z");
+    bad(path, &steps("none.txt"), 1, "refraction along z");
     assert!(!path.join("images").exists());
     good(path, &steps("z.txt"));
     // M = 1.7/1.2 over z = 1.7 - 1.21: -2.891 rad/m.
