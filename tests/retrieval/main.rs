@@ -36,4 +36,6 @@ mod rough_fibres;
 #[cfg(feature = "cli")]
 mod selection;
 mod tracking;
+#[cfg(feature = "cli")]
+mod two_directions;
 mod uneven;

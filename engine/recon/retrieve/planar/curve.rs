@@ -16,7 +16,7 @@ pub(crate) struct PlanarCurve {
     pub(super) amplitude: f64,
     /// Centre, m.
     pub(super) centre: Pair,
-    /// Second moments about the centre, with those of apertures and pixels, m^2.
+    /// Second moments about the centre, apertures and pixels included, m^2.
     pub(crate) moments: Moments,
     /// Background.
     pub(super) background: f64,

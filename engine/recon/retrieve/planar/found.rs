@@ -1,6 +1,7 @@
 //! A lattice found in a flat: the place of its origin, and vectors a few per cent from the given ones.
 
 use super::lattice::Lattice;
+use beamlet_core::numbers::whole;
 use beamlet_core::{Error, Result};
 use ndarray::ArrayView2;
 use std::f64::consts::TAU;
@@ -11,7 +12,7 @@ const BLOCK: f64 = 6.0;
 const LEAST_CONTRAST: f64 = 0.02;
 /// Part of these amplitudes that is left of their sum over the frame where all blocks have the same lattice.
 const LEAST_COHERENCE: f64 = 0.7;
-/// Largest change of a vector, as a part of it, that a flat may ask for.
+/// Largest change of a vector, as a part of it, that a flat may have.
 const MOST_CHANGE: f64 = 0.06;
 
 /// Pixels of a frame on the detector.
@@ -53,8 +54,8 @@ struct Block {
 }
 
 impl PlacedLattice {
-    /// Finds a lattice in a flat by the phases of its first harmonics; those of light that is even about its
-    /// centre are the places of the centres.
+    /// Finds a lattice in a flat by the phases of its first harmonics: of light that is even about its centre they
+    /// are the places of the centres.
     ///
     /// # Errors
     /// [`Error::Argument`] where the flat has no such lattice.
@@ -159,7 +160,7 @@ impl PlacedLattice {
             }
             let [x, z] = frame.place(row as i64, column as i64);
             let at = self.lattice.indices([x - self.origin[0], z - self.origin[1]]);
-            let key = at.map(|index| (index / BLOCK).floor() as i64);
+            let key = at.map(|index| whole::<i64>((index / BLOCK).floor()));
             let block = blocks.entry(key).or_insert_with(|| Block {
                 middle: [0.0; 2],
                 light: 0.0,
@@ -181,7 +182,7 @@ impl PlacedLattice {
     }
 }
 
-/// Plane of the phases of blocks, turns: constant, and slopes by both indices. Phases are taken next to those of
+/// Plane of the phases of blocks, turns: constant, and slopes by both indices. Phases are unwrapped about
 /// the plane so far, which begins at the phase of all blocks.
 fn plane_of(blocks: &[Block], axis: usize, first: f64) -> [f64; 3] {
     let mut plane = [first, 0.0, 0.0];
@@ -237,6 +238,7 @@ fn absent(found: String) -> Error {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use beamlet_core::numbers::single;
     use ndarray::Array2;
 
     /// A lattice that is given 1.5 % too wide and 0.4 degrees off is found to a twentieth of its period.
@@ -251,7 +253,7 @@ mod tests {
                 let [x, z] = [x - origin[0], z - origin[1]];
                 let [i, j] = truth.nearest([x, z]).map(|index| index as f64);
                 let [cx, cz] = truth.place([i, j]);
-                (-((x - cx).powi(2) + (z - cz).powi(2)) / 2.0).exp() as f32
+                single((-((x - cx).powi(2) + (z - cz).powi(2)) / 2.0).exp())
             });
             let given = Lattice::turned(periods.map(|p| 1.015 * p), angle + 0.007).unwrap();
             let found = PlacedLattice::find(flat.view(), &frame, given).unwrap();
@@ -273,7 +275,7 @@ mod tests {
             Array2::from_shape_fn((90, 90), |(row, column)| {
                 let [x, z] = frame.place(row as i64, column as i64);
                 let [x, z] = [x - px * (x / px).round(), z - pz * (z / pz).round()];
-                (-(x * x + z * z) / 2.0).exp() as f32
+                single((-(x * x + z * z) / 2.0).exp())
             })
         };
         let even = Array2::from_elem((90, 90), 1.0_f32);

@@ -12,7 +12,7 @@ use beamlet_model::scene::{Blur, Scene};
 /// Standard deviation of a Gaussian of unit full width at half maximum.
 const SIGMA_PER_FWHM: f64 = 0.424_660_900_144_009_5;
 
-/// What is retrieved in two directions.
+/// Curves that are retrieved in two directions.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) enum Design {
     /// Beamlets of a sample mask alone, on a lattice.
@@ -22,8 +22,8 @@ pub(crate) enum Design {
 }
 
 impl Design {
-    /// The design of a scene; `None` for slits along z that are moved along x. `omitted`: steps that are left
-    /// out of those of the options.
+    /// The design of a scene; `None` for slits along z that are moved along x. `omitted`: steps to
+    /// leave out of the options' offsets.
     ///
     /// # Errors
     /// [`Error::Argument`] for options that contradict each other or the scene.

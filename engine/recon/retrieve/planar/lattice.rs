@@ -1,5 +1,6 @@
 //! Lattices of beamlets on the detector: vectors, places, and what a flat says of both.
 
+use beamlet_core::numbers::whole;
 use beamlet_core::units::Dimension::{Angle, Length};
 use beamlet_core::{Error, Result};
 
@@ -91,7 +92,7 @@ impl Lattice {
                 best = (from, other);
             }
         }
-        best.1.map(|index| index as i64)
+        best.1.map(whole::<i64>)
     }
 
     /// Places of the eight neighbours of a beamlet, from it.

@@ -17,7 +17,7 @@ const LEAST: f64 = 0.01;
 type Raw = [f64; 6];
 
 /// Moments of the values, of which each has `area` (m^2), less what they are too small by: moments of a Gaussian of
-/// `shape`, with its neighbours, in the same window are equal to those of the values. No background is subtracted.
+/// `shape`, with its neighbours, in the same window equal the moments of the values. No background is subtracted.
 /// Values that are left out leave a hole, and no answer.
 pub(super) fn by_moments(
     values: &PlanarValues,

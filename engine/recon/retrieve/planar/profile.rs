@@ -73,7 +73,7 @@ impl Profile {
 /// Adds the derivatives of a Gaussian by normalised Hermite polynomials. `out` begins at the order of the
 /// Gaussian itself, which is the number of boxes.
 fn add_densities(out: &mut [f64], [t, density, factor, sigma]: [f64; 4], boxes: usize) {
-    let scale = factor * density * sigma.powi(boxes as i32 - 1);
+    let scale = factor * density * [1.0 / sigma, 1.0, sigma][boxes];
     let (mut before, mut polynomial, mut sign) = (0.0, 1.0, 1.0);
     for (order, value) in out.iter_mut().enumerate() {
         let n = order as f64;

@@ -4,7 +4,7 @@ use super::super::fitter::Weights;
 use super::super::flags;
 use super::shape::{Points, UNKNOWNS};
 
-/// What all curves of flat or sample share.
+/// Noise and limits that all curves of flat or sample share.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct PlanarNoise {
     /// Values from here on are left out.

@@ -1,6 +1,7 @@
 //! Light in two directions: strips of an aperture behind a correlated Gaussian blur.
 
 use super::profile::Profile;
+use beamlet_core::numbers::whole;
 
 /// Unknowns of a fit, in this order: light, centre x and z, variances xx and zz and covariance xz of the blur,
 /// and background.
@@ -180,7 +181,7 @@ impl PlanarShape {
 /// Terms of the series at a correlation.
 fn terms(correlation: f64) -> usize {
     let size = correlation.abs().min(MOST_CORRELATED);
-    if size < LAST_TERM { 1 } else { 2 + (LAST_TERM.ln() / size.ln()) as usize }
+    if size < LAST_TERM { 1 } else { 2 + whole::<usize>((LAST_TERM.ln() / size.ln()).floor()) }
 }
 
 /// Decides whether the light of a strip about a centre reaches a point.

@@ -10,7 +10,7 @@ use beamlet_core::numbers;
 use ndarray::Array2;
 use std::collections::BTreeMap;
 
-/// What the record says of a retriever.
+/// Properties of a retriever for the record.
 pub(super) struct Described {
     pub(super) columns_m: Vec<f64>,
     pub(super) pitch: [f64; 2],

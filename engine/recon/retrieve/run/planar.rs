@@ -99,7 +99,7 @@ struct Work<'a, 'b> {
 }
 
 impl Work<'_, '_> {
-    /// Fits of all rows; `flat`: those of the flat for a sample.
+    /// Fits of all rows; `flat`: the flat's fits, for a sample.
     fn fits(&mut self, of: Of, flat: Option<&Fits>) -> Result<Fits> {
         let [rows, columns] = self.input.frame();
         let steps = self.input.steps()[0];
@@ -138,7 +138,7 @@ fn all_rows([rows, _]: [usize; 2]) -> Range<u32> {
     0..numbers::count(rows)
 }
 
-/// Asks for the memory of the fits of flat and sample, and of the images of a view.
+/// Reserves memory for the fits of flat and sample, and of the images of a view.
 fn ask_memory(input: &Input, design: &Design, options: &RetrieveOptions) -> Result<()> {
     let [rows, columns] = input.frame();
     let [flat, sample] = names(options.gain.is_some());
@@ -163,7 +163,7 @@ fn refuse_without_answer(flat: &Fits) -> Result<()> {
     Err(Error::argument("flat", format!("{count} curves without a result"), allowed))
 }
 
-/// What the record says of the retriever.
+/// Properties of the retriever for the record.
 fn described(
     input: &Input,
     retriever: &PlanarRetriever,

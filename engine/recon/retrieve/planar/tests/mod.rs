@@ -68,11 +68,6 @@ impl Tracking {
         frame.mapv(|value| value as f32)
     }
 
-    pub(super) fn retriever(&self, options: &RetrieveOptions) -> PlanarRetriever {
-        let flat = self.frame(&Contrasts::EMPTY);
-        self.retriever_of(options, &flat)
-    }
-
     pub(super) fn retriever_of(
         &self,
         options: &RetrieveOptions,
