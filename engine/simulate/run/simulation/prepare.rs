@@ -173,9 +173,11 @@ impl Simulation {
             &optics.offsets.lists()[0],
         );
         let wave = match scene.sampling.transport {
-            Transport::Wave => WavePlans::new(device, &scene, optics, &lattice, &media)?,
+            Transport::Wave => Some(WavePlans::new(device, &scene, optics, &lattice, &media)?),
             Transport::Auto | Transport::FirstOrder | Transport::Exact => None,
         };
+        let facet_kinks = wave::facet_kinks(&scene, &sample)?;
+        facet_kinks.iter().for_each(|kink| log::warn!("waves: {kink}"));
         let budget = error_budget(&scene, detector.optics());
         let of = scene.clone();
         let Built { sample, media, bvh, facets } =
@@ -190,6 +192,7 @@ impl Simulation {
             detector,
             start: RunStart {
                 mesh_hashes: mesh_hashes(&scene, &sample),
+                facet_kinks,
                 ..RunStart::new(&description.name, &description.driver, Backend::Bvh, "")
             },
             scene,
