@@ -1,6 +1,10 @@
-"""Draws waves.svg: light behind a fibre by rays and waves, and dark field of cylinders by waves over rays."""
+"""Draws waves.svg: light behind a fibre by rays and waves, and dark field of cylinders by waves over rays.
+
+Dots are measured ratios of waves_ratios.csv.
+"""
 
 import cmath
+import csv
 import math
 from pathlib import Path
 
@@ -93,6 +97,16 @@ def panel(x0, curves, x_ends, y_ends, ticks, labels):
     return out
 
 
+def dots(x0, points, x_ends, y_ends):
+    """Points `(x, y, deviation)` in the frame of a panel."""
+    at_x = lambda x: x0 + LEFT + WIDTH * (x - x_ends[0]) / (x_ends[1] - x_ends[0])
+    at_y = lambda y: TOP + HEIGHT * (1 - (y - y_ends[0]) / (y_ends[1] - y_ends[0]))
+    for x, y, off in points:
+        ends = f'y1="{at_y(y - off):.1f}" y2="{at_y(y + off):.1f}"'
+        yield f'<line x1="{at_x(x):.1f}" x2="{at_x(x):.1f}" {ends} stroke="#333"/>'
+        yield f'<circle cx="{at_x(x):.1f}" cy="{at_y(y):.1f}" r="3" fill="#333"/>'
+
+
 def main():
     offset, radius = 0.0, 2.5e-6
     flats = [by_rays(1, radius, offset), by_waves(1, radius, offset)]
@@ -109,6 +123,10 @@ def main():
     ticks = ([(math.log10(d), str(d)) for d in (0.5, 1, 5, 20, 100, 300)], [(y, str(y)) for y in (0, 0.5, 1)])
     right = panel(380, [(curve, "#06c", "carbon cylinders, 30 keV")], (math.log10(0.5), math.log10(350)), (0, 1.1),
                   ticks, ("diameter, µm", "dark field, waves / rays"))
+    with Path(__file__).with_name("waves_ratios.csv").open() as file:
+        rows = [{key: float(value) for key, value in row.items()} for row in csv.DictReader(file)]
+    points = [(math.log10(row["diameter_um"]), row["transform"], row["transform_deviation"]) for row in rows]
+    right += dots(380, points, (math.log10(0.5), math.log10(350)), (0, 1.1))
     body = "\n".join(left + right)
     style = 'font-family="DejaVu Sans, sans-serif" font-size="12"'
     svg = f'<svg xmlns="http://www.w3.org/2000/svg" width="750" height="265" {style}>\n<rect width="750" height="265" fill="#fff"/>\n{body}\n</svg>\n'

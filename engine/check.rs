@@ -35,7 +35,7 @@ pub use builder::Check;
 pub use costs::CheckedTolerances;
 pub use illumination::{ExpectedUncertainty, IlluminationCurve};
 use materials::materials;
-pub use waves::{FlatLimits, ObjectLimits, RayLimits, WaveCriteria};
+pub use waves::{FlatLimits, ObjectLimits, RayLimits, WaveCriteria, WaveTransport};
 
 /// Summary of a scene. Lengths in metres, angles in radians.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -257,6 +257,8 @@ fn load_lenient(
     report.warnings.extend(doubts::doubts(scene, &report));
     report.warnings.extend(faces::doubts(scene, &sample));
     report.warnings.extend(report.ray_limits.warnings());
+    let kinks = beamlet_simulate::wave::facet_kinks(scene, &sample)?;
+    report.warnings.extend(kinks.iter().map(ToString::to_string));
     report.warnings.extend(costs::warnings(scene, &report));
     let edges = run::edge_blur::bounded(scene, &swept);
     Ok((report, sample, edges))

@@ -30,7 +30,7 @@ pub mod shaders;
 pub use ndarray;
 
 pub use beamlet_core::{Cancel, Error, Place, Result, RowsControl, Tally};
-pub use beamlet_files::{RunProfile, RunRecord, SamplingSummary, SearchCounts};
+pub use beamlet_files::{FacetKink, RunProfile, RunRecord, SamplingSummary, SearchCounts};
 pub use beamlet_geometry::{MaskMeshOptions, MaskPlace, mask_meshes};
 pub use beamlet_gpu::{
     Backend, Compute, DeviceDescription, DeviceKind, EngineOptions, KernelCache, KernelProfile,

@@ -39,7 +39,9 @@ pub use image_folder::{ImageDirectory, Kind};
 pub use inputs::{InputHashes, refuse_changed, working_directory};
 pub use plan::{Plan, PlanOptions};
 pub use read::{Maps, OpenRun, StackFile};
-pub use record::{Platform, RunProfile, RunRecord, RunStart, SamplingSummary, SearchCounts};
+pub use record::{
+    FacetKink, Platform, RunProfile, RunRecord, RunStart, SamplingSummary, SearchCounts,
+};
 pub use run_directory::{JoinOptions, RunDirectory, ShardState, ShardStatus, join, shard_states};
 pub use run_file::{FORMAT_VERSION, JoinedShard, RunFile, RunState, now};
 pub use shape::{StackShape, ViewAngles, views};

@@ -26,6 +26,45 @@ pub struct RunStart {
     /// SHA-256 of the meshes by the name of their object, as
     /// `beamlet_geometry::ObjectSummary::hash`; shapes have none.
     pub mesh_hashes: BTreeMap<String, String>,
+    /// Objects whose facets diffract as edges, under `transport = "wave"`.
+    pub facet_kinks: Vec<FacetKink>,
+}
+
+/// Object whose facets bend the phase so much over a shear that they diffract as edges.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[non_exhaustive]
+pub struct FacetKink {
+    /// Name in the scene.
+    pub object: String,
+    /// Bend of the phase over the shear where facets are steepest, rad.
+    pub bend: f64,
+    /// Value of `sides` that would do; `None` for meshes.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub sides: Option<u32>,
+    /// Triangles that would do, if they are refined evenly.
+    pub triangles: u64,
+}
+
+impl FacetKink {
+    /// An object without a number of sides.
+    #[must_use]
+    pub fn new(object: impl Into<String>, bend: f64, triangles: u64) -> Self {
+        Self { object: object.into(), bend, sides: None, triangles }
+    }
+}
+
+impl std::fmt::Display for FacetKink {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let Self { object, bend, sides, triangles } = self;
+        write!(
+            f,
+            "the facets of \"{object}\" bend the phase by up to {bend:.1} rad over a shear, and diffract as edges: "
+        )?;
+        match sides {
+            Some(sides) => write!(f, "sides = {sides}, or an exact shape, would do"),
+            None => write!(f, "{triangles} triangles would do"),
+        }
+    }
 }
 
 impl RunStart {
@@ -45,6 +84,7 @@ impl RunStart {
             refine: None,
             refine_reason: None,
             mesh_hashes: BTreeMap::new(),
+            facet_kinks: Vec::new(),
         }
     }
 }
@@ -108,6 +148,9 @@ pub struct RunRecord {
     /// Rays and errors of the patches that the sample touches; `None`: unknown, as under
     /// `scheme = "random"`, or nothing was sampled.
     pub sampling: Option<SamplingSummary>,
+    /// Objects whose facets diffract as edges, under `transport = "wave"`.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub facet_kinks: Vec<FacetKink>,
     /// Largest error of a recorded value from edges off the rotation centre, share of open beam: the spot
     /// blurs them as if they were at the centre. Estimated by rays, or bounded if the bound is within the
     /// tolerance. `None`: unknown, as for kept moments; and under `scheme = "random"`, which has no such
@@ -180,6 +223,7 @@ impl RunRecord {
             seed,
             tally: Tally::default(),
             sampling: None,
+            facet_kinks: start.facet_kinks.clone(),
             edge_error: None,
             seconds: BTreeMap::new(),
             profile: None,

@@ -8,4 +8,4 @@ mod refine;
 pub mod run;
 pub mod sampling;
 pub mod trace;
-mod wave;
+pub mod wave;

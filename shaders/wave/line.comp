@@ -114,6 +114,8 @@ vec2 between(WaveParams params, Shear shear, float low, float high) {
 
 // Transform of the light behind the mask: amplitude 1 in apertures, of the bars beside them.
 vec2 transform(WaveParams params, Shear shear, float low, float high) {
+    // No mask.
+    if (params.bars == 1.0) return between(params, shear, -0.5 * params.period, 0.5 * params.period);
     float half_shear = 0.5 * float(shear.index) * params.mask_shear;
     vec2 open = vec2(0.0);
     for (uint k = 0u; k <= params.neighbours; k++) {

@@ -7,8 +7,8 @@ use crate::reference::waves::light::Case;
 use crate::reference::waves::rays;
 use crate::reference::waves::setup::{Slits, Spot, Window};
 use crate::thin_masks::{LARGE_SPOT, LEAKING, Masks, REFERENCE, SMALL_SPOT};
-use beamlet::check::{Check, CheckReport, ObjectLimits, RayLimits};
-use beamlet::scene::{Blur, Scene, Spot as FocalSpot, SpotPart};
+use beamlet::check::{Check, CheckReport, ObjectLimits, RayLimits, WaveTransport};
+use beamlet::scene::{Blur, Scene, Spot as FocalSpot, SpotPart, Transport};
 
 /// Distance of the sample behind the mask, m.
 const BEHIND: f64 = 0.0003;
@@ -217,9 +217,32 @@ fn the_fibres_of_the_fifth_experiment_are_outside_ray_optics() {
     assert_eq!(warnings.len(), 1, "{warnings:?}");
     assert!(warnings[0].starts_with("\"fibres\" is outside ray optics"), "{warnings:?}");
     assert!(warnings[0].contains("bodies of 5 um by rays is 2.4 times"), "{warnings:?}");
+    assert!(warnings[0].contains("but refuses the rough object \"matrix\""), "{warnings:?}");
     let fibres = &report.ray_limits.objects[1];
     assert!(fibres.rough && fibres.fill > 0.2 && fibres.unknown[0].contains("not independent"));
     assert!(report.to_string().contains("slopes without a length"));
+}
+
+#[test]
+fn warnings_name_waves_where_they_compute_the_scene() {
+    let fibres = "[[object]]\nname = \"fibres\"\nmaterial = \"carbon\"\n\
+                  shape = { cylinder = { radius = \"2.5 um\", height = \"1 mm\" } }\n";
+    let mut scene = scene_of(&SMALL_SPOT, &OFFSETS, fibres);
+    let report = checked(&scene);
+    let warnings = outside(&report);
+    assert!(report.ray_limits.waves == WaveTransport::Possible && warnings.len() == 2);
+    let key = "; sampling.transport = \"wave\" computes it";
+    assert!(warnings.iter().all(|text| text.ends_with(key)), "{warnings:?}");
+    scene.sampling.transport = Transport::Wave;
+    let by_waves = checked(&scene);
+    assert!(outside(&by_waves).is_empty() && by_waves.ray_limits.waves == WaveTransport::Used);
+    // The bars of gold would cast a shadow wider than an aperture.
+    let text =
+        SMALL_SPOT.text(4000, 0.01, &[0.0], "").replace("distance = \"1 m\"\naperture", "aperture");
+    let thick = text.replace("transmission = 0.0", "material = \"gold\"\nthickness = \"5 mm\"");
+    let report = checked(&Scene::from_toml(&thick, ".").expect("a scene"));
+    let WaveTransport::Refused(found) = &report.ray_limits.waves else { panic!("{report}") };
+    assert!(found.contains("shadow") && outside(&report)[0].contains(found), "{found}");
 }
 
 /// Limits at the one object of a scene.

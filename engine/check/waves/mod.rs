@@ -6,12 +6,13 @@ mod sizes;
 mod text;
 mod warnings;
 
-use beamlet_core::Result;
+use beamlet_core::{Error, Result};
 use beamlet_geometry::Sample;
 use beamlet_model::optics::waves::{FlatError, Node, Pixel, remedies, wavelength};
 use beamlet_model::optics::{Optics, mean_leaks};
-use beamlet_model::scene::{Blur, Scene};
+use beamlet_model::scene::{Blur, Scene, Transport};
 use beamlet_model::spectrum::{self, Nodes};
+use beamlet_simulate::wave::refuse_by_waves;
 use serde::Serialize;
 use std::f64::consts::TAU;
 
@@ -34,6 +35,37 @@ pub struct RayLimits {
     pub unknown_flat: Option<String>,
     /// Errors at the objects of the sample, in the order of the scene.
     pub objects: Vec<ObjectLimits>,
+    /// Waves in place of rays.
+    pub waves: WaveTransport,
+}
+
+/// Waves in place of rays, `sampling.transport = "wave"`, in a scene.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "kebab-case")]
+#[non_exhaustive]
+pub enum WaveTransport {
+    /// The scene is computed by waves.
+    Used,
+    /// The scene is computed by rays, and waves would do.
+    Possible,
+    /// Waves refuse the scene, with the reason.
+    Refused(String),
+}
+
+impl WaveTransport {
+    fn of(scene: &Scene) -> Result<Self> {
+        if scene.sampling.transport == Transport::Wave {
+            return Ok(Self::Used);
+        }
+        match refuse_by_waves(scene) {
+            Ok(()) => Ok(Self::Possible),
+            Err(Error::Scene { found, .. }) => {
+                let what = found.strip_prefix("\"wave\" with ").unwrap_or(&found);
+                Ok(Self::Refused(what.into()))
+            }
+            Err(other) => Err(other),
+        }
+    }
 }
 
 /// Numbers that show where rays fail. Lengths in the plane of the sample mask.
@@ -180,6 +212,7 @@ impl RayLimits {
             flat: if unknown_flat.is_none() { set_up.flat() } else { None },
             unknown_flat,
             objects: objects::of(&set_up, sample)?,
+            waves: WaveTransport::of(scene)?,
         })
     }
 }

@@ -1,15 +1,24 @@
 //! Warnings of scenes outside ray optics.
 
 use super::text::{lengths, percent, short_length};
-use super::{DARK_FIELD, FLAT, FlatLimits, ObjectLimits, RayLimits};
+use super::{DARK_FIELD, FLAT, FlatLimits, ObjectLimits, RayLimits, WaveTransport};
 use crate::check::display::length;
 
 impl RayLimits {
-    /// Warnings where rays err by more than 1 % of the peak of the flat, or by 10 % of a dark field.
+    /// Warnings where rays err by more than 1 % of the peak of the flat, or by 10 % of a dark field, with the key
+    /// that mends it; none where the scene is computed by waves.
     #[must_use]
     pub fn warnings(&self) -> Vec<String> {
+        let by_waves = match &self.waves {
+            WaveTransport::Used => return Vec::new(),
+            WaveTransport::Possible => r#"sampling.transport = "wave" computes it"#.into(),
+            WaveTransport::Refused(found) => {
+                format!("sampling.transport = \"wave\" would compute it, but refuses {found}")
+            }
+        };
         let flat = self.flat.as_ref().filter(|flat| flat.relative > FLAT).map(flat);
-        flat.into_iter().chain(self.objects.iter().filter_map(object)).collect()
+        let all = flat.into_iter().chain(self.objects.iter().filter_map(object));
+        all.map(|text| format!("{text}; {by_waves}")).collect()
     }
 }
 

@@ -202,6 +202,21 @@ impl Lattice {
         numbers::whole::<i64>(((x - self.offset) / self.period + self.detector.half(0)).floor())
     }
 
+    /// The lattice with this many of its periods in one.
+    #[must_use]
+    pub(crate) fn in_groups(&self, count: u32) -> Self {
+        if count == 1 {
+            return self.clone();
+        }
+        let grouped = Self { period: self.period * f64::from(count), ..self.clone() };
+        let of = |all: &Range<i64>| {
+            let [low, high] =
+                [all.start, all.end - 1].map(|it| grouped.beamlet_at(self.centre(it)));
+            low..high + 1
+        };
+        Self { beamlets: of(&self.beamlets), direct: of(&self.direct), ..grouped.clone() }
+    }
+
     /// Beamlets that an interval of x in the cell plane touches.
     #[must_use]
     pub fn beamlets_of(&self, x: [f64; 2]) -> Range<i64> {

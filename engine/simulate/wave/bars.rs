@@ -51,6 +51,20 @@ impl Bars {
         })
     }
 
+    /// No mask: bars that transmit all light. `period`: of the beamlets, m.
+    pub(super) fn none(optics: &Optics, period: f64) -> Self {
+        Self {
+            ends: [-0.5 * period, 0.5 * period],
+            period,
+            leak: 1.0,
+            side: 0.0,
+            variance: 0.0,
+            plane: optics.cell_plane,
+            shadow: 0.0,
+            name: "sample_mask",
+        }
+    }
+
     /// Width of the bars, m.
     pub(super) fn bar(&self) -> f64 {
         self.period - (self.ends[1] - self.ends[0])

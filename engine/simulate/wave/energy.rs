@@ -16,6 +16,14 @@ use std::sync::Arc;
 /// Most frequencies of an energy.
 const MOST_FREQUENCIES: u32 = 1 << 16;
 
+/// Lines of a kind: spacing of their rays and period of their beamlets, m.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Spacing {
+    pub rays: f64,
+    pub beamlets: f64,
+    pub kind: Kind,
+}
+
 /// Masks and frequencies at an energy.
 pub(super) struct Energy {
     sample: Bars,
@@ -30,20 +38,27 @@ impl Energy {
         scene: &Scene,
         optics: &Optics,
         (energy, share): (f64, f64),
-        lines: (f64, Kind),
-    ) -> Result<Option<Self>> {
-        let Some(mask) = &optics.sample_mask else { return Ok(None) };
-        let sample = Bars::of(scene, optics, mask, energy)?;
+        spacing: Spacing,
+    ) -> Result<Self> {
+        let sample = match &optics.sample_mask {
+            Some(mask) => Bars::of(scene, optics, mask, energy)?,
+            None => Bars::none(optics, spacing.beamlets),
+        };
         let detector = optics.detector_mask.as_ref();
         let detector = detector.map(|mask| Bars::of(scene, optics, mask, energy)).transpose()?;
         let [low, high] = sample.ends;
-        let widest = if sample.leak > 0.0 { sample.period } else { high - low };
+        let widest = match sample.leak {
+            0.0 => high - low,
+            _ if optics.sample_mask.is_none() => f64::INFINITY,
+            _ => sample.period,
+        };
         let wavelength = wavelength(energy);
+        let lines = (spacing.rays, spacing.kind);
         let frequencies = Frequencies::of(optics, lines, wavelength, sample.period, widest);
         if frequencies.count > MOST_FREQUENCIES {
             return refuse(format!("{} frequencies", frequencies.count));
         }
-        Ok(Some(Self { sample, detector, frequencies, share }))
+        Ok(Self { sample, detector, frequencies, share })
     }
 
     /// Half of a line, m: pairs of a beamlet lie on it. `offsets`: of the sample mask.
@@ -96,6 +111,9 @@ impl Energy {
     /// Largest change of light by the phase of bars that leak, share of open beam (2√e Λ/w, Λ the shear at the width
     /// of the curve).
     pub(super) fn by_phase_of_bars(&self, optics: &Optics) -> f64 {
+        if optics.sample_mask.is_none() {
+            return 0.0;
+        }
         let width = |[low, high]: [f64; 2]| high - low;
         let pixel = optics.detector.pitch_at(0, optics.cell_plane);
         let window = self.detector.map_or(pixel, |bars| width(bars.ends));

@@ -82,9 +82,7 @@ impl Frequencies {
         let turn = (step * spacing * TURN).round();
         let step = turn / TURN / spacing;
         let mask_shear = wavelength * mask * step;
-        let shrink = 1.0 - optics.cell_plane / optics.analyser;
-        let blur = optics.spot.narrowest(0) * shrink;
-        let last = ((BLURRED_AWAY / 2.0).sqrt() / (PI * blur)).min(widest / mask_shear * step);
+        let last = last_frequency(optics).min(widest / mask_shear * step);
         let count = (last / step).floor() + 1.0;
         let of = |value: f64| beamlet_core::numbers::whole::<u32>(value);
         Self { spacing, pairs: of(pairs), turn: of(turn), count: of(count), mask_shear }
@@ -100,6 +98,12 @@ impl Frequencies {
         let last = f64::from(self.count.saturating_sub(1));
         last * self.mask_shear.max(f64::from(self.pairs) * self.spacing)
     }
+}
+
+/// Frequency beyond which the focal spot blurs light away, cycles per metre.
+pub(super) fn last_frequency(optics: &Optics) -> f64 {
+    let shrink = 1.0 - optics.cell_plane / optics.analyser;
+    (BLURRED_AWAY / 2.0).sqrt() / (PI * optics.spot.narrowest(0) * shrink)
 }
 
 /// Spacing of the rays of all energies, m: the shear of the shortest wavelength per frequency is a whole number of

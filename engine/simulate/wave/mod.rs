@@ -3,8 +3,10 @@
 //! In the order of the data flow:
 //!
 //! - `refusal`: scenes that waves do not compute;
+//! - `facets`: facets that diffract as edges;
 //! - `bars`: apertures of a mask at an energy;
 //! - `frequencies`: spacing of a line, and its shears by energy;
+//! - `inline`: beamlets without a sample mask;
 //! - `columns`: pixels of each beamlet, and their response to a frequency;
 //! - `energy`, `plan`: tables of these on the device;
 //! - `kernels`, `lines`: lines of rays, traced, and their light;
@@ -16,7 +18,9 @@ mod band;
 mod bars;
 mod columns;
 mod energy;
+mod facets;
 mod frequencies;
+mod inline;
 mod kernels;
 mod lines;
 mod patch;
@@ -25,7 +29,9 @@ mod refusal;
 mod rows;
 
 pub(crate) use band::WaveBand;
+pub use facets::facet_kinks;
 pub(crate) use kernels::WaveKernels;
 pub(crate) use plan::WavePlans;
 pub(crate) use refusal::refuse;
+pub use refusal::refuse_by_waves;
 pub(crate) use rows::WaveView;

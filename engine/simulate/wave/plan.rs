@@ -1,8 +1,9 @@
 //! Lines of a scene on the device: frequencies of each energy, pixels and responses of each beamlet.
 
 use super::columns::Columns;
-use super::energy::{Energy, refuse};
+use super::energy::{Energy, Spacing, refuse};
 use super::frequencies::{Kind, spacing};
+use super::inline;
 use crate::sampling::Lattice;
 use beamlet_core::Result;
 use beamlet_core::numbers::{self, single};
@@ -53,6 +54,8 @@ pub(crate) struct WavePlan {
 /// Lines of a scene of each kind.
 #[derive(Debug)]
 pub(crate) struct WavePlans {
+    /// Beamlets of the lines: of the scene, or groups of pixels without a sample mask.
+    pub(crate) lattice: Lattice,
     /// Lines of rays.
     pub(super) rays: Arc<WavePlan>,
     /// Lines of half their spacing, for estimates.
@@ -62,7 +65,7 @@ pub(crate) struct WavePlans {
 }
 
 impl WavePlans {
-    /// Plans the lines of a scene; none without a sample mask.
+    /// Plans the lines of a scene.
     ///
     /// # Errors
     /// [`beamlet_core::Error::Scene`] where lines would have too many rays or masks are not described by waves.
@@ -72,19 +75,19 @@ impl WavePlans {
         optics: &Optics,
         lattice: &Lattice,
         media: &MaterialTable,
-    ) -> Result<Option<Self>> {
+    ) -> Result<Self> {
         let tolerance = scene.sampling.tolerances().light;
+        let lattice = inline::lattice(lattice, optics, &media.energies, tolerance);
         let spacing = spacing(optics, &media.energies, lattice.period, tolerance);
         log::info!("waves: rays {:.0} nm apart", 1e9 * spacing);
-        let plan = |spacing, kind| {
-            let plan = WavePlan::of(device, (scene, optics), lattice, media, (spacing, kind))?;
-            Ok::<_, beamlet_core::Error>(plan.map(Arc::new))
+        let plan = |rays, kind| {
+            let spacing = Spacing { rays, beamlets: lattice.period, kind };
+            WavePlan::of(device, (scene, optics), &lattice, media, spacing).map(Arc::new)
         };
         let rays = plan(spacing, Kind::Rays)?;
         let finer = plan(0.5 * spacing, Kind::Rays)?;
         let flat = plan(spacing, Kind::Flat)?;
-        let all = rays.zip(finer).zip(flat);
-        Ok(all.map(|((rays, finer), flat)| Self { rays, finer, flat }))
+        Ok(Self { lattice, rays, finer, flat })
     }
 }
 
@@ -94,15 +97,14 @@ impl WavePlan {
         (scene, optics): (&Scene, &Optics),
         lattice: &Lattice,
         media: &MaterialTable,
-        lines: (f64, Kind),
-    ) -> Result<Option<Self>> {
+        spacing: Spacing,
+    ) -> Result<Self> {
         let tolerance = scene.sampling.tolerances().light;
         let nodes = media.energies.iter().copied().zip(media.weights.iter().copied());
-        let energies = nodes.map(|node| Energy::of(scene, optics, node, lines));
-        let energies: Option<Vec<Energy>> = energies.collect::<Result<_>>()?;
-        let Some(energies) = energies else { return Ok(None) };
+        let energies = nodes.map(|node| Energy::of(scene, optics, node, spacing));
+        let energies: Vec<Energy> = energies.collect::<Result<_>>()?;
         let rays = rays_of(optics, &energies)?;
-        if lines.1 == Kind::Flat {
+        if spacing.kind == Kind::Flat {
             warn(optics, &energies, (media.energies[0], tolerance));
         }
         let mut buffers = Vec::new();
@@ -114,12 +116,12 @@ impl WavePlan {
         }
         let columns = Columns::of(optics, lattice, None);
         let first = optics.spot.placed().first().map_or(0.0, |part| part.offset[1]);
-        Ok(Some(Self {
+        Ok(Self {
             beamlets: columns.beamlets,
             pixels: columns.pixels,
             most_pixels: columns.most,
             rays,
-            spacing: lines.0,
+            spacing: spacing.rays,
             energies: numbers::count(params.len()),
             materials: numbers::count(media.names.len()),
             lever: optics.lever_arm,
@@ -128,7 +130,7 @@ impl WavePlan {
             params: device.upload("lines", &params)?,
             media: device.upload("phases of materials", &materials(optics, media))?,
             _buffers: buffers,
-        }))
+        })
     }
 
     /// Parameters of an energy on the device.
@@ -141,6 +143,20 @@ impl WavePlan {
         let first = u64::from(energy * self.materials) * size_of::<WaveMaterial>() as u64;
         self.media.address() + first
     }
+}
+
+/// Refuses masks that waves do not describe, and lines of too many rays. `nodes`: energies (keV) and their weights.
+pub(super) fn refuse_masks(scene: &Scene, optics: &Optics, nodes: &[(f64, f64)]) -> Result<()> {
+    let tolerance = scene.sampling.tolerances().light;
+    let energies: Vec<f64> = nodes.iter().map(|(energy, _)| *energy).collect();
+    let pixels = inline::pixels_of_beamlet(optics, &energies, tolerance);
+    let beamlets = f64::from(pixels) * optics.beamlets().period[0];
+    let rays = 0.5 * spacing(optics, &energies, beamlets, tolerance);
+    let finer = Spacing { rays, beamlets, kind: Kind::Rays };
+    let energies = nodes.iter().map(|node| Energy::of(scene, optics, *node, finer));
+    let energies: Vec<Energy> = energies.collect::<Result<_>>()?;
+    rays_of(optics, &energies)?;
+    energies.iter().try_for_each(|energy| energy.check(optics, tolerance))
 }
 
 /// Warns of phases of bars, and of propagation between mask and sample, that change light; `energy`: of the first

@@ -1,9 +1,27 @@
 //! Scenes that waves do not compute.
 
+use super::{inline, plan};
+use crate::detector::DetectorModel;
+use crate::run::quality;
 use beamlet_core::{Error, Result};
 use beamlet_gpu::EngineOptions;
 use beamlet_model::optics::Optics;
 use beamlet_model::scene::{Refine, Scene, Scheme, Transport};
+use beamlet_model::spectrum;
+
+/// Refuses a scene that waves do not compute, whatever its transport; no device is needed.
+///
+/// # Errors
+/// [`Error::Scene`] with the reason; the spectrum and the materials of the masks.
+pub fn refuse_by_waves(scene: &Scene) -> Result<()> {
+    let mut scene = quality::resolved(scene, false)?;
+    scene.sampling.transport = Transport::Wave;
+    let detector = DetectorModel::of(&scene)?;
+    refuse(&scene, detector.optics(), &EngineOptions::default())?;
+    let nodes = spectrum::nodes(&scene)?;
+    let nodes: Vec<_> = nodes.energies.iter().copied().zip(nodes.weights).collect();
+    plan::refuse_masks(&scene, detector.optics(), &nodes)
+}
 
 /// Refuses by name what lines of rays along x do not describe.
 pub(crate) fn refuse(scene: &Scene, optics: &Optics, options: &EngineOptions) -> Result<()> {
@@ -27,7 +45,7 @@ pub(crate) fn refuse(scene: &Scene, optics: &Optics, options: &EngineOptions) ->
         return wave(&found, "roughness = 0: roughness has no correlation length");
     }
     if optics.sample_mask.is_none() {
-        return wave("no sample mask", "a scene with a sample mask");
+        inline::refuse(scene, optics)?;
     }
     let parts = optics.spot.placed();
     let first = parts.first().map(|part| (part.offset[1], part.deviation[1]));

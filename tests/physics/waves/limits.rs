@@ -56,6 +56,6 @@ fn interiors_of_large_bodies_have_the_light_of_rays() {
         waves.iter().zip(&rays).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max)
     };
     // The slope of the flat curve differs by parts of a percent, and falls with the wavelength.
-    let errors = [30.0, 300.0].map(error);
-    assert!(errors[0] < 3e-5 && errors[1] < 5e-6, "{errors:?}");
+    let errors = [30.0, 300.0, 1000.0].map(error);
+    assert!(errors[0] < 3e-5 && errors[1] < 5e-6 && errors[2] < 2e-6, "{errors:?}");
 }

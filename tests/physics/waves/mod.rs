@@ -3,11 +3,14 @@
 #![allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "numbers of samples")]
 
 mod bodies;
+mod facets;
 mod flats;
+mod inline;
 mod limits;
 mod refused;
 mod rows;
 mod spectra;
+mod stacks;
 
 use crate::reference::waves::body::{Body, Outline};
 use crate::reference::waves::row::Row;

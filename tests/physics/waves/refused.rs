@@ -23,7 +23,17 @@ fn scenes_that_waves_do_not_describe_are_refused_by_name() {
     has(refusal(|scene| scene.sampling.scheme = Scheme::Random), "random");
     has(refusal(|scene| scene.sampling.refine = Refine::Device), "device");
     has(refusal(|scene| scene.objects[0].roughness = 1e-3), "cylinder");
-    has(refusal(|scene| scene.sample_mask = None), "sample mask");
+    // Rows of 3 um at the sample.
+    let low = |scene: &mut Scene| {
+        scene.sample_mask = None;
+        scene.detector.pitch[1] = 4.5e-6;
+    };
+    has(refusal(low), "um high at the sample and no sample mask");
+    let point = |scene: &mut Scene| {
+        scene.sample_mask = None;
+        scene.source.spot = Spot::gaussians(vec![SpotPart::new(1.0, [0.0; 2], [0.0; 2])]);
+    };
+    has(refusal(point), "no sample mask");
     let parts = [[30e-6, 10e-6], [30e-6, 20e-6]].map(|fwhm| SpotPart::new(0.5, fwhm, [0.0; 2]));
     has(refusal(|scene| scene.source.spot = Spot::gaussians(parts.to_vec())), "along z");
     let wide = |scene: &mut Scene| {

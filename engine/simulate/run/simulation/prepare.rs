@@ -177,9 +177,11 @@ impl Simulation {
             &optics.offsets.lists()[0],
         );
         let wave = match scene.sampling.transport {
-            Transport::Wave => WavePlans::new(device, &scene, optics, &lattice, &media)?,
+            Transport::Wave => Some(WavePlans::new(device, &scene, optics, &lattice, &media)?),
             Transport::Auto | Transport::FirstOrder | Transport::Exact => None,
         };
+        let facet_kinks = wave::facet_kinks(&scene, &sample)?;
+        facet_kinks.iter().for_each(|kink| log::warn!("waves: {kink}"));
         let budget = error_budget(&scene, detector.optics());
         let of = scene.clone();
         let Built { sample, media, bvh, facets } =
@@ -196,6 +198,7 @@ impl Simulation {
                 mesh_hashes: mesh_hashes(&scene, &sample),
                 refine: refine_reason.as_ref().map(|_| scene.sampling.refine),
                 refine_reason,
+                facet_kinks,
                 ..RunStart::new(&description.name, &description.driver, Backend::Bvh, "")
             },
             scene,

@@ -23,14 +23,16 @@ impl ViewWork<'_> {
         (rows, inner): (&Range<i64>, &Range<i64>),
         own: bool,
     ) -> Result<bool> {
-        let Some(wave) = &mut self.wave else { return Ok(false) };
+        let (Some(wave), Some(plans)) = (&mut self.wave, &self.simulation.wave) else {
+            return Ok(false);
+        };
         if matches!(view, Exposure::Sample(_)) && !projected_bounds.is_empty() {
             let begin = Instant::now();
             let simulation = self.simulation;
             let blur_rows = simulation.lattice.blur_rows;
             let lit = rows.start.max(inner.start - blur_rows)..rows.end.min(inner.end + blur_rows);
             let of_view = WaveView {
-                lattice: &simulation.lattice,
+                lattice: &plans.lattice,
                 shadows: projected_bounds,
                 pose: self.pose,
                 list: self.response.0,
