@@ -310,7 +310,7 @@ fn setup(
         },
     );
     let optics = Optics::of(scene);
-    let openings = |mask: &Mask| mask.openings(mask.distance());
+    let openings = |mask: &Mask| mask.without_shifts(mask.distance());
     let mask = |mask: &Option<Mask>| {
         let openings = mask.as_ref().map(openings);
         openings.map(|openings| [openings.period[0], openings.narrowest(0)])
@@ -339,11 +339,10 @@ fn spot(scene: &Scene, optics: &Optics) -> CheckedSpot {
     let spot = &scene.source.spot;
     let fit = spot.fit().cloned();
     // The overlap of two apertures changes by as much per metre of source, and has four kinks.
-    let slope = optics
-        .detector_mask
-        .as_ref()
-        .filter(|_| optics.sample_mask.is_some())
-        .map(|mask| (scene.magnification() - 1.0) / mask.openings(mask.distance()).period[0]);
+    let slope =
+        optics.detector_mask.as_ref().filter(|_| optics.sample_mask.is_some()).map(|mask| {
+            (scene.magnification() - 1.0) / mask.without_shifts(mask.distance()).period[0]
+        });
     CheckedSpot {
         fwhm: spot.fwhm(),
         parts: spot.parts().len(),

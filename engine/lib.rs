@@ -98,7 +98,7 @@ pub mod scene {
         Object, Packing, PackingAmount, PackingKind, PackingRegion, Placement, Pose, Quality,
         RandomRays, Refine, RotationAxis, Sampling, Scan, ScanErrors, Scatter, Scene, Scheme,
         Shape, ShapeOrMesh, Source, SpectrumOrigin, SpectrumSpec, Spot, SpotFit, SpotPart,
-        Tolerances, Transport, View,
+        Substrate, Tolerances, Transport, View,
     };
 }
 /// Spectra and their energy nodes.

@@ -130,7 +130,7 @@ void illuminate(uint mask_step) {
     Exposed step_ = exposed_at(mask_step);
     float faint = part.first == 0u ? setting.faint : 0.0;
     Landing landing = landing_begin(mask_step, faint, step_.pixels);
-    Place place = Place(step_.from, 0u);
+    Place place = step_.from;
     uint layer = 0u;
     uint layers = 1u;
     int n = step_.at_all_steps ? -1 : 0;

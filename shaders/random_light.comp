@@ -22,10 +22,12 @@ float open_share(Mask mask, float low, float high, float shift) {
     int from = int(floor((low - shift) / mask.period - 0.5));
     int to = int(ceil((high - shift) / mask.period + 0.5));
     for (int k = from; k <= to; k++) {
-        for (uint i = 0u; i < mask.count; i++) {
+        uint first = mask.count == 1u ? 0u : aperture_beyond(mask, low - shift - float(k) * mask.period);
+        for (uint i = first; i < mask.count; i++) {
             Aperture aperture = aperture_of(mask, Place(k, i));
             float a = float(k) * mask.period + shift + aperture.low;
             float b = float(k) * mask.period + shift + aperture.high;
+            if (a > high) break;
             if (high > low) open += max(min(b, high) - max(a, low), 0.0);
             else if (low > a && low < b) return 1.0;
         }
@@ -33,13 +35,14 @@ float open_share(Mask mask, float low, float high, float shift) {
     return high > low ? open / (high - low) : 0.0;
 }
 
-// Transmission of the exact path through the bars.
+// Transmission of the exact path through bars and substrate.
 float mask_transmission(Mask mask, float x, float shift, float slope, float sec) {
     if (mask.present == 0u) return 1.0;
+    float plate = through_substrate(mask, sec);
     float half_shadow = 0.5 * mask.thickness * abs(slope);
     float open = open_share(mask, x - half_shadow, x + half_shadow, shift);
-    if (mask.attenuation > 0.0) return exp(-mask.attenuation * sec * (1.0 - open));
-    return open > 0.5 ? 1.0 : mask.transmission;
+    if (mask.attenuation > 0.0) return plate * exp(-mask.attenuation * sec * (1.0 - open));
+    return open > 0.5 ? plate : plate * mask.transmission;
 }
 
 // Threshold of a ray for rounding: multiples of the golden ratio fill [0, 1) evenly, so that equal

@@ -26,6 +26,8 @@ pub(crate) enum MethodName {
     Gaussian,
     /// Gaussian without background through 3 steps
     ThreeStep,
+    /// Curve of the masks without background through 2 steps: no dark field
+    TwoStep,
     /// Area, centroid and variance of curves that reach zero within the scan
     Moments,
     /// Triangle, for small spots and apertures of one projected width
@@ -41,6 +43,7 @@ impl From<MethodName> for Method {
         match name {
             MethodName::Gaussian => Self::Gaussian,
             MethodName::ThreeStep => Self::ThreeStep,
+            MethodName::TwoStep => Self::TwoStep,
             MethodName::Moments => Self::Moments,
             MethodName::Triangle => Self::Triangle,
             MethodName::ExactCurve => Self::ExactCurve,

@@ -41,6 +41,11 @@ const SHIPPED: &[Shipped] = &[
         files: files!("cylinders": "scene.toml"),
     },
     Shipped {
+        name: "asymmetric",
+        about: "carbon cylinder of 8 mm behind an asymmetric mask, one exposure",
+        files: files!("asymmetric": "scene.toml"),
+    },
+    Shipped {
         name: "tomography",
         about: "80,000 fibres of 5 um, thick fibres and rods in polyethylene, 360 views",
         files: files!("tomography": "scene.toml", "thick.csv"),

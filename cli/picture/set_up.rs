@@ -7,7 +7,7 @@ use super::palette::{self, colour_of_object, pale};
 use super::section::{Loop, by_object, outline, section, thinned};
 use super::text::{cut, distance, joined, length};
 use beamlet::Result;
-use beamlet::cli_support::require_memory;
+use beamlet::cli_support::{numbers, require_memory};
 use beamlet::geometry::Sample;
 use beamlet::scene::{MaskBody, MaskSpec, Scene};
 
@@ -134,17 +134,28 @@ fn mask_line(drawing: &mut Drawing, axes: &Axes, mask: &MaskSpec, reach: f64) {
     if period < 5.0 {
         drawing.line([x, top], [x, bottom], Paint::line(BARS, 4.0));
     } else {
-        let bar = 1e3 * (mask.period - mask.aperture);
         // Bars lie between apertures; the inset shows which of them is in the middle.
-        let count = (reach / mask.period).ceil();
-        let mut k = -count;
+        let pattern = mask.pattern();
+        let count = (reach / pattern).ceil();
+        let mut k = -count - 1.0;
         while k <= count {
-            let low = 1e3 * (k * mask.period + mask.offset) - bar / 2.0;
-            drawing.line([x, axes.down(low)], [x, axes.down(low + bar)], Paint::line(BARS, 4.0));
+            let centre = (k + 0.5) * pattern + mask.offset;
+            for [low, high] in bars(mask) {
+                let ends = [low, high].map(|end| axes.down(1e3 * (centre + end)));
+                drawing.line([x, ends[0]], [x, ends[1]], Paint::line(BARS, 4.0));
+            }
             k += 1.0;
         }
     }
     drawing.clip(None);
+}
+
+/// Ends of the bars behind the slits of a pattern, from its middle, m.
+fn bars(mask: &MaskSpec) -> Vec<[f64; 2]> {
+    let slits = mask.slits();
+    let around = slits.first().map(|[low, _]| low + mask.pattern());
+    let next = slits.iter().skip(1).map(|[low, _]| *low).chain(around);
+    slits.iter().zip(next).map(|([_, high], low)| [*high, low]).collect()
 }
 
 fn direction_of_stepping(drawing: &mut Drawing, scene: &Scene, axes: &Axes, reach: f64) {
@@ -301,7 +312,7 @@ fn mask_inset(drawing: &mut Drawing, scene: &Scene, mask: &MaskSpec, name: &str,
     let mut index = -periods.floor() - 2.0;
     if 2.0 * periods > area.height {
         // Masks far thicker than their period, whose bars are finer than pixels: their mean.
-        let opacity = 1.0 - mask.aperture / mask.period;
+        let opacity = 1.0 - mask.open_share();
         let (left, right) = (axes.across(-5e5 * thickness), axes.across(5e5 * thickness));
         let bars = Area::new(left, area.top, (right - left).max(2.5), area.height);
         drawing.area(bars, Paint { fill: Some((BARS, opacity)), ..Paint::default() });
@@ -309,19 +320,27 @@ fn mask_inset(drawing: &mut Drawing, scene: &Scene, mask: &MaskSpec, name: &str,
     }
     // The light of the apertures, and the rows of pixels behind.
     while index < periods + 1.0 {
-        // Apertures are centred at (k + 1/2 - C/2) periods.
+        // Period k is centred at (k + 1/2 - C/2) periods.
         let phase = 0.5 - (columns / 2.0).fract();
-        let centre = (index + phase) * mask.period + mask.offset;
-        let [low, high] = [centre - mask.aperture / 2.0, centre + mask.aperture / 2.0];
-        let light = axes.at([-half, 1e6 * low]);
-        let end = axes.at([half, 1e6 * high]);
-        let beam = Area::new(light[0], light[1], end[0] - light[0], end[1] - light[1]);
-        drawing.area(beam, Paint { fill: Some((BEAM, 0.35)), ..Paint::default() });
-        let bar = 1e6 * (mask.period - mask.aperture);
-        let from = axes.at([-5e5 * thickness, 1e6 * high]);
-        let to = axes.at([5e5 * thickness, 1e6 * high + bar]);
-        let width = (to[0] - from[0]).max(2.5);
-        drawing.area(Area::new(from[0], from[1], width, to[1] - from[1]), Paint::fill(BARS));
+        let number = index + phase - 0.5 + columns / 2.0;
+        let shift = |number: f64| match mask.shifts.len() {
+            0 => 0.0,
+            count => mask.shifts[numbers::whole::<usize>(number.rem_euclid(count as f64).floor())],
+        };
+        let centre = (index + phase) * mask.period + mask.offset + shift(number);
+        let slits = mask.slits_of_period();
+        let next = slits[0][0] + mask.period + shift(number + 1.0) - shift(number);
+        let ends = slits.iter().skip(1).map(|[low, _]| *low).chain([next]);
+        for ([low, high], end) in slits.iter().zip(ends) {
+            let light = axes.at([-half, 1e6 * (centre + low)]);
+            let last = axes.at([half, 1e6 * (centre + high)]);
+            let beam = Area::new(light[0], light[1], last[0] - light[0], last[1] - light[1]);
+            drawing.area(beam, Paint { fill: Some((BEAM, 0.35)), ..Paint::default() });
+            let from = axes.at([-5e5 * thickness, 1e6 * (centre + high)]);
+            let to = axes.at([5e5 * thickness, 1e6 * (centre + end)]);
+            let width = (to[0] - from[0]).max(2.5);
+            drawing.area(Area::new(from[0], from[1], width, to[1] - from[1]), Paint::fill(BARS));
+        }
         index += 1.0;
     }
     drawing.clip(None);
@@ -334,7 +353,13 @@ fn mask_inset(drawing: &mut Drawing, scene: &Scene, mask: &MaskSpec, name: &str,
         MaskBody::Sheet { transmission } => format!("sheet, transmission {transmission}"),
         _ => String::new(),
     };
-    let lattice = format!("period {}, aperture {}", length(mask.period), length(mask.aperture));
+    let mut lattice = format!("period {}, aperture {}", length(mask.period), length(mask.aperture));
+    if mask.apertures.len() > 1 {
+        lattice += &format!(", {} to a period", mask.apertures.len());
+    }
+    if !mask.shifts.is_empty() {
+        lattice += &format!(", {} shifts", mask.shifts.len());
+    }
     for (row, text) in [(16.0, lattice), (33.0, body)] {
         let y = area.bottom() + BELOW + row;
         drawing.text([area.left, y], text, SMALL, INK, Anchor::Start);

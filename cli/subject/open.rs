@@ -23,7 +23,9 @@ impl Images {
         let record = Record::read(&directory.join(RECORD))?;
         let first = maps.names().next().map(str::to_owned).unwrap_or_default();
         let (rows, columns) = maps.map(&first, 0)?.dim();
-        let of_beamlets = record.method == Method::Beamlet.name() || !record.columns.is_empty();
+        let of_beamlets = record.method == Method::Beamlet.name()
+            || !record.columns.is_empty()
+            || record.group.is_some();
         Ok(Self { maps, of_beamlets, record, rows, columns })
     }
 }
@@ -57,10 +59,15 @@ impl Subject {
         let retrieved: PathBuf = named.map_or_else(|| path.join(RETRIEVED), Path::to_path_buf);
         let (mut record, mut maps, mut beamlets) = (None, None, None);
         if named.is_some() || retrieved.is_dir() {
-            let found = Images::open(&retrieved)?;
+            let mut found = Images::open(&retrieved)?;
+            // Columns behind apertures are not the user's choice.
+            let lit = Input::of_run(&run, found.record.counts)?.kept_columns();
+            let kept = found.record.kept_columns.clone();
+            let is_chosen = kept.is_some() && kept != lit.map(|columns| columns.to_string());
+            found.of_beamlets |= kept.is_some();
             let (rows, columns) = (found.rows, found.columns);
             let differs = [rows, columns] != shape[2..];
-            if found.record.kept_columns.is_some() || found.record.bin.is_some() {
+            if is_chosen || found.record.bin.is_some() {
                 return Err(Failure::File {
                     path: retrieved,
                     problem:

@@ -3,7 +3,9 @@
 use super::CheckReport;
 use beamlet_core::printed::number;
 use beamlet_model::optics::{Mask, Optics};
-use beamlet_model::scene::{Beam, Counts, MaterialSpec, Scan, Scene, SpectrumOrigin, limits};
+use beamlet_model::scene::{
+    Beam, Counts, MaskSpec, MaterialSpec, Scan, Scene, SpectrumOrigin, limits,
+};
 use beamlet_model::spectrum::Spectrum;
 use beamlet_model::{material, spot};
 use beamlet_recon::retrieve::{Method, different_offsets};
@@ -80,7 +82,7 @@ fn fringes(a: f64, b: f64, columns: f64) -> f64 {
 fn periods_of_masks(optics: &Optics, masks: [Option<&Mask>; 2]) -> Option<String> {
     let [Some(first), Some(second)] = masks else { return None };
     let plane = optics.detector.distance;
-    let [a, b] = [first, second].map(|mask| mask.openings(plane).period[0]);
+    let [a, b] = [first, second].map(|mask| mask.without_shifts(plane).period[0]);
     let fringes = fringes(a, b, f64::from(optics.detector.pixels[0]));
     (fringes > FRINGES).then(|| {
         format!(
@@ -107,7 +109,7 @@ fn wide_pixels(optics: &Optics) -> Option<String> {
 /// Projected period of the detector mask that does not fit the pixels.
 fn period_of_pixels(optics: &Optics) -> Option<String> {
     let detector = &optics.detector;
-    let period = optics.detector_mask.as_ref()?.openings(detector.distance).period[0];
+    let period = optics.detector_mask.as_ref()?.without_shifts(detector.distance).period[0];
     let fringes = fringes(period, detector.pitch[0], f64::from(detector.pixels[0]));
     (fringes > FRINGES).then(|| {
         format!(
@@ -125,11 +127,13 @@ fn period_of_pixels(optics: &Optics) -> Option<String> {
 fn slits_on_borders(optics: &Optics) -> Option<String> {
     let detector = &optics.detector;
     let mask = optics.detector_mask.as_ref()?;
-    let slit = mask.openings(detector.distance).narrowest(0);
+    let openings = mask.openings(detector.distance);
+    let slit = openings.narrowest(0);
     let middle = if detector.pixels[0].is_multiple_of(2) { 0.0 } else { 0.5 };
     let crossed = [middle, middle + 1.0].into_iter().any(|border| {
         let slope = border * detector.pitch[0] / detector.distance;
-        mask.off_centre(slope, detector.distance).abs() < 0.5 * slit
+        let place = mask.off_centre(slope, detector.distance);
+        openings.ends().any(|[low, high]| low < place && place < high)
     });
     // A slit of a pixel's width crosses borders wherever it is.
     (crossed && slit < 0.9 * detector.pitch[0]).then(|| {
@@ -142,7 +146,7 @@ fn slits_on_borders(optics: &Optics) -> Option<String> {
 /// A spot that leaves next to no illumination curve.
 fn blurred_away(scene: &Scene, optics: &Optics) -> Option<String> {
     let mask = optics.sample_mask.as_ref().filter(|_| optics.detector_mask.is_some())?;
-    let period = mask.openings(optics.analyser).period[0];
+    let period = mask.without_shifts(optics.analyser).period[0];
     let blur = (scene.magnification() - 1.0) * spot::deviation(scene.source.spot.fwhm()[0]);
     (blur > BLURRED_AWAY * period).then(|| {
         format!(
@@ -235,13 +239,14 @@ fn many_turns(scan: &Scan) -> Option<String> {
 
 /// Too few mask offsets for any retrieval with both masks.
 fn few_offsets(scene: &Scene) -> Option<String> {
-    let different = different_offsets(&scene.scan.mask_offsets);
-    let methods = [Method::ThreeStep, Method::Gaussian, Method::ExactCurve];
-    let [three_step, gaussian, exact_curve] = methods.map(Method::least_offsets);
+    let different = different_offsets(&scene.offsets_of_group(&scene.scan.mask_offsets));
+    let methods = [Method::TwoStep, Method::ThreeStep, Method::Gaussian, Method::ExactCurve];
+    let [two_step, three_step, gaussian, exact_curve] = methods.map(Method::least_offsets);
     (scene.masks().count() == 2 && different < three_step).then(|| {
         format!(
             "different values of scan.mask_offsets: {different}; `retrieve` needs {three_step} of them \
-             (method three-step), {gaussian} (gaussian) or {exact_curve} (exact-curve)"
+             (method three-step), {gaussian} (gaussian) or {exact_curve} (exact-curve); {two_step} give no dark \
+             field (two-step)"
         )
     })
 }
@@ -251,6 +256,10 @@ fn few_offsets(scene: &Scene) -> Option<String> {
 fn curve_beside_scan(scene: &Scene, optics: &Optics) -> Option<String> {
     let [sample, detector] = [&scene.sample_mask, &scene.detector_mask].map(Option::as_ref);
     let [sample, detector] = [sample?, detector?];
+    let is_plain = |mask: &MaskSpec| mask.apertures.is_empty() && mask.shifts.is_empty();
+    if !(is_plain(sample) && is_plain(detector)) {
+        return None;
+    }
     let (period, pitch) = (sample.period, scene.detector.pitch[0] / scene.detector.distance);
     let fits = |period: f64, distance: f64| (period / distance / pitch - 1.0).abs() < SAME_PERIOD;
     if !fits(period, sample.distance) || !fits(detector.period, detector.distance) {
@@ -351,8 +360,7 @@ fn odd_materials(scene: &Scene, energy: f64) -> Vec<String> {
 
 /// Share of a mask that is open.
 fn open_share(mask: &Mask) -> f64 {
-    let openings = mask.openings(mask.distance());
-    openings.narrowest(0) / openings.period[0]
+    mask.open_share()
 }
 
 /// Too few photons for a fit, or more than the numbers of the detector hold; `passed`: most light of a pixel

@@ -95,6 +95,8 @@ pub(super) fn illumination(
     scene: &Scene,
     nodes: &Nodes,
 ) -> Result<Option<IlluminationCurve>> {
+    // Columns of a group sample the curve of masks without shifts.
+    let scene = &scene.of_groups();
     let optics = Optics::of(scene);
     if optics.sample_mask.is_none() || optics.detector_mask.is_none() {
         return Ok(None);
@@ -257,6 +259,7 @@ pub(super) fn warnings(
     nodes: &Nodes,
     curve: Option<&IlluminationCurve>,
 ) -> Result<Vec<String>> {
+    let scene = &scene.of_groups();
     let optics = Optics::of(scene);
     let leaks = optics::mean_leaks(scene, &optics, (&nodes.energies, &nodes.weights))?;
     let thin = || ThinCurve::of(&optics, leaks).and_then(|curve| curve.fitted_sigma());

@@ -39,6 +39,10 @@ fn unknown_materials<'a>(scene: &'a Scene) -> Vec<Error> {
     for (key, mask) in scene.masks() {
         let material = mask.body.material();
         named.extend(material.map(|material| (format!("{key}.material"), material)));
+        let plate = mask.substrate.as_ref();
+        named.extend(
+            plate.map(|plate| (format!("{key}.substrate.material"), plate.material.as_str())),
+        );
     }
     named.push((scene.surroundings_key().into(), &scene.surroundings));
     for (number, object) in scene.objects.iter().enumerate() {

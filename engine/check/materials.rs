@@ -14,6 +14,11 @@ pub(super) fn materials(scene: &Scene, energy: f64) -> Result<Vec<Material>> {
         (object.name.clone(), key, Some(object.material.clone()))
     };
     let mask = |name: &str, spec| (name.to_owned(), format!("{name}.material"), bars(spec));
+    let substrate = |name: &str, spec: &Option<MaskSpec>| {
+        let plate = spec.as_ref().and_then(|mask| mask.substrate.as_ref());
+        let key = format!("{name}.substrate.material");
+        (format!("substrate of {name}"), key, plate.map(|plate| plate.material.clone()))
+    };
     let surroundings = Some(scene.surroundings.clone());
     let around = if scene.region().is_some() { "around the region" } else { "surroundings" };
     let uses = [(around.to_owned(), scene.surroundings_key().to_owned(), surroundings)]
@@ -22,6 +27,8 @@ pub(super) fn materials(scene: &Scene, energy: f64) -> Result<Vec<Material>> {
         .chain([
             mask("sample_mask", &scene.sample_mask),
             mask("detector_mask", &scene.detector_mask),
+            substrate("sample_mask", &scene.sample_mask),
+            substrate("detector_mask", &scene.detector_mask),
             (
                 "detector".to_owned(),
                 "detector.absorber.material".to_owned(),

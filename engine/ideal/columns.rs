@@ -4,6 +4,7 @@ use beamlet_core::Result;
 use beamlet_model::optics::Optics;
 use beamlet_model::scene::Scene;
 use beamlet_recon::retrieve::beamlets::Beamlets;
+use beamlet_recon::retrieve::columns_of_images;
 use beamlet_recon::retrieve::joined::JoinedColumns;
 use beamlet_recon::retrieve::method::Method;
 
@@ -34,7 +35,7 @@ impl IdealColumns {
                 let half = 0.5 * seen.narrowest(0) * optics.detector.pitch[0];
                 (places.iter().map(|at| vec![[at - half, at + half]]).collect(), places)
             }
-            _ => (optics.column_openings(offset), optics.column_places()),
+            _ => of_frames(scene, &optics, offset),
         };
         let joined = JoinedColumns::of(scene, &places);
         Ok(Self { openings, places, joined })
@@ -59,6 +60,29 @@ impl IdealColumns {
     pub(super) fn places_of_images(&self) -> Vec<f64> {
         self.joined.as_ref().map_or_else(|| self.places.clone(), |it| it.places().to_vec())
     }
+}
+
+/// Openings and places of the columns of images that are made of columns of frames.
+fn of_frames(scene: &Scene, optics: &Optics, offset: f64) -> (Vec<Vec<[f64; 2]>>, Vec<f64>) {
+    let (openings, lights) = (optics.column_openings(offset), optics.column_lights());
+    let of_image = |columns: &Vec<usize>| {
+        let own: Vec<[f64; 2]> =
+            columns.iter().flat_map(|column| openings[*column].iter().copied()).collect();
+        let [mut width, mut moment] = [0.0; 2];
+        for [place, share] in columns.iter().map(|column| lights[*column]) {
+            width += share;
+            moment += share * place;
+        }
+        let place = match columns[..] {
+            [column] => lights[column][0],
+            _ if width > 0.0 => moment / width,
+            _ => {
+                columns.iter().map(|column| lights[*column][0]).sum::<f64>() / columns.len() as f64
+            }
+        };
+        (own, place)
+    };
+    columns_of_images(scene).iter().map(of_image).unzip()
 }
 
 /// Refraction angle that moves light by half a period of the sample mask on the analyser, rad; infinite

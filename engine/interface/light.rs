@@ -32,6 +32,11 @@ shared_structs! {
         pub first: f32,
         /// High end of the last aperture.
         pub last: f32,
+        /// Width of the narrowest aperture and of the narrowest bar, if there are several.
+        pub narrowest_aperture: f32,
+        pub narrowest_bar: f32,
+        /// Attenuation of the substrate along the axis; 0 for light of all energies together.
+        pub substrate: f32,
     }
 
     /// Values that depend on the beamlet (index k of the cell lattice) alone.

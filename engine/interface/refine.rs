@@ -54,6 +54,8 @@ shared_structs! {
         pub step: u32,
         pub low: f32,
         pub high: f32,
+        /// Length after which it repeats, m.
+        pub period: f32,
     }
 
     /// Windows of one kind on the analyser, one to a period.

@@ -23,6 +23,45 @@ Aperture aperture_of(Mask mask, Place place) {
     return Apertures(mask.apertures).at[place.aperture];
 }
 
+// Farthest edge of an aperture from the middle of the period.
+float outermost(Mask mask) {
+    return mask.count == 1u ? mask.last : max(mask.last, -mask.first);
+}
+
+// The first aperture that ends beyond x, from the middle of its period; the count where none does.
+uint aperture_beyond(Mask mask, float x) {
+    uint first = 0u;
+    uint last = mask.count;
+    while (first < last) {
+        uint middle = (first + last) / 2u;
+        bool beyond = Apertures(mask.apertures).at[middle].high > x;
+        last = beyond ? middle : last;
+        first = beyond ? first : middle + 1u;
+    }
+    return first;
+}
+
+// Apertures within reach, in their order.
+struct Reached {
+    Place place; // of the first
+    int count;
+};
+
+// Apertures of some periods that reach into [low, high], where they end `beyond` outside of their edges.
+Reached apertures_between(Mask mask, ivec2 periods, float low, float high, float beyond) {
+    Reached reached = Reached(Place(periods.x, 0u), max(periods.y - periods.x + 1, 0) * int(mask.count));
+    if (mask.count == 1u || reached.count == 0) return reached;
+    uint first = aperture_beyond(mask, low - beyond - float(periods.x) * mask.period);
+    // Those before the last one that begins within reach.
+    float end = high + beyond - float(periods.y) * mask.period;
+    uint last = aperture_beyond(mask, end);
+    if (last < mask.count && Apertures(mask.apertures).at[last].low < end) last++;
+    reached.count = max(reached.count - int(first) - int(mask.count - last), 0);
+    reached.place.aperture = first;
+    if (first == mask.count) reached.place = Place(periods.x + 1, 0u);
+    return reached;
+}
+
 // Share of the period that is open.
 float open_part(Mask mask) {
     float open = 0.0;
@@ -119,11 +158,13 @@ uint layers_of(Bars bars, float period, float blur) {
 // path in bars is the share of the window covered by bars; whole periods of it are covered alike
 // everywhere. The rest of it begins to touch a bar, or to lose an aperture, at `start` from the middle
 // of the period, and the path grows linearly from there until it contains all of the bar, or no more of
-// it.
+// it. Several apertures in a period are wider than the shadow, and so are their bars: then each edge
+// belongs to a single one.
 Bars thick_bars(Mask mask, float slope, float sec) {
     float attenuation = mask.attenuation * sec;
-    float aperture = mask.last - mask.first;
-    float bar = max(mask.period - aperture, 0.0);
+    bool single = mask.count == 1u;
+    float aperture = single ? mask.last - mask.first : mask.narrowest_aperture;
+    float bar = single ? max(mask.period - aperture, 0.0) : mask.narrowest_bar;
     float shadow = max(mask.thickness * slope, 1e-9 * mask.period);
     float periods = floor(shadow / mask.period);
     float rest = shadow - periods * mask.period;
@@ -171,14 +212,14 @@ Bars thick_bars(Mask mask, float slope, float sec) {
         float rise_of_variance = edge_variance((1.0 + more) * depth) / spread - 1.0;
         bars.stretch *= 1.0 - 0.5 * rise_of_variance / more;
     }
-    bars.reach = max(mask.last, start + rise);
+    bars.reach = single ? max(mask.last, start + rise) : outermost(mask) + 0.5 * rest;
     bars.face = 0.5 * mask.thickness;
     bars.layers = bars.cut_layers = 1u;
     return bars;
 }
 
-// A mask under an angle, before light of a blur (m in the plane of evaluation).
-Bars bars_of(Mask mask, float slope_x, float sec, float blur) {
+// Bars without their substrate, before light of a blur (m in the plane of evaluation).
+Bars bare_bars_of(Mask mask, float slope_x, float sec, float blur) {
     float slope = abs(slope_x);
     if (mask.present != 0u && mask.averaged == 0u && mask.attenuation > 0.0) {
         Bars bars = thick_bars(mask, slope, sec);
@@ -193,7 +234,23 @@ Bars bars_of(Mask mask, float slope_x, float sec, float blur) {
     float leak = mask.present == 0u ? 1.0 : (mask.averaged != 0u ? 0.0 : mask.transmission);
     float variance = mask.averaged != 0u ? shadow * shadow * mask.edge_variance : 0.0;
     return Bars(leak, 1.0 - leak, slope, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0, -1.0,
-                variance, mask.last, 0.0, 0.0, 1u, 1u);
+                variance, outermost(mask), 0.0, 0.0, 1u, 1u);
+}
+
+// Share of the light that the substrate of a mask lets through.
+float through_substrate(Mask mask, float sec) {
+    return mask.present != 0u && mask.substrate > 0.0 ? exp(-mask.substrate * sec) : 1.0;
+}
+
+// A mask under an angle, before light of a blur (m in the plane of evaluation).
+Bars bars_of(Mask mask, float slope_x, float sec, float blur) {
+    Bars bars = bare_bars_of(mask, slope_x, sec, blur);
+    if (mask.substrate > 0.0) {
+        float share = through_substrate(mask, sec);
+        bars.leak *= share;
+        bars.open *= share;
+    }
+    return bars;
 }
 
 // Additional shift of the edges of an aperture that lie `inset` inside of it (m2: per unit of dx/dy,

@@ -58,9 +58,12 @@ float response(BeamletGeometry beamlet, Bars bars, Piece piece, float low, float
         ivec2 reached = periods_in_reach(mask, bars, beamlet, piece);
         float from = low + beamlet.aperture_offset - bars.reach;
         float to = high + beamlet.aperture_offset + bars.reach;
-        place.period = max(reached.x, int(ceil(from / mask.period)));
-        int last = min(reached.y, int(floor(to / mask.period)));
-        apertures = max(last - place.period + 1, 0) * int(mask.count);
+        ivec2 periods = ivec2(max(reached.x, int(ceil(from / mask.period))),
+                              min(reached.y, int(floor(to / mask.period))));
+        Reached between = apertures_between(mask, periods, low + beamlet.aperture_offset,
+                                            high + beamlet.aperture_offset, bars.reach - outermost(mask));
+        place = between.place;
+        apertures = between.count;
     }
     float open = 0.0;
     // First the whole pixel, with the bars; then each layer of each aperture. The window is called in

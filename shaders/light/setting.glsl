@@ -94,22 +94,25 @@ void setting_begin() {
 struct Exposed {
     bool at_all_steps;
     float offset;   // of the sample mask against the beamlet
-    int from;       // first period with an aperture in reach
+    Place from;     // first aperture in reach
     int apertures;  // that are in reach
     ivec2 pixels;   // first and last that light may reach, from the beamlet's own
 };
 
 Exposed exposed_at(uint mask_step) {
-    Exposed step_ = Exposed(mask_step == push.steps, 0.0, 0, 0, ivec2(0));
+    Exposed step_ = Exposed(mask_step == push.steps, 0.0, Place(0, 0u), 0, ivec2(0));
     Mask mask = light.sample_mask;
     vec2 lit = vec2(setting.ends.low, setting.ends.high);
     if (!step_.at_all_steps && bars.open > 0.0) {
         step_.offset = Offsets(light.offsets).at[mask_step] - beamlet.sample_offset;
         float edge = bars.reach + setting.reach;
-        step_.from = int(ceil((setting.ends.low - step_.offset - edge) / mask.period));
+        int from = int(ceil((setting.ends.low - step_.offset - edge) / mask.period));
         int to = int(floor((setting.ends.high - step_.offset + edge) / mask.period));
-        step_.apertures = max(to - step_.from + 1, 0) * int(mask.count);
-        lit.x = max(lit.x, float(step_.from) * mask.period + step_.offset - edge);
+        Reached reached = apertures_between(mask, ivec2(from, to), setting.ends.low - step_.offset,
+                                            setting.ends.high - step_.offset, edge - outermost(mask));
+        step_.from = reached.place;
+        step_.apertures = reached.count;
+        lit.x = max(lit.x, float(from) * mask.period + step_.offset - edge);
         lit.y = min(lit.y, float(to) * mask.period + step_.offset + edge);
     }
     if (lit.y > lit.x) {

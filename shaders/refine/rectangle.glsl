@@ -185,11 +185,11 @@ float weigh(Rectangle g, bool add) {
         precise float low = opening.low - column.mask_offset + column.shadow;
         precise float high = opening.high - column.mask_offset - column.shadow;
         // The opening of the period that ends in the rectangle, or behind it, and the next one.
-        precise float ahead = ceil((g.x_low - high) / P.period) * P.period;
+        precise float ahead = ceil((g.x_low - high) / opening.period) * opening.period;
         low += ahead;
         high += ahead;
         precise float part = max(min(high, g.x_high) - max(low, g.x_low), 0.0)
-            + max(min(high + P.period, g.x_high) - max(low + P.period, g.x_low), 0.0);
+            + max(min(high + opening.period, g.x_high) - max(low + opening.period, g.x_low), 0.0);
         precise float open = shares.open + part / (g.x_high - g.x_low);
         if (high > low) shares.open = open;
     }

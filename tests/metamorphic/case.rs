@@ -92,6 +92,14 @@ impl Case {
             let scene = &mut case.scene;
             for mask in [&mut scene.sample_mask, &mut scene.detector_mask].into_iter().flatten() {
                 mask.offset = -mask.offset;
+                mask.apertures.reverse();
+                mask.apertures.iter_mut().for_each(|[low, high]| (*low, *high) = (-*high, -*low));
+                // The aperture before column k is before the column as far from the other side.
+                let (columns, shifts) = (scene.detector.pixels[0] as usize, mask.shifts.clone());
+                for (column, shift) in mask.shifts.iter_mut().enumerate() {
+                    let other = (columns - 1 + columns * shifts.len() - column) % shifts.len();
+                    *shift = -shifts[other];
+                }
             }
             let scan = &mut scene.scan;
             scan.mask_offsets.iter_mut().chain(&mut scan.angles).for_each(|it| *it = -*it);

@@ -11,6 +11,11 @@ impl Draws {
         Self(seed.wrapping_mul(0xd134_2543_de82_ef95).wrapping_add(71))
     }
 
+    /// A sequence of its own, which leaves this one as it is.
+    pub(crate) fn aside(&self) -> Self {
+        Self::new(self.0 ^ 0x5bf0_3635_dcd1_4a8d)
+    }
+
     /// Uniform in [0, 1).
     pub(crate) fn uniform(&mut self) -> f64 {
         self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);

@@ -130,5 +130,22 @@ fn mask(draws: &mut Draws, scene: &Scene, distance: f64, body: MaskBody) -> Mask
     if draws.chance(0.5) {
         mask.offset = draws.between(-0.5, 0.5) * period;
     }
+    design(&mut draws.aside(), &mut mask);
     mask
+}
+
+/// Two slits in a period, or slits of neighbouring periods that are displaced.
+fn design(draws: &mut Draws, mask: &mut MaskSpec) {
+    let bar = mask.period - mask.aperture;
+    if draws.chance(0.15) {
+        let parted = draws.between(0.1, 0.4) * bar;
+        let cut = draws.between(0.25, 0.75) * mask.aperture;
+        let low = -0.5 * (mask.aperture + parted);
+        mask.apertures = vec![[low, low + cut], [low + cut + parted, low + mask.aperture + parted]];
+        mask.aperture = cut.min(mask.aperture - cut);
+    }
+    if draws.chance(0.25) {
+        let reach = if mask.apertures.is_empty() { 0.4 * bar } else { 0.2 * bar };
+        mask.shifts = (0..2 + draws.below(3)).map(|_| draws.between(-reach, reach)).collect();
+    }
 }

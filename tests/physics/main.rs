@@ -9,6 +9,7 @@ mod assemblies;
 mod bars;
 mod bath;
 mod crossings;
+mod designs;
 mod detector;
 mod edges;
 mod exact_shapes;

@@ -15,6 +15,7 @@ mod fibres_by_waves;
 mod fits;
 mod flats;
 mod geometry_file;
+mod groups;
 mod ideal;
 mod lab_faults;
 mod leaking_masks;

@@ -293,3 +293,29 @@ fn uncertainties_of_beamlets_are_the_scatter_of_their_draws() {
     scatter.holds();
     bias.holds();
 }
+
+/// Beamlets on the borders of pixels of half a period: two values determine transmission and angle. Wider spots and
+/// apertures leave light of neighbours.
+#[test]
+fn two_pixels_of_a_beamlet_give_transmission_and_angle() {
+    let engine = engine();
+    let mut worst = Worst::new("contrasts of two pixels over theirs, less 1", 2e-3);
+    for [pixel, period, aperture, spot] in
+        [[75.0, 150.0, 60.0, 30.0], [75.0, 150.0, 30.0, 60.0], [50.0, 100.0, 40.0, 0.0]]
+    {
+        let of = Tracking { pixel, period, aperture, spot, shift: 0.0 };
+        let contrasts = [[0.8, 2e-6, 0.0], [0.5, -6e-6, 0.0]];
+        let [flat, sample] = of.frames(&contrasts);
+        let images = of.retrieve(&engine, [&flat, &sample]);
+        assert!(images.get("dark_field").is_none());
+        for (row, [t, alpha, _]) in contrasts.into_iter().enumerate() {
+            for beamlet in 1..images.get("flags").unwrap().ncols() - 1 {
+                let value = |name: &str| f64::from(images.get(name).unwrap()[[row, beamlet]]);
+                let at = || format!("{of:?}, row {row}, beamlet {beamlet}");
+                worst.take(value("transmission") / t - 1.0, at);
+                worst.take(value("refraction") / alpha - 1.0, at);
+            }
+        }
+    }
+    worst.holds();
+}

@@ -13,15 +13,15 @@ fn remedy(record: &Record, pixels: u64) -> Option<String> {
     {
         return None;
     }
-    let [low, high] = record
-        .offsets
+    let offsets = if record.points.is_empty() { &record.offsets } else { &record.points };
+    let [low, high] = offsets
         .iter()
         .fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], at| [low.min(*at), high.max(*at)]);
     let sigma = record.flat_width.filter(|_| record.method != "beamlet")?;
     Some(format!(
         "every pixel is ill-conditioned: {} offsets cover {:.1} sigma of the flat's curve (sigma {:.1} \
          um); seven or more over +-{:.0} um would determine width and background",
-        record.offsets.len(),
+        offsets.len(),
         (high - low) / sigma,
         sigma * 1e6,
         2.5e6 * sigma

@@ -21,6 +21,9 @@ pub(super) const FLAT: f64 = 0.01;
 /// Relative error of a dark field beyond which a scene is outside ray optics.
 pub(super) const DARK_FIELD: f64 = 0.1;
 
+/// Slits in a period of a mask above which nothing is computed: the time grows with their square.
+const MOST_SLITS: usize = 16;
+
 /// Limits of ray optics for a scene: expected differences between waves and rays. A spectrum is the mean over its
 /// energy nodes with their weights.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -140,7 +143,12 @@ struct SetUp<'a> {
 
 impl<'a> SetUp<'a> {
     fn of(scene: &'a Scene, nodes: &Nodes) -> Result<Self> {
-        let optics = Optics::of(scene);
+        // Columns of a group see the curve of masks without shifts.
+        let groups = scene.of_groups();
+        let optics = Optics::of(&groups);
+        let masks = || optics.sample_mask.iter().chain(&optics.detector_mask);
+        let slits = masks().map(|mask| mask.openings(mask.distance()).ends().count()).max();
+        let has_many = slits.unwrap_or_default() > MOST_SLITS;
         let with_leaks = |(energy, weight): (&f64, &f64)| {
             Ok((*energy, *weight, mean_leaks(scene, &optics, (&[*energy], &[1.0]))?))
         };
@@ -152,12 +160,13 @@ impl<'a> SetUp<'a> {
         Ok(Self {
             scene,
             nodes: nodes.collect::<Result<_>>()?,
-            pixels: Pixel::around_axis(
-                &optics,
-                scene.axis_distance(),
-                scene.detector.blur.as_ref(),
-            ),
-            offsets: scene.scan.mask_offsets.iter().map(within).collect(),
+            pixels: if has_many {
+                Vec::new()
+            } else {
+                let blur = scene.detector.blur.as_ref();
+                Pixel::around_axis(&optics, scene.axis_distance(), blur)
+            },
+            offsets: groups.scan.mask_offsets.iter().map(within).collect(),
         })
     }
 
@@ -193,6 +202,9 @@ impl<'a> SetUp<'a> {
 
     /// Reason why the light of pixels is unknown.
     fn unknown_light(&self) -> Option<String> {
+        if self.pixels.is_empty() && self.scene.sample_mask.is_some() {
+            return Some(format!("masks of more than {MOST_SLITS} slits in a period"));
+        }
         let blur = matches!(self.scene.detector.blur, Some(Blur::Kernel(_)));
         (blur && self.scene.detector_mask.is_none())
             .then(|| "an image of the blur of pixels without a detector mask".into())

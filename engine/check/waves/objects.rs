@@ -43,14 +43,14 @@ fn limits(
         rough: object.roughness > 0.0,
         unknown: Vec::new(),
     };
-    let Some(pixel) = set_up.pixel() else {
-        found.unknown.push("without a sample mask there is no illumination curve".into());
-        return Ok(found);
-    };
     if let Some(reason) = set_up.unknown_light() {
         found.unknown.push(reason);
         return Ok(found);
     }
+    let Some(pixel) = set_up.pixel() else {
+        found.unknown.push("without a sample mask there is no illumination curve".into());
+        return Ok(found);
+    };
     let least = match &sizes {
         Sizes::Unknown(width, reason) => {
             found.unknown.push(reason.clone());

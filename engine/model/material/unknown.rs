@@ -87,6 +87,10 @@ fn user(scene: &Scene, name: &str) -> Option<String> {
     if bars(&scene.detector_mask) {
         return Some("detector_mask.material".into());
     }
+    let is_of = |mask: &MaskSpec| mask.substrate.as_ref().is_some_and(|it| it.material == name);
+    if let Some((key, _)) = scene.masks().find(|(_, mask)| is_of(mask)) {
+        return Some(format!("{key}.substrate.material"));
+    }
     let object = scene.objects.iter().position(|object| object.material == name);
     object.map(|index| scene.object_key(index, "material"))
 }

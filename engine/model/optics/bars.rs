@@ -28,6 +28,28 @@ pub fn mean_leaks(
     Ok([mean(&optics.sample_mask)?, mean(&optics.detector_mask)?])
 }
 
+/// Share of the light of all energies (keV, each with its weight) that the substrates of the masks let through
+/// along the axis.
+///
+/// # Errors
+/// As [`material::constants_at_for`].
+pub fn through_substrates(
+    scene: &Scene,
+    optics: &Optics,
+    (energies, weights): (&[f64], &[f64]),
+) -> Result<f64> {
+    let mut sum = 0.0;
+    for (energy, weight) in energies.iter().zip(weights) {
+        let mut share = *weight;
+        for mask in optics.sample_mask.iter().chain(&optics.detector_mask) {
+            let shape = MaskShape::of(scene, mask, mask.distance(), Some(*energy))?;
+            share *= shape.through_substrate(1.0);
+        }
+        sum += share;
+    }
+    Ok(sum)
+}
+
 /// Share of the light of an energy, keV, that bars let through along the axis.
 pub(super) fn leak(scene: &Scene, mask: &Mask, energy: f64) -> Result<f64> {
     Ok(MaskShape::of(scene, mask, mask.distance(), Some(energy))?.leak(1.0))
@@ -43,7 +65,10 @@ pub fn modulated(scene: &Scene, (energies, weights): (&[f64], &[f64])) -> Result
     let optics = Optics::of(scene);
     let masks = [&optics.sample_mask, &optics.detector_mask];
     let share = |(energy, weight): (&f64, &f64)| {
-        let shares = masks.into_iter().flatten().map(|mask| Ok(1.0 - leak(scene, mask, *energy)?));
+        let shares = masks.into_iter().flatten().map(|mask| {
+            let shape = MaskShape::of(scene, mask, mask.distance(), Some(*energy))?;
+            Ok((1.0 - shape.leak(1.0)) * shape.through_substrate(1.0))
+        });
         Ok(weight * shares.product::<Result<f64>>()?)
     };
     let light: Vec<f64> = energies.iter().zip(weights).map(share).collect::<Result<_>>()?;
@@ -65,6 +90,8 @@ pub struct MaskShape {
     pub attenuation: f64,
     /// Transmission of bars that do not attenuate.
     pub transmission: f64,
+    /// Attenuation of the substrate along the axis; 0 without one, and for no energy.
+    pub substrate: f64,
 }
 
 impl MaskShape {
@@ -83,6 +110,14 @@ impl MaskShape {
             }
             MaskBody::Sheet { transmission } => (0.0, 0.0, *transmission),
         };
+        let substrate = match (mask.substrate(), energy) {
+            (Some(plate), Some(energy)) => {
+                let key = format!("{}.substrate.material", mask.name());
+                let constants = material::constants_at_for(scene, &plate.material, energy, &key)?;
+                constants.mu * plate.thickness
+            }
+            _ => 0.0,
+        };
         // Without bars there is nothing for any material to do.
         let (thickness, attenuation, transmission) = if openings.bar() > 0.0 {
             (thickness, attenuation, transmission)
@@ -95,6 +130,7 @@ impl MaskShape {
             attenuation,
             // Bars of a material that does not absorb are no mask at all.
             transmission: if thickness > 0.0 && attenuation <= 0.0 { 1.0 } else { transmission },
+            substrate,
         })
     }
 
@@ -111,6 +147,11 @@ impl MaskShape {
         } else {
             self.transmission
         }
+    }
+
+    /// Transmission of the substrate at an angle.
+    pub fn through_substrate(&self, secant: f64) -> f64 {
+        if self.substrate > 0.0 { libm::exp(-self.substrate * secant) } else { 1.0 }
     }
 
     /// Share of the shadow width that narrows apertures, as `edge_mean` there gives it, where bars
@@ -138,8 +179,10 @@ impl MaskShape {
 
     /// True if bars do the same to light in the way of them; apertures do not count.
     pub fn same_bars(&self, other: &Self) -> bool {
-        let of =
-            |mask: &Self| [mask.thickness, mask.attenuation, mask.transmission].map(f64::to_bits);
+        let of = |mask: &Self| {
+            let Self { thickness, attenuation, transmission, substrate, .. } = mask;
+            [*thickness, *attenuation, *transmission, *substrate].map(f64::to_bits)
+        };
         of(self) == of(other)
     }
 

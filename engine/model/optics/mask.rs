@@ -1,7 +1,7 @@
 //! Openings and bars of a mask: the only place that computes where they are.
 
 use super::DetectorPlane;
-use crate::scene::{MaskBody, MaskSpec};
+use crate::scene::{MaskBody, MaskSpec, Substrate};
 
 /// Ends of an opening along an axis on which it has no edge.
 const ENDLESS: [f64; 2] = [f64::NEG_INFINITY, f64::INFINITY];
@@ -69,19 +69,29 @@ impl Openings {
 pub struct Mask {
     name: &'static str,
     spec: MaskSpec,
+    /// Displacement of the pattern, which repeats after the periods of all shifts, m in its own plane.
+    pattern_offset: f64,
     /// Columns of pixels.
     columns: u32,
 }
 
 impl Mask {
-    /// The mask before `columns` of pixels; `shifted`: their number is odd for an even detector, or the
-    /// other way round.
-    pub fn new(name: &'static str, spec: &MaskSpec, columns: u32, shifted: bool) -> Self {
+    /// The mask of a detector of `before` columns, before `columns` of smaller pixels or the same.
+    pub fn new(name: &'static str, spec: &MaskSpec, columns: u32, before: u32) -> Self {
         let mut spec = spec.clone();
-        if shifted {
+        // Half periods from pattern k of the columns to the apertures that follow k times the repeats.
+        let repeats = i64::from(spec.repeats());
+        let halves = i64::from(columns) * repeats - i64::from(before);
+        let halves = halves.rem_euclid(2 * repeats);
+        let halves = if halves > repeats { halves - 2 * repeats } else { halves };
+        let mut pattern_offset = spec.offset;
+        if halves != 0 {
+            pattern_offset += 0.5 * halves as f64 * spec.period;
+        }
+        if !(columns + before).is_multiple_of(2) {
             spec.offset += 0.5 * spec.period;
         }
-        Self { name, spec, columns }
+        Self { name, spec, pattern_offset, columns }
     }
 
     /// Its key in the scene.
@@ -99,14 +109,69 @@ impl Mask {
         &self.spec.body
     }
 
+    /// Plate that carries the bars.
+    pub(super) const fn substrate(&self) -> Option<&Substrate> {
+        self.spec.substrate.as_ref()
+    }
+
+    /// True if light passes a plate that carries the bars.
+    pub const fn has_substrate(&self) -> bool {
+        self.spec.substrate.is_some()
+    }
+
     /// How much larger the mask is as seen from the source in the plane at `plane`.
     pub(super) fn scale_at(&self, plane: f64) -> f64 {
         plane / self.spec.distance
     }
 
-    /// Openings seen in the plane at `plane`, m there.
+    /// Openings seen in the plane at `plane`, m there; a period contains all shifts.
     pub fn openings(&self, plane: f64) -> Openings {
         self.seen(self.scale_at(plane), 0.0)
+    }
+
+    /// Openings of a single period without shifts seen in the plane at `plane`, m there: beamlets are at these
+    /// places.
+    pub fn without_shifts(&self, plane: f64) -> Openings {
+        self.unshifted().openings(plane)
+    }
+
+    /// Places of beamlets in the plane at `plane`, m there: periods without shifts, or their parts where a period
+    /// has slits before several pixels, which are as wide as `pixel`.
+    pub fn beamlets(&self, plane: f64, pixel: f64) -> Openings {
+        let mut openings = self.without_shifts(plane);
+        if self.has_several() {
+            openings.period[0] /= (openings.period[0] / pixel).round().max(1.0);
+        }
+        openings
+    }
+
+    /// The mask without shifts.
+    #[must_use]
+    pub fn unshifted(&self) -> Self {
+        let mut spec = self.spec.clone();
+        spec.shifts.clear();
+        let pattern_offset = spec.offset;
+        Self { name: self.name, spec, pattern_offset, columns: self.columns }
+    }
+
+    /// Share of the mask that is open.
+    pub fn open_share(&self) -> f64 {
+        self.spec.open_share()
+    }
+
+    /// Number of periods after which openings repeat.
+    pub fn repeats(&self) -> u32 {
+        self.spec.repeats()
+    }
+
+    /// Displacements of the slits of successive periods, m in its own plane; empty: none.
+    pub fn shifts(&self) -> &[f64] {
+        &self.spec.shifts
+    }
+
+    /// True if a period has several slits.
+    pub fn has_several(&self) -> bool {
+        self.spec.apertures.len() > 1
     }
 
     /// Openings seen on the detector, columns of pixels, while the mask is displaced by `shift` (m)
@@ -116,21 +181,27 @@ impl Mask {
     }
 
     fn seen(&self, scale: f64, shift: f64) -> Openings {
-        let MaskSpec { period, aperture, offset, .. } = self.spec;
-        let half = aperture * scale / 2.0;
+        let spec = &self.spec;
+        let of_period = if spec.apertures.is_empty() && spec.shifts.is_empty() {
+            let half = spec.aperture * scale / 2.0;
+            vec![Opening { ends: [[-half, half], ENDLESS] }]
+        } else {
+            let opening = |ends: [f64; 2]| Opening { ends: [ends.map(|end| end * scale), ENDLESS] };
+            spec.slits().into_iter().map(opening).collect()
+        };
         Openings {
-            period: [period * scale, f64::INFINITY],
-            offset: (offset + shift) * scale,
-            of_period: vec![Opening { ends: [[-half, half], ENDLESS] }],
-            bar: (period - aperture) * scale,
+            period: [spec.pattern() * scale, f64::INFINITY],
+            offset: (self.pattern_offset + shift) * scale,
+            of_period,
+            bar: spec.narrowest_bar() * scale,
         }
     }
 
-    /// Distance of a straight line from the source to the centre of the nearest period, m in the
-    /// plane at `plane`, which it reaches at this dx/dy.
+    /// Distance of a straight line from the source to the centre of the nearest period (of all shifts), m in
+    /// the plane at `plane`, which it reaches at this dx/dy.
     pub fn off_centre(&self, slope: f64, plane: f64) -> f64 {
-        let period = self.spec.period * self.scale_at(plane);
-        let first = slope * plane - self.spec.offset * self.scale_at(plane);
+        let period = self.spec.pattern() * self.scale_at(plane);
+        let first = slope * plane - self.pattern_offset * self.scale_at(plane);
         let at = first / period + f64::from(self.columns) / 2.0 - 0.5;
         (at - at.round()) * period
     }
@@ -157,8 +228,9 @@ mod tests {
 
     fn mask(offset: f64) -> Mask {
         let body = MaskBody::Sheet { transmission: 0.1 };
-        let spec = MaskSpec { distance: 0.5, period: 80e-6, aperture: 20e-6, offset, body };
-        Mask::new("sample_mask", &spec, 8, false)
+        let mut spec = MaskSpec::new(0.5, 80e-6, 20e-6, body);
+        spec.offset = offset;
+        Mask::new("sample_mask", &spec, 8, 8)
     }
 
     /// The aperture, period and offset of the key, times two in the plane at twice the distance; a
@@ -188,6 +260,28 @@ mod tests {
         let openings = mask(3e-6).openings_in_columns(&detector, 2e-6);
         assert!((openings.period[0] - 4.0).abs() < 1e-12 && (openings.span() - 1.0).abs() < 1e-12);
         assert!((openings.offset - 0.25).abs() < 1e-12);
+    }
+
+    /// Aperture k, with the shift k modulo 3, at (k + 1/2 - C/2) periods, for odd and even numbers of columns and
+    /// on finer grids.
+    #[test]
+    fn shifted_apertures_are_before_their_columns() {
+        let body = MaskBody::Sheet { transmission: 0.0 };
+        let mut spec = MaskSpec::new(1.0, 100e-6, 20e-6, body);
+        spec.shifts = vec![0.0, 10e-6, -5e-6];
+        for (before, columns) in [(8, 8), (7, 7), (9, 9), (8, 36), (7, 36), (8, 33), (7, 33)] {
+            let mask = Mask::new("sample_mask", &spec, columns, before);
+            let openings = mask.openings(1.0);
+            for k in 0..before {
+                let shift = spec.shifts[k as usize % 3];
+                let centre = (f64::from(k) + 0.5 - f64::from(before) / 2.0) * 100e-6 + shift;
+                let off = mask.off_centre(centre, 1.0);
+                let nearest = openings.ends().map(|[low, high]| f64::midpoint(low, high) - off);
+                let period = openings.period[0];
+                let least = nearest.map(|it| libm::remainder(it, period).abs()).fold(1.0, f64::min);
+                assert!(least < 1e-15, "column {k} of {before}, {columns}: {least:e}");
+            }
+        }
     }
 
     /// Several openings of a period: the narrowest, and the distance over all of them.

@@ -13,7 +13,7 @@ mod view_geometry;
 mod view_offsets;
 pub mod waves;
 
-pub use bars::{MaskShape, mean_leaks, modulated};
+pub use bars::{MaskShape, mean_leaks, modulated, through_substrates};
 pub use detector_plane::DetectorPlane;
 pub use mask::{Mask, Openings};
 pub use periods::{WholePeriods, ends};
@@ -70,9 +70,8 @@ impl Optics {
             pixels: size,
             pitch: [0, 1].map(|axis| scene.detector.pitch[axis] / f64::from(parts[axis])),
         };
-        let shifted = (size[0] + scene.detector.pixels[0]) % 2 == 1;
         let mask = |name, spec: &Option<_>| {
-            spec.as_ref().map(|spec| Mask::new(name, spec, size[0], shifted))
+            spec.as_ref().map(|spec| Mask::new(name, spec, size[0], scene.detector.pixels[0]))
         };
         let mut sampling = scene.sampling.clone();
         if parts[0] > 1 && scene.sample_mask.is_none() {
@@ -120,9 +119,16 @@ impl Optics {
     /// without it.
     pub fn beamlets(&self) -> Openings {
         match &self.sample_mask {
-            Some(mask) => mask.openings(self.cell_plane),
+            Some(mask) => {
+                mask.beamlets(self.cell_plane, self.detector.pitch_at(0, self.cell_plane))
+            }
             None => Openings::side_by_side(self.detector.pitch_at(0, self.cell_plane)),
         }
+    }
+
+    /// Openings of the sample mask that light passes in the plane of the cells, m: a period contains all shifts.
+    pub fn passed(&self) -> Option<Openings> {
+        Some(self.sample_mask.as_ref()?.openings(self.cell_plane))
     }
 
     /// Windows that light passes on the analyser, m: openings of the detector mask, or pixels without
@@ -149,10 +155,10 @@ impl Optics {
         ]
     }
 
-    /// Period of the sample mask in its own plane, m: illumination curves repeat with it; infinite
-    /// without.
+    /// Period of the sample mask in its own plane without its shifts, m: illumination curves repeat with it;
+    /// infinite without a mask.
     pub fn curve_period(&self) -> f64 {
-        let of = |mask: &Mask| mask.openings(mask.distance()).period[0];
+        let of = |mask: &Mask| mask.without_shifts(mask.distance()).period[0];
         self.sample_mask.as_ref().map_or(f64::INFINITY, of)
     }
 
@@ -172,7 +178,7 @@ impl Optics {
 /// Mask offsets of a scan less whole periods of the sample mask, m. The rest is exact.
 fn within_period(scene: &Scene) -> ViewOffsets {
     let applied = |exposure| scene.applied_offsets(exposure);
-    let period = scene.sample_mask.as_ref().map_or(f64::INFINITY, |mask| mask.period);
+    let period = scene.sample_mask.as_ref().map_or(f64::INFINITY, |mask| mask.pattern());
     let within = |offset| WholePeriods::in_offset(offset, period).reduced(offset);
     ViewOffsets::new(&scene.scan, applied, within)
 }

@@ -18,10 +18,10 @@ const FLAT: f64 = 1e-9;
 
 /// Illumination curve of thin masks without a sample: overlap of the projected apertures of both masks,
 /// blurred by the focal spot. Lengths in the plane of the analyser, m.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone)]
 pub struct ThinCurve {
-    /// Half of the sum, and half of the difference, of the two widths.
-    edges: [f64; 2],
+    /// Pairs of an aperture of each mask.
+    pairs: Vec<Pair>,
     /// Standard deviation of the blur.
     blur: f64,
     /// Period of the curve.
@@ -33,6 +33,15 @@ pub struct ThinCurve {
     /// Displacement of the projected aperture per mask offset, and without one.
     magnification: f64,
     shift: f64,
+}
+
+/// An aperture of the sample mask and one of the detector mask.
+#[derive(Debug, Clone, Copy)]
+struct Pair {
+    /// Half of the sum, and half of the difference, of the two widths.
+    edges: [f64; 2],
+    /// Distance between their centres without an offset.
+    apart: f64,
 }
 
 /// Light at an offset with its derivatives by the displacement.
@@ -54,14 +63,20 @@ impl ThinCurve {
     /// The curve of a set-up with both masks, whose bars pass the shares `leaks`; `None` with fewer.
     pub fn of(optics: &Optics, leaks: [f64; 2]) -> Option<Self> {
         let (first, second) = (optics.sample_mask.as_ref()?, optics.detector_mask.as_ref()?);
-        let [seen, own] = [first, second].map(|mask| mask.openings(optics.analyser));
-        let [w1, w2] = [&seen, &own].map(|openings| openings.narrowest(0));
+        let [seen, own] = [first, second].map(|mask| mask.without_shifts(optics.analyser));
+        let width = |[low, high]: [f64; 2]| high - low;
+        let [w1, w2] = [&seen, &own].map(|openings| openings.ends().map(width).sum::<f64>());
+        let pair = |a: [f64; 2], b: [f64; 2]| Pair {
+            edges: [0.5 * (width(a) + width(b)), 0.5 * (width(a) - width(b)).abs()],
+            apart: f64::midpoint(a[0], a[1]) - f64::midpoint(b[0], b[1]),
+        };
+        let pairs = seen.ends().flat_map(|a| own.ends().map(move |b| pair(a, b))).collect();
         let magnification = optics.analyser / first.distance();
         let [p1, p2] = [seen.period[0], own.period[0]];
         let spot = deviation(optics.spot.fwhm()[0]);
         let [e1, e2] = leaks;
         Some(Self {
-            edges: [0.5 * (w1 + w2), 0.5 * (w1 - w2).abs()],
+            pairs,
             blur: ((magnification - 1.0) * spot).max(LEAST_BLUR * w1.max(w2)),
             period: p1,
             per_overlap: (1.0 - e1) * (1.0 - e2) / p2,
@@ -71,14 +86,24 @@ impl ThinCurve {
         })
     }
 
+    /// The curve behind plates that let this share of the light through.
+    #[must_use]
+    pub fn dimmed(mut self, share: f64) -> Self {
+        self.per_overlap *= share;
+        self.background *= share;
+        self
+    }
+
     /// Light at a mask offset, m: value, and derivatives by the displacement x of the aperture.
     pub(super) fn at(&self, offset: f64) -> Light {
         let displaced = self.magnification * offset + self.shift;
         let nearest = libm::remainder(displaced, self.period);
         let mut sum = Light { value: self.background, ..Light::default() };
-        for period in -AROUND..=AROUND {
-            let x = nearest + f64::from(period) * self.period;
-            let [outer, inner] = self.edges;
+        for (period, pair) in
+            (-AROUND..=AROUND).flat_map(|it| self.pairs.iter().map(move |pair| (it, pair)))
+        {
+            let x = nearest + f64::from(period) * self.period + pair.apart;
+            let [outer, inner] = pair.edges;
             for (at, sign) in [(outer, 1.0), (inner, -1.0), (-inner, -1.0), (-outer, 1.0)] {
                 let part = edge(x + at, self.blur);
                 let weight = sign * self.per_overlap;
@@ -141,7 +166,7 @@ impl ThinCurve {
             return None;
         }
         // Lengths in units of the wider aperture keep the matrix near 1.
-        let unit = self.edges[0];
+        let unit = self.pairs.iter().map(|pair| pair.edges[0]).fold(f64::INFINITY, f64::min);
         let mut information = [[0.0; 4]; 4];
         for offset in offsets {
             let light = self.at(*offset);
@@ -174,7 +199,7 @@ mod tests {
     /// The paper's set-up in the plane of the analyser.
     fn paper(leak: f64, spot: f64) -> ThinCurve {
         ThinCurve {
-            edges: [30e-6, 0.0],
+            pairs: vec![Pair { edges: [30e-6, 0.0], apart: 0.0 }],
             blur: (0.5 * spot / 2.354_820).max(3e-8),
             period: 150e-6,
             per_overlap: (1.0 - leak).powi(2) / 150e-6,
@@ -190,6 +215,17 @@ mod tests {
         assert!((paper(0.0, 30e-6).at(0.0).value - 0.16612).abs() < 2e-4);
         assert!((paper(0.0, 0.0).at(0.0).value - 0.2).abs() < 2e-4);
         assert!((paper(1.0, 30e-6).at(3e-6).value - 1.0).abs() < 1e-12);
+    }
+
+    /// Two apertures of each mask a third of a period apart: twice the light at alignment, once where one pair
+    /// is aligned.
+    #[test]
+    fn several_apertures_add_their_overlaps() {
+        let pair = |apart: f64| Pair { edges: [30e-6, 0.0], apart };
+        let pairs = vec![pair(0.0), pair(50e-6), pair(-50e-6), pair(0.0)];
+        let curve = ThinCurve { pairs, ..paper(0.0, 0.0) };
+        assert!((curve.at(0.0).value - 0.4).abs() < 4e-4);
+        assert!((curve.at(50e-6 / 1.5).value - 0.2).abs() < 2e-4);
     }
 
     #[test]

@@ -27,6 +27,7 @@ mod sample;
 mod scan;
 mod scan_errors;
 mod set;
+mod slits;
 mod table;
 mod targets;
 mod text;
@@ -49,7 +50,8 @@ pub mod schema {
     pub use super::keys::schema::json_schema;
 }
 pub use model::{
-    MaskBody, MaskSpec, Quality, Refine, Sampling, Scene, Scheme, Source, Tolerances, Transport,
+    MaskBody, MaskSpec, Quality, Refine, Sampling, Scene, Scheme, Source, Substrate, Tolerances,
+    Transport,
 };
 pub use motion::Motion;
 pub use sample::{MaterialSpec, Mesh, MeshFormat, Normals, Object, Placement, Shape, ShapeOrMesh};

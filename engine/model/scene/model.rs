@@ -153,7 +153,8 @@ impl Source {
     }
 }
 
-/// A slit mask, periodic without end in x and unbounded in z.
+/// A slit mask, periodic without end in x and unbounded in z: a slit of one width in each period, or the
+/// slits of `apertures`; `shifts` displace the slits of successive periods.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
 pub struct MaskSpec {
@@ -161,12 +162,38 @@ pub struct MaskSpec {
     pub distance: f64,
     /// Period in the mask plane, m. Default: pitch * mask distance / detector distance.
     pub period: f64,
-    /// Aperture width in the mask plane, m. 0 < aperture <= period.
+    /// Aperture width in the mask plane, m. 0 < aperture <= period. With `apertures` the narrowest of them.
     pub aperture: f64,
+    /// Ends of the slits of a period from its middle in the mask plane, m, ascending; empty: one slit of the
+    /// width `aperture` in the middle.
+    pub apertures: Vec<[f64; 2]>,
+    /// Displacements along +x of the slits of successive periods, m: column c is behind the entry
+    /// c modulo their number, after which the mask repeats; empty: none.
+    pub shifts: Vec<f64>,
     /// Displacement of the lattice along +x in the mask plane, m.
     pub offset: f64,
     /// Form of the bars.
     pub body: MaskBody,
+    /// Plate that carries the bars: all light passes it.
+    pub substrate: Option<Substrate>,
+}
+
+/// Flat plate of a material across the beam.
+#[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
+pub struct Substrate {
+    /// Material name.
+    pub material: String,
+    /// Thickness along y, m. > 0.
+    pub thickness: f64,
+}
+
+impl Substrate {
+    /// A plate of this thickness, m.
+    #[must_use]
+    pub fn new(material: impl Into<String>, thickness: f64) -> Self {
+        Self { material: material.into(), thickness }
+    }
 }
 
 impl MaskSpec {
@@ -174,7 +201,16 @@ impl MaskSpec {
     /// plane and an aperture on the optical axis.
     #[must_use]
     pub const fn new(distance: f64, period: f64, aperture: f64, body: MaskBody) -> Self {
-        Self { distance, period, aperture, offset: 0.0, body }
+        Self {
+            distance,
+            period,
+            aperture,
+            apertures: Vec::new(),
+            shifts: Vec::new(),
+            offset: 0.0,
+            body,
+            substrate: None,
+        }
     }
 }
 

@@ -41,6 +41,7 @@ impl Scene {
         faults.note(self.validate_sample_mask());
         faults.note(self.validate_detector_mask());
         faults.note(self.validate_periods());
+        faults.note(self.validate_shadows());
         check(&self.sampling, &below("sampling"), &mut faults);
         if self.sampling.quality == Some(Quality::Noise) && self.detector.counts.is_none() {
             let allowed = "\"standard\" or \"fine\"; \"noise\" needs detector.photons";
@@ -107,15 +108,45 @@ impl Scene {
         let most = limits::APERTURES_PER_PIXEL;
         for (table, mask) in self.masks() {
             let pixel = detector.pitch[0] * mask.distance / detector.distance;
-            if pixel / mask.period > most {
+            let slits = mask.slits_of_period().len() as f64;
+            if slits * pixel / mask.period > most {
                 return Err(Error::scene(
                     format!("{table}.period"),
                     Length.rounded(mask.period),
                     format!(
                         "at least {}, {most:.0} apertures in a pixel",
-                        Length.rounded(pixel / most)
+                        Length.rounded(slits * pixel / most)
                     ),
                 ));
+            }
+        }
+        Ok(())
+    }
+
+    /// Shadows of thick bars between several slits leave each slit open and each bar dark.
+    fn validate_shadows(&self) -> Result<()> {
+        let detector = &self.detector;
+        for (table, mask) in self.masks() {
+            let thickness = mask.body.thickness();
+            let slits = mask.slits();
+            if slits.len() < 2 || thickness <= 0.0 || !has_place(mask) {
+                continue;
+            }
+            let widths = slits.iter().map(|[low, high]| high - low);
+            let narrowest = widths.fold(mask.narrowest_bar(), f64::min);
+            let half = 0.5 * detector.pitch[0] * f64::from(detector.pixels[0]);
+            let slope = (half + 2.0 * detector.pitch[0]) / detector.distance;
+            if thickness * slope > narrowest {
+                let found = format!(
+                    "{}, whose shadow at the edge of the detector is {} wide",
+                    Length.rounded(thickness),
+                    Length.rounded(thickness * slope)
+                );
+                let allowed = format!(
+                    "bars of several slits whose shadow is no wider than the narrowest slit or bar, {}",
+                    Length.rounded(narrowest)
+                );
+                return Err(Error::scene(format!("{table}.thickness"), found, allowed));
             }
         }
         Ok(())
@@ -273,7 +304,7 @@ impl Scene {
 
     fn validate_offsets(&self, key: &str, offsets: &[f64]) -> Result<()> {
         if let Some(mask) = &self.sample_mask {
-            let most = limits::OFFSET_PERIODS * mask.period;
+            let most = limits::OFFSET_PERIODS * mask.pattern();
             let far = offsets.iter().find(|offset| offset.abs() > most);
             return far.map_or(Ok(()), |offset| {
                 let allowed = format!(

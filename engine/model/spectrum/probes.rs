@@ -62,19 +62,29 @@ impl<'a> Probes<'a> {
         }
         sample.sort_unstable();
         sample.dedup();
-        let mut bars = Vec::new();
+        let (mut bars, mut plates) = (Vec::new(), Vec::new());
         for (key, mask) in scene.masks() {
             let body = &mask.body;
             if let Some(material) = body.material() {
                 bars.push((medium(material, format!("{key}.material"))?, body.thickness()));
             }
+            if let Some(plate) = &mask.substrate {
+                let at = medium(&plate.material, format!("{key}.substrate.material"))?;
+                plates.push((at, plate.thickness));
+            }
         }
         let mut probes = Self { scene, energies, media, list: Vec::new() };
-        probes.fill(&spectrum.weights, around, &sample, &bars);
+        probes.fill(&spectrum.weights, around, &sample, [&bars, &plates]);
         Ok(probes)
     }
 
-    fn fill(&mut self, weights: &[f64], around: usize, sample: &[usize], bars: &[(usize, f64)]) {
+    fn fill(
+        &mut self,
+        weights: &[f64],
+        around: usize,
+        sample: &[usize],
+        [bars, plates]: [&[(usize, f64)]; 2],
+    ) {
         let mean = |values: Vec<f64>| -> f64 {
             let total: f64 = weights.iter().sum();
             values.iter().zip(weights).map(|(value, weight)| value * weight).sum::<f64>() / total
@@ -108,6 +118,9 @@ impl<'a> Probes<'a> {
             add(&mut list, leak.clone(), &[]);
         }
         add(&mut list, Vec::new(), sample);
+        if !plates.is_empty() {
+            add(&mut list, plates.to_vec(), sample);
+        }
         for &medium in sample {
             for transmission in TRANSMISSIONS {
                 let passed = |thickness| mean(self.passed(&[(medium, thickness)]));

@@ -3,7 +3,8 @@
 use super::curves::Curve;
 use super::flags;
 use super::least_squares::{CurveScan, CurveValues, Fit, Fitting};
-use super::shape::CurveShape;
+use super::shape::{CurveShape, LIT};
+use super::{closed, least_squares};
 
 /// Least blur, as a part of half the base of a beamlet.
 const LEAST_BLUR: f64 = 1e-6;
@@ -83,6 +84,17 @@ impl Beamlet {
             curve.flags |= flags::UNRESOLVED;
         }
         curve
+    }
+
+    /// Fits the values of two to four pixels with the blur of the set-up: of two without background.
+    pub(super) fn fit_few(&self, scan: &CurveScan, curve: impl Iterator<Item = f32>) -> Curve {
+        let spread = self.blur.max((LEAST_BLUR * self.base()).powi(2));
+        if scan.offsets.len() > 2 {
+            return least_squares::fit_with(self.shape(), scan, curve, Some(spread));
+        }
+        let lit = self.base() + LIT * spread.sqrt() - 0.5 * self.pitch;
+        let reach = lit.min(0.5 * (self.period - self.pitch)).max(0.0);
+        closed::two_points(scan, (self.shape(), spread, reach), curve)
     }
 
     /// The fit with the blur of the set-up. Where an end of the light is just beyond a border of

@@ -44,7 +44,7 @@ impl Beamlets {
         let openings = mask.openings_in_columns(&optics.detector, optics.offsets.lists()[0][0]);
         let (period, shift) = (openings.period[0], openings.offset);
         // Window of whole pixels about each centre; the detector's pixel c has its centre at c.
-        let pixels = period.round().max(BEAMLET_PIXELS);
+        let pixels = period.round().max(2.0);
         let centre = |k: f64| (k + 0.5 - columns / 2.0) * period + shift + columns / 2.0 - 0.5;
         let around = (columns / 2.0 - shift / period).floor();
         let reach = numbers::whole::<i64>((columns / period).ceil()) + 1;
@@ -85,6 +85,11 @@ impl Beamlets {
     /// From beamlet to beamlet on the detector, m.
     pub(crate) const fn period(&self) -> f64 {
         self.period
+    }
+
+    /// True if the pixels of a beamlet determine its width.
+    pub(crate) fn determine_width(&self) -> bool {
+        self.pixels as f64 >= BEAMLET_PIXELS
     }
 
     /// Number of beamlets along a row.

@@ -1,7 +1,8 @@
-//! Estimators in closed form: three steps, and moments.
+//! Estimators in closed form: two and three steps, and moments.
 
 use super::curves::Curve;
 use super::least_squares::{CurveScan, moments};
+use super::shape::CurveShape;
 use super::{flags, quadrature};
 
 /// Part of the greatest value that the ends of a scan may have for moments to count: the paper's
@@ -65,6 +66,82 @@ pub fn three_step_uncertainties(
     let [_, _, width] = through_three(x, y)?;
     let uncertainties = propagate(y, variance, |y| three_numbers(x, y));
     uncertainties.iter().all(|sigma| sigma.is_finite()).then_some((width, uncertainties))
+}
+
+/// Halvings of the interval of a centre: to the last digits.
+const HALVINGS: u32 = 60;
+
+/// Logarithm of the area and centre of the curve of a shape of known spread through two points. `reach`: from the
+/// middle of the points to the farthest centre.
+fn two_numbers(
+    shape: CurveShape,
+    spread: f64,
+    reach: f64,
+    x: &[f64],
+    y: &[f64],
+) -> Option<[f64; 2]> {
+    let unit = |x: f64| shape.at(&[1.0, 0.0, spread, 0.0], x).0;
+    let wanted = (y[1] / y[0]).ln();
+    // The ratio of the second value to the first grows with the centre, since curves of boxes are
+    // logarithmically concave.
+    let off = |centre: f64| (unit(x[1] - centre) / unit(x[0] - centre)).ln() - wanted;
+    let middle = f64::midpoint(x[0], x[1]);
+    let side = if x[1] > x[0] { 1.0 } else { -1.0 };
+    let [mut low, mut high] = [middle - side * reach, middle + side * reach];
+    if !(wanted.is_finite() && off(low) <= 0.0 && off(high) >= 0.0) {
+        return None;
+    }
+    for _ in 0..HALVINGS {
+        let centre = f64::midpoint(low, high);
+        match off(centre) < 0.0 {
+            true => low = centre,
+            false => high = centre,
+        }
+    }
+    let centre = f64::midpoint(low, high);
+    let brighter = usize::from(y[1] > y[0]);
+    let scale = y[brighter] / unit(x[brighter] - centre);
+    let [[area, ..], _] = shape.area_and_width(&[scale, centre, spread, 0.0]);
+    Some([area.ln(), centre])
+}
+
+/// Curve of known shape and spread through two points. `reach`: as of [`two_numbers`].
+pub(super) fn two_points(
+    scan: &CurveScan,
+    (shape, spread, reach): (CurveShape, f64, f64),
+    curve: impl Iterator<Item = f32>,
+) -> Curve {
+    let mut values = scan.values(curve, 2);
+    if values.most > 0.0 {
+        // Equal values on both sides of a peak.
+        values.flags &= !flags::DEAD;
+    }
+    if values.flags & flags::NO_ANSWER != 0 {
+        return Curve::unknown(values.flags);
+    }
+    let (x, y): (Vec<f64>, Vec<f64>) = values.points.iter().map(|[x, y, _]| (*x, *y)).unzip();
+    let numbers = |y: &[f64]| two_numbers(shape, spread, reach, &x, y);
+    let Some([area, centre]) = numbers(&y) else {
+        return Curve::unknown(values.flags | flags::NO_PEAK);
+    };
+    let [area_sigma, centre_sigma] = propagate(&y, |y| scan.variance(y), numbers);
+    let [[unit, ..], [width, ..]] = shape.area_and_width(&[1.0, centre, spread, 0.0]);
+    let scale = area.exp() / unit;
+    let [low, high] = scan.ends();
+    let outside = centre < low || centre > high;
+    Curve {
+        area: area.exp(),
+        amplitude: shape.at(&[scale, 0.0, spread, 0.0], 0.0).0,
+        centre,
+        width,
+        background: 0.0,
+        residual: 0.0,
+        area_sigma,
+        centre_sigma,
+        width_sigma: f64::NAN,
+        condition: f64::NAN,
+        flags: values.flags | if outside { flags::OUTSIDE } else { 0 },
+    }
 }
 
 /// Three steps.

@@ -19,8 +19,8 @@ use beamlet_model::scene::Scene;
 use correction::{Correction, LEFT_OUT};
 use ndarray::Array3;
 pub use offsets::offsets;
-pub use selection::Columns;
 use selection::Selection;
+pub use selection::{Columns, columns_of_images};
 use std::collections::BTreeMap;
 use std::ops::Range;
 use std::path::PathBuf;
@@ -58,14 +58,17 @@ impl Input {
     /// Values as they are in the files.
     fn new(scene: Scene, flat: StackFile, sample: StackFile, read: Vec<PathBuf>) -> Self {
         let [_, _, rows, columns] = flat.shape();
-        let frame = [rows, columns];
+        let mut selection = Selection::whole([rows, columns], scene.group());
+        if let Some(columns) = selection::lit_columns(&scene) {
+            selection = selection.of_columns(columns);
+        }
         Self {
             scene,
             flat,
             sample,
             flats_every: None,
             correction: Correction::default(),
-            selection: Selection::whole(frame),
+            selection,
             omitted: Vec::new(),
             limit: None,
             noise: None,
@@ -194,10 +197,12 @@ impl Input {
         Ok(angles)
     }
 
-    /// Mask steps of the flat and of each view of the sample, without omitted ones.
+    /// Points of a curve of the flat and of each view of the sample: mask steps without omitted ones, of all
+    /// columns of a group.
     #[must_use]
     pub fn steps(&self) -> [usize; 2] {
-        [&self.flat, &self.sample].map(|stack| stack.shape()[1].saturating_sub(self.omitted.len()))
+        let kept = |stack: &StackFile| stack.shape()[1].saturating_sub(self.omitted.len());
+        [&self.flat, &self.sample].map(|stack| kept(stack) * self.group())
     }
 
     /// Rows and columns of the kept part of a frame.
@@ -227,14 +232,14 @@ impl Input {
         self
     }
 
-    /// Splits the sample's frames into views of some steps. `steps`: number of offsets, without omitted ones.
+    /// Splits the sample's frames into views of some steps. `steps`: number of offsets of a curve, without omitted ones.
     ///
     /// # Errors
     /// [`Error::File`] where frames and offsets do not agree in number, naming the file, and where the
     /// mean of the dark is not finite in a pixel that is not a bad one.
     pub(crate) fn fitted_to(mut self, steps: usize) -> Result<Self> {
         self.correction.check()?;
-        let steps = steps + self.omitted.len();
+        let steps = steps / self.group() + self.omitted.len();
         let [flats, frames, ..] = self.flat.shape();
         if frames != steps {
             let problem = format!("has {frames} frames for {steps} mask offsets");

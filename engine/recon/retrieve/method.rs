@@ -17,6 +17,9 @@ pub enum Method {
     Gaussian,
     /// A Gaussian without background through three steps, in closed form.
     ThreeStep,
+    /// The masks' own curve with the blur of the geometry and without background through two steps: no dark
+    /// field.
+    TwoStep,
     /// Area, centroid and variance of curves that fall to nothing within the scan.
     Moments,
     /// A triangle, for small spots and projected apertures of one width.
@@ -29,14 +32,17 @@ pub enum Method {
 
 /// Ratio of blur to half base from where on a triangle is no longer the curve's shape.
 const SMALL_BLUR: f64 = 0.15;
-/// Pixels of a beamlet that a fit of four unknowns needs.
+/// Pixels of a beamlet that a fit of four unknowns needs; with fewer the geometry gives its blur.
 pub(super) const BEAMLET_PIXELS: f64 = 5.0;
+/// Fewest pixels from beamlet to beamlet: two of them share its light.
+const LEAST_PIXELS: f64 = 1.5;
 
 impl Method {
     /// All methods.
-    pub const ALL: [Self; 6] = [
+    pub const ALL: [Self; 7] = [
         Self::Gaussian,
         Self::ThreeStep,
+        Self::TwoStep,
         Self::Moments,
         Self::Triangle,
         Self::ExactCurve,
@@ -49,6 +55,7 @@ impl Method {
         match self {
             Self::Gaussian => "gaussian",
             Self::ThreeStep => "three-step",
+            Self::TwoStep => "two-step",
             Self::Moments => "moments",
             Self::Triangle => "triangle",
             Self::ExactCurve => "exact-curve",
@@ -96,11 +103,14 @@ impl Method {
                 ),
                 "triangle needs projected apertures of one width: use exact-curve",
             )),
-            Self::ExactCurve if !scene.source.spot.is_gaussian(0) => Err(Error::scene(
-                "source.spot",
-                format!("a spot of {} Gaussians", scene.source.spot.parts().len()),
-                "exact-curve needs a Gaussian spot across the slits: use gaussian",
-            )),
+            Self::ExactCurve | Self::TwoStep if !scene.source.spot.is_gaussian(0) => {
+                Err(Error::scene(
+                    "source.spot",
+                    format!("a spot of {} Gaussians", scene.source.spot.parts().len()),
+                    format!("{self} needs a Gaussian spot across the slits: use gaussian"),
+                ))
+            }
+            Self::ExactCurve | Self::TwoStep | Self::Triangle => one_slit(self, scene),
             _ => Ok(()),
         }
     }
@@ -111,6 +121,7 @@ impl Method {
         match self {
             Self::Gaussian => 4,
             Self::ThreeStep => 3,
+            Self::TwoStep => 2,
             Self::Moments | Self::Triangle | Self::ExactCurve => 5,
             Self::Beamlet => 1,
         }
@@ -122,9 +133,14 @@ impl Method {
         let (served, allowed) = match self {
             Self::Gaussian => (
                 different >= least,
-                format!("at least {least} different offsets; with three use three-step"),
+                format!(
+                    "at least {least} different offsets; with three use three-step, with two two-step"
+                ),
             ),
             Self::ThreeStep => {
+                (count == least && different == least, format!("exactly {least} different offsets"))
+            }
+            Self::TwoStep => {
                 (count == least && different == least, format!("exactly {least} different offsets"))
             }
             Self::Beamlet => (count == least, format!("exactly {least} offset")),
@@ -139,6 +155,18 @@ impl Method {
             format!("{self} needs {allowed}"),
         ))
     }
+}
+
+/// Refuses masks with several slits in a period: their curve is a sum of overlaps.
+fn one_slit(method: Method, scene: &Scene) -> Result<()> {
+    for (key, mask) in scene.masks() {
+        if mask.apertures.len() > 1 {
+            let found = format!("{} slits in a period", mask.apertures.len());
+            let allowed = format!("{method} knows the curve of one slit in a period: use gaussian");
+            return Err(Error::scene(format!("{key}.apertures"), found, allowed));
+        }
+    }
+    Ok(())
 }
 
 impl fmt::Display for Method {
@@ -169,11 +197,14 @@ fn check_beamlets(scene: &Scene) -> Result<()> {
         return Err(Error::scene("sample_mask", "nothing", needs));
     };
     let pixels = mask.openings_in_columns(&optics.detector, 0.0).period[0];
-    if pixels < BEAMLET_PIXELS {
+    if pixels < LEAST_PIXELS {
         return Err(Error::scene(
             "sample_mask.period",
             format!("{pixels:.2} pixels per beamlet"),
-            format!("a fit of four unknowns needs at least {BEAMLET_PIXELS} pixels per beamlet"),
+            format!(
+                "at least {LEAST_PIXELS} pixels per beamlet: transmission and refraction need two pixels that \
+                 share its light, the dark field {BEAMLET_PIXELS}"
+            ),
         ));
     }
     Ok(())

@@ -34,7 +34,7 @@ pub use diagnosis::{EmptyBeam, EmptyBeamOfView, Region};
 pub use fitter::{FitOptions, Fitter, Weights};
 pub(crate) use images::FLAGS;
 pub use images::Images;
-pub use input::{Columns, Input, offsets};
+pub use input::{Columns, Input, columns_of_images, offsets};
 pub use method::{Method, different_offsets};
 pub use misfit::median;
 pub use options::{ReadRows, RetrieveOptions};

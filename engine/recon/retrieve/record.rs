@@ -67,6 +67,12 @@ pub struct Record {
     /// Columns and rows that were added to one pixel; `None` where none were.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub bin: Option<[usize; 2]>,
+    /// Neighbouring columns whose values are points of one curve, by the shifts of the masks; `None` without.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub group: Option<usize>,
+    /// Mask offsets at which the columns of a group sample their curve, m: for each offset one for each column.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub points: Vec<f64>,
     /// Place of each column of the images, as in geometry.json: x from the optical axis on the detector, m.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub columns_m: Vec<f64>,

@@ -70,6 +70,7 @@ impl Retriever {
     /// ```
     pub fn new(compute: &Compute, scene: &Scene, options: &RetrieveOptions) -> Result<Self> {
         let method = options.method;
+        refuse_shifts(scene)?;
         let period = Optics::of(scene).curve_period();
         let periods = WholePeriods::in_scan(&scene.scan.mask_offsets, period);
         let view_scans = ViewScans::of(scene, method, periods)?;
@@ -197,12 +198,21 @@ impl Retriever {
         self.shape
     }
 
+    /// True if curves determine their width, and images have a dark field.
+    pub(super) fn has_width(&self) -> bool {
+        let has_pixels = self.beamlets.as_ref().is_none_or(Beamlets::determine_width);
+        has_pixels && self.options.method != Method::TwoStep
+    }
+
     /// Names of the images of a view.
     #[must_use]
     pub fn names(&self) -> Vec<&'static str> {
         // Without noise there is nothing to be uncertain of.
-        let is_given =
-            |name: &&'static str| !name.ends_with("_sigma") || self.options.gain.is_some();
+        let has_width = self.has_width();
+        let is_given = |name: &&'static str| {
+            (!name.ends_with("_sigma") || self.options.gain.is_some())
+                && (has_width || !name.starts_with("dark_field"))
+        };
         CONTRASTS.into_iter().filter(is_given).chain([FLAGS]).chain(OF_SAMPLE).collect()
     }
 
@@ -347,6 +357,19 @@ impl Retriever {
         }
         Ok(())
     }
+}
+
+/// Refuses masks with shifts: frames of a retriever have one curve in each pixel.
+fn refuse_shifts(scene: &Scene) -> Result<()> {
+    for (key, mask) in scene.masks() {
+        if !mask.shifts.is_empty() {
+            let found = format!("{} shifts", mask.shifts.len());
+            let allowed = "no shifts: `Input` makes curves of the columns of a group, and \
+                           `Scene::of_groups` is their scene";
+            return Err(Error::scene(format!("{key}.shifts"), found, allowed));
+        }
+    }
+    Ok(())
 }
 
 fn part(stack: ArrayView3<'_, f32>, band: &Range<u32>) -> Array3<f32> {

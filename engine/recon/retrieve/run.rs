@@ -254,7 +254,7 @@ fn retrieve_to(
         finish(&mut record, hashes.wait(&control.cancel, &mut || {})??, (began, since));
         return Ok((record, geometry));
     }
-    let mut retriever = Retriever::new(compute, input.scene(), &options)?;
+    let mut retriever = Retriever::new(compute, &input.scene().of_groups(), &options)?;
     let input = input.fitted_to(retriever.steps())?;
     if !options.correct.is_none() || options.phase {
         require_pixels(&input)?;
@@ -316,6 +316,10 @@ fn options_for(input: &Input, options: &RetrieveOptions) -> Result<RetrieveOptio
     if beamlets && input.selection() != (None, None) {
         let allowed = "every pixel: beamlets are found among all of them";
         return Err(Error::argument("columns", "a part of the pixels", allowed));
+    }
+    if input.group() > 1 && options.correct.of_frames() {
+        let allowed = "offset and plane: the points of a curve are columns, not frames";
+        return Err(Error::argument("correct", "dose or steps with shifts of the masks", allowed));
     }
     let noise = options.read_noise * (input.added() as f64).sqrt();
     Ok(options.clone().with_saturation(input.saturation()).with_read_noise(noise))

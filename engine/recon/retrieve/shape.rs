@@ -57,11 +57,21 @@ impl CurveGeometry {
         (self.projected[0] + self.projected[1]) / 2.0
     }
 
+    /// Distance of the centre of a curve from the middle of two offsets `apart` from one another, m of mask offset,
+    /// within which both have light of this curve alone.
+    pub(super) fn reach_of_two(&self, apart: f64) -> f64 {
+        let lit = (self.half_base() + LIT * self.blur) / self.magnification;
+        (lit - 0.5 * apart).min(0.5 * (self.period - apart)).max(0.0)
+    }
+
     /// Half its top, m on the analyser.
     pub(super) fn half_top(&self) -> f64 {
         (self.projected[0] - self.projected[1]).abs() / 2.0
     }
 }
+
+/// Deviations of the blur beyond the base of a curve where it still has light.
+pub(super) const LIT: f64 = 3.0;
 
 /// A shape with four unknowns: scale, centre, spread, background. Lengths are in the unit of offsets. The
 /// curve is nearly linear in the spread: half the base of a trapezoid, the variance of a blur.

@@ -234,6 +234,9 @@ fn upload_mask(
         edge_variance: edge_variance.unwrap_or(0.0),
         first: apertures.first().map_or(0.0, |a| a[0]),
         last: apertures.last().map_or(0.0, |a| a[1]),
+        narrowest_aperture: single(shape.openings.narrowest(0)),
+        narrowest_bar: single(shape.openings.bar()),
+        substrate: single(shape.substrate),
     };
     buffers.push(buffer);
     Ok(record)

@@ -52,6 +52,7 @@ impl Tables {
                 step: opening.step,
                 low: opening.x[0],
                 high: opening.x[1],
+                period: response.pattern,
             })
             .collect();
         let mut values = Vec::new();
@@ -84,15 +85,16 @@ impl Tables {
 }
 
 /// A buffer is not empty.
-const NO_OPENINGS: [MaskOpening; 1] = [MaskOpening { step: 0, low: 0.0, high: 0.0 }];
+const NO_OPENINGS: [MaskOpening; 1] = [MaskOpening { step: 0, low: 0.0, high: 0.0, period: 1.0 }];
 
-/// Largest width that a step opens, m: of a period at most.
+/// Largest width that a step opens, m: of a period at most, the mean of the periods of all shifts.
 fn widest(response: &Response, period: f32) -> f32 {
     let of_step = |step: &[crate::sampling::Opening]| -> f32 {
         step.iter().map(|opening| opening.x[1] - opening.x[0]).sum()
     };
     let steps = response.openings.chunk_by(|a, b| a.step == b.step).map(of_step);
-    steps.reduce(f32::max).map_or(period, |width| width.min(period))
+    let share = period / response.pattern;
+    steps.reduce(f32::max).map_or(period, |width| (width * share).min(period))
 }
 
 /// Rows of the detector, as rays need them.

@@ -71,6 +71,7 @@ pub(super) struct Slits {
 impl Slits {
     /// Slits of a mask across (0) or along its slits (1); `None` where no edge repeats.
     fn of(mask: &Mask, plane: f64, axis: usize) -> Option<Self> {
+        let mask = mask.unshifted();
         let openings = mask.openings(plane);
         let (period, width) = (openings.period[axis], openings.narrowest(axis));
         let centre = if axis == 0 { -mask.off_centre(0.0, plane) } else { 0.0 };

@@ -141,10 +141,11 @@ pub fn expected_angle(scene: &Scene) -> Result<Option<f64>> {
     let media = MaterialTable::of(scene)?;
     let leaks = optics::mean_leaks(scene, &optics, (&media.energies, &media.weights))?;
     let variance = open_variance(scene, counts)?;
-    let curve = ThinCurve::of(&optics, leaks);
-    let centre = curve.and_then(|curve| {
-        curve.centre_deviation(&scene.scan.mask_offsets, |light| variance.of(light))
-    });
+    let share = optics::through_substrates(scene, &optics, (&media.energies, &media.weights))?;
+    let curve = ThinCurve::of(&optics, leaks).map(|curve| curve.dimmed(share));
+    let offsets = scene.offsets_of_group(&scene.scan.mask_offsets);
+    let centre =
+        curve.and_then(|curve| curve.centre_deviation(&offsets, |light| variance.of(light)));
     Ok(centre.map(|centre| SQRT_2 * centre / optics.lever_arm))
 }
 

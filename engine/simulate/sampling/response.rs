@@ -33,6 +33,8 @@ pub(crate) struct Response {
     /// Openings by mask step in the cell plane, from the nearest period of the sample mask, m; none
     /// without a sample mask.
     pub(crate) openings: Vec<Opening>,
+    /// Length after which openings repeat, m.
+    pub(crate) pattern: f32,
     /// Mask steps that differ enough to count.
     steps: usize,
     /// Beamlet's centre from the centre of the nearest period of the sample mask, m.
@@ -44,8 +46,7 @@ pub(crate) struct Response {
     /// Share of the light that the bars of the sample mask let through; 0 where that is too little
     /// to count.
     pub(crate) leak: f32,
-    /// Period of the lattice and of the openings, and its half, m.
-    period: f32,
+    /// Half the period of the lattice, m.
     half_period: f32,
     /// Recorded value per metre of open cell plane.
     pub(crate) weight: f32,
@@ -87,10 +88,11 @@ impl Response {
         let soft =
             SOFT_EDGE * optics.spot.narrowest(0) * (rotation - lattice.plane).abs() / rotation;
         let hard = any_masks || optics.sample_mask.is_none();
-        let openings = match &optics.sample_mask {
-            Some(_) if any_masks => any_openings(&optics.beamlets()),
-            Some(_) => openings_of_steps(&optics.beamlets(), offsets, soft),
-            None => Vec::new(),
+        let beams = optics.beamlets();
+        let (openings, pattern) = match optics.passed() {
+            Some(_) if any_masks => (any_openings(&beams), beams.period[0]),
+            Some(passed) => (openings_of_steps(&passed, offsets, soft), passed.period[0]),
+            None => (Vec::new(), beams.period[0]),
         };
         let landing = |c: &BeamletGeometry| {
             if optics.detector_mask.is_some() { c.aperture_offset } else { c.pixel_offset }
@@ -114,7 +116,7 @@ impl Response {
                 .collect(),
             leak,
             soft: if hard { 0.0 } else { single(soft) },
-            period: single(lattice.period),
+            pattern: single(pattern),
             half_period: single(0.5 * lattice.period),
             weight: single(detector.distance / (lattice.plane * detector.pitch[0])),
             any_masks,
@@ -177,9 +179,9 @@ impl Response {
         for Opening { step, x } in &self.openings {
             let [low, high] = x.map(|x| x - self.mask_offset[column]);
             let [low, high] = [low + self.shadow[column], high - self.shadow[column]];
-            let mut k = ((-half - high) / self.period).ceil();
-            while low + k * self.period < half {
-                let shift = k * self.period;
+            let mut k = ((-half - high) / self.pattern).ceil();
+            while low + k * self.pattern < half {
+                let shift = k * self.pattern;
                 let x = [(low + shift).max(-half), (high + shift).min(half)];
                 if x[1] > x[0] {
                     all.push(Opening { step: *step, x });

@@ -190,7 +190,7 @@ mod tests {
     fn the_integral_of_a_window_rises_by_its_width() {
         let body = MaskBody::Sheet { transmission: 0.0 };
         let spec = MaskSpec::new(1.0, 150e-6, 30e-6, body);
-        let openings = Mask::new("detector_mask", &spec, 1, false).openings(1.0);
+        let openings = Mask::new("detector_mask", &spec, 1, 1).openings(1.0);
         let table = window_integral(&openings, 6e-6);
         let rise = f64::from(table[table.len() - 1] - table[0]);
         assert!((rise - 30e-6).abs() < 1e-10, "{rise}");

@@ -47,6 +47,16 @@ pub(crate) fn refuse(scene: &Scene, optics: &Optics, options: &EngineOptions) ->
     if optics.sample_mask.is_none() {
         inline::refuse(scene, optics)?;
     }
+    for mask in optics.sample_mask.iter().chain(&optics.detector_mask) {
+        if mask.openings(mask.distance()).ends().count() > 1 {
+            let found = format!("several slits in a period of {}", mask.name());
+            return wave(&found, "masks without apertures or shifts");
+        }
+        if mask.has_substrate() {
+            let found = format!("the substrate of {}", mask.name());
+            return wave(&found, "masks without a substrate");
+        }
+    }
     let parts = optics.spot.placed();
     let first = parts.first().map(|part| (part.offset[1], part.deviation[1]));
     if parts.iter().any(|part| Some((part.offset[1], part.deviation[1])) != first) {

@@ -1,11 +1,12 @@
 //! Keys of the masks.
 
 use super::prelude::*;
-use crate::scene::{Detector, MaskBody, MaskSpec};
+use super::series::RANGE;
+use crate::scene::{Detector, MaskBody, MaskSpec, Substrate};
 
 keys! { MASK: MaskSpec, "sample_mask",
     [Forms(&[&["transmission"], &["material", "thickness"]], 1),
-     Forms(&[&["aperture"], &["projected_aperture"]], 0)],
+     Forms(&[&["aperture"], &["projected_aperture"], &["apertures"]], 0)],
     ["pitch" => "period", "slit" => "aperture", "slit_width" => "aperture", "opening" => "aperture",
      "height" => "thickness"];
     distance => Quantity(Length, POSITIVE),
@@ -22,10 +23,33 @@ keys! { MASK: MaskSpec, "sample_mask",
         "Width of the slits in the plane of the mask, up to the period.";
     projected_aperture by hand => Quantity(Length, POSITIVE), Required, r#""30 um""#,
         "Width of the slits in the plane of the detector.";
+    apertures => Either("", &Ends(limits::SLITS), &File("path of a CSV file")), Required,
+        r#"[["-30 um", "-10 um"], ["5 um", "25 um"]]"#,
+        "Ends of the slits of a period from its middle, in the plane of the mask, ascending; a list or a file with the columns `end_0_um` and `end_1_um`.";
+    shifts => Either("", &Series(Length, limits::SLITS), &Inner(&RANGE)), Without("none"),
+        r#"["0 um", "12 um"]"#,
+        "Displacements along +x of the slits of successive periods, in the plane of the mask: period k has entry k modulo their number.";
     period => Quantity(Length, POSITIVE), Without("pitch × mask distance / detector distance"), r#""100 um""#,
-        "Distance from slit to slit in the plane of the mask; up to 1000 apertures in a pixel, and 16777216 in all whose light reaches the detector.";
+        "Distance from slit to slit in the plane of the mask, or from the slits of a period to the next ones; up to 1000 apertures in a pixel, and 16777216 in all whose light reaches the detector.";
     offset => Quantity(Length, ANY), Default(r#""0 m""#), r#""2 um""#,
         "Displacement of the slits along +x in the plane of the mask.";
+    substrate => Inner(&SUBSTRATE.spec), Without("none"),
+        r#"{ material = "silicon", thickness = "500 um" }"#,
+        "Flat plate that carries the bars: it attenuates all light of the mask.";
+}
+
+keys! { SUBSTRATE: Substrate, "sample_mask.substrate", [], [];
+    material => MATERIAL, Required, r#""silicon""#, "Material of the plate.";
+    thickness => Quantity(Length, POSITIVE), Required, r#""500 um""#,
+        "Thickness of the plate along the beam.";
+}
+
+impl Record for Substrate {
+    const KEYS: &'static Keys<Self> = &SUBSTRATE;
+
+    fn begin(_: &dyn Fn(&str) -> bool) -> Self {
+        Self::new("", f64::NAN)
+    }
 }
 
 impl Record for MaskSpec {
@@ -39,6 +63,23 @@ impl Record for MaskSpec {
         Self::new(f64::NAN, f64::NAN, f64::NAN, body)
     }
 
+    fn finish(&mut self, _: &Table<'_>) -> Result<()> {
+        if !self.apertures.is_empty() {
+            self.aperture = narrowest(&self.apertures);
+        }
+        Ok(())
+    }
+
+    fn leaves_out(&self, key: &str) -> bool {
+        match key {
+            "aperture" => !self.apertures.is_empty(),
+            "apertures" => self.apertures.is_empty(),
+            "shifts" => self.shifts.is_empty(),
+            "substrate" => self.substrate.is_none(),
+            _ => false,
+        }
+    }
+
     fn relations(&self, key: &dyn Fn(&str) -> String, faults: &mut Faults) {
         if self.aperture > self.period {
             let found = format!("{} in the mask plane", Length.rounded(self.aperture));
@@ -48,8 +89,15 @@ impl Record for MaskSpec {
                 Length.rounded(self.period)
             );
             faults.add(Error::scene(key("aperture"), found, allowed));
+        } else if self.period > 0.0 {
+            faults.note(self.check_slits(key));
         }
     }
+}
+
+/// Width of the narrowest of some slits, m.
+fn narrowest(slits: &[[f64; 2]]) -> f64 {
+    slits.iter().map(|[low, high]| high - low).fold(f64::INFINITY, f64::min)
 }
 
 /// Reads a mask, with what follows from the detector.

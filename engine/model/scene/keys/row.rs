@@ -65,6 +65,8 @@ pub(crate) enum Kind {
     Lengths(&'static str, Range),
     /// A list of corners.
     Corners(u32),
+    /// A list of ends of slits.
+    Ends(u32),
     /// A length or an angle, as the list that it stands for.
     Step,
     /// A list of quantities with an upper limit of their number, or a range of them.
@@ -237,6 +239,7 @@ impl Row {
             Kind::Name(noun) | Kind::File(noun) => (*noun).to_owned(),
             Kind::Line => "a line of text, of 1 to 200 characters".to_owned(),
             Kind::Corners(_) => such("corners around a polygon"),
+            Kind::Ends(most) => such(&format!("a list of 1 to {most} pairs of ends")),
             Kind::Step => "a length or an angle".to_owned(),
             Kind::Series(_, most) => {
                 format!(

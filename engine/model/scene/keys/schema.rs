@@ -99,9 +99,8 @@ fn kind(kind: &Kind) -> Value {
             json!({ "anyOf": [one, several(&one, 2, 2)] })
         }
         Kind::Lengths(_, range) => several(&quantity(&[Dimension::Length], *range), 3, 3),
-        Kind::Corners(most) => {
-            several(&several(&quantity(&[Dimension::Length], super::row::ANY), 2, 2), 3, *most)
-        }
+        Kind::Corners(most) => pairs(3, *most),
+        Kind::Ends(most) => pairs(1, *most),
         Kind::Series(dimension, most) => {
             several(&quantity(&[*dimension], super::row::ANY), 1, *most)
         }
@@ -127,6 +126,11 @@ fn kind(kind: &Kind) -> Value {
         }
         Kind::Either(_, short, table) => json!({ "anyOf": [self::kind(short), self::kind(table)] }),
     }
+}
+
+/// Pairs of lengths.
+fn pairs(least: u32, most: u32) -> Value {
+    several(&several(&quantity(&[Dimension::Length], super::row::ANY), 2, 2), least, most)
 }
 
 fn several(item: &Value, least: u32, most: u32) -> Value {

@@ -1,7 +1,10 @@
 //! Keys of built-in shapes.
 
 use super::prelude::*;
+use super::series::placed;
 use crate::scene::{Shape, polygon};
+use beamlet_core::csv_table::{Numbered, Quantities, TableKind};
+use std::path::Path;
 
 /// Placeholder of a refused shape.
 pub(crate) const NO_SHAPE: Shape = Shape::Sphere { radius: f64::NAN, sides: None };
@@ -133,20 +136,46 @@ impl Value for Shape {
     }
 }
 
-/// Corners of a polygon.
+/// Reads the ends of slits of a file.
+fn read_ends(item: &ListItem<'_>, path: &Path) -> Result<Vec<[f64; 2]>> {
+    let columns = "the columns end_0_UNIT and end_1_UNIT with a unit of length, as end_0_um";
+    let kind = TableKind { key: "end", noun: "slits", columns, most: limits::SLITS as usize };
+    let table = Quantities { kind, name: "end", dimension: Some(Length), columns: Numbered::Yes };
+    let rows = match table.read(&item.directory().join(path)) {
+        Ok(rows) => rows,
+        Err(error) => return item.refuse(placed(item, error), Vec::new()),
+    };
+    item.note_table(path);
+    let pair = |row: Vec<f64>| <[f64; 2]>::try_from(row).ok();
+    match rows.into_iter().map(pair).collect::<Option<Vec<_>>>() {
+        Some(ends) => Ok(ends),
+        None => item.refuse(item.error("another number of columns", columns), Vec::new()),
+    }
+}
+
+/// Corners of a polygon, or ends of slits.
 impl Value for Vec<[f64; 2]> {
     fn read(item: &ListItem<'_>, row: &'static Row) -> Result<Self> {
-        let point = "a corner, such as [\"1 mm\", \"2 mm\"]";
-        let corner = |item: &ListItem<'_>| item.array(point, |item| item.quantity(Length));
-        item.items(&row.allowed())?.iter().map(corner).collect()
+        let point = match row.kind {
+            Corners(_) => "a corner, such as [\"1 mm\", \"2 mm\"]",
+            _ => "both ends of a slit, such as [\"-30 um\", \"-10 um\"]",
+        };
+        if let (Some(path), Either(_, _, File(_))) = (item.as_text(), &row.kind) {
+            return read_ends(item, Path::new(path));
+        }
+        let pair = |item: &ListItem<'_>| item.array(point, |item| item.quantity(Length));
+        item.items(&row.allowed())?.iter().map(pair).collect()
     }
 
     fn write(&self, _: &Row, _: &Base<'_>) -> Result<Option<String>> {
-        let corners: Vec<_> = self.iter().map(|point| list(point, Length)).collect();
-        Ok(Some(format!("[{}]", corners.join(", "))))
+        let pairs: Vec<_> = self.iter().map(|pair| list(pair, Length)).collect();
+        Ok(Some(format!("[{}]", pairs.join(", "))))
     }
 
-    fn check(&self, key: &str, _: &Row, faults: &mut Faults) {
-        polygon::validate(key, self, faults);
+    /// Ends of slits are checked with their period.
+    fn check(&self, key: &str, row: &Row, faults: &mut Faults) {
+        if matches!(row.kind, Corners(_)) {
+            polygon::validate(key, self, faults);
+        }
     }
 }

@@ -20,6 +20,7 @@ from ._volume import lengths
 Method = Literal[
     "gaussian",
     "three-step",
+    "two-step",
     "moments",
     "triangle",
     "exact-curve",

@@ -58,7 +58,7 @@ impl Corrections {
     }
 
     /// True if frames are corrected before curves are fitted.
-    pub(super) const fn of_frames(self) -> bool {
+    pub(in crate::retrieve) const fn of_frames(self) -> bool {
         self.dose || self.steps
     }
 

@@ -33,7 +33,9 @@ impl Model {
     pub(super) fn of(retriever: &Retriever, method: Method) -> Option<Self> {
         match method {
             Method::Beamlet => None,
-            Method::Triangle | Method::ExactCurve => retriever.shape().map(Self::Shape),
+            Method::Triangle | Method::ExactCurve | Method::TwoStep => {
+                retriever.shape().map(Self::Shape)
+            }
             _ => Some(Self::Gaussian),
         }
     }

@@ -2,7 +2,7 @@
 
 use super::Input;
 use super::correction::{Correction, Dark};
-use super::selection::Columns;
+use super::selection::{Columns, Selection};
 use crate::retrieve::Record;
 use beamlet_core::{Error, Result, folder};
 use beamlet_files::StackFile;
@@ -70,6 +70,7 @@ impl Input {
             ..input
         };
         let columns = record.kept_columns.as_deref().map(Columns::parse).transpose()?;
+        input.selection = Selection::whole(input.whole_frame(), input.group());
         input = input.with_selection(columns, record.bin)?;
         let found = input.frame()[0];
         if found != record.shape[1] {

@@ -6,10 +6,13 @@ use super::correction::LEFT_OUT;
 use beamlet_core::{Error, Result, numbers};
 use beamlet_model::optics::Optics;
 use beamlet_model::scene::Scene;
-use ndarray::{Array2, Array3, Axis, s};
+use ndarray::{Array2, Array3, Axis};
 use std::fmt;
 use std::ops::Range;
 use std::str::FromStr;
+
+/// Difference of a projected period from whole pixels that is rounding, share of the period.
+const WHOLE: f64 = 1e-4;
 
 /// Columns of a frame, `START:END:STEP` counted from 0, the end excluded.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -62,14 +65,21 @@ pub(super) struct Selection {
     columns: Option<Columns>,
     /// Columns and rows that are added to one.
     bin: [usize; 2],
+    /// Neighbouring columns whose values are points of one curve.
+    group: usize,
     /// Rows and columns of the whole frame.
     whole: [usize; 2],
 }
 
 impl Selection {
-    /// All pixels of a frame of these rows and columns.
-    pub(super) const fn whole(frame: [usize; 2]) -> Self {
-        Self { columns: None, bin: [1, 1], whole: frame }
+    /// All pixels of a frame of these rows and columns; groups of columns form curves.
+    pub(super) const fn whole(frame: [usize; 2], group: usize) -> Self {
+        Self { columns: None, bin: [1, 1], group, whole: frame }
+    }
+
+    /// The same pixels of these columns alone.
+    pub(super) const fn of_columns(self, columns: Columns) -> Self {
+        Self { columns: Some(columns), ..self }
     }
 
     /// Numbers of the columns that are kept.
@@ -82,12 +92,12 @@ impl Selection {
 
     /// Rows and columns that are kept.
     pub(super) fn frame(&self) -> [usize; 2] {
-        [self.whole[0] / self.bin[1], self.chosen().count() / self.bin[0]]
+        [self.whole[0] / self.bin[1], self.chosen().count() / self.bin[0] / self.group]
     }
 
     /// True if every pixel is kept.
     const fn is_whole(&self) -> bool {
-        self.columns.is_none() && self.bin[0] * self.bin[1] == 1
+        self.columns.is_none() && self.bin[0] * self.bin[1] * self.group == 1
     }
 
     /// Rows of the files for these rows.
@@ -97,10 +107,19 @@ impl Selection {
     }
 
     /// Values of the pixels that are kept, `[step][row][column]` from rows of the files: sums of counts,
-    /// means of intensities. One that is left out or has no value leaves its sum out, or without one.
+    /// means of intensities. One that is left out or has no value leaves its sum out, or without one. Columns of
+    /// a group are steps, each step of the files followed by the next.
     pub(super) fn of(&self, data: Array3<f32>, counts: bool) -> Array3<f32> {
         if self.is_whole() {
             return data;
+        }
+        if self.group > 1 {
+            let (steps, rows, columns) = data.dim();
+            let group = self.group;
+            let shape = (steps * group, rows, columns / group);
+            return Array3::from_shape_fn(shape, |(step, row, column)| {
+                data[[step / group, row, column * group + step % group]]
+            });
         }
         let [across, down] = self.bin;
         let columns: Vec<usize> = self.chosen().collect();
@@ -125,7 +144,7 @@ impl Selection {
     /// Pixels that are kept of which one is set.
     pub(super) fn of_mask(&self, mask: &Array2<bool>) -> Array2<bool> {
         let values = mask.mapv(|set| f32::from(u8::from(set))).insert_axis(Axis(0));
-        self.of(values, true).slice(s![0, .., ..]).mapv(|count| count > 0.0)
+        self.of(values, true).sum_axis(Axis(0)).mapv(|count| count > 0.0)
     }
 
     /// Places of the columns that are kept, from those of the frame, each with the width of its light: sums
@@ -142,8 +161,41 @@ impl Selection {
                 false => group.iter().map(|[place, _]| place).sum::<f64>() / group.len() as f64,
             }
         };
-        chosen.chunks_exact(self.bin[0]).map(centre).collect()
+        chosen.chunks_exact(self.bin[0] * self.group).map(centre).collect()
     }
+}
+
+/// Columns behind the apertures of masks with one aperture every few pixels (skipped masks): where both masks are
+/// so, and the others lie behind bars. `None` where every column has light, or apertures lie otherwise.
+pub(super) fn lit_columns(scene: &Scene) -> Option<Columns> {
+    let optics = Optics::of(scene);
+    let (first, second) = (optics.sample_mask.as_ref()?, optics.detector_mask.as_ref()?);
+    let periods =
+        [first, second].map(|mask| mask.openings_in_columns(&optics.detector, 0.0).period[0]);
+    let step = periods[0].round();
+    let is_whole = periods.iter().all(|period| (period - step).abs() < WHOLE * step);
+    if step < 2.0 || !is_whole || scene.group() > 1 {
+        return None;
+    }
+    let step = numbers::whole::<usize>(step);
+    let lights = optics.column_lights();
+    let start = lights.iter().position(|[_, width]| *width > 0.0)?;
+    let expected = |at: usize| at >= start && (at - start).is_multiple_of(step);
+    let fits = lights.iter().enumerate().all(|(at, [_, width])| (*width > 0.0) == expected(at));
+    fits.then_some(Columns { start, end: None, step })
+}
+
+/// Columns of a frame of a scene by column of its images: groups of them behind masks with shifts, those behind
+/// slits of skipped masks, else each alone. Beamlets have columns of their own.
+#[must_use]
+pub fn columns_of_images(scene: &Scene) -> Vec<Vec<usize>> {
+    let frame = scene.detector.pixels.map(|count| count as usize);
+    let mut selection = Selection::whole([frame[1], frame[0]], scene.group());
+    if let Some(columns) = lit_columns(scene) {
+        selection = selection.of_columns(columns);
+    }
+    let chosen: Vec<usize> = selection.chosen().collect();
+    chosen.chunks_exact(selection.group).map(<[usize]>::to_vec).collect()
 }
 
 impl Input {
@@ -158,7 +210,17 @@ impl Input {
         bin: Option<[usize; 2]>,
     ) -> Result<Self> {
         let [rows, all] = self.whole_frame();
-        self.selection = Selection { columns, bin: bin.unwrap_or([1, 1]), whole: [rows, all] };
+        let group = self.selection.group;
+        if group > 1 && (columns.is_some() || bin.is_some()) {
+            let name = if columns.is_some() { "columns" } else { "bin" };
+            let allowed = format!("every pixel: masks with shifts make groups of {group} columns");
+            return Err(Error::argument(name, "a part of the pixels", allowed));
+        }
+        if columns.is_none() && bin.is_none() {
+            return Ok(self);
+        }
+        self.selection =
+            Selection { columns, bin: bin.unwrap_or([1, 1]), group, whole: [rows, all] };
         let [across, down] = self.selection.bin;
         if let Some(found) = columns
             && (found.start >= all || found.end.is_some_and(|end| end > all))
@@ -187,6 +249,18 @@ impl Input {
         (self.selection.columns, (bin != [1, 1]).then_some(bin))
     }
 
+    /// Columns that are kept; `None`: all.
+    #[must_use]
+    pub const fn kept_columns(&self) -> Option<Columns> {
+        self.selection.columns
+    }
+
+    /// Neighbouring columns whose values are points of one curve: 1 without shifts of the masks.
+    #[must_use]
+    pub const fn group(&self) -> usize {
+        self.selection.group
+    }
+
     /// Pixels whose values are added.
     pub(crate) const fn added(&self) -> usize {
         if self.counts { self.selection.bin[0] * self.selection.bin[1] } else { 1 }
@@ -212,6 +286,6 @@ impl Input {
         let [across, down] = self.selection.bin;
         let step = self.selection.columns.map_or(1, |columns| columns.step);
         let [x, z] = self.scene.detector.pitch;
-        [x * (step * across) as f64, z * down as f64]
+        [x * (step * across * self.selection.group) as f64, z * down as f64]
     }
 }

@@ -52,11 +52,22 @@ impl Retriever {
             let (row, column) = (pixel / columns, pixel % columns);
             let curve = (0..steps).map(|step| data[[step, row, column]]);
             if let Some(lights) = lights {
+                if !self.has_width() {
+                    return Ok(lights[column].fit_few(&scan, curve));
+                }
                 let flat = known.map(|(flat, first)| flat.flags[first + pixel]);
                 return Ok(lights[column].fit(&scan, curve, flat));
             }
             Ok(match self.options.method {
                 Method::ThreeStep => closed::three_step(&scan, curve),
+                Method::TwoStep => match self.shape() {
+                    Some(shape) => {
+                        let apart = 2.0 * scan.half();
+                        let known = (shape, self.shape.spread(), self.shape.reach_of_two(apart));
+                        closed::two_points(&scan, known, curve)
+                    }
+                    None => Curve::unknown(flags::NOT_CONVERGED),
+                },
                 Method::Moments => closed::by_moments(&scan, curve),
                 _ => self.shape().map_or(Curve::unknown(flags::NOT_CONVERGED), |shape| {
                     least_squares::fit(shape, &scan, curve)
@@ -72,7 +83,7 @@ impl Retriever {
     pub(in crate::retrieve) fn shape(&self) -> Option<CurveShape> {
         match self.options.method {
             Method::Triangle => Some(CurveShape::Trapezoid { top: 0.0 }),
-            Method::ExactCurve => self.shape.shape(),
+            Method::ExactCurve | Method::TwoStep => self.shape.shape(),
             _ => None,
         }
     }

@@ -62,7 +62,9 @@ impl Retriever {
     /// Names of the images of the flat.
     pub(in crate::retrieve) fn names_of_flat(&self) -> Vec<&'static str> {
         let has_sigmas = self.options.gain.is_some();
-        let sigmas = SIGMAS_OF_FLAT.into_iter().filter(|_| has_sigmas);
+        let has_width = self.has_width();
+        let is_given = |name: &&str| has_sigmas && (has_width || *name != "flat_width_sigma");
+        let sigmas = SIGMAS_OF_FLAT.into_iter().filter(is_given);
         OF_FLAT.into_iter().chain(sigmas).collect()
     }
 

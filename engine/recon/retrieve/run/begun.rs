@@ -81,6 +81,11 @@ pub(super) fn begun(
         omitted_steps: input.omitted_steps().to_vec(),
         kept_columns: columns.map(|columns| columns.to_string()),
         bin,
+        group: Some(input.group()).filter(|group| *group > 1),
+        points: match input.group() {
+            1 => Vec::new(),
+            _ => scene.offsets_of_group(&scene.scan.mask_offsets),
+        },
         columns_m: described.columns_m.clone(),
         pitch: described.pitch,
         lattice_m: described.lattice,

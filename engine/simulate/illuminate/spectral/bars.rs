@@ -158,7 +158,9 @@ impl EnergyBinning {
             let leaks = shapes.map(|shape| shape.map(|shape| shape.leak(secant)));
             let narrowing = |i: usize| Some(shapes[i]?.narrowing(secant, leaks[i]?));
             narrowings.push([0, 1].map(|mask| narrowing(mask).unwrap_or_default()));
-            let share = |group| self.weights[node] * passing(leaks, group);
+            let plates: f64 =
+                shapes.iter().flatten().map(|shape| shape.through_substrate(secant)).product();
+            let share = |group| self.weights[node] * plates * passing(leaks, group);
             by_node.extend(self.groups.iter().map(|group| share(*group)));
         }
         let groups = self.groups.len();

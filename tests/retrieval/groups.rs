@@ -1,0 +1,244 @@
+//! Retrieval behind asymmetric masks, whose neighbouring columns sample other points of one curve, and behind
+//! skipped masks.
+
+#![allow(clippy::unwrap_used, reason = "tests")]
+#![allow(clippy::cast_possible_truncation, reason = "frames of f32")]
+
+use crate::reference::closed_form::blurred_overlap;
+use crate::reference::draws::Draws;
+use crate::support::{Worst, engine};
+use beamlet::retrieve::{
+    Input, Method, RetrieveOptions, RetrievedArrays, Retriever, retrieve_arrays,
+};
+use beamlet::scene::{Beam, Detector, MaskBody, MaskSpec, Scan, Scene, Source};
+use beamlet::stack::StackFile;
+use beamlet::{Backend, Result, RowsControl};
+use ndarray::{Array2, Array4};
+use ndarray_npy::write_npy;
+
+/// Transmission, refraction angle (rad) and dark field (rad²).
+type Contrasts = [f64; 3];
+
+const PITCH: f64 = 150e-6;
+/// Full width at half maximum of a Gaussian over its standard deviation.
+const FWHM: f64 = 2.354_820_045;
+
+/// The masks of the paper as sheets, with shifts before the sample.
+fn scene(pixels: [u32; 2], shifts: &[f64]) -> Scene {
+    let source = Source::new(1.21, [30e-6, 26e-6], Beam::Energy(30.0));
+    let mut scene = Scene::new(source, Detector::new(1.8, pixels, [PITCH; 2]));
+    let sheet = || MaskBody::Sheet { transmission: 0.0 };
+    let mut first = MaskSpec::new(1.2, 100e-6, 20e-6, sheet());
+    first.shifts = shifts.iter().map(|shift| shift * 1e-6).collect();
+    scene.sample_mask = Some(first);
+    scene.detector_mask = Some(MaskSpec::new(1.8, PITCH, 30e-6, sheet()));
+    scene.scan = Scan::new(vec![0.0], vec![0.0]);
+    scene
+}
+
+/// Light of a pixel at a displacement of the curve (m of mask offset), behind an object of these contrasts.
+fn light(scene: &Scene, offset: f64, [t, alpha, dark]: Contrasts) -> f64 {
+    let lever = scene.lever_arm();
+    let spot = 30e-6 / FWHM * 0.5;
+    let blur = (spot * spot + dark * lever * lever).sqrt();
+    let at = 1.5 * offset + alpha * lever;
+    let periods = (-2..=2).map(|k| at + f64::from(k) * PITCH);
+    t * periods.map(|at| blurred_overlap(at, 30e-6, 30e-6, blur)).sum::<f64>() / PITCH
+}
+
+/// Frames `[view][step][row][column]` of an object, and of none.
+fn frames(scene: &Scene, of: &dyn Fn(usize, usize) -> Contrasts) -> Array4<f64> {
+    let [columns, rows] = scene.detector.pixels.map(|count| count as usize);
+    let offsets = scene.offsets_of_group(&scene.scan.mask_offsets);
+    let group = scene.group();
+    Array4::from_shape_fn((1, offsets.len() / group, rows, columns), |(_, step, row, column)| {
+        light(scene, offsets[step * group + column % group], of(row, column))
+    })
+}
+
+fn retrieve(
+    scene: &Scene,
+    flat: &Array4<f64>,
+    sample: &Array4<f64>,
+    options: &RetrieveOptions,
+) -> Result<RetrievedArrays> {
+    let folder = tempfile::tempdir().unwrap();
+    let stack = |name: &str, frames: &Array4<f64>| {
+        let path = folder.path().join(name);
+        write_npy(&path, &frames.mapv(|value| value as f32)).unwrap();
+        StackFile::open(&path).unwrap()
+    };
+    let input = Input::simulated(scene, stack("flat.npy", flat), stack("sample.npy", sample));
+    retrieve_arrays(&engine(Backend::Bvh), input, options, &mut RowsControl::default())
+}
+
+fn image(found: &RetrievedArrays, name: &str) -> Array2<f64> {
+    found.images[name].index_axis(ndarray::Axis(0), 0).mapv(f64::from)
+}
+
+const AIR: Contrasts = [1.0, 0.0, 0.0];
+
+/// Methods with the shifts that they serve, um.
+const DESIGNS: [(Method, &[f64]); 4] = [
+    (Method::ExactCurve, &[-20.0, -10.0, 0.0, 10.0, 20.0]),
+    (Method::ExactCurve, &[-24.0, 8.0, -8.0, 24.0, 0.0, 16.0, -16.0]),
+    (Method::TwoStep, &[-10.0, 10.0]),
+    (Method::TwoStep, &[12.0, -8.0]),
+];
+
+#[test]
+fn one_shot_behind_asymmetric_masks_gives_a_wedge_and_scatter() {
+    let mut worst = Worst::new("contrasts of one shot over theirs, less 1", 2e-3);
+    for (method, shifts) in DESIGNS {
+        let group = shifts.len();
+        let scene = scene([4 * group as u32 + 1, 3], shifts);
+        let flat = frames(&scene, &|_, _| AIR);
+        let rows: [Contrasts; 3] = [[0.8, 1.5e-6, 0.0], [0.6, -3e-6, 0.0], [0.9, 0.5e-6, 16e-12]];
+        let has_width = method != Method::TwoStep;
+        let sample = frames(&scene, &|row, _| match rows[row] {
+            [t, alpha, _] if !has_width => [t, alpha, 0.0],
+            contrasts => contrasts,
+        });
+        let options = RetrieveOptions::default().with_method(method);
+        let found = retrieve(&scene, &flat, &sample, &options).unwrap();
+        assert_eq!((found.record.shape, found.record.group), ([1, 3, 4], Some(group)));
+        assert_eq!(found.images.contains_key("dark_field"), has_width);
+        for (row, [t, alpha, dark]) in rows.into_iter().enumerate() {
+            for column in 0..4 {
+                let at = [row, column];
+                worst.take(image(&found, "transmission")[at] / t - 1.0, || {
+                    format!("{method}, T, {at:?}")
+                });
+                worst.take(image(&found, "refraction")[at] / alpha - 1.0, || {
+                    format!("{method}, angle, {at:?}")
+                });
+                if has_width && dark > 0.0 {
+                    worst.take(image(&found, "dark_field")[at] / dark - 1.0, || {
+                        format!("{method}, width, {at:?}")
+                    });
+                }
+            }
+        }
+        // The last column fills no group; a group lies at the middle of its columns.
+        for (at, place) in found.record.columns_m.iter().enumerate() {
+            let middle = (at as f64 + 0.5) * group as f64 - (4.0 * group as f64 + 1.0) / 2.0;
+            assert!((place - middle * PITCH).abs() < 1e-9, "{place}");
+        }
+        assert!((found.record.pitch[0] - group as f64 * PITCH).abs() < 1e-12);
+    }
+    worst.holds();
+}
+
+/// Two shots of four shifts are eight points: the offsets of the scan displace all columns.
+#[test]
+fn steps_of_an_asymmetric_mask_add_points_to_the_curve() {
+    let mut scene = scene([12, 1], &[-20.0, -10.0, 0.0, 10.0]);
+    scene.scan = Scan::new(vec![0.0, 5e-6], vec![0.0]);
+    let flat = frames(&scene, &|_, _| AIR);
+    let sample = frames(&scene, &|_, _| [0.7, 2e-6, 9e-12]);
+    let options = RetrieveOptions::default().with_method(Method::ExactCurve);
+    let found = retrieve(&scene, &flat, &sample, &options).unwrap();
+    for (name, truth) in [("transmission", 0.7), ("refraction", 2e-6), ("dark_field", 9e-12)] {
+        let off = image(&found, name).mapv(|value| (value / truth - 1.0).abs());
+        assert!(off.iter().all(|off| *off < 2e-3), "{name}: {off}");
+    }
+}
+
+/// A wedge whose angle grows along x, as beside the middle of a ball. The columns of each shift lie evenly about the
+/// middle of the group: the group has the value of its middle, within 1 % of the largest.
+#[test]
+fn a_ball_is_seen_as_wide_as_a_group() {
+    let shifts = [-20.0, -10.0, 0.0, 10.0, 20.0, 20.0, 10.0, 0.0, -10.0, -20.0];
+    let scene = scene([60, 1], &shifts);
+    let flat = frames(&scene, &|_, _| AIR);
+    let alpha = |x: f64| 4e-6 * x / 30.0;
+    let of = |column: f64| [0.9 - 0.2 * (column / 30.0 - 1.0).powi(2), alpha(column - 30.0), 0.0];
+    let sample = frames(&scene, &|_, column| of(column as f64 + 0.5));
+    let options = RetrieveOptions::default().with_method(Method::ExactCurve);
+    let found = retrieve(&scene, &flat, &sample, &options).unwrap();
+    for (at, (angle, t)) in
+        image(&found, "refraction").iter().zip(&image(&found, "transmission")).enumerate()
+    {
+        let [wanted, truth, _] = of(10.0 * at as f64 + 5.0);
+        assert!((angle - truth).abs() < 0.01 * 4e-6, "{at}: {angle:e} for {truth:e}");
+        assert!((t / wanted - 1.0).abs() < 0.01, "{at}: {t} for {wanted}");
+    }
+}
+
+/// Counts of 20,000 photons in an open pixel: 68 % of the values lie within their uncertainty.
+#[test]
+fn uncertainties_of_one_shot_are_the_scatter_of_counts() {
+    let drawn = |frames: &Array4<f64>, seed: u64| {
+        let mut draws = Draws(seed);
+        frames.mapv(|light| draws.poisson(20_000.0 * light))
+    };
+    for (method, shifts) in [DESIGNS[0], DESIGNS[2]] {
+        let scene = scene([40 * shifts.len() as u32, 60], shifts);
+        let flat = frames(&scene, &|_, _| AIR);
+        let truth = [0.8, 1e-6, 0.0];
+        let sample = frames(&scene, &|_, _| truth);
+        let options = RetrieveOptions::default().with_method(method).with_gain(1.0);
+        let found = retrieve(&scene, &drawn(&flat, 1), &drawn(&sample, 2), &options).unwrap();
+        for (name, truth) in ["transmission", "refraction", "dark_field"].into_iter().zip(truth) {
+            if method == Method::TwoStep && name == "dark_field" {
+                continue;
+            }
+            let values = image(&found, name);
+            let sigma = image(&found, &format!("{name}_sigma"));
+            let mut pulls: Vec<f64> =
+                values.iter().zip(&sigma).map(|(value, sigma)| (value - truth) / sigma).collect();
+            let all = pulls.len();
+            pulls.retain(|pull| pull.is_finite());
+            assert!(pulls.len() * 100 > all * 99, "{method}, {name}: {} of {all}", pulls.len());
+            let within = pulls.iter().filter(|pull| pull.abs() < 1.0).count() as f64;
+            let share = within / pulls.len() as f64;
+            assert!((share - 0.683).abs() < 0.03, "{method}, {name}: {share}");
+            let mean = pulls.iter().sum::<f64>() / pulls.len() as f64;
+            assert!(mean.abs() < 0.1, "{method}, {name}: mean {mean} sigma");
+        }
+    }
+}
+
+#[test]
+fn groups_refuse_parts_of_the_pixels_and_shifts_that_form_no_curve() {
+    let scene = scene([12, 1], &[-10.0, 0.0, 10.0]);
+    let flat = frames(&scene, &|_, _| AIR);
+    let options = RetrieveOptions::default();
+    let error = retrieve(&scene, &flat, &flat, &options).unwrap_err().to_string();
+    assert!(error.contains("3 offsets") && error.contains("three-step"), "{error}");
+    let error = Retriever::new(&engine(Backend::Bvh), &scene, &options).unwrap_err().to_string();
+    assert!(error.contains("sample_mask.shifts"), "{error}");
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("flat.npy");
+    write_npy(&path, &flat.mapv(|value| value as f32)).unwrap();
+    let open = || StackFile::open(&path).unwrap();
+    let input = Input::simulated(&scene, open(), open());
+    let error = input.with_selection(None, Some([3, 1])).unwrap_err().to_string();
+    assert!(error.contains("groups of 3 columns"), "{error}");
+}
+
+/// One aperture in front of every second pixel: the others are left out without `--columns`.
+#[test]
+fn skipped_masks_keep_the_columns_behind_apertures() {
+    let mut scene = scene([9, 1], &[]);
+    let [first, second] =
+        [&mut scene.sample_mask, &mut scene.detector_mask].map(|mask| mask.as_mut().unwrap());
+    (first.period, second.period) = (200e-6, 300e-6);
+    scene.scan = Scan::new((-3..=3).map(|step| 8e-6 * f64::from(step)).collect(), vec![0.0]);
+    let skipped = |of: Contrasts| {
+        let mut all = frames(&scene, &|_, _| of);
+        for (column, mut values) in all.axis_iter_mut(ndarray::Axis(3)).enumerate() {
+            // Nine columns: period k lies before column 4 + 2 (k - 4).
+            if column % 2 == 1 {
+                values.fill(0.0);
+            }
+        }
+        all
+    };
+    let options = RetrieveOptions::default().with_method(Method::ExactCurve);
+    let found = retrieve(&scene, &skipped(AIR), &skipped([0.7, 2e-6, 0.0]), &options).unwrap();
+    assert_eq!(found.record.kept_columns.as_deref(), Some("0::2"));
+    assert_eq!(found.record.shape, [1, 1, 5]);
+    assert!(image(&found, "flags").iter().all(|flags| *flags == 0.0));
+    assert!(image(&found, "refraction").iter().all(|angle| (angle / 2e-6 - 1.0).abs() < 2e-3));
+}
