@@ -92,7 +92,7 @@ impl Subject {
             *(if found.of_beamlets { &mut beamlets } else { &mut maps }) = Some(found.maps);
         }
         let counts = record.as_ref().is_some_and(|record: &Record| record.counts);
-        let fitted = Input::of_run(&run, counts)?;
+        let fitted = Input::of_run(&run, counts)?.whole();
         Ok(Self {
             path: path.to_path_buf(),
             retrieved,
@@ -112,6 +112,7 @@ impl Subject {
     fn of_images(path: &Path) -> Result<Self, Failure> {
         let Images { maps, of_beamlets, record, rows, columns } = Images::open(path)?;
         let (fitted, without) = match Input::reopened(&record, path) {
+            Ok(input) if record.group.is_some() => (Some(input.whole()), None),
             Ok(input) => (Some(input), None),
             Err(error) => (None, Some(error.to_string())),
         };

@@ -83,7 +83,7 @@ const DESIGNS: [(Method, &[f64]); 4] = [
     (Method::ExactCurve, &[-20.0, -10.0, 0.0, 10.0, 20.0]),
     (Method::ExactCurve, &[-24.0, 8.0, -8.0, 24.0, 0.0, 16.0, -16.0]),
     (Method::TwoStep, &[-10.0, 10.0]),
-    (Method::TwoStep, &[12.0, -8.0]),
+    (Method::TwoStep, &[12.0, -8.0, -8.0, 12.0]),
 ];
 
 #[test]
@@ -152,7 +152,7 @@ fn a_ball_is_seen_as_wide_as_a_group() {
     let scene = scene([60, 1], &shifts);
     let flat = frames(&scene, &|_, _| AIR);
     let alpha = |x: f64| 4e-6 * x / 30.0;
-    let of = |column: f64| [0.9 - 0.2 * (column / 30.0 - 1.0).powi(2), alpha(column - 30.0), 0.0];
+    let of = |column: f64| [0.9 - 0.1 * (column / 30.0 - 1.0).powi(2), alpha(column - 30.0), 0.0];
     let sample = frames(&scene, &|_, column| of(column as f64 + 0.5));
     let options = RetrieveOptions::default().with_method(Method::ExactCurve);
     let found = retrieve(&scene, &flat, &sample, &options).unwrap();

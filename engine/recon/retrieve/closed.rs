@@ -119,8 +119,21 @@ pub(super) fn two_points(
     if values.flags & flags::NO_ANSWER != 0 {
         return Curve::unknown(values.flags);
     }
-    let (x, y): (Vec<f64>, Vec<f64>) = values.points.iter().map(|[x, y, _]| (*x, *y)).unzip();
-    let numbers = |y: &[f64]| two_numbers(shape, spread, reach, &x, y);
+    let y: Vec<f64> = values.points.iter().map(|[_, y, _]| *y).collect();
+    let first = values.points[0][0];
+    let Some(second) = values.points.iter().map(|[x, ..]| *x).find(|x| (x - first).abs() > 0.0)
+    else {
+        return Curve::unknown(values.flags | flags::FEW);
+    };
+    // Several values at one offset are their mean.
+    let numbers = |y: &[f64]| {
+        let mean = |at: f64| {
+            let own = values.points.iter().zip(y).filter(|([x, ..], _)| (x - at).abs() <= 0.0);
+            let (count, sum) = own.fold((0.0, 0.0), |(count, sum), (_, y)| (count + 1.0, sum + y));
+            sum / count
+        };
+        two_numbers(shape, spread, reach, &[first, second], &[mean(first), mean(second)])
+    };
     let Some([area, centre]) = numbers(&y) else {
         return Curve::unknown(values.flags | flags::NO_PEAK);
     };

@@ -140,9 +140,7 @@ impl Method {
             Self::ThreeStep => {
                 (count == least && different == least, format!("exactly {least} different offsets"))
             }
-            Self::TwoStep => {
-                (count == least && different == least, format!("exactly {least} different offsets"))
-            }
+            Self::TwoStep => (different == least, format!("exactly {least} different offsets")),
             Self::Beamlet => (count == least, format!("exactly {least} offset")),
             _ => (different >= least, format!("at least {least} different offsets")),
         };

@@ -249,6 +249,13 @@ impl Input {
         (self.selection.columns, (bin != [1, 1]).then_some(bin))
     }
 
+    /// All pixels of the frames, each with values of its own.
+    #[must_use]
+    pub const fn whole(mut self) -> Self {
+        self.selection = Selection::whole(self.whole_frame(), 1);
+        self
+    }
+
     /// Columns that are kept; `None`: all.
     #[must_use]
     pub const fn kept_columns(&self) -> Option<Columns> {
