@@ -37,3 +37,4 @@ mod rough_fibres;
 mod selection;
 mod tracking;
 mod uneven;
+mod wedge_by_waves;
