@@ -40,3 +40,4 @@ mod tracking;
 #[cfg(feature = "cli")]
 mod two_directions;
 mod uneven;
+mod wedge_by_waves;
