@@ -96,7 +96,8 @@ pub(super) fn illumination(
     nodes: &Nodes,
 ) -> Result<Option<IlluminationCurve>> {
     let optics = Optics::of(scene);
-    if optics.sample_mask.is_none() || optics.detector_mask.is_none() {
+    // Light behind apertures that end along z depends on the row, too.
+    if optics.sample_mask.is_none() || optics.detector_mask.is_none() || optics.has_heights() {
         return Ok(None);
     }
     let leak = optics::mean_leaks(scene, &optics, (&nodes.energies, &nodes.weights))?;

@@ -151,7 +151,7 @@ impl Source {
     }
 }
 
-/// A slit mask, periodic without end in x and unbounded in z.
+/// A mask, periodic without end in x; slits are unbounded in z, other apertures periodic in z as well.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
 pub struct MaskSpec {
@@ -163,6 +163,14 @@ pub struct MaskSpec {
     pub aperture: f64,
     /// Displacement of the lattice along +x in the mask plane, m.
     pub offset: f64,
+    /// Outline of the apertures.
+    pub shape: ApertureShape,
+    /// Height of the apertures in the mask plane, m; none of slits.
+    pub aperture_z: Option<f64>,
+    /// Distance along z from aperture to aperture in the mask plane, m; none of slits.
+    pub period_z: Option<f64>,
+    /// Displacement of the lattice along +z in the mask plane, m.
+    pub offset_z: f64,
     /// Form of the bars.
     pub body: MaskBody,
 }
@@ -172,8 +180,51 @@ impl MaskSpec {
     /// plane and an aperture on the optical axis.
     #[must_use]
     pub const fn new(distance: f64, period: f64, aperture: f64, body: MaskBody) -> Self {
-        Self { distance, period, aperture, offset: 0.0, body }
+        Self {
+            distance,
+            period,
+            aperture,
+            offset: 0.0,
+            shape: ApertureShape::Slit,
+            aperture_z: None,
+            period_z: None,
+            offset_z: 0.0,
+            body,
+        }
     }
+
+    /// The mask with apertures of this outline, height and period along z (m, in its own plane) in place of
+    /// slits.
+    #[must_use]
+    pub fn with_heights(mut self, shape: ApertureShape, aperture_z: f64, period_z: f64) -> Self {
+        self.shape = shape;
+        self.aperture_z = Some(aperture_z);
+        self.period_z = Some(period_z);
+        self
+    }
+
+    /// Height and period along z of the apertures, m; `None` of slits.
+    #[must_use]
+    pub fn heights(&self) -> Option<[f64; 2]> {
+        match self.shape {
+            ApertureShape::Slit => None,
+            _ => self.aperture_z.zip(self.period_z).map(|(height, period)| [height, period]),
+        }
+    }
+}
+
+/// Outline of the apertures of a mask.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum ApertureShape {
+    /// Slits along z without end.
+    Slit,
+    /// Rectangles with sides along x and z.
+    Rectangle,
+    /// Ellipses with axes along x and z; circles where both are equal.
+    Round,
+    /// Two bars of the whole width and height, each a third as thick.
+    Cross,
 }
 
 impl MaskSpec {
