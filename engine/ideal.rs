@@ -123,6 +123,10 @@ pub fn ideal(
     control: &mut RowsControl<'_>,
 ) -> Result<IdealImages> {
     options.check()?;
+    if scene.has_heights() {
+        let found = "apertures that end along z";
+        return Err(Error::scene("shape", found, "slits: ideal images average over columns"));
+    }
     parallel::start_threads()?;
     let columns = IdealColumns::of(scene)?;
     let mut preparing = Control::default().with_cancel(control.cancel.clone());

@@ -1,7 +1,8 @@
 #version 460
 // Light of cells: one invocation per part of a cell row and some mask steps integrates every cell over the
 // sample mask, the focal spot, the detector mask and the pixels (docs/physics.md, "Cells").
-// With FAR light may land in rows other than its own and the two beside it.
+// With FAR light may land in rows other than its own and the two beside it; with HEIGHTS apertures end along z,
+// too: a strip of the sample mask at a time.
 #extension GL_GOOGLE_include_directive : require
 #extension GL_EXT_buffer_reference : require
 #extension GL_EXT_buffer_reference2 : require
@@ -20,7 +21,9 @@ layout(local_size_x = GROUP) in;
 #include "light/window.glsl"
 #include "light/response.glsl"
 #include "light/setting.glsl"
-#ifdef FAR
+#ifdef HEIGHTS
+#include "light/heights.glsl"
+#elif defined(FAR)
 #include "light/far_rows.glsl"
 #else
 #include "light/near_rows.glsl"
@@ -110,16 +113,23 @@ void light_through(Exposed step_, Opening opening, inout Landing landing) {
             bool is_last = next == i || push.cells.at[cell_row.first_cell + next].x_low >= opening.beyond;
             i = is_last ? part.last : next;
             passed = passed_of(step_, piece_through(opening, cell));
+#ifdef HEIGHTS
+            if (passed.first <= passed.last && !keep_shares(cell)) passed.last = passed.first - 1;
+#endif
         }
         if (passed.first <= passed.last) {
             int pixel = passed.first;
             float edge = (float(pixel) - 0.5) * light.pixel_pitch - beamlet.pixel_offset
                 + passed.piece.pixel_shift;
+#ifdef HEIGHTS
+            land_in_rows(landing, cell, passed.piece, pixel, edge, pixel == passed.home);
+#else
             float value = passed.piece.amount
                 * response(beamlet, bars_behind, passed.piece, edge, edge + light.pixel_pitch,
                            pixel == passed.home);
             if (!(abs(value) < 1e30)) value = 0.0;
             land(landing, cell, pixel, value);
+#endif
             passed.first++;
         }
     } while (i < part.last || passed.first <= passed.last);
@@ -162,11 +172,24 @@ void main() {
     part = push.parts.at[push.first_part + gl_GlobalInvocationID.x];
     cell_row = push.cell_rows.at[part.cell_row];
     setting_begin();
+#ifdef HEIGHTS
+    heights_begin();
+#endif
     // What bars leak is summed once for all mask steps, behind the last.
     uint last_turn = last_step + (setting.leaks && first_step == 0u ? 1u : 0u);
     uint turn = first_step;
     do {
+#ifdef HEIGHTS
+        uint mask_step = turn < last_step ? turn : push.steps;
+        uint strip = 0u;
+        do {
+            take_sample_strip(strip, mask_step);
+            if (strip_meets()) illuminate(mask_step);
+            strip++;
+        } while (strip < sample_strips(mask_step));
+#else
         illuminate(turn < last_step ? turn : push.steps);
+#endif
         turn++;
     } while (turn < last_turn);
 }

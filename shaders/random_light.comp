@@ -15,6 +15,9 @@ layout(local_size_x = GROUP) in;
 #include "light/sum.glsl"
 #include "physics/gauss.glsl"
 #include "light/mask.glsl"
+#ifdef HEIGHTS
+#include "light/random_heights.glsl"
+#endif
 
 // Share of [low, high] that lies in apertures; `shift`: of the lattice.
 float open_share(Mask mask, float low, float high, float shift) {
@@ -61,6 +64,10 @@ void main() {
     Pixel pixel = push.pixels.at[p];
     BeamletGeometry beamlet = BeamletTable(light.beamlets).at[pixel.table];
     float one = light.spectral_weight / (float(push.rays_per_pixel.x) * float(max(push.rays_per_pixel.y, 1u)));
+#ifdef HEIGHTS
+    HeightParams heights = HeightParamsRef(light.heights).at[0];
+    RowGeometry row_geometry = RowTable(heights.rows).at[pixel.row - heights.first_row];
+#endif
     float row_z = (float(pixel.row) + 0.5 - light.middle_row) * light.row_slope;
     float plane = light.cell_plane / light.detector;
     float gap = light.detector - light.analyser;
@@ -79,7 +86,21 @@ void main() {
         float sec = secant(slope, slope_z);
         float x = d.source.x * (1.0 - plane) + d.target.x * plane;
         float u = d.source.x * (1.0 - light.ratio) + d.target.x * light.ratio + result.displacement_x;
+#ifdef HEIGHTS
+        // Rows downwards, from the upper end of the row of the pixel, and the slope along them.
+        vec2 slopes = vec2(slope, -slope_z);
+        float target_row = 0.5 - d.target.y / light.row_pitch;
+        float at_mask = target_row - d.source.y * (1.0 - plane) / (plane * light.row_pitch);
+        float at_analyser = target_row - (d.source.y * (1.0 - light.ratio) + result.displacement_z)
+            / (light.ratio * light.row_pitch);
+        float behind = heights.detector_mask.count == 0u
+            ? mask_transmission(light.detector_mask, u, -beamlet.aperture_offset, slope, sec)
+            : transmission_of_path(light.detector_mask, heights.detector_mask,
+                                   vec2(u + beamlet.aperture_offset, at_analyser - row_geometry.aperture_offset),
+                                   slopes, sec);
+#else
         float behind = mask_transmission(light.detector_mask, u, -beamlet.aperture_offset, slope, sec);
+#endif
         float passed = exp(-result.optical_depth);
         float land_x = d.target.x + result.displacement_x + result.slope_x * gap;
         float land_z = d.target.y + result.displacement_z + result.slope_z * gap;
@@ -92,7 +113,19 @@ void main() {
         for (uint k = 0u; k < steps; k++) {
             float shift = light.sample_mask.present == 0u ? 0.0
                 : Offsets(light.offsets).at[first_step + k] - beamlet.sample_offset;
+#ifdef HEIGHTS
+            float before = 0.0;
+            if (heights.sample_mask.count == 0u) {
+                before = mask_transmission(light.sample_mask, x, shift, slope, sec);
+            } else {
+                float shift_z = Offsets(heights.offsets).at[first_step + k] + row_geometry.sample_offset;
+                before = transmission_of_path(light.sample_mask, heights.sample_mask,
+                                              vec2(x - shift, at_mask - shift_z), slopes, sec);
+            }
+            float value = one * before;
+#else
             float value = one * mask_transmission(light.sample_mask, x, shift, slope, sec);
+#endif
             uvec2 words = fixed_point(value * behind * passed, threshold);
             if (stays) {
                 own[k] = plus(own[k], words);

@@ -50,6 +50,16 @@ const SHIPPED: &[Shipped] = &[
         about: "80,000 fibres of 5 um, thick fibres and rods in polyethylene, 360 views",
         files: files!("tomography": "scene.toml", "thick.csv"),
     },
+    Shipped {
+        name: "two-d",
+        about: "polyethylene sphere behind masks of square apertures, steps along x and z",
+        files: files!("two-d": "scene.toml"),
+    },
+    Shipped {
+        name: "beam-tracking",
+        about: "polyethylene sphere behind one mask of round apertures of 15 um, pixels of 8 um",
+        files: files!("beam-tracking": "scene.toml"),
+    },
 ];
 
 pub(super) fn run(arguments: &Example, out: &mut impl Write) -> Result<(), Failure> {

@@ -98,7 +98,8 @@ pub(super) fn illumination(
     // Columns of a group sample the curve of masks without shifts.
     let scene = &scene.of_groups();
     let optics = Optics::of(scene);
-    if optics.sample_mask.is_none() || optics.detector_mask.is_none() {
+    // Light behind apertures that end along z depends on the row, too.
+    if optics.sample_mask.is_none() || optics.detector_mask.is_none() || optics.has_heights() {
         return Ok(None);
     }
     let leak = optics::mean_leaks(scene, &optics, (&nodes.energies, &nodes.weights))?;

@@ -249,7 +249,8 @@ impl About {
     fn of(scene: &Scene, values: Values) -> Self {
         let optics = Optics::of(scene);
         let mask = |mask: &Option<Mask>| {
-            serde_json::json!(mask.as_ref().map(|mask| BTreeMap::from(mask.lengths())))
+            let lengths = |mask: &Mask| mask.lengths().into_iter().chain(mask.lengths_z());
+            serde_json::json!(mask.as_ref().map(|mask| BTreeMap::from_iter(lengths(mask))))
         };
         let shared = [
             ("units", "m, rad, keV".into()),
@@ -278,6 +279,9 @@ impl About {
         let scan = &self.scene.scan;
         let offsets = scan.planned_offsets(view);
         about.insert("mask_offset".into(), offsets.get(step as usize).copied().into());
+        if let Some(offset) = scan.mask_offsets_z.get(step as usize) {
+            about.insert("mask_offset_z".into(), (*offset).into());
+        }
         let before = match view {
             Exposure::Flat(flat) if scan.flats_every.is_some() => {
                 scan.flat_places().get(flat as usize).copied()

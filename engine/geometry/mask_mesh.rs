@@ -92,6 +92,10 @@ pub fn mask_meshes(
             format!("a table [{}]", place.key()),
         ));
     };
+    if mask.has_heights() {
+        let (key, found) = (format!("{}.shape", place.key()), "apertures that end along z");
+        return Err(Error::scene(key, found, "slits"));
+    }
     let Some(thickness) = mask.side_shadow() else {
         let allowed = "bars with a material and a thickness: a sheet has no body";
         return Err(Error::scene(format!("{}.transmission", place.key()), "a sheet", allowed));

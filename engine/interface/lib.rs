@@ -114,8 +114,9 @@ pub use constants::*;
 pub use fit::{FitPush, Step};
 pub use glsl::glsl_files;
 pub use light::{
-    Aperture, BeamletGeometry, Cell, CellRow, CellRowPart, IlluminatePush, IlluminationParams,
-    Mask, Pixel, RandomLightPush, RandomRaysPush, SpotPart,
+    Aperture, BeamletGeometry, Cell, CellRow, CellRowPart, HeightParams, IlluminatePush,
+    IlluminationParams, Mask, MaskHeights, MaskStrip, Pixel, RandomLightPush, RandomRaysPush,
+    RowGeometry, SpotPart,
 };
 pub use reconstruct::{
     BackProjectPush, CombinePush, DotPush, DotSum, FourierPush, MovedSheet, MovedView,

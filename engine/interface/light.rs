@@ -39,6 +39,67 @@ shared_structs! {
         pub substrate: f32,
     }
 
+    /// A strip of a mask whose apertures end along z: between its ends light passes its apertures along x.
+    pub struct MaskStrip in MaskStrips(readonly) {
+        /// Address of `Apertures`: its own, of one period, sorted.
+        pub apertures: u64,
+        pub count: u32,
+        /// High end of its last aperture.
+        pub last: f32,
+        /// Ends, rows downwards from the centre of the period.
+        pub top: f32,
+        pub bottom: f32,
+    }
+
+    /// Strips of a mask as the light stages see them, in rows as seen from the source on the detector.
+    pub struct MaskHeights {
+        /// Address of `MaskStrips`: of one period, upper strips first.
+        pub strips: u64,
+        /// Strips; 0 where the mask has no edges along z.
+        pub count: u32,
+        /// Rows.
+        pub period: f32,
+        /// Of the bars, rows.
+        pub thickness: f32,
+        /// Mean displacement of an edge into its aperture, in shadows of the bars.
+        pub inset: f32,
+        /// Variance of an edge, in squared shadows of the bars.
+        pub variance: f32,
+        /// Share of a period that lies in strips.
+        pub open: f32,
+    }
+
+    /// Values that depend on the row alone.
+    pub struct RowGeometry in RowTable(readonly) {
+        /// Centre of a period of the sample mask along z below the upper end of the row, rows.
+        pub sample_offset: f32,
+        /// The same of the detector mask.
+        pub aperture_offset: f32,
+    }
+
+    /// Parameters of the light stages for masks whose apertures end along z, for one part of the focal spot.
+    /// Lengths are rows on the detector, downwards.
+    pub struct HeightParams in HeightParamsRef(readonly) {
+        pub sample_mask: MaskHeights,
+        pub detector_mask: MaskHeights,
+        /// Address of `RowTable`.
+        pub rows: u64,
+        /// Address of `Offsets`: of the sample mask along z, per step.
+        pub offsets: u64,
+        /// First row of the table.
+        pub first_row: i32,
+        /// Shift of a place in the sample against the sample mask.
+        pub mask_shift: f32,
+        /// Shift of light against the edges of the detector mask.
+        pub analyser_shift: f32,
+        /// Blur at the sample mask of a fixed place in the sample, standard deviation.
+        pub mask_blur: f32,
+        /// Blur at the detector mask of what lies at the rotation centre, standard deviation.
+        pub analyser_blur: f32,
+        /// Displacement at the detector mask over that on the detector.
+        pub analyser_share: f32,
+    }
+
     /// Values that depend on the beamlet (index k of the cell lattice) alone.
     pub struct BeamletGeometry in BeamletTable(readonly) {
         /// Where its centre lands without deflection.
@@ -87,7 +148,8 @@ shared_structs! {
         pub displacement_high: f32,
         /// At the detector, mean.
         pub displacement_z: f32,
-        /// Share that lands in the row above; -1: farther, to be computed.
+        /// Share that lands in the row above; -1: farther, to be computed. Behind masks whose apertures end
+        /// along z: growth of the landing over the height of the cell, rows.
         pub share_above: f32,
         /// Share that lands in the row below; where it is to be computed, change of the light over the
         /// height, relative to the mean light.
@@ -138,6 +200,8 @@ shared_structs! {
         pub offsets: u64,
         /// Address of `SpotParts`: for random draws.
         pub spot_parts: u64,
+        /// Address of `HeightParams`, of masks whose apertures end along z.
+        pub heights: u64,
         /// Cell plane to analyser.
         pub magnification: f32,
         /// Shift of a place in the sample against the sample mask, m.

@@ -43,9 +43,10 @@ float rounded_off(Piece piece, float light_of_piece) {
     return piece.changes_sign ? light_of_piece : max(light_of_piece, 0.0);
 }
 
-// Light of the piece that passes the detector mask and lands in the pixel [low, high], as a share of
-// the piece; `home`: the pixel that faint light of the piece is put into.
-float response(BeamletGeometry beamlet, Bars bars, Piece piece, float low, float high, bool home) {
+// Light of the piece that lands in the pixel [low, high], as a share of the piece: all of it before the
+// detector mask, and what the apertures of that let through beyond the leak of its bars. `home`: the pixel
+// that faint light of the piece is put into.
+vec2 responses(BeamletGeometry beamlet, Bars bars, Piece piece, float low, float high, bool home) {
     Edge pixel_low = Edge(low, piece.pixel_blur, 0.0);
     Edge pixel_high = Edge(high, piece.pixel_blur, 0.0);
     Mask mask = light.detector_mask;
@@ -115,13 +116,19 @@ float response(BeamletGeometry beamlet, Bars bars, Piece piece, float low, float
         else if (met) open += part * share;
         if (is_last) n++;
     } while (n < apertures);
-    if (!masked) return rounded_off(piece, whole);
-    if (leak < FAINT) {
+    if (masked && leak < FAINT) {
         // So little that it does not matter where about it lands.
         vec2 passing = between_edges(piece);
         whole = home ? 0.5 * piece.profile.level * max(passing.y - passing.x, 0.0) : 0.0;
     }
-    return rounded_off(piece, leak < NEGLIGIBLE ? open : leak * whole + open);
+    return vec2(whole, open);
+}
+
+// Light of the piece that passes the detector mask and lands in the pixel, as a share of the piece.
+float response(BeamletGeometry beamlet, Bars bars, Piece piece, float low, float high, bool home) {
+    vec2 parts = responses(beamlet, bars, piece, low, high, home);
+    if (light.detector_mask.present == 0u) return rounded_off(piece, parts.x);
+    return rounded_off(piece, bars.leak < NEGLIGIBLE ? parts.y : bars.leak * parts.x + parts.y);
 }
 
 // Displacements that change faster than this along x go on like that no farther than their cell.

@@ -140,7 +140,11 @@ fn every_kernel_works_without_a_message_of_the_validation_layer() {
                     spectrum = { anode = \"tungsten\", kvp = \"60 kV\", nodes = 3 } }";
     let more = ["--set", spectrum, "--set", "sampling.refine=device"];
     layer.simulate(None, MESHES, &more);
-    layer.simulate(None, MESHES, &["--set", "sampling={scheme=\"random\", rays=[8, 8]}"]);
+    let random = "sampling={scheme=\"random\", rays=[8, 8]}";
+    layer.simulate(None, MESHES, &["--set", random]);
+    let heights = ["--set", "sample_mask.shape=rectangle", "--set", "detector_mask.shape=round"];
+    layer.simulate(None, FIBRE, &heights);
+    layer.simulate(None, FIBRE, &[&heights[..], &["--set", random]].concat());
 
     let counts = [
         "--set",

@@ -14,6 +14,7 @@ mod detector;
 mod edges;
 mod exact_shapes;
 mod flat;
+mod heights;
 mod instances;
 mod leaks;
 mod mask_mesh;

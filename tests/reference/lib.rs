@@ -15,6 +15,7 @@
 )]
 #![allow(clippy::float_cmp, reason = "media of the very same constants do not deflect")]
 
+pub mod apertures;
 pub mod blobs;
 pub mod bundle;
 pub mod closed_form;

@@ -73,6 +73,8 @@ pub struct Mask {
     pattern_offset: f64,
     /// Columns of pixels.
     columns: u32,
+    /// Rows of pixels of the detector.
+    rows: u32,
 }
 
 impl Mask {
@@ -91,7 +93,29 @@ impl Mask {
         if !(columns + before).is_multiple_of(2) {
             spec.offset += 0.5 * spec.period;
         }
-        Self { name, spec, pattern_offset, columns }
+        Self { name, spec, pattern_offset, columns, rows: 1 }
+    }
+
+    /// The mask before `rows` rows of pixels of the detector.
+    #[must_use]
+    pub const fn before_rows(mut self, rows: u32) -> Self {
+        self.rows = rows;
+        self
+    }
+
+    /// The mask of the scene.
+    pub(super) const fn spec(&self) -> &MaskSpec {
+        &self.spec
+    }
+
+    /// Rows of pixels of the detector.
+    pub(super) const fn rows(&self) -> u32 {
+        self.rows
+    }
+
+    /// True if apertures end along z.
+    pub fn has_heights(&self) -> bool {
+        self.spec.heights().is_some()
     }
 
     /// Its key in the scene.
@@ -151,7 +175,7 @@ impl Mask {
         let mut spec = self.spec.clone();
         spec.shifts.clear();
         let pattern_offset = spec.offset;
-        Self { name: self.name, spec, pattern_offset, columns: self.columns }
+        Self { name: self.name, spec, pattern_offset, columns: self.columns, rows: self.rows }
     }
 
     /// Share of the mask that is open.
@@ -210,6 +234,14 @@ impl Mask {
     pub const fn lengths(&self) -> [(&'static str, f64); 4] {
         let MaskSpec { distance, period, aperture, offset, .. } = self.spec;
         [("distance", distance), ("period", period), ("aperture", aperture), ("offset", offset)]
+    }
+
+    /// Its lengths along z by name, m; none of slits.
+    pub fn lengths_z(&self) -> Vec<(&'static str, f64)> {
+        let of = |[height, period]: [f64; 2]| {
+            vec![("aperture_z", height), ("period_z", period), ("offset_z", self.spec.offset_z)]
+        };
+        self.spec.heights().map_or_else(Vec::new, of)
     }
 
     /// Reduction of each side of an aperture by the shadow of bars with a thickness, m in the plane of

@@ -8,6 +8,7 @@ mod column_places;
 mod detector_plane;
 mod mask;
 mod periods;
+mod strips;
 mod thin_curve;
 mod view_geometry;
 mod view_offsets;
@@ -17,11 +18,12 @@ pub use bars::{MaskShape, mean_leaks, modulated, through_substrates};
 pub use detector_plane::DetectorPlane;
 pub use mask::{Mask, Openings};
 pub use periods::{WholePeriods, ends};
+pub use strips::{Strip, Strips};
 pub use thin_curve::ThinCurve;
 pub use view_geometry::ViewGeometry;
 pub(crate) use view_offsets::ViewOffsets;
 
-use crate::scene::{Blur, Sampling, Scene};
+use crate::scene::{Blur, MaskSpec, Sampling, Scene};
 use crate::spot::{Spot, deviation};
 
 /// Cells of a period at least, and of a pixel without a sample mask, where the scene has no number.
@@ -49,6 +51,8 @@ pub struct Optics {
     /// Displacements of the sample mask less whole periods, m: within half a period, so that f32
     /// holds them as precisely as positions in a period.
     pub offsets: ViewOffsets,
+    /// Displacements of the sample mask along z less whole periods, m, by mask step; empty without any.
+    pub offsets_z: Vec<f64>,
     /// How rays are chosen, by the pixels of `detector`.
     pub sampling: Sampling,
 }
@@ -71,7 +75,8 @@ impl Optics {
             pitch: [0, 1].map(|axis| scene.detector.pitch[axis] / f64::from(parts[axis])),
         };
         let mask = |name, spec: &Option<_>| {
-            spec.as_ref().map(|spec| Mask::new(name, spec, size[0], scene.detector.pixels[0]))
+            let [columns, rows] = scene.detector.pixels;
+            spec.as_ref().map(|spec| Mask::new(name, spec, size[0], columns).before_rows(rows))
         };
         let mut sampling = scene.sampling.clone();
         if parts[0] > 1 && scene.sample_mask.is_none() {
@@ -91,8 +96,14 @@ impl Optics {
             detector_mask: mask("detector_mask", &scene.detector_mask),
             spot: spot(scene),
             offsets: within_period(scene),
+            offsets_z: within_period_z(scene),
             sampling,
         }
+    }
+
+    /// True if apertures of a mask end along z.
+    pub fn has_heights(&self) -> bool {
+        self.sample_mask.iter().chain(&self.detector_mask).any(Mask::has_heights)
     }
 
     /// Rotation centre to analyser, m: y of the analyser in the frame of the set-up.
@@ -183,12 +194,19 @@ fn within_period(scene: &Scene) -> ViewOffsets {
     ViewOffsets::new(&scene.scan, applied, within)
 }
 
-/// The focal spot, with a Gaussian blur of the detector added along z: no mask cuts light along the
-/// slits.
+/// Mask offsets along z less whole periods of the sample mask, m.
+fn within_period_z(scene: &Scene) -> Vec<f64> {
+    let heights = scene.sample_mask.as_ref().and_then(MaskSpec::heights);
+    let period = heights.map_or(f64::INFINITY, |[_, period]| period);
+    let within = |offset: &f64| WholePeriods::in_offset(*offset, period).reduced(*offset);
+    scene.scan.mask_offsets_z.iter().map(within).collect()
+}
+
+/// The focal spot, with a Gaussian blur of the detector added along z where no mask cuts light along z.
 fn spot(scene: &Scene) -> Spot {
     let source = &scene.source;
     match &scene.detector.blur {
-        Some(Blur::Gaussian { sigma }) if sigma[1] > 0.0 => {
+        Some(Blur::Gaussian { sigma }) if sigma[1] > 0.0 && !scene.has_heights() => {
             let gap = scene.detector.distance - source.distance;
             source.spot.blurred_along_z(sigma[1] / deviation(1.0) * source.distance / gap)
         }

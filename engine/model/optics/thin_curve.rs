@@ -60,8 +60,12 @@ fn edge(v: f64, s: f64) -> Light {
 }
 
 impl ThinCurve {
-    /// The curve of a set-up with both masks, whose bars pass the shares `leaks`; `None` with fewer.
+    /// The curve of a set-up with both masks of slits, whose bars pass the shares `leaks`; `None` with fewer
+    /// masks or other apertures.
     pub fn of(optics: &Optics, leaks: [f64; 2]) -> Option<Self> {
+        if optics.has_heights() {
+            return None;
+        }
         let (first, second) = (optics.sample_mask.as_ref()?, optics.detector_mask.as_ref()?);
         let [seen, own] = [first, second].map(|mask| mask.without_shifts(optics.analyser));
         let width = |[low, high]: [f64; 2]| high - low;

@@ -31,6 +31,9 @@ pub(super) const NODES: u32 = 256;
 pub const MASK_OFFSETS: u32 = 100_000;
 /// Mask offsets in periods of the sample mask: f64 holds the place of those within a period to 1e-6 of it.
 pub(super) const OFFSET_PERIODS: f64 = 1e9;
+/// Shadow of the bars at the edge of the detector over the narrowest bar or aperture, of apertures that end
+/// along z: their corners are lit as if both directions were independent.
+pub(super) const SHADOW_OF_HEIGHTS: f64 = 0.5;
 /// Angles of a scan.
 pub const ANGLES: u32 = 10_000_000;
 /// Angles of a view of a fly scan.

@@ -33,6 +33,7 @@ mod targets;
 mod text;
 mod tree;
 mod validate;
+mod validate_heights;
 mod view;
 mod write;
 
@@ -50,8 +51,8 @@ pub mod schema {
     pub use super::keys::schema::json_schema;
 }
 pub use model::{
-    MaskBody, MaskSpec, Quality, Refine, Sampling, Scene, Scheme, Source, Substrate, Tolerances,
-    Transport,
+    ApertureShape, MaskBody, MaskSpec, Quality, Refine, Sampling, Scene, Scheme, Source, Substrate,
+    Tolerances, Transport,
 };
 pub use motion::Motion;
 pub use sample::{MaterialSpec, Mesh, MeshFormat, Normals, Object, Placement, Shape, ShapeOrMesh};

@@ -153,8 +153,8 @@ impl Source {
     }
 }
 
-/// A slit mask, periodic without end in x and unbounded in z: a slit of one width in each period, or the
-/// slits of `apertures`; `shifts` displace the slits of successive periods.
+/// A mask, periodic without end in x. Slits are unbounded in z: one of the width `aperture` in each period, or the
+/// slits of `apertures`; `shifts` displace the slits of successive periods. Other apertures are periodic in z as well.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
 pub struct MaskSpec {
@@ -172,6 +172,14 @@ pub struct MaskSpec {
     pub shifts: Vec<f64>,
     /// Displacement of the lattice along +x in the mask plane, m.
     pub offset: f64,
+    /// Outline of the apertures.
+    pub shape: ApertureShape,
+    /// Height of the apertures in the mask plane, m; none of slits.
+    pub aperture_z: Option<f64>,
+    /// Distance along z from aperture to aperture in the mask plane, m; none of slits.
+    pub period_z: Option<f64>,
+    /// Displacement of the lattice along +z in the mask plane, m.
+    pub offset_z: f64,
     /// Form of the bars.
     pub body: MaskBody,
     /// Plate that carries the bars: all light passes it.
@@ -208,10 +216,47 @@ impl MaskSpec {
             apertures: Vec::new(),
             shifts: Vec::new(),
             offset: 0.0,
+            shape: ApertureShape::Slit,
+            aperture_z: None,
+            period_z: None,
+            offset_z: 0.0,
             body,
             substrate: None,
         }
     }
+
+    /// The mask with apertures of this outline, height and period along z (m, in its own plane) in place of
+    /// slits.
+    #[must_use]
+    pub fn with_heights(mut self, shape: ApertureShape, aperture_z: f64, period_z: f64) -> Self {
+        self.shape = shape;
+        self.aperture_z = Some(aperture_z);
+        self.period_z = Some(period_z);
+        self
+    }
+
+    /// Height and period along z of the apertures, m; `None` of slits.
+    #[must_use]
+    pub fn heights(&self) -> Option<[f64; 2]> {
+        match self.shape {
+            ApertureShape::Slit => None,
+            _ => self.aperture_z.zip(self.period_z).map(|(height, period)| [height, period]),
+        }
+    }
+}
+
+/// Outline of the apertures of a mask.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum ApertureShape {
+    /// Slits along z without end.
+    Slit,
+    /// Rectangles with sides along x and z.
+    Rectangle,
+    /// Ellipses with axes along x and z; circles where both are equal.
+    Round,
+    /// Two bars of the whole width and height, each a third as thick.
+    Cross,
 }
 
 impl MaskSpec {

@@ -10,6 +10,9 @@ use std::f64::consts::TAU;
 pub struct Scan {
     /// Displacements of the sample mask along +x in its own plane, m. At least one.
     pub mask_offsets: Vec<f64>,
+    /// Displacements of the sample mask along +z in its own plane, m: one for each of `mask_offsets`, at all
+    /// views; empty where the mask does not move along z.
+    pub mask_offsets_z: Vec<f64>,
     /// Rotation of source, masks and detector about +z, rad. At least one.
     pub angles: Vec<f64>,
     /// Motion of the sample at each angle, before source, masks and detector turn: one for each angle, or
@@ -96,6 +99,7 @@ impl Scan {
     pub const fn new(mask_offsets: Vec<f64>, angles: Vec<f64>) -> Self {
         Self {
             mask_offsets,
+            mask_offsets_z: Vec::new(),
             angles,
             motions: Vec::new(),
             view_offsets: Vec::new(),
@@ -244,7 +248,8 @@ impl Scan {
     pub fn omit_steps(&mut self, omitted: &[usize]) {
         let errors = [&mut self.errors.mask_offsets, &mut self.errors.intensities];
         let lists = errors.into_iter().chain([&mut self.view_offsets]).flatten();
-        for list in lists.chain([&mut self.mask_offsets]) {
+        let steps = [&mut self.mask_offsets, &mut self.mask_offsets_z];
+        for list in lists.chain(steps) {
             let mut steps = 0..;
             list.retain(|_| steps.next().is_none_or(|step| !omitted.contains(&step)));
         }

@@ -42,6 +42,7 @@ impl Scene {
         faults.note(self.validate_detector_mask());
         faults.note(self.validate_periods());
         faults.note(self.validate_shadows());
+        faults.note(self.validate_heights());
         check(&self.sampling, &below("sampling"), &mut faults);
         if self.sampling.quality == Some(Quality::Noise) && self.detector.counts.is_none() {
             let allowed = "\"standard\" or \"fine\"; \"noise\" needs detector.photons";
@@ -53,6 +54,7 @@ impl Scene {
             faults.add(Error::scene("scan.darks_every", "dark frames without photons", allowed));
         }
         faults.note(self.validate_offsets("scan.mask_offsets", &self.scan.mask_offsets));
+        faults.note(self.validate_offsets_z());
         faults.note(self.validate_view_offsets());
         faults.note(self.validate_motions());
         faults.note(self.validate_errors());

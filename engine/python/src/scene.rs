@@ -139,6 +139,12 @@ impl Scene {
         self.scene.scan.mask_offsets.clone()
     }
 
+    /// Mask offsets along z, m; empty without any.
+    #[getter]
+    fn mask_offsets_z(&self) -> Vec<f64> {
+        self.scene.scan.mask_offsets_z.clone()
+    }
+
     /// Angles of the views, rad.
     #[getter]
     fn angles(&self) -> Vec<f64> {

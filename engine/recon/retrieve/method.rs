@@ -68,6 +68,7 @@ impl Method {
     /// # Errors
     /// [`Error::Scene`] with found and allowed values, and where possible an alternative method.
     pub fn check(self, scene: &Scene, offsets: &[f64]) -> Result<()> {
+        self.check_heights(scene)?;
         if self == Self::Beamlet {
             check_beamlets(scene)?;
             return self.check_offsets(offsets);
@@ -125,6 +126,24 @@ impl Method {
             Self::Moments | Self::Triangle | Self::ExactCurve => 5,
             Self::Beamlet => 1,
         }
+    }
+
+    /// Curves are functions of the mask offset along x.
+    fn check_heights(self, scene: &Scene) -> Result<()> {
+        let along_z = &scene.scan.mask_offsets_z;
+        if different_offsets(along_z) > 1 {
+            let found = format!("{} different offsets along z", different_offsets(along_z));
+            let allowed = format!("one offset along z: {self} fits curves of steps along x");
+            return Err(Error::scene("scan.mask_offsets_z", found, allowed));
+        }
+        if scene.has_heights() && matches!(self, Self::ExactCurve | Self::Beamlet | Self::Triangle)
+        {
+            let allowed = format!(
+                "slits: {self} knows no apertures that end along z; use gaussian or moments"
+            );
+            return Err(Error::scene("shape", "apertures that end along z", allowed));
+        }
+        Ok(())
     }
 
     fn check_offsets(self, offsets: &[f64]) -> Result<()> {

@@ -21,14 +21,22 @@ impl BlurStage {
             None => return Ok(None),
             Some(Blur::Gaussian { .. }) if grid.margin == [0; 2] => return Ok(None),
             Some(Blur::Gaussian { sigma }) => {
-                let spread = Spread::Gaussian(sigma[0] / scene.detector.pitch[0]);
-                let [margin, parts] = [grid.margin[0], grid.parts[0]].map(f64::from);
-                let count = ((2 * grid.margin[0] + 1) * grid.parts[0]) as usize;
-                let weight = |i: usize| {
-                    let low = i as f64 / parts - margin;
-                    spread.landing(low, low + 1.0 / parts) / parts
+                let along = |axis: usize| -> Vec<f64> {
+                    // The optics have a blur along z that the grid does not.
+                    if axis == 1 && grid.margin[1] == 0 {
+                        return vec![1.0];
+                    }
+                    let spread = Spread::Gaussian(sigma[axis] / scene.detector.pitch[axis]);
+                    let [margin, parts] = [grid.margin[axis], grid.parts[axis]].map(f64::from);
+                    let count = ((2 * grid.margin[axis] + 1) * grid.parts[axis]) as usize;
+                    let weight = |i: usize| {
+                        let low = i as f64 / parts - margin;
+                        spread.landing(low, low + 1.0 / parts) / parts
+                    };
+                    (0..count).map(weight).collect()
                 };
-                Array2::from_shape_fn((1, count), |(_, i)| weight(i))
+                let [across, down] = [along(0), along(1)];
+                Array2::from_shape_fn((down.len(), across.len()), |(j, i)| down[j] * across[i])
             }
             Some(Blur::Kernel(kernel)) => {
                 let measured = Measured::read(scene, kernel, KernelOf::Blur)?;

@@ -49,8 +49,9 @@ impl SubpixelGrid {
         let spread = match &detector.blur {
             Some(Blur::Gaussian { sigma }) => {
                 // Along z there is no mask between the sample and the detector: such a blur adds to the
-                // blur of the spot, and rows need no parts.
-                [Some(Spread::Gaussian(sigma[0] / detector.pitch[0])), None]
+                // blur of the spot, and rows need no parts. Apertures that end along z are such a mask.
+                let along = |axis: usize| Spread::Gaussian(sigma[axis] / detector.pitch[axis]);
+                [Some(along(0)), scene.has_heights().then(|| along(1))]
             }
             Some(Blur::Kernel(kernel)) => {
                 let measured = Measured::read(scene, kernel, KernelOf::Blur)?;
@@ -65,13 +66,16 @@ impl SubpixelGrid {
             };
             grid.margin[axis] = numbers::whole::<u32>(spread.reach().ceil());
             let lit = if axis == 0 { lit_width(scene) } else { 1.0 };
+            // Edges of apertures along z are edges of light as those along x are.
+            let edges = if scene.has_heights() { 0 } else { axis };
+            let (most, tolerance) = (MOST[edges], TOLERANCE[edges]);
             let (mut chosen, mut chosen_error) = (0, f64::INFINITY);
-            for parts in 1..=MOST[axis] {
+            for parts in 1..=most {
                 let [sharp, even] = error_of(spread, parts, lit);
-                let fine = sharp <= TOLERANCE[axis];
+                let fine = sharp <= tolerance;
                 let aligned = even <= EVEN;
                 // The first that is fine, unless a later one is aligned as well; or the finest.
-                if chosen_error > TOLERANCE[axis] || (fine && aligned) {
+                if chosen_error > tolerance || (fine && aligned) {
                     (chosen, chosen_error) = (parts, sharp);
                 }
                 if fine && aligned {

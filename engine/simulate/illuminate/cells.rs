@@ -20,9 +20,11 @@ const STEPS_EACH: u32 = 16;
 /// The kernels of cells.
 #[derive(Debug)]
 pub(crate) struct CellKernels {
-    pub(crate) near: LazyKernel,
+    near: LazyKernel,
     /// For light that lands more than a row away.
     far: LazyKernel,
+    /// For masks whose apertures end along z.
+    heights: LazyKernel,
 }
 
 impl CellKernels {
@@ -30,7 +32,46 @@ impl CellKernels {
     #[must_use]
     pub(crate) fn new(device: &Arc<Device>) -> Self {
         let kernel = |name| LazyKernel::new(device, name, push_bytes::<IlluminatePush>());
-        Self { near: kernel("illuminate"), far: kernel("illuminate_far") }
+        Self {
+            near: kernel("illuminate"),
+            far: kernel("illuminate_far"),
+            heights: kernel("illuminate_heights"),
+        }
+    }
+
+    /// The kernel of most cells; `heights`: apertures end along z.
+    pub(crate) const fn usual(&self, heights: bool) -> &LazyKernel {
+        if heights { &self.heights } else { &self.near }
+    }
+
+    /// The kernel of cells.
+    fn of(&self, reach: Reach) -> &LazyKernel {
+        match reach {
+            Reach::Near => &self.near,
+            Reach::Far => &self.far,
+            Reach::Heights => &self.heights,
+        }
+    }
+}
+
+/// Where light of cells may land.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Reach {
+    /// In their row and the two beside it.
+    Near,
+    /// In any row.
+    Far,
+    /// In any row, through apertures that end along z.
+    Heights,
+}
+
+impl Reach {
+    fn of(light: &IlluminationBuffer, far: bool) -> Self {
+        match (light.has_heights(), far) {
+            (true, _) => Self::Heights,
+            (false, true) => Self::Far,
+            (false, false) => Self::Near,
+        }
     }
 }
 
@@ -47,8 +88,8 @@ pub(crate) struct CellIlluminator {
     cells: Option<Buffer>,
     /// Parts of cell rows times steps of a submission.
     pace: Pace,
-    /// Dispatches of the next submission, to the far kernel or not, and their cost.
-    planned: Vec<(bool, IlluminatePush)>,
+    /// Dispatches of the next submission, and their cost.
+    planned: Vec<(Reach, IlluminatePush)>,
     planned_cost: u64,
     cancel: Cancel,
 }
@@ -223,7 +264,7 @@ impl CellIlluminator {
                     if self.planned_cost + items > u64::from(self.pace.size()) {
                         self.run(uploads)?;
                     }
-                    self.planned.push((*far, push));
+                    self.planned.push((Reach::of(light, *far), push));
                     self.planned_cost += items;
                     first_step = last_step;
                 }
@@ -239,15 +280,11 @@ impl CellIlluminator {
         let planned = std::mem::take(&mut self.planned);
         self.planned_cost = 0;
         let kernels = self.kernels.clone();
-        let far = match planned.iter().any(|(far, _)| *far) {
-            true => Some(kernels.far.get()?),
-            false => None,
-        };
-        let near = kernels.near.get()?;
+        let made: Vec<_> =
+            planned.iter().map(|(reach, _)| kernels.of(*reach).get()).collect::<Result<_>>()?;
         let uploads = std::mem::take(uploads);
         let record = |r: &mut Recorder<'_>| {
-            for (is_far, push) in &planned {
-                let kernel = far.filter(|_| *is_far).unwrap_or(near);
+            for ((_, push), kernel) in planned.iter().zip(&made) {
                 let shares = (push.last_step - push.first_step).div_ceil(push.steps_each);
                 let groups = [push.part_count.div_ceil(GROUP), shares, 1];
                 r.dispatch(kernel, bytemuck::bytes_of(push), groups);

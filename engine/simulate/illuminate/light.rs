@@ -1,5 +1,6 @@
 //! The parameters of the light stages, from the optics.
 
+use super::heights;
 use crate::sampling::{Lattice, beamlet_geometry};
 use beamlet_core::Result;
 use beamlet_core::numbers::{count, single};
@@ -56,6 +57,10 @@ pub(crate) fn alike_rows(scene: &Scene, optics: &Optics, media: &MaterialTable) 
         change = change.max(sum);
     }
     let slope = optics.detector.row_slope();
+    // Masks with edges along z stand otherwise in each row.
+    if optics.has_heights() {
+        return Ok(1);
+    }
     let highest = optics.detector.half(1) * slope;
     let fits = |rows: u32| {
         let half = f64::from(rows) / 2.0 * slope;
@@ -76,7 +81,8 @@ pub(crate) struct IlluminationBuffer {
     lights: Vec<IlluminationParams>,
     /// Address of the first list of mask offsets, and bytes from one to the next.
     list: (Address, u64),
-    _buffers: Vec<Buffer>,
+    /// What the records point to.
+    buffers: Vec<Buffer>,
 }
 
 impl IlluminationBuffer {
@@ -124,12 +130,26 @@ impl IlluminationBuffer {
         let buffer = device.upload("light", &lights)?;
         buffers.extend([beamlets, offsets, table]);
         let same_at_all_steps = sample_mask.present == 0;
-        Ok(Self { buffer, same_at_all_steps, lights, list, _buffers: buffers })
+        Ok(Self { buffer, same_at_all_steps, lights, list, buffers })
     }
 
     /// True if parts of the spot differ in the shares of rows that cells hold.
     pub(super) fn rows_apart(&self) -> bool {
         self.lights.iter().any(|light| light.rows_apart != 0)
+    }
+
+    /// True if apertures of a mask end along z.
+    pub(super) fn has_heights(&self) -> bool {
+        self.lights.iter().any(|light| light.heights != 0)
+    }
+
+    /// Adds the heights of the masks in these rows.
+    fn add_heights(&mut self, device: &Arc<Device>, of: heights::HeightsOf<'_>) -> Result<()> {
+        let addresses = heights::upload(device, of, &mut self.buffers)?;
+        for (light, address) in self.lights.iter_mut().zip(addresses) {
+            light.heights = address;
+        }
+        Ok(())
     }
 
     /// The record of random rays.
@@ -161,10 +181,13 @@ impl IlluminationBuffer {
         for light in &mut record.lights {
             light.alike_rows = single(lattice.alike_rows.into());
         }
+        let (rows, fineness) = (&lattice.rows(), heights::STRIPS_OF_CELLS);
+        let of = heights::HeightsOf { scene, optics, band, parts: &parts, rows, fineness };
+        record.add_heights(device, of)?;
         Ok(record)
     }
 
-    /// For random rays: one column per pixel of `pixels`.
+    /// For random rays: one column per pixel of `pixels`, in these rows.
     ///
     /// # Errors
     /// As [`IlluminationBuffer::of_cells`].
@@ -172,7 +195,7 @@ impl IlluminationBuffer {
         device: &Arc<Device>,
         scene: &Scene,
         optics: &Optics,
-        pixels: &Range<i64>,
+        (pixels, rows): (&Range<i64>, &Range<i64>),
         band: &SpectralBand,
     ) -> Result<Self> {
         let beamlets: Vec<BeamletGeometry> = pixels
@@ -181,7 +204,14 @@ impl IlluminationBuffer {
             .collect();
         // Rays draw their part: one record serves all.
         let whole = PlacedPart { share: 1.0, offset: [0.0; 2], deviation: [0.0; 2] };
-        Self::upload(device, scene, optics, &beamlets, band, &[whole])
+        let parts = &[whole];
+        let mut record = Self::upload(device, scene, optics, &beamlets, band, parts)?;
+        let fineness = heights::STRIPS_OF_RAYS;
+        record.add_heights(
+            device,
+            heights::HeightsOf { scene, optics, band, parts, rows, fineness },
+        )?;
+        Ok(record)
     }
 
     /// Sets the band of detector rows that sums are buffers for, and the list of mask offsets; returns what

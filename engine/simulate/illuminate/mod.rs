@@ -3,6 +3,7 @@
 mod cells;
 mod fill;
 mod fit;
+mod heights;
 mod light;
 mod random;
 mod row_parts;

@@ -24,6 +24,8 @@ const STEPS_TOGETHER: u32 = 16 * RANDOM_STEPS;
 pub(crate) struct RandomKernels {
     rays: LazyKernel,
     light: LazyKernel,
+    /// For masks whose apertures end along z.
+    light_heights: LazyKernel,
 }
 
 impl RandomKernels {
@@ -34,12 +36,13 @@ impl RandomKernels {
         Self {
             rays: LazyKernel::new(device, "random_rays", rays),
             light: LazyKernel::new(device, "random_light", light),
+            light_heights: LazyKernel::new(device, "random_light_heights", light),
         }
     }
 
-    /// All of them.
-    pub(crate) const fn all(&self) -> [&LazyKernel; 2] {
-        [&self.rays, &self.light]
+    /// Those of a run; `heights`: apertures of masks end along z.
+    pub(crate) const fn all(&self, heights: bool) -> [&LazyKernel; 2] {
+        [&self.rays, if heights { &self.light_heights } else { &self.light }]
     }
 }
 
@@ -102,7 +105,8 @@ impl RandomIlluminator {
         job: RandomBatch<'_>,
     ) -> Result<()> {
         let kernels = self.kernels.clone();
-        let (rays_kernel, light_kernel) = (kernels.rays.get()?, kernels.light.get()?);
+        let [rays_kernel, light_kernel] = kernels.all(light.has_heights());
+        let (rays_kernel, light_kernel) = (rays_kernel.get()?, light_kernel.get()?);
         let buffer = fit::<Pixel>(&self.device, self.pixels.take(), "pixels", job.pixels.len())?;
         // The first submission takes all pixels along.
         let mut uploads = &[Upload::new(&buffer, 0, job.pixels)][..];

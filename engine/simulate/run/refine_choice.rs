@@ -17,6 +17,8 @@ fn unknown(scene: &Scene, energies: usize, keeps_moments: bool) -> Option<&'stat
         Some("kept moments")
     } else if scene.objects.iter().any(|object| object.roughness > 0.0) {
         Some("a rough object")
+    } else if scene.has_heights() {
+        Some("apertures that end along z")
     } else {
         None
     }

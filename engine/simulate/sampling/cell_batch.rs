@@ -209,6 +209,7 @@ pub(crate) fn empty_cell_row(column: i64, row: i64) -> CellRow {
 
 pub(crate) fn empty_cell(lattice: &Lattice) -> Cell {
     let half = single(lattice.period / 2.0);
-    let [share_above, share_below] = lattice.row_shares(0.0, 1.0, 0.0);
+    let [share_above, share_below] =
+        if lattice.heights { [0.0; 2] } else { lattice.row_shares(0.0, 1.0, 0.0) };
     Cell { x_low: -half, x_high: half, share_above, share_below, ..bytemuck::Zeroable::zeroed() }
 }

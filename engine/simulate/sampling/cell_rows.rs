@@ -151,6 +151,10 @@ impl Emitter<'_> {
                 landing_z -= rectangle.tilt * height / 12.0 * self.estimator.row_pitch;
             }
         }
+        let mut above = above;
+        if lattice.heights {
+            [above, below, landing_z] = self.along_z(rectangle, place.z);
+        }
         self.record(row, place.patch, rectangle, share, moments);
         row.cells.push(Cell {
             x_low: x[0],
@@ -166,6 +170,17 @@ impl Emitter<'_> {
             displacement_variance: rectangle.displacement_variance,
             ..bytemuck::Zeroable::zeroed()
         });
+    }
+
+    /// Light of a rectangle along z, of its part at the heights `z`: growth of the landing over the height
+    /// (rows), change of the light relative to its mean, and displacement on the detector (m).
+    fn along_z(&self, rectangle: &Rectangle, z: [f32; 2]) -> [f32; 3] {
+        let part = (z[1] - z[0]) / (rectangle.z[1] - rectangle.z[0]);
+        let aside = 0.5 * (z[0] + z[1]) - 0.5 * (rectangle.z[0] + rectangle.z[1]);
+        let [up, low] = rectangle.ends_z;
+        let slope = (low - up) / (rectangle.z[1] - rectangle.z[0]);
+        let growth = -part * (low - up) / self.estimator.row_pitch;
+        [growth, part * rectangle.tilt, 0.5 * (up + low) + slope * aside]
     }
 
     /// Shares of the light of a rectangle that land in the rows above and below, of its part at the

@@ -122,8 +122,11 @@ impl<'a> Emitter<'a> {
             }
             let (slopes, displacement_variance, ends_z, borders, tilt) =
                 if let Known::Mean(fit) = node.known {
-                    let slopes =
-                        Slopes { depth: [fit.slope_depth, 0.0], displacement: [fit.slope, 0.0] };
+                    let slopes = Slopes {
+                        depth: [fit.slope_depth, 0.0],
+                        displacement: [fit.slope, 0.0],
+                        ..Slopes::default()
+                    };
                     let variance = fit.displacement.powi(2) + fit.across.powi(2);
                     let tilt = tilt_by_depth(fit.rise.into());
                     (slopes, variance, fit.ends_z, fit.borders, single(tilt))
@@ -140,7 +143,10 @@ impl<'a> Emitter<'a> {
                         Some(_) => 0.0,
                     };
                     let landing_z = node.result.landing_z(self.estimator.gap);
-                    (slopes, variance, [landing_z; 2], [None; 2], 0.0)
+                    let half = 0.5 * slopes.landing[1] * node.height();
+                    let rise = if self.estimator.heights { slopes.depth[1] } else { 0.0 };
+                    let tilt = single(tilt_by_depth((rise * node.height()).into()));
+                    (slopes, variance, [landing_z - half, landing_z + half], [None; 2], tilt)
                 };
             rectangles.push(Rectangle {
                 x: node.x,

@@ -10,6 +10,8 @@
 use super::base_lattice::BaseLattice;
 use super::dissection::Piece;
 use super::error_budget::ErrorBudget;
+use super::landing_edges::LandingEdges;
+use super::lit_heights::LitHeights;
 use super::patch::{Axis, Known, Node, Patch, Residuals};
 use super::ray_error::THROWN;
 use super::response::Response;
@@ -117,6 +119,12 @@ pub(super) struct Estimator<'a> {
     pub(super) row_blur: f32,
     /// The blur takes light beyond the rows beside.
     pub(super) wide_blur: bool,
+    /// Apertures of masks end along z.
+    pub(super) heights: bool,
+    /// Apertures of the sample mask along z.
+    pub(super) lit_heights: Option<LitHeights>,
+    /// Edges of the detector mask along z.
+    pub(super) landing_edges: Option<LandingEdges>,
     /// Moments are kept: light moves otherwise at other energies.
     pub(super) other_energies: bool,
     /// Correction factor of the summed error of pieces.
@@ -159,6 +167,9 @@ impl Estimator<'_> {
             (_, Some(pieces)) => self.pieces_error(patch, index, pieces),
             _ => self.ray_error(patch, index),
         };
+        if let Some(lit) = &self.lit_heights {
+            error.weigh(lit.share(patch.row, node.z), false);
+        }
         if !self.counts_in_full(patch.row) {
             let least = if error.silhouette { THROWN } else { 0.0 };
             let detector = self.may_enter(patch.row, node);
@@ -227,7 +238,7 @@ impl Estimator<'_> {
                     half,
                 );
             }
-            let down = piece.outline[1] * self.beyond_border(piece);
+            let down = piece.outline[1] * self.beyond_border(patch.row, piece);
             cut += (light * (CUT * piece.outline[0] + aside + down)).powi(2);
             where_open += (light * (along + down)).powi(2);
             over += (light * down).powi(2);
@@ -267,10 +278,10 @@ impl Estimator<'_> {
     }
 
     /// Share of the light of a piece that its outline may move over the border of a row.
-    fn beyond_border(&self, piece: &Piece) -> f32 {
+    fn beyond_border(&self, row: i64, piece: &Piece) -> f32 {
         let down = self.down(&piece.result);
         let by_outline = || piece.rows.by_outline(down.into(), self.row_blur.into());
-        if !self.other_energies && by_outline().is_some() {
+        if !self.other_energies && !self.heights && by_outline().is_some() {
             return 0.0;
         }
         let [low, high] = piece.rows.whole.map(|z| single(z) + down);
@@ -279,6 +290,8 @@ impl Estimator<'_> {
         let border = high.floor();
         let cut = if border > low { (border - low).min(high - border) / height } else { 0.0 };
         let apart = (low - low.floor()).min(high.ceil() - high);
+        // The mean part of it beside an edge of an aperture.
+        let cut = if self.lands_at_edge(row, [low, high]) { 0.5 } else { cut };
         let near = cut > 0.0 || apart < 2.0 * self.row_blur;
         let leak = if near { BLURRED * self.row_blur / height } else { 0.0 };
         // A blur hides outlines that are smaller.
@@ -302,7 +315,7 @@ impl Estimator<'_> {
             + self.response.skew(residuals.displacement, residuals.farthest[0]);
         let off = [residuals.displacement_z, residuals.farthest[1]];
         let known = residuals.borders.iter().any(Option::is_some);
-        let down = passed * self.over_borders(node, known, result, off);
+        let down = passed * self.over_borders((patch.row, node), known, result, off);
         // A Gaussian stands for the slope over z, and what crosses the border of the row lands
         // along x like all of the rectangle.
         let aside = self.leak(node) * (ALONG_Z * along + CANCELLED * across);
@@ -354,18 +367,23 @@ impl Estimator<'_> {
         [along, across]
     }
 
+    /// True if an edge of the detector mask along z lies between two places of a row.
+    pub(super) fn lands_at_edge(&self, row: i64, ends: [f32; 2]) -> bool {
+        self.landing_edges.as_ref().is_some_and(|edges| edges.crossed(row, ends))
+    }
+
     /// Share of the light of a rectangle that may land in another row than its result says, where
     /// displacements along z have this standard deviation from it and are off by as much at most, m.
     /// `known`: what crosses the borders of the row is known.
     pub(super) fn over_borders(
         &self,
-        node: &Node,
+        (row, node): (i64, &Node),
         known: bool,
         result: &RayResult,
         [deviation, farthest]: [f32; 2],
     ) -> f32 {
         let skewed = deviation * farthest.max(deviation);
-        tailed(deviation, farthest, |off| self.over_border(node, known, result, off, skewed))
+        tailed(deviation, farthest, |off| self.over_border((row, node), known, result, off, skewed))
     }
 
     /// Share of the light of a rectangle that may land in another row than its mean result says,
@@ -374,7 +392,7 @@ impl Estimator<'_> {
     /// bounds the third moment.
     fn over_border(
         &self,
-        node: &Node,
+        (row, node): (i64, &Node),
         known: bool,
         result: &RayResult,
         residual: f32,
@@ -385,7 +403,7 @@ impl Estimator<'_> {
         let skewed = skewed / (self.row_pitch * self.row_pitch);
         let reach = off + self.row_blur;
         let [top, bottom] = [node.z[0] + down - reach, node.z[1] + down + reach];
-        if bottom.floor() - top.floor() < 0.5 {
+        if bottom.floor() - top.floor() < 0.5 && !self.lands_at_edge(row, [top, bottom]) {
             return 0.0;
         }
         // Mean and slope are right: a wide blur shows little more.

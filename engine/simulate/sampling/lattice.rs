@@ -36,6 +36,9 @@ pub struct Lattice {
     /// Rows in a block that see the bars of masks under one angle
     /// (`illuminate::alike_rows`); blocks begin at multiples of it.
     pub alike_rows: u32,
+    /// Apertures of masks end along z: where light of a cell is along z matters everywhere, not at the borders of
+    /// rows alone.
+    pub(super) heights: bool,
     /// The same reach in columns and rows, not rounded.
     pub(super) blur: [f64; 2],
     /// How cells spread over rows.
@@ -114,11 +117,18 @@ impl Lattice {
             blur_rows: numbers::whole::<i64>(blur[1].ceil()),
             edge_blur: edge_blur(optics),
             alike_rows: 1,
+            heights: optics.has_heights(),
             blur,
             row_spread: RowSpread { blur: row_blur / 6.0 },
             rotation: optics.rotation,
             detector: optics.detector,
         }
+    }
+
+    /// Rows whose light may reach the detector.
+    #[must_use]
+    pub(crate) fn rows(&self) -> Range<i64> {
+        -self.halo - self.blur_rows..i64::from(self.detector.pixels[1]) + self.halo + self.blur_rows
     }
 
     /// x of a beamlet's centre in the cell plane, m.

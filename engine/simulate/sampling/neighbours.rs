@@ -14,6 +14,8 @@ const NEAR: f32 = 1.05;
 pub(super) struct Slopes {
     pub(crate) depth: [f32; 2],
     pub(crate) displacement: [f32; 2],
+    /// Of the displacement along z on the detector, where apertures end along z; else 0.
+    pub(super) landing: [f32; 2],
 }
 
 /// Slope from those to two neighbours on either side (van Leer): none where they disagree in sign.
@@ -141,7 +143,7 @@ impl Estimator<'_> {
             return Slopes::default();
         }
         let comparable = |result: &RayResult| alike(result, own) && !is_drawn(result);
-        let slope = |of: fn(&RayResult) -> f32| {
+        let slope = |of: &dyn Fn(&RayResult) -> f32| {
             let mut slopes = [0.0_f32; 2];
             // Neighbours of other sizes lie diagonally: subtract the change along the other axis.
             for axis in [1, 0, 1] {
@@ -162,8 +164,12 @@ impl Estimator<'_> {
             slopes
         };
         Slopes {
-            depth: slope(|result| result.optical_depth),
-            displacement: slope(|result| result.displacement_x),
+            depth: slope(&|result| result.optical_depth),
+            displacement: slope(&|result| result.displacement_x),
+            landing: match self.heights {
+                true => slope(&|result| result.landing_z(self.gap)),
+                false => [0.0; 2],
+            },
         }
     }
 }

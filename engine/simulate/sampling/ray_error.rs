@@ -19,6 +19,8 @@ const ENTERED: f32 = 1.0;
 
 /// A rectangle that is known by a ray.
 struct ByRay<'a> {
+    /// Row of its patch.
+    row: i64,
     node: &'a Node,
     slopes: Slopes,
     /// Column of its beamlet in the lattice.
@@ -136,6 +138,7 @@ impl Estimator<'_> {
         // A slanting one has other x at its ends.
         let slant = self.response.magnification * (patch.shear * node.height()).abs();
         ByRay {
+            row: patch.row,
             node,
             slopes,
             column,
@@ -174,7 +177,7 @@ impl Estimator<'_> {
         let RayResult { displacement_x, displacement_z, .. } = node.result;
         let off = displacement_z - all.mean[1];
         let off = [all.deviation[1].hypot(off), all.farthest[1].max(0.0) + off.abs()];
-        let down = passed * self.over_borders(node, false, &node.result, off);
+        let down = passed * self.over_borders((by_ray.row, node), false, &node.result, off);
         // Along x the rectangle has the slope that its neighbours show.
         let off = displacement_x - all.mean[0];
         let bent = (all.slope - slopes.displacement[0]) * node.width();
@@ -221,10 +224,13 @@ impl Estimator<'_> {
 
     /// True if a rectangle touches a border of its row, or its light crosses one if it lands up to `fall`
     /// rows elsewhere.
-    fn crosses_border(&self, node: &Node, fall: f32) -> bool {
+    fn crosses_border(&self, row: i64, node: &Node, fall: f32) -> bool {
         let down = self.down(&node.result);
         let lands = [node.z[0] + down - fall, node.z[1] + down + fall];
-        node.z[0] <= 0.0 || node.z[1] >= 1.0 || lands[0].floor() < lands[1].floor()
+        node.z[0] <= 0.0
+            || node.z[1] >= 1.0
+            || lands[0].floor() < lands[1].floor()
+            || self.lands_at_edge(row, lands)
     }
 
     /// Error of the linear result at a neighbour on the same surfaces.
@@ -242,9 +248,12 @@ impl Estimator<'_> {
         let other = [(passed * (-depth).exp()).min(2.0 * passed.max(there)), at + displacement];
         let mut light = self.response.change(*column, [*passed, *at], other, *half);
         // Light that moves over the border of a row.
-        let fall = (result.landing_z(self.gap) - own.landing_z(self.gap)).abs() / self.row_pitch;
+        let fall = result.landing_z(self.gap) - own.landing_z(self.gap);
+        // Behind apertures that end along z cells have the slope over z.
+        let known = if self.heights { slopes.landing[1] * apart[1] } else { 0.0 };
+        let fall = (fall - known).abs() / self.row_pitch;
         let mut over = 0.0;
-        if self.crosses_border(node, fall) {
+        if self.crosses_border(by_ray.row, node, fall) {
             over = passed * (fall / node.height()).min(1.0);
             light += over;
         }

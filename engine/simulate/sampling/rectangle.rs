@@ -37,7 +37,7 @@ impl Rectangle {
         let width = piece.x[1] - piece.x[0];
         // Depth rises by as much as over the part.
         let own = (12.0 * piece.variance).sqrt().max(width);
-        let slopes = Slopes { depth: [piece.slope_depth, 0.0], displacement: [0.0; 2] };
+        let slopes = Slopes { depth: [piece.slope_depth, 0.0], ..Slopes::default() };
         let mut ends = LinearModel::new(&piece.result, own.max(THINNEST), &slopes);
         // Where its light lands has the mean and the variance of the part.
         let magnification = magnification.unwrap_or(0.0);

@@ -11,7 +11,9 @@ use super::base_lattice::BaseLattice;
 use super::error_estimate::Estimator;
 use super::facet_lists::FacetLists;
 use super::facet_means::FacetMeans;
+use super::landing_edges::LandingEdges;
 use super::lattice::Lattice;
+use super::lit_heights::LitHeights;
 use super::narrow_components::NarrowComponents;
 use super::patch::{Known, Patch, alike};
 use super::patch_error::{KnownErrors, NarrowComponent, error_of_pieces};
@@ -105,6 +107,9 @@ impl<'a> Refiner<'a> {
             row_pitch: single(detector.pitch[1]),
             row_blur: single(view.lattice.row_spread.blur),
             wide_blur: view.lattice.row_spread.is_wide(),
+            heights: view.lattice.heights,
+            lit_heights: LitHeights::of(optics, view.response.leak),
+            landing_edges: LandingEdges::of(optics),
             gap: single(optics.gap()),
             other_energies: view.recording.is_some(),
             pieces: error_of_pieces(optics, view.budget.tolerance),

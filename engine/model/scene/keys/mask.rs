@@ -2,7 +2,7 @@
 
 use super::prelude::*;
 use super::series::RANGE;
-use crate::scene::{Detector, MaskBody, MaskSpec, Substrate};
+use crate::scene::{ApertureShape, Detector, MaskBody, MaskSpec, Substrate};
 
 keys! { MASK: MaskSpec, "sample_mask",
     [Forms(&[&["transmission"], &["material", "thickness"]], 1),
@@ -36,6 +36,15 @@ keys! { MASK: MaskSpec, "sample_mask",
     substrate => Inner(&SUBSTRATE.spec), Without("none"),
         r#"{ material = "silicon", thickness = "500 um" }"#,
         "Flat plate that carries the bars: it attenuates all light of the mask.";
+    shape => Word(SHAPES), Without("slits along z, or rectangles where `aperture_z` or `period_z` is given"),
+        r#""round""#,
+        "Outline of the apertures: slits along z, rectangles, ellipses, or crosses with arms a third as wide.";
+    aperture_z => Quantity(Length, POSITIVE), Without("the width of the apertures"), r#""20 um""#,
+        "Height of the apertures in the plane of the mask, up to the period along z; not of slits.";
+    period_z => Quantity(Length, POSITIVE), Without("the period along x"), r#""100 um""#,
+        "Distance along z from aperture to aperture in the plane of the mask; not of slits.";
+    offset_z => Quantity(Length, ANY), Default(r#""0 m""#), r#""2 um""#,
+        "Displacement of the apertures along +z in the plane of the mask; not of slits.";
 }
 
 keys! { SUBSTRATE: Substrate, "sample_mask.substrate", [], [];
@@ -52,6 +61,8 @@ impl Record for Substrate {
     }
 }
 
+words!(ApertureShape, SHAPES: "slit" => Slit, "rectangle" => Rectangle, "round" => Round, "cross" => Cross);
+
 impl Record for MaskSpec {
     const KEYS: &'static Keys<Self> = &MASK;
 
@@ -60,7 +71,11 @@ impl Record for MaskSpec {
             true => MaskBody::Sheet { transmission: f64::NAN },
             false => MaskBody::Bars { material: String::new(), thickness: f64::NAN },
         };
-        Self::new(f64::NAN, f64::NAN, f64::NAN, body)
+        let mut mask = Self::new(f64::NAN, f64::NAN, f64::NAN, body);
+        if has("aperture_z") || has("period_z") {
+            mask.shape = ApertureShape::Rectangle;
+        }
+        mask
     }
 
     fn finish(&mut self, _: &Table<'_>) -> Result<()> {
@@ -76,6 +91,8 @@ impl Record for MaskSpec {
             "apertures" => self.apertures.is_empty(),
             "shifts" => self.shifts.is_empty(),
             "substrate" => self.substrate.is_none(),
+            "shape" => self.shape == ApertureShape::Slit,
+            "offset_z" => self.shape == ApertureShape::Slit && self.offset_z == 0.0,
             _ => false,
         }
     }
@@ -91,6 +108,52 @@ impl Record for MaskSpec {
             faults.add(Error::scene(key("aperture"), found, allowed));
         } else if self.period > 0.0 {
             faults.note(self.check_slits(key));
+        }
+        match self.shape {
+            ApertureShape::Slit => self.refuse_heights(key, faults),
+            _ => self.check_heights(key, faults),
+        }
+    }
+}
+
+impl MaskSpec {
+    /// Slits have no edges along z.
+    fn refuse_heights(&self, key: &dyn Fn(&str) -> String, faults: &mut Faults) {
+        let of = [
+            ("aperture_z", self.aperture_z),
+            ("period_z", self.period_z),
+            ("offset_z", Some(self.offset_z).filter(|offset| *offset != 0.0)),
+        ];
+        for (name, length) in of {
+            let Some(length) = length else { continue };
+            let found = format!("{} with slits, which have no end along z", Length.rounded(length));
+            faults.add(Error::scene(
+                key(name),
+                found,
+                "no value, or a `shape` other than \"slit\"",
+            ));
+        }
+    }
+
+    /// Apertures with ends along z lie apart along z, and bars cast narrow shadows.
+    fn check_heights(&self, key: &dyn Fn(&str) -> String, faults: &mut Faults) {
+        let Some([height, period]) = self.heights() else {
+            let allowed = "a height and a period along z, or the shape \"slit\"";
+            faults.add(Error::scene(
+                key("shape"),
+                "apertures without a height or a period along z",
+                allowed,
+            ));
+            return;
+        };
+        let of_slits = [("apertures", self.apertures.len()), ("shifts", self.shifts.len())];
+        for (name, count) in of_slits.into_iter().filter(|(_, count)| *count > 0) {
+            let found = format!("{count} {name} of slits, with apertures that end along z");
+            faults.add(Error::scene(key(name), found, "one of both"));
+        }
+        if height > period {
+            let allowed = format!("no more than the period along z, {}", Length.rounded(period));
+            faults.add(Error::scene(key("aperture_z"), Length.rounded(height), allowed));
         }
     }
 }
@@ -125,6 +188,10 @@ pub(crate) fn read_mask(table: &Table<'_>, key: &str, detector: &Detector) -> Re
     // A mask without bars is allowed; the projection rounds.
     if mask.aperture > mask.period && mask.aperture <= mask.period * (1.0 + 1e-12) {
         mask.aperture = mask.period;
+    }
+    if mask.shape != ApertureShape::Slit {
+        mask.aperture_z = mask.aperture_z.or(Some(mask.aperture));
+        mask.period_z = mask.period_z.or(Some(mask.period));
     }
     Ok(mask)
 }

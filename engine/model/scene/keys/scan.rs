@@ -11,6 +11,9 @@ keys! { SCAN: Scan, "scan", [],
     mask_offsets => series!(Length, limits::MASK_OFFSETS),
         Default(r#"["0 m"]"#), r#"["-10 um", "0 um", "10 um"]"#,
         "Displacements of the sample mask along +x in its own plane.";
+    mask_offsets_z => series!(Length, limits::MASK_OFFSETS),
+        Without("the mask does not move along z"), r#"["0 um", "10 um", "20 um"]"#,
+        "Displacements of the sample mask along +z, one for each of `mask_offsets`; for apertures with ends along z.";
     view_offsets => frames!(Some(Length)),
         Without("`mask_offsets` at every angle"), r#""offsets.csv""#,
         "Displacements of the sample mask at each angle, one per mask step; the flat has `mask_offsets`.";
@@ -54,6 +57,10 @@ impl Record for Scan {
         if table.get("angles").is_none() && self.motions.len() > 1 {
             self.angles = vec![0.0; self.motions.len()];
         }
+        // A mask that moves along z alone rests along x.
+        if table.get("mask_offsets").is_none() && !self.mask_offsets_z.is_empty() {
+            self.mask_offsets = vec![0.0; self.mask_offsets_z.len()];
+        }
         // Vectors make views when source and detector are known.
         if table.get("cone_vec").is_none() {
             self.draw_errors();
@@ -63,6 +70,7 @@ impl Record for Scan {
 
     fn leaves_out(&self, key: &str) -> bool {
         match key {
+            "mask_offsets_z" => self.mask_offsets_z.is_empty(),
             "view_offsets" => self.view_offsets.is_empty(),
             "motions" => self.motions.is_empty(),
             "axis" => self.axis == RotationAxis::default(),

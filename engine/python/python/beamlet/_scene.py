@@ -300,6 +300,11 @@ class Scene:
         return np.array(self._scene.mask_offsets)
 
     @property
+    def mask_offsets_z(self) -> NDArray[np.float64]:
+        """Mask offsets of the steps along z, m; empty where the mask does not move along z."""
+        return np.array(self._scene.mask_offsets_z)
+
+    @property
     def angles(self) -> NDArray[np.float64]:
         """Angles of the views, rad."""
         return np.array(self._scene.angles)

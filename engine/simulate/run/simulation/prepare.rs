@@ -65,6 +65,7 @@ impl Simulation {
         let lattice = lattice_of(&scene, optics, &media)?;
         let keeps_moments = simulator.options().keep_moments;
         refine_choice::refuse(&scene, media.energies.len(), keeps_moments)?;
+        refuse_heights(&scene, &media, simulator.options())?;
         wave::refuse(&scene, optics, simulator.options())?;
         let delta_ratio =
             if simulator.options().keep_moments { moments::DELTA_HEADROOM } else { 1.0 };
@@ -103,6 +104,10 @@ impl Simulation {
         if scene.sampling.transport == Transport::Wave {
             let (found, allowed) = ("\"wave\" with stored moments", "a simulation that traces");
             return Err(Error::scene("sampling.transport", found, allowed));
+        }
+        if scene.has_heights() {
+            let found = "apertures that end along z with stored moments";
+            return Err(Error::scene("shape", found, "slits, or a simulation that traces"));
         }
         let scene = Arc::new(quality::as_traced(scene, moments.scene())?.with_file_hashes()?);
         let detector = DetectorModel::of(&scene)?;
@@ -242,6 +247,24 @@ fn settle_refine(
     let place = scene.sampling.refine;
     reason.iter().for_each(|reason| log::info!("rays are chosen on the {place}: {reason}"));
     reason
+}
+
+/// Refuses what cells behind apertures that end along z do not know.
+fn refuse_heights(scene: &Scene, media: &MaterialTable, options: &EngineOptions) -> Result<()> {
+    if !scene.has_heights() || scene.sampling.scheme == Scheme::Random {
+        return Ok(());
+    }
+    let apertures = "with apertures that end along z";
+    if options.keep_moments {
+        let found = format!("kept moments {apertures}");
+        return Err(Error::scene("keep_moments", found, "a run that keeps no moments"));
+    }
+    if media.energies.len() > 1 {
+        let found = format!("a spectrum of {} energies, {apertures}", media.energies.len());
+        let allowed = "one energy, or sampling.scheme = \"random\"";
+        return Err(Error::scene("source.spectrum", found, allowed));
+    }
+    Ok(())
 }
 
 /// Memory of a run with one view at a time, and of a run whose views may be made side by side unless they are

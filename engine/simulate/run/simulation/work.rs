@@ -99,7 +99,8 @@ impl<'s> ViewWork<'s> {
             Some(spectral) => spectral.lights(&device, scene, optics, media)?,
             None if random => nodes
                 .map(|part| {
-                    IlluminationBuffer::of_pixels(&device, scene, optics, &pixel_columns, &part)
+                    let pixels = (&pixel_columns, &lattice.rows());
+                    IlluminationBuffer::of_pixels(&device, scene, optics, pixels, &part)
                 })
                 .collect::<Result<_>>()?,
             None => nodes
@@ -109,9 +110,10 @@ impl<'s> ViewWork<'s> {
         let mut tracer = simulation.tracer(simulation.start.backend, &memory)?;
         tracer.set_cancel(cancel.clone());
         let simulator = &simulation.simulator;
-        let mut kernels = vec![&simulator.illuminate_kernels().near];
+        let heights = optics.has_heights();
+        let mut kernels = vec![simulator.illuminate_kernels().usual(heights)];
         if random {
-            kernels.extend(simulator.random_kernels().all());
+            kernels.extend(simulator.random_kernels().all(heights));
         }
         if !simulation.sample.is_empty() {
             kernels.extend(tracer.wanted_kernels());

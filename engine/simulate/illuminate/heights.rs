@@ -1,0 +1,175 @@
+//! Masks whose apertures end along z, for the light stages: their strips, and where they are in each row.
+
+use super::light::SpectralBand;
+use beamlet_core::Result;
+use beamlet_core::numbers::{self, single};
+use beamlet_gpu::{Buffer, Device};
+use beamlet_interface::{Address, Aperture, HeightParams, MaskHeights, MaskStrip, RowGeometry};
+use beamlet_model::optics::{Mask, MaskShape, Optics, Strips};
+use beamlet_model::scene::Scene;
+use beamlet_model::spot::PlacedPart;
+use std::ops::Range;
+use std::sync::Arc;
+
+/// Strips of a round aperture for cells, and for single rays.
+pub(crate) const STRIPS_OF_CELLS: u32 = 16;
+pub(crate) const STRIPS_OF_RAYS: u32 = 256;
+
+/// What the records of heights of a scene are made from.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct HeightsOf<'a> {
+    pub(super) scene: &'a Scene,
+    pub(super) optics: &'a Optics,
+    pub(super) band: &'a SpectralBand,
+    /// Parts of the focal spot, with a record for each.
+    pub(super) parts: &'a [PlacedPart],
+    /// Rows of light.
+    pub(super) rows: &'a Range<i64>,
+    /// Strips of a round aperture.
+    pub(super) fineness: u32,
+}
+
+/// Uploads the records, one for each part of the focal spot; their addresses. None where no aperture ends
+/// along z.
+pub(super) fn upload(
+    device: &Arc<Device>,
+    of: HeightsOf<'_>,
+    buffers: &mut Vec<Buffer>,
+) -> Result<Vec<Address>> {
+    let HeightsOf { optics, parts, rows, .. } = of;
+    if !optics.has_heights() {
+        return Ok(Vec::new());
+    }
+    let sample_mask = upload_mask(device, of, 0, buffers)?;
+    let detector_mask = upload_mask(device, of, 1, buffers)?;
+    let table: Vec<RowGeometry> = rows.clone().map(|row| row_geometry(&of, row)).collect();
+    let table = device.upload("rows of masks", &table)?;
+    let down = optics.sample_mask.as_ref().map_or(0.0, |mask| -in_rows(optics, mask.distance()));
+    let steps = 0..optics.mask_steps();
+    let offset = |step| single(optics.offsets_z.get(step).map_or(0.0, |offset| offset * down));
+    let offsets =
+        device.upload("mask offsets along z", &steps.map(offset).collect::<Vec<f32>>())?;
+    let shared = HeightParams {
+        sample_mask,
+        detector_mask,
+        rows: table.address(),
+        offsets: offsets.address(),
+        first_row: numbers::narrow::<i32>(rows.start),
+        ..bytemuck::Zeroable::zeroed()
+    };
+    let records: Vec<HeightParams> =
+        parts.iter().map(|part| of_part(optics, part, shared)).collect();
+    let records = device.upload("heights of masks", &records)?;
+    let first = records.address();
+    let addresses = (0..parts.len() as u64)
+        .map(|part| first + part * size_of::<HeightParams>() as u64)
+        .collect();
+    buffers.extend([table, offsets, records]);
+    Ok(addresses)
+}
+
+/// Rows of the detector that a metre along z at `plane` covers as seen from the source.
+fn in_rows(optics: &Optics, plane: f64) -> f64 {
+    optics.detector.distance / plane / optics.detector.pitch[1]
+}
+
+/// The sample mask (0) or detector mask (1), with the plane where it is evaluated.
+fn mask_of<'a>(optics: &'a Optics, index: usize) -> (Option<&'a Mask>, f64) {
+    match index {
+        0 => (optics.sample_mask.as_ref(), optics.cell_plane),
+        _ => (optics.detector_mask.as_ref(), optics.analyser),
+    }
+}
+
+/// Strips of a mask in rows, downwards: no strip where the mask has no edges along z, or the band does not see it.
+fn upload_mask(
+    device: &Arc<Device>,
+    of: HeightsOf<'_>,
+    index: usize,
+    buffers: &mut Vec<Buffer>,
+) -> Result<MaskHeights> {
+    let (mask, plane) = mask_of(of.optics, index);
+    let none = bytemuck::Zeroable::zeroed();
+    let Some((mask, strips)) = mask.and_then(|m| Some((m, m.strips(plane, of.fineness)?))) else {
+        return Ok(none);
+    };
+    let energy = match of.band {
+        SpectralBand::Node { energy, .. } => Some(*energy),
+        SpectralBand::Group { edge_variance } if edge_variance[index].is_none() => return Ok(none),
+        SpectralBand::Group { .. } => None,
+    };
+    let shape = MaskShape::of(of.scene, mask, plane, energy)?;
+    let rows = in_rows(of.optics, plane);
+    let apertures: Vec<Aperture> = strips
+        .strips
+        .iter()
+        .flat_map(|strip| &strip.x)
+        .map(|[low, high]| Aperture { low: single(*low), high: single(*high) })
+        .collect();
+    let apertures = device.upload("apertures of strips", &apertures)?;
+    let mut address = apertures.address();
+    let records = strips.strips.iter().rev().map(|strip| strip.x.len());
+    // Upper strips first: rows go downwards.
+    address += strips.strips.iter().map(|strip| strip.x.len() as u64).sum::<u64>() * APERTURE;
+    let mut record = |(strip, count): (&beamlet_model::optics::Strip, usize)| {
+        address -= count as u64 * APERTURE;
+        MaskStrip {
+            apertures: address,
+            count: numbers::count(count),
+            last: single(strip.x.last().map_or(0.0, |[_, high]| *high)),
+            top: single(-strip.z[1] * rows),
+            bottom: single(-strip.z[0] * rows),
+        }
+    };
+    let records: Vec<MaskStrip> =
+        strips.strips.iter().rev().zip(records).map(&mut record).collect();
+    let buffer = device.upload("strips of masks", &records)?;
+    let narrowing = shape.narrowing(1.0, shape.leak(1.0));
+    let opaque = energy.is_none() || shape.attenuation <= 0.0;
+    let record = MaskHeights {
+        strips: buffer.address(),
+        count: numbers::count(records.len()),
+        period: single(strips.period * rows),
+        thickness: single(shape.thickness * rows),
+        inset: single(0.5 * narrowing),
+        variance: single(if opaque { 0.0 } else { shape.edge_variance() }),
+        open: single(strips.open_share()),
+    };
+    buffers.extend([apertures, buffer]);
+    Ok(record)
+}
+
+/// Bytes of an aperture.
+const APERTURE: u64 = size_of::<Aperture>() as u64;
+
+/// Where periods of the masks are below the upper end of a row.
+fn row_geometry(of: &HeightsOf<'_>, row: i64) -> RowGeometry {
+    let offset = |index: usize| {
+        let (mask, plane) = mask_of(of.optics, index);
+        let strips: Option<Strips> = mask.and_then(|mask| mask.strips(plane, 1));
+        strips.map_or(0.0, |strips| {
+            let centre = of.optics.detector.row_at(strips.centre, plane) - row as f64;
+            libm::remainder(centre, strips.period * in_rows(of.optics, plane))
+        })
+    };
+    RowGeometry { sample_offset: single(offset(0)), aperture_offset: single(offset(1)) }
+}
+
+/// The record of a part of the focal spot.
+fn of_part(optics: &Optics, part: &PlacedPart, shared: HeightParams) -> HeightParams {
+    let Optics { rotation, cell_plane, analyser, detector, .. } = optics;
+    let at_mask =
+        |offset: f64| offset * (rotation - cell_plane) / rotation * in_rows(optics, *cell_plane);
+    let at_analyser =
+        |offset: f64| offset * (analyser / rotation - 1.0) * in_rows(optics, *analyser);
+    let axis = analyser - optics.lever_arm;
+    let share = (analyser - axis) / (detector.distance - axis) * detector.distance / analyser;
+    HeightParams {
+        mask_shift: single(at_mask(part.offset[1])),
+        analyser_shift: single(at_analyser(part.offset[1])),
+        mask_blur: single(at_mask(part.deviation[1])),
+        analyser_blur: single(at_analyser(part.deviation[1])),
+        analyser_share: single(share),
+        ..shared
+    }
+}

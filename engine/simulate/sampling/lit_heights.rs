@@ -1,0 +1,77 @@
+//! Parts of a row that apertures of the sample mask which end along z leave open.
+
+use beamlet_model::optics::Optics;
+
+/// Deviations of the blur that the source adds to an aperture on either side.
+const REACH: f64 = 2.0;
+
+/// Apertures of the sample mask along z, in rows as seen from the source.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct LitHeights {
+    /// Rows from a period to the next.
+    period: f64,
+    /// Upper ends of an aperture, row coordinates in some period, at each different step along z.
+    tops: Vec<f64>,
+    /// Height of an aperture with its blur, rows.
+    height: f64,
+    /// Transmission of the bars.
+    leak: f64,
+}
+
+impl LitHeights {
+    /// The apertures of optics, whose bars pass the share `leak`; `None` where none ends along z.
+    pub(super) fn of(optics: &Optics, leak: f32) -> Option<Self> {
+        let plane = optics.cell_plane;
+        let strips = optics.sample_mask.as_ref()?.strips(plane, 1)?;
+        let row = |z: f64| optics.detector.row_at(z, plane);
+        let [low, high] = [strips.strips.first()?.z[0], strips.strips.last()?.z[1]];
+        let spot = optics.spot.reach()[1] / 6.0 * (optics.rotation - plane) / optics.rotation;
+        let reach = REACH * spot;
+        let at = |offset: f64| row(strips.centre + high + reach + offset);
+        let mut tops: Vec<f64> = optics.offsets_z.iter().map(|offset| at(*offset)).collect();
+        if tops.is_empty() {
+            tops.push(at(0.0));
+        }
+        tops.sort_unstable_by(f64::total_cmp);
+        tops.dedup();
+        let height = row(low - reach) - row(high + reach);
+        Some(Self { period: row(0.0) - row(strips.period), tops, height, leak: leak.into() })
+    }
+
+    /// Largest share of the light between two places, rows from the upper end of a row, that the mask lets through
+    /// at a step.
+    pub(super) fn share(&self, row: i64, [low, high]: [f32; 2]) -> f32 {
+        let [low, high] = [low, high].map(|at| row as f64 + f64::from(at));
+        let open = |top: &f64| {
+            let first = ((low - top - self.height) / self.period).floor();
+            let mut from = top + first * self.period;
+            let mut sum = 0.0;
+            while from < high {
+                sum += ((from + self.height).min(high) - from.max(low)).max(0.0);
+                from += self.period;
+            }
+            sum / (high - low)
+        };
+        let open = self.tops.iter().map(open).fold(0.0, f64::max).min(1.0);
+        beamlet_core::numbers::single(self.leak + (1.0 - self.leak) * open)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_share_is_the_largest_overlap_of_the_steps() {
+        let lit = LitHeights { period: 2.0, tops: vec![0.25, 0.5], height: 0.5, leak: 0.1 };
+        let near = |row: i64, ends: [f32; 2], want: f32| {
+            let got = lit.share(row, ends);
+            assert!((got - want).abs() < 1e-6, "{row} {ends:?}: {got} for {want}");
+        };
+        near(0, [0.0, 1.0], 0.1 + 0.9 * 0.5);
+        near(0, [0.75, 1.0], 1.0);
+        near(0, [0.0, 0.5], 0.1 + 0.9 * 0.5);
+        near(1, [0.0, 1.0], 0.1);
+        near(2, [0.5, 0.75], 1.0);
+    }
+}

@@ -1,0 +1,270 @@
+// Masks whose apertures end along z, as strips: intervals of z with the same apertures along x. The light of
+// a cell behind a strip of the sample mask and a strip of the detector mask is the product of an integral
+// along x, as behind slits, and of the same integral along z, over the height of the cell and the offset of
+// the source (docs/physics.md, "Apertures that end along z"). Lengths along z are rows on the detector,
+// downwards from the upper end of the row of the cells.
+
+// In place of the index of a strip: light that no edges along z cut.
+const uint NO_STRIP = 0xffffffffu;
+
+HeightParams heights;
+RowGeometry row_geometry;
+// Strip of the sample mask in work, and its displacement along z at the mask step.
+uint sample_strip;
+float sample_step;
+// Width of the shadow of the bars along z.
+vec2 shadow_z;
+
+void heights_begin() {
+    heights = HeightParamsRef(light.heights).at[0];
+    row_geometry = RowTable(heights.rows).at[cell_row.row - heights.first_row];
+    float slope = abs((float(cell_row.row) + 0.5 * (cell_row.top + cell_row.bottom) - light.middle_row)
+                      * light.row_slope);
+    shadow_z = slope * vec2(heights.sample_mask.thickness, heights.detector_mask.thickness);
+    sample_strip = NO_STRIP;
+    sample_step = 0.0;
+}
+
+// Strips of the sample mask at a mask step; one for the light that its bars leak, or of slits.
+uint sample_strips(uint mask_step) {
+    return mask_step == push.steps ? 1u : max(heights.sample_mask.count, 1u);
+}
+
+// A mask of slits with the apertures of a strip.
+Mask mask_of_strip(Mask mask, MaskHeights of, uint strip) {
+    mask.apertures = MaskStrips(of.strips).at[strip].apertures;
+    mask.count = MaskStrips(of.strips).at[strip].count;
+    mask.first = Apertures(mask.apertures).at[0].low;
+    mask.last = MaskStrips(of.strips).at[strip].last;
+    return mask;
+}
+
+// Makes the apertures of a strip those of the sample mask.
+void take_sample_strip(uint strip, uint mask_step) {
+    bool cuts = mask_step != push.steps && heights.sample_mask.count > 0u;
+    sample_strip = cuts ? strip : NO_STRIP;
+    // Faint leaks are summed once.
+    if (strip > 0u) setting.faint = 0.0;
+    if (!cuts) return;
+    sample_step = Offsets(heights.offsets).at[mask_step];
+    light.sample_mask = mask_of_strip(light.sample_mask, heights.sample_mask, strip);
+}
+
+// Light of a cell along z on the detector, as a piece across the whole height.
+Piece piece_along_z(Cell cell, float low, float high) {
+    float height = cell_row.bottom - cell_row.top;
+    float middle = 0.5 * (low + high);
+    float from_middle = middle - 0.5 * (cell_row.top + cell_row.bottom);
+    float growth = 1.0 + cell.share_above / height;
+    float tilt = cell.share_below / height;
+    float shadow = growth * growth * shadow_z.x * shadow_z.x * heights.sample_mask.variance;
+    Piece piece;
+    piece.passes = true;
+    piece.amount = (high - low) / height;
+    piece.middle = middle + light.row_shift - cell.displacement_z / light.row_pitch
+        + cell.share_above / height * from_middle;
+    piece.half_width = 0.5 * growth * (high - low);
+    piece.pixel_blur = sqrt(light.row_blur * light.row_blur + shadow);
+    piece.blur = sqrt(heights.analyser_blur * heights.analyser_blur + shadow
+                      + shadow_z.y * shadow_z.y * heights.detector_mask.variance);
+    piece.pixel_shift = 0.0;
+    piece.by_spot = 0.0;
+    piece.profile = Profile(1.0 + tilt * from_middle, -0.5 * tilt * (high - low), 0.0);
+    piece.changes_sign = false;
+    piece.detector_narrowing = 0.0;
+    piece.sample_covariance = 0.0;
+    piece.detector_covariance = 0.0;
+    piece.steep_low = piece.steep_high = STEEP;
+    piece.low = -STEEP - BEYOND;
+    piece.high = STEEP + BEYOND;
+    piece.low_bend = piece.high_bend = 0.0;
+    return piece;
+}
+
+// Displacement of an edge into the aperture, in rows. `narrowing`: share of the shadow, of averaged masks.
+float inset_of(Mask mask, MaskHeights of, float shadow, float narrowing) {
+    return shadow * (mask.averaged != 0u ? 0.5 * narrowing : of.inset);
+}
+
+// Upper and lower end of a strip in a period from the row, with the shadows of its bars.
+vec2 ends_of(MaskHeights of, uint strip, float centre, float inset) {
+    return centre + vec2(MaskStrips(of.strips).at[strip].top + inset,
+                         MaskStrips(of.strips).at[strip].bottom - inset);
+}
+
+// The part of the light of a cell along z that an aperture of the sample mask between two ends leaves.
+Piece through_ends(Cell cell, vec2 ends) {
+    float low = cell_row.top;
+    float high = cell_row.bottom;
+    float reach = 6.5 * heights.mask_blur;
+    if (heights.mask_blur <= 0.0) {
+        low = max(low, ends.x);
+        high = min(high, ends.y);
+    }
+    bool passes = ends.y > ends.x && ends.y + reach > low && ends.x - reach < high && high > low;
+    Piece piece = piece_along_z(cell, low, passes ? high : low + 1.0);
+    piece.passes = passes;
+    if (passes && heights.mask_blur > 0.0 && (ends.x + reach > low || ends.y - reach < high)) {
+        cut_by(piece, low, high, Edges(ends.x, ends.y, 0.0, 0.0, 0.0, 0.0), heights.mask_blur);
+    }
+    return piece;
+}
+
+// Share of a piece along z that lands between two edges on the detector.
+float landing_share(Piece piece, Edge low, Edge high) {
+    float reach = abs(piece.half_width) + 6.5 * max(low.blur, high.blur);
+    if (!(high.at > low.at) || high.at < piece.middle - reach || low.at > piece.middle + reach) return 0.0;
+    return piece.amount * max(window(piece, low, high), 0.0);
+}
+
+// Share of a piece along z that passes a strip of the detector mask and lands in a row.
+float row_share(Cell cell, Piece piece, uint strip, float row) {
+    Edge low = Edge(row, piece.pixel_blur, 0.0);
+    Edge high = Edge(row + 1.0, piece.pixel_blur, 0.0);
+    if (strip == NO_STRIP) return landing_share(piece, low, high);
+    MaskHeights of = heights.detector_mask;
+    float inset = inset_of(light.detector_mask, of, shadow_z.y, cell.detector_narrowing);
+    // Light is displaced less on the mask than on the detector.
+    float displaced = light.row_shift - cell.displacement_z / light.row_pitch;
+    float shift = displaced - (heights.analyser_shift
+        - heights.analyser_share * cell.displacement_z / light.row_pitch);
+    float begin = row_geometry.aperture_offset + shift;
+    float top = MaskStrips(of.strips).at[strip].top;
+    float bottom = MaskStrips(of.strips).at[strip].bottom;
+    int from = int(floor((row - begin - bottom) / of.period));
+    int to = int(ceil((row + 1.0 - begin - top) / of.period));
+    float sum = 0.0;
+    int k = from;
+    do {
+        vec2 ends = ends_of(of, strip, begin + float(k) * of.period, inset);
+        Edge upper = low;
+        Edge lower = high;
+        if (ends.x > row) upper = Edge(ends.x, piece.blur, 0.0);
+        if (ends.y < row + 1.0) lower = Edge(ends.y, piece.blur, 0.0);
+        if (ends.y > row && ends.x < row + 1.0) sum += landing_share(piece, upper, lower);
+        k++;
+    } while (k <= to);
+    return sum;
+}
+
+// Share of the light of a cell along z that passes the strip of the sample mask in work and a strip of the
+// detector mask, and lands in a row.
+float share_along_z(Cell cell, uint strip, int row) {
+    if (sample_strip == NO_STRIP) {
+        return row_share(cell, piece_along_z(cell, cell_row.top, cell_row.bottom), strip, float(row));
+    }
+    MaskHeights of = heights.sample_mask;
+    float inset = inset_of(light.sample_mask, of, shadow_z.x, cell.sample_narrowing);
+    float begin = row_geometry.sample_offset + sample_step + heights.mask_shift;
+    float reach = 6.5 * heights.mask_blur;
+    float top = MaskStrips(of.strips).at[sample_strip].top;
+    float bottom = MaskStrips(of.strips).at[sample_strip].bottom;
+    int k = int(floor((cell_row.top - reach - begin - bottom) / of.period));
+    int to = int(ceil((cell_row.bottom + reach - begin - top) / of.period));
+    float sum = 0.0;
+    do {
+        Piece piece = through_ends(cell, ends_of(of, sample_strip, begin + float(k) * of.period, inset));
+        if (piece.passes) sum += row_share(cell, piece, strip, float(row));
+        k++;
+    } while (k <= to);
+    return sum;
+}
+
+// First and last row that light of a cell reaches.
+ivec2 rows_reached(Cell cell) {
+    float shift = light.row_shift - cell.displacement_z / light.row_pitch;
+    float reach = 6.5 * light.row_blur + 0.5 * abs(cell.share_above);
+    return ivec2(int(floor(cell_row.top + shift - reach)), int(floor(cell_row.bottom + shift + reach)));
+}
+
+// Rows whose shares of a cell's light are kept while it goes to pixels; those of more rows are computed anew.
+const int ROWS_KEPT = 16;
+float kept_even[ROWS_KEPT];
+float kept_cut[ROWS_KEPT];
+ivec2 reached;
+
+// Computes the shares of the rows that light of a cell reaches; false where none of it passes.
+bool keep_shares(Cell cell) {
+    reached = rows_reached(cell);
+    if (heights.detector_mask.count > 1u) return true;
+    bool any = false;
+    int count = min(reached.y - reached.x + 1, ROWS_KEPT);
+    int i = 0;
+    do {
+        kept_even[i] = share_along_z(cell, NO_STRIP, reached.x + i);
+        kept_cut[i] = heights.detector_mask.count == 0u ? 0.0 : share_along_z(cell, 0u, reached.x + i);
+        any = any || kept_even[i] != 0.0 || kept_cut[i] != 0.0;
+        i++;
+    } while (i < count);
+    return any || reached.y - reached.x >= ROWS_KEPT;
+}
+
+// Share of the light of a cell in a row, of all of it or of the part behind a strip of the detector mask.
+float share_of(Cell cell, uint strip, int row) {
+    int i = row - reached.x;
+    if (heights.detector_mask.count > 1u || i >= ROWS_KEPT) return share_along_z(cell, strip, row);
+    return strip == NO_STRIP ? kept_even[i] : kept_cut[i];
+}
+
+// True if light of the cell row may pass the strip of the sample mask in work.
+bool strip_meets() {
+    if (sample_strip == NO_STRIP) return true;
+    float period = heights.sample_mask.period;
+    float reach = 6.5 * heights.mask_blur;
+    float begin = row_geometry.sample_offset + sample_step + heights.mask_shift;
+    float top = begin + MaskStrips(heights.sample_mask.strips).at[sample_strip].top;
+    float bottom = begin + MaskStrips(heights.sample_mask.strips).at[sample_strip].bottom;
+    float k = ceil((cell_row.top - reach - bottom) / period);
+    return top + k * period < cell_row.bottom + reach;
+}
+
+// Where light of a cell row goes at one mask step.
+struct Landing {
+    uint mask_step;
+};
+
+// Adds light in a row, counted from that of the cells, to each row of the cell row.
+void add_in_row(Landing landing, int row, int pixel, float value) {
+    if (!(abs(value) < 1e30)) value = 0.0;
+    uvec2 words = fixed_point(value, rounding_thresholds(pixel).x);
+    add_to_pixel(cell_row.row + row, pixel, landing.mask_step, words);
+}
+
+// `faint`: light that stays in its pixel; `pixels`: the first and last that light may reach.
+Landing landing_begin(uint mask_step, float faint, ivec2 pixels) {
+    Landing landing = Landing(mask_step);
+    if (faint > 0.0) add_in_row(landing, 0, beamlet.pixel, faint);
+    return landing;
+}
+
+// Light of a piece of a cell lands in a pixel, whose lower edge is `edge`, through each strip of the detector
+// mask and what its bars leak.
+void land_in_rows(Landing landing, Cell cell, Piece piece, int pixel, float edge, bool home) {
+    uint strips = heights.detector_mask.count;
+    bool leaks = bars_behind.leak >= NEGLIGIBLE;
+    // Bars and apertures of slits are alike along z.
+    uint strip = 0u;
+    uint count = max(strips, 1u);
+    do {
+        if (strips > 0u) {
+            light.detector_mask = mask_of_strip(light.detector_mask, heights.detector_mask, strip);
+        }
+        vec2 parts = responses(beamlet, bars_behind, piece, edge, edge + light.pixel_pitch, home);
+        float even = leaks && strip == 0u ? bars_behind.leak * parts.x : 0.0;
+        if (strips == 0u) even += light.detector_mask.present != 0u ? parts.y : 0.0;
+        float cut = strips > 0u ? parts.y : 0.0;
+        even = piece.amount * rounded_off(piece, even);
+        cut = piece.amount * rounded_off(piece, cut);
+        int row = reached.x;
+        do {
+            float value = 0.0;
+            if (even != 0.0) value += even * share_of(cell, NO_STRIP, row);
+            if (cut != 0.0) value += cut * share_of(cell, strip, row);
+            add_in_row(landing, row, beamlet.pixel + pixel, value);
+            row++;
+        } while (row <= reached.y);
+        strip++;
+    } while (strip < count);
+}
+
+void landing_end(Landing landing) {}

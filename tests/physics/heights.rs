@@ -1,0 +1,321 @@
+//! Masks whose apertures end along z: flats against closed forms, cells against random rays and against the
+//! reference, which cuts boxes exactly.
+
+use crate::reference::apertures::{Ends, Fineness, Sheet, ellipse, pixel};
+use crate::reference::closed_form::blurred_overlap;
+use crate::reference::rays::Sample;
+use crate::reference::scenes;
+use crate::reference::stack::Setup;
+use crate::reference::surfaces::{Body, Mesh, body, extruded, sphere};
+use crate::support::{CARBON, Checked, Worst, engine};
+use beamlet::Backend;
+use beamlet::scene::{ApertureShape, MaskBody, MaskSpec, RandomRays, Scene, Scheme};
+use ndarray::Array3;
+
+/// As for slits (tests/physics/flat.rs), for each of two directions.
+const SAME_MASKS: f64 = 1e-6;
+/// Sixteen strips of a round aperture against four hundred.
+const STRIPS: f64 = 1e-4;
+
+/// A mask, with lengths along x and z.
+#[derive(Debug, Clone, Copy)]
+struct Planned {
+    distance: f64,
+    period: [f64; 2],
+    aperture: [f64; 2],
+    offset: [f64; 2],
+    shape: ApertureShape,
+    leak: f64,
+}
+
+impl Planned {
+    fn spec(&self) -> MaskSpec {
+        let body = MaskBody::Sheet { transmission: self.leak };
+        let mut spec = MaskSpec::new(self.distance, self.period[0], self.aperture[0], body)
+            .with_heights(self.shape, self.aperture[1], self.period[1]);
+        [spec.offset, spec.offset_z] = self.offset;
+        spec
+    }
+
+    fn sheet(&self, pixels: [u32; 2], strips: u32) -> Sheet {
+        let half = self.aperture.map(|width| 0.5 * width);
+        let boxes = match self.shape {
+            ApertureShape::Round => ellipse(half, strips),
+            _ => vec![half.map(|half| [-half, half])],
+        };
+        let centre = [0, 1].map(|axis| {
+            let between = if pixels[axis].is_multiple_of(2) { 0.5 } else { 0.0 };
+            self.offset[axis] + between * self.period[axis]
+        });
+        let Self { distance, period, leak, .. } = *self;
+        Sheet { distance, period, centre, boxes, leak }
+    }
+}
+
+/// A set-up with masks of its own.
+#[derive(Debug, Clone)]
+struct Case {
+    setup: Setup,
+    masks: [Option<Planned>; 2],
+}
+
+impl Case {
+    /// Pixels of 150 um x 120 um; masks 100/20 um x 80/30 um and 150/30 um x 120/45 um.
+    fn rectangles(pixels: [u32; 2], leak: f64) -> Self {
+        let mut setup = Setup::paper(pixels);
+        (setup.sample_mask, setup.detector_mask) = (None, None);
+        setup.pitch = [150e-6, 120e-6];
+        let shape = ApertureShape::Rectangle;
+        let first = Planned {
+            distance: 1.2,
+            period: [100e-6, 80e-6],
+            aperture: [20e-6, 30e-6],
+            offset: [0.0, 3e-6],
+            shape,
+            leak,
+        };
+        let second = Planned {
+            distance: 1.8,
+            period: [150e-6, 120e-6],
+            aperture: [30e-6, 45e-6],
+            offset: [0.0; 2],
+            shape,
+            leak: 0.5 * leak,
+        };
+        Self { setup, masks: [Some(first), Some(second)] }
+    }
+
+    /// A mask of circles of 15 um alone, periods of 40 um x 42 um, before pixels of 11 um x 13 um.
+    fn circles(pixels: [u32; 2]) -> Self {
+        let mut case = Self::rectangles(pixels, 0.0);
+        case.setup.pitch = [11e-6, 13e-6];
+        case.setup.spot = [10e-6, 12e-6];
+        let shape = ApertureShape::Round;
+        let (period, aperture) = ([40e-6, 42e-6], [15e-6; 2]);
+        case.masks[0] = case.masks[0].map(|mask| Planned { period, aperture, shape, ..mask });
+        case.masks[1] = None;
+        case
+    }
+
+    fn scene(&self, bodies: &[Body], offsets: &[[f64; 2]]) -> Scene {
+        let along = |axis: usize| offsets.iter().map(|offset| offset[axis]).collect::<Vec<_>>();
+        let mut scene = scenes::scene(&self.setup, bodies, &along(0));
+        [scene.sample_mask, scene.detector_mask] = self.masks.map(|it| it.map(|mask| mask.spec()));
+        scene.scan.mask_offsets_z = along(1);
+        scene
+    }
+
+    fn sheets(&self, strips: u32) -> [Option<Sheet>; 2] {
+        self.masks.map(|mask| mask.map(|mask| mask.sheet(self.setup.pixels, strips)))
+    }
+
+    /// Light of a pixel without a sample in closed form, where the detector mask is on the detector.
+    fn flat(&self, strips: u32, at: [u32; 2], offset: [f64; 2]) -> f64 {
+        let centre = self.setup.centre(at[0], at[1]);
+        let own = [0, 1].map(|axis| {
+            let half = 0.5 * self.setup.pitch[axis];
+            [centre[axis] - half, centre[axis] + half]
+        });
+        let [first, second] = self.sheets(strips);
+        let whole = [[f64::NEG_INFINITY, f64::INFINITY]; 2];
+        // Images of apertures, and the light that passes all of them.
+        let terms = |sheet: Option<Sheet>| -> Vec<(f64, Option<Sheet>, Ends)> {
+            let Some(sheet) = sheet else { return vec![(1.0, None, whole)] };
+            let open =
+                sheet.boxes.iter().map(|ends| (1.0 - sheet.leak, Some(sheet.clone()), *ends));
+            std::iter::once((sheet.leak, None, whole)).chain(open).collect()
+        };
+        let (first, second) = (terms(first.map(|sheet| sheet.moved(offset))), terms(second));
+        let mut sum = 0.0;
+        for (share, sheet, ends) in &first {
+            for (share_behind, behind, ends_behind) in &second {
+                let along = |axis: usize| {
+                    let windows = placed(behind.as_ref(), axis, ends_behind[axis], own[axis], 1.0);
+                    let scale =
+                        sheet.as_ref().map_or(1.0, |it| self.setup.detector_distance / it.distance);
+                    let far = [own[axis][0] - 200e-6, own[axis][1] + 200e-6];
+                    let images = placed(sheet.as_ref(), axis, ends[axis], far, scale);
+                    let blur = (scale - 1.0) * self.setup.sigma()[axis];
+                    overlaps(&images, &windows, blur) / self.setup.pitch[axis]
+                };
+                sum += share * share_behind * along(0) * along(1);
+            }
+        }
+        sum
+    }
+}
+
+/// Apertures along an axis, `scale` times as large, cut to a range; the range where there is no sheet.
+fn placed(
+    sheet: Option<&Sheet>,
+    axis: usize,
+    ends: [f64; 2],
+    range: [f64; 2],
+    scale: f64,
+) -> Vec<[f64; 2]> {
+    let Some(sheet) = sheet else { return vec![range] };
+    let period = sheet.period[axis] * scale;
+    let centre = sheet.centre[axis] * scale;
+    let [first, last] = range.map(|at| ((at - centre) / period).round() as i64);
+    (first - 1..=last + 1)
+        .map(|k| ends.map(|end| centre + k as f64 * period + end * scale))
+        .filter_map(|[low, high]| {
+            let part =
+                if scale == 1.0 { [low.max(range[0]), high.min(range[1])] } else { [low, high] };
+            (part[1] > part[0]).then_some(part)
+        })
+        .collect()
+}
+
+fn overlaps(images: &[[f64; 2]], windows: &[[f64; 2]], blur: f64) -> f64 {
+    let of = |image: &[f64; 2], window: &[f64; 2]| {
+        let [a, b] = [image, window].map(|[low, high]| (0.5 * (low + high), high - low));
+        blurred_overlap(a.0 - b.0, a.1, b.1, blur)
+    };
+    images.iter().flat_map(|image| windows.iter().map(move |window| of(image, window))).sum()
+}
+
+fn stack(engine: &Checked, scene: &Scene) -> Array3<f32> {
+    let stacks = engine.simulate(scene).expect("a stack");
+    assert_eq!(stacks.record.tally.unbalanced, 0);
+    stacks.sample.index_axis_move(ndarray::Axis(0), 0)
+}
+
+fn carbon(mesh: Mesh) -> Body {
+    body(mesh.rounded(), CARBON[0], CARBON[1])
+}
+
+/// Steps along x, along z, and along both.
+const STEPS: [[f64; 2]; 5] =
+    [[0.0, 0.0], [7e-6, 0.0], [0.0, 10e-6], [-9e-6, 22e-6], [31e-6, -47e-6]];
+
+#[test]
+fn flats_of_rectangles_are_products_of_closed_forms() {
+    let mut worst = Worst::new("flat of rectangles, closed form", SAME_MASKS);
+    let engine = engine(Backend::Bvh);
+    for (leak, spot) in [(0.0, [30e-6, 40e-6]), (0.2, [30e-6, 40e-6]), (0.2, [0.0; 2])] {
+        for pixels in [[6, 5], [3, 4]] {
+            let mut case = Case::rectangles(pixels, leak);
+            case.setup.spot = spot;
+            let got = stack(&engine, &case.scene(&[], &STEPS));
+            for ((step, row, column), &got) in got.indexed_iter() {
+                let want = case.flat(1, [column as u32, row as u32], STEPS[step]);
+                worst.take(f64::from(got) - want, || {
+                    format!("leak {leak}, spot {spot:?}, step {step}, pixel {column}, {row}: {got} for {want}")
+                });
+            }
+        }
+    }
+    worst.holds();
+}
+
+#[test]
+fn flats_of_one_mask_alone_are_products_of_closed_forms() {
+    let mut worst = Worst::new("flat of one mask, closed form", SAME_MASKS);
+    let engine = engine(Backend::Bvh);
+    for alone in [0, 1] {
+        let mut case = Case::rectangles([5, 6], 0.1);
+        case.masks[1 - alone] = None;
+        // Several pixels of each aperture, whose borders are elsewhere in each.
+        case.setup.pitch = [37e-6, 29e-6];
+        let mut scene = case.scene(&[], &STEPS[..1]);
+        scene.scan.mask_offsets_z.clear();
+        let got = stack(&engine, &scene);
+        for ((_, row, column), &got) in got.indexed_iter() {
+            let want = case.flat(1, [column as u32, row as u32], [0.0; 2]);
+            worst.take(f64::from(got) - want, || {
+                format!("mask {alone}, pixel {column}, {row}: {got} for {want}")
+            });
+        }
+    }
+    worst.holds();
+}
+
+#[test]
+fn flats_of_circles_are_sums_over_their_chords() {
+    let mut worst = Worst::new("flat of circles, quadrature", STRIPS);
+    let engine = engine(Backend::Bvh);
+    let case = Case::circles([12, 11]);
+    let got = stack(&engine, &case.scene(&[], &STEPS));
+    let mut light = 0.0;
+    for ((step, row, column), &got) in got.indexed_iter() {
+        let want = case.flat(400, [column as u32, row as u32], STEPS[step]);
+        light += want;
+        worst.take(f64::from(got) - want, || {
+            format!("step {step}, pixel {column}, {row}: {got} for {want}")
+        });
+    }
+    assert!(light > 1.0, "{light}");
+    worst.holds();
+}
+
+#[test]
+fn cells_are_the_mean_of_random_rays() {
+    let mut worst = Worst::new("cells against random rays", 1.0);
+    let engine = engine(Backend::Bvh);
+    let mut case = Case::rectangles([4, 4], 0.1);
+    // Behind the detector mask there is a gap.
+    case.masks[1] = case.masks[1].map(|mask| Planned { distance: 1.75, ..mask });
+    let ball = carbon(sphere(180e-6, 3).moved([20e-6, 0.0, -15e-6]));
+    let mut scene = case.scene(&[ball], &STEPS);
+    let cells = stack(&engine, &scene);
+    scene.sampling.scheme = Scheme::Random;
+    scene.sampling.rays = RandomRays::Count(60_000);
+    let random = stack(&engine, &scene);
+    for ((step, row, column), &got) in cells.indexed_iter() {
+        let want = random[[step, row, column]];
+        // Rays that pass or not, with sixth of that variance by their even targets along x; four deviations.
+        let deviation = 4.0 * (want.max(1e-3) / 60_000.0).sqrt();
+        worst.take(f64::from((got - want) / deviation), || {
+            format!("step {step}, pixel {column}, {row}: {got} for {want}")
+        });
+    }
+    worst.holds();
+}
+
+/// A wedge that is thicker towards +z deflects light towards -z, as much as a step of the sample mask along -z over the
+/// magnification moves it. Its slanting face is within 0.4 mm of the rotation centre.
+#[test]
+fn a_wedge_moves_light_along_z_as_a_step_of_the_mask_does() {
+    let case = Case::rectangles([3, 3], 0.0);
+    let engine = engine(Backend::Bvh);
+    let (slope, delta) = (0.5_f64, 2e-5);
+    let half = 0.7e-3;
+    // Section in y and z: a vertical face in front, and one that slants behind.
+    let section =
+        [[-half, -0.5 * slope * half], [half, -0.5 * slope * half], [half, 1.5 * slope * half]];
+    let mesh = extruded(&section, 0.7e-3).turned([0.0, 1.0, 0.0], -std::f64::consts::FRAC_PI_2);
+    let weak = body(mesh.rounded(), 0.0, delta);
+    let moved = -delta * slope * (1.8 - 1.21) / 1.5;
+    let offsets = [[0.0, 5e-6], [4e-6, -7e-6]];
+    let got = stack(&engine, &case.scene(&[weak], &offsets));
+    let mut worst = Worst::new("wedge along z", 5e-5);
+    for (step, [x, z]) in offsets.into_iter().enumerate() {
+        let [want, still] = [moved, 0.0].map(|moved| case.flat(1, [1, 1], [x, z + moved]));
+        assert!((want - still).abs() > 5e-3, "{want} {still}");
+        worst.take(f64::from(got[[step, 1, 1]]) - want, || {
+            format!("step {step}: {want}, without {still}")
+        });
+    }
+    worst.holds();
+}
+
+#[test]
+fn a_sphere_has_the_light_of_the_reference() {
+    let case = Case::rectangles([4, 4], 0.05);
+    let ball = carbon(sphere(260e-6, 3).moved([30e-6, 0.0, 20e-6]));
+    let got = stack(&engine(Backend::Bvh), &case.scene(std::slice::from_ref(&ball), &STEPS));
+    let sample = Sample::new(&[ball], case.setup.source_distance, 0.0);
+    let [first, second] = case.sheets(1);
+    let how = Fineness { squares: 60, sources: [13, 13], beside: 6 };
+    let mut worst = Worst::new("sphere against the reference", 3e-4);
+    for at in [[1, 1], [2, 1], [2, 2]] {
+        let want =
+            pixel(&case.setup, [first.as_ref(), second.as_ref()], Some(&sample), how, at, &STEPS);
+        for (step, want) in want.into_iter().enumerate() {
+            let got = f64::from(got[[step, at[1] as usize, at[0] as usize]]);
+            worst.take(got - want, || format!("step {step}, pixel {at:?}: {got} for {want}"));
+        }
+    }
+    worst.holds();
+}
