@@ -75,10 +75,13 @@ pub(crate) struct Retrieve {
     /// angle after them, or two vectors `X,Z;X,Z`. Retrieves refraction and dark field along x and z
     #[arg(long, value_name = "X,Z[,ANGLE]", value_parser = lattice, allow_hyphen_values = true)]
     pub(crate) lattice: Option<Lattice>,
-    /// Aperture of a beamlet on this lattice, as it is on the detector, for --method beamlet: `WIDTH,HEIGHT` or
-    /// `round DIAMETER`
-    #[arg(long, value_name = "WIDTH,HEIGHT", value_parser = aperture, requires = "lattice")]
+    /// Aperture of the sample mask as it is projected on the detector, or with --offsets-z on the detector mask, for
+    /// --method beamlet or exact-curve: `WIDTH,HEIGHT` or `round DIAMETER`
+    #[arg(long, value_name = "WIDTH,HEIGHT", value_parser = aperture)]
     pub(crate) aperture: Option<Aperture>,
+    /// Aperture of the detector mask, for --offsets-z with --method exact-curve: `WIDTH,HEIGHT`
+    #[arg(long, value_name = "WIDTH,HEIGHT", value_parser = aperture, requires = "offsets_z")]
+    pub(crate) detector_aperture: Option<Aperture>,
     /// Scene file with the distances and masks of the measurement
     #[arg(long, value_name = "SCENE", requires = "flat")]
     pub(crate) geometry: Option<PathBuf>,

@@ -50,6 +50,7 @@ pub(super) fn run(arguments: &Retrieve, out: &mut impl Write) -> Result<(), Fail
     let chosen = RetrieveOptions::default()
         .with_lattice(arguments.lattice)
         .with_aperture(arguments.aperture)
+        .with_detector_aperture(arguments.detector_aperture)
         .with_offsets_z(offsets_z.unwrap_or_default());
     let options = match arguments.method {
         Some(method) => chosen.with_method(method.into()),

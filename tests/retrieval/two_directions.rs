@@ -126,7 +126,7 @@ fn steps_along_x_and_z_become_images_and_lists_without_a_direction_are_refused()
             (1e4 * light * (-square / 72.0).exp() + 30.0) as f32
         })
     };
-    write(path, curve(1.0, [0.0; 2]), &[curve(0.8, [1.0, -2.0])]);
+    write(path, curve(1.0, [0.0; 2]), &[curve(0.8, [1.0, -2.0]), curve(0.8, [1.0, -2.0])]);
     let list = |axis: usize| -> String {
         grid.iter().map(|pair| format!("{} um\n", pair[axis])).collect()
     };

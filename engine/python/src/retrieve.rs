@@ -34,6 +34,7 @@ pub(crate) struct Options {
     phase: bool,
     lattice: Option<String>,
     aperture: Option<String>,
+    detector_aperture: Option<String>,
     offsets_z: Option<Vec<f64>>,
 }
 
@@ -46,10 +47,12 @@ impl Options {
             Region::new(columns[0]..columns[1], rows.map(|rows| rows[0]..rows[1]))
         };
         let lattice = self.lattice.as_deref().map(Lattice::parse).transpose();
-        let aperture = self.aperture.as_deref().map(Aperture::parse).transpose();
+        let [aperture, detector_aperture] = [&self.aperture, &self.detector_aperture]
+            .map(|text| text.as_deref().map(Aperture::parse).transpose());
         let chosen = RetrieveOptions::default()
             .with_lattice(lattice.map_err(|error| raised(py, &error))?)
             .with_aperture(aperture.map_err(|error| raised(py, &error))?)
+            .with_detector_aperture(detector_aperture.map_err(|error| raised(py, &error))?)
             .with_offsets_z(self.offsets_z.clone().unwrap_or_default());
         let chosen = match &self.method {
             Some(name) => chosen.with_method(method(py, name)?),

@@ -108,6 +108,7 @@ def test_options_of_retrievals_name_themselves(scan: bl.Run, scene: bl.Scene) ->
         "method": (3, "fast"),
         "lattice": (3, "40", "40 um", "40 um, 0 um; 80 um, 0 um"),
         "aperture": (3, "40"),
+        "detector_aperture": (3, "40"),
         "offsets_z": (5, "20 um", [None] * 5, [np.nan] * 5),
         "weights": (None, "all"),
         "gain": ("x", float("nan"), [1, 2]),

@@ -58,7 +58,17 @@ def parameters(*functions: Callable[..., Any]) -> set[str]:
             "retrieve",
             (bl.Run.retrieve,),
             # A run has its stacks, offsets and geometry.
-            {"flat", "sample", "dark", "offsets", "geometry", "flats_every", "omit_steps"},
+            {
+                "flat",
+                "sample",
+                "dark",
+                "offsets",
+                "offsets_z",
+                "detector_aperture",
+                "geometry",
+                "flats_every",
+                "omit_steps",
+            },
             set(),
         ),
         (

@@ -47,8 +47,11 @@ pub struct RetrieveOptions {
     /// Lattice of the beamlets of a sample mask alone, as it is on the detector, for retrieval in two
     /// directions. `None`: the lattice of the scene where its apertures have ends along z, else slits.
     pub lattice: Option<Lattice>,
-    /// Aperture of a beamlet on the lattice, as it is on the detector (method `beamlet`).
+    /// Aperture of the sample mask in two directions, as it is projected on the detector or, with steps, on the
+    /// detector mask (methods `beamlet` and `exact-curve`).
     pub aperture: Option<Aperture>,
+    /// Aperture of the detector mask, for `exact-curve` in two directions.
+    pub detector_aperture: Option<Aperture>,
     /// Offsets of the sample mask along z, m, one for each of the scene's along x; empty without steps along z.
     pub offsets_z: Vec<f64>,
 }
@@ -75,8 +78,10 @@ impl RetrieveOptions {
         with_phase(phase: bool);
         /// Names the lattice of beamlets on the detector.
         with_lattice(lattice: impl Into<Option<Lattice>>);
-        /// Names the aperture of a beamlet on the detector.
+        /// Names the projected aperture of the sample mask in two directions.
         with_aperture(aperture: impl Into<Option<Aperture>>);
+        /// Names the aperture of the detector mask in two directions.
+        with_detector_aperture(detector_aperture: impl Into<Option<Aperture>>);
         /// Sets the offsets of the sample mask along z.
         with_offsets_z(offsets_z: Vec<f64>);
     }

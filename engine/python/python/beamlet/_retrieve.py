@@ -110,7 +110,8 @@ def _options(given: Mapping[str, Any]) -> dict[str, Any]:
     """Options of a retrieval, checked, as the extension takes them."""
     chosen: dict[str, Any] = dict.fromkeys((
         "gain", "read_noise", "saturation", "flats_every", "columns", "bin",
-        "empty_beam", "correct", "omit_steps", "method", "lattice", "aperture", "offsets_z",
+        "empty_beam", "correct", "omit_steps", "method", "lattice", "aperture", "detector_aperture",
+        "offsets_z",
     ))
     chosen |= {name: value for name, value in given.items() if value is not None}
     if given["method"] is not None:
@@ -129,6 +130,7 @@ def _options(given: Mapping[str, Any]) -> dict[str, Any]:
         "phase": bool,
         "lattice": lambda value: text("lattice", value, 'text as "40 um, 40 um, 3 deg"'),
         "aperture": lambda value: text("aperture", value, 'text as "30 um, 20 um" or "round 30 um"'),
+        "detector_aperture": lambda value: text("detector_aperture", value, 'text as "30 um, 20 um"'),
         "offsets_z": lambda value: lengths("offsets_z", value),
     }
     for name, check in checks.items():
@@ -203,6 +205,7 @@ def retrieve(
     offsets_z: Sequence[str | float] | NDArray[np.floating[Any]] | None = None,
     lattice: str | None = None,
     aperture: str | None = None,
+    detector_aperture: str | None = None,
 ) -> Images:
     """Retrieves measured stacks, as ``beamlet retrieve`` does (docs/retrieval.md).
 
@@ -239,8 +242,9 @@ def retrieve(
         lattice: Lattice of the beamlets of a sample mask alone, as it is on the detector: ``"40 um, 40 um"``, with
             an angle ``"40 um, 40 um, 3 deg"``, or two vectors ``"40 um, 0 um; 20 um, 34.6 um"``. Refraction and
             dark field along x and z.
-        aperture: Aperture of a beamlet on the lattice, as it is on the detector: ``"30 um, 20 um"`` or
-            ``"round 30 um"``.
+        aperture: Aperture of the sample mask as it is projected on the detector, or with `offsets_z` on the detector
+            mask: ``"30 um, 20 um"`` or ``"round 30 um"``.
+        detector_aperture: Aperture of the detector mask, for `offsets_z` and ``exact-curve``: ``"30 um, 20 um"``.
 
     Returns:
         Images ``[view][row][column]``; a stack ``[step][row][column]`` has one view.
@@ -276,4 +280,5 @@ def retrieve(
         offsets_z=offsets_z,
         lattice=lattice,
         aperture=aperture,
+        detector_aperture=detector_aperture,
     )

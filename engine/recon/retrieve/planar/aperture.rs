@@ -9,7 +9,7 @@ use beamlet_core::{Error, Result};
 /// diameter is to 2e-3 of the peak.
 const STRIPS: usize = 12;
 
-/// An aperture, m as it is projected on the detector.
+/// An aperture, m as it is projected on the detector, or on the detector mask.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[non_exhaustive]
 pub enum Aperture {

@@ -51,6 +51,15 @@ impl Design {
             Some(lattice) => Some(lattice),
             None => lattice_of(scene)?,
         };
+        for (name, given) in [
+            ("aperture", options.aperture.filter(|_| lattice.is_none())),
+            ("detector_aperture", options.detector_aperture),
+        ] {
+            if given.is_some() {
+                let allowed = "a lattice of a sample mask alone, or offsets along z of two masks";
+                return Err(Error::argument(name, "an aperture", allowed));
+            }
+        }
         Ok(lattice.map(Self::Beamlets))
     }
 
@@ -157,18 +166,29 @@ fn rectangle(openings: &beamlet_model::optics::Openings) -> Option<Aperture> {
     size[1].is_finite().then_some(Aperture::Rectangle(size))
 }
 
-/// Sizes of the apertures of both masks as they are in the plane of the sample mask, m; `None` where one has no
-/// ends along z.
-pub(super) fn overlap(scene: &Scene) -> Option<[[f64; 2]; 2]> {
+/// Sizes of the apertures of both masks as they are in the plane of the sample mask, m: of the options, else of the
+/// scene where they have ends along z.
+///
+/// # Errors
+/// [`Error::Argument`] for a mask whose rectangle is not known.
+pub(super) fn overlap(scene: &Scene, options: &RetrieveOptions) -> Result<[[f64; 2]; 2]> {
     let optics = Optics::of(scene);
     let magnification = scene.magnification();
-    let size = |mask: &Mask, plane: f64| match rectangle(&mask.openings(plane))? {
-        Aperture::Rectangle(size) => Some(size.map(|width| width / magnification)),
-        Aperture::Round(_) => None,
+    let size = |name: &str, given: Option<Aperture>, mask: Option<&Mask>, plane: f64| {
+        let known = given.or_else(|| rectangle(&mask?.openings(plane)));
+        let found = match known {
+            Some(Aperture::Rectangle(size)) => return Ok(size.map(|width| width / magnification)),
+            Some(Aperture::Round(_)) => "a round aperture",
+            None => "nothing",
+        };
+        let allowed = "width and height, of both masks, for exact-curve in two directions; or method gaussian";
+        Err(Error::argument(name, found, allowed))
     };
-    let sample = size(optics.sample_mask.as_ref()?, optics.analyser)?;
-    let detector = optics.detector_mask.as_ref()?;
-    Some([sample, size(detector, detector.distance())?])
+    let plane = optics.detector_mask.as_ref().map_or(optics.analyser, Mask::distance);
+    Ok([
+        size("aperture", options.aperture, optics.sample_mask.as_ref(), optics.analyser)?,
+        size("detector_aperture", options.detector_aperture, optics.detector_mask.as_ref(), plane)?,
+    ])
 }
 
 /// Variances xx and zz of the blur of spot and detector, m^2 on the detector or, of steps, in the plane of the

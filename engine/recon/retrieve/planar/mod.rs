@@ -16,6 +16,7 @@
 //! | `aperture.rs` | apertures as strips |
 //! | `offsets.rs` | lists of offsets, and what they determine |
 //! | `geometry.rs` | designs, masks and blur of a scene |
+//! | `models.rs` | models of beamlets and of curves over offsets |
 //! | `retriever.rs` | a design made ready: fits of flat and sample |
 //! | `images.rs` | images of a view |
 
@@ -28,6 +29,7 @@ mod found;
 mod geometry;
 mod images;
 mod lattice;
+mod models;
 mod moments;
 mod offsets;
 mod profile;

@@ -1,6 +1,5 @@
 //! A design made ready for frames of a shape: the flat's curves once, then the images of each view.
 
-use super::super::fitter::Weights;
 use super::super::flags;
 use super::super::images::Images;
 use super::super::method::Method;
@@ -9,23 +8,19 @@ use super::super::noise_factors::NoiseFactors;
 use super::super::options::RetrieveOptions;
 use super::fit::{PlanarFit, PlanarModel};
 use super::found::{Frame, PlacedLattice};
-use super::geometry::{self, Design};
+use super::geometry::Design;
 use super::images;
+use super::models::{beamlet_model, curve_model, through_centres, values, without_periods};
 use super::moments::by_moments;
 use super::offsets;
-use super::profile::Profile;
 use super::scan::{PlanarNoise, PlanarValues};
-use super::shape::{PlanarShape, Strip, UNKNOWNS};
+use super::shape::UNKNOWNS;
 use super::windows::{Window, Windows};
 use beamlet_core::cancel::Cancel;
 use beamlet_core::{Error, Result, numbers};
-use beamlet_model::optics::{Optics, WholePeriods};
 use beamlet_model::scene::Scene;
 use ndarray::{Array2, ArrayView3, Axis};
 use rayon::prelude::*;
-
-/// Beamlets of the flat, about, whose centres give the lattice.
-const CENTRES: usize = 400;
 
 /// Fits by their place in the images; `None` where there is no beamlet.
 pub(crate) type Fits = Vec<Option<PlanarFit>>;
@@ -35,7 +30,7 @@ pub(crate) type Fits = Vec<Option<PlanarFit>>;
 enum Curves {
     /// Beamlets in their windows, and the lattice that was found in the flat.
     Beamlets(Windows, PlacedLattice),
-    /// A curve in each pixel, over these offsets, m.
+    /// A curve in each pixel, over these offsets without whole periods of the sample mask, m.
     Pixels(Vec<[f64; 2]>),
 }
 
@@ -48,6 +43,8 @@ pub(crate) struct PlanarRetriever {
     model: PlanarModel,
     /// Refraction angle per shift of a centre.
     angle_per_shift: f64,
+    /// Whole periods along x that the scan has more than these offsets, m.
+    whole_periods: f64,
 }
 
 impl PlanarRetriever {
@@ -65,9 +62,14 @@ impl PlanarRetriever {
         let (_, rows, columns) = flat.dim();
         let frame = Frame { shape: [rows, columns], pitch };
         let lever = scene.lever_arm();
+        let mut whole_periods = 0.0;
         let (curves, model, angle_per_shift) = match design {
             Design::Beamlets(given) => {
-                let placed = PlacedLattice::find(flat.index_axis(Axis(0), 0), &frame, *given)?;
+                // Saturated values say nothing of the lattice.
+                let limit = options.saturation.unwrap_or(f32::INFINITY);
+                let known = |value: &f32| if *value < limit { *value } else { f32::NAN };
+                let first = flat.index_axis(Axis(0), 0).map(known);
+                let placed = PlacedLattice::find(first.view(), &frame, *given)?;
                 let placed = through_centres(placed, &frame, (options, flat))?;
                 let windows = Windows::of(&placed, &frame)?;
                 let model = beamlet_model(scene, options, (&placed, pitch))?;
@@ -75,17 +77,24 @@ impl PlanarRetriever {
             }
             Design::Steps(pairs) => {
                 offsets::check(pairs, PlanarValues::NEEDED)?;
-                let pairs = without_periods(scene, pairs);
+                let kept = without_periods(scene, pairs);
+                whole_periods =
+                    pairs.first().zip(kept.first()).map_or(0.0, |(all, own)| all[0] - own[0]);
                 let model = curve_model(scene, options)?;
-                (Curves::Pixels(pairs), model, -scene.magnification() / lever)
+                (Curves::Pixels(kept), model, -scene.magnification() / lever)
             }
         };
-        Ok(Self { options: options.clone(), frame, curves, model, angle_per_shift })
+        Ok(Self { options: options.clone(), frame, curves, model, angle_per_shift, whole_periods })
     }
 
     /// Refraction angle per shift of a centre, rad/m.
     pub(crate) const fn angle_per_shift(&self) -> f64 {
         self.angle_per_shift
+    }
+
+    /// Whole periods of the sample mask along x, m, that offsets of the scan have more than centres of curves.
+    pub(crate) const fn whole_periods(&self) -> f64 {
+        self.whole_periods
     }
 
     /// Rows and columns of the images, of frames of `rows` rows.
@@ -264,128 +273,4 @@ impl PlanarRetriever {
             }
         }
     }
-}
-
-/// The lattice through the centres of some of the flat's beamlets.
-fn through_centres(
-    placed: PlacedLattice,
-    frame: &Frame,
-    (options, flat): (&RetrieveOptions, ArrayView3<'_, f32>),
-) -> Result<PlacedLattice> {
-    let windows = Windows::of(&placed, frame)?;
-    let model = gaussian(frame.pitch, Vec::new());
-    let noise = PlanarNoise {
-        saturation: options.saturation.map_or(f64::INFINITY, f64::from),
-        gain: None,
-        read_noise: 0.0,
-        weights: Weights::None,
-    };
-    let all: Vec<&Window> = windows.iter().map(|(_, window)| window).collect();
-    let some: Vec<&Window> = all.iter().copied().step_by(1 + all.len() / CENTRES).collect();
-    let centres: Vec<([i64; 2], [f64; 2])> = some
-        .par_iter()
-        .filter_map(|window| {
-            let fit = model.fit(&values(frame, flat, (window, noise.saturation)), &noise, None);
-            let is_fine =
-                fit.curve.has_answer() && fit.curve.centre.iter().all(|at| at.is_finite());
-            is_fine.then_some((window.index, fit.curve.centre))
-        })
-        .collect();
-    Ok(placed.through(&centres).unwrap_or(placed))
-}
-
-/// Values of a beamlet's pixels.
-fn values(
-    frame: &Frame,
-    frames: ArrayView3<'_, f32>,
-    (window, saturation): (&Window, f64),
-) -> PlanarValues {
-    let pixels = window.pixels.iter();
-    let place = |[row, column]: &[u32; 2]| frame.place(i64::from(*row), i64::from(*column));
-    let places: Vec<[f64; 2]> = pixels.clone().map(place).collect();
-    let values = pixels.map(|[row, column]| frames[[0, *row as usize, *column as usize]]);
-    PlanarValues::of(&places, values, saturation, PlanarValues::NEEDED)
-}
-
-/// A Gaussian over pixels.
-fn gaussian(pixel: [f64; 2], neighbours: Vec<[f64; 2]>) -> PlanarModel {
-    let along = pixel.map(|pixel| Profile { boxes: [pixel, 0.0], shift: 0.0 });
-    let shape = PlanarShape { strips: vec![Strip { share: 1.0, along }], neighbours };
-    PlanarModel { shape, blur: None, pixel: Some(pixel) }
-}
-
-/// Offsets less whole periods of the sample mask.
-fn without_periods(scene: &Scene, pairs: &[[f64; 2]]) -> Vec<[f64; 2]> {
-    let period = periods(scene);
-    let along = [0, 1].map(|axis| {
-        let all: Vec<f64> = pairs.iter().map(|pair| pair[axis]).collect();
-        match period[axis].is_finite() {
-            true => WholePeriods::in_scan(&all, period[axis]).without(&all),
-            false => all,
-        }
-    });
-    along[0].iter().zip(&along[1]).map(|(x, z)| [*x, *z]).collect()
-}
-
-/// Periods of the sample mask along x and z, m in its plane.
-fn periods(scene: &Scene) -> [f64; 2] {
-    let optics = Optics::of(scene);
-    let of = |mask: &beamlet_model::optics::Mask| mask.openings(mask.distance()).period;
-    optics.sample_mask.as_ref().map_or([f64::INFINITY; 2], of)
-}
-
-/// Model of beamlets over pixels.
-fn beamlet_model(
-    scene: &Scene,
-    options: &RetrieveOptions,
-    (placed, pixel): (&PlacedLattice, [f64; 2]),
-) -> Result<PlanarModel> {
-    let aperture = geometry::aperture(scene, options);
-    let blur = geometry::blur(scene, false);
-    let around = placed.lattice.around();
-    match (options.method, aperture) {
-        (Method::Beamlet, Some(aperture)) => {
-            let shape = PlanarShape { strips: aperture.strips(pixel), neighbours: around };
-            Ok(PlanarModel { shape, blur: Some(blur), pixel: Some(pixel) })
-        }
-        (Method::Beamlet, None) => {
-            let allowed =
-                "the size of the apertures for method beamlet; or method gaussian or moments";
-            Err(Error::argument("aperture", "nothing", allowed))
-        }
-        (_, aperture) => {
-            let own = aperture.map(|aperture| {
-                let shape =
-                    PlanarShape { strips: aperture.strips([0.0; 2]), neighbours: Vec::new() };
-                shape.own_variances()
-            });
-            let blur = own.map(|own| [0, 1].map(|axis| own[axis] + blur[axis]));
-            Ok(PlanarModel { blur, ..gaussian(pixel, around) })
-        }
-    }
-}
-
-/// Model of the curve of two masks over offsets.
-fn curve_model(scene: &Scene, options: &RetrieveOptions) -> Result<PlanarModel> {
-    if options.method == Method::Gaussian {
-        let along = [Profile { boxes: [0.0; 2], shift: 0.0 }; 2];
-        let shape =
-            PlanarShape { strips: vec![Strip { share: 1.0, along }], neighbours: Vec::new() };
-        return Ok(PlanarModel { shape, blur: None, pixel: None });
-    }
-    let Some([sample, detector]) = geometry::overlap(scene) else {
-        let found = "apertures without ends along z";
-        let allowed = "rectangles in both masks for exact-curve in two directions: use gaussian";
-        return Err(Error::scene("sample_mask", found, allowed));
-    };
-    let along = [0, 1].map(|k| Profile { boxes: [sample[k], detector[k]], shift: 0.0 });
-    let [x, z] = periods(scene);
-    let all = [-1.0, 0.0, 1.0];
-    let neighbours = all
-        .into_iter()
-        .flat_map(|i| all.into_iter().map(move |j| [i * x, j * z]))
-        .filter(|[a, b]| a.is_finite() && b.is_finite() && a.abs() + b.abs() > 0.0)
-        .collect();
-    let shape = PlanarShape { strips: vec![Strip { share: 1.0, along }], neighbours };
-    Ok(PlanarModel { shape, blur: Some(geometry::blur(scene, true)), pixel: None })
 }

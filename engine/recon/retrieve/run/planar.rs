@@ -5,6 +5,7 @@ use super::{Image, Output};
 use crate::retrieve::images::{FLAGS, Images};
 use crate::retrieve::input::Input;
 use crate::retrieve::misfit::median;
+use crate::retrieve::noise_factors::NoiseFactors;
 use crate::retrieve::options::RetrieveOptions;
 use crate::retrieve::planar::{Design, Fits, PlanarFit, PlanarRetriever, names, of_flat};
 use crate::retrieve::record::Record;
@@ -61,7 +62,7 @@ pub(super) fn retrieve_planar(
             put_all(&mut output, flats, &of_flat(shape, &flat))?;
         }
         let sample = work.fits(Of::Sample(view), Some(&flat))?;
-        let mut images = retriever.images(&flat, &sample, frame[0], input.flat_noise(view));
+        let mut images = retriever.images(&flat, &sample, frame[0], NoiseFactors::ONE);
         if let Some(bad) = &bad {
             retriever.mark_bad(&mut images, bad);
         }
@@ -114,10 +115,7 @@ impl Work<'_, '_> {
             let band: Range<u32> = numbers::count(start)..numbers::count(end);
             let (frames, noise) = match of {
                 Of::Flat(view) => (self.input.flat_rows(view, band)?, self.input.flat_noise(view)),
-                Of::Sample(view) => {
-                    let one = crate::retrieve::noise_factors::NoiseFactors::ONE;
-                    (self.input.sample_rows(view, band)?, one)
-                }
+                Of::Sample(view) => (self.input.sample_rows(view, band)?, NoiseFactors::ONE),
             };
             let known = flat.map(|flat| match self.retriever.needs_whole_frames() {
                 true => &flat[..],
@@ -178,7 +176,7 @@ fn described(
     Described {
         columns_m: retriever.columns_m().unwrap_or_else(|| input.columns_m()),
         pitch,
-        whole_periods: 0.0,
+        whole_periods: retriever.whole_periods(),
         flat_width: median(widths.collect()),
         angle_per_shift: retriever.angle_per_shift(),
         lattice: retriever.lattice(),

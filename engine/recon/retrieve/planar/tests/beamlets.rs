@@ -139,6 +139,20 @@ fn a_beamlet_with_a_wrong_value_is_a_misfit() {
 }
 
 #[test]
+fn saturated_values_are_left_out_and_flagged() {
+    let lattice = Lattice::parse("77 um, 77 um").unwrap();
+    let light = Blurred::gaussian([variance(11.0), variance(11.0), 0.0]);
+    let of = tracking(lattice, light, [0.0; 2]);
+    let mut frames = [of.frame(&Contrasts::EMPTY), of.frame(&OBJECT)];
+    frames.iter_mut().for_each(|frame| frame[[0, 20, 22]] = f32::MAX);
+    let options = RetrieveOptions { saturation: Some(f32::MAX), ..RetrieveOptions::default() };
+    let found = of.images(&options, [&frames[0], &frames[1]]);
+    assert_within(&found, &OBJECT, [1e-4, 1e-4, 1e-4, 1e-3, 1e-3, 1e-3], "saturated");
+    let bits = known(&found, "flags").iter().fold(0.0, |most: f64, bits| most.max(*bits));
+    assert_eq!(bits, f64::from(4 + 4 * 1024), "saturated in flat and sample");
+}
+
+#[test]
 fn the_bias_of_a_gaussian_and_of_moments_for_rectangles_is_the_stated_one() {
     // docs/retrieval.md, "Two directions": retrieved over true values at 50 places on the pixels.
     let blur = [variance(7.0), variance(6.0), 0.0];

@@ -69,6 +69,19 @@ impl Blurred {
         Self { light: width * height, points, covariance }
     }
 
+    /// Two rectangles, one convolved with the other, behind a Gaussian.
+    pub(super) fn rectangles(sizes: [[f64; 2]; 2], covariance: [f64; 3]) -> Self {
+        let [first, second] = sizes.map(|size| Self::rectangle(size, covariance));
+        let both = |(a, by_a): &([f64; 2], f64)| {
+            let (a, by_a) = (*a, *by_a);
+            let moved =
+                move |(b, by_b): &([f64; 2], f64)| ([a[0] + b[0], a[1] + b[1]], by_a * by_b);
+            second.points.iter().map(moved).collect::<Vec<_>>()
+        };
+        let points = first.points.iter().flat_map(both).collect();
+        Self { light: first.light * second.light * 1e10, points, covariance }
+    }
+
     /// A disk behind a Gaussian: rings of points.
     pub(super) fn disk(diameter: f64, covariance: [f64; 3]) -> Self {
         let ring = |(node, weight): (f64, f64)| {

@@ -1,8 +1,9 @@
 //! Curves over mask offsets in two directions.
 
+use super::super::super::method::Method;
 use super::super::super::options::RetrieveOptions;
-use super::super::Design;
 use super::super::retriever::PlanarRetriever;
+use super::super::{Aperture, Design};
 use super::light::{Blurred, Contrasts};
 use super::{ARM, MAGNIFICATION, PIXEL, assert_within, images, scene};
 use ndarray::Array3;
@@ -60,6 +61,35 @@ fn steps_along_x_and_z_give_back_all_six_contrasts() {
         let parts = [1e-4, 1e-4, 1e-4, 1e-3, 1e-3, 1e-3];
         assert_within(&found, &OBJECT, parts, &format!("{} pairs", pairs.len()));
     }
+}
+
+#[test]
+fn rectangles_of_both_masks_are_fitted_with_their_own_curve() {
+    // Boxes of 18 x 14 um and 12 x 10 um behind a spot: the quadrature over both is good to 1e-6.
+    let [sample, detector] = [[18.0 * UM, 14.0 * UM], [12.0 * UM, 10.0 * UM]];
+    let pairs: Vec<[f64; 2]> = (-3..=3)
+        .flat_map(|j| (-3..=3).map(move |i| [f64::from(i) * 5.0 * UM, f64::from(j) * 4.5 * UM]))
+        .collect();
+    let scene = scene([2, 3], MASKS);
+    let [z, m] = [scene.lever_arm(), scene.magnification()];
+    let blur = super::super::geometry::blur(&scene, true);
+    let light = Blurred::rectangles(
+        [sample, detector].map(|size| size.map(|width| width / m)),
+        [blur[0], blur[1], 0.0],
+    );
+    let flat = frames(&light, &pairs, &Contrasts::EMPTY, [z, m]);
+    let sample_frames = frames(&light, &pairs, &OBJECT, [z, m]);
+    let options = RetrieveOptions::default()
+        .with_method(Method::ExactCurve)
+        .with_aperture(Aperture::Rectangle(sample))
+        .with_detector_aperture(Aperture::Rectangle(detector));
+    let set_up = (&scene, &Design::Steps(pairs));
+    let retriever = PlanarRetriever::new(set_up, &options, [PIXEL; 2], flat.view()).unwrap();
+    let found = images(&retriever, [&flat, &sample_frames]);
+    assert_within(&found, &OBJECT, [1e-4, 1e-4, 1e-4, 1e-3, 1e-3, 1e-3], "exact-curve");
+    let round = options.with_detector_aperture(Aperture::Round(1e-5));
+    let refused = PlanarRetriever::new(set_up, &round, [PIXEL; 2], flat.view());
+    assert!(refused.unwrap_err().to_string().contains("detector_aperture"));
 }
 
 #[test]

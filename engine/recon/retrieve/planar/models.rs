@@ -1,0 +1,142 @@
+//! Models of beamlets and of curves over offsets, and the lattice and the offsets that they need.
+
+use super::super::fitter::Weights;
+use super::super::method::Method;
+use super::super::options::RetrieveOptions;
+use super::fit::PlanarModel;
+use super::found::{Frame, PlacedLattice};
+use super::geometry;
+use super::profile::Profile;
+use super::scan::{PlanarNoise, PlanarValues};
+use super::shape::{PlanarShape, Strip};
+use super::windows::{Window, Windows};
+use beamlet_core::{Error, Result};
+use beamlet_model::optics::{Mask, Optics, WholePeriods};
+use beamlet_model::scene::Scene;
+use ndarray::ArrayView3;
+use rayon::prelude::*;
+
+/// Beamlets of the flat, about, whose centres give the lattice.
+const CENTRES: usize = 400;
+
+/// The lattice through the centres of some of the flat's beamlets.
+pub(super) fn through_centres(
+    placed: PlacedLattice,
+    frame: &Frame,
+    (options, flat): (&RetrieveOptions, ArrayView3<'_, f32>),
+) -> Result<PlacedLattice> {
+    let windows = Windows::of(&placed, frame)?;
+    let model = gaussian(frame.pitch, Vec::new());
+    let noise = PlanarNoise {
+        saturation: options.saturation.map_or(f64::INFINITY, f64::from),
+        gain: None,
+        read_noise: 0.0,
+        weights: Weights::None,
+    };
+    let all: Vec<&Window> = windows.iter().map(|(_, window)| window).collect();
+    let some: Vec<&Window> = all.iter().copied().step_by(1 + all.len() / CENTRES).collect();
+    let centres: Vec<([i64; 2], [f64; 2])> = some
+        .par_iter()
+        .filter_map(|window| {
+            let fit = model.fit(&values(frame, flat, (window, noise.saturation)), &noise, None);
+            let is_fine =
+                fit.curve.has_answer() && fit.curve.centre.iter().all(|at| at.is_finite());
+            is_fine.then_some((window.index, fit.curve.centre))
+        })
+        .collect();
+    Ok(placed.through(&centres).unwrap_or(placed))
+}
+
+/// Values of a beamlet's pixels.
+pub(super) fn values(
+    frame: &Frame,
+    frames: ArrayView3<'_, f32>,
+    (window, saturation): (&Window, f64),
+) -> PlanarValues {
+    let pixels = window.pixels.iter();
+    let place = |[row, column]: &[u32; 2]| frame.place(i64::from(*row), i64::from(*column));
+    let places: Vec<[f64; 2]> = pixels.clone().map(place).collect();
+    let values = pixels.map(|[row, column]| frames[[0, *row as usize, *column as usize]]);
+    PlanarValues::of(&places, values, saturation, PlanarValues::NEEDED)
+}
+
+/// A Gaussian over pixels.
+fn gaussian(pixel: [f64; 2], neighbours: Vec<[f64; 2]>) -> PlanarModel {
+    let along = pixel.map(|pixel| Profile { boxes: [pixel, 0.0], shift: 0.0 });
+    let shape = PlanarShape { strips: vec![Strip { share: 1.0, along }], neighbours };
+    PlanarModel { shape, blur: None, pixel: Some(pixel) }
+}
+
+/// Offsets less whole periods of the sample mask.
+pub(super) fn without_periods(scene: &Scene, pairs: &[[f64; 2]]) -> Vec<[f64; 2]> {
+    let period = periods(scene);
+    let along = [0, 1].map(|axis| {
+        let all: Vec<f64> = pairs.iter().map(|pair| pair[axis]).collect();
+        match period[axis].is_finite() {
+            true => WholePeriods::in_scan(&all, period[axis]).without(&all),
+            false => all,
+        }
+    });
+    along[0].iter().zip(&along[1]).map(|(x, z)| [*x, *z]).collect()
+}
+
+/// Periods of the sample mask along x and z, m in its plane.
+fn periods(scene: &Scene) -> [f64; 2] {
+    let optics = Optics::of(scene);
+    let of = |mask: &Mask| mask.openings(mask.distance()).period;
+    optics.sample_mask.as_ref().map_or([f64::INFINITY; 2], of)
+}
+
+/// Model of beamlets over pixels.
+pub(super) fn beamlet_model(
+    scene: &Scene,
+    options: &RetrieveOptions,
+    (placed, pixel): (&PlacedLattice, [f64; 2]),
+) -> Result<PlanarModel> {
+    let aperture = geometry::aperture(scene, options);
+    let blur = geometry::blur(scene, false);
+    let around = placed.lattice.around();
+    match (options.method, aperture) {
+        (Method::Beamlet, Some(aperture)) => {
+            let shape = PlanarShape { strips: aperture.strips(pixel), neighbours: around };
+            Ok(PlanarModel { shape, blur: Some(blur), pixel: Some(pixel) })
+        }
+        (Method::Beamlet, None) => {
+            let allowed =
+                "the size of the apertures for method beamlet; or method gaussian or moments";
+            Err(Error::argument("aperture", "nothing", allowed))
+        }
+        (_, aperture) => {
+            let own = aperture.map(|aperture| {
+                let shape =
+                    PlanarShape { strips: aperture.strips([0.0; 2]), neighbours: Vec::new() };
+                shape.own_variances()
+            });
+            let blur = own.map(|own| [0, 1].map(|axis| own[axis] + blur[axis]));
+            Ok(PlanarModel { blur, ..gaussian(pixel, around) })
+        }
+    }
+}
+
+/// Model of the curve of two masks over offsets.
+pub(super) fn curve_model(scene: &Scene, options: &RetrieveOptions) -> Result<PlanarModel> {
+    if options.method == Method::Gaussian {
+        let along = [Profile { boxes: [0.0; 2], shift: 0.0 }; 2];
+        let shape =
+            PlanarShape { strips: vec![Strip { share: 1.0, along }], neighbours: Vec::new() };
+        return Ok(PlanarModel { shape, blur: None, pixel: None });
+    }
+    let [sample, detector] = geometry::overlap(scene, options)?;
+    let along = [0, 1].map(|k| Profile { boxes: [sample[k], detector[k]], shift: 0.0 });
+    let steps = periods(scene).map(|period| match period.is_finite() {
+        true => vec![-period, 0.0, period],
+        false => vec![0.0],
+    });
+    let neighbours = steps[0]
+        .iter()
+        .flat_map(|x| steps[1].iter().map(move |z| [*x, *z]))
+        .filter(|[x, z]| x.abs() + z.abs() > 0.0)
+        .collect();
+    let shape = PlanarShape { strips: vec![Strip { share: 1.0, along }], neighbours };
+    Ok(PlanarModel { shape, blur: Some(geometry::blur(scene, true)), pixel: None })
+}
