@@ -25,20 +25,40 @@ pub(super) fn meshes() -> Scene {
     scenes::scene(&Setup::paper([12, 5]), &bodies, &[-20e-6, 0.0, 9e-6])
 }
 
-/// Exact shapes, one in the other.
-pub(super) fn shapes() -> Scene {
-    let text = "[source]\ndistance = \"1.2 m\"\nspot = \"20 um\"\nenergy = \"25 keV\"\n\
+/// Objects between gold masks, at four offsets.
+fn of_objects(objects: &str) -> Scene {
+    let set_up = "[source]\ndistance = \"1.2 m\"\nspot = \"20 um\"\nenergy = \"25 keV\"\n\
          [detector]\ndistance = \"1.8 m\"\npixels = [14, 5]\npitch = \"75 um\"\n\
          [sample_mask]\ndistance = \"1.19 m\"\nmaterial = \"gold\"\nthickness = \"200 um\"\n\
          projected_aperture = \"20 um\"\n\
          [detector_mask]\nmaterial = \"gold\"\nthickness = \"200 um\"\nprojected_aperture = \"30 um\"\n\
-         [scan]\nmask_offsets = [\"-12 um\", \"-4 um\", \"3 um\", \"11 um\"]\n\
-         [[object]]\nname = \"tube\"\nshape = { cylinder = { radius = \"240 um\", height = \"4 mm\" } }\n\
+         [scan]\nmask_offsets = [\"-12 um\", \"-4 um\", \"3 um\", \"11 um\"]\n";
+    Scene::from_toml(&[set_up, objects].concat(), std::path::Path::new(".")).expect("a scene")
+}
+
+/// Exact shapes, one in the other.
+pub(super) fn shapes() -> Scene {
+    of_objects(
+        "[[object]]\nname = \"tube\"\nshape = { cylinder = { radius = \"240 um\", height = \"4 mm\" } }\n\
          material = \"PMMA\"\nrotate = [{ axis = [0, 1, 0], angle = \"20 deg\" }]\n\
          [[object]]\nname = \"bore\"\nshape = { cylinder = { radius = \"150 um\", height = \"5 mm\" } }\n\
          material = \"air\"\nrotate = [{ axis = [0, 1, 0], angle = \"20 deg\" }]\n\
-         [[object]]\nname = \"ball\"\nshape = { sphere = { radius = \"60 um\" } }\nmaterial = \"Al\"\n";
-    Scene::from_toml(text, std::path::Path::new(".")).expect("a scene")
+         [[object]]\nname = \"ball\"\nshape = { sphere = { radius = \"60 um\" } }\nmaterial = \"Al\"\n",
+    )
+}
+
+/// Exact walls along the beam: a rod with a blind hole, and a tube through both.
+fn walls() -> Scene {
+    of_objects(
+        "[[object]]\nname = \"rod\"\nshape = { cylinder = { radius = \"240 um\", height = \"8 mm\" } }\n\
+         material = \"PMMA\"\nrotate = [{ axis = [1, 0, 0], angle = \"90 deg\" }]\n\
+         [[object]]\nname = \"hole\"\nshape = { cylinder = { radius = \"150 um\", height = \"5 mm\" } }\n\
+         material = \"air\"\nrotate = [{ axis = [1, 0, 0], angle = \"89.9 deg\" }]\n\
+         position = [\"0 mm\", \"-2.5 mm\", \"0 mm\"]\n\
+         [[object]]\nname = \"tube\"\nshape = { tube = { outer = \"80 um\", inner = \"60 um\", \
+         height = \"8.5 mm\" } }\nmaterial = \"Al\"\nrotate = [{ axis = [1, 0, 0], angle = \"90 deg\" }, \
+         { axis = [0, 0, 1], angle = \"0.05 deg\" }]\n",
+    )
 }
 
 /// The beam of a tube, at some energy nodes.
@@ -100,6 +120,7 @@ fn scenes_of_all_kinds() -> Vec<(&'static str, Scene)> {
     vec![
         ("meshes", meshes()),
         ("shapes", shapes()),
+        ("walls along the beam", walls()),
         ("leaking masks", leaking),
         ("no masks", bare),
         ("no detector mask", tracked),
