@@ -59,7 +59,7 @@ shared_structs! {
         pub count: u32,
         /// Rows.
         pub period: f32,
-        /// Of the bars, rows.
+        /// Thickness of the bars, rows.
         pub thickness: f32,
         /// Mean displacement of an edge into its aperture, in shadows of the bars.
         pub inset: f32,

@@ -39,7 +39,7 @@ Mask mask_of_strip(Mask mask, MaskHeights of, uint strip) {
     return mask;
 }
 
-// Makes the apertures of a strip those of the sample mask.
+// Gives the sample mask the apertures of a strip.
 void take_sample_strip(uint strip, uint mask_step) {
     bool cuts = mask_step != push.steps && heights.sample_mask.count > 0u;
     sample_strip = cuts ? strip : NO_STRIP;
@@ -92,19 +92,23 @@ vec2 ends_of(MaskHeights of, uint strip, float centre, float inset) {
                          MaskStrips(of.strips).at[strip].bottom - inset);
 }
 
-// The part of the light of a cell along z that an aperture of the sample mask between two ends leaves.
+// The part of the light of a cell along z that the strip of the sample mask in work leaves between two ends; all of
+// it where no strip cuts.
 Piece through_ends(Cell cell, vec2 ends) {
+    bool cuts = sample_strip != NO_STRIP;
+    bool sharp = heights.mask_blur <= 0.0;
     float low = cell_row.top;
     float high = cell_row.bottom;
     float reach = 6.5 * heights.mask_blur;
-    if (heights.mask_blur <= 0.0) {
+    if (cuts && sharp) {
         low = max(low, ends.x);
         high = min(high, ends.y);
     }
-    bool passes = ends.y > ends.x && ends.y + reach > low && ends.x - reach < high && high > low;
+    bool passes = !cuts
+        || (ends.y > ends.x && ends.y + reach > low && ends.x - reach < high && high > low);
     Piece piece = piece_along_z(cell, low, passes ? high : low + 1.0);
     piece.passes = passes;
-    if (passes && heights.mask_blur > 0.0 && (ends.x + reach > low || ends.y - reach < high)) {
+    if (cuts && passes && !sharp && (ends.x + reach > low || ends.y - reach < high)) {
         cut_by(piece, low, high, Edges(ends.x, ends.y, 0.0, 0.0, 0.0, 0.0), heights.mask_blur);
     }
     return piece;
@@ -117,56 +121,67 @@ float landing_share(Piece piece, Edge low, Edge high) {
     return piece.amount * max(window(piece, low, high), 0.0);
 }
 
-// Share of a piece along z that passes a strip of the detector mask and lands in a row.
-float row_share(Cell cell, Piece piece, uint strip, float row) {
-    Edge low = Edge(row, piece.pixel_blur, 0.0);
-    Edge high = Edge(row + 1.0, piece.pixel_blur, 0.0);
-    if (strip == NO_STRIP) return landing_share(piece, low, high);
-    MaskHeights of = heights.detector_mask;
-    float inset = inset_of(light.detector_mask, of, shadow_z.y, cell.detector_narrowing);
-    // Light is displaced less on the mask than on the detector.
-    float displaced = light.row_shift - cell.displacement_z / light.row_pitch;
-    float shift = displaced - (heights.analyser_shift
-        - heights.analyser_share * cell.displacement_z / light.row_pitch);
-    float begin = row_geometry.aperture_offset + shift;
-    float top = MaskStrips(of.strips).at[strip].top;
-    float bottom = MaskStrips(of.strips).at[strip].bottom;
-    int from = int(floor((row - begin - bottom) / of.period));
-    int to = int(ceil((row + 1.0 - begin - top) / of.period));
-    float sum = 0.0;
-    int k = from;
-    do {
-        vec2 ends = ends_of(of, strip, begin + float(k) * of.period, inset);
-        Edge upper = low;
-        Edge lower = high;
-        if (ends.x > row) upper = Edge(ends.x, piece.blur, 0.0);
-        if (ends.y < row + 1.0) lower = Edge(ends.y, piece.blur, 0.0);
-        if (ends.y > row && ends.x < row + 1.0) sum += landing_share(piece, upper, lower);
-        k++;
-    } while (k <= to);
-    return sum;
+// Periods of a mask, in order, whose strip overlaps the rows from `low` to `high`; `begin`: centre of a period.
+ivec2 periods_of(MaskHeights of, uint strip, float begin, float low, float high) {
+    float top = begin + MaskStrips(of.strips).at[strip].top;
+    float bottom = begin + MaskStrips(of.strips).at[strip].bottom;
+    return ivec2(int(ceil((low - bottom) / of.period)), int(floor((high - top) / of.period)));
 }
 
 // Share of the light of a cell along z that passes the strip of the sample mask in work and a strip of the
-// detector mask, and lands in a row.
+// detector mask, and lands in a row. The window is called in the loop once, as in `responses`.
 float share_along_z(Cell cell, uint strip, int row) {
-    if (sample_strip == NO_STRIP) {
-        return row_share(cell, piece_along_z(cell, cell_row.top, cell_row.bottom), strip, float(row));
-    }
-    MaskHeights of = heights.sample_mask;
-    float inset = inset_of(light.sample_mask, of, shadow_z.x, cell.sample_narrowing);
+    bool cuts = sample_strip != NO_STRIP;
+    bool ends_behind = strip != NO_STRIP;
+    float upper = float(row);
+    float lower = upper + 1.0;
     float begin = row_geometry.sample_offset + sample_step + heights.mask_shift;
-    float reach = 6.5 * heights.mask_blur;
-    float top = MaskStrips(of.strips).at[sample_strip].top;
-    float bottom = MaskStrips(of.strips).at[sample_strip].bottom;
-    int k = int(floor((cell_row.top - reach - begin - bottom) / of.period));
-    int to = int(ceil((cell_row.bottom + reach - begin - top) / of.period));
+    ivec2 periods = ivec2(0);
+    float inset = 0.0;
+    if (cuts) {
+        float reach = 6.5 * heights.mask_blur;
+        periods = periods_of(heights.sample_mask, sample_strip, begin, cell_row.top - reach,
+                             cell_row.bottom + reach);
+        inset = inset_of(light.sample_mask, heights.sample_mask, shadow_z.x, cell.sample_narrowing);
+    }
+    // Light is displaced less on the mask than on the detector.
+    float down = cell.displacement_z / light.row_pitch;
+    float begin_behind = row_geometry.aperture_offset + light.row_shift - down
+        - (heights.analyser_shift - heights.analyser_share * down);
+    ivec2 periods_behind = ivec2(0);
+    float inset_behind = 0.0;
+    if (ends_behind) {
+        periods_behind = periods_of(heights.detector_mask, strip, begin_behind, upper, lower);
+        inset_behind = inset_of(light.detector_mask, heights.detector_mask, shadow_z.y,
+                                cell.detector_narrowing);
+    }
+    if (periods.y < periods.x || periods_behind.y < periods_behind.x) return 0.0;
     float sum = 0.0;
+    int k = periods.x;
+    int l = periods_behind.x;
+    Piece piece;
     do {
-        Piece piece = through_ends(cell, ends_of(of, sample_strip, begin + float(k) * of.period, inset));
-        if (piece.passes) sum += row_share(cell, piece, strip, float(row));
-        k++;
-    } while (k <= to);
+        if (l == periods_behind.x) {
+            vec2 ends = vec2(0.0);
+            if (cuts) {
+                ends = ends_of(heights.sample_mask, sample_strip,
+                               begin + float(k) * heights.sample_mask.period, inset);
+            }
+            piece = through_ends(cell, ends);
+        }
+        Edge low = Edge(upper, piece.pixel_blur, 0.0);
+        Edge high = Edge(lower, piece.pixel_blur, 0.0);
+        if (ends_behind) {
+            vec2 ends = ends_of(heights.detector_mask, strip,
+                                begin_behind + float(l) * heights.detector_mask.period, inset_behind);
+            if (ends.x > upper) low = Edge(ends.x, piece.blur, 0.0);
+            if (ends.y < lower) high = Edge(ends.y, piece.blur, 0.0);
+        }
+        if (piece.passes) sum += landing_share(piece, low, high);
+        bool is_last = l == periods_behind.y;
+        l = is_last ? periods_behind.x : l + 1;
+        k = is_last ? k + 1 : k;
+    } while (k <= periods.y);
     return sum;
 }
 
@@ -177,7 +192,7 @@ ivec2 rows_reached(Cell cell) {
     return ivec2(int(floor(cell_row.top + shift - reach)), int(floor(cell_row.bottom + shift + reach)));
 }
 
-// Rows whose shares of a cell's light are kept while it goes to pixels; those of more rows are computed anew.
+// Rows whose shares of a cell's light are kept while it goes to pixels; shares of further rows are computed anew.
 const int ROWS_KEPT = 16;
 float kept_even[ROWS_KEPT];
 float kept_cut[ROWS_KEPT];
@@ -188,14 +203,18 @@ bool keep_shares(Cell cell) {
     reached = rows_reached(cell);
     if (heights.detector_mask.count > 1u) return true;
     bool any = false;
-    int count = min(reached.y - reached.x + 1, ROWS_KEPT);
-    int i = 0;
+    int count = 2 * min(reached.y - reached.x + 1, ROWS_KEPT);
+    int n = 0;
     do {
-        kept_even[i] = share_along_z(cell, NO_STRIP, reached.x + i);
-        kept_cut[i] = heights.detector_mask.count == 0u ? 0.0 : share_along_z(cell, 0u, reached.x + i);
-        any = any || kept_even[i] != 0.0 || kept_cut[i] != 0.0;
-        i++;
-    } while (i < count);
+        // All light, then that behind the strip of the detector mask.
+        bool all = (n & 1) == 0;
+        bool none = !all && heights.detector_mask.count == 0u;
+        float share = none ? 0.0 : share_along_z(cell, all ? NO_STRIP : 0u, reached.x + (n >> 1));
+        if (all) kept_even[n >> 1] = share;
+        else kept_cut[n >> 1] = share;
+        any = any || share != 0.0;
+        n++;
+    } while (n < count);
     return any || reached.y - reached.x >= ROWS_KEPT;
 }
 
@@ -255,14 +274,16 @@ void land_in_rows(Landing landing, Cell cell, Piece piece, int pixel, float edge
         float cut = strips > 0u ? parts.y : 0.0;
         even = piece.amount * rounded_off(piece, even);
         cut = piece.amount * rounded_off(piece, cut);
-        int row = reached.x;
+        int n = 2 * reached.x;
+        float value = 0.0;
         do {
-            float value = 0.0;
-            if (even != 0.0) value += even * share_of(cell, NO_STRIP, row);
-            if (cut != 0.0) value += cut * share_of(cell, strip, row);
-            add_in_row(landing, row, beamlet.pixel + pixel, value);
-            row++;
-        } while (row <= reached.y);
+            bool all = (n & 1) == 0;
+            float light_of = all ? even : cut;
+            value = all ? 0.0 : value;
+            if (light_of != 0.0) value += light_of * share_of(cell, all ? NO_STRIP : strip, n >> 1);
+            if (!all) add_in_row(landing, n >> 1, beamlet.pixel + pixel, value);
+            n++;
+        } while (n < 2 * reached.y + 2);
         strip++;
     } while (strip < count);
 }

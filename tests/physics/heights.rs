@@ -14,8 +14,8 @@ use ndarray::Array3;
 
 /// As for slits (tests/physics/flat.rs), for each of two directions.
 const SAME_MASKS: f64 = 1e-6;
-/// Sixteen strips of a round aperture against four hundred.
-const STRIPS: f64 = 1e-4;
+/// Strips of a round aperture against four hundred.
+const STRIPS: f64 = 2e-4;
 
 /// A mask, with lengths along x and z.
 #[derive(Debug, Clone, Copy)]
@@ -249,24 +249,29 @@ fn flats_of_circles_are_sums_over_their_chords() {
     worst.holds();
 }
 
+/// Changes by the sample: flat and sample have the same random rays, so that most of their noise cancels. What is left
+/// has a standard deviation of 7e-5 at 100,000 rays.
 #[test]
 fn cells_are_the_mean_of_random_rays() {
-    let mut worst = Worst::new("cells against random rays", 1.0);
+    let mut worst = Worst::new("cells against random rays", 3e-4);
     let engine = engine(Backend::Bvh);
-    let mut case = Case::rectangles([4, 4], 0.1);
+    let mut case = Case::rectangles([3, 3], 0.1);
     // Behind the detector mask there is a gap.
     case.masks[1] = case.masks[1].map(|mask| Planned { distance: 1.75, ..mask });
-    let ball = carbon(sphere(180e-6, 3).moved([20e-6, 0.0, -15e-6]));
-    let mut scene = case.scene(&[ball], &STEPS);
-    let cells = stack(&engine, &scene);
+    let ball = carbon(sphere(260e-6, 3).moved([20e-6, 0.0, -15e-6]));
+    let mut scene = case.scene(&[ball], &STEPS[2..]);
+    let change = |scene: &Scene| {
+        let stacks = engine.simulate(scene).expect("a stack");
+        stacks.sample.index_axis_move(ndarray::Axis(0), 0) - stacks.flat
+    };
+    let cells = change(&scene);
     scene.sampling.scheme = Scheme::Random;
-    scene.sampling.rays = RandomRays::Count(60_000);
-    let random = stack(&engine, &scene);
+    scene.sampling.rays = RandomRays::Count(100_000);
+    let random = change(&scene);
+    assert!(cells.iter().any(|change| change.abs() > 5e-4), "{cells}");
     for ((step, row, column), &got) in cells.indexed_iter() {
         let want = random[[step, row, column]];
-        // Rays that pass or not, with sixth of that variance by their even targets along x; four deviations.
-        let deviation = 4.0 * (want.max(1e-3) / 60_000.0).sqrt();
-        worst.take(f64::from((got - want) / deviation), || {
+        worst.take(f64::from(got - want), || {
             format!("step {step}, pixel {column}, {row}: {got} for {want}")
         });
     }
@@ -307,9 +312,9 @@ fn a_sphere_has_the_light_of_the_reference() {
     let got = stack(&engine(Backend::Bvh), &case.scene(std::slice::from_ref(&ball), &STEPS));
     let sample = Sample::new(&[ball], case.setup.source_distance, 0.0);
     let [first, second] = case.sheets(1);
-    let how = Fineness { squares: 60, sources: [13, 13], beside: 6 };
+    let how = Fineness { squares: 24, sources: [41, 41], beside: 2 };
     let mut worst = Worst::new("sphere against the reference", 3e-4);
-    for at in [[1, 1], [2, 1], [2, 2]] {
+    for at in [[2, 1], [2, 2]] {
         let want =
             pixel(&case.setup, [first.as_ref(), second.as_ref()], Some(&sample), how, at, &STEPS);
         for (step, want) in want.into_iter().enumerate() {

@@ -81,7 +81,7 @@ pub(crate) struct IlluminationBuffer {
     lights: Vec<IlluminationParams>,
     /// Address of the first list of mask offsets, and bytes from one to the next.
     list: (Address, u64),
-    /// What the records point to.
+    /// Tables that the records point to.
     buffers: Vec<Buffer>,
 }
 

@@ -14,7 +14,7 @@ const NEAR: f32 = 1.05;
 pub(super) struct Slopes {
     pub(crate) depth: [f32; 2],
     pub(crate) displacement: [f32; 2],
-    /// Of the displacement along z on the detector, where apertures end along z; else 0.
+    /// Slopes of the displacement along z on the detector, where apertures end along z; else 0.
     pub(super) landing: [f32; 2],
 }
 
