@@ -206,15 +206,19 @@ impl Mask {
 
     fn seen(&self, scale: f64, shift: f64) -> Openings {
         let spec = &self.spec;
+        let (along_z, period_z) = match spec.heights() {
+            Some([height, period]) => ([-0.5, 0.5].map(|end| end * height * scale), period * scale),
+            None => (ENDLESS, f64::INFINITY),
+        };
         let of_period = if spec.apertures.is_empty() && spec.shifts.is_empty() {
             let half = spec.aperture * scale / 2.0;
-            vec![Opening { ends: [[-half, half], ENDLESS] }]
+            vec![Opening { ends: [[-half, half], along_z] }]
         } else {
-            let opening = |ends: [f64; 2]| Opening { ends: [ends.map(|end| end * scale), ENDLESS] };
+            let opening = |ends: [f64; 2]| Opening { ends: [ends.map(|end| end * scale), along_z] };
             spec.slits().into_iter().map(opening).collect()
         };
         Openings {
-            period: [spec.pattern() * scale, f64::INFINITY],
+            period: [spec.pattern() * scale, period_z],
             offset: (self.pattern_offset + shift) * scale,
             of_period,
             bar: spec.narrowest_bar() * scale,

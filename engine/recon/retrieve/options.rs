@@ -91,7 +91,8 @@ impl RetrieveOptions {
     #[must_use]
     pub fn suited_to(mut self, scene: &Scene) -> Self {
         let is_alone = scene.sample_mask.is_some() && scene.detector_mask.is_none();
-        let known = self.lattice.is_none() || planar::aperture(scene, &self).is_some();
+        let on_lattice = self.lattice.is_some() || scene.has_heights();
+        let known = !on_lattice || planar::aperture(scene, &self).is_some();
         self.method = if is_alone && known { Method::Beamlet } else { Method::Gaussian };
         self
     }

@@ -74,7 +74,10 @@ impl Slits {
         let mask = mask.unshifted();
         let openings = mask.openings(plane);
         let (period, width) = (openings.period[axis], openings.narrowest(axis));
-        let centre = if axis == 0 { -mask.off_centre(0.0, plane) } else { 0.0 };
+        let centre = match axis {
+            0 => -mask.off_centre(0.0, plane),
+            _ => mask.strips(plane, 1).map_or(0.0, |strips| strips.centre),
+        };
         period.is_finite().then_some(Self { period, width, centre })
     }
 }

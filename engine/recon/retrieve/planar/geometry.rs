@@ -6,11 +6,13 @@ use super::super::shape::CurveGeometry;
 use super::aperture::Aperture;
 use super::lattice::Lattice;
 use beamlet_core::{Error, Result};
-use beamlet_model::optics::{Mask, Optics};
-use beamlet_model::scene::{Blur, Scene};
+use beamlet_model::optics::{Mask, Openings, Optics};
+use beamlet_model::scene::{ApertureShape, Blur, Scene};
 
 /// Standard deviation of a Gaussian of unit full width at half maximum.
 const SIGMA_PER_FWHM: f64 = 0.424_660_900_144_009_5;
+/// Relative difference of the axes of a circle, by rounding.
+const SAME: f64 = 1e-9;
 
 /// Curves that are retrieved in two directions.
 #[derive(Debug, Clone, PartialEq)]
@@ -32,9 +34,7 @@ impl Design {
         options: &RetrieveOptions,
         omitted: &[usize],
     ) -> Result<Option<Self>> {
-        let all = options.offsets_z.iter().enumerate();
-        let z: Vec<f64> =
-            all.filter(|(step, _)| !omitted.contains(step)).map(|(_, z)| *z).collect();
+        let z = offsets_z(scene, options, omitted);
         let x = &scene.scan.mask_offsets;
         if !z.is_empty() {
             if options.lattice.is_some() {
@@ -68,6 +68,14 @@ impl Design {
         match self {
             Self::Beamlets(_) => 1,
             Self::Steps(pairs) => pairs.len(),
+        }
+    }
+
+    /// Offsets of the steps along z, m; none of beamlets.
+    pub(crate) fn offsets_z(&self) -> Vec<f64> {
+        match self {
+            Self::Beamlets(_) => Vec::new(),
+            Self::Steps(pairs) => pairs.iter().map(|[_, z]| *z).collect(),
         }
     }
 
@@ -150,20 +158,37 @@ fn lattice_of(scene: &Scene) -> Result<Option<Lattice>> {
     if z.is_finite() { Lattice::turned([x, z], 0.0).map(Some) } else { Ok(None) }
 }
 
-/// The aperture of a sample mask as it is on the detector: of the options, else of the scene where it has ends
-/// along z.
+/// The aperture of a sample mask as it is on the detector: of the options, else of the scene where it is a rectangle
+/// or a circle.
 pub(crate) fn aperture(scene: &Scene, options: &RetrieveOptions) -> Option<Aperture> {
     let optics = Optics::of(scene);
+    let shape = scene.sample_mask.as_ref().map(|mask| mask.shape);
     options.aperture.or_else(|| {
         let openings = optics.sample_mask.as_ref()?.openings(optics.detector.distance);
-        rectangle(&openings)
+        of_openings(shape?, &openings)
     })
 }
 
-/// Size of the openings of a mask with ends along both axes.
-fn rectangle(openings: &beamlet_model::optics::Openings) -> Option<Aperture> {
-    let size = [0, 1].map(|axis| openings.narrowest(axis));
-    size[1].is_finite().then_some(Aperture::Rectangle(size))
+/// The aperture of openings with this outline; `None` for outlines that no fit knows.
+fn of_openings(shape: ApertureShape, openings: &Openings) -> Option<Aperture> {
+    let [width, height] = [0, 1].map(|axis| openings.narrowest(axis));
+    match shape {
+        ApertureShape::Rectangle => Some(Aperture::Rectangle([width, height])),
+        ApertureShape::Round if (width / height - 1.0).abs() < SAME => Some(Aperture::Round(width)),
+        _ => None,
+    }
+}
+
+/// Offsets of the sample mask along z, m: of the options without the steps `omitted`, else of the scene where they
+/// differ.
+fn offsets_z(scene: &Scene, options: &RetrieveOptions, omitted: &[usize]) -> Vec<f64> {
+    if options.offsets_z.is_empty() {
+        let z = &scene.scan.mask_offsets_z;
+        let differ = z.iter().any(|offset| offset.to_bits() != z[0].to_bits());
+        return if differ { z.clone() } else { Vec::new() };
+    }
+    let all = options.offsets_z.iter().enumerate();
+    all.filter(|(step, _)| !omitted.contains(step)).map(|(_, z)| *z).collect()
 }
 
 /// Sizes of the apertures of both masks as they are in the plane of the sample mask, m: of the options, else of the
@@ -174,8 +199,9 @@ fn rectangle(openings: &beamlet_model::optics::Openings) -> Option<Aperture> {
 pub(super) fn overlap(scene: &Scene, options: &RetrieveOptions) -> Result<[[f64; 2]; 2]> {
     let optics = Optics::of(scene);
     let magnification = scene.magnification();
+    let shape = |name| scene.masks().find(|(key, _)| *key == name).map(|(_, mask)| mask.shape);
     let size = |name: &str, given: Option<Aperture>, mask: Option<&Mask>, plane: f64| {
-        let known = given.or_else(|| rectangle(&mask?.openings(plane)));
+        let known = given.or_else(|| of_openings(shape(mask?.name())?, &mask?.openings(plane)));
         let found = match known {
             Some(Aperture::Rectangle(size)) => return Ok(size.map(|width| width / magnification)),
             Some(Aperture::Round(_)) => "a round aperture",

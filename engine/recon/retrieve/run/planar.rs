@@ -44,7 +44,7 @@ pub(super) fn retrieve_planar(
     let mut flat = work.fits(Of::Flat(0), None)?;
     refuse_without_answer(&flat)?;
     let shape = retriever.shape(frame[0]);
-    let described = described(input, &retriever, options, &flat);
+    let described = described(input, &retriever, design, &flat);
     let record = begun(input, &described, options, [angles, shape[0], shape[1]]);
     let value = if input.counts() { "counts" } else { "open pixels" };
     let mut output = Output { put, record, value, cancel: work.control.cancel.clone() };
@@ -165,7 +165,7 @@ fn refuse_without_answer(flat: &Fits) -> Result<()> {
 fn described(
     input: &Input,
     retriever: &PlanarRetriever,
-    options: &RetrieveOptions,
+    design: &Design,
     flat: &Fits,
 ) -> Described {
     let pitch = match retriever.lattice() {
@@ -180,7 +180,7 @@ fn described(
         flat_width: median(widths.collect()),
         angle_per_shift: retriever.angle_per_shift(),
         lattice: retriever.lattice(),
-        offsets_z: options.offsets_z.clone(),
+        offsets_z: design.offsets_z(),
         expected_sigma: retriever
             .expected(flat)
             .into_iter()
