@@ -161,6 +161,9 @@ impl<'a> SetUp<'a> {
 
     /// Reason why the light of pixels is unknown.
     fn unknown_light(&self) -> Option<String> {
+        if self.scene.has_heights() {
+            return Some("waves behind apertures that end along z are not computed".into());
+        }
         let blur = matches!(self.scene.detector.blur, Some(Blur::Kernel(_)));
         (blur && self.scene.detector_mask.is_none())
             .then(|| "an image of the blur of pixels without a detector mask".into())
