@@ -1,6 +1,12 @@
 //! Masks whose apertures end along z: flats against closed forms, cells against random rays and against the
 //! reference, which cuts boxes exactly.
 
+#![allow(
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    reason = "counts of pixels and periods are small"
+)]
+
 use crate::reference::apertures::{Ends, Fineness, Sheet, ellipse, pixel};
 use crate::reference::closed_form::blurred_overlap;
 use crate::reference::rays::Sample;
@@ -9,7 +15,9 @@ use crate::reference::stack::Setup;
 use crate::reference::surfaces::{Body, Mesh, body, extruded, sphere};
 use crate::support::{CARBON, Checked, Worst, engine};
 use beamlet::Backend;
-use beamlet::scene::{ApertureShape, MaskBody, MaskSpec, RandomRays, Scene, Scheme};
+use beamlet::scene::{
+    ApertureShape, MaskBody, MaskSpec, RandomRays, Refine, Scene, Scheme, Transport,
+};
 use ndarray::Array3;
 
 /// As for slits (tests/physics/flat.rs), for each of two directions.
@@ -161,7 +169,7 @@ fn placed(
         .map(|k| ends.map(|end| centre + k as f64 * period + end * scale))
         .filter_map(|[low, high]| {
             let part =
-                if scale == 1.0 { [low.max(range[0]), high.min(range[1])] } else { [low, high] };
+                if scale <= 1.0 { [low.max(range[0]), high.min(range[1])] } else { [low, high] };
             (part[1] > part[0]).then_some(part)
         })
         .collect()
@@ -247,6 +255,33 @@ fn flats_of_circles_are_sums_over_their_chords() {
     }
     assert!(light > 1.0, "{light}");
     worst.holds();
+}
+
+#[test]
+fn what_apertures_that_end_along_z_do_not_serve_is_refused_by_name() {
+    let scene = Case::rectangles([2, 2], 0.0).scene(&[], &STEPS);
+    let refused = |change: &dyn Fn(&mut Scene), key: &str| {
+        let mut scene = scene.clone();
+        change(&mut scene);
+        let error = scene.validate().expect_err(key).to_string();
+        assert!(error.contains(key), "{error}");
+    };
+    assert!(scene.validate().is_ok());
+    let mask = |change: fn(&mut MaskSpec)| {
+        move |scene: &mut Scene| scene.sample_mask.iter_mut().for_each(change)
+    };
+    refused(&|scene| scene.sampling.refine = Refine::Device, "sampling.refine");
+    refused(&|scene| scene.sampling.transport = Transport::Wave, "sampling.transport");
+    refused(&|scene| scene.scan.mask_offsets_z.truncate(1), "scan.mask_offsets_z");
+    refused(&mask(|mask| mask.shape = ApertureShape::Slit), "sample_mask.aperture_z");
+    refused(&mask(|mask| mask.aperture_z = Some(81e-6)), "sample_mask.aperture_z");
+    refused(&mask(|mask| mask.period_z = Some(10e-9)), "sample_mask.period_z");
+    let thick = |mask: &mut MaskSpec| {
+        mask.body = MaskBody::Bars { material: "gold".into(), thickness: 0.15 };
+    };
+    refused(&mask(thick), "sample_mask.thickness");
+    // Steps along z change nothing behind slits.
+    refused(&|scene| scene.sample_mask = None, "scan.mask_offsets_z");
 }
 
 /// Changes by the sample: flat and sample have the same random rays, so that most of their noise cancels. What is left

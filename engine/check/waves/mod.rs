@@ -202,6 +202,9 @@ impl<'a> SetUp<'a> {
 
     /// Reason why the light of pixels is unknown.
     fn unknown_light(&self) -> Option<String> {
+        if self.scene.has_heights() {
+            return Some("waves behind apertures that end along z are not computed".into());
+        }
         if self.pixels.is_empty() && self.scene.sample_mask.is_some() {
             return Some(format!("masks of more than {MOST_SLITS} slits in a period"));
         }
