@@ -80,7 +80,7 @@ pub(crate) struct Retrieve {
     #[arg(long, value_name = "WIDTH,HEIGHT", value_parser = aperture)]
     pub(crate) aperture: Option<Aperture>,
     /// Aperture of the detector mask, for --offsets-z with --method exact-curve: `WIDTH,HEIGHT`
-    #[arg(long, value_name = "WIDTH,HEIGHT", value_parser = aperture, requires = "offsets_z")]
+    #[arg(long, value_name = "WIDTH,HEIGHT", value_parser = aperture)]
     pub(crate) detector_aperture: Option<Aperture>,
     /// Scene file with the distances and masks of the measurement
     #[arg(long, value_name = "SCENE", requires = "flat")]
@@ -89,7 +89,7 @@ pub(crate) struct Retrieve {
     #[arg(long = "set", value_name = "KEY=VALUE", value_parser = key_value, requires = "geometry")]
     pub(crate) sets: Vec<String>,
     /// Mask steps to leave out of flat and sample, counted from 0, as a frame without beam
-    #[arg(long, value_name = "STEP,…", requires = "flat", value_delimiter = ',')]
+    #[arg(long, value_name = "STEP,…", value_delimiter = ',')]
     pub(crate) omit_steps: Vec<usize>,
     /// Directory of the images [default: RUN/retrieved]
     #[arg(short, long, value_name = "DIR")]

@@ -105,7 +105,8 @@ fn lists(arguments: &Retrieve) -> Vec<PathBuf> {
 }
 
 fn of_run(arguments: &Retrieve, run: &Path) -> Result<Input, Failure> {
-    Ok(Input::of_run(&OpenRun::open(run)?, arguments.counts)?)
+    Ok(Input::of_run(&OpenRun::open(run)?, arguments.counts)?
+        .without_steps(&arguments.omit_steps)?)
 }
 
 /// Stacks of their own, with the geometry of a scene.

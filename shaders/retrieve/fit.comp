@@ -50,9 +50,8 @@ void main() {
     bool regular = factorise(last.normal, scale, 0.0, f);
     if (!regular || condition(last.normal, scale, f) > 100.0) flags |= CURVE_ILL_CONDITIONED;
     if (g.width < push.min_width || g.width > push.max_width) flags |= CURVE_WIDTH;
-    float first = push.steps.at[0].offset;
-    float end = push.steps.at[push.step_count - 1u].offset;
-    if (g.centre < min(first, end) || g.centre > max(first, end)) flags |= CURVE_OUTSIDE;
+    // Offsets are from -1 to 1, in any order.
+    if (abs(g.centre) > 1.0) flags |= CURVE_OUTSIDE;
 
     // Variance of a value: known for counts, else from the residuals.
     float freedom = float(c.used) - 4.0;

@@ -54,6 +54,13 @@ fn deviation(got: &Curves, at: usize, optimum: &Gaussian) -> [f64; 4] {
     ]
 }
 
+/// Distance of the centre from the nearer end of the scan in sigmas, positive outside.
+fn outside(offsets: &[f64], &[_, mu, sigma, _]: &Gaussian) -> f64 {
+    let low = offsets.iter().copied().fold(f64::INFINITY, f64::min);
+    let high = offsets.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+    (low - mu).max(mu - high) / sigma
+}
+
 fn rounded(curve: &[f64]) -> Vec<f64> {
     curve.iter().map(|y| f64::from(*y as f32)).collect()
 }
@@ -78,6 +85,11 @@ fn compare(
             continue;
         }
         let optimum = of(offsets, &rounded(curve));
+        let beyond = outside(offsets, &optimum);
+        if beyond.abs() > ILL_TOLERANCE {
+            let is_flagged = bits & flags::OUTSIDE != 0;
+            assert_eq!(is_flagged, beyond > 0.0, "{what}: curve {i}, {beyond} beyond the scan");
+        }
         let off = deviation(&got, i, &optimum);
         if bits & flags::ILL_CONDITIONED != 0 {
             flagged += 1;

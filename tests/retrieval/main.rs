@@ -36,6 +36,8 @@ mod retrieved;
 mod rough_fibres;
 #[cfg(feature = "cli")]
 mod selection;
+#[cfg(feature = "cli")]
+mod simulated_planes;
 mod tracking;
 #[cfg(feature = "cli")]
 mod two_directions;

@@ -136,7 +136,8 @@ impl Method {
             let allowed = format!("one offset along z: {self} fits curves of steps along x");
             return Err(Error::scene("scan.mask_offsets_z", found, allowed));
         }
-        if scene.has_heights() && matches!(self, Self::ExactCurve | Self::Beamlet | Self::Triangle)
+        if scene.has_heights()
+            && matches!(self, Self::ExactCurve | Self::TwoStep | Self::Beamlet | Self::Triangle)
         {
             let allowed = format!(
                 "slits: {self} knows no apertures that end along z; use gaussian or moments"

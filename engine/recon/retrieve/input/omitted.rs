@@ -1,4 +1,4 @@
-//! Mask steps of measured stacks that are left out.
+//! Mask steps of stacks that are left out.
 
 use super::Input;
 use beamlet_core::{Error, Result};
