@@ -60,6 +60,11 @@ const SHIPPED: &[Shipped] = &[
         about: "polyethylene sphere behind one mask of round apertures of 15 um, pixels of 8 um",
         files: files!("beam-tracking": "scene.toml"),
     },
+    Shipped {
+        name: "pepi",
+        about: "plastic wires of 1 mm in a compact set-up with a spot of 5 um, by waves",
+        files: files!("pepi": "scene.toml"),
+    },
 ];
 
 pub(super) fn run(arguments: &Example, out: &mut impl Write) -> Result<(), Failure> {

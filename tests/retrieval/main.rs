@@ -25,6 +25,8 @@ mod misfit;
 mod noise;
 #[cfg(feature = "cli")]
 mod provenance;
+#[cfg(feature = "cli")]
+mod published;
 mod retrieval;
 #[cfg(feature = "cli")]
 mod retrieve_cli;

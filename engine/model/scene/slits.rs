@@ -4,6 +4,9 @@ use super::{MaskSpec, Scene};
 use beamlet_core::units::Dimension::Length;
 use beamlet_core::{Error, Result, numbers};
 
+/// Width of a bar over the period that is rounding of ends that touch.
+const ROUNDING: f64 = 1e-12;
+
 impl MaskSpec {
     /// Periods after which the mask repeats: the number of its shifts, or 1.
     #[must_use]
@@ -81,7 +84,8 @@ impl MaskSpec {
                 return Err(Error::scene(name, um([low, high]), allowed));
             }
         }
-        if (self.apertures.is_empty() && self.shifts.is_empty()) || self.narrowest_bar() > 0.0 {
+        let is_one = self.apertures.is_empty() && self.shifts.is_empty();
+        if is_one || self.narrowest_bar() > ROUNDING * self.period {
             return Ok(());
         }
         let name = key(if self.shifts.is_empty() { "apertures" } else { "shifts" });
