@@ -13,11 +13,12 @@ use crate::reference::rays::Sample;
 use crate::reference::scenes;
 use crate::reference::stack::Setup;
 use crate::reference::surfaces::{Body, Mesh, body, extruded, sphere};
-use crate::support::{CARBON, Checked, Worst, engine};
-use beamlet::Backend;
+use crate::support::{CARBON, Checked, Worst, backends, engine, engine_with};
+use beamlet::material::constants_at;
 use beamlet::scene::{
-    ApertureShape, MaskBody, MaskSpec, RandomRays, Refine, Scene, Scheme, Transport,
+    ApertureShape, MaskBody, MaskSpec, RandomRays, Refine, Scene, Scheme, Substrate, Transport,
 };
+use beamlet::{Backend, EngineOptions};
 use ndarray::Array3;
 
 /// As for slits (tests/physics/flat.rs), for each of two directions.
@@ -355,6 +356,87 @@ fn a_sphere_has_the_light_of_the_reference() {
         for (step, want) in want.into_iter().enumerate() {
             let got = f64::from(got[[step, at[1] as usize, at[0] as usize]]);
             worst.take(got - want, || format!("step {step}, pixel {at:?}: {got} for {want}"));
+        }
+    }
+    worst.holds();
+}
+
+/// A ball before a case of its own, and with x and z of everything exchanged: row r counts down.
+#[test]
+fn exchanged_axes_give_the_exchanged_stack() {
+    let mut worst = Worst::new("exchanged axes", 1e-4);
+    let engine = engine(Backend::Bvh);
+    let mut case = Case::rectangles([4, 3], 0.1);
+    // Behind the detector mask there is a gap.
+    case.masks[1] =
+        case.masks[1].map(|mask| Planned { distance: 1.77, offset: [4e-6, 0.0], ..mask });
+    let mut turned = case.clone();
+    turned.setup.pixels.reverse();
+    turned.setup.pitch.reverse();
+    turned.setup.spot.reverse();
+    for mask in turned.masks.iter_mut().flatten() {
+        for pair in [&mut mask.period, &mut mask.aperture, &mut mask.offset] {
+            pair.reverse();
+        }
+    }
+    let ball = |x: f64, z: f64| carbon(sphere(230e-6, 3).moved([x, 0.0, z]));
+    let exchanged = STEPS.map(|[x, z]| [z, x]);
+    let got = stack(&engine, &case.scene(&[ball(30e-6, -12e-6)], &STEPS));
+    let other = stack(&engine, &turned.scene(&[ball(-12e-6, 30e-6)], &exchanged));
+    let [columns, rows] = case.setup.pixels.map(|count| count as usize);
+    for ((step, row, column), &got) in got.indexed_iter() {
+        let other = other[[step, columns - 1 - column, rows - 1 - row]];
+        worst.take(f64::from(got - other), || {
+            format!("step {step}, pixel {column}, {row}: {got} and {other}")
+        });
+    }
+    worst.holds();
+}
+
+#[test]
+fn bands_batches_and_backends_change_no_bit_behind_apertures() {
+    let case = Case::rectangles([4, 5], 0.05);
+    let scene = case.scene(&[carbon(sphere(230e-6, 2))], &STEPS);
+    let whole = stack(&engine(Backend::Bvh), &scene);
+    for (band, batch) in [(Some(1), None), (Some(2), Some(97))] {
+        let options = EngineOptions::default()
+            .with_backend(Backend::Bvh)
+            .with_band_rows(band)
+            .with_batch_rays(batch);
+        let parts = stack(&engine_with(options), &scene);
+        assert!(parts == whole, "bands of {band:?} rows, batches of {batch:?} rays");
+    }
+    for backend in backends() {
+        let mut worst = Worst::new("backends behind apertures", 1e-6);
+        let other = stack(&engine(backend), &scene);
+        for (got, want) in other.iter().zip(&whole) {
+            worst.take(f64::from(got - want), || format!("{backend:?}: {got} for {want}"));
+        }
+        worst.holds();
+    }
+}
+
+/// Apertures and leaks of a mask on a plate, under both schemes; the secant of 0.3 mrad is 1 to 1e-7.
+#[test]
+fn substrates_dim_the_light_of_apertures_and_of_leaks() {
+    let engine = engine(Backend::Bvh);
+    let mut worst = Worst::new("substrate of apertures", 1e-6);
+    let mut scene = Case::rectangles([3, 2], 0.2).scene(&[], &STEPS);
+    scene.sampling.rays = RandomRays::Count(64);
+    for scheme in [Scheme::Cells, Scheme::Random] {
+        scene.sampling.scheme = scheme;
+        for mask in [&mut scene.sample_mask, &mut scene.detector_mask].into_iter().flatten() {
+            mask.substrate = None;
+        }
+        let plain = stack(&engine, &scene);
+        for mask in [&mut scene.sample_mask, &mut scene.detector_mask].into_iter().flatten() {
+            mask.substrate = Some(Substrate::new("silicon", 300e-6));
+        }
+        let share = (-constants_at(&scene, "silicon", 30.0).expect("silicon").mu * 600e-6).exp();
+        assert!(share < 0.9, "{share}");
+        for (got, plain) in stack(&engine, &scene).iter().zip(&plain) {
+            worst
+                .take(f64::from(*got) - share * f64::from(*plain), || format!("{scheme:?}: {got}"));
         }
     }
     worst.holds();
