@@ -93,12 +93,13 @@ pub mod retrieve {
 /// Scenes: the model in SI units, and its files.
 pub mod scene {
     pub use beamlet_model::scene::{
-        Absorber, Anode, ApertureShape, Beam, Blur, Counts, Detector, DetectorMode, Exposure,
-        Filter, Fly, Instances, KernelFile, MaskBody, MaskSpec, MaterialSpec, Mesh, MeshFormat,
-        Motion, Normals, Object, Packing, PackingAmount, PackingKind, PackingRegion, Placement,
-        Pose, Quality, RandomRays, Refine, RotationAxis, Sampling, Scan, ScanErrors, Scatter,
-        Scene, Scheme, Shape, ShapeOrMesh, Source, SpectrumOrigin, SpectrumSpec, Spot, SpotFit,
-        SpotPart, Substrate, Tolerances, Transport, View,
+        Absorber, Anode, ApertureLattice, ApertureShape, Beam, Blur, Counts, Detector,
+        DetectorMode, Exposure, Filter, Fly, Instances, KernelFile, MaskBody, MaskSpec,
+        MaterialSpec, Mesh, MeshFormat, Motion, Normals, Object, Packing, PackingAmount,
+        PackingKind, PackingRegion, Placement, Pose, Quality, RandomRays, Refine, RotationAxis,
+        Sampling, Scan, ScanErrors, Scatter, Scene, Scheme, Shape, ShapeOrMesh, Source,
+        SpectrumOrigin, SpectrumSpec, Spot, SpotFit, SpotPart, Substrate, Tolerances, Transport,
+        View,
     };
 }
 /// Spectra and their energy nodes.

@@ -256,7 +256,10 @@ impl Subject {
     pub(crate) fn has_gaussians(&self) -> bool {
         let gaussian = [Method::Gaussian, Method::ThreeStep];
         let method = self.record.as_ref().map(|record| record.method.as_str());
-        self.maps.is_some() && gaussian.iter().any(|known| method == Some(known.name()))
+        // A curve of steps along x and z is a surface, of which a line over x says too little.
+        let is_surface = self.record.as_ref().is_some_and(|record| !record.offsets_z.is_empty());
+        let is_gaussian = gaussian.iter().any(|known| method == Some(known.name()));
+        self.maps.is_some() && is_gaussian && !is_surface
     }
 
     /// Meanings of the bits of a flag, separated by semicolons; empty without any.

@@ -44,7 +44,8 @@ pub(super) fn estimated(
     let is_known = found.is_ok();
     match found {
         Ok(mut estimate) => {
-            report.work.moments_bytes = moments.map(|of_rays| of_rays(estimate.rays));
+            let kept = moments.filter(|_| !scene.has_heights());
+            report.work.moments_bytes = kept.map(|of_rays| of_rays(estimate.rays));
             estimate.seconds += loaded_in;
             let rays = estimate.rays_per_view;
             let mut of_run = scene.clone();

@@ -16,7 +16,8 @@ use crate::reference::surfaces::{Body, Mesh, body, extruded, sphere};
 use crate::support::{CARBON, Checked, Worst, backends, engine, engine_with};
 use beamlet::material::constants_at;
 use beamlet::scene::{
-    ApertureShape, MaskBody, MaskSpec, RandomRays, Refine, Scene, Scheme, Substrate, Transport,
+    ApertureLattice, ApertureShape, MaskBody, MaskSpec, RandomRays, Refine, Scene, Scheme,
+    Substrate, Transport,
 };
 use beamlet::{Backend, EngineOptions};
 use ndarray::Array3;
@@ -34,6 +35,7 @@ struct Planned {
     aperture: [f64; 2],
     offset: [f64; 2],
     shape: ApertureShape,
+    lattice: ApertureLattice,
     leak: f64,
 }
 
@@ -43,20 +45,33 @@ impl Planned {
         let mut spec = MaskSpec::new(self.distance, self.period[0], self.aperture[0], body)
             .with_heights(self.shape, self.aperture[1], self.period[1]);
         [spec.offset, spec.offset_z] = self.offset;
+        spec.lattice = self.lattice;
         spec
     }
 
     fn sheet(&self, pixels: [u32; 2], strips: u32) -> Sheet {
         let half = self.aperture.map(|width| 0.5 * width);
-        let boxes = match self.shape {
+        let mut boxes = match self.shape {
             ApertureShape::Round => ellipse(half, strips),
             _ => vec![half.map(|half| [-half, half])],
         };
+        let mut period = self.period;
+        if self.lattice == ApertureLattice::Hexagonal {
+            // The next row is half a period aside.
+            let moved = |ends: &Ends| {
+                [0, 1].map(|axis| {
+                    let by = [0.5, 1.0][axis] * self.period[axis];
+                    ends[axis].map(|end| end + by)
+                })
+            };
+            boxes.extend(boxes.clone().iter().map(moved));
+            period[1] *= 2.0;
+        }
         let centre = [0, 1].map(|axis| {
             let between = if pixels[axis].is_multiple_of(2) { 0.5 } else { 0.0 };
             self.offset[axis] + between * self.period[axis]
         });
-        let Self { distance, period, leak, .. } = *self;
+        let Self { distance, leak, .. } = *self;
         Sheet { distance, period, centre, boxes, leak }
     }
 }
@@ -81,6 +96,7 @@ impl Case {
             aperture: [20e-6, 30e-6],
             offset: [0.0, 3e-6],
             shape,
+            lattice: ApertureLattice::Rectangular,
             leak,
         };
         let second = Planned {
@@ -89,6 +105,7 @@ impl Case {
             aperture: [30e-6, 45e-6],
             offset: [0.0; 2],
             shape,
+            lattice: ApertureLattice::Rectangular,
             leak: 0.5 * leak,
         };
         Self { setup, masks: [Some(first), Some(second)] }
@@ -277,6 +294,11 @@ fn what_apertures_that_end_along_z_do_not_serve_is_refused_by_name() {
     refused(&mask(|mask| mask.shape = ApertureShape::Slit), "sample_mask.aperture_z");
     refused(&mask(|mask| mask.aperture_z = Some(81e-6)), "sample_mask.aperture_z");
     refused(&mask(|mask| mask.period_z = Some(10e-9)), "sample_mask.period_z");
+    let slits = |mask: &mut MaskSpec| {
+        (mask.shape, mask.aperture_z, mask.period_z) = (ApertureShape::Slit, None, None);
+        mask.lattice = ApertureLattice::Hexagonal;
+    };
+    refused(&mask(slits), "sample_mask.lattice");
     let thick = |mask: &mut MaskSpec| {
         mask.body = MaskBody::Bars { material: "gold".into(), thickness: 0.15 };
     };
@@ -438,6 +460,62 @@ fn substrates_dim_the_light_of_apertures_and_of_leaks() {
             worst
                 .take(f64::from(*got) - share * f64::from(*plain), || format!("{scheme:?}: {got}"));
         }
+    }
+    worst.holds();
+}
+
+/// Rows of apertures beside each other, before both, one and no detector mask; steps over the border of a period.
+#[test]
+fn flats_of_hexagonal_lattices_are_products_of_closed_forms() {
+    let mut worst = Worst::new("flat of hexagonal lattices, closed form", SAME_MASKS);
+    let engine = engine(Backend::Bvh);
+    let hexagonal = |mask: Planned| Planned { lattice: ApertureLattice::Hexagonal, ..mask };
+    for pixels in [[6, 5], [3, 4]] {
+        for both in [true, false] {
+            let mut case = Case::rectangles(pixels, 0.1);
+            case.masks[0] = case.masks[0].map(hexagonal);
+            if both {
+                case.masks[1] = case.masks[1].map(hexagonal);
+            } else {
+                case.masks[1] = None;
+                case.setup.pitch = [37e-6, 29e-6];
+            }
+            let got = stack(&engine, &case.scene(&[], &STEPS));
+            for ((step, row, column), &got) in got.indexed_iter() {
+                let want = case.flat(1, [column as u32, row as u32], STEPS[step]);
+                worst.take(f64::from(got) - want, || {
+                    format!("both {both}, step {step}, pixel {column}, {row}: {got} for {want}")
+                });
+            }
+        }
+    }
+    worst.holds();
+}
+
+/// Cells behind a hexagonal lattice against random rays, by the change that a ball makes.
+#[test]
+fn cells_behind_hexagonal_lattices_are_the_mean_of_random_rays() {
+    let mut worst = Worst::new("hexagonal lattice, cells against random rays", 3e-4);
+    let engine = engine(Backend::Bvh);
+    let mut case = Case::rectangles([3, 3], 0.1);
+    case.masks =
+        case.masks.map(|it| it.map(|mask| Planned { lattice: ApertureLattice::Hexagonal, ..mask }));
+    let ball = carbon(sphere(260e-6, 3).moved([20e-6, 0.0, -15e-6]));
+    let mut scene = case.scene(&[ball], &STEPS[2..]);
+    let change = |scene: &Scene| {
+        let stacks = engine.simulate(scene).expect("a stack");
+        stacks.sample.index_axis_move(ndarray::Axis(0), 0) - stacks.flat
+    };
+    let cells = change(&scene);
+    scene.sampling.scheme = Scheme::Random;
+    scene.sampling.rays = RandomRays::Count(100_000);
+    let random = change(&scene);
+    assert!(cells.iter().any(|change| change.abs() > 5e-4), "{cells}");
+    for ((step, row, column), &got) in cells.indexed_iter() {
+        let want = random[[step, row, column]];
+        worst.take(f64::from(got - want), || {
+            format!("step {step}, pixel {column}, {row}: {got} for {want}")
+        });
     }
     worst.holds();
 }

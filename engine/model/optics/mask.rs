@@ -207,12 +207,17 @@ impl Mask {
     fn seen(&self, scale: f64, shift: f64) -> Openings {
         let spec = &self.spec;
         let (along_z, period_z) = match spec.heights() {
-            Some([height, period]) => ([-0.5, 0.5].map(|end| end * height * scale), period * scale),
+            Some([height, period]) => (
+                [-0.5, 0.5].map(|end| end * height * scale),
+                f64::from(spec.rows_of_period()) * period * scale,
+            ),
             None => (ENDLESS, f64::INFINITY),
         };
         let of_period = if spec.apertures.is_empty() && spec.shifts.is_empty() {
             let half = spec.aperture * scale / 2.0;
-            vec![Opening { ends: [[-half, half], along_z] }]
+            let displaced = 0.5 * spec.period * scale;
+            let of_rows = [0.0, displaced].into_iter().take(spec.rows_of_period() as usize);
+            of_rows.map(|at| Opening { ends: [[at - half, at + half], along_z] }).collect()
         } else {
             let opening = |ends: [f64; 2]| Opening { ends: [ends.map(|end| end * scale), along_z] };
             spec.slits().into_iter().map(opening).collect()

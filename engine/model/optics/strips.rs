@@ -13,6 +13,15 @@ pub struct Strip {
     pub x: Vec<[f64; 2]>,
 }
 
+impl Strip {
+    fn moved(&self, [x, z]: [f64; 2]) -> Self {
+        Self {
+            z: self.z.map(|end| end + z),
+            x: self.x.iter().map(|ends| ends.map(|end| end + x)).collect(),
+        }
+    }
+}
+
 /// Strips of a mask seen in a plane, for one period along z, which repeats; bars are between them.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Strips {
@@ -41,10 +50,18 @@ impl Mask {
         let half = [0.5 * aperture * scale, 0.5 * height * scale];
         // Aperture k of R rows of pixels is at (k + 1/2 - R/2) periods.
         let shift = if self.rows().is_multiple_of(2) { 0.5 } else { 0.0 };
+        let own = of_shape(*shape, half, fineness);
+        let rows = self.spec().rows_of_period();
+        let [between, across] = [period * scale, 0.5 * self.spec().period * scale];
+        let row = |number: u32| {
+            let up = (f64::from(number) - 0.5 * f64::from(rows - 1)) * between;
+            let moved = |strip: &Strip| strip.moved([f64::from(number) * across, up]);
+            own.iter().map(moved).collect::<Vec<_>>()
+        };
         Some(Strips {
-            period: period * scale,
-            centre: (shift * period + offset_z) * scale,
-            strips: of_shape(*shape, half, fineness),
+            period: f64::from(rows) * between,
+            centre: (shift * period + offset_z) * scale + 0.5 * f64::from(rows - 1) * between,
+            strips: (0..rows).flat_map(row).collect(),
         })
     }
 }

@@ -51,8 +51,8 @@ pub mod schema {
     pub use super::keys::schema::json_schema;
 }
 pub use model::{
-    ApertureShape, MaskBody, MaskSpec, Quality, Refine, Sampling, Scene, Scheme, Source, Substrate,
-    Tolerances, Transport,
+    ApertureLattice, ApertureShape, MaskBody, MaskSpec, Quality, Refine, Sampling, Scene, Scheme,
+    Source, Substrate, Tolerances, Transport,
 };
 pub use motion::Motion;
 pub use sample::{MaterialSpec, Mesh, MeshFormat, Normals, Object, Placement, Shape, ShapeOrMesh};

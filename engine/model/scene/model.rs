@@ -174,9 +174,11 @@ pub struct MaskSpec {
     pub offset: f64,
     /// Outline of the apertures.
     pub shape: ApertureShape,
+    /// Places of apertures that end along z.
+    pub lattice: ApertureLattice,
     /// Height of the apertures in the mask plane, m; none of slits.
     pub aperture_z: Option<f64>,
-    /// Distance along z from aperture to aperture in the mask plane, m; none of slits.
+    /// Distance along z from a row of apertures to the next in the mask plane, m; none of slits.
     pub period_z: Option<f64>,
     /// Displacement of the lattice along +z in the mask plane, m.
     pub offset_z: f64,
@@ -217,6 +219,7 @@ impl MaskSpec {
             shifts: Vec::new(),
             offset: 0.0,
             shape: ApertureShape::Slit,
+            lattice: ApertureLattice::Rectangular,
             aperture_z: None,
             period_z: None,
             offset_z: 0.0,
@@ -235,7 +238,16 @@ impl MaskSpec {
         self
     }
 
-    /// Height and period along z of the apertures, m; `None` of slits.
+    /// Rows of apertures along z after which the mask repeats.
+    #[must_use]
+    pub const fn rows_of_period(&self) -> u32 {
+        match self.lattice {
+            ApertureLattice::Rectangular => 1,
+            ApertureLattice::Hexagonal => 2,
+        }
+    }
+
+    /// Height of the apertures and distance of their rows along z, m; `None` of slits.
     #[must_use]
     pub fn heights(&self) -> Option<[f64; 2]> {
         match self.shape {
@@ -243,6 +255,16 @@ impl MaskSpec {
             _ => self.aperture_z.zip(self.period_z).map(|(height, period)| [height, period]),
         }
     }
+}
+
+/// Places of apertures that end along z.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum ApertureLattice {
+    /// Apertures above each other.
+    Rectangular,
+    /// Every second row displaced by half a period along x.
+    Hexagonal,
 }
 
 /// Outline of the apertures of a mask.

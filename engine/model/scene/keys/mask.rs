@@ -2,7 +2,7 @@
 
 use super::prelude::*;
 use super::series::RANGE;
-use crate::scene::{ApertureShape, Detector, MaskBody, MaskSpec, Substrate};
+use crate::scene::{ApertureLattice, ApertureShape, Detector, MaskBody, MaskSpec, Substrate};
 
 keys! { MASK: MaskSpec, "sample_mask",
     [Forms(&[&["transmission"], &["material", "thickness"]], 1),
@@ -41,8 +41,10 @@ keys! { MASK: MaskSpec, "sample_mask",
         "Outline of the apertures: slits along z, rectangles, ellipses, or crosses with arms a third as wide.";
     aperture_z => Quantity(Length, POSITIVE), Without("the width of the apertures"), r#""20 um""#,
         "Height of the apertures in the plane of the mask, up to the period along z; not of slits.";
-    period_z => Quantity(Length, POSITIVE), Without("the period along x"), r#""100 um""#,
-        "Distance along z from aperture to aperture in the plane of the mask; not of slits.";
+    lattice => Word(LATTICES), Default("\"rectangular\""), r#""hexagonal""#,
+        "Places of the apertures: rows above each other, or every second row displaced by half a period; not of slits.";
+    period_z => Quantity(Length, POSITIVE), Without("the period along x, √3/2 of it with `lattice = \"hexagonal\"`"), r#""100 um""#,
+        "Distance along z from a row of apertures to the next in the plane of the mask; not of slits.";
     offset_z => Quantity(Length, ANY), Default(r#""0 m""#), r#""2 um""#,
         "Displacement of the apertures along +z in the plane of the mask; not of slits.";
 }
@@ -61,6 +63,7 @@ impl Record for Substrate {
     }
 }
 
+words!(ApertureLattice, LATTICES: "rectangular" => Rectangular, "hexagonal" => Hexagonal);
 words!(ApertureShape, SHAPES: "slit" => Slit, "rectangle" => Rectangle, "round" => Round, "cross" => Cross);
 
 impl Record for MaskSpec {
@@ -92,6 +95,7 @@ impl Record for MaskSpec {
             "shifts" => self.shifts.is_empty(),
             "substrate" => self.substrate.is_none(),
             "shape" => self.shape == ApertureShape::Slit,
+            "lattice" => self.lattice == ApertureLattice::Rectangular,
             "offset_z" => self.shape == ApertureShape::Slit && self.offset_z == 0.0,
             _ => false,
         }
@@ -124,6 +128,10 @@ impl MaskSpec {
             ("period_z", self.period_z),
             ("offset_z", Some(self.offset_z).filter(|offset| *offset != 0.0)),
         ];
+        if self.lattice != ApertureLattice::Rectangular {
+            let allowed = "no value, or a `shape` other than \"slit\"";
+            faults.add(Error::scene(key("lattice"), "a lattice of slits", allowed));
+        }
         for (name, length) in of {
             let Some(length) = length else { continue };
             let found = format!("{} with slits, which have no end along z", Length.rounded(length));
@@ -191,7 +199,11 @@ pub(crate) fn read_mask(table: &Table<'_>, key: &str, detector: &Detector) -> Re
     }
     if mask.shape != ApertureShape::Slit {
         mask.aperture_z = mask.aperture_z.or(Some(mask.aperture));
-        mask.period_z = mask.period_z.or(Some(mask.period));
+        let rows = match mask.lattice {
+            ApertureLattice::Rectangular => mask.period,
+            ApertureLattice::Hexagonal => 0.75_f64.sqrt() * mask.period,
+        };
+        mask.period_z = mask.period_z.or(Some(rows));
     }
     Ok(mask)
 }

@@ -7,7 +7,7 @@ use super::aperture::Aperture;
 use super::lattice::Lattice;
 use beamlet_core::{Error, Result};
 use beamlet_model::optics::{Mask, Openings, Optics};
-use beamlet_model::scene::{ApertureShape, Blur, Scene};
+use beamlet_model::scene::{ApertureLattice, ApertureShape, Blur, Scene};
 
 /// Standard deviation of a Gaussian of unit full width at half maximum.
 const SIGMA_PER_FWHM: f64 = 0.424_660_900_144_009_5;
@@ -118,7 +118,7 @@ impl Design {
         }
         match self {
             Self::Beamlets(_) => check_beamlets(scene),
-            Self::Steps(_) => check_steps(scene),
+            Self::Steps(_) => check_steps(scene, options.method),
         }
     }
 }
@@ -140,7 +140,12 @@ fn check_beamlets(scene: &Scene) -> Result<()> {
     Ok(())
 }
 
-fn check_steps(scene: &Scene) -> Result<()> {
+fn check_steps(scene: &Scene, method: Method) -> Result<()> {
+    let displaced = scene.masks().find(|(_, mask)| mask.lattice != ApertureLattice::Rectangular);
+    if let Some((key, _)) = displaced.filter(|_| method == Method::ExactCurve) {
+        let allowed = "a rectangular lattice for exact-curve; or method gaussian";
+        return Err(Error::scene(format!("{key}.lattice"), "hexagonal", allowed));
+    }
     let masks = [("sample_mask", &scene.sample_mask), ("detector_mask", &scene.detector_mask)];
     match masks.into_iter().find(|(_, mask)| mask.is_none()) {
         None => Ok(()),
@@ -155,7 +160,12 @@ fn lattice_of(scene: &Scene) -> Result<Option<Lattice>> {
         return Ok(None);
     };
     let [x, z] = mask.openings(optics.detector.distance).period;
-    if z.is_finite() { Lattice::turned([x, z], 0.0).map(Some) } else { Ok(None) }
+    let lattice = scene.sample_mask.as_ref().map(|mask| mask.lattice);
+    match lattice.filter(|_| z.is_finite()) {
+        None => Ok(None),
+        Some(ApertureLattice::Hexagonal) => Lattice::new([[x, 0.0], [0.5 * x, 0.5 * z]]).map(Some),
+        Some(_) => Lattice::turned([x, z], 0.0).map(Some),
+    }
 }
 
 /// The aperture of a sample mask as it is on the detector: of the options, else of the scene where it is a rectangle
