@@ -11,7 +11,7 @@ use crate::{Error, Result};
 pub const REMEDY: &str = "end other programs, or raise the memory limit of this process";
 
 /// Program, driver and its compiled kernels, as measured with Mesa's CPU device.
-pub const PROGRAM: u64 = 122 << 20;
+pub const PROGRAM: u64 = 138 << 20;
 
 /// Bytes that large buffers leave to small allocations.
 const SPARE: usize = 4 << 20;

@@ -62,15 +62,15 @@ pub fn settle(
         }
         return None;
     }
-    if !auto {
-        return Some("by the scene".into());
-    }
     let (place, reason) = match unknown(scene, energies, keeps_moments) {
         Some(found) => (Refine::Host, format!("the device does not know {found}")),
         None => by_kind(kind, sample),
     };
-    scene.sampling.refine = place;
-    Some(reason)
+    if auto {
+        scene.sampling.refine = place;
+    }
+    // A scene with the place that is chosen anyway, as that of a resumed run, has the same reason.
+    Some(if scene.sampling.refine == place { reason } else { "by the scene".into() })
 }
 
 fn has_facets(sample: &Sample) -> bool {
