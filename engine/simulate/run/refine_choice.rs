@@ -69,7 +69,7 @@ pub fn settle(
     if auto {
         scene.sampling.refine = place;
     }
-    // A scene with the place that is chosen anyway, as that of a resumed run, has the same reason.
+    // Resumed runs state the chosen place: it has the same reason.
     Some(if scene.sampling.refine == place { reason } else { "by the scene".into() })
 }
 
