@@ -3,7 +3,8 @@
 use super::names::{MethodName, WeightsName, format};
 use super::shared::{DeviceArguments, Messages, ProfileArguments};
 use super::values::{
-    above_zero, aperture, bin, columns, corrections, from_zero, key_value, lattice, region, single,
+    above_zero, aperture, bin, columns, corrections, detector_aperture, from_zero, key_value,
+    lattice, region, single,
 };
 use beamlet::retrieve::{Aperture, Columns, Corrections, Lattice, Region};
 use beamlet::stack::Format;
@@ -80,7 +81,7 @@ pub(crate) struct Retrieve {
     #[arg(long, value_name = "WIDTH,HEIGHT", value_parser = aperture)]
     pub(crate) aperture: Option<Aperture>,
     /// Aperture of the detector mask, for --offsets-z with --method exact-curve: `WIDTH,HEIGHT`
-    #[arg(long, value_name = "WIDTH,HEIGHT", value_parser = aperture)]
+    #[arg(long, value_name = "WIDTH,HEIGHT", value_parser = detector_aperture)]
     pub(crate) detector_aperture: Option<Aperture>,
     /// Scene file with the distances and masks of the measurement
     #[arg(long, value_name = "SCENE", requires = "flat")]

@@ -171,7 +171,11 @@ pub(super) fn lattice(text: &str) -> Result<Lattice, String> {
 }
 
 pub(super) fn aperture(text: &str) -> Result<Aperture, String> {
-    Aperture::parse(text).map_err(|error| error.to_string())
+    Aperture::parse("aperture", text).map_err(|error| error.to_string())
+}
+
+pub(super) fn detector_aperture(text: &str) -> Result<Aperture, String> {
+    Aperture::parse("detector_aperture", text).map_err(|error| error.to_string())
 }
 
 pub(super) fn corrections(text: &str) -> Result<Corrections, String> {

@@ -2,6 +2,17 @@
 
 use super::colour::Map;
 
+/// Images of contrasts, in the order in which they are shown.
+pub(crate) const CONTRASTS: [&str; 7] = [
+    "transmission",
+    "refraction",
+    "refraction_z",
+    "phase",
+    "dark_field",
+    "dark_field_z",
+    "dark_field_xz",
+];
+
 /// How values of an image are shown.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Quantity {

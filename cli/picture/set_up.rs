@@ -140,7 +140,7 @@ fn mask_line(drawing: &mut Drawing, axes: &Axes, mask: &MaskSpec, reach: f64) {
         let mut k = -count - 1.0;
         while k <= count {
             let centre = (k + 0.5) * pattern + mask.offset;
-            for [low, high] in bars(mask) {
+            for [low, high] in mask.bars() {
                 let ends = [low, high].map(|end| axes.down(1e3 * (centre + end)));
                 drawing.line([x, ends[0]], [x, ends[1]], Paint::line(BARS, 4.0));
             }
@@ -148,14 +148,6 @@ fn mask_line(drawing: &mut Drawing, axes: &Axes, mask: &MaskSpec, reach: f64) {
         }
     }
     drawing.clip(None);
-}
-
-/// Ends of the bars behind the slits of a pattern, from its middle, m.
-fn bars(mask: &MaskSpec) -> Vec<[f64; 2]> {
-    let slits = mask.slits();
-    let around = slits.first().map(|[low, _]| low + mask.pattern());
-    let next = slits.iter().skip(1).map(|[low, _]| *low).chain(around);
-    slits.iter().zip(next).map(|([_, high], low)| [*high, low]).collect()
 }
 
 fn direction_of_stepping(drawing: &mut Drawing, scene: &Scene, axes: &Axes, reach: f64) {

@@ -4,20 +4,11 @@ use super::table_of;
 use super::thinning::{NOTHING, Quantised, Thinning};
 use crate::failure::Failure;
 use crate::picture::colour::Map;
-use crate::picture::quantity::Quantity;
+use crate::picture::quantity::{CONTRASTS, Quantity};
 use crate::picture::scale::Scale;
 use crate::subject::{Subject, trusted};
 use serde_json::{Value, json};
 
-const CONTRASTS: [&str; 7] = [
-    "transmission",
-    "refraction",
-    "refraction_z",
-    "phase",
-    "dark_field",
-    "dark_field_z",
-    "dark_field_xz",
-];
 const FIT: [&str; 4] = ["amplitude", "centre", "width", "background"];
 
 /// Data of the page.

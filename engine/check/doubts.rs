@@ -67,7 +67,7 @@ pub(super) fn doubts(scene: &Scene, report: &CheckReport) -> Vec<String> {
     doubts.extend(displaced_mask(scene));
     doubts.extend(unsteady_light(&scene.scan));
     doubts.extend(odd_materials(scene, report.setup.energy));
-    let passed = masks.into_iter().flatten().map(open_share).fold(1.0, f64::min);
+    let passed = masks.into_iter().flatten().map(Mask::open_share).fold(1.0, f64::min);
     doubts.extend(scene.detector.counts.iter().flat_map(|counts| photons(counts, passed)));
     doubts
 }
@@ -356,11 +356,6 @@ fn odd_materials(scene: &Scene, energy: f64) -> Vec<String> {
         }
     }
     doubts
-}
-
-/// Share of a mask that is open.
-fn open_share(mask: &Mask) -> f64 {
-    mask.open_share()
 }
 
 /// Too few photons for a fit, or more than the numbers of the detector hold; `passed`: most light of a pixel

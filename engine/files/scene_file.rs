@@ -29,11 +29,10 @@ pub(super) fn keep_resolved(path: &Path, scene: &mut Scene) {
     let own = &mut scene.sampling;
     own.tolerance = own.tolerance.or(value("tolerance").and_then(Value::as_float));
     own.angle_tolerance = own.angle_tolerance.or(angle);
-    own.refine = match (own.refine, value("refine").and_then(Value::as_str)) {
-        (Refine::Auto, Some("host")) => Refine::Host,
-        (Refine::Auto, Some("device")) => Refine::Device,
-        (given, _) => given,
-    };
+    if own.refine == Refine::Auto {
+        let stored = value("refine").and_then(|place| place.clone().try_into().ok());
+        own.refine = stored.unwrap_or(Refine::Auto);
+    }
 }
 
 /// Keys and files of `scene`, with their hashes, that differ from the scene stored at `path`, with both values.

@@ -1,4 +1,4 @@
-//! Kinks of curved surfaces that facets stand for.
+//! Kinks between facets of curved surfaces.
 
 use super::{Sample, across_edges};
 use beamlet_core::numbers;

@@ -4,9 +4,9 @@ use beamlet_core::Result;
 use beamlet_model::optics::Optics;
 use beamlet_model::scene::Scene;
 use beamlet_recon::retrieve::beamlets::Beamlets;
-use beamlet_recon::retrieve::columns_of_images;
 use beamlet_recon::retrieve::joined::JoinedColumns;
 use beamlet_recon::retrieve::method::Method;
+use beamlet_recon::retrieve::{centre_of_lights, columns_of_images};
 
 /// Columns of the images of a view.
 #[derive(Debug)]
@@ -68,19 +68,8 @@ fn of_frames(scene: &Scene, optics: &Optics, offset: f64) -> (Vec<Vec<[f64; 2]>>
     let of_image = |columns: &Vec<usize>| {
         let own: Vec<[f64; 2]> =
             columns.iter().flat_map(|column| openings[*column].iter().copied()).collect();
-        let [mut width, mut moment] = [0.0; 2];
-        for [place, share] in columns.iter().map(|column| lights[*column]) {
-            width += share;
-            moment += share * place;
-        }
-        let place = match columns[..] {
-            [column] => lights[column][0],
-            _ if width > 0.0 => moment / width,
-            _ => {
-                columns.iter().map(|column| lights[*column][0]).sum::<f64>() / columns.len() as f64
-            }
-        };
-        (own, place)
+        let own_lights: Vec<[f64; 2]> = columns.iter().map(|column| lights[*column]).collect();
+        (own, centre_of_lights(&own_lights))
     };
     columns_of_images(scene).iter().map(of_image).unzip()
 }

@@ -50,6 +50,11 @@ void take_sample_strip(uint strip, uint mask_step) {
     light.sample_mask = mask_of_strip(light.sample_mask, heights.sample_mask, strip);
 }
 
+// Distance that light of a cell lands below its place on the detector, rows.
+float landed_below(Cell cell) {
+    return light.row_shift - cell.displacement_z / light.row_pitch;
+}
+
 // Light of a cell along z on the detector, as a piece across the whole height.
 Piece piece_along_z(Cell cell, float low, float high) {
     float height = cell_row.bottom - cell_row.top;
@@ -61,7 +66,7 @@ Piece piece_along_z(Cell cell, float low, float high) {
     Piece piece;
     piece.passes = true;
     piece.amount = (high - low) / height;
-    piece.middle = middle + light.row_shift - cell.displacement_z / light.row_pitch
+    piece.middle = middle + landed_below(cell)
         + cell.share_above / height * from_middle;
     piece.half_width = 0.5 * growth * (high - low);
     piece.pixel_blur = sqrt(light.row_blur * light.row_blur + shadow);
@@ -128,6 +133,18 @@ ivec2 periods_of(MaskHeights of, uint strip, float begin, float low, float high)
     return ivec2(int(ceil((low - bottom) / of.period)), int(floor((high - top) / of.period)));
 }
 
+// Centre of a period of the sample mask at the mask step.
+float sample_begin() {
+    return row_geometry.sample_offset + sample_step + heights.mask_shift;
+}
+
+// Periods whose strip of the sample mask in work light of the cell row may pass.
+ivec2 sample_periods() {
+    float reach = 6.5 * heights.mask_blur;
+    return periods_of(heights.sample_mask, sample_strip, sample_begin(), cell_row.top - reach,
+                      cell_row.bottom + reach);
+}
+
 // Share of the light of a cell along z that passes the strip of the sample mask in work and a strip of the
 // detector mask, and lands in a row. The window is called in the loop once, as in `responses`.
 float share_along_z(Cell cell, uint strip, int row) {
@@ -135,13 +152,10 @@ float share_along_z(Cell cell, uint strip, int row) {
     bool ends_behind = strip != NO_STRIP;
     float upper = float(row);
     float lower = upper + 1.0;
-    float begin = row_geometry.sample_offset + sample_step + heights.mask_shift;
     ivec2 periods = ivec2(0);
     float inset = 0.0;
     if (cuts) {
-        float reach = 6.5 * heights.mask_blur;
-        periods = periods_of(heights.sample_mask, sample_strip, begin, cell_row.top - reach,
-                             cell_row.bottom + reach);
+        periods = sample_periods();
         inset = inset_of(light.sample_mask, heights.sample_mask, shadow_z.x, cell.sample_narrowing);
     }
     // Light is displaced less on the mask than on the detector.
@@ -165,7 +179,7 @@ float share_along_z(Cell cell, uint strip, int row) {
             vec2 ends = vec2(0.0);
             if (cuts) {
                 ends = ends_of(heights.sample_mask, sample_strip,
-                               begin + float(k) * heights.sample_mask.period, inset);
+                               sample_begin() + float(k) * heights.sample_mask.period, inset);
             }
             piece = through_ends(cell, ends);
         }
@@ -187,7 +201,7 @@ float share_along_z(Cell cell, uint strip, int row) {
 
 // First and last row that light of a cell reaches.
 ivec2 rows_reached(Cell cell) {
-    float shift = light.row_shift - cell.displacement_z / light.row_pitch;
+    float shift = landed_below(cell);
     float reach = 6.5 * light.row_blur + 0.5 * abs(cell.share_above);
     return ivec2(int(floor(cell_row.top + shift - reach)), int(floor(cell_row.bottom + shift + reach)));
 }
@@ -228,13 +242,8 @@ float share_of(Cell cell, uint strip, int row) {
 // True if light of the cell row may pass the strip of the sample mask in work.
 bool strip_meets() {
     if (sample_strip == NO_STRIP) return true;
-    float period = heights.sample_mask.period;
-    float reach = 6.5 * heights.mask_blur;
-    float begin = row_geometry.sample_offset + sample_step + heights.mask_shift;
-    float top = begin + MaskStrips(heights.sample_mask.strips).at[sample_strip].top;
-    float bottom = begin + MaskStrips(heights.sample_mask.strips).at[sample_strip].bottom;
-    float k = ceil((cell_row.top - reach - bottom) / period);
-    return top + k * period < cell_row.bottom + reach;
+    ivec2 periods = sample_periods();
+    return periods.x <= periods.y;
 }
 
 // Where light of a cell row goes at one mask step.

@@ -18,17 +18,6 @@ use beamlet::cli_support::require_memory;
 use clap::ValueEnum;
 use std::path::Path;
 
-/// Images that are drawn where none are named.
-const CONTRASTS: [&str; 7] = [
-    "transmission",
-    "refraction",
-    "refraction_z",
-    "phase",
-    "dark_field",
-    "dark_field_z",
-    "dark_field_xz",
-];
-
 /// Bytes for each pixel of a frame or a sinogram that is drawn: values read, in the unit of the
 /// picture, their flags and 1 sigma, and sorted for its scale; colours.
 const OF_PIXEL: u64 = 96;

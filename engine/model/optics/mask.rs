@@ -206,13 +206,10 @@ impl Mask {
 
     fn seen(&self, scale: f64, shift: f64) -> Openings {
         let spec = &self.spec;
-        let (along_z, period_z) = match spec.heights() {
-            Some([height, period]) => (
-                [-0.5, 0.5].map(|end| end * height * scale),
-                f64::from(spec.rows_of_period()) * period * scale,
-            ),
-            None => (ENDLESS, f64::INFINITY),
-        };
+        let along_z = spec
+            .heights()
+            .map_or(ENDLESS, |[height, _]| [-0.5, 0.5].map(|end| end * height * scale));
+        let period_z = spec.pattern_z().map_or(f64::INFINITY, |period| period * scale);
         let of_period = if spec.apertures.is_empty() && spec.shifts.is_empty() {
             let half = spec.aperture * scale / 2.0;
             let displaced = 0.5 * spec.period * scale;

@@ -196,11 +196,8 @@ fn within_period(scene: &Scene) -> ViewOffsets {
 
 /// Mask offsets along z less whole periods of the sample mask, m.
 fn within_period_z(scene: &Scene) -> Vec<f64> {
-    let repeats = |mask: &MaskSpec| {
-        let [_, rows] = mask.heights()?;
-        Some(f64::from(mask.rows_of_period()) * rows)
-    };
-    let period = scene.sample_mask.as_ref().and_then(repeats).unwrap_or(f64::INFINITY);
+    let period = scene.sample_mask.as_ref().and_then(MaskSpec::pattern_z);
+    let period = period.unwrap_or(f64::INFINITY);
     let within = |offset: &f64| WholePeriods::in_offset(*offset, period).reduced(*offset);
     scene.scan.mask_offsets_z.iter().map(within).collect()
 }

@@ -20,6 +20,12 @@ impl MaskSpec {
         self.period * f64::from(self.repeats())
     }
 
+    /// Length after which the mask repeats along z in its own plane, m; `None` of slits.
+    #[must_use]
+    pub fn pattern_z(&self) -> Option<f64> {
+        self.heights().map(|[_, rows]| f64::from(self.rows_of_period()) * rows)
+    }
+
     /// Ends of the slits of a period from its middle, m, ascending; without shifts.
     #[must_use]
     pub fn slits_of_period(&self) -> Vec<[f64; 2]> {
@@ -58,10 +64,16 @@ impl MaskSpec {
         if let [[low, high]] = slits[..] {
             return self.period - (high - low);
         }
-        let next = slits.iter().skip(1).map(|[low, _]| *low);
+        self.bars().iter().map(|[low, high]| high - low).fold(f64::INFINITY, f64::min)
+    }
+
+    /// Ends of the bars behind the slits of a pattern, from its middle, m.
+    #[must_use]
+    pub fn bars(&self) -> Vec<[f64; 2]> {
+        let slits = self.slits();
         let around = slits.first().map(|[low, _]| low + self.pattern());
-        let widths = slits.iter().zip(next.chain(around)).map(|([_, high], low)| low - high);
-        widths.fold(f64::INFINITY, f64::min)
+        let next = slits.iter().skip(1).map(|[low, _]| *low).chain(around);
+        slits.iter().zip(next).map(|([_, high], low)| [*high, low]).collect()
     }
 
     /// Refuses lists of slits that are no mask; `key` makes paths of the names of keys.

@@ -38,14 +38,6 @@ pub(crate) struct Options {
     offsets_z: Option<Vec<f64>>,
 }
 
-/// Reads an aperture, with the name of its argument in errors.
-fn aperture_of(argument: &str, text: Option<&str>) -> Result<Option<Aperture>, Error> {
-    text.map(Aperture::parse).transpose().map_err(|error| match error {
-        Error::Argument { found, allowed, .. } => Error::argument(argument, found, allowed),
-        other => other,
-    })
-}
-
 impl Options {
     /// Options of the engine; noise and saturation depend on the input.
     fn of_engine(&self, py: Python<'_>) -> PyResult<RetrieveOptions> {
@@ -55,8 +47,10 @@ impl Options {
             Region::new(columns[0]..columns[1], rows.map(|rows| rows[0]..rows[1]))
         };
         let lattice = self.lattice.as_deref().map(Lattice::parse).transpose();
-        let aperture = aperture_of("aperture", self.aperture.as_deref());
-        let detector_aperture = aperture_of("detector_aperture", self.detector_aperture.as_deref());
+        let [aperture, detector_aperture] =
+            [("aperture", &self.aperture), ("detector_aperture", &self.detector_aperture)].map(
+                |(name, text)| text.as_deref().map(|text| Aperture::parse(name, text)).transpose(),
+            );
         let chosen = RetrieveOptions::default()
             .with_lattice(lattice.map_err(|error| raised(py, &error))?)
             .with_aperture(aperture.map_err(|error| raised(py, &error))?)

@@ -67,7 +67,7 @@ impl Beamlet {
             let of_geometry = self.held(&held, &fit.p);
             // A flat has the blur of the set-up. A sample may have more, which does not change area
             // and centre much; without noise it has where the residual says so.
-            let more = match (flat, scan.gain) {
+            let more = match (flat, scan.noise.gain) {
                 (Some(_), Some(_)) => self.resolves_centre(&fit),
                 (Some(_), None) => {
                     of_geometry.residual > fit.residual + SAME * self.peak(&fit).abs()
@@ -137,7 +137,7 @@ impl Beamlet {
 
     /// Decides whether the noise leaves the width of the blur determined.
     fn resolves_width(&self, scan: &CurveScan, fit: &Fit, flat: Option<u32>) -> bool {
-        let variance = match (&fit.covariance, &fit.inverse, scan.gain) {
+        let variance = match (&fit.covariance, &fit.inverse, scan.noise.gain) {
             (Some(covariance), _, Some(_)) => covariance[2][2],
             (_, Some(inverse), _) => inverse[2][2] * self.noise(fit).powi(2),
             _ => f64::NAN,

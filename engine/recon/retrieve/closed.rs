@@ -137,11 +137,9 @@ pub(super) fn two_points(
     let Some([area, centre]) = numbers(&y) else {
         return Curve::unknown(values.flags | flags::NO_PEAK);
     };
-    let [area_sigma, centre_sigma] = propagate(&y, |y| scan.variance(y), numbers);
+    let [area_sigma, centre_sigma] = propagate(&y, |y| scan.noise.variance(y), numbers);
     let [[unit, ..], [width, ..]] = shape.area_and_width(&[1.0, centre, spread, 0.0]);
     let scale = area.exp() / unit;
-    let [low, high] = scan.ends();
-    let outside = centre < low || centre > high;
     Curve {
         area: area.exp(),
         amplitude: shape.at(&[scale, 0.0, spread, 0.0], 0.0).0,
@@ -153,7 +151,7 @@ pub(super) fn two_points(
         centre_sigma,
         width_sigma: f64::NAN,
         condition: f64::NAN,
-        flags: values.flags | if outside { flags::OUTSIDE } else { 0 },
+        flags: values.flags | scan.outside(centre),
     }
 }
 
@@ -168,9 +166,7 @@ pub(super) fn three_step(scan: &CurveScan, curve: impl Iterator<Item = f32>) -> 
         return Curve::unknown(values.flags | flags::NO_PEAK);
     };
     let [area_sigma, centre_sigma, width_sigma] =
-        propagate(&y, |y| scan.variance(y), |y| three_numbers(&x, y));
-    let [low, high] = scan.ends();
-    let outside = centre < low || centre > high;
+        propagate(&y, |y| scan.noise.variance(y), |y| three_numbers(&x, y));
     Curve {
         area: height.exp() * width,
         amplitude: height.exp(),
@@ -182,7 +178,7 @@ pub(super) fn three_step(scan: &CurveScan, curve: impl Iterator<Item = f32>) -> 
         centre_sigma,
         width_sigma,
         condition: f64::NAN,
-        flags: values.flags | if outside { flags::OUTSIDE } else { 0 },
+        flags: values.flags | scan.outside(centre),
     }
 }
 
@@ -205,12 +201,15 @@ pub(super) fn by_moments(scan: &CurveScan, curve: impl Iterator<Item = f32>) -> 
     let [low, high] = scan.ends();
     let at_ends = values.points.iter().filter(|[x, ..]| *x <= low || *x >= high);
     let most_at_ends = at_ends.fold(0.0_f64, |most, [_, y, _]| most.max(*y));
-    let noise = scan.gain.map_or(0.0, |gain| 3.0 * scan.variance(most_at_ends.max(gain)).sqrt());
+    let noise = scan
+        .noise
+        .gain
+        .map_or(0.0, |gain| 3.0 * scan.noise.variance(most_at_ends.max(gain)).sqrt());
     let sum = |of: &dyn Fn(f64) -> f64| {
         let terms = values
             .points
             .iter()
-            .map(|[x, y, share]| (share * of(x - centre)).powi(2) * scan.variance(*y));
+            .map(|[x, y, share]| (share * of(x - centre)).powi(2) * scan.noise.variance(*y));
         terms.sum::<f64>().sqrt() / area
     };
     Curve {

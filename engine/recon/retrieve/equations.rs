@@ -3,14 +3,19 @@
 /// Matrix, and right side in the last column.
 pub(super) type Equations = [[f64; 5]; 4];
 
-/// Adds a value with these slopes by the unknowns, its weight and its residual.
-pub(super) fn add(n: &mut Equations, slope: [f64; 4], weight: f64, rest: f64) {
+/// Adds a value with these slopes by the N unknowns, its weight and its residual. M is N + 1.
+pub(super) fn add<const N: usize, const M: usize>(
+    n: &mut [[f64; M]; N],
+    slope: [f64; N],
+    weight: f64,
+    rest: f64,
+) {
     for (row, s) in n.iter_mut().zip(slope) {
         let s = weight * s;
         for (sum, other) in row.iter_mut().zip(slope) {
             *sum += s * other;
         }
-        row[4] += s * rest;
+        row[N] += s * rest;
     }
 }
 
@@ -30,9 +35,18 @@ pub(super) fn solve(n: &Equations, damping: f64) -> Option<[f64; 4]> {
         a[i][i] += damping;
         a[i][4] *= scale[i];
     }
-    for i in 0..4 {
+    let x = eliminated(a, 1e-14)?;
+    Some(std::array::from_fn(|i| x[i] * scale[i]))
+}
+
+/// Solves N equations by elimination; `None` where a pivot is below `least`. M is N + 1.
+pub(super) fn eliminated<const N: usize, const M: usize>(
+    mut a: [[f64; M]; N],
+    least: f64,
+) -> Option<[f64; N]> {
+    for i in 0..N {
         let above = a[i];
-        if above[i].abs() < 1e-14 {
+        if above[i].abs() < least {
             return None;
         }
         for row in &mut a[i + 1..] {
@@ -42,12 +56,12 @@ pub(super) fn solve(n: &Equations, damping: f64) -> Option<[f64; 4]> {
             }
         }
     }
-    let mut x = [0.0; 4];
-    for i in (0..4).rev() {
-        let known: f64 = (i + 1..4).map(|k| a[i][k] * x[k]).sum();
-        x[i] = (a[i][4] - known) / a[i][i];
+    let mut x = [0.0; N];
+    for i in (0..N).rev() {
+        let known: f64 = (i + 1..N).map(|k| a[i][k] * x[k]).sum();
+        x[i] = (a[i][N] - known) / a[i][i];
     }
-    Some(std::array::from_fn(|i| x[i] * scale[i]))
+    Some(x)
 }
 
 /// Inverse of the matrix.
@@ -80,11 +94,14 @@ pub(super) fn condition(n: &Equations, inverse: &[[f64; 4]; 4]) -> f64 {
 }
 
 /// Covariance of unknowns fitted with other weights than their inverse variances: `inverse` of the
-/// equations on either side of `noise`, the sum of products of slopes times variances.
-pub(super) fn covariance(inverse: &[[f64; 4]; 4], noise: &Equations) -> [[f64; 4]; 4] {
-    let product = |a: &[[f64; 4]; 4], at: &dyn Fn(usize, usize) -> f64| -> [[f64; 4]; 4] {
-        std::array::from_fn(|i| std::array::from_fn(|j| (0..4).map(|k| a[i][k] * at(k, j)).sum()))
+/// equations on either side of `noise`, the sum of products of slopes times squared weights and variances.
+pub(super) fn covariance<const N: usize>(
+    inverse: &[[f64; N]; N],
+    noise: impl Fn(usize, usize) -> f64,
+) -> [[f64; N]; N] {
+    let product = |a: &[[f64; N]; N], at: &dyn Fn(usize, usize) -> f64| -> [[f64; N]; N] {
+        std::array::from_fn(|i| std::array::from_fn(|j| (0..N).map(|k| a[i][k] * at(k, j)).sum()))
     };
-    let half = product(inverse, &|k, j| noise[k][j]);
+    let half = product(inverse, &noise);
     product(&half, &|k, j| inverse[k][j])
 }

@@ -20,7 +20,7 @@ use correction::{Correction, LEFT_OUT};
 use ndarray::Array3;
 pub use offsets::offsets;
 use selection::Selection;
-pub use selection::{Columns, columns_of_images};
+pub use selection::{Columns, centre_of_lights, columns_of_images};
 use std::collections::BTreeMap;
 use std::ops::Range;
 use std::path::PathBuf;

@@ -1,18 +1,12 @@
 //! Least squares in f64 on the host: Levenberg-Marquardt for shapes with four unknowns.
 
 use super::curves::Curve;
+use super::damping::{Damping, SETTLED, WEIGHED, WEIGHINGS};
 use super::equations::{Equations, add, condition, covariance, inverse, solve};
 use super::fitter::Weights;
 use super::flags;
 use super::shape::CurveShape;
-
-/// Steps below this, in half widths of the scan and ranges of the curve, end a fit.
-const SETTLED: f64 = 1e-7;
-
-/// Number of times that weights follow the fit, at most.
-const WEIGHINGS: usize = 40;
-/// Change of the unknowns, in the units of a step, below which weights have settled.
-const WEIGHED: f64 = 1e-6;
+use super::value_noise::ValueNoise;
 
 /// Values that all curves share.
 #[derive(Debug, Clone)]
@@ -21,14 +15,8 @@ pub(super) struct CurveScan {
     pub(super) offsets: Vec<f64>,
     /// Weight of each offset in an integral over the scan, m.
     pub(super) shares: Vec<f64>,
-    /// Values from here on are left out.
-    pub(super) saturation: f64,
-    /// Value of one count, where the values are counts.
-    pub(super) gain: Option<f64>,
-    /// Standard deviation of a value without light.
-    pub(super) read_noise: f64,
-    /// Weights of the values.
-    pub(super) weights: Weights,
+    /// Noise of the values.
+    pub(super) noise: ValueNoise,
 }
 
 /// A curve's values that count, and the flags so far.
@@ -44,36 +32,18 @@ pub(super) struct CurveValues {
 impl CurveScan {
     /// Sorts out values; flags say why there is no answer.
     pub(super) fn values(&self, curve: impl Iterator<Item = f32>, needed: usize) -> CurveValues {
-        let mut values = CurveValues {
-            points: Vec::with_capacity(self.offsets.len()),
-            flags: 0,
-            least: f64::INFINITY,
-            most: f64::NEG_INFINITY,
-        };
-        for ((offset, share), y) in self.offsets.iter().zip(&self.shares).zip(curve) {
-            let y = f64::from(y);
-            if !y.is_finite() {
-                values.flags |= flags::NOT_FINITE;
-            } else if y >= self.saturation {
-                values.flags |= flags::SATURATED;
-            } else {
-                values.points.push([*offset, y, *share]);
-                values.least = values.least.min(y);
-                values.most = values.most.max(y);
-            }
-        }
-        if values.points.len() < needed {
-            values.flags |= flags::FEW;
-        } else if values.most <= values.least {
-            values.flags |= flags::DEAD;
-        }
-        values
+        let mut points = Vec::with_capacity(self.offsets.len());
+        let curve = curve.take(self.offsets.len());
+        let (flags, [least, most]) = self.noise.sort_out(curve, needed, |index, y| {
+            points.push([self.offsets[index], y, self.shares[index]]);
+        });
+        CurveValues { points, flags, least, most }
     }
 
-    /// Variance of a value; `NaN` where values are no counts.
-    pub(super) fn variance(&self, value: f64) -> f64 {
-        let read_noise = self.read_noise;
-        self.gain.map_or(f64::NAN, |gain| gain * value.max(0.0) + read_noise * read_noise)
+    /// The flag of a centre outside of the scan; 0 within.
+    pub(super) fn outside(&self, centre: f64) -> u32 {
+        let [low, high] = self.ends();
+        if centre < low || centre > high { flags::OUTSIDE } else { 0 }
     }
 
     /// Half the distance of these.
@@ -158,10 +128,11 @@ impl Fitting<'_> {
         let points = &self.values.points;
         let mut weights = vec![1.0; points.len()];
         let mut last = self.descend(p, &weights);
-        if self.scan.weights == Weights::Poisson {
+        if self.scan.noise.weights == Weights::Poisson {
             for _ in 0..WEIGHINGS {
+                let peak = self.peak(&last.p);
                 for (weight, [x, ..]) in weights.iter_mut().zip(points) {
-                    *weight = self.weight(&last.p, *x);
+                    *weight = self.scan.noise.weight(self.shape.at(&last.p, *x).0, peak);
                 }
                 let next = self.descend(last.p, &weights);
                 let moved = self.length(&last.p, &next.p);
@@ -176,20 +147,23 @@ impl Fitting<'_> {
         let (even, squares) = self.normal(&p, &vec![1.0; points.len()]);
         let weighted = inverse(&equations);
         let condition = weighted.as_ref().map_or(f64::INFINITY, |c| condition(&equations, c));
-        let covariance = weighted.map(|inverse| match (self.scan.weights, self.scan.gain) {
-            (Weights::None, None) => {
-                let freedom = points.len() as f64 - 4.0;
-                let variance = if freedom > 0.0 { squares / freedom } else { f64::NAN };
-                inverse.map(|row| row.map(|c| variance * c))
-            }
-            _ => {
-                // Weights are the inverse of variances at most: far from the peak they are less.
-                for (weight, [x, ..]) in weights.iter_mut().zip(points) {
-                    *weight = weight.powi(2) * self.variance(&p, *x);
+        let covariance =
+            weighted.map(|inverse| match (self.scan.noise.weights, self.scan.noise.gain) {
+                (Weights::None, None) => {
+                    let freedom = points.len() as f64 - 4.0;
+                    let variance = if freedom > 0.0 { squares / freedom } else { f64::NAN };
+                    inverse.map(|row| row.map(|c| variance * c))
                 }
-                covariance(&inverse, &self.normal(&p, &weights).0)
-            }
-        });
+                _ => {
+                    // Weights are the inverse of variances at most: far from the peak they are less.
+                    for (weight, [x, ..]) in weights.iter_mut().zip(points) {
+                        let value = self.shape.at(&p, *x).0;
+                        *weight = weight.powi(2) * self.scan.noise.variance_of_fit(value);
+                    }
+                    let noise = self.normal(&p, &weights).0;
+                    covariance(&inverse, |k, j| noise[k][j])
+                }
+            });
         let residual = (squares / points.len() as f64).sqrt();
         Fit { p, settled, inverse: inverse(&even), covariance, condition, residual }
     }
@@ -197,13 +171,12 @@ impl Fitting<'_> {
     /// Curve of a fit, with its uncertainties and flags.
     pub(super) fn curve(&self, fit: &Fit) -> Curve {
         let Fit { p, .. } = fit;
-        let [low, high] = self.scan.ends();
-        let mut flags = self.values.flags | if fit.settled { 0 } else { flags::NOT_CONVERGED };
+        let mut flags = self.values.flags | self.scan.outside(p[1]);
+        if !fit.settled {
+            flags |= flags::NOT_CONVERGED;
+        }
         if fit.condition > 100.0 {
             flags |= flags::ILL_CONDITIONED;
-        }
-        if p[1] < low || p[1] > high {
-            flags |= flags::OUTSIDE;
         }
         let of = |i: usize, j: usize| match &fit.covariance {
             Some(_) if self.held && (i == 2 || j == 2) => 0.0,
@@ -226,7 +199,7 @@ impl Fitting<'_> {
         };
         Curve {
             area: area[0],
-            amplitude: self.shape.at(p, p[1]).0 - p[3],
+            amplitude: self.peak(p),
             centre: p[1],
             width: width[0],
             background: p[3],
@@ -239,18 +212,9 @@ impl Fitting<'_> {
         }
     }
 
-    /// Variance of a value at `x`, from the fit: of one count at least.
-    fn variance(&self, p: &[f64; 4], x: f64) -> f64 {
-        let (gain, read_noise) = (self.scan.gain.unwrap_or(1.0), self.scan.read_noise);
-        let least = self.scan.gain.unwrap_or(0.0);
-        gain * self.shape.at(p, x).0.max(least) + read_noise * read_noise
-    }
-
-    /// One over this variance; far from the peak at least over the variance of a thousandth of it.
-    fn weight(&self, p: &[f64; 4], x: f64) -> f64 {
-        let peak = self.shape.at(p, p[1]).0 - p[3];
-        let least = 1e-3 * self.scan.gain.unwrap_or(1.0) * peak.abs();
-        1.0 / self.variance(p, x).max(least).max(f64::MIN_POSITIVE)
+    /// Height of a curve above its background.
+    fn peak(&self, p: &[f64; 4]) -> f64 {
+        self.shape.at(p, p[1]).0 - p[3]
     }
 
     /// Largest difference of two sets of unknowns, in half widths of the scan and ranges of the
@@ -265,30 +229,25 @@ impl Fitting<'_> {
     /// Levenberg-Marquardt from `p`.
     fn descend(&self, mut p: [f64; 4], weights: &[f64]) -> Descent {
         let (mut equations, mut squares) = self.normal(&p, weights);
-        let (mut damping, mut settled) = (1e-3, false);
+        let (mut damping, mut settled) = (Damping::new(), false);
         for _ in 0..200 {
-            let Some(step) = solve(&equations, damping) else { break };
+            let Some(step) = solve(&equations, damping.value()) else { break };
             let mut next: [f64; 4] = std::array::from_fn(|i| p[i] + step[i]);
             next[2] = next[2].clamp(0.1 * p[2], 10.0 * p[2]).max(self.least_spread);
             let (next_equations, next_squares) = self.normal(&next, weights);
             let length = self.length(&p, &next);
             if next_squares <= squares {
-                // Nielsen's rule: by how well the step was foretold.
-                let foretold: f64 = (0..4)
-                    .map(|i| step[i] * (damping * equations[i][i] * step[i] + equations[i][4]))
-                    .sum();
-                let ratio = (squares - next_squares) / foretold.max(f64::MIN_POSITIVE);
-                let factor = (1.0 - (2.0 * ratio - 1.0).powi(3)).max(0.1);
+                let parts = (0..4).map(|i| [step[i], equations[i][i], equations[i][4]]);
+                damping.ease(squares - next_squares, parts);
                 (p, equations, squares) = (next, next_equations, next_squares);
-                damping = (damping * factor).clamp(1e-12, 1e12);
                 // The remaining distance is a part of this step.
                 settled = length < SETTLED;
             } else {
-                damping *= 8.0;
+                damping.tighten();
                 // No better place near: at the bottom, to the last digits.
                 settled = length < 10.0 * SETTLED;
             }
-            if settled || damping > 1e12 {
+            if settled || damping.is_hopeless() {
                 break;
             }
         }

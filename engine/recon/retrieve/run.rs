@@ -246,7 +246,8 @@ fn retrieve_to(
     options.check_saturation()?;
     let input = input.limited_to(options.saturation);
     let options = options_for(&input, options)?;
-    if let Some(design) = Design::of(input.scene(), &options, input.omitted_steps())? {
+    let design = Design::of(input.scene(), &options, input.omitted_steps())?;
+    if let Some(design) = design {
         design.check(input.scene(), &options)?;
         let input = input.fitted_to(design.steps())?;
         let hashes = input.hashes();
@@ -280,7 +281,7 @@ fn retrieve_to(
     let joined = retriever.joined(&input);
     let across = joined.as_ref().map_or(across, |joined| joined.order().len());
     let described = Described::of(&retriever, &input);
-    let mut record = begun(&input, &described, &options, [angles, rows, across]);
+    let mut record = begun(&input, described, &options, [angles, rows, across]);
     record.columns = joined.as_ref().map(JoinedColumns::order).unwrap_or_default().to_vec();
     let value = if input.counts() { "counts" } else { "open pixels" };
     let mut output = Output { put, record, value, cancel: cancel.clone() };

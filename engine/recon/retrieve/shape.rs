@@ -3,10 +3,8 @@
 
 use beamlet_model::optics::Optics;
 use beamlet_model::scene::Scene;
+use beamlet_model::spot::deviation;
 use std::f64::consts::{FRAC_1_SQRT_2, PI};
-
-/// Standard deviation of a Gaussian of unit full width at half maximum.
-const SIGMA_PER_FWHM: f64 = 0.424_660_900_144_009_5;
 
 /// Shape of a curve by the masks.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -28,7 +26,7 @@ impl CurveGeometry {
         let optics = Optics::of(scene);
         Self {
             projected: optics.overlapping_apertures(),
-            blur: (magnification - 1.0) * SIGMA_PER_FWHM * scene.source.spot.fwhm()[0],
+            blur: (magnification - 1.0) * deviation(scene.source.spot.fwhm()[0]),
             magnification,
             period: optics.curve_period(),
         }

@@ -224,7 +224,8 @@ impl Lattice {
                 [all.start, all.end - 1].map(|it| grouped.beamlet_at(self.centre(it)));
             low..high + 1
         };
-        Self { beamlets: of(&self.beamlets), direct: of(&self.direct), ..grouped.clone() }
+        let [beamlets, direct] = [of(&self.beamlets), of(&self.direct)];
+        Self { beamlets, direct, ..grouped }
     }
 
     /// Beamlets that an interval of x in the cell plane touches.

@@ -61,7 +61,7 @@ fn shear(optics: &Optics, wavelength: f64) -> f64 {
     wavelength * Distances::of(optics).sample / TAU / (squares + blur * blur).sqrt()
 }
 
-/// True if facets stand for a curved surface.
+/// True if facets approximate a curved surface.
 const fn is_round(object: &Object) -> bool {
     !matches!(
         object.geometry,

@@ -1,11 +1,11 @@
 //! Retrieved images, and rows of them over all views.
 
-use super::{CONTRASTS, Chosen};
+use super::Chosen;
 use crate::args::ViewOfRun;
 use crate::commands::pictures::Pictures;
 use crate::failure::Failure;
 use crate::picture::image::{self, Grid, ImagePlot, Key};
-use crate::picture::quantity::Quantity;
+use crate::picture::quantity::{CONTRASTS, Quantity};
 use crate::picture::scale::{Scale, pixels};
 use crate::picture::text::{capital, joined};
 use crate::subject::{row_number, trusted};

@@ -1,11 +1,11 @@
 //! Profiles along a row, and the illumination curves of a pixel.
 
-use super::{CONTRASTS, Chosen};
+use super::Chosen;
 use crate::commands::pictures::Pictures;
 use crate::failure::Failure;
 use crate::picture::curve::{self, CurvePlot};
 use crate::picture::profile::{self, Panel, ProfileLine};
-use crate::picture::quantity::Quantity;
+use crate::picture::quantity::{CONTRASTS, Quantity};
 use crate::picture::text::joined;
 use crate::subject::row_number;
 

@@ -6,6 +6,7 @@ use crate::retrieve::fitter::Weights;
 use crate::retrieve::least_squares::{self, CurveScan};
 use crate::retrieve::misfit::median;
 use crate::retrieve::shape::CurveGeometry;
+use crate::retrieve::value_noise::ValueNoise;
 use crate::retrieve::{RetrieveOptions, flags, quadrature};
 use rayon::prelude::*;
 
@@ -143,14 +144,13 @@ impl<'a> PixelSet<'a> {
 }
 
 fn scan(offsets: &[f64], options: &RetrieveOptions) -> CurveScan {
-    CurveScan {
-        offsets: offsets.to_vec(),
-        shares: quadrature::trapezoids(offsets),
+    let noise = ValueNoise {
         saturation: f64::INFINITY,
         gain: options.gain,
         read_noise: options.read_noise,
         weights: Weights::None,
-    }
+    };
+    CurveScan { offsets: offsets.to_vec(), shares: quadrature::trapezoids(offsets), noise }
 }
 
 /// The curve of the masks through values: five or more determine its blur; fewer take the blur of the geometry.

@@ -151,17 +151,20 @@ impl Selection {
     /// lie at the centre of their light.
     fn places(&self, all: &[[f64; 2]]) -> Vec<f64> {
         let chosen: Vec<[f64; 2]> = self.chosen().filter_map(|at| all.get(at).copied()).collect();
-        let centre = |group: &[[f64; 2]]| {
-            if let [[place, _]] = group {
-                return *place;
-            }
-            let width: f64 = group.iter().map(|[_, width]| width).sum();
-            match width > 0.0 {
-                true => group.iter().map(|[place, share]| place * share).sum::<f64>() / width,
-                false => group.iter().map(|[place, _]| place).sum::<f64>() / group.len() as f64,
-            }
-        };
-        chosen.chunks_exact(self.bin[0] * self.group).map(centre).collect()
+        chosen.chunks_exact(self.bin[0] * self.group).map(centre_of_lights).collect()
+    }
+}
+
+/// Centre of the light of columns, from the place of each and the width of its light.
+#[must_use]
+pub fn centre_of_lights(lights: &[[f64; 2]]) -> f64 {
+    if let [[place, _]] = lights {
+        return *place;
+    }
+    let width: f64 = lights.iter().map(|[_, width]| width).sum();
+    match width > 0.0 {
+        true => lights.iter().map(|[place, share]| place * share).sum::<f64>() / width,
+        false => lights.iter().map(|[place, _]| place).sum::<f64>() / lights.len() as f64,
     }
 }
 

@@ -20,24 +20,24 @@ pub enum Aperture {
 }
 
 impl Aperture {
-    /// Reads `30 um, 20 um` (width and height), or `round 30 um`.
+    /// Reads `30 um, 20 um` (width and height), or `round 30 um`. `argument`: its name in errors.
     ///
     /// # Errors
     /// [`Error::Argument`] for other words and for lengths that are not above 0.
-    pub fn parse(text: &str) -> Result<Self> {
+    pub fn parse(argument: &str, text: &str) -> Result<Self> {
         let allowed =
             "width and height as \"30 um, 20 um\", or \"round 30 um\", as they are on the detector";
         let length = |word: &str| match Length.parse(word.trim()) {
             Ok(length) if length > 0.0 && length.is_finite() => Ok(length),
-            Ok(_) => Err(Error::argument("aperture", word.trim(), allowed)),
-            Err(error) => Err(Error::argument("aperture", error.found, allowed)),
+            Ok(_) => Err(Error::argument(argument, word.trim(), allowed)),
+            Err(error) => Err(Error::argument(argument, error.found, allowed)),
         };
         if let Some(diameter) = text.trim().strip_prefix("round ") {
             return Ok(Self::Round(length(diameter)?));
         }
         match text.split(',').collect::<Vec<_>>()[..] {
             [width, height] => Ok(Self::Rectangle([length(width)?, length(height)?])),
-            _ => Err(Error::argument("aperture", format!("{text:?}"), allowed)),
+            _ => Err(Error::argument(argument, format!("{text:?}"), allowed)),
         }
     }
 
@@ -103,10 +103,11 @@ mod tests {
 
     #[test]
     fn apertures_are_read_with_units() {
-        assert_eq!(Aperture::parse("30 um, 20 um").unwrap(), Aperture::Rectangle([30e-6, 20e-6]));
-        assert_eq!(Aperture::parse("round 15 um").unwrap(), Aperture::Round(15e-6));
+        let parse = |text| Aperture::parse("aperture", text);
+        assert_eq!(parse("30 um, 20 um").unwrap(), Aperture::Rectangle([30e-6, 20e-6]));
+        assert_eq!(parse("round 15 um").unwrap(), Aperture::Round(15e-6));
         for wrong in ["30 um", "round", "30, 20", "30 um, 0 um", "-3 um, 2 um", ""] {
-            assert!(Aperture::parse(wrong).is_err(), "{wrong}");
+            assert!(parse(wrong).is_err(), "{wrong}");
         }
     }
 }

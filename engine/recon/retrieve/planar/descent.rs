@@ -1,16 +1,11 @@
 //! Levenberg-Marquardt for the unknowns of a fit in two directions.
 
+use super::super::damping::{Damping, SETTLED, WEIGHED, WEIGHINGS};
 use super::equations::Equations;
 use super::fit::Correlated;
 use super::scan::PlanarValues;
 use super::shape::{PlanarShape, Tables, UNKNOWNS, Valued};
 
-/// Steps below this, in the units of the unknowns, end a fit.
-const SETTLED: f64 = 1e-7;
-/// Number of times that weights follow the fit, at most.
-const WEIGHINGS: usize = 40;
-/// Change of the unknowns, in their units, below which weights have settled.
-const WEIGHED: f64 = 1e-6;
 /// Steps of a descent, at most.
 const STEPS: usize = 100;
 
@@ -118,36 +113,29 @@ impl<'a> Descent<'a> {
     /// Levenberg-Marquardt with fixed weights.
     fn descend(&mut self, mut p: [f64; UNKNOWNS], weights: &[f64]) -> ([f64; UNKNOWNS], bool) {
         let (mut equations, mut squares) = self.normal(&p, weights);
-        let (mut damping, mut settled) = (1e-3, false);
+        let (mut damping, mut settled) = (Damping::new(), false);
         for _ in 0..STEPS {
-            let Some(step) = equations.solve(damping) else {
-                if damping > 1e12 {
+            let Some(step) = equations.solve(damping.value()) else {
+                if damping.is_hopeless() {
                     break;
                 }
-                damping = (8.0 * damping).max(1e-9);
+                damping.lift();
                 continue;
             };
             let next = self.limited(&p, &step);
             let (next_equations, next_squares) = self.normal(&next, weights);
             let length = self.length(&p, &next);
             if next_squares <= squares {
-                // Nielsen's rule: by how well the step was foretold.
-                let of = |k: usize| {
-                    let own = damping * equations.matrix[k][k] * step[k];
-                    step[k] * (own + equations.right[k])
-                };
-                let foretold: f64 = (0..UNKNOWNS).map(of).sum();
-                let ratio = (squares - next_squares) / foretold.max(f64::MIN_POSITIVE);
-                let factor = (1.0 - (2.0 * ratio - 1.0).powi(3)).max(0.1);
+                let part = |k: usize| [step[k], equations.matrix[k][k], equations.right[k]];
+                damping.ease(squares - next_squares, (0..UNKNOWNS).map(part));
                 (p, equations, squares) = (next, next_equations, next_squares);
-                damping = (damping * factor).clamp(1e-12, 1e12);
                 settled = length < SETTLED;
             } else {
-                damping *= 8.0;
+                damping.tighten();
                 // No better place near: at the bottom, to the last digits.
                 settled = length < 10.0 * SETTLED;
             }
-            if settled || damping > 1e12 {
+            if settled || damping.is_hopeless() {
                 break;
             }
         }

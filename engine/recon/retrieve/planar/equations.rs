@@ -105,14 +105,3 @@ fn solved(factor: &Matrix, scale: &[f64; UNKNOWNS], right: &[f64; UNKNOWNS]) -> 
     }
     std::array::from_fn(|i| x[i] * scale[i])
 }
-
-/// Covariance of unknowns fitted with other weights than their inverse variances: `inverse` on either side
-/// of `noise`, the sum of products of slopes times squared weights and variances.
-pub(super) fn sandwich(inverse: &Matrix, noise: &Matrix) -> Matrix {
-    let product = |a: &Matrix, b: &Matrix| -> Matrix {
-        std::array::from_fn(|i| {
-            std::array::from_fn(|j| (0..UNKNOWNS).map(|k| a[i][k] * b[k][j]).sum())
-        })
-    };
-    product(&product(inverse, noise), inverse)
-}

@@ -1,11 +1,13 @@
 //! The fit of a beamlet, or of a curve over offsets in two directions, by least squares.
 
+use super::super::equations::covariance;
 use super::super::fitter::Weights;
 use super::super::flags;
+use super::super::value_noise::ValueNoise;
 use super::curve::PlanarCurve;
 use super::descent::{Descent, Held};
-use super::equations::{Equations, Matrix, sandwich};
-use super::scan::{PlanarNoise, PlanarValues};
+use super::equations::{Equations, Matrix};
+use super::scan::PlanarValues;
 use super::shape::{MOST_CORRELATED, PlanarShape, Points, Tables, UNKNOWNS, Valued};
 
 /// Noise of a value, as a part of the peak, by which fits are judged where it is not known.
@@ -24,7 +26,7 @@ const ILL_CONDITIONED: f64 = 100.0;
 #[derive(Debug, Clone)]
 pub(super) struct PlanarModel {
     pub(super) shape: PlanarShape,
-    /// Variances xx and zz of the blur by the geometry, m^2; those that are fitted where it is not known.
+    /// Variances xx and zz of the blur by the geometry, m^2; `None`: unknown, and the fitted ones count.
     pub(super) blur: Option<[f64; 2]>,
     /// Size of a pixel, m, of beamlets.
     pub(super) pixel: Option<[f64; 2]>,
@@ -70,7 +72,7 @@ impl PlanarModel {
     pub(super) fn fit(
         &self,
         values: &PlanarValues,
-        noise: &PlanarNoise,
+        noise: &ValueNoise,
         flat: Option<&PlanarFit>,
     ) -> PlanarFit {
         if values.flags & flags::NO_ANSWER != 0 {
@@ -161,7 +163,7 @@ impl PlanarModel {
     fn resolves(
         &self,
         ended: &Ended,
-        noise: &PlanarNoise,
+        noise: &ValueNoise,
         flat: Option<&PlanarFit>,
         (axis, peak, least): (usize, f64, [f64; 2]),
     ) -> bool {
@@ -183,7 +185,7 @@ impl PlanarModel {
     fn descend(
         &self,
         values: &PlanarValues,
-        noise: &PlanarNoise,
+        noise: &ValueNoise,
         start: [f64; UNKNOWNS],
         (held, least): ([bool; UNKNOWNS], [f64; 2]),
     ) -> Ended {
@@ -212,7 +214,8 @@ impl PlanarModel {
                 .zip(&weights)
                 .map(|(value, weight)| weight * weight * noise.variance_of_fit(value[0]))
                 .collect();
-            sandwich(&inverse, &without_held(descent.normal(&p, &of_noise).0, &held).matrix)
+            let noise = without_held(descent.normal(&p, &of_noise).0, &held).matrix;
+            covariance(&inverse, |k, j| noise[k][j])
         });
         let residual = (squares / values.values.len() as f64).sqrt();
         Ended { p, settled, even: even.inverse(), covariance, inflation, residual }

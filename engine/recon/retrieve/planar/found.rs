@@ -1,5 +1,6 @@
 //! A lattice found in a flat: the place of its origin, and vectors a few per cent from the given ones.
 
+use super::super::equations::{add, eliminated};
 use super::lattice::Lattice;
 use beamlet_core::numbers::whole;
 use beamlet_core::{Error, Result};
@@ -101,13 +102,7 @@ impl PlacedLattice {
         let along = |axis: usize| {
             let mut matrix = [[0.0; 4]; 3];
             for (index, centre) in centres {
-                let terms = [1.0, index[0] as f64, index[1] as f64];
-                for (row, term) in matrix.iter_mut().zip(terms) {
-                    for (value, other) in row.iter_mut().zip(terms) {
-                        *value += term * other;
-                    }
-                    row[3] += term * centre[axis];
-                }
+                add(&mut matrix, [1.0, index[0] as f64, index[1] as f64], 1.0, centre[axis]);
             }
             solved(matrix)
         };
@@ -195,12 +190,7 @@ fn plane_of(blocks: &[Block], axis: usize, first: f64) -> [f64; 3] {
             let here: f64 = plane.iter().zip(terms).map(|(a, b)| a * b).sum();
             let rest = sin.atan2(cos) / TAU - here;
             let rest = rest - rest.round();
-            for (row, term) in matrix.iter_mut().zip(terms) {
-                for (value, other) in row.iter_mut().zip(terms) {
-                    *value += weight * term * other;
-                }
-                row[3] += weight * term * rest;
-            }
+            add(&mut matrix, terms, weight, rest);
         }
         let Some(step) = solved(matrix) else { break };
         for (value, by) in plane.iter_mut().zip(step) {
@@ -210,21 +200,9 @@ fn plane_of(blocks: &[Block], axis: usize, first: f64) -> [f64; 3] {
     plane
 }
 
-/// Solves three equations by elimination; `None` if they are singular, as for one block.
-fn solved(mut m: [[f64; 4]; 3]) -> Option<[f64; 3]> {
-    for i in 0..3 {
-        let above = m[i];
-        if above[i].abs() < 1e-9 * m[0][0].abs() {
-            return None;
-        }
-        for row in &mut m[i + 1..] {
-            let factor = row[i] / above[i];
-            row.iter_mut().zip(above).for_each(|(value, from)| *value -= factor * from);
-        }
-    }
-    let z = m[2][3] / m[2][2];
-    let y = (m[1][3] - m[1][2] * z) / m[1][1];
-    Some([(m[0][3] - m[0][1] * y - m[0][2] * z) / m[0][0], y, z])
+/// Solves three equations; `None` if they are singular, as for one block.
+fn solved(matrix: [[f64; 4]; 3]) -> Option<[f64; 3]> {
+    eliminated(matrix, 1e-9 * matrix[0][0].abs())
 }
 
 fn apply(matrix: [[f64; 2]; 2], [x, z]: [f64; 2]) -> [f64; 2] {

@@ -2,15 +2,13 @@
 
 use super::super::method::Method;
 use super::super::options::RetrieveOptions;
-use super::super::shape::CurveGeometry;
 use super::aperture::Aperture;
 use super::lattice::Lattice;
 use beamlet_core::{Error, Result};
 use beamlet_model::optics::{Mask, Openings, Optics};
 use beamlet_model::scene::{ApertureLattice, ApertureShape, Blur, Scene};
+use beamlet_model::spot::deviation;
 
-/// Standard deviation of a Gaussian of unit full width at half maximum.
-const SIGMA_PER_FWHM: f64 = 0.424_660_900_144_009_5;
 /// Relative difference of the axes of a circle, by rounding.
 const SAME: f64 = 1e-9;
 
@@ -238,10 +236,7 @@ pub(super) fn blur(scene: &Scene, is_steps: bool) -> [f64; 2] {
     };
     let scale = if is_steps { magnification } else { 1.0 };
     [0, 1].map(|axis| {
-        let spot = match axis {
-            0 => CurveGeometry::of(scene).blur,
-            _ => (magnification - 1.0) * SIGMA_PER_FWHM * fwhm[1],
-        };
+        let spot = (magnification - 1.0) * deviation(fwhm[axis]);
         (spot.hypot(detector[axis]) / scale).powi(2)
     })
 }

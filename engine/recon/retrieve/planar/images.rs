@@ -113,13 +113,22 @@ fn image(
 
 /// Images of the flat.
 pub(crate) fn of_flat(shape: [usize; 2], flat: &[Option<PlanarFit>]) -> Images {
-    let value = |k: usize| {
+    Images::of(of_curves(OF_CURVES[0], shape, flat).collect())
+}
+
+/// Images of curves by their names.
+fn of_curves(
+    names: [&'static str; 8],
+    shape: [usize; 2],
+    fits: &[Option<PlanarFit>],
+) -> impl Iterator<Item = (&'static str, Array2<f32>)> {
+    let value = move |(k, name)| {
         let of = |_: usize, fit: &PlanarFit| {
             if fit.curve.has_answer() { values(&fit.curve)[k] } else { f64::NAN }
         };
-        image(shape, flat, of)
+        (name, image(shape, fits, of))
     };
-    Images::of(OF_CURVES[0].into_iter().enumerate().map(|(k, name)| (name, value(k))).collect())
+    names.into_iter().enumerate().map(value)
 }
 
 /// Images of a view. Places of the image without a beamlet hold NaN, and no flag.
@@ -130,30 +139,27 @@ pub(super) fn of_view(
     has_sigmas: bool,
 ) -> Images {
     let of_flat = |at: usize| flat.get(at).and_then(Option::as_ref);
-    let contrast = |k: usize| {
-        image(shape, sample, |at, fit| match of_flat(at) {
-            Some(of_flat) if of_flat.curve.has_answer() && fit.curve.has_answer() => {
-                contrasts(of_flat, fit, angle_per_shift)[k]
+    let all: Vec<[f64; 12]> = sample
+        .iter()
+        .enumerate()
+        .map(|(at, fit)| match (of_flat(at), fit) {
+            (Some(of_flat), Some(fit)) if of_flat.curve.has_answer() && fit.curve.has_answer() => {
+                contrasts(of_flat, fit, angle_per_shift)
             }
-            _ => f64::NAN,
+            _ => [f64::NAN; 12],
         })
-    };
+        .collect();
+    let contrast = |k: usize| image(shape, sample, |at, _| all[at][k]);
     let mut images: Vec<(&'static str, Array2<f32>)> = Vec::new();
     let sigmas = SIGMAS.into_iter().enumerate().map(|(k, name)| (6 + k, name));
-    let all = CONTRASTS.into_iter().enumerate().chain(sigmas.filter(|_| has_sigmas));
-    images.extend(all.map(|(k, name)| (name, contrast(k))));
+    let names = CONTRASTS.into_iter().enumerate().chain(sigmas.filter(|_| has_sigmas));
+    images.extend(names.map(|(k, name)| (name, contrast(k))));
     let bits = image(shape, sample, |at, fit| {
         let of_flat = of_flat(at).map_or(0, |fit| fit.curve.flags);
         f64::from(flags::of_pixel(of_flat, fit.curve.flags))
     });
     images.push((FLAGS, bits.mapv(|bits| if bits.is_nan() { 0.0 } else { bits })));
-    let of_curves = OF_CURVES[1].into_iter().enumerate().map(|(k, name)| {
-        let of = |_: usize, fit: &PlanarFit| {
-            if fit.curve.has_answer() { values(&fit.curve)[k] } else { f64::NAN }
-        };
-        (name, image(shape, sample, of))
-    });
-    images.extend(of_curves);
+    images.extend(of_curves(OF_CURVES[1], shape, sample));
     Images::of(images)
 }
 

@@ -5,7 +5,7 @@
 //! | `profile.rs` | profile of light along one axis |
 //! | `shape.rs` | light in two directions: strips of an aperture and a correlated blur |
 //! | `equations.rs` | normal equations of seven unknowns |
-//! | `scan.rs` | values and their noise |
+//! | `scan.rs` | values at their places |
 //! | `descent.rs` | Levenberg-Marquardt |
 //! | `fit.rs` | the fit of a curve, with uncertainties and flags |
 //! | `moments.rs` | moments in closed form |
@@ -14,7 +14,7 @@
 //! | `found.rs` | a lattice found in a flat |
 //! | `windows.rs` | pixels of beamlets |
 //! | `aperture.rs` | apertures as strips |
-//! | `offsets.rs` | lists of offsets, and what they determine |
+//! | `offsets.rs` | lists of offsets, and the contrasts that they determine |
 //! | `geometry.rs` | designs, masks and blur of a scene |
 //! | `models.rs` | models of beamlets and of curves over offsets |
 //! | `retriever.rs` | a design made ready: fits of flat and sample |

@@ -3,11 +3,12 @@
 use super::super::fitter::Weights;
 use super::super::method::Method;
 use super::super::options::RetrieveOptions;
+use super::super::value_noise::ValueNoise;
 use super::fit::PlanarModel;
 use super::found::{Frame, PlacedLattice};
 use super::geometry;
 use super::profile::Profile;
-use super::scan::{PlanarNoise, PlanarValues};
+use super::scan::PlanarValues;
 use super::shape::{PlanarShape, Strip};
 use super::windows::{Window, Windows};
 use beamlet_core::{Error, Result};
@@ -27,7 +28,7 @@ pub(super) fn through_centres(
 ) -> Result<PlacedLattice> {
     let windows = Windows::of(&placed, frame)?;
     let model = gaussian(frame.pitch, Vec::new());
-    let noise = PlanarNoise {
+    let noise = ValueNoise {
         saturation: options.saturation.map_or(f64::INFINITY, f64::from),
         gain: None,
         read_noise: 0.0,
@@ -38,7 +39,7 @@ pub(super) fn through_centres(
     let centres: Vec<([i64; 2], [f64; 2])> = some
         .par_iter()
         .filter_map(|window| {
-            let fit = model.fit(&values(frame, flat, (window, noise.saturation)), &noise, None);
+            let fit = model.fit(&values(frame, flat, (window, &noise)), &noise, None);
             let is_fine =
                 fit.curve.has_answer() && fit.curve.centre.iter().all(|at| at.is_finite());
             is_fine.then_some((window.index, fit.curve.centre))
@@ -51,13 +52,13 @@ pub(super) fn through_centres(
 pub(super) fn values(
     frame: &Frame,
     frames: ArrayView3<'_, f32>,
-    (window, saturation): (&Window, f64),
+    (window, noise): (&Window, &ValueNoise),
 ) -> PlanarValues {
     let pixels = window.pixels.iter();
     let place = |[row, column]: &[u32; 2]| frame.place(i64::from(*row), i64::from(*column));
     let places: Vec<[f64; 2]> = pixels.clone().map(place).collect();
     let values = pixels.map(|[row, column]| frames[[0, *row as usize, *column as usize]]);
-    PlanarValues::of(&places, values, saturation, PlanarValues::NEEDED)
+    PlanarValues::of(&places, values, noise, PlanarValues::NEEDED)
 }
 
 /// A Gaussian over pixels.

@@ -1,9 +1,10 @@
 //! Area, centroid and second moments of values in two directions, with what the window cuts off.
 
 use super::super::flags;
+use super::super::value_noise::ValueNoise;
 use super::curve::PlanarCurve;
 use super::fit::Correlated;
-use super::scan::{PlanarNoise, PlanarValues};
+use super::scan::PlanarValues;
 use super::shape::{PlanarShape, Tables};
 
 /// Steps of the correction for the window, at most.
@@ -16,12 +17,12 @@ const LEAST: f64 = 0.01;
 /// Sum, centroid x and z, and second moments xx, zz and xz about it.
 type Raw = [f64; 6];
 
-/// Moments of the values, of which each has `area` (m^2), less what they are too small by: moments of a Gaussian of
-/// `shape`, with its neighbours, in the same window equal the moments of the values. No background is subtracted.
-/// Values that are left out leave a hole, and no answer.
+/// Moments of the values, corrected for the window: a Gaussian of `shape` with these moments, and its neighbours, have
+/// the moments of the values within the window. `area`: of a pixel, m^2. No background is subtracted. A saturated value
+/// leaves a hole, and no answer.
 pub(super) fn by_moments(
     values: &PlanarValues,
-    noise: &PlanarNoise,
+    noise: &ValueNoise,
     (shape, area): (&PlanarShape, f64),
 ) -> PlanarCurve {
     if values.flags & (flags::NO_ANSWER | flags::SATURATED) != 0 {

@@ -1,4 +1,4 @@
-//! Lists of mask offsets in two directions, and what they determine.
+//! Lists of mask offsets in two directions, and the contrasts that they determine.
 
 use beamlet_core::units::Dimension::Length;
 use beamlet_core::{Error, Result};
@@ -16,7 +16,7 @@ const TERMS: [(&str, &str); 6] = [
     ("x z", "the dark field xz"),
 ];
 
-/// Refuses offsets that do not determine a curve in two directions, and names what they lack.
+/// Refuses offsets that do not determine a curve in two directions, and names the contrasts without an answer.
 ///
 /// # Errors
 /// [`Error::Scene`] with the terms that they lack.

@@ -6,6 +6,7 @@ use super::super::method::Method;
 use super::super::misfit::{self, Noise};
 use super::super::noise_factors::NoiseFactors;
 use super::super::options::RetrieveOptions;
+use super::super::value_noise::ValueNoise;
 use super::fit::{PlanarFit, PlanarModel};
 use super::found::{Frame, PlacedLattice};
 use super::geometry::Design;
@@ -13,7 +14,7 @@ use super::images;
 use super::models::{beamlet_model, curve_model, through_centres, values, without_periods};
 use super::moments::by_moments;
 use super::offsets;
-use super::scan::{PlanarNoise, PlanarValues};
+use super::scan::PlanarValues;
 use super::shape::UNKNOWNS;
 use super::windows::{Window, Windows};
 use beamlet_core::cancel::Cancel;
@@ -141,12 +142,7 @@ impl PlanarRetriever {
         flat: Option<&[Option<PlanarFit>]>,
         cancel: &Cancel,
     ) -> Result<Fits> {
-        let noise = PlanarNoise {
-            saturation: self.options.saturation.map_or(f64::INFINITY, f64::from),
-            gain: self.options.gain.map(|gain| factors.gain(gain)),
-            read_noise: factors.read_noise(self.options.read_noise),
-            weights: self.options.weights,
-        };
+        let noise = ValueNoise::of(&self.options, factors);
         let (steps, rows, columns) = frames.dim();
         let of_flat = |at: usize| flat.and_then(|flat| flat.get(at)?.as_ref());
         match &self.curves {
@@ -173,8 +169,7 @@ impl PlanarRetriever {
                     cancel.check()?;
                     let (row, column) = (at / columns, at % columns);
                     let curve = (0..steps).map(|step| frames[[step, row, column]]);
-                    let values =
-                        PlanarValues::of(pairs, curve, noise.saturation, PlanarValues::NEEDED);
+                    let values = PlanarValues::of(pairs, curve, &noise, PlanarValues::NEEDED);
                     Ok(Some(self.model.fit(&values, &noise, of_flat(at))))
                 };
                 (0..rows * columns).into_par_iter().map(fit).collect()
@@ -187,10 +182,10 @@ impl PlanarRetriever {
         &self,
         frames: ArrayView3<'_, f32>,
         window: &Window,
-        noise: &PlanarNoise,
+        noise: &ValueNoise,
         flat: Option<&PlanarFit>,
     ) -> PlanarFit {
-        let values = values(&self.frame, frames, (window, noise.saturation));
+        let values = values(&self.frame, frames, (window, noise));
         if self.options.method != Method::Moments {
             return self.model.fit(&values, noise, flat);
         }

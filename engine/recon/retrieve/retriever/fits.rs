@@ -6,6 +6,7 @@ use super::super::least_squares::{self, CurveScan};
 use super::super::method::Method;
 use super::super::noise_factors::NoiseFactors;
 use super::super::shape::CurveShape;
+use super::super::value_noise::ValueNoise;
 use super::super::{closed, flags, quadrature};
 use super::Retriever;
 use super::view_scan::ViewScan;
@@ -96,10 +97,7 @@ impl Retriever {
                 Method::Moments => quadrature::weights(offsets),
                 _ => quadrature::trapezoids(offsets),
             },
-            saturation: self.options.saturation.map_or(f64::INFINITY, f64::from),
-            gain: self.options.gain.map(|gain| noise.gain(gain)),
-            read_noise: noise.read_noise(self.options.read_noise),
-            weights: self.options.weights,
+            noise: ValueNoise::of(&self.options, noise),
         }
     }
 }

@@ -43,7 +43,7 @@ impl Described {
 /// The record of a retrieval with its inputs and options; `shape`: angles, rows and columns of the images.
 pub(super) fn begun(
     input: &Input,
-    described: &Described,
+    described: Described,
     options: &RetrieveOptions,
     shape: [usize; 3],
 ) -> Record {
@@ -86,11 +86,11 @@ pub(super) fn begun(
             1 => Vec::new(),
             _ => scene.offsets_of_group(&scene.scan.mask_offsets),
         },
-        columns_m: described.columns_m.clone(),
+        columns_m: described.columns_m,
         pitch: described.pitch,
         lattice_m: described.lattice,
-        offsets_z: described.offsets_z.clone(),
-        expected_sigma: described.expected_sigma.clone(),
+        offsets_z: described.offsets_z,
+        expected_sigma: described.expected_sigma,
         // In no directory, so that every path is written absolute.
         geometry: scene.to_toml("", &BTreeMap::new(), &[]).ok(),
         inputs: BTreeMap::new(),

@@ -45,7 +45,7 @@ pub(super) fn retrieve_planar(
     refuse_without_answer(&flat)?;
     let shape = retriever.shape(frame[0]);
     let described = described(input, &retriever, design, &flat);
-    let record = begun(input, &described, options, [angles, shape[0], shape[1]]);
+    let record = begun(input, described, options, [angles, shape[0], shape[1]]);
     let value = if input.counts() { "counts" } else { "open pixels" };
     let mut output = Output { put, record, value, cancel: work.control.cancel.clone() };
     let [of_flats, of_views] = names(options.gain.is_some());

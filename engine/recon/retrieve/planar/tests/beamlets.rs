@@ -68,7 +68,7 @@ fn rectangles_and_disks_are_fitted_with_their_own_shape() {
 
 #[test]
 fn moments_are_corrected_for_the_light_beyond_the_window() {
-    // Windows of 7.7 pixels cut 2.7 deviations of 14 um: moments of what is left have 0.7 to 0.92 of the dark field.
+    // Windows of 7.7 pixels cut 2.7 deviations of 14 um: moments within the window are 0.7 to 0.92 of the dark field.
     let lattice = Lattice::parse("77 um, 77 um").unwrap();
     let options = RetrieveOptions::default().with_method(Method::Moments);
     let weak = Contrasts([0.8, 0.5e-6, -0.3e-6, 2e-11, 1e-11, 0.7e-11]);

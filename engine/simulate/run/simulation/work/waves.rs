@@ -14,6 +14,7 @@ use std::time::Instant;
 const TIMED_ROWS: i64 = 2;
 /// Most rows of all views that are timed, in turns of [`TIMED_ROWS`].
 const LOOKS: u32 = 4;
+
 impl ViewWork<'_> {
     /// Adds the light of lines in some rows; true where the scene wants waves. `own`: the rows are counted.
     pub(super) fn wave_rows(
