@@ -106,6 +106,9 @@ fn beamlets_of_a_scene_give_both_angles_of_a_wedge_within_1_percent() {
         simulate(&folder, &scene);
         let summary = good(&folder, &["retrieve", "run", "--format", "npy"]);
         assert!(summary.contains("method   beamlet"), "{summary}");
+        // The lattice of the scene counts as one that is named.
+        let part = ["retrieve", "run", "--method", "gaussian", "--columns", "0::2", "-o", "part"];
+        bad(&folder, &part, 1, "every pixel: beamlets are found among all of them");
         compare(&folder.join("run"), aperture, [2e-3, 0.01]);
     }
 }

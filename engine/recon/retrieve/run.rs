@@ -247,6 +247,7 @@ fn retrieve_to(
     let input = input.limited_to(options.saturation);
     let options = options_for(&input, options)?;
     let design = Design::of(input.scene(), &options, input.omitted_steps())?;
+    refuse_parts_of_beamlets(&input, &options, design.as_ref())?;
     if let Some(design) = design {
         design.check(input.scene(), &options)?;
         let input = input.fitted_to(design.steps())?;
@@ -308,16 +309,25 @@ fn finish(record: &mut Record, inputs: InputHashes, (began, since): (String, Ins
     record.duration_s = since.elapsed().as_secs_f64();
 }
 
-/// Options with the saturation and the read noise of the values of an input.
-///
-/// # Errors
-/// [`Error::Argument`] for beamlets among a part of the pixels.
-fn options_for(input: &Input, options: &RetrieveOptions) -> Result<RetrieveOptions> {
-    let beamlets = options.method == Method::Beamlet || options.lattice.is_some();
-    if beamlets && input.selection() != (None, None) {
+/// Refuses beamlets among a part of the pixels.
+fn refuse_parts_of_beamlets(
+    input: &Input,
+    options: &RetrieveOptions,
+    design: Option<&Design>,
+) -> Result<()> {
+    let on_lattice = matches!(design, Some(Design::Beamlets(_)));
+    if (on_lattice || options.method == Method::Beamlet) && input.selection() != (None, None) {
         let allowed = "every pixel: beamlets are found among all of them";
         return Err(Error::argument("columns", "a part of the pixels", allowed));
     }
+    Ok(())
+}
+
+/// Options with the saturation and the read noise of the values of an input.
+///
+/// # Errors
+/// [`Error::Argument`] for corrections of frames behind masks with shifts.
+fn options_for(input: &Input, options: &RetrieveOptions) -> Result<RetrieveOptions> {
     if input.group() > 1 && options.correct.of_frames() {
         let allowed = "offset and plane: the points of a curve are columns, not frames";
         return Err(Error::argument("correct", "dose or steps with shifts of the masks", allowed));
