@@ -428,7 +428,7 @@ fn a_memory_limit_is_held_and_changes_no_value() {
             std::thread::sleep(std::time::Duration::from_millis(5));
         }
     };
-    for (method, limit) in [("fbp", 140_u64), ("cgls --iterations 1", 190)] {
+    for (method, limit) in [("fbp", 160_u64), ("cgls --iterations 1", 210)] {
         let name = method.split(' ').next().unwrap();
         let free = taken(name, &format!("--method {method}"));
         let within = taken(
