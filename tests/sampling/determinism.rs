@@ -66,8 +66,8 @@ fn band_and_batch_size_change_no_bit() {
 #[test]
 fn memory_limit_changes_no_bit() {
     for (name, scene) in &scenes()[..2] {
-        let little = EngineOptions::default().with_memory_limit(160 << 20);
-        let what = format!("{name}, a limit of 160 MiB");
+        let little = EngineOptions::default().with_memory_limit(176 << 20);
+        let what = format!("{name}, a limit of 176 MiB");
         same(&what, &run(EngineOptions::default(), scene), &run(little, scene));
     }
 }

@@ -257,7 +257,7 @@ fn room_for_rectangles_changes_no_bit() {
         run(&engine_with(options.with_backend(Backend::Bvh)), &scene, Refine::Device, 1e-4)
     };
     let (whole, _) = of(EngineOptions::default());
-    let (little, _) = of(EngineOptions::default().with_memory_limit(160 << 20));
+    let (little, _) = of(EngineOptions::default().with_memory_limit(176 << 20));
     assert!(whole.iter().zip(&little).all(|(a, b)| a.to_bits() == b.to_bits()));
 }
 
