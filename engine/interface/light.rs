@@ -49,6 +49,8 @@ shared_structs! {
         /// Ends, rows downwards from the centre of the period.
         pub top: f32,
         pub bottom: f32,
+        /// Middle of its aperture along z: ends above it and ends below it move towards it by the shadows of bars.
+        pub middle: f32,
     }
 
     /// Strips of a mask as the light stages see them, in rows as seen from the source on the detector.

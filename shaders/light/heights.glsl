@@ -91,10 +91,16 @@ float inset_of(Mask mask, MaskHeights of, float shadow, float narrowing) {
     return shadow * (mask.averaged != 0u ? 0.5 * narrowing : of.inset);
 }
 
-// Upper and lower end of a strip in a period from the row, with the shadows of its bars.
+// Upper and lower end of a strip in a period from the row. The shadows of bars move the outline of an aperture
+// towards its middle, and with it the borders between its strips.
 vec2 ends_of(MaskHeights of, uint strip, float centre, float inset) {
-    return centre + vec2(MaskStrips(of.strips).at[strip].top + inset,
-                         MaskStrips(of.strips).at[strip].bottom - inset);
+    float top = MaskStrips(of.strips).at[strip].top;
+    float bottom = MaskStrips(of.strips).at[strip].bottom;
+    float middle = MaskStrips(of.strips).at[strip].middle;
+    vec2 ends = vec2(top + inset, bottom - inset);
+    if (bottom <= middle) ends = min(vec2(top, bottom) + inset, middle);
+    if (top >= middle) ends = max(vec2(top, bottom) - inset, middle);
+    return centre + ends;
 }
 
 // The part of the light of a cell along z that the strip of the sample mask in work leaves between two ends; all of
@@ -140,7 +146,7 @@ float sample_begin() {
 
 // Periods whose strip of the sample mask in work light of the cell row may pass.
 ivec2 sample_periods() {
-    float reach = 6.5 * heights.mask_blur;
+    float reach = 6.5 * heights.mask_blur + shadow_z.x;
     return periods_of(heights.sample_mask, sample_strip, sample_begin(), cell_row.top - reach,
                       cell_row.bottom + reach);
 }
@@ -165,9 +171,10 @@ float share_along_z(Cell cell, uint strip, int row) {
     ivec2 periods_behind = ivec2(0);
     float inset_behind = 0.0;
     if (ends_behind) {
-        periods_behind = periods_of(heights.detector_mask, strip, begin_behind, upper, lower);
         inset_behind = inset_of(light.detector_mask, heights.detector_mask, shadow_z.y,
                                 cell.detector_narrowing);
+        periods_behind = periods_of(heights.detector_mask, strip, begin_behind, upper - inset_behind,
+                                    lower + inset_behind);
     }
     if (periods.y < periods.x || periods_behind.y < periods_behind.x) return 0.0;
     float sum = 0.0;

@@ -11,6 +11,9 @@ pub struct Strip {
     pub z: [f64; 2],
     /// Ends along x from the centre of the period, ascending, m.
     pub x: Vec<[f64; 2]>,
+    /// Middle of its aperture along z from the centre of the period, m: from there to either end its strips are
+    /// narrower.
+    pub middle: f64,
 }
 
 impl Strip {
@@ -18,6 +21,7 @@ impl Strip {
         Self {
             z: self.z.map(|end| end + z),
             x: self.x.iter().map(|ends| ends.map(|end| end + x)).collect(),
+            middle: self.middle + z,
         }
     }
 }
@@ -69,7 +73,7 @@ impl Mask {
 /// Strips of an aperture of these half axes along x and z.
 fn of_shape(shape: ApertureShape, half: [f64; 2], fineness: u32) -> Vec<Strip> {
     let [width, height] = half;
-    let about = |z: [f64; 2], x: f64| Strip { z, x: vec![[-x, x]] };
+    let about = |z: [f64; 2], x: f64| Strip { z, x: vec![[-x, x]], middle: 0.0 };
     match shape {
         ApertureShape::Slit => Vec::new(),
         ApertureShape::Rectangle => vec![about([-height, height], width)],
@@ -89,12 +93,15 @@ fn of_shape(shape: ApertureShape, half: [f64; 2], fineness: u32) -> Vec<Strip> {
 fn ellipse([width, height]: [f64; 2], fineness: u32) -> Vec<Strip> {
     // Area of the unit disc beside a line at `t` from the centre, over half the axis.
     let area = |t: f64| t * (1.0 - t * t).max(0.0).sqrt() + libm::asin(t);
-    let place = |k: u32| -libm::cos(PI * f64::from(k) / f64::from(fineness)).clamp(-1.0, 1.0);
+    let place = |k: u32| match 2 * k == fineness {
+        true => 0.0,
+        false => -libm::cos(PI * f64::from(k) / f64::from(fineness)).clamp(-1.0, 1.0),
+    };
     (0..fineness)
         .map(|k| {
             let [low, high] = [place(k), place(k + 1)];
             let half = 0.5 * width * (area(high) - area(low)) / (high - low);
-            Strip { z: [low * height, high * height], x: vec![[-half, half]] }
+            Strip { z: [low * height, high * height], x: vec![[-half, half]], middle: 0.0 }
         })
         .collect()
 }

@@ -122,6 +122,7 @@ fn upload_mask(
             last: single(strip.x.last().map_or(0.0, |[_, high]| *high)),
             top: single(-strip.z[1] * rows),
             bottom: single(-strip.z[0] * rows),
+            middle: single(-strip.middle * rows),
         }
     };
     let records: Vec<MaskStrip> =
