@@ -16,8 +16,8 @@ use crate::reference::surfaces::{Body, Mesh, body, extruded, sphere};
 use crate::support::{CARBON, Checked, Worst, backends, engine, engine_with};
 use beamlet::material::constants_at;
 use beamlet::scene::{
-    ApertureLattice, ApertureShape, MaskBody, MaskSpec, RandomRays, Refine, Scene, Scheme,
-    Substrate, Transport,
+    ApertureLattice, ApertureShape, Beam, MaskBody, MaskSpec, RandomRays, Refine, Scene, Scheme,
+    SpectrumOrigin, SpectrumSpec, Substrate, Transport,
 };
 use beamlet::{Backend, EngineOptions};
 use ndarray::Array3;
@@ -537,6 +537,47 @@ fn thick_bars_of_circles_and_crosses_let_through_what_random_rays_do() {
         };
         let [cells, random] = [Scheme::Cells, Scheme::Random].map(&mut light);
         worst.take(cells / random - 1.0, || format!("{shape:?}: {cells} for {random}"));
+        worst.holds();
+    }
+}
+
+/// Bars of gold that leak as energies do and shade up to 0.25 um of an aperture along z, before a ball of aluminium:
+/// energies share cells, and may not all share an edge. The mean of runs at single energies has no such cells.
+#[test]
+fn light_of_a_spectrum_behind_apertures_is_the_mean_of_its_energies() {
+    let place = tempfile::tempdir().expect("a place");
+    let path = place.path().join("lines.csv");
+    let energies = [40.0, 52.0, 66.0, 80.0];
+    let rows: String = energies.iter().map(|energy| format!("{energy},1\n")).collect();
+    std::fs::write(&path, format!("energy_keV,weight\n{rows}")).expect("a spectrum");
+    for (what, heights) in [("near the axis", 0.0), ("at 2.5 mrad", -3e-3)] {
+        let case = Case::rectangles([3, if heights < 0.0 { 81 } else { 4 }], 0.0);
+        let ball = carbon(sphere(260e-6, 3).moved([20e-6, 0.0, heights - 15e-6]));
+        let mut scene = case.scene(&[ball], &STEPS[2..]);
+        gold(&mut scene);
+        scene.sampling.tolerance = Some(1e-4);
+        scene.objects.iter_mut().for_each(|object| object.material = "aluminium".into());
+        let engine = engine(Backend::Bvh);
+        let mut at = |beam: Beam| {
+            scene.source.beam = beam;
+            let stacks = engine.simulate(&scene).expect("a stack");
+            let flat = stacks.flat.insert_axis(ndarray::Axis(0));
+            ndarray::concatenate![ndarray::Axis(0), stacks.sample, flat]
+        };
+        let of_one = energies.map(|energy| at(Beam::Energy(energy)));
+        let origin = SpectrumOrigin::File { path: path.clone() };
+        let got = at(Beam::Spectrum(SpectrumSpec::new(origin).with_nodes(4)));
+        let mut flat = Worst::new("spectrum behind apertures, flat", 2e-5);
+        let mut worst = Worst::new("spectrum behind apertures, sample", 5e-4);
+        let mut change: f32 = 0.0;
+        for (at, &got) in got.indexed_iter() {
+            let want = of_one.iter().map(|one| f64::from(one[at])).sum::<f64>() / 4.0;
+            change = change.max((of_one[0][at] - of_one[3][at]).abs());
+            let worst = if at.0 == 1 { &mut flat } else { &mut worst };
+            worst.take(f64::from(got) - want, || format!("{what}, {at:?}: {got} for {want}"));
+        }
+        assert!(change > 5e-3, "{what}: energies differ, {change}");
+        flat.holds();
         worst.holds();
     }
 }

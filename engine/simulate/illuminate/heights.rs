@@ -96,10 +96,10 @@ fn upload_mask(
     else {
         return Ok(none);
     };
-    let energy = match of.band {
-        SpectralBand::Node { energy, .. } => Some(*energy),
+    let (energy, shared_variance) = match of.band {
+        SpectralBand::Node { energy, .. } => (Some(*energy), None),
         SpectralBand::Group { edge_variance } if edge_variance[index].is_none() => return Ok(none),
-        SpectralBand::Group { .. } => None,
+        SpectralBand::Group { edge_variance } => (None, edge_variance[index]),
     };
     let shape = MaskShape::of(of.scene, mask, plane, energy)?;
     let rows = in_rows(of.optics, plane);
@@ -129,14 +129,13 @@ fn upload_mask(
         strips.strips.iter().rev().zip(records).map(&mut record).collect();
     let buffer = device.upload("strips of masks", &records)?;
     let narrowing = shape.narrowing(1.0, shape.leak(1.0));
-    let opaque = energy.is_none() || shape.attenuation <= 0.0;
     let record = MaskHeights {
         strips: buffer.address(),
         count: numbers::count(records.len()),
         period: single(strips.period * rows),
         thickness: single(shape.thickness * rows),
         inset: single(0.5 * narrowing),
-        variance: single(if opaque { 0.0 } else { shape.edge_variance() }),
+        variance: shared_variance.unwrap_or_else(|| single(shape.edge_variance())),
         open: single(strips.open_share()),
     };
     buffers.extend([apertures, buffer]);

@@ -263,7 +263,9 @@ impl EnergyBinning {
             let displacement_variance =
                 cell.displacement_variance * single(delta_ratio * delta_ratio) + single(*rough);
             let x = [cell.x_low, cell.x_high];
-            list.push(Cell { displacement_variance, ..self.cell(cell_row, x, *results) });
+            let made = Cell { displacement_variance, ..self.cell(cell_row, x, *results) };
+            let depth = 0.5 * (results[0].depth + results[1].depth);
+            list.push(self.along_z(cell, *delta_ratio, depth, made));
         }
     }
 
@@ -366,7 +368,14 @@ impl EnergyBinning {
                 if (is_resolved && part * sums.displacement_variance() <= spread * spread)
                     || band.len() == 1
                 {
-                    scratch.lists[group].push(self.of_band(cell_row, x, &sums));
+                    let node = |n: usize| {
+                        let depth =
+                            0.5 * (scratch.results[n][0].depth + scratch.results[n][1].depth);
+                        (n, shares[n] * scratch.terms[n].light(), depth)
+                    };
+                    let [delta_ratio, depth] = self.means_of(band.map(node));
+                    let made = self.of_band(cell_row, x, &sums);
+                    scratch.lists[group].push(self.along_z(cell, delta_ratio, depth, made));
                     continue;
                 }
                 let mut below = 0.0;

@@ -38,7 +38,7 @@ pub struct Lattice {
     pub alike_rows: u32,
     /// Apertures of masks end along z: where light of a cell is along z matters everywhere, not at the borders of
     /// rows alone.
-    pub(super) heights: bool,
+    pub(crate) heights: bool,
     /// The same reach in columns and rows, not rounded.
     pub(super) blur: [f64; 2],
     /// How cells spread over rows.

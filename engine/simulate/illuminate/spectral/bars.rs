@@ -189,7 +189,11 @@ impl EnergyBinning {
             by_node: by_node.chunks(groups).map(|shares| shares.iter().sum()).collect(),
             shares,
             narrowings,
-            apart: self.is_apart(slope),
+            apart: self.is_apart(if self.lattice.heights {
+                slope.abs().max(slope_z.abs())
+            } else {
+                slope
+            }),
         }
     }
 }

@@ -31,6 +31,32 @@ impl EnergyBinning {
         }
     }
 
+    /// The growth and the slope of light along z behind apertures that end there, for energies of one cell: as of
+    /// `cell`, whose rays refract by `delta_ratio` of it and have this depth in the middle.
+    pub(super) fn along_z(&self, cell: &Cell, delta_ratio: f64, depth: f64, made: Cell) -> Cell {
+        if !self.lattice.heights {
+            return made;
+        }
+        let own = 0.5 * (f64::from(cell.depth_low) + f64::from(cell.depth_high));
+        let ratio = if own > 0.0 { depth / own } else { 0.0 };
+        Cell {
+            share_above: cell.share_above * single(delta_ratio),
+            share_below: cell.share_below * single(ratio),
+            ..made
+        }
+    }
+
+    /// Means over the light of energies: refraction, where the cell has 1, and depth.
+    pub(super) fn means_of(&self, nodes: impl Iterator<Item = (usize, f64, f64)>) -> [f64; 2] {
+        let mut sums = [f64::MIN_POSITIVE, 0.0, 0.0];
+        for (node, light, depth) in nodes {
+            sums[0] += light;
+            sums[1] += light * self.delta_ratio[node];
+            sums[2] += light * depth;
+        }
+        [sums[1] / sums[0], sums[2] / sums[0]]
+    }
+
     /// The cell with these results at its ends.
     pub(super) fn cell(
         &self,
@@ -41,8 +67,11 @@ impl EnergyBinning {
         let mean = |f: fn(&NodeResult) -> f64| 0.5 * (f(&low) + f(&high));
         let z = mean(|l| l.z);
         let down = -z / self.row_pitch;
-        let [above, below] =
-            self.lattice.row_shares(cell_row.top.into(), cell_row.bottom.into(), down);
+        let [above, below] = if self.lattice.heights {
+            [0.0; 2]
+        } else {
+            self.lattice.row_shares(cell_row.top.into(), cell_row.bottom.into(), down)
+        };
         Cell {
             x_low: x[0],
             x_high: x[1],

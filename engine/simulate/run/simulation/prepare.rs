@@ -65,7 +65,7 @@ impl Simulation {
         let lattice = lattice_of(&scene, optics, &media)?;
         let keeps_moments = simulator.options().keep_moments;
         refine_choice::refuse(&scene, media.energies.len(), keeps_moments)?;
-        refuse_heights(&scene, &media, simulator.options())?;
+        refuse_heights(&scene, simulator.options())?;
         wave::refuse(&scene, optics, simulator.options())?;
         let delta_ratio =
             if simulator.options().keep_moments { moments::DELTA_HEADROOM } else { 1.0 };
@@ -250,7 +250,7 @@ fn settle_refine(
 }
 
 /// Refuses what cells behind apertures that end along z do not know.
-fn refuse_heights(scene: &Scene, media: &MaterialTable, options: &EngineOptions) -> Result<()> {
+fn refuse_heights(scene: &Scene, options: &EngineOptions) -> Result<()> {
     if !scene.has_heights() || scene.sampling.scheme == Scheme::Random {
         return Ok(());
     }
@@ -258,11 +258,6 @@ fn refuse_heights(scene: &Scene, media: &MaterialTable, options: &EngineOptions)
     if options.keep_moments {
         let found = format!("kept moments {apertures}");
         return Err(Error::scene("keep_moments", found, "a run that keeps no moments"));
-    }
-    if media.energies.len() > 1 {
-        let found = format!("a spectrum of {} energies, {apertures}", media.energies.len());
-        let allowed = "one energy, or sampling.scheme = \"random\"";
-        return Err(Error::scene("source.spectrum", found, allowed));
     }
     Ok(())
 }
