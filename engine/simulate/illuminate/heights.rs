@@ -96,11 +96,7 @@ fn upload_mask(
     else {
         return Ok(none);
     };
-    let (energy, shared_variance) = match of.band {
-        SpectralBand::Node { energy, .. } => (Some(*energy), None),
-        SpectralBand::Group { edge_variance } if edge_variance[index].is_none() => return Ok(none),
-        SpectralBand::Group { edge_variance } => (None, edge_variance[index]),
-    };
+    let Some((energy, shared_variance)) = of.band.seen(index) else { return Ok(none) };
     let shape = MaskShape::of(of.scene, mask, plane, energy)?;
     let rows = in_rows(of.optics, plane);
     let apertures: Vec<Aperture> = strips

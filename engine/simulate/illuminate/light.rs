@@ -41,6 +41,17 @@ pub(crate) enum SpectralBand {
     },
 }
 
+impl SpectralBand {
+    /// Energy at which bars of the sample mask (0) or detector mask (1) are, and the edge variance that energies
+    /// share; `None` where the light does not see the mask.
+    pub(super) fn seen(&self, mask: usize) -> Option<(Option<f64>, Option<f32>)> {
+        match self {
+            Self::Node { energy, .. } => Some((Some(*energy), None)),
+            Self::Group { edge_variance } => Some((None, Some(edge_variance[mask]?))),
+        }
+    }
+}
+
 /// Rows of a block that may see the bars of masks under one angle, a power of two.
 ///
 /// # Errors
@@ -240,12 +251,8 @@ fn upload_mask(
     let (mask, plane) =
         [(&optics.sample_mask, optics.cell_plane), (&optics.detector_mask, optics.analyser)][index];
     let Some(mask) = mask else { return Ok(bytemuck::Zeroable::zeroed()) };
-    let (energy, edge_variance) = match band {
-        SpectralBand::Node { energy, .. } => (Some(*energy), None),
-        SpectralBand::Group { edge_variance } if edge_variance[index].is_none() => {
-            return Ok(bytemuck::Zeroable::zeroed());
-        }
-        SpectralBand::Group { edge_variance } => (None, edge_variance[index]),
+    let Some((energy, edge_variance)) = band.seen(index) else {
+        return Ok(bytemuck::Zeroable::zeroed());
     };
     let shape = MaskShape::of(scene, mask, plane, energy)?;
     let apertures = shape.apertures();

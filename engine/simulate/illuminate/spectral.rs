@@ -264,8 +264,8 @@ impl EnergyBinning {
                 cell.displacement_variance * single(delta_ratio * delta_ratio) + single(*rough);
             let x = [cell.x_low, cell.x_high];
             let made = Cell { displacement_variance, ..self.cell(cell_row, x, *results) };
-            let depth = 0.5 * (results[0].depth + results[1].depth);
-            list.push(self.along_z(cell, *delta_ratio, depth, made));
+            let depth = || 0.5 * (results[0].depth + results[1].depth);
+            list.push(self.along_z(cell, made, || [*delta_ratio, depth()]));
         }
     }
 
@@ -373,9 +373,9 @@ impl EnergyBinning {
                             0.5 * (scratch.results[n][0].depth + scratch.results[n][1].depth);
                         (n, shares[n] * scratch.terms[n].light(), depth)
                     };
-                    let [delta_ratio, depth] = self.means_of(band.map(node));
                     let made = self.of_band(cell_row, x, &sums);
-                    scratch.lists[group].push(self.along_z(cell, delta_ratio, depth, made));
+                    let made = self.along_z(cell, made, || self.means_of(band.map(node)));
+                    scratch.lists[group].push(made);
                     continue;
                 }
                 let mut below = 0.0;

@@ -32,11 +32,17 @@ impl EnergyBinning {
     }
 
     /// The growth and the slope of light along z behind apertures that end there, for energies of one cell: as of
-    /// `cell`, whose rays refract by `delta_ratio` of it and have this depth in the middle.
-    pub(super) fn along_z(&self, cell: &Cell, delta_ratio: f64, depth: f64, made: Cell) -> Cell {
+    /// `cell`, times the means of refraction and depth ([`Self::means_of`]), which are not computed for slits.
+    pub(super) fn along_z(
+        &self,
+        cell: &Cell,
+        made: Cell,
+        means: impl FnOnce() -> [f64; 2],
+    ) -> Cell {
         if !self.lattice.heights {
             return made;
         }
+        let [delta_ratio, depth] = means();
         let own = 0.5 * (f64::from(cell.depth_low) + f64::from(cell.depth_high));
         let ratio = if own > 0.0 { depth / own } else { 0.0 };
         Cell {
