@@ -106,7 +106,7 @@ void next_node(inout Search search) {
     } while (search.more && search.leaves == 0u);
 }
 
-// A surface; its object is left out.
+// A surface; its object and the length of its heights are left out.
 Surface surface_of(uint index) {
     Words surfaces = Words(uvec2(sample_.surfaces));
     Record sides = record_at(surfaces, index, SURFACE_WORDS);
@@ -117,7 +117,7 @@ Surface surface_of(uint index) {
     if ((KINDS & KIND_SMOOTH) != 0u) smooth_ = word_of(sides, SURFACE_SMOOTH_);
 #endif
     return Surface(0u, word_of(sides, SURFACE_INSIDE), word_of(sides, SURFACE_OUTSIDE),
-                   word_of(sides, SURFACE_HASH), number_of(sides, SURFACE_GRAZING), roughness, smooth_);
+                   word_of(sides, SURFACE_HASH), number_of(sides, SURFACE_GRAZING), roughness, 0.0, smooth_);
 }
 
 #ifdef PLACED
@@ -127,7 +127,7 @@ void meet_other_normals(Beam beam, Surface surface, vec3 normal_, float y, inout
     if (surface.inside == surface.outside) return;
     if ((KINDS & KIND_SMOOTH) != 0u && surface.smooth_ != 0u) all.left = true;
     if ((KINDS & KIND_ROUGH) != 0u && surface.roughness > 0.0) {
-        bool draws = draws_at(beam, surface, normal_, all);
+        bool draws = HEIGHTS || draws_at(beam, surface, normal_, all);
         all.left = all.left || draws;
         if (!draws) spread_slopes(beam, surface, normal_, y, all);
     }

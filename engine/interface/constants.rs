@@ -63,6 +63,8 @@ shared_constants! {
     KIND_CROSSED: u32 = 64;
     /// Kind in a sample: views that move the sample otherwise than by a turn about z.
     KIND_MOVED: u32 = 128;
+    /// Kind in a sample: rough surfaces have heights, not slopes.
+    KIND_HEIGHTS: u32 = 256;
     /// Cylinder, cone or truncated cone.
     SHAPE_FRUSTUM: u32 = 0;
     /// Ellipsoid or sphere.
@@ -312,8 +314,14 @@ shared_constants! {
     MOMENTS_PER_PAIR: usize = 3;
     /// Floats of a pair: that variance, times the lever, m, and times its square, m2.
     MOMENTS_VARIANCE: usize = 0;
+    /// Float of a pair where rough surfaces have heights: path that these add in the material of the larger index
+    /// and take from the other, m.
+    MOMENTS_HEIGHT: usize = 0;
     /// Cosine of incidence over the roughness of a surface, below which rays of cells draw its normals.
     ROUGH_GRAZING: f64 = 15.0;
+    /// Least cosine of incidence over the roughness of a surface that a height is seen under: nearer to grazing parts
+    /// of the surface hide others.
+    HEIGHT_COSINE: f64 = 3.0;
     /// Crossings of a ray from which on it is one of many bodies.
     MANY_CROSSINGS: u32 = 16;
     /// Share of the grazing incidence below which rays through many bodies are followed in order.

@@ -103,6 +103,8 @@ shared_structs! {
         pub grazing: f32,
         /// Standard deviation of its slopes.
         pub roughness: f32,
+        /// Correlation length of its heights, m; 0 where it has slopes alone.
+        pub correlation: f32,
         /// Interpolated normals of corners refract light, not the normals of facets.
         pub smooth_: u32,
     }

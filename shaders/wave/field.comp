@@ -39,6 +39,18 @@ void main() {
         displacement += material.delta * (lever - slope * push.lever);
         at += MOMENTS_PER_MATERIAL;
     }
+    // Heights of rough surfaces, by pairs of materials.
+    bool is_rough = push.words > MOMENTS_HEAD + push.material_count * MOMENTS_PER_MATERIAL;
+    for (uint high = 1u; high < push.material_count && is_rough; high++) {
+        for (uint low = 0u; low < high; low++) {
+            float path = push.moments.at[at + MOMENTS_HEIGHT];
+            WaveMaterial gains = push.materials.at[high];
+            WaveMaterial loses = push.materials.at[low];
+            cycles += cycles_of(gains, path) - cycles_of(loses, path);
+            depth += (gains.half_mu - loses.half_mu) * path;
+            at += MOMENTS_PER_PAIR;
+        }
+    }
     cycles -= floor(cycles + 0.5);
     vec2 field = exp(-depth) * turned(-cycles);
     // Light of rays that are not finite is left out, and counted.

@@ -136,6 +136,8 @@ fn every_kernel_works_without_a_message_of_the_validation_layer() {
     }
     layer.simulate(None, MESHES, &["--set", "sampling.refine=device"]);
     layer.simulate(None, FIBRE, &["--set", "sampling.transport=wave"]);
+    let lengths = ROUGH.replace("roughness", "correlation_length = \"5 um\"\nroughness");
+    layer.simulate(None, &lengths, &["--set", "sampling.transport=wave"]);
     let spectrum = "source={ distance = \"1.21 m\", spot = \"30 um\", \
                     spectrum = { anode = \"tungsten\", kvp = \"60 kV\", nodes = 3 } }";
     let more = ["--set", spectrum, "--set", "sampling.refine=device"];

@@ -124,7 +124,7 @@ pub struct ObjectLimits {
     /// Share of the volume of its box that its bodies have; above 0.1 they are not independent, as the estimate
     /// of the dark field assumes.
     pub fill: f64,
-    /// True if its surface is rough. Roughness has slopes and no length: the error of its dark field is unknown.
+    /// True if its surface is rough. Rays take slopes without a length: the error of its dark field is unknown.
     pub rough: bool,
     /// Reasons why numbers are unknown or may not hold.
     pub unknown: Vec<String>,

@@ -30,7 +30,7 @@ impl RayLimits {
             self.objects.iter().filter(|it| it.rough).map(|it| it.name.as_str()).collect();
         if !rough.is_empty() {
             let text = format!(
-                "slopes without a length: the error of its dark field is unknown ({})",
+                "slopes without a length by rays: the error of its dark field is unknown ({})",
                 rough.join(", ")
             );
             lines.push(("roughness".into(), text));

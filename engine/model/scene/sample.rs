@@ -56,8 +56,11 @@ pub struct Object {
     pub allow_defects: bool,
     /// Places of copies of the shape or mesh; `None`: one copy at the object's own origin.
     pub instances: Option<Instances>,
-    /// Standard deviation of the slopes of its surface against its facets, 0 to 0.3; they have no correlation length.
+    /// Standard deviation of the slopes of its surface against its facets, 0 to 0.3.
     pub roughness: f64,
+    /// Correlation length of the heights of a rough surface, m, which waves need: their autocorrelation is
+    /// exp(-r²/length²). Rays take slopes alone.
+    pub correlation_length: Option<f64>,
     /// Which normals refract light.
     pub normals: Normals,
 }
@@ -90,6 +93,7 @@ impl Object {
             allow_defects: false,
             instances: None,
             roughness: 0.0,
+            correlation_length: None,
             normals: Normals::Facets,
         }
     }

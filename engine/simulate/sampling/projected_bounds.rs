@@ -24,6 +24,8 @@ pub(crate) struct ProjectedBounds {
     /// Row coordinates of its surfaces that are not upright: light thrown out of its row comes from
     /// there.
     pub lids: Lids,
+    /// True if its surface is rough.
+    pub rough: bool,
 }
 
 impl ProjectedBounds {
@@ -132,6 +134,7 @@ pub(crate) fn projected_bounds(
                 height: CHORD_SHARE * chord_z * rows_per_metre,
                 area: area * scale * rows_per_metre,
                 lids,
+                rough: component.leans > 0.0,
             }
         })
         .collect()

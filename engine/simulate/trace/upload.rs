@@ -6,7 +6,7 @@ use beamlet_core::numbers::{count, high_word, low_word, single};
 use beamlet_geometry as geometry;
 use beamlet_gpu::{AccelerationStructure, Buffer, Device};
 use beamlet_interface as interface;
-use beamlet_interface::{KIND_MOVED, KIND_ROUGH, PoseTransform, Surface};
+use beamlet_interface::{KIND_HEIGHTS, KIND_MOVED, KIND_ROUGH, PoseTransform, Surface};
 use beamlet_model::media::{MaterialTable, moment_words};
 use beamlet_model::scene::{Motion, Scene, Transport};
 use glam::{DVec2, DVec3};
@@ -80,8 +80,12 @@ impl DeviceSample {
             .collect();
         graze_by_partners(scene, media, sample, delta_ratio, &mut surfaces);
         let rough = surfaces.iter().any(|surface| surface.roughness > 0.0);
-        let kinds =
-            kinds | if rough { KIND_ROUGH } else { 0 } | if is_moved { KIND_MOVED } else { 0 };
+        let rough = match (rough, scene.sampling.transport) {
+            (false, _) => 0,
+            (true, Transport::Wave) => KIND_ROUGH | KIND_HEIGHTS,
+            (true, _) => KIND_ROUGH,
+        };
+        let kinds = kinds | rough | if is_moved { KIND_MOVED } else { 0 };
         let materials = media.names.len();
         let buffers = vec![
             upload(device, "nodes", &nodes)?,
@@ -243,13 +247,15 @@ fn surface(
         Transport::FirstOrder | Transport::Wave => 0.0,
         Transport::Auto | Transport::Exact => least_cosine(jump),
     };
+    let object = &scene.objects[component.object as usize];
     Surface {
         object: component.object,
         inside,
         outside,
         hash: hash(index),
         grazing: single(grazing),
-        roughness: single(scene.objects[component.object as usize].roughness),
+        roughness: single(object.roughness),
+        correlation: single(object.correlation_length.unwrap_or(0.0)),
         smooth_: component.smooth.into(),
     }
 }

@@ -2,6 +2,7 @@
 
 use beamlet_model::optics::Optics;
 use beamlet_model::optics::waves::wavelength;
+use beamlet_model::scene::Scene;
 use std::f64::consts::PI;
 
 /// Periods of the sample mask after which light repeats: a pixel sees its own beamlet and one on either side, and
@@ -13,6 +14,8 @@ const BLURRED_AWAY: f64 = 18.0;
 const SPACING: f64 = 55e-9;
 /// Power of the spacing that the error of an edge grows with: 1.4e-5 at 41 nm, 7e-5 at 83 nm.
 const ORDER: f64 = 2.3;
+/// Rays within the correlation length of a rough surface: its heights have nothing finer than a quarter of it.
+const PER_LENGTH: f64 = 4.0;
 /// Cycles of a turn of the kernel: frequencies are multiples of it per cell.
 const TURN: f64 = 4_294_967_296.0;
 
@@ -107,10 +110,14 @@ pub(super) fn last_frequency(optics: &Optics) -> f64 {
 }
 
 /// Spacing of the rays of all energies, m: the shear of the shortest wavelength per frequency is a whole number of
-/// spacings, at most as long as a tolerance allows.
-pub(super) fn spacing(optics: &Optics, energies: &[f64], period: f64, tolerance: f64) -> f64 {
+/// spacings, at most as long as the tolerance and the lengths of rough surfaces allow.
+pub(super) fn spacing(scene: &Scene, optics: &Optics, energies: &[f64], period: f64) -> f64 {
     let highest = energies.iter().copied().fold(0.0, f64::max);
     let shear = wavelength(highest) * Distances::of(optics).sample / (PERIODS * period);
-    let wanted = SPACING * (tolerance / 1e-4).powf(1.0 / ORDER);
+    let tolerance = scene.sampling.tolerances().light;
+    let rough = scene.objects.iter().filter(|object| object.roughness > 0.0);
+    let lengths = rough.filter_map(|object| object.correlation_length);
+    let longest = lengths.fold(f64::INFINITY, f64::min) / PER_LENGTH;
+    let wanted = (SPACING * (tolerance / 1e-4).powf(1.0 / ORDER)).min(longest);
     shear / (shear / wanted - 1e-6).ceil().max(1.0)
 }

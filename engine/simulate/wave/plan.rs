@@ -78,7 +78,7 @@ impl WavePlans {
     ) -> Result<Self> {
         let tolerance = scene.sampling.tolerances().light;
         let lattice = inline::lattice(lattice, optics, &media.energies, tolerance);
-        let spacing = spacing(optics, &media.energies, lattice.period, tolerance);
+        let spacing = spacing(scene, optics, &media.energies, lattice.period);
         log::info!("waves: rays {:.0} nm apart", 1e9 * spacing);
         let plan = |rays, kind| {
             let spacing = Spacing { rays, beamlets: lattice.period, kind };
@@ -151,7 +151,7 @@ pub(super) fn refuse_masks(scene: &Scene, optics: &Optics, nodes: &[(f64, f64)])
     let energies: Vec<f64> = nodes.iter().map(|(energy, _)| *energy).collect();
     let pixels = inline::pixels_of_beamlet(optics, &energies, tolerance);
     let beamlets = f64::from(pixels) * optics.beamlets().period[0];
-    let rays = 0.5 * spacing(optics, &energies, beamlets, tolerance);
+    let rays = 0.5 * spacing(scene, optics, &energies, beamlets);
     let finer = Spacing { rays, beamlets, kind: Kind::Rays };
     let energies = nodes.iter().map(|node| Energy::of(scene, optics, *node, finer));
     let energies: Vec<Energy> = energies.collect::<Result<_>>()?;

@@ -6,7 +6,7 @@ use crate::run::quality;
 use beamlet_core::{Error, Result};
 use beamlet_gpu::EngineOptions;
 use beamlet_model::optics::Optics;
-use beamlet_model::scene::{Refine, Scene, Scheme, Transport};
+use beamlet_model::scene::{Object, Refine, Scene, Scheme, Transport};
 use beamlet_model::spectrum;
 
 /// Refuses a scene that waves do not compute, whatever its transport; no device is needed.
@@ -40,9 +40,11 @@ pub(crate) fn refuse(scene: &Scene, optics: &Optics, options: &EngineOptions) ->
     if options.keep_moments {
         return wave("kept moments", "a run without --keep-moments");
     }
-    if let Some(object) = scene.objects.iter().find(|object| object.roughness > 0.0) {
-        let found = format!("the rough object \"{}\"", object.name);
-        return wave(&found, "roughness = 0: roughness has no correlation length");
+    let has_no_length =
+        |object: &&Object| object.roughness > 0.0 && object.correlation_length.is_none();
+    if let Some(object) = scene.objects.iter().find(has_no_length) {
+        let found = format!("the rough object \"{}\" without correlation_length", object.name);
+        return wave(&found, "roughness = 0, or a correlation_length of the object");
     }
     if optics.sample_mask.is_none() {
         inline::refuse(scene, optics)?;

@@ -92,8 +92,9 @@ impl WaveBand {
             // Lines reach over the borders of their beamlet.
             let near = (beamlets.start - 1).max(all.start)..(beamlets.end + 1).min(all.end);
             for row in own.start.max(rows.start)..own.end.min(rows.end) {
-                // Upright bodies are the same at all heights.
-                let height = if shadow.throws(row) { shadow.height } else { f64::INFINITY };
+                // Upright bodies are the same at all heights, unless they are rough.
+                let differs = shadow.throws(row) || shadow.rough;
+                let height = if differs { shadow.height } else { f64::INFINITY };
                 let of_row = found.entry(row).or_default();
                 for beamlet in near.clone() {
                     let least = of_row.entry(beamlet).or_insert(f64::INFINITY);

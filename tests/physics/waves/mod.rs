@@ -8,6 +8,7 @@ mod flats;
 mod inline;
 mod limits;
 mod refused;
+mod rough;
 mod rows;
 mod spectra;
 mod stacks;

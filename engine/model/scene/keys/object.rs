@@ -41,7 +41,9 @@ keys! { OBJECT: Object, "object", [Forms(&[&["shape"], &["mesh", "unit", "group"
     instances => Either(INSTANCES, &File("path of a CSV file"), &Inner(&PACKING.spec)), Without("one copy"),
         r#""positions.csv""#, "Many copies: a file of positions, or a packing.";
     roughness => Number("a standard deviation of slopes", within(0.0, limits::ROUGHNESS)), Default("0.0"), "0.002",
-        "Standard deviation of the slopes of the surface, which have no length.";
+        "Standard deviation of the slopes of the surface.";
+    correlation_length => Quantity(Length, POSITIVE), Without("none: slopes alone"), r#""5 um""#,
+        "Correlation length of the heights of a rough surface, for waves; rays take slopes alone.";
     normals => Word(NORMALS), Default(r#""facets""#), r#""smooth""#,
         "Normals that refract light; smooth normals of facets only.";
 }

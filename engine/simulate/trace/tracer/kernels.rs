@@ -3,7 +3,7 @@
 use beamlet_gpu::{Backend, Device, LazyKernel, push_bytes};
 use beamlet_interface::{
     BUNDLE_LANES, CrossingsPush, ExactPush, GROUP, KIND_CROSSED, KIND_ELLIPSOID, KIND_FRUSTUM,
-    KIND_MOVED, KIND_ROUGH, KIND_SMOOTH, KIND_TUBE, RAYS_PER_LANE, TracePush,
+    KIND_HEIGHTS, KIND_MOVED, KIND_ROUGH, KIND_SMOOTH, KIND_TUBE, RAYS_PER_LANE, TracePush,
 };
 use std::ops::RangeInclusive;
 use std::sync::{Arc, OnceLock};
@@ -25,10 +25,10 @@ pub struct TraceKernels {
 
 /// Surfaces at which bundles leave rays to the walk of single ones: surfaces that refract by other normals
 /// than the normals of their facets or shapes, and shapes that others cross.
-const ONE_BY_ONE: u32 = KIND_ROUGH | KIND_SMOOTH | KIND_CROSSED;
+const ONE_BY_ONE: u32 = KIND_ROUGH | KIND_HEIGHTS | KIND_SMOOTH | KIND_CROSSED;
 
 /// Combinations of `KIND_` bits.
-const KINDS: usize = 2 * KIND_MOVED as usize;
+const KINDS: usize = 2 * KIND_HEIGHTS as usize;
 
 /// The walks of a backend.
 #[derive(Debug)]
