@@ -5,8 +5,10 @@
 use crate::support::engine;
 use beamlet::Backend;
 use beamlet::ndarray::Axis;
-use beamlet::retrieve::{Method, RetrieveOptions, Retriever};
+use beamlet::retrieve::{ImagesTo, Input, Method, RetrieveOptions, Retriever, retrieve};
 use beamlet::scene::Scene;
+use beamlet::stack::{Format, OpenRun, RunDirectory};
+use beamlet::{Control, RowsControl};
 
 /// Angle of the wedge, rad: 0.3 per length with δ = 1e-6.
 const ANGLE: f64 = -0.3e-6;
@@ -54,4 +56,28 @@ fn exact_curves_err_by_four_thousandths_of_an_angle_by_waves() {
     assert!((0.003..0.006).contains(&waves), "{waves:e}");
     assert!((-0.06..-0.03).contains(&gaussian), "{gaussian:e}");
     assert!(more.abs() < 1e-3, "{more:e}");
+}
+
+#[test]
+fn exact_curves_of_a_run_by_waves_are_warned_of() {
+    let place = tempfile::tempdir().unwrap();
+    let engine = engine(Backend::Bvh);
+    let warnings = |transport: &str, method: Method| {
+        let name = format!("{transport}-{}", method.name());
+        let path = place.path().join(&name);
+        let mut sink = RunDirectory::create(&path, Format::Npy, false).unwrap();
+        engine.run(&scene(transport, ("30 um", 7)), &mut sink, Control::default()).unwrap();
+        let input = Input::of_run(&OpenRun::open(&path).unwrap(), false).unwrap();
+        let images = place.path().join(format!("{name}-images"));
+        let to = ImagesTo::new(&images, Format::Npy);
+        let options = RetrieveOptions::default().with_method(method);
+        let record = retrieve(&engine, input, &options, to, &mut RowsControl::default()).unwrap();
+        record.warnings.join("\n")
+    };
+    let text = warnings("wave", Method::ExactCurve);
+    assert!(text.contains("exact-curve") && text.contains("by waves"), "{text}");
+    for (transport, method) in [("auto", Method::ExactCurve), ("wave", Method::Gaussian)] {
+        let text = warnings(transport, method);
+        assert!(!text.contains("by waves"), "{text}");
+    }
 }

@@ -11,11 +11,12 @@ mod reopened;
 mod selection;
 mod times;
 
+use super::Method;
 use beamlet_core::cancel::Aside;
 use beamlet_core::{Error, Result};
 use beamlet_files::layout::GEOMETRY;
 use beamlet_files::{InputHashes, StackFile};
-use beamlet_model::scene::Scene;
+use beamlet_model::scene::{Scene, Transport};
 use correction::{Correction, LEFT_OUT};
 use ndarray::Array3;
 pub use offsets::offsets;
@@ -131,6 +132,16 @@ impl Input {
     /// Warnings about the files.
     pub(super) fn warnings(&self) -> &[String] {
         &self.warnings
+    }
+
+    /// A warning where a method fits the curve of ray optics to a run by waves.
+    pub(super) fn other_optics(&self, method: Method) -> Option<String> {
+        let by_waves = self.is_run && self.scene.sampling.transport == Transport::Wave;
+        (by_waves && method == Method::ExactCurve).then(|| {
+            "exact-curve fits the curve of ray optics to a run by waves, whose flat differs from it: angles are \
+             up to 0.7 % too large (docs/waves.md, \"Refused\"); more steps within the curve reduce this"
+                .into()
+        })
     }
 
     /// True if these are stacks given beside a geometry, and not a run's.

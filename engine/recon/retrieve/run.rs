@@ -291,7 +291,8 @@ fn retrieve_to(
     let scan = ScanOf::new(&input, joined.as_ref(), bad.as_ref());
     retrieve_views(scan, &options, &mut retriever, &mut diagnosis, &mut output, &mut inner)?;
     let mut record = output.record;
-    diagnosis.finish(&mut record, &retriever, input.warnings())?;
+    let of_input = input.warnings().iter().cloned().chain(input.other_optics(options.method));
+    diagnosis.finish(&mut record, &retriever, &of_input.collect::<Vec<_>>())?;
     finish(&mut record, hashes.wait(&cancel, &mut || {})??, (began, since));
     let geometry = match input.has_angles() {
         true => Some(retriever.geometry(&input, angles).text()?),
