@@ -131,7 +131,7 @@ const MEANINGS: [(&str, &str); 14] = [
     ),
     ("retraced", "rays of the ray-query backend that the software BVH has traced again"),
     ("dropped", "rectangles or crossings beyond a limit; should be 0"),
-    ("reflected", "rays that were totally reflected at least once"),
+    ("reflected", "rays that were totally reflected at least once; by waves they go straight"),
     ("not_finite", "rays whose value is not a number; their light is omitted; should be 0"),
     ("landed_off", "rectangles whose light lands outside the detector or too far off to follow"),
     ("defective_objects", "objects with open or crossing surfaces, accepted by allow_defects"),

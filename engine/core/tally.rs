@@ -27,7 +27,8 @@ pub struct Tally {
     pub retraced: u64,
     /// Cells or crossings dropped at a limit.
     pub dropped: u64,
-    /// Rays that were totally reflected at least once.
+    /// Rays that were totally reflected at least once; by waves rays that crossed a surface below its critical angle, and
+    /// went straight.
     pub reflected: u64,
     /// Rays with a value that is not finite; their light is left out.
     pub not_finite: u64,

@@ -22,3 +22,4 @@ mod report;
 mod screw;
 mod view;
 mod volume_report;
+mod waves;

@@ -19,7 +19,7 @@ use crate::run::memory::MemoryEstimate;
 use crate::run::simulator::Simulator;
 use crate::sampling::{self, ErrorBudget, Lattice, ProjectedBounds, Response};
 use crate::trace::{DeviceSample, Tracer};
-use crate::wave::WavePlans;
+use crate::wave::{self, WavePlans};
 pub use backend::choose;
 use beamlet_core::cancel::Cancel;
 use beamlet_core::tally::Tally;
@@ -386,6 +386,8 @@ impl Simulation {
             profile,
             ..RunRecord::begin(&self.start, self.scene.sampling.seed)
         };
+        let warning = wave::grazing_warning(&self.scene, &tally);
+        warning.into_iter().for_each(|text| log::warn!("{text}"));
         // The counts of a shard are too few to be judged: the join judges the sum.
         if control.shard.is_whole() {
             self.check_tally(&tally)?;

@@ -71,6 +71,8 @@ struct DeviceCounts {
     rays: AtomicU64,
     exact: AtomicU64,
     retraced: AtomicU64,
+    /// Rays of lines below the critical angle of a surface.
+    below_critical: AtomicU64,
     device: [AtomicU64; TALLY_COUNTERS],
 }
 
@@ -309,7 +311,7 @@ impl Tracer {
             retraced: self.counts.retraced.load(Ordering::Relaxed) + sums[TALLY_RETRACED],
             unbalanced: sums[TALLY_UNBALANCED],
             dropped: sums[TALLY_DROPPED],
-            reflected: sums[TALLY_REFLECTED],
+            reflected: self.counts.below_critical.load(Ordering::Relaxed) + sums[TALLY_REFLECTED],
             not_finite: sums[TALLY_NOT_FINITE],
             unordered: sums[TALLY_UNORDERED],
             negative: sums[TALLY_NEGATIVE],

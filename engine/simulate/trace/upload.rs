@@ -244,7 +244,9 @@ fn surface(
     let [inside, outside] = media.sides(component.object, component.outside);
     let jump = delta_ratio * media.step(inside, outside);
     let grazing = match scene.sampling.transport {
-        Transport::FirstOrder | Transport::Wave => 0.0,
+        Transport::FirstOrder => 0.0,
+        // The critical angle: rays of lines below it are counted, and go straight.
+        Transport::Wave => (2.0 * jump).sqrt(),
         Transport::Auto | Transport::Exact => least_cosine(jump),
     };
     let object = &scene.objects[component.object as usize];

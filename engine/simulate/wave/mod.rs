@@ -32,6 +32,6 @@ pub(crate) use band::WaveBand;
 pub use facets::facet_kinks;
 pub(crate) use kernels::WaveKernels;
 pub(crate) use plan::WavePlans;
-pub(crate) use refusal::refuse;
 pub use refusal::refuse_by_waves;
+pub(crate) use refusal::{grazing_warning, refuse};
 pub(crate) use rows::WaveView;

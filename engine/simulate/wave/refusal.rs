@@ -1,13 +1,27 @@
-//! Scenes that waves do not compute.
+//! Scenes, and rays of runs, that waves do not compute.
 
 use super::{inline, plan};
 use crate::detector::DetectorModel;
 use crate::run::quality;
+use beamlet_core::tally::Tally;
 use beamlet_core::{Error, Result};
 use beamlet_gpu::EngineOptions;
 use beamlet_model::optics::Optics;
 use beamlet_model::scene::{Object, Refine, Scene, Scheme, Transport};
 use beamlet_model::spectrum;
+
+/// A warning where more of the rays of a run by waves than its tolerance were below the critical angle of a surface.
+pub(crate) fn grazing_warning(scene: &Scene, tally: &Tally) -> Option<String> {
+    let Tally { rays, reflected, .. } = *tally;
+    let tolerated = scene.sampling.tolerances().light * rays as f64;
+    let is_many = scene.sampling.transport == Transport::Wave && reflected as f64 > tolerated;
+    is_many.then(|| {
+        format!(
+            "waves: {reflected} of {rays} rays cross a surface below its critical angle and go straight: light \
+             that is totally reflected there is not computed; transport = \"auto\" follows it by rays"
+        )
+    })
+}
 
 /// Refuses a scene that waves do not compute, whatever its transport; no device is needed.
 ///

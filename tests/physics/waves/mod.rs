@@ -5,6 +5,7 @@
 mod bodies;
 mod facets;
 mod flats;
+mod grazing;
 mod inline;
 mod limits;
 mod refused;

@@ -72,6 +72,9 @@ impl Tracer {
                 self.counts.retraced.fetch_add(retraced.into(), Ordering::Relaxed);
             }
         }
+        if self.transport == Transport::Wave {
+            self.counts.below_critical.fetch_add(exact.into(), Ordering::Relaxed);
+        }
         for walk in job.walks.iter().chain(&job.later) {
             let rays = match walk.rays {
                 ExactRays::All(rays) => rays,
