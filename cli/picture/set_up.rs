@@ -7,13 +7,19 @@ use super::palette::{self, colour_of_object, pale};
 use super::section::{Loop, by_object, outline, section, thinned};
 use super::text::{cut, distance, joined, length};
 use beamlet::Result;
-use beamlet::cli_support::{numbers, require_memory};
+use beamlet::cli_support::{FrontView, numbers, require_memory};
 use beamlet::geometry::Sample;
 use beamlet::scene::{MaskBody, MaskSpec, Scene};
 
 const WIDTH: f64 = 1180.0;
 const BEAM: Rgb = [250, 205, 70];
 const BARS: Rgb = [70, 70, 82];
+/// Light of apertures seen from the source.
+const LIGHT: Rgb = [253, 240, 200];
+/// Strips of a round aperture.
+const STRIPS: u32 = 48;
+/// Narrowest apertures that a drawing shows on either side of the axis.
+const MOST_SEEN: f64 = 40.0;
 const DETECTOR: Rgb = [40, 110, 150];
 
 /// Bytes for each triangle of the sample while its outline and its section are found: corners of
@@ -131,7 +137,7 @@ fn mask_line(drawing: &mut Drawing, axes: &Axes, mask: &MaskSpec, reach: f64) {
     let (top, bottom) = (axes.down(-1e3 * reach), axes.down(1e3 * reach));
     let period = (axes.down(1e3 * mask.period) - axes.down(0.0)).abs();
     drawing.clip(Some(Area::new(x - 3.0, top, 6.0, bottom - top)));
-    if period < 5.0 {
+    if period < 5.0 || mask.pattern.is_some() {
         drawing.line([x, top], [x, bottom], Paint::line(BARS, 4.0));
     } else {
         // Bars lie between apertures; the inset shows which of them is in the middle.
@@ -254,7 +260,12 @@ fn insets(drawing: &mut Drawing, scene: &Scene, sample: &Sample, loops: &[Loop])
     let masks = [(&scene.sample_mask, "sample mask"), (&scene.detector_mask, "detector mask")];
     for (mask, name) in masks {
         if let Some(mask) = mask {
-            mask_inset(drawing, scene, mask, name, Area::new(left, top, 268.0, 268.0));
+            let area = Area::new(left, top, 268.0, 268.0);
+            match FrontView::of(mask, scene.detector.pixels, STRIPS) {
+                Some(view) => mask_from_source(drawing, mask, &view, name, area),
+                None => mask_inset(drawing, scene, mask, name, area),
+            }
+            mask_text(drawing, mask, area);
             left += 268.0 + LEFT + 40.0;
         }
     }
@@ -338,6 +349,59 @@ fn mask_inset(drawing: &mut Drawing, scene: &Scene, mask: &MaskSpec, name: &str,
     drawing.clip(None);
     axes.frame(drawing, &format!("y from the centre of the {name} [µm]"), "x [µm]");
     drawing.text([area.left, area.top - 10.0], name, 13.0, INK, Anchor::Start);
+}
+
+/// Apertures about the axis as the source sees them, z upwards.
+fn mask_from_source(
+    drawing: &mut Drawing,
+    mask: &MaskSpec,
+    view: &FrontView,
+    name: &str,
+    area: Area,
+) {
+    let whole = view.period.max(view.strips.period);
+    let narrowest = mask.aperture.min(mask.aperture_z.unwrap_or(mask.aperture));
+    let half = if mask.pattern.is_some() { 0.55 * whole } else { 1.6 * whole };
+    let half = half.min(MOST_SEEN * narrowest);
+    let axes = Axes {
+        area,
+        x: [-1e6 * half, 1e6 * half],
+        y: [-1e6 * half, 1e6 * half],
+        ..Axes::default()
+    };
+    drawing.clip(Some(area));
+    drawing.area(area, Paint::fill(BARS));
+    let (across, up) = ([view.centre, view.period], [view.strips.centre, view.strips.period]);
+    for z in centres(up, half + 0.5 * up[1]) {
+        let seen =
+            |ends: &[f64; 2], centre: f64| centre + ends[1] > -half && centre + ends[0] < half;
+        for strip in view.strips.strips.iter().filter(|strip| seen(&strip.z, z)) {
+            for x in centres(across, half + across[1]) {
+                for ends in strip.x.iter().filter(|ends| seen(ends, x)) {
+                    let [left, bottom] = axes.at([1e6 * (x + ends[0]), 1e6 * (z + strip.z[0])]);
+                    let [right, top] = axes.at([1e6 * (x + ends[1]), 1e6 * (z + strip.z[1])]);
+                    drawing
+                        .area(Area::new(left, top, right - left, bottom - top), Paint::fill(LIGHT));
+                }
+            }
+        }
+    }
+    drawing.clip(None);
+    axes.frame(drawing, "x [µm]", "z [µm]");
+    let title = format!("{name}, from the source");
+    drawing.text([area.left, area.top - 10.0], title, 13.0, INK, Anchor::Start);
+}
+
+/// Centres of periods within reach of the axis.
+fn centres([centre, period]: [f64; 2], reach: f64) -> impl Iterator<Item = f64> {
+    let first = ((-reach - centre) / period).ceil();
+    let count = ((reach - centre) / period).floor() - first + 1.0;
+    (0..numbers::whole::<u32>(count.max(0.0)))
+        .map(move |k| centre + (first + f64::from(k)) * period)
+}
+
+/// Period, apertures and body of a mask, below its drawing.
+fn mask_text(drawing: &mut Drawing, mask: &MaskSpec, area: Area) {
     let body = match &mask.body {
         MaskBody::Bars { material, thickness } => {
             format!("{material}, {} thick", length(*thickness))
@@ -345,15 +409,26 @@ fn mask_inset(drawing: &mut Drawing, scene: &Scene, mask: &MaskSpec, name: &str,
         MaskBody::Sheet { transmission } => format!("sheet, transmission {transmission}"),
         _ => String::new(),
     };
-    let mut lattice = format!("period {}, aperture {}", length(mask.period), length(mask.aperture));
+    let both = |[x, z]: [Option<f64>; 2]| {
+        [x, z].into_iter().flatten().map(length).collect::<Vec<_>>().join(" × ")
+    };
+    let period = both([Some(mask.period), mask.period_z]);
+    let aperture = both([Some(mask.aperture), mask.aperture_z]);
+    let narrowest = if mask.pattern.is_some() { "narrowest " } else { "" };
+    let mut lines = vec![format!("{narrowest}aperture {aperture}"), body];
+    let mut lattice = format!("period {period}");
+    if mask.period_z.is_none() {
+        lattice += &format!(", {}", lines.remove(0));
+    }
     if mask.apertures.len() > 1 {
         lattice += &format!(", {} to a period", mask.apertures.len());
     }
     if !mask.shifts.is_empty() {
         lattice += &format!(", {} shifts", mask.shifts.len());
     }
-    for (row, text) in [(16.0, lattice), (33.0, body)] {
-        let y = area.bottom() + BELOW + row;
+    lines.insert(0, lattice);
+    for (row, text) in (0_u32..).zip(lines) {
+        let y = area.bottom() + BELOW + 16.0 + 15.0 * f64::from(row);
         drawing.text([area.left, y], text, SMALL, INK, Anchor::Start);
     }
 }

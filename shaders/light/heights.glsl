@@ -272,6 +272,15 @@ Landing landing_begin(uint mask_step, float faint, ivec2 pixels) {
     return landing;
 }
 
+// True if a strip of the detector mask lies before the rows that light of a cell reaches.
+bool strip_is_behind(Cell cell, uint strip) {
+    float down = cell.displacement_z / light.row_pitch;
+    float begin = row_geometry.aperture_offset + light.row_shift - down
+        - (heights.analyser_shift - heights.analyser_share * down);
+    ivec2 periods = periods_of(heights.detector_mask, strip, begin, float(reached.x), float(reached.y + 1));
+    return periods.x <= periods.y;
+}
+
 // Light of a piece of a cell lands in a pixel, whose lower edge is `edge`, through each strip of the detector
 // mask and what its bars leak.
 void land_in_rows(Landing landing, Cell cell, Piece piece, int pixel, float edge, bool home) {
@@ -281,6 +290,8 @@ void land_in_rows(Landing landing, Cell cell, Piece piece, int pixel, float edge
     uint strip = 0u;
     uint count = max(strips, 1u);
     do {
+        // The first one carries the leaks, too.
+        while (strip > 0u && strip + 1u < count && !strip_is_behind(cell, strip)) strip++;
         if (strips > 0u) {
             light.detector_mask = mask_of_strip(light.detector_mask, heights.detector_mask, strip);
         }

@@ -12,6 +12,7 @@ mod kept;
 mod material;
 mod names;
 mod paper;
+mod patterns;
 mod scan;
 mod scene;
 mod scene_beam;

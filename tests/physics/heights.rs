@@ -16,11 +16,11 @@ use crate::reference::surfaces::{Body, Mesh, body, extruded, sphere};
 use crate::support::{CARBON, Checked, Worst, backends, engine, engine_with};
 use beamlet::material::constants_at;
 use beamlet::scene::{
-    ApertureLattice, ApertureShape, Beam, MaskBody, MaskSpec, RandomRays, Refine, Scene, Scheme,
-    SpectrumOrigin, SpectrumSpec, Substrate, Transport,
+    ApertureLattice, ApertureShape, Beam, MaskBody, MaskSpec, Pattern, RandomRays, Refine, Scene,
+    Scheme, SpectrumOrigin, SpectrumSpec, Substrate, Transport,
 };
 use beamlet::{Backend, EngineOptions};
-use ndarray::Array3;
+use ndarray::{Array2, Array3};
 
 /// As for slits (tests/physics/flat.rs), for each of two directions.
 const SAME_MASKS: f64 = 1e-6;
@@ -37,9 +37,38 @@ struct Planned {
     shape: ApertureShape,
     lattice: ApertureLattice,
     leak: f64,
+    /// Rows of 0 and 1 of a pattern that fills a period, from above; none: apertures of the shape.
+    rows: &'static [&'static str],
 }
 
 impl Planned {
+    /// A pattern in place of the apertures.
+    fn patterned(self, rows: &'static [&'static str]) -> Self {
+        Self { rows, ..self }
+    }
+
+    /// Columns and rows of its pattern, and the size of a pixel.
+    fn grid(&self) -> ([usize; 2], [f64; 2]) {
+        let count = [self.rows[0].len(), self.rows.len()];
+        (count, [0, 1].map(|axis| self.period[axis] / count[axis] as f64))
+    }
+
+    fn is_open(&self, row: usize, column: usize) -> bool {
+        self.rows[row].as_bytes()[column] == b'1'
+    }
+
+    /// Its open pixels, each a box.
+    fn open_pixels(&self) -> Vec<Ends> {
+        let ([columns, rows], [width, height]) = self.grid();
+        let places = (0..rows).flat_map(|row| (0..columns).map(move |column| [row, column]));
+        let ends = |[row, column]: [usize; 2]| {
+            let left = (column as f64 - 0.5 * columns as f64) * width;
+            let top = (0.5 * rows as f64 - row as f64) * height;
+            [[left, left + width], [top - height, top]]
+        };
+        places.filter(|[row, column]| self.is_open(*row, *column)).map(ends).collect()
+    }
+
     /// The same apertures, every second row half a period aside.
     fn hexagonal(self) -> Self {
         Self { lattice: ApertureLattice::Hexagonal, ..self }
@@ -51,12 +80,19 @@ impl Planned {
             .with_heights(self.shape, self.aperture[1], self.period[1]);
         [spec.offset, spec.offset_z] = self.offset;
         spec.lattice = self.lattice;
-        spec
+        if self.rows.is_empty() {
+            return spec;
+        }
+        let ([columns, rows], pixel) = self.grid();
+        let open =
+            Array2::from_shape_fn((rows, columns), |(row, column)| self.is_open(row, column));
+        spec.with_pattern(Pattern::new(open), pixel)
     }
 
     fn sheet(&self, pixels: [u32; 2], strips: u32) -> Sheet {
         let half = self.aperture.map(|width| 0.5 * width);
         let mut boxes = match self.shape {
+            _ if !self.rows.is_empty() => self.open_pixels(),
             ApertureShape::Round => ellipse(half, strips),
             _ => vec![half.map(|half| [-half, half])],
         };
@@ -103,6 +139,7 @@ impl Case {
             shape,
             lattice: ApertureLattice::Rectangular,
             leak,
+            rows: &[],
         };
         let second = Planned {
             distance: 1.8,
@@ -112,6 +149,7 @@ impl Case {
             shape,
             lattice: ApertureLattice::Rectangular,
             leak: 0.5 * leak,
+            rows: &[],
         };
         Self { setup, masks: [Some(first), Some(second)] }
     }
@@ -280,6 +318,40 @@ fn flats_of_circles_are_sums_over_their_chords() {
     worst.holds();
 }
 
+/// A coded pattern with runs across the ends of rows, equal rows, a full row and an empty one.
+const CODED: &[&str] = &[
+    "1001011", "0110100", "0110100", "1111111", "0000000", "1010011", "0011001", "1100110",
+    "0101010",
+];
+
+#[test]
+fn flats_of_patterns_are_sums_over_their_pixels() {
+    let mut worst = Worst::new("flat of patterns, closed form", SAME_MASKS);
+    let engine = engine(Backend::Bvh);
+    for patterned in [[true, false], [false, true], [true, true]] {
+        let mut case = Case::rectangles([5, 4], 0.2);
+        for (mask, _) in case.masks.iter_mut().zip(patterned).filter(|(_, is)| *is) {
+            *mask = mask.map(|mask| Planned { period: [410e-6, 370e-6], ..mask }.patterned(CODED));
+        }
+        let got = stack(&engine, &case.scene(&[], &STEPS));
+        for ((step, row, column), &got) in got.indexed_iter() {
+            let want = case.flat(1, [column as u32, row as u32], STEPS[step]);
+            worst.take(f64::from(got) - want, || {
+                format!("{patterned:?}, step {step}, pixel {column}, {row}: {got} for {want}")
+            });
+        }
+    }
+    worst.holds();
+}
+
+#[test]
+fn cells_behind_a_pattern_are_the_mean_of_random_rays() {
+    let mut case = Case::rectangles([3, 3], 0.1);
+    case.masks[0] =
+        case.masks[0].map(|mask| Planned { period: [210e-6, 180e-6], ..mask }.patterned(CODED));
+    compare_with_random("pattern, cells against random rays", &case);
+}
+
 #[test]
 fn what_apertures_that_end_along_z_do_not_serve_is_refused_by_name() {
     let scene = Case::rectangles([2, 2], 0.0).scene(&[], &STEPS);
@@ -308,6 +380,26 @@ fn what_apertures_that_end_along_z_do_not_serve_is_refused_by_name() {
         mask.body = MaskBody::Bars { material: "gold".into(), thickness: 0.15 };
     };
     refused(&mask(thick), "sample_mask.thickness");
+    let pattern = |rows: &[&[bool]]| {
+        let open = rows.concat();
+        Pattern::new(Array2::from_shape_vec((rows.len(), rows[0].len()), open).expect("rows"))
+    };
+    let of_pattern = |rows: &[&[bool]], thick: bool| {
+        let pattern = pattern(rows);
+        move |scene: &mut Scene| {
+            let mask =
+                scene.sample_mask.take().map(|mask| mask.with_pattern(pattern.clone(), [50e-6; 2]));
+            scene.sample_mask = mask.map(|mut mask| {
+                if thick {
+                    mask.body = MaskBody::Bars { material: "gold".into(), thickness: 1e-6 };
+                }
+                mask
+            });
+        }
+    };
+    refused(&of_pattern(&[&[true, false]], true), "sample_mask.thickness");
+    refused(&of_pattern(&[&[true, true]], false), "sample_mask.pattern");
+    refused(&of_pattern(&[&[false, false]], false), "sample_mask.pattern");
     // Steps along z change nothing behind slits.
     refused(&|scene| scene.sample_mask = None, "scan.mask_offsets_z");
 }
@@ -434,19 +526,26 @@ fn exchanged_axes_give_the_exchanged_stack() {
 #[test]
 fn bands_batches_and_backends_change_no_bit_behind_apertures() {
     let case = Case::rectangles([4, 5], 0.05);
-    let scene = case.scene(&[carbon(sphere(230e-6, 2))], &STEPS);
-    let whole = stack(&engine(Backend::Bvh), &scene);
+    no_bit_changes(&case.scene(&[carbon(sphere(230e-6, 2))], &STEPS));
+    let mut case = Case::rectangles([3, 2], 0.05);
+    case.masks[0] =
+        case.masks[0].map(|mask| Planned { period: [210e-6, 180e-6], ..mask }.patterned(CODED));
+    no_bit_changes(&case.scene(&[carbon(sphere(150e-6, 2))], &STEPS[3..]));
+}
+
+fn no_bit_changes(scene: &Scene) {
+    let whole = stack(&engine(Backend::Bvh), scene);
     for (band, batch) in [(Some(1), None), (Some(2), Some(97))] {
         let options = EngineOptions::default()
             .with_backend(Backend::Bvh)
             .with_band_rows(band)
             .with_batch_rays(batch);
-        let parts = stack(&engine_with(options), &scene);
+        let parts = stack(&engine_with(options), scene);
         assert!(parts == whole, "bands of {band:?} rows, batches of {batch:?} rays");
     }
     for backend in backends() {
         let mut worst = Worst::new("backends behind apertures", 1e-6);
-        let other = stack(&engine(backend), &scene);
+        let other = stack(&engine(backend), scene);
         for (got, want) in other.iter().zip(&whole) {
             worst.take(f64::from(got - want), || format!("{backend:?}: {got} for {want}"));
         }

@@ -117,6 +117,33 @@ fn a_scene_is_drawn_as_set_up_and_sample() {
     assert!((found / expected - 1.0).abs() < 5e-3, "{found} of the picture, {expected} expected");
 }
 
+/// Row 0 of a pattern is on top of the drawing, columns ascend to the right.
+#[test]
+fn masks_of_patterns_are_drawn_as_the_source_sees_them() {
+    let place = tempfile::tempdir().unwrap();
+    let scene = r#"
+source = { distance = "1.2 m", spot = "20 um", energy = "30 keV" }
+detector = { distance = "1.8 m", pixels = [9, 9], pitch = "40 um" }
+[sample_mask]
+distance = "1.15 m"
+transmission = 0.1
+pattern = ["1000", "0000", "0110", "0000"]
+pattern_pixel = "20 um"
+"#;
+    fs::write(place.path().join("scene.toml"), scene).unwrap();
+    done(place.path(), "view scene.toml -o pictures");
+    let drawn = picture(&place.path().join("pictures/set_up.png"));
+    // Without a sample its drawing is the first below: 268 units for 88 um, about (226, 710).
+    let at = |x: f64, z: f64| colour(&drawn, 226.0 + x * 268.0 / 88.0, 710.0 - z * 268.0 / 88.0);
+    for row in 0..4 {
+        for column in 0..4 {
+            let [x, z] = [20.0 * f64::from(column) - 30.0, 30.0 - 20.0 * f64::from(row)];
+            let open = matches!((row, column), (0, 0) | (2, 1 | 2));
+            assert_eq!(at(x, z)[0] > 200, open, "{row}, {column}: {:?}", at(x, z));
+        }
+    }
+}
+
 #[test]
 fn instances_are_counted_by_check_and_drawn_where_they_stand() {
     let place = tempfile::tempdir().unwrap();

@@ -24,6 +24,8 @@ pub struct Openings {
     pub offset: f64,
     /// Openings of a period, ascending along x; one at least.
     of_period: Vec<Opening>,
+    /// Width along x of the narrowest opening of a pattern, whose openings here are columns.
+    narrowest: Option<f64>,
     /// Width of the narrowest bar across the slits; 0 without bars.
     bar: f64,
 }
@@ -33,7 +35,7 @@ impl Openings {
     pub(super) fn side_by_side(width: f64) -> Self {
         let half = width / 2.0;
         let of_period = vec![Opening { ends: [[-half, half], ENDLESS] }];
-        Self { period: [width, f64::INFINITY], offset: 0.0, of_period, bar: 0.0 }
+        Self { period: [width, f64::INFINITY], offset: 0.0, of_period, narrowest: None, bar: 0.0 }
     }
 
     /// Ends along x of the openings of a period, from its centre, ascending.
@@ -48,6 +50,9 @@ impl Openings {
 
     /// Width along x (0) or z (1) of the narrowest opening; infinite without edges.
     pub fn narrowest(&self, axis: usize) -> f64 {
+        if let (0, Some(narrowest)) = (axis, self.narrowest) {
+            return narrowest;
+        }
         let widths = self.of_period.iter().map(|opening| opening.ends[axis]);
         widths.map(|[low, high]| high - low).fold(f64::INFINITY, f64::min)
     }
@@ -153,6 +158,19 @@ impl Mask {
         self.seen(self.scale_at(plane), 0.0)
     }
 
+    /// Openings seen in the plane at `plane`, m there, whose edges cut light on the detector as the mask's do: of a
+    /// pattern the row with most of them.
+    pub fn windows(&self, plane: f64) -> Openings {
+        let mut openings = self.openings(plane);
+        if let Some(row) = self.spec.row_of_pattern() {
+            let along_z = openings.of_period.first().map_or(ENDLESS, |opening| opening.ends[1]);
+            let scale = self.scale_at(plane);
+            let opening = |ends: [f64; 2]| Opening { ends: [ends.map(|end| end * scale), along_z] };
+            openings.of_period = row.into_iter().map(opening).collect();
+        }
+        openings
+    }
+
     /// Openings of a single period without shifts seen in the plane at `plane`, m there: beamlets are at these
     /// places.
     pub fn without_shifts(&self, plane: f64) -> Openings {
@@ -195,7 +213,7 @@ impl Mask {
 
     /// True if a period has several slits.
     pub fn has_several(&self) -> bool {
-        self.spec.apertures.len() > 1
+        self.spec.apertures.len() > 1 || self.spec.pattern.is_some()
     }
 
     /// Openings seen on the detector, columns of pixels, while the mask is displaced by `shift` (m)
@@ -210,19 +228,22 @@ impl Mask {
             .heights()
             .map_or(ENDLESS, |[height, _]| [-0.5, 0.5].map(|end| end * height * scale));
         let period_z = spec.pattern_z().map_or(f64::INFINITY, |period| period * scale);
-        let of_period = if spec.apertures.is_empty() && spec.shifts.is_empty() {
+        let opening = |ends: [f64; 2]| Opening { ends: [ends.map(|end| end * scale), along_z] };
+        let of_period = if let Some(columns) = spec.columns_of_pattern() {
+            columns.into_iter().map(opening).collect()
+        } else if spec.apertures.is_empty() && spec.shifts.is_empty() {
             let half = spec.aperture * scale / 2.0;
             let displaced = 0.5 * spec.period * scale;
             let of_rows = [0.0, displaced].into_iter().take(spec.rows_of_period() as usize);
             of_rows.map(|at| Opening { ends: [[at - half, at + half], along_z] }).collect()
         } else {
-            let opening = |ends: [f64; 2]| Opening { ends: [ends.map(|end| end * scale), along_z] };
             spec.slits().into_iter().map(opening).collect()
         };
         Openings {
             period: [spec.pattern() * scale, period_z],
             offset: (self.pattern_offset + shift) * scale,
             of_period,
+            narrowest: spec.pattern.as_ref().map(|_| spec.aperture * scale),
             bar: spec.narrowest_bar() * scale,
         }
     }

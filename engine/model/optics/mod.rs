@@ -14,11 +14,12 @@ mod view_geometry;
 mod view_offsets;
 pub mod waves;
 
+pub use crate::scene::Strip;
 pub use bars::{MaskShape, mean_leaks, modulated, through_substrates};
 pub use detector_plane::DetectorPlane;
 pub use mask::{Mask, Openings};
 pub use periods::{WholePeriods, ends};
-pub use strips::{Strip, Strips};
+pub use strips::{FrontView, Strips};
 pub use thin_curve::ThinCurve;
 pub use view_geometry::ViewGeometry;
 pub(crate) use view_offsets::ViewOffsets;
@@ -146,7 +147,7 @@ impl Optics {
     /// it.
     pub fn windows(&self) -> Openings {
         match &self.detector_mask {
-            Some(mask) => mask.openings(self.analyser),
+            Some(mask) => mask.windows(self.analyser),
             None => self.pixel_windows(),
         }
     }

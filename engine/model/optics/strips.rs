@@ -1,28 +1,24 @@
 //! Apertures that end along z, as strips: intervals of z in which the openings along x are the same.
 
 use super::Mask;
-use crate::scene::{ApertureShape, MaskSpec};
+use crate::scene::{ApertureShape, MaskSpec, Strip};
 use std::f64::consts::PI;
 
-/// Part of a period of a mask along z: between its ends light passes the openings along x.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Strip {
-    /// Ends along z from the centre of the period, m.
-    pub z: [f64; 2],
-    /// Ends along x from the centre of the period, ascending, m.
-    pub x: Vec<[f64; 2]>,
-    /// Middle of its aperture along z from the centre of the period, m: from there to either end its strips are
-    /// narrower.
-    pub middle: f64,
+/// A strip displaced along x and z.
+fn moved(strip: &Strip, [x, z]: [f64; 2]) -> Strip {
+    Strip {
+        z: strip.z.map(|end| end + z),
+        x: strip.x.iter().map(|ends| ends.map(|end| end + x)).collect(),
+        middle: strip.middle + z,
+    }
 }
 
-impl Strip {
-    fn moved(&self, [x, z]: [f64; 2]) -> Self {
-        Self {
-            z: self.z.map(|end| end + z),
-            x: self.x.iter().map(|ends| ends.map(|end| end + x)).collect(),
-            middle: self.middle + z,
-        }
+/// A strip as it is seen `scale` times as large.
+fn scaled(strip: &Strip, scale: f64) -> Strip {
+    Strip {
+        z: strip.z.map(|end| end * scale),
+        x: strip.x.iter().map(|ends| ends.map(|end| end * scale)).collect(),
+        middle: strip.middle * scale,
     }
 }
 
@@ -54,19 +50,46 @@ impl Mask {
         let half = [0.5 * aperture * scale, 0.5 * height * scale];
         // Aperture k of R rows of pixels is at (k + 1/2 - R/2) periods.
         let shift = if self.rows().is_multiple_of(2) { 0.5 } else { 0.0 };
-        let own = of_shape(*shape, half, fineness);
+        let own = match self.spec().strips_of_pattern() {
+            Some(strips) => strips.iter().map(|strip| scaled(strip, scale)).collect(),
+            None => of_shape(*shape, half, fineness),
+        };
         let rows = self.spec().rows_of_period();
         let [between, across] = [period * scale, 0.5 * self.spec().period * scale];
         let row = |number: u32| {
             let up = (f64::from(number) - 0.5 * f64::from(rows - 1)) * between;
-            let moved = |strip: &Strip| strip.moved([f64::from(number) * across, up]);
-            own.iter().map(moved).collect::<Vec<_>>()
+            let aside = [f64::from(number) * across, up];
+            own.iter().map(|strip| moved(strip, aside)).collect::<Vec<_>>()
         };
         Some(Strips {
             period: f64::from(rows) * between,
             centre: (shift * period + offset_z) * scale + 0.5 * f64::from(rows - 1) * between,
             strips: (0..rows).flat_map(row).collect(),
         })
+    }
+}
+
+/// Apertures of a mask that end along z as the source sees them, in its plane.
+#[derive(Debug, Clone, PartialEq)]
+pub struct FrontView {
+    /// Distance along x from a period to the next, m.
+    pub period: f64,
+    /// Centre of some period along x, m.
+    pub centre: f64,
+    /// Strips of a period, which repeat along z.
+    pub strips: Strips,
+}
+
+impl FrontView {
+    /// The view of a mask before a detector of this number of columns and rows, an ellipse as `fineness` strips;
+    /// `None` of slits.
+    pub fn of(spec: &MaskSpec, [columns, rows]: [u32; 2], fineness: u32) -> Option<Self> {
+        let mask = Mask::new("mask", spec, columns, columns).before_rows(rows);
+        let strips = mask.strips(spec.distance, fineness)?;
+        let openings = mask.openings(spec.distance);
+        let period = openings.period[0];
+        let between = if columns.is_multiple_of(2) { 0.5 * period } else { 0.0 };
+        Some(Self { period, centre: openings.offset + between, strips })
     }
 }
 

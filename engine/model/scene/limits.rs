@@ -61,6 +61,8 @@ pub(super) const SPOT: f64 = 1e-3;
 pub(super) const ROUGHNESS: f64 = 0.3;
 /// Slits of a period, and periods after which shifted apertures repeat.
 pub(super) const SLITS: u32 = 1024;
+/// Rows and columns of the pattern of a mask.
+pub(super) const PATTERN: u32 = 2048;
 /// Bars of masks are thinner, m: thicker ones are probably a mistake.
 pub const THICK_BARS: f64 = 1e-3;
 

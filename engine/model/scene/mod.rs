@@ -21,6 +21,7 @@ mod model;
 mod motion;
 mod parse;
 pub(crate) mod path;
+mod pattern;
 mod polygon;
 mod read;
 mod sample;
@@ -55,6 +56,7 @@ pub use model::{
     Source, Substrate, Tolerances, Transport,
 };
 pub use motion::Motion;
+pub use pattern::{Pattern, Strip};
 pub use sample::{MaterialSpec, Mesh, MeshFormat, Normals, Object, Placement, Shape, ShapeOrMesh};
 pub use scan::{Fly, RotationAxis, Scan};
 pub use scan_errors::ScanErrors;

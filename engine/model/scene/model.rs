@@ -182,6 +182,10 @@ pub struct MaskSpec {
     pub period_z: Option<f64>,
     /// Displacement of the lattice along +z in the mask plane, m.
     pub offset_z: f64,
+    /// Open and closed pixels of a period along x and z, in place of apertures of one outline.
+    pub pattern: Option<super::Pattern>,
+    /// Size of a pixel of the pattern along x and z in the mask plane, m.
+    pub pattern_pixel: Option<[f64; 2]>,
     /// Form of the bars.
     pub body: MaskBody,
     /// Plate that carries the bars: all light passes it.
@@ -223,6 +227,8 @@ impl MaskSpec {
             aperture_z: None,
             period_z: None,
             offset_z: 0.0,
+            pattern: None,
+            pattern_pixel: None,
             body,
             substrate: None,
         }

@@ -53,6 +53,9 @@ impl MaskSpec {
     /// Share of the mask that is open.
     #[must_use]
     pub fn open_share(&self) -> f64 {
+        if let Some(pattern) = &self.pattern {
+            return pattern.open_share();
+        }
         let open: f64 = self.slits_of_period().iter().map(|[low, high]| high - low).sum();
         open / self.period
     }
@@ -60,6 +63,9 @@ impl MaskSpec {
     /// Width of the narrowest bar in the mask plane, m; 0 without bars, below 0 where slits overlap.
     #[must_use]
     pub fn narrowest_bar(&self) -> f64 {
+        if let Some(bar) = self.bar_of_pattern(0) {
+            return bar;
+        }
         let slits = self.slits();
         if let [[low, high]] = slits[..] {
             return self.period - (high - low);

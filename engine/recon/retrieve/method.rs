@@ -130,6 +130,7 @@ impl Method {
 
     /// Curves are functions of the mask offset along x.
     fn check_heights(self, scene: &Scene) -> Result<()> {
+        refuse_patterns(scene)?;
         let along_z = &scene.scan.mask_offsets_z;
         if different_offsets(along_z) > 1 {
             let found = format!("{} different offsets along z", different_offsets(along_z));
@@ -172,6 +173,18 @@ impl Method {
             format!("{count} offsets, {different} of them different"),
             format!("{self} needs {allowed}"),
         ))
+    }
+}
+
+/// Refuses patterns: their pixels have no curve of one peak.
+pub(super) fn refuse_patterns(scene: &Scene) -> Result<()> {
+    match scene.masks().find(|(_, mask)| mask.pattern.is_some()) {
+        None => Ok(()),
+        Some((key, _)) => {
+            let found = "a pattern, whose pixels have no curve of one peak";
+            let allowed = "slits or apertures on a lattice; compare windows of flat and sample frames instead";
+            Err(Error::scene(format!("{key}.pattern"), found, allowed))
+        }
     }
 }
 

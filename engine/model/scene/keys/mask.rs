@@ -1,12 +1,15 @@
 //! Keys of the masks.
 
 use super::prelude::*;
-use super::series::RANGE;
-use crate::scene::{ApertureLattice, ApertureShape, Detector, MaskBody, MaskSpec, Substrate};
+use super::series::{RANGE, placed};
+use crate::scene::{
+    ApertureLattice, ApertureShape, Detector, MaskBody, MaskSpec, Pattern, Substrate,
+};
+use std::path::Path;
 
 keys! { MASK: MaskSpec, "sample_mask",
     [Forms(&[&["transmission"], &["material", "thickness"]], 1),
-     Forms(&[&["aperture"], &["projected_aperture"], &["apertures"]], 0)],
+     Forms(&[&["aperture"], &["projected_aperture"], &["apertures"], &["pattern", "pattern_pixel"]], 0)],
     ["pitch" => "period", "slit" => "aperture", "slit_width" => "aperture", "opening" => "aperture",
      "height" => "thickness"];
     distance => Quantity(Length, POSITIVE),
@@ -26,6 +29,11 @@ keys! { MASK: MaskSpec, "sample_mask",
     apertures => Either("", &Ends(limits::SLITS), &File("path of a CSV file")), Required,
         r#"[["-30 um", "-10 um"], ["5 um", "25 um"]]"#,
         "Ends of the slits of a period from its middle, in the plane of the mask, ascending; a list or a file with the columns `end_0_um` and `end_1_um`.";
+    pattern => Either("", &Bits(limits::PATTERN), &File("path of a PNG, TIFF, NPY or CSV file")), Required,
+        r#""coded.png""#,
+        "Open pixels of a period along x and z: the larger value of an image of two values, or 1 in a CSV file or in texts of 0 and 1. Row 0 is on top; columns ascend along x.";
+    pattern_pixel => Pair(POSITIVE), Required, r#""5 um""#,
+        "Size of a pixel of the pattern in the plane of the mask; times columns and rows it is the period along x and z.";
     shifts => Either("", &Series(Length, limits::SLITS), &Inner(&RANGE)), Without("none"),
         r#"["0 um", "12 um"]"#,
         "Displacements along +x of the slits of successive periods, in the plane of the mask: period k has entry k modulo their number.";
@@ -82,6 +90,9 @@ impl Record for MaskSpec {
     }
 
     fn finish(&mut self, _: &Table<'_>) -> Result<()> {
+        if let (Some(pattern), Some(pixel)) = (self.pattern.take(), self.pattern_pixel) {
+            *self = self.clone().with_pattern(pattern, pixel);
+        }
         if !self.apertures.is_empty() {
             self.aperture = narrowest(&self.apertures);
         }
@@ -90,7 +101,8 @@ impl Record for MaskSpec {
 
     fn leaves_out(&self, key: &str) -> bool {
         match key {
-            "aperture" => !self.apertures.is_empty(),
+            "aperture" => !self.apertures.is_empty() || self.pattern.is_some(),
+            "period" | "shape" | "aperture_z" | "period_z" if self.pattern.is_some() => true,
             "apertures" => self.apertures.is_empty(),
             "shifts" => self.shifts.is_empty(),
             "substrate" => self.substrate.is_none(),
@@ -102,6 +114,9 @@ impl Record for MaskSpec {
     }
 
     fn relations(&self, key: &dyn Fn(&str) -> String, faults: &mut Faults) {
+        if let Some(pattern) = &self.pattern {
+            self.check_pattern(pattern, key, faults);
+        }
         if self.aperture > self.period {
             let found = format!("{} in the mask plane", Length.rounded(self.aperture));
             let allowed = format!(
@@ -143,6 +158,27 @@ impl MaskSpec {
         }
     }
 
+    /// A pattern has openings and bars, and no shadows of thick bars.
+    fn check_pattern(&self, pattern: &Pattern, key: &dyn Fn(&str) -> String, faults: &mut Faults) {
+        let open = pattern.open_share();
+        if !(open > 0.0 && open < 1.0) {
+            let found =
+                if open > 0.0 { "a pattern without bars" } else { "a pattern without openings" };
+            faults.add(Error::scene(key("pattern"), found, "open and closed pixels"));
+        }
+        if self.body.thickness() > 0.0 {
+            let found = format!("{} with a pattern", Length.rounded(self.body.thickness()));
+            faults.add(Error::scene(
+                key("thickness"),
+                found,
+                "a sheet (transmission) for patterns",
+            ));
+        }
+        if self.lattice != ApertureLattice::Rectangular {
+            faults.add(Error::scene(key("lattice"), "hexagonal with a pattern", "no value"));
+        }
+    }
+
     /// Apertures with ends along z lie apart along z, and bars cast narrow shadows.
     fn check_heights(&self, key: &dyn Fn(&str) -> String, faults: &mut Faults) {
         let Some([height, period]) = self.heights() else {
@@ -166,6 +202,47 @@ impl MaskSpec {
     }
 }
 
+/// Rows of 0 and 1, or a file.
+impl Value for Pattern {
+    fn read(item: &ListItem<'_>, row: &'static Row) -> Result<Self> {
+        // Open and closed pixels: no second fault of the same file.
+        let none = || Self::new(ndarray::Array2::from_shape_fn((2, 2), |(i, j)| i == j));
+        let most = limits::PATTERN as usize;
+        let pattern = if let Some(path) = item.as_text() {
+            let path = Path::new(path);
+            match Self::read(&item.directory().join(path)) {
+                Ok(pattern) => {
+                    item.note_table(path);
+                    pattern
+                }
+                Err(error) => return item.refuse(placed(item, error), none()),
+            }
+        } else {
+            let allowed = row.allowed();
+            let items = item.items(&allowed)?;
+            let texts: Vec<&str> =
+                items.iter().map(|it| it.as_text().unwrap_or_default()).collect();
+            match Self::of_texts(&texts) {
+                Ok(pattern) if !texts.is_empty() => pattern,
+                Ok(_) => return item.refuse(item.mismatch(allowed), none()),
+                Err(wrong) => return item.refuse(items[wrong].mismatch(allowed), none()),
+            }
+        };
+        let [rows, columns] = pattern.size();
+        if rows > most || columns > most {
+            let found = format!("{columns} x {rows} pixels");
+            return item
+                .refuse(item.error(found, format!("up to {most} rows and columns")), none());
+        }
+        Ok(pattern)
+    }
+
+    fn write(&self, _: &Row, _: &Base<'_>) -> Result<Option<String>> {
+        let rows: Vec<_> = self.texts().iter().map(|row| quoted(row)).collect();
+        Ok(Some(format!("[{}]", rows.join(", "))))
+    }
+}
+
 /// Width of the narrowest of some slits, m.
 fn narrowest(slits: &[[f64; 2]]) -> f64 {
     slits.iter().map(|[low, high]| high - low).fold(f64::INFINITY, f64::min)
@@ -182,6 +259,17 @@ pub(crate) fn read_mask(table: &Table<'_>, key: &str, detector: &Detector) -> Re
                 f64::NAN
             }
         };
+    }
+    if mask.pattern.is_some() {
+        for name in ["period", "period_z", "aperture_z", "shape"] {
+            if let Some(item) = table.get(name) {
+                item.refuse(
+                    item.error("given beside pattern", "no value: it follows from pattern_pixel"),
+                    (),
+                )?;
+            }
+        }
+        return Ok(mask);
     }
     // Lengths on the detector shrink towards the source.
     let projected = |length: f64| length * mask.distance / detector.distance;

@@ -67,6 +67,8 @@ pub(crate) enum Kind {
     Corners(u32),
     /// A list of ends of slits.
     Ends(u32),
+    /// A list of rows of 0 and 1, as texts, with an upper limit of their number and length.
+    Bits(u32),
     /// A length or an angle, as the list that it stands for.
     Step,
     /// A list of quantities with an upper limit of their number, or a range of them.
@@ -240,6 +242,7 @@ impl Row {
             Kind::Line => "a line of text, of 1 to 200 characters".to_owned(),
             Kind::Corners(_) => such("corners around a polygon"),
             Kind::Ends(most) => such(&format!("a list of 1 to {most} pairs of ends")),
+            Kind::Bits(_) => such("a list of rows of 0 and 1"),
             Kind::Step => "a length or an angle".to_owned(),
             Kind::Series(_, most) => {
                 format!(

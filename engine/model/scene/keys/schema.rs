@@ -101,6 +101,10 @@ fn kind(kind: &Kind) -> Value {
         Kind::Lengths(_, range) => several(&quantity(&[Dimension::Length], *range), 3, 3),
         Kind::Corners(most) => pairs(3, *most),
         Kind::Ends(most) => pairs(1, *most),
+        Kind::Bits(most) => {
+            let row = json!({ "type": "string", "pattern": "^[01]+$", "maxLength": most });
+            several(&row, 1, *most)
+        }
         Kind::Series(dimension, most) => {
             several(&quantity(&[*dimension], super::row::ANY), 1, *most)
         }

@@ -1,0 +1,284 @@
+//! Patterns of masks: open and closed pixels on a grid, and the openings that they make.
+
+use super::MaskSpec;
+use beamlet_core::{Error, Place, Result, csv_table, image, input_file};
+use ndarray::Array2;
+use std::path::Path;
+
+/// Part of a period of a mask along z: between its ends light passes the openings along x.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Strip {
+    /// Ends along z from the centre of the period, m.
+    pub z: [f64; 2],
+    /// Ends along x from the centre of the period, ascending, m.
+    pub x: Vec<[f64; 2]>,
+    /// Middle of its aperture along z from the centre of the period, m: from there to either end its strips are
+    /// narrower.
+    pub middle: f64,
+}
+
+/// Open and closed pixels of a period of a mask, `[row][column]`: row 0 on top (largest z), column 0 at the least x.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Pattern {
+    open: Array2<bool>,
+}
+
+impl Pattern {
+    /// A pattern of pixels that are open where `open` is true.
+    #[must_use]
+    pub const fn new(open: Array2<bool>) -> Self {
+        Self { open }
+    }
+
+    /// Reads an image of two values, of which the larger one is open, or a table of 0 and 1.
+    ///
+    /// # Errors
+    /// [`Error::File`] where the file cannot be read or an image has other values; [`Error::Scene`] with line and
+    /// column of a table.
+    pub(super) fn read(path: &Path) -> Result<Self> {
+        let is_table = path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("csv"));
+        if is_table { read_table(path) } else { read_image(path) }
+    }
+
+    /// Rows as texts of 0 and 1.
+    pub(super) fn texts(&self) -> Vec<String> {
+        let text = |row: ndarray::ArrayView1<'_, bool>| {
+            row.iter().map(|open| if *open { '1' } else { '0' }).collect()
+        };
+        self.open.rows().into_iter().map(text).collect()
+    }
+
+    /// The pattern of rows of 0 and 1; the index of a row that is none or has another length.
+    pub(super) fn of_texts(rows: &[&str]) -> std::result::Result<Self, usize> {
+        let columns = rows.first().map_or(0, |row| row.len());
+        let is_row = |row: &str| {
+            row.len() == columns && columns > 0 && row.bytes().all(|it| matches!(it, b'0' | b'1'))
+        };
+        if let Some(wrong) = rows.iter().position(|row| !is_row(row)) {
+            return Err(wrong);
+        }
+        let open = rows.iter().flat_map(|row| row.bytes().map(|it| it == b'1')).collect();
+        Array2::from_shape_vec((rows.len(), columns), open).map(Self::new).map_err(|_| 0)
+    }
+
+    /// Number of rows and columns.
+    pub(crate) fn size(&self) -> [usize; 2] {
+        [self.open.nrows(), self.open.ncols()]
+    }
+
+    /// Share of the pixels that are open.
+    pub(crate) fn open_share(&self) -> f64 {
+        self.open.iter().filter(|open| **open).count() as f64 / self.open.len() as f64
+    }
+
+    /// Pixels of the shortest run along rows (0) or columns (1) of pixels that are `open`; `None` where no run ends.
+    fn shortest(&self, axis: usize, open: bool) -> Option<usize> {
+        let lines = self.open.lanes(ndarray::Axis(1 - axis));
+        let ended = lines.into_iter().filter(|line| line.iter().any(|it| *it != open));
+        ended.flat_map(|line| runs(line.iter().map(|it| *it == open))).map(|[a, b]| b - a).min()
+    }
+
+    /// Runs of columns with an open pixel.
+    fn columns(&self) -> Vec<[usize; 2]> {
+        runs(self.open.columns().into_iter().map(|column| column.iter().any(|open| *open)))
+    }
+
+    /// Runs of the row with most of them.
+    fn richest_row(&self) -> Vec<[usize; 2]> {
+        let rows = self.open.rows().into_iter().map(|row| runs(row.iter().copied()));
+        rows.max_by_key(Vec::len).unwrap_or_default()
+    }
+
+    /// Strips of a period whose pixels have this size, ascending along z. Equal rows above each other are one.
+    fn strips(&self, pixel: [f64; 2]) -> Vec<Strip> {
+        let [rows, columns] = self.size();
+        let above = |row: usize| (row + rows - 1) % rows;
+        let begins = |row: &usize| self.open.row(*row) != self.open.row(above(*row));
+        let mut first: Vec<usize> = (0..rows).filter(begins).collect();
+        if first.is_empty() {
+            first.push(0);
+        }
+        let behind = first.iter().skip(1).copied().chain([first[0] + rows]);
+        let z = |row: usize| (rows as f64 / 2.0 - row as f64) * pixel[1];
+        let strip = |(from, to): (&usize, usize)| {
+            let x = placed(runs(self.open.row(*from).iter().copied()), columns, pixel[0]);
+            let ends = [z(to), z(*from)];
+            Strip { z: ends, x, middle: f64::midpoint(ends[0], ends[1]) }
+        };
+        let mut strips: Vec<Strip> = first.iter().zip(behind).map(strip).collect();
+        strips.retain(|strip| !strip.x.is_empty());
+        strips.reverse();
+        strips
+    }
+}
+
+/// Runs of open places on a circle: the first, and the one behind the last, which lies beyond the end for a run
+/// that crosses it.
+fn runs(open: impl Iterator<Item = bool>) -> Vec<[usize; 2]> {
+    let open: Vec<bool> = open.collect();
+    let count = open.len();
+    if open.iter().all(|it| *it) {
+        return if count > 0 { vec![[0, count]] } else { Vec::new() };
+    }
+    let run = |from: usize| {
+        let length = (from..).take_while(|at| open[at % count]).count();
+        [from, from + length]
+    };
+    (0..count).filter(|at| open[*at] && !open[(at + count - 1) % count]).map(run).collect()
+}
+
+/// Runs of `count` places of this width, from their middle, ascending; one that crosses the end is two.
+fn placed(runs: Vec<[usize; 2]>, count: usize, width: f64) -> Vec<[f64; 2]> {
+    let at = |place: usize| (place as f64 - count as f64 / 2.0) * width;
+    let crossing = runs.last().filter(|run| run[1] > count).map(|run| [0, run[1] - count]);
+    let within = runs.iter().map(|[from, to]| [*from, *to.min(&count)]);
+    crossing.into_iter().chain(within).map(|run| run.map(at)).collect()
+}
+
+fn read_image(path: &Path) -> Result<Pattern> {
+    let values = image::read(path)?;
+    let low = values.iter().copied().fold(f64::INFINITY, f64::min);
+    let high = values.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+    let other = values.indexed_iter().find(|(_, value)| **value > low && **value < high);
+    if let Some(((row, column), value)) = other {
+        let problem = format!(
+            "is no pattern: row {row}, column {column} has {value} beside {low} and {high}; allowed: two values"
+        );
+        return Err(Error::file(path, problem, None));
+    }
+    Ok(Pattern::new(values.mapv(|value| value >= high && low < high)))
+}
+
+fn read_table(path: &Path) -> Result<Pattern> {
+    let failed = |error| Error::file(path, "cannot read the pattern", Some(error));
+    let text = input_file::text(path).map_err(failed)?;
+    let wrong = |line: usize, found: String, allowed: &str| {
+        let line_column = Some((line + 1, 1));
+        let place = Place { file: Some(path.to_owned()), line_column, excerpt: None };
+        Error::scene_at(place, "pattern", found, allowed)
+    };
+    let (mut open, mut columns, mut rows) = (Vec::new(), None, 0);
+    for (number, line) in text.lines().enumerate() {
+        if line.trim().is_empty() || line.trim_start().starts_with('#') {
+            continue;
+        }
+        let cells = csv_table::cells(line);
+        if let Some(other) = cells.iter().find(|cell| !matches!(**cell, "0" | "1")) {
+            return Err(wrong(number, format!("{other:?}"), "0 or 1 in each cell"));
+        }
+        let before = *columns.get_or_insert(cells.len());
+        if cells.len() != before {
+            let allowed = format!("{before} cells, as in the first row");
+            return Err(wrong(number, format!("{} cells", cells.len()), &allowed));
+        }
+        open.extend(cells.iter().map(|cell| *cell == "1"));
+        rows += 1;
+    }
+    let holds_none = || Error::file(path, "holds no pattern", None);
+    let columns = columns.ok_or_else(holds_none)?;
+    Array2::from_shape_vec((rows, columns), open).map(Pattern::new).map_err(|_| holds_none())
+}
+
+impl MaskSpec {
+    /// The mask with a pattern, whose pixels have this size along x and z in its plane, m.
+    #[must_use]
+    pub fn with_pattern(mut self, pattern: Pattern, pixel: [f64; 2]) -> Self {
+        let [rows, columns] = pattern.size();
+        let least = |axis: usize, count: usize| {
+            pattern.shortest(axis, true).unwrap_or(count) as f64 * pixel[axis]
+        };
+        self.period = columns as f64 * pixel[0];
+        self.aperture = least(0, columns);
+        self.shape = super::ApertureShape::Rectangle;
+        self.aperture_z = Some(least(1, rows));
+        self.period_z = Some(rows as f64 * pixel[1]);
+        self.pattern = Some(pattern);
+        self.pattern_pixel = Some(pixel);
+        self
+    }
+
+    /// Pattern and size of its pixels along x and z, m.
+    pub(crate) fn patterned(&self) -> Option<(&Pattern, [f64; 2])> {
+        self.pattern.as_ref().zip(self.pattern_pixel)
+    }
+
+    /// Strips of a period of a pattern; `None` without one.
+    pub(crate) fn strips_of_pattern(&self) -> Option<Vec<Strip>> {
+        self.patterned().map(|(pattern, pixel)| pattern.strips(pixel))
+    }
+
+    /// Ends along x of the columns of a pattern with an opening: two intervals at least.
+    pub(crate) fn columns_of_pattern(&self) -> Option<Vec<[f64; 2]>> {
+        let (pattern, pixel) = self.patterned()?;
+        let ends = placed(pattern.columns(), pattern.size()[1], pixel[0]);
+        Some(match ends[..] {
+            [[low, high]] => {
+                let middle = f64::midpoint(low, high);
+                vec![[low, middle], [middle, high]]
+            }
+            _ => ends,
+        })
+    }
+
+    /// Ends along x of the openings of the row of a pattern with most of them.
+    pub(crate) fn row_of_pattern(&self) -> Option<Vec<[f64; 2]>> {
+        let (pattern, pixel) = self.patterned()?;
+        Some(placed(pattern.richest_row(), pattern.size()[1], pixel[0]))
+    }
+
+    /// Width along x (0) or z (1) of the narrowest bar of a pattern, m; its period where no bar ends.
+    pub(crate) fn bar_of_pattern(&self, axis: usize) -> Option<f64> {
+        let (pattern, pixel) = self.patterned()?;
+        let [rows, columns] = pattern.size();
+        let least = pattern.shortest(axis, false).unwrap_or([columns, rows][axis]);
+        Some(least as f64 * pixel[axis])
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn pattern(rows: &[&str]) -> Pattern {
+        Pattern::of_texts(rows).unwrap()
+    }
+
+    #[test]
+    fn runs_join_across_the_end_of_the_circle() {
+        let of = |text: &str| runs(text.bytes().map(|it| it == b'1'));
+        assert_eq!(of("0110"), [[1, 3]]);
+        assert_eq!(of("1001"), [[3, 5]]);
+        assert_eq!(of("1101"), [[3, 6]]);
+        assert_eq!(of("111"), [[0, 3]]);
+        assert!(of("000").is_empty());
+    }
+
+    /// Row 0 is on top, column 0 at the least x; equal rows are one strip.
+    #[test]
+    fn strips_are_rows_from_below() {
+        let strips = pattern(&["1001", "0110", "0110", "0000"]).strips([2.0, 3.0]);
+        let want = [
+            Strip { z: [-3.0, 3.0], x: vec![[-2.0, 2.0]], middle: 0.0 },
+            Strip { z: [3.0, 6.0], x: vec![[-4.0, -2.0], [2.0, 4.0]], middle: 4.5 },
+        ];
+        assert_eq!(strips, want);
+    }
+
+    #[test]
+    fn strips_keep_the_open_area() {
+        let pattern = pattern(&["1011", "1101", "0010", "1011"]);
+        let of = |strip: &Strip| {
+            let width: f64 = strip.x.iter().map(|[low, high]| high - low).sum();
+            width * (strip.z[1] - strip.z[0])
+        };
+        let area: f64 = pattern.strips([1.0, 1.0]).iter().map(of).sum();
+        assert!((area / 16.0 - pattern.open_share()).abs() < 1e-12);
+    }
+
+    #[test]
+    fn texts_of_other_lengths_and_signs_are_refused_by_row() {
+        assert_eq!(Pattern::of_texts(&["01", "011"]), Err(1));
+        assert_eq!(Pattern::of_texts(&["02"]), Err(0));
+        assert_eq!(pattern(&["01", "10"]).texts(), ["01", "10"]);
+    }
+}
