@@ -8,6 +8,8 @@ mod support;
 mod choice;
 mod determinism;
 mod estimated;
+
+mod foam;
 mod on_device;
 mod rims;
 mod row_blur;

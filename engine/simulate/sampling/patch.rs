@@ -31,11 +31,8 @@ pub(super) enum Axis {
     Z,
 }
 
-/// Lines of a patch whose rays are spread evenly.
-pub(super) const EVEN_LINES: u32 = 4;
-/// Positions of the rays of these lines in their rectangles, fractions of the width: together they are
-/// four times as dense.
-const EVEN_PLACES: [f32; EVEN_LINES as usize] = [0.125, 0.625, 0.375, 0.875];
+/// Lines of a patch whose rays are spread evenly, powers of two: fewest and most.
+const EVEN_LINES: [u32; 2] = [4, 64];
 
 /// Rays that are spread evenly over a patch, for structure that they do not resolve.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -154,9 +151,35 @@ impl Patch {
         }
     }
 
-    /// A patch of rectangles with these borders whose rays are spread evenly; results are to be set.
-    pub(super) fn even(beamlet: i64, row: i64, borders: Vec<f32>, even: Even) -> Self {
-        Self { even, ..Self::slabs(beamlet, row, borders, EVEN_LINES) }
+    /// A patch of rectangles with these borders whose rays, about `count`, are spread evenly; results are to be set.
+    pub(super) fn even(
+        [beamlet, row]: [i64; 2],
+        borders: Vec<f32>,
+        (count, even): (u32, Even),
+    ) -> Self {
+        let lines = Self::even_lines(count);
+        Self { even, ..Self::slabs(beamlet, row, borders, lines) }
+    }
+
+    /// Lines of a patch of `count` rays that are spread evenly. What refraction throws over a border of the row is
+    /// taken from the rays of the first or last line, which are to lie near it.
+    pub(super) fn even_lines(count: u32) -> u32 {
+        let [fewest, most] = EVEN_LINES;
+        let wanted = numbers::whole::<u32>(f64::from(count).sqrt() / 2.0).clamp(fewest, most);
+        1 << wanted.ilog2()
+    }
+
+    /// Number of the lines that it began with.
+    pub(super) const fn lines(&self) -> u32 {
+        self.base[1]
+    }
+
+    /// Place of the rays of a line in their rectangles, fraction of the width: together the lines are as many times
+    /// as dense as one.
+    fn place_of_line(&self, line: u32) -> f32 {
+        let lines = self.lines();
+        let reversed = line.reverse_bits() >> (32 - lines.ilog2());
+        (reversed as f32 + 0.5) / lines as f32
     }
 
     /// Place (m from the beamlet's centre, share of the row) of coordinates of rectangles.
@@ -264,7 +287,7 @@ impl Patch {
         }
         // Heights are a Kronecker sequence: any rectangles that follow one another cover the line.
         let height = single((0.5 + f64::from(index) * GOLDEN).fract());
-        let place = EVEN_PLACES[(index / self.base[0]) as usize];
+        let place = self.place_of_line(index / self.base[0]);
         [node.x[0] + place * node.width(), node.z[0] + height * node.height()]
     }
 

@@ -3,15 +3,15 @@
 //!
 //! Rectangles are not split where rays differ from their neighbours: differences are chance there, and
 //! rays that are bent far would lose weight. Trial rays set the number of rays; choosing it from the rays
-//! themselves is biased. If the number is larger than the trial, the patch gets new rays. They lie on a
-//! few shifted lines, all at places of their own along x, at even distances; heights in a line are a
-//! Kronecker sequence. The error follows from the mean square of the change from a ray to the next along
+//! themselves is biased. If the number is larger than the trial, the patch gets new rays. They lie on
+//! shifted lines, more for more rays, all at places of their own along x, at even distances; heights in a
+//! line are a Kronecker sequence. The error follows from the mean square of the change from a ray to the next along
 //! x: 1/12 of it if few see a jump, which may lie anywhere between two rays, and 1/2 if rays differ as
 //! much as any two, each then being a random sample. The change to the ray after the next decides between
 //! the two: it is twice as large if jumps are few, and no larger if nothing is resolved.
 
 use super::error_estimate::{Estimator, SPREAD};
-use super::patch::{self, EVEN_LINES, Even, Node, Patch};
+use super::patch::{self, Even, Node, Patch};
 use super::patch_error::{NarrowComponent, PatchError};
 use super::response::{Landed, Opening};
 use super::step_shares::{StepRun, is_open, step_runs};
@@ -199,7 +199,8 @@ impl Estimator<'_> {
         let light = steps.iter().map(Changes::error).fold(0.0, f64::max);
         let mut result = PatchError { light, ..PatchError::default() };
         let seen = samples.iter().filter(|sample| !sample.runs.is_empty());
-        let hides = seen.clone().any(|sample| self.hides(sample, narrow));
+        let lines = patch.lines() as f32;
+        let hides = seen.clone().any(|sample| self.hides(sample, narrow, lines));
         let off = light / self.budget.light;
         if patch.even == Even::Settled && off <= ACCEPTED && !hides {
             return result;
@@ -232,7 +233,7 @@ impl Estimator<'_> {
             }
             for apart in [1, 2] {
                 let Some(other) = samples.get(at + apart) else { continue };
-                if !is_beside(sample, other, apart) {
+                if !is_beside(sample, other, apart, patch.lines() as f32) {
                     continue;
                 }
                 let at = self.response.landing(lattice_column, sample.x, other.displacement);
@@ -287,15 +288,15 @@ impl Estimator<'_> {
         samples
     }
 
-    /// True if a component may hide between rays.
-    fn hides(&self, sample: &Sample, narrow: &[NarrowComponent]) -> bool {
+    /// True if a component may hide between rays, whose rectangles lie in as many `lines`.
+    fn hides(&self, sample: &Sample, narrow: &[NarrowComponent], lines: f32) -> bool {
         let lit = if is_open(&sample.runs) { 1.0 } else { self.response.lit(0.0) };
         let worth = f64::from(SPREAD * lit * sample.area * sample.passed);
         let [low, high] = [-0.5, 0.5].map(|side| sample.x + side * sample.width);
         worth > ACCEPTED * self.budget.light
             && narrow.iter().any(|n| {
                 let overlaps = n.x[0] < high && n.x[1] > low;
-                let apart = sample.width / EVEN_LINES as f32;
+                let apart = sample.width / lines;
                 overlaps && n.z[0] < 1.0 && n.z[1] > 0.0 && apart > n.width
             })
     }
@@ -312,10 +313,10 @@ fn mean(a: &RayResult, b: &RayResult) -> RayResult {
 }
 
 /// True if consecutive rays at this distance in the order are evenly spaced.
-fn is_beside(sample: &Sample, other: &Sample, apart: usize) -> bool {
+fn is_beside(sample: &Sample, other: &Sample, apart: usize, lines: f32) -> bool {
     let [narrow, wide] = [sample.width.min(other.width), sample.width.max(other.width)];
     let distance = other.x - sample.x;
-    wide <= AS_WIDE * narrow && distance * EVEN_LINES as f32 <= (apart as f32 + 0.5) * wide
+    wide <= AS_WIDE * narrow && distance * lines <= (apart as f32 + 0.5) * wide
 }
 
 #[cfg(test)]

@@ -1,6 +1,6 @@
 //! Patches whose rays are spread evenly, in place of rectangles that are split.
 
-use super::super::patch::{EVEN_LINES, Even, PARTS, Patch};
+use super::super::patch::{Even, PARTS, Patch};
 use super::super::patch_error::KnownErrors;
 use super::super::response::Opening;
 use super::super::unresolved::columns;
@@ -23,10 +23,11 @@ impl Refiner<'_> {
         let most = numbers::whole::<u32>(f64::from(2.0 * half / self.estimator.least[0]));
         let possible = count.min(left).min(most);
         let leak = self.view.response.lit(0.0);
-        let borders = columns(openings, half, leak, possible.div_ceil(EVEN_LINES).max(1));
+        let lines = Patch::even_lines(possible);
+        let borders = columns(openings, half, leak, possible.div_ceil(lines).max(1));
         let now = numbers::count(work.patch.leaves().count());
         let is_no_gain = possible < count && possible <= now;
-        let count = EVEN_LINES * (numbers::count(borders.len()) - 1);
+        let count = lines * (numbers::count(borders.len()) - 1);
         if is_no_gain || count > left {
             work.done = true;
             return true;
@@ -35,14 +36,11 @@ impl Refiner<'_> {
             return false;
         }
         let Patch { beamlet, row, .. } = work.patch;
-        work.patch = Patch::even(beamlet, row, borders, even);
+        work.patch = Patch::even([beamlet, row], borders, (possible, even));
         work.known_errors = KnownErrors::default();
         work.changed.clear();
-        // Rays in the order of x: neighbours cross the same surfaces.
-        let place = |node: &u32| work.patch.ray(*node)[0];
-        let mut rays: Vec<u32> = (0..count).collect();
-        rays.sort_by(|a, b| place(a).total_cmp(&place(b)));
-        work.pending = rays;
+        // Along each line in turn: neighbours cross the same surfaces.
+        work.pending = (0..count).collect();
         true
     }
 }
