@@ -125,7 +125,7 @@ pub use reconstruct::{
 };
 pub use refine::{
     MaskOpening, Rectangle, RefineParams, RefinePush, RefinedColumn, RefinedPatch, RefinedRow,
-    RefinedSpectrum, RepeatedRectangle, WindowTable,
+    RefinedSpectrum, RefinedWall, RepeatedRectangle, WindowTable,
 };
 pub use walk::{
     AnalyticShape, Constants, Crossing, CrossingsPush, ExactPush, Leaf, Node, Placed,

@@ -21,6 +21,22 @@ shared_structs! {
         pub below: u32,
         /// Its light counts where all rays miss the sample.
         pub is_lit: u32,
+        /// First of its walls, and their number.
+        pub first_wall: u32,
+        pub walls: u32,
+    }
+
+    /// A facet that rays may miss.
+    pub struct RefinedWall in RefinedWalls(readonly) {
+        /// Ends of its longest side, from the middle of the beamlet and the upper end of the row.
+        pub from_x: f32,
+        pub from_z: f32,
+        pub to_x: f32,
+        pub to_z: f32,
+        /// Across that side, m.
+        pub width: f32,
+        /// Light that it bends out of the light beside it, m times rows.
+        pub light: f32,
     }
 
     /// A beamlet of the lattice. Slopes and places are sums of two numbers.
@@ -171,6 +187,7 @@ shared_structs! {
         pub patches: u64 => RefinedPatches,
         pub columns: u64 => RefinedColumns,
         pub rows: u64 => RefinedRows,
+        pub walls: u64 => RefinedWalls,
         pub openings: u64 => MaskOpenings,
         pub windows: u64 => WindowTables,
         pub rectangles: u64 => Rectangles,

@@ -27,6 +27,10 @@ const float ASIDE = 0.6;
 const float PART_OF_SIDE = 0.5;
 // Error of a silhouette, share of the budget, below which nobody looks for it at the corners.
 const float LITTLE = 3e-3;
+// Crossings from which on rays beside each other are samples of fine structure, and how many times larger their errors
+// are than at a single silhouette: the light of such rays is random, and alike along fibres over several rectangles.
+const uint SEVERAL_CROSSINGS = 8u;
+const float FINE = 4.0;
 // Places along a side where the corners of a neighbour are looked for, from its middle.
 const float CORNER = 0.42;
 
@@ -152,6 +156,44 @@ vec2 place_beside(Own own, uint side, float along) {
     return at;
 }
 
+// Adds the light that facets between its rays may bend, by the axis across them. Rectangles no wider than a facet
+// have a ray in it.
+bool look_at_walls(Own own, inout vec2 change) {
+    vec2 metres = vec2(1.0, P.row_height);
+    float area = own.size.x * own.size.y;
+    vec2 hidden = vec2(0.0);
+    uint end = own.patch_.first_wall + own.patch_.walls;
+    for (uint i = own.patch_.first_wall; i < end; i++) {
+        RefinedWall wall = P.walls.at[i];
+        vec2 from = vec2(wall.from_x, wall.from_z);
+        vec2 side = vec2(wall.to_x, wall.to_z) - from;
+        vec2 along = abs(normalize(side * metres));
+        float across = along.y * own.size.x + along.x * own.size.y * P.row_height;
+        if (across <= wall.width) continue;
+        // Part of the longest side in the rectangle.
+        vec2 reach = 0.5 * (own.size + wall.width / metres);
+        vec2 low = own.found.at - reach - from;
+        vec2 high = own.found.at + reach - from;
+        vec2 part = vec2(0.0, 1.0);
+        for (uint axis = 0u; axis < 2u; axis++) {
+            if (side[axis] == 0.0) {
+                if (low[axis] > 0.0 || high[axis] < 0.0) part.y = 0.0;
+                continue;
+            }
+            vec2 ends = vec2(low[axis], high[axis]) / side[axis];
+            part = vec2(max(part.x, min(ends.x, ends.y)), min(part.y, max(ends.x, ends.y)));
+        }
+        if (part.y <= part.x) continue;
+        float light = wall.light * (part.y - part.x);
+        vec2 taken = abs(side) / own.size;
+        if (taken.y >= taken.x) hidden.x += light;
+        else hidden.y += light;
+    }
+    vec2 share = min(hidden / (SPREAD * area), vec2(1.0));
+    change = max(change, own.passed * share);
+    return share != vec2(0.0);
+}
+
 Found found_of_own(Own own, vec2 at) {
     return found_at(own.found.index, own.g.patch_index, at.x, at.y);
 }
@@ -204,6 +246,11 @@ void main() {
     atomicOr(P.sums.at[sums_of(own.g.patch_index) + PATCH_FLAGS], PATCH_IS_CROSSED);
 }
 #else
+// Whether two rays crossed many surfaces.
+bool is_fine(Found a, Found b) {
+    return min(crossings_of(a.flags), crossings_of(b.flags)) >= SEVERAL_CROSSINGS;
+}
+
 // Changes towards the neighbours at the middles of the sides.
 void look_beside(Own own, Found found[4], bool aside[4], inout vec2 change, inout float moved, inout bool silhouette) {
     for (uint side = 0u; side < 4u; side++) {
@@ -214,8 +261,12 @@ void look_beside(Own own, Found found[4], bool aside[4], inout vec2 change, inou
         }
         if (!found[side].known || (unlike && aside[side])) continue;
         Change towards;
-        if (unlike) towards = over_silhouette(own, found[side]);
-        else towards = on_surface(own, found[side]);
+        if (unlike) {
+            towards = over_silhouette(own, found[side]);
+            if (is_fine(own.found, found[side])) towards.light *= FINE;
+        } else {
+            towards = on_surface(own, found[side]);
+        }
         change[side / 2u] = max(change[side / 2u], towards.light);
         moved = max(moved, towards.moved);
         silhouette = silhouette || towards.silhouette;
@@ -265,6 +316,7 @@ void main() {
     bool silhouette = false;
     look_beside(own, found, aside, change, moved, silhouette);
     if (error_of(own, SILHOUETTE) > LITTLE) look_at_corners(own, found, same, change, silhouette);
+    silhouette = look_at_walls(own, change) || silhouette;
     // What the whole knew of an axis holds for its parts.
     if (aside[0] || aside[1]) change.x = max(change.x, own.g.change_x);
     if (aside[2] || aside[3]) change.y = max(change.y, own.g.change_z);

@@ -60,7 +60,7 @@ fn the_host_chooses_the_rays_of_samples_that_the_device_does_not_know_or_may_mis
         ("a rough object", choice(&rough, 1, gpu)),
         ("kept moments", choice(&shapes(), 1, (DeviceKind::Discrete, true))),
         ("a spectrum", choice(&exact, 4, gpu)),
-        ("faces of meshes", choice(&meshes(), 1, gpu)),
+        ("meshes take fewer rays", choice(&meshes(), 1, gpu)),
         ("64 bodies", choice(&bundle(65), 1, gpu)),
     ] {
         assert_eq!(place, Refine::Host, "{found}");
@@ -85,13 +85,13 @@ fn a_stated_place_is_kept_and_scenes_without_chosen_rays_have_no_reason() {
 }
 
 #[test]
-fn facets_on_the_device_are_warned_of() {
+fn many_bodies_on_the_device_are_warned_of() {
     let warned = |mut scene: Scene, place: Refine| {
         scene.sampling.refine = place;
         let sample = beamlet::load_sample(&scene, &mut Control::default()).expect("a sample");
-        warning(&scene, &sample).is_some_and(|text| text.contains("faces of meshes"))
+        warning(&scene, &sample).is_some_and(|text| text.contains("65 bodies"))
     };
-    assert!(warned(meshes(), Refine::Device));
-    assert!(!warned(meshes(), Refine::Auto) && !warned(meshes(), Refine::Host));
-    assert!(!warned(shapes(), Refine::Device));
+    assert!(warned(bundle(65), Refine::Device));
+    assert!(!warned(bundle(65), Refine::Auto) && !warned(bundle(65), Refine::Host));
+    assert!(!warned(shapes(), Refine::Device) && !warned(meshes(), Refine::Device));
 }

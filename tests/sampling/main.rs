@@ -9,6 +9,7 @@ mod choice;
 mod determinism;
 mod estimated;
 
+mod fine_on_device;
 mod foam;
 mod on_device;
 mod rims;

@@ -2,7 +2,7 @@
 
 use crate::reference::scenes;
 use crate::reference::stack::Setup;
-use crate::reference::surfaces::{body, cuboid, cylinder, sphere};
+use crate::reference::surfaces::{body, cuboid, cylinder, extruded, sphere};
 use crate::support::{CARBON, WATER, backends, engine, engine_with};
 use beamlet::scene::{
     Beam, Blur, MaskBody, Refine, Scene, Shape, SpectrumOrigin, SpectrumSpec, Transport,
@@ -25,8 +25,25 @@ pub(super) fn meshes() -> Scene {
     scenes::scene(&Setup::paper([12, 5]), &bodies, &[-20e-6, 0.0, 9e-6])
 }
 
+/// Steps whose walls are along the beam, at either side of the axis, and a box with such sides, turned a little: rays
+/// on both sides of a wall cross one body in the same way.
+fn walls_of_meshes() -> Scene {
+    let (half, high) = (0.15e-3, 1e-3);
+    // From the inner corner on, so that triangles from there make a section.
+    let section =
+        [[0.0, 0.0], [0.0, high], [-half, high], [-half, -high], [half, -high], [half, 0.0]];
+    let step = |x: f64| extruded(&section, 0.6e-3).moved([x, 0.0, 0.0]).rounded();
+    let turned = cuboid([0.12e-3, 1.2e-3, 0.8e-3]).turned([0.1, 0.2, 1.0], 1e-3);
+    let bodies = [
+        body(step(-0.4e-3), WATER[0], WATER[1]),
+        body(step(0.4e-3), CARBON[0], CARBON[1]),
+        body(turned.rounded(), WATER[0], WATER[1]),
+    ];
+    scenes::scene(&Setup::paper([12, 5]), &bodies, &[-20e-6, 0.0, 9e-6])
+}
+
 /// Objects between gold masks, at four offsets.
-fn of_objects(objects: &str) -> Scene {
+pub(super) fn of_objects(objects: &str) -> Scene {
     let set_up = "[source]\ndistance = \"1.2 m\"\nspot = \"20 um\"\nenergy = \"25 keV\"\n\
          [detector]\ndistance = \"1.8 m\"\npixels = [14, 5]\npitch = \"75 um\"\n\
          [sample_mask]\ndistance = \"1.19 m\"\nmaterial = \"gold\"\nthickness = \"200 um\"\n\
@@ -121,6 +138,7 @@ fn scenes_of_all_kinds() -> Vec<(&'static str, Scene)> {
         ("meshes", meshes()),
         ("shapes", shapes()),
         ("walls along the beam", walls()),
+        ("walls of meshes", walls_of_meshes()),
         ("leaking masks", leaking),
         ("no masks", bare),
         ("no detector mask", tracked),
@@ -128,7 +146,12 @@ fn scenes_of_all_kinds() -> Vec<(&'static str, Scene)> {
     ]
 }
 
-fn run(engine: &Engine, scene: &Scene, refine: Refine, tolerance: f64) -> (Array4<f32>, RunRecord) {
+pub(super) fn run(
+    engine: &Engine,
+    scene: &Scene,
+    refine: Refine,
+    tolerance: f64,
+) -> (Array4<f32>, RunRecord) {
     let mut scene = scene.clone();
     scene.sampling.refine = refine;
     scene.sampling.tolerance = Some(tolerance);
@@ -143,7 +166,7 @@ const fn narrow(value: f64) -> f32 {
 }
 
 /// Largest difference and root mean square of values.
-fn apart(a: &Array4<f32>, b: &Array4<f32>) -> [f64; 2] {
+pub(super) fn apart(a: &Array4<f32>, b: &Array4<f32>) -> [f64; 2] {
     let off = || a.iter().zip(b).map(|(a, b)| f64::from(a - b));
     let squares: f64 = off().map(|it| it * it).sum();
     [off().fold(0.0, |most: f64, it| most.max(it.abs())), (squares / a.len() as f64).sqrt()]

@@ -6,7 +6,8 @@ use beamlet_core::Result;
 use beamlet_gpu::{Buffer, Device, Memory};
 use beamlet_interface::{
     Cell, CellRow, CellRowPart, HEAD_WORDS, MERGED_COLUMNS, MERGED_WORDS, OCTAVES, PATCH_HEAD,
-    REPORT_WORDS, Rectangle, RefineParams, RefinedPatch, RefinedRow, RepeatedRectangle,
+    REPORT_WORDS, Rectangle, RefineParams, RefinedPatch, RefinedRow, RefinedWall,
+    RepeatedRectangle,
 };
 use std::sync::Arc;
 
@@ -32,6 +33,7 @@ pub(super) struct Sizes {
     pub(super) cells: u32,
     pub(super) patches: u32,
     pub(super) rows: u32,
+    pub(super) walls: u32,
     /// Words of the sums of all patches.
     pub(super) sums: u64,
     /// Materials whose moments are kept, and groups of light, under a spectrum.
@@ -56,6 +58,7 @@ impl Sizes {
             && self.spectrum == other.spectrum
             && self.patches >= other.patches
             && self.rows >= other.rows
+            && self.walls >= other.walls
             && self.sums >= other.sums
     }
 }
@@ -69,6 +72,7 @@ pub(super) struct Buffers {
     pub(super) report: Buffer,
     pub(super) patches: Buffer,
     pub(super) rows: Buffer,
+    pub(super) walls: Buffer,
     pub(super) sums: Buffer,
     pub(super) rectangles: Buffer,
     pub(super) lists: Buffer,
@@ -98,6 +102,7 @@ impl Buffers {
                     Some(before) => Sizes {
                         patches: sizes.patches.max(before.patches),
                         rows: sizes.rows.max(before.rows),
+                        walls: sizes.walls.max(before.walls),
                         sums: sizes.sums.max(before.sums),
                         ..sizes
                     },
@@ -122,6 +127,7 @@ impl Buffers {
             report: make("reported errors", REPORT_WORDS.into(), 4)?,
             patches: make("patches", sizes.patches.into(), size_of::<RefinedPatch>())?,
             rows: make("rows of patches", sizes.rows.into(), size_of::<RefinedRow>())?,
+            walls: make("walls of patches", sizes.walls.into(), size_of::<RefinedWall>())?,
             sums: make("errors of patches", sizes.sums, 4)?,
             rectangles: make("rectangles", room, size_of::<Rectangle>())?,
             lists: make("lists of rectangles", 2 * room, 4)?,
@@ -151,6 +157,7 @@ impl Buffers {
         RefineParams {
             patches: self.patches.address(),
             rows: self.rows.address(),
+            walls: self.walls.address(),
             rectangles: self.rectangles.address(),
             sums: self.sums.address(),
             head: self.head.address(),

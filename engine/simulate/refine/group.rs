@@ -1,8 +1,8 @@
 //! Patches that are refined together, and the patches beside them, whose base rays their estimates need.
 
-use crate::sampling::{ProjectedBounds, ROWS_TOGETHER, ViewContext};
+use crate::sampling::{ProjectedBounds, ROWS_TOGETHER, ViewContext, Walls};
 use beamlet_core::numbers;
-use beamlet_interface::{PATCH_MISSED, PATCH_UNKNOWN, RefinedPatch};
+use beamlet_interface::{PATCH_MISSED, PATCH_UNKNOWN, RefinedPatch, RefinedWall};
 use std::collections::HashMap;
 use std::ops::Range;
 
@@ -22,6 +22,7 @@ pub(super) struct Touched {
     /// Rows and beamlets that are known.
     rows: Range<i64>,
     beamlets: Range<i64>,
+    walls: Walls,
 }
 
 impl Touched {
@@ -29,6 +30,7 @@ impl Touched {
     /// recorded: of other rows than the recorded ones only where a surface throws light out of its row.
     pub(super) fn new(view: &ViewContext<'_>, rows: &Range<i64>) -> Self {
         let lattice = view.lattice;
+        let own_rows = rows.clone();
         let rows = rows.start - 1..rows.end + 1;
         let recorded = view.recorded_rows();
         let sampling = &view.optics.sampling;
@@ -47,7 +49,8 @@ impl Touched {
                 }
             }
         }
-        Self { base, rows, beamlets: lattice.beamlets.clone() }
+        let walls = Walls::new(view, &own_rows, inside);
+        Self { base, rows, beamlets: lattice.beamlets.clone(), walls }
     }
 
     /// True if a shadow touches a patch.
@@ -93,10 +96,12 @@ impl Touched {
         };
         let mut first = 0;
         let mut own_base = 0;
+        let mut walls = Vec::new();
         let mut patches = Vec::with_capacity(all.len());
         for (number, at) in all.iter().enumerate() {
             let base = self.base[at];
             let [low, high, above, below] = beside(at).map(of);
+            let own_walls = if number < own.len() { self.walls.of(at.0, at.1) } else { &[] };
             let is_lit = lit.contains(&at.1) && view.lattice.direct.contains(&at.0);
             patches.push(RefinedPatch {
                 column: numbers::narrow::<u32>(at.0 - view.lattice.beamlets.start),
@@ -108,13 +113,16 @@ impl Touched {
                 above,
                 below,
                 is_lit: is_lit.into(),
+                first_wall: numbers::count(walls.len()),
+                walls: numbers::count(own_walls.len()),
             });
+            walls.extend_from_slice(own_walls);
             first += base[0] * base[1];
             if number + 1 == own.len() {
                 own_base = first;
             }
         }
-        Group { patches, own: numbers::count(own.len()), own_base, all_base: first }
+        Group { patches, walls, own: numbers::count(own.len()), own_base, all_base: first }
     }
 }
 
@@ -122,6 +130,8 @@ impl Touched {
 #[derive(Debug)]
 pub(super) struct Group {
     pub(super) patches: Vec<RefinedPatch>,
+    /// Facets that rays may miss, by patch.
+    pub(super) walls: Vec<RefinedWall>,
     /// Number of the patches to refine.
     pub(super) own: u32,
     /// Their base rectangles, and all.

@@ -135,6 +135,9 @@ impl<'b> GroupRun<'b> {
             uploads.push(Upload::new(&buffers.params, 0, &inputs.params));
             uploads.push(Upload::new(&buffers.patches, 0, &inputs.group.patches));
             uploads.push(Upload::new(&buffers.rows, 0, &inputs.rows));
+            if !inputs.group.walls.is_empty() {
+                uploads.push(Upload::new(&buffers.walls, 0, &inputs.group.walls));
+            }
             uploads.extend(self.spectrum.iter().flat_map(|spectrum| spectrum.uploads()));
         }
         let record = |r: &mut Recorder<'_>| {

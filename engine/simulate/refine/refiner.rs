@@ -210,6 +210,7 @@ impl<'s> DeviceRefiner<'s> {
             cells: room.cells(),
             patches: numbers::count(group.patches.len()),
             rows: numbers::count(rows.len()),
+            walls: numbers::count(group.walls.len()),
             sums,
             spectrum: self.spectrum.as_ref().map(Spectrum::sizes),
         };

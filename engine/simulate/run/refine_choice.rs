@@ -84,30 +84,20 @@ pub fn warning(scene: &Scene, sample: &Sample) -> Option<String> {
         return None;
     }
     let bodies = sample.components.len();
-    if has_facets(sample) {
-        Some(
-            "sampling.refine = \"device\" may miss faces of meshes along the beam, whose light the reported \
-             error leaves out; \"host\" finds them"
-                .into(),
-        )
-    } else if bodies > MANY_BODIES {
-        Some(format!(
+    (bodies > MANY_BODIES).then(|| {
+        format!(
             "sampling.refine = \"device\" may not resolve {bodies} bodies: reported errors may be 2 to 4 times \
              too small; \"host\" samples such structure evenly"
-        ))
-    } else {
-        None
-    }
+        )
+    })
 }
 
-/// Place of a sample that the device knows, and why there. Between two faces of one body rays miss a narrow face
-/// along the beam, which the host finds among the facets; shapes without facets have such faces at silhouettes
-/// alone.
+/// Place of a sample that the device knows, and why there. The host sums over facets, where the device takes rays.
 fn by_kind(kind: DeviceKind, sample: &Sample) -> (Refine, String) {
     if kind == DeviceKind::Cpu {
         (Refine::Host, "the device is a CPU".into())
     } else if has_facets(sample) {
-        (Refine::Host, "rays may miss faces of meshes along the beam".into())
+        (Refine::Host, "meshes take fewer rays there".into())
     } else if sample.components.len() > MANY_BODIES {
         (Refine::Host, format!("rays may not resolve more than {MANY_BODIES} bodies"))
     } else {

@@ -187,7 +187,7 @@ impl PatchFacet {
 
 /// Facets of a view in the beam frame.
 #[derive(Clone, Copy)]
-struct Triangles<'a> {
+pub(super) struct Triangles<'a> {
     sample: &'a Sample,
     facets: &'a SampleFacets,
     lattice: &'a Lattice,
@@ -195,34 +195,55 @@ struct Triangles<'a> {
     source: DVec3,
 }
 
-impl Triangles<'_> {
-    fn corners(&self, facet: FacetOf) -> [DVec3; 3] {
+impl<'a> Triangles<'a> {
+    pub(super) const fn of(view: &ViewContext<'a>) -> Self {
+        Self {
+            sample: view.sample,
+            facets: view.facets,
+            lattice: view.lattice,
+            motion: view.motion,
+            source: DVec3::new(0.0, -view.optics.rotation, 0.0),
+        }
+    }
+
+    /// Place of the source.
+    pub(super) const fn source(&self) -> DVec3 {
+        self.source
+    }
+
+    pub(super) fn corners(&self, facet: FacetOf) -> [DVec3; 3] {
         self.sample.corners(facet).map(|corner| self.motion.at(corner))
     }
 
-    fn is_front(&self, corners: &[DVec3; 3]) -> bool {
+    pub(super) fn is_front(&self, corners: &[DVec3; 3]) -> bool {
         let [a, b, c] = *corners;
         (b - a).cross(c - a).dot(a - self.source) < 0.0
     }
 
     /// True for each edge that is a silhouette: the facet across faces the other way.
     fn silhouettes(&self, facet: FacetOf, front: bool) -> [bool; 3] {
-        let beside = |other: FacetOf| self.is_front(&self.corners(other)) != front;
+        let differs = |other: FacetOf| self.is_front(&self.corners(other)) != front;
+        self.beside(facet).map(|other| other.is_none_or(differs))
+    }
+
+    /// The facets across the edges of one; none at an open edge.
+    pub(super) fn beside(&self, facet: FacetOf) -> [Option<FacetOf>; 3] {
+        let known = |other: u32| (other != u32::MAX).then_some(other as usize);
         match facet {
-            FacetOf::Sample(triangle) => self.facets.across[triangle]
-                .map(|other| other == u32::MAX || beside(FacetOf::Sample(other as usize))),
+            FacetOf::Sample(triangle) => {
+                self.facets.across[triangle].map(|other| known(other).map(FacetOf::Sample))
+            }
             FacetOf::Placed(placed, triangle) => {
                 let prototype =
                     &self.sample.prototypes[self.sample.placed[placed].prototype as usize];
-                prototype.across[triangle].map(|other| {
-                    other == u32::MAX || beside(FacetOf::Placed(placed, other as usize))
-                })
+                prototype.across[triangle]
+                    .map(|other| known(other).map(|other| FacetOf::Placed(placed, other)))
             }
         }
     }
 
     /// Calls `visit` with the facets of the components that are not left out.
-    fn each(&self, left_out: &[bool], visit: &Visit<'_>) {
+    pub(super) fn each(&self, left_out: &[bool], visit: &Visit<'_>) {
         let tasks = self.sample.triangles.len().div_ceil(TRIANGLES_OF_A_TASK);
         let take = |number: u32, facet: FacetOf| {
             let corners = self.corners(facet);
@@ -257,7 +278,7 @@ impl Triangles<'_> {
 }
 
 /// Takes a facet: its number, its corners in the beam frame, and where they project to.
-type Visit<'v> = dyn Fn((u32, FacetOf), &[DVec3; 3], &[[f64; 2]; 3]) + Sync + 'v;
+pub(super) type Visit<'v> = dyn Fn((u32, FacetOf), &[DVec3; 3], &[[f64; 2]; 3]) + Sync + 'v;
 
 /// Facets of the patches of some rows.
 pub(super) struct FacetLists<'a> {
@@ -276,13 +297,7 @@ impl<'a> FacetLists<'a> {
     pub(super) fn new(view: &ViewContext<'a>, rows: &Range<i64>) -> Option<Self> {
         let facets = view.facets;
         let lattice = view.lattice;
-        let triangles = Triangles {
-            sample: view.sample,
-            facets,
-            lattice,
-            motion: view.motion,
-            source: DVec3::new(0.0, -view.optics.rotation, 0.0),
-        };
+        let triangles = Triangles::of(view);
         let grid = PatchGrid { rows: rows.clone(), beamlets: lattice.beamlets.clone() };
         let patches = grid.count();
         let counts: Vec<AtomicU32> = (0..patches).map(|_| AtomicU32::new(0)).collect();

@@ -40,6 +40,7 @@ mod survey;
 mod touched;
 mod unresolved;
 mod view_context;
+mod walls;
 mod windows;
 
 pub(crate) use base_lattice::{BaseLattice, ROWS_TOGETHER};
@@ -57,3 +58,4 @@ pub use room::Room;
 pub(crate) use rows::sample_rows;
 pub(crate) use survey::{PatchCost, RowsCost, spread, survey_rows};
 pub(crate) use view_context::ViewContext;
+pub(crate) use walls::Walls;

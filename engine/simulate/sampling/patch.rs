@@ -174,8 +174,8 @@ impl Patch {
         self.base[1]
     }
 
-    /// Place of the rays of a line in their rectangles, fraction of the width: together the lines are as many times
-    /// as dense as one.
+    /// Place of the rays of a line in their rectangles, fraction of the width: no two lines have rays above one
+    /// another.
     fn place_of_line(&self, line: u32) -> f32 {
         let lines = self.lines();
         let reversed = line.reverse_bits() >> (32 - lines.ilog2());

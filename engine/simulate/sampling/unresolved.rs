@@ -288,7 +288,7 @@ impl Estimator<'_> {
         samples
     }
 
-    /// True if a component may hide between rays, whose rectangles lie in as many `lines`.
+    /// True if a component may hide between the rays of a patch with this number of lines.
     fn hides(&self, sample: &Sample, narrow: &[NarrowComponent], lines: f32) -> bool {
         let lit = if is_open(&sample.runs) { 1.0 } else { self.response.lit(0.0) };
         let worth = f64::from(SPREAD * lit * sample.area * sample.passed);
