@@ -78,3 +78,22 @@ fn faults_of_patterns_are_named_with_their_place() {
     let error = load("aperture = \"5 um\"\npattern_pixel = \"5 um\"", place.path());
     assert!(error.expect_err("no pattern").to_string().contains("pattern"));
 }
+
+#[test]
+fn files_of_patterns_are_among_the_hashes_of_a_scene() {
+    let place = tempfile::tempdir().unwrap();
+    let text = text(&format!("pattern = \"of.csv\"{PIXEL}"));
+    let of = |values: &str| {
+        fs::write(place.path().join("of.csv"), values).unwrap();
+        Scene::from_toml(&text, place.path()).unwrap()
+    };
+    let hash = |scene: &Scene| scene.files[Path::new("of.csv")].clone();
+    let [first, second] = ["0,1\n1,0\n", "1,0\n0,1\n"].map(of);
+    assert_ne!(hash(&first), hash(&second));
+    // A scene that has the hash of another pattern is refused.
+    let recorded = format!("{text}\n[files]\n\"of.csv\" = \"{}\"\n", hash(&first));
+    let error = Scene::from_toml(&recorded, place.path()).unwrap_err().to_string();
+    for word in ["sample_mask.pattern", "sha256", "as in [files]"] {
+        assert!(error.contains(word), "{word:?} in: {error}");
+    }
+}

@@ -324,6 +324,36 @@ const CODED: &[&str] = &[
     "0101010",
 ];
 
+/// The same with x and z exchanged: columns from the right as rows, each from below.
+const EXCHANGED: &[&str] =
+    &["001101001", "110101001", "010001110", "101001001", "001101110", "110001110", "010101001"];
+
+/// Periods of 100 um x 80 um with an opening of 20 um x 30 um.
+const ONE_OPENING: &[&str] = &[
+    "00000", "00000", "00000", "00000", "00000", "00100", "00100", "00100", "00100", "00100",
+    "00100", "00000", "00000", "00000", "00000", "00000",
+];
+
+/// Cells of a pattern end at the middle of its opening, too, and differ from cells of rectangles.
+#[test]
+fn a_pattern_of_one_opening_is_a_lattice_of_rectangles() {
+    let engine = engine(Backend::Bvh);
+    let case = Case::rectangles([4, 3], 0.1);
+    let mut patterned = case.clone();
+    patterned.masks[0] = patterned.masks[0].map(|mask| mask.patterned(ONE_OPENING));
+    let mut flats = Worst::new("pattern of one opening, flats", SAME_MASKS);
+    let mut balls = Worst::new("pattern of one opening, sphere", 1e-4);
+    let ball = [carbon(sphere(230e-6, 3).moved([30e-6, 0.0, -12e-6]))];
+    for (worst, bodies) in [(&mut flats, &[][..]), (&mut balls, &ball[..])] {
+        let [want, got] = [&case, &patterned].map(|it| stack(&engine, &it.scene(bodies, &STEPS)));
+        for ((at, got), want) in got.indexed_iter().zip(&want) {
+            worst.take(f64::from(got - want), || format!("{at:?}: {got} for {want}"));
+        }
+    }
+    flats.holds();
+    balls.holds();
+}
+
 #[test]
 fn flats_of_patterns_are_sums_over_their_pixels() {
     let mut worst = Worst::new("flat of patterns, closed form", SAME_MASKS);
@@ -491,10 +521,23 @@ fn a_sphere_has_the_light_of_the_reference() {
     worst.holds();
 }
 
-/// A ball before a case of its own, and with x and z of everything exchanged: row r counts down.
 #[test]
 fn exchanged_axes_give_the_exchanged_stack() {
-    let mut worst = Worst::new("exchanged axes", 1e-4);
+    exchanges_axes(("exchanged axes", 1e-4), |_, mask| mask);
+}
+
+#[test]
+fn exchanged_axes_of_a_pattern_give_the_exchanged_stack() {
+    // Both stacks may err by the tolerance of their sampling, 1e-4.
+    exchanges_axes(("exchanged axes, pattern", 2e-4), |exchanged, mask| {
+        mask.patterned(if exchanged { EXCHANGED } else { CODED })
+    });
+}
+
+/// A ball before a case of its own, and with x and z of everything exchanged: row r counts down.
+/// `first` makes the sample mask of the case, and of the exchanged one.
+fn exchanges_axes((name, most): (&'static str, f64), first: fn(bool, Planned) -> Planned) {
+    let mut worst = Worst::new(name, most);
     let engine = engine(Backend::Bvh);
     let mut case = Case::rectangles([4, 3], 0.1);
     // Behind the detector mask there is a gap.
@@ -508,6 +551,9 @@ fn exchanged_axes_give_the_exchanged_stack() {
         for pair in [&mut mask.period, &mut mask.aperture, &mut mask.offset] {
             pair.reverse();
         }
+    }
+    for (case, exchanged) in [(&mut case, false), (&mut turned, true)] {
+        case.masks[0] = case.masks[0].map(|mask| first(exchanged, mask));
     }
     let ball = |x: f64, z: f64| carbon(sphere(230e-6, 3).moved([x, 0.0, z]));
     let exchanged = STEPS.map(|[x, z]| [z, x]);
