@@ -156,6 +156,14 @@ vec2 place_beside(Own own, uint side, float along) {
     return at;
 }
 
+// Part of a side, from 0 to 1, between two places along an axis from its begin; none has its end before its begin.
+vec2 part_within(float low, float high, float side) {
+    if (side == 0.0) return vec2(0.0, low > 0.0 || high < 0.0 ? -1.0 : 1.0);
+    float a = low / side;
+    float b = high / side;
+    return vec2(max(min(a, b), 0.0), min(max(a, b), 1.0));
+}
+
 // Adds the light that facets between its rays may bend, by the axis across them. Rectangles no wider than a facet
 // have a ray in it.
 bool look_at_walls(Own own, inout vec2 change) {
@@ -174,20 +182,12 @@ bool look_at_walls(Own own, inout vec2 change) {
         vec2 reach = 0.5 * (own.size + wall.width / metres);
         vec2 low = own.found.at - reach - from;
         vec2 high = own.found.at + reach - from;
-        vec2 part = vec2(0.0, 1.0);
-        for (uint axis = 0u; axis < 2u; axis++) {
-            if (side[axis] == 0.0) {
-                if (low[axis] > 0.0 || high[axis] < 0.0) part.y = 0.0;
-                continue;
-            }
-            vec2 ends = vec2(low[axis], high[axis]) / side[axis];
-            part = vec2(max(part.x, min(ends.x, ends.y)), min(part.y, max(ends.x, ends.y)));
-        }
-        if (part.y <= part.x) continue;
-        float light = wall.light * (part.y - part.x);
+        vec2 within_x = part_within(low.x, high.x, side.x);
+        vec2 within_z = part_within(low.y, high.y, side.y);
+        float length_ = min(within_x.y, within_z.y) - max(within_x.x, within_z.x);
+        float light = length_ > 0.0 ? wall.light * length_ : 0.0;
         vec2 taken = abs(side) / own.size;
-        if (taken.y >= taken.x) hidden.x += light;
-        else hidden.y += light;
+        hidden += light * (taken.y >= taken.x ? vec2(1.0, 0.0) : vec2(0.0, 1.0));
     }
     vec2 share = min(hidden / (SPREAD * area), vec2(1.0));
     change = max(change, own.passed * share);
