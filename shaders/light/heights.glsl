@@ -151,6 +151,14 @@ ivec2 sample_periods() {
                       cell_row.bottom + reach);
 }
 
+// Centre of a period of the detector mask, as light of a cell reaches it: it is displaced less on the mask than on the
+// detector.
+float begin_behind(Cell cell) {
+    float down = cell.displacement_z / light.row_pitch;
+    return row_geometry.aperture_offset + light.row_shift - down
+        - (heights.analyser_shift - heights.analyser_share * down);
+}
+
 // Share of the light of a cell along z that passes the strip of the sample mask in work and a strip of the
 // detector mask, and lands in a row. The window is called in the loop once, as in `responses`.
 float share_along_z(Cell cell, uint strip, int row) {
@@ -164,16 +172,13 @@ float share_along_z(Cell cell, uint strip, int row) {
         periods = sample_periods();
         inset = inset_of(light.sample_mask, heights.sample_mask, shadow_z.x, cell.sample_narrowing);
     }
-    // Light is displaced less on the mask than on the detector.
-    float down = cell.displacement_z / light.row_pitch;
-    float begin_behind = row_geometry.aperture_offset + light.row_shift - down
-        - (heights.analyser_shift - heights.analyser_share * down);
+    float begin = begin_behind(cell);
     ivec2 periods_behind = ivec2(0);
     float inset_behind = 0.0;
     if (ends_behind) {
         inset_behind = inset_of(light.detector_mask, heights.detector_mask, shadow_z.y,
                                 cell.detector_narrowing);
-        periods_behind = periods_of(heights.detector_mask, strip, begin_behind, upper - inset_behind,
+        periods_behind = periods_of(heights.detector_mask, strip, begin, upper - inset_behind,
                                     lower + inset_behind);
     }
     if (periods.y < periods.x || periods_behind.y < periods_behind.x) return 0.0;
@@ -194,7 +199,7 @@ float share_along_z(Cell cell, uint strip, int row) {
         Edge high = Edge(lower, piece.pixel_blur, 0.0);
         if (ends_behind) {
             vec2 ends = ends_of(heights.detector_mask, strip,
-                                begin_behind + float(l) * heights.detector_mask.period, inset_behind);
+                                begin + float(l) * heights.detector_mask.period, inset_behind);
             if (ends.x > upper) low = Edge(ends.x, piece.blur, 0.0);
             if (ends.y < lower) high = Edge(ends.y, piece.blur, 0.0);
         }
@@ -274,10 +279,8 @@ Landing landing_begin(uint mask_step, float faint, ivec2 pixels) {
 
 // True if a strip of the detector mask lies before the rows that light of a cell reaches.
 bool strip_is_behind(Cell cell, uint strip) {
-    float down = cell.displacement_z / light.row_pitch;
-    float begin = row_geometry.aperture_offset + light.row_shift - down
-        - (heights.analyser_shift - heights.analyser_share * down);
-    ivec2 periods = periods_of(heights.detector_mask, strip, begin, float(reached.x), float(reached.y + 1));
+    ivec2 periods = periods_of(heights.detector_mask, strip, begin_behind(cell), float(reached.x),
+                               float(reached.y + 1));
     return periods.x <= periods.y;
 }
 

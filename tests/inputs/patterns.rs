@@ -1,6 +1,6 @@
 //! Masks of patterns: images, tables and texts of open and closed pixels.
 
-#![allow(clippy::unwrap_used, reason = "clippy exempts tests, but not what they call")]
+#![allow(clippy::unwrap_used, reason = "tests")]
 
 use crate::kept::kept;
 use beamlet::Error;

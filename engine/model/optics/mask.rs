@@ -161,14 +161,7 @@ impl Mask {
     /// Openings seen in the plane at `plane`, m there, whose edges cut light on the detector as the mask's do: of a
     /// pattern the row with most of them.
     pub fn windows(&self, plane: f64) -> Openings {
-        let mut openings = self.openings(plane);
-        if let Some(row) = self.spec.row_of_pattern() {
-            let along_z = openings.of_period.first().map_or(ENDLESS, |opening| opening.ends[1]);
-            let scale = self.scale_at(plane);
-            let opening = |ends: [f64; 2]| Opening { ends: [ends.map(|end| end * scale), along_z] };
-            openings.of_period = row.into_iter().map(opening).collect();
-        }
-        openings
+        self.seen_through(self.scale_at(plane), 0.0, self.spec.row_of_pattern())
     }
 
     /// Openings of a single period without shifts seen in the plane at `plane`, m there: beamlets are at these
@@ -223,14 +216,19 @@ impl Mask {
     }
 
     fn seen(&self, scale: f64, shift: f64) -> Openings {
+        self.seen_through(scale, shift, self.spec.columns_of_pattern())
+    }
+
+    /// `of_pattern`: ends along x that stand for the openings of a pattern, in the plane of the mask.
+    fn seen_through(&self, scale: f64, shift: f64, of_pattern: Option<Vec<[f64; 2]>>) -> Openings {
         let spec = &self.spec;
         let along_z = spec
             .heights()
             .map_or(ENDLESS, |[height, _]| [-0.5, 0.5].map(|end| end * height * scale));
         let period_z = spec.pattern_z().map_or(f64::INFINITY, |period| period * scale);
         let opening = |ends: [f64; 2]| Opening { ends: [ends.map(|end| end * scale), along_z] };
-        let of_period = if let Some(columns) = spec.columns_of_pattern() {
-            columns.into_iter().map(opening).collect()
+        let of_period = if let Some(ends) = of_pattern {
+            ends.into_iter().map(opening).collect()
         } else if spec.apertures.is_empty() && spec.shifts.is_empty() {
             let half = spec.aperture * scale / 2.0;
             let displaced = 0.5 * spec.period * scale;

@@ -110,7 +110,7 @@ fn upload_mask(
     let records = strips.strips.iter().rev().map(|strip| strip.x.len());
     // Upper strips first: rows go downwards.
     address += strips.strips.iter().map(|strip| strip.x.len() as u64).sum::<u64>() * APERTURE;
-    let mut record = |(strip, count): (&beamlet_model::scene::Strip, usize)| {
+    let mut record = |(strip, count): (&beamlet_model::optics::Strip, usize)| {
         address -= count as u64 * APERTURE;
         MaskStrip {
             apertures: address,

@@ -30,8 +30,7 @@ impl Touched {
     /// recorded: of other rows than the recorded ones only where a surface throws light out of its row.
     pub(super) fn new(view: &ViewContext<'_>, rows: &Range<i64>) -> Self {
         let lattice = view.lattice;
-        let own_rows = rows.clone();
-        let rows = rows.start - 1..rows.end + 1;
+        let known = rows.start - 1..rows.end + 1;
         let recorded = view.recorded_rows();
         let sampling = &view.optics.sampling;
         let columns = sampling.cells.unwrap_or(BASE_COLUMNS);
@@ -41,16 +40,16 @@ impl Touched {
         for bounds in view.projected_bounds {
             let own = dense_for(bounds, lattice.period);
             let beamlets = bounds.patches(lattice)[1].clone();
-            for row in bounds.rows_that_count(lattice, &recorded, &rows) {
+            for row in bounds.rows_that_count(lattice, &recorded, &known) {
                 let least = if recorded.contains(&row) { inside } else { outside };
                 for beamlet in beamlets.clone() {
-                    let known = base.entry((beamlet, row)).or_insert(least);
-                    *known = [0, 1].map(|axis| known[axis].max(own[axis]));
+                    let of_patch = base.entry((beamlet, row)).or_insert(least);
+                    *of_patch = [0, 1].map(|axis| of_patch[axis].max(own[axis]));
                 }
             }
         }
-        let walls = Walls::new(view, &own_rows, inside);
-        Self { base, rows, beamlets: lattice.beamlets.clone(), walls }
+        let walls = Walls::new(view, rows, inside);
+        Self { base, rows: known, beamlets: lattice.beamlets.clone(), walls }
     }
 
     /// True if a shadow touches a patch.

@@ -37,15 +37,12 @@ impl NarrowComponents {
                     .for_each(|patch| patch.push(index));
             }
         }
-        let width = grid.beamlets.clone().count();
-        let first = [grid.beamlets.start, grid.rows.start];
         let components = touched
             .into_par_iter()
             .enumerate()
             .map(|(patch, touched)| {
-                let [beamlet, row] = [patch % width, patch / width].map(|at| at as i64);
-                let centre = lattice.centre(first[0] + beamlet);
-                let row = (first[1] + row) as f64;
+                let (beamlet, row) = grid.place(patch);
+                let (centre, row) = (lattice.centre(beamlet), row as f64);
                 let component = |index: u32| {
                     let bounds: &ProjectedBounds = &view.projected_bounds[index as usize];
                     NarrowComponent {

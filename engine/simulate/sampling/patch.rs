@@ -151,13 +151,12 @@ impl Patch {
         }
     }
 
-    /// A patch of rectangles with these borders whose rays, about `count`, are spread evenly; results are to be set.
+    /// A patch of rectangles with these borders whose rays are spread evenly on some lines; results are to be set.
     pub(super) fn even(
         [beamlet, row]: [i64; 2],
         borders: Vec<f32>,
-        (count, even): (u32, Even),
+        (lines, even): (u32, Even),
     ) -> Self {
-        let lines = Self::even_lines(count);
         Self { even, ..Self::slabs(beamlet, row, borders, lines) }
     }
 

@@ -42,9 +42,7 @@ impl Walls {
             let Some(wall) = finder.wall(facet, corners, places) else { return };
             touched(lattice, rows, places, |row, beamlets| {
                 let mut found = found.lock().unwrap_or_else(PoisonError::into_inner);
-                for beamlet in beamlets {
-                    found.extend(grid.index(beamlet, row).map(|at| (at, number, wall)));
-                }
+                found.extend(grid.in_row(row, beamlets).map(|at| (at, number, wall)));
             });
         });
         for (at, number, wall) in found.into_inner().unwrap_or_else(PoisonError::into_inner) {
@@ -52,15 +50,12 @@ impl Walls {
                 walls[at].push((number, wall));
             }
         }
-        let width = lattice.beamlets.clone().count();
-        let place = |at: usize| {
-            let beamlet = lattice.beamlets.start + (at % width) as i64;
-            [lattice.centre(beamlet), (rows.start + (at / width) as i64) as f64]
-        };
         let of_patch = |(at, mut walls): (usize, Vec<(u32, Wall)>)| {
             walls.sort_unstable_by(|a, b| b.1.light.total_cmp(&a.1.light).then(a.0.cmp(&b.0)));
             walls.truncate(MOST_WALLS);
-            walls.iter().map(|(_, wall)| wall.from(place(at))).collect()
+            let (beamlet, row) = grid.place(at);
+            let place = [lattice.centre(beamlet), row as f64];
+            walls.iter().map(|(_, wall)| wall.from(place)).collect()
         };
         let walls = walls.into_iter().enumerate().map(of_patch).collect();
         Self { grid, walls }

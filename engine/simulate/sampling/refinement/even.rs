@@ -36,7 +36,7 @@ impl Refiner<'_> {
             return false;
         }
         let Patch { beamlet, row, .. } = work.patch;
-        work.patch = Patch::even([beamlet, row], borders, (possible, even));
+        work.patch = Patch::even([beamlet, row], borders, (lines, even));
         work.known_errors = KnownErrors::default();
         work.changed.clear();
         // Along each line in turn: neighbours cross the same surfaces.
