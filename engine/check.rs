@@ -253,7 +253,6 @@ fn load_lenient(
         warnings,
         refusals: refusals.iter().map(ToString::to_string).collect(),
     };
-    report.warnings.extend(refine_choice::warning(scene, &sample));
     report.warnings.extend(doubts::doubts(scene, &report));
     report.warnings.extend(faces::doubts(scene, &sample));
     report.warnings.extend(report.ray_limits.warnings());

@@ -53,7 +53,7 @@ pub mod backend {
 }
 /// The place where rays are chosen.
 pub mod refine_choice {
-    pub use beamlet_simulate::run::refine_choice::{settle, warning};
+    pub use beamlet_simulate::run::refine_choice::settle;
 }
 /// Memory of a run.
 pub mod memory {

@@ -148,13 +148,32 @@ shared_constants! {
     LOWEST_OCTAVE: u32 = 20;
     /// Words at the head of the sums of a patch; then sums and counts of each octave, of errors of the light and
     /// with the displacement; then sums of two words for each mask step and for all of them, of both.
-    PATCH_HEAD: u32 = 4;
+    PATCH_HEAD: u32 = 14;
     /// Error from which on rectangles are split.
     PATCH_THRESHOLD: u32 = 0;
     /// `PATCH_IS_` bits.
     PATCH_FLAGS: u32 = 1;
     /// Rays of a patch.
     PATCH_RAYS: u32 = 2;
+    /// Crossings of the rays of its first levels.
+    PATCH_CROSSINGS: u32 = 3;
+    /// Two words: sum of squared changes of the light, from the mean of the two rays beside a ray to it; of rays
+    /// that are spread evenly from one to the next along x.
+    PATCH_CHANGES: u32 = 4;
+    /// Two words: the same between these two rays; from one to the ray after the next.
+    PATCH_FAR_CHANGES: u32 = 6;
+    /// First rectangle of the rays that are spread evenly.
+    PATCH_EVEN_FIRST: u32 = 8;
+    /// Their number.
+    PATCH_EVEN_COUNT: u32 = 9;
+    /// Lines that they are on.
+    PATCH_EVEN_LINES: u32 = 10;
+    /// Two words: parts of the beamlet that a mask step opens.
+    PATCH_EVEN_OPEN: u32 = 11;
+    /// Number of the rays whose crossings are counted.
+    PATCH_COUNTED: u32 = 13;
+    /// Levels at which rays are asked whether they resolve a patch.
+    STRUCTURE_LEVELS: u32 = 1;
     /// Nothing is left to split.
     PATCH_IS_DONE: u32 = 1;
     /// A silhouette crosses it.
@@ -163,6 +182,12 @@ shared_constants! {
     PATCH_IS_HIT: u32 = 4;
     /// Base rays in it or in a patch beside it crossed different surfaces.
     PATCH_IS_NEAR: u32 = 8;
+    /// Rays do not resolve it: they are spread evenly.
+    PATCH_IS_EVEN: u32 = 16;
+    /// Rays that were tried said how many it needs.
+    PATCH_IS_SETTLED: u32 = 32;
+    /// Bit of an item to split that stands for two rays of such a patch, in place of a rectangle.
+    SPLIT_IS_EVEN: u32 = 0x8000_0000;
     /// Levels at which rectangles at the borders of such patches are split.
     LOOKS: u32 = 4;
 

@@ -103,6 +103,8 @@ shared_structs! {
         pub landing: f32,
         /// Shift of pixel edges on the analyser, from the gap to the detector.
         pub pixel_shift: f32,
+        /// Variance of the displacement by rough surfaces, m2.
+        pub variance: f32,
         pub signature: u32,
         /// `FLAG_` bits, `RECTANGLE_ALONG_X`, and the number of crossings from bit `RECTANGLE_CROSSINGS` on.
         pub flags: u32,
@@ -197,7 +199,7 @@ shared_structs! {
         pub head: u64 => Words,
         /// Rectangles that may still be split, by turns.
         pub lists: u64 => Words,
-        /// Rectangles to split.
+        /// Rectangles to split, or patches of two rays that are spread evenly.
         pub splits: u64 => Words,
         /// `[rectangle][3]`: changes that younger neighbours ask to take into account, and whether they do.
         pub asked: u64 => Words,

@@ -31,7 +31,7 @@ void main() {
     uint high = patch_.base[1];
     Rectangle g;
     set_base(g, patch_, uvec2(own / high, own % high));
-    g.optical_depth = g.displacement = g.landing = g.pixel_shift = 0.0;
+    g.optical_depth = g.displacement = g.landing = g.pixel_shift = g.variance = 0.0;
     g.signature = g.flags = g.parts = 0u;
     g.change_x = g.change_z = g.light_error = g.turn_error = g.weight = 0.0;
     g.patch_index = patch_index;

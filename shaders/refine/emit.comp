@@ -9,11 +9,13 @@
 #include "refine/head.glsl"
 #include "physics/gauss.glsl"
 #include "refine/rectangle.glsl"
+#include "refine/even.glsl"
 #include "refine/slopes.glsl"
 #include "refine/made.glsl"
 
 // Linear result of a rectangle along x.
 RaySlopes slopes_along_x(Rectangle g, uint index) {
+    if (is_even(g.patch_index)) return RaySlopes(vec2(0.0), vec2(0.0));
     Found own = found_of(g, index, vec2(0.0));
     vec2 x = beside_x(g);
     Found found[4];
@@ -38,7 +40,7 @@ Cell cell_of(Rectangle g, uint index, Rows rows, bool hit) {
     vec2 depth = g.optical_depth + ends * (hit ? slopes.depth.x : 0.0);
     vec2 displacement = g.displacement + ends * (hit ? slopes.displacement.x : 0.0);
     return Cell(g.x_low, g.x_high, depth.x, depth.y, displacement.x, displacement.y, g.landing, rows.above,
-                rows.below, g.pixel_shift, 0.0, 0.0, 0.0, 0.0, 0.0);
+                rows.below, g.pixel_shift, g.variance, 0.0, 0.0, 0.0, 0.0);
 }
 
 void main() {
@@ -46,7 +48,12 @@ void main() {
     if (!item_of(STAGE_EMIT, item)) return;
     uint index = P.made.at[3u * item];
     Rectangle g = rectangle_at(index);
+    uint slot = P.made.at[3u * item + 1u];
+    if ((g.flags & FLAG_NOT_FINITE) != 0u) {
+        P.cells.at[slot] = no_cell(g);
+        return;
+    }
     Rows rows = rows_of(g, g.landing);
     count_landing(g.landing);
-    P.cells.at[P.made.at[3u * item + 1u]] = cell_of(g, index, rows, is_hit(g.patch_index));
+    P.cells.at[slot] = cell_of(g, index, rows, is_hit(g.patch_index));
 }

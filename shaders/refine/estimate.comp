@@ -10,6 +10,7 @@
 #include "interface.glsl"
 #include "refine/head.glsl"
 #include "refine/rectangle.glsl"
+#include "refine/even.glsl"
 #include "refine/light.glsl"
 #include "refine/slopes.glsl"
 
@@ -31,6 +32,11 @@ const float LITTLE = 3e-3;
 // are than at a single silhouette: the light of such rays is random, and alike along fibres over several rectangles.
 const uint SEVERAL_CROSSINGS = 8u;
 const float FINE = 4.0;
+// Standard deviation of a share of light, at most: rays that draw normals may have any. An error by the draws themselves
+// would split rectangles of rays that are bent far.
+const float DRAWN = 0.5;
+// Crossings of a ray from which on it says whether its patch is resolved.
+const uint TELLING_CROSSINGS = 4u;
 // Places along a side where the corners of a neighbour are looked for, from its middle.
 const float CORNER = 0.42;
 
@@ -71,12 +77,8 @@ float error_of(Own own, float change) {
 }
 
 // Largest change of the light in any pixel if it were another.
-float change_to(Own own, Landed other) {
+float whole_change_to(Own own, Landed other) {
     Landed before = Landed(own.passed, own.at);
-    // The windows change no faster.
-    float moved = min(abs(other.at - before.at) * P.steepest, 1.0);
-    float most = abs(other.light - before.light) + max(other.light, before.light) * moved;
-    if (error_of(own, most) < LITTLE) return most;
     float change = 0.0;
     for (uint kind = 0u; kind < P.window_count; kind++) {
         WindowTable table = P.windows.at[kind];
@@ -85,6 +87,30 @@ float change_to(Own own, Landed other) {
                                           Landed(other.light, other.at + shift), own.half_);
     }
     return change;
+}
+
+// The same, or a bound of it where that is small.
+float change_to(Own own, Landed other) {
+    Landed before = Landed(own.passed, own.at);
+    // The windows change no faster.
+    float moved = min(abs(other.at - before.at) * P.steepest, 1.0);
+    float most = abs(other.light - before.light) + max(other.light, before.light) * moved;
+    return error_of(own, most) < LITTLE ? most : whole_change_to(own, other);
+}
+
+// Light of a ray at the place of the rectangle.
+Landed landed_of(Own own, Found found) {
+    return Landed(recorded(own, found), own.at + found.displacement - own.found.displacement);
+}
+
+// Sets the light that changes are counted from.
+void set_light(inout Own own, Landed light) {
+    own.passed = light.light;
+    own.at = light.at;
+    for (uint kind = 0u; kind < P.window_count; kind++) {
+        Landed landed = Landed(light.light, light.at + own.column.landing[kind]);
+        own.seen[kind] = seen_by(P.windows.at[kind], landed, own.half_);
+    }
 }
 
 // The change if the silhouette towards a neighbour were on the other side.
@@ -215,8 +241,9 @@ void settle(inout Own own, uint index, vec2 change, float moved, bool silhouette
         precise float turned_square = turned * turned;
         own.g.turn_error = turned_square;
     }
-    bool along_x = change.x > 2.0 * change.y
-        || (change.y <= 2.0 * change.x && own.size.y * P.row_height <= own.size.x);
+    // Rays above one another draw together at an upright silhouette.
+    bool upright = (own.found.flags & FLAG_DRAWN) != 0u || own.size.y * P.row_height <= own.size.x;
+    bool along_x = change.x > 2.0 * change.y || (change.y <= 2.0 * change.x && upright);
     float most = weigh(own.g, true);
     bool least = along_x ? own.size.x <= P.least.x : own.size.y <= P.least.y;
     precise float weight = most * most;
@@ -254,7 +281,7 @@ bool is_fine(Found a, Found b) {
 // Changes towards the neighbours at the middles of the sides.
 void look_beside(Own own, Found found[4], bool aside[4], inout vec2 change, inout float moved, inout bool silhouette) {
     for (uint side = 0u; side < 4u; side++) {
-        bool unlike = found[side].known && !alike(found[side], own.found);
+        bool unlike = found[side].known && is_silhouette(found[side], own.found);
         if (unlike && found[side].index < P.head.at[HEAD_OLDER]) {
             float lit = max(own.passed, recorded(own, found[side]));
             ask(own, found[side], side / 2u, SILHOUETTE * lit);
@@ -264,6 +291,10 @@ void look_beside(Own own, Found found[4], bool aside[4], inout vec2 change, inou
         if (unlike) {
             towards = over_silhouette(own, found[side]);
             if (is_fine(own.found, found[side])) towards.light *= FINE;
+        } else if (is_drawn(own.found, found[side])) {
+            // Also of rays that are thrown off the detector.
+            float lit = max(own.passed, recorded(own, found[side]));
+            towards = Change(DRAWN / SPREAD * lit, 0.0, true);
         } else {
             towards = on_surface(own, found[side]);
         }
@@ -282,7 +313,7 @@ void look_at_corners(Own own, Found found[4], bool same[4], inout vec2 change, i
         uint middle = found[side].index;
         if (middle != NO_RECTANGLE && holds(middle, at)) continue;
         Found other = found_of_own(own, at);
-        if (!other.known || alike(other, own.found) || is_aside(own, other, side)) continue;
+        if (!other.known || !is_silhouette(other, own.found) || is_aside(own, other, side)) continue;
         Change towards = over_silhouette(own, other);
         // Where the middle of the side has the same surfaces, the silhouette ends along it.
         uint axis = same[side] ? 1u - side / 2u : side / 2u;
@@ -291,12 +322,55 @@ void look_at_corners(Own own, Found found[4], bool same[4], inout vec2 change, i
     }
 }
 
+// Adds changes of the light at a ray: from the mean of the two rays beside it, and between these.
+void look_for_structure(Own own, Found found[4], uint words) {
+    for (uint axis = 0u; axis < 2u; axis++) {
+        Found low = found[2u * axis];
+        Found high = found[2u * axis + 1u];
+        if (!low.known || !high.known) continue;
+        Found mean = low;
+        mean.depth = 0.5 * (low.depth + high.depth);
+        mean.displacement = 0.5 * (low.displacement + high.displacement);
+        add_change(words + PATCH_CHANGES, whole_change_to(own, landed_of(own, mean)));
+        Own other = own;
+        set_light(other, landed_of(own, low));
+        add_change(words + PATCH_FAR_CHANGES, whole_change_to(other, landed_of(own, high)));
+    }
+}
+
+// Adds the error of a ray that is spread evenly: the light may change by as much as to the next ray along x.
+void estimate_even(Own own, uint index, uint words) {
+    Even even = even_of(own.g.patch_index);
+    uint i = ray_of(even, index);
+    if (i >= even.count) return;
+    own.found.at = place_of(even, i);
+    own.half_ = 0.5 * abs(P.magnification) * own.size.x;
+    set_light(own, Landed(recorded(own, own.found), P.magnification * own.found.at.x + own.found.displacement));
+    for (uint apart = 1u; apart <= 2u && i + apart < even.count; apart++) {
+        uint next = rectangle_of(even, i + apart);
+        Found other = found_of(P.rectangles.at[next], next, vec2(0.0));
+        other.at = own.found.at;
+        float change = whole_change_to(own, landed_of(own, other));
+        add_change(words + (apart == 1u ? PATCH_CHANGES : PATCH_FAR_CHANGES), change);
+        if (apart == 1u) {
+            precise float light = error_of(own, change);
+            precise float square = light * light;
+            own.g.light_error = square;
+        }
+    }
+    weigh(own.g, true);
+}
+
 void main() {
     uint index;
     if (!item_of(STAGE_ESTIMATE, index)) return;
     Own own = own_of(index);
     uint words = sums_of(own.g.patch_index);
     if ((P.sums.at[words + PATCH_FLAGS] & PATCH_IS_DONE) != 0u) return;
+    if (is_even(own.g.patch_index)) {
+        estimate_even(own, index, words);
+        return;
+    }
     Found found[4];
     bool aside[4];
     bool same[4];
@@ -307,9 +381,12 @@ void main() {
     }
     own.slopes = slopes_of(own.found, found, same);
     own.half_ = 0.5 * abs(P.magnification + own.slopes.displacement.x) * own.size.x;
-    for (uint kind = 0u; kind < P.window_count; kind++) {
-        Landed landed = Landed(own.passed, own.at + own.column.landing[kind]);
-        own.seen[kind] = seen_by(P.windows.at[kind], landed, own.half_);
+    set_light(own, Landed(own.passed, own.at));
+    uint crossings = crossings_of(own.g.flags);
+    if (P.head.at[HEAD_LEVELS] < STRUCTURE_LEVELS) {
+        if (crossings >= TELLING_CROSSINGS) look_for_structure(own, found, words);
+        atomicAdd(P.sums.at[words + PATCH_CROSSINGS], crossings);
+        atomicAdd(P.sums.at[words + PATCH_COUNTED], 1u);
     }
     vec2 change = vec2(0.0);
     float moved = 0.0;
@@ -321,7 +398,7 @@ void main() {
     if (aside[0] || aside[1]) change.x = max(change.x, own.g.change_x);
     if (aside[2] || aside[3]) change.y = max(change.y, own.g.change_z);
     settle(own, index, change, moved, silhouette);
-    uint flags = (own.g.signature != 0u || crossings_of(own.g.flags) != 0u ? PATCH_IS_HIT : 0u)
+    uint flags = (own.g.signature != 0u || crossings != 0u ? PATCH_IS_HIT : 0u)
         | (silhouette ? PATCH_IS_CROSSED : 0u);
     if ((P.sums.at[words + PATCH_FLAGS] & flags) != flags) {
         atomicOr(P.sums.at[words + PATCH_FLAGS], flags);

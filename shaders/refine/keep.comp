@@ -42,6 +42,7 @@ void main() {
     P.rectangles.at[index].landing = result.displacement_z + P.gap * result.slope_z;
     P.rectangles.at[index].pixel_shift = result.displacement_x * (1.0 - P.ratio)
         - result.slope_x * P.gap * P.ratio;
+    P.rectangles.at[index].variance = result.displacement_variance;
     P.rectangles.at[index].signature = result.signature;
     uint share = result.flags >> FLAG_SHARE_SHIFT << FLAG_SHARE_SHIFT;
     uint flags = result.flags & ((1u << RECTANGLE_CROSSINGS) - 1u);

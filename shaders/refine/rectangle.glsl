@@ -122,10 +122,15 @@ Found found_at(uint near, uint patch_index, float x, float z) {
     return found;
 }
 
+// Whether one of two rays drew a normal at a rough surface: another ray there may go elsewhere.
+bool is_drawn(Found a, Found b) {
+    return ((a.flags | b.flags) & FLAG_DRAWN) != 0u;
+}
+
 // Whether two rays crossed the same components in the same way.
 bool alike(Found a, Found b) {
     return a.signature == b.signature && ((a.flags ^ b.flags) & FLAG_REFLECTED) == 0u
-        && ((a.flags | b.flags) & FLAG_NOT_FINITE) == 0u;
+        && ((a.flags | b.flags) & FLAG_NOT_FINITE) == 0u && !is_drawn(a, b);
 }
 
 // Most crossings that are counted.
@@ -133,6 +138,13 @@ const uint MOST_CROSSINGS = (1u << (FLAG_SHARE_SHIFT - RECTANGLE_CROSSINGS)) - 1
 
 uint crossings_of(uint flags) {
     return (flags >> RECTANGLE_CROSSINGS) & MOST_CROSSINGS;
+}
+
+// Whether a silhouette is between two rays. Rays that draw normals may reflect or not on one surface: any two that
+// cross the sample are alike.
+bool is_silhouette(Found a, Found b) {
+    if (is_drawn(a, b)) return (crossings_of(a.flags) == 0u) != (crossings_of(b.flags) == 0u);
+    return !alike(a, b);
 }
 
 // Squares of errors are sums of 2^-16 of the square of the budget, as integers of 64 bits: they do not
@@ -245,4 +257,16 @@ float sum_of_octave(uint patch_index, bool turns, uint octave) {
 // Whether some ray of a patch crosses the sample.
 bool is_hit(uint patch_index) {
     return (P.sums.at[sums_of(patch_index) + PATCH_FLAGS] & PATCH_IS_HIT) != 0u;
+}
+
+// Squared changes of the light are sums of 2^-24, as integers of 64 bits.
+const float CHANGE_UNIT = 16777216.0;
+const float MOST_CHANGE = 16.0;
+
+void add_change(uint word, float change) {
+    add_pair(P.sums, word, uvec2(uint(min(change * change, MOST_CHANGE) * CHANGE_UNIT), 0u));
+}
+
+float changes_at(uint word) {
+    return (float(P.sums.at[word]) + 4294967296.0 * float(P.sums.at[word + 1u])) / CHANGE_UNIT;
 }

@@ -8,6 +8,7 @@
 #include "interface.glsl"
 #include "refine/head.glsl"
 #include "refine/rectangle.glsl"
+#include "refine/even.glsl"
 #include "refine/worst.glsl"
 
 void main() {

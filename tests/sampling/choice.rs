@@ -1,7 +1,7 @@
 //! Place where rays are chosen, `sampling.refine = "auto"`.
 
 use crate::on_device::{meshes, shapes, tube};
-use beamlet::internals::refine_choice::{settle, warning};
+use beamlet::internals::refine_choice::settle;
 use beamlet::scene::{Refine, Scene, Scheme, Transport};
 use beamlet::{Control, DeviceKind};
 use std::path::Path;
@@ -35,7 +35,9 @@ fn bundle(count: u32) -> Scene {
 fn gpus_choose_the_rays_of_exact_shapes_and_cpus_leave_them_to_the_host() {
     let mut with_tube = shapes();
     with_tube.source.beam = tube(40.0, 4);
-    for (scene, energies) in [(shapes(), 1), (with_tube, 4), (bundle(64), 1)] {
+    let mut rough = shapes();
+    rough.objects[0].roughness = 1e-3;
+    for (scene, energies) in [(shapes(), 1), (with_tube, 4), (bundle(65), 1), (rough, 1)] {
         assert_eq!(scene.sampling.refine, Refine::Auto, "the default");
         for kind in GPUS {
             let (place, reason) = choice(&scene, energies, (kind, false));
@@ -49,19 +51,19 @@ fn gpus_choose_the_rays_of_exact_shapes_and_cpus_leave_them_to_the_host() {
 }
 
 #[test]
-fn the_host_chooses_the_rays_of_samples_that_the_device_does_not_know_or_may_miss() {
+fn the_host_chooses_the_rays_of_scenes_that_the_device_does_not_know_and_of_meshes() {
     let gpu = (DeviceKind::Discrete, false);
     let mut rough = shapes();
     rough.objects[0].roughness = 1e-3;
+    rough.source.beam = tube(40.0, 4);
     let mut exact = shapes();
     exact.sampling.transport = Transport::Exact;
     assert_eq!(choice(&exact, 1, gpu).0, Refine::Device, "exact transport at one energy is known");
     for (found, (place, reason)) in [
-        ("a rough object", choice(&rough, 1, gpu)),
+        ("a rough object and a spectrum", choice(&rough, 4, gpu)),
         ("kept moments", choice(&shapes(), 1, (DeviceKind::Discrete, true))),
         ("a spectrum", choice(&exact, 4, gpu)),
         ("meshes take fewer rays", choice(&meshes(), 1, gpu)),
-        ("64 bodies", choice(&bundle(65), 1, gpu)),
     ] {
         assert_eq!(place, Refine::Host, "{found}");
         assert!(reason.clone().is_some_and(|it| it.contains(found)), "{found}: {reason:?}");
@@ -82,16 +84,4 @@ fn a_stated_place_is_kept_and_scenes_without_chosen_rays_have_no_reason() {
     for scene in [random, waves, empty] {
         assert_eq!(choice(&scene, 1, (DeviceKind::Discrete, false)), (Refine::Host, None));
     }
-}
-
-#[test]
-fn many_bodies_on_the_device_are_warned_of() {
-    let warned = |mut scene: Scene, place: Refine| {
-        scene.sampling.refine = place;
-        let sample = beamlet::load_sample(&scene, &mut Control::default()).expect("a sample");
-        warning(&scene, &sample).is_some_and(|text| text.contains("65 bodies"))
-    };
-    assert!(warned(bundle(65), Refine::Device));
-    assert!(!warned(bundle(65), Refine::Auto) && !warned(bundle(65), Refine::Host));
-    assert!(!warned(shapes(), Refine::Device) && !warned(meshes(), Refine::Device));
 }

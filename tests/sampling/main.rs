@@ -8,6 +8,7 @@ mod support;
 mod choice;
 mod determinism;
 mod estimated;
+mod even_on_device;
 
 mod fine_on_device;
 mod foam;

@@ -316,11 +316,14 @@ fn what_the_device_does_not_know_is_refused_by_name() {
         scene.source.beam = tube(60.0, 4);
         scene.sampling.transport = Transport::Exact;
     };
-    let rough = |scene: &mut Scene| scene.objects[0].roughness = 1e-3;
+    let rough = |scene: &mut Scene| {
+        scene.objects[0].roughness = 1e-3;
+        scene.source.beam = tube(60.0, 4);
+    };
     let kept = EngineOptions::default().with_keep_moments(true);
     for (found, text) in [
         ("a spectrum of several energies", refused(&spectrum, EngineOptions::default())),
-        ("a rough object", refused(&rough, EngineOptions::default())),
+        ("a rough object and a spectrum", refused(&rough, EngineOptions::default())),
         ("kept moments", refused(&|_| (), kept)),
     ] {
         assert!(text.contains("sampling.refine") && text.contains(found), "{text}");

@@ -5,9 +5,6 @@ use beamlet_geometry::Sample;
 use beamlet_gpu::DeviceKind;
 use beamlet_model::scene::{Refine, Scene, Scheme, Transport};
 
-/// Bodies of a sample up to which rays resolve it: the device samples no unresolved structure.
-const MANY_BODIES: usize = 64;
-
 /// Properties of a scene that refinement on the device does not know; `None`: it knows all. `energies`: number
 /// of energy nodes.
 fn unknown(scene: &Scene, energies: usize, keeps_moments: bool) -> Option<&'static str> {
@@ -15,8 +12,8 @@ fn unknown(scene: &Scene, energies: usize, keeps_moments: bool) -> Option<&'stat
         Some("a spectrum of several energies and transport = \"exact\"")
     } else if keeps_moments {
         Some("kept moments")
-    } else if scene.objects.iter().any(|object| object.roughness > 0.0) {
-        Some("a rough object")
+    } else if energies > 1 && scene.objects.iter().any(|object| object.roughness > 0.0) {
+        Some("a rough object and a spectrum of several energies")
     } else if scene.has_heights() {
         Some("apertures that end along z")
     } else {
@@ -77,29 +74,12 @@ fn has_facets(sample: &Sample) -> bool {
     sample.objects.iter().any(|object| object.triangles > 0)
 }
 
-/// Warning of a scene that requests the device for a sample whose light it may miss.
-#[must_use]
-pub fn warning(scene: &Scene, sample: &Sample) -> Option<String> {
-    if scene.sampling.refine != Refine::Device || !applies(scene) {
-        return None;
-    }
-    let bodies = sample.components.len();
-    (bodies > MANY_BODIES).then(|| {
-        format!(
-            "sampling.refine = \"device\" may not resolve {bodies} bodies: reported errors may be 2 to 4 times \
-             too small; \"host\" samples such structure evenly"
-        )
-    })
-}
-
 /// Place of a sample that the device knows, and why there. The host sums over facets, where the device takes rays.
 fn by_kind(kind: DeviceKind, sample: &Sample) -> (Refine, String) {
     if kind == DeviceKind::Cpu {
         (Refine::Host, "the device is a CPU".into())
     } else if has_facets(sample) {
         (Refine::Host, "meshes take fewer rays there".into())
-    } else if sample.components.len() > MANY_BODIES {
-        (Refine::Host, format!("rays may not resolve more than {MANY_BODIES} bodies"))
     } else {
         (Refine::Device, "exact shapes on a GPU".into())
     }

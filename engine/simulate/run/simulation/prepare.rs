@@ -149,7 +149,6 @@ impl Simulation {
             Some(sample) => sample,
             None => load(&scene, &parts, options.memory_limit, control)?,
         };
-        refine_choice::warning(&scene, &sample).iter().for_each(|text| log::warn!("{text}"));
         let mut scene = scene;
         let refine_reason = settle_refine(&mut scene, &sample, &parts, simulator);
         // Kept moments are written and read in the order of the views.

@@ -1,0 +1,79 @@
+//! Unresolved structure and roughness with `sampling.refine = "device"`, against the rules of the host.
+
+use crate::support::engine;
+use beamlet::Backend;
+use beamlet::scene::{Refine, Scene};
+
+use super::on_device::{apart, of_objects, run};
+
+/// A bundle of carbon fibres, of this roughness.
+fn fibres(roughness: f64) -> Scene {
+    of_objects(&format!(
+        "[[object]]\nname = \"fibres\"\nmaterial = \"carbon\"\nroughness = {roughness}\n\
+         shape = {{ cylinder = {{ radius = \"6 um\", height = \"2 mm\" }} }}\n\
+         [object.instances]\npacking = \"parallel-fibres\"\nfill = 0.3\nseed = 1\n\
+         region = {{ cylinder = {{ radius = \"0.3 mm\", height = \"2 mm\" }} }}\n\
+         [materials.carbon]\nformula = \"C\"\ndensity = \"1.8 g/cm3\"\n"
+    ))
+}
+
+/// A plate, turned a little about the axis of rotation.
+fn plate() -> Scene {
+    of_objects(
+        "[[object]]\nname = \"plate\"\nmaterial = \"PMMA\"\nroughness = 0.2\n\
+         shape = { box = { size = [\"0.6 mm\", \"1 mm\", \"2 mm\"] } }\n\
+         rotate = [{ axis = [0, 0, 1], angle = \"20 deg\" }]\n",
+    )
+}
+
+/// Rays are chosen at other places than by the host, so that both err by chance: mean and variance over the pixels
+/// agree to the error of a mean over as many (four of its deviations). Values of the steps of a pixel have the same
+/// rays and count as one.
+#[test]
+fn rough_and_unresolved_samples_have_mean_and_variance_of_the_host() {
+    let engine = engine(Backend::Bvh);
+    for (name, scene, tolerance) in [
+        ("fibres", fibres(0.0), 1e-3),
+        ("rough fibres", fibres(2e-3), 1e-3),
+        ("rough plate", plate(), 4e-3),
+    ] {
+        let (want, _) = run(&engine, &scene, Refine::Host, tolerance / 4.0);
+        let (got, record) = run(&engine, &scene, Refine::Device, tolerance);
+        let [worst, rms] = apart(&got, &want);
+        let mean = |stack: &ndarray::Array4<f32>| stack.mapv(f64::from).mean().expect("pixels");
+        let variance = |stack: &ndarray::Array4<f32>| stack.mapv(f64::from).var(0.0);
+        let pixels = want.len() as f64 / scene.scan.mask_offsets.len() as f64;
+        let off = mean(&got) - mean(&want);
+        let spread = variance(&got) - variance(&want);
+        let told = record.sampling.expect("reported errors");
+        println!(
+            "measured device, {name}: worst {worst:.1e}, rms {rms:.1e}, mean {off:.1e}, variance {spread:.1e}, \
+             told {:.1e}",
+            told.worst_error
+        );
+        assert!(worst < 5.0 * tolerance && rms < tolerance, "{name}: {worst} {rms}");
+        assert!(off.abs() < 4.0 * rms / pixels.sqrt(), "{name}: {off}");
+        // A value errs by chance: the variance changes by twice the covariance of error and value.
+        let most = 8.0 * rms * variance(&want).sqrt() / pixels.sqrt() + rms * rms;
+        assert!(spread.abs() < most, "{name}: {spread} {most}");
+        assert!(told.worst_error > 0.0 && told.worst_error <= tolerance, "{name}: {told:?}");
+    }
+}
+
+/// The number of rays of a patch does not depend on bands or batches.
+#[test]
+fn rays_of_unresolved_structure_are_the_same_in_bands_and_batches() {
+    use crate::support::engine_with;
+    use beamlet::EngineOptions;
+    let of = |options: EngineOptions| {
+        run(&engine_with(options.with_backend(Backend::Bvh)), &fibres(2e-3), Refine::Device, 1e-3).0
+    };
+    let whole = of(EngineOptions::default());
+    for (what, options) in [
+        ("bands", EngineOptions::default().with_band_rows(Some(1))),
+        ("batches", EngineOptions::default().with_batch_rays(Some(257))),
+    ] {
+        let other = of(options);
+        assert!(whole.iter().zip(&other).all(|(a, b)| a.to_bits() == b.to_bits()), "{what}");
+    }
+}
