@@ -6,6 +6,7 @@ use crate::material;
 use crate::scene::{MaskBody, Scene};
 use beamlet_core::Result;
 use beamlet_core::numbers::single;
+use std::borrow::Cow;
 
 /// Shares of the light of all energies (keV, each with its weight) that the bars of the sample mask and
 /// of the detector mask let through along the axis; 0 without the mask.
@@ -50,6 +51,45 @@ pub fn through_substrates(
     Ok(sum)
 }
 
+/// The scene with straight bars in place of tapered ones: slits are narrower by the mean narrowing of slanted walls
+/// along the axis over energies (keV, each with its weight), each as far as its bars are dark. The same scene without
+/// tapers.
+///
+/// # Errors
+/// As [`material::constants_at_for`].
+pub fn straightened<'s>(
+    scene: &'s Scene,
+    (energies, weights): (&[f64], &[f64]),
+) -> Result<Cow<'s, Scene>> {
+    let optics = Optics::of(scene);
+    if !optics.has_walls() {
+        return Ok(Cow::Borrowed(scene));
+    }
+    let mut straight = scene.clone();
+    let masks = [&optics.sample_mask, &optics.detector_mask];
+    for (mask, spec) in
+        masks.into_iter().zip([&mut straight.sample_mask, &mut straight.detector_mask])
+    {
+        let (Some(mask), Some(spec)) = (mask, spec) else { continue };
+        let mut sums = [0.0; 2];
+        for (energy, weight) in energies.iter().zip(weights) {
+            let shape = MaskShape::of(scene, mask, mask.distance(), Some(*energy))?;
+            let leak = shape.leak(1.0);
+            let dark = weight * (1.0 - leak);
+            sums[0] += dark;
+            sums[1] += dark * shape.widest_shadow(0.0) * shape.narrowing(1.0, leak);
+        }
+        let narrower = if sums[0] > 0.0 { sums[1] / sums[0] } else { 0.0 };
+        spec.taper = 0.0;
+        spec.aperture -= narrower;
+        for [low, high] in &mut spec.apertures {
+            *low += 0.5 * narrower;
+            *high -= 0.5 * narrower;
+        }
+    }
+    Ok(Cow::Owned(straight))
+}
+
 /// Share of the light of an energy, keV, that bars let through along the axis.
 pub(super) fn leak(scene: &Scene, mask: &Mask, energy: f64) -> Result<f64> {
     Ok(MaskShape::of(scene, mask, mask.distance(), Some(energy))?.leak(1.0))
@@ -88,6 +128,10 @@ pub struct MaskShape {
     pub thickness: f64,
     /// Attenuation of bars along the axis; infinite where they are opaque.
     pub attenuation: f64,
+    /// dx/dy of the walls of the bars, as [`Mask::wall_slope`].
+    pub wall_slope: f64,
+    /// Layers of the bars from the source on: shares of the thickness and of the attenuation.
+    pub layers: Vec<[f64; 2]>,
     /// Transmission of bars that do not attenuate.
     pub transmission: f64,
     /// Attenuation of the substrate along the axis; 0 without one, and for no energy.
@@ -128,6 +172,8 @@ impl MaskShape {
             openings,
             thickness: thickness * mask.scale_at(plane),
             attenuation,
+            wall_slope: if thickness > 0.0 { mask.wall_slope() } else { 0.0 },
+            layers: vec![[1.0; 2]],
             // Bars of a material that does not absorb are no mask at all.
             transmission: if thickness > 0.0 && attenuation <= 0.0 { 1.0 } else { transmission },
             substrate,
@@ -180,10 +226,20 @@ impl MaskShape {
     /// True if bars do the same to light in the way of them; apertures do not count.
     pub fn same_bars(&self, other: &Self) -> bool {
         let of = |mask: &Self| {
-            let Self { thickness, attenuation, transmission, substrate, .. } = mask;
-            [*thickness, *attenuation, *transmission, *substrate].map(f64::to_bits)
+            let Self { thickness, attenuation, transmission, substrate, wall_slope, .. } = mask;
+            [*thickness, *attenuation, *transmission, *substrate, *wall_slope].map(f64::to_bits)
         };
-        of(self) == of(other)
+        of(self) == of(other) && self.layers == other.layers
+    }
+
+    /// Widths of the shadows of the walls at the low and the high edge of an aperture, m, for a ray of this dx/dy.
+    pub fn shadows(&self, slope: f64) -> [f64; 2] {
+        [self.wall_slope, -self.wall_slope].map(|wall| self.thickness * (slope + wall).abs())
+    }
+
+    /// Width of the wider of these shadows, m.
+    pub fn widest_shadow(&self, slope: f64) -> f64 {
+        self.thickness * (slope.abs() + self.wall_slope.abs())
     }
 
     /// Width of the narrowest aperture or bar, m in the plane of evaluation.

@@ -138,6 +138,16 @@ impl Mask {
         &self.spec.body
     }
 
+    /// dx/dy of the walls of the bars; slits are wider at the face towards the detector where it is above 0.
+    pub fn wall_slope(&self) -> f64 {
+        self.spec.wall_slope()
+    }
+
+    /// True if the walls of the bars are slanted.
+    pub fn has_walls(&self) -> bool {
+        self.spec.taper != 0.0
+    }
+
     /// Plate that carries the bars.
     pub(super) const fn substrate(&self) -> Option<&Substrate> {
         self.spec.substrate.as_ref()

@@ -188,6 +188,9 @@ pub struct MaskSpec {
     pub pattern_pixel: Option<[f64; 2]>,
     /// Form of the bars.
     pub body: MaskBody,
+    /// Angle of the walls of the bars to the optical axis, rad: slits are wider at the face towards the detector
+    /// where it is above 0.
+    pub taper: f64,
     /// Plate that carries the bars: all light passes it.
     pub substrate: Option<Substrate>,
 }
@@ -230,6 +233,7 @@ impl MaskSpec {
             pattern: None,
             pattern_pixel: None,
             body,
+            taper: 0.0,
             substrate: None,
         }
     }
@@ -242,6 +246,13 @@ impl MaskSpec {
         self.aperture_z = Some(aperture_z);
         self.period_z = Some(period_z);
         self
+    }
+
+    /// dx/dy of the walls of the bars, which displaces walls on both sides of a slit outwards; 0 where they are
+    /// parallel to the axis.
+    #[must_use]
+    pub fn wall_slope(&self) -> f64 {
+        libm::tan(self.taper)
     }
 
     /// Rows of apertures along z after which the mask repeats.

@@ -125,19 +125,21 @@ impl Scene {
         Ok(())
     }
 
-    /// Shadows of thick bars between several slits leave each slit open and each bar dark.
+    /// Shadows of thick bars between several slits, and of slanted walls, leave each slit open and each bar dark.
     fn validate_shadows(&self) -> Result<()> {
         let detector = &self.detector;
         for (table, mask) in self.masks() {
             let thickness = mask.body.thickness();
             let slits = mask.slits();
-            if slits.len() < 2 || thickness <= 0.0 || !has_place(mask) {
+            let is_bound = slits.len() > 1 || mask.taper != 0.0;
+            if !is_bound || thickness <= 0.0 || mask.heights().is_some() || !has_place(mask) {
                 continue;
             }
             let widths = slits.iter().map(|[low, high]| high - low);
             let narrowest = widths.fold(mask.narrowest_bar(), f64::min);
             let half = 0.5 * detector.pitch[0] * f64::from(detector.pixels[0]);
-            let slope = (half + 2.0 * detector.pitch[0]) / detector.distance;
+            let slope =
+                (half + 2.0 * detector.pitch[0]) / detector.distance + mask.wall_slope().abs();
             if thickness * slope > narrowest {
                 let found = format!(
                     "{}, whose shadow at the edge of the detector is {} wide",
@@ -145,7 +147,8 @@ impl Scene {
                     Length.rounded(thickness * slope)
                 );
                 let allowed = format!(
-                    "bars of several slits whose shadow is no wider than the narrowest slit or bar, {}",
+                    "bars of {} whose shadow is no wider than the narrowest slit or bar, {}",
+                    if mask.taper == 0.0 { "several slits" } else { "a taper" },
                     Length.rounded(narrowest)
                 );
                 return Err(Error::scene(format!("{table}.thickness"), found, allowed));

@@ -19,6 +19,8 @@ keys! { MASK: MaskSpec, "sample_mask",
         MATERIAL, Required, r#""gold""#, "Material of the bars.";
     thickness at MaskSpec { body: MaskBody::Bars { thickness, .. }, .. } =>
         Quantity(Length, POSITIVE), Required, r#""225 um""#, "Thickness of the bars along the beam.";
+    taper => Quantity(Angle, within(-limits::TAPER, limits::TAPER)), Default(r#""0 deg""#), r#""2 deg""#,
+        "Angle between the walls of the bars and the optical axis: above 0 slits are wider at the face towards the detector, below 0 at the face towards the source. `aperture` is their width in the centre plane; of slits with bars of a thickness.";
     transmission at MaskSpec { body: MaskBody::Sheet { transmission }, .. } =>
         Number("a number", within(0.0, 1.0)), Required, "0.0",
         "Transmission of the bars of a sheet without thickness.";
@@ -106,6 +108,7 @@ impl Record for MaskSpec {
             "apertures" => self.apertures.is_empty(),
             "shifts" => self.shifts.is_empty(),
             "substrate" => self.substrate.is_none(),
+            "taper" => self.taper == 0.0,
             "shape" => self.shape == ApertureShape::Slit,
             "lattice" => self.lattice == ApertureLattice::Rectangular,
             "offset_z" => self.shape == ApertureShape::Slit && self.offset_z == 0.0,
@@ -128,6 +131,9 @@ impl Record for MaskSpec {
         } else if self.period > 0.0 {
             faults.note(self.check_slits(key));
         }
+        if self.taper != 0.0 {
+            faults.note(self.check_taper(key));
+        }
         match self.shape {
             ApertureShape::Slit => self.refuse_heights(key, faults),
             _ => self.check_heights(key, faults),
@@ -136,6 +142,33 @@ impl Record for MaskSpec {
 }
 
 impl MaskSpec {
+    /// Slanted walls are those of bars along z, and leave slits and bars open at both faces.
+    fn check_taper(&self, key: &dyn Fn(&str) -> String) -> Result<()> {
+        let refuse = |with: &str, allowed: &str| {
+            let found = format!("{} with {with}", Angle.rounded(self.taper));
+            Err(Error::scene(key("taper"), found, allowed))
+        };
+        if self.body.thickness() == 0.0 {
+            return refuse("a sheet", "no value, or bars with a material and a thickness");
+        }
+        if self.shape != ApertureShape::Slit {
+            return refuse("apertures that end along z", "no value, or slits along z");
+        }
+        let narrowest = self.aperture.min(self.narrowest_bar());
+        let narrower = self.body.thickness() * self.wall_slope().abs();
+        if narrower >= narrowest {
+            let found = format!(
+                "{}, which narrows slits or bars by {} at a face",
+                Angle.rounded(self.taper),
+                Length.rounded(narrower)
+            );
+            let allowed =
+                format!("less than the narrowest slit or bar, {}", Length.rounded(narrowest));
+            return Err(Error::scene(key("taper"), found, allowed));
+        }
+        Ok(())
+    }
+
     /// Slits have no edges along z.
     fn refuse_heights(&self, key: &dyn Fn(&str) -> String, faults: &mut Faults) {
         let of = [
