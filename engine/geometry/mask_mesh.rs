@@ -96,6 +96,10 @@ pub fn mask_meshes(
         let (key, found) = (format!("{}.shape", place.key()), "apertures that end along z");
         return Err(Error::scene(key, found, "slits"));
     }
+    if mask.has_layers() {
+        let (key, found) = (format!("{}.layers", place.key()), "bars of several layers");
+        return Err(Error::scene(key, found, "bars of one material"));
+    }
     let Some(thickness) = mask.side_shadow() else {
         let allowed = "bars with a material and a thickness: a sheet has no body";
         return Err(Error::scene(format!("{}.transmission", place.key()), "a sheet", allowed));

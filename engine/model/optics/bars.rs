@@ -80,6 +80,9 @@ pub fn straightened<'s>(
             sums[1] += dark * shape.widest_shadow(0.0) * shape.narrowing(1.0, leak);
         }
         let narrower = if sums[0] > 0.0 { sums[1] / sums[0] } else { 0.0 };
+        if !mask.is_tapered() {
+            continue;
+        }
         spec.taper = 0.0;
         spec.aperture -= narrower;
         for [low, high] in &mut spec.apertures {
@@ -138,6 +141,27 @@ pub struct MaskShape {
     pub substrate: f64,
 }
 
+/// Thickness (m) and attenuation of the layers of the bars of a mask, from the source on, at an energy (keV) or
+/// opaque; none of a sheet.
+fn attenuating(scene: &Scene, mask: &Mask, energy: Option<f64>) -> Result<Vec<[f64; 2]>> {
+    let body = mask.body();
+    let of = |(number, (material, thickness)): (usize, (&str, f64))| {
+        let key = format!("{}.{}", mask.name(), body.material_key(number));
+        let mu = |energy| material::constants_at_for(scene, material, energy, &key);
+        let mu = energy.map_or(Ok(f64::INFINITY), |energy| Ok(mu(energy)?.mu))?;
+        Ok([thickness, mu * thickness])
+    };
+    body.layers().into_iter().enumerate().map(of).collect()
+}
+
+/// Shares of layers of the thickness and attenuation of all.
+fn shares(layers: &[[f64; 2]], [thickness, attenuation]: [f64; 2]) -> Vec<[f64; 2]> {
+    if layers.len() < 2 || !(attenuation.is_finite() && attenuation > 0.0) {
+        return vec![[1.0; 2]];
+    }
+    layers.iter().map(|layer| [layer[0] / thickness, layer[1] / attenuation]).collect()
+}
+
 impl MaskShape {
     /// The mask seen from the source in the plane at `plane`, at an energy (keV) or opaque.
     ///
@@ -145,14 +169,13 @@ impl MaskShape {
     /// As [`material::constants_at_for`].
     pub fn of(scene: &Scene, mask: &Mask, plane: f64, energy: Option<f64>) -> Result<Self> {
         let openings = mask.openings(plane);
+        let layers = attenuating(scene, mask, energy)?;
         let (thickness, attenuation, transmission) = match mask.body() {
-            MaskBody::Bars { material, thickness } => {
-                let key = format!("{}.material", mask.name());
-                let mu = |energy| material::constants_at_for(scene, material, energy, &key);
-                let mu = energy.map_or(Ok(f64::INFINITY), |energy| Ok(mu(energy)?.mu))?;
-                (*thickness, mu * thickness, 0.0)
-            }
             MaskBody::Sheet { transmission } => (0.0, 0.0, *transmission),
+            _ => {
+                let sum = |of: usize| layers.iter().map(|layer| layer[of]).sum::<f64>();
+                (sum(0), sum(1), 0.0)
+            }
         };
         let substrate = match (mask.substrate(), energy) {
             (Some(plate), Some(energy)) => {
@@ -173,7 +196,7 @@ impl MaskShape {
             thickness: thickness * mask.scale_at(plane),
             attenuation,
             wall_slope: if thickness > 0.0 { mask.wall_slope() } else { 0.0 },
-            layers: vec![[1.0; 2]],
+            layers: shares(&layers, [thickness, attenuation]),
             // Bars of a material that does not absorb are no mask at all.
             transmission: if thickness > 0.0 && attenuation <= 0.0 { 1.0 } else { transmission },
             substrate,
@@ -200,12 +223,47 @@ impl MaskShape {
         if self.substrate > 0.0 { libm::exp(-self.substrate * secant) } else { 1.0 }
     }
 
+    /// Mean place of a soft edge behind its inner end, and its variance, as shares of the shadow, where both edges of
+    /// an aperture are alike on average: of bars of several layers.
+    fn mean_edge(&self, secant: f64) -> [f64; 2] {
+        let depth = self.attenuation * secant;
+        let mut sums = [0.0; 3];
+        for sourceward in [true, false] {
+            let mut layers = self.layers.clone();
+            if !sourceward {
+                layers.reverse();
+            }
+            let (mut share, mut passed) = (0.0, 0.0);
+            for [thickness, attenuation] in layers {
+                // Moments of z, in shares of the layer, with the density exp(-a z) on 0 to 1.
+                let a = (attenuation * depth).max(1e-9);
+                let light = libm::exp(-passed) * -libm::expm1(-a);
+                let tail = libm::exp(-a) / -libm::expm1(-a);
+                let [mean, variance] = match a < 0.01 {
+                    true => [0.5 - a / 12.0, 1.0 / 12.0 - a * a / 240.0],
+                    false => [1.0 / a - tail, 1.0 / (a * a) - tail * (1.0 + tail)],
+                };
+                let mean = share + thickness * mean;
+                sums[0] += light;
+                sums[1] += light * mean;
+                sums[2] += light * (mean * mean + thickness * thickness * variance);
+                share += thickness;
+                passed += attenuation * depth;
+            }
+        }
+        let mean = sums[1] / sums[0];
+        [mean, sums[2] / sums[0] - mean * mean]
+    }
+
     /// Share of the shadow width that narrows apertures, as `edge_mean` there gives it, where bars
     /// leak so much.
     pub fn narrowing(&self, secant: f64, leak: f64) -> f64 {
         let a = self.attenuation * secant;
         if a <= 0.0 || 1.0 - leak < 1e-5 {
             return 0.0;
+        }
+        if self.layers.len() > 1 {
+            return 1.0 - 2.0 * self.mean_edge(secant)[0];
         }
         let mean = if a < 1e-3 { 1.0 - 0.5 * a } else { (1.0 - leak) / a };
         1.0 - 2.0 * (mean - leak) / (1.0 - leak)
@@ -216,6 +274,9 @@ impl MaskShape {
         let (a, leak) = (self.attenuation, self.leak(1.0));
         if a <= 0.0 {
             return 0.0;
+        }
+        if self.layers.len() > 1 {
+            return self.mean_edge(1.0)[1];
         }
         if a < 0.1 {
             return 1.0 / 12.0;

@@ -143,8 +143,18 @@ impl Mask {
         self.spec.wall_slope()
     }
 
-    /// True if the walls of the bars are slanted.
+    /// True if both edges of a slit have soft edges of their own: walls are slanted, or bars have several layers.
     pub fn has_walls(&self) -> bool {
+        self.is_tapered() || self.has_layers()
+    }
+
+    /// True if bars have several layers.
+    pub fn has_layers(&self) -> bool {
+        self.spec.body.layers().len() > 1
+    }
+
+    /// True if the walls of the bars are slanted.
+    pub fn is_tapered(&self) -> bool {
         self.spec.taper != 0.0
     }
 
@@ -283,8 +293,8 @@ impl Mask {
     /// the mask per unit of dx/dy.
     pub fn side_shadow(&self) -> Option<f64> {
         match &self.spec.body {
-            MaskBody::Bars { thickness, .. } => Some(*thickness),
             MaskBody::Sheet { .. } => None,
+            body => Some(body.thickness()),
         }
     }
 }

@@ -131,7 +131,8 @@ impl Scene {
         for (table, mask) in self.masks() {
             let thickness = mask.body.thickness();
             let slits = mask.slits();
-            let is_bound = slits.len() > 1 || mask.taper != 0.0;
+            let layers = mask.body.layers().len();
+            let is_bound = slits.len() > 1 || mask.taper != 0.0 || layers > 1;
             if !is_bound || thickness <= 0.0 || mask.heights().is_some() || !has_place(mask) {
                 continue;
             }
@@ -148,10 +149,15 @@ impl Scene {
                 );
                 let allowed = format!(
                     "bars of {} whose shadow is no wider than the narrowest slit or bar, {}",
-                    if mask.taper == 0.0 { "several slits" } else { "a taper" },
+                    match (mask.taper == 0.0, layers) {
+                        (false, _) => "a taper",
+                        (_, 2..) => "several layers",
+                        _ => "several slits",
+                    },
                     Length.rounded(narrowest)
                 );
-                return Err(Error::scene(format!("{table}.thickness"), found, allowed));
+                let name = if layers > 1 { "layers" } else { "thickness" };
+                return Err(Error::scene(format!("{table}.{name}"), found, allowed));
             }
         }
         Ok(())

@@ -36,7 +36,7 @@ pub(crate) enum ApertureEdges {
 }
 
 impl ApertureEdges {
-    /// Of the masks of a run.
+    /// Kind of the edges in a run.
     pub(crate) fn of(optics: &Optics) -> Self {
         match (optics.has_heights(), optics.has_walls()) {
             (true, _) => Self::Heights,

@@ -20,6 +20,8 @@ pub(super) struct SharedEdges {
     deviation: [f64; 2],
     /// Standard deviation of a soft edge of each mask, m per unit of dx/dy.
     edge_variance: [f64; 2],
+    /// Bars of a mask have several layers: edges of an aperture differ from one another.
+    layered: bool,
     /// Greatest dx/dy of the walls of each mask.
     walls: [f64; 2],
     /// Blur of light at edges, m.
@@ -38,8 +40,14 @@ impl SharedEdges {
         blur: f64,
         period: f64,
     ) -> Self {
-        let mut edges =
-            Self { deviation: [0.0; 2], edge_variance: [0.0; 2], walls: [0.0; 2], blur, period };
+        let mut edges = Self {
+            deviation: [0.0; 2],
+            edge_variance: [0.0; 2],
+            layered: false,
+            walls: [0.0; 2],
+            blur,
+            period,
+        };
         for (i, shapes) in masks.into_iter().enumerate() {
             let Some(shapes) = shapes else { continue };
             let (mut all, mut sums) = (f64::MIN_POSITIVE, [0.0; 3]);
@@ -57,6 +65,7 @@ impl SharedEdges {
             let [place, square, variance] = sums.map(|sum| sum / all);
             let spread = (square - place * place).max(0.0);
             edges.deviation[i] = magnifications[i] * spread.sqrt();
+            edges.layered |= shapes.iter().any(|it| it.layers.len() > 1);
             edges.walls[i] = shapes.iter().map(|it| it.wall_slope.abs()).fold(0.0, f64::max);
             edges.edge_variance[i] = magnifications[i] * (spread + variance).sqrt();
         }
@@ -76,6 +85,6 @@ impl SharedEdges {
             let narrow = variance / (variance + self.blur * self.blur).max(f64::MIN_POSITIVE);
             width * (EDGE_SKEWNESS * narrow + EDGE_FLATNESS * narrow * narrow)
         });
-        together + alone[0] + alone[1] <= TOLERANCE * self.period
+        !self.layered && together + alone[0] + alone[1] <= TOLERANCE * self.period
     }
 }
