@@ -12,7 +12,7 @@ float stopped(float depth) {
     return depth < 0.05 ? depth * (1.0 - depth * (0.5 - depth * (1.0 / 6.0 - depth / 24.0))) : 1.0 - exp(-depth);
 }
 
-// Third root of the density of a soft edge in a layer of the bars, over that of exp(-depth).
+// Third root of the density of a soft edge in a layer of the bars, divided by the root of exp(-depth).
 float weight_of(BarLayer own) {
     return own.attenuation > 0.0 ? pow(own.thickness / own.attenuation, 2.0 / 3.0) : 0.0;
 }

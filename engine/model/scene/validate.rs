@@ -138,6 +138,10 @@ impl Scene {
             }
             let widths = slits.iter().map(|[low, high]| high - low);
             let narrowest = widths.fold(mask.narrowest_bar(), f64::min);
+            // Walls that close slits or bars are refused by their angle.
+            if thickness * mask.wall_slope().abs() >= narrowest && mask.taper != 0.0 {
+                continue;
+            }
             let half = 0.5 * detector.pitch[0] * f64::from(detector.pixels[0]);
             let slope =
                 (half + 2.0 * detector.pitch[0]) / detector.distance + mask.wall_slope().abs();

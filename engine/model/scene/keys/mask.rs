@@ -184,6 +184,9 @@ impl MaskSpec {
             let found = format!("{} with {with}", Angle.rounded(self.taper));
             Err(Error::scene(key("taper"), found, allowed))
         };
+        if self.taper.abs() > limits::TAPER {
+            return Ok(());
+        }
         if self.body.thickness() == 0.0 {
             return refuse("a sheet", "no value, or bars with a material and a thickness");
         }
