@@ -309,3 +309,50 @@ impl MaskShape {
         widths.fold(self.openings.bar(), f64::min)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn scene(mask: &str) -> Scene {
+        let text = format!(
+            "[source]\ndistance = \"1.2 m\"\nspot = \"30 um\"\nenergy = \"30 keV\"\n\
+             [detector]\ndistance = \"2 m\"\npixels = [4, 1]\npitch = \"150 um\"\n\
+             [sample_mask]\ndistance = \"1 m\"\naperture = \"20 um\"\n{mask}\n\
+             [materials.bars]\nmu = \"100 /cm\"\ndelta = 1e-6\n"
+        );
+        Scene::from_toml(&text, ".").expect("a scene")
+    }
+
+    /// Width of the box that lets the same light through, docs/physics.md.
+    #[test]
+    fn straight_bars_leave_the_light_of_tapered_ones() {
+        let tapered = scene("material = \"bars\"\nthickness = \"200 um\"\ntaper = \"-2 deg\"");
+        let straight = straightened(&tapered, (&[30.0], &[1.0])).expect("bars");
+        let found = straight.sample_mask.as_ref().expect("a mask");
+        let (a, e) = (2.0, f64::exp(-2.0));
+        let narrower = 200e-6 * 2.0_f64.to_radians().tan() * ((1.0 + e) / (1.0 - e) - 2.0 / a);
+        assert!((found.aperture - (20e-6 - narrower)).abs() < 1e-12, "{}", found.aperture);
+        assert!(found.taper.abs() < 1e-300 && tapered.sample_mask != straight.sample_mask);
+    }
+
+    /// Layers of one material have the edge of one bar.
+    #[test]
+    fn the_mean_edge_of_equal_layers_is_the_edge_of_a_bar() {
+        let shape = |body: &str| {
+            let scene = scene(body);
+            let optics = Optics::of(&scene);
+            let mask = optics.sample_mask.as_ref().expect("a mask");
+            MaskShape::of(&scene, mask, 1.0, Some(30.0)).expect("bars")
+        };
+        let whole = shape("material = \"bars\"\nthickness = \"200 um\"");
+        let layer = |um: u32| format!("{{ material = \"bars\", thickness = \"{um} um\" }}");
+        let layers = shape(&format!("layers = [{}, {}]", layer(30), layer(170)));
+        let leak = whole.leak(1.1);
+        let narrowing = layers.narrowing(1.1, leak) - whole.narrowing(1.1, leak);
+        assert!(narrowing.abs() < 1e-12, "{narrowing:e}");
+        let variance = layers.edge_variance() - whole.edge_variance();
+        assert!(variance.abs() < 1e-12, "{variance:e}");
+        assert!((layers.attenuation - 2.0).abs() < 1e-12 && layers.layers.len() == 2);
+    }
+}
