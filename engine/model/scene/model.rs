@@ -367,6 +367,15 @@ impl MaskBody {
         }
     }
 
+    /// Key of the thickness, below the key of the mask.
+    #[must_use]
+    pub const fn thickness_key(&self) -> &'static str {
+        match self {
+            Self::Layers { .. } => "layers",
+            Self::Bars { .. } | Self::Sheet { .. } => "thickness",
+        }
+    }
+
     /// Key of the material of a layer, below the key of the mask.
     #[must_use]
     pub fn material_key(&self, layer: usize) -> String {

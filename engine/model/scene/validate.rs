@@ -160,8 +160,8 @@ impl Scene {
                     },
                     Length.rounded(narrowest)
                 );
-                let name = if layers > 1 { "layers" } else { "thickness" };
-                return Err(Error::scene(format!("{table}.{name}"), found, allowed));
+                let key = format!("{table}.{}", mask.body.thickness_key());
+                return Err(Error::scene(key, found, allowed));
             }
         }
         Ok(())
@@ -351,7 +351,7 @@ fn misplaced(table: &str, mask: &MaskSpec, [low, high]: [f64; 2], allowed: Strin
         let most = 2.0 * (distance - low).min(high - distance);
         // Without the rounding of a difference.
         let most = Length.rounded((most * 1e9).round() / 1e9);
-        let key = format!("{table}.thickness");
+        let key = format!("{table}.{}", mask.body.thickness_key());
         let allowed =
             format!("up to {most} at {table}.distance = {}: {allowed}", Length.rounded(distance));
         return Err(Error::scene(key, Length.rounded(thickness), allowed));
