@@ -93,7 +93,7 @@ pub mod retrieve {
 /// Scenes: the model in SI units, and its files.
 pub mod scene {
     pub use beamlet_model::scene::{
-        Absorber, Anode, ApertureLattice, ApertureShape, Beam, Blur, Counts, Detector,
+        Absorber, Anode, ApertureLattice, ApertureShape, BarLayer, Beam, Blur, Counts, Detector,
         DetectorMode, Exposure, Filter, Fly, Instances, KernelFile, MaskBody, MaskSpec,
         MaterialSpec, Mesh, MeshFormat, Motion, Normals, Object, Packing, PackingAmount,
         PackingKind, PackingRegion, Pattern, Placement, Pose, Quality, RandomRays, Refine,

@@ -37,6 +37,21 @@ struct Passed {
     int home; // of faint light behind the detector mask
 };
 
+#ifdef WALLS
+// Lets the softer edge of an aperture turn more with the offset of the source than the other one: where light lands
+// depends on the sum of the offset's effects on edge and landing place, and has the variance of both edges then.
+void spread_edges(Piece piece, Cell cell, float width, Layer layer, inout Edges edges) {
+    float displacement_slope = (cell.displacement_high - cell.displacement_low) / (cell.x_high - cell.x_low);
+    float growth = light.magnification + (abs(displacement_slope) < steepest() ? displacement_slope : 0.0);
+    float landing = piece.blur / growth;
+    vec2 turned = landing + light.mask_blur + vec2(edges.low_turn, -edges.high_turn);
+    vec2 more = layer.variance - common_variance(layer);
+    vec2 turn = sqrt(turned * turned + more) - turned;
+    edges.low_turn += turn.x;
+    edges.high_turn -= turn.y;
+}
+#endif
+
 // The part of a cell that an opening lets through; no amount where it lets none through.
 Piece piece_through(Opening opening, Cell cell) {
     float from_x = cell.x_low;
@@ -55,11 +70,21 @@ Piece piece_through(Opening opening, Cell cell) {
     bool passes = edges.high > edges.low && edges.high + setting.reach > cell.x_low
         && edges.low - setting.reach < cell.x_high && to_x > from_x;
     float share = passes ? opening.layer.share : 0.0;
+#ifdef WALLS
+    vec2 soft = vec2(common_variance(opening.layer), setting.soft.y);
+#else
     vec2 soft = vec2(opening.layer.variance, setting.soft.y);
+#endif
     Piece piece = piece_of(cell_row, cell, from_x, to_x, share, opening.tilt, soft);
     if (cut) {
-        cut_by(piece, from_x, to_x, edges, light.mask_blur);
+#ifdef WALLS
+        spread_edges(piece, cell, to_x - from_x, opening.layer, edges);
+        vec2 shadow = light.sample_mask.thickness
+            * abs(wall_slopes(light.sample_mask, beamlet.slope, edges.low, edges.high, light.cell_plane));
+#else
         float shadow = light.sample_mask.thickness * bars.slope;
+#endif
+        cut_by(piece, from_x, to_x, edges, light.mask_blur);
         piece.sample_covariance = shadow * cell.sample_covariance / (to_x - from_x);
     }
     piece.passes = share > 0.0;

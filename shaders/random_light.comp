@@ -38,6 +38,9 @@ float open_share(Mask mask, float low, float high, float shift) {
     return high > low ? open / (high - low) : 0.0;
 }
 
+#ifdef WALLS
+#include "light/random_walls.glsl"
+#else
 // Transmission of the exact path through bars and substrate.
 float mask_transmission(Mask mask, float x, float shift, float slope, float sec) {
     if (mask.present == 0u) return 1.0;
@@ -47,6 +50,7 @@ float mask_transmission(Mask mask, float x, float shift, float slope, float sec)
     if (mask.attenuation > 0.0) return plate * exp(-mask.attenuation * sec * (1.0 - open));
     return open > 0.5 ? plate : plate * mask.transmission;
 }
+#endif
 
 // Threshold of a ray for rounding: multiples of the golden ratio fill [0, 1) evenly, so that equal
 // terms are rounded up as often as they should be, whatever the batches are.

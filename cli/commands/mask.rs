@@ -79,8 +79,10 @@ fn print_object(
     if has_names {
         writeln!(out, "group = \"{}\"", mesh.name)?;
     }
-    match mask.body.material() {
-        Some(material) if mesh.name != "substrate" => writeln!(out, "material = \"{material}\"")?,
+    match mask.body.layers().first() {
+        Some((material, _)) if mesh.name != "substrate" => {
+            writeln!(out, "material = \"{material}\"")?
+        }
         _ => writeln!(out, "material = \"silicon\"   # material of the substrate")?,
     }
     // To a picometre: the difference of two distances rounds.

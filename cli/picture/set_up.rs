@@ -342,6 +342,16 @@ fn mask_inset(drawing: &mut Drawing, scene: &Scene, mask: &MaskSpec, name: &str,
             let from = axes.at([-5e5 * thickness, 1e6 * (centre + high)]);
             let to = axes.at([5e5 * thickness, 1e6 * (centre + end)]);
             let width = (to[0] - from[0]).max(2.5);
+            let slant = 0.5 * thickness * mask.wall_slope();
+            if slant != 0.0 {
+                let face = |way: f64| {
+                    let ends = [centre + high + way * slant, centre + end - way * slant];
+                    ends.map(|x| axes.at([way * 5e5 * thickness, 1e6 * x]))
+                };
+                let ([a, b], [d, c]) = (face(-1.0), face(1.0));
+                drawing.path(vec![a, b, c, d], true, Paint::fill(BARS));
+                continue;
+            }
             drawing.area(Area::new(from[0], from[1], width, to[1] - from[1]), Paint::fill(BARS));
         }
         index += 1.0;
@@ -403,11 +413,13 @@ fn centres([centre, period]: [f64; 2], reach: f64) -> impl Iterator<Item = f64> 
 /// Period, apertures and body of a mask, below its drawing.
 fn mask_text(drawing: &mut Drawing, mask: &MaskSpec, area: Area) {
     let body = match &mask.body {
-        MaskBody::Bars { material, thickness } => {
-            format!("{material}, {} thick", length(*thickness))
-        }
         MaskBody::Sheet { transmission } => format!("sheet, transmission {transmission}"),
-        _ => String::new(),
+        body => {
+            let layer = |(material, thickness): &(&str, f64)| {
+                format!("{material}, {} thick", length(*thickness))
+            };
+            body.layers().iter().map(layer).collect::<Vec<_>>().join("; ")
+        }
     };
     let both = |[x, z]: [Option<f64>; 2]| {
         [x, z].into_iter().flatten().map(length).collect::<Vec<_>>().join(" × ")

@@ -317,7 +317,8 @@ fn thick_bars(scene: &Scene) -> Vec<String> {
     thick
         .map(|(name, mask)| {
             format!(
-                "{name}.thickness of {} mm is more than any mask has, about 1 mm: is its unit right?",
+                "{name}.{} of {} mm is more than any mask has, about 1 mm: is its unit right?",
+                mask.body.thickness_key(),
                 number(mask.body.thickness() * 1e3)
             )
         })

@@ -260,7 +260,8 @@ pub(super) fn warnings(
     nodes: &Nodes,
     curve: Option<&IlluminationCurve>,
 ) -> Result<Vec<String>> {
-    let scene = &scene.of_groups();
+    let groups = scene.of_groups();
+    let scene = &*optics::straightened(&groups, (&nodes.energies, &nodes.weights))?;
     let optics = Optics::of(scene);
     let leaks = optics::mean_leaks(scene, &optics, (&nodes.energies, &nodes.weights))?;
     let thin = || ThinCurve::of(&optics, leaks).and_then(|curve| curve.fitted_sigma());

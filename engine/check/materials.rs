@@ -7,13 +7,18 @@ use beamlet_model::scene::{MaskSpec, MaterialSpec, Object, Scene};
 
 /// Materials in use, each once, in the order: surroundings, objects, masks.
 pub(super) fn materials(scene: &Scene, energy: f64) -> Result<Vec<Material>> {
-    let bars = |mask: &Option<MaskSpec>| Some(mask.as_ref()?.body.material()?.to_owned());
     // Who uses it, the key where it is named, its name.
     let object = |(number, object): (usize, &Object)| {
         let key = scene.object_key(number, "material");
         (object.name.clone(), key, Some(object.material.clone()))
     };
-    let mask = |name: &str, spec| (name.to_owned(), format!("{name}.material"), bars(spec));
+    let bars = scene.masks().flat_map(|(name, mask)| {
+        let layers = mask.body.layers().into_iter().enumerate();
+        layers.map(move |(layer, (material, _))| {
+            let key = format!("{name}.{}", mask.body.material_key(layer));
+            (name.to_owned(), key, Some(material.to_owned()))
+        })
+    });
     let substrate = |name: &str, spec: &Option<MaskSpec>| {
         let plate = spec.as_ref().and_then(|mask| mask.substrate.as_ref());
         let key = format!("{name}.substrate.material");
@@ -24,9 +29,8 @@ pub(super) fn materials(scene: &Scene, energy: f64) -> Result<Vec<Material>> {
     let uses = [(around.to_owned(), scene.surroundings_key().to_owned(), surroundings)]
         .into_iter()
         .chain(scene.objects.iter().enumerate().map(object))
+        .chain(bars)
         .chain([
-            mask("sample_mask", &scene.sample_mask),
-            mask("detector_mask", &scene.detector_mask),
             substrate("sample_mask", &scene.sample_mask),
             substrate("detector_mask", &scene.detector_mask),
             (

@@ -1,4 +1,4 @@
-//! Masks as meshes: bars as closed boxes, a frame around them, a substrate behind them.
+//! Masks as meshes: bars as closed boxes, or prisms where walls are slanted, a frame around them, a substrate behind them.
 
 use super::NamedMesh;
 use beamlet_core::units::Dimension::Length;
@@ -54,7 +54,7 @@ impl MaskMeshOptions {
     }
 }
 
-/// A mask of a scene as meshes: `bars`, closed boxes that do not touch one another, and optional `frame`
+/// A mask of a scene as meshes: `bars`, closed boxes (prisms where they are tapered) that do not touch one another, and optional `frame`
 /// and `substrate`, which touch the bars face to face. x runs across the slits from the optical axis, y
 /// along the beam from the centre plane of the bars, z along the slits: the position of an object with
 /// these meshes is y = distance of the mask - `source.distance`.
@@ -96,6 +96,10 @@ pub fn mask_meshes(
         let (key, found) = (format!("{}.shape", place.key()), "apertures that end along z");
         return Err(Error::scene(key, found, "slits"));
     }
+    if mask.has_layers() {
+        let (key, found) = (format!("{}.layers", place.key()), "bars of several layers");
+        return Err(Error::scene(key, found, "bars of one material"));
+    }
     let Some(thickness) = mask.side_shadow() else {
         let allowed = "bars with a material and a thickness: a sheet has no body";
         return Err(Error::scene(format!("{}.transmission", place.key()), "a sheet", allowed));
@@ -112,11 +116,19 @@ pub fn mask_meshes(
     let bars = bars(mask, size[0])?;
     let (half, depth) = (size[1] / 2.0, thickness / 2.0);
     let mut boxes = NamedMesh::new("bars", Vec::new(), Vec::new());
+    let mut outer = [bars[0][0], bars[bars.len() - 1][1]];
     for [low, high] in &bars {
+        let first = boxes.vertices.len();
         add_box(&mut boxes, [*low, -depth, -half], [*high, depth, half]);
+        // Walls of slits are slanted, the outer sides of all bars are not.
+        for (corner, [x, y, _]) in boxes.vertices[first..].iter_mut().enumerate() {
+            let way = if corner & 1 == 0 { 1.0 } else { -1.0 };
+            if *x > outer[0] && *x < outer[1] {
+                *x += way * mask.wall_slope() * *y;
+            }
+        }
     }
     let mut meshes = vec![boxes];
-    let mut outer = [bars[0][0], bars[bars.len() - 1][1]];
     let mut top = half;
     if let Some(width) = options.frame {
         meshes.push(ring([outer, [-half, half]], width, depth));

@@ -114,7 +114,7 @@ pub use constants::*;
 pub use fit::{FitPush, Step};
 pub use glsl::glsl_files;
 pub use light::{
-    Aperture, BeamletGeometry, Cell, CellRow, CellRowPart, HeightParams, IlluminatePush,
+    Aperture, BarLayer, BeamletGeometry, Cell, CellRow, CellRowPart, HeightParams, IlluminatePush,
     IlluminationParams, Mask, MaskHeights, MaskStrip, Pixel, RandomLightPush, RandomRaysPush,
     RowGeometry, SpotPart,
 };

@@ -11,10 +11,21 @@ shared_structs! {
         pub high: f32,
     }
 
+    /// A layer of the bars of a mask, from the source on.
+    pub struct BarLayer in BarLayers(readonly) {
+        /// Share of the thickness of the bars.
+        pub thickness: f32,
+        /// Share of their attenuation.
+        pub attenuation: f32,
+    }
+
     /// A mask as the light stages see it.
     pub struct Mask {
         /// Address of `Apertures`: of one period, sorted.
         pub apertures: u64,
+        /// Address of `BarLayers`.
+        pub bar_layers: u64,
+        pub bar_layer_count: u32,
         pub count: u32,
         pub present: u32,
         pub period: f32,
@@ -37,6 +48,8 @@ shared_structs! {
         pub narrowest_bar: f32,
         /// Attenuation of the substrate along the axis; 0 for light of all energies together.
         pub substrate: f32,
+        /// dx/dy of the walls of the bars: slits are wider at the face towards the detector where it is above 0.
+        pub taper: f32,
     }
 
     /// A strip of a mask whose apertures end along z: between its ends light passes its apertures along x.

@@ -1,6 +1,17 @@
 // Masks: what their bars and apertures let through, as a base and a sum of hard-edged apertures
 // with a blur (docs/physics.md, "Thick bars and off-axis shadow").
 
+// Values of the two edges of an aperture: one for both where walls are parallel to the axis and bars have one layer.
+#ifdef WALLS
+#define SIDES vec2
+#define LOW(sides) ((sides).x)
+#define HIGH(sides) ((sides).y)
+#else
+#define SIDES float
+#define LOW(sides) (sides)
+#define HIGH(sides) (sides)
+#endif
+
 float secant(float slope_x, float slope_z) {
     return sqrt(1.0 + slope_x * slope_x + slope_z * slope_z);
 }
@@ -101,10 +112,10 @@ struct Bars {
 // A layer of the soft edges: its share of `open`, and its hard edges.
 struct Layer {
     float share;
-    float inset;     // from the edges of the aperture, m
-    float narrowing; // as that of bars
-    float variance;  // m2
-    float bow;       // m2: what an edge moves by per unit of dx/dy, times the distance from the source
+    float inset;     // from the edges of the aperture at the slope of the bars, m
+    SIDES narrowing; // as that of bars
+    SIDES variance;  // m2
+    SIDES bow;       // m2: what an edge moves by per unit of dx/dy, times the distance from the source
 };
 
 // Most layers.
@@ -218,11 +229,22 @@ Bars thick_bars(Mask mask, float slope, float sec) {
     return bars;
 }
 
+#ifdef WALLS
+#include "light/walls.glsl"
+#endif
+
 // Bars without their substrate, before light of a blur (m in the plane of evaluation).
 Bars bare_bars_of(Mask mask, float slope_x, float sec, float blur) {
     float slope = abs(slope_x);
+#ifdef WALLS
+    // Of the wall whose shadow is wider.
+    slope += abs(mask.taper);
+#endif
     if (mask.present != 0u && mask.averaged == 0u && mask.attenuation > 0.0) {
         Bars bars = thick_bars(mask, slope, sec);
+#ifdef WALLS
+        bars.variance = widest_variance(mask, bars, slope);
+#endif
         bars.layers = layers_of(bars, mask.period, blur);
         if (slope_x < 0.0) {
             bars.leak_tilt = -bars.leak_tilt;
@@ -270,6 +292,7 @@ bool in_soft_edge(Bars bars, Aperture aperture, float centre, float x) {
     return (from_low < 0.0 && from_low > -bars.rise) || (from_high < 0.0 && from_high > -bars.rise);
 }
 
+#ifndef WALLS
 // Layers are cut at equal steps of the third root of the density.
 Layer layer_of(Bars bars, uint index, uint layers) {
     if (layers == 1u) {
@@ -284,6 +307,28 @@ Layer layer_of(Bars bars, uint index, uint layers) {
     float inset = bars.inset - bars.decay * (from + edge_mean(depth));
     return Layer(bars.open * share, inset, bars.narrowing + (inset - bars.middle) * bars.stretch,
                  bars.decay * bars.decay * edge_variance(depth), bow_of(bars, inset));
+}
+#endif
+
+// dx/dy of a ray through x against the walls at the low and the high edge of an aperture, where it is `slope` at 0;
+// `plane`: distance from the source.
+vec2 wall_slopes(Mask mask, float slope, float low, float high, float plane) {
+    vec2 slopes = vec2(slope + low / plane, slope + high / plane);
+#ifdef WALLS
+    slopes += vec2(mask.taper, -mask.taper);
+#endif
+    return slopes;
+}
+
+// A layer of the `layers` of an aperture about `centre`, which is seen under `slope` at the place 0.
+Layer layer_at(Mask mask, Bars bars, Aperture aperture, float centre, float slope, float plane, uint index,
+               uint layers) {
+#ifdef WALLS
+    vec2 slopes = wall_slopes(mask, slope, centre + aperture.low, centre + aperture.high, plane);
+    return layer_of(mask, bars, slopes, index, layers);
+#else
+    return layer_of(bars, index, layers);
+#endif
 }
 
 // Hard edges of an aperture. Per standard deviation of the source offset the low one moves by
@@ -319,16 +364,21 @@ Edges edges_of(Mask mask, Bars bars, Layer layer, Aperture aperture, float centr
     float low = centre + aperture.low;
     float high = centre + aperture.high;
     bool averaged = mask.averaged != 0u;
-    float per = averaged ? 0.5 * mask.thickness * narrowing : layer.narrowing;
+    SIDES per = averaged ? SIDES(0.5 * mask.thickness * narrowing) : layer.narrowing;
     float from = averaged ? 0.0 : bars.slope;
+#ifdef WALLS
+    // Edges are in proportion to the slope against their walls.
+    from = 0.0;
+#endif
     float spread = spot / plane;
-    float low_slope = slope + low / plane;
-    float high_slope = slope + high / plane;
+    vec2 slopes = wall_slopes(mask, slope, low, high, plane);
+    float low_slope = slopes.x;
+    float high_slope = slopes.y;
     vec3 at_low = mean_size(low_slope, spread);
     vec3 at_high = mean_size(high_slope, spread);
-    float bow = (averaged ? per * per : layer.bow) / plane;
-    return Edges(low + layer.inset + per * (at_low.x - from) + bow * low_slope,
-                 high - layer.inset - per * (at_high.x - from) + bow * high_slope,
-                 per * spread * at_low.y, per * spread * at_high.y,
-                 per * spread * at_low.z, per * spread * at_high.z);
+    SIDES bow = (averaged ? per * per : layer.bow) / plane;
+    return Edges(low + layer.inset + LOW(per) * (at_low.x - from) + LOW(bow) * low_slope,
+                 high - layer.inset - HIGH(per) * (at_high.x - from) + HIGH(bow) * high_slope,
+                 LOW(per) * spread * at_low.y, HIGH(per) * spread * at_high.y,
+                 LOW(per) * spread * at_low.z, HIGH(per) * spread * at_high.z);
 }

@@ -88,7 +88,7 @@ vec2 responses(BeamletGeometry beamlet, Bars bars, Piece piece, float low, float
                     || in_soft_edge(bars, aperture, centre, high);
                 layers = cut ? bars.cut_layers : bars.layers;
             }
-            Layer layer = layer_of(bars, index, layers);
+            Layer layer = layer_at(mask, bars, aperture, centre, beamlet.slope, light.analyser, index, layers);
             Edges edges = edges_of(mask, bars, layer, aperture, centre, beamlet.slope, light.analyser,
                                    source_spot(), piece.detector_narrowing);
             index++;
@@ -103,13 +103,22 @@ vec2 responses(BeamletGeometry beamlet, Bars bars, Piece piece, float low, float
             // Energies for which bars shade more may be displaced more: such light lands farther
             // from one edge, and closer to the other. So does light of an offset of the source
             // for which bars shade more.
+#ifdef WALLS
+            vec2 covariance = mask.thickness * piece.detector_covariance
+                * abs(wall_slopes(mask, beamlet.slope, edges.low, edges.high, light.analyser));
+#else
             float covariance = mask.thickness * bars.slope * piece.detector_covariance;
-            float variance = piece.blur * piece.blur + (layer.variance - bars.variance);
-            float above = variance + covariance + 2.0 * light.spot * edges.high_turn;
-            float below = variance - covariance - 2.0 * light.spot * edges.low_turn;
-            float by_spot = light.spot * light.spot / max(variance, 1e-24);
-            if (edges.high < high) upper = Edge(edges.high, sqrt(max(above, 0.0)), by_spot * edges.high_bend);
-            if (edges.low > low) lower = Edge(edges.low, sqrt(max(below, 0.0)), by_spot * edges.low_bend);
+#endif
+            SIDES variance = piece.blur * piece.blur + (layer.variance - bars.variance);
+            float above = HIGH(variance) + HIGH(covariance) + 2.0 * light.spot * edges.high_turn;
+            float below = LOW(variance) - LOW(covariance) - 2.0 * light.spot * edges.low_turn;
+            SIDES by_spot = light.spot * light.spot / max(variance, 1e-24);
+            if (edges.high < high) {
+                upper = Edge(edges.high, sqrt(max(above, 0.0)), HIGH(by_spot) * edges.high_bend);
+            }
+            if (edges.low > low) {
+                lower = Edge(edges.low, sqrt(max(below, 0.0)), LOW(by_spot) * edges.low_bend);
+            }
         }
         float share = through_bars(piece, lower, upper, tilt / light.analyser);
         if (n < 0) whole = share;
@@ -166,7 +175,7 @@ Piece piece_of(CellRow cell_row, Cell cell, float a, float b, float transmission
     piece.profile = Profile(level, 0.5 * (level * depth_change - tilt * width), -turn);
     piece.changes_sign = abs(level - 1.0) + 0.5 * abs(tilt) * width + 6.0 * abs(turn) > 1.0;
     piece.detector_narrowing = cell.detector_narrowing;
-    piece.sample_covariance = 0.0;
+    piece.sample_covariance = SIDES(0.0);
     piece.detector_covariance = cell.detector_covariance;
     piece.steep_low = piece.steep_high = STEEP;
     piece.low = -STEEP - BEYOND;

@@ -81,6 +81,11 @@ void setting_begin() {
     setting.leaks = light.sample_mask.present != 0u && bars.leak >= FAINT;
     setting.sharp = light.mask_blur <= 0.0;
     setting.reach = 6.5 * light.mask_blur;
+#ifdef WALLS
+    // Edges of an aperture differ in their blur.
+    setting.sharp = setting.sharp && bars.variance <= 0.0;
+    setting.reach += 6.5 * sqrt(bars.variance);
+#endif
     setting.ends = Aperture(push.cells.at[cell_row.first_cell].x_low,
                             push.cells.at[cell_row.first_cell + cell_row.cell_count - 1u].x_high);
     float growth = light.magnification + min(cell_row.displacement_slope, steepest());
@@ -143,7 +148,7 @@ struct Opening {
 };
 
 Opening leak_of() {
-    return Opening(false, bars.leak_tilt / light.cell_plane, Layer(bars.leak, 0.0, 0.0, 0.0, 0.0),
+    return Opening(false, bars.leak_tilt / light.cell_plane, Layer(bars.leak, 0.0, SIDES(0.0), SIDES(0.0), SIDES(0.0)),
                    Aperture(0.0, 0.0), 0.0, 0u, 1e30);
 }
 
@@ -190,12 +195,15 @@ uint layers_at(float centre) {
 // A layer of the `layers` of the aperture at `place`.
 Opening opening_of(Exposed step_, Place place, uint layer, uint layers) {
     float centre = centre_of(step_, place.period);
-    Opening opening = Opening(true, bars.open_tilt / light.cell_plane, layer_of(bars, layer, layers),
-                              aperture_of(light.sample_mask, place), centre, 0u, 0.0);
+    Aperture aperture = aperture_of(light.sample_mask, place);
+    Layer own = layer_at(light.sample_mask, bars, aperture, centre, beamlet.slope, light.cell_plane, layer, layers);
+    Opening opening = Opening(true, bars.open_tilt / light.cell_plane, own, aperture, centre, 0u, 0.0);
+#ifndef WALLS
     if (is_shared(centre)) {
         float grown = max(1.0 + bars.stretch * (abs(slope_at(centre)) - bars.slope), 0.0);
         opening.layer.variance *= grown * grown;
     }
+#endif
     // Of the cells of averaged masks it is narrower.
     Edges widest = edges_in(opening, 0.0);
     opening.first = cell_beyond(widest.low - setting.reach);

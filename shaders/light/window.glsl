@@ -28,7 +28,7 @@ struct Piece {
     Profile profile;
     bool changes_sign;        // of its light, somewhere
     float detector_narrowing;
-    float sample_covariance; // over the half width of the piece in the cell plane
+    SIDES sample_covariance; // over the half width of the piece in the cell plane
     float detector_covariance;
     // The aperture of the sample mask lets t through between low - steep_low * xi and
     // high - steep_high * xi.
@@ -84,12 +84,12 @@ float meeting(float apart, float slope) {
 
 // By how much the share between two edges changes with energies that an edge of the aperture at xi
 // takes away.
-float leaning(Piece piece, float xi, float low, float low_blur, float high, float high_blur) {
+float leaning(Piece piece, float covariance, float xi, float low, float low_blur, float high, float high_blur) {
     if (abs(xi) > 1.0) return 0.0;
     float at = piece.middle + piece.half_width * xi;
     float l = (low - at) / low_blur;
     float h = (high - at) / high_blur;
-    return 0.5 * piece.sample_covariance * INV_SQRT_2PI
+    return 0.5 * covariance * INV_SQRT_2PI
         * (exp(-0.5 * l * l) / low_blur - exp(-0.5 * h * h) / high_blur);
 }
 
@@ -137,10 +137,16 @@ float window(Piece piece, Edge low, Edge high) {
                                low_upper, low_lower, profile, piece.low_bend);
     }
     share *= turned;
-    if (piece.sample_covariance != 0.0) {
+    if (piece.sample_covariance != SIDES(0.0)) {
         // Energies that an edge takes away more of are displaced more, there alone.
-        if (cut_high) share -= leaning(piece, piece.high / steep_high, low.at, low_blur, high.at, high_blur);
-        if (cut_low) share -= leaning(piece, piece.low / steep_low, low.at, low_blur, high.at, high_blur);
+        if (cut_high) {
+            share -= leaning(piece, HIGH(piece.sample_covariance), piece.high / steep_high, low.at, low_blur,
+                             high.at, high_blur);
+        }
+        if (cut_low) {
+            share -= leaning(piece, LOW(piece.sample_covariance), piece.low / steep_low, low.at, low_blur,
+                             high.at, high_blur);
+        }
     }
     return share;
 }

@@ -147,6 +147,9 @@ fn every_kernel_works_without_a_message_of_the_validation_layer() {
     let heights = ["--set", "sample_mask.shape=rectangle", "--set", "detector_mask.shape=round"];
     layer.simulate(None, FIBRE, &heights);
     layer.simulate(None, FIBRE, &[&heights[..], &["--set", random]].concat());
+    let walls = ["--set", "sample_mask.taper=1 deg"];
+    layer.simulate(None, FIBRE, &walls);
+    layer.simulate(None, FIBRE, &[&walls[..], &["--set", random]].concat());
 
     let counts = [
         "--set",

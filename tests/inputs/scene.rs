@@ -159,6 +159,16 @@ fn values_out_of_range_are_refused() {
         ("unit = \"mm\"", "unit = \"mm\"\nscale = nan", "object[0].scale"),
         ("unit = \"mm\"", "unit = \"mm\"\nsha256 = \"12\"", "object[0].sha256"),
         ("thickness = \"225 um\"", "transmission = 0.5", "sample_mask.material"),
+        (
+            "thickness = \"225 um\"",
+            "thickness = \"225 um\"\nlayers = [{ material = \"gold\", thickness = \"9 um\" }]",
+            "sample_mask.layers",
+        ),
+        (
+            "thickness = \"225 um\"",
+            "thickness = \"225 um\"\ntaper = \"50 deg\"",
+            "sample_mask.taper",
+        ),
         ("projected_aperture = \"30 um\"", "", "sample_mask.aperture"),
         (
             "projected_aperture = \"30 um\"",

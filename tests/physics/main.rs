@@ -29,6 +29,7 @@ mod sample;
 mod source_drift;
 mod spot_forms;
 mod spots;
+mod tapers;
 mod thin_masks;
 mod transport;
 mod view_offsets;

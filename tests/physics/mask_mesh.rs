@@ -83,3 +83,22 @@ fn walls_of_gold_reflect_at_most_the_light_that_hits_them() {
     compared(&mut worst, &scene(53_122.0, 3.5424e-6));
     worst.holds();
 }
+
+/// Walls of 20 mrad are steeper than the fan of the rays, of half a milliradian less steep.
+#[test]
+fn tapered_bars_without_refraction_match_the_analytic_mask() {
+    let mut worst = Worst::new("tapered mask as a mesh, no refraction", SILHOUETTES);
+    for (mu, taper) in [(53_122.0, 0.02_f64), (4_185.0, -0.02), (4_185.0, 0.5e-3)] {
+        let mut analytic = scene(mu, 0.0);
+        analytic.sample_mask.as_mut().expect("a mask").taper = taper.atan();
+        let mean = compared(&mut worst, &analytic);
+        let straight = compared(&mut worst, &scene(mu, 0.0));
+        // Opaque walls narrow slits by their whole shadow.
+        let shaded = THICKNESS * taper.abs() / 100e-6;
+        assert!(
+            mu < 50_000.0 || (straight - mean - shaded).abs() < 0.2 * shaded,
+            "{mean} {straight}"
+        );
+    }
+    worst.holds();
+}

@@ -31,4 +31,5 @@ pub mod silhouettes;
 pub mod stack;
 pub mod surfaces;
 pub mod vector;
+pub mod walls;
 pub mod waves;

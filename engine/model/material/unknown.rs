@@ -75,17 +75,14 @@ fn suggested(scene: &Scene, name: &str) -> Vec<String> {
 
 /// The first key of the scene that names a material.
 fn user(scene: &Scene, name: &str) -> Option<String> {
-    let bars = |mask: &Option<MaskSpec>| {
-        mask.as_ref().and_then(|mask| mask.body.material()).is_some_and(|material| material == name)
-    };
     if scene.surroundings == name {
         return Some(scene.surroundings_key().into());
     }
-    if bars(&scene.sample_mask) {
-        return Some("sample_mask.material".into());
-    }
-    if bars(&scene.detector_mask) {
-        return Some("detector_mask.material".into());
+    for (key, mask) in scene.masks() {
+        let layers = mask.body.layers();
+        if let Some(layer) = layers.iter().position(|(material, _)| *material == name) {
+            return Some(format!("{key}.{}", mask.body.material_key(layer)));
+        }
     }
     let is_of = |mask: &MaskSpec| mask.substrate.as_ref().is_some_and(|it| it.material == name);
     if let Some((key, _)) = scene.masks().find(|(_, mask)| is_of(mask)) {

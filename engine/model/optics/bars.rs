@@ -6,6 +6,7 @@ use crate::material;
 use crate::scene::{MaskBody, Scene};
 use beamlet_core::Result;
 use beamlet_core::numbers::single;
+use std::borrow::Cow;
 
 /// Shares of the light of all energies (keV, each with its weight) that the bars of the sample mask and
 /// of the detector mask let through along the axis; 0 without the mask.
@@ -50,6 +51,48 @@ pub fn through_substrates(
     Ok(sum)
 }
 
+/// The scene with straight bars in place of tapered ones: slits are narrower by the mean narrowing of slanted walls
+/// along the axis over energies (keV, each with its weight), each as far as its bars are dark. The same scene without
+/// tapers.
+///
+/// # Errors
+/// As [`material::constants_at_for`].
+pub fn straightened<'s>(
+    scene: &'s Scene,
+    (energies, weights): (&[f64], &[f64]),
+) -> Result<Cow<'s, Scene>> {
+    let optics = Optics::of(scene);
+    if !optics.has_walls() {
+        return Ok(Cow::Borrowed(scene));
+    }
+    let mut straight = scene.clone();
+    let masks = [&optics.sample_mask, &optics.detector_mask];
+    for (mask, spec) in
+        masks.into_iter().zip([&mut straight.sample_mask, &mut straight.detector_mask])
+    {
+        let (Some(mask), Some(spec)) = (mask, spec) else { continue };
+        let mut sums = [0.0; 2];
+        for (energy, weight) in energies.iter().zip(weights) {
+            let shape = MaskShape::of(scene, mask, mask.distance(), Some(*energy))?;
+            let leak = shape.leak(1.0);
+            let dark = weight * (1.0 - leak);
+            sums[0] += dark;
+            sums[1] += dark * shape.widest_shadow(0.0) * shape.narrowing(1.0, leak);
+        }
+        let narrower = if sums[0] > 0.0 { sums[1] / sums[0] } else { 0.0 };
+        if !mask.is_tapered() {
+            continue;
+        }
+        spec.taper = 0.0;
+        spec.aperture -= narrower;
+        for [low, high] in &mut spec.apertures {
+            *low += 0.5 * narrower;
+            *high -= 0.5 * narrower;
+        }
+    }
+    Ok(Cow::Owned(straight))
+}
+
 /// Share of the light of an energy, keV, that bars let through along the axis.
 pub(super) fn leak(scene: &Scene, mask: &Mask, energy: f64) -> Result<f64> {
     Ok(MaskShape::of(scene, mask, mask.distance(), Some(energy))?.leak(1.0))
@@ -88,10 +131,35 @@ pub struct MaskShape {
     pub thickness: f64,
     /// Attenuation of bars along the axis; infinite where they are opaque.
     pub attenuation: f64,
+    /// dx/dy of the walls of the bars, as [`Mask::wall_slope`].
+    pub wall_slope: f64,
+    /// Layers of the bars from the source on: shares of the thickness and of the attenuation.
+    pub layers: Vec<[f64; 2]>,
     /// Transmission of bars that do not attenuate.
     pub transmission: f64,
     /// Attenuation of the substrate along the axis; 0 without one, and for no energy.
     pub substrate: f64,
+}
+
+/// Thickness (m) and attenuation of the layers of the bars of a mask, from the source on, at an energy (keV) or
+/// opaque; none of a sheet.
+fn attenuating(scene: &Scene, mask: &Mask, energy: Option<f64>) -> Result<Vec<[f64; 2]>> {
+    let body = mask.body();
+    let of = |(number, (material, thickness)): (usize, (&str, f64))| {
+        let key = format!("{}.{}", mask.name(), body.material_key(number));
+        let mu = |energy| material::constants_at_for(scene, material, energy, &key);
+        let mu = energy.map_or(Ok(f64::INFINITY), |energy| Ok(mu(energy)?.mu))?;
+        Ok([thickness, mu * thickness])
+    };
+    body.layers().into_iter().enumerate().map(of).collect()
+}
+
+/// Shares of layers of the thickness and attenuation of all.
+fn shares(layers: &[[f64; 2]], [thickness, attenuation]: [f64; 2]) -> Vec<[f64; 2]> {
+    if layers.len() < 2 || !(attenuation.is_finite() && attenuation > 0.0) {
+        return vec![[1.0; 2]];
+    }
+    layers.iter().map(|layer| [layer[0] / thickness, layer[1] / attenuation]).collect()
 }
 
 impl MaskShape {
@@ -101,14 +169,13 @@ impl MaskShape {
     /// As [`material::constants_at_for`].
     pub fn of(scene: &Scene, mask: &Mask, plane: f64, energy: Option<f64>) -> Result<Self> {
         let openings = mask.openings(plane);
+        let layers = attenuating(scene, mask, energy)?;
         let (thickness, attenuation, transmission) = match mask.body() {
-            MaskBody::Bars { material, thickness } => {
-                let key = format!("{}.material", mask.name());
-                let mu = |energy| material::constants_at_for(scene, material, energy, &key);
-                let mu = energy.map_or(Ok(f64::INFINITY), |energy| Ok(mu(energy)?.mu))?;
-                (*thickness, mu * thickness, 0.0)
-            }
             MaskBody::Sheet { transmission } => (0.0, 0.0, *transmission),
+            _ => {
+                let sum = |of: usize| layers.iter().map(|layer| layer[of]).sum::<f64>();
+                (sum(0), sum(1), 0.0)
+            }
         };
         let substrate = match (mask.substrate(), energy) {
             (Some(plate), Some(energy)) => {
@@ -128,6 +195,8 @@ impl MaskShape {
             openings,
             thickness: thickness * mask.scale_at(plane),
             attenuation,
+            wall_slope: if thickness > 0.0 { mask.wall_slope() } else { 0.0 },
+            layers: shares(&layers, [thickness, attenuation]),
             // Bars of a material that does not absorb are no mask at all.
             transmission: if thickness > 0.0 && attenuation <= 0.0 { 1.0 } else { transmission },
             substrate,
@@ -154,12 +223,47 @@ impl MaskShape {
         if self.substrate > 0.0 { libm::exp(-self.substrate * secant) } else { 1.0 }
     }
 
+    /// Mean place of a soft edge behind its inner end, and its variance, as shares of the shadow, where both edges of
+    /// an aperture are alike on average: of bars of several layers.
+    fn mean_edge(&self, secant: f64) -> [f64; 2] {
+        let depth = self.attenuation * secant;
+        let mut sums = [0.0; 3];
+        for sourceward in [true, false] {
+            let mut layers = self.layers.clone();
+            if !sourceward {
+                layers.reverse();
+            }
+            let (mut share, mut passed) = (0.0, 0.0);
+            for [thickness, attenuation] in layers {
+                // Moments of z, in shares of the layer, with the density exp(-a z) on 0 to 1.
+                let a = (attenuation * depth).max(1e-9);
+                let light = libm::exp(-passed) * -libm::expm1(-a);
+                let tail = libm::exp(-a) / -libm::expm1(-a);
+                let [mean, variance] = match a < 0.01 {
+                    true => [0.5 - a / 12.0, 1.0 / 12.0 - a * a / 240.0],
+                    false => [1.0 / a - tail, 1.0 / (a * a) - tail * (1.0 + tail)],
+                };
+                let mean = share + thickness * mean;
+                sums[0] += light;
+                sums[1] += light * mean;
+                sums[2] += light * (mean * mean + thickness * thickness * variance);
+                share += thickness;
+                passed += attenuation * depth;
+            }
+        }
+        let mean = sums[1] / sums[0];
+        [mean, sums[2] / sums[0] - mean * mean]
+    }
+
     /// Share of the shadow width that narrows apertures, as `edge_mean` there gives it, where bars
     /// leak so much.
     pub fn narrowing(&self, secant: f64, leak: f64) -> f64 {
         let a = self.attenuation * secant;
         if a <= 0.0 || 1.0 - leak < 1e-5 {
             return 0.0;
+        }
+        if self.layers.len() > 1 {
+            return 1.0 - 2.0 * self.mean_edge(secant)[0];
         }
         let mean = if a < 1e-3 { 1.0 - 0.5 * a } else { (1.0 - leak) / a };
         1.0 - 2.0 * (mean - leak) / (1.0 - leak)
@@ -171,6 +275,9 @@ impl MaskShape {
         if a <= 0.0 {
             return 0.0;
         }
+        if self.layers.len() > 1 {
+            return self.mean_edge(1.0)[1];
+        }
         if a < 0.1 {
             return 1.0 / 12.0;
         }
@@ -180,15 +287,72 @@ impl MaskShape {
     /// True if bars do the same to light in the way of them; apertures do not count.
     pub fn same_bars(&self, other: &Self) -> bool {
         let of = |mask: &Self| {
-            let Self { thickness, attenuation, transmission, substrate, .. } = mask;
-            [*thickness, *attenuation, *transmission, *substrate].map(f64::to_bits)
+            let Self { thickness, attenuation, transmission, substrate, wall_slope, .. } = mask;
+            [*thickness, *attenuation, *transmission, *substrate, *wall_slope].map(f64::to_bits)
         };
-        of(self) == of(other)
+        of(self) == of(other) && self.layers == other.layers
+    }
+
+    /// Widths of the shadows of the walls at the low and the high edge of an aperture, m, for a ray of this dx/dy.
+    pub fn shadows(&self, slope: f64) -> [f64; 2] {
+        [self.wall_slope, -self.wall_slope].map(|wall| self.thickness * (slope + wall).abs())
+    }
+
+    /// Width of the wider of these shadows, m.
+    pub fn widest_shadow(&self, slope: f64) -> f64 {
+        self.thickness * (slope.abs() + self.wall_slope.abs())
     }
 
     /// Width of the narrowest aperture or bar, m in the plane of evaluation.
     pub fn narrowest(&self) -> f64 {
         let widths = self.apertures().into_iter().map(|[low, high]| f64::from(high - low));
         widths.fold(self.openings.bar(), f64::min)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn scene(mask: &str) -> Scene {
+        let text = format!(
+            "[source]\ndistance = \"1.2 m\"\nspot = \"30 um\"\nenergy = \"30 keV\"\n\
+             [detector]\ndistance = \"2 m\"\npixels = [4, 1]\npitch = \"150 um\"\n\
+             [sample_mask]\ndistance = \"1 m\"\naperture = \"20 um\"\n{mask}\n\
+             [materials.bars]\nmu = \"100 /cm\"\ndelta = 1e-6\n"
+        );
+        Scene::from_toml(&text, ".").expect("a scene")
+    }
+
+    /// Width of the box that lets the same light through, docs/physics.md.
+    #[test]
+    fn straight_bars_leave_the_light_of_tapered_ones() {
+        let tapered = scene("material = \"bars\"\nthickness = \"200 um\"\ntaper = \"-2 deg\"");
+        let straight = straightened(&tapered, (&[30.0], &[1.0])).expect("bars");
+        let found = straight.sample_mask.as_ref().expect("a mask");
+        let (a, e) = (2.0, f64::exp(-2.0));
+        let narrower = 200e-6 * 2.0_f64.to_radians().tan() * ((1.0 + e) / (1.0 - e) - 2.0 / a);
+        assert!((found.aperture - (20e-6 - narrower)).abs() < 1e-12, "{}", found.aperture);
+        assert!(found.taper.abs() < 1e-300 && tapered.sample_mask != straight.sample_mask);
+    }
+
+    /// Layers of one material have the edge of one bar.
+    #[test]
+    fn the_mean_edge_of_equal_layers_is_the_edge_of_a_bar() {
+        let shape = |body: &str| {
+            let scene = scene(body);
+            let optics = Optics::of(&scene);
+            let mask = optics.sample_mask.as_ref().expect("a mask");
+            MaskShape::of(&scene, mask, 1.0, Some(30.0)).expect("bars")
+        };
+        let whole = shape("material = \"bars\"\nthickness = \"200 um\"");
+        let layer = |um: u32| format!("{{ material = \"bars\", thickness = \"{um} um\" }}");
+        let layers = shape(&format!("layers = [{}, {}]", layer(30), layer(170)));
+        let leak = whole.leak(1.1);
+        let narrowing = layers.narrowing(1.1, leak) - whole.narrowing(1.1, leak);
+        assert!(narrowing.abs() < 1e-12, "{narrowing:e}");
+        let variance = layers.edge_variance() - whole.edge_variance();
+        assert!(variance.abs() < 1e-12, "{variance:e}");
+        assert!((layers.attenuation - 2.0).abs() < 1e-12 && layers.layers.len() == 2);
     }
 }

@@ -138,6 +138,26 @@ impl Mask {
         &self.spec.body
     }
 
+    /// dx/dy of the walls of the bars; slits are wider at the face towards the detector where it is above 0.
+    pub fn wall_slope(&self) -> f64 {
+        self.spec.wall_slope()
+    }
+
+    /// True if both edges of a slit have soft edges of their own: walls are slanted, or bars have several layers.
+    pub fn has_walls(&self) -> bool {
+        self.is_tapered() || self.has_layers()
+    }
+
+    /// True if bars have several layers.
+    pub fn has_layers(&self) -> bool {
+        self.spec.body.layers().len() > 1
+    }
+
+    /// True if the walls of the bars are slanted.
+    pub fn is_tapered(&self) -> bool {
+        self.spec.taper != 0.0
+    }
+
     /// Plate that carries the bars.
     pub(super) const fn substrate(&self) -> Option<&Substrate> {
         self.spec.substrate.as_ref()
@@ -273,8 +293,8 @@ impl Mask {
     /// the mask per unit of dx/dy.
     pub fn side_shadow(&self) -> Option<f64> {
         match &self.spec.body {
-            MaskBody::Bars { thickness, .. } => Some(*thickness),
             MaskBody::Sheet { .. } => None,
+            body => Some(body.thickness()),
         }
     }
 }

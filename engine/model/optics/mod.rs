@@ -15,7 +15,7 @@ mod view_offsets;
 pub mod waves;
 
 pub use crate::scene::Strip;
-pub use bars::{MaskShape, mean_leaks, modulated, through_substrates};
+pub use bars::{MaskShape, mean_leaks, modulated, straightened, through_substrates};
 pub use detector_plane::DetectorPlane;
 pub use mask::{Mask, Openings};
 pub use periods::{WholePeriods, ends};
@@ -105,6 +105,11 @@ impl Optics {
     /// True if apertures of a mask end along z.
     pub fn has_heights(&self) -> bool {
         self.sample_mask.iter().chain(&self.detector_mask).any(Mask::has_heights)
+    }
+
+    /// True if the walls of a mask are slanted.
+    pub fn has_walls(&self) -> bool {
+        self.sample_mask.iter().chain(&self.detector_mask).any(Mask::has_walls)
     }
 
     /// Rotation centre to analyser, m: y of the analyser in the frame of the set-up.

@@ -63,6 +63,10 @@ pub(super) const ROUGHNESS: f64 = 0.3;
 pub(super) const SLITS: u32 = 1024;
 /// Rows and columns of the pattern of a mask.
 pub(super) const PATTERN: u32 = 2048;
+/// Layers of the bars of a mask.
+pub(super) const LAYERS: usize = 16;
+/// Angle of the walls of bars to the optical axis, rad.
+pub(super) const TAPER: f64 = std::f64::consts::FRAC_PI_4;
 /// Bars of masks are thinner, m: thicker ones are probably a mistake.
 pub const THICK_BARS: f64 = 1e-3;
 

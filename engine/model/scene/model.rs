@@ -188,6 +188,9 @@ pub struct MaskSpec {
     pub pattern_pixel: Option<[f64; 2]>,
     /// Form of the bars.
     pub body: MaskBody,
+    /// Angle of the walls of the bars to the optical axis, rad: slits are wider at the face towards the detector
+    /// where it is above 0.
+    pub taper: f64,
     /// Plate that carries the bars: all light passes it.
     pub substrate: Option<Substrate>,
 }
@@ -230,6 +233,7 @@ impl MaskSpec {
             pattern: None,
             pattern_pixel: None,
             body,
+            taper: 0.0,
             substrate: None,
         }
     }
@@ -242,6 +246,13 @@ impl MaskSpec {
         self.aperture_z = Some(aperture_z);
         self.period_z = Some(period_z);
         self
+    }
+
+    /// dx/dy of the walls of the bars, which displaces walls on both sides of a slit outwards; 0 where they are
+    /// parallel to the axis.
+    #[must_use]
+    pub fn wall_slope(&self) -> f64 {
+        libm::tan(self.taper)
     }
 
     /// Rows of apertures along z after which the mask repeats.
@@ -290,7 +301,7 @@ pub enum ApertureShape {
 impl MaskSpec {
     /// Source to the face of the bars before the mask's plane and to that behind it, m.
     #[must_use]
-    pub const fn faces(&self) -> [f64; 2] {
+    pub fn faces(&self) -> [f64; 2] {
         let half = self.body.thickness() / 2.0;
         [self.distance - half, self.distance + half]
     }
@@ -307,6 +318,11 @@ pub enum MaskBody {
         /// Thickness along y, m. > 0.
         thickness: f64,
     },
+    /// Boxes of several materials behind one another, with the same slits.
+    Layers {
+        /// From the source on, one at least.
+        layers: Vec<BarLayer>,
+    },
     /// A hard-edged sheet without thickness.
     Sheet {
         /// Transmission of the bars, 0..=1.
@@ -314,21 +330,58 @@ pub enum MaskBody {
     },
 }
 
+/// A layer of the bars of a mask.
+#[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
+pub struct BarLayer {
+    /// Material name.
+    pub material: String,
+    /// Thickness along y, m. > 0.
+    pub thickness: f64,
+}
+
+impl BarLayer {
+    /// A layer of this thickness, m.
+    #[must_use]
+    pub fn new(material: impl Into<String>, thickness: f64) -> Self {
+        Self { material: material.into(), thickness }
+    }
+}
+
 impl MaskBody {
-    /// Thickness along y, m; 0 for a sheet.
-    pub const fn thickness(&self) -> f64 {
+    /// Thickness along y, m, of all layers; 0 for a sheet.
+    #[must_use]
+    pub fn thickness(&self) -> f64 {
+        self.layers().iter().map(|(_, thickness)| thickness).sum()
+    }
+
+    /// Material and thickness (m) of the layers of the bars, from the source on; none of a sheet.
+    #[must_use]
+    pub fn layers(&self) -> Vec<(&str, f64)> {
         match self {
-            Self::Bars { thickness, .. } => *thickness,
-            Self::Sheet { .. } => 0.0,
+            Self::Bars { material, thickness } => vec![(material, *thickness)],
+            Self::Layers { layers } => {
+                layers.iter().map(|layer| (&layer.material[..], layer.thickness)).collect()
+            }
+            Self::Sheet { .. } => Vec::new(),
         }
     }
 
-    /// Name of the material of the bars; `None` for a sheet.
+    /// Key of the thickness, below the key of the mask.
     #[must_use]
-    pub fn material(&self) -> Option<&str> {
+    pub const fn thickness_key(&self) -> &'static str {
         match self {
-            Self::Bars { material, .. } => Some(material),
-            Self::Sheet { .. } => None,
+            Self::Layers { .. } => "layers",
+            Self::Bars { .. } | Self::Sheet { .. } => "thickness",
+        }
+    }
+
+    /// Key of the material of a layer, below the key of the mask.
+    #[must_use]
+    pub fn material_key(&self, layer: usize) -> String {
+        match self {
+            Self::Layers { .. } => format!("layers[{layer}].material"),
+            Self::Bars { .. } | Self::Sheet { .. } => "material".to_owned(),
         }
     }
 }

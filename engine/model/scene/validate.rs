@@ -125,19 +125,26 @@ impl Scene {
         Ok(())
     }
 
-    /// Shadows of thick bars between several slits leave each slit open and each bar dark.
+    /// Shadows of thick bars between several slits, and of slanted walls, leave each slit open and each bar dark.
     fn validate_shadows(&self) -> Result<()> {
         let detector = &self.detector;
         for (table, mask) in self.masks() {
             let thickness = mask.body.thickness();
             let slits = mask.slits();
-            if slits.len() < 2 || thickness <= 0.0 || !has_place(mask) {
+            let layers = mask.body.layers().len();
+            let is_bound = slits.len() > 1 || mask.taper != 0.0 || layers > 1;
+            if !is_bound || thickness <= 0.0 || mask.heights().is_some() || !has_place(mask) {
                 continue;
             }
             let widths = slits.iter().map(|[low, high]| high - low);
             let narrowest = widths.fold(mask.narrowest_bar(), f64::min);
+            // Walls that close slits or bars are refused by their angle.
+            if thickness * mask.wall_slope().abs() >= narrowest && mask.taper != 0.0 {
+                continue;
+            }
             let half = 0.5 * detector.pitch[0] * f64::from(detector.pixels[0]);
-            let slope = (half + 2.0 * detector.pitch[0]) / detector.distance;
+            let slope =
+                (half + 2.0 * detector.pitch[0]) / detector.distance + mask.wall_slope().abs();
             if thickness * slope > narrowest {
                 let found = format!(
                     "{}, whose shadow at the edge of the detector is {} wide",
@@ -145,10 +152,16 @@ impl Scene {
                     Length.rounded(thickness * slope)
                 );
                 let allowed = format!(
-                    "bars of several slits whose shadow is no wider than the narrowest slit or bar, {}",
+                    "bars of {} whose shadow is no wider than the narrowest slit or bar, {}",
+                    match (mask.taper == 0.0, layers) {
+                        (false, _) => "a taper",
+                        (_, 2..) => "several layers",
+                        _ => "several slits",
+                    },
                     Length.rounded(narrowest)
                 );
-                return Err(Error::scene(format!("{table}.thickness"), found, allowed));
+                let key = format!("{table}.{}", mask.body.thickness_key());
+                return Err(Error::scene(key, found, allowed));
             }
         }
         Ok(())
@@ -338,7 +351,7 @@ fn misplaced(table: &str, mask: &MaskSpec, [low, high]: [f64; 2], allowed: Strin
         let most = 2.0 * (distance - low).min(high - distance);
         // Without the rounding of a difference.
         let most = Length.rounded((most * 1e9).round() / 1e9);
-        let key = format!("{table}.thickness");
+        let key = format!("{table}.{}", mask.body.thickness_key());
         let allowed =
             format!("up to {most} at {table}.distance = {}: {allowed}", Length.rounded(distance));
         return Err(Error::scene(key, Length.rounded(thickness), allowed));

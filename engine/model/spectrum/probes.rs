@@ -65,8 +65,13 @@ impl<'a> Probes<'a> {
         let (mut bars, mut plates) = (Vec::new(), Vec::new());
         for (key, mask) in scene.masks() {
             let body = &mask.body;
-            if let Some(material) = body.material() {
-                bars.push((medium(material, format!("{key}.material"))?, body.thickness()));
+            let mut path = Vec::new();
+            for (layer, (material, thickness)) in body.layers().into_iter().enumerate() {
+                let key = format!("{key}.{}", body.material_key(layer));
+                path.push((medium(material, key)?, thickness));
+            }
+            if !path.is_empty() {
+                bars.push(path);
             }
             if let Some(plate) = &mask.substrate {
                 let at = medium(&plate.material, format!("{key}.substrate.material"))?;
@@ -74,7 +79,7 @@ impl<'a> Probes<'a> {
             }
         }
         let mut probes = Self { scene, energies, media, list: Vec::new() };
-        probes.fill(&spectrum.weights, around, &sample, [&bars, &plates]);
+        probes.fill(&spectrum.weights, around, &sample, (&bars, &plates));
         Ok(probes)
     }
 
@@ -83,7 +88,7 @@ impl<'a> Probes<'a> {
         weights: &[f64],
         around: usize,
         sample: &[usize],
-        [bars, plates]: [&[(usize, f64)]; 2],
+        (bars, plates): (&[LayeredPath], &[(usize, f64)]),
     ) {
         let mean = |values: Vec<f64>| -> f64 {
             let total: f64 = weights.iter().sum();
@@ -109,11 +114,8 @@ impl<'a> Probes<'a> {
         };
         // The surroundings fill the way from the source to the detector.
         add(&mut list, vec![(around, self.scene.detector.distance)], &[around]);
-        let leaks: Vec<LayeredPath> = bars
-            .iter()
-            .map(|bar| vec![*bar])
-            .chain((bars.len() > 1).then(|| bars.to_vec()))
-            .collect();
+        let leaks: Vec<LayeredPath> =
+            bars.iter().cloned().chain((bars.len() > 1).then(|| bars.concat())).collect();
         for leak in &leaks {
             add(&mut list, leak.clone(), &[]);
         }

@@ -151,7 +151,7 @@ pub(crate) fn lights(
         Some(Blur::Gaussian { sigma }) => sigma[0],
         Some(Blur::Kernel(_)) | None => 0.0,
     };
-    let blur = CurveGeometry::of(scene).blur.powi(2) + of_detector * of_detector;
+    let blur = CurveGeometry::of(scene)?.blur.powi(2) + of_detector * of_detector;
     let mut shapes = Vec::new();
     if mask.side_shadow().is_some() {
         let nodes = spectrum::nodes(scene)?;
@@ -167,11 +167,11 @@ pub(crate) fn lights(
             let secant = slope.mul_add(*slope, 1.0).sqrt();
             let [dark, narrowing, variance] =
                 shapes.iter().fold([0.0; 3], |sum, (shape, weight)| {
-                    let shadow = shape.thickness * slope.abs();
+                    let [low, high] = shape.shadows(*slope);
                     let leak = shape.leak(secant);
                     let dark = weight * (1.0 - leak);
-                    let narrowing = shadow * shape.narrowing(secant, leak);
-                    let variance = shadow * shadow * shape.edge_variance();
+                    let narrowing = f64::midpoint(low, high) * shape.narrowing(secant, leak);
+                    let variance = f64::midpoint(low * low, high * high) * shape.edge_variance();
                     [sum[0] + dark, sum[1] + dark * narrowing, sum[2] + dark * variance]
                 });
             let mean = |sum: f64| if dark > 0.0 { sum / dark } else { 0.0 };

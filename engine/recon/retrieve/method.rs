@@ -85,7 +85,7 @@ impl Method {
             }
         }
         self.check_offsets(offsets)?;
-        let shape = super::shape::CurveGeometry::of(scene);
+        let shape = super::shape::CurveGeometry::of(scene)?;
         let blur = shape.blur / shape.half_base();
         match self {
             Self::Triangle if blur > SMALL_BLUR => Err(Error::scene(

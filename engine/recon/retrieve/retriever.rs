@@ -106,7 +106,7 @@ impl Retriever {
                 -scene.magnification() / lever
             },
             beamlets,
-            shape: CurveGeometry::of(scene),
+            shape: CurveGeometry::of(scene)?,
             periods,
             offsets,
             view_scans,

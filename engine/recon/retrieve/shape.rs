@@ -1,8 +1,10 @@
 //! Shapes of illumination curves that follow from the masks: triangle, trapezoid, and the closed
 //! form of design 6.1 with any blur.
 
-use beamlet_model::optics::Optics;
+use beamlet_core::Result;
+use beamlet_model::optics::{self, Optics};
 use beamlet_model::scene::Scene;
+use beamlet_model::spectrum;
 use beamlet_model::spot::deviation;
 use std::f64::consts::{FRAC_1_SQRT_2, PI};
 
@@ -21,15 +23,24 @@ pub(super) struct CurveGeometry {
 
 impl CurveGeometry {
     /// Geometry of the curves of a scene with both masks; zero widths without.
-    pub(super) fn of(scene: &Scene) -> Self {
+    ///
+    /// # Errors
+    /// Errors of the materials of tapered masks and of the beam.
+    pub(super) fn of(scene: &Scene) -> Result<Self> {
         let magnification = scene.magnification();
-        let optics = Optics::of(scene);
-        Self {
+        let optics = match scene.masks().any(|(_, mask)| mask.taper != 0.0) {
+            true => {
+                let nodes = spectrum::nodes(scene)?;
+                Optics::of(&*optics::straightened(scene, (&nodes.energies, &nodes.weights))?)
+            }
+            false => Optics::of(scene),
+        };
+        Ok(Self {
             projected: optics.overlapping_apertures(),
             blur: (magnification - 1.0) * deviation(scene.source.spot.fwhm()[0]),
             magnification,
             period: optics.curve_period(),
-        }
+        })
     }
 
     /// Shape of the curve over mask offsets: blurred boxes, or a trapezoid without blur; `None` without two

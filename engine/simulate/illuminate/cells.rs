@@ -2,7 +2,7 @@
 
 use super::fill::items_each;
 use super::fit::fit;
-use super::light::IlluminationBuffer;
+use super::light::{ApertureEdges, IlluminationBuffer};
 use super::row_parts::parts_of;
 use super::sums::PixelSums;
 use crate::refine::MadeCells;
@@ -23,6 +23,8 @@ pub(crate) struct CellKernels {
     near: LazyKernel,
     /// For light that lands more than a row away.
     far: LazyKernel,
+    /// For masks whose walls are slanted.
+    walls: LazyKernel,
     /// For masks whose apertures end along z.
     heights: LazyKernel,
 }
@@ -35,13 +37,18 @@ impl CellKernels {
         Self {
             near: kernel("illuminate"),
             far: kernel("illuminate_far"),
+            walls: kernel("illuminate_walls"),
             heights: kernel("illuminate_heights"),
         }
     }
 
-    /// The kernel of most cells; `heights`: apertures end along z.
-    pub(crate) const fn usual(&self, heights: bool) -> &LazyKernel {
-        if heights { &self.heights } else { &self.near }
+    /// The kernel of most cells.
+    pub(crate) const fn usual(&self, edges: ApertureEdges) -> &LazyKernel {
+        match edges {
+            ApertureEdges::Straight => &self.near,
+            ApertureEdges::Walls => &self.walls,
+            ApertureEdges::Heights => &self.heights,
+        }
     }
 
     /// The kernel of cells.
@@ -49,6 +56,7 @@ impl CellKernels {
         match reach {
             Reach::Near => &self.near,
             Reach::Far => &self.far,
+            Reach::Walls => &self.walls,
             Reach::Heights => &self.heights,
         }
     }
@@ -61,16 +69,19 @@ enum Reach {
     Near,
     /// In any row.
     Far,
+    /// In any row, past slanted walls.
+    Walls,
     /// In any row, through apertures that end along z.
     Heights,
 }
 
 impl Reach {
     fn of(light: &IlluminationBuffer, far: bool) -> Self {
-        match (light.has_heights(), far) {
-            (true, _) => Self::Heights,
-            (false, true) => Self::Far,
-            (false, false) => Self::Near,
+        match (light.edges(), far) {
+            (ApertureEdges::Heights, _) => Self::Heights,
+            (ApertureEdges::Walls, _) => Self::Walls,
+            (ApertureEdges::Straight, true) => Self::Far,
+            (ApertureEdges::Straight, false) => Self::Near,
         }
     }
 }

@@ -5,7 +5,9 @@ use crate::sampling::{Lattice, beamlet_geometry};
 use beamlet_core::Result;
 use beamlet_core::numbers::{count, single};
 use beamlet_gpu::{Buffer, Device, Upload};
-use beamlet_interface::{Address, Aperture, BeamletGeometry, IlluminationParams, Mask, SpotPart};
+use beamlet_interface::{
+    Address, Aperture, BarLayer, BeamletGeometry, IlluminationParams, Mask, SpotPart,
+};
 use beamlet_model::media::MaterialTable;
 use beamlet_model::optics::{MaskShape, Optics};
 use beamlet_model::scene::Scene;
@@ -21,6 +23,28 @@ const SAME_LEAK: f64 = 1e-7;
 const LIST_ALIGNMENT: usize = 4;
 /// At most 2 to the power of this many rows.
 const MOST_ALIKE: u32 = 5;
+
+/// Edges of the apertures of both masks, which kernels are made for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum ApertureEdges {
+    /// Slits whose walls are parallel to the axis.
+    Straight,
+    /// Slits, some with slanted walls.
+    Walls,
+    /// Apertures that end along z.
+    Heights,
+}
+
+impl ApertureEdges {
+    /// Kind of the edges in a run.
+    pub(crate) fn of(optics: &Optics) -> Self {
+        match (optics.has_heights(), optics.has_walls()) {
+            (true, _) => Self::Heights,
+            (false, true) => Self::Walls,
+            (false, false) => Self::Straight,
+        }
+    }
+}
 
 /// Which light a record is of.
 #[derive(Debug, Clone, Copy)]
@@ -89,6 +113,8 @@ pub(crate) struct IlluminationBuffer {
     buffer: Buffer,
     /// There is no sample mask: all mask steps are the same.
     pub(super) same_at_all_steps: bool,
+    /// Edges of the apertures of the masks.
+    edges: ApertureEdges,
     lights: Vec<IlluminationParams>,
     /// Address of the first list of mask offsets, and bytes from one to the next.
     list: (Address, u64),
@@ -141,7 +167,8 @@ impl IlluminationBuffer {
         let buffer = device.upload("light", &lights)?;
         buffers.extend([beamlets, offsets, table]);
         let same_at_all_steps = sample_mask.present == 0;
-        Ok(Self { buffer, same_at_all_steps, lights, list, buffers })
+        let edges = ApertureEdges::of(optics);
+        Ok(Self { buffer, same_at_all_steps, edges, lights, list, buffers })
     }
 
     /// True if parts of the spot differ in the shares of rows that cells hold.
@@ -149,9 +176,9 @@ impl IlluminationBuffer {
         self.lights.iter().any(|light| light.rows_apart != 0)
     }
 
-    /// True if apertures of a mask end along z.
-    pub(super) fn has_heights(&self) -> bool {
-        self.lights.iter().any(|light| light.heights != 0)
+    /// Edges of the apertures of the masks.
+    pub(super) const fn edges(&self) -> ApertureEdges {
+        self.edges
     }
 
     /// Adds the heights of the masks in these rows.
@@ -259,8 +286,16 @@ fn upload_mask(
     let record = |low_high: &[f32; 2]| Aperture { low: low_high[0], high: low_high[1] };
     let records: Vec<Aperture> = apertures.iter().map(record).collect();
     let buffer = device.upload(mask.name(), &records)?;
+    let layer = |of: &[f64; 2]| {
+        let [thickness, attenuation] = of.map(single);
+        BarLayer { thickness, attenuation }
+    };
+    let layers: Vec<BarLayer> = shape.layers.iter().map(layer).collect();
+    let layers = device.upload("layers of bars", &layers)?;
     let record = Mask {
         apertures: buffer.address(),
+        bar_layers: layers.address(),
+        bar_layer_count: count(shape.layers.len()),
         count: count(records.len()),
         present: 1,
         period: single(shape.openings.period[0]),
@@ -274,8 +309,9 @@ fn upload_mask(
         narrowest_aperture: single(shape.openings.narrowest(0)),
         narrowest_bar: single(shape.openings.bar()),
         substrate: single(shape.substrate),
+        taper: single(shape.wall_slope),
     };
-    buffers.push(buffer);
+    buffers.extend([buffer, layers]);
     Ok(record)
 }
 

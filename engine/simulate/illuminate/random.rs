@@ -2,7 +2,7 @@
 
 use super::fill::items_each;
 use super::fit::fit;
-use super::light::IlluminationBuffer;
+use super::light::{ApertureEdges, IlluminationBuffer};
 use super::sums::PixelSums;
 use crate::trace::Tracer;
 use beamlet_core::{Result, numbers};
@@ -24,6 +24,8 @@ const STEPS_TOGETHER: u32 = 16 * RANDOM_STEPS;
 pub(crate) struct RandomKernels {
     rays: LazyKernel,
     light: LazyKernel,
+    /// For masks whose walls are slanted.
+    light_walls: LazyKernel,
     /// For masks whose apertures end along z.
     light_heights: LazyKernel,
 }
@@ -36,13 +38,19 @@ impl RandomKernels {
         Self {
             rays: LazyKernel::new(device, "random_rays", rays),
             light: LazyKernel::new(device, "random_light", light),
+            light_walls: LazyKernel::new(device, "random_light_walls", light),
             light_heights: LazyKernel::new(device, "random_light_heights", light),
         }
     }
 
-    /// Those of a run; `heights`: apertures of masks end along z.
-    pub(crate) const fn all(&self, heights: bool) -> [&LazyKernel; 2] {
-        [&self.rays, if heights { &self.light_heights } else { &self.light }]
+    /// Those of a run whose masks have these edges.
+    pub(crate) const fn all(&self, edges: ApertureEdges) -> [&LazyKernel; 2] {
+        let light = match edges {
+            ApertureEdges::Straight => &self.light,
+            ApertureEdges::Walls => &self.light_walls,
+            ApertureEdges::Heights => &self.light_heights,
+        };
+        [&self.rays, light]
     }
 }
 
@@ -105,7 +113,7 @@ impl RandomIlluminator {
         job: RandomBatch<'_>,
     ) -> Result<()> {
         let kernels = self.kernels.clone();
-        let [rays_kernel, light_kernel] = kernels.all(light.has_heights());
+        let [rays_kernel, light_kernel] = kernels.all(light.edges());
         let (rays_kernel, light_kernel) = (rays_kernel.get()?, light_kernel.get()?);
         let buffer = fit::<Pixel>(&self.device, self.pixels.take(), "pixels", job.pixels.len())?;
         // The first submission takes all pixels along.

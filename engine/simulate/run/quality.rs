@@ -137,8 +137,9 @@ pub fn open_variance(scene: &Scene, counts: &Counts) -> Result<Variance> {
 /// Errors of the materials of masks and beam.
 pub fn expected_angle(scene: &Scene) -> Result<Option<f64>> {
     let Some(counts) = &scene.detector.counts else { return Ok(None) };
-    let optics = Optics::of(scene);
     let media = MaterialTable::of(scene)?;
+    let scene = &*optics::straightened(scene, (&media.energies, &media.weights))?;
+    let optics = Optics::of(scene);
     let leaks = optics::mean_leaks(scene, &optics, (&media.energies, &media.weights))?;
     let variance = open_variance(scene, counts)?;
     let share = optics::through_substrates(scene, &optics, (&media.energies, &media.weights))?;

@@ -328,10 +328,12 @@ fn any_openings(openings: &Openings) -> Vec<Opening> {
 }
 
 /// Reduction of each side of an aperture by the shadow of thick bars of the sample mask, m, at an angle
-/// of this slope.
+/// of this slope; of slanted walls the smaller one.
 fn shadow(optics: &Optics, slope: f32) -> f32 {
-    let thickness = optics.sample_mask.as_ref().and_then(Mask::side_shadow);
-    thickness.map_or(0.0, |thickness| 0.5 * single(thickness) * slope.abs())
+    let mask = optics.sample_mask.as_ref();
+    let thickness = mask.and_then(Mask::side_shadow).unwrap_or_default();
+    let wall = mask.map_or(0.0, Mask::wall_slope);
+    0.5 * single(thickness) * (slope.abs() - single(wall.abs())).abs()
 }
 
 /// Offsets of the sample mask farther apart than `least`, m: two accurate steps make the steps between

@@ -68,6 +68,14 @@ pub(crate) fn refuse(scene: &Scene, optics: &Optics, options: &EngineOptions) ->
             let found = format!("several slits in a period of {}", mask.name());
             return wave(&found, "masks without apertures or shifts");
         }
+        if mask.is_tapered() {
+            let found = format!("the tapered bars of {}", mask.name());
+            return wave(&found, "masks without a taper");
+        }
+        if mask.has_walls() {
+            let found = format!("bars of several layers in {}", mask.name());
+            return wave(&found, "bars of one material");
+        }
         if mask.has_substrate() {
             let found = format!("the substrate of {}", mask.name());
             return wave(&found, "masks without a substrate");

@@ -3,12 +3,12 @@
 use super::prelude::*;
 use super::series::{RANGE, placed};
 use crate::scene::{
-    ApertureLattice, ApertureShape, Detector, MaskBody, MaskSpec, Pattern, Substrate,
+    ApertureLattice, ApertureShape, BarLayer, Detector, MaskBody, MaskSpec, Pattern, Substrate,
 };
 use std::path::Path;
 
 keys! { MASK: MaskSpec, "sample_mask",
-    [Forms(&[&["transmission"], &["material", "thickness"]], 1),
+    [Forms(&[&["transmission"], &["material", "thickness"], &["layers"]], 1),
      Forms(&[&["aperture"], &["projected_aperture"], &["apertures"], &["pattern", "pattern_pixel"]], 0)],
     ["pitch" => "period", "slit" => "aperture", "slit_width" => "aperture", "opening" => "aperture",
      "height" => "thickness"];
@@ -19,6 +19,12 @@ keys! { MASK: MaskSpec, "sample_mask",
         MATERIAL, Required, r#""gold""#, "Material of the bars.";
     thickness at MaskSpec { body: MaskBody::Bars { thickness, .. }, .. } =>
         Quantity(Length, POSITIVE), Required, r#""225 um""#, "Thickness of the bars along the beam.";
+    layers at MaskSpec { body: MaskBody::Layers { layers }, .. } =>
+        Tables(&BAR_LAYER.spec), Required,
+        r#"[{ material = "gold", thickness = "30 um" }, { material = "silicon", thickness = "200 um" }]"#,
+        "Layers of bars of several materials, from the source on: they have the same slits.";
+    taper => Quantity(Angle, within(-limits::TAPER, limits::TAPER)), Default(r#""0 deg""#), r#""2 deg""#,
+        "Angle between the walls of the bars and the optical axis: above 0 slits are wider at the face towards the detector, below 0 at the face towards the source. `aperture` is their width in the centre plane; of slits with bars of a thickness.";
     transmission at MaskSpec { body: MaskBody::Sheet { transmission }, .. } =>
         Number("a number", within(0.0, 1.0)), Required, "0.0",
         "Transmission of the bars of a sheet without thickness.";
@@ -63,6 +69,20 @@ keys! { SUBSTRATE: Substrate, "sample_mask.substrate", [], [];
         "Thickness of the plate along the beam.";
 }
 
+keys! { BAR_LAYER: BarLayer, "sample_mask.layers", [], [];
+    material => MATERIAL, Required, r#""gold""#, "Material of the layer.";
+    thickness => Quantity(Length, POSITIVE), Required, r#""30 um""#,
+        "Thickness of the layer along the beam.";
+}
+
+impl Record for BarLayer {
+    const KEYS: &'static Keys<Self> = &BAR_LAYER;
+
+    fn begin(_: &dyn Fn(&str) -> bool) -> Self {
+        Self::new("", f64::NAN)
+    }
+}
+
 impl Record for Substrate {
     const KEYS: &'static Keys<Self> = &SUBSTRATE;
 
@@ -78,9 +98,10 @@ impl Record for MaskSpec {
     const KEYS: &'static Keys<Self> = &MASK;
 
     fn begin(has: &dyn Fn(&str) -> bool) -> Self {
-        let body = match has("transmission") {
-            true => MaskBody::Sheet { transmission: f64::NAN },
-            false => MaskBody::Bars { material: String::new(), thickness: f64::NAN },
+        let body = match (has("transmission"), has("material") || has("thickness"), has("layers")) {
+            (true, ..) => MaskBody::Sheet { transmission: f64::NAN },
+            (_, false, true) => MaskBody::Layers { layers: Vec::new() },
+            _ => MaskBody::Bars { material: String::new(), thickness: f64::NAN },
         };
         let mut mask = Self::new(f64::NAN, f64::NAN, f64::NAN, body);
         if has("aperture_z") || has("period_z") {
@@ -106,6 +127,7 @@ impl Record for MaskSpec {
             "apertures" => self.apertures.is_empty(),
             "shifts" => self.shifts.is_empty(),
             "substrate" => self.substrate.is_none(),
+            "taper" => self.taper == 0.0,
             "shape" => self.shape == ApertureShape::Slit,
             "lattice" => self.lattice == ApertureLattice::Rectangular,
             "offset_z" => self.shape == ApertureShape::Slit && self.offset_z == 0.0,
@@ -128,6 +150,10 @@ impl Record for MaskSpec {
         } else if self.period > 0.0 {
             faults.note(self.check_slits(key));
         }
+        faults.note(self.check_layers(key));
+        if self.taper != 0.0 {
+            faults.note(self.check_taper(key));
+        }
         match self.shape {
             ApertureShape::Slit => self.refuse_heights(key, faults),
             _ => self.check_heights(key, faults),
@@ -136,6 +162,52 @@ impl Record for MaskSpec {
 }
 
 impl MaskSpec {
+    /// Layers belong to slits along z, and are few.
+    fn check_layers(&self, key: &dyn Fn(&str) -> String) -> Result<()> {
+        let MaskBody::Layers { layers } = &self.body else { return Ok(()) };
+        let refuse =
+            |found: String, allowed: String| Err(Error::scene(key("layers"), found, allowed));
+        if !(1..=limits::LAYERS).contains(&layers.len()) {
+            let allowed = format!("1 to {}", limits::LAYERS);
+            return refuse(format!("{} layers", layers.len()), allowed);
+        }
+        if self.shape != ApertureShape::Slit {
+            let found = format!("{} layers with apertures that end along z", layers.len());
+            return refuse(found, "slits along z, or a material and a thickness".to_owned());
+        }
+        Ok(())
+    }
+
+    /// Slanted walls belong to slits along z with thick bars, and leave slits and bars open at both faces.
+    fn check_taper(&self, key: &dyn Fn(&str) -> String) -> Result<()> {
+        let refuse = |with: &str, allowed: &str| {
+            let found = format!("{} with {with}", Angle.rounded(self.taper));
+            Err(Error::scene(key("taper"), found, allowed))
+        };
+        if self.taper.abs() > limits::TAPER {
+            return Ok(());
+        }
+        if self.body.thickness() == 0.0 {
+            return refuse("a sheet", "no value, or bars with a material and a thickness");
+        }
+        if self.shape != ApertureShape::Slit {
+            return refuse("apertures that end along z", "no value, or slits along z");
+        }
+        let narrowest = self.aperture.min(self.narrowest_bar());
+        let narrower = self.body.thickness() * self.wall_slope().abs();
+        if narrower >= narrowest {
+            let found = format!(
+                "{}, which narrows slits or bars by {} at a face",
+                Angle.rounded(self.taper),
+                Length.rounded(narrower)
+            );
+            let allowed =
+                format!("less than the narrowest slit or bar, {}", Length.rounded(narrowest));
+            return Err(Error::scene(key("taper"), found, allowed));
+        }
+        Ok(())
+    }
+
     /// Slits have no edges along z.
     fn refuse_heights(&self, key: &dyn Fn(&str) -> String, faults: &mut Faults) {
         let of = [

@@ -92,7 +92,7 @@ impl Corrector {
                 "offset: a frame at one mask offset has one shift",
             );
         }
-        let geometry = CurveGeometry::of(input.scene());
+        let geometry = CurveGeometry::of(input.scene())?;
         if chosen.of_frames() && options.method != Method::Beamlet && geometry.shape().is_none() {
             return refused("dose or steps without two masks", "offset and plane");
         }

@@ -129,7 +129,7 @@ impl EnergyBinning {
     /// True if energies share no edges for rays of this dx/dy: shadows of bars touch, so that apertures
     /// have no effective width, or edges differ too much.
     fn is_apart(&self, slope: f64) -> bool {
-        let closed = |shape: &MaskShape| shape.thickness * slope.abs() > shape.narrowest();
+        let closed = |shape: &MaskShape| shape.widest_shadow(slope) > shape.narrowest();
         self.masks.iter().flatten().flatten().any(closed) || !self.edges.are_close(slope)
     }
 

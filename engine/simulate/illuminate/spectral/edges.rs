@@ -16,10 +16,14 @@ const TOLERANCE: f64 = 1e-5;
 /// Spread of the edges of both masks over the energies; lengths on the analyser.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct SharedEdges {
-    /// Sum over the masks of the standard deviation of the place of an edge, m per unit of dx/dy.
-    deviation: f64,
+    /// Standard deviation of the place of an edge of each mask, m per unit of dx/dy.
+    deviation: [f64; 2],
     /// Standard deviation of a soft edge of each mask, m per unit of dx/dy.
     edge_variance: [f64; 2],
+    /// Bars of a mask have several layers: edges of an aperture differ from one another.
+    layered: bool,
+    /// Greatest dx/dy of the walls of each mask.
+    walls: [f64; 2],
     /// Blur of light at edges, m.
     blur: f64,
     /// Period of the detector mask, also if absent, m.
@@ -36,7 +40,14 @@ impl SharedEdges {
         blur: f64,
         period: f64,
     ) -> Self {
-        let mut edges = Self { deviation: 0.0, edge_variance: [0.0; 2], blur, period };
+        let mut edges = Self {
+            deviation: [0.0; 2],
+            edge_variance: [0.0; 2],
+            layered: false,
+            walls: [0.0; 2],
+            blur,
+            period,
+        };
         for (i, shapes) in masks.into_iter().enumerate() {
             let Some(shapes) = shapes else { continue };
             let (mut all, mut sums) = (f64::MIN_POSITIVE, [0.0; 3]);
@@ -53,7 +64,9 @@ impl SharedEdges {
             }
             let [place, square, variance] = sums.map(|sum| sum / all);
             let spread = (square - place * place).max(0.0);
-            edges.deviation += magnifications[i] * spread.sqrt();
+            edges.deviation[i] = magnifications[i] * spread.sqrt();
+            edges.layered |= shapes.iter().any(|it| it.layers.len() > 1);
+            edges.walls[i] = shapes.iter().map(|it| it.wall_slope.abs()).fold(0.0, f64::max);
             edges.edge_variance[i] = magnifications[i] * (spread + variance).sqrt();
         }
         edges
@@ -61,17 +74,17 @@ impl SharedEdges {
 
     /// True if all energies may share edges in a column of this dx/dy.
     pub(super) fn are_close(&self, slope: f64) -> bool {
-        let slope = slope.abs();
-        let deviation = slope * self.deviation;
+        let slopes = self.walls.map(|wall| slope.abs() + wall);
+        let deviation = slopes[0] * self.deviation[0] + slopes[1] * self.deviation[1];
         // The covariance of two edges times the curvature of what passes both.
         let blur = self.blur.max(deviation).max(f64::MIN_POSITIVE);
         let together = deviation * deviation / (2.0 * (std::f64::consts::TAU).sqrt() * blur);
-        let alone = self.edge_variance.map(|edge_variance| {
-            let width = slope * edge_variance;
+        let alone = [0, 1].map(|mask| {
+            let width = slopes[mask] * self.edge_variance[mask];
             let variance = width * width;
             let narrow = variance / (variance + self.blur * self.blur).max(f64::MIN_POSITIVE);
             width * (EDGE_SKEWNESS * narrow + EDGE_FLATNESS * narrow * narrow)
         });
-        together + alone[0] + alone[1] <= TOLERANCE * self.period
+        !self.layered && together + alone[0] + alone[1] <= TOLERANCE * self.period
     }
 }

@@ -13,8 +13,8 @@ use super::Simulation;
 use super::seconds::Seconds;
 use crate::detector::Clipped;
 use crate::illuminate::{
-    CellIlluminator, IlluminationBuffer, MaskTransmissionCache, PixelSums, RandomIlluminator,
-    SpectralBand,
+    ApertureEdges, CellIlluminator, IlluminationBuffer, MaskTransmissionCache, PixelSums,
+    RandomIlluminator, SpectralBand,
 };
 use crate::refine::DeviceRefiner;
 use crate::run::memory::MemoryEstimate;
@@ -110,10 +110,10 @@ impl<'s> ViewWork<'s> {
         let mut tracer = simulation.tracer(simulation.start.backend, &memory)?;
         tracer.set_cancel(cancel.clone());
         let simulator = &simulation.simulator;
-        let heights = optics.has_heights();
-        let mut kernels = vec![simulator.illuminate_kernels().usual(heights)];
+        let edges = ApertureEdges::of(optics);
+        let mut kernels = vec![simulator.illuminate_kernels().usual(edges)];
         if random {
-            kernels.extend(simulator.random_kernels().all(heights));
+            kernels.extend(simulator.random_kernels().all(edges));
         }
         if !simulation.sample.is_empty() {
             kernels.extend(tracer.wanted_kernels());
