@@ -61,6 +61,11 @@ const SHIPPED: &[Shipped] = &[
         files: files!("beam-tracking": "scene.toml"),
     },
     Shipped {
+        name: "coded",
+        about: "two spheres behind a coded mask of 11 x 11 pixels, one exposure",
+        files: files!("coded": "scene.toml"),
+    },
+    Shipped {
         name: "pepi",
         about: "plastic wires of 1 mm in a compact set-up with a spot of 5 um, by waves",
         files: files!("pepi": "scene.toml"),

@@ -137,7 +137,7 @@ fn mask_line(drawing: &mut Drawing, axes: &Axes, mask: &MaskSpec, reach: f64) {
     let (top, bottom) = (axes.down(-1e3 * reach), axes.down(1e3 * reach));
     let period = (axes.down(1e3 * mask.period) - axes.down(0.0)).abs();
     drawing.clip(Some(Area::new(x - 3.0, top, 6.0, bottom - top)));
-    if period < 5.0 || mask.pattern.is_some() {
+    if period < 5.0 || mask.list_key().is_some() {
         drawing.line([x, top], [x, bottom], Paint::line(BARS, 4.0));
     } else {
         // Bars lie between apertures; the inset shows which of them is in the middle.
@@ -371,7 +371,7 @@ fn mask_from_source(
 ) {
     let whole = view.period.max(view.strips.period);
     let narrowest = mask.aperture.min(mask.aperture_z.unwrap_or(mask.aperture));
-    let half = if mask.pattern.is_some() { 0.55 * whole } else { 1.6 * whole };
+    let half = if mask.list_key().is_some() { 0.55 * whole } else { 1.6 * whole };
     let half = half.min(MOST_SEEN * narrowest);
     let axes = Axes {
         area,
@@ -426,7 +426,7 @@ fn mask_text(drawing: &mut Drawing, mask: &MaskSpec, area: Area) {
     };
     let period = both([Some(mask.period), mask.period_z]);
     let aperture = both([Some(mask.aperture), mask.aperture_z]);
-    let narrowest = if mask.pattern.is_some() { "narrowest " } else { "" };
+    let narrowest = if mask.list_key().is_some() { "narrowest " } else { "" };
     let mut lines = vec![format!("{narrowest}aperture {aperture}"), body];
     let mut lattice = format!("period {period}");
     if mask.period_z.is_none() {

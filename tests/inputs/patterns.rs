@@ -1,4 +1,4 @@
-//! Masks of patterns: images, tables and texts of open and closed pixels.
+//! Masks of patterns (images, tables and texts of open and closed pixels) and of lists of rectangles, and their rotation.
 
 #![allow(clippy::unwrap_used, reason = "tests")]
 
@@ -61,8 +61,8 @@ fn faults_of_patterns_are_named_with_their_place() {
         ("pattern = [\"01\", \"011\"]", "sample_mask.pattern", "rows"),
         ("pattern = [\"01\", \"0x\"]", "sample_mask.pattern", "rows"),
         ("pattern = []", "sample_mask.pattern", "rows"),
-        ("pattern = [\"11\", \"11\"]", "a pattern without bars", "open and closed pixels"),
-        ("pattern = [\"00\", \"00\"]", "a pattern without openings", "open and closed pixels"),
+        ("pattern = [\"11\", \"11\"]", "a mask without bars", "openings and bars"),
+        ("pattern = [\"00\", \"00\"]", "a mask without openings", "openings and bars"),
         ("pattern = [\"01\", \"10\"]\nperiod = \"10 um\"", "sample_mask.period", "pattern_pixel"),
         ("pattern = [\"01\", \"10\"]\nshape = \"round\"", "sample_mask.shape", "pattern_pixel"),
         ("pattern = [\"01\", \"10\"]\naperture = \"5 um\"", "sample_mask", "aperture"),
@@ -95,5 +95,100 @@ fn files_of_patterns_are_among_the_hashes_of_a_scene() {
     let error = Scene::from_toml(&recorded, place.path()).unwrap_err().to_string();
     for word in ["sample_mask.pattern", "sha256", "as in [files]"] {
         assert!(error.contains(word), "{word:?} in: {error}");
+    }
+}
+
+const PERIOD: &str = "\nperiod = \"40 um\"\nperiod_z = \"30 um\"";
+
+#[test]
+fn rectangles_of_a_list_and_of_a_file_are_the_same_mask_which_comes_back() {
+    let place = tempfile::tempdir().unwrap();
+    let file = "x_um,z_um,width_um,height_um\n# two that touch\n-10,5,8,12\n-2,5,8,12\n12,0,5,4\n";
+    fs::write(place.path().join("of.csv"), file).unwrap();
+    let list = r#"[["-10 um", "5 um", "8 um", "12 um"], ["-2 um", "5 um", "8 um", "12 um"], ["12 um", "0 um", "5 um", "4 um"]]"#;
+    let [listed, read] = [list, "\"of.csv\""].map(|rectangles| {
+        load(&format!("rectangles = {rectangles}{PERIOD}"), place.path()).unwrap()
+    });
+    assert!(read.files.contains_key(Path::new("of.csv")));
+    assert_eq!(listed.sample_mask, read.sample_mask);
+    let resolved = listed.to_toml(".", &std::collections::BTreeMap::new(), &[]).unwrap();
+    let back = Scene::from_toml(&resolved, place.path()).unwrap();
+    assert_eq!(back.sample_mask, listed.sample_mask);
+    let mask = listed.sample_mask.unwrap();
+    // The narrowest openings: the third, whose height is less than of the others.
+    let close = |a: f64, b: f64| (a - b).abs() < 1e-15;
+    assert!(close(mask.aperture, 5e-6) && close(mask.aperture_z.unwrap(), 4e-6), "{mask:?}");
+    assert!(close(mask.open_share(), (96.0 + 96.0 + 20.0) / 1200.0));
+}
+
+#[test]
+fn faults_of_rectangles_are_named_by_number_or_line() {
+    let place = tempfile::tempdir().unwrap();
+    let header = "x_um,z_um,width_um,height_um\n";
+    fs::write(place.path().join("wrong.csv"), format!("{header}0,0,5,5\n1,x,5,5\n")).unwrap();
+    fs::write(place.path().join("narrow.csv"), "x_um,z_um,width_um\n0,0,5\n").unwrap();
+    fs::write(place.path().join("other.csv"), "x_um,z_um,height_um,width_um\n0,0,5,5\n").unwrap();
+    let one = r#"["0 um", "0 um", "8 um", "8 um"]"#;
+    let list = |second: &str| format!("rectangles = [{one}, {second}]");
+    let cases = [
+        (list(r#"["7 um", "-7 um", "8 um", "8 um"]"#), "rectangles[1]", "overlaps rectangles[0]"),
+        (list(r#"["17 um", "0 um", "8 um", "8 um"]"#), "rectangles[1]", "x = -20 um to 20 um"),
+        (list(r#"["10 um", "-12 um", "2 um", "8 um"]"#), "rectangles[1]", "z = -15 um to 15 um"),
+        (list(r#"["10 um", "0 um", "0 um", "8 um"]"#), "rectangles[1]", "width and height > 0"),
+        (list(r#"["10 um", "0 um", "8 um"]"#), "rectangles[1]", "x, z, width and height"),
+        ("rectangles = []".into(), "rectangles", "1 to 1024 lists"),
+        ("rectangles = \"wrong.csv\"".into(), "wrong.csv:3", "a finite number"),
+        ("rectangles = \"narrow.csv\"".into(), "no column of height", "height_UNIT"),
+        ("rectangles = \"other.csv\"".into(), "other.csv:1", "height_UNIT"),
+        (
+            "rectangles = [[\"0 um\", \"0 um\", \"40 um\", \"30 um\"]]".into(),
+            "a mask without bars",
+            "openings and bars",
+        ),
+        (
+            format!("{}\nshape = \"round\"", list(r#"["10 um", "0 um", "8 um", "8 um"]"#)),
+            "sample_mask.shape",
+            "rectangles",
+        ),
+        (
+            format!("rectangles = [{one}]\nlattice = \"hexagonal\""),
+            "sample_mask.lattice",
+            "no value",
+        ),
+        (format!("rectangles = [{one}]\naperture = \"5 um\""), "sample_mask", "aperture"),
+        (
+            format!("rectangles = [{one}]\nshifts = [\"1 um\", \"0 um\"]"),
+            "sample_mask.shifts",
+            "one of both",
+        ),
+    ];
+    for (mask, found, allowed) in cases {
+        let error = load(&format!("{mask}{PERIOD}"), place.path()).expect_err(&mask);
+        let (text, errors) = (error.to_string(), error.each().len());
+        assert!(text.contains(found) && text.contains(allowed) && errors == 1, "{mask}: {text}");
+    }
+}
+
+#[test]
+fn rotation_turns_lists_and_lattices_and_refuses_other_angles() {
+    let place = tempfile::tempdir().unwrap();
+    let mask = |text: &str| load(text, place.path()).unwrap().sample_mask.unwrap();
+    let of = |rows: &str| format!("pattern = {rows}\npattern_pixel = ");
+    let pattern = of(r#"["110", "000"]"#) + "[\"5 um\", \"4 um\"]\nrotation = \"90 deg\"";
+    assert_eq!(mask(&pattern), mask(&(of(r#"["01", "01", "00"]"#) + "[\"4 um\", \"5 um\"]")));
+    let lattice = |keys: &str| format!("shape = \"rectangle\"\n{keys}");
+    let turned = "aperture = \"5 um\"\naperture_z = \"9 um\"\nperiod = \"20 um\"\nperiod_z = \"30 um\"\nrotation = \"-90 deg\"";
+    let want =
+        "aperture = \"9 um\"\naperture_z = \"5 um\"\nperiod = \"30 um\"\nperiod_z = \"20 um\"";
+    assert_eq!(mask(&lattice(turned)), mask(&lattice(want)));
+    for (text, found) in [
+        (lattice(turned).replace("-90", "45"), "a multiple of 90 deg"),
+        ("aperture = \"5 um\"\nrotation = \"90 deg\"".to_owned(), "slits"),
+        ("shape = \"round\"\naperture = \"5 um\"\nrotation = \"20 deg\"".to_owned(), "45 deg"),
+    ] {
+        let error = load(&text, place.path()).expect_err(&text);
+        let (message, errors) = (error.to_string(), error.each().len());
+        let is_named = message.contains("sample_mask.rotation") && message.contains(found);
+        assert!(is_named && errors == 1, "{text}: {message}");
     }
 }

@@ -1,6 +1,6 @@
 //! A scene with the places of its instances, which a scene file refers to.
 
-use beamlet::scene::{Instances, Object, Scene, Shape, ShapeOrMesh};
+use beamlet::scene::{ApertureLattice, Instances, Object, Scene, Shape, ShapeOrMesh};
 use std::collections::BTreeMap;
 use std::f64::consts::PI;
 use std::fmt::Write;
@@ -62,7 +62,7 @@ impl Case {
         text
     }
 
-    /// The scene mirrored along an axis: the frames are those of this one with their columns (x) or
+    /// The scene mirrored along an axis: its frames are the frames of this one with columns (x) or
     /// rows (z) reversed.
     pub(crate) fn mirrored(&self, along: Axis) -> Self {
         let mut case = self.clone();
@@ -92,6 +92,7 @@ impl Case {
             let scene = &mut case.scene;
             for mask in [&mut scene.sample_mask, &mut scene.detector_mask].into_iter().flatten() {
                 mask.offset = -mask.offset;
+                mask.rectangles.iter_mut().for_each(|it| it.centre[0] = -it.centre[0]);
                 mask.apertures.reverse();
                 mask.apertures.iter_mut().for_each(|[low, high]| (*low, *high) = (-*high, -*low));
                 // The aperture before column k is before the column as far from the other side.
@@ -103,6 +104,18 @@ impl Case {
             }
             let scan = &mut scene.scan;
             scan.mask_offsets.iter_mut().chain(&mut scan.angles).for_each(|it| *it = -*it);
+        } else {
+            let scene = &mut case.scene;
+            for mask in [&mut scene.sample_mask, &mut scene.detector_mask].into_iter().flatten() {
+                mask.offset_z = -mask.offset_z;
+                mask.rectangles.iter_mut().for_each(|it| it.centre[1] = -it.centre[1]);
+                // Rows half a row above and below the axis are displaced by half a period against each other.
+                let [_, rows] = scene.detector.pixels;
+                if mask.lattice == ApertureLattice::Hexagonal && rows.is_multiple_of(2) {
+                    mask.offset += 0.5 * mask.period;
+                }
+            }
+            scene.scan.mask_offsets_z.iter_mut().for_each(|it| *it = -*it);
         }
         case
     }

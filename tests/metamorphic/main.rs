@@ -28,7 +28,7 @@ use std::time::Instant;
 use support::backends;
 
 /// Seeds of CI: every shape but the torus, whose facets take long to trace, 0 to 2 masks that
-/// do and do not leak, instances, nested bodies, one energy and a tube.
+/// do and do not leak, apertures that end along z, instances, nested bodies, one energy and a tube.
 const SEEDS: [u64; 12] = [5, 8, 12, 15, 23, 37, 44, 47, 53, 68, 78, 79];
 /// A sample that changes no pixel by this share of open beam is not seen.
 const SEEN: f32 = 0.01;
@@ -75,7 +75,8 @@ fn hold(seed: u64, worst: &mut [f64]) -> Outcome {
         }
     };
     outcome.seen = first.contrast() > SEEN;
-    let mut figures = format!("contrast {:.2}", first.contrast());
+    let design = if case.scene.has_heights() { "apertures end along z, " } else { "" };
+    let mut figures = format!("{design}contrast {:.2}", first.contrast());
     for (relation, worst) in RELATIONS.into_iter().zip(worst) {
         if !is_taken(relation, seed) {
             continue;

@@ -3,8 +3,8 @@
 use super::draws::Draws;
 use super::support::root;
 use beamlet::scene::{
-    Anode, Beam, Blur, Detector, DetectorMode, Filter, MaskBody, MaskSpec, Scene, Source,
-    SpectrumOrigin, SpectrumSpec,
+    Anode, ApertureLattice, ApertureShape, Beam, Blur, Detector, DetectorMode, Filter, MaskBody,
+    MaskSpec, Rectangle, Scene, Source, SpectrumOrigin, SpectrumSpec,
 };
 use std::f64::consts::{FRAC_PI_2, PI};
 
@@ -95,6 +95,11 @@ fn masks(draws: &mut Draws, scene: &mut Scene, room: Room) {
         } else {
             (0..steps).map(|_| draws.between(-half, half)).collect()
         };
+        if let Some([_, period]) = mask.heights() {
+            let mut aside = draws.aside();
+            let offset = |_: &f64| aside.between(-0.5, 0.5) * period;
+            scene.scan.mask_offsets_z = scene.scan.mask_offsets.iter().map(offset).collect();
+        }
         scene.sample_mask = Some(mask);
     }
     if with_detector_mask {
@@ -130,8 +135,58 @@ fn mask(draws: &mut Draws, scene: &Scene, distance: f64, body: MaskBody) -> Mask
     if draws.chance(0.5) {
         mask.offset = draws.between(-0.5, 0.5) * period;
     }
-    design(&mut draws.aside(), &mut mask);
-    mask
+    let mut aside = draws.aside();
+    design(&mut aside, &mut mask);
+    match mask.apertures.is_empty() && mask.shifts.is_empty() {
+        true => {
+            ended(&mut aside, mask, scene.detector.pitch[1] * distance / scene.detector.distance)
+        }
+        false => mask,
+    }
+}
+
+/// Steepest light at the edge of a detector.
+const STEEPEST: f64 = 4e-3;
+
+/// In some of the masks apertures end along z: on a lattice, or rectangles of a list. `row`: a row of pixels on the mask.
+fn ended(draws: &mut Draws, mask: MaskSpec, row: f64) -> MaskSpec {
+    if !draws.chance(0.35) {
+        return mask;
+    }
+    let period = row * draws.between(0.5, 1.6);
+    let height = period * draws.between(0.2, 0.8);
+    let offset_z = draws.between(-0.5, 0.5) * period;
+    let listed = draws.chance(0.4) && matches!(mask.body, MaskBody::Sheet { .. });
+    let shape = draws.pick([ApertureShape::Rectangle, ApertureShape::Round, ApertureShape::Cross]);
+    let hexagonal = draws.chance(0.4);
+    let least = [mask.aperture, mask.period - mask.aperture, height, period - height];
+    let least = least.into_iter().fold(f64::INFINITY, f64::min);
+    if STEEPEST * mask.body.thickness() > 0.3 * least {
+        return mask;
+    }
+    let mut ended = if listed {
+        // One in each quarter of a period.
+        let rectangle = |quarter: [f64; 2]| {
+            let half = [0.5 * mask.period, 0.5 * period];
+            let size = half.map(|half| half * draws.between(0.2, 0.9));
+            let mut centre = [0.0; 2];
+            for axis in 0..2 {
+                let free = 0.5 * (half[axis] - size[axis]);
+                centre[axis] = quarter[axis] * 0.5 * half[axis] + draws.between(-free, free);
+            }
+            Rectangle { centre, size }
+        };
+        let quarters = [[-1.0, -1.0], [1.0, -1.0], [-1.0, 1.0], [1.0, 1.0]];
+        let lengths = [mask.period, period];
+        mask.clone().with_rectangles(quarters.map(rectangle).to_vec(), lengths)
+    } else {
+        mask.with_heights(shape, height, period)
+    };
+    if hexagonal && !listed {
+        ended.lattice = ApertureLattice::Hexagonal;
+    }
+    ended.offset_z = offset_z;
+    ended
 }
 
 /// Two slits in a period, or slits of neighbouring periods that are displaced.

@@ -48,11 +48,15 @@ fn smaller(case: &Case) -> Vec<Case> {
     take(&|it| {
         it.scene.sample_mask = None;
         it.scene.scan.mask_offsets = vec![0.0];
+        it.scene.scan.mask_offsets_z.clear();
     });
     take(&|it| it.scene.detector_mask = None);
     for step in 0..case.scene.scan.mask_offsets.len() {
         take(&|it| {
             it.scene.scan.mask_offsets.remove(step);
+            if !it.scene.scan.mask_offsets_z.is_empty() {
+                it.scene.scan.mask_offsets_z.remove(step);
+            }
         });
     }
     let hard = MaskBody::Sheet { transmission: 0.0 };

@@ -16,8 +16,8 @@ use crate::reference::surfaces::{Body, Mesh, body, extruded, sphere};
 use crate::support::{CARBON, Checked, Worst, backends, engine, engine_with};
 use beamlet::material::constants_at;
 use beamlet::scene::{
-    ApertureLattice, ApertureShape, Beam, MaskBody, MaskSpec, Pattern, RandomRays, Refine, Scene,
-    Scheme, SpectrumOrigin, SpectrumSpec, Substrate, Transport,
+    ApertureLattice, ApertureShape, Beam, MaskBody, MaskSpec, Pattern, RandomRays, Rectangle,
+    Refine, Scene, Scheme, SpectrumOrigin, SpectrumSpec, Substrate, Transport,
 };
 use beamlet::{Backend, EngineOptions};
 use ndarray::{Array2, Array3};
@@ -39,12 +39,19 @@ struct Planned {
     leak: f64,
     /// Rows of 0 and 1 of a pattern that fills a period, from above; none: apertures of the shape.
     rows: &'static [&'static str],
+    /// Rectangles of a period: middle along x and z, width and height; none: apertures of the shape.
+    listed: &'static [[f64; 4]],
 }
 
 impl Planned {
     /// A pattern in place of the apertures.
     fn patterned(self, rows: &'static [&'static str]) -> Self {
         Self { rows, ..self }
+    }
+
+    /// A list of rectangles in place of the apertures.
+    fn listed(self, listed: &'static [[f64; 4]]) -> Self {
+        Self { listed, ..self }
     }
 
     /// Columns and rows of its pattern, and the size of a pixel.
@@ -80,6 +87,13 @@ impl Planned {
             .with_heights(self.shape, self.aperture[1], self.period[1]);
         [spec.offset, spec.offset_z] = self.offset;
         spec.lattice = self.lattice;
+        if !self.listed.is_empty() {
+            let of = |&[x, z, width, height]: &[f64; 4]| Rectangle {
+                centre: [x, z],
+                size: [width, height],
+            };
+            return spec.with_rectangles(self.listed.iter().map(of).collect(), self.period);
+        }
         if self.rows.is_empty() {
             return spec;
         }
@@ -93,6 +107,11 @@ impl Planned {
         let half = self.aperture.map(|width| 0.5 * width);
         let mut boxes = match self.shape {
             _ if !self.rows.is_empty() => self.open_pixels(),
+            _ if !self.listed.is_empty() => {
+                let about = |middle: f64, size: f64| [-0.5, 0.5].map(|part| middle + part * size);
+                let ends = |it: &[f64; 4]| [about(it[0], it[2]), about(it[1], it[3])];
+                self.listed.iter().map(ends).collect()
+            }
             ApertureShape::Round => ellipse(half, strips),
             _ => vec![half.map(|half| [-half, half])],
         };
@@ -140,6 +159,7 @@ impl Case {
             lattice: ApertureLattice::Rectangular,
             leak,
             rows: &[],
+            listed: &[],
         };
         let second = Planned {
             distance: 1.8,
@@ -150,6 +170,7 @@ impl Case {
             lattice: ApertureLattice::Rectangular,
             leak: 0.5 * leak,
             rows: &[],
+            listed: &[],
         };
         Self { setup, masks: [Some(first), Some(second)] }
     }
@@ -334,18 +355,61 @@ const ONE_OPENING: &[&str] = &[
     "00100", "00000", "00000", "00000", "00000", "00000",
 ];
 
+/// Rectangles that touch each other, that touch the end of the period, above each other and displaced along z.
+const LISTED: &[[f64; 4]] = &[
+    [-150e-6, 120e-6, 110e-6, 60e-6],
+    [-70e-6, 95e-6, 50e-6, 90e-6],
+    [60e-6, 20e-6, 40e-6, 130e-6],
+    [160e-6, -110e-6, 35e-6, 45e-6],
+    [-40e-6, -90e-6, 80e-6, 30e-6],
+    [190e-6, 60e-6, 30e-6, 40e-6],
+];
+
+/// The same after a quarter turn from +z to +x.
+const TURNED: &[[f64; 4]] = &[
+    [120e-6, 150e-6, 60e-6, 110e-6],
+    [95e-6, 70e-6, 90e-6, 50e-6],
+    [20e-6, -60e-6, 130e-6, 40e-6],
+    [-110e-6, -160e-6, 45e-6, 35e-6],
+    [-90e-6, 40e-6, 30e-6, 80e-6],
+    [60e-6, -190e-6, 40e-6, 30e-6],
+];
+
+/// Two rows of two openings of the lattice of 100 um x 80 um.
+const FOUR_OPENINGS: &[[f64; 4]] = &[
+    [-50e-6, -40e-6, 20e-6, 30e-6],
+    [50e-6, -40e-6, 20e-6, 30e-6],
+    [50e-6, 40e-6, 20e-6, 30e-6],
+    [-50e-6, 40e-6, 20e-6, 30e-6],
+];
+
 /// Cells of a pattern end at the middle of its opening, too, and differ from cells of rectangles.
 #[test]
 fn a_pattern_of_one_opening_is_a_lattice_of_rectangles() {
-    let engine = engine(Backend::Bvh);
     let case = Case::rectangles([4, 3], 0.1);
-    let mut patterned = case.clone();
-    patterned.masks[0] = patterned.masks[0].map(|mask| mask.patterned(ONE_OPENING));
-    let mut flats = Worst::new("pattern of one opening, flats", SAME_MASKS);
-    let mut balls = Worst::new("pattern of one opening, sphere", 1e-4);
+    let names = ["pattern of one opening, flats", "pattern of one opening, sphere"];
+    is_the_lattice(names, &case, |mask| mask.patterned(ONE_OPENING));
+}
+
+#[test]
+fn a_list_of_four_openings_is_a_lattice_of_rectangles() {
+    let case = Case::rectangles([4, 4], 0.1);
+    let names = ["list of four openings, flats", "list of four openings, sphere"];
+    is_the_lattice(names, &case, |mask| {
+        Planned { period: [200e-6, 160e-6], ..mask }.listed(FOUR_OPENINGS)
+    });
+}
+
+/// Compares the sample mask of a case with the same openings in other words, without and with a ball.
+fn is_the_lattice(names: [&'static str; 2], case: &Case, other: fn(Planned) -> Planned) {
+    let engine = engine(Backend::Bvh);
+    let mut changed = case.clone();
+    changed.masks[0] = changed.masks[0].map(other);
+    let mut flats = Worst::new(names[0], SAME_MASKS);
+    let mut balls = Worst::new(names[1], 1e-4);
     let ball = [carbon(sphere(230e-6, 3).moved([30e-6, 0.0, -12e-6]))];
     for (worst, bodies) in [(&mut flats, &[][..]), (&mut balls, &ball[..])] {
-        let [want, got] = [&case, &patterned].map(|it| stack(&engine, &it.scene(bodies, &STEPS)));
+        let [want, got] = [case, &changed].map(|it| stack(&engine, &it.scene(bodies, &STEPS)));
         for ((at, got), want) in got.indexed_iter().zip(&want) {
             worst.take(f64::from(got - want), || format!("{at:?}: {got} for {want}"));
         }
@@ -356,12 +420,22 @@ fn a_pattern_of_one_opening_is_a_lattice_of_rectangles() {
 
 #[test]
 fn flats_of_patterns_are_sums_over_their_pixels() {
-    let mut worst = Worst::new("flat of patterns, closed form", SAME_MASKS);
+    flats_of_lists("flat of patterns, closed form", |mask| mask.patterned(CODED));
+}
+
+#[test]
+fn flats_of_lists_are_sums_over_their_rectangles() {
+    flats_of_lists("flat of rectangles in a list, closed form", |mask| mask.listed(LISTED));
+}
+
+/// Masks with a period of 410 um x 370 um, before and behind the sample and both.
+fn flats_of_lists(name: &'static str, list: fn(Planned) -> Planned) {
+    let mut worst = Worst::new(name, SAME_MASKS);
     let engine = engine(Backend::Bvh);
     for patterned in [[true, false], [false, true], [true, true]] {
         let mut case = Case::rectangles([5, 4], 0.2);
         for (mask, _) in case.masks.iter_mut().zip(patterned).filter(|(_, is)| *is) {
-            *mask = mask.map(|mask| Planned { period: [410e-6, 370e-6], ..mask }.patterned(CODED));
+            *mask = mask.map(|mask| list(Planned { period: [410e-6, 370e-6], ..mask }));
         }
         let got = stack(&engine, &case.scene(&[], &STEPS));
         for ((step, row, column), &got) in got.indexed_iter() {
@@ -372,6 +446,35 @@ fn flats_of_patterns_are_sums_over_their_pixels() {
         }
     }
     worst.holds();
+}
+
+#[test]
+fn flats_behind_a_turned_list_are_sums_over_the_turned_rectangles() {
+    let mut worst = Worst::new("flat of a turned list, closed form", SAME_MASKS);
+    let mut case = Case::rectangles([5, 4], 0.2);
+    let mut mask = case.masks[0].expect("a mask").listed(LISTED);
+    mask.period = [410e-6, 370e-6];
+    let turned = mask.spec().rotated(std::f64::consts::FRAC_PI_2).expect("a quarter turn");
+    mask.period.reverse();
+    case.masks[0] = Some(mask.listed(TURNED));
+    let mut scene = case.scene(&[], &STEPS);
+    scene.sample_mask = Some(turned);
+    let got = stack(&engine(Backend::Bvh), &scene);
+    for ((step, row, column), &got) in got.indexed_iter() {
+        let want = case.flat(1, [column as u32, row as u32], STEPS[step]);
+        worst.take(f64::from(got) - want, || {
+            format!("step {step}, pixel {column}, {row}: {got} for {want}")
+        });
+    }
+    worst.holds();
+}
+
+#[test]
+fn cells_behind_a_list_are_the_mean_of_random_rays() {
+    let mut case = Case::rectangles([3, 3], 0.1);
+    case.masks[0] =
+        case.masks[0].map(|mask| Planned { period: [410e-6, 370e-6], ..mask }.listed(LISTED));
+    compare_with_random("list, cells against random rays", &case);
 }
 
 #[test]

@@ -162,6 +162,6 @@ fn runs_behind_patterns_are_refused_by_name() {
     simulate(place.path(), scene);
     for method in [&[][..], &["--method", "gaussian"], &["--method", "exact-curve"]] {
         let words = [&["retrieve", "run", "-o", "images"], method].concat();
-        bad(place.path(), &words, 1, "sample_mask.pattern: found a pattern");
+        bad(place.path(), &words, 1, "sample_mask.pattern: found a list of apertures");
     }
 }

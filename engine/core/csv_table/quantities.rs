@@ -12,6 +12,8 @@ pub enum Numbered {
     No,
     /// One or more, `NAME_0_UNIT`, `NAME_1_UNIT` and so on.
     Yes,
+    /// One of each of these names in this order, `NAME_UNIT`.
+    Named(&'static [&'static str]),
 }
 
 /// A table of quantities; a column `view` may number its rows.
@@ -53,6 +55,7 @@ impl Quantities {
             let stem = match self.columns {
                 Numbered::No => self.name.to_owned(),
                 Numbered::Yes => format!("{}_{number}", self.name),
+                Numbered::Named(names) => (*names.get(number).unwrap_or(&"")).to_owned(),
             };
             let rest = name.strip_prefix(&stem);
             let unit = match self.dimension {
@@ -63,7 +66,7 @@ impl Quantities {
                 Some(dimension) => dimension.units().any(|known| known == *unit),
                 None => unit.is_empty(),
             };
-            match unit.filter(is_unit).filter(|_| number == 0 || self.columns == Numbered::Yes) {
+            match unit.filter(is_unit).filter(|_| number == 0 || self.columns != Numbered::No) {
                 Some(unit) => columns.push(Some(unit.to_owned())),
                 None => {
                     let found = format!("the column {}", row.shown(index));
@@ -71,9 +74,13 @@ impl Quantities {
                 }
             }
         }
-        if columns.iter().flatten().next().is_none() {
-            let found = "no column of values";
-            return Err(row.error(0, self.kind.key, found, self.kind.columns));
+        let missing = match self.columns {
+            Numbered::Named(names) => names.get(columns.iter().flatten().count()).copied(),
+            _ => columns.iter().flatten().next().is_none().then_some("values"),
+        };
+        if let Some(missing) = missing {
+            let found = format!("no column of {missing}");
+            return Err(row.error(0, self.kind.key, &found, self.kind.columns));
         }
         Ok(columns)
     }

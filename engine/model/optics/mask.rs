@@ -24,7 +24,7 @@ pub struct Openings {
     pub offset: f64,
     /// Openings of a period, ascending along x; one at least.
     of_period: Vec<Opening>,
-    /// Width along x of the narrowest opening of a pattern, whose openings here are columns.
+    /// Width along x of the narrowest opening of a list, whose openings here are columns.
     narrowest: Option<f64>,
     /// Width of the narrowest bar across the slits; 0 without bars.
     bar: f64,
@@ -179,9 +179,9 @@ impl Mask {
     }
 
     /// Openings seen in the plane at `plane`, m there, whose edges cut light on the detector as the mask's do: of a
-    /// pattern the row with most of them.
+    /// list the strip with most of them.
     pub fn windows(&self, plane: f64) -> Openings {
-        self.seen_through(self.scale_at(plane), 0.0, self.spec.row_of_pattern())
+        self.seen_through(self.scale_at(plane), 0.0, self.spec.listed_row())
     }
 
     /// Openings of a single period without shifts seen in the plane at `plane`, m there: beamlets are at these
@@ -226,7 +226,7 @@ impl Mask {
 
     /// True if a period has several slits.
     pub fn has_several(&self) -> bool {
-        self.spec.apertures.len() > 1 || self.spec.pattern.is_some()
+        self.spec.apertures.len() > 1 || self.spec.list_key().is_some()
     }
 
     /// Openings seen on the detector, columns of pixels, while the mask is displaced by `shift` (m)
@@ -236,18 +236,18 @@ impl Mask {
     }
 
     fn seen(&self, scale: f64, shift: f64) -> Openings {
-        self.seen_through(scale, shift, self.spec.columns_of_pattern())
+        self.seen_through(scale, shift, self.spec.listed_columns())
     }
 
-    /// `of_pattern`: ends along x that stand for the openings of a pattern, in the plane of the mask.
-    fn seen_through(&self, scale: f64, shift: f64, of_pattern: Option<Vec<[f64; 2]>>) -> Openings {
+    /// `of_list`: ends along x that stand for the openings of a list, in the plane of the mask.
+    fn seen_through(&self, scale: f64, shift: f64, of_list: Option<Vec<[f64; 2]>>) -> Openings {
         let spec = &self.spec;
         let along_z = spec
             .heights()
             .map_or(ENDLESS, |[height, _]| [-0.5, 0.5].map(|end| end * height * scale));
         let period_z = spec.pattern_z().map_or(f64::INFINITY, |period| period * scale);
         let opening = |ends: [f64; 2]| Opening { ends: [ends.map(|end| end * scale), along_z] };
-        let of_period = if let Some(ends) = of_pattern {
+        let of_period = if let Some(ends) = of_list {
             ends.into_iter().map(opening).collect()
         } else if spec.apertures.is_empty() && spec.shifts.is_empty() {
             let half = spec.aperture * scale / 2.0;
@@ -261,7 +261,7 @@ impl Mask {
             period: [spec.pattern() * scale, period_z],
             offset: (self.pattern_offset + shift) * scale,
             of_period,
-            narrowest: spec.pattern.as_ref().map(|_| spec.aperture * scale),
+            narrowest: spec.list_key().map(|_| spec.aperture * scale),
             bar: spec.narrowest_bar() * scale,
         }
     }

@@ -50,7 +50,7 @@ impl Mask {
         let half = [0.5 * aperture * scale, 0.5 * height * scale];
         // Aperture k of R rows of pixels is at (k + 1/2 - R/2) periods.
         let shift = if self.rows().is_multiple_of(2) { 0.5 } else { 0.0 };
-        let own = match self.spec().strips_of_pattern() {
+        let own = match self.spec().listed_strips() {
             Some(strips) => strips.iter().map(|strip| scaled(strip, scale)).collect(),
             None => of_shape(*shape, half, fineness),
         };

@@ -59,7 +59,7 @@ pub(super) const SPOT: f64 = 1e-3;
 /// Standard deviation of the slopes of a rough surface: beyond it rays hit a surface several times, which
 /// one normal does not describe.
 pub(super) const ROUGHNESS: f64 = 0.3;
-/// Slits of a period, and periods after which shifted apertures repeat.
+/// Slits or rectangles of a period, and periods after which shifted apertures repeat.
 pub(super) const SLITS: u32 = 1024;
 /// Rows and columns of the pattern of a mask.
 pub(super) const PATTERN: u32 = 2048;

@@ -24,6 +24,8 @@ pub(crate) mod path;
 mod pattern;
 mod polygon;
 mod read;
+mod rectangles;
+mod rotation;
 mod sample;
 mod scan;
 mod scan_errors;
@@ -57,6 +59,7 @@ pub use model::{
 };
 pub use motion::Motion;
 pub use pattern::{Pattern, Strip};
+pub use rectangles::Rectangle;
 pub use sample::{MaterialSpec, Mesh, MeshFormat, Normals, Object, Placement, Shape, ShapeOrMesh};
 pub use scan::{Fly, RotationAxis, Scan};
 pub use scan_errors::ScanErrors;

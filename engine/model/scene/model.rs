@@ -186,6 +186,8 @@ pub struct MaskSpec {
     pub pattern: Option<super::Pattern>,
     /// Size of a pixel of the pattern along x and z in the mask plane, m.
     pub pattern_pixel: Option<[f64; 2]>,
+    /// Rectangular apertures of a period, in place of apertures of one outline; empty: none.
+    pub rectangles: Vec<super::Rectangle>,
     /// Form of the bars.
     pub body: MaskBody,
     /// Angle of the walls of the bars to the optical axis, rad: slits are wider at the face towards the detector
@@ -232,6 +234,7 @@ impl MaskSpec {
             offset_z: 0.0,
             pattern: None,
             pattern_pixel: None,
+            rectangles: Vec::new(),
             body,
             taper: 0.0,
             substrate: None,

@@ -17,6 +17,13 @@ pub struct Strip {
     pub middle: f64,
 }
 
+impl Strip {
+    /// A strip of which its aperture has no other.
+    pub(super) const fn between(z: [f64; 2], x: Vec<[f64; 2]>) -> Self {
+        Self { z, x, middle: f64::midpoint(z[0], z[1]) }
+    }
+}
+
 /// Open and closed pixels of a period of a mask, `[row][column]`: row 0 on top (largest z), column 0 at the least x.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Pattern {
@@ -71,26 +78,19 @@ impl Pattern {
         self.open.iter().filter(|open| **open).count() as f64 / self.open.len() as f64
     }
 
-    /// Pixels of the shortest run along rows (0) or columns (1) of pixels that are `open`; `None` where no run ends.
-    fn shortest(&self, axis: usize, open: bool) -> Option<usize> {
-        let lines = self.open.lanes(ndarray::Axis(1 - axis));
-        let ended = lines.into_iter().filter(|line| line.iter().any(|it| *it != open));
-        ended.flat_map(|line| runs(line.iter().map(|it| *it == open))).map(|[a, b]| b - a).min()
+    /// Rows as columns and columns as rows.
+    pub(super) fn transposed(&self) -> Self {
+        Self::new(self.open.t().to_owned())
     }
 
-    /// Runs of columns with an open pixel.
-    fn columns(&self) -> Vec<[usize; 2]> {
-        runs(self.open.columns().into_iter().map(|column| column.iter().any(|open| *open)))
-    }
-
-    /// Runs of the row with most of them.
-    fn richest_row(&self) -> Vec<[usize; 2]> {
-        let rows = self.open.rows().into_iter().map(|row| runs(row.iter().copied()));
-        rows.max_by_key(Vec::len).unwrap_or_default()
+    /// The pattern after this number of quarter turns, clockwise as the source sees it.
+    pub(super) fn turned(&self, quarters: usize) -> Self {
+        let quarter = |open: Array2<bool>| open.t().slice(ndarray::s![.., ..;-1]).to_owned();
+        Self::new((0..quarters).fold(self.open.clone(), |open, _| quarter(open)))
     }
 
     /// Strips of a period whose pixels have this size, ascending along z. Equal rows above each other are one.
-    fn strips(&self, pixel: [f64; 2]) -> Vec<Strip> {
+    pub(super) fn strips(&self, pixel: [f64; 2]) -> Vec<Strip> {
         let [rows, columns] = self.size();
         let above = |row: usize| (row + rows - 1) % rows;
         let begins = |row: &usize| self.open.row(*row) != self.open.row(above(*row));
@@ -102,8 +102,7 @@ impl Pattern {
         let z = |row: usize| (rows as f64 / 2.0 - row as f64) * pixel[1];
         let strip = |(from, to): (&usize, usize)| {
             let x = placed(runs(self.open.row(*from).iter().copied()), columns, pixel[0]);
-            let ends = [z(to), z(*from)];
-            Strip { z: ends, x, middle: f64::midpoint(ends[0], ends[1]) }
+            Strip::between([z(to), z(*from)], x)
         };
         let mut strips: Vec<Strip> = first.iter().zip(behind).map(strip).collect();
         strips.retain(|strip| !strip.x.is_empty());
@@ -184,54 +183,13 @@ impl MaskSpec {
     #[must_use]
     pub fn with_pattern(mut self, pattern: Pattern, pixel: [f64; 2]) -> Self {
         let [rows, columns] = pattern.size();
-        let least = |axis: usize, count: usize| {
-            pattern.shortest(axis, true).unwrap_or(count) as f64 * pixel[axis]
-        };
+        self.rectangles.clear();
         self.period = columns as f64 * pixel[0];
-        self.aperture = least(0, columns);
-        self.shape = super::ApertureShape::Rectangle;
-        self.aperture_z = Some(least(1, rows));
         self.period_z = Some(rows as f64 * pixel[1]);
         self.pattern = Some(pattern);
         self.pattern_pixel = Some(pixel);
+        self.take_widths();
         self
-    }
-
-    /// Pattern and size of its pixels along x and z, m.
-    pub(crate) fn patterned(&self) -> Option<(&Pattern, [f64; 2])> {
-        self.pattern.as_ref().zip(self.pattern_pixel)
-    }
-
-    /// Strips of a period of a pattern; `None` without one.
-    pub(crate) fn strips_of_pattern(&self) -> Option<Vec<Strip>> {
-        self.patterned().map(|(pattern, pixel)| pattern.strips(pixel))
-    }
-
-    /// Ends along x of the columns of a pattern with an opening: two intervals at least.
-    pub(crate) fn columns_of_pattern(&self) -> Option<Vec<[f64; 2]>> {
-        let (pattern, pixel) = self.patterned()?;
-        let ends = placed(pattern.columns(), pattern.size()[1], pixel[0]);
-        Some(match ends[..] {
-            [[low, high]] => {
-                let middle = f64::midpoint(low, high);
-                vec![[low, middle], [middle, high]]
-            }
-            _ => ends,
-        })
-    }
-
-    /// Ends along x of the openings of the row of a pattern with most of them.
-    pub(crate) fn row_of_pattern(&self) -> Option<Vec<[f64; 2]>> {
-        let (pattern, pixel) = self.patterned()?;
-        Some(placed(pattern.richest_row(), pattern.size()[1], pixel[0]))
-    }
-
-    /// Width along x (0) or z (1) of the narrowest bar of a pattern, m; its period where no bar ends.
-    pub(crate) fn bar_of_pattern(&self, axis: usize) -> Option<f64> {
-        let (pattern, pixel) = self.patterned()?;
-        let [rows, columns] = pattern.size();
-        let least = pattern.shortest(axis, false).unwrap_or([columns, rows][axis]);
-        Some(least as f64 * pixel[axis])
     }
 }
 

@@ -53,8 +53,8 @@ impl MaskSpec {
     /// Share of the mask that is open.
     #[must_use]
     pub fn open_share(&self) -> f64 {
-        if let Some(pattern) = &self.pattern {
-            return pattern.open_share();
+        if let Some(share) = self.listed_share() {
+            return share;
         }
         let open: f64 = self.slits_of_period().iter().map(|[low, high]| high - low).sum();
         open / self.period
@@ -63,7 +63,7 @@ impl MaskSpec {
     /// Width of the narrowest bar in the mask plane, m; 0 without bars, below 0 where slits overlap.
     #[must_use]
     pub fn narrowest_bar(&self) -> f64 {
-        if let Some(bar) = self.bar_of_pattern(0) {
+        if let Some(bar) = self.listed_bar() {
             return bar;
         }
         let slits = self.slits();

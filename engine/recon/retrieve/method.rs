@@ -130,7 +130,7 @@ impl Method {
 
     /// Curves are functions of the mask offset along x.
     fn check_heights(self, scene: &Scene) -> Result<()> {
-        refuse_patterns(scene)?;
+        refuse_lists(scene)?;
         let along_z = &scene.scan.mask_offsets_z;
         if different_offsets(along_z) > 1 {
             let found = format!("{} different offsets along z", different_offsets(along_z));
@@ -176,14 +176,14 @@ impl Method {
     }
 }
 
-/// Refuses patterns: their pixels have no curve of one peak.
-pub(super) fn refuse_patterns(scene: &Scene) -> Result<()> {
-    match scene.masks().find(|(_, mask)| mask.pattern.is_some()) {
+/// Refuses lists of apertures: their pixels have no curve of one peak.
+pub(super) fn refuse_lists(scene: &Scene) -> Result<()> {
+    match scene.masks().find_map(|(key, mask)| Some((key, mask.list_key()?))) {
         None => Ok(()),
-        Some((key, _)) => {
-            let found = "a pattern, whose pixels have no curve of one peak";
+        Some((key, list)) => {
+            let found = "a list of apertures, whose pixels have no curve of one peak";
             let allowed = "slits or apertures on a lattice; compare windows of flat and sample frames instead";
-            Err(Error::scene(format!("{key}.pattern"), found, allowed))
+            Err(Error::scene(format!("{key}.{list}"), found, allowed))
         }
     }
 }

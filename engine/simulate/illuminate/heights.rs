@@ -44,7 +44,12 @@ pub(super) fn upload(
     }
     let sample_mask = upload_mask(device, of, 0, buffers)?;
     let detector_mask = upload_mask(device, of, 1, buffers)?;
-    let table: Vec<RowGeometry> = rows.clone().map(|row| row_geometry(&of, row)).collect();
+    let strips = [0, 1].map(|index| {
+        let (mask, plane) = mask_of(optics, index);
+        mask.and_then(|mask| mask.strips(plane, 1)).map(|strips| (strips, plane))
+    });
+    let table: Vec<RowGeometry> =
+        rows.clone().map(|row| row_geometry(optics, &strips, row)).collect();
     let table = device.upload("rows of masks", &table)?;
     let down = optics.sample_mask.as_ref().map_or(0.0, |mask| -in_rows(optics, mask.distance()));
     let steps = 0..optics.mask_steps();
@@ -141,14 +146,12 @@ fn upload_mask(
 /// Bytes of an aperture.
 const APERTURE: u64 = size_of::<Aperture>() as u64;
 
-/// Where periods of the masks are below the upper end of a row.
-fn row_geometry(of: &HeightsOf<'_>, row: i64) -> RowGeometry {
+/// Where periods of the masks are below the upper end of a row; `strips` of each mask with the plane where they are.
+fn row_geometry(optics: &Optics, strips: &[Option<(Strips, f64)>; 2], row: i64) -> RowGeometry {
     let offset = |index: usize| {
-        let (mask, plane) = mask_of(of.optics, index);
-        let strips: Option<Strips> = mask.and_then(|mask| mask.strips(plane, 1));
-        strips.map_or(0.0, |strips| {
-            let centre = of.optics.detector.row_at(strips.centre, plane) - row as f64;
-            libm::remainder(centre, strips.period * in_rows(of.optics, plane))
+        strips[index].as_ref().map_or(0.0, |(strips, plane)| {
+            let centre = optics.detector.row_at(strips.centre, *plane) - row as f64;
+            libm::remainder(centre, strips.period * in_rows(optics, *plane))
         })
     };
     RowGeometry { sample_offset: single(offset(0)), aperture_offset: single(offset(1)) }

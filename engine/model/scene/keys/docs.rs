@@ -71,6 +71,7 @@ fn unit(kind: &Kind) -> String {
         Kind::Lengths(..) => "three lengths".into(),
         Kind::Corners(_) | Kind::Ends(_) => "list of pairs of lengths".into(),
         Kind::Bits(_) => "list of texts".into(),
+        Kind::Rectangles(_) => "list of lists of four lengths".into(),
         Kind::Step => "length or angle".into(),
         Kind::Series(dimension, _) => format!("list of {}s", noun(*dimension)),
         Kind::Lists(dimension, _) => {
@@ -99,7 +100,7 @@ fn range(kind: &Kind) -> String {
     match kind {
         Kind::Line => "1 to 200 characters".into(),
         Kind::Corners(most) => format!("3 to {most} corners"),
-        Kind::Ends(most) => format!("1 to {most} of them"),
+        Kind::Ends(most) | Kind::Rectangles(most) => format!("1 to {most} of them"),
         Kind::Bits(most) => format!("up to {most} rows and columns"),
         Kind::Series(_, most) => format!("1 to {most} of them"),
         Kind::Lists(_, most) => format!("up to {most} of them each"),

@@ -1,6 +1,7 @@
 //! Keys of the masks.
 
 use super::prelude::*;
+use super::rectangles::turn;
 use super::series::{RANGE, placed};
 use crate::scene::{
     ApertureLattice, ApertureShape, BarLayer, Detector, MaskBody, MaskSpec, Pattern, Substrate,
@@ -9,7 +10,7 @@ use std::path::Path;
 
 keys! { MASK: MaskSpec, "sample_mask",
     [Forms(&[&["transmission"], &["material", "thickness"], &["layers"]], 1),
-     Forms(&[&["aperture"], &["projected_aperture"], &["apertures"], &["pattern", "pattern_pixel"]], 0)],
+     Forms(&[&["aperture"], &["projected_aperture"], &["apertures"], &["pattern", "pattern_pixel"], &["rectangles"]], 0)],
     ["pitch" => "period", "slit" => "aperture", "slit_width" => "aperture", "opening" => "aperture",
      "height" => "thickness"];
     distance => Quantity(Length, POSITIVE),
@@ -40,6 +41,9 @@ keys! { MASK: MaskSpec, "sample_mask",
         "Open pixels of a period along x and z: the larger value of an image of two values, or 1 in a CSV file or in texts of 0 and 1. Row 0 is on top; columns ascend along x.";
     pattern_pixel => Pair(POSITIVE), Required, r#""5 um""#,
         "Size of a pixel of the pattern in the plane of the mask; times columns and rows it is the period along x and z.";
+    rectangles => Either("", &Rectangles(limits::SLITS), &File("path of a CSV file")), Required,
+        r#"[["-20 um", "10 um", "15 um", "30 um"], ["15 um", "-5 um", "20 um", "20 um"]]"#,
+        "Rectangular apertures of a period in the plane of the mask, each the x and z of its middle from the middle of the period, its width and its height; a list or a file with the columns `x_um`, `z_um`, `width_um` and `height_um`.";
     shifts => Either("", &Series(Length, limits::SLITS), &Inner(&RANGE)), Without("none"),
         r#"["0 um", "12 um"]"#,
         "Displacements along +x of the slits of successive periods, in the plane of the mask: period k has entry k modulo their number.";
@@ -61,6 +65,8 @@ keys! { MASK: MaskSpec, "sample_mask",
         "Distance along z from a row of apertures to the next in the plane of the mask; not of slits.";
     offset_z => Quantity(Length, ANY), Default(r#""0 m""#), r#""2 um""#,
         "Displacement of the apertures along +z in the plane of the mask; not of slits.";
+    rotation by hand => Quantity(Angle, ANY), Default(r#""0 deg""#), r#""90 deg""#,
+        "Rotation of each period about its middle, right-handed about +y (clockwise as the source sees it), before the mask is displaced: multiples of 90°, of 45° for circles on a square lattice, of 30° for circles on a lattice of equilateral triangles; not of slits.";
 }
 
 keys! { SUBSTRATE: Substrate, "sample_mask.substrate", [], [];
@@ -104,7 +110,7 @@ impl Record for MaskSpec {
             _ => MaskBody::Bars { material: String::new(), thickness: f64::NAN },
         };
         let mut mask = Self::new(f64::NAN, f64::NAN, f64::NAN, body);
-        if has("aperture_z") || has("period_z") {
+        if has("aperture_z") || has("period_z") || has("rectangles") {
             mask.shape = ApertureShape::Rectangle;
         }
         mask
@@ -122,8 +128,10 @@ impl Record for MaskSpec {
 
     fn leaves_out(&self, key: &str) -> bool {
         match key {
-            "aperture" => !self.apertures.is_empty() || self.pattern.is_some(),
-            "period" | "shape" | "aperture_z" | "period_z" if self.pattern.is_some() => true,
+            "aperture" => !self.apertures.is_empty() || self.list_key().is_some(),
+            "period" | "period_z" if self.pattern.is_some() => true,
+            "shape" | "aperture_z" if self.list_key().is_some() => true,
+            "rectangles" => self.rectangles.is_empty(),
             "apertures" => self.apertures.is_empty(),
             "shifts" => self.shifts.is_empty(),
             "substrate" => self.substrate.is_none(),
@@ -136,8 +144,8 @@ impl Record for MaskSpec {
     }
 
     fn relations(&self, key: &dyn Fn(&str) -> String, faults: &mut Faults) {
-        if let Some(pattern) = &self.pattern {
-            self.check_pattern(pattern, key, faults);
+        if let Some(list) = self.list_key() {
+            self.check_list(list, key, faults);
         }
         if self.aperture > self.period {
             let found = format!("{} in the mask plane", Length.rounded(self.aperture));
@@ -230,24 +238,28 @@ impl MaskSpec {
         }
     }
 
-    /// A pattern has openings and bars, and no shadows of thick bars.
-    fn check_pattern(&self, pattern: &Pattern, key: &dyn Fn(&str) -> String, faults: &mut Faults) {
-        let open = pattern.open_share();
-        if !(open > 0.0 && open < 1.0) {
-            let found =
-                if open > 0.0 { "a pattern without bars" } else { "a pattern without openings" };
-            faults.add(Error::scene(key("pattern"), found, "open and closed pixels"));
+    /// A list of apertures has openings and bars, and no shadows of thick bars.
+    fn check_list(&self, list: &str, key: &dyn Fn(&str) -> String, faults: &mut Faults) {
+        let open = self.open_share();
+        match self.check_rectangles(key) {
+            Err(error) => faults.add(error),
+            Ok(()) if !(open > 0.0 && open < 1.0 - 1e-9) => {
+                let what = if open > 0.0 { "bars" } else { "openings" };
+                let found = format!("a mask without {what}");
+                faults.add(Error::scene(key(list), found, "openings and bars"));
+            }
+            Ok(()) => {}
         }
         if self.body.thickness() > 0.0 {
-            let found = format!("{} with a pattern", Length.rounded(self.body.thickness()));
+            let found = format!("{} with {list}", Length.rounded(self.body.thickness()));
             faults.add(Error::scene(
                 key("thickness"),
                 found,
-                "a sheet (transmission) for patterns",
+                "a sheet (transmission) for lists of apertures",
             ));
         }
         if self.lattice != ApertureLattice::Rectangular {
-            faults.add(Error::scene(key("lattice"), "hexagonal with a pattern", "no value"));
+            faults.add(Error::scene(key("lattice"), format!("hexagonal with {list}"), "no value"));
         }
     }
 
@@ -332,19 +344,27 @@ pub(crate) fn read_mask(table: &Table<'_>, key: &str, detector: &Detector) -> Re
             }
         };
     }
-    if mask.pattern.is_some() {
-        for name in ["period", "period_z", "aperture_z", "shape"] {
-            if let Some(item) = table.get(name) {
-                item.refuse(
-                    item.error("given beside pattern", "no value: it follows from pattern_pixel"),
-                    (),
-                )?;
-            }
+    if let Some(list) = mask.list_key() {
+        let (follow, source): (&[_], _) = match list {
+            "pattern" => (&["period", "period_z", "aperture_z", "shape"], "pattern_pixel"),
+            _ => (&["aperture_z", "shape"], list),
+        };
+        for item in follow.iter().filter_map(|name| table.get(name)) {
+            let allowed = format!("no value: it follows from {source}");
+            item.refuse(item.error(format!("given beside {list}"), allowed), ())?;
         }
-        return Ok(mask);
     }
+    if mask.pattern.is_none() {
+        complete(&mut mask, table, detector)?;
+    }
+    turn(mask, table)
+}
+
+/// Completes lengths that follow from the detector and from other lengths.
+fn complete(mask: &mut MaskSpec, table: &Table<'_>, detector: &Detector) -> Result<()> {
+    let distance = mask.distance;
     // Lengths on the detector shrink towards the source.
-    let projected = |length: f64| length * mask.distance / detector.distance;
+    let projected = |length: f64| length * distance / detector.distance;
     if table.get("period").is_none() {
         mask.period = projected(detector.pitch[0]);
     }
@@ -365,5 +385,8 @@ pub(crate) fn read_mask(table: &Table<'_>, key: &str, detector: &Detector) -> Re
         };
         mask.period_z = mask.period_z.or(Some(rows));
     }
-    Ok(mask)
+    if !mask.rectangles.is_empty() {
+        mask.take_widths();
+    }
+    Ok(())
 }

@@ -25,6 +25,7 @@ pub(super) mod material;
 pub(super) mod motion;
 pub(super) mod object;
 pub(super) mod packing;
+mod rectangles;
 pub(super) mod sampling;
 pub(super) mod scan;
 pub(super) mod series;

@@ -10,7 +10,7 @@ pub(crate) use super::row::Group::Forms;
 pub(super) use super::row::Group::With;
 pub(super) use super::row::Kind::{
     self, Bits, Corners, Count, Counts, Direction, Either, Ends, File, Flag, Hash, Inner, Lengths,
-    Line, Lists, Name, Named, Number, Pair, Quantity, Series, Step, Tables, Unit, Word,
+    Line, Lists, Name, Named, Number, Pair, Quantity, Rectangles, Series, Step, Tables, Unit, Word,
 };
 pub(super) use super::row::Need::{self, Default, Required, Without};
 pub(super) use super::row::{ANY, IMAGE, MATERIAL, NOT_NEGATIVE, POSITIVE, Range, Row, within};

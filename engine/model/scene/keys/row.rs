@@ -69,6 +69,8 @@ pub(crate) enum Kind {
     Ends(u32),
     /// A list of rows of 0 and 1, as texts, with an upper limit of their number and length.
     Bits(u32),
+    /// A list of rectangles, each its middle along x and z, width and height, with an upper limit of their number.
+    Rectangles(u32),
     /// A length or an angle, as the list that it stands for.
     Step,
     /// A list of quantities with an upper limit of their number, or a range of them.
@@ -243,6 +245,9 @@ impl Row {
             Kind::Corners(_) => such("corners around a polygon"),
             Kind::Ends(most) => such(&format!("a list of 1 to {most} pairs of ends")),
             Kind::Bits(_) => such("a list of rows of 0 and 1"),
+            Kind::Rectangles(most) => {
+                such(&format!("a list of 1 to {most} lists of x, z, width and height"))
+            }
             Kind::Step => "a length or an angle".to_owned(),
             Kind::Series(_, most) => {
                 format!(

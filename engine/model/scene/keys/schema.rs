@@ -89,6 +89,10 @@ fn kind(kind: &Kind) -> Value {
         Kind::Flag => json!({ "type": "boolean" }),
         Kind::Word(words) => json!({ "enum": words }),
         Kind::Quantity(dimension, range) => quantity(&[*dimension], *range),
+        Kind::Rectangles(most) => {
+            let lengths = several(&quantity(&[Dimension::Length], super::row::ANY), 4, 4);
+            several(&lengths, 1, *most)
+        }
         Kind::Step => quantity(&[Dimension::Length, Dimension::Angle], super::row::ANY),
         Kind::Unit => {
             let units = Dimension::Length.units().map(escaped).collect::<Vec<_>>().join("|");

@@ -141,15 +141,27 @@ fn read_ends(item: &ListItem<'_>, path: &Path) -> Result<Vec<[f64; 2]>> {
     let columns = "the columns end_0_UNIT and end_1_UNIT with a unit of length, as end_0_um";
     let kind = TableKind { key: "end", noun: "slits", columns, most: limits::SLITS as usize };
     let table = Quantities { kind, name: "end", dimension: Some(Length), columns: Numbered::Yes };
+    read_arrays(item, path, table)
+}
+
+/// Reads the rows of a file, each with `N` lengths.
+pub(super) fn read_arrays<const N: usize>(
+    item: &ListItem<'_>,
+    path: &Path,
+    table: Quantities,
+) -> Result<Vec<[f64; N]>> {
     let rows = match table.read(&item.directory().join(path)) {
         Ok(rows) => rows,
         Err(error) => return item.refuse(placed(item, error), Vec::new()),
     };
     item.note_table(path);
-    let pair = |row: Vec<f64>| <[f64; 2]>::try_from(row).ok();
-    match rows.into_iter().map(pair).collect::<Option<Vec<_>>>() {
-        Some(ends) => Ok(ends),
-        None => item.refuse(item.error("another number of columns", columns), Vec::new()),
+    let array = |row: Vec<f64>| <[f64; N]>::try_from(row).ok();
+    match rows.into_iter().map(array).collect::<Option<Vec<_>>>() {
+        Some(rows) => Ok(rows),
+        None => {
+            let error = item.error("another number of columns", table.kind.columns);
+            item.refuse(error, Vec::new())
+        }
     }
 }
 

@@ -1,6 +1,6 @@
 //! What a scene and the options say of a retrieval in two directions.
 
-use super::super::method::{Method, refuse_patterns};
+use super::super::method::{Method, refuse_lists};
 use super::super::options::RetrieveOptions;
 use super::aperture::Aperture;
 use super::lattice::Lattice;
@@ -32,7 +32,7 @@ impl Design {
         options: &RetrieveOptions,
         omitted: &[usize],
     ) -> Result<Option<Self>> {
-        refuse_patterns(scene)?;
+        refuse_lists(scene)?;
         let z = offsets_z(scene, options, omitted);
         let x = &scene.scan.mask_offsets;
         if !z.is_empty() {
