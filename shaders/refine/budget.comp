@@ -95,7 +95,8 @@ bool spread_more(uint patch_index) {
     uint words = sums_of(patch_index);
     uint count = P.sums.at[words + PATCH_EVEN_COUNT];
     bool settled = (P.sums.at[words + PATCH_FLAGS] & PATCH_IS_SETTLED) != 0u;
-    float off = sqrt(worst_square(patch_index, false));
+    // As it is reported, of the tolerance.
+    float off = P.reported * sqrt(worst_square(patch_index, false)) / float(P.tolerance);
     if (settled && off <= ACCEPTED) return false;
     // The square of the error is inverse to the number of rays, and as the squared change from one to the next.
     float aim = P.steps > 1u ? AIM : AIM_OF_ONE;
