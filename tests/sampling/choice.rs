@@ -32,12 +32,14 @@ fn bundle(count: u32) -> Scene {
 }
 
 #[test]
-fn gpus_choose_the_rays_of_exact_shapes_and_cpus_leave_them_to_the_host() {
+fn gpus_choose_rays_and_cpus_leave_them_to_the_host() {
     let mut with_tube = shapes();
     with_tube.source.beam = tube(40.0, 4);
     let mut rough = shapes();
     rough.objects[0].roughness = 1e-3;
-    for (scene, energies) in [(shapes(), 1), (with_tube, 4), (bundle(65), 1), (rough, 1)] {
+    for (scene, energies) in
+        [(shapes(), 1), (with_tube, 4), (bundle(65), 1), (rough, 1), (meshes(), 1)]
+    {
         assert_eq!(scene.sampling.refine, Refine::Auto, "the default");
         for kind in GPUS {
             let (place, reason) = choice(&scene, energies, (kind, false));
@@ -51,7 +53,7 @@ fn gpus_choose_the_rays_of_exact_shapes_and_cpus_leave_them_to_the_host() {
 }
 
 #[test]
-fn the_host_chooses_the_rays_of_scenes_that_the_device_does_not_know_and_of_meshes() {
+fn the_host_chooses_the_rays_of_scenes_that_the_device_does_not_know() {
     let gpu = (DeviceKind::Discrete, false);
     let mut rough = shapes();
     rough.objects[0].roughness = 1e-3;
@@ -63,7 +65,6 @@ fn the_host_chooses_the_rays_of_scenes_that_the_device_does_not_know_and_of_mesh
         ("a rough object and a spectrum", choice(&rough, 4, gpu)),
         ("kept moments", choice(&shapes(), 1, (DeviceKind::Discrete, true))),
         ("a spectrum", choice(&exact, 4, gpu)),
-        ("meshes take fewer rays", choice(&meshes(), 1, gpu)),
     ] {
         assert_eq!(place, Refine::Host, "{found}");
         assert!(reason.clone().is_some_and(|it| it.contains(found)), "{found}: {reason:?}");

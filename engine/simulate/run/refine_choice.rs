@@ -1,4 +1,4 @@
-//! Place where rays are chosen: as the scene requests, or by the device and the sample.
+//! Place where rays are chosen: as the scene requests, or by the device.
 
 use beamlet_core::{Error, Result};
 use beamlet_geometry::Sample;
@@ -61,7 +61,7 @@ pub fn settle(
     }
     let (place, reason) = match unknown(scene, energies, keeps_moments) {
         Some(found) => (Refine::Host, format!("the device does not know {found}")),
-        None => by_kind(kind, sample),
+        None => by_kind(kind),
     };
     if auto {
         scene.sampling.refine = place;
@@ -70,17 +70,10 @@ pub fn settle(
     Some(if scene.sampling.refine == place { reason } else { "by the scene".into() })
 }
 
-fn has_facets(sample: &Sample) -> bool {
-    sample.objects.iter().any(|object| object.triangles > 0)
-}
-
-/// Place of a sample that the device knows, and why there. The host sums over facets, where the device takes rays.
-fn by_kind(kind: DeviceKind, sample: &Sample) -> (Refine, String) {
-    if kind == DeviceKind::Cpu {
-        (Refine::Host, "the device is a CPU".into())
-    } else if has_facets(sample) {
-        (Refine::Host, "meshes take fewer rays there".into())
-    } else {
-        (Refine::Device, "exact shapes on a GPU".into())
+/// Place of a sample that the device knows, and why there.
+fn by_kind(kind: DeviceKind) -> (Refine, String) {
+    match kind {
+        DeviceKind::Cpu => (Refine::Host, "the device is a CPU".into()),
+        _ => (Refine::Device, "the device is a GPU".into()),
     }
 }
