@@ -1,4 +1,5 @@
-//! Masks as meshes: bars as closed boxes, or prisms where walls are slanted, a frame around them, a substrate behind them.
+//! Masks as meshes: bars as closed boxes, or prisms where walls are slanted, a frame around them, a substrate behind
+//! them.
 
 use super::NamedMesh;
 use beamlet_core::units::Dimension::Length;
@@ -54,8 +55,8 @@ impl MaskMeshOptions {
     }
 }
 
-/// A mask of a scene as meshes: `bars`, closed boxes (prisms where they are tapered) that do not touch one another, and optional `frame`
-/// and `substrate`, which touch the bars face to face. x runs across the slits from the optical axis, y
+/// A mask of a scene as meshes: `bars`, closed boxes (prisms where they are tapered) that do not touch one another, and
+/// optional `frame` and `substrate`, which touch the bars face to face. x runs across the slits from the optical axis, y
 /// along the beam from the centre plane of the bars, z along the slits: the position of an object with
 /// these meshes is y = distance of the mask - `source.distance`.
 ///
