@@ -186,7 +186,7 @@ shared_constants! {
     PATCH_IS_EVEN: u32 = 16;
     /// Rays that were tried said how many it needs.
     PATCH_IS_SETTLED: u32 = 32;
-    /// Bit of an item to split that stands for two rays of such a patch, in place of a rectangle.
+    /// Bit of an item to split: the item is a patch that gets two rays spread evenly, not a rectangle.
     SPLIT_IS_EVEN: u32 = 0x8000_0000;
     /// Levels at which rectangles at the borders of such patches are split.
     LOOKS: u32 = 4;

@@ -48,12 +48,7 @@ void main() {
     if (!item_of(STAGE_EMIT, item)) return;
     uint index = P.made.at[3u * item];
     Rectangle g = rectangle_at(index);
-    uint slot = P.made.at[3u * item + 1u];
-    if ((g.flags & FLAG_NOT_FINITE) != 0u) {
-        P.cells.at[slot] = no_cell(g);
-        return;
-    }
     Rows rows = rows_of(g, g.landing);
     count_landing(g.landing);
-    P.cells.at[slot] = cell_of(g, index, rows, is_hit(g.patch_index));
+    P.cells.at[P.made.at[3u * item + 1u]] = cell_of(g, index, rows, is_hit(g.patch_index));
 }

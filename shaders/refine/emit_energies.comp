@@ -165,21 +165,17 @@ bool is_repeated(Own own) {
     return (own.g.flags & FLAG_EXACT) != 0u && grazing < S.repeated_below;
 }
 
-void repeat_at_nodes(Own own) {
-    vec2 at = place_of_ray(own.g, own.beside.own);
-    Ray ray = ray_at(own.patch_, at.x, at.y);
-    S.repeated.at[atomicAdd(P.head.at[HEAD_REPEATED], 1u)] =
-        RepeatedRectangle(ray.x, ray.z, ray.slope_x, ray.slope_z, own.g.x_low, own.g.x_high, own.g.z_low,
-                          own.g.z_high, own.patch_.column, own.patch_.row);
-}
-
-// Leaves the place of a rectangle in the rows of its run without light.
-void write_none(Own own, uint slot, uint stride) {
+void repeat_at_nodes(Own own, uint slot, uint stride) {
     for (uint list = 0u; list < lists_of(own.patch_); list++) {
         for (uint band = 0u; band < bands_of(own.patch_); band++) {
             P.cells.at[slot + list * stride + band] = no_cell(own.g);
         }
     }
+    vec2 at = place_of_ray(own.g, own.beside.own);
+    Ray ray = ray_at(own.patch_, at.x, at.y);
+    S.repeated.at[atomicAdd(P.head.at[HEAD_REPEATED], 1u)] =
+        RepeatedRectangle(ray.x, ray.z, ray.slope_x, ray.slope_z, own.g.x_low, own.g.x_high, own.g.z_low,
+                          own.g.z_high, own.patch_.column, own.patch_.row);
 }
 
 void main() {
@@ -190,10 +186,7 @@ void main() {
     uint slot = P.made.at[3u * item + 1u];
     uint stride = P.made.at[3u * item + 2u];
     uint shares = shares_of(own.patch_);
-    bool repeats = is_repeated(own);
-    if (repeats || (own.g.flags & FLAG_NOT_FINITE) != 0u) write_none(own, slot, stride);
-    if (repeats) repeat_at_nodes(own);
-    else if ((own.g.flags & FLAG_NOT_FINITE) != 0u) return;
+    if (is_repeated(own)) repeat_at_nodes(own, slot, stride);
     else if (is_apart(shares)) write_nodes(own, slot, stride);
     else write_groups(own, shares_at(shares), slot, stride);
 }

@@ -341,8 +341,8 @@ void look_for_structure(Own own, Found found[4], uint words) {
 // Adds the error of a ray that is spread evenly: the light may change by as much as to the next ray along x.
 void estimate_even(Own own, uint index, uint words) {
     Even even = even_of(own.g.patch_index);
+    if (!has_ray(even, index)) return;
     uint i = ray_of(even, index);
-    if (i >= even.count) return;
     own.found.at = place_of(even, i);
     own.half_ = 0.5 * abs(P.magnification) * own.size.x;
     set_light(own, Landed(recorded(own, own.found), P.magnification * own.found.at.x + own.found.displacement));

@@ -47,11 +47,8 @@ uvec2 open_parts(RefinedPatch patch_) {
         float x_low = float(part) * width - 0.5 * P.period;
         bool seen = P.opening_count == 0u;
         for (uint i = 0u; i < P.opening_count && !seen; i++) {
-            MaskOpening opening = P.openings.at[i];
-            float low = opening.low - column.mask_offset + column.shadow;
-            float high = opening.high - column.mask_offset - column.shadow;
-            float ahead = ceil((x_low - high) / opening.period) * opening.period;
-            seen = high > low && low + ahead < x_low + width;
+            vec2 ends = opening_from(P.openings.at[i], column, x_low);
+            seen = ends.y > ends.x && ends.x < x_low + width;
         }
         if (seen && part < 32u) open.x |= 1u << part;
         if (seen && part >= 32u) open.y |= 1u << (part - 32u);
@@ -91,6 +88,10 @@ uint ray_of(Even even, uint index) {
     uint at = index - even.first;
     if (index < even.first || at % 3u == 1u) return even.count;
     return min(2u * (at / 3u) + (at % 3u) / 2u, even.count);
+}
+
+bool has_ray(Even even, uint index) {
+    return ray_of(even, index) < even.count;
 }
 
 // Place of ray i: heights in a line are a Kronecker sequence.

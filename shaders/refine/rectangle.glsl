@@ -181,6 +181,16 @@ void add_step(inout Shares shares, uint first, Rectangle g, bool add) {
     shares.open = 0.0;
 }
 
+// Ends along x of an opening in a beamlet: of the period that ends at x, or behind it.
+vec2 opening_from(MaskOpening opening, RefinedColumn column, float x) {
+    precise float low = opening.low - column.mask_offset + column.shadow;
+    precise float high = opening.high - column.mask_offset - column.shadow;
+    precise float ahead = ceil((x - high) / opening.period) * opening.period;
+    low += ahead;
+    high += ahead;
+    return vec2(low, high);
+}
+
 // Adds the errors of a rectangle to the sums of all steps, or takes them out; the largest share of it that a
 // step lets through.
 float weigh(Rectangle g, bool add) {
@@ -194,16 +204,12 @@ float weigh(Rectangle g, bool add) {
             add_step(shares, first, g, add);
             shares.step_ = opening.step;
         }
-        precise float low = opening.low - column.mask_offset + column.shadow;
-        precise float high = opening.high - column.mask_offset - column.shadow;
-        // The opening of the period that ends in the rectangle, or behind it, and the next one.
-        precise float ahead = ceil((g.x_low - high) / opening.period) * opening.period;
-        low += ahead;
-        high += ahead;
-        precise float part = max(min(high, g.x_high) - max(low, g.x_low), 0.0)
-            + max(min(high + opening.period, g.x_high) - max(low + opening.period, g.x_low), 0.0);
+        // The opening that ends in the rectangle, or behind it, and the next one.
+        vec2 ends = opening_from(opening, column, g.x_low);
+        precise float part = max(min(ends.y, g.x_high) - max(ends.x, g.x_low), 0.0)
+            + max(min(ends.y + opening.period, g.x_high) - max(ends.x + opening.period, g.x_low), 0.0);
         precise float open = shares.open + part / (g.x_high - g.x_low);
-        if (high > low) shares.open = open;
+        if (ends.y > ends.x) shares.open = open;
     }
     add_step(shares, first, g, add);
     precise float of_all = g.light_error * (P.leak * P.leak);

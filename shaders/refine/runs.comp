@@ -11,22 +11,25 @@
 #include "refine/even.glsl"
 #include "refine/shares.glsl"
 
-// The same of rays that are spread evenly.
-uint beside_even(Even even, uint index, bool is_high) {
+// The rectangle of the next ray on the line of one that is spread evenly, or of the one before.
+uint along_line(Even even, uint index, bool is_high) {
     uint i = ray_of(even, index);
-    if (is_high) i = i + even.lines < even.count ? i + even.lines : even.count;
-    else i = i >= even.lines ? i - even.lines : even.count;
-    return i < even.count ? rectangle_of(even, i) : NO_RECTANGLE;
+    if (is_high ? i + even.lines >= even.count : i < even.lines) return NO_RECTANGLE;
+    return rectangle_of(even, is_high ? i + even.lines : i - even.lines);
 }
 
 // The rectangle beside another at its lower or higher x, over the same height; none where it ends otherwise.
 uint beside_of(uint index, bool is_high) {
     Rectangle g = P.rectangles.at[index];
-    if (is_even(g.patch_index)) return beside_even(even_of(g.patch_index), index, is_high);
-    float half_period = 0.5 * P.period;
-    if (is_high ? g.x_high >= half_period : g.x_low <= -half_period) return NO_RECTANGLE;
-    vec2 x = beside_x(g);
-    uint other = found_at(index, g.patch_index, is_high ? x.y : x.x, 0.5 * (g.z_low + g.z_high)).index;
+    uint other;
+    if (is_even(g.patch_index)) {
+        other = along_line(even_of(g.patch_index), index, is_high);
+    } else {
+        float half_period = 0.5 * P.period;
+        if (is_high ? g.x_high >= half_period : g.x_low <= -half_period) return NO_RECTANGLE;
+        vec2 x = beside_x(g);
+        other = found_at(index, g.patch_index, is_high ? x.y : x.x, 0.5 * (g.z_low + g.z_high)).index;
+    }
     if (other == NO_RECTANGLE) return other;
     bool same = P.rectangles.at[other].z_low == g.z_low && P.rectangles.at[other].z_high == g.z_high
         && (P.rectangles.at[other].flags & FLAG_NOT_FINITE) == 0u;
@@ -39,11 +42,7 @@ uint count_of(uint index, RefinedPatch patch_) {
     // The first rectangle of a patch that misses the sample has the whole patch.
     if (!is_hit(g.patch_index)) return index == patch_.first && patch_.is_lit != 0u ? 1u : 0u;
     if (g.parts != 0u || (g.flags & FLAG_NOT_FINITE) != 0u) return 0u;
-    if (is_even(g.patch_index)) {
-        Even even = even_of(g.patch_index);
-        if (ray_of(even, index) >= even.lines) return 0u;
-        return even.count / even.lines;
-    }
+    if (is_even(g.patch_index) && !has_ray(even_of(g.patch_index), index)) return 0u;
     if (beside_of(index, false) != NO_RECTANGLE) return 0u;
     uint count = 0u;
     for (uint next = index; next != NO_RECTANGLE; next = beside_of(next, true)) count++;

@@ -8,7 +8,6 @@
 #include "interface.glsl"
 #include "refine/head.glsl"
 #include "refine/rectangle.glsl"
-#include "refine/even.glsl"
 
 // Largest rectangles at the borders of patches near silhouettes: bodies may enter between rays.
 const float WIDEST = 1.0 / 17.0;
@@ -28,7 +27,7 @@ void main() {
     uint index = P.lists.at[list * P.room + item];
     Rectangle g = P.rectangles.at[index];
     uint words = sums_of(g.patch_index);
-    if ((P.sums.at[words + PATCH_FLAGS] & PATCH_IS_DONE) != 0u || is_even(g.patch_index)) return;
+    if ((P.sums.at[words + PATCH_FLAGS] & (PATCH_IS_DONE | PATCH_IS_EVEN)) != 0u) return;
     // As the budget counted it.
     float counted = min(counted_of(g, has_turns(g.patch_index)), 4095.0);
     float threshold = uintBitsToFloat(P.sums.at[words + PATCH_THRESHOLD]);
