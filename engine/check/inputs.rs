@@ -37,10 +37,8 @@ fn unknown_materials<'a>(scene: &'a Scene) -> Vec<Error> {
         named.push(("detector.absorber.material".into(), &absorber.material));
     }
     for (key, mask) in scene.masks() {
-        let layers = mask.body.layers().into_iter().enumerate();
-        named.extend(layers.map(|(layer, (material, _))| {
-            (format!("{key}.{}", mask.body.material_key(layer)), material)
-        }));
+        let layers = mask.body.layers_by_key(key).into_iter();
+        named.extend(layers.map(|(key, (material, _))| (key, material)));
         let plate = mask.substrate.as_ref();
         named.extend(
             plate.map(|plate| (format!("{key}.substrate.material"), plate.material.as_str())),

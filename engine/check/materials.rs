@@ -13,11 +13,8 @@ pub(super) fn materials(scene: &Scene, energy: f64) -> Result<Vec<Material>> {
         (object.name.clone(), key, Some(object.material.clone()))
     };
     let bars = scene.masks().flat_map(|(name, mask)| {
-        let layers = mask.body.layers().into_iter().enumerate();
-        layers.map(move |(layer, (material, _))| {
-            let key = format!("{name}.{}", mask.body.material_key(layer));
-            (name.to_owned(), key, Some(material.to_owned()))
-        })
+        let layers = mask.body.layers_by_key(name).into_iter();
+        layers.map(move |(key, (material, _))| (name.to_owned(), key, Some(material.to_owned())))
     });
     let substrate = |name: &str, spec: &Option<MaskSpec>| {
         let plate = spec.as_ref().and_then(|mask| mask.substrate.as_ref());

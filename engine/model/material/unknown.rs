@@ -79,9 +79,9 @@ fn user(scene: &Scene, name: &str) -> Option<String> {
         return Some(scene.surroundings_key().into());
     }
     for (key, mask) in scene.masks() {
-        let layers = mask.body.layers();
-        if let Some(layer) = layers.iter().position(|(material, _)| *material == name) {
-            return Some(format!("{key}.{}", mask.body.material_key(layer)));
+        let mut layers = mask.body.layers_by_key(key).into_iter();
+        if let Some((key, _)) = layers.find(|(_, (material, _))| *material == name) {
+            return Some(key);
         }
     }
     let is_of = |mask: &MaskSpec| mask.substrate.as_ref().is_some_and(|it| it.material == name);

@@ -52,8 +52,8 @@ pub fn through_substrates(
 }
 
 /// The scene with straight bars in place of tapered ones: slits are narrower by the mean narrowing of slanted walls
-/// along the axis over energies (keV, each with its weight), each as far as its bars are dark. The same scene without
-/// tapers.
+/// along the axis over energies (keV, each with its weight), weighted by the light that bars stop. Without tapers it is
+/// the same scene.
 ///
 /// # Errors
 /// As [`material::constants_at_for`].
@@ -71,6 +71,9 @@ pub fn straightened<'s>(
         masks.into_iter().zip([&mut straight.sample_mask, &mut straight.detector_mask])
     {
         let (Some(mask), Some(spec)) = (mask, spec) else { continue };
+        if !mask.is_tapered() {
+            continue;
+        }
         let mut sums = [0.0; 2];
         for (energy, weight) in energies.iter().zip(weights) {
             let shape = MaskShape::of(scene, mask, mask.distance(), Some(*energy))?;
@@ -80,9 +83,6 @@ pub fn straightened<'s>(
             sums[1] += dark * shape.widest_shadow(0.0) * shape.narrowing(1.0, leak);
         }
         let narrower = if sums[0] > 0.0 { sums[1] / sums[0] } else { 0.0 };
-        if !mask.is_tapered() {
-            continue;
-        }
         spec.taper = 0.0;
         spec.aperture -= narrower;
         for [low, high] in &mut spec.apertures {
@@ -144,14 +144,12 @@ pub struct MaskShape {
 /// Thickness (m) and attenuation of the layers of the bars of a mask, from the source on, at an energy (keV) or
 /// opaque; none of a sheet.
 fn attenuating(scene: &Scene, mask: &Mask, energy: Option<f64>) -> Result<Vec<[f64; 2]>> {
-    let body = mask.body();
-    let of = |(number, (material, thickness)): (usize, (&str, f64))| {
-        let key = format!("{}.{}", mask.name(), body.material_key(number));
+    let of = |(key, (material, thickness)): (String, (&str, f64))| {
         let mu = |energy| material::constants_at_for(scene, material, energy, &key);
         let mu = energy.map_or(Ok(f64::INFINITY), |energy| Ok(mu(energy)?.mu))?;
         Ok([thickness, mu * thickness])
     };
-    body.layers().into_iter().enumerate().map(of).collect()
+    mask.body().layers_by_key(mask.name()).into_iter().map(of).collect()
 }
 
 /// Shares of layers of the thickness and attenuation of all.

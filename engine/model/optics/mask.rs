@@ -239,7 +239,7 @@ impl Mask {
         self.seen_through(scale, shift, self.spec.listed_columns())
     }
 
-    /// `of_list`: ends along x that stand for the openings of a list, in the plane of the mask.
+    /// `of_list`: ends along x of the openings of a list, in the plane of the mask.
     fn seen_through(&self, scale: f64, shift: f64, of_list: Option<Vec<[f64; 2]>>) -> Openings {
         let spec = &self.spec;
         let along_z = spec

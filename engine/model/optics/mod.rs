@@ -107,7 +107,7 @@ impl Optics {
         self.sample_mask.iter().chain(&self.detector_mask).any(Mask::has_heights)
     }
 
-    /// True if the walls of a mask are slanted.
+    /// True if walls of a mask are slanted, or its bars have several layers.
     pub fn has_walls(&self) -> bool {
         self.sample_mask.iter().chain(&self.detector_mask).any(Mask::has_walls)
     }

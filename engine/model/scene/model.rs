@@ -379,13 +379,15 @@ impl MaskBody {
         }
     }
 
-    /// Key of the material of a layer, below the key of the mask.
+    /// The layers of the bars, each with the key of its material; `mask`: key of the mask.
     #[must_use]
-    pub fn material_key(&self, layer: usize) -> String {
-        match self {
-            Self::Layers { .. } => format!("layers[{layer}].material"),
-            Self::Bars { .. } | Self::Sheet { .. } => "material".to_owned(),
-        }
+    pub fn layers_by_key(&self, mask: &str) -> Vec<(String, (&str, f64))> {
+        let key = |layer: usize| match self {
+            Self::Layers { .. } => format!("{mask}.layers[{layer}].material"),
+            Self::Bars { .. } | Self::Sheet { .. } => format!("{mask}.material"),
+        };
+        let layers = self.layers().into_iter().enumerate();
+        layers.map(|(number, layer)| (key(number), layer)).collect()
     }
 }
 

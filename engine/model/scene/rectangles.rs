@@ -24,7 +24,7 @@ impl Rectangle {
     }
 }
 
-/// Intervals in ascending order, where those that overlap or are at most `gap` apart are one.
+/// Intervals in ascending order; intervals that overlap or are at most `gap` apart become one.
 fn joined(mut intervals: Vec<[f64; 2]>, gap: f64) -> Vec<[f64; 2]> {
     intervals.sort_by(|a, b| a[0].total_cmp(&b[0]));
     let mut all: Vec<[f64; 2]> = Vec::with_capacity(intervals.len());

@@ -64,10 +64,8 @@ impl<'a> Probes<'a> {
         sample.dedup();
         let (mut bars, mut plates) = (Vec::new(), Vec::new());
         for (key, mask) in scene.masks() {
-            let body = &mask.body;
             let mut path = Vec::new();
-            for (layer, (material, thickness)) in body.layers().into_iter().enumerate() {
-                let key = format!("{key}.{}", body.material_key(layer));
+            for (key, (material, thickness)) in mask.body.layers_by_key(key) {
                 path.push((medium(material, key)?, thickness));
             }
             if !path.is_empty() {

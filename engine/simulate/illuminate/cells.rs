@@ -23,7 +23,7 @@ pub(crate) struct CellKernels {
     near: LazyKernel,
     /// For light that lands more than a row away.
     far: LazyKernel,
-    /// For masks whose walls are slanted.
+    /// For masks whose walls are slanted or whose bars have several layers.
     walls: LazyKernel,
     /// For masks whose apertures end along z.
     heights: LazyKernel,
@@ -69,7 +69,7 @@ enum Reach {
     Near,
     /// In any row.
     Far,
-    /// In any row, past slanted walls.
+    /// In any row, past such walls.
     Walls,
     /// In any row, through apertures that end along z.
     Heights,

@@ -29,7 +29,7 @@ const MOST_ALIKE: u32 = 5;
 pub(crate) enum ApertureEdges {
     /// Slits whose walls are parallel to the axis.
     Straight,
-    /// Slits, some with slanted walls.
+    /// Slits whose two edges differ: walls are slanted, or bars have several layers.
     Walls,
     /// Apertures that end along z.
     Heights,

@@ -24,7 +24,7 @@ const STEPS_TOGETHER: u32 = 16 * RANDOM_STEPS;
 pub(crate) struct RandomKernels {
     rays: LazyKernel,
     light: LazyKernel,
-    /// For masks whose walls are slanted.
+    /// For masks whose walls are slanted or whose bars have several layers.
     light_walls: LazyKernel,
     /// For masks whose apertures end along z.
     light_heights: LazyKernel,
