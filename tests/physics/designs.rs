@@ -5,7 +5,7 @@
 #![allow(clippy::cast_possible_truncation, reason = "numbers of slits")]
 
 use crate::reference::closed_form::blurred_overlap;
-use crate::support::{Worst, engine};
+use crate::support::{Checked, Worst, engine};
 use beamlet::Backend;
 use beamlet::scene::{
     Anode, Beam, Detector, MaskBody, MaskSpec, MaterialSpec, Object, RandomRays, Scan, Scene,
@@ -146,11 +146,33 @@ fn gold(scene: &mut Scene, thickness: f64) {
     scene.source.beam = Beam::Energy(80.0);
 }
 
-fn ball(scene: &mut Scene) {
+pub(super) fn ball(scene: &mut Scene) {
     let carbon = MaterialSpec::Formula { formula: "C".into(), density: 2.0 };
     scene.materials.insert("carbon".into(), carbon);
     scene.objects =
         vec![Object::new("ball", Shape::Sphere { radius: 0.25e-3, sides: None }, "carbon")];
+}
+
+/// Takes the differences between cells and 10,000 random rays of a pixel, flats and sample, and their mean.
+pub(super) fn compare_with_random(
+    engine: &Checked,
+    [worst, mean]: [&mut Worst; 2],
+    mut scene: Scene,
+    what: &str,
+) {
+    let cells = engine.simulate(&scene).unwrap();
+    scene.sampling.scheme = Scheme::Random;
+    scene.sampling.rays = RandomRays::Grid([400, 25]);
+    let random = engine.simulate(&scene).unwrap();
+    let flats = cells.flat.iter().zip(&random.flat);
+    let pairs: Vec<f64> = flats
+        .chain(cells.sample.iter().zip(&random.sample))
+        .map(|(cells, random)| f64::from(*cells) - f64::from(*random))
+        .collect();
+    for (at, off) in pairs.iter().enumerate() {
+        worst.take(*off, || format!("{what}, value {at}"));
+    }
+    mean.take(pairs.iter().sum::<f64>() / pairs.len() as f64, || what.into());
 }
 
 /// Random rays pass exact boxes: bars that leak 0.38 and a ball. 10,000 rays of a pixel have the noise of at most
@@ -165,19 +187,7 @@ fn thick_bars_of_every_design_and_a_ball_match_random_rays() {
         gold(&mut scene, 225e-6);
         design(&mut scene);
         ball(&mut scene);
-        let cells = engine.simulate(&scene).unwrap();
-        scene.sampling.scheme = Scheme::Random;
-        scene.sampling.rays = RandomRays::Grid([400, 25]);
-        let random = engine.simulate(&scene).unwrap();
-        let flats = cells.flat.iter().zip(&random.flat);
-        let pairs: Vec<f64> = flats
-            .chain(cells.sample.iter().zip(&random.sample))
-            .map(|(cells, random)| f64::from(*cells) - f64::from(*random))
-            .collect();
-        for (at, off) in pairs.iter().enumerate() {
-            worst.take(*off, || format!("{name}, value {at}"));
-        }
-        mean.take(pairs.iter().sum::<f64>() / pairs.len() as f64, || name.into());
+        compare_with_random(&engine, [&mut worst, &mut mean], scene, name);
     }
     worst.holds();
     mean.holds();

@@ -271,6 +271,16 @@ fn stack(engine: &Checked, scene: &Scene) -> Array3<f32> {
     stacks.sample.index_axis_move(ndarray::Axis(0), 0)
 }
 
+/// Takes the differences of flats at `STEPS` to the closed form.
+fn take_flats(worst: &mut Worst, case: &Case, flats: &Array3<f32>, what: &str) {
+    for ((step, row, column), &got) in flats.indexed_iter() {
+        let want = case.flat(1, [column as u32, row as u32], STEPS[step]);
+        worst.take(f64::from(got) - want, || {
+            format!("{what}, step {step}, pixel {column}, {row}: {got} for {want}")
+        });
+    }
+}
+
 fn carbon(mesh: Mesh) -> Body {
     body(mesh.rounded(), CARBON[0], CARBON[1])
 }
@@ -288,12 +298,7 @@ fn flats_of_rectangles_are_products_of_closed_forms() {
             let mut case = Case::rectangles(pixels, leak);
             case.setup.spot = spot;
             let got = stack(&engine, &case.scene(&[], &STEPS));
-            for ((step, row, column), &got) in got.indexed_iter() {
-                let want = case.flat(1, [column as u32, row as u32], STEPS[step]);
-                worst.take(f64::from(got) - want, || {
-                    format!("leak {leak}, spot {spot:?}, step {step}, pixel {column}, {row}: {got} for {want}")
-                });
-            }
+            take_flats(&mut worst, &case, &got, &format!("leak {leak}, spot {spot:?}"));
         }
     }
     worst.holds();
@@ -438,12 +443,7 @@ fn flats_of_lists(name: &'static str, list: fn(Planned) -> Planned) {
             *mask = mask.map(|mask| list(Planned { period: [410e-6, 370e-6], ..mask }));
         }
         let got = stack(&engine, &case.scene(&[], &STEPS));
-        for ((step, row, column), &got) in got.indexed_iter() {
-            let want = case.flat(1, [column as u32, row as u32], STEPS[step]);
-            worst.take(f64::from(got) - want, || {
-                format!("{patterned:?}, step {step}, pixel {column}, {row}: {got} for {want}")
-            });
-        }
+        take_flats(&mut worst, &case, &got, &format!("{patterned:?}"));
     }
     worst.holds();
 }
@@ -460,12 +460,7 @@ fn flats_behind_a_turned_list_are_sums_over_the_turned_rectangles() {
     let mut scene = case.scene(&[], &STEPS);
     scene.sample_mask = Some(turned);
     let got = stack(&engine(Backend::Bvh), &scene);
-    for ((step, row, column), &got) in got.indexed_iter() {
-        let want = case.flat(1, [column as u32, row as u32], STEPS[step]);
-        worst.take(f64::from(got) - want, || {
-            format!("step {step}, pixel {column}, {row}: {got} for {want}")
-        });
-    }
+    take_flats(&mut worst, &case, &got, "turned list");
     worst.holds();
 }
 
@@ -744,12 +739,7 @@ fn flats_of_hexagonal_lattices_are_products_of_closed_forms() {
                 case.setup.pitch = [37e-6, 29e-6];
             }
             let got = stack(&engine, &case.scene(&[], &STEPS));
-            for ((step, row, column), &got) in got.indexed_iter() {
-                let want = case.flat(1, [column as u32, row as u32], STEPS[step]);
-                worst.take(f64::from(got) - want, || {
-                    format!("both {both}, step {step}, pixel {column}, {row}: {got} for {want}")
-                });
-            }
+            take_flats(&mut worst, &case, &got, &format!("both {both}"));
         }
     }
     worst.holds();

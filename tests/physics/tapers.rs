@@ -2,6 +2,7 @@
 
 #![allow(clippy::unwrap_used, reason = "tests")]
 
+use super::designs::{ball, compare_with_random};
 use crate::reference::normal::SIGMA_PER_FWHM;
 use crate::reference::walls::{Flat, Walls};
 use crate::support::{Checked, GOLD, Worst, engine, sample};
@@ -9,8 +10,8 @@ use beamlet::Backend;
 use beamlet::internals::trace::MaterialTable;
 use beamlet::material::constants_at;
 use beamlet::scene::{
-    ApertureShape, BarLayer, Beam, Detector, MaskBody, MaskSpec, MaterialSpec, Object, RandomRays,
-    Scene, Scheme, Shape, Source, SpectrumOrigin, SpectrumSpec, Transport,
+    ApertureShape, BarLayer, Beam, Detector, MaskBody, MaskSpec, MaterialSpec, Scene, Source,
+    SpectrumOrigin, SpectrumSpec, Transport,
 };
 
 /// As for bars whose walls are parallel to the axis (`bars.rs`).
@@ -218,23 +219,8 @@ fn flats_and_a_ball_behind_tapered_bars_match_random_rays() {
     for (tapers, layers, mu) in tapered.into_iter().chain(layered) {
         let case = Case { tapers, thickness: [225e-6; 2], mu, layers, spot: 30e-6 };
         let mut scene = case.scene([8, 2]);
-        let carbon = MaterialSpec::Formula { formula: "C".into(), density: 2.0 };
-        scene.materials.insert("carbon".into(), carbon);
-        let ball = Shape::Sphere { radius: 0.25e-3, sides: None };
-        scene.objects = vec![Object::new("ball", ball, "carbon")];
-        let cells = engine.simulate(&scene).unwrap();
-        scene.sampling.scheme = Scheme::Random;
-        scene.sampling.rays = RandomRays::Grid([400, 25]);
-        let random = engine.simulate(&scene).unwrap();
-        let flats = cells.flat.iter().zip(&random.flat);
-        let pairs: Vec<f64> = flats
-            .chain(cells.sample.iter().zip(&random.sample))
-            .map(|(cells, random)| f64::from(*cells) - f64::from(*random))
-            .collect();
-        for (at, off) in pairs.iter().enumerate() {
-            worst.take(*off, || format!("{case:?}, value {at}"));
-        }
-        mean.take(pairs.iter().sum::<f64>() / pairs.len() as f64, || format!("{case:?}"));
+        ball(&mut scene);
+        compare_with_random(&engine, [&mut worst, &mut mean], scene, &format!("{case:?}"));
     }
     worst.holds();
     mean.holds();

@@ -10,7 +10,6 @@ mod determinism;
 mod estimated;
 mod even_on_device;
 
-mod fine_on_device;
 mod foam;
 mod on_device;
 mod rims;
