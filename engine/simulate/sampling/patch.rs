@@ -31,6 +31,17 @@ pub(super) enum Axis {
     Z,
 }
 
+/// A split: its axis, the first of its parts, and the upper borders of all parts but the last.
+#[derive(Debug, Clone, Copy)]
+struct Branch {
+    axis: Axis,
+    first: u32,
+    borders: [f32; PARTS as usize - 1],
+}
+
+/// Bytes of a rectangle of a patch.
+pub(super) const RECTANGLE: usize = size_of::<Node>() + size_of::<Option<Branch>>();
+
 /// Lines of a patch whose rays are spread evenly, powers of two: fewest and most.
 const EVEN_LINES: [u32; 2] = [4, 64];
 
@@ -64,6 +75,8 @@ pub(super) struct Patch {
     pub(crate) even: Even,
     /// The base rectangles, by z, then x; then the parts of those that were split.
     pub(super) nodes: Vec<Node>,
+    /// How each of them was split: apart from them, since whoever looks for a leaf passes many.
+    branches: Vec<Option<Branch>>,
     pub(crate) splits: u32,
     /// Rays that crossed other surfaces than the rectangle that contains them.
     pub(super) witnesses: Vec<Witness>,
@@ -132,7 +145,7 @@ impl Patch {
             let x = [borders[column], borders[column + 1]];
             Node::new(x, z, bytemuck::Zeroable::zeroed())
         };
-        let nodes = (0..columns * lines as usize).map(node).collect();
+        let nodes: Vec<Node> = (0..columns * lines as usize).map(node).collect();
         Self {
             beamlet,
             row,
@@ -142,6 +155,7 @@ impl Patch {
             straight: false,
             bow: 0.0,
             even: Even::No,
+            branches: vec![None; nodes.len()],
             nodes,
             splits: 0,
             witnesses: Vec::new(),
@@ -202,15 +216,11 @@ impl Patch {
         let column = numbers::count(column).min(self.base[0] - 1);
         let line = numbers::whole::<u32>(f64::from(z * self.base[1] as f32)).min(self.base[1] - 1);
         let mut leaf = line * self.base[0] + column;
-        while let Some((axis, first)) = self.nodes[leaf as usize].split {
-            let beyond = |part: u32| {
-                let node = &self.nodes[(first + part) as usize];
-                match axis {
-                    Axis::X => x >= node.x[1],
-                    Axis::Z => z >= node.z[1],
-                }
-            };
-            leaf = first + u32::from(beyond(0)) + u32::from(beyond(0) && beyond(1));
+        while let Some(Branch { axis, first, borders: [lower, upper] }) =
+            self.branches[leaf as usize]
+        {
+            let at = if axis == Axis::X { x } else { z };
+            leaf = first + u32::from(at >= lower) + u32::from(at >= lower && at >= upper);
         }
         leaf
     }
@@ -265,13 +275,14 @@ impl Patch {
     pub(super) fn split(&mut self, index: u32, axis: Axis) -> Range<u32> {
         let parent = self.nodes[index as usize];
         let first = numbers::count(self.nodes.len());
-        self.nodes[index as usize].split = Some((axis, first));
+        let sides = if axis == Axis::X { parent.x } else { parent.z };
+        let borders = [0, 1].map(|i| part(sides, i, PARTS)[1]);
+        self.branches[index as usize] = Some(Branch { axis, first, borders });
         for i in 0..PARTS {
-            let (x, z) = match axis {
-                Axis::X => (part(parent.x, i, PARTS), parent.z),
-                Axis::Z => (parent.x, part(parent.z, i, PARTS)),
-            };
+            let side = part(sides, i, PARTS);
+            let (x, z) = if axis == Axis::X { (side, parent.z) } else { (parent.x, side) };
             self.nodes.push(Node::new(x, z, parent.result));
+            self.branches.push(None);
             self.list_facets(self.nodes.len() - 1, parent.facets);
         }
         self.splits += 1;
@@ -349,6 +360,7 @@ impl Patch {
     /// Bytes that it holds.
     pub(super) fn bytes(&self) -> usize {
         self.nodes.capacity() * size_of::<Node>()
+            + self.branches.capacity() * size_of::<Option<Branch>>()
             + 4 * self.list.capacity()
             + self.witnesses.capacity() * size_of::<Witness>()
             + self.pieces.capacity() * size_of::<Piece>()
@@ -357,7 +369,7 @@ impl Patch {
 
     /// Indices of the leaves.
     pub(super) fn leaves(&self) -> impl Iterator<Item = u32> {
-        (0..numbers::count(self.nodes.len())).filter(|node| self.nodes[*node as usize].is_leaf())
+        (0..numbers::count(self.nodes.len())).filter(|node| self.branches[*node as usize].is_none())
     }
 }
 

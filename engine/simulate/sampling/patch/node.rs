@@ -100,12 +100,11 @@ pub(in crate::sampling) struct Node {
     pub(super) crossings: Option<f32>,
     /// Place of its facets in the list of the patch.
     pub(super) facets: [u32; 2],
-    pub(super) split: Option<(Axis, u32)>,
 }
 
 impl Node {
     pub(in crate::sampling) fn new(x: [f32; 2], z: [f32; 2], result: RayResult) -> Self {
-        Self { x, z, result, known: Known::Ray(None), crossings: None, facets: [0; 2], split: None }
+        Self { x, z, result, known: Known::Ray(None), crossings: None, facets: [0; 2] }
     }
 
     /// Centre (x, z).
@@ -140,10 +139,6 @@ impl Node {
     /// True if all its rays miss the sample.
     pub(in crate::sampling) fn is_empty(&self) -> bool {
         self.result.crossings == 0 && !matches!(self.known, Known::Pieces(_))
-    }
-
-    pub(in crate::sampling) fn is_leaf(&self) -> bool {
-        self.split.is_none()
     }
 }
 

@@ -1,7 +1,7 @@
 //! What patches in refinement hold in memory.
 
 use super::PatchWork;
-use crate::sampling::patch::{Node, PARTS};
+use crate::sampling::patch::{PARTS, RECTANGLE};
 use crate::sampling::patch_error::KnownErrors;
 use beamlet_interface::{Ray, RayResult};
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -10,7 +10,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 const RAY: usize = 2 * (size_of::<[f32; 2]>() + size_of::<Ray>() + size_of::<RayResult>());
 
 /// Bytes added by a split: its parts, their known errors, and their rays.
-const SPLIT: usize = PARTS as usize * (size_of::<Node>() + KnownErrors::NODE) + 2 * RAY;
+const SPLIT: usize = PARTS as usize * (RECTANGLE + KnownErrors::NODE) + 2 * RAY;
 
 /// Bytes that patches hold together.
 pub(super) struct Held {
