@@ -7,7 +7,7 @@ use crate::leaks::Watch;
 use crate::reference::scenes;
 use crate::reference::stack::Setup;
 use crate::reference::surfaces::{Body, Mesh, Random, body, cuboid};
-use crate::support::{CARBON, WATER, Worst, backends, engine, engine_with, everything};
+use crate::support::{CARBON, WATER, Worst, amount, backends, engine, engine_with, sample};
 use beamlet::internals::trace::{Ray, RayResult, trace};
 use beamlet::scene::{
     self, Instances, Object, RandomRays, Scene, Scheme, Shape, ShapeOrMesh, Transport,
@@ -137,7 +137,7 @@ fn random_rays(count: usize, random: &mut Random) -> Vec<Ray> {
 #[test]
 fn instances_are_crossed_as_often_as_the_flat_mesh() {
     let directory = tempfile::tempdir().unwrap();
-    let (count, most) = if everything() { (200_000, 3) } else { (100_000, 1) };
+    let (count, most) = amount((40_000, 1), (200_000, 3));
     let rays = random_rays(count, &mut Random::new(11));
     for (name, scenes) in cases(directory.path()) {
         for backend in backends() {
@@ -232,7 +232,7 @@ fn simulated(options: EngineOptions, scene: &Scene) -> Stacks {
 fn bands_and_threads_change_no_bit_of_instances() {
     let directory = tempfile::tempdir().unwrap();
     let [(_, [_, mut scene]), _] = cases(directory.path());
-    for scheme in [Scheme::Cells, Scheme::Random] {
+    for scheme in sample(vec![Scheme::Cells, Scheme::Random], 2) {
         scene.sampling.scheme = scheme;
         scene.sampling.rays = RandomRays::Grid([30, 4]);
         let bits = |of: &Stacks| of.sample.iter().map(|v| v.to_bits()).collect::<Vec<_>>();
@@ -266,7 +266,7 @@ fn never_leak(count: usize) {
 
 #[test]
 fn instances_never_leak() {
-    never_leak(250_000);
+    never_leak(amount(80_000, 250_000));
 }
 
 /// Rays of each of two cases on each of two backends: a quarter of `BEAMLET_RAYS`, 1e8.

@@ -12,7 +12,7 @@ use crate::reference::rays::{Order, Sample, Trace};
 use crate::reference::scenes;
 use crate::reference::stack::Setup;
 use crate::reference::surfaces::{Body, Mesh, Random, body, cuboid, cylinder, sphere, star, wedge};
-use crate::support::{CARBON, Checked, WATER, Worst, engine};
+use crate::support::{CARBON, Checked, WATER, Worst, amount, engine};
 use beamlet::Backend;
 use beamlet::internals::interface::{FLAG_EXACT, FLAG_REFLECTED};
 use beamlet::internals::trace::{Moments, Ray, RayResult, moments};
@@ -193,9 +193,10 @@ fn wedge_turns_light_by_delta_times_tan_angle() {
 fn cylinder_and_sphere_deflect_as_lenses() {
     // Facets: 20,000 around are 1.6e-4 of the angle at x = 0.87 R, 20 * 4^7 triangles 4 mrad
     // across are 1 %.
+    let (levels, width) = amount((6, 3e-2), (7, 1.5e-2));
     for (mesh, facets, name) in [
         (cylinder(4e-3, 16e-3, 20_000, 0.25), 2e-4, "transport, cylinder, displacement, relative"),
-        (sphere(4e-3, 7), 1.5e-2, "transport, sphere, displacement, relative"),
+        (sphere(4e-3, levels), width, "transport, sphere, displacement, relative"),
     ] {
         let mut worst = Worst::new(name, facets);
         let mut chord = Worst::new("transport, round bodies, chord (m)", 1e-6);

@@ -46,7 +46,7 @@ fn values(run: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
 fn flats_and_darks_between_views_survive_shards_damage_and_resuming() {
     let damaged = ["run/flat/view_0002/step_001.exr", "run/counts/flat.npy", "run/dark.tif"];
     let cases = ["exr", "npy", "tiff"].into_iter().zip(damaged).collect();
-    for (format, damaged) in sample(cases, 2) {
+    for (format, damaged) in sample(cases, 3) {
         let place = Workplace::new(SCENE);
         let run = |words: &[&str]| ended(&place.beamlet(words), 0);
         let common = ["--backend", "bvh", "--format", format];

@@ -115,6 +115,11 @@ pub(crate) fn everything() -> bool {
     std::env::var_os("BEAMLET_ALL").is_some()
 }
 
+/// The amount of a test: `all` where everything is asked for, else `few`.
+pub(crate) fn amount<T>(few: T, all: T) -> T {
+    if everything() { all } else { few }
+}
+
 /// Every `every`-th case; all of them where everything is asked for. A list of combinations keeps
 /// each value of each of its lists where `every` has no factor in common with their lengths.
 pub(crate) fn sample<T>(cases: Vec<T>, every: usize) -> impl Iterator<Item = T> {

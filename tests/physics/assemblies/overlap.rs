@@ -4,7 +4,7 @@ use super::{Bench, HAIR, SOURCE, exact, is_true, paths_of, random_rays, referenc
 use crate::reference::rays::{Order, Sample, Trace};
 use crate::reference::surfaces::{Body, Mesh, Random, body, cuboid, prism, sphere};
 use crate::reference::vector::{cross, dot, sub, unit};
-use crate::support::backends;
+use crate::support::{amount, backends};
 use beamlet::internals::trace::Ray;
 use beamlet::scene::Transport;
 use beamlet::{Backend, geometry};
@@ -60,14 +60,14 @@ fn random_bodies(random: &mut Random) -> Vec<Body> {
 #[test]
 fn where_bodies_overlap_the_later_one_wins_along_every_ray() {
     let bench = Bench::new();
-    let (scenes, rays_each) = (400, 200);
+    let (scenes, rays_each) = (amount(100, 400), 200);
     for backend in backends() {
         let mut random = Random::new(17);
         let (mut wrong, mut compared, mut cut) = (Vec::new(), 0, 0);
         for number in 0..scenes {
             let bodies = random_bodies(&mut random);
             let rays = random_rays(rays_each, &mut random);
-            if backend == Backend::RayQuery && number >= 40 {
+            if backend == Backend::RayQuery && number >= scenes / 10 {
                 continue;
             }
             let scene = scene(&bodies, Transport::FirstOrder);

@@ -4,7 +4,7 @@ use crate::reference::scenes;
 use crate::reference::stack::Setup;
 use crate::reference::surfaces::{body, star};
 use crate::support::kept::{again, keep};
-use crate::support::{CARBON, Worst, engine_with, files};
+use crate::support::{CARBON, Worst, amount, engine_with, files};
 use beamlet::scene::Exposure;
 use beamlet::scene::{Blur, Counts, KernelFile, Scatter, Scene, Shape, ShapeOrMesh};
 use beamlet::stack::{Format, OpenRun, RunDirectory, StackFile, Stacks};
@@ -185,7 +185,8 @@ fn kept_moments_serve_another_detector() {
     base.scan.angles = vec![0.7];
     let noisy = base.clone();
     // The kept run is finer than what the detector that takes it asks for.
-    base.sampling.tolerance = Some(1e-5);
+    let finer = amount(2.0, 1.0);
+    base.sampling.tolerance = Some(finer * 1e-5);
     base.detector.blur = Some(Blur::Gaussian { sigma: [70e-6, 0.0] });
     (base.detector.scatter, base.detector.counts) = (None, None);
     let options = EngineOptions::default().with_backend(Backend::Bvh).with_keep_moments(true);
@@ -193,13 +194,13 @@ fn kept_moments_serve_another_detector() {
     let run = place.path().join("run");
     let kept = keep(&engine, &base, &run);
     let mut blurred = noisy;
-    blurred.sampling.tolerance = Some(3e-5);
+    blurred.sampling.tolerance = Some(finer * 3e-5);
     blurred.detector.blur = Some(Blur::Gaussian { sigma: [50e-6, 80e-6] });
     let got = again(&engine, &kept, &blurred).unwrap();
     let want = engine.simulate(&blurred).unwrap();
     // Cells are those of one lattice; its offsets differ by half a period in f32.
     // Values of its grid may each miss the tolerance, and rims by 2e-5 more.
-    let mut worst = Worst::new("detector, kept moments under another detector", 1e-4);
+    let mut worst = Worst::new("detector, kept moments under another detector", finer * 1e-4);
     for ((place, got), want) in got.sample.indexed_iter().zip(&want.sample) {
         worst.take(f64::from(got - want), || format!("{place:?}"));
     }

@@ -6,7 +6,7 @@ use super::{KINDS, carbon, direction, places, ray_through};
 use crate::assemblies::Bench;
 use crate::reference::surfaces::Random;
 use crate::reference::vector::{Vector, add, scaled};
-use crate::support::backends;
+use crate::support::{amount, backends};
 use beamlet::Backend;
 use beamlet::internals::interface::{MOMENTS_BALANCE, MOMENTS_HEAD, MOMENTS_PER_MATERIAL};
 use beamlet::internals::trace::Ray;
@@ -57,7 +57,7 @@ fn ray(solid: &Solid, angles: &[f64], random: &mut Random) -> Ray {
 }
 
 #[test]
-fn a_million_rays_through_edges_tips_and_holes_leave_what_they_enter() {
+fn rays_through_edges_tips_and_holes_leave_what_they_enter() {
     let bench = Bench::new();
     let mut random = Random::new(81);
     // Some views look along axes of untilted shapes.
@@ -65,7 +65,7 @@ fn a_million_rays_through_edges_tips_and_holes_leave_what_they_enter() {
     angles.extend((0..30).map(|_| random.between(0.0, TAU)));
     let mut total = 0;
     for backend in backends() {
-        let each = if backend == Backend::Bvh { 19_000 } else { 2_600 };
+        let each = if backend == Backend::Bvh { 19_000 } else { 2_600 } / amount(4, 1);
         let mut crossed = 0;
         for (name, kind) in KINDS {
             for (place, solid) in places(kind) {
@@ -92,6 +92,6 @@ fn a_million_rays_through_edges_tips_and_holes_leave_what_they_enter() {
         println!("measured {backend}: {crossed} rays cross");
         assert!(crossed > 60 * each / 4);
     }
-    assert!(total >= 1_000_000, "{total}");
+    assert!(total >= amount(250_000, 1_000_000), "{total}");
     bench.end();
 }

@@ -7,7 +7,7 @@ use super::{direction, ray_through, scene};
 use crate::assemblies::{Bench, paths_of};
 use crate::reference::surfaces::Random;
 use crate::reference::vector::{Vector, add, length, scaled};
-use crate::support::{CARBON, WATER, backends};
+use crate::support::{CARBON, WATER, amount, backends};
 use beamlet::internals::interface::{MOMENTS_BALANCE, MOMENTS_HEAD, MOMENTS_PER_MATERIAL};
 use beamlet::internals::trace::Ray;
 use beamlet::scene::{Scene, Transport};
@@ -308,7 +308,7 @@ fn nested_covered_and_cut_shapes_hold_the_light_of_the_later_one() {
         let covered = name.contains("covered");
         assert_eq!(warned, cut || covered, "{name}: {:?}", sample.objects);
         for backend in backends() {
-            let count = if backend == Backend::Bvh { 4000 } else { 400 };
+            let count = amount(1000, 4000) / if backend == Backend::Bvh { 1 } else { 10 };
             let reach =
                 solids.iter().map(|it| it.reach() + length(it.position)).fold(0.0, f64::max);
             let rays = rays_at(reach.min(2e-3), count, &mut Random::new(61));
@@ -365,7 +365,7 @@ fn paths_through_random_scenes_match_points_in_solids() {
     let bench = Bench::new();
     let mut random = Random::new(62);
     let (mut wrong, mut lists, mut compared, mut cut) = (Vec::new(), Vec::new(), 0, 0);
-    let scenes = 40;
+    let scenes = amount(21, 40);
     for number in 0..scenes {
         let count = 2 + (random.next() * 3.0) as usize;
         let solids: Vec<Solid> = (0..count).map(|_| random_solid(&mut random)).collect();

@@ -7,7 +7,7 @@ use super::{direction, ray_through, rays_around, scene};
 use crate::assemblies::{Bench, exact};
 use crate::reference::surfaces::Random;
 use crate::reference::vector::{Vector, add, scaled};
-use crate::support::{backends, everything};
+use crate::support::{amount, backends};
 use beamlet::Backend;
 use beamlet::internals::interface::{FLAG_REFLECTED, RayResult};
 use beamlet::internals::trace::Ray;
@@ -102,7 +102,7 @@ fn rays_refract_and_reflect_by_snells_law_at_exact_surfaces() {
         let mut wrong = Vec::new();
         for (name, solid) in solids() {
             let most = if backend == Backend::Bvh { 250 } else { 60 };
-            let most = if everything() { most } else { most / 2 };
+            let most = amount(most / 5, most);
             let mut rays: Vec<Ray> =
                 std::iter::repeat_with(|| beside_silhouette(&solid, &mut random))
                     .flatten()

@@ -2,7 +2,7 @@
 
 use super::{BY_WAVES, FIBRE, add_cylinder, both, row, simulate};
 use crate::reference::waves::body::{Body, Outline};
-use crate::support::Worst;
+use crate::support::{Worst, sample};
 use crate::thin_masks::{LONE, REFERENCE};
 use beamlet::Backend;
 
@@ -63,9 +63,13 @@ fn wire_of_another_group_has_its_ten_values_within_4e_4() {
 fn bodies_behind_the_mask_match_two_steps_of_fft_from_points_of_the_spot_within_2e_5() {
     let mut worst = Worst::new("waves, bodies seen from points of the spot", 2e-5);
     let mut most = 0.0_f64;
-    for (centre, radius, behind) in
-        [(52e-6, 10e-6, 0.012), (-95e-6, 150e-6, 0.012), (41e-6, 50e-6, 0.001), (41e-6, 50e-6, 0.1)]
-    {
+    let cases = vec![
+        (52e-6, 10e-6, 0.012),
+        (-95e-6, 150e-6, 0.012),
+        (41e-6, 50e-6, 0.001),
+        (41e-6, 50e-6, 0.1),
+    ];
+    for (centre, radius, behind) in sample(cases, 3) {
         let offsets = [-3e-6, 9e-6];
         let mut scene = REFERENCE.scene(4, behind, &offsets, BY_WAVES);
         add_cylinder(&mut scene, centre, radius, FIBRE);

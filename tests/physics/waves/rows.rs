@@ -2,7 +2,7 @@
 
 use super::{BY_WAVES, FIBRE, OFFSETS, SET_UPS, add_cylinder, row, simulate};
 use crate::reference::waves::body::{Body, Outline, slice};
-use crate::support::{Worst, backends, engine_with};
+use crate::support::{Worst, backends, engine_with, sample};
 use crate::thin_masks::REFERENCE;
 use beamlet::scene::{MaterialSpec, Object, Scene, Shape, Spot, SpotPart};
 use beamlet::stack::Stacks;
@@ -103,7 +103,8 @@ fn bands_and_batches_change_no_bit_of_waves() {
     let on = |options: EngineOptions| run(options.with_backend(Backend::Bvh), &scene);
     let whole = on(EngineOptions::default());
     assert!(whole.record.tally.patches > 10 && whole.record.tally.rays > 10_000);
-    for (band, batch) in [(Some(1), None), (Some(2), Some(1000)), (None, Some(257))] {
+    let cases = vec![(Some(1), None), (Some(2), Some(1000)), (None, Some(257))];
+    for (band, batch) in sample(cases, 2) {
         let options = EngineOptions::default().with_band_rows(band).with_batch_rays(batch);
         let other = on(options);
         let pairs =
