@@ -245,8 +245,8 @@ fn surface(
     let jump = delta_ratio * media.step(inside, outside);
     let grazing = match scene.sampling.transport {
         Transport::FirstOrder => 0.0,
-        // The critical angle: rays of lines below it are counted, and go straight.
-        Transport::Wave => (2.0 * jump).sqrt(),
+        // The largest critical angle: rays of lines below it are traced exactly at each energy.
+        Transport::Wave => (2.0 * delta_ratio * media.largest_step(inside, outside)).sqrt(),
         Transport::Auto | Transport::Exact => least_cosine(jump),
     };
     let object = &scene.objects[component.object as usize];

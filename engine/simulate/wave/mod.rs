@@ -9,29 +9,36 @@
 //! - `inline`: beamlets without a sample mask;
 //! - `columns`: pixels of each beamlet, and their response to a frequency;
 //! - `energy`, `plan`: tables of these on the device;
+//! - `line`: places of rays;
+//! - `reflected`: parts of lines whose light is reflected totally;
 //! - `kernels`, `lines`: lines of rays, traced, and their light;
 //! - `patch`: heights of the lines of a beamlet and row;
+//! - `cells`: reflected light as cells, for the light of rays;
 //! - `rows`: patches of rows, and estimates of their errors;
 //! - `band`: sums of light of a band of rows.
 
 mod band;
 mod bars;
+mod cells;
 mod columns;
 mod energy;
 mod facets;
 mod frequencies;
 mod inline;
 mod kernels;
+mod line;
 mod lines;
 mod patch;
 mod plan;
+mod reflected;
 mod refusal;
 mod rows;
 
 pub(crate) use band::WaveBand;
+pub(crate) use cells::CellPlaces;
 pub use facets::facet_kinks;
 pub(crate) use kernels::WaveKernels;
 pub(crate) use plan::WavePlans;
 pub use refusal::refuse_by_waves;
-pub(crate) use refusal::{grazing_warning, refuse};
+pub(crate) use refusal::{reflection_warning, refuse};
 pub(crate) use rows::WaveView;
