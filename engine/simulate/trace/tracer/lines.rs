@@ -34,7 +34,7 @@ impl Tracer {
         let stride = self.moment_stride() as usize;
         let mut words = reserve::zeroed::<u32>(count * stride, "moments of rays")?;
         self.device.read(&mut [Download::new(&self.batch.moments, 0, &mut words)])?;
-        let flags = words.chunks_exact(stride).map(|ray| ray[MOMENTS_FLAGS as usize]);
+        let flags = words.chunks_exact(stride).map(|ray| ray[MOMENTS_FLAGS]);
         let flagged = flags.enumerate().filter(|(_, flags)| flags & FLAG_GRAZING != 0);
         Ok(flagged.map(|(index, _)| index).collect())
     }
