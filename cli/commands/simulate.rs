@@ -256,7 +256,10 @@ fn counts(tally: &Tally) -> [(u64, &'static str); 13] {
         (tally.dropped, "cells or crossings dropped at a limit"),
         (tally.reflected, "rays totally reflected"),
         (tally.not_finite, "rays not finite; their light is omitted"),
-        (tally.landed_off, "cells whose light landed outside the detector"),
+        (
+            tally.landed_off,
+            "cells whose light landed outside the detector or too far off to follow",
+        ),
         (tally.defective_objects, "objects with defects, accepted by allow_defects"),
         (tally.saturated, "detector numbers clipped at the upper end of the bit depth"),
         (tally.clipped_at_zero, "detector numbers clipped at 0"),
