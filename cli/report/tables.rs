@@ -133,8 +133,8 @@ const MEANINGS: [(&str, &str); 15] = [
     ("dropped", "rectangles or crossings beyond a limit; should be 0"),
     ("reflected", "rays that were totally reflected at least once; by waves at each energy"),
     (
-        "reflected_light",
-        "by waves: light that surfaces reflect totally, summed over patches in 1e-9 of the light of one",
+        "grazing_light",
+        "by waves: light that crosses surfaces near grazing, summed over patches in 1e-9 of the light of one",
     ),
     ("not_finite", "rays whose value is not a number; their light is omitted; should be 0"),
     ("landed_off", "rectangles whose light lands outside the detector or too far off to follow"),
@@ -144,7 +144,7 @@ const MEANINGS: [(&str, &str); 15] = [
 ];
 
 /// Counts that belong to any run.
-const USUAL: [&str; 5] = ["rays", "exact", "split", "reflected", "reflected_light"];
+const USUAL: [&str; 5] = ["rays", "exact", "split", "reflected", "grazing_light"];
 
 /// Counts of sampling, as text.
 const OF_SAMPLING: [&str; 6] = [

@@ -386,7 +386,7 @@ impl Simulation {
             profile,
             ..RunRecord::begin(&self.start, self.scene.sampling.seed)
         };
-        let warning = wave::reflection_warning(&self.scene, &tally);
+        let warning = wave::grazing_warning(&self.scene, &tally);
         warning.into_iter().for_each(|text| log::warn!("{text}"));
         // The counts of a shard are too few to be judged: the join judges the sum.
         if control.shard.is_whole() {

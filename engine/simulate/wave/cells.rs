@@ -1,7 +1,7 @@
-//! Cells of totally reflected light of lines, for the illumination of rays.
+//! Cells of light of lines near grazing, for the illumination of rays.
 
+use super::grazing::GrazingPart;
 use super::patch::{Interval, Patch};
-use super::reflected::Reflected;
 use crate::sampling::{CellBatch, CellMoments, Lattice, empty_cell_row};
 use beamlet_core::numbers::single;
 use beamlet_interface::{Cell, CellRow};
@@ -28,7 +28,7 @@ impl CellPlaces<'_> {
         let centre = lines.centre(patch.beamlet);
         let ends = [-0.5, 0.5].map(|half| centre + half * lines.period);
         let mut light = 0.0;
-        for interval in patch.intervals.iter().filter(|it| !it.reflected.is_empty()) {
+        for interval in patch.intervals.iter().filter(|it| !it.grazing.is_empty()) {
             for beamlet in self.lattice.beamlets_of(ends) {
                 let middle = self.lattice.centre(beamlet);
                 let half = 0.5 * self.lattice.period;
@@ -37,7 +37,7 @@ impl CellPlaces<'_> {
                 let [top, bottom] = interval.ends.map(single);
                 let row = CellRow { top, bottom, ..empty_cell_row(column, patch.row) };
                 for (energy, list) in lists.iter_mut().enumerate() {
-                    let of_energy = interval.reflected.iter().filter(|it| it.energy == energy);
+                    let of_energy = interval.grazing.iter().filter(|it| it.energy == energy);
                     let inside = of_energy.filter_map(|it| {
                         let x = it.x.map(|x| (centre + x).clamp(own[0], own[1]));
                         (x[1] - x[0] > NARROWEST).then_some((it, x))
@@ -58,14 +58,14 @@ impl CellPlaces<'_> {
     }
 
     /// True if light lands a row or more from its own; it stays there.
-    fn leaves_row(&self, reflected: &Reflected) -> bool {
-        let z = reflected.result.landing_z(single(self.optics.gap()));
+    fn leaves_row(&self, part: &GrazingPart) -> bool {
+        let z = part.result.landing_z(single(self.optics.gap()));
         f64::from(z).abs() > self.optics.detector.pitch[1]
     }
 
     /// Cell of a part of a line; `x`: from the centre of its beamlet, m.
-    fn cell(&self, reflected: &Reflected, x: [f64; 2], interval: &Interval) -> Cell {
-        let result = &reflected.result;
+    fn cell(&self, part: &GrazingPart, x: [f64; 2], interval: &Interval) -> Cell {
+        let result = &part.result;
         let ratio = single(self.optics.analyser / self.optics.detector.distance);
         let gap = single(self.optics.gap());
         let [top, bottom] = interval.ends;

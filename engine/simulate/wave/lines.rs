@@ -1,9 +1,9 @@
 //! Lines of rays, traced in batches, and their light in the pixels of their beamlets.
 
+use super::grazing::{GrazingLight, GrazingPart, Share};
 use super::kernels::WaveKernels;
 use super::line::{Line, LineRays};
 use super::plan::WavePlan;
-use super::reflected::{Reflected, ReflectedLight, Share};
 use crate::illuminate::fit;
 use crate::sampling::Lattice;
 use crate::trace::Tracer;
@@ -72,8 +72,7 @@ impl Lines {
         self.light_of(&records, list)
     }
 
-    /// Light of lines at a pose of the sample, `[line][step][pixel]`, without the light that surfaces reflect totally,
-    /// which has a list by line.
+    /// Light of lines at a pose of the sample, `[line][step][pixel]`, without light near grazing, which has a list by line.
     ///
     /// # Errors
     /// As [`Tracer::trace`].
@@ -83,17 +82,17 @@ impl Lines {
         lattice: &Lattice,
         lines: &[Line],
         [pose, list]: [u32; 2],
-    ) -> Result<(Vec<f32>, Vec<Vec<Reflected>>)> {
+    ) -> Result<(Vec<f32>, Vec<Vec<GrazingPart>>)> {
         let each = self.plan.rays as usize;
         let energies = self.plan.energies as usize;
         let at_once = (FIELD_BYTES / (each * energies * size_of::<WaveField>())).max(1);
         let mut light = Vec::with_capacity(lines.len() * self.values());
-        let mut reflected = Vec::with_capacity(lines.len());
+        let mut grazing = Vec::with_capacity(lines.len());
         for some in lines.chunks(at_once) {
             let spacing = self.plan.spacing;
             let rays = LineRays { lattice, lines: some, each, spacing, pose };
             let flagged = self.trace(tracer, &rays)?;
-            let found = ReflectedLight::find(tracer, &rays, &flagged, energies)?;
+            let found = GrazingLight::find(tracer, &rays, &flagged, energies)?;
             self.take_out(&found.shares, rays.count())?;
             let record = |(index, line): (usize, &Line)| WaveLine {
                 first_ray: numbers::count(index * each),
@@ -101,9 +100,9 @@ impl Lines {
             };
             let records: Vec<WaveLine> = some.iter().enumerate().map(record).collect();
             light.extend(self.light_of(&records, list as usize)?);
-            reflected.extend(found.of_line);
+            grazing.extend(found.of_line);
         }
-        Ok((light, reflected))
+        Ok((light, grazing))
     }
 
     /// Traces lines, and leaves the fields of all energies, `[energy][line][ray]`. Rays near grazing.

@@ -10,10 +10,10 @@
 //! - `columns`: pixels of each beamlet, and their response to a frequency;
 //! - `energy`, `plan`: tables of these on the device;
 //! - `line`: places of rays;
-//! - `reflected`: parts of lines whose light is reflected totally;
+//! - `grazing`: parts of lines near grazing, for the light of rays;
 //! - `kernels`, `lines`: lines of rays, traced, and their light;
 //! - `patch`: heights of the lines of a beamlet and row;
-//! - `cells`: reflected light as cells, for the light of rays;
+//! - `cells`: these parts as cells, for the illumination of rays;
 //! - `rows`: patches of rows, and estimates of their errors;
 //! - `band`: sums of light of a band of rows.
 
@@ -24,13 +24,13 @@ mod columns;
 mod energy;
 mod facets;
 mod frequencies;
+mod grazing;
 mod inline;
 mod kernels;
 mod line;
 mod lines;
 mod patch;
 mod plan;
-mod reflected;
 mod refusal;
 mod rows;
 
@@ -40,5 +40,5 @@ pub use facets::facet_kinks;
 pub(crate) use kernels::WaveKernels;
 pub(crate) use plan::WavePlans;
 pub use refusal::refuse_by_waves;
-pub(crate) use refusal::{reflection_warning, refuse};
+pub(crate) use refusal::{grazing_warning, refuse};
 pub(crate) use rows::WaveView;

@@ -10,14 +10,15 @@ use beamlet_model::optics::Optics;
 use beamlet_model::scene::{Object, Refine, Scene, Scheme, Transport};
 use beamlet_model::spectrum;
 
-/// A warning where surfaces reflect more of the light of the touched patches of a run by waves than its tolerance.
-pub(crate) fn reflection_warning(scene: &Scene, tally: &Tally) -> Option<String> {
-    let share = tally.reflected_light as f64 * 1e-9 / tally.patches.max(1) as f64;
+/// A warning where more of the light of the touched patches of a run by waves than its tolerance crosses surfaces near
+/// grazing.
+pub(crate) fn grazing_warning(scene: &Scene, tally: &Tally) -> Option<String> {
+    let share = tally.grazing_light as f64 * 1e-9 / tally.patches.max(1) as f64;
     let is_much = share > scene.sampling.tolerances().light;
     (scene.sampling.transport == Transport::Wave && is_much).then(|| {
         format!(
-            "waves: surfaces reflect {:.2} % of the light of the patches that the sample touches totally; it is \
-             computed by rays, without interference, and stays in its row",
+            "waves: {:.2} % of the light of the patches that the sample touches crosses surfaces near grazing or is \
+             totally reflected; it is computed by rays, without diffraction, and stays in its row",
             100.0 * share
         )
     })

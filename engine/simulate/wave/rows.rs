@@ -37,7 +37,7 @@ pub(crate) struct WaveView<'a> {
     pub tolerance: f64,
     /// Most rays of a patch.
     pub max_rays: u32,
-    /// Cells of reflected light.
+    /// Cells of light near grazing.
     pub cells: CellPlaces<'a>,
 }
 
@@ -54,7 +54,7 @@ struct Touched {
 
 impl WaveBand {
     /// Puts the light of lines in the place of the flat in the patches of some rows that a shadow touches; cells of
-    /// the light that surfaces reflect totally, by energy.
+    /// light near grazing, by energy.
     ///
     /// # Errors
     /// As [`Tracer::trace`].
@@ -83,9 +83,9 @@ impl WaveBand {
                 let errors = [patch.error(), change];
                 let of_patch =
                     tally_of(patch, errors, at.counts_for, self.plan.rays, view.tolerance);
-                let reflected = view.cells.add(&mut cells, view.lattice, patch);
-                let reflected_light = numbers::whole((reflected * 1e9).round());
-                tally = tally + Tally { reflected_light, ..of_patch };
+                let of_rays = view.cells.add(&mut cells, view.lattice, patch);
+                let grazing_light = numbers::whole((of_rays * 1e9).round());
+                tally = tally + Tally { grazing_light, ..of_patch };
             }
         }
         tally.landed_off += cells.iter().map(|list| list.landed_off).sum::<u64>();
@@ -155,11 +155,11 @@ impl WaveBand {
             if all.is_empty() {
                 return Ok(());
             }
-            let (light, mut reflected) = self.lines.light(tracer, view.lattice, &all, index)?;
-            let (mut rest, mut of_lines) = (&light[..], &mut reflected[..]);
+            let (light, mut grazing) = self.lines.light(tracer, view.lattice, &all, index)?;
+            let (mut rest, mut of_lines) = (&light[..], &mut grazing[..]);
             for (patch, lines) in patches.iter_mut().zip(&wanted).filter(|(_, it)| !it.is_empty()) {
-                let (thrown, others) = of_lines.split_at_mut(lines.len());
-                patch.take_reflected(thrown);
+                let (parts, others) = of_lines.split_at_mut(lines.len());
+                patch.take_grazing(parts);
                 of_lines = others;
                 let (own, after) = rest.split_at(lines.len() * values);
                 patch.take(own, values, limits);

@@ -53,8 +53,8 @@ pub(super) struct ViewWork<'s> {
     refiner: Option<DeviceRefiner<'s>>,
     /// Light by waves in place of cells, where the scene wants that.
     wave: Option<WaveBand>,
-    /// Cells add light that surfaces reflect totally to the light of the band by waves.
-    reflects: bool,
+    /// Cells add light near grazing to the light of the band by waves.
+    has_grazing_light: bool,
     bars: MaskTransmissionCache,
     random: bool,
     band: u32,
@@ -144,7 +144,7 @@ impl<'s> ViewWork<'s> {
             random_light: RandomIlluminator::new(&device, simulator.random_kernels(), optics),
             refiner,
             wave,
-            reflects: false,
+            has_grazing_light: false,
             bars: MaskTransmissionCache::default(),
             random,
             band,
@@ -240,7 +240,9 @@ impl<'s> ViewWork<'s> {
         self.band(view, projected_bounds, &lit, &detector.grid().own_rows(band), control)?;
         let begin = Instant::now();
         let light = match &self.wave {
-            Some(wave) if self.reflects => wave.intensities()? + self.sums.intensities()?,
+            Some(wave) if self.has_grazing_light => {
+                wave.intensities()? + self.sums.intensities()?
+            }
             Some(wave) => wave.intensities()?,
             None => self.sums.intensities()?,
         };
@@ -254,7 +256,7 @@ impl<'s> ViewWork<'s> {
         if let Some(wave) = &mut self.wave {
             wave.begin(lit, list)?;
         }
-        self.reflects = false;
+        self.has_grazing_light = false;
         let uploads = self.lights.iter_mut().map(|light| light.set_band(lit, list));
         self.sums.clear(lit, &uploads.collect::<Vec<_>>())
     }

@@ -51,7 +51,7 @@ impl ViewWork<'_> {
             }
             self.seconds.trace += begin.elapsed().as_secs_f64();
             if cells.iter().any(|list| !list.cells.is_empty()) {
-                self.reflects = true;
+                self.has_grazing_light = true;
                 let begin = Instant::now();
                 let steps = numbers::count(simulation.scene.scan.mask_offsets.len());
                 // Behind groups of energies each has its own light.
