@@ -170,7 +170,7 @@ fn faces_below_the_critical_angle_have_the_light_of_rays_at_short_wavelengths() 
 }
 
 #[test]
-fn light_below_the_critical_angle_is_counted() {
+fn light_near_grazing_is_counted() {
     for backend in backends() {
         let tally =
             |angle| engine(backend).simulate(&behind_masks(3, angle)).expect("stacks").record.tally;
