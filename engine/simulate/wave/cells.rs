@@ -32,6 +32,7 @@ impl CellPlaces<'_> {
             for beamlet in self.lattice.beamlets_of(ends) {
                 let middle = self.lattice.centre(beamlet);
                 let half = 0.5 * self.lattice.period;
+                // Empty, but for rounding, in beamlets beside.
                 let own = [ends[0].max(middle - half), ends[1].min(middle + half)];
                 let column = beamlet - self.lattice.beamlets.start;
                 let [top, bottom] = interval.ends.map(single);
@@ -39,7 +40,7 @@ impl CellPlaces<'_> {
                 for (energy, list) in lists.iter_mut().enumerate() {
                     let of_energy = interval.grazing.iter().filter(|it| it.energy == energy);
                     let inside = of_energy.filter_map(|it| {
-                        let x = it.x.map(|x| (centre + x).clamp(own[0], own[1]));
+                        let x = it.x.map(|x| (centre + x).max(own[0]).min(own[1]));
                         (x[1] - x[0] > NARROWEST).then_some((it, x))
                     });
                     let mut cells = Vec::new();
