@@ -254,12 +254,12 @@ fn counts(tally: &Tally) -> [(u64, &'static str); 13] {
         (tally.unordered, "rays not followed exactly; their first order is used"),
         (tally.retraced, "rays traced again with the software BVH"),
         (tally.dropped, "cells or crossings dropped at a limit"),
-        (
-            tally.reflected,
-            "rays totally reflected (by waves: below the critical angle, straight on)",
-        ),
+        (tally.reflected, "rays totally reflected"),
         (tally.not_finite, "rays not finite; their light is omitted"),
-        (tally.landed_off, "cells whose light landed outside the detector"),
+        (
+            tally.landed_off,
+            "cells whose light landed outside the detector or too far off to follow",
+        ),
         (tally.defective_objects, "objects with defects, accepted by allow_defects"),
         (tally.saturated, "detector numbers clipped at the upper end of the bit depth"),
         (tally.clipped_at_zero, "detector numbers clipped at 0"),

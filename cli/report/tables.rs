@@ -119,7 +119,7 @@ pub(super) fn words() -> Vec<TableRow> {
 }
 
 /// Meanings of the counts of a tally.
-const MEANINGS: [(&str, &str); 14] = [
+const MEANINGS: [(&str, &str); 15] = [
     ("rays", "traced as straight lines, with refraction to first order"),
     ("exact", "traced exactly, surface by surface, because they graze a surface"),
     ("split", "rectangles that refinement has split"),
@@ -131,7 +131,11 @@ const MEANINGS: [(&str, &str); 14] = [
     ),
     ("retraced", "rays of the ray-query backend that the software BVH has traced again"),
     ("dropped", "rectangles or crossings beyond a limit; should be 0"),
-    ("reflected", "rays that were totally reflected at least once; by waves they go straight"),
+    ("reflected", "rays that were totally reflected at least once; by waves at each energy"),
+    (
+        "grazing_light",
+        "by waves: light that crosses surfaces near grazing, summed over patches in 1e-9 of the light of one",
+    ),
     ("not_finite", "rays whose value is not a number; their light is omitted; should be 0"),
     ("landed_off", "rectangles whose light lands outside the detector or too far off to follow"),
     ("defective_objects", "objects with open or crossing surfaces, accepted by allow_defects"),
@@ -140,7 +144,7 @@ const MEANINGS: [(&str, &str); 14] = [
 ];
 
 /// Counts that belong to any run.
-const USUAL: [&str; 4] = ["rays", "exact", "split", "reflected"];
+const USUAL: [&str; 5] = ["rays", "exact", "split", "reflected", "grazing_light"];
 
 /// Counts of sampling, as text.
 const OF_SAMPLING: [&str; 6] = [

@@ -27,9 +27,11 @@ pub struct Tally {
     pub retraced: u64,
     /// Cells or crossings dropped at a limit.
     pub dropped: u64,
-    /// Rays that were totally reflected at least once; by waves rays that crossed a surface below its critical angle, and
-    /// went straight.
+    /// Rays that were totally reflected at least once; by waves at each energy.
     pub reflected: u64,
+    /// Light of lines that crosses surfaces near grazing, which is computed by rays: sum over the patches, in 1e-9 of
+    /// the light of a patch.
+    pub grazing_light: u64,
     /// Rays with a value that is not finite; their light is left out.
     pub not_finite: u64,
     /// Cells whose light landed outside the detector or too far off to follow.
@@ -69,6 +71,7 @@ impl Tally {
             retraced: f(self.retraced, other.retraced),
             dropped: f(self.dropped, other.dropped),
             reflected: f(self.reflected, other.reflected),
+            grazing_light: f(self.grazing_light, other.grazing_light),
             not_finite: f(self.not_finite, other.not_finite),
             landed_off: f(self.landed_off, other.landed_off),
             saturated: f(self.saturated, other.saturated),

@@ -81,6 +81,13 @@ impl MaterialTable {
         self.weights.iter().zip(&self.constants).map(|(w, c)| w * square(c)).sum::<f64>().sqrt()
     }
 
+    /// Largest step of delta between two materials over the spectrum.
+    #[must_use]
+    pub fn largest_step(&self, a: u32, b: u32) -> f64 {
+        let step = |c: &Vec<Constants>| (c[a as usize].delta - c[b as usize].delta).abs();
+        self.constants.iter().map(step).fold(0.0, f64::max)
+    }
+
     /// Delta of a material, root mean square over the spectrum.
     #[must_use]
     pub fn delta(&self, material: usize) -> f64 {

@@ -71,8 +71,6 @@ struct DeviceCounts {
     rays: AtomicU64,
     exact: AtomicU64,
     retraced: AtomicU64,
-    /// Rays of lines below the critical angle of a surface.
-    below_critical: AtomicU64,
     device: [AtomicU64; TALLY_COUNTERS],
 }
 
@@ -252,7 +250,7 @@ impl Tracer {
             let uploads = [Upload::new(&self.batch.rays, 0, &rays[first..first + n])];
             let count = numbers::count(n);
             let job = self.job(count, wanted, true)?;
-            let time = self.run_job(&job, (&uploads, &|_| ()), (results, moments))?;
+            let (time, _) = self.run_job(&job, (&uploads, &|_| ()), (results, moments))?;
             self.counts.rays.fetch_add(count.into(), Ordering::Relaxed);
             first += n;
             self.adapt(n, time)?;
@@ -291,7 +289,7 @@ impl Tracer {
         };
         // Random rays draw normals at every rough surface.
         let job = self.job(n, Wanted::RayResults, false)?;
-        let time = self.run_job(&job, (uploads, &begin), (&mut [], &mut []))?;
+        let (time, _) = self.run_job(&job, (uploads, &begin), (&mut [], &mut []))?;
         self.counts.rays.fetch_add(n.into(), Ordering::Relaxed);
         Ok(time)
     }
@@ -311,7 +309,7 @@ impl Tracer {
             retraced: self.counts.retraced.load(Ordering::Relaxed) + sums[TALLY_RETRACED],
             unbalanced: sums[TALLY_UNBALANCED],
             dropped: sums[TALLY_DROPPED],
-            reflected: self.counts.below_critical.load(Ordering::Relaxed) + sums[TALLY_REFLECTED],
+            reflected: sums[TALLY_REFLECTED],
             not_finite: sums[TALLY_NOT_FINITE],
             unordered: sums[TALLY_UNORDERED],
             negative: sums[TALLY_NEGATIVE],

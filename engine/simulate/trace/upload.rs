@@ -15,6 +15,10 @@ use std::sync::Arc;
 /// Error of the slope, rad, above which the first order is not enough at a surface.
 pub(crate) const FIRST_ORDER_ERROR: f64 = 1e-9;
 
+/// Incidence below which rays of lines are near grazing, largest critical angles: phases err by 2 % of the angle of
+/// refraction there, and by 1/(4n²) of it at n critical angles.
+const NEAR_GRAZING: f64 = 4.0;
+
 /// The sample on the device, for both backends.
 #[derive(Debug)]
 pub struct DeviceSample {
@@ -243,13 +247,17 @@ fn surface(
 ) -> Surface {
     let [inside, outside] = media.sides(component.object, component.outside);
     let jump = delta_ratio * media.step(inside, outside);
+    let object = &scene.objects[component.object as usize];
     let grazing = match scene.sampling.transport {
         Transport::FirstOrder => 0.0,
-        // The critical angle: rays of lines below it are counted, and go straight.
-        Transport::Wave => (2.0 * jump).sqrt(),
+        // Heights of rough surfaces belong to straight rays.
+        Transport::Wave if object.roughness > 0.0 => 0.0,
+        // Rays of lines below it are traced exactly at each energy.
+        Transport::Wave => {
+            NEAR_GRAZING * (2.0 * delta_ratio * media.largest_step(inside, outside)).sqrt()
+        }
         Transport::Auto | Transport::Exact => least_cosine(jump),
     };
-    let object = &scene.objects[component.object as usize];
     Surface {
         object: component.object,
         inside,

@@ -1,6 +1,8 @@
 //! Lines of rays, traced in batches, and their light in the pixels of their beamlets.
 
+use super::grazing::{GrazingLight, GrazingPart, Share};
 use super::kernels::WaveKernels;
+use super::line::{Line, LineRays};
 use super::plan::WavePlan;
 use crate::illuminate::fit;
 use crate::sampling::Lattice;
@@ -18,15 +20,6 @@ const FIELD_BYTES: usize = 1 << 25;
 const MOST_PRODUCTS: u64 = 1 << 25;
 
 const _: () = assert!(push_bytes::<WaveLinePush>() <= beamlet_gpu::PUSH_BYTES);
-
-/// A line of rays.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct Line {
-    /// Beamlet of the lattice.
-    pub beamlet: i64,
-    /// Row coordinate, downwards.
-    pub row: f64,
-}
 
 /// Buffers of lines on the device, which grow as needed.
 #[derive(Debug)]
@@ -79,7 +72,7 @@ impl Lines {
         self.light_of(&records, list)
     }
 
-    /// Light of lines at a pose of the sample: `[line][step][pixel]`.
+    /// Light of lines at a pose of the sample, `[line][step][pixel]`, without light near grazing, which has a list by line.
     ///
     /// # Errors
     /// As [`Tracer::trace`].
@@ -89,42 +82,43 @@ impl Lines {
         lattice: &Lattice,
         lines: &[Line],
         [pose, list]: [u32; 2],
-    ) -> Result<Vec<f32>> {
+    ) -> Result<(Vec<f32>, Vec<Vec<GrazingPart>>)> {
         let each = self.plan.rays as usize;
         let energies = self.plan.energies as usize;
         let at_once = (FIELD_BYTES / (each * energies * size_of::<WaveField>())).max(1);
         let mut light = Vec::with_capacity(lines.len() * self.values());
+        let mut grazing = Vec::with_capacity(lines.len());
         for some in lines.chunks(at_once) {
-            self.trace(tracer, lattice, some, pose)?;
+            let spacing = self.plan.spacing;
+            let rays = LineRays { lattice, lines: some, each, spacing, pose };
+            let flagged = self.trace(tracer, &rays)?;
+            let found = GrazingLight::find(tracer, &rays, &flagged, energies)?;
+            self.take_out(&found.shares, rays.count())?;
             let record = |(index, line): (usize, &Line)| WaveLine {
                 first_ray: numbers::count(index * each),
                 beamlet: numbers::narrow(line.beamlet - self.plan.beamlets.start),
             };
             let records: Vec<WaveLine> = some.iter().enumerate().map(record).collect();
             light.extend(self.light_of(&records, list as usize)?);
+            grazing.extend(found.of_line);
         }
-        Ok(light)
+        Ok((light, grazing))
     }
 
-    /// Traces lines, and leaves the fields of all energies, `[energy][line][ray]`.
-    fn trace(
-        &mut self,
-        tracer: &mut Tracer,
-        lattice: &Lattice,
-        lines: &[Line],
-        pose: u32,
-    ) -> Result<()> {
-        let (plan, all) = (self.plan.clone(), lines.len() * self.plan.rays as usize);
+    /// Traces lines, and leaves the fields of all energies, `[energy][line][ray]`. Rays near grazing.
+    fn trace(&mut self, tracer: &mut Tracer, lines: &LineRays<'_>) -> Result<Vec<usize>> {
+        let (plan, all) = (self.plan.clone(), lines.count());
         let fields = self.fields.take();
         let size = all * plan.energies as usize;
         let fields = fit::<WaveField>(&self.device, fields, "fields of lines", size)?;
         let kernel = self.kernels.field.get()?;
+        let mut flagged = Vec::new();
         let mut first = 0;
         while first < all {
             let count = (all - first).min(tracer.capacity() as usize);
             let rays: Vec<Ray> =
-                (first..first + count).map(|at| self.ray(lattice, lines, at, pose)).collect();
-            tracer.with_moments_on_device(&rays, |tracer| {
+                (first..first + count).map(|at| lines.ray(at, lines.x(at))).collect();
+            let some = tracer.with_moments_on_device(&rays, |tracer| {
                 let field = |energy: u32| WaveFieldPush {
                     moments: tracer.moments().address(),
                     fields: fields.address(),
@@ -143,18 +137,37 @@ impl Lines {
                 };
                 self.device.run(record).map(|_| ())
             })?;
+            flagged.extend(some.into_iter().map(|index| first + index));
             first += count;
         }
         self.fields = Some(fields);
-        Ok(())
+        Ok(flagged)
     }
 
-    /// A ray of a line, by its index among the rays of all.
-    fn ray(&self, lattice: &Lattice, lines: &[Line], at: usize, pose: u32) -> Ray {
-        let each = self.plan.rays as usize;
-        let line = &lines[at / each];
-        let from_middle = (at % each) as f64 + 0.5 - 0.5 * each as f64;
-        lattice.ray(line.beamlet, from_middle * self.plan.spacing, line.row, pose)
+    /// Takes shares of the light of rays out of the fields of `all` rays at each energy.
+    fn take_out(&self, shares: &[Share], all: usize) -> Result<()> {
+        let Some(fields) = self.fields.as_ref().filter(|_| !shares.is_empty()) else {
+            return Ok(());
+        };
+        let follows = |a: &Share, b: &Share| a.energy == b.energy && a.ray + 1 == b.ray;
+        let runs: Vec<&[Share]> = shares.chunk_by(follows).collect();
+        let place =
+            |run: &[Share]| ((run[0].energy * all + run[0].ray) * size_of::<WaveField>()) as u64;
+        let mut values: Vec<Vec<WaveField>> =
+            runs.iter().map(|run| bytemuck::zeroed_vec(run.len())).collect();
+        let download = |(run, values)| Download::new(fields, place(run), values);
+        let places = runs.iter().copied().zip(values.iter_mut().map(Vec::as_mut_slice));
+        self.device.read(&mut places.map(download).collect::<Vec<_>>())?;
+        for (field, of) in values.iter_mut().flatten().zip(shares) {
+            let amplitude = (1.0 - of.share).sqrt();
+            (field.re, field.im) = (amplitude * field.re, amplitude * field.im);
+        }
+        let uploads: Vec<Upload<'_>> = runs
+            .iter()
+            .zip(&values)
+            .map(|(run, values)| Upload::new(fields, place(run), values))
+            .collect();
+        self.device.run_with(&uploads, |_| {}, &mut []).map(drop)
     }
 
     /// Light of lines whose fields are on the device.

@@ -9,19 +9,25 @@
 //! - `inline`: beamlets without a sample mask;
 //! - `columns`: pixels of each beamlet, and their response to a frequency;
 //! - `energy`, `plan`: tables of these on the device;
+//! - `line`: places of rays;
+//! - `grazing`: parts of lines near grazing, for the light of rays;
 //! - `kernels`, `lines`: lines of rays, traced, and their light;
 //! - `patch`: heights of the lines of a beamlet and row;
+//! - `cells`: these parts as cells, for the illumination of rays;
 //! - `rows`: patches of rows, and estimates of their errors;
 //! - `band`: sums of light of a band of rows.
 
 mod band;
 mod bars;
+mod cells;
 mod columns;
 mod energy;
 mod facets;
 mod frequencies;
+mod grazing;
 mod inline;
 mod kernels;
+mod line;
 mod lines;
 mod patch;
 mod plan;
@@ -29,6 +35,7 @@ mod refusal;
 mod rows;
 
 pub(crate) use band::WaveBand;
+pub(crate) use cells::CellPlaces;
 pub use facets::facet_kinks;
 pub(crate) use kernels::WaveKernels;
 pub(crate) use plan::WavePlans;

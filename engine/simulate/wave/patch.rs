@@ -1,7 +1,8 @@
 //! Heights of the lines of a beamlet and row: intervals of z are cut in three until their light is that between
 //! their neighbours.
 
-use super::lines::Line;
+use super::grazing::GrazingPart;
+use super::line::Line;
 
 /// Share of the tolerance that the heights of the lines of a patch take: the rest is the spacing's.
 const SHARE: f64 = 0.4;
@@ -20,11 +21,13 @@ pub(super) struct Interval {
     pub ends: [f64; 2],
     /// Light of its line, `[step][pixel]`; none before it is traced.
     pub light: Vec<f32>,
+    /// Parts of the line near grazing.
+    pub grazing: Vec<GrazingPart>,
 }
 
 impl Interval {
     const fn new(ends: [f64; 2]) -> Self {
-        Self { ends, light: Vec::new() }
+        Self { ends, light: Vec::new(), grazing: Vec::new() }
     }
 
     /// Height, rows.
@@ -83,6 +86,12 @@ impl Patch {
         let line =
             |it: &Interval| Line { beamlet: self.beamlet, row: self.row as f64 + it.middle() };
         wanted.map(line).collect()
+    }
+
+    /// Takes the parts near grazing of these lines, before their other light.
+    pub(super) fn take_grazing(&mut self, of_lines: &mut [Vec<GrazingPart>]) {
+        let wanted = self.intervals.iter_mut().filter(|it| it.light.is_empty());
+        wanted.zip(of_lines).for_each(|(it, parts)| it.grazing = std::mem::take(parts));
     }
 
     /// Takes the light of these lines, and cuts intervals that err too much.

@@ -10,15 +10,16 @@ use beamlet_model::optics::Optics;
 use beamlet_model::scene::{Object, Refine, Scene, Scheme, Transport};
 use beamlet_model::spectrum;
 
-/// A warning where more of the rays of a run by waves than its tolerance were below the critical angle of a surface.
+/// A warning where more of the light of the touched patches of a run by waves than its tolerance crosses surfaces near
+/// grazing.
 pub(crate) fn grazing_warning(scene: &Scene, tally: &Tally) -> Option<String> {
-    let Tally { rays, reflected, .. } = *tally;
-    let tolerated = scene.sampling.tolerances().light * rays as f64;
-    let is_many = scene.sampling.transport == Transport::Wave && reflected as f64 > tolerated;
-    is_many.then(|| {
+    let share = tally.grazing_light as f64 * 1e-9 / tally.patches.max(1) as f64;
+    let is_much = share > scene.sampling.tolerances().light;
+    (scene.sampling.transport == Transport::Wave && is_much).then(|| {
         format!(
-            "waves: {reflected} of {rays} rays cross a surface below its critical angle and go straight: light \
-             that is totally reflected there is not computed; transport = \"auto\" follows it by rays"
+            "waves: {:.2} % of the light of the patches that the sample touches crosses surfaces near grazing or is \
+             totally reflected; it is computed by rays, without diffraction, and stays in its row",
+            100.0 * share
         )
     })
 }

@@ -1,9 +1,10 @@
 //! Patches of rows that the sample touches: heights of their lines, and estimates of their errors.
 
 use super::band::WaveBand;
-use super::lines::Line;
+use super::cells::CellPlaces;
+use super::line::Line;
 use super::patch::{Limits, Patch};
-use crate::sampling::{Lattice, ProjectedBounds};
+use crate::sampling::{CellBatch, Lattice, ProjectedBounds};
 use crate::trace::Tracer;
 use beamlet_core::tally::Tally;
 use beamlet_core::{Result, numbers};
@@ -36,6 +37,8 @@ pub(crate) struct WaveView<'a> {
     pub tolerance: f64,
     /// Most rays of a patch.
     pub max_rays: u32,
+    /// Cells of light near grazing.
+    pub cells: CellPlaces<'a>,
 }
 
 /// Patch that a shadow touches.
@@ -50,7 +53,8 @@ struct Touched {
 }
 
 impl WaveBand {
-    /// Puts the light of lines in the place of the flat in the patches of some rows that a shadow touches.
+    /// Puts the light of lines in the place of the flat in the patches of some rows that a shadow touches; cells of
+    /// light near grazing, by energy.
     ///
     /// # Errors
     /// As [`Tracer::trace`].
@@ -59,7 +63,7 @@ impl WaveBand {
         tracer: &mut Tracer,
         view: &WaveView<'_>,
         rows: &Range<i64>,
-    ) -> Result<Tally> {
+    ) -> Result<(Tally, Vec<CellBatch>)> {
         let touched = self.touched(view, rows);
         let most = numbers::whole::<u32>(f64::from(view.max_rays / self.plan.rays)).max(3);
         let limits = Limits { tolerance: view.tolerance, lines: numbers::length(most.into()) };
@@ -68,6 +72,7 @@ impl WaveBand {
             numbers::whole::<u32>((1.0 / height).ceil().min(most))
         };
         let mut tally = Tally::default();
+        let mut cells = vec![CellBatch::default(); self.plan.energies as usize];
         for some in touched.chunks(PATCHES) {
             let patch = |it: &Touched| Patch::new(it.beamlet, it.row, parts(it.height));
             let mut patches: Vec<Patch> = some.iter().map(patch).collect();
@@ -76,11 +81,15 @@ impl WaveBand {
             for ((patch, at), change) in patches.iter().zip(some).zip(changes) {
                 self.add_patch(view, patch);
                 let errors = [patch.error(), change];
-                tally =
-                    tally + tally_of(patch, errors, at.counts_for, self.plan.rays, view.tolerance);
+                let of_patch =
+                    tally_of(patch, errors, at.counts_for, self.plan.rays, view.tolerance);
+                let of_rays = view.cells.add(&mut cells, view.lattice, patch);
+                let grazing_light = numbers::whole((of_rays * 1e9).round());
+                tally = tally + Tally { grazing_light, ..of_patch };
             }
         }
-        Ok(tally)
+        tally.landed_off += cells.iter().map(|list| list.landed_off).sum::<u64>();
+        Ok((tally, cells))
     }
 
     /// Patches that shadows touch, in order.
@@ -121,7 +130,7 @@ impl WaveBand {
         };
         let lines: Vec<Line> = chosen.iter().map(line).collect();
         let index = [view.pose, numbers::count(view.list)];
-        let light = self.finer.light(tracer, view.lattice, &lines, index)?;
+        let (light, _) = self.finer.light(tracer, view.lattice, &lines, index)?;
         let mut errors = vec![0.0; touched.len()];
         for (at, finer) in chosen.iter().zip(light.chunks_exact(self.finer.values())) {
             let pairs = patches[*at].middle().light.iter().zip(finer);
@@ -146,9 +155,12 @@ impl WaveBand {
             if all.is_empty() {
                 return Ok(());
             }
-            let light = self.lines.light(tracer, view.lattice, &all, index)?;
-            let mut rest = &light[..];
+            let (light, mut grazing) = self.lines.light(tracer, view.lattice, &all, index)?;
+            let (mut rest, mut of_lines) = (&light[..], &mut grazing[..]);
             for (patch, lines) in patches.iter_mut().zip(&wanted).filter(|(_, it)| !it.is_empty()) {
+                let (parts, others) = of_lines.split_at_mut(lines.len());
+                patch.take_grazing(parts);
+                of_lines = others;
                 let (own, after) = rest.split_at(lines.len() * values);
                 patch.take(own, values, limits);
                 rest = after;

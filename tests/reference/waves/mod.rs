@@ -10,11 +10,13 @@
 //! - `body.rs`: path lengths of cylinders and slabs
 //! - `field.rs`: grids and propagation by FFT
 //! - `light.rs`: blur by the spot, light of windows, curves
+//! - `block.rs`: fields through a thick block, step by step
 //! - `plane.rs`: fields of two dimensions, for spheres
 //! - `row.rs`: pixels of a row, as a detector has them
 //! - `rays.rs`: the same curves by rays
 //! - `fresnel.rs`: Fresnel integrals of slits, a second method
 
+pub mod block;
 pub mod body;
 pub mod field;
 pub mod fresnel;

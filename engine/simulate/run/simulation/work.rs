@@ -53,6 +53,8 @@ pub(super) struct ViewWork<'s> {
     refiner: Option<DeviceRefiner<'s>>,
     /// Light by waves in place of cells, where the scene wants that.
     wave: Option<WaveBand>,
+    /// Cells add light near grazing to the light of the band by waves.
+    has_grazing_light: bool,
     bars: MaskTransmissionCache,
     random: bool,
     band: u32,
@@ -142,6 +144,7 @@ impl<'s> ViewWork<'s> {
             random_light: RandomIlluminator::new(&device, simulator.random_kernels(), optics),
             refiner,
             wave,
+            has_grazing_light: false,
             bars: MaskTransmissionCache::default(),
             random,
             band,
@@ -237,6 +240,9 @@ impl<'s> ViewWork<'s> {
         self.band(view, projected_bounds, &lit, &detector.grid().own_rows(band), control)?;
         let begin = Instant::now();
         let light = match &self.wave {
+            Some(wave) if self.has_grazing_light => {
+                wave.intensities()? + self.sums.intensities()?
+            }
             Some(wave) => wave.intensities()?,
             None => self.sums.intensities()?,
         };
@@ -248,8 +254,9 @@ impl<'s> ViewWork<'s> {
     /// Begins sums of the light of rows, at a list of mask offsets.
     pub(super) fn clear_band(&mut self, lit: &Range<u32>, list: usize) -> Result<()> {
         if let Some(wave) = &mut self.wave {
-            return wave.begin(lit, list);
+            wave.begin(lit, list)?;
         }
+        self.has_grazing_light = false;
         let uploads = self.lights.iter_mut().map(|light| light.set_band(lit, list));
         self.sums.clear(lit, &uploads.collect::<Vec<_>>())
     }

@@ -48,13 +48,14 @@ impl Tracer {
         Ok(Job { passes, walks: walk.into_iter().collect(), later, again, wanted })
     }
 
-    /// Runs a job after uploads and commands; results and moments as far as there is room for them.
+    /// Runs a job after uploads and commands; results and moments as far as there is room for them. Its time, and
+    /// the number of rays that are flagged to be traced exactly.
     pub(super) fn run_job<'k>(
         &'k self,
         job: &Job<'k>,
         uploads_and_begin: (&[Upload<'_>], Commands<'_>),
         (results, moments): (&mut [RayResult], &mut [u32]),
-    ) -> Result<Duration> {
+    ) -> Result<(Duration, u32)> {
         let (mut time, queues) =
             self.submit_job(job, uploads_and_begin, Queues::EMPTY, (&mut *results, &mut *moments))?;
         let mut exact = queues.rays(QUEUE_EXACT);
@@ -72,9 +73,6 @@ impl Tracer {
                 self.counts.retraced.fetch_add(retraced.into(), Ordering::Relaxed);
             }
         }
-        if self.transport == Transport::Wave {
-            self.counts.below_critical.fetch_add(exact.into(), Ordering::Relaxed);
-        }
         for walk in job.walks.iter().chain(&job.later) {
             let rays = match walk.rays {
                 ExactRays::All(rays) => rays,
@@ -83,7 +81,7 @@ impl Tracer {
             };
             self.counts.exact.fetch_add(rays.into(), Ordering::Relaxed);
         }
-        Ok(time)
+        Ok((time, exact))
     }
 
     /// A job for the rays that the driver's search left or lost, and its queues at the start.

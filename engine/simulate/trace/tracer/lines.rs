@@ -1,14 +1,14 @@
 //! Moments of rays that stay on the device.
 
 use super::{Tracer, Wanted};
-use beamlet_core::{Result, numbers};
-use beamlet_gpu::Upload;
-use beamlet_interface::{MOMENTS_HEAD, Ray};
+use beamlet_core::{Result, numbers, reserve};
+use beamlet_gpu::{Download, Upload};
+use beamlet_interface::{FLAG_GRAZING, MOMENTS_FLAGS, MOMENTS_HEAD, Ray};
 use std::sync::atomic::Ordering;
 
 impl Tracer {
     /// Traces at most a batch of rays and leaves their moments in [`Self::moments`]; `take` uses them before the
-    /// batch may change its size.
+    /// batch may change its size. Indices of the rays that cross a surface near grazing, in order.
     ///
     /// # Errors
     /// As [`Tracer::trace`]; errors of `take`.
@@ -16,15 +16,27 @@ impl Tracer {
         &mut self,
         rays: &[Ray],
         take: impl FnOnce(&Self) -> Result<()>,
-    ) -> Result<()> {
+    ) -> Result<Vec<usize>> {
         self.cancel.check()?;
         let count = numbers::count(rays.len());
         let uploads = [Upload::new(&self.batch.rays, 0, rays)];
         let job = self.job(count, Wanted::Moments, true)?;
-        let time = self.run_job(&job, (&uploads, &|_| ()), (&mut [], &mut []))?;
+        let (time, flagged) = self.run_job(&job, (&uploads, &|_| ()), (&mut [], &mut []))?;
         self.counts.rays.fetch_add(count.into(), Ordering::Relaxed);
         take(self)?;
-        self.adapt(rays.len(), time)
+        let flagged = if flagged > 0 { self.flagged(rays.len())? } else { Vec::new() };
+        self.adapt(rays.len(), time)?;
+        Ok(flagged)
+    }
+
+    /// Rays near grazing among the first of the batch, by their moments: of one queue each backend has a part.
+    fn flagged(&self, count: usize) -> Result<Vec<usize>> {
+        let stride = self.moment_stride() as usize;
+        let mut words = reserve::zeroed::<u32>(count * stride, "moments of rays")?;
+        self.device.read(&mut [Download::new(&self.batch.moments, 0, &mut words)])?;
+        let flags = words.chunks_exact(stride).map(|ray| ray[MOMENTS_FLAGS]);
+        let flagged = flags.enumerate().filter(|(_, flags)| flags & FLAG_GRAZING != 0);
+        Ok(flagged.map(|(index, _)| index).collect())
     }
 
     /// Words of the moments of a ray with their head.

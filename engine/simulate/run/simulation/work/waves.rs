@@ -4,7 +4,7 @@ use super::ViewWork;
 use super::survey::GOLDEN;
 use crate::run::RunEstimate;
 use crate::sampling::ProjectedBounds;
-use crate::wave::WaveView;
+use crate::wave::{CellPlaces, WaveView};
 use beamlet_core::{Result, numbers};
 use beamlet_model::scene::Exposure;
 use std::ops::Range;
@@ -39,12 +39,26 @@ impl ViewWork<'_> {
                 list: self.response.0,
                 tolerance: simulation.budget.light,
                 max_rays: simulation.budget.max_rays,
+                cells: CellPlaces {
+                    lattice: &simulation.lattice,
+                    optics: simulation.detector.optics(),
+                    weights: &simulation.media.weights,
+                },
             };
-            let tally = wave.add_rows(&mut self.tracer, &of_view, &lit)?;
+            let (tally, cells) = wave.add_rows(&mut self.tracer, &of_view, &lit)?;
             if own {
                 self.tally = self.tally + tally;
             }
             self.seconds.trace += begin.elapsed().as_secs_f64();
+            if cells.iter().any(|list| !list.cells.is_empty()) {
+                self.has_grazing_light = true;
+                let begin = Instant::now();
+                let steps = numbers::count(simulation.scene.scan.mask_offsets.len());
+                // Behind groups of energies each has its own light.
+                let lights = &self.lights[self.lights.len() - cells.len()..];
+                self.cells.add(lights.iter().zip(&cells), &self.sums, steps)?;
+                self.seconds.illuminate += begin.elapsed().as_secs_f64();
+            }
         }
         Ok(true)
     }

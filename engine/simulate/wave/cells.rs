@@ -1,0 +1,87 @@
+//! Cells of light of lines near grazing, for the illumination of rays.
+
+use super::grazing::GrazingPart;
+use super::patch::{Interval, Patch};
+use crate::sampling::{CellBatch, CellMoments, Lattice, empty_cell_row};
+use beamlet_core::numbers::single;
+use beamlet_interface::{Cell, CellRow};
+use beamlet_model::optics::Optics;
+
+/// Parts of a line narrower than this, m, are left out: roundings at the borders of beamlets.
+const NARROWEST: f64 = 1e-12;
+
+/// Lattice of the cells, and the light of each energy.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct CellPlaces<'a> {
+    /// Lattice of cells; a beamlet of lines may hold several of its beamlets.
+    pub lattice: &'a Lattice,
+    /// Optics of the scene.
+    pub optics: &'a Optics,
+    /// Share of the light of each energy.
+    pub weights: &'a [f64],
+}
+
+impl CellPlaces<'_> {
+    /// Adds the cells of a patch of the lattice of lines to the lists of all energies; their light, as a share of
+    /// the light of the patch.
+    pub(super) fn add(&self, lists: &mut [CellBatch], lines: &Lattice, patch: &Patch) -> f64 {
+        let centre = lines.centre(patch.beamlet);
+        let ends = [-0.5, 0.5].map(|half| centre + half * lines.period);
+        let mut light = 0.0;
+        for interval in patch.intervals.iter().filter(|it| !it.grazing.is_empty()) {
+            for beamlet in self.lattice.beamlets_of(ends) {
+                let middle = self.lattice.centre(beamlet);
+                let half = 0.5 * self.lattice.period;
+                // Empty, but for rounding, in beamlets beside.
+                let own = [ends[0].max(middle - half), ends[1].min(middle + half)];
+                let column = beamlet - self.lattice.beamlets.start;
+                let [top, bottom] = interval.ends.map(single);
+                let row = CellRow { top, bottom, ..empty_cell_row(column, patch.row) };
+                for (energy, list) in lists.iter_mut().enumerate() {
+                    let of_energy = interval.grazing.iter().filter(|it| it.energy == energy);
+                    let inside = of_energy.filter_map(|it| {
+                        let x = it.x.map(|x| (centre + x).max(own[0]).min(own[1]));
+                        (x[1] - x[0] > NARROWEST).then_some((it, x))
+                    });
+                    let mut cells = Vec::new();
+                    for (it, x) in inside {
+                        let passed = f64::from(it.result.optical_depth).exp().recip();
+                        let share = (x[1] - x[0]) / lines.period * interval.height();
+                        light += self.weights[energy] * passed * share;
+                        list.landed_off += u64::from(self.leaves_row(it));
+                        cells.push(self.cell(it, x.map(|x| x - middle), interval));
+                    }
+                    list.push(row, &cells, &CellMoments::default());
+                }
+            }
+        }
+        light
+    }
+
+    /// True if light lands a row or more from its own; it stays there.
+    fn leaves_row(&self, part: &GrazingPart) -> bool {
+        let z = part.result.landing_z(single(self.optics.gap()));
+        f64::from(z).abs() > self.optics.detector.pitch[1]
+    }
+
+    /// Cell of a part of a line; `x`: from the centre of its beamlet, m.
+    fn cell(&self, part: &GrazingPart, x: [f64; 2], interval: &Interval) -> Cell {
+        let result = &part.result;
+        let ratio = single(self.optics.analyser / self.optics.detector.distance);
+        let gap = single(self.optics.gap());
+        let [top, bottom] = interval.ends;
+        let [share_above, share_below] = self.lattice.row_shares(top, bottom, 0.0);
+        Cell {
+            x_low: single(x[0]),
+            x_high: single(x[1]),
+            depth_low: result.optical_depth,
+            depth_high: result.optical_depth,
+            displacement_low: result.displacement_x,
+            displacement_high: result.displacement_x,
+            share_above,
+            share_below,
+            pixel_shift: result.displacement_x * (1.0 - ratio) - result.slope_x * gap * ratio,
+            ..bytemuck::Zeroable::zeroed()
+        }
+    }
+}
