@@ -135,7 +135,7 @@ impl Method {
         if different_offsets(along_z) > 1 {
             let found = format!("{} different offsets along z", different_offsets(along_z));
             let allowed = format!("one offset along z: {self} fits curves of steps along x");
-            return Err(Error::scene("scan.mask_offsets_z", found, allowed));
+            return Err(Error::scene("scan.mask_offsets", found, allowed));
         }
         if scene.has_heights()
             && matches!(self, Self::ExactCurve | Self::TwoStep | Self::Beamlet | Self::Triangle)
