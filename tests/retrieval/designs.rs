@@ -356,8 +356,8 @@ fn coverage(
     known.map(|(name, [within, all])| (name, within as f64 / all as f64, all)).collect()
 }
 
-/// T within 1 %, and α within 1 % of the largest angle, behind each body (2 % of a pattern); 68 % of the noisy values within their
-/// uncertainty, to three deviations of a share of their number and 2 %.
+/// T within 1 %, and α within 1 % of the largest angle, behind each body (2 % of a pattern); 68 % of the noisy values
+/// within their uncertainty, to three deviations of a share of their number and 2 %.
 #[test]
 fn each_design_gives_a_wedge_a_sphere_and_a_fibre_within_1_percent() {
     let engine = engine(Backend::Bvh);

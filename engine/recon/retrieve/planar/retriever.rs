@@ -133,8 +133,8 @@ impl PlanarRetriever {
         }
     }
 
-    /// Fits frames `[step][row][column]`, all rows of beamlets or rows of pixels from row `first` on. `flat`: fits of the
-    /// same curves of the flat, `None` for the flat itself.
+    /// Fits frames `[step][row][column]`, all rows of beamlets or rows of pixels from row `first` on. `flat`: fits of
+    /// the same curves of the flat, `None` for the flat itself.
     ///
     /// # Errors
     /// [`Error::Scene`] for another number of frames than of offsets; [`Error::Interrupted`].
