@@ -28,6 +28,7 @@ mod faces;
 mod illumination;
 pub(crate) mod inputs;
 mod materials;
+mod two_directions;
 mod waves;
 
 pub use beamlet_simulate::detector::SubpixelGrid;
@@ -35,6 +36,7 @@ pub use builder::Check;
 pub use costs::CheckedTolerances;
 pub use illumination::{ExpectedUncertainty, IlluminationCurve};
 use materials::materials;
+pub use two_directions::PlanarUncertainty;
 pub use waves::{FlatLimits, ObjectLimits, RayLimits, WaveCriteria, WaveTransport};
 
 /// Summary of a scene. Lengths in metres, angles in radians.
@@ -48,6 +50,9 @@ pub struct CheckReport {
     pub setup: Setup,
     /// The illumination curve; nothing without a device, or where a mask is missing.
     pub illumination: Option<IlluminationCurve>,
+    /// Expected uncertainties of a retrieval in two directions; nothing without a device or photons, and behind slits.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub in_two_directions: Option<PlanarUncertainty>,
     /// Errors of ray optics.
     pub ray_limits: RayLimits,
     /// Materials in use, the surroundings first.
@@ -236,6 +241,7 @@ fn load_lenient(
         title: scene.title.clone(),
         setup: setup(scene, &swept, extent, nodes, energy, &detector),
         illumination: None,
+        in_two_directions: None,
         ray_limits,
         edges: None,
         work: Work {

@@ -42,6 +42,7 @@ WRONG = [
     (["sample_mask", "aperture"], "20 um"),
     (["sampling", "tolerance"], 0.5),
     (["scan", "mask_offsets"], []),
+    (["scan", "mask_offsets"], [["1 um"]]),
     (["scan", "mask_offsets"], {"from": "0 um", "to": "1 um"}),
     (["materials", "carbon", "density"], "0 g/cm3"),
     (["object", 0, "unit"], "inch"),

@@ -129,8 +129,7 @@ fn measured(arguments: &Retrieve) -> Result<(Input, PathBuf), Failure> {
     let output = arguments.output.as_ref().ok_or_else(|| missing("--output"))?;
     let mut scene = Scene::load_with(geometry, &arguments.sets)?;
     if let Some(list) = &arguments.offsets {
-        scene.scan.mask_offsets = offsets(list)?;
-        scene.scan.view_offsets.clear();
+        scene.scan.replace_offsets(offsets(list)?);
     }
     let flat = StackFile::open(flat)?;
     let sample = StackFile::open(sample)?;

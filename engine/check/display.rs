@@ -1,6 +1,9 @@
 //! The report as aligned text for a terminal.
 
-use super::{CheckReport, CheckedObject, ExpectedUncertainty, IlluminationCurve, Material, Work};
+use super::{
+    CheckReport, CheckedObject, ExpectedUncertainty, IlluminationCurve, Material,
+    PlanarUncertainty, Work,
+};
 use beamlet_core::numbers;
 use beamlet_core::printed::{duration, number};
 use std::fmt::{self, Display, Formatter};
@@ -13,6 +16,9 @@ impl Display for CheckReport {
         self.write_setup(f)?;
         if let Some(curve) = &self.illumination {
             write_illumination(f, curve)?;
+        }
+        if let Some(expected) = &self.in_two_directions {
+            write_in_two_directions(f, expected)?;
         }
         writeln!(f, "\nlimits of ray optics")?;
         self.ray_limits.lines().into_iter().try_for_each(|(label, text)| line(f, &label, text))?;
@@ -155,6 +161,19 @@ fn write_illumination(f: &mut Formatter<'_>, curve: &IlluminationCurve) -> fmt::
         dark_field * 1e12
     );
     line(f, "expected 1 sigma", text)
+}
+
+/// Expected uncertainties along x and z.
+fn write_in_two_directions(f: &mut Formatter<'_>, expected: &PlanarUncertainty) -> fmt::Result {
+    let PlanarUncertainty { method, transmission, refraction: [x, z], dark_field } = *expected;
+    writeln!(f, "\nexpected 1 sigma along x and z (method {method}), without a sample")?;
+    line(f, "T", format!("{transmission:.2e}"))?;
+    line(f, "alpha x, z", format!("{:.2e}, {:.2e} urad", x * 1e6, z * 1e6))?;
+    let text = dark_field.map_or("not determined".into(), |dark| {
+        let [xx, zz, xz] = dark.map(|value| format!("{:.2e}", value * 1e12));
+        format!("{xx}, {zz}, {xz} urad2")
+    });
+    line(f, "sigma2 xx, zz, xz", text)
 }
 
 /// Rays and time, from a part of the patches.

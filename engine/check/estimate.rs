@@ -1,6 +1,6 @@
 //! Parts of a check that need a device: the illumination curve, and the estimate of rays and time.
 
-use super::{CheckReport, costs, illumination, load_lenient};
+use super::{CheckReport, costs, illumination, load_lenient, two_directions};
 use crate::Engine;
 use beamlet_core::Result;
 use beamlet_gpu::DeviceKind;
@@ -73,4 +73,5 @@ pub(super) fn device_of(engine: &Engine) -> (DeviceKind, bool) {
 pub(super) fn add_curve(engine: &Engine, scene: &Scene, report: &mut CheckReport) {
     let curve = illumination::illumination(engine, scene, &report.setup.nodes);
     report.illumination = curve.unwrap_or(None);
+    report.in_two_directions = two_directions::uncertainty(engine, scene).unwrap_or(None);
 }

@@ -21,7 +21,7 @@ const RESPONSES: [f64; 2] = [0.8, 1.25];
 /// Most columns and rows of the examined part of a detector: light of a pixel without blur is its own,
 /// with blur it comes from around it.
 const PART: [u32; 2] = [4, 1];
-const BLURRED_PART: [u32; 2] = [96, 96];
+pub(super) const BLURRED_PART: [u32; 2] = [96, 96];
 
 /// The illumination curve of a pixel at the centre of the detector without a sample: its light over
 /// the offset of the sample mask. Offsets in metres in the plane of that mask.
@@ -145,9 +145,20 @@ pub(super) fn illumination(
 
 /// Light of a pixel at the centre at these offsets, share of open beam.
 fn flat(engine: &Engine, scene: &Scene, offsets: Vec<f64>) -> Result<Vec<f64>> {
+    let part = if scene.detector.blur.is_some() { BLURRED_PART } else { PART };
+    let (bare, scattered) = bare(scene, Scan::new(offsets, vec![0.0]), part);
+    let [columns, rows] = bare.detector.pixels.map(|n| (n as usize - 1) / 2);
+    let stacks = engine.simulate(&bare)?;
+    let light = |frame: ArrayView2<'_, f32>| f64::from(frame[[rows, columns]]) * (1.0 + scattered);
+    Ok(stacks.flat.axis_iter(Axis(0)).map(light).collect())
+}
+
+/// The scene without a sample and without noise, with a scan of one view, before the middle of its detector: about this
+/// number of columns and rows. Second value: scattered light, share of the light, that its flat lacks.
+pub(super) fn bare(scene: &Scene, scan: Scan, part: [u32; 2]) -> (Scene, f64) {
     let mut bare = scene.clone();
     bare.objects = Vec::<Object>::new();
-    bare.scan = Scan::new(offsets, vec![0.0]);
+    bare.scan = scan;
     bare.sampling.scheme = Scheme::Cells;
     let detector = &mut bare.detector;
     detector.counts = None;
@@ -156,15 +167,11 @@ fn flat(engine: &Engine, scene: &Scene, offsets: Vec<f64>) -> Result<Vec<f64>> {
         Some(Scatter::Kernel { fraction, .. }) => fraction,
         Some(Scatter::Image(_)) | None => 0.0,
     };
-    let part = if detector.blur.is_some() { BLURRED_PART } else { PART };
     for (pixels, part) in detector.pixels.iter_mut().zip(part) {
         // Apertures lie in the middle of odd numbers of pixels and beside the middle of even ones.
         *pixels = (*pixels).min(part + (*pixels + part) % 2);
     }
-    let [columns, rows] = detector.pixels.map(|n| (n as usize - 1) / 2);
-    let stacks = engine.simulate(&bare)?;
-    let light = |frame: ArrayView2<'_, f32>| f64::from(frame[[rows, columns]]) * (1.0 + scattered);
-    Ok(stacks.flat.axis_iter(Axis(0)).map(light).collect())
+    (bare, scattered)
 }
 
 /// Number of offsets of a curve over a period at which it is above a level, interpolated.

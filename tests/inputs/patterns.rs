@@ -182,7 +182,11 @@ fn rotation_turns_lists_and_lattices_and_refuses_other_angles() {
         "aperture = \"9 um\"\naperture_z = \"5 um\"\nperiod = \"30 um\"\nperiod_z = \"20 um\"";
     assert_eq!(mask(&lattice(turned)), mask(&lattice(want)));
     for (text, found) in [
-        (lattice(turned).replace("-90", "45"), "a multiple of 90 deg"),
+        (
+            lattice(turned).replace("-90", "45"),
+            "45 deg of rectangles; allowed: a multiple of 90 deg",
+        ),
+        (pattern.replace("90 deg", "30 deg"), "30 deg of a pattern; allowed: a multiple of 90 deg"),
         ("aperture = \"5 um\"\nrotation = \"90 deg\"".to_owned(), "slits"),
         ("shape = \"round\"\naperture = \"5 um\"\nrotation = \"20 deg\"".to_owned(), "45 deg"),
     ] {

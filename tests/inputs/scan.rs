@@ -60,6 +60,58 @@ fn files_have_the_values_of_lists() {
     assert_kept(&of_files);
 }
 
+/// Apertures of the sample mask end along z: the mask moves along both.
+fn of_pairs(steps: &str, files: &[(&str, &str)]) -> Result<Scene, Error> {
+    let mut scene: toml::Table = text(&format!("mask_offsets = {steps}")).parse().unwrap();
+    let height = toml::Value::String("20 um".into());
+    let mask = scene.get_mut("sample_mask").and_then(toml::Value::as_table_mut);
+    mask.unwrap().insert("aperture_z".into(), height);
+    let directory = tempfile::tempdir().unwrap();
+    for (name, text) in files {
+        std::fs::write(directory.path().join(name), text).unwrap();
+    }
+    Scene::from_toml(&scene.to_string(), directory.path())
+}
+
+#[test]
+fn mask_offsets_are_numbers_or_pairs_along_x_and_z() {
+    let scan =
+        of_pairs("[[\"-10 um\", \"0 um\"], [\"0 um\", \"4 um\"], [\"1 um\", \"-4 um\"]]", &[]);
+    let scan = scan.unwrap();
+    assert_eq!(scan.scan.mask_offsets, [-10e-6, 0.0, 1e-6]);
+    assert_eq!(scan.scan.mask_offsets_z, [0.0, 4e-6, -4e-6]);
+    assert_kept(&scan);
+    let file = [("pairs.csv", "offset_x_um,offset_z_mm\n-10,0\n0,4e-3\n1,-4e-3\n")];
+    let of_file = of_pairs("\"pairs.csv\"", &file).unwrap();
+    assert_eq!(of_file.scan, scan.scan);
+    // Pairs without steps along z are steps along x, which slits take, too.
+    let rests = scene("mask_offsets = [[\"1 um\", \"0 um\"], [\"2 um\", \"0 mm\"]]", &[]).unwrap();
+    assert_eq!(rests.scan, scene("mask_offsets = [\"1 um\", \"2 um\"]", &[]).unwrap().scan);
+}
+
+#[test]
+fn wrong_pairs_of_mask_offsets_are_refused_by_entry() {
+    let refused = |steps: &str, words: &[&str]| {
+        let error = of_pairs(steps, &[]).unwrap_err().to_string();
+        words.iter().for_each(|word| assert!(error.contains(word), "{word:?} in: {error}"));
+    };
+    let mixed = "[[\"1 um\", \"2 um\"], \"3 um\"]";
+    refused(mixed, &["scan.mask_offsets[1]", "found \"3 um\"", "as entry 0 is"]);
+    refused("[[\"1 um\"]]", &["scan.mask_offsets[0]", "a list of length 1", "a pair of lengths"]);
+    refused("[[\"1 um\", 2]]", &["scan.mask_offsets[0][1]", "without a unit"]);
+    refused("[[\"1 um\", \"1e9 m\"]]", &["scan.mask_offsets[0]", "along z; allowed: up to"]);
+    refused("\"absent.csv\"", &["scan.mask_offsets", "absent.csv"]);
+    assert_refused(
+        "mask_offsets = [[\"1 um\", \"0 um\"], [\"1 um\", \"2 um\"]]",
+        &[],
+        &["scan.mask_offsets[1]", "2 um along z", "without edges along z", "aperture_z"],
+    );
+    let lone = [("z.csv", "offset_x_um\n1\n")];
+    let words = ["z.csv", "offset_z", "offset_x_UNIT and offset_z_UNIT"];
+    assert_refused("mask_offsets = \"z.csv\"", &lone, &words);
+    assert_refused("mask_offsets_z = [\"1 um\"]", &[], &["an unknown key", "`mask_offsets`"]);
+}
+
 #[test]
 fn motions_by_axis_by_quaternion_and_in_the_scene_are_the_same() {
     let by_axis = "x_mm,y_mm,z_mm,axis_x,axis_y,axis_z,angle_deg,view\n1,0,-2,0,0,1,0,0\n0,0.5,0,0,3,0,90,1\n";

@@ -495,7 +495,7 @@ fn what_apertures_that_end_along_z_do_not_serve_is_refused_by_name() {
     };
     refused(&|scene| scene.sampling.refine = Refine::Device, "sampling.refine");
     refused(&|scene| scene.sampling.transport = Transport::Wave, "sampling.transport");
-    refused(&|scene| scene.scan.mask_offsets_z.truncate(1), "scan.mask_offsets_z");
+    refused(&|scene| scene.scan.mask_offsets_z.truncate(1), "scan.mask_offsets");
     refused(&mask(|mask| mask.shape = ApertureShape::Slit), "sample_mask.aperture_z");
     refused(&mask(|mask| mask.aperture_z = Some(81e-6)), "sample_mask.aperture_z");
     refused(&mask(|mask| mask.period_z = Some(10e-9)), "sample_mask.period_z");
@@ -529,7 +529,7 @@ fn what_apertures_that_end_along_z_do_not_serve_is_refused_by_name() {
     refused(&of_pattern(&[&[true, true]], false), "sample_mask.pattern");
     refused(&of_pattern(&[&[false, false]], false), "sample_mask.pattern");
     // Steps along z change nothing behind slits.
-    refused(&|scene| scene.sample_mask = None, "scan.mask_offsets_z");
+    refused(&|scene| scene.sample_mask = None, "scan.mask_offsets[");
 }
 
 /// Compares cells with random rays by the change that a ball makes: flat and sample have the same random rays, so that

@@ -117,19 +117,33 @@ fn a_scene_is_drawn_as_set_up_and_sample() {
     assert!((found / expected - 1.0).abs() < 5e-3, "{found} of the picture, {expected} expected");
 }
 
-/// Row 0 of a pattern is on top of the drawing, columns ascend to the right.
+/// A pattern, and its open pixels as rectangles.
+const LISTS: [&str; 2] = [
+    r#"pattern = ["1000", "0000", "0110", "0000"]
+pattern_pixel = "20 um""#,
+    r#"period = "80 um"
+rectangles = [["-30 um", "30 um", "20 um", "20 um"], ["0 um", "-10 um", "40 um", "20 um"]]"#,
+];
+
+/// Row 0 of a pattern is on top of the drawing, columns ascend to the right; z of rectangles runs up.
 #[test]
-fn masks_of_patterns_are_drawn_as_the_source_sees_them() {
+fn masks_of_patterns_and_rectangles_are_drawn_as_the_source_sees_them() {
+    LISTS.iter().for_each(|list| assert_drawn(list));
+}
+
+#[track_caller]
+fn assert_drawn(list: &str) {
     let place = tempfile::tempdir().unwrap();
-    let scene = r#"
-source = { distance = "1.2 m", spot = "20 um", energy = "30 keV" }
-detector = { distance = "1.8 m", pixels = [9, 9], pitch = "40 um" }
+    let scene = format!(
+        r#"
+source = {{ distance = "1.2 m", spot = "20 um", energy = "30 keV" }}
+detector = {{ distance = "1.8 m", pixels = [9, 9], pitch = "40 um" }}
 [sample_mask]
 distance = "1.15 m"
 transmission = 0.1
-pattern = ["1000", "0000", "0110", "0000"]
-pattern_pixel = "20 um"
-"#;
+{list}
+"#
+    );
     fs::write(place.path().join("scene.toml"), scene).unwrap();
     done(place.path(), "view scene.toml -o pictures");
     let drawn = picture(&place.path().join("pictures/set_up.png"));

@@ -2,6 +2,7 @@
 
 #![allow(clippy::unwrap_used, reason = "tests")]
 
+use crate::groups::retrieve;
 use crate::support::{Worst, engine};
 use beamlet::Backend;
 use beamlet::check::{Check, IlluminationCurve};
@@ -173,4 +174,80 @@ fn odd_set_ups_are_warned_of() {
 fn set_thickness(scene: &mut Scene, thickness: f64) {
     let material = "gold".to_owned();
     scene.sample_mask.as_mut().unwrap().body = MaskBody::Bars { material, thickness };
+}
+
+/// A set-up whose apertures end along z: masks and scan, pixels, and the number of values that an image has at least.
+type Planar = (&'static str, [u32; 2], usize);
+
+/// Squares in two masks over a grid of steps, and beamlets of one mask, 7.5 pixels apart.
+const PLANAR: [Planar; 2] = [
+    (
+        "[sample_mask]\ndistance = \"0.95 m\"\nprojected_aperture = \"30 um\"\naperture_z = \"21 um\"\n\
+         transmission = 0.0\n[detector_mask]\naperture = \"28 um\"\naperture_z = \"30 um\"\ntransmission = 0.0\n\
+         [detector]\ndistance = \"1.5 m\"\npitch = \"100 um\"\nphotons = 20000\n",
+        [30, 30],
+        900,
+    ),
+    (
+        "[sample_mask]\ndistance = \"0.95 m\"\nperiod = \"38 um\"\naperture = \"16 um\"\naperture_z = \"20 um\"\n\
+         transmission = 0.0\n[detector]\ndistance = \"1.5 m\"\npitch = \"8 um\"\nphotons = 20000\n",
+        [180, 180],
+        500,
+    ),
+];
+
+/// Scatter of the images without a sample, in both directions, over what `check` expects: 500 values know a deviation
+/// to 3 %.
+#[test]
+fn expected_uncertainties_along_x_and_z_are_the_scatter_of_images() {
+    let engine = engine(Backend::Bvh);
+    let mut worst =
+        Worst::new("scatter of images along x and z over what check expects, less 1", 0.1);
+    for (masks, [columns, rows], least) in PLANAR {
+        let pair =
+            |step: i32| format!("[\"{} um\", \"{} um\"]", 9 * (step % 5) - 18, 9 * (step / 5) - 18);
+        let grid: Vec<String> = (0..25).map(pair).collect();
+        let scan = match masks.contains("detector_mask") {
+            true => format!("[scan]\nmask_offsets = [{}]\n", grid.join(", ")),
+            false => String::new(),
+        };
+        let text = format!(
+            "[source]\ndistance = \"1 m\"\nspot = [\"20 um\", \"26 um\"]\nenergy = \"20 keV\"\n\
+             {masks}pixels = [{columns}, {rows}]\n{scan}"
+        );
+        let scene = Scene::from_toml(&text, ".").unwrap();
+        let report = Check::of(&scene).with_engine(&engine).run().unwrap();
+        let expected = report.in_two_directions.unwrap();
+        let ([x, z], [xx, zz, xz]) = (expected.refraction, expected.dark_field.unwrap());
+
+        let counts = engine.simulate(&scene).unwrap().counts.unwrap();
+        let flat = counts.flat.mapv(f64::from).insert_axis(Axis(0));
+        let options = RetrieveOptions::default()
+            .suited_to(&scene)
+            .with_weights(Weights::Poisson)
+            .with_gain(scene.detector.counts.unwrap().gain);
+        assert_eq!(options.method.name(), expected.method);
+        let found = retrieve(&scene, &flat, &counts.sample.mapv(f64::from), &options).unwrap();
+        for (name, expected) in [
+            ("transmission", expected.transmission),
+            ("refraction", x),
+            ("refraction_z", z),
+            ("dark_field", xx),
+            ("dark_field_z", zz),
+            ("dark_field_xz", xz),
+        ] {
+            let values: Vec<f64> = found.images[name]
+                .iter()
+                .copied()
+                .map(f64::from)
+                .filter(|it| it.is_finite())
+                .collect();
+            assert!(values.len() >= least, "{name}: {} values", values.len());
+            let scatter = ndarray::Array1::from(values).std(1.0);
+            worst.take(scatter / expected - 1.0, || {
+                format!("{name}, {columns} columns: {scatter:e}")
+            });
+        }
+    }
+    worst.holds();
 }

@@ -56,7 +56,8 @@ fn frames(scene: &Scene, of: &dyn Fn(usize, usize) -> Contrasts) -> Array4<f64> 
     })
 }
 
-fn retrieve(
+/// Images of frames `[view][step][row][column]` of flat and sample.
+pub(crate) fn retrieve(
     scene: &Scene,
     flat: &Array4<f64>,
     sample: &Array4<f64>,

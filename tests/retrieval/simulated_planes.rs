@@ -118,16 +118,10 @@ fn beamlets_of_a_scene_give_both_angles_of_a_wedge_within_1_percent() {
 fn a_grid_of_steps_gives_both_angles_of_a_wedge_within_1_percent() {
     let place = tempfile::tempdir().unwrap();
     let folder = place.path();
-    let grid = |of: &dyn Fn(usize) -> usize| {
-        let all: Vec<String> =
-            (0..25).map(|step| format!("\"{} um\"", 9 * of(step) as i64 - 18)).collect();
-        all.join(", ")
-    };
-    let scan = format!(
-        "[scan]\nmask_offsets = [{}]\nmask_offsets_z = [{}]\n",
-        grid(&|step| step % 5),
-        grid(&|step| step / 5)
-    );
+    let pair =
+        |step: i32| format!("[\"{} um\", \"{} um\"]", 9 * (step % 5) - 18, 9 * (step / 5) - 18);
+    let pairs: Vec<String> = (0..25).map(pair).collect();
+    let scan = format!("[scan]\nmask_offsets = [{}]\n", pairs.join(", "));
     let masks = "[sample_mask]\ndistance = \"0.95 m\"\nprojected_aperture = \"30 um\"\naperture_z = \"21 um\"\n\
                  transmission = 0.0\n\
                  [detector_mask]\naperture = \"28 um\"\naperture_z = \"30 um\"\ntransmission = 0.0\n\

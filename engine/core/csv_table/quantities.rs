@@ -14,6 +14,8 @@ pub enum Numbered {
     Yes,
     /// One of each of these names in this order, `NAME_UNIT`.
     Named(&'static [&'static str]),
+    /// One, `NAME_UNIT`, or one of each of these names where the table has the first of them.
+    OneOr(&'static [&'static str]),
 }
 
 /// A table of quantities; a column `view` may number its rows.
@@ -44,6 +46,15 @@ impl Quantities {
     fn header(&self, row: &Row<'_>) -> Result<Vec<Column>> {
         let mut columns: Vec<Column> = Vec::new();
         let mut has_view = false;
+        let starts = |names: &[&str]| {
+            let has = |index| row.field(index).unwrap_or_default().starts_with(names[0]);
+            (0..row.record.len()).any(has)
+        };
+        let count = match self.columns {
+            Numbered::OneOr(names) if starts(names) => Numbered::Named(names),
+            Numbered::OneOr(_) => Numbered::No,
+            count => count,
+        };
         for index in 0..row.record.len() {
             let name = row.field(index).unwrap_or_default();
             if name == "view" && !has_view {
@@ -52,8 +63,8 @@ impl Quantities {
                 continue;
             }
             let number = columns.iter().flatten().count();
-            let stem = match self.columns {
-                Numbered::No => self.name.to_owned(),
+            let stem = match count {
+                Numbered::No | Numbered::OneOr(_) => self.name.to_owned(),
                 Numbered::Yes => format!("{}_{number}", self.name),
                 Numbered::Named(names) => (*names.get(number).unwrap_or(&"")).to_owned(),
             };
@@ -66,7 +77,7 @@ impl Quantities {
                 Some(dimension) => dimension.units().any(|known| known == *unit),
                 None => unit.is_empty(),
             };
-            match unit.filter(is_unit).filter(|_| number == 0 || self.columns != Numbered::No) {
+            match unit.filter(is_unit).filter(|_| number == 0 || count != Numbered::No) {
                 Some(unit) => columns.push(Some(unit.to_owned())),
                 None => {
                     let found = format!("the column {}", row.shown(index));
@@ -74,7 +85,7 @@ impl Quantities {
                 }
             }
         }
-        let missing = match self.columns {
+        let missing = match count {
             Numbered::Named(names) => names.get(columns.iter().flatten().count()).copied(),
             _ => columns.iter().flatten().next().is_none().then_some("values"),
         };

@@ -48,11 +48,36 @@ impl MaskSpec {
                 "a multiple of 30 deg",
                 turns(angle, FRAC_PI_2 / 3.0).map(|number| self.turned(number.rem_euclid(2))),
             ),
-            None => ("this mask", "a multiple of 90 deg", None),
+            None => {
+                let (what, allowed) = self.quarters_only();
+                (what, allowed, None)
+            }
         };
         turned.ok_or_else(|| {
             Error::scene("rotation", format!("{} of {what}", Angle.rounded(angle)), allowed)
         })
+    }
+
+    /// Apertures that only quarter turns serve, and the allowed angles with the reason.
+    fn quarters_only(&self) -> (&'static str, &'static str) {
+        let edges = "a multiple of 90 deg: edges of apertures lie along x and z";
+        match (self.list_key(), self.shape) {
+            (Some("pattern"), _) => ("a pattern", edges),
+            (Some(_), _) => ("a list of rectangles", edges),
+            (None, ApertureShape::Cross) => ("crosses", edges),
+            (None, ApertureShape::Round) if self.is_circle() => {
+                let allowed = "a multiple of 90 deg: after others they do not repeat along x and z";
+                ("circles on this lattice", allowed)
+            }
+            (None, ApertureShape::Round) => ("ellipses", edges),
+            (None, _) => ("rectangles", edges),
+        }
+    }
+
+    /// True if apertures are as high as wide, and round.
+    fn is_circle(&self) -> bool {
+        let height = self.heights().map(|[height, _]| height);
+        self.shape == ApertureShape::Round && height.is_some_and(|it| same(it, self.aperture))
     }
 
     /// The mask after quarter turns.
@@ -102,11 +127,10 @@ impl MaskSpec {
 
     /// Lattice of circles that has more turns than quarters.
     fn circles(&self) -> Option<Circles> {
-        let [height, rows] = self.heights()?;
-        let is_circle = self.shape == ApertureShape::Round && same(height, self.aperture);
+        let [_, rows] = self.heights()?;
         let height = rows / self.period;
         match self.lattice {
-            _ if !is_circle => None,
+            _ if !self.is_circle() => None,
             ApertureLattice::Rectangular => same(height, 1.0).then_some(Circles::Square),
             ApertureLattice::Hexagonal if same(height, 0.5) => Some(Circles::Square),
             ApertureLattice::Hexagonal => {

@@ -243,6 +243,14 @@ impl Scan {
         self.errors.intensities.get(view).and_then(|list| list.get(step)).copied().unwrap_or(1.0)
     }
 
+    /// Takes these steps along x, m, in place of all others.
+    #[doc(hidden)]
+    pub fn replace_offsets(&mut self, offsets: Vec<f64>) {
+        self.mask_offsets = offsets;
+        self.mask_offsets_z.clear();
+        self.view_offsets.clear();
+    }
+
     /// Removes these mask steps from the offsets and from the errors of frames.
     #[doc(hidden)]
     pub fn omit_steps(&mut self, omitted: &[usize]) {

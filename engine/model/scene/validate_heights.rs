@@ -14,28 +14,24 @@ impl Scene {
     /// Offsets along z are one for each mask step, of a mask that has edges along z.
     pub(super) fn validate_offsets_z(&self) -> Result<()> {
         let (offsets, steps) = (&self.scan.mask_offsets_z, self.scan.mask_offsets.len());
-        let key = "scan.mask_offsets_z";
-        if offsets.is_empty() {
+        if !offsets.is_empty() && offsets.len() != steps {
+            let found = format!("{} offsets along z", offsets.len());
+            return Err(Error::scene("scan.mask_offsets", found, format!("{steps}, as along x")));
+        }
+        let heights = self.sample_mask.as_ref().and_then(MaskSpec::heights);
+        let most = heights.map_or(0.0, |[_, period]| limits::OFFSET_PERIODS * period);
+        let Some(step) = offsets.iter().position(|offset| offset.abs() > most) else {
             return Ok(());
-        }
-        if offsets.len() != steps {
-            let allowed = format!("{steps}, the number of scan.mask_offsets");
-            return Err(Error::scene(key, format!("{} offsets", offsets.len()), allowed));
-        }
-        let Some([_, period]) = self.sample_mask.as_ref().and_then(MaskSpec::heights) else {
-            let found = "steps along z of a sample mask without edges along z";
-            let allowed =
-                "a sample mask whose apertures end along z (aperture_z, period_z or shape)";
-            return Err(Error::scene(key, found, allowed));
         };
-        let most = limits::OFFSET_PERIODS * period;
-        match offsets.iter().find(|offset| offset.abs() > most) {
-            None => Ok(()),
-            Some(far) => {
-                let allowed = format!("up to {} along z", Length.rounded(most));
-                Err(Error::scene(key, Length.rounded(*far), allowed))
+        let found = format!("{} along z", Length.rounded(offsets[step]));
+        let (found, allowed) = match heights {
+            Some(_) => (found, format!("up to {} along z", Length.rounded(most))),
+            None => {
+                let allowed = "0 along z, or a sample mask whose apertures end along z (aperture_z, period_z or shape)";
+                (format!("{found}, of a sample mask without edges along z"), allowed.to_owned())
             }
-        }
+        };
+        Err(Error::scene(format!("scan.mask_offsets[{step}]"), found, allowed))
     }
 
     /// Refuses what cannot handle apertures with ends along z.

@@ -156,8 +156,7 @@ pub(crate) fn retrieve<'py>(
         let work = || {
             let mut geometry = scene.scene()?;
             if let Some(offsets) = mask_offsets {
-                geometry.scan.mask_offsets = offsets;
-                geometry.scan.view_offsets.clear();
+                geometry.scan.replace_offsets(offsets);
             }
             let (flat, sample, dark) = (flat_stack, sample_stack, dark_stack);
             let input = match kind {

@@ -135,7 +135,7 @@ impl Method {
         if different_offsets(along_z) > 1 {
             let found = format!("{} different offsets along z", different_offsets(along_z));
             let allowed = format!("one offset along z: {self} fits curves of steps along x");
-            return Err(Error::scene("scan.mask_offsets_z", found, allowed));
+            return Err(Error::scene("scan.mask_offsets", found, allowed));
         }
         if scene.has_heights()
             && matches!(self, Self::ExactCurve | Self::TwoStep | Self::Beamlet | Self::Triangle)
@@ -182,7 +182,8 @@ pub(super) fn refuse_lists(scene: &Scene) -> Result<()> {
         None => Ok(()),
         Some((key, list)) => {
             let found = "a list of apertures, whose pixels have no curve of one peak";
-            let allowed = "slits or apertures on a lattice; compare windows of flat and sample frames instead";
+            let allowed = "exact-curve with steps along x and z over a period (pairs in scan.mask_offsets), or slits or \
+                           apertures on a lattice";
             Err(Error::scene(format!("{key}.{list}"), found, allowed))
         }
     }

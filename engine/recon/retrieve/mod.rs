@@ -42,7 +42,7 @@ pub use misfit::median;
 pub use options::{ReadRows, RetrieveOptions};
 pub use phase::{Drift, borders};
 pub(crate) use phase::{DriftSum, integrated_row};
-pub use planar::{Aperture, Lattice};
+pub use planar::{Aperture, Lattice, sigmas_in_two_directions};
 pub use record::Record;
 pub use retriever::Retriever;
 pub use run::{ImagesTo, RetrievedArrays, retrieve, retrieve_arrays};

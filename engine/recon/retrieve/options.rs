@@ -3,7 +3,7 @@
 use super::correct::Corrections;
 use super::diagnosis::Region;
 use super::fitter::Weights;
-use super::method::Method;
+use super::method::{Method, different_offsets};
 use super::planar::{self, Aperture, Lattice};
 use beamlet_core::{Error, Result, setters};
 use beamlet_model::scene::Scene;
@@ -87,13 +87,21 @@ impl RetrieveOptions {
     }
 
     /// Chooses the estimator for the masks of a scene: `beamlet` for a sample mask alone, and `gaussian` where the
-    /// apertures on a lattice are not known or there are two masks.
+    /// apertures on a lattice are not known or there are two masks; `exact-curve` for lists of apertures, and for steps
+    /// along x and z of a sample mask alone.
     #[must_use]
     pub fn suited_to(mut self, scene: &Scene) -> Self {
         let is_alone = scene.sample_mask.is_some() && scene.detector_mask.is_none();
         let on_lattice = self.lattice.is_some() || scene.has_heights();
         let known = !on_lattice || planar::aperture(scene, &self).is_some();
-        self.method = if is_alone && known { Method::Beamlet } else { Method::Gaussian };
+        let z = &scene.scan.mask_offsets_z;
+        let in_plane = !self.offsets_z.is_empty() || different_offsets(z) > 1;
+        let is_list = scene.masks().any(|(_, mask)| mask.list_key().is_some());
+        self.method = match (is_alone, known) {
+            _ if is_list || (is_alone && in_plane) => Method::ExactCurve,
+            (true, true) => Method::Beamlet,
+            _ => Method::Gaussian,
+        };
         self
     }
 

@@ -250,6 +250,9 @@ fn retrieve_to(
     refuse_parts_of_beamlets(&input, &options, design.as_ref())?;
     if let Some(design) = design {
         design.check(input.scene(), &options)?;
+        if design.is_of_list(input.scene()) {
+            require_pixels(&input)?;
+        }
         let input = input.fitted_to(design.steps())?;
         let hashes = input.hashes();
         let (mut record, geometry) = retrieve_planar(&input, &design, &options, control, put)?;
@@ -316,9 +319,13 @@ fn refuse_parts_of_beamlets(
     options: &RetrieveOptions,
     design: Option<&Design>,
 ) -> Result<()> {
-    let on_lattice = matches!(design, Some(Design::Beamlets(_)));
+    let of_list = design.is_some_and(|design| design.is_of_list(input.scene()));
+    let on_lattice = matches!(design, Some(Design::Beamlets(_))) || of_list;
     if (on_lattice || options.method == Method::Beamlet) && input.selection() != (None, None) {
-        let allowed = "every pixel: beamlets are found among all of them";
+        let allowed = match of_list {
+            true => "every pixel: their places are before the list of apertures",
+            false => "every pixel: beamlets are found among all of them",
+        };
         return Err(Error::argument("columns", "a part of the pixels", allowed));
     }
     Ok(())

@@ -32,6 +32,7 @@ pub(super) mod series;
 pub(super) mod shape;
 pub(super) mod source;
 pub(super) mod spot;
+mod steps;
 pub(super) mod surroundings;
 pub(super) mod top;
 

@@ -65,9 +65,10 @@ impl<T, V: Value> Field<T> for At<T, V> {
 /// A table of keys: `keys! { NAME: Struct, "path", [groups], [other names]; rows }`, or without the
 /// struct where other code reads the table. A row is `name => kind, need, example, documentation;`.
 /// Its place is the field of its name; `name at PATTERN` has the pattern that binds `name`, and
-/// `name by hand` has no place.
+/// `name by hand` has no place, and `name by FIELD` a `Field` of its own.
 macro_rules! keys {
     (@place $type:ty, $name:ident by hand) => { None };
+    (@place $type:ty, $name:ident by $field:ident) => { Some(&$field) };
     (@place $type:ty, $name:ident at $place:pat) => {
         Some(&$crate::scene::keys::record::At {
             get: |it: &$type| match it { $place => Some($name), _ => None },

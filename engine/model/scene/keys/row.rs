@@ -65,7 +65,7 @@ pub(crate) enum Kind {
     Lengths(&'static str, Range),
     /// A list of corners.
     Corners(u32),
-    /// A list of ends of slits.
+    /// A list of pairs of lengths: ends of slits, or steps along x and z.
     Ends(u32),
     /// A list of rows of 0 and 1, as texts, with an upper limit of their number and length.
     Bits(u32),
@@ -261,6 +261,9 @@ impl Row {
             Kind::Inner(spec) if !spec.path.contains('.') => format!("a table [{}]", spec.path),
             Kind::Inner(_) | Kind::Named(_) => such("a table"),
             Kind::Tables(_) => such("a list of tables"),
+            Kind::Either("", list, Kind::Ends(_)) => {
+                format!("{}, or a list of pairs [x, z]", self.allowed_of(list))
+            }
             Kind::Either("", list, Kind::File(noun)) => {
                 format!("{}; or {noun}", self.allowed_of(list))
             }

@@ -4,16 +4,25 @@ use super::frames::{ERRORS, frames, series};
 use super::motion::MOTION;
 use super::prelude::*;
 use super::series::RANGE;
+use super::steps::MaskSteps;
 use crate::scene::{Fly, RotationAxis, Scan};
+
+/// A list or range of lengths, or pairs of them, or a file.
+const STEPS: Kind = Either(
+    "",
+    &Either(
+        "",
+        &Either("", &Series(Length, limits::MASK_OFFSETS), &Inner(&RANGE)),
+        &Ends(limits::MASK_OFFSETS),
+    ),
+    &File("path of a CSV file"),
+);
 
 keys! { SCAN: Scan, "scan", [],
     ["steps" => "mask_offsets", "offsets" => "mask_offsets", "views" => "angles", "pitch" => "travel"];
-    mask_offsets => series!(Length, limits::MASK_OFFSETS),
+    mask_offsets by MaskSteps => STEPS,
         Default(r#"["0 m"]"#), r#"["-10 um", "0 um", "10 um"]"#,
-        "Displacements of the sample mask along +x in its own plane.";
-    mask_offsets_z => series!(Length, limits::MASK_OFFSETS),
-        Without("the mask does not move along z"), r#"["0 um", "10 um", "20 um"]"#,
-        "Displacements of the sample mask along +z, one for each of `mask_offsets`; for apertures with ends along z.";
+        "Displacements of the sample mask in its own plane: along +x, or pairs along +x and +z for apertures that end along z.";
     view_offsets => frames!(Some(Length)),
         Without("`mask_offsets` at every angle"), r#""offsets.csv""#,
         "Displacements of the sample mask at each angle, one per mask step; the flat has `mask_offsets`.";
@@ -57,10 +66,6 @@ impl Record for Scan {
         if table.get("angles").is_none() && self.motions.len() > 1 {
             self.angles = vec![0.0; self.motions.len()];
         }
-        // A mask that moves along z alone rests along x.
-        if table.get("mask_offsets").is_none() && !self.mask_offsets_z.is_empty() {
-            self.mask_offsets = vec![0.0; self.mask_offsets_z.len()];
-        }
         // Vectors make views when source and detector are known.
         if table.get("cone_vec").is_none() {
             self.draw_errors();
@@ -70,7 +75,6 @@ impl Record for Scan {
 
     fn leaves_out(&self, key: &str) -> bool {
         match key {
-            "mask_offsets_z" => self.mask_offsets_z.is_empty(),
             "view_offsets" => self.view_offsets.is_empty(),
             "motions" => self.motions.is_empty(),
             "axis" => self.axis == RotationAxis::default(),

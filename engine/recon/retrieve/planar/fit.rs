@@ -30,6 +30,8 @@ pub(super) struct PlanarModel {
     pub(super) blur: Option<[f64; 2]>,
     /// Size of a pixel, m, of beamlets.
     pub(super) pixel: Option<[f64; 2]>,
+    /// True of the curve of a list of apertures: it has many peaks, and fits begin at a known centre.
+    pub(super) is_list: bool,
 }
 
 /// A fit of flat or sample.
@@ -68,21 +70,26 @@ struct Ended {
 }
 
 impl PlanarModel {
-    /// Fits values. `flat`: the fit of the same curve of the flat, `None` for the flat itself.
+    /// Fits values. `flat`: the fit of the same curve of the flat, `None` for the flat itself; `centre`: centre of the
+    /// flat's curve to begin with, for a list.
     pub(super) fn fit(
         &self,
         values: &PlanarValues,
         noise: &ValueNoise,
         flat: Option<&PlanarFit>,
+        centre: Option<[f64; 2]>,
     ) -> PlanarFit {
         if values.flags & flags::NO_ANSWER != 0 {
             return PlanarFit::none(values.flags);
         }
         let least = self.least_blur(&values.points);
-        let start = self.start(values, flat, least);
+        let start = match centre {
+            Some(centre) => self.start_at(values, flat, (centre, least)),
+            None => self.start(values, flat, least),
+        };
         let free = [false; UNKNOWNS];
         let mut ended = self.descend(values, noise, start, (free, least));
-        let peak = self.peak(&ended.p);
+        let peak = self.peak(&values.points, &ended.p);
         let unresolved =
             [0, 1].map(|axis| !self.resolves(&ended, noise, flat, (axis, peak, least)));
         let mut held = free;
@@ -135,6 +142,21 @@ impl PlanarModel {
         p
     }
 
+    /// Unknowns of a list to begin with: of a sample the flat's, of a flat the blur by the geometry about a centre.
+    fn start_at(
+        &self,
+        values: &PlanarValues,
+        flat: Option<&PlanarFit>,
+        ([x, z], least): ([f64; 2], [f64; 2]),
+    ) -> [f64; UNKNOWNS] {
+        let [xx, zz] =
+            [0, 1].map(|axis| self.blur.map_or(0.0, |it| it[axis]).max(2.0 * least[axis]));
+        let known = flat.filter(|flat| flat.curve.has_answer()).map(|flat| flat.unknowns);
+        let mut p = known.unwrap_or([1.0, x, z, xx, zz, 0.0, 0.0]);
+        [p[0], p[6]] = self.linear(values, &p);
+        p
+    }
+
     /// Light and background for the other unknowns, by linear least squares.
     fn linear(&self, values: &PlanarValues, p: &[f64; UNKNOWNS]) -> [f64; 2] {
         let mut out = Vec::new();
@@ -151,12 +173,13 @@ impl PlanarModel {
         [scale, mean_value - scale * mean]
     }
 
-    /// Height above the background.
-    fn peak(&self, p: &[f64; UNKNOWNS]) -> f64 {
+    /// Height above the background: at the centre, or of a list at these points.
+    fn peak(&self, points: &Points, p: &[f64; UNKNOWNS]) -> f64 {
         let mut out: Vec<Valued> = Vec::new();
         let centre = Points::of(&[[p[1], p[2]]]);
-        self.shape.evaluate(&centre, p, &mut Tables::default(), &mut out);
-        out.first().map_or(f64::NAN, |value| value[0] - p[6])
+        let points = if self.is_list { points } else { &centre };
+        self.shape.evaluate(points, p, &mut Tables::default(), &mut out);
+        out.iter().map(|value| value[0] - p[6]).fold(f64::NAN, f64::max)
     }
 
     /// Decides whether values determine the blur along an axis.
@@ -192,9 +215,9 @@ impl PlanarModel {
         let mut descent = Descent::new(&self.shape, values, Held { unknowns: held, least });
         let (p, settled, weights) = descent.run(
             start,
-            |p, values| {
-                let peak = self.peak(p);
-                values.iter().map(|value| noise.weight(value[0], peak)).collect()
+            |p, fitted| {
+                let peak = self.peak(&values.points, p);
+                fitted.iter().map(|value| noise.weight(value[0], peak)).collect()
             },
             noise.weights == Weights::Poisson,
         );
@@ -250,10 +273,10 @@ impl PlanarModel {
             all.first().is_some_and(|low| p[1 + axis] < *low)
                 || all.last().is_some_and(|high| p[1 + axis] > *high)
         });
-        if is_outside {
+        if is_outside && !self.is_list {
             flags |= flags::OUTSIDE;
         }
-        let amplitude = self.peak(p);
+        let amplitude = self.peak(&values.points, p);
         let mut centre = [p[1], p[2]];
         for axis in [0, 1] {
             let variance = ended.even.as_ref().map_or(f64::NAN, |even| even[1 + axis][1 + axis]);

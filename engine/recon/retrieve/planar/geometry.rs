@@ -4,9 +4,11 @@ use super::super::method::{Method, refuse_lists};
 use super::super::options::RetrieveOptions;
 use super::aperture::Aperture;
 use super::lattice::Lattice;
+use super::profile::Profile;
+use super::shape::Strip;
 use beamlet_core::{Error, Result};
-use beamlet_model::optics::{Mask, Openings, Optics};
-use beamlet_model::scene::{ApertureLattice, ApertureShape, Blur, Scene};
+use beamlet_model::optics::{FrontView, Mask, Openings, Optics};
+use beamlet_model::scene::{ApertureLattice, ApertureShape, Blur, MaskSpec, Scene};
 use beamlet_model::spot::deviation;
 
 /// Relative difference of the axes of a circle, by rounding.
@@ -32,7 +34,6 @@ impl Design {
         options: &RetrieveOptions,
         omitted: &[usize],
     ) -> Result<Option<Self>> {
-        refuse_lists(scene)?;
         let z = offsets_z(scene, options, omitted);
         let x = &scene.scan.mask_offsets;
         if !z.is_empty() {
@@ -46,6 +47,7 @@ impl Design {
             }
             return Ok(Some(Self::Steps(x.iter().zip(&z).map(|(x, z)| [*x, *z]).collect())));
         }
+        refuse_lists(scene)?;
         let lattice = match options.lattice {
             Some(lattice) => Some(lattice),
             None => lattice_of(scene)?,
@@ -60,6 +62,11 @@ impl Design {
             }
         }
         Ok(lattice.map(Self::Beamlets))
+    }
+
+    /// True for the curves of a list of apertures, whose place depends on the pixel.
+    pub(crate) fn is_of_list(&self, scene: &Scene) -> bool {
+        matches!(self, Self::Steps(_)) && list(scene).is_some()
     }
 
     /// Frames of the flat, and of each view of the sample.
@@ -140,15 +147,24 @@ fn check_beamlets(scene: &Scene) -> Result<()> {
 }
 
 fn check_steps(scene: &Scene, method: Method) -> Result<()> {
-    let displaced = scene.masks().find(|(_, mask)| mask.lattice != ApertureLattice::Rectangular);
-    if let Some((key, _)) = displaced.filter(|_| method == Method::ExactCurve) {
-        let allowed = "a rectangular lattice for exact-curve; or method gaussian";
-        return Err(Error::scene(format!("{key}.lattice"), "hexagonal", allowed));
+    if method != Method::ExactCurve {
+        refuse_lists(scene)?;
     }
-    let masks = [("sample_mask", &scene.sample_mask), ("detector_mask", &scene.detector_mask)];
-    match masks.into_iter().find(|(_, mask)| mask.is_none()) {
-        None => Ok(()),
-        Some((key, _)) => Err(Error::scene(key, "nothing", "both masks for steps along x and z")),
+    if let Some(list) = scene.detector_mask.as_ref().and_then(MaskSpec::list_key) {
+        let found = "a list of apertures, which each pixel sees another part of";
+        let allowed = "a list in the sample mask, before pixels or apertures on a lattice";
+        return Err(Error::scene(format!("detector_mask.{list}"), found, allowed));
+    }
+    match (&scene.sample_mask, &scene.detector_mask) {
+        (None, _) => {
+            let allowed = "a sample mask for steps along x and z";
+            Err(Error::scene("sample_mask", "nothing", allowed))
+        }
+        (_, None) if method != Method::ExactCurve => {
+            let allowed = "both masks for steps along x and z; or method exact-curve";
+            Err(Error::scene("detector_mask", "nothing", allowed))
+        }
+        _ => Ok(()),
     }
 }
 
@@ -200,30 +216,73 @@ fn offsets_z(scene: &Scene, options: &RetrieveOptions, omitted: &[usize]) -> Vec
     all.filter(|(step, _)| !omitted.contains(step)).map(|(_, z)| *z).collect()
 }
 
-/// Sizes of the apertures of both masks as they are in the plane of the sample mask, m: of the options, else of the
-/// scene where they have ends along z.
+/// Strips of the overlap of the apertures of both masks, or of a sample mask and a pixel, in the plane of the sample
+/// mask: sizes of the options, else of the scene.
 ///
 /// # Errors
-/// [`Error::Argument`] for a mask whose rectangle is not known.
-pub(super) fn overlap(scene: &Scene, options: &RetrieveOptions) -> Result<[[f64; 2]; 2]> {
+/// [`Error::Argument`] for a mask whose apertures are not known.
+pub(super) fn overlap(scene: &Scene, options: &RetrieveOptions) -> Result<Vec<Strip>> {
     let optics = Optics::of(scene);
     let magnification = scene.magnification();
-    let shape = |name| scene.masks().find(|(key, _)| *key == name).map(|(_, mask)| mask.shape);
-    let size = |name: &str, given: Option<Aperture>, mask: Option<&Mask>, plane: f64| {
-        let known = given.or_else(|| of_openings(shape(mask?.name())?, &mask?.openings(plane)));
-        let found = match known {
-            Some(Aperture::Rectangle(size)) => return Ok(size.map(|width| width / magnification)),
-            Some(Aperture::Round(_)) => "a round aperture",
-            None => "nothing",
-        };
+    let unknown = |name: &str, found: &str| {
         let allowed = "width and height, of both masks, for exact-curve in two directions; or method gaussian";
         Err(Error::argument(name, found, allowed))
     };
+    let shape = |name| scene.masks().find(|(key, _)| *key == name).map(|(_, mask)| mask.shape);
+    let known = |given: Option<Aperture>, mask: Option<&Mask>, plane: f64| {
+        given.or_else(|| of_openings(shape(mask?.name())?, &mask?.openings(plane)))
+    };
     let plane = optics.detector_mask.as_ref().map_or(optics.analyser, Mask::distance);
-    Ok([
-        size("aperture", options.aperture, optics.sample_mask.as_ref(), optics.analyser)?,
-        size("detector_aperture", options.detector_aperture, optics.detector_mask.as_ref(), plane)?,
-    ])
+    let analyser = match optics.detector_mask.as_ref() {
+        None => scene.detector.pitch,
+        mask => match known(options.detector_aperture, mask, plane) {
+            Some(Aperture::Rectangle(size)) => size,
+            Some(Aperture::Round(_)) => return unknown("detector_aperture", "a round aperture"),
+            None => return unknown("detector_aperture", "nothing"),
+        },
+    };
+    let analyser = analyser.map(|width| width / magnification);
+    if let Some(mask) = list(scene) {
+        if options.aperture.is_some() {
+            let allowed = "nothing: the scene has a list of apertures";
+            return Err(Error::argument("aperture", "an aperture", allowed));
+        }
+        return Ok(strips_of_list(mask, scene.detector.pixels, analyser));
+    }
+    match known(options.aperture, optics.sample_mask.as_ref(), optics.analyser) {
+        Some(Aperture::Rectangle(size)) => {
+            Ok(Aperture::Rectangle(size.map(|width| width / magnification)).strips(analyser))
+        }
+        Some(Aperture::Round(diameter)) if optics.detector_mask.is_none() => {
+            Ok(Aperture::Round(diameter / magnification).strips(analyser))
+        }
+        Some(Aperture::Round(_)) => unknown("aperture", "a round aperture"),
+        None => unknown("aperture", "nothing"),
+    }
+}
+
+/// Sample mask of a list of apertures; `None` without one.
+pub(super) fn list(scene: &Scene) -> Option<&MaskSpec> {
+    scene.sample_mask.as_ref().filter(|mask| mask.list_key().is_some())
+}
+
+/// Overlap of the rectangles of a list with an aperture of this size, m, over mask offsets.
+fn strips_of_list(mask: &MaskSpec, pixels: [u32; 2], analyser: [f64; 2]) -> Vec<Strip> {
+    let view = FrontView::of(mask, pixels, 1);
+    let strips = view.map(|view| view.strips.strips).unwrap_or_default();
+    let rectangles: Vec<[[f64; 2]; 2]> =
+        strips.iter().flat_map(|strip| strip.x.iter().map(|x| [*x, strip.z])).collect();
+    let area = |ends: &[[f64; 2]; 2]| ends.iter().map(|[low, high]| high - low).product::<f64>();
+    let all: f64 = rectangles.iter().map(area).sum();
+    let of = |ends: &[[f64; 2]; 2]| {
+        // An aperture on the right lies before the analyser at an offset to the left.
+        let along = [0, 1].map(|axis| {
+            let [low, high] = ends[axis];
+            Profile { boxes: [high - low, analyser[axis]], shift: -f64::midpoint(low, high) }
+        });
+        Strip { share: area(ends) / all, along }
+    };
+    rectangles.iter().map(of).collect()
 }
 
 /// Variances xx and zz of the blur of spot and detector, m^2 on the detector or, of steps, in the plane of the
@@ -232,7 +291,7 @@ pub(super) fn blur(scene: &Scene, is_steps: bool) -> [f64; 2] {
     let magnification = scene.magnification();
     let fwhm = scene.source.spot.fwhm();
     let detector = match &scene.detector.blur {
-        Some(Blur::Gaussian { sigma }) if !is_steps => *sigma,
+        Some(Blur::Gaussian { sigma }) if !is_steps || scene.detector_mask.is_none() => *sigma,
         _ => [0.0; 2],
     };
     let scale = if is_steps { magnification } else { 1.0 };

@@ -17,6 +17,7 @@
 //! | `offsets.rs` | lists of offsets, and the contrasts that they determine |
 //! | `geometry.rs` | designs, masks and blur of a scene |
 //! | `models.rs` | models of beamlets and of curves over offsets |
+//! | `expected.rs` | uncertainties without a sample |
 //! | `retriever.rs` | a design made ready: fits of flat and sample |
 //! | `images.rs` | images of a view |
 
@@ -24,6 +25,7 @@ mod aperture;
 mod curve;
 mod descent;
 mod equations;
+mod expected;
 mod fit;
 mod found;
 mod geometry;
@@ -44,6 +46,7 @@ mod windows;
 mod tests;
 
 pub use aperture::Aperture;
+pub use expected::sigmas_in_two_directions;
 pub(crate) use fit::PlanarFit;
 pub(crate) use geometry::{Design, aperture};
 pub(crate) use images::{names, of_flat};

@@ -7,13 +7,14 @@ use super::super::value_noise::ValueNoise;
 use super::fit::PlanarModel;
 use super::found::{Frame, PlacedLattice};
 use super::geometry;
+use super::lattice::Lattice;
 use super::profile::Profile;
 use super::scan::PlanarValues;
 use super::shape::{PlanarShape, Strip};
 use super::windows::{Window, Windows};
 use beamlet_core::{Error, Result};
-use beamlet_model::optics::{Mask, Optics, WholePeriods};
-use beamlet_model::scene::Scene;
+use beamlet_model::optics::{FrontView, Mask, Optics, WholePeriods};
+use beamlet_model::scene::{ApertureLattice, Scene};
 use ndarray::ArrayView3;
 use rayon::prelude::*;
 
@@ -39,7 +40,7 @@ pub(super) fn through_centres(
     let centres: Vec<([i64; 2], [f64; 2])> = some
         .par_iter()
         .filter_map(|window| {
-            let fit = model.fit(&values(frame, flat, (window, &noise)), &noise, None);
+            let fit = model.fit(&values(frame, flat, (window, &noise)), &noise, None, None);
             let is_fine =
                 fit.curve.has_answer() && fit.curve.centre.iter().all(|at| at.is_finite());
             is_fine.then_some((window.index, fit.curve.centre))
@@ -65,7 +66,7 @@ pub(super) fn values(
 fn gaussian(pixel: [f64; 2], neighbours: Vec<[f64; 2]>) -> PlanarModel {
     let along = pixel.map(|pixel| Profile { boxes: [pixel, 0.0], shift: 0.0 });
     let shape = PlanarShape { strips: vec![Strip { share: 1.0, along }], neighbours };
-    PlanarModel { shape, blur: None, pixel: Some(pixel) }
+    PlanarModel { shape, blur: None, pixel: Some(pixel), is_list: false }
 }
 
 /// Offsets less whole periods of the sample mask.
@@ -100,7 +101,8 @@ pub(super) fn beamlet_model(
     match (options.method, aperture) {
         (Method::Beamlet, Some(aperture)) => {
             let shape = PlanarShape { strips: aperture.strips(pixel), neighbours: around };
-            Ok(PlanarModel { shape, blur: Some(blur), pixel: Some(pixel) })
+            let blur = Some(blur);
+            Ok(PlanarModel { shape, blur, pixel: Some(pixel), is_list: false })
         }
         (Method::Beamlet, None) => {
             let allowed =
@@ -119,25 +121,74 @@ pub(super) fn beamlet_model(
     }
 }
 
-/// Model of the curve of two masks over offsets.
+/// Model of the curve of a sample mask over offsets, before a detector mask or pixels.
 pub(super) fn curve_model(scene: &Scene, options: &RetrieveOptions) -> Result<PlanarModel> {
     if options.method == Method::Gaussian {
         let along = [Profile { boxes: [0.0; 2], shift: 0.0 }; 2];
         let shape =
             PlanarShape { strips: vec![Strip { share: 1.0, along }], neighbours: Vec::new() };
-        return Ok(PlanarModel { shape, blur: None, pixel: None });
+        return Ok(PlanarModel { shape, blur: None, pixel: None, is_list: false });
     }
-    let [sample, detector] = geometry::overlap(scene, options)?;
-    let along = [0, 1].map(|k| Profile { boxes: [sample[k], detector[k]], shift: 0.0 });
-    let steps = periods(scene).map(|period| match period.is_finite() {
+    let shape =
+        PlanarShape { strips: geometry::overlap(scene, options)?, neighbours: neighbours(scene)? };
+    let is_list = geometry::list(scene).is_some();
+    Ok(PlanarModel { shape, blur: Some(geometry::blur(scene, true)), pixel: None, is_list })
+}
+
+/// Places of the curves of neighbouring apertures, or periods of a list, m in the plane of the sample mask.
+fn neighbours(scene: &Scene) -> Result<Vec<[f64; 2]>> {
+    let period = periods(scene);
+    let lattice = scene.sample_mask.as_ref().map(|mask| mask.lattice);
+    if lattice == Some(ApertureLattice::Hexagonal) {
+        // A period along z has two rows.
+        let [x, z] = period;
+        return Ok(Lattice::new([[x, 0.0], [0.5 * x, 0.5 * z]])?.around());
+    }
+    let steps = period.map(|period| match period.is_finite() {
         true => vec![-period, 0.0, period],
         false => vec![0.0],
     });
-    let neighbours = steps[0]
-        .iter()
-        .flat_map(|x| steps[1].iter().map(move |z| [*x, *z]))
-        .filter(|[x, z]| x.abs() + z.abs() > 0.0)
-        .collect();
-    let shape = PlanarShape { strips: vec![Strip { share: 1.0, along }], neighbours };
-    Ok(PlanarModel { shape, blur: Some(geometry::blur(scene, true)), pixel: None })
+    let all = steps[0].iter().flat_map(|x| steps[1].iter().map(move |z| [*x, *z]));
+    Ok(all.filter(|[x, z]| x.abs() + z.abs() > 0.0).collect())
+}
+
+/// Centre of the curve of each pixel of a list of apertures.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Centres {
+    /// Centre of a period of the list, m in the plane of the sample mask.
+    origin: [f64; 2],
+    period: [f64; 2],
+    /// Columns and rows of pixels.
+    pixels: [u32; 2],
+    /// Size of a pixel in the plane of the sample mask, m.
+    pixel: [f64; 2],
+}
+
+impl Centres {
+    /// Centres for the list of a scene; `None` without one.
+    pub(super) fn of(scene: &Scene) -> Option<Self> {
+        let mask = geometry::list(scene)?;
+        let view = FrontView::of(mask, scene.detector.pixels, 1)?;
+        Some(Self {
+            origin: [view.centre, view.strips.centre],
+            period: [view.period, view.strips.period],
+            pixels: scene.detector.pixels,
+            pixel: scene
+                .detector
+                .pitch
+                .map(|pitch| pitch * mask.distance / scene.detector.distance),
+        })
+    }
+
+    /// The mask offset at which the nearest centre of a period lies before a pixel, m.
+    pub(super) fn at(&self, row: usize, column: usize) -> [f64; 2] {
+        let from_middle = |index: usize, count: u32| index as f64 + 0.5 - 0.5 * f64::from(count);
+        let [columns, rows] = self.pixels;
+        // Rows run down, z up.
+        let place = [from_middle(column, columns), -from_middle(row, rows)];
+        [0, 1].map(|axis| {
+            let offset = place[axis] * self.pixel[axis] - self.origin[axis];
+            offset - self.period[axis] * (offset / self.period[axis]).round()
+        })
+    }
 }

@@ -11,7 +11,9 @@ use super::fit::{PlanarFit, PlanarModel};
 use super::found::{Frame, PlacedLattice};
 use super::geometry::Design;
 use super::images;
-use super::models::{beamlet_model, curve_model, through_centres, values, without_periods};
+use super::models::{
+    Centres, beamlet_model, curve_model, through_centres, values, without_periods,
+};
 use super::moments::by_moments;
 use super::offsets;
 use super::scan::PlanarValues;
@@ -31,8 +33,9 @@ pub(crate) type Fits = Vec<Option<PlanarFit>>;
 enum Curves {
     /// Beamlets in their windows, and the lattice that was found in the flat.
     Beamlets(Windows, PlacedLattice),
-    /// A curve in each pixel, over these offsets without whole periods of the sample mask, m.
-    Pixels(Vec<[f64; 2]>),
+    /// A curve in each pixel, over these offsets without whole periods of the sample mask, m; for a list the centres
+    /// of the curves.
+    Pixels(Vec<[f64; 2]>, Option<Centres>),
 }
 
 /// A design made ready for frames.
@@ -82,7 +85,7 @@ impl PlanarRetriever {
                 whole_periods =
                     pairs.first().zip(kept.first()).map_or(0.0, |(all, own)| all[0] - own[0]);
                 let model = curve_model(scene, options)?;
-                (Curves::Pixels(kept), model, -scene.magnification() / lever)
+                (Curves::Pixels(kept, Centres::of(scene)), model, -scene.magnification() / lever)
             }
         };
         Ok(Self { options: options.clone(), frame, curves, model, angle_per_shift, whole_periods })
@@ -102,7 +105,7 @@ impl PlanarRetriever {
     pub(crate) fn shape(&self, rows: usize) -> [usize; 2] {
         match &self.curves {
             Curves::Beamlets(windows, _) => windows.shape,
-            Curves::Pixels(_) => [rows, self.frame.shape[1]],
+            Curves::Pixels(..) => [rows, self.frame.shape[1]],
         }
     }
 
@@ -118,7 +121,7 @@ impl PlanarRetriever {
                 let [a, b] = placed.lattice.vectors;
                 Some([a, b, placed.origin])
             }
-            Curves::Pixels(_) => None,
+            Curves::Pixels(..) => None,
         }
     }
 
@@ -126,18 +129,18 @@ impl PlanarRetriever {
     pub(crate) fn columns_m(&self) -> Option<Vec<f64>> {
         match &self.curves {
             Curves::Beamlets(windows, _) => Some(windows.columns()),
-            Curves::Pixels(_) => None,
+            Curves::Pixels(..) => None,
         }
     }
 
-    /// Fits frames `[step][row][column]`, all rows of beamlets or any rows of pixels. `flat`: fits of the same
-    /// curves of the flat, `None` for the flat itself.
+    /// Fits frames `[step][row][column]`, all rows of beamlets or rows of pixels from row `first` on. `flat`: fits of
+    /// the same curves of the flat, `None` for the flat itself.
     ///
     /// # Errors
     /// [`Error::Scene`] for another number of frames than of offsets; [`Error::Interrupted`].
     pub(crate) fn fits(
         &self,
-        frames: ArrayView3<'_, f32>,
+        (frames, first): (ArrayView3<'_, f32>, usize),
         factors: NoiseFactors,
         flat: Option<&[Option<PlanarFit>]>,
         cancel: &Cancel,
@@ -159,7 +162,7 @@ impl PlanarRetriever {
                 }
                 Ok(fits)
             }
-            Curves::Pixels(pairs) => {
+            Curves::Pixels(pairs, centres) => {
                 if steps != pairs.len() {
                     let found = format!("{} offsets for {steps} frames", pairs.len());
                     let allowed = "one offset for each frame";
@@ -170,7 +173,8 @@ impl PlanarRetriever {
                     let (row, column) = (at / columns, at % columns);
                     let curve = (0..steps).map(|step| frames[[step, row, column]]);
                     let values = PlanarValues::of(pairs, curve, &noise, PlanarValues::NEEDED);
-                    Ok(Some(self.model.fit(&values, &noise, of_flat(at))))
+                    let centre = centres.map(|centres| centres.at(first + row, column));
+                    Ok(Some(self.model.fit(&values, &noise, of_flat(at), centre)))
                 };
                 (0..rows * columns).into_par_iter().map(fit).collect()
             }
@@ -187,7 +191,7 @@ impl PlanarRetriever {
     ) -> PlanarFit {
         let values = values(&self.frame, frames, (window, noise));
         if self.options.method != Method::Moments {
-            return self.model.fit(&values, noise, flat);
+            return self.model.fit(&values, noise, flat, None);
         }
         let area = self.frame.pitch[0] * self.frame.pitch[1];
         let curve = by_moments(&values, noise, (&self.model.shape, area));
@@ -223,18 +227,24 @@ impl PlanarRetriever {
     /// Fisher information. `None` where values are no counts.
     pub(crate) fn expected(&self, flat: &[Option<PlanarFit>]) -> Option<[(&'static str, f64); 6]> {
         self.options.gain?;
+        let sigmas = self.sigmas(flat);
+        let mut all = [("", f64::NAN); 6];
+        for ((to, name), sigma) in all.iter_mut().zip(images::CONTRASTS).zip(sigmas) {
+            *to = (name, sigma?);
+        }
+        Some(all)
+    }
+
+    /// Median 1 sigma of each contrast where flat and sample have the noise of these fits; `None` where no fit
+    /// determines it.
+    pub(super) fn sigmas(&self, flat: &[Option<PlanarFit>]) -> [Option<f64>; 6] {
         let known: Vec<[f64; 12]> = flat
             .iter()
             .flatten()
             .filter(|fit| fit.curve.has_answer())
             .map(|fit| images::contrasts(fit, fit, self.angle_per_shift))
             .collect();
-        let median = |k: usize| misfit::median(known.iter().map(|of| of[6 + k]).collect());
-        let mut all = [("", f64::NAN); 6];
-        for (k, (to, name)) in all.iter_mut().zip(images::CONTRASTS).enumerate() {
-            *to = (name, median(k)?);
-        }
-        Some(all)
+        std::array::from_fn(|k| misfit::median(known.iter().map(|of| of[6 + k]).collect()))
     }
 
     /// Values of a curve, about.
@@ -243,7 +253,7 @@ impl PlanarRetriever {
             Curves::Beamlets(windows, _) => {
                 windows.iter().next().map_or(0, |(_, window)| window.pixels.len())
             }
-            Curves::Pixels(pairs) => pairs.len(),
+            Curves::Pixels(pairs, _) => pairs.len(),
         }
     }
 
@@ -252,7 +262,7 @@ impl PlanarRetriever {
         let flag = numbers::single(f64::from(flags::BAD_PIXEL));
         let Some(bits) = images.get_mut(super::super::images::FLAGS) else { return };
         match &self.curves {
-            Curves::Pixels(_) => bits.zip_mut_with(bad, |bits, bad| {
+            Curves::Pixels(..) => bits.zip_mut_with(bad, |bits, bad| {
                 if *bad {
                     *bits = flag;
                 }

@@ -121,7 +121,12 @@ impl Work<'_, '_> {
                 true => &flat[..],
                 false => &flat[start * columns..end * columns],
             });
-            fits.extend(self.retriever.fits(frames.view(), noise, known, &self.control.cancel)?);
+            fits.extend(self.retriever.fits(
+                (frames.view(), start),
+                noise,
+                known,
+                &self.control.cancel,
+            )?);
             self.done += (end - start) as u64;
             if let Some(progress) = &mut self.control.progress {
                 progress(self.done, self.all);

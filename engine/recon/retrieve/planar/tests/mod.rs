@@ -89,8 +89,8 @@ impl Tracking {
 pub(super) fn images(retriever: &PlanarRetriever, [flat, sample]: [&Array3<f32>; 2]) -> Images {
     let one = NoiseFactors::ONE;
     let cancel = Cancel::default();
-    let of_flat = retriever.fits(flat.view(), one, None, &cancel).unwrap();
-    let fits = retriever.fits(sample.view(), one, Some(&of_flat), &cancel).unwrap();
+    let of_flat = retriever.fits((flat.view(), 0), one, None, &cancel).unwrap();
+    let fits = retriever.fits((sample.view(), 0), one, Some(&of_flat), &cancel).unwrap();
     retriever.images(&of_flat, &fits, flat.dim().1, one)
 }
 

@@ -107,7 +107,8 @@ fn scatter_over_expected(of: &Tracking, options: &RetrieveOptions) -> [f64; 6] {
     let light = of.frame(&Contrasts::EMPTY);
     let mean = light.mapv(|value| 2e4 * value);
     let retriever = of.retriever_of(&options, &mean);
-    let fits = retriever.fits(mean.view(), NoiseFactors::ONE, None, &Cancel::default()).unwrap();
+    let frames = (mean.view(), 0);
+    let fits = retriever.fits(frames, NoiseFactors::ONE, None, &Cancel::default()).unwrap();
     let expected = retriever.expected(&fits).unwrap();
     let mut squares = [[0.0; 2]; 6];
     for _ in 0..20 {
