@@ -137,16 +137,22 @@ shared_structs! {
         /// Index of the beamlet.
         pub column: u32,
         pub row: i32,
+        /// Variance of its displacement by rough surfaces at the constants of the rays, m2.
+        pub variance: f32,
     }
 
     /// Energies of a spectrum, and the materials at them.
     pub struct RefinedSpectrum in RefinedSpectrumRef {
         /// Moments of the rays of a batch, `[ray][stride]`.
         pub traced: u64 => Floats,
-        /// `[rectangle][material][KEPT_WORDS]`, of the rectangle that a ray was traced for.
+        /// `[rectangle]`, of that which a ray was traced for: `[material][KEPT_WORDS]`, then `[pair]`.
         pub kept: u64 => Floats,
         /// Number of each material in `traced`.
         pub materials: u64 => Words,
+        /// Pairs of materials, where surfaces are rough: word of the variance between them in `traced`.
+        pub pairs: u64 => Words,
+        /// `[node][pair]`: square of the step of delta.
+        pub steps: u64 => Floats,
         /// `[node][material][2]`: attenuation, 1/m, and delta; behind the nodes at the constants of the rays.
         pub constants: u64 => Floats,
         /// `[node][2]`: refraction relative to the constants of the rays; share of the grazing incidence below which
@@ -163,6 +169,7 @@ shared_structs! {
         pub repeated: u64 => RepeatedRectangles,
         pub nodes: u32,
         pub material_count: u32,
+        pub pair_count: u32,
         /// Words of the moments of a traced ray.
         pub stride: u32,
         /// Ways through the masks whose energies share cells.

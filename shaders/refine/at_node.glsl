@@ -25,7 +25,7 @@ uint traced_for(uint index) {
 float kept_at(uint index, uint material, uint word) {
     Floats kept = S.kept;
     if (index == NO_RECTANGLE) return 0.0;
-    return kept.at[(index * S.material_count + material) * KEPT_WORDS + word];
+    return kept.at[index * kept_stride() + material * KEPT_WORDS + word];
 }
 
 // A moment, and how it rises over the rectangle.
@@ -44,6 +44,7 @@ struct AtNode {
     vec2 x;
     float z; // at the detector
     float slope_x;
+    float variance; // of x, by rough surfaces
 };
 
 // Moments in a material that the rays cross.
@@ -93,7 +94,7 @@ void add_material(inout AtNode result, uint node, Held one) {
 
 // First-order result; behind the nodes at the constants of the rays.
 AtNode first_order_at(Beside beside, HeldMoments held, uint node) {
-    AtNode result = AtNode(vec2(0.0), vec2(0.0), 0.0, 0.0);
+    AtNode result = AtNode(vec2(0.0), vec2(0.0), 0.0, 0.0, 0.0);
     if (held.count <= MOST_HELD) {
         for (uint i = 0u; i < held.count; i++) add_material(result, node, held.of[i]);
         return result;
@@ -104,15 +105,31 @@ AtNode first_order_at(Beside beside, HeldMoments held, uint node) {
     return result;
 }
 
+// Variance of the displacement by rough surfaces, times the square of the step of delta for each pair of materials.
+float spread_by_roughness(uint index, uint node) {
+    Floats kept = S.kept;
+    Floats steps = S.steps;
+    uint first = index * kept_stride() + S.material_count * KEPT_WORDS;
+    float variance = 0.0;
+    for (uint p = 0u; p < S.pair_count; p++) {
+        variance += kept.at[first + p] * steps.at[node * S.pair_count + p];
+    }
+    return variance;
+}
+
 // Adds what exact transport found beyond the first order: of second order, so it grows with the square of delta,
-// but for total reflection.
-void correct(inout AtNode result, AtNode exact, AtNode first, uint node, float grazing) {
+// but for total reflection. Normals that were drawn bend in proportion.
+void correct(inout AtNode result, AtNode exact, AtNode first, uint node, float grazing, bool drawn) {
     Floats ratios = S.ratios;
     float ratio = ratios.at[2u * node];
     if (first.depth.x > 0.0) {
         result.depth += (exact.depth - first.depth) * (ratio * result.depth.x / first.depth.x);
     }
-    if (grazing < ratios.at[2u * node + 1u]) result.x = exact.x;
+    if (drawn) {
+        result.x = exact.x * ratio;
+        result.z = exact.z * ratio;
+        result.slope_x = exact.slope_x * ratio;
+    } else if (grazing < ratios.at[2u * node + 1u]) result.x = exact.x;
     else result.x += (exact.x - first.x) * (ratio * ratio);
 }
 
@@ -133,7 +150,7 @@ Sums plus(Sums sums, AtNode at, float origin, vec3 light, vec2 narrowing) {
     float x = at.x.x - origin;
     sums.light += light;
     sums.x += light * vec3(x - 0.5 * at.x.y, x, x + 0.5 * at.x.y);
-    sums.x2 += light.y * x * x;
+    sums.x2 += light.y * (x * x + at.variance);
     sums.z += light.y * at.z;
     sums.slope_x += light.y * at.slope_x;
     sums.narrowing += light.y * narrowing;

@@ -43,14 +43,14 @@ Own own_of(Rectangle g, uint index) {
     own.beside = Beside(traced_for(index), traced_for(low.rectangle), traced_for(high.rectangle), along, has, width);
     own.held = held_of(own.beside);
     uint flags = ray.flags | (has.x ? low.flags : 0u) | (has.y ? high.flags : 0u);
-    own.exact = (flags & FLAG_EXACT) != 0u;
+    own.exact = (flags & (FLAG_EXACT | FLAG_DRAWN)) != 0u;
     if (own.exact) {
         own.first = first_order_at(own.beside, own.held, S.nodes);
         vec2 depth = vec2(low.depth, high.depth) - ray.depth;
         vec2 moved = vec2(low.displacement, high.displacement) - ray.displacement;
         vec2 depth_rise = vec2(ray.depth, width * slope_along(depth, along, vec2(0.0), has.x, has.y, 0.0));
         vec2 moved_rise = vec2(ray.displacement, width * slope_along(moved, along, vec2(0.0), has.x, has.y, 0.0));
-        own.found = AtNode(depth_rise, moved_rise, 0.0, 0.0);
+        own.found = AtNode(depth_rise, moved_rise, g.landing, slope_of(g), 0.0);
     }
     return own;
 }
@@ -58,8 +58,10 @@ Own own_of(Rectangle g, uint index) {
 AtNode result_at(Own own, uint node) {
     AtNode result = first_order_at(own.beside, own.held, node);
     float grazing = float(own.g.flags >> FLAG_SHARE_SHIFT) / 255.0;
-    if (own.exact) correct(result, own.found, own.first, node, grazing);
+    bool drawn = (own.g.flags & FLAG_DRAWN) != 0u;
+    if (own.exact) correct(result, own.found, own.first, node, grazing, drawn);
     limit(result, own.beside.width);
+    if (own.g.variance > 0.0) result.variance = spread_by_roughness(own.beside.own, node);
     return result;
 }
 
@@ -175,7 +177,7 @@ void repeat_at_nodes(Own own, uint slot, uint stride) {
     Ray ray = ray_at(own.patch_, at.x, at.y);
     S.repeated.at[atomicAdd(P.head.at[HEAD_REPEATED], 1u)] =
         RepeatedRectangle(ray.x, ray.z, ray.slope_x, ray.slope_z, own.g.x_low, own.g.x_high, own.g.z_low,
-                          own.g.z_high, own.patch_.column, own.patch_.row);
+                          own.g.z_high, own.patch_.column, own.patch_.row, own.g.variance);
 }
 
 void main() {

@@ -8,6 +8,11 @@
 
 layout(local_size_x = GROUP) in;
 
+// Words that are kept of the moments of a ray.
+uint kept_stride() {
+    return S.material_count * KEPT_WORDS + S.pair_count;
+}
+
 // The item of this invocation; false where a stage has fewer.
 bool item_of(uint stage, out uint item) {
     uint words = HEAD_STAGES + stage * STAGE_WORDS;

@@ -11,11 +11,15 @@
 
 #ifdef ENERGIES
 
-// Keeps the moments of a ray in the materials that act on light.
+// Keeps the moments of a ray in the materials that act on light, and what rough surfaces between them spread.
 void keep_moments(uint ray, uint index) {
+    uint own = index * kept_stride();
+    for (uint p = 0u; p < S.pair_count; p++) {
+        S.kept.at[own + S.material_count * KEPT_WORDS + p] = S.traced.at[ray * S.stride + S.pairs.at[p]];
+    }
     for (uint m = 0u; m < S.material_count; m++) {
         uint from = ray * S.stride + MOMENTS_HEAD + S.materials.at[m] * MOMENTS_PER_MATERIAL;
-        uint to = (index * S.material_count + m) * KEPT_WORDS;
+        uint to = own + m * KEPT_WORDS;
         Floats traced = S.traced;
         Floats kept = S.kept;
         kept.at[to] = traced.at[from + MOMENTS_PATH];

@@ -70,6 +70,12 @@ float shift_of(float displacement, float slope_x) {
     return displacement * (1.0 - P.ratio) - slope_x * P.gap * P.ratio;
 }
 
+// The slope along x of the ray of a rectangle, by its shift.
+float slope_of(Rectangle g) {
+    float turned = g.displacement * (1.0 - P.ratio) - g.pixel_shift;
+    return P.gap > 0.0 ? turned / (P.gap * P.ratio) : 0.0;
+}
+
 // Light of a cell, as a length of the open beam.
 float light_of(Cell cell) {
     float rise = cell.depth_high - cell.depth_low;

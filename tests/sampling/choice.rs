@@ -35,10 +35,10 @@ fn bundle(count: u32) -> Scene {
 fn gpus_choose_rays_and_cpus_leave_them_to_the_host() {
     let mut with_tube = shapes();
     with_tube.source.beam = tube(40.0, 4);
-    let mut rough = shapes();
+    let mut rough = with_tube.clone();
     rough.objects[0].roughness = 1e-3;
     for (scene, energies) in
-        [(shapes(), 1), (with_tube, 4), (bundle(65), 1), (rough, 1), (meshes(), 1)]
+        [(shapes(), 1), (with_tube, 4), (bundle(65), 1), (rough, 4), (meshes(), 1)]
     {
         assert_eq!(scene.sampling.refine, Refine::Auto, "the default");
         for kind in GPUS {
@@ -55,14 +55,10 @@ fn gpus_choose_rays_and_cpus_leave_them_to_the_host() {
 #[test]
 fn the_host_chooses_the_rays_of_scenes_that_the_device_does_not_know() {
     let gpu = (DeviceKind::Discrete, false);
-    let mut rough = shapes();
-    rough.objects[0].roughness = 1e-3;
-    rough.source.beam = tube(40.0, 4);
     let mut exact = shapes();
     exact.sampling.transport = Transport::Exact;
     assert_eq!(choice(&exact, 1, gpu).0, Refine::Device, "exact transport at one energy is known");
     for (found, (place, reason)) in [
-        ("a rough object and a spectrum", choice(&rough, 4, gpu)),
         ("kept moments", choice(&shapes(), 1, (DeviceKind::Discrete, true))),
         ("a spectrum", choice(&exact, 4, gpu)),
     ] {

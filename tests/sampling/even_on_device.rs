@@ -1,8 +1,8 @@
 //! Unresolved structure and roughness with `sampling.refine = "device"`, against the rules of the host.
 
-use super::on_device::{apart, of_objects, run};
-use crate::support::{engine, engine_with};
-use beamlet::scene::{Refine, Scene};
+use super::on_device::{apart, of_objects, run, tube};
+use crate::support::{engine, engine_with, sample};
+use beamlet::scene::{Beam, Filter, Object, Refine, Scene, Shape};
 use beamlet::{Backend, EngineOptions};
 
 /// A bundle of carbon fibres, of this roughness; a ray crosses up to 20.
@@ -25,17 +25,60 @@ fn plate() -> Scene {
     )
 }
 
+/// Under a tube behind 1 mm of aluminium.
+fn filtered(mut scene: Scene) -> Scene {
+    let Beam::Spectrum(tube) = tube(60.0, 4) else { panic!("a spectrum") };
+    let aluminium = Filter::new("Al", 1e-3);
+    scene.source.beam = Beam::Spectrum(tube.with_filters(vec![aluminium]));
+    scene.detector.pixels[1] = 2;
+    scene
+}
+
+/// Foils of gold across the beam, two of them in water: rough surfaces between two pairs of materials, as a variance
+/// of 0.4 um squared.
+fn foils(roughness: f64) -> Scene {
+    let mut scene = of_objects("");
+    let of = |name: &str, size: [f64; 3], material: &str| {
+        Object::new(name, Shape::Box { size }, material)
+    };
+    scene.objects.push(of("bath", [2e-3, 50e-6, 2e-3], "water"));
+    for (name, y) in [("a", -35e-6), ("b", -10e-6), ("c", 10e-6), ("d", 35e-6)] {
+        let mut foil = of(name, [0.6e-3, 2e-6, 2e-3], "gold");
+        foil.placement.position[1] = y;
+        foil.roughness = roughness;
+        scene.objects.push(foil);
+    }
+    filtered(scene)
+}
+
+/// The spread by rough surfaces grows with the square of the step of delta, for each energy.
+#[test]
+fn rough_surfaces_spread_light_of_each_energy_as_by_the_host() {
+    let engine = engine(Backend::Bvh);
+    let tolerance = 1e-4;
+    let (want, _) = run(&engine, &foils(0.06), Refine::Host, tolerance / 4.0);
+    let (smooth, _) = run(&engine, &foils(0.0), Refine::Host, tolerance);
+    let (got, _) = run(&engine, &foils(0.06), Refine::Device, tolerance);
+    let [[seen, _], [worst, _]] = [&smooth, &got].map(|it| apart(it, &want));
+    println!("measured device, rough foils, a tube: worst {worst:.1e} of {seen:.1e}");
+    // Light is linear over the foils: both have it to the rounding of f32.
+    assert!(seen > 3e-5 && worst < 0.01 * seen, "{worst} of {seen}");
+}
+
 /// Rays are chosen at other places than by the host, so that both err by chance: mean and variance over the pixels
 /// agree to the error of a mean over as many (four of its deviations). Values of the steps of a pixel have the same
 /// rays and count as one.
 #[test]
 fn rough_and_unresolved_samples_have_mean_and_variance_of_the_host() {
     let engine = engine(Backend::Bvh);
-    for (name, scene, tolerance) in [
+    let cases = vec![
         ("fibres", fibres(0.0), 1e-3),
         ("rough fibres", fibres(2e-3), 1e-3),
         ("rough plate", plate(), 4e-3),
-    ] {
+        ("rough plate, a tube", filtered(plate()), 1e-2),
+        ("rough fibres, a tube", filtered(fibres(2e-3)), 1e-3),
+    ];
+    for (name, scene, tolerance) in sample(cases, 2) {
         let (want, _) = run(&engine, &scene, Refine::Host, tolerance / 4.0);
         let (got, record) = run(&engine, &scene, Refine::Device, tolerance);
         let [worst, rms] = apart(&got, &want);

@@ -115,7 +115,7 @@ pub(crate) fn everything() -> bool {
     std::env::var_os("BEAMLET_ALL").is_some()
 }
 
-/// The amount of a test: `all` where everything is asked for, else `few`.
+/// The amount of a test: `few`, or `all` with `BEAMLET_ALL`.
 pub(crate) fn amount<T>(few: T, all: T) -> T {
     if everything() { all } else { few }
 }

@@ -1,6 +1,5 @@
 //! Buffers of the refinement, which groups of patches share.
 
-use super::spectrum::kept_bytes;
 use crate::trace::Tracer;
 use beamlet_core::Result;
 use beamlet_gpu::{Buffer, Device, Memory};
@@ -36,7 +35,7 @@ pub(super) struct Sizes {
     pub(super) walls: u32,
     /// Words of the sums of all patches.
     pub(super) sums: u64,
-    /// Materials whose moments are kept, and groups of light, under a spectrum.
+    /// Words that are kept of the moments of a ray, and groups of light, under a spectrum.
     pub(super) spectrum: Option<[u32; 2]>,
 }
 
@@ -139,8 +138,8 @@ impl Buffers {
             parts: make("parts of cell rows of rectangles", 2 * cells, size_of::<CellRowPart>())?,
             made: make("rectangles of runs", 3 * cells, 4)?,
             runs: make("runs of rectangles", 2 * cells, 4)?,
-            kept: of_spectrum(&|[materials, _]| {
-                make("moments of rectangles", room * kept_bytes(materials.into()), 1)
+            kept: of_spectrum(&|[words, _]| {
+                make("moments of rectangles", room * u64::from(words), 4)
             })?,
             repeated: of_spectrum(&|_| {
                 make("rectangles to trace at each energy", cells, size_of::<RepeatedRectangle>())

@@ -1,7 +1,6 @@
 //! Room for rectangles and cells on the device.
 
 use super::buffers::{CELL, CELL_OF_SPECTRUM, RECTANGLE, merged_bytes};
-use super::spectrum::kept_bytes;
 use beamlet_core::{Error, numbers};
 
 /// Rectangles that there is room for where memory has no limit, and least.
@@ -24,12 +23,12 @@ pub(crate) struct RefineRoom {
 }
 
 impl RefineRoom {
-    /// Room under a limit, with bytes left; `spectrum`: numbers of materials whose moments are kept, and of groups
+    /// Room under a limit, with bytes left; `spectrum`: words that are kept of the moments of a ray, and groups
     /// of light.
     pub(crate) fn new(limit: Option<[u64; 2]>, spectrum: Option<[usize; 2]>) -> Self {
         let [mut rectangle, mut cell] = [RECTANGLE, CELL];
-        if let Some([materials, groups]) = spectrum {
-            rectangle += kept_bytes(materials as u64) + merged_bytes(groups as u64) / LEAST_BASE;
+        if let Some([words, groups]) = spectrum {
+            rectangle += 4 * words as u64 + merged_bytes(groups as u64) / LEAST_BASE;
             cell += CELL_OF_SPECTRUM;
         }
         Self { limit, rectangle, cell }

@@ -7,14 +7,9 @@ use crate::sampling::CellBatch;
 use crate::trace::Tracer;
 use beamlet_core::{Result, numbers};
 use beamlet_gpu::{Buffer, Device, Memory, Upload};
-use beamlet_interface::{KEPT_WORDS, RefinedSpectrum, RepeatedRectangle};
+use beamlet_interface::{RefinedSpectrum, RepeatedRectangle};
 use std::ops::Range;
 use std::sync::Arc;
-
-/// Bytes of the moments of a rectangle in these materials.
-pub(super) const fn kept_bytes(materials: u64) -> u64 {
-    materials * KEPT_WORDS as u64 * 4
-}
 
 /// Tables by energy on the device, and the shares of light by rows as far as they are known.
 #[derive(Debug)]
@@ -24,6 +19,8 @@ pub(super) struct Spectrum<'s> {
     materials: Buffer,
     constants: Buffer,
     ratios: Buffer,
+    pairs: Buffer,
+    steps: Buffer,
     counts: Buffer,
     record: Buffer,
     shares: Option<Buffer>,
@@ -42,6 +39,8 @@ impl<'s> Spectrum<'s> {
             materials: device.upload("materials of a spectrum", &with_one(&tables.materials))?,
             constants: device.upload("constants by energy", &with_one(&tables.constants))?,
             ratios: device.upload("strengths of refraction by energy", &tables.ratios)?,
+            pairs: device.upload("pairs of materials", &with_one(&tables.pairs))?,
+            steps: device.upload("steps of delta by energy", &with_one(&tables.steps))?,
             counts: make("numbers of cells by list", 4 * (4 * lists + 1))?,
             record: make("energies of refinement", size_of::<RefinedSpectrum>() as u64)?,
             shares: None,
@@ -53,9 +52,9 @@ impl<'s> Spectrum<'s> {
         })
     }
 
-    /// Materials whose moments are kept, and groups of light.
+    /// Words that are kept of the moments of a ray, and groups of light.
     pub(super) fn sizes(&self) -> [u32; 2] {
-        [numbers::count(self.tables.materials.len()), self.tables.groups]
+        [numbers::count(self.energies.kept_words()), self.tables.groups]
     }
 
     /// Words of the numbers of cells: by list, and of all.
@@ -95,6 +94,8 @@ impl<'s> Spectrum<'s> {
             materials: self.materials.address(),
             constants: self.constants.address(),
             ratios: self.ratios.address(),
+            pairs: self.pairs.address(),
+            steps: self.steps.address(),
             shares: of(&self.shares),
             counts: self.counts.address(),
             marks: of(&buffers.marks),
@@ -102,6 +103,7 @@ impl<'s> Spectrum<'s> {
             repeated: of(&buffers.repeated),
             nodes: self.tables.nodes,
             material_count: numbers::count(self.tables.materials.len()),
+            pair_count: numbers::count(self.tables.pairs.len()),
             stride: tracer.moment_stride(),
             groups: self.tables.groups,
             columns: self.tables.columns,

@@ -155,8 +155,7 @@ impl Simulation {
     /// The same on the device.
     fn refine_room(&self, memory: &MemoryEstimate) -> RefineRoom {
         let limit = self.options().memory_limit.zip(memory.left_for_refinement);
-        let names = self.media.names.len();
-        let spectrum = self.spectral.as_ref().map(|it| [names, it.group_count()]);
+        let spectrum = self.spectral.as_ref().map(|it| [it.kept_words(), it.group_count()]);
         RefineRoom::new(limit.map(<[u64; 2]>::from), spectrum)
     }
 

@@ -7,7 +7,10 @@ use crate::sampling::{CellBatch, CellMoments};
 use crate::trace::Tracer;
 use beamlet_core::Result;
 use beamlet_core::numbers::{self, single};
-use beamlet_interface::{Cell, CellRow, MERGED_COLUMNS, Ray, RepeatedRectangle};
+use beamlet_interface::{
+    Cell, CellRow, KEPT_WORDS, MERGED_COLUMNS, MOMENTS_HEAD, MOMENTS_PER_MATERIAL,
+    MOMENTS_PER_PAIR, Ray, RepeatedRectangle,
+};
 use bytemuck::Zeroable;
 use rayon::prelude::*;
 use std::ops::Range;
@@ -24,6 +27,11 @@ pub(crate) struct EnergyTables {
     pub(crate) constants: Vec<f32>,
     /// `[node][2]`.
     pub(crate) ratios: Vec<f32>,
+    /// Words of the variances by rough surfaces in the moments of a ray, by pair of materials that refract
+    /// differently.
+    pub(crate) pairs: Vec<u32>,
+    /// `[node][pair]`: square of the step of delta.
+    pub(crate) steps: Vec<f32>,
     pub(crate) nodes: u32,
     pub(crate) groups: u32,
     pub(crate) columns: u32,
@@ -50,10 +58,16 @@ impl EnergyBinning {
             })
         };
         let ratios = self.delta_ratio.iter().zip(&self.exact_retrace_threshold);
+        let pairs = self.refracting_pairs();
+        let steps = self.delta.chunks(self.materials).take(self.nodes()).flat_map(|delta| {
+            pairs.iter().map(|(_, [a, b])| single((delta[*a] - delta[*b]).powi(2)))
+        });
         EnergyTables {
             materials: self.acting.iter().map(|it| numbers::count(*it)).collect(),
             constants: all.flat_map(of).map(single).collect(),
             ratios: ratios.flat_map(|(a, b)| [single(*a), single(*b)]).collect(),
+            steps: steps.collect(),
+            pairs: pairs.iter().map(|(word, _)| *word).collect(),
             nodes: numbers::count(self.nodes()),
             groups: numbers::count(self.groups.len()),
             columns: numbers::count(self.slopes.len()),
@@ -66,6 +80,21 @@ impl EnergyBinning {
             ),
             spread: single((SPREAD_SHARE * self.lattice.edge_blur).max(self.tolerance)),
         }
+    }
+
+    /// Word of the variance of the displacement in the moments of a ray, by pair of materials whose delta differs;
+    /// none without rough surfaces.
+    fn refracting_pairs(&self) -> Vec<(u32, [usize; 2])> {
+        let first = self.materials * MOMENTS_PER_MATERIAL;
+        let pairs = (1..self.materials).flat_map(|b| (0..b).map(move |a| [a, b]));
+        (first..self.words)
+            .step_by(MOMENTS_PER_PAIR)
+            .zip(pairs)
+            .filter(|(_, [a, b])| {
+                self.delta.chunks(self.materials).any(|it| (it[*a] - it[*b]).abs() > 0.0)
+            })
+            .map(|(at, pair)| (numbers::count(MOMENTS_HEAD + at + 2), pair))
+            .collect()
     }
 
     /// Shares of light by masks for the device (`refine/shares.glsl`), of all columns in blocks of rows.
@@ -115,11 +144,14 @@ impl EnergyBinning {
         let rays: Vec<Ray> = rectangles.iter().map(ray).collect();
         let results = tracer.walk_at_nodes(&vec![rays; self.nodes()])?;
         let mut lists = vec![CellBatch::default(); self.groups.len() + self.nodes()];
-        for (of_node, list) in results.iter().zip(&mut lists[self.groups.len()..]) {
+        let nodes = results.iter().zip(&self.delta_ratio);
+        for ((of_node, ratio), list) in nodes.zip(&mut lists[self.groups.len()..]) {
             for (it, result) in rectangles.iter().zip(of_node) {
                 let (row, mut cells) = (row_of(it), Vec::new());
                 let place = Cell { x_low: it.x_low, x_high: it.x_high, ..Cell::zeroed() };
                 self.push_exact(&mut cells, &row, &place, [result; 2], [0.0, 1.0]);
+                let rough = it.variance * single(ratio * ratio);
+                cells.iter_mut().for_each(|cell| cell.displacement_variance += rough);
                 if !cells.is_empty() {
                     list.push(row, &cells, &CellMoments::default());
                 }
@@ -130,6 +162,11 @@ impl EnergyBinning {
 
     fn words_of_shares(&self) -> usize {
         1 + self.nodes() + self.groups.len() * (3 + self.nodes()) + 2 * self.nodes()
+    }
+
+    /// Words that the device keeps of the moments of a ray.
+    pub(crate) fn kept_words(&self) -> usize {
+        self.acting.len() * KEPT_WORDS as usize + self.refracting_pairs().len()
     }
 
     /// Number of the groups of light.
