@@ -78,7 +78,7 @@ fn rough_and_unresolved_samples_have_mean_and_variance_of_the_host() {
         ("rough plate, a tube", filtered(plate()), 1e-2),
         ("rough fibres, a tube", filtered(fibres(2e-3)), 1e-3),
     ];
-    for (name, scene, tolerance) in sample(cases, 2) {
+    for (name, scene, tolerance) in sample(cases, 4) {
         let (want, _) = run(&engine, &scene, Refine::Host, tolerance / 4.0);
         let (got, record) = run(&engine, &scene, Refine::Device, tolerance);
         let [worst, rms] = apart(&got, &want);
