@@ -258,7 +258,7 @@ fn counts(tally: &Tally) -> [(u64, &'static str); 13] {
         (tally.not_finite, "rays not finite; their light is omitted"),
         (
             tally.landed_off,
-            "cells whose light landed outside the detector or too far off to follow",
+            "cells whose light landed outside the detector or too far off to follow (by waves: kept in its row)",
         ),
         (tally.defective_objects, "objects with defects, accepted by allow_defects"),
         (tally.saturated, "detector numbers clipped at the upper end of the bit depth"),

@@ -137,7 +137,10 @@ const MEANINGS: [(&str, &str); 15] = [
         "by waves: light that crosses surfaces near grazing, summed over patches in 1e-9 of the light of one",
     ),
     ("not_finite", "rays whose value is not a number; their light is omitted; should be 0"),
-    ("landed_off", "rectangles whose light lands outside the detector or too far off to follow"),
+    (
+        "landed_off",
+        "rectangles whose light lands outside the detector or too far off to follow; by waves it stays in its row",
+    ),
     ("defective_objects", "objects with open or crossing surfaces, accepted by allow_defects"),
     ("saturated", "detector numbers clipped at the upper end of the bit depth"),
     ("clipped_at_zero", "detector numbers clipped at 0; should be 0"),

@@ -43,7 +43,7 @@ Own own_of(Rectangle g, uint index) {
     own.beside = Beside(traced_for(index), traced_for(low.rectangle), traced_for(high.rectangle), along, has, width);
     own.held = held_of(own.beside);
     uint flags = ray.flags | (has.x ? low.flags : 0u) | (has.y ? high.flags : 0u);
-    own.exact = (flags & (FLAG_EXACT | FLAG_DRAWN)) != 0u;
+    own.exact = (flags & FLAG_EXACT) != 0u;
     if (own.exact) {
         own.first = first_order_at(own.beside, own.held, S.nodes);
         vec2 depth = vec2(low.depth, high.depth) - ray.depth;

@@ -108,7 +108,10 @@ impl GrazingLight {
         share: f32,
     ) {
         if !some.is_empty() {
-            self.of_line[rays.line_of(ray)].extend_from_slice(some);
+            // Beside its beamlet a line sees light that other lines add.
+            let half = 0.5 * rays.lattice.period;
+            let own = some.iter().filter(|it| it.x[1] > -half && it.x[0] < half);
+            self.of_line[rays.line_of(ray)].extend(own);
             self.shares.push(Share { energy, ray, share });
         }
     }

@@ -225,7 +225,8 @@ pub(super) fn overlap(scene: &Scene, options: &RetrieveOptions) -> Result<Vec<St
     let optics = Optics::of(scene);
     let magnification = scene.magnification();
     let unknown = |name: &str, found: &str| {
-        let allowed = "width and height, of both masks, for exact-curve in two directions; or method gaussian";
+        let allowed =
+            "width and height of each mask for exact-curve in two directions; or method gaussian";
         Err(Error::argument(name, found, allowed))
     };
     let shape = |name| scene.masks().find(|(key, _)| *key == name).map(|(_, mask)| mask.shape);
@@ -234,6 +235,10 @@ pub(super) fn overlap(scene: &Scene, options: &RetrieveOptions) -> Result<Vec<St
     };
     let plane = optics.detector_mask.as_ref().map_or(optics.analyser, Mask::distance);
     let analyser = match optics.detector_mask.as_ref() {
+        None if options.detector_aperture.is_some() => {
+            let allowed = "nothing: the scene has no detector mask";
+            return Err(Error::argument("detector_aperture", "an aperture", allowed));
+        }
         None => scene.detector.pitch,
         mask => match known(options.detector_aperture, mask, plane) {
             Some(Aperture::Rectangle(size)) => size,

@@ -12,6 +12,7 @@ use super::profile::Profile;
 use super::scan::PlanarValues;
 use super::shape::{PlanarShape, Strip};
 use super::windows::{Window, Windows};
+use beamlet_core::numbers::whole;
 use beamlet_core::{Error, Result};
 use beamlet_model::optics::{FrontView, Mask, Optics, WholePeriods};
 use beamlet_model::scene::{ApertureLattice, Scene};
@@ -20,6 +21,8 @@ use rayon::prelude::*;
 
 /// Beamlets of the flat, about, whose centres give the lattice.
 const CENTRES: usize = 400;
+/// A curve is seen this many standard deviations of its blur beyond its ends.
+const SEEN: f64 = 4.0;
 
 /// The lattice through the centres of some of the flat's beamlets.
 pub(super) fn through_centres(
@@ -121,22 +124,53 @@ pub(super) fn beamlet_model(
     }
 }
 
-/// Model of the curve of a sample mask over offsets, before a detector mask or pixels.
-pub(super) fn curve_model(scene: &Scene, options: &RetrieveOptions) -> Result<PlanarModel> {
+/// Model of the curve of a sample mask over offsets without whole periods, before a detector mask or pixels.
+pub(super) fn curve_model(
+    scene: &Scene,
+    options: &RetrieveOptions,
+    offsets: &[[f64; 2]],
+) -> Result<PlanarModel> {
     if options.method == Method::Gaussian {
         let along = [Profile { boxes: [0.0; 2], shift: 0.0 }; 2];
         let shape =
             PlanarShape { strips: vec![Strip { share: 1.0, along }], neighbours: Vec::new() };
         return Ok(PlanarModel { shape, blur: None, pixel: None, is_list: false });
     }
-    let shape =
-        PlanarShape { strips: geometry::overlap(scene, options)?, neighbours: neighbours(scene)? };
     let is_list = geometry::list(scene).is_some();
+    let count = if is_list { seen_periods(scene, offsets) } else { [1; 2] };
+    let neighbours = neighbours(scene, count)?;
+    let shape = PlanarShape { strips: geometry::overlap(scene, options)?, neighbours };
     Ok(PlanarModel { shape, blur: Some(geometry::blur(scene, true)), pixel: None, is_list })
 }
 
-/// Places of the curves of neighbouring apertures, or periods of a list, m in the plane of the sample mask.
-fn neighbours(scene: &Scene) -> Result<Vec<[f64; 2]>> {
+/// Periods of a list on either side of one about the middle of a scan that pixels see at its offsets.
+fn seen_periods(scene: &Scene, offsets: &[[f64; 2]]) -> [u32; 2] {
+    let blur = geometry::blur(scene, true);
+    let period = periods(scene);
+    [0, 1].map(|axis| {
+        let pixel = scene.detector.pitch[axis] / scene.magnification();
+        // The centre of the period is within half of one from the middle.
+        let reach = 0.5 * (range(offsets, axis) + period[axis] + pixel) + SEEN * blur[axis].sqrt();
+        let beyond = (reach - 0.5 * period[axis]) / period[axis];
+        if beyond.is_finite() { whole::<u32>(beyond.ceil()).max(1) } else { 1 }
+    })
+}
+
+/// Range of offsets along an axis, m.
+fn range(offsets: &[[f64; 2]], axis: usize) -> f64 {
+    let [low, high] = ends(offsets, axis);
+    high - low
+}
+
+/// Least and largest offset along an axis, m.
+fn ends(offsets: &[[f64; 2]], axis: usize) -> [f64; 2] {
+    let all = offsets.iter().map(|pair| pair[axis]);
+    all.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], it| [low.min(it), high.max(it)])
+}
+
+/// Places of the curves of neighbouring apertures, or of this number of periods of a list on either side, m in the
+/// plane of the sample mask.
+fn neighbours(scene: &Scene, count: [u32; 2]) -> Result<Vec<[f64; 2]>> {
     let period = periods(scene);
     let lattice = scene.sample_mask.as_ref().map(|mask| mask.lattice);
     if lattice == Some(ApertureLattice::Hexagonal) {
@@ -144,9 +178,9 @@ fn neighbours(scene: &Scene) -> Result<Vec<[f64; 2]>> {
         let [x, z] = period;
         return Ok(Lattice::new([[x, 0.0], [0.5 * x, 0.5 * z]])?.around());
     }
-    let steps = period.map(|period| match period.is_finite() {
-        true => vec![-period, 0.0, period],
-        false => vec![0.0],
+    let steps = [0, 1].map(|axis| {
+        let count = if period[axis].is_finite() { i64::from(count[axis]) } else { 0 };
+        (-count..=count).map(|k| k as f64 * period[axis]).collect::<Vec<_>>()
     });
     let all = steps[0].iter().flat_map(|x| steps[1].iter().map(move |z| [*x, *z]));
     Ok(all.filter(|[x, z]| x.abs() + z.abs() > 0.0).collect())
@@ -162,11 +196,13 @@ pub(super) struct Centres {
     pixels: [u32; 2],
     /// Size of a pixel in the plane of the sample mask, m.
     pixel: [f64; 2],
+    /// Middle of the scan, m.
+    middle: [f64; 2],
 }
 
 impl Centres {
-    /// Centres for the list of a scene; `None` without one.
-    pub(super) fn of(scene: &Scene) -> Option<Self> {
+    /// Centres for the list of a scene that is scanned at these offsets; `None` without a list.
+    pub(super) fn of(scene: &Scene, offsets: &[[f64; 2]]) -> Option<Self> {
         let mask = geometry::list(scene)?;
         let view = FrontView::of(mask, scene.detector.pixels, 1)?;
         Some(Self {
@@ -177,10 +213,14 @@ impl Centres {
                 .detector
                 .pitch
                 .map(|pitch| pitch * mask.distance / scene.detector.distance),
+            middle: [0, 1].map(|axis| {
+                let [low, high] = ends(offsets, axis);
+                f64::midpoint(low, high)
+            }),
         })
     }
 
-    /// The mask offset at which the nearest centre of a period lies before a pixel, m.
+    /// The mask offset, nearest to the middle of the scan, at which a centre of a period lies before a pixel, m.
     pub(super) fn at(&self, row: usize, column: usize) -> [f64; 2] {
         let from_middle = |index: usize, count: u32| index as f64 + 0.5 - 0.5 * f64::from(count);
         let [columns, rows] = self.pixels;
@@ -188,7 +228,8 @@ impl Centres {
         let place = [from_middle(column, columns), -from_middle(row, rows)];
         [0, 1].map(|axis| {
             let offset = place[axis] * self.pixel[axis] - self.origin[axis];
-            offset - self.period[axis] * (offset / self.period[axis]).round()
+            let whole = ((offset - self.middle[axis]) / self.period[axis]).round();
+            offset - self.period[axis] * whole
         })
     }
 }

@@ -84,8 +84,9 @@ impl PlanarRetriever {
                 let kept = without_periods(scene, pairs);
                 whole_periods =
                     pairs.first().zip(kept.first()).map_or(0.0, |(all, own)| all[0] - own[0]);
-                let model = curve_model(scene, options)?;
-                (Curves::Pixels(kept, Centres::of(scene)), model, -scene.magnification() / lever)
+                let model = curve_model(scene, options, &kept)?;
+                let centres = Centres::of(scene, &kept);
+                (Curves::Pixels(kept, centres), model, -scene.magnification() / lever)
             }
         };
         Ok(Self { options: options.clone(), frame, curves, model, angle_per_shift, whole_periods })
@@ -245,6 +246,12 @@ impl PlanarRetriever {
             .map(|fit| images::contrasts(fit, fit, self.angle_per_shift))
             .collect();
         std::array::from_fn(|k| misfit::median(known.iter().map(|of| of[6 + k]).collect()))
+    }
+
+    /// Values of the model for a row of frames.
+    pub(super) fn values_of_row(&self) -> usize {
+        let shape = &self.model.shape;
+        self.frame.shape[1] * self.values() * shape.strips.len() * (1 + shape.neighbours.len())
     }
 
     /// Values of a curve, about.
