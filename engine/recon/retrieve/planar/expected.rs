@@ -16,7 +16,7 @@ const MOST_VALUES: usize = 1 << 24;
 
 /// Median 1 sigma of transmission, refraction along x and z (rad), and dark field xx, zz and xz (rad^2), where flat and
 /// sample have the noise of the options: of a flat without noise, `[step][row][column]`, on the detector of the scene.
-/// `None` for slits that are moved along x, and for lists of so many apertures that fits take minutes; a contrast
+/// `None` for slits that are moved along x, and for lists of many apertures, whose fits take minutes; a contrast
 /// without an answer has none.
 ///
 /// # Errors
