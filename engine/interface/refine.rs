@@ -190,6 +190,8 @@ shared_structs! {
         pub reach: f32,
         /// Rectangles below this share of the grazing incidence are traced exactly at each energy.
         pub repeated_below: f32,
+        /// To a multiple of 8 bytes.
+        pub unused: u32,
     }
 
     /// Parameters of the refinement of a group of patches.

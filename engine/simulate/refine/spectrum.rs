@@ -114,6 +114,7 @@ impl<'s> Spectrum<'s> {
             spread: self.tables.spread,
             reach: self.tables.reach,
             repeated_below: self.tables.repeated_below,
+            unused: 0,
         }];
         Ok(())
     }
