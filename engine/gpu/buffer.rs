@@ -10,6 +10,16 @@ use bytemuck::{AnyBitPattern, NoUninit, Pod};
 use gpu_allocator::vulkan::Allocation;
 use std::fmt;
 use std::sync::Arc;
+use std::sync::atomic::Ordering;
+
+/// Bytes of a guard behind a buffer, and their value.
+const GUARD: usize = 1 << 16;
+const UNTOUCHED: u8 = 0xa5;
+
+/// Bytes of a buffer of `len` bytes: Vulkan knows no empty buffers; whole words can be filled.
+const fn whole_size(len: u64) -> u64 {
+    if len < 16 { 16 } else { len.next_multiple_of(16) }
+}
 
 /// Where a buffer lies.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -74,8 +84,7 @@ impl Buffer {
         if bytes > limit {
             return Err(failure::too_large(name, bytes, limit));
         }
-        // Vulkan knows no empty buffers; whole words can be filled.
-        let size = bytes.max(16).next_multiple_of(16);
+        let size = whole_size(bytes) + if device.guards { GUARD as u64 } else { 0 };
         let usage = usage
             | Usage::STORAGE_BUFFER
             | Usage::SHADER_DEVICE_ADDRESS
@@ -110,6 +119,10 @@ impl Buffer {
             staged,
         };
         bound.map_err(|e| failure::vulkan(name, e))?;
+        if let Some(guard) = buffer.guard() {
+            // SAFETY: the memory behind the buffer is mapped and its own.
+            unsafe { guard.write_bytes(UNTOUCHED, GUARD) };
+        }
         let info = vk::BufferDeviceAddressInfo::default().buffer(raw);
         // SAFETY: the buffer is bound to memory and was made for device addresses.
         buffer.address = unsafe { device.raw.get_buffer_device_address(&info) };
@@ -234,6 +247,25 @@ impl Buffer {
         Some(unsafe { pointer.as_ptr().add(offset) })
     }
 
+    /// Memory behind the buffer where it has a guard, [`GUARD`] bytes.
+    fn guard(&self) -> Option<*mut u8> {
+        let start = self.memory.as_ref().filter(|_| self.device.guards)?.mapped_ptr()?.cast::<u8>();
+        let offset = usize::try_from(whole_size(self.len)).ok()?;
+        // SAFETY: the guard is part of the mapped memory.
+        Some(unsafe { start.as_ptr().add(offset) })
+    }
+
+    /// Counts a buffer that was written beyond its end.
+    fn check_guard(&self) {
+        let Some(guard) = self.guard() else { return };
+        // SAFETY: as many bytes are mapped, and no kernel should write them.
+        let bytes = unsafe { std::slice::from_raw_parts(guard, GUARD) };
+        if let Some(at) = bytes.iter().position(|byte| *byte != UNTOUCHED) {
+            self.device.overflows.fetch_add(1, Ordering::Relaxed);
+            log::error!("{}: written {at} bytes beyond its end at {}", self.name, self.len);
+        }
+    }
+
     /// True where the host reaches the memory by copies on the device alone.
     pub(super) const fn is_staged(&self) -> bool {
         self.staged
@@ -257,6 +289,7 @@ impl fmt::Debug for Buffer {
 
 impl Drop for Buffer {
     fn drop(&mut self) {
+        self.check_guard();
         if let Some(memory) = self.memory.take() {
             self.device.retire(Retired::Buffer(self.raw, memory));
         }

@@ -53,6 +53,9 @@ pub struct EngineOptions {
     /// Calls of Vulkan that fail (for tests).
     #[doc(hidden)]
     pub faults: Vec<Fault>,
+    /// Memory behind each buffer where writes beyond its end are found (for tests).
+    #[doc(hidden)]
+    pub guards: bool,
 }
 
 impl EngineOptions {
@@ -80,6 +83,9 @@ impl EngineOptions {
         /// Makes calls of Vulkan fail (for tests).
         #[doc(hidden)]
         with_faults(faults: Vec<Fault>);
+        /// Finds writes beyond the end of buffers (for tests).
+        #[doc(hidden)]
+        with_guards(guards: bool);
     }
 }
 
@@ -104,6 +110,7 @@ impl Compute {
             profile: options.profile,
             staging: options.staging || std::env::var(STAGING).is_ok_and(|value| value == "1"),
             faults: options.faults.clone(),
+            guards: options.guards,
             cache: options.cache.clone(),
             kernels,
         })?;
@@ -120,6 +127,13 @@ impl Compute {
     #[must_use]
     pub fn description(&self) -> &DeviceDescription {
         self.device.description()
+    }
+
+    /// Buffers so far with writes beyond their end, where they have guards.
+    #[doc(hidden)]
+    #[must_use]
+    pub fn overflows(&self) -> u32 {
+        self.device.overflows()
     }
 
     /// Messages of the validation layer so far, where it was requested.

@@ -15,6 +15,7 @@ use beamlet_core::{Error, Result};
 use gpu_allocator::vulkan::Allocator;
 use std::fmt;
 use std::mem::ManuallyDrop;
+use std::sync::atomic::{AtomicU32, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
@@ -38,6 +39,8 @@ pub struct DeviceOptions {
     pub profile: bool,
     /// Calls of Vulkan that fail (for tests).
     pub faults: Vec<Fault>,
+    /// Memory behind each buffer where writes beyond its end are found (for tests).
+    pub guards: bool,
     /// Where kernels that the driver has made are kept.
     pub cache: KernelCache,
     /// Kernels that [`Device::kernel`] finds by their names.
@@ -59,6 +62,9 @@ pub struct Device {
     pub(super) timed: bool,
     pub(super) counters: Mutex<Counters>,
     pub(crate) faults: Faults,
+    /// Buffers have guards; those that were written beyond their end.
+    pub(super) guards: bool,
+    pub(super) overflows: AtomicU32,
     /// Kernels by name.
     pub(crate) table: KernelTable,
     names: Option<ash::ext::debug_utils::Device>,
@@ -128,6 +134,8 @@ impl Device {
             timed,
             counters: Mutex::default(),
             faults: Faults::new(&options.faults),
+            guards: options.guards,
+            overflows: AtomicU32::new(0),
             table: options.kernels,
             names,
             queue: Mutex::new(queue),
@@ -154,6 +162,11 @@ impl Device {
     /// The part of [`Device::profile`] without the kernels.
     pub fn traffic(&self) -> Traffic {
         lock(&self.counters).traffic
+    }
+
+    /// Buffers so far with writes beyond their end, where they have guards and the host reaches their memory.
+    pub fn overflows(&self) -> u32 {
+        self.overflows.load(Ordering::Relaxed)
     }
 
     /// Warnings and errors of the validation layer so far; 0 without it.

@@ -39,7 +39,9 @@ void main() {
     }
     if (chosen) {
         count(g, false);
-        P.splits.at[atomicAdd(P.head.at[HEAD_SPLITS], 1u)] = index;
+        // Behind those of patches that are even; without room for all, the level ends before it takes these.
+        uint slot = atomicAdd(P.head.at[HEAD_SPLITS], 1u);
+        if (slot < P.room) P.splits.at[slot] = index;
     } else {
         P.lists.at[(1u - list) * P.room + atomicAdd(P.head.at[HEAD_LISTED + 1u - list], 1u)] = index;
     }

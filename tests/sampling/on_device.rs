@@ -157,6 +157,7 @@ pub(super) fn run(
     scene.sampling.tolerance = Some(tolerance);
     let mut sink = ArraySink::new();
     let record = engine.run(&scene, &mut sink, Control::default()).expect("a run");
+    assert_eq!(engine.overflows(), 0, "buffers that were written beyond their end");
     (sink.into_stacks().expect("stacks").sample, record)
 }
 

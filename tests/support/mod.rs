@@ -25,7 +25,7 @@ pub(crate) const WATER: [f64; 2] = [37.559, 2.5604e-7];
 /// Gold at 30 keV, 1/m.
 pub(crate) const GOLD: f64 = 53_122.0;
 
-/// An engine that fails a test at the call in which the validation layer speaks.
+/// An engine that fails a test at the call in which the validation layer speaks, or a kernel writes beyond a buffer.
 #[must_use = "an engine that does nothing tests nothing"]
 #[derive(Debug)]
 pub(crate) struct Checked(Engine);
@@ -64,6 +64,7 @@ impl Checked {
     #[track_caller]
     fn silent<T>(&self, returned: T) -> T {
         assert_eq!(self.0.validation_messages(), 0, "messages of the validation layer");
+        assert_eq!(self.0.overflows(), 0, "buffers that were written beyond their end");
         returned
     }
 }
@@ -80,10 +81,11 @@ pub(crate) fn engine(backend: Backend) -> Checked {
     Checked(shared.get_or_init(open).clone())
 }
 
-/// An engine; with `BEAMLET_VALIDATION` in the environment under the validation layer.
+/// An engine whose buffers have guards; with `BEAMLET_VALIDATION` in the environment under the validation layer.
 pub(crate) fn engine_with(options: EngineOptions) -> Checked {
     let validation = std::env::var_os("BEAMLET_VALIDATION").is_some();
-    Checked(Engine::open(&options.with_validation(validation)).expect("a Vulkan device"))
+    let options = options.with_validation(validation).with_guards(true);
+    Checked(Engine::open(&options).expect("a Vulkan device"))
 }
 
 /// The backends that this device can run; with `CI=true` it must run both.
