@@ -142,6 +142,13 @@ impl RayResult {
     pub fn landing_z(&self, gap: f32) -> f32 {
         self.displacement_z + gap * self.slope_z
     }
+
+    /// Shift of the edges of pixels on the analyser, m, by what light moves along x behind it; `ratio`: distances of
+    /// analyser and detector from the source.
+    #[must_use]
+    pub fn pixel_shift(&self, gap: f32, ratio: f32) -> f32 {
+        self.displacement_x * (1.0 - ratio) - self.slope_x * gap * ratio
+    }
 }
 
 /// Every shared struct, by topic.

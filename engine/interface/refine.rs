@@ -137,8 +137,8 @@ shared_structs! {
         /// Index of the beamlet.
         pub column: u32,
         pub row: i32,
-        /// Variance of its displacement by rough surfaces at the constants of the rays, m2; taken to grow with the square
-        /// of the strength of refraction at other energies.
+        /// Variance of its displacement by rough surfaces at the constants of the rays, m2; taken to grow with the
+        /// square of the strength of refraction at other energies.
         pub variance: f32,
     }
 

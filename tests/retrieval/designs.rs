@@ -412,7 +412,7 @@ fn each_design_gives_a_wedge_a_sphere_and_a_fibre_within_1_percent() {
     assert!(wrong.is_empty(), "\n{wrong}");
 }
 
-/// Set-ups without a valid retrieval name what they lack.
+/// Errors about set-ups without a valid retrieval state the missing part.
 #[test]
 fn designs_without_a_retrieval_are_refused_with_what_they_lack() {
     use Method::{ExactCurve, Gaussian};

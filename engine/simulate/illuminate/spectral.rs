@@ -21,7 +21,7 @@ use crate::trace::Tracer;
 use bars::{MaskTransmission, passing};
 use beamlet_core::Result;
 use beamlet_core::numbers::single;
-use beamlet_interface::{Cell, CellRow, MOMENTS_PER_MATERIAL, MOMENTS_PER_PAIR};
+use beamlet_interface::{Cell, CellRow, MOMENTS_PER_MATERIAL};
 use beamlet_model::optics::MaskShape;
 use edges::SharedEdges;
 use exact::Repeated;
@@ -66,6 +66,9 @@ pub(crate) struct EnergyBinning {
     exact_retrace_threshold: Vec<f64>,
     materials: usize,
     words: usize, // of a ray's moments
+    /// Pairs of materials whose delta differs, where surfaces are rough, and the word of the variance between them in
+    /// the moments of a ray.
+    pairs: Vec<([usize; 2], usize)>,
     /// Masks by node: the sample mask, the detector mask.
     masks: [Option<Vec<MaskShape>>; 2],
     edges: SharedEdges,
@@ -244,11 +247,9 @@ impl EnergyBinning {
     fn spread_by_roughness(&self, ends: [&[f32]; 2], variance: &mut Vec<f64>) {
         variance.clear();
         variance.resize(self.nodes(), 0.0);
-        let [low, high] = ends.map(|end| &end[self.materials * MOMENTS_PER_MATERIAL..]);
-        let pairs = low.chunks_exact(MOMENTS_PER_PAIR).zip(high.chunks_exact(MOMENTS_PER_PAIR));
-        let materials = (1..self.materials).flat_map(|b| (0..b).map(move |a| (a, b)));
-        for ((low, high), (a, b)) in pairs.zip(materials) {
-            let of_pair = 0.5 * (f64::from(low[2]) + f64::from(high[2]));
+        for &([a, b], word) in &self.pairs {
+            let [low, high] = ends.map(|end| f64::from(end[word]));
+            let of_pair = 0.5 * (low + high);
             for (variance, delta) in variance.iter_mut().zip(self.delta.chunks(self.materials)) {
                 *variance += of_pair * (delta[a] - delta[b]).powi(2);
             }

@@ -19,8 +19,9 @@ pub(super) struct Spectrum<'s> {
     materials: Buffer,
     constants: Buffer,
     ratios: Buffer,
-    pairs: Buffer,
-    steps: Buffer,
+    /// Where surfaces are rough.
+    pairs: Option<Buffer>,
+    steps: Option<Buffer>,
     counts: Buffer,
     record: Buffer,
     shares: Option<Buffer>,
@@ -39,8 +40,8 @@ impl<'s> Spectrum<'s> {
             materials: device.upload("materials of a spectrum", &with_one(&tables.materials))?,
             constants: device.upload("constants by energy", &with_one(&tables.constants))?,
             ratios: device.upload("strengths of refraction by energy", &tables.ratios)?,
-            pairs: device.upload("pairs of materials", &with_one(&tables.pairs))?,
-            steps: device.upload("steps of delta by energy", &with_one(&tables.steps))?,
+            pairs: some(device, "pairs of materials", &tables.pairs)?,
+            steps: some(device, "steps of delta by energy", &tables.steps)?,
             counts: make("numbers of cells by list", 4 * (4 * lists + 1))?,
             record: make("energies of refinement", size_of::<RefinedSpectrum>() as u64)?,
             shares: None,
@@ -94,8 +95,8 @@ impl<'s> Spectrum<'s> {
             materials: self.materials.address(),
             constants: self.constants.address(),
             ratios: self.ratios.address(),
-            pairs: self.pairs.address(),
-            steps: self.steps.address(),
+            pairs: of(&self.pairs),
+            steps: of(&self.steps),
             shares: of(&self.shares),
             counts: self.counts.address(),
             marks: of(&buffers.marks),
@@ -145,6 +146,11 @@ impl<'s> Spectrum<'s> {
     pub(super) fn is_sent(&mut self) {
         self.unsent.clear();
     }
+}
+
+/// A table on the device; none where it is empty.
+fn some<T: bytemuck::Pod>(device: &Arc<Device>, name: &str, table: &[T]) -> Result<Option<Buffer>> {
+    (!table.is_empty()).then(|| device.upload(name, table)).transpose()
 }
 
 /// A table, which is not empty.

@@ -134,8 +134,7 @@ impl Emitter<'_> {
         if displacement_z.abs() > lattice.halo as f32 * self.estimator.row_pitch {
             row.landed_off += 1;
         }
-        let pixel_shift = result.displacement_x * (1.0 - self.ratio)
-            - result.slope_x * self.estimator.gap * self.ratio;
+        let pixel_shift = result.pixel_shift(self.estimator.gap, self.ratio);
         let down = -f64::from(displacement_z / self.estimator.row_pitch);
         let farthest = down * self.view.delta_ratio();
         row.lands.start = row.lands.start.min(numbers::whole::<i64>(farthest.floor()));

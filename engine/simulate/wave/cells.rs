@@ -37,21 +37,20 @@ impl CellPlaces<'_> {
                 let column = beamlet - self.lattice.beamlets.start;
                 let [top, bottom] = interval.ends.map(single);
                 let row = CellRow { top, bottom, ..empty_cell_row(column, patch.row) };
-                for (energy, list) in lists.iter_mut().enumerate() {
-                    let of_energy = interval.grazing.iter().filter(|it| it.energy == energy);
-                    let inside = of_energy.filter_map(|it| {
-                        let x = it.x.map(|x| (centre + x).max(own[0]).min(own[1]));
-                        (x[1] - x[0] > NARROWEST).then_some((it, x))
-                    });
-                    let mut cells = Vec::new();
-                    for (it, x) in inside {
-                        let passed = f64::from(it.result.optical_depth).exp().recip();
-                        let share = (x[1] - x[0]) / lines.period * interval.height();
-                        light += self.weights[energy] * passed * share;
-                        list.landed_off += u64::from(self.leaves_row(it));
-                        cells.push(self.cell(it, x.map(|x| x - middle), interval));
+                let mut cells = vec![Vec::new(); lists.len()];
+                for it in &interval.grazing {
+                    let x = it.x.map(|x| (centre + x).max(own[0]).min(own[1]));
+                    if x[1] - x[0] <= NARROWEST {
+                        continue;
                     }
-                    list.push(row, &cells, &CellMoments::default());
+                    let passed = f64::from(it.result.optical_depth).exp().recip();
+                    let share = (x[1] - x[0]) / lines.period * interval.height();
+                    light += self.weights[it.energy] * passed * share;
+                    lists[it.energy].landed_off += u64::from(self.leaves_row(it));
+                    cells[it.energy].push(self.cell(it, x.map(|x| x - middle), interval));
+                }
+                for (list, cells) in lists.iter_mut().zip(&cells) {
+                    list.push(row, cells, &CellMoments::default());
                 }
             }
         }
@@ -80,7 +79,7 @@ impl CellPlaces<'_> {
             displacement_high: result.displacement_x,
             share_above,
             share_below,
-            pixel_shift: result.displacement_x * (1.0 - ratio) - result.slope_x * gap * ratio,
+            pixel_shift: result.pixel_shift(gap, ratio),
             ..bytemuck::Zeroable::zeroed()
         }
     }

@@ -72,7 +72,8 @@ impl Lines {
         self.light_of(&records, list)
     }
 
-    /// Light of lines at a pose of the sample, `[line][step][pixel]`, without light near grazing, which has a list by line.
+    /// Light of lines at a pose of the sample, `[line][step][pixel]`, without light near grazing, which has a list by
+    /// line.
     ///
     /// # Errors
     /// As [`Tracer::trace`].

@@ -1,7 +1,7 @@
 //! Values of frames by angle or view and mask step, and errors of a scan.
 
 use super::prelude::*;
-use super::series::{RANGE, placed};
+use super::series::{RANGE, read_file};
 use crate::scene::ScanErrors;
 use crate::scene::scan_errors::DrawnErrors;
 use beamlet_core::csv_table::{Numbered, Quantities, TableKind};
@@ -173,13 +173,7 @@ impl Value for Vec<Vec<f64>> {
         };
         let kind = TableKind { key: row.name, noun, columns, most: limits::ANGLES as usize };
         let table = Quantities { kind, name, dimension, columns: Numbered::Yes };
-        match table.read(&item.directory().join(Path::new(path))) {
-            Ok(rows) => {
-                item.note_table(Path::new(path));
-                Ok(rows)
-            }
-            Err(error) => item.refuse(placed(item, error), Self::new()),
-        }
+        read_file(item, Path::new(path), |path| table.read(path), Self::new())
     }
 
     fn write(&self, row: &Row, _: &Base<'_>) -> Result<Option<String>> {

@@ -2,7 +2,7 @@
 
 use super::prelude::*;
 use super::rectangles::turn;
-use super::series::{RANGE, placed};
+use super::series::{RANGE, read_file};
 use crate::scene::{
     ApertureLattice, ApertureShape, BarLayer, Detector, MaskBody, MaskSpec, Pattern, Substrate,
 };
@@ -293,14 +293,7 @@ impl Value for Pattern {
         let none = || Self::new(ndarray::Array2::from_shape_fn((2, 2), |(i, j)| i == j));
         let most = limits::PATTERN as usize;
         let pattern = if let Some(path) = item.as_text() {
-            let path = Path::new(path);
-            match Self::read(&item.directory().join(path)) {
-                Ok(pattern) => {
-                    item.note_table(path);
-                    pattern
-                }
-                Err(error) => return item.refuse(placed(item, error), none()),
-            }
+            read_file(item, Path::new(path), Self::read, none())?
         } else {
             let allowed = row.allowed();
             let items = item.items(&allowed)?;

@@ -1,7 +1,7 @@
 //! Keys of a rigid motion, and tables of motions.
 
 use super::prelude::*;
-use super::series::placed;
+use super::series::read_file;
 use crate::scene::Motion;
 use beamlet_core::csv_table::{Placement, PlacementTable, TableKind};
 use std::path::Path;
@@ -76,13 +76,8 @@ impl Value for Vec<Motion> {
             most: limits::ANGLES as usize,
         };
         let table = PlacementTable { kind, scales: false };
-        match table.read(&item.directory().join(Path::new(path))) {
-            Ok(rows) => {
-                item.note_table(Path::new(path));
-                Ok(rows.iter().map(of_placement).collect())
-            }
-            Err(error) => item.refuse(placed(item, error), Self::new()),
-        }
+        let rows = read_file(item, Path::new(path), |path| table.read(path), Vec::new())?;
+        Ok(rows.iter().map(of_placement).collect())
     }
 
     /// The motions themselves, so that a run needs no file.

@@ -36,7 +36,7 @@ fn series_of(kind: &Kind) -> (Dimension, u32) {
 }
 
 /// Reads the values of a file with one column of them.
-fn read_file(
+fn read_column(
     item: &ListItem<'_>,
     path: &Path,
     dimension: Dimension,
@@ -48,17 +48,28 @@ fn read_file(
     };
     let kind = TableKind { key, noun, columns, most: most as usize };
     let table = Quantities { kind, name: key, dimension: Some(dimension), columns: Numbered::No };
-    match table.read(&item.directory().join(path)) {
-        Ok(rows) => {
+    let rows = read_file(item, path, |path| table.read(path), vec![vec![0.0]])?;
+    Ok(rows.into_iter().flatten().collect())
+}
+
+/// Reads a file that an item names, and notes it; `none`: a value in its place where it cannot be read.
+pub(super) fn read_file<T>(
+    item: &ListItem<'_>,
+    path: &Path,
+    read: impl FnOnce(&Path) -> Result<T>,
+    none: T,
+) -> Result<T> {
+    match read(&item.directory().join(path)) {
+        Ok(value) => {
             item.note_table(path);
-            Ok(rows.into_iter().flatten().collect())
+            Ok(value)
         }
-        Err(error) => item.refuse(placed(item, error), vec![0.0]),
+        Err(error) => item.refuse(placed(item, error), none),
     }
 }
 
 /// The error of a file at the key that names it; errors with a line of their own keep that.
-pub(super) fn placed(item: &ListItem<'_>, error: Error) -> Error {
+fn placed(item: &ListItem<'_>, error: Error) -> Error {
     match error {
         Error::File { .. } => item.error(error.to_string(), "a file that can be read, or a list"),
         other => other,
@@ -91,7 +102,7 @@ impl Value for Vec<f64> {
             // A value that should be in a list is no file.
             && dimension.parse(path).is_err()
         {
-            return read_file(item, Path::new(path), dimension, most);
+            return read_column(item, Path::new(path), dimension, most);
         }
         let allowed = row.allowed();
         let items = item.items(&allowed)?;

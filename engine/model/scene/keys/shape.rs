@@ -1,7 +1,7 @@
 //! Keys of built-in shapes.
 
 use super::prelude::*;
-use super::series::placed;
+use super::series::read_file;
 use crate::scene::{Shape, polygon};
 use beamlet_core::csv_table::{Numbered, Quantities, TableKind};
 use std::path::Path;
@@ -150,11 +150,7 @@ pub(super) fn read_arrays<const N: usize>(
     path: &Path,
     table: Quantities,
 ) -> Result<Vec<[f64; N]>> {
-    let rows = match table.read(&item.directory().join(path)) {
-        Ok(rows) => rows,
-        Err(error) => return item.refuse(placed(item, error), Vec::new()),
-    };
-    item.note_table(path);
+    let rows = read_file(item, path, |path| table.read(path), Vec::new())?;
     let array = |row: Vec<f64>| <[f64; N]>::try_from(row).ok();
     match rows.into_iter().map(array).collect::<Option<Vec<_>>>() {
         Some(rows) => Ok(rows),

@@ -2,7 +2,7 @@
 
 use super::prelude::*;
 use super::record::Field;
-use super::series::placed;
+use super::series::read_file;
 use crate::scene::Scan;
 use beamlet_core::csv_table::{Numbered, Quantities, TableKind};
 use std::path::Path;
@@ -24,7 +24,7 @@ impl Field<Scan> for MaskSteps {
     fn read(&self, scan: &mut Scan, item: &ListItem<'_>, row: &'static Row) -> Result<()> {
         let steps = match item.as_text() {
             // A length that should be in a list is no file.
-            Some(path) if Length.parse(path).is_err() => read_file(item, Path::new(path))?,
+            Some(path) if Length.parse(path).is_err() => Some(read_rows(item, Path::new(path))?),
             _ => read_pairs(item, row)?,
         };
         let Some(steps) = steps else {
@@ -78,16 +78,10 @@ fn read_pairs(item: &ListItem<'_>, row: &'static Row) -> Result<Option<Vec<Vec<f
 }
 
 /// Steps of a file, one row each.
-fn read_file(item: &ListItem<'_>, path: &Path) -> Result<Option<Vec<Vec<f64>>>> {
+fn read_rows(item: &ListItem<'_>, path: &Path) -> Result<Vec<Vec<f64>>> {
     let most = limits::MASK_OFFSETS as usize;
     let kind = TableKind { key: "offset", noun: "offsets", columns: COLUMNS, most };
     let columns = Numbered::OneOr(&["offset_x", "offset_z"]);
     let table = Quantities { kind, name: "offset", dimension: Some(Length), columns };
-    match table.read(&item.directory().join(path)) {
-        Ok(rows) => {
-            item.note_table(path);
-            Ok(Some(rows))
-        }
-        Err(error) => item.refuse(placed(item, error), Some(vec![vec![0.0]])),
-    }
+    read_file(item, path, |path| table.read(path), vec![vec![0.0]])
 }

@@ -14,7 +14,7 @@ use super::shape::{PlanarShape, Strip};
 use super::windows::{Window, Windows};
 use beamlet_core::numbers::whole;
 use beamlet_core::{Error, Result};
-use beamlet_model::optics::{FrontView, Mask, Optics, WholePeriods};
+use beamlet_model::optics::{FrontView, Mask, Optics, WholePeriods, ends};
 use beamlet_model::scene::{ApertureLattice, Scene};
 use ndarray::ArrayView3;
 use rayon::prelude::*;
@@ -75,14 +75,14 @@ fn gaussian(pixel: [f64; 2], neighbours: Vec<[f64; 2]>) -> PlanarModel {
 /// Offsets less whole periods of the sample mask.
 pub(super) fn without_periods(scene: &Scene, pairs: &[[f64; 2]]) -> Vec<[f64; 2]> {
     let period = periods(scene);
-    let along = [0, 1].map(|axis| {
-        let all: Vec<f64> = pairs.iter().map(|pair| pair[axis]).collect();
+    let kept = [0, 1].map(|axis| {
+        let all = along(pairs, axis);
         match period[axis].is_finite() {
             true => WholePeriods::in_scan(&all, period[axis]).without(&all),
             false => all,
         }
     });
-    along[0].iter().zip(&along[1]).map(|(x, z)| [*x, *z]).collect()
+    kept[0].iter().zip(&kept[1]).map(|(x, z)| [*x, *z]).collect()
 }
 
 /// Periods of the sample mask along x and z, m in its plane.
@@ -149,23 +149,17 @@ fn seen_periods(scene: &Scene, offsets: &[[f64; 2]]) -> [u32; 2] {
     let period = periods(scene);
     [0, 1].map(|axis| {
         let pixel = scene.detector.pitch[axis] / scene.magnification();
+        let [low, high] = ends(&along(offsets, axis));
         // The centre of the period is within half of one from the middle.
-        let reach = 0.5 * (range(offsets, axis) + period[axis] + pixel) + SEEN * blur[axis].sqrt();
+        let reach = 0.5 * (high - low + period[axis] + pixel) + SEEN * blur[axis].sqrt();
         let beyond = (reach - 0.5 * period[axis]) / period[axis];
         if beyond.is_finite() { whole::<u32>(beyond.ceil()).max(1) } else { 1 }
     })
 }
 
-/// Range of offsets along an axis, m.
-fn range(offsets: &[[f64; 2]], axis: usize) -> f64 {
-    let [low, high] = ends(offsets, axis);
-    high - low
-}
-
-/// Least and largest offset along an axis, m.
-fn ends(offsets: &[[f64; 2]], axis: usize) -> [f64; 2] {
-    let all = offsets.iter().map(|pair| pair[axis]);
-    all.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], it| [low.min(it), high.max(it)])
+/// Offsets along an axis, m.
+fn along(offsets: &[[f64; 2]], axis: usize) -> Vec<f64> {
+    offsets.iter().map(|pair| pair[axis]).collect()
 }
 
 /// Places of the curves of neighbouring apertures, or of this number of periods of a list on either side, m in the
@@ -214,7 +208,7 @@ impl Centres {
                 .pitch
                 .map(|pitch| pitch * mask.distance / scene.detector.distance),
             middle: [0, 1].map(|axis| {
-                let [low, high] = ends(offsets, axis);
+                let [low, high] = ends(&along(offsets, axis));
                 f64::midpoint(low, high)
             }),
         })

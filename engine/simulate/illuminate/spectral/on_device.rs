@@ -8,8 +8,7 @@ use crate::trace::Tracer;
 use beamlet_core::Result;
 use beamlet_core::numbers::{self, single};
 use beamlet_interface::{
-    Cell, CellRow, KEPT_WORDS, MERGED_COLUMNS, MOMENTS_HEAD, MOMENTS_PER_MATERIAL,
-    MOMENTS_PER_PAIR, Ray, RepeatedRectangle,
+    Cell, CellRow, KEPT_WORDS, MERGED_COLUMNS, MOMENTS_HEAD, Ray, RepeatedRectangle,
 };
 use bytemuck::Zeroable;
 use rayon::prelude::*;
@@ -58,16 +57,15 @@ impl EnergyBinning {
             })
         };
         let ratios = self.delta_ratio.iter().zip(&self.exact_retrace_threshold);
-        let pairs = self.refracting_pairs();
         let steps = self.delta.chunks(self.materials).take(self.nodes()).flat_map(|delta| {
-            pairs.iter().map(|(_, [a, b])| single((delta[*a] - delta[*b]).powi(2)))
+            self.pairs.iter().map(|([a, b], _)| single((delta[*a] - delta[*b]).powi(2)))
         });
         EnergyTables {
             materials: self.acting.iter().map(|it| numbers::count(*it)).collect(),
             constants: all.flat_map(of).map(single).collect(),
             ratios: ratios.flat_map(|(a, b)| [single(*a), single(*b)]).collect(),
             steps: steps.collect(),
-            pairs: pairs.iter().map(|(word, _)| *word).collect(),
+            pairs: self.pairs.iter().map(|(_, word)| numbers::count(MOMENTS_HEAD + word)).collect(),
             nodes: numbers::count(self.nodes()),
             groups: numbers::count(self.groups.len()),
             columns: numbers::count(self.slopes.len()),
@@ -80,21 +78,6 @@ impl EnergyBinning {
             ),
             spread: single((SPREAD_SHARE * self.lattice.edge_blur).max(self.tolerance)),
         }
-    }
-
-    /// Word of the variance of the displacement in the moments of a ray, by pair of materials whose delta differs;
-    /// none without rough surfaces.
-    fn refracting_pairs(&self) -> Vec<(u32, [usize; 2])> {
-        let first = self.materials * MOMENTS_PER_MATERIAL;
-        let pairs = (1..self.materials).flat_map(|b| (0..b).map(move |a| [a, b]));
-        (first..self.words)
-            .step_by(MOMENTS_PER_PAIR)
-            .zip(pairs)
-            .filter(|(_, [a, b])| {
-                self.delta.chunks(self.materials).any(|it| (it[*a] - it[*b]).abs() > 0.0)
-            })
-            .map(|(at, pair)| (numbers::count(MOMENTS_HEAD + at + 2), pair))
-            .collect()
     }
 
     /// Shares of light by masks for the device (`refine/shares.glsl`), of all columns in blocks of rows.
@@ -165,8 +148,8 @@ impl EnergyBinning {
     }
 
     /// Words that the device keeps of the moments of a ray.
-    pub(crate) fn kept_words(&self) -> usize {
-        self.acting.len() * KEPT_WORDS as usize + self.refracting_pairs().len()
+    pub(crate) const fn kept_words(&self) -> usize {
+        self.acting.len() * KEPT_WORDS as usize + self.pairs.len()
     }
 
     /// Number of the groups of light.

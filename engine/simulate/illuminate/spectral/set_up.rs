@@ -7,8 +7,9 @@ use super::exact::exact_retrace_threshold;
 use super::{DISPLACEMENT_SHARE, EnergyBinning, NEGLIGIBLE};
 use crate::sampling::Lattice;
 use beamlet_core::Result;
-use beamlet_core::numbers::single;
+use beamlet_core::numbers::{count, single};
 use beamlet_gpu::Device;
+use beamlet_interface::{MOMENTS_PER_MATERIAL, MOMENTS_PER_PAIR};
 use beamlet_model::material::Constants;
 use beamlet_model::media::MaterialTable;
 use beamlet_model::optics::{Mask, MaskShape, Optics};
@@ -78,6 +79,7 @@ impl EnergyBinning {
             ),
             materials,
             words: media.moment_words(),
+            pairs: refracting_pairs(media),
             groups: Vec::new(),
             slopes: lattice.beamlet_geometry(optics).iter().map(|c| c.slope.into()).collect(),
             lattice: lattice.clone(),
@@ -167,4 +169,18 @@ impl EnergyBinning {
             .map(|part| IlluminationBuffer::of_cells(device, scene, optics, &self.lattice, &part))
             .collect()
     }
+}
+
+/// Pairs of materials whose delta differs at an energy, where surfaces are rough, and the word of the variance of the
+/// displacement between them in the moments of a ray.
+fn refracting_pairs(media: &MaterialTable) -> Vec<([usize; 2], usize)> {
+    let materials = media.names.len();
+    let pairs = (1..materials).flat_map(|b| (0..b).map(move |a| [a, b]));
+    let words = materials * MOMENTS_PER_MATERIAL..media.moment_words();
+    let refracts = |pair: &[usize; 2]| {
+        let [a, b] = pair.map(count);
+        media.largest_step(a, b) > 0.0
+    };
+    let with_words = pairs.zip(words.step_by(MOMENTS_PER_PAIR).map(|word| word + 2));
+    with_words.filter(|(pair, _)| refracts(pair)).collect()
 }
