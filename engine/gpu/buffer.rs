@@ -258,7 +258,7 @@ impl Buffer {
     /// Counts a buffer that was written beyond its end.
     fn check_guard(&self) {
         let Some(guard) = self.guard() else { return };
-        // SAFETY: as many bytes are mapped, and no kernel should write them.
+        // SAFETY: these bytes are mapped, and no kernel is to write them.
         let bytes = unsafe { std::slice::from_raw_parts(guard, GUARD) };
         if let Some(at) = bytes.iter().position(|byte| *byte != UNTOUCHED) {
             self.device.overflows.fetch_add(1, Ordering::Relaxed);
