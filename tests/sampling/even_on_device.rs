@@ -34,8 +34,8 @@ fn filtered(mut scene: Scene) -> Scene {
     scene
 }
 
-/// Foils of gold across the whole beam, two of them in water: rough surfaces between two pairs of materials, as a
-/// variance of 0.4 um squared.
+/// Foils of gold across the beam, two of them in water: rough surfaces between two pairs of materials, as a variance
+/// of 0.4 um squared.
 fn foils(roughness: f64) -> Scene {
     let mut scene = of_objects("");
     let of = |name: &str, size: [f64; 3], material: &str| {
@@ -43,7 +43,7 @@ fn foils(roughness: f64) -> Scene {
     };
     scene.objects.push(of("bath", [2e-3, 50e-6, 2e-3], "water"));
     for (name, y) in [("a", -35e-6), ("b", -10e-6), ("c", 10e-6), ("d", 35e-6)] {
-        let mut foil = of(name, [2e-3, 2e-6, 2e-3], "gold");
+        let mut foil = of(name, [0.6e-3, 2e-6, 2e-3], "gold");
         foil.placement.position[1] = y;
         foil.roughness = roughness;
         scene.objects.push(foil);
