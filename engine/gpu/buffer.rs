@@ -10,7 +10,6 @@ use bytemuck::{AnyBitPattern, NoUninit, Pod};
 use gpu_allocator::vulkan::Allocation;
 use std::fmt;
 use std::sync::Arc;
-use std::sync::atomic::Ordering;
 
 /// Bytes of a guard behind a buffer, and their value.
 const GUARD: usize = 1 << 16;
@@ -238,21 +237,20 @@ impl Buffer {
 
     /// The mapped byte at an offset, where the host may use the memory directly.
     pub(super) fn mapped(&self, offset: u64) -> Option<*mut u8> {
-        if self.staged {
-            return None;
-        }
+        if self.staged { None } else { self.byte(offset) }
+    }
+
+    /// The byte at an offset, where the memory is mapped.
+    fn byte(&self, offset: u64) -> Option<*mut u8> {
         let pointer = self.memory.as_ref()?.mapped_ptr()?.cast::<u8>();
         let offset = usize::try_from(offset).ok()?;
-        // SAFETY: the offset was checked to lie in the buffer, and so in its mapped memory.
+        // SAFETY: callers give offsets in the buffer or of its guard, and so in its mapped memory.
         Some(unsafe { pointer.as_ptr().add(offset) })
     }
 
     /// Memory behind the buffer where it has a guard, [`GUARD`] bytes.
     fn guard(&self) -> Option<*mut u8> {
-        let start = self.memory.as_ref().filter(|_| self.device.guards)?.mapped_ptr()?.cast::<u8>();
-        let offset = usize::try_from(whole_size(self.len)).ok()?;
-        // SAFETY: the guard is part of the mapped memory.
-        Some(unsafe { start.as_ptr().add(offset) })
+        if self.device.guards { self.byte(whole_size(self.len)) } else { None }
     }
 
     /// Counts a buffer that was written beyond its end.
@@ -260,9 +258,9 @@ impl Buffer {
         let Some(guard) = self.guard() else { return };
         // SAFETY: these bytes are mapped, and no kernel is to write them.
         let bytes = unsafe { std::slice::from_raw_parts(guard, GUARD) };
-        if let Some(at) = bytes.iter().position(|byte| *byte != UNTOUCHED) {
-            self.device.overflows.fetch_add(1, Ordering::Relaxed);
-            log::error!("{}: written {at} bytes beyond its end at {}", self.name, self.len);
+        if bytes.iter().any(|byte| *byte != UNTOUCHED) {
+            lock(&self.device.counters).overflows += 1;
+            log::error!("{} of {} bytes: written beyond its end", self.name, self.len);
         }
     }
 

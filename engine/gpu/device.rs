@@ -15,7 +15,6 @@ use beamlet_core::{Error, Result};
 use gpu_allocator::vulkan::Allocator;
 use std::fmt;
 use std::mem::ManuallyDrop;
-use std::sync::atomic::{AtomicU32, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
@@ -62,9 +61,8 @@ pub struct Device {
     pub(super) timed: bool,
     pub(super) counters: Mutex<Counters>,
     pub(crate) faults: Faults,
-    /// Buffers have guards; those that were written beyond their end.
+    /// Buffers have guards.
     pub(super) guards: bool,
-    pub(super) overflows: AtomicU32,
     /// Kernels by name.
     pub(crate) table: KernelTable,
     names: Option<ash::ext::debug_utils::Device>,
@@ -135,7 +133,6 @@ impl Device {
             counters: Mutex::default(),
             faults: Faults::new(&options.faults),
             guards: options.guards,
-            overflows: AtomicU32::new(0),
             table: options.kernels,
             names,
             queue: Mutex::new(queue),
@@ -166,7 +163,7 @@ impl Device {
 
     /// Buffers so far with writes beyond their end, where they have guards and the host reaches their memory.
     pub fn overflows(&self) -> u32 {
-        self.overflows.load(Ordering::Relaxed)
+        lock(&self.counters).overflows
     }
 
     /// Warnings and errors of the validation layer so far; 0 without it.

@@ -100,6 +100,8 @@ impl Device {
 #[derive(Debug, Default)]
 pub(super) struct Counters {
     pub(super) traffic: Traffic,
+    /// Buffers that were written beyond their end, where they have guards.
+    pub(super) overflows: u32,
     kernels: BTreeMap<Arc<str>, KernelProfile>,
 }
 

@@ -39,7 +39,7 @@ void main() {
     }
     if (chosen) {
         count(g, false);
-        // Behind those of patches that are even; without room for all, the level ends before it takes these.
+        // Even patches take places, too. Without room for all, the level ends at a place before the end of the list.
         uint slot = atomicAdd(P.head.at[HEAD_SPLITS], 1u);
         if (slot < P.room) P.splits.at[slot] = index;
     } else {

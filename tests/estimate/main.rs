@@ -9,14 +9,14 @@ mod support;
 use beamlet::check::Check;
 use beamlet::scene::{KernelFile, RandomRays, Scatter, Scene, Scheme};
 use beamlet::stack::ArraySink;
-use beamlet::{Backend, Control, Engine, RunRecord};
+use beamlet::{Backend, Control, RunRecord};
 use reference::scenes;
 use reference::silhouettes::{bumpy, fibres};
 use reference::stack::Setup;
 use reference::surfaces::{Body, Mesh, body, cylinder};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::Instant;
-use support::{CARBON, Worst, engine};
+use support::{CARBON, Checked, Worst, engine};
 
 const OFFSETS: [f64; 3] = [-15e-6, 0.0, 15e-6];
 
@@ -30,7 +30,7 @@ fn carbon(mesh: Mesh) -> Body {
     body(mesh.rounded(), CARBON[0], CARBON[1])
 }
 
-fn ran(engine: &Engine, scene: &Scene) -> RunRecord {
+fn ran(engine: &Checked, scene: &Scene) -> RunRecord {
     engine.run(scene, &mut ArraySink::new(), Control::default()).expect("a run")
 }
 

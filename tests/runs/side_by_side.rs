@@ -2,11 +2,12 @@
 
 #![expect(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
 
+use crate::support::{Checked, engine_with};
 use beamlet::internals::gpu::{Fault, FaultAnswer, FaultyCall};
 use beamlet::ndarray::{ArrayView3, Axis};
 use beamlet::scene::{Exposure, Scene};
 use beamlet::stack::{CallbackSink, Stacks};
-use beamlet::{Backend, Cancel, Control, Engine, EngineOptions, Error, Progress};
+use beamlet::{Backend, Cancel, Control, EngineOptions, Error, Progress};
 use std::ops::Range;
 
 const SCENE: &str = concat!(
@@ -44,12 +45,12 @@ fn scene() -> Scene {
     Scene::from_toml(SCENE, ".").unwrap()
 }
 
-fn engine(set: impl FnOnce(EngineOptions) -> EngineOptions) -> Engine {
-    Engine::open(&set(EngineOptions::default().with_backend(Backend::Bvh))).unwrap()
+fn engine(set: impl FnOnce(EngineOptions) -> EngineOptions) -> Checked {
+    engine_with(set(EngineOptions::default().with_backend(Backend::Bvh)))
 }
 
 /// Stacks, and the number of views made side by side.
-fn simulated(engine: &Engine, scene: &Scene) -> (Stacks, u32) {
+fn simulated(engine: &Checked, scene: &Scene) -> (Stacks, u32) {
     let lanes = engine.prepare(scene).unwrap().memory().views_at_once;
     (engine.simulate(scene).unwrap(), lanes)
 }
@@ -98,7 +99,7 @@ fn views_side_by_side_have_the_bits_of_views_one_by_one() {
 
 /// Runs with a sink that fails at a view; the views that it got.
 fn views_before(
-    engine: &Engine,
+    engine: &Checked,
     fails_at: Option<u32>,
     control: Control<'_>,
 ) -> (Vec<Exposure>, Option<Error>) {

@@ -5,10 +5,10 @@ use crate::reference::normal::SIGMA_PER_FWHM;
 use crate::reference::round_bodies::{Beam, Form, Solid, Walk};
 use crate::reference::surfaces::Random;
 use crate::reference::vector::{Vector, turned, unit};
-use crate::support::engine;
+use crate::support::{Checked, engine};
 use beamlet::scene::Scene;
 use beamlet::stack::ArraySink;
-use beamlet::{Backend, Control, Engine};
+use beamlet::{Backend, Control};
 use std::fmt::Write as _;
 use std::path::Path;
 
@@ -154,7 +154,7 @@ fn case(seed: u64) -> Case {
 }
 
 /// Values of a scene at a tolerance, the estimated error and the mean number of rays of a patch.
-fn run(engine: &Engine, text: &str, tolerance: f64) -> (Vec<f64>, [f64; 2]) {
+fn run(engine: &Checked, text: &str, tolerance: f64) -> (Vec<f64>, [f64; 2]) {
     let mut scene = Scene::from_toml(text, Path::new(".")).expect("a scene");
     scene.sampling.tolerance = Some(tolerance);
     let mut sink = ArraySink::new();

@@ -2,11 +2,12 @@
 
 use super::cases::Case;
 use super::classes::{Class, classes};
+use crate::support::Checked;
 use beamlet::internals::sampling::{Lattice, Optics, cells_of_rows};
 use beamlet::internals::trace::MaterialTable;
 use beamlet::scene::{Scene, Transport};
 use beamlet::stack::ArraySink;
-use beamlet::{Control, Engine, SamplingSummary};
+use beamlet::{Control, SamplingSummary};
 use ndarray::{Array2, Array3};
 
 /// Angle tolerance where values are compared, rad: the default.
@@ -21,7 +22,7 @@ pub(crate) struct Run {
 }
 
 /// Runs a scene.
-pub(crate) fn run(engine: &Engine, scene: &Scene) -> Run {
+pub(crate) fn run(engine: &Checked, scene: &Scene) -> Run {
     let mut sink = ArraySink::new();
     let record = engine.run(scene, &mut sink, Control::default()).expect("a run");
     let stacks = sink.into_stacks().expect("stacks");
@@ -141,7 +142,7 @@ impl Errors {
 
 /// Mean displacement on the analyser of the light that each mask step lets through the sample
 /// mask, m, `[step][row][column]`; not a number where no beamlet of the pixel is traced.
-pub(crate) fn displacements(engine: &Engine, scene: &Scene) -> Array3<f64> {
+pub(crate) fn displacements(engine: &Checked, scene: &Scene) -> Array3<f64> {
     let mask = scene.sample_mask.as_ref().expect("a sample mask");
     let half = 0.5 * mask.aperture;
     let lattice =

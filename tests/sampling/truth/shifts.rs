@@ -4,8 +4,8 @@ use super::cases::{self, Case};
 use super::classes::Class;
 use super::errors::{ANGLE, Errors, classes_of, run, truth_of, with_budget};
 use crate::reference::surfaces::Random;
-use crate::support::engine;
-use beamlet::{Backend, Engine};
+use crate::support::{Checked, engine};
+use beamlet::Backend;
 
 /// Moves of each sample.
 const SHIFTS: usize = 64;
@@ -21,7 +21,7 @@ const TOLERANCE: f64 = 1e-4;
 const BIAS: f64 = 0.25;
 
 /// Errors of the classes of a case over all moves.
-fn errors(engine: &Engine, case: &Case) -> [(Class, &'static str, Errors); 2] {
+fn errors(engine: &Checked, case: &Case) -> [(Class, &'static str, Errors); 2] {
     let mut random = Random::new(64);
     let mut all = [Errors::default(); 2];
     for _ in 0..SHIFTS {

@@ -5,8 +5,8 @@ use super::classes::Class;
 use super::errors::{ANGLE, Errors, classes_of, displacements, run, truth_of, with_budget};
 use crate::reference::rays::{Order, Sample};
 use crate::reference::stack::Quadrature;
-use crate::support::engine;
-use beamlet::{Backend, Engine};
+use crate::support::{Checked, engine};
+use beamlet::Backend;
 use std::time::Instant;
 
 /// Tolerances, share of open beam.
@@ -42,7 +42,7 @@ fn print(case: &Case, limit: f64, class: (Class, &str), errors: &Errors, rays: f
     );
 }
 
-fn values(engine: &Engine, case: &Case) {
+fn values(engine: &Checked, case: &Case) {
     let (classes, named) = classes_of(case);
     let begin = Instant::now();
     let truth = run(engine, &truth_of(case, lattice(case), TRUTH));
@@ -79,7 +79,7 @@ fn values(engine: &Engine, case: &Case) {
     }
 }
 
-fn angles(engine: &Engine, case: &Case) {
+fn angles(engine: &Checked, case: &Case) {
     let scene = &case.scene;
     if scene.sample_mask.is_none() || scene.detector.blur.is_some() {
         return;
