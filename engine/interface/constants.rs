@@ -138,6 +138,11 @@ shared_constants! {
     KEPT_WORDS: u32 = 4;
     /// Most columns of a patch that leaked light is merged into.
     MERGED_COLUMNS: u32 = 8;
+    /// Places of the table of light behind optical depths at the mean constants of a spectrum, by the square root of
+    /// the depth.
+    HARDENING_PLACES: u32 = 257;
+    /// Deepest of them.
+    HARDENING_DEEPEST: u32 = 64;
     /// Sums of a column: light; times its place along x, and the square of that; times displacement, place and
     /// displacement, the square of the displacement; times landing, slope, shares in the rows above and below,
     /// narrowing by either mask, and narrowing and displacement.

@@ -159,6 +159,8 @@ shared_structs! {
         /// `[node][2]`: refraction relative to the constants of the rays; share of the grazing incidence below which
         /// total reflection turns light by as much as at the constants of the rays.
         pub ratios: u64 => Floats,
+        /// Optical depth of the light of all energies by that at the constants of the rays (`refine/hardening.glsl`).
+        pub hardening: u64 => Floats,
         /// `[block of rows][beamlet][...]`: shares of light by masks (`refine/shares.glsl`).
         pub shares: u64 => Floats,
         /// `[list][near, far]`: number of cell rows; then the number of all, and where each begins.

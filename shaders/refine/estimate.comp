@@ -10,6 +10,7 @@
 #include "interface.glsl"
 #include "refine/head.glsl"
 #include "refine/rectangle.glsl"
+#include "refine/hardening.glsl"
 #include "refine/even.glsl"
 #include "refine/light.glsl"
 #include "refine/slopes.glsl"
@@ -67,7 +68,7 @@ float recorded(Own own, Found found) {
     float reach = 0.5 * own.size.y;
     bool in_rows = row + reach > float(P.recorded[0]) && row - reach < float(P.recorded[1]);
     float x = own.column.slope * P.analyser + P.magnification * found.at.x + found.displacement;
-    return in_rows && abs(x) < P.half_width ? exp(-found.depth) : 0.0;
+    return in_rows && abs(x) < P.half_width ? light_behind(found.depth) : 0.0;
 }
 
 // Error by a change of all light of a rectangle, share of the budget.
@@ -117,7 +118,7 @@ void set_light(inout Own own, Landed light) {
 Change over_silhouette(Own own, Found found) {
     float there = recorded(own, found);
     float lit = max(own.passed, there);
-    if (lit == 0.0) return Change(THROWN * exp(-min(own.found.depth, found.depth)), 0.0, true);
+    if (lit == 0.0) return Change(THROWN * light_behind(min(own.found.depth, found.depth)), 0.0, true);
     float moved = own.at + found.displacement - own.found.displacement;
     float light = change_to(own, Landed(there, moved));
     uint crossings = max(max(crossings_of(own.found.flags), crossings_of(found.flags)), 1u);
@@ -133,7 +134,7 @@ Change on_surface(Own own, Found found) {
     float there = recorded(own, found);
     if (max(own.passed, there) == 0.0) return Change(0.0, 0.0, false);
     // A slope between rays close to each other may predict any depth.
-    float other = there == 0.0 ? 0.0 : min(exp(-own.found.depth - depth), 2.0 * max(own.passed, there));
+    float other = there == 0.0 ? 0.0 : min(light_behind(own.found.depth + depth), 2.0 * max(own.passed, there));
     float light = change_to(own, Landed(other, own.at + moved));
     // Light that moves over the border of a row.
     float fall = abs(found.landing - own.found.landing) / P.row_pitch;

@@ -104,6 +104,28 @@ fn rough_and_unresolved_samples_have_mean_and_variance_of_the_host() {
     }
 }
 
+/// A plate that lets 2 % of the light at the mean constants of an unfiltered tube pass, and 25 % of all of it: most
+/// light behind it is of the highest energies.
+#[test]
+fn errors_behind_samples_that_harden_the_beam_are_reported() {
+    let engine = engine(Backend::Bvh);
+    let mut scene = plate();
+    scene.source.beam = tube(40.0, 4);
+    scene.detector.pixels[1] = 2;
+    let tolerance = 4e-3;
+    let (want, _) = run(&engine, &scene, Refine::Host, tolerance / 16.0);
+    for refine in [Refine::Host, Refine::Device] {
+        let (got, record) = run(&engine, &scene, refine, tolerance);
+        let [worst, rms] = apart(&got, &want);
+        let told = record.sampling.expect("reported errors");
+        println!(
+            "measured {refine:?}, an unfiltered tube: worst {worst:.1e}, rms {rms:.1e}, told {told:?}"
+        );
+        assert!(worst < 5.0 * tolerance && rms < tolerance, "{refine:?}: {worst} {rms}");
+        assert!(told.worst_error > worst / 6.0, "{refine:?}: {told:?} for {worst:e}");
+    }
+}
+
 /// Runs that share a device at a time have rays, and memory, of their own.
 #[test]
 fn runs_side_by_side_on_one_device_are_the_same() {

@@ -22,6 +22,7 @@ pub(super) struct Spectrum<'s> {
     /// Where surfaces are rough.
     pairs: Option<Buffer>,
     steps: Option<Buffer>,
+    hardening: Buffer,
     counts: Buffer,
     record: Buffer,
     shares: Option<Buffer>,
@@ -42,6 +43,8 @@ impl<'s> Spectrum<'s> {
             ratios: device.upload("strengths of refraction by energy", &tables.ratios)?,
             pairs: some(device, "pairs of materials", &tables.pairs)?,
             steps: some(device, "steps of delta by energy", &tables.steps)?,
+            hardening: device
+                .upload("optical depths of a spectrum", &with_one(&tables.hardening))?,
             counts: make("numbers of cells by list", 4 * (4 * lists + 1))?,
             record: make("energies of refinement", size_of::<RefinedSpectrum>() as u64)?,
             shares: None,
@@ -97,6 +100,7 @@ impl<'s> Spectrum<'s> {
             ratios: self.ratios.address(),
             pairs: of(&self.pairs),
             steps: of(&self.steps),
+            hardening: self.hardening.address(),
             shares: of(&self.shares),
             counts: self.counts.address(),
             marks: of(&buffers.marks),

@@ -189,7 +189,7 @@ impl Simulation {
             list => Arc::new(Response::new(
                 optics,
                 &self.lattice,
-                self.leaks,
+                (self.leaks, &self.response.hardening),
                 self.options().keep_moments,
                 &optics.offsets.lists()[list],
             )),

@@ -204,6 +204,11 @@ impl Estimator<'_> {
         pieces.chain(beside).fold(of(&node.result), f32::max)
     }
 
+    /// Share of the light that passes the sample along a ray.
+    pub(super) fn light(&self, result: &RayResult) -> f32 {
+        self.response.hardening.light(result.optical_depth)
+    }
+
     /// How far light lands below its place, rows.
     pub(super) fn down(&self, result: &RayResult) -> f32 {
         -result.landing_z(self.gap) / self.row_pitch
@@ -217,7 +222,7 @@ impl Estimator<'_> {
         let (mut cut, mut where_open, mut over, mut all) = (0.0_f32, 0.0_f32, 0.0_f32, 0.0);
         let rectangle = node.width() * node.height() * self.response.weight;
         for piece in pieces {
-            let light = rectangle * piece.share * (-piece.result.optical_depth).exp();
+            let light = rectangle * piece.share * self.light(&piece.result);
             let at = self.response.landing(column, piece.centroid[0], piece.result.displacement_x);
             let half = self.response.magnification * (3.0 * piece.variance).sqrt();
             let apart = piece.centroid[0] - 0.5 * (piece.x[0] + piece.x[1]);
@@ -305,7 +310,7 @@ impl Estimator<'_> {
         let result = &node.result;
         let column = self.column(patch.beamlet);
         let area = node.width() * node.height() * self.response.weight;
-        let passed = (-result.optical_depth).exp();
+        let passed = self.light(result);
         let at =
             self.response.landing(column, patch.place(node.centre())[0], result.displacement_x);
         let growth = (self.response.magnification + residuals.slope).abs();

@@ -2,6 +2,7 @@
 //! rectangle. They need no ray, and no facet is missed between rays.
 
 use super::facet_lists::{PatchFacet, SurfaceStep};
+use super::hardening::Hardening;
 use super::lattice::Lattice;
 use super::patch::{Axis, Border, Patch, Residuals, middle};
 use super::polygon::{Area, Corner, crosses};
@@ -97,6 +98,7 @@ pub(super) struct FacetMeans<'a> {
     pub(crate) light: f64,
     /// Change of light per displacement, at most, 1/m.
     pub(super) steepest: f64,
+    pub(super) hardening: &'a Hardening,
     /// Recorded value per metre of open cell plane.
     pub(crate) weight: f64,
     /// Distance from analyser to detector, m.
@@ -121,6 +123,7 @@ impl<'a> FacetMeans<'a> {
             displacement: FIRST_ORDER_SHARE * view.budget.bounded_displacement(),
             light: FIRST_ORDER_SHARE * view.budget.light,
             steepest: view.response.steepest(),
+            hardening: &view.response.hardening,
             weight: f64::from(view.response.weight),
             gap: single(optics.gap()),
             row_pitch: optics.detector.pitch[1],
@@ -320,7 +323,7 @@ impl<'a> FacetMeans<'a> {
             numbers[0] -= (0.5 * rise_z * rise_z * z2).min(numbers[0].max(0.0));
         }
         let result = result_of(numbers, met.signature, flags(sums.share), met.crossings);
-        let passed = (-f64::from(result.optical_depth)).exp();
+        let passed = f64::from(self.hardening.light(result.optical_depth));
         let light = area * self.weight * passed * error * self.steepest;
         if error > self.displacement && light > self.light {
             return None;

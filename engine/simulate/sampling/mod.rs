@@ -14,6 +14,7 @@ mod error_budget;
 mod error_estimate;
 mod facet_lists;
 mod facet_means;
+mod hardening;
 mod landing_edges;
 mod lattice;
 mod layout;
@@ -50,6 +51,7 @@ pub(crate) use cell_batch::{
 pub(crate) use cell_moments::{CellMoments, ExactCell};
 pub(crate) use error_budget::ErrorBudget;
 pub(crate) use facet_lists::SampleFacets;
+pub(crate) use hardening::Hardening;
 pub use lattice::{Lattice, beamlet_geometry};
 pub(crate) use moment_recording::MomentRecording;
 pub(crate) use projected_bounds::{ProjectedBounds, projected_bounds, touches_pixel};

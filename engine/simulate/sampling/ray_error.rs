@@ -3,6 +3,7 @@
 
 use super::base_lattice::Found;
 use super::error_estimate::{CellError, Draws, Estimator, SPREAD, tailed};
+use super::hardening::Hardening;
 use super::neighbours::{Slopes, behind};
 use super::patch::{Axis, Known, Node, Patch, alike, is_drawn, no_silhouette_between};
 use beamlet_interface::RayResult;
@@ -51,14 +52,14 @@ struct Change {
 
 /// Light that a silhouette which bows into a rectangle from behind its neighbours may take or give, share
 /// of its light; nothing where none does.
-fn bowed(patch: &Patch, node: &Node) -> Option<f32> {
+fn bowed(patch: &Patch, node: &Node, hardening: &Hardening) -> Option<f32> {
     let leaf = |at: [f32; 2]| &patch.nodes[patch.leaf_at(at[0], at[1]) as usize];
     let beyond = behind(patch, node)
         .filter(|at| patch.holds(*at))
         .map(|at| &leaf(at).result)
         .find(|result| !no_silhouette_between(result, &node.result))?;
-    let passed = node.result.optical_depth.min(beyond.optical_depth);
-    Some((patch.sagitta(node) / node.width()).min(1.0) * (-passed).exp())
+    let passed = hardening.light(node.result.optical_depth.min(beyond.optical_depth));
+    Some((patch.sagitta(node) / node.width()).min(1.0) * passed)
 }
 
 impl Estimator<'_> {
@@ -100,7 +101,7 @@ impl Estimator<'_> {
             silhouette = true;
             change = change.map(|change| change.max(all));
         }
-        if !silhouette && let Some(all) = bowed(patch, node) {
+        if !silhouette && let Some(all) = bowed(patch, node, &self.response.hardening) {
             silhouette = true;
             change[1] = change[1].max(all);
         }
@@ -142,7 +143,7 @@ impl Estimator<'_> {
             node,
             slopes,
             column,
-            passed: (-node.result.optical_depth).exp(),
+            passed: self.light(&node.result),
             x,
             at: self.response.landing(column, x, node.result.displacement_x),
             half: 0.5 * (growth * node.width() + slant),
@@ -167,7 +168,7 @@ impl Estimator<'_> {
             None => patch.unlike_beside(node, out)?,
         };
         let depth = node.result.optical_depth.min(result.optical_depth);
-        Some((ENTERED * part).min(1.0) * (-depth).exp())
+        Some((ENTERED * part).min(1.0) * self.response.hardening.light(depth))
     }
 
     /// Change of the recorded light by what facets between the rays do, share of the light.
@@ -196,7 +197,7 @@ impl Estimator<'_> {
             2.0 * result.landing_z(self.gap).abs() > rows * self.row_pitch
         };
         if by_ray.beside.is_some() && !reaches(own) && !reaches(result) {
-            let there = (-result.optical_depth).exp();
+            let there = self.light(result);
             let light = if alike(own, result) { 0.0 } else { THROWN * by_ray.passed.max(there) };
             Change { light, ..Change::default() }
         } else if alike(own, result) {
@@ -215,7 +216,7 @@ impl Estimator<'_> {
     fn change_by_draw(&self, by_ray: &ByRay<'_>, result: &RayResult) -> f32 {
         let ByRay { node, column, passed, at, half, .. } = by_ray;
         let own = &node.result;
-        let there = (-result.optical_depth).exp();
+        let there = self.light(result);
         let moved = at + result.displacement_x - own.displacement_x;
         let light = self.response.change(*column, [*passed, *at], [there, moved], *half);
         let fall = (result.landing_z(self.gap) - own.landing_z(self.gap)).abs();
@@ -244,8 +245,9 @@ impl Estimator<'_> {
         let depth = off(|result| result.optical_depth, slopes.depth);
         let displacement = off(|result| result.displacement_x, slopes.displacement);
         // A slope between rays close to each other may predict any depth.
-        let there = (-result.optical_depth).exp();
-        let other = [(passed * (-depth).exp()).min(2.0 * passed.max(there)), at + displacement];
+        let there = self.light(result);
+        let expected = self.response.hardening.light(own.optical_depth + depth);
+        let other = [expected.min(2.0 * passed.max(there)), at + displacement];
         let mut light = self.response.change(*column, [*passed, *at], other, *half);
         // Light that moves over the border of a row.
         let fall = result.landing_z(self.gap) - own.landing_z(self.gap);
@@ -263,7 +265,7 @@ impl Estimator<'_> {
     /// Change of the recorded light if the silhouette towards a neighbour were on the other side.
     fn change_over_silhouette(&self, by_ray: &ByRay<'_>, result: &RayResult) -> f32 {
         let ByRay { node, column, passed, x, at, half, .. } = *by_ray;
-        let there = (-result.optical_depth).exp();
+        let there = self.light(result);
         let moved = self.response.landing(column, x, result.displacement_x);
         let crossings = node.result.crossings.max(result.crossings).max(1);
         let all = (SILHOUETTE_CROSSINGS / crossings as f32).min(1.0) * passed.max(there);

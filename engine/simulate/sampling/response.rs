@@ -1,6 +1,7 @@
 //! How a change of a cell's result changes what pixels record: the openings of the sample mask by
 //! mask step, and the blurred windows of the analyser.
 
+use super::hardening::Hardening;
 use super::lattice::Lattice;
 use super::patch::part;
 use super::windows::{Seen, Windows};
@@ -46,6 +47,8 @@ pub(crate) struct Response {
     /// Share of the light that the bars of the sample mask let through; 0 where that is too little
     /// to count.
     pub(crate) leak: f32,
+    /// Light that passes an optical depth.
+    pub(crate) hardening: Hardening,
     /// Half the period of the lattice, m.
     half_period: f32,
     /// Recorded value per metre of open cell plane.
@@ -63,13 +66,13 @@ pub(crate) struct Opening {
 
 impl Response {
     /// For the scene that is traced. `leaks`: shares of the light of all energies that the bars of the
-    /// sample mask and of the detector mask let through. `any_masks`: for moments that are stored,
+    /// sample mask and of the detector mask let through. `hardening`: of the beam. `any_masks`: for moments that are stored,
     /// whose masks and steps are not known yet. `offsets`: of the sample mask, of a view.
     #[must_use]
     pub(crate) fn new(
         optics: &Optics,
         lattice: &Lattice,
-        leaks: [f64; 2],
+        (leaks, hardening): ([f64; 2], &Hardening),
         any_masks: bool,
         offsets: &[f64],
     ) -> Self {
@@ -117,6 +120,7 @@ impl Response {
             leak,
             soft: if hard { 0.0 } else { single(soft) },
             pattern: single(pattern),
+            hardening: hardening.clone(),
             half_period: single(0.5 * lattice.period),
             weight: single(detector.distance / (lattice.plane * detector.pitch[0])),
             any_masks,

@@ -181,7 +181,7 @@ impl Estimator<'_> {
         let half = 0.5 * self.response.magnification.abs() * node.width();
         let landed = |result: &RayResult| {
             let at = self.response.landing(column, x, result.displacement_x);
-            [(-result.optical_depth).exp(), at]
+            [self.light(result), at]
         };
         self.response.change(column, landed(a), landed(b), half)
     }
@@ -263,7 +263,7 @@ impl Estimator<'_> {
             .fold([0.0, 0.0], |[up, low]: [f32; 2], down| [up.min(down), low.max(down)]);
         let of = |leaf: u32| {
             let node = &patch.nodes[leaf as usize];
-            let passed = (-node.result.optical_depth).exp();
+            let passed = self.light(&node.result);
             let [x, _] = patch.ray(leaf);
             let at = self.response.landing(lattice_column, x, node.result.displacement_x);
             let half = 0.5 * self.response.magnification.abs() * node.width();

@@ -7,7 +7,7 @@ use crate::illuminate::{self, EnergyBinning};
 use crate::moments::{self, StoredMoments, StoredSource};
 use crate::run::simulator::Simulator;
 use crate::run::{self, Control, MemoryEstimate, memory, quality, refine_choice};
-use crate::sampling::{self, ErrorBudget, Lattice, Response};
+use crate::sampling::{self, ErrorBudget, Hardening, Lattice, Response};
 use crate::trace::DeviceSample;
 use crate::wave::{self, WavePlans};
 use beamlet_core::{Error, Result};
@@ -176,7 +176,7 @@ impl Simulation {
         let response = Response::new(
             optics,
             &lattice,
-            leaks,
+            (leaks, &Hardening::of(&media)),
             options.keep_moments,
             &optics.offsets.lists()[0],
         );

@@ -1,0 +1,115 @@
+//! Light of a spectrum that passes the sample, by the optical depth at the mean constants.
+
+use beamlet_core::numbers::single;
+use beamlet_interface::{HARDENING_DEEPEST, HARDENING_PLACES};
+use beamlet_model::media::MaterialTable;
+use std::sync::Arc;
+
+/// Light of all energies behind an optical depth at the mean constants. A sample hardens the beam: more of it passes
+/// than exp(-depth), of a hard spectrum by orders of magnitude.
+#[derive(Debug, Clone)]
+pub(crate) struct Hardening {
+    /// Optical depth of the light of all energies, by the square root of the depth; none at one energy.
+    depths: Arc<[f32]>,
+}
+
+impl Hardening {
+    pub(crate) fn of(media: &MaterialTable) -> Self {
+        let nodes = media.attenuation_ratios();
+        if nodes.len() < 2 {
+            return Self { depths: Arc::default() };
+        }
+        let all: f64 = nodes.iter().map(|[weight, _]| weight).sum();
+        let depth = |place: u32| {
+            let share = f64::from(place) / f64::from(HARDENING_PLACES - 1);
+            let depth = f64::from(HARDENING_DEEPEST) * share * share;
+            let least = nodes.iter().map(|[_, ratio]| ratio * depth).fold(f64::INFINITY, f64::min);
+            let of = |[weight, ratio]: &[f64; 2]| weight / all * (least - ratio * depth).exp();
+            single(least - nodes.iter().map(of).sum::<f64>().ln())
+        };
+        Self { depths: (0..HARDENING_PLACES).map(depth).collect() }
+    }
+
+    /// The table, for the device (`shaders/refine/hardening.glsl`); empty at one energy.
+    pub(crate) fn table(&self) -> &[f32] {
+        &self.depths
+    }
+
+    /// Share of the light that passes a depth.
+    pub(crate) fn light(&self, depth: f32) -> f32 {
+        let (true, false) = (depth > 0.0, self.depths.is_empty()) else { return (-depth).exp() };
+        let last = HARDENING_PLACES - 1;
+        let place = (depth / HARDENING_DEEPEST as f32).min(1.0).sqrt() * last as f32;
+        let first = (place as usize).min(last as usize - 1);
+        let [low, high] = [self.depths[first], self.depths[first + 1]];
+        let part = place - first as f32;
+        (-(low + (high - low) * part)).exp()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use beamlet_model::material::Constants;
+
+    /// Air and two materials, of these attenuations at four energies, 1/m.
+    fn media(attenuation: [[f64; 4]; 2]) -> MaterialTable {
+        let of = |mu: f64| Constants { mu, delta: 1e-7 };
+        let constants =
+            (0..4).map(|node| vec![of(0.0), of(attenuation[0][node]), of(attenuation[1][node])]);
+        MaterialTable {
+            names: ["air", "one", "other"].map(String::from).to_vec(),
+            energies: vec![8.0, 15.0, 25.0, 38.0],
+            weights: vec![0.1, 0.4, 0.3, 0.2],
+            constants: constants.collect(),
+            of_object: vec![1, 2],
+            rough: vec![false; 2],
+        }
+    }
+
+    /// Light behind a path in one of the materials, and its depth at the mean constants.
+    fn behind(media: &MaterialTable, material: usize, path: f64) -> [f64; 2] {
+        let of = |(w, c): (&f64, &Vec<Constants>)| w * (-c[material].mu * path).exp();
+        let all = media.weights.iter().zip(&media.constants).map(of).sum();
+        [all, media.mean()[material].mu * path]
+    }
+
+    #[test]
+    fn light_is_the_sum_over_the_energies() {
+        let one = [600.0, 90.0, 30.0, 12.0];
+        let media = media([one, one.map(|mu| 3.0 * mu)]);
+        let hardening = Hardening::of(&media);
+        for path in [1e-7, 1e-5, 1e-4, 1e-3, 4e-3, 2e-2, 8e-2] {
+            for material in [1, 2] {
+                let [want, depth] = behind(&media, material, path);
+                let got = f64::from(hardening.light(single(depth)));
+                // Of the table, whose places are 0.03 apart at a depth of 1.
+                assert!((got / want - 1.0).abs() < 2e-3, "{material} {path}: {got} {want}");
+            }
+        }
+    }
+
+    /// Materials that harden the beam by different laws: the estimate has no less light than either.
+    #[test]
+    fn light_of_several_materials_is_not_underestimated() {
+        let media = media([[600.0, 90.0, 30.0, 12.0], [500.0, 100.0, 70.0, 60.0]]);
+        let hardening = Hardening::of(&media);
+        for path in [1e-4, 1e-3, 4e-3, 2e-2] {
+            for material in [1, 2] {
+                let [light, depth] = behind(&media, material, path);
+                let got = f64::from(hardening.light(single(depth)));
+                assert!(got > 0.995 * light, "{material} {path}: {got} {light}");
+            }
+        }
+    }
+
+    #[test]
+    fn one_energy_has_its_exponential() {
+        let mut media = media([[50.0; 4]; 2]);
+        media.weights.truncate(1);
+        media.constants.truncate(1);
+        let hardening = Hardening::of(&media);
+        assert!(hardening.table().is_empty());
+        assert_eq!(hardening.light(0.7), (-0.7_f32).exp());
+    }
+}
