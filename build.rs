@@ -55,6 +55,7 @@ const PERMUTATIONS: &[Permutation] = &[
     ("refine_budget", "refine/budget.comp", &[]),
     ("refine_select", "refine/select.comp", &[]),
     ("refine_runs", "refine/runs.comp", &[]),
+    ("refine_leaves", "refine/leaves.comp", &[]),
     ("refine_emit", "refine/emit.comp", &[]),
     ("refine_rows", "refine/rows.comp", &[]),
     ("refine_keep_moments", "refine/keep.comp", &[("ENERGIES", "1")]),

@@ -198,7 +198,7 @@ pub struct Work {
 /// kind, and true if runs keep moments.
 fn load_lenient(
     scene: &Scene,
-    device: Option<(DeviceKind, bool)>,
+    device: Option<DeviceKind>,
     memory_limit: Option<u64>,
     control: &mut Control<'_>,
 ) -> Result<(CheckReport, Sample, Option<EdgeBlur>)> {
@@ -234,9 +234,8 @@ fn load_lenient(
     }
     let ray_limits = RayLimits::of(scene, &sample)?;
     let mut of_run = scene.clone();
-    let refine_reason = device.and_then(|device| {
-        refine_choice::settle(&mut of_run, &sample, nodes.energies.len(), device)
-    });
+    let refine_reason =
+        device.and_then(|device| refine_choice::settle(&mut of_run, &sample, device));
     let mut report = CheckReport {
         title: scene.title.clone(),
         setup: setup(scene, &swept, extent, nodes, energy, &detector),

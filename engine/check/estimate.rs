@@ -64,9 +64,9 @@ pub(super) fn estimated(
     Ok(report)
 }
 
-/// Kind of the device of an engine; true if its runs keep moments.
-pub(super) fn device_of(engine: &Engine) -> (DeviceKind, bool) {
-    (engine.description().kind, engine.options().keep_moments)
+/// Kind of the device of an engine.
+pub(super) fn device_of(engine: &Engine) -> DeviceKind {
+    engine.description().kind
 }
 
 /// Adds the curve; a device that fails takes it away.

@@ -142,6 +142,34 @@ shared_structs! {
         pub variance: f32,
     }
 
+    /// A rectangle that is not split, as the host makes a cell of it.
+    pub struct RefinedLeaf in RefinedLeaves(writeonly) {
+        pub x_low: f32,
+        pub x_high: f32,
+        pub z_low: f32,
+        pub z_high: f32,
+        /// Place of its ray: from the middle of the beamlet, and share of the row.
+        pub at: [f32; 2] => vec2,
+        /// Slopes along x: of the optical depth, 1/m, and of the displacement.
+        pub depth_slope: f32,
+        pub displacement_slope: f32,
+        /// Index of the beamlet.
+        pub column: u32,
+        pub row: i32,
+        /// Result of its ray.
+        pub optical_depth: f32,
+        pub displacement_x: f32,
+        pub displacement_z: f32,
+        pub slope_x: f32,
+        pub slope_z: f32,
+        pub signature: u32,
+        pub flags: u32,
+        pub crossings: u32,
+        pub displacement_variance: f32,
+        /// To a multiple of 8 bytes.
+        pub unused: u32,
+    }
+
     /// Energies of a spectrum, and the materials at them.
     pub struct RefinedSpectrum in RefinedSpectrumRef {
         /// Moments of the rays of a batch, `[ray][stride]`.
@@ -233,6 +261,9 @@ shared_structs! {
         pub report: u64 => Words,
         /// 0 at one energy.
         pub spectrum: u64 => RefinedSpectrumRef,
+        /// Where the host makes the cells, else 0: `[rectangle]`, results of its rays, and leaves of a submission.
+        pub all_results: u64 => RayResults,
+        pub leaves: u64 => RefinedLeaves,
         /// Number of patches to refine, and of these with the neighbours that have base rays alone.
         pub patch_count: u32,
         pub all_patches: u32,

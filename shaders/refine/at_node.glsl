@@ -10,17 +10,6 @@ struct Beside {
     float width;
 };
 
-// The rectangle that a ray was traced for: the part in the middle has the ray of the whole.
-uint traced_for(uint index) {
-    if (index == NO_RECTANGLE) return index;
-    uint whole = P.rectangles.at[index].whole;
-    while (whole != index && P.rectangles.at[whole].parts + 1u == index) {
-        index = whole;
-        whole = P.rectangles.at[index].whole;
-    }
-    return index;
-}
-
 // A moment of a ray; none of one that misses the sample.
 float kept_at(uint index, uint material, uint word) {
     Floats kept = S.kept;

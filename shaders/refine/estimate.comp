@@ -77,8 +77,15 @@ float error_of(Own own, float change) {
     return error;
 }
 
-// Largest change of the light in any pixel if it were another.
+// The same, or more: windows change no faster.
+float bound_of(Own own, Landed other) {
+    float moved = min(abs(other.at - own.at) * P.steepest, 1.0);
+    return abs(other.light - own.passed) + max(other.light, own.passed) * moved;
+}
+
+// Largest change of the light in any pixel if it were another; light for any masks has no windows.
 float whole_change_to(Own own, Landed other) {
+    if (P.window_count == 0u) return bound_of(own, other);
     Landed before = Landed(own.passed, own.at);
     float change = 0.0;
     for (uint kind = 0u; kind < P.window_count; kind++) {
@@ -92,10 +99,7 @@ float whole_change_to(Own own, Landed other) {
 
 // The same, or a bound of it where that is small.
 float change_to(Own own, Landed other) {
-    Landed before = Landed(own.passed, own.at);
-    // The windows change no faster.
-    float moved = min(abs(other.at - before.at) * P.steepest, 1.0);
-    float most = abs(other.light - before.light) + max(other.light, before.light) * moved;
+    float most = bound_of(own, other);
     return error_of(own, most) < LITTLE ? most : whole_change_to(own, other);
 }
 

@@ -52,6 +52,7 @@ void main() {
     uint flags = result.flags & ((1u << RECTANGLE_CROSSINGS) - 1u);
     uint crossings = min(result.crossings, MOST_CROSSINGS);
     P.rectangles.at[index].flags = share | crossings << RECTANGLE_CROSSINGS | flags;
+    if (hands_leaves()) P.all_results.at[index] = result;
 #ifdef ENERGIES
     keep_moments(ray, index);
 #endif

@@ -69,6 +69,17 @@ uint part_at(uint index, vec2 at) {
     return index;
 }
 
+// The rectangle that a ray was traced for: the part in the middle has the ray of the whole.
+uint traced_for(uint index) {
+    if (index == NO_RECTANGLE) return index;
+    uint whole = P.rectangles.at[index].whole;
+    while (whole != index && P.rectangles.at[whole].parts + 1u == index) {
+        index = whole;
+        whole = P.rectangles.at[index].whole;
+    }
+    return index;
+}
+
 bool holds(uint index, vec2 at) {
     return at.x >= P.rectangles.at[index].x_low && at.x < P.rectangles.at[index].x_high
         && at.y >= P.rectangles.at[index].z_low && at.y < P.rectangles.at[index].z_high;

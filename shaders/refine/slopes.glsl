@@ -45,3 +45,24 @@ RaySlopes slopes_of(Found own, Found found[4], bool same[4]) {
         slope_along(moved_z, along_z, aside_z, same[2], same[3], slopes.displacement.x);
     return slopes;
 }
+
+// Linear result of a rectangle along x.
+RaySlopes slopes_along_x(Rectangle g, uint index) {
+    if (is_even(g.patch_index)) return RaySlopes(vec2(0.0), vec2(0.0));
+    Found own = found_of(g, index, vec2(0.0));
+    vec2 x = beside_x(g);
+    Found found[4];
+    bool same[4] = bool[4](false, false, false, false);
+    found[0] = found_at(index, g.patch_index, x.x, own.at.y);
+    found[1] = found_at(index, g.patch_index, x.y, own.at.y);
+    found[2] = found[3] = own;
+    for (uint side = 0u; side < 2u; side++) {
+        same[side] = found[side].known && alike(found[side], own);
+    }
+    RaySlopes slopes = slopes_of(own, found, same);
+    float width = g.x_high - g.x_low;
+    float steepest = 0.5 * P.magnification;
+    slopes.displacement.x = clamp(slopes.displacement.x, -steepest, steepest);
+    slopes.depth.x = clamp(slopes.depth.x, -abs(g.optical_depth) / width, abs(g.optical_depth) / width);
+    return slopes;
+}

@@ -10,11 +10,11 @@ use std::path::Path;
 const GPUS: [DeviceKind; 4] =
     [DeviceKind::Discrete, DeviceKind::Integrated, DeviceKind::Virtual, DeviceKind::Other];
 
-/// Place where the rays of a scene at some energies are chosen, and why there.
-fn choice(scene: &Scene, energies: usize, device: (DeviceKind, bool)) -> (Refine, Option<String>) {
+/// Place where the rays of a scene are chosen, and why there.
+fn choice(scene: &Scene, device: DeviceKind) -> (Refine, Option<String>) {
     let sample = beamlet::load_sample(scene, &mut Control::default()).expect("a sample");
     let mut scene = scene.clone();
-    let reason = settle(&mut scene, &sample, energies, device);
+    let reason = settle(&mut scene, &sample, device);
     (scene.sampling.refine, reason)
 }
 
@@ -37,33 +37,18 @@ fn gpus_choose_rays_and_cpus_leave_them_to_the_host() {
     with_tube.source.beam = tube(40.0, 4);
     let mut rough = with_tube.clone();
     rough.objects[0].roughness = 1e-3;
-    for (scene, energies) in
-        [(shapes(), 1), (with_tube, 4), (bundle(65), 1), (rough, 4), (meshes(), 1)]
-    {
+    let mut exact = with_tube.clone();
+    exact.sampling.transport = Transport::Exact;
+    for scene in [shapes(), with_tube, exact, bundle(65), rough, meshes()] {
         assert_eq!(scene.sampling.refine, Refine::Auto, "the default");
         for kind in GPUS {
-            let (place, reason) = choice(&scene, energies, (kind, false));
+            let (place, reason) = choice(&scene, kind);
             assert_eq!(place, Refine::Device, "{reason:?}");
             assert!(reason.is_some_and(|it| it.contains("GPU")));
         }
-        let (place, reason) = choice(&scene, energies, (DeviceKind::Cpu, false));
+        let (place, reason) = choice(&scene, DeviceKind::Cpu);
         assert_eq!(place, Refine::Host);
         assert!(reason.is_some_and(|it| it.contains("CPU")));
-    }
-}
-
-#[test]
-fn the_host_chooses_the_rays_of_scenes_that_the_device_does_not_know() {
-    let gpu = (DeviceKind::Discrete, false);
-    let mut exact = shapes();
-    exact.sampling.transport = Transport::Exact;
-    assert_eq!(choice(&exact, 1, gpu).0, Refine::Device, "exact transport at one energy is known");
-    for (found, (place, reason)) in [
-        ("kept moments", choice(&shapes(), 1, (DeviceKind::Discrete, true))),
-        ("a spectrum", choice(&exact, 4, gpu)),
-    ] {
-        assert_eq!(place, Refine::Host, "{found}");
-        assert!(reason.clone().is_some_and(|it| it.contains(found)), "{found}: {reason:?}");
     }
 }
 
@@ -72,13 +57,13 @@ fn a_stated_place_is_kept_and_scenes_without_chosen_rays_have_no_reason() {
     for (place, kind) in [(Refine::Host, DeviceKind::Discrete), (Refine::Device, DeviceKind::Cpu)] {
         let mut scene = shapes();
         scene.sampling.refine = place;
-        assert_eq!(choice(&scene, 1, (kind, false)), (place, Some("by the scene".to_owned())));
+        assert_eq!(choice(&scene, kind), (place, Some("by the scene".to_owned())));
     }
     let (mut random, mut waves, mut empty) = (shapes(), shapes(), shapes());
     random.sampling.scheme = Scheme::Random;
     waves.sampling.transport = Transport::Wave;
     empty.objects.clear();
     for scene in [random, waves, empty] {
-        assert_eq!(choice(&scene, 1, (DeviceKind::Discrete, false)), (Refine::Host, None));
+        assert_eq!(choice(&scene, DeviceKind::Discrete), (Refine::Host, None));
     }
 }

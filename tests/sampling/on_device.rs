@@ -304,24 +304,18 @@ fn a_spectrum_has_the_same_bits_in_bands_and_with_little_room() {
     }
 }
 
+/// Rays that are all followed in order, at each energy.
 #[test]
-fn what_the_device_does_not_know_is_refused_by_name() {
-    let refused = |change: &dyn Fn(&mut Scene), options: EngineOptions| {
-        let mut scene = shapes();
-        scene.sampling.refine = Refine::Device;
-        change(&mut scene);
-        let engine = engine_with(options.with_backend(Backend::Bvh));
-        engine.prepare(&scene).map(drop).expect_err("refused").to_string()
-    };
-    let spectrum = |scene: &mut Scene| {
-        scene.source.beam = tube(60.0, 4);
+fn exact_transport_under_a_spectrum_has_the_light_of_the_rules_of_the_host() {
+    let engine = engine(Backend::Bvh);
+    for (name, mut scene) in [("shapes", with_tube(shapes())), ("grazed", grazed())] {
         scene.sampling.transport = Transport::Exact;
-    };
-    let kept = EngineOptions::default().with_keep_moments(true);
-    for (found, text) in [
-        ("a spectrum of several energies", refused(&spectrum, EngineOptions::default())),
-        ("kept moments", refused(&|_| (), kept)),
-    ] {
-        assert!(text.contains("sampling.refine") && text.contains(found), "{text}");
+        scene.detector.pixels[0] = scene.detector.pixels[0].min(14);
+        let (want, _) = run(&engine, &scene, Refine::Host, TOLERANCE / 3.0);
+        let (got, record) = run(&engine, &scene, Refine::Device, TOLERANCE);
+        let [most, rms] = apart(&got, &want);
+        let told = record.sampling.as_ref().map_or(0.0, |it| it.rms_error);
+        println!("measured {name}: {most:e}, {rms:e} (reported {told:e})");
+        assert!(most < 5.0 * TOLERANCE && rms < 0.5 * TOLERANCE, "{name}: {most:e}, {rms:e}");
     }
 }

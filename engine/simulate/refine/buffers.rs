@@ -5,8 +5,8 @@ use beamlet_core::Result;
 use beamlet_gpu::{Buffer, Device, Memory};
 use beamlet_interface::{
     Cell, CellRow, CellRowPart, HEAD_WORDS, MERGED_COLUMNS, MERGED_WORDS, OCTAVES, PATCH_HEAD,
-    REPORT_WORDS, Rectangle, RefineParams, RefinedPatch, RefinedRow, RefinedWall,
-    RepeatedRectangle,
+    REPORT_WORDS, RayResult, Rectangle, RefineParams, RefinedLeaf, RefinedPatch, RefinedRow,
+    RefinedWall, RepeatedRectangle,
 };
 use std::sync::Arc;
 
@@ -18,6 +18,13 @@ pub(super) const CELL: u64 =
 
 /// Bytes for a cell under a spectrum beyond these: its list, and a ray to trace at each energy.
 pub(super) const CELL_OF_SPECTRUM: u64 = 3 * 4 + size_of::<RepeatedRectangle>() as u64;
+
+/// Bytes for a rectangle whose cell the host makes beyond these: its result, and what the host holds of it.
+pub(super) const RECTANGLE_OF_HOST: u64 = (size_of::<RayResult>()
+    + 2 * size_of::<RefinedLeaf>()
+    + crate::sampling::BYTES_OF_A_CELL) as u64;
+/// Bytes for a cell that the host makes: its leaf.
+pub(super) const CELL_OF_HOST: u64 = size_of::<RefinedLeaf>() as u64;
 
 /// Bytes of the sums of leaked light of a patch in these groups.
 pub(super) const fn merged_bytes(groups: u64) -> u64 {
@@ -37,6 +44,8 @@ pub(super) struct Sizes {
     pub(super) sums: u64,
     /// Words that are kept of the moments of a ray, and groups of light, under a spectrum.
     pub(super) spectrum: Option<[u32; 2]>,
+    /// The host makes the cells.
+    pub(super) leaves: bool,
 }
 
 impl Sizes {
@@ -55,6 +64,7 @@ impl Sizes {
         self.room == other.room
             && self.cells == other.cells
             && self.spectrum == other.spectrum
+            && self.leaves == other.leaves
             && self.patches >= other.patches
             && self.rows >= other.rows
             && self.walls >= other.walls
@@ -89,6 +99,9 @@ pub(super) struct Buffers {
     pub(super) merged: Option<Buffer>,
     /// Rectangles whose rays are traced at each energy.
     pub(super) repeated: Option<Buffer>,
+    /// Results by rectangle, and leaves of a submission, where the host makes the cells.
+    pub(super) results: Option<Buffer>,
+    pub(super) leaves: Option<Buffer>,
 }
 
 impl Buffers {
@@ -119,6 +132,8 @@ impl Buffers {
         let of_spectrum =
             |make: &dyn Fn([u32; 2]) -> Result<Buffer>| sizes.spectrum.map(make).transpose();
         let [room, cells] = [sizes.room, sizes.cells].map(u64::from);
+        let of_host =
+            |name, count, bytes| sizes.leaves.then(|| make(name, count, bytes)).transpose();
         Ok(Self {
             sizes,
             params: make("parameters of refinement", 1, size_of::<RefineParams>())?,
@@ -148,12 +163,17 @@ impl Buffers {
             merged: of_spectrum(&|_| {
                 make("leaked light", sizes.merged_bytes(sizes.patches as usize), 1)
             })?,
+            results: of_host("results of rectangles", room, size_of::<RayResult>())?,
+            leaves: of_host("rectangles for the host", cells, size_of::<RefinedLeaf>())?,
         })
     }
 
     /// Parameters with the addresses of all buffers.
     pub(super) fn params(&self, tracer: &Tracer) -> RefineParams {
+        let of = |buffer: &Option<Buffer>| buffer.as_ref().map_or(0, Buffer::address);
         RefineParams {
+            all_results: of(&self.results),
+            leaves: of(&self.leaves),
             patches: self.patches.address(),
             rows: self.rows.address(),
             walls: self.walls.address(),

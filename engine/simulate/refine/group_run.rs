@@ -13,8 +13,8 @@ use beamlet_interface::{
     HEAD_BASE, HEAD_CELLS, HEAD_EXACT, HEAD_FAR, HEAD_LANDED_OFF, HEAD_LEFT, HEAD_LISTED,
     HEAD_LOST, HEAD_NEAR, HEAD_PHASE, HEAD_RAYS, HEAD_RECTANGLES, HEAD_REPEATED, HEAD_ROOM,
     HEAD_WORDS, PHASE_DONE, PHASE_FULL, REPORT_BEYOND, REPORT_MOST, REPORT_PATCHES, REPORT_RAYS,
-    REPORT_SQUARES, REPORT_WORDS, REPORT_WORST, RefineParams, RefinedRow, RepeatedRectangle,
-    TALLY_COUNTERS,
+    REPORT_SQUARES, REPORT_WORDS, REPORT_WORST, RefineParams, RefinedLeaf, RefinedRow,
+    RepeatedRectangle, TALLY_COUNTERS,
 };
 use std::ops::Range;
 use std::sync::Arc;
@@ -181,6 +181,21 @@ impl<'b> GroupRun<'b> {
             device.run_with(&[], |_| {}, &mut [Download::new(buffer, 0, &mut found)])?;
         }
         Ok(found)
+    }
+
+    /// Adds the rectangles that the last submission listed for the host to `leaves`.
+    pub(super) fn add_leaves(
+        &self,
+        device: &Arc<Device>,
+        leaves: &mut Vec<RefinedLeaf>,
+    ) -> Result<()> {
+        let count = self.at(HEAD_CELLS) as usize;
+        if let Some(buffer) = self.buffers.leaves.as_ref().filter(|_| count > 0) {
+            let first = leaves.len();
+            leaves.resize(first + count, bytemuck::Zeroable::zeroed());
+            device.run_with(&[], |_| {}, &mut [Download::new(buffer, 0, &mut leaves[first..])])?;
+        }
+        Ok(())
     }
 
     /// The cells that the last submission made, if any, besides `repeated` ones.

@@ -10,6 +10,17 @@ use beamlet_interface::{
 };
 use std::sync::Arc;
 
+/// Maker of the cells of rectangles.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum CellMaker {
+    /// The device, at one energy.
+    OneEnergy,
+    /// The device, of the energies of a spectrum.
+    Spectrum,
+    /// The host, with moments: for energies or masks that the device does not know.
+    Host,
+}
+
 /// The kernels of one device, each made when it is first wanted.
 #[derive(Debug)]
 pub(crate) struct RefineKernels {
@@ -18,6 +29,8 @@ pub(crate) struct RefineKernels {
     stages: [LazyKernel; 11],
     /// Kernels under a spectrum: keep moments, make cells, make cells of merged light, put cells in order.
     of_spectrum: [LazyKernel; 4],
+    /// Lists rectangles for the host, in place of runs.
+    leaves: LazyKernel,
 }
 
 impl RefineKernels {
@@ -48,31 +61,34 @@ impl RefineKernels {
                 "refine_place",
             ]
             .map(kernel),
+            leaves: kernel("refine_leaves"),
         }
     }
 
-    /// Kernels of a scene, with a spectrum or without, in the order of `STAGE_`.
-    fn stages(&self, spectrum: bool) -> impl Iterator<Item = &LazyKernel> {
+    /// Kernels of a scene, in the order of `STAGE_`.
+    fn stages(&self, maker: CellMaker) -> impl Iterator<Item = &LazyKernel> {
         let [keep, emit, merge, place] = &self.of_spectrum;
+        let spectrum = maker == CellMaker::Spectrum;
         let own = (0..).zip(&self.stages).map(move |(stage, kernel)| match stage {
             STAGE_KEEP if spectrum => keep,
             STAGE_EMIT if spectrum => emit,
+            STAGE_RUNS if maker == CellMaker::Host => &self.leaves,
             _ => kernel,
         });
         own.chain([merge, place].into_iter().filter(move |_| spectrum))
     }
 
     /// All kernels of a scene.
-    pub(crate) fn all(&self, spectrum: bool) -> impl Iterator<Item = &LazyKernel> {
-        std::iter::once(&self.plan).chain(self.stages(spectrum))
+    pub(crate) fn all(&self, maker: CellMaker) -> impl Iterator<Item = &LazyKernel> {
+        std::iter::once(&self.plan).chain(self.stages(maker))
     }
 
     /// The kernels, made.
     ///
     /// # Errors
     /// As [`LazyKernel::get`].
-    pub(super) fn made(&self, spectrum: bool) -> Result<Stages<'_>> {
-        let stages = self.stages(spectrum).map(LazyKernel::get).collect::<Result<_>>()?;
+    pub(super) fn made(&self, maker: CellMaker) -> Result<Stages<'_>> {
+        let stages = self.stages(maker).map(LazyKernel::get).collect::<Result<_>>()?;
         Ok(Stages { plan: self.plan.get()?, stages })
     }
 }

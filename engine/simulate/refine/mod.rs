@@ -5,6 +5,7 @@ mod buffers;
 mod group;
 mod group_run;
 mod kernels;
+mod leaves;
 mod params;
 mod refiner;
 mod room;
@@ -12,6 +13,6 @@ mod spectrum;
 mod tables;
 
 pub(crate) use group_run::MadeCells;
-pub(crate) use kernels::RefineKernels;
-pub(crate) use refiner::DeviceRefiner;
+pub(crate) use kernels::{CellMaker, RefineKernels};
+pub(crate) use refiner::{DeviceRefiner, Take};
 pub(crate) use room::RefineRoom;

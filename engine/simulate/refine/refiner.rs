@@ -3,7 +3,7 @@
 use super::buffers::{Buffers, Sizes};
 use super::group::{Group, Touched};
 use super::group_run::{GroupInputs, GroupRun, MadeCells, Refined};
-use super::kernels::RefineKernels;
+use super::kernels::{CellMaker, RefineKernels};
 use super::params;
 use super::room::{GROWTH, RefineRoom};
 use super::spectrum::Spectrum;
@@ -13,6 +13,7 @@ use crate::sampling::{PatchCost, RowsCost, ViewContext, spread};
 use crate::trace::Tracer;
 use beamlet_core::{Result, numbers};
 use beamlet_gpu::{Device, DeviceKind, Pace};
+use beamlet_interface::RefinedLeaf;
 use std::ops::Range;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -26,14 +27,20 @@ const SPARE: f64 = 1.5;
 /// Most patches of some rows that an estimate of a run refines.
 const SURVEYED: f64 = 2048.0;
 
-/// Takes cells as they are made.
-pub(crate) type Light<'a> = &'a mut dyn FnMut(&MadeCells<'_>) -> Result<()>;
+/// Taker of the results of refinement, by the maker of the cells.
+pub(crate) enum Take<'a> {
+    /// Takes cells of the device as they are made.
+    Cells(&'a mut dyn FnMut(&MadeCells<'_>) -> Result<()>),
+    /// Takes all rectangles of a group of patches, in any order; the host makes the cells.
+    Leaves(&'a mut dyn FnMut(&mut Tracer, Vec<RefinedLeaf>) -> Result<()>),
+}
 
 /// Refines patches on the device.
 #[derive(Debug)]
 pub(crate) struct DeviceRefiner<'s> {
     device: Arc<Device>,
     kernels: Arc<RefineKernels>,
+    maker: CellMaker,
     buffers: Option<Buffers>,
     /// Tables, and the index of the mask offsets that they are for.
     tables: Option<(usize, Tables)>,
@@ -46,47 +53,56 @@ pub(crate) struct DeviceRefiner<'s> {
 }
 
 impl<'s> DeviceRefiner<'s> {
-    /// A refiner; `energies`: of a spectrum.
+    /// A refiner; `energies`: of a spectrum whose cells the device makes.
     ///
     /// # Errors
     /// [`beamlet_core::Error::Memory`].
     pub(crate) fn new(
         device: &Arc<Device>,
         kernels: &Arc<RefineKernels>,
-        energies: Option<&'s EnergyBinning>,
+        (maker, energies): (CellMaker, Option<&'s EnergyBinning>),
     ) -> Result<Self> {
         let is_cpu = device.description().kind == DeviceKind::Cpu;
         Ok(Self {
             device: device.clone(),
             kernels: kernels.clone(),
+            maker,
             buffers: None,
             tables: None,
-            spectrum: energies.map(|energies| Spectrum::new(device, energies)).transpose()?,
+            spectrum: energies
+                .filter(|_| maker == CellMaker::Spectrum)
+                .map(|energies| Spectrum::new(device, energies))
+                .transpose()?,
             work: Pace::new(WORK[0] << if is_cpu { 0 } else { 6 }, WORK[1], WORK[2])
                 .with_long(LONG),
             growth: GROWTH,
         })
     }
 
-    /// Refines the patches of rows that a shadow touches, and hands their cells to `light`. `list`: index of the
+    /// Maker of the cells.
+    pub(crate) const fn maker(&self) -> CellMaker {
+        self.maker
+    }
+
+    /// Refines the patches of rows that a shadow touches, and hands the results to `take`. `list`: index of the
     /// mask offsets of the view; `lit`: rows whose light is wanted. Returns the beamlets and rows that no
     /// shadow touches, too.
     ///
     /// # Errors
-    /// As [`Tracer::trace`]; [`beamlet_core::Error::Memory`] where one patch has no room; errors of `light`.
+    /// As [`Tracer::trace`]; [`beamlet_core::Error::Memory`] where one patch has no room; errors of `take`.
     pub(crate) fn refine(
         &mut self,
         view: &ViewContext<'_>,
         tracer: &mut Tracer,
         (list, room): (usize, RefineRoom),
         (rows, lit): (&Range<i64>, &Range<i64>),
-        light: Light<'_>,
+        take: &mut Take<'_>,
         advance: &mut dyn FnMut(&Tracer, f64),
     ) -> Result<(Refined, Vec<(i64, i64)>)> {
         self.take_tables(view, list)?;
         let touched = Touched::new(view, rows);
         let patches = touched.of_rows(rows);
-        let all = self.patches(view, tracer, (&touched, room), (&patches, lit), light, advance)?;
+        let all = self.patches(view, tracer, (&touched, room), (&patches, lit), take, advance)?;
         let direct = &view.lattice.direct;
         let places = rows
             .clone()
@@ -98,8 +114,8 @@ impl<'s> DeviceRefiner<'s> {
         Ok((all, missed.collect()))
     }
 
-    /// Refines some patches of rows, evenly spread from the share `start` of their distance on, and returns what all
-    /// of them cost; `light` returns the seconds that a run takes for cells beyond those that it took.
+    /// Refines some patches of rows, evenly spread from the share `start` of their distance on, and returns the cost
+    /// of all.
     ///
     /// # Errors
     /// As [`Self::refine`].
@@ -109,7 +125,7 @@ impl<'s> DeviceRefiner<'s> {
         tracer: &mut Tracer,
         (list, room): (usize, RefineRoom),
         (rows, lit, start): (&Range<i64>, &Range<i64>, f64),
-        light: &mut dyn FnMut(&MadeCells<'_>) -> Result<f64>,
+        take: &mut Take<'_>,
     ) -> Result<RowsCost> {
         self.take_tables(view, list)?;
         let touched = Touched::new(view, rows);
@@ -117,13 +133,8 @@ impl<'s> DeviceRefiner<'s> {
         let chosen = spread(&patches, SURVEYED, start);
         let base: u64 = patches.iter().map(|at| u64::from(touched.base_of(at))).sum();
         let (begin, before) = (Instant::now(), tracer.rays_traced());
-        let mut beyond = 0.0;
-        let mut take = |made: &MadeCells<'_>| {
-            beyond += light(made)?;
-            Ok(())
-        };
         let (from, some) = ((&touched, room), (&chosen[..], lit));
-        self.patches(view, tracer, from, some, &mut take, &mut |_, _| {})?;
+        self.patches(view, tracer, from, some, take, &mut |_, _| {})?;
         let traced = (tracer.rays_traced() - before) as f64;
         let own: u64 = chosen.iter().map(|at| u64::from(touched.base_of(at))).sum();
         let rows = (rows.end - rows.start) as f64;
@@ -132,7 +143,7 @@ impl<'s> DeviceRefiner<'s> {
             refined: chosen.len() as f64,
             rays: traced - own as f64,
             splits: 0.0,
-            seconds: begin.elapsed().as_secs_f64() + beyond,
+            seconds: begin.elapsed().as_secs_f64(),
         };
         // Base rays count with a row on either side.
         let base_rays = base as f64 * (rows + 2.0) / rows.max(1.0);
@@ -155,7 +166,7 @@ impl<'s> DeviceRefiner<'s> {
         tracer: &mut Tracer,
         (touched, room): (&Touched, RefineRoom),
         (patches, lit): (&[(i64, i64)], &Range<i64>),
-        light: Light<'_>,
+        take: &mut Take<'_>,
         advance: &mut dyn FnMut(&Tracer, f64),
     ) -> Result<Refined> {
         let mut all = Refined::default();
@@ -173,7 +184,7 @@ impl<'s> DeviceRefiner<'s> {
             let count = rest.iter().take_while(fits).count().clamp(1, most);
             let (some, after) = rest.split_at(count.min(rest.len()));
             let group = touched.group(view, some, lit);
-            match self.group(view, tracer, (&group, places, room), (lit, light))? {
+            match self.group(view, tracer, (&group, places, room), (lit, take))? {
                 Some(refined) => {
                     all.tally = all.tally + refined.tally;
                     all.landed_off += refined.landed_off;
@@ -198,7 +209,7 @@ impl<'s> DeviceRefiner<'s> {
         view: &ViewContext<'_>,
         tracer: &mut Tracer,
         (group, places, room): (&Group, u32, RefineRoom),
-        (lit, light): (&Range<i64>, Light<'_>),
+        (lit, take): (&Range<i64>, &mut Take<'_>),
     ) -> Result<Option<Refined>> {
         let Some((_, tables)) = self.tables.as_ref().filter(|_| group.all_base <= places) else {
             return Ok(None);
@@ -213,6 +224,7 @@ impl<'s> DeviceRefiner<'s> {
             walls: numbers::count(group.walls.len()),
             sums,
             spectrum: self.spectrum.as_ref().map(Spectrum::sizes),
+            leaves: self.maker == CellMaker::Host,
         };
         let buffers = Buffers::fit(&self.device, self.buffers.take(), sizes)?;
         let kernels = self.kernels.clone();
@@ -220,7 +232,7 @@ impl<'s> DeviceRefiner<'s> {
             spectrum.take(&self.device, (&buffers, tracer), group)?;
         }
         let spectrum = self.spectrum.as_ref();
-        let stages = kernels.made(spectrum.is_some())?;
+        let stages = kernels.made(self.maker)?;
         let made = tracer.made_rays(spectrum.is_some())?;
         let of = (tables, &buffers, &*tracer);
         let energies = spectrum.map_or(0, Spectrum::address);
@@ -228,6 +240,7 @@ impl<'s> DeviceRefiner<'s> {
         let merged = buffers.sizes.merged_bytes(group.patches.len());
         let inputs = GroupInputs { group, params, rows, sums, merged };
         let mut run = GroupRun::new(&buffers, spectrum, group);
+        let mut leaves = Vec::new();
         while !run.is_over() {
             tracer.cancel().check()?;
             let with = (&stages, &*tracer, &made);
@@ -236,6 +249,10 @@ impl<'s> DeviceRefiner<'s> {
             if done > self.work.size() / 2 || time > LONG {
                 self.work.adapt(time);
             }
+            let Take::Cells(light) = &mut *take else {
+                run.add_leaves(&self.device, &mut leaves)?;
+                continue;
+            };
             let repeated = run.repeated(&self.device)?;
             let again = match spectrum.filter(|_| !repeated.is_empty()) {
                 Some(spectrum) => spectrum.repeat(tracer, view.pose, &repeated)?,
@@ -254,6 +271,11 @@ impl<'s> DeviceRefiner<'s> {
             false => 0.5 * (self.growth + SPARE * growth),
         };
         self.buffers = Some(buffers);
+        if let Take::Leaves(take) = take
+            && !is_full
+        {
+            take(tracer, leaves)?;
+        }
         Ok((!is_full).then_some(refined))
     }
 }

@@ -1,12 +1,16 @@
 //! Room for rectangles and cells on the device.
 
-use super::buffers::{CELL, CELL_OF_SPECTRUM, RECTANGLE, merged_bytes};
+use super::buffers::{
+    CELL, CELL_OF_HOST, CELL_OF_SPECTRUM, RECTANGLE, RECTANGLE_OF_HOST, merged_bytes,
+};
 use beamlet_core::{Error, numbers};
 
 /// Rectangles that there is room for where memory has no limit, and least.
 const RECTANGLES: [u64; 2] = [1 << 21, 1 << 14];
 /// Cells that are lit at once, and least.
 const CELLS: [u64; 2] = [1 << 18, 1 << 13];
+/// Rectangles that there is room for where the host makes the cells.
+const RECTANGLES_OF_HOST: u64 = 1 << 18;
 /// Rectangles of a group after refinement over those before, as long as none is known.
 pub(super) const GROWTH: f64 = 8.0;
 /// Least base rectangles of a patch.
@@ -20,6 +24,8 @@ pub(crate) struct RefineRoom {
     /// Bytes of a rectangle, and of a cell.
     rectangle: u64,
     cell: u64,
+    /// Rectangles where memory has no limit.
+    most: u64,
 }
 
 impl RefineRoom {
@@ -31,12 +37,23 @@ impl RefineRoom {
             rectangle += 4 * words as u64 + merged_bytes(groups as u64) / LEAST_BASE;
             cell += CELL_OF_SPECTRUM;
         }
-        Self { limit, rectangle, cell }
+        Self { limit, rectangle, cell, most: RECTANGLES[0] }
+    }
+
+    /// The same where the host makes the cells; `words`: of the moments of a ray.
+    pub(crate) fn of_host(limit: Option<[u64; 2]>, words: usize) -> Self {
+        let moments = 2 * size_of::<f32>() * words;
+        Self {
+            limit,
+            rectangle: RECTANGLE + RECTANGLE_OF_HOST + moments as u64,
+            cell: CELL + CELL_OF_HOST,
+            most: RECTANGLES_OF_HOST,
+        }
     }
 
     pub(super) fn rectangles(self) -> u32 {
-        let most = self.limit.map_or(RECTANGLES[0], |[_, left]| left * 3 / 4 / self.rectangle);
-        numbers::low_word(most.clamp(RECTANGLES[1], RECTANGLES[0]))
+        let most = self.limit.map_or(self.most, |[_, left]| left * 3 / 4 / self.rectangle);
+        numbers::low_word(most.clamp(RECTANGLES[1], self.most))
     }
 
     pub(super) fn cells(self) -> u32 {

@@ -57,7 +57,9 @@ impl Tables {
             .collect();
         let mut values = Vec::new();
         let mut windows = Vec::new();
-        for kind in &response.windows {
+        // Light that serves any masks is not seen by windows.
+        let kinds = if response.any_masks { &[] } else { &response.windows[..] };
+        for kind in kinds {
             let numbers = kind.numbers();
             let buffer = device.upload("windows on the analyser", &numbers)?;
             windows.push(WindowTable {
@@ -77,7 +79,10 @@ impl Tables {
                 if openings.is_empty() { &NO_OPENINGS } else { &openings },
             )?,
             window_count: numbers::count(windows.len()),
-            windows: device.upload("kinds of windows", &windows)?,
+            windows: device.upload(
+                "kinds of windows",
+                if windows.is_empty() { &NO_WINDOWS } else { &windows },
+            )?,
             open_width: widest(response, single(lattice.period)),
             _values: values,
         })
@@ -86,6 +91,8 @@ impl Tables {
 
 /// A buffer is not empty.
 const NO_OPENINGS: [MaskOpening; 1] = [MaskOpening { step: 0, low: 0.0, high: 0.0, period: 1.0 }];
+const NO_WINDOWS: [WindowTable; 1] =
+    [WindowTable { values: 0, count: 0, is_sharp: 0, period: 1.0, share: 0.0 }];
 
 /// Largest width that a step opens, m: of a period at most, the mean of the periods of all shifts.
 fn widest(response: &Response, period: f32) -> f32 {

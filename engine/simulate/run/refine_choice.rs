@@ -5,18 +5,9 @@ use beamlet_geometry::Sample;
 use beamlet_gpu::DeviceKind;
 use beamlet_model::scene::{Refine, Scene, Scheme, Transport};
 
-/// Properties of a scene that refinement on the device does not know; `None`: it knows all. `energies`: number
-/// of energy nodes.
-fn unknown(scene: &Scene, energies: usize, keeps_moments: bool) -> Option<&'static str> {
-    if energies > 1 && scene.sampling.transport == Transport::Exact {
-        Some("a spectrum of several energies and transport = \"exact\"")
-    } else if keeps_moments {
-        Some("kept moments")
-    } else if scene.has_heights() {
-        Some("apertures that end along z")
-    } else {
-        None
-    }
+/// Properties of a scene that refinement on the device does not know; `None`: it knows all.
+fn unknown(scene: &Scene) -> Option<&'static str> {
+    scene.has_heights().then_some("apertures that end along z")
 }
 
 /// True if rays of a scene are chosen, either on the host or on the device.
@@ -29,11 +20,11 @@ fn applies(scene: &Scene) -> bool {
 ///
 /// # Errors
 /// [`Error::Scene`].
-pub(crate) fn refuse(scene: &Scene, energies: usize, keeps_moments: bool) -> Result<()> {
+pub(crate) fn refuse(scene: &Scene) -> Result<()> {
     if scene.sampling.refine != Refine::Device || !applies(scene) {
         return Ok(());
     }
-    match unknown(scene, energies, keeps_moments) {
+    match unknown(scene) {
         Some(found) => {
             Err(Error::scene("sampling.refine", format!("device, with {found}"), "host"))
         }
@@ -44,12 +35,7 @@ pub(crate) fn refuse(scene: &Scene, energies: usize, keeps_moments: bool) -> Res
 /// Settles where the rays of a loaded scene are chosen on a kind of device, and returns why there; nothing where
 /// no rays are chosen.
 #[must_use]
-pub fn settle(
-    scene: &mut Scene,
-    sample: &Sample,
-    energies: usize,
-    (kind, keeps_moments): (DeviceKind, bool),
-) -> Option<String> {
+pub fn settle(scene: &mut Scene, sample: &Sample, kind: DeviceKind) -> Option<String> {
     let auto = scene.sampling.refine == Refine::Auto;
     if !applies(scene) || sample.is_empty() {
         if auto {
@@ -57,7 +43,7 @@ pub fn settle(
         }
         return None;
     }
-    let (place, reason) = match unknown(scene, energies, keeps_moments) {
+    let (place, reason) = match unknown(scene) {
         Some(found) => (Refine::Host, format!("the device does not know {found}")),
         None => by_kind(kind),
     };

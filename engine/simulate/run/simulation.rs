@@ -13,7 +13,7 @@ mod work;
 use crate::detector::{self, DetectorModel};
 use crate::illuminate::EnergyBinning;
 use crate::moments::{self, StoredSource};
-use crate::refine::RefineRoom;
+use crate::refine::{CellMaker, RefineRoom};
 use crate::run::Control;
 use crate::run::memory::MemoryEstimate;
 use crate::run::simulator::Simulator;
@@ -29,7 +29,7 @@ use beamlet_files::{RunProfile, RunRecord, RunStart, SamplingSummary, Sink, Stac
 use beamlet_geometry::Sample;
 use beamlet_gpu::{Backend, Device, DeviceKind, EngineOptions};
 use beamlet_model::media::MaterialTable;
-use beamlet_model::scene::{Exposure, Refine, Scene, Scheme};
+use beamlet_model::scene::{Exposure, Refine, Scene, Scheme, Transport};
 pub use rays::{moments, trace};
 use side_by_side::{Handed, side_by_side};
 use std::sync::Arc;
@@ -155,8 +155,21 @@ impl Simulation {
     /// The same on the device.
     fn refine_room(&self, memory: &MemoryEstimate) -> RefineRoom {
         let limit = self.options().memory_limit.zip(memory.left_for_refinement);
+        if self.cell_maker() == CellMaker::Host {
+            return RefineRoom::of_host(limit.map(<[u64; 2]>::from), self.moment_words());
+        }
         let spectrum = self.spectral.as_ref().map(|it| [it.kept_words(), it.group_count()]);
         RefineRoom::new(limit.map(<[u64; 2]>::from), spectrum)
+    }
+
+    /// Maker of the cells of rectangles that the device refines.
+    fn cell_maker(&self) -> CellMaker {
+        match &self.spectral {
+            None => CellMaker::OneEnergy,
+            Some(_) if self.options().keep_moments => CellMaker::Host,
+            Some(_) if self.scene.sampling.transport == Transport::Exact => CellMaker::Host,
+            Some(_) => CellMaker::Spectrum,
+        }
     }
 
     /// Words of a ray's moments.

@@ -5,7 +5,7 @@ use super::cell_batch::{CellBatch, empty_cell_row};
 use super::cell_moments::{CellMoments, ExactCell};
 use super::emission::Emitter;
 use super::moment_recording::LinearModel;
-use super::patch::{Border, Patch, part};
+use super::patch::{Border, PatchPlace, part};
 use super::rectangle::Rectangle;
 use beamlet_core::numbers::{self, single};
 use beamlet_interface::{Cell, CellRow, FLAG_EXACT, FLAG_NOT_FINITE};
@@ -24,8 +24,8 @@ const STRETCHED: f64 = 0.2;
 const LEAST_TILTED: f32 = 0.5;
 
 /// Position of a row of cells.
-struct RowPlace<'a> {
-    patch: &'a Patch,
+struct RowPlace {
+    patch: PatchPlace,
     /// Interval within the detector row, 0..1 downwards.
     z: [f32; 2],
     /// Displacement of its rectangles along x, m.
@@ -48,7 +48,7 @@ impl Emitter<'_> {
     /// are recorded.
     pub(super) fn cell_rows(
         &self,
-        patch: &Patch,
+        patch: PatchPlace,
         rectangles: &[Rectangle],
         moments: &[f32],
         words: usize,
@@ -85,7 +85,7 @@ impl Emitter<'_> {
     fn push_row(
         &self,
         out: &mut CellBatch,
-        place: &RowPlace<'_>,
+        place: &RowPlace,
         rectangles: &[Rectangle],
         moments: &[f32],
     ) {
@@ -114,7 +114,7 @@ impl Emitter<'_> {
     fn push_cell(
         &self,
         row: &mut RowCells,
-        place: &RowPlace<'_>,
+        place: &RowPlace,
         rectangle: &Rectangle,
         moments: &[f32],
     ) {
@@ -130,24 +130,24 @@ impl Emitter<'_> {
         let share = x.map(|x| (x - whole[0]) / (whole[1] - whole[0]));
         let between = |[low, high]: [f32; 2]| share.map(|share| low + (high - low) * share);
         let (depth, displacement) = (between(*depth), between(*displacement));
-        let displacement_z = result.landing_z(self.estimator.gap);
-        if displacement_z.abs() > lattice.halo as f32 * self.estimator.row_pitch {
+        let displacement_z = result.landing_z(self.gap);
+        if displacement_z.abs() > lattice.halo as f32 * self.row_pitch {
             row.landed_off += 1;
         }
-        let pixel_shift = result.pixel_shift(self.estimator.gap, self.ratio);
-        let down = -f64::from(displacement_z / self.estimator.row_pitch);
+        let pixel_shift = result.pixel_shift(self.gap, self.ratio);
+        let down = -f64::from(displacement_z / self.row_pitch);
         let farthest = down * self.view.delta_ratio();
         row.lands.start = row.lands.start.min(numbers::whole::<i64>(farthest.floor()));
         row.lands.end = row.lands.end.max(numbers::whole::<i64>(farthest.ceil()) + 1);
         let [above, mut below] = self.row_shares(rectangle, place.z, down);
         let mut landing_z = displacement_z;
-        if above < 0.0 && self.estimator.wide_blur && !self.estimator.other_energies {
+        if above < 0.0 && lattice.row_spread.is_wide() && self.view.recording.is_none() {
             let height = place.z[1] - place.z[0];
-            if height > LEAST_TILTED * self.estimator.row_blur {
+            if height > LEAST_TILTED * single(lattice.row_spread.blur) {
                 below = rectangle.tilt;
             } else {
                 // In f32 the tilt of a thin cell is lost in rounding: its centroid moves instead.
-                landing_z -= rectangle.tilt * height / 12.0 * self.estimator.row_pitch;
+                landing_z -= rectangle.tilt * height / 12.0 * self.row_pitch;
             }
         }
         let mut above = above;
@@ -178,7 +178,7 @@ impl Emitter<'_> {
         let aside = 0.5 * (z[0] + z[1]) - 0.5 * (rectangle.z[0] + rectangle.z[1]);
         let [up, low] = rectangle.ends_z;
         let slope = (low - up) / (rectangle.z[1] - rectangle.z[0]);
-        let growth = -part * (low - up) / self.estimator.row_pitch;
+        let growth = -part * (low - up) / self.row_pitch;
         [growth, part * rectangle.tilt, 0.5 * (up + low) + slope * aside]
     }
 
@@ -191,8 +191,7 @@ impl Emitter<'_> {
         let own = rectangle.z.map(f64::from);
         let at = |z: f64| {
             let [up, low] = rectangle.ends_z.map(f64::from);
-            -(up + (low - up) * (z - own[0]) / (own[1] - own[0]))
-                / f64::from(self.estimator.row_pitch)
+            -(up + (low - up) * (z - own[0]) / (own[1] - own[0])) / f64::from(self.row_pitch)
         };
         let landing = [top + at(top), bottom + at(bottom)];
         let mut shares = if let Some(rows) = &rectangle.rows {
@@ -213,7 +212,7 @@ impl Emitter<'_> {
         let [top, bottom] = z.map(f64::from);
         for (end, border) in borders.iter().enumerate() {
             let Some(border) = border else { continue };
-            let down = -f64::from(border.landing / self.estimator.row_pitch);
+            let down = -f64::from(border.landing / self.row_pitch);
             let own = self.view.lattice.row_shares(top, bottom, down);
             if own[0] >= 0.0 {
                 shares[end] = (border.light * own[end]).min(1.0 - shares[1 - end]);
@@ -226,7 +225,7 @@ impl Emitter<'_> {
     fn record(
         &self,
         row: &mut RowCells,
-        patch: &Patch,
+        patch: PatchPlace,
         rectangle: &Rectangle,
         share: [f32; 2],
         moments: &[f32],

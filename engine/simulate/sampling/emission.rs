@@ -5,7 +5,7 @@ use super::cell_batch::CellBatch;
 use super::error_estimate::Estimator;
 use super::moment_recording::LinearModel;
 use super::neighbours::Slopes;
-use super::patch::{Border, Even, Known, Patch, alike};
+use super::patch::{Border, Patch, PatchPlace, Rule, alike};
 use super::rectangle::Rectangle;
 use super::row_spread::tilt_by_depth;
 use super::view_context::ViewContext;
@@ -30,11 +30,14 @@ const FULL_SHARE: f32 = 1.0 / 40.0;
 /// Makes cells.
 pub(super) struct Emitter<'a> {
     pub(crate) view: &'a ViewContext<'a>,
-    pub(super) estimator: &'a Estimator<'a>,
     /// Rows whose light is recorded.
     pub(super) recorded_rows: &'a Range<i64>,
     /// Analyser over detector distance.
     pub(crate) ratio: f32,
+    /// Distance from analyser to detector, m.
+    pub(super) gap: f32,
+    /// Row pitch on the detector, m.
+    pub(super) row_pitch: f32,
     /// Deviation of the displacement from a straight line that joined cells may have, m.
     joined: f32,
 }
@@ -43,17 +46,14 @@ pub(super) struct Emitter<'a> {
 const KIND: u32 = FLAG_EXACT | FLAG_GRAZING | FLAG_REFLECTED;
 
 impl<'a> Emitter<'a> {
-    pub(super) fn new(
-        view: &'a ViewContext<'a>,
-        estimator: &'a Estimator<'a>,
-        recorded_rows: &'a Range<i64>,
-    ) -> Self {
+    pub(super) fn new(view: &'a ViewContext<'a>, recorded_rows: &'a Range<i64>) -> Self {
         let optics = view.optics;
         Self {
             view,
-            estimator,
             recorded_rows,
             ratio: single(optics.analyser / optics.detector.distance),
+            gap: single(optics.gap()),
+            row_pitch: single(optics.detector.pitch[1]),
             joined: single(DISPLACEMENT_JOINED * view.budget.bounded_displacement()),
         }
     }
@@ -62,10 +62,25 @@ impl<'a> Emitter<'a> {
     pub(super) fn cells(
         &self,
         tracer: &mut Tracer,
+        estimator: &Estimator<'_>,
         patches: &[&Patch],
     ) -> Result<(CellBatch, Vec<(i64, i64)>)> {
-        let rectangles: Vec<Vec<Rectangle>> =
-            patches.par_iter().map(|patch| self.rectangles(patch)).collect();
+        let rectangles = patches.par_iter().map(|patch| self.rectangles(estimator, patch));
+        let rectangles = rectangles.collect();
+        let places: Vec<PatchPlace> = patches.iter().map(|patch| patch.at()).collect();
+        self.cells_of(tracer, &places, rectangles)
+    }
+
+    /// The cells of the rectangles of patches, by height, then x, and the places (column, row) of patches that miss
+    /// the sample.
+    pub(super) fn cells_of(
+        &self,
+        tracer: &mut Tracer,
+        patches: &[PatchPlace],
+        rectangles: Vec<Vec<Rectangle>>,
+    ) -> Result<(CellBatch, Vec<(i64, i64)>)> {
+        let joined = |rectangles| self.join(join_empty(rectangles));
+        let rectangles: Vec<Vec<Rectangle>> = rectangles.into_par_iter().map(joined).collect();
         let moments = match self.view.recording {
             Some(recording) => recording.record(tracer, self.view, patches, &rectangles)?,
             None => vec![Vec::new(); patches.len()],
@@ -80,17 +95,16 @@ impl<'a> Emitter<'a> {
         let words = self.view.recording.as_ref().map_or(0, |recording| recording.words());
         let parts: Vec<CellBatch> = (patches, rectangles, moments)
             .into_par_iter()
-            .map(|(patch, rectangles, moments)| self.cell_rows(patch, &rectangles, &moments, words))
+            .map(|(patch, rectangles, moments)| {
+                self.cell_rows(*patch, &rectangles, &moments, words)
+            })
             .collect();
         Ok((CellBatch::concat(parts), empty))
     }
 
-    /// The leaves by height, then x, empty neighbours as one; none where all are empty.
-    fn rectangles(&self, patch: &Patch) -> Vec<Rectangle> {
+    /// The leaves by height, then x.
+    fn rectangles(&self, estimator: &Estimator<'_>, patch: &Patch) -> Vec<Rectangle> {
         let mut leaves: Vec<u32> = patch.leaves().collect();
-        if leaves.iter().all(|leaf| patch.nodes[*leaf as usize].is_empty()) {
-            return Vec::new();
-        }
         let key = |leaf: u32| {
             let node = &patch.nodes[leaf as usize];
             (node.z[0], node.z[1], node.x[0])
@@ -102,26 +116,15 @@ impl<'a> Emitter<'a> {
         let mut rectangles: Vec<Rectangle> = Vec::with_capacity(leaves.len());
         for leaf in leaves {
             let node = &patch.nodes[leaf as usize];
-            if node.is_empty()
-                && let Some(last) = rectangles.last_mut()
-                && last.rows.is_none()
-                && last.ends.result.crossings == 0
-                && last.x[1].to_bits() == node.x[0].to_bits()
-                && last.z.map(f32::to_bits) == node.z.map(f32::to_bits)
-            {
-                last.x[1] = node.x[1];
-                continue;
-            }
             if let Some(pieces) = patch.pieces(node) {
                 let magnification =
-                    self.view.recording.is_none().then_some(self.estimator.response.magnification);
-                let of_piece =
-                    |piece| Rectangle::of_piece(piece, self.estimator.gap, magnification);
+                    self.view.recording.is_none().then_some(self.view.response.magnification);
+                let of_piece = |piece| Rectangle::of_piece(piece, self.gap, magnification);
                 rectangles.extend(pieces.iter().map(of_piece));
                 continue;
             }
             let (slopes, displacement_variance, ends_z, borders, tilt) =
-                if let Known::Mean(fit) = node.known {
+                if let Rule::Means(fit) = node.rule {
                     let slopes = Slopes {
                         depth: [fit.slope_depth, 0.0],
                         displacement: [fit.slope, 0.0],
@@ -132,19 +135,15 @@ impl<'a> Emitter<'a> {
                     (slopes, variance, fit.ends_z, fit.borders, single(tilt))
                 } else {
                     // Rays that are spread evenly are not interpolated.
-                    let slopes = if patch.even == Even::No {
-                        self.estimator.slopes(node, &self.estimator.neighbours(patch, node))
+                    let slopes = if node.rule != Rule::Even {
+                        estimator.slopes(node, &estimator.neighbours(patch, node))
                     } else {
                         Slopes::default()
                     };
-                    // Otherwise it is in the moments.
-                    let variance = match self.view.recording {
-                        None => node.result.displacement_variance,
-                        Some(_) => 0.0,
-                    };
-                    let landing_z = node.result.landing_z(self.estimator.gap);
+                    let variance = self.view.variance_of(&node.result);
+                    let landing_z = node.result.landing_z(self.gap);
                     let half = 0.5 * slopes.landing[1] * node.height();
-                    let rise = if self.estimator.heights { slopes.depth[1] } else { 0.0 };
+                    let rise = if self.view.lattice.heights { slopes.depth[1] } else { 0.0 };
                     let tilt = single(tilt_by_depth((rise * node.height()).into()));
                     (slopes, variance, [landing_z - half, landing_z + half], [None; 2], tilt)
                 };
@@ -160,7 +159,7 @@ impl<'a> Emitter<'a> {
                 rows: None,
             });
         }
-        self.join(rectangles)
+        rectangles
     }
 
     /// Neighbours that are one straight line as one: splits towards a jump leave chains of them.
@@ -253,4 +252,26 @@ impl<'a> Emitter<'a> {
             && straight(|result| result.displacement_z, 100.0 * self.joined)
             && straight(|result| result.optical_depth, DEPTH_JOINED)
     }
+}
+
+/// Empty neighbours as one; none where all are empty.
+fn join_empty(rectangles: Vec<Rectangle>) -> Vec<Rectangle> {
+    if rectangles.iter().all(Rectangle::is_empty) {
+        return Vec::new();
+    }
+    let mut joined: Vec<Rectangle> = Vec::with_capacity(rectangles.len());
+    for rectangle in rectangles {
+        match joined.last_mut() {
+            Some(last)
+                if rectangle.is_empty()
+                    && last.is_empty()
+                    && last.x[1].to_bits() == rectangle.x[0].to_bits()
+                    && last.z.map(f32::to_bits) == rectangle.z.map(f32::to_bits) =>
+            {
+                last.x[1] = rectangle.x[1];
+            }
+            _ => joined.push(rectangle),
+        }
+    }
+    joined
 }

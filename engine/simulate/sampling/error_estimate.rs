@@ -12,7 +12,7 @@ use super::dissection::Piece;
 use super::error_budget::ErrorBudget;
 use super::landing_edges::LandingEdges;
 use super::lit_heights::LitHeights;
-use super::patch::{Axis, Known, Node, Patch, Residuals};
+use super::patch::{Axis, Node, Patch, Residuals, Rule};
 use super::ray_error::THROWN;
 use super::response::Response;
 use super::row_spread::RowSpread;
@@ -162,8 +162,8 @@ impl Estimator<'_> {
 
     pub(super) fn cell_error(&self, patch: &Patch, index: u32) -> CellError {
         let node = &patch.nodes[index as usize];
-        let mut error = match (node.known, patch.pieces(node)) {
-            (Known::Mean(residuals), _) => self.mean_error(patch, index, &residuals),
+        let mut error = match (node.rule, patch.pieces(node)) {
+            (Rule::Means(residuals), _) => self.mean_error(patch, index, &residuals),
             (_, Some(pieces)) => self.pieces_error(patch, index, pieces),
             _ => self.ray_error(patch, index),
         };

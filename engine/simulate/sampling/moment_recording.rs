@@ -1,7 +1,7 @@
 //! Moments of the rays that bound cells.
 
 use super::neighbours::Slopes;
-use super::patch::Patch;
+use super::patch::PatchPlace;
 use super::rectangle::Rectangle;
 use super::view_context::ViewContext;
 use crate::trace::{Tracer, component_hash};
@@ -122,10 +122,10 @@ impl MomentRecording {
         &self,
         tracer: &mut Tracer,
         view: &ViewContext<'_>,
-        patches: &[&Patch],
+        patches: &[PatchPlace],
         rectangles: &[Vec<Rectangle>],
     ) -> Result<Vec<Vec<f32>>> {
-        let unknown = |(patch, rectangles): (&&Patch, &Vec<Rectangle>)| -> Vec<Ray> {
+        let unknown = |(patch, rectangles): (&PatchPlace, &Vec<Rectangle>)| -> Vec<Ray> {
             let unknown =
                 rectangles.iter().filter(|r| self.single_material(&r.ends.result).is_none());
             unknown

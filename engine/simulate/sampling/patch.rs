@@ -8,7 +8,7 @@ mod node;
 
 pub(super) use beside::Witness;
 use node::AllRays;
-pub(super) use node::{Border, Known, Node, Residuals, alike, is_drawn, no_silhouette_between};
+pub(super) use node::{Border, Node, Residuals, Rule, alike, is_drawn, no_silhouette_between};
 
 use super::dissection::Piece;
 use super::facet_lists::{Overlap, PatchFacet};
@@ -45,11 +45,9 @@ pub(super) const RECTANGLE: usize = size_of::<Node>() + size_of::<Option<Branch>
 /// Lines of a patch whose rays are spread evenly, powers of two: fewest and most.
 const EVEN_LINES: [u32; 2] = [4, 64];
 
-/// Rays that are spread evenly over a patch, for structure that they do not resolve.
+/// Phase of a patch whose rays are spread evenly, for structure that they do not resolve.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Even {
-    /// They are not: rectangles are refined.
-    No,
     /// Trial rays, which determine the number.
     Trial,
     /// The final number of rays.
@@ -71,8 +69,8 @@ pub(super) struct Patch {
     pub(crate) straight: bool,
     /// Change of x by the curvature of its silhouettes, m per row squared, where they are not.
     pub(crate) bow: f32,
-    /// Spread of its rays: even, or at the centres of rectangles.
-    pub(crate) even: Even,
+    /// Phase of its evenly spread rays; `None` where rectangles are refined.
+    pub(crate) even: Option<Even>,
     /// The base rectangles, by z, then x; then the parts of those that were split.
     pub(super) nodes: Vec<Node>,
     /// How each of them was split: apart from them, since whoever looks for a leaf passes many.
@@ -86,6 +84,21 @@ pub(super) struct Patch {
     list: Vec<u32>,
     /// Pieces of rectangles.
     pub(crate) pieces: Vec<Piece>,
+}
+
+/// Where a patch lies: its beamlet and detector row, and how far x moves over the row, m.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct PatchPlace {
+    pub(super) beamlet: i64,
+    pub(super) row: i64,
+    pub(super) shear: f32,
+}
+
+impl PatchPlace {
+    /// Place (m from the beamlet's centre, share of the row) of coordinates of rectangles.
+    pub(super) fn place(&self, [x, z]: [f32; 2]) -> [f32; 2] {
+        [x + self.shear * (z - 0.5), z]
+    }
 }
 
 /// Centre and half size of a rectangle.
@@ -154,7 +167,7 @@ impl Patch {
             shear: 0.0,
             straight: false,
             bow: 0.0,
-            even: Even::No,
+            even: None,
             branches: vec![None; nodes.len()],
             nodes,
             splits: 0,
@@ -171,7 +184,9 @@ impl Patch {
         borders: Vec<f32>,
         (lines, even): (u32, Even),
     ) -> Self {
-        Self { even, ..Self::slabs(beamlet, row, borders, lines) }
+        let mut patch = Self { even: Some(even), ..Self::slabs(beamlet, row, borders, lines) };
+        patch.nodes.iter_mut().for_each(|node| node.rule = Rule::Even);
+        patch
     }
 
     /// Lines of a patch of `count` rays that are spread evenly. What refraction throws over a border of the row is
@@ -195,9 +210,14 @@ impl Patch {
         (reversed as f32 + 0.5) / lines as f32
     }
 
-    /// Place (m from the beamlet's centre, share of the row) of coordinates of rectangles.
-    pub(super) fn place(&self, [x, z]: [f32; 2]) -> [f32; 2] {
-        [x + self.shear * (z - 0.5), z]
+    /// Its place.
+    pub(super) const fn at(&self) -> PatchPlace {
+        PatchPlace { beamlet: self.beamlet, row: self.row, shear: self.shear }
+    }
+
+    /// The same of coordinates of rectangles.
+    pub(super) fn place(&self, coordinates: [f32; 2]) -> [f32; 2] {
+        self.at().place(coordinates)
     }
 
     /// Coordinates of a place.
@@ -292,7 +312,7 @@ impl Patch {
     /// Coordinates of the ray of a rectangle: its centre, but where rays are spread evenly.
     pub(super) fn ray_coordinates(&self, index: u32) -> [f32; 2] {
         let node = &self.nodes[index as usize];
-        if self.even == Even::No {
+        if self.even.is_none() {
             return node.centre();
         }
         // Heights are a Kronecker sequence: any rectangles that follow one another cover the line.
@@ -310,14 +330,14 @@ impl Patch {
     pub(super) fn set_result(&mut self, node: u32, result: &RayResult) {
         let node = &mut self.nodes[node as usize];
         node.result = *result;
-        if !matches!(node.known, Known::Ray(_)) {
-            node.known = Known::Ray(None);
+        if !matches!(node.rule, Rule::Rays(_) | Rule::Even) {
+            node.rule = Rule::Rays(None);
         }
     }
 
     /// The pieces of a rectangle that is known by them.
     pub(super) fn pieces(&self, node: &Node) -> Option<&[Piece]> {
-        let Known::Pieces([first, end]) = node.known else { return None };
+        let Rule::Overlay([first, end]) = node.rule else { return None };
         self.pieces.get(first as usize..end as usize)
     }
 
@@ -325,13 +345,13 @@ impl Patch {
     /// alone it bounds the space between rays.
     pub(super) fn set_mean(&mut self, index: u32, mean: &Mean, by_rays_alone: bool) -> bool {
         let node = &mut self.nodes[index as usize];
-        (node.known, node.crossings) = (Known::Ray(None), None);
+        (node.rule, node.crossings) = (Rule::Rays(None), None);
         match mean {
             Mean::Fit(result, residuals) if by_rays_alone => {
-                node.known = Known::Ray(Some(AllRays::new(result, residuals)));
+                node.rule = Rule::Rays(Some(AllRays::new(result, residuals)));
             }
             Mean::Fit(result, residuals) => {
-                (node.result, node.known) = (*result, Known::Mean(*residuals));
+                (node.result, node.rule) = (*result, Rule::Means(*residuals));
                 return true;
             }
             Mean::Silhouette { crossings } => node.crossings = Some(*crossings),
@@ -345,7 +365,7 @@ impl Patch {
         let first = self.pieces.len();
         self.pieces.extend_from_slice(pieces);
         let node = &mut self.nodes[index as usize];
-        node.known = Known::Pieces([first, self.pieces.len()].map(|n| numbers::count(n)));
+        node.rule = Rule::Overlay([first, self.pieces.len()].map(|n| numbers::count(n)));
         // Neighbours see the largest.
         if let Some(largest) = pieces.iter().max_by(|a, b| a.share.total_cmp(&b.share)) {
             node.result = largest.result;

@@ -1,7 +1,7 @@
 //! Error of a patch: the errors of its rectangles at every mask step, and which of them to split.
 
 use super::error_estimate::{CellError, Estimator, SPREAD};
-use super::patch::{Axis, Even, Known, Node, Patch};
+use super::patch::{Axis, Even, Node, Patch, Rule};
 use super::response::Opening;
 use super::step_errors::{StepError, StepSums, Weighing};
 use super::step_shares::{StepRun, is_open, step_runs};
@@ -56,7 +56,7 @@ pub(super) struct NarrowComponent {
     pub(crate) light: f64,
 }
 
-/// Known errors of the rectangles of a patch, by node.
+/// Rule errors of the rectangles of a patch, by node.
 #[derive(Debug, Default)]
 pub(super) struct KnownErrors {
     errors: Vec<Option<CellError>>,
@@ -135,7 +135,7 @@ fn pool_draws(errors: &mut [Option<CellError>], patch: &Patch) {
 struct Scored<'k> {
     score: f64,
     error: &'k CellError,
-    known: &'k Known,
+    rule: &'k Rule,
     runs: &'k [StepRun],
 }
 
@@ -184,7 +184,7 @@ impl Estimator<'_> {
         narrow: &[NarrowComponent],
         known_errors: &mut KnownErrors,
     ) -> PatchError {
-        if patch.even != Even::No {
+        if patch.even.is_some() {
             return self.unresolved_error(patch, openings, narrow);
         }
         self.complete(patch, openings, known_errors);
@@ -220,11 +220,11 @@ impl Estimator<'_> {
         let (mut seen, mut by_rays) = (false, false);
         for (error, node, runs) in known_errors.leaves(patch) {
             count += 1;
-            by_rays |= matches!(node.known, Known::Ray(_));
+            by_rays |= matches!(node.rule, Rule::Rays(_) | Rule::Even);
             seen |= error.silhouette && is_open(runs);
             silhouettes += u32::from(error.silhouette);
             for (step, share) in runs.iter().flat_map(StepRun::steps) {
-                steps[step as usize].add(&weighing.of(error, &node.known, share));
+                steps[step as usize].add(&weighing.of(error, &node.rule, share));
             }
         }
         let aim = if by_rays { SAFETY_OF_RAYS } else { self.safety() };
@@ -254,10 +254,10 @@ impl Estimator<'_> {
         let alike = weighing.together.is_some();
         let mut scored = Vec::new();
         for (error, node, runs) in known_errors.leaves(patch) {
-            let known = &node.known;
+            let rule = &node.rule;
             let may_move = *bounded && error.moment > 0.0;
             let part = |(step, share): (u32, f32)| {
-                weighing.of(error, known, share).part(&steps[step as usize])
+                weighing.of(error, rule, share).part(&steps[step as usize])
             };
             let most = if alike {
                 runs.iter().flat_map(StepRun::steps).map(part).fold(0.0, f64::max)
@@ -279,10 +279,10 @@ impl Estimator<'_> {
             if negligible && !may_move {
                 continue;
             }
-            let of = |(step, share)| sums.excess(step, &weighing.of(error, known, share));
+            let of = |(step, share)| sums.excess(step, &weighing.of(error, rule, share));
             let score = runs.iter().flat_map(StepRun::steps).map(of).fold(0.0, f64::max);
             if score > 0.0 {
-                scored.push(Scored { score, error, known, runs });
+                scored.push(Scored { score, error, rule, runs });
             }
         }
         scored.sort_unstable_by(|a, b| {
@@ -300,12 +300,12 @@ impl Estimator<'_> {
         mut excesses: Vec<f64>,
         splits: &mut Vec<(u32, Axis)>,
     ) {
-        for Scored { error, known, runs, .. } in scored {
+        for Scored { error, rule, runs, .. } in scored {
             if excesses.iter().all(|excess| *excess <= 1.0) {
                 break;
             }
             for (step, share) in runs.iter().flat_map(StepRun::steps) {
-                let own = sums.excess(step, &sums.weighing.of(error, known, share));
+                let own = sums.excess(step, &sums.weighing.of(error, rule, share));
                 excesses[step as usize] -= (1.0 - LEFT) * own;
             }
             let other = if error.axis == Axis::X { Axis::Z } else { Axis::X };

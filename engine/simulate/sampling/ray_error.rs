@@ -5,7 +5,7 @@ use super::base_lattice::Found;
 use super::error_estimate::{CellError, Draws, Estimator, SPREAD, tailed};
 use super::hardening::Hardening;
 use super::neighbours::{Slopes, behind};
-use super::patch::{Axis, Known, Node, Patch, alike, is_drawn, no_silhouette_between};
+use super::patch::{Axis, Node, Patch, Rule, alike, is_drawn, no_silhouette_between};
 use beamlet_interface::RayResult;
 
 /// Share of the light at a silhouette that may land in recorded rows from outside.
@@ -174,7 +174,7 @@ impl Estimator<'_> {
     /// Change of the recorded light by what facets between the rays do, share of the light.
     fn unseen(&self, by_ray: &ByRay<'_>) -> f32 {
         let ByRay { node, ref slopes, column, passed, at, half, .. } = *by_ray;
-        let Known::Ray(Some(all)) = node.known else { return 0.0 };
+        let Rule::Rays(Some(all)) = node.rule else { return 0.0 };
         let RayResult { displacement_x, displacement_z, .. } = node.result;
         let off = displacement_z - all.mean[1];
         let off = [all.deviation[1].hypot(off), all.farthest[1].max(0.0) + off.abs()];

@@ -31,6 +31,11 @@ pub(super) struct Rectangle {
 }
 
 impl Rectangle {
+    /// True if all its rays miss the sample.
+    pub(super) fn is_empty(&self) -> bool {
+        self.ends.result.crossings == 0 && self.rows.is_none()
+    }
+
     /// A piece. `gap`: from analyser to detector, m; `magnification`: from
     /// the cell plane to the analyser, nothing where displacements follow the energy.
     pub(super) fn of_piece(piece: &Piece, gap: f32, magnification: Option<f32>) -> Self {

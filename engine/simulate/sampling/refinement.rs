@@ -1,10 +1,17 @@
-//! Adaptive refinement of patches: estimate, split where the error is, trace or sum over facets, until
-//! every budget holds. All patches request their rays together, so that the device gets many.
+//! Adaptive quadrature of patches, as hcubature does it:
+//! 1. [`Refiner::judge`] estimates the error of each rectangle, by its [`Rule`].
+//! 2. A patch is done when the sums of errors are within the budget ([`Refiner::turn`]).
+//! 3. Otherwise [`Refiner::split`] splits the rectangles with the largest errors, and the parts take the first rule
+//!    that applies: means over facets, their overlay, or a ray. Repeat.
+//!
+//! All patches request their rays together, so that the device gets many ([`Refiner::refine`]).
 
+mod begin;
 mod borders;
 mod even;
 mod facets;
 mod held;
+mod rays;
 mod slanting;
 
 use super::base_lattice::BaseLattice;
@@ -15,18 +22,18 @@ use super::landing_edges::LandingEdges;
 use super::lattice::Lattice;
 use super::lit_heights::LitHeights;
 use super::narrow_components::NarrowComponents;
-use super::patch::{Known, Patch, alike};
-use super::patch_error::{KnownErrors, NarrowComponent, error_of_pieces};
+use super::patch::{Axis, Patch, Rule};
+use super::patch_error::{KnownErrors, NarrowComponent, PatchError, error_of_pieces};
 use super::response::Opening;
 use super::view_context::ViewContext;
 use crate::trace::Tracer;
 use beamlet_core::Result;
 use beamlet_core::cancel::Cancel;
 use beamlet_core::numbers::{self, single};
-use beamlet_interface::{Ray, RayResult};
 use held::Held;
 pub(super) use held::{Refined, bytes_of};
 use rayon::prelude::*;
+pub(super) use rays::Rounds;
 use std::ops::Range;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
@@ -60,15 +67,6 @@ pub(super) struct PatchWork {
     pending_pieces: Vec<u32>,
     known_errors: KnownErrors,
     pub(crate) done: bool,
-}
-
-/// Rays of a patch that are wanted in rounds, each after the results of those before.
-pub(super) trait Rounds {
-    /// Places of the rays wanted next: m from the middle of the beamlet, share of the row.
-    fn pending(&self) -> Vec<[f32; 2]>;
-
-    /// Takes the results of the rays wanted.
-    fn accept(&mut self, results: &[RayResult]);
 }
 
 /// Least width of a rectangle of a lattice, m.
@@ -122,147 +120,6 @@ impl<'a> Refiner<'a> {
         Self { view, estimator, facets, narrow, recorded_rows }
     }
 
-    /// A patch with its base rays; nothing where no light of it can reach the recorded rows.
-    fn begin(&self, (beamlet, row): (i64, i64)) -> Option<PatchWork> {
-        let base = self.estimator.base;
-        let results = base.patch(beamlet, row)?;
-        let period = single(self.view.lattice.period);
-        let patch = Patch::new(beamlet, row, period, base.base, results);
-        let narrow = self.narrow.of(beamlet, row).to_vec();
-        if narrow.is_empty() && self.cannot_reach(&patch) {
-            return None;
-        }
-        let mut work = PatchWork {
-            narrow,
-            rays: numbers::count(results.len()),
-            errors: [0.0; 2],
-            changed: Vec::new(),
-            pending: Vec::new(),
-            pending_pieces: Vec::new(),
-            known_errors: KnownErrors::default(),
-            done: false,
-            patch,
-        };
-        self.take_facets(&mut work);
-        Some(work)
-    }
-
-    fn openings(&self, patch: &Patch) -> Vec<Opening> {
-        self.view.response.openings(self.estimator.column(patch.beamlet))
-    }
-
-    /// Patches with their base rays, and the slants of their silhouettes.
-    pub(super) fn begin_all(
-        &self,
-        tracer: &mut Tracer,
-        patches: &[(i64, i64)],
-    ) -> Result<Vec<PatchWork>> {
-        let begun = patches.par_iter().filter_map(|at| self.begin(*at));
-        let mut work: Vec<PatchWork> = begun.collect();
-        self.align(tracer, &mut work)?;
-        if self.estimator.by_rays_alone {
-            work.par_iter_mut().for_each(|work| self.look_at_facets(work));
-        }
-        self.look_along_borders(tracer, &mut work)?;
-        Ok(work)
-    }
-
-    /// Number of the facets of a patch that means may be taken over.
-    pub(super) fn facets_of(&self, (beamlet, row): (i64, i64)) -> usize {
-        self.facets.as_ref().map_or(0, |(lists, _)| lists.count(beamlet, row))
-    }
-
-    /// True if a silhouette of the facets of a patch crosses it.
-    pub(super) fn has_silhouette(&self, (beamlet, row): (i64, i64)) -> bool {
-        self.facets.as_ref().is_none_or(|(lists, _)| lists.has_silhouette(beamlet, row))
-    }
-
-    /// True if a patch outside the recorded rows is seen to send no light into them: no silhouette there or
-    /// beside it, and no ray that lands half as far off.
-    fn cannot_reach(&self, patch: &Patch) -> bool {
-        let row = patch.row;
-        if self.recorded_rows.contains(&row) {
-            return false;
-        }
-        let first = &patch.nodes[0].result;
-        let smooth = patch.nodes.iter().all(|node| {
-            let neighbours = self.estimator.neighbours(patch, node);
-            neighbours.iter().flatten().all(|found| alike(&found.result, first))
-        });
-        let reach = patch.nodes.iter().map(|node| node.result.landing_z(self.estimator.gap).abs());
-        let rows = f64::from(2.0 * reach.fold(0.0, f32::max) / self.estimator.row_pitch);
-        let rows = numbers::whole::<i64>((rows * self.view.delta_ratio()).ceil());
-        smooth && (row + rows < self.recorded_rows.start || row - rows >= self.recorded_rows.end)
-    }
-
-    /// Traces the rays that patches wait for.
-    fn trace_pending(&self, tracer: &mut Tracer, work: &mut [PatchWork]) -> Result<()> {
-        let places = |work: &PatchWork| -> Vec<[f32; 2]> {
-            let of_piece = |piece: &u32| work.patch.pieces[*piece as usize].centroid;
-            let rays = work.pending.iter().map(|node| work.patch.ray(*node));
-            rays.chain(work.pending_pieces.iter().map(of_piece)).collect()
-        };
-        let places: Vec<Vec<[f32; 2]>> = work.par_iter().map(places).collect();
-        let patches = work.iter().map(|work| &work.patch).collect();
-        let results = self.trace(tracer, patches, &places)?;
-        for (work, own) in work.iter_mut().zip(&results) {
-            let (of_nodes, of_pieces) = own.split_at(work.pending.len());
-            for (node, result) in std::mem::take(&mut work.pending).into_iter().zip(of_nodes) {
-                work.patch.set_result(node, result);
-            }
-            for (piece, result) in
-                std::mem::take(&mut work.pending_pieces).into_iter().zip(of_pieces)
-            {
-                work.patch.pieces[piece as usize].result = *result;
-            }
-            work.rays += numbers::count(own.len());
-        }
-        Ok(())
-    }
-
-    /// Traces rays of patches in rounds until none want more.
-    fn trace_rounds<R: Rounds + Send + Sync>(
-        &self,
-        tracer: &mut Tracer,
-        work: &mut [(&mut PatchWork, R)],
-    ) -> Result<()> {
-        loop {
-            let places: Vec<Vec<[f32; 2]>> =
-                work.par_iter().map(|(_, rounds)| rounds.pending()).collect();
-            if places.iter().all(Vec::is_empty) {
-                return Ok(());
-            }
-            let patches = work.iter().map(|(work, _)| &work.patch).collect();
-            let results = self.trace(tracer, patches, &places)?;
-            for ((work, rounds), own) in work.iter_mut().zip(&results) {
-                rounds.accept(own);
-                work.rays += numbers::count(own.len());
-            }
-        }
-    }
-
-    /// Results of the rays through places of patches, by patch. All go to the device together.
-    fn trace(
-        &self,
-        tracer: &mut Tracer,
-        patches: Vec<&Patch>,
-        places: &[Vec<[f32; 2]>],
-    ) -> Result<Vec<Vec<RayResult>>> {
-        let rays = |(patch, places): (&Patch, &Vec<[f32; 2]>)| -> Vec<Ray> {
-            let ray = |[x, z]: &[f32; 2]| self.view.ray(patch.beamlet, patch.row, *x, *z);
-            places.iter().map(ray).collect()
-        };
-        let rays: Vec<Vec<Ray>> = patches.into_par_iter().zip(places).map(rays).collect();
-        let results = tracer.trace(&beamlet_core::parallel::concat(&rays))?;
-        let mut rest = &results[..];
-        let of_patch = |rays: &Vec<Ray>| {
-            let (own, after) = rest.split_at(rays.len());
-            rest = after;
-            own.to_vec()
-        };
-        Ok(rays.iter().map(of_patch).collect())
-    }
-
     /// Refines patches until several hold more than `most` rectangles together or any would hold more
     /// than `bytes`. `advance` gets how many are done.
     pub(super) fn refine(
@@ -293,8 +150,7 @@ impl<'a> Refiner<'a> {
         }
     }
 
-    /// Judges a patch and splits the rectangles that it is wrong in, until it needs rays or all
-    /// patches together have `most` of them.
+    /// Takes turns with a patch until it needs rays or all patches together have `most` rectangles.
     fn accept_or_split(
         &self,
         work: &mut PatchWork,
@@ -309,7 +165,7 @@ impl<'a> Refiner<'a> {
             && !cancel.is_cancelled()
         {
             let before = [work.patch.size() as u64, bytes_of(std::slice::from_ref(work))];
-            if !self.split_once(work, held) {
+            if !self.turn(work, held) {
                 return;
             }
             let after = [work.patch.size() as u64, bytes_of(std::slice::from_ref(work))];
@@ -319,60 +175,68 @@ impl<'a> Refiner<'a> {
         }
     }
 
-    /// Splits a patch once, begins even rays or marks it as done; false if memory has no room.
-    fn split_once(&self, work: &mut PatchWork, held: &Held) -> bool {
+    /// Estimates the errors of a patch. It is done if they are within the budget; else its rectangles with the
+    /// largest errors are split, or all replaced by evenly spread rays. False if memory has no room.
+    fn turn(&self, work: &mut PatchWork, held: &Held) -> bool {
         // Not kept: of many patches with many steps they would take more than all else.
         let openings = self.openings(&work.patch);
-        let PatchWork { patch, narrow, known_errors, .. } = work;
-        // Errors of neighbours of new rectangles are found anew.
-        for node in std::mem::take(&mut work.changed) {
-            let node = &patch.nodes[node as usize];
-            self.estimator.leaves_beside(patch, node).for_each(|leaf| known_errors.forget(leaf));
-        }
-        let crossed = self.has_silhouette((patch.beamlet, patch.row));
-        let error = self.estimator.patch_error(patch, crossed, &openings, narrow, known_errors);
+        let error = self.judge(work, &openings);
         work.errors = [error.light, error.displacement];
         let most = self.view.budget.max_rays;
         let left = most.saturating_sub(work.rays.max(2 * work.patch.splits)) / 2;
         if let Some(needed) = error.even {
             return self.begin_even(work, needed, &openings, held);
         }
-        if error.splits.is_empty() || left == 0 {
-            work.done = true;
-            return true;
-        }
-        if !held.takes(error.splits.len().min(left as usize)) {
-            return false;
-        }
-        // Rays in the order of x: neighbours cross the same triangles.
         let mut splits = error.splits;
         splits.truncate(left as usize);
+        work.done = splits.is_empty();
+        let fits = work.done || held.takes(splits.len());
+        if fits {
+            self.split(work, splits);
+        }
+        fits
+    }
+
+    /// Errors of a patch. Errors of neighbours of new rectangles are estimated anew.
+    fn judge(&self, work: &mut PatchWork, openings: &[Opening]) -> PatchError {
+        let PatchWork { patch, narrow, known_errors, .. } = work;
+        for node in std::mem::take(&mut work.changed) {
+            let node = &patch.nodes[node as usize];
+            self.estimator.leaves_beside(patch, node).for_each(|leaf| known_errors.forget(leaf));
+        }
+        let crossed = self.has_silhouette((patch.beamlet, patch.row));
+        self.estimator.patch_error(patch, crossed, openings, narrow, known_errors)
+    }
+
+    /// Splits rectangles along these axes: in three, or into the pieces that facets make of them.
+    fn split(&self, work: &mut PatchWork, mut splits: Vec<(u32, Axis)>) {
+        // Rays in the order of x: neighbours cross the same triangles.
         let place = |node: u32| work.patch.nodes[node as usize].x[0];
         splits.sort_unstable_by(|a, b| place(a.0).total_cmp(&place(b.0)).then(a.0.cmp(&b.0)));
         for (node, axis) in splits {
-            let mean = matches!(work.patch.nodes[node as usize].known, Known::Mean(_));
-            let dissected =
-                if mean { self.dissect_mean(work, node) } else { self.dissect(work, node) };
+            let parent = work.patch.nodes[node as usize].rule;
+            let dissected = match parent {
+                Rule::Means(_) => self.dissect_mean(work, node),
+                _ => self.dissect(work, node),
+            };
             if dissected {
                 work.patch.splits += 1;
                 work.known_errors.forget(node);
                 continue;
             }
-            let parent = work.patch.nodes[node as usize].known;
+            let by_ray = matches!(parent, Rule::Rays(_));
             for (number, part) in work.patch.split(node, axis).enumerate() {
-                let dissected = matches!(parent, Known::Pieces(_)) && self.dissect(work, part);
-                let known = dissected || self.take_mean(work, part);
+                let dissected = matches!(parent, Rule::Overlay(_)) && self.dissect(work, part);
                 // The middle part keeps the ray.
-                let keeps = number == 1 && matches!(parent, Known::Ray(_));
-                if !known && !keeps {
+                let has_result = dissected || self.take_mean(work, part) || (by_ray && number == 1);
+                if !has_result {
                     work.pending.push(part);
                 }
                 // Parts of a mean say little that it did not.
-                if matches!(parent, Known::Ray(_)) {
+                if by_ray {
                     work.changed.push(part);
                 }
             }
         }
-        true
     }
 }

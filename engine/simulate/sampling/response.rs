@@ -54,7 +54,7 @@ pub(crate) struct Response {
     /// Recorded value per metre of open cell plane.
     pub(crate) weight: f32,
     /// Cells serve any mask, step and detector: stored moments.
-    pub(super) any_masks: bool,
+    pub(crate) any_masks: bool,
 }
 
 /// An interval of x of a beamlet that a mask step opens.

@@ -88,6 +88,19 @@ pub(crate) fn sample_rows(
         };
         refined(view, &refiner, tracer, (chunk, room), lit, &mut keep, &mut part)?;
     }
+    take_blank(view, tracer, blank, take)
+}
+
+/// Hands over cells without a sample at places (column, row), in parts.
+///
+/// # Errors
+/// Errors of `take`.
+pub(crate) fn take_blank(
+    view: &ViewContext<'_>,
+    tracer: &mut Tracer,
+    blank: Vec<(i64, i64)>,
+    take: Take<'_>,
+) -> Result<()> {
     let cell = empty_cell(view.lattice);
     let words = view.recording.as_ref().map_or(0, |recording| recording.words());
     let none = CellMoments { ends: vec![0.0; 2 * words], ..CellMoments::default() };
@@ -114,7 +127,7 @@ pub(super) fn refined(
     take: TakeRefined<'_>,
     advance: &mut dyn FnMut(&Tracer, usize),
 ) -> Result<()> {
-    let emitter = Emitter::new(view, &refiner.estimator, lit);
+    let emitter = Emitter::new(view, lit);
     let mut groups = vec![Group::Begun(refiner.begin_all(tracer, patches)?)];
     let mut finished = 0;
     while let Some(group) = groups.pop() {
@@ -139,7 +152,7 @@ pub(super) fn refined(
         }
         finished += group.len();
         let patches: Vec<&Patch> = group.iter().map(|work| &work.patch).collect();
-        let (mut cells, empty) = emitter.cells(tracer, &patches)?;
+        let (mut cells, empty) = emitter.cells(tracer, &refiner.estimator, &patches)?;
         for work in &group {
             cells.splits += u64::from(work.patch.splits);
             cells.tally = cells.tally + tally_of(work.errors, work.rays, &view.budget);

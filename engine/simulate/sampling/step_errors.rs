@@ -1,7 +1,7 @@
 //! Errors of the recorded values of a patch at every mask step.
 
 use super::error_estimate::CellError;
-use super::patch::Known;
+use super::patch::Rule;
 use super::response::Response;
 
 /// Errors of the recorded value of a mask step.
@@ -26,24 +26,24 @@ pub(super) struct Weighing<'a> {
 
 impl Weighing<'_> {
     /// The error of a rectangle that is open to a share.
-    pub(super) fn of(&self, error: &CellError, known: &Known, open: f32) -> StepError {
+    pub(super) fn of(&self, error: &CellError, rule: &Rule, open: f32) -> StepError {
         // Light that leaks through bars is the same at every step, and moves no angle.
         let through = f64::from(open * error.through);
         let squared = |part: f32| f64::from(part * error.moment).powi(2);
         let lit = self.response.lit(open);
-        match known {
-            Known::Ray(_) => StepError {
+        match rule {
+            Rule::Rays(_) | Rule::Even => StepError {
                 apart: f64::from(lit * error.light).powi(2),
                 together: 0.0,
                 moment: squared(open),
                 through,
             },
             // The mean over all of a rectangle is exact, and so is that over nearly all of it.
-            Known::Mean(_) | Known::Pieces(_) => {
+            Rule::Means(_) | Rule::Overlay(_) => {
                 let cut = self.response.cut(open);
                 let light = f64::from(cut.max(lit * error.whole) * error.light);
-                let [apart, together] = match (known, self.together) {
-                    (Known::Pieces(_), Some(factor)) => [0.0, factor * light],
+                let [apart, together] = match (rule, self.together) {
+                    (Rule::Overlay(_), Some(factor)) => [0.0, factor * light],
                     _ => [light * light, 0.0],
                 };
                 StepError { apart, together, moment: squared(cut), through }

@@ -202,7 +202,7 @@ impl Estimator<'_> {
         let lines = patch.lines() as f32;
         let hides = seen.clone().any(|sample| self.hides(sample, narrow, lines));
         let off = light / self.budget.light;
-        if patch.even == Even::Settled && off <= ACCEPTED && !hides {
+        if patch.even == Some(Even::Settled) && off <= ACCEPTED && !hides {
             return result;
         }
         let count = numbers::count(seen.count());
@@ -211,7 +211,7 @@ impl Estimator<'_> {
         let least = if hides { 3.0 } else { 1.0 };
         let growth = steps.iter().map(times).fold(least, f64::max);
         // The same number of new rays would give the same.
-        if patch.even == Even::Trial && growth <= 1.0 {
+        if patch.even == Some(Even::Trial) && growth <= 1.0 {
             return result;
         }
         let count = f64::from(count);

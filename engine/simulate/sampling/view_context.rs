@@ -7,7 +7,7 @@ use super::moment_recording::MomentRecording;
 use super::projected_bounds::ProjectedBounds;
 use super::response::Response;
 use beamlet_geometry::Sample;
-use beamlet_interface::Ray;
+use beamlet_interface::{Ray, RayResult};
 use beamlet_model::optics::Optics;
 use beamlet_model::scene::Motion;
 use std::ops::Range;
@@ -41,6 +41,11 @@ impl ViewContext<'_> {
     /// The ray through a place of a beamlet (m from its centre) and row (share of it).
     pub(super) fn ray(&self, beamlet: i64, row: i64, x: f32, z: f32) -> Ray {
         self.lattice.ray(beamlet, f64::from(x), row as f64 + f64::from(z), self.pose)
+    }
+
+    /// Variance of the displacement that a cell has by rough surfaces, m2: where moments are kept it is in these.
+    pub(super) fn variance_of(&self, result: &RayResult) -> f32 {
+        if self.recording.is_some() { 0.0 } else { result.displacement_variance }
     }
 
     /// Rows whose light is recorded, of the whole detector: cells do not depend on bands.

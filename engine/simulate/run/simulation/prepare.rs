@@ -63,8 +63,7 @@ impl Simulation {
         let optics = detector.optics();
         let media = MaterialTable::of(&scene)?;
         let lattice = lattice_of(&scene, optics, &media)?;
-        let keeps_moments = simulator.options().keep_moments;
-        refine_choice::refuse(&scene, media.energies.len(), keeps_moments)?;
+        refine_choice::refuse(&scene)?;
         refuse_heights(&scene, simulator.options())?;
         wave::refuse(&scene, optics, simulator.options())?;
         let delta_ratio =
@@ -237,12 +236,10 @@ fn settle_refine(
     simulator: &Simulator,
 ) -> Option<String> {
     let kind = simulator.device().description().kind;
-    let device = (kind, simulator.options().keep_moments);
-    let energies = parts.media.energies.len();
     // Without rays a sample is there only to be traced again.
     let no_rays = Sample::default();
     let sample = if parts.stored.is_some() { &no_rays } else { sample };
-    let reason = refine_choice::settle(Arc::make_mut(scene), sample, energies, device);
+    let reason = refine_choice::settle(Arc::make_mut(scene), sample, kind);
     let place = scene.sampling.refine;
     reason.iter().for_each(|reason| log::info!("rays are chosen on the {place}: {reason}"));
     reason

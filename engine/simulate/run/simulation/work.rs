@@ -122,15 +122,15 @@ impl<'s> ViewWork<'s> {
         }
         let refines = traced && !random && scene.sampling.refine == Refine::Device;
         if refines {
-            kernels.extend(simulator.refine_kernels().all(simulation.spectral.is_some()));
+            kernels.extend(simulator.refine_kernels().all(simulation.cell_maker()));
         }
         if simulation.wave.is_some() {
             kernels.extend(simulator.wave_kernels().all());
         }
         LazyKernel::make_all(&kernels, cancel)?;
-        let energies = simulation.spectral.as_ref();
+        let making = (simulation.cell_maker(), simulation.spectral.as_ref());
         let refiner =
-            refines.then(|| DeviceRefiner::new(&device, simulator.refine_kernels(), energies));
+            refines.then(|| DeviceRefiner::new(&device, simulator.refine_kernels(), making));
         let refiner = refiner.transpose()?;
         let wave = simulation.wave.as_ref();
         let wave =

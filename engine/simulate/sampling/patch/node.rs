@@ -1,4 +1,4 @@
-//! A rectangle of a patch, and how its result is known.
+//! A rectangle of a patch, and the rule that gives its result.
 
 use super::Axis;
 use beamlet_interface::{FLAG_DRAWN, FLAG_NOT_FINITE, FLAG_REFLECTED, RayResult};
@@ -76,15 +76,17 @@ impl AllRays {
     }
 }
 
-/// How the result of a rectangle is known.
+/// Rule of quadrature that gives the result of a rectangle (docs/sampling.md, "The four rules").
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(in crate::sampling) enum Known {
+pub(in crate::sampling) enum Rule {
     /// The ray through its centre, with the facets' bounds on all its rays.
-    Ray(Option<AllRays>),
-    /// As the linear model that fits it best.
-    Mean(Residuals),
-    /// Pieces that its facets cut it into: the first of them, and their end.
-    Pieces([u32; 2]),
+    Rays(Option<AllRays>),
+    /// The linear model that fits its facets best.
+    Means(Residuals),
+    /// Pieces that its facets cut it into: the first of them in the patch, and their end.
+    Overlay([u32; 2]),
+    /// One of the rays that are spread evenly over the patch.
+    Even,
 }
 
 /// A rectangle and its result.
@@ -95,7 +97,7 @@ pub(in crate::sampling) struct Node {
     /// Share of the row, downwards.
     pub(in crate::sampling) z: [f32; 2],
     pub(in crate::sampling) result: RayResult,
-    pub(in crate::sampling) known: Known,
+    pub(in crate::sampling) rule: Rule,
     /// Mean number of crossings of all its rays, where a silhouette crosses it and it is known.
     pub(super) crossings: Option<f32>,
     /// Place of its facets in the list of the patch.
@@ -104,7 +106,7 @@ pub(in crate::sampling) struct Node {
 
 impl Node {
     pub(in crate::sampling) fn new(x: [f32; 2], z: [f32; 2], result: RayResult) -> Self {
-        Self { x, z, result, known: Known::Ray(None), crossings: None, facets: [0; 2] }
+        Self { x, z, result, rule: Rule::Rays(None), crossings: None, facets: [0; 2] }
     }
 
     /// Centre (x, z).
@@ -134,11 +136,6 @@ impl Node {
     /// True if a silhouette is known to cross it.
     pub(in crate::sampling) fn has_silhouette(&self) -> bool {
         self.crossings.is_some()
-    }
-
-    /// True if all its rays miss the sample.
-    pub(in crate::sampling) fn is_empty(&self) -> bool {
-        self.result.crossings == 0 && !matches!(self.known, Known::Pieces(_))
     }
 }
 

@@ -1,6 +1,6 @@
 //! Results from facets: means and pieces in place of rays, or bounds between rays.
 
-use super::super::patch::{Known, Node, Patch};
+use super::super::patch::{Node, Patch, Rule};
 use super::super::patch_error::KnownErrors;
 use super::{COLUMNS_AT_RIMS, PatchWork, Refiner};
 use beamlet_core::numbers;
@@ -86,10 +86,10 @@ impl Refiner<'_> {
     pub(super) fn dissect(&self, work: &mut PatchWork, node: u32) -> bool {
         let Some((_, means)) = &self.facets else { return false };
         let patch = &mut work.patch;
-        let Node { x, z, known, .. } = patch.nodes[node as usize];
+        let Node { x, z, rule, .. } = patch.nodes[node as usize];
         if patch.facets.is_none()
             || self.estimator.by_rays_alone
-            || matches!(known, Known::Pieces(_))
+            || matches!(rule, Rule::Overlay(_))
         {
             return false;
         }

@@ -2,10 +2,11 @@
 
 use super::{ViewWork, share};
 use crate::illuminate::EnergyBinning;
-use crate::refine::MadeCells;
+use crate::refine::{CellMaker, DeviceRefiner, MadeCells, Take};
 use crate::run::Control;
 use crate::sampling::{self, BaseLattice, CellBatch, ProjectedBounds};
 use crate::trace::Tracer;
+use beamlet_core::tally::Tally;
 use beamlet_core::{Result, numbers};
 use beamlet_model::scene::Exposure;
 use ndarray::Array3;
@@ -35,7 +36,8 @@ impl ViewWork<'_> {
         [own, recorded]: [bool; 2],
         control: &mut Control<'_>,
     ) -> Result<()> {
-        if self.refiner.is_some()
+        let makes_cells = |it: &DeviceRefiner<'_>| it.maker() != CellMaker::Host;
+        if self.refiner.as_ref().is_some_and(makes_cells)
             && matches!(view, Exposure::Sample(_))
             && !projected_bounds.is_empty()
         {
@@ -76,6 +78,7 @@ impl ViewWork<'_> {
                 None => light(std::slice::from_ref(cell_rows)),
             }
         };
+        let mut found = Tally::default();
         match (view, &simulation.stored, &simulation.spectral) {
             (Exposure::Sample(index), Some(stored), Some(spectral)) => {
                 let gather = |cell_rows: &CellBatch| gather(&mut self.tracer, spectral, cell_rows);
@@ -83,9 +86,17 @@ impl ViewWork<'_> {
             }
             (Exposure::Sample(_), ..) if !projected_bounds.is_empty() => {
                 let view = simulation.pose_context(self.pose, projected_bounds, &self.response.1);
-                let room = simulation.room(&self.memory);
-                let (rows, lit, tracer) = (rows.clone(), (&lit, base), &mut self.tracer);
-                sampling::sample_rows(&view, tracer, rows, lit, &room, &mut add, &mut advance)?;
+                let tracer = &mut self.tracer;
+                if let Some(refiner) = &mut self.refiner {
+                    let from = (self.response.0, simulation.refine_room(&self.memory));
+                    let rows = (rows, &lit);
+                    found =
+                        refiner.sample_rows(&view, tracer, from, rows, &mut add, &mut advance)?;
+                } else {
+                    let room = simulation.room(&self.memory);
+                    let (rows, lit) = (rows.clone(), (&lit, base));
+                    sampling::sample_rows(&view, tracer, rows, lit, &room, &mut add, &mut advance)?;
+                }
             }
             _ => {
                 let rows = rows.start.max(lit.start)..rows.end.min(lit.end);
@@ -95,6 +106,9 @@ impl ViewWork<'_> {
                 }
                 add(&mut self.tracer, &cell_rows)?;
             }
+        }
+        if own {
+            self.tally = self.tally + found;
         }
         let illuminating = illuminating.get();
         self.seconds.trace += begin.elapsed().as_secs_f64() - illuminating;
@@ -127,12 +141,13 @@ impl ViewWork<'_> {
         let mut light = |made: &MadeCells<'_>| {
             timed(&illuminating, || cells.add_made(lights, made, sums, steps))
         };
+        let mut take = Take::Cells(&mut light);
         let (found, missed) = refiner.refine(
             &context,
             &mut self.tracer,
             (self.response.0, room),
             (rows, &lit),
-            &mut light,
+            &mut take,
             &mut advance,
         )?;
         if own {

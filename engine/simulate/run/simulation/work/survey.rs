@@ -3,7 +3,7 @@
 
 use super::detection::detection_seconds;
 use super::{ViewWork, bands};
-use crate::refine::MadeCells;
+use crate::refine::{CellMaker, MadeCells, Take};
 use crate::run::RunEstimate;
 use crate::run::simulation::Simulation;
 use crate::sampling::{self, CellBatch, ProjectedBounds, RowsCost};
@@ -11,6 +11,7 @@ use crate::trace::Tracer;
 use beamlet_core::cancel::Cancel;
 use beamlet_core::{Result, numbers};
 use beamlet_files as stack;
+use beamlet_interface::RefinedLeaf;
 use beamlet_model::optics::Optics;
 use beamlet_model::scene::{Exposure, Scheme};
 use std::collections::HashSet;
@@ -227,21 +228,19 @@ impl ViewWork<'_> {
         let exposure = Exposure::Sample(simulation.view_of(pose));
         let response = simulation.response(exposure);
         let view = simulation.pose_context(pose, projected_bounds, &response);
-        if let Some(refiner) = refiner {
+        let list = simulation.detector.optics().offsets.list_of(exposure);
+        let from = (list, simulation.refine_room(&simulation.alone));
+        let some = (&rows, &lit, chosen.1);
+        if let Some(refiner) = refiner.as_mut().filter(|it| it.maker() != CellMaker::Host) {
+            let mut beyond = 0.0;
             let mut light = |made: &MadeCells<'_>| {
                 let begin = Instant::now();
                 cells.add_made(lights, made, sums, steps)?;
-                Ok(left_out * begin.elapsed().as_secs_f64())
+                beyond += left_out * begin.elapsed().as_secs_f64();
+                Ok(())
             };
-            let list = simulation.detector.optics().offsets.list_of(exposure);
-            let room = simulation.refine_room(&simulation.alone);
-            return refiner.survey(
-                &view,
-                tracer,
-                (list, room),
-                (&rows, &lit, chosen.1),
-                &mut light,
-            );
+            let cost = refiner.survey(&view, tracer, from, some, &mut Take::Cells(&mut light))?;
+            return Ok(cost.with_seconds(beyond));
         }
         let mut add = |tracer: &mut Tracer, cell_rows: &CellBatch| {
             let gathered = match &simulation.spectral {
@@ -253,6 +252,16 @@ impl ViewWork<'_> {
             cells.add(lights.iter().zip(lists), sums, steps)?;
             Ok(left_out * begin.elapsed().as_secs_f64())
         };
+        if let Some(refiner) = refiner {
+            let mut beyond = 0.0;
+            let mut make = |tracer: &mut Tracer, leaves: Vec<RefinedLeaf>| {
+                let (cells, _) = sampling::cells_of_leaves(&view, tracer, leaves, &lit)?;
+                beyond += add(tracer, &cells)?;
+                Ok(())
+            };
+            let cost = refiner.survey(&view, tracer, from, some, &mut Take::Leaves(&mut make))?;
+            return Ok(cost.with_seconds(beyond));
+        }
         sampling::survey_rows(&view, tracer, rows, &lit, chosen, &mut add)
     }
 

@@ -1,0 +1,85 @@
+//! Cells of rectangles that the device refined.
+
+use super::base_lattice::ROWS_TOGETHER;
+use super::cell_batch::CellBatch;
+use super::emission::Emitter;
+use super::moment_recording::LinearModel;
+use super::neighbours::Slopes;
+use super::patch::PatchPlace;
+use super::rectangle::Rectangle;
+use super::view_context::ViewContext;
+use crate::trace::Tracer;
+use beamlet_core::Result;
+use beamlet_interface::{Cell, RayResult, RefinedLeaf};
+use rayon::prelude::*;
+use std::ops::Range;
+
+/// Bytes of a cell in the making beside its moments.
+pub(crate) const BYTES_OF_A_CELL: usize = 2 * size_of::<Rectangle>() + size_of::<Cell>();
+
+/// The cells of all rectangles of some patches, in any order, and the places (column, row) of patches that miss the
+/// sample. `lit`: rows whose light is wanted.
+///
+/// # Errors
+/// As [`Tracer::trace`].
+pub(crate) fn cells_of_leaves(
+    view: &ViewContext<'_>,
+    tracer: &mut Tracer,
+    mut leaves: Vec<RefinedLeaf>,
+    lit: &Range<i64>,
+) -> Result<(CellBatch, Vec<(i64, i64)>)> {
+    let block = |row: i32| i64::from(row).div_euclid(ROWS_TOGETHER);
+    let patch = |leaf: &RefinedLeaf| (block(leaf.row), leaf.column, leaf.row);
+    leaves.par_sort_unstable_by(|a, b| {
+        let heights = a.z_low.total_cmp(&b.z_low).then(a.z_high.total_cmp(&b.z_high));
+        patch(a).cmp(&patch(b)).then(heights).then(a.x_low.total_cmp(&b.x_low))
+    });
+    let emitter = Emitter::new(view, lit);
+    let first = view.lattice.beamlets.start;
+    let place = |leaf: &RefinedLeaf| PatchPlace {
+        beamlet: first + i64::from(leaf.column),
+        row: leaf.row.into(),
+        shear: 0.0,
+    };
+    let of_patches: Vec<&[RefinedLeaf]> = leaves.chunk_by(|a, b| patch(a) == patch(b)).collect();
+    let places: Vec<PatchPlace> = of_patches.iter().map(|own| place(&own[0])).collect();
+    let rectangles = of_patches.par_iter().map(|own| {
+        own.iter().map(|leaf| rectangle_of(leaf, view, emitter.gap)).collect::<Vec<_>>()
+    });
+    let rectangles = rectangles.collect();
+    let (mut cells, empty) = emitter.cells_of(tracer, &places, rectangles)?;
+    cells.balance();
+    Ok((cells, empty))
+}
+
+/// A rectangle with the result of its ray and slopes along x.
+fn rectangle_of(leaf: &RefinedLeaf, view: &ViewContext<'_>, gap: f32) -> Rectangle {
+    let result = RayResult {
+        optical_depth: leaf.optical_depth,
+        displacement_x: leaf.displacement_x,
+        displacement_z: leaf.displacement_z,
+        slope_x: leaf.slope_x,
+        slope_z: leaf.slope_z,
+        signature: leaf.signature,
+        flags: leaf.flags,
+        crossings: leaf.crossings,
+        displacement_variance: leaf.displacement_variance,
+    };
+    let slopes = Slopes {
+        depth: [leaf.depth_slope, 0.0],
+        displacement: [leaf.displacement_slope, 0.0],
+        ..Slopes::default()
+    };
+    let x = [leaf.x_low, leaf.x_high];
+    Rectangle {
+        x,
+        z: [leaf.z_low, leaf.z_high],
+        ray: leaf.at,
+        ends: LinearModel::new(&result, x[1] - x[0], &slopes),
+        displacement_variance: view.variance_of(&result),
+        ends_z: [result.landing_z(gap); 2],
+        tilt: 0.0,
+        borders: [None; 2],
+        rows: None,
+    }
+}

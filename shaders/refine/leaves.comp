@@ -1,0 +1,32 @@
+#version 460
+// Lists the rectangles that are not split, in place of runs, where the host makes the cells.
+#extension GL_GOOGLE_include_directive : require
+#extension GL_EXT_buffer_reference : require
+#extension GL_EXT_buffer_reference2 : require
+#extension GL_EXT_buffer_reference_uvec2 : require
+#extension GL_EXT_scalar_block_layout : require
+#include "interface.glsl"
+#include "refine/head.glsl"
+#include "refine/rectangle.glsl"
+#include "refine/even.glsl"
+#include "refine/slopes.glsl"
+
+void main() {
+    uint index;
+    if (!item_of(STAGE_RUNS, index)) return;
+    Rectangle g = P.rectangles.at[index];
+    RefinedPatch patch_ = P.patches.at[g.patch_index];
+    // The first rectangle of a patch that misses the sample stands for the patch.
+    bool stands = is_hit(g.patch_index) ? g.parts == 0u && (g.flags & FLAG_NOT_FINITE) == 0u
+                                        : index == patch_.first && patch_.is_lit != 0u;
+    if (!stands) return;
+    if (is_even(g.patch_index) && !has_ray(even_of(g.patch_index), index)) return;
+    vec2 at = place_of_ray(g, index);
+    RaySlopes slopes = slopes_along_x(g, index);
+    RayResult result = P.all_results.at[traced_for(index)];
+    P.leaves.at[atomicAdd(P.head.at[HEAD_CELLS], 1u)] =
+        RefinedLeaf(g.x_low, g.x_high, g.z_low, g.z_high, at, slopes.depth.x, slopes.displacement.x, patch_.column,
+                    patch_.row, result.optical_depth, result.displacement_x, result.displacement_z, result.slope_x,
+                    result.slope_z, result.signature, result.flags, result.crossings, result.displacement_variance,
+                    0u);
+}
