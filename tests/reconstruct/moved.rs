@@ -158,7 +158,9 @@ fn helical_scans_give_the_blobs() {
     ];
     for (data, quantity, solver) in support::sample(cases, 4) {
         let sinograms = sinograms(&geometry, &blobs, quantity);
-        let options = IterativeOptions::default().with_solver(solver).with_iterations(15);
+        let options = IterativeOptions::default()
+            .with_solver(solver)
+            .with_iterations(support::amount(10, 15));
         let measured = Measured::new(data, sinograms.view());
         let engine = support::engine(Backend::Bvh);
         let control = &mut RowsControl::default();
