@@ -759,7 +759,7 @@ fn gold(scene: &mut Scene) {
 fn thick_bars_of_circles_and_crosses_let_through_what_random_rays_do() {
     let engine = engine(Backend::Bvh);
     let shapes = vec![ApertureShape::Round, ApertureShape::Cross, ApertureShape::Rectangle];
-    for shape in sample(shapes, 2) {
+    for shape in sample(shapes, 3) {
         let mut worst = Worst::new("thick bars off the axis, of the light", 8e-3);
         let mut case = Case::rectangles([3, 80], 0.0);
         case.masks = case.masks.map(|mask| mask.map(|mask| Planned { shape, ..mask }));

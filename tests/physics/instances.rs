@@ -232,6 +232,7 @@ fn simulated(options: EngineOptions, scene: &Scene) -> Stacks {
 fn bands_and_threads_change_no_bit_of_instances() {
     let directory = tempfile::tempdir().unwrap();
     let [(_, [_, mut scene]), _] = cases(directory.path());
+    scene.scan.angles.truncate(amount(1, 2));
     for scheme in sample(vec![Scheme::Cells, Scheme::Random], 2) {
         scene.sampling.scheme = scheme;
         scene.sampling.rays = RandomRays::Grid([30, 4]);

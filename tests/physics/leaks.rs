@@ -157,7 +157,7 @@ fn run(watch: &mut Watch, count: usize, mut next: impl FnMut(usize) -> Ray) {
     }
 }
 
-/// 300,000 rays in all, ten million with `BEAMLET_ALL`: half through the grid's own vertices and edges, a quarter through
+/// 100,000 rays in all, ten million with `BEAMLET_ALL`: half through the grid's own vertices and edges, a quarter through
 /// vertices, edges and insides of a rough ball, a quarter at random.
 #[test]
 fn closed_mesh_never_leaks() {
@@ -169,7 +169,7 @@ fn closed_mesh_never_leaks() {
     let angles = [0.0, 0.5, std::f64::consts::FRAC_PI_4, std::f64::consts::FRAC_PI_2];
     let mut total = 0;
     let all = backends();
-    let whole = amount(300_000, 10_000_000);
+    let whole = amount(100_000, 10_000_000);
     // A driver's ray query is slower on a CPU: a fifth of the rays serve it.
     for backend in &all {
         let share = match backend {

@@ -127,15 +127,15 @@ fn cylinder_of_the_paper_matches_the_reference() {
 
 #[test]
 fn sphere_matches_the_reference_off_its_equator() {
-    let setup = Setup::paper([32, 12]);
+    let setup = Setup::paper([32, 8]);
     let bodies = [carbon(sphere(1.2e-3, 5).moved([0.05e-3, 0.0, 0.02e-3]))];
     let offsets = steps(20e-6, 3);
     let how = Quadrature { lines: 48, cells: 40, sources: 121, ..Quadrature::volume() };
     let compared = Comparison::new(&setup, &bodies, &offsets, how);
     let mut inside = Worst::new("sample, sphere, interior", INTERIOR);
-    compared.columns(&mut inside, 12..14, 3);
+    compared.columns(&mut inside, 12..14, 1);
     let mut rim = Worst::new("sample, sphere, silhouettes", RIM);
-    compared.columns(&mut rim, 3..6, 5);
+    compared.columns(&mut rim, 3..6, 3);
     inside.holds();
     rim.holds();
 }
@@ -143,17 +143,17 @@ fn sphere_matches_the_reference_off_its_equator() {
 #[test]
 fn tilted_cylinder_matches_the_reference_across_rows() {
     // 30 degrees in the plane of the detector: both silhouettes cross every row.
-    let setup = Setup::paper([40, 12]);
+    let setup = Setup::paper([40, 4]);
     let tilted = cylinder(1.0e-3, 6e-3, 512, 0.1).turned([0.0, 1.0, 0.0], 0.5);
     let bodies = [carbon(tilted)];
     let offsets = steps(20e-6, 3);
     let how = Quadrature { lines: 48, cells: 40, sources: 121, ..Quadrature::volume() };
     let compared = Comparison::new(&setup, &bodies, &offsets, how);
     let mut inside = Worst::new("sample, tilted cylinder, interior", INTERIOR);
-    compared.columns(&mut inside, 18..20, 5);
+    compared.columns(&mut inside, 18..20, 1);
     let mut rim = Worst::new("sample, tilted cylinder, silhouettes", RIM);
-    compared.columns(&mut rim, 8..10, 5);
-    compared.columns(&mut rim, 30..31, 5);
+    compared.columns(&mut rim, 8..10, 1);
+    compared.columns(&mut rim, 30..31, 1);
     inside.holds();
     rim.holds();
 }
@@ -285,7 +285,7 @@ fn light_deflected_along_z_lands_in_the_row_next_door_and_farther() {
         (1.5e-4, "sample, deflection by 0.6 pixels along z"),
     ];
     for (delta, name) in sample(cases, 2) {
-        let mut setup = Setup::paper([6, 24]).with_bars(OPAQUE);
+        let mut setup = Setup::paper([4, 24]).with_bars(OPAQUE);
         // The wedge does not change along x: without blur there one source point serves.
         setup.spot[0] = 0.0;
         let turned = strong_wedge(delta);
@@ -296,12 +296,12 @@ fn light_deflected_along_z_lands_in_the_row_next_door_and_farther() {
         let how = how.following_along_z(0.6e-3);
         let compared = Comparison::new(&setup, &bodies, &offsets, how);
         let mut inside = Worst::new(name, INTERIOR);
-        compared.columns(&mut inside, 2..4, 10);
-        compared.columns(&mut inside, 2..3, 5);
+        compared.columns(&mut inside, 1..3, 10);
+        compared.columns(&mut inside, 1..2, 5);
         // The wedge's horizontal edges stand in rows 0.09 and 23.9.
         let mut rim = Worst::new("sample, deflection along z, silhouettes", RIM);
-        for row in [0, 1, 2, 3, 4, 20, 21, 22, 23] {
-            compared.columns(&mut rim, 2..3, row);
+        for row in sample(vec![0, 1, 2, 3, 4, 20, 21, 22, 23], 2) {
+            compared.columns(&mut rim, 1..2, row);
         }
         inside.holds();
         rim.holds();

@@ -2,7 +2,7 @@
 
 #![allow(clippy::unwrap_used, reason = "tests")]
 
-use crate::support::{Worst, backends, engine, sample};
+use crate::support::{Worst, amount, backends, engine, sample};
 use beamlet::Backend;
 use beamlet::scene::Scene;
 
@@ -33,9 +33,10 @@ projected_aperture = "30 um"
 
 /// A scene with this spot and these masks, angles and errors of its views.
 fn scene(spot: &str, masks: &str, offsets: &str, [angles, errors]: [&str; 2]) -> Scene {
+    let rows = amount(3, 8);
     let text = format!(
         "[source]\ndistance = \"1.2 m\"\nspot = {spot}\nenergy = \"30 keV\"\n\
-         [detector]\ndistance = \"1.8 m\"\npixels = [16, 8]\npitch = \"150 um\"\n{masks}\n\
+         [detector]\ndistance = \"1.8 m\"\npixels = [16, {rows}]\npitch = \"150 um\"\n{masks}\n\
          [sampling]\ntolerance = 5e-5\nangle_tolerance = \"10 nrad\"\n\
          [materials.carbon]\nformula = \"C\"\ndensity = \"2.0 g/cm3\"\n\
          [scan]\nmask_offsets = {offsets}\nangles = {angles}\n{errors}\n{OBJECTS}"
@@ -65,7 +66,7 @@ fn displaced_sources_sum_to_a_spot_of_two_parts() {
             "[\"3 um\"]",
             vec![Backend::Bvh],
         ),
-        ("radiograph", "", "[\"0 um\"]", backends()),
+        ("radiograph", "", "[\"0 um\"]", amount(vec![Backend::Bvh], backends())),
     ];
     for (name, masks, offsets, on) in sample(cases, 2) {
         for backend in on {
@@ -129,5 +130,5 @@ fn a_displaced_source_moves_curves_by_m_less_one_over_m() {
         worst.take(f64::from(light - expected), || format!("{view} {step} {row} {column}"));
     }
     worst.holds();
-    assert!((drifted.flat[[3, 5, 5]] - drifted.sample[[0, 3, 5, 5]]).abs() > 0.01);
+    assert!((drifted.flat[[3, 1, 5]] - drifted.sample[[0, 3, 1, 5]]).abs() > 0.01);
 }

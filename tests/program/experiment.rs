@@ -85,7 +85,7 @@ fn small_experiment_has_the_contrasts_of_the_paper() {
     let directory = workplace("");
     let sets = [
         "detector.pixels=[72, 1]",
-        "scan.angles.count=72",
+        "scan.angles.count=48",
         "object.matrix.shape.cylinder.radius=3 mm",
         "object.fibres.instances.count=3600",
         "object.fibres.instances.region.cylinder.radius=0.53 mm",

@@ -3,7 +3,7 @@
 #![expect(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
 
 use crate::screw;
-use crate::support::program::{done, ended, run};
+use crate::support::program::{copy_folder, copy_of, done, ended, run};
 use ndarray::{Array3, s};
 use ndarray_npy::{read_npy, write_npy};
 use std::fmt::Write;
@@ -55,24 +55,9 @@ fn made() -> &'static Path {
 
 /// A place of its own with the run, its scene and the images.
 fn copy() -> TempDir {
-    fn copied(from: &Path, to: &Path) {
-        fs::create_dir(to).unwrap();
-        for entry in fs::read_dir(from).unwrap() {
-            let (from, to) = (entry.as_ref().unwrap().path(), to.join(entry.unwrap().file_name()));
-            if from.is_dir() {
-                copied(&from, &to);
-            } else {
-                fs::copy(from, to).unwrap();
-            }
-        }
-    }
-    let place = tempfile::tempdir().unwrap();
-    for name in ["run", "images"] {
-        copied(&made().join(name), &place.path().join(name));
-    }
-    for name in ["scene.toml", "screw.stl"] {
-        fs::copy(made().join(name), place.path().join(name)).unwrap();
-    }
+    let place = copy_of(made());
+    copy_folder(&made().join("images"), &place.path().join("images"));
+    fs::copy(made().join("screw.stl"), place.path().join("screw.stl")).unwrap();
     place
 }
 

@@ -5,7 +5,7 @@
 
 #![expect(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
 
-use crate::support::program::{beamlet, done, run};
+use crate::support::program::{beamlet, copy_of, done, run};
 use crate::support::sample;
 use beamlet::retrieve::Record;
 use ndarray::Array3;
@@ -14,6 +14,8 @@ use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Command;
+use std::sync::OnceLock;
+use tempfile::TempDir;
 
 const SCENE: &str = concat!(
     include_str!("../support/masks.toml"),
@@ -57,12 +59,17 @@ impl Verdict {
 }
 
 /// A run of counts with retrieved images that the test knows.
-fn run_with_maps() -> tempfile::TempDir {
+fn run_with_maps() -> TempDir {
     run_with_maps_of(true)
 }
 
 /// A run, with or without counts, with retrieved images that the test knows.
-fn run_with_maps_of(counts: bool) -> tempfile::TempDir {
+fn run_with_maps_of(counts: bool) -> TempDir {
+    static MADE: [OnceLock<TempDir>; 2] = [OnceLock::new(), OnceLock::new()];
+    copy_of(MADE[usize::from(counts)].get_or_init(|| made_with_maps_of(counts)).path())
+}
+
+fn made_with_maps_of(counts: bool) -> TempDir {
     let place = tempfile::tempdir().unwrap();
     fs::write(place.path().join("scene.toml"), SCENE).unwrap();
     let photons = if counts { " --set detector.photons=20000" } else { "" };

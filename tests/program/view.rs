@@ -4,12 +4,14 @@
 #![expect(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
 
 use crate::support::log::commit;
-use crate::support::program::{done, run};
+use crate::support::program::{copy_of, done, run};
 use beamlet::retrieve::Record;
 use ndarray::{Array3, Array4};
 use ndarray_npy::write_npy;
 use std::fs;
 use std::path::Path;
+use std::sync::OnceLock;
+use tempfile::TempDir;
 use tiny_skia::Pixmap;
 
 const SCENE: &str = concat!(
@@ -62,7 +64,12 @@ fn inked(picture: &Pixmap, columns: std::ops::Range<u32>) -> f64 {
 }
 
 /// A run of two views, with retrieved images that the test knows.
-fn run_with_maps() -> tempfile::TempDir {
+fn run_with_maps() -> TempDir {
+    static MADE: OnceLock<TempDir> = OnceLock::new();
+    copy_of(MADE.get_or_init(made_with_maps).path())
+}
+
+fn made_with_maps() -> TempDir {
     let place = tempfile::tempdir().unwrap();
     fs::write(place.path().join("scene.toml"), SCENE).unwrap();
     done(place.path(), "simulate scene.toml -o run --format npy -q");

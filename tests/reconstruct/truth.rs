@@ -133,8 +133,9 @@ fn the_truth_moves_with_a_shifted_axis() {
     let place = workplace(SCENE);
     let here = place.path();
     let axis = "scan.axis={ shift = [\"0.25 mm\", \"20 mm\", \"0 mm\"] }";
-    let words = ["simulate", "scene.toml", "-q", "-o", "run", "--format", "npy", "--set", axis];
-    ended(&beamlet(here).args(words).output().unwrap(), 0);
+    let words = ["simulate", "scene.toml", "-q", "-o", "run", "--format", "npy"];
+    let sets = ["--set", axis, "--set", "detector.pixels=[32, 1]"];
+    ended(&beamlet(here).args(words).args(sets).output().unwrap(), 0);
     done(here, "retrieve run -q --format npy");
     done(here, "reconstruct run -o volume --truth --quantity mu -q --format npy");
     let record = VolumeRecord::read(&here.join("volume")).unwrap();

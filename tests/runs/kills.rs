@@ -62,7 +62,7 @@ angles = { from = "0 deg", to = "360 deg", count = 3 }
 
 [[object]]
 name = "rod"
-shape = { cylinder = { radius = "0.4 mm", height = "5 mm" } }
+shape = { cylinder = { radius = "0.4 mm", height = "5 mm", sides = 16 } }
 material = "water"
 "#;
 

@@ -51,12 +51,39 @@ pub(crate) fn workplace(scene: &str) -> TempDir {
     directory
 }
 
+/// Copies a folder with everything in it.
+pub(crate) fn copy_folder(from: &Path, to: &Path) {
+    std::fs::create_dir(to).expect("a folder");
+    for entry in std::fs::read_dir(from).expect("a folder") {
+        let entry = entry.expect("an entry");
+        let (from, to) = (entry.path(), to.join(entry.file_name()));
+        if from.is_dir() {
+            copy_folder(&from, &to);
+        } else {
+            std::fs::copy(from, to).expect("a copy");
+        }
+    }
+}
+
+/// A temporary directory of its own with the scene and the run of a place.
+pub(crate) fn copy_of(place: &Path) -> TempDir {
+    let copy = tempfile::tempdir().expect("a temporary directory");
+    std::fs::copy(place.join("scene.toml"), copy.path().join("scene.toml")).expect("a copy");
+    copy_folder(&place.join("run"), &copy.path().join("run"));
+    copy
+}
+
 /// A temporary directory with a scene in scene.toml, and what the program does there.
 pub(crate) struct Workplace(TempDir);
 
 impl Workplace {
     pub(crate) fn new(scene: &str) -> Self {
         Self(workplace(scene))
+    }
+
+    /// A copy of the scene and its run.
+    pub(crate) fn copy(&self) -> Self {
+        Self(copy_of(self.0.path()))
     }
 
     pub(crate) fn path(&self, name: &str) -> PathBuf {

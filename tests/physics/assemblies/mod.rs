@@ -23,7 +23,7 @@ use beamlet::internals::trace::{
 };
 use beamlet::scene::{Scene, Transport};
 use beamlet::{Backend, geometry};
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 pub(super) const SOURCE: f64 = 1.21;
 pub(super) const LEVER: f64 = 0.59;
@@ -36,8 +36,10 @@ pub(super) struct Bench {
     kernels: Arc<TraceKernels>,
 }
 
-impl Bench {
-    pub(super) fn new() -> Self {
+/// The device and the kernels of all benches: each kernel is made once.
+pub(super) fn device_and_kernels() -> (Arc<Device>, Arc<TraceKernels>) {
+    static SHARED: OnceLock<(Arc<Device>, Arc<TraceKernels>)> = OnceLock::new();
+    let open = || {
         let validation = std::env::var_os("BEAMLET_VALIDATION").is_some();
         let device = Device::open(&DeviceOptions {
             validation,
@@ -46,6 +48,14 @@ impl Bench {
         })
         .expect("a Vulkan device");
         let kernels = Arc::new(TraceKernels::new(&device));
+        (device, kernels)
+    };
+    SHARED.get_or_init(open).clone()
+}
+
+impl Bench {
+    pub(super) fn new() -> Self {
+        let (device, kernels) = device_and_kernels();
         Self { device, kernels }
     }
 

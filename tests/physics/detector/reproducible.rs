@@ -181,8 +181,9 @@ fn kept_moments_serve_another_detector() {
     let mut base = scene(place.path());
     // A mesh of arrays does not stand in scene.toml.
     base.objects[0].geometry =
-        ShapeOrMesh::Shape(Shape::Sphere { radius: 0.15e-3, sides: Some(24) });
+        ShapeOrMesh::Shape(Shape::Sphere { radius: 0.1e-3, sides: Some(24) });
     base.scan.angles = vec![0.7];
+    base.detector.pixels = amount([5, 5], base.detector.pixels);
     let noisy = base.clone();
     // The kept run is finer than what the detector that takes it asks for.
     let finer = amount(2.0, 1.0);

@@ -69,7 +69,7 @@ fn losses(stacks: &Stacks, harmonic: u32) -> [f64; 2] {
 #[test]
 fn rough_plates_lose_contrast_as_random_phases_do_within_four_deviations() {
     let cases = vec![(0.3, 0.4e-6, 0.1), (0.2, 2e-6, 0.12), (0.3, 8e-6, 0.2)];
-    for (slope, length, sharp) in sample(cases, 2) {
+    for (slope, length, sharp) in sample(cases, 3) {
         let mut scene = scene(COLUMNS, slope, length);
         scene.sampling.max_rays *= if length > 1e-6 { 3 } else { 1 };
         let stacks = simulate(&scene, Backend::Bvh);

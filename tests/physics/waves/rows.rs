@@ -103,8 +103,9 @@ fn bands_and_batches_change_no_bit_of_waves() {
     let on = |options: EngineOptions| run(options.with_backend(Backend::Bvh), &scene);
     let whole = on(EngineOptions::default());
     assert!(whole.record.tally.patches > 10 && whole.record.tally.rays > 10_000);
-    let cases = vec![(Some(1), None), (Some(2), Some(1000)), (None, Some(257))];
-    for (band, batch) in sample(cases, 2) {
+    let cases =
+        vec![(Some(1), Some(257)), (Some(1), None), (Some(2), Some(1000)), (None, Some(257))];
+    for (band, batch) in sample(cases, 4) {
         let options = EngineOptions::default().with_band_rows(band).with_batch_rays(batch);
         let other = on(options);
         let pairs =

@@ -8,7 +8,7 @@ use std::fs;
 #[test]
 fn energies_reach_from_a_tenth_of_a_kilovolt_to_eight_hundred() {
     let place = workplace();
-    for energy in ["0.1 keV", "1 keV", "799.999999 keV", "800 keV"] {
+    for energy in sample(vec!["0.1 keV", "1 keV", "799.999999 keV", "800 keV"], 3) {
         is_balanced(&place, &[&format!("source.energy={energy}")]);
     }
     for energy in ["0.0999999 keV", "800.000001 keV", "1e-300 keV", "1e300 keV"] {

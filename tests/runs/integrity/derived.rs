@@ -22,7 +22,7 @@ angles = { from = "0 deg", to = "360 deg", count = 12 }
 
 [[object]]
 name = "rod"
-shape = { cylinder = { radius = "0.6 mm", height = "5 mm" } }
+shape = { cylinder = { radius = "0.6 mm", height = "5 mm", sides = 16 } }
 material = "polyethylene"
 "#
 );

@@ -2,15 +2,21 @@
 
 use super::{SCENE, assert_says};
 use crate::support::program::{Workplace, ended};
+use std::sync::OnceLock;
 
 const ARRAYS: [&str; 5] =
     ["flat.npy", "sample.npy", "dark.npy", "counts/flat.npy", "counts/sample.npy"];
 
 /// A finished run with counts, and its arrays.
 fn finished() -> (Workplace, Vec<Vec<u8>>) {
-    let photons = "pitch = \"150 um\"\nphotons = 1000\n";
-    let place = Workplace::new(&SCENE.replace("pitch = \"150 um\"\n", photons));
-    ended(&place.simulate(&["--format", "npy"]), 0);
+    static MADE: OnceLock<Workplace> = OnceLock::new();
+    let made = MADE.get_or_init(|| {
+        let photons = "pitch = \"150 um\"\nphotons = 1000\n";
+        let place = Workplace::new(&SCENE.replace("pitch = \"150 um\"\n", photons));
+        ended(&place.simulate(&["--format", "npy"]), 0);
+        place
+    });
+    let place = made.copy();
     let arrays = ARRAYS.map(|name| place.bytes(name)).to_vec();
     (place, arrays)
 }
