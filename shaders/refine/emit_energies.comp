@@ -86,7 +86,7 @@ Cell cell_of(Own own, Sums sums) {
 // A cell in a row of its own.
 void push_alone(uint list, Own own, Sums sums) {
     Cell cell = cell_of(own, sums);
-    if (!has_light(cell) || !is_wanted(own.g, own.patch_, cell.displacement_z)) return;
+    if (!has_light(cell) || !is_wanted(own.g, own.patch_, cell)) return;
     Made made = made_from(atomicAdd(P.head.at[HEAD_CELLS], 1u));
     P.cells.at[made.first] = cell;
     take_cell(made, cell);
