@@ -1,6 +1,6 @@
 //! Refinement on the device behind masks whose apertures end along z, against the rules of the host.
 
-use super::on_device::{apart, run};
+use super::on_device::{apart, run, sum_over_energies, tube};
 use crate::support::{engine, engine_with};
 use beamlet::scene::{Refine, Scene};
 use beamlet::{Backend, EngineOptions};
@@ -114,7 +114,10 @@ fn shadows_of_bars_along_z_take_few_rays() {
 
 #[test]
 fn light_behind_apertures_has_the_same_bits_however_a_run_is_cut() {
-    for (name, scene) in [("holes", tracked(HOLES, "60 um")), ("squares", stepped(SQUARES, "0.1"))] {
+    let mut spectrum = stepped(SQUARES, "0.1");
+    spectrum.source.beam = tube(60.0, 2);
+    spectrum.detector.pixels = [3, 4];
+    for (name, scene) in [("holes", tracked(HOLES, "60 um")), ("a tube", spectrum)] {
         let of = |options: EngineOptions| {
             let engine = engine_with(options.with_backend(Backend::Bvh));
             run(&engine, &scene, Refine::Device, 2e-3).0
@@ -128,5 +131,21 @@ fn light_behind_apertures_has_the_same_bits_however_a_run_is_cut() {
             let same = whole.iter().zip(&other).all(|(a, b)| a.to_bits() == b.to_bits());
             assert!(same, "{name}: {what}");
         }
+    }
+}
+
+/// The sum over runs at each energy by the rules of the host.
+#[test]
+fn light_of_a_spectrum_behind_apertures_is_the_sum_over_its_energies() {
+    let engine = engine(Backend::Bvh);
+    for (name, mut scene) in
+        [("beam tracking", tracked(HOLES, "10 um")), ("bars that leak", stepped(SQUARES, "0.05"))]
+    {
+        scene.source.beam = tube(40.0, 3);
+        let sum = sum_over_energies(&engine, &scene, TOLERANCE / 6.0);
+        let (got, _) = run(&engine, &scene, Refine::Device, TOLERANCE);
+        let [worst, rms] = apart(&got, &sum);
+        println!("measured device, a tube, {name}: worst {worst:.1e}, rms {rms:.1e}");
+        assert!(worst < 5.0 * TOLERANCE && rms < 0.5 * TOLERANCE, "{name}: {worst} {rms}");
     }
 }

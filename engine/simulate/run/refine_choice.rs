@@ -12,8 +12,6 @@ fn unknown(scene: &Scene, energies: usize, keeps_moments: bool) -> Option<&'stat
         Some("a spectrum of several energies and transport = \"exact\"")
     } else if keeps_moments {
         Some("kept moments")
-    } else if energies > 1 && scene.has_heights() {
-        Some("a spectrum of several energies and apertures that end along z")
     } else {
         None
     }
