@@ -124,8 +124,8 @@ pub use reconstruct::{
     Slopes, StepLaw, ViewTurn,
 };
 pub use refine::{
-    MaskOpening, Rectangle, RefineParams, RefinePush, RefinedColumn, RefinedLeaf, RefinedPatch,
-    RefinedRow, RefinedSpectrum, RefinedWall, RepeatedRectangle, WindowTable,
+    MaskOpening, Rectangle, RefineParams, RefinePush, RefinedColumn, RefinedHeights, RefinedLeaf,
+    RefinedPatch, RefinedRow, RefinedSpectrum, RefinedWall, RepeatedRectangle, WindowTable,
 };
 pub use walk::{
     AnalyticShape, Constants, Crossing, CrossingsPush, ExactPush, Leaf, Node, Placed,

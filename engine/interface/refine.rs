@@ -63,6 +63,27 @@ shared_structs! {
         pub slope_rest: f32,
         pub z: f32,
         pub z_rest: f32,
+        /// Its place in a period along z of the sample mask and of the detector mask, rows, where apertures end along z.
+        pub lit_place: f32,
+        pub landing_place: f32,
+    }
+
+    /// Apertures that end along z, in rows as seen from the source.
+    pub struct RefinedHeights in RefinedHeightsRef(readonly) {
+        /// Upper end of an aperture of the sample mask in a period, at each different step along z.
+        pub tops: u64 => Floats,
+        /// Edges of the detector mask along z in a period, ascending.
+        pub edges: u64 => Floats,
+        /// Numbers of the two; 0 where no aperture of the mask ends along z.
+        pub top_count: u32,
+        pub edge_count: u32,
+        /// Period of the sample mask, and height of an aperture with its blur.
+        pub period: f32,
+        pub height: f32,
+        /// Period of the detector mask.
+        pub edge_period: f32,
+        /// To a multiple of 8 bytes.
+        pub unused: u32,
     }
 
     /// An interval of x in the cell plane that a mask step opens, from the nearest period.
@@ -166,6 +187,10 @@ shared_structs! {
         pub flags: u32,
         pub crossings: u32,
         pub displacement_variance: f32,
+        /// Light over its height behind apertures that end along z, else 0: growth of the landing, rows, and change
+        /// relative to the mean.
+        pub growth: f32,
+        pub tilt: f32,
         /// To a multiple of 8 bytes.
         pub unused: u32,
     }
@@ -264,6 +289,8 @@ shared_structs! {
         /// Where the host makes the cells, else 0: `[rectangle]`, results of its rays, and leaves of a submission.
         pub all_results: u64 => RayResults,
         pub leaves: u64 => RefinedLeaves,
+        /// 0 behind slits.
+        pub heights: u64 => RefinedHeightsRef,
         /// Number of patches to refine, and of these with the neighbours that have base rays alone.
         pub patch_count: u32,
         pub all_patches: u32,

@@ -34,6 +34,7 @@ struct AtNode {
     float z; // at the detector
     float slope_x;
     float variance; // of x, by rough surfaces
+    float refraction; // over that at the constants of the rays
 };
 
 // Moments in a material that the rays cross.
@@ -83,7 +84,9 @@ void add_material(inout AtNode result, uint node, Held one) {
 
 // First-order result; behind the nodes at the constants of the rays.
 AtNode first_order_at(Beside beside, HeldMoments held, uint node) {
-    AtNode result = AtNode(vec2(0.0), vec2(0.0), 0.0, 0.0, 0.0);
+    Floats ratios = S.ratios;
+    float refraction = node < S.nodes ? ratios.at[2u * node] : 1.0;
+    AtNode result = AtNode(vec2(0.0), vec2(0.0), 0.0, 0.0, 0.0, refraction);
     if (held.count <= MOST_HELD) {
         for (uint i = 0u; i < held.count; i++) add_material(result, node, held.of[i]);
         return result;
@@ -110,7 +113,7 @@ float spread_by_roughness(uint index, uint node) {
 // but for total reflection. Normals that were drawn bend in proportion.
 void correct(inout AtNode result, AtNode exact, AtNode first, uint node, float grazing, bool drawn) {
     Floats ratios = S.ratios;
-    float ratio = ratios.at[2u * node];
+    float ratio = result.refraction;
     if (first.depth.x > 0.0) {
         result.depth += (exact.depth - first.depth) * (ratio * result.depth.x / first.depth.x);
     }
@@ -144,5 +147,6 @@ Sums plus(Sums sums, AtNode at, float origin, vec3 light, vec2 narrowing) {
     sums.slope_x += light.y * at.slope_x;
     sums.narrowing += light.y * narrowing;
     sums.narrowing_x += light.y * x * narrowing;
+    sums.along_z += light.y * vec2(at.refraction, at.depth.x);
     return sums;
 }

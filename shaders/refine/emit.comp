@@ -14,12 +14,14 @@
 #include "refine/made.glsl"
 
 Cell cell_of(Rectangle g, uint index, Rows rows, bool hit) {
-    RaySlopes slopes = slopes_along_x(g, index);
+    RaySlopes slopes = limited_slopes_at(g, index);
     vec2 ends = 0.5 * (g.x_high - g.x_low) * vec2(-1.0, 1.0);
     vec2 depth = g.optical_depth + ends * (hit ? slopes.depth.x : 0.0);
     vec2 displacement = g.displacement + ends * (hit ? slopes.displacement.x : 0.0);
-    return Cell(g.x_low, g.x_high, depth.x, depth.y, displacement.x, displacement.y, g.landing, rows.above,
-                rows.below, g.pixel_shift, g.variance, 0.0, 0.0, 0.0, 0.0);
+    vec2 shares = vec2(rows.above, rows.below);
+    if (has_heights()) shares = hit ? along_z(g, slopes) : vec2(0.0);
+    return Cell(g.x_low, g.x_high, depth.x, depth.y, displacement.x, displacement.y, g.landing, shares.x,
+                shares.y, g.pixel_shift, g.variance, 0.0, 0.0, 0.0, 0.0);
 }
 
 void main() {

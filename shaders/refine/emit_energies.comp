@@ -26,6 +26,7 @@ struct Own {
     bool exact;
     AtNode found; // result of the ray, and what the first order says of it
     AtNode first;
+    vec2 along_z; // at the constants of the rays
 };
 
 Own own_of(Rectangle g, uint index) {
@@ -42,6 +43,7 @@ Own own_of(Rectangle g, uint index) {
     vec2 along = vec2(low.at.x, high.at.x) - ray.at.x;
     own.beside = Beside(traced_for(index), traced_for(low.rectangle), traced_for(high.rectangle), along, has, width);
     own.held = held_of(own.beside);
+    own.along_z = hit && has_heights() ? along_z(g, slopes_at(g, index)) : vec2(0.0);
     uint flags = ray.flags | (has.x ? low.flags : 0u) | (has.y ? high.flags : 0u);
     own.exact = (flags & FLAG_EXACT) != 0u;
     if (own.exact) {
@@ -50,7 +52,7 @@ Own own_of(Rectangle g, uint index) {
         vec2 moved = vec2(low.displacement, high.displacement) - ray.displacement;
         vec2 depth_rise = vec2(ray.depth, width * slope_along(depth, along, vec2(0.0), has.x, has.y, 0.0));
         vec2 moved_rise = vec2(ray.displacement, width * slope_along(moved, along, vec2(0.0), has.x, has.y, 0.0));
-        own.found = AtNode(depth_rise, moved_rise, g.landing, slope_of(g), 0.0);
+        own.found = AtNode(depth_rise, moved_rise, g.landing, slope_of(g), 0.0, 1.0);
     }
     return own;
 }
@@ -63,6 +65,14 @@ AtNode result_at(Own own, uint node) {
     limit(result, own.beside.width);
     if (own.g.variance > 0.0) result.variance = spread_by_roughness(own.beside.own, node);
     return result;
+}
+
+// Shares of the light of a cell in the rows beside its own, or its light along z where apertures end there: by the
+// means of refraction and depth.
+vec2 along_z_of(Own own, Sums sums, Rows rows) {
+    if (!has_heights()) return vec2(rows.above, rows.below);
+    vec2 mean = sums.along_z / sums.light.y;
+    return own.along_z * vec2(mean.x, own.g.optical_depth > 0.0 ? mean.y / own.g.optical_depth : 0.0);
 }
 
 // The cell of a rectangle with this light; one without light where that is not wanted.
@@ -78,15 +88,16 @@ Cell cell_of(Own own, Sums sums) {
     float pixel_shift = shift_of(0.5 * (displacement.x + displacement.y), sums.slope_x / middle);
     vec2 narrowing = sums.narrowing / middle;
     vec2 covariance = sums.narrowing_x / middle - narrowing * x.y;
+    vec2 shares = along_z_of(own, sums, rows);
     return Cell(own.g.x_low, own.g.x_high, depth.x, depth.y, displacement.x, displacement.y, landing,
-                rows.above, rows.below, pixel_shift, variance_of(sums), narrowing.x, narrowing.y,
+                shares.x, shares.y, pixel_shift, variance_of(sums), narrowing.x, narrowing.y,
                 covariance.x, covariance.y);
 }
 
 // A cell in a row of its own.
 void push_alone(uint list, Own own, Sums sums) {
     Cell cell = cell_of(own, sums);
-    if (!has_light(cell) || !is_wanted(own.g, own.patch_, cell.displacement_z)) return;
+    if (!has_light(cell) || !is_wanted(own.g, own.patch_, cell)) return;
     Made made = made_from(atomicAdd(P.head.at[HEAD_CELLS], 1u));
     P.cells.at[made.first] = cell;
     take_cell(made, cell);

@@ -140,11 +140,13 @@ Change on_surface(Own own, Found found) {
     // A slope between rays close to each other may predict any depth.
     float other = there == 0.0 ? 0.0 : min(light_behind(own.found.depth + depth), 2.0 * max(own.passed, there));
     float light = change_to(own, Landed(other, own.at + moved));
-    // Light that moves over the border of a row.
-    float fall = abs(found.landing - own.found.landing) / P.row_pitch;
+    // Light that moves over the border of a row or an edge along z.
+    float fall = abs(found.landing - own.found.landing - own.slopes.landing.y * apart.y) / P.row_pitch;
     float down = -own.found.landing / P.row_pitch;
-    bool crosses = own.g.z_low <= 0.0 || own.g.z_high >= 1.0
-        || floor(own.g.z_low + down - fall) < floor(own.g.z_high + down + fall);
+    float low = own.g.z_low + down - fall;
+    float high = own.g.z_high + down + fall;
+    bool crosses = own.g.z_low <= 0.0 || own.g.z_high >= 1.0 || floor(low) < floor(high)
+        || lands_at_edge(own.patch_.row, low, high);
     if (crosses) light += own.passed * min(fall / own.size.y, 1.0);
     return Change(light, abs(moved), false);
 }
@@ -241,8 +243,9 @@ void settle(inout Own own, uint index, vec2 change, float moved, bool silhouette
     precise float square = light * light;
     own.g.light_error = square;
     own.g.turn_error = 0.0;
-    if (!silhouette && P.displacement_budget > 0.0) {
-        precise float turned = SPREAD * moved * area / (P.open_width * P.displacement_budget);
+    float lit = open_along_z(own.patch_.row, 0.0, 1.0);
+    if (!silhouette && P.displacement_budget > 0.0 && lit > 0.0) {
+        precise float turned = SPREAD * moved * area / (P.open_width * lit * P.displacement_budget);
         precise float turned_square = turned * turned;
         own.g.turn_error = turned_square;
     }

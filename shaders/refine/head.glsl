@@ -41,6 +41,11 @@ bool hands_leaves() {
     return uvec2(P.leaves) != uvec2(0u);
 }
 
+// Whether apertures of masks end along z.
+bool has_heights() {
+    return uvec2(P.heights) != uvec2(0u);
+}
+
 // Cells of a rectangle in the row of its run, by list. Energies that share no cell beyond these have rows of their
 // own.
 const uint BANDS = 3u;

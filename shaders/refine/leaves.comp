@@ -22,11 +22,12 @@ void main() {
     if (!stands) return;
     if (is_even(g.patch_index) && !has_ray(even_of(g.patch_index), index)) return;
     vec2 at = place_of_ray(g, index);
-    RaySlopes slopes = slopes_along_x(g, index);
+    RaySlopes slopes = limited_slopes_at(g, index);
+    vec2 over_height = has_heights() ? along_z(g, slopes) : vec2(0.0);
     RayResult result = P.all_results.at[traced_for(index)];
     P.leaves.at[atomicAdd(P.head.at[HEAD_CELLS], 1u)] =
         RefinedLeaf(g.x_low, g.x_high, g.z_low, g.z_high, at, slopes.depth.x, slopes.displacement.x, patch_.column,
                     patch_.row, result.optical_depth, result.displacement_x, result.displacement_z, result.slope_x,
                     result.slope_z, result.signature, result.flags, result.crossings, result.displacement_variance,
-                    0u);
+                    over_height.x, over_height.y, 0u);
 }

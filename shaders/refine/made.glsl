@@ -42,10 +42,14 @@ Rows rows_of(Rectangle g, float landing) {
     return rows;
 }
 
-// Whether light of a rectangle may land in a wanted row; `landing` as above.
-bool is_wanted(Rectangle g, RefinedPatch patch_, float landing) {
-    float row = float(patch_.row) - landing / P.row_pitch;
+// Standard deviations that a blur reaches behind apertures that end along z.
+const float BLURS_OF_HEIGHTS = 6.5;
+
+// Whether light of the cell of a rectangle may land in a wanted row.
+bool is_wanted(Rectangle g, RefinedPatch patch_, Cell cell) {
+    float row = float(patch_.row) - cell.displacement_z / P.row_pitch;
     float reach = BLURS * P.row_blur;
+    if (has_heights()) reach = BLURS_OF_HEIGHTS * P.row_blur + 0.5 * abs(cell.share_above);
     return row + g.z_high + reach >= float(P.wanted[0]) && row + g.z_low - reach <= float(P.wanted[1]);
 }
 

@@ -1,6 +1,7 @@
 // Rectangles of patches: rays, neighbours, and sums of errors.
 
 #include "light/words.glsl"
+#include "refine/heights.glsl"
 
 // The ray through a place of a patch.
 Ray ray_at(RefinedPatch patch_, float x, float z) {
@@ -33,6 +34,12 @@ vec2 middle_of(Rectangle g) {
 vec2 beside_x(Rectangle g) {
     float out_ = max(1e-4 * (g.x_high - g.x_low), P.beside.x);
     return vec2(g.x_low - out_, g.x_high + out_);
+}
+
+// Places above and below it.
+vec2 beside_z(Rectangle g) {
+    float out_ = max(1e-4 * (g.z_high - g.z_low), P.beside.y);
+    return vec2(g.z_low - out_, g.z_high + out_);
 }
 
 // The result of the ray of a rectangle, and its place from the middle of the beamlet of the patch in work.
@@ -175,12 +182,13 @@ struct Shares {
     uint step_;
     float open;
     float most; // of all steps so far
+    float height; // largest share along z
 };
 
 // Adds the errors of a rectangle at a step, or takes them out: of the light, and of the displacement, which
 // light that leaks through bars does not move.
 void add_step(inout Shares shares, uint first, Rectangle g, bool add) {
-    precise float open = min(shares.open, 1.0);
+    precise float open = min(shares.open, 1.0) * shares.height;
     precise float lit = P.leak + (1.0 - P.leak) * open;
     if (open > 0.0) {
         precise float light = g.light_error * (lit * lit - P.leak * P.leak);
@@ -206,8 +214,9 @@ vec2 opening_from(MaskOpening opening, RefinedColumn column, float x) {
 // step lets through.
 float weigh(Rectangle g, bool add) {
     uint first = step_sums_of(g.patch_index);
-    Shares shares = Shares(0u, 0.0, P.leak);
-    RefinedColumn column = P.columns.at[P.patches.at[g.patch_index].column];
+    RefinedPatch patch_ = P.patches.at[g.patch_index];
+    Shares shares = Shares(0u, 0.0, P.leak, open_along_z(patch_.row, g.z_low, g.z_high));
+    RefinedColumn column = P.columns.at[patch_.column];
     if (P.opening_count == 0u) shares.open = 1.0;
     for (uint i = 0u; i < P.opening_count; i++) {
         MaskOpening opening = P.openings.at[i];

@@ -19,7 +19,7 @@ Made made_of(uint first, uint count, Rectangle g, RefinedPatch patch_) {
     Made made = made_from(first);
     bool wanted = false;
     for (uint i = 0u; i < count; i++) {
-        wanted = wanted || is_wanted(g, patch_, P.cells.at[first + i].displacement_z);
+        wanted = wanted || is_wanted(g, patch_, P.cells.at[first + i]);
     }
     if (!wanted) return made;
     for (uint i = 0u; i < count; i++) {

@@ -15,10 +15,11 @@ struct Sums {
     float slope_x;
     vec2 narrowing; // by either mask
     vec2 narrowing_x;
+    vec2 along_z; // refraction over that of the ray, and optical depth
 };
 
 Sums no_sums() {
-    return Sums(vec3(0.0), vec3(0.0), 0.0, 0.0, 0.0, vec2(0.0), vec2(0.0));
+    return Sums(vec3(0.0), vec3(0.0), 0.0, 0.0, 0.0, vec2(0.0), vec2(0.0), vec2(0.0));
 }
 
 float variance_of(Sums sums) {

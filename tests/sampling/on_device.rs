@@ -214,6 +214,20 @@ fn both_backends_refine_alike() {
     }
 }
 
+/// Light of a spectrum as the sum over runs at each of its energies, by the rules of the host.
+pub(super) fn sum_over_energies(engine: &Checked, scene: &Scene, tolerance: f64) -> Array4<f32> {
+    let nodes = beamlet::spectrum::nodes(scene).expect("energies");
+    let mut sum: Option<Array4<f32>> = None;
+    for (energy, weight) in nodes.energies.iter().zip(&nodes.weights) {
+        let mut one = scene.clone();
+        one.source.beam = Beam::Energy(*energy);
+        let mut light = run(engine, &one, Refine::Host, tolerance).0;
+        light.mapv_inplace(|it| narrow(weight * f64::from(it)));
+        sum = Some(sum.map_or(light.clone(), |sum| sum + light));
+    }
+    sum.expect("energies")
+}
+
 /// Under a spectrum the sum over runs at each energy is what a run of all energies is to give. Rays close to total
 /// reflection are traced at each, one in each rectangle: behind the face of a slab, where the light falls to a fifth
 /// over 1.5 um, that errs by more.
@@ -230,17 +244,8 @@ fn light_of_a_spectrum_is_the_sum_over_its_energies() {
     ];
     for (name, scene, most) in sample(cases, 2) {
         let scene = few_rows(scene);
-        let nodes = beamlet::spectrum::nodes(&scene).expect("energies");
-        let mut sum: Option<Array4<f32>> = None;
-        for (energy, weight) in nodes.energies.iter().zip(&nodes.weights) {
-            let mut one = scene.clone();
-            one.source.beam = Beam::Energy(*energy);
-            let mut light = run(&engine, &one, Refine::Host, TOLERANCE / 6.0).0;
-            light.mapv_inplace(|it| narrow(weight * f64::from(it)));
-            sum = Some(sum.map_or(light.clone(), |sum| sum + light));
-        }
+        let sum = sum_over_energies(&engine, &scene, TOLERANCE / 6.0);
         let (got, record) = run(&engine, &scene, Refine::Device, TOLERANCE);
-        let sum = sum.expect("energies");
         let [worst, rms] = apart(&got, &sum);
         println!("measured device, {name}: worst {worst:.1e}, rms {rms:.1e}");
         assert!(worst < most * TOLERANCE && rms < 0.15 * most * TOLERANCE, "{name}: {worst} {rms}");

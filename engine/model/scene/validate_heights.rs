@@ -1,6 +1,6 @@
 //! Requirements on masks whose apertures end along z, and on their steps along z.
 
-use super::{MaskSpec, Refine, Scene, Scheme, Transport, limits};
+use super::{MaskSpec, Scene, Scheme, Transport, limits};
 use beamlet_core::units::Dimension::Length;
 use beamlet_core::{Error, Result};
 
@@ -48,9 +48,6 @@ impl Scene {
         };
         if self.sampling.scheme == Scheme::Cells && self.sampling.transport == Transport::Wave {
             return of("sampling.transport", "\"wave\"", "\"auto\", \"first-order\" or \"exact\"");
-        }
-        if self.sampling.refine == Refine::Device {
-            return of("sampling.refine", "\"device\"", "\"host\"");
         }
         let pixel = self.detector.pitch[1] * mask.distance / self.detector.distance;
         let most = limits::APERTURES_PER_PIXEL;

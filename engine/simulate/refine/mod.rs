@@ -4,6 +4,7 @@
 mod buffers;
 mod group;
 mod group_run;
+mod heights;
 mod kernels;
 mod leaves;
 mod params;

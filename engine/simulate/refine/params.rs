@@ -72,6 +72,7 @@ fn of_set_up(view: &ViewContext<'_>, tables: &Tables, of: RefineParams) -> Refin
     let half = 0.5 * detector.extent(0) * at_analyser + BLURS * f64::from(response.blur);
     RefineParams {
         columns: tables.columns.address(),
+        heights: tables.heights(),
         openings: tables.openings.address(),
         opening_count: tables.opening_count,
         windows: tables.windows.address(),

@@ -7,7 +7,7 @@ use super::kernels::{CellMaker, RefineKernels};
 use super::params;
 use super::room::{GROWTH, RefineRoom};
 use super::spectrum::Spectrum;
-use super::tables::{self, Tables};
+use super::tables::Tables;
 use crate::illuminate::EnergyBinning;
 use crate::sampling::{PatchCost, RowsCost, ViewContext, spread};
 use crate::trace::Tracer;
@@ -214,7 +214,7 @@ impl<'s> DeviceRefiner<'s> {
         let Some((_, tables)) = self.tables.as_ref().filter(|_| group.all_base <= places) else {
             return Ok(None);
         };
-        let rows = tables::rows(view, group.rows());
+        let rows = tables.rows(view, group.rows());
         let sums = params::sums_of(view, group);
         let sizes = Sizes {
             room: places,

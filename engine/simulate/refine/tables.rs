@@ -1,5 +1,6 @@
 //! Tables of a view that stay on the device: beamlets, openings of the sample mask, and windows.
 
+use super::heights::Heights;
 use crate::sampling::{Response, ViewContext};
 use beamlet_core::Result;
 use beamlet_core::numbers::{self, single};
@@ -18,6 +19,8 @@ pub(super) struct Tables {
     pub(super) window_count: u32,
     /// Largest width that a step opens, m.
     pub(super) open_width: f32,
+    /// Apertures that end along z.
+    heights: Option<Heights>,
     _values: Vec<Buffer>,
 }
 
@@ -84,8 +87,28 @@ impl Tables {
                 if windows.is_empty() { &NO_WINDOWS } else { &windows },
             )?,
             open_width: widest(response, single(lattice.period)),
+            heights: Heights::new(device, view)?,
             _values: values,
         })
+    }
+
+    /// Address of the apertures that end along z; 0 of slits.
+    pub(super) fn heights(&self) -> u64 {
+        self.heights.as_ref().map_or(0, Heights::address)
+    }
+
+    /// Rows of the detector, as rays and masks need them.
+    pub(super) fn rows(&self, view: &ViewContext<'_>, rows: Range<i32>) -> Vec<RefinedRow> {
+        let detector = &view.lattice.detector;
+        let row = |row: i32| {
+            let slope = detector.slope_of_row(row.into());
+            let ([slope, slope_rest], [z, z_rest]) =
+                (in_two(slope), in_two(slope * view.optics.rotation));
+            let places = self.heights.as_ref().map(|heights| heights.places(row));
+            let [lit_place, landing_place] = places.unwrap_or_default();
+            RefinedRow { slope, slope_rest, z, z_rest, lit_place, landing_place }
+        };
+        rows.map(row).collect()
     }
 }
 
@@ -102,16 +125,4 @@ fn widest(response: &Response, period: f32) -> f32 {
     let steps = response.openings.chunk_by(|a, b| a.step == b.step).map(of_step);
     let share = period / response.pattern;
     steps.reduce(f32::max).map_or(period, |width| (width * share).min(period))
-}
-
-/// Rows of the detector, as rays need them.
-pub(super) fn rows(view: &ViewContext<'_>, rows: Range<i32>) -> Vec<RefinedRow> {
-    let detector = &view.lattice.detector;
-    let row = |row: i32| {
-        let slope = detector.slope_of_row(row.into());
-        let ([slope, slope_rest], [z, z_rest]) =
-            (in_two(slope), in_two(slope * view.optics.rotation));
-        RefinedRow { slope, slope_rest, z, z_rest }
-    };
-    rows.map(row).collect()
 }

@@ -7,16 +7,16 @@ const STRIPS: u32 = 4;
 
 /// Edges of the apertures of the detector mask along z, in rows as seen from the source.
 #[derive(Debug, Clone, PartialEq)]
-pub(super) struct LandingEdges {
+pub(crate) struct LandingEdges {
     /// Rows from a period to the next.
-    period: f64,
+    pub(crate) period: f64,
     /// Row coordinates in some period.
-    edges: Vec<f64>,
+    pub(crate) edges: Vec<f64>,
 }
 
 impl LandingEdges {
     /// The edges of optics; `None` where no aperture of the detector mask ends along z.
-    pub(super) fn of(optics: &Optics) -> Option<Self> {
+    pub(crate) fn of(optics: &Optics) -> Option<Self> {
         let strips = optics.detector_mask.as_ref()?.strips(optics.analyser, STRIPS)?;
         let row = |z: f64| optics.detector.row_at(strips.centre + z, optics.analyser);
         let edges = strips.strips.iter().flat_map(|strip| strip.z).map(row).collect();

@@ -43,9 +43,9 @@ pub(crate) fn cells_of_leaves(
     };
     let of_patches: Vec<&[RefinedLeaf]> = leaves.chunk_by(|a, b| patch(a) == patch(b)).collect();
     let places: Vec<PatchPlace> = of_patches.iter().map(|own| place(&own[0])).collect();
-    let rectangles = of_patches.par_iter().map(|own| {
-        own.iter().map(|leaf| rectangle_of(leaf, view, emitter.gap)).collect::<Vec<_>>()
-    });
+    let rectangles = of_patches
+        .par_iter()
+        .map(|own| own.iter().map(|leaf| rectangle_of(leaf, &emitter)).collect::<Vec<_>>());
     let rectangles = rectangles.collect();
     let (mut cells, empty) = emitter.cells_of(tracer, &places, rectangles)?;
     cells.balance();
@@ -53,7 +53,7 @@ pub(crate) fn cells_of_leaves(
 }
 
 /// A rectangle with the result of its ray and slopes along x.
-fn rectangle_of(leaf: &RefinedLeaf, view: &ViewContext<'_>, gap: f32) -> Rectangle {
+fn rectangle_of(leaf: &RefinedLeaf, emitter: &Emitter<'_>) -> Rectangle {
     let result = RayResult {
         optical_depth: leaf.optical_depth,
         displacement_x: leaf.displacement_x,
@@ -71,14 +71,16 @@ fn rectangle_of(leaf: &RefinedLeaf, view: &ViewContext<'_>, gap: f32) -> Rectang
         ..Slopes::default()
     };
     let x = [leaf.x_low, leaf.x_high];
+    let landing = result.landing_z(emitter.gap);
+    let half = 0.5 * leaf.growth * emitter.row_pitch;
     Rectangle {
         x,
         z: [leaf.z_low, leaf.z_high],
         ray: leaf.at,
         ends: LinearModel::new(&result, x[1] - x[0], &slopes),
-        displacement_variance: view.variance_of(&result),
-        ends_z: [result.landing_z(gap); 2],
-        tilt: 0.0,
+        displacement_variance: emitter.view.variance_of(&result),
+        ends_z: [landing + half, landing - half],
+        tilt: leaf.tilt,
         borders: [None; 2],
         rows: None,
     }

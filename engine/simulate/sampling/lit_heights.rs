@@ -7,20 +7,20 @@ const REACH: f64 = 2.0;
 
 /// Apertures of the sample mask along z, in rows as seen from the source.
 #[derive(Debug, Clone, PartialEq)]
-pub(super) struct LitHeights {
+pub(crate) struct LitHeights {
     /// Rows from a period to the next.
-    period: f64,
+    pub(crate) period: f64,
     /// Upper ends of an aperture, row coordinates in some period, at each different step along z.
-    tops: Vec<f64>,
+    pub(crate) tops: Vec<f64>,
     /// Height of an aperture with its blur, rows.
-    height: f64,
+    pub(crate) height: f64,
     /// Transmission of the bars.
     leak: f64,
 }
 
 impl LitHeights {
     /// The apertures of optics, whose bars pass the share `leak`; `None` where none ends along z.
-    pub(super) fn of(optics: &Optics, leak: f32) -> Option<Self> {
+    pub(crate) fn of(optics: &Optics, leak: f32) -> Option<Self> {
         let plane = optics.cell_plane;
         let strips = optics.sample_mask.as_ref()?.strips(plane, 1)?;
         let row = |z: f64| optics.detector.row_at(z, plane);

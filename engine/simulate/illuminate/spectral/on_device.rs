@@ -98,7 +98,9 @@ impl EnergyBinning {
             words.resize(1 + self.nodes(), 0.0);
             let groups = bars.nodes.iter().zip(bars.shares.chunks(self.nodes())).zip(&self.groups);
             words.extend(groups.flat_map(|((nodes, shares), leaks)| {
-                let merged = merged_columns(leaks.contains(&true), shares.iter().sum());
+                // Merged light is even along z.
+                let merges = leaks.contains(&true) && !self.lattice.heights;
+                let merged = merged_columns(merges, shares.iter().sum());
                 [nodes.start as f64, nodes.end as f64, merged.into()]
             }));
             words.extend(&bars.shares);
@@ -180,9 +182,9 @@ fn row_of(it: &RepeatedRectangle) -> CellRow {
 }
 
 /// Columns of a patch that the light of a group is merged into; 0: it is not.
-fn merged_columns(leaks: bool, share: f64) -> u32 {
+fn merged_columns(merges: bool, share: f64) -> u32 {
     match share {
-        _ if !leaks || share > LITTLE => 0,
+        _ if !merges || share > LITTLE => 0,
         _ if share < FAINT => 1,
         _ => MERGED_COLUMNS,
     }

@@ -63,7 +63,6 @@ impl Simulation {
         let optics = detector.optics();
         let media = MaterialTable::of(&scene)?;
         let lattice = lattice_of(&scene, optics, &media)?;
-        refine_choice::refuse(&scene)?;
         refuse_heights(&scene, simulator.options())?;
         wave::refuse(&scene, optics, simulator.options())?;
         let delta_ratio =

@@ -1,0 +1,152 @@
+//! Refinement on the device behind masks whose apertures end along z, against the rules of the host.
+
+use super::on_device::{apart, run, sum_over_energies, tube};
+use crate::support::{engine, engine_with};
+use beamlet::scene::{Refine, Scene};
+use beamlet::{Backend, EngineOptions};
+use std::path::Path;
+
+/// Tolerance of the light that is compared.
+const TOLERANCE: f64 = 6e-4;
+
+/// A ball and a tilted rod, whose surfaces bend light along z and change the depth along it.
+const OBJECTS: &str = "[[object]]\nname = \"ball\"\nshape = { sphere = { radius = \"120 um\" } }\n\
+     material = \"Al\"\nposition = [\"-60 um\", \"0 mm\", \"25 um\"]\n\
+     [[object]]\nname = \"rod\"\nshape = { cylinder = { radius = \"90 um\", height = \"4 mm\" } }\n\
+     material = \"PMMA\"\nrotate = [{ axis = [0, 1, 0], angle = \"50 deg\" }]\n\
+     position = [\"160 um\", \"0 mm\", \"0 mm\"]\n";
+
+fn scene(text: &[&str]) -> Scene {
+    Scene::from_toml(&[text, &[OBJECTS]].concat().concat(), Path::new(".")).expect("a scene")
+}
+
+/// A mask alone before pixels smaller than its apertures: rows lie in the shadow of its bars, wholly or in part.
+/// `mask`: its keys; `spot`: of the source along z.
+fn tracked(mask: &str, spot: &str) -> Scene {
+    scene(&[
+        "[source]\ndistance = \"0.75 m\"\nenergy = \"20 keV\"\nspot = [\"10 um\", \"",
+        spot,
+        "\"]\n[detector]\ndistance = \"0.9 m\"\npixels = [14, 9]\npitch = \"30 um\"\n\
+         [sample_mask]\ndistance = \"0.7 m\"\n",
+        mask,
+        "[scan]\nmask_offsets = [[\"0 um\", \"0 um\"]]\n",
+    ])
+}
+
+/// Two masks before pixels of 150 x 120 um, steps along x and z; `leak`: transmission of the bars.
+fn stepped(sample_mask: &str, leak: &str) -> Scene {
+    let leak = format!("transmission = {leak}\n");
+    scene(&[
+        "[source]\ndistance = \"1.2 m\"\nenergy = \"25 keV\"\nspot = \"20 um\"\n\
+         [detector]\ndistance = \"1.5 m\"\npixels = [4, 4]\npitch = [\"150 um\", \"120 um\"]\n\
+         [scan]\nmask_offsets = [[\"0 um\", \"0 um\"], [\"-9 um\", \"11 um\"], [\"13 um\", \"-20 um\"]]\n\
+         [sample_mask]\ndistance = \"1.19 m\"\n",
+        sample_mask,
+        &leak,
+        "[detector_mask]\ndistance = \"1.48 m\"\nshape = \"rectangle\"\naperture = \"40 um\"\n\
+         aperture_z = \"50 um\"\n",
+        &leak,
+    ])
+}
+
+const SQUARES: &str = "shape = \"rectangle\"\naperture = \"25 um\"\naperture_z = \"30 um\"\n";
+const HOLES: &str =
+    "shape = \"round\"\naperture = \"40 um\"\nperiod = \"120 um\"\ntransmission = 0.0\n";
+
+fn scenes() -> Vec<(&'static str, Scene)> {
+    let moved = [SQUARES, "offset_z = \"17 um\"\n"].concat();
+    let hexagonal =
+        "shape = \"round\"\naperture = \"22 um\"\nlattice = \"hexagonal\"\nperiod_z = \"30 um\"\n";
+    let pattern =
+        "pattern = [\"0110\", \"1011\", \"0001\"]\npattern_pixel = [\"25 um\", \"21 um\"]\n";
+    let mut behind = stepped(SQUARES, "0.0");
+    behind.sample_mask = None;
+    behind.scan.mask_offsets = vec![0.0];
+    behind.scan.mask_offsets_z.clear();
+    vec![
+        ("beam tracking", tracked(HOLES, "10 um")),
+        ("blur along z", tracked(HOLES, "60 um")),
+        ("squares", stepped(SQUARES, "0.0")),
+        ("squares off the rows", stepped(&moved, "0.0")),
+        ("bars that leak", stepped(SQUARES, "0.2")),
+        ("hexagonal lattice", stepped(hexagonal, "0.0")),
+        ("pattern", stepped(pattern, "0.05")),
+        ("detector mask alone", behind),
+    ]
+}
+
+/// As `light_is_that_of_the_rules_of_the_host`, with half of its bounds: the largest error is 1.6 tolerances
+/// and the largest root mean square is 0.15.
+#[test]
+fn light_behind_apertures_is_that_of_the_rules_of_the_host() {
+    let engine = engine(Backend::Bvh);
+    for (name, scene) in scenes() {
+        let (want, _) = run(&engine, &scene, Refine::Host, TOLERANCE / 6.0);
+        let (got, record) = run(&engine, &scene, Refine::Device, TOLERANCE);
+        let [worst, rms] = apart(&got, &want);
+        let told = record.sampling.expect("reported errors");
+        println!(
+            "measured device, {name}: worst {worst:.1e}, rms {rms:.1e}, told {:.1e}, {} rays",
+            told.worst_error, record.tally.patch_rays
+        );
+        assert!(worst < 2.5 * TOLERANCE && rms < 0.25 * TOLERANCE, "{name}: {worst} {rms}");
+        assert!(told.worst_error > 0.0 && told.worst_error <= TOLERANCE, "{name}: {told:?}");
+        assert_eq!(told.beyond_tolerance, 0, "{name}");
+    }
+}
+
+/// Rectangles in the shadow of bars along z, and parts of rectangles there, count less: apertures a third as high as
+/// slits take less than half of the rays.
+#[test]
+fn shadows_of_bars_along_z_take_few_rays() {
+    let engine = engine(Backend::Bvh);
+    let rays = |mask: &str| {
+        let (_, record) = run(&engine, &tracked(mask, "10 um"), Refine::Device, TOLERANCE);
+        record.tally.patch_rays
+    };
+    let slits = "aperture = \"40 um\"\nperiod = \"120 um\"\ntransmission = 0.0\n";
+    let of = |height: &str| {
+        rays(&[slits, "aperture_z = \"", height, "\"\nperiod_z = \"120 um\"\n"].concat())
+    };
+    let [all, open, part] = [rays(slits), of("120 um"), of("40 um")];
+    println!("measured rays: slits {all}, open {open}, part {part}");
+    assert!(part * 2 < open && open < 2 * all, "{part} of {open}, {all} behind slits");
+}
+
+#[test]
+fn light_behind_apertures_has_the_same_bits_however_a_run_is_cut() {
+    let mut spectrum = stepped(SQUARES, "0.1");
+    spectrum.source.beam = tube(60.0, 2);
+    spectrum.detector.pixels = [3, 4];
+    for (name, scene) in [("holes", tracked(HOLES, "60 um")), ("a tube", spectrum)] {
+        let of = |options: EngineOptions| {
+            let engine = engine_with(options.with_backend(Backend::Bvh));
+            run(&engine, &scene, Refine::Device, 2e-3).0
+        };
+        let whole = of(EngineOptions::default());
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().expect("threads");
+        let bands = of(EngineOptions::default().with_band_rows(Some(1)));
+        let batches = EngineOptions::default().with_batch_rays(Some(257));
+        for (what, other) in [("bands", bands), ("batches, a thread", pool.install(|| of(batches)))]
+        {
+            let same = whole.iter().zip(&other).all(|(a, b)| a.to_bits() == b.to_bits());
+            assert!(same, "{name}: {what}");
+        }
+    }
+}
+
+/// The sum over runs at each energy by the rules of the host.
+#[test]
+fn light_of_a_spectrum_behind_apertures_is_the_sum_over_its_energies() {
+    let engine = engine(Backend::Bvh);
+    for (name, mut scene) in
+        [("beam tracking", tracked(HOLES, "10 um")), ("bars that leak", stepped(SQUARES, "0.05"))]
+    {
+        scene.source.beam = tube(40.0, 3);
+        let sum = sum_over_energies(&engine, &scene, TOLERANCE / 6.0);
+        let (got, _) = run(&engine, &scene, Refine::Device, TOLERANCE);
+        let [worst, rms] = apart(&got, &sum);
+        println!("measured device, a tube, {name}: worst {worst:.1e}, rms {rms:.1e}");
+        assert!(worst < 5.0 * TOLERANCE && rms < 0.5 * TOLERANCE, "{name}: {worst} {rms}");
+    }
+}
