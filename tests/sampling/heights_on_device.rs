@@ -2,7 +2,7 @@
 
 use super::on_device::{apart, run, sum_over_energies, tube};
 use crate::support::{engine, engine_with};
-use beamlet::scene::{Refine, Scene};
+use beamlet::scene::{Refine, Scene, Transport};
 use beamlet::{Backend, EngineOptions};
 use std::path::Path;
 
@@ -149,4 +149,19 @@ fn light_of_a_spectrum_behind_apertures_is_the_sum_over_its_energies() {
         println!("measured device, a tube, {name}: worst {worst:.1e}, rms {rms:.1e}");
         assert!(worst < 5.0 * TOLERANCE && rms < 0.5 * TOLERANCE, "{name}: {worst} {rms}");
     }
+}
+
+/// Cells that the host makes of rectangles of the device follow displacement and depth along z, too.
+#[test]
+fn exact_light_of_a_spectrum_behind_apertures_is_the_sum_over_its_energies() {
+    let engine = engine(Backend::Bvh);
+    let mut scene = stepped(SQUARES, "0.0");
+    scene.source.beam = tube(40.0, 3);
+    scene.sampling.transport = Transport::Exact;
+    let sum = sum_over_energies(&engine, &scene, 1e-4);
+    let (got, _) = run(&engine, &scene, Refine::Device, TOLERANCE);
+    let [worst, rms] = apart(&got, &sum);
+    println!("measured device, squares, exact: worst {worst:.1e}, rms {rms:.1e}");
+    // As without a spectrum.
+    assert!(worst < 2.5 * TOLERANCE && rms < 0.25 * TOLERANCE, "{worst} {rms}");
 }

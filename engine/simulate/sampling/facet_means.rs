@@ -20,7 +20,7 @@ const FIRST_ORDER_SHARE: f64 = 0.05;
 const FAR_OFF: f64 = 0.1;
 
 /// Height of the band beside a row's border from which light crosses the border, standard deviations of
-/// the blur. The weight falls linearly to zero over it: its mean distance from the border equals that of
+/// the blur. The weight falls linearly to zero over it, so its mean distance from the border equals the mean for
 /// one side of the blur.
 const BORDER_BAND: f64 = 2.4;
 /// Least height of a band, rows.
