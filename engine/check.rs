@@ -195,7 +195,7 @@ pub struct Work {
 }
 
 /// The report without an estimate and without edges, the geometry, and the bound of its edges. `device`: its
-/// kind, and true if runs keep moments.
+/// kind.
 fn load_lenient(
     scene: &Scene,
     device: Option<DeviceKind>,

@@ -171,6 +171,11 @@ shared_structs! {
         pub z_high: f32,
         /// Place of its ray: from the middle of the beamlet, and share of the row.
         pub at: [f32; 2] => vec2,
+        /// Its ray.
+        pub ray_x: f32,
+        pub ray_z: f32,
+        pub ray_slope_x: f32,
+        pub ray_slope_z: f32,
         /// Slopes along x: of the optical depth, 1/m, and of the displacement.
         pub depth_slope: f32,
         pub displacement_slope: f32,
@@ -191,7 +196,7 @@ shared_structs! {
         /// relative to the mean.
         pub growth: f32,
         pub tilt: f32,
-        /// To a multiple of 8 bytes.
+        /// Padding.
         pub unused: u32,
     }
 
@@ -212,8 +217,6 @@ shared_structs! {
         /// `[node][2]`: refraction relative to the constants of the rays; share of the grazing incidence below which
         /// total reflection turns light by as much as at the constants of the rays.
         pub ratios: u64 => Floats,
-        /// Optical depth of the light of all energies by that at the constants of the rays (`refine/hardening.glsl`).
-        pub hardening: u64 => Floats,
         /// `[block of rows][beamlet][...]`: shares of light by masks (`refine/shares.glsl`).
         pub shares: u64 => Floats,
         /// `[list][near, far]`: number of cell rows; then the number of all, and where each begins.
@@ -284,8 +287,11 @@ shared_structs! {
         pub queues: u64 => Words,
         /// Reported errors and counts, `REPORT_`.
         pub report: u64 => Words,
-        /// 0 at one energy.
+        /// Where the device makes cells of a spectrum, else 0.
         pub spectrum: u64 => RefinedSpectrumRef,
+        /// Optical depth of the light of all energies over the depth at the constants of the rays
+        /// (`refine/hardening.glsl`); 0 at one energy.
+        pub hardening: u64 => Floats,
         /// Where the host makes the cells, else 0: `[rectangle]`, results of its rays, and leaves of a submission.
         pub all_results: u64 => RayResults,
         pub leaves: u64 => RefinedLeaves,

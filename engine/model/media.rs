@@ -73,16 +73,15 @@ impl MaterialTable {
             .collect()
     }
 
-    /// Weight of each energy, and attenuation there over that at the mean constants: the least of the materials of
-    /// objects, or the largest where none is below 1.
+    /// Weight of each energy, and attenuation there over the attenuation at the mean constants: of the material of an
+    /// object that lets the most light pass.
     #[must_use]
     pub fn attenuation_ratios(&self) -> Vec<[f64; 2]> {
         let mean = self.mean();
         let solid = || (1..self.names.len()).filter(|m| mean[*m].mu > 0.0);
         let of = |constants: &Vec<Constants>| {
-            let ratios = || solid().map(|m| constants[m].mu / mean[m].mu);
-            let least = ratios().reduce(f64::min).unwrap_or(1.0);
-            if least < 1.0 { least } else { ratios().reduce(f64::max).unwrap_or(1.0) }
+            let ratios = solid().map(|m| constants[m].mu / mean[m].mu);
+            ratios.reduce(f64::min).unwrap_or(1.0)
         };
         self.weights.iter().zip(&self.constants).map(|(w, c)| [*w, of(c)]).collect()
     }

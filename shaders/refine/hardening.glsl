@@ -1,8 +1,10 @@
-// Light of all energies that passes an optical depth at the constants of the rays.
+// Light of all energies that passes an optical depth at the constants of the rays (engine/simulate/sampling/hardening.rs).
 
 float light_behind(float depth) {
-    if (!has_spectrum() || !(depth > 0.0)) return exp(-depth);
-    float place = sqrt(min(depth / float(HARDENING_DEEPEST), 1.0)) * float(HARDENING_PLACES - 1u);
+    if (uvec2(P.hardening) == uvec2(0u) || !(depth > 0.0)) return exp(-depth);
+    float within = min(depth, float(HARDENING_DEEPEST));
+    float place = sqrt(within / float(HARDENING_DEEPEST)) * float(HARDENING_PLACES - 1u);
     uint first = min(uint(place), HARDENING_PLACES - 2u);
-    return exp(-mix(S.hardening.at[first], S.hardening.at[first + 1u], place - float(first)));
+    float ratio = mix(P.hardening.at[first], P.hardening.at[first + 1u], place - float(first));
+    return exp(-(ratio * within + P.hardening.at[HARDENING_PLACES] * (depth - within)));
 }

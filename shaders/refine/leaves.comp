@@ -16,18 +16,20 @@ void main() {
     if (!item_of(STAGE_RUNS, index)) return;
     Rectangle g = P.rectangles.at[index];
     RefinedPatch patch_ = P.patches.at[g.patch_index];
-    // The first rectangle of a patch that misses the sample stands for the patch.
-    bool stands = is_hit(g.patch_index) ? g.parts == 0u && (g.flags & FLAG_NOT_FINITE) == 0u
-                                        : index == patch_.first && patch_.is_lit != 0u;
-    if (!stands) return;
+    // Of a patch that misses the sample only its first rectangle is listed.
+    bool is_listed = is_hit(g.patch_index) ? g.parts == 0u && (g.flags & FLAG_NOT_FINITE) == 0u
+                                           : index == patch_.first && patch_.is_lit != 0u;
+    if (!is_listed) return;
     if (is_even(g.patch_index) && !has_ray(even_of(g.patch_index), index)) return;
-    vec2 at = place_of_ray(g, index);
+    uint traced = traced_for(index);
+    vec2 at = place_of_ray(P.rectangles.at[traced], traced);
+    Ray ray = ray_at(patch_, at.x, at.y);
     RaySlopes slopes = limited_slopes_at(g, index);
     vec2 over_height = has_heights() ? along_z(g, slopes) : vec2(0.0);
-    RayResult result = P.all_results.at[traced_for(index)];
+    RayResult result = P.all_results.at[traced];
     P.leaves.at[atomicAdd(P.head.at[HEAD_CELLS], 1u)] =
-        RefinedLeaf(g.x_low, g.x_high, g.z_low, g.z_high, at, slopes.depth.x, slopes.displacement.x, patch_.column,
-                    patch_.row, result.optical_depth, result.displacement_x, result.displacement_z, result.slope_x,
-                    result.slope_z, result.signature, result.flags, result.crossings, result.displacement_variance,
-                    over_height.x, over_height.y, 0u);
+        RefinedLeaf(g.x_low, g.x_high, g.z_low, g.z_high, at, ray.x, ray.z, ray.slope_x, ray.slope_z, slopes.depth.x,
+                    slopes.displacement.x, patch_.column, patch_.row, result.optical_depth, result.displacement_x,
+                    result.displacement_z, result.slope_x, result.slope_z, result.signature, result.flags,
+                    result.crossings, result.displacement_variance, over_height.x, over_height.y, 0u);
 }

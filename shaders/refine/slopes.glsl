@@ -92,12 +92,14 @@ RaySlopes limited_slopes_at(Rectangle g, uint index) {
     return slopes;
 }
 
-// Change of the light over the height of a rectangle, relative to its mean, where the optical depth rises by so much
-// over it: of the line with the same centroid.
+// Change of the light over the height of a rectangle, relative to its mean, for a rise of the optical depth over it:
+// of the line with the same centroid.
 float tilt_by_depth(float rise) {
     float t = 0.5 * rise;
     float series = t * (1.0 / 3.0 - t * t * (1.0 / 45.0 - t * t * 2.0 / 945.0));
-    return -6.0 * (abs(t) < 0.5 ? series : 1.0 / tanh(t) - 1.0 / t);
+    // Beyond 20 the quotient of tanh may overflow.
+    float large = (abs(t) < 20.0 ? 1.0 / tanh(t) : sign(t)) - 1.0 / t;
+    return -6.0 * (abs(t) < 0.5 ? series : large);
 }
 
 // Light of a rectangle along z, as cells behind apertures that end there have it: growth of the landing over its

@@ -2,7 +2,7 @@
 
 use super::on_device::{apart, few_rows, of_objects, run, tube};
 use crate::support::{amount, engine, engine_with, sample};
-use beamlet::scene::{Beam, Filter, Object, Refine, Scene, Shape};
+use beamlet::scene::{Beam, Filter, Object, Refine, Scene, Shape, Transport};
 use beamlet::{Backend, EngineOptions};
 
 /// A bundle of carbon fibres, of this roughness; a ray crosses up to 20.
@@ -115,12 +115,14 @@ fn errors_behind_samples_that_harden_the_beam_are_reported() {
     scene.detector.pixels = amount([3, 1], [14, 2]);
     let (tolerance, finer) = amount((8e-3, 2.0), (4e-3, 16.0));
     let (want, _) = run(&engine, &scene, Refine::Host, tolerance / finer);
-    for refine in [Refine::Host, Refine::Device] {
+    let auto = [Refine::Host, Refine::Device].map(|refine| (refine, Transport::Auto));
+    for (refine, transport) in auto.into_iter().chain([(Refine::Device, Transport::Exact)]) {
+        scene.sampling.transport = transport;
         let (got, record) = run(&engine, &scene, refine, tolerance);
         let [worst, rms] = apart(&got, &want);
         let told = record.sampling.expect("reported errors");
         println!(
-            "measured {refine:?}, an unfiltered tube: worst {worst:.1e}, rms {rms:.1e}, told {told:?}"
+            "measured {refine:?}, {transport:?}, an unfiltered tube: worst {worst:.1e}, rms {rms:.1e}, told {told:?}"
         );
         assert!(worst < 5.0 * tolerance && rms < tolerance, "{refine:?}: {worst} {rms}");
         assert!(told.worst_error > worst / 6.0, "{refine:?}: {told:?} for {worst:e}");

@@ -119,7 +119,7 @@ fn aside() -> Scene {
 /// A slab whose faces are almost along the beam: light is totally reflected, at each energy from other angles on.
 fn grazed() -> Scene {
     let mut scene = with_tube(shapes());
-    scene.detector.pixels = [16, 2];
+    scene.detector.pixels = amount([16, 2], [40, 2]);
     scene.objects.truncate(1);
     let slab = &mut scene.objects[0];
     slab.geometry = Shape::Box { size: [0.4e-3, 3e-3, 5e-3] }.into();

@@ -16,7 +16,7 @@ mod on_device;
 mod set_up;
 mod sums;
 
-use crate::sampling::{CellBatch, CellMoments, Hardening, Lattice};
+use crate::sampling::{CellBatch, CellMoments, Lattice};
 use crate::trace::Tracer;
 use bars::{MaskTransmission, passing};
 use beamlet_core::Result;
@@ -69,7 +69,6 @@ pub(crate) struct EnergyBinning {
     /// Pairs of materials whose delta differs, where surfaces are rough, and the word of the variance between them in
     /// the moments of a ray.
     pairs: Vec<([usize; 2], usize)>,
-    hardening: Hardening,
     /// Masks by node: the sample mask, the detector mask.
     masks: [Option<Vec<MaskShape>>; 2],
     edges: SharedEdges,

@@ -19,11 +19,9 @@ pub(super) const CELL: u64 =
 /// Bytes for a cell under a spectrum beyond these: its list, and a ray to trace at each energy.
 pub(super) const CELL_OF_SPECTRUM: u64 = 3 * 4 + size_of::<RepeatedRectangle>() as u64;
 
-/// Bytes for a rectangle whose cell the host makes beyond these: its result, and what the host holds of it.
-pub(super) const RECTANGLE_OF_HOST: u64 = (size_of::<RayResult>()
-    + 2 * size_of::<RefinedLeaf>()
-    + crate::sampling::BYTES_OF_A_CELL) as u64;
-/// Bytes for a cell that the host makes: its leaf.
+/// Bytes for a rectangle whose cell the host makes beyond these: its result.
+pub(super) const RECTANGLE_OF_HOST: u64 = size_of::<RayResult>() as u64;
+/// Bytes for a cell that the host makes, in place of [`CELL`]: its leaf.
 pub(super) const CELL_OF_HOST: u64 = size_of::<RefinedLeaf>() as u64;
 
 /// Bytes of the sums of leaked light of a patch in these groups.
@@ -132,6 +130,8 @@ impl Buffers {
         let of_spectrum =
             |make: &dyn Fn([u32; 2]) -> Result<Buffer>| sizes.spectrum.map(make).transpose();
         let [room, cells] = [sizes.room, sizes.cells].map(u64::from);
+        // Cells of the device.
+        let made = if sizes.leaves { 0 } else { cells };
         let of_host =
             |name, count, bytes| sizes.leaves.then(|| make(name, count, bytes)).transpose();
         Ok(Self {
@@ -148,11 +148,11 @@ impl Buffers {
             splits: make("rectangles to split", room, 4)?,
             asked: make("rectangles that are asked", 3 * room, 4)?,
             again: make("rectangles to estimate again", room, 4)?,
-            cells: make("cells of rectangles", cells, size_of::<Cell>())?,
-            cell_rows: make("cell rows of rectangles", cells, size_of::<CellRow>())?,
-            parts: make("parts of cell rows of rectangles", 2 * cells, size_of::<CellRowPart>())?,
-            made: make("rectangles of runs", 3 * cells, 4)?,
-            runs: make("runs of rectangles", 2 * cells, 4)?,
+            cells: make("cells of rectangles", made, size_of::<Cell>())?,
+            cell_rows: make("cell rows of rectangles", made, size_of::<CellRow>())?,
+            parts: make("parts of cell rows of rectangles", 2 * made, size_of::<CellRowPart>())?,
+            made: make("rectangles of runs", 3 * made, 4)?,
+            runs: make("runs of rectangles", 2 * made, 4)?,
             kept: of_spectrum(&|[words, _]| {
                 make("moments of rectangles", room * u64::from(words), 4)
             })?,

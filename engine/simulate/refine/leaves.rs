@@ -33,7 +33,7 @@ impl DeviceRefiner<'_> {
         let mut leaves = Take::Leaves(&mut make);
         let (found, missed) = self.refine(view, tracer, from, (rows, lit), &mut leaves, advance)?;
         blank.extend(missed);
-        sampling::take_blank(view, tracer, blank, take)?;
+        sampling::take_blank(view, tracer, (blank, lit), take)?;
         Ok(found.tally)
     }
 }

@@ -73,6 +73,7 @@ fn of_set_up(view: &ViewContext<'_>, tables: &Tables, of: RefineParams) -> Refin
     RefineParams {
         columns: tables.columns.address(),
         heights: tables.heights(),
+        hardening: tables.hardening(),
         openings: tables.openings.address(),
         opening_count: tables.opening_count,
         windows: tables.windows.address(),

@@ -3,6 +3,7 @@
 use super::buffers::{
     CELL, CELL_OF_HOST, CELL_OF_SPECTRUM, RECTANGLE, RECTANGLE_OF_HOST, merged_bytes,
 };
+use crate::sampling::bytes_of_leaf;
 use beamlet_core::{Error, numbers};
 
 /// Rectangles that there is room for where memory has no limit, and least.
@@ -42,11 +43,10 @@ impl RefineRoom {
 
     /// The same where the host makes the cells; `words`: of the moments of a ray.
     pub(crate) fn of_host(limit: Option<[u64; 2]>, words: usize) -> Self {
-        let moments = 2 * size_of::<f32>() * words;
         Self {
             limit,
-            rectangle: RECTANGLE + RECTANGLE_OF_HOST + moments as u64,
-            cell: CELL + CELL_OF_HOST,
+            rectangle: RECTANGLE + RECTANGLE_OF_HOST + bytes_of_leaf(words) as u64,
+            cell: CELL_OF_HOST,
             most: RECTANGLES_OF_HOST,
         }
     }

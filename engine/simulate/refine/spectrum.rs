@@ -2,6 +2,7 @@
 
 use super::buffers::Buffers;
 use super::group::Group;
+use super::tables::table;
 use crate::illuminate::{EnergyBinning, EnergyTables};
 use crate::sampling::CellBatch;
 use crate::trace::Tracer;
@@ -22,7 +23,6 @@ pub(super) struct Spectrum<'s> {
     /// Where surfaces are rough.
     pairs: Option<Buffer>,
     steps: Option<Buffer>,
-    hardening: Buffer,
     counts: Buffer,
     record: Buffer,
     shares: Option<Buffer>,
@@ -41,10 +41,8 @@ impl<'s> Spectrum<'s> {
             materials: device.upload("materials of a spectrum", &with_one(&tables.materials))?,
             constants: device.upload("constants by energy", &with_one(&tables.constants))?,
             ratios: device.upload("strengths of refraction by energy", &tables.ratios)?,
-            pairs: some(device, "pairs of materials", &tables.pairs)?,
-            steps: some(device, "steps of delta by energy", &tables.steps)?,
-            hardening: device
-                .upload("optical depths of a spectrum", &with_one(&tables.hardening))?,
+            pairs: table(device, "pairs of materials", &tables.pairs)?,
+            steps: table(device, "steps of delta by energy", &tables.steps)?,
             counts: make("numbers of cells by list", 4 * (4 * lists + 1))?,
             record: make("energies of refinement", size_of::<RefinedSpectrum>() as u64)?,
             shares: None,
@@ -100,7 +98,6 @@ impl<'s> Spectrum<'s> {
             ratios: self.ratios.address(),
             pairs: of(&self.pairs),
             steps: of(&self.steps),
-            hardening: self.hardening.address(),
             shares: of(&self.shares),
             counts: self.counts.address(),
             marks: of(&buffers.marks),
@@ -150,11 +147,6 @@ impl<'s> Spectrum<'s> {
     pub(super) fn is_sent(&mut self) {
         self.unsent.clear();
     }
-}
-
-/// A table on the device; none where it is empty.
-fn some<T: bytemuck::Pod>(device: &Arc<Device>, name: &str, table: &[T]) -> Result<Option<Buffer>> {
-    (!table.is_empty()).then(|| device.upload(name, table)).transpose()
 }
 
 /// A table, which is not empty.

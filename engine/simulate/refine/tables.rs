@@ -21,6 +21,8 @@ pub(super) struct Tables {
     pub(super) open_width: f32,
     /// Apertures that end along z.
     heights: Option<Heights>,
+    /// Light behind the sample under a spectrum.
+    hardening: Option<Buffer>,
     _values: Vec<Buffer>,
 }
 
@@ -88,6 +90,7 @@ impl Tables {
             )?,
             open_width: widest(response, single(lattice.period)),
             heights: Heights::new(device, view)?,
+            hardening: table(device, "optical depths of a spectrum", response.hardening.table())?,
             _values: values,
         })
     }
@@ -95,6 +98,11 @@ impl Tables {
     /// Address of the apertures that end along z; 0 of slits.
     pub(super) fn heights(&self) -> u64 {
         self.heights.as_ref().map_or(0, Heights::address)
+    }
+
+    /// Address of the optical depths of a spectrum; 0 at one energy.
+    pub(super) fn hardening(&self) -> u64 {
+        self.hardening.as_ref().map_or(0, Buffer::address)
     }
 
     /// Rows of the detector, as rays and masks need them.
@@ -110,6 +118,15 @@ impl Tables {
         };
         rows.map(row).collect()
     }
+}
+
+/// A table on the device; none where it is empty.
+pub(super) fn table<T: bytemuck::Pod>(
+    device: &Arc<Device>,
+    name: &str,
+    table: &[T],
+) -> Result<Option<Buffer>> {
+    (!table.is_empty()).then(|| device.upload(name, table)).transpose()
 }
 
 /// A buffer is not empty.

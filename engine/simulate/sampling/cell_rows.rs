@@ -231,10 +231,9 @@ impl Emitter<'_> {
         moments: &[f32],
     ) {
         if rectangle.ends.result.flags & FLAG_EXACT != 0 && self.view.recording.is_some() {
-            let [x, z] = patch.place(rectangle.ray);
             row.moments.exact.push(ExactCell {
                 cell: numbers::count(row.cells.len()),
-                ends: [self.view.ray(patch.beamlet, patch.row, x, z); 2],
+                ends: [rectangle.ray(self.view, patch); 2],
                 results: rectangle.ends.results(),
                 range: share,
             });

@@ -151,6 +151,7 @@ impl<'a> Emitter<'a> {
                 x: node.x,
                 z: node.z,
                 ray: patch.ray_coordinates(leaf),
+                traced: None,
                 ends: LinearModel::new(&node.result, node.width(), &slopes),
                 displacement_variance,
                 ends_z,

@@ -64,6 +64,8 @@ pub(super) struct CellError {
     pub(crate) moment: f32,
     /// Light that passes the sample, share of open beam.
     pub(crate) through: f32,
+    /// Part of its height that the sample mask opens, at most.
+    pub(crate) height: f32,
     /// A silhouette crosses it, or a neighbour crossed other objects.
     pub(crate) silhouette: bool,
     pub(crate) axis: Axis,
@@ -168,7 +170,7 @@ impl Estimator<'_> {
             _ => self.ray_error(patch, index),
         };
         if let Some(lit) = &self.lit_heights {
-            error.weigh(lit.share(patch.row, node.z), false);
+            error.height = lit.open(patch.row, node.z);
         }
         if !self.counts_in_full(patch.row) {
             let least = if error.silhouette { THROWN } else { 0.0 };
@@ -257,6 +259,7 @@ impl Estimator<'_> {
             whole: if cut > 0.0 { (where_open / cut).sqrt() } else { 0.0 },
             moment: 0.0,
             through: all,
+            height: 1.0,
             silhouette: node.has_silhouette(),
             axis: if height > width { Axis::Z } else { Axis::X },
             draws: None,
@@ -335,6 +338,7 @@ impl Estimator<'_> {
             whole: if all > 0.0 { (where_open + down) / all } else { 0.0 },
             moment: area * passed * residuals.displacement,
             through: area * passed,
+            height: 1.0,
             silhouette: false,
             axis: if down > where_open { Axis::Z } else { residuals.narrower },
             draws: None,

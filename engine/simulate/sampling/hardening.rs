@@ -1,6 +1,6 @@
 //! Light of a spectrum that passes the sample, by the optical depth at the mean constants.
 
-use beamlet_core::numbers::single;
+use beamlet_core::numbers::{self, single};
 use beamlet_interface::{HARDENING_DEEPEST, HARDENING_PLACES};
 use beamlet_model::media::MaterialTable;
 use std::sync::Arc;
@@ -9,41 +9,49 @@ use std::sync::Arc;
 /// than exp(-depth), of a hard spectrum by orders of magnitude.
 #[derive(Debug, Clone)]
 pub(crate) struct Hardening {
-    /// Optical depth of the light of all energies, by the square root of the depth; none at one energy.
-    depths: Arc<[f32]>,
+    /// Optical depth of the light of all energies over the depth, by the square root of the depth; then the least
+    /// ratio of an energy. None at one energy.
+    ratios: Arc<[f32]>,
 }
 
 impl Hardening {
     pub(crate) fn of(media: &MaterialTable) -> Self {
         let nodes = media.attenuation_ratios();
         if nodes.len() < 2 {
-            return Self { depths: Arc::default() };
+            return Self { ratios: Arc::default() };
         }
         let all: f64 = nodes.iter().map(|[weight, _]| weight).sum();
-        let depth = |place: u32| {
+        let least = nodes.iter().map(|[_, ratio]| *ratio).fold(f64::INFINITY, f64::min);
+        let mean = nodes.iter().map(|[weight, ratio]| weight * ratio).sum::<f64>() / all;
+        let ratio = |place: u32| {
             let share = f64::from(place) / f64::from(HARDENING_PLACES - 1);
             let depth = f64::from(HARDENING_DEEPEST) * share * share;
-            let least = nodes.iter().map(|[_, ratio]| ratio * depth).fold(f64::INFINITY, f64::min);
-            let of = |[weight, ratio]: &[f64; 2]| weight / all * (least - ratio * depth).exp();
-            single(least - nodes.iter().map(of).sum::<f64>().ln())
+            let of = |[weight, ratio]: &[f64; 2]| weight / all * ((least - ratio) * depth).exp();
+            match place {
+                0 => mean,
+                _ => least - nodes.iter().map(of).sum::<f64>().ln() / depth,
+            }
         };
-        Self { depths: (0..HARDENING_PLACES).map(depth).collect() }
+        let places = (0..HARDENING_PLACES).map(ratio);
+        Self { ratios: places.chain([least]).map(single).collect() }
     }
 
     /// The table, for the device (`shaders/refine/hardening.glsl`); empty at one energy.
     pub(crate) fn table(&self) -> &[f32] {
-        &self.depths
+        &self.ratios
     }
 
     /// Share of the light that passes a depth.
     pub(crate) fn light(&self, depth: f32) -> f32 {
-        let (true, false) = (depth > 0.0, self.depths.is_empty()) else { return (-depth).exp() };
-        let last = HARDENING_PLACES - 1;
-        let place = (depth / HARDENING_DEEPEST as f32).min(1.0).sqrt() * last as f32;
-        let first = (place as usize).min(last as usize - 1);
-        let [low, high] = [self.depths[first], self.depths[first + 1]];
-        let part = place - first as f32;
-        (-(low + (high - low) * part)).exp()
+        let (true, false) = (depth > 0.0, self.ratios.is_empty()) else { return (-depth).exp() };
+        let (last, deepest) = (HARDENING_PLACES - 1, HARDENING_DEEPEST as f32);
+        let within = depth.min(deepest);
+        let place = (within / deepest).sqrt() * last as f32;
+        let first = numbers::whole::<usize>(f64::from(place)).min(last as usize - 1);
+        let [low, high] = [self.ratios[first], self.ratios[first + 1]];
+        let ratio = low + (high - low) * (place - first as f32);
+        // Deeper down only the light of the least ratio is left.
+        (-(ratio * within + self.ratios[last as usize + 1] * (depth - within))).exp()
     }
 }
 

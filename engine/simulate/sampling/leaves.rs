@@ -7,15 +7,19 @@ use super::moment_recording::LinearModel;
 use super::neighbours::Slopes;
 use super::patch::PatchPlace;
 use super::rectangle::Rectangle;
+use super::room::MOMENTS;
 use super::view_context::ViewContext;
 use crate::trace::Tracer;
 use beamlet_core::Result;
-use beamlet_interface::{Cell, RayResult, RefinedLeaf};
+use beamlet_interface::{Cell, CellRow, Ray, RayResult, RefinedLeaf};
 use rayon::prelude::*;
 use std::ops::Range;
 
-/// Bytes of a cell in the making beside its moments.
-pub(crate) const BYTES_OF_A_CELL: usize = 2 * size_of::<Rectangle>() + size_of::<Cell>();
+/// Bytes of the host for a rectangle of the device, with all that is made of it; `words`: of the moments of a ray.
+pub(crate) const fn bytes_of_leaf(words: usize) -> usize {
+    let made = 2 * (size_of::<Rectangle>() + size_of::<Cell>() + size_of::<CellRow>());
+    2 * size_of::<RefinedLeaf>() + made + MOMENTS * 2 * words * size_of::<f32>()
+}
 
 /// The cells of all rectangles of some patches, in any order, and the places (column, row) of patches that miss the
 /// sample. `lit`: rows whose light is wanted.
@@ -70,6 +74,14 @@ fn rectangle_of(leaf: &RefinedLeaf, emitter: &Emitter<'_>) -> Rectangle {
         displacement: [leaf.displacement_slope, 0.0],
         ..Slopes::default()
     };
+    let ray = Ray {
+        x: leaf.ray_x,
+        z: leaf.ray_z,
+        slope_x: leaf.ray_slope_x,
+        slope_z: leaf.ray_slope_z,
+        pose: emitter.view.pose,
+        ..bytemuck::Zeroable::zeroed()
+    };
     let x = [leaf.x_low, leaf.x_high];
     let landing = result.landing_z(emitter.gap);
     let half = 0.5 * leaf.growth * emitter.row_pitch;
@@ -77,6 +89,7 @@ fn rectangle_of(leaf: &RefinedLeaf, emitter: &Emitter<'_>) -> Rectangle {
         x,
         z: [leaf.z_low, leaf.z_high],
         ray: leaf.at,
+        traced: Some(ray),
         ends: LinearModel::new(&result, x[1] - x[0], &slopes),
         displacement_variance: emitter.view.variance_of(&result),
         ends_z: [landing + half, landing - half],

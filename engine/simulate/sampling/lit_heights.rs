@@ -14,13 +14,11 @@ pub(crate) struct LitHeights {
     pub(crate) tops: Vec<f64>,
     /// Height of an aperture with its blur, rows.
     pub(crate) height: f64,
-    /// Transmission of the bars.
-    leak: f64,
 }
 
 impl LitHeights {
-    /// The apertures of optics, whose bars pass the share `leak`; `None` where none ends along z.
-    pub(crate) fn of(optics: &Optics, leak: f32) -> Option<Self> {
+    /// The apertures of optics; `None` where none ends along z.
+    pub(crate) fn of(optics: &Optics) -> Option<Self> {
         let plane = optics.cell_plane;
         let strips = optics.sample_mask.as_ref()?.strips(plane, 1)?;
         let row = |z: f64| optics.detector.row_at(z, plane);
@@ -35,12 +33,12 @@ impl LitHeights {
         tops.sort_unstable_by(f64::total_cmp);
         tops.dedup();
         let height = row(low - reach) - row(high + reach);
-        Some(Self { period: row(0.0) - row(strips.period), tops, height, leak: leak.into() })
+        Some(Self { period: row(0.0) - row(strips.period), tops, height })
     }
 
-    /// Largest share of the light between two places, rows from the upper end of a row, that the mask lets through
-    /// at a step.
-    pub(super) fn share(&self, row: i64, [low, high]: [f32; 2]) -> f32 {
+    /// Largest part of the interval between two places, rows from the upper end of a row, that the mask opens at a
+    /// step.
+    pub(super) fn open(&self, row: i64, [low, high]: [f32; 2]) -> f32 {
         let [low, high] = [low, high].map(|at| row as f64 + f64::from(at));
         let open = |top: &f64| {
             let first = ((low - top - self.height) / self.period).floor();
@@ -52,8 +50,7 @@ impl LitHeights {
             }
             sum / (high - low)
         };
-        let open = self.tops.iter().map(open).fold(0.0, f64::max).min(1.0);
-        beamlet_core::numbers::single(self.leak + (1.0 - self.leak) * open)
+        beamlet_core::numbers::single(self.tops.iter().map(open).fold(0.0, f64::max).min(1.0))
     }
 }
 
@@ -62,16 +59,16 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_share_is_the_largest_overlap_of_the_steps() {
-        let lit = LitHeights { period: 2.0, tops: vec![0.25, 0.5], height: 0.5, leak: 0.1 };
+    fn the_open_part_is_the_largest_overlap_of_the_steps() {
+        let lit = LitHeights { period: 2.0, tops: vec![0.25, 0.5], height: 0.5 };
         let near = |row: i64, ends: [f32; 2], want: f32| {
-            let got = lit.share(row, ends);
+            let got = lit.open(row, ends);
             assert!((got - want).abs() < 1e-6, "{row} {ends:?}: {got} for {want}");
         };
-        near(0, [0.0, 1.0], 0.1 + 0.9 * 0.5);
+        near(0, [0.0, 1.0], 0.5);
         near(0, [0.75, 1.0], 1.0);
-        near(0, [0.0, 0.5], 0.1 + 0.9 * 0.5);
-        near(1, [0.0, 1.0], 0.1);
+        near(0, [0.0, 0.5], 0.5);
+        near(1, [0.0, 1.0], 0.0);
         near(2, [0.5, 0.75], 1.0);
     }
 }

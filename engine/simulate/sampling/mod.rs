@@ -55,7 +55,7 @@ pub(crate) use facet_lists::SampleFacets;
 pub(crate) use hardening::Hardening;
 pub(crate) use landing_edges::LandingEdges;
 pub use lattice::{Lattice, beamlet_geometry};
-pub(crate) use leaves::{BYTES_OF_A_CELL, cells_of_leaves};
+pub(crate) use leaves::{bytes_of_leaf, cells_of_leaves};
 pub(crate) use lit_heights::LitHeights;
 pub(crate) use moment_recording::MomentRecording;
 pub(crate) use projected_bounds::{ProjectedBounds, projected_bounds, touches_pixel};

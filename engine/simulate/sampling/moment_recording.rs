@@ -128,12 +128,7 @@ impl MomentRecording {
         let unknown = |(patch, rectangles): (&PatchPlace, &Vec<Rectangle>)| -> Vec<Ray> {
             let unknown =
                 rectangles.iter().filter(|r| self.single_material(&r.ends.result).is_none());
-            unknown
-                .map(|r| {
-                    let [x, z] = patch.place(r.ray);
-                    view.ray(patch.beamlet, patch.row, x, z)
-                })
-                .collect()
+            unknown.map(|r| r.ray(view, *patch)).collect()
         };
         let rays: Vec<Vec<Ray>> = patches.par_iter().zip(rectangles).map(unknown).collect();
         let stride = MOMENTS_HEAD + self.words;

@@ -56,7 +56,7 @@ pub(super) struct NarrowComponent {
     pub(crate) light: f64,
 }
 
-/// Rule errors of the rectangles of a patch, by node.
+/// Known errors of the rectangles of a patch, by node.
 #[derive(Debug, Default)]
 pub(super) struct KnownErrors {
     errors: Vec<Option<CellError>>,
@@ -325,7 +325,7 @@ impl Estimator<'_> {
         open: bool,
     ) -> Option<Axis> {
         let node = &patch.nodes[error.node as usize];
-        let lit = if open { 1.0 } else { self.response.lit(0.0) };
+        let lit = self.response.lit(if open { error.height } else { 0.0 });
         let worth = f64::from(SPREAD * lit * error.through) > self.safety() * self.budget.light;
         if !worth {
             return None;

@@ -126,6 +126,7 @@ impl Estimator<'_> {
             whole: 1.0,
             moment: SPREAD * area * by_ray.passed * moved,
             through: area * by_ray.passed,
+            height: 1.0,
             silhouette: silhouette || drawn,
             axis,
             draws: drawn.then_some(Draws { area, others: light, variance }),

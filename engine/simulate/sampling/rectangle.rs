@@ -3,9 +3,11 @@
 use super::dissection::Piece;
 use super::moment_recording::LinearModel;
 use super::neighbours::Slopes;
-use super::patch::Border;
+use super::patch::{Border, PatchPlace};
 use super::row_spread::{PieceRows, tilt_by_centroid};
+use super::view_context::ViewContext;
 use beamlet_core::numbers::single;
+use beamlet_interface::Ray;
 
 /// Over less, m, no depth rises: f32 does not resolve it.
 const THINNEST: f32 = 1e-12;
@@ -17,6 +19,8 @@ pub(super) struct Rectangle {
     pub(crate) z: [f32; 2],
     /// Coordinates of its ray.
     pub(crate) ray: [f32; 2],
+    /// Its ray, where the device chose it: another one beside it may draw another normal.
+    pub(super) traced: Option<Ray>,
     pub(super) ends: LinearModel,
     /// Variance of the displacement about the result, m2.
     pub(crate) displacement_variance: f32,
@@ -34,6 +38,14 @@ impl Rectangle {
     /// True if all its rays miss the sample.
     pub(super) fn is_empty(&self) -> bool {
         self.ends.result.crossings == 0 && self.rows.is_none()
+    }
+
+    /// Its ray, in a patch.
+    pub(super) fn ray(&self, view: &ViewContext<'_>, patch: PatchPlace) -> Ray {
+        self.traced.unwrap_or_else(|| {
+            let [x, z] = patch.place(self.ray);
+            view.ray(patch.beamlet, patch.row, x, z)
+        })
     }
 
     /// A piece. `gap`: from analyser to detector, m; `magnification`: from
@@ -55,6 +67,7 @@ impl Rectangle {
             x: piece.x,
             z: piece.z,
             ray: piece.centroid,
+            traced: None,
             ends,
             displacement_variance: magnification * magnification * wider,
             ends_z: [piece.result.landing_z(gap); 2],

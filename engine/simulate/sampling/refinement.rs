@@ -106,7 +106,7 @@ impl<'a> Refiner<'a> {
             row_blur: single(view.lattice.row_spread.blur),
             wide_blur: view.lattice.row_spread.is_wide(),
             heights: view.lattice.heights,
-            lit_heights: LitHeights::of(optics, view.response.leak),
+            lit_heights: LitHeights::of(optics),
             landing_edges: LandingEdges::of(optics),
             gap: single(optics.gap()),
             other_energies: view.recording.is_some(),

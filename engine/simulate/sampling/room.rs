@@ -8,7 +8,7 @@ use beamlet_core::Error;
 /// beyond their length while they grow.
 const CELLS: u64 = 2;
 /// Copies of the moments of both ends of a cell while they are made and written.
-const MOMENTS: u64 = 4;
+pub(super) const MOMENTS: usize = 4;
 
 /// Rays and memory that refinement may hold.
 #[derive(Debug, Clone, Copy)]
@@ -31,7 +31,7 @@ impl Room {
 
     /// Bytes of patches and of all that is made of them, for each byte of the patches.
     fn whole(&self) -> u64 {
-        let moments = MOMENTS * 2 * (self.words * size_of::<f32>()) as u64;
+        let moments = (MOMENTS * 2 * self.words * size_of::<f32>()) as u64;
         1 + CELLS + moments.div_ceil(size_of::<Node>() as u64)
     }
 

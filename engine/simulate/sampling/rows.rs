@@ -5,6 +5,7 @@ use super::cell_batch::{CellBatch, blank_cell_rows, empty_cell};
 use super::cell_moments::CellMoments;
 use super::emission::Emitter;
 use super::error_budget::tally_of;
+use super::lattice::Lattice;
 use super::narrow_components::NarrowComponents;
 use super::patch::Patch;
 use super::refinement::{Refined, Refiner};
@@ -81,26 +82,26 @@ pub(crate) fn sample_rows(
             advance(tracer, (before + done) as f64 / waiting.len() as f64);
         };
         let mut keep = |tracer: &mut Tracer, cells: CellBatch, empty: Vec<(i64, i64)>| {
-            blank.extend(empty.into_iter().filter(|(column, row)| {
-                lit.contains(row) && view.lattice.direct.contains(&(column + first_beamlet))
-            }));
+            blank.extend(empty);
             take(tracer, &cells)
         };
         refined(view, &refiner, tracer, (chunk, room), lit, &mut keep, &mut part)?;
     }
-    take_blank(view, tracer, blank, take)
+    take_blank(view, tracer, (blank, lit), take)
 }
 
-/// Hands over cells without a sample at places (column, row), in parts.
+/// Hands over cells without a sample at places (column, row) whose light is wanted in rows `lit`, in parts.
 ///
 /// # Errors
 /// Errors of `take`.
 pub(crate) fn take_blank(
     view: &ViewContext<'_>,
     tracer: &mut Tracer,
-    blank: Vec<(i64, i64)>,
+    (mut blank, lit): (Vec<(i64, i64)>, &Range<i64>),
     take: Take<'_>,
 ) -> Result<()> {
+    let Lattice { direct, beamlets, .. } = view.lattice;
+    blank.retain(|(column, row)| lit.contains(row) && direct.contains(&(column + beamlets.start)));
     let cell = empty_cell(view.lattice);
     let words = view.recording.as_ref().map_or(0, |recording| recording.words());
     let none = CellMoments { ends: vec![0.0; 2 * words], ..CellMoments::default() };

@@ -25,8 +25,9 @@ pub(super) struct Weighing<'a> {
 }
 
 impl Weighing<'_> {
-    /// The error of a rectangle that is open to a share.
-    pub(super) fn of(&self, error: &CellError, rule: &Rule, open: f32) -> StepError {
+    /// The error of a rectangle of which this part of its width is open.
+    pub(super) fn of(&self, error: &CellError, rule: &Rule, width: f32) -> StepError {
+        let open = width * error.height;
         // Light that leaks through bars is the same at every step, and moves no angle.
         let through = f64::from(open * error.through);
         let squared = |part: f32| f64::from(part * error.moment).powi(2);
@@ -40,7 +41,7 @@ impl Weighing<'_> {
             },
             // The mean over all of a rectangle is exact, and so is that over nearly all of it.
             Rule::Means(_) | Rule::Overlay(_) => {
-                let cut = self.response.cut(open);
+                let cut = error.height * self.response.cut(width);
                 let light = f64::from(cut.max(lit * error.whole) * error.light);
                 let [apart, together] = match (rule, self.together) {
                     (Rule::Overlay(_), Some(factor)) => [0.0, factor * light],

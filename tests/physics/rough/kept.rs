@@ -3,7 +3,7 @@
 use super::light::{MONO, SPECTRUM, plates};
 use crate::support::kept::{again, keep};
 use crate::support::{amount, engine, engine_with, sample};
-use beamlet::scene::MaterialSpec;
+use beamlet::scene::{MaterialSpec, Refine};
 use beamlet::stack::Stacks;
 use beamlet::{Backend, EngineOptions};
 use ndarray::Array4;
@@ -50,5 +50,35 @@ fn rough_bodies_are_illuminated_again() {
         // As of smooth bodies: cells were refined for the run's own set-up.
         println!("measured {change}: {off:e} of {seen:e}");
         assert!(off < 2e-5, "{change}: {off:e} of {seen:e}");
+    }
+}
+
+/// Rays that the device chooses: light is of the normals that they drew. Moments do not depend on the mask offsets.
+#[test]
+fn rough_bodies_whose_rays_the_device_chooses_are_illuminated_again() {
+    let mut scene = plates(MONO);
+    scene.sampling.max_rays = 500;
+    scene.detector.pixels[0] = 10;
+    scene.sampling.refine = Refine::Device;
+    let directory = tempfile::tempdir().expect("a folder");
+    let options = EngineOptions::default().with_backend(Backend::Bvh).with_keep_moments(true);
+    let keeping = engine_with(options);
+    let kept = keep(&keeping, &scene, &directory.path().join("run"));
+    let mut steps = scene.clone();
+    steps.scan.mask_offsets = vec![-7e-6, 11e-6];
+    let engine = engine(Backend::Bvh);
+    for (change, scene) in [("none", scene), ("steps", steps)] {
+        let got = again(&engine, &kept, &scene).expect("a run");
+        assert_eq!(got.sample, keeping.simulate(&scene).expect("a run").sample, "{change}");
+        let mut by_host = scene.clone();
+        by_host.sampling.refine = Refine::Host;
+        let mut smooth = by_host.clone();
+        smooth.objects[0].roughness = 0.0;
+        let want = engine.simulate(&by_host).expect("a run");
+        let seen = mean_off(&engine.simulate(&smooth).expect("a run"), &want);
+        let off = mean_off(&got, &want);
+        println!("measured {change}, device: {off:e} of {seen:e}");
+        // Other rays draw other normals.
+        assert!(off < 0.25 * seen, "{change}: {off:e} of {seen:e}");
     }
 }

@@ -31,8 +31,6 @@ pub(crate) struct EnergyTables {
     pub(crate) pairs: Vec<u32>,
     /// `[node][pair]`: square of the step of delta.
     pub(crate) steps: Vec<f32>,
-    /// Optical depths of the light of all energies.
-    pub(crate) hardening: Vec<f32>,
     pub(crate) nodes: u32,
     pub(crate) groups: u32,
     pub(crate) columns: u32,
@@ -68,7 +66,6 @@ impl EnergyBinning {
             ratios: ratios.flat_map(|(a, b)| [single(*a), single(*b)]).collect(),
             steps: steps.collect(),
             pairs: self.pairs.iter().map(|(_, word)| numbers::count(MOMENTS_HEAD + word)).collect(),
-            hardening: self.hardening.table().to_vec(),
             nodes: numbers::count(self.nodes()),
             groups: numbers::count(self.groups.len()),
             columns: numbers::count(self.slopes.len()),

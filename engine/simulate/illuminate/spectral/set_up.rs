@@ -5,7 +5,7 @@ use super::super::light::{IlluminationBuffer, SpectralBand};
 use super::edges::SharedEdges;
 use super::exact::exact_retrace_threshold;
 use super::{DISPLACEMENT_SHARE, EnergyBinning, NEGLIGIBLE};
-use crate::sampling::{Hardening, Lattice};
+use crate::sampling::Lattice;
 use beamlet_core::Result;
 use beamlet_core::numbers::{count, single};
 use beamlet_gpu::Device;
@@ -80,7 +80,6 @@ impl EnergyBinning {
             materials,
             words: media.moment_words(),
             pairs: refracting_pairs(media),
-            hardening: Hardening::of(media),
             groups: Vec::new(),
             slopes: lattice.beamlet_geometry(optics).iter().map(|c| c.slope.into()).collect(),
             lattice: lattice.clone(),
