@@ -1,5 +1,7 @@
 //! Patches and their rectangles, as the device refines them. Lengths in metres.
 
+use super::walk::{Ray, RayResult};
+
 shared_structs! {
     /// Structs of the refinement.
     pub(super) LAYOUTS;
@@ -82,7 +84,7 @@ shared_structs! {
         pub height: f32,
         /// Period of the detector mask.
         pub edge_period: f32,
-        /// To a multiple of 8 bytes.
+        /// Padding.
         pub unused: u32,
     }
 
@@ -171,31 +173,18 @@ shared_structs! {
         pub z_high: f32,
         /// Place of its ray: from the middle of the beamlet, and share of the row.
         pub at: [f32; 2] => vec2,
-        /// Its ray.
-        pub ray_x: f32,
-        pub ray_z: f32,
-        pub ray_slope_x: f32,
-        pub ray_slope_z: f32,
+        pub ray: Ray,
+        pub result: RayResult,
         /// Slopes along x: of the optical depth, 1/m, and of the displacement.
         pub depth_slope: f32,
         pub displacement_slope: f32,
-        /// Index of the beamlet.
-        pub column: u32,
-        pub row: i32,
-        /// Result of its ray.
-        pub optical_depth: f32,
-        pub displacement_x: f32,
-        pub displacement_z: f32,
-        pub slope_x: f32,
-        pub slope_z: f32,
-        pub signature: u32,
-        pub flags: u32,
-        pub crossings: u32,
-        pub displacement_variance: f32,
         /// Light over its height behind apertures that end along z, else 0: growth of the landing, rows, and change
         /// relative to the mean.
         pub growth: f32,
         pub tilt: f32,
+        /// Index of the beamlet.
+        pub column: u32,
+        pub row: i32,
         /// Padding.
         pub unused: u32,
     }

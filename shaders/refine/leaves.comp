@@ -23,13 +23,9 @@ void main() {
     if (is_even(g.patch_index) && !has_ray(even_of(g.patch_index), index)) return;
     uint traced = traced_for(index);
     vec2 at = place_of_ray(P.rectangles.at[traced], traced);
-    Ray ray = ray_at(patch_, at.x, at.y);
     RaySlopes slopes = limited_slopes_at(g, index);
     vec2 over_height = has_heights() ? along_z(g, slopes) : vec2(0.0);
-    RayResult result = P.all_results.at[traced];
     P.leaves.at[atomicAdd(P.head.at[HEAD_CELLS], 1u)] =
-        RefinedLeaf(g.x_low, g.x_high, g.z_low, g.z_high, at, ray.x, ray.z, ray.slope_x, ray.slope_z, slopes.depth.x,
-                    slopes.displacement.x, patch_.column, patch_.row, result.optical_depth, result.displacement_x,
-                    result.displacement_z, result.slope_x, result.slope_z, result.signature, result.flags,
-                    result.crossings, result.displacement_variance, over_height.x, over_height.y, 0u);
+        RefinedLeaf(g.x_low, g.x_high, g.z_low, g.z_high, at, ray_at(patch_, at.x, at.y), P.all_results.at[traced],
+                    slopes.depth.x, slopes.displacement.x, over_height.x, over_height.y, patch_.column, patch_.row, 0u);
 }

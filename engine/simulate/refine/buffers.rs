@@ -1,5 +1,6 @@
 //! Buffers of the refinement, which groups of patches share.
 
+use super::tables::address;
 use crate::trace::Tracer;
 use beamlet_core::Result;
 use beamlet_gpu::{Buffer, Device, Memory};
@@ -170,10 +171,9 @@ impl Buffers {
 
     /// Parameters with the addresses of all buffers.
     pub(super) fn params(&self, tracer: &Tracer) -> RefineParams {
-        let of = |buffer: &Option<Buffer>| buffer.as_ref().map_or(0, Buffer::address);
         RefineParams {
-            all_results: of(&self.results),
-            leaves: of(&self.leaves),
+            all_results: address(&self.results),
+            leaves: address(&self.leaves),
             patches: self.patches.address(),
             rows: self.rows.address(),
             walls: self.walls.address(),

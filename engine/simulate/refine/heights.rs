@@ -1,5 +1,6 @@
 //! Apertures that end along z, for the device.
 
+use super::tables::{address, table};
 use crate::sampling::{LandingEdges, LitHeights, ViewContext};
 use beamlet_core::Result;
 use beamlet_core::numbers::{self, single};
@@ -13,7 +14,7 @@ pub(super) struct Heights {
     lit: Option<LitHeights>,
     landing: Option<LandingEdges>,
     record: Buffer,
-    _lists: [Buffer; 2],
+    _lists: [Option<Buffer>; 2],
 }
 
 impl Heights {
@@ -26,14 +27,12 @@ impl Heights {
         let landing = LandingEdges::of(view.optics);
         let tops = lit.as_ref().map_or_else(Vec::new, |lit| in_period(&lit.tops, lit.period));
         let edges = landing.as_ref().map_or_else(Vec::new, |it| in_period(&it.edges, it.period));
-        // A buffer is not empty.
-        let upload = |name: &str, list: &[f32]| {
-            device.upload(name, if list.is_empty() { &[0.0] } else { list })
-        };
-        let lists = [upload("apertures along z", &tops)?, upload("edges along z", &edges)?];
+        let lists =
+            [table(device, "apertures along z", &tops)?, table(device, "edges along z", &edges)?];
+        let [tops_at, edges_at] = lists.each_ref().map(address);
         let record = RefinedHeights {
-            tops: lists[0].address(),
-            edges: lists[1].address(),
+            tops: tops_at,
+            edges: edges_at,
             top_count: numbers::count(tops.len()),
             edge_count: numbers::count(edges.len()),
             period: lit.as_ref().map_or(1.0, |lit| single(lit.period)),

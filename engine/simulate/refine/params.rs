@@ -68,15 +68,16 @@ fn of_set_up(view: &ViewContext<'_>, tables: &Tables, of: RefineParams) -> Refin
     let least = (LEAST_SHARE * lattice.period).min(LEAST_WIDTH);
     let any = response.any_masks;
     let recorded = if any { ANY_ROWS } else { view.recorded_rows() };
+    let [openings, windows, hardening] = tables.addresses();
     let at_analyser = optics.analyser / detector.distance;
     let half = 0.5 * detector.extent(0) * at_analyser + BLURS * f64::from(response.blur);
     RefineParams {
         columns: tables.columns.address(),
         heights: tables.heights(),
-        hardening: tables.hardening(),
-        openings: tables.openings.address(),
+        hardening,
+        openings,
         opening_count: tables.opening_count,
-        windows: tables.windows.address(),
+        windows,
         window_count: tables.window_count,
         pose: view.pose,
         max_rays: budget.max_rays,

@@ -2,7 +2,7 @@
 
 use super::buffers::Buffers;
 use super::group::Group;
-use super::tables::table;
+use super::tables::{address, table};
 use crate::illuminate::{EnergyBinning, EnergyTables};
 use crate::sampling::CellBatch;
 use crate::trace::Tracer;
@@ -89,20 +89,19 @@ impl<'s> Spectrum<'s> {
             }
             self.blocks = blocks;
         }
-        let of = |buffer: &Option<Buffer>| buffer.as_ref().map_or(0, Buffer::address);
         self.sent = [RefinedSpectrum {
             traced: tracer.moments().address(),
-            kept: of(&buffers.kept),
+            kept: address(&buffers.kept),
             materials: self.materials.address(),
             constants: self.constants.address(),
             ratios: self.ratios.address(),
-            pairs: of(&self.pairs),
-            steps: of(&self.steps),
-            shares: of(&self.shares),
+            pairs: address(&self.pairs),
+            steps: address(&self.steps),
+            shares: address(&self.shares),
             counts: self.counts.address(),
-            marks: of(&buffers.marks),
-            merged: of(&buffers.merged),
-            repeated: of(&buffers.repeated),
+            marks: address(&buffers.marks),
+            merged: address(&buffers.merged),
+            repeated: address(&buffers.repeated),
             nodes: self.tables.nodes,
             material_count: numbers::count(self.tables.materials.len()),
             pair_count: numbers::count(self.tables.pairs.len()),

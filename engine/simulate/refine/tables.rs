@@ -13,9 +13,9 @@ use std::sync::Arc;
 #[derive(Debug)]
 pub(super) struct Tables {
     pub(super) columns: Buffer,
-    pub(super) openings: Buffer,
+    openings: Option<Buffer>,
     pub(super) opening_count: u32,
-    pub(super) windows: Buffer,
+    windows: Option<Buffer>,
     pub(super) window_count: u32,
     /// Largest width that a step opens, m.
     pub(super) open_width: f32,
@@ -79,15 +79,9 @@ impl Tables {
         Ok(Self {
             columns: device.upload("beamlets of patches", &columns)?,
             opening_count: numbers::count(openings.len()),
-            openings: device.upload(
-                "openings by mask step",
-                if openings.is_empty() { &NO_OPENINGS } else { &openings },
-            )?,
+            openings: table(device, "openings by mask step", &openings)?,
             window_count: numbers::count(windows.len()),
-            windows: device.upload(
-                "kinds of windows",
-                if windows.is_empty() { &NO_WINDOWS } else { &windows },
-            )?,
+            windows: table(device, "kinds of windows", &windows)?,
             open_width: widest(response, single(lattice.period)),
             heights: Heights::new(device, view)?,
             hardening: table(device, "optical depths of a spectrum", response.hardening.table())?,
@@ -100,9 +94,9 @@ impl Tables {
         self.heights.as_ref().map_or(0, Heights::address)
     }
 
-    /// Address of the optical depths of a spectrum; 0 at one energy.
-    pub(super) fn hardening(&self) -> u64 {
-        self.hardening.as_ref().map_or(0, Buffer::address)
+    /// Addresses of the openings, the windows, and the optical depths of a spectrum; 0: none.
+    pub(super) fn addresses(&self) -> [u64; 3] {
+        [&self.openings, &self.windows, &self.hardening].map(address)
     }
 
     /// Rows of the detector, as rays and masks need them.
@@ -129,10 +123,10 @@ pub(super) fn table<T: bytemuck::Pod>(
     (!table.is_empty()).then(|| device.upload(name, table)).transpose()
 }
 
-/// A buffer is not empty.
-const NO_OPENINGS: [MaskOpening; 1] = [MaskOpening { step: 0, low: 0.0, high: 0.0, period: 1.0 }];
-const NO_WINDOWS: [WindowTable; 1] =
-    [WindowTable { values: 0, count: 0, is_sharp: 0, period: 1.0, share: 0.0 }];
+/// Address of a table; 0 of none.
+pub(super) fn address(table: &Option<Buffer>) -> u64 {
+    table.as_ref().map_or(0, Buffer::address)
+}
 
 /// Largest width that a step opens, m: of a period at most, the mean of the periods of all shifts.
 fn widest(response: &Response, period: f32) -> f32 {

@@ -91,8 +91,10 @@ mod tests {
             for material in [1, 2] {
                 let [want, depth] = behind(&media, material, path);
                 let got = f64::from(hardening.light(single(depth)));
-                // Of the table, whose places are 0.03 apart at a depth of 1.
                 assert!((got / want - 1.0).abs() < 2e-3, "{material} {path}: {got} {want}");
+                // Faint absorbers have their own law, not only light near 1: f32 holds it to 6e-8 of light.
+                let off = (got.ln() - want.ln()).abs();
+                assert!(off < 2e-3 * want.ln().abs() + 1.2e-7, "{material} {path}: {off} {want}");
             }
         }
     }

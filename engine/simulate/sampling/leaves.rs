@@ -11,7 +11,7 @@ use super::room::MOMENTS;
 use super::view_context::ViewContext;
 use crate::trace::Tracer;
 use beamlet_core::Result;
-use beamlet_interface::{Cell, CellRow, Ray, RayResult, RefinedLeaf};
+use beamlet_interface::{Cell, CellRow, RefinedLeaf};
 use rayon::prelude::*;
 use std::ops::Range;
 
@@ -58,29 +58,11 @@ pub(crate) fn cells_of_leaves(
 
 /// A rectangle with the result of its ray and slopes along x.
 fn rectangle_of(leaf: &RefinedLeaf, emitter: &Emitter<'_>) -> Rectangle {
-    let result = RayResult {
-        optical_depth: leaf.optical_depth,
-        displacement_x: leaf.displacement_x,
-        displacement_z: leaf.displacement_z,
-        slope_x: leaf.slope_x,
-        slope_z: leaf.slope_z,
-        signature: leaf.signature,
-        flags: leaf.flags,
-        crossings: leaf.crossings,
-        displacement_variance: leaf.displacement_variance,
-    };
+    let result = leaf.result;
     let slopes = Slopes {
         depth: [leaf.depth_slope, 0.0],
         displacement: [leaf.displacement_slope, 0.0],
         ..Slopes::default()
-    };
-    let ray = Ray {
-        x: leaf.ray_x,
-        z: leaf.ray_z,
-        slope_x: leaf.ray_slope_x,
-        slope_z: leaf.ray_slope_z,
-        pose: emitter.view.pose,
-        ..bytemuck::Zeroable::zeroed()
     };
     let x = [leaf.x_low, leaf.x_high];
     let landing = result.landing_z(emitter.gap);
@@ -89,7 +71,7 @@ fn rectangle_of(leaf: &RefinedLeaf, emitter: &Emitter<'_>) -> Rectangle {
         x,
         z: [leaf.z_low, leaf.z_high],
         ray: leaf.at,
-        traced: Some(ray),
+        traced: Some(leaf.ray),
         ends: LinearModel::new(&result, x[1] - x[0], &slopes),
         displacement_variance: emitter.view.variance_of(&result),
         ends_z: [landing + half, landing - half],
