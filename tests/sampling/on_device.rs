@@ -164,6 +164,9 @@ pub(super) fn run(
     scene.sampling.tolerance = Some(tolerance);
     let mut sink = ArraySink::new();
     let record = engine.run(&scene, &mut sink, Control::default()).expect("a run");
+    // Counters of the device go on while the host has rays traced between its kernels.
+    let tally = &record.tally;
+    assert!(tally.reflected <= tally.rays && tally.exact <= tally.rays, "{tally:?}");
     (sink.into_stacks().expect("stacks").sample, record)
 }
 

@@ -66,7 +66,6 @@ pub(super) struct GroupRun<'b> {
     repeats: bool,
     head: [u32; HEAD_WORDS as usize],
     report: [u32; REPORT_WORDS as usize],
-    tally: [u32; TALLY_COUNTERS],
     begun: bool,
 }
 
@@ -81,7 +80,6 @@ impl<'b> GroupRun<'b> {
         head[HEAD_LISTED as usize] = group.own_base;
         head[HEAD_RAYS as usize] = group.own_base;
         let counts = vec![0; spectrum.map_or(0, Spectrum::count_words)];
-        let (report, tally) = ([0; REPORT_WORDS as usize], [0; TALLY_COUNTERS]);
         Self {
             buffers,
             spectrum,
@@ -89,8 +87,7 @@ impl<'b> GroupRun<'b> {
             landed_off: 0,
             repeats: false,
             head,
-            report,
-            tally,
+            report: [0; REPORT_WORDS as usize],
             begun: false,
         }
     }
@@ -158,15 +155,17 @@ impl<'b> GroupRun<'b> {
             }
             stages.record_end(r, of, self.spectrum.is_some());
         };
+        let mut tally = [0; TALLY_COUNTERS];
         let mut downloads = vec![
             Download::new(&buffers.head, 0, &mut self.head),
             Download::new(&buffers.report, 0, &mut self.report),
-            tracer.read_tally(&mut self.tally),
+            tracer.read_tally(&mut tally),
         ];
         if let Some(spectrum) = self.spectrum {
             downloads.push(Download::new(spectrum.counts(), 0, &mut self.counts));
         }
         let time = device.run_with(&uploads, record, &mut downloads)?;
+        tracer.take_tally(&tally);
         self.begun = true;
         self.landed_off += u64::from(self.at(HEAD_LANDED_OFF));
         Ok((time, work - self.at(HEAD_ROOM)))
@@ -226,7 +225,7 @@ impl<'b> GroupRun<'b> {
     pub(super) fn finish(&self, tracer: &Tracer) -> Refined {
         let rays = if self.is_full() { self.at(HEAD_BASE) } else { self.at(HEAD_RAYS) };
         let left = self.at(HEAD_LEFT) + self.at(HEAD_LOST);
-        tracer.count_made(&self.tally, [rays, self.at(HEAD_EXACT), left]);
+        tracer.count_made([rays, self.at(HEAD_EXACT), left]);
         let of = |word: u32| u64::from(self.report[word as usize]);
         let pair = |word: u32| of(word) | of(word + 1) << 32;
         Refined {

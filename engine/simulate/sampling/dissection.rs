@@ -2,16 +2,16 @@
 //! all rays, so that the first order is exact: displacement is constant, optical depth linear.
 //! Silhouettes and folds need no more than that.
 
-use super::facet_lists::{Overlap, PatchFacet};
 use super::facet_means::{EDGE_ON, FacetMeans, result_of};
 use super::layout::stand;
 use super::patch::{Patch, middle};
+use super::patch_facet::{Overlap, PatchFacet};
+use super::piece::Piece;
 use super::polygon::{Area, AreaMoments, CuttingLine, NEAR, Polygon, Side};
 use super::row_spread::{Crossed, PieceRows};
 use super::sheets::{Met, flags};
 use arrayvec::ArrayVec;
 use beamlet_core::numbers::single;
-use beamlet_interface::RayResult;
 
 /// Rectangles with more facets are split instead: an overlay takes time by the square of them.
 pub(super) const MOST_FACETS: usize = 32;
@@ -30,44 +30,6 @@ const NOTHING: f64 = 1e-2;
 const SLIVER: f64 = 1e-5;
 /// Pieces fill the rectangle to this.
 const WHOLE: f64 = 1e-7;
-
-/// Part of a rectangle covered by the same facets. Parts lie in the rectangle by their centroids, as
-/// rectangles of their areas without gaps, so that together they cover it evenly; the landing position of
-/// a part has the exact mean and variance.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct Piece {
-    /// Its rectangle: m from the beamlet's centre, and share of the row.
-    pub(crate) x: [f32; 2],
-    pub(crate) z: [f32; 2],
-    /// Share of the rectangle's area.
-    pub(crate) share: f32,
-    /// x from the beamlet's centre, m, and share of the row.
-    pub(crate) centroid: [f32; 2],
-    /// Bounds of x and z.
-    pub(crate) bounds: [[f32; 2]; 2],
-    /// Variance of x, m2.
-    pub(crate) variance: f32,
-    pub(super) result: RayResult,
-    /// Where in the row its light comes from.
-    pub(crate) rows: PieceRows,
-    /// Difference between the light of the part and of an interval of its variance, along x and z: 1 for
-    /// a triangle.
-    pub(crate) outline: [f32; 2],
-    /// Change of the optical depth along x, 1/m.
-    pub(super) slope_depth: f32,
-    /// The first order is insufficient: take the result of the ray through the centroid.
-    pub(super) by_ray: bool,
-}
-
-impl Piece {
-    /// Moves its rectangle to its centroid along z, inside the one that it is of: light that lands
-    /// far off is spread from there.
-    fn move_down(&mut self, [top, bottom]: [f32; 2]) {
-        let height = self.z[1] - self.z[0];
-        let first = (self.centroid[1] - 0.5 * height).min(bottom - height).max(top);
-        self.z = [first, (first + height).min(bottom)];
-    }
-}
 
 /// A region while facets are laid over one another.
 #[derive(Debug, Clone)]

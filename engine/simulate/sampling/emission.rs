@@ -4,8 +4,7 @@
 use super::cell_batch::CellBatch;
 use super::error_estimate::Estimator;
 use super::moment_recording::LinearModel;
-use super::neighbours::Slopes;
-use super::patch::{Border, Patch, PatchPlace, Rule, alike};
+use super::patch::{Border, Patch, PatchPlace, Rule, Slopes, alike};
 use super::rectangle::Rectangle;
 use super::row_spread::tilt_by_depth;
 use super::view_context::ViewContext;

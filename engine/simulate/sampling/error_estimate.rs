@@ -8,12 +8,11 @@
 //! as sums: along a silhouette their outlines are alike.
 
 use super::base_lattice::BaseLattice;
-use super::dissection::Piece;
 use super::error_budget::ErrorBudget;
 use super::landing_edges::LandingEdges;
 use super::lit_heights::LitHeights;
 use super::patch::{Axis, Node, Patch, Residuals, Rule};
-use super::ray_error::THROWN;
+use super::piece::Piece;
 use super::response::Response;
 use super::row_spread::RowSpread;
 use beamlet_core::numbers::single;
@@ -47,6 +46,8 @@ const FARTHEST: f32 = 100.0;
 const BESIDE: f32 = 4.0;
 /// Weight of the errors of a patch below which its rectangles do not slant as its silhouettes do.
 const LITTLE: f32 = 0.25;
+/// Share of the light at a silhouette that may land in recorded rows from outside.
+pub(super) const THROWN: f32 = 0.05;
 /// Standard deviation of a place spread evenly over an interval, share of the interval.
 pub(super) const SPREAD: f32 = 0.288_675_13;
 

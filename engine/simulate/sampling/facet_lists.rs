@@ -2,15 +2,14 @@
 
 use super::crowding::{bundles, curved};
 use super::lattice::Lattice;
+use super::patch_facet::PatchFacet;
 use super::patch_grid::PatchGrid;
-use super::polygon::Area;
+use super::sample_facets::SampleFacets;
 use super::touched::touched;
 use super::view_context::ViewContext;
-use crate::trace::{component_hash, least_cosine};
 use beamlet_core::numbers;
-use beamlet_geometry::{FacetNumbers, FacetOf, Sample};
-use beamlet_model::media::MaterialTable;
-use beamlet_model::scene::{Motion, Transport};
+use beamlet_geometry::{FacetOf, Sample};
+use beamlet_model::scene::Motion;
 use glam::DVec3;
 use rayon::prelude::*;
 use std::ops::Range;
@@ -23,167 +22,6 @@ pub(super) const MOST_FACETS: u32 = 1024;
 const CROWDED: u32 = 1 << 31;
 /// Triangles that one task takes.
 const TRIANGLES_OF_A_TASK: usize = 1 << 12;
-
-/// Effect of a surface on rays: constants inside minus constants outside.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct SurfaceStep {
-    /// Hash of its component, as in signatures of rays.
-    pub(crate) hash: u32,
-    /// Attenuation, 1/m.
-    pub(crate) mu: f64,
-    /// Refraction.
-    pub(crate) delta: f64,
-    /// Cosine of incidence below which the first order is not enough.
-    pub(super) least_cosine: f64,
-}
-
-/// Surfaces of a sample, for means over facets.
-#[derive(Debug)]
-pub(crate) struct SampleFacets {
-    /// No mean replaces rays: facets describe the space between them.
-    pub(super) by_rays_alone: bool,
-    /// Steps of the surfaces, by component.
-    pub(super) steps: Vec<SurfaceStep>,
-    /// True for each component whose normals rays draw, or whose smooth normals refract rays: means do not
-    /// know of these.
-    by_rays: Vec<bool>,
-    /// Number of triangles by component.
-    pub(crate) triangles: Vec<u32>,
-    /// Triangles across the edges of each, of the sample itself.
-    across: Vec<[u32; 3]>,
-    /// Numbers of the facets, placed meshes included.
-    numbers: FacetNumbers,
-}
-
-impl SampleFacets {
-    /// At the mean constants of the media; rays are flagged for steps of delta that are `delta_ratio`
-    /// times as large. `across`: [`beamlet_geometry::across_edges`] of the sample.
-    #[must_use]
-    pub(crate) fn new(
-        transport: Transport,
-        sample: &Sample,
-        media: &MaterialTable,
-        delta_ratio: f64,
-        across: Vec<[u32; 3]>,
-    ) -> Self {
-        let mean = media.mean();
-        let step = |(index, component): (u32, &beamlet_geometry::Component)| {
-            let [inside, outside] = media.sides(component.object, component.outside);
-            let (a, b) = (&mean[inside as usize], &mean[outside as usize]);
-            SurfaceStep {
-                hash: component_hash(index),
-                mu: a.mu - b.mu,
-                delta: a.delta - b.delta,
-                least_cosine: match transport {
-                    // For exact transport facets estimate errors alone, to first order.
-                    Transport::FirstOrder | Transport::Wave | Transport::Exact => 0.0,
-                    Transport::Auto => least_cosine(delta_ratio * media.step(inside, outside)),
-                },
-            }
-        };
-        let mut triangles = vec![0; sample.components.len()];
-        sample.triangle_component.iter().for_each(|c| triangles[*c as usize] += 1);
-        for placed in &sample.placed {
-            let prototype = &sample.prototypes[placed.prototype as usize];
-            for component in &prototype.triangle_component[..prototype.facets()] {
-                triangles[(placed.component + component) as usize] += 1;
-            }
-        }
-        let numbers = FacetNumbers::new(sample);
-        let by_rays = sample.components.iter();
-        let by_rays = by_rays.map(|it| it.smooth || media.rough[it.object as usize]).collect();
-        let steps = (0..).zip(&sample.components).map(step).collect();
-        let by_rays_alone = transport == Transport::Exact;
-        Self { by_rays_alone, steps, by_rays, triangles, across, numbers }
-    }
-}
-
-/// A facet as a patch sees it.
-#[derive(Debug, Clone)]
-pub(super) struct PatchFacet {
-    /// Coordinates of its corners in the patch.
-    pub(crate) corners: [[f64; 2]; 3],
-    /// Its edges opposite to each corner: a x + b z + c, positive inside.
-    pub(crate) edges: [[f64; 3]; 3],
-    /// Unit normal in the beam frame, and the plane's distance from its origin along it, m.
-    pub(crate) normal: DVec3,
-    pub(crate) plane: f64,
-    /// Least and largest y, m.
-    pub(crate) depth: [f64; 2],
-    pub(crate) component: u32,
-    /// Rays enter its object.
-    pub(crate) front: bool,
-    /// True for each edge, opposite to its corner, that is a silhouette.
-    pub(crate) silhouette: [bool; 3],
-}
-
-/// How a facet lies to a rectangle.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Overlap {
-    None,
-    Part,
-    /// The facet fills the rectangle.
-    All,
-}
-
-impl PatchFacet {
-    /// One along the beam's axis, of the first component.
-    #[cfg(test)]
-    pub(super) fn flat(corners: [[f64; 2]; 3]) -> Self {
-        Self {
-            corners,
-            edges: [[0.0; 3]; 3],
-            normal: DVec3::Y,
-            plane: 0.0,
-            depth: [0.0; 2],
-            component: 0,
-            front: true,
-            silhouette: [false; 3],
-        }
-    }
-
-    /// Finds its edges.
-    pub(super) fn set_edges(&mut self) {
-        let [p, q, r] = self.corners;
-        let twice = (q[0] - p[0]) * (r[1] - p[1]) - (q[1] - p[1]) * (r[0] - p[0]);
-        let sign = twice.signum();
-        self.edges = [[q, r], [r, p], [p, q]].map(|[from, to]| {
-            let [a, b] = [sign * (from[1] - to[1]), sign * (to[0] - from[0])];
-            [a, b, -(a * from[0] + b * from[1])]
-        });
-    }
-
-    /// Its part inside a rectangle of this centre and half size.
-    pub(super) fn within(&self, centre: [f64; 2], half: [f64; 2]) -> Area {
-        match self.overlap(centre, half) {
-            Overlap::None => Area::NONE,
-            Overlap::All => Area::of_rectangle(centre, half),
-            Overlap::Part => Area::within(&self.corners, centre, half),
-        }
-    }
-
-    /// How it lies to a rectangle of this centre and half size.
-    pub(super) fn overlap(&self, centre: [f64; 2], half: [f64; 2]) -> Overlap {
-        for axis in 0..2 {
-            let [a, b, c] = self.corners.map(|corner| corner[axis] - centre[axis]);
-            if a.min(b).min(c) > half[axis] || a.max(b).max(c) < -half[axis] {
-                return Overlap::None;
-            }
-        }
-        let mut overlap = Overlap::All;
-        for [a, b, c] in self.edges {
-            let middle = a * centre[0] + b * centre[1] + c;
-            let reach = a.abs() * half[0] + b.abs() * half[1];
-            if middle + reach < 0.0 {
-                return Overlap::None;
-            }
-            if middle - reach < 0.0 {
-                overlap = Overlap::Part;
-            }
-        }
-        overlap
-    }
-}
 
 /// Facets of a view in the beam frame.
 #[derive(Clone, Copy)]

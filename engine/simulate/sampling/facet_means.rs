@@ -1,11 +1,12 @@
 //! Exact means of the first order over rectangles: sums over facets, weighted by their area in the
 //! rectangle. They need no ray, and no facet is missed between rays.
 
-use super::facet_lists::{PatchFacet, SurfaceStep};
 use super::hardening::Hardening;
 use super::lattice::Lattice;
-use super::patch::{Axis, Border, Patch, Residuals, middle};
+use super::patch::{Axis, Border, Mean, Patch, Residuals, middle};
+use super::patch_facet::PatchFacet;
 use super::polygon::{Area, Corner, crosses};
+use super::sample_facets::SurfaceStep;
 use super::sheets::{RectangleSums, SheetFits, WHOLE, flags};
 use super::view_context::ViewContext;
 use crate::trace::FIRST_ORDER_ERROR;
@@ -25,17 +26,6 @@ const FAR_OFF: f64 = 0.1;
 const BORDER_BAND: f64 = 2.4;
 /// Least height of a band, rows.
 const THINNEST_BAND: f64 = 1e-3;
-
-/// Result of a rectangle from its facets.
-#[derive(Debug, Clone, Copy)]
-pub(super) enum Mean {
-    /// The linear model that fits it best, to first order: means over all its rays.
-    Fit(RayResult, Residuals),
-    /// A silhouette crosses it. Mean number of crossings of its rays.
-    Silhouette { crossings: f32 },
-    /// The first order is not enough, or the facets are not sound.
-    Unknown,
-}
 
 /// Contribution of a facet to the result of a ray.
 #[derive(Debug, Clone, Copy)]

@@ -1,6 +1,6 @@
 //! Layout of pieces in a rectangle: rectangles of their areas without gaps.
 
-use super::dissection::Piece;
+use super::piece::Piece;
 use beamlet_core::numbers::single;
 
 /// Number of pieces above which only cuts through the middle third are considered.

@@ -1,7 +1,6 @@
 //! Moments of the rays that bound cells.
 
-use super::neighbours::Slopes;
-use super::patch::PatchPlace;
+use super::patch::{PatchPlace, Slopes};
 use super::rectangle::Rectangle;
 use super::view_context::ViewContext;
 use crate::trace::{Tracer, component_hash};

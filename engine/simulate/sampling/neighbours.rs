@@ -2,21 +2,12 @@
 
 use super::base_lattice::Found;
 use super::error_estimate::Estimator;
-use super::patch::{Node, Patch, alike, is_drawn};
+use super::patch::{Node, Patch, Slopes, alike, is_drawn};
 use beamlet_interface::RayResult;
 
 /// Largest offset between centres of a rectangle and its neighbour, in units of its size: large enough
 /// for rectangles three times as large.
 const NEAR: f32 = 1.05;
-
-/// Slopes of optical depth and displacement along x (per m) and z (per row).
-#[derive(Debug, Clone, Copy, Default)]
-pub(super) struct Slopes {
-    pub(crate) depth: [f32; 2],
-    pub(crate) displacement: [f32; 2],
-    /// Slopes of the displacement along z on the detector, where apertures end along z; else 0.
-    pub(super) landing: [f32; 2],
-}
 
 /// Slope from those to two neighbours on either side (van Leer): none where they disagree in sign.
 fn limited(slopes: [Option<f32>; 2]) -> f32 {

@@ -8,11 +8,12 @@ mod node;
 
 pub(super) use beside::Witness;
 use node::AllRays;
-pub(super) use node::{Border, Node, Residuals, Rule, alike, is_drawn, no_silhouette_between};
+pub(super) use node::{
+    Axis, Border, Mean, Node, Residuals, Rule, Slopes, alike, is_drawn, no_silhouette_between,
+};
 
-use super::dissection::Piece;
-use super::facet_lists::{Overlap, PatchFacet};
-use super::facet_means::Mean;
+use super::patch_facet::{Overlap, PatchFacet};
+use super::piece::Piece;
 use beamlet_core::numbers::{self, single};
 use beamlet_interface::RayResult;
 use std::ops::Range;
@@ -23,13 +24,6 @@ const FACETS_OF_A_RECTANGLE: usize = 32;
 const GOLDEN: f64 = 0.618_033_988_749_894_9;
 /// Parts of a rectangle that is split.
 pub(super) const PARTS: u32 = 3;
-
-/// The axis along which a rectangle is split.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Axis {
-    X,
-    Z,
-}
 
 /// A split: its axis, the first of its parts, and the upper borders of all parts but the last.
 #[derive(Debug, Clone, Copy)]

@@ -2,14 +2,12 @@
 //! like the neighbour that it predicts worst.
 
 use super::base_lattice::Found;
-use super::error_estimate::{CellError, Draws, Estimator, SPREAD, tailed};
+use super::error_estimate::{CellError, Draws, Estimator, SPREAD, THROWN, tailed};
 use super::hardening::Hardening;
-use super::neighbours::{Slopes, behind};
-use super::patch::{Axis, Node, Patch, Rule, alike, is_drawn, no_silhouette_between};
+use super::neighbours::behind;
+use super::patch::{Axis, Node, Patch, Rule, Slopes, alike, is_drawn, no_silhouette_between};
 use beamlet_interface::RayResult;
 
-/// Share of the light at a silhouette that may land in recorded rows from outside.
-pub(super) const THROWN: f32 = 0.05;
 /// Least displacement along z by which light enters the recorded rows, half rows.
 const LEAST_REACH: f32 = 0.01;
 /// Crossings up to which one silhouette may take or add all light of a rectangle.

@@ -1,9 +1,8 @@
 //! Rectangles of a patch as cells are made of them.
 
-use super::dissection::Piece;
 use super::moment_recording::LinearModel;
-use super::neighbours::Slopes;
-use super::patch::{Border, PatchPlace};
+use super::patch::{Border, PatchPlace, Slopes};
+use super::piece::Piece;
 use super::row_spread::{PieceRows, tilt_by_centroid};
 use super::view_context::ViewContext;
 use beamlet_core::numbers::single;

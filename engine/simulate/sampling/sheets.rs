@@ -1,7 +1,7 @@
 //! Integrals of the first order over a rectangle, by sheet of surface: one side of one component.
 
-use super::facet_lists::SurfaceStep;
 use super::polygon::{Area, Corner};
+use super::sample_facets::SurfaceStep;
 use arrayvec::ArrayVec;
 use beamlet_core::numbers;
 use beamlet_interface::FLAG_SHARE_SHIFT;

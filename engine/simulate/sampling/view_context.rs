@@ -1,11 +1,11 @@
 //! Inputs of the sampling of a pose of a view.
 
 use super::error_budget::ErrorBudget;
-use super::facet_lists::SampleFacets;
 use super::lattice::Lattice;
 use super::moment_recording::MomentRecording;
 use super::projected_bounds::ProjectedBounds;
 use super::response::Response;
+use super::sample_facets::SampleFacets;
 use beamlet_geometry::Sample;
 use beamlet_interface::{Ray, RayResult};
 use beamlet_model::optics::Optics;

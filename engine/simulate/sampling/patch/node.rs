@@ -1,7 +1,22 @@
 //! A rectangle of a patch, and the rule that gives its result.
 
-use super::Axis;
 use beamlet_interface::{FLAG_DRAWN, FLAG_NOT_FINITE, FLAG_REFLECTED, RayResult};
+
+/// The axis along which a rectangle is split.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(in crate::sampling) enum Axis {
+    X,
+    Z,
+}
+
+/// Slopes of optical depth and displacement along x (per m) and z (per row).
+#[derive(Debug, Clone, Copy, Default)]
+pub(in crate::sampling) struct Slopes {
+    pub(in crate::sampling) depth: [f32; 2],
+    pub(in crate::sampling) displacement: [f32; 2],
+    /// Slopes of the displacement along z on the detector, where apertures end along z; else 0.
+    pub(in crate::sampling) landing: [f32; 2],
+}
 
 /// Residual of the best linear model of a rectangle.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -74,6 +89,17 @@ impl AllRays {
             farthest: left.farthest,
         }
     }
+}
+
+/// Result of a rectangle from its facets.
+#[derive(Debug, Clone, Copy)]
+pub(in crate::sampling) enum Mean {
+    /// The linear model that fits it best, to first order: means over all its rays.
+    Fit(RayResult, Residuals),
+    /// A silhouette crosses it. Mean number of crossings of its rays.
+    Silhouette { crossings: f32 },
+    /// The first order is not enough, or the facets are not sound.
+    Unknown,
 }
 
 /// Rule of quadrature that gives the result of a rectangle (docs/sampling.md, "The four rules").

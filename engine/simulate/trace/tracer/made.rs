@@ -67,15 +67,19 @@ impl Tracer {
         &self.batch.moments
     }
 
-    /// Reads the counts of the device.
+    /// Reads the counts of the device; [`Self::take_tally`] takes them before other rays are traced.
     pub(crate) fn read_tally<'t>(&'t self, tally: &'t mut [u32; TALLY_COUNTERS]) -> Download<'t> {
         Download::new(&self.tally, 0, tally)
     }
 
-    /// Takes counts that were read, and counts of the kernels that made the rays: of all of them, of rays traced
-    /// exactly, and of rays that the driver's search left or lost.
-    pub(crate) fn count_made(&self, tally: &[u32; TALLY_COUNTERS], [rays, exact, left]: [u32; 3]) {
+    /// Takes counts that were read.
+    pub(crate) fn take_tally(&self, tally: &[u32; TALLY_COUNTERS]) {
         self.counts.take(tally);
+    }
+
+    /// Takes counts of the kernels that made the rays: of all of them, of rays traced exactly, and of rays that
+    /// the driver's search left or lost.
+    pub(crate) fn count_made(&self, [rays, exact, left]: [u32; 3]) {
         self.counts.rays.fetch_add(rays.into(), Ordering::Relaxed);
         let exact = match self.transport {
             Transport::FirstOrder | Transport::Wave => 0,

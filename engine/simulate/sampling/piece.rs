@@ -1,0 +1,42 @@
+//! A piece of a rectangle: a part that the same facets cover.
+
+use super::row_spread::PieceRows;
+use beamlet_interface::RayResult;
+
+/// Part of a rectangle covered by the same facets. Parts lie in the rectangle by their centroids, as
+/// rectangles of their areas without gaps, so that together they cover it evenly; the landing position of
+/// a part has the exact mean and variance.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Piece {
+    /// Its rectangle: m from the beamlet's centre, and share of the row.
+    pub(crate) x: [f32; 2],
+    pub(crate) z: [f32; 2],
+    /// Share of the rectangle's area.
+    pub(crate) share: f32,
+    /// x from the beamlet's centre, m, and share of the row.
+    pub(crate) centroid: [f32; 2],
+    /// Bounds of x and z.
+    pub(crate) bounds: [[f32; 2]; 2],
+    /// Variance of x, m2.
+    pub(crate) variance: f32,
+    pub(super) result: RayResult,
+    /// Where in the row its light comes from.
+    pub(crate) rows: PieceRows,
+    /// Difference between the light of the part and of an interval of its variance, along x and z: 1 for
+    /// a triangle.
+    pub(crate) outline: [f32; 2],
+    /// Change of the optical depth along x, 1/m.
+    pub(super) slope_depth: f32,
+    /// The first order is insufficient: take the result of the ray through the centroid.
+    pub(super) by_ray: bool,
+}
+
+impl Piece {
+    /// Moves its rectangle to its centroid along z, inside the one that it is of: light that lands
+    /// far off is spread from there.
+    pub(super) fn move_down(&mut self, [top, bottom]: [f32; 2]) {
+        let height = self.z[1] - self.z[0];
+        let first = (self.centroid[1] - 0.5 * height).min(bottom - height).max(top);
+        self.z = [first, (first + height).min(bottom)];
+    }
+}
