@@ -3,7 +3,9 @@
 use super::case::{Axis, Case};
 use super::compare::Limits;
 use beamlet::material::constants_over;
-use beamlet::scene::{Normals, Object, RandomRays, Scene, Scheme, Shape, ShapeOrMesh, Transport};
+use beamlet::scene::{
+    Normals, Object, RandomRays, Refine, Scene, Scheme, Shape, ShapeOrMesh, Transport,
+};
 use beamlet::{Backend, RunRecord};
 use ndarray::{Array4, Axis as Dimension};
 use std::f64::consts::PI;
@@ -20,9 +22,15 @@ pub(crate) enum Relation {
     Facets,
     Backend,
     Random,
+    /// Rays chosen by the other of host and device.
+    Place,
+    /// Rows one by one, with few rays at a time.
+    Bands,
+    /// Light from the moments of a run at other mask offsets.
+    Moments,
 }
 
-pub(crate) const RELATIONS: [Relation; 8] = [
+pub(crate) const RELATIONS: [Relation; 11] = [
     Relation::MirroredInX,
     Relation::MirroredInZ,
     Relation::Turned,
@@ -31,6 +39,9 @@ pub(crate) const RELATIONS: [Relation; 8] = [
     Relation::Facets,
     Relation::Backend,
     Relation::Random,
+    Relation::Place,
+    Relation::Bands,
+    Relation::Moments,
 ];
 
 /// Facets around a cylinder or cone that stands for an exact one.
@@ -41,6 +52,9 @@ const SIDES_OF_BALLS: u32 = 256;
 const CELLS: [u32; 2] = [60, 3];
 /// Rays of a pixel along x and z under the scheme `random`.
 const RAYS: [u32; 2] = [150, 20];
+
+/// Mask offsets of the run whose moments are kept, beside those of the scene, periods.
+const OTHER_OFFSETS: f64 = 0.31;
 
 /// Share of open beam by which sampling may be off in a pixel that a silhouette crosses, as README.md
 /// promises: scenes are so small that silhouettes cross most of their pixels.
@@ -61,6 +75,9 @@ impl fmt::Display for Relation {
             Self::Facets => "facets",
             Self::Backend => "backend",
             Self::Random => "random",
+            Self::Place => "other place",
+            Self::Bands => "bands",
+            Self::Moments => "moments",
         })
     }
 }
@@ -91,7 +108,20 @@ impl Relation {
                 }
                 return any.then_some(changed);
             }
-            Self::Backend => {}
+            Self::Backend | Self::Bands => {}
+            Self::Place => {
+                changed.scene.sampling.refine = match case.scene.sampling.refine {
+                    Refine::Device => Refine::Host,
+                    _ => Refine::Device,
+                };
+            }
+            // Moments of such runs are not kept.
+            Self::Moments if case.scene.has_heights() => return None,
+            Self::Moments => {
+                let mask = case.scene.sample_mask.as_ref()?;
+                let aside = OTHER_OFFSETS * mask.period;
+                changed.scene.scan.mask_offsets.iter_mut().for_each(|offset| *offset += aside);
+            }
             Self::Random => {
                 changed.scene.sampling.scheme = Scheme::Random;
                 changed.scene.sampling.rays = RandomRays::Grid(RAYS);
@@ -129,6 +159,7 @@ impl Relation {
         let sampled = SAMPLED + records.into_iter().map(beyond).sum::<f64>();
         let (sample, flat) = match self {
             Self::Backend => (1e-6, 0.0),
+            Self::Bands => (0.0, 0.0),
             Self::MirroredInX => (sampled, 2e-5),
             Self::MirroredInZ | Self::Turned | Self::Finer => (sampled, 1e-6),
             Self::Exact => (sampled + SURFACES * FIRST_ORDER * per_angle, 1e-6),
@@ -137,6 +168,7 @@ impl Relation {
                 (sampled + 2.0 * lean * largest_delta(scene) * per_angle, 1e-6)
             }
             Self::Random => (sampled, sampled),
+            Self::Place | Self::Moments => (sampled, 1e-6),
         };
         let rays = matches!(self, Self::Random).then(|| f64::from(RAYS[0] * RAYS[1]));
         Limits { sample, flat, rays }

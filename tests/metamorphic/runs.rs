@@ -3,8 +3,10 @@
 use super::case::Case;
 use super::compare::{Difference, flat_of, largest};
 use super::relations::Relation;
-use super::support::{Checked, engine, leftovers};
-use beamlet::{Backend, RunRecord};
+use super::support::kept::{again, keep};
+use super::support::{Checked, engine, engine_with, leftovers};
+use beamlet::stack::Stacks;
+use beamlet::{Backend, EngineOptions, RunRecord};
 use ndarray::Array4;
 use std::path::PathBuf;
 use std::sync::OnceLock;
@@ -30,6 +32,21 @@ fn shared(backend: Backend) -> &'static Checked {
     ENGINES[place].get_or_init(|| engine(backend))
 }
 
+/// An engine that makes rows one by one, with few rays at a time.
+fn in_bands() -> &'static Checked {
+    static ENGINE: OnceLock<Checked> = OnceLock::new();
+    let options = EngineOptions::default().with_backend(Backend::Bvh);
+    let options = options.with_band_rows(Some(1)).with_batch_rays(Some(257));
+    ENGINE.get_or_init(|| engine_with(options))
+}
+
+/// An engine that keeps moments.
+fn keeping() -> &'static Checked {
+    static ENGINE: OnceLock<Checked> = OnceLock::new();
+    let options = EngineOptions::default().with_backend(Backend::Bvh).with_keep_moments(true);
+    ENGINE.get_or_init(|| engine_with(options))
+}
+
 /// Folder of the places of instances.
 pub(crate) fn folder() -> PathBuf {
     let folder = leftovers().join("metamorphic");
@@ -39,14 +56,33 @@ pub(crate) fn folder() -> PathBuf {
 
 /// Runs a case. An error, and rays that were lost, are texts.
 pub(crate) fn run(case: &Case, backend: Backend) -> Result<Run, String> {
+    run_on(shared(backend), case)
+}
+
+fn run_on(engine: &Checked, case: &Case) -> Result<Run, String> {
     let scene = case.written(&folder(), "places");
-    let stacks = shared(backend).simulate(&scene).map_err(|error| error.to_string())?;
-    assert_eq!(stacks.record.backend, backend);
+    checked(engine.simulate(&scene).map_err(|error| error.to_string())?)
+}
+
+/// Stacks whose rays were counted soundly.
+fn checked(stacks: Stacks) -> Result<Run, String> {
     let tally = stacks.record.tally;
     if (tally.unbalanced, tally.dropped, tally.not_finite) != (0, 0, 0) {
         return Err(format!("rays were lost: {tally:?}"));
     }
+    if [tally.exact, tally.reflected, tally.retraced].iter().any(|count| *count > tally.rays) {
+        return Err(format!("more rays than there are: {tally:?}"));
+    }
     Ok(Run { flat: flat_of(&stacks), sample: stacks.sample, record: stacks.record })
+}
+
+/// The light of a case by the moments of another run of its sample.
+fn by_moments(case: &Case, other: &Case) -> Result<Run, String> {
+    let run = tempfile::tempdir().map_err(|error| error.to_string())?;
+    let path = run.path().join("run");
+    let moments = keep(keeping(), &other.written(&folder(), "places"), &path);
+    let stacks = again(shared(Backend::Bvh), &moments, &case.written(&folder(), "places"));
+    checked(stacks.map_err(|error| error.to_string())?)
 }
 
 /// The largest difference, by its limit, between a case whose run is given and the changed case;
@@ -57,7 +93,12 @@ pub(crate) fn difference(
     first: &Run,
 ) -> Result<Option<Difference>, String> {
     let Some(changed) = relation.changed(case) else { return Ok(None) };
-    let other = run(&changed, relation.backend())?;
+    let other = match relation {
+        Relation::Bands => run_on(in_bands(), &changed),
+        Relation::Moments => by_moments(case, &changed),
+        _ => run(&changed, relation.backend()),
+    }?;
+    assert_eq!(other.record.backend, relation.backend());
     let limits = relation.limits(case, [&first.record, &other.record]);
     let (flat, sample) = (relation.restored(other.flat), relation.restored(other.sample));
     let flat = largest("flat", [&first.flat, &flat], &limits);

@@ -4,7 +4,7 @@ use super::draws::Draws;
 use super::support::root;
 use beamlet::scene::{
     Anode, ApertureLattice, ApertureShape, Beam, Blur, Detector, DetectorMode, Filter, MaskBody,
-    MaskSpec, Rectangle, Scene, Source, SpectrumOrigin, SpectrumSpec,
+    MaskSpec, Rectangle, Scene, Source, SpectrumOrigin, SpectrumSpec, Spot, SpotPart,
 };
 use std::f64::consts::{FRAC_PI_2, PI};
 
@@ -34,7 +34,11 @@ pub(crate) fn set_up(draws: &mut Draws) -> (Scene, Room) {
     // Wider spots leave nothing of a sample to be seen.
     let widest = draws.log_between(0.1, 1.5) * pitch[0] / (magnification - 1.0);
     let spot = spot.map(|it| it.min(widest));
-    let source = Source::new(source_distance, spot, beam(draws));
+    let mut source = Source::new(source_distance, spot, beam(draws));
+    let mut aside = draws.aside();
+    if aside.chance(0.2) {
+        source.spot = two_gaussians(&mut aside, spot);
+    }
     let mut scene = Scene::new(source, Detector::new(length, pixels, pitch));
     let depth = (2.0 * view[0]).min(0.4 * lever).min(0.4 * source_distance);
     let room = Room { view, depth };
@@ -58,6 +62,18 @@ pub(crate) fn set_up(draws: &mut Draws) -> (Scene, Room) {
 
 fn spot_width(draws: &mut Draws) -> f64 {
     if draws.chance(0.15) { 0.0 } else { draws.between(2e-6, 90e-6) }
+}
+
+/// A narrow and a broad Gaussian about one centre, in either order.
+fn two_gaussians(draws: &mut Draws, fwhm: [f64; 2]) -> Spot {
+    let broad = [0, 1].map(|axis| (fwhm[axis] * draws.between(1.0, 3.0)).max(1e-6));
+    let weight = draws.between(0.2, 0.8);
+    let part = |weight, fwhm| SpotPart::new(weight, fwhm, [0.0; 2]);
+    let mut parts = vec![part(weight, fwhm), part(1.0 - weight, broad)];
+    if draws.chance(0.5) {
+        parts.reverse();
+    }
+    Spot::gaussians(parts)
 }
 
 fn beam(draws: &mut Draws) -> Beam {

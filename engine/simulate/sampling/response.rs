@@ -57,6 +57,10 @@ pub(crate) struct Response {
     pub(crate) any_masks: bool,
 }
 
+/// A border of pixels is in an aperture if it is farther than this from its ends, half periods: where an aperture is as
+/// wide as a pixel both are the same place, rounded.
+const AT_EDGE: f64 = 1e-4;
+
 /// An interval of x of a beamlet that a mask step opens.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Opening {
@@ -298,15 +302,38 @@ pub(super) struct Landed {
 }
 
 /// Windows of the optics by the share of the light that they pass, blurred by `blur`, m. Light that leaks
-/// through the bars of the detector mask is recorded in all of a pixel.
+/// through the bars of the detector mask is recorded in all of a pixel; light that passes an aperture is parted
+/// where a border of pixels lies in it.
 fn windows_of(optics: &Optics, beamlets: &[BeamletGeometry], leak: f32, blur: f64) -> Vec<Windows> {
     let leak = if optics.detector_mask.is_some() { leak } else { 0.0 };
     let mut windows = vec![Windows::new(&optics.windows(), blur, 1.0 - leak, Vec::new())];
-    if leak > 0.0 {
+    let parted = if borders_lie_in_apertures(optics, beamlets) { 1.0 } else { leak };
+    if parted > 0.0 {
         let aside = beamlets.iter().map(|c| c.pixel_offset - c.aperture_offset).collect();
-        windows.push(Windows::new(&optics.pixel_windows(), blur, leak, aside));
+        windows.push(Windows::new(&optics.pixel_windows(), blur, parted, aside));
     }
     windows
+}
+
+/// True if a border between pixels lies in an aperture of the detector mask, seen from the source.
+fn borders_lie_in_apertures(optics: &Optics, beamlets: &[BeamletGeometry]) -> bool {
+    if optics.detector_mask.is_none() {
+        return false;
+    }
+    let (apertures, pixel) = (optics.windows(), optics.pixel_windows().period[0]);
+    let half = 0.5 * apertures.period[0];
+    let inside = |border: f64| {
+        let mut ends = apertures.ends();
+        ends.any(|[low, high]| border - low > AT_EDGE * half && high - border > AT_EDGE * half)
+    };
+    // Borders from the centre of the aperture, over a period of the mask.
+    let borders = |c: &BeamletGeometry| {
+        let border = f64::from(c.aperture_offset) - f64::from(c.pixel_offset) - 0.5 * pixel;
+        let first = border + ((-half - border) / pixel).ceil() * pixel;
+        std::iter::successors(Some(first), move |at| Some(at + pixel))
+            .take_while(move |at| *at <= half)
+    };
+    beamlets.iter().any(|c| borders(c).any(inside))
 }
 
 /// Openings by mask step: the offsets that differ enough, m; `soft`: how far an opening is seen

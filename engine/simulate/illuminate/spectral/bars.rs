@@ -11,9 +11,9 @@ use std::ops::Range;
 
 /// Largest width of joined cells of leaked light, share of the period.
 const LEAK_SHARE: f64 = 1.0 / 2.0;
-/// Largest residual of their displacement about a straight line, share of the blur, in groups as strong
-/// as `LITTLE`, of open beam (less in stronger ones).
+/// Largest residual of their displacement about a straight line, share of the blur.
 const LEAK_RESIDUAL: f64 = 0.3;
+/// Light of groups as strong as this, of open beam, is not joined.
 pub(super) const LITTLE: f64 = 0.02;
 /// Largest change of their light.
 const LEAK_CHANGE: f64 = 0.15;
@@ -169,15 +169,14 @@ impl EnergyBinning {
             .collect();
         let joined = |(shares, leaks): (&[f64], &[bool; 2])| {
             let share: f64 = shares.iter().sum();
-            leaks.contains(&true).then(|| {
+            (leaks.contains(&true) && share < LITTLE).then(|| {
                 if share < FAINT {
                     let all = f64::INFINITY;
                     Limits { width: all, residual: all, change: all }
                 } else {
-                    let residual = LEAK_RESIDUAL * (LITTLE / share).min(1.0);
                     Limits {
                         width: LEAK_SHARE * self.lattice.period,
-                        residual: (residual * self.lattice.edge_blur).max(self.tolerance),
+                        residual: (LEAK_RESIDUAL * self.lattice.edge_blur).max(self.tolerance),
                         change: LEAK_CHANGE,
                     }
                 }
