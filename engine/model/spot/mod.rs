@@ -80,6 +80,13 @@ impl From<[f64; 2]> for Spot {
     }
 }
 
+/// True if parts of a spot blur light otherwise along z, or lie elsewhere.
+#[must_use]
+pub fn differ_along_z(parts: &[PlacedPart]) -> bool {
+    let base = parts.first().map_or(0.0, |part| part.deviation[1]);
+    parts.iter().any(|it| it.offset[1].abs() > 0.0 || (it.deviation[1] - base).abs() > 0.0)
+}
+
 /// Standard deviations of a Gaussian that count: 2e-9 of its light lies beyond.
 const REACH: f64 = 6.0;
 

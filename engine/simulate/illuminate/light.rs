@@ -11,7 +11,7 @@ use beamlet_interface::{
 use beamlet_model::media::MaterialTable;
 use beamlet_model::optics::{MaskShape, Optics};
 use beamlet_model::scene::Scene;
-use beamlet_model::spot::PlacedPart;
+use beamlet_model::spot::{PlacedPart, differ_along_z};
 use std::ops::Range;
 use std::sync::Arc;
 
@@ -145,12 +145,8 @@ impl IlluminationBuffer {
         let offsets = device.upload("mask offsets", &offsets)?;
         let list = (offsets.address(), (stride * size_of::<f32>()) as u64);
         let table = device.upload("focal spot", &table(&optics.spot.placed()))?;
-        let base = parts.first().map_or(0.0, |part| part.deviation[1]);
-        let apart = |part: &PlacedPart| {
-            part.offset[1].abs() > 0.0 || (part.deviation[1] - base).abs() > 0.0
-        };
         let shared = IlluminationParams {
-            rows_apart: u32::from(parts.iter().any(apart)),
+            rows_apart: u32::from(differ_along_z(parts)),
             sample_mask,
             detector_mask,
             beamlets: beamlets.address(),

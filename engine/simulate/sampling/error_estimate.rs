@@ -130,6 +130,8 @@ pub(super) struct Estimator<'a> {
     pub(super) landing_edges: Option<LandingEdges>,
     /// Moments are kept: light moves otherwise at other energies.
     pub(super) other_energies: bool,
+    /// Parts of the spot take light to rows of their own.
+    pub(super) rows_apart: bool,
     /// Correction factor of the summed error of pieces.
     pub(super) pieces: f64,
     /// No means over facets are taken: all rectangles are known by rays.
@@ -170,15 +172,19 @@ impl Estimator<'_> {
             (_, Some(pieces)) => self.pieces_error(patch, index, pieces),
             _ => self.ray_error(patch, index),
         };
-        if let Some(lit) = &self.lit_heights {
-            error.height = lit.open(patch.row, node.z);
-        }
+        error.height = self.open_height(patch, node).0;
         if !self.counts_in_full(patch.row) {
             let least = if error.silhouette { THROWN } else { 0.0 };
             let detector = self.may_enter(patch.row, node);
             error.weigh(self.weight_beside(patch, node).max(least), detector);
         }
         error
+    }
+
+    /// Part of the height of a rectangle that the sample mask opens at most, and true where an end of an aperture
+    /// along z cuts it.
+    fn open_height(&self, patch: &Patch, node: &Node) -> (f32, bool) {
+        self.lit_heights.as_ref().map_or((1.0, false), |lit| lit.open(patch.row, node.z))
     }
 
     /// True if errors of a patch beside the detector count so little that its rectangles need no care.
@@ -224,6 +230,7 @@ impl Estimator<'_> {
         let column = self.column(patch.beamlet);
         let (mut cut, mut where_open, mut over, mut all) = (0.0_f32, 0.0_f32, 0.0_f32, 0.0);
         let rectangle = node.width() * node.height() * self.response.weight;
+        let (_, is_cut) = self.open_height(patch, node);
         for piece in pieces {
             let light = rectangle * piece.share * self.light(&piece.result);
             let at = self.response.landing(column, piece.centroid[0], piece.result.displacement_x);
@@ -237,7 +244,7 @@ impl Estimator<'_> {
                 .min(1.0);
             let unlike = piece.outline[0].max(wider);
             let mut along = unlike * self.response.outline(column, at, half);
-            if self.response.any_masks {
+            if self.other_energies {
                 // The piece is not moved.
                 along += self.response.change(
                     column,
@@ -246,8 +253,12 @@ impl Estimator<'_> {
                     half,
                 );
             }
-            let down = piece.outline[1] * self.beyond_border(patch.row, piece);
-            cut += (light * (CUT * piece.outline[0] + aside + down)).powi(2);
+            let mut down = self.beyond_border(patch.row, piece);
+            if is_cut {
+                down += CUT * piece.outline[1] + Self::misplaced(piece, Axis::Z);
+            }
+            let along_x = CUT * piece.outline[0] + aside + Self::misplaced(piece, Axis::X);
+            cut += (light * (along_x + down)).powi(2);
             where_open += (light * (along + down)).powi(2);
             over += (light * down).powi(2);
             all += light;
@@ -265,6 +276,17 @@ impl Estimator<'_> {
             axis: if height > width { Axis::Z } else { Axis::X },
             draws: None,
         }
+    }
+
+    /// Share of the light of a piece that an edge across an axis may have on its wrong side: the interval that stands
+    /// for it is longer or shorter than it.
+    fn misplaced(piece: &Piece, axis: Axis) -> f32 {
+        let (own, stands) = match axis {
+            Axis::X => (piece.bounds[0], piece.x),
+            Axis::Z => (piece.bounds[1], piece.z),
+        };
+        let [own, stands] = [own, stands].map(|[low, high]| high - low);
+        0.5 * (own - stands).abs() / own.max(stands).max(f32::MIN_POSITIVE)
     }
 
     /// True if all light of a row counts: in rows of the detector, and where the effect of other energies
@@ -286,11 +308,13 @@ impl Estimator<'_> {
         (BESIDE * single(before(rows.end) - before(rows.start))).min(1.0)
     }
 
-    /// Share of the light of a piece that its outline may move over the border of a row.
+    /// Share of the light of a piece that its outline, or the interval that stands for it, may have on the wrong side
+    /// of the border of a row.
     fn beyond_border(&self, row: i64, piece: &Piece) -> f32 {
         let down = self.down(&piece.result);
         let by_outline = || piece.rows.by_outline(down.into(), self.row_blur.into());
-        if !self.other_energies && !self.heights && by_outline().is_some() {
+        let has_shares = !self.other_energies && !self.heights && !self.rows_apart;
+        if has_shares && by_outline().is_some() {
             return 0.0;
         }
         let [low, high] = piece.rows.whole.map(|z| single(z) + down);
@@ -305,7 +329,11 @@ impl Estimator<'_> {
         let leak = if near { BLURRED * self.row_blur / height } else { 0.0 };
         // A blur hides outlines that are smaller.
         let hidden = (1.0 - self.row_blur / height).clamp(0.0, 1.0);
-        DENSITY * hidden * (cut + leak).min(0.5)
+        let by_outline = piece.outline[1] * DENSITY * hidden * (cut + leak).min(0.5);
+        let [top, bottom] = piece.z.map(|z| z + down);
+        let reach = 2.0 * self.row_blur;
+        let crosses = (low.min(top) - reach).floor() < (high.max(bottom) + reach).floor();
+        by_outline + if crosses { Self::misplaced(piece, Axis::Z) } else { 0.0 }
     }
 
     /// Error of a rectangle that is known as a mean.
@@ -329,7 +357,10 @@ impl Estimator<'_> {
         // along x like all of the rectangle.
         let aside = self.leak(node) * (ALONG_Z * along + CANCELLED * across);
         let down = down.hypot(aside).hypot(passed * self.response.flat(residuals.across));
-        let down = down.hypot(passed * self.bent(node, residuals));
+        let mut down = down.hypot(passed * self.bent(node, residuals));
+        if self.open_height(patch, node).1 {
+            down = down.hypot(passed * residuals.bow);
+        }
         let all = along + down;
         let where_open = along * whole.min(1.0);
         CellError {

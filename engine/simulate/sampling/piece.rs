@@ -1,6 +1,7 @@
 //! A piece of a rectangle: a part that the same facets cover.
 
 use super::row_spread::PieceRows;
+use beamlet_core::numbers::single;
 use beamlet_interface::RayResult;
 
 /// Part of a rectangle covered by the same facets. Parts lie in the rectangle by their centroids, as
@@ -38,5 +39,12 @@ impl Piece {
         let height = self.z[1] - self.z[0];
         let first = (self.centroid[1] - 0.5 * height).min(bottom - height).max(top);
         self.z = [first, (first + height).min(bottom)];
+    }
+
+    /// Heights of its row about its centroid.
+    pub(super) fn about_centroid(&self) -> [f32; 2] {
+        let height = self.z[1] - self.z[0];
+        let first = (single(self.rows.centroid) - 0.5 * height).min(1.0 - height).max(0.0);
+        [first, (first + height).min(1.0)]
     }
 }

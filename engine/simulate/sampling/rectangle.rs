@@ -55,16 +55,21 @@ impl Rectangle {
         let own = (12.0 * piece.variance).sqrt().max(width);
         let slopes = Slopes { depth: [piece.slope_depth, 0.0], ..Slopes::default() };
         let mut ends = LinearModel::new(&piece.result, own.max(THINNEST), &slopes);
+        let z = match magnification {
+            Some(_) => piece.z,
+            // Its tilt would follow the depth at each energy.
+            None => piece.about_centroid(),
+        };
         // Where its light lands has the mean and the variance of the part.
         let magnification = magnification.unwrap_or(0.0);
         let apart = piece.centroid[0] - 0.5 * (piece.x[0] + piece.x[1]);
         ends.displacement = ends.displacement.map(|d| d + magnification * apart);
-        let [top, bottom] = piece.z.map(f64::from);
+        let [top, bottom] = z.map(f64::from);
         let aside = piece.rows.centroid - 0.5 * (top + bottom);
         let wider = (piece.variance - width * width / 12.0).max(0.0);
         Self {
             x: piece.x,
-            z: piece.z,
+            z,
             ray: piece.centroid,
             traced: None,
             ends,

@@ -30,6 +30,7 @@ use crate::trace::Tracer;
 use beamlet_core::Result;
 use beamlet_core::cancel::Cancel;
 use beamlet_core::numbers::{self, single};
+use beamlet_model::spot::differ_along_z;
 use held::Held;
 pub(super) use held::{Refined, bytes_of};
 use rayon::prelude::*;
@@ -110,6 +111,7 @@ impl<'a> Refiner<'a> {
             landing_edges: LandingEdges::of(optics),
             gap: single(optics.gap()),
             other_energies: view.recording.is_some(),
+            rows_apart: differ_along_z(&optics.spot.placed()),
             pieces: error_of_pieces(optics, view.budget.tolerance),
             by_rays_alone: view.facets.by_rays_alone,
             recorded_rows: view.recorded_rows(),
