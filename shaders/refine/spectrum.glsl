@@ -15,7 +15,7 @@ struct Sums {
     float slope_x;
     vec2 narrowing; // by either mask
     vec2 narrowing_x;
-    vec2 along_z; // refraction over that of the ray, and optical depth
+    vec2 along_z; // refraction, where the ray has 1, and optical depth
 };
 
 Sums no_sums() {

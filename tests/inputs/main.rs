@@ -2,6 +2,7 @@
 //! engine. None of these tests needs a Vulkan device.
 
 mod circles;
+mod constants;
 mod crates;
 mod documents;
 mod file_names;

@@ -29,8 +29,9 @@ use std::time::Instant;
 use support::backends;
 
 /// Seeds of CI: every shape but the torus, whose facets take long to trace, 0 to 2 masks that
-/// do and do not leak, apertures that end along z, instances, nested bodies, one energy and a tube.
-const SEEDS: [u64; 12] = [5, 8, 12, 15, 23, 37, 44, 47, 53, 68, 78, 79];
+/// do and do not leak, apertures that end along z, instances, nested bodies, one energy and a tube, spots of two
+/// Gaussians, borders of pixels in apertures.
+const SEEDS: [u64; 14] = [5, 8, 12, 15, 23, 37, 44, 47, 53, 68, 78, 79, 134, 155];
 /// A sample that changes no pixel by this share of open beam is not seen.
 const SEEN: f32 = 0.01;
 

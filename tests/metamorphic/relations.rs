@@ -158,9 +158,13 @@ impl Relation {
         };
         let sampled = SAMPLED + records.into_iter().map(beyond).sum::<f64>();
         let (sample, flat) = match self {
+            // Other last digits of a ray may split another rectangle, where rays alone decide.
+            Self::Backend if scene.sampling.refine == Refine::Device => (1e-5, 0.0),
             Self::Backend => (1e-6, 0.0),
             Self::Bands => (0.0, 0.0),
             Self::MirroredInX => (sampled, 2e-5),
+            // Curved ends of apertures are a sum over heights.
+            Self::MirroredInZ if scene.has_heights() => (sampled, 2e-5),
             Self::MirroredInZ | Self::Turned | Self::Finer => (sampled, 1e-6),
             Self::Exact => (sampled + SURFACES * FIRST_ORDER * per_angle, 1e-6),
             Self::Facets => {

@@ -70,7 +70,7 @@ fn checked(stacks: Stacks) -> Result<Run, String> {
     if (tally.unbalanced, tally.dropped, tally.not_finite) != (0, 0, 0) {
         return Err(format!("rays were lost: {tally:?}"));
     }
-    if [tally.exact, tally.reflected, tally.retraced].iter().any(|count| *count > tally.rays) {
+    if tally.reflected.max(tally.retraced) > tally.rays + tally.exact {
         return Err(format!("more rays than there are: {tally:?}"));
     }
     Ok(Run { flat: flat_of(&stacks), sample: stacks.sample, record: stacks.record })

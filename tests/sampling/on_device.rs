@@ -166,7 +166,7 @@ pub(super) fn run(
     let record = engine.run(&scene, &mut sink, Control::default()).expect("a run");
     // Counters of the device go on while the host has rays traced between its kernels.
     let tally = &record.tally;
-    assert!(tally.reflected <= tally.rays && tally.exact <= tally.rays, "{tally:?}");
+    assert!(tally.reflected <= tally.rays + tally.exact, "{tally:?}");
     (sink.into_stacks().expect("stacks").sample, record)
 }
 

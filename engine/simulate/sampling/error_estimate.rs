@@ -255,10 +255,9 @@ impl Estimator<'_> {
             }
             let mut down = self.beyond_border(patch.row, piece);
             if is_cut {
-                down += CUT * piece.outline[1] + Self::misplaced(piece, Axis::Z);
+                down += CUT * piece.outline[1] + Self::misplaced(piece);
             }
-            let along_x = CUT * piece.outline[0] + aside + Self::misplaced(piece, Axis::X);
-            cut += (light * (along_x + down)).powi(2);
+            cut += (light * (CUT * piece.outline[0] + aside + down)).powi(2);
             where_open += (light * (along + down)).powi(2);
             over += (light * down).powi(2);
             all += light;
@@ -278,15 +277,10 @@ impl Estimator<'_> {
         }
     }
 
-    /// Share of the light of a piece that an edge across an axis may have on its wrong side: the interval that stands
-    /// for it is longer or shorter than it.
-    fn misplaced(piece: &Piece, axis: Axis) -> f32 {
-        let (own, stands) = match axis {
-            Axis::X => (piece.bounds[0], piece.x),
-            Axis::Z => (piece.bounds[1], piece.z),
-        };
-        let [own, stands] = [own, stands].map(|[low, high]| high - low);
-        0.5 * (own - stands).abs() / own.max(stands).max(f32::MIN_POSITIVE)
+    /// Share of the light of a piece that an edge along z may have on its wrong side: its cell is higher or lower.
+    fn misplaced(piece: &Piece) -> f32 {
+        let [own, cell] = [piece.bounds[1], piece.z].map(|[top, bottom]| bottom - top);
+        0.5 * (own - cell).abs() / own.max(cell).max(f32::MIN_POSITIVE)
     }
 
     /// True if all light of a row counts: in rows of the detector, and where the effect of other energies
@@ -308,7 +302,7 @@ impl Estimator<'_> {
         (BESIDE * single(before(rows.end) - before(rows.start))).min(1.0)
     }
 
-    /// Share of the light of a piece that its outline, or the interval that stands for it, may have on the wrong side
+    /// Share of the light of a piece that its outline, or the rectangle of its cell, may have on the wrong side
     /// of the border of a row.
     fn beyond_border(&self, row: i64, piece: &Piece) -> f32 {
         let down = self.down(&piece.result);
@@ -333,7 +327,7 @@ impl Estimator<'_> {
         let [top, bottom] = piece.z.map(|z| z + down);
         let reach = 2.0 * self.row_blur;
         let crosses = (low.min(top) - reach).floor() < (high.max(bottom) + reach).floor();
-        by_outline + if crosses { Self::misplaced(piece, Axis::Z) } else { 0.0 }
+        by_outline + if crosses { Self::misplaced(piece) } else { 0.0 }
     }
 
     /// Error of a rectangle that is known as a mean.

@@ -3,7 +3,7 @@
 use super::job::Job;
 use super::kernels::Walks;
 use super::pass::Rays;
-use super::queues::Queues;
+use super::queues::{LEVELS, Queues};
 use super::{Tracer, Wanted};
 use beamlet_core::Result;
 use beamlet_core::numbers::count;
@@ -23,8 +23,6 @@ const SHORT_LIST: u32 = 64;
 /// Crossings that all lists hold together.
 pub(super) const LISTED: u32 = 1 << 21;
 
-/// Passes of an exact walk, with longer and longer lists: the last hold [`LONGEST_LIST`] crossings.
-pub(super) const LEVELS: usize = 6;
 const _: () = assert!(list_of(LEVELS - 1) == LONGEST_LIST && list_of(LEVELS - 2) < LONGEST_LIST);
 
 /// Crossings of a list of a pass.

@@ -1,8 +1,8 @@
 //! All passes over the rays of a batch, in one submission.
 
-use super::exact::{ExactRays, ExactWalk, LEVELS};
+use super::exact::{ExactRays, ExactWalk};
 use super::pass::{Pass, Rays};
-use super::queues::Queues;
+use super::queues::{LEVELS, Queues};
 use super::{Tracer, Wanted};
 use beamlet_core::{Result, numbers};
 use beamlet_gpu::{Backend, Download, Recorder, Upload};

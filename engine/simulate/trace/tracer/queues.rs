@@ -1,8 +1,10 @@
 //! Queues of rays between the passes over a batch: the device fills them, and runs the pass of each by an
 //! indirect dispatch, so that the host reads no counter between rays and results.
 
-use super::exact::LEVELS;
 use beamlet_interface::{QUEUE_HEAD, QUEUE_LONGER};
+
+/// Passes of an exact walk, with longer and longer lists: the last hold the longest.
+pub(super) const LEVELS: usize = 6;
 
 /// Number of queues: two exact walks have queues of longer lists of their own.
 pub(super) const QUEUES: usize = QUEUE_LONGER as usize + 2 * LEVELS;
