@@ -178,7 +178,8 @@ fn estimated_errors_are_of_pixels_where_the_detector_blurs() {
             errors.rms / 1e-3,
             errors.worst / 1e-3,
         );
-        assert!((0.5..2.0).contains(&ratio), "{ratio}: {errors:?}");
+        // Light that moves between parts of a pixel counts, too.
+        assert!((0.5..2.5).contains(&ratio), "{ratio}: {errors:?}");
         assert!(errors.share() > 0.99 && errors.worst < 5e-3, "{errors:?}");
     }
 }
