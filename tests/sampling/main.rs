@@ -5,6 +5,7 @@ use beamlet_reference as reference;
 #[path = "../support/mod.rs"]
 mod support;
 
+mod borders;
 mod choice;
 mod determinism;
 mod estimated;

@@ -1,7 +1,7 @@
 //! Apertures that end along z, for the device.
 
 use super::tables::{address, table};
-use crate::sampling::{LandingEdges, LitHeights, ViewContext};
+use crate::sampling::{EdgesAlongZ, LitHeights, ViewContext};
 use beamlet_core::Result;
 use beamlet_core::numbers::{self, single};
 use beamlet_gpu::{Buffer, Device};
@@ -12,7 +12,7 @@ use std::sync::Arc;
 #[derive(Debug)]
 pub(super) struct Heights {
     lit: Option<LitHeights>,
-    landing: Option<LandingEdges>,
+    landing: Option<EdgesAlongZ>,
     record: Buffer,
     _lists: [Option<Buffer>; 2],
 }
@@ -24,7 +24,7 @@ impl Heights {
             return Ok(None);
         }
         let lit = LitHeights::of(view.optics);
-        let landing = LandingEdges::of(view.optics);
+        let landing = EdgesAlongZ::landing(view.optics);
         let tops = lit.as_ref().map_or_else(Vec::new, |lit| in_period(&lit.tops, lit.period));
         let edges = landing.as_ref().map_or_else(Vec::new, |it| in_period(&it.edges, it.period));
         let lists =

@@ -118,7 +118,10 @@ impl<'a> Emitter<'a> {
             if let Some(pieces) = patch.pieces(node) {
                 let magnification =
                     self.view.recording.is_none().then_some(self.view.response.magnification);
-                let of_piece = |piece| Rectangle::of_piece(piece, self.gap, magnification);
+                let of_piece = |piece| {
+                    let z = estimator.cell_heights(piece);
+                    Rectangle::of_piece(piece, z, self.gap, magnification)
+                };
                 rectangles.extend(pieces.iter().map(of_piece));
                 continue;
             }

@@ -8,8 +8,8 @@
 //! as sums: along a silhouette their outlines are alike.
 
 use super::base_lattice::BaseLattice;
+use super::edges_along_z::EdgesAlongZ;
 use super::error_budget::ErrorBudget;
-use super::landing_edges::LandingEdges;
 use super::lit_heights::LitHeights;
 use super::patch::{Axis, Node, Patch, Residuals, Rule};
 use super::piece::Piece;
@@ -120,6 +120,8 @@ pub(super) struct Estimator<'a> {
     pub(super) gap: f32,
     /// Standard deviation of the blur over rows, rows.
     pub(super) row_blur: f32,
+    /// How far the parts of the spot take light along z, rows.
+    pub(super) row_reach: f32,
     /// The blur takes light beyond the rows beside.
     pub(super) wide_blur: bool,
     /// Apertures of masks end along z.
@@ -127,8 +129,10 @@ pub(super) struct Estimator<'a> {
     /// Apertures of the sample mask along z.
     pub(super) lit_heights: Option<LitHeights>,
     /// Edges of the detector mask along z.
-    pub(super) landing_edges: Option<LandingEdges>,
-    /// Moments are kept: light moves otherwise at other energies.
+    pub(super) landing_edges: Option<EdgesAlongZ>,
+    /// Edges of the sample mask along z.
+    pub(super) lit_edges: Option<EdgesAlongZ>,
+    /// There are other energies, or moments are kept for them: light moves otherwise there.
     pub(super) other_energies: bool,
     /// Parts of the spot take light to rows of their own.
     pub(super) rows_apart: bool,
@@ -159,6 +163,11 @@ pub(super) fn tailed(deviation: f32, farthest: f32, of: impl Fn(f32) -> f32) -> 
     error
 }
 
+/// The interval that holds two others.
+fn union([a, b]: [[f32; 2]; 2]) -> [f32; 2] {
+    [a[0].min(b[0]), a[1].max(b[1])]
+}
+
 impl Estimator<'_> {
     /// Column of a beamlet in the lattice.
     pub(super) fn column(&self, beamlet: i64) -> usize {
@@ -172,7 +181,9 @@ impl Estimator<'_> {
             (_, Some(pieces)) => self.pieces_error(patch, index, pieces),
             _ => self.ray_error(patch, index),
         };
-        error.height = self.open_height(patch, node).0;
+        if let Some(lit) = &self.lit_heights {
+            error.height = lit.open(patch.row, node.z);
+        }
         if !self.counts_in_full(patch.row) {
             let least = if error.silhouette { THROWN } else { 0.0 };
             let detector = self.may_enter(patch.row, node);
@@ -181,10 +192,16 @@ impl Estimator<'_> {
         error
     }
 
-    /// Part of the height of a rectangle that the sample mask opens at most, and true where an end of an aperture
-    /// along z cuts it.
-    fn open_height(&self, patch: &Patch, node: &Node) -> (f32, bool) {
-        self.lit_heights.as_ref().map_or((1.0, false), |lit| lit.open(patch.row, node.z))
+    /// True if an edge of the sample mask along z cuts an interval of a row.
+    fn is_cut(&self, row: i64, ends: [f32; 2]) -> bool {
+        self.lit_edges.as_ref().is_some_and(|edges| edges.crossed(row, ends))
+    }
+
+    /// Heights of the cell of a piece.
+    pub(super) fn cell_heights(&self, piece: &Piece) -> [f32; 2] {
+        // A tilt would follow the depth at each energy; parts of a spot in rows of their own have none.
+        let moved = self.other_energies || (self.rows_apart && !self.heights);
+        if moved { piece.about_centroid() } else { piece.z }
     }
 
     /// True if errors of a patch beside the detector count so little that its rectangles need no care.
@@ -230,7 +247,6 @@ impl Estimator<'_> {
         let column = self.column(patch.beamlet);
         let (mut cut, mut where_open, mut over, mut all) = (0.0_f32, 0.0_f32, 0.0_f32, 0.0);
         let rectangle = node.width() * node.height() * self.response.weight;
-        let (_, is_cut) = self.open_height(patch, node);
         for piece in pieces {
             let light = rectangle * piece.share * self.light(&piece.result);
             let at = self.response.landing(column, piece.centroid[0], piece.result.displacement_x);
@@ -254,7 +270,7 @@ impl Estimator<'_> {
                 );
             }
             let mut down = self.beyond_border(patch.row, piece);
-            if is_cut {
+            if self.is_cut(patch.row, union([piece.bounds[1], self.cell_heights(piece)])) {
                 down += CUT * piece.outline[1] + Self::misplaced(piece);
             }
             cut += (light * (CUT * piece.outline[0] + aside + down)).powi(2);
@@ -302,13 +318,17 @@ impl Estimator<'_> {
         (BESIDE * single(before(rows.end) - before(rows.start))).min(1.0)
     }
 
+    /// True if cells know their shares of the rows beside; else their rectangles say where light lands.
+    fn has_shares(&self) -> bool {
+        !self.other_energies && !self.heights && !self.rows_apart
+    }
+
     /// Share of the light of a piece that its outline, or the rectangle of its cell, may have on the wrong side
     /// of the border of a row.
     fn beyond_border(&self, row: i64, piece: &Piece) -> f32 {
         let down = self.down(&piece.result);
         let by_outline = || piece.rows.by_outline(down.into(), self.row_blur.into());
-        let has_shares = !self.other_energies && !self.heights && !self.rows_apart;
-        if has_shares && by_outline().is_some() {
+        if self.has_shares() && by_outline().is_some() {
             return 0.0;
         }
         let [low, high] = piece.rows.whole.map(|z| single(z) + down);
@@ -324,9 +344,9 @@ impl Estimator<'_> {
         // A blur hides outlines that are smaller.
         let hidden = (1.0 - self.row_blur / height).clamp(0.0, 1.0);
         let by_outline = piece.outline[1] * DENSITY * hidden * (cut + leak).min(0.5);
-        let [top, bottom] = piece.z.map(|z| z + down);
-        let reach = 2.0 * self.row_blur;
-        let crosses = (low.min(top) - reach).floor() < (high.max(bottom) + reach).floor();
+        let [low, high] = union([piece.bounds[1], self.cell_heights(piece)]).map(|z| z + down);
+        let ends = [low - self.row_reach, high + self.row_reach];
+        let crosses = ends[0].floor() < ends[1].floor() || self.lands_at_edge(row, ends);
         by_outline + if crosses { Self::misplaced(piece) } else { 0.0 }
     }
 
@@ -345,15 +365,19 @@ impl Estimator<'_> {
         let whole = self.response.curvature(node.width())
             + self.response.skew(residuals.displacement, residuals.farthest[0]);
         let off = [residuals.displacement_z, residuals.farthest[1]];
-        let known = residuals.borders.iter().any(Option::is_some);
+        let known = self.has_shares() && residuals.borders.iter().any(Option::is_some);
         let down = passed * self.over_borders((patch.row, node), known, result, off);
         // A Gaussian stands for the slope over z, and what crosses the border of the row lands
         // along x like all of the rectangle.
         let aside = self.leak(node) * (ALONG_Z * along + CANCELLED * across);
         let down = down.hypot(aside).hypot(passed * self.response.flat(residuals.across));
         let mut down = down.hypot(passed * self.bent(node, residuals));
-        if self.open_height(patch, node).1 {
+        if self.is_cut(patch.row, node.z) {
             down = down.hypot(passed * residuals.bow);
+        }
+        if self.rows_apart && !self.heights {
+            // A cell has no slope of its light along z.
+            down = down.hypot(passed * self.leak(node) * 0.5 * residuals.rise.abs());
         }
         let all = along + down;
         let where_open = along * whole.min(1.0);

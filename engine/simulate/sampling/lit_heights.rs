@@ -5,9 +5,6 @@ use beamlet_model::optics::Optics;
 /// Deviations of the blur that the source adds to an aperture on either side.
 const REACH: f64 = 2.0;
 
-/// Part of an interval below which an end of an aperture does not cut it.
-const AT_EDGE: f64 = 1e-6;
-
 /// Apertures of the sample mask along z, in rows as seen from the source.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct LitHeights {
@@ -26,8 +23,7 @@ impl LitHeights {
         let strips = optics.sample_mask.as_ref()?.strips(plane, 1)?;
         let row = |z: f64| optics.detector.row_at(z, plane);
         let [low, high] = [strips.strips.first()?.z[0], strips.strips.last()?.z[1]];
-        let spot = optics.spot.reach()[1] / 6.0 * (optics.rotation - plane) / optics.rotation;
-        let reach = REACH * spot;
+        let reach = lit_reach(optics);
         let at = |offset: f64| row(strips.centre + high + reach + offset);
         let mut tops: Vec<f64> = optics.offsets_z.iter().map(|offset| at(*offset)).collect();
         if tops.is_empty() {
@@ -39,9 +35,9 @@ impl LitHeights {
         Some(Self { period: row(0.0) - row(strips.period), tops, height })
     }
 
-    /// Part of the interval between two places, rows from the upper end of a row, that the mask opens: the largest
-    /// of the steps, and true where one opens a part of it only.
-    pub(super) fn open(&self, row: i64, [low, high]: [f32; 2]) -> (f32, bool) {
+    /// Largest part of the interval between two places, rows from the upper end of a row, that the mask opens at a
+    /// step.
+    pub(super) fn open(&self, row: i64, [low, high]: [f32; 2]) -> f32 {
         let [low, high] = [low, high].map(|at| row as f64 + f64::from(at));
         let open = |top: &f64| {
             let first = ((low - top - self.height) / self.period).floor();
@@ -51,14 +47,16 @@ impl LitHeights {
                 sum += ((from + self.height).min(high) - from.max(low)).max(0.0);
                 from += self.period;
             }
-            (sum / (high - low)).min(1.0)
+            sum / (high - low)
         };
-        let parts = self.tops.iter().map(open);
-        let (most, is_cut) = parts.fold((0.0_f64, false), |(most, is_cut), part| {
-            (most.max(part), is_cut || (part > AT_EDGE && part < 1.0 - AT_EDGE))
-        });
-        (beamlet_core::numbers::single(most), is_cut)
+        beamlet_core::numbers::single(self.tops.iter().map(open).fold(0.0, f64::max).min(1.0))
     }
+}
+
+/// How far the source blurs the edges of the sample mask along z, m in the cell plane.
+pub(super) fn lit_reach(optics: &Optics) -> f64 {
+    let spot = optics.spot.reach()[1] / 6.0;
+    REACH * spot * (optics.rotation - optics.cell_plane) / optics.rotation
 }
 
 #[cfg(test)]
@@ -68,16 +66,14 @@ mod tests {
     #[test]
     fn the_open_part_is_the_largest_overlap_of_the_steps() {
         let lit = LitHeights { period: 2.0, tops: vec![0.25, 0.5], height: 0.5 };
-        let near = |row: i64, ends: [f32; 2], want: (f32, bool)| {
+        let near = |row: i64, ends: [f32; 2], want: f32| {
             let got = lit.open(row, ends);
-            let is_near = (got.0 - want.0).abs() < 1e-6 && got.1 == want.1;
-            assert!(is_near, "{row} {ends:?}: {got:?} for {want:?}");
+            assert!((got - want).abs() < 1e-6, "{row} {ends:?}: {got} for {want}");
         };
-        near(0, [0.0, 1.0], (0.5, true));
-        near(0, [0.75, 1.0], (1.0, true));
-        near(0, [0.5, 0.75], (1.0, false));
-        near(0, [0.0, 0.5], (0.5, true));
-        near(1, [0.0, 1.0], (0.0, false));
-        near(2, [0.5, 0.75], (1.0, false));
+        near(0, [0.0, 1.0], 0.5);
+        near(0, [0.75, 1.0], 1.0);
+        near(0, [0.0, 0.5], 0.5);
+        near(1, [0.0, 1.0], 0.0);
+        near(2, [0.5, 0.75], 1.0);
     }
 }

@@ -9,13 +9,13 @@ mod cell_moments;
 mod cell_rows;
 mod crowding;
 mod dissection;
+mod edges_along_z;
 mod emission;
 mod error_budget;
 mod error_estimate;
 mod facet_lists;
 mod facet_means;
 mod hardening;
-mod landing_edges;
 mod lattice;
 mod layout;
 mod leaves;
@@ -53,9 +53,9 @@ pub(crate) use cell_batch::{
     CellBatch, blank_cell_rows, blank_cells, empty_cell, empty_cell_row, empty_cell_rows,
 };
 pub(crate) use cell_moments::{CellMoments, ExactCell};
+pub(crate) use edges_along_z::EdgesAlongZ;
 pub(crate) use error_budget::ErrorBudget;
 pub(crate) use hardening::Hardening;
-pub(crate) use landing_edges::LandingEdges;
 pub use lattice::{Lattice, beamlet_geometry};
 pub(crate) use leaves::{bytes_of_leaf, cells_of_leaves};
 pub(crate) use lit_heights::LitHeights;

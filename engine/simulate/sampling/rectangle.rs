@@ -47,19 +47,19 @@ impl Rectangle {
         })
     }
 
-    /// A piece. `gap`: from analyser to detector, m; `magnification`: from
+    /// A piece, whose cell has the heights `z`. `gap`: from analyser to detector, m; `magnification`: from
     /// the cell plane to the analyser, nothing where displacements follow the energy.
-    pub(super) fn of_piece(piece: &Piece, gap: f32, magnification: Option<f32>) -> Self {
+    pub(super) fn of_piece(
+        piece: &Piece,
+        z: [f32; 2],
+        gap: f32,
+        magnification: Option<f32>,
+    ) -> Self {
         let width = piece.x[1] - piece.x[0];
         // Depth rises by as much as over the part.
         let own = (12.0 * piece.variance).sqrt().max(width);
         let slopes = Slopes { depth: [piece.slope_depth, 0.0], ..Slopes::default() };
         let mut ends = LinearModel::new(&piece.result, own.max(THINNEST), &slopes);
-        let z = match magnification {
-            Some(_) => piece.z,
-            // Its tilt would follow the depth at each energy.
-            None => piece.about_centroid(),
-        };
         // Where its light lands has the mean and the variance of the part.
         let magnification = magnification.unwrap_or(0.0);
         let apart = piece.centroid[0] - 0.5 * (piece.x[0] + piece.x[1]);

@@ -15,10 +15,10 @@ mod rays;
 mod slanting;
 
 use super::base_lattice::BaseLattice;
+use super::edges_along_z::EdgesAlongZ;
 use super::error_estimate::Estimator;
 use super::facet_lists::FacetLists;
 use super::facet_means::FacetMeans;
-use super::landing_edges::LandingEdges;
 use super::lattice::Lattice;
 use super::lit_heights::LitHeights;
 use super::narrow_components::NarrowComponents;
@@ -30,7 +30,8 @@ use crate::trace::Tracer;
 use beamlet_core::Result;
 use beamlet_core::cancel::Cancel;
 use beamlet_core::numbers::{self, single};
-use beamlet_model::spot::differ_along_z;
+use beamlet_model::optics::Optics;
+use beamlet_model::spot::{PlacedPart, differ_along_z};
 use held::Held;
 pub(super) use held::{Refined, bytes_of};
 use rayon::prelude::*;
@@ -77,6 +78,12 @@ fn least_width(lattice: &Lattice) -> f32 {
     single((LEAST_SHARE * lattice.period).max(coarse).min(LEAST_WIDTH))
 }
 
+/// How far from the place of a ray the parts of the spot take its light along z, but for a fortieth, rows.
+fn row_reach(optics: &Optics) -> f64 {
+    let reach = |part: PlacedPart| part.offset[1].abs() + 2.0 * part.deviation[1];
+    optics.rows_of_source(optics.spot.placed().into_iter().map(reach).fold(0.0, f64::max))
+}
+
 /// Refines patches.
 pub(super) struct Refiner<'a> {
     view: &'a ViewContext<'a>,
@@ -105,10 +112,12 @@ impl<'a> Refiner<'a> {
             row_height: single(detector.pitch_at(1, view.lattice.plane)),
             row_pitch: single(detector.pitch[1]),
             row_blur: single(view.lattice.row_spread.blur),
+            row_reach: single(row_reach(optics)),
             wide_blur: view.lattice.row_spread.is_wide(),
             heights: view.lattice.heights,
             lit_heights: LitHeights::of(optics),
-            landing_edges: LandingEdges::of(optics),
+            landing_edges: EdgesAlongZ::landing(optics),
+            lit_edges: EdgesAlongZ::lit(optics),
             gap: single(optics.gap()),
             other_energies: view.recording.is_some(),
             rows_apart: differ_along_z(&optics.spot.placed()),

@@ -9,6 +9,9 @@ use beamlet_core::numbers::{self, single};
 use beamlet_interface::BeamletGeometry;
 use beamlet_model::optics::{Mask, Openings, Optics};
 
+/// A border of pixels is in an aperture if it is farther than this from its ends, periods of the mask: where an aperture
+/// is as wide as a pixel both are the same place, rounded.
+const AT_EDGE: f64 = 1e-6;
 /// Rectangles that a patch begins with are at least as wide as this share of the period.
 const LEAST_SLAB: f32 = 1.0 / 128.0;
 /// Mask steps closer to one another than this share of an aperture see the same.
@@ -56,10 +59,6 @@ pub(crate) struct Response {
     /// Cells serve any mask, step and detector: stored moments.
     pub(crate) any_masks: bool,
 }
-
-/// A border of pixels is in an aperture if it is farther than this from its ends, half periods: where an aperture is as
-/// wide as a pixel both are the same place, rounded.
-const AT_EDGE: f64 = 1e-4;
 
 /// An interval of x of a beamlet that a mask step opens.
 #[derive(Debug, Clone, Copy)]
@@ -133,7 +132,8 @@ impl Response {
 
     /// Largest change of the share of light that passes a window, per displacement, 1/m.
     pub(crate) fn steepest(&self) -> f64 {
-        0.4 / f64::from(self.blur)
+        let shares: f32 = self.windows.iter().map(|windows| windows.share).sum();
+        0.4 * f64::from(shares) / f64::from(self.blur)
     }
 
     /// Part of a change of light within a rectangle of this width, m, that windows record although
@@ -321,19 +321,17 @@ fn borders_lie_in_apertures(optics: &Optics, beamlets: &[BeamletGeometry]) -> bo
         return false;
     }
     let (apertures, pixel) = (optics.windows(), optics.pixel_windows().period[0]);
-    let half = 0.5 * apertures.period[0];
-    let inside = |border: f64| {
-        let mut ends = apertures.ends();
-        ends.any(|[low, high]| border - low > AT_EDGE * half && high - border > AT_EDGE * half)
-    };
-    // Borders from the centre of the aperture, over a period of the mask.
-    let borders = |c: &BeamletGeometry| {
+    let edge = AT_EDGE * apertures.period[0];
+    let parts = |c: &BeamletGeometry| {
+        // From the centre of the period of the mask; others are whole pixels away.
         let border = f64::from(c.aperture_offset) - f64::from(c.pixel_offset) - 0.5 * pixel;
-        let first = border + ((-half - border) / pixel).ceil() * pixel;
-        std::iter::successors(Some(first), move |at| Some(at + pixel))
-            .take_while(move |at| *at <= half)
+        let mut ends = apertures.ends();
+        ends.any(|[low, high]| {
+            let next = border + ((low + edge - border) / pixel).ceil() * pixel;
+            next < high - edge
+        })
     };
-    beamlets.iter().any(|c| borders(c).any(inside))
+    beamlets.iter().any(parts)
 }
 
 /// Openings by mask step: the offsets that differ enough, m; `soft`: how far an opening is seen

@@ -161,7 +161,7 @@ fn tight_tolerances_hold_without_a_sample_mask() {
 }
 
 /// Estimated errors are of pixels, not of the parts of them that take the light where the detector blurs
-/// (16 times as much was told, and refined for): within a factor of two.
+/// (16 times as much was told, and refined for): within a factor of 2.5.
 #[test]
 fn estimated_errors_are_of_pixels_where_the_detector_blurs() {
     let engine = engine(Backend::Bvh);

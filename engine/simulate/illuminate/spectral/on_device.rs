@@ -181,7 +181,7 @@ fn row_of(it: &RepeatedRectangle) -> CellRow {
 /// Columns of a patch that the light of a group is merged into; 0: it is not.
 fn merged_columns(merges: bool, share: f64) -> u32 {
     match share {
-        _ if !merges || share > LITTLE => 0,
+        _ if !merges || share >= LITTLE => 0,
         _ if share < FAINT => 1,
         _ => MERGED_COLUMNS,
     }

@@ -1,0 +1,74 @@
+//! Borders at which light changes, of pixels, rows and apertures, in scenes where an estimate may overlook them. Rays
+//! alone (the device) and sums over facets (the host) overlook other ones: each is held against the other.
+
+use crate::on_device::{apart, run};
+use crate::support::engine;
+use beamlet::Backend;
+use beamlet::scene::{Refine, Scene};
+
+/// A box whose edges are nearly those of rectangles: its faces throw light half a row away. Small pixels at a large
+/// magnification.
+const BOX: [&str; 2] = [
+    "distance = \"151.179 mm\"\n[detector]\ndistance = \"500.897 mm\"\npixels = [3, 3]\n\
+     pitch = [\"25.83 um\", \"46.709 um\"]\n\
+     [sample_mask]\ndistance = \"150.928 mm\"\ntransmission = 0.1\naperture = \"2.0953 um\"\n\
+     period = \"7.7829 um\"\noffset = \"-0.4052 um\"\n",
+    "[[object]]\nname = \"box\"\n\
+     shape = { box = { size = [\"6.2388 um\", \"5.538 um\", \"2.22565 um\"] } }\nmaterial = \"titanium\"\n\
+     rotate = [{ axis = [0.83153, 0.4488, -0.32731], angle = \"0.0155072 rad\" }]\n\
+     position = [\"-8.26123 um\", \"-2.10633 um\", \"13.38893 um\"]\n\
+     [scan]\nangles = [\"-0.333515 rad\"]\n",
+];
+const ENDED: &str = "shape = \"rectangle\"\naperture_z = \"7.408 um\"\nperiod_z = \"14.2537 um\"\n\
+    offset_z = \"-2.7207 um\"\n";
+const STEPS: &str = "mask_offsets = [\"-2.59 um\", \"0 um\", \"2.59 um\"]\n";
+const STEPS_ALONG_Z: &str = "mask_offsets = [[\"-2.5943 um\", \"-2.4855 um\"], \
+    [\"0 um\", \"2.2827 um\"], [\"2.5943 um\", \"5.091 um\"]]\n";
+/// A ball of few facets far before a detector, in whose mask a border of pixels lies in each aperture.
+const BALL: [&str; 2] = [
+    "distance = \"115.583 mm\"\n[detector]\ndistance = \"1.9834937 m\"\npixels = [4, 3]\npitch = \"68.2358 um\"\n\
+     [detector_mask]\ndistance = \"1.9834473 m\"\nmaterial = \"gold\"\nthickness = \"92.78 um\"\n\
+     aperture = \"40.323 um\"\nperiod = \"68.2342 um\"\noffset = \"31.448 um\"\n\
+     [sample_mask]\ndistance = \"114.308666 mm\"\naperture = \"2 um\"\nperiod = \"3.932427 um\"\n\
+     offset = \"1.65558 um\"\n",
+    "[[object]]\nname = \"ball\"\nshape = { sphere = { radius = \"7.73946 um\", sides = 24 } }\n\
+     material = \"copper\"\nrotate = [{ axis = [0, 0, 1], angle = \"2.4773 rad\" }]\n\
+     position = [\"7.43922 um\", \"-1.63511 um\", \"1.36676 um\"]\n\
+     [scan]\nangles = [\"-1.016124 rad\"]\n\
+     mask_offsets = { from = \"-1.57297 um\", to = \"1.57297 um\", count = 5 }\n",
+];
+const ENERGY: &str = "[source]\nenergy = \"28 keV\"\n";
+const TUBE: &str = "[source]\nspectrum = { anode = \"tungsten\", kvp = \"46.574 kV\", nodes = 4, \
+    anode_angle = \"0.355116 rad\", filters = [{ material = \"aluminium\", thickness = \"0.915932 mm\" }] }\n";
+const MEAN: &str = "[source]\nspectrum = { anode = \"tungsten\", kvp = \"46.574 kV\", nodes = 1, \
+    anode_angle = \"0.355116 rad\", filters = [{ material = \"aluminium\", thickness = \"0.915932 mm\" }] }\n";
+const POINT: &str = "spot = \"0 um\"\n";
+const SPOT: &str = "spot = \"1.6 um\"\n";
+const TWO_PARTS: &str = "spot = { gaussians = [{ weight = 0.287, fwhm = [\"1.37988 um\", \"1.37988 um\"] }, \
+    { weight = 0.713, fwhm = [\"1.60565 um\", \"2.32553 um\"] }] }\n";
+
+fn scene(parts: &[&str]) -> Scene {
+    Scene::from_toml(&parts.concat(), std::path::Path::new(".")).expect("a scene")
+}
+
+#[test]
+fn light_at_borders_holds_the_tolerance() {
+    let leaks = "transmission = 0.324\n";
+    let behind = [BALL[0], "transmission = 0\n", BALL[1]];
+    let cases = [
+        ("parts of a spot", scene(&[MEAN, TWO_PARTS, BOX[0], BOX[1], STEPS]), 2e-4),
+        ("energies", scene(&[TUBE, SPOT, BOX[0], BOX[1], STEPS]), 2e-4),
+        ("ends along z", scene(&[MEAN, SPOT, BOX[0], ENDED, BOX[1], STEPS_ALONG_Z]), 2e-4),
+        ("both", scene(&[TUBE, SPOT, BOX[0], ENDED, BOX[1], STEPS_ALONG_Z]), 2e-4),
+        ("pixels in apertures", scene(&[&[ENERGY, POINT], &behind[..]].concat()), 8e-4),
+        ("bars that leak", scene(&[TUBE, SPOT, BALL[0], leaks, BALL[1]]), 1e-3),
+    ];
+    let engine = engine(Backend::Bvh);
+    for (name, scene, most) in cases {
+        let runs = [Refine::Host, Refine::Device].map(|place| run(&engine, &scene, place, 1e-4));
+        let [worst, rms] = apart(&runs[0].0, &runs[1].0);
+        let told = runs.each_ref().map(|it| it.1.sampling.expect("reported errors").worst_error);
+        println!("measured borders, {name}: worst {worst:.1e}, rms {rms:.1e}, told {told:?}");
+        assert!(worst < most, "{name}: {worst:e} of {most:e}");
+    }
+}
