@@ -53,7 +53,7 @@ const CELLS: [u32; 2] = [60, 3];
 /// Rays of a pixel along x and z under the scheme `random`.
 const RAYS: [u32; 2] = [150, 20];
 
-/// Mask offsets of the run whose moments are kept, beside those of the scene, periods.
+/// Distance of the mask offsets of the run whose moments are kept from the offsets of the scene, periods.
 const OTHER_OFFSETS: f64 = 0.31;
 
 /// Share of open beam by which sampling may be off in a pixel that a silhouette crosses, as README.md

@@ -6,7 +6,7 @@ use crate::support::engine;
 use beamlet::Backend;
 use beamlet::scene::{Refine, Scene};
 
-/// A box whose edges are nearly those of rectangles: its faces throw light half a row away. Small pixels at a large
+/// A box that turns hardly against rectangles: its faces throw light half a row away. Small pixels at a large
 /// magnification.
 const BOX: [&str; 2] = [
     "distance = \"151.179 mm\"\n[detector]\ndistance = \"500.897 mm\"\npixels = [3, 3]\n\
