@@ -43,7 +43,7 @@ fn seeds() -> Vec<u64> {
     (number(first)..=number(last)).collect()
 }
 
-/// True if a seed takes this relation. Each takes a half of them: more scenes find more than more
+/// True if a seed takes this relation. Each takes a half of most: more scenes find more than more
 /// relations of one scene. Random rays are slow, and few scenes suffice.
 fn is_taken(relation: Relation, seed: u64) -> bool {
     match relation {
