@@ -40,9 +40,6 @@ const BALL: [&str; 2] = [
 const ENERGY: &str = "[source]\nenergy = \"28 keV\"\n";
 const TUBE: &str = "[source]\nspectrum = { anode = \"tungsten\", kvp = \"46.574 kV\", nodes = 4, \
     anode_angle = \"0.355116 rad\", filters = [{ material = \"aluminium\", thickness = \"0.915932 mm\" }] }\n";
-const MEAN: &str = "[source]\nspectrum = { anode = \"tungsten\", kvp = \"46.574 kV\", nodes = 1, \
-    anode_angle = \"0.355116 rad\", filters = [{ material = \"aluminium\", thickness = \"0.915932 mm\" }] }\n";
-const POINT: &str = "spot = \"0 um\"\n";
 const SPOT: &str = "spot = \"1.6 um\"\n";
 const TWO_PARTS: &str = "spot = { gaussians = [{ weight = 0.287, fwhm = [\"1.37988 um\", \"1.37988 um\"] }, \
     { weight = 0.713, fwhm = [\"1.60565 um\", \"2.32553 um\"] }] }\n";
@@ -53,14 +50,15 @@ fn scene(parts: &[&str]) -> Scene {
 
 #[test]
 fn light_at_borders_holds_the_tolerance() {
-    let leaks = "transmission = 0.324\n";
-    let behind = [BALL[0], "transmission = 0\n", BALL[1]];
+    let mean = &TUBE.replace("nodes = 4", "nodes = 1");
+    let [point, opaque, leaks] =
+        ["spot = \"0 um\"\n", "transmission = 0\n", "transmission = 0.324\n"];
     let cases = [
-        ("parts of a spot", scene(&[MEAN, TWO_PARTS, BOX[0], BOX[1], STEPS]), 2e-4),
+        ("parts of a spot", scene(&[mean, TWO_PARTS, BOX[0], BOX[1], STEPS]), 2e-4),
         ("energies", scene(&[TUBE, SPOT, BOX[0], BOX[1], STEPS]), 2e-4),
-        ("ends along z", scene(&[MEAN, SPOT, BOX[0], ENDED, BOX[1], STEPS_ALONG_Z]), 2e-4),
+        ("ends along z", scene(&[mean, SPOT, BOX[0], ENDED, BOX[1], STEPS_ALONG_Z]), 2e-4),
         ("both", scene(&[TUBE, SPOT, BOX[0], ENDED, BOX[1], STEPS_ALONG_Z]), 2e-4),
-        ("pixels in apertures", scene(&[&[ENERGY, POINT], &behind[..]].concat()), 8e-4),
+        ("pixels in apertures", scene(&[ENERGY, point, BALL[0], opaque, BALL[1]]), 8e-4),
         ("bars that leak", scene(&[TUBE, SPOT, BALL[0], leaks, BALL[1]]), 1e-3),
     ];
     let engine = engine(Backend::Bvh);

@@ -134,7 +134,8 @@ pub(super) struct Estimator<'a> {
     pub(super) lit_edges: Option<EdgesAlongZ>,
     /// There are other energies, or moments are kept for them: light moves otherwise there.
     pub(super) other_energies: bool,
-    /// Parts of the spot take light to rows of their own.
+    /// Parts of the spot take light to rows of their own; not behind apertures that end along z, where no cell has
+    /// shares of rows.
     pub(super) rows_apart: bool,
     /// Correction factor of the summed error of pieces.
     pub(super) pieces: f64,
@@ -200,8 +201,7 @@ impl Estimator<'_> {
     /// Heights of the cell of a piece.
     pub(super) fn cell_heights(&self, piece: &Piece) -> [f32; 2] {
         // A tilt would follow the depth at each energy; parts of a spot in rows of their own have none.
-        let moved = self.other_energies || (self.rows_apart && !self.heights);
-        if moved { piece.about_centroid() } else { piece.z }
+        if self.other_energies || self.rows_apart { piece.about_centroid() } else { piece.z }
     }
 
     /// True if errors of a patch beside the detector count so little that its rectangles need no care.
@@ -375,7 +375,7 @@ impl Estimator<'_> {
         if self.is_cut(patch.row, node.z) {
             down = down.hypot(passed * residuals.bow);
         }
-        if self.rows_apart && !self.heights {
+        if self.rows_apart {
             // A cell has no slope of its light along z.
             down = down.hypot(passed * self.leak(node) * 0.5 * residuals.rise.abs());
         }

@@ -32,19 +32,21 @@ pub(super) struct Piece {
     pub(super) by_ray: bool,
 }
 
+/// The interval of this height about a centre, moved into another one.
+fn about(centre: f32, height: f32, [top, bottom]: [f32; 2]) -> [f32; 2] {
+    let first = (centre - 0.5 * height).min(bottom - height).max(top);
+    [first, (first + height).min(bottom)]
+}
+
 impl Piece {
     /// Moves its rectangle to its centroid along z, inside the one that it is of: light that lands
     /// far off is spread from there.
-    pub(super) fn move_down(&mut self, [top, bottom]: [f32; 2]) {
-        let height = self.z[1] - self.z[0];
-        let first = (self.centroid[1] - 0.5 * height).min(bottom - height).max(top);
-        self.z = [first, (first + height).min(bottom)];
+    pub(super) fn move_down(&mut self, ends: [f32; 2]) {
+        self.z = about(self.centroid[1], self.z[1] - self.z[0], ends);
     }
 
-    /// Heights of its row about its centroid.
+    /// Heights of its row about the centroid of its light.
     pub(super) fn about_centroid(&self) -> [f32; 2] {
-        let height = self.z[1] - self.z[0];
-        let first = (single(self.rows.centroid) - 0.5 * height).min(1.0 - height).max(0.0);
-        [first, (first + height).min(1.0)]
+        about(single(self.rows.centroid), self.z[1] - self.z[0], [0.0, 1.0])
     }
 }

@@ -120,7 +120,7 @@ impl<'a> Refiner<'a> {
             lit_edges: EdgesAlongZ::lit(optics),
             gap: single(optics.gap()),
             other_energies: view.recording.is_some(),
-            rows_apart: differ_along_z(&optics.spot.placed()),
+            rows_apart: !view.lattice.heights && differ_along_z(&optics.spot.placed()),
             pieces: error_of_pieces(optics, view.budget.tolerance),
             by_rays_alone: view.facets.by_rays_alone,
             recorded_rows: view.recorded_rows(),
