@@ -107,8 +107,10 @@ shared_constants! {
     QUEUE_LOST: u32 = 2;
     /// Queue of rays that the device made: all from the first on, without indices.
     QUEUE_MADE: u32 = 3;
+    /// The same rays for an exact walk: a workgroup of the first pass over them may have more rays.
+    QUEUE_MADE_EXACT: u32 = 4;
     /// First of the queues of rays with more crossings than the lists of a pass hold, one for each pass.
-    QUEUE_LONGER: u32 = 4;
+    QUEUE_LONGER: u32 = 5;
     /// In place of a queue, where the host knows the rays.
     NO_QUEUE: u32 = u32::MAX;
     /// Rays of a pass: the first ones, in the number that the host gives.

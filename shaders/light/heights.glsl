@@ -127,8 +127,11 @@ Piece through_ends(Cell cell, vec2 ends) {
 
 // Share of a piece along z that lands between two edges on the detector.
 float landing_share(Piece piece, Edge low, Edge high) {
-    float reach = abs(piece.half_width) + 6.5 * max(low.blur, high.blur);
-    if (!(high.at > low.at) || high.at < piece.middle - reach || low.at > piece.middle + reach) return 0.0;
+    // No light lands beyond an edge that lies beside all of it, whatever the blur of the other: what is left of the
+    // difference there is rounding.
+    float half_width = abs(piece.half_width);
+    if (!(high.at > low.at) || high.at + 6.5 * high.blur <= piece.middle - half_width
+        || low.at - 6.5 * low.blur >= piece.middle + half_width) return 0.0;
     return piece.amount * max(window(piece, low, high), 0.0);
 }
 

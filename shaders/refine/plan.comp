@@ -54,6 +54,8 @@ void trace(uint rays) {
     }
     queues.at[QUEUE_MADE * QUEUE_HEAD] = rays;
     queues.at[QUEUE_MADE * QUEUE_HEAD + 1u] = (rays + P.rays_of_group - 1u) / P.rays_of_group;
+    queues.at[QUEUE_MADE_EXACT * QUEUE_HEAD] = rays;
+    queues.at[QUEUE_MADE_EXACT * QUEUE_HEAD + 1u] = (rays + GROUP - 1u) / GROUP;
 }
 
 void estimate_from(uint first) {

@@ -342,3 +342,33 @@ fn exact_light_of_a_spectrum_is_the_sum_over_its_energies() {
         assert_eq!(record.refine, Some(Refine::Device), "{name}");
     }
 }
+
+/// Light that balls of facets in a row bend into one another: first order, whose rays are straight, differs by many tolerances.
+/// Every ray of the device is to be followed in order, whatever number of rays the walk of the first order takes
+/// together.
+#[test]
+fn every_ray_of_exact_transport_is_followed_in_order() {
+    let ball = |y: i32| {
+        format!(
+            "[[object]]\nname = \"ball at {y}\"\nshape = {{ sphere = {{ radius = \"120 um\", sides = 32 }} }}\n\
+             material = \"Al\"\nposition = [\"8 um\", \"{y} mm\", \"5 um\"]\n"
+        )
+    };
+    let mut scene = of_objects(&[0, 60, 120].map(ball).concat());
+    scene.source.beam = Beam::Energy(9.0);
+    let engine = engine(Backend::Bvh);
+    let mut run = |transport, place, tolerance| {
+        scene.sampling.transport = transport;
+        run(&engine, &scene, place, tolerance).0
+    };
+    let want = run(Transport::Exact, Refine::Host, TOLERANCE / 3.0);
+    let straight = run(Transport::FirstOrder, Refine::Host, TOLERANCE / 3.0);
+    let got = run(Transport::Exact, Refine::Device, TOLERANCE);
+    let again = run(Transport::Exact, Refine::Device, TOLERANCE);
+    let [worst, rms] = apart(&got, &want);
+    let [bent, _] = apart(&straight, &want);
+    println!("measured device, exact: worst {worst:.1e}, rms {rms:.1e}; first order {bent:.1e}");
+    assert!(bent > 30.0 * TOLERANCE, "first order differs by {bent:e} only");
+    assert!(worst < 5.0 * TOLERANCE && rms < 0.5 * TOLERANCE, "{worst:e}, {rms:e}");
+    assert_eq!(got, again);
+}

@@ -10,7 +10,7 @@ use beamlet_core::numbers::count;
 use beamlet_gpu::{Backend, Kernel, Recorder, Upload};
 use beamlet_interface::{
     ATTEMPTS, ExactPush, GROUP, LONGEST_LIST, NO_QUEUE, QUEUE_EXACT, QUEUE_LONGER, QUEUE_LOST,
-    QUEUE_MADE, Ray, RayResult,
+    QUEUE_MADE_EXACT, Ray, RayResult,
 };
 use beamlet_model::scene::Transport;
 use rayon::prelude::*;
@@ -155,7 +155,7 @@ impl Tracer {
         let (queue, count, indices) = match walk.rays {
             ExactRays::All(n) => (NO_QUEUE, n, &b.exact),
             ExactRays::Runs(n) => (NO_QUEUE, n, b.runs()),
-            ExactRays::Made => (QUEUE_MADE, 0, &b.exact),
+            ExactRays::Made => (QUEUE_MADE_EXACT, 0, &b.exact),
             ExactRays::Queued(QUEUE_LOST) => (QUEUE_LOST, 0, &b.lost),
             ExactRays::Queued(queue) => (queue, 0, &b.exact),
         };
