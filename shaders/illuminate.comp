@@ -130,8 +130,18 @@ void light_through(Exposed step_, Opening opening, inout Landing landing) {
     passed.last = -1;
     passed.home = 0;
     uint i = max(opening.first, part.first);
+#ifdef HEIGHTS
+    int first_pixel = 0;
+#endif
     do {
-        if (passed.first > passed.last && i < part.last) {
+        bool is_done = passed.first > passed.last;
+#ifdef HEIGHTS
+        if (is_done && shares_left()) {
+            if (keep_shares(cell)) passed.first = first_pixel;
+            is_done = false;
+        }
+#endif
+        if (is_done && i < part.last) {
             cell = push.cells.at[cell_row.first_cell + i];
             // Cells of several energies may share an interval.
             uint next = min(i + 1u, part.last - 1u);
@@ -139,7 +149,11 @@ void light_through(Exposed step_, Opening opening, inout Landing landing) {
             i = is_last ? part.last : next;
             passed = passed_of(step_, piece_through(opening, cell));
 #ifdef HEIGHTS
-            if (passed.first <= passed.last && !keep_shares(cell)) passed.last = passed.first - 1;
+            if (passed.first <= passed.last) {
+                shares_begin(cell);
+                first_pixel = passed.first;
+                passed.first = passed.last + 1;
+            }
 #endif
         }
         if (passed.first <= passed.last) {
@@ -147,7 +161,7 @@ void light_through(Exposed step_, Opening opening, inout Landing landing) {
             float edge = (float(pixel) - 0.5) * light.pixel_pitch - beamlet.pixel_offset
                 + passed.piece.pixel_shift;
 #ifdef HEIGHTS
-            land_in_rows(landing, cell, passed.piece, pixel, edge, pixel == passed.home);
+            land_in_rows(landing, passed.piece, pixel, edge, pixel == passed.home);
 #else
             float value = passed.piece.amount
                 * response(beamlet, bars_behind, passed.piece, edge, edge + light.pixel_pitch,
@@ -157,7 +171,11 @@ void light_through(Exposed step_, Opening opening, inout Landing landing) {
 #endif
             passed.first++;
         }
+#ifdef HEIGHTS
+    } while (i < part.last || passed.first <= passed.last || shares_left());
+#else
     } while (i < part.last || passed.first <= passed.last);
+#endif
 }
 
 // Light of a part of a cell row at a mask step, or the light common to all steps.

@@ -5,7 +5,8 @@ use std::time::Duration;
 /// Dispatches longer than this are cut, well short of a desktop driver's time-out.
 const LONG: Duration = Duration::from_millis(100);
 
-/// Size of a dispatch, in items of the caller: halves after a long one, doubles after a short one.
+/// Size of a dispatch, in items of the caller: halves after a long one, as often as it was too long by twice, and
+/// doubles after a short one.
 #[derive(Debug, Clone, Copy)]
 pub struct Pace {
     size: u32,
@@ -34,7 +35,8 @@ impl Pace {
     /// Takes the time of a dispatch of that size.
     pub fn adapt(&mut self, took: Duration) {
         if took > self.long {
-            self.size = (self.size / 2).max(self.least);
+            let halvings = (took.as_secs_f64() / self.long.as_secs_f64()).log2().ceil() as u32;
+            self.size = self.size.checked_shr(halvings.max(1)).unwrap_or(0).max(self.least);
         } else if took < self.long / 4 {
             self.size = self.size.saturating_mul(2).min(self.most);
         }
@@ -54,6 +56,7 @@ mod tests {
             pace.size()
         };
         assert_eq!([short, short, middle].map(&mut after), [8192, 10_000, 10_000]);
-        assert_eq!([long, long, long, long].map(after), [5000, 2500, 1250, 1000]);
+        assert_eq!([long, long, long, long].map(&mut after), [5000, 2500, 1250, 1000]);
+        assert_eq!([short, short, LONG * 3, Duration::MAX].map(after), [2000, 4000, 1000, 1000]);
     }
 }

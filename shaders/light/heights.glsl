@@ -221,37 +221,65 @@ ivec2 rows_reached(Cell cell) {
     return ivec2(int(floor(cell_row.top + shift - reach)), int(floor(cell_row.bottom + shift + reach)));
 }
 
-// Rows whose shares of a cell's light are kept while it goes to pixels; shares of further rows are computed anew.
-const int ROWS_KEPT = 16;
+// Shares of rows that are kept while light of a cell goes to pixels: of some rows that it reaches, behind one strip of
+// the detector mask. Each is computed once, whatever the number of pixels.
+const int ROWS_KEPT = 64;
 float kept_even[ROWS_KEPT];
 float kept_cut[ROWS_KEPT];
-ivec2 reached;
+ivec2 reached; // first and last row
+ivec2 kept; // the same of those kept
+uint kept_strip;
+// Those that are kept next.
+uint next_strip = NO_STRIP;
+int next_row;
 
-// Computes the shares of the rows that light of a cell reaches; false where none of it passes.
-bool keep_shares(Cell cell) {
-    reached = rows_reached(cell);
-    if (heights.detector_mask.count > 1u) return true;
-    bool any = false;
-    int count = 2 * min(reached.y - reached.x + 1, ROWS_KEPT);
-    int n = 0;
-    do {
-        // All light, then that behind the strip of the detector mask.
-        bool all = (n & 1) == 0;
-        bool none = !all && heights.detector_mask.count == 0u;
-        float share = none ? 0.0 : share_along_z(cell, all ? NO_STRIP : 0u, reached.x + (n >> 1));
-        if (all) kept_even[n >> 1] = share;
-        else kept_cut[n >> 1] = share;
-        any = any || share != 0.0;
-        n++;
-    } while (n < count);
-    return any || reached.y - reached.x >= ROWS_KEPT;
+bool shares_left() {
+    return next_strip < max(heights.detector_mask.count, 1u);
 }
 
-// Share of the light of a cell in a row, of all of it or of the part behind a strip of the detector mask.
-float share_of(Cell cell, uint strip, int row) {
-    int i = row - reached.x;
-    if (heights.detector_mask.count > 1u || i >= ROWS_KEPT) return share_along_z(cell, strip, row);
-    return strip == NO_STRIP ? kept_even[i] : kept_cut[i];
+void shares_begin(Cell cell) {
+    reached = rows_reached(cell);
+    next_strip = 0u;
+    next_row = reached.x;
+}
+
+// True if a strip of the detector mask lies before the rows that light of a cell reaches.
+bool strip_is_behind(Cell cell, uint strip) {
+    ivec2 periods = periods_of(heights.detector_mask, strip, begin_behind(cell), float(reached.x),
+                               float(reached.y + 1));
+    return periods.x <= periods.y;
+}
+
+// Light behind bars and slits, which are alike along z. The first strip carries it, too.
+bool has_even_light() {
+    return kept_strip == 0u && (heights.detector_mask.count == 0u || bars_behind.leak >= NEGLIGIBLE);
+}
+
+// Keeps the next shares; false where none of the light passes.
+bool keep_shares(Cell cell) {
+    uint strips = heights.detector_mask.count;
+    bool any = false;
+    while (!any && shares_left()) {
+        kept_strip = next_strip;
+        kept = ivec2(next_row, min(next_row + ROWS_KEPT - 1, reached.y));
+        bool passes = kept_strip == 0u || strip_is_behind(cell, kept_strip);
+        int end = passes ? 2 * (kept.y - kept.x + 1) : 0;
+        for (int n = 0; n < end; n++) {
+            bool even = (n & 1) == 0;
+            bool none = even ? !has_even_light() : strips == 0u;
+            float share = none ? 0.0 : share_along_z(cell, even ? NO_STRIP : kept_strip, kept.x + (n >> 1));
+            if (even) kept_even[n >> 1] = share;
+            else kept_cut[n >> 1] = share;
+            any = any || share != 0.0;
+        }
+        bool is_last = !passes || kept.y == reached.y;
+        next_row = is_last ? reached.x : kept.y + 1;
+        next_strip += is_last ? 1u : 0u;
+    }
+    if (any && strips > 0u) {
+        light.detector_mask = mask_of_strip(light.detector_mask, heights.detector_mask, kept_strip);
+    }
+    return any;
 }
 
 // True if light of the cell row may pass the strip of the sample mask in work.
@@ -280,45 +308,20 @@ Landing landing_begin(uint mask_step, float faint, ivec2 pixels) {
     return landing;
 }
 
-// True if a strip of the detector mask lies before the rows that light of a cell reaches.
-bool strip_is_behind(Cell cell, uint strip) {
-    ivec2 periods = periods_of(heights.detector_mask, strip, begin_behind(cell), float(reached.x),
-                               float(reached.y + 1));
-    return periods.x <= periods.y;
-}
-
-// Light of a piece of a cell lands in a pixel, whose lower edge is `edge`, through each strip of the detector
-// mask and what its bars leak.
-void land_in_rows(Landing landing, Cell cell, Piece piece, int pixel, float edge, bool home) {
-    uint strips = heights.detector_mask.count;
+// Light of a piece of a cell lands in a pixel, whose lower edge is `edge`, and in the rows kept.
+void land_in_rows(Landing landing, Piece piece, int pixel, float edge, bool home) {
+    vec2 parts = responses(beamlet, bars_behind, piece, edge, edge + light.pixel_pitch, home);
+    bool cuts = heights.detector_mask.count > 0u;
     bool leaks = bars_behind.leak >= NEGLIGIBLE;
-    // Bars and apertures of slits are alike along z.
-    uint strip = 0u;
-    uint count = max(strips, 1u);
-    do {
-        // The first one carries the leaks, too.
-        while (strip > 0u && strip + 1u < count && !strip_is_behind(cell, strip)) strip++;
-        if (strips > 0u) {
-            light.detector_mask = mask_of_strip(light.detector_mask, heights.detector_mask, strip);
-        }
-        vec2 parts = responses(beamlet, bars_behind, piece, edge, edge + light.pixel_pitch, home);
-        float even = leaks && strip == 0u ? bars_behind.leak * parts.x : 0.0;
-        if (strips == 0u) even += light.detector_mask.present != 0u ? parts.y : 0.0;
-        float cut = strips > 0u ? parts.y : 0.0;
-        even = piece.amount * rounded_off(piece, even);
-        cut = piece.amount * rounded_off(piece, cut);
-        int n = 2 * reached.x;
-        float value = 0.0;
-        do {
-            bool all = (n & 1) == 0;
-            float light_of = all ? even : cut;
-            value = all ? 0.0 : value;
-            if (light_of != 0.0) value += light_of * share_of(cell, all ? NO_STRIP : strip, n >> 1);
-            if (!all) add_in_row(landing, n >> 1, beamlet.pixel + pixel, value);
-            n++;
-        } while (n < 2 * reached.y + 2);
-        strip++;
-    } while (strip < count);
+    float even = leaks ? bars_behind.leak * parts.x : 0.0;
+    if (!cuts && light.detector_mask.present != 0u) even += parts.y;
+    even = has_even_light() ? piece.amount * rounded_off(piece, even) : 0.0;
+    float cut = cuts ? piece.amount * rounded_off(piece, parts.y) : 0.0;
+    if (even == 0.0 && cut == 0.0) return;
+    for (int row = kept.x; row <= kept.y; row++) {
+        float value = even * kept_even[row - kept.x] + cut * kept_cut[row - kept.x];
+        if (value != 0.0) add_in_row(landing, row, beamlet.pixel + pixel, value);
+    }
 }
 
 void landing_end(Landing landing) {}

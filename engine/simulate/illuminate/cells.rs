@@ -9,7 +9,7 @@ use crate::refine::MadeCells;
 use crate::sampling::CellBatch;
 use beamlet_core::cancel::Cancel;
 use beamlet_core::{Result, numbers};
-use beamlet_gpu::{Buffer, Device, LazyKernel, Pace, Recorder, Upload, push_bytes};
+use beamlet_gpu::{Buffer, Device, DeviceKind, LazyKernel, Pace, Recorder, Upload, push_bytes};
 use beamlet_interface::{Cell, CellRow, CellRowPart, GROUP, IlluminatePush};
 use std::ops::Range;
 use std::sync::Arc;
@@ -89,6 +89,10 @@ impl Reach {
 /// Largest number of cells of lists that share a submission; larger lists have their own.
 const CELLS_TOGETHER: usize = 1 << 16;
 
+/// Parts of cell rows times steps of the first submission on a GPU, and the least and most of one. Where a detector blurs
+/// light along z, one takes milliseconds on a processor.
+const SIZES: [u32; 3] = [1 << 16, 256, 1 << 26];
+
 /// Illuminates cells.
 #[derive(Debug)]
 pub(crate) struct CellIlluminator {
@@ -108,13 +112,14 @@ pub(crate) struct CellIlluminator {
 impl CellIlluminator {
     /// An illuminator, which `cancel` ends between two submissions.
     pub(crate) fn new(device: &Arc<Device>, kernels: &Arc<CellKernels>, cancel: &Cancel) -> Self {
+        let is_cpu = device.description().kind == DeviceKind::Cpu;
         Self {
             device: device.clone(),
             kernels: kernels.clone(),
             parts: None,
             cell_rows: None,
             cells: None,
-            pace: Pace::new(1 << 16, 1024, 1 << 26),
+            pace: Pace::new(SIZES[0] >> if is_cpu { 4 } else { 0 }, SIZES[1], SIZES[2]),
             planned: Vec::new(),
             planned_cost: 0,
             cancel: cancel.clone(),
