@@ -43,6 +43,8 @@ pub struct Optics {
     pub lever_arm: f64,
     /// The pixels that take the light.
     pub detector: DetectorPlane,
+    /// Columns of these to a pixel of the detector.
+    pub column_parts: u32,
     /// The mask before the sample.
     pub sample_mask: Option<Mask>,
     /// The mask before the detector.
@@ -93,6 +95,7 @@ impl Optics {
             analyser: scene.analyser_distance(),
             lever_arm: scene.lever_arm(),
             detector,
+            column_parts: parts[0],
             sample_mask: mask("sample_mask", &scene.sample_mask),
             detector_mask: mask("detector_mask", &scene.detector_mask),
             spot: spot(scene),
@@ -157,9 +160,14 @@ impl Optics {
         }
     }
 
-    /// Pixels seen from the source in the plane of the analyser, m.
-    pub fn pixel_windows(&self) -> Openings {
+    /// Columns that take the light, seen from the source in the plane of the analyser, m.
+    fn pixel_windows(&self) -> Openings {
         Openings::side_by_side(self.analyser_pixel())
+    }
+
+    /// The same of whole pixels of the detector.
+    pub fn whole_pixel_windows(&self) -> Openings {
+        Openings::side_by_side(self.analyser_pixel() * f64::from(self.column_parts))
     }
 
     /// Widths of the apertures whose overlap is an illumination curve, m: of the sample mask as it

@@ -309,22 +309,32 @@ fn windows_of(optics: &Optics, beamlets: &[BeamletGeometry], leak: f32, blur: f6
     let mut windows = vec![Windows::new(&optics.windows(), blur, 1.0 - leak, Vec::new())];
     let parted = if borders_lie_in_apertures(optics, beamlets) { 1.0 } else { leak };
     if parted > 0.0 {
-        let aside = beamlets.iter().map(|c| c.pixel_offset - c.aperture_offset).collect();
-        windows.push(Windows::new(&optics.pixel_windows(), blur, parted, aside));
+        let aside = beamlets.iter().map(|c| pixel_aside(optics, c)).collect();
+        windows.push(Windows::new(&optics.whole_pixel_windows(), blur, parted, aside));
     }
     windows
 }
 
-/// True if a border between pixels lies in an aperture of the detector mask, seen from the source.
+/// Centre of the period of the detector mask that light of a beamlet lands in, from the centre of the pixel of the
+/// detector that takes it, m on the analyser.
+fn pixel_aside(optics: &Optics, c: &BeamletGeometry) -> f32 {
+    let parts = optics.column_parts;
+    let part = f64::from(c.pixel.rem_euclid(parts.cast_signed()));
+    let to_pixel = (part + 0.5 - 0.5 * f64::from(parts)) * optics.analyser_pixel();
+    c.pixel_offset - c.aperture_offset + single(to_pixel)
+}
+
+/// True if a border between pixels lies in an aperture of the detector mask, seen from the source. Parts of pixels do not
+/// count: the detector blurs over their borders.
 fn borders_lie_in_apertures(optics: &Optics, beamlets: &[BeamletGeometry]) -> bool {
     if optics.detector_mask.is_none() {
         return false;
     }
-    let (apertures, pixel) = (optics.windows(), optics.pixel_windows().period[0]);
+    let (apertures, pixel) = (optics.windows(), optics.whole_pixel_windows().period[0]);
     let edge = AT_EDGE * apertures.period[0];
     let parts = |c: &BeamletGeometry| {
         // From the centre of the period of the mask; others are whole pixels away.
-        let border = f64::from(c.aperture_offset) - f64::from(c.pixel_offset) - 0.5 * pixel;
+        let border = -f64::from(pixel_aside(optics, c)) - 0.5 * pixel;
         let mut ends = apertures.ends();
         ends.any(|[low, high]| {
             let next = border + ((low + edge - border) / pixel).ceil() * pixel;
