@@ -38,6 +38,8 @@ const float FINE = 4.0;
 const float DRAWN = 0.5;
 // Crossings of a ray from which on it says whether its patch is resolved.
 const uint TELLING_CROSSINGS = 4u;
+// Rectangles in line from which on a silhouette is taken as parallel to them; along a slanting one fewer are alike.
+const float IN_LINE = 4.0;
 // Places along a side where the corners of a neighbour are looked for, from its middle.
 const float CORNER = 0.42;
 
@@ -236,11 +238,41 @@ bool is_aside(Own own, Found found, uint side) {
     return !found.known || abs(found.at[other] - own.found.at[other]) > ASIDE * own.size[other];
 }
 
+// Rectangles above a rectangle or below it, or beside it, whose rays crossed the same surfaces, from one to the next at
+// twice the distance; `way`: sides from one to the next. `ends`: these go on up to the end of the patch.
+float alike_towards(Own own, vec2 way, inout bool ends) {
+    vec2 low = vec2(-0.5 * P.period, 0.0);
+    vec2 high = vec2(0.5 * P.period, 1.0);
+    uint across = way.x == 0.0 ? 0u : 1u;
+    float count = 0.0;
+    for (float apart = 1.0;; apart *= 2.0) {
+        vec2 at = own.found.at + apart * way * own.size;
+        if (any(lessThan(at, low)) || any(greaterThanEqual(at, high))) {
+            ends = true;
+            return count;
+        }
+        Found found = found_of_own(own, at);
+        bool aside = abs(found.at[across] - own.found.at[across]) > ASIDE * own.size[across];
+        if (!found.known || aside || !alike(found, own.found)) return count;
+        count = apart;
+    }
+}
+
+// Rectangles along a silhouette that runs parallel to them: it is at one place in all of them, so that their errors
+// add. Others err in any way.
+float in_line(Own own, vec2 change) {
+    if (error_of(own, max(change.x, change.y)) < LITTLE) return 1.0;
+    vec2 way = change.x >= change.y ? vec2(0.0, 1.0) : vec2(1.0, 0.0);
+    bool ends = false;
+    float count = 1.0 + alike_towards(own, -way, ends) + alike_towards(own, way, ends);
+    return ends && count >= IN_LINE ? count : 1.0;
+}
+
 // Error of a rectangle from its largest changes.
 void settle(inout Own own, uint index, vec2 change, float moved, bool silhouette) {
     float area = own.size.x * own.size.y;
     precise float light = error_of(own, max(change.x, change.y));
-    precise float square = light * light;
+    precise float square = light * light * (silhouette ? in_line(own, change) : 1.0);
     own.g.light_error = square;
     own.g.turn_error = 0.0;
     float lit = open_along_z(own.patch_.row, 0.0, 1.0);
@@ -387,7 +419,8 @@ void main() {
         aside[side] = is_aside(own, found[side], side);
         same[side] = found[side].known && alike(found[side], own.found);
     }
-    own.slopes = slopes_of(own.found, found, same);
+    // Steps may lie on a line that is steeper than a result may be.
+    own.slopes = followed(own.g, slopes_of(own.found, found, same));
     own.half_ = 0.5 * abs(P.magnification + own.slopes.displacement.x) * own.size.x;
     set_light(own, Landed(own.passed, own.at));
     uint crossings = crossings_of(own.g.flags);

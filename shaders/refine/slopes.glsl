@@ -82,14 +82,17 @@ RaySlopes slopes_at(Rectangle g, uint index) {
     return slopes_of(own, found, same);
 }
 
-// The same, as far as a linear result may follow them along x.
-RaySlopes limited_slopes_at(Rectangle g, uint index) {
-    RaySlopes slopes = slopes_at(g, index);
+// Slopes as far as the linear result of a rectangle follows them along x.
+RaySlopes followed(Rectangle g, RaySlopes slopes) {
     float width = g.x_high - g.x_low;
     float steepest = 0.5 * P.magnification;
     slopes.displacement.x = clamp(slopes.displacement.x, -steepest, steepest);
     slopes.depth.x = clamp(slopes.depth.x, -abs(g.optical_depth) / width, abs(g.optical_depth) / width);
     return slopes;
+}
+
+RaySlopes limited_slopes_at(Rectangle g, uint index) {
+    return followed(g, slopes_at(g, index));
 }
 
 // Change of the light over the height of a rectangle, relative to its mean, for a rise of the optical depth over it:

@@ -37,6 +37,18 @@ const BALL: [&str; 2] = [
      [scan]\nangles = [\"-1.016124 rad\"]\n\
      mask_offsets = { from = \"-1.57297 um\", to = \"1.57297 um\", count = 5 }\n",
 ];
+/// An upright prism that is turned so that rays cross its front and back edge apart: they are displaced by steps from 3 um
+/// to one side over 0 to 3 um to the other, on a line that is steeper than a result may be.
+const PRISM: &str = "[source]\ndistance = \"105.81 mm\"\nspot = \"0.30555 um\"\nenergy = \"53.6 keV\"\n\
+    [detector]\ndistance = \"501.245 mm\"\npixels = [6, 2]\npitch = [\"10.0757 um\", \"18.65564 um\"]\n\
+    [sample_mask]\ndistance = \"105.4585 mm\"\ntransmission = 0\nperiod = \"2.119867724649187 um\"\n\
+    apertures = [[\"-0.662 um\", \"-0.017863 um\"], [\"0.27399 um\", \"0.662 um\"]]\n\
+    [detector_mask]\ndistance = \"501.109 mm\"\ntransmission = 0\naperture = \"5.1147 um\"\n\
+    offset = \"-2.0222 um\"\n\
+    [scan]\nmask_offsets = [\"-1.0223 um\", \"-0.44184 um\", \"0.720317 um\", \"-0.87905 um\"]\n\
+    angles = [\"-3.0998983651922365 rad\"]\n[materials.m]\nmu = \"1705 1/m\"\ndelta = 3.784e-6\n\
+    [[object]]\nname = \"prism\"\nshape = { prism = { radius = \"1.654074 um\", height = \"11.4367 um\", \
+    sides = 4 } }\nmaterial = \"m\"\nposition = [\"-3.4801836 um\", \"-6.1514943 um\", \"2.682687 um\"]\n";
 const ENERGY: &str = "[source]\nenergy = \"28 keV\"\n";
 const TUBE: &str = "[source]\nspectrum = { anode = \"tungsten\", kvp = \"46.574 kV\", nodes = 4, \
     anode_angle = \"0.355116 rad\", filters = [{ material = \"aluminium\", thickness = \"0.915932 mm\" }] }\n";
@@ -59,6 +71,7 @@ fn light_at_borders_holds_the_tolerance() {
         ("ends along z", scene(&[mean, SPOT, BOX[0], ENDED, BOX[1], STEPS_ALONG_Z]), 2e-4),
         ("both", scene(&[TUBE, SPOT, BOX[0], ENDED, BOX[1], STEPS_ALONG_Z]), 2e-4),
         ("pixels in apertures", scene(&[ENERGY, point, BALL[0], opaque, BALL[1]]), 8e-4),
+        ("steps on a line", scene(&[PRISM]), 2e-4),
         ("bars that leak", scene(&[TUBE, SPOT, BALL[0], leaks, BALL[1]]), 1e-3),
     ];
     let engine = engine(Backend::Bvh);
