@@ -34,10 +34,12 @@ impl Pace {
 
     /// Takes the time of a dispatch of that size.
     pub fn adapt(&mut self, took: Duration) {
-        if took > self.long {
-            let halvings = (took.as_secs_f64() / self.long.as_secs_f64()).log2().ceil() as u32;
-            self.size = self.size.checked_shr(halvings.max(1)).unwrap_or(0).max(self.least);
-        } else if took < self.long / 4 {
+        let mut left = took;
+        while left > self.long && self.size > self.least {
+            self.size = (self.size / 2).max(self.least);
+            left /= 2;
+        }
+        if took < self.long / 4 {
             self.size = self.size.saturating_mul(2).min(self.most);
         }
     }
