@@ -28,6 +28,12 @@ layout(local_size_x = GROUP) in;
 #else
 #include "light/near_rows.glsl"
 #endif
+#ifndef HEIGHTS
+// Shares of rows are not kept.
+bool shares_left() {
+    return false;
+}
+#endif
 
 // The part of a cell behind an opening, and its landing place: pixels from the beamlet's own.
 struct Passed {
@@ -122,7 +128,7 @@ Passed passed_of(Exposed step_, Piece piece) {
 
 // Light of all cells that an opening lets through.
 void light_through(Exposed step_, Opening opening, inout Landing landing) {
-    // A cell and a pixel at a time: where a driver runs every branch, invocations would wait for
+    // A cell and a pixel at a time, and with HEIGHTS some rows: where a driver runs every branch, invocations would wait for
     // the one whose cell reaches most pixels.
     Cell cell;
     Passed passed;
@@ -151,6 +157,7 @@ void light_through(Exposed step_, Opening opening, inout Landing landing) {
 #ifdef HEIGHTS
             if (passed.first <= passed.last) {
                 shares_begin(cell);
+                // No pixel before its shares are kept.
                 first_pixel = passed.first;
                 passed.first = passed.last + 1;
             }
@@ -171,11 +178,7 @@ void light_through(Exposed step_, Opening opening, inout Landing landing) {
 #endif
             passed.first++;
         }
-#ifdef HEIGHTS
     } while (i < part.last || passed.first <= passed.last || shares_left());
-#else
-    } while (i < part.last || passed.first <= passed.last);
-#endif
 }
 
 // Light of a part of a cell row at a mask step, or the light common to all steps.
@@ -227,7 +230,7 @@ void main() {
         uint strip = 0u;
         do {
             take_sample_strip(strip, mask_step);
-            if (strip_meets()) illuminate(mask_step);
+            if (strip_meets() || setting.faint > 0.0) illuminate(mask_step);
             strip++;
         } while (strip < sample_strips(mask_step));
 #else

@@ -14,6 +14,8 @@ uint sample_strip;
 float sample_step;
 // Width of the shadow of the bars along z.
 vec2 shadow_z;
+// Light through faint bars at each mask step.
+float faint_of_row;
 
 void heights_begin() {
     heights = HeightParamsRef(light.heights).at[0];
@@ -23,6 +25,7 @@ void heights_begin() {
     shadow_z = slope * vec2(heights.sample_mask.thickness, heights.detector_mask.thickness);
     sample_strip = NO_STRIP;
     sample_step = 0.0;
+    faint_of_row = setting.faint;
 }
 
 // Strips of the sample mask at a mask step; one for the light that its bars leak, or of slits.
@@ -44,7 +47,7 @@ void take_sample_strip(uint strip, uint mask_step) {
     bool cuts = mask_step != push.steps && heights.sample_mask.count > 0u;
     sample_strip = cuts ? strip : NO_STRIP;
     // Faint leaks are summed once.
-    if (strip > 0u) setting.faint = 0.0;
+    setting.faint = strip == 0u ? faint_of_row : 0.0;
     if (!cuts) return;
     sample_step = Offsets(heights.offsets).at[mask_step];
     light.sample_mask = mask_of_strip(light.sample_mask, heights.sample_mask, strip);
@@ -214,16 +217,20 @@ float share_along_z(Cell cell, uint strip, int row) {
     return sum;
 }
 
-// First and last row that light of a cell reaches.
+// First and last row of the band that light of a cell reaches.
 ivec2 rows_reached(Cell cell) {
     float shift = landed_below(cell);
     float reach = 6.5 * light.row_blur + 0.5 * abs(cell.share_above);
-    return ivec2(int(floor(cell_row.top + shift - reach)), int(floor(cell_row.bottom + shift + reach)));
+    float first = float(light.first_row - cell_row.row);
+    float end = first + float(light.row_count);
+    float top = floor(cell_row.top + shift - reach);
+    float bottom = floor(cell_row.bottom + shift + reach);
+    return ivec2(clamp(top, first, end), clamp(bottom, first - 1.0, end - 1.0));
 }
 
 // Shares of rows that are kept while light of a cell goes to pixels: of some rows that it reaches, behind one strip of
 // the detector mask. Each is computed once, whatever the number of pixels.
-const int ROWS_KEPT = 64;
+const int ROWS_KEPT = 16;
 float kept_even[ROWS_KEPT];
 float kept_cut[ROWS_KEPT];
 ivec2 reached; // first and last row
@@ -245,8 +252,9 @@ void shares_begin(Cell cell) {
 
 // True if a strip of the detector mask lies before the rows that light of a cell reaches.
 bool strip_is_behind(Cell cell, uint strip) {
-    ivec2 periods = periods_of(heights.detector_mask, strip, begin_behind(cell), float(reached.x),
-                               float(reached.y + 1));
+    float inset = inset_of(light.detector_mask, heights.detector_mask, shadow_z.y, cell.detector_narrowing);
+    ivec2 periods = periods_of(heights.detector_mask, strip, begin_behind(cell), float(reached.x) - inset,
+                               float(reached.y + 1) + inset);
     return periods.x <= periods.y;
 }
 
@@ -312,8 +320,7 @@ Landing landing_begin(uint mask_step, float faint, ivec2 pixels) {
 void land_in_rows(Landing landing, Piece piece, int pixel, float edge, bool home) {
     vec2 parts = responses(beamlet, bars_behind, piece, edge, edge + light.pixel_pitch, home);
     bool cuts = heights.detector_mask.count > 0u;
-    bool leaks = bars_behind.leak >= NEGLIGIBLE;
-    float even = leaks ? bars_behind.leak * parts.x : 0.0;
+    float even = bars_behind.leak >= NEGLIGIBLE ? bars_behind.leak * parts.x : 0.0;
     if (!cuts && light.detector_mask.present != 0u) even += parts.y;
     even = has_even_light() ? piece.amount * rounded_off(piece, even) : 0.0;
     float cut = cuts ? piece.amount * rounded_off(piece, parts.y) : 0.0;

@@ -46,10 +46,15 @@ float slope_of_rows() {
     return (block - light.middle_row) * light.row_slope;
 }
 
+// Leaks of the sample mask below which they lie in one pixel, those of a period together.
+float faintest_leak() {
+    return FAINT * min(light.pixel_pitch / (light.sample_mask.period * light.magnification), 1.0);
+}
+
 // Light through faint bars of the sample mask.
 float faint_light() {
     float faint = 0.0;
-    if (light.sample_mask.present != 0u && bars.leak > NEGLIGIBLE && bars.leak < FAINT) {
+    if (light.sample_mask.present != 0u && bars.leak > NEGLIGIBLE && bars.leak < faintest_leak()) {
         Mask behind = light.detector_mask;
         faint = bars.leak * cell_row.light * light.weight * (cell_row.bottom - cell_row.top)
             * (bars_behind.leak
@@ -78,7 +83,7 @@ void setting_begin() {
     beamlet.aperture_offset -= bars_behind.lattice_shift;
     setting.soft = vec2(bars.variance, bars_behind.variance);
     setting.faint = faint_light();
-    setting.leaks = light.sample_mask.present != 0u && bars.leak >= FAINT;
+    setting.leaks = light.sample_mask.present != 0u && bars.leak >= faintest_leak();
     setting.sharp = light.mask_blur <= 0.0;
     setting.reach = 6.5 * light.mask_blur;
 #ifdef WALLS

@@ -43,6 +43,12 @@ const float IN_LINE = 4.0;
 // Places along a side where the corners of a neighbour are looked for, from its middle.
 const float CORNER = 0.42;
 
+// Parts of the light of a spectrum.
+const uint PARTS = 4u;
+// Change of the share of light that passes a window from one part of a spectrum to another, from which on parts are
+// looked at one by one.
+const float APART = 0.1;
+
 // A rectangle and what its light does.
 struct Own {
     Rectangle g;
@@ -81,8 +87,26 @@ float error_of(Own own, float change) {
 
 // The same, or more: windows change no faster.
 float bound_of(Own own, Landed other) {
-    float moved = min(abs(other.at - own.at) * P.steepest, 1.0);
+    bool parts = P.window_count > 0u && P.part_shares.x > 0.0;
+    float most = parts ? max(P.part_ratios.x, 1.0) : 1.0;
+    float moved = min(abs(other.at - own.at) * most * P.steepest, 1.0);
     return abs(other.light - own.passed) + max(other.light, own.passed) * moved;
+}
+
+// Light of a part of a spectrum, by what is displaced at the constants of the rays.
+Landed part_of(Own own, Landed all, uint part, float shift) {
+    float place = P.magnification * own.found.at.x;
+    return Landed(all.light * P.part_shares[part], place + (all.at - place) * P.part_ratios[part] + shift);
+}
+
+// Whether windows may see parts of a spectrum apart: rays at the mean of them may all pass, or none, where others do not.
+bool parts_lie_apart(Own own, Landed other) {
+    if (P.part_shares.x == 0.0) return false;
+    float place = P.magnification * own.found.at.x;
+    float least = P.part_ratios.x;
+    for (uint part = 1u; part < PARTS && P.part_shares[part] > 0.0; part++) least = P.part_ratios[part];
+    float moved = max(abs(own.at - place), abs(other.at - place));
+    return moved * (P.part_ratios.x - least) * P.steepest > APART;
 }
 
 // Largest change of the light in any pixel if it were another; light for any masks has no windows.
@@ -90,13 +114,21 @@ float whole_change_to(Own own, Landed other) {
     if (P.window_count == 0u) return bound_of(own, other);
     Landed before = Landed(own.passed, own.at);
     float change = 0.0;
+    float by_parts = 0.0;
+    bool apart = parts_lie_apart(own, other);
     for (uint kind = 0u; kind < P.window_count; kind++) {
         WindowTable table = P.windows.at[kind];
         float shift = own.column.landing[kind];
-        change += table.share * change_in(table, own.seen[kind], Landed(before.light, before.at + shift),
-                                          Landed(other.light, other.at + shift), own.half_);
+        Landed from = Landed(before.light, before.at + shift);
+        Landed to = Landed(other.light, other.at + shift);
+        change += table.share * change_in(table, own.seen[kind], from, to, own.half_);
+        for (uint part = 0u; apart && part < PARTS && P.part_shares[part] > 0.0; part++) {
+            from = part_of(own, before, part, shift);
+            to = part_of(own, other, part, shift);
+            by_parts += table.share * change_in(table, seen_by(table, from, own.half_), from, to, own.half_);
+        }
     }
-    return change;
+    return max(change, by_parts);
 }
 
 // The same, or a bound of it where that is small.
@@ -238,24 +270,22 @@ bool is_aside(Own own, Found found, uint side) {
     return !found.known || abs(found.at[other] - own.found.at[other]) > ASIDE * own.size[other];
 }
 
-// Rectangles above a rectangle or below it, or beside it, whose rays crossed the same surfaces, from one to the next at
-// twice the distance; `way`: sides from one to the next. `ends`: these go on up to the end of the patch.
+// Number of rectangles in line on one side whose rays crossed the same surfaces, looked at after 1, 2, 4, ... sides;
+// `ends` is set if all up to the end of the patch did.
 float alike_towards(Own own, vec2 way, inout bool ends) {
-    vec2 low = vec2(-0.5 * P.period, 0.0);
-    vec2 high = vec2(0.5 * P.period, 1.0);
     uint across = way.x == 0.0 ? 0u : 1u;
+    uint along = 1u - across;
+    float end = way[along] > 0.0 ? (along == 0u ? 0.5 * P.period : 1.0) : (along == 0u ? -0.5 * P.period : 0.0);
+    float most = floor(abs(end - own.found.at[along]) / own.size[along]);
     float count = 0.0;
-    for (float apart = 1.0;; apart *= 2.0) {
-        vec2 at = own.found.at + apart * way * own.size;
-        if (any(lessThan(at, low)) || any(greaterThanEqual(at, high))) {
-            ends = true;
-            return count;
-        }
-        Found found = found_of_own(own, at);
+    for (float apart = 1.0; apart <= most; apart *= 2.0) {
+        Found found = found_of_own(own, own.found.at + apart * way * own.size);
         bool aside = abs(found.at[across] - own.found.at[across]) > ASIDE * own.size[across];
         if (!found.known || aside || !alike(found, own.found)) return count;
         count = apart;
     }
+    ends = true;
+    return most;
 }
 
 // Rectangles along a silhouette that runs parallel to them: it is at one place in all of them, so that their errors

@@ -165,3 +165,28 @@ fn exact_light_of_a_spectrum_behind_apertures_is_the_sum_over_its_energies() {
     // As without a spectrum.
     assert!(worst < 2.5 * TOLERANCE && rms < 0.25 * TOLERANCE, "{worst} {rms}");
 }
+
+/// Light that leaks through bars is added at each mask step, whichever strip of the mask a row sees and however many
+/// steps the device works on together: where it is too faint to be followed, in pixels as wide as a period, and in
+/// narrower ones.
+#[test]
+fn faint_light_of_bars_is_that_of_each_step_alone() {
+    let engine = engine(Backend::Bvh);
+    let mut scene = tracked(&HOLES.replace("transmission = 0.0", "transmission = 6e-6"), "10 um");
+    let steps = [[0.0, 0.0], [35e-6, 20e-6], [-50e-6, 45e-6], [10e-6, -60e-6]];
+    for pitch in [120e-6 * 0.9 / 0.7, 30e-6] {
+        scene.detector.pitch[0] = pitch;
+        let mut flat = |steps: &[[f64; 2]]| {
+            scene.scan.mask_offsets = steps.iter().map(|step| step[0]).collect();
+            scene.scan.mask_offsets_z = steps.iter().map(|step| step[1]).collect();
+            engine.simulate(&scene).expect("a stack").flat
+        };
+        let together = flat(&steps);
+        let least = together.iter().copied().fold(f32::INFINITY, f32::min);
+        assert!((5.9e-6..6.1e-6).contains(&least), "{pitch}: bars let {least:e} through");
+        for (number, step) in steps.iter().enumerate() {
+            let of_step = together.index_axis(ndarray::Axis(0), number);
+            assert!(flat(&[*step]).iter().eq(of_step.iter()), "{pitch}: step {number}");
+        }
+    }
+}

@@ -70,6 +70,7 @@ fn of_set_up(view: &ViewContext<'_>, tables: &Tables, of: RefineParams) -> Refin
     let recorded = if any { ANY_ROWS } else { view.recorded_rows() };
     let [openings, windows, hardening] = tables.addresses();
     let at_analyser = optics.analyser / detector.distance;
+    let [part_shares, part_ratios] = response.hardening.refraction();
     let half = 0.5 * detector.extent(0) * at_analyser + BLURS * f64::from(response.blur);
     RefineParams {
         columns: tables.columns.address(),
@@ -103,6 +104,8 @@ fn of_set_up(view: &ViewContext<'_>, tables: &Tables, of: RefineParams) -> Refin
             true => single(DISPLACEMENT_SHARE * budget.displacement),
             false => 0.0,
         },
+        part_shares,
+        part_ratios,
         open_width: tables.open_width,
         least: [single(least), LEAST_HEIGHT],
         beside: [BESIDE * period, BESIDE],

@@ -12,13 +12,40 @@ pub(crate) struct Hardening {
     /// Optical depth of the light of all energies over the depth, by the square root of the depth; then the least
     /// ratio of an energy. None at one energy.
     ratios: Arc<[f32]>,
+    refraction: [[f32; PARTS]; 2],
+}
+
+/// Parts of the light of a spectrum that windows see apart.
+const PARTS: usize = 4;
+
+/// Shares of the light in parts of about equal light, by falling refraction, and the refraction of each over that at
+/// the mean constants. No shares at one energy.
+fn parts_by_refraction(mut nodes: Vec<[f64; 2]>) -> [[f32; PARTS]; 2] {
+    let mut parts = [[0.0, 0.0]; PARTS];
+    if nodes.len() > 1 {
+        nodes.sort_unstable_by(|a, b| b[1].total_cmp(&a[1]));
+        let all: f64 = nodes.iter().map(|[weight, _]| weight).sum();
+        let few = nodes.len() <= PARTS;
+        let mut before = 0.0;
+        for (index, [weight, ratio]) in nodes.into_iter().enumerate() {
+            let middle = (before + 0.5 * weight) / all;
+            let by_light = numbers::whole::<usize>((middle * PARTS as f64).floor());
+            let [share, refraction] = &mut parts[if few { index } else { by_light.min(PARTS - 1) }];
+            before += weight;
+            *share += weight / all;
+            *refraction += weight / all * ratio;
+        }
+    }
+    let ratio = |[share, sum]: [f64; 2]| if share > 0.0 { single(sum / share) } else { 0.0 };
+    [parts.map(|[share, _]| single(share)), parts.map(ratio)]
 }
 
 impl Hardening {
     pub(crate) fn of(media: &MaterialTable) -> Self {
         let nodes = media.attenuation_ratios();
+        let refraction = parts_by_refraction(media.refraction_ratios());
         if nodes.len() < 2 {
-            return Self { ratios: Arc::default() };
+            return Self { ratios: Arc::default(), refraction };
         }
         let all: f64 = nodes.iter().map(|[weight, _]| weight).sum();
         let least = nodes.iter().map(|[_, ratio]| *ratio).fold(f64::INFINITY, f64::min);
@@ -33,7 +60,12 @@ impl Hardening {
             }
         };
         let places = (0..HARDENING_PLACES).map(ratio);
-        Self { ratios: places.chain([least]).map(single).collect() }
+        Self { ratios: places.chain([least]).map(single).collect(), refraction }
+    }
+
+    /// Shares of parts of the light, and their refraction over that at the mean constants.
+    pub(crate) const fn refraction(&self) -> [[f32; PARTS]; 2] {
+        self.refraction
     }
 
     /// The table, for the device (`shaders/refine/hardening.glsl`); empty at one energy.
@@ -110,6 +142,28 @@ mod tests {
                 let got = f64::from(hardening.light(single(depth)));
                 assert!(got > 0.995 * light, "{material} {path}: {got} {light}");
             }
+        }
+    }
+
+    #[test]
+    fn parts_have_all_light_and_its_mean_refraction() {
+        for count in [1_u8, 2, 4, 5, 30] {
+            let nodes: Vec<[f64; 2]> =
+                (0..count).map(|i| [1.0 + f64::from(i % 3), 0.5 + 0.1 * f64::from(i)]).collect();
+            let all: f64 = nodes.iter().map(|[weight, _]| weight).sum();
+            let mean: f64 = nodes.iter().map(|[weight, ratio]| weight * ratio).sum::<f64>() / all;
+            let [shares, ratios] = parts_by_refraction(nodes);
+            if count == 1 {
+                assert_eq!(shares, [0.0; PARTS]);
+                continue;
+            }
+            let sum: f64 = shares.iter().map(|share| f64::from(*share)).sum();
+            let by_parts: f64 =
+                shares.iter().zip(ratios).map(|(a, b)| f64::from(*a) * f64::from(b)).sum();
+            assert!((sum - 1.0).abs() < 1e-6 && (by_parts / mean - 1.0).abs() < 1e-6, "{count}");
+            let used = shares.iter().filter(|share| **share > 0.0).count();
+            assert_eq!(used, usize::from(count).min(PARTS), "{count}");
+            assert!(ratios[..used].is_sorted_by(|a, b| a > b), "{count}");
         }
     }
 

@@ -24,7 +24,7 @@ pub(crate) struct MadeRays<'k> {
 pub(crate) const QUEUE_COUNT: u32 = numbers::count(QUEUES);
 
 impl Tracer {
-    /// The passes over rays that the device makes, whose number is in `QUEUE_MADE` of [`Self::queues`]. All
+    /// The passes over rays that the device makes, whose number is in `QUEUE_MADE` and `QUEUE_MADE_EXACT` of [`Self::queues`]. All
     /// that another submission would do is in them: rays that the driver's search loses go to the software BVH.
     ///
     /// # Errors
