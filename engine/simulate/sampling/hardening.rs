@@ -154,7 +154,7 @@ mod tests {
             let mean: f64 = nodes.iter().map(|[weight, ratio]| weight * ratio).sum::<f64>() / all;
             let [shares, ratios] = parts_by_refraction(nodes);
             if count == 1 {
-                assert_eq!(shares, [0.0; PARTS]);
+                assert!(shares.iter().all(|share| *share <= 0.0));
                 continue;
             }
             let sum: f64 = shares.iter().map(|share| f64::from(*share)).sum();
