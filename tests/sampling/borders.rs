@@ -49,6 +49,16 @@ const PRISM: &str = "[source]\ndistance = \"105.81 mm\"\nspot = \"0.30555 um\"\n
     angles = [\"-3.0998983651922365 rad\"]\n[materials.m]\nmu = \"1705 1/m\"\ndelta = 3.784e-6\n\
     [[object]]\nname = \"prism\"\nshape = { prism = { radius = \"1.654074 um\", height = \"11.4367 um\", \
     sides = 4 } }\nmaterial = \"m\"\nposition = [\"-3.4801836 um\", \"-6.1514943 um\", \"2.682687 um\"]\n";
+/// A ball of few facets before pixels that the detector blurs, whose borders reach into wide apertures.
+const BLURRED: &str = "[source]\ndistance = \"1.2 m\"\nenergy = \"20 keV\"\nspot = \"10 um\"\n\
+    [detector]\ndistance = \"1.8 m\"\npixels = [6, 3]\npitch = \"75 um\"\n\
+    blur = { sigma = [\"20 um\", \"20 um\"] }\n\
+    [sample_mask]\ndistance = \"1.19 m\"\ntransmission = 0.0\naperture = \"20 um\"\n\
+    period = \"49.58333 um\"\n\
+    [detector_mask]\ndistance = \"1.79 m\"\ntransmission = 0.0\naperture = \"69 um\"\n\
+    period = \"74.58333 um\"\n[scan]\nmask_offsets = [\"-8 um\", \"0 um\", \"8 um\"]\n\
+    [[object]]\nname = \"ball\"\nshape = { sphere = { radius = \"80 um\", sides = 32 } }\n\
+    material = \"PMMA\"\nposition = [\"11 um\", \"0 um\", \"7 um\"]\n";
 const ENERGY: &str = "[source]\nenergy = \"28 keV\"\n";
 const TUBE: &str = "[source]\nspectrum = { anode = \"tungsten\", kvp = \"46.574 kV\", nodes = 4, \
     anode_angle = \"0.355116 rad\", filters = [{ material = \"aluminium\", thickness = \"0.915932 mm\" }] }\n";
@@ -71,6 +81,7 @@ fn light_at_borders_holds_the_tolerance() {
         ("ends along z", scene(&[mean, SPOT, BOX[0], ENDED, BOX[1], STEPS_ALONG_Z]), 2e-4),
         ("both", scene(&[TUBE, SPOT, BOX[0], ENDED, BOX[1], STEPS_ALONG_Z]), 2e-4),
         ("pixels in apertures", scene(&[ENERGY, point, BALL[0], opaque, BALL[1]]), 8e-4),
+        ("borders that a detector blurs", scene(&[BLURRED]), 3e-4),
         ("steps on a line", scene(&[PRISM]), 2e-4),
         ("bars that leak", scene(&[TUBE, SPOT, BALL[0], leaks, BALL[1]]), 1e-3),
     ];

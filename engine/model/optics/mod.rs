@@ -45,6 +45,8 @@ pub struct Optics {
     pub detector: DetectorPlane,
     /// Columns of these to a pixel of the detector.
     pub column_parts: u32,
+    /// Standard deviation of the blur of the detector along x, m; 0 where it is measured as a kernel.
+    pub column_blur: f64,
     /// The mask before the sample.
     pub sample_mask: Option<Mask>,
     /// The mask before the detector.
@@ -96,6 +98,10 @@ impl Optics {
             lever_arm: scene.lever_arm(),
             detector,
             column_parts: parts[0],
+            column_blur: match &scene.detector.blur {
+                Some(Blur::Gaussian { sigma }) => sigma[0],
+                Some(Blur::Kernel(_)) | None => 0.0,
+            },
             sample_mask: mask("sample_mask", &scene.sample_mask),
             detector_mask: mask("detector_mask", &scene.detector_mask),
             spot: spot(scene),

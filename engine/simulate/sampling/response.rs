@@ -307,10 +307,14 @@ pub(super) struct Landed {
 fn windows_of(optics: &Optics, beamlets: &[BeamletGeometry], leak: f32, blur: f64) -> Vec<Windows> {
     let leak = if optics.detector_mask.is_some() { leak } else { 0.0 };
     let mut windows = vec![Windows::new(&optics.windows(), blur, 1.0 - leak, Vec::new())];
-    let parted = if borders_lie_in_apertures(optics, beamlets) { 1.0 } else { leak };
+    // Pixels of a detector that blurs have soft borders, which reach into apertures.
+    let softens = optics.column_parts > 1 && optics.detector_mask.is_some();
+    let parted = if softens || borders_lie_in_apertures(optics, beamlets) { 1.0 } else { leak };
     if parted > 0.0 {
         let aside = beamlets.iter().map(|c| pixel_aside(optics, c)).collect();
-        windows.push(Windows::new(&optics.whole_pixel_windows(), blur, parted, aside));
+        let of_detector = optics.column_blur * optics.analyser / optics.detector.distance;
+        let soft = if softens { blur.hypot(of_detector) } else { blur };
+        windows.push(Windows::new(&optics.whole_pixel_windows(), soft, parted, aside));
     }
     windows
 }
@@ -324,8 +328,7 @@ fn pixel_aside(optics: &Optics, c: &BeamletGeometry) -> f32 {
     c.pixel_offset - c.aperture_offset + single(to_pixel)
 }
 
-/// True if a border between pixels lies in an aperture of the detector mask, seen from the source. Parts of pixels do not
-/// count: the detector blurs over their borders.
+/// True if a border between pixels lies in an aperture of the detector mask, seen from the source.
 fn borders_lie_in_apertures(optics: &Optics, beamlets: &[BeamletGeometry]) -> bool {
     if optics.detector_mask.is_none() {
         return false;
