@@ -119,7 +119,7 @@ impl CellIlluminator {
             parts: None,
             cell_rows: None,
             cells: None,
-            pace: Pace::new(SIZES[0] >> if is_cpu { 4 } else { 0 }, SIZES[1], SIZES[2]),
+            pace: Pace::new(SIZES[0] >> if is_cpu { 6 } else { 0 }, SIZES[1], SIZES[2]),
             planned: Vec::new(),
             planned_cost: 0,
             cancel: cancel.clone(),
