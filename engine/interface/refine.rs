@@ -341,8 +341,8 @@ shared_structs! {
         /// Error of the light, share of open beam, and of the displacement that a patch may have.
         pub light_budget: f32,
         pub displacement_budget: f32,
-        /// Parts of the light of a spectrum, and refraction of each over that at the constants of the rays, the
-        /// largest first; no shares at one energy.
+        /// Shares of parts of the light of a spectrum, and refraction of each over that at the constants of the rays,
+        /// the largest first and the least last.
         pub part_shares: [f32; 4],
         pub part_ratios: [f32; 4],
         /// Width that a mask step opens, of a beamlet.

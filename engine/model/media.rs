@@ -86,13 +86,12 @@ impl MaterialTable {
         self.weights.iter().zip(&self.constants).map(|(w, c)| [*w, of(c)]).collect()
     }
 
-    /// Weight of each energy, and refraction there over the refraction at the mean constants.
+    /// Refraction at each energy over that at constants by material.
     #[must_use]
-    pub fn refraction_ratios(&self) -> Vec<[f64; 2]> {
+    pub fn refraction_ratios(&self, reference: &[Constants]) -> Vec<f64> {
         let strength = |of: &[Constants]| of.iter().map(|c| c.delta.abs()).sum::<f64>();
-        let mean = strength(&self.mean()).max(f64::MIN_POSITIVE);
-        let of = |(w, c): (&f64, &Vec<Constants>)| [*w, strength(c) / mean];
-        self.weights.iter().zip(&self.constants).map(of).collect()
+        let least = strength(reference).max(f64::MIN_POSITIVE);
+        self.constants.iter().map(|node| strength(node) / least).collect()
     }
 
     /// Step of delta between two materials, root mean square over the spectrum: neglected terms of the

@@ -130,8 +130,8 @@ Piece through_ends(Cell cell, vec2 ends) {
 
 // Share of a piece along z that lands between two edges on the detector.
 float landing_share(Piece piece, Edge low, Edge high) {
-    // No light lands beyond an edge that lies beside all of it, whatever the blur of the other: what is left of the
-    // difference there is rounding.
+    // An edge beside all of the light leaves none of it, however soft the other edge is. The difference of the shares at
+    // both edges would be rounding.
     float half_width = abs(piece.half_width);
     if (!(high.at > low.at) || high.at + 6.5 * high.blur <= piece.middle - half_width
         || low.at - 6.5 * low.blur >= piece.middle + half_width) return 0.0;

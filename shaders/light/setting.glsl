@@ -46,7 +46,8 @@ float slope_of_rows() {
     return (block - light.middle_row) * light.row_slope;
 }
 
-// Leaks of the sample mask below which they lie in one pixel, those of a period together.
+// Leaks of the sample mask below this are added to one pixel for each period: where the period is wider than a pixel,
+// fewer leaks are.
 float faintest_leak() {
     return FAINT * min(light.pixel_pitch / (light.sample_mask.period * light.magnification), 1.0);
 }

@@ -14,9 +14,8 @@
 #include "refine/even.glsl"
 #include "refine/light.glsl"
 #include "refine/slopes.glsl"
+#include "refine/change.glsl"
 
-// Standard deviation of a place spread evenly over a step.
-const float SPREAD = 0.28867513;
 // Light at a silhouette that a rectangle may have on the wrong side, share of its light.
 const float SILHOUETTE = 0.3;
 // Crossings up to which one silhouette may take that much.
@@ -27,8 +26,6 @@ const float THROWN = 0.05;
 const float ASIDE = 0.6;
 // Part of a side below which a neighbour shows that a silhouette ends along it.
 const float PART_OF_SIDE = 0.5;
-// Error of a silhouette, share of the budget, below which nobody looks for it at the corners.
-const float LITTLE = 3e-3;
 // Crossings from which on rays beside each other are samples of fine structure, and how many times larger their errors
 // are than at a single silhouette: the light of such rays is random, and alike along fibres over several rectangles.
 const uint SEVERAL_CROSSINGS = 8u;
@@ -43,114 +40,12 @@ const float IN_LINE = 4.0;
 // Places along a side where the corners of a neighbour are looked for, from its middle.
 const float CORNER = 0.42;
 
-// Parts of the light of a spectrum.
-const uint PARTS = 4u;
-// Change of the share of light that passes a window from one part of a spectrum to another, from which on parts are
-// looked at one by one.
-const float APART = 0.1;
-
-// A rectangle and what its light does.
-struct Own {
-    Rectangle g;
-    RefinedPatch patch_;
-    RefinedColumn column;
-    Found found;
-    RaySlopes slopes;
-    float passed; // share of its light that passes the sample and may be recorded
-    float at;     // where it lands
-    float half_;  // half the width over which it lands
-    Seen seen[2]; // by the windows of each kind
-    vec2 size;    // m, and rows
-};
-
 // Changes towards a neighbour.
 struct Change {
     float light;
     float moved; // of the displacement, against what the rectangle predicts
     bool silhouette;
 };
-
-// Light of a ray that passes and may be recorded.
-float recorded(Own own, Found found) {
-    float row = float(own.patch_.row) + found.at.y - found.landing / P.row_pitch;
-    float reach = 0.5 * own.size.y;
-    bool in_rows = row + reach > float(P.recorded[0]) && row - reach < float(P.recorded[1]);
-    float x = own.column.slope * P.analyser + P.magnification * found.at.x + found.displacement;
-    return in_rows && abs(x) < P.half_width ? light_behind(found.depth) : 0.0;
-}
-
-// Error by a change of all light of a rectangle, share of the budget.
-float error_of(Own own, float change) {
-    precise float error = P.weight * (own.size.x * own.size.y) * SPREAD * change / P.light_budget;
-    return error;
-}
-
-// The same, or more: windows change no faster.
-float bound_of(Own own, Landed other) {
-    bool parts = P.window_count > 0u && P.part_shares.x > 0.0;
-    float most = parts ? max(P.part_ratios.x, 1.0) : 1.0;
-    float moved = min(abs(other.at - own.at) * most * P.steepest, 1.0);
-    return abs(other.light - own.passed) + max(other.light, own.passed) * moved;
-}
-
-// Light of a part of a spectrum, by what is displaced at the constants of the rays.
-Landed part_of(Own own, Landed all, uint part, float shift) {
-    float place = P.magnification * own.found.at.x;
-    return Landed(all.light * P.part_shares[part], place + (all.at - place) * P.part_ratios[part] + shift);
-}
-
-// Whether windows may see parts of a spectrum apart: rays at the mean of them may all pass, or none, where others do not.
-bool parts_lie_apart(Own own, Landed other) {
-    if (P.part_shares.x == 0.0) return false;
-    float place = P.magnification * own.found.at.x;
-    float least = P.part_ratios.x;
-    for (uint part = 1u; part < PARTS && P.part_shares[part] > 0.0; part++) least = P.part_ratios[part];
-    float moved = max(abs(own.at - place), abs(other.at - place));
-    return moved * (P.part_ratios.x - least) * P.steepest > APART;
-}
-
-// Largest change of the light in any pixel if it were another; light for any masks has no windows.
-float whole_change_to(Own own, Landed other) {
-    if (P.window_count == 0u) return bound_of(own, other);
-    Landed before = Landed(own.passed, own.at);
-    float change = 0.0;
-    float by_parts = 0.0;
-    bool apart = parts_lie_apart(own, other);
-    for (uint kind = 0u; kind < P.window_count; kind++) {
-        WindowTable table = P.windows.at[kind];
-        float shift = own.column.landing[kind];
-        Landed from = Landed(before.light, before.at + shift);
-        Landed to = Landed(other.light, other.at + shift);
-        change += table.share * change_in(table, own.seen[kind], from, to, own.half_);
-        for (uint part = 0u; apart && part < PARTS && P.part_shares[part] > 0.0; part++) {
-            from = part_of(own, before, part, shift);
-            to = part_of(own, other, part, shift);
-            by_parts += table.share * change_in(table, seen_by(table, from, own.half_), from, to, own.half_);
-        }
-    }
-    return max(change, by_parts);
-}
-
-// The same, or a bound of it where that is small.
-float change_to(Own own, Landed other) {
-    float most = bound_of(own, other);
-    return error_of(own, most) < LITTLE ? most : whole_change_to(own, other);
-}
-
-// Light of a ray at the place of the rectangle.
-Landed landed_of(Own own, Found found) {
-    return Landed(recorded(own, found), own.at + found.displacement - own.found.displacement);
-}
-
-// Sets the light that changes are counted from.
-void set_light(inout Own own, Landed light) {
-    own.passed = light.light;
-    own.at = light.at;
-    for (uint kind = 0u; kind < P.window_count; kind++) {
-        Landed landed = Landed(light.light, light.at + own.column.landing[kind]);
-        own.seen[kind] = seen_by(P.windows.at[kind], landed, own.half_);
-    }
-}
 
 // The change if the silhouette towards a neighbour were on the other side.
 Change over_silhouette(Own own, Found found) {
@@ -270,18 +165,21 @@ bool is_aside(Own own, Found found, uint side) {
     return !found.known || abs(found.at[other] - own.found.at[other]) > ASIDE * own.size[other];
 }
 
-// Number of rectangles in line on one side whose rays crossed the same surfaces, looked at after 1, 2, 4, ... sides;
+// Number of rectangles in line beyond a side whose rays crossed the same surfaces, looked at after 1, 2, 4, ... of them;
 // `ends` is set if all up to the end of the patch did.
-float alike_towards(Own own, vec2 way, inout bool ends) {
-    uint across = way.x == 0.0 ? 0u : 1u;
-    uint along = 1u - across;
-    float end = way[along] > 0.0 ? (along == 0u ? 0.5 * P.period : 1.0) : (along == 0u ? -0.5 * P.period : 0.0);
-    float most = floor(abs(end - own.found.at[along]) / own.size[along]);
+float alike_beyond(Own own, uint side, inout bool ends) {
+    uint axis = side / 2u;
+    vec2 low = vec2(-0.5 * P.period, 0.0);
+    vec2 high = vec2(0.5 * P.period, 1.0);
+    bool is_low = side % 2u == 0u;
+    float left = is_low ? own.found.at[axis] - low[axis] : high[axis] - own.found.at[axis];
+    float most = floor(left / own.size[axis]);
     float count = 0.0;
     for (float apart = 1.0; apart <= most; apart *= 2.0) {
-        Found found = found_of_own(own, own.found.at + apart * way * own.size);
-        bool aside = abs(found.at[across] - own.found.at[across]) > ASIDE * own.size[across];
-        if (!found.known || aside || !alike(found, own.found)) return count;
+        vec2 at = own.found.at;
+        at[axis] += (is_low ? -apart : apart) * own.size[axis];
+        Found found = found_of_own(own, at);
+        if (is_aside(own, found, side) || !alike(found, own.found)) return count;
         count = apart;
     }
     ends = true;
@@ -292,9 +190,9 @@ float alike_towards(Own own, vec2 way, inout bool ends) {
 // add. Others err in any way.
 float in_line(Own own, vec2 change) {
     if (error_of(own, max(change.x, change.y)) < LITTLE) return 1.0;
-    vec2 way = change.x >= change.y ? vec2(0.0, 1.0) : vec2(1.0, 0.0);
+    uint side = change.x >= change.y ? 2u : 0u;
     bool ends = false;
-    float count = 1.0 + alike_towards(own, -way, ends) + alike_towards(own, way, ends);
+    float count = 1.0 + alike_beyond(own, side, ends) + alike_beyond(own, side + 1u, ends);
     return ends && count >= IN_LINE ? count : 1.0;
 }
 

@@ -343,9 +343,9 @@ fn exact_light_of_a_spectrum_is_the_sum_over_its_energies() {
     }
 }
 
-/// Light that balls of facets in a row bend into one another: first order, whose rays are straight, differs by many tolerances.
-/// Every ray of the device is to be followed in order, whatever number of rays the walk of the first order takes
-/// together.
+/// Balls of facets in a row bend light into one another: first order, whose rays are straight, differs by many
+/// tolerances. Every ray of the device is followed in order, also where a lane of the walk of the first order takes
+/// several (subgroups of 8 and 16).
 #[test]
 fn every_ray_of_exact_transport_is_followed_in_order() {
     let ball = |y: i32| {

@@ -163,8 +163,7 @@ impl<'a> SetUp<'a> {
             pixels: if has_many {
                 Vec::new()
             } else {
-                let blur = scene.detector.blur.as_ref();
-                Pixel::around_axis(&optics, scene.axis_distance(), blur)
+                Pixel::around_axis(&optics, scene.axis_distance())
             },
             offsets: groups.scan.mask_offsets.iter().map(within).collect(),
         })

@@ -5,7 +5,7 @@ use super::method::BEAMLET_PIXELS;
 use super::shape::CurveGeometry;
 use beamlet_core::{Error, Result, numbers};
 use beamlet_model::optics::{Mask, MaskShape, Optics};
-use beamlet_model::scene::{Blur, Scene};
+use beamlet_model::scene::Scene;
 use beamlet_model::spectrum;
 use ndarray::{Array3, ArrayView3};
 use std::ops::Range;
@@ -147,11 +147,7 @@ pub(crate) fn lights(
 ) -> Result<Vec<Beamlet>> {
     let detector = &optics.detector;
     let plane = detector.distance;
-    let of_detector = match &scene.detector.blur {
-        Some(Blur::Gaussian { sigma }) => sigma[0],
-        Some(Blur::Kernel(_)) | None => 0.0,
-    };
-    let blur = CurveGeometry::of(scene)?.blur.powi(2) + of_detector * of_detector;
+    let blur = CurveGeometry::of(scene)?.blur.powi(2) + optics.column_blur * optics.column_blur;
     let mut shapes = Vec::new();
     if mask.side_shadow().is_some() {
         let nodes = spectrum::nodes(scene)?;

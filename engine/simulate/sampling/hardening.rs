@@ -12,38 +12,44 @@ pub(crate) struct Hardening {
     /// Optical depth of the light of all energies over the depth, by the square root of the depth; then the least
     /// ratio of an energy. None at one energy.
     ratios: Arc<[f32]>,
+    /// [`parts_by_refraction`].
     refraction: [[f32; PARTS]; 2],
 }
 
-/// Parts of the light of a spectrum that windows see apart.
+/// Most parts of the light of a spectrum that windows see apart.
 const PARTS: usize = 4;
 
-/// Shares of the light in parts of about equal light, by falling refraction, and the refraction of each over that at
-/// the mean constants. No shares at one energy.
+/// Shares of the light in parts of about equal light, and the refraction of each over that at the mean constants, the
+/// largest first. Parts behind the last one have no light, and its refraction. `nodes`: weight and refraction.
 fn parts_by_refraction(mut nodes: Vec<[f64; 2]>) -> [[f32; PARTS]; 2] {
-    let mut parts = [[0.0, 0.0]; PARTS];
-    if nodes.len() > 1 {
-        nodes.sort_unstable_by(|a, b| b[1].total_cmp(&a[1]));
-        let all: f64 = nodes.iter().map(|[weight, _]| weight).sum();
-        let few = nodes.len() <= PARTS;
-        let mut before = 0.0;
-        for (index, [weight, ratio]) in nodes.into_iter().enumerate() {
-            let middle = (before + 0.5 * weight) / all;
-            let by_light = numbers::whole::<usize>((middle * PARTS as f64).floor());
-            let [share, refraction] = &mut parts[if few { index } else { by_light.min(PARTS - 1) }];
-            before += weight;
-            *share += weight / all;
-            *refraction += weight / all * ratio;
-        }
+    nodes.sort_unstable_by(|a, b| b[1].total_cmp(&a[1]));
+    let all: f64 = nodes.iter().map(|[weight, _]| weight).sum();
+    let few = nodes.len() <= PARTS;
+    let mut before = 0.0;
+    let place = |(index, [weight, ratio]): (usize, [f64; 2])| {
+        let middle = (before + 0.5 * weight) / all;
+        before += weight;
+        let by_light = numbers::whole::<usize>((middle * PARTS as f64).floor());
+        (if few { index } else { by_light }, [weight, ratio])
+    };
+    let placed: Vec<(usize, [f64; 2])> = nodes.into_iter().enumerate().map(place).collect();
+    let (mut shares, mut ratios) = ([0.0; PARTS], [1.0; PARTS]);
+    // A strong line may fill two parts.
+    for (number, part) in placed.chunk_by(|a, b| a.0 == b.0).enumerate() {
+        let share: f64 = part.iter().map(|(_, [weight, _])| weight).sum();
+        let sum: f64 = part.iter().map(|(_, [weight, ratio])| weight * ratio).sum();
+        shares[number] = single(share / all);
+        ratios[number..].fill(single(sum / share));
     }
-    let ratio = |[share, sum]: [f64; 2]| if share > 0.0 { single(sum / share) } else { 0.0 };
-    [parts.map(|[share, _]| single(share)), parts.map(ratio)]
+    [shares, ratios]
 }
 
 impl Hardening {
     pub(crate) fn of(media: &MaterialTable) -> Self {
         let nodes = media.attenuation_ratios();
-        let refraction = parts_by_refraction(media.refraction_ratios());
+        let weights = media.weights.iter().zip(media.refraction_ratios(&media.mean()));
+        let refraction =
+            parts_by_refraction(weights.map(|(weight, ratio)| [*weight, ratio]).collect());
         if nodes.len() < 2 {
             return Self { ratios: Arc::default(), refraction };
         }
@@ -147,23 +153,33 @@ mod tests {
 
     #[test]
     fn parts_have_all_light_and_its_mean_refraction() {
-        for count in [1_u8, 2, 4, 5, 30] {
-            let nodes: Vec<[f64; 2]> =
-                (0..count).map(|i| [1.0 + f64::from(i % 3), 0.5 + 0.1 * f64::from(i)]).collect();
+        let even = |count: u8| -> Vec<[f64; 2]> {
+            (0..count).map(|i| [1.0 + f64::from(i % 3), 0.5 + 0.1 * f64::from(i)]).collect()
+        };
+        // Strong lines between others.
+        let first = vec![[6.0, 1.5], [1.0, 1.2], [1.0, 1.0], [1.0, 0.8], [1.0, 0.5]];
+        let middle = vec![[0.5, 1.5], [7.0, 1.2], [1.0, 1.0], [1.0, 0.8], [0.5, 0.5]];
+        let cases = [
+            (even(1), 1),
+            (even(2), 2),
+            (even(4), 4),
+            (even(5), 4),
+            (even(30), 4),
+            (first, 3),
+            (middle, 3),
+        ];
+        for (nodes, used) in cases {
             let all: f64 = nodes.iter().map(|[weight, _]| weight).sum();
             let mean: f64 = nodes.iter().map(|[weight, ratio]| weight * ratio).sum::<f64>() / all;
             let [shares, ratios] = parts_by_refraction(nodes);
-            if count == 1 {
-                assert!(shares.iter().all(|share| *share <= 0.0));
-                continue;
-            }
             let sum: f64 = shares.iter().map(|share| f64::from(*share)).sum();
             let by_parts: f64 =
                 shares.iter().zip(ratios).map(|(a, b)| f64::from(*a) * f64::from(b)).sum();
-            assert!((sum - 1.0).abs() < 1e-6 && (by_parts / mean - 1.0).abs() < 1e-6, "{count}");
-            let used = shares.iter().filter(|share| **share > 0.0).count();
-            assert_eq!(used, usize::from(count).min(PARTS), "{count}");
-            assert!(ratios[..used].is_sorted_by(|a, b| a > b), "{count}");
+            assert!((sum - 1.0).abs() < 1e-6 && (by_parts / mean - 1.0).abs() < 1e-6, "{used}");
+            assert!(shares[..used].iter().all(|share| *share > 0.0), "{shares:?}");
+            assert!(shares[used..].iter().all(|share| *share <= 0.0), "{shares:?}");
+            assert!(ratios[..used].is_sorted_by(|a, b| a > b), "{ratios:?}");
+            assert!(ratios[used..].iter().all(|ratio| (ratio - ratios[used - 1]).abs() <= 0.0));
         }
     }
 

@@ -1,7 +1,6 @@
 //! A pixel with the apertures of both masks, seen from the source in the plane of the sample mask.
 
 use super::super::{Mask, Optics};
-use crate::scene::Blur;
 use glam::DVec2;
 use std::f64::consts::TAU;
 
@@ -44,12 +43,12 @@ impl Pixel {
     /// The pixels around the optical axis that see the masks differently, with bodies at the distance `body`
     /// from the source; none without a sample mask.
     #[must_use]
-    pub fn around_axis(optics: &Optics, body: f64, blur: Option<&Blur>) -> Vec<Self> {
+    pub fn around_axis(optics: &Optics, body: f64) -> Vec<Self> {
         let Some(mask) = &optics.sample_mask else { return Vec::new() };
         let middle = i64::from(optics.detector.pixels[0] / 2);
         let mut found: Vec<Self> = Vec::new();
         for column in (middle - 4).max(0)..(middle + 4).min(i64::from(optics.detector.pixels[0])) {
-            let pixel = Self::of(optics, mask, column, body, blur);
+            let pixel = Self::of(optics, mask, column, body);
             if !found.iter().any(|known| known.sees_the_same(&pixel)) {
                 found.push(pixel);
             }
@@ -57,7 +56,7 @@ impl Pixel {
         found
     }
 
-    fn of(optics: &Optics, mask: &Mask, column: i64, body: f64, blur: Option<&Blur>) -> Self {
+    fn of(optics: &Optics, mask: &Mask, column: i64, body: f64) -> Self {
         let detector = &optics.detector;
         let plane = mask.distance();
         let width = detector.pitch_at(0, plane);
@@ -83,11 +82,9 @@ impl Pixel {
             shift: -part.offset[0] * shrink,
             sigma: part.deviation[0] * shrink,
         };
-        let blur = match blur {
-            Some(Blur::Gaussian { sigma }) if optics.detector_mask.is_none() => {
-                sigma[0] * plane / detector.distance
-            }
-            _ => 0.0,
+        let blur = match optics.detector_mask {
+            None => optics.column_blur * plane / detector.distance,
+            Some(_) => 0.0,
         };
         Self {
             period,

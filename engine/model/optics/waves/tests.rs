@@ -30,7 +30,7 @@ fn optics(source: &str, sample_mask: &str, detector_mask: &str) -> Optics {
 fn brightest(optics: &Optics) -> Pixel {
     let light = |pixel: &Pixel| Flat::of(pixel, 0.0, [0.0; 2]).light.at(0.0);
     let mask = optics.sample_mask.as_ref().expect("a sample mask");
-    let pixels = Pixel::around_axis(optics, mask.distance(), None);
+    let pixels = Pixel::around_axis(optics, mask.distance());
     pixels.into_iter().max_by(|a, b| light(a).total_cmp(&light(b))).expect("a pixel")
 }
 

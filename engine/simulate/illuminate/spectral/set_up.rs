@@ -46,9 +46,6 @@ impl EnergyBinning {
         let flat = |of: fn(&Constants) -> f64| {
             media.constants.iter().flatten().chain(reference).map(of).collect()
         };
-        let strength = |c: &[Constants]| c.iter().map(|c| c.delta.abs()).sum::<f64>();
-        let delta_ratio =
-            |node: &Vec<Constants>| strength(node) / strength(reference).max(f64::MIN_POSITIVE);
         let (mu, delta): (Vec<f64>, Vec<f64>) = (flat(|c| c.mu), flat(|c| c.delta));
         let materials = media.names.len();
         let acts = |&material: &usize| {
@@ -70,7 +67,7 @@ impl EnergyBinning {
             weights: media.weights.clone(),
             mu,
             delta,
-            delta_ratio: media.constants.iter().map(delta_ratio).collect(),
+            delta_ratio: media.refraction_ratios(reference),
             exact_retrace_threshold: exact_retrace_threshold(
                 optics.sampling.transport,
                 media,
