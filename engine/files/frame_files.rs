@@ -299,8 +299,11 @@ impl About {
         }
         let step = step as usize;
         if let Some(of) = scan.view_of_errors(view).filter(|_| !scan.errors.is_none()) {
-            let applied = self.scene.applied_offsets(view).get(step).copied();
-            about.insert("mask_offset_applied".into(), applied.into());
+            let [x, z] = self.scene.applied_offsets(view);
+            about.insert("mask_offset_applied".into(), x.get(step).copied().into());
+            if let Some(applied) = z.get(step) {
+                about.insert("mask_offset_z_applied".into(), (*applied).into());
+            }
             about.insert("intensity_applied".into(), scan.intensity(of, step).into());
             if let Some(source) = scan.errors.source.get(of) {
                 about.insert("source_applied".into(), source.to_vec().into());

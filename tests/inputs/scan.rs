@@ -277,7 +277,7 @@ fn errors_are_lists_files_or_draws_and_kept_as_they_were_applied() {
     let lists = "mask_offsets = [[\"1 um\", \"-2 um\"], [\"3 um\", \"4 um\"]], intensities = [[1, 0.9], [1.1, 1.0]]";
     assert_eq!(of_files.scan, of(lists, &[]).unwrap().scan);
     assert_eq!(of_files.scan.offsets_of(1), [0.0, 5e-6]);
-    assert_eq!(of_files.applied_offsets(Exposure::Sample(1)), [3e-6, 5e-6 + 4e-6]);
+    assert_eq!(of_files.applied_offsets(Exposure::Sample(1))[0], [3e-6, 5e-6 + 4e-6]);
     assert_eq!((of_files.scan.intensity(0, 1), of_files.scan.intensity(1, 1)), (0.9, 1.0));
     assert_kept(&of_files);
     let drawn = of("offset_sigma = \"2 um\", intensity_walk = 0.01, seed = 5", &[]).unwrap();
@@ -307,7 +307,7 @@ fn errors_are_lists_files_or_draws_and_kept_as_they_were_applied() {
     assert_eq!(drifting.scan.errors.source, [[3e-6, 0.0], [-1e-6, 2e-6]]);
     // The paper's set-up: s (M - 1)/M against the offset.
     let magnification = drifting.magnification();
-    let offsets = drifting.applied_offsets(Exposure::Sample(0));
+    let [offsets, _] = drifting.applied_offsets(Exposure::Sample(0));
     let expected = drifting.scan.offsets_of(0)[0] - 3e-6 * (1.0 - 1.0 / magnification);
     assert!((offsets[0] - expected).abs() < 1e-18, "{offsets:?} {expected:e}");
     assert_kept(&drifting);

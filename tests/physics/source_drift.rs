@@ -4,7 +4,7 @@
 
 use crate::support::{Worst, amount, backends, engine, sample};
 use beamlet::Backend;
-use beamlet::scene::Scene;
+use beamlet::scene::{Exposure, Refine, ScanErrors, Scene, Scheme};
 
 const OBJECTS: &str = r#"
 [[object]]
@@ -103,32 +103,91 @@ fn displaced_sources_sum_to_a_spot_of_two_parts() {
     }
 }
 
+/// Masks of rectangles in place of the slits of `BOTH`.
+fn rectangles() -> String {
+    let of = |period: &str, height: &str| {
+        format!(
+            "shape = \"rectangle\"\nperiod_z = \"{period}\"\naperture_z = \"{height}\"\nprojected_aperture"
+        )
+    };
+    let (sample, detector) = BOTH.split_once("[detector_mask]").unwrap();
+    let sample = sample.replace("projected_aperture", &of("110 um", "24 um"));
+    let detector = detector.replace("projected_aperture", &of("198 um", "50 um"));
+    format!("{sample}[detector_mask]{detector}")
+}
+
+/// Without a sample the curve at f is that at f - s (M - 1)/M: along x, and of rectangles along z, in cells of the host
+/// and of the device and in random rays.
 #[test]
 fn a_displaced_source_moves_curves_by_m_less_one_over_m() {
-    // Without a sample: the curve at f is that at f - s (M - 1)/M.
-    let offsets = |by: f64| {
-        let list: Vec<String> =
-            (-3..=3).map(|k| format!("\"{} um\"", 8.0 * f64::from(k) - by)).collect();
-        format!("[{}]", list.join(", "))
-    };
-    let mut drifted = scene(
-        "\"30 um\"",
-        BOTH,
-        &offsets(0.0),
-        [TWO, "errors = { source_x = [\"25 um\", \"25 um\"] }"],
-    );
     // M = 1.8.
-    let mut moved = scene("\"30 um\"", BOTH, &offsets(25.0 * 0.8 / 1.8), [TWO, ""]);
-    drifted.objects.clear();
-    moved.objects.clear();
-    let backend = backends()[0];
-    let drifted = engine(backend).simulate(&drifted).unwrap();
-    let moved = engine(backend).simulate(&moved).unwrap();
-    let mut worst = Worst::new("curve of a displaced source", 1e-6);
-    for ((view, step, row, column), light) in drifted.sample.indexed_iter() {
-        let expected = moved.flat[[step, row, column]];
-        worst.take(f64::from(light - expected), || format!("{view} {step} {row} {column}"));
+    const SHARE: f64 = 0.8 / 1.8;
+    let rectangles = rectangles();
+    let scene_at = |masks: &str, moved: [f64; 2], source: Option<[f64; 2]>| {
+        let offset = |k: i32| {
+            let [x, z] = moved.map(|by| 8.0 * f64::from(k) - SHARE * by);
+            match masks.contains("rectangle") {
+                true => format!("[\"{x} um\", \"{z} um\"]"),
+                false => format!("\"{x} um\""),
+            }
+        };
+        let offsets = (-3..=3).map(offset).collect::<Vec<_>>().join(", ");
+        let errors = source.map_or_else(String::new, |[x, z]| {
+            let [x, z] = [x, z].map(|by| format!("[\"{by} um\", \"{by} um\"]"));
+            format!("errors = {{ source_x = {x}, source_z = {z} }}")
+        });
+        let mut scene = scene("\"30 um\"", masks, &format!("[{offsets}]"), [TWO, &errors]);
+        scene.objects.clear();
+        scene
+    };
+    let as_it_is: fn(&mut Scene) = |_| ();
+    let on_device: fn(&mut Scene) = |scene| scene.sampling.refine = Refine::Device;
+    let random: fn(&mut Scene) = |scene| scene.sampling.scheme = Scheme::Random;
+    let cases = [
+        ("slits", BOTH, [25.0, 0.0], as_it_is),
+        ("rectangles", &rectangles, [-25.0, 40.0], as_it_is),
+        ("rectangles on the device", &rectangles, [0.0, 40.0], on_device),
+        ("rectangles in random rays", &rectangles, [0.0, -40.0], random),
+    ];
+    for (name, masks, by, change) in cases {
+        let backend = backends()[0];
+        let simulated = |moved: [f64; 2], source: Option<[f64; 2]>| {
+            let mut scene = scene_at(masks, moved, source);
+            change(&mut scene);
+            engine(backend).simulate(&scene).unwrap()
+        };
+        let drifted = simulated([0.0; 2], Some(by));
+        let moved = simulated(by, None);
+        let mut worst = Worst::new("curve of a displaced source", 1e-6);
+        let mut most = 0.0_f32;
+        for ((view, step, row, column), light) in drifted.sample.indexed_iter() {
+            let expected = moved.sample[[view, step, row, column]];
+            worst.take(f64::from(light - expected), || {
+                format!("{name}: {view} {step} {row} {column}")
+            });
+            most = most.max((drifted.flat[[step, row, column]] - light).abs());
+        }
+        worst.holds();
+        assert!(most > 0.01, "{name}: {most}");
     }
-    worst.holds();
-    assert!((drifted.flat[[3, 1, 5]] - drifted.sample[[0, 3, 1, 5]]).abs() > 0.01);
+}
+
+/// Drawn errors of mask offsets move rectangles along z, too, where their offsets have z: frames are those at the
+/// offsets as they are.
+#[test]
+fn drawn_errors_of_offsets_move_rectangles_along_z() {
+    let offsets = "[[\"-8 um\", \"-20 um\"], [\"8 um\", \"20 um\"]]";
+    let errors = "errors = { offset_sigma = \"4 um\", seed = 3 }";
+    let mut drawn = scene("\"30 um\"", &rectangles(), offsets, [SECOND, errors]);
+    drawn.objects.clear();
+    let [x, z] = drawn.applied_offsets(Exposure::Sample(0));
+    let moved = z.iter().zip([-20e-6, 20e-6]).all(|(z, planned)| (z - planned).abs() > 1e-7);
+    assert!(moved, "{z:?}");
+    let mut applied = drawn.clone();
+    applied.scan.errors = ScanErrors::default();
+    (applied.scan.mask_offsets, applied.scan.mask_offsets_z) = (x, z);
+    let [drawn, applied] =
+        [drawn, applied].map(|scene| engine(Backend::Bvh).simulate(&scene).unwrap());
+    assert_eq!(drawn.sample, applied.sample);
+    assert_ne!(drawn.flat, applied.flat);
 }

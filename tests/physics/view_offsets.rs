@@ -50,7 +50,7 @@ fn errors_of_a_scan_are_in_its_frames_and_not_in_the_flat() {
     asked.scan.errors.mask_offsets = vec![vec![0.0, 2e-6], vec![-3e-6, 0.0], vec![0.0, 0.0]];
     let mut applied = scene();
     applied.scan.view_offsets =
-        (0..3).map(|view| asked.applied_offsets(Exposure::Sample(view))).collect();
+        (0..3).map(|view| asked.applied_offsets(Exposure::Sample(view))[0].clone()).collect();
     asked.scan.errors.intensities = vec![vec![1.0, 0.5], vec![1.0, 1.0], vec![0.97, 1.0]];
     let [got, want] = [&asked, &applied].map(|scene| engine.simulate(scene).expect("stacks"));
     assert_eq!(got.flat, want.flat);

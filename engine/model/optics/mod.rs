@@ -53,11 +53,8 @@ pub struct Optics {
     pub detector_mask: Option<Mask>,
     /// The focal spot, with the blur of the detector along z.
     pub spot: Spot,
-    /// Displacements of the sample mask less whole periods, m: within half a period, so that f32
-    /// holds them as precisely as positions in a period.
+    /// Displacements of the sample mask.
     pub offsets: ViewOffsets,
-    /// Displacements of the sample mask along z less whole periods, m, by mask step; empty without any.
-    pub offsets_z: Vec<f64>,
     /// How rays are chosen, by the pixels of `detector`.
     pub sampling: Sampling,
 }
@@ -105,8 +102,7 @@ impl Optics {
             sample_mask: mask("sample_mask", &scene.sample_mask),
             detector_mask: mask("detector_mask", &scene.detector_mask),
             spot: spot(scene),
-            offsets: within_period(scene),
-            offsets_z: within_period_z(scene),
+            offsets: view_offsets(scene),
             sampling,
         }
     }
@@ -206,20 +202,12 @@ impl Optics {
     }
 }
 
-/// Mask offsets of a scan less whole periods of the sample mask, m. The rest is exact.
-fn within_period(scene: &Scene) -> ViewOffsets {
-    let applied = |exposure| scene.applied_offsets(exposure);
-    let period = scene.sample_mask.as_ref().map_or(f64::INFINITY, |mask| mask.pattern());
-    let within = |offset| WholePeriods::in_offset(offset, period).reduced(offset);
-    ViewOffsets::new(&scene.scan, applied, within)
-}
-
-/// Mask offsets along z less whole periods of the sample mask, m.
-fn within_period_z(scene: &Scene) -> Vec<f64> {
-    let period = scene.sample_mask.as_ref().and_then(MaskSpec::pattern_z);
-    let period = period.unwrap_or(f64::INFINITY);
-    let within = |offset: &f64| WholePeriods::in_offset(*offset, period).reduced(*offset);
-    scene.scan.mask_offsets_z.iter().map(within).collect()
+/// Mask offsets of a scan less whole periods of the sample mask. The rest is exact.
+fn view_offsets(scene: &Scene) -> ViewOffsets {
+    let mask = scene.sample_mask.as_ref();
+    let along_z = mask.and_then(MaskSpec::pattern_z).unwrap_or(f64::INFINITY);
+    let patterns = [mask.map_or(f64::INFINITY, MaskSpec::pattern), along_z];
+    ViewOffsets::new(&scene.scan, |exposure| scene.applied_offsets(exposure), patterns)
 }
 
 /// The focal spot, with a Gaussian blur of the detector added along z where no mask cuts light along z.

@@ -111,6 +111,7 @@ impl Scan {
             darks_every: None,
             errors: ScanErrors {
                 mask_offsets: Vec::new(),
+                mask_offsets_z: Vec::new(),
                 intensities: Vec::new(),
                 source: Vec::new(),
                 drawn: None,
@@ -227,14 +228,19 @@ impl Scan {
         }
     }
 
-    /// Displacements of the sample mask as they are, with the errors of the mask, m.
-    pub(super) fn moved_offsets(&self, exposure: Exposure) -> Vec<f64> {
-        let asked = self.planned_offsets(exposure).iter();
-        let view = self.view_of_errors(exposure);
-        match view.and_then(|view| self.errors.mask_offsets.get(view)) {
-            None => asked.copied().collect(),
-            Some(errors) => asked.zip(errors).map(|(asked, error)| asked + error).collect(),
-        }
+    /// Displacements of the sample mask along x and along z as they are, with the errors of the mask, m; no list
+    /// along z where the mask keeps its height.
+    pub(super) fn moved_offsets(&self, exposure: Exposure) -> [Vec<f64>; 2] {
+        let errors = [&self.errors.mask_offsets, &self.errors.mask_offsets_z];
+        let errors = errors.map(|of| of.get(self.view_of_errors(exposure)?));
+        let planned = [self.planned_offsets(exposure), &self.mask_offsets_z];
+        [0, 1].map(|axis| match errors[axis] {
+            None => planned[axis].to_vec(),
+            Some(errors) if planned[axis].is_empty() => errors.clone(),
+            Some(errors) => {
+                planned[axis].iter().zip(errors).map(|(at, error)| at + error).collect()
+            }
+        })
     }
 
     /// Light of a frame of a view over the nominal one.
@@ -254,7 +260,9 @@ impl Scan {
     /// Removes these mask steps from the offsets and from the errors of frames.
     #[doc(hidden)]
     pub fn omit_steps(&mut self, omitted: &[usize]) {
-        let errors = [&mut self.errors.mask_offsets, &mut self.errors.intensities];
+        let errors = &mut self.errors;
+        let errors =
+            [&mut errors.mask_offsets, &mut errors.mask_offsets_z, &mut errors.intensities];
         let lists = errors.into_iter().chain([&mut self.view_offsets]).flatten();
         let steps = [&mut self.mask_offsets, &mut self.mask_offsets_z];
         for list in lists.chain(steps) {
@@ -265,8 +273,7 @@ impl Scan {
 
     /// Draws the errors that are to be drawn.
     pub(super) fn draw_errors(&mut self) {
-        let (views, steps) = (self.views(), self.mask_offsets.len());
-        self.errors.draw(views, steps);
+        self.errors.draw([self.views(), self.mask_offsets.len(), self.mask_offsets_z.len()]);
     }
 
     /// Motion of the sample in a view before the set-up turns.

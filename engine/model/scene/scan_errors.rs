@@ -6,7 +6,9 @@ use beamlet_core::random::Draws;
 /// Kinds of draws.
 const OFFSETS: u8 = 0x51;
 const INTENSITIES: u8 = 0x52;
+/// Along x; along z the next number.
 const SOURCE: u8 = 0x53;
+const OFFSETS_Z: u8 = 0x55;
 
 /// Errors of the frames of a scan with the sample, `[view][step]`: simulated, and unknown to retrieval.
 /// Flats that are taken between views have the errors of the view behind them, a flat for all views has none.
@@ -15,6 +17,8 @@ const SOURCE: u8 = 0x53;
 pub struct ScanErrors {
     /// Displacement of the sample mask beside its offset, m; empty: none.
     pub mask_offsets: Vec<Vec<f64>>,
+    /// The same along z.
+    pub mask_offsets_z: Vec<Vec<f64>>,
     /// Light of a frame over the nominal one; empty: 1.
     pub intensities: Vec<Vec<f64>>,
     /// Displacement of the focal spot in each view (x, z), m; empty: none. One displacement serves all
@@ -46,18 +50,22 @@ impl ScanErrors {
     #[must_use]
     pub fn is_none(&self) -> bool {
         self.mask_offsets.is_empty()
+            && self.mask_offsets_z.is_empty()
             && self.intensities.is_empty()
             && self.source.is_empty()
             && self.drawn.is_none()
     }
 
-    /// Draws the errors for a number of views and steps. Random numbers are a function of seed, view and
-    /// step.
-    pub(super) fn draw(&mut self, views: usize, steps: usize) {
+    /// Draws the errors for numbers of views, of mask steps, and of mask steps along z (0 where the mask keeps its
+    /// height). Random numbers are a function of seed, view and step.
+    pub(super) fn draw(&mut self, [views, steps, steps_z]: [usize; 3]) {
         let Some(drawn) = self.drawn.take() else { return };
         if drawn.offset_sigma > 0.0 || drawn.offset_walk > 0.0 {
             let of = (drawn.offset_sigma, drawn.offset_walk);
             self.mask_offsets = frames(drawn.seed, OFFSETS, of, [views, steps]);
+            if steps_z > 0 {
+                self.mask_offsets_z = frames(drawn.seed, OFFSETS_Z, of, [views, steps_z]);
+            }
         }
         if drawn.intensity_sigma > 0.0 || drawn.intensity_walk > 0.0 {
             let of = (drawn.intensity_sigma, drawn.intensity_walk);

@@ -267,9 +267,11 @@ impl Scene {
     fn validate_errors(&self) -> Result<()> {
         let (views, steps) = (self.scan.views(), self.scan.mask_offsets.len());
         let errors = &self.scan.errors;
-        for (name, lists) in
-            [("mask_offsets", &errors.mask_offsets), ("intensities", &errors.intensities)]
-        {
+        for (name, lists) in [
+            ("mask_offsets", &errors.mask_offsets),
+            ("mask_offsets_z", &errors.mask_offsets_z),
+            ("intensities", &errors.intensities),
+        ] {
             let key = format!("scan.errors.{name}");
             if !lists.is_empty() && lists.len() != views {
                 let found = format!("{} lists", lists.len());
@@ -299,20 +301,33 @@ impl Scene {
             let allowed = "a set-up with a sample mask, or without masks";
             return Err(Error::scene("scan.errors.source_x", found, allowed));
         }
-        for view in 0..errors.mask_offsets.len().max(errors.source.len()) {
-            let key = match errors.mask_offsets.is_empty() {
-                true => "scan.errors.source_x".to_owned(),
-                false => format!("scan.errors.mask_offsets[{view}]"),
+        if errors.mask_offsets_z.iter().flatten().any(|error| *error != 0.0)
+            && self.sample_mask.as_ref().and_then(MaskSpec::heights).is_none()
+        {
+            let found = "displacements along z of a sample mask without edges along z";
+            let allowed =
+                "a sample mask whose apertures end along z (aperture_z, period_z or shape)";
+            return Err(Error::scene("scan.errors.mask_offsets_z", found, allowed));
+        }
+        let lists = [&errors.mask_offsets, &errors.mask_offsets_z];
+        let views = lists[0].len().max(lists[1].len()).max(errors.source.len());
+        for view in 0..views {
+            let [x, z] = self.applied_offsets(Exposure::Sample(numbers::count(view)));
+            let key = |axis: usize, source: &str, mask: &str| match lists[axis].is_empty() {
+                true => format!("scan.errors.{source}[{view}]"),
+                false => format!("scan.errors.{mask}[{view}]"),
             };
-            let exposure = Exposure::Sample(numbers::count(view));
-            self.validate_offsets(&key, &self.applied_offsets(exposure))?;
+            self.validate_offsets(&key(0, "source_x", "mask_offsets"), &x)?;
+            if let Some((_, found, allowed)) = self.far_along_z(&z) {
+                return Err(Error::scene(key(1, "source_z", "mask_offsets_z"), found, allowed));
+            }
         }
         let flats = match self.scan.flats_every {
             Some(_) if !errors.is_none() => self.scan.flat_places().len(),
             _ => 0,
         };
         for flat in (0..).take(flats).map(Exposure::Flat) {
-            self.validate_offsets("scan.errors", &self.applied_offsets(flat))?;
+            self.validate_offsets("scan.errors", &self.applied_offsets(flat)[0])?;
         }
         Ok(())
     }

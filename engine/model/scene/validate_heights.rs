@@ -18,11 +18,16 @@ impl Scene {
             let found = format!("{} offsets along z", offsets.len());
             return Err(Error::scene("scan.mask_offsets", found, format!("{steps}, as along x")));
         }
+        self.far_along_z(offsets).map_or(Ok(()), |(step, found, allowed)| {
+            Err(Error::scene(format!("scan.mask_offsets[{step}]"), found, allowed))
+        })
+    }
+
+    /// First of some offsets along z that the sample mask cannot have, with what was found and what is allowed.
+    pub(super) fn far_along_z(&self, offsets: &[f64]) -> Option<(usize, String, String)> {
         let heights = self.sample_mask.as_ref().and_then(MaskSpec::heights);
         let most = heights.map_or(0.0, |[_, period]| limits::OFFSET_PERIODS * period);
-        let Some(step) = offsets.iter().position(|offset| offset.abs() > most) else {
-            return Ok(());
-        };
+        let step = offsets.iter().position(|offset| offset.abs() > most)?;
         let found = format!("{} along z", Length.rounded(offsets[step]));
         let (found, allowed) = match heights {
             Some(_) => (found, format!("up to {} along z", Length.rounded(most))),
@@ -31,7 +36,7 @@ impl Scene {
                 (format!("{found}, of a sample mask without edges along z"), allowed.to_owned())
             }
         };
-        Err(Error::scene(format!("scan.mask_offsets[{step}]"), found, allowed))
+        Some((step, found, allowed))
     }
 
     /// Refuses what cannot handle apertures with ends along z.

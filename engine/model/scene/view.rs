@@ -91,20 +91,27 @@ impl Scene {
         Some(by.map(|by| -by * share))
     }
 
-    /// Displacements of the sample mask in an exposure as they are, m: with their errors, and with the
-    /// displacement -s (M - 1)/M equivalent to a source displaced by s.
+    /// Displacements of the sample mask along x and along z in an exposure as they are, m: with their errors, and
+    /// with the displacement -s (M - 1)/M equivalent to a source displaced by s. No list along z where neither moves
+    /// a mask whose apertures end along z.
     #[must_use]
-    pub fn applied_offsets(&self, exposure: Exposure) -> Vec<f64> {
-        let offsets = self.scan.moved_offsets(exposure);
-        let view = self.scan.view_of_errors(exposure);
-        let source = view.and_then(|view| self.scan.errors.source.get(view));
-        match (source, &self.sample_mask) {
-            (Some([x, _]), Some(_)) => {
-                let share = 1.0 - self.magnification().recip();
-                offsets.into_iter().map(|offset| libm::fma(-share, *x, offset)).collect()
-            }
-            _ => offsets,
+    pub fn applied_offsets(&self, exposure: Exposure) -> [Vec<f64>; 2] {
+        let [mut x, mut z] = self.scan.moved_offsets(exposure);
+        let Some(mask) = &self.sample_mask else { return [x, z] };
+        if mask.heights().is_none() {
+            z.clear();
         }
+        let view = self.scan.view_of_errors(exposure);
+        if let Some(source) = view.and_then(|view| self.scan.errors.source.get(view)) {
+            if z.is_empty() && mask.heights().is_some() {
+                z.resize(x.len(), 0.0);
+            }
+            let share = 1.0 - self.magnification().recip();
+            for (offsets, source) in [&mut x, &mut z].into_iter().zip(source) {
+                offsets.iter_mut().for_each(|offset| *offset = libm::fma(-share, *source, *offset));
+            }
+        }
+        [x, z]
     }
 
     /// The motion of a view at an angle.

@@ -1,6 +1,6 @@
 //! Masks whose apertures end along z, for the light stages: their strips, and where they are in each row.
 
-use super::light::SpectralBand;
+use super::light::{LIST_ALIGNMENT, SpectralBand};
 use beamlet_core::Result;
 use beamlet_core::numbers::{self, single};
 use beamlet_gpu::{Buffer, Device};
@@ -31,16 +31,16 @@ pub(super) struct HeightsOf<'a> {
     pub(super) fineness: [u32; 2],
 }
 
-/// Uploads the records, one for each part of the focal spot; their addresses. None where no aperture ends
-/// along z.
+/// Uploads the records, by list of mask offsets and part of the focal spot; address of the first. `None` where no
+/// aperture ends along z.
 pub(super) fn upload(
     device: &Arc<Device>,
     of: HeightsOf<'_>,
     buffers: &mut Vec<Buffer>,
-) -> Result<Vec<Address>> {
+) -> Result<Option<Address>> {
     let HeightsOf { optics, parts, rows, .. } = of;
     if !optics.has_heights() {
-        return Ok(Vec::new());
+        return Ok(None);
     }
     let sample_mask = upload_mask(device, of, 0, buffers)?;
     let detector_mask = upload_mask(device, of, 1, buffers)?;
@@ -52,27 +52,31 @@ pub(super) fn upload(
         rows.clone().map(|row| row_geometry(optics, &strips, row)).collect();
     let table = device.upload("rows of masks", &table)?;
     let down = optics.sample_mask.as_ref().map_or(0.0, |mask| -in_rows(optics, mask.distance()));
-    let steps = 0..optics.mask_steps();
-    let offset = |step| single(optics.offsets_z.get(step).map_or(0.0, |offset| offset * down));
-    let offsets =
-        device.upload("mask offsets along z", &steps.map(offset).collect::<Vec<f32>>())?;
+    let lists = optics.offsets.lists_z();
+    let steps = optics.mask_steps().next_multiple_of(LIST_ALIGNMENT);
+    let in_list = |list: &Vec<f64>| -> Vec<f32> {
+        (0..steps).map(|step| single(list.get(step).map_or(0.0, |at| at * down))).collect()
+    };
+    let offsets: Vec<f32> = lists.iter().flat_map(in_list).collect();
+    let offsets = device.upload("mask offsets along z", &offsets)?;
     let shared = HeightParams {
         sample_mask,
         detector_mask,
         rows: table.address(),
-        offsets: offsets.address(),
+        offsets: 0,
         first_row: numbers::narrow::<i32>(rows.start),
         ..bytemuck::Zeroable::zeroed()
     };
-    let records: Vec<HeightParams> =
-        parts.iter().map(|part| of_part(optics, part, shared)).collect();
+    let of_list = |list: usize| {
+        let first = (list * steps * size_of::<f32>()) as u64;
+        let shared = HeightParams { offsets: offsets.address() + first, ..shared };
+        parts.iter().map(move |part| of_part(optics, part, shared))
+    };
+    let records: Vec<HeightParams> = (0..lists.len()).flat_map(of_list).collect();
     let records = device.upload("heights of masks", &records)?;
     let first = records.address();
-    let addresses = (0..parts.len() as u64)
-        .map(|part| first + part * size_of::<HeightParams>() as u64)
-        .collect();
     buffers.extend([table, offsets, records]);
-    Ok(addresses)
+    Ok(Some(first))
 }
 
 /// Rows of the detector that a metre along z at `plane` covers as seen from the source.

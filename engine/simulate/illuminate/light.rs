@@ -6,7 +6,7 @@ use beamlet_core::Result;
 use beamlet_core::numbers::{count, single};
 use beamlet_gpu::{Buffer, Device, Upload};
 use beamlet_interface::{
-    Address, Aperture, BarLayer, BeamletGeometry, IlluminationParams, Mask, SpotPart,
+    Address, Aperture, BarLayer, BeamletGeometry, HeightParams, IlluminationParams, Mask, SpotPart,
 };
 use beamlet_model::media::MaterialTable;
 use beamlet_model::optics::{MaskShape, Optics};
@@ -20,7 +20,7 @@ const SAME_SECANT: f64 = 2e-5;
 /// Largest difference of the leaked light within a block, share of the open beam.
 const SAME_LEAK: f64 = 1e-7;
 /// Numbers that the length of a list of mask offsets is a multiple of: shaders load 16 bytes at once.
-const LIST_ALIGNMENT: usize = 4;
+pub(super) const LIST_ALIGNMENT: usize = 4;
 /// At most 2 to the power of this many rows.
 const MOST_ALIKE: u32 = 5;
 
@@ -118,6 +118,8 @@ pub(crate) struct IlluminationBuffer {
     lights: Vec<IlluminationParams>,
     /// Address of the first list of mask offsets, and bytes from one to the next.
     list: (Address, u64),
+    /// First record of heights, by list and part of the focal spot; none of slits.
+    heights: Option<Address>,
     /// Tables that the records point to.
     buffers: Vec<Buffer>,
 }
@@ -164,7 +166,7 @@ impl IlluminationBuffer {
         buffers.extend([beamlets, offsets, table]);
         let same_at_all_steps = sample_mask.present == 0;
         let edges = ApertureEdges::of(optics);
-        Ok(Self { buffer, same_at_all_steps, edges, lights, list, buffers })
+        Ok(Self { buffer, same_at_all_steps, edges, lights, list, heights: None, buffers })
     }
 
     /// True if parts of the spot differ in the shares of rows that cells hold.
@@ -179,10 +181,7 @@ impl IlluminationBuffer {
 
     /// Adds the heights of the masks in these rows.
     fn add_heights(&mut self, device: &Arc<Device>, of: heights::HeightsOf<'_>) -> Result<()> {
-        let addresses = heights::upload(device, of, &mut self.buffers)?;
-        for (light, address) in self.lights.iter_mut().zip(addresses) {
-            light.heights = address;
-        }
+        self.heights = heights::upload(device, of, &mut self.buffers)?;
         Ok(())
     }
 
@@ -252,8 +251,12 @@ impl IlluminationBuffer {
     /// the device is to know.
     pub(crate) fn set_band(&mut self, rows: &Range<u32>, list: usize) -> Upload<'_> {
         let (first, stride) = self.list;
-        for light in &mut self.lights {
+        let record = list * self.lights.len();
+        for (part, light) in self.lights.iter_mut().enumerate() {
             light.offsets = first + list as u64 * stride;
+            light.heights = self
+                .heights
+                .map_or(0, |first| first + ((record + part) * size_of::<HeightParams>()) as u64);
             light.first_row = rows.start.cast_signed();
             light.row_count = rows.end - rows.start;
         }

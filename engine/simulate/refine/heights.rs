@@ -23,7 +23,7 @@ impl Heights {
         if !view.lattice.heights {
             return Ok(None);
         }
-        let lit = LitHeights::of(view.optics);
+        let lit = LitHeights::of(view.optics, view.response.list);
         let landing = EdgesAlongZ::landing(view.optics);
         let tops = lit.as_ref().map_or_else(Vec::new, |lit| in_period(&lit.tops, lit.period));
         let edges = landing.as_ref().map_or_else(Vec::new, |it| in_period(&it.edges, it.period));

@@ -204,7 +204,7 @@ impl Simulation {
                 &self.lattice,
                 (self.leaks, &self.response.hardening),
                 self.options().keep_moments,
-                &optics.offsets.lists()[list],
+                list,
             )),
         }
     }

@@ -21,12 +21,13 @@ impl EdgesAlongZ {
         Self::of(optics, optics.detector_mask.as_ref()?, (optics.analyser, &[0.0], 0.0))
     }
 
-    /// The edges of the sample mask at all steps, where its apertures end along z, and as far beside them as the
-    /// source blurs them.
-    pub(super) fn lit(optics: &Optics) -> Option<Self> {
+    /// The edges of the sample mask at all steps of a list of mask offsets, where its apertures end along z, and as
+    /// far beside them as the source blurs them.
+    pub(super) fn lit(optics: &Optics, list: usize) -> Option<Self> {
         let plane = optics.cell_plane;
         let still = [0.0];
-        let offsets = if optics.offsets_z.is_empty() { &still[..] } else { &optics.offsets_z };
+        let offsets = &optics.offsets.lists_z()[list];
+        let offsets = if offsets.is_empty() { &still[..] } else { offsets };
         let reach = lit_reach(optics);
         Self::of(optics, optics.sample_mask.as_ref()?, (plane, offsets, reach))
     }

@@ -17,15 +17,16 @@ pub(crate) struct LitHeights {
 }
 
 impl LitHeights {
-    /// The apertures of optics; `None` where none ends along z.
-    pub(crate) fn of(optics: &Optics) -> Option<Self> {
+    /// The apertures of optics at a list of mask offsets; `None` where none ends along z.
+    pub(crate) fn of(optics: &Optics, list: usize) -> Option<Self> {
         let plane = optics.cell_plane;
         let strips = optics.sample_mask.as_ref()?.strips(plane, 1)?;
         let row = |z: f64| optics.detector.row_at(z, plane);
         let [low, high] = [strips.strips.first()?.z[0], strips.strips.last()?.z[1]];
         let reach = lit_reach(optics);
         let at = |offset: f64| row(strips.centre + high + reach + offset);
-        let mut tops: Vec<f64> = optics.offsets_z.iter().map(|offset| at(*offset)).collect();
+        let mut tops: Vec<f64> =
+            optics.offsets.lists_z()[list].iter().map(|offset| at(*offset)).collect();
         if tops.is_empty() {
             tops.push(at(0.0));
         }

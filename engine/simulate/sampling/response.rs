@@ -58,6 +58,8 @@ pub(crate) struct Response {
     pub(crate) weight: f32,
     /// Cells serve any mask, step and detector: stored moments.
     pub(crate) any_masks: bool,
+    /// Index of the list of mask offsets.
+    pub(crate) list: usize,
 }
 
 /// An interval of x of a beamlet that a mask step opens.
@@ -70,16 +72,17 @@ pub(crate) struct Opening {
 impl Response {
     /// For the scene that is traced. `leaks`: shares of the light of all energies that the bars of the
     /// sample mask and of the detector mask let through. `hardening`: of the beam. `any_masks`: for moments that are stored,
-    /// whose masks and steps are not known yet. `offsets`: of the sample mask, of a view.
+    /// whose masks and steps are not known yet. `list`: index of the list of mask offsets of a view.
     #[must_use]
     pub(crate) fn new(
         optics: &Optics,
         lattice: &Lattice,
         (leaks, hardening): ([f64; 2], &Hardening),
         any_masks: bool,
-        offsets: &[f64],
+        list: usize,
     ) -> Self {
         let Optics { rotation, analyser, detector, .. } = optics;
+        let offsets = &optics.offsets.lists()[list];
         let beamlets = lattice.beamlet_geometry(optics);
         let least = NEGLIGIBLE_LEAK * optics.sampling.tolerances().light;
         let [leak, window_leak] = leaks.map(|leak| if leak < least { 0.0 } else { single(leak) });
@@ -127,6 +130,7 @@ impl Response {
             half_period: single(0.5 * lattice.period),
             weight: single(detector.distance / (lattice.plane * detector.pitch[0])),
             any_masks,
+            list,
         }
     }
 

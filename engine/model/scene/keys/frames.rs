@@ -30,8 +30,10 @@ pub(crate) use series;
 keys! { ERRORS, "scan.errors", [], [];
     mask_offsets => frames!(Some(Length)), Without("none"), r#"[["1 um", "-2 um"]]"#,
         "Displacements of the sample mask in addition to its offsets, a list for each view.";
+    mask_offsets_z => frames!(Some(Length)), Without("none"), r#"[["1 um", "-2 um"]]"#,
+        "Displacements of the sample mask along z, a list for each view; of a mask whose apertures end along z.";
     offset_sigma => Quantity(Length, NOT_NEGATIVE), Default(r#""0 m""#), r#""2 um""#,
-        "Standard deviation of independent errors of the mask offsets.";
+        "Standard deviation of independent errors of the mask offsets, along x and, where they have z, along z.";
     offset_walk => Quantity(Length, NOT_NEGATIVE), Default(r#""0 m""#), r#""0.1 um""#,
         "Standard deviation of the steps of a random walk of the mask, from frame to frame.";
     intensities => frames!(None), Without("1"), "[[1.0, 0.97]]",
@@ -76,12 +78,14 @@ impl Value for ScanErrors {
         };
         let errors = Self {
             mask_offsets: optional(&table, "mask_offsets")?.unwrap_or_default(),
+            mask_offsets_z: optional(&table, "mask_offsets_z")?.unwrap_or_default(),
             intensities: optional(&table, "intensities")?.unwrap_or_default(),
             source: source(&table)?,
             drawn: Some(drawn),
         };
         for (list, keys) in [
             ("mask_offsets", ["offset_sigma", "offset_walk"]),
+            ("mask_offsets_z", ["offset_sigma", "offset_walk"]),
             ("intensities", ["intensity_sigma", "intensity_walk"]),
             ("source_x", ["source_sigma", "source_walk"]),
             ("source_z", ["source_sigma", "source_walk"]),
@@ -101,9 +105,11 @@ impl Value for ScanErrors {
     /// The applied values, drawn or not.
     fn write(&self, _: &Row, base: &Base<'_>) -> Result<Option<String>> {
         let mut keys = Vec::new();
-        for (name, lists) in
-            [("mask_offsets", &self.mask_offsets), ("intensities", &self.intensities)]
-        {
+        for (name, lists) in [
+            ("mask_offsets", &self.mask_offsets),
+            ("mask_offsets_z", &self.mask_offsets_z),
+            ("intensities", &self.intensities),
+        ] {
             let row = ERRORS.row(name).filter(|_| !lists.is_empty());
             if let Some(text) = row.map(|row| lists.write(row, base)).transpose()?.flatten() {
                 keys.push((name, text));

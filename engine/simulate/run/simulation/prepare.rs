@@ -176,7 +176,7 @@ impl Simulation {
             &lattice,
             (leaks, &Hardening::of(&media)),
             options.keep_moments,
-            &optics.offsets.lists()[0],
+            0,
         );
         let wave = match scene.sampling.transport {
             Transport::Wave => Some(WavePlans::new(device, &scene, optics, &lattice, &media)?),
