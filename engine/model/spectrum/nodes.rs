@@ -12,7 +12,7 @@ use super::gauss::Recurrence;
 use super::probes::Probes;
 use super::{Spectrum, edges};
 use crate::material;
-use crate::scene::{Beam, Scene};
+use crate::scene::{Beam, Scene, SpectrumSpec};
 use beamlet_core::{Error, Result};
 
 /// The estimated error that nodes are added for, until it is undercut.
@@ -81,19 +81,7 @@ pub fn nodes_with(scene: &Scene, response: impl Fn(f64) -> Result<f64>) -> Resul
         }
         Beam::Spectrum(spec) => spec,
     };
-    let mut spectrum = Spectrum::after_filters(scene, spec)?.significant();
-    for (energy, weight) in spectrum.energies_kev.iter().zip(&mut spectrum.weights) {
-        *weight *= response(*energy)?;
-    }
-    let spectrum = spectrum.significant();
-    if spectrum.energies_kev.is_empty() {
-        let allowed = "energies above thresholds and where the absorber absorbs";
-        return Err(Error::scene(
-            "source.spectrum",
-            "no energy that the detector responds to",
-            allowed,
-        ));
-    }
+    let spectrum = detected(scene, spec, response)?;
     let probes = Probes::of(scene, &spectrum)?;
     let mut segments = edges::segments(&spectrum, &probes)?;
     if let Some(count) = spec.nodes {
@@ -108,6 +96,28 @@ pub fn nodes_with(scene: &Scene, response: impl Fn(f64) -> Result<f64>) -> Resul
         .map(|rows| RowsBetweenEdges::of(&spectrum, rows, &probes, &at_rows, spec.nodes))
         .collect::<Result<Vec<_>>>()?;
     Ok(chosen(&parts, spec.nodes.map(|count| count as usize), spectrum.total()))
+}
+
+/// Rows of the spectrum behind filters and path, with their signal in the detector as weights.
+pub(super) fn detected(
+    scene: &Scene,
+    spec: &SpectrumSpec,
+    response: impl Fn(f64) -> Result<f64>,
+) -> Result<Spectrum> {
+    let mut spectrum = Spectrum::after_filters(scene, spec)?.significant();
+    for (energy, weight) in spectrum.energies_kev.iter().zip(&mut spectrum.weights) {
+        *weight *= response(*energy)?;
+    }
+    let spectrum = spectrum.significant();
+    if spectrum.energies_kev.is_empty() {
+        let allowed = "energies above thresholds and where the absorber absorbs";
+        return Err(Error::scene(
+            "source.spectrum",
+            "no energy that the detector responds to",
+            allowed,
+        ));
+    }
+    Ok(spectrum)
 }
 
 fn join_lightest(segments: &mut Vec<Range<usize>>, weights: &[f64]) {
