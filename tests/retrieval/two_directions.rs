@@ -150,3 +150,54 @@ fn steps_along_x_and_z_become_images_and_lists_without_a_direction_are_refused()
     }
     assert!(path.join("images/geometry.json").exists());
 }
+
+/// Light that steps along x or z do not change: angle and dark field along that axis are NaN with a reason, the other
+/// axis is right.
+#[test]
+fn an_axis_whose_steps_change_nothing_has_no_angle() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path();
+    let grid: Vec<[f64; 2]> =
+        (0..25).map(|k| [f64::from(k % 5) * 5.0 - 10.0, f64::from(k / 5) * 5.0 - 10.0]).collect();
+    let list = |axis: usize| -> String {
+        grid.iter().map(|pair| format!("{} um\n", pair[axis])).collect()
+    };
+    fs::write(path.join("x.txt"), list(0)).unwrap();
+    fs::write(path.join("z.txt"), list(1)).unwrap();
+    let words = words(&[
+        "--geometry",
+        "two.toml",
+        "--offsets",
+        "x.txt",
+        "--offsets-z",
+        "z.txt",
+        "-o",
+        "images",
+        "--overwrite",
+    ]);
+    let slope = -(1.7 / 1.2) / (1.7 - 1.21);
+    let names = [["refraction", "dark_field"], ["refraction_z", "dark_field_z"]];
+    for seen in [0, 1] {
+        let curve = |light: f64, at: f64| {
+            Array3::from_shape_fn((25, 2, 3), |(step, ..)| {
+                (1e4 * light * (-(grid[step][seen] - at).powi(2) / 72.0).exp() + 30.0) as f32
+            })
+        };
+        let sample = curve(0.8, -2.0);
+        write(path, curve(1.0, 0.0), &[sample.clone(), sample]);
+        good(path, &words);
+        let image = |name: &str| -> Array3<f32> {
+            read_npy(path.join(format!("images/{name}.npy"))).unwrap()
+        };
+        let blind = 1 - seen;
+        assert!(names[blind].iter().all(|name| image(name).iter().all(|it| it.is_nan())));
+        for (name, truth) in [("transmission", 0.8), (names[seen][0], slope * -2e-6)] {
+            let off = image(name).mapv(|value| (f64::from(value) / truth - 1.0).abs());
+            // Frames of f32.
+            assert!(off.iter().all(|off| *off < 1e-3), "{name}: {off}");
+        }
+        let record = fs::read_to_string(path.join("images/retrieved.json")).unwrap();
+        let reason = format!("steps along {} do not change the light", ["x", "z"][blind]);
+        assert!(record.contains(&reason), "{record}");
+    }
+}

@@ -17,6 +17,9 @@ const NOISE: f64 = 0.005;
 const WIDTH_LIMITS: [f64; 2] = [0.3, 0.1];
 /// Uncertainty of the centre in pixels, at that noise, beyond which pixels do not determine it.
 const CENTRE_LIMIT: f64 = 0.015;
+/// Uncertainty of the centre of a curve over offsets, at that noise, beyond which steps along an axis do not change the
+/// light, as a part of half their range.
+const BLIND: f64 = 0.5;
 /// Least deviation of a blur, as a part of the light without it or of the distance of values.
 const LEAST_BLUR: f64 = 0.01;
 /// Variance inflation of an unknown from which on the values hardly determine it.
@@ -42,6 +45,8 @@ pub(crate) struct PlanarFit {
     pub(super) unknowns: [f64; UNKNOWNS],
     /// Axes whose blur the values do not determine.
     pub(super) unresolved: [bool; 2],
+    /// Axes along which the offsets do not change the light of the flat.
+    pub(super) blind: [bool; 2],
 }
 
 impl PlanarFit {
@@ -53,7 +58,7 @@ impl PlanarFit {
     /// No fit.
     const fn none(flags: u32) -> Self {
         let curve = PlanarCurve::unknown(flags);
-        Self { curve, unknowns: [f64::NAN; UNKNOWNS], unresolved: [false; 2] }
+        Self { curve, unknowns: [f64::NAN; UNKNOWNS], unresolved: [false; 2], blind: [false; 2] }
     }
 }
 
@@ -63,6 +68,8 @@ struct Ended {
     settled: bool,
     /// Inverse of the equations in which all values weigh the same.
     even: Option<Matrix>,
+    /// Variances of the centre along x and z in those equations, if all else is known.
+    centre: [f64; 2],
     /// Covariance of the unknowns.
     covariance: Option<Matrix>,
     inflation: f64,
@@ -90,9 +97,14 @@ impl PlanarModel {
         let free = [false; UNKNOWNS];
         let mut ended = self.descend(values, noise, start, (free, least));
         let peak = self.peak(&values.points, &ended.p);
-        let unresolved =
-            [0, 1].map(|axis| !self.resolves(&ended, noise, flat, (axis, peak, least)));
+        let blind = match flat.filter(|flat| flat.curve.has_answer()) {
+            Some(flat) => flat.blind,
+            None => self.blind(&values.points, &ended, peak),
+        };
+        let unresolved = [0, 1]
+            .map(|axis| blind[axis] || !self.resolves(&ended, noise, flat, (axis, peak, least)));
         let mut held = free;
+        held[1..3].copy_from_slice(&blind);
         if unresolved[0] || unresolved[1] {
             let mut p = ended.p;
             for axis in [0, 1].into_iter().filter(|axis| unresolved[*axis]) {
@@ -105,8 +117,24 @@ impl PlanarModel {
             held[5] = true;
             ended = self.descend(values, noise, p, (held, least));
         }
-        let curve = self.curve(values, &ended, (held, unresolved));
-        PlanarFit { curve, unknowns: ended.p, unresolved }
+        let mut curve = self.curve(values, &ended, (held, unresolved));
+        for axis in [0, 1].into_iter().filter(|axis| blind[*axis]) {
+            curve.centre[axis] = f64::NAN;
+            curve.centre_sigma[axis] = f64::NAN;
+        }
+        if blind == [true; 2] {
+            curve.flags |= flags::NO_PEAK;
+        }
+        PlanarFit { curve, unknowns: ended.p, unresolved, blind }
+    }
+
+    /// Axes along which the offsets do not change the light of a curve with this peak.
+    fn blind(&self, points: &Points, ended: &Ended, peak: f64) -> [bool; 2] {
+        let is_blind = |axis: usize| {
+            let sigma = ended.centre[axis].sqrt() * NOISE * peak;
+            self.pixel.is_none() && sigma > BLIND * points.half()[axis]
+        };
+        [0, 1].map(is_blind)
     }
 
     /// Least variances of the blur.
@@ -241,7 +269,8 @@ impl PlanarModel {
             covariance(&inverse, |k, j| noise[k][j])
         });
         let residual = (squares / values.values.len() as f64).sqrt();
-        Ended { p, settled, even: even.inverse(), covariance, inflation, residual }
+        let centre = [1, 2].map(|k| even.matrix[k][k].recip());
+        Ended { p, settled, even: even.inverse(), centre, covariance, inflation, residual }
     }
 
     /// The curve of a fit, with its uncertainties and flags.

@@ -66,10 +66,43 @@ impl PlacedLattice {
             found = found.improved(flat, frame)?;
         }
         if !found.is_near(&given, MOST_CHANGE) {
-            return Err(absent(format!("{:?} m in the flat", found.lattice.vectors)));
+            return Err(absent(format!("{} in the flat", found.lattice)));
         }
         found.check(flat, frame)?;
         Ok(found)
+    }
+
+    /// Places a lattice of known vectors by the phases of the first harmonics of a flat.
+    ///
+    /// # Errors
+    /// [`Error::Argument`] where the flat has no such lattice.
+    pub(super) fn place(
+        flat: ArrayView2<'_, f32>,
+        frame: &Frame,
+        lattice: Lattice,
+    ) -> Result<Self> {
+        let known = || flat.iter().filter(|value| value.is_finite()).map(|value| f64::from(*value));
+        let light: f64 = known().sum();
+        let mean = light / known().count() as f64;
+        let mut waves = [[0.0; 2]; 2];
+        for ((row, column), value) in flat.indexed_iter().filter(|(_, value)| value.is_finite()) {
+            let at = lattice.indices(frame.place(row as i64, column as i64));
+            for (wave, at) in waves.iter_mut().zip(at) {
+                let (sin, cos) = (TAU * at).sin_cos();
+                // Without its mean the light of parts of periods has no wave.
+                let above = f64::from(*value) - mean;
+                *wave = [above.mul_add(cos, wave[0]), above.mul_add(sin, wave[1])];
+            }
+        }
+        let least = waves.iter().map(|[cos, sin]| cos.hypot(*sin)).fold(f64::INFINITY, f64::min);
+        if least.is_nan() || light.is_nan() || least < LEAST_CONTRAST * light {
+            let share = least / light;
+            return Err(absent(format!(
+                "a flat with {share:.3} of its mean in the first harmonic"
+            )));
+        }
+        let origin = lattice.place(waves.map(|[cos, sin]| sin.atan2(cos) / TAU));
+        Ok(Self { lattice, origin })
     }
 
     /// True if no vector differs from another lattice's by more than a part of it.

@@ -3,6 +3,7 @@
 use beamlet_core::numbers::whole;
 use beamlet_core::units::Dimension::{Angle, Length};
 use beamlet_core::{Error, Result};
+use std::fmt;
 
 /// Form of a lattice in messages.
 const FORMS: &str = "two periods as \"40 um, 40 um\", with an angle as \"40 um, 40 um, 3 deg\", or two vectors \
@@ -26,7 +27,7 @@ impl Lattice {
         let area = cross(a, b).abs();
         let is_one = area > 0.05 * length(a) * length(b) && area.is_finite();
         if !is_one {
-            let found = format!("{a:?} m and {b:?} m");
+            let found = Self { vectors }.to_string();
             return Err(Error::argument("lattice", found, "two vectors that are not parallel"));
         }
         Ok(Self { vectors: reduced(vectors) })
@@ -110,6 +111,14 @@ impl Lattice {
         let [a, b] = self.vectors;
         // Corners of the cell are within half a diagonal.
         [0, 1].map(|axis| (a[axis].abs() + b[axis].abs()) / 2.0 + 1e-9 * length(a))
+    }
+}
+
+impl fmt::Display for Lattice {
+    /// Both vectors in um.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let [[ax, az], [bx, bz]] = self.vectors.map(|vector| vector.map(|at| 1e6 * at));
+        write!(f, "{ax:.3} um, {az:.3} um; {bx:.3} um, {bz:.3} um")
     }
 }
 

@@ -73,7 +73,13 @@ impl PlanarRetriever {
                 let limit = options.saturation.unwrap_or(f32::INFINITY);
                 let known = |value: &f32| if *value < limit { *value } else { f32::NAN };
                 let first = flat.index_axis(Axis(0), 0).map(known);
-                let placed = PlacedLattice::find(first.view(), &frame, *given)?;
+                let placed = match PlacedLattice::find(first.view(), &frame, *given) {
+                    // A few periods do not give the vectors; those of a scene are known.
+                    Err(_) if options.lattice.is_none() => {
+                        PlacedLattice::place(first.view(), &frame, *given)?
+                    }
+                    found => found?,
+                };
                 let placed = through_centres(placed, &frame, (options, flat))?;
                 let windows = Windows::of(&placed, &frame)?;
                 let model = beamlet_model(scene, options, (&placed, pitch))?;
@@ -196,7 +202,12 @@ impl PlanarRetriever {
         }
         let area = self.frame.pitch[0] * self.frame.pitch[1];
         let curve = by_moments(&values, noise, (&self.model.shape, area));
-        PlanarFit { curve, unknowns: [f64::NAN; UNKNOWNS], unresolved: [false; 2] }
+        PlanarFit {
+            curve,
+            unknowns: [f64::NAN; UNKNOWNS],
+            unresolved: [false; 2],
+            blind: [false; 2],
+        }
     }
 
     /// Images of a view from the fits of flat and sample.
@@ -246,6 +257,12 @@ impl PlanarRetriever {
             .map(|fit| images::contrasts(fit, fit, self.angle_per_shift))
             .collect();
         std::array::from_fn(|k| misfit::median(known.iter().map(|of| of[6 + k]).collect()))
+    }
+
+    /// Axes along which the steps do not change the light of most curves of the flat.
+    pub(crate) fn blind(&self, flat: &[Option<PlanarFit>]) -> [bool; 2] {
+        let known = || flat.iter().flatten().filter(|fit| fit.curve.has_answer());
+        [0, 1].map(|axis| 2 * known().filter(|fit| fit.blind[axis]).count() > known().count())
     }
 
     /// Values of the model for a row of frames.

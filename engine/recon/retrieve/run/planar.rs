@@ -45,7 +45,9 @@ pub(super) fn retrieve_planar(
     refuse_without_answer(&flat)?;
     let shape = retriever.shape(frame[0]);
     let described = described(input, &retriever, design, &flat);
-    let record = begun(input, described, options, [angles, shape[0], shape[1]]);
+    let mut record = begun(input, described, options, [angles, shape[0], shape[1]]);
+    let blind = retriever.blind(&flat);
+    record.warnings.extend((0..2).filter(|axis| blind[*axis]).map(|axis| blind_axis(input, axis)));
     let value = if input.counts() { "counts" } else { "open pixels" };
     let mut output = Output { put, record, value, cancel: work.control.cancel.clone() };
     let [of_flats, of_views] = names(options.gain.is_some());
@@ -193,6 +195,24 @@ fn described(
             .map(|(name, sigma)| (name.to_owned(), sigma))
             .collect(),
     }
+}
+
+/// Warning of steps along an axis that do not change the light, with the size of the period if pixels see it.
+fn blind_axis(input: &Input, axis: usize) -> String {
+    let scene = input.scene();
+    let along = ["x", "z"][axis];
+    let periods = scene.sample_mask.as_ref().filter(|_| scene.detector_mask.is_none());
+    let periods = periods.and_then(|mask| {
+        let period = if axis == 0 { Some(mask.period) } else { mask.period_z };
+        Some(period? * scene.magnification() / scene.detector.pitch[axis])
+    });
+    let reason = periods.map_or_else(String::new, |pixels| {
+        format!(" (a period of the sample mask is {pixels:.3} pixels: a pixel sees the light of whole periods)")
+    });
+    format!(
+        "steps along {along} do not change the light of the flat{reason}: refraction and dark field along {along} \
+         are NaN. Use a detector mask, or a period that is no whole number of pixels"
+    )
 }
 
 fn put_all(output: &mut Output<'_>, views: usize, images: &Images) -> Result<()> {
