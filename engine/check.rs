@@ -7,7 +7,7 @@ use beamlet_geometry as geometry;
 use beamlet_geometry::{Defects, LoadStep, ObjectSummary, Sample, Swept};
 use beamlet_gpu::DeviceKind;
 use beamlet_model::optics::{Mask, Optics, modulated};
-use beamlet_model::scene::{Refine, Scene};
+use beamlet_model::scene::{Refine, Scene, Transport};
 use beamlet_model::spectrum::{self, Nodes};
 use beamlet_model::spot::SpotFit;
 use beamlet_simulate::detector::{self, DetectorModel};
@@ -204,6 +204,9 @@ fn load_lenient(
 ) -> Result<(CheckReport, Sample, Option<EdgeBlur>)> {
     let extent = StackShape::of(scene)?;
     let detector = DetectorModel::of(scene)?;
+    if scene.sampling.transport == Transport::Wave {
+        beamlet_simulate::wave::refuse_by_waves(scene)?;
+    }
     let nodes = spectrum::nodes(scene)?;
     let modulated = modulated(scene, (&nodes.energies, &nodes.weights))?;
     let energy = nodes.energies.iter().zip(&modulated).map(|(energy, share)| energy * share).sum();

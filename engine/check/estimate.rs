@@ -2,7 +2,7 @@
 
 use super::{CheckReport, costs, illumination, load_lenient, two_directions};
 use crate::Engine;
-use beamlet_core::Result;
+use beamlet_core::{Error, Result};
 use beamlet_gpu::DeviceKind;
 use beamlet_model::scene::Scene;
 use beamlet_simulate::run::{Control, Simulation, memory};
@@ -53,7 +53,8 @@ pub(super) fn estimated(
             report.work.memory = memory::estimate_refined(&of_run, &objects, limit, rays)?;
             report.work.estimate = Some(estimate);
         }
-        Err(beamlet_core::Error::Interrupted) => return Err(beamlet_core::Error::Interrupted),
+        // What is wrong with the scene, a run refuses.
+        Err(error @ (Error::Interrupted | Error::Scene { .. })) => return Err(error),
         Err(error) => report.work.no_estimate = Some(error.to_string()),
     }
     report.add_needless(scene, |faster| {

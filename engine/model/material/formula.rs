@@ -6,7 +6,7 @@ use std::fmt::Display;
 use xraydb::{CrossSectionKind, XrayDb, XrayDbError};
 
 use super::notation::{self, Composition};
-use super::{Constants, builtin, designation};
+use super::{Constants, builtin, designation, within};
 use crate::scene::path;
 use beamlet_core::error::{Error, Result};
 use beamlet_core::reserve;
@@ -30,7 +30,7 @@ pub(super) fn constants(
     for (element, _) in &elements {
         // The tables clamp: an energy beyond their end would quietly get the end's value.
         let (low, high) = element_range(&db, element).map_err(failed)?;
-        let is_outside = |energy: &&f64| !(low..=high).contains(&(**energy * 1e3));
+        let is_outside = |energy: &&f64| within([low, high], **energy * 1e3).is_none();
         if let Some(energy) = energies.iter().find(is_outside) {
             return Err(outside(
                 Dimension::Energy.rounded(*energy),

@@ -29,6 +29,15 @@ pub struct Constants {
     pub delta: f64,
 }
 
+/// Relative difference of energies by rounding: of a node, the exponential of a logarithm.
+const ROUNDING: f64 = 1e-12;
+
+/// An energy within a range, or its end that differs from the energy by rounding; `None` beyond it.
+fn within([low, high]: [f64; 2], energy: f64) -> Option<f64> {
+    let is_near = energy >= low * (1.0 - ROUNDING) && energy <= high * (1.0 + ROUNDING);
+    is_near.then(|| energy.clamp(low, high))
+}
+
 /// Constants of the material `name` at the one energy of the scene's source.
 ///
 /// # Errors

@@ -3,7 +3,7 @@
 
 use std::path::{Path, PathBuf};
 
-use super::Constants;
+use super::{Constants, within};
 use beamlet_core::csv_table::cells;
 use beamlet_core::error::{Error, Place, Result};
 use beamlet_core::input_file;
@@ -61,7 +61,7 @@ impl ConstantsTable {
         outside: impl Fn(String, String) -> Error,
     ) -> Result<Constants> {
         let (first, last) = (self.rows[0], self.rows[self.rows.len() - 1]);
-        if !(first[0]..=last[0]).contains(&energy) {
+        let Some(energy) = within([first[0], last[0]], energy) else {
             return Err(outside(
                 format!("{energy} keV"),
                 format!(
@@ -71,7 +71,7 @@ impl ConstantsTable {
                     self.path.display()
                 ),
             ));
-        }
+        };
         // The last row at the energy or below it, and the next: an edge belongs to the energies above it.
         let above = self.rows.partition_point(|row| row[0] <= energy);
         let (a, b) = (self.rows[above - 1], self.rows[above.min(self.rows.len() - 1)]);
