@@ -1,6 +1,7 @@
 //! Limits of ray optics for a scene: criteria, and expected errors against waves (docs/physics.md, "Limits of
 //! rays").
 
+mod estimates;
 mod objects;
 mod sizes;
 mod text;
