@@ -4,7 +4,7 @@
 pub use crate::check::display::count;
 pub use crate::check::inputs::load_scene;
 pub use beamlet_core::numbers;
-pub use beamlet_core::parallel::start_threads;
+pub use beamlet_core::parallel::{is_fork, start_threads};
 pub use beamlet_core::reserve::require_memory;
 pub use beamlet_core::whole_file::write_file;
 pub use beamlet_model::optics::FrontView;

@@ -3,6 +3,7 @@
 use super::{CheckReport, estimate, load_lenient};
 use crate::Engine;
 use beamlet_core::Result;
+use beamlet_core::parallel::start_threads;
 use beamlet_model::scene::Scene;
 use beamlet_simulate::run::{Control, quality};
 
@@ -79,6 +80,7 @@ impl<'a> Check<'a> {
     /// As [`Self::run`]; [`beamlet_core::Error::Interrupted`] when `control.cancel` was set.
     pub fn run_with(self, control: &mut Control<'_>) -> Result<CheckReport> {
         let Self { scene, engine, memory_limit, estimates } = self;
+        start_threads()?;
         scene.validate()?;
         let keeps = engine.is_some_and(|engine| engine.options().keep_moments);
         let scene = &quality::resolved(scene, keeps)?;

@@ -7,12 +7,35 @@ use rayon::prelude::*;
 use std::error::Error as _;
 use std::num::NonZero;
 use std::sync::OnceLock;
+use std::sync::atomic::{AtomicU32, Ordering};
 
 /// Stack of a thread as Rust sets it, bytes.
 const STACK: u64 = 2 << 20;
 
 /// Largest effective value of `RAYON_NUM_THREADS`.
 const MOST: usize = 1024;
+
+/// Process that first started threads; 0 before.
+static PROCESS: AtomicU32 = AtomicU32::new(0);
+
+/// True in a fork of the process that started threads: it has none of them, and its device is that of its parent.
+pub fn is_fork() -> bool {
+    ![0, std::process::id()].contains(&PROCESS.load(Ordering::Relaxed))
+}
+
+/// Refuses work in a fork of a process that worked: it would wait for threads that it does not have.
+fn refuse_fork() -> Result<()> {
+    let own = std::process::id();
+    match PROCESS.compare_exchange(0, own, Ordering::Relaxed, Ordering::Relaxed) {
+        Err(first) if first != own => Err(Error::device(
+            "the engine",
+            format!("process {own} is a fork of process {first}, which used it"),
+            "work in the process that opened it, or in new processes, in Python those of \
+             multiprocessing.get_context(\"spawn\")",
+        )),
+        _ => Ok(()),
+    }
+}
 
 /// Number of threads in the environment, as `rayon` reads it; `None` if it leaves the number to the
 /// machine.
@@ -34,10 +57,11 @@ pub(crate) fn is_bounded() -> bool {
 /// calls this first.
 ///
 /// # Errors
-/// [`Error::Memory`] where the system has no room for them, or next to none beside them.
+/// [`Error::Device`] in a fork of a process that started them. [`Error::Memory`] where the system has no room for them, or next to none beside them.
 pub fn start_threads() -> Result<()> {
     /// True if there are threads. A pool that failed once stays so: rayon tries once.
     static STARTED: OnceLock<bool> = OnceLock::new();
+    refuse_fork()?;
     let started = STARTED.get_or_init(|| {
         let mut threads = rayon::ThreadPoolBuilder::new();
         if let Some(asked) = asked().filter(|asked| *asked > MOST) {

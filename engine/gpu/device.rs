@@ -11,6 +11,7 @@ use super::profile::{Counters, Profile, Traffic};
 use super::retire::{Retired, Retirement};
 use super::staging::Staging;
 use ash::vk;
+use beamlet_core::parallel::is_fork;
 use beamlet_core::{Error, Result};
 use gpu_allocator::vulkan::Allocator;
 use std::fmt;
@@ -243,6 +244,11 @@ impl fmt::Debug for Device {
 impl Drop for Device {
     fn drop(&mut self) {
         let stuck = std::mem::take(&mut *lock(&self.stuck));
+        if is_fork() {
+            // The device is that of the parent.
+            std::mem::forget((stuck, lock(&self.allocator).take()));
+            return;
+        }
         if stuck.iter().any(|batch| !batch.ends_within(&self.raw, FAREWELL)) {
             // Waiting would never end, and what runs must keep its memory.
             log::warn!("the device hangs: it is left open");

@@ -2,6 +2,7 @@
 
 use super::failure::{self, INSTALL};
 use ash::vk;
+use beamlet_core::parallel::is_fork;
 use beamlet_core::{Error, Result, reserve};
 use std::ffi::{CStr, c_void};
 use std::sync::atomic::{AtomicU32, Ordering};
@@ -97,6 +98,9 @@ impl Instance {
 
 impl Drop for Instance {
     fn drop(&mut self) {
+        if is_fork() {
+            return;
+        }
         // SAFETY: both were made by this instance, which nothing uses any more: the device that
         // owns it is destroyed before its fields are dropped.
         unsafe {

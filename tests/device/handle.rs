@@ -183,3 +183,30 @@ fn a_later_view_makes_no_buffer() {
         assert!(0 < least && least <= most, "{refine:?}: {least} submissions of a view");
     }
 }
+
+/// A fork has no threads, and its device is that of its parent: it gets an error and ends; the parent goes on.
+#[cfg(unix)]
+#[test]
+fn a_fork_is_refused_by_the_engine_of_its_parent() {
+    let engine = Engine::open(&options()).expect("a Vulkan device");
+    let before = bits(&engine.simulate(&rod()).expect("stacks"));
+    // SAFETY: the child makes no call but those of the engine, which it refuses before it takes a lock of another
+    // thread, and ends without the destructors of the parent.
+    let child = unsafe { libc::fork() };
+    if child == 0 {
+        let refused = |error: beamlet::Error| error.to_string().contains("is a fork of process");
+        let by_parent = engine.simulate(&rod()).err().is_some_and(refused);
+        let by_new = Engine::open(&options()).err().is_some_and(refused);
+        let is_open = engine.close();
+        // SAFETY: ends the child.
+        unsafe { libc::_exit(i32::from(!(by_parent && by_new && is_open))) };
+    }
+    let mut status = 0;
+    // SAFETY: the child of this process.
+    let ended = unsafe { libc::waitpid(child, &raw mut status, 0) };
+    assert!(
+        ended == child && libc::WIFEXITED(status) && libc::WEXITSTATUS(status) == 0,
+        "{status}"
+    );
+    assert_eq!(bits(&engine.simulate(&rod()).expect("stacks")), before);
+}

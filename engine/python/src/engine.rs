@@ -3,8 +3,9 @@
 use crate::errors::raised;
 use crate::scene::Scene;
 use crate::stacks::{RunArrays, handed_over, json};
-use crate::work::{interruptible, is_fork, refuse_fork};
+use crate::work::interruptible;
 use beamlet::check::Check;
+use beamlet::cli_support::start_threads;
 use beamlet::moments::{MomentWriter, StoredMoments};
 use beamlet::ndarray::ArrayView3;
 use beamlet::scene::Exposure;
@@ -36,21 +37,11 @@ pub(crate) fn word<T: for<'a> serde::Deserialize<'a>>(
 impl Engine {
     /// The engine, unless it is closed.
     pub(crate) fn get(&self, py: Python<'_>) -> PyResult<beamlet::Engine> {
-        refuse_fork(py)?;
+        start_threads().map_err(|error| raised(py, &error))?;
         let engine = self.engine.lock().unwrap_or_else(PoisonError::into_inner).clone();
         engine.ok_or_else(|| {
             raised(py, &Error::device("the engine", "it is closed", "open another Engine"))
         })
-    }
-}
-
-impl Drop for Engine {
-    fn drop(&mut self) {
-        // The device of a fork is that of its parent.
-        if is_fork() {
-            let engine = self.engine.get_mut().unwrap_or_else(PoisonError::into_inner);
-            std::mem::forget(engine.take());
-        }
     }
 }
 
@@ -95,10 +86,6 @@ impl Engine {
     /// Closes the device. Returns whether it is destroyed.
     fn close(&self, py: Python<'_>) -> bool {
         let engine = self.engine.lock().unwrap_or_else(PoisonError::into_inner).take();
-        if is_fork() {
-            std::mem::forget(engine);
-            return true;
-        }
         py.detach(|| engine.is_none_or(beamlet::Engine::close))
     }
 

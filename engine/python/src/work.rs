@@ -1,13 +1,14 @@
 //! Long work on a thread of its own, while the calling one looks after signals and progress.
 
 use crate::errors::raised;
+use beamlet::cli_support::{is_fork, start_threads};
 use beamlet::moments::MomentWriter;
 use beamlet::{Cancel, Control, Error, Progress, RowsControl};
 use pyo3::exceptions::PyRuntimeError;
 use pyo3::prelude::*;
 use std::collections::BTreeMap;
 use std::panic::resume_unwind;
-use std::sync::atomic::{AtomicU32, AtomicU64, Ordering};
+use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::mpsc::{self, RecvTimeoutError};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::thread;
@@ -18,39 +19,12 @@ const TICK: Duration = Duration::from_millis(50);
 /// Most time that the end of the process waits for work.
 const PATIENCE: Duration = Duration::from_secs(10);
 
-/// Process that first did any work; 0 before.
-static PROCESS: AtomicU32 = AtomicU32::new(0);
 /// Work that goes on, by its number.
 static RUNNING: Mutex<BTreeMap<u64, Cancel>> = Mutex::new(BTreeMap::new());
 static NEXT: AtomicU64 = AtomicU64::new(0);
 
 fn locked<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
-}
-
-/// Refuses work in a fork of a process that worked: its threads are gone there, and its device is not
-/// its own.
-///
-/// # Errors
-/// `DeviceError`.
-pub(crate) fn refuse_fork(py: Python<'_>) -> PyResult<()> {
-    let own = std::process::id();
-    match PROCESS.compare_exchange(0, own, Ordering::Relaxed, Ordering::Relaxed) {
-        Err(first) if first != own => Err(raised(
-            py,
-            &Error::device(
-                "the engine",
-                format!("process {own} is a fork of process {first}, which used it"),
-                "start processes by multiprocessing.get_context(\"spawn\")",
-            ),
-        )),
-        _ => Ok(()),
-    }
-}
-
-/// True if this process is a fork of the one that worked.
-pub(crate) fn is_fork() -> bool {
-    ![0, std::process::id()].contains(&PROCESS.load(Ordering::Relaxed))
 }
 
 /// Ends all work, and waits until it has ended. Returns whether it has.
@@ -155,7 +129,7 @@ pub(crate) fn interruptible<T: Send>(
     callback: Option<&Bound<'_, PyAny>>,
     work: impl FnOnce(&Watch) -> beamlet::Result<T> + Send,
 ) -> PyResult<T> {
-    refuse_fork(py)?;
+    start_threads().map_err(|error| raised(py, &error))?;
     let watch = Watch::default();
     let outcome = thread::scope(|scope| {
         let (sender, mut receiver) = mpsc::sync_channel(1);

@@ -17,6 +17,7 @@ use super::phase::PhaseImages;
 use super::planar::Design;
 use super::record::Record;
 use super::retriever::Retriever;
+use beamlet_core::parallel::start_threads;
 use beamlet_core::rows_control::RowsControl;
 use beamlet_core::whole_file::write_file;
 use beamlet_core::{Cancel, Error, Result, numbers, reserve, setters};
@@ -94,6 +95,7 @@ pub fn retrieve(
     to: ImagesTo<'_>,
     control: &mut RowsControl<'_>,
 ) -> Result<Record> {
+    start_threads()?;
     refuse_overlap(to.path, &input.paths())?;
     ImageDirectory::check(to.path, Kind::Images, to.overwrite)?;
     let scan = input.scene().scan.clone();
@@ -162,6 +164,7 @@ pub fn retrieve_arrays(
     options: &RetrieveOptions,
     control: &mut RowsControl<'_>,
 ) -> Result<RetrievedArrays> {
+    start_threads()?;
     let mut values: BTreeMap<String, Vec<f32>> = BTreeMap::new();
     let mut put = |_: &Record, image: Image<'_>| {
         let all = match values.entry(image.name.to_owned()) {

@@ -22,6 +22,7 @@ use crate::trace::{DeviceSample, Tracer};
 use crate::wave::{self, WavePlans};
 pub use backend::choose;
 use beamlet_core::cancel::Cancel;
+use beamlet_core::parallel::start_threads;
 use beamlet_core::tally::Tally;
 use beamlet_core::{Error, Result, numbers};
 use beamlet_files as stack;
@@ -325,6 +326,7 @@ impl Simulation {
     /// # Ok::<(), beamlet::Error>(())
     /// ```
     pub fn run(&self, sink: &mut dyn Sink, mut control: Control<'_>) -> Result<RunRecord> {
+        start_threads()?;
         if self.stored.is_some() && control.keep.is_some() {
             let found = "keeping moments while illuminating stored moments";
             return Err(Error::argument("control.keep", found, "a simulation that traces"));

@@ -10,6 +10,7 @@ use crate::run::{self, Control, MemoryEstimate, memory, quality, refine_choice};
 use crate::sampling::{self, ErrorBudget, Hardening, Lattice, Response};
 use crate::trace::DeviceSample;
 use crate::wave::{self, WavePlans};
+use beamlet_core::parallel::start_threads;
 use beamlet_core::{Error, Result};
 use beamlet_files::RunStart;
 use beamlet_geometry as geometry;
@@ -55,6 +56,7 @@ impl Simulation {
         sample: Option<Sample>,
         control: &mut Control<'_>,
     ) -> Result<Self> {
+        start_threads()?;
         scene.validate()?;
         let scene = quality::resolved(scene, simulator.options().keep_moments)?;
         // From here on every reader of a file compares it with its hash.
@@ -95,6 +97,7 @@ impl Simulation {
         scene: &Scene,
         control: &mut Control<'_>,
     ) -> Result<Self> {
+        start_threads()?;
         scene.validate()?;
         if scene.sampling.scheme != Scheme::Cells {
             return Err(Error::scene("sampling.scheme", "random", "cells, for stored moments"));
