@@ -68,8 +68,6 @@ struct Ended {
     settled: bool,
     /// Inverse of the equations in which all values weigh the same.
     even: Option<Matrix>,
-    /// Variances of the centre along x and z in those equations, if all else is known.
-    centre: [f64; 2],
     /// Covariance of the unknowns.
     covariance: Option<Matrix>,
     inflation: f64,
@@ -99,7 +97,7 @@ impl PlanarModel {
         let peak = self.peak(&values.points, &ended.p);
         let blind = match flat.filter(|flat| flat.curve.has_answer()) {
             Some(flat) => flat.blind,
-            None => self.blind(&values.points, &ended, peak),
+            None => self.blind(values, &ended.p, least),
         };
         let unresolved = [0, 1]
             .map(|axis| blind[axis] || !self.resolves(&ended, noise, flat, (axis, peak, least)));
@@ -128,13 +126,28 @@ impl PlanarModel {
         PlanarFit { curve, unknowns: ended.p, unresolved, blind }
     }
 
-    /// Axes along which the offsets do not change the light of a curve with this peak.
-    fn blind(&self, points: &Points, ended: &Ended, peak: f64) -> [bool; 2] {
-        let is_blind = |axis: usize| {
-            let sigma = ended.centre[axis].sqrt() * NOISE * peak;
-            self.pixel.is_none() && sigma > BLIND * points.half()[axis]
+    /// Axes along which the offsets do not change the light: of the curve by the geometry, else of the fitted one.
+    fn blind(&self, values: &PlanarValues, fitted: &[f64; UNKNOWNS], least: [f64; 2]) -> [bool; 2] {
+        if self.pixel.is_some() {
+            return [false; 2];
+        }
+        let points = &values.points;
+        let middle = |axis: usize| {
+            let all = &points.along[axis];
+            f64::midpoint(all.first().copied().unwrap_or(0.0), all.last().copied().unwrap_or(0.0))
         };
-        [0, 1].map(is_blind)
+        let of_geometry = |[xx, zz]: [f64; 2]| {
+            [1.0, middle(0), middle(1), xx.max(least[0]), zz.max(least[1]), 0.0, 0.0]
+        };
+        let p = self.blur.map_or(*fitted, of_geometry);
+        let held = Held { unknowns: [false; UNKNOWNS], least };
+        let mut descent = Descent::new(&self.shape, values, held);
+        let (equations, _) = descent.normal(&p, &vec![1.0; values.values.len()]);
+        let peak = self.peak(points, &p);
+        [0, 1].map(|axis| {
+            let sigma = NOISE * peak / equations.matrix[1 + axis][1 + axis].sqrt();
+            sigma > BLIND * points.half()[axis]
+        })
     }
 
     /// Least variances of the blur.
@@ -269,8 +282,7 @@ impl PlanarModel {
             covariance(&inverse, |k, j| noise[k][j])
         });
         let residual = (squares / values.values.len() as f64).sqrt();
-        let centre = [1, 2].map(|k| even.matrix[k][k].recip());
-        Ended { p, settled, even: even.inverse(), centre, covariance, inflation, residual }
+        Ended { p, settled, even: even.inverse(), covariance, inflation, residual }
     }
 
     /// The curve of a fit, with its uncertainties and flags.
