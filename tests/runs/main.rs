@@ -30,3 +30,5 @@ mod stack_read;
 mod tiff_pages;
 #[cfg(feature = "cli")]
 mod tiff_stacks;
+#[cfg(feature = "cli")]
+mod tiny_runs;

@@ -3,6 +3,14 @@
 
 use beamlet_core::array_file::LONGEST_SIDE;
 
+/// Greatest length, m: light years would do as well, but products of four lengths stay within f32.
+pub(super) const LENGTH: f64 = 1e9;
+
+/// True of a length that a scene may have.
+pub(super) fn is_length(value: f64) -> bool {
+    value.abs() <= LENGTH
+}
+
 /// Pixels per side of the detector.
 pub const PIXELS: u32 = LONGEST_SIDE;
 /// Bits of a detector's numbers: f32 holds whole numbers of 24 bits.
@@ -70,5 +78,7 @@ pub(super) const TAPER: f64 = std::f64::consts::FRAC_PI_4;
 /// Bars of masks are thinner, m: thicker ones are probably a mistake.
 pub const THICK_BARS: f64 = 1e-3;
 
+/// Characters of a name.
+pub(super) const NAME: usize = 200;
 /// Characters of a title.
 pub(super) const TITLE: usize = 200;

@@ -1,6 +1,6 @@
 //! Polygons that do not cross or touch themselves.
 
-use super::keys::faults::Faults;
+use super::keys::faults::{Faults, too_long};
 use super::limits;
 use beamlet_core::Error;
 use beamlet_core::units::Dimension::Length;
@@ -19,9 +19,9 @@ pub(super) fn validate(key: &str, points: &[[f64; 2]], faults: &mut Faults) {
     }
     for (index, point) in points.iter().enumerate() {
         for (axis, length) in point.iter().enumerate() {
-            if !length.is_finite() {
+            if !limits::is_length(*length) {
                 let key = format!("{key}[{index}][{axis}]");
-                faults.add(Error::scene(key, Length.rounded(*length), "a finite value"));
+                faults.add(Error::scene(key, Length.rounded(*length), too_long()));
             }
         }
     }

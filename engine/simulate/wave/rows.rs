@@ -172,7 +172,8 @@ impl WaveBand {
 /// Patches of a row, with the number of them that each of a few counts for: which ones depends on the row alone.
 fn in_row(row: i64, beamlets: BTreeMap<i64, f64>) -> Vec<Touched> {
     let count = beamlets.len();
-    let every = SPARSE.min(count);
+    // A shadow beside all beamlets leaves a row of none.
+    let every = SPARSE.min(count).max(1);
     let first = numbers::whole::<usize>((5 * row).rem_euclid(every as i64) as f64);
     let chosen = (count - first).div_ceil(every);
     let patch = |(index, (beamlet, height)): (usize, (i64, f64))| {

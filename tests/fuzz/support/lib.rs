@@ -12,6 +12,7 @@ pub mod moments;
 pub mod npy;
 pub mod run;
 pub mod tiff;
+pub mod tiny_run;
 
 use std::fs;
 use std::path::{Path, PathBuf};

@@ -1,6 +1,8 @@
 //! Errors of values that are not allowed.
 
 use super::row::Kind;
+use crate::scene::limits;
+use beamlet_core::units::Dimension::Length;
 use beamlet_core::{Error, Result, printed};
 
 /// The errors of values found so far.
@@ -20,11 +22,19 @@ impl Faults {
 /// Refuses a number beyond the range of its kind.
 pub(crate) fn in_range(key: &str, kind: &Kind, value: f64) -> Result<()> {
     let (dimension, _, range) = kind.measure();
-    if range.contains(value) {
-        return Ok(());
+    let found = || dimension.map_or_else(|| format!("{value:?}"), |it| it.rounded(value));
+    if !range.contains(value) {
+        return Err(Error::scene(key, found(), kind.range_allowed()));
     }
-    let found = dimension.map_or_else(|| format!("{value:?}"), |it| it.rounded(value));
-    Err(Error::scene(key, found, kind.range_allowed()))
+    if dimension == Some(Length) && !limits::is_length(value) {
+        return Err(Error::scene(key, found(), too_long()));
+    }
+    Ok(())
+}
+
+/// Allowed lengths of every key.
+pub(crate) fn too_long() -> String {
+    format!("a length up to {}", Length.rounded(limits::LENGTH))
 }
 
 /// Refuses a whole number beyond the range of its kind.
@@ -38,8 +48,13 @@ pub(crate) fn whole(key: &str, kind: &Kind, value: u64) -> Result<()> {
     }
 }
 
-/// Refuses a name that cannot be shown.
+/// Refuses a name that cannot be shown, or is longer than lines of reports.
 pub(crate) fn named(key: &str, name: &str) -> Result<()> {
+    let count = name.chars().count();
+    if count > limits::NAME {
+        let found = format!("a name of {count} characters");
+        return Err(Error::scene(key, found, format!("1 to {} characters", limits::NAME)));
+    }
     if name.trim().is_empty() {
         return Err(Error::scene(key, format!("{name:?}"), "a name"));
     }

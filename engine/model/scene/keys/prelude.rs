@@ -3,7 +3,7 @@
 pub(super) use std::path::PathBuf;
 
 pub(crate) use super::faults::in_range;
-pub(super) use super::faults::{Faults, named, whole};
+pub(super) use super::faults::{Faults, named, too_long, whole};
 pub(crate) use super::record::{Keys, OneOf, keys};
 pub(super) use super::record::{Record, inline};
 pub(crate) use super::row::Group::Forms;

@@ -140,6 +140,10 @@ impl Value for Vec<f64> {
             faults.add(Error::scene(key, found, format!("1 to {most} of them")));
         } else if let Some(value) = self.iter().find(|value| !value.is_finite()) {
             faults.add(Error::scene(key, dimension.rounded(*value), "a finite value"));
+        } else if let Some(value) = self.iter().find(|value| !limits::is_length(**value))
+            && dimension == Length
+        {
+            faults.add(Error::scene(key, dimension.rounded(*value), too_long()));
         }
     }
 }
