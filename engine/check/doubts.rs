@@ -22,6 +22,12 @@ const SOFT_TUBE: f64 = 0.45;
 const CONTINUOUS: std::ops::Range<usize> = 10..8192;
 /// Density of a gas at most, g/cm3.
 const GAS: f64 = 0.01;
+/// Share of the photons that filters and path leave, below which one of them is probably too thick.
+const DARK: f64 = 1e-3;
+/// Share of a mask that is open, below which its aperture or period is probably wrong.
+const CLOSED: f64 = 0.01;
+/// Photons of an open pixel in a frame beyond those of any set-up.
+const MANY_PHOTONS: f64 = 1e7;
 /// Photons of an open pixel below which no curve can be fitted.
 const FEW_PHOTONS: f64 = 50.0;
 /// Blur of the projected apertures over the period beyond which visibility is below 9 %.
@@ -52,6 +58,7 @@ pub(super) fn doubts(scene: &Scene, report: &CheckReport) -> Vec<String> {
         slits_on_borders(&optics),
         blurred_away(scene, &optics),
         air(scene, report.setup.nodes.mean_energy()),
+        dark_beam(scene),
         unfiltered(scene, report.setup.nodes.mean_energy()),
         uneven_spectrum(scene),
         radians(&scene.scan.angles),
@@ -64,6 +71,7 @@ pub(super) fn doubts(scene: &Scene, report: &CheckReport) -> Vec<String> {
     .collect();
     doubts.extend(super::angles::doubts(&scene.scan));
     doubts.extend(thick_bars(scene));
+    doubts.extend(masks.into_iter().flatten().filter_map(closed_mask));
     doubts.extend(displaced_mask(scene));
     doubts.extend(unsteady_light(&scene.scan));
     doubts.extend(odd_materials(scene, report.setup.energy));
@@ -174,6 +182,38 @@ fn air(scene: &Scene, energy: f64) -> Option<String> {
             number(energy),
             number(scene.detector.distance),
             100.0 * taken
+        )
+    })
+}
+
+/// Filters or a path that absorb nearly all light.
+fn dark_beam(scene: &Scene) -> Option<String> {
+    let (what, left) = match &scene.source.beam {
+        Beam::Energy(energy) => {
+            let path = material::constants_at(scene, &scene.path_material, *energy).ok()?;
+            ("surroundings.path_material", (-path.mu * scene.detector.distance).exp())
+        }
+        Beam::Spectrum(spec) => {
+            let before = Spectrum::before_filters(scene, spec).ok()?.total();
+            let after = Spectrum::after_filters(scene, spec).ok()?.total();
+            ("source.spectrum.filters and surroundings.path_material", after / before)
+        }
+    };
+    (left < DARK).then(|| {
+        format!(
+            "{what} leave {left:.1e} of the photons of the source: are thickness, unit and material right?"
+        )
+    })
+}
+
+/// A mask with next to no openings.
+fn closed_mask(mask: &Mask) -> Option<String> {
+    let open = mask.open_share();
+    (open < CLOSED).then(|| {
+        format!(
+            "the apertures of {} are {:.2} % of it: are the units of aperture and period right?",
+            mask.name(),
+            100.0 * open
         )
     })
 }
@@ -368,6 +408,13 @@ fn photons(counts: &Counts, passed: f64) -> Vec<String> {
             "detector.photons of {} is too few for a fit: it is the mean number of photons of an open pixel \
              in a frame",
             number(counts.photons)
+        ));
+    }
+    if counts.photons > MANY_PHOTONS {
+        doubts.push(format!(
+            "detector.photons of {:.1e} is more than an open pixel gets in a frame: it is no sum over pixels or \
+             frames, and no rate",
+            counts.photons
         ));
     }
     let signal = passed * counts.photons * counts.gain;

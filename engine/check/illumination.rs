@@ -5,7 +5,7 @@ use beamlet_core::Result;
 use beamlet_core::cancel::Cancel;
 use beamlet_core::numbers::single;
 use beamlet_model::optics::{self, Optics, ThinCurve};
-use beamlet_model::scene::{Counts, Object, Scan, Scatter, Scene, Scheme};
+use beamlet_model::scene::{Blur, Counts, Object, Scan, Scatter, Scene, Scheme};
 use beamlet_model::spectrum::Nodes;
 use beamlet_recon::retrieve::{Curves, FitOptions, Fitter, Weights, three_step_uncertainties};
 use beamlet_simulate::run::quality;
@@ -22,6 +22,8 @@ const RESPONSES: [f64; 2] = [0.8, 1.25];
 /// with blur it comes from around it.
 const PART: [u32; 2] = [4, 1];
 pub(super) const BLURRED_PART: [u32; 2] = [96, 96];
+/// Standard deviation of a blur, pixels, beyond which the light of a flat does not depend on it.
+const WIDE_BLUR: f64 = 16.0;
 
 /// The illumination curve of a pixel at the centre of the detector without a sample: its light over
 /// the offset of the sample mask. Offsets in metres in the plane of that mask.
@@ -167,6 +169,10 @@ pub(super) fn bare(scene: &Scene, scan: Scan, part: [u32; 2]) -> (Scene, f64) {
         Some(Scatter::Kernel { fraction, .. }) => fraction,
         Some(Scatter::Image(_)) | None => 0.0,
     };
+    // The same holds of wide blurs.
+    if let Some(Blur::Gaussian { sigma }) = &mut detector.blur {
+        *sigma = [0, 1].map(|axis| sigma[axis].min(WIDE_BLUR * detector.pitch[axis]));
+    }
     for (pixels, part) in detector.pixels.iter_mut().zip(part) {
         // Apertures lie in the middle of odd numbers of pixels and beside the middle of even ones.
         *pixels = (*pixels).min(part + (*pixels + part) % 2);

@@ -135,6 +135,37 @@ fn planes_out_of_order_are_refused() {
     }
 }
 
+/// The key that is wrong is named, and not one whose value follows from it: one error with these words.
+#[test]
+fn lengths_in_a_wrong_place_or_unit_are_named() {
+    let long = format!("object.ball.name=\"{}\"", "a".repeat(201));
+    let unit = "is its unit right?";
+    let cases: [(&[&str], &str, &str); 12] = [
+        (&["detector.pitch=15um"], "detector.pitch", unit),
+        (&["sample_mask.aperture=2mm"], "sample_mask.aperture", unit),
+        (&["source.distance=12m"], "source.distance", unit),
+        (&["source.distance=1.2mm"], "source.distance", unit),
+        (&["detector.distance=1.8mm"], "detector.distance", unit),
+        (&["detector.distance=0.6m"], "detector.distance", "600 mm behind the sample is 1.81 m"),
+        (&["sample_mask.distance=11m"], "sample_mask.distance", unit),
+        (
+            &["sample_mask.distance=1.7m", "detector_mask.distance=1.1m"],
+            "sample_mask.distance",
+            "the two masks are swapped",
+        ),
+        (&["detector.pitch=1e39m"], "detector.pitch", "up to 1000000000 m"),
+        (&["scan.dithers=[\"1e39 m\"]"], "scan.dithers", "up to 1000000000 m"),
+        (&["object.ball.position=[0m,2e9m,0m]"], "object[1].position[1]", "up to 1000000000 m"),
+        (&[&long], "object[1].name", "1 to 200 characters"),
+    ];
+    for (sets, name, words) in cases {
+        let error = with_sets(sets).expect_err("a refusal");
+        let (_, key, _, allowed) = parts(with_sets(sets));
+        assert!(key == name && allowed.contains(words), "{sets:?}: {error}");
+        assert_eq!(error.each().len(), 1, "{sets:?}: {error}");
+    }
+}
+
 #[test]
 fn values_out_of_range_are_refused() {
     let cases = [

@@ -110,6 +110,9 @@ fn odd_values_are_warned_of_in_words() {
     let directory = tempfile::tempdir().unwrap();
     let plain = plain_scene();
     for (options, words) in [
+        ("--set surroundings.path_material=\"water\"", "of the photons of the source"),
+        ("--set sample_mask.projected_aperture=1um", "are the units of aperture and period right"),
+        ("--set detector.photons=2e7", "is more than an open pixel gets in a frame"),
         ("--set detector.pitch=2cm", "is wider than any pixel of an X-ray detector"),
         ("--set scan.angles={from=\"0rad\",to=\"360rad\",count=24}", "cover 54.9 turns"),
         ("--set scan.mask_offsets=[\"0um\"]", "different values of scan.mask_offsets: 1"),

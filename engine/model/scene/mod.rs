@@ -36,6 +36,7 @@ mod targets;
 mod text;
 mod tree;
 mod validate;
+mod validate_distances;
 mod validate_heights;
 mod view;
 mod write;

@@ -2,11 +2,12 @@
 
 use std::collections::HashSet;
 
-use super::derived::AT_DETECTOR;
 use super::keys::detector::validate_thresholds;
-use super::keys::faults::{Faults, named};
+use super::keys::faults::{Faults, named, too_long};
 use super::keys::record::check;
-use super::{Beam, Exposure, MaskSpec, Quality, Scene, SpectrumOrigin, SpectrumSpec, limits, path};
+use super::{
+    Beam, Exposure, MaskSpec, Motion, Quality, Scene, SpectrumOrigin, SpectrumSpec, limits, path,
+};
 use crate::spot::Spot;
 use beamlet_core::units::Dimension::Length;
 use beamlet_core::{Error, Result, numbers};
@@ -38,6 +39,7 @@ impl Scene {
         for (key, mask) in self.masks() {
             check(mask, &below(key), &mut faults);
         }
+        self.validate_apertures(&mut faults);
         faults.note(self.validate_sample_mask());
         faults.note(self.validate_detector_mask());
         faults.note(self.validate_periods());
@@ -82,15 +84,6 @@ impl Scene {
     pub fn masks(&self) -> impl Iterator<Item = (&'static str, &MaskSpec)> {
         let masks = [("sample_mask", &self.sample_mask), ("detector_mask", &self.detector_mask)];
         masks.into_iter().filter_map(|(key, mask)| Some((key, mask.as_ref()?)))
-    }
-
-    fn validate_order(&self, faults: &mut Faults) {
-        let (source, detector) = (&self.source, &self.detector);
-        if detector.distance > 0.0 && detector.distance <= source.distance {
-            let found = Length.rounded(detector.distance);
-            let allowed = format!("more than source.distance, {}", Length.rounded(source.distance));
-            faults.add(Error::scene("detector.distance", found, allowed));
-        }
     }
 
     /// Where it takes a file to know the highest energy, the run and `check` look.
@@ -167,44 +160,6 @@ impl Scene {
         Ok(())
     }
 
-    /// The sample mask lies between the source and the rotation centre, with its bars.
-    fn validate_sample_mask(&self) -> Result<()> {
-        let Some(mask) = &self.sample_mask else { return Ok(()) };
-        let centre = self.source.distance;
-        let [front, back] = mask.faces();
-        // Values that cannot be have errors of their own.
-        let is_out = centre > 0.0 && has_place(mask) && (front <= 0.0 || back >= centre);
-        if !is_out {
-            return Ok(());
-        }
-        let allowed = format!(
-            "bars between the source and the rotation centre at source.distance, {}",
-            Length.rounded(centre)
-        );
-        misplaced("sample_mask", mask, [0.0, centre], allowed)
-    }
-
-    /// The detector mask lies between the rotation centre and the detector, with its bars.
-    fn validate_detector_mask(&self) -> Result<()> {
-        let Some(mask) = &self.detector_mask else { return Ok(()) };
-        let (centre, end) = (self.source.distance, self.detector.distance);
-        let [front, back] = mask.faces();
-        let is_out = centre > 0.0
-            && end > centre
-            && has_place(mask)
-            && (front <= centre || back > end + AT_DETECTOR);
-        if !is_out {
-            return Ok(());
-        }
-        let allowed = format!(
-            "bars between the rotation centre at source.distance, {}, and the detector at {}; the \
-             distance is measured to the centre plane of the bars",
-            Length.rounded(centre),
-            Length.rounded(end)
-        );
-        misplaced("detector_mask", mask, [centre, end], allowed)
-    }
-
     fn validate_motions(&self) -> Result<()> {
         let (motions, views) = (&self.scan.motions, self.scan.angles.len());
         if !motions.is_empty() && motions.len() != views {
@@ -212,11 +167,12 @@ impl Scene {
             let allowed = format!("{views}, one for each angle, or none");
             return Err(Error::scene("scan.motions", found, allowed));
         }
-        match motions.iter().position(|motion| !motion.is_finite()) {
+        let is_wrong = |it: &Motion| !it.is_finite() || !limits::is_length(it.offset().length());
+        match motions.iter().position(is_wrong) {
             Some(view) => Err(Error::scene(
                 format!("scan.motions[{view}]"),
                 format!("{:?}", motions[view]),
-                "finite numbers",
+                format!("finite numbers, and a translation of {}", too_long()),
             )),
             None => self.validate_axis(),
         }
@@ -293,8 +249,8 @@ impl Scene {
             let allowed = format!("{views}, one for each view");
             return Err(Error::scene("scan.errors.source_x", found, allowed));
         }
-        if let Some(place) = errors.source.iter().flatten().find(|place| !place.is_finite()) {
-            return Err(Error::scene("scan.errors.source_x", place.to_string(), "finite lengths"));
+        if let Some(place) = errors.source.iter().flatten().find(|it| !limits::is_length(**it)) {
+            return Err(Error::scene("scan.errors.source_x", Length.rounded(*place), too_long()));
         }
         if !errors.source.is_empty() && self.sample_mask.is_none() && self.detector_mask.is_some() {
             let found = "a displaced source with a detector mask alone";
@@ -354,24 +310,8 @@ impl Scene {
 }
 
 /// True if distance and thickness of a mask allow any position.
-fn has_place(mask: &MaskSpec) -> bool {
+pub(super) fn has_place(mask: &MaskSpec) -> bool {
     mask.distance > 0.0 && mask.body.thickness() >= 0.0
-}
-
-/// The error of a mask whose bars do not lie between two planes: of its thickness if its own plane does
-/// and the bars are thick, else of its distance.
-fn misplaced(table: &str, mask: &MaskSpec, [low, high]: [f64; 2], allowed: String) -> Result<()> {
-    let (distance, thickness) = (mask.distance, mask.body.thickness());
-    if distance > low && distance < high - AT_DETECTOR && thickness > limits::THICK_BARS {
-        let most = 2.0 * (distance - low).min(high - distance);
-        // Without the rounding of a difference.
-        let most = Length.rounded((most * 1e9).round() / 1e9);
-        let key = format!("{table}.{}", mask.body.thickness_key());
-        let allowed =
-            format!("up to {most} at {table}.distance = {}: {allowed}", Length.rounded(distance));
-        return Err(Error::scene(key, Length.rounded(thickness), allowed));
-    }
-    Err(Error::scene(format!("{table}.distance"), Length.rounded(distance), allowed))
 }
 
 /// Wider spots blur all pixels into one another, and take time without end.

@@ -147,15 +147,7 @@ impl Record for MaskSpec {
         if let Some(list) = self.list_key() {
             self.check_list(list, key, faults);
         }
-        if self.aperture > self.period {
-            let found = format!("{} in the mask plane", Length.rounded(self.aperture));
-            let allowed = format!(
-                "no more than the period, {}: both follow from lengths on the detector (projected_aperture, \
-                 detector.pitch) where they have no value",
-                Length.rounded(self.period)
-            );
-            faults.add(Error::scene(key("aperture"), found, allowed));
-        } else if self.period > 0.0 {
+        if self.period > 0.0 && self.aperture <= self.period {
             faults.note(self.check_slits(key));
         }
         faults.note(self.check_layers(key));

@@ -14,7 +14,7 @@ const RATIO: u64 = 3;
 /// Reduced chi squared from which on values scatter by more than photons do.
 const CHI_SQUARE: f64 = 2.0;
 /// Reduced chi squared below which values scatter by less than photons do.
-const QUIET: f64 = 0.25;
+const QUIET: f64 = 0.5;
 /// Standard deviations from which on a value of the empty beam is another.
 const SIGMAS: f64 = 4.0;
 /// Least differences in the empty beam: of transmission and dose, and of the centre in widths of the
@@ -216,7 +216,7 @@ fn quiet(found: &Findings<'_>) -> Option<String> {
     let own = median(found.chi_squares.iter().map(|pair| pair[0]).collect())?;
     (found.is_noise_known && own < QUIET).then(|| {
         format!(
-            "reduced chi squared of the sample is {own:.1e} (median of the pixels): values scatter by less \
+            "reduced chi squared of the sample is {own:.2} (median of the pixels): values scatter by less \
              than the noise of counts, so that uncertainties are too large; check --gain and --read-noise"
         )
     })
