@@ -11,7 +11,8 @@ use std::ops::Deref;
 
 /// Handle of a Vulkan device that serves many scenes. Clones share the device; they may be sent to
 /// other threads and work there at the same time. The device and the Vulkan instance are destroyed
-/// with the last clone and the last [`Simulation`] made from it.
+/// with the last clone and the last [`Simulation`] made from it. In a fork of a process that worked, all work is an
+/// [`beamlet_core::Error::Device`].
 #[derive(Debug, Clone)]
 pub struct Engine {
     simulator: Simulator,

@@ -108,7 +108,8 @@ fn energy_outside_the_tables_is_refused_with_their_range() {
         assert!(text.contains("range of the tables for Au"), "{text}");
         assert!(text.contains("0.1 keV to 800 keV"), "{text}");
     }
-    for energy in [0.1, 1.0, 800.0] {
+    // Ends of the tables, and these by a rounding.
+    for energy in [0.1, 0.1_f64.next_down(), 1.0, 800.0, 800_f64.next_up()] {
         let _ = constants(&scene(energy), "gold").unwrap();
     }
     for energy in [0.0, -3.0, f64::NAN] {
@@ -216,7 +217,7 @@ fn table_is_interpolated_in_the_logarithms() {
     // Power results, so that the interpolation is exact: mu ~ E^-3, delta ~ E^-2.
     let text =
         "# measured\nenergy_keV,mu_per_cm,delta\n10,8.0,4e-6\n20,1.0,1e-6\n\n40,0.125,2.5e-7\n";
-    for energy in [10.0, 14.0, 20.0, 33.0, 40.0_f64] {
+    for energy in [10.0, 10_f64.next_down(), 14.0, 20.0, 33.0, 40.0, 40_f64.next_up()] {
         let (mu, delta) = table(directory.path(), text, energy).unwrap();
         assert!((mu / (800.0 * (energy / 10.0).powi(-3)) - 1.0).abs() < 1e-12, "mu at {energy}");
         assert!((delta / (4e-6 * (energy / 10.0).powi(-2)) - 1.0).abs() < 1e-12, "at {energy}");

@@ -65,6 +65,36 @@ fn flats_of_four_set_ups_match_fft_within_2e_7() {
     }
 }
 
+/// Estimates of many objects are shared by those of nearly the same size, and err by the step of sizes.
+#[test]
+fn many_objects_share_estimates() {
+    let ball = |at: usize| {
+        let radius = 5.0 * 1.6_f64.powf(at as f64 / 35.0);
+        format!(
+            "[[object]]\nname = \"{at}\"\nmaterial = \"PMMA\"\nposition = [\"{} um\", \"{} um\", \"0 um\"]\n\
+             shape = {{ sphere = {{ radius = \"{radius} um\" }} }}\n",
+            20 * (at % 6),
+            20 * (at / 6)
+        )
+    };
+    let limits = |objects: String| {
+        let scene = SMALL_SPOT.scene(4, 0.01, &OFFSETS, &objects);
+        checked(&scene).ray_limits.objects
+    };
+    let all = limits((0..36).map(ball).collect());
+    let shared =
+        |of: &ObjectLimits| of.unknown.iter().any(|it| it.contains("of nearly the same size"));
+    let count = all.iter().filter(|of| shared(of)).count();
+    assert!((8..=20).contains(&count), "{count}");
+    for at in [0, 17, 35] {
+        let alone = limits(ball(at)).remove(0);
+        assert!(!shared(&alone));
+        let [own, other] = [&alone, &all[at]].map(|of| of.dark_field.expect("an estimate")[0]);
+        // Half a step of 2 % in the radius.
+        assert!((own / other - 1.0).abs() < 0.02, "{at}: {own} {other}");
+    }
+}
+
 /// Two Gaussians of unlike size beside the axis.
 #[test]
 fn flats_of_a_spot_of_two_gaussians_match_fft_within_2e_7() {

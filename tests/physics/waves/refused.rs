@@ -4,6 +4,7 @@ use super::{BY_WAVES, FIBRE, add_cylinder, without_distance};
 use crate::support::kept::{again, keep};
 use crate::support::{engine, engine_with};
 use crate::thin_masks::REFERENCE;
+use beamlet::check::Check;
 use beamlet::scene::{Refine, Scene, Scheme, Spot, SpotPart, Transport};
 use beamlet::{Backend, EngineOptions, Error};
 
@@ -13,6 +14,8 @@ fn refusal(change: impl Fn(&mut Scene)) -> String {
     change(&mut scene);
     let error = engine(Backend::Bvh).prepare(&scene).expect_err("a refusal");
     assert!(matches!(error, Error::Scene { .. }), "{error:?}");
+    let checked = Check::of(&scene).without_estimate().run().expect_err("a refusal");
+    assert_eq!(checked.to_string(), error.to_string());
     error.to_string()
 }
 
