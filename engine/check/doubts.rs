@@ -26,7 +26,7 @@ const GAS: f64 = 0.01;
 const DARK: f64 = 1e-3;
 /// Share of a mask that is open, below which its aperture or period is probably wrong.
 const CLOSED: f64 = 0.01;
-/// Photons of an open pixel in a frame beyond those of any set-up.
+/// Photons of an open pixel in a frame that no set-up has.
 const MANY_PHOTONS: f64 = 1e7;
 /// Photons of an open pixel below which no curve can be fitted.
 const FEW_PHOTONS: f64 = 50.0;

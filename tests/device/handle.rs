@@ -184,14 +184,13 @@ fn a_later_view_makes_no_buffer() {
     }
 }
 
-/// A fork has no threads, and its device is that of its parent: it gets an error and ends; the parent goes on.
+/// A fork has no threads, and the device of its parent: it gets an error and ends; the parent goes on.
 #[cfg(unix)]
 #[test]
 fn a_fork_is_refused_by_the_engine_of_its_parent() {
     let engine = Engine::open(&options()).expect("a Vulkan device");
     let before = bits(&engine.simulate(&rod()).expect("stacks"));
-    // SAFETY: the child makes no call but those of the engine, which it refuses before it takes a lock of another
-    // thread, and ends without the destructors of the parent.
+    // SAFETY: the child calls the engine alone, which refuses it before it takes a lock of another thread, and ends without the destructors of the parent.
     let child = unsafe { libc::fork() };
     if child == 0 {
         let refused = |error: beamlet::Error| error.to_string().contains("is a fork of process");

@@ -65,7 +65,7 @@ fn flats_of_four_set_ups_match_fft_within_2e_7() {
     }
 }
 
-/// Estimates of many objects are shared by those of nearly the same size, and err by the step of sizes.
+/// Objects of nearly the same size share estimates, which err by the step of sizes.
 #[test]
 fn many_objects_share_estimates() {
     let ball = |at: usize| {

@@ -1,4 +1,4 @@
-//! A mesh like those of CAD programs.
+//! A mesh as CAD programs write it.
 
 #![expect(clippy::unwrap_used, reason = "writing to a string does not fail")]
 

@@ -8,8 +8,8 @@ use beamlet_model::optics::waves::{Bodies, Body, Form, Pixel, Rim};
 use std::collections::HashMap;
 use std::f64::consts::PI;
 
-/// Most kinds of bodies with an estimate each; of more kinds those of nearly the same size share one. An estimate takes
-/// some 50 ms.
+/// Most kinds of bodies with an estimate each; of more kinds bodies of nearly the same size share one. An estimate
+/// takes some 50 ms.
 const MOST: usize = 24;
 /// Relative difference of sizes by rounding.
 const ROUNDING: f64 = 1e-6;
