@@ -18,7 +18,7 @@ pub mod printed {
 }
 /// Quantities with units.
 pub mod units {
-    pub use beamlet_core::units::{Dimension, QuantityError, memory_size};
+    pub use beamlet_core::units::{Dimension, QuantityError, memory_size, number};
 }
 /// Built-in materials.
 pub mod material {

@@ -1,12 +1,13 @@
 //! Values that are checked as they are typed.
 
 use crate::numbers;
+use beamlet::cli_support::units;
 use beamlet::retrieve::{Aperture, Columns, Corrections, Lattice, Region};
 use beamlet::stack::Shard;
 use std::ops::Range;
 
 fn number(text: &str, allowed: &str, is_allowed: impl Fn(f64) -> bool) -> Result<f64, String> {
-    let found = text.trim().parse().ok().filter(|value: &f64| value.is_finite());
+    let found = units::number(text).filter(|value| value.is_finite());
     found.filter(|value| is_allowed(*value)).ok_or_else(|| format!("allowed: {allowed}"))
 }
 
@@ -58,17 +59,16 @@ fn three<T: Copy>(list: Vec<T>) -> Option<[T; 3]> {
 }
 
 fn any_length(text: &str) -> Result<f64, String> {
-    let length = beamlet::cli_support::units::Dimension::Length;
-    length.parse(text).map_err(|error| error.to_string())
+    units::Dimension::Length.parse(text).map_err(|error| error.to_string())
 }
 
 pub(super) fn memory_size(text: &str) -> Result<u64, String> {
-    beamlet::cli_support::units::memory_size(text).map_err(|error| error.to_string())
+    units::memory_size(text).map_err(|error| error.to_string())
 }
 
 pub(super) fn degrees(text: &str) -> Result<f64, String> {
-    match text.trim().parse::<f64>() {
-        Ok(angle) if angle.abs() <= 360.0 => Ok(angle),
+    match units::number(text) {
+        Some(angle) if angle.abs() <= 360.0 => Ok(angle),
         _ => Err("a number of degrees from -360 to 360".into()),
     }
 }
@@ -89,7 +89,7 @@ pub(crate) struct ValueRange {
 }
 
 pub(super) fn value_range(text: &str) -> Result<ValueRange, String> {
-    let number = |text: &str| text.trim().parse().ok().filter(|value: &f64| value.is_finite());
+    let number = |text: &str| units::number(text).filter(|value| value.is_finite());
     let parts = text.split_once('=').and_then(|(name, ends)| {
         let (low, high) = ends.split_once("..")?;
         Some((name.trim().to_owned(), [number(low)?, number(high)?]))

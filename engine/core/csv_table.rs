@@ -8,9 +8,12 @@ pub use quantities::{Numbered, Quantities};
 pub use rigid::{Placement, PlacementTable};
 
 use crate::error::Place;
-use crate::{Error, Result, input_file};
+use crate::{Error, Result, input_file, units};
 use csv::{ByteRecord, ReaderBuilder, Trim};
 use std::path::Path;
+
+/// Signs between cells; the first that a line holds counts.
+const SEPARATORS: [u8; 3] = [b';', b'\t', b','];
 
 /// A kind of table.
 #[derive(Debug, Clone, Copy)]
@@ -105,17 +108,36 @@ impl TableKind {
 }
 
 /// The sign between the cells of a line, if there is one: the first of semicolon, tab and comma that it
-/// holds, since a comma may be a decimal one.
+/// holds outside quotes, since a comma may be a decimal one.
 fn separator(line: &[u8]) -> Option<u8> {
-    [b';', b'\t', b','].into_iter().find(|sign| line.contains(sign))
+    let mut quoted = false;
+    let mut found = [false; SEPARATORS.len()];
+    for byte in line {
+        quoted ^= *byte == b'"';
+        if let Some(sign) = SEPARATORS.iter().position(|sign| sign == byte).filter(|_| !quoted) {
+            found[sign] = true;
+        }
+    }
+    SEPARATORS.into_iter().zip(found).find(|(_, found)| *found).map(|(sign, _)| sign)
 }
 
-/// The cells of a line, separated by semicolons, tabs, commas or blanks. Empty cells count but with blanks.
+/// The cells of a line, separated by semicolons, tabs, commas or blanks, without the quotes around them.
+/// Empty cells count, except between blanks.
 pub fn cells(line: &str) -> Vec<&str> {
-    match separator(line.as_bytes()) {
-        Some(separator) => line.split(char::from(separator)).map(str::trim).collect(),
-        None => line.split_whitespace().collect(),
-    }
+    let separator = separator(line.as_bytes()).map(char::from);
+    let mut quoted = false;
+    let parts = line.split(|sign: char| {
+        quoted ^= sign == '"';
+        !quoted && separator.map_or(sign.is_whitespace(), |separator| sign == separator)
+    });
+    parts.filter(|part| separator.is_some() || !part.is_empty()).map(unquoted).collect()
+}
+
+/// A cell without blanks and quotes around it.
+fn unquoted(cell: &str) -> &str {
+    let cell = cell.trim();
+    let inside = cell.strip_prefix('"').and_then(|cell| cell.strip_suffix('"'));
+    inside.unwrap_or(cell).trim()
 }
 
 /// A record of a file.
@@ -178,8 +200,8 @@ impl Row<'_> {
 
     /// A finite number.
     fn number(&self, index: usize, key: &str) -> Result<f64> {
-        match self.field(index).map(str::parse::<f64>) {
-            Some(Ok(number)) if number.is_finite() => Ok(number),
+        match self.field(index).map(units::number) {
+            Some(Some(number)) if number.is_finite() => Ok(number),
             _ => Err(self.error(index, key, &self.shown(index), "a finite number")),
         }
     }
@@ -192,5 +214,28 @@ impl Row<'_> {
         let allowed =
             format!("{}: views are numbered from 0, without gaps and repeats", self.number);
         Err(self.error(index, "view", &self.shown(index), &allowed))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn cells_are_split_outside_quotes() {
+        for (line, wanted) in [
+            ("a,b", ["a", "b"]),
+            ("\"a\",\"b\"", ["a", "b"]),
+            (" \"a\" ; \"b, c\" ", ["a", "b, c"]),
+            ("\"a;b\",1,5", ["a;b", "1"]),
+            ("\"a b\" c", ["a b", "c"]),
+            ("\"a\"\t", ["a", ""]),
+            ("  1   2 ", ["1", "2"]),
+            ("1\" ,2", ["1\" ,2", ""]),
+        ] {
+            let mut found = cells(line);
+            found.resize(2, "");
+            assert_eq!(found, wanted, "{line:?}");
+        }
     }
 }

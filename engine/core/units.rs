@@ -10,7 +10,21 @@ mod memory;
 pub use memory::memory_size;
 
 use decimal::{decimal, shifted, split_number};
+use std::borrow::Cow;
 use std::fmt;
+
+/// A text with hyphens in place of minus signs U+2212, which documents have.
+pub fn plain_minus(text: &str) -> Cow<'_, str> {
+    match text.contains('\u{2212}') {
+        true => text.replace('\u{2212}', "-").into(),
+        false => text.into(),
+    }
+}
+
+/// A number as text, with either minus sign; `None` for other texts.
+pub fn number(text: &str) -> Option<f64> {
+    plain_minus(text.trim()).parse().ok()
+}
 
 /// Dimension of a quantity, with its units and the base unit of the result.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -93,6 +107,11 @@ const ANGLES: &[(&str, UnitScale)] = &[
 const VOLTAGES: &[(&str, UnitScale)] =
     &[("V", Ten(-3)), ("kV", Ten(0)), ("kVp", Ten(0)), ("MV", Ten(3))];
 
+/// Names of the inch, a unit of mesh files: lengths in scenes are metric.
+const INCHES: [&str; 2] = ["inch", "inches"];
+/// Length of an inch, m.
+const INCH: f64 = 0.0254;
+
 /// Spellings that are accepted and not listed: each looks like one that is.
 const UNLISTED: &[&str] = &[
     "\u{3bc}m",
@@ -159,7 +178,7 @@ impl Dimension {
     ///
     /// [`QuantityError`] if there is no number, no unit, an unknown unit, or an overflow.
     pub fn parse(self, text: &str) -> Result<f64, QuantityError> {
-        let text = text.trim();
+        let text = &*plain_minus(text.trim());
         let Some((mantissa, exponent, unit)) = split_number(text) else {
             return self.error(format!("{text:?}, which does not start with a number"));
         };
@@ -186,7 +205,8 @@ impl Dimension {
         }
     }
 
-    /// The size of a unit given by its bare name ("mm") or as a quantity ("25.4 mm").
+    /// The size of a unit given by its bare name ("mm"; of lengths also "inch") or as a quantity
+    /// ("25.4 mm").
     ///
     /// # Errors
     ///
@@ -197,6 +217,7 @@ impl Dimension {
             None if text.trim().starts_with(|c: char| c.is_ascii_digit() || c == '.') => {
                 self.parse(text)
             }
+            None if self == Self::Length && INCHES.contains(&text.trim()) => Ok(INCH),
             None => self.error(format!("the unit {text:?}{}", self.suggestion(text))),
         }
     }
@@ -267,6 +288,8 @@ mod tests {
             (Dimension::Length, "150 \u{3bc}m", 150e-6),
             (Dimension::Length, "-.5e1 nm", -5e-9),
             (Dimension::Length, "7 pm", 7e-12),
+            (Dimension::Length, "\u{2212}10 um", -10e-6),
+            (Dimension::Length, "\u{2212}1e\u{2212}2 m", -0.01),
             (Dimension::Energy, "1eV", 1e-3),
             (Dimension::Energy, "5e3eV", 5.0),
             (Dimension::Energy, "80.725 keV", 80.725),
@@ -312,7 +335,10 @@ mod tests {
         let unit = |text| Dimension::Length.parse_unit(text);
         assert_eq!(unit("mm").unwrap().to_bits(), 1e-3_f64.to_bits());
         assert_eq!(unit("25.4 mm").unwrap().to_bits(), 25.4e-3_f64.to_bits());
-        assert!(unit("inch").unwrap_err().found.contains("inch"));
+        for inch in ["inch", "inches", "25.4 mm", "2.54cm"] {
+            assert_eq!(unit(inch).unwrap().to_bits(), 0.0254_f64.to_bits(), "{inch}");
+        }
+        assert!(unit("foot").unwrap_err().found.contains("foot"));
         assert!(unit("1").unwrap_err().found.contains("without a unit"));
     }
 

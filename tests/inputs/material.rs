@@ -256,11 +256,15 @@ fn table_is_not_extrapolated() {
 }
 
 #[test]
-fn columns_of_a_table_may_come_in_any_order() {
+fn columns_of_a_table_may_come_in_any_order_and_in_quotes() {
     let directory = tempfile::tempdir().unwrap();
-    let text = "delta, note, energy_keV, mu_per_cm\n1e-6, a, 20, 1.0\n";
-    let (mu, delta) = table(directory.path(), text, 20.0).unwrap();
-    assert_eq!((mu, delta), (100.0, 1e-6));
+    for text in [
+        "delta, note, energy_keV, mu_per_cm\n1e-6, a, 20, 1.0\n",
+        "\"delta\";\"a; b\";\"energy_keV\";\"mu_per_cm\"\n\"1e\u{2212}6\";\"a;b\";20;1.0\n",
+    ] {
+        let (mu, delta) = table(directory.path(), text, 20.0).unwrap();
+        assert_eq!((mu, delta), (100.0, 1e-6), "{text}");
+    }
 }
 
 #[test]

@@ -185,7 +185,7 @@ fn values_out_of_range_are_refused() {
         ("axis = [0, 0, 1]", "axis = [0, 0, 0]", "object[0].rotate[0].axis"),
         ("material = \"carbon\"", "material = \"\"", "object[0].material"),
         ("unit = \"mm\"", "", "object[0].unit"),
-        ("unit = \"mm\"", "unit = \"inch\"", "object[0].unit"),
+        ("unit = \"mm\"", "unit = \"foot\"", "object[0].unit"),
         ("unit = \"mm\"", "unit = \"mm\"\nscale = -1", "object[0].scale"),
         ("unit = \"mm\"", "unit = \"mm\"\nscale = nan", "object[0].scale"),
         ("unit = \"mm\"", "unit = \"mm\"\nsha256 = \"12\"", "object[0].sha256"),

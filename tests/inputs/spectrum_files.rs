@@ -35,7 +35,8 @@ fn separators_headers_and_comments_do_not_matter() {
         "# tube\nenergy_keV,weight\n10,1\n\n20,0\n# more\n30.5,2e6",
         "\u{feff}weight\tnote\tENERGY_KEV\n1\tx\t10\n0\ty\t20\n2e6\t\t30.5\n",
         "energy_keV weight\n10  1\n20  0\n30.5  2e6\n",
-        "10; 1; 0.5\r\n20; 0; 0\r\n30.5; 2e6; 0\r\n",
+        "# spekpy version: 2\r\n10; 1; 0.5\r\n20; 0; 0\r\n30.5; 2e6; 0\r\n",
+        "\"energy_keV\",\"weight\"\n10,1\n20,\u{2212}0\n\"30.5\",\"2e6\"\n",
         "10,1\r20,0\r30.5,2e6\r",
         "10;1\n20;0\n30.5;2e6\n\u{1a}",
     ] {
@@ -60,6 +61,7 @@ fn what_is_no_spectrum_is_refused_with_file_line_and_reason() {
         ("", "tube.csv:1:1: spectrum", "no rows"),
         ("# only words\n", "tube.csv:1:1: spectrum", "no rows"),
         ("energy_keV,weight\n", "tube.csv:1:1: spectrum", "no rows"),
+        ("10 15 8 0.01\n15 20 9 0.01\n", "tube.csv:1:1: header", "found 4 columns without names"),
         ("energy,weight\n1,1\n", "tube.csv:1:1: energy_keV", "a header with energy_keV"),
         ("energy_keV,photons\n1,1\n", "tube.csv:1:1: weight", "a header with energy_keV"),
         ("20,1\n10,1\n", "tube.csv:2:1: energy_keV", "ascending"),

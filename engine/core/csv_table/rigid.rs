@@ -141,10 +141,9 @@ impl Row<'_> {
             }
             (letter @ ("x" | "y" | "z"), unit) => {
                 let axis = usize::from(letter == "y") + 2 * usize::from(letter == "z");
-                let is_name = unit.chars().all(char::is_alphabetic);
-                match Length.parse_unit(unit) {
+                match Length.parse(&format!("1 {unit}")) {
                     // Divided by a power of ten a number is the nearest one to its text.
-                    Ok(metres) if is_name => Ok(Column::Position(axis, (1.0 / metres).round())),
+                    Ok(metres) => Ok(Column::Position(axis, (1.0 / metres).round())),
                     _ => {
                         let found = format!("the column {}", self.shown(index));
                         let allowed = format!(

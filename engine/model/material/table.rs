@@ -6,8 +6,8 @@ use std::path::{Path, PathBuf};
 use super::{Constants, within};
 use beamlet_core::csv_table::cells;
 use beamlet_core::error::{Error, Place, Result};
-use beamlet_core::input_file;
 use beamlet_core::interpolation::log_log;
+use beamlet_core::{input_file, units};
 
 const COLUMNS: [&str; 3] = ["energy_keV", "mu_per_cm", "delta"];
 
@@ -114,8 +114,8 @@ fn row(at: &TableLine<'_>, fields: &[&str], order: [usize; 3]) -> Result<[f64; 3
     let mut row = [0.0; 3];
     for ((value, index), column) in row.iter_mut().zip(order).zip(COLUMNS) {
         let field = fields.get(index).copied().unwrap_or("nothing");
-        *value = match field.parse::<f64>() {
-            Ok(number) if number.is_finite() && number > 0.0 => number,
+        *value = match units::number(field) {
+            Some(number) if number.is_finite() && number > 0.0 => number,
             _ => return Err(at.error(column, field, "a number above 0")),
         };
     }

@@ -1,11 +1,13 @@
 //! TOML and JSON text into the tree of [`super::tree`].
 
+use std::borrow::Cow;
 use std::path::PathBuf;
 
 use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
 use super::tree::{Document, Origin, TreeEntry, TreeNode, TreeValue, excerpt};
+use beamlet_core::units::plain_minus;
 use beamlet_core::{Error, Place, Result};
 
 fn syntax(
@@ -16,10 +18,12 @@ fn syntax(
     language: &str,
 ) -> Error {
     let (line, column, excerpt) = excerpt(text, &at);
+    let has_minus = text.lines().nth(line - 1).is_some_and(|line| line.contains('\u{2212}'));
+    let minus = if has_minus { "; the minus sign U+2212 is not -" } else { "" };
     Error::Scene {
         place: Box::new(Place { file, line_column: Some((line, column)), excerpt: Some(excerpt) }),
         key: "syntax".to_owned(),
-        found: problem.to_owned(),
+        found: format!("{problem}{minus}"),
         allowed: format!("valid {language}"),
     }
 }
@@ -51,7 +55,10 @@ pub(super) fn toml_value(text: &str, origin: &Origin) -> std::result::Result<Tre
         Err(error) if text.trim().starts_with(['[', '{', '"', '\'']) => {
             Err(error.message().to_owned())
         }
-        Err(_) => Ok(bare()),
+        Err(_) => match plain_minus(text) {
+            Cow::Borrowed(_) => Ok(bare()),
+            Cow::Owned(plain) => toml_value(&plain, origin),
+        },
     }
 }
 

@@ -3,7 +3,7 @@
 //!
 //! Lines that begin with `#` and empty lines are comments. A first line of words is a header: it
 //! has to name the columns `energy_keV` and `weight`, in any order; without one they are the
-//! first two columns. SpekPy's text export (a commented header, then energy, photons per keV, and
+//! two columns of the file. SpekPy's text export (a commented header, then energy, photons per keV, and
 //! the part of the lines) is such a file as it is: its rows are equally wide.
 
 use std::path::Path;
@@ -11,7 +11,7 @@ use std::path::Path;
 use super::Spectrum;
 use beamlet_core::csv_table::cells;
 use beamlet_core::error::{Error, Place, Result};
-use beamlet_core::input_file;
+use beamlet_core::{input_file, units};
 
 /// Least sum of weights: with less, products of weights lose their digits.
 const LEAST: f64 = 1e-300;
@@ -20,6 +20,8 @@ const ROWS: usize = 1_000_000;
 /// Most rows of a spectrum: 4 eV each for one up to 60 keV.
 const JOINED: usize = 16_384;
 const COLUMNS: [&str; 2] = ["energy_keV", "weight"];
+/// Comment in the exports of SpekPy, whose columns are known.
+const SPEKPY: &str = "# spekpy version";
 
 pub(super) fn read(path: &Path) -> Result<Spectrum> {
     let text = input_file::text(path)
@@ -34,7 +36,14 @@ pub(super) fn read(path: &Path) -> Result<Spectrum> {
         }
         let [energy, weight] = match order {
             Some(order) => order,
-            None if fields[0].parse::<f64>().is_ok() => *order.insert([0, 1]),
+            None if units::number(fields[0]).is_some() => {
+                if fields.len() > COLUMNS.len() && !text.contains(SPEKPY) {
+                    let found = format!("{} columns without names", fields.len());
+                    let allowed = "two columns, or a header with energy_keV (the middle of each bin) and weight";
+                    return Err(row.error("header", &found, allowed));
+                }
+                *order.insert([0, 1])
+            }
             None => {
                 order = Some(row.header(&fields)?);
                 continue;
@@ -116,8 +125,8 @@ impl<'a> Row<'a> {
     /// A number that is finite and not negative.
     fn number(&self, fields: &[&str], index: usize, key: &str, allowed: &str) -> Result<f64> {
         let field = fields.get(index).copied().unwrap_or("nothing");
-        match field.parse::<f64>() {
-            Ok(number) if number.is_finite() && number >= 0.0 => Ok(number),
+        match units::number(field) {
+            Some(number) if number.is_finite() && number >= 0.0 => Ok(number),
             _ => Err(self.error(key, field, allowed)),
         }
     }

@@ -7,7 +7,7 @@
 
 use super::Spot;
 use beamlet_core::csv_table::cells;
-use beamlet_core::{Error, Place, Result, input_file};
+use beamlet_core::{Error, Place, Result, input_file, units};
 use ndarray::Array2;
 use std::path::Path;
 
@@ -67,8 +67,8 @@ impl MeasuredProfile {
             let number = |i: usize, allowed: &str| {
                 let found = cells.get(order[i]).copied().unwrap_or("nothing");
                 let key = [if round { "radius_um" } else { "position_um" }, VALUE][i];
-                match found.parse::<f64>() {
-                    Ok(number) if number.is_finite() && number >= 0.0 => Ok(number),
+                match units::number(found) {
+                    Some(number) if number.is_finite() && number >= 0.0 => Ok(number),
                     _ => Err(refuse(index + 1, key, found, allowed)),
                 }
             };

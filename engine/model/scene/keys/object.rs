@@ -20,7 +20,7 @@ keys! { OBJECT: Object, "object", [Forms(&[&["shape"], &["mesh", "unit", "group"
         MESH, Required, r#""rod.stl""#, "A closed triangle mesh: .stl, .obj, .ply, .3mf.";
     unit at Object { geometry: ShapeOrMesh::Mesh(Mesh::File { unit, .. }), .. } =>
         Unit, Without("required with `mesh`; none for 3MF"), r#""mm""#,
-        "Length of 1.0 in the mesh file: a unit, or a length such as `\"25.4 mm\"`.";
+        "Length of 1.0 in the mesh file: a unit, `\"inch\"`, or a length such as `\"25.4 mm\"`.";
     group at Object { geometry: ShapeOrMesh::Mesh(Mesh::File { group, .. }), .. } =>
         GROUP, Without("all of the file"), r#""lens""#,
         "An object, group or material of an OBJ or 3MF file.";

@@ -96,7 +96,7 @@ fn kind(kind: &Kind) -> Value {
         Kind::Step => quantity(&[Dimension::Length, Dimension::Angle], super::row::ANY),
         Kind::Unit => {
             let units = Dimension::Length.units().map(escaped).collect::<Vec<_>>().join("|");
-            json!({ "type": "string", "pattern": format!("^\\s*([0-9.][0-9.eE+-]*\\s*)?({units})\\s*$") })
+            json!({ "type": "string", "pattern": format!("^\\s*(([0-9.][0-9.eE+-]*\\s*)?({units})|inch|inches)\\s*$") })
         }
         Kind::Pair(range) => {
             let one = quantity(&[Dimension::Length], *range);

@@ -11,7 +11,7 @@ use std::path::Path;
 pub fn offsets(list_or_file: &str) -> Result<Vec<f64>> {
     let path = Path::new(list_or_file);
     // A word that begins with no number can only be meant as the name of a file.
-    let begins = |c: char| c.is_ascii_digit() || "+-.,".contains(c);
+    let begins = |c: char| c.is_ascii_digit() || "+-.,\u{2212}".contains(c);
     let named = !list_or_file.trim().is_empty() && !list_or_file.trim_start().starts_with(begins);
     let text = if path.is_file() || named {
         let problem =
@@ -24,7 +24,7 @@ pub fn offsets(list_or_file: &str) -> Result<Vec<f64>> {
         .lines()
         .map(|line| line.split('#').next().unwrap_or_default())
         .flat_map(|line| line.split([',', ';', '\t']))
-        .map(str::trim)
+        .map(|word| word.trim().trim_matches('"').trim())
         .filter(|word| !word.is_empty());
     let offsets: Vec<f64> = words
         .enumerate()
