@@ -2,6 +2,7 @@
 
 use super::defects::{self, DefectCount, Defects, MOST_PAIRS};
 use super::joins::{join_corners, nearest_corners};
+use super::junctions::divide_at_junctions;
 use super::placement;
 use super::repeated::remove_repeated;
 use super::search::Search;
@@ -72,6 +73,14 @@ pub(super) fn examine(
         let twice = defects::duplicate(&surface);
         if remove_repeated(&mut surface, &edges) > 0 {
             repeated = Some(twice);
+            edges = topology::edges(&surface);
+        }
+        let divided = divide_at_junctions(&mut surface, &edges, step);
+        if divided > 0 {
+            let s = if divided == 1 { "" } else { "s" };
+            warnings.push(format!(
+                "{divided} edge{s} with corners of neighbours in the middle (T-junctions) were divided there"
+            ));
             edges = topology::edges(&surface);
         }
         apart = nearest_corners(&surface, &edges, step);

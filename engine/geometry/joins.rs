@@ -12,13 +12,13 @@ use super::tree::Tree;
 use beamlet_core::numbers;
 
 /// Distance over which corners are joined, units of the last place of f32 at the size of the surface.
-const UNITS: f64 = 4.0;
+pub(super) const UNITS: f64 = 4.0;
 /// Share of the shortest edge at a corner within which it is joined to another.
 const OF_EDGE: f64 = 0.25;
 /// Growth of the distance within which a nearest corner is searched.
 const GROWTH: f64 = 4.0;
 /// Corners at open edges above which the nearest are not searched.
-const MOST: usize = 200_000;
+pub(super) const MOST: usize = 200_000;
 
 /// Joined corners of a surface.
 #[derive(Debug)]
@@ -122,16 +122,16 @@ fn in_order(a: DVec3, b: DVec3) -> std::cmp::Ordering {
 }
 
 /// Vertices at edges that have more triangles one way than the other.
-struct Corners {
+pub(super) struct Corners {
     /// Ascending.
-    vertices: Vec<u32>,
+    pub(super) vertices: Vec<u32>,
     /// About the middle of them all.
-    places: Vec<DVec3>,
-    tree: Tree,
+    pub(super) places: Vec<DVec3>,
+    pub(super) tree: Tree,
 }
 
 impl Corners {
-    fn of(surface: &Surface, edges: &[Edge]) -> Self {
+    pub(super) fn of(surface: &Surface, edges: &[Edge]) -> Self {
         let mut vertices: Vec<u32> = edges
             .chunk_by(|a, b| a.key == b.key)
             .filter(|edge| !is_balanced(edge))

@@ -1,6 +1,6 @@
 //! Geometry of the sample: welded, closed, oriented triangle surfaces in world metres.
 //!
-//! `load` reads the objects of a scene (`mesh_file`, `shapes`), welds and places them (`joins`,
+//! `load` reads the objects of a scene (`mesh_file`, `shapes`), welds and places them (`joins`, `junctions`,
 //! `repeated`), unites touching parts of a mesh (`united`), refuses open and self-crossing meshes
 //! (`examined`, `defects`, `trial`), turns inside-out ones (`body`, `orientation`), cuts away volumes
 //! covered by later objects (`overlap`), and finds which object surrounds which (`nesting`).
@@ -17,6 +17,7 @@ mod distance;
 mod examined;
 mod export;
 mod joins;
+mod junctions;
 mod kinks;
 mod lids;
 pub mod load;

@@ -5,6 +5,7 @@ use beamlet_core::numbers;
 use beamlet_core::units::Dimension::Length;
 use glam::{DAffine3, DVec3};
 use rayon::prelude::*;
+use std::collections::BTreeMap;
 
 /// Peak bytes per triangle of a mesh while it is read and welded, as measured.
 pub const PEAK_PER_TRIANGLE: u64 = 160;
@@ -208,6 +209,18 @@ impl Surface {
             .collect();
         self.keep(|triangle| !lines[triangle]);
         dropped
+    }
+
+    /// Puts parts in the place of triangles; they keep the number of their triangle.
+    pub(super) fn replace_triangles(&mut self, parts: &BTreeMap<u32, Vec<[u32; 3]>>) {
+        let (mut triangles, mut numbers) = (Vec::new(), Vec::new());
+        for (triangle, at) in self.triangles.iter().zip(0..) {
+            let own = parts.get(&at).map_or(std::slice::from_ref(triangle), Vec::as_slice);
+            triangles.extend(own);
+            numbers.extend(own.iter().map(|_| self.number(at)));
+        }
+        self.triangles = triangles;
+        self.numbers = numbers;
     }
 
     /// Keeps the triangles that are wanted, and their vertices.
