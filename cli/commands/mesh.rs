@@ -6,6 +6,7 @@ use crate::args::Mesh as Arguments;
 use crate::failure::Failure;
 use crate::progress::Reporter;
 use beamlet::Control;
+use beamlet::cli_support::printed::number;
 use beamlet::geometry::{NamedMesh, write_meshes};
 use beamlet::scene::{Beam, Mesh, MeshFormat, Object, Scene};
 use std::io::Write;
@@ -117,7 +118,7 @@ pub(super) fn write(
     writeln!(out, "{}", beamlet::cli_support::printed::path(path))?;
     for mesh in filled {
         let (name, count) = (&mesh.name, mesh.triangles.len());
-        writeln!(out, "  {name}: {count} triangles, {:.6} mm3", mesh.volume() * 1e9)?;
+        writeln!(out, "  {name}: {count} triangles, {} mm3", number(mesh.volume() * 1e9))?;
     }
     Ok(())
 }

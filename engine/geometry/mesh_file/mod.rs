@@ -4,8 +4,12 @@ mod file;
 mod names;
 mod obj;
 mod ply;
+mod ply_elements;
+mod ply_text;
 mod stl;
+mod stl_text;
 mod threemf;
+mod words;
 
 use std::borrow::Cow;
 use std::path::Path;

@@ -58,12 +58,23 @@ impl Names {
     /// Which labels go by a name.
     ///
     /// # Errors
-    /// None does.
+    /// None does; an object and a group or material with other triangles have the name.
     pub(super) fn taken(&self, group: &str) -> Result<Vec<bool>, Defect> {
-        let taken: Vec<bool> =
-            self.labels.iter().map(|label| label.names().any(|name| name == group)).collect();
-        if taken.contains(&true) {
-            return Ok(taken);
+        let is_name = |name: &String| name == group;
+        let meant = |of: &dyn Fn(&Label) -> bool| self.labels.iter().map(of).collect::<Vec<bool>>();
+        let meanings = [
+            ("an object", meant(&|label| label.objects.iter().any(is_name))),
+            ("a group", meant(&|label| label.groups.iter().any(is_name))),
+            ("a material", meant(&|label| label.material.iter().any(is_name))),
+        ];
+        let mut meanings = meanings.into_iter().filter(|(_, taken)| taken.contains(&true));
+        if let Some((meaning, taken)) = meanings.next() {
+            let Some((other, _)) = meanings.find(|(_, others)| *others != taken) else {
+                return Ok(taken);
+            };
+            let name = printed::line(group);
+            let problem = format!("\"{name}\" is {meaning} and {other} with other triangles");
+            return Err(Defect::new(problem, "rename one of them in the file"));
         }
         let mut all: Vec<&str> = Vec::new();
         for name in self.labels.iter().flat_map(Label::names) {

@@ -1,5 +1,6 @@
-//! Wavefront OBJ files: positions, faces, and the names of objects, groups and materials.
-//! Everything else is ignored, material libraries and colours of vertices included.
+//! Wavefront OBJ files: positions, faces, and the names of objects, groups and materials. Free-form
+//! surfaces get a warning, and other files that one calls are refused. Everything else is ignored,
+//! material libraries and colours of vertices included.
 //!
 //! `tobj` reads them, after a first look that names the line of whatever is wrong and leaves
 //! texture and normal indices out: `tobj` reports no lines, and overflows on some indices.
@@ -23,6 +24,8 @@ const CORNERS: usize = 1_000_000;
 const LARGE: usize = 1000;
 /// Lines, or faces, between two reports of how far reading is.
 const REPORT: usize = 1 << 14;
+/// Words of lines that are free-form surfaces, the last three in old files.
+const SURFACES: [&str; 4] = ["surf", "bzp", "bsp", "cdp"];
 /// Words of lines that name what follows.
 const NAMING: [&str; 3] = ["o", "g", "usemtl"];
 /// Share of the first look in the time to read a file; then `tobj`, then the cutting of faces.
@@ -37,7 +40,13 @@ pub(super) fn parse(bytes: &[u8], task: Task<'_>) -> Result<MeshFile, Defect> {
     let share = |share: f64| {
         task.reach(numbers::whole::<u64>(share * bytes.len() as f64));
     };
-    let Vetted { plain, faces, mut names } = vetted(&text, |done| share(FIRST_LOOK * done))?;
+    let Vetted { plain, faces, mut names, surfaces } =
+        vetted(&text, |done| share(FIRST_LOOK * done))?;
+    if faces.is_empty() && surfaces > 0 {
+        let problem =
+            format!("it has free-form surfaces ({surfaces}) and no faces; export it with faces");
+        return Err(Defect::new(problem, ""));
+    }
     share(FIRST_LOOK);
     let options = tobj::LoadOptions { triangulate: false, ..tobj::LoadOptions::default() };
     let no_materials = |_: &Path| Err(tobj::LoadError::GenericFailure);
@@ -62,7 +71,11 @@ pub(super) fn parse(bytes: &[u8], task: Task<'_>) -> Result<MeshFile, Defect> {
             }
         }
     }
-    Ok(MeshFile { surface, names, ..MeshFile::default() })
+    let unread = || {
+        format!("free-form surfaces of the file ({surfaces}) are not read: export them as faces")
+    };
+    let warnings = (surfaces > 0).then(unread).into_iter().collect();
+    Ok(MeshFile { surface, names, warnings, ..MeshFile::default() })
 }
 
 /// Index ranges of the faces.
@@ -92,10 +105,12 @@ fn cut_large(mesh: &tobj::Mesh) -> HashMap<usize, Result<Vec<[usize; 3]>, String
 /// Result of the first look at a file.
 #[derive(Default)]
 struct Vetted {
-    /// Positions and faces with position indices alone.
+    /// Positions, then faces with position indices alone.
     plain: String,
     faces: Vec<Face>,
     names: Names,
+    /// Number of free-form surfaces.
+    surfaces: usize,
 }
 
 /// Position of a face, and the number of its label.
@@ -112,6 +127,9 @@ fn vetted(text: &str, progress: impl Fn(f64)) -> Result<Vetted, Defect> {
     // Of the label, once a face has it.
     let mut label_number = None;
     let mut vertices = 0;
+    let mut faces = String::with_capacity(text.len() / 2);
+    // Largest index of a vertex, and the defect where there is no such vertex.
+    let mut highest = (0, Defect::new("", ""));
     let mut lines = text.lines().zip(1_usize..);
     while let Some((line, number)) = lines.next() {
         if number % REPORT == 0 {
@@ -143,16 +161,31 @@ fn vetted(text: &str, progress: impl Fn(f64)) -> Result<Vetted, Defect> {
                 // Writing to a string cannot fail; f64 texts read back to the same bits.
                 let _ = writeln!(vetted.plain, "v {x:?} {y:?} {z:?}");
             }
-            Some("f") => {
-                face(words, vertices, &mut vetted.plain).map_err(failed)?;
+            // Old files have "fo".
+            Some("f" | "fo") => {
+                let index = face(words, vertices, &mut faces).map_err(failed)?;
+                if index > highest.0 {
+                    highest = (index, failed(format!("\"{index}\" is not a vertex")));
+                }
                 let names = &mut vetted.names;
                 let label = *label_number.get_or_insert_with(|| names.number(&label));
                 vetted.faces.push(Face { line: number, label });
             }
             Some(word) if is_name(word, line, &mut label) => label_number = None,
+            Some(word) if SURFACES.contains(&word) => vetted.surfaces += 1,
+            Some(word @ ("call" | "csh")) => {
+                let problem = format!("\"{word}\" takes content from elsewhere; allowed: one file");
+                return Err(failed(problem));
+            }
             _ => {}
         }
     }
+    let (index, defect) = highest;
+    if index > vertices {
+        let problem = format!("{}: the file has {vertices}", defect.problem);
+        return Err(Defect { problem, ..defect });
+    }
+    vetted.plain.push_str(&faces);
     Ok(vetted)
 }
 
@@ -189,16 +222,18 @@ fn position<'a>(mut words: impl Iterator<Item = &'a str>) -> Result<[f64; 3], St
     Ok([x, y, z])
 }
 
-/// Adds a face of these corners to the text.
+/// Adds a face of these corners to the text; returns the largest index of a vertex.
 fn face<'a>(
     words: impl Iterator<Item = &'a str>,
     vertices: usize,
     plain: &mut String,
-) -> Result<(), String> {
+) -> Result<usize, String> {
     plain.push('f');
-    let mut corners = 0;
+    let (mut corners, mut largest) = (0, 0);
     for word in words {
-        let _ = write!(plain, " {}", corner(word, vertices)?);
+        let index = corner(word, vertices)?;
+        largest = largest.max(index);
+        let _ = write!(plain, " {index}");
         corners += 1;
         if corners > CORNERS {
             return Err(format!("a face has more than {CORNERS} corners; cut it into several"));
@@ -208,7 +243,7 @@ fn face<'a>(
         return Err(format!("a face needs at least 3 corners, this one has {corners}"));
     }
     plain.push('\n');
-    Ok(())
+    Ok(largest)
 }
 
 /// True if a line names what follows; takes the name.
@@ -236,15 +271,15 @@ fn shown(line: &str) -> String {
     line.chars().take(60).collect()
 }
 
-/// The vertex, from 1, of a corner "vertex/texture/normal" that counts from 1, or from -1
-/// backwards.
+/// The vertex, from 1, of a corner "vertex/texture/normal" that counts all vertices of the file from 1, or
+/// those before the line backwards from -1.
 fn corner(word: &str, vertices: usize) -> Result<usize, String> {
     let bad =
         || format!("\"{}\" is not a vertex: {vertices} are given before this line", shown(word));
     let index: i64 = word.split('/').next().unwrap_or_default().parse().map_err(|_| bad())?;
     let back = usize::try_from(index.unsigned_abs()).map_err(|_| bad())?;
     match index {
-        1.. if back <= vertices => Ok(back),
+        1.. => Ok(back),
         ..=-1 => vertices.checked_sub(back).map(|place| place + 1).ok_or_else(bad),
         _ => Err(bad()),
     }

@@ -1,22 +1,21 @@
 //! PLY files, binary and text: vertices and faces. Other elements and properties are passed over.
 //!
-//! `ply-rs-bw` reads them, after a look at the header that holds its counts to the length of the
+//! `ply-rs-bw` reads them (the rows of text: `ply_text`), after a look at the header that holds its counts to the length of the
 //! file: elements without properties take no bytes, and would come without end.
 
 use std::borrow::Cow;
 use std::io::{Cursor, Read};
 use std::path::Path;
 
-use glam::DVec3;
 use ply_rs_bw::parser::{ParseError, Parser, Reader};
-use ply_rs_bw::ply::{
-    Encoding, Header, Property, PropertyAccess, PropertyAccessResult, PropertyType, ScalarType,
-};
+use ply_rs_bw::ply::{Encoding, Header, PropertyType, ScalarType};
 
+use super::ply_elements::{CORNERS, Face, Other, Vertex};
+use super::ply_text;
 use crate::polygon;
 use crate::surface::{Defect, Surface};
 use beamlet_core::watch::Task;
-use beamlet_core::{input_file, printed};
+use beamlet_core::{input_file, numbers, printed};
 
 /// Peak bytes per byte of a file while it is read: a triangle is a line of eight characters, or 13
 /// bytes, and is held as a list, and as three corners.
@@ -27,8 +26,6 @@ const REPORT: usize = 1 << 14;
 const PARSED: f64 = 0.7;
 /// Most bytes of a header that is looked for in a file.
 const HEADER: usize = 1 << 16;
-/// Names of the list of corners of a face.
-const CORNERS: [&str; 2] = ["vertex_indices", "vertex_index"];
 
 /// Reads a PLY file. Not yet welded.
 pub(super) fn parse(bytes: &[u8], task: Task<'_>) -> Result<Surface, Defect> {
@@ -37,7 +34,18 @@ pub(super) fn parse(bytes: &[u8], task: Task<'_>) -> Result<Surface, Defect> {
     let header = Parser::<Other>::new().read_header(&mut reader).map_err(failed)?;
     vet(&header, (bytes.len() as u64).saturating_sub(reader.get_ref().position()))?;
     let (mut vertices, mut faces) = (Vec::<Vertex>::new(), Vec::<Face>::new());
-    for (name, element) in &header.elements {
+    let reach = |bytes: u64| {
+        task.reach(numbers::whole(PARSED * bytes as f64));
+    };
+    if header.encoding == Encoding::Ascii {
+        let (head, body) = bytes.split_at(numbers::length(reader.get_ref().position()));
+        let line = 1 + head.iter().filter(|byte| **byte == b'\n').count();
+        let progress = |read: usize| reach((head.len() + read) as u64);
+        (vertices, faces) =
+            ply_text::payload(&String::from_utf8_lossy(body), line, &header, progress)?;
+    }
+    let binary = header.elements.iter().filter(|_| header.encoding != Encoding::Ascii);
+    for (name, element) in binary {
         match name.as_str() {
             "vertex" => {
                 vertices = Parser::new()
@@ -55,12 +63,11 @@ pub(super) fn parse(bytes: &[u8], task: Task<'_>) -> Result<Surface, Defect> {
                     .map_err(failed)?;
             }
         }
-        let share = PARSED * reader.get_ref().position() as f64;
-        task.reach(beamlet_core::numbers::whole(share));
+        reach(reader.get_ref().position());
     }
     surface(&vertices, &faces, |share| {
         let share = (PARSED + (1.0 - PARSED) * share) * bytes.len() as f64;
-        task.reach(beamlet_core::numbers::whole(share));
+        task.reach(numbers::whole(share));
     })
 }
 
@@ -170,23 +177,29 @@ fn failed(error: ParseError) -> Defect {
     Defect::new(format!("not a valid PLY file: {problem}"), place)
 }
 
-/// A file without a byte order mark, and with line feeds in place of carriage returns: in text, and in
-/// the header of a binary file whose first line ends with one.
+/// A file without a byte order mark, with line feeds in place of carriage returns (in text, and in the
+/// header of a binary file whose first line ends with one), and with a header of ASCII: comments have any
+/// encoding.
 fn plain(bytes: &[u8]) -> Result<Cow<'_, [u8]>, Defect> {
     let bytes = input_file::without_mark(bytes);
     let end = b"end_header";
     let head = &bytes[..bytes.len().min(HEADER)];
     let end = head.windows(end.len()).position(|part| part == end).map(|at| at + end.len() + 1);
     let Some(end) = end.filter(|end| *end <= bytes.len()) else { return super::plain(bytes) };
-    if bytes[..end].windows(12).any(|part| part == b"format ascii") {
-        return super::plain(bytes);
+    let is_text = bytes[..end].windows(12).any(|part| part == b"format ascii");
+    let mut plain = if is_text { super::plain(bytes)? } else { Cow::Borrowed(bytes) };
+    let end = end.min(plain.len());
+    let is_old = !is_text && bytes.starts_with(b"ply\r") && bytes.get(4) != Some(&b'\n');
+    if is_old || !plain[..end].is_ascii() {
+        for byte in &mut plain.to_mut()[..end] {
+            match *byte {
+                b'\r' if is_old => *byte = b'\n',
+                0x80.. => *byte = b'?',
+                _ => {}
+            }
+        }
     }
-    if !bytes.starts_with(b"ply\r") || bytes.get(4) == Some(&b'\n') {
-        return Ok(Cow::Borrowed(bytes));
-    }
-    let mut owned = bytes.to_vec();
-    owned[..end].iter_mut().filter(|byte| **byte == b'\r').for_each(|byte| *byte = b'\n');
-    Ok(Cow::Owned(owned))
+    Ok(plain)
 }
 
 /// The header of a file that begins with one.
@@ -210,72 +223,4 @@ pub(super) fn faces_in(path: &Path) -> Option<u64> {
 /// True if a file is a binary PLY file.
 pub(super) fn is_binary(path: &Path) -> bool {
     header_of(path).is_some_and(|header| header.encoding != Encoding::Ascii)
-}
-
-/// An element that is passed over.
-struct Other;
-
-impl PropertyAccess for Other {
-    fn new() -> Self {
-        Self
-    }
-}
-
-struct Vertex(DVec3);
-
-impl PropertyAccess for Vertex {
-    fn new() -> Self {
-        Self(DVec3::NAN)
-    }
-
-    fn set_property(&mut self, name: &str, value: Property) -> PropertyAccessResult {
-        let axis = match name {
-            "x" => &mut self.0.x,
-            "y" => &mut self.0.y,
-            "z" => &mut self.0.z,
-            _ => return PropertyAccessResult::Ignored,
-        };
-        *axis = match value {
-            Property::Char(value) => value.into(),
-            Property::UChar(value) => value.into(),
-            Property::Short(value) => value.into(),
-            Property::UShort(value) => value.into(),
-            Property::Int(value) => value.into(),
-            Property::UInt(value) => value.into(),
-            Property::Float(value) => value.into(),
-            Property::Double(value) => value,
-            _ => return PropertyAccessResult::UnsupportedType,
-        };
-        PropertyAccessResult::Set
-    }
-}
-
-struct Face {
-    corners: Vec<i64>,
-}
-
-impl PropertyAccess for Face {
-    fn new() -> Self {
-        Self { corners: Vec::new() }
-    }
-
-    fn set_property(&mut self, name: &str, value: Property) -> PropertyAccessResult {
-        if !CORNERS.contains(&name) {
-            return PropertyAccessResult::Ignored;
-        }
-        self.corners = match value {
-            Property::ListChar(list) => wide(list),
-            Property::ListUChar(list) => wide(list),
-            Property::ListShort(list) => wide(list),
-            Property::ListUShort(list) => wide(list),
-            Property::ListInt(list) => wide(list),
-            Property::ListUInt(list) => wide(list),
-            _ => return PropertyAccessResult::UnsupportedType,
-        };
-        PropertyAccessResult::Set
-    }
-}
-
-fn wide<T: Into<i64>>(list: Vec<T>) -> Vec<i64> {
-    list.into_iter().map(Into::into).collect()
 }

@@ -6,13 +6,16 @@ use std::path::Path;
 use glam::DVec3;
 
 use super::file::MeshFile;
+use super::stl_text;
 use crate::surface::{Defect, Surface};
-use beamlet_core::input_file;
 use beamlet_core::watch::Task;
+use beamlet_core::{input_file, printed};
 
 const HEADER: usize = 84;
 const RECORD: usize = 50;
-/// Triangles, or lines of text, between two reports of how far reading is.
+/// Bytes of a text that a message shows.
+const WORDS: usize = 20;
+/// Triangles between two reports of how far reading is.
 const REPORT: usize = 1 << 14;
 
 /// Reads an STL file. Three vertices per triangle, not yet welded.
@@ -24,12 +27,21 @@ pub(super) fn parse(bytes: &[u8], task: Task<'_>) -> Result<MeshFile, Defect> {
         return binary(&bytes[HEADER..], None, task).map(MeshFile::of);
     }
     let text = super::plain(bytes)?;
-    // A name in some other encoding than UTF-8 is no reason to refuse a text file.
-    let word = text.trim_ascii_start().get(..5).unwrap_or_default();
     // Zeros at the end may be the count of a binary file that ends there.
     let has_header = bytes[..bytes.len().min(HEADER)].contains(&0);
-    if word.eq_ignore_ascii_case(b"solid") && !text.contains(&0) && !has_header {
-        return ascii(&String::from_utf8_lossy(&text), task).map(MeshFile::of);
+    let is_text = !text.contains(&0) && !has_header;
+    if let Some(solids) = stl_text::solids(&text).filter(|_| is_text) {
+        let above = &text[..text.len() - solids.len()];
+        let line = 1 + above.iter().filter(|byte| **byte == b'\n').count();
+        // A name in some other encoding than UTF-8 is no reason to refuse a text file.
+        let solids = String::from_utf8_lossy(solids);
+        return stl_text::parse(&solids, line, task).map(MeshFile::of);
+    }
+    let is_printed = |byte: &u8| !byte.is_ascii_control() || byte.is_ascii_whitespace();
+    if is_text && text.get(..HEADER).is_some_and(|head| head.iter().all(is_printed)) {
+        let shown = String::from_utf8_lossy(&text[..WORDS]);
+        let problem = format!("a text that begins with \"{}\"", printed::line(&shown));
+        return Err(Defect::new(problem, "an ASCII STL file begins with \"solid\""));
     }
     match (count, promised) {
         (Some(count @ 1..), Some(promised)) if promised < bytes.len() as u64 => {
@@ -136,52 +148,4 @@ fn binary(records: &[u8], starts: Option<&[usize]>, task: Task<'_>) -> Result<Su
         })?;
     }
     Ok(surface)
-}
-
-fn ascii(text: &str, task: Task<'_>) -> Result<Surface, Defect> {
-    let mut surface = Surface::default();
-    let mut corners: Vec<DVec3> = Vec::with_capacity(3);
-    let (mut inside, mut last) = (false, 0);
-    for (index, line) in text.lines().enumerate() {
-        last = index + 1;
-        if index % REPORT == 0 {
-            task.reach((line.as_ptr() as usize - text.as_ptr() as usize) as u64);
-        }
-        let at = |problem: String| Defect::new(problem, format!("line {}", index + 1));
-        let mut words = line.split_ascii_whitespace();
-        let Some(word) = words.next() else { continue };
-        if is(word, "vertex") {
-            corners.push(vertex(words).ok_or_else(|| {
-                at(format!("expected \"vertex x y z\", found \"{}\"", line.trim()))
-            })?);
-        } else if is(word, "endloop") {
-            let found = corners.len();
-            let triangle = <[DVec3; 3]>::try_from(std::mem::take(&mut corners))
-                .map_err(|_| at(format!("a facet has {found} vertices, not 3")))?;
-            surface.push_triangle(triangle).map_err(at)?;
-        } else if is(word, "solid") {
-            inside = true;
-        } else if is(word, "endsolid") {
-            inside = false;
-        } else if !["facet", "outer", "endfacet"].iter().any(|known| is(word, known)) {
-            return Err(at(format!("\"{word}\" is not part of an ASCII STL file")));
-        }
-    }
-    if inside || !corners.is_empty() {
-        return Err(Defect::new(
-            "the file ends before \"endsolid\": truncated",
-            format!("line {last}"),
-        ));
-    }
-    Ok(surface)
-}
-
-fn vertex<'a>(mut words: impl Iterator<Item = &'a str>) -> Option<DVec3> {
-    let mut number = || words.next()?.parse::<f64>().ok();
-    let vertex = DVec3::new(number()?, number()?, number()?);
-    words.next().is_none().then_some(vertex)
-}
-
-fn is(word: &str, keyword: &str) -> bool {
-    word.eq_ignore_ascii_case(keyword)
 }

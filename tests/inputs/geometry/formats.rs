@@ -164,8 +164,44 @@ fn groups_and_materials_of_an_obj_are_taken_by_name() {
         told.contains("is named \"Right\"") && told.contains("did you mean \"right\""),
         "{told}"
     );
+    let two = text.replace("g right", "g iron");
+    let told = read("cubes.obj", two.as_bytes(), Some("iron")).unwrap_err().to_string();
+    assert!(told.contains("is a group and a material with other triangles"), "{told}");
     let merged = read("cubes.obj", text.as_bytes(), None).unwrap().objects[0].warnings.join("");
     assert!(merged.contains("2 groups become one object (\"left half\", \"right\")"), "{merged}");
+}
+
+/// A corner in the middle of an edge that the face beside it has whole.
+#[test]
+fn junctions_divide_the_neighbour() {
+    let text = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nv 0.5 0.5 0\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 5 4\nf 5 3 4\n";
+    let found = read("a.obj", text.as_bytes(), None).unwrap();
+    let object = &found.objects[0];
+    assert!(close(object.volume, 1e-9 / 6.0, 1e-9) && object.triangles == 6, "{object:?}");
+    let warnings = object.warnings.join("");
+    assert!(warnings.contains("1 edge with corners of neighbours in the middle"), "{warnings}");
+    let apart = refused("a.obj", text.replace("0.5 0.5 0", "0.5 0.501 0").as_bytes());
+    assert!(apart.contains("a hole or a gap"), "{apart}");
+}
+
+#[test]
+fn free_form_surfaces_of_an_obj_are_named_and_calls_refused() {
+    let leaf = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n";
+    let surfaces = "cstype bezier\ndeg 1 1\nsurf 0 1 0 1 1 2 3 4\nend\n";
+    let both = read("a.obj", format!("{leaf}{surfaces}").as_bytes(), None).unwrap();
+    assert!(close(both.objects[0].volume, 1e-9 / 6.0, 1e-9));
+    let warnings = both.objects[0].warnings.join("");
+    assert!(warnings.contains("free-form surfaces of the file (1) are not read"), "{warnings}");
+    let vertices = &leaf[..leaf.find('f').unwrap()];
+    for (text, words) in [
+        (format!("{vertices}{surfaces}"), &["free-form surfaces (1) and no faces"][..]),
+        (format!("{leaf}call rest.obj\n"), &["\"call\"", "line 9"]),
+        (leaf.replace("f 2 3 4", "f 2 3 5"), &["\"5\" is not a vertex: the file has 4", "line 8"]),
+        (format!("f -1 -2 -3\n{leaf}"), &["\"-1\" is not a vertex: 0 are given before", "line 1"]),
+    ] {
+        let told = refused("a.obj", text.as_bytes());
+        assert!(words.iter().all(|word| told.contains(word)), "{text}: {told}");
+    }
 }
 
 /// A name may hold #, which begins a comment only where no name is.
@@ -218,10 +254,50 @@ fn a_ply_in_text_or_of_either_byte_order_is_the_same() {
             corners.iter().for_each(|it: &i32| bytes.extend(order(it.to_be_bytes().to_vec())));
             bytes.extend([0; 4]);
         }
+        // A comment in the encoding of Windows.
+        let place = bytes.windows(7).position(|part| part == b"by hand").unwrap();
+        bytes[place] = 0xf6;
         let binary = read("a.ply", &bytes, None).unwrap();
         assert_eq!((&text.vertices, &text.triangles), (&binary.vertices, &binary.triangles));
         let told = refused("a.ply", &bytes[..bytes.len() - 5]);
         assert!(told.contains("end of file") || told.contains("truncated"), "{told}");
+    }
+}
+
+/// Right in all of these files: 1/6 of a unit.
+#[test]
+fn text_has_any_line_ends_and_any_words_where_nothing_is_read() {
+    let stl = "solid a\nfacet normal 0 0 -1\nouter loop\nvertex 0 0 0\nvertex 0 1 0\nvertex 1 0 0\n\
+        endloop\nendfacet\nfacet normal nan\nouter loop\nvertex 0 0 0\nvertex 1 0 0\nvertex 0 0 1\n\
+        endloop\nendfacet\nendsolid a\nsolid b\nfacet normal x\nouter loop\nvertex 0 0 0\nvertex 0 0 1\n\
+        vertex 0 1 0\nendloop\nendfacet\nfacet normal 1 1 1\nouter loop\nvertex 1 0 0\nvertex 0 1 0\n\
+        vertex 0 0 1\nendloop\nendfacet\nendsolid b\n";
+    let obj = "f 1 3 2\nf 1 2 4\nfo 1 4 3\nv 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf -3 -2 -1\n";
+    let body = TEXT_PLY.find("0 0 0 9").unwrap();
+    let (head, rows) = TEXT_PLY.split_at(body);
+    for (name, text) in [
+        ("lines.stl", stl.to_owned()),
+        ("line.stl", stl.replace('\n', " ")),
+        ("tabs.stl", stl.replace('\n', "\r\n\t")),
+        ("comments.stl", format!("# by hand\n\n; twice\n{stl}")),
+        ("faces_first.obj", obj.to_owned()),
+        ("line.ply", format!("{head}{}", rows.replace('\n', " "))),
+        ("words.ply", TEXT_PLY.replace("0.5", "nan").replace(" 9\n", " -1.#IND\n")),
+    ] {
+        let found = read(name, text.as_bytes(), None).unwrap();
+        assert!(close(found.objects[0].volume, 1e-9 / 6.0, 1e-9), "{name}");
+    }
+    for (text, words) in [
+        (stl.replacen("vertex 0 1 0", "vertex 0 1", 1), &["found \"vertex 0 1\"", "line 5"][..]),
+        (stl.replacen("vertex 0 1 0", "vertex 0 1 0 4", 1), &["vertex 0 1 0 4", "line 5"]),
+        (stl.replace('\n', " ").replacen("0 1 0", "0 1 u", 1), &["vertex 0 1 u", "line 1"]),
+        (stl.replacen("vertex 0 1 0", "", 1), &["2 vertices, not 3", "line 7"]),
+        (stl.replace("endsolid b", ""), &["before \"endsolid\"", "line 31"]),
+        (stl.replacen("outer", "inner", 1), &["\"inner\" is not part", "line 3"]),
+        (format!("by hand\n{stl}"), &["begins with \"by hand", "begins with \"solid\""]),
+    ] {
+        let told = refused("a.stl", text.as_bytes());
+        assert!(words.iter().all(|word| told.contains(word)), "{text}: {told}");
     }
 }
 
@@ -238,7 +314,8 @@ fn a_broken_ply_tells_what_and_where() {
         ("3 1 2 3", "3 1 2 -3", &["-3 is not a vertex", "face 4"]),
         ("3 1 2 3", "2 1 2", &["has 2", "face 4"]),
         ("1 0 0 9", "1 zero 0 9", &["not a valid PLY", "line 14"]),
-        ("1 0 0 9", "inf 0 0 9", &["not a valid PLY", "line 14"]),
+        ("1 0 0 9", "inf 0 0 9", &["not finite", "triangle 1"]),
+        ("1 0 0 9", "1 0 0", &["no value of red", "line 14"]),
         ("end_header\n", "element other 4000000000\nend_header\n", &["\"other\" need"]),
     ] {
         assert!(TEXT_PLY.contains(from));
