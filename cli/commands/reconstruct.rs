@@ -57,11 +57,9 @@ fn work(
     to.check(&source.input)?;
     plan.check(&source.input)?;
     let geometry = source.input.geometry();
-    let repeated = geometry.repeated_views().filter(|_| matches!(plan.method, Method::Fbp(_)));
-    if let Some(repeated) = repeated {
-        log::warn!(
-            "the views cover more than a turn: {repeated} of them repeat a direction and share its weight"
-        );
+    let repeated = geometry.repeated_views();
+    if repeated > 0 && matches!(plan.method, Method::Fbp(_)) {
+        log::warn!("{repeated} views repeat the direction of another and share its weight");
     }
     if arguments.dry_run {
         reporter.doing("measuring a part of the projections");

@@ -9,6 +9,7 @@ use crate::set_up::{
 use crate::support::Worst;
 use beamlet::ndarray::{Array3, s};
 use beamlet::reconstruct::{FbpOptions, Filter, Quantity, ScanGeometry, VolumeGrid};
+use std::f64::consts::TAU;
 
 const TOLERANCE: f64 = 1e-3;
 
@@ -31,19 +32,31 @@ fn parallel_beams_and_wide_fans_over_a_turn() {
 }
 
 /// Views 2° apart: 0° to 360° with both ends, further, and two turns, of which the second repeats the
-/// first.
+/// first; two exposures at each angle; a turn of golden angles.
 #[test]
-fn views_over_more_than_a_turn_share_the_weight_of_a_direction() {
+fn repeated_views_share_the_weight_of_a_direction() {
     for (count, repeated) in [(181, 1), (200, 20), (360, 180)] {
-        assert_eq!(fan(count).repeated_views(), Some(repeated));
+        assert_eq!(fan(count).repeated_views(), repeated);
         compare(&fan(count), TOLERANCE, "fan of ±26°, more than a turn");
     }
-    assert_eq!(fan(180).repeated_views(), None);
+    assert_eq!(fan(180).repeated_views(), 0);
+    for count in [180, 118] {
+        let mut geometry = fan(count);
+        geometry.angles = geometry.angles.iter().flat_map(|angle| [*angle; 2]).collect();
+        assert_eq!(geometry.repeated_views(), geometry.angles.len() / 2);
+        compare(&geometry, TOLERANCE, "fan of ±26°, two exposures at each angle");
+    }
+    let mut geometry = fan(233);
+    for (view, angle) in geometry.angles.iter_mut().enumerate() {
+        *angle = (view as f64 * 0.618_033_988_7).fract() * TAU;
+    }
+    assert_eq!(geometry.repeated_views(), 0);
+    compare(&geometry, TOLERANCE, "fan of ±26°, golden angles");
     // A second turn in between the views of the first, in any order.
     let mut geometry = fan(180);
     geometry.angles.extend(fan(180).angles.iter().map(|angle| angle + 361_f64.to_radians()));
     geometry.angles.swap(7, 250);
-    assert_eq!(geometry.repeated_views(), Some(0));
+    assert_eq!(geometry.repeated_views(), 0);
     compare(&geometry, TOLERANCE, "fan of ±26°, two turns");
 }
 

@@ -1,6 +1,6 @@
 //! Weights of views and columns: views over a whole turn see each line twice, but for lines that pass
-//! beyond the shorter side of the detector (half-fan); views over less share it by Parker's weights. Over
-//! more than a turn, as with both ends of one, views of one direction share its weight.
+//! beyond the shorter side of the detector (half-fan); views over less share it by Parker's weights. Views of
+//! one direction share its weight: repeated exposures, both ends of a turn, several turns.
 
 use super::geometry::ScanGeometry;
 use beamlet_core::numbers::whole;
@@ -37,7 +37,7 @@ struct HalfFan {
 /// Distance of the axis from the middle of the detector from which on a scan over a whole turn is taken
 /// for a half-fan, as a share of the width.
 const HALF_FAN: f64 = 0.1;
-/// Views over more than a turn have one direction up to this angle, rad.
+/// Angle up to which views have one direction, rad.
 const SAME: f64 = 1e-6;
 /// Least ramp of a half-fan, as a share of its shorter side.
 const RAMP: f64 = 0.25;
@@ -67,9 +67,9 @@ struct Circle {
 }
 
 impl Circle {
-    /// Views by their angles, each a direction of its own.
+    /// Views by their directions.
     fn of(angles: &[f64]) -> Self {
-        Self::sorted(angles.iter().copied().zip(0..).collect(), -1.0)
+        Self::sorted(angles.iter().copied().zip(0..).collect())
     }
 
     /// Views over more than a turn by their directions in one.
@@ -79,17 +79,17 @@ impl Circle {
             let turned = (angle - first).rem_euclid(TAU);
             first + if TAU - turned < SAME { 0.0 } else { turned }
         });
-        Self::sorted(wrapped.zip(0..).collect(), SAME)
+        Self::sorted(wrapped.zip(0..).collect())
     }
 
-    /// Views with their angles; those that are at most `same` apart are one direction.
-    fn sorted(mut angles: Vec<(f64, usize)>, same: f64) -> Self {
+    /// Views with their angles.
+    fn sorted(mut angles: Vec<(f64, usize)>) -> Self {
         angles.sort_by(|a, b| a.0.total_cmp(&b.0));
         let (first, mut last) = (angles[0].0, angles[0].0);
         let (mut views, mut gaps) = (vec![vec![angles[0].1]], Vec::new());
         for (angle, view) in &angles[1..] {
             match views.last_mut() {
-                Some(of_last) if angle - last <= same => of_last.push(*view),
+                Some(of_last) if angle - last <= SAME => of_last.push(*view),
                 _ => {
                     gaps.push(angle - last);
                     views.push(vec![*view]);
@@ -108,8 +108,9 @@ impl Circle {
         self.width + self.step
     }
 
+    /// True if the last view has the direction of the first, or is beyond it.
     fn is_more_than_a_turn(&self) -> bool {
-        self.span() > TAU + self.step / 2.0
+        self.width > TAU - SAME
     }
 
     /// Angle that each view stands for, rad.
@@ -265,15 +266,14 @@ impl Redundancy {
 }
 
 impl ScanGeometry {
-    /// Where the views of a circle cover more than a turn: how many of them repeat a direction, 1 for angles
-    /// from 0° to 360° with both ends. [`fbp`](super::fbp()) lets them share its weight.
+    /// Number of views of a circle that repeat the direction of another: 1 for angles from 0° to 360° with both
+    /// ends, half of the views for two exposures at each angle. [`fbp`](super::fbp()) lets them share its weight.
     #[must_use]
-    pub fn repeated_views(&self) -> Option<usize> {
+    pub fn repeated_views(&self) -> usize {
         if self.motions.is_some() || self.angles.is_empty() {
-            return None;
+            return 0;
         }
-        let is_more = Circle::of(&self.angles).is_more_than_a_turn();
-        is_more.then(|| self.angles.len() - Circle::of_one_turn(&self.angles).views.len())
+        self.angles.len() - Circle::of_one_turn(&self.angles).views.len()
     }
 
     /// Columns of a detector that were as wide to either side of the axis as to the longer one, in a whole

@@ -5,6 +5,8 @@ use std::f64::consts::TAU;
 
 /// Gap between angles beyond which views do not go all the way round, in median steps.
 const GAP: f64 = 5.0;
+/// Angle up to which views have one direction, rad.
+const SAME: f64 = 1e-6;
 /// Largest difference of heights, m, and of directions that count as equal.
 const EQUAL: f64 = 1e-9;
 
@@ -33,10 +35,11 @@ impl Circle {
         let count = sorted.len();
         let next = |n: usize| if n + 1 < count { sorted[n + 1].0 } else { sorted[0].0 + TAU };
         let gaps: Vec<f64> = (0..count).map(|n| next(n) - sorted[n].0).collect();
-        let mut ascending = gaps.clone();
+        // Repeated exposures have no gap.
+        let mut ascending: Vec<f64> = gaps.iter().copied().filter(|gap| *gap > SAME).collect();
         ascending.sort_by(f64::total_cmp);
         let widest = (0..count).max_by(|a, b| gaps[*a].total_cmp(&gaps[*b])).unwrap_or(0);
-        let step = ascending[count / 2].max(f64::MIN_POSITIVE);
+        let step = ascending.get(ascending.len() / 2).copied().unwrap_or(f64::MIN_POSITIVE);
         sorted.rotate_left((widest + 1) % count);
         let first = sorted[0].0;
         let from_first = |(angle, _): &(f64, usize)| first + (angle - first).rem_euclid(TAU);
