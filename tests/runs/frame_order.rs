@@ -43,7 +43,7 @@ fn grid(views: [usize; 3], steps: [usize; 3]) -> Vec<String> {
 fn frames_are_in_the_order_of_all_numbers_with_signs_and_decimals() {
     let grid = grid([8, 9, 10], [9, 10, 11]);
     let grid: Vec<&str> = grid.iter().map(String::as_str).collect();
-    let lists: [&[&str]; 16] = [
+    let lists: [&[&str]; 30] = [
         &grid,
         &["scan_-10um", "scan_0um", "scan_10um"],
         &["f_-2.0um", "f_2.0um", "f_10.0um"],
@@ -64,6 +64,23 @@ fn frames_are_in_the_order_of_all_numbers_with_signs_and_decimals() {
         // More digits than u64 holds.
         &["f_99999999999999999999", "f_100000000000000000000"],
         &["a", "b", "c"],
+        // Exponents.
+        &["pos_5e-06", "pos_1e-05", "pos_1.5e-05", "pos_2e-05"],
+        &["pos_-1e-06", "pos_1e-06", "pos_1E-05", "pos_1e-04"],
+        &["x1.5e-7m", "x2e-07m", "x1e+00m", "x1e+02m"],
+        &["sample2e-1", "sample2e-2", "sample2e-3"],
+        // A running number behind one that several frames share.
+        &["p0_f0", "p5_f1", "p10_f2", "p5_f3", "p0_f4"],
+        &["s0_v0_n1", "s1_v0_n2", "s0_v1_n3", "s1_v1_n4"],
+        // Times of day whose parts roll over.
+        &["t_2026-01-31_23-59-48", "t_2026-01-31_23-59-55", "t_2026-02-01_00-00-02"],
+        &["t_20260101_105941", "t_20260101_105948", "t_20260101_110100"],
+        &["20260101105941_k1", "20260101105948_k2", "20260101110100_k3"],
+        &["10_59_41", "10_59_48", "10_59_55", "11_00_02", "11_00_09"],
+        &["105941.5", "105948.5", "105955.5", "110002.5"],
+        &["20260101T105941_998", "20260101T105942_003", "20260101T105942_007"],
+        &["2026-01-31", "2026-02-01", "2026-02-03"],
+        &["v0_20260101_105941", "v0_20260101_105948", "v1_20260101_110100"],
     ];
     for names in lists {
         let folder = folder(names);
@@ -98,7 +115,7 @@ fn names_whose_order_is_not_known_are_refused_with_the_names() {
     let incomplete: Vec<String> =
         grid([1, 2, 3], [0, 1, 2]).into_iter().filter(|name| name != "view2_step1").collect();
     let incomplete: Vec<&str> = incomplete.iter().map(String::as_str).collect();
-    let cases: [(&[&str], &[&str]); 12] = [
+    let cases: [(&[&str], &[&str]); 14] = [
         (&["f_1", "f_01"], &["f_01.tif and f_1.tif", "the same"]),
         (&["f_0", "f_-0", "f_1"], &["f_-0.tif and f_0.tif", "the same"]),
         (&["f_0", "f_1", "f_3"], &["f_1.tif", "f_3.tif: number 2 is missing"]),
@@ -111,6 +128,9 @@ fn names_whose_order_is_not_known_are_refused_with_the_names() {
         (&["f_500nm", "f_1um"], &["f_1um.tif", "f_500nm.tif", "more than numbers"]),
         (&["f_1.2", "f_1.9", "f_1.10"], &["f_1.10.tif", "different numbers of decimals"]),
         (&["2026-11-24_1", "2026_11-24_2"], &["more than numbers"]),
+        // Views, steps and repeats, one of which is missing: no times.
+        (&["00_00_00", "00_00_01", "00_01_00", "01_00_00"], &["is missing"]),
+        (&["f_1e+300", "f_1e-300"], &["more than 37 digits"]),
     ];
     for (names, words) in cases {
         let folder = folder(names);

@@ -2,6 +2,7 @@
 
 mod name;
 mod order;
+mod time;
 
 use beamlet_core::array_file::{Format, endings};
 use beamlet_core::{Error, Result, folder};

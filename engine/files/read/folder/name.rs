@@ -1,7 +1,8 @@
 //! Numbers in the names of the files of a folder, with signs and decimals.
 //!
 //! A point between two groups of digits is a decimal point, unless it is one of several in a chain
-//! (`2026.11.24`). A `-` or `+` before digits is a sign where it is the first character or follows one
+//! (`2026.11.24`). Digits behind `e` and a sign are an exponent (`5e-06`, `1.5e-05`), unless it is one digit
+//! behind a number without decimals that follows a letter (`sample2e-1`). A `-` or `+` before digits is a sign where it is the first character or follows one
 //! that is neither letter nor digit (`scan_-10`), and where other names of the folder have another
 //! sign or none at this place (`scan-10`, `scan10`). Behind a letter in all names (`step-003`) or
 //! behind a digit (`2026-11-24`) it is a part of the text.
@@ -28,14 +29,22 @@ struct Written {
     apart: bool,
     whole: String,
     fraction: String,
+    /// Power of ten.
+    exponent: Option<i32>,
 }
 
 /// One number of every name.
-#[derive(Debug)]
+#[derive(Debug, Clone)]
 pub(super) struct Column {
     /// Values times 10 to the power of `decimals`.
     pub(super) values: Vec<i128>,
     pub(super) decimals: usize,
+    /// True if the numbers measure and do not count, as numbers with exponents.
+    pub(super) measures: bool,
+    /// Number of digits of the whole part, if all names have the same.
+    pub(super) digits: Option<usize>,
+    /// True if at most one character parts it from the number before it.
+    pub(super) is_joined: bool,
 }
 
 impl Column {
@@ -96,8 +105,13 @@ fn parsed(name: &str) -> Name {
         text.push_str(&rest[..start]);
         rest = &rest[start..];
         let whole = digits(rest);
-        let mut written =
-            Written { sign: None, apart: false, whole: whole.to_owned(), fraction: String::new() };
+        let mut written = Written {
+            sign: None,
+            apart: false,
+            whole: whole.to_owned(),
+            fraction: String::new(),
+            exponent: None,
+        };
         rest = &rest[whole.len()..];
         // A chain of several points has none that is decimal.
         let fraction = rest.strip_prefix('.').map_or("", digits);
@@ -109,6 +123,7 @@ fn parsed(name: &str) -> Name {
             rest = behind;
         }
         take_sign(&mut text, &mut written, !parsed.numbers.is_empty());
+        rest = take_exponent(rest, &text, &mut written);
         parsed.texts.push(std::mem::take(&mut text));
         parsed.numbers.push(written);
     }
@@ -138,6 +153,20 @@ fn take_sign(text: &mut String, number: &mut Written, behind: bool) {
     number.apart = before.is_none_or(|c| !c.is_alphanumeric());
 }
 
+/// Moves an exponent from the beginning of the text behind a number to the number; returns the rest. `text`:
+/// before the number.
+fn take_exponent<'a>(rest: &'a str, text: &str, number: &mut Written) -> &'a str {
+    let signed = rest.strip_prefix(['e', 'E']).filter(|rest| rest.starts_with(['-', '+']));
+    let Some(signed) = signed else { return rest };
+    let digits = digits(&signed[1..]);
+    let behind = &signed[1 + digits.len()..];
+    let is_apart = text.chars().last().is_none_or(|c| !c.is_alphanumeric());
+    let is_exponent = matches!(digits.len(), 1..=3)
+        && (is_apart || digits.len() > 1 || !number.fraction.is_empty());
+    number.exponent = signed[..1 + digits.len()].parse().ok().filter(|_| is_exponent);
+    if number.exponent.is_some() { behind } else { rest }
+}
+
 /// Gives signs at a place back to the text, where they are none.
 fn unsigned(names: &mut [Name], place: usize) {
     let first = names[0].numbers[place].sign;
@@ -156,9 +185,17 @@ fn unsigned(names: &mut [Name], place: usize) {
 /// The numbers at a place.
 fn column(paths: &[PathBuf], names: &[Name], place: usize) -> Result<Column> {
     let written = || names.iter().map(|name| &name.numbers[place]);
-    let decimals = written().map(|number| number.fraction.len()).max().unwrap_or(0);
+    // Digits behind the point, of numbers without exponent.
+    let behind = |number: &Written| {
+        let digits = i64::try_from(number.fraction.len()).unwrap_or(i64::MAX);
+        digits.saturating_sub(number.exponent.unwrap_or(0).into()).max(0)
+    };
+    let decimals = written().map(behind).max().unwrap_or(0);
     let value = |(path, number): (&PathBuf, &Written)| {
-        let digits = format!("{}{:0<decimals$}", number.whole, number.fraction);
+        let fraction = i64::try_from(number.fraction.len()).unwrap_or(i64::MAX);
+        let zeros = decimals - fraction + i64::from(number.exponent.unwrap_or(0));
+        let zeros = usize::try_from(zeros).unwrap_or(0);
+        let digits = format!("{}{}{}", number.whole, number.fraction, "0".repeat(zeros));
         let digits = digits.trim_start_matches('0');
         let value = match digits {
             "" => Some(0),
@@ -172,8 +209,15 @@ fn column(paths: &[PathBuf], names: &[Name], place: usize) -> Result<Column> {
         Ok(if number.sign == Some('-') { -value } else { value })
     };
     let values = paths.iter().zip(written()).map(value).collect::<Result<_>>()?;
-    ambiguous(paths, names, place)?;
-    Ok(Column { values, decimals })
+    let measures = written().any(|number| number.exponent.is_some());
+    if !measures {
+        ambiguous(paths, names, place)?;
+    }
+    let length = |number: &Written| number.whole.len();
+    let digits = written().next().map(length).filter(|one| written().all(|it| length(it) == *one));
+    let is_joined = place > 0 && names[0].texts[place].chars().count() <= 1;
+    let decimals = usize::try_from(decimals).unwrap_or(0);
+    Ok(Column { values, decimals, measures, digits, is_joined })
 }
 
 /// Refuses `1.2` beside `1.10`: of decimals it is the larger one, of two numbers the smaller one.

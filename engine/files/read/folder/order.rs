@@ -2,9 +2,12 @@
 //!
 //! Numbers that several names share count steps within views: then every combination is there, the
 //! last number changes fastest. Numbers that follow from another (a date, an angle beside the number
-//! of the view) make no side of their own. A side of whole numbers has no gaps.
+//! of the view) make no side of their own. A side of whole numbers has no gaps. A running number that
+//! differs in all names gives their order where the first number does not. Where numbers would be missing, a time
+//! of day, with its date, is one value.
 
 use super::name::{Column, columns, shown};
+use super::time::with_time;
 use beamlet_core::{Error, Result};
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
@@ -29,8 +32,8 @@ struct Side {
 /// by their letters.
 ///
 /// # Errors
-/// [`Error::File`] where names differ in more than their numbers or agree in all of them, and where
-/// a number or a combination of numbers is missing.
+/// [`Error::File`] where names differ in more than their numbers or agree in all of them, and where a number or
+/// a combination of numbers is missing.
 pub(super) fn in_order(folder: &Path, mut paths: Vec<PathBuf>) -> Result<Order> {
     // The result does not depend on the order in which the system lists files.
     paths.sort();
@@ -47,13 +50,59 @@ pub(super) fn in_order(folder: &Path, mut paths: Vec<PathBuf>) -> Result<Order> 
         let problem = format!("holds {first} and {second}, whose numbers are the same");
         return Err(Error::file(folder, problem, None));
     }
-    let sides = sides(&columns, count);
-    refuse_missing(folder, &columns, &sides, &order)?;
-    for side in &sides {
-        refuse_gaps(&paths, &columns, side, &order)?;
+    let timed = with_time(&columns);
+    let sides = match (whole(folder, &paths, &columns, &order), &timed) {
+        (Err(_), Some(timed)) => whole(folder, &paths, timed, &order)?,
+        (found, _) => found?,
+    };
+    if sides.len() == 1 {
+        one_order(folder, timed.as_deref().unwrap_or(&columns), &mut order);
     }
     let sides = sides.iter().map(|side| side.size).collect();
     Ok(Order { paths: order.into_iter().map(|file| paths[file].clone()).collect(), sides })
+}
+
+/// The sides of files in an order, of which none is missing.
+fn whole(
+    folder: &Path,
+    paths: &[PathBuf],
+    columns: &[Column],
+    order: &[usize],
+) -> Result<Vec<Side>> {
+    let sides = sides(columns, order.len());
+    refuse_missing(folder, columns, &sides, order)?;
+    sides.iter().try_for_each(|side| refuse_gaps(paths, columns, side, order))?;
+    Ok(sides)
+}
+
+/// Compares the order of the files with the order of each number that differs in all names. A running number
+/// gives the order where the first number does not differ in all names; else a warning says so.
+fn one_order(folder: &Path, columns: &[Column], order: &mut [usize]) {
+    let is_unique = |column: &Column| different(column.values.iter()) == column.values.len();
+    let is_ascending = |column: &Column| order.is_sorted_by_key(|file| column.values[*file]);
+    let own = || columns.iter().filter(|column| different(column.values.iter()) > 1);
+    let Some(other) = own().find(|column| is_unique(column) && !is_ascending(column)) else {
+        return;
+    };
+    let runs = |column: &&Column| {
+        is_unique(column)
+            && !column.measures
+            && column.decimals == 0
+            && gap(column, order).is_none()
+    };
+    let running = own().find(runs).filter(|_| !own().next().is_some_and(is_unique));
+    if let Some(running) = running {
+        order.sort_by_key(|file| running.values[*file]);
+        return;
+    }
+    let shown: Vec<String> =
+        order.iter().take(4).map(|file| other.shown(other.values[*file])).collect();
+    log::warn!(
+        "{}: the numbers in the names have two orders; frames are read in that of the first number, in which \
+         another one is {}, ...",
+        folder.display(),
+        shown.join(", ")
+    );
 }
 
 /// Number of different values.
@@ -155,7 +204,7 @@ fn refuse_missing(
 fn refuse_gaps(paths: &[PathBuf], columns: &[Column], side: &Side, order: &[usize]) -> Result<()> {
     let whole = |place: &&usize| {
         let column = &columns[**place];
-        column.decimals == 0 && different(column.values.iter()) == side.size
+        column.decimals == 0 && !column.measures && different(column.values.iter()) == side.size
     };
     let mut least: Option<Gap> = None;
     for place in side.columns.iter().filter(whole) {
