@@ -11,7 +11,7 @@ use std::path::Path;
 const PIXELS: u64 = 1 << 26;
 
 /// Reads an image, `[row][column]`, row 0 on top, in the units of the file: whole numbers of 8 to
-/// 32 bits or floats, grey. Of a TIFF the first page counts.
+/// 32 bits or floats, grey, on one page.
 ///
 /// # Errors
 /// [`Error::File`] where the file cannot be read or holds no such image; [`Error::Memory`] for
@@ -57,7 +57,7 @@ fn check_size(path: &Path, rows: u64, columns: u64) -> Result<usize> {
 }
 
 fn read_array(path: &Path, format: Format) -> Result<Array2<f64>> {
-    let array = ArrayFile::first(path, format)?;
+    let array = ArrayFile::open(path, format)?;
     let sides = array.sides();
     let &[rows, columns] = sides.as_slice() else {
         return Err(refused(path, format!("has the shape {sides:?}; allowed: two dimensions")));
@@ -147,6 +147,12 @@ mod tests {
         let path = place.path().join("three.npy");
         ndarray_npy::write_npy(&path, &ndarray::Array3::<f64>::zeros((2, 2, 2))).unwrap();
         assert!(read(&path).unwrap_err().to_string().contains("two dimensions"));
+        let path = place.path().join("pages.tif");
+        let mut file = tiff::encoder::TiffEncoder::new(File::create(&path).unwrap()).unwrap();
+        for page in [[1; 6], [2; 6]] {
+            file.write_image::<tiff::encoder::colortype::Gray8>(3, 2, &page).unwrap();
+        }
+        assert!(read(&path).unwrap_err().to_string().contains("shape [2, 2, 3]"));
         assert!(read(&place.path().join("none.npy")).is_err());
     }
 }

@@ -241,9 +241,9 @@ fn kind(path: &Path) -> ComparedKind {
 }
 
 /// Pixels of a frame that are compared at a time, for files with random access to rows.
-const BAND: usize = 1 << 20;
+const BAND: usize = 1 << 19;
 /// The same for files that are decoded in larger pieces.
-const DECODED_BAND: usize = 1 << 24;
+const DECODED_BAND: usize = 1 << 23;
 /// Bands that are compared side by side.
 const BANDS: usize = 16;
 
@@ -276,6 +276,7 @@ fn difference(
             let (own, [of_a, mut image]) = compared(pair, view, step, 0..rows)?;
             sums.add(&own);
             image -= &of_a;
+            let image = image.mapv(numbers::single);
             to.put(&name, "the shape of a and b", views * steps, image.view())?;
             advance.by(rows)?;
         }
@@ -322,11 +323,12 @@ fn compared(
     view: usize,
     step: usize,
     rows: Range<usize>,
-) -> Result<(DifferenceSums, [Array2<f32>; 2])> {
+) -> Result<(DifferenceSums, [Array2<f64>; 2])> {
     let first = rows.start;
     let rows = [rows.start, rows.end].map(numbers::count);
-    let of_a = a.frame(view, step, rows[0]..rows[1])?;
-    let of_b = b.frame(view, step, rows[0]..rows[1])?;
+    // Whole numbers of 32 bits are more than f32 holds.
+    let of_a = a.frame_as::<f64>(view, step, rows[0]..rows[1])?;
+    let of_b = b.frame_as::<f64>(view, step, rows[0]..rows[1])?;
     let mut sums = DifferenceSums::default();
     sums.take(&of_a, &of_b, [view, step, first]);
     Ok((sums, [of_a, of_b]))
@@ -346,7 +348,7 @@ impl DifferenceSums {
         }
     }
 
-    fn take(&mut self, a: &Array2<f32>, b: &Array2<f32>, [view, step, first]: [usize; 3]) {
+    fn take(&mut self, a: &Array2<f64>, b: &Array2<f64>, [view, step, first]: [usize; 3]) {
         Zip::indexed(a).and(b).for_each(|(row, column), a, b| {
             let row = first + row;
             if !(a.is_finite() && b.is_finite()) {
@@ -354,7 +356,7 @@ impl DifferenceSums {
                 self.unlike += u64::from(!like);
                 return;
             }
-            let (a, b) = (f64::from(*a), f64::from(*b));
+            let (a, b) = (*a, *b);
             self.pixels += 1;
             self.a += a;
             self.b += b;

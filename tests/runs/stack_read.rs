@@ -162,6 +162,36 @@ fn a_frame_that_is_missing_or_of_another_shape_is_named() {
 }
 
 #[test]
+fn parts_of_an_exr_are_refused_with_their_number() {
+    use exr::prelude::*;
+    let directory = tempfile::tempdir().unwrap();
+    let path = directory.path().join("frame.exr");
+    let layer = |name: &str| {
+        let channel = AnyChannel::new("Y", FlatSamples::F32(vec![1.0; 16]));
+        let channels = AnyChannels::sort([channel].into_iter().collect());
+        Layer::new((4, 4), LayerAttributes::named(name), Encoding::UNCOMPRESSED, channels)
+    };
+    let attributes = ImageAttributes::new(IntegerBounds::from_dimensions((4, 4)));
+    let image = Image::from_layers(attributes, vec![layer("left"), layer("right")]);
+    image.write().to_file(&path).unwrap();
+    let message = refusal(&path);
+    assert!(message.contains("has 2 parts; allowed: one"), "{message}");
+}
+
+/// f32 holds whole numbers to 2^24.
+#[test]
+fn whole_numbers_of_32_bits_are_compared_as_they_are() {
+    let directory = tempfile::tempdir().unwrap();
+    let paths = ["a.npy", "b.npy"].map(|name| directory.path().join(name));
+    for (path, value) in paths.iter().zip([1_u32 << 24, (1 << 24) + 1]) {
+        write_npy(path, &Array3::from_elem((1, 2, 2), value)).unwrap();
+    }
+    let mut control = beamlet::RowsControl::default();
+    let found = beamlet::compare::compare(&paths[0], &paths[1], None, &mut control).unwrap();
+    assert!((found[0].largest - 1.0).abs() < 1e-12 && !found[0].within(0.5), "{found:?}");
+}
+
+#[test]
 fn a_compression_that_loses_precision_is_refused() {
     use exr::prelude::*;
     let directory = tempfile::tempdir().unwrap();

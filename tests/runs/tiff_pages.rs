@@ -124,9 +124,9 @@ fn samples_of_big_endian_files_whose_white_is_zero_are_the_stored_numbers() {
     assert_eq!(frame, ndarray::arr2(&[[7.0, 256.0]]));
 }
 
-/// A stack of 16 bits with one directory, as `ImageJ` writes it: strips of two rows, big endian.
-fn one_directory(images: &str, compression: u32) -> Vec<u8> {
-    let text = format!("ImageJ=1.54f\n{images}slices=3\nloop=false\n\0");
+/// A stack of 16 bits with one directory and this description: strips of two rows, big endian.
+fn one_directory(about: &str, compression: u32) -> Vec<u8> {
+    let text = format!("{about}\0");
     let values = values();
     let (rows, columns) = (SIDES[1], SIDES[2]);
     let strips: Vec<usize> = (0..rows).step_by(2).map(|row| (rows - row).min(2)).collect();
@@ -172,11 +172,16 @@ fn one_directory(images: &str, compression: u32) -> Vec<u8> {
     bytes
 }
 
+/// The description that `ImageJ` writes of a stack.
+fn image_j(images: u32) -> String {
+    format!("ImageJ=1.54f\nimages={images}\nslices=3\nloop=false\n")
+}
+
 #[test]
 fn frames_behind_one_directory_are_read_whole() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("a.tif");
-    fs::write(&path, one_directory("images=3\n", 1)).unwrap();
+    fs::write(&path, one_directory(&image_j(3), 1)).unwrap();
     let stack = StackFile::open(&path).unwrap();
     assert_eq!(stack.shape(), [1, 3, 5, 7]);
     assert_eq!(stack.view(0).unwrap(), values());
@@ -191,10 +196,41 @@ fn frames_behind_one_directory_are_read_whole() {
         let message = StackFile::open(&path).unwrap_err().to_string();
         assert!(words.iter().all(|word| message.contains(word)), "{message}");
     };
-    let good = one_directory("images=3\n", 1);
+    let good = one_directory(&image_j(3), 1);
     refused(&good[..good.len() - 1], ["images=3", "the values of 2"]);
-    refused(&one_directory("images=3\n", 5), ["images=3", "one directory of compressed values"]);
-    refused(&one_directory("images=4\n", 1), ["images=4", "the values of 3"]);
+    refused(&one_directory(&image_j(3), 5), ["images=3", "one directory of compressed values"]);
+    refused(&one_directory(&image_j(4), 1), ["images=4", "the values of 3"]);
+    fs::write(&path, one_directory("{\"shape\": [3, 5, 7], \"truncated\": true}", 1)).unwrap();
+    assert_eq!(StackFile::open(&path).unwrap().view(0).unwrap(), values());
+    let set = "<OME><Pixels SizeZ=\"4\" SizeC=\"1\" SizeT=\"1\">";
+    refused(&one_directory(set, 1), ["has 1 of the 4 frames", "OME-XML"]);
+    refused(
+        &one_directory("<OME><BinaryOnly/></OME>", 1),
+        ["a part of an OME set", "another file"],
+    );
+    // Values of three frames of 64 KiB, and a directory of one without a description.
+    let entries: [(u16, u32); 9] = [
+        (256, 256),
+        (257, 256),
+        (258, 8),
+        (259, 1),
+        (262, 1),
+        (273, 122),
+        (277, 1),
+        (278, 256),
+        (279, 1 << 16),
+    ];
+    let mut bytes = b"II*\0\x08\0\0\0\x09\0".to_vec();
+    for (tag, value) in entries {
+        bytes.extend(tag.to_le_bytes());
+        bytes.extend([4, 0, 1, 0, 0, 0]);
+        bytes.extend(value.to_le_bytes());
+    }
+    bytes.resize(122 + (3 << 16), 0);
+    refused(&bytes, ["values of 2 more", "a directory for each frame"]);
+    bytes.truncate(122 + (1 << 16));
+    fs::write(&path, &bytes).unwrap();
+    assert_eq!(StackFile::open(&path).unwrap().shape(), [1, 1, 256, 256]);
     // Directories of another number.
     let mut encoder = TiffEncoder::new(File::create(&path).unwrap()).unwrap();
     for about in ["ImageJ=1.54f\nimages=3\n", ""] {

@@ -1,8 +1,8 @@
 //! EXR: a frame per file, 32-bit float, for every image viewer. Of files of others the channel `Y`, or
-//! the only channel, of the first layer is the frame.
+//! the only channel, is the frame; files of several parts are refused.
 
 use super::limits::{refuse_hollow, refuse_shape};
-use super::parts::{Append, unwritten};
+use super::parts::{Append, Value, unwritten};
 use crate::{Error, Result, input_file, parallel, reserve};
 use exr::block::lines::LineRef;
 use exr::block::reader::{ChunksReader, Reader};
@@ -43,19 +43,20 @@ impl ExrFrame {
         self.shape
     }
 
-    pub(super) fn read(&self, rows: Range<usize>) -> Result<Vec<f32>> {
+    pub(super) fn read<T: Value>(&self, rows: Range<usize>) -> Result<Vec<T>> {
         read(&self.path, self.shape, rows)
     }
 }
 
 /// Some rows of a frame that has this shape.
-pub(super) fn read(path: &Path, shape: [usize; 2], rows: Range<usize>) -> Result<Vec<f32>> {
+pub(super) fn read<T: Value>(path: &Path, shape: [usize; 2], rows: Range<usize>) -> Result<Vec<T>> {
     let reader = open(path)?;
     let header = first(path, reader.headers())?;
     refuse_shape(path, [header.layer_size.height(), header.layer_size.width()], shape)?;
     let (wanted, _) = channel(path, header)?;
     let columns = shape[1];
-    let mut values = reserve::filled(f32::NAN, rows.len() * columns, "rows of a frame")?;
+    let mut values =
+        reserve::filled(T::rounded(f64::NAN), rows.len() * columns, "rows of a frame")?;
     let mut found = vec![0; rows.len()];
     let unread = |error| failed(path, error);
     let meets = |top: usize, height: usize| top < rows.end && top + height > rows.start;
@@ -92,21 +93,21 @@ pub(super) fn read(path: &Path, shape: [usize; 2], rows: Range<usize>) -> Result
 }
 
 /// Copies a line of samples.
-fn copy(line: LineRef<'_>, kind: SampleType, to: &mut [f32]) -> exr::error::UnitResult {
+fn copy<T: Value>(line: LineRef<'_>, kind: SampleType, to: &mut [T]) -> exr::error::UnitResult {
+    fn all<S: exr::io::Data, T: Value>(
+        line: LineRef<'_>,
+        to: &mut [T],
+        wide: impl Fn(S) -> f64,
+    ) -> exr::error::UnitResult {
+        for (to, from) in to.iter_mut().zip(line.read_samples::<S>()) {
+            *to = T::rounded(wide(from?));
+        }
+        Ok(())
+    }
     match kind {
-        SampleType::F32 => line.read_samples_into_slice::<f32>(to),
-        SampleType::F16 => {
-            for (to, from) in to.iter_mut().zip(line.read_samples::<f16>()) {
-                *to = from?.to_f32();
-            }
-            Ok(())
-        }
-        SampleType::U32 => {
-            for (to, from) in to.iter_mut().zip(line.read_samples::<u32>()) {
-                *to = from? as f32;
-            }
-            Ok(())
-        }
+        SampleType::F32 => all::<f32, T>(line, to, f64::from),
+        SampleType::F16 => all::<f16, T>(line, to, |sample| sample.to_f32().into()),
+        SampleType::U32 => all::<u32, T>(line, to, f64::from),
     }
 }
 
@@ -116,10 +117,13 @@ fn open(path: &Path) -> Result<FrameReader> {
     Reader::read_from_buffered(BufReader::new(file), true).map_err(|error| failed(path, error))
 }
 
-/// The first layer. B44 halves the precision of f16, and its decoder is written for arithmetic
+/// The one layer. B44 halves the precision of f16, and its decoder is written for arithmetic
 /// that wraps: where overflow is checked it panics on files that are right.
 fn first<'a>(path: &Path, headers: &'a [Header]) -> Result<&'a Header> {
-    let header = headers.first().ok_or_else(|| Error::file(path, "has no layer", None))?;
+    let [header] = headers else {
+        let problem = format!("has {} parts; allowed: one, a frame", headers.len());
+        return Err(Error::file(path, problem, None));
+    };
     match header.compression {
         Compression::B44 | Compression::B44A => {
             let problem = "has the lossy compression B44; allowed: none, RLE, ZIP, PIZ, PXR24";

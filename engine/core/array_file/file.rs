@@ -5,7 +5,7 @@ use super::npy::{self, NpyFile};
 use super::parts::{Append, Sample, Value};
 use super::tiff::{self, TiffPages};
 use super::{format::Format, limits};
-use crate::{Error, Result, numbers, reserve};
+use crate::{Error, Result, numbers};
 use std::ops::Range;
 use std::path::Path;
 
@@ -33,27 +33,16 @@ impl ArrayFile {
         })
     }
 
-    /// As [`ArrayFile::open`], but of pages the first alone; others may have any shape.
-    ///
-    /// # Errors
-    /// [`Error::File`].
-    pub(crate) fn first(path: &Path, format: Format) -> Result<Self> {
-        match format {
-            Format::Tiff => Ok(Self::Tiff(Box::new(TiffPages::first(path)?))),
-            _ => Self::open(path, format),
-        }
-    }
-
     /// Some rows of the one frame of a file, which has this shape.
     ///
     /// # Errors
     /// [`Error::File`].
-    pub fn read_frame(
+    pub fn read_frame<T: Value>(
         path: &Path,
         format: Format,
         frame: [usize; 2],
         rows: Range<usize>,
-    ) -> Result<Vec<f32>> {
+    ) -> Result<Vec<T>> {
         let file = match format {
             Format::Exr => return exr::read(path, frame, rows),
             _ => Self::open(path, format)?,
@@ -122,11 +111,7 @@ impl ArrayFile {
     /// [`Error::File`], [`Error::Memory`].
     pub fn read<T: Value>(&self, frame: usize, rows: Range<usize>) -> Result<Vec<T>> {
         match self {
-            Self::Exr(file) => {
-                let values = file.read(rows)?;
-                let values = values.iter().map(|value| T::rounded(f64::from(*value)));
-                reserve::collected(values, "rows of a frame")
-            }
+            Self::Exr(file) => file.read(rows),
             Self::Npy(file) => {
                 let (_, [row_count, columns]) = self.frames();
                 let first = (frame * row_count + rows.start) as u64 * columns as u64;

@@ -15,5 +15,5 @@ mod tiff;
 pub use file::{ArrayFile, append};
 pub use format::{Abilities, Format, endings};
 pub use limits::{LONGEST_SIDE, refuse_wide};
-pub use parts::{Append, Sample, le_bytes};
+pub use parts::{Append, Sample, Value, le_bytes};
 pub use ranges::{RangeFile, RangeLayout};

@@ -2,7 +2,7 @@
 
 use super::checksums::Checksums;
 use super::folder::{self, FolderFrames};
-use beamlet_core::array_file::{ArrayFile, Format, endings, refuse_wide};
+use beamlet_core::array_file::{ArrayFile, Format, Value, endings, refuse_wide};
 use beamlet_core::{Error, Result, folder as folder_names, numbers, reserve};
 use ndarray::{Array, Array2, Array3, ArrayView, Axis, Dimension, s};
 use rayon::prelude::*;
@@ -315,6 +315,20 @@ impl StackFile {
     /// # Errors
     /// As [`StackFile::rows`].
     pub fn frame(&self, view: usize, step: usize, rows: Range<u32>) -> Result<Array2<f32>> {
+        self.frame_as(view, step, rows)
+    }
+
+    /// As [`StackFile::frame`], of values as f32 or f64.
+    ///
+    /// # Errors
+    /// As [`StackFile::rows`].
+    #[doc(hidden)]
+    pub fn frame_as<T: Value>(
+        &self,
+        view: usize,
+        step: usize,
+        rows: Range<u32>,
+    ) -> Result<Array2<T>> {
         let [views, steps, row_count, columns] = self.shape;
         let range = rows.start as usize..rows.end as usize;
         if view >= views || step >= steps || range.start > range.end || range.end > row_count {
@@ -326,7 +340,8 @@ impl StackFile {
         }
         let index = view * steps + step;
         if let Some(whole) = self.compared(index)? {
-            return owned(&self.path, whole.slice(s![index % whole.dim().0, range, ..]));
+            let part = whole.slice(s![index % whole.dim().0, range, ..]);
+            return Ok(part.mapv(|value| T::rounded(value.into())));
         }
         let values = self.values(index, range.clone())?;
         Array2::from_shape_vec((range.len(), columns), values)
@@ -343,7 +358,7 @@ impl StackFile {
     }
 
     /// Some rows of a frame, counted over all views, in the order of the file.
-    fn values(&self, index: usize, rows: Range<usize>) -> Result<Vec<f32>> {
+    fn values<T: Value>(&self, index: usize, rows: Range<usize>) -> Result<Vec<T>> {
         let [_, _, row_count, columns] = self.shape;
         let frame = [row_count, columns];
         match &self.source {
@@ -351,7 +366,11 @@ impl StackFile {
             StackSource::Frames(frames) => {
                 ArrayFile::read_frame(&frames.files[index], frames.format, frame, rows)
             }
-            StackSource::Values(StackValues(read)) => read(index, rows),
+            StackSource::Values(StackValues(read)) => {
+                let values = read(index, rows)?;
+                let values = values.into_iter().map(|value| T::rounded(value.into()));
+                reserve::collected(values, "rows of a frame")
+            }
         }
     }
 

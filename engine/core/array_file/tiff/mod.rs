@@ -2,6 +2,7 @@
 
 mod ahead;
 mod append;
+mod described;
 mod one_directory;
 mod read;
 mod stored;

@@ -1,5 +1,5 @@
-//! Frames behind a single directory, as `ImageJ` and Fiji write stacks beyond 4 GiB: not compressed, one
-//! after another.
+//! Frames behind a single directory, not compressed, one after another: as `ImageJ` and Fiji write stacks beyond
+//! 4 GiB, and others with a description that counts them.
 
 use super::read::Pages;
 use crate::numbers;
@@ -58,12 +58,29 @@ impl Behind {
     }
 }
 
-/// Number of images in the description of `ImageJ` for the page in turn; `None` for other pages.
-pub(super) fn images(pages: &mut Pages) -> TiffResult<Option<u64>> {
-    let Some(value) = pages.find_tag(Tag::ImageDescription)? else { return Ok(None) };
-    let Ok(text) = value.into_string() else { return Ok(None) };
-    let mut lines = text.lines();
-    let is_its_own = lines.next().is_some_and(|line| line.starts_with("ImageJ="));
-    let images = lines.find_map(|line| line.strip_prefix("images=")?.trim().parse().ok());
-    Ok(images.filter(|images| is_its_own && *images > 0))
+/// Least bytes of a frame behind which values are looked for: what else files hold there is shorter.
+const LONG: u64 = 1 << 16;
+
+/// Frames for which a file of one directory, the page in turn, has values behind the first, or in its strips; 0
+/// where its description need not count them.
+pub(super) fn unread(pages: &mut Pages, path: &Path) -> TiffResult<u64> {
+    let is_plain = pages.find_tag_unsigned::<u16>(Tag::Compression)?.unwrap_or(1) == 1;
+    if !is_plain || pages.find_tag(Tag::StripOffsets)?.is_none() {
+        return Ok(0);
+    }
+    let offsets = pages.get_tag_u64_vec(Tag::StripOffsets)?;
+    let lengths = pages.get_tag_u64_vec(Tag::StripByteCounts)?;
+    let ((columns, rows), ColorType::Gray(bits)) = (pages.dimensions()?, pages.colortype()?) else {
+        return Ok(0);
+    };
+    let bytes = u64::from(columns) * u64::from(rows) * u64::from(bits / 8);
+    if bytes < LONG {
+        return Ok(0);
+    }
+    let sum = lengths.iter().fold(0_u64, |sum, length| sum.saturating_add(*length));
+    let ends = offsets.iter().zip(&lengths).map(|(at, length)| at.saturating_add(*length));
+    let end = ends.max().unwrap_or_default();
+    let directory = pages.ifd_pointer().map(|pointer| pointer.0).filter(|at| *at >= end);
+    let next = directory.unwrap_or_else(|| path.metadata().map_or(0, |found| found.len()));
+    Ok(((sum / bytes).max(1) - 1).max(next.saturating_sub(end) / bytes))
 }

@@ -1,8 +1,9 @@
 //! TIFF pages: one sample per pixel, strips or tiles, classic or `BigTIFF`. Samples are the numbers
 //! that are stored, whether black or white is zero. Pages that are reduced copies of others are no
-//! frames. `ImageJ` writes stacks beyond 4 GiB with a single directory, and the frames behind one
-//! another: its description has their number.
+//! frames. Files with a single directory may have further frames behind the first, where the description
+//! has their number (`described`).
 
+use super::described::Described;
 use super::one_directory::{self, Behind};
 use super::stored::{self, Replaced};
 use crate::array_file::limits::{LEAST, refuse_hollow, refuse_shape};
@@ -53,7 +54,7 @@ impl TiffPages {
         let unread = |error| failed(path, error);
         let mut all = Self::first(path)?;
         let pages = all.pages.get_mut().unwrap_or_else(PoisonError::into_inner);
-        let described = one_directory::images(pages).map_err(unread)?;
+        let described = Described::of(pages, all.frame).map_err(unread)?;
         let mut page = all.frames[0];
         while pages.more_images() {
             pages.next_image().map_err(unread)?;
@@ -73,23 +74,63 @@ impl TiffPages {
             }
             all.frames.push(page);
         }
-        if let Some(images) = described.filter(|images| *images != all.frames.len() as u64) {
-            stored::seek(pages, all.frames[0]).map_err(unread)?;
-            let found = match all.frames.len() {
-                1 => Behind::of(pages, path, images).map_err(unread)?,
-                count => Err(format!("it has directories of {count}")),
-            };
-            let refused = |found| {
-                let problem = format!("has images={images} in its description, and {found}");
-                Error::file(path, problem, None)
-            };
-            all.behind = Some(found.map_err(refused)?);
-        }
+        all.take_described(described)?;
         Ok(all)
     }
 
-    /// The first frame alone; others may have any shape.
-    pub(crate) fn first(path: &Path) -> Result<Self> {
+    /// Adds the frames that have no directory, as far as the description counts them.
+    fn take_described(&mut self, described: Option<Described>) -> Result<()> {
+        let count = self.frames.len() as u64;
+        let refused = |problem: String| Err(Error::file(&self.path, problem, None));
+        let pages = self.pages.get_mut().unwrap_or_else(PoisonError::into_inner);
+        let unread = |error| failed(&self.path, error);
+        match described {
+            Some(Described::Set(0)) => {
+                return refused(format!(
+                    "is a part of an OME set with {count} frames, which another file of it describes; allowed: \
+                     all frames in one file"
+                ));
+            }
+            Some(Described::Set(all)) if all > count => {
+                return refused(format!(
+                    "has {count} of the {all} frames that its OME-XML counts, the others in other files; \
+                     allowed: all frames in one file"
+                ));
+            }
+            Some(Described::Here(images, words)) if images != count => {
+                if count > 1 && !words.starts_with("images") {
+                    return Ok(());
+                }
+                stored::seek(pages, self.frames[0]).map_err(unread)?;
+                let found = match count {
+                    1 => Behind::of(pages, &self.path, images).map_err(unread)?,
+                    count => Err(format!("it has directories of {count}")),
+                };
+                match found {
+                    Ok(behind) => self.behind = Some(behind),
+                    Err(found) => {
+                        return refused(format!("has {words} in its description, and {found}"));
+                    }
+                }
+            }
+            Some(_) => {}
+            None if count == 1 => {
+                stored::seek(pages, self.frames[0]).map_err(unread)?;
+                let more = one_directory::unread(pages, &self.path).map_err(unread)?;
+                if more > 0 {
+                    return refused(format!(
+                        "has one directory, of one frame, and values of {more} more behind it that its \
+                         description does not count; allowed: a directory for each frame"
+                    ));
+                }
+            }
+            None => {}
+        }
+        Ok(())
+    }
+
+    /// The first frame alone.
+    fn first(path: &Path) -> Result<Self> {
         let unread = |error| failed(path, error);
         let mut pages = decoder(path)?;
         let mut reduced = 0;
