@@ -22,5 +22,6 @@ pub mod units {
 }
 /// Built-in materials.
 pub mod material {
-    pub use beamlet_model::material::builtin::{Builtin, builtin, builtin_names, builtins};
+    pub use beamlet_model::material::builtin;
+    pub use beamlet_model::material::builtin::{Builtin, builtin_names, builtins};
 }

@@ -76,7 +76,7 @@ pub(super) fn run(arguments: &Arguments, out: &mut impl Write) -> Result<(), Fai
             let parts: Vec<String> = parts.iter().map(part).collect();
             (Some(parts.join(", ") + " by weight"), Some(*density))
         }
-        (None, Some(found)) => (Some(found.formula.to_owned()), Some(found.density)),
+        (None, Some(found)) => (Some(found.formula.into_owned()), Some(found.density)),
         _ => (None, None),
     };
     let range = material::range(&scene, name)?;
@@ -121,7 +121,7 @@ fn define(scene: &mut Scene, name: &str, density: Option<f64>) -> Result<(), Fai
         (None, Some(found)) if found.formula.is_empty() && density.is_some() => {
             return Err(Failure::Usage(format!("--density: {name:?} has no density to change")));
         }
-        (None, Some(found)) => found.formula.to_owned(),
+        (None, Some(found)) => found.formula.into_owned(),
         (Some(_), _) => return Ok(()),
         (None, None) => {
             let mut tried = scene.clone();
@@ -235,8 +235,8 @@ fn write_text(report: &MaterialReport, out: &mut impl Write) -> std::io::Result<
 
 fn list(json: bool, out: &mut impl Write) -> Result<(), Failure> {
     let known = builtins().iter().map(|entry| BuiltIn {
-        name: entry.name,
-        formula: entry.formula,
+        name: &entry.name,
+        formula: &entry.formula,
         density_g_cm3: entry.density,
         aliases: entry.aliases,
     });
@@ -250,6 +250,8 @@ fn list(json: bool, out: &mut impl Write) -> Result<(), Failure> {
     writeln!(out, "\n{TABLES}; 0.1 keV to 800 keV at most.")?;
     Ok(writeln!(
         out,
-        "A formula also selects an element or compound of this list, if no other entry has the formula."
+        "A formula also selects an element or compound of this list, if no other entry has the formula.\n\
+         Solutions of contrast agents in water are named by their concentration: \"iodine 10 mg/ml\" (iohexol, \
+         up to 400),\n\"gadolinium 5 mg/ml\" (gadoterate, up to 160)."
     )?)
 }

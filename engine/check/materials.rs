@@ -62,5 +62,5 @@ fn shadows_builtin(scene: &Scene, name: &str) -> bool {
         return false;
     };
     !matches!(own, MaterialSpec::Formula { formula, density }
-        if formula == builtin.formula && (density / builtin.density - 1.0).abs() < 1e-9)
+        if *formula == *builtin.formula && (density / builtin.density - 1.0).abs() < 1e-9)
 }

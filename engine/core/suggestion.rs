@@ -21,6 +21,23 @@ pub fn nearest<'a>(
         .map(|pair| pair.1)
 }
 
+/// The candidate that `word` is with a slip or two, by its length; both are compared as `fold` makes them.
+pub fn slip<'a>(
+    word: &str,
+    candidates: impl IntoIterator<Item = &'a str>,
+    fold: impl Fn(&str) -> String,
+) -> Option<&'a str> {
+    let word = fold(word);
+    let most = match word.chars().count() {
+        0..4 => return None,
+        4..8 => 1,
+        _ => 2,
+    };
+    let slips = |candidate: &str| strsim::damerau_levenshtein(&word, &fold(candidate));
+    let all = candidates.into_iter().map(|candidate| (slips(candidate), candidate));
+    all.filter(|(slips, _)| *slips <= most).min_by_key(|(slips, _)| *slips).map(|(_, name)| name)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -41,7 +41,7 @@ fn tissues_glasses_steels_and_wood_match_xraylib() {
         let name = fields[0];
         let entry = builtin(name).unwrap_or_else(|| panic!("{name}"));
         assert!((entry.density - fields[2].parse::<f64>().unwrap()).abs() < 1e-9, "{name}");
-        let own = shares(entry.formula);
+        let own = shares(&entry.formula);
         let pairs: Vec<_> = fields[3].split(' ').map(|p| p.split_once(':').unwrap()).collect();
         assert_eq!(own.len(), pairs.len(), "{name}: {own:?}");
         for (element, share) in pairs {
@@ -69,7 +69,10 @@ fn a_formula_stands_for_its_only_built_in_material() {
         assert_eq!(builtin(formula).unwrap().name, name);
     }
     assert_eq!(builtin("Co").unwrap().name, "cobalt");
-    for several in ["SiO2", "C", "CO", "csi", ""] {
+    for formula in ["CsI(Tl)", "CsI:Tl", "CsI(Na)"] {
+        assert_eq!(builtin(formula).unwrap().name, "caesium iodide");
+    }
+    for several in ["SiO2", "C", "CO", "csi", "C8H8", ""] {
         assert!(builtin(several).is_none(), "{several}");
     }
     let text = unknown("SiO2");
@@ -89,9 +92,84 @@ fn beginnings_of_names_suggest_all_that_begin_so() {
         ("nylon", "(did you mean \"nylon 6\" or \"nylon 66\" or \"nylon 12\"?)"),
         ("steel", "\"steel 304\" or \"steel 316\""),
         ("glas", "glass"),
+        ("glass", "\"glass fibre\""),
+        ("tissue", "\"soft tissue\""),
+        ("lung", "(did you mean \"lung, deflated\" or \"lung, inflated\"?)"),
+        ("PB", "\"Pb\" for the element, or \"(PB)\" for an atom of each letter"),
+        ("CO", "\"Co\" for the element"),
+        ("WC12Co", "\"Co12wt%WC\""),
+        ("Ti-5Al-2.5Sn", "\"Al5wt%Sn2.5wt%Ti\""),
     ] {
         let text = unknown(name);
         assert!(text.contains(meant), "{name}: {text}");
+    }
+}
+
+/// Only names that mean the same are suggested.
+#[test]
+fn short_and_other_names_suggest_nothing() {
+    for name in ["HX", "PQ", "resin", "steal", "air gap", "NaI", "iodine 500 mg/ml"] {
+        let text = unknown(name);
+        assert!(!text.contains("did you mean"), "{name}: {text}");
+    }
+}
+
+#[test]
+fn names_of_practice_are_known() {
+    for (name, known) in [
+        ("abs", "ABS"),
+        ("PETG", "PETG"),
+        ("316L", "stainless steel 316L"),
+        ("AlMgSi1", "aluminium 6082"),
+        ("soda lime glass", "soda-lime glass"),
+        ("E-glass", "glass fibre"),
+        ("rubber", "rubber"),
+        ("paraffin wax", "paraffin"),
+        ("collagen", "collagen"),
+        ("spongiosa", "trabecular bone"),
+        ("CFRP", "CFRP"),
+        ("polystyrene foam", "polystyrene foam"),
+        ("WC", "tungsten carbide"),
+        ("WC-10Co", "cemented carbide"),
+        ("HA", "hydroxyapatite"),
+        ("inflated lung", "lung, inflated"),
+        ("Iodine solution 10 mg/ml", "iodine 10 mg/ml"),
+        ("5.5mg/ml gadolinium in water", "gadolinium 5.5 mg/ml"),
+    ] {
+        assert_eq!(builtin(name).unwrap().name, known);
+    }
+}
+
+/// The mass of the heavy element in a volume, and the rest of the agent and water. The bottles: 300 mg of iodine in
+/// 1.349 g, 78.6 mg of gadolinium in 1.175 g, of 1 ml. Molar masses have three decimals: 1e-4.
+#[test]
+fn solutions_have_the_mass_of_their_element_in_a_volume() {
+    for (name, element, rest, parts, bottle) in [
+        ("iodine 300 mg/ml", "I", "C19H26N3O9", (0.3, 0.3 * (821.14 / 380.713 - 1.0)), 1.349),
+        (
+            "gadolinium 78.6 mg/ml",
+            "Gd",
+            "C23H42N5O13",
+            (0.0786, 0.0786 * (753.87 / 157.25 - 1.0)),
+            1.175,
+        ),
+    ] {
+        let found = builtin(name).unwrap();
+        assert!((found.density - bottle).abs() < 1e-3, "{name}: {}", found.density);
+        let mut scene = scene();
+        let water = found.density - parts.0 - parts.1;
+        for (formula, density) in [(element, parts.0), (rest, parts.1), ("H2O", water)] {
+            let spec = MaterialSpec::Formula { formula: formula.into(), density };
+            scene.materials.insert(format!("part {formula}"), spec);
+        }
+        for energy in [20.0, 60.0] {
+            let of = |name: &str| constants_over(&scene, name, &[energy]).unwrap()[0];
+            let all = [element, rest, "H2O"].map(|formula| of(&format!("part {formula}")));
+            let (mu, delta): (f64, f64) =
+                (all.iter().map(|it| it.mu).sum(), all.iter().map(|it| it.delta).sum());
+            assert!((of(name).mu / mu - 1.0).abs() < 1e-4, "{name}: {} {mu}", of(name).mu);
+            assert!((of(name).delta / delta - 1.0).abs() < 1e-4, "{name}");
+        }
     }
 }
 

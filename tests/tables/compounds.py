@@ -15,7 +15,7 @@ COMPOUNDS = {
     "soft tissue ICRU": "Tissue, Soft (ICRU four-component)",
     "adipose tissue": "Adipose Tissue (ICRP)",
     "muscle": "Muscle, Skeletal",
-    "lung tissue": "Lung (ICRP)",
+    "lung, deflated": "Lung (ICRP)",
     "blood": "Blood (ICRP)",
     "brain": "Brain (ICRP)",
     "skin": "Skin (ICRP)",
@@ -26,9 +26,17 @@ COMPOUNDS = {
     "lead glass": "Glass, Lead",
     "concrete": "Concrete, Portland",
 }
+# Compositions of xraylib with other densities.
+AS = {"lung, inflated": ("Lung (ICRP)", 0.26)}
 # Not among the compounds of xraylib: the constants alone are its own.
 BY_WEIGHT = {
     "breast tissue": ("H10.6C33.2N3O52.7Na0.1P0.1S0.2Cl0.1", 1.02),
+    "trabecular bone": ("H8.5C40.4N2.8O36.7Na0.1Mg0.1P3.4S0.2Cl0.2K0.1Ca7.4Fe0.1", 1.18),
+    "glass fibre": ("B2.4843Na0.4452Mg2.8349Al8.0428Si25.3834Ca12.2927O48.5167", 2.58),
+    "CFRP": ("H2.1908O5.7842C92.025", 1.56),
+    "cemented carbide": ("Co10W84.4832C5.5168", 14.5),
+    "stainless steel 316L": ("C0.02Si0.5Cr17.5Mn1Ni11.5Mo2.25Fe67.23", 8.0),
+    "titanium alloy Ti-6Al-7Nb": ("Ti87Al6Nb7", 4.52),
     "carbon steel": ("C0.5Fe99.5", 7.82),
     "stainless steel 304": ("C0.04Si0.5P0.023S0.015Cr19Mn1Fe70.172Ni9.25", 8.0),
     "stainless steel 316": ("C0.041Si0.507P0.023S0.015Cr17Mn1.014Fe66.9Ni12Mo2.5", 8.0),
@@ -101,5 +109,8 @@ print(f"# tests/tables/compounds.py, xraylib {xraylib.__version__}")
 for name, source in COMPOUNDS.items():
     data = xraylib.GetCompoundDataNISTByName(source)
     row(name, source, list(zip(data["Elements"], data["massFractions"])), data["density"])
+for name, (source, density) in AS.items():
+    data = xraylib.GetCompoundDataNISTByName(source)
+    row(name, source, list(zip(data["Elements"], data["massFractions"])), density)
 for name, (text, density) in BY_WEIGHT.items():
     row(name, "-", by_weight(text), density)

@@ -1,21 +1,27 @@
 //! Materials known by name: formula or shares by weight, and nominal density at room temperature.
 //!
-//! Tissues, glasses and concrete are from the NIST tables of ICRU and ICRP compositions (as in xraylib),
-//! breast tissue from ICRU 44, steels and wood from PNNL-15870 Rev. 1. Other alloys have the nominal
+//! Tissues, glasses, rubber, paraffin and concrete are from the NIST tables of ICRU and ICRP compositions (as in
+//! xraylib), breast tissue and the density of inflated lung from ICRU 44, trabecular bone (spongiosa of adults)
+//! from ICRU 46, steels and wood from PNNL-15870 Rev. 1. E-glass is that with boron of the ASM Handbook, volume
+//! 21. Plastics of several monomers: ABS of equal numbers of its three, PETG with cyclohexanedimethanol for 30 %
+//! of the glycol. Collagen is Gly-Pro-Hyp, dry (partial specific volume 0.71 cm3/g). CFRP has 60 % of its volume
+//! of fibres in epoxy. Other alloys have the nominal
 //! composition, or the middle of the limits, of their standards: EN 573-3 (wrought aluminium), EN 1706
-//! (cast aluminium), EN 12163, 12164 and 1982 (copper), EN 1753 (magnesium), EN 1774 (zinc), ISO 683-17
-//! (bearing steel), ISO 5832-3 and ASTM F1537 (implants), J-STD-006 (solders), and of the makers' data
+//! (cast aluminium), EN 12163, 12164 and 1982 (copper), EN 1753 (magnesium), EN 1774 (zinc), EN 10088-1
+//! (316L), ISO 683-17 (bearing steel), ISO 5832-3 and ASTM F1537 (implants), J-STD-006 (solders), and of the makers' data
 //! sheets; elements below 0.1 % are left out. Densities are nominal, to about 1 %.
 
+use std::borrow::Cow;
+
 /// A material known by name.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
 pub struct Builtin {
     /// Its name.
-    pub name: &'static str,
+    pub name: Cow<'static, str>,
     /// Chemical formula, or shares by weight as `Cu63wt%Zn37wt%` (a last element without a share
     /// is the rest); empty for vacuum.
-    pub formula: &'static str,
+    pub formula: Cow<'static, str>,
     /// Density, g/cm3.
     pub density: f64,
     /// Other names for it.
@@ -28,7 +34,7 @@ const fn m(
     density: f64,
     aliases: &'static [&'static str],
 ) -> Builtin {
-    Builtin { name, formula, density, aliases }
+    Builtin { name: Cow::Borrowed(name), formula: Cow::Borrowed(formula), density, aliases }
 }
 
 /// Dry air by volume: N2 78.08 %, O2 20.95 %, Ar 0.934 %, CO2 0.041 %.
@@ -52,6 +58,9 @@ const SKIN: &str = "H10.0588wt%C22.825wt%N4.642wt%Na0.007wt%Mg0.006wt%P0.033wt%S
 const CORTICAL_BONE: &str =
     "H4.7234wt%C14.433wt%N4.199wt%Mg0.22wt%P10.497wt%S0.315wt%Ca20.993wt%Zn0.01wt%O";
 const COMPACT_BONE: &str = "H6.3984wt%C27.8wt%N2.7wt%Mg0.2wt%P7wt%S0.2wt%Ca14.7wt%O";
+const TRABECULAR_BONE: &str = "H8.5wt%C40.4wt%N2.8wt%Na0.1wt%Mg0.1wt%P3.4wt%S0.2wt%Cl0.2wt%K0.1wt%Ca7.4wt%\
+     Fe0.1wt%O";
+const E_GLASS: &str = "B2.4843wt%Na0.4452wt%Mg2.8349wt%Al8.0428wt%Si25.3834wt%Ca12.2927wt%O";
 const PYREX: &str = "B4.0064wt%Na2.8191wt%Al1.1644wt%Si37.722wt%K0.3321wt%O";
 const LEAD_GLASS: &str = "O15.6453wt%Si8.0866wt%Ti0.8092wt%As0.2651wt%Pb";
 const PLATE_GLASS: &str = "Na9.6441wt%Si33.6553wt%Ca10.7205wt%O";
@@ -61,12 +70,13 @@ const BREAST: &str = "H10.6wt%C33.2wt%N3wt%Na0.1wt%P0.1wt%S0.2wt%Cl0.1wt%O";
 const STEEL: &str = "C0.5wt%Fe";
 const STEEL_304: &str = "C0.04wt%Si0.5wt%P0.023wt%S0.015wt%Cr19wt%Mn1wt%Ni9.25wt%Fe";
 const STEEL_316: &str = "C0.041wt%Si0.507wt%P0.023wt%S0.015wt%Cr17wt%Mn1.014wt%Ni12wt%Mo2.5wt%Fe";
+const STEEL_316L: &str = "C0.02wt%Si0.5wt%Cr17.5wt%Mn1wt%Ni11.5wt%Mo2.25wt%Fe";
 const WOOD: &str = "H5.9642wt%N0.497wt%O42.7435wt%Mg0.1988wt%S0.497wt%K0.1988wt%Ca0.1988wt%C";
 
 const AL_7075: &str = "Zn5.6wt%Mg2.5wt%Cu1.6wt%Cr0.23wt%Al";
 const NI_718: &str = "Ni52.5wt%Cr19wt%Nb5.1wt%Mo3.05wt%Ti0.9wt%Al0.5wt%Fe";
 
-const BUILTINS: &[Builtin] = &[
+static BUILTINS: &[Builtin] = &[
     m("vacuum", "", 0.0, &[]),
     m("air", AIR, 0.001_205, &[]),
     m("helium", "He", 0.000_166, &[]),
@@ -77,6 +87,11 @@ const BUILTINS: &[Builtin] = &[
     m("polyethylene", "C2H4", 0.93, &["polythene", "PE"]),
     m("polypropylene", "C3H6", 0.9, &["PP"]),
     m("polystyrene", "C8H8", 1.05, &["PS"]),
+    m("polystyrene foam", "C8H8", 0.03, &["expanded polystyrene", "EPS", "styrofoam"]),
+    m("ABS", "C15H17N", 1.05, &["acrylonitrile butadiene styrene"]),
+    m("PETG", "C11.8H11O4", 1.27, &["PET-G"]),
+    m("rubber", "C5H8", 0.92, &["natural rubber"]),
+    m("paraffin", "C25H52", 0.93, &["paraffin wax"]),
     m("polycarbonate", "C16H14O3", 1.2, &["PC"]),
     m("PMMA", "C5H8O2", 1.18, &["acrylic", "plexiglass", "perspex"]),
     m("nylon 66", "C12H22N2O2", 1.14, &["polyamide 66", "PA 66"]),
@@ -94,6 +109,7 @@ const BUILTINS: &[Builtin] = &[
     m("epoxy", "C21H24O4", 1.2, &["epoxy resin"]),
     m("carbon", "C", 2.0, &["amorphous carbon"]),
     m("carbon fibre", "C", 1.8, &["carbon fiber"]),
+    m("CFRP", "H2.1908wt%O5.7842wt%C", 1.56, &["carbon fibre reinforced plastic", "CRP"]),
     m("graphite", "C", 2.26, &[]),
     m("diamond", "C", 3.52, &[]),
     m("silicon", "Si", 2.329, &[]),
@@ -104,7 +120,10 @@ const BUILTINS: &[Builtin] = &[
     m("sapphire", "Al2O3", 3.98, &["alumina", "aluminium oxide", "aluminum oxide"]),
     m("zirconia", "ZrO2", 5.68, &["zirconium dioxide"]),
     m("calcium carbonate", "CaCO3", 2.71, &["calcite"]),
-    m("hydroxyapatite", "Ca5P3O13H", 3.16, &[]),
+    m("hydroxyapatite", "Ca5P3O13H", 3.16, &["HA", "HAp"]),
+    m("collagen", "C12H17N3O4", 1.41, &["dry collagen"]),
+    m("tungsten carbide", "WC", 15.63, &[]),
+    m("cemented carbide", "Co10wt%W84.4832wt%C", 14.5, &["WC10Co", "hardmetal"]),
     m("cadmium telluride", "CdTe", 5.85, &[]),
     m("gallium arsenide", "GaAs", 5.318, &[]),
     m("caesium iodide", "CsI", 4.51, &["cesium iodide"]),
@@ -114,20 +133,29 @@ const BUILTINS: &[Builtin] = &[
     m("adipose tissue", ADIPOSE, 0.92, &["fat", "adipose"]),
     m("breast tissue", BREAST, 1.02, &["breast"]),
     m("muscle", MUSCLE, 1.04, &["skeletal muscle"]),
-    m("lung tissue", LUNG, 1.05, &["lung"]),
+    m("lung, deflated", LUNG, 1.05, &["lung tissue", "deflated lung"]),
+    m("lung, inflated", LUNG, 0.26, &["inflated lung"]),
     m("blood", BLOOD, 1.06, &[]),
     m("brain", BRAIN, 1.03, &["brain tissue"]),
     m("skin", SKIN, 1.1, &[]),
     m("cortical bone", CORTICAL_BONE, 1.85, &["bone"]),
+    m("trabecular bone", TRABECULAR_BONE, 1.18, &["spongiosa", "cancellous bone"]),
     m("compact bone", COMPACT_BONE, 1.85, &[]),
     m("borosilicate glass", PYREX, 2.23, &["pyrex", "pyrex glass"]),
-    m("soda-lime glass", PLATE_GLASS, 2.4, &["plate glass", "window glass"]),
+    m("soda-lime glass", PLATE_GLASS, 2.4, &["plate glass", "window glass", "float glass"]),
+    m("glass fibre", E_GLASS, 2.58, &["glass fiber", "E-glass", "glass fibre E"]),
     m("lead glass", LEAD_GLASS, 6.22, &[]),
     m("concrete", CONCRETE, 2.3, &["portland concrete"]),
     m("wood", WOOD, 0.64, &["pine"]),
     m("carbon steel", STEEL, 7.82, &["mild steel"]),
     m("stainless steel 304", STEEL_304, 8.0, &["steel 304", "stainless steel", "X5CrNi18-10"]),
     m("stainless steel 316", STEEL_316, 8.0, &["steel 316", "X5CrNiMo17-12-2"]),
+    m(
+        "stainless steel 316L",
+        STEEL_316L,
+        8.0,
+        &["316L", "steel 316L", "X2CrNiMo17-12-2", "1.4404"],
+    ),
     m("bearing steel", "C1wt%Cr1.5wt%Mn0.35wt%Si0.25wt%Fe", 7.83, &["100Cr6"]),
     m("invar", "Ni36wt%Fe", 8.1, &["FeNi36"]),
     m("kovar", "Ni29wt%Co17wt%Fe", 8.36, &["FeNi29Co17"]),
@@ -135,7 +163,7 @@ const BUILTINS: &[Builtin] = &[
     m("aluminium 5083", "Mg4.45wt%Mn0.7wt%Cr0.15wt%Al", 2.66, &["AlMg4.5Mn0.7", "EN AW-5083"]),
     m("aluminium 5754", "Mg3.1wt%Mn0.25wt%Al", 2.67, &["AlMg3", "EN AW-5754"]),
     m("aluminium 6061", "Mg1wt%Si0.6wt%Cu0.28wt%Cr0.2wt%Al", 2.7, &["AlMg1SiCu", "EN AW-6061"]),
-    m("aluminium 6082", "Si1wt%Mg0.9wt%Mn0.7wt%Al", 2.7, &["AlSi1MgMn", "EN AW-6082"]),
+    m("aluminium 6082", "Si1wt%Mg0.9wt%Mn0.7wt%Al", 2.7, &["AlSi1MgMn", "AlMgSi1", "EN AW-6082"]),
     m("aluminium 7075", AL_7075, 2.81, &["AlZn5.5MgCu", "AlZn6MgCu", "EN AW-7075"]),
     m("AlSi7Mg", "Si7wt%Mg0.35wt%Al", 2.68, &["AlSi7Mg0.3", "A356"]),
     m("AlSi10Mg", "Si10wt%Mg0.325wt%Al", 2.67, &["EN AC-43000"]),
@@ -164,6 +192,7 @@ const BUILTINS: &[Builtin] = &[
     m("solder Sn63Pb37", "Sn63wt%Pb37wt%", 8.4, &["Sn63Pb37", "SnPb37"]),
     m("solder SAC305", "Ag3wt%Cu0.5wt%Sn", 7.38, &["SnAg3Cu0.5", "Sn96.5Ag3Cu0.5"]),
     m("titanium alloy", "Al6wt%V4wt%Ti", 4.43, &["Ti-6Al-4V", "Ti64", "TiAl6V4"]),
+    m("titanium alloy Ti-6Al-7Nb", "Al6wt%Nb7wt%Ti", 4.52, &["Ti-6Al-7Nb", "TiAl6Nb7"]),
     m("lithium", "Li", 0.534, &[]),
     m("beryllium", "Be", 1.848, &[]),
     m("magnesium", "Mg", 1.738, &[]),
@@ -199,40 +228,25 @@ pub(super) fn fold(name: &str) -> String {
     name.chars().filter(|c| !matches!(c, ' ' | '-' | '_')).flat_map(char::to_lowercase).collect()
 }
 
-/// The built-in material of this name or alias (case, blanks and hyphens do not matter), of this
-/// formula where no other built-in one has it, or the element of this symbol. Carbon and silica
-/// have several densities: they go by their names only.
-pub fn builtin(name: &str) -> Option<&'static Builtin> {
-    let wanted = fold(name);
-    let named = BUILTINS.iter().find(|entry| {
-        std::iter::once(&entry.name).chain(entry.aliases).any(|known| fold(known) == wanted)
-    });
-    // Formulas keep their case: "Co" is cobalt, "CO" would be a compound.
-    named.or_else(|| match &of_formula(name)[..] {
-        [only] => Some(only),
-        _ => None,
-    })
-}
-
 /// The built-in materials of a formula, as it is spelled in their list.
 pub(super) fn of_formula(formula: &str) -> Vec<&'static Builtin> {
     BUILTINS.iter().filter(|entry| !formula.is_empty() && entry.formula == formula).collect()
 }
 
 /// All built-in materials.
-pub const fn builtins() -> &'static [Builtin] {
+pub fn builtins() -> &'static [Builtin] {
     BUILTINS
 }
 
 /// Names of all built-in materials, without their aliases.
 pub fn builtin_names() -> impl Iterator<Item = &'static str> {
-    BUILTINS.iter().map(|entry| entry.name)
+    BUILTINS.iter().map(|entry| &*entry.name)
 }
 
 /// Spellings of built-in materials, with their name: the name itself first, then its aliases.
 pub(super) fn all_spellings<'a>() -> impl Iterator<Item = (&'a str, &'a str)> {
     BUILTINS.iter().flat_map(|entry| {
-        let spellings = std::iter::once(entry.name).chain(entry.aliases.iter().copied());
-        spellings.map(|spelling| (entry.name, spelling))
+        let spellings = std::iter::once(&*entry.name).chain(entry.aliases.iter().copied());
+        spellings.map(|spelling| (&*entry.name, spelling))
     })
 }

@@ -1,44 +1,116 @@
-//! Designations of alloys by weight, such as `AlSi10Mg`, which are chemical formulas, too.
+//! Designations of alloys by weight, such as `AlSi10Mg` and `Ti6Al7Nb`, which are chemical formulas, too.
 
 /// Metals that alloys are named after.
-const BASES: [&str; 24] = [
-    "Ag", "Al", "Au", "Bi", "Co", "Cr", "Cu", "Fe", "Mg", "Mo", "Nb", "Ni", "Pb", "Pd", "Pt", "Sn",
-    "Ta", "Ti", "U", "V", "W", "Zn", "Zr", "Hf",
+const BASES: [&str; 30] = [
+    "Ag", "Al", "Au", "Be", "Bi", "Co", "Cr", "Cu", "Fe", "Ga", "Hf", "In", "Ir", "Mg", "Mo", "Nb",
+    "Ni", "Pb", "Pd", "Pt", "Rh", "Ru", "Sn", "Ta", "Ti", "U", "V", "W", "Zn", "Zr",
 ];
 /// Further elements that are alloyed with them.
-const ALLOYED: [&str; 13] =
-    ["Be", "Si", "Sb", "Mn", "Cd", "Li", "Re", "Rh", "Ir", "Ru", "Y", "Ce", "Nd"];
+const ALLOYED: [&str; 22] = [
+    "Ca", "Cd", "Ce", "Dy", "Er", "Gd", "Ge", "Hg", "La", "Li", "Mn", "Nd", "Os", "Pr", "Re", "Sb",
+    "Sc", "Si", "Sr", "Tl", "Y", "Yb",
+];
 /// Elements of small shares; with larger numbers they make compounds.
-const TRACES: [&str; 3] = ["B", "C", "P"];
+const TRACES: [&str; 4] = ["B", "C", "P", "Te"];
+/// Compounds of two elements that are better known than the alloy of these shares: silicides, aluminides, Laves
+/// phases and others.
+const COMPOUNDS: [&str; 82] = [
+    "AuAl2", "AuGa2", "AuIn2", "AuSb2", "AuSn2", "AuSn4", "CoAl3", "CoGa3", "CoSb2", "CoSb3",
+    "CoSi2", "CoSn2", "CrSi2", "CuAl2", "FeAl2", "FeAl3", "FeGa3", "FeSb2", "FeSn2", "HfAl3",
+    "HfCr2", "HfMo2", "HfSi2", "HfV2", "HfW2", "IrSi3", "IrSn4", "MgCd3", "MgCu2", "MgNi2",
+    "MgZn2", "MoAl5", "MoBe12", "MoSi2", "NbAl3", "NbBe12", "NbCo2", "NbCr2", "NbFe2", "NbSi2",
+    "NiAl3", "NiSb2", "NiSi2", "PdSn2", "PdSn3", "PdSn4", "PtAl2", "PtSn2", "PtSn4", "TaAl3",
+    "TaCo2", "TaCr2", "TaSi2", "TiAl2", "TiAl3", "TiBe2", "TiBe12", "TiCo2", "TiCr2", "TiFe2",
+    "TiMn2", "TiNi3", "TiSi2", "UAl2", "UAl3", "UBe13", "UFe2", "UGe2", "UPd3", "UPt3", "USi2",
+    "USi3", "USn3", "VSi2", "WAl12", "WSi2", "ZrAl2", "ZrAl3", "ZrCo2", "ZrCr2", "ZrSi2", "ZrV2",
+];
+/// Least share in front of the only other metal of an alloy: below it numbers of atoms, as in `Ti3Al`.
+const LEAST: f64 = 5.0;
 
 /// Symbol of an element, and its number if it has one.
 type Element<'a> = (&'a str, Option<&'a str>);
 
-/// Checks whether elements with their numbers look like the designation of an alloy. A base metal without a
-/// number comes first: `TiAl6V4`, `CuSn6`; or all numbers are percentages: `Sn63Pb37`.
-pub(super) fn is_by_weight(elements: &[Element<'_>]) -> bool {
-    let [(base, share), added @ ..] = elements else { return false };
-    let value = |number: &Option<&str>| number.and_then(|number| number.parse::<f64>().ok());
-    let is_metal = |symbol: &str| BASES.contains(&symbol) || ALLOYED.contains(&symbol);
-    let is_trace = |symbol: &str, number: &Option<&str>| {
-        TRACES.contains(&symbol) && value(number).is_none_or(|number| number < 1.0)
+/// The shares by weight of a text that looks like the designation of an alloy, in the notation of formulas.
+/// Elements without a share but the base are not in it. A base metal without a number comes first: `TiAl6V4`,
+/// `CuSn6`; or shares come before the elements: `Ti6Al7Nb`, `WC10Co`; or all numbers are percentages:
+/// `Sn63Pb37`. Hyphens and blanks between the parts do not count.
+pub(super) fn by_weight(text: &str) -> Option<String> {
+    let text = joined(text);
+    let elements = elements(&text)?;
+    shares_before(&elements).or_else(|| shares_behind(&text, &elements))
+}
+
+/// True for texts of symbols and numbers alone, with hyphens and blanks between the parts.
+pub(super) fn is_of_symbols(text: &str) -> bool {
+    elements(&joined(text)).is_some()
+}
+
+fn joined(text: &str) -> String {
+    text.chars().filter(|c| !matches!(c, '-' | ' ')).collect()
+}
+
+fn is_metal(symbol: &str) -> bool {
+    BASES.contains(&symbol) || ALLOYED.contains(&symbol)
+}
+
+fn value(number: Option<&str>) -> Option<f64> {
+    number.and_then(|number| number.parse().ok())
+}
+
+/// Shares before the elements, of which the last has no number.
+fn shares_before(elements: &[Element<'_>]) -> Option<String> {
+    let (base, first, added) = match elements {
+        [("W", None), ("C", Some(first)), added @ ..] => ("WC", *first, added),
+        [(base, Some(first)), added @ ..] if BASES.contains(base) => (*base, *first, added),
+        _ => return None,
     };
-    let fits = |(symbol, number): &Element<'_>| is_metal(symbol) || is_trace(symbol, number);
-    let is_share = |(symbol, number): &Element<'_>| is_metal(symbol) && number.is_some();
-    if !BASES.contains(base) || !added.iter().all(fits) || !added.iter().any(is_share) {
-        return false;
+    let (last, between) = added.split_last()?;
+    let shares: Option<Vec<&str>> = between.iter().map(|(_, number)| *number).collect();
+    let shares: Vec<&str> = std::iter::once(first).chain(shares?).collect();
+    let values: Option<Vec<f64>> = shares.iter().map(|share| value(Some(share))).collect();
+    let values = values?;
+    let are_metals = added.iter().all(|(symbol, _)| is_metal(symbol)) && last.1.is_none();
+    let is_alloy = match (base, added.len()) {
+        ("WC", _) => true,
+        (_, 1) => values[0] >= LEAST || first.contains('.') && values[0] >= 1.0,
+        _ => values[0] >= 1.0,
+    };
+    if !are_metals || !is_alloy || values.iter().sum::<f64>() >= 100.0 {
+        return None;
     }
-    let sum: f64 = elements.iter().filter_map(|(_, number)| value(number)).sum();
-    match (share, added) {
-        (Some(_), _) => added.iter().all(|it| it.1.is_some()) && (sum - 100.0).abs() <= 0.5,
-        // Intermetallic compounds have two elements and small whole numbers: TiAl3, CuAl2.
-        (None, [(_, number)]) => !matches!(number, Some("2" | "3")) && sum < 100.0,
-        (None, _) => sum < 100.0,
+    let parts = added.iter().zip(&shares).map(|((symbol, _), share)| format!("{symbol}{share}wt%"));
+    Some(parts.collect::<String>() + base)
+}
+
+/// Shares behind the elements.
+fn shares_behind(text: &str, elements: &[Element<'_>]) -> Option<String> {
+    let [(base, share), added @ ..] = elements else { return None };
+    let is_small = |number: Option<&str>| value(number).is_none_or(|number| number < 1.0);
+    let fits = |(symbol, number): &Element<'_>| {
+        is_metal(symbol) || TRACES.contains(symbol) && is_small(*number)
+    };
+    // Tellurium has no compounds of such numbers with the bases but as CuTe0.5.
+    let is_share =
+        |(symbol, number): &Element<'_>| (is_metal(symbol) || *symbol == "Te") && number.is_some();
+    if !BASES.contains(base) || !added.iter().all(fits) || !added.iter().any(is_share) {
+        return None;
+    }
+    let sum: f64 = elements.iter().filter_map(|(_, number)| value(*number)).sum();
+    let part = |(symbol, number): &Element<'_>| Some(format!("{symbol}{}wt%", (*number)?));
+    match share {
+        Some(_) => {
+            let is_whole = added.iter().all(|it| it.1.is_some()) && (sum - 100.0).abs() <= 0.5;
+            is_whole.then(|| elements.iter().filter_map(part).collect())
+        }
+        None => {
+            let is_alloy = sum < 100.0 && !COMPOUNDS.contains(&text);
+            is_alloy.then(|| added.iter().filter_map(part).collect::<String>() + base)
+        }
     }
 }
 
 /// Symbols with their numbers, where a text is nothing else.
-pub(super) fn elements(text: &str) -> Option<Vec<Element<'_>>> {
+fn elements(text: &str) -> Option<Vec<Element<'_>>> {
     let mut found = Vec::new();
     let mut rest = text;
     while !rest.is_empty() {
@@ -53,24 +125,12 @@ pub(super) fn elements(text: &str) -> Option<Vec<Element<'_>>> {
     Some(found)
 }
 
-/// The shares by weight of a designation, in the notation of formulas. Elements without a number but
-/// the base are not in it.
-pub(super) fn by_weight(elements: &[Element<'_>]) -> String {
-    let [(base, share), added @ ..] = elements else { return String::new() };
-    let part = |(symbol, number): &Element<'_>| Some(format!("{symbol}{}wt%", (*number)?));
-    match share {
-        Some(_) => elements.iter().filter_map(part).collect(),
-        None => added.iter().filter_map(part).collect::<String>() + base,
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
 
     #[test]
     fn designations_are_known_from_compounds() {
-        let of = |text| elements(text).filter(|elements| is_by_weight(elements));
         for (text, weights) in [
             ("TiAl6V4", "Al6wt%V4wt%Ti"),
             ("AlSi10Mg", "Si10wt%Al"),
@@ -83,8 +143,23 @@ mod tests {
             ("Sn63Pb37", "Sn63wt%Pb37wt%"),
             ("CuNi44", "Ni44wt%Cu"),
             ("AlMg1", "Mg1wt%Al"),
+            ("MgMn2", "Mn2wt%Mg"),
+            ("FeSi3", "Si3wt%Fe"),
+            ("PbSb3", "Sb3wt%Pb"),
+            ("PbCa0.1", "Ca0.1wt%Pb"),
+            ("AuGe12", "Ge12wt%Au"),
+            ("InSn48", "Sn48wt%In"),
+            ("GaIn21.5Sn10", "In21.5wt%Sn10wt%Ga"),
+            ("CuTe0.5", "Te0.5wt%Cu"),
+            ("Ti6Al7Nb", "Al6wt%Nb7wt%Ti"),
+            ("Ti-6Al-7Nb", "Al6wt%Nb7wt%Ti"),
+            ("Ti13Nb13Zr", "Nb13wt%Zr13wt%Ti"),
+            ("Ti5Al2.5Sn", "Al5wt%Sn2.5wt%Ti"),
+            ("Ti15Mo", "Mo15wt%Ti"),
+            ("WC10Co", "Co10wt%WC"),
+            ("W5Re", "Re5wt%W"),
         ] {
-            assert_eq!(of(text).map(|it| by_weight(&it)).as_deref(), Some(weights), "{text}");
+            assert_eq!(by_weight(text).as_deref(), Some(weights), "{text}");
         }
         for text in [
             "H2O",
@@ -111,8 +186,17 @@ mod tests {
             "PbTiO3",
             "WC",
             "MgB2",
+            "MoSi2",
+            "MgZn2",
+            "CoSb3",
+            "Fe3Al",
+            "Mg17Al12",
+            "Ga0.5In0.5Sb",
+            "Bi2Te3",
+            "PbTe",
+            "Cu2MnAl",
         ] {
-            assert_eq!(of(text), None, "{text}");
+            assert_eq!(by_weight(text), None, "{text}");
         }
     }
 }

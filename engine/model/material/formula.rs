@@ -6,7 +6,7 @@ use std::fmt::Display;
 use xraydb::{CrossSectionKind, XrayDb, XrayDbError};
 
 use super::notation::{self, Composition};
-use super::{Constants, builtin, designation, within};
+use super::{Constants, builtin, capitals, designation, within};
 use crate::scene::path;
 use beamlet_core::error::{Error, Result};
 use beamlet_core::reserve;
@@ -64,7 +64,7 @@ pub(super) fn check(text: &str) -> Result<std::result::Result<(), String>> {
 /// # Errors
 /// A formula that cannot be read; an alloy's designation by weight.
 fn read(db: &XrayDb, name: &str, formula: &str, density: f64) -> Result<Composition> {
-    if let Some(allowed) = other_ways(formula) {
+    if let Some(allowed) = other_ways(formula, Some(density)) {
         let key = path::join("materials", name);
         return Err(Error::scene(key, format!("formula \"{formula}\""), allowed));
     }
@@ -79,16 +79,20 @@ fn composition(db: &XrayDb, formula: &str) -> std::result::Result<Composition, S
     })
 }
 
-/// The ways to write a formula that is read as the designation of an alloy by weight; `None` for
-/// others.
-pub(super) fn other_ways(formula: &str) -> Option<String> {
-    let elements = designation::elements(formula)?;
+/// The ways to write a formula that has another reading: the designation of an alloy by weight, or an element in
+/// capitals; `None` for others. `density`: g/cm3, where it is known.
+pub(super) fn other_ways(formula: &str, density: Option<f64>) -> Option<String> {
+    if let Some(meant) = capitals::meant(formula, density) {
+        return Some(format!(
+            "\"{meant}\" for the element, or \"({formula})\" for an atom of each letter"
+        ));
+    }
+    if !designation::is_of_symbols(formula) {
+        return None;
+    }
     let by_weight = match builtin(formula).filter(|it| it.formula.contains("wt%")) {
         Some(known) => format!("the built-in material \"{}\", {}", known.name, known.formula),
-        None if designation::is_by_weight(&elements) => {
-            format!("\"{}\", with its shares in percent", designation::by_weight(&elements))
-        }
-        None => return None,
+        None => format!("\"{}\", with its shares in percent", designation::by_weight(formula)?),
     };
     Some(format!("an alloy by weight: {by_weight}; \"({formula})\" counts atoms"))
 }
@@ -107,7 +111,7 @@ pub(super) fn mixed(parts: &[(String, String, f64)]) -> Result<(String, f64)> {
     let mut elements = BTreeMap::<String, f64>::new();
     let mut lightness = 0.0;
     for (key, formula, weight) in parts {
-        if let Some(allowed) = other_ways(formula) {
+        if let Some(allowed) = other_ways(formula, None) {
             return Err(Error::scene(key, format!("{formula:?}"), allowed));
         }
         let found = composition(&db, formula).map_err(|e| unreadable(key, formula, &e))?;

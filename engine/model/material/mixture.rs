@@ -18,7 +18,7 @@ pub(super) fn formula(scene: &Scene, name: &str, parts: &[(String, f64)]) -> Res
                                formula";
                 return Err(Error::scene(key, format!("\"{part}\", without a formula"), allowed));
             }
-            None => builtin(part).map_or_else(|| part.clone(), |entry| entry.formula.to_owned()),
+            None => builtin(part).map_or_else(|| part.clone(), |entry| entry.formula.into_owned()),
         };
         if found.is_empty() {
             return Err(Error::scene(key, "vacuum", "a material"));

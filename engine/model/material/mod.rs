@@ -4,9 +4,12 @@
 //! built-in material. Constants come from a formula and a density through tabulated cross
 //! sections, from a table file, or as given.
 
+mod activator;
 pub mod builtin;
+mod capitals;
 mod designation;
 mod formula;
+mod lookup;
 mod mixture;
 mod notation;
 mod table;
@@ -18,7 +21,7 @@ use crate::scene::{Beam, MaterialSpec, Scene};
 use beamlet_core::error::{Error, Result};
 use unknown::unknown;
 
-pub use builtin::builtin;
+pub use lookup::builtin;
 
 /// Optical constants of a material at one energy.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
@@ -114,7 +117,7 @@ pub fn of_builtin(name: &str, energies: &[f64]) -> Result<Vec<Constants>> {
     let Some(found) = builtin(name) else {
         return Err(Error::argument("material", format!("{name:?}"), "a built-in material"));
     };
-    match found.formula {
+    match &*found.formula {
         "" => Ok(vec![Constants::default(); energies.len()]),
         formula => {
             let outside = |found, allowed| Error::argument("energy", found, allowed);
@@ -213,9 +216,9 @@ impl<'a> Law<'a> {
     fn of(scene: &'a Scene, name: &str, key: Option<&str>) -> Result<Self> {
         let Some(spec) = scene.materials.get(name) else {
             let found = builtin(name).map_or_else(|| Err(unknown(scene, name, key)), Ok)?;
-            return Ok(match found.formula {
-                "" => Self::Numbers(Constants::default()),
-                formula => Self::Formula { formula: formula.into(), density: found.density },
+            return Ok(match found.formula.is_empty() {
+                true => Self::Numbers(Constants::default()),
+                false => Self::Formula { formula: found.formula, density: found.density },
             });
         };
         match spec {

@@ -9,9 +9,11 @@
 //! separator = "·" | "*" | "." before anything but the digits of a decimal number
 //! ```
 //!
-//! Symbols are the elements, and D and T. Blanks do not count, except between digits. Numbers have no
+//! A last symbol in brackets without a number, or behind a colon, is an activator and does not count: `CsI(Tl)`,
+//! `Gd2O2S:Tb`. Symbols are the elements, and D and T. Blanks do not count, except between digits. Numbers have no
 //! exponent: the E of `Lu2O3Eu0.1` is europium.
 
+use super::activator;
 use std::fmt::Write as _;
 
 /// Molar masses of deuterium and tritium, g/mol (AME 2020).
@@ -40,7 +42,7 @@ type Atom = (String, f64);
 /// # Errors
 /// The fault, with its place.
 pub(super) fn read(text: &str, mass: impl Fn(&str) -> Option<f64>) -> Result<Composition, String> {
-    let text = plain(text)?;
+    let text = plain(activator::host(text))?;
     let mass = |symbol: &str| {
         let isotope = ISOTOPES.iter().find(|(name, _)| *name == symbol).map(|(_, mass)| *mass);
         isotope.or_else(|| mass(symbol))

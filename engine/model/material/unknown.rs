@@ -26,7 +26,7 @@ fn meant(scene: &Scene, name: &str) -> String {
         let names: Vec<String> = same.iter().map(entry).collect();
         return format!(" (the formula is that of {})", names.join(", "));
     }
-    if let Some(ways) = formula::other_ways(name) {
+    if let Some(ways) = formula::other_ways(name, None) {
         return format!("; {ways}");
     }
     let suggested = suggested(scene, name);
@@ -48,22 +48,31 @@ fn meant(scene: &Scene, name: &str) -> String {
     }
 }
 
-/// Materials whose name begins as `name` does, or else the one most like it, in quotes.
+/// Materials whose name begins as `name` does, or has it as a word, or else the one that it is with a slip, in
+/// quotes.
 fn suggested(scene: &Scene, name: &str) -> Vec<String> {
     let own = scene.materials.keys().map(|key| (key.as_str(), key.as_str()));
     let all: Vec<(&str, &str)> = own.chain(all_spellings()).collect();
     let begun = fold(name);
-    let mut found: Vec<(&str, &str)> = Vec::new();
-    for (entry, spelling) in &all {
-        let begins = begun.chars().count() >= 3 && fold(spelling).starts_with(&begun);
-        if begins && found.iter().all(|(known, _)| known != entry) {
-            found.push((entry, spelling));
+    let begins = |spelling: &str| begun.chars().count() >= 3 && fold(spelling).starts_with(&begun);
+    let has_word = |spelling: &str| spelling.split([' ', ',']).any(|word| fold(word) == begun);
+    let of = |fits: &dyn Fn(&str) -> bool| {
+        let mut found: Vec<(&str, &str)> = Vec::new();
+        for (entry, spelling) in all.iter().filter(|(_, spelling)| fits(spelling)) {
+            if found.iter().all(|(known, _)| known != entry) {
+                found.push((entry, spelling));
+            }
         }
+        found
+    };
+    let mut found = of(&begins);
+    if found.is_empty() {
+        found = of(&has_word);
     }
     if found.is_empty() {
         let spellings = all.iter().map(|(_, spelling)| *spelling);
-        let nearest = suggestion::nearest(name, spellings, fold);
-        return nearest.map(|meant| format!("\"{meant}\"")).into_iter().collect();
+        let meant = suggestion::slip(name, spellings, fold);
+        return meant.map(|meant| format!("\"{meant}\"")).into_iter().collect();
     }
     // The shortest is the nearest, and represents names that continue it.
     found.sort_by_key(|(_, spelling)| spelling.chars().count());

@@ -38,7 +38,7 @@ pub(crate) fn material(
             }
             let formula = match (scene.materials.get(name), builtin(name)) {
                 (Some(MaterialSpec::Formula { formula, .. }), _) => formula.clone(),
-                (None, Some(found)) if !found.formula.is_empty() => found.formula.to_owned(),
+                (None, Some(found)) if !found.formula.is_empty() => found.formula.into_owned(),
                 _ => name.to_owned(),
             };
             scene.materials.insert(name.to_owned(), MaterialSpec::Formula { formula, density });
