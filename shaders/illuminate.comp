@@ -43,20 +43,23 @@ struct Passed {
     int home; // of faint light behind the detector mask
 };
 
+// Shifts of the edges of an opening against a piece of a cell, per standard deviation of the landing place at the edges
+// that cut its light behind the sample mask. Soft edges of the detector mask count as the source does.
+vec2 shifts_in(Opening opening, Cell cell, Piece piece, Edges edges) {
+    float growth = steady_growth((cell.displacement_high - cell.displacement_low) / (cell.x_high - cell.x_low));
+    float source = light.pixel_spot;
+    float blur = piece.pixel_blur;
+    if (light.detector_mask.present != 0u) {
+        source = sqrt(light.spot * light.spot + setting.soft.y);
+        blur = piece.blur;
+    }
+    vec2 more = vec2(0.0);
 #ifdef WALLS
-// Lets the softer edge of an aperture turn more with the offset of the source than the other one: where light lands
-// depends on the sum of the offset's effects on edge and landing place, and has the variance of both edges then.
-void spread_edges(Piece piece, Cell cell, float width, Layer layer, inout Edges edges) {
-    float displacement_slope = (cell.displacement_high - cell.displacement_low) / (cell.x_high - cell.x_low);
-    float growth = light.magnification + (abs(displacement_slope) < steepest() ? displacement_slope : 0.0);
-    float landing = piece.blur / growth;
-    vec2 turned = landing + light.mask_blur + vec2(edges.low_turn, -edges.high_turn);
-    vec2 more = layer.variance - common_variance(layer);
-    vec2 turn = sqrt(turned * turned + more) - turned;
-    edges.low_turn += turn.x;
-    edges.high_turn -= turn.y;
-}
+    more = opening.layer.variance - common_variance(opening.layer);
 #endif
+    vec2 by_source = light.mask_blur + vec2(edges.low_turn, -edges.high_turn);
+    return shifts_of(by_source, source / growth, blur / growth, more);
+}
 
 // The part of a cell that an opening lets through; no amount where it lets none through.
 Piece piece_through(Opening opening, Cell cell) {
@@ -84,13 +87,12 @@ Piece piece_through(Opening opening, Cell cell) {
     Piece piece = piece_of(cell_row, cell, from_x, to_x, share, opening.tilt, soft);
     if (cut) {
 #ifdef WALLS
-        spread_edges(piece, cell, to_x - from_x, opening.layer, edges);
         vec2 shadow = light.sample_mask.thickness
             * abs(wall_slopes(light.sample_mask, beamlet.slope, edges.low, edges.high, light.cell_plane));
 #else
         float shadow = light.sample_mask.thickness * bars.slope;
 #endif
-        cut_by(piece, from_x, to_x, edges, light.mask_blur);
+        cut_by(piece, from_x, to_x, edges, shifts_in(opening, cell, piece, edges));
         piece.sample_covariance = shadow * cell.sample_covariance / (to_x - from_x);
     }
     piece.passes = share > 0.0;

@@ -123,7 +123,17 @@ Piece through_ends(Cell cell, vec2 ends) {
     Piece piece = piece_along_z(cell, low, passes ? high : low + 1.0);
     piece.passes = passes;
     if (cuts && passes && !sharp && (ends.x + reach > low || ends.y - reach < high)) {
-        cut_by(piece, low, high, Edges(ends.x, ends.y, 0.0, 0.0, 0.0, 0.0), heights.mask_blur);
+        float slope = cell.share_above / (cell_row.bottom - cell_row.top);
+        float growth = abs(slope) < 0.5 ? 1.0 + slope : 1.0;
+        float source = light.row_blur;
+        float blur = piece.pixel_blur;
+        if (heights.detector_mask.count > 0u) {
+            float soft = shadow_z.y * shadow_z.y * heights.detector_mask.variance;
+            source = sqrt(heights.analyser_blur * heights.analyser_blur + soft);
+            blur = piece.blur;
+        }
+        vec2 shifts = shifts_of(vec2(heights.mask_blur), source / growth, blur / growth, vec2(0.0));
+        cut_by(piece, low, high, Edges(ends.x, ends.y, 0.0, 0.0, 0.0, 0.0), shifts);
     }
     return piece;
 }

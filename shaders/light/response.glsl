@@ -145,6 +145,12 @@ float steepest() {
     return 0.5 * light.magnification;
 }
 
+// Growth of light from the cell plane to the analyser about an edge of an aperture: displacements that change faster
+// than `steepest` go on no farther than their cell.
+float steady_growth(float displacement_slope) {
+    return light.magnification + (abs(displacement_slope) < steepest() ? displacement_slope : 0.0);
+}
+
 // The part [a, b] of a cell on the analyser. x is the place in the cell plane of the ray from the centre
 // of the source through the same point of the sample: the effect of the sample depends on it alone.
 // `soft`: variance added by the shadows of thick bars, of the sample mask in the cell plane and of the
@@ -165,7 +171,7 @@ Piece piece_of(CellRow cell_row, Cell cell, float a, float b, float transmission
     piece.middle = light.magnification * middle + cell.displacement_low + displacement_slope * from_low;
     piece.half_width = 0.5 * growth * width;
     // Soft edges of the aperture move light as if the bend extended over all of it.
-    float steady = abs(displacement_slope) < steepest() ? growth : light.magnification;
+    float steady = steady_growth(displacement_slope);
     float shadow = steady * steady * soft.x;
     piece.blur = sqrt(light.spot * light.spot + shadow + soft.y + cell.displacement_variance);
     piece.pixel_blur = sqrt(light.pixel_spot * light.pixel_spot + shadow + cell.displacement_variance);
@@ -184,19 +190,29 @@ Piece piece_of(CellRow cell_row, Cell cell, float a, float b, float transmission
     return piece;
 }
 
-// Lets an aperture of the sample mask cut the piece [a, b]; `shift`: of its edges against the
-// piece per standard deviation of the source offset.
-void cut_by(inout Piece piece, float a, float b, Edges edges, float shift) {
+// Shifts of both edges of an aperture of the sample mask per standard deviation of the landing place, m in the cell
+// plane. An offset of the source moves edge and landing place; roughness, energies and soft edges of the sample mask
+// blur the landing place alone. A window has one random number for both: with these shifts light at an edge lands with
+// the variance of independent parts, (source + by_source)^2 + blur^2 - source^2. `by_source`: shifts per deviation of
+// the source offset; `source`, `blur`: deviations of the landing place by the source and by all, over the growth of
+// light; `more`: variance of each edge that `blur` lacks.
+vec2 shifts_of(vec2 by_source, float source, float blur, vec2 more) {
+    vec2 gain = by_source * (2.0 * source + by_source) + more;
+    return gain / max(sqrt(max(gain + blur * blur, 0.0)) + blur, 1e-30);
+}
+
+// Lets an aperture of the sample mask cut the piece [a, b]; `shifts`: of its edges against the piece per standard
+// deviation of the landing place.
+void cut_by(inout Piece piece, float a, float b, Edges edges, vec2 shifts) {
     float middle = 0.5 * (a + b);
     float half_cell = 0.5 * (b - a);
-    float per_low = 1.0 / max(shift + edges.low_turn, half_cell / STEEP);
-    float per_high = 1.0 / max(shift - edges.high_turn, half_cell / STEEP);
-    piece.steep_low = half_cell * per_low;
-    piece.steep_high = half_cell * per_high;
+    vec2 per = 1.0 / max(shifts, half_cell / STEEP);
+    piece.steep_low = half_cell * per.x;
+    piece.steep_high = half_cell * per.y;
     float most_low = piece.steep_low + BEYOND;
     float most_high = piece.steep_high + BEYOND;
-    piece.low = clamp((edges.low - middle) * per_low, -most_low, most_low);
-    piece.high = clamp((edges.high - middle) * per_high, -most_high, most_high);
-    piece.low_bend = edges.low_bend * per_low;
-    piece.high_bend = edges.high_bend * per_high;
+    piece.low = clamp((edges.low - middle) * per.x, -most_low, most_low);
+    piece.high = clamp((edges.high - middle) * per.y, -most_high, most_high);
+    piece.low_bend = edges.low_bend * per.x;
+    piece.high_bend = edges.high_bend * per.y;
 }

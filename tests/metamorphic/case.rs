@@ -1,6 +1,6 @@
 //! A scene with the places of its instances, which a scene file refers to.
 
-use beamlet::scene::{ApertureLattice, Instances, Object, Scene, Shape, ShapeOrMesh};
+use beamlet::scene::{ApertureLattice, Instances, Object, Refine, Scene, Shape, ShapeOrMesh, Spot};
 use std::collections::BTreeMap;
 use std::f64::consts::PI;
 use std::fmt::Write;
@@ -21,6 +21,10 @@ pub(crate) struct Place {
 pub(crate) struct Case {
     pub(crate) scene: Scene,
     pub(crate) places: Vec<Vec<Place>>,
+    /// Standard deviation of slopes of each object in the rough variant.
+    pub(crate) roughness: Vec<f64>,
+    /// Focal spot of the rough variant.
+    pub(crate) spot: Spot,
 }
 
 /// Axis along which a scene is mirrored.
@@ -116,6 +120,31 @@ impl Case {
                 }
             }
             scene.scan.mask_offsets_z.iter_mut().for_each(|it| *it = -*it);
+        }
+        case
+    }
+
+    /// The scene with its axis of rotation nearer to the detector by this share of their distance, and its sample where it
+    /// was; a scene at angle 0.
+    pub(crate) fn with_origin_behind(&self, share: f64) -> Self {
+        let mut case = self.clone();
+        let scene = &mut case.scene;
+        let behind = share * (scene.detector.distance - scene.source.distance);
+        scene.source.distance += behind;
+        scene.objects.iter_mut().for_each(|object| object.placement.position[1] -= behind);
+        case
+    }
+
+    /// The rough variant, whose rays are chosen on the host if a surface is rough: the device takes 100 times the rays.
+    pub(crate) fn roughened(&self) -> Self {
+        let mut case = self.clone();
+        case.scene.source.spot = self.spot.clone();
+        if self.roughness.iter().any(|it| *it > 0.0) {
+            case.scene.sampling.refine = Refine::Host;
+            case.scene.sampling.max_rays = 4000;
+        }
+        for (object, roughness) in case.scene.objects.iter_mut().zip(&self.roughness) {
+            object.roughness = *roughness;
         }
         case
     }

@@ -1,9 +1,11 @@
 //! Random scenes compared with themselves, changed in ways whose effect on the stacks is known:
 //! mirrored, turned, sampled finer, traced in order, made of facets, on the other backend, with rays chosen in the
-//! other place, in bands, from stored moments. In half of the seeds the device chooses the rays.
+//! other place, in bands, from stored moments, about another axis of rotation (with rough surfaces). In half of the
+//! seeds the device chooses the rays.
 //!
 //! A failure prints its seed and its scene. `BEAMLET_SEED=17` repeats it and looks for the smallest
-//! scene that fails; `BEAMLET_SEED=1-300` takes these seeds in place of those of CI.
+//! scene that fails; `BEAMLET_SEED=1-300` takes these seeds in place of those of CI, `BEAMLET_RELATION=origin` this
+//! relation of all of them.
 
 #![allow(clippy::expect_used, clippy::print_stdout, reason = "tests, which print their figures")]
 
@@ -46,8 +48,10 @@ fn seeds() -> Vec<u64> {
 /// True if a seed takes this relation. Each takes a half of most: more scenes find more than more
 /// relations of one scene. Random rays are slow, and few scenes suffice.
 fn is_taken(relation: Relation, seed: u64) -> bool {
+    let only = std::env::var("BEAMLET_RELATION");
     match relation {
         Relation::Backend if !backends().contains(&Backend::RayQuery) => false,
+        _ if only.is_ok() => only.is_ok_and(|name| name == relation.to_string()),
         Relation::MirroredInX | Relation::Finer | Relation::Facets | Relation::Moments => {
             seed.is_multiple_of(2)
         }
@@ -57,6 +61,7 @@ fn is_taken(relation: Relation, seed: u64) -> bool {
         | Relation::Backend
         | Relation::Bands => !seed.is_multiple_of(2),
         Relation::Place => true,
+        Relation::Origin => seed.is_multiple_of(3),
         Relation::Random => seed.is_multiple_of(12),
     }
 }

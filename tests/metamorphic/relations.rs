@@ -28,9 +28,11 @@ pub(crate) enum Relation {
     Bands,
     /// Light from the moments of a run at other mask offsets.
     Moments,
+    /// The axis of rotation farther from the source, and the sample where it was.
+    Origin,
 }
 
-pub(crate) const RELATIONS: [Relation; 11] = [
+pub(crate) const RELATIONS: [Relation; 12] = [
     Relation::MirroredInX,
     Relation::MirroredInZ,
     Relation::Turned,
@@ -42,6 +44,7 @@ pub(crate) const RELATIONS: [Relation; 11] = [
     Relation::Place,
     Relation::Bands,
     Relation::Moments,
+    Relation::Origin,
 ];
 
 /// Facets around a cylinder or cone that stands for an exact one.
@@ -55,6 +58,9 @@ const RAYS: [u32; 2] = [150, 20];
 
 /// Distance of the mask offsets of the run whose moments are kept from the offsets of the scene, periods.
 const OTHER_OFFSETS: f64 = 0.31;
+
+/// Distance by which the axis of rotation moves towards the detector, share of the distance between them.
+const ORIGIN: f64 = 0.25;
 
 /// Share of open beam by which sampling may be off in a pixel that a silhouette crosses, as README.md
 /// promises: scenes are so small that silhouettes cross most of their pixels.
@@ -78,6 +84,7 @@ impl fmt::Display for Relation {
             Self::Place => "other place",
             Self::Bands => "bands",
             Self::Moments => "moments",
+            Self::Origin => "origin",
         })
     }
 }
@@ -90,6 +97,7 @@ impl Relation {
             Self::MirroredInX => changed = case.mirrored(Axis::X),
             Self::MirroredInZ => changed = case.mirrored(Axis::Z),
             Self::Turned => changed = case.turned(),
+            Self::Origin => changed = case.turned().with_origin_behind(ORIGIN),
             Self::Finer => {
                 let sampling = &mut changed.scene.sampling;
                 (sampling.cells, sampling.rows) = (Some(CELLS[0]), CELLS[1]);
@@ -173,6 +181,11 @@ impl Relation {
             }
             Self::Random => (sampled, sampled),
             Self::Place | Self::Moments => (sampled, 1e-6),
+            // The spot blurs edges as if they were at the axis of rotation.
+            Self::Origin => {
+                let edges: f64 = records.into_iter().filter_map(|it| it.edge_error).sum();
+                (sampled + edges, 2e-5)
+            }
         };
         let rays = matches!(self, Self::Random).then(|| f64::from(RAYS[0] * RAYS[1]));
         Limits { sample, flat, rays }

@@ -92,6 +92,14 @@ pub(crate) fn difference(
     case: &Case,
     first: &Run,
 ) -> Result<Option<Difference>, String> {
+    if relation != Relation::Origin {
+        return compare(relation, case, first);
+    }
+    let rough = case.roughened();
+    compare(relation, &rough, &run(&rough, Backend::Bvh)?)
+}
+
+fn compare(relation: Relation, case: &Case, first: &Run) -> Result<Option<Difference>, String> {
     let Some(changed) = relation.changed(case) else { return Ok(None) };
     let other = match relation {
         Relation::Bands => run_on(in_bands(), &changed),

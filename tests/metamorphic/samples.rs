@@ -28,7 +28,8 @@ pub(crate) fn case(seed: u64) -> Case {
     let mut draws = Draws::new(seed);
     let (mut scene, room) = set_up(&mut draws);
     scene.sampling.refine = if seed % 4 < 2 { Refine::Host } else { Refine::Device };
-    let mut case = Case { scene, places: Vec::new() };
+    let mut case =
+        Case { spot: scene.source.spot.clone(), scene, places: Vec::new(), roughness: Vec::new() };
     let mut taken: Vec<Ball> = Vec::new();
     let wanted = 1 + draws.below(3);
     while case.scene.objects.len() < wanted {
@@ -40,6 +41,12 @@ pub(crate) fn case(seed: u64) -> Case {
         } else {
             alone(&mut draws, &mut case, room, &mut taken);
         }
+    }
+    let mut aside = draws.aside();
+    let roughness = |_| if aside.chance(0.5) { aside.log_between(1e-4, 2e-2) } else { 0.0 };
+    case.roughness = (0..case.scene.objects.len()).map(roughness).collect();
+    if aside.chance(0.5) {
+        case.spot = [0.0; 2].into();
     }
     case
 }

@@ -25,7 +25,8 @@ fn smaller(case: &Case) -> Vec<Case> {
     let mut take = |change: &dyn Fn(&mut Case)| {
         let mut smaller = case.clone();
         change(&mut smaller);
-        if smaller.scene != case.scene || places(&smaller) != places(case) {
+        let other = smaller.scene != case.scene || smaller.roughness != case.roughness;
+        if other || places(&smaller) != places(case) {
             all.push(smaller);
         }
     };
@@ -33,6 +34,7 @@ fn smaller(case: &Case) -> Vec<Case> {
         take(&|it| {
             it.scene.objects.remove(number);
             it.places.remove(number);
+            it.roughness.remove(number);
         });
         for place in 0..case.places[number].len() {
             take(&|it| {
@@ -70,9 +72,13 @@ fn smaller(case: &Case) -> Vec<Case> {
             mask.body = hard.clone();
         }
     });
-    take(&|it| it.scene.source.spot = [0.0; 2].into());
+    take(&|it| {
+        it.scene.source.spot = [0.0; 2].into();
+        it.spot = [0.0; 2].into();
+    });
     take(&|it| it.scene.scan.angles = vec![0.0]);
     for number in 0..case.places.len() {
+        take(&|it| it.roughness[number] = 0.0);
         take(&|it| it.scene.objects[number].normals = Normals::Facets);
         take(&|it| it.scene.objects[number].placement.rotate.clear());
         take(&|it| it.scene.objects[number].placement.position = [0.0; 3]);

@@ -5,6 +5,7 @@ mod kept;
 mod keys;
 mod light;
 mod local;
+mod origin;
 mod slopes;
 mod smooth;
 
