@@ -7,10 +7,10 @@ mod support;
 
 mod borders;
 mod choice;
+mod counts;
 mod determinism;
 mod estimated;
 mod even_on_device;
-
 mod foam;
 mod heights_on_device;
 mod on_device;

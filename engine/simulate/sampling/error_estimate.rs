@@ -347,7 +347,8 @@ impl Estimator<'_> {
         let [low, high] = union([piece.bounds[1], self.cell_heights(piece)]).map(|z| z + down);
         let ends = [low - self.row_reach, high + self.row_reach];
         let crosses = ends[0].floor() < ends[1].floor() || self.lands_at_edge(row, ends);
-        by_outline + if crosses { Self::misplaced(piece) } else { 0.0 }
+        let by_rectangle = self.wide_blur || !self.has_shares();
+        by_outline + if crosses && by_rectangle { Self::misplaced(piece) } else { 0.0 }
     }
 
     /// Error of a rectangle that is known as a mean.
