@@ -23,6 +23,10 @@ pub fn settle(scene: &mut Scene, sample: &Sample, kind: DeviceKind) -> Option<St
     }
     let (place, reason) = match kind {
         DeviceKind::Cpu => (Refine::Host, "the device is a CPU"),
+        // On the device drawn normals count half of all light as an error.
+        _ if scene.objects.iter().any(|it| it.roughness > 0.0) => {
+            (Refine::Host, "surfaces are rough")
+        }
         _ => (Refine::Device, "the device is a GPU"),
     };
     if auto {
