@@ -13,6 +13,7 @@ mod estimated;
 mod even_on_device;
 mod foam;
 mod heights_on_device;
+mod level_faces;
 mod on_device;
 mod rims;
 mod row_blur;

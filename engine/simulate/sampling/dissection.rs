@@ -23,10 +23,10 @@ const MOST_LAYERS: usize = 12;
 const TRIANGLE: f64 = 0.6;
 /// Pieces are taken to be at least as wide and high as this share of the rectangle.
 const THINNEST: f64 = 1e-3;
-/// Pieces with less than this fraction of the first-order remainder of a rectangle are dropped if their
-/// landing row is unknown.
+/// Pieces with less light than this fraction of the first-order remainder of a rectangle have no displacement if
+/// their landing row is unknown.
 const NOTHING: f64 = 1e-2;
-/// Pieces that are not in balance are left out up to this share of the rectangle.
+/// Largest share of the rectangle that is left out: pieces that are edge-on or not in balance.
 const SLIVER: f64 = 1e-5;
 /// Pieces fill the rectangle to this.
 const WHOLE: f64 = 1e-7;
@@ -73,7 +73,7 @@ impl FacetMeans<'_> {
         // Regions with the same facets are one piece; what none covers need not hang together.
         regions.sort_by(|a, b| a.facets.cmp(&b.facets));
         let mut pieces = Vec::new();
-        let mut covered = 0.0;
+        let (mut covered, mut left_out) = (0.0, 0.0);
         let same = |a: &Region, b: &Region| a.facets == b.facets && !a.facets.is_empty();
         for group in regions.chunk_by(same) {
             let mut moments = AreaMoments::NONE;
@@ -84,21 +84,22 @@ impl FacetMeans<'_> {
                 }
             }
             covered += moments.area;
-            if moments.area <= EDGE_ON * whole {
-                continue;
-            }
             let facets = filling.iter().chain(&group[0].facets);
             let facets: ArrayVec<&PatchFacet, { 2 * MOST_FACETS }> =
                 facets.map(|index| &all[*index as usize]).collect();
             let polygons = || group.iter().map(|region| &region.polygon);
-            match self.piece(patch, &facets, (&moments, polygons), [centre, half]) {
-                Some(piece) => pieces.extend(piece),
+            let sized = moments.area > EDGE_ON * whole;
+            let piece =
+                sized.then(|| self.piece(patch, &facets, (&moments, polygons), [centre, half]));
+            match piece.flatten() {
+                Some(piece) => pieces.push(piece),
                 // Facets seen edge-on are dropped; the facets that balance them are as thin.
-                None if moments.area <= SLIVER * whole => {}
-                None => return None,
+                None => left_out += moments.area,
             }
         }
-        if pieces.is_empty() || (covered - whole).abs() > WHOLE * whole {
+        // The other pieces fill the place of those that are left out.
+        let fills = left_out <= SLIVER * whole && (covered - whole).abs() <= WHOLE * whole;
+        if pieces.is_empty() || !fills {
             return None;
         }
         let mut order: Vec<usize> = (0..pieces.len()).collect();
@@ -107,15 +108,14 @@ impl FacetMeans<'_> {
         Some(pieces)
     }
 
-    /// A piece that these facets cover, where it has any light to speak of; nothing where they do not
-    /// balance.
+    /// The piece that these facets cover; nothing where they do not balance.
     fn piece<'p, I: Iterator<Item = &'p Polygon>>(
         &self,
         patch: &Patch,
         facets: &[&PatchFacet],
         (moments, polygons): (&AreaMoments, impl Fn() -> I),
         [centre, rectangle]: [[f64; 2]; 2],
-    ) -> Option<Option<Piece>> {
+    ) -> Option<Piece> {
         let (from_centre, [xx, zz]) = moments.about_centroid();
         let centroid = [centre[0] + from_centre[0], centre[1] + from_centre[1]];
         let mut met = Met::default();
@@ -138,12 +138,14 @@ impl FacetMeans<'_> {
         if met.balance != 0 || !finite {
             return None;
         }
-        let result = result_of(numbers, met.signature, flags(share), met.crossings);
         let light = moments.area * self.weight * (-numbers[0]).exp();
-        if error > self.far && light < NOTHING * self.light {
-            return Some(None);
+        let dark = error > self.far && light < NOTHING * self.light;
+        if dark {
+            numbers[1..].fill(0.0);
         }
-        let by_ray = share < 1.0
+        let result = result_of(numbers, met.signature, flags(share), met.crossings);
+        let by_ray = !dark
+            && share < 1.0
             && (self.strict
                 || error > self.far
                 || error > self.displacement && light * error * self.steepest > self.light);
@@ -159,7 +161,7 @@ impl FacetMeans<'_> {
         let (high, outline_z) = interval(1, zz);
         let whole = [centroid[1] - high, centroid[1] + high];
         let down = -f64::from(result.landing_z(self.gap)) / self.row_pitch;
-        Some(Some(Piece {
+        Some(Piece {
             x: [0.0; 2],
             z: [0.0; 2],
             share: single(0.25 * moments.area / (rectangle[0] * rectangle[1])),
@@ -173,7 +175,7 @@ impl FacetMeans<'_> {
             outline: [outline_x, outline_z],
             slope_depth: single(rise[0]),
             by_ray,
-        }))
+        })
     }
 
     /// Light of a piece that crosses the borders of its row after a displacement by `down` rows. `whole`:
