@@ -56,18 +56,12 @@ fn suggested(scene: &Scene, name: &str) -> Vec<String> {
     let begun = fold(name);
     let begins = |spelling: &str| begun.chars().count() >= 3 && fold(spelling).starts_with(&begun);
     let has_word = |spelling: &str| spelling.split([' ', ',']).any(|word| fold(word) == begun);
-    let of = |fits: &dyn Fn(&str) -> bool| {
-        let mut found: Vec<(&str, &str)> = Vec::new();
-        for (entry, spelling) in all.iter().filter(|(_, spelling)| fits(spelling)) {
-            if found.iter().all(|(known, _)| known != entry) {
-                found.push((entry, spelling));
-            }
+    let mut found: Vec<(&str, &str)> = Vec::new();
+    for (entry, spelling) in &all {
+        let fits = begins(spelling) || has_word(spelling);
+        if fits && found.iter().all(|(known, _)| known != entry) {
+            found.push((entry, spelling));
         }
-        found
-    };
-    let mut found = of(&begins);
-    if found.is_empty() {
-        found = of(&has_word);
     }
     if found.is_empty() {
         let spellings = all.iter().map(|(_, spelling)| *spelling);
