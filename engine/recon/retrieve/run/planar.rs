@@ -75,6 +75,7 @@ pub(super) fn retrieve_planar(
     let mut record = output.record;
     record.residual = median(residuals).filter(|residual| *residual > 0.0);
     record.warnings.extend(input.warnings().iter().cloned());
+    record.warnings.iter().for_each(|warning| log::warn!("{warning}"));
     let geometry = match whole {
         false if input.has_angles() => {
             let scene = input.image_scene();
