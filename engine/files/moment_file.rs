@@ -19,7 +19,7 @@ use std::ops::Range;
 use std::path::{Path, PathBuf};
 
 const MAGIC: [u8; 16] = *b"beamlet moments\0";
-const VERSION: u32 = 2;
+const VERSION: u32 = 3;
 /// Magic, version, words of a ray's moments, hash of the run's scene.
 const HEADER: usize = 16 + 8 + 32;
 const HASH: usize = 32;

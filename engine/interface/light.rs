@@ -171,7 +171,7 @@ shared_structs! {
         pub share_below: f32,
         /// Shift of pixel edges on the analyser, from the gap to the detector.
         pub pixel_shift: f32,
-        /// Variance of the displacement over energies, m2.
+        /// Variance of the displacement by energies, roughness and facets, independent of the place in the cell, m2.
         pub displacement_variance: f32,
         /// Share of the shadow width that narrows apertures, of averaged masks.
         pub sample_narrowing: f32,
@@ -179,6 +179,8 @@ shared_structs! {
         /// Covariance over energies of that share and the displacement, m.
         pub sample_covariance: f32,
         pub detector_covariance: f32,
+        /// Variance of the places of the light beyond that of the cell, as seen on the analyser, m2.
+        pub place_variance: f32,
     }
 
     /// Cells of a cell row that one invocation illuminates.

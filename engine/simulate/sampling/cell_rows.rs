@@ -167,6 +167,7 @@ impl Emitter<'_> {
             share_below: below,
             pixel_shift,
             displacement_variance: rectangle.displacement_variance,
+            place_variance: rectangle.place_variance,
             ..bytemuck::Zeroable::zeroed()
         });
     }

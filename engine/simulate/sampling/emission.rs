@@ -156,6 +156,7 @@ impl<'a> Emitter<'a> {
                 traced: None,
                 ends: LinearModel::new(&node.result, node.width(), &slopes),
                 displacement_variance,
+                place_variance: 0.0,
                 ends_z,
                 tilt,
                 borders,

@@ -23,6 +23,8 @@ pub(super) struct Rectangle {
     pub(super) ends: LinearModel,
     /// Variance of the displacement about the result, m2.
     pub(crate) displacement_variance: f32,
+    /// Variance of the places of a piece beyond that of its rectangle, as seen on the analyser, m2.
+    pub(crate) place_variance: f32,
     /// Displacement on the detector along z at both ends of z, m.
     pub(super) ends_z: [f32; 2],
     /// Change of its light over its height, relative to the mean light.
@@ -73,7 +75,8 @@ impl Rectangle {
             ray: piece.centroid,
             traced: None,
             ends,
-            displacement_variance: magnification * magnification * wider,
+            displacement_variance: 0.0,
+            place_variance: magnification * magnification * wider,
             ends_z: [piece.result.landing_z(gap); 2],
             tilt: single(tilt_by_centroid(aside, bottom - top)),
             borders: [None; 2],
