@@ -1,6 +1,6 @@
 //! A scene with the places of its instances, which a scene file refers to.
 
-use beamlet::scene::{ApertureLattice, Instances, Object, Refine, Scene, Shape, ShapeOrMesh, Spot};
+use beamlet::scene::{ApertureLattice, Instances, Object, Refine, Scene, Shape, ShapeOrMesh};
 use std::collections::BTreeMap;
 use std::f64::consts::PI;
 use std::fmt::Write;
@@ -23,8 +23,6 @@ pub(crate) struct Case {
     pub(crate) places: Vec<Vec<Place>>,
     /// Standard deviation of slopes of each object in the rough variant.
     pub(crate) roughness: Vec<f64>,
-    /// Focal spot of the rough variant.
-    pub(crate) spot: Spot,
 }
 
 /// Axis along which a scene is mirrored.
@@ -135,10 +133,11 @@ impl Case {
         case
     }
 
-    /// The rough variant, whose rays are chosen on the host if a surface is rough: the device takes 100 times the rays.
+    /// The rough variant before a point source: a spot blurs edges as if they were at the axis of rotation. Its rays are
+    /// chosen on the host if a surface is rough: the device takes 100 times the rays.
     pub(crate) fn roughened(&self) -> Self {
         let mut case = self.clone();
-        case.scene.source.spot = self.spot.clone();
+        case.scene.source.spot = [0.0; 2].into();
         if self.roughness.iter().any(|it| *it > 0.0) {
             case.scene.sampling.refine = Refine::Host;
             case.scene.sampling.max_rays = 4000;

@@ -4,7 +4,7 @@
 //! seeds the device chooses the rays.
 //!
 //! A failure prints its seed and its scene. `BEAMLET_SEED=17` repeats it and looks for the smallest
-//! scene that fails; `BEAMLET_SEED=1-300` takes these seeds in place of those of CI, `BEAMLET_RELATION=origin` this
+//! scene that fails; `BEAMLET_SEED=1-300` takes these seeds in place of the CI seeds, `BEAMLET_RELATION=origin` this
 //! relation of all of them.
 
 #![allow(clippy::expect_used, clippy::print_stdout, reason = "tests, which print their figures")]

@@ -180,12 +180,7 @@ impl Relation {
                 (sampled + 2.0 * lean * largest_delta(scene) * per_angle, 1e-6)
             }
             Self::Random => (sampled, sampled),
-            Self::Place | Self::Moments => (sampled, 1e-6),
-            // The spot blurs edges as if they were at the axis of rotation.
-            Self::Origin => {
-                let edges: f64 = records.into_iter().filter_map(|it| it.edge_error).sum();
-                (sampled + edges, 2e-5)
-            }
+            Self::Place | Self::Moments | Self::Origin => (sampled, 1e-6),
         };
         let rays = matches!(self, Self::Random).then(|| f64::from(RAYS[0] * RAYS[1]));
         Limits { sample, flat, rays }

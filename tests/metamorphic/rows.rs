@@ -16,8 +16,7 @@ fn light_crosses_row_borders_by_its_own_deflection() {
     let mut ball = Object::new("ball", Shape::Sphere { radius: 7.6e-6, sides: None }, "glass");
     ball.placement.position = [0.0, 0.0, 5e-6];
     scene.objects.push(ball);
-    let spot = scene.source.spot.clone();
-    let mut case = Case { scene, places: vec![Vec::new()], roughness: vec![0.0], spot };
+    let mut case = Case { scene, places: vec![Vec::new()], roughness: vec![0.0] };
     let coarse = run(&case, Backend::Bvh).expect("a run");
     case.scene.sampling.rows = 32;
     let fine = run(&case, Backend::Bvh).expect("a run");

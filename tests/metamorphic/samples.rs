@@ -9,6 +9,9 @@ use std::f64::consts::{PI, TAU};
 /// Materials under a spectrum.
 const MATERIALS: [&str; 6] = ["PMMA", "aluminium", "silica", "titanium", "copper", "tin"];
 
+/// Materials of which a small body is opaque.
+const HEAVY: [&str; 3] = ["iron", "gold", "tungsten"];
+
 /// Ball about a solid, m.
 #[derive(Debug, Clone, Copy)]
 struct Ball {
@@ -28,8 +31,7 @@ pub(crate) fn case(seed: u64) -> Case {
     let mut draws = Draws::new(seed);
     let (mut scene, room) = set_up(&mut draws);
     scene.sampling.refine = if seed % 4 < 2 { Refine::Host } else { Refine::Device };
-    let mut case =
-        Case { spot: scene.source.spot.clone(), scene, places: Vec::new(), roughness: Vec::new() };
+    let mut case = Case { scene, places: Vec::new(), roughness: Vec::new() };
     let mut taken: Vec<Ball> = Vec::new();
     let wanted = 1 + draws.below(3);
     while case.scene.objects.len() < wanted {
@@ -45,9 +47,6 @@ pub(crate) fn case(seed: u64) -> Case {
     let mut aside = draws.aside();
     let roughness = |_| if aside.chance(0.5) { aside.log_between(1e-4, 2e-2) } else { 0.0 };
     case.roughness = (0..case.scene.objects.len()).map(roughness).collect();
-    if aside.chance(0.5) {
-        case.spot = [0.0; 2].into();
-    }
     case
 }
 
@@ -145,6 +144,14 @@ fn object(draws: &mut Draws, case: &mut Case, radius: f64) -> Object {
         object.normals = Normals::Smooth;
     }
     object.placement.rotate = tilt(draws);
+    let mut aside = draws.aside();
+    if aside.chance(0.12) {
+        object.material = aside.pick(HEAVY).into();
+    }
+    if aside.chance(0.12) {
+        // Within a degree of the beam.
+        object.placement.rotate = vec![([1.0, 0.0, 0.0], aside.between(-PI, PI) / 180.0)];
+    }
     object
 }
 

@@ -72,10 +72,7 @@ fn smaller(case: &Case) -> Vec<Case> {
             mask.body = hard.clone();
         }
     });
-    take(&|it| {
-        it.scene.source.spot = [0.0; 2].into();
-        it.spot = [0.0; 2].into();
-    });
+    take(&|it| it.scene.source.spot = [0.0; 2].into());
     take(&|it| it.scene.scan.angles = vec![0.0]);
     for number in 0..case.places.len() {
         take(&|it| it.roughness[number] = 0.0);
