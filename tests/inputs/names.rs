@@ -53,8 +53,8 @@ fn tissues_glasses_steels_and_wood_match_xraylib() {
             let found = constants_over(&scene(), name, &[energy]).unwrap()[0];
             let errors = [found.mu / mu - 1.0, found.delta / delta - 1.0].map(f64::abs);
             worst = [worst[0].max(errors[0]), worst[1].max(errors[1])];
-            // At 15 keV the tables of f1 differ by 0.2038 % for copper alone, more than for any mixture.
-            assert!(errors[0] < 0.025 && errors[1] < 0.00204, "{name}, {energy} keV: {errors:?}");
+            // At 15 keV the tables of f1 differ by 0.2038 % for copper and by 0.225 % for tungsten.
+            assert!(errors[0] < 0.025 && errors[1] < 0.00226, "{name}, {energy} keV: {errors:?}");
         }
         compared += 1;
     }
@@ -90,7 +90,7 @@ fn beginnings_of_names_suggest_all_that_begin_so() {
     for (name, meant) in [
         ("alu", "(did you mean \"alumina\" or \"aluminium\"?)"),
         ("nylon", "(did you mean \"nylon 6\" or \"nylon 66\" or \"nylon 12\"?)"),
-        ("steel", "\"steel 304\" or \"steel 316\""),
+        ("steel", "\"stainless steel 304\" or \"stainless steel 316\""),
         ("glas", "glass"),
         ("glass", "\"lead glass\" or \"glass fibre\" or \"soda-lime glass\""),
         ("tissue", "\"soft tissue\""),

@@ -74,7 +74,7 @@ fn all_mistakes_of_a_scene_are_told_at_once_each_with_its_caret() {
         ("radius = \"0.2 mm\"", "radius = 0.2"),
         ("material = \"PMMA\"", "material = \"nylonn\""),
         ("part.stl", "parts.stl"),
-        ("unit = \"mm\"", "unit = \"inch\""),
+        ("unit = \"mm\"", "unit = \"yard\""),
     ]);
     assert_eq!(lines(&message), [3, 4, 9, 10, 15, 25, 26, 30, 31], "{message}");
     for words in [
@@ -86,7 +86,7 @@ fn all_mistakes_of_a_scene_are_told_at_once_each_with_its_caret() {
         "object[0].shape.cylinder.radius: found the number 0.2, without a unit",
         "did you mean \"nylon 6\"",
         "object[1].mesh: found \"",
-        "object[1].unit: found the unit \"inch\"",
+        "object[1].unit: found the unit \"yard\"",
     ] {
         assert!(message.contains(words), "{words} in {message}");
     }

@@ -110,7 +110,9 @@ fn exact_transport_is_illuminated_with_its_sample() {
     let stacks = again(&engine(Backend::Bvh), &kept, kept.scene()).unwrap();
     assert_eq!(stacks.record.tally.rays, 0, "nothing is traced");
     let fresh = keeping(None).simulate(&scene(&exact)).unwrap();
-    assert_eq!(stacks.sample, fresh.sample);
+    // Moments are kept in f32: the last digit of light at a silhouette.
+    let off = (&stacks.sample - &fresh.sample).fold(0.0_f32, |most, it| most.max(it.abs()));
+    assert!(off < 1e-8, "{off:e}");
     let taken = fresh.flat[[2, 0, 0]] - fresh.sample[[0, 2, 0, 0]];
     assert!(taken > 0.01, "the sample takes {taken} of open beam");
 }

@@ -39,7 +39,11 @@ fn gpus_choose_rays_and_cpus_leave_them_to_the_host() {
     rough.objects[0].roughness = 1e-3;
     let mut exact = with_tube.clone();
     exact.sampling.transport = Transport::Exact;
-    for scene in [shapes(), with_tube, exact, bundle(65), rough, meshes()] {
+    for kind in GPUS {
+        let (place, reason) = choice(&rough, kind);
+        assert!(place == Refine::Host && reason.is_some_and(|it| it.contains("rough")));
+    }
+    for scene in [shapes(), with_tube, exact, bundle(65), meshes()] {
         assert_eq!(scene.sampling.refine, Refine::Auto, "the default");
         for kind in GPUS {
             let (place, reason) = choice(&scene, kind);

@@ -39,8 +39,8 @@ struct Key {
     is_sphere: bool,
     /// Logarithms of radius and share of each size in steps, of both cylinders of bodies that are not round.
     sizes: Vec<Vec<[i64; 2]>>,
-    /// Logarithm of the density in steps.
-    density: i64,
+    /// Logarithm of the mean path over the radius in steps: with the sizes it gives the density.
+    layers: i64,
     hosts: Vec<Vec<[u64; 2]>>,
     has_dark_field: bool,
 }
@@ -103,9 +103,7 @@ impl Subject<'_> {
         Key {
             is_sphere: first.is_some_and(|(form, _)| *form == Form::Sphere),
             sizes: kinds.iter().map(sizes).collect(),
-            density: class(
-                first.map_or(1.0, |(form, bodies)| density(*form, bodies, self.summary)),
-            ),
+            layers: class(first.map_or(1.0, |(_, bodies)| layers(bodies, self.summary))),
             hosts: self.hosts.iter().map(bits).collect(),
             has_dark_field: self.has_dark_field,
         }
@@ -143,6 +141,13 @@ impl Subject<'_> {
         };
         self.hosts.iter().map(of).reduce(|a, b| Some(a?.max(b?)))?
     }
+}
+
+/// Mean path through the bodies of an object over the radius of the first.
+fn layers(bodies: &[Body], summary: &ObjectSummary) -> f64 {
+    let [low, high] = summary.bounds;
+    let face = (high[0] - low[0]) * (high[2] - low[2]);
+    summary.volume / face / bodies.first().map_or(1.0, |body| body.radius)
 }
 
 /// Bodies across the beam: per length for cylinders, 1/m, and per area for spheres, 1/m², from the volume of an

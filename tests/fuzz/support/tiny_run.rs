@@ -206,9 +206,9 @@ fn value(choices: &mut Choices<'_>, schema: &Value) -> Value {
         }
         Some("boolean") => (choices.below(2) == 1).into(),
         Some("array") => {
-            let least = number("minItems").map_or(1, |count| count as usize);
-            let count =
-                (least + choices.below(3)).min(number("maxItems").map_or(4, |it| it as usize));
+            let size = |key: &str| usize::try_from(schema.get(key)?.as_u64()?).ok();
+            let least = size("minItems").unwrap_or(1);
+            let count = (least + choices.below(3)).min(size("maxItems").unwrap_or(4));
             let items = schema.get("items").unwrap_or(&Value::Null);
             (0..count.min(6)).map(|_| value(choices, items)).collect()
         }
