@@ -34,7 +34,7 @@ mod waves;
 pub use beamlet_simulate::detector::SubpixelGrid;
 pub use builder::Check;
 pub use costs::CheckedTolerances;
-pub use illumination::{ExpectedUncertainty, IlluminationCurve};
+pub use illumination::{ExpectedRetrieval, ExpectedUncertainty, IlluminationCurve};
 use materials::materials;
 pub use two_directions::PlanarUncertainty;
 pub use waves::{FlatLimits, ObjectLimits, RayLimits, WaveCriteria, WaveTransport};

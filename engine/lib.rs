@@ -85,9 +85,10 @@ pub mod reconstruct {
 /// Retrieval: from illumination curves to transmission, refraction and dark field.
 pub mod retrieve {
     pub use beamlet_recon::retrieve::{
-        Aperture, Columns, Corrections, Drift, EmptyBeam, EmptyBeamOfView, Images, ImagesTo, Input,
-        Lattice, Method, Plane, ReadRows, Record, Region, RetrieveOptions, RetrievedArrays,
-        Retriever, ViewCorrection, Weights, flags, offsets, retrieve, retrieve_arrays,
+        Aperture, Background, Columns, Corrections, Drift, EmptyBeam, EmptyBeamOfView, Images,
+        ImagesTo, Input, Lattice, MaskCurve, Method, Plane, ReadRows, Record, Region, Response,
+        RetrieveOptions, RetrievedArrays, Retriever, ViewCorrection, Weights, flags, offsets,
+        retrieve, retrieve_arrays,
     };
 }
 /// Scenes: the model in SI units, and its files.

@@ -6,7 +6,7 @@ use super::values::{
     above_zero, aperture, bin, columns, corrections, detector_aperture, from_zero, key_value,
     lattice, region, single,
 };
-use beamlet::retrieve::{Aperture, Columns, Corrections, Lattice, Region};
+use beamlet::retrieve::{Aperture, Background, Columns, Corrections, Lattice, Region};
 use beamlet::stack::Format;
 use clap::Args;
 use std::path::PathBuf;
@@ -95,10 +95,14 @@ pub(crate) struct Retrieve {
     /// Directory of the images [default: RUN/retrieved]
     #[arg(short, long, value_name = "DIR")]
     pub(crate) output: Option<PathBuf>,
-    /// The estimator [default: gaussian; for a sample mask alone beamlet, on a lattice without --aperture
-    /// gaussian]
+    /// The estimator [default: exact-curve where the scene knows the curve of its masks, else gaussian; for a
+    /// sample mask alone beamlet, on a lattice without --aperture gaussian]
     #[arg(long, value_enum)]
     pub(crate) method: Option<MethodName>,
+    /// Background of the curves, for gaussian and exact-curve: `free`, the light that the masks `leak`, or a number of
+    /// the frames [default: leak where the masks are known and nothing scatters, else free]
+    #[arg(long, value_name = "BACKGROUND", allow_hyphen_values = true)]
+    pub(crate) background: Option<Background>,
     /// Weights of a fit's values
     #[arg(long, value_enum, default_value_t = WeightsName::None)]
     pub(crate) weights: WeightsName,
@@ -121,9 +125,9 @@ pub(crate) struct Retrieve {
     /// rows must begin and end in air
     #[arg(long)]
     pub(crate) phase: bool,
-    /// File format of the images
-    #[arg(long, value_parser = format(), default_value_t = Format::Exr)]
-    pub(crate) format: Format,
+    /// File format of the images [default: that of the sample's stack]
+    #[arg(long, value_parser = format())]
+    pub(crate) format: Option<Format>,
     #[command(flatten)]
     pub(crate) device: DeviceArguments,
     #[command(flatten)]

@@ -8,7 +8,7 @@ use crate::failure::Failure;
 use crate::interrupt;
 use crate::progress::Reporter;
 use beamlet::RowsControl;
-use beamlet::retrieve::{ImagesTo, Input, RetrieveOptions, Weights, offsets, retrieve};
+use beamlet::retrieve::{ImagesTo, Input, Method, RetrieveOptions, Weights, offsets, retrieve};
 use beamlet::scene::Scene;
 use beamlet::stack::{OpenRun, StackFile, layout, refuse_overlap};
 use beamlet::{Engine, Error};
@@ -52,11 +52,9 @@ pub(super) fn run(arguments: &Retrieve, out: &mut impl Write) -> Result<(), Fail
         .with_aperture(arguments.aperture)
         .with_detector_aperture(arguments.detector_aperture)
         .with_offsets_z(offsets_z.unwrap_or_default());
-    let options = match arguments.method {
-        Some(method) => chosen.with_method(method.into()),
-        None => chosen.suited_to(input.scene()),
-    };
-    let options = options
+    let options = chosen
+        .with_method(arguments.method.map(Method::from))
+        .with_background(arguments.background)
         .with_weights(arguments.weights.into())
         .with_gain(gain)
         .with_gain_assumed(gain_assumed)
@@ -68,10 +66,11 @@ pub(super) fn run(arguments: &Retrieve, out: &mut impl Write) -> Result<(), Fail
     let mut reporter = Reporter::new(arguments.messages);
     let options_of_device = arguments.device.options().with_profile(arguments.profile.profile);
     let engine = Engine::open(&options_of_device)?;
+    let format = arguments.format.unwrap_or_else(|| input.format());
     let mut progress = |done, all| reporter.rows(done, all);
     let mut control = RowsControl::default().with_progress(&mut progress).with_cancel(cancel);
     let command = command_line();
-    let to = ImagesTo::new(&path, arguments.format)
+    let to = ImagesTo::new(&path, format)
         .with_overwrite(arguments.overwrite)
         .with_command(Some(&command));
     let done = retrieve(&engine, input, &options, to, &mut control);

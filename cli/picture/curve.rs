@@ -4,10 +4,13 @@ use super::axes::{Axes, BELOW, LEFT, roomy};
 use super::colour::{Rgb, SET, SMALL};
 use super::drawing::{Anchor, Area, Drawing, GREY, INK, Paint};
 use super::text::{cut, wrapped};
+use beamlet::retrieve::MaskCurve;
 
-/// Parameters of a fitted curve: `A exp(-(f - mu)^2 / (2 sigma^2)) + b`.
-#[derive(Debug, Clone, Copy, PartialEq)]
+/// A fitted curve: `A exp(-(f - mu)^2 / (2 sigma^2)) + b`, or the curve of the masks in place of the Gaussian.
+#[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Fit {
+    /// Curve of the masks; `None` of a Gaussian.
+    pub(crate) masks: Option<MaskCurve>,
     /// Amplitude, in the unit of the stack.
     pub(crate) amplitude: f64,
     /// Mask offset of the peak, m.
@@ -20,8 +23,12 @@ pub(crate) struct Fit {
 
 impl Fit {
     pub(crate) fn at(&self, offset: f64) -> f64 {
-        let part = (offset - self.centre) / self.width;
-        self.amplitude * (-part * part / 2.0).exp() + self.background
+        let place = offset - self.centre;
+        let relative = match &self.masks {
+            Some(masks) => masks.relative(place, self.width),
+            None => (-0.5 * (place / self.width).powi(2)).exp(),
+        };
+        self.amplitude * relative + self.background
     }
 }
 
@@ -63,7 +70,7 @@ pub(crate) fn draw(
     };
     let fine: Vec<f64> = (0..=300).map(|i| x[0] + (x[1] - x[0]) * f64::from(i) / 300.0).collect();
     let values = curves.iter().flat_map(|curve| curve.values.iter().copied());
-    let of_fits = curves.iter().filter_map(|curve| curve.fit).flat_map(|fit| {
+    let of_fits = curves.iter().filter_map(|curve| curve.fit.as_ref()).flat_map(|fit| {
         let offsets = fine.iter().map(|offset| 1e-6 * offset).collect::<Vec<_>>();
         offsets.into_iter().map(move |offset| fit.at(offset))
     });
@@ -72,7 +79,7 @@ pub(crate) fn draw(
     axes.grid(&mut drawing);
     for (curve, colour) in curves.iter().zip(SET) {
         let dots = || micro.iter().zip(&curve.values).map(|(x, y)| [*x, *y]);
-        if let Some(fit) = curve.fit {
+        if let Some(fit) = &curve.fit {
             let line = fine.iter().map(|x| [*x, fit.at(1e-6 * x)]);
             axes.curve(&mut drawing, line, Paint::line(colour, 1.8));
             let peak = 1e6 * fit.centre;
@@ -104,7 +111,7 @@ fn residuals(
     curves: &[CurvePlot],
 ) {
     let left = |curve: &CurvePlot| -> Vec<f64> {
-        let Some(fit) = curve.fit else { return Vec::new() };
+        let Some(fit) = &curve.fit else { return Vec::new() };
         curve.values.iter().zip(offsets).map(|(value, offset)| value - fit.at(*offset)).collect()
     };
     let all: Vec<Vec<f64>> = curves.iter().map(left).collect();
@@ -127,7 +134,7 @@ fn legend(drawing: &mut Drawing, [left, mut y]: [f64; 2], curves: &[CurvePlot], 
         drawing.disc([left + 7.0, y - 4.5], 4.0, dot(colour));
         drawing.text([left + 19.0, y], curve.name.clone(), 13.0, INK, Anchor::Start);
         y += 20.0;
-        let Some(fit) = curve.fit else { continue };
+        let Some(fit) = &curve.fit else { continue };
         for (name, value) in [
             ("A", super::text::short(fit.amplitude)),
             ("µ", format!("{} µm", super::text::short(1e6 * fit.centre))),

@@ -15,6 +15,8 @@ const SPARSE: f64 = 0.05;
 const LEAST: f64 = 0.01;
 /// The same in standard deviations of the pixel.
 const NOISE: f64 = 3.0;
+/// Share of negative values above which they are shown.
+const NEGATIVE: f64 = 0.01;
 /// Largest share of the pixels that may be spikes, which are left out of the largest difference.
 const SPIKES: f64 = 2e-4;
 /// Least distance of spikes over the distance of all others.
@@ -40,14 +42,26 @@ pub(crate) struct Scale {
     pub(crate) beyond: [usize; 2],
 }
 
+/// True if more than [`NEGATIVE`] of the values lie below zero, by more than rounding of the largest.
+fn has_negative(values: &[f64]) -> bool {
+    let finite = || values.iter().filter(|value| value.is_finite());
+    let most = finite().fold(0.0_f64, |most, value| most.max(value.abs()));
+    let below = finite().filter(|value| **value < -ROUNDING * most).count();
+    below as f64 > NEGATIVE * finite().count() as f64
+}
+
 impl Scale {
     /// The scale of some values (flagged pixels are left out by the caller): all of them, but for
     /// the outermost [`TAIL`] on a side where they would take more than a third as much as all
     /// others, as silhouettes do. With `empty`, the value of the empty beam, only pixels that
     /// differ from it count, so that a small part in a wide field has the whole scale. `sigma`:
-    /// 1 sigma of each value. The diverging map is symmetric about zero, and a dark field begins
-    /// at zero.
+    /// 1 sigma of each value. The diverging map is symmetric about zero. A dark field begins at zero, or has the
+    /// diverging map where more than [`NEGATIVE`] of its values are negative.
     pub(crate) fn of(map: Map, values: &[f64], empty: Option<f64>, sigma: Option<&[f64]>) -> Self {
+        let map = match map {
+            Map::Inferno if has_negative(values) => Map::Diverging,
+            map => map,
+        };
         let mut own = match empty {
             Some(empty) => differing(values, empty, sigma),
             None => values.iter().copied().filter(|value| value.is_finite()).collect(),
@@ -319,16 +333,18 @@ mod tests {
     }
 
     #[test]
-    fn a_dark_field_is_black_at_zero_and_negative_values_are_counted() {
-        let values: Vec<f64> = (-20..=100).map(f64::from).collect();
+    fn a_dark_field_is_black_at_zero_unless_many_values_are_negative() {
+        let values: Vec<f64> = (-5..=1000).map(f64::from).collect();
         let scale = Scale::of(Map::Inferno, &values, Some(0.0), None);
-        assert_eq!((scale.low, scale.beyond), (0.0, [20, 0]));
+        assert_eq!((scale.low, scale.beyond[0]), (0.0, 4), "{scale:?}");
         let black = scale.colour(0.0);
         assert!(black.iter().all(|part| *part < 8), "{black:?}");
         assert_eq!(scale.colour(-5.0), black);
-        assert_eq!(scale.words_beyond("µrad²"), "20 pixels below 0, drawn black");
-        let none = Scale::of(Map::Inferno, &[-1.0, -2.0], Some(0.0), None);
-        assert!(none.low == 0.0 && none.high > 0.0, "{none:?}");
+        assert_eq!(scale.words_beyond("µrad²"), "4 pixels below 0, drawn black");
+        let values: Vec<f64> = (-20..=100).map(f64::from).collect();
+        let scale = Scale::of(Map::Inferno, &values, Some(0.0), None);
+        assert!(scale.map == Map::Diverging && scale.low + scale.high == 0.0, "{scale:?}");
+        assert_eq!(scale.beyond[0], 0);
     }
 
     #[test]

@@ -73,10 +73,13 @@ mod tests {
             let all = of_constants(Map::Grey, &[values.view()]);
             assert!((all.high - 9.0).abs() < 1e-12 && all.beyond == [0; 2], "{all:?}");
         }
-        // Below as above; a dark field begins at 0.
+        // Below as above; a dark field begins at 0, unless much of it is negative.
         let below = slice(3, 3).mapv(|value| -value);
         assert!((of_slices(Map::Grey, &[below.view()]).low + 9.0).abs() < 1e-12);
-        assert!(of_slices(Map::Inferno, &[below.view()]).low.abs() < 1e-12);
+        let dark_field = of_slices(Map::Inferno, &[below.view()]);
+        assert!(dark_field.map == Map::Diverging && dark_field.low < 0.0, "{dark_field:?}");
+        let above = slice(3, 3);
+        assert!(of_slices(Map::Inferno, &[above.view()]).low.abs() < 1e-12);
         let mut hole = slice(3, 3);
         hole[[41, 41]] = f64::NAN;
         assert!(of_slices(Map::Grey, &[hole.view()]).high < 2.0);

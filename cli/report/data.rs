@@ -7,6 +7,7 @@ use crate::picture::colour::Map;
 use crate::picture::quantity::{CONTRASTS, Quantity};
 use crate::picture::scale::Scale;
 use crate::subject::{Subject, trusted};
+use beamlet::retrieve::MaskCurve;
 use serde_json::{Value, json};
 
 const FIT: [&str; 4] = ["amplitude", "centre", "width", "background"];
@@ -102,6 +103,19 @@ impl Contents<'_> {
     }
 }
 
+/// Curve of the masks in um, with the orders that a blur of at least a twentieth of its width leaves.
+fn curve_of_masks(curve: &MaskCurve) -> Value {
+    let most = curve.orders().first().map_or(0.0, |[even, odd]| even.hypot(*odd));
+    let orders: Vec<[f64; 2]> =
+        curve.orders().iter().map(|order| order.map(|part| part / most)).take(60).collect();
+    json!({
+        "period": 1e6 * curve.period(),
+        "variance": 1e12 * curve.variance(),
+        "mean": 1.0 / (curve.period() * most),
+        "orders": orders,
+    })
+}
+
 fn has_residuals(run: &Subject) -> bool {
     run.has("residual_flat") && run.has("residual_sample")
 }
@@ -110,7 +124,7 @@ fn has_residuals(run: &Subject) -> bool {
 pub(super) fn collect(run: &Subject, most: u64) -> Result<Data, Failure> {
     let [all_views, steps, rows, columns] = run.shape();
     let fitted =
-        run.has_gaussians() && fits("flat").iter().chain(&fits("sample")).all(|name| run.has(name));
+        run.has_fits() && fits("flat").iter().chain(&fits("sample")).all(|name| run.has(name));
     let contrasts: Vec<&str> = CONTRASTS.into_iter().filter(|name| run.has(name)).collect();
     let sigmas = contrasts.iter().filter(|name| run.sigma_of(name).is_some()).count();
     let of_frames = if run.has_fitted() { steps } else { 0 };
@@ -152,6 +166,7 @@ pub(super) fn collect(run: &Subject, most: u64) -> Result<Data, Failure> {
         "contrasts": contents.contrasts,
         "frames": run.has_fitted(),
         "fitted": fitted && run.has_fitted(),
+        "curve": run.record().and_then(|record| record.curve.as_ref()).map(curve_of_masks),
         "flags": flags,
         "images": images,
         "maps": tables,

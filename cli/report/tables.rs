@@ -87,7 +87,7 @@ const WORDS: [(&str, &str); 8] = [
     (
         "σ_DF², dark field",
         "variance of the angles within a pixel, in µrad²: how much broader the curve is with the \
-         sample. Noise, and curves that are not Gaussian, can make it negative.",
+         sample. Noise, and curves of another shape than the fit, can make it negative.",
     ),
     (
         "1 (intensity)",
@@ -108,8 +108,8 @@ const WORDS: [(&str, &str); 8] = [
     ),
     (
         "A, µ, σ, b",
-        "amplitude, centre, width and background of the Gaussian A exp(−(f − µ)² / 2σ²) + b that \
-         is fitted to a curve over the mask offset f.",
+        "height, centre, standard deviation and background of what is fitted to a curve over the mask offset f: \
+         the curve of the masks (exact-curve), or the Gaussian A exp(−(f − µ)² / 2σ²) + b.",
     ),
 ];
 

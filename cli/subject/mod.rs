@@ -252,14 +252,15 @@ impl Subject {
         Failure::File { path: self.path.clone(), problem }
     }
 
-    /// True if the images hold Gaussians that were fitted to the curves.
-    pub(crate) fn has_gaussians(&self) -> bool {
+    /// True if the images hold curves that were fitted: Gaussians, or curves of the masks.
+    pub(crate) fn has_fits(&self) -> bool {
         let gaussian = [Method::Gaussian, Method::ThreeStep];
         let method = self.record.as_ref().map(|record| record.method.as_str());
         // A curve of steps along x and z is a surface, of which a line over x says too little.
         let is_surface = self.record.as_ref().is_some_and(|record| !record.offsets_z.is_empty());
         let is_gaussian = gaussian.iter().any(|known| method == Some(known.name()));
-        self.maps.is_some() && is_gaussian && !is_surface
+        let has_curve = self.record.as_ref().is_some_and(|record| record.curve.is_some());
+        self.maps.is_some() && (is_gaussian || has_curve) && !is_surface
     }
 
     /// Meanings of the bits of a flag, separated by semicolons; empty without any.

@@ -18,7 +18,7 @@ impl Subject {
     ) -> Result<Option<Fit>, Failure> {
         let names =
             ["amplitude", "centre", "width", "background"].map(|part| format!("{of}_{part}"));
-        if !self.has_gaussians() || !names.iter().all(|name| self.has(name)) {
+        if !self.has_fits() || !names.iter().all(|name| self.has(name)) {
             return Ok(None);
         }
         let mut values = [0.0; 4];
@@ -26,7 +26,8 @@ impl Subject {
             *value = f64::from(self.map(name, view)?[[row, column]]);
         }
         let [amplitude, centre, width, background] = values;
-        let fit = Fit { amplitude, centre, width, background };
+        let masks = self.record().and_then(|record| record.curve.clone());
+        let fit = Fit { masks, amplitude, centre, width, background };
         Ok(values.iter().all(|value| value.is_finite()).then_some(fit))
     }
 

@@ -149,12 +149,19 @@ fn write_illumination(f: &mut Formatter<'_>, curve: &IlluminationCurve) -> fmt::
         format!("{low:.2} to {high:.2} sigma, {:.3} to {:.3} periods", periods[0], periods[1]);
     line(f, "mask offsets", reach)?;
     if curve.has_three_offsets() {
-        let settled = "T, alpha and sigma_DF2, only by `retrieve --method three-step`: a background \
-                       appears as dark field, and misfits are not found";
+        let settled = "T, alpha and sigma_DF2, without a background of their own: what is beside the light that the \
+                       masks leak appears as dark field, and misfits are not found";
         line(f, "with three offsets", settled.into())?;
     }
+    if let Some(retrieval) = &curve.retrieval {
+        let own = format!("{}, background {}", retrieval.method, retrieval.background);
+        line(f, "retrieve", own)?;
+        if let Some(response) = &retrieval.response {
+            line(f, "response", format!("{response} of small contrasts"))?;
+        }
+    }
     let Some(expected) = &curve.expected else { return Ok(()) };
-    let ExpectedUncertainty { transmission, refraction, dark_field, .. } = *expected;
+    let ExpectedUncertainty { transmission, refraction, dark_field } = *expected;
     let text = format!(
         "T {transmission:.2e}, alpha {:.2e} urad, sigma_DF2 {:.2e} urad2, without a sample",
         refraction * 1e6,

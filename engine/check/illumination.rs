@@ -7,17 +7,15 @@ use beamlet_core::numbers::single;
 use beamlet_model::optics::{self, Optics, ThinCurve};
 use beamlet_model::scene::{Blur, Counts, Object, Scan, Scatter, Scene, Scheme};
 use beamlet_model::spectrum::Nodes;
-use beamlet_recon::retrieve::{Curves, FitOptions, Fitter, Weights, three_step_uncertainties};
+use beamlet_recon::retrieve::{
+    FitOptions, Fitter, Method, Response, RetrieveOptions, Retriever, Weights,
+};
 use beamlet_simulate::run::quality;
-use ndarray::{Array2, ArrayView2, Axis};
+use ndarray::{Array2, Array3, ArrayView2, Axis};
 use serde::Serialize;
 
 /// Offsets over a period at which the curve is taken.
 const OFFSETS: u32 = 128;
-/// Displacement of the curve that shows the response of a fit, share of a period.
-const DISPLACED: f64 = 0.005;
-/// Responses of a fit about which nothing is said.
-const RESPONSES: [f64; 2] = [0.8, 1.25];
 /// Most columns and rows of the examined part of a detector: light of a pixel without blur is its own,
 /// with blur it comes from around it.
 const PART: [u32; 2] = [4, 1];
@@ -52,10 +50,24 @@ pub struct IlluminationCurve {
     /// Uncertainties of a pixel without a sample, from flat and sample at the photons of the
     /// scene; nothing without photons, or where the offsets do not settle a fit.
     pub expected: Option<ExpectedUncertainty>,
+    /// Method and background of `retrieve` for this scene, and its response; nothing where no method serves the offsets.
+    pub retrieval: Option<ExpectedRetrieval>,
 }
 
-/// One standard deviation of the images of a pixel without a sample, from the Fisher information of a fit
-/// with the weights of counts; for three offsets, of the method `three-step`.
+/// The default of `retrieve` for a scene.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+#[non_exhaustive]
+pub struct ExpectedRetrieval {
+    /// The method.
+    pub method: &'static str,
+    /// The background of its curves.
+    pub background: String,
+    /// Small contrasts as they are retrieved; `None` where the curve of the masks is not known.
+    pub response: Option<Response>,
+}
+
+/// One standard deviation of the images of a pixel without a sample by the default method of `retrieve`, with the weights
+/// of counts where it has them.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 #[non_exhaustive]
 pub struct ExpectedUncertainty {
@@ -65,10 +77,6 @@ pub struct ExpectedUncertainty {
     pub refraction: f64,
     /// Deviation of the dark field σ², rad².
     pub dark_field: f64,
-    /// Displacement that a weighted Gaussian fit finds of a small one, over it. Far from 1 the curve is no
-    /// Gaussian: the fit finds this share of a small refraction angle. `None` for three offsets, which `three-step`
-    /// takes.
-    pub response: Option<f64>,
 }
 
 impl IlluminationCurve {
@@ -111,16 +119,9 @@ pub(super) fn illumination(
     let mut all = offsets.clone();
     let scanned_offsets = &scene.scan.mask_offsets;
     all.extend(scanned_offsets);
-    let displacement = DISPLACED * period;
-    if scene.detector.counts.is_some() && scanned_offsets.len() != 3 {
-        all.extend(scanned_offsets.iter().map(|offset| offset - displacement));
-    }
     let values = flat(engine, scene, all)?;
-    let (light, rest) = values.split_at(offsets.len());
-    let (scanned, displaced) = rest.split_at(scanned_offsets.len());
-    let Some(sigma) = fitted(engine, &offsets, light, None)?.map(|fit| fit.sigma) else {
-        return Ok(None);
-    };
+    let (light, scanned) = values.split_at(offsets.len());
+    let Some(sigma) = fitted_sigma(engine, &offsets, light)? else { return Ok(None) };
     let [least, most] = [
         light.iter().copied().fold(f64::INFINITY, f64::min),
         light.iter().copied().fold(f64::NEG_INFINITY, f64::max),
@@ -128,9 +129,10 @@ pub(super) fn illumination(
     let scan: Vec<[f64; 2]> =
         scene.scan.mask_offsets.iter().zip(scanned).map(|(a, b)| [*a, *b]).collect();
     let expected = match &scene.detector.counts {
-        Some(counts) => expected(engine, scene, counts, scanned, (displaced, displacement))?,
+        Some(counts) => expected(engine, scene, counts, scanned)?,
         None => None,
     };
+    let retrieval = retrieval(engine, scene)?;
     Ok(Some(IlluminationCurve {
         period,
         visibility: (most - least) / (most + least),
@@ -140,6 +142,7 @@ pub(super) fn illumination(
         leak,
         scan,
         expected,
+        retrieval,
         offsets,
         light: light.to_vec(),
     }))
@@ -196,69 +199,53 @@ fn width_above(light: &[f64], level: f64) -> f64 {
     (0..light.len()).map(above).sum()
 }
 
-/// A fit of one curve: centre, σ, and the uncertainties of area (relative), centre and σ.
-struct CurveFit {
-    centre: f64,
-    sigma: f64,
-    uncertainties: [f64; 3],
-}
-
-fn fitted(
-    engine: &Engine,
-    offsets: &[f64],
-    light: &[f64],
-    noise: Option<[f64; 2]>,
-) -> Result<Option<CurveFit>> {
-    if offsets.len() < 4 {
-        return Ok(None);
-    }
-    let mut options = FitOptions::default();
-    if let Some([gain, read_noise]) = noise {
-        options =
-            options.with_weights(Weights::Poisson).with_gain(gain).with_read_noise(read_noise);
-    }
+/// Standard deviation of a Gaussian through a curve, m; `None` where there is none.
+fn fitted_sigma(engine: &Engine, offsets: &[f64], light: &[f64]) -> Result<Option<f64>> {
     let curve = Array2::from_shape_fn((light.len(), 1), |(step, _)| single(light[step]));
-    // Offsets that are no scan, such as five times the same, settle nothing.
-    let Ok(fitter) = Fitter::new(engine, offsets, &options) else { return Ok(None) };
-    let Curves { centre, width, area_sigma, centre_sigma, width_sigma, .. } =
-        fitter.fit(curve.view(), &Cancel::default())?;
-    let fit = CurveFit {
-        centre: f64::from(centre[0]),
-        sigma: f64::from(width[0]),
-        uncertainties: [area_sigma[0], centre_sigma[0], width_sigma[0]].map(f64::from),
-    };
-    Ok((fit.sigma.is_finite() && fit.sigma > 0.0).then_some(fit))
+    let fitter = Fitter::new(engine, offsets, &FitOptions::default())?;
+    let width = f64::from(fitter.fit(curve.view(), &Cancel::default())?.width[0]);
+    Ok((width.is_finite() && width > 0.0).then_some(width))
 }
 
-/// Uncertainties of T, α and σ² where flat and sample have these counts (docs/retrieval.md,
-/// "Uncertainties"). `displaced`: the light of a curve that is displaced, except for three offsets, and its
-/// displacement, m.
+/// The default retrieval of a scene; `None` where no method serves its offsets.
+fn retrieval(engine: &Engine, scene: &Scene) -> Result<Option<ExpectedRetrieval>> {
+    let options = RetrieveOptions::default().resolved(scene)?;
+    let Ok(retriever) = Retriever::new(engine, scene, &options) else { return Ok(None) };
+    Ok(Some(ExpectedRetrieval {
+        method: options.method().name(),
+        background: options.background().to_string(),
+        response: retriever.response()?,
+    }))
+}
+
+/// Uncertainties of T, α and σ² where flat and sample have these counts (docs/retrieval.md, "Uncertainties"). `light`: of
+/// a pixel at the offsets of the scan, share of open beam.
 fn expected(
     engine: &Engine,
     scene: &Scene,
     counts: &Counts,
     light: &[f64],
-    (displaced, displacement): (&[f64], f64),
 ) -> Result<Option<ExpectedUncertainty>> {
     let variance = quality::open_variance(scene, counts)?;
-    let offsets = &scene.scan.mask_offsets;
-    let noise = Some([variance.per_light, variance.read_noise]);
-    let (fit, moved) = if offsets.len() == 3 {
-        let fit = three_step_uncertainties(offsets, light, |light| variance.of(light))
-            .map(|(sigma, uncertainties)| CurveFit { centre: 0.0, sigma, uncertainties });
-        (fit, None)
-    } else {
-        (fitted(engine, offsets, light, noise)?, fitted(engine, offsets, displaced, noise)?)
+    let options = RetrieveOptions::default().resolved(scene)?;
+    let weights = match options.method() {
+        Method::Gaussian | Method::ExactCurve => Weights::Poisson,
+        _ => Weights::None,
     };
-    let Some(fit) = fit else { return Ok(None) };
-    let both = std::f64::consts::SQRT_2;
-    let angle = scene.magnification() / scene.lever_arm();
-    let [area, centre, sigma] = fit.uncertainties;
+    let options = options
+        .with_gain(variance.per_light)
+        .with_read_noise(variance.read_noise)
+        .with_weights(weights);
+    // Offsets that are no scan, such as five times the same, settle nothing.
+    let Ok(mut retriever) = Retriever::new(engine, scene, &options) else { return Ok(None) };
+    let frames = Array3::from_shape_fn((light.len(), 1, 1), |(step, ..)| single(light[step]));
+    retriever.set_flat_array(frames.view())?;
+    let images = retriever.retrieve_array(frames.view())?;
+    let sigma = |name: &str| images.get(name).map_or(f64::NAN, |map| f64::from(map[[0, 0]]));
     let expected = ExpectedUncertainty {
-        transmission: both * area,
-        refraction: both * angle * centre,
-        dark_field: 2.0 * both * angle * angle * fit.sigma * sigma,
-        response: moved.map(|moved| (moved.centre - fit.centre) / displacement),
+        transmission: sigma("transmission_sigma"),
+        refraction: sigma("refraction_sigma"),
+        dark_field: sigma("dark_field_sigma"),
     };
     Ok(expected.transmission.is_finite().then_some(expected))
 }
@@ -282,18 +269,11 @@ pub(super) fn warnings(
     if let Some(sigma) = curve.map(|curve| curve.sigma).or_else(thin) {
         warnings.extend(scan_warning(&scene.scan.mask_offsets, sigma, optics.curve_period()));
     }
-    let response = curve.and_then(|curve| curve.expected?.response);
-    let is_odd = |it: &f64| !(RESPONSES[0]..=RESPONSES[1]).contains(it);
-    if let Some(response) = response.filter(is_odd) {
-        let angle = quality::expected_angle(scene)?;
-        let noise = angle.map(|angle| format!(", with 1 sigma of about {:.2e} urad", angle * 1e6));
-        warnings.push(format!(
-            "a Gaussian fit with the weights of counts finds {:.0} % of a small refraction angle, since the \
-             illumination curve is no Gaussian: the expected 1 sigma is the scatter of this fit; `retrieve \
-             --method exact-curve` finds the angle{}",
-            100.0 * response,
-            noise.unwrap_or_default()
-        ));
+    let retrieval = curve.and_then(|curve| curve.retrieval.as_ref());
+    if let Some((retrieval, response)) = retrieval.and_then(|it| Some((it, it.response?))) {
+        let own =
+            format!("`retrieve` ({} with background {})", retrieval.method, retrieval.background);
+        warnings.extend(response.warning(&own, None));
     }
     Ok(warnings)
 }

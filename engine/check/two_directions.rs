@@ -46,12 +46,12 @@ pub(super) fn uncertainty(engine: &Engine, scene: &Scene) -> Result<Option<Plana
     let flat = engine.simulate(&part)?.flat;
     let flat = flat.mapv(|light| light * (1.0 + beamlet_core::numbers::single(scattered)));
     let options = RetrieveOptions::default()
-        .suited_to(&part)
         .with_gain(variance.per_light)
         .with_read_noise(variance.read_noise)
-        .with_weights(Weights::Poisson);
+        .with_weights(Weights::Poisson)
+        .resolved(&part)?;
     match sigmas_in_two_directions(&part, &options, flat.view()) {
-        Ok(found) => Ok(found.and_then(|sigmas| of(options.method, sigmas))),
+        Ok(found) => Ok(found.and_then(|sigmas| of(options.method(), sigmas))),
         // Offsets or masks that no method takes, and lattices that the part does not show.
         Err(Error::Scene { .. } | Error::Argument { .. }) => Ok(None),
         Err(error) => Err(error),

@@ -41,6 +41,14 @@ Curve summarise(uint pixel, out float range) {
     return c;
 }
 
+// The curve with the background that follows from its area, where that is no unknown.
+Gaussian tied(Curve c, Gaussian g) {
+    if (push.background_is_free == 0u) {
+        g.background = (push.background - c.least) * c.scale + push.background_per_area * g.amplitude * g.width;
+    }
+    return g;
+}
+
 // Area, centroid and variance of the curve above its least value.
 Gaussian moments(Curve c, float range) {
     vec3 sums = vec3(0.0);
@@ -54,13 +62,15 @@ Gaussian moments(Curve c, float range) {
     float centre = sums.y / sums.x;
     float variance = max(sums.z / sums.x - centre * centre, 0.0);
     float width = clamp(sqrt(variance), push.min_width, 0.5);
-    return Gaussian(range * c.scale, centre, width, 0.0);
+    return tied(c, Gaussian(range * c.scale, centre, width, 0.0));
 }
 
 // Slopes by amplitude, centre (in widths), logarithm of the width, background.
 vec4 slopes(Gaussian g, float t, float e) {
     float ae = g.amplitude * e;
-    return vec4(e, ae * t, ae * t * t, 1.0);
+    if (push.background_is_free != 0u) return vec4(e, ae * t, ae * t * t, 1.0);
+    float by_height = push.background_per_area * g.width;
+    return vec4(e + by_height, ae * t, ae * t * t + by_height * g.amplitude, 0.0);
 }
 
 // Weight of a point whose expected value is f: one over its variance in counts, from the fit.
@@ -70,12 +80,12 @@ float weight(Curve c, Gaussian g, float f) {
 }
 
 // A step of the unknowns, kept from leaping.
-Gaussian moved(Gaussian g, vec4 step) {
+Gaussian moved(Curve c, Gaussian g, vec4 step) {
     g.amplitude += step.x;
     g.centre += g.width * clamp(step.y, -1.0, 1.0);
     g.width = clamp(g.width * exp(clamp(step.z, -0.7, 0.7)), 0.5 * push.min_width, 2.0 * push.max_width);
     g.background += step.w;
-    return g;
+    return tied(c, g);
 }
 
 // Largest part of a step, in amplitudes and widths.

@@ -54,7 +54,7 @@ void main() {
     if (abs(g.centre) > 1.0) flags |= CURVE_OUTSIDE;
 
     // Variance of a value: known for counts, else from the residuals.
-    float freedom = float(c.used) - 4.0;
+    float freedom = float(c.used) - (push.background_is_free != 0u ? 4.0 : 3.0);
     float variance = push.poisson != 0u ? push.gain * c.scale
         : freedom > 0.0 ? last.squares / freedom : uintBitsToFloat(0x7fc00000u);
     vec4 of_amplitude = scale * scale.x * substitute(f, vec4(1.0, 0.0, 0.0, 0.0));

@@ -25,7 +25,7 @@ void levenberg_marquardt(Curve c, inout Gaussian g) {
         Factor f;
         factorise(n, scale, damping, f);
         vec4 step = scale * substitute(f, scale * n.right);
-        Gaussian next = moved(g, step);
+        Gaussian next = moved(c, g, step);
         float length = size(g, step);
         Normal m;
         float next_cost = equations(c, next, m);

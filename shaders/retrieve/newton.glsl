@@ -40,6 +40,10 @@ bool newton(Curve c, inout Gaussian g, out NewtonFit last) {
             second.row0.yz += re * vec2(t, t * t);
             second.row1.xy += rae * vec2(t * t - 1.0, t * (t * t - 2.0));
             second.row2.x += rae * t * t * (t * t - 2.0);
+            // Of the background.
+            float by_height = r * push.background_per_area * g.width;
+            second.row0.z += by_height;
+            second.row2.x += by_height * g.amplitude;
         }
         vec4 scale = inversesqrt(max(diagonal(last.normal), vec4(1e-12)));
         Factor f;
@@ -53,7 +57,7 @@ bool newton(Curve c, inout Gaussian g, out NewtonFit last) {
         }
         if (!newton) factorise(last.normal, scale, k < 20 ? 0.0 : 0.3, f);
         vec4 step = scale * substitute(f, scale * last.normal.right);
-        g = moved(g, step);
+        g = moved(c, g, step);
         float length = size(g, step);
         // Newton's next step would be the square of this one; scoring gains a factor each time.
         if (length < (newton ? 1e-4 : 1e-6)) return true;

@@ -10,7 +10,9 @@ struct Normal {
 };
 
 Normal no_equations() {
-    return Normal(vec4(0.0), vec3(0.0), vec2(0.0), 0.0, vec4(0.0));
+    // A background that is no unknown has an equation of its own: no step.
+    float last = push.background_is_free != 0u ? 0.0 : 1.0;
+    return Normal(vec4(0.0), vec3(0.0), vec2(0.0), last, vec4(0.0));
 }
 
 void accumulate(inout Normal n, vec4 slope, float weight, float residual) {

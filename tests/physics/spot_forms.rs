@@ -72,15 +72,20 @@ fn overrides_change_parts_of_a_spot() {
 }
 
 #[test]
-fn the_exact_curve_of_a_gaussian_spot_serves_no_other() {
+fn exact_curves_serve_every_spot_and_two_steps_one_gaussian() {
     let setup = Setup::paper([4, 1]);
-    let check =
-        |spot: Spot| Method::ExactCurve.check(&with_spot(&setup, &[], &OFFSETS, spot), &OFFSETS);
-    assert!(check([30e-6, 26e-6].into()).is_ok());
+    let check = |method: Method, spot: Spot, offsets: &[f64]| {
+        method.check(&with_spot(&setup, &[], &OFFSETS, spot), offsets)
+    };
     // Two heights of one width across the slits are one Gaussian there.
     let [low, high] = [part(1.0, [30e-6, 9e-6], [0.0; 2]), part(2.0, [30e-6, 0.0], [0.0, 9e-6])];
-    assert!(check(Spot::gaussians(vec![low, high])).is_ok());
-    let error = check(Spot::gaussians(LOPSIDED.to_vec())).unwrap_err().to_string();
+    let lopsided = || Spot::gaussians(LOPSIDED.to_vec());
+    for spot in [[30e-6, 26e-6].into(), Spot::gaussians(vec![low, high]), lopsided()] {
+        assert!(check(Method::ExactCurve, spot, &OFFSETS).is_ok());
+    }
+    let two = [-10e-6, 10e-6];
+    assert!(check(Method::TwoStep, [30e-6, 26e-6].into(), &two).is_ok());
+    let error = check(Method::TwoStep, lopsided(), &two).unwrap_err().to_string();
     assert!(error.contains("source.spot") && error.contains("use gaussian"), "{error}");
 }
 

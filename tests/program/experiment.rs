@@ -135,7 +135,7 @@ fn homogeneous_water_has_a_dark_field_where_hardened_light_passes_slanted_edges(
     ]
     .map(|sets| {
         done(here, &format!("simulate scene/scene.toml -o run {small} {sets}"));
-        done(here, "retrieve run --format npy --overwrite -q");
+        done(here, "retrieve run --method gaussian --background free --overwrite -q");
         let image: Array3<f32> =
             read_npy(here.join("run/retrieved/dark_field.npy")).expect("an image");
         // Water is 8 mm beside the axis, polyethylene on it: 79 columns, magnified by 1.49.

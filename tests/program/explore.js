@@ -79,7 +79,7 @@
     // The charts hold what the images hold.
     const residual = charts.residuals.plot.data;
     const curve = curveOf("sample"), fit = fitOf("sample");
-    const less = residual[0].map((offset, i) => residual[2][i] - (curve[order[i]] - gauss(fit, offset)));
+    const less = residual[0].map((offset, i) => residual[2][i] - (curve[order[i]] - fitAt(fit, offset)));
     check("residuals are values less the fit", residual[0].length === 5 && less.every((v) => Math.abs(v) < 1e-9), less.join());
     let data = charts["profile-transmission"].plot.data;
     const expected = valueAt("transmission", 0, 3 * 16 + 4), close = (value, to) => Math.abs(value - to) < 1e-4;

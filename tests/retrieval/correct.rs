@@ -5,7 +5,7 @@
 #![allow(clippy::cast_possible_truncation, reason = "frames of f32")]
 
 use crate::reference::draws::Draws;
-use crate::support::engine;
+use crate::support::{engine, free_gaussian};
 use beamlet::retrieve::{
     Corrections, Input, Method, Region, RetrieveOptions, RetrievedArrays, Weights, flags,
     retrieve_arrays,
@@ -87,7 +87,7 @@ fn options(method: Method, correct: &str, is_counts: bool) -> RetrieveOptions {
         "" => Corrections::default(),
         names => Corrections::parse(names).unwrap(),
     };
-    let options = RetrieveOptions::default()
+    let options = free_gaussian()
         .with_method(method)
         .with_correct(correct)
         .with_empty_beam(Region::new(2..16, None));

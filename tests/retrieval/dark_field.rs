@@ -19,10 +19,10 @@
 
 use crate::reference::fit::fit;
 use crate::reference::surfaces::Random;
-use crate::support::{Worst, engine};
+use crate::support::{Worst, engine, free_gaussian};
 use beamlet::Backend;
 use beamlet::internals::instances::transforms;
-use beamlet::retrieve::{RetrieveOptions, Retriever};
+use beamlet::retrieve::Retriever;
 use beamlet::scene::{Instances, Scene};
 use ndarray::Axis;
 use std::f64::consts::TAU;
@@ -328,7 +328,7 @@ fn retrieved(
         first += picked.len();
         let flat = stacks.flat.select(Axis(0), &picked);
         let sample = stacks.sample.select(Axis(1), &picked);
-        let mut retriever = Retriever::new(&engine, &of, &RetrieveOptions::default()).unwrap();
+        let mut retriever = Retriever::new(&engine, &of, &free_gaussian()).unwrap();
         retriever.set_flat_array(flat.view()).unwrap();
         let images = retriever.retrieve_array(sample.index_axis(Axis(0), 0)).unwrap();
         images.get("dark_field").unwrap().iter().map(|v| f64::from(*v)).collect()

@@ -422,10 +422,12 @@ fn designs_without_a_retrieval_are_refused_with_what_they_lack() {
         ALONE,
         CODED.replace("[sample_mask]\ndistance = \"0.95 m\"", "[detector_mask]")
     );
+    // Pixels that see different slits.
+    let wide = SEVERAL.replace("apertures =", "period = \"130 um\"\napertures =");
     let [line, grid] = [Steps::Line(9, 24.0), Steps::Grid(3, 10.0, -1.0)];
     for (masks, steps, method, words) in [
         (detector_mask, Steps::None, Gaussian, ["sample_mask: found nothing", "needs both masks"]),
-        (SEVERAL, line, ExactCurve, ["sample_mask.apertures", "use gaussian"]),
+        (&wide, line, ExactCurve, ["sample_mask.apertures", "use gaussian"]),
         (CODED, line, ExactCurve, ["sample_mask.pattern", "steps along x and z over a period"]),
         (CODED, grid, Gaussian, ["sample_mask.pattern", "exact-curve"]),
         (&coded_detector, grid, ExactCurve, ["detector_mask.pattern", "a list in the sample mask"]),

@@ -2,8 +2,8 @@
 
 #![allow(clippy::unwrap_used, reason = "tests")]
 
-use crate::support::engine;
-use beamlet::retrieve::{Input, RetrieveOptions, retrieve_arrays};
+use crate::support::{engine, free_gaussian};
+use beamlet::retrieve::{Input, retrieve_arrays};
 use beamlet::scene::Scene;
 use beamlet::stack::{Format, OpenRun, RunDirectory, StackFile};
 use beamlet::{Backend, Control, RowsControl};
@@ -120,7 +120,7 @@ fn a_source_that_fades_evenly_leaves_no_trace_between_flats() {
     let of = |scene: &Scene, name: &str| {
         let run = run(scene, &place.path().join(name));
         let input = Input::of_run(&run, false).unwrap();
-        let options = RetrieveOptions::default();
+        let options = free_gaussian();
         let engine = engine(Backend::Bvh);
         retrieve_arrays(&engine, input, &options, &mut RowsControl::default()).unwrap()
     };

@@ -6,7 +6,7 @@
 
 use crate::reference::closed_form::blurred_overlap;
 use crate::reference::draws::Draws;
-use crate::support::{Worst, engine};
+use crate::support::{self, Worst, engine};
 use beamlet::retrieve::{
     Input, Method, RetrieveOptions, RetrievedArrays, Retriever, retrieve_arrays,
 };
@@ -205,7 +205,9 @@ fn groups_refuse_parts_of_the_pixels_and_shifts_that_form_no_curve() {
     let scene = scene([12, 1], &[-10.0, 0.0, 10.0]);
     let flat = frames(&scene, &|_, _| AIR);
     let options = RetrieveOptions::default();
-    let error = retrieve(&scene, &flat, &flat, &options).unwrap_err().to_string();
+    assert_eq!(retrieve(&scene, &flat, &flat, &options).unwrap().record.method, "exact-curve");
+    let free = support::free_gaussian();
+    let error = retrieve(&scene, &flat, &flat, &free).unwrap_err().to_string();
     assert!(error.contains("3 offsets") && error.contains("three-step"), "{error}");
     let error = Retriever::new(&engine(Backend::Bvh), &scene, &options).unwrap_err().to_string();
     assert!(error.contains("sample_mask.shifts"), "{error}");

@@ -8,6 +8,7 @@ mod support;
 mod astra;
 mod correct;
 mod dark_field;
+mod defaults;
 mod designs;
 #[cfg(feature = "cli")]
 mod dithers;

@@ -6,7 +6,7 @@
 #![allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "flags are small")]
 
 use crate::reference::draws::Draws;
-use crate::support::{Checked, engine};
+use crate::support::{Checked, engine, free_gaussian};
 use beamlet::retrieve::{Images, Method, RetrieveOptions, Retriever, Weights, flags};
 use beamlet::scene::Scene;
 use beamlet::{Backend, Ray, uncovered};
@@ -201,7 +201,7 @@ fn known(
             let stacks = engine.simulate(&plain).unwrap();
             let of = |sample: &ndarray::Array4<f32>| sample.index_axis(Axis(0), 0).to_owned();
             let both = [&stacks.flat, &of(&stacks.sample)];
-            let images = retrieved(engine, &plain, &RetrieveOptions::default(), both);
+            let images = retrieved(engine, &plain, &free_gaussian(), both);
             let transmission = images.get("transmission").unwrap().clone();
             let crossed = silhouettes(engine, &plain);
             let scene = scene(folder, &objects, steps, true);
@@ -306,7 +306,7 @@ fn score_without_noise(engine: &Checked, all: &[Known]) -> Score {
     let mut score = Score::default();
     for known in all {
         let both = [&known.flat, &known.sample];
-        let images = retrieved(engine, &known.scene, &RetrieveOptions::default(), both);
+        let images = retrieved(engine, &known.scene, &free_gaussian(), both);
         assert!(images.get("transmission_sigma").is_none());
         score.take(known, &images, |error, _| error > 0.025);
     }
@@ -314,7 +314,7 @@ fn score_without_noise(engine: &Checked, all: &[Known]) -> Score {
 }
 
 fn weighted() -> RetrieveOptions {
-    RetrieveOptions::default().with_weights(Weights::Poisson)
+    free_gaussian().with_weights(Weights::Poisson)
 }
 
 #[test]
@@ -334,7 +334,7 @@ fn silhouettes_with_a_wrong_transmission_are_flagged_and_clean_pixels_are_not() 
             (1e5, Weights::None, 0.9),
             (1e6, Weights::Poisson, 0.9),
         ] {
-            let options = RetrieveOptions::default().with_weights(weights);
+            let options = free_gaussian().with_weights(weights);
             let score = score(&engine, &all, photons, &options, &mut draws);
             score.holds(1e-3, least, &format!("{steps}, {photons} photons, {weights:?}"));
             pooled.add(&score);
@@ -354,7 +354,7 @@ fn a_single_row_has_misfits_at_its_silhouettes_alone() {
     let known = known(&engine, folder.path(), STEPS[0], rod).remove(0);
     let row = |stack: &Array3<f32>| stack.slice(s![.., 16..17, ..]).to_owned();
     let both = [row(&known.flat), row(&known.sample)];
-    let images = retrieved(&engine, &known.scene, &RetrieveOptions::default(), both.each_ref());
+    let images = retrieved(&engine, &known.scene, &free_gaussian(), both.each_ref());
     let flagged = images.get("flags").unwrap().row(0).mapv(|bits| bits as u32 & flags::MISFIT != 0);
     assert_eq!(flagged, known.crossed.row(16));
     assert_eq!(flagged.iter().filter(|flagged| **flagged).count(), 2);
@@ -376,7 +376,7 @@ fn fibres_and_edges_along_rows_are_flagged_nearly_as_well_and_by_other_methods_t
     pooled.holds(1.8e-3, 0.78, "others, counts");
     score_without_noise(&engine, &all).holds(2e-3, 0.7, "others, without noise");
     for method in [Method::ExactCurve, Method::Moments] {
-        let options = RetrieveOptions::default().with_method(method);
+        let options = free_gaussian().with_method(method);
         let score = score(&engine, &all, 1e5, &options, &mut draws);
         score.holds(4e-3, 0.3, &format!("others, 100000 photons, {method}"));
     }

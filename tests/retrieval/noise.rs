@@ -7,7 +7,7 @@
 
 use crate::reference::closed_form::blurred_overlap;
 use crate::reference::draws::Draws;
-use crate::support::engine;
+use crate::support::{engine, free_gaussian};
 use beamlet::retrieve::{
     Input, Method, RetrieveOptions, RetrievedArrays, Weights, retrieve_arrays,
 };
@@ -76,7 +76,7 @@ fn stack(name: &str, values: Array4<f32>) -> StackFile {
 /// Options for counts: weights where the method has them.
 fn options(method: Method) -> RetrieveOptions {
     let weights = if method == Method::Gaussian { Weights::Poisson } else { Weights::None };
-    RetrieveOptions::default().with_method(method).with_weights(weights).with_gain(1.0)
+    free_gaussian().with_method(method).with_weights(weights).with_gain(1.0)
 }
 
 fn retrieved(input: Input, options: &RetrieveOptions) -> RetrievedArrays {

@@ -21,7 +21,7 @@ fn wires_in_a_compact_set_up_have_their_angle_within_50_nrad_and_transmission_wi
     let folder = place.path();
     let scene = concat!(env!("CARGO_MANIFEST_DIR"), "/docs/experiments/pepi/scene.toml");
     good(folder, &["simulate", scene, "-o", "run", "--format", "npy", "-q"]);
-    good(folder, &["retrieve", "run", "--format", "npy", "--method", "exact-curve"]);
+    good(folder, &["retrieve", "run", "--method", "exact-curve", "--background", "free"]);
     let images = folder.join("run/retrieved");
     let text = fs::read_to_string(images.join("retrieved.json")).unwrap();
     let record: Record = serde_json::from_str(&text).unwrap();

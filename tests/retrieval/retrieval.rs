@@ -12,7 +12,7 @@
 use crate::reference::closed_form::{ThinMasks, blurred_overlap};
 use crate::reference::draws::Draws;
 use crate::reference::fit::gaussian;
-use crate::support::{Checked, engine_with};
+use crate::support::{Checked, engine_with, free_gaussian};
 use beamlet::Cancel;
 use beamlet::retrieve::{Images, Method, RetrieveOptions, Retriever, flags};
 use beamlet::scene::Scene;
@@ -64,7 +64,7 @@ fn retrieve(
     flat: &Array3<f32>,
     sample: &Array3<f32>,
 ) -> Images {
-    retrieve_with(engine, scene, &RetrieveOptions::default().with_method(method), [flat, sample])
+    retrieve_with(engine, scene, &free_gaussian().with_method(method), [flat, sample])
 }
 
 fn retrieve_with(
@@ -210,7 +210,7 @@ fn exact_curves_of_counts_settle_and_stay_free_of_bias() {
         })
     };
     let (flat, sample) = (counted(&flat), counted(&sample));
-    let options = RetrieveOptions::default().with_method(Method::ExactCurve).with_gain(1.0);
+    let options = free_gaussian().with_method(Method::ExactCurve).with_gain(1.0);
     let images = retrieve_with(&engine(), &scene(&offsets, &[]), &options, [&flat, &sample]);
     let without = images.get("refraction").unwrap().iter().filter(|a| a.is_nan()).count();
     assert!(without * 1000 < rows * PIXELS, "{without} without a result");
@@ -323,7 +323,7 @@ fn methods_refuse_what_they_cannot_serve_and_say_why() {
     ];
     for (method, count, sets, word) in cases {
         let offsets = if count == 1 { vec![0.0] } else { even(count, 25.0) };
-        let options = RetrieveOptions::default().with_method(method);
+        let options = free_gaussian().with_method(method);
         let message =
             Retriever::new(&engine, &scene(&offsets, sets), &options).unwrap_err().to_string();
         assert!(message.contains(word), "{method}: {message}");
@@ -347,7 +347,7 @@ fn bad_pixels_are_flagged_and_hold_no_number() {
     // Two saturated values: the rest tells the same curve.
     sample[[0, 0, 6]] = 2.0;
     sample[[5, 0, 6]] = 1.5;
-    let options = RetrieveOptions::default().with_saturation(1.5);
+    let options = free_gaussian().with_saturation(1.5);
     let engine = engine();
     let scene = scene(&offsets, &[]);
     let mut retriever = Retriever::new(&engine, &scene, &options).unwrap();
@@ -386,7 +386,7 @@ fn four_steps_about_the_peak_are_singular_and_flagged() {
     assert_eq!(value(&images, "flags", 0) as u32 & ill, ill);
     // Off the middle four steps tell four unknowns, without an uncertainty.
     let off = symmetric(5.0 * UM);
-    let options = RetrieveOptions::default().with_gain(1.0);
+    let options = free_gaussian().with_gain(1.0);
     let images = retrieve_with(&engine, &scene, &options, [&off, &off]);
     assert_eq!(value(&images, "flags", 0) as u32, 0);
     assert!((value(&images, "transmission", 0) - 1.0).abs() < 1e-6);
@@ -399,7 +399,7 @@ fn frames_that_do_not_fit_offsets_or_each_other_are_refused() {
     let engine = engine();
     let [flat, _] = gaussians(&offsets, 0.0);
     let eleven = scene(&offsets, &[]);
-    let mut retriever = Retriever::new(&engine, &eleven, &RetrieveOptions::default()).unwrap();
+    let mut retriever = Retriever::new(&engine, &eleven, &free_gaussian()).unwrap();
     let message = retriever.set_flat_array(flat.slice(s![..9, .., ..])).unwrap_err().to_string();
     assert!(message.contains("11 offsets for 9 frames"), "{message}");
     assert!(retriever.retrieve_array(flat.view()).is_err(), "before the flat");
@@ -470,7 +470,7 @@ fn views_are_fitted_at_their_own_offsets() {
     let flat = frames(&flat_offsets, curve(1.0, 2.0 * UM, 9.0 * UM));
     {
         let method = Method::Gaussian;
-        let options = RetrieveOptions::default().with_method(method);
+        let options = free_gaussian().with_method(method);
         let mut retriever = Retriever::new(&engine, &scene, &options).unwrap();
         retriever.set_flat_array(flat.view()).unwrap();
         for (view, list) in lists.iter().enumerate() {
@@ -488,7 +488,7 @@ fn views_are_fitted_at_their_own_offsets() {
         assert!(beyond.contains("view 3") && beyond.contains("0 to 2"), "{beyond}");
     }
     let refusal = |scene: &Scene, method: Method| {
-        let options = RetrieveOptions::default().with_method(method);
+        let options = free_gaussian().with_method(method);
         Retriever::new(&engine, scene, &options).unwrap_err().to_string()
     };
     scene.scan.view_offsets[1] = vec![7.0 * UM; 9];

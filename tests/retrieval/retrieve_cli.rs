@@ -92,7 +92,10 @@ pub(super) fn copy() -> (TempDir, PathBuf) {
 #[test]
 fn images_of_a_run_match_f64_fits() {
     let (folder, run) = copy();
-    good(folder.path(), &["retrieve", "run", "--format", "npy"]);
+    good(
+        folder.path(),
+        &["retrieve", "run", "--format", "npy", "--method", "gaussian", "--background", "free"],
+    );
     let flat: Array3<f32> = read_npy(run.join("flat.npy")).unwrap();
     let sample: Array4<f32> = read_npy(run.join("sample.npy")).unwrap();
     let maps = Maps::open(run.join("retrieved")).unwrap();

@@ -11,8 +11,8 @@ use crate::reference::rays::{Order, Sample};
 use crate::reference::scenes;
 use crate::reference::stack::Setup;
 use crate::reference::surfaces::{Body, body, cuboid, wedge};
-use crate::support::{CARBON, Worst, backends, engine};
-use beamlet::retrieve::{Method, RetrieveOptions, Retriever};
+use crate::support::{CARBON, Worst, backends, engine, free_gaussian};
+use beamlet::retrieve::{Method, Retriever};
 
 /// 11 steps over +-25 um.
 fn offsets() -> Vec<f64> {
@@ -48,7 +48,7 @@ fn compare(of: &Body, transmission: &mut Worst, refraction: &mut Worst) {
         let scene = scenes::scene(&setup, std::slice::from_ref(of), &offsets());
         let engine = engine(backend);
         let stacks = engine.simulate(&scene).unwrap();
-        let mut retriever = Retriever::new(&engine, &scene, &RetrieveOptions::default()).unwrap();
+        let mut retriever = Retriever::new(&engine, &scene, &free_gaussian()).unwrap();
         retriever.set_flat_array(stacks.flat.view()).unwrap();
         let images =
             retriever.retrieve_array(stacks.sample.index_axis(ndarray::Axis(0), 0)).unwrap();
@@ -133,7 +133,7 @@ fn beam_tracking_behind_a_single_mask_gives_the_angle_of_a_wedge_and_the_transmi
             let scene = scenes::scene(&setup, std::slice::from_ref(of), &[0.0]);
             let engine = engine(backends()[0]);
             let stacks = engine.simulate(&scene).unwrap();
-            let options = RetrieveOptions::default().with_method(Method::Beamlet);
+            let options = free_gaussian().with_method(Method::Beamlet);
             let mut retriever = Retriever::new(&engine, &scene, &options).unwrap();
             retriever.set_flat_array(stacks.flat.view()).unwrap();
             let images =

@@ -134,7 +134,9 @@ fn steps_along_x_and_z_become_images_and_lists_without_a_direction_are_refused()
     fs::write(path.join("z.txt"), list(1)).unwrap();
     fs::write(path.join("none.txt"), "0 um\n".repeat(25)).unwrap();
     let steps = |z: &'static str| {
-        words(&["--geometry", "two.toml", "--offsets", "x.txt", "--offsets-z", z, "-o", "images"])
+        let free = ["--background", "free"];
+        let masks = ["--geometry", "two.toml", "--offsets", "x.txt", "--offsets-z", z];
+        words(&[&masks[..], &free[..], &["-o", "images"][..]].concat())
     };
     bad(path, &steps("none.txt"), 1, "refraction along z");
     assert!(!path.join("images").exists());
@@ -171,6 +173,8 @@ fn an_axis_whose_steps_change_nothing_has_no_angle() {
         "x.txt",
         "--offsets-z",
         "z.txt",
+        "--background",
+        "free",
         "-o",
         "images",
         "--overwrite",

@@ -6,8 +6,8 @@
 
 use crate::reference::closed_form::blurred_overlap;
 use crate::reference::draws::Draws;
-use crate::support::engine;
-use beamlet::retrieve::{Input, Method, RetrieveOptions, RetrievedArrays, flags, retrieve_arrays};
+use crate::support::{engine, free_gaussian};
+use beamlet::retrieve::{Input, Method, RetrievedArrays, flags, retrieve_arrays};
 use beamlet::scene::Scene;
 use beamlet::stack::StackFile;
 use beamlet::{Backend, RowsControl};
@@ -64,7 +64,7 @@ fn retrieved(flat: &[f64], views: &[Vec<f64>], method: Method) -> RetrievedArray
     let contrasts = [[0.6, ALPHA, 0.0], [0.6, 0.0, DARK_FIELD]];
     let sample = stack("sample", views.to_vec(), contrasts);
     let input = Input::measured(&scene(flat, views), of_flat, sample, None).unwrap();
-    let options = RetrieveOptions::default().with_method(method);
+    let options = free_gaussian().with_method(method);
     retrieve_arrays(&engine(Backend::Bvh), input, &options, &mut RowsControl::default()).unwrap()
 }
 
@@ -152,8 +152,7 @@ fn moments_without_saturated_values_keep_area_and_centre() {
     let (flat, sample) = stacks();
     let input = Input::measured(&scene(&offsets, views), flat, sample, None).unwrap();
     let most = stacks().0.frame(0, 15, 0..1).unwrap()[[0, 0]];
-    let options =
-        RetrieveOptions::default().with_method(Method::Moments).with_saturation(Some(most));
+    let options = free_gaussian().with_method(Method::Moments).with_saturation(Some(most));
     let found =
         retrieve_arrays(&engine(Backend::Bvh), input, &options, &mut RowsControl::default())
             .unwrap();

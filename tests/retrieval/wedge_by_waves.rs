@@ -42,7 +42,7 @@ fn error(transport: &str, steps: (&str, u32), method: Method) -> f64 {
 }
 
 #[test]
-fn exact_curves_err_by_four_thousandths_of_an_angle_by_waves() {
+fn exact_curves_err_by_less_than_a_thousandth_of_an_angle_by_waves() {
     let (seven, eleven) = (("30 um", 7), ("25 um", 11));
     let [waves, rays, gaussian] = [
         error("wave", seven, Method::ExactCurve),
@@ -53,7 +53,7 @@ fn exact_curves_err_by_four_thousandths_of_an_angle_by_waves() {
     println!("waves {waves:e}, rays {rays:e}, gaussian {gaussian:e}, eleven steps {more:e}");
     // The wedge is thick: its middle is nearer to the detector than the axis.
     assert!(rays.abs() < 1e-3, "{rays:e}");
-    assert!((0.003..0.006).contains(&waves), "{waves:e}");
+    assert!(waves.abs() < 1e-3, "{waves:e}");
     assert!((-0.06..-0.03).contains(&gaussian), "{gaussian:e}");
     assert!(more.abs() < 1e-3, "{more:e}");
 }

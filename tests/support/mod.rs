@@ -11,6 +11,7 @@ pub(crate) mod log;
 #[cfg(feature = "cli")]
 pub(crate) mod program;
 
+use beamlet::retrieve::{Background, Method, RetrieveOptions};
 use beamlet::scene::Scene;
 use beamlet::stack::{Sink, Stacks};
 use beamlet::{Backend, Control, Engine, EngineOptions, Result, RunRecord, Simulation};
@@ -24,6 +25,11 @@ pub(crate) const CARBON: [f64; 2] = [51.235, 4.6092e-7];
 pub(crate) const WATER: [f64; 2] = [37.559, 2.5604e-7];
 /// Gold at 30 keV, 1/m.
 pub(crate) const GOLD: f64 = 53_122.0;
+
+/// Options of a fit without a model of the masks: a Gaussian, unless a method is chosen, with a free background.
+pub(crate) fn free_gaussian() -> RetrieveOptions {
+    RetrieveOptions::default().with_method(Method::Gaussian).with_background(Background::Free)
+}
 
 /// An engine that fails a test at the call in which the validation layer speaks, or a kernel writes beyond a buffer.
 #[must_use = "an engine that does nothing tests nothing"]

@@ -41,7 +41,11 @@ pub(super) fn write(
         writeln!(out, "title    {}", beamlet::cli_support::printed::line(title))?;
     }
     writeln!(out, "images   {}", beamlet::cli_support::printed::path(path))?;
-    writeln!(out, "method   {}, weights {}", record.method, record.weights)?;
+    let background = match &record.background {
+        Some(background) => format!(", background {background}"),
+        None => String::new(),
+    };
+    writeln!(out, "method   {}, weights {}{background}", record.method, record.weights)?;
     writeln!(out, "views    {views} of {columns} x {rows} pixels, in {seconds:.1} s")?;
     let pixels = views * rows * columns;
     writeln!(out, "pixels   {} of {pixels} without a result", record.without_answer)?;
@@ -51,8 +55,11 @@ pub(super) fn write(
     for (bit, count) in record.flagged.iter().filter(|(_, count)| **count > 0) {
         if remedy.is_none() || !said_once.contains(bit) {
             let meaning = record.flags.get(bit).map_or("", String::as_str);
-            writeln!(out, "         {count} with flag {bit} ({meaning})")?;
+            writeln!(out, "         {count} flagged {meaning} (bit {bit})")?;
         }
+    }
+    if let Some(response) = &record.response {
+        writeln!(out, "response {response} of small contrasts")?;
     }
     if let Some(residual) = record.residual.filter(|_| !record.counts) {
         let share = 100.0 * residual;

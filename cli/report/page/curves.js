@@ -8,7 +8,18 @@ const span = (sorted[sorted.length - 1] - sorted[0]) || 1;
 const fine = fitted ? Array.from({ length: 161 }, (_, i) => sorted[0] - .06 * span + 1.12 * span * i / 160) : [];
 const across = [...new Set([...sorted, ...fine])].sort((a, b) => a - b);
 const fitOf = (of) => fitted && ["amplitude", "centre", "width", "background"].map((part) => now(`${of}_${part}`));
-const gauss = ([a, centre, width, b], x) => a * Math.exp(-((x - centre) ** 2) / (2 * width * width)) + b;
+const masks = meta.curve;
+// A Gaussian, or the curve of the masks as a Fourier series behind a blur.
+const seriesAt = ({ period, mean, orders }, x, variance) => orders.reduce((sum, [even, odd], k) => {
+  const turn = 2 * Math.PI * (k + 1) / period;
+  return sum + Math.exp(-.5 * turn * turn * variance) * (even * Math.cos(turn * x) + odd * Math.sin(turn * x));
+}, mean);
+const shapeAt = (x, width) => {
+  if (!masks) return Math.exp(-(x * x) / (2 * width * width));
+  const variance = Math.max(width * width - masks.variance, 4e-4 * masks.variance);
+  return seriesAt(masks, x, variance) / seriesAt(masks, 0, variance);
+};
+const fitAt = ([a, centre, width, b], x) => a * shapeAt(x - centre, width) + b;
 const curveOf = (name) => offsets.map((_, step) =>
   valueAt(name, (name === "flat" ? 0 : at.view * offsets.length) + step, pixelOf()));
 const dots = (label, ink) => ({ label, ink, paths: fitted ? () => null : undefined, width: 1.5, points: { show: true, size: 7 } });
@@ -18,7 +29,7 @@ function addCurves() {
   const where = () => offsets[at.step], label = () => "mask offset [µm]";
   const series = [{ label: "offset" }, dots("flat", "flat"), dots("sample", "sample")];
   const fits = ["flat", "sample"].map((name) => ({ label: name + " fit", ink: name, width: 1.6, spanGaps: true, points: { show: false } }));
-  const title = fitted ? "Values (dots) and fitted Gaussians (lines)" : "Values of the mask steps";
+  const title = fitted ? "Values (dots) and fitted curves (lines)" : "Values of the mask steps";
   addChart(element("curve"), "curve", title, 640, 300, fitted ? series.concat(fits) : series,
     { legend, where, across: label, down: images.flat.label });
   if (!fitted) return;
@@ -32,11 +43,11 @@ function drawCurves() {
   const fits = { flat: fitOf("flat"), sample: fitOf("sample") };
   const step = new Map(offsets.map((offset, step) => [offset, step]));
   const points = (name) => across.map((f) => step.has(f) ? finite(values[name][step.get(f)]) : null);
-  const lines = (name) => across.map((f) => finite(gauss(fits[name], f)));
+  const lines = (name) => across.map((f) => finite(fitAt(fits[name], f)));
   draw(charts.curve, fitted ? [across, points("flat"), points("sample"), lines("flat"), lines("sample")]
     : [across, points("flat"), points("sample")]);
   if (!fitted) return;
-  const left = (name) => order.map((step) => finite(values[name][step] - gauss(fits[name], offsets[step])));
+  const left = (name) => order.map((step) => finite(values[name][step] - fitAt(fits[name], offsets[step])));
   draw(charts.residuals, [sorted, left("flat"), left("sample")]);
 }
 

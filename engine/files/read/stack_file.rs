@@ -248,6 +248,16 @@ impl StackFile {
         Some(files.iter().filter_map(name).collect())
     }
 
+    /// Format of the file or of the frames; NPY of values in memory.
+    #[must_use]
+    pub fn format(&self) -> Format {
+        match &self.source {
+            StackSource::File(_) => Format::of(&self.path).unwrap_or_default(),
+            StackSource::Frames(frames) => frames.format,
+            StackSource::Values(_) => Format::Npy,
+        }
+    }
+
     /// Views, steps, rows and columns, none of them zero.
     #[must_use]
     pub const fn shape(&self) -> [usize; 4] {

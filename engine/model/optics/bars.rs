@@ -29,6 +29,35 @@ pub fn mean_leaks(
     Ok([mean(&optics.sample_mask)?, mean(&optics.detector_mask)?])
 }
 
+/// Light that bars let pass behind both masks, over the mean of the curve of their apertures over a period: at
+/// energies (keV) with their weights. A missing mask is open everywhere.
+///
+/// # Errors
+/// As [`material::constants_at_for`].
+pub fn leak_over_mean(
+    scene: &Scene,
+    optics: &Optics,
+    (energies, weights): (&[f64], &[f64]),
+) -> Result<f64> {
+    let masks = [&optics.sample_mask, &optics.detector_mask].map(Option::as_ref);
+    let open = masks.map(|mask| mask.map_or(1.0, Mask::open_share));
+    let [mut leaked, mut modulated] = [0.0; 2];
+    for (energy, weight) in energies.iter().zip(weights) {
+        let (mut passed, mut bars) = (*weight, [0.0; 2]);
+        for (mask, bar) in masks.into_iter().zip(&mut bars) {
+            if let Some(mask) = mask {
+                let shape = MaskShape::of(scene, mask, mask.distance(), Some(*energy))?;
+                passed *= shape.through_substrate(1.0);
+                *bar = shape.leak(1.0);
+            }
+        }
+        let [a, b] = bars;
+        leaked += passed * (a * b + a * (1.0 - b) * open[1] + b * (1.0 - a) * open[0]);
+        modulated += passed * (1.0 - a) * (1.0 - b) * open[0] * open[1];
+    }
+    Ok(leaked / modulated)
+}
+
 /// Share of the light of all energies (keV, each with its weight) that the substrates of the masks let through
 /// along the axis.
 ///

@@ -15,7 +15,9 @@ mod view_offsets;
 pub mod waves;
 
 pub use crate::scene::Strip;
-pub use bars::{MaskShape, mean_leaks, modulated, straightened, through_substrates};
+pub use bars::{
+    MaskShape, leak_over_mean, mean_leaks, modulated, straightened, through_substrates,
+};
 pub use detector_plane::DetectorPlane;
 pub use mask::{Mask, Openings};
 pub use periods::{WholePeriods, ends};

@@ -3,7 +3,7 @@
 
 use super::Optics;
 use crate::spot::deviation;
-use glam::DMat4;
+use glam::DMat3;
 
 /// Periods on either side that add light to a pixel.
 const AROUND: i32 = 2;
@@ -159,9 +159,8 @@ impl ThinCurve {
     }
 
     /// Standard deviation of the centre of a curve fitted to counts at these offsets, m in the plane of
-    /// the analyser: from the Fisher information of area, centre, variance and, from four different offsets
-    /// on, background. `variance` of the value of a pixel by its light. `None` where the offsets do not
-    /// settle it.
+    /// the analyser: from the Fisher information of area, centre and variance above a known background. `variance` of the
+    /// value of a pixel by its light. `None` where the offsets do not settle it.
     pub fn centre_deviation(&self, offsets: &[f64], variance: impl Fn(f64) -> f64) -> Option<f64> {
         let mut different: Vec<u64> = offsets.iter().map(|offset| offset.to_bits()).collect();
         different.sort_unstable();
@@ -171,14 +170,13 @@ impl ThinCurve {
         }
         // Lengths in units of the wider aperture keep the matrix near 1.
         let unit = self.pairs.iter().map(|pair| pair.edges[0]).fold(f64::INFINITY, f64::min);
-        let mut information = [[0.0; 4]; 4];
+        let mut information = [[0.0; 3]; 3];
         for offset in offsets {
             let light = self.at(*offset);
             let by = [
                 light.value - self.background,
                 unit * light.slope,
                 0.5 * unit * unit * light.curvature,
-                if different.len() > 3 { 1.0 } else { 0.0 },
             ];
             let weight = 1.0 / variance(light.value);
             for (row, a) in information.iter_mut().zip(by) {
@@ -187,10 +185,7 @@ impl ThinCurve {
                 }
             }
         }
-        if different.len() == 3 {
-            information[3][3] = 1.0;
-        }
-        let inverse = DMat4::from_cols_array_2d(&information).inverse();
+        let inverse = DMat3::from_cols_array_2d(&information).inverse();
         let centre = unit * inverse.y_axis.y.sqrt();
         (centre.is_finite() && centre > 0.0).then_some(centre)
     }

@@ -7,8 +7,8 @@ use crate::stacks::{json, of_array};
 use crate::work::interruptible;
 use beamlet::Error;
 use beamlet::retrieve::{
-    Aperture, Columns, Corrections, Input, Lattice, Method, Region, RetrieveOptions, Weights,
-    retrieve_arrays,
+    Aperture, Background, Columns, Corrections, Input, Lattice, Method, Region, RetrieveOptions,
+    Weights, retrieve_arrays,
 };
 use numpy::{IntoPyArray, PyArray3, PyReadonlyArray4};
 use pyo3::prelude::*;
@@ -20,6 +20,7 @@ use std::path::PathBuf;
 #[pyo3(from_item_all)]
 pub(crate) struct Options {
     method: Option<String>,
+    background: Option<String>,
     weights: String,
     gain: Option<f64>,
     read_noise: Option<f64>,
@@ -60,7 +61,9 @@ impl Options {
             Some(name) => chosen.with_method(method(py, name)?),
             None => chosen,
         };
+        let background = self.background.as_deref().map(str::parse::<Background>).transpose();
         Ok(chosen
+            .with_background(background.map_err(|error| raised(py, &error))?)
             .with_weights(weights(py, &self.weights)?)
             .with_empty_beam(self.empty_beam.map(region))
             .with_correct(correct.unwrap_or_default())
@@ -167,10 +170,6 @@ pub(crate) fn retrieve<'py>(
                 _ => Input::simulated(&geometry, flat, sample),
             };
             let input = options.applied_to(input)?;
-            let chosen = match options.method {
-                Some(_) => chosen,
-                None => chosen.suited_to(input.scene()),
-            };
             let chosen = options.with_noise(chosen, &input)?;
             watch.rows("retrieve", |mut control| {
                 retrieve_arrays(&engine, input, &chosen, &mut control)

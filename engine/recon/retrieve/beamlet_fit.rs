@@ -55,8 +55,8 @@ impl Beamlet {
             return Curve::unknown(values.flags);
         }
         let least_spread = (LEAST_BLUR * self.base()).powi(2);
-        let free =
-            Fitting { shape: self.shape(), scan, values: &values, least_spread, held: false };
+        let shape = self.shape();
+        let free = Fitting { shape: &shape, scan, values: &values, least_spread, held: false };
         let fit = free.from(self.start(&values));
         let has_width = fit.settled && fit.inverse.is_some() && fit.p[2] > 1.01 * least_spread;
         let resolves = has_width && self.resolves_width(scan, &fit, flat);
@@ -90,11 +90,11 @@ impl Beamlet {
     pub(super) fn fit_few(&self, scan: &CurveScan, curve: impl Iterator<Item = f32>) -> Curve {
         let spread = self.blur.max((LEAST_BLUR * self.base()).powi(2));
         if scan.offsets.len() > 2 {
-            return least_squares::fit_with(self.shape(), scan, curve, Some(spread));
+            return least_squares::fit_with(&self.shape(), scan, curve, Some(spread));
         }
         let lit = self.base() + LIT * spread.sqrt() - 0.5 * self.pitch;
         let reach = lit.min(0.5 * (self.period - self.pitch)).max(0.0);
-        closed::two_points(scan, (self.shape(), spread, reach), curve)
+        closed::two_points(scan, (&self.shape(), spread, reach), curve)
     }
 
     /// The fit with the blur of the set-up. Where an end of the light is just beyond a border of

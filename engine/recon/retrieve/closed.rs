@@ -56,25 +56,13 @@ fn three_numbers(x: &[f64], y: &[f64]) -> Option<[f64; 3]> {
     through_three(x, y).map(|[height, centre, width]| [height + width.ln(), centre, width])
 }
 
-/// Width of the curve through three points (`x` in m), and the 1 sigma of its area (relative), centre and
-/// width where a value y has this variance; nothing where they are no peak.
-pub fn three_step_uncertainties(
-    x: &[f64],
-    y: &[f64],
-    variance: impl Fn(f64) -> f64,
-) -> Option<(f64, [f64; 3])> {
-    let [_, _, width] = through_three(x, y)?;
-    let uncertainties = propagate(y, variance, |y| three_numbers(x, y));
-    uncertainties.iter().all(|sigma| sigma.is_finite()).then_some((width, uncertainties))
-}
-
 /// Halvings of the interval of a centre: to the last digits.
 const HALVINGS: u32 = 60;
 
 /// Logarithm of the area and centre of the curve of a shape of known spread through two points. `reach`: from the
 /// middle of the points to the farthest centre.
 fn two_numbers(
-    shape: CurveShape,
+    shape: &CurveShape,
     spread: f64,
     reach: f64,
     x: &[f64],
@@ -108,7 +96,7 @@ fn two_numbers(
 /// Curve of known shape and spread through two points. `reach`: as of [`two_numbers`].
 pub(super) fn two_points(
     scan: &CurveScan,
-    (shape, spread, reach): (CurveShape, f64, f64),
+    (shape, spread, reach): (&CurveShape, f64, f64),
     curve: impl Iterator<Item = f32>,
 ) -> Curve {
     let mut values = scan.values(curve, 2);

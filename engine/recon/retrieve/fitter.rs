@@ -1,5 +1,6 @@
 //! Fits of a Gaussian on a background to many illumination curves at once, on the device.
 
+use super::background::BackgroundTerm;
 use super::curves::Curves;
 use super::noise_factors::NoiseFactors;
 use super::quadrature;
@@ -45,11 +46,19 @@ pub struct FitOptions {
     pub read_noise: f64,
     /// Values from here on are left out.
     pub saturation: Option<f32>,
+    /// Background of the curves, per area in the unit of the offsets.
+    pub background: BackgroundTerm,
 }
 
 impl Default for FitOptions {
     fn default() -> Self {
-        Self { weights: Weights::None, gain: 1.0, read_noise: 0.0, saturation: None }
+        Self {
+            weights: Weights::None,
+            gain: 1.0,
+            read_noise: 0.0,
+            saturation: None,
+            background: BackgroundTerm::Free,
+        }
     }
 }
 
@@ -63,6 +72,8 @@ impl FitOptions {
         with_read_noise(read_noise: f64);
         /// Leaves out values from here on.
         with_saturation(saturation: impl Into<Option<f32>>);
+        /// Chooses the background of the curves.
+        with_background(background: BackgroundTerm);
     }
 }
 
@@ -255,7 +266,18 @@ impl Fitter {
         (uploads, fits): (&[Upload<'_>], Download<'_>),
         pace_and_cancel: (&mut Pace, &Cancel),
     ) -> Result<()> {
+        let [fixed, per_area] = match self.options.background {
+            BackgroundTerm::Free => [0.0; 2],
+            // The area of a Gaussian is its height times its width times this root.
+            BackgroundTerm::PerArea(share) => {
+                [self.pedestal, single(share * self.half * (2.0 * std::f64::consts::PI).sqrt())]
+            }
+            BackgroundTerm::Value(value) => [single(value) + self.pedestal, 0.0],
+        };
         let push = |first, _| FitPush {
+            background_is_free: (self.options.background == BackgroundTerm::Free).into(),
+            background: fixed,
+            background_per_area: per_area,
             steps: self.steps.address(),
             curves: input.address(),
             fits: output.address(),

@@ -12,6 +12,7 @@ mod selection;
 mod times;
 
 use super::Method;
+use beamlet_core::array_file::Format;
 use beamlet_core::cancel::Aside;
 use beamlet_core::{Error, Result};
 use beamlet_files::layout::GEOMETRY;
@@ -170,6 +171,12 @@ impl Input {
     /// Files and folders of the stacks.
     pub(super) fn paths(&self) -> Vec<PathBuf> {
         [&self.flat, &self.sample].into_iter().flat_map(StackFile::places).collect()
+    }
+
+    /// Format of the sample's stack.
+    #[must_use]
+    pub fn format(&self) -> Format {
+        self.sample.format()
     }
 
     /// Views of the sample.

@@ -1,5 +1,6 @@
 //! Least squares in f64 on the host: Levenberg-Marquardt for shapes with four unknowns.
 
+use super::background::BackgroundTerm;
 use super::curves::Curve;
 use super::damping::{Damping, SETTLED, WEIGHED, WEIGHINGS};
 use super::equations::{Equations, add, condition, covariance, inverse, solve};
@@ -17,6 +18,8 @@ pub(super) struct CurveScan {
     pub(super) shares: Vec<f64>,
     /// Noise of the values.
     pub(super) noise: ValueNoise,
+    /// Background of the curves.
+    pub(super) background: BackgroundTerm,
 }
 
 /// A curve's values that count, and the flags so far.
@@ -74,7 +77,7 @@ pub(super) fn moments(points: &[[f64; 3]], floor: f64) -> [f64; 3] {
 /// A shape that is fitted to the values of a curve, with what limits its unknowns.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Fitting<'a> {
-    pub(crate) shape: CurveShape,
+    pub(crate) shape: &'a CurveShape,
     pub(crate) scan: &'a CurveScan,
     pub(super) values: &'a CurveValues,
     /// Least spread.
@@ -96,21 +99,28 @@ pub(super) struct Fit {
     condition: f64,
     /// Root mean square of the residuals.
     pub(crate) residual: f64,
+    /// Standard deviation of the scale: of counts with weights by their noise, else by the residuals.
+    scale_sigma: f64,
 }
 
 /// Fits a shape to a curve.
-pub(super) fn fit(shape: CurveShape, scan: &CurveScan, curve: impl Iterator<Item = f32>) -> Curve {
+pub(super) fn fit(shape: &CurveShape, scan: &CurveScan, curve: impl Iterator<Item = f32>) -> Curve {
     fit_with(shape, scan, curve, None)
 }
 
-/// Fits a shape to a curve. `held`: the spread, where it is known; three values suffice then.
+/// Fits a shape to a curve. `held`: the spread, where it is known.
 pub(super) fn fit_with(
-    shape: CurveShape,
+    shape: &CurveShape,
     scan: &CurveScan,
     curve: impl Iterator<Item = f32>,
     held: Option<f64>,
 ) -> Curve {
-    let values = scan.values(curve, if held.is_some() { 3 } else { 5 });
+    let needed = match (scan.background, held) {
+        (BackgroundTerm::Free, None) => 5,
+        (background, None) => background.unknowns(4),
+        (background, Some(_)) => background.unknowns(3),
+    };
+    let values = scan.values(curve, needed);
     if values.flags & flags::NO_ANSWER != 0 {
         return Curve::unknown(values.flags);
     }
@@ -119,7 +129,7 @@ pub(super) fn fit_with(
     let spread = held.unwrap_or(spread);
     let least_spread = shape.limits(scan.half())[0].min(spread);
     let fitting = Fitting { shape, scan, values: &values, least_spread, held: held.is_some() };
-    fitting.curve(&fitting.from([scale, centre, spread, values.least]))
+    fitting.curve(&fitting.from(fitting.scaled([scale, centre, spread, values.least])))
 }
 
 impl Fitting<'_> {
@@ -131,8 +141,8 @@ impl Fitting<'_> {
         if self.scan.noise.weights == Weights::Poisson {
             for _ in 0..WEIGHINGS {
                 let peak = self.peak(&last.p);
-                for (weight, [x, ..]) in weights.iter_mut().zip(points) {
-                    *weight = self.scan.noise.weight(self.shape.at(&last.p, *x).0, peak);
+                for (weight, (value, _)) in weights.iter_mut().zip(self.fitted(&last.p)) {
+                    *weight = self.scan.noise.weight(value, peak);
                 }
                 let next = self.descend(last.p, &weights);
                 let moved = self.length(&last.p, &next.p);
@@ -147,17 +157,16 @@ impl Fitting<'_> {
         let (even, squares) = self.normal(&p, &vec![1.0; points.len()]);
         let weighted = inverse(&equations);
         let condition = weighted.as_ref().map_or(f64::INFINITY, |c| condition(&equations, c));
+        let unknowns = self.scan.background.unknowns(if self.held { 3 } else { 4 });
+        let freedom = points.len() as f64 - unknowns as f64;
+        let by_residuals = if freedom > 0.0 { squares / freedom } else { f64::NAN };
+        let even = inverse(&even);
         let covariance =
             weighted.map(|inverse| match (self.scan.noise.weights, self.scan.noise.gain) {
-                (Weights::None, None) => {
-                    let freedom = points.len() as f64 - 4.0;
-                    let variance = if freedom > 0.0 { squares / freedom } else { f64::NAN };
-                    inverse.map(|row| row.map(|c| variance * c))
-                }
+                (Weights::None, None) => inverse.map(|row| row.map(|c| by_residuals * c)),
                 _ => {
                     // Weights are the inverse of variances at most: far from the peak they are less.
-                    for (weight, [x, ..]) in weights.iter_mut().zip(points) {
-                        let value = self.shape.at(&p, *x).0;
+                    for (weight, (value, _)) in weights.iter_mut().zip(self.fitted(&p)) {
                         *weight = weight.powi(2) * self.scan.noise.variance_of_fit(value);
                     }
                     let noise = self.normal(&p, &weights).0;
@@ -165,7 +174,15 @@ impl Fitting<'_> {
                 }
             });
         let residual = (squares / points.len() as f64).sqrt();
-        Fit { p, settled, inverse: inverse(&even), covariance, condition, residual }
+        let scale_variance = match (&covariance, &even) {
+            (Some(covariance), _) if self.scan.noise.weights == Weights::Poisson => {
+                covariance[0][0]
+            }
+            (_, Some(even)) => by_residuals * even[0][0],
+            _ => f64::NAN,
+        };
+        let scale_sigma = scale_variance.sqrt();
+        Fit { p, settled, inverse: even, covariance, condition, residual, scale_sigma }
     }
 
     /// Curve of a fit, with its uncertainties and flags.
@@ -183,11 +200,13 @@ impl Fitting<'_> {
             Some(covariance) => covariance[i][j],
             None => f64::NAN,
         };
-        if p[0] <= 0.0 || p[0] <= 3.0 * of(0, 0).sqrt() {
+        if p[0] <= 0.0 || p[0] <= 3.0 * fit.scale_sigma {
             flags |= flags::NO_PEAK;
         }
         let [area, width] = self.shape.area_and_width(p);
-        let resolved = self.held || p[2] > 1.01 * self.least_spread;
+        // Masks of sharp curves have apertures of known width, whatever the blur is.
+        let is_sharp = matches!(self.shape, CurveShape::Masks(_));
+        let resolved = self.held || is_sharp || p[2] > 1.01 * self.least_spread;
         if !(resolved && width[0] < 2.0 * self.scan.half()) {
             flags |= flags::WIDTH;
         }
@@ -217,6 +236,33 @@ impl Fitting<'_> {
         self.shape.at(p, p[1]).0 - p[3]
     }
 
+    /// Values of the curve and slopes by its unknowns at the offsets of the values.
+    fn fitted(&self, p: &[f64; 4]) -> Vec<(f64, [f64; 4])> {
+        self.shape.evaluate(p, self.values.points.iter().map(|[x, ..]| *x))
+    }
+
+    /// Unknowns with the scale that fits the values best where the background is no unknown.
+    fn scaled(&self, p: [f64; 4]) -> [f64; 4] {
+        let [per_scale, fixed] = match self.scan.background {
+            BackgroundTerm::Free => return p,
+            BackgroundTerm::PerArea(share) => [share * self.shape.area_and_width(&p)[0][1], 0.0],
+            BackgroundTerm::Value(value) => [0.0, value],
+        };
+        let unit = self.fitted(&[1.0, p[1], p[2], 0.0]);
+        let sums = self.values.points.iter().zip(unit).fold([0.0; 2], |sums, ([_, y, _], of)| {
+            let u = of.0 + per_scale;
+            [sums[0] + u * (y - fixed), sums[1] + u * u]
+        });
+        self.tied([sums[0] / sums[1].max(f64::MIN_POSITIVE), p[1], p[2], p[3]])
+    }
+
+    /// Unknowns with the background that follows from them.
+    fn tied(&self, mut p: [f64; 4]) -> [f64; 4] {
+        let [area, _] = self.shape.area_and_width(&p);
+        p[3] = self.scan.background.of_area(area[0]).unwrap_or(p[3]);
+        p
+    }
+
     /// Largest difference of two sets of unknowns, in half widths of the scan and ranges of the
     /// curve.
     fn length(&self, p: &[f64; 4], q: &[f64; 4]) -> f64 {
@@ -234,6 +280,7 @@ impl Fitting<'_> {
             let Some(step) = solve(&equations, damping.value()) else { break };
             let mut next: [f64; 4] = std::array::from_fn(|i| p[i] + step[i]);
             next[2] = next[2].clamp(0.1 * p[2], 10.0 * p[2]).max(self.least_spread);
+            let next = self.tied(next);
             let (next_equations, next_squares) = self.normal(&next, weights);
             let length = self.length(&p, &next);
             if next_squares <= squares {
@@ -257,8 +304,19 @@ impl Fitting<'_> {
     /// Normal equations with their right side, and the weighted sum of squares.
     fn normal(&self, p: &[f64; 4], weights: &[f64]) -> (Equations, f64) {
         let (mut n, mut squares) = ([[0.0; 5]; 4], 0.0);
-        for ([x, y, _], weight) in self.values.points.iter().zip(weights) {
-            let (value, mut slope) = self.shape.at(p, *x);
+        let background = self.scan.background;
+        let [[_, by_scale, by_spread], _] = self.shape.area_and_width(p);
+        let fitted = self.fitted(p);
+        for (([_, y, _], weight), (value, mut slope)) in
+            self.values.points.iter().zip(weights).zip(fitted)
+        {
+            if let BackgroundTerm::PerArea(share) = background {
+                slope[0] += share * by_scale;
+                slope[2] += share * by_spread;
+            }
+            if background != BackgroundTerm::Free {
+                slope[3] = 0.0;
+            }
             if self.held {
                 slope[2] = 0.0;
             }
@@ -266,9 +324,12 @@ impl Fitting<'_> {
             squares += weight * rest * rest;
             add(&mut n, slope, *weight, rest);
         }
+        // Equations of their own: no step.
         if self.held {
-            // An equation of its own: no step.
             n[2][2] = 1.0;
+        }
+        if background != BackgroundTerm::Free {
+            n[3][3] = 1.0;
         }
         (n, squares)
     }

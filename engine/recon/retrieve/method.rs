@@ -3,7 +3,7 @@
 use beamlet_core::units::Dimension::Length;
 use beamlet_core::{Error, Result};
 use beamlet_model::optics::Optics;
-use beamlet_model::scene::Scene;
+use beamlet_model::scene::{ApertureShape, Scene};
 use serde::{Deserialize, Serialize};
 use std::fmt;
 
@@ -24,7 +24,7 @@ pub enum Method {
     Moments,
     /// A triangle, for small spots and projected apertures of one width.
     Triangle,
-    /// The masks' own curve, blurred: no bias of a Gaussian. A trapezoid behind a point source.
+    /// The masks' own curve behind a blur: no bias of a Gaussian. A trapezoid behind a point source.
     ExactCurve,
     /// Single mask: a blurred box per beamlet, integrated over neighbouring pixels (beam tracking).
     Beamlet,
@@ -34,6 +34,8 @@ pub enum Method {
 const SMALL_BLUR: f64 = 0.15;
 /// Pixels of a beamlet that a fit of four unknowns needs; with fewer the geometry gives its blur.
 pub(super) const BEAMLET_PIXELS: f64 = 5.0;
+/// Relative difference of a period from a pixel that is rounding.
+const SAME_PERIOD: f64 = 1e-6;
 /// Fewest pixels from beamlet to beamlet: two of them share its light.
 const LEAST_PIXELS: f64 = 1.5;
 
@@ -104,14 +106,13 @@ impl Method {
                 ),
                 "triangle needs projected apertures of one width: use exact-curve",
             )),
-            Self::ExactCurve | Self::TwoStep if !scene.source.spot.is_gaussian(0) => {
-                Err(Error::scene(
-                    "source.spot",
-                    format!("a spot of {} Gaussians", scene.source.spot.parts().len()),
-                    format!("{self} needs a Gaussian spot across the slits: use gaussian"),
-                ))
-            }
-            Self::ExactCurve | Self::TwoStep | Self::Triangle => one_slit(self, scene),
+            Self::TwoStep if !scene.source.spot.is_gaussian(0) => Err(Error::scene(
+                "source.spot",
+                format!("a spot of {} Gaussians", scene.source.spot.parts().len()),
+                format!("{self} needs a Gaussian spot across the slits: use gaussian"),
+            )),
+            Self::TwoStep | Self::Triangle => one_slit(self, scene),
+            Self::ExactCurve => slits_of_every_pixel(scene),
             _ => Ok(()),
         }
     }
@@ -121,9 +122,9 @@ impl Method {
     pub const fn least_offsets(self) -> usize {
         match self {
             Self::Gaussian => 4,
-            Self::ThreeStep => 3,
+            Self::ThreeStep | Self::ExactCurve => 3,
             Self::TwoStep => 2,
-            Self::Moments | Self::Triangle | Self::ExactCurve => 5,
+            Self::Moments | Self::Triangle => 5,
             Self::Beamlet => 1,
         }
     }
@@ -137,12 +138,15 @@ impl Method {
             let allowed = format!("one offset along z: {self} fits curves of steps along x");
             return Err(Error::scene("scan.mask_offsets", found, allowed));
         }
-        if scene.has_heights()
-            && matches!(self, Self::ExactCurve | Self::TwoStep | Self::Beamlet | Self::Triangle)
-        {
-            let allowed = format!(
-                "slits: {self} knows no apertures that end along z; use gaussian or moments"
-            );
+        let knows = match self {
+            Self::Gaussian | Self::ThreeStep | Self::Moments => true,
+            Self::ExactCurve => scene.masks().all(|(_, mask)| {
+                matches!(mask.shape, ApertureShape::Slit | ApertureShape::Rectangle)
+            }),
+            Self::TwoStep | Self::Beamlet | Self::Triangle => false,
+        };
+        if scene.has_heights() && !knows {
+            let allowed = format!("slits: {self} knows no such apertures; use gaussian or moments");
             return Err(Error::scene("shape", "apertures that end along z", allowed));
         }
         Ok(())
@@ -195,6 +199,27 @@ fn one_slit(method: Method, scene: &Scene) -> Result<()> {
         if mask.apertures.len() > 1 {
             let found = format!("{} slits in a period", mask.apertures.len());
             let allowed = format!("{method} knows the curve of one slit in a period: use gaussian");
+            return Err(Error::scene(format!("{key}.apertures"), found, allowed));
+        }
+    }
+    Ok(())
+}
+
+/// Refuses several slits in a period where pixels see different ones: both masks have one period for each pixel.
+fn slits_of_every_pixel(scene: &Scene) -> Result<()> {
+    let optics = Optics::of(scene);
+    let pitch = optics.detector.pitch[0] / optics.detector.distance;
+    for ((key, mask), on_beam) in
+        scene.masks().zip([&optics.sample_mask, &optics.detector_mask].into_iter().flatten())
+    {
+        let period = on_beam.without_shifts(on_beam.distance()).period[0] / on_beam.distance();
+        if mask.apertures.len() > 1 && (period / pitch - 1.0).abs() > SAME_PERIOD {
+            let found = format!(
+                "{} slits in a period of {:.3} pixels",
+                mask.apertures.len(),
+                period / pitch
+            );
+            let allowed = "exact-curve needs the same slits before every pixel, a period of one pixel: use gaussian";
             return Err(Error::scene(format!("{key}.apertures"), found, allowed));
         }
     }

@@ -2,6 +2,7 @@
 //!
 //! Formulas, validity and bias of each method: docs/retrieval.md.
 
+mod background;
 mod beamlet_fit;
 pub mod beamlets;
 mod closed;
@@ -16,6 +17,7 @@ mod images;
 mod input;
 pub mod joined;
 mod least_squares;
+mod mask_curve;
 pub mod method;
 mod misfit;
 mod noise_factors;
@@ -24,12 +26,13 @@ mod phase;
 mod planar;
 mod quadrature;
 mod record;
+mod response;
 mod retriever;
 mod run;
 mod shape;
 mod value_noise;
 
-pub use closed::three_step_uncertainties;
+pub use background::{Background, BackgroundTerm};
 pub use correct::{Corrections, Plane, ViewCorrection};
 pub use curves::Curves;
 pub use diagnosis::{EmptyBeam, EmptyBeamOfView, Region};
@@ -37,6 +40,7 @@ pub use fitter::{FitOptions, Fitter, Weights};
 pub(crate) use images::FLAGS;
 pub use images::Images;
 pub use input::{Columns, Input, centre_of_lights, columns_of_images, offsets};
+pub use mask_curve::MaskCurve;
 pub use method::{Method, different_offsets};
 pub use misfit::median;
 pub use options::{ReadRows, RetrieveOptions};
@@ -44,5 +48,6 @@ pub use phase::{Drift, borders};
 pub(crate) use phase::{DriftSum, integrated_row};
 pub use planar::{Aperture, Lattice, sigmas_in_two_directions};
 pub use record::Record;
+pub use response::{LARGE_ERROR, Response};
 pub use retriever::Retriever;
 pub use run::{ImagesTo, RetrievedArrays, retrieve, retrieve_arrays};

@@ -1,5 +1,6 @@
 //! Options of a retrieval, and its control.
 
+use super::background::Background;
 use super::correct::Corrections;
 use super::diagnosis::Region;
 use super::fitter::Weights;
@@ -10,22 +11,25 @@ use beamlet_model::scene::Scene;
 use ndarray::Array3;
 use std::ops::Range;
 
-/// How to retrieve. `RetrieveOptions::default()` fits a Gaussian to each pixel, unweighted; what
-/// differs from it is set in a chain.
+/// How to retrieve. `RetrieveOptions::default()` takes method and background from the scene, and fits without
+/// weights; what differs from it is set in a chain.
 ///
 /// ```
 /// use beamlet::retrieve::{Method, RetrieveOptions, Weights};
 ///
 /// let options =
 ///     RetrieveOptions::default().with_method(Method::Beamlet).with_weights(Weights::Poisson);
-/// assert_eq!(options.method, Method::Beamlet);
+/// assert_eq!(options.method, Some(Method::Beamlet));
 /// ```
 #[derive(Debug, Clone, Default)]
 #[non_exhaustive]
 pub struct RetrieveOptions {
-    /// The estimator.
-    pub method: Method,
-    /// Weights of the values (methods `gaussian` and `beamlet`).
+    /// The estimator; `None`: by the scene ([`RetrieveOptions::resolved`]).
+    pub method: Option<Method>,
+    /// Background of the curves (methods `gaussian` and `exact-curve`). `None`: the light that the masks of the scene
+    /// leak, where they are known; else free.
+    pub background: Option<Background>,
+    /// Weights of the values (methods `gaussian`, `exact-curve` and `beamlet`).
     pub weights: Weights,
     /// Value of one count, where the values are counts: uncertainties of weighted fits and of
     /// closed forms come from it. `None`: values are intensities.
@@ -59,7 +63,9 @@ pub struct RetrieveOptions {
 impl RetrieveOptions {
     setters! {
         /// Chooses the estimator.
-        with_method(method: Method);
+        with_method(method: impl Into<Option<Method>>);
+        /// Chooses the background of the curves.
+        with_background(background: impl Into<Option<Background>>);
         /// Chooses the weights of the values.
         with_weights(weights: Weights);
         /// Declares values to be counts, of which one is `gain`.
@@ -86,23 +92,55 @@ impl RetrieveOptions {
         with_offsets_z(offsets_z: Vec<f64>);
     }
 
-    /// Chooses the estimator for the masks of a scene: `beamlet` for a sample mask alone, and `gaussian` where the
-    /// apertures on a lattice are not known or there are two masks; `exact-curve` for lists of apertures, and for steps
-    /// along x and z of a sample mask alone.
-    #[must_use]
-    pub fn suited_to(mut self, scene: &Scene) -> Self {
-        let is_alone = scene.sample_mask.is_some() && scene.detector_mask.is_none();
-        let on_lattice = self.lattice.is_some() || scene.has_heights();
-        let known = !on_lattice || planar::aperture(scene, &self).is_some();
+    /// The options with the method and the background of a scene where none is chosen: `beamlet` for a sample mask
+    /// alone; `exact-curve` where the scene knows the curve of its masks; else `gaussian`.
+    ///
+    /// # Errors
+    /// [`Error::Argument`] for a background that the method does not have; errors of the materials of the masks and of
+    /// the beam.
+    pub fn resolved(&self, scene: &Scene) -> Result<Self> {
+        let method = self.method.unwrap_or_else(|| self.suited_method(scene));
+        let background = match self.background {
+            Some(background) => background,
+            None => Background::of(method, scene)?,
+        };
+        background.check(method)?;
+        Ok(Self { method: Some(method), background: Some(background), ..self.clone() })
+    }
+
+    /// The estimator for the masks of a scene.
+    fn suited_method(&self, scene: &Scene) -> Method {
         let z = &scene.scan.mask_offsets_z;
         let in_plane = !self.offsets_z.is_empty() || different_offsets(z) > 1;
         let is_list = scene.masks().any(|(_, mask)| mask.list_key().is_some());
-        self.method = match (is_alone, known) {
-            _ if is_list || (is_alone && in_plane) => Method::ExactCurve,
-            (true, true) => Method::Beamlet,
-            _ => Method::Gaussian,
+        let is_alone = scene.sample_mask.is_some() && scene.detector_mask.is_none();
+        let knows_curve = || match in_plane {
+            true => planar::knows_curve(scene, self),
+            false => Method::ExactCurve
+                .check(&scene.of_groups(), &scene.of_groups().scan.mask_offsets)
+                .is_ok(),
         };
-        self
+        if is_list || (is_alone && in_plane) {
+            return Method::ExactCurve;
+        }
+        if is_alone {
+            let on_lattice = self.lattice.is_some() || scene.has_heights();
+            let is_known = !on_lattice || planar::aperture(scene, self).is_some();
+            return if is_known { Method::Beamlet } else { Method::Gaussian };
+        }
+        if knows_curve() { Method::ExactCurve } else { Method::Gaussian }
+    }
+
+    /// The method of resolved options.
+    #[must_use]
+    pub fn method(&self) -> Method {
+        self.method.unwrap_or_default()
+    }
+
+    /// The background of resolved options.
+    #[must_use]
+    pub fn background(&self) -> Background {
+        self.background.unwrap_or(Background::Free)
     }
 
     /// # Errors

@@ -2,7 +2,9 @@
 
 use super::correct::ViewCorrection;
 use super::diagnosis::EmptyBeam;
+use super::mask_curve::MaskCurve;
 use super::phase::Drift;
+use super::response::Response;
 use beamlet_core::{Error, Result, input_file};
 use beamlet_files::layout::RECORD;
 use serde::{Deserialize, Serialize};
@@ -37,6 +39,16 @@ pub struct Record {
     pub method: String,
     /// Weights of the fit.
     pub weights: String,
+    /// Background of the curves: `free`, `leak` or a value; `None` of methods without one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub background: Option<String>,
+    /// Small contrasts as the method finds them at these offsets, over the true ones; `None` where the curve of the masks
+    /// is not known.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub response: Option<Response>,
+    /// Curve that was fitted, of method `exact-curve` over steps along x; `None` elsewhere.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub curve: Option<MaskCurve>,
     /// True if values were detector numbers, and not intensities.
     pub counts: bool,
     /// Variance of a value over its mean, where the values are counts.

@@ -10,7 +10,7 @@ use super::flags;
 use super::images::{CONTRASTS, FLAGS, Images, OF_SAMPLE};
 use super::input::Input;
 use super::joined::JoinedColumns;
-use super::method::Method;
+use super::method::{Method, different_offsets};
 use super::misfit::{self, Noise};
 use super::options::{ReadRows, RetrieveOptions};
 use super::shape::CurveGeometry;
@@ -24,6 +24,7 @@ use flat::Flat;
 use ndarray::{Array2, Array3, ArrayView3, Axis, s};
 use std::ops::Range;
 pub(crate) use view_scan::Corrected;
+pub(super) use view_scan::ViewScan;
 use view_scan::ViewScans;
 
 /// Bytes of a band of rows with all its steps, for fits on the device; on the host, where a band
@@ -69,16 +70,26 @@ impl Retriever {
     /// # Ok::<(), beamlet::Error>(())
     /// ```
     pub fn new(compute: &Compute, scene: &Scene, options: &RetrieveOptions) -> Result<Self> {
-        let method = options.method;
+        let options = &options.resolved(scene)?;
+        let method = options.method();
         refuse_shifts(scene)?;
         let period = Optics::of(scene).curve_period();
         let periods = WholePeriods::in_scan(&scene.scan.mask_offsets, period);
         let view_scans = ViewScans::of(scene, method, periods)?;
         method.check(scene, &scene.scan.mask_offsets)?;
+        let least = options.background().least_offsets(method);
+        let different = different_offsets(&scene.scan.mask_offsets);
+        if different < least {
+            let found = format!("{different} different offsets");
+            let allowed =
+                format!("at least {least} for {method} with a free background; or background leak");
+            return Err(Error::scene("scan.mask_offsets", found, allowed));
+        }
         let offsets = periods.without(&scene.scan.mask_offsets);
         let fits = method == Method::Gaussian;
-        if options.weights == Weights::Poisson && !fits && method != Method::Beamlet {
-            let allowed = "poisson with gaussian or beamlet";
+        let weighs = matches!(method, Method::Gaussian | Method::ExactCurve | Method::Beamlet);
+        if options.weights == Weights::Poisson && !weighs {
+            let allowed = "poisson with gaussian, exact-curve or beamlet";
             return Err(Error::argument("weights", format!("poisson with {method}"), allowed));
         }
         if let Some(gain) = options.gain.filter(|gain| !(gain.is_finite() && *gain > 0.0)) {
@@ -90,11 +101,13 @@ impl Retriever {
         }
         options.check_saturation()?;
         let beamlets = if method == Method::Beamlet { Some(Beamlets::of(scene)?) } else { None };
+        let shape = CurveGeometry::of(scene)?.with_background(options.background(), scene)?;
         let fit_options = FitOptions {
             weights: options.weights,
             gain: options.gain.unwrap_or(1.0),
             read_noise: options.read_noise,
             saturation: options.saturation,
+            background: shape.background,
         };
         let lever = scene.lever_arm();
         Ok(Self {
@@ -106,7 +119,7 @@ impl Retriever {
                 -scene.magnification() / lever
             },
             beamlets,
-            shape: CurveGeometry::of(scene)?,
+            shape,
             periods,
             offsets,
             view_scans,
@@ -194,14 +207,29 @@ impl Retriever {
     }
 
     /// Masks and spot, as their curve depends on them.
-    pub(super) const fn curve_geometry(&self) -> CurveGeometry {
-        self.shape
+    pub(super) const fn curve_geometry(&self) -> &CurveGeometry {
+        &self.shape
+    }
+
+    /// True of beamlets on their pixels, which have no curve over mask offsets.
+    pub(super) const fn has_beamlets(&self) -> bool {
+        self.beamlets.is_some()
+    }
+
+    /// The resolved options.
+    pub(super) const fn options(&self) -> &RetrieveOptions {
+        &self.options
+    }
+
+    /// The fits on the device; `None` of methods without.
+    pub(super) const fn fitter(&self) -> Option<&Fitter> {
+        self.fitter.as_ref()
     }
 
     /// True if curves determine their width, and images have a dark field.
     pub(super) fn has_width(&self) -> bool {
         let has_pixels = self.beamlets.as_ref().is_none_or(Beamlets::determine_width);
-        has_pixels && self.options.method != Method::TwoStep
+        has_pixels && self.options.method() != Method::TwoStep
     }
 
     /// Names of the images of a view.

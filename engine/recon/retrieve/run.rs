@@ -16,6 +16,7 @@ use super::options::RetrieveOptions;
 use super::phase::PhaseImages;
 use super::planar::Design;
 use super::record::Record;
+use super::response;
 use super::retriever::Retriever;
 use beamlet_core::parallel::start_threads;
 use beamlet_core::rows_control::RowsControl;
@@ -248,7 +249,7 @@ fn retrieve_to(
     let (began, since) = (now(), Instant::now());
     options.check_saturation()?;
     let input = input.limited_to(options.saturation);
-    let options = options_for(&input, options)?;
+    let options = options_for(&input, &options.resolved(input.scene())?)?;
     let design = Design::of(input.scene(), &options, input.omitted_steps())?;
     refuse_parts_of_beamlets(&input, &options, design.as_ref())?;
     if let Some(design) = design {
@@ -297,8 +298,11 @@ fn retrieve_to(
     let scan = ScanOf::new(&input, joined.as_ref(), bad.as_ref());
     retrieve_views(scan, &options, &mut retriever, &mut diagnosis, &mut output, &mut inner)?;
     let mut record = output.record;
-    let of_input = input.warnings().iter().cloned().chain(input.other_optics(options.method));
+    let of_input = input.warnings().iter().cloned().chain(input.other_optics(options.method()));
     diagnosis.finish(&mut record, &retriever, &of_input.collect::<Vec<_>>())?;
+    let groups = input.scene().of_groups();
+    let response_of = |other: &RetrieveOptions| Retriever::new(compute, &groups, other)?.response();
+    response::enter(&mut record, &options, retriever.response()?, response_of)?;
     finish(&mut record, hashes.wait(&cancel, &mut || {})??, (began, since));
     let geometry = match input.has_angles() {
         true => Some(retriever.geometry(&input, angles).text()?),
@@ -324,7 +328,7 @@ fn refuse_parts_of_beamlets(
 ) -> Result<()> {
     let of_list = design.is_some_and(|design| design.is_of_list(input.scene()));
     let on_lattice = matches!(design, Some(Design::Beamlets(_))) || of_list;
-    if (on_lattice || options.method == Method::Beamlet) && input.selection() != (None, None) {
+    if (on_lattice || options.method() == Method::Beamlet) && input.selection() != (None, None) {
         let allowed = match of_list {
             true => "every pixel: their places are before the list of apertures",
             false => "every pixel: beamlets are found among all of them",

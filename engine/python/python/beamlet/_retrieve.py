@@ -106,12 +106,16 @@ def _bad_pixels(value: ArrayLike, frame: tuple[int, ...]) -> NDArray[np.float32]
     return bad.astype(np.float32)
 
 
+def _background(value: Any) -> str:
+    return value if isinstance(value, str) else str(number("background", value))
+
+
 def _options(given: Mapping[str, Any]) -> dict[str, Any]:
     """Options of a retrieval, checked, as the extension takes them."""
     chosen: dict[str, Any] = dict.fromkeys((
         "gain", "read_noise", "saturation", "flats_every", "columns", "bin",
         "empty_beam", "correct", "omit_steps", "method", "lattice", "aperture", "detector_aperture",
-        "offsets_z",
+        "offsets_z", "background",
     ))
     chosen |= {name: value for name, value in given.items() if value is not None}
     if given["method"] is not None:
@@ -128,6 +132,7 @@ def _options(given: Mapping[str, Any]) -> dict[str, Any]:
         "empty_beam": _empty_beam,
         "correct": _correct,
         "phase": bool,
+        "background": _background,
         "lattice": lambda value: text("lattice", value, 'text as "40 um, 40 um, 3 deg"'),
         "aperture": lambda value: text("aperture", value, 'text as "30 um, 20 um" or "round 30 um"'),
         "detector_aperture": lambda value: text("detector_aperture", value, 'text as "30 um, 20 um"'),
@@ -202,6 +207,7 @@ def retrieve(
     empty_beam: EmptyBeam | None = None,
     correct: Correction | Sequence[Correction] = (),
     phase: bool = False,
+    background: str | float | None = None,
     offsets_z: Sequence[str | float] | NDArray[np.floating[Any]] | None = None,
     lattice: str | None = None,
     aperture: str | None = None,
@@ -216,8 +222,8 @@ def retrieve(
         offsets: Mask offset of each step, m, or text with a unit; ``None``: those of the geometry's scan.
         geometry: Scene with the set-up.
         dark: Counts without beam, ``[frame][row][column]`` or ``[row][column]``; their mean is subtracted.
-        method: The estimator; default: ``beamlet`` for a sample mask alone (on a lattice with `aperture`), else
-            ``gaussian``.
+        method: The estimator; default: ``exact-curve`` where the scene knows the curve of its masks, ``beamlet`` for a
+            sample mask alone (on a lattice with `aperture`), else ``gaussian``.
         weights: ``poisson`` weights counts by their noise.
         gain: Counts of a photon; default 1.
         read_noise: Standard deviation of counts without beam, in counts.
@@ -238,6 +244,8 @@ def retrieve(
             are empty: ``"offset"``, ``"plane"``, ``"dose"``, ``"steps"``. ``record["corrections"]`` has
             their values.
         phase: Images of the phase, too: refraction integrated along the rows, m of delta times length.
+        background: Background of the curves, for ``gaussian`` and ``exact-curve``: ``"free"``, the light that the masks
+            ``"leak"``, or a number of counts; default: ``"leak"`` where the masks are known and nothing scatters.
         offsets_z: Mask offset along z of each step, as `offsets`: refraction and dark field along x and z.
         lattice: Lattice of the beamlets of a sample mask alone, as it is on the detector: ``"40 um, 40 um"``, with
             an angle ``"40 um, 40 um, 3 deg"``, or two vectors ``"40 um, 0 um; 20 um, 34.6 um"``. Refraction and
@@ -277,6 +285,7 @@ def retrieve(
         empty_beam=empty_beam,
         correct=correct,
         phase=phase,
+        background=background,
         offsets_z=offsets_z,
         lattice=lattice,
         aperture=aperture,

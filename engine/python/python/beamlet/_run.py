@@ -168,6 +168,7 @@ class Run:
         empty_beam: EmptyBeam | None = None,
         correct: Correction | Sequence[Correction] = (),
         phase: bool = False,
+        background: str | float | None = None,
         lattice: str | None = None,
         aperture: str | None = None,
     ) -> Images:
@@ -175,8 +176,8 @@ class Run:
         :func:`beamlet.retrieve`.
 
         Args:
-            method: The estimator (docs/retrieval.md); default: ``beamlet`` for a sample mask alone, else
-                ``gaussian``.
+            method: The estimator (docs/retrieval.md); default: ``exact-curve`` where the scene knows the curve of its
+                masks, ``beamlet`` for a sample mask alone, else ``gaussian``.
             counts: Retrieve from detector numbers, with uncertainties.
             weights: ``poisson`` weights counts by their noise.
             progress: Callback.
@@ -217,6 +218,7 @@ class Run:
             empty_beam=empty_beam,
             correct=correct,
             phase=phase,
+            background=background,
             lattice=lattice,
             aperture=aperture,
         )

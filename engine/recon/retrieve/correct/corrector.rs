@@ -86,14 +86,14 @@ impl Corrector {
         }
         let refused =
             |found: &str, allowed: &str| Err(Error::argument("correct", found.to_owned(), allowed));
-        if options.method == Method::Beamlet && chosen.steps {
+        if options.method() == Method::Beamlet && chosen.steps {
             return refused(
                 "steps with beamlet",
                 "offset: a frame at one mask offset has one shift",
             );
         }
         let geometry = CurveGeometry::of(input.scene())?;
-        if chosen.of_frames() && options.method != Method::Beamlet && geometry.shape().is_none() {
+        if chosen.of_frames() && options.method() != Method::Beamlet && geometry.shape().is_none() {
             return refused("dose or steps without two masks", "offset and plane");
         }
         let image = input.image_scene();
@@ -167,7 +167,7 @@ impl Corrector {
         empty: &[Rectangle],
         cancel: &Cancel,
     ) -> Result<Option<(FrameCorrection, ViewCorrection)>> {
-        if !self.chosen.of_frames() || self.options.method == Method::Beamlet {
+        if !self.chosen.of_frames() || self.options.method() == Method::Beamlet {
             return Ok(None);
         }
         let (pixels, count) = chosen_pixels(input.frame(), empty);
@@ -176,7 +176,7 @@ impl Corrector {
         if self.flat.as_ref().is_none_or(|(of, _)| *of != pixels) || input.has_flats() {
             let mut read = |rows| input.flat_rows(view, rows);
             let values = self.values(input.frame(), &pixels, &mut read, cancel)?;
-            let flat = FlatPixel::all(values, flat_offsets, self.geometry, &self.options);
+            let flat = FlatPixel::all(values, flat_offsets, &self.geometry, &self.options);
             self.flat = Some((pixels.clone(), flat));
         }
         let mut read = |rows| input.sample_rows(view, rows);
@@ -185,7 +185,7 @@ impl Corrector {
         let offsets = [flat_offsets, &nominal[..]];
         // They decide on which side of the peak a frame lies; with doses unknown as well they do not.
         let inner = self.chosen.steps && !self.chosen.dose;
-        let set = PixelSet::of(flat, sample, count, inner, offsets, self.geometry, &self.options);
+        let set = PixelSet::of(flat, sample, count, inner, offsets, &self.geometry, &self.options);
         if set.empty.len() < FEWEST {
             let found = format!(
                 "{} pixels with a curve and with values in all frames of view {view}",
@@ -241,7 +241,7 @@ impl Corrector {
         empty: &[Rectangle],
         record: &mut ViewCorrection,
     ) -> Result<()> {
-        if self.chosen.dose && self.options.method == Method::Beamlet {
+        if self.chosen.dose && self.options.method() == Method::Beamlet {
             let values = self.points(images, "transmission", empty);
             let dose = FittedPlane::through(&values, Slopes { x: false, z: false });
             let Some(dose) = dose.map(|plane| plane.value).filter(|[dose, _]| *dose > 0.0) else {

@@ -39,7 +39,7 @@ pub(super) struct PixelSet<'a> {
     /// Median width and centre of the curves of the empty beam, m.
     pub(super) width: f64,
     pub(super) centre: f64,
-    geometry: CurveGeometry,
+    geometry: &'a CurveGeometry,
     options: &'a RetrieveOptions,
 }
 
@@ -55,10 +55,10 @@ impl FlatPixel {
     pub(super) fn all(
         values: Vec<Vec<f64>>,
         offsets: &[f64],
-        geometry: CurveGeometry,
+        geometry: &CurveGeometry,
         options: &RetrieveOptions,
     ) -> Vec<Option<Self>> {
-        let scan = scan(offsets, options);
+        let scan = scan(offsets, geometry, options);
         let of = |values: Vec<f64>| {
             let is_whole = values.iter().all(|value| value.is_finite());
             let curve = is_whole.then(|| fit(geometry, &scan, &values)).flatten()?;
@@ -89,7 +89,7 @@ impl<'a> PixelSet<'a> {
         empty: usize,
         inner: bool,
         offsets: [&'a [f64]; 2],
-        geometry: CurveGeometry,
+        geometry: &'a CurveGeometry,
         options: &'a RetrieveOptions,
     ) -> Self {
         let frames = offsets[1].len();
@@ -99,7 +99,7 @@ impl<'a> PixelSet<'a> {
             if !values.iter().all(|value| value.is_finite()) {
                 continue;
             }
-            let (curve, residual) = (flat.curve, flat.residual(offsets));
+            let (curve, residual) = (flat.curve.clone(), flat.residual(offsets));
             if at < empty {
                 of_empty.push(EmptyPixel { curve, residual, values });
             } else if frames >= FRAMES && inner {
@@ -139,35 +139,35 @@ impl<'a> PixelSet<'a> {
             .collect();
         let values: Vec<f64> =
             pixel.values.iter().enumerate().map(|(k, y)| y * (-at[of.of(k)[0]]).exp()).collect();
-        fit(self.geometry, &scan(&offsets, self.options), &values)
+        fit(self.geometry, &scan(&offsets, self.geometry, self.options), &values)
     }
 }
 
-fn scan(offsets: &[f64], options: &RetrieveOptions) -> CurveScan {
+fn scan(offsets: &[f64], geometry: &CurveGeometry, options: &RetrieveOptions) -> CurveScan {
     let noise = ValueNoise {
         saturation: f64::INFINITY,
         gain: options.gain,
         read_noise: options.read_noise,
         weights: Weights::None,
     };
-    CurveScan { offsets: offsets.to_vec(), shares: quadrature::trapezoids(offsets), noise }
+    CurveScan {
+        offsets: offsets.to_vec(),
+        shares: quadrature::trapezoids(offsets),
+        noise,
+        background: geometry.background,
+    }
 }
 
 /// The curve of the masks through values: five or more determine its blur; fewer take the blur of the geometry.
-fn fit(geometry: CurveGeometry, scan: &CurveScan, values: &[f64]) -> Option<FittedCurve> {
+fn fit(geometry: &CurveGeometry, scan: &CurveScan, values: &[f64]) -> Option<FittedCurve> {
     let shape = geometry.shape()?;
     let curve = values.iter().map(|value| beamlet_core::numbers::single(*value));
     let spread = (values.len() < 5).then(|| geometry.spread());
-    let found = least_squares::fit_with(shape, scan, curve, spread);
+    let found = least_squares::fit_with(&shape, scan, curve, spread);
     let odd = flags::NO_ANSWER | flags::OUTSIDE;
     if found.flags & odd != 0 {
         return None;
     }
-    Model::Shape(shape).fitted([
-        found.area,
-        found.amplitude,
-        found.centre,
-        found.width,
-        found.background,
-    ])
+    let numbers = [found.area, found.amplitude, found.centre, found.width, found.background];
+    Model::Shape(shape).fitted(numbers, scan.background)
 }

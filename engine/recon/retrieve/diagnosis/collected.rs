@@ -10,6 +10,7 @@ use super::moments::{MomentsCheck, MomentsErrors};
 use super::steps::{self, PixelSteps, STEADY, STEADY_IN_AIR, Unsteady};
 use super::warnings::{self, Findings};
 use super::watched::Watched;
+use crate::retrieve::background::BackgroundTerm;
 use crate::retrieve::curves::Curves;
 use crate::retrieve::images::Images;
 use crate::retrieve::misfit::median;
@@ -33,6 +34,8 @@ const MISFIT: f64 = 0.02;
 pub(crate) struct Diagnosis {
     options: RetrieveOptions,
     model: Option<Model>,
+    /// Background of the fits.
+    background: BackgroundTerm,
     /// Offsets of the sample's steps if equal to the flat's; else empty.
     offsets: Vec<f64>,
     /// Refraction angle per shift of a centre, rad/m.
@@ -144,13 +147,17 @@ impl Diagnosis {
         let flat = Watched::over(&[0..rows, 0..columns], columns, steps, saturation);
         let [of_flat, of_sample] = retriever.offsets();
         let is_one = of_flat == of_sample;
-        let moments = match options.method {
+        let moments = match options.method() {
             Method::Moments => MomentsCheck::of(retriever.curve_geometry(), of_flat),
             _ => None,
         };
         Ok(Self {
             options: options.clone(),
-            model: Model::of(retriever, options.method),
+            model: Model::of(retriever, options.method()),
+            background: match options.method() {
+                Method::Gaussian | Method::ExactCurve => retriever.curve_geometry().background,
+                _ => BackgroundTerm::Free,
+            },
             offsets: if is_one { of_flat.to_vec() } else { Vec::new() },
             angle_per_shift: retriever.angle_per_shift(),
             measured,
@@ -195,8 +202,8 @@ impl Diagnosis {
         self.fits(of, view, &of_view);
         self.found.light.add(images, self.noise_share(known));
         if let Some(empty) = &mut self.empty {
-            let model = self.model;
-            let curve = |at: usize| model?.of_flat(flat, at);
+            let model = self.model.as_ref();
+            let curve = |at: usize| model?.of_flat(flat, at, self.background);
             let pixels = empty_beam::pixels(&empty.flat, &empty.sample, curve);
             let found = EmptyBeamOfView::of(
                 images,
@@ -229,17 +236,19 @@ impl Diagnosis {
     /// Residuals of the fits of a view.
     fn fits(&mut self, of: &ExaminedView<'_>, view: usize, of_view: &[f64]) {
         let ExaminedView { flat, images, flat_noise, corrected, .. } = *of;
-        let (Some(model), false) = (self.model, self.offsets.len() < 5) else { return };
-        if matches!(self.options.method, Method::Moments | Method::ThreeStep) {
+        let unknowns = self.background.unknowns(4);
+        let (Some(model), false) = (&self.model, self.offsets.len() <= unknowns) else { return };
+        if matches!(self.options.method(), Method::Moments | Method::ThreeStep) {
             return;
         }
         let pairs: Vec<_> = self.flat.iter().zip(self.sample.iter()).collect();
         let of_pixel = |at: usize, values: [&[f64]; 2]| {
-            let curves = [model.of_flat(flat, at)?, model.of_sample(flat, images, at)?];
+            let term = self.background;
+            let curves = [model.of_flat(flat, at, term)?, model.of_sample(flat, images, at, term)?];
             let of_flat = Leverage::of(&curves[0], &self.offsets, &self.options, flat_noise)?;
             let of_sample = Leverage::of(&curves[1], of_view, &self.options, corrected.noise)?;
             let leverages = [&of_flat, &of_sample];
-            let heights = curves.map(|curve| curve.amplitude);
+            let heights = curves.each_ref().map(|curve| curve.amplitude);
             Some(FittedPixel {
                 residuals: PixelResiduals::of(leverages, values, heights),
                 steps: PixelSteps::of(leverages, values, heights, curves[1].width)?,
@@ -252,7 +261,7 @@ impl Diagnosis {
             .par_iter()
             .filter_map(|((at, flat), (_, sample))| of_pixel(*at, [flat, sample]))
             .collect();
-        let freedom = self.offsets.len() - 4;
+        let freedom = self.offsets.len() - unknowns;
         let own = chi_square::reduced(pixels.iter().map(|of| of.residuals.own), freedom);
         let beyond = chi_square::reduced(pixels.iter().map(|of| of.residuals.beyond_flat), freedom);
         if let (Some(own), Some(beyond), true) = (own, beyond, self.options.gain.is_some()) {
@@ -271,8 +280,8 @@ impl Diagnosis {
             let chosen = pixels.iter().filter(|of| of.height > least && (of.in_air || !of_air));
             chosen.map(|of| &of.steps).collect()
         };
-        let found = steps::unsteady(&steps(false), STEADY)
-            .or_else(|| steps::unsteady(&steps(true), STEADY_IN_AIR));
+        let found = steps::unsteady(&steps(false), STEADY, freedom)
+            .or_else(|| steps::unsteady(&steps(true), STEADY_IN_AIR, freedom));
         self.found.unsteady.extend(found.map(|found| (view, found)));
     }
 
@@ -316,7 +325,7 @@ impl Diagnosis {
             measured: self.measured,
             width: self.width,
             angle_per_shift: self.angle_per_shift,
-            is_beamlet: self.options.method == Method::Beamlet,
+            is_beamlet: self.options.method() == Method::Beamlet,
         });
         record.warnings = of_files.iter().cloned().chain(found).collect();
         for warning in &record.warnings {

@@ -98,7 +98,10 @@ fn dose(
     shift: f64,
 ) -> Option<[f64; 2]> {
     let change = |pixel: &EmptyPixel| {
-        pixel.curve.map_or(0.0, |curve| curve.at(of_sample - shift).0 - curve.at(of_flat).0)
+        pixel
+            .curve
+            .as_ref()
+            .map_or(0.0, |curve| curve.at(of_sample - shift).0 - curve.at(of_flat).0)
     };
     let triples: Vec<[f64; 3]> = pixels
         .iter()

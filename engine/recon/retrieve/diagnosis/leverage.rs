@@ -90,6 +90,10 @@ fn hat(slopes: &[[f64; 4]], weights: &[f64]) -> Option<Vec<Vec<f64>>> {
     for (slope, weight) in slopes.iter().zip(weights) {
         add(&mut equations, *slope, *weight, 0.0);
     }
+    if slopes.iter().all(|slope| slope[3].abs() <= 0.0) {
+        // A background that is no unknown.
+        equations[3][3] = 1.0;
+    }
     let inverse = inverse(&equations)?;
     let row = |of: &[f64; 4]| -> Vec<f64> {
         let half: [f64; 4] = std::array::from_fn(|j| (0..4).map(|i| of[i] * inverse[i][j]).sum());

@@ -44,7 +44,7 @@ impl MomentsErrors {
 
 impl MomentsCheck {
     /// Flats at these offsets, m; `None` for masks without a curve.
-    pub(super) fn of(geometry: CurveGeometry, flat: &[f64]) -> Option<Self> {
+    pub(super) fn of(geometry: &CurveGeometry, flat: &[f64]) -> Option<Self> {
         let shape = geometry.shape()?;
         let spread = geometry.spread();
         Some(Self { shape, spread, flat: flat.to_vec(), centres: Vec::new(), last: None })

@@ -106,24 +106,25 @@ impl PixelSteps {
     }
 }
 
-/// Changes of dose or offsets from step to step; `None` where there are none beyond noise and `least`.
-pub(super) fn unsteady(pixels: &[&PixelSteps], least: f64) -> Option<Unsteady> {
+/// Changes of dose or offsets from step to step; `None` where there are none beyond noise and `least`. `freedom`: steps
+/// less unknowns of a fit.
+pub(super) fn unsteady(pixels: &[&PixelSteps], least: f64, freedom: usize) -> Option<Unsteady> {
     let steps = pixels.first()?.residuals.len();
     let none = vec![0.0; steps];
     let squares: Vec<f64> = pixels.iter().map(|p| p.squares([&none, &none])).collect();
     let most = OUTLIER * median(squares.clone())?;
     let near = pixels.iter().zip(&squares).filter(|(_, squares)| **squares <= most);
     let near: Vec<&PixelSteps> = near.map(|(pixel, _)| *pixel).collect();
-    if near.len() < FEWEST || steps < 5 {
+    if near.len() < FEWEST || freedom == 0 {
         return None;
     }
     let solutions = [solution(&near, 0)?, solution(&near, 1)?];
     let better = usize::from(solutions[1].explained > solutions[0].explained);
     let left = near.iter().map(|pixel| {
         let squares = pixel.squares([&pixel.changes[better], &solutions[better].changes]);
-        [squares, (steps - 4) as f64]
+        [squares, freedom as f64]
     });
-    let noise = reduced(left, steps - 4)?;
+    let noise = reduced(left, freedom)?;
     let [dose, offset] = [0, 1].map(|kind| solutions[kind].size(noise));
     let middle = |of: fn(&PixelSteps) -> f64| median(near.iter().map(|pixel| of(pixel)).collect());
     let variance = noise * middle(|pixel| pixel.variance)? / middle(|pixel| pixel.share)?;

@@ -1,5 +1,6 @@
 //! Levenberg-Marquardt for the unknowns of a fit in two directions.
 
+use super::super::background::BackgroundTerm;
 use super::super::damping::{Damping, SETTLED, WEIGHED, WEIGHINGS};
 use super::equations::Equations;
 use super::fit::Correlated;
@@ -16,6 +17,8 @@ pub(super) struct Held {
     pub(super) unknowns: [bool; UNKNOWNS],
     /// Least variances of the blur, xx and zz.
     pub(super) least: [f64; 2],
+    /// Background of the curve.
+    pub(super) background: BackgroundTerm,
 }
 
 /// A descent to the least squares of values.
@@ -46,12 +49,15 @@ impl<'a> Descent<'a> {
 
     /// Normal equations and the weighted sum of squares.
     pub(super) fn normal(&mut self, p: &[f64; UNKNOWNS], weights: &[f64]) -> (Equations, f64) {
-        let held = self.held.unknowns;
+        let Held { unknowns: held, background, .. } = self.held;
         let values = &self.values.values;
         let (mut equations, mut squares) = (Equations::new(&held), 0.0);
         for ((fitted, value), weight) in self.fitted(p).iter().zip(values).zip(weights) {
             let [at, slopes @ ..] = fitted;
             let mut slopes = *slopes;
+            if let BackgroundTerm::PerArea(share) = background {
+                slopes[0] += share;
+            }
             for (slope, held) in slopes.iter_mut().zip(held) {
                 if held {
                     *slope = 0.0;
@@ -107,6 +113,7 @@ impl<'a> Descent<'a> {
             }
         }
         next[5] = next[5].clamp_to(next[3] * next[4]);
+        next[6] = self.held.background.of_area(next[0]).unwrap_or(next[6]);
         next
     }
 

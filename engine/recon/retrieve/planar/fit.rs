@@ -1,5 +1,6 @@
 //! The fit of a beamlet, or of a curve over offsets in two directions, by least squares.
 
+use super::super::background::BackgroundTerm;
 use super::super::equations::covariance;
 use super::super::fitter::Weights;
 use super::super::flags;
@@ -35,6 +36,8 @@ pub(super) struct PlanarModel {
     pub(super) pixel: Option<[f64; 2]>,
     /// True of the curve of a list of apertures: it has many peaks, and fits begin at a known centre.
     pub(super) is_list: bool,
+    /// Background of the curves.
+    pub(super) background: BackgroundTerm,
 }
 
 /// A fit of flat or sample.
@@ -92,7 +95,8 @@ impl PlanarModel {
             Some(centre) => self.start_at(values, flat, (centre, least)),
             None => self.start(values, flat, least),
         };
-        let free = [false; UNKNOWNS];
+        let mut free = [false; UNKNOWNS];
+        free[6] = self.background != BackgroundTerm::Free;
         let mut ended = self.descend(values, noise, start, (free, least));
         let peak = self.peak(&values.points, &ended.p);
         let blind = match flat.filter(|flat| flat.curve.has_answer()) {
@@ -109,6 +113,9 @@ impl PlanarModel {
                 let known = flat.map(|flat| flat.unknowns[3 + axis]).filter(|v| v.is_finite());
                 let of_geometry = self.blur.map(|blur| blur[axis]);
                 p[3 + axis] = known.or(of_geometry).unwrap_or(p[3 + axis]).max(least[axis]);
+                if let (true, Some(flat)) = (blind[axis], flat) {
+                    p[1 + axis] = flat.unknowns[1 + axis];
+                }
                 held[3 + axis] = true;
             }
             p[5] = flat.map_or(0.0, |flat| flat.unknowns[5]).clamp_to(p[3] * p[4]);
@@ -140,7 +147,8 @@ impl PlanarModel {
             [1.0, middle(0), middle(1), xx.max(least[0]), zz.max(least[1]), 0.0, 0.0]
         };
         let p = self.blur.map_or(*fitted, of_geometry);
-        let held = Held { unknowns: [false; UNKNOWNS], least };
+        let background = BackgroundTerm::Free;
+        let held = Held { unknowns: [false; UNKNOWNS], least, background };
         let mut descent = Descent::new(&self.shape, values, held);
         let (equations, _) = descent.normal(&p, &vec![1.0; values.values.len()]);
         let peak = self.peak(points, &p);
@@ -203,6 +211,20 @@ impl PlanarModel {
         let mut out = Vec::new();
         self.shape.evaluate(&values.points, p, &mut Tables::default(), &mut out);
         let count = values.values.len() as f64;
+        let tied = match self.background {
+            BackgroundTerm::Free => None,
+            BackgroundTerm::PerArea(share) => Some((share, 0.0)),
+            BackgroundTerm::Value(value) => Some((0.0, value)),
+        };
+        if let Some((share, fixed)) = tied {
+            let [mut product, mut square] = [0.0; 2];
+            for (unit, value) in out.iter().zip(&values.values) {
+                product += (unit[1] + share) * (value - fixed);
+                square += (unit[1] + share).powi(2);
+            }
+            let scale = product / square.max(f64::MIN_POSITIVE);
+            return [scale, share * scale + fixed];
+        }
         let mean = out.iter().map(|value| value[1]).sum::<f64>() / count;
         let mean_value = values.values.iter().sum::<f64>() / count;
         let [mut product, mut square] = [0.0; 2];
@@ -215,7 +237,7 @@ impl PlanarModel {
     }
 
     /// Height above the background: at the centre, or of a list at these points.
-    fn peak(&self, points: &Points, p: &[f64; UNKNOWNS]) -> f64 {
+    pub(super) fn peak(&self, points: &Points, p: &[f64; UNKNOWNS]) -> f64 {
         let mut out: Vec<Valued> = Vec::new();
         let centre = Points::of(&[[p[1], p[2]]]);
         let points = if self.is_list { points } else { &centre };
@@ -253,7 +275,9 @@ impl PlanarModel {
         start: [f64; UNKNOWNS],
         (held, least): ([bool; UNKNOWNS], [f64; 2]),
     ) -> Ended {
-        let mut descent = Descent::new(&self.shape, values, Held { unknowns: held, least });
+        let background = self.background;
+        let limits = Held { unknowns: held, least, background };
+        let mut descent = Descent::new(&self.shape, values, limits);
         let (p, settled, weights) = descent.run(
             start,
             |p, fitted| {
@@ -268,7 +292,8 @@ impl PlanarModel {
         let inflation = inverse.as_ref().map_or(f64::INFINITY, |it| equations.inflation(it));
         let covariance = inverse.map(|inverse| {
             if noise.gain.is_none() && noise.weights == Weights::None {
-                let freedom = values.values.len() as f64 - UNKNOWNS as f64;
+                let free = held.iter().filter(|held| !**held).count();
+                let freedom = values.values.len() as f64 - free as f64;
                 let variance = if freedom > 0.0 { squares / freedom } else { f64::NAN };
                 return inverse.map(|row| row.map(|value| variance * value));
             }

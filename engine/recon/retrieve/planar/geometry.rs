@@ -92,16 +92,16 @@ impl Design {
     pub(crate) fn check(&self, scene: &Scene, options: &RetrieveOptions) -> Result<()> {
         let (serves, allowed) = match self {
             Self::Beamlets(_) => (
-                matches!(options.method, Method::Gaussian | Method::Beamlet | Method::Moments),
+                matches!(options.method(), Method::Gaussian | Method::Beamlet | Method::Moments),
                 "gaussian, beamlet or moments for beamlets on a lattice",
             ),
             Self::Steps(_) => (
-                matches!(options.method, Method::Gaussian | Method::ExactCurve),
+                matches!(options.method(), Method::Gaussian | Method::ExactCurve),
                 "gaussian or exact-curve for steps along x and z",
             ),
         };
         if !serves {
-            return Err(Error::argument("method", options.method.name(), allowed));
+            return Err(Error::argument("method", options.method().name(), allowed));
         }
         if !options.correct.is_none() {
             let found = options.correct.names().join(",");
@@ -124,7 +124,7 @@ impl Design {
         }
         match self {
             Self::Beamlets(_) => check_beamlets(scene),
-            Self::Steps(_) => check_steps(scene, options.method),
+            Self::Steps(_) => check_steps(scene, options.method()),
         }
     }
 }
@@ -264,6 +264,11 @@ pub(super) fn overlap(scene: &Scene, options: &RetrieveOptions) -> Result<Vec<St
         Some(Aperture::Round(_)) => unknown("aperture", "a round aperture"),
         None => unknown("aperture", "nothing"),
     }
+}
+
+/// True if a scene has the curve of its masks over steps along x and z.
+pub(crate) fn knows_curve(scene: &Scene, options: &RetrieveOptions) -> bool {
+    check_steps(scene, Method::ExactCurve).is_ok() && overlap(scene, options).is_ok()
 }
 
 /// Sample mask of a list of apertures; `None` without one.

@@ -18,6 +18,7 @@
 //! | `geometry.rs` | designs, masks and blur of a scene |
 //! | `models.rs` | models of beamlets and of curves over offsets |
 //! | `expected.rs` | uncertainties without a sample |
+//! | `response.rs` | small contrasts as they are retrieved |
 //! | `retriever.rs` | a design made ready: fits of flat and sample |
 //! | `images.rs` | images of a view |
 
@@ -35,6 +36,7 @@ mod models;
 mod moments;
 mod offsets;
 mod profile;
+mod response;
 mod retriever;
 mod scan;
 mod shape;
@@ -48,7 +50,7 @@ mod tests;
 pub use aperture::Aperture;
 pub use expected::sigmas_in_two_directions;
 pub(crate) use fit::PlanarFit;
-pub(crate) use geometry::{Design, aperture};
+pub(crate) use geometry::{Design, aperture, knows_curve};
 pub(crate) use images::{names, of_flat};
 pub use lattice::Lattice;
 pub(crate) use retriever::{Fits, PlanarRetriever};

@@ -1,5 +1,6 @@
 //! Models of beamlets and of curves over offsets, and the lattice and the offsets that they need.
 
+use super::super::background::BackgroundTerm;
 use super::super::fitter::Weights;
 use super::super::method::Method;
 use super::super::options::RetrieveOptions;
@@ -69,7 +70,13 @@ pub(super) fn values(
 fn gaussian(pixel: [f64; 2], neighbours: Vec<[f64; 2]>) -> PlanarModel {
     let along = pixel.map(|pixel| Profile { boxes: [pixel, 0.0], shift: 0.0 });
     let shape = PlanarShape { strips: vec![Strip { share: 1.0, along }], neighbours };
-    PlanarModel { shape, blur: None, pixel: Some(pixel), is_list: false }
+    PlanarModel {
+        shape,
+        blur: None,
+        pixel: Some(pixel),
+        is_list: false,
+        background: BackgroundTerm::Free,
+    }
 }
 
 /// Offsets less whole periods of the sample mask.
@@ -101,11 +108,12 @@ pub(super) fn beamlet_model(
     let aperture = geometry::aperture(scene, options);
     let blur = geometry::blur(scene, false);
     let around = placed.lattice.around();
-    match (options.method, aperture) {
+    match (options.method(), aperture) {
         (Method::Beamlet, Some(aperture)) => {
             let shape = PlanarShape { strips: aperture.strips(pixel), neighbours: around };
             let blur = Some(blur);
-            Ok(PlanarModel { shape, blur, pixel: Some(pixel), is_list: false })
+            let background = BackgroundTerm::Free;
+            Ok(PlanarModel { shape, blur, pixel: Some(pixel), is_list: false, background })
         }
         (Method::Beamlet, None) => {
             let allowed =
@@ -130,17 +138,27 @@ pub(super) fn curve_model(
     options: &RetrieveOptions,
     offsets: &[[f64; 2]],
 ) -> Result<PlanarModel> {
-    if options.method == Method::Gaussian {
+    let background = options.background().term(scene, area_of_curve(scene))?;
+    if options.method() == Method::Gaussian {
         let along = [Profile { boxes: [0.0; 2], shift: 0.0 }; 2];
         let shape =
             PlanarShape { strips: vec![Strip { share: 1.0, along }], neighbours: Vec::new() };
-        return Ok(PlanarModel { shape, blur: None, pixel: None, is_list: false });
+        return Ok(PlanarModel { shape, blur: None, pixel: None, is_list: false, background });
     }
     let is_list = geometry::list(scene).is_some();
     let count = if is_list { seen_periods(scene, offsets) } else { [1; 2] };
     let neighbours = neighbours(scene, count)?;
     let shape = PlanarShape { strips: geometry::overlap(scene, options)?, neighbours };
-    Ok(PlanarModel { shape, blur: Some(geometry::blur(scene, true)), pixel: None, is_list })
+    let blur = Some(geometry::blur(scene, true));
+    Ok(PlanarModel { shape, blur, pixel: None, is_list, background })
+}
+
+/// Area of the lattice of curves for each aperture, or for a period of a list, m2 in the plane of the sample mask.
+fn area_of_curve(scene: &Scene) -> f64 {
+    let [x, z] = periods(scene);
+    let lattice = scene.sample_mask.as_ref().map(|mask| mask.lattice);
+    // A period along z has two rows.
+    if lattice == Some(ApertureLattice::Hexagonal) { 0.5 * x * z } else { x * z }
 }
 
 /// Periods of a list on either side of one about the middle of a scan that pixels see at its offsets.

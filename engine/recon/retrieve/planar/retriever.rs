@@ -103,6 +103,24 @@ impl PlanarRetriever {
         self.angle_per_shift
     }
 
+    /// The options.
+    pub(super) const fn options(&self) -> &RetrieveOptions {
+        &self.options
+    }
+
+    /// The model of the curves.
+    pub(super) const fn model(&self) -> &PlanarModel {
+        &self.model
+    }
+
+    /// Offsets of curves with one peak, without whole periods, m; `None` of beamlets and lists.
+    pub(super) fn pairs(&self) -> Option<&[[f64; 2]]> {
+        match &self.curves {
+            Curves::Pixels(pairs, None) => Some(pairs),
+            _ => None,
+        }
+    }
+
     /// Whole periods of the sample mask along x, m, that offsets of the scan have more than centres of curves.
     pub(crate) const fn whole_periods(&self) -> f64 {
         self.whole_periods
@@ -197,7 +215,7 @@ impl PlanarRetriever {
         flat: Option<&PlanarFit>,
     ) -> PlanarFit {
         let values = values(&self.frame, frames, (window, noise));
-        if self.options.method != Method::Moments {
+        if self.options.method() != Method::Moments {
             return self.model.fit(&values, noise, flat, None);
         }
         let area = self.frame.pitch[0] * self.frame.pitch[1];

@@ -1,7 +1,9 @@
 //! The fits of a band of curves, by method.
 
+use super::super::background::BackgroundTerm;
 use super::super::beamlets::Beamlets;
 use super::super::curves::{Curve, Curves};
+use super::super::fitter::Weights;
 use super::super::least_squares::{self, CurveScan};
 use super::super::method::Method;
 use super::super::noise_factors::NoiseFactors;
@@ -17,7 +19,7 @@ use rayon::prelude::*;
 
 impl Retriever {
     /// The curves of a band. `known`: of a sample, the flat's curves and the first of this band.
-    pub(super) fn curves(
+    pub(in crate::retrieve) fn curves(
         &self,
         data: Array3<f32>,
         scan: &ViewScan<'_>,
@@ -48,6 +50,7 @@ impl Retriever {
             None => self.scan(offsets, scan.noise),
         };
         let lights = self.beamlets.as_ref().map(Beamlets::lights);
+        let shape = self.shape();
         let entry = |pixel: usize| -> Result<Curve> {
             cancel.check()?;
             let (row, column) = (pixel / columns, pixel % columns);
@@ -59,9 +62,9 @@ impl Retriever {
                 let flat = known.map(|(flat, first)| flat.flags[first + pixel]);
                 return Ok(lights[column].fit(&scan, curve, flat));
             }
-            Ok(match self.options.method {
+            Ok(match self.options.method() {
                 Method::ThreeStep => closed::three_step(&scan, curve),
-                Method::TwoStep => match self.shape() {
+                Method::TwoStep => match &shape {
                     Some(shape) => {
                         let apart = 2.0 * scan.half();
                         let known = (shape, self.shape.spread(), self.shape.reach_of_two(apart));
@@ -70,7 +73,7 @@ impl Retriever {
                     None => Curve::unknown(flags::NOT_CONVERGED),
                 },
                 Method::Moments => closed::by_moments(&scan, curve),
-                _ => self.shape().map_or(Curve::unknown(flags::NOT_CONVERGED), |shape| {
+                _ => shape.as_ref().map_or(Curve::unknown(flags::NOT_CONVERGED), |shape| {
                     least_squares::fit(shape, &scan, curve)
                 }),
             })
@@ -82,10 +85,20 @@ impl Retriever {
 
     /// The shape of methods that fit one, in the unit of offsets.
     pub(in crate::retrieve) fn shape(&self) -> Option<CurveShape> {
-        match self.options.method {
+        match self.options.method() {
             Method::Triangle => Some(CurveShape::Trapezoid { top: 0.0 }),
             Method::ExactCurve | Method::TwoStep => self.shape.shape(),
             _ => None,
+        }
+    }
+
+    /// Noise of the values; of fits of the masks' curve to counts of a guessed gain the residuals are the noise.
+    fn value_noise(&self, noise: NoiseFactors) -> ValueNoise {
+        let known = ValueNoise::of(&self.options, noise);
+        let is_guess = self.options.gain_assumed && self.options.weights == Weights::None;
+        match self.options.method() {
+            Method::ExactCurve if is_guess => ValueNoise { gain: None, ..known },
+            _ => known,
         }
     }
 
@@ -93,11 +106,15 @@ impl Retriever {
     fn scan(&self, offsets: &[f64], noise: NoiseFactors) -> CurveScan {
         CurveScan {
             offsets: offsets.to_vec(),
-            shares: match self.options.method {
+            shares: match self.options.method() {
                 Method::Moments => quadrature::weights(offsets),
                 _ => quadrature::trapezoids(offsets),
             },
-            noise: ValueNoise::of(&self.options, noise),
+            noise: self.value_noise(noise),
+            background: match self.options.method() {
+                Method::ExactCurve => self.shape.background,
+                _ => BackgroundTerm::Free,
+            },
         }
     }
 }

@@ -1,5 +1,6 @@
 //! The flat of a retriever: its curves, which serve the views that follow.
 
+use super::super::background::BackgroundTerm;
 use super::super::beamlets::Beamlets;
 use super::super::curves::Curves;
 use super::super::images::{OF_FLAT, SIGMAS_OF_FLAT};
@@ -52,6 +53,19 @@ impl Retriever {
         let values = Array2::from_shape_fn((self.offsets.len(), 1), |(step, _)| value(step));
         let fit = fitter.fit(values.view(), &Cancel::default())?;
         Ok(f64::from(fit.residual[0] / fit.amplitude[0]))
+    }
+
+    /// Advice where curves of neighbouring apertures overlap and their background is an unknown; `None` elsewhere.
+    pub(in crate::retrieve) fn overlap_of_curves(&self) -> Option<String> {
+        let width = self.shape.width()?;
+        let overlaps = !self.shape.is_separate() && self.shape.background == BackgroundTerm::Free;
+        overlaps.then(|| {
+            format!(
+                "curves overlap: the masks repeat after {:.1} standard deviations of a curve, so that no offset has the \
+                 background alone; use background leak or a number with exact-curve",
+                self.shape.period / width
+            )
+        })
     }
 
     /// Noise of the values of the flat.

@@ -34,7 +34,7 @@ impl Corrected<'_> {
 
 /// The scan of a view.
 #[derive(Debug)]
-pub(super) struct ViewScan<'a> {
+pub(in crate::retrieve) struct ViewScan<'a> {
     pub(crate) offsets: &'a [f64],
     /// Noise of its values.
     pub(crate) noise: NoiseFactors,
@@ -47,7 +47,7 @@ impl<'a> ViewScan<'a> {
     ///
     /// # Errors
     /// [`Error::Device`], [`Error::Memory`].
-    pub(super) fn of(
+    pub(in crate::retrieve) fn of(
         offsets: &'a [f64],
         noise: NoiseFactors,
         fitter: Option<&'a Fitter>,

@@ -5,7 +5,8 @@ use crate::retrieve::misfit::median;
 use crate::retrieve::options::RetrieveOptions;
 use crate::retrieve::record::Record;
 use crate::retrieve::retriever::Retriever;
-use crate::retrieve::{Weights, flags};
+use crate::retrieve::shape::CurveShape;
+use crate::retrieve::{MaskCurve, Method, Weights, flags};
 use beamlet_core::numbers;
 use ndarray::Array2;
 use std::collections::BTreeMap;
@@ -20,6 +21,7 @@ pub(super) struct Described {
     pub(super) lattice: Option<[[f64; 2]; 3]>,
     pub(super) offsets_z: Vec<f64>,
     pub(super) expected_sigma: BTreeMap<String, f64>,
+    pub(super) curve: Option<MaskCurve>,
 }
 
 impl Described {
@@ -36,6 +38,10 @@ impl Described {
             lattice: None,
             offsets_z: Vec::new(),
             expected_sigma: BTreeMap::new(),
+            curve: match retriever.shape() {
+                Some(CurveShape::Masks(masks)) => Some((*masks).clone()),
+                _ => None,
+            },
         }
     }
 }
@@ -65,11 +71,15 @@ pub(super) fn begun(
         duration_s: 0.0,
         command: None,
         title: scene.title.clone(),
-        method: options.method.name().to_owned(),
+        method: options.method().name().to_owned(),
         weights: match options.weights {
             Weights::None => "none".to_owned(),
             Weights::Poisson => "poisson".to_owned(),
         },
+        background: matches!(options.method(), Method::Gaussian | Method::ExactCurve)
+            .then(|| options.background().to_string()),
+        response: None,
+        curve: described.curve,
         counts: input.counts(),
         gain: options.gain,
         gain_assumed: options.gain.is_some() && options.gain_assumed,

@@ -31,8 +31,11 @@ pub(super) fn take_flat(
     retriever.set_flat_with(numbers::count(rows), columns, noise, &mut read, control)?;
     let Some(flat) = retriever.flat_curves() else { return Err(Error::Interrupted) };
     if (0..flat.len()).all(|at| !flat.has_answer(at)) {
-        let allowed = "a flat with a curve that can be fitted in some pixel: check its values, the mask \
-                       offsets, the saturation and the read noise";
+        let allowed = retriever.overlap_of_curves().unwrap_or_else(|| {
+            "a flat with a curve that can be fitted in some pixel: check its values, the mask offsets, the saturation \
+             and the read noise"
+                .to_owned()
+        });
         return Err(Error::argument("flat", no_answers(flat), allowed));
     }
     Ok(flat.len() / rows.max(1))

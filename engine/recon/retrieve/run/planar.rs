@@ -9,6 +9,7 @@ use crate::retrieve::noise_factors::NoiseFactors;
 use crate::retrieve::options::RetrieveOptions;
 use crate::retrieve::planar::{Design, Fits, PlanarFit, PlanarRetriever, names, of_flat};
 use crate::retrieve::record::Record;
+use crate::retrieve::response;
 use beamlet_core::rows_control::RowsControl;
 use beamlet_core::{Error, Result, numbers, reserve};
 use beamlet_files::GeometryFile;
@@ -76,6 +77,11 @@ pub(super) fn retrieve_planar(
     record.residual = median(residuals).filter(|residual| *residual > 0.0);
     record.warnings.extend(input.warnings().iter().cloned());
     record.warnings.iter().for_each(|warning| log::warn!("{warning}"));
+    let scene = input.scene();
+    let response_of = |other: &RetrieveOptions| {
+        PlanarRetriever::new((scene, design), other, input.pitch(), first.view())?.response(scene)
+    };
+    response::enter(&mut record, options, retriever.response(scene)?, response_of)?;
     let geometry = match whole {
         false if input.has_angles() => {
             let scene = input.image_scene();
@@ -195,6 +201,7 @@ fn described(
             .flatten()
             .map(|(name, sigma)| (name.to_owned(), sigma))
             .collect(),
+        curve: None,
     }
 }
 

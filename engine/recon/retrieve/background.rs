@@ -1,0 +1,175 @@
+//! Background of an illumination curve.
+
+use super::method::{Method, different_offsets};
+use super::shape::CurveGeometry;
+use beamlet_core::{Error, Result};
+use beamlet_model::optics::{Optics, leak_over_mean};
+use beamlet_model::scene::{MaskBody, Scene};
+use beamlet_model::spectrum;
+use serde::{Serialize, Serializer};
+use std::fmt;
+use std::str::FromStr;
+
+/// Light that bars of a material leak at several energies, over the mean of the curve, from which on a sample that
+/// hardens the beam changes its share: hard light passes bars and their slanted edges.
+const HARDENED: f64 = 1e-4;
+/// Offsets that determine a free background.
+const MANY: usize = 5;
+
+/// Background of curves, for the methods `gaussian` and `exact-curve`.
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[non_exhaustive]
+pub enum Background {
+    /// An unknown of the fit of each curve.
+    Free,
+    /// Light that the bars of the masks let pass, a share of the area of each curve.
+    Leak,
+    /// This value, in the unit of the frames.
+    Value(f64),
+}
+
+impl Background {
+    /// The background for a method and the masks of a scene: that of the masks where they are known, unless the scene
+    /// scatters light, or a sample hardens the light that they leak otherwise than the rest.
+    ///
+    /// # Errors
+    /// Errors of the materials of the masks and of the beam.
+    pub(super) fn of(method: Method, scene: &Scene) -> Result<Self> {
+        let masks = scene.masks().count();
+        let is_known = match method {
+            Method::Gaussian => masks == 2 && !Self::depends_on_rows(scene),
+            Method::ExactCurve => masks > 0 && !Self::depends_on_rows(scene),
+            _ => false,
+        };
+        if !is_known || scene.detector.scatter.is_some() {
+            return Ok(Self::Free);
+        }
+        let is_separate = different_offsets(&scene.scan.mask_offsets) >= MANY
+            && CurveGeometry::of(scene)?.is_separate();
+        let hardens = is_separate && Self::hardens(scene)?;
+        Ok(if hardens { Self::Free } else { Self::Leak })
+    }
+
+    /// True if a sample changes the share of the light that the masks leak.
+    fn hardens(scene: &Scene) -> Result<bool> {
+        let has_sheets = scene.masks().all(|(_, mask)| matches!(mask.body, MaskBody::Sheet { .. }));
+        let nodes = spectrum::nodes(scene)?;
+        let energies = (&nodes.energies[..], &nodes.weights[..]);
+        Ok(!has_sheets
+            && nodes.energies.len() > 1
+            && leak_over_mean(scene, &Optics::of(scene), energies)? > HARDENED)
+    }
+
+    /// True where steps along x alone move apertures that end along z: light between them depends on the row.
+    fn depends_on_rows(scene: &Scene) -> bool {
+        let z = &scene.scan.mask_offsets_z;
+        scene.has_heights() && z.windows(2).all(|pair| pair[0].to_bits() == pair[1].to_bits())
+    }
+
+    /// Refuses a background that a method has no term for, and a value that is none.
+    ///
+    /// # Errors
+    /// [`Error::Argument`] with the background and what is allowed.
+    pub(super) fn check(self, method: Method) -> Result<()> {
+        let is_fitted = matches!(method, Method::Gaussian | Method::ExactCurve);
+        if self != Self::Free && !is_fitted {
+            let allowed = format!("no background with {method}; or gaussian or exact-curve");
+            return Err(Error::argument("background", self.to_string(), allowed));
+        }
+        match self {
+            Self::Value(value) if !value.is_finite() => {
+                Err(Error::argument("background", value.to_string(), "free, leak or a number"))
+            }
+            _ => Ok(()),
+        }
+    }
+
+    /// Fewest different mask offsets along x for a method with this background.
+    pub(super) fn least_offsets(self, method: Method) -> usize {
+        match (self, method) {
+            (Self::Free, Method::ExactCurve) => 5,
+            _ => method.least_offsets(),
+        }
+    }
+
+    /// The term of a model whose curve has an area of 1 in a period of this size, m or m2.
+    ///
+    /// # Errors
+    /// Errors of the materials of the masks and of the beam.
+    pub(super) fn term(self, scene: &Scene, period: f64) -> Result<BackgroundTerm> {
+        Ok(match self {
+            Self::Free => BackgroundTerm::Free,
+            Self::Value(value) => BackgroundTerm::Value(value),
+            Self::Leak => {
+                let nodes = spectrum::nodes(scene)?;
+                let energies = (&nodes.energies[..], &nodes.weights[..]);
+                let share = leak_over_mean(scene, &Optics::of(scene), energies)?;
+                BackgroundTerm::PerArea(share / period)
+            }
+        })
+    }
+}
+
+impl FromStr for Background {
+    type Err = Error;
+
+    fn from_str(text: &str) -> Result<Self> {
+        let refused =
+            || Error::argument("background", format!("{text:?}"), "free, leak or a number");
+        match text.trim() {
+            "free" => Ok(Self::Free),
+            "leak" => Ok(Self::Leak),
+            number => {
+                let value: f64 = number.parse().map_err(|_| refused())?;
+                if value.is_finite() { Ok(Self::Value(value)) } else { Err(refused()) }
+            }
+        }
+    }
+}
+
+impl fmt::Display for Background {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Free => f.write_str("free"),
+            Self::Leak => f.write_str("leak"),
+            Self::Value(value) => value.fmt(f),
+        }
+    }
+}
+
+impl Serialize for Background {
+    fn serialize<S: Serializer>(&self, serializer: S) -> std::result::Result<S::Ok, S::Error> {
+        serializer.collect_str(self)
+    }
+}
+
+/// Background of the model of a curve.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub enum BackgroundTerm {
+    /// An unknown.
+    #[default]
+    Free,
+    /// This times the area of the curve, 1/m or 1/m2.
+    PerArea(f64),
+    /// This value.
+    Value(f64),
+}
+
+impl BackgroundTerm {
+    /// Number of unknowns of a curve of `unknowns` with its background.
+    pub(super) const fn unknowns(self, unknowns: usize) -> usize {
+        match self {
+            Self::Free => unknowns,
+            Self::PerArea(_) | Self::Value(_) => unknowns - 1,
+        }
+    }
+
+    /// The background of a curve of this area, with slopes by its numbers; `None` where it is an unknown.
+    pub(super) fn of_area(self, area: f64) -> Option<f64> {
+        match self {
+            Self::Free => None,
+            Self::PerArea(share) => Some(share * area),
+            Self::Value(value) => Some(value),
+        }
+    }
+}
