@@ -125,7 +125,7 @@ pub(crate) struct Retrieve {
     /// rows must begin and end in air
     #[arg(long)]
     pub(crate) phase: bool,
-    /// File format of the images [default: that of the sample's stack]
+    /// File format of the images [default: the format of the sample's stack]
     #[arg(long, value_parser = format())]
     pub(crate) format: Option<Format>,
     #[command(flatten)]

@@ -36,7 +36,7 @@ shared_structs! {
         pub max_width: f32,
         /// 1 where the background is an unknown.
         pub background_is_free: u32,
-        /// Background beside that of the area.
+        /// Background beside the share of the area.
         pub background: f32,
         /// Background over the product of height and width.
         pub background_per_area: f32,

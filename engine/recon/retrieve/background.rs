@@ -29,7 +29,7 @@ pub enum Background {
 }
 
 impl Background {
-    /// The background for a method and the masks of a scene: that of the masks where they are known, unless the scene
+    /// The background for a method and the masks of a scene: the light that they leak where they are known, unless the scene
     /// scatters light, or a sample hardens the light that they leak otherwise than the rest.
     ///
     /// # Errors

@@ -33,7 +33,7 @@ struct Term {
     place: f64,
     /// Widths of two boxes.
     boxes: [f64; 2],
-    /// Variance beyond that of the narrowest part.
+    /// Variance beyond the variance of the narrowest part.
     variance: f64,
 }
 

@@ -32,11 +32,11 @@ pub(super) const PHOTONS: f64 = 1e4;
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[non_exhaustive]
 pub struct Response {
-    /// Of a transmission of 0.9.
+    /// Transmission of 0.9.
     pub transmission: f64,
-    /// Of a refraction angle that moves the curve by a tenth of its standard deviation.
+    /// Refraction angle that moves the curve by a tenth of its standard deviation.
     pub refraction: f64,
-    /// Of a dark field of a tenth of the variance of the curve; `None` for methods without one.
+    /// Dark field of a tenth of the variance of the curve; `None` for methods without one.
     pub dark_field: Option<f64>,
 }
 

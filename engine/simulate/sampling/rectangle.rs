@@ -23,7 +23,7 @@ pub(super) struct Rectangle {
     pub(super) ends: LinearModel,
     /// Variance of the displacement about the result, m2.
     pub(crate) displacement_variance: f32,
-    /// Variance of the places of a piece beyond that of its rectangle, as seen on the analyser, m2.
+    /// Variance of the places of a piece beyond its rectangle, as seen on the analyser, m2.
     pub(crate) place_variance: f32,
     /// Displacement on the detector along z at both ends of z, m.
     pub(super) ends_z: [f32; 2],
