@@ -23,9 +23,13 @@ fn of_slices(map: Map, slices: &[ArrayView2<'_, f64>]) -> Scale {
     let ends = slices.iter().filter_map(|slice| blocks(*slice));
     let [low, high] = ends
         .fold([own.low, own.high], |[low, high], [least, most]| [low.min(least), high.max(most)]);
-    // A dark field is black at 0.
-    let low = if map == Map::Inferno { own.low } else { low };
-    Scale::between(map, [low, high], values.into_iter())
+    let [low, high] = match own.map {
+        // A dark field is black at 0.
+        Map::Inferno => [own.low, high],
+        Map::Diverging => [-high.max(-low), high.max(-low)],
+        Map::Grey | Map::Viridis => [low, high],
+    };
+    Scale::between(own.map, [low, high], values.into_iter())
 }
 
 /// The scale of all values, for volumes of constants of materials.
@@ -34,7 +38,7 @@ fn of_constants(map: Map, slices: &[ArrayView2<'_, f64>]) -> Scale {
     let own = Scale::of(map, &values, None, None);
     let finite = values.iter().copied().filter(|value| value.is_finite());
     let [low, high] = finite.fold([own.low, own.high], |[low, high], v| [low.min(v), high.max(v)]);
-    Scale::between(map, [low, high], values.into_iter())
+    Scale::between(own.map, [low, high], values.into_iter())
 }
 
 /// The least and the largest value that a block of voxels stays at or beyond throughout; `None` without a

@@ -163,7 +163,7 @@ fn every_kernel_works_without_a_message_of_the_validation_layer() {
         "scan.angles={ from = \"0 deg\", to = \"360 deg\", count = 4 }",
     ];
     layer.simulate(None, FIBRE, &counts);
-    layer.run(None, &["retrieve", "run", "--counts"]);
+    layer.run(None, &["retrieve", "run", "--counts", "--method", "gaussian"]);
     let sigma = "reconstruct run --quantity mu -o volume --overwrite --sigma";
     layer.run(None, &sigma.split(' ').collect::<Vec<_>>());
     reconstruct(&mut layer, 1, "");

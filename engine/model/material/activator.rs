@@ -1,9 +1,9 @@
 //! Activators of scintillators in formulas: `CsI(Tl)`, `Gd2O2S:Tb`.
 
 /// Elements that activate scintillators and phosphors, below 1 % of the atoms.
-const ACTIVATORS: [&str; 26] = [
-    "Ag", "Al", "Bi", "Ca", "Ce", "Co", "Cr", "Cu", "Dy", "Er", "Eu", "Ga", "Gd", "In", "Li", "Mn",
-    "Na", "Nd", "Pb", "Pr", "Sm", "Sn", "Tb", "Ti", "Tl", "Yb",
+const ACTIVATORS: [&str; 27] = [
+    "Ag", "Al", "Bi", "Ca", "Ce", "Co", "Cr", "Cu", "Dy", "Er", "Eu", "Ga", "Gd", "In", "Li", "Mg",
+    "Mn", "Na", "Nd", "Pb", "Pr", "Sm", "Sn", "Tb", "Ti", "Tl", "Yb",
 ];
 
 /// A formula without its activator: `CsI` of `CsI(Tl)` and `CsI:Tl`. Other formulas as they are.
