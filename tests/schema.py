@@ -45,7 +45,7 @@ WRONG = [
     (["scan", "mask_offsets"], [["1 um"]]),
     (["scan", "mask_offsets"], {"from": "0 um", "to": "1 um"}),
     (["materials", "carbon", "density"], "0 g/cm3"),
-    (["object", 0, "unit"], "inch"),
+    (["object", 0, "unit"], "foot"),
     (["object", 0, "sha256"], "12"),
     (["object", 1, "shape"], {"sphere": {"radius": "1 mm"}, "box": {"size": ["1 mm", "1 mm", "1 mm"]}}),
     (["object", 1, "shape", "sphere", "sides"], 3),

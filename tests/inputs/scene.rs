@@ -155,7 +155,11 @@ fn lengths_in_a_wrong_place_or_unit_are_named() {
         ),
         (&["detector.pitch=1e39m"], "detector.pitch", "up to 1000000000 m"),
         (&["scan.dithers=[\"1e39 m\"]"], "scan.dithers", "up to 1000000000 m"),
-        (&["object.ball.position=[0m,2e9m,0m]"], "object[1].position[1]", "up to 1000000000 m"),
+        (
+            &["object.ball.position=[\"0m\",\"2e9m\",\"0m\"]"],
+            "object[1].position[1]",
+            "up to 1000000000 m",
+        ),
         (&[&long], "object[1].name", "1 to 200 characters"),
     ];
     for (sets, name, words) in cases {
