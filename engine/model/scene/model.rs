@@ -301,6 +301,17 @@ pub enum ApertureShape {
     Cross,
 }
 
+impl ApertureShape {
+    /// Area of the outline over its width times its height.
+    pub(super) const fn filled(self) -> f64 {
+        match self {
+            Self::Slit | Self::Rectangle => 1.0,
+            Self::Round => std::f64::consts::FRAC_PI_4,
+            Self::Cross => 5.0 / 9.0,
+        }
+    }
+}
+
 impl MaskSpec {
     /// Source to the face of the bars before the mask's plane and to that behind it, m.
     #[must_use]

@@ -50,14 +50,15 @@ impl MaskSpec {
         (0..).zip(&self.shifts).flat_map(of_period).collect()
     }
 
-    /// Share of the mask that is open.
+    /// Share of the area of the mask that is open.
     #[must_use]
     pub fn open_share(&self) -> f64 {
         if let Some(share) = self.listed_share() {
             return share;
         }
         let open: f64 = self.slits_of_period().iter().map(|[low, high]| high - low).sum();
-        open / self.period
+        let along_z = self.heights().map_or(1.0, |[height, period]| height / period);
+        open / self.period * along_z * self.shape.filled()
     }
 
     /// Width of the narrowest bar in the mask plane, m; 0 without bars, below 0 where slits overlap.
@@ -159,7 +160,7 @@ impl Scene {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::scene::{Beam, Detector, MaskBody, Source};
+    use crate::scene::{ApertureShape, Beam, Detector, MaskBody, Source};
 
     fn mask() -> MaskSpec {
         MaskSpec::new(1.0, 100e-6, 20e-6, MaskBody::Sheet { transmission: 0.0 })
@@ -180,6 +181,22 @@ mod tests {
         // From the last slit to the first of the next pattern, and between the second and the third.
         assert!((mask.narrowest_bar() - 65e-6).abs() < 1e-12, "{}", mask.narrowest_bar());
         assert!((mask.open_share() - 0.2).abs() < 1e-12);
+    }
+
+    /// Areas of the outlines over the area of a row of a period.
+    #[test]
+    fn apertures_that_end_along_z_are_open_over_their_area() {
+        let shapes = [
+            (ApertureShape::Slit, 0.2),
+            (ApertureShape::Rectangle, 0.1),
+            (ApertureShape::Round, 0.1 * std::f64::consts::FRAC_PI_4),
+            (ApertureShape::Cross, 0.1 * 5.0 / 9.0),
+        ];
+        for (shape, open) in shapes {
+            let mut mask = mask();
+            (mask.shape, mask.aperture_z, mask.period_z) = (shape, Some(30e-6), Some(60e-6));
+            assert!((mask.open_share() - open).abs() < 1e-12, "{shape:?}: {}", mask.open_share());
+        }
     }
 
     /// Two shifts before and three behind: six columns.

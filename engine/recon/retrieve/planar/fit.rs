@@ -168,7 +168,8 @@ impl PlanarModel {
         })
     }
 
-    /// Unknowns to begin with: of a sample the flat's, displaced as the centroid is.
+    /// Unknowns to begin with: of a sample the flat's, displaced as the centroid is; of the flat of a curve over offsets
+    /// the blur by the geometry, since moments of a coarse scan are too wide.
     fn start(
         &self,
         values: &PlanarValues,
@@ -179,8 +180,9 @@ impl PlanarModel {
         let own = self.shape.own_variances();
         let mut p = [1.0, centroid[0], centroid[1], 0.0, 0.0, 0.0, 0.0];
         for axis in [0, 1] {
-            let blur = (second[axis] - own[axis]).max(0.1 * second[axis]).max(2.0 * least[axis]);
-            p[3 + axis] = blur;
+            let by_moments = (second[axis] - own[axis]).max(0.1 * second[axis]);
+            let by_geometry = self.blur.filter(|_| self.pixel.is_none()).map(|blur| blur[axis]);
+            p[3 + axis] = by_geometry.unwrap_or(by_moments).max(2.0 * least[axis]);
         }
         p[5] = second[2].clamp_to(0.3 * p[3] * p[4]);
         if let Some(flat) = flat.filter(|flat| flat.curve.has_answer()) {
