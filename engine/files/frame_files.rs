@@ -8,7 +8,7 @@ use super::layout;
 use super::shape::StackShape;
 use super::shard::Part;
 use super::values::{Values, hex};
-use beamlet_core::array_file::{ArrayFile, Format, append, le_bytes};
+use beamlet_core::array_file::{ArrayFile, Format, Sample, append, le_bytes};
 use beamlet_core::whole_file::{link_or_copy, refuse_link};
 use beamlet_core::{Error, Result, folder, open_file, reserve};
 use beamlet_model::optics::{Mask, Optics};
@@ -160,7 +160,7 @@ impl FrameFiles {
         let path = self.root.join(layout::PARTIAL).join(self.step_name(step));
         let about = self.about.of_frame(view, step);
         let sides = [1, self.part.extent.rows, self.part.extent.columns];
-        append(&path, self.format, sides, None)?.put(frame, &about)
+        append(&path, self.format, sides, None, Sample::F32)?.put(frame, &about)
     }
 
     /// Renames the frames to where they belong.

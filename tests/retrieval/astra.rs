@@ -146,10 +146,11 @@ fn gaps_of_exported_images_are_filled_as_by_reconstruct() {
     // A misfit, a transmission of 0, and an angle that is a misfit.
     let retrieved = work.path("run/retrieved");
     let read = |name: &str| -> Array3<f32> { read_npy(retrieved.join(name)).unwrap() };
-    let (mut transmission, mut flags) = (read("transmission.npy"), read("flags.npy"));
+    let mut transmission = read("transmission.npy");
+    let mut flags: Array3<u32> = read_npy(retrieved.join("flags.npy")).unwrap();
     transmission[[1, 2, 4]] = 0.0;
-    flags.fill(0.0);
-    flags[[2, 4, 5]] = 1_048_576.0;
+    flags.fill(0);
+    flags[[2, 4, 5]] = 1_048_576;
     write_npy(retrieved.join("transmission.npy"), &transmission).unwrap();
     write_npy(retrieved.join("flags.npy"), &flags).unwrap();
     let input = Input::of_images(std::slice::from_ref(&retrieved)).unwrap();

@@ -42,7 +42,7 @@ fn compare(run: &Path, what: &str, limits: [f64; 2]) {
     let image = |name: &str| -> Array3<f32> {
         read_npy(run.join(format!("retrieved/{name}.npy"))).unwrap()
     };
-    let flags = image("flags");
+    let flags: Array3<u32> = read_npy(run.join("retrieved/flags.npy")).unwrap();
     let angle = DELTA * SLOPES[0].hypot(SLOPES[1]);
     let truths = [
         ("transmission", TRANSMISSION, limits[0]),
@@ -53,7 +53,7 @@ fn compare(run: &Path, what: &str, limits: [f64; 2]) {
         let mut worst = Worst::new("wedge in two directions", limit);
         let image = image(name);
         // Places without a beamlet of a hexagonal lattice are NaN without a flag.
-        let known = |at: &(usize, usize, usize)| flags[*at] != 0.0 || image[*at].is_finite();
+        let known = |at: &(usize, usize, usize)| flags[*at] != 0 || image[*at].is_finite();
         let places: Vec<_> = ndarray::indices(image.dim()).into_iter().filter(known).collect();
         assert!(places.len() >= 9, "{} of {:?}", places.len(), image.dim());
         for place in places {
@@ -68,7 +68,7 @@ fn compare(run: &Path, what: &str, limits: [f64; 2]) {
         let mut worst = Worst::new("wedge in two directions", 0.02 * angle * angle);
         let image = image(name);
         for (place, value) in image.indexed_iter() {
-            if flags[place] != 0.0 || value.is_finite() {
+            if flags[place] != 0 || value.is_finite() {
                 worst.take(f64::from(*value), || format!("{what}, {name} at {place:?}"));
             }
         }

@@ -2,8 +2,8 @@
 //! the only channel, is the frame; files of several parts are refused.
 
 use super::limits::{refuse_hollow, refuse_shape};
-use super::parts::{Append, Value, unwritten};
-use crate::{Error, Result, input_file, parallel, reserve};
+use super::parts::{Append, Sample, Value, unwritten};
+use crate::{Error, Result, input_file, numbers, parallel, reserve};
 use exr::block::lines::LineRef;
 use exr::block::reader::{ChunksReader, Reader};
 use exr::compression::Compression;
@@ -164,12 +164,13 @@ fn failed(path: &Path, error: exr::error::Error) -> Error {
 }
 
 /// A file that takes one frame, which is flushed at once and synced at the end.
-pub(crate) fn append(path: &Path) -> Box<dyn Append> {
-    Box::new(ExrWriter { path: path.to_path_buf() })
+pub(crate) fn append(path: &Path, sample: Sample) -> Box<dyn Append> {
+    Box::new(ExrWriter { path: path.to_path_buf(), sample })
 }
 
 struct ExrWriter {
     path: PathBuf,
+    sample: Sample,
 }
 
 /// Frames of fewer bytes are compressed sooner than threads are started for it.
@@ -192,8 +193,14 @@ impl Append for ExrWriter {
         // map, and the same frame is to be the same bytes.
         let text = Text::new_or_none(about).unwrap_or_default();
         attributes.other.insert(Text::from("beamlet"), AttributeValue::Text(text));
-        let values = reserve::collected(frame.iter().copied(), "a frame")?;
-        let channel = AnyChannel::new("Y", FlatSamples::F32(values));
+        let samples = match self.sample {
+            Sample::F32 => FlatSamples::F32(reserve::collected(frame.iter().copied(), "a frame")?),
+            Sample::U16 | Sample::U32 => {
+                let rounded = frame.iter().map(|it| numbers::whole(f64::from(*it).round()));
+                FlatSamples::U32(reserve::collected(rounded, "a frame")?)
+            }
+        };
+        let channel = AnyChannel::new("Y", samples);
         let channels = AnyChannels::sort([channel].into_iter().collect());
         let image = Image::from_layer(Layer::new(
             (frame.ncols(), frame.nrows()),

@@ -132,11 +132,12 @@ pub fn append(
     format: Format,
     sides: [u32; 3],
     pitch: Option<[f64; 2]>,
+    sample: Sample,
 ) -> Result<Box<dyn Append>> {
     match format {
-        Format::Exr => Ok(exr::append(path)),
-        Format::Npy => npy::append(path, sides),
-        Format::Tiff => tiff::append(path, sides, pitch),
+        Format::Exr => Ok(exr::append(path, sample)),
+        Format::Npy => npy::append(path, sides, sample),
+        Format::Tiff => tiff::append(path, sides, pitch, sample),
     }
 }
 
@@ -182,7 +183,7 @@ mod tests {
 
     /// Two frames of a file for which three were announced.
     fn appended(path: &Path, format: Format) -> Vec<u8> {
-        let mut file = append(path, format, [3, 2, 3], None).unwrap();
+        let mut file = append(path, format, [3, 2, 3], None, Sample::F32).unwrap();
         frames().iter().for_each(|frame| file.put(frame.view(), "a word of its own").unwrap());
         file.finish().unwrap();
         std::fs::read(path).unwrap()

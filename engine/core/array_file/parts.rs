@@ -29,6 +29,8 @@ pub enum Sample {
     F32,
     /// `uint16`.
     U16,
+    /// `uint32`.
+    U32,
 }
 
 impl Sample {
@@ -36,7 +38,7 @@ impl Sample {
     #[doc(hidden)]
     pub const fn bytes(self) -> u64 {
         match self {
-            Self::F32 => 4,
+            Self::F32 | Self::U32 => 4,
             Self::U16 => 2,
         }
     }
@@ -50,9 +52,16 @@ impl Sample {
         if self == Self::F32 {
             return le_bytes(values);
         }
-        let mut bytes = reserve::room(2 * values.len(), "a frame as bytes")?;
-        let short = |value: f32| numbers::whole::<u16>(f64::from(value).round()).to_le_bytes();
-        bytes.extend(values.flat_map(short));
+        let mut bytes = reserve::room(4 * values.len(), "a frame as bytes")?;
+        let rounded = values.map(|value| f64::from(value).round());
+        match self {
+            Self::U16 => {
+                bytes.extend(rounded.flat_map(|it| numbers::whole::<u16>(it).to_le_bytes()))
+            }
+            Self::F32 | Self::U32 => {
+                bytes.extend(rounded.flat_map(|it| numbers::whole::<u32>(it).to_le_bytes()));
+            }
+        }
         Ok(bytes)
     }
 }

@@ -6,7 +6,7 @@
 use super::file::{header, volume_header};
 use super::format::Format;
 use super::parts::{Sample, unwritten};
-use crate::{Error, Result, input_file, open_file};
+use crate::{Error, Result, input_file, numbers, open_file};
 use ndarray::ArrayView2;
 use sha2::{Digest, Sha256};
 use std::fs::{File, OpenOptions};
@@ -122,6 +122,10 @@ impl RangeLayout {
                     Sample::F32 => to.update(&block[..len]),
                     Sample::U16 => block[..len].as_chunks().0.iter().for_each(|bytes| {
                         to.update(f32::from(u16::from_le_bytes(*bytes)).to_le_bytes());
+                    }),
+                    Sample::U32 => block[..len].as_chunks().0.iter().for_each(|bytes| {
+                        let value = f64::from(u32::from_le_bytes(*bytes));
+                        to.update(numbers::single(value).to_le_bytes());
                     }),
                 }
                 left -= len as u64;

@@ -2,7 +2,7 @@
 
 use super::own::Kind;
 use crate::layout;
-use beamlet_core::array_file::{Append, Format, append};
+use beamlet_core::array_file::{Append, Format, Sample, append};
 use beamlet_core::whole_file::{sync_directory, sync_path};
 use beamlet_core::{Error, Result, folder, numbers};
 use ndarray::ArrayView2;
@@ -20,6 +20,7 @@ pub(super) struct Sheet {
     sides: [u32; 3],
     /// Size of a pixel on the detector, x and z, m.
     pitch: Option<[f64; 2]>,
+    sample: Sample,
     next: u32,
     /// The file of all views; `None` where each has a file.
     file: Option<Box<dyn Append>>,
@@ -43,14 +44,15 @@ impl Sheet {
         about: serde_json::Value,
     ) -> Result<Self> {
         let (path, sides) = (layout::array(folder, name, format), sides.map(numbers::count));
+        let sample = if name == layout::FLAGS { Sample::U32 } else { Sample::F32 };
         let file = if format.abilities().pages {
-            Some(append(&path, format, sides, pitch)?)
+            Some(append(&path, format, sides, pitch, sample)?)
         } else {
             let unwritten = |error| Error::file(&path, "cannot be written", Some(error));
             folder::make(&path).map_err(unwritten)?;
             None
         };
-        Ok(Self { path, format, kind, about, sides, pitch, next: 0, file })
+        Ok(Self { path, format, kind, about, sides, pitch, sample, next: 0, file })
     }
 
     /// The next view.
@@ -71,7 +73,7 @@ impl Sheet {
         match &mut self.file {
             Some(file) => file.put(image, &about.to_string()),
             None => {
-                let file = append(&path, self.format, self.sides, self.pitch);
+                let file = append(&path, self.format, self.sides, self.pitch, self.sample);
                 file?.put(image, &about.to_string())
             }
         }

@@ -99,7 +99,7 @@ impl OpenVolumes {
         let text = input_file::text(&header)
             .map_err(|error| Error::file(&header, "cannot be read", Some(error)))?;
         let Some(sample) = meta_sample(&text) else {
-            let problem = "has no ElementType of MET_FLOAT or MET_USHORT";
+            let problem = "has no ElementType of MET_FLOAT, MET_USHORT or MET_UINT";
             return Err(Error::file(header, problem, None));
         };
         let path = raw;
@@ -114,6 +114,11 @@ impl OpenVolumes {
             Sample::U16 => {
                 let short = |it: &[u8; 2]| f32::from(u16::from_le_bytes(*it));
                 bytes.as_chunks().0.iter().map(short).collect()
+            }
+            Sample::U32 => {
+                let whole = |it: &[u8; 4]| f64::from(u32::from_le_bytes(*it));
+                let values = bytes.as_chunks().0.iter().map(whole);
+                values.map(beamlet_core::numbers::single).collect()
             }
         };
         Array2::from_shape_vec((y, x), values)

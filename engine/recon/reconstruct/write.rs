@@ -161,13 +161,14 @@ const fn meta_type(sample: Sample) -> &'static str {
     match sample {
         Sample::F32 => "MET_FLOAT",
         Sample::U16 => "MET_USHORT",
+        Sample::U32 => "MET_UINT",
     }
 }
 
 /// Type of the values of a `MetaImage` by its header; `None` for a type that is not written here.
 pub(super) fn meta_sample(header: &str) -> Option<Sample> {
     let found = header.lines().find_map(|line| line.strip_prefix(ELEMENT_TYPE))?.trim();
-    [Sample::F32, Sample::U16].into_iter().find(|sample| meta_type(*sample) == found)
+    [Sample::F32, Sample::U16, Sample::U32].into_iter().find(|sample| meta_type(*sample) == found)
 }
 
 /// Header of a `MetaImage` whose values are in another file. Lengths are mm, as its readers expect.

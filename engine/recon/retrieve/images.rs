@@ -4,6 +4,7 @@
 use super::curves::Curves;
 use super::flags;
 use beamlet_core::numbers::single;
+pub(crate) use beamlet_files::layout::FLAGS;
 use ndarray::Array2;
 use std::ops::Range;
 
@@ -28,8 +29,6 @@ pub(super) const OF_SAMPLE: [&str; 5] =
     ["sample_amplitude", "sample_centre", "sample_width", "sample_background", "residual_sample"];
 /// Image of the integral of δ along the beam.
 pub(super) const PHASE: &str = "phase";
-/// Image of the flags.
-pub(crate) const FLAGS: &str = "flags";
 
 /// Unit of an image. `value`: what intensities are counted in.
 pub(super) fn unit<'a>(name: &str, value: &'a str) -> &'a str {

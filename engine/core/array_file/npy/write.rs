@@ -1,8 +1,8 @@
-//! Headers of version 1.0, padded to 64 bytes, f32 or u16 little endian, C order: numpy, and everything
+//! Headers of version 1.0, padded to 64 bytes, f32, u16 or u32 little endian, C order: numpy, and everything
 //! that memory-maps, reads such a file without conversion.
 
 use crate::Result;
-use crate::array_file::parts::{Append, Sample, le_bytes, unwritten};
+use crate::array_file::parts::{Append, Sample, unwritten};
 use ndarray::ArrayView2;
 use std::fs::File;
 use std::io::{BufWriter, Write};
@@ -15,6 +15,7 @@ pub(crate) fn header(sides: &[u32], sample: Sample) -> Vec<u8> {
     let kind = match sample {
         Sample::F32 => "<f4",
         Sample::U16 => "<u2",
+        Sample::U32 => "<u4",
     };
     let shape = sides.iter().map(u32::to_string).collect::<Vec<_>>().join(", ");
     let mut dict = format!("{{'descr': '{kind}', 'fortran_order': False, 'shape': ({shape}), }}");
@@ -27,21 +28,22 @@ pub(crate) fn header(sides: &[u32], sample: Sample) -> Vec<u8> {
 }
 
 /// Begins a file of frames that come one after another.
-pub(crate) fn append(path: &Path, sides: [u32; 3]) -> Result<Box<dyn Append>> {
+pub(crate) fn append(path: &Path, sides: [u32; 3], sample: Sample) -> Result<Box<dyn Append>> {
     let failed = |error| unwritten(path, error);
     let mut file = BufWriter::new(File::create(path).map_err(failed)?);
-    file.write_all(&header(&sides, Sample::F32)).map_err(failed)?;
-    Ok(Box::new(NpyWriter { path: path.to_path_buf(), file }))
+    file.write_all(&header(&sides, sample)).map_err(failed)?;
+    Ok(Box::new(NpyWriter { path: path.to_path_buf(), file, sample }))
 }
 
 struct NpyWriter {
     path: PathBuf,
     file: BufWriter<File>,
+    sample: Sample,
 }
 
 impl Append for NpyWriter {
     fn put(&mut self, frame: ArrayView2<'_, f32>, _about: &str) -> Result<()> {
-        let bytes = le_bytes(frame.iter().copied())?;
+        let bytes = self.sample.encode(frame.iter().copied())?;
         self.file.write_all(&bytes).map_err(|error| unwritten(&self.path, error))
     }
 

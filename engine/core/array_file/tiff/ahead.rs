@@ -138,6 +138,7 @@ impl TiffHeader {
         let (bits, format) = match self.sample {
             Sample::F32 => (32, 3),
             Sample::U16 => (16, 1),
+            Sample::U32 => (32, 1),
         };
         let entries = ENTRIES + u64::from(page == 0);
         match self.big {

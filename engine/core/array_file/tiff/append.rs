@@ -1,14 +1,14 @@
 //! Files of pages that come one after another, each with its own description.
 
-use crate::array_file::parts::{Append, unwritten};
+use crate::array_file::parts::{Append, Sample, unwritten};
 use crate::{Error, Result, numbers, reserve};
 use ndarray::ArrayView2;
 use std::fs::File;
 use std::io::{BufWriter, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
-use tiff::encoder::colortype::Gray32Float;
-use tiff::encoder::{Rational, TiffEncoder, TiffKind};
+use tiff::encoder::colortype::{ColorType, Gray16, Gray32, Gray32Float};
+use tiff::encoder::{Rational, TiffEncoder, TiffKind, TiffValue};
 use tiff::tags::{ResolutionUnit, Tag};
 
 /// Files above this many bytes are `BigTIFF`.
@@ -47,6 +47,7 @@ struct TiffWriter<K: TiffKind> {
     out: Out,
     /// Size of a pixel, x and z, m; `None` where it has none.
     pitch: Option<[f64; 2]>,
+    sample: Sample,
 }
 
 /// Begins a file of pages: their number, rows and columns. With a pitch (x and z, m) `ImageJ` shows
@@ -55,6 +56,7 @@ pub(crate) fn append(
     path: &Path,
     sides: [u32; 3],
     pitch: Option<[f64; 2]>,
+    sample: Sample,
 ) -> Result<Box<dyn Append>> {
     let file = File::create(path).map_err(|error| unwritten(path, error))?;
     let out = Out(Arc::new(Mutex::new(BufWriter::new(file))));
@@ -62,23 +64,27 @@ pub(crate) fn append(
     let (path, file) = (path.to_path_buf(), out.clone());
     let bytes = sides.iter().fold(4, |bytes: u64, side| bytes.saturating_mul((*side).into()));
     Ok(if bytes < CLASSIC {
-        Box::new(TiffWriter { encoder: TiffEncoder::new(file).map_err(failed)?, path, out, pitch })
+        let encoder = TiffEncoder::new(file).map_err(failed)?;
+        Box::new(TiffWriter { path, encoder, out, pitch, sample })
     } else {
-        Box::new(TiffWriter {
-            encoder: TiffEncoder::new_big(file).map_err(failed)?,
-            path,
-            out,
-            pitch,
-        })
+        let encoder = TiffEncoder::new_big(file).map_err(failed)?;
+        Box::new(TiffWriter { path, encoder, out, pitch, sample })
     })
 }
 
-impl<K: TiffKind + Send + 'static> Append for TiffWriter<K> {
-    fn put(&mut self, frame: ArrayView2<'_, f32>, about: &str) -> Result<()> {
-        let values = reserve::collected(frame.iter().copied(), "an image")?;
+impl<K: TiffKind> TiffWriter<K> {
+    /// Adds a page of these columns and rows.
+    fn page<C: ColorType>(
+        &mut self,
+        [columns, rows]: [u32; 2],
+        values: &[C::Inner],
+        about: &str,
+    ) -> Result<()>
+    where
+        [C::Inner]: TiffValue,
+    {
         let mut write = || {
-            let [columns, rows] = [frame.ncols(), frame.nrows()].map(numbers::count);
-            let mut page = self.encoder.new_image::<Gray32Float>(columns, rows)?;
+            let mut page = self.encoder.new_image::<C>(columns, rows)?;
             page.encoder().write_tag(Tag::ImageDescription, about)?;
             if let Some(pitch) = self.pitch {
                 let [x, z] = pitch.map(per_centimetre);
@@ -86,9 +92,31 @@ impl<K: TiffKind + Send + 'static> Append for TiffWriter<K> {
                 page.x_resolution(x);
                 page.y_resolution(z);
             }
-            page.write_data(&values)
+            page.write_data(values)
         };
         write().map_err(|error| refused(&self.path, error))
+    }
+}
+
+impl<K: TiffKind + Send + 'static> Append for TiffWriter<K> {
+    fn put(&mut self, frame: ArrayView2<'_, f32>, about: &str) -> Result<()> {
+        let sides = [frame.ncols(), frame.nrows()].map(numbers::count);
+        let values = frame.iter().copied();
+        let rounded = frame.iter().map(|value| f64::from(*value).round());
+        match self.sample {
+            Sample::F32 => {
+                let values = reserve::collected(values, "an image")?;
+                self.page::<Gray32Float>(sides, &values, about)
+            }
+            Sample::U16 => {
+                let values = reserve::collected(rounded.map(numbers::whole), "an image")?;
+                self.page::<Gray16>(sides, &values, about)
+            }
+            Sample::U32 => {
+                let values = reserve::collected(rounded.map(numbers::whole), "an image")?;
+                self.page::<Gray32>(sides, &values, about)
+            }
+        }
     }
 
     fn finish(self: Box<Self>) -> Result<()> {

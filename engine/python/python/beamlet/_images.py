@@ -162,9 +162,9 @@ class Images(Mapping[str, Image]):
         return self["dark_field"]
 
     @property
-    def flags(self) -> Image:
-        """Bits of :attr:`flag_meanings`, as float32; 0: nothing to say."""
-        return self["flags"]
+    def flags(self) -> NDArray[np.uint32]:
+        """Bits of :attr:`flag_meanings`; 0: none."""
+        return self["flags"].astype(np.uint32)
 
     def sinograms(self, quantity: Quantity = "mu") -> tuple[Image, dict[str, int]]:
         """Sinograms ready for reconstruction: -ln of the transmission, refraction angles, variances.
