@@ -10,6 +10,7 @@ use beamlet_model::optics::{Mask, Optics, modulated};
 use beamlet_model::scene::{Refine, Scene, Transport};
 use beamlet_model::spectrum::{self, Nodes};
 use beamlet_model::spot::SpotFit;
+use beamlet_recon::retrieve::{RimError, rim_errors};
 use beamlet_simulate::detector::{self, DetectorModel};
 use beamlet_simulate::run;
 use beamlet_simulate::run::memory::{self, MemoryEstimate};
@@ -276,6 +277,7 @@ impl CheckReport {
     fn add_doubts_of_scan(&mut self, scene: &Scene) -> Result<()> {
         let curve = self.illumination.as_ref();
         self.warnings.extend(illumination::warnings(scene, &self.setup.nodes, curve)?);
+        self.warnings.extend(rim_errors(scene).iter().map(RimError::warning));
         Ok(())
     }
 

@@ -87,8 +87,8 @@ pub mod retrieve {
     pub use beamlet_recon::retrieve::{
         Aperture, Background, Columns, Corrections, Drift, EmptyBeam, EmptyBeamOfView, Images,
         ImagesTo, Input, Lattice, MaskCurve, Method, Plane, ReadRows, Record, Region, Response,
-        RetrieveOptions, RetrievedArrays, Retriever, ViewCorrection, Weights, flags, offsets,
-        retrieve, retrieve_arrays,
+        RetrieveOptions, RetrievedArrays, Retriever, RimError, ViewCorrection, Weights, flags,
+        offsets, retrieve, retrieve_arrays, rim_errors,
     };
 }
 /// Scenes: the model in SI units, and its files.

@@ -12,6 +12,7 @@ use beamlet::reconstruct::{
     BeamEnergy, FbpOptions, GridChoice, HardeningChoice, IterativeOptions, Method, Quantity,
     Solver, VolumePlan, VolumesTo, estimate, gradient_bias, reconstruct,
 };
+use beamlet::retrieve::rim_errors;
 use beamlet::{Cancel, Engine, Error, RowsControl};
 use source::Source;
 use std::io::Write;
@@ -60,6 +61,11 @@ fn work(
     let repeated = geometry.repeated_views();
     if repeated > 0 && matches!(plan.method, Method::Fbp(_)) {
         log::warn!("{repeated} views repeat the direction of another and share its weight");
+    }
+    // Several folders are dithers.
+    let one = source.scene.as_ref().filter(|_| arguments.inputs.len() == 1);
+    if let Some(scene) = one.filter(|_| plan.quantities.contains(&Quantity::Delta)) {
+        rim_errors(scene).iter().for_each(|error| log::warn!("{}", error.warning()));
     }
     if arguments.dry_run {
         reporter.doing("measuring a part of the projections");

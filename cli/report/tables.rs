@@ -253,6 +253,13 @@ pub(super) fn retrieval(run: &Subject) -> Vec<TableRow> {
         TableRow::new("lever arm z", format!("{} m", short(record.lever_arm))),
         TableRow::new("angle per shift", format!("{} rad/m", short(record.angle_per_shift))),
     ];
+    if let Some(background) = &record.background {
+        rows.push(TableRow::new("background", background.clone()));
+    }
+    if let Some(response) = &record.response {
+        let value = format!("{response} (retrieved over true)");
+        rows.push(TableRow::new("small contrasts", value).marked(response.is_poor()));
+    }
     let (lost, all) = (count(record.without_answer), count(pixels as u64));
     rows.push(
         TableRow::new("without a result", format!("{lost} of {all} pixels"))
