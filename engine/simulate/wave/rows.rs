@@ -206,3 +206,20 @@ fn tally_of(
         ..Tally::default()
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Chosen patches count for all of a row, whatever their number; a row may have none.
+    #[test]
+    fn chosen_patches_count_for_all_of_a_row() {
+        for count in [0, 1, 2, 7, 40_i64] {
+            for row in -3..3 {
+                let of_row = in_row(row, (0..count).map(|beamlet| (beamlet, 0.5)).collect());
+                let all: f64 = of_row.iter().map(|it| it.counts_for).sum();
+                assert!((all - count as f64).abs() < 1e-9, "{count} {row}: {all}");
+            }
+        }
+    }
+}

@@ -135,6 +135,11 @@ fn template(choices: &mut Choices<'_>) -> Value {
         "aperture_z": "20 um", "period_z": "100 um"
     });
     let thick = json!({ "distance": "1.2 m", "material": "gold", "thickness": "50 um", "aperture": "20 um" });
+    // Beside the beam, or beside a part of it.
+    if choices.below(3) == 1 {
+        let places = ["0 um", "100 um", "1 mm", "-5 mm"];
+        scene["object"][0]["position"] = json!([choices.of(&places), "0 um", choices.of(&places)]);
+    }
     match choices.below(6) {
         0 => {}
         1 => scene["sample_mask"] = rectangle,
