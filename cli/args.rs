@@ -22,7 +22,7 @@ pub(crate) use reconstruct::{Centre, Hardening, QuantityName, Reconstruct, Recon
 pub(crate) use retrieve::Retrieve;
 pub(crate) use shards::{Join, PlanArguments};
 pub(crate) use shared::{Messages, ProfileArguments};
-pub(crate) use simulate::{Illuminate, Simulate};
+pub(crate) use simulate::Simulate;
 pub(crate) use values::ValueRange;
 pub(crate) use view::{PictureFormat, Report, Show, View, ViewOfRun, ViewOfScene};
 
@@ -55,7 +55,6 @@ impl Arguments {
             Verb::Simulate(simulate) => simulate.messages,
             Verb::Plan(plan) => plan.messages,
             Verb::Join(join) => join.messages,
-            Verb::Illuminate(illuminate) => illuminate.messages,
             Verb::Retrieve(retrieve) => retrieve.messages,
             Verb::Reconstruct(reconstruct) => reconstruct.messages,
             Verb::Convert(convert) => convert.messages,
@@ -84,8 +83,6 @@ pub(crate) enum Verb {
     Plan(PlanArguments),
     /// Join the shards of a planned run, or list them
     Join(Join),
-    /// Illuminate the kept moments of a run: other masks, spectra, materials, detectors
-    Illuminate(Illuminate),
     /// Retrieve transmission, refraction and dark field from a run or from measured stacks
     Retrieve(Box<Retrieve>),
     /// Reconstruct volumes of attenuation, delta and dark field from a run or retrieved images

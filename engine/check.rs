@@ -186,9 +186,6 @@ pub struct Work {
     pub estimate: Option<RunEstimate>,
     /// Why there is no estimate, where there is none.
     pub no_estimate: Option<String>,
-    /// Bytes of the moments where a run keeps them, from the estimate of its rays: right to a factor of
-    /// two. `None` without an estimate, or where random rays make the light.
-    pub moments_bytes: Option<u64>,
     /// Memory at the peak and the bands that it allows.
     pub memory: MemoryEstimate,
     /// Bytes of the output on disk.
@@ -253,7 +250,6 @@ fn load_lenient(
             refine_reason,
             estimate: None,
             no_estimate: None,
-            moments_bytes: None,
             memory: memory::estimate(&of_run, &sample.objects, memory_limit, None)?,
             output_bytes: extent.output_bytes(scene),
         },

@@ -5,7 +5,6 @@ use beamlet_core::{Result, program};
 use beamlet_files::{ArraySink, RunRecord, Sink, Stacks};
 use beamlet_gpu::{Compute, Device, DeviceDescription, EngineOptions};
 use beamlet_model::scene::Scene;
-use beamlet_simulate::moments::StoredMoments;
 use beamlet_simulate::run::{Control, Simulation, Simulator};
 use std::ops::Deref;
 
@@ -113,43 +112,6 @@ impl Engine {
         mut control: Control<'_>,
     ) -> Result<RunRecord> {
         self.prepare_with(scene, &mut control)?.run(sink, control)
-    }
-
-    /// Makes a scene ready whose rays were traced by the run that kept `moments`. Meshes are
-    /// loaded only where rays have to be traced exactly again.
-    ///
-    /// # Errors
-    /// As [`Engine::prepare`]; [`beamlet_core::Error::Scene`] if the scene differs from the run's in more than
-    /// masks, steps, spot, spectrum, materials' constants and detector.
-    ///
-    /// # Example
-    ///
-    /// ```no_run
-    /// use beamlet::stack::ArraySink;
-    /// use beamlet::{Control, Engine, EngineOptions, moments::StoredMoments, scene::Scene};
-    ///
-    /// let engine = Engine::open(&EngineOptions::default())?;
-    /// let moments = StoredMoments::open("run".as_ref())?;
-    /// let other = Scene::load_with("run/scene.toml", &["scan.mask_offsets=[\"0 um\"]".to_owned()])?;
-    /// let mut sink = ArraySink::new();
-    /// engine.reilluminate(&moments, &other)?.run(&mut sink, Control::default())?;
-    /// # Ok::<(), beamlet::Error>(())
-    /// ```
-    pub fn reilluminate(&self, moments: &StoredMoments, scene: &Scene) -> Result<Simulation> {
-        self.reilluminate_with(moments, scene, &mut Control::default())
-    }
-
-    /// As [`Engine::reilluminate`]; `control` is used as in [`Engine::prepare_with`].
-    ///
-    /// # Errors
-    /// As [`Engine::reilluminate`]; [`beamlet_core::Error::Interrupted`] when `control.cancel` was set.
-    pub fn reilluminate_with(
-        &self,
-        moments: &StoredMoments,
-        scene: &Scene,
-        control: &mut Control<'_>,
-    ) -> Result<Simulation> {
-        Simulation::of_stored(&self.simulator, moments, scene, control)
     }
 
     /// Runs a scene into arrays.

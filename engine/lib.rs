@@ -64,10 +64,6 @@ pub mod material {
         Constants, constants, constants_at, constants_over, of_builtin, range,
     };
 }
-/// Moments that a run kept, for other masks, spectra and detectors.
-pub mod moments {
-    pub use beamlet_simulate::moments::{MomentWriter, StoredMoments};
-}
 /// Reconstruction: volumes of attenuation, refraction and dark field.
 pub mod reconstruct {
     pub use beamlet_recon::reconstruct::{

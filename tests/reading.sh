@@ -19,7 +19,7 @@ beamlet() {
     case $1 in simulate | check) more=("${few[@]}") ;; esac
     case " $* " in
         *" --format "*) ;;
-        " simulate "* | " illuminate "* | " retrieve "*) [ -z "$format" ] || more+=(--format "$format") ;;
+        " simulate "* | " retrieve "*) [ -z "$format" ] || more+=(--format "$format") ;;
     esac
     local code=0
     "$program" "$@" "${more[@]}" </dev/null 2>>"$place/log" || code=$?
@@ -57,7 +57,7 @@ venv/bin/pip install --quiet --disable-pip-version-check numpy OpenEXR tifffile 
 cp "$root/docs/beamlet_run.py" .
 venv/bin/python reading.py
 
-# Kept moments, retrieved images and another set-up, from the lines of README.md.
+# Retrieved images and another set-up, from the lines of README.md.
 venv/bin/python - <<'PYTHON'
 import numpy as np
 

@@ -30,9 +30,6 @@ pub(crate) struct PlanArguments {
     /// File format of the frames [default: exr]
     #[arg(long, value_parser = format())]
     pub(crate) format: Option<Format>,
-    /// Keep the moments of the rays in RUN/moments, for `beamlet illuminate`
-    #[arg(long)]
-    pub(crate) keep_moments: bool,
     #[command(flatten)]
     pub(crate) engine: EngineArguments,
     /// Record the device of the first shard that begins: for planning on a machine without it

@@ -3,7 +3,7 @@
 use super::SceneArguments;
 use super::names::format;
 use super::shared::{EngineArguments, Messages, ProfileArguments};
-use super::values::{key_value, shard};
+use super::values::shard;
 use beamlet::stack::{Format, Shard};
 use clap::Args;
 use std::path::PathBuf;
@@ -35,52 +35,13 @@ pub(crate) struct Simulate {
     /// Simulate shard K of N of the run that `beamlet plan` made at RUN, K from 0; an interrupted shard
     /// continues
     #[arg(long, value_name = "K/N", value_parser = shard, group = "goes_on",
-          conflicts_with_all = ["overwrite", "format", "keep_moments"])]
+          conflicts_with_all = ["overwrite", "format"])]
     pub(crate) shard: Option<Shard>,
     /// With --resume or --shard: accept another device, driver, backend or version than the run began
     /// with
     #[arg(long, requires = "goes_on")]
     pub(crate) allow_mixed: bool,
     /// Replace an earlier run; files that beamlet did not write stay
-    #[arg(long)]
-    pub(crate) overwrite: bool,
-    /// Keep the moments of the rays in RUN/moments, for `beamlet illuminate`
-    #[arg(long)]
-    pub(crate) keep_moments: bool,
-    #[command(flatten)]
-    pub(crate) messages: Messages,
-}
-
-#[derive(Debug, Clone, Args)]
-#[command(after_help = "Examples:\n  \
-    beamlet simulate scene.toml -o run --keep-moments\n  \
-    beamlet illuminate run --scene wider.toml -o wider\n  \
-    beamlet illuminate run --set 'source.spot=60 um' -o blurred\n  \
-    beamlet illuminate run --scene a.toml --scene b.toml -o designs\n\n\
-    Source distance, angles, and the place and shape of every object must be as in the run; \
-    masks, mask offsets, spot, spectrum, the materials' constants and the detector may differ. \
-    With several scenes each run directory is named after its scene.")]
-pub(crate) struct Illuminate {
-    /// Run directory with moments (`simulate --keep-moments`)
-    pub(crate) run: PathBuf,
-    /// Scene with the new masks, spectrum or detector, TOML or JSON (may be repeated) [default: the
-    /// scene of RUN]
-    #[arg(long, value_name = "SCENE")]
-    pub(crate) scene: Vec<PathBuf>,
-    /// Change a value of every scene: key.path=value (may be repeated)
-    #[arg(long = "set", value_name = "KEY=VALUE", value_parser = key_value)]
-    pub(crate) sets: Vec<String>,
-    /// Run directory to write; with several scenes, the directory of their run directories
-    #[arg(short, long, value_name = "OUT")]
-    pub(crate) output: PathBuf,
-    /// File format of the frames [default: exr]
-    #[arg(long, value_parser = format())]
-    pub(crate) format: Option<Format>,
-    #[command(flatten)]
-    pub(crate) engine: EngineArguments,
-    #[command(flatten)]
-    pub(crate) profile: ProfileArguments,
-    /// Replace earlier runs; files that beamlet did not write stay
     #[arg(long)]
     pub(crate) overwrite: bool,
     #[command(flatten)]

@@ -104,7 +104,7 @@ fn report(
     }
 }
 
-/// Every view of a run, and its moments, against their checksums.
+/// Every view of a run against its checksum.
 fn run_directory(arguments: &Check, out: &mut impl Write) -> Result<(), Failure> {
     let estimate = chooses_device(arguments) || arguments.no_estimate;
     if arguments.plot.is_some()
@@ -126,9 +126,6 @@ fn run_directory(arguments: &Check, out: &mut impl Write) -> Result<(), Failure>
     } else {
         writeln!(out, "run      {} ({})", beamlet::cli_support::printed::path(path), found.format)?;
         writeln!(out, "views    {} of {} match their checksums", found.whole, found.views)?;
-        if let Some(moments) = found.moments {
-            writeln!(out, "moments  of {moments} views match their hashes")?;
-        }
         for file in &found.changed_files {
             writeln!(out, "note     {file}")?;
         }

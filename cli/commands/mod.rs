@@ -8,7 +8,6 @@ mod convert;
 mod devices;
 mod difference_pictures;
 mod example;
-mod illuminate;
 mod join;
 mod man;
 mod mask;
@@ -43,7 +42,6 @@ fn verb(arguments: Arguments, out: &mut impl Write) -> Result<(), Failure> {
         Verb::Simulate(arguments) => simulate::run(&arguments, out),
         Verb::Plan(arguments) => plan::run(&arguments, out),
         Verb::Join(arguments) => join::run(&arguments, out),
-        Verb::Illuminate(arguments) => illuminate::run(&arguments, out),
         Verb::Retrieve(arguments) => retrieve::run(&arguments, out),
         Verb::Reconstruct(arguments) => reconstruct::run(&arguments, out),
         Verb::Convert(arguments) => convert::run(&arguments, out),

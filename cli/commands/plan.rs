@@ -7,7 +7,7 @@ use crate::failure::Failure;
 use crate::interrupt;
 use crate::progress::Reporter;
 use beamlet::cli_support::{printed, with_tolerances};
-use beamlet::scene::{Refine, Scene, Scheme};
+use beamlet::scene::{Refine, Scene};
 use beamlet::stack::{Plan, PlanOptions, StackShape};
 use beamlet::{Control, Engine, Error, RunRecord};
 use std::collections::BTreeMap;
@@ -16,13 +16,6 @@ use std::io::Write;
 pub(super) fn run(arguments: &PlanArguments, out: &mut impl Write) -> Result<(), Failure> {
     let scene = arguments.scene.load()?;
     let failed = |error| Failure::from(arguments.scene.locate(error));
-    if arguments.keep_moments && scene.sampling.scheme == Scheme::Random {
-        return Err(failed(Error::scene(
-            "sampling.scheme",
-            "random",
-            "cells, with --keep-moments",
-        )));
-    }
     let scripts = Scripts::of(arguments, &scene)?;
     let views = StackShape::of(&scene).map_err(failed)?.views;
     if arguments.shards > views {
@@ -44,13 +37,12 @@ pub(super) fn run(arguments: &PlanArguments, out: &mut impl Write) -> Result<(),
     let options = PlanOptions::default()
         .with_shards(arguments.shards)
         .with_format(arguments.format.unwrap_or_default())
-        .with_keep_moments(arguments.keep_moments)
         .with_mesh_hashes(mesh_hashes)
         .with_platform(platform)
         .with_overrides(arguments.scene.sets.clone())
         .with_command(command_line());
     // Shards take the tolerances of the plan, and choose rays in the same place.
-    let mut scene = with_tolerances(&scene, arguments.keep_moments).map_err(failed)?;
+    let mut scene = with_tolerances(&scene).map_err(failed)?;
     scene.sampling.refine = refine;
     let plan = Plan::create(&arguments.output, &scene, &options).map_err(failed)?;
     if let Some(scripts) = scripts {
@@ -86,8 +78,7 @@ fn settled(
         };
         return Ok(Settled { platform: None, mesh_hashes, refine });
     }
-    let options = arguments.engine.options().with_keep_moments(arguments.keep_moments);
-    let simulation = Engine::open(&options)?.prepare_with(scene, control)?;
+    let simulation = Engine::open(&arguments.engine.options())?.prepare_with(scene, control)?;
     let start = simulation.start();
     let record = RunRecord::begin(start, scene.sampling.seed);
     Ok(Settled {

@@ -4,7 +4,7 @@ use crate::args::Simulate;
 use crate::failure::Failure;
 use crate::interrupt;
 use crate::progress::Reporter;
-use beamlet::scene::{Scene, Scheme};
+use beamlet::scene::Scene;
 use beamlet::stack::layout::{self, RUN};
 use beamlet::stack::{self, Plan, RunDirectory, RunFile, RunState, Shard, StackShape};
 use beamlet::{Control, Engine, Error, RunRecord, SamplingSummary, Tally};
@@ -25,16 +25,7 @@ pub(super) fn run(arguments: &Simulate, out: &mut impl Write) -> Result<(), Fail
     }
     let failed = |error| Failure::from(arguments.scene.locate(error));
     let extent = StackShape::of(&scene).map_err(failed)?;
-    if arguments.keep_moments && scene.sampling.scheme == Scheme::Random {
-        return Err(failed(Error::scene(
-            "sampling.scheme",
-            "random",
-            "cells, with --keep-moments",
-        )));
-    }
-    let sink = directory(arguments, &scene)?;
-    let keep_moments = keep_moments(arguments, &sink)?;
-    let mut sink = sink.keep_moments(keep_moments);
+    let mut sink = directory(arguments, &scene)?;
     if let Some(recorded) = sink.recorded()
         && recorded.state == RunState::Done
         && sink.problems().is_empty()
@@ -60,14 +51,9 @@ pub(super) fn run(arguments: &Simulate, out: &mut impl Write) -> Result<(), Fail
     let backend = arguments.engine.backend.choice().or(recorded_backend);
     let options = arguments.engine.options().with_backend(backend);
     let options = options.with_profile(arguments.profile.profile);
-    let engine = Engine::open(&options.with_keep_moments(keep_moments))?;
-    let mut keep = sink.moment_writer();
+    let engine = Engine::open(&options)?;
     let mut report = |progress| reporter.update(progress);
-    let control = Control::default()
-        .with_progress(&mut report)
-        .with_cancel(cancel)
-        .going_on(&sink)
-        .with_keep(keep.as_mut());
+    let control = Control::default().with_progress(&mut report).with_cancel(cancel).going_on(&sink);
     let done = engine.run(&scene, &mut sink, control);
     reporter.finish();
     let of_run = done.as_ref().ok().and_then(|record| record.profile.as_ref());
@@ -114,25 +100,6 @@ fn told(arguments: &Simulate, words: &str, out: &mut impl Write) -> Result<(), F
     Ok(())
 }
 
-/// True if moments are kept: a run goes on as it began.
-fn keep_moments(arguments: &Simulate, sink: &RunDirectory) -> Result<bool, Failure> {
-    let wanted = arguments.keep_moments;
-    if arguments.shard.is_some() {
-        return Ok(sink.keeps_moments());
-    }
-    if !arguments.resume {
-        return Ok(wanted);
-    }
-    let path = beamlet::cli_support::printed::path(sink.path());
-    if wanted && !sink.keeps_moments() {
-        return Err(Failure::Usage(format!(
-            "{path} was begun without --keep-moments ({RUN}: \"keep_moments\": false); it cannot \
-             continue with --keep-moments"
-        )));
-    }
-    Ok(sink.keeps_moments())
-}
-
 fn directory(arguments: &Simulate, scene: &Scene) -> Result<RunDirectory, Failure> {
     let format = arguments.format;
     let sink = if arguments.resume || arguments.shard.is_some() {
@@ -171,7 +138,7 @@ fn directory(arguments: &Simulate, scene: &Scene) -> Result<RunDirectory, Failur
 }
 
 /// Closing lines, on stdout.
-pub(super) fn summary(
+fn summary(
     title: Option<&str>,
     sink: &RunDirectory,
     extent: StackShape,
@@ -196,13 +163,6 @@ pub(super) fn summary(
     writeln!(out, "device   {} ({})", record.device, record.driver)?;
     if record.tally.rays == 0 {
         writeln!(out, "rays     none traced, in {seconds:.1} s")?;
-        if let Some(sampling) = &record.sampling {
-            writeln!(
-                out,
-                "sampling estimated error {:.1e} of open beam (rms), {:.1e} (worst)",
-                sampling.rms_error, sampling.worst_error
-            )?;
-        }
         return print_tally(&record.tally, out);
     }
     writeln!(out, "backend  {}: {}", record.backend, record.backend_reason)?;
@@ -283,9 +243,6 @@ fn advice(arguments: &Simulate, began: bool) -> String {
     }
     if let Some(limit) = arguments.engine.memory_limit {
         command.extend(["--memory-limit".into(), format!("{limit}B")]);
-    }
-    if arguments.keep_moments {
-        command.push("--keep-moments".into());
     }
     if arguments.allow_mixed {
         command.push("--allow-mixed".into());

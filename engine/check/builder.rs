@@ -82,8 +82,7 @@ impl<'a> Check<'a> {
         let Self { scene, engine, memory_limit, estimates } = self;
         start_threads()?;
         scene.validate()?;
-        let keeps = engine.is_some_and(|engine| engine.options().keep_moments);
-        let scene = &quality::resolved(scene, keeps)?;
+        let scene = &quality::resolved(scene)?;
         let of_engine = engine.and_then(|engine| engine.options().memory_limit);
         let limit = memory_limit.or(of_engine);
         match engine {

@@ -99,7 +99,7 @@ pub(super) fn by_noise(scene: &Scene, of: &CheckedTolerances) -> Result<Option<S
     sampling.quality = Some(Quality::Noise);
     sampling.tolerance = sampling.tolerance.filter(|_| light.is_none());
     sampling.angle_tolerance = sampling.angle_tolerance.filter(|_| angle.is_none());
-    quality::resolved(&faster, false).map(Some)
+    quality::resolved(&faster).map(Some)
 }
 
 /// The noise that tolerances are far below, which somebody gave as numbers: of light and of angles.

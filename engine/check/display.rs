@@ -192,9 +192,7 @@ fn write_estimate(f: &mut Formatter<'_>, work: &Work) -> fmt::Result {
     let rays = [estimate.rays_per_view, estimate.rays].map(about);
     line(f, "rays", format!("about {} per view, {} in all", rays[0], rays[1]))?;
     let time = format!("about {}, without noise and output", duration(estimate.seconds));
-    line(f, "time", time)?;
-    let Some(moments) = work.moments_bytes else { return Ok(()) };
-    line(f, "moments", format!("--keep-moments: 1 to 3 times the rays, about {}", bytes(moments)))
+    line(f, "time", time)
 }
 
 fn write_material(f: &mut Formatter<'_>, material: &Material, width: usize) -> fmt::Result {

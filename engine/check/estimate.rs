@@ -39,13 +39,10 @@ pub(super) fn estimated(
         Err(_) => bounded,
     };
     report.add_edges(scene, edges.as_ref());
-    let moments = made.as_ref().map_or(None, Simulation::moments_of_rays);
     let found = made.and_then(|made| made.estimate_until(&control.cancel));
     let is_known = found.is_ok();
     match found {
         Ok(mut estimate) => {
-            let kept = moments.filter(|_| !scene.has_heights());
-            report.work.moments_bytes = kept.map(|of_rays| of_rays(estimate.rays));
             estimate.seconds += loaded_in;
             let rays = estimate.rays_per_view;
             let mut of_run = scene.clone();

@@ -5,14 +5,13 @@
 //! RUN/flat.npy  sample.npy  dark.npy  counts/flat.npy  counts/sample.npy      a file per stack
 //! RUN/flat/view_0001/step_000.exr  dark/view_0001/…     the second of several flats, a file per frame
 //! RUN/flat/step_000.exr  sample/view_0000/step_000.exr  dark/…  counts/…      a file per frame
-//! RUN/moments/view_0000.bin
 //! RUN/plan.json  device.json  shards/0000/run.json  progress.log  …   a planned run, until it is joined
 //! RUN/retrieved/retrieved.json  geometry.json  corrections.csv  NAME.npy  or  NAME/view_0000.exr
 //! ASTRA/astra.json  load_astra.py  NAME.npy
 //! VOLUME/volume.json  regions.csv  errors.csv  residuals.csv
 //! VOLUME/NAME.npy  or  NAME/slice_0000.exr  or  NAME.mhd  NAME.raw
 //! FOLDER.partial/.beamlet-partial  FOLDER.replaced   arrays in the making, and those that they replace
-//! RUN/NAME.new  RUN/partial  RUN/moments/view_0000.partial                    a run in the making
+//! RUN/NAME.new  RUN/partial                                       a run in the making
 //! .NAME.beamlet-new                                                any other file in the making
 //! ```
 //!
@@ -67,8 +66,6 @@ pub const ASTRA_SCRIPT: &str = "load_astra.py";
 pub const RESIDUALS: &str = "residuals.csv";
 /// Folder of the stacks of detector numbers.
 pub(crate) const COUNTS: &str = "counts";
-/// Folder of kept moments.
-pub const MOMENTS: &str = "moments";
 /// Folder of the frames of a view in the making, with its spool.
 pub(crate) const PARTIAL: &str = "partial";
 /// Spool of a view in the making, in the folder of partial frames.
@@ -95,9 +92,6 @@ const BESIDE: [&str; 9] =
 /// Endings of a `MetaImage`: its header, and its values.
 const HEADER: &str = ".mhd";
 const RAW: &str = ".raw";
-/// Endings of kept moments, and of those in the making.
-const BIN: &str = ".bin";
-const BIN_PARTIAL: &str = ".partial";
 
 /// True if a folder holds a run, or the plan of one.
 #[must_use]
@@ -295,26 +289,9 @@ pub(crate) fn is_beside_arrays(name: &str) -> bool {
     BESIDE.contains(&name) || [HEADER, RAW].iter().any(|ending| name.ends_with(ending))
 }
 
-/// File of the moments of a view.
-pub(crate) fn moments(folder: &Path, view: u32) -> PathBuf {
-    folder.join(format!("{VIEW}{view:04}{BIN}"))
-}
-
-/// File of the moments of a view in the making.
-pub(crate) fn moments_partial(folder: &Path, view: u32) -> PathBuf {
-    folder.join(format!("{VIEW}{view:04}{BIN_PARTIAL}"))
-}
-
-/// The view of a file of moments, whole or in the making.
-pub(crate) fn view_of_moments(name: &str) -> Option<u32> {
-    [BIN, BIN_PARTIAL].into_iter().find_map(|ending| {
-        number(name, VIEW, ending).filter(|view| format!("{VIEW}{view:04}{ending}") == name)
-    })
-}
-
 /// Folders of a run.
 pub(crate) fn folders() -> impl Iterator<Item = String> {
-    STACKS.map(stack).into_iter().chain([COUNTS, PARTIAL, MOMENTS].map(str::to_owned))
+    STACKS.map(stack).into_iter().chain([COUNTS, PARTIAL].map(str::to_owned))
 }
 
 /// Files of the stacks of a run, and of its counts, in every format.
@@ -337,12 +314,11 @@ pub(crate) fn owned() -> impl Iterator<Item = String> {
 
 /// True if beamlet gives this name to anything in a folder of a run.
 pub(crate) fn is_of_folder(name: &str) -> bool {
-    let numbered = [(VIEW, ""), (VIEW, BIN), (VIEW, BIN_PARTIAL)];
     let is_step = |format: Format| number(name, STEP, &format!(".{}", format.ending())).is_some();
     [FLAT, SAMPLE, PARTIAL, SPOOL].contains(&name)
         || stack_files().any(|file| file == name)
         || single().any(is_step)
-        || numbered.iter().any(|(start, end)| number(name, start, end).is_some())
+        || number(name, VIEW, "").is_some()
 }
 
 /// The number between two ends of a name.
@@ -386,10 +362,6 @@ mod tests {
         assert!(!is_image_of_folder("view_00x0.exr") && !is_image_of_folder("slice_0000exr"));
         assert_eq!(view_of_folder("view_0011", 12), Some(11));
         assert_eq!(view_of_folder("view_11", 12), None);
-        for path in [moments(folder, 10_000), moments_partial(folder, 7)] {
-            assert!(view_of_moments(path.to_str().unwrap()).is_some());
-        }
-        assert_eq!(view_of_moments("view_7.bin"), None);
         assert_eq!(array_name("flat.bin"), None);
     }
 }

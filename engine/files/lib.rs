@@ -15,7 +15,6 @@ mod geometry_file;
 mod image_folder;
 mod inputs;
 pub mod layout;
-pub mod moment_file;
 mod own_files;
 mod plan;
 mod progress_log;

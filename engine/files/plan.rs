@@ -43,8 +43,6 @@ pub struct Plan {
     pub shards: u32,
     /// File format of the frames.
     pub format: Format,
-    /// True if moments are kept.
-    pub keep_moments: bool,
     /// Shape of the stacks.
     pub extent: StackShape,
     /// SHA-256 of scene.toml, which has the hashes of the files of the scene.
@@ -59,8 +57,6 @@ pub struct PlanOptions {
     pub shards: u32,
     /// File format of the frames.
     pub format: Format,
-    /// True if moments are kept.
-    pub keep_moments: bool,
     /// SHA-256 of the meshes by the name of their object ([`super::RunStart::mesh_hashes`]).
     pub mesh_hashes: BTreeMap<String, String>,
     /// Platform of every shard; `None`: taken from the first shard.
@@ -77,8 +73,6 @@ impl PlanOptions {
         with_shards(shards: u32);
         /// Sets the file format of the frames.
         with_format(format: Format);
-        /// Sets whether moments are kept.
-        with_keep_moments(keep_moments: bool);
         /// Sets the hashes of the meshes.
         with_mesh_hashes(mesh_hashes: BTreeMap<String, String>);
         /// Sets the platform of every shard.
@@ -126,7 +120,6 @@ impl Plan {
             command: options.command.clone(),
             shards: options.shards,
             format: options.format,
-            keep_moments: options.keep_moments,
             extent,
             scene_sha256: hex(&Sha256::digest(&text)),
         };
@@ -200,9 +193,6 @@ impl Plan {
             Some(_) if is_other => "its scene differs".to_owned(),
             Some(_) if file.extent != self.extent || file.format != self.format => {
                 "its stacks have another shape or format".to_owned()
-            }
-            Some(_) if file.keep_moments != self.keep_moments => {
-                "they differ in keep_moments".to_owned()
             }
             Some(_) => return Ok(()),
             None => format!("it is a whole run, here is shard {shard}"),

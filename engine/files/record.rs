@@ -153,8 +153,7 @@ pub struct RunRecord {
     pub facet_kinks: Vec<FacetKink>,
     /// Largest error of a recorded value from edges off the rotation centre, share of open beam: the spot
     /// blurs them as if they were at the centre. Estimated by rays, or bounded if the bound is within the
-    /// tolerance. `None`: unknown, as for kept moments; and under `scheme = "random"`, which has no such
-    /// error.
+    /// tolerance. `None`: unknown; and under `scheme = "random"`, which has no such error.
     pub edge_error: Option<f64>,
     /// Seconds by stage.
     pub seconds: BTreeMap<String, f64>,
@@ -251,14 +250,13 @@ impl SearchCounts {
 }
 
 /// Fineness of the sampling of patches (beamlet and detector row), and its estimated error in recorded
-/// values: for each patch the error of the worst mask step. For kept moments: the difference of some
-/// pixels from a new simulation with its own rays.
+/// values: for each patch the error of the worst mask step.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
 #[non_exhaustive]
 pub struct SamplingSummary {
-    /// Patches that the sample touches; of kept moments the pixels that were compared.
+    /// Patches that the sample touches.
     pub patches: u64,
-    /// Rays of a patch, mean; 0 of kept moments.
+    /// Rays of a patch, mean.
     pub mean_rays: f64,
     /// Rays of the patch that has the most.
     pub most_rays: u64,
@@ -268,30 +266,11 @@ pub struct SamplingSummary {
     pub worst_error: f64,
     /// Error that was allowed, share of open beam.
     pub tolerance: f64,
-    /// Patches that may exceed it, or the tolerance of angles; of kept moments pixels that exceed it.
+    /// Patches that may exceed it, or the tolerance of angles.
     pub beyond_tolerance: u64,
 }
 
 impl SamplingSummary {
-    /// Errors of kept cells, in values of `pixels` compared with a new simulation: root mean square and largest.
-    #[doc(hidden)]
-    pub const fn of_kept(
-        pixels: u64,
-        [rms_error, worst_error]: [f64; 2],
-        beyond_tolerance: u64,
-        tolerance: f64,
-    ) -> Self {
-        Self {
-            patches: pixels,
-            mean_rays: 0.0,
-            most_rays: 0,
-            rms_error,
-            worst_error,
-            tolerance,
-            beyond_tolerance,
-        }
-    }
-
     /// From the counts of a run, where `tolerance` was allowed; `None` where nothing was sampled.
     #[doc(hidden)]
     pub fn of(tally: &Tally, tolerance: f64) -> Option<Self> {

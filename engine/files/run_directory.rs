@@ -22,7 +22,6 @@ use super::shard::{Part, Shard};
 use super::sink::Sink;
 use super::values::Values;
 use super::{plan, scene_file};
-use crate::moment_file;
 use beamlet_core::array_file::Format;
 use beamlet_core::whole_file::{sync_directory, write_whole};
 use beamlet_core::{Error, Result, Tally, folder, numbers};
@@ -52,7 +51,6 @@ pub struct RunDirectory {
     format: Format,
     overwrite: bool,
     allow_mixed: bool,
-    keep_moments: bool,
     /// `key=value` that the scene was loaded with, for scene.toml.
     overrides: Vec<String>,
     /// Command line, for run.json.
@@ -94,7 +92,6 @@ impl RunDirectory {
             format,
             overwrite: false,
             allow_mixed: false,
-            keep_moments: false,
             overrides: Vec::new(),
             command: None,
             resumed: None,
@@ -137,14 +134,6 @@ impl RunDirectory {
         self.format
     }
 
-    /// Records in run.json whether moments of the rays are kept beside the frames
-    /// (`Control::keep`). A run is resumed as it was begun.
-    #[must_use]
-    pub fn keep_moments(mut self, keep: bool) -> Self {
-        self.keep_moments = keep;
-        self
-    }
-
     /// True if [`Sink::begin`] has written to the directory and [`Sink::finish`] has not ended the run.
     /// Before that an earlier run may still be there.
     #[must_use]
@@ -181,7 +170,7 @@ impl RunDirectory {
 
     /// Removes the remains of an earlier run or of an interrupted view; never a file of others.
     fn clear(&self, extent: StackShape, log: &mut ProgressLog) -> Result<()> {
-        let keep = self.resumed.as_ref().map_or(&[][..], |resumed| &resumed.intact);
+        let keep = self.resumed.as_ref().map_or(&[][..], |resumed| &resumed.committed);
         let earlier = match &self.resumed {
             Some(_) => extent,
             None => match RunFile::read(&self.path.join(RUN)) {
@@ -197,18 +186,9 @@ impl RunDirectory {
             log.clear()?;
             ImageDirectory::discard(&self.path.join(layout::RETRIEVED), Kind::Images)?;
             own_files::remove_report(&self.path)?;
-            moment_file::remove(&self.path, earlier.views)?;
             for name in layout::stack_files() {
                 remove_file(&self.path.join(&name))?;
                 remove_file(&counts.join(name))?;
-            }
-        }
-        // Moments that were committed are beamlet's, however little their beginning shows it.
-        let recorded = self.resumed.as_ref().filter(|run| run.file.keep_moments);
-        for view in recorded.map_or(&[][..], |resumed| &resumed.again) {
-            if let Exposure::Sample(index) = view {
-                let directory = self.path.join(layout::MOMENTS);
-                remove_file(&layout::moments(&directory, *index))?;
             }
         }
         remove_stacks(&counts, earlier, keep)?;
@@ -223,7 +203,6 @@ impl Sink for RunDirectory {
         let extent = StackShape::of(scene)?;
         let scene = &scene.with_file_hashes()?;
         let mut file = RunFile::begin(self.format, extent, scene, start);
-        file.keep_moments = self.keep_moments;
         (file.shard, file.scene_sha256) = (self.shard, self.scene_sha256.clone());
         file.host = self.shard.and_then(|_| planned::host());
         let scene_path = self.root.join(SCENE);
@@ -333,7 +312,7 @@ impl Sink for RunDirectory {
         let (path, open) = (&self.path, opened(&mut self.open, &self.path)?);
         open.file.record = record.clone();
         open.in_place(|open| {
-            open.refuse_missing(path)?;
+            open.refuse_missing()?;
             open.end(path, RunState::Done)
         })?;
         open.log.refuse_moved()?;

@@ -69,8 +69,6 @@ pub struct RunFile {
     pub commands: Vec<String>,
     /// Views that existed already when the run was resumed; times exclude them.
     pub resumed_views: u32,
-    /// True if moments of the rays are kept.
-    pub keep_moments: bool,
     /// The part of the run that this folder holds; `None`: all of it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub shard: Option<Shard>,
@@ -132,7 +130,6 @@ impl RunFile {
             darks_before_views: scan.darks_every.map(|_| scan.dark_places()),
             commands: Vec::new(),
             resumed_views: 0,
-            keep_moments: false,
             shard: None,
             scene_sha256: None,
             host: None,

@@ -117,11 +117,6 @@ impl Part {
         Self { extent, shard: Shard::WHOLE }
     }
 
-    /// Indices of its views with the sample.
-    pub(super) fn samples(&self) -> Range<u32> {
-        self.shard.views(self.extent.views)
-    }
-
     /// Indices of its views in the stack of a view.
     pub(crate) fn range(&self, view: Exposure) -> Range<u32> {
         self.shard.range(view, self.extent)

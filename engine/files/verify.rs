@@ -9,7 +9,6 @@ use super::run_file::{RunFile, RunState};
 use super::shape::{StackShape, views};
 use super::shard::Part;
 use super::values::Values;
-use crate::moment_file;
 use beamlet_core::Result;
 use beamlet_core::array_file::Format;
 use beamlet_model::scene::{Exposure, Scene};
@@ -28,8 +27,6 @@ pub struct RunCheck {
     pub views: usize,
     /// Views whose frames, and counts if any, are the committed ones.
     pub whole: usize,
-    /// Views whose kept moments are whole, where the run keeps moments.
-    pub moments: Option<usize>,
     /// Why the run is not whole, one message each; none where it is.
     pub problems: Vec<String>,
     /// Files that the scene refers to and that have changed since. The run is whole without them.
@@ -73,17 +70,11 @@ pub fn check_run(path: &Path) -> Result<RunCheck> {
     } else if file.state != RunState::Done {
         problems.push(format!("{place}: every view is committed, but the run has not ended"));
     }
-    let keeps = file.keep_moments;
-    let lost = if keeps { moments([path; 2], &found.whole) } else { Vec::new() };
-    let of_sample = found.whole.iter().filter(|view| matches!(view, Exposure::Sample(_))).count();
-    let kept = keeps.then_some(of_sample - lost.len());
-    problems.extend(lost.into_iter().map(|(_, problem)| problem));
     let changed = scene.changed_files();
     Ok(RunCheck {
         format: file.format,
         views: all.len(),
         whole: found.whole.len(),
-        moments: kept,
         problems,
         changed_files: changed.into_iter().map(|error| error.to_string()).collect(),
     })
@@ -130,19 +121,6 @@ pub(super) fn frames(
         }
     }
     found
-}
-
-/// Views among `views` whose kept moments are missing or damaged, with the defect. `folders`: the folder
-/// of scene.toml, and the folder of the moments' folder.
-pub(super) fn moments(folders: [&Path; 2], views: &[Exposure]) -> Vec<(Exposure, String)> {
-    let of_view = |view: &Exposure| match view {
-        Exposure::Sample(index) => {
-            let error = moment_file::check(folders, *index).err()?;
-            Some((*view, format!("{error} ({})", layout::view(*view, false))))
-        }
-        Exposure::Flat(_) | Exposure::Dark(_) => None,
-    };
-    views.par_iter().filter_map(of_view).collect()
 }
 
 /// The defect of a view, if any.

@@ -40,9 +40,6 @@ pub struct EngineOptions {
     /// Memory limit of a run on host and device together, bytes; `None`: the geometry, and up to 1 GiB
     /// for a band. Results do not depend on it.
     pub memory_limit: Option<u64>,
-    /// Prepare runs whose moments are kept (`Control::keep`): rays are flagged for materials
-    /// that refract up to twice as strongly.
-    pub keep_moments: bool,
     /// Measure the time of each kernel on the device ([`Compute::profile`]); counts are taken always.
     pub profile: bool,
     /// Copy through staging buffers even where device memory is mapped, as on a CPU: its counts are those
@@ -72,8 +69,6 @@ impl EngineOptions {
         with_batch_rays(batch_rays: impl Into<Option<u32>>);
         /// Limits the memory of a run, host and device together, bytes.
         with_memory_limit(memory_limit: impl Into<Option<u64>>);
-        /// Prepares runs whose moments are kept.
-        with_keep_moments(keep_moments: bool);
         /// Measures the time of each kernel on the device.
         with_profile(profile: bool);
         /// Copies through staging buffers where device memory is mapped.

@@ -3,7 +3,6 @@
 pub mod accel;
 pub mod detector;
 pub mod illuminate;
-pub mod moments;
 mod refine;
 pub mod run;
 pub mod sampling;

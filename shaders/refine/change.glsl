@@ -41,8 +41,7 @@ float error_of(Own own, float change) {
 
 // The same, or more: windows change no faster.
 float bound_of(Own own, Landed other) {
-    float most = P.window_count > 0u ? max(P.part_ratios.x, 1.0) : 1.0;
-    float moved = min(abs(other.at - own.at) * most * P.steepest, 1.0);
+    float moved = min(abs(other.at - own.at) * max(P.part_ratios.x, 1.0) * P.steepest, 1.0);
     return abs(other.light - own.passed) + max(other.light, own.passed) * moved;
 }
 
@@ -59,9 +58,8 @@ bool parts_lie_apart(Own own, Landed other) {
     return moved * (P.part_ratios.x - P.part_ratios.w) * P.steepest > APART;
 }
 
-// Largest change of the light in any pixel if it were another; light for any masks has no windows.
+// Largest change of the light in any pixel if it were another.
 float whole_change_to(Own own, Landed other) {
-    if (P.window_count == 0u) return bound_of(own, other);
     Landed before = Landed(own.passed, own.at);
     float change = 0.0;
     float by_parts = 0.0;

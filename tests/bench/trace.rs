@@ -86,7 +86,6 @@ fn tracer(scene: &Scene, backend: Backend) -> Option<Tracer> {
         &beamlet::internals::geometry::across_edges(&sample),
         &media,
         query,
-        1.0,
     )
     .unwrap();
     let kernels = Arc::new(TraceKernels::new(&device));

@@ -175,7 +175,6 @@ fn tracer(device: &Arc<Device>, backend: Backend, scene: &Scene) -> Tracer {
         &beamlet::internals::geometry::across_edges(&sample),
         &media,
         query,
-        1.0,
     )
     .expect("room");
     let kernels = Arc::new(TraceKernels::new(device));

@@ -57,7 +57,7 @@ fn tracer(device: &Arc<Device>, backend: Backend, transport: Transport) -> Trace
     let sample = geometry::load(&scene).expect("a sample");
     let across = beamlet::internals::geometry::across_edges(&sample);
     let query = backend == Backend::RayQuery;
-    let sample = DeviceSample::upload(device, &scene, &sample, &across, &media, query, 1.0);
+    let sample = DeviceSample::upload(device, &scene, &sample, &across, &media, query);
     let sample = Arc::new(sample.expect("room"));
     let kernels = Arc::new(TraceKernels::new(device));
     Tracer::new(device, &kernels, &sample, backend, transport, Some(BATCH), u32::MAX)

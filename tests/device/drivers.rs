@@ -191,7 +191,7 @@ fn second_driver_gives_the_same_stacks_by_waves() {
 }
 
 #[test]
-fn second_driver_gives_the_same_stacks_under_a_spectrum_and_of_kept_moments() {
+fn second_driver_gives_the_same_stacks_under_a_spectrum() {
     let Some(icd) = icd(SECOND_DRIVER) else { return };
     let folder = tempfile::tempdir().expect("a temporary folder");
     let folder = folder.path();
@@ -205,19 +205,10 @@ fn second_driver_gives_the_same_stacks_under_a_spectrum_and_of_kept_moments() {
         )
         .replace("mu = \"0.51 /cm\"\ndelta = 4.6e-7", "formula = \"C\"\ndensity = \"2 g/cm3\"");
     let pixels = ["--set", "detector.pixels=[16, 2]"];
-    let masks = ["--set", "detector_mask.projected_aperture=20 um"];
     for (run, driver) in [("second", Some(icd.as_path())), ("first", None)] {
-        let keep = [&pixels[..], &["--keep-moments"]].concat();
-        succeeded(&simulate_scene(folder, run, driver, &scene, &keep));
-        let [from, to] = [folder.join(run), folder.join(format!("{run} illuminated"))];
-        let path = folder.join(format!("{run}.toml"));
-        let mut arguments = vec![OsStr::new("illuminate"), from.as_ref(), "--scene".as_ref()];
-        arguments.extend([path.as_ref(), "-o".as_ref(), to.as_ref(), OsStr::new("--format")]);
-        arguments.extend(["npy"].iter().chain(&pixels).chain(&masks).map(OsStr::new));
-        succeeded(&beamlet(driver, &arguments));
+        succeeded(&simulate_scene(folder, run, driver, &scene, &pixels));
     }
     assert_same(folder, "second", "first");
-    assert_same(folder, "second illuminated", "first illuminated");
 }
 
 /// Masks and a detector of few pixels; a test adds objects.
@@ -424,7 +415,7 @@ fn other_drivers_choose_the_same_rays_on_the_device() {
     let of_device =
         ["--backend", "bvh", "--set", "sampling.refine=device", "--set", "sampling.tolerance=1e-3"];
     let heights = ["--set", "sample_mask.shape=rectangle", "--set", "detector_mask.shape=round"];
-    for more in [&[][..], &["--keep-moments"], &heights] {
+    for more in [&[][..], &heights] {
         let options = [&of_device[..], more, &["--overwrite"]].concat();
         let rays = |run: &str, driver: Option<&Path>| {
             succeeded(&simulate_scene(folder, run, driver, SCENE, &options));

@@ -1,9 +1,8 @@
 //! Clones of an engine: shared by threads, closed by the last user, and beside another engine.
 
-use crate::support::{self, engine_with};
-use beamlet::moments::{MomentWriter, StoredMoments};
+use crate::support;
 use beamlet::scene::{Refine, Scene};
-use beamlet::stack::{ArraySink, Format, RunDirectory, Stacks};
+use beamlet::stack::{ArraySink, Stacks};
 use beamlet::{Backend, Control, Engine, EngineOptions, Simulation, Traffic};
 
 const ROD: &str = r#"
@@ -108,24 +107,6 @@ fn dropping_an_engine_while_a_clone_runs_leaves_the_run_whole() {
     begins.recv().expect("a run");
     drop(engine);
     assert!(thread.join().expect("no panic") == expected());
-}
-
-#[test]
-fn stored_moments_may_be_dropped_before_the_scene_that_they_serve_runs() {
-    let folder = tempfile::tempdir().expect("a folder");
-    let path = folder.path().join("run");
-    let mut sink = RunDirectory::create(&path, Format::Npy, false).expect("a directory");
-    let mut keep = MomentWriter::new(&path);
-    let control = Control::default().with_keep(&mut keep);
-    engine_with(options().with_keep_moments(true)).run(&rod(), &mut sink, control).expect("a run");
-    drop(sink);
-    let engine = open();
-    let simulation = {
-        let moments = StoredMoments::open(&path).expect("moments");
-        engine.reilluminate(&moments, &moments.scene().clone()).expect("a simulation")
-    };
-    drop(engine);
-    assert!(!run(&simulation).is_empty());
 }
 
 /// On a CPU device mapped memory is reached directly; staging copies by submissions of their own, as a

@@ -143,7 +143,7 @@ fn every_kernel_works_without_a_message_of_the_validation_layer() {
                     spectrum = { anode = \"tungsten\", kvp = \"60 kV\", nodes = 3 } }";
     let more = [&["--set", spectrum][..], &on_device].concat();
     layer.simulate(None, MESHES, &more);
-    layer.simulate(None, MESHES, &[&more[..], &["--keep-moments"]].concat());
+    layer.simulate(None, MESHES, &[&more[..], &["--set", "sampling.transport=exact"]].concat());
     let random = "sampling={scheme=\"random\", rays=[8, 8]}";
     layer.simulate(None, MESHES, &["--set", random]);
     let heights = ["--set", "sample_mask.shape=rectangle", "--set", "detector_mask.shape=round"];

@@ -26,7 +26,7 @@ const NAMES: [&str; 14] = [
 /// Names that no other literal is.
 const WHOLE: [&str; 6] = ["view_", "step_", ".npy", ".tif", ".exr", ".bin"];
 /// Folders, which no other literal names that is joined to a path.
-const FOLDERS: [&str; 7] = ["flat", "sample", "dark", "counts", "moments", "partial", "retrieved"];
+const FOLDERS: [&str; 6] = ["flat", "sample", "dark", "counts", "partial", "retrieved"];
 /// Stacks, which no other literal has with an ending of a file.
 const STACKS: [&str; 3] = ["flat", "sample", "dark"];
 /// Files of shipped examples, which are no runs.

@@ -1,6 +1,6 @@
 //! Random scenes compared with themselves, changed in ways whose effect on the stacks is known:
 //! mirrored, turned, sampled finer, traced in order, made of facets, on the other backend, with rays chosen in the
-//! other place, in bands, from stored moments, about another axis of rotation (with rough surfaces). In half of the
+//! other place, in bands, about another axis of rotation (with rough surfaces). In half of the
 //! seeds the device chooses the rays.
 //!
 //! A failure prints its seed and its scene. `BEAMLET_SEED=17` repeats it and looks for the smallest
@@ -52,9 +52,7 @@ fn is_taken(relation: Relation, seed: u64) -> bool {
     match relation {
         Relation::Backend if !backends().contains(&Backend::RayQuery) => false,
         _ if only.is_ok() => only.is_ok_and(|name| name == relation.to_string()),
-        Relation::MirroredInX | Relation::Finer | Relation::Facets | Relation::Moments => {
-            seed.is_multiple_of(2)
-        }
+        Relation::MirroredInX | Relation::Finer | Relation::Facets => seed.is_multiple_of(2),
         Relation::MirroredInZ
         | Relation::Turned
         | Relation::Exact

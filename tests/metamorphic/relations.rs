@@ -26,13 +26,11 @@ pub(crate) enum Relation {
     Place,
     /// Rows one by one, with few rays at a time.
     Bands,
-    /// Light from the moments of a run at other mask offsets.
-    Moments,
     /// The axis of rotation farther from the source, and the sample where it was.
     Origin,
 }
 
-pub(crate) const RELATIONS: [Relation; 12] = [
+pub(crate) const RELATIONS: [Relation; 11] = [
     Relation::MirroredInX,
     Relation::MirroredInZ,
     Relation::Turned,
@@ -43,7 +41,6 @@ pub(crate) const RELATIONS: [Relation; 12] = [
     Relation::Random,
     Relation::Place,
     Relation::Bands,
-    Relation::Moments,
     Relation::Origin,
 ];
 
@@ -55,9 +52,6 @@ const SIDES_OF_BALLS: u32 = 256;
 const CELLS: [u32; 2] = [60, 3];
 /// Rays of a pixel along x and z under the scheme `random`.
 const RAYS: [u32; 2] = [150, 20];
-
-/// Distance of the mask offsets of the run whose moments are kept from the offsets of the scene, periods.
-const OTHER_OFFSETS: f64 = 0.31;
 
 /// Distance by which the axis of rotation moves towards the detector, share of the distance between them.
 const ORIGIN: f64 = 0.25;
@@ -83,7 +77,6 @@ impl fmt::Display for Relation {
             Self::Random => "random",
             Self::Place => "other place",
             Self::Bands => "bands",
-            Self::Moments => "moments",
             Self::Origin => "origin",
         })
     }
@@ -122,13 +115,6 @@ impl Relation {
                     Refine::Device => Refine::Host,
                     _ => Refine::Device,
                 };
-            }
-            // Moments of such runs are not kept.
-            Self::Moments if case.scene.has_heights() => return None,
-            Self::Moments => {
-                let mask = case.scene.sample_mask.as_ref()?;
-                let aside = OTHER_OFFSETS * mask.period;
-                changed.scene.scan.mask_offsets.iter_mut().for_each(|offset| *offset += aside);
             }
             Self::Random => {
                 changed.scene.sampling.scheme = Scheme::Random;
@@ -180,7 +166,7 @@ impl Relation {
                 (sampled + 2.0 * lean * largest_delta(scene) * per_angle, 1e-6)
             }
             Self::Random => (sampled, sampled),
-            Self::Place | Self::Moments | Self::Origin => (sampled, 1e-6),
+            Self::Place | Self::Origin => (sampled, 1e-6),
         };
         let rays = matches!(self, Self::Random).then(|| f64::from(RAYS[0] * RAYS[1]));
         Limits { sample, flat, rays }

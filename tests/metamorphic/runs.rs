@@ -3,7 +3,6 @@
 use super::case::Case;
 use super::compare::{Difference, flat_of, largest};
 use super::relations::Relation;
-use super::support::kept::{again, keep};
 use super::support::{Checked, engine, engine_with, leftovers};
 use beamlet::stack::Stacks;
 use beamlet::{Backend, EngineOptions, RunRecord};
@@ -40,13 +39,6 @@ fn in_bands() -> &'static Checked {
     ENGINE.get_or_init(|| engine_with(options))
 }
 
-/// An engine that keeps moments.
-fn keeping() -> &'static Checked {
-    static ENGINE: OnceLock<Checked> = OnceLock::new();
-    let options = EngineOptions::default().with_backend(Backend::Bvh).with_keep_moments(true);
-    ENGINE.get_or_init(|| engine_with(options))
-}
-
 /// Folder of the places of instances.
 pub(crate) fn folder() -> PathBuf {
     let folder = leftovers().join("metamorphic");
@@ -76,15 +68,6 @@ fn checked(stacks: Stacks) -> Result<Run, String> {
     Ok(Run { flat: flat_of(&stacks), sample: stacks.sample, record: stacks.record })
 }
 
-/// The light of a case by the moments of another run of its sample.
-fn by_moments(case: &Case, other: &Case) -> Result<Run, String> {
-    let run = tempfile::tempdir().map_err(|error| error.to_string())?;
-    let path = run.path().join("run");
-    let moments = keep(keeping(), &other.written(&folder(), "places"), &path);
-    let stacks = again(shared(Backend::Bvh), &moments, &case.written(&folder(), "places"));
-    checked(stacks.map_err(|error| error.to_string())?)
-}
-
 /// The largest difference, by its limit, between a case whose run is given and the changed case;
 /// nothing where the relation does not change it.
 pub(crate) fn difference(
@@ -103,7 +86,6 @@ fn compare(relation: Relation, case: &Case, first: &Run) -> Result<Option<Differ
     let Some(changed) = relation.changed(case) else { return Ok(None) };
     let other = match relation {
         Relation::Bands => run_on(in_bands(), &changed),
-        Relation::Moments => by_moments(case, &changed),
         _ => run(&changed, relation.backend()),
     }?;
     assert_eq!(other.record.backend, relation.backend());

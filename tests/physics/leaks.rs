@@ -69,7 +69,6 @@ impl Watch {
                 &beamlet::internals::geometry::across_edges(&sample),
                 &media,
                 query,
-                1.0,
             )
             .expect("room"),
         );

@@ -78,7 +78,6 @@ impl Bench {
             &beamlet::internals::geometry::across_edges(&sample),
             &media,
             query,
-            1.0,
         );
         let sample = Arc::new(sample.expect("room"));
         Tracer::new(&self.device, &self.kernels, &sample, backend, transport, None, u32::MAX)

@@ -1,4 +1,4 @@
-//! The verbs `spectrum`, `material` and `illuminate`, by the real binary.
+//! The verbs `spectrum` and `material`, by the real binary.
 
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
 
@@ -170,51 +170,4 @@ fn wrong_words_are_told_with_what_is_allowed() {
         assert_eq!(output.status.code(), Some(code), "{arguments:?}: {told}");
         assert!(told.contains(wanted) && output.stdout.is_empty(), "{arguments:?}: {told}");
     }
-}
-
-#[test]
-fn scenes_illuminated_side_by_side_have_the_files_of_each_by_itself() {
-    let directory = tempfile::tempdir().unwrap();
-    let here = directory.path();
-    let scene = |aperture: u32| {
-        let masks = format!(
-            "[sample_mask]\ndistance = \"1.2 m\"\nmaterial = \"gold\"\nthickness = \"0.2 mm\"\n\
-             projected_aperture = \"{aperture} um\"\n[scan]\nmask_offsets = [\"-10 um\", \"10 um\"]\n"
-        );
-        SCENE.replace("[materials.resin]", &format!("{masks}[materials.resin]"))
-    };
-    let apertures = [30, 24, 42];
-    for aperture in apertures {
-        std::fs::write(here.join(format!("{aperture}.toml")), scene(aperture)).unwrap();
-    }
-    let succeeds = |arguments: &[&str]| {
-        let output = beamlet(here, arguments);
-        assert!(output.status.success(), "{arguments:?}: {}", text(&output.stderr));
-        text(&output.stdout)
-    };
-    succeeds(&["simulate", "30.toml", "-o", "run", "-q", "--format", "npy", "--keep-moments"]);
-    let names = apertures.map(|aperture| format!("{aperture}.toml"));
-    let scenes = names.iter().flat_map(|name| ["--scene", name]);
-    let common = ["--format", "npy"];
-    let together: Vec<&str> =
-        ["illuminate", "run"].into_iter().chain(scenes).chain(common).collect();
-    let told = succeeds(&[&together[..], &["-o", "together"]].concat());
-    assert_eq!(told.matches("rays     none traced").count(), apertures.len(), "{told}");
-    for (aperture, name) in apertures.iter().zip(&names) {
-        let alone = format!("alone/{aperture}");
-        succeeds(&[&["illuminate", "run", "--scene", name, "-o", &alone], &common[..]].concat());
-        for file in ["flat.npy", "sample.npy"] {
-            let read =
-                |at: &str| std::fs::read(here.join(format!("{at}/{aperture}/{file}"))).unwrap();
-            assert!(read("together") == read("alone"), "{aperture} um: {file}");
-        }
-    }
-    // One that cannot be illuminated is told, and nothing is written.
-    let moved = scene(30).replace("1.21 m", "1.22 m");
-    std::fs::write(here.join("moved.toml"), moved).unwrap();
-    let refused =
-        beamlet(here, &["illuminate", "run", "--scene", "moved.toml", "-o", "moved", "-q"]);
-    assert_eq!(refused.status.code(), Some(1));
-    assert!(text(&refused.stderr).contains("source.distance"), "{}", text(&refused.stderr));
-    assert!(!here.join("moved/sample").exists());
 }

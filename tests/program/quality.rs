@@ -50,9 +50,6 @@ fn runs_have_the_tolerances_of_their_quality() {
         tolerances(["photons = 80000", "angle_tolerance = \"5 nrad\""], ""),
         bits([4e-4, 5e-9])
     );
-    assert_eq!(tolerances(["photons = 80000", ""], "--keep-moments"), bits([1e-4, 30e-9]));
-    let noise = ["photons = 80000", "quality = \"noise\""];
-    assert_eq!(tolerances(noise, "--keep-moments"), bits([4e-4, 10e-9]));
     let set = "--set sampling.quality=fine";
     assert_eq!(tolerances(["photons = 80000", "tolerance = 1e-3"], set), bits([1e-3, 2e-9]));
     // Two offsets settle no angle.
@@ -68,29 +65,6 @@ fn noise_without_photons_is_refused() {
     let text = ended(&output, 1);
     assert!(text.contains("sampling.quality") && text.contains("detector.photons"), "{text}");
     assert!(!directory.path().join("run").exists());
-}
-
-/// The rays of a run have its tolerances, whatever another scene needs.
-#[test]
-fn illuminate_keeps_the_tolerances_of_the_run_and_names_smaller_ones() {
-    let directory = tempfile::tempdir().unwrap();
-    let here = directory.path();
-    traced(here, ["", ""], "--keep-moments");
-    let again = |sampling: &str| {
-        fs::write(here.join("other.toml"), scene("", sampling)).unwrap();
-        let output = run(here, "illuminate run --scene other.toml -o other --overwrite");
-        (ended(&output, 0), of_run(&here.join("other")))
-    };
-    let (text, tolerances) = again("quality = \"fine\"");
-    assert_eq!(tolerances, bits([1e-4, 30e-9]));
-    for part in
-        ["sampling.tolerance", "1e-5", "1e-4", "sampling.angle_tolerance", "2 nrad", "30 nrad"]
-    {
-        assert!(text.contains(part), "{part}: {text}");
-    }
-    let (text, tolerances) = again("tolerance = 1e-3");
-    assert_eq!(tolerances, bits([1e-3, 30e-9]));
-    assert!(!text.contains("sampling."), "{text}");
 }
 
 /// A run goes on with its own numbers, also where the rule of the scene has others by now.
@@ -197,54 +171,6 @@ fn check_estimates_a_run_without_needless_tolerances_and_its_moments() {
     let text = done(here, "check scene.toml");
     assert_eq!(text.matches("is faster: about ").count(), 2, "{text}");
     assert!(text.contains("uses 4e-4 and") && text.contains("uses 10 nrad and"), "{text}");
-    let json = done(here, "check scene.toml --json --set sampling.quality=standard");
-    let report: serde_json::Value = serde_json::from_str(&json).unwrap();
-    let expected = report["work"]["moments_bytes"].as_f64().unwrap();
-    done(
-        here,
-        "simulate scene.toml -o run --keep-moments --format npy --set sampling.quality=standard",
-    );
-    let size = fs::metadata(here.join("run/moments/view_0000.bin")).unwrap().len() as f64;
-    println!("measured moments: {expected} bytes expected, {size} written");
-    assert!((0.3..3.0).contains(&(expected / size)), "{expected} for {size}");
-}
-
-/// Without a scene the run's own is changed, with its photons; without a change its bits are the run's.
-#[test]
-fn illuminate_takes_the_scene_of_the_run_by_default() {
-    let directory = tempfile::tempdir().unwrap();
-    let here = directory.path();
-    traced(here, ["photons = 80000", ""], "--keep-moments");
-    fs::remove_file(here.join("scene.toml")).unwrap();
-    done(here, "illuminate run -o same --format npy");
-    done(here, "illuminate run --set source.spot=60um -o blurred --format npy");
-    let bytes = |name: &str| fs::read(here.join(name)).unwrap();
-    assert!(bytes("run/sample.npy") == bytes("same/sample.npy"));
-    assert!(bytes("run/counts/sample.npy") == bytes("same/counts/sample.npy"));
-    assert!(bytes("run/counts/flat.npy") != bytes("blurred/counts/flat.npy"));
-    let text = fs::read_to_string(here.join("blurred/scene.toml")).unwrap();
-    assert!(text.contains("photons = 80000"), "{text}");
-}
-
-/// Stored cells are compared with a new simulation in some rows of a sample that is seen in many.
-#[test]
-fn illuminate_names_the_rows_in_which_it_compared_stored_cells() {
-    let directory = tempfile::tempdir().unwrap();
-    let here = directory.path();
-    fs::write(here.join("scene.toml"), scene("", "tolerance = 1e-3")).unwrap();
-    done(here, "simulate scene.toml -o run --keep-moments --format npy");
-    let finer = |rows: u32, pitch: u32| {
-        let set = format!(
-            "--set detector.pixels=[6,{rows}] --set detector.pitch=[\"150um\",\"{pitch}um\"]"
-        );
-        run(
-            here,
-            &format!("illuminate run -o other --overwrite {set} --set sampling.tolerance=1e-2"),
-        )
-    };
-    assert!(!stderr(&finer(6, 50)).contains("rows with the sample"));
-    let text = ended(&finer(12, 25), 0);
-    assert!(text.contains("in 8 of about 12 rows with the sample"), "{text}");
 }
 
 /// The word of `sampling.refine` in the scene.toml of a run.

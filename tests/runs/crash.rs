@@ -218,11 +218,6 @@ fn a_run_with_counts_that_is_ended_at_random_moments_goes_on_to_the_same_bytes()
     end_again_and_again(&with_counts(), &["--format", "npy"], VIEWS + 1, 13);
 }
 
-#[test]
-fn a_run_that_keeps_moments_and_is_ended_at_random_moments_goes_on_to_the_same_bytes() {
-    end_again_and_again(&with_counts(), &["--format", "exr", "--keep-moments"], VIEWS + 1, 14);
-}
-
 /// Most of a file on the full disk, in KiB: enough for what a CPU device keeps in files of its
 /// own (its memory is one), too little for sample.npy of [`LARGE`].
 const FULL: u32 = 56 << 10;

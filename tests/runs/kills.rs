@@ -95,8 +95,8 @@ fn kills(place: &Workplace, library: &Path, line: &str, kind: &str) -> u32 {
 
 /// Commands that write folders, and the renames of each at least.
 const FOLDERS: [(&str, u32); 5] = [
-    ("simulate scene.toml -o run -q --format npy --keep-moments --overwrite", 6),
-    ("illuminate run -o again -q --format exr --overwrite", 3),
+    ("simulate scene.toml -o run -q --format npy --overwrite", 3),
+    ("simulate scene.toml -o again -q --format exr --overwrite", 3),
     ("retrieve run -q --format npy --correct dose --overwrite", 4),
     (
         "reconstruct run -o volume -q --quantity mu --method cgls --truth --region rod=cylinder:0mm,0mm,0.2mm \

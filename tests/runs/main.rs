@@ -1,4 +1,4 @@
-//! What is on disk: stacks and moments as they are written and read, runs that were ended, damaged or
+//! What is on disk: stacks as they are written and read, runs that were ended, damaged or
 //! made by others, and inputs at the ends of what is allowed.
 
 #[path = "../support/mod.rs"]
@@ -15,8 +15,6 @@ mod ends;
 mod flats;
 mod frame_order;
 mod integrity;
-mod kept;
-mod kept_error;
 mod kills;
 mod one_patch;
 mod safety;

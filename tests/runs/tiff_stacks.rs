@@ -148,18 +148,6 @@ fn a_damaged_stack_is_told_and_made_again_and_files_of_others_stay() {
 }
 
 #[test]
-fn illuminate_writes_the_stacks_too() {
-    let place = Workplace::new(SCENE);
-    ended(&place.simulate(&["--keep-moments"]), 0);
-    for format in ["npy", "tiff"] {
-        let words = ["illuminate", "run", "--scene", "scene.toml", "-q", "-o", format];
-        ended(&place.beamlet(&[&words[..], &["--format", format]].concat()), 0);
-    }
-    ended(&place.beamlet(&["compare", "npy", "tiff"]), 0);
-    assert!(place.path("tiff/sample.tif").exists() && !place.path("tiff/sample.npy").exists());
-}
-
-#[test]
 fn signed_whole_numbers_are_read() {
     let place = tempfile::tempdir().unwrap();
     let values: Vec<i16> = vec![-300, 0, 7, 32767, -32768, 1];

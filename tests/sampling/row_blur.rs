@@ -1,13 +1,12 @@
 //! Light under every blur along x and along z, by the detector and by the spot, against runs of a much
 //! smaller tolerance. A mesh is taken by means over its facets, which know their light along z by its
-//! line; kept moments know it by rays.
+//! line.
 
 #![allow(clippy::unwrap_used, reason = "tests")]
 
-use crate::support::kept::{again, keep};
-use crate::support::{Worst, engine, engine_with};
+use crate::support::{Worst, engine};
+use beamlet::Backend;
 use beamlet::scene::Scene;
-use beamlet::{Backend, EngineOptions};
 use ndarray::Array4;
 use std::collections::HashMap;
 
@@ -37,35 +36,24 @@ fn plain(scene: &Scene) -> Array4<f32> {
     engine(Backend::Bvh).simulate(scene).unwrap().sample
 }
 
-/// The same by a run that keeps its moments.
-fn kept(scene: &Scene) -> Array4<f32> {
-    let place = tempfile::tempdir().unwrap();
-    let options = EngineOptions::default().with_backend(Backend::Bvh).with_keep_moments(true);
-    let engine = engine_with(options);
-    let stored = keep(&engine, scene, &place.path().join("run"));
-    again(&engine, &stored, scene).unwrap().sample
-}
-
 /// Blurs of 0.04 to 0.53 rows. Rows receive light of the whole ball, so that errors of one sign add up. Values
 /// hold the tolerance but for a quarter: one at the rim errs by 1.12e-4, and by 8e-5 without a blur.
 #[test]
 fn light_under_a_blur_holds_the_tolerance() {
     let blur = |x: u32, z: u32| format!("blur = {{ sigma = [\"{x} um\", \"{z} um\"] }}");
     let cases = [
-        ("none", "26", String::new(), false),
-        ("along x", "26", blur(50, 0), false),
-        ("along z", "26", blur(0, 80), false),
-        ("along both", "26", blur(50, 80), false),
-        ("a fourth of a row", "26", blur(0, 40), false),
-        ("a spot", "200", String::new(), false),
-        ("kept moments, along both", "26", blur(50, 80), true),
+        ("none", "26", String::new()),
+        ("along x", "26", blur(50, 0)),
+        ("along z", "26", blur(0, 80)),
+        ("along both", "26", blur(50, 80)),
+        ("a fourth of a row", "26", blur(0, 40)),
+        ("a spot", "200", String::new()),
     ];
     let mut fine: HashMap<String, Array4<f32>> = HashMap::new();
-    for (name, spot, detector, keeps) in cases {
+    for (name, spot, detector) in cases {
         let key = format!("{spot} {detector}");
         let want = fine.entry(key).or_insert_with(|| plain(&scene(spot, &detector, FINE)));
-        let coarse = scene(spot, &detector, TOLERANCE);
-        let got = if keeps { kept(&coarse) } else { plain(&coarse) };
+        let got = plain(&scene(spot, &detector, TOLERANCE));
         let mut worst = Worst::new("light under a blur", 1.25 * TOLERANCE + FINE);
         for ((place, got), want) in got.indexed_iter().zip(want.iter()) {
             worst.take(f64::from(got - want), || format!("{name}, {place:?}"));

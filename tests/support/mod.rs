@@ -6,7 +6,6 @@
 pub(crate) mod files;
 #[cfg(target_os = "linux")]
 pub(crate) mod gate;
-pub(crate) mod kept;
 pub(crate) mod log;
 #[cfg(feature = "cli")]
 pub(crate) mod program;

@@ -2,7 +2,6 @@
 
 use crate::frames::Frames;
 use crate::layout::RUN;
-use crate::moment_file;
 use crate::progress_log::{Entry, ProgressLog};
 use crate::run_file::{RunFile, RunState};
 use crate::shape::StackShape;
@@ -96,13 +95,9 @@ impl Begun {
     }
 
     /// Refuses a run whose folders or files were moved or removed while it went on.
-    pub(super) fn refuse_missing(&self, path: &Path) -> Result<()> {
+    pub(super) fn refuse_missing(&self) -> Result<()> {
         self.frames.refuse_missing()?;
-        self.counts.as_ref().map_or(Ok(()), Frames::refuse_missing)?;
-        match self.file.keep_moments {
-            true => moment_file::refuse_missing(path, self.part.samples()),
-            false => Ok(()),
-        }
+        self.counts.as_ref().map_or(Ok(()), Frames::refuse_missing)
     }
 }
 

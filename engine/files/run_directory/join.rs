@@ -5,7 +5,6 @@ use super::RunDirectory;
 use super::begun::Begun;
 use crate::frames::Frames;
 use crate::layout::{self, COUNTS, DEVICE, LOG, PLAN, RUN, SHARDS};
-use crate::moment_file;
 use crate::own_files::{remove_file, remove_stacks};
 use crate::plan::Plan;
 use crate::progress_log::{self, Entry, ProgressLog};
@@ -178,7 +177,7 @@ pub fn join(run: &Path, options: JoinOptions<'_>) -> Result<RunRecord> {
         )?,
         None => RunDirectory::at(run.to_path_buf(), plan.format, Some(log)),
     };
-    (directory.is_planned, directory.keep_moments) = (true, plan.keep_moments);
+    directory.is_planned = true;
     directory.allow_mixed = options.allow_mixed;
     directory.command = options.command;
     let joined = joined(directory, &scene, &shards, &record, options.progress, &options.cancel);
@@ -269,9 +268,6 @@ impl Begun {
         }
         if take(&mut self.frames, &from.path)? != entry.sha256 {
             return Err(changed(false));
-        }
-        if let (Exposure::Sample(index), true) = (view, self.file.keep_moments) {
-            moment_file::adopt(path, &from.path, index)?;
         }
         self.log.refuse_moved()?;
         self.log.append(view, entry)
@@ -387,7 +383,6 @@ fn remove_shard(run: &Path, shard: Shard, extent: StackShape) -> Result<()> {
         layout::stack_files().try_for_each(|name| remove_file(&root.join(name)))?;
     }
     let _ = fs::remove_dir(counts);
-    moment_file::remove(&path, extent.views)?;
     let others = [DEVICE, RUN, LOG].into_iter().map(str::to_owned);
     layout::unfinished().chain(others).try_for_each(|name| remove_file(&path.join(name)))?;
     let _ = fs::remove_dir(path);

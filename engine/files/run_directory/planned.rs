@@ -2,7 +2,6 @@
 
 use super::RunDirectory;
 use crate::layout::{self, LOG, RUN};
-use crate::moment_file::MomentWriter;
 use crate::plan::Plan;
 use crate::progress_log::ProgressLog;
 use crate::run_file::{RunFile, RunState};
@@ -64,16 +63,8 @@ impl RunDirectory {
             false => Self::at(path, plan.format, Some(log)),
         };
         (directory.root, directory.shard, directory.is_planned) = (root, Some(shard), true);
-        directory.keep_moments = plan.keep_moments;
         directory.scene_sha256 = Some(plan.scene_sha256);
         Ok(directory)
-    }
-
-    /// Writer of the moments of the rays, where the run keeps them.
-    #[must_use]
-    pub fn moment_writer(&self) -> Option<MomentWriter> {
-        let writer = || MomentWriter::of_shard(self.root.clone(), self.path.clone());
-        self.keep_moments.then(writer)
     }
 
     /// The part of the run that is here; all of it, where it has no shards.

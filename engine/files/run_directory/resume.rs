@@ -17,10 +17,6 @@ use std::path::{Path, PathBuf};
 pub(super) struct Resumed {
     pub(super) file: RunFile,
     pub(super) committed: Vec<Exposure>,
-    /// Views whose frames are whole, even where their moments are not.
-    pub(super) intact: Vec<Exposure>,
-    /// Views of the log that are made again.
-    pub(super) again: Vec<Exposure>,
     /// Differences from the committed state.
     pub(super) problems: Vec<String>,
     /// Counts of the committed views.
@@ -81,7 +77,7 @@ impl RunDirectory {
         let part = shard.map_or(Part::whole(extent), |shard| Part { extent, shard });
         let entries = progress_log::read(&path.join(LOG))?;
         let found = verify::frames(&path, file.format, part, scene, &entries);
-        let mut problems: Vec<String> = found
+        let problems: Vec<String> = found
             .problems
             .into_iter()
             .map(|(view, problem)| match view {
@@ -89,19 +85,11 @@ impl RunDirectory {
                 None => format!("{problem}; repaired, and lost views are simulated again"),
             })
             .collect();
-        let mut committed = found.whole.clone();
-        if file.keep_moments {
-            for (view, problem) in verify::moments([&root, &path], &found.whole) {
-                committed.retain(|other| *other != view);
-                problems.push(format!("{problem}; it is simulated again"));
-            }
-        }
+        let committed = found.whole;
         let counted = committed.iter().map(|view| entries[view].tally).sum();
-        let again = entries.into_keys().filter(|view| !committed.contains(view)).collect();
         let mut run = Self::at(path, file.format, log);
-        (run.root, run.shard, run.keep_moments) = (root, shard, file.keep_moments);
-        run.resumed =
-            Some(Resumed { file, committed, intact: found.whole, again, problems, counted });
+        (run.root, run.shard) = (root, shard);
+        run.resumed = Some(Resumed { file, committed, problems, counted });
         Ok(run)
     }
 
@@ -122,12 +110,6 @@ impl RunDirectory {
     #[must_use]
     pub fn counted(&self) -> Tally {
         self.resumed.as_ref().map_or_else(Tally::default, |resumed| resumed.counted)
-    }
-
-    /// True for a run that is resumed, or a shard of a planned run, if it keeps moments.
-    #[must_use]
-    pub fn keeps_moments(&self) -> bool {
-        self.keep_moments
     }
 
     /// run.json of the run that is resumed.

@@ -311,15 +311,6 @@ impl MaskShape {
         (1.0 / (a * a) - leak / ((1.0 - leak) * (1.0 - leak))).max(0.0)
     }
 
-    /// True if bars do the same to light in the way of them; apertures do not count.
-    pub fn same_bars(&self, other: &Self) -> bool {
-        let of = |mask: &Self| {
-            let Self { thickness, attenuation, transmission, substrate, wall_slope, .. } = mask;
-            [*thickness, *attenuation, *transmission, *substrate, *wall_slope].map(f64::to_bits)
-        };
-        of(self) == of(other) && self.layers == other.layers
-    }
-
     /// Widths of the shadows of the walls at the low and the high edge of an aperture, m, for a ray of this dx/dy.
     pub fn shadows(&self, slope: f64) -> [f64; 2] {
         [self.wall_slope, -self.wall_slope].map(|wall| self.thickness * (slope + wall).abs())

@@ -92,15 +92,6 @@ impl Scene {
         Ok(scene)
     }
 
-    /// Files that the scene refers to and has no hash of.
-    #[must_use]
-    #[doc(hidden)]
-    pub fn files_without_hash(&self) -> Vec<&Path> {
-        let mut paths = self.referenced_files();
-        paths.retain(|path| !self.files.contains_key(*path));
-        paths
-    }
-
     /// Files, meshes too, that do not have the hash that the scene has of them, or cannot be
     /// read: an error each. Files that are not there are left out.
     #[must_use]

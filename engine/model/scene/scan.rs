@@ -306,12 +306,6 @@ impl Scan {
         first + rest / views.max(1) as f64
     }
 
-    /// True if another scan moves the sample as far in a turn.
-    #[doc(hidden)]
-    pub fn has_travel_of(&self, other: &Self) -> bool {
-        self.travel.map(f64::to_bits) == other.travel.map(f64::to_bits)
-    }
-
     /// True if the sample only turns about an upright axis, which may be beside the optical axis.
     #[must_use]
     pub fn is_circle(&self) -> bool {

@@ -1,4 +1,4 @@
-//! The device: simulate, illuminate, check.
+//! The device: simulate, check.
 
 use crate::errors::raised;
 use crate::scene::Scene;
@@ -6,13 +6,9 @@ use crate::stacks::{RunArrays, handed_over, json};
 use crate::work::interruptible;
 use beamlet::check::Check;
 use beamlet::cli_support::start_threads;
-use beamlet::moments::{MomentWriter, StoredMoments};
-use beamlet::ndarray::ArrayView3;
-use beamlet::scene::Exposure;
-use beamlet::stack::{ArraySink, Format, RunDirectory, RunStart, Sink, Stacks, layout};
-use beamlet::{EngineOptions, Error, Result, RunRecord, Tally};
+use beamlet::stack::{ArraySink, Format, RunDirectory, Stacks};
+use beamlet::{EngineOptions, Error, Result};
 use pyo3::prelude::*;
-use std::ops::Range;
 use std::path::PathBuf;
 use std::sync::{Mutex, PoisonError};
 
@@ -20,7 +16,6 @@ use std::sync::{Mutex, PoisonError};
 #[pyclass(frozen, module = "beamlet._beamlet")]
 pub(crate) struct Engine {
     engine: Mutex<Option<beamlet::Engine>>,
-    keep_moments: bool,
 }
 
 /// A word of an option as its type.
@@ -54,7 +49,6 @@ impl Engine {
         device: Option<String>,
         backend: Option<&str>,
         memory_limit: Option<u64>,
-        keep_moments: bool,
         validation: bool,
         profile: bool,
     ) -> PyResult<Self> {
@@ -66,11 +60,10 @@ impl Engine {
             .with_device(device)
             .with_backend(backend)
             .with_memory_limit(memory_limit)
-            .with_keep_moments(keep_moments)
             .with_validation(validation)
             .with_profile(profile);
         let engine = interruptible(py, None, |_| beamlet::Engine::open(&options))?;
-        Ok(Self { engine: Mutex::new(Some(engine)), keep_moments })
+        Ok(Self { engine: Mutex::new(Some(engine)) })
     }
 
     /// Description of the device as JSON.
@@ -89,30 +82,20 @@ impl Engine {
         py.detach(|| engine.is_none_or(beamlet::Engine::close))
     }
 
-    /// Simulates a scene into arrays. `kept`: folder of its scene and moments.
+    /// Simulates a scene into arrays.
     fn simulate<'py>(
         &self,
         py: Python<'py>,
         scene: &Scene,
-        kept: Option<PathBuf>,
         progress: Option<&Bound<'py, PyAny>>,
     ) -> PyResult<RunArrays<'py>> {
         let engine = self.get(py)?;
         let stacks = interruptible(py, progress, |watch| {
             let work = || {
-                let Some(folder) = kept else {
-                    let mut sink = ArraySink::new();
-                    let scene = scene.scene()?;
-                    watch.control(None, |control| engine.run(&scene, &mut sink, control))?;
-                    return finished(sink);
-                };
-                let of_files = scene.scene_with_files(&folder)?;
-                let mut keep = MomentWriter::new(&folder);
-                let mut sink = KeptSink { folder, arrays: ArraySink::new() };
-                watch.control(Some(&mut keep), |control| {
-                    engine.run(&of_files, &mut sink, control)
-                })?;
-                finished(sink.arrays)
+                let mut sink = ArraySink::new();
+                let scene = scene.scene()?;
+                watch.control(|control| engine.run(&scene, &mut sink, control))?;
+                finished(sink)
             };
             work().map_err(|error| scene.located(error))
         })?;
@@ -147,9 +130,8 @@ impl Engine {
                     }
                     RunDirectory::create(&path, format, overwrite)?
                 };
-                let mut sink = sink.keep_moments(self.keep_moments).command("python");
-                let mut keep = self.keep_moments.then(|| MomentWriter::new(&path));
-                watch.control(keep.as_mut(), |control| {
+                let mut sink = sink.command("python");
+                watch.control(|control| {
                     let control = control.going_on(&sink);
                     engine.run(&scene, &mut sink, control)
                 })
@@ -157,31 +139,6 @@ impl Engine {
             work().map_err(|error| scene.located(error))
         })?;
         json(&record)
-    }
-
-    /// Makes the stacks of a scene from the moments in `kept`.
-    fn illuminate<'py>(
-        &self,
-        py: Python<'py>,
-        kept: PathBuf,
-        scene: &Scene,
-        progress: Option<&Bound<'py, PyAny>>,
-    ) -> PyResult<RunArrays<'py>> {
-        let engine = self.get(py)?;
-        let stacks = interruptible(py, progress, |watch| {
-            let work = || {
-                let moments = StoredMoments::open(&kept)?;
-                let scene = scene.scene_with_files(&kept)?;
-                let mut sink = ArraySink::new();
-                watch.control(None, |mut control| {
-                    let ready = engine.reilluminate_with(&moments, &scene, &mut control)?;
-                    ready.run(&mut sink, control)
-                })?;
-                finished(sink)
-            };
-            work().map_err(|error| scene.located(error))
-        })?;
-        handed_over(py, stacks)
     }
 
     /// Checks a scene: the report as text and as JSON.
@@ -196,7 +153,7 @@ impl Engine {
             let work = || {
                 let scene = scene.scene()?;
                 let check = Check::of(&scene).with_engine(&engine);
-                watch.control(None, |mut control| check.run_with(&mut control))
+                watch.control(|mut control| check.run_with(&mut control))
             };
             work().map_err(|error| scene.located(error))
         })?;
@@ -207,47 +164,6 @@ impl Engine {
 /// The stacks of a run that has ended.
 fn finished(sink: ArraySink) -> Result<Stacks> {
     sink.into_stacks().ok_or(Error::Interrupted)
-}
-
-/// Arrays, and the scene of the run in a folder, to which its moments belong.
-struct KeptSink {
-    folder: PathBuf,
-    arrays: ArraySink,
-}
-
-impl Sink for KeptSink {
-    fn begin(&mut self, scene: &beamlet::scene::Scene, start: &RunStart) -> Result<()> {
-        let text = scene.to_toml(&self.folder, &start.mesh_hashes, &[])?;
-        let path = self.folder.join(layout::SCENE);
-        std::fs::write(&path, text)
-            .map_err(|error| Error::file(&path, "cannot be written", Some(error)))?;
-        self.arrays.begin(scene, start)
-    }
-
-    fn write(&mut self, view: Exposure, rows: Range<u32>, data: ArrayView3<'_, f32>) -> Result<()> {
-        self.arrays.write(view, rows, data)
-    }
-
-    fn write_counts(
-        &mut self,
-        view: Exposure,
-        rows: Range<u32>,
-        numbers: ArrayView3<'_, f32>,
-    ) -> Result<()> {
-        self.arrays.write_counts(view, rows, numbers)
-    }
-
-    fn tally(&mut self, view: Exposure, tally: &Tally) -> Result<()> {
-        self.arrays.tally(view, tally)
-    }
-
-    fn commit(&mut self, view: Exposure) -> Result<()> {
-        self.arrays.commit(view)
-    }
-
-    fn finish(&mut self, record: &RunRecord) -> Result<()> {
-        self.arrays.finish(record)
-    }
 }
 
 /// Every device that Vulkan shows, as JSON.

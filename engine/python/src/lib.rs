@@ -6,7 +6,7 @@
 //! | `work.rs` | long work on a thread: signals, progress, its end with the process |
 //! | `scene.rs` | scenes, and meshes given as arrays |
 //! | `stacks.rs` | arrays of numpy from and to the engine |
-//! | `engine.rs` | the device: simulate, illuminate, check |
+//! | `engine.rs` | the device: simulate, check |
 //! | `retrieve.rs` | retrieval |
 //! | `reconstruct.rs` | scans, sinograms and the projector |
 //! | `volume.rs`, `lost_views.rs` | volumes; views that lost their refraction |

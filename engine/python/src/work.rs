@@ -2,7 +2,6 @@
 
 use crate::errors::raised;
 use beamlet::cli_support::{is_fork, start_threads};
-use beamlet::moments::MomentWriter;
 use beamlet::{Cancel, Control, Error, Progress, RowsControl};
 use pyo3::exceptions::PyRuntimeError;
 use pyo3::prelude::*;
@@ -84,12 +83,8 @@ impl Watch {
         *locked(&self.latest) = Some((step.into(), share));
     }
 
-    /// Runs `work` with the control of a simulation, which keeps moments where there is a writer.
-    pub(crate) fn control<T>(
-        &self,
-        keep: Option<&mut MomentWriter>,
-        work: impl FnOnce(Control<'_>) -> T,
-    ) -> T {
+    /// Runs `work` with the control of a simulation.
+    pub(crate) fn control<T>(&self, work: impl FnOnce(Control<'_>) -> T) -> T {
         let mut progress = |progress: Progress| match progress {
             Progress::Views(views) => self.report("views", Some(views.share)),
             Progress::Loading(loading) => {
@@ -98,7 +93,7 @@ impl Watch {
             _ => {}
         };
         let control = Control::default().with_cancel(self.cancel.clone());
-        work(control.with_progress(&mut progress).with_keep(keep))
+        work(control.with_progress(&mut progress))
     }
 
     /// Runs `work` with the control of a retrieval, `step` by its name.

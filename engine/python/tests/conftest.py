@@ -45,8 +45,8 @@ def scene() -> bl.Scene:
 
 @pytest.fixture(scope="session")
 def engine() -> Iterator[bl.Engine]:
-    """An engine that keeps moments."""
-    with bl.Engine(keep_moments=True) as engine:
+    """The engine of all tests."""
+    with bl.Engine() as engine:
         yield engine
 
 

@@ -44,7 +44,7 @@ def test_arrays_equal_the_files_of_a_run_and_of_the_program(
     assert isinstance(stored.sample, np.memmap)
     program = tmp_path / "program"
     words = ["simulate", noisy.save(tmp_path / "scene"), "-o", str(program), "--format", "npy", "-q",
-             "--set", "sampling.seed=7", "--keep-moments"]
+             "--set", "sampling.seed=7"]
     subprocess.run([sys.executable, "-m", "beamlet", *words], check=True)
     other = bl.Run.open(program)
     assert run.counts and stored.counts and other.counts
@@ -105,17 +105,6 @@ def test_axes_are_places_of_pixels(scene: bl.Scene, engine: bl.Engine) -> None:
     assert np.allclose(step.values, np.linspace(-20e-6, 20e-6, 5)) and step.unit == "m"
     assert np.allclose(column.values, (np.arange(24) - 11.5) * 150e-6)
     assert np.allclose(row.values, (1.5 - np.arange(4)) * 150e-6)
-
-
-def test_moments_serve_other_masks(scene: bl.Scene, engine: bl.Engine) -> None:
-    run = engine.simulate(scene)
-    narrow = scene.replace("detector_mask.projected_aperture", "20 um")
-    made = run.illuminate(narrow)
-    again = engine.simulate(narrow)
-    assert np.abs(made.sample - again.sample).max() < 2e-4
-    assert made.illuminate(scene).flat.shape == run.flat.shape
-    with bl.Engine() as plain, pytest.raises(bl.ArgumentError, match="keep_moments"):
-        plain.simulate(scene).illuminate(narrow)
 
 
 def test_retrieval_in_memory_is_that_of_the_program(

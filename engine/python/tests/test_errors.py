@@ -150,9 +150,6 @@ def test_meshes_of_arrays_and_of_files_are_alike(
     assert np.array_equal(run.sample, engine.simulate(b, seed=1).sample)
     stored = engine.simulate_to(a, tmp_path / "run", seed=1)
     assert np.array_equal(run.sample, stored.sample)
-    moved = a.replace("detector_mask.projected_aperture", "20 um")
-    assert np.array_equal(run.illuminate(moved).sample, stored.illuminate(
-        stored.scene.replace("detector_mask.projected_aperture", "20 um")).sample)
     assert engine.check(a).refusals == []
     # Meshes are no part of what `replace` reads again.
     assert a.replace("object.body.material", "gold").shape == a.shape
@@ -189,13 +186,11 @@ def test_a_mesh_of_arrays_in_two_units_is_two_sizes(engine: bl.Engine, tmp_path:
                             "position": ["-1 mm", "0 mm", "0 mm"]})
     both = bl.Scene.from_dict(scene)
     alike = both.replace("object.small.unit", "mm")
-    # Without moments meshes stay in memory; moments and run directories have files of them.
-    with bl.Engine() as plain:
-        expected = plain.simulate(both, seed=1).sample
-        stored = plain.simulate_to(both, tmp_path / "run", seed=1).sample
-        assert np.allclose(stored, expected, atol=1e-6)
-        assert np.abs(plain.simulate(alike, seed=1).sample - expected).max() > 3e-3
-    assert np.allclose(engine.simulate(both, seed=1).sample, expected, atol=1e-3)
+    # Meshes stay in memory; run directories have files of them.
+    expected = engine.simulate(both, seed=1).sample
+    stored = engine.simulate_to(both, tmp_path / "run", seed=1).sample
+    assert np.allclose(stored, expected, atol=1e-6)
+    assert np.abs(engine.simulate(alike, seed=1).sample - expected).max() > 3e-3
 
 
 def test_stacks_of_other_shapes_and_types(engine: bl.Engine, scene: bl.Scene) -> None:
@@ -267,7 +262,6 @@ def test_other_things_than_scenes_and_quantities_are_named(scene: bl.Scene, engi
         (lambda: engine.simulate(SCENE, seed=1), "scene"),  # type: ignore[arg-type]
         (lambda: engine.check("scene.toml"), "scene"),  # type: ignore[arg-type]
         (lambda: engine.ideal(run), "scene"),  # type: ignore[arg-type]
-        (lambda: run.illuminate(SCENE), "scene"),  # type: ignore[arg-type]
         (lambda: bl.spectrum(SCENE), "scene"),  # type: ignore[arg-type]
         (lambda: bl.view(3), "what"),  # type: ignore[arg-type]
         (lambda: bl.view(scene, format="gif"), "format"),  # type: ignore[arg-type]
@@ -295,8 +289,6 @@ def test_scenes_and_results_are_pickled_and_copied(
         assert np.array_equal(engine.simulate(way(scene), seed=3).sample, run.sample)
         other = way(run)
         assert np.array_equal(other.sample, run.sample) and other.axes[1].unit == "m"
-        with pytest.raises(bl.ArgumentError, match="keep_moments"):
-            other.illuminate(scene)
         assert np.array_equal(way(images).transmission, images.transmission, equal_nan=True)
     scene.save(tmp_path)
     monkeypatch.chdir(tmp_path)

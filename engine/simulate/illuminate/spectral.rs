@@ -32,7 +32,6 @@ use std::ops::Range;
 use sums::{BandSums, Terms};
 
 pub(crate) use bars::MaskTransmissionCache;
-pub use exact::NARROW;
 pub(crate) use on_device::EnergyTables;
 
 /// Groups with less light than this, of open beam, are left out, and nodes at the ends of the
@@ -120,7 +119,7 @@ impl EnergyBinning {
         passing([0, 1].map(|i| self.masks[i].as_ref().map(|mask| mask[node].leak(1.0))), group)
     }
 
-    /// Cells of cell rows whose moments were kept, as light: one list per group, then one per node.
+    /// Cells of cell rows with moments, as light: one list per group, then one per node.
     /// `known`: findings about the cell rows before.
     ///
     /// # Errors

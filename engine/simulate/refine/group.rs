@@ -35,10 +35,7 @@ impl Touched {
         let sampling = &view.optics.sampling;
         let columns = sampling.cells.unwrap_or(BASE_COLUMNS);
         let inside = [columns, sampling.rows.max(BASE_ROWS)];
-        let outside = match view.response.any_masks {
-            true => inside,
-            false => [columns.min(BASE_COLUMNS_OUTSIDE), 1],
-        };
+        let outside = [columns.min(BASE_COLUMNS_OUTSIDE), 1];
         let mut base = HashMap::new();
         for bounds in view.projected_bounds {
             let own = dense_for(bounds, lattice.period);

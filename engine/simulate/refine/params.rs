@@ -21,8 +21,6 @@ const LEAST_SHARE: f64 = 2e-5;
 const LEAST_HEIGHT: f32 = 1.0 / 8192.0;
 /// Steps of f32 coordinates beside a rectangle, share of the period and of a row.
 const BESIDE: f32 = 2.4e-7;
-/// Rows whose light counts where it serves any masks and energies.
-const ANY_ROWS: Range<i64> = -(1 << 30)..1 << 30;
 /// Standard deviations that a blur reaches.
 const BLURS: f64 = 6.5;
 
@@ -66,8 +64,7 @@ fn of_set_up(view: &ViewContext<'_>, tables: &Tables, of: RefineParams) -> Refin
     let period = single(lattice.period);
     let share = if response.steps() == 1 { SHARE[1] } else { SHARE[0] };
     let least = (LEAST_SHARE * lattice.period).min(LEAST_WIDTH);
-    let any = response.any_masks;
-    let recorded = if any { ANY_ROWS } else { view.recorded_rows() };
+    let recorded = view.recorded_rows();
     let [openings, windows, hardening] = tables.addresses();
     let at_analyser = optics.analyser / detector.distance;
     let [part_shares, part_ratios] = response.hardening.refraction();
@@ -90,7 +87,7 @@ fn of_set_up(view: &ViewContext<'_>, tables: &Tables, of: RefineParams) -> Refin
         row_slope: single(-detector.row_slope()),
         magnification: response.magnification,
         analyser: single(optics.analyser),
-        half_width: if any { f32::MAX } else { single(half + optics.analyser_pixel()) },
+        half_width: single(half + optics.analyser_pixel()),
         gap: single(optics.gap()),
         ratio: single(at_analyser),
         row_pitch: single(detector.pitch[1]),

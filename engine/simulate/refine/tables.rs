@@ -62,9 +62,7 @@ impl Tables {
             .collect();
         let mut values = Vec::new();
         let mut windows = Vec::new();
-        // Light that serves any masks is not seen by windows.
-        let kinds = if response.any_masks { &[] } else { &response.windows[..] };
-        for kind in kinds {
+        for kind in &response.windows {
             let numbers = kind.numbers();
             let buffer = device.upload("windows on the analyser", &numbers)?;
             windows.push(WindowTable {

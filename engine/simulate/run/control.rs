@@ -4,7 +4,6 @@ use beamlet_core::cancel::Cancel;
 use beamlet_core::error::Result;
 use beamlet_core::setters;
 use beamlet_core::tally::Tally;
-use beamlet_files::moment_file::MomentWriter;
 use beamlet_files::{RunDirectory, Shard};
 use beamlet_geometry as geometry;
 use beamlet_geometry::{LoadProgress, LoadStep, Sample, Watcher};
@@ -43,10 +42,6 @@ pub struct Control<'a> {
     /// Counts of the views made earlier ([`beamlet_files::RunDirectory::counted`]), which are added to the
     /// run's own tally.
     pub counted: Tally,
-    /// Keeps the moments of the rays, for `Engine::reilluminate`; the engine must have
-    /// been opened with [`beamlet_gpu::EngineOptions::keep_moments`]. Cells only; refused where the scene
-    /// is itself made from kept moments.
-    pub keep: Option<&'a mut MomentWriter>,
 }
 
 impl<'a> Control<'a> {
@@ -61,8 +56,6 @@ impl<'a> Control<'a> {
         with_skip(skip: Vec<Exposure>);
         /// Sets the counts of the views made earlier.
         with_counted(counted: Tally);
-        /// Sets what keeps the moments of the rays.
-        with_keep(keep: impl Into<Option<&'a mut MomentWriter>>);
     }
 }
 

@@ -1,6 +1,6 @@
 //! Tolerances of a run by the quality of its scene (docs/scene.md, "sampling").
 
-use beamlet_core::{Result, printed};
+use beamlet_core::Result;
 use beamlet_model::media::MaterialTable;
 use beamlet_model::optics::{self, Optics, ThinCurve};
 use beamlet_model::scene::{Counts, Quality, Scene, Tolerances};
@@ -13,58 +13,22 @@ const SHARE: f64 = 0.1;
 const LIGHT: [f64; 2] = [1e-5, 1e-3];
 const ANGLE: [f64; 2] = [2e-9, 100e-9];
 
-/// The scene with a number for each tolerance. `keeps_moments`: rays of the run serve other scenes, whose
-/// noise is unknown.
+/// The scene with a number for each tolerance.
 ///
 /// # Errors
 /// Errors of the materials of masks and beam.
-pub fn resolved(scene: &Scene, keeps_moments: bool) -> Result<Scene> {
+pub fn resolved(scene: &Scene) -> Result<Scene> {
     let mut resolved = scene.clone();
     if scene.sampling.tolerance.is_none() || scene.sampling.angle_tolerance.is_none() {
-        resolved.sampling.fill(tolerances(scene, keeps_moments)?);
+        resolved.sampling.fill(tolerances(scene)?);
     }
     Ok(resolved)
 }
 
-/// The scene with the tolerances of the run that traced its rays; a larger number of its own holds. Warns
-/// where the scene needs smaller ones.
-///
-/// # Errors
-/// As [`resolved`].
-pub(crate) fn as_traced(scene: &Scene, run: &Scene) -> Result<Scene> {
-    let traced = resolved(run, true)?.sampling.tolerances();
-    let wanted = resolved(scene, false)?.sampling.tolerances();
-    let mut own = scene.clone();
-    let sampling = &mut own.sampling;
-    let in_open_beam = |value: f64| format!("{value:e} of open beam");
-    let in_nrad = |value: f64| format!("{} nrad", printed::number(value * 1e9));
-    hold(&mut sampling.tolerance, [traced.light, wanted.light], "tolerance", in_open_beam);
-    hold(&mut sampling.angle_tolerance, [traced.angle, wanted.angle], "angle_tolerance", in_nrad);
-    Ok(own)
-}
-
-/// Sets a tolerance to the run's, unless the scene gives a larger one.
-fn hold(
-    given: &mut Option<f64>,
-    [traced, wanted]: [f64; 2],
-    key: &str,
-    text: impl Fn(f64) -> String,
-) {
-    *given = Some(given.map_or(traced, |given| given.max(traced)));
-    if wanted < traced * (1.0 - SAME) {
-        log::warn!(
-            "sampling.{key}: the scene requires {}, but the stored rays have {}, which is used; \
-             simulate the scene for smaller errors",
-            text(wanted),
-            text(traced)
-        );
-    }
-}
-
 /// Rule of a scene that gives none.
-pub(crate) fn quality(scene: &Scene, keeps_moments: bool) -> Quality {
+pub(crate) fn quality(scene: &Scene) -> Quality {
     let counts = scene.detector.counts.is_some();
-    let default = if counts && !keeps_moments { Quality::Noise } else { Quality::Standard };
+    let default = if counts { Quality::Noise } else { Quality::Standard };
     scene.sampling.quality.unwrap_or(default)
 }
 
@@ -73,8 +37,8 @@ pub(crate) fn quality(scene: &Scene, keeps_moments: bool) -> Quality {
 /// # Errors
 ///
 /// [`beamlet_core::Error::Scene`] where noise has no open beam to be compared with.
-pub fn tolerances(scene: &Scene, keeps_moments: bool) -> Result<Tolerances> {
-    match (quality(scene, keeps_moments), &scene.detector.counts) {
+pub fn tolerances(scene: &Scene) -> Result<Tolerances> {
+    match (quality(scene), &scene.detector.counts) {
         (Quality::Fine, _) => Ok(Tolerances::FINE),
         (Quality::Noise, Some(counts)) => by_noise(scene, counts),
         (Quality::Noise | Quality::Standard, _) => Ok(Tolerances::STANDARD),
@@ -98,9 +62,6 @@ fn limited(deviation: f64, [least, most]: [f64; 2]) -> f64 {
     let text = format!("{:.0e}", (value / digit).round() * digit);
     text.parse().unwrap_or(value)
 }
-
-/// Rounding of numbers that count as the same.
-const SAME: f64 = 1e-9;
 
 /// Variance of a value of the detector by its light, shares of open beam.
 #[derive(Debug, Clone, Copy)]

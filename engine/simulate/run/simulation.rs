@@ -3,7 +3,6 @@
 mod backend;
 pub mod cells;
 mod edges;
-mod kept_error;
 mod prepare;
 mod rays;
 mod seconds;
@@ -12,7 +11,6 @@ mod work;
 
 use crate::detector::{self, DetectorModel};
 use crate::illuminate::EnergyBinning;
-use crate::moments::{self, StoredSource};
 use crate::refine::{CellMaker, RefineRoom};
 use crate::run::Control;
 use crate::run::memory::MemoryEstimate;
@@ -21,10 +19,9 @@ use crate::sampling::{self, ErrorBudget, Lattice, ProjectedBounds, Response};
 use crate::trace::{DeviceSample, Tracer};
 use crate::wave::{self, WavePlans};
 pub use backend::choose;
-use beamlet_core::cancel::Cancel;
 use beamlet_core::parallel::start_threads;
 use beamlet_core::tally::Tally;
-use beamlet_core::{Error, Result, numbers};
+use beamlet_core::{Result, numbers};
 use beamlet_files as stack;
 use beamlet_files::{RunProfile, RunRecord, RunStart, SamplingSummary, Sink, StackShape};
 use beamlet_geometry::Sample;
@@ -36,16 +33,6 @@ use side_by_side::{Handed, side_by_side};
 use std::sync::Arc;
 use std::time::Instant;
 use work::ViewWork;
-
-/// Cells per ray of a run that keeps moments: 0.3 to 0.7 of them in the shipped experiments and a laboratory
-/// set-up.
-const KEPT_CELLS: f64 = 0.4;
-/// Cells that a run stores, per ray of a run without moments, which takes a third to all of its rays.
-const CELLS_IF_KEPT: f64 = 1.0;
-/// Pixels of all views above which the size of moments is estimated.
-const MANY_PIXELS: f64 = 2e4;
-/// Bytes of moments above which the estimate is announced.
-const MANY_BYTES: u64 = 200_000_000;
 
 /// One scene, ready on a device. It owns its parts: the engine may be dropped, and the simulation may be
 /// sent to another thread.
@@ -61,11 +48,11 @@ pub struct Simulation {
     facets: sampling::SampleFacets,
     media: MaterialTable,
     lattice: Lattice,
-    /// For a spectrum or kept moments, by cells.
+    /// For a spectrum, by cells.
     spectral: Option<EnergyBinning>,
     /// Lines of rays in place of cells, for waves.
     wave: Option<WavePlans>,
-    /// For what moments of the rays that bound cells are kept.
+    /// Moments of the rays that bound cells, under a spectrum.
     recording: Option<sampling::MomentRecording>,
     /// Effect of changes of a cell on recorded values.
     response: Arc<Response>,
@@ -73,8 +60,6 @@ pub struct Simulation {
     leaks: [f64; 2],
     /// Error that sampling may leave in them.
     budget: ErrorBudget,
-    /// Moments that another run kept, in place of rays.
-    stored: Option<StoredSource>,
     memory: MemoryEstimate,
     /// The same with one view at a time.
     alone: MemoryEstimate,
@@ -167,7 +152,6 @@ impl Simulation {
     fn cell_maker(&self) -> CellMaker {
         match &self.spectral {
             None => CellMaker::OneEnergy,
-            Some(_) if self.options().keep_moments => CellMaker::Host,
             Some(_) if self.scene.sampling.transport == Transport::Exact => CellMaker::Host,
             Some(_) => CellMaker::Spectrum,
         }
@@ -176,23 +160,6 @@ impl Simulation {
     /// Words of a ray's moments.
     pub(super) fn moment_words(&self) -> usize {
         self.media.moment_words()
-    }
-
-    /// Bytes of kept moments by the rays of this simulation, right to a factor of two; `None` where random
-    /// rays or waves make the light.
-    #[doc(hidden)]
-    pub fn moments_of_rays(&self) -> Option<impl Fn(f64) -> u64 + use<>> {
-        let each = moments::cell_bytes(self.moment_words());
-        // Rows whose blur reaches the detector are sampled in full where moments are kept.
-        let rows = f64::from(self.detector.optics().detector.pixels[1]);
-        let beside = (2 * self.lattice.blur_rows) as f64 / rows;
-        let cells = match self.options().keep_moments {
-            true => KEPT_CELLS,
-            false => CELLS_IF_KEPT * (1.0 + beside),
-        };
-        let bytes = move |rays: f64| numbers::whole::<u64>(cells * rays * each as f64);
-        let is_kept = self.scene.sampling.scheme == Scheme::Cells && self.wave.is_none();
-        is_kept.then_some(bytes)
     }
 
     /// Effect of changes of a cell on recorded values at the mask offsets of a view.
@@ -204,7 +171,6 @@ impl Simulation {
                 optics,
                 &self.lattice,
                 (self.leaks, &self.response.hardening),
-                self.options().keep_moments,
                 list,
             )),
         }
@@ -258,24 +224,9 @@ impl Simulation {
         Tally { defective_objects: self.defective_objects(), ..*tally }.refuse_unbalanced()
     }
 
-    /// Says how much a run will keep, where that is much.
-    fn announce_moments(&self, cancel: &Cancel) -> Result<()> {
-        let pixels: f64 = self.scene.detector.pixels.map(f64::from).iter().product();
-        let Some(bytes) = self.moments_of_rays() else { return Ok(()) };
-        if pixels * self.scene.scan.views() as f64 >= MANY_PIXELS {
-            let bytes = bytes(self.estimate_until(cancel)?.rays);
-            if bytes >= MANY_BYTES {
-                log::warn!("moments of all views: about {:.1} GB", bytes as f64 / 1e9);
-            }
-        }
-        Ok(())
-    }
-
     /// Number of views that are made side by side.
-    fn lanes(&self, views: usize, control: &Control<'_>) -> usize {
-        // Kept moments are committed in their order.
-        let most = if control.keep.is_some() { 1 } else { self.memory.views_at_once };
-        views.min(numbers::length(most.into())).max(1)
+    fn lanes(&self, views: usize) -> usize {
+        views.min(numbers::length(self.memory.views_at_once.into())).max(1)
     }
 
     /// Makes the views that are not made yet one after another, and hands them to the sink.
@@ -295,9 +246,6 @@ impl Simulation {
             let own = tally.since(before);
             before = tally;
             sink.tally(*view, &own)?;
-            if let (Exposure::Sample(index), Some(keep)) = (*view, control.keep.as_mut()) {
-                keep.commit(index, self.moment_words())?;
-            }
             sink.commit(*view)?;
             made.add(own);
         }
@@ -327,14 +275,6 @@ impl Simulation {
     /// ```
     pub fn run(&self, sink: &mut dyn Sink, mut control: Control<'_>) -> Result<RunRecord> {
         start_threads()?;
-        if self.stored.is_some() && control.keep.is_some() {
-            let found = "keeping moments while illuminating stored moments";
-            return Err(Error::argument("control.keep", found, "a simulation that traces"));
-        }
-        if control.keep.is_some() && self.scene.scan.poses_of_view() > 1 {
-            let found = "a fly scan with --keep-moments";
-            return Err(Error::scene("scan.fly", found, "no fly scan, or no --keep-moments"));
-        }
         if let Some(warning) = detector::offset_warning(&self.scene) {
             log::warn!("{warning}");
         }
@@ -343,22 +283,17 @@ impl Simulation {
         let warning =
             edges.as_ref().and_then(|it| it.warning(self.scene.sampling.tolerances().light));
         warning.into_iter().for_each(|text| log::warn!("{text}"));
-        let kept = self.kept_error(&control)?;
-        if control.keep.is_some() {
-            self.announce_moments(&control.cancel)?;
-        }
         let extent = StackShape::of(&self.scene)?;
         let views: Vec<Exposure> = stack::views(&self.scene)?
             .filter(|view| control.shard.has(*view, extent) && !control.skip.contains(view))
             .collect();
         let cancel = control.cancel.of_part();
-        let lanes = self.lanes(views.len(), &control);
+        let lanes = self.lanes(views.len());
         let memory = if lanes > 1 { self.memory } else { self.alone };
         let lane = |_| ViewWork::new(self, &views, &cancel, memory);
         let mut work = (0..lanes).map(lane).collect::<Result<Vec<_>>>()?;
         // Last of all, so that a run that cannot start writes nothing.
         sink.begin(&self.scene, &self.start)?;
-        control.keep.as_mut().map_or(Ok(()), |keep| keep.begin_run())?;
         let device = Some(self.device().clone());
         let mut made = Handed { tally: control.counted, device, ..Handed::default() };
         let prepared = self.device().traffic();
@@ -384,7 +319,7 @@ impl Simulation {
         let tally = Tally { defective_objects: self.defective_objects(), ..counted };
         let record = RunRecord {
             tally,
-            sampling: kept.or_else(|| SamplingSummary::of(&tally, self.budget.tolerance)),
+            sampling: SamplingSummary::of(&tally, self.budget.tolerance),
             edge_error: edges.map(|edges| edges.error),
             seconds: [
                 ("prepare", self.prepared_in),

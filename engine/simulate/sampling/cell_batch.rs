@@ -88,13 +88,6 @@ impl CellBatch {
         })
     }
 
-    /// The cell rows of some detector rows.
-    pub(crate) fn of_rows(&self, rows: &Range<i64>) -> Self {
-        let some = self.cell_rows.iter().filter(|it| rows.contains(&i64::from(it.row)));
-        let some: Vec<CellRow> = some.copied().collect();
-        if some.len() == self.cell_rows.len() { self.clone() } else { self.part(&some) }
-    }
-
     /// Some of the cell rows with their cells.
     fn part(&self, rows: &[CellRow]) -> Self {
         let words = self.moments.ends.len() / self.cells.len().max(1);

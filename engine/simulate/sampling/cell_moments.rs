@@ -1,4 +1,4 @@
-//! Moments kept with cells, for other energies, masks or steps than those they were traced for.
+//! Moments of the rays that bound cells, for other energies than those they were traced for.
 
 use crate::trace::grazing;
 use beamlet_interface::{FLAG_DRAWN, Ray, RayResult};

@@ -132,7 +132,7 @@ pub(super) struct Estimator<'a> {
     pub(super) landing_edges: Option<EdgesAlongZ>,
     /// Edges of the sample mask along z.
     pub(super) lit_edges: Option<EdgesAlongZ>,
-    /// There are other energies, or moments are kept for them: light moves otherwise there.
+    /// True if cells serve several energies, whose displacements differ.
     pub(super) other_energies: bool,
     /// Parts of the spot take light to rows of their own; not behind apertures that end along z, where no cell has
     /// shares of rows.

@@ -68,13 +68,6 @@ fn edge_blur(optics: &Optics) -> f64 {
 }
 
 impl Lattice {
-    /// True if cells have the positions and landing points of another lattice, whatever the fineness of its
-    /// sampling and of its blocks of rows.
-    #[must_use]
-    pub(crate) fn places_like(&self, other: &Self) -> bool {
-        *self == Self { cells: self.cells, alike_rows: self.alike_rows, ..other.clone() }
-    }
-
     /// The lattice of optics around a sample whose strongest material has this delta.
     #[must_use]
     pub fn of(optics: &Optics, delta: f64) -> Self {
@@ -173,11 +166,6 @@ impl Lattice {
     /// Standard deviation of the blur over rows, rows.
     pub(crate) const fn row_blur(&self) -> f64 {
         self.row_spread.blur
-    }
-
-    /// Rows beside one from which the spot blurs light into it, but for a fortieth: two deviations, rounded.
-    pub(crate) fn rows_blurred_into(&self) -> i64 {
-        numbers::whole::<i64>((2.0 * self.row_spread.blur).round())
     }
 
     /// Shares of light spread evenly over [top, bottom] of a row that land in the row above and

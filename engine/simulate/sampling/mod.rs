@@ -49,9 +49,7 @@ mod walls;
 mod windows;
 
 pub(crate) use base_lattice::{BaseLattice, ROWS_TOGETHER};
-pub(crate) use cell_batch::{
-    CellBatch, blank_cell_rows, blank_cells, empty_cell, empty_cell_row, empty_cell_rows,
-};
+pub(crate) use cell_batch::{CellBatch, blank_cells, empty_cell_row, empty_cell_rows};
 pub(crate) use cell_moments::{CellMoments, ExactCell};
 pub(crate) use edges_along_z::EdgesAlongZ;
 pub(crate) use error_budget::ErrorBudget;

@@ -19,7 +19,7 @@ use rayon::prelude::*;
 /// follow from a result.
 const LEAST_CONTRAST: f64 = 0.05;
 
-/// For what moments are kept.
+/// What the moments of rays are recorded at, under a spectrum.
 #[derive(Debug, Clone)]
 pub(crate) struct MomentRecording {
     /// Constants of the materials that rays are walked at.
@@ -33,15 +33,11 @@ pub(crate) struct MomentRecording {
 }
 
 impl MomentRecording {
-    /// For a sample of `components` whose media are walked at constants of `reference`; `in_hand`: how much more strongly than at its energies the media may refract in another scene.
+    /// For a sample of `components`, whose rays are walked at the mean constants.
     #[must_use]
-    pub(crate) fn new(
-        media: &MaterialTable,
-        components: &[Component],
-        reference: &[Constants],
-        in_hand: f64,
-    ) -> Self {
-        let of_node = media.constants.iter().flat_map(|node| node.iter().zip(reference));
+    pub(crate) fn new(media: &MaterialTable, components: &[Component]) -> Self {
+        let reference = media.mean();
+        let of_node = media.constants.iter().flat_map(|node| node.iter().zip(&reference));
         let delta_ratio = of_node
             .filter(|(_, reference)| reference.delta != 0.0)
             .map(|(node, reference)| (node.delta / reference.delta).abs())
@@ -59,12 +55,7 @@ impl MomentRecording {
             .filter(|(_, object)| !media.rough[*object as usize])
             .map(|(signature, object)| (*signature, media.of_object[*object as usize]))
             .collect();
-        Self {
-            reference: reference.to_vec(),
-            delta_ratio: in_hand * delta_ratio,
-            single,
-            words: media.moment_words(),
-        }
+        Self { reference, delta_ratio, single, words: media.moment_words() }
     }
 
     /// Words of the moments of a ray.

@@ -56,8 +56,6 @@ pub(crate) struct Response {
     half_period: f32,
     /// Recorded value per metre of open cell plane.
     pub(crate) weight: f32,
-    /// Cells serve any mask, step and detector: stored moments.
-    pub(crate) any_masks: bool,
     /// Index of the list of mask offsets.
     pub(crate) list: usize,
 }
@@ -71,14 +69,13 @@ pub(crate) struct Opening {
 
 impl Response {
     /// For the scene that is traced. `leaks`: shares of the light of all energies that the bars of the
-    /// sample mask and of the detector mask let through. `hardening`: of the beam. `any_masks`: for moments that are stored,
-    /// whose masks and steps are not known yet. `list`: index of the list of mask offsets of a view.
+    /// sample mask and of the detector mask let through. `hardening`: of the beam.
+    /// `list`: index of the list of mask offsets of a view.
     #[must_use]
     pub(crate) fn new(
         optics: &Optics,
         lattice: &Lattice,
         (leaks, hardening): ([f64; 2], &Hardening),
-        any_masks: bool,
         list: usize,
     ) -> Self {
         let Optics { rotation, analyser, detector, .. } = optics;
@@ -96,10 +93,9 @@ impl Response {
         let blur = magnified.max(1e-4 * optics.windows().period[0]);
         let soft =
             SOFT_EDGE * optics.spot.narrowest(0) * (rotation - lattice.plane).abs() / rotation;
-        let hard = any_masks || optics.sample_mask.is_none();
+        let hard = optics.sample_mask.is_none();
         let beams = optics.beamlets();
         let (openings, pattern) = match optics.passed() {
-            Some(_) if any_masks => (any_openings(&beams), beams.period[0]),
             Some(passed) => (openings_of_steps(&passed, offsets, soft), passed.period[0]),
             None => (Vec::new(), beams.period[0]),
         };
@@ -113,11 +109,7 @@ impl Response {
             landing: beamlets.iter().map(landing).collect(),
             steps: openings.last().map_or(1, |last| last.step as usize + 1),
             openings,
-            mask_offset: if any_masks {
-                vec![0.0; beamlets.len()]
-            } else {
-                beamlets.iter().map(|c| c.sample_offset).collect()
-            },
+            mask_offset: beamlets.iter().map(|c| c.sample_offset).collect(),
             // The shadow of bars that leak is no darker than they are.
             shadow: beamlets
                 .iter()
@@ -129,7 +121,6 @@ impl Response {
             hardening: hardening.clone(),
             half_period: single(0.5 * lattice.period),
             weight: single(detector.distance / (lattice.plane * detector.pitch[0])),
-            any_masks,
             list,
         }
     }
@@ -239,9 +230,6 @@ impl Response {
     /// Share of light spread evenly over [at - half, at + half] that pixels may record more or less if
     /// it is spread otherwise, with the same mean and variance.
     pub(super) fn outline(&self, column: usize, at: f32, half: f32) -> f32 {
-        if self.any_masks {
-            return 0.1;
-        }
         self.windows.iter().map(|it| it.share * it.outline(column, at, half)).sum()
     }
 
@@ -270,22 +258,15 @@ impl Response {
     /// Light of the beamlet at `column` that passes the sample and its landing point, spread over
     /// 2 `half`, as windows see it.
     pub(super) fn landed(&self, column: usize, [light, at]: [f32; 2], half: f32) -> Landed {
-        let mut landed = Landed { column, light, at, seen: [Seen::default(); 2] };
-        if !self.any_masks {
-            for (seen, windows) in landed.seen.iter_mut().zip(&self.windows) {
-                *seen = windows.seen(column, [light, at], half);
-            }
+        let mut landed = Landed { column, light, seen: [Seen::default(); 2] };
+        for (seen, windows) in landed.seen.iter_mut().zip(&self.windows) {
+            *seen = windows.seen(column, [light, at], half);
         }
         landed
     }
 
     /// Largest change of the light in any pixel if it had this light and landing point.
     pub(super) fn change_from(&self, own: &Landed, [light, at]: [f32; 2]) -> f32 {
-        if self.any_masks {
-            let slope = 0.4 / self.blur;
-            let moved = ((own.at - at).abs() * slope).min(1.0);
-            return (own.light - light).abs() + own.light.max(light) * moved;
-        }
         let change = |(windows, seen): (&Windows, &Seen)| {
             windows.share * windows.change(own.column, (seen, own.light), [light, at])
         };
@@ -300,8 +281,6 @@ pub(super) struct Landed {
     column: usize,
     /// Share of the light on the sample that passes it.
     light: f32,
-    /// Landing point, m.
-    at: f32,
     seen: [Seen; 2],
 }
 
@@ -359,18 +338,6 @@ fn openings_of_steps(openings: &Openings, offsets: &[f64], soft: f64) -> Vec<Ope
         openings.displaced(offset, soft).map(move |x| Opening { step, x: x.map(single) })
     };
     (0..).zip(offsets).flat_map(of_step).collect()
-}
-
-/// Openings side by side, a step to each, that cover a period once and are no wider than these.
-fn any_openings(openings: &Openings) -> Vec<Opening> {
-    let period = openings.period[0];
-    let count = (period / openings.narrowest(0)).ceil().clamp(1.0, 64.0);
-    let width = period / count;
-    let opening = |step: u32| {
-        let low = f64::from(step) * width - 0.5 * period;
-        Opening { step, x: [single(low), single(low + width)] }
-    };
-    (0..numbers::whole::<u32>(count)).map(opening).collect()
 }
 
 /// Reduction of each side of an aperture by the shadow of thick bars of the sample mask, m, at an angle

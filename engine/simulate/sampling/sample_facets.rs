@@ -37,14 +37,12 @@ pub(crate) struct SampleFacets {
 }
 
 impl SampleFacets {
-    /// At the mean constants of the media; rays are flagged for steps of delta that are `delta_ratio`
-    /// times as large. `across`: [`beamlet_geometry::across_edges`] of the sample.
+    /// At the mean constants of the media. `across`: [`beamlet_geometry::across_edges`] of the sample.
     #[must_use]
     pub(crate) fn new(
         transport: Transport,
         sample: &Sample,
         media: &MaterialTable,
-        delta_ratio: f64,
         across: Vec<[u32; 3]>,
     ) -> Self {
         let mean = media.mean();
@@ -58,7 +56,7 @@ impl SampleFacets {
                 least_cosine: match transport {
                     // For exact transport facets estimate errors alone, to first order.
                     Transport::FirstOrder | Transport::Wave | Transport::Exact => 0.0,
-                    Transport::Auto => least_cosine(delta_ratio * media.step(inside, outside)),
+                    Transport::Auto => least_cosine(media.step(inside, outside)),
                 },
             }
         };

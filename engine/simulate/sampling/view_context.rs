@@ -29,7 +29,7 @@ pub(crate) struct ViewContext<'a> {
     pub pose: u32,
     /// Projected bounds of the components.
     pub projected_bounds: &'a [ProjectedBounds],
-    /// Keep the moments of the rays, for other energies or masks.
+    /// Moments of the rays, for other energies.
     pub recording: Option<&'a MomentRecording>,
     /// Effect of changes of a result on recorded values.
     pub response: &'a Response,

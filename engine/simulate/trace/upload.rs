@@ -37,8 +37,7 @@ pub struct DeviceSample {
 
 impl DeviceSample {
     /// Uploads geometry, materials and poses; builds acceleration structures if `ray_query`.
-    /// `across`: [`geometry::across_edges`] of the sample. Rays are flagged for steps of delta that
-    /// are `delta_ratio` times the scene's.
+    /// `across`: [`geometry::across_edges`] of the sample.
     ///
     /// # Errors
     /// [`beamlet_core::Error::Memory`], [`beamlet_core::Error::Device`], [`beamlet_core::Error::Mesh`].
@@ -49,10 +48,9 @@ impl DeviceSample {
         across: &[[u32; 3]],
         media: &MaterialTable,
         ray_query: bool,
-        delta_ratio: f64,
     ) -> Result<Self> {
         let bvh = Bvh::build(sample, across, scene.displacement())?;
-        Self::with_bvh(device, scene, sample, bvh, media, ray_query, delta_ratio)
+        Self::with_bvh(device, scene, sample, bvh, media, ray_query)
     }
 
     /// As [`DeviceSample::upload`], with the trees of the sample.
@@ -63,7 +61,6 @@ impl DeviceSample {
         bvh: Bvh,
         media: &MaterialTable,
         ray_query: bool,
-        delta_ratio: f64,
     ) -> Result<Self> {
         let Bvh {
             nodes,
@@ -78,11 +75,9 @@ impl DeviceSample {
             kinds,
         } = bvh;
         let (poses, is_moved) = pose_transforms(scene, sample);
-        let mut surfaces: Vec<Surface> = (0..)
-            .zip(&sample.components)
-            .map(|(i, c)| surface(scene, media, i, c, delta_ratio))
-            .collect();
-        graze_by_partners(scene, media, sample, delta_ratio, &mut surfaces);
+        let mut surfaces: Vec<Surface> =
+            (0..).zip(&sample.components).map(|(i, c)| surface(scene, media, i, c)).collect();
+        graze_by_partners(scene, media, sample, &mut surfaces);
         let rough = surfaces.iter().any(|surface| surface.roughness > 0.0);
         let rough = match (rough, scene.sampling.transport) {
             (false, _) => 0,
@@ -243,19 +238,16 @@ fn surface(
     media: &MaterialTable,
     index: u32,
     component: &geometry::Component,
-    delta_ratio: f64,
 ) -> Surface {
     let [inside, outside] = media.sides(component.object, component.outside);
-    let jump = delta_ratio * media.step(inside, outside);
+    let jump = media.step(inside, outside);
     let object = &scene.objects[component.object as usize];
     let grazing = match scene.sampling.transport {
         Transport::FirstOrder => 0.0,
         // Heights of rough surfaces belong to straight rays.
         Transport::Wave if object.roughness > 0.0 => 0.0,
         // Rays of lines below it are traced exactly at each energy.
-        Transport::Wave => {
-            NEAR_GRAZING * (2.0 * delta_ratio * media.largest_step(inside, outside)).sqrt()
-        }
+        Transport::Wave => NEAR_GRAZING * (2.0 * media.largest_step(inside, outside)).sqrt(),
         Transport::Auto | Transport::Exact => least_cosine(jump),
     };
     Surface {
@@ -275,7 +267,6 @@ fn graze_by_partners(
     scene: &Scene,
     media: &MaterialTable,
     sample: &geometry::Sample,
-    delta_ratio: f64,
     surfaces: &mut [Surface],
 ) {
     if matches!(scene.sampling.transport, Transport::FirstOrder | Transport::Wave) {
@@ -288,7 +279,7 @@ fn graze_by_partners(
         let objects = partners.iter().map(|it| sample.components[component_of(*it)].object);
         let jump = objects
             .filter(|it| *it < sample.components[own].object)
-            .map(|it| delta_ratio * media.step(inside, media.of_object[it as usize]))
+            .map(|it| media.step(inside, media.of_object[it as usize]))
             .fold(0.0, f64::max);
         surfaces[own].grazing = surfaces[own].grazing.max(single(least_cosine(jump)));
     }

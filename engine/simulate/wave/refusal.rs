@@ -5,7 +5,6 @@ use crate::detector::DetectorModel;
 use crate::run::quality;
 use beamlet_core::tally::Tally;
 use beamlet_core::{Error, Result};
-use beamlet_gpu::EngineOptions;
 use beamlet_model::optics::Optics;
 use beamlet_model::scene::{Object, Refine, Scene, Scheme, Transport};
 use beamlet_model::spectrum;
@@ -29,17 +28,17 @@ pub(crate) fn grazing_warning(scene: &Scene, tally: &Tally) -> Option<String> {
 /// # Errors
 /// [`Error::Scene`] with the reason; the spectrum and the materials of the masks.
 pub fn refuse_by_waves(scene: &Scene) -> Result<()> {
-    let mut scene = quality::resolved(scene, false)?;
+    let mut scene = quality::resolved(scene)?;
     scene.sampling.transport = Transport::Wave;
     let detector = DetectorModel::of(&scene)?;
-    refuse(&scene, detector.optics(), &EngineOptions::default())?;
+    refuse(&scene, detector.optics())?;
     let nodes = spectrum::nodes(&scene)?;
     let nodes: Vec<_> = nodes.energies.iter().copied().zip(nodes.weights).collect();
     plan::refuse_masks(&scene, detector.optics(), &nodes)
 }
 
 /// Refuses by name what lines of rays along x do not describe.
-pub(crate) fn refuse(scene: &Scene, optics: &Optics, options: &EngineOptions) -> Result<()> {
+pub(crate) fn refuse(scene: &Scene, optics: &Optics) -> Result<()> {
     if scene.sampling.transport != Transport::Wave {
         return Ok(());
     }
@@ -51,9 +50,6 @@ pub(crate) fn refuse(scene: &Scene, optics: &Optics, options: &EngineOptions) ->
     }
     if scene.sampling.refine == Refine::Device {
         return wave("refine = \"device\"", "refine = \"host\"");
-    }
-    if options.keep_moments {
-        return wave("kept moments", "a run without --keep-moments");
     }
     let has_no_length =
         |object: &&Object| object.roughness > 0.0 && object.correlation_length.is_none();

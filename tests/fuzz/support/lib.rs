@@ -8,7 +8,6 @@
 pub mod exr;
 pub mod frames;
 pub mod meshes;
-pub mod moments;
 pub mod npy;
 pub mod run;
 pub mod tiff;

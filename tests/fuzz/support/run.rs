@@ -1,7 +1,6 @@
 //! A small run, made by the library's own sink: no device has part in it.
 
 use crate::{PLACE, write};
-use beamlet::moments::StoredMoments;
 use beamlet::scene::{Exposure, Scene};
 use beamlet::stack::{Format, OpenRun, RunDirectory, RunStart, Sink, check_run, views};
 use beamlet::{Backend, RunRecord, SamplingSummary, SearchCounts, Tally};
@@ -103,30 +102,4 @@ pub fn read(path: &Path) {
         assert_eq!(checked.whole, checked.views);
         assert_eq!(run.views(), record.extent.views as usize);
     }
-}
-
-/// Reads the moments of a run and cuts them to the lattice of its own scene or of another: the
-/// number of cells, or none where they are refused.
-pub fn read_moments(path: &Path, other: bool) -> Option<usize> {
-    let kept = StoredMoments::open(path).ok()?;
-    let mut scene = kept.scene().clone();
-    if other {
-        // Columns, rows and periods that fit nowhere together.
-        scene.detector.pixels = [5, 3];
-        scene.detector.pitch = [1.7e-4, 1.9e-4];
-        if let Some(mask) = &mut scene.sample_mask {
-            mask.period *= 0.77;
-            mask.aperture *= 0.5;
-            mask.offset += 3e-6;
-        }
-    }
-    kept.cells(&scene).ok()
-}
-
-/// A folder that holds the scene of a run and no more.
-pub fn begun(name: &str) -> PathBuf {
-    let path = PLACE.join(name);
-    std::fs::create_dir_all(path.join("moments")).expect("a new folder");
-    write(&path.join("scene.toml"), SCENE.as_bytes());
-    path
 }

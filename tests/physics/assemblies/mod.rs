@@ -65,8 +65,7 @@ impl Bench {
         let sample = geometry::load(scene).expect("a sample");
         let across = beamlet::internals::geometry::across_edges(&sample);
         let query = backend == Backend::RayQuery;
-        let on_device =
-            DeviceSample::upload(&self.device, scene, &sample, &across, &media, query, 1.0);
+        let on_device = DeviceSample::upload(&self.device, scene, &sample, &across, &media, query);
         Arc::new(on_device.expect("room"))
     }
 

@@ -3,10 +3,9 @@
 use crate::reference::scenes;
 use crate::reference::stack::Setup;
 use crate::reference::surfaces::{body, star};
-use crate::support::kept::{again, keep};
-use crate::support::{CARBON, Worst, amount, engine_with, files};
+use crate::support::{CARBON, engine_with, files};
 use beamlet::scene::Exposure;
-use beamlet::scene::{Blur, Counts, KernelFile, Scatter, Scene, Shape, ShapeOrMesh};
+use beamlet::scene::{Blur, Counts, KernelFile, Scatter, Scene};
 use beamlet::stack::{Format, OpenRun, RunDirectory, StackFile, Stacks};
 use beamlet::{Backend, Cancel, Control, EngineOptions, Error, Progress};
 use ndarray::Array2;
@@ -172,39 +171,4 @@ fn interrupted_run_goes_on_to_the_same_files_and_overwrites_its_own_alone() {
         left.retain(|path| path.starts_with("counts") || path.starts_with("dark"));
         assert_eq!(left, [Path::new("counts/notes.txt")]);
     }
-}
-
-/// Moments that a run without blur kept serve detectors that blur, scatter and make noise.
-#[test]
-fn kept_moments_serve_another_detector() {
-    let place = tempfile::tempdir().unwrap();
-    let mut base = scene(place.path());
-    // A mesh of arrays does not stand in scene.toml.
-    base.objects[0].geometry =
-        ShapeOrMesh::Shape(Shape::Sphere { radius: 0.1e-3, sides: Some(24) });
-    base.scan.angles = vec![0.7];
-    base.detector.pixels = amount([5, 5], base.detector.pixels);
-    let noisy = base.clone();
-    // The kept run is finer than what the detector that takes it asks for.
-    let finer = amount(2.0, 1.0);
-    base.sampling.tolerance = Some(finer * 1e-5);
-    base.detector.blur = Some(Blur::Gaussian { sigma: [70e-6, 0.0] });
-    (base.detector.scatter, base.detector.counts) = (None, None);
-    let options = EngineOptions::default().with_backend(Backend::Bvh).with_keep_moments(true);
-    let engine = engine_with(options);
-    let run = place.path().join("run");
-    let kept = keep(&engine, &base, &run);
-    let mut blurred = noisy;
-    blurred.sampling.tolerance = Some(finer * 3e-5);
-    blurred.detector.blur = Some(Blur::Gaussian { sigma: [50e-6, 80e-6] });
-    let got = again(&engine, &kept, &blurred).unwrap();
-    let want = engine.simulate(&blurred).unwrap();
-    // Cells are those of one lattice; its offsets differ by half a period in f32.
-    // Values of its grid may each miss the tolerance, and rims by 2e-5 more.
-    let mut worst = Worst::new("detector, kept moments under another detector", finer * 1e-4);
-    for ((place, got), want) in got.sample.indexed_iter().zip(&want.sample) {
-        worst.take(f64::from(got - want), || format!("{place:?}"));
-    }
-    assert_eq!(got.counts.unwrap().dark, want.counts.unwrap().dark);
-    worst.holds();
 }

@@ -1,12 +1,11 @@
 //! Whole runs of exact shapes that cross: a rod with a bore that leaves it is the tube, whatever else a
 //! scene has, and crossing rods match fine facets.
 
-use crate::support::kept::{again, keep};
-use crate::support::{Worst, amount, backends, engine, engine_with, everything, sample};
+use crate::support::{Worst, amount, backends, engine, everything, sample};
 use beamlet::internals::geometry::load_lenient;
 use beamlet::scene::{Motion, Scene, Transport};
 use beamlet::stack::Stacks;
-use beamlet::{Backend, EngineOptions, geometry};
+use beamlet::{Backend, geometry};
 
 const ENERGY: &str = "energy = \"30 keV\"";
 const SPECTRUM: &str = "spectrum = \"photons.csv\"";
@@ -125,26 +124,6 @@ fn moved_views_of_a_bored_rod_are_those_of_the_tube() {
     let engine = engine(Backend::Bvh);
     let [rod, tube] = scenes.map(|scene| engine.simulate(&scene).expect("a stack"));
     compare("motions", 2e-4, &rod, &tube);
-}
-
-/// Kept moments of the rod, for its own and other steps, match a fresh run.
-#[test]
-fn kept_moments_of_a_bored_rod_serve_other_steps() {
-    let directory = tempfile::tempdir().expect("a folder");
-    let [rod, _] = both("PMMA", "vacuum", "");
-    let run = scene(directory.path(), &set_up(ENERGY, "tolerance = 5e-4", &rod));
-    let path = directory.path().join("run");
-    let options = EngineOptions::default().with_backend(Backend::Bvh).with_keep_moments(true);
-    let keeping = engine_with(options);
-    let kept = keep(&keeping, &run, &path);
-    let engine = engine(Backend::Bvh);
-    let fresh = keeping.simulate(&run).expect("a run");
-    assert_eq!(again(&engine, &kept, kept.scene()).expect("a run").sample, fresh.sample);
-    let mut steps = run.clone();
-    steps.scan.mask_offsets = vec![-7e-6, 11e-6];
-    let fresh = engine.simulate(&steps).expect("a run");
-    let got = again(&engine, &kept, &steps).expect("a run");
-    compare("kept moments", 1e-3, &fresh, &got);
 }
 
 /// Rods across each other, a ball where they cross, and a cone: as they are and of 256 facets around,

@@ -1,7 +1,6 @@
 //! Rough surfaces: slopes of single rays, and light of rough bodies.
 
 mod grazing;
-mod kept;
 mod keys;
 mod light;
 mod local;

@@ -3,11 +3,10 @@
 //! the slopes of both faces at their own distances from the analyser.
 
 use crate::reference::closed_form::blurred_overlap;
-use crate::support::kept::{again, keep};
-use crate::support::{Worst, engine, engine_with};
+use crate::support::{Worst, engine};
+use beamlet::Backend;
 use beamlet::scene::{Instances, Object, Refine, Scene, Shape, Transport};
 use beamlet::stack::Stacks;
-use beamlet::{Backend, EngineOptions};
 use std::f64::consts::{FRAC_PI_2, TAU};
 use std::path::Path;
 
@@ -124,12 +123,4 @@ fn no_light_behind_a_rough_plate_depends_on_the_origin() {
         engine.simulate(&scene).expect("a run")
     };
     hold("exact transport", &plate(boxed()), &own, &exact);
-    let keeping =
-        engine_with(EngineOptions::default().with_backend(Backend::Bvh).with_keep_moments(true));
-    let stored = |scene: &Scene| {
-        let folder = tempfile::tempdir().expect("a folder");
-        let kept = keep(&keeping, scene, &folder.path().join("run"));
-        again(&engine, &kept, scene).expect("a run")
-    };
-    hold("stored moments", &plate(boxed()), &own, &stored);
 }

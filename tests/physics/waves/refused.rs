@@ -1,12 +1,11 @@
 //! Scenes that waves refuse by name.
 
 use super::{BY_WAVES, FIBRE, add_cylinder, without_distance};
-use crate::support::kept::{again, keep};
-use crate::support::{engine, engine_with};
+use crate::support::engine;
 use crate::thin_masks::REFERENCE;
 use beamlet::check::Check;
-use beamlet::scene::{Refine, Scene, Scheme, Spot, SpotPart, Transport};
-use beamlet::{Backend, EngineOptions, Error};
+use beamlet::scene::{Refine, Scene, Scheme, Spot, SpotPart};
+use beamlet::{Backend, Error};
 
 fn refusal(change: impl Fn(&mut Scene)) -> String {
     let mut scene = REFERENCE.scene(4, 0.0003, &[0.0], BY_WAVES);
@@ -47,25 +46,4 @@ fn scenes_that_waves_do_not_describe_are_refused_by_name() {
         *scene = Scene::from_toml(&text, ".").expect("a scene");
     };
     has(refusal(wide), "shadow");
-}
-
-#[test]
-fn waves_refuse_to_keep_moments() {
-    let mut scene = REFERENCE.scene(4, 0.0003, &[0.0], BY_WAVES);
-    add_cylinder(&mut scene, 5e-6, 20e-6, FIBRE);
-    let keeping = engine_with(EngineOptions::default().with_keep_moments(true));
-    let error = keeping.prepare(&scene).expect_err("a refusal").to_string();
-    assert!(error.contains("sampling.transport") && error.contains("moments"), "{error}");
-}
-
-#[test]
-fn stored_moments_refuse_waves() {
-    let mut scene = REFERENCE.scene(4, 0.0003, &[0.0], "");
-    add_cylinder(&mut scene, 5e-6, 20e-6, FIBRE);
-    let folder = tempfile::tempdir().expect("a folder");
-    let keeping = engine_with(EngineOptions::default().with_keep_moments(true));
-    let kept = keep(&keeping, &scene, &folder.path().join("run"));
-    scene.sampling.transport = Transport::Wave;
-    let error = again(&engine(Backend::Bvh), &kept, &scene).expect_err("a refusal").to_string();
-    assert!(error.contains("sampling.transport") && error.contains("stored moments"), "{error}");
 }

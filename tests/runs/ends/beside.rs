@@ -72,13 +72,13 @@ int closedir(DIR *folder) {
 
 /// Files of a run that are the same whenever it is made, with their bytes.
 fn contents(run: &Path) -> Vec<(String, Vec<u8>)> {
-    let names = ["scene.toml", "progress.log", "flat.npy", "sample.npy", "moments/view_0007.bin"];
+    let names = ["scene.toml", "progress.log", "flat.npy", "sample.npy"];
     names.map(|name| (name.to_owned(), fs::read(run.join(name)).unwrap())).into()
 }
 
 fn words(to: &str) -> Vec<&str> {
     let begin = ["simulate", "scene.toml", "-o", to, "--format", "npy", "--backend", "bvh"];
-    begin.into_iter().chain(["--keep-moments", "--set", VIEWS]).collect()
+    begin.into_iter().chain(["--set", VIEWS]).collect()
 }
 
 #[test]
@@ -105,7 +105,7 @@ fn clocks_that_jump_change_nothing() {
 fn folders_whose_closing_fails_are_read_all_the_same() {
     let place = workplace();
     let folders = preloaded("folders", FOLDERS);
-    let simulate = ["simulate", "scene.toml", "-o", "run", "-q", "--keep-moments"];
+    let simulate = ["simulate", "scene.toml", "-o", "run", "-q"];
     let commands: [&[&str]; 9] = [
         &simulate,
         &[&simulate[..], &["--overwrite"]].concat(),
@@ -136,13 +136,12 @@ fn more_threads_than_are_allowed_are_a_warning() {
 fn readers_of_a_run_in_the_making_get_an_answer_and_do_not_disturb_it() {
     let place = workplace();
     assert_eq!(place.beamlet(&words("alone")).status.code(), Some(0));
-    let commands: [&[&str]; 6] = [
+    let commands: [&[&str]; 5] = [
         &["check", "run"],
         &["compare", "run", "run"],
         &["retrieve", "run", "-o", "images", "--overwrite", "-q"],
         &["view", "run", "-o", "pictures", "--overwrite"],
         &["report", "run", "-o", "report.html", "--overwrite"],
-        &["illuminate", "run", "--scene", "run/scene.toml", "-o", "again", "--overwrite", "-q"],
     ];
     // The names of the commands that get a result; the others get an error.
     let answered = || -> Vec<&str> {
@@ -160,6 +159,6 @@ fn readers_of_a_run_in_the_making_get_an_answer_and_do_not_disturb_it() {
     let running = Held::at(Gate::Synced("run/progress.log", "sample/11 "), running);
     assert_eq!(answered(), ["compare", "retrieve", "view", "report"]);
     ended(&running.ends(), 0);
-    assert_eq!(answered(), ["check", "compare", "retrieve", "view", "report", "illuminate"]);
+    assert_eq!(answered(), ["check", "compare", "retrieve", "view", "report"]);
     assert!(contents(&place.path("run")) == contents(&place.path("alone")));
 }

@@ -4,7 +4,6 @@
 #![expect(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
 
 mod derived;
-mod moments;
 mod npy;
 mod reading;
 mod referenced;

@@ -119,27 +119,6 @@ fn a_run_without_hashes_does_not_go_on() {
 }
 
 #[test]
-fn kept_moments_are_not_illuminated_where_a_file_of_their_run_has_changed() {
-    let place = place();
-    interrupted(&place, &["--keep-moments"]);
-    ended(&place.simulate(&["--resume", "--keep-moments"]), 0);
-    let other = scene().replace("beam.csv", "other.csv").replace("resin.csv", "other_resin.csv");
-    fs::write(place.path("other.toml"), other).unwrap();
-    fs::copy(place.path("beam.csv"), place.path("other.csv")).unwrap();
-    fs::copy(place.path("resin.csv"), place.path("other_resin.csv")).unwrap();
-    let illuminate =
-        ["illuminate", "run", "--scene", "other.toml", "-q", "-o", "out", "--overwrite"];
-    assert_eq!(ended(&place.beamlet(&illuminate), 0), "");
-    for name in ["beam.csv", "resin.csv"] {
-        let before = fs::read(place.path(name)).unwrap();
-        change(&place, name);
-        let message = ended(&place.beamlet(&illuminate), 1);
-        assert_says(&message, &[name, "is not the file that the scene was made with"]);
-        fs::write(place.path(name), before).unwrap();
-    }
-}
-
-#[test]
 fn a_geometry_with_hashes_is_taken_with_its_files_alone() {
     let range = "from = \"-25 um\", to = \"25 um\", count = ";
     let place = place_of(&scene().replace(&format!("{range}2"), &format!("{range}5")));
@@ -200,27 +179,4 @@ fn a_run_with_positions_goes_on_only_with_its_own() {
     assert_eq!(place.bytes("sample.npy"), whole);
     // What is in the run is whole, and only does not go with the file any more: a note.
     assert!(names(&place.beamlet(&["check", "run"])));
-}
-
-#[test]
-fn kept_moments_of_instances_are_illuminated_with_their_own_positions() {
-    let place = scattered();
-    ended(&place.simulate(&["--format", "npy", "--keep-moments"]), 0);
-    let illuminate = [
-        "illuminate",
-        "run",
-        "--scene",
-        "scene.toml",
-        "-q",
-        "-o",
-        "out",
-        "--overwrite",
-        "--format",
-        "npy",
-    ];
-    assert_eq!(ended(&place.beamlet(&illuminate), 0), "");
-    let again = fs::read(place.path("out/sample.npy")).unwrap();
-    assert_eq!(again, place.bytes("sample.npy"), "the same beam");
-    fs::write(place.path("places.csv"), "x_mm,y_mm,z_mm\n-0.3,0,0\n0.3,1.001,0\n").unwrap();
-    assert_says(&ended(&place.beamlet(&illuminate), 1), &["places.csv"]);
 }

@@ -16,11 +16,7 @@ use std::time::{Duration, Instant};
 #[cfg(target_os = "linux")]
 fn of_two_that_overwrite_one_run_at_once_only_one_does() {
     let place = workplace();
-    simulate(place.path(), "--keep-moments");
-    // Others may keep files there.
-    for view in 100..110 {
-        fs::write(place.path().join(format!("run/moments/view_{view:05}.bin")), "").unwrap();
-    }
+    simulate(place.path(), "");
     let line = "simulate scene.toml -q --backend bvh -o run --overwrite";
     // The first clears the log of the earlier run.
     let first = Held::at(Gate::Synced("run/progress.log", ""), beamlet(place.path(), line));
@@ -29,7 +25,6 @@ fn of_two_that_overwrite_one_run_at_once_only_one_does() {
     assert!(message.contains("another beamlet process is using this run"), "{message}");
     assert_eq!(contents(place.path()), before);
     ended(&first.ends(), 0);
-    assert_eq!(fs::read_dir(place.path().join("run/moments")).unwrap().count(), 10);
     ends(place.path(), "simulate scene.toml -q -o run --resume", 0);
     ends(place.path(), "report run", 0);
 }
@@ -46,8 +41,6 @@ fn links_inside_a_run_are_named_and_not_followed() {
                 "sample",
                 "sample/view_0001",
                 "sample/view_0001/step_002.exr",
-                "moments",
-                "moments/view_0001.bin",
                 "scene.toml.new",
                 "run.json.new",
                 "partial",
@@ -58,7 +51,7 @@ fn links_inside_a_run_are_named_and_not_followed() {
         ("npy", &["flat.npy", "sample.npy"]),
     ] {
         let place = workplace();
-        simulate(place.path(), &format!("--keep-moments --format {format}"));
+        simulate(place.path(), &format!("--format {format}"));
         let at = |name: &str| place.path().join(name);
         for name in names {
             let path = at("run").join(name);
@@ -68,7 +61,7 @@ fn links_inside_a_run_are_named_and_not_followed() {
             fs::rename(&path, at("elsewhere")).unwrap();
             symlink(at("elsewhere"), &path).unwrap();
             let before = contents(place.path());
-            for how in ["--overwrite", "--resume", "--overwrite --keep-moments"] {
+            for how in ["--overwrite", "--resume"] {
                 let line = format!("simulate scene.toml -q --backend bvh -o run {how}");
                 let message = ends(place.path(), &line, 1);
                 let named = message.contains(&format!("run/{name}: is a link"));
@@ -95,12 +88,13 @@ fn pipes_in_place_of_files_of_a_run_are_named_and_not_waited_for() {
                 "flat/step_000.exr",
                 "sample/view_0001/step_002.exr",
                 "scene.toml.new",
-            ],
+            ]
+            .as_slice(),
         ),
-        ("npy", ["flat.npy", "sample.npy", "moments/view_0001.bin", "scene.toml"]),
+        ("npy", &["flat.npy", "sample.npy", "scene.toml"]),
     ] {
         let place = workplace();
-        simulate(place.path(), &format!("--keep-moments --format {format}"));
+        simulate(place.path(), &format!("--format {format}"));
         for name in names {
             let path = place.path().join("run").join(name);
             let before = fs::read(&path).ok();
@@ -129,11 +123,8 @@ fn a_run_may_itself_be_a_link_and_files_of_others_in_it_stay() {
     let at = |name: &str| place.path().join(name);
     fs::create_dir(at("scratch")).unwrap();
     symlink("scratch", at("run")).unwrap();
-    simulate(place.path(), "--keep-moments");
+    simulate(place.path(), "");
     let others = [
-        "run/moments/view_of_the_lab.bin",
-        "run/moments/view_0007.bin",
-        "run/moments/view_00001.bin",
         "run/sample/view_0001/notes.txt",
         "run/sample/view_0009/step_000.exr",
         "run/flat/step_0001.exr",
@@ -148,13 +139,6 @@ fn a_run_may_itself_be_a_link_and_files_of_others_in_it_stay() {
         assert_eq!(fs::read_to_string(at(other)).unwrap(), "mine", "{other}");
     }
     assert!(at("run").is_symlink() && at("scratch/run.json").exists());
-    assert!(!at("run/moments/view_0001.bin").exists());
-    // What bears a name of ours and is not ours: left, or named where it would be replaced.
-    fs::write(at("run/moments/view_0001.bin"), "also mine").unwrap();
-    simulate(place.path(), "--overwrite");
-    let line = "simulate scene.toml -q --backend bvh -o run --overwrite --keep-moments";
-    assert!(ends(place.path(), line, 1).contains("view_0001.bin: was not written by beamlet"));
-    assert_eq!(fs::read_to_string(at("run/moments/view_0001.bin")).unwrap(), "also mine");
 }
 
 /// Runs the words of `line` with a limit of ten seconds of processor time, which no load of the machine
@@ -167,7 +151,7 @@ fn within_ten_seconds(place: &Path, line: &str) -> Output {
 #[test]
 fn a_run_that_claims_more_than_a_scene_may_ask_for_is_refused_at_once() {
     let place = workplace();
-    simulate(place.path(), "--keep-moments");
+    simulate(place.path(), "");
     let path = place.path().join("run/run.json");
     let text = fs::read_to_string(&path).unwrap();
     for (claim, problem) in [
@@ -196,7 +180,6 @@ fn a_run_that_claims_more_than_a_scene_may_ask_for_is_refused_at_once() {
         }
     }
     ends(place.path(), "simulate scene.toml -q -o run --overwrite", 0);
-    assert!(!place.path().join("run/moments").exists());
 }
 
 #[test]

@@ -45,7 +45,7 @@ fn a_run_that_is_moved_ends_with_both_paths_and_can_be_resumed() {
         "--format exr".to_owned(),
         "--format npy".to_owned(),
         "--format tiff".to_owned(),
-        format!("--format exr {COUNTS} --keep-moments"),
+        format!("--format exr {COUNTS}"),
     ] {
         let place = workplace();
         let real = place.path().canonicalize().unwrap();
@@ -127,7 +127,6 @@ fn a_part_of_a_run_that_is_moved_is_named_and_made_again() {
         ("--format exr", "flat/step_002.exr", "run/flat/step_002.exr"),
         ("--format npy", "sample.npy", "run/sample.npy"),
         ("--format tiff", "flat.tif", "run/flat.tif"),
-        ("--format npy --keep-moments", "moments/view_0000.bin", "run/moments/view_0000.bin"),
     ] {
         let place = workplace();
         let at = |name: &str| place.path().join(name);

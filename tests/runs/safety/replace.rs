@@ -6,42 +6,6 @@ use std::os::unix::fs::symlink;
 use std::path::Path;
 
 #[test]
-fn illuminate_never_replaces_the_run_or_the_scene_that_it_reads() {
-    let place = workplace();
-    simulate(place.path(), "--keep-moments");
-    symlink("run", place.path().join("link")).unwrap();
-    for name in ["run.toml", "other.toml"] {
-        fs::copy(place.path().join("scene.toml"), place.path().join(name)).unwrap();
-    }
-    let before = contents(place.path());
-    let one = "--scene scene.toml --overwrite -o";
-    for line in [
-        &format!("run {one} run"),
-        &format!("run {one} run/."),
-        &format!("run {one} link"),
-        &format!("link {one} run"),
-        &format!("run {one} none/../run"),
-        &format!("run {one} run/moments"),
-        "run --scene other.toml --scene run.toml --overwrite -o .",
-    ] {
-        let message = ends(place.path(), &format!("illuminate {line}"), 1);
-        assert!(message.contains("which this command reads"), "{line}: {message}");
-        assert_eq!(contents(place.path()), before, "{line}");
-    }
-    let message = ends(place.path(), "simulate run/scene.toml -o run --overwrite", 1);
-    assert!(message.contains("which this command reads"), "{message}");
-    assert_eq!(contents(place.path()), before);
-    // Two names of one directory are one directory.
-    ends(place.path(), "illuminate run --scene scene.toml --scene other.toml -o out", 0);
-    fs::remove_dir_all(place.path().join("out/other")).unwrap();
-    symlink("scene", place.path().join("out/other")).unwrap();
-    let line = "illuminate run --scene scene.toml --scene other.toml -o out --overwrite";
-    assert!(ends(place.path(), line, 2).contains("two scenes"));
-    // Beside the run's own files there is room.
-    ends(place.path(), "illuminate run --scene scene.toml -o run/again", 0);
-}
-
-#[test]
 fn pictures_pages_and_images_never_replace_what_they_are_made_of() {
     let place = workplace();
     simulate(place.path(), "");
@@ -57,6 +21,7 @@ fn pictures_pages_and_images_never_replace_what_they_are_made_of() {
     }
     let before = contents(place.path());
     for (line, code) in [
+        ("simulate run/scene.toml -o run --overwrite", 1),
         ("report run -o run/run.json --overwrite", 1),
         ("report run -o run/./progress.log --overwrite", 1),
         ("view run -o run/flat --overwrite", 1),

@@ -5,8 +5,6 @@ from __future__ import annotations
 import atexit
 import json
 import os
-import shutil
-import tempfile
 import threading
 import weakref
 from collections.abc import Callable, Iterable, Iterator
@@ -99,14 +97,6 @@ def _bytes(limit: int | str | None) -> int | None:
         raise wrong("memory_limit", shown(limit), allowed) from None
 
 
-class Folder:
-    """A temporary folder, which is removed with the last object that uses it."""
-
-    def __init__(self) -> None:
-        self.name = tempfile.mkdtemp(prefix="beamlet-")
-        weakref.finalize(self, shutil.rmtree, self.name, ignore_errors=True)
-
-
 def _seeded(scene: Scene, seed: int | None) -> Scene:
     """The scene with this seed in place of its own, where there is one."""
     inner(scene)
@@ -121,7 +111,6 @@ class Engine:
         backend: How rays find surfaces; default: ``BEAMLET_BACKEND``, then by device and scene.
         memory_limit: Bytes on host and device together, or text such as ``"2 GiB"``; default:
             ``BEAMLET_MEMORY_LIMIT``, then what the geometry needs and up to 1 GiB for a band.
-        keep_moments: Keep what :meth:`Run.illuminate` needs, in a temporary folder.
         validation: Request the Khronos validation layer.
         profile: Measure the time of each kernel on the device, for :meth:`profile` and run.json.
 
@@ -135,7 +124,6 @@ class Engine:
         device: str | int | None = None,
         backend: Backend | None = None,
         memory_limit: int | str | None = None,
-        keep_moments: bool = False,
         validation: bool = False,
         profile: bool = False,
     ) -> None:
@@ -143,10 +131,9 @@ class Engine:
         name = None if device is None else str(device)
         way = None if backend is None else word("backend", backend, Backend)
         way = way or os.environ.get("BEAMLET_BACKEND") or None
-        self.keep_moments = keep_moments
         limit = _bytes(memory_limit)
         with _vulkan.naming_the_package():
-            self._engine = _beamlet.Engine(name, way, limit, keep_moments, validation, profile)
+            self._engine = _beamlet.Engine(name, way, limit, validation, profile)
         _open.add(self)
 
     @property
@@ -181,10 +168,7 @@ class Engine:
         from ._run import Run
 
         scene = _seeded(scene, seed)
-        folder = Folder() if self.keep_moments else None
-        kept = None if folder is None else folder.name
-        found = self._engine.simulate(scene._scene, kept, progress)
-        return Run._of_arrays(self, scene, found, folder)
+        return Run._of_arrays(self, scene, self._engine.simulate(scene._scene, progress))
 
     def simulate_to(
         self,

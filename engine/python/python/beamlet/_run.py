@@ -13,9 +13,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from . import _beamlet
 from ._arguments import path as place
-from ._engine import Engine, Folder, Progress, pixels, serving, still_open
+from ._engine import Engine, Progress, pixels, serving, still_open
 from ._errors import FileError, wrong
-from ._scene import Path, Scene, inner
+from ._scene import Path, Scene
 
 if TYPE_CHECKING:
     from ._images import Images
@@ -46,7 +46,7 @@ class Counts:
 
 
 class Run:
-    """Stacks of a simulation. A pickled run has its arrays, and no moments in a temporary folder.
+    """Stacks of a simulation. A pickled run has its arrays.
 
     Attributes:
         scene: The scene.
@@ -67,8 +67,6 @@ class Run:
         record: Mapping[str, Any],
         path: str | None,
         engine: Engine | None,
-        kept: str | None,
-        folder: Folder | None = None,
     ) -> None:
         self.scene = scene
         self.flat = flat
@@ -77,9 +75,6 @@ class Run:
         self.record = dict(record)
         self.path = path
         self._engine = engine
-        self._kept = kept
-        # Removed with the last run that uses it.
-        self._folder = folder
 
     @classmethod
     def _of_arrays(
@@ -87,12 +82,10 @@ class Run:
         engine: Engine,
         scene: Scene,
         found: tuple[Stack, Stack, tuple[Stack, Stack, Stack] | None, str],
-        folder: Folder | None,
     ) -> Run:
         flat, sample, numbers, record = found
         counts = None if numbers is None else Counts(*numbers)
-        kept = None if folder is None else folder.name
-        return cls(scene, flat, sample, counts, json.loads(record), None, engine, kept, folder)
+        return cls(scene, flat, sample, counts, json.loads(record), None, engine)
 
     @classmethod
     def open(cls, path: Path, engine: Engine | None = None) -> Run:
@@ -112,13 +105,11 @@ class Run:
             dark = None if of_counts[2] is None else _one_or_all(_mapped(*of_counts[2]))
             counts = Counts(_one_or_all(_mapped(*of_counts[0])), _mapped(*of_counts[1]), dark)
         scene = Scene.load(os.path.join(path, "scene.toml"))
-        kept = path if os.path.isdir(os.path.join(path, "moments")) else None
         flat, sample = _one_or_all(_mapped(*of_flat)), _mapped(*of_sample)
-        return cls(scene, flat, sample, counts, json.loads(record), path, engine, kept)
+        return cls(scene, flat, sample, counts, json.loads(record), path, engine)
 
     def __getstate__(self) -> dict[str, Any]:
-        kept = self._kept if self._folder is None else None
-        return self.__dict__ | {"_engine": None, "_folder": None, "_kept": kept}
+        return self.__dict__ | {"_engine": None}
 
     @property
     def engine(self) -> Engine:
@@ -222,25 +213,6 @@ class Run:
             lattice=lattice,
             aperture=aperture,
         )
-
-    def illuminate(self, scene: Scene, progress: Progress | None = None) -> Run:
-        """The stacks of other masks, steps, spectra, materials or detectors on the same rays.
-
-        Args:
-            scene: A scene with the sample and the views of this run (docs/kept.md).
-            progress: Callback.
-
-        Raises:
-            ArgumentError: The run kept no moments.
-            SceneError: The scene differs from the run in a way that needs new rays.
-        """
-        if self._kept is None:
-            raise wrong("keep_moments", "a run without moments", "Engine(keep_moments=True)")
-        engine = self.engine
-        found_stacks = engine._engine.illuminate(self._kept, inner(scene), progress)
-        run = Run._of_arrays(engine, scene, found_stacks, None)
-        run._kept, run._folder = self._kept, self._folder
-        return run
 
     def view(self, width: int | None = None) -> list[Any]:
         """Pictures of the run, of its directory alone. See :func:`beamlet.view`."""

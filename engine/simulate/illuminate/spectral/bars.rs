@@ -112,20 +112,6 @@ fn with_light(shares: &[f64]) -> Range<usize> {
 }
 
 impl EnergyBinning {
-    /// True if bars do the same to the light of every column, row and energy as in another scene.
-    pub(super) fn bars_like(&self, other: &Self) -> bool {
-        let mask = |(these, others): (&Option<Vec<MaskShape>>, &Option<Vec<MaskShape>>)| {
-            let [these, others] = [these, others].map(|mask| mask.as_deref().unwrap_or_default());
-            these.len() == others.len() && these.iter().zip(others).all(|(a, b)| a.same_bars(b))
-        };
-        self.lattice.alike_rows == other.lattice.alike_rows
-            && self.row_slope.to_bits() == other.row_slope.to_bits()
-            && self.middle_row.to_bits() == other.middle_row.to_bits()
-            && self.slopes == other.slopes
-            && self.slopes.iter().all(|&slope| self.is_apart(slope) == other.is_apart(slope))
-            && self.masks.iter().zip(&other.masks).all(mask)
-    }
-
     /// True if energies share no edges for rays of this dx/dy: shadows of bars touch, so that apertures
     /// have no effective width, or edges differ too much.
     fn is_apart(&self, slope: f64) -> bool {

@@ -13,7 +13,7 @@ use rayon::prelude::*;
 
 /// Severe cells no wider than this (m) take the mean constants' walk at every node: silhouettes
 /// are bisected to it, so that there are many, with next to no light.
-pub const NARROW: f32 = 50e-9;
+const NARROW: f32 = 50e-9;
 /// Share of the grazing incidence below which the first order leaves 1e-9 rad, where the second order
 /// leaves as much: beyond it the error grows by delta^2 / c^3.
 const SEVERE: f64 = 0.2154;
@@ -180,7 +180,6 @@ pub(super) fn exact_retrace_threshold(
     transport: Transport,
     media: &MaterialTable,
     reference: &[Constants],
-    flagged: f64,
 ) -> Vec<f64> {
     if transport == Transport::Exact {
         // A node that was traced is known: another walk of it finds the same.
@@ -188,7 +187,7 @@ pub(super) fn exact_retrace_threshold(
         return media.constants.iter().map(walks).collect();
     }
     let strongest = |node: &[Constants]| node.iter().fold(0.0_f64, |m, c| m.max(c.delta.abs()));
-    let exact_result = strongest(reference);
+    let (exact_result, flagged) = (strongest(reference), media.strongest());
     // The third order is delta^3 / c^5, and counts by the light of the node.
     let share = |(node, weight): (&Vec<Constants>, &f64)| {
         if flagged <= 0.0 || node == reference {

@@ -17,21 +17,17 @@ use beamlet_model::scene::Scene;
 use std::sync::Arc;
 
 impl EnergyBinning {
-    /// For the lattice of a scene.
+    /// For the lattice of a scene with several energies.
     ///
     /// # Errors
     /// As [`beamlet_model::material::constants_at_for`].
-    ///
-    /// `reference`: constants that exact transport was computed at; `flagged`: the strongest delta
-    /// that rays were flagged for.
     pub(crate) fn new(
         scene: &Scene,
         optics: &Optics,
         media: &MaterialTable,
         lattice: &Lattice,
-        reference: &[Constants],
-        flagged: f64,
     ) -> Result<Self> {
+        let reference = &media.mean();
         let Optics { analyser, detector, .. } = optics;
         let at = |mask: &Option<Mask>, plane: f64| {
             mask.as_ref()
@@ -72,7 +68,6 @@ impl EnergyBinning {
                 optics.sampling.transport,
                 media,
                 reference,
-                flagged,
             ),
             materials,
             words: media.moment_words(),
@@ -88,44 +83,15 @@ impl EnergyBinning {
             middle_row: detector.half(1),
             masks,
         };
-        // One energy has nothing to gather.
-        if spectral.nodes() > 1 {
-            spectral.groups = [[false, false], [true, false], [false, true], [true, true]]
-                .into_iter()
-                .filter(|leaks| {
-                    let has = |i: usize| !leaks[i] || spectral.masks[i].is_some();
-                    let light = |n| spectral.weights[n] * spectral.passes(n, *leaks);
-                    has(0) && has(1) && (0..spectral.nodes()).map(light).sum::<f64>() >= NEGLIGIBLE
-                })
-                .collect();
-        }
+        spectral.groups = [[false, false], [true, false], [false, true], [true, true]]
+            .into_iter()
+            .filter(|leaks| {
+                let has = |i: usize| !leaks[i] || spectral.masks[i].is_some();
+                let light = |n| spectral.weights[n] * spectral.passes(n, *leaks);
+                has(0) && has(1) && (0..spectral.nodes()).map(light).sum::<f64>() >= NEGLIGIBLE
+            })
+            .collect();
         Ok(spectral)
-    }
-
-    /// True if the lists of the same cell rows equal those of another scene, except rows without a
-    /// sample. Masks matter if energies are gathered by the effect of bars.
-    pub(crate) fn gathers_like(&self, other: &Self) -> bool {
-        let numbers = |s: &Self| [s.tolerance, s.gap, s.ratio, s.row_pitch].map(f64::to_bits);
-        let energies = [
-            &self.weights,
-            &self.mu,
-            &self.delta,
-            &self.delta_ratio,
-            &self.exact_retrace_threshold,
-        ];
-        let others = [
-            &other.weights,
-            &other.mu,
-            &other.delta,
-            &other.delta_ratio,
-            &other.exact_retrace_threshold,
-        ];
-        let alike = self.lattice.places_like(&other.lattice)
-            && numbers(self) == numbers(other)
-            && energies == others
-            && self.acting == other.acting
-            && self.groups == other.groups;
-        alike && (self.groups.is_empty() || self.bars_like(other))
     }
 
     /// Illumination parameters of the lists of [`EnergyBinning::lists`], in their order.

@@ -1,17 +1,16 @@
-//! A scene made ready on a device, from its meshes or from kept moments.
+//! A scene made ready on a device.
 
 use super::{Simulation, backend};
 use crate::accel::Bvh;
 use crate::detector::DetectorModel;
 use crate::illuminate::{self, EnergyBinning};
-use crate::moments::{self, StoredMoments, StoredSource};
 use crate::run::simulator::Simulator;
 use crate::run::{self, Control, MemoryEstimate, memory, quality, refine_choice};
 use crate::sampling::{self, ErrorBudget, Hardening, Lattice, Response};
 use crate::trace::DeviceSample;
 use crate::wave::{self, WavePlans};
+use beamlet_core::Result;
 use beamlet_core::parallel::start_threads;
-use beamlet_core::{Error, Result};
 use beamlet_files::RunStart;
 use beamlet_geometry as geometry;
 use beamlet_geometry::{LoadStep, Sample};
@@ -29,8 +28,6 @@ struct SimulationParts {
     media: MaterialTable,
     lattice: Lattice,
     spectral: Option<EnergyBinning>,
-    stored: Option<StoredSource>,
-    delta_ratio: f64,
 }
 
 impl Simulation {
@@ -58,83 +55,20 @@ impl Simulation {
     ) -> Result<Self> {
         start_threads()?;
         scene.validate()?;
-        let scene = quality::resolved(scene, simulator.options().keep_moments)?;
+        let scene = quality::resolved(scene)?;
         // From here on every reader of a file compares it with its hash.
         let scene = Arc::new(scene.with_file_hashes()?);
         let detector = DetectorModel::of(&scene)?;
         let optics = detector.optics();
         let media = MaterialTable::of(&scene)?;
         let lattice = lattice_of(&scene, optics, &media)?;
-        refuse_heights(&scene, simulator.options())?;
-        wave::refuse(&scene, optics, simulator.options())?;
-        let delta_ratio =
-            if simulator.options().keep_moments { moments::DELTA_HEADROOM } else { 1.0 };
-        let several = media.energies.len() > 1 || simulator.options().keep_moments;
-        let spectral = if several && scene.sampling.scheme == Scheme::Cells {
-            let flagged = delta_ratio * media.strongest();
-            Some(EnergyBinning::new(&scene, optics, &media, &lattice, &media.mean(), flagged)?)
-        } else {
-            None
-        };
-        Self::with(
-            simulator,
-            scene,
-            SimulationParts { detector, media, lattice, spectral, stored: None, delta_ratio },
-            sample,
-            control,
-        )
-    }
-
-    /// The same from moments that a run kept, without rays.
-    ///
-    /// # Errors
-    ///
-    /// The scene, where the run cannot serve it; the device or memory.
-    #[doc(hidden)]
-    pub fn of_stored(
-        simulator: &Simulator,
-        moments: &StoredMoments,
-        scene: &Scene,
-        control: &mut Control<'_>,
-    ) -> Result<Self> {
-        start_threads()?;
-        scene.validate()?;
-        if scene.sampling.scheme != Scheme::Cells {
-            return Err(Error::scene("sampling.scheme", "random", "cells, for stored moments"));
-        }
-        if scene.sampling.transport == Transport::Wave {
-            let (found, allowed) = ("\"wave\" with stored moments", "a simulation that traces");
-            return Err(Error::scene("sampling.transport", found, allowed));
-        }
-        if scene.has_heights() {
-            let found = "apertures that end along z with stored moments";
-            return Err(Error::scene("shape", found, "slits, or a simulation that traces"));
-        }
-        let scene = Arc::new(quality::as_traced(scene, moments.scene())?.with_file_hashes()?);
-        let detector = DetectorModel::of(&scene)?;
-        let optics = detector.optics();
-        let own = MaterialTable::of(&scene)?;
-        let lattice = lattice_of(&scene, optics, &own)?;
-        let source = moments.for_scene(&scene, optics, &lattice)?;
-        let media = source.media.clone();
-        let flagged = source.flagged;
-        let spectral =
-            EnergyBinning::new(&scene, optics, &media, &lattice, &source.reference, flagged)?;
-        let (stored, delta_ratio) = (Some(source), 1.0);
-        Self::with(
-            simulator,
-            scene,
-            SimulationParts {
-                detector,
-                media,
-                lattice,
-                spectral: Some(spectral),
-                stored,
-                delta_ratio,
-            },
-            None,
-            control,
-        )
+        wave::refuse(&scene, optics)?;
+        let is_spectral = media.energies.len() > 1 && scene.sampling.scheme == Scheme::Cells;
+        let spectral = is_spectral
+            .then(|| EnergyBinning::new(&scene, optics, &media, &lattice))
+            .transpose()?;
+        let parts = SimulationParts { detector, media, lattice, spectral };
+        Self::with(simulator, scene, parts, sample, control)
     }
 
     fn with(
@@ -148,13 +82,11 @@ impl Simulation {
         let options = simulator.options();
         let sample = match loaded {
             Some(sample) => sample,
-            None => load(&scene, &parts, options.memory_limit, control)?,
+            None => load(&scene, options.memory_limit, control)?,
         };
         let mut scene = scene;
-        let refine_reason = settle_refine(&mut scene, &sample, &parts, simulator);
-        // Kept moments are written and read in the order of the views.
-        let ordered = options.keep_moments || parts.stored.is_some();
-        let [alone, memory] = memory_of(&scene, &sample, options, ordered)?;
+        let refine_reason = settle_refine(&mut scene, &sample, simulator);
+        let [alone, memory] = memory_of(&scene, &sample, options)?;
         memory::ask_for_run(&scene, &memory)?;
         log_spot(&scene);
         scene.middle_line_warning().iter().for_each(|text| log::warn!("{text}"));
@@ -162,25 +94,14 @@ impl Simulation {
         let wanted = options.backend;
         let description = device.description();
         backend::check(wanted, description)?;
-        let recording = parts.spectral.as_ref().map(|_| {
-            sampling::MomentRecording::new(
-                &parts.media,
-                &sample.components,
-                &parts.media.mean(),
-                parts.delta_ratio,
-            )
-        });
+        let recording = parts.spectral.as_ref();
+        let recording =
+            recording.map(|_| sampling::MomentRecording::new(&parts.media, &sample.components));
         let ray_query = backend::may_query(wanted, description);
-        let SimulationParts { detector, media, lattice, spectral, stored, delta_ratio } = parts;
+        let SimulationParts { detector, media, lattice, spectral } = parts;
         let optics = detector.optics();
         let leaks = optics::mean_leaks(&scene, optics, (&media.energies, &media.weights))?;
-        let response = Response::new(
-            optics,
-            &lattice,
-            (leaks, &Hardening::of(&media)),
-            options.keep_moments,
-            0,
-        );
+        let response = Response::new(optics, &lattice, (leaks, &Hardening::of(&media)), 0);
         let wave = match scene.sampling.transport {
             Transport::Wave => Some(WavePlans::new(device, &scene, optics, &lattice, &media)?),
             Transport::Auto | Transport::FirstOrder | Transport::Exact => None,
@@ -190,10 +111,10 @@ impl Simulation {
         let budget = error_budget(&scene, detector.optics());
         let of = scene.clone();
         let Built { sample, media, bvh, facets } =
-            control.step(LoadStep::Building, move || build(&of, sample, media, delta_ratio))??;
+            control.step(LoadStep::Building, move || build(&of, sample, media))??;
         let (to, of) = (device.clone(), scene.clone());
         let (sample, media, on_device) = control.step(LoadStep::Building, move || {
-            DeviceSample::with_bvh(&to, &of, &sample, bvh, &media, ray_query, delta_ratio)
+            DeviceSample::with_bvh(&to, &of, &sample, bvh, &media, ray_query)
                 .map(|made| (sample, media, made))
         })??;
         let mut simulation = Self {
@@ -218,7 +139,6 @@ impl Simulation {
             budget,
             recording,
             wave,
-            stored,
             memory,
             alone,
             prepared_in: 0.0,
@@ -231,62 +151,32 @@ impl Simulation {
 }
 
 /// Settles where the rays of a scene are chosen, and returns why there; nothing where none are chosen.
-fn settle_refine(
-    scene: &mut Arc<Scene>,
-    sample: &Sample,
-    parts: &SimulationParts,
-    simulator: &Simulator,
-) -> Option<String> {
+fn settle_refine(scene: &mut Arc<Scene>, sample: &Sample, simulator: &Simulator) -> Option<String> {
     let kind = simulator.device().description().kind;
-    // Without rays a sample is there only to be traced again.
-    let no_rays = Sample::default();
-    let sample = if parts.stored.is_some() { &no_rays } else { sample };
     let reason = refine_choice::settle(Arc::make_mut(scene), sample, kind);
     let place = scene.sampling.refine;
     reason.iter().for_each(|reason| log::info!("rays are chosen on the {place}: {reason}"));
     reason
 }
 
-/// Refuses what cells behind apertures that end along z do not know.
-fn refuse_heights(scene: &Scene, options: &EngineOptions) -> Result<()> {
-    if !scene.has_heights() || scene.sampling.scheme == Scheme::Random {
-        return Ok(());
-    }
-    let apertures = "with apertures that end along z";
-    if options.keep_moments {
-        let found = format!("kept moments {apertures}");
-        return Err(Error::scene("keep_moments", found, "a run that keeps no moments"));
-    }
-    Ok(())
-}
-
-/// Memory of a run with one view at a time, and of a run whose views may be made side by side unless they are
-/// `ordered`.
+/// Memory of a run with one view at a time, and of a run whose views may be made side by side.
 fn memory_of(
     scene: &Scene,
     sample: &Sample,
     options: &EngineOptions,
-    ordered: bool,
 ) -> Result<[MemoryEstimate; 2]> {
     let (limit, band_rows) = (options.memory_limit, options.band_rows);
     let alone = memory::estimate_alone(scene, &sample.objects, limit, band_rows)?;
-    let memory = match ordered {
-        true => alone,
-        false => memory::estimate(scene, &sample.objects, limit, band_rows)?,
-    };
+    let memory = memory::estimate(scene, &sample.objects, limit, band_rows)?;
     Ok([alone, memory])
 }
 
-/// The sample, where rays will be traced through it.
+/// The sample.
 fn load(
     scene: &Arc<Scene>,
-    parts: &SimulationParts,
     memory_limit: Option<u64>,
     control: &mut Control<'_>,
 ) -> Result<Sample> {
-    if parts.stored.as_ref().is_some_and(|stored| !stored.retrace) {
-        return Ok(Sample::default());
-    }
     memory::check_before_loading(scene, memory_limit)?;
     let progress = control.progress.as_deref_mut();
     let sample =
@@ -311,11 +201,11 @@ struct Built {
     facets: sampling::SampleFacets,
 }
 
-fn build(scene: &Scene, sample: Sample, media: MaterialTable, delta_ratio: f64) -> Result<Built> {
+fn build(scene: &Scene, sample: Sample, media: MaterialTable) -> Result<Built> {
     let across = geometry::across_edges(&sample);
     let bvh = Bvh::build(&sample, &across, scene.displacement())?;
     let transport = scene.sampling.transport;
-    let facets = sampling::SampleFacets::new(transport, &sample, &media, delta_ratio, across);
+    let facets = sampling::SampleFacets::new(transport, &sample, &media, across);
     Ok(Built { sample, media, bvh, facets })
 }
 

@@ -87,7 +87,7 @@ impl<'s> ViewWork<'s> {
         let lit_rows = || all_bands().map(|rows| grid.lit_rows(&rows).len());
         let lit_views = views.iter().filter(|view| !view.is_dark()).count();
         let blank = views.iter().filter(|view| view.is_flat()).count();
-        let traced = !simulation.sample.is_empty() && simulation.stored.is_none();
+        let traced = !simulation.sample.is_empty();
         let [columns, _] = optics.detector.pixels;
         let steps = optics.mask_steps();
         let random = scene.sampling.scheme == Scheme::Random;
@@ -216,7 +216,7 @@ impl<'s> ViewWork<'s> {
     /// Poses of the sample in a view, each with its shadows; one without any for a flat.
     fn poses(&self, view: Exposure) -> Vec<(u32, Vec<ProjectedBounds>)> {
         let Exposure::Sample(view) = view else { return vec![(0, Vec::new())] };
-        let is_traced = !self.simulation.sample.is_empty() && self.simulation.stored.is_none();
+        let is_traced = !self.simulation.sample.is_empty();
         let count = numbers::count(self.simulation.scene.scan.poses_of_view());
         let bounds = |pose| match is_traced {
             true => self.simulation.projected_bounds(pose),
@@ -325,18 +325,14 @@ impl<'s> ViewWork<'s> {
             let rows = row..border.min(row + group);
             row = rows.end;
             let own = i64::from(own.start)..i64::from(own.end);
-            // Rows beside the detector are kept with the band at that end.
-            let all = i64::from(self.simulation.detector.optics().detector.pixels[1]);
-            let beside = (rows.end <= 0 && own.start == 0) || (rows.start >= all && own.end == all);
             let own = own.contains(&rows.start);
-            let recorded = own || beside;
             if self.wave_rows(view, projected_bounds, (&rows, &inner), own)? {
                 // All light comes from lines.
             } else if self.simulation.scene.sampling.scheme == Scheme::Random {
                 self.random_rows(self.simulation.detector.optics(), view, projected_bounds, &rows)?;
             } else {
                 let rows = (&rows, &mut base);
-                self.cell_rows(view, projected_bounds, rows, &inner, [own, recorded], control)?;
+                self.cell_rows(view, projected_bounds, rows, &inner, own, control)?;
             }
             if own {
                 self.rows_done += numbers::narrow::<u64>(rows.end - rows.start);
@@ -358,8 +354,8 @@ impl<'s> ViewWork<'s> {
         }
         let per_row = if optics.sampling.scheme == Scheme::Random {
             u64::from(optics.detector.pixels[0]) * u64::from(optics.sampling.rays.count())
-        } else if self.simulation.stored.is_some() || !traced {
-            // Nothing is traced; the blocks of a file are read once each, or nearly. Invocations
+        } else if !traced {
+            // Nothing is traced. Invocations
             // side by side that see one aperture from several rows do the same work: four times as
             // fast as those that see apertures side by side.
             numbers::narrow::<u64>(lattice.beamlets.end - lattice.beamlets.start)

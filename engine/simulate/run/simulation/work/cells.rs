@@ -9,7 +9,6 @@ use crate::trace::Tracer;
 use beamlet_core::tally::Tally;
 use beamlet_core::{Result, numbers};
 use beamlet_model::scene::Exposure;
-use ndarray::Array3;
 use std::cell::Cell;
 use std::ops::Range;
 use std::time::Instant;
@@ -26,14 +25,14 @@ fn timed<T>(seconds: &Cell<f64>, work: impl FnOnce() -> T) -> T {
 }
 
 impl ViewWork<'_> {
-    /// Sums the light of cells of some rows: kept ones, sampled ones, or none.
+    /// Sums the light of cells of some rows: sampled ones, or none.
     pub(super) fn cell_rows(
         &mut self,
         view: Exposure,
         projected_bounds: &[ProjectedBounds],
         (rows, base): (&Range<i64>, &mut Option<BaseLattice>),
         inner: &Range<i64>,
-        [own, recorded]: [bool; 2],
+        own: bool,
         control: &mut Control<'_>,
     ) -> Result<()> {
         let makes_cells = |it: &DeviceRefiner<'_>| it.maker() != CellMaker::Host;
@@ -51,8 +50,6 @@ impl ViewWork<'_> {
         let counted = [self.rows_done, self.rows_total];
         let mut advance = share::advance(&mut control.progress, &self.share, (view, rows), counted);
         let illuminating = Cell::new(0.0);
-        let words = simulation.moment_words();
-        let keep = &mut control.keep;
         // Cell rows as lists, one for each record of light.
         let mut gather = |tracer: &mut Tracer, spectral: &EnergyBinning, cell_rows: &CellBatch| {
             timed(&illuminating, || spectral.lists(tracer, &mut self.bars, cell_rows))
@@ -68,9 +65,6 @@ impl ViewWork<'_> {
                 self.tally.landed_off += cell_rows.landed_off;
                 self.tally = self.tally + cell_rows.tally;
             }
-            if let (true, Exposure::Sample(index), Some(keep)) = (recorded, view, keep.as_mut()) {
-                crate::moments::write(keep, index, words, cell_rows)?;
-            }
             match &simulation.spectral {
                 Some(spectral) => cell_rows
                     .parts(GATHERED)
@@ -79,12 +73,8 @@ impl ViewWork<'_> {
             }
         };
         let mut found = Tally::default();
-        match (view, &simulation.stored, &simulation.spectral) {
-            (Exposure::Sample(index), Some(stored), Some(spectral)) => {
-                let gather = |cell_rows: &CellBatch| gather(&mut self.tracer, spectral, cell_rows);
-                stored.lists(spectral, index, [rows, &lit], gather, &mut light)?;
-            }
-            (Exposure::Sample(_), ..) if !projected_bounds.is_empty() => {
+        match view {
+            Exposure::Sample(_) if !projected_bounds.is_empty() => {
                 let view = simulation.pose_context(self.pose, projected_bounds, &self.response.1);
                 let tracer = &mut self.tracer;
                 if let Some(refiner) = &mut self.refiner {
@@ -166,29 +156,5 @@ impl ViewWork<'_> {
         self.seconds.trace += begin.elapsed().as_secs_f64() - illuminating.get();
         self.seconds.illuminate += illuminating.get();
         Ok(())
-    }
-
-    /// Values of a row of the detector, `[step][0][column]`, by light of its own rows and of those that
-    /// blur into it: the sample throws none from farther off.
-    pub(in crate::run::simulation) fn row(
-        &mut self,
-        view: u32,
-        projected_bounds: &[ProjectedBounds],
-        row: u32,
-        control: &mut Control<'_>,
-    ) -> Result<Array3<f32>> {
-        let simulation = self.simulation;
-        // Moments that are kept have one pose in each view.
-        self.pose = view;
-        let (band, view) = (row..row + 1, Exposure::Sample(view));
-        let lit = simulation.detector.grid().lit_rows(&band);
-        let list = self.take_offsets(view);
-        self.clear_band(&lit, list)?;
-        let inner = i64::from(lit.start)..i64::from(lit.end);
-        let beside = simulation.lattice.rows_blurred_into();
-        let rows = inner.start - beside..inner.end + beside;
-        let rows = (&rows, &mut None);
-        self.cell_rows(view, projected_bounds, rows, &inner, [false; 2], control)?;
-        simulation.detector.intensities(view, &band, self.sums.intensities()?, &self.cancel)
     }
 }
