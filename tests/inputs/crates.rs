@@ -3,29 +3,6 @@
 #![expect(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
 
 use std::fs;
-use std::path::{Path, PathBuf};
-
-pub(crate) fn sources(folder: &Path, out: &mut Vec<PathBuf>) {
-    for entry in fs::read_dir(folder).unwrap() {
-        let path = entry.unwrap().path();
-        // The Python package lies above the engine.
-        if path == Path::new("engine/python") {
-            continue;
-        }
-        if path.is_dir() {
-            sources(&path, out);
-        } else if path.extension().is_some_and(|extension| extension == "rs") {
-            out.push(path);
-        }
-    }
-}
-
-/// A source without its comments and tests.
-pub(crate) fn code_of(source: &str) -> String {
-    let code = source.split("#[cfg(test)]").next().unwrap();
-    let lines = code.lines().map(|line| line.split("//").next().unwrap());
-    lines.collect::<Vec<_>>().join("\n")
-}
 
 /// Members named in a line of dependencies.
 fn members_in(text: &str) -> Vec<&str> {
