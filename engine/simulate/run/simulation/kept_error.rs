@@ -18,7 +18,7 @@ const MOST_VIEWS: u32 = 2;
 const INNER_ROWS: u32 = 6;
 /// Fractional part of the golden ratio: its multiples spread evenly over [0, 1).
 const GOLDEN: f64 = 0.618_033_988_749_894_9;
-/// A single pixel may err by this many tolerances, as in a new simulation (docs/validation.md).
+/// A single pixel may err by this many tolerances, as in a new simulation (docs/developers/validation.md).
 const SINGLE: f64 = 5.0;
 
 /// Differences of values, each pixel by the step where it is largest.
