@@ -1,7 +1,7 @@
 #version 460
 // Traces listed rays exactly, with refraction or total reflection at every surface: crossings of the
 // straight ray are gathered and sorted, then the bent ray is refracted at one after another
-// (docs/physics.md, "Exact transport").
+// (docs/developers/numerics.md, "Exact transport").
 #extension GL_GOOGLE_include_directive : require
 #extension GL_EXT_buffer_reference : require
 #extension GL_EXT_buffer_reference2 : require

@@ -1,6 +1,6 @@
 #version 460
 // Light of cells: one invocation per part of a cell row and some mask steps integrates every cell over the
-// sample mask, the focal spot, the detector mask and the pixels (docs/physics.md, "Cells").
+// sample mask, the focal spot, the detector mask and the pixels (docs/developers/numerics.md, "Cells").
 // With FAR light may land in rows other than its own and the two beside it; with HEIGHTS apertures end along z,
 // too: a strip of the sample mask at a time.
 #extension GL_GOOGLE_include_directive : require

@@ -101,7 +101,7 @@ impl RunDirectory {
     }
 
     /// Lets a run be resumed on another device, driver, backend or version. The result is then
-    /// equal within the tolerances of docs/validation.md only.
+    /// equal within the tolerances of docs/developers/validation.md only.
     #[must_use]
     pub fn allow_mixed(mut self, allow: bool) -> Self {
         self.allow_mixed = allow;

@@ -1,7 +1,7 @@
 // Masks whose apertures end along z, as strips: intervals of z with the same apertures along x. The light of
 // a cell behind a strip of the sample mask and a strip of the detector mask is the product of an integral
 // along x, as behind slits, and of the same integral along z, over the height of the cell and the offset of
-// the source (docs/physics.md, "Apertures that end along z"). Lengths along z are rows on the detector,
+// the source (docs/developers/numerics.md, "Apertures that end along z"). Lengths along z are rows on the detector,
 // downwards from the upper end of the row of the cells.
 
 // In place of the index of a strip: light that no edges along z cut.

@@ -1,5 +1,5 @@
 // Masks: what their bars and apertures let through, as a base and a sum of hard-edged apertures
-// with a blur (docs/physics.md, "Thick bars and off-axis shadow").
+// with a blur (docs/developers/numerics.md, "Soft edges of bars").
 
 // Values of the two edges of an aperture: one for both where walls are parallel to the axis and bars have one layer.
 #ifdef WALLS

@@ -1,5 +1,5 @@
 // Bars whose walls are slanted, or that have several layers: both edges of an aperture have soft edges of their own
-// (docs/physics.md, "Tapered bars and bars of layers"). Shadows are narrower than apertures and bars.
+// (docs/developers/numerics.md, "Soft edges of bars"). Shadows are narrower than apertures and bars.
 
 // Place of a soft edge: its mean and variance, counted outwards from its inner end as a share of the shadow.
 struct EdgePlace {

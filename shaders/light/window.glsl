@@ -1,5 +1,5 @@
 // Share of the light of a piece that lands between two edges on the analyser, uniform in xi and
-// normal in the source offset t (docs/physics.md, "Cells").
+// normal in the source offset t (docs/developers/numerics.md, "Cells").
 
 // Steepness of edges at the ends of a piece that an aperture does not cut.
 const float STEEP = 2e4;

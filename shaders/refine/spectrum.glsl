@@ -1,4 +1,4 @@
-// Light of several energies as one cell (docs/physics.md, "Spectra").
+// Light of several energies as one cell (docs/developers/numerics.md, "Cells of all energies").
 
 // Bend of the logarithm of light over a whole beamlet that parts energies.
 const float BEND = 2e-5;

@@ -1,4 +1,4 @@
-// Where a line crosses a cylinder, a cone, an ellipsoid or a tube (docs/physics.md, "Curved surfaces"):
+// Where a line crosses a cylinder, a cone, an ellipsoid or a tube (docs/developers/numerics.md, "Positions of crossings"):
 // along one interval of the line, cut by the caps. So an entry and an exit are found together, or none.
 // The bore of a tube takes the middle out of that interval, between the same caps.
 

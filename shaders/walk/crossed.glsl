@@ -1,4 +1,4 @@
-// Exact shapes whose surfaces cross (docs/physics.md, "Overlap and contact"). What lies around a shape at
+// Exact shapes whose surfaces cross (docs/developers/numerics.md, "Positions of crossings"). What lies around a shape at
 // one of its crossings with a line follows from the intervals of the line in the shapes that cross
 // it, so sums need no order. The shape listed last wins, and shapes of one object are one.
 

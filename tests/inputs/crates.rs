@@ -1,31 +1,8 @@
-//! The crates of the engine: the arrows of docs/architecture.md are those of Cargo.
+//! The crates of the engine: the arrows of docs/developers/architecture.md are those of Cargo.
 
 #![expect(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
 
 use std::fs;
-use std::path::{Path, PathBuf};
-
-pub(crate) fn sources(folder: &Path, out: &mut Vec<PathBuf>) {
-    for entry in fs::read_dir(folder).unwrap() {
-        let path = entry.unwrap().path();
-        // The Python package lies above the engine.
-        if path == Path::new("engine/python") {
-            continue;
-        }
-        if path.is_dir() {
-            sources(&path, out);
-        } else if path.extension().is_some_and(|extension| extension == "rs") {
-            out.push(path);
-        }
-    }
-}
-
-/// A source without its comments and tests.
-pub(crate) fn code_of(source: &str) -> String {
-    let code = source.split("#[cfg(test)]").next().unwrap();
-    let lines = code.lines().map(|line| line.split("//").next().unwrap());
-    lines.collect::<Vec<_>>().join("\n")
-}
 
 /// Members named in a line of dependencies.
 fn members_in(text: &str) -> Vec<&str> {
@@ -37,7 +14,7 @@ fn members_in(text: &str) -> Vec<&str> {
 
 #[test]
 fn arrows_of_the_document_are_those_of_cargo() {
-    let text = fs::read_to_string("docs/architecture.md").unwrap();
+    let text = fs::read_to_string("docs/developers/architecture.md").unwrap();
     let after = text.split_once("## Crates").unwrap().1;
     let rows = after.lines().filter_map(|line| line.strip_prefix("| `beamlet-"));
     let mut above: Vec<String> = Vec::new();
@@ -51,7 +28,7 @@ fn arrows_of_the_document_are_those_of_cargo() {
         let manifest = fs::read_to_string(format!("engine/{name}/Cargo.toml")).unwrap();
         let (_, after) = manifest.split_once("[dependencies]").unwrap();
         let used = members_in(after.split("\n[").next().unwrap());
-        assert_eq!(drawn, used, "docs/architecture.md: row of beamlet-{name}");
+        assert_eq!(drawn, used, "docs/developers/architecture.md: row of beamlet-{name}");
         // The table goes from the lowest crate up.
         let upward: Vec<_> =
             used.iter().filter(|it| !above.iter().any(|below| below == *it)).collect();
@@ -60,5 +37,5 @@ fn arrows_of_the_document_are_those_of_cargo() {
     }
     let folders = fs::read_dir("engine").unwrap().map(|entry| entry.unwrap().path());
     let members = folders.filter(|path| path.join("lib.rs").exists()).count();
-    assert_eq!(above.len(), members, "docs/architecture.md lacks a crate: {above:?}");
+    assert_eq!(above.len(), members, "docs/developers/architecture.md lacks a crate: {above:?}");
 }

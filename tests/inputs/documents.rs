@@ -58,7 +58,7 @@ fn words_of_sources() -> BTreeSet<String> {
     let mut words = BTreeSet::new();
     for path in paths {
         // This list names what no source has to have; tables of claims name tests, too.
-        if path.ends_with("inputs/documents.rs") || path.starts_with("docs/validation") {
+        if path.ends_with("inputs/documents.rs") || path.starts_with("docs/developers/validation") {
             continue;
         }
         let text = String::from_utf8_lossy(&fs::read(path).unwrap()).into_owned();
@@ -212,7 +212,7 @@ fn names_in_documents_are_those_of_tests_types_keys_and_files() {
 fn tests_in_tables_of_claims_exist() {
     let words = words_of_sources();
     let mut paths = Vec::new();
-    files("docs/validation", &[".csv"], &mut paths);
+    files("docs/developers/validation", &[".csv"], &mut paths);
     let (mut problems, mut count) = (Vec::new(), 0);
     for path in paths {
         let text = fs::read_to_string(&path).unwrap();
@@ -238,7 +238,7 @@ fn what_does_not_exist_is_found() {
         "KeptWriterOfOld",
         "no_test_begins…",
     ] {
-        assert!(unknown(&words, "docs/validation.md", span).is_some(), "{span}");
+        assert!(unknown(&words, "docs/developers/validation.md", span).is_some(), "{span}");
     }
     let documents = documents();
     for link in ["nowhere.md", "physics.md#no-such-heading", "#neither"] {

@@ -1,11 +1,8 @@
 //! What is read before a device is opened: scenes, meshes, materials and spectra; and the layers of the
 //! engine. None of these tests needs a Vulkan device.
 
-mod circles;
-mod constants;
 mod crates;
 mod documents;
-mod file_names;
 mod garbage;
 mod geometry;
 mod instances;

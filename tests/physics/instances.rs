@@ -272,7 +272,7 @@ fn instances_never_leak() {
 
 /// Rays of each of two cases on each of two backends: a quarter of `BEAMLET_RAYS`, 1e8.
 #[test]
-#[ignore = "an hour: see docs/validation.md"]
+#[ignore = "an hour: see docs/developers/validation.md"]
 fn instances_never_leak_over_many_rays() {
     let rays = std::env::var("BEAMLET_RAYS").map_or(100_000_000, |text| text.parse().unwrap());
     never_leak(rays / 4);

@@ -400,7 +400,7 @@ fn dark_field_of_fibres_matches_the_characteristic_function() {
     compare((80, 1, TOLERANCE), &cases, &[0], |error| (4.0 * error).min(0.25));
 }
 
-/// Rows of the table of docs/validation.md; `BEAMLET_PIXELS`: pixels of each, 400.
+/// Rows of the table of docs/developers/validation.md; `BEAMLET_PIXELS`: pixels of each, 400.
 fn rows(crossings: f64, sections: &[Section]) {
     let pixels = std::env::var("BEAMLET_PIXELS").map_or(400, |text| text.parse::<u32>().unwrap());
     // 5 %, or three standard errors where so many pixels do not tell that.

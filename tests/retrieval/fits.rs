@@ -277,7 +277,7 @@ fn weighted_fits_of_counts_reach_the_cramer_rao_bound_without_bias() {
 
 #[test]
 fn few_counts_are_flagged_or_stay_within_the_scan() {
-    // The table of docs/validation/counts.csv.
+    // The table of docs/developers/validation/counts.csv.
     let engine = engine();
     println!("peak | weights | bias A mu sigma b | variance A mu sigma b | without a result");
     for peak in [10.0, 30.0, 100.0, 300.0, 1e3, 1e4] {

@@ -1,6 +1,6 @@
 //! The real program, ended at random moments or with a full disk: every view that
 //! progress.log names is whole, nothing else counts, and `--resume` ends with the same bits.
-//! `BEAMLET_KILLS` in the environment is the number of kills of each kind of run (docs/reliability.md).
+//! `BEAMLET_KILLS` in the environment is the number of kills of each kind of run (docs/developers/reliability.md).
 #![cfg(all(feature = "cli", unix))]
 #![allow(clippy::print_stdout, reason = "measured figures are printed")]
 #![expect(clippy::unwrap_used, reason = "a test that cannot go on has failed")]

@@ -172,7 +172,7 @@ fn largest(a: &[f64], b: &[f64]) -> f64 {
 }
 
 /// Random scenes: how often the true error exceeds the reported one and the tolerance. 8 of 32 are above six
-/// times the reported error, and one above five tolerances (seed 15, 11.2; docs/sampling.md).
+/// times the reported error, and one above five tolerances (seed 15, 11.2; docs/developers/sampling.md).
 #[test]
 #[ignore = "two minutes: .ci/long scenes"]
 fn reported_error_of_random_rims() {

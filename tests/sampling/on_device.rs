@@ -183,7 +183,7 @@ pub(super) fn apart(a: &Array4<f32>, b: &Array4<f32>) -> [f64; 2] {
 }
 
 /// Against runs whose rays the host chooses by other rules, at a tolerance six times as tight. None is beyond five
-/// tolerances, as required of sampling (docs/validation.md), and the root mean square is a half of one at most.
+/// tolerances, as required of sampling (docs/developers/validation.md), and the root mean square is a half of one at most.
 #[test]
 fn light_is_that_of_the_rules_of_the_host() {
     let engine = engine(Backend::Bvh);

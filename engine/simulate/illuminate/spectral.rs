@@ -1,4 +1,4 @@
-//! Light of a spectrum: cells of all energies gathered into few (docs/physics.md, "Spectra").
+//! Light of a spectrum: cells of all energies gathered into few (docs/developers/numerics.md, "Cells of all energies").
 //!
 //! A photon passes each mask either through an aperture or through the bars. Light that took the same way
 //! (a group, at most four) is gathered over the energies into one cell with its mean displacement; the

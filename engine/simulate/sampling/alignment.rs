@@ -4,7 +4,8 @@ use super::patch::no_silhouette_between;
 use super::refinement::Rounds;
 use beamlet_interface::RayResult;
 
-/// Heights of the scanlines to begin with, share of the row.
+/// Heights of the first scanlines, fraction of the row. On fewer lines a rim that leaves the row by a side does
+/// not show how it bows (`a_rim_that_leaves_by_a_side`).
 const HEIGHTS: [f32; 5] = [0.1, 0.3, 0.5, 0.7, 0.9];
 /// Times that an interval with a silhouette is halved.
 const HALVINGS: u32 = 12;

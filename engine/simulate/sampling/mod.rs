@@ -1,4 +1,4 @@
-//! Sampling: which rays are traced, and the cells that are made of them (docs/sampling.md).
+//! Sampling: which rays are traced, and the cells that are made of them (docs/developers/sampling.md).
 //! A patch is one beamlet and one detector row; each patch is an adaptive quadrature of the recorded
 //! values over (x, z), refined until its error budget holds.
 

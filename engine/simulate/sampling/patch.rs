@@ -36,7 +36,8 @@ struct Branch {
 /// Bytes of a rectangle of a patch.
 pub(super) const RECTANGLE: usize = size_of::<Node>() + size_of::<Option<Branch>>();
 
-/// Lines of a patch whose rays are spread evenly, powers of two: fewest and most.
+/// Lines of a patch whose rays are spread evenly, powers of two: fewest and most. On four lines light of a foam
+/// over borders of rows errs by 3.8e-3 (`light_of_foams_is_that_of_random_rays`).
 const EVEN_LINES: [u32; 2] = [4, 64];
 
 /// Phase of a patch whose rays are spread evenly, for structure that they do not resolve.

@@ -138,7 +138,7 @@ impl FirstOrder {
             .map(|hit| solid.roundness_at(add(o, scaled(d, hit.t))))
             .fold(f64::MAX, f64::min);
         // Steep surfaces beside the ray: what the hair changes, twice. f32: 1e-6 of the change, and
-        // 1e-11/c² rad for each crossing (docs/validation.md).
+        // 1e-11/c² rad for each crossing (docs/developers/validation.md).
         let spread = |value: &dyn Fn(&Passage) -> f64| {
             let of = near.iter().filter(|it| it.crossings == count as usize).map(value);
             let centre = value(want);

@@ -126,7 +126,7 @@ impl Errors {
         self.within as f64 / self.count.max(1) as f64
     }
 
-    /// Names of the demands of docs/validation.md on a class that these errors do not fulfil.
+    /// Names of the demands of docs/developers/validation.md on a class that these errors do not fulfil.
     pub(crate) fn failures(&self, class: Class, limit: f64) -> Vec<&'static str> {
         let least = if class == Class::Silhouette { 0.95 } else { 0.99 };
         [

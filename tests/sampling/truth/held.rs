@@ -1,4 +1,4 @@
-//! What holds of the tables of docs/validation.md, "Truth", on small scenes.
+//! What holds of the tables of docs/developers/validation.md, "Truth", on small scenes.
 
 use super::cases::{self, Case};
 use super::classes::Class;
@@ -13,7 +13,7 @@ const LATTICE: [u32; 2] = [100, 24];
 const TRUTH: f64 = 2e-5;
 
 /// Interior pixels hold the default tolerance, pixels with a silhouette one ten times as wide: at
-/// tighter ones some rims do not (docs/validation.md). With the default none is beyond what README.md
+/// tighter ones some rims do not (docs/developers/validation.md). With the default none is beyond what README.md
 /// says of silhouettes. The truth without masks takes longer than all others: it is made with `BEAMLET_ALL`
 /// (`.ci/long truth`), and [`tight_tolerances_hold_without_a_sample_mask`] holds such scenes in CI.
 #[test]

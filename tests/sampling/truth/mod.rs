@@ -1,5 +1,5 @@
 //! Errors that sampling leaves, against stacks of the same meshes from about a hundred times the
-//! rays, each followed in order, without sums over facets (docs/validation.md, "Truth").
+//! rays, each followed in order, without sums over facets (docs/developers/validation.md, "Truth").
 
 #![allow(
     clippy::cast_possible_truncation,

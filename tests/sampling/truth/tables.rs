@@ -1,4 +1,4 @@
-//! The tables of docs/validation.md, "Truth".
+//! The tables of docs/developers/validation.md, "Truth".
 
 use super::cases::{self, Case};
 use super::classes::Class;
@@ -98,14 +98,14 @@ fn angles(engine: &Checked, case: &Case) {
 }
 
 #[test]
-#[ignore = "tens of minutes of processor time: tables of docs/validation.md"]
+#[ignore = "tens of minutes of processor time: tables of docs/developers/validation.md"]
 fn table_of_errors_of_values() {
     let engine = engine(Backend::Bvh);
     cases::all().iter().for_each(|case| values(&engine, case));
 }
 
 #[test]
-#[ignore = "tens of minutes of processor time: tables of docs/validation.md"]
+#[ignore = "tens of minutes of processor time: tables of docs/developers/validation.md"]
 fn table_of_errors_of_angles() {
     let engine = engine(Backend::Bvh);
     cases::all().iter().for_each(|case| angles(&engine, case));

@@ -237,7 +237,7 @@ fn mesh_hashes(scene: &Scene, sample: &Sample) -> BTreeMap<String, String> {
 
 /// Part of the tolerance that a pixel of a detector that blurs gets: it takes the errors of those beside it
 /// as well. With all of it a ball holds 1e-4 but for its root mean square (0.34), with half 0.2
-/// (docs/validation.md).
+/// (docs/developers/validation.md).
 const BLURRED: f64 = 0.5;
 
 /// Error that sampling may leave in a value of the grid that takes the light, so that pixels of the

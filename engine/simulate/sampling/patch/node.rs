@@ -102,7 +102,7 @@ pub(in crate::sampling) enum Mean {
     Unknown,
 }
 
-/// Rule of quadrature that gives the result of a rectangle (docs/sampling.md, "The four rules").
+/// Rule of quadrature that gives the result of a rectangle (docs/developers/sampling.md, "The four rules").
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(in crate::sampling) enum Rule {
     /// The ray through its centre, with the facets' bounds on all its rays.
