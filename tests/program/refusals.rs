@@ -1,15 +1,18 @@
 //! Refusals: a table of cases for each area in `tests/refusals/`.
 //!
 //! A group has a `scene` (a path below `tests/`, or text), `files` by name with their text, files that it has a `copy`
-//! of by their paths below `tests/`, and the command lines `before` that make runs. Each of its `cases` replaces `from` by
-//! `to` in the file `edit`, writes `text` to `file`, and appends `more` and each `set` to the command `lines`. All fail with `code`, print `words` to stderr and none of `lack`, print nothing to
-//! stdout (but reports of `check`), and change no file. `errors` is the number of errors. A key of a group is the
-//! default of its cases; `all` are words of every case.
+//! of by their paths below `tests/`, `arrays` of a value and a shape, and the command lines `before` that make runs.
+//! Each of its `cases` replaces `from` by `to` in the file `edit`, writes `text` to `file`, and appends `more` and each
+//! `set` to the command `lines`. All fail with `code`, print `words` to stderr and none of `lack`, print nothing to
+//! stdout (but reports of `check`), and change no file. `errors` is the number of errors. A key of a group is the default
+//! of its cases; `all` are words of every case.
 
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
 
-use crate::support::program::{beamlet, done};
+use crate::support::program::{beamlet, ended};
 use crate::support::root;
+use beamlet::ndarray::ArrayD;
+use ndarray_npy::write_npy;
 use serde::Deserialize;
 use std::collections::BTreeMap;
 use std::fs;
@@ -28,6 +31,7 @@ struct Case {
     scene: String,
     files: BTreeMap<String, String>,
     copy: BTreeMap<String, String>,
+    arrays: BTreeMap<String, Vec<f32>>,
     before: Vec<String>,
     edit: String,
     from: String,
@@ -52,6 +56,7 @@ impl Default for Case {
             scene: none(),
             files: BTreeMap::new(),
             copy: BTreeMap::new(),
+            arrays: BTreeMap::new(),
             before: list(),
             edit: "scene.toml".into(),
             from: none(),
@@ -102,7 +107,8 @@ fn refuse(place: &Path, case: &Case, line: &str) -> Option<String> {
     let before = listed(place);
     let sets = case.set.iter().flat_map(|set| ["--set", set]);
     let mut command = beamlet(place);
-    let output = command.args(split(&format!("{line} {}", case.more))).args(sets).output().unwrap();
+    let line = format!("{line} {}", case.more);
+    let output = command.args(split(&line)).args(sets).output().unwrap();
     let message = String::from_utf8_lossy(&output.stderr).into_owned();
     let printed = String::from_utf8_lossy(&output.stdout);
     let count = message.lines().filter(|line| line.starts_with("error: ")).count();
@@ -111,13 +117,15 @@ fn refuse(place: &Path, case: &Case, line: &str) -> Option<String> {
         Some(word) => format!("no {word:?}"),
         None if output.status.code() != Some(case.code) => format!("{:?}", output.status),
         None if words.count() == 0 => "a case without words".into(),
-        None if !printed.is_empty() && !line.starts_with("check") => format!("stdout {printed}"),
+        None if !printed.is_empty() && !line.trim().starts_with("check") => {
+            format!("stdout {printed}")
+        }
         None if case.errors > 0 && case.errors != count => format!("{count} errors"),
         None if case.lack.iter().any(|word| message.contains(word)) => "a word too many".into(),
         None if listed(place) != before => "files changed".into(),
         None => return None,
     };
-    Some(format!("{fault}: {line} {} {:?} {:?}: {message}", case.more, case.to, case.set))
+    Some(format!("{fault}: {line} {:?} {:?}: {message}", case.to, case.set))
 }
 
 /// Faults of the cases of a group.
@@ -141,7 +149,13 @@ fn walk(mut group: toml::Table) -> Vec<String> {
     }
     common.files.iter().for_each(|(name, text)| write(name, text.as_bytes()));
     common.copy.iter().for_each(|(name, path)| write(name, &read_test(path)));
-    common.before.iter().for_each(|line| drop(done(place.path(), line)));
+    for (name, numbers) in &common.arrays {
+        let shape: Vec<usize> = numbers[1..].iter().map(|side| *side as usize).collect();
+        write_npy(place.path().join(name), &ArrayD::from_elem(shape, numbers[0])).unwrap();
+    }
+    for line in &common.before {
+        ended(&beamlet(place.path()).args(split(line)).output().unwrap(), 0);
+    }
     let mut faults = Vec::new();
     for case in cases.as_array().expect("a list of cases") {
         let mut keys = group.clone();
