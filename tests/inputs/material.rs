@@ -91,17 +91,6 @@ fn constants_given_as_numbers_come_back_as_they_are() {
 }
 
 #[test]
-fn unknown_name_suggests_the_nearest() {
-    let text = constants(&scene(30.0), "tungsen").unwrap_err().to_string();
-    assert!(text.contains("\"tungsen\"") && text.contains("did you mean \"tungsten\""), "{text}");
-    let scene = with(30.0, "resin_a", formula("C", 1.0));
-    let text = constants(&scene, "resin-b").unwrap_err().to_string();
-    assert!(text.contains("did you mean \"resin_a\""), "{text}");
-    let text = constants(&scene, "xyzzyx").unwrap_err().to_string();
-    assert!(!text.contains("did you mean"), "{text}");
-}
-
-#[test]
 fn energy_outside_the_tables_is_refused_with_their_range() {
     for energy in [0.05, 900.0] {
         let text = constants(&scene(energy), "gold").unwrap_err().to_string();
@@ -114,14 +103,6 @@ fn energy_outside_the_tables_is_refused_with_their_range() {
     }
     for energy in [0.0, -3.0, f64::NAN] {
         let _ = constants(&scene(energy), "gold").unwrap_err();
-    }
-}
-
-#[test]
-fn bad_formula_or_density_is_an_error_that_names_the_material() {
-    for (text, density) in [("Xq2", 1.0), ("h2o", 1.0), ("", 1.0), ("H2O", 0.0), ("H2O(", 1.0)] {
-        let error = constants(&with(30.0, "mine", formula(text, density)), "mine").unwrap_err();
-        assert!(error.to_string().contains("materials.mine"), "{error}");
     }
 }
 
@@ -174,31 +155,23 @@ fn heavy_hydrogen_has_its_weight() {
 
 #[test]
 fn designations_of_alloys_are_no_formulas() {
-    for (text, ways) in [
-        ("TiAl6V4", ["\"titanium alloy\", Al6wt%V4wt%Ti", "\"(TiAl6V4)\" counts atoms"]),
-        ("CuSn6", ["\"bronze\"", "(CuSn6)"]),
-        ("AlMg3", ["\"aluminium 5754\"", "(AlMg3)"]),
-        ("CuSn10Zn2", ["\"Sn10wt%Zn2wt%Cu\"", "(CuSn10Zn2)"]),
-        ("Sn60Pb40", ["\"Sn60wt%Pb40wt%\"", "(Sn60Pb40)"]),
-        ("MgMn2", ["\"Mn2wt%Mg\"", "(MgMn2)"]),
-        ("Ti13Nb13Zr", ["\"Nb13wt%Zr13wt%Ti\"", "(Ti13Nb13Zr)"]),
-        ("WC6Co", ["\"Co6wt%WC\"", "(WC6Co)"]),
-        ("PBO", ["\"PbO\" for the element", "(PBO)"]),
+    for text in [
+        "TiAl6V4",
+        "CuSn6",
+        "AlMg3",
+        "CuSn10Zn2",
+        "Sn60Pb40",
+        "MgMn2",
+        "Ti13Nb13Zr",
+        "WC6Co",
+        "PBO",
     ] {
-        let refused = constants(&with(30.0, "mine", formula(text, 8.0)), "mine").unwrap_err();
-        let refused = refused.to_string();
-        let has = |word: &&str| refused.contains(*word);
-        assert!(refused.contains("materials.mine") && ways.iter().all(has), "{text}: {refused}");
         let parts = vec![(text.to_owned(), 1.0)];
         let mixture = MaterialSpec::Mixture { parts, density: 8.0 };
         let mixed = constants(&with(30.0, "mine", mixture), "mine");
         assert_eq!(mixed.is_ok(), builtin(text).is_some(), "{text}");
         assert!(of(&format!("({text})"), 8.0)[0] > 0.0);
     }
-    let doubtful = constants(&scene(30.0), "Al2O3.2SiO2").unwrap_err().to_string();
-    assert!(doubtful.contains("write 3.20 for the number"), "{doubtful}");
-    let unknown = constants(&scene(30.0), "CuSn10Zn2").unwrap_err().to_string();
-    assert!(unknown.contains("Sn10wt%Zn2wt%Cu"), "{unknown}");
     // By name they are the alloys.
     for (name, weights, density) in [
         ("TiAl6V4", "Al6wt%V4wt%Ti", 4.43),
@@ -253,17 +226,6 @@ fn energy_that_comes_twice_in_a_table_is_an_edge() {
 }
 
 #[test]
-fn table_is_not_extrapolated() {
-    let directory = tempfile::tempdir().unwrap();
-    let text = "energy_keV,mu_per_cm,delta\n10,8.0,4e-6\n20,1.0,1e-6\n";
-    for energy in [9.99, 20.01] {
-        let error = table(directory.path(), text, energy).unwrap_err().to_string();
-        assert!(error.contains("10 keV to 20 keV"), "{error}");
-        assert!(error.contains("resin.csv"), "{error}");
-    }
-}
-
-#[test]
 fn columns_of_a_table_may_come_in_any_order_and_in_quotes() {
     let directory = tempfile::tempdir().unwrap();
     for text in [
@@ -273,26 +235,4 @@ fn columns_of_a_table_may_come_in_any_order_and_in_quotes() {
         let (mu, delta) = table(directory.path(), text, 20.0).unwrap();
         assert_eq!((mu, delta), (100.0, 1e-6), "{text}");
     }
-}
-
-#[test]
-fn table_errors_name_file_and_line() {
-    let directory = tempfile::tempdir().unwrap();
-    let head = "energy_keV,mu_per_cm,delta\n";
-    for (text, place, what) in [
-        ("energy,mu,delta\n10,1,1e-6\n".to_owned(), "resin.csv:1", "energy_keV"),
-        (format!("{head}10,1,1e-6\n9,2,1e-6\n"), "resin.csv:3", "ascending"),
-        (format!("{head}10,1,1e-6\n20,x,1e-6\n"), "resin.csv:3:4", "found x"),
-        (format!("{head}10,1\n"), "resin.csv:2", "nothing"),
-        (format!("{head}10,0,1e-6\n"), "resin.csv:2", "above 0"),
-        (format!("{head}10,nan,1e-6\n"), "resin.csv:2", "above 0"),
-        (head.to_owned(), "resin.csv:1", "no rows"),
-        (String::new(), "resin.csv:1", "no rows"),
-    ] {
-        let error = table(directory.path(), &text, 10.0).unwrap_err().to_string();
-        assert!(error.contains(place) && error.contains(what), "{text:?}: {error}");
-    }
-    let mut scene = with(30.0, "x", MaterialSpec::Table { path: "missing.csv".into() });
-    scene.directory = directory.path().into();
-    assert!(constants(&scene, "x").unwrap_err().to_string().contains("missing.csv"));
 }

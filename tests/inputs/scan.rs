@@ -3,7 +3,7 @@
 #![allow(clippy::unwrap_used, reason = "clippy exempts tests, but not what they call")]
 #![allow(clippy::float_cmp, reason = "quantities read to the nearest double, without slack")]
 
-use crate::paper::{PAPER, load, parts};
+use crate::paper::PAPER;
 use beamlet::Error;
 use beamlet::scene::{Exposure, Motion, RotationAxis, Scene};
 use std::collections::BTreeMap;
@@ -23,14 +23,6 @@ fn scene(scan: &str, files: &[(&str, &str)]) -> Result<Scene, Error> {
         std::fs::write(directory.path().join(name), text).unwrap();
     }
     Scene::from_toml(&text(scan), directory.path())
-}
-
-#[track_caller]
-fn assert_refused(scan: &str, files: &[(&str, &str)], words: &[&str]) {
-    let error = scene(scan, files).unwrap_err().to_string();
-    for word in words {
-        assert!(error.contains(word), "{word:?} in: {error}");
-    }
 }
 
 /// A scene's scan after its text was written and read without the files.
@@ -87,29 +79,6 @@ fn mask_offsets_are_numbers_or_pairs_along_x_and_z() {
     // Pairs without steps along z are steps along x, which slits take, too.
     let rests = scene("mask_offsets = [[\"1 um\", \"0 um\"], [\"2 um\", \"0 mm\"]]", &[]).unwrap();
     assert_eq!(rests.scan, scene("mask_offsets = [\"1 um\", \"2 um\"]", &[]).unwrap().scan);
-}
-
-#[test]
-fn wrong_pairs_of_mask_offsets_are_refused_by_entry() {
-    let refused = |steps: &str, words: &[&str]| {
-        let error = of_pairs(steps, &[]).unwrap_err().to_string();
-        words.iter().for_each(|word| assert!(error.contains(word), "{word:?} in: {error}"));
-    };
-    let mixed = "[[\"1 um\", \"2 um\"], \"3 um\"]";
-    refused(mixed, &["scan.mask_offsets[1]", "found \"3 um\"", "as entry 0 is"]);
-    refused("[[\"1 um\"]]", &["scan.mask_offsets[0]", "a list of length 1", "a pair of lengths"]);
-    refused("[[\"1 um\", 2]]", &["scan.mask_offsets[0][1]", "without a unit"]);
-    refused("[[\"1 um\", \"1e9 m\"]]", &["scan.mask_offsets[0]", "along z; allowed: up to"]);
-    refused("\"absent.csv\"", &["scan.mask_offsets", "absent.csv"]);
-    assert_refused(
-        "mask_offsets = [[\"1 um\", \"0 um\"], [\"1 um\", \"2 um\"]]",
-        &[],
-        &["scan.mask_offsets[1]", "2 um along z", "without edges along z", "aperture_z"],
-    );
-    let lone = [("z.csv", "offset_x_um\n1\n")];
-    let words = ["z.csv", "offset_z", "offset_x_UNIT and offset_z_UNIT"];
-    assert_refused("mask_offsets = \"z.csv\"", &lone, &words);
-    assert_refused("mask_offsets_z = [\"1 um\"]", &[], &["an unknown key", "`mask_offsets`"]);
 }
 
 #[test]
@@ -187,83 +156,6 @@ fn golden_angles_fill_the_range_evenly_at_any_count() {
 }
 
 #[test]
-fn tables_that_are_none_are_refused_with_their_line() {
-    let angles = |text| [("angles.csv", text)];
-    let of_angles = "angles = \"angles.csv\"";
-    assert_refused(
-        of_angles,
-        &angles("view,angle_deg\n0,1\n2,3\n"),
-        &["angles.csv:3:1", "view", "\"2\"", "without gaps"],
-    );
-    assert_refused(
-        of_angles,
-        &angles("view,angle_deg\n0,1\n0,3\n"),
-        &["angles.csv:3:1", "repeats"],
-    );
-    assert_refused(of_angles, &angles("angle\n1\n"), &["angles.csv:1:1", "angle_deg"]);
-    assert_refused(of_angles, &angles("angle_um\n1\n"), &["angles.csv:1:1", "\"angle_um\""]);
-    assert_refused(of_angles, &angles("angle_deg,angle_rad\n1,2\n"), &["angles.csv:1:11"]);
-    assert_refused(of_angles, &angles("view\n0\n"), &["angles.csv:1:1", "no column of values"]);
-    assert_refused(of_angles, &angles("angle_deg\n1\nnan\n"), &["angles.csv:3:1", "nan", "finite"]);
-    assert_refused(of_angles, &angles("angle_deg\n1 deg\n"), &["angles.csv:2:1", "\"1 deg\""]);
-    assert_refused(of_angles, &angles("angle_deg\n1,2\n"), &["angles.csv:2:1", "2 fields"]);
-    assert_refused(of_angles, &angles("angle_deg\n"), &["no rows"]);
-    assert_refused(of_angles, &[], &["scan.angles", "angles.csv"]);
-    let motions = |text| [("motions.csv", text)];
-    let of_motions = "motions = \"motions.csv\"";
-    assert_refused(
-        of_motions,
-        &motions("x_mm,y_mm,z_mm,scale\n1,2,3,4\n"),
-        &["motions.csv:1:16", "scale"],
-    );
-    assert_refused(
-        of_motions,
-        &motions("x_mm,y_mm,z_mm,qw,qx,qy,qz\n1,2,3,0,0,0,0\n"),
-        &["motions.csv:2:7", "quaternion"],
-    );
-    let rows = "x_mm,y_mm,z_mm,view\n1,2,3,0\n1,2,3,2\n";
-    assert_refused(of_motions, &motions(rows), &["motions.csv:3:7", "without gaps"]);
-    let three = "x_mm,y_mm,z_mm\n1,2,3\n1,2,3\n1,2,3\n";
-    let both = "motions = \"motions.csv\"\nangles = [\"0 deg\", \"1 deg\"]";
-    assert_refused(both, &motions(three), &["scan.motions", "3 motions", "2, one for each angle"]);
-    let offsets = [("by_angle.csv", "offset_0_um,offset_2_um\n1,2\n")];
-    assert_refused(
-        "view_offsets = \"by_angle.csv\"",
-        &offsets,
-        &["by_angle.csv:1:13", "offset_2_um"],
-    );
-    let two = [("by_angle.csv", "offset_0_um\n1\n2\n")];
-    assert_refused(
-        "view_offsets = \"by_angle.csv\"",
-        &two,
-        &["scan.view_offsets", "2 lists", "1, one for each angle"],
-    );
-}
-
-#[test]
-fn values_that_cannot_be_are_refused_by_key() {
-    let refused = |scan: &str| {
-        let (_, key, found, _) = parts(load(&text(scan)));
-        (key, found)
-    };
-    let motion = |keys: &str| refused(&format!("motions = [{{ {keys} }}]"));
-    assert_eq!(motion("angle = \"1 deg\"").0, "scan.motions[0].angle");
-    assert_eq!(motion("x = [1, 0, 0], y = [0, 1, 0]").0, "scan.motions[0]");
-    let skew = motion("x = [1, 0, 0], y = [0, 1, 0], z = [0, 0, 1.0001]");
-    assert!(skew.0 == "scan.motions[0]" && skew.1.contains("1.0001"), "{skew:?}");
-    let mirrored = motion("x = [1, 0, 0], y = [0, 1, 0], z = [0, 0, -1]");
-    assert_eq!(mirrored.0, "scan.motions[0]");
-    let order =
-        refused("mask_offsets = { from = \"0 um\", to = \"9 um\", count = 4, order = \"golden\" }");
-    assert_eq!(order.0, "scan.mask_offsets.order");
-    assert_eq!(refused("dithers = []").0, "scan.dithers");
-    assert_eq!(refused("flats_every = 0").0, "scan.flats_every");
-    let darks = refused("darks_every = 2");
-    assert!(darks.0 == "scan.darks_every" && darks.1.contains("without photons"), "{darks:?}");
-    assert_eq!(refused("travel = [\"0 m\", \"inf m\", \"0 m\"]").0, "scan.travel[1]");
-}
-
-#[test]
 fn errors_are_lists_files_or_draws_and_kept_as_they_were_applied() {
     let two = "mask_offsets = [\"0 um\", \"5 um\"]\nangles = [\"0 deg\", \"1 deg\"]\n";
     let of = |errors: &str, files: &[(&str, &str)]| {
@@ -292,16 +184,6 @@ fn errors_are_lists_files_or_draws_and_kept_as_they_were_applied() {
         drawn.scan,
         of("seed = 6, offset_sigma = \"2 um\", intensity_walk = 0.01", &[]).unwrap().scan
     );
-    let refused = |errors: &str, word: &str| {
-        let error = of(errors, &[]).unwrap_err().to_string();
-        assert!(error.contains("scan.errors") && error.contains(word), "{error}");
-    };
-    refused("intensities = [[1, 2]]", "1 lists");
-    refused("intensities = [[1, 2], [1]]", "1 values in view 1");
-    refused("intensities = [[1, 2], [1, 0]]", "in view 1");
-    refused("mask_offsets = [[\"1 um\", \"1 um\"], [\"1 um\", \"1e9 m\"]]", "mask_offsets[1]");
-    refused("intensities = [[1, 1], [1, 1]], intensity_walk = 0.1", "both");
-    refused("intensity_sigma = -0.1", "intensity_sigma");
     let drifting =
         of("source_x = [\"3 um\", \"-1 um\"], source_z = [\"0 um\", \"2 um\"]", &[]).unwrap();
     assert_eq!(drifting.scan.errors.source, [[3e-6, 0.0], [-1e-6, 2e-6]]);
@@ -312,9 +194,6 @@ fn errors_are_lists_files_or_draws_and_kept_as_they_were_applied() {
     assert!((offsets[0] - expected).abs() < 1e-18, "{offsets:?} {expected:e}");
     assert_kept(&drifting);
     assert_kept(&of("source_sigma = \"1 um\", source_walk = \"0.2 um\"", &[]).unwrap());
-    refused("source_x = [\"1 um\"]", "1 displacements");
-    refused("source_x = [\"1 um\", \"1 um\"], source_z = [\"1 um\"]", "1 displacements");
-    refused("source_x = [\"1 um\", \"1 um\"], source_walk = \"1 um\"", "both");
 }
 
 #[test]

@@ -48,35 +48,6 @@ fn overrides_change_and_add_keys() {
     assert!(matches!(scene.objects[1].geometry, ShapeOrMesh::Mesh(Mesh::File { .. })));
 }
 
-#[test]
-fn overrides_that_lead_nowhere_are_refused() {
-    let cases = [
-        ("source.energy", "source.energy", "no `=`"),
-        ("source..energy=1", "source..energy", "no path"),
-        ("object.rood.material=gold", "object.rood.material", "\"rood\""),
-        ("object[2].material=gold", "object[2].material", "index 2 of a list of 2"),
-        ("source.energy.value=1", "source.energy.value", "single value"),
-        ("source[0]=1", "source[0]", "index 0 of no list"),
-        ("detector.pixels=[1,", "detector.pixels", "array"),
-        ("source.enregy=\"40 keV\"", "source.enregy", "an unknown key"),
-        ("source.energy=40", "source.energy", "the number 40, without a unit"),
-        ("scan.mask_offsets.count=0", "scan.mask_offsets.count", "the number 0"),
-        ("object.rod.shape.prism.radius=1 mm", "object[0].shape.prism.height", "nothing"),
-    ];
-    for (set, expected, problem) in cases {
-        let error = with_sets(&[set]).unwrap_err();
-        let text = error.to_string();
-        let (_, key, found, _) = parts(Err(error));
-        assert_eq!(key, expected, "{set}");
-        assert!(found.contains(problem), "{set}: {found}");
-        assert!(text.contains(&format!("--set {set}")), "{text}");
-    }
-    let late = with_sets(&["sample_mask.distance=1.3 m"]).unwrap_err().to_string();
-    assert!(late.contains("--set sample_mask.distance=1.3 m"), "{late}");
-    let both = with_sets(&["sample_mask.aperture=1 um", "sample_mask.projected_aperture=1 um"]);
-    assert_eq!(parts(both).1, "sample_mask.projected_aperture");
-}
-
 fn resolved(scene: &Scene, directory: &Path) -> String {
     let hashes = BTreeMap::from([("rod".to_owned(), "0123456789abcdef".repeat(4))]);
     scene.to_toml(directory, &hashes, &["source.energy=\"40 keV\"\n".to_owned()]).unwrap()

@@ -4,7 +4,7 @@
 
 use std::collections::BTreeMap;
 
-use crate::paper::{PAPER, load, parts};
+use crate::paper::{PAPER, load};
 use beamlet::Error;
 use beamlet::scene::{Scene, Shape, ShapeOrMesh};
 
@@ -77,88 +77,6 @@ fn shapes_read_and_write_back_with_and_without_sides() {
 }
 
 /// Shape, key, value found and allowed values.
-const IMPOSSIBLE: [(&str, &str, &str, &str); 19] = [
-    ("sphere = { radius = \"-1 mm\" }", "sphere.radius", "-1 mm", "> 0"),
-    ("cylinder = { radius = \"0 mm\", height = \"1 mm\" }", "cylinder.radius", "0 m", "> 0"),
-    ("cylinder = { radius = \"1 mm\" }", "cylinder.height", "nothing", "a length"),
-    (
-        "cone = { radius = \"1 mm\", height = \"1 mm\", top_radius = \"-1 um\" }",
-        "cone.top_radius",
-        "-1 um",
-        ">= 0",
-    ),
-    ("cone = { radius = \"1 mm\", height = \"-2 mm\" }", "cone.height", "-2 mm", "> 0"),
-    (
-        "ellipsoid = { semi_axes = [\"1 mm\", \"-1 mm\", \"1 mm\"] }",
-        "ellipsoid.semi_axes[1]",
-        "-1 mm",
-        "> 0",
-    ),
-    ("ellipsoid = { semi_axes = [\"1 mm\"] }", "ellipsoid.semi_axes", "a list of length 1", "half"),
-    (
-        "torus = { radius = \"1 mm\", tube_radius = \"1 mm\" }",
-        "torus.tube_radius",
-        "1 mm",
-        "less than radius, 1 mm",
-    ),
-    ("torus = { radius = \"-1 mm\", tube_radius = \"-2 mm\" }", "torus.radius", "-1 mm", "> 0"),
-    (
-        "torus = { radius = \"1 mm\", tube_radius = \"0.1 mm\", sides = 3 }",
-        "torus.sides",
-        "the number 3",
-        "4 to",
-    ),
-    (
-        "tube = { outer = \"1 mm\", inner = \"1 mm\", height = \"3 mm\" }",
-        "tube.inner",
-        "1 mm",
-        "less than outer, 1 mm",
-    ),
-    (
-        "tube = { outer = \"1 mm\", inner = \"0 mm\", height = \"3 mm\" }",
-        "tube.inner",
-        "0 m",
-        "> 0",
-    ),
-    ("tube = { outer = \"1 mm\", height = \"3 mm\" }", "tube.inner", "nothing", "a length"),
-    (
-        "tube = { outer = \"1 mm\", inner = \"0.5 mm\", height = \"3 mm\", sides = 2 }",
-        "tube.sides",
-        "the number 2",
-        "3 to",
-    ),
-    ("prism = { radius = \"1 mm\", height = \"1 mm\" }", "prism.sides", "nothing", "3 to"),
-    (
-        "extrusion = { points = [[\"0 mm\", \"0 mm\"]], height = \"1 mm\" }",
-        "extrusion.points",
-        "1 corners",
-        "3 to 10000 corners",
-    ),
-    (
-        "extrusion = { points = [[\"0 mm\"]], height = \"1 mm\" }",
-        "extrusion.points[0]",
-        "a list of length 1",
-        "a corner",
-    ),
-    (
-        "sphere = { radius = \"1 mm\", height = \"1 mm\" }",
-        "sphere.height",
-        "an unknown key",
-        "radius, sides",
-    ),
-    ("spere = { radius = \"1 mm\" }", "spere", "an unknown key", "did you mean `sphere`?"),
-];
-
-#[test]
-fn impossible_shapes_name_the_key_what_was_found_and_what_is_allowed() {
-    for (text, key, found, allowed) in IMPOSSIBLE {
-        let (place, at, was, may) = parts(with_shape(text));
-        assert_eq!(at, format!("object[1].shape.{key}"), "{text}");
-        assert!(was.contains(found), "{text}: {was}");
-        assert!(may.contains(allowed), "{text}: {may}");
-        assert!(place.line_column.is_some(), "{text}");
-    }
-}
 
 /// The scene with an extruded polygon.
 fn extruded(points: &[[f64; 2]]) -> Result<(), Error> {

@@ -55,43 +55,6 @@ fn even_energies_are_known_from_uneven_ones() {
     assert!(!read(&rows(1.2)).unwrap().is_even());
 }
 
-#[test]
-fn what_is_no_spectrum_is_refused_with_file_line_and_reason() {
-    for (text, place, what) in [
-        ("", "tube.csv:1:1: spectrum", "no rows"),
-        ("# only words\n", "tube.csv:1:1: spectrum", "no rows"),
-        ("energy_keV,weight\n", "tube.csv:1:1: spectrum", "no rows"),
-        ("10 15 8 0.01\n15 20 9 0.01\n", "tube.csv:1:1: header", "found 4 columns without names"),
-        ("energy,weight\n1,1\n", "tube.csv:1:1: energy_keV", "a header with energy_keV"),
-        ("energy_keV,photons\n1,1\n", "tube.csv:1:1: weight", "a header with energy_keV"),
-        ("20,1\n10,1\n", "tube.csv:2:1: energy_keV", "ascending"),
-        ("20,1\n20,1\n", "tube.csv:2:1: energy_keV", "ascending"),
-        (
-            "10,1\n20,-1\n",
-            "tube.csv:2:4: weight",
-            "found -1; allowed: a number of photons, 0 or more",
-        ),
-        ("10,1\n20,nan\n", "tube.csv:2:4: weight", "found nan"),
-        ("10,1\n20,inf\n", "tube.csv:2:4: weight", "found inf"),
-        ("10,1\nnan,1\n", "tube.csv:2:1: energy_keV", "found nan"),
-        ("-5,1\n10,1\n", "tube.csv:1:1: energy_keV", "above 0"),
-        ("0,1\n10,1\n", "tube.csv:1:1: energy_keV", "above 0"),
-        ("10,1\n20\n", "tube.csv:2:1: weight", "found nothing"),
-        ("10,1\n20,x\n", "tube.csv:2:4: weight", "found x"),
-        ("10,0\n20,0\n", "tube.csv:2:1: weight", "sum to 0.0"),
-        ("10,1e308\n20,1e308\n", "tube.csv:2:1: weight", "sum to inf"),
-    ] {
-        let error = read(text).unwrap_err().to_string();
-        assert!(error.contains(place) && error.contains(what), "{text:?}: {error}");
-    }
-    let error = Spectrum::read("nowhere/tube.csv").unwrap_err().to_string();
-    assert!(error.contains("nowhere/tube.csv"), "{error}");
-    let directory = tempfile::tempdir().unwrap();
-    let path = directory.path().join("binary.csv");
-    std::fs::write(&path, [0xff, 0xfe, 0x00]).unwrap();
-    assert!(Spectrum::read(&path).unwrap_err().to_string().contains("binary.csv"));
-}
-
 /// The error of the nodes of a scene with this spectrum and these further tables.
 fn refused(spectrum: &str, tables: &str) -> String {
     let directory = tempfile::tempdir().unwrap();

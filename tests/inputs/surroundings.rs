@@ -36,10 +36,6 @@ fn scene(keys: &str) -> beamlet::Result<Scene> {
     kept(&text, Scene::from_toml(&text, "tests/files"))
 }
 
-fn refused(keys: &str) -> String {
-    scene(keys).unwrap_err().to_string()
-}
-
 #[test]
 fn a_region_is_the_object_that_stands_before_all_others() {
     let bath = "{ size = [\"4 mm\", \"6 mm\", \"8 mm\"] }";
@@ -96,60 +92,6 @@ fn regions_of_every_kind_come_back_from_the_resolved_scene() {
 }
 
 #[test]
-fn regions_that_cannot_be_are_refused_at_their_key() {
-    let size = "size = [\"4 mm\", \"6 mm\", \"8 mm\"]";
-    for (keys, words) in [
-        (
-            format!("region = {{ box = {{ {size} }} }}"),
-            ["surroundings.material", "fills the region"],
-        ),
-        ("material = \"water\"\nregion = {}".into(), ["surroundings.region", "one of box"]),
-        ("material = \"water\"\nregion = { ball = 1 }".into(), ["ball", "region"]),
-        (
-            format!(
-                "material = \"water\"\nregion = {{ box = {{ {size} }}, cylinder = {{ radius = \"1 mm\", height = \"1 mm\" }} }}"
-            ),
-            ["both box and cylinder", "one of: box"],
-        ),
-        (
-            format!("material = \"water\"\nregion = {{ box = {{ {size} }}, unit = \"mm\" }}"),
-            ["surroundings.region.unit", "both box and unit"],
-        ),
-        (
-            "material = \"water\"\nregion = { box = { size = [\"0 mm\", \"1 mm\", \"1 mm\"] } }"
-                .into(),
-            ["surroundings.region", "> 0"],
-        ),
-        (
-            "material = \"water\"\nregion = { mesh = \"trimesh.ply\" }".into(),
-            ["surroundings.region.unit", "missing"],
-        ),
-    ] {
-        let told = refused(&keys);
-        assert!(words.iter().all(|word| told.contains(word)), "{keys}: {told}");
-    }
-    // Keys of objects are those of the file, with a region before them or without.
-    let wrong = BASE.replace("0.2 mm", "-0.2 mm");
-    let bath = format!("[surroundings]\nmaterial = \"water\"\nregion = {{ box = {{ {size} }} }}\n");
-    let told = Scene::from_toml(&format!("{wrong}\n{bath}"), ".").unwrap_err().to_string();
-    assert!(told.contains("object[0].shape"), "{told}");
-}
-
-#[test]
-fn a_region_that_cuts_a_mask_is_an_error_with_its_key() {
-    let bath = scene(
-        "material = \"water\"\nregion = { cylinder = { radius = \"15 mm\", height = \"9 mm\" } }",
-    );
-    let bath = bath.unwrap();
-    let told = check_clearance(&bath, &load(&bath).unwrap()).unwrap_err().to_string();
-    assert!(
-        told.contains("surroundings.region")
-            && told.contains("touches or passes the back of the sample mask"),
-        "{told}"
-    );
-}
-
-#[test]
 fn the_path_hardens_a_spectrum_as_a_filter_of_its_length_does() {
     let plain = scene("material = \"vacuum\"").unwrap();
     let path = scene("material = \"vacuum\"\npath_material = \"air\"").unwrap();
@@ -165,19 +107,4 @@ fn the_path_hardens_a_spectrum_as_a_filter_of_its_length_does() {
     let told = nodes(&scene("material = \"vacuum\"\npath_material = \"gold\"").unwrap());
     let told = told.unwrap_err().to_string();
     assert!(told.contains("surroundings.path_material") && told.contains("lets nothing"), "{told}");
-}
-
-#[test]
-fn what_is_missing_is_named_by_the_keys_of_the_file() {
-    let directory = tempfile::tempdir().unwrap();
-    let path = directory.path().join("scene.toml");
-    let text = BASE.replace("\"carbon\"", "\"unobtainium\"");
-    let region =
-        "[surroundings]\nmaterial = \"nowater\"\nregion = { mesh = \"no.obj\", unit = \"mm\" }\n";
-    std::fs::write(&path, format!("{text}\n{region}")).unwrap();
-    let told = beamlet::cli_support::load_scene(&path, &[]).unwrap_err().to_string();
-    for key in ["surroundings.material", "surroundings.region.mesh", "object[0].material"] {
-        assert!(told.contains(key), "{key}: {told}");
-    }
-    assert!(!told.contains("object[1]"), "{told}");
 }

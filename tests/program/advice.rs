@@ -96,18 +96,6 @@ fn the_curve_is_drawn_without_an_estimate() {
 }
 
 #[test]
-fn a_set_up_without_a_mask_has_no_curve_to_draw() {
-    let directory = tempfile::tempdir().unwrap();
-    let here = directory.path();
-    let scene = "[source]\ndistance = \"1.2 m\"\nspot = \"0 um\"\nenergy = \"30 keV\"\n[detector]\n\
-                 distance = \"1.8 m\"\npixels = [8, 4]\npitch = \"150 um\"\n";
-    std::fs::write(here.join("scene.toml"), scene).unwrap();
-    let told = ended(&run(here, "check scene.toml --plot curve.svg"), 2);
-    assert!(told.contains("needs both [sample_mask] and [detector_mask]"), "{told}");
-    assert!(!here.join("curve.svg").exists());
-}
-
-#[test]
 fn a_scan_that_settles_nothing_is_told_once_with_what_would() {
     let directory = tempfile::tempdir().unwrap();
     let here = directory.path();

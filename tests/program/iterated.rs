@@ -64,48 +64,6 @@ fn methods_write_their_residuals_and_corrections_are_recorded() {
     assert!(!path.join("filtered/residuals.csv").exists());
 }
 
-#[test]
-fn methods_that_do_not_fit_are_refused_before_any_work() {
-    let directory = workplace(SCENE);
-    let path = directory.path();
-    write_npy(path.join("delta.npy"), &Array3::<f32>::zeros((64, 1, 48))).unwrap();
-    let usual = "reconstruct delta.npy --geometry scene.toml --quantity delta -o volume";
-    for (more, words) in [
-        ("--method sirt", "which are zero for derivatives"),
-        ("--method cgls --non-negative", "no bounds"),
-        ("--extrapolate", "refraction angles"),
-        ("--method bb --iterations 0", "iterations"),
-        ("--centre middle", "or auto"),
-        ("--iterations 5", "--iterations is for cgls, sirt and bb, not for fbp"),
-        ("--phase", "has one step"),
-        ("--mask cylinder:0mm,0mm,1mm", "has one step"),
-        ("--method bb --filter hann", "--filter is for fbp, not for bb"),
-        ("--method cgls --extrapolate", "do not filter rows"),
-        ("--beam-hardening water", "a beam of one energy does not harden"),
-        ("--sigma", "has no image refraction_sigma"),
-        ("--memory-limit 64MiB", "a reconstruction"),
-    ] {
-        let output = run(path, &format!("{usual} {more}"));
-        let usage = [
-            "--centre",
-            "--iterations",
-            "--phase",
-            "--mask",
-            "--method bb --f",
-            "--method cgls --e",
-        ];
-        let code =
-            if usage.iter().any(|it| more.starts_with(it)) && !more.contains("--iterations 0") {
-                2
-            } else {
-                1
-            };
-        let message = ended(&output, code);
-        assert!(message.contains(words), "{more}: {message}");
-        assert!(!path.join("volume").exists(), "{more}");
-    }
-}
-
 fn volume(folder: &Path) -> Array3<f32> {
     read_npy(folder.join("mu.npy")).unwrap()
 }
@@ -182,60 +140,24 @@ fn masks_starts_bounds_and_discrepancies_do_what_they_say() {
 }
 
 #[test]
-fn masks_and_starts_that_do_not_fit_are_refused() {
+fn masks_in_another_order_and_torn_starts_are_refused() {
     let directory = workplace(SCENE);
     let path = directory.path();
     write_npy(path.join("mu.npy"), &sinograms(0.0)).unwrap();
     let usual = "reconstruct mu.npy --geometry scene.toml --quantity mu --format npy --method cgls --iterations 2";
-    done(path, &format!("{usual} -o small --size 8,8,1 -q"));
-    done(path, &format!("{usual} -o start -q"));
-    let write = |name: &str, values: &Array3<f32>| write_npy(path.join(name), values).unwrap();
-    write("wide.npy", &Array3::ones((1, 48, 47)));
-    write("none.npy", &Array3::zeros((1, 48, 48)));
+    done(path, &format!("{usual} -o torn -q"));
     let mut torn = Array3::<f32>::ones((1, 48, 48));
     torn[[0, 3, 4]] = f32::NAN;
-    write("torn.npy", &torn);
+    write_npy(path.join("torn/mu.npy"), &torn).unwrap();
     let turned = Array3::<f32>::ones((48, 1, 48)).permuted_axes([1, 0, 2]);
-    write("turned.npy", &turned.as_standard_layout().into_owned().reversed_axes());
-    fs::write(path.join("text.txt"), "1").unwrap();
-    done(path, &format!("{usual} -o torn -q"));
-    write("torn/mu.npy", &torn);
-    for (more, words) in [
-        ("--mask wide.npy", "the volume has [1, 48, 48]"),
-        ("--mask none.npy", "0 everywhere"),
-        ("--mask torn.npy", "NaN at x 4, y 3, z 0"),
-        ("--mask turned.npy", "[z][y][x]"),
-        ("--mask text.txt", "not a file of a mask"),
-        ("--mask nothing.npy", "nothing.npy"),
-        ("--mask cylinder:9mm,0mm,1mm", "without a voxel"),
-        ("--start small", "[8, 8, 1] voxels"),
-        ("--start nowhere", "volume.json"),
-        ("--start torn", "NaN in voxel x 4, y 3, z 0"),
-        ("--start start -o start --overwrite", "start"),
-        ("--start start --size 48,48,2", "[48, 48, 2]"),
-    ] {
-        let message = ended(
-            &run(
-                path,
-                &format!("{usual} -o volume {more}").replacen(
-                    " -o volume --start start -o",
-                    " --start start -o",
-                    1,
-                ),
-            ),
-            1,
-        );
+    let turned = turned.as_standard_layout().into_owned().reversed_axes();
+    write_npy(path.join("turned.npy"), &turned).unwrap();
+    for (more, words) in
+        [("--mask turned.npy", "[z][y][x]"), ("--start torn", "NaN in voxel x 4, y 3, z 0")]
+    {
+        let message = ended(&run(path, &format!("{usual} -o volume {more}")), 1);
         assert!(message.contains(words), "{more}: {message}");
-        assert!(!path.join("volume").exists() && !path.join("volume.partial").exists(), "{more}");
     }
-    done(
-        path,
-        "reconstruct mu.npy --geometry scene.toml --quantity dark-field --format npy -o dark -q",
-    );
-    let message = ended(&run(path, &format!("{usual} -o volume --start dark")), 1);
-    assert!(message.contains("has no volume mu"), "{message}");
-    let message = ended(&run(path, &format!("{usual} -o volume --mask cylinder:0,1mm,1mm")), 2);
-    assert!(message.contains("without a unit"), "{message}");
 }
 
 const TUBE: &str = r#"
@@ -313,23 +235,6 @@ fn beam_hardening_leaves_no_cupping_and_says_its_energy() {
     }
     let record = fs::read_to_string(path.join("at_40/volume.json")).unwrap();
     assert!(record.contains(r#""energy_kev": 40.0"#) && record.contains(r#""material": "water""#));
-    for (more, words) in [
-        ("--beam-hardening unobtainium", "unobtainium"),
-        ("--beam-hardening vacuum", "vacuum"),
-        ("--beam-hardening water@0keV", "above 0 keV"),
-    ] {
-        let message = ended(&run(path, &format!("{usual} -o none {more}")), 1);
-        assert!(message.contains(words) && !path.join("none").exists(), "{more}: {message}");
-    }
-    for (more, words) in
-        [("--beam-hardening @40keV", "a material"), ("--beam-hardening water@40", "unit")]
-    {
-        let message = ended(&run(path, &format!("{usual} -o none {more}")), 2);
-        assert!(message.contains(words), "{more}: {message}");
-    }
-    write_npy(path.join("delta.npy"), &sinograms).unwrap();
-    let delta = "reconstruct delta.npy --geometry scene.toml --quantity delta --beam-hardening water -o none";
-    assert!(ended(&run(path, delta), 1).contains("refraction and dark field have no hardening"));
 }
 
 /// Refraction angles of a disc of δ = 1e-6 with a drift of 2 % of the largest and a column without a result.

@@ -65,22 +65,6 @@ fn objects_of_a_scene_become_a_file_and_that_file_others() {
 #[test]
 fn what_cannot_be_written_is_refused_and_nothing_is_lost() {
     let place = Workplace::new(SCENE);
-    for (words, code, told) in [
-        (&["mesh", "scene.toml", "-o", "a.step"][..], 2, "must end in .obj, .ply or .stl"),
-        (&["mesh", "scene.toml", "-o", "a.obj", "--object", "rodd"], 2, "\"rod\", \"ball\""),
-        (&["mesh", "scene.toml", "-o", "a.obj", "--error", "1 pm"], 1, "or more"),
-        (&["mesh", "scene.toml", "-o", "a.obj", "--group", "rod"], 2, "--group"),
-        (&["mesh", "part.step", "-o", "a.obj"], 2, "neither a scene"),
-        (&["mesh", "part.stl", "-o", "a.obj"], 1, "part.stl"),
-        (&["mask", "scene.toml", "-o", "a.stl", "--frame", "1 mm"], 2, "--part"),
-        (&["mask", "scene.toml", "-o", "a.obj", "--part", "frame"], 2, "allowed: bars"),
-        (&["mask", "scene.toml", "-o", "a.obj", "--width", "1 mm"], 2, "both or neither"),
-        (&["mask", "scene.toml", "-o", "a.obj", "--frame", "0 mm"], 2, "a value > 0"),
-    ] {
-        let message = ended(&place.beamlet(words), code);
-        assert!(message.contains(told), "{words:?}: {message}");
-        assert!(!place.path("a.obj").exists() && !place.path("a.stl").exists());
-    }
     fs::write(place.path("kept.obj"), "mine").expect("a file");
     let message = ended(&place.beamlet(&["mesh", "scene.toml", "-o", "kept.obj"]), 1);
     assert!(message.contains("--overwrite"), "{message}");

@@ -204,20 +204,6 @@ fn range_width_and_format_are_as_asked() {
     let ends =
         bar(&words(place.path().join("svg/refraction_view_0000.svg")), "refraction angle [µrad]");
     assert_eq!((ends[0], ends[ends.len() - 1]), (30.0, -10.0), "{ends:?}");
-    for (line, wanted) in [
-        ("--range refraction=3..3", "low..high"),
-        ("--range refraction=low..3", "low..high"),
-        ("--range refraction", "low..high"),
-        ("--range contrast=0..1", "allowed: intensity, counts, dark_field"),
-        ("--width 20", "200..=20000"),
-        ("--format jpeg", "svg"),
-        ("--show curve --range counts=0..1", "--range needs --show frames"),
-    ] {
-        let output = run(place.path(), &format!("view images -o none {line}"));
-        let message = ended(&output, 2);
-        assert!(message.contains(wanted), "{line}: {message}");
-        assert!(!place.path().join("none").exists());
-    }
 }
 
 #[test]

@@ -57,16 +57,6 @@ fn runs_have_the_tolerances_of_their_quality() {
     assert_eq!(tolerances(["photons = 80000", ""], offsets), bits([4e-4, 30e-9]));
 }
 
-#[test]
-fn noise_without_photons_is_refused() {
-    let directory = tempfile::tempdir().unwrap();
-    fs::write(directory.path().join("scene.toml"), scene("", "quality = \"noise\"")).unwrap();
-    let output = run(directory.path(), "simulate scene.toml -o run");
-    let text = ended(&output, 1);
-    assert!(text.contains("sampling.quality") && text.contains("detector.photons"), "{text}");
-    assert!(!directory.path().join("run").exists());
-}
-
 /// A run goes on with its own numbers, also where the rule of the scene has others by now.
 #[test]
 fn a_resumed_run_keeps_its_tolerances() {

@@ -306,20 +306,6 @@ fn a_run_that_is_not_retrieved_is_shown_with_a_note() {
 #[test]
 fn what_cannot_be_reported_is_refused_and_nothing_is_written() {
     let place = run_with_maps();
-    fs::write(place.path().join("mine.html"), "mine").unwrap();
-    for (line, code, wanted) in [
-        ("report scene.toml -o page.html", 1, "run.json"),
-        ("report nowhere -o page.html", 1, "nowhere: does not exist"),
-        ("report run -o mine.html", 1, "--overwrite"),
-        ("report run -o page.html --most 3", 2, "GiB"),
-    ] {
-        let output = run(place.path(), line);
-        let message = String::from_utf8_lossy(&output.stderr).into_owned();
-        assert_eq!(output.status.code(), Some(code), "{line}: {message}");
-        assert!(message.contains(wanted), "{line}: {message}");
-        assert!(!place.path().join("page.html").exists(), "{line}");
-    }
-    assert_eq!(fs::read(place.path().join("mine.html")).unwrap(), b"mine");
     // Retrieved images of another run do not fit.
     let wrong = Array3::<f32>::zeros((2, 3, 16));
     let retrieved = place.path().join("run/retrieved");

@@ -366,38 +366,6 @@ fn a_run_is_simulated_retrieved_and_drawn() {
 }
 
 #[test]
-fn missing_views_steps_and_images_are_refused_without_output() {
-    let place = run_with_maps();
-    done(place.path(), "simulate scene.toml -o bare --format npy -q");
-    fs::create_dir(place.path().join("empty")).unwrap();
-    for (line, code, wanted) in [
-        ("view run --pixel 16,0", 2, "16 columns, 0 to 15"),
-        ("view run --pixel 0,4", 2, "4 rows, 0 to 3"),
-        ("view run --pixel 3", 2, "column,row"),
-        ("view run --step 5", 2, "5 mask steps, 0 to 4"),
-        ("view run --step -1", 2, "invalid value '-1' for '--step <N>'"),
-        ("view run --view 2", 2, "2 committed views, 0 to 1"),
-        ("view run --row 4", 2, "4 rows"),
-        ("view run --show retrieved --map contrast", 1, "dark_field"),
-        ("view run --show maps", 2, "sinograms"),
-        ("view run --azimuth 10", 2, "this is a folder"),
-        ("view scene.toml --pixel 1,1", 2, "this is a scene"),
-        ("view scene.toml --azimuth up", 2, "degrees"),
-        ("view bare --show retrieved", 1, "beamlet retrieve"),
-        ("view empty", 1, "run.json"),
-        ("view nowhere.toml", 1, "nowhere.toml"),
-        ("view scene.toml --set detector.pich=1", 1, "pitch"),
-    ] {
-        let output = run(place.path(), &format!("{line} -o pictures"));
-        let message = String::from_utf8_lossy(&output.stderr).into_owned();
-        assert_eq!(output.status.code(), Some(code), "{line}: {message}");
-        assert!(message.contains(wanted), "{line}: {message}");
-        assert!(output.stdout.is_empty(), "{line}");
-        assert!(!place.path().join("pictures").exists(), "{line}");
-    }
-}
-
-#[test]
 fn pictures_that_are_there_are_replaced_only_when_asked() {
     let place = run_with_maps();
     fs::create_dir(place.path().join("pictures")).unwrap();

@@ -111,23 +111,6 @@ fn a_page_of_volumes_with_a_limit_is_binned_and_says_so() {
 }
 
 #[test]
-fn reports_of_volumes_that_cannot_be_are_refused() {
-    let place = volumes();
-    let path = place.path();
-    for (line, code, words) in [
-        ("report volume --retrieved volume", 2, "this is a reconstruction"),
-        ("report volume -o volume/mu.npy", 1, "volume"),
-        ("report volume -o scene.toml", 1, "--overwrite"),
-    ] {
-        let message = ended(&run(path, line), code);
-        assert!(message.contains(words), "{line}: {message}");
-    }
-    fs::remove_file(path.join("volume/mu_truth.npy")).unwrap();
-    let message = ended(&run(path, "report volume"), 1);
-    assert!(message.contains("mu_truth.npy") && !path.join("volume.html").exists(), "{message}");
-}
-
-#[test]
 fn pictures_of_volumes_have_a_bar_a_unit_and_a_range() {
     let place = volumes();
     let path = place.path();
@@ -171,16 +154,6 @@ fn pictures_of_volumes_have_a_bar_a_unit_and_a_range() {
     assert_eq!(one.lines().count(), 4, "{one}");
     let picture = fs::read(path.join("one/mu_z_0001.png")).unwrap();
     assert!(picture.starts_with(b"\x89PNG") && picture[16..20] == 400_u32.to_be_bytes());
-    for (line, words) in [
-        ("view volume -o none --map nu", "labels, mu, mu_truth"),
-        ("view volume -o none --slice 3", "has no slice 3 of labels: it has 3 slices"),
-        ("view volume -o none --row 1", "this is a reconstruction"),
-    ] {
-        let output = run(path, line);
-        let message = String::from_utf8_lossy(&output.stderr).into_owned();
-        assert!(!output.status.success() && message.contains(words), "{line}: {message}");
-        assert!(!path.join("none").exists(), "{line}");
-    }
 }
 
 /// A picture of labels is the same for every format of the volumes.

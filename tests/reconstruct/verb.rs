@@ -234,38 +234,6 @@ fn sinograms_from_a_file_are_the_retrieved_ones() {
 }
 
 #[test]
-fn bad_input_is_refused_and_nothing_is_written() {
-    let here = place().path();
-    for (line, code, word) in [
-        ("reconstruct nowhere -o none", 1, "nowhere: does not exist"),
-        ("reconstruct run -o none --origin 9mm,9mm,0mm --size 2,2,1", 1, "that the views see"),
-        ("reconstruct run -o none --size 0,2,1", 2, "three whole numbers above 0"),
-        ("reconstruct run -o none --voxel 0um", 2, "above 0"),
-        ("reconstruct run -o none --voxel 5", 2, "without a unit"),
-        ("reconstruct run -o none --cut-off 2", 1, "cut_off"),
-        ("reconstruct run -o none --quantity nu", 2, "dark-field"),
-        ("reconstruct run -o none --region a=ball:1mm", 2, "cylinder:X,Y,RADIUS"),
-        ("reconstruct run -o none --region a=sphere:9mm,0mm,0mm,1um", 1, "the centre of a voxel"),
-        ("reconstruct run -o run/retrieved", 1, "run/retrieved"),
-        ("reconstruct run -o scene.toml", 1, "not a directory"),
-    ] {
-        let output = run(here, line);
-        let message = ended(&output, code);
-        assert!(message.contains(word), "{line}: {message}");
-        assert!(!here.join("none").exists() && !here.join("none.partial").exists(), "{line}");
-    }
-    let place = workplace(SCENE);
-    let few = ["--set", "scan.angles=[\"0 deg\", \"50 deg\", \"100 deg\"]"];
-    let words = ["simulate", "scene.toml", "-q", "-o", "run"];
-    let simulated = beamlet(&place).args(words).args(few).output().unwrap();
-    ended(&simulated, 0);
-    let output = run(&place, "reconstruct run -o none");
-    let message = ended(&output, 1);
-    assert!(message.contains("half a turn and the fan"), "{message}");
-    assert!(!place.path().join("none").exists() && !place.path().join("none.partial").exists());
-}
-
-#[test]
 fn a_dry_run_says_what_it_would_take_and_writes_nothing() {
     let here = place().path();
     let out = done(here, "reconstruct run -o dry --dry-run --voxel 50um");

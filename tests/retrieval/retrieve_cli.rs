@@ -259,26 +259,6 @@ fn comparisons_tell_what_differs_and_by_how_much() {
 }
 
 #[test]
-fn arguments_that_do_not_go_together_are_usage_errors() {
-    let (folder, _run) = copy();
-    let place = folder.path();
-    bad(place, &["retrieve"], 2, "");
-    bad(place, &["retrieve", "run", "--weights", "poisson"], 2, "--counts");
-    bad(place, &["retrieve", "run", "--gain", "2"], 2, "--counts");
-    bad(place, &["retrieve", "run", "--flat", "a.tif"], 2, "");
-    bad(place, &["retrieve", "--flat", "a.tif"], 2, "");
-    let stacks = ["--flat", "run/flat.npy", "--sample", "run/sample.npy", "--geometry"];
-    let words =
-        [&["retrieve"][..], &stacks, &["run/scene.toml", "-o", "none", "--counts"]].concat();
-    bad(place, &words, 2, "--counts belongs to a run");
-    bad(place, &["retrieve", "run", "--counts"], 1, "has no counts");
-    bad(place, &["retrieve", "run", "--method", "three-step"], 1, "exactly 3");
-    bad(place, &["retrieve", "nowhere"], 1, "nowhere: does not exist");
-    bad(place, &["retrieve", "."], 1, "not a run directory");
-    assert!(!place.join("run/retrieved").exists());
-}
-
-#[test]
 fn quiet_verbs_print_nothing_and_a_run_is_a_geometry() {
     let (folder, run) = copy();
     let here = folder.path();

@@ -8,7 +8,7 @@
     reason = "pixel values are small"
 )]
 
-use super::retrieve_cli::{SCENE, bad, copy, good};
+use super::retrieve_cli::{SCENE, copy, good};
 use crate::reference::draws::Draws;
 use crate::support::log::commit;
 use beamlet::retrieve::{Record, flags};
@@ -141,13 +141,4 @@ fn clipped_numbers_are_flagged_and_left_out() {
     good(folder, &["retrieve", "deep", "--counts", "--format", "npy", "-q"]);
     let flags = Maps::open(folder.join("deep/retrieved")).unwrap().map("flags", 0).unwrap();
     assert!(flags.iter().all(|flags| *flags as u32 & (4 | 4096) == 0));
-}
-
-#[test]
-fn noise_that_nothing_uses_is_refused() {
-    let (folder, _) = copy();
-    bad(folder.path(), &["retrieve", "run", "--read-noise", "3"], 2, "--read-noise is for counts");
-    bad(folder.path(), &["retrieve", "run", "--gain", "3"], 2, "--counts");
-    let words = ["retrieve", "run", "--counts"];
-    bad(folder.path(), &words, 1, "detector.photons");
 }

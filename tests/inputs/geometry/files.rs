@@ -232,31 +232,7 @@ fn truncated_stl_is_refused_with_its_lengths() {
 }
 
 #[test]
-fn broken_lines_of_a_text_mesh_are_named() {
-    let good = ascii(&part());
-    for (from, to, line) in [
-        ("outer loop", "outer loop\nvertex 1 2", "line 4"),
-        ("vertex", "vertex x", "line 4"),
-        ("vertex", "vertices", "line 4"),
-        ("vertex", "# vertex", "line 4"),
-        ("endloop", "vertex 1 2 3\nendloop", "line 8"),
-        ("vertex", "vertex nan 0 0\nvertex", "line 8"),
-    ] {
-        let told = refused("a.stl", good.replacen(from, to, 1).as_bytes());
-        assert!(told.contains(line), "{from}: {told}");
-    }
-    for (text, line) in [
-        ("v 0 0 0\nv 1 0\n", "line 2"),
-        ("v 0 0 0\n\nv 1 0 0\nf 1 2 x\n", "line 4: \"f 1 2 x\""),
-        ("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 9\n", "line 4"),
-    ] {
-        let told = refused("a.obj", text.as_bytes());
-        assert!(told.contains(line), "{text}: {told}");
-    }
-}
-
-#[test]
-fn weights_of_obj_vertices_other_than_1_are_refused_and_colours_are_not() {
+fn weights_of_1_and_colours_of_obj_vertices_change_nothing() {
     let directory = tempfile::tempdir().unwrap();
     let plain = obj(&part());
     let volume = |behind: &str| {
@@ -272,30 +248,4 @@ fn weights_of_obj_vertices_other_than_1_are_refused_and_colours_are_not() {
     for behind in [" 1", " 1.0 # a comment", " 0.5 0.25 1", " 0.5 0.25 1 0.5"] {
         assert_eq!(volume(behind).to_bits(), volume("").to_bits(), "{behind}");
     }
-    for weight in ["2", "0", "0.5", "nan", "red"] {
-        let text = format!("v 0 0 0\nv 1 0 0 {weight}\nv 0 1 0\nf 1 2 3\n");
-        let message = refused("a.obj", text.as_bytes());
-        let wanted = format!("w = {weight}; allowed: v x y z, or v x y z 1.0");
-        assert!(message.contains("line 2") && message.contains(&wanted), "{message}");
-    }
-}
-
-#[test]
-fn vertices_that_are_not_finite_are_refused() {
-    let mut bytes = binary(&part(), b"");
-    bytes[84 + 50 + 12..84 + 50 + 16].copy_from_slice(&f32::NAN.to_le_bytes());
-    let told = refused("a.stl", &bytes);
-    assert!(told.contains("not finite") && told.contains("triangle 2"), "{told}");
-    let told = refused("a.obj", b"v 0 0 inf\nv 1 0 0\nv 0 1 0\nf 1 2 3\n");
-    assert!(told.contains("not finite"), "{told}");
-}
-
-#[test]
-fn files_without_triangles_or_of_unknown_kind_are_refused() {
-    assert!(refused("a.obj", b"v 0 0 0\n").contains("no triangles"));
-    assert!(refused("a.stl", b"solid x\nendsolid x\n").contains("no triangles"));
-    assert!(refused("a.step", b"ISO-10303-21;").contains(".stl, .obj, .ply or .3mf"));
-    let mesh = Mesh::file("missing.stl", 1.0);
-    let text = load(&scene(vec![object("part", ShapeOrMesh::Mesh(mesh))])).unwrap_err();
-    assert!(text.to_string().contains("missing.stl"), "{text}");
 }

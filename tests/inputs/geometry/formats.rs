@@ -185,23 +185,13 @@ fn junctions_divide_the_neighbour() {
 }
 
 #[test]
-fn free_form_surfaces_of_an_obj_are_named_and_calls_refused() {
+fn free_form_surfaces_of_an_obj_are_named() {
     let leaf = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n";
     let surfaces = "cstype bezier\ndeg 1 1\nsurf 0 1 0 1 1 2 3 4\nend\n";
     let both = read("a.obj", format!("{leaf}{surfaces}").as_bytes(), None).unwrap();
     assert!(close(both.objects[0].volume, 1e-9 / 6.0, 1e-9));
     let warnings = both.objects[0].warnings.join("");
     assert!(warnings.contains("free-form surfaces of the file (1) are not read"), "{warnings}");
-    let vertices = &leaf[..leaf.find('f').unwrap()];
-    for (text, words) in [
-        (format!("{vertices}{surfaces}"), &["free-form surfaces (1) and no faces"][..]),
-        (format!("{leaf}call rest.obj\n"), &["\"call\"", "line 9"]),
-        (leaf.replace("f 2 3 4", "f 2 3 5"), &["\"5\" is not a vertex: the file has 4", "line 8"]),
-        (format!("f -1 -2 -3\n{leaf}"), &["\"-1\" is not a vertex: 0 are given before", "line 1"]),
-    ] {
-        let told = refused("a.obj", text.as_bytes());
-        assert!(words.iter().all(|word| told.contains(word)), "{text}: {told}");
-    }
 }
 
 /// A name may hold #, which begins a comment only where no name is.
@@ -302,48 +292,10 @@ fn text_has_any_line_ends_and_any_words_where_nothing_is_read() {
 }
 
 #[test]
-fn a_broken_ply_tells_what_and_where() {
-    for (from, to, words) in [
-        ("ply\n", "plx\n", &["not a valid PLY", "line 1"][..]),
-        ("float x", "float u", &["vertices have no coordinate x"]),
-        ("vertex_index", "corners", &["no faces"]),
-        ("face 4", "tristrips 4", &["strips of triangles"]),
-        ("face 4", "face 4000000000", &["\"face\" need", "are left"]),
-        ("vertex 4", "vertex 99999999999999999999", &["not a valid PLY", "line 4"]),
-        ("3 1 2 3", "3 1 2 4", &["4 is not a vertex", "face 4"]),
-        ("3 1 2 3", "3 1 2 -3", &["-3 is not a vertex", "face 4"]),
-        ("3 1 2 3", "2 1 2", &["has 2", "face 4"]),
-        ("1 0 0 9", "1 zero 0 9", &["not a valid PLY", "line 14"]),
-        ("1 0 0 9", "inf 0 0 9", &["not finite", "triangle 1"]),
-        ("1 0 0 9", "1 0 0", &["no value of red", "line 14"]),
-        ("end_header\n", "element other 4000000000\nend_header\n", &["\"other\" need"]),
-    ] {
-        assert!(TEXT_PLY.contains(from));
-        let told = refused("a.ply", TEXT_PLY.replacen(from, to, 1).as_bytes());
-        assert!(words.iter().all(|word| told.contains(word)), "{from}: {told}");
-    }
-}
-
-#[test]
-fn units_and_groups_that_a_format_does_not_have_are_refused_at_their_line() {
+fn names_of_groups_come_back_from_the_resolved_scene() {
     let base = "[source]\ndistance = \"1 m\"\nspot = \"0 um\"\nenergy = \"30 keV\"\n\
                 [detector]\ndistance = \"2 m\"\npixels = [8, 8]\npitch = \"1 mm\"\n\
                 [[object]]\nname = \"part\"\nmaterial = \"carbon\"\n";
-    let told = |keys: &str| {
-        let scene = Scene::from_toml(&format!("{base}{keys}\n"), files());
-        scene.unwrap_err().to_string()
-    };
-    let unit = told("mesh = \"trimesh.3mf\"\nunit = \"mm\"");
-    assert!(unit.contains("object[0].unit") && unit.contains("3MF files state it"), "{unit}");
-    assert!(told("mesh = \"trimesh.ply\"").contains("object[0].unit"));
-    let group = told("mesh = \"gmsh.stl\"\nunit = \"mm\"\ngroup = \"a\"");
-    assert!(
-        group.contains("object[0].group") && group.contains("only OBJ and 3MF files"),
-        "{group}"
-    );
-    let shape = told("shape = { sphere = { radius = \"1 mm\" } }\ngroup = \"a\"");
-    assert!(shape.contains("object[0].group"), "{shape}");
-    // What is allowed comes back from the resolved scene.
     for keys in ["mesh = \"trimesh.3mf\"", "mesh = \"trimesh.obj\"\nunit = \"mm\""] {
         let keys = format!("{base}{keys}\ngroup = \"the \\\"box\\\"\"\n");
         let scene = Scene::from_toml(&keys, files()).unwrap();

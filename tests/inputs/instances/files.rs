@@ -46,56 +46,6 @@ fn order_is_scale_then_rotation_then_position() {
 }
 
 #[test]
-fn what_is_no_table_of_instances_is_refused_with_file_line_and_column() {
-    let row = "x_mm,y_mm,z_mm\n0,0,0\n";
-    let cases = [
-        ("", "at.csv:1:1: instances", "no rows"),
-        ("x_mm,y_mm,z_mm\n", "at.csv:1:1: instances", "no rows"),
-        ("x_mm,y_mm\n1,2\n", "at.csv:1:1: z", "no such column"),
-        ("x,y_mm,z_mm\n1,2,3\n", "at.csv:1:1: x", "allowed: x_m, x_cm, x_mm, x_um, x_nm or x_pm"),
-        ("x_mm,y_inch,z_mm\n1,2,3\n", "at.csv:1:6: y", "the column \"y_inch\""),
-        ("x_mm,y_mm,z_25.4 mm\n1,2,3\n", "at.csv:1:11: z", "the column \"z_25.4 mm\""),
-        ("x_mm;y_mm;z_mm\n1;2,5;3\n", "at.csv:2:3: y", "found \"2,5\""),
-        ("x_mm,y_mm,z_mm,x_um\n1,2,3,4\n", "at.csv:1:16: x", "\"x_um\" after \"x_mm\""),
-        ("x_mm,y_mm,z_mm,weight\n1,2,3,4\n", "at.csv:1:16: header", "the column \"weight\""),
-        ("1,2,3\n4,5,6\n", "at.csv:1:1: header", "the column \"1\""),
-        ("x_mm,y_mm,z_mm,angle\n1,2,3,4\n", "at.csv:1:16: angle", "angle_deg or angle_rad"),
-        ("x_mm,y_mm,z_mm,angle_deg\n1,2,3,4\n", "at.csv:1:16: axis_x", "no such column beside"),
-        ("x_mm,y_mm,z_mm,qw,qx,qy\n1,2,3,1,0,0\n", "at.csv:1:16: qz", "no such column beside"),
-        (
-            "x_mm,y_mm,z_mm,qw,qx,qy,qz,axis_x\n1,2,3,1,0,0,0,1\n",
-            "at.csv:1:28: rotation",
-            "\"axis_x\" with \"qw\"",
-        ),
-        ("x_mm,y_mm,z_mm\n1,2,3\n1,2\n", "at.csv:3:3: instances", "found 2 fields; allowed: 3"),
-        ("x_mm,y_mm,z_mm\n1,2,3,4\n", "at.csv:2:5: instances", "found 4 fields; allowed: 3"),
-        ("# a\n\nx_mm,y_mm,z_mm\n1, ,3\n", "at.csv:4:4: y", "found \"\""),
-        ("x_mm,y_mm,z_mm\n1,nan,3\n", "at.csv:2:3: y", "found \"nan\"; allowed: a finite number"),
-        ("x_mm,y_mm,z_mm\n1,2,inf\n", "at.csv:2:5: z", "a finite number"),
-        ("x_mm,y_mm,z_mm\r\n1,2,3\r\n1,2 mm,3\r\n", "at.csv:3:3: y", "found \"2 mm\""),
-        ("x_mm,y_mm,z_mm,scale\n1,2,3,0\n", "at.csv:2:7: scale", "allowed: a number > 0"),
-        ("x_mm,y_mm,z_mm,scale\n1,2,3,-1\n", "at.csv:2:7: scale", "allowed: a number > 0"),
-        (
-            "x_mm,y_mm,z_mm,qw,qx,qy,qz\n1,2,3,0,0,0,0\n",
-            "at.csv:2:7: quaternion",
-            "found a length of 0",
-        ),
-        (
-            "angle_deg,axis_x,axis_y,axis_z,x_mm,y_mm,z_mm\n9,0,0,0,1,2,3\n",
-            "at.csv:2:1: axis",
-            "found a length of 0",
-        ),
-    ];
-    for (text, place, what) in cases {
-        let error = read(text).unwrap_err().to_string();
-        assert!(error.contains(place) && error.contains(what), "{text:?}: {error}");
-    }
-    assert_eq!(read(row).unwrap().len(), 1);
-    let error = read_bytes(b"x_mm,y_mm,z_mm\n1,\xff,3\n").unwrap_err().to_string();
-    assert!(error.contains("at.csv:2:3: y"), "{error}");
-}
-
-#[test]
 fn a_million_rows_are_read_and_no_more() {
     let row = "0.125,-3.5,7.25,1.5,0.5,0.5,0.5,0.5\n";
     let text = format!("x_mm,y_mm,z_mm,scale,qw,qx,qy,qz\n{}", row.repeat(1_000_000));
@@ -107,16 +57,6 @@ fn a_million_rows_are_read_and_no_more() {
         error.contains("at.csv:1000002:1") && error.contains("more than 1000000 rows"),
         "{error}"
     );
-}
-
-#[test]
-fn what_is_no_regular_file_is_refused() {
-    let scene = scene_in(Path::new("/"), &sphere("1 mm"), "\"tmp\"").unwrap();
-    let error = transforms(&scene, &scene.objects[0]).unwrap_err().to_string();
-    assert!(error.contains("positions of instances") && error.contains("a directory"), "{error}");
-    let scene = scene_in(Path::new("nowhere"), &sphere("1 mm"), "\"at.csv\"").unwrap();
-    let error = transforms(&scene, &scene.objects[0]).unwrap_err().to_string();
-    assert!(error.contains("nowhere/at.csv"), "{error}");
 }
 
 proptest! {

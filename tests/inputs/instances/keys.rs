@@ -18,68 +18,6 @@ fn packings_are_read_with_their_defaults() {
 }
 
 #[test]
-fn keys_that_cannot_be_are_refused() {
-    let cube = "box = { size = [\"1 mm\", \"1 mm\", \"1 mm\"] }";
-    let ball = sphere("10 um");
-    let of = |region: &str, more: &str| packing("spheres", region, more);
-    let fibres = |kind: &str, more: &str| (fibre("5 um", "1 mm"), packing(kind, cube, more));
-    let cases = [
-        ((ball.clone(), "3".to_owned()), "instances", "path of a CSV file, or a packing"),
-        ((ball.clone(), of(cube, "")), "instances.fill", "either fill or count"),
-        ((ball.clone(), of(cube, "fill = 0.1, count = 3")), "instances.fill", "either fill"),
-        ((ball.clone(), of(cube, "count = 0")), "instances.count", "from 1 to 1000000"),
-        ((ball.clone(), of(cube, "count = 1000001")), "instances.count", "from 1 to 1000000"),
-        ((ball.clone(), of(cube, "fill = 0.36")), "instances.fill", "up to 0.35 for spheres"),
-        ((ball.clone(), of(cube, "fill = 0")), "instances.fill", "a number > 0"),
-        (fibres("parallel-fibres", "fill = 0.51"), "instances.fill", "up to 0.5 for parallel"),
-        (fibres("random-fibres", "fill = 0.4"), "instances.fill", "up to 0.35 for random-fibres"),
-        ((ball.clone(), of(cube, "count = 1, seed = -1")), "instances.seed", "from 0"),
-        ((ball.clone(), of(cube, "count = 1, gap = \"-1 um\"")), "instances.gap", "a value >= 0"),
-        ((ball.clone(), of(cube, "count = 1, gap = 1")), "instances.gap", "without a unit"),
-        (
-            (ball.clone(), of(cube, "count = 1, diameter_spread = 0.6")),
-            "instances.diameter_spread",
-            "0 to 0.5",
-        ),
-        ((ball.clone(), of(cube, "count = 1, shape = 1")), "instances.shape", "an unknown key"),
-        ((ball.clone(), of("", "count = 1")), "instances.region", "one of: box; cylinder; sphere"),
-        (
-            (ball.clone(), of(&format!("{cube}, sphere = {{ radius = \"1 mm\" }}"), "count = 1")),
-            "instances.region.sphere",
-            "both box and sphere",
-        ),
-        (
-            (ball.clone(), of("sphere = { radius = \"-1 mm\" }", "count = 1")),
-            "instances.region.sphere.radius",
-            "a value > 0",
-        ),
-        (
-            (ball.clone(), of("box = { size = [\"1 mm\", \"0 mm\", \"1 mm\"] }", "count = 1")),
-            "instances.region.box.size[1]",
-            "a value > 0",
-        ),
-        (
-            (ball.clone(), packing("balls", cube, "count = 1")),
-            "instances.packing",
-            "\"parallel-fibres\", \"random-fibres\", \"spheres\"",
-        ),
-        (
-            (ball.clone(), packing("random-fibres", cube, "count = 1")),
-            "instances.packing",
-            "\"random-fibres\" of a sphere",
-        ),
-        ((fibre("5 um", "1 mm"), of(cube, "count = 1")), "instances.packing", "of a cylinder"),
-        ((sphere("-10 um"), of(cube, "count = 1")), "shape.sphere.radius", "a value > 0"),
-        ((fibre("1 um", "-1 mm"), "\"a.csv\"".to_owned()), "shape.cylinder.height", "a value > 0"),
-    ];
-    for ((shape, text), key, what) in cases {
-        let error = scene_in(Path::new("."), &shape, &text).unwrap_err().to_string();
-        assert!(error.contains(&format!("object[0].{key}: ")), "{key}: {error}");
-        assert!(error.contains(what), "{what}: {error}");
-    }
-}
-
-#[test]
 fn overrides_reach_into_a_packing() {
     let directory = tempfile::tempdir().unwrap();
     let path = directory.path().join("scene.toml");

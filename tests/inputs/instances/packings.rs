@@ -166,59 +166,6 @@ fn a_count_is_met_and_small_regions_hold_what_fits() {
 }
 
 #[test]
-fn packings_that_cannot_be_say_how_far_they_came() {
-    let few = "sphere = { radius = \"30 um\" }";
-    let cases = [
-        (
-            sphere("10 um"),
-            packing("spheres", few, "count = 20"),
-            "instances.count",
-            "reached count ",
-        ),
-        (sphere("40 um"), packing("spheres", few, "count = 1"), "instances.region", "80"),
-        (sphere("10 um"), packing("spheres", few, "fill = 0.05"), "instances.fill", "whole bodies"),
-        (
-            sphere("1 um"),
-            packing("spheres", &cube("1 mm"), "fill = 0.1"),
-            "instances.fill",
-            "up to 1000000, a fill of 0.004",
-        ),
-        (
-            fibre("5 um", "2 mm"),
-            packing("parallel-fibres", &cube("1 mm"), "fill = 0.1"),
-            "shape.cylinder.height",
-            "2 mm",
-        ),
-        (
-            fibre("5 um", "2 mm"),
-            packing("random-fibres", &cube("1 mm"), "fill = 0.01"),
-            "instances.fill",
-            "reached fill 0.000",
-        ),
-        (
-            fibre("2.5 um", "0.3 mm"),
-            packing("random-fibres", &cube("0.5 mm"), "fill = 0.3"),
-            "instances.fill",
-            "0.3; the packing reached fill 0.0",
-        ),
-        (
-            fibre("5 um", "1 mm"),
-            packing(
-                "parallel-fibres",
-                "cylinder = { radius = \"40 um\", height = \"1 mm\" }",
-                "count = 45",
-            ),
-            "instances.count",
-            "45; the packing reached count ",
-        ),
-    ];
-    for (shape, text, key, what) in cases {
-        let error = instances_of(&shape, &text).unwrap_err().to_string();
-        assert!(error.contains(key) && error.contains(what), "{text}: {error}");
-    }
-}
-
-#[test]
 fn diameters_are_log_normal() {
     for spread in [0.1, 0.3] {
         let text = packing(
