@@ -53,11 +53,9 @@ impl Background {
     /// True if a sample changes the share of the light that the masks leak.
     fn hardens(scene: &Scene) -> Result<bool> {
         let has_sheets = scene.masks().all(|(_, mask)| matches!(mask.body, MaskBody::Sheet { .. }));
-        let nodes = spectrum::nodes(scene)?;
-        let energies = (&nodes.energies[..], &nodes.weights[..]);
         Ok(!has_sheets
-            && nodes.energies.len() > 1
-            && leak_over_mean(scene, &Optics::of(scene), energies)? > HARDENED)
+            && spectrum::nodes(scene)?.energies.len() > 1
+            && leak_share(scene)? > HARDENED)
     }
 
     /// True where steps along x alone move apertures that end along z: light between them depends on the row.
@@ -100,14 +98,15 @@ impl Background {
         Ok(match self {
             Self::Free => BackgroundTerm::Free,
             Self::Value(value) => BackgroundTerm::Value(value),
-            Self::Leak => {
-                let nodes = spectrum::nodes(scene)?;
-                let energies = (&nodes.energies[..], &nodes.weights[..]);
-                let share = leak_over_mean(scene, &Optics::of(scene), energies)?;
-                BackgroundTerm::PerArea(share / period)
-            }
+            Self::Leak => BackgroundTerm::PerArea(leak_share(scene)? / period),
         })
     }
+}
+
+/// Light that the masks of a scene leak, over the mean of the curve of their apertures.
+fn leak_share(scene: &Scene) -> Result<f64> {
+    let nodes = spectrum::nodes(scene)?;
+    leak_over_mean(scene, &Optics::of(scene), (&nodes.energies, &nodes.weights))
 }
 
 impl FromStr for Background {

@@ -64,9 +64,14 @@ impl CurveGeometry {
     /// As [`Background::term`].
     pub(super) fn with_background(mut self, background: Background, scene: &Scene) -> Result<Self> {
         self.background = background.term(scene, self.period)?;
-        if let (Some(_), BackgroundTerm::PerArea(leak)) =
-            (&self.masks, Background::Leak.term(scene, self.period)?)
-        {
+        let leak = match self.background {
+            _ if self.masks.is_none() => return Ok(self),
+            BackgroundTerm::PerArea(_) => self.background,
+            BackgroundTerm::Free | BackgroundTerm::Value(_) => {
+                Background::Leak.term(scene, self.period)?
+            }
+        };
+        if let BackgroundTerm::PerArea(leak) = leak {
             self.leak = leak;
         }
         Ok(self)
