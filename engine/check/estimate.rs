@@ -34,11 +34,7 @@ pub(super) fn estimated(
     // No other run may be estimated without an estimate of this one.
     let again = costs::by_noise(scene, &report.work.tolerances)?.map(|_| sample.clone());
     let made = Simulation::of_loaded(engine.simulator(), scene, Some(sample), control);
-    let edges = match &made {
-        Ok(made) => made.edge_blur(&control.cancel)?,
-        Err(_) => bounded,
-    };
-    report.add_edges(scene, edges.as_ref());
+    report.add_edges(scene, bounded.as_ref());
     let found = made.and_then(|made| made.estimate_until(&control.cancel));
     let is_known = found.is_ok();
     match found {

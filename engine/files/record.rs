@@ -151,9 +151,8 @@ pub struct RunRecord {
     /// Objects whose facets diffract as edges, under `transport = "wave"`.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub facet_kinks: Vec<FacetKink>,
-    /// Largest error of a recorded value from edges off the rotation centre, share of open beam: the spot
-    /// blurs them as if they were at the centre. Estimated by rays, or bounded if the bound is within the
-    /// tolerance. `None`: unknown; and under `scheme = "random"`, which has no such error.
+    /// Upper bound of the error of a recorded value from edges off the rotation centre, share of open beam: the
+    /// spot blurs them as if they were at the centre. `None`: unknown; and under `scheme = "random"`, which has no such error.
     pub edge_error: Option<f64>,
     /// Seconds by stage.
     pub seconds: BTreeMap<String, f64>,

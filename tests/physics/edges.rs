@@ -1,4 +1,4 @@
-//! Edges off the rotation centre: the error that a run reports is that of its stacks, against light
+//! Edges off the rotation centre: the bound that a run reports holds the error of its stacks, against light
 //! through slits and past an edge in closed form, summed over points of the spot in f64.
 
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
@@ -150,14 +150,15 @@ fn plates(engine: &Checked) -> [(Scene, Plate, Stacks); 2] {
 }
 
 #[test]
-fn errors_of_edges_off_the_rotation_centre_are_recorded_within_a_factor_of_two() {
+fn errors_of_edges_off_the_rotation_centre_are_within_their_bound() {
     let engine = engine(Backend::Bvh);
     for (scene, plate, stacks) in plates(&engine) {
         let error = plate.error(&scene, &stacks);
         let recorded = stacks.record.edge_error.unwrap();
         println!("measured edges: {error:.2e} true, {recorded:.2e} recorded");
         assert!(error > 1e-3, "{error}");
-        assert!((0.5..2.0).contains(&(recorded / error)), "{recorded} of {error}");
+        // Plates let a third and a half of the light through.
+        assert!((1.0..3.0).contains(&(recorded / error)), "{recorded} of {error}");
         let report = Check::of(&scene).with_engine(&engine).run().unwrap();
         let warned = report.warnings.iter().any(|text| text.contains("\"plate\""));
         assert!(warned, "{:?}", report.warnings);

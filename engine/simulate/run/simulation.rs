@@ -2,7 +2,6 @@
 
 mod backend;
 pub mod cells;
-mod edges;
 mod prepare;
 mod rays;
 mod seconds;
@@ -13,6 +12,7 @@ use crate::detector::{self, DetectorModel};
 use crate::illuminate::EnergyBinning;
 use crate::refine::{CellMaker, RefineRoom};
 use crate::run::Control;
+use crate::run::edge_blur::bounded;
 use crate::run::memory::MemoryEstimate;
 use crate::run::simulator::Simulator;
 use crate::sampling::{self, ErrorBudget, Lattice, ProjectedBounds, Response};
@@ -24,7 +24,7 @@ use beamlet_core::tally::Tally;
 use beamlet_core::{Result, numbers};
 use beamlet_files as stack;
 use beamlet_files::{RunProfile, RunRecord, RunStart, SamplingSummary, Sink, StackShape};
-use beamlet_geometry::Sample;
+use beamlet_geometry::{self as geometry, Sample};
 use beamlet_gpu::{Backend, Device, DeviceKind, EngineOptions};
 use beamlet_model::media::MaterialTable;
 use beamlet_model::scene::{Exposure, Refine, Scene, Scheme, Transport};
@@ -279,7 +279,7 @@ impl Simulation {
             log::warn!("{warning}");
         }
         let begin = Instant::now();
-        let edges = self.edge_blur(&control.cancel)?;
+        let edges = bounded(&self.scene, &geometry::swept(&self.scene, &self.sample));
         let warning =
             edges.as_ref().and_then(|it| it.warning(self.scene.sampling.tolerances().light));
         warning.into_iter().for_each(|text| log::warn!("{text}"));
