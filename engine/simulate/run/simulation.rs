@@ -256,7 +256,7 @@ impl Simulation {
     /// Runs every view that `control` does not skip and hands it to the sink.
     ///
     /// # Errors
-    /// See [`Error`]; [`Error::Interrupted`] when `control.cancel` was set.
+    /// See [`beamlet_core::Error`]; [`beamlet_core::Error::Interrupted`] when `control.cancel` was set.
     ///
     /// # Example
     ///
