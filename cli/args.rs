@@ -8,7 +8,6 @@ mod mesh;
 mod names;
 mod reconstruct;
 mod retrieve;
-mod shards;
 mod shared;
 mod simulate;
 mod values;
@@ -20,9 +19,8 @@ pub(crate) use look::{Check, Compare};
 pub(crate) use mesh::{Mask, Mesh};
 pub(crate) use reconstruct::{Centre, Hardening, QuantityName, Reconstruct, ReconstructionName};
 pub(crate) use retrieve::Retrieve;
-pub(crate) use shards::{Join, PlanArguments};
 pub(crate) use shared::{Messages, ProfileArguments};
-pub(crate) use simulate::Simulate;
+pub(crate) use simulate::{Join, Simulate};
 pub(crate) use values::ValueRange;
 pub(crate) use view::{PictureFormat, Report, Show, View, ViewOfRun, ViewOfScene};
 
@@ -53,7 +51,6 @@ impl Arguments {
     pub(crate) const fn messages(&self) -> Messages {
         match &self.verb {
             Verb::Simulate(simulate) => simulate.messages,
-            Verb::Plan(plan) => plan.messages,
             Verb::Join(join) => join.messages,
             Verb::Retrieve(retrieve) => retrieve.messages,
             Verb::Reconstruct(reconstruct) => reconstruct.messages,
@@ -79,9 +76,7 @@ impl Arguments {
 pub(crate) enum Verb {
     /// Simulate a scene into a run directory
     Simulate(Simulate),
-    /// Plan a run in shards for many processes or machines, with scripts for Slurm
-    Plan(PlanArguments),
-    /// Join the shards of a planned run, or list them
+    /// Join parts of a run, which other processes or machines have simulated
     Join(Join),
     /// Retrieve transmission, refraction and dark field from a run or from measured stacks
     Retrieve(Box<Retrieve>),

@@ -7,10 +7,10 @@ pub use beamlet_core::numbers;
 pub use beamlet_core::parallel::{is_fork, start_threads};
 pub use beamlet_core::reserve::require_memory;
 pub use beamlet_core::whole_file::write_file;
+pub use beamlet_files::views_of_part;
 pub use beamlet_model::optics::FrontView;
 pub use beamlet_model::scene::formula::check_formula;
 pub use beamlet_model::scene::schema::json_schema;
-pub use beamlet_simulate::run::quality::resolved as with_tolerances;
 
 /// Text for terminals and pages.
 pub mod printed {

@@ -109,9 +109,9 @@ pub mod spectrum {
 pub mod stack {
     pub use beamlet_files::{
         Abilities, ArraySink, CallbackSink, CountStacks, FORMAT_VERSION, Format, GeometryFile,
-        JoinOptions, JoinedShard, Maps, OpenRun, Order, Plan, PlanOptions, Platform, RunCheck,
-        RunDirectory, RunFile, RunRecord, RunStart, RunState, SamplingSummary, SearchCounts, Shard,
-        ShardState, ShardStatus, Sink, StackFile, StackShape, Stacks, ViewAngles, canonical,
-        check_run, is_of_run, is_same_place, join, layout, refuse_overlap, shard_states, views,
+        JoinOptions, JoinedPart, Maps, OpenRun, Order, Platform, RunCheck, RunDirectory, RunFile,
+        RunRecord, RunStart, RunState, SamplingSummary, SearchCounts, Sink, StackFile, StackShape,
+        Stacks, ViewAngles, ViewRange, canonical, check_run, is_of_run, is_same_place, join,
+        layout, refuse_overlap, views,
     };
 }

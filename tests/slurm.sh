@@ -1,6 +1,7 @@
 #!/usr/bin/env bash
-# Runs a scan in shards by a real Slurm on this machine: an array, a shard that is killed, a shard that
-# is asked to end before its time limit, a second array, and the join; the bits equal one run.
+# Runs a scan in parts by a real Slurm on this machine, by the script of docs/how-to/cluster.md: an array, a part
+# that is killed, a part that is asked to end before its time limit, a second array, and the join; the bits equal
+# one run.
 # Fails where Slurm does not start. The daemons are of this script alone and end with it. Needs root.
 #   tests/slurm.sh PROGRAM
 set -euo pipefail
@@ -25,7 +26,7 @@ trap 'exit 130' INT TERM
 say() { echo "slurm: $*" >&2; }
 fail() {
     say "FAILED: $*"
-    tail -n 20 "$place"/*.log "$place"/run/slurm/*.log >&2 2>/dev/null || true
+    tail -n 20 "$place"/*.log >&2 2>/dev/null || true
     exit 1
 }
 
@@ -109,49 +110,53 @@ shape = { cylinder = { radius = "1.5 mm", height = "5 mm" } }
 material = "polyethylene"
 position = ["0.2 mm", "0 mm", "0 mm"]
 TOML
-"$program" plan scan.toml --shards 4 --slurm --at-once 2 --format npy --backend bvh -o run \
-    --sbatch-option time=10 --sbatch-option cpus-per-task=1
+# The script and the lines that submit it, as docs/how-to/cluster.md has them, with four parts of this scan.
+block() { awk -v n="$1" '/^```/ { inside = /^```bash$/ && ++at == n; next } inside' "$tests/../docs/how-to/cluster.md"; }
+block 1 | sed -e 's/--array=0-39%10/--array=0-3%2/' -e 's/^parts=40 views=1440 .*/parts=4 views=24/' \
+    -e 's/--partition=gpu --gres=gpu:1 --time=4:00:00/--time=10 --cpus-per-task=1/' >scan.sbatch
+[ "$(grep -cE -- '--array=0-3%2|^parts=4 views=24$|--time=10' scan.sbatch)" = 3 ] || fail "the script of cluster.md is another"
+block 2 >submit.sh
+mkdir bin
+ln -s "$program" bin/beamlet
+PATH=$place/bin:$PATH
 
-# The first array: one shard is killed, one receives the signal of a time limit. Shards wait at a gate (a pipe
+# The first array: one part is killed, one receives the signal of a time limit. Parts wait at a gate (a pipe
 # that nobody has opened for writing) once they have committed a view.
 mkfifo gate
 cc -shared -fPIC -O1 -o gate.so "$tests/support/gate.c"
-env LD_PRELOAD="$place/gate.so" BEAMLET_GATE=sync BEAMLET_GATE_FILE=/progress.log BEAMLET_GATE_AT=sample/ \
-    BEAMLET_GATE_PIPE="$place/gate" sh run/slurm/submit.sh >/dev/null
-array=$(squeue -h -r -o %i -n beamlet-run | sed 's/_.*//' | head -n 1)
-begun() { grep -q sample/ "run/shards/000$1/progress.log"; }
-wait_for 60 "shard 0 begins" begun 0
-wait_for 60 "shard 1 begins" begun 1
-kill_shard() { scancel -s KILL --full "${array}_1"; }
-wait_for 20 "shard 1 is killed" kill_shard
+array=$(env LD_PRELOAD="$place/gate.so" BEAMLET_GATE=sync BEAMLET_GATE_FILE=/progress.log BEAMLET_GATE_AT=sample/ \
+    BEAMLET_GATE_PIPE="$place/gate" bash -c '. ./submit.sh >/dev/null; echo "$array"')
+begun() { grep -q sample/ "parts/$1/progress.log"; }
+wait_for 60 "part 0 begins" begun 0
+wait_for 60 "part 1 begins" begun 1
+kill_part() { scancel -s KILL --full "${array}_1"; }
+wait_for 20 "part 1 is killed" kill_part
 scancel -s TERM --batch "${array}_0"
-wait_for 60 "shard 0 is interrupted" grep -q "stopping; press" run/slurm/shard-0.log
+wait_for 60 "part 0 is interrupted" grep -q "stopping; press" part-0.log
 : >gate
 is_queued_again() { scontrol show job "${array}_0" | grep -q 'Restarts=1'; }
-wait_for 60 "shard 0 is queued again" is_queued_again
-say "$SECONDS s: shard 1 killed, shard 0 in the queue again"
-"$program" join run --status
-# A shard that is cancelled as it starts puts its task into the queue again.
-has_ended() { scancel -n beamlet-run && [ -z "$(squeue -h)" ]; }
+wait_for 60 "part 0 is queued again" is_queued_again
+say "$SECONDS s: part 1 killed, part 0 in the queue again"
+# A part that is cancelled as it starts puts its task into the queue again.
+has_ended() { scancel -u root && [ -z "$(squeue -h)" ]; }
 wait_for 60 "the first array ends" has_ended
 say "$SECONDS s: the first array has ended"
-if "$program" join run 2>refused; then fail "a run with shards that are missing was joined"; fi
-grep -q "shards are missing" refused || fail "$(cat refused)"
-if "$program" retrieve run 2>refused; then fail "a run that is not joined was retrieved"; fi
+if beamlet join parts/* -o run 2>refused; then fail "parts that are not complete were joined"; fi
+grep -qE "exposures|no part" refused || fail "$(cat refused)"
+if beamlet retrieve parts/0 2>refused; then fail "a part was retrieved"; fi
 grep -q "beamlet join" refused || fail "$(cat refused)"
 
-# One shard by hand, the others by a second array with its join.
-"$program" simulate run/scene.toml --shard 1/4 -o run -q
-sh run/slurm/submit.sh >/dev/null
-is_joined() { [ ! -e run/plan.json ]; }
-wait_for 120 "the shards are joined" is_joined
+# One part by hand, the others by a second array with its join.
+beamlet simulate scan.toml --resume -o parts/1 -q
+# shellcheck source=/dev/null
+. ./submit.sh >/dev/null
+is_joined() { grep -q '"done"' run/run.json; }
+wait_for 120 "the parts are joined" is_joined
 say "$SECONDS s: joined"
 wait_for 60 "the second array ends" bash -c '[ -z "$(squeue -h)" ]'
 
-"$program" simulate scan.toml --format npy --backend bvh -o whole -q
-for file in flat.npy sample.npy dark.npy counts/flat.npy counts/sample.npy geometry.json; do
-    cmp "run/$file" "whole/$file" || fail "$file differs from that of one run"
-done
+beamlet simulate scan.toml -o whole -q
+diff -rq -x run.json -x progress.log run whole || fail "files differ from those of one run"
 cmp <(sort run/progress.log) <(sort whole/progress.log) || fail "progress.log differs"
-"$program" check run | grep -q 'whole    yes' || fail "the joined run is not whole"
-say "24 views in 4 shards, one killed and one queued again: the bits of one run, in $SECONDS s"
+beamlet check run | grep -q 'whole    yes' || fail "the joined run is not whole"
+say "24 views in 4 parts, one killed and one queued again: the bits of one run, in $SECONDS s"

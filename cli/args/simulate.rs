@@ -3,8 +3,8 @@
 use super::SceneArguments;
 use super::names::format;
 use super::shared::{EngineArguments, Messages, ProfileArguments};
-use super::values::shard;
-use beamlet::stack::{Format, Shard};
+use super::values::view_range;
+use beamlet::stack::{Format, ViewRange};
 use clap::Args;
 use std::path::PathBuf;
 
@@ -30,20 +30,39 @@ pub(crate) struct Simulate {
     #[command(flatten)]
     pub(crate) profile: ProfileArguments,
     /// Continue an interrupted run
-    #[arg(long, conflicts_with = "overwrite", group = "goes_on")]
+    #[arg(long, conflicts_with = "overwrite")]
     pub(crate) resume: bool,
-    /// Simulate shard K of N of the run that `beamlet plan` made at RUN, K from 0; an interrupted shard
-    /// continues
-    #[arg(long, value_name = "K/N", value_parser = shard, group = "goes_on",
-          conflicts_with_all = ["overwrite", "format"])]
-    pub(crate) shard: Option<Shard>,
-    /// With --resume or --shard: accept another device, driver, backend or version than the run began
-    /// with
-    #[arg(long, requires = "goes_on")]
+    /// Simulate a part of the run, for `beamlet join`: the views A to B - 1, from 0, with their flats and
+    /// darks
+    #[arg(long, value_name = "A..B", value_parser = view_range)]
+    pub(crate) views: Option<ViewRange>,
+    /// With --resume: accept another device, driver, backend or version than the run began with
+    #[arg(long, requires = "resume")]
     pub(crate) allow_mixed: bool,
     /// Replace an earlier run; files that beamlet did not write stay
     #[arg(long)]
     pub(crate) overwrite: bool,
+    #[command(flatten)]
+    pub(crate) messages: Messages,
+}
+
+#[derive(Debug, Args)]
+#[command(after_help = "Examples:\n  \
+    beamlet simulate scan.toml --views 0..90 -o parts/0        # anywhere, in any order\n  \
+    beamlet simulate scan.toml --views 90..180 -o parts/1\n  \
+    beamlet join parts/* -o run\n\n\
+    Every view is compared with the checksum of its part. An interrupted join continues when it is \
+    started again. The parts stay. The parts of a run must have the same device, driver and version.")]
+pub(crate) struct Join {
+    /// Parts of one run, each made by `beamlet simulate --views`, in any order
+    #[arg(required = true, value_name = "PART")]
+    pub(crate) parts: Vec<PathBuf>,
+    /// Run directory to write
+    #[arg(short, long, value_name = "RUN")]
+    pub(crate) output: PathBuf,
+    /// Accept parts of different devices, drivers, backends or versions
+    #[arg(long)]
+    pub(crate) allow_mixed: bool,
     #[command(flatten)]
     pub(crate) messages: Messages,
 }

@@ -3,7 +3,7 @@
 use crate::numbers;
 use beamlet::cli_support::units;
 use beamlet::retrieve::{Aperture, Columns, Corrections, Lattice, Region};
-use beamlet::stack::Shard;
+use beamlet::stack::ViewRange;
 use std::ops::Range;
 
 fn number(text: &str, allowed: &str, is_allowed: impl Fn(f64) -> bool) -> Result<f64, String> {
@@ -102,39 +102,7 @@ pub(super) fn value_range(text: &str) -> Result<ValueRange, String> {
     }
 }
 
-/// A whole number above 0.
-pub(super) fn whole_number(text: &str) -> Result<u32, String> {
-    text.trim()
-        .parse()
-        .ok()
-        .filter(|n| *n > 0)
-        .ok_or_else(|| "allowed: a whole number above 0".into())
-}
-
-/// Options that the scripts set themselves.
-const SET_BY_PLAN: [&str; 6] = ["array", "signal", "requeue", "no-requeue", "dependency", "wait"];
-
-/// An option of sbatch and its value, which may be empty.
-pub(super) fn sbatch_option(text: &str) -> Result<[String; 2], String> {
-    let parts = text.split_once('=').map(|(key, value)| [key.trim(), value.trim()]);
-    let is_name = |key: &str| {
-        key.starts_with(|c: char| c.is_ascii_lowercase())
-            && key.chars().all(|c| c.is_ascii_lowercase() || c.is_ascii_digit() || c == '-')
-    };
-    match parts {
-        Some([key, _]) if SET_BY_PLAN.contains(&key) => Err(format!("{key} is set by the plan")),
-        // Slurm drops each \ of an option in a script, and a line break ends the option.
-        Some([key, value]) if is_name(key) => {
-            match value.contains(|c: char| c.is_control() || c == '\\') {
-                true => Err("allowed in a value: text without control characters and \\".into()),
-                false => Ok([key.to_owned(), value.to_owned()]),
-            }
-        }
-        _ => Err("write the long name and its value, as in partition=gpu or exclusive=".into()),
-    }
-}
-
-pub(super) fn shard(text: &str) -> Result<Shard, String> {
+pub(super) fn view_range(text: &str) -> Result<ViewRange, String> {
     text.parse().map_err(|error: beamlet::Error| error.to_string())
 }
 

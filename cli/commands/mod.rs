@@ -14,13 +14,11 @@ mod mask;
 mod material;
 mod mesh;
 mod pictures;
-mod plan;
 mod reconstruct;
 mod report;
 mod retrieve;
 mod schema;
 mod simulate;
-mod slurm;
 mod spectrum;
 mod view;
 
@@ -40,7 +38,6 @@ fn verb(arguments: Arguments, out: &mut impl Write) -> Result<(), Failure> {
     beamlet::cli_support::start_threads()?;
     match arguments.verb {
         Verb::Simulate(arguments) => simulate::run(&arguments, out),
-        Verb::Plan(arguments) => plan::run(&arguments, out),
         Verb::Join(arguments) => join::run(&arguments, out),
         Verb::Retrieve(arguments) => retrieve::run(&arguments, out),
         Verb::Reconstruct(arguments) => reconstruct::run(&arguments, out),

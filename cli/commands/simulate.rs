@@ -4,9 +4,9 @@ use crate::args::Simulate;
 use crate::failure::Failure;
 use crate::interrupt;
 use crate::progress::Reporter;
+use beamlet::cli_support::views_of_part;
 use beamlet::scene::Scene;
-use beamlet::stack::layout::{self, RUN};
-use beamlet::stack::{self, Plan, RunDirectory, RunFile, RunState, Shard, StackShape};
+use beamlet::stack::{RunDirectory, RunState, StackShape};
 use beamlet::{Control, Engine, Error, RunRecord, SamplingSummary, Tally};
 use std::io::Write;
 use std::time::Instant;
@@ -17,34 +17,22 @@ pub(super) fn run(arguments: &Simulate, out: &mut impl Write) -> Result<(), Fail
     if arguments.resume {
         scene = RunDirectory::scene_of_resumed(&arguments.output, &scene)?;
     }
-    if let Some(shard) = arguments.shard {
-        if is_joined(arguments, shard)? {
-            return told(arguments, "is joined already", out);
-        }
-        scene = RunDirectory::scene_of_shard(&arguments.output, &scene)?;
-    }
     let failed = |error| Failure::from(arguments.scene.locate(error));
     let extent = StackShape::of(&scene).map_err(failed)?;
     let mut sink = directory(arguments, &scene)?;
+    let all = views_of_part(&scene, sink.part()).map_err(failed)?;
     if let Some(recorded) = sink.recorded()
         && recorded.state == RunState::Done
         && sink.problems().is_empty()
-        && stack::views(&scene)
-            .map_err(failed)?
-            .filter(|view| sink.part_of_run().has(*view, extent))
-            .all(|view| sink.committed().contains(&view))
+        && all.iter().all(|view| sink.committed().contains(view))
     {
-        let words = match arguments.shard {
-            Some(shard) => format!("already has the complete shard {shard}"),
-            None => "is complete already".to_owned(),
-        };
-        return told(arguments, &words, out);
+        if !arguments.messages.quiet {
+            let path = beamlet::cli_support::printed::path(&arguments.output);
+            writeln!(out, "{path} is complete already")?;
+        }
+        return Ok(());
     }
-    let mut recorded_backend = sink.recorded().map(|file| file.record.backend);
-    if arguments.shard.is_some() {
-        let platform = Plan::platform(&arguments.output)?;
-        recorded_backend = platform.map(|platform| platform.backend).or(recorded_backend);
-    }
+    let recorded_backend = sink.recorded().map(|file| file.record.backend);
     let cancel = interrupt::listen();
     let mut reporter = Reporter::new(arguments.messages);
     // A resumed run goes on with the backend that began it, or its bits would change.
@@ -65,51 +53,26 @@ pub(super) fn run(arguments: &Simulate, out: &mut impl Write) -> Result<(), Fail
             summary(scene.title.as_deref(), &sink, extent, &record, seconds, out)
         }
         Err(Error::Interrupted) => {
-            let began = arguments.resume || arguments.shard.is_some() || sink.has_begun();
+            let began = arguments.resume || sink.has_begun();
             Err(Failure::Interrupted { advice: advice(arguments, began) })
         }
         Err(error) => Err(failed(error)),
     }
 }
 
-/// True if the run of a shard is joined: nothing is left to do then.
-fn is_joined(arguments: &Simulate, shard: Shard) -> Result<bool, Failure> {
-    let record = arguments.output.join(RUN);
-    if !record.exists() {
-        return Ok(false);
-    }
-    let file = RunFile::read(&record)?;
-    // A join that was ended while it removed the shards has joined them.
-    if layout::is_planned(&arguments.output) && file.state != RunState::Done {
-        return Ok(false);
-    }
-    if file.shards.is_empty() || file.shards.len() == shard.count as usize {
-        return Ok(!file.shards.is_empty());
-    }
-    let path = beamlet::cli_support::printed::path(&arguments.output);
-    let count = file.shards.len();
-    Err(Failure::Usage(format!("--shard {shard}: {path} was joined from {count} shards")))
-}
-
-/// Says what there is to say of a run that needs no work.
-fn told(arguments: &Simulate, words: &str, out: &mut impl Write) -> Result<(), Failure> {
-    let path = beamlet::cli_support::printed::path(&arguments.output);
-    if !arguments.messages.quiet {
-        writeln!(out, "{path} {words}")?;
-    }
-    Ok(())
-}
-
 fn directory(arguments: &Simulate, scene: &Scene) -> Result<RunDirectory, Failure> {
     let format = arguments.format;
-    let sink = if arguments.resume || arguments.shard.is_some() {
+    let sink = if arguments.resume {
         let mut reporter = Reporter::new(arguments.messages);
         reporter.doing("comparing frames with their checksums");
-        let sink = match arguments.shard {
-            Some(shard) => RunDirectory::shard(&arguments.output, shard, scene)?,
-            None => RunDirectory::resume(&arguments.output, scene)?,
-        };
+        let sink = RunDirectory::resume(&arguments.output, scene)?;
         reporter.finish();
+        if let Some(views) = arguments.views.filter(|views| Some(*views) != sink.part()) {
+            let path = beamlet::cli_support::printed::path(&arguments.output);
+            let here = sink.part().map_or("a whole run".to_owned(), |part| format!("views {part}"));
+            let words = format!("{path} holds {here}; it cannot continue with --views {views}");
+            return Err(Failure::Usage(words));
+        }
         // Also under --quiet: data was lost.
         for problem in sink.problems() {
             let _ = writeln!(
@@ -132,7 +95,9 @@ fn directory(arguments: &Simulate, scene: &Scene) -> Result<RunDirectory, Failur
             read.push(arguments.scene.scene.clone());
             RunDirectory::reading(output, &read)?;
         }
-        RunDirectory::create(output, format.unwrap_or_default(), arguments.overwrite)?
+        views_of_part(scene, arguments.views)?;
+        let format = format.unwrap_or_default();
+        RunDirectory::create(output, format, arguments.overwrite)?.views(arguments.views)
     };
     Ok(sink.overrides(&arguments.scene.sets).command(command_line()))
 }
@@ -159,6 +124,7 @@ fn summary(
         beamlet::cli_support::printed::path(sink.path()),
         sink.format()
     )?;
+    let views = sink.part().map_or(views.to_string(), |part| format!("{part} of {views}"));
     writeln!(out, "views    {views} x {steps} steps of {columns} x {rows} pixels, and the flat")?;
     writeln!(out, "device   {} ({})", record.device, record.driver)?;
     if record.tally.rays == 0 {
@@ -249,6 +215,9 @@ fn advice(arguments: &Simulate, began: bool) -> String {
     }
     if !began {
         // A resumed run finds these in its directory.
+        if let Some(views) = arguments.views {
+            command.extend(["--views".into(), views.to_string()]);
+        }
         if let Some(format) = arguments.format {
             command.extend(["--format".into(), format.to_string()]);
         }
@@ -260,10 +229,7 @@ fn advice(arguments: &Simulate, began: bool) -> String {
         }
         return format!("nothing was written; to start again: {}", command.join(" "));
     }
-    match arguments.shard {
-        Some(shard) => command.extend(["--shard".into(), shard.to_string()]),
-        None => command.push("--resume".into()),
-    }
+    command.push("--resume".into());
     format!("to resume: {}", command.join(" "))
 }
 

@@ -4,8 +4,8 @@
 //! that count.
 
 use super::layout;
+use super::part::Part;
 use super::shape::StackShape;
-use super::shard::Part;
 use super::values::{Values, hex};
 use beamlet_core::array_file::{Format, RangeFile, RangeLayout, Sample};
 use beamlet_core::{Error, Result};
@@ -72,7 +72,7 @@ pub(super) struct ArrayFrames {
     root: PathBuf,
     layout: ArrayLayout,
     values: Values,
-    /// In shards that have flats.
+    /// In parts that have flats.
     flat: Option<RangeFile>,
     sample: RangeFile,
     dark: Option<RangeFile>,

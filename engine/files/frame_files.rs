@@ -5,8 +5,8 @@
 //! is spooled to a raw file first, because such a file is written once from top to bottom.
 
 use super::layout;
+use super::part::Part;
 use super::shape::StackShape;
-use super::shard::Part;
 use super::values::{Values, hex};
 use beamlet_core::array_file::{ArrayFile, Format, Sample, append, le_bytes};
 use beamlet_core::whole_file::{link_or_copy, refuse_link};

@@ -2,7 +2,7 @@
 
 use super::array_frames::{self, ArrayFrames, ArrayLayout};
 use super::frame_files::{self, FrameFiles};
-use super::shard::Part;
+use super::part::Part;
 use super::values::Values;
 use beamlet_core::Result;
 use beamlet_core::array_file::Format;

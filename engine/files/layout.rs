@@ -5,7 +5,6 @@
 //! RUN/flat.npy  sample.npy  dark.npy  counts/flat.npy  counts/sample.npy      a file per stack
 //! RUN/flat/view_0001/step_000.exr  dark/view_0001/…     the second of several flats, a file per frame
 //! RUN/flat/step_000.exr  sample/view_0000/step_000.exr  dark/…  counts/…      a file per frame
-//! RUN/plan.json  device.json  shards/0000/run.json  progress.log  …   a planned run, until it is joined
 //! RUN/retrieved/retrieved.json  geometry.json  corrections.csv  NAME.npy  or  NAME/view_0000.exr
 //! ASTRA/astra.json  load_astra.py  NAME.npy
 //! VOLUME/volume.json  regions.csv  errors.csv  residuals.csv
@@ -20,7 +19,6 @@
 use super::shape::StackShape;
 use beamlet_core::array_file::Format;
 use beamlet_core::whole_file::{NEW, whole_name};
-use beamlet_core::{Error, Result, printed};
 use beamlet_model::scene::Exposure;
 use std::path::{Path, PathBuf};
 
@@ -32,14 +30,6 @@ pub const GEOMETRY: &str = "geometry.json";
 pub const RUN: &str = "run.json";
 /// Views of a run that are committed.
 pub const LOG: &str = "progress.log";
-/// Plan of a run in shards, until these are joined.
-pub const PLAN: &str = "plan.json";
-/// Device, driver, backend and version that make the shards of a planned run.
-pub(crate) const DEVICE: &str = "device.json";
-/// Folder of the shards of a planned run.
-pub(crate) const SHARDS: &str = "shards";
-/// Folder of the scripts of a planned run.
-pub const SCRIPTS: &str = "slurm";
 /// Page of `beamlet report` in a run.
 pub const REPORT: &str = "report.html";
 /// Text by which a page of `beamlet report` is known.
@@ -93,10 +83,10 @@ const BESIDE: [&str; 9] =
 const HEADER: &str = ".mhd";
 const RAW: &str = ".raw";
 
-/// True if a folder holds a run, or the plan of one.
+/// True if a folder holds a run or a part of one.
 #[must_use]
 pub fn is_run(folder: &Path) -> bool {
-    folder.join(RUN).exists() || is_planned(folder)
+    folder.join(RUN).exists()
 }
 
 /// Problem of a path that is not the folder to be read: nothing is there, or a file (`file`), or another
@@ -109,33 +99,6 @@ pub fn problem_of(path: &Path, file: &str, folder: &str) -> String {
         (true, true) => folder,
     }
     .to_owned()
-}
-
-/// True if a folder holds a run in shards that are not joined.
-#[must_use]
-pub fn is_planned(folder: &Path) -> bool {
-    folder.join(PLAN).exists()
-}
-
-/// Refuses a run in shards that are not joined.
-///
-/// # Errors
-/// [`Error::File`] with the remedy.
-pub fn refuse_unjoined(folder: &Path) -> Result<()> {
-    if !is_planned(folder) {
-        return Ok(());
-    }
-    let run = printed::path(folder);
-    let problem = format!(
-        "holds a run in shards that are not joined; `beamlet join {run}` joins them, \
-         `beamlet join {run} --status` lists them"
-    );
-    Err(Error::file(folder, problem, None))
-}
-
-/// Folder of a shard of a planned run.
-pub(crate) fn shard(run: &Path, index: u32) -> PathBuf {
-    run.join(SHARDS).join(format!("{index:04}"))
 }
 
 /// True if a folder holds a reconstruction.
@@ -303,12 +266,12 @@ pub(crate) fn stack_files() -> impl Iterator<Item = String> {
 
 /// Files that a crash leaves where another file was being written.
 pub(crate) fn unfinished() -> impl Iterator<Item = String> {
-    [SCENE, GEOMETRY, RUN, PLAN, DEVICE].into_iter().map(|name| format!("{name}{NEW}"))
+    [SCENE, GEOMETRY, RUN].into_iter().map(|name| format!("{name}{NEW}"))
 }
 
 /// Names in a run directory.
 pub(crate) fn owned() -> impl Iterator<Item = String> {
-    let records = [RUN, SCENE, GEOMETRY, LOG, PLAN, DEVICE, SHARDS].map(str::to_owned);
+    let records = [RUN, SCENE, GEOMETRY, LOG].map(str::to_owned);
     records.into_iter().chain(stack_files()).chain(unfinished()).chain(folders())
 }
 

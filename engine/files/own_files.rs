@@ -49,7 +49,7 @@ pub(super) fn has_only_begun(path: &Path) -> bool {
 
 /// Files that a run begins with, before run.json.
 fn first_names() -> Vec<String> {
-    let names = [LOG, layout::SCENE, layout::GEOMETRY, layout::DEVICE].map(str::to_owned);
+    let names = [LOG, layout::SCENE, layout::GEOMETRY].map(str::to_owned);
     layout::unfinished().chain(names).collect()
 }
 

@@ -17,13 +17,9 @@ use std::collections::BTreeMap;
 use std::fs::OpenOptions;
 use std::io::{ErrorKind, Read, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
-use std::time::Duration;
 
 /// Most bytes of a log: two lines for each of the most views that a scene may have.
 const MOST: u64 = 4 << 30;
-/// Attempts to lock a log that a reader may hold for a moment, and the time between two.
-const LOOKS: u32 = 10;
-const BETWEEN_LOOKS: Duration = Duration::from_millis(100);
 /// Beginning of the word with a view's tally.
 const TALLY: &str = "tally:";
 
@@ -70,17 +66,6 @@ impl ProgressLog {
             }
             Err(error) => Err(error),
         }
-    }
-
-    /// As [`ProgressLog::lock`]; waits for a second for readers that look whether it is locked.
-    pub(super) fn lock_patiently(path: &Path) -> Result<Self> {
-        for _ in 0..LOOKS {
-            if let Some(log) = Self::try_locked(path, true)? {
-                return Ok(log);
-            }
-            std::thread::sleep(BETWEEN_LOOKS);
-        }
-        Self::locked(path, true)
     }
 
     fn locked(path: &Path, create: bool) -> Result<Self> {
@@ -143,15 +128,6 @@ impl ProgressLog {
             .write_all(lines.as_bytes())
             .and_then(|()| self.file.sync_data())
             .map_err(|error| Error::file(&self.path, "cannot be written", Some(error)))
-    }
-}
-
-/// True if a process writes the run of this log.
-pub(super) fn is_locked(path: &Path) -> bool {
-    let is_file = std::fs::symlink_metadata(path).is_ok_and(|found| found.is_file());
-    match std::fs::File::open(path) {
-        Ok(file) if is_file => LockedFile::shared(file).is_none(),
-        _ => false,
     }
 }
 

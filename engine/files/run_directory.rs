@@ -6,7 +6,6 @@
 
 mod begun;
 mod join;
-mod planned;
 mod resume;
 
 use super::frames::Frames;
@@ -14,20 +13,20 @@ use super::geometry_file::GeometryFile;
 use super::image_folder::{ImageDirectory, Kind};
 use super::layout::{self, COUNTS, GEOMETRY, LOG, PARTIAL, RUN, SCENE};
 use super::own_files::{self, remove_file, remove_frames, remove_stacks};
+use super::part::{Part, ViewRange};
 use super::progress_log::ProgressLog;
 use super::record::{RunRecord, RunStart};
 use super::run_file::{RunFile, RunState};
+use super::scene_file;
 use super::shape::StackShape;
-use super::shard::{Part, Shard};
 use super::sink::Sink;
 use super::values::Values;
-use super::{plan, scene_file};
 use beamlet_core::array_file::Format;
 use beamlet_core::whole_file::{sync_directory, write_whole};
 use beamlet_core::{Error, Result, Tally, folder, numbers};
 use beamlet_model::scene::{Exposure, Scene};
 use begun::Begun;
-pub use join::{JoinOptions, ShardState, ShardStatus, join, shard_states};
+pub use join::{JoinOptions, join};
 use ndarray::ArrayView3;
 use resume::{Resumed, refuse_other_scene};
 use std::fs;
@@ -40,14 +39,8 @@ use std::time::Instant;
 #[derive(Debug)]
 pub struct RunDirectory {
     path: PathBuf,
-    /// Folder of scene.toml: the run itself, or the run of this shard.
-    root: PathBuf,
-    /// True if a plan wrote scene.toml.
-    is_planned: bool,
-    /// The part of the run that is here; `None`: all of it.
-    shard: Option<Shard>,
-    /// SHA-256 of the planned scene.toml, in a shard.
-    scene_sha256: Option<String>,
+    /// Views of the part of a run that is here; `None`: all of it.
+    part: Option<ViewRange>,
     format: Format,
     overwrite: bool,
     allow_mixed: bool,
@@ -70,7 +63,6 @@ impl RunDirectory {
     /// its report are removed, and files of others are left; it is still an error where a file of others has the name of one of ours.
     pub fn create(path: impl Into<PathBuf>, format: Format, overwrite: bool) -> Result<Self> {
         let path = path.into();
-        layout::refuse_unjoined(&path)?;
         let mut log = None;
         if overwrite || own_files::has_only_begun(&path) {
             log = ProgressLog::lock_if_there(&path.join(LOG))?;
@@ -84,11 +76,8 @@ impl RunDirectory {
     /// A run in a place that was looked at.
     fn at(path: PathBuf, format: Format, log: Option<ProgressLog>) -> Self {
         Self {
-            root: path.clone(),
             path,
-            is_planned: false,
-            shard: None,
-            scene_sha256: None,
+            part: None,
             format,
             overwrite: false,
             allow_mixed: false,
@@ -122,6 +111,19 @@ impl RunDirectory {
         self
     }
 
+    /// Makes a part of a run: these views, with their flats and darks.
+    #[must_use]
+    pub fn views(mut self, views: impl Into<Option<ViewRange>>) -> Self {
+        self.part = views.into();
+        self
+    }
+
+    /// Views of the part of a run that is here; `None`: all of it.
+    #[must_use]
+    pub const fn part(&self) -> Option<ViewRange> {
+        self.part
+    }
+
     /// Where the run is.
     #[must_use]
     pub fn path(&self) -> &Path {
@@ -141,11 +143,6 @@ impl RunDirectory {
         self.open.is_some()
     }
 
-    /// The part of the stacks that is here.
-    fn part(&self, extent: StackShape) -> Part {
-        self.shard.map_or(Part::whole(extent), |shard| Part { extent, shard })
-    }
-
     /// Locks the run; it is nobody else's from here to the end.
     fn lock(&mut self) -> Result<ProgressLog> {
         if let Some(log) = self.log.take() {
@@ -157,7 +154,6 @@ impl RunDirectory {
         let log = ProgressLog::lock(&path)?;
         // Somebody else may have come here since `create` looked.
         if self.resumed.is_none()
-            && !self.is_planned
             && let Err(error) = own_files::look(&self.path, self.overwrite)
         {
             if fresh {
@@ -200,18 +196,16 @@ impl RunDirectory {
 
 impl Sink for RunDirectory {
     fn begin(&mut self, scene: &Scene, start: &RunStart) -> Result<()> {
-        let extent = StackShape::of(scene)?;
+        let part = Part::of(scene, self.part)?;
+        let extent = part.extent;
         let scene = &scene.with_file_hashes()?;
         let mut file = RunFile::begin(self.format, extent, scene, start);
-        (file.shard, file.scene_sha256) = (self.shard, self.scene_sha256.clone());
-        file.host = self.shard.and_then(|_| planned::host());
-        let scene_path = self.root.join(SCENE);
-        if self.is_planned || self.resumed.is_some() {
+        file.part = self.part;
+        let scene_path = self.path.join(SCENE);
+        if let Some(resumed) = &self.resumed {
             let hashes = Some(&start.mesh_hashes);
             let differences = scene_file::differences(&scene_path, scene, hashes)?;
-            refuse_other_scene(&self.root, &differences)?;
-        }
-        if let Some(resumed) = &self.resumed {
+            refuse_other_scene(&self.path, &differences)?;
             self.refuse_mixed(&resumed.file.record.platform(), &file.record.platform())?;
             file.resumed_views = numbers::count(resumed.committed.len());
             file.go_on_from(&resumed.file);
@@ -222,24 +216,14 @@ impl Sink for RunDirectory {
         own_files::refuse_links(&self.path)?;
         log.mend()?;
         self.clear(extent, &mut log)?;
-        if self.shard.is_some() {
-            let platform = file.record.platform();
-            self.refuse_mixed(
-                &plan::settle_platform(&self.root, &self.path, &platform)?,
-                &platform,
-            )?;
-        }
-        if self.resumed.is_none() && !self.is_planned {
+        if self.resumed.is_none() {
             let (hashes, sets) = (&start.mesh_hashes, &self.overrides);
             let resolved = scene_file::resolved(&self.path, scene, hashes, sets)?;
             write_whole(&scene_path, resolved.as_bytes())?;
         }
-        if self.shard.is_none() {
-            write_whole(&self.path.join(GEOMETRY), GeometryFile::of(scene).text()?.as_bytes())?;
-        }
+        write_whole(&self.path.join(GEOMETRY), GeometryFile::of(scene).text()?.as_bytes())?;
         file.write(&self.path.join(RUN))?;
         let noisy = scene.detector.counts.is_some();
-        let part = self.part(extent);
         let frames = |root: &Path, values: Values, dark: bool| {
             Frames::begin(self.format, root, part, scene, values, dark)
         };

@@ -1,8 +1,8 @@
 //! run.json: the provenance of a run, written when it begins and again when it ends.
 
+use super::part::ViewRange;
 use super::record::{Platform, RunRecord, RunStart};
 use super::shape::{StackShape, ViewAngles};
-use super::shard::Shard;
 use beamlet_core::array_file::Format;
 use beamlet_core::{Error, Result, input_file};
 use beamlet_model::scene::Scene;
@@ -69,30 +69,23 @@ pub struct RunFile {
     pub commands: Vec<String>,
     /// Views that existed already when the run was resumed; times exclude them.
     pub resumed_views: u32,
-    /// The part of the run that this folder holds; `None`: all of it.
+    /// Views of the part of a run that this folder holds; `None`: all of it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub shard: Option<Shard>,
-    /// SHA-256 of the scene.toml of the plan, in the record of a shard.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub scene_sha256: Option<String>,
-    /// Name of the machine, in the record of a shard.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub host: Option<String>,
-    /// Shards that the run was joined from, in order.
+    pub part: Option<ViewRange>,
+    /// Parts that the run was joined from, in order.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
-    pub shards: Vec<JoinedShard>,
+    pub parts: Vec<JoinedPart>,
     /// Provenance; tally and times are zero until the run is done.
     #[serde(flatten)]
     pub record: RunRecord,
 }
 
-/// Provenance of a shard that was joined.
+/// Provenance of a part that was joined.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[non_exhaustive]
-pub struct JoinedShard {
-    /// Name of the machine.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub host: Option<String>,
+pub struct JoinedPart {
+    /// Its views.
+    pub views: ViewRange,
     /// Program that made it.
     #[serde(flatten)]
     pub platform: Platform,
@@ -130,12 +123,20 @@ impl RunFile {
             darks_before_views: scan.darks_every.map(|_| scan.dark_places()),
             commands: Vec::new(),
             resumed_views: 0,
-            shard: None,
-            scene_sha256: None,
-            host: None,
-            shards: Vec::new(),
+            part: None,
+            parts: Vec::new(),
             record: RunRecord::begin(start, scene.sampling.seed),
         }
+    }
+
+    /// Refuses a part of a run, in the folder `path`, where a whole run is expected.
+    pub(super) fn refuse_part(&self, path: &Path) -> Result<()> {
+        let Some(views) = self.part else { return Ok(()) };
+        let part = beamlet_core::printed::path(path);
+        let problem = format!(
+            "holds views {views} of a run; `beamlet join {part} … -o RUN` makes one run of all its parts"
+        );
+        Err(Error::file(path, problem, None))
     }
 
     /// Takes over when an earlier part of the run began, how long it took and by which command.
@@ -143,7 +144,7 @@ impl RunFile {
         self.began.clone_from(&earlier.began);
         self.duration_s = earlier.duration_s;
         self.commands.clone_from(&earlier.commands);
-        self.shards.clone_from(&earlier.shards);
+        self.parts.clone_from(&earlier.parts);
     }
 
     /// Reads a run.json.

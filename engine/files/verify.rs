@@ -2,12 +2,11 @@
 
 use super::frames::StoredFrames;
 use super::layout::{self, COUNTS, LOG, RUN, SCENE};
-use super::plan;
+use super::part::Part;
 use super::progress_log::{self, Entry};
 use super::read::read_scene;
 use super::run_file::{RunFile, RunState};
-use super::shape::{StackShape, views};
-use super::shard::Part;
+use super::shape::views;
 use super::values::Values;
 use beamlet_core::Result;
 use beamlet_core::array_file::Format;
@@ -47,19 +46,19 @@ pub struct RunCheck {
 /// # Ok::<(), beamlet::Error>(())
 /// ```
 pub fn check_run(path: &Path) -> Result<RunCheck> {
-    layout::refuse_unjoined(path)?;
     let file = RunFile::read(&path.join(RUN))?;
-    plan::refuse_shard(path, &file)?;
+    file.refuse_part(path)?;
     let scene = read_scene(&path.join(SCENE))?;
     let entries = progress_log::read(&path.join(LOG))?;
-    let extent = StackShape::of(&scene)?;
+    let part = Part::of(&scene, None)?;
+    let extent = part.extent;
     let place = path.display();
     let mut problems = Vec::new();
     if extent != file.extent {
         let found = file.extent;
         problems.push(format!("{place}: {RUN} has {found:?}; its scene has {extent:?}"));
     }
-    let found = frames(path, file.format, Part::whole(extent), &scene, &entries);
+    let found = frames(path, file.format, part, &scene, &entries);
     problems.extend(found.problems.into_iter().map(|(_, problem)| problem));
     let all: Vec<Exposure> = views(&scene)?.collect();
     let missing: Vec<&Exposure> = all.iter().filter(|view| !entries.contains_key(view)).collect();

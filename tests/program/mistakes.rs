@@ -39,7 +39,7 @@ unit = "mm"
 material = "nylon 66"
 "#;
 
-const VERBS: [&str; 16] = [
+const VERBS: [&str; 15] = [
     "simulate",
     "retrieve",
     "compare",

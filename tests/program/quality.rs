@@ -170,9 +170,9 @@ fn place_of(run: &Path) -> String {
     scene["sampling"]["refine"].as_str().unwrap().to_owned()
 }
 
-/// The place is written as it was settled, with the reason, and a plan settles it for its shards.
+/// The place is written as it was settled, with the reason.
 #[test]
-fn runs_plans_and_check_record_where_rays_are_chosen_and_why() {
+fn runs_and_check_record_where_rays_are_chosen_and_why() {
     let directory = tempfile::tempdir().unwrap();
     let here = directory.path();
     let json = |text: &str| -> serde_json::Value { serde_json::from_str(text).unwrap() };
@@ -187,11 +187,6 @@ fn runs_plans_and_check_record_where_rays_are_chosen_and_why() {
     let text = done(here, "check scene.toml");
     let line = format!("on the {place}: {}", work["refine_reason"].as_str().unwrap());
     assert!(text.contains(&line), "{text}");
-    done(here, "plan scene.toml --shards 1 -o shards");
-    assert_eq!(place_of(&here.join("shards")), place);
-    done(here, "plan scene.toml --shards 1 --no-device -o blind");
-    assert_eq!(place_of(&here.join("blind")), "host");
-    done(here, "simulate scene.toml --shard 0/1 -o blind");
 }
 
 /// Its bits would change otherwise.

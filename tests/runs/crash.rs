@@ -70,7 +70,7 @@ fn assert_whole(place: &Path, run: &str) -> Vec<Exposure> {
 
 /// Keys of run.json that depend on when and how a run was made.
 const OF_THIS_TIME: [&str; 7] =
-    ["began", "written", "duration_s", "commands", "seconds", "resumed_views", "shards"];
+    ["began", "written", "duration_s", "commands", "seconds", "resumed_views", "parts"];
 
 /// Files of a run, by name: every file byte by byte, but for the order of lines of progress.log
 /// and for times and rates in run.json. All of its `views` have to verify.

@@ -1,4 +1,4 @@
-//! Flats and darks every few views on disk: shards and resumed runs have the bits of one run in every
+//! Flats and darks every few views on disk: parts and resumed runs have the bits of one run in every
 //! format.
 
 use super::crash::assert_same;
@@ -43,7 +43,7 @@ fn values(run: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
 }
 
 #[test]
-fn flats_and_darks_between_views_survive_shards_damage_and_resuming() {
+fn flats_and_darks_between_views_survive_parts_damage_and_resuming() {
     let damaged = ["run/flat/view_0002/step_001.exr", "run/counts/flat.npy", "run/dark.tif"];
     let cases = ["exr", "npy", "tiff"].into_iter().zip(damaged).collect();
     for (format, damaged) in sample(cases, 3) {
@@ -51,13 +51,13 @@ fn flats_and_darks_between_views_survive_shards_damage_and_resuming() {
         let run = |words: &[&str]| ended(&place.beamlet(words), 0);
         let common = ["--backend", "bvh", "--format", format];
         run(&[&["simulate", "scene.toml", "-q", "-o", "whole"][..], &common].concat());
-        // More shards than flats, so that a shard has none.
-        let plan = ["plan", "scene.toml", "-o", "run", "--shards", "5"];
-        run(&[&plan[..], &common].concat());
-        for shard in ["3/5", "0/5", "4/5", "1/5", "2/5"] {
-            run(&["simulate", "run/scene.toml", "-q", "-o", "run", "--shard", shard]);
+        // More parts than flats, so that a part has none.
+        let parts = ["4..5", "0..1", "5..7", "1..3", "3..4"];
+        for part in parts {
+            let words = ["simulate", "scene.toml", "-q", "--views", part, "-o", part];
+            run(&[&words[..], &common].concat());
         }
-        run(&["join", "run"]);
+        run(&[&["join", "-o", "run"][..], &parts].concat());
         assert_same(&place.path(""), VIEWS);
         // A lost or changed flat or dark is made again.
         let path = place.path(damaged);

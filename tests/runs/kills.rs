@@ -152,16 +152,13 @@ fn commands_that_are_killed_at_any_rename_replace_what_is_left() {
 }
 
 #[test]
-fn shards_and_joins_that_are_killed_at_any_rename_go_on() {
+fn parts_and_joins_that_are_killed_at_any_rename_go_on() {
     let place = workplace();
     let library = preloaded("kill", KILL);
-    for (line, renames) in [
-        ("plan scene.toml --shards 2 -o run -q --no-device", 3),
-        ("simulate run/scene.toml --shard 0/2 -o run -q", 3),
-        ("simulate run/scene.toml --shard 1/2 -o run -q", 3),
-    ] {
-        assert!(kills(&place, &library, line, "rename") >= renames, "{line}");
+    for views in ["0..1", "1..3"] {
+        let line = format!("simulate scene.toml --views {views} -o {views} -q --overwrite");
+        assert!(kills(&place, &library, &line, "rename") >= 3, "{line}");
     }
-    assert!(kills(&place, &library, "join run -q", "rename") >= 3);
+    assert!(kills(&place, &library, "join 0..1 1..3 -o run -q", "rename") >= 3);
     done(&place.path(""), "check run");
 }

@@ -17,12 +17,10 @@ mod frame_order;
 mod integrity;
 mod kills;
 mod one_patch;
+#[cfg(all(feature = "cli", unix))]
+mod parts;
 mod safety;
-#[cfg(all(feature = "cli", unix))]
-mod shards;
 mod side_by_side;
-#[cfg(all(feature = "cli", unix))]
-mod slurm;
 mod stack;
 mod stack_read;
 mod tiff_pages;

@@ -3,7 +3,6 @@
 use super::checksums::{Checksums, Compared};
 use super::stack_file::StackFile;
 use crate::layout::{self, COUNTS, LOG, RUN, SCENE};
-use crate::plan;
 use crate::progress_log::{self, Contents, Entry};
 use crate::run_file::RunFile;
 use crate::shape::StackShape;
@@ -53,9 +52,8 @@ impl OpenRun {
             let problem = layout::problem_of(path, file, &lacks);
             return Err(Error::file(path, problem, None));
         }
-        layout::refuse_unjoined(path)?;
         let file = RunFile::read(&path.join(RUN))?;
-        plan::refuse_shard(path, &file)?;
+        file.refuse_part(path)?;
         let [scene_path, log] = [SCENE, LOG].map(|name| path.join(name));
         let scene = read_scene(&scene_path)?;
         let Contents { views: committed, sha256, .. } = progress_log::read_all(&log)?;

@@ -2,10 +2,10 @@
 
 use crate::frames::Frames;
 use crate::layout::RUN;
+use crate::part::Part;
 use crate::progress_log::{Entry, ProgressLog};
 use crate::run_file::{RunFile, RunState};
 use crate::shape::StackShape;
-use crate::shard::Part;
 use crate::values::Values;
 use beamlet_core::{Error, Result, Tally};
 use beamlet_model::scene::Exposure;
@@ -61,7 +61,7 @@ impl Begun {
         values: Values,
     ) -> Result<()> {
         if !self.part.has(view) {
-            let problem = format!("{view:?} is not of shard {}", self.part.shard);
+            let problem = format!("{view:?} is not of this part of the run");
             return Err(Error::file(path, problem, None));
         }
         let next = &mut self.next[usize::from(values == Values::Numbers)];

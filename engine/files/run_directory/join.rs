@@ -1,107 +1,28 @@
-//! Joins the shards of a planned run: every view is put in place, compared with the checksum of its
-//! shard, and committed. A join that ends at any moment is repeated, and goes on.
+//! Joins parts of a run: every view is put in place, compared with the checksum of its part, and
+//! committed. A join that ends at any moment is repeated, and goes on.
 
 use super::RunDirectory;
 use super::begun::Begun;
 use crate::frames::Frames;
-use crate::layout::{self, COUNTS, DEVICE, LOG, PLAN, RUN, SHARDS};
-use crate::own_files::{remove_file, remove_stacks};
-use crate::plan::Plan;
-use crate::progress_log::{self, Entry, ProgressLog};
+use crate::layout::{self, COUNTS, LOG, RUN, SCENE};
+use crate::part::{Part, ViewRange, views_of_part};
+use crate::progress_log::{self, Entry};
+use crate::read::read_scene;
 use crate::record::{RunRecord, RunStart, SamplingSummary};
-use crate::run_file::{JoinedShard, RunFile, RunState};
-use crate::shape::{StackShape, views};
-use crate::shard::{Part, Shard};
+use crate::run_file::{JoinedPart, RunFile, RunState};
+use crate::scene_file;
 use crate::sink::Sink;
 use beamlet_core::cancel::Cancel;
 use beamlet_core::{Error, Result, Tally, printed, setters};
 use beamlet_model::scene::{Exposure, Scene};
-use serde::Serialize;
 use std::collections::{BTreeMap, BTreeSet};
-use std::fs;
 use std::path::{Path, PathBuf};
-
-/// State of a shard of a planned run.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
-#[serde(rename_all = "kebab-case")]
-#[non_exhaustive]
-pub enum ShardState {
-    /// Not begun.
-    Waiting,
-    /// A process makes it.
-    Running,
-    /// It was stopped, or failed, and can go on.
-    Interrupted,
-    /// Its process ended without a word, and it can go on.
-    Dead,
-    /// Every view is committed.
-    Done,
-}
-
-/// State of a shard, and how far it is.
-#[derive(Debug, Clone, Serialize)]
-#[non_exhaustive]
-pub struct ShardStatus {
-    /// The shard.
-    pub shard: Shard,
-    /// Its state.
-    pub state: ShardState,
-    /// Views that are committed, with the flats and the darks.
-    pub committed: usize,
-    /// All of its views.
-    pub views: usize,
-    /// Machine of its last process.
-    pub host: Option<String>,
-    /// When it began, UTC.
-    pub began: Option<String>,
-}
-
-/// The shards of the planned run in `run`, each with its state.
-///
-/// # Errors
-/// [`Error::File`] where there is no plan, or a record or log cannot be read.
-pub fn shard_states(run: &Path) -> Result<Vec<ShardStatus>> {
-    let plan = Plan::read(run)?;
-    let scene = plan.scene(run)?;
-    let all: Vec<Exposure> = views(&scene)?.collect();
-    let of_shard = |shard: Shard| {
-        let path = layout::shard(run, shard.index);
-        let entries = progress_log::read(&path.join(LOG))?;
-        let own = all.iter().filter(|view| shard.has(**view, plan.extent));
-        let (committed, views) = own
-            .fold((0, 0), |(n, all), view| (n + usize::from(entries.contains_key(view)), all + 1));
-        let record = path.join(RUN);
-        let file = if record.exists() { Some(RunFile::read(&record)?) } else { None };
-        if let Some(file) = &file {
-            plan.refuse_other(&path, file, shard)?;
-        }
-        let is_running = progress_log::is_locked(&path.join(LOG));
-        let state = match file.as_ref().map(|file| file.state) {
-            _ if is_running => ShardState::Running,
-            Some(RunState::Done) if committed == views => ShardState::Done,
-            Some(RunState::Running) => ShardState::Dead,
-            Some(_) => ShardState::Interrupted,
-            None => ShardState::Waiting,
-        };
-        let (host, began) = file.map(|file| (file.host, Some(file.began))).unwrap_or_default();
-        Ok(ShardStatus { shard, state, committed, views, host, began })
-    };
-    plan.all().map(of_shard).collect()
-}
-
-/// A shard that is done.
-struct Ready {
-    part: Part,
-    path: PathBuf,
-    file: RunFile,
-    entries: BTreeMap<Exposure, Entry>,
-}
 
 /// Options of a join.
 #[derive(Default)]
 #[non_exhaustive]
 pub struct JoinOptions<'a> {
-    /// Joins shards of different devices, drivers, backends or versions.
+    /// Joins parts of different devices, drivers, backends or versions.
     pub allow_mixed: bool,
     /// Command line, for run.json.
     pub command: Option<String>,
@@ -121,7 +42,7 @@ impl std::fmt::Debug for JoinOptions<'_> {
 
 impl<'a> JoinOptions<'a> {
     setters! {
-        /// Sets whether shards of different devices are joined.
+        /// Sets whether parts of different devices are joined.
         with_allow_mixed(allow_mixed: bool);
         /// Sets the command line.
         with_command(command: impl Into<Option<String>>);
@@ -132,266 +53,240 @@ impl<'a> JoinOptions<'a> {
     }
 }
 
-/// Joins the shards of the planned run in `run`; its record. A run that is joined already is left
-/// alone.
+/// A part that is done.
+struct Ready {
+    path: PathBuf,
+    views: ViewRange,
+    part: Part,
+    scene: Scene,
+    file: RunFile,
+    entries: BTreeMap<Exposure, Entry>,
+}
+
+/// Joins parts, in any order, to the run in `run`; its record. The parts stay.
 ///
 /// # Errors
-/// [`Error::File`] where there is no planned run, shards are missing or running (names them), a view is
-/// not as its shard committed it, or shards differ in device, driver, backend or version; [`Error::Tally`] where too many
-/// rays are out of balance; [`Error::Interrupted`].
+/// [`Error::File`] where a folder holds no part or one that is not complete, a view is not as its part
+/// committed it, parts differ in scene, format, device, driver, backend or version, or share views, or `run`
+/// is taken; [`Error::Argument`] where views are in no part; [`Error::Tally`] where too many rays are out of
+/// balance; [`Error::Interrupted`].
 ///
 /// # Example
 ///
 /// ```no_run
-/// let record = beamlet::stack::join("run".as_ref(), Default::default())?;
+/// let parts = ["part0".into(), "part1".into()];
+/// let record = beamlet::stack::join(&parts, "run".as_ref(), Default::default())?;
 /// println!("{} rays", record.tally.rays);
 /// # Ok::<(), beamlet::Error>(())
 /// ```
-pub fn join(run: &Path, options: JoinOptions<'_>) -> Result<RunRecord> {
-    let record = run.join(RUN);
-    let there = if record.exists() { Some(RunFile::read(&record)?) } else { None };
-    let is_done = |file: &RunFile| file.state == RunState::Done && !file.shards.is_empty();
-    if let Some(file) = there.as_ref().filter(|file| is_done(file)) {
-        if layout::is_planned(run) {
-            // Joined, and ended before the shards were removed.
-            let _lock = ProgressLog::lock(&run.join(LOG))?;
-            let plan = Plan::read(run)?;
-            plan.all().try_for_each(|shard| remove_shard(run, shard, plan.extent))?;
-            remove_plan(run)?;
-        }
-        return Ok(file.record.clone());
-    }
-    let plan = Plan::read(run)?;
-    let scene = plan.scene(run)?;
-    let log = ProgressLog::lock(&run.join(LOG))?;
-    let shards = ready(run, &plan, &scene)?;
-    refuse_mixed(run, &shards, options.allow_mixed)?;
-    let record = record_of(&scene, &shards)?;
-    let mut directory = match there {
-        Some(_) => RunDirectory::resume_part(
-            run.to_path_buf(),
-            run.to_path_buf(),
-            None,
-            Some(log),
-            &scene,
-        )?,
-        None => RunDirectory::at(run.to_path_buf(), plan.format, Some(log)),
+pub fn join(parts: &[PathBuf], run: &Path, options: JoinOptions<'_>) -> Result<RunRecord> {
+    let mut parts = parts.iter().map(|path| Ready::open(path)).collect::<Result<Vec<_>>>()?;
+    parts.sort_by_key(|part| (part.views.first, part.views.end));
+    let Some((first, others)) = parts.split_first() else {
+        return Err(Error::argument("parts", "none", "one or more"));
     };
-    directory.is_planned = true;
+    others.iter().try_for_each(|other| other.refuse_unlike(first, options.allow_mixed))?;
+    refuse_gaps(&parts, first.part.extent.views)?;
+    let scene = &first.scene;
+    let record = record_of(scene, &parts, &first.file.record)?;
+    let mut directory = match run.join(RUN).exists() {
+        true => RunDirectory::resume(run, scene)?,
+        false => RunDirectory::create(run, first.file.format, false)?,
+    };
+    if let Some(views) = directory.part {
+        let problem = format!("holds views {views} of a run: choose another directory");
+        return Err(Error::file(run, problem, None));
+    }
+    if directory.format != first.file.format {
+        let problem =
+            format!("has the format {}, its parts {}", directory.format, first.file.format);
+        return Err(Error::file(run, problem, None));
+    }
     directory.allow_mixed = options.allow_mixed;
     directory.command = options.command;
-    let joined = joined(directory, &scene, &shards, &record, options.progress, &options.cancel);
-    joined?;
-    for Ready { part, .. } in shards {
-        remove_shard(run, part.shard, plan.extent)?;
-    }
-    remove_plan(run)?;
+    put_in_place(directory, &parts, &record, options.progress, &options.cancel)?;
     Ok(record)
 }
 
 /// Puts every view in place that is not yet, and ends the run.
-fn joined(
+fn put_in_place(
     mut directory: RunDirectory,
-    scene: &Scene,
-    shards: &[Ready],
+    parts: &[Ready],
     record: &RunRecord,
     mut progress: Option<&mut dyn FnMut(usize, usize)>,
     cancel: &Cancel,
 ) -> Result<()> {
+    let [first, ..] = parts else { return Ok(()) };
     let committed: BTreeSet<Exposure> = directory.committed().iter().copied().collect();
     let mut start =
         RunStart::new(&record.device, &record.driver, record.backend, &record.backend_reason);
-    start.search = record.search;
-    let hashes = scene.objects.iter().filter_map(|it| Some((it.name.clone(), it.sha256.clone()?)));
-    start.mesh_hashes = hashes.collect();
-    directory.begin(scene, &start)?;
-    let all: Vec<Exposure> = views(scene)?.collect();
-    // Of one shard at a time: a process may open few files. Views of a shard follow each other.
-    let mut locked: Option<(Shard, ProgressLog)> = None;
+    start.mesh_hashes = mesh_hashes(&first.scene);
+    directory.begin(&first.scene, &start)?;
+    let path = directory.path.clone();
+    let all = views_of_part(&first.scene, None)?;
     for (done, view) in all.iter().enumerate() {
         if let Some(progress) = &mut progress {
             progress(done, all.len());
         }
         cancel.check()?;
-        if committed.contains(view) {
-            continue;
-        }
-        let at = shards.partition_point(|shard| shard.part.is_before(*view));
-        let Some(shard) = shards.get(at) else { continue };
-        if locked.as_ref().is_none_or(|(of, _)| *of != shard.part.shard) {
-            drop(locked.take());
-            let log = ProgressLog::lock_patiently(&shard.path.join(LOG))?;
-            locked = Some((shard.part.shard, log));
-        }
-        let path = directory.path.clone();
-        let open = super::opened(&mut directory.open, &path)?;
-        open.in_place(|open| open.adopt(&path, *view, shard))?;
+        let of_view = parts.iter().find(|part| part.part.has(*view));
+        let Some(part) = of_view.filter(|_| !committed.contains(view)) else { continue };
+        super::opened(&mut directory.open, &path)?.in_place(|open| open.adopt(*view, part))?;
     }
-    let path = directory.path.clone();
-    super::opened(&mut directory.open, &path)?.file.shards =
-        shards.iter().map(joined_shard).collect();
+    super::opened(&mut directory.open, &path)?.file.parts =
+        parts.iter().map(Ready::provenance).collect();
     directory.finish(record)
 }
 
-fn joined_shard(shard: &Ready) -> JoinedShard {
-    let file = &shard.file;
-    JoinedShard {
-        host: file.host.clone(),
-        platform: file.record.platform(),
-        began: file.began.clone(),
-        duration_s: file.duration_s,
-    }
-}
-
 impl Begun {
-    /// Takes a view of a shard, and makes it count where it has the checksums of the shard's log.
-    fn adopt(&mut self, path: &Path, view: Exposure, from: &Ready) -> Result<()> {
-        let entry = from.entries.get(&view).ok_or_else(|| {
-            let problem = format!("has no {}", layout::view(view, false));
-            Error::file(from.path.join(LOG), problem, None)
-        })?;
-        let changed = |counts| {
-            let name = layout::view(view, counts);
-            let problem = format!(
-                "{name} does not have the checksum of its shard; simulate it again: {}",
-                remedy(path, from.part.shard)
-            );
-            Error::file(&from.path, problem, None)
-        };
+    /// Takes a view of a part, and makes it count where it has the checksums of the part's log.
+    fn adopt(&mut self, view: Exposure, from: &Ready) -> Result<()> {
+        let entry = from.entries.get(&view).ok_or_else(|| from.changed(view, false))?;
         let take = |frames: &mut Frames, folder: &Path| frames.adopt(view, folder, from.part);
         let counts = match &mut self.counts {
             Some(frames) if !view.is_dark() => Some(take(frames, &from.path.join(COUNTS))?),
             _ => None,
         };
         if counts != entry.counts {
-            return Err(changed(true));
+            return Err(from.changed(view, true));
         }
         if take(&mut self.frames, &from.path)? != entry.sha256 {
-            return Err(changed(false));
+            return Err(from.changed(view, false));
         }
         self.log.refuse_moved()?;
         self.log.append(view, entry)
     }
 }
 
-/// The shards, where all are done and of this plan.
-fn ready(run: &Path, plan: &Plan, scene: &Scene) -> Result<Vec<Ready>> {
-    let states = shard_states(run)?;
-    let all: Vec<Exposure> = views(scene)?.collect();
-    let missing: Vec<&ShardStatus> =
-        states.iter().filter(|status| status.state != ShardState::Done).collect();
-    if let Some(first) = missing.first() {
-        let count = |state| missing.iter().filter(|status| status.state == state).count();
-        let kinds = [
-            (ShardState::Waiting, "not begun"),
-            (ShardState::Running, "running"),
-            (ShardState::Interrupted, "interrupted"),
-            (ShardState::Dead, "dead"),
-        ];
-        let words: Vec<String> = kinds
-            .into_iter()
-            .map(|(state, word)| (count(state), word))
-            .filter(|(count, _)| *count > 0)
-            .map(|(count, word)| format!("{count} {word}"))
-            .collect();
-        let listed: Vec<String> =
-            missing.iter().take(20).map(|status| status.shard.index.to_string()).collect();
-        let more = if missing.len() > 20 { ", …" } else { "" };
-        let problem = format!(
-            "{} of {} shards are missing ({}): {}{more}; simulate them, for example: {}",
-            missing.len(),
-            plan.shards,
-            words.join(", "),
-            listed.join(", "),
-            remedy(run, first.shard)
-        );
-        return Err(Error::file(run, problem, None));
-    }
-    let of_shard = |shard: Shard| {
-        let path = layout::shard(run, shard.index);
+impl Ready {
+    fn open(path: &Path) -> Result<Self> {
+        let path = path.to_path_buf();
+        if !layout::is_run(&path) {
+            let file = "is a file: name the folder of a part";
+            let lacks = format!("is no part of a run: it has no {RUN}");
+            return Err(Error::file(&path, layout::problem_of(&path, file, &lacks), None));
+        }
         let file = RunFile::read(&path.join(RUN))?;
-        plan.refuse_other(&path, &file, shard)?;
-        let entries = progress_log::read(&path.join(LOG))?;
-        let part = Part { extent: plan.extent, shard };
-        let mut own = all.iter().filter(|view| part.has(**view));
-        if let Some(view) = own.find(|view| !entries.contains_key(view)) {
-            let problem = format!("has no {}", layout::view(*view, false));
-            return Err(Error::file(path.join(LOG), problem, None));
-        }
-        Ok(Ready { part, path, file, entries })
-    };
-    plan.all().map(of_shard).collect()
-}
-
-/// The command that makes a shard.
-fn remedy(run: &Path, shard: Shard) -> String {
-    let scene = printed::path(&run.join(layout::SCENE));
-    format!("beamlet simulate {scene} --shard {shard} -o {}", printed::path(run))
-}
-
-/// Refuses shards that were made by different devices, drivers, backends or versions.
-fn refuse_mixed(run: &Path, shards: &[Ready], allow: bool) -> Result<()> {
-    let [first, others @ ..] = shards else { return Ok(()) };
-    for other in others {
-        let [here, there] = [first, other].map(|shard| shard.file.record.platform());
-        let Some([what, here, there]) = here.differences(&there).into_iter().next() else {
-            continue;
+        let Some(views) = file.part else {
+            let problem = "holds a whole run, not a part of one as `simulate --views` makes it";
+            return Err(Error::file(path, problem, None));
         };
-        let [one, other] = [first, other].map(|shard| shard.part.shard);
-        let problem = format!(
-            "has shard {one} of {what} {here} and shard {other} of {what} {there}; values may \
-             differ in the last digits: simulate one of them again, or allow a mixed run \
-             (--allow-mixed)"
-        );
-        if !allow {
-            return Err(Error::file(run, problem, None));
+        let scene = read_scene(&path.join(SCENE))?;
+        let part = Part::of(&scene, Some(views))?;
+        let entries = progress_log::read(&path.join(LOG))?;
+        let all = views_of_part(&scene, Some(views))?;
+        let ready = Self { path, views, part, scene, file, entries };
+        let committed = all.iter().filter(|view| ready.entries.contains_key(view)).count();
+        if ready.file.state == RunState::Done && committed == all.len() {
+            return Ok(ready);
         }
-        log::warn!("{}: shards {one} and {other} differ in {what}: {here}, {there}", run.display());
+        let problem = format!(
+            "has {committed} of {} exposures, which include its flats and darks; make the others: {}",
+            all.len(),
+            ready.remedy()
+        );
+        Err(Error::file(ready.path, problem, None))
+    }
+
+    /// The command that completes the part.
+    fn remedy(&self) -> String {
+        let scene = printed::path(&self.path.join(SCENE));
+        format!("`beamlet simulate {scene} --resume -o {}`", printed::path(&self.path))
+    }
+
+    /// The error of a view whose values do not have the checksum of the log.
+    fn changed(&self, view: Exposure, counts: bool) -> Error {
+        let name = layout::view(view, counts);
+        let problem =
+            format!("{name} does not have the checksum of {LOG}; make it again: {}", self.remedy());
+        Error::file(&self.path, problem, None)
+    }
+
+    /// Refuses a part that differs from the first in scene, format, device, driver, backend or version.
+    fn refuse_unlike(&self, first: &Self, allow_mixed: bool) -> Result<()> {
+        let there = printed::path(&first.path);
+        let hashes = mesh_hashes(&self.scene);
+        let differences =
+            scene_file::differences(&first.path.join(SCENE), &self.scene, Some(&hashes))?;
+        if !differences.is_empty() {
+            let problem = format!(
+                "is of another scene than {there} (there: {there}; here: this part):\n  {}",
+                differences.join("\n  ")
+            );
+            return Err(Error::file(&self.path, problem, None));
+        }
+        if self.file.format != first.file.format {
+            let problem =
+                format!("has the format {}, {there} {}", self.file.format, first.file.format);
+            return Err(Error::file(&self.path, problem, None));
+        }
+        let [here, other] = [self, first].map(|part| part.file.record.platform());
+        for [what, here, other] in here.differences(&other) {
+            if !allow_mixed {
+                let problem = format!(
+                    "is of {what} {here}, {there} of {other}; values may differ in the last digits: \
+                     simulate one of them again, or allow a mixed run (--allow-mixed)"
+                );
+                return Err(Error::file(&self.path, problem, None));
+            }
+            log::warn!("{}: {what} {here}, {there} has {other}", self.path.display());
+        }
+        Ok(())
+    }
+
+    fn provenance(&self) -> JoinedPart {
+        JoinedPart {
+            views: self.views,
+            platform: self.file.record.platform(),
+            began: self.file.began.clone(),
+            duration_s: self.file.duration_s,
+        }
+    }
+}
+
+/// Refuses parts, in their order, that share views or lack some of `views`.
+fn refuse_gaps(parts: &[Ready], views: u32) -> Result<()> {
+    for pair in parts.windows(2) {
+        let [before, after] = pair else { continue };
+        let (first, end) = (after.views.first, before.views.end.min(after.views.end));
+        if first < end {
+            let other = printed::path(&before.path);
+            let problem = format!("has the views {first}..{end}, and {other} has them, too");
+            return Err(Error::file(&after.path, problem, None));
+        }
+    }
+    let ends = parts.iter().map(|part| part.views.end);
+    let firsts = parts.iter().map(|part| part.views.first);
+    for (end, first) in std::iter::once(0).chain(ends).zip(firsts.chain([views])) {
+        if end < first {
+            let found = format!("no part with the views {end}..{first}");
+            return Err(Error::argument(
+                "parts",
+                found,
+                format!("each of the views 0..{views} once"),
+            ));
+        }
     }
     Ok(())
 }
 
-/// Record of the whole run: the record of its first shard, with the counts and times of all shards.
-fn record_of(scene: &Scene, shards: &[Ready]) -> Result<RunRecord> {
-    let Some(first) = shards.first() else {
-        return Err(Error::argument("shards", "none", "one or more"));
-    };
-    let mut record = first.file.record.clone();
-    let of_views = shards.iter().flat_map(|shard| shard.entries.values());
-    let counted: Tally = of_views.map(|entry| entry.tally).sum();
+/// SHA-256 of the meshes of a scene by the name of their object.
+fn mesh_hashes(scene: &Scene) -> BTreeMap<String, String> {
+    let hashes = scene.objects.iter();
+    hashes.filter_map(|object| Some((object.name.clone(), object.sha256.clone()?))).collect()
+}
+
+/// Record of the whole run: the record of its first part, with the counts and times of all parts.
+fn record_of(scene: &Scene, parts: &[Ready], first: &RunRecord) -> Result<RunRecord> {
+    let mut record = first.clone();
+    let counted: Tally =
+        parts.iter().flat_map(|part| part.entries.values()).map(|entry| entry.tally).sum();
     record.tally = Tally { defective_objects: record.tally.defective_objects, ..counted };
-    let tolerance = scene.sampling.tolerances().light;
-    record.sampling = SamplingSummary::of(&record.tally, tolerance);
+    record.sampling = SamplingSummary::of(&record.tally, scene.sampling.tolerances().light);
     record.seconds = BTreeMap::new();
-    for (stage, seconds) in shards.iter().flat_map(|shard| &shard.file.record.seconds) {
+    for (stage, seconds) in parts.iter().flat_map(|part| &part.file.record.seconds) {
         *record.seconds.entry(stage.clone()).or_default() += seconds;
     }
     record.tally.refuse_unbalanced()?;
     Ok(record)
-}
-
-/// Removes beamlet's own files of a shard, which no other process may use then.
-fn remove_shard(run: &Path, shard: Shard, extent: StackShape) -> Result<()> {
-    let path = layout::shard(run, shard.index);
-    if !path.exists() {
-        return Ok(());
-    }
-    let _log = ProgressLog::lock_patiently(&path.join(LOG))?;
-    let counts = path.join(COUNTS);
-    for root in [&counts, &path] {
-        remove_stacks(root, extent, &[])?;
-        layout::stack_files().try_for_each(|name| remove_file(&root.join(name)))?;
-    }
-    let _ = fs::remove_dir(counts);
-    let others = [DEVICE, RUN, LOG].into_iter().map(str::to_owned);
-    layout::unfinished().chain(others).try_for_each(|name| remove_file(&path.join(name)))?;
-    let _ = fs::remove_dir(path);
-    Ok(())
-}
-
-/// Removes the plan, last of all.
-fn remove_plan(run: &Path) -> Result<()> {
-    let _ = fs::remove_dir(run.join(SHARDS));
-    remove_file(&run.join(DEVICE))?;
-    remove_file(&run.join(PLAN))
 }

@@ -2,11 +2,10 @@
 
 use super::RunDirectory;
 use crate::layout::{self, LOG, RUN, SCENE};
+use crate::part::Part;
 use crate::progress_log::{self, ProgressLog};
 use crate::record::Platform;
 use crate::run_file::RunFile;
-use crate::shape::StackShape;
-use crate::shard::{Part, Shard};
 use crate::{own_files, scene_file, verify};
 use beamlet_core::{Error, Result, Tally};
 use beamlet_model::scene::{Exposure, Scene};
@@ -30,7 +29,6 @@ impl RunDirectory {
     /// # Errors
     /// [`Error::File`] where there is no run.
     pub fn scene_of_resumed(path: &Path, scene: &Scene) -> Result<Scene> {
-        layout::refuse_unjoined(path)?;
         require_run(path)?;
         let mut scene = scene.clone();
         // A scene that cannot be read is an error of `resume`, which compares the two.
@@ -45,36 +43,14 @@ impl RunDirectory {
     /// [`Error::File`] where there is no run, or one of another scene (says what differs).
     pub fn resume(path: impl Into<PathBuf>, scene: &Scene) -> Result<Self> {
         let path = path.into();
-        layout::refuse_unjoined(&path)?;
         let scene = &Self::scene_of_resumed(&path, scene)?;
         let log = ProgressLog::lock_if_there(&path.join(LOG))?;
-        let (root, shard) = (path.clone(), None);
-        Self::resume_part(path, root, shard, log, scene)
-    }
-
-    /// A run, or a shard of the run in `root`, that goes on.
-    pub(super) fn resume_part(
-        path: PathBuf,
-        root: PathBuf,
-        shard: Option<Shard>,
-        log: Option<ProgressLog>,
-        scene: &Scene,
-    ) -> Result<Self> {
         own_files::refuse_links(&path)?;
         let file = RunFile::read(&path.join(RUN))?;
-        if file.shard != shard {
-            let words = |shard: Option<Shard>| match shard {
-                Some(shard) => format!("shard {shard}"),
-                None => "a whole run".to_owned(),
-            };
-            let problem = format!("is of {}, not of {}", words(file.shard), words(shard));
-            return Err(Error::file(path.join(RUN), problem, None));
-        }
         let scene = &scene.with_file_hashes()?;
-        let differences = scene_file::differences(&root.join(SCENE), scene, None)?;
-        refuse_other_scene(&root, &differences)?;
-        let extent = StackShape::of(scene)?;
-        let part = shard.map_or(Part::whole(extent), |shard| Part { extent, shard });
+        let differences = scene_file::differences(&path.join(SCENE), scene, None)?;
+        refuse_other_scene(&path, &differences)?;
+        let part = Part::of(scene, file.part)?;
         let entries = progress_log::read(&path.join(LOG))?;
         let found = verify::frames(&path, file.format, part, scene, &entries);
         let problems: Vec<String> = found
@@ -88,7 +64,7 @@ impl RunDirectory {
         let committed = found.whole;
         let counted = committed.iter().map(|view| entries[view].tally).sum();
         let mut run = Self::at(path, file.format, log);
-        (run.root, run.shard) = (root, shard);
+        run.part = file.part;
         run.resumed = Some(Resumed { file, committed, problems, counted });
         Ok(run)
     }

@@ -96,8 +96,8 @@ def test_options_in_messages_of_the_engine_are_arguments() -> None:
         functions += [member for _, member in inspect.getmembers(kind, inspect.isfunction)]
     callables = [function for function in functions if callable(function)]
     arguments = set().union(*(inspect.signature(function).parameters for function in callables))
-    # Shards, resumption against advice, and lines of scene files are no work of the package.
-    others = {"shard", "set", "allow-mixed"}
+    # Parts of a run, resumption against advice, and lines of scene files are no work of the package.
+    others = {"views", "set", "allow-mixed"}
     named: dict[str, str] = {}
     for path in sorted(ENGINE.rglob("*.rs")):
         if "python" in path.parts:

@@ -4,7 +4,7 @@ use beamlet_core::cancel::Cancel;
 use beamlet_core::error::Result;
 use beamlet_core::setters;
 use beamlet_core::tally::Tally;
-use beamlet_files::{RunDirectory, Shard};
+use beamlet_files::{RunDirectory, ViewRange};
 use beamlet_geometry as geometry;
 use beamlet_geometry::{LoadProgress, LoadStep, Sample, Watcher};
 use beamlet_model::scene::{Exposure, Scene};
@@ -35,8 +35,8 @@ pub struct Control<'a> {
     pub progress: Option<&'a mut dyn FnMut(Progress)>,
     /// Ends the run with [`beamlet_core::Error::Interrupted`].
     pub cancel: Cancel,
-    /// The part of the views that is computed.
-    pub shard: Shard,
+    /// Views of the part of the run that is computed; `None`: all.
+    pub views: Option<ViewRange>,
     /// Views that are committed already and are not computed again.
     pub skip: Vec<Exposure>,
     /// Counts of the views made earlier ([`beamlet_files::RunDirectory::counted`]), which are added to the
@@ -50,8 +50,8 @@ impl<'a> Control<'a> {
         with_progress(progress: &'a mut dyn FnMut(Progress));
         /// Sets what ends the run.
         with_cancel(cancel: Cancel);
-        /// Sets the part of the views that is computed.
-        with_shard(shard: Shard);
+        /// Sets the views of the part of the run that is computed.
+        with_views(views: impl Into<Option<ViewRange>>);
         /// Sets the views that are committed already.
         with_skip(skip: Vec<Exposure>);
         /// Sets the counts of the views made earlier.
@@ -65,7 +65,7 @@ impl Control<'_> {
     pub fn going_on(self, directory: &RunDirectory) -> Self {
         self.with_skip(directory.committed().to_vec())
             .with_counted(directory.counted())
-            .with_shard(directory.part_of_run())
+            .with_views(directory.part())
     }
 }
 

@@ -23,7 +23,7 @@ use beamlet_core::parallel::start_threads;
 use beamlet_core::tally::Tally;
 use beamlet_core::{Result, numbers};
 use beamlet_files as stack;
-use beamlet_files::{RunProfile, RunRecord, RunStart, SamplingSummary, Sink, StackShape};
+use beamlet_files::{RunProfile, RunRecord, RunStart, SamplingSummary, Sink};
 use beamlet_geometry::{self as geometry, Sample};
 use beamlet_gpu::{Backend, Device, DeviceKind, EngineOptions};
 use beamlet_model::media::MaterialTable;
@@ -256,7 +256,7 @@ impl Simulation {
     /// Runs every view that `control` does not skip and hands it to the sink.
     ///
     /// # Errors
-    /// See [`Error`]; [`Error::Interrupted`] when `control.cancel` was set.
+    /// See [`beamlet_core::Error`]; [`beamlet_core::Error::Interrupted`] when `control.cancel` was set.
     ///
     /// # Example
     ///
@@ -283,10 +283,8 @@ impl Simulation {
         let warning =
             edges.as_ref().and_then(|it| it.warning(self.scene.sampling.tolerances().light));
         warning.into_iter().for_each(|text| log::warn!("{text}"));
-        let extent = StackShape::of(&self.scene)?;
-        let views: Vec<Exposure> = stack::views(&self.scene)?
-            .filter(|view| control.shard.has(*view, extent) && !control.skip.contains(view))
-            .collect();
+        let mut views = stack::views_of_part(&self.scene, control.views)?;
+        views.retain(|view| !control.skip.contains(view));
         let cancel = control.cancel.of_part();
         let lanes = self.lanes(views.len());
         let memory = if lanes > 1 { self.memory } else { self.alone };
@@ -337,8 +335,8 @@ impl Simulation {
         };
         let warning = wave::grazing_warning(&self.scene, &tally);
         warning.into_iter().for_each(|text| log::warn!("{text}"));
-        // The counts of a shard are too few to be judged: the join judges the sum.
-        if control.shard.is_whole() {
+        // The counts of a part are too few to be judged: the join judges the sum.
+        if control.views.is_none() {
             self.check_tally(&tally)?;
         }
         sink.finish(&record)?;
