@@ -320,19 +320,6 @@ fn nested_covered_and_cut_shapes_hold_the_light_of_the_later_one() {
     bench.end();
 }
 
-/// A solid of 20 to 100 um that may meet others.
-fn random_solid(random: &mut Random) -> Solid {
-    let size = random.between(20e-6, 60e-6);
-    let kind = match (random.next() * 3.0) as usize {
-        0 => Kind::Box([size, random.between(20e-6, 90e-6), random.between(20e-6, 90e-6)]),
-        1 => cylinder(0.5 * size, random.between(30e-6, 120e-6)),
-        _ => sphere(0.6 * size),
-    };
-    let place = scaled(direction(random), 90e-6 * random.next().cbrt());
-    let angle = random.between(0.0, 3.0);
-    Solid::new(kind).turned(direction(random), angle).at(place)
-}
-
 /// Interfaces whose media, places or normals are not those of f64, nor of a ray a hair beside.
 pub(super) fn are_listed(solids: &[Solid], ray: &Ray, met: &[SurfaceCrossing], error: f64) -> bool {
     let least = 3.0 * error;
@@ -358,45 +345,4 @@ fn are_those(solids: &[Solid], ray: &Ray, got: &[Interface], least: f64, error: 
                 want.media == got.media && along.abs() > 1.0 - lean && (want.y - got.y).abs() < room
             })
     })
-}
-
-#[test]
-fn paths_through_random_scenes_match_points_in_solids() {
-    let bench = Bench::new();
-    let mut random = Random::new(62);
-    let (mut wrong, mut lists, mut compared, mut cut) = (Vec::new(), Vec::new(), 0, 0);
-    let scenes = amount(21, 40);
-    for number in 0..scenes {
-        let count = 2 + (random.next() * 3.0) as usize;
-        let solids: Vec<Solid> = (0..count).map(|_| random_solid(&mut random)).collect();
-        let rays = rays_at(100e-6, 200, &mut random);
-        let backend = match backends()[..] {
-            [_, other] if number % 20 == 0 => other,
-            _ => Backend::Bvh,
-        };
-        let scene = scene_of(&solids, Transport::FirstOrder);
-        let sample = geometry::load(&scene).expect("a sample");
-        let joined = sample.objects.iter().any(|it| !it.cut_by.is_empty());
-        cut += usize::from(joined);
-        let error = if joined { 4e-8 } else { 1e-9 };
-        wrong.extend(differing(&bench, backend, &solids, &rays, error));
-        compared += rays.len();
-        let public = |ray: &Ray| beamlet::Ray::new(0, [ray.x, ray.z], [ray.slope_x, ray.slope_z]);
-        let public: Vec<beamlet::Ray> = rays.iter().map(public).collect();
-        let visit = |i: usize, met: &[SurfaceCrossing]| {
-            if !are_listed(&solids, &rays[i], met, error) {
-                lists.push(format!("{:?} {met:?} in {solids:?}", rays[i]));
-            }
-        };
-        bench.finder(&scene).find(&public, visit).expect("crossings");
-    }
-    println!(
-        "measured random scenes: {cut} of {scenes} cut, {} ways and {} lists of {compared} differ",
-        wrong.len(),
-        lists.len()
-    );
-    assert!(cut > scenes / 4 && cut < scenes);
-    assert!(wrong.is_empty(), "{}", wrong[0]);
-    assert!(lists.is_empty(), "{}", lists[0]);
-    bench.end();
 }
