@@ -11,10 +11,10 @@ pub(super) const MOST: usize = 5;
 
 pub(super) type Maker = fn(&mut Random) -> Vec<Solid>;
 
-/// Of micrometres, with boxes and prisms: shapes that those cross become meshes.
+/// Makers of solids of micrometres, boxes and prisms among them: shapes that those cross become meshes.
 pub(super) const MIXED: [(&str, Maker); 4] =
     [("at random", mixed), ("on a grid", on_a_grid), ("nested", nested), ("stacked", stacked)];
-/// Of millimetres, of exact shapes alone.
+/// Makers of exact shapes of millimetres.
 pub(super) const EXACT: [(&str, Maker); 4] =
     [("at random", exact), ("bored", bored), ("grazing", grazing), ("end to end", end_to_end)];
 
