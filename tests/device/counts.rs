@@ -11,16 +11,9 @@ use std::sync::Arc;
 /// A rough rod beside a smooth ball of facets and a box: rays of all of them are traced again, by other
 /// walks or exactly.
 const BODIES: &str = r#"
-[source]
-distance = "1.2 m"
-spot = "30 um"
-energy = "30 keV"
-[detector]
-distance = "1.8 m"
-pixels = [16, 16]
-pitch = "150 um"
-[scan]
-mask_offsets = ["0 um"]
+source = { distance = "1.2 m", spot = "30 um", energy = "30 keV" }
+detector = { distance = "1.8 m", pixels = [16, 16], pitch = "150 um" }
+scan = { mask_offsets = ["0 um"] }
 [[object]]
 name = "rod"
 shape = { cylinder = { radius = "0.2 mm", height = "2 mm" } }

@@ -6,24 +6,11 @@ use beamlet::stack::{ArraySink, Stacks};
 use beamlet::{Backend, Control, Engine, EngineOptions, Simulation, Traffic};
 
 const ROD: &str = r#"
-[source]
-distance = "1.2 m"
-spot = "30 um"
-energy = "30 keV"
-[detector]
-distance = "1.8 m"
-pixels = [12, 4]
-pitch = "150 um"
-[sample_mask]
-distance = "1.1 m"
-transmission = 0.0
-projected_aperture = "30 um"
-[detector_mask]
-transmission = 0.0
-projected_aperture = "30 um"
-[scan]
-mask_offsets = ["-10 um", "0 um", "10 um"]
-angles = ["0 deg", "20 deg"]
+source = { distance = "1.2 m", spot = "30 um", energy = "30 keV" }
+detector = { distance = "1.8 m", pixels = [12, 4], pitch = "150 um" }
+sample_mask = { distance = "1.1 m", transmission = 0.0, projected_aperture = "30 um" }
+detector_mask = { transmission = 0.0, projected_aperture = "30 um" }
+scan = { mask_offsets = ["-10 um", "0 um", "10 um"], angles = ["0 deg", "20 deg"] }
 [[object]]
 name = "rod"
 shape = { cylinder = { radius = "0.4 mm", height = "3 mm" } }

@@ -6,21 +6,10 @@ use beamlet::stack::Stacks;
 use beamlet::{Backend, EngineOptions, KernelProfile};
 
 const SET_UP: &str = r#"
-[source]
-distance = "1.2 m"
-spot = ["30 um", "SPOT"]
-energy = "30 keV"
-[detector]
-distance = "1.8 m"
-pixels = [2, 1]
-pitch = "150 um"
-[sample_mask]
-distance = "1.1 m"
-transmission = 0.0
-projected_aperture = "30 um"
-[detector_mask]
-transmission = 0.0
-projected_aperture = "30 um"
+source = { distance = "1.2 m", spot = ["30 um", "SPOT"], energy = "30 keV" }
+detector = { distance = "1.8 m", pixels = [2, 1], pitch = "150 um" }
+sample_mask = { distance = "1.1 m", transmission = 0.0, projected_aperture = "30 um" }
+detector_mask = { transmission = 0.0, projected_aperture = "30 um" }
 "#;
 
 fn options() -> EngineOptions {

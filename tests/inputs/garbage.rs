@@ -316,11 +316,3 @@ fn the_good_ones_are_read() {
         assert!(!defects.refused(), "{name}: {defects:?}");
     }
 }
-
-/// Found by fuzzing: an index before the first vertex overflowed in the multiplication.
-#[test]
-fn negative_index_before_the_first_vertex_is_refused() {
-    let text = OBJ.replace("f -4 -1 -2", "f -4 -1 -5");
-    let message = diagnose(Path::new("a.obj"), text.as_bytes(), 1e-3).unwrap_err().to_string();
-    assert!(message.contains("\"-5\" is not a vertex") && message.contains("line 15"), "{message}");
-}

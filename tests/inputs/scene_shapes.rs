@@ -76,8 +76,6 @@ fn shapes_read_and_write_back_with_and_without_sides() {
     }
 }
 
-/// Shape, key, value found and allowed values.
-
 /// The scene with an extruded polygon.
 fn extruded(points: &[[f64; 2]]) -> Result<(), Error> {
     let mut scene = load(PAPER)?;

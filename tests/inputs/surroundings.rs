@@ -9,22 +9,12 @@ use beamlet::geometry::{check_clearance, load, swept};
 use beamlet::scene::{Beam, Filter, Scene};
 use beamlet::spectrum::nodes;
 
-const BASE: &str = r#"[source]
+const BASE: &str = r#"detector = { distance = "1.8 m", pixels = [8, 8], pitch = "150 um" }
+sample_mask = { distance = "1.2 m", material = "gold", thickness = "225 um", aperture = "20 um" }
+[source]
 distance = "1.21 m"
 spot = "10 um"
 spectrum = { anode = "tungsten", kvp = "60 kV", inherent_filters = [{ material = "Al", thickness = "1 mm" }] }
-
-[detector]
-distance = "1.8 m"
-pixels = [8, 8]
-pitch = "150 um"
-
-[sample_mask]
-distance = "1.2 m"
-material = "gold"
-thickness = "225 um"
-aperture = "20 um"
-
 [[object]]
 name = "rod"
 shape = { cylinder = { radius = "0.2 mm", height = "4 mm" } }

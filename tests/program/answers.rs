@@ -11,14 +11,8 @@ use std::process::{Command, Output, Stdio};
 use tempfile::TempDir;
 
 const SCENE: &str = r#"
-[source]
-distance = "1 m"
-spot = "0 um"
-energy = "30 keV"
-[detector]
-distance = "2 m"
-pixels = [4, 2]
-pitch = "100 um"
+source = { distance = "1 m", spot = "0 um", energy = "30 keV" }
+detector = { distance = "2 m", pixels = [4, 2], pitch = "100 um" }
 "#;
 
 /// One triangle: an open mesh, which `check` refuses.

@@ -6,14 +6,8 @@ use crate::support::program::{done, workplace};
 use std::fmt::Write as _;
 
 const SET_UP: &str = r#"
-[source]
-distance = "1.2 m"
-spot = "0 um"
-energy = "30 keV"
-[detector]
-distance = "1.8 m"
-pixels = [16, 16]
-pitch = "1 mm"
+source = { distance = "1.2 m", spot = "0 um", energy = "30 keV" }
+detector = { distance = "1.8 m", pixels = [16, 16], pitch = "1 mm" }
 "#;
 
 const CUBE: &str = "box = { size = [\"1 mm\", \"1 mm\", \"1 mm\"] }";

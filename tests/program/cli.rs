@@ -10,39 +10,18 @@ use std::path::Path;
 use std::process::{Command, Output, Stdio};
 
 const SCENE: &str = r#"
-[source]
-distance = "1.21 m"
-spot = ["30 um", "26 um"]
-energy = "30 keV"
-
-[detector]
-distance = "1.8 m"
-pixels = [16, 4]
-pitch = "150 um"
-
-[sample_mask]
-distance = "1.2 m"
-material = "gold"
-thickness = "225 um"
-projected_aperture = "30 um"
-
-[detector_mask]
-material = "gold"
-thickness = "225 um"
-projected_aperture = "30 um"
-
+source = { distance = "1.21 m", spot = ["30 um", "26 um"], energy = "30 keV" }
+detector = { distance = "1.8 m", pixels = [16, 4], pitch = "150 um" }
+sample_mask = { distance = "1.2 m", material = "gold", thickness = "225 um", projected_aperture = "30 um" }
+detector_mask = { material = "gold", thickness = "225 um", projected_aperture = "30 um" }
+materials.carbon = { formula = "C", density = "2.0 g/cm3" }
 [scan]
 mask_offsets = { from = "-25 um", to = "25 um", count = 3 }
 angles = { from = "0 deg", to = "360 deg", count = 2 }
-
 [[object]]
 name = "rod"
 shape = { cylinder = { radius = "0.4 mm", height = "16 mm", sides = 64 } }
 material = "carbon"
-
-[materials.carbon]
-formula = "C"
-density = "2.0 g/cm3"
 "#;
 
 fn stdout(output: &Output) -> String {

@@ -8,10 +8,7 @@ use std::process::Output;
 use tempfile::TempDir;
 
 const SCENE: &str = r#"
-[source]
-distance = "1 m"
-spot = "0 um"
-energy = "30 keV"
+source = { distance = "1 m", spot = "0 um", energy = "30 keV" }
 [detector]
 distance = "2 m"
 pixels = [64, 32]

@@ -8,6 +8,7 @@
 //! of its cases; `all` are words of every case.
 
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
+#![allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "sides of arrays")]
 
 use crate::support::program::{beamlet, ended};
 use crate::support::root;

@@ -11,27 +11,15 @@ use std::path::Path;
 use tempfile::TempDir;
 
 const SCENE: &str = r#"
-[source]
-distance = "1.2 m"
-spot = ["0 um", "0 um"]
-energy = "30 keV"
-
-[detector]
-distance = "1.8 m"
-pixels = [16, 3]
-pitch = "150 um"
-
-[scan]
-angles = { from = "0 deg", to = "360 deg", count = 24 }
-
+source = { distance = "1.2 m", spot = ["0 um", "0 um"], energy = "30 keV" }
+detector = { distance = "1.8 m", pixels = [16, 3], pitch = "150 um" }
+scan = { angles = { from = "0 deg", to = "360 deg", count = 24 } }
+materials.plastic = { mu = "50 /m", delta = 4e-7 }
 [[object]]
 name = "rod"
 shape = { cylinder = { radius = "0.4 mm", height = "6 mm" } }
 material = "plastic"
 position = ["0.2 mm", "0 mm", "0 mm"]
-[materials.plastic]
-mu = "50 /m"
-delta = 4e-7
 "#;
 
 /// Volumes of a rod; mu is what the test knows: x + 20 y + 400 z.

@@ -4,33 +4,18 @@ use crate::support::program::{beamlet, ended, workplace};
 
 /// A face along the beam in the middle of an aperture, below the critical angle of 1.4 mrad.
 const FACE: &str = r#"
-[source]
-distance = "1.212 m"
-spot = "30 um"
-energy = "30 keV"
-[detector]
-distance = "1.8 m"
-pixels = [3, 1]
-pitch = "150 um"
-[sample_mask]
-distance = "1.2 m"
-aperture = "20 um"
-transmission = 0.0
-[detector_mask]
-distance = "1.8 m"
-aperture = "30 um"
-transmission = 0.0
-[materials.matter]
-mu = "0 1/m"
-delta = 1e-6
+source = { distance = "1.212 m", spot = "30 um", energy = "30 keV" }
+detector = { distance = "1.8 m", pixels = [3, 1], pitch = "150 um" }
+sample_mask = { distance = "1.2 m", aperture = "20 um", transmission = 0.0 }
+detector_mask = { distance = "1.8 m", aperture = "30 um", transmission = 0.0 }
+materials.matter = { mu = "0 1/m", delta = 1e-6 }
+sampling = { transport = "wave" }
 [[object]]
 name = "block"
 shape = { box = { size = ["2 mm", "10 mm", "4 mm"] } }
 material = "matter"
 rotate = [{ axis = [0, 0, 1], angle = "0.4 mrad" }]
 position = ["1 mm", "0 mm", "0 mm"]
-[sampling]
-transport = "wave"
 "#;
 
 #[test]

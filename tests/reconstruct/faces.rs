@@ -11,24 +11,11 @@ use tempfile::TempDir;
 
 /// A block whose faces are along the beam at 0°, 90°, 180° and 270°; five dithers see all of it.
 const SCENE: &str = r#"
-[source]
-distance = "1.6 m"
-spot = "40 um"
-energy = "30 keV"
-[sample_mask]
-distance = "1.55 m"
-projected_aperture = "30 um"
-transmission = 0.0
-[detector_mask]
-projected_aperture = "30 um"
-transmission = 0.0
-[detector]
-distance = "2.0 m"
-pixels = [24, 1]
-pitch = "100 um"
-[sampling]
-tolerance = 5e-3
-angle_tolerance = "1 urad"
+source = { distance = "1.6 m", spot = "40 um", energy = "30 keV" }
+sample_mask = { distance = "1.55 m", projected_aperture = "30 um", transmission = 0.0 }
+detector_mask = { projected_aperture = "30 um", transmission = 0.0 }
+detector = { distance = "2.0 m", pixels = [24, 1], pitch = "100 um" }
+sampling = { tolerance = 5e-3, angle_tolerance = "1 urad" }
 [scan]
 mask_offsets = { from = "-24 um", to = "24 um", count = 9 }
 angles = { from = "0 deg", to = "360 deg", count = 72 }

@@ -12,16 +12,12 @@ use beamlet::spectrum::{Spectrum, response};
 use beamlet::{Backend, Cancel, RowsControl};
 
 const SCENE: &str = r#"
+detector = { distance = "1.8 m", pixels = [96, 1], pitch = "100 um" }
+scan = { angles = { from = "0 deg", to = "360 deg", count = 90 } }
 [source]
 distance = "1.2 m"
 spot = "0 um"
 spectrum = { anode = "tungsten", kvp = "60 kV", filters = [{ material = "Al", thickness = "1 mm" }] }
-[detector]
-distance = "1.8 m"
-pixels = [96, 1]
-pitch = "100 um"
-[scan]
-angles = { from = "0 deg", to = "360 deg", count = 90 }
 [[object]]
 name = "rod"
 shape = { cylinder = { radius = "2.2 mm", height = "5 mm" } }

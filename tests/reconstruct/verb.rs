@@ -13,24 +13,12 @@ use tempfile::TempDir;
 
 /// A rod beside the axis in a fan with a cone of three rows.
 pub(super) const SCENE: &str = r#"
-[source]
-distance = "1.2 m"
-spot = "10 um"
-energy = "30 keV"
-[detector]
-distance = "1.8 m"
-pixels = [32, 3]
-pitch = "150 um"
-[sample_mask]
-distance = "1.1 m"
-projected_aperture = "30 um"
-transmission = 0.0
-[detector_mask]
-projected_aperture = "30 um"
-transmission = 0.0
-[sampling]
-tolerance = 5e-3
-angle_tolerance = "1 urad"
+source = { distance = "1.2 m", spot = "10 um", energy = "30 keV" }
+detector = { distance = "1.8 m", pixels = [32, 3], pitch = "150 um" }
+sample_mask = { distance = "1.1 m", projected_aperture = "30 um", transmission = 0.0 }
+detector_mask = { projected_aperture = "30 um", transmission = 0.0 }
+sampling = { tolerance = 5e-3, angle_tolerance = "1 urad" }
+materials.plastic = { mu = "50 /m", delta = 4e-7 }
 [scan]
 mask_offsets = { from = "-20 um", to = "20 um", count = 7 }
 angles = { from = "0 deg", to = "360 deg", count = 36 }
@@ -39,9 +27,6 @@ name = "rod"
 shape = { cylinder = { radius = "0.7 mm", height = "6 mm" } }
 material = "plastic"
 position = ["0.4 mm", "0.2 mm", "0 mm"]
-[materials.plastic]
-mu = "50 /m"
-delta = 4e-7
 "#;
 pub(super) const ROD: &str = "rod=cylinder:0.4mm,0.2mm,0.4mm";
 

@@ -8,31 +8,16 @@ use beamlet::stack::{GeometryFile, Maps};
 /// Radius, place, attenuation and delta of the rod.
 const ROD: [f64; 4] = [0.3e-3, 60e-6, 300.0, 5e-7];
 const SCENE: &str = r#"
-[source]
-distance = "1.2 m"
-spot = "10 um"
-energy = "30 keV"
-[detector]
-distance = "1.8 m"
-pixels = [6, 1]
-pitch = "150 um"
-[sample_mask]
-distance = "1.1 m"
-projected_aperture = "30 um"
-transmission = 0.0
-[detector_mask]
-distance = "1.8 m"
-projected_aperture = "30 um"
-transmission = 0.0
-[sampling]
-tolerance = 1e-5
+source = { distance = "1.2 m", spot = "10 um", energy = "30 keV" }
+detector = { distance = "1.8 m", pixels = [6, 1], pitch = "150 um" }
+sample_mask = { distance = "1.1 m", projected_aperture = "30 um", transmission = 0.0 }
+detector_mask = { distance = "1.8 m", projected_aperture = "30 um", transmission = 0.0 }
+sampling = { tolerance = 1e-5 }
+materials.rod = { mu = "300 /m", delta = 5e-7 }
 [scan]
 mask_offsets = { from = "-25 um", to = "25 um", count = 11 }
 angles = ["0 deg", "90 deg"]
 dithers = { from = "-40 um", to = "40 um", count = 5 }
-[materials.rod]
-mu = "300 /m"
-delta = 5e-7
 [[object]]
 name = "rod"
 shape = { cylinder = { radius = "0.3 mm", height = "5 mm" } }

@@ -8,25 +8,11 @@ use beamlet::stack::GeometryFile;
 use serde_json::Value;
 
 const SCENE: &str = r#"
-[source]
-distance = "1.2 m"
-spot = "10 um"
-energy = "30 keV"
-[detector]
-distance = "1.8 m"
-pixels = [6, 2]
-pitch = ["150 um", "100 um"]
-[sample_mask]
-distance = "1.1 m"
-projected_aperture = "30 um"
-transmission = 0.0
-[detector_mask]
-distance = "1.75 m"
-projected_aperture = "30 um"
-transmission = 0.0
-[scan]
-mask_offsets = { from = "-20 um", to = "20 um", count = 7 }
-angles = ["0 deg", "30 deg", "90 deg"]
+source = { distance = "1.2 m", spot = "10 um", energy = "30 keV" }
+detector = { distance = "1.8 m", pixels = [6, 2], pitch = ["150 um", "100 um"] }
+sample_mask = { distance = "1.1 m", projected_aperture = "30 um", transmission = 0.0 }
+detector_mask = { distance = "1.75 m", projected_aperture = "30 um", transmission = 0.0 }
+scan = { mask_offsets = { from = "-20 um", to = "20 um", count = 7 }, angles = ["0 deg", "30 deg", "90 deg"] }
 [[object]]
 name = "ball"
 shape = { sphere = { radius = "0.2 mm" } }

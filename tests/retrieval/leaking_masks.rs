@@ -12,27 +12,18 @@ use beamlet::spectrum::{Spectrum, response};
 use beamlet::{Backend, check::Check};
 
 const SCENE: &str = r#"
+sample_mask = { distance = "1.55 m", material = "gold", thickness = "150 um", aperture = "20 um" }
+detector_mask = { distance = "1.97 m", material = "gold", thickness = "150 um", aperture = "20 um" }
+scan = { mask_offsets = { from = "-36 um", to = "36 um", count = 13 } }
 [source]
 distance = "1.60 m"
 spot = "40 um"
 spectrum = { anode = "tungsten", kvp = "60 kV", filters = [{ material = "Al", thickness = "0.5 mm" }] }
-[sample_mask]
-distance = "1.55 m"
-material = "gold"
-thickness = "150 um"
-aperture = "20 um"
-[detector_mask]
-distance = "1.97 m"
-material = "gold"
-thickness = "150 um"
-aperture = "20 um"
 [detector]
 distance = "2.0 m"
 pixels = [8, 1]
 pitch = "100 um"
 absorber = { material = "CsI", thickness = "500 um" }
-[scan]
-mask_offsets = { from = "-36 um", to = "36 um", count = 13 }
 [[object]]
 name = "slab"
 shape = { box = { size = ["8 mm", "4 mm", "2 mm"] } }

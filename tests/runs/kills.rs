@@ -37,29 +37,13 @@ int rmdir(const char *path) { count("removal", path); return REAL(rmdir)(path); 
 
 /// Gold masks, a rod in 3 views, and a spectrum from a file.
 const SCENE: &str = r#"
-[source]
-distance = "1.21 m"
-spot = "30 um"
-spectrum = "spectrum.csv"
-
-[detector]
-distance = "1.8 m"
-pixels = [24, 4]
-pitch = "150 um"
-
-[sample_mask]
-distance = "1.2 m"
-transmission = 0.0
-projected_aperture = "30 um"
-
-[detector_mask]
-transmission = 0.0
-projected_aperture = "30 um"
-
+source = { distance = "1.21 m", spot = "30 um", spectrum = "spectrum.csv" }
+detector = { distance = "1.8 m", pixels = [24, 4], pitch = "150 um" }
+sample_mask = { distance = "1.2 m", transmission = 0.0, projected_aperture = "30 um" }
+detector_mask = { transmission = 0.0, projected_aperture = "30 um" }
 [scan]
 mask_offsets = { from = "-25 um", to = "25 um", count = 5 }
 angles = { from = "0 deg", to = "360 deg", count = 3 }
-
 [[object]]
 name = "rod"
 shape = { cylinder = { radius = "0.4 mm", height = "5 mm", sides = 16 } }

@@ -12,10 +12,10 @@ use tiff::tags::Tag;
 
 /// Two views, three steps; counts of 12 bits.
 const SCENE: &str = r#"
-[source]
-distance = "1.21 m"
-spot = "30 um"
-energy = "30 keV"
+source = { distance = "1.21 m", spot = "30 um", energy = "30 keV" }
+sample_mask = { distance = "1.2 m", transmission = 0.0, projected_aperture = "30 um" }
+detector_mask = { transmission = 0.0, projected_aperture = "30 um" }
+scan = { mask_offsets = { start = "-10 um", stop = "10 um", step = "10 um" }, angles = ["0 deg", "20 deg"] }
 [detector]
 distance = "1.8 m"
 pixels = [12, 5]
@@ -24,16 +24,6 @@ photons = 500
 offset = 100
 electronic_noise = 3
 bit_depth = 12
-[sample_mask]
-distance = "1.2 m"
-transmission = 0.0
-projected_aperture = "30 um"
-[detector_mask]
-transmission = 0.0
-projected_aperture = "30 um"
-[scan]
-mask_offsets = { start = "-10 um", stop = "10 um", step = "10 um" }
-angles = ["0 deg", "20 deg"]
 [[object]]
 name = "rod"
 shape = { cylinder = { radius = "0.3 mm", height = "16 mm" } }

@@ -5,23 +5,6 @@ use beamlet::scene::Shape;
 use super::set_up::{Arrays, close, normal};
 
 #[test]
-fn open_cube_is_refused_with_the_number_of_open_edges() {
-    let mut open = Arrays::cube(2e-3);
-    open.1.pop();
-    let text = open.load().unwrap_err().to_string();
-    assert!(text.contains("not closed") && text.contains("3 edges"), "{text}");
-    assert!(text.contains("mm"), "{text}");
-}
-
-#[test]
-fn one_triangle_the_wrong_way_round_is_refused() {
-    let mut twisted = Arrays::cube(2e-3);
-    twisted.1[5].swap(0, 1);
-    let text = twisted.load().unwrap_err().to_string();
-    assert!(text.contains("wind opposite ways"), "{text}");
-}
-
-#[test]
 fn triangles_given_twice_are_left_out_with_a_warning() {
     let cube = Arrays::cube(2e-3);
     let again = |numbers: &[usize]| {

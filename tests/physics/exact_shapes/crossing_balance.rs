@@ -1,7 +1,7 @@
 //! Rays beside the curves in which exact shapes cross, beside their edges and silhouettes: each shape is left
 //! as often as it is entered, and the media along each ray are contiguous.
 
-use super::crossing::{Arrangement, arrangements, materials, scene_of};
+use super::arrangements::{Arrangement, CROSSING, materials, scene_of};
 use super::nested::interfaces;
 use super::rays::moved;
 use super::{direction, pick, ray_through, scenes};
@@ -68,7 +68,7 @@ fn rays_beside_the_curves_in_which_shapes_cross_balance() {
     let each = if scenes() > 1 { 640 } else { 64 };
     let mut total = 0_usize;
     for number in 0..scenes() {
-        let all = arrangements([0.0, FAR, 0.0], &mut random);
+        let all = CROSSING.at([0.0, FAR, 0.0]).arrangements(&mut random);
         let scene = scene_of(&all, Transport::FirstOrder);
         let materials = materials(&all);
         let of = |k: usize| k % all.len();

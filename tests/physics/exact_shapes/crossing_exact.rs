@@ -1,9 +1,7 @@
 //! Exact transport through exact shapes that cross, touch and coincide, against Snell's law in f64 at one
 //! interface after the other.
 
-use super::crossing::{
-    Arrangement, arrangements, delta_of, hair, rays_through, scene_of, slope_error,
-};
+use super::arrangements::{Arrangement, CROSSING, delta_of, scene_of, slope_error};
 use super::rays::{Passage, bend, beside, line, refracted};
 use super::solids::{Kind, Solid, cylinder};
 use super::{pick, scene, scenes};
@@ -99,9 +97,9 @@ fn exact_rays_through_crossing_shapes_follow_snells_law() {
     let (mut compared, mut unclear, mut reflected, mut worst) = (0, 0, 0, 0.0_f64);
     let mut wrong = Vec::new();
     for number in 0..scenes() {
-        let all = arrangements([0.0; 3], &mut random);
+        let all = CROSSING.arrangements(&mut random);
         let scene = scene_of(&all, Transport::Exact);
-        let mut rays = rays_through(&all, &mut random);
+        let mut rays = CROSSING.rays(&all, &mut random);
         rays.extend(along_caps(&all, &mut random));
         let only: Vec<Ray> = rays.iter().map(|it| it.1).collect();
         for backend in backends() {
@@ -111,7 +109,7 @@ fn exact_rays_through_crossing_shapes_follow_snells_law() {
             let results = exact(&bench, backend, &scene, &only);
             for ((of, ray), result) in rays.iter().zip(&results) {
                 let solids = &all[*of].solids;
-                let hair = hair(&all[*of]);
+                let hair = all[*of].hair();
                 let near: Option<Vec<(Passage, f64, bool)>> =
                     beside(hair).into_iter().map(|by| snell(solids, ray, by)).collect();
                 let alike = |near: &Vec<(Passage, f64, bool)>| {

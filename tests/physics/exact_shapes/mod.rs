@@ -9,13 +9,13 @@
 
 mod arrangements;
 mod balance;
-mod crossing;
 mod crossing_balance;
 mod crossing_exact;
 mod crossing_faces;
 mod crossing_parts;
 mod crossing_runs;
 mod gaps;
+mod makers;
 mod nested;
 mod rays;
 mod refracted;
