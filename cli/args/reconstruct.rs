@@ -39,10 +39,6 @@ pub(crate) struct Reconstruct {
     pub(crate) filtered: Filtered,
     #[command(flatten)]
     pub(crate) iterated: Iterated,
-    /// Use the uncertainties of the retrieval: fbp writes uncertainties of voxels and of means of
-    /// regions, iterative methods weigh by them
-    #[arg(long)]
-    pub(crate) sigma: bool,
     /// Remove rings: stripes of single columns in the sinograms
     #[arg(long)]
     pub(crate) rings: bool,

@@ -158,7 +158,6 @@ fn plan(arguments: &Reconstruct, source: &Source) -> Result<VolumePlan, Failure>
         .with_regions(arguments.regions.clone())
         .with_rings(arguments.rings)
         .with_keep_views(arguments.keep_views)
-        .with_sigma(arguments.sigma)
         .with_gradient_bias(bias(arguments, source))
         .with_beam(beam)
         .with_beam_hardening(hardening(arguments, source)?)

@@ -82,7 +82,6 @@ fn methods_that_do_not_fit_are_refused_before_any_work() {
         ("--method bb --filter hann", "--filter is for fbp, not for bb"),
         ("--method cgls --extrapolate", "do not filter rows"),
         ("--beam-hardening water", "a beam of one energy does not harden"),
-        ("--sigma", "has no image refraction_sigma"),
         ("--memory-limit 64MiB", "a reconstruction"),
     ] {
         let output = run(path, &format!("{usual} {more}"));

@@ -52,7 +52,6 @@ def test_options_of_reconstructions_name_themselves(images: bl.Images) -> None:
         "voxel": ([1, 2, 3], float("nan"), 0, "9"),
         "origin": ("1 mm", 3, ["1 mm"]),
         "weights": (3, "poisson", np.ones((6, 4, 24)) > 0),
-        "sigma": (True,),
         "gradient_bias": (3, "mu"),
         "beam_hardening": ("", "@40keV", "water@40", "water@x", 3, "resin"),
         "centre": ("middle", float("nan"), [3.0]),

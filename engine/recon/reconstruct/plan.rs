@@ -9,7 +9,6 @@ use super::open::OpenVolumes;
 use super::quantity::Quantity;
 use super::redundancy::Redundancy;
 use super::regions::Region;
-use super::sigma::check_sigma;
 use super::voxel_mask::VoxelMask;
 use beamlet_core::{Error, Result, setters};
 use std::path::PathBuf;
@@ -26,10 +25,6 @@ pub struct VolumePlan {
     pub method: Method,
     /// Regions whose means are written as CSV.
     pub regions: Vec<Region>,
-    /// The uncertainties of the retrieval are used: filtered back-projection makes volumes of the
-    /// uncertainties of voxels and of means of regions; iterative methods weigh values by one over the
-    /// squares.
-    pub sigma: bool,
     /// Stripes of single columns are taken off ([`super::suppress_rings`]).
     pub rings: bool,
     /// Views that lost their refraction ([`super::LostViews`]) keep their weight in δ.
@@ -56,7 +51,6 @@ impl VolumePlan {
             grid,
             method,
             regions: Vec::new(),
-            sigma: false,
             rings: false,
             keep_views: false,
             gradient_bias: None,
@@ -70,8 +64,6 @@ impl VolumePlan {
     setters! {
         /// Sets the regions whose means are written.
         with_regions(regions: Vec<Region>);
-        /// Uses the deviations of the retrieval.
-        with_sigma(sigma: bool);
         /// Takes stripes of single columns off.
         with_rings(rings: bool);
         /// Keeps views that lost their refraction in δ.
@@ -102,8 +94,8 @@ impl VolumePlan {
     /// Refuses what does not fit an input, before any work is done.
     ///
     /// # Errors
-    /// [`Error::Argument`] with the reason; [`Error::File`] for a mask, start or deviations that are not
-    /// there or do not fit.
+    /// [`Error::Argument`] with the reason; [`Error::File`] for a mask or start that is not there or
+    /// does not fit.
     pub fn check(&self, input: &Input) -> Result<()> {
         let has_mu = self.quantities.contains(&Quantity::Mu);
         input.geometry().check()?;
@@ -123,22 +115,11 @@ impl VolumePlan {
         if let Some(mask) = &self.mask {
             mask.check(&self.grid)?;
         }
-        if let Some(options) = self.method.filtered() {
+        if self.method.filtered().is_some() {
             Redundancy::of(input.geometry())?;
-            if self.sigma {
-                check_sigma(input.geometry(), options)?;
-            }
         }
         for quantity in self.ordered() {
             self.method.check(quantity)?;
-            if self.sigma {
-                input.require_sigmas(quantity)?;
-            }
-            if self.sigma && self.method.is_of_phase(quantity) {
-                let allowed = "refraction angles without --phase: deviations of integrated angles \
-                               grow along the row and cannot be weights";
-                return Err(Error::argument("sigma", "deviations of integrated angles", allowed));
-            }
             if let Some(path) = &self.start {
                 let found = OpenVolumes::open(path)?;
                 if !found.record().units.contains_key(quantity.name()) {

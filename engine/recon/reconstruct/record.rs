@@ -83,10 +83,6 @@ pub struct VolumeRecord {
     pub drift: Option<Drift>,
     /// Pixels of the sinograms by quantity.
     pub pixels: BTreeMap<String, PixelCounts>,
-    /// Noise of a flat that views share (rings) in the uncertainties: "included", "unknown" with the reason,
-    /// or that each view has a flat of its own; `None` without uncertainties of voxels.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub noise_of_flat: Option<String>,
     /// File format of the volumes.
     pub format: VolumeFormat,
     /// Order of the sides of the arrays.
@@ -161,7 +157,6 @@ impl VolumeRecord {
             start: plan.start.as_ref().map(|path| path.display().to_string()),
             drift: None,
             pixels: BTreeMap::new(),
-            noise_of_flat: None,
             format,
             order: "[z][y][x]".to_owned(),
             axes: "x, y and z of the scene, each ascending; x = y = 0 on the axis of rotation, z = 0 on \

@@ -169,14 +169,6 @@ impl fmt::Display for Region {
 }
 
 impl Region {
-    /// Voxels of the region, each as its x, y and z.
-    #[must_use]
-    pub fn voxels(&self, grid: &VolumeGrid) -> Vec<[usize; 3]> {
-        let mut voxels = Vec::with_capacity(self.shape.places(grid).count());
-        voxels.extend(self.shape.places(grid));
-        voxels
-    }
-
     /// Mean and spread of a volume in the region.
     ///
     /// # Errors
@@ -220,27 +212,20 @@ impl Region {
     }
 }
 
-/// Means of regions as CSV: one line for each region, with the deviation of its mean where it is known.
+/// Means of regions as CSV: one line for each region.
 ///
 /// # Errors
 /// [`Error::Argument`] where a region has no voxel.
-pub fn region_table(
-    regions: &[Region],
-    volume: &Volume,
-    of_means: Option<&[f64]>,
-) -> Result<String> {
-    let mut text = String::from(
-        "region,quantity,unit,voxels,mean,sigma_of_mean,standard_deviation,least,largest\n",
-    );
-    for (n, region) in regions.iter().enumerate() {
+pub fn region_table(regions: &[Region], volume: &Volume) -> Result<String> {
+    let mut text =
+        String::from("region,quantity,unit,voxels,mean,standard_deviation,least,largest\n");
+    for region in regions {
         let RegionMean { name, voxels, mean, deviation, range: [least, largest] } =
             region.mean(volume)?;
         let (quantity, unit) = (volume.quantity.name(), volume.quantity.unit());
-        let of_mean = of_means.and_then(|all| all.get(n)).map(|sigma| format!("{sigma:e}"));
-        let of_mean = of_mean.unwrap_or_default();
         let _ = writeln!(
             text,
-            "{name},{quantity},{unit},{voxels},{mean:e},{of_mean},{deviation:e},{least:e},{largest:e}"
+            "{name},{quantity},{unit},{voxels},{mean:e},{deviation:e},{least:e},{largest:e}"
         );
     }
     Ok(text)
@@ -275,9 +260,8 @@ mod tests {
         let one = mean("a=sphere:0.5 mm,0 mm,1 mm,0.1 mm").unwrap();
         assert_eq!(one.range.map(f64::to_bits), [112.0_f64.to_bits(); 2]);
         assert_eq!(mean("a=box:0 mm,1 mm,0 mm,4 mm,1 um,1 um").unwrap().voxels, 4);
-        let table =
-            region_table(&["a=sphere:0.5 mm,0 mm,1 mm,0.1 mm".parse().unwrap()], &volume(), None);
-        assert!(table.unwrap().ends_with("\na,mu,1/m,1,1.12e2,,0e0,1.12e2,1.12e2\n"));
+        let table = region_table(&["a=sphere:0.5 mm,0 mm,1 mm,0.1 mm".parse().unwrap()], &volume());
+        assert!(table.unwrap().ends_with("\na,mu,1/m,1,1.12e2,0e0,1.12e2,1.12e2\n"));
     }
 
     #[test]

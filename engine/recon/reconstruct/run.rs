@@ -119,7 +119,7 @@ pub fn reconstruct(
     }
     warn_of_few_views(geometry.angles.len(), geometry.columns.len());
     let limit = compute.options().memory_limit;
-    let memory = Memory::of(geometry, plan, truth.map(Truth::sinograms), limit)?;
+    let memory = Memory::of(geometry, plan, truth.is_some(), limit)?;
     require_memory(memory.host, "a reconstruction")?;
     let record = VolumeRecord::begin(compute, geometry, plan, to.format);
     let hashes = input_hashes(input, plan);
@@ -146,7 +146,6 @@ pub fn reconstruct(
         record,
         tables: Tables::default(),
         mu: None,
-        mu_sigma: None,
         reaching: None,
     };
     let parts = plan.ordered().count() as u64;
