@@ -155,7 +155,6 @@ fn plan(arguments: &Reconstruct, source: &Source) -> Result<VolumePlan, Failure>
     let beam = source.scene.as_ref().and_then(|scene| BeamEnergy::of(scene).ok());
     let plan = VolumePlan::new(quantities, grid, method(arguments));
     Ok(plan
-        .with_regions(arguments.regions.clone())
         .with_rings(arguments.rings)
         .with_keep_views(arguments.keep_views)
         .with_gradient_bias(bias(arguments, source))

@@ -9,7 +9,7 @@
 //! RUN/plan.json  device.json  shards/0000/run.json  progress.log  …   a planned run, until it is joined
 //! RUN/retrieved/retrieved.json  geometry.json  corrections.csv  NAME.npy  or  NAME/view_0000.exr
 //! ASTRA/astra.json  load_astra.py  NAME.npy
-//! VOLUME/volume.json  regions.csv  errors.csv  residuals.csv
+//! VOLUME/volume.json  errors.csv  residuals.csv
 //! VOLUME/NAME.npy  or  NAME/slice_0000.exr  or  NAME.mhd  NAME.raw
 //! FOLDER.partial/.beamlet-partial  FOLDER.replaced   arrays in the making, and those that they replace
 //! RUN/NAME.new  RUN/partial  RUN/moments/view_0000.partial                    a run in the making
@@ -53,8 +53,6 @@ pub const RECORD: &str = "retrieved.json";
 pub const VOLUME: &str = "volume.json";
 /// Corrections by empty beam, in the folder of retrieved images.
 pub const CORRECTIONS: &str = "corrections.csv";
-/// Means of regions, in the folder of a reconstruction.
-pub const REGIONS: &str = "regions.csv";
 /// Errors by object, in the folder of a reconstruction with its truth.
 pub const ERRORS: &str = "errors.csv";
 /// Description of projections for ASTRA, in their folder.
@@ -88,8 +86,8 @@ const VIEW: &str = "view_";
 const STEP: &str = "step_";
 const SLICE: &str = "slice_";
 /// Files beside the arrays of a folder.
-const BESIDE: [&str; 9] =
-    [RECORD, ASTRA, VOLUME, GEOMETRY, CORRECTIONS, REGIONS, ERRORS, RESIDUALS, ASTRA_SCRIPT];
+const BESIDE: [&str; 8] =
+    [RECORD, ASTRA, VOLUME, GEOMETRY, CORRECTIONS, ERRORS, RESIDUALS, ASTRA_SCRIPT];
 /// Endings of a `MetaImage`: its header, and its values.
 const HEADER: &str = ".mhd";
 const RAW: &str = ".raw";

@@ -145,7 +145,7 @@ pub(super) fn summary(
             counts.pixels, counts.without_answer, counts.dark, counts.misfits
         )?;
     }
-    for table in [&done.regions, &done.errors].into_iter().flatten() {
+    if let Some(table) = &done.errors {
         writeln!(out)?;
         write!(out, "{table}")?;
     }

@@ -1,4 +1,4 @@
-//! Volumes of sinograms: corrections, the method, means of regions, truth.
+//! Volumes of sinograms: corrections, the method, truth.
 
 use crate::engine::Engine;
 use crate::lost_views::Angles;
@@ -8,8 +8,8 @@ use crate::work::interruptible;
 use beamlet::ndarray::{Array3, ArrayView3};
 use beamlet::reconstruct::{
     BeamHardening, Data, FbpOptions, Filter, HardeningChoice, IterativeOptions, Measured, Method,
-    Quantity, Region, ScanGeometry, Solver, Volume, VolumeGrid, VoxelMask, add_gradient_bias,
-    find_axis, gradient_bias, region_table, suppress_rings,
+    Quantity, ScanGeometry, Solver, Volume, VolumeGrid, VoxelMask, add_gradient_bias, find_axis,
+    gradient_bias, suppress_rings,
 };
 use beamlet::{Error, RowsControl};
 use numpy::{IntoPyArray, PyArray3, PyReadonlyArray3};
@@ -34,8 +34,6 @@ pub(crate) struct Options {
     rings: bool,
     /// Material, and the energy of μ, keV.
     beam_hardening: Option<(String, Option<f64>)>,
-    /// Regions as the command line has them.
-    regions: Vec<String>,
     truth: bool,
     /// Shape of the voxels that may differ from zero, or a file.
     mask_shape: Option<String>,
@@ -145,8 +143,6 @@ struct Made {
     volume: Volume,
     residuals: Vec<f64>,
     best: usize,
-    /// CSV.
-    regions: String,
     truth: Option<TrueVolume>,
     /// x of the axis of rotation, m.
     axis: f64,
@@ -177,19 +173,6 @@ impl Work<'_> {
         }
     }
 
-    /// Regions with voxels of a grid.
-    fn regions(&self, grid: &VolumeGrid) -> beamlet::Result<Vec<Region>> {
-        let region = |text: &String| {
-            let region: Region = text.parse()?;
-            region.check(grid).map(|()| region)
-        };
-        let regions = self.options.regions.iter().map(region).collect::<beamlet::Result<_>>();
-        regions.map_err(|error| match error {
-            Error::Argument { found, allowed, .. } => Error::argument("regions", found, allowed),
-            error => error,
-        })
-    }
-
     fn made(
         &self,
         mut geometry: ScanGeometry,
@@ -208,7 +191,6 @@ impl Work<'_> {
             geometry.axis = find_axis(&geometry, sinograms.view(), data, &control.cancel)?;
         }
         let grid = grid.choice().grid(&geometry)?;
-        let regions = self.regions(&grid)?;
         let hardening = self.hardening(&mut sinograms)?;
         let (weights, lost_views) = self.without_lost(&geometry, &mut sinograms)?;
         if self.options.rings {
@@ -225,7 +207,6 @@ impl Work<'_> {
         let bias = self.add_bias(&mut volume)?;
         let truth = self.truth(&geometry, &volume, hardening.as_ref(), control)?;
         Ok(Made {
-            regions: region_table(&regions, &volume)?,
             volume,
             residuals: made.residuals,
             best: made.best,
@@ -348,7 +329,6 @@ pub(crate) struct Found<'py> {
     unit: &'static str,
     residuals: Vec<f64>,
     best: usize,
-    regions: String,
     truth: Option<TrueArrays<'py>>,
     axis: f64,
     energy: Option<f64>,
@@ -398,7 +378,6 @@ pub(crate) fn reconstruct<'py>(
         origin,
         residuals: made.residuals,
         best: made.best,
-        regions: made.regions,
         truth,
         axis: made.axis,
         energy: made.energy,

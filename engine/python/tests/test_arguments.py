@@ -55,7 +55,6 @@ def test_options_of_reconstructions_name_themselves(images: bl.Images) -> None:
         "gradient_bias": (3, "mu"),
         "beam_hardening": ("", "@40keV", "water@40", "water@x", 3, "resin"),
         "centre": ("middle", float("nan"), [3.0]),
-        "regions": ([3], ["rod"], ["rod=cylinder:1 mm"], ["rod=cylinder:0.1 um,0 mm,1 nm"]),
         "mask": (np.ones((4, 24, 24)), 3, "sphere:9 m,0 m,0 m,1 mm"),
         "engine": ("gpu", 0, object()),
     }.items():

@@ -7,7 +7,7 @@
 //! From retrieved images to files: [`Input`] reads sinograms (`prepare.rs` fills their gaps),
 //! [`GridChoice`] chooses voxels, a [`VolumePlan`] has what is to be made, within a limit of memory
 //! (`memory.rs`), a [`Method`] makes a [`Volume`], [`reconstruct`] writes a folder of them (`write.rs`,
-//! `record.rs`) with means of [`Region`]s and a [`Truth`], [`OpenVolumes`] reads it.
+//! `record.rs`) with a [`Truth`], [`OpenVolumes`] reads it.
 //!
 //! From sinograms to volumes, in the order of the data:
 //!
@@ -58,7 +58,6 @@ mod projector;
 mod quantity;
 mod record;
 mod redundancy;
-mod regions;
 mod resampling;
 mod resident;
 mod rings;
@@ -71,6 +70,7 @@ mod truth;
 mod vectors;
 mod view_runs;
 mod voxel_mask;
+mod voxel_shape;
 mod work;
 mod write;
 
@@ -100,10 +100,10 @@ pub use plan::VolumePlan;
 pub use prepare::{PixelCounts, fill_images, prepare_sinograms};
 pub use quantity::Quantity;
 pub use record::{HardeningRecord, VolumeRecord};
-pub use regions::{Region, RegionMean, RegionShape, region_table};
 pub use rings::suppress_rings;
 pub use run::{LABELS, Reconstructed, VolumesTo, reconstruct};
 pub use solver::{IterativeOptions, Solver};
 pub use truth::Truth;
 pub use voxel_mask::VoxelMask;
+pub use voxel_shape::VoxelShape;
 pub use write::VolumeFormat;

@@ -8,7 +8,6 @@ use super::method::Method;
 use super::open::OpenVolumes;
 use super::quantity::Quantity;
 use super::redundancy::Redundancy;
-use super::regions::Region;
 use super::voxel_mask::VoxelMask;
 use beamlet_core::{Error, Result, setters};
 use std::path::PathBuf;
@@ -23,8 +22,6 @@ pub struct VolumePlan {
     pub grid: VolumeGrid,
     /// The method.
     pub method: Method,
-    /// Regions whose means are written as CSV.
-    pub regions: Vec<Region>,
     /// Stripes of single columns are taken off ([`super::suppress_rings`]).
     pub rings: bool,
     /// Views that lost their refraction ([`super::LostViews`]) keep their weight in δ.
@@ -43,14 +40,13 @@ pub struct VolumePlan {
 }
 
 impl VolumePlan {
-    /// A plan without regions and corrections.
+    /// A plan without corrections.
     #[must_use]
     pub const fn new(quantities: Vec<Quantity>, grid: VolumeGrid, method: Method) -> Self {
         Self {
             quantities,
             grid,
             method,
-            regions: Vec::new(),
             rings: false,
             keep_views: false,
             gradient_bias: None,
@@ -62,8 +58,6 @@ impl VolumePlan {
     }
 
     setters! {
-        /// Sets the regions whose means are written.
-        with_regions(regions: Vec<Region>);
         /// Takes stripes of single columns off.
         with_rings(rings: bool);
         /// Keeps views that lost their refraction in δ.
@@ -106,7 +100,6 @@ impl VolumePlan {
         if let Some(k) = self.gradient_bias.filter(|k| !k.is_finite()) {
             return Err(Error::argument("gradient_bias", k.to_string(), "a finite length, m"));
         }
-        self.regions.iter().try_for_each(|region| region.check(&self.grid))?;
         self.method.check_extras(self.mask.is_some(), self.start.is_some())?;
         if self.beam_hardening.is_some() && !has_mu {
             let allowed = "volumes of mu: refraction and dark field have no hardening to correct";

@@ -100,9 +100,6 @@ pub struct VolumeRecord {
     /// Object and material of each label of the truth; empty without one.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub labels: BTreeMap<u32, String>,
-    /// Regions of regions.csv as they are read on the command line, lengths in m.
-    #[serde(default, skip_serializing_if = "Vec::is_empty")]
-    pub regions: Vec<String>,
     /// Files beside the volumes.
     pub files: Vec<String>,
 }
@@ -167,7 +164,6 @@ impl VolumeRecord {
             origin_m: plan.grid.origin,
             units: BTreeMap::new(),
             labels: BTreeMap::new(),
-            regions: plan.regions.iter().map(ToString::to_string).collect(),
             files: Vec::new(),
         }
     }

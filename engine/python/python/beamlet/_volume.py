@@ -72,7 +72,6 @@ class Volume:
         best: Number of the iterate that the values are, the one of the least residual.
         pixels: Pixels of the images: how many had no answer, no light or were misfits and were filled;
             ``None`` for sinograms.
-        regions: Means of regions: a line with ``region``, ``mean``, ``standard_deviation``, ... for each.
         truth: The scene on the voxels; ``None`` without.
         axis: x of the axis of rotation from the optical axis, m.
         energy: Energy of ``mu`` after the correction of beam hardening, keV; ``None`` without.
@@ -90,7 +89,6 @@ class Volume:
     residuals: tuple[float, ...] = ()
     best: int = 0
     pixels: Mapping[str, int] | None = None
-    regions: tuple[Line, ...] = ()
     truth: Truth | None = None
     axis: float = 0.0
     energy: float | None = None
@@ -226,7 +224,6 @@ def _options(method: Reconstruction, given: Mapping[str, Any]) -> dict[str, Any]
         "cut_off": number("cut_off", given["cut_off"]),
         "iterations": whole_number("iterations", given["iterations"], 1),
         "beam_hardening": _hardening(given["beam_hardening"]),
-        "regions": [text("regions", region) for region in given["regions"]],
         "find_centre": given["centre"] == "auto",
     }
     passes, discrepancy = given["arm_passes"], given["discrepancy"]
@@ -282,7 +279,6 @@ def reconstruct(
     centre: float | Literal["auto"] | None = None,
     rings: bool = False,
     beam_hardening: str | None = None,
-    regions: Sequence[str] = (),
     truth: bool = False,
     scene: Scene | None = None,
     keep_views: bool = False,
@@ -312,15 +308,13 @@ def reconstruct(
         phase: ``delta`` from refraction angles integrated along the rows, which begin and end in air.
         weights: Weight of each value in iterative methods, 0 or more, ``[view][row][column]``.
         mask: True where voxels may differ from zero, ``[z][y][x]``, a shape as
-            ``"cylinder:0 mm,0 mm,8 mm"``, or the path of a file as for the command line.
+            ``"cylinder:0 mm,0 mm,8 mm"``, ``sphere:X,Y,Z,RADIUS`` or ``box:X,Y,Z,WIDTH,DEPTH,HEIGHT``, or the path of a file as for the command line.
         start: Volume to begin with, ``[z][y][x]``.
         centre: Column of the axis of rotation, counted from 0 at the centre of the first, with a
             fraction; ``"auto"`` finds it in the sinograms; default: `axis`.
         rings: Stripes of single columns are removed.
         beam_hardening: Material of the sample, as ``"water"`` or with the energy of ``mu`` as
             ``"water@40keV"``: -ln T under the spectrum of the scene is corrected for beam hardening.
-        regions: Means of regions, as ``"rod=cylinder:0 mm,0 mm,1 mm"``; ``sphere:X,Y,Z,RADIUS`` and
-            ``box:X,Y,Z,WIDTH,DEPTH,HEIGHT`` are the other shapes.
         truth: The scene on the same voxels and the errors by object: ``Volume.truth``.
         scene: Scene for `beam_hardening` and `truth`; default: `geometry`, where it is one.
         keep_views: Views that lost their refraction keep their weight in ``delta``.
@@ -393,7 +387,6 @@ def _volume(quantity: str, found: Mapping[str, Any]) -> Volume:
         found["unit"],
         tuple(found["residuals"]),
         found["best"],
-        regions=_table(found["regions"]),
         truth=truth,
         axis=found["axis"],
         energy=found["energy"],

@@ -13,7 +13,6 @@ use crate::reconstruct::moment::reaching_ends;
 use crate::reconstruct::plan::VolumePlan;
 use crate::reconstruct::quantity::Quantity;
 use crate::reconstruct::record::{HardeningRecord, VolumeRecord};
-use crate::reconstruct::regions::region_table;
 use crate::reconstruct::rings::suppress_rings;
 use crate::reconstruct::truth::Truth;
 use crate::reconstruct::write::{VolumeFormat, Voxels, write};
@@ -29,7 +28,6 @@ const CUT: f64 = 0.2;
 /// Tables beside the volumes, as CSV.
 #[derive(Debug, Default)]
 pub(super) struct Tables {
-    pub(super) regions: String,
     pub(super) errors: String,
     pub(super) residuals: String,
 }
@@ -77,10 +75,6 @@ impl Making<'_> {
         }
         let named = (quantity.name(), quantity.unit());
         self.put(named, Voxels::Values(&volume.values), &control.cancel)?;
-        if !self.plan.regions.is_empty() {
-            let table = region_table(&self.plan.regions, &volume)?;
-            append(&mut self.tables.regions, &table);
-        }
         if let Some(truth) = self.truth {
             if let Some(values) = truth.values(quantity) {
                 let name = format!("{}_truth", quantity.name());
