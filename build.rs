@@ -67,7 +67,6 @@ const PERMUTATIONS: &[Permutation] = &[
     ("wave_line", "wave/line.comp", &[]),
     ("fit", "retrieve/fit.comp", &[]),
     ("back_project", "reconstruct/back_project.comp", &[]),
-    ("back_project_variance", "reconstruct/back_project.comp", &[("VARIANCE", "1")]),
     ("project", "reconstruct/project.comp", &[]),
     ("project_cone", "reconstruct/project.comp", &[("CONE", "1")]),
     ("project_back", "reconstruct/project_back.comp", &[]),

@@ -4,6 +4,7 @@
 use crate::args::Arguments;
 use clap::error::ErrorKind;
 use clap::{Arg, Command, CommandFactory, Parser};
+use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 use std::{env, fs};
@@ -33,13 +34,40 @@ fn reference() -> String {
         let about = verb.get_about().map(ToString::to_string).unwrap_or_default();
         let _ = writeln!(out, "| [`{name}`](#{name}) | {about} |");
     }
+    let shared = shared_rows(&program);
+    out.push_str("\n## Options of several verbs\n\n| option | meaning | verbs |\n|---|---|---|\n");
+    for (row, of) in &shared {
+        let all = of.len() == verbs(&program).count();
+        let _ = writeln!(out, "{row} {} |", if all { "all".to_owned() } else { of.join(", ") });
+    }
     for verb in program.get_subcommands_mut().filter(|verb| verb.get_name() != "help") {
-        out.push_str(&section(verb));
+        out.push_str(&section(verb, &shared));
     }
     out
 }
 
-fn section(verb: &mut Command) -> String {
+/// Rows of options that three verbs or more share, with the names of these verbs.
+fn shared_rows(program: &Command) -> BTreeMap<String, Vec<String>> {
+    let mut rows: BTreeMap<String, Vec<String>> = BTreeMap::new();
+    for verb in verbs(program) {
+        for row in rows_of(verb).filter(|row| row.contains("`--")) {
+            rows.entry(row).or_default().push(format!("`{}`", verb.get_name()));
+        }
+    }
+    rows.retain(|_, of| of.len() >= 3);
+    rows
+}
+
+/// A row of a table for each argument of a verb.
+fn rows_of(verb: &Command) -> impl Iterator<Item = String> {
+    let shown = |arg: &&Arg| !arg.is_hide_set() && arg.get_id() != "help";
+    verb.get_arguments()
+        .filter(shown)
+        .map(|arg| format!("| {} | {} |", spelling(arg), meaning(arg)))
+}
+
+/// Usage, examples and the arguments of a verb but for `shared` ones.
+fn section(verb: &mut Command, shared: &BTreeMap<String, Vec<String>>) -> String {
     let usage = verb.render_usage().to_string();
     let usage = usage.trim_start_matches("Usage: ").replace('\n', " ");
     let about = verb.get_about().map(ToString::to_string).unwrap_or_default();
@@ -49,10 +77,9 @@ fn section(verb: &mut Command) -> String {
         let _ = write!(out, "\n```sh\n{}\n```\n", examples.join("\n"));
     }
     text.iter().for_each(|text| _ = write!(out, "\n{text}\n"));
-    out.push_str("\n| argument | meaning |\n|---|---|\n");
-    let shown = |arg: &&Arg| !arg.is_hide_set() && arg.get_id() != "help";
-    for arg in verb.get_arguments().filter(shown) {
-        let _ = writeln!(out, "| {} | {} |", spelling(arg), meaning(arg));
+    let own: Vec<String> = rows_of(verb).filter(|row| !shared.contains_key(row)).collect();
+    if !own.is_empty() {
+        let _ = write!(out, "\n| argument | meaning |\n|---|---|\n{}\n", own.join("\n"));
     }
     out
 }

@@ -70,12 +70,11 @@ pub mod reconstruct {
         AstraFile, BeamEnergy, BeamHardening, Data, FbpOptions, Filter, GridChoice,
         HardeningChoice, HardeningRecord, Input, Iterated, IterativeOptions, LABELS, LostUse,
         LostView, LostViews, Made, Measured, Method, Model, MomentRecord, OpenVolumes, PixelCounts,
-        Quantity, Reconstructed, Region, RegionMean, RegionShape, ScanGeometry, Solver, Truth,
-        Volume, VolumeEstimate, VolumeFormat, VolumeGrid, VolumePlan, VolumeRecord, VolumesTo,
-        VoxelMask, add_gradient_bias, deviation_weights, estimate, fbp, fbp_mean_shared_sigma,
-        fbp_mean_sigma, fbp_shared_sigma, fbp_sigma, fill_images, find_axis, gradient_bias,
-        iterate, phase_along_rows, prepare_sinograms, reaching_ends, reconstruct, region_table,
-        suppress_rings, write_astra,
+        Quantity, Reconstructed, ScanGeometry, Solver, Truth, Volume, VolumeEstimate, VolumeFormat,
+        VolumeGrid, VolumePlan, VolumeRecord, VolumesTo, VoxelMask, VoxelShape, add_gradient_bias,
+        deviation_weights, estimate, fbp, fill_images, find_axis, gradient_bias, iterate,
+        phase_along_rows, prepare_sinograms, reaching_ends, reconstruct, suppress_rings,
+        write_astra,
     };
 }
 /// Retrieval: from illumination curves to transmission, refraction and dark field.

@@ -3,7 +3,7 @@
 use super::shared::{DeviceArguments, Messages, ProfileArguments};
 use super::values::{above_zero, finite, key_value, length, lengths, memory_size, sizes};
 use beamlet::cli_support::units::Dimension;
-use beamlet::reconstruct::{Filter, Quantity, Region, VolumeFormat, VoxelMask};
+use beamlet::reconstruct::{Filter, Quantity, VolumeFormat, VoxelMask};
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use clap::{Args, ValueEnum};
 use std::path::PathBuf;
@@ -11,8 +11,7 @@ use std::path::PathBuf;
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:\n  \
     beamlet reconstruct run -o volume\n  \
-    beamlet reconstruct run -o volume --quantity delta --format mhd \\\n    \
-      --region 'rod=cylinder:1 mm, 0 mm, 0.8 mm' --truth\n  \
+    beamlet reconstruct run -o volume --quantity delta --format mhd --truth\n  \
     beamlet reconstruct dither0/retrieved dither1/retrieved -o volume --dry-run\n  \
     beamlet reconstruct sinograms.npy --geometry scene.toml --quantity mu -o volume\n  \
     beamlet reconstruct run -o volume --method cgls --iterations 10 --mask 'cylinder:0 mm,0 mm,8 mm'\n  \
@@ -39,10 +38,6 @@ pub(crate) struct Reconstruct {
     pub(crate) filtered: Filtered,
     #[command(flatten)]
     pub(crate) iterated: Iterated,
-    /// Use the uncertainties of the retrieval: fbp writes uncertainties of voxels and of means of
-    /// regions, iterative methods weigh by them
-    #[arg(long)]
-    pub(crate) sigma: bool,
     /// Remove rings: stripes of single columns in the sinograms
     #[arg(long)]
     pub(crate) rings: bool,
@@ -75,10 +70,6 @@ pub(crate) struct Reconstruct {
     /// File format of the volumes
     #[arg(long, value_parser = format(), default_value = "tiff")]
     pub(crate) format: VolumeFormat,
-    /// Write the mean over a region to regions.csv (may be repeated): NAME=cylinder:X,Y,RADIUS (along
-    /// z), NAME=sphere:X,Y,Z,RADIUS or NAME=box:X,Y,Z,WIDTH,DEPTH,HEIGHT, lengths with units
-    #[arg(long = "region", value_name = "NAME=SHAPE", allow_hyphen_values = true)]
-    pub(crate) regions: Vec<Region>,
     /// Write the scene on the same voxels (mu, delta, labels of objects), and the errors by object to
     /// errors.csv
     #[arg(long)]
@@ -144,8 +135,9 @@ pub(crate) struct Iterated {
     /// Reconstruct delta from refraction angles integrated along the rows, in cgls, sirt and bb
     #[arg(long)]
     pub(crate) phase: bool,
-    /// Voxels that may differ from zero, in cgls, sirt and bb: a shape as in --region but without
-    /// NAME=, or a file (NPY, TIFF) [z][y][x] with 0 for all other voxels
+    /// Voxels that may differ from zero, in cgls, sirt and bb: cylinder:X,Y,RADIUS (along z),
+    /// sphere:X,Y,Z,RADIUS or box:X,Y,Z,WIDTH,DEPTH,HEIGHT, lengths with units, or a file (NPY, TIFF) [z][y][x] with 0
+    /// for all other voxels
     #[arg(long, value_name = "SHAPE|FILE")]
     pub(crate) mask: Option<VoxelMask>,
     /// Directory of volumes with the same voxels, from which cgls, sirt and bb start [default: zero]

@@ -161,10 +161,8 @@ fn plan(arguments: &Reconstruct, source: &Source) -> Result<VolumePlan, Failure>
     let beam = source.scene.as_ref().and_then(|scene| BeamEnergy::of(scene).ok());
     let plan = VolumePlan::new(quantities, grid, method(arguments));
     Ok(plan
-        .with_regions(arguments.regions.clone())
         .with_rings(arguments.rings)
         .with_keep_views(arguments.keep_views)
-        .with_sigma(arguments.sigma)
         .with_gradient_bias(bias(arguments, source))
         .with_beam(beam)
         .with_beam_hardening(hardening(arguments, source)?)

@@ -1,4 +1,4 @@
-//! A reconstruction as one page: slices across three axes, values, regions and histograms.
+//! A reconstruction as one page: slices across three axes, values and histograms.
 
 use super::tables::TableRow;
 use super::thinning::Quantised;
@@ -15,8 +15,8 @@ use crate::picture::volume_scale;
 use crate::progress::Reporter;
 use crate::residuals::{self, Residuals};
 use beamlet::cli_support::{printed, require_memory};
-use beamlet::reconstruct::{LABELS, OpenVolumes, Region, RegionShape, VolumeRecord};
-use beamlet::stack::layout::{ERRORS, REGIONS};
+use beamlet::reconstruct::{LABELS, OpenVolumes, VolumeRecord};
+use beamlet::stack::layout::ERRORS;
 use minijinja::context;
 use ndarray::Array3;
 use serde_json::{Map as Object, Value, json};
@@ -72,7 +72,6 @@ pub(crate) fn page(
         }
         described.insert(name.clone(), about);
     }
-    let regions = regions(record);
     let maps = [Map::Grey, Map::Viridis, Map::Inferno, Map::Diverging];
     let tables: Object<String, Value> =
         maps.into_iter().map(|map| (format!("{map:?}"), table_of(map).into())).collect();
@@ -85,7 +84,6 @@ pub(crate) fn page(
         "origin": millimetres(bins.origin(record)),
         "names": names(record),
         "volumes": described,
-        "regions": regions.iter().map(region_json).collect::<Vec<_>>(),
         "residuals": residuals(path),
         "maps": tables,
     });
@@ -95,8 +93,6 @@ pub(crate) fn page(
         facts => facts(record, &options.command),
         notes => notes(&bins, record, options.most),
         names => names(record),
-        regions => regions.iter().map(|region| region.name.clone()).collect::<Vec<_>>(),
-        region_rows => table(path, REGIONS),
         error_rows => table(path, ERRORS),
         provenance => provenance(path, record),
         reconstruction => reconstruction(record),
@@ -178,23 +174,6 @@ impl Bins {
         sums.zip_mut_with(&counts, |sum, count| *sum /= f64::from(*count));
         Ok(sums)
     }
-}
-
-/// Regions whose means were written.
-fn regions(record: &VolumeRecord) -> Vec<Region> {
-    record.regions.iter().filter_map(|text| text.parse().ok()).collect()
-}
-
-/// A region, lengths in mm.
-fn region_json(region: &Region) -> Value {
-    let (kind, lengths): (_, &[f64]) = match &region.shape {
-        RegionShape::Cylinder(lengths) => ("cylinder", lengths),
-        RegionShape::Sphere(lengths) => ("sphere", lengths),
-        RegionShape::Box(lengths) => ("box", lengths),
-        _ => ("none", &[]),
-    };
-    let lengths: Vec<f64> = lengths.iter().map(|length| 1e3 * length).collect();
-    json!({ "name": region.name, "kind": kind, "lengths": lengths })
 }
 
 /// Lines and fields of a table beside the volumes; empty where there is none.

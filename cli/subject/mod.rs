@@ -195,10 +195,8 @@ impl Subject {
     /// Name of the image of the 1 sigma of another, where values have noise.
     pub(crate) fn sigma_of(&self, name: &str) -> Option<String> {
         let sigma = format!("{name}_sigma");
-        let counts = self.record.as_ref().is_some_and(|record| record.counts);
-        // Earlier versions made one from the residuals of noise-free values.
         let there = |maps: &Maps| maps.names().any(|found| found == sigma);
-        (counts && self.images().is_some_and(there)).then_some(sigma)
+        self.images().is_some_and(there).then_some(sigma)
     }
 
     /// How the images were retrieved, in words.

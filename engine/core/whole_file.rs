@@ -24,17 +24,11 @@ fn unfinished(path: &Path) -> PathBuf {
     path.with_file_name(name)
 }
 
-/// The name that a file gets when it is whole; the name itself for others. Earlier versions had the number
-/// of their process behind [`NEW`].
+/// The name that a file gets when it is whole; the name itself for others.
 pub fn whole_name(name: &str) -> &str {
     let [beginning, ending] = UNFINISHED;
     let hidden = || name.strip_prefix(beginning)?.strip_suffix(ending);
-    let numbered = || {
-        let (name, process) = name.rsplit_once(NEW)?;
-        let number = process.strip_prefix('-').unwrap_or(process);
-        number.bytes().all(|byte| byte.is_ascii_digit()).then_some(name)
-    };
-    hidden().or_else(numbered).unwrap_or(name)
+    hidden().or_else(|| name.strip_suffix(NEW)).unwrap_or(name)
 }
 
 /// Opens the file of a name that one process has at a time, emptied.

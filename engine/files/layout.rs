@@ -7,7 +7,7 @@
 //! RUN/flat/step_000.exr  sample/view_0000/step_000.exr  dark/…  counts/…      a file per frame
 //! RUN/retrieved/retrieved.json  geometry.json  corrections.csv  NAME.npy  or  NAME/view_0000.exr
 //! ASTRA/astra.json  load_astra.py  NAME.npy
-//! VOLUME/volume.json  regions.csv  errors.csv  residuals.csv
+//! VOLUME/volume.json  errors.csv  residuals.csv
 //! VOLUME/NAME.npy  or  NAME/slice_0000.exr  or  NAME.mhd  NAME.raw
 //! FOLDER.partial/.beamlet-partial  FOLDER.replaced   arrays in the making, and those that they replace
 //! RUN/NAME.new  RUN/partial                                       a run in the making
@@ -44,8 +44,6 @@ pub const FLAGS: &str = "flags";
 pub const VOLUME: &str = "volume.json";
 /// Corrections by empty beam, in the folder of retrieved images.
 pub const CORRECTIONS: &str = "corrections.csv";
-/// Means of regions, in the folder of a reconstruction.
-pub const REGIONS: &str = "regions.csv";
 /// Errors by object, in the folder of a reconstruction with its truth.
 pub const ERRORS: &str = "errors.csv";
 /// Description of projections for ASTRA, in their folder.
@@ -77,8 +75,8 @@ const VIEW: &str = "view_";
 const STEP: &str = "step_";
 const SLICE: &str = "slice_";
 /// Files beside the arrays of a folder.
-const BESIDE: [&str; 9] =
-    [RECORD, ASTRA, VOLUME, GEOMETRY, CORRECTIONS, REGIONS, ERRORS, RESIDUALS, ASTRA_SCRIPT];
+const BESIDE: [&str; 8] =
+    [RECORD, ASTRA, VOLUME, GEOMETRY, CORRECTIONS, ERRORS, RESIDUALS, ASTRA_SCRIPT];
 /// Endings of a `MetaImage`: its header, and its values.
 const HEADER: &str = ".mhd";
 const RAW: &str = ".raw";

@@ -1,7 +1,6 @@
 #version 460
 // Adds filtered projections to the voxels of a slab: one thread a voxel, views in order, linear
-// interpolation between columns and rows. VARIANCE: the same of variances of rows, whose columns are
-// correlated by their filter.
+// interpolation between columns and rows.
 #extension GL_GOOGLE_include_directive : require
 #extension GL_EXT_buffer_reference : require
 #extension GL_EXT_buffer_reference2 : require
@@ -13,20 +12,6 @@ layout(local_size_x = GROUP) in;
 
 #include "interface/BackProjectPush.glsl"
 
-#ifdef VARIANCE
-// Variance between two columns of a row, which holds the variances of columns, then the covariances of
-// each with the next.
-float between(uint start, float column) {
-    start *= 2u;
-    uint left = min(uint(column), push.columns - 1u);
-    uint right = min(left + 1u, push.columns - 1u);
-    float b = column - float(left);
-    float a = 1.0 - b;
-    float both = push.projections.at[start + push.columns + left];
-    return a * a * push.projections.at[start + left] + 2.0 * a * b * both
-        + b * b * push.projections.at[start + right];
-}
-#else
 // Value between two columns of a row.
 float between(uint start, float column) {
     uint left = min(uint(column), push.columns - 1u);
@@ -34,7 +19,6 @@ float between(uint start, float column) {
     float a = push.projections.at[start + left];
     return a + (column - float(left)) * (push.projections.at[start + right] - a);
 }
-#endif
 
 void main() {
     uint voxel = push.first + gl_GlobalInvocationID.x;
@@ -64,12 +48,7 @@ void main() {
         float under = between((start + below) * push.columns, at.x);
         float share = at.y - float(row);
         float weight = push.is_squared != 0u ? near * near : near;
-#ifdef VARIANCE
-        value = (1.0 - share) * (1.0 - share) * value + share * share * under;
-        weight *= weight;
-#else
         value += share * (under - value);
-#endif
         sum += value * weight;
     }
     push.volume.at[voxel] = sum;

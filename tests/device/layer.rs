@@ -164,8 +164,6 @@ fn every_kernel_works_without_a_message_of_the_validation_layer() {
     ];
     layer.simulate(None, FIBRE, &counts);
     layer.run(None, &["retrieve", "run", "--counts", "--method", "gaussian"]);
-    let sigma = "reconstruct run --quantity mu -o volume --overwrite --sigma";
-    layer.run(None, &sigma.split(' ').collect::<Vec<_>>());
     reconstruct(&mut layer, 1, "");
     reconstruct(&mut layer, 6, "");
     reconstruct(&mut layer, 6, "motions = \"motions.csv\"\n");

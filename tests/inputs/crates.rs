@@ -1,7 +1,5 @@
 //! The crates of the engine: the arrows of docs/developers/architecture.md are those of Cargo.
 
-#![expect(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
-
 use std::fs;
 
 /// Members named in a line of dependencies.

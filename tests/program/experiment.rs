@@ -3,18 +3,21 @@
 
 use crate::support::program::{beamlet, done, ended, workplace};
 use beamlet::ndarray::{Array3, s};
+use beamlet::reconstruct::{OpenVolumes, Quantity};
 use ndarray_npy::read_npy;
 use std::collections::BTreeMap;
-use std::fs;
 use std::path::Path;
 
-/// Regions of the small scene, mm: inside of the matrix, the rods and the bundle of thin fibres.
-const REGIONS: [&str; 5] = [
-    "matrix=cylinder:1.2 mm,-1.6 mm,0.45 mm",
-    "nylon=cylinder:-1.6 mm,-1.2 mm,0.35 mm",
-    "epoxy=cylinder:-2.1 mm,0.5 mm,0.35 mm",
-    "carbon=cylinder:2.1 mm,0.3 mm,0.35 mm",
-    "bundle=cylinder:0 mm,1.6 mm,0.3 mm",
+/// x and y of the axis of a cylinder along z, and its radius, mm.
+type Cylinder = [f64; 3];
+
+/// Regions of the small scene: inside of the matrix, the rods and the bundle of thin fibres.
+const REGIONS: [(&str, Cylinder); 5] = [
+    ("matrix", [1.2, -1.6, 0.45]),
+    ("nylon", [-1.6, -1.2, 0.35]),
+    ("epoxy", [-2.1, 0.5, 0.35]),
+    ("carbon", [2.1, 0.3, 0.35]),
+    ("bundle", [0.0, 1.6, 0.3]),
 ];
 
 /// Runs the program; its arguments may hold blanks.
@@ -23,17 +26,23 @@ fn program(place: &Path, arguments: &[String]) {
 }
 
 /// Means by quantity and region.
-fn means(volume: &Path) -> BTreeMap<(String, String), f64> {
-    let table = fs::read_to_string(volume.join("regions.csv")).expect("regions are written");
-    let mut lines = table.lines().map(|line| line.split(',').collect::<Vec<_>>());
-    let head = lines.next().expect("a heading");
-    let place = |name: &str| head.iter().position(|it| *it == name).expect("a column");
-    let [region, quantity, mean] = ["region", "quantity", "mean"].map(place);
-    lines
-        .map(|line| {
-            ((line[quantity].into(), line[region].into()), line[mean].parse().expect("a number"))
-        })
-        .collect()
+fn means(path: &Path, regions: &[(&str, Cylinder)]) -> BTreeMap<(String, String), f64> {
+    let volumes = OpenVolumes::open(path).expect("volumes");
+    let mut means = BTreeMap::new();
+    for quantity in Quantity::ALL {
+        let volume = volumes.volume(quantity).expect("a volume");
+        for (region, [a, b, radius]) in regions {
+            let (mut sum, mut count) = (0.0, 0.0);
+            for (at, value) in volume.values.indexed_iter() {
+                let [x, y, _] = volume.grid.centre(at).map(|place| 1e3 * place);
+                if (x - a).hypot(y - b) <= *radius {
+                    (sum, count) = (sum + f64::from(*value), count + 1.0);
+                }
+            }
+            means.insert((quantity.name().to_owned(), (*region).to_owned()), sum / count);
+        }
+    }
+    means
 }
 
 /// Simulates the shipped scene with `sets`, retrieves it by both methods and reconstructs it; means by
@@ -41,7 +50,7 @@ fn means(volume: &Path) -> BTreeMap<(String, String), f64> {
 fn reconstructed(
     place: &Path,
     sets: &[&str],
-    regions: &[&str],
+    regions: &[(&str, Cylinder)],
 ) -> [BTreeMap<(String, String), f64>; 2] {
     done(place, "example tomography -o scene");
     let mut simulate: Vec<String> =
@@ -50,11 +59,10 @@ fn reconstructed(
     program(place, &simulate);
     ["gaussian", "exact-curve"].map(|method| {
         done(place, &format!("retrieve run --method {method} -o {method} -q"));
-        let mut reconstruct: Vec<String> =
+        let reconstruct: Vec<String> =
             ["reconstruct", method, "-o", "volume", "--overwrite", "-q"].map(Into::into).into();
-        reconstruct.extend(regions.iter().flat_map(|it| ["--region".into(), (*it).into()]));
         program(place, &reconstruct);
-        means(&place.join("volume"))
+        means(&place.join("volume"), regions)
     })
 }
 
@@ -110,11 +118,11 @@ fn experiment_of_64_views_has_the_contrasts_of_the_paper() {
         "object.fibres.instances.region.cylinder.radius=0.4 mm",
     ];
     let regions = [
-        "matrix=cylinder:5 mm,-4.5 mm,1 mm",
-        "nylon=cylinder:-6 mm,-4 mm,0.35 mm",
-        "epoxy=cylinder:-5 mm,0 mm,0.35 mm",
-        "carbon=cylinder:5 mm,0 mm,0.35 mm",
-        "bundle=cylinder:0 mm,5 mm,0.25 mm",
+        ("matrix", [5.0, -4.5, 1.0]),
+        ("nylon", [-6.0, -4.0, 0.35]),
+        ("epoxy", [-5.0, 0.0, 0.35]),
+        ("carbon", [5.0, 0.0, 0.35]),
+        ("bundle", [0.0, 5.0, 0.25]),
     ];
     contrasts_hold(&reconstructed(directory.path(), &sets, &regions));
 }

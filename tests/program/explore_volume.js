@@ -68,30 +68,20 @@
     const row = (name) => document.querySelector(`#voxel .${name} td`).textContent;
     check("all volumes are told at the voxel", row("labels") === "rod (plastic)" && row("mu_truth").startsWith("50.") && row("mu").endsWith("1/m"), text("voxel"));
     check("and its numbers", row("number") === "9, 8, 1", row("number"));
-    check("and its regions", row("in") === "disc, ball, block", row("in"));
     await point("pointerdown", "z", 0, 0);
-    check("where there are some", row("in") === "none" && row("labels").startsWith("surroundings"), row("in") + row("labels"));
+    check("and of the surroundings", row("labels").startsWith("surroundings"), row("labels"));
 
     await point("pointerdown", "z", 9, 8);
     before = all();
-    await click(by("outlines"));
-    found = changed(before);
-    check("outlines of regions can be hidden", same(found, slices), found);
-    await click(by("outlines"));
-    check("and shown", changed(before) === "", changed(before));
     await click(by("crosshair"));
     found = changed(before);
-    check("and the crosshair", same(found, slices), found);
+    check("the crosshair can be hidden", same(found, slices), found);
     await press(by("slice-y"), "h");
     check("by a key, too", by("crosshair").checked && changed(before) === "", changed(before));
 
     check("the histogram is of the whole volume", text("part-told").startsWith("768 voxels"), text("part-told"));
     await put("part", "z", "change");
     check("or of a slice", text("part-told").startsWith("256 voxels"), text("part-told"));
-    await put("part", "region 0", "change");
-    const cells = [...document.querySelectorAll("table.grid tr")].map((one) => [...one.children].map((cell) => cell.textContent));
-    const line = cells.find((one) => one[0] === "disc");
-    check("or of a region, whose voxels are those of the table", line && text("part-told").startsWith(line[3] + " voxels"), text("part-told") + line);
     await put("part", "volume", "change");
     const bars = charts.histogram.plot.data[1].map((n) => n === null ? 0 : n === .1 ? 1 : 10 ** n);
     check("its bars have all voxels", Math.abs(bars.reduce((a, b) => a + b) - 768) < 1e-6, bars.join());
@@ -157,7 +147,7 @@
     const wide = document.documentElement.scrollWidth;
     check("the page is no wider than the window", wide <= innerWidth, `${wide} in ${innerWidth}`);
     const page = document.querySelector("body").textContent;
-    for (const [what, words] of [["method", "cgls"], ["errors", "error_percent"], ["regions", "standard_deviation"],
+    for (const [what, words] of [["method", "cgls"], ["errors", "error_percent"],
       ["provenance", "SHA-256"], ["command line", "beamlet report volume"], ["date", " UTC"]]) {
       check(what + " is in the page", page.includes(words), words);
     }

@@ -64,7 +64,7 @@ fn a_resumed_run_keeps_its_tolerances() {
     let here = directory.path();
     let began = traced(here, ["", "quality = \"fine\""], "--set scan.angles=[\"0deg\",\"9deg\"]");
     let path = here.join("run/scene.toml");
-    // As an earlier version resolved it.
+    // A resolved scene of numbers alone.
     let text = fs::read_to_string(&path).unwrap().replace("quality = \"fine\"\n", "");
     fs::write(&path, text).unwrap();
     let log = fs::read_to_string(here.join("run/progress.log")).unwrap();

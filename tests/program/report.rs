@@ -91,10 +91,11 @@ fn made_with_maps_of(counts: bool) -> TempDir {
     // The flagged pixel is a spike.
     let spike = |row, column| if (row, column) == (1, 5) { 500.0 } else { 0.0 };
     write("dark_field", &|view, row, column| ((row + view) as f32 + spike(row, column)) * 1e-12);
-    // Without counts as earlier versions made them of noise-free values: no uncertainty, not shown.
-    write("transmission_sigma", &|_, _, _| 0.01);
-    write("refraction_sigma", &|_, _, _| 5e-8);
-    write("dark_field_sigma", &|_, _, _| 4e-13);
+    if counts {
+        write("transmission_sigma", &|_, _, _| 0.01);
+        write("refraction_sigma", &|_, _, _| 5e-8);
+        write("dark_field_sigma", &|_, _, _| 4e-13);
+    }
     for of in ["flat", "sample"] {
         write(&format!("{of}_amplitude"), &|_, _, _| 0.16);
         write(&format!("{of}_centre"), &|_, _, _| 0.0);

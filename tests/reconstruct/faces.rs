@@ -1,10 +1,10 @@
 //! Scans of a block with views along its faces, by the program and by `check`.
 
+use super::verb::mean_about;
 use crate::support::program::{done, run, stderr, workplace};
 use beamlet::check::Check;
-use beamlet::reconstruct::{LostUse, VolumeRecord};
+use beamlet::reconstruct::{LostUse, Quantity, VolumeRecord};
 use beamlet::scene::Scene;
-use std::fs;
 use std::path::Path;
 use std::sync::OnceLock;
 use tempfile::TempDir;
@@ -27,7 +27,6 @@ material = "PEEK"
 "#;
 /// δ of PEEK at 30 keV.
 const DELTA: f64 = 3.1674e-7;
-const CORE: &str = "core=cylinder:0mm,0mm,0.3mm";
 
 /// A run that is retrieved, for all tests.
 fn place() -> &'static Path {
@@ -44,14 +43,11 @@ fn place() -> &'static Path {
 /// Relative error of the mean of δ in the middle of the block, with the record of the volume and the text on stderr.
 fn error(here: &Path, options: &str) -> (f64, VolumeRecord, String) {
     let name = format!("volume{}", options.replace(' ', ""));
-    let line = format!("reconstruct run -o {name} --quantity mu,delta --region {CORE} {options}");
+    let line = format!("reconstruct run -o {name} --quantity mu,delta {options}");
     let output = run(here, &line);
     let message = stderr(&output);
     assert!(output.status.success(), "{line}: {message}");
-    let table = fs::read_to_string(here.join(&name).join("regions.csv")).unwrap();
-    let column = table.lines().next().unwrap().split(',').position(|it| it == "mean").unwrap();
-    let line = table.lines().find(|line| line.starts_with("core,delta")).unwrap();
-    let mean: f64 = line.split(',').nth(column).unwrap().parse().unwrap();
+    let mean = mean_about(&here.join(&name), Quantity::Delta, [0.0; 2], 3e-4);
     (mean / DELTA - 1.0, VolumeRecord::read(&here.join(name)).unwrap(), message)
 }
 

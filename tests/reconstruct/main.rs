@@ -13,7 +13,6 @@ mod corrections;
 #[cfg(feature = "cli")]
 mod faces;
 mod fbp;
-mod hardened;
 mod iterative;
 mod lost_views;
 mod moved;
@@ -22,10 +21,7 @@ mod peers;
 mod projector;
 mod refused;
 mod resident;
-#[cfg(feature = "cli")]
-mod scatter;
 mod set_up;
-mod sigma;
 #[cfg(feature = "cli")]
 mod truth;
 #[cfg(feature = "cli")]

@@ -83,8 +83,7 @@ const FOLDERS: [(&str, u32); 5] = [
     ("simulate scene.toml -o again -q --format exr --overwrite", 3),
     ("retrieve run -q --format npy --correct dose --overwrite", 4),
     (
-        "reconstruct run -o volume -q --quantity mu --method cgls --truth --region rod=cylinder:0mm,0mm,0.2mm \
-         --format mhd --overwrite",
+        "reconstruct run -o volume -q --quantity mu --method cgls --truth --format mhd --overwrite",
         6,
     ),
     ("convert run --to astra -o astra -q --overwrite", 3),

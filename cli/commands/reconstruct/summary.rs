@@ -145,10 +145,7 @@ pub(super) fn summary(
             counts.pixels, counts.without_answer, counts.dark, counts.misfits
         )?;
     }
-    if let Some(noise) = &record.noise_of_flat {
-        writeln!(out, "sigma    noise of the flat that views share (rings): {noise}")?;
-    }
-    for table in [&done.regions, &done.errors].into_iter().flatten() {
+    if let Some(table) = &done.errors {
         writeln!(out)?;
         write!(out, "{table}")?;
     }

@@ -1,7 +1,7 @@
-// The page of a reconstruction: slices across three axes through one voxel, its values, profiles,
-// regions and histograms. State is in `at`; `show()` draws it.
+// The page of a reconstruction: slices across three axes through one voxel, its values, profiles
+// and histograms. State is in `at`; `show()` draws it.
 
-const { size, bin, whole: sides, voxel, origin, names, volumes, regions, residuals } = meta;
+const { size, bin, whole: sides, voxel, origin, names, volumes, residuals } = meta;
 names.forEach((name) => decode(name, volumes[name]));
 const AXES = ["x", "y", "z"];
 // Axes of a slice: the one it is across, the one to the right, the one up.
@@ -9,7 +9,7 @@ const CUTS = [{ across: 2, right: 0, up: 1 }, { across: 1, right: 0, up: 2 }, { 
 
 // What is shown: the volume, the voxel by its numbers in this page, and the first voxel and the number
 // of voxels in sight along each axis.
-const at = { name: names[0], voxel: size.map((side) => Math.floor(side / 2)), crosshair: true, outlines: true,
+const at = { name: names[0], voxel: size.map((side) => Math.floor(side / 2)), crosshair: true,
   sight: size.map((side) => [0, side]) };
 
 // Place of a voxel along an axis, mm, and its numbers in the files.
@@ -20,14 +20,6 @@ const indexOf = ([x, y, z]) => (z * size[1] + y) * size[0] + x;
 const valueIn = (name, where) => valueOf(volumes[name], volumes[name].words[indexOf(where)]);
 const shown = () => volumes[at.name];
 const moved = (axis, number) => Math.min(size[axis] - 1, Math.max(0, number));
-
-// Whether a point, mm, lies in a region.
-function holds({ kind, lengths }, [x, y, z]) {
-  const [a, b] = lengths;
-  if (kind === "cylinder") return Math.hypot(x - a, y - b) <= lengths[2];
-  if (kind === "sphere") return Math.hypot(x - a, y - b, z - lengths[2]) <= lengths[3];
-  return [x - a, y - b, z - lengths[2]].every((from, axis) => Math.abs(from) <= lengths[3 + axis] / 2);
-}
 
 const panels = [];
 
@@ -106,7 +98,6 @@ function drawSlice(panel) {
   paper.beginPath();
   paper.rect(area.left, area.top, area.width, area.height);
   paper.clip();
-  if (at.outlines) regions.forEach((region) => outline(paper, region, panel, to, [x, y]));
   if (at.crosshair) {
     const [a, b] = to([placeOf(right, at.voxel[right]), placeOf(up, at.voxel[up])]);
     stroked(paper, () => {
@@ -134,34 +125,6 @@ function stroked(paper, path) {
   }
 }
 
-// The border of a region where the slice cuts it.
-function outline(paper, { kind, lengths }, { across, right, up }, to, [, y]) {
-  const off = placeOf(across, at.voxel[across]) - lengths[across];
-  const circle = (radius) => {
-    const [a, b] = to([lengths[right], lengths[up]]), [edge] = to([lengths[right] + radius, lengths[up]]);
-    stroked(paper, () => paper.arc(a, b, edge - a, 0, 2 * Math.PI));
-  };
-  const box = ([left, low], [far, high]) => {
-    const [a, b] = to([left, low]), [c, d] = to([far, high]);
-    stroked(paper, () => paper.rect(a, d, c - a, b - d));
-  };
-  if (kind === "cylinder" && across === 2) { circle(lengths[2]); return; }
-  if (kind === "cylinder") {
-    const half = Math.sqrt(lengths[2] ** 2 - off ** 2);
-    if (half > 0) box([lengths[right] - half, y[0] - voxel[2]], [lengths[right] + half, y[1] + voxel[2]]);
-    return;
-  }
-  if (kind === "sphere") {
-    const radius = Math.sqrt(lengths[3] ** 2 - off ** 2);
-    if (radius > 0) circle(radius);
-    return;
-  }
-  if (Math.abs(off) > lengths[3 + across] / 2) return;
-  const ends = (axis) => [-1, 1].map((sign) => lengths[axis] + sign * lengths[3 + axis] / 2);
-  const [a, b] = [ends(right), ends(up)];
-  box([a[0], b[0]], [a[1], b[1]]);
-}
-
 function csvOfSlice({ across, right, up }) {
   const { label, unit } = shown();
   const head = [`# ${label}${unit ? ` [${unit}]` : ""}, ${AXES[across]} = ${placeOf(across, at.voxel[across])} mm, lines along ${AXES[up]} ascending, columns along ${AXES[right]} ascending`];
@@ -179,8 +142,7 @@ const cells = {};
 
 function addTable() {
   const lines = [["number", "voxel x, y, z"], ["where", "x, y, z"]]
-    .concat(names.map((name) => [name, volumes[name].label]))
-    .concat(regions.length ? [["in", "in the regions"]] : []);
+    .concat(names.map((name) => [name, volumes[name].label]));
   for (const [key, title] of lines) {
     const head = make("th", { textContent: title });
     head.setAttribute("scope", "row");
@@ -196,7 +158,6 @@ function fillTable() {
   for (const name of names) {
     cells[name].textContent = inWords(volumes[name], valueIn(name, at.voxel));
   }
-  if (cells.in) cells.in.textContent = regions.filter((region) => holds(region, places)).map((region) => region.name).join(", ") || "none";
 }
 
 // ---- Charts ----
@@ -244,9 +205,7 @@ function part() {
   const chosen = element("part").value;
   const axis = AXES.indexOf(chosen);
   if (axis >= 0) return (where) => where[axis] === at.voxel[axis];
-  if (chosen === "volume") return () => true;
-  const region = regions[Number(chosen.split(" ")[1])];
-  return (where) => holds(region, where.map((number, axis) => placeOf(axis, number)));
+  return () => true;
 }
 
 function drawHistogram() {
@@ -374,7 +333,6 @@ function begin() {
   });
   element("part").addEventListener("change", drawHistogram);
   element("crosshair").addEventListener("change", (event) => { at.crosshair = event.target.checked; show(); });
-  if (element("outlines")) element("outlines").addEventListener("change", (event) => { at.outlines = event.target.checked; show(); });
   element("zoom-in").addEventListener("click", () => zoom(.5));
   element("zoom-out").addEventListener("click", () => zoom(2));
   element("zoom-whole").addEventListener("click", () => zoom(0));

@@ -1,16 +1,15 @@
-//! Volumes of sinograms: corrections, the method, uncertainties, means of regions, truth.
+//! Volumes of sinograms: corrections, the method, truth.
 
 use crate::engine::Engine;
 use crate::lost_views::Angles;
 use crate::reconstruct::{Circle, Grid, named, quantity};
 use crate::scene::Scene;
 use crate::work::interruptible;
-use beamlet::ndarray::{Array3, ArrayView3, Zip};
+use beamlet::ndarray::{Array3, ArrayView3};
 use beamlet::reconstruct::{
     BeamHardening, Data, FbpOptions, Filter, HardeningChoice, IterativeOptions, Measured, Method,
-    Quantity, Region, ScanGeometry, Solver, Volume, VolumeGrid, VoxelMask, add_gradient_bias,
-    deviation_weights, fbp_mean_shared_sigma, fbp_mean_sigma, fbp_shared_sigma, fbp_sigma,
-    find_axis, gradient_bias, region_table, suppress_rings,
+    Quantity, ScanGeometry, Solver, Volume, VolumeGrid, VoxelMask, add_gradient_bias, find_axis,
+    gradient_bias, suppress_rings,
 };
 use beamlet::{Error, RowsControl};
 use numpy::{IntoPyArray, PyArray3, PyReadonlyArray3};
@@ -35,8 +34,6 @@ pub(crate) struct Options {
     rings: bool,
     /// Material, and the energy of μ, keV.
     beam_hardening: Option<(String, Option<f64>)>,
-    /// Regions as the command line has them.
-    regions: Vec<String>,
     truth: bool,
     /// Shape of the voxels that may differ from zero, or a file.
     mask_shape: Option<String>,
@@ -76,17 +73,13 @@ impl Options {
     }
 }
 
-/// Arrays beside the sinograms: `[view][row][column]` weights, deviations and −ln T, `[z][y][x]` all others.
+/// Arrays beside the sinograms: `[view][row][column]` weights and −ln T, `[z][y][x]` all others.
 #[derive(FromPyObject)]
 #[pyo3(from_item_all)]
 pub(crate) struct Given<'py> {
     weights: Option<PyReadonlyArray3<'py, f32>>,
     mask: Option<PyReadonlyArray3<'py, bool>>,
     start: Option<PyReadonlyArray3<'py, f32>>,
-    /// Deviations by noise that views do not share.
-    sigma: Option<PyReadonlyArray3<'py, f32>>,
-    /// Deviations by the noise of a flat that views share.
-    flat_sigma: Option<PyReadonlyArray3<'py, f32>>,
     /// −ln T of the pixels of refraction angles.
     attenuation: Option<PyReadonlyArray3<'py, f32>>,
     /// Volume of μ by which δ is corrected for gradients of μ.
@@ -98,8 +91,6 @@ struct Views<'a> {
     weights: Option<ArrayView3<'a, f32>>,
     mask: Option<ArrayView3<'a, bool>>,
     start: Option<ArrayView3<'a, f32>>,
-    sigma: Option<ArrayView3<'a, f32>>,
-    flat_sigma: Option<ArrayView3<'a, f32>>,
     attenuation: Option<ArrayView3<'a, f32>>,
     mu: Option<ArrayView3<'a, f32>>,
 }
@@ -115,8 +106,6 @@ impl Given<'_> {
             weights: view(&self.weights),
             mask: self.mask.as_ref().map(|mask| mask.as_array()),
             start: view(&self.start),
-            sigma: view(&self.sigma),
-            flat_sigma: view(&self.flat_sigma),
             attenuation: view(&self.attenuation),
             mu: view(&self.mu),
         }
@@ -126,12 +115,7 @@ impl Given<'_> {
 impl Views<'_> {
     /// Refuses arrays of pixels of another shape than the sinograms.
     fn check(&self, sinograms: &Array3<f32>) -> beamlet::Result<()> {
-        let of_pixels = [
-            ("weights", &self.weights),
-            ("sigma", &self.sigma),
-            ("flat_sigma", &self.flat_sigma),
-            ("attenuation", &self.attenuation),
-        ];
+        let of_pixels = [("weights", &self.weights), ("attenuation", &self.attenuation)];
         let wanted = sinograms.dim();
         for (name, given) in of_pixels {
             if let Some(found) = given.map(|given| given.dim()).filter(|found| *found != wanted) {
@@ -159,9 +143,6 @@ struct Made {
     volume: Volume,
     residuals: Vec<f64>,
     best: usize,
-    sigma: Option<Array3<f32>>,
-    /// CSV.
-    regions: String,
     truth: Option<TrueVolume>,
     /// x of the axis of rotation, m.
     axis: f64,
@@ -192,19 +173,6 @@ impl Work<'_> {
         }
     }
 
-    /// Regions with voxels of a grid.
-    fn regions(&self, grid: &VolumeGrid) -> beamlet::Result<Vec<Region>> {
-        let region = |text: &String| {
-            let region: Region = text.parse()?;
-            region.check(grid).map(|()| region)
-        };
-        let regions = self.options.regions.iter().map(region).collect::<beamlet::Result<_>>();
-        regions.map_err(|error| match error {
-            Error::Argument { found, allowed, .. } => Error::argument("regions", found, allowed),
-            error => error,
-        })
-    }
-
     fn made(
         &self,
         mut geometry: ScanGeometry,
@@ -223,13 +191,8 @@ impl Work<'_> {
             geometry.axis = find_axis(&geometry, sinograms.view(), data, &control.cancel)?;
         }
         let grid = grid.choice().grid(&geometry)?;
-        let regions = self.regions(&grid)?;
-        let mut deviations = [&self.given.sigma, &self.given.flat_sigma]
-            .map(|given| given.as_ref().map(|array| array.to_owned()));
-        let hardening = self.hardening(&mut sinograms, &mut deviations)?;
-        let weights = self.weights(deviations[0].as_ref());
-        let lost = self.without_lost(&geometry, &mut sinograms, (&mut deviations[0], weights))?;
-        let (weights, lost_views) = lost;
+        let hardening = self.hardening(&mut sinograms)?;
+        let (weights, lost_views) = self.without_lost(&geometry, &mut sinograms)?;
         if self.options.rings {
             suppress_rings(&geometry, sinograms.view_mut(), &control.cancel)?;
         }
@@ -242,21 +205,11 @@ impl Work<'_> {
         let made = self.method.volume(self.engine, &geometry, &measured, &grid, control)?;
         let mut volume = made.volume;
         let bias = self.add_bias(&mut volume)?;
-        let (sigma, of_means) = match (&self.method, &deviations) {
-            (Method::Fbp(options), [Some(own), shared]) => {
-                let scan = (&geometry, self.of, &grid, options);
-                let found = self.sigma(scan, [Some(own), shared.as_ref()], &regions, control)?;
-                (Some(found.0), Some(found.1))
-            }
-            _ => (None, None),
-        };
-        let truth = self.truth(&geometry, &volume, hardening.as_ref(), mask, control)?;
+        let truth = self.truth(&geometry, &volume, hardening.as_ref(), control)?;
         Ok(Made {
-            regions: region_table(&regions, &volume, of_means.as_deref())?,
             volume,
             residuals: made.residuals,
             best: made.best,
-            sigma,
             truth,
             axis: geometry.axis,
             energy: hardening.map(|polynomial| polynomial.energy),
@@ -265,12 +218,8 @@ impl Work<'_> {
         })
     }
 
-    /// Corrects −ln T for beam hardening, and its deviations with it.
-    fn hardening(
-        &self,
-        sinograms: &mut Array3<f32>,
-        deviations: &mut [Option<Array3<f32>>; 2],
-    ) -> beamlet::Result<Option<BeamHardening>> {
+    /// Corrects −ln T for beam hardening.
+    fn hardening(&self, sinograms: &mut Array3<f32>) -> beamlet::Result<Option<BeamHardening>> {
         let Some((material, energy)) = &self.options.beam_hardening else { return Ok(None) };
         if self.of != Quantity::Mu {
             let allowed = "volumes of mu: refraction and dark field have no hardening to correct";
@@ -279,32 +228,24 @@ impl Work<'_> {
         let choice = HardeningChoice::new(self.scene("beam_hardening")?, material, *energy)?;
         let most = sinograms.iter().copied().fold(0.0, f32::max);
         let polynomial = BeamHardening::up_to(&choice, most.into())?;
-        for sigmas in deviations.iter_mut().flatten() {
-            Zip::from(sigmas).and(&*sinograms).for_each(|sigma, value| {
-                *sigma = (f64::from(*sigma) * polynomial.slope((*value).into())) as f32;
-            });
-        }
         polynomial.apply(sinograms.view_mut());
         Ok(Some(polynomial))
     }
 
-    /// Weights of iterative methods: as given, else by the deviations.
-    fn weights(&self, sigmas: Option<&Array3<f32>>) -> Option<Array3<f32>> {
-        if matches!(self.method, Method::Fbp(_)) {
-            return None;
-        }
-        let given = self.given.weights.map(|weights| weights.to_owned());
-        given.or_else(|| sigmas.map(|sigmas| deviation_weights(sigmas.clone())))
+    /// Weights of iterative methods.
+    fn weights(&self) -> Option<Array3<f32>> {
+        let is_filtered = matches!(self.method, Method::Fbp(_));
+        self.given.weights.filter(|_| !is_filtered).map(|weights| weights.to_owned())
     }
 
-    /// Takes the weight of views that lost their refraction from δ: in the sinograms with their deviations, or in
-    /// the weights. Returns the weights and the numbers of these views.
+    /// Takes the weight of views that lost their refraction from δ: in the sinograms or in the
+    /// weights. Returns the weights and the numbers of these views.
     fn without_lost(
         &self,
         geometry: &ScanGeometry,
         sinograms: &mut Array3<f32>,
-        (sigmas, weights): (&mut Option<Array3<f32>>, Option<Array3<f32>>),
     ) -> beamlet::Result<(Option<Array3<f32>>, Vec<usize>)> {
+        let weights = self.weights();
         if self.of != Quantity::Delta {
             return Ok((weights, Vec::new()));
         }
@@ -317,9 +258,6 @@ impl Work<'_> {
         let mut lost = angles.lost()?;
         let chosen = (&self.method, self.options.keep_views);
         let weights = lost.leave_out(geometry, chosen, sinograms, weights)?;
-        if let Some(sigmas) = sigmas {
-            lost.widen(sigmas)?;
-        }
         Ok((weights, lost.record().lost_views.iter().map(|lost| lost.view).collect()))
     }
 
@@ -347,42 +285,11 @@ impl Work<'_> {
         Ok(Some(k))
     }
 
-    /// Deviations of voxels, and of means of regions.
-    fn sigma(
-        &self,
-        (geometry, of, grid, options): (&ScanGeometry, Quantity, &VolumeGrid, &FbpOptions),
-        deviations: [Option<&Array3<f32>>; 2],
-        regions: &[Region],
-        control: &RowsControl<'_>,
-    ) -> beamlet::Result<(Array3<f32>, Vec<f64>)> {
-        let mut quiet = RowsControl::default().with_cancel(control.cancel.clone());
-        let [own, shared] =
-            deviations.map(|sigmas| sigmas.map(|sigmas| (geometry, sigmas.view(), of)));
-        let Some(own) = own else {
-            return Err(Error::argument("sigma", "no deviations", "deviations of the sinograms"));
-        };
-        let mut map = fbp_sigma(self.engine, own, grid, options, &mut quiet)?.values;
-        if let Some(shared) = shared {
-            let rings = fbp_shared_sigma(shared, grid, options, &mut quiet)?.values;
-            map.zip_mut_with(&rings, |own, ring| *own = own.hypot(*ring));
-        }
-        let mut of_region = |region: &Region| {
-            let voxels = region.voxels(grid);
-            let mean = fbp_mean_sigma(own, grid, &voxels, options, &mut quiet)?;
-            let Some(shared) = shared else { return Ok(mean) };
-            let ring = fbp_mean_shared_sigma(shared, grid, &voxels, options, &mut quiet)?;
-            Ok(mean.hypot(ring))
-        };
-        let means = regions.iter().map(&mut of_region).collect::<beamlet::Result<_>>()?;
-        Ok((map, means))
-    }
-
     fn truth(
         &self,
         geometry: &ScanGeometry,
         volume: &Volume,
         hardening: Option<&BeamHardening>,
-        mask: Option<ArrayView3<'_, bool>>,
         control: &RowsControl<'_>,
     ) -> beamlet::Result<Option<TrueVolume>> {
         if !self.options.truth {
@@ -400,12 +307,10 @@ impl Work<'_> {
         if let Some(polynomial) = hardening {
             truth = truth.with_mu_at(&scene, polynomial.energy)?;
         }
-        let of = volume.quantity;
-        let expected = truth.expected(self.engine, of, (&self.method, mask), hardening, cancel)?;
         Ok(Some(TrueVolume {
             names: truth.names(),
-            values: truth.values(of),
-            errors: truth.errors_beside(volume, expected.as_ref(), cancel)?,
+            values: truth.values(volume.quantity),
+            errors: truth.errors(volume, cancel)?,
             labels: truth.labels().clone(),
         }))
     }
@@ -424,8 +329,6 @@ pub(crate) struct Found<'py> {
     unit: &'static str,
     residuals: Vec<f64>,
     best: usize,
-    sigma: Option<Bound<'py, PyArray3<f32>>>,
-    regions: String,
     truth: Option<TrueArrays<'py>>,
     axis: f64,
     energy: Option<f64>,
@@ -475,8 +378,6 @@ pub(crate) fn reconstruct<'py>(
         origin,
         residuals: made.residuals,
         best: made.best,
-        sigma: made.sigma.map(|sigma| sigma.into_pyarray(py)),
-        regions: made.regions,
         truth,
         axis: made.axis,
         energy: made.energy,

@@ -49,11 +49,9 @@ def test_options_of_reconstructions_name_themselves(images: bl.Images) -> None:
         "voxel": ([1, 2, 3], float("nan"), 0, "9"),
         "origin": ("1 mm", 3, ["1 mm"]),
         "weights": (3, "poisson", np.ones((6, 4, 24)) > 0),
-        "sigma": (True,),
         "gradient_bias": (3, "mu"),
         "beam_hardening": ("", "@40keV", "water@40", "water@x", 3, "resin"),
         "centre": ("middle", float("nan"), [3.0]),
-        "regions": ([3], ["rod"], ["rod=cylinder:1 mm"], ["rod=cylinder:0.1 um,0 mm,1 nm"]),
         "mask": (np.ones((4, 24, 24)), 3, "sphere:9 m,0 m,0 m,1 mm"),
         "engine": ("gpu", 0, object()),
     }.items():

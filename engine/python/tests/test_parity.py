@@ -75,8 +75,8 @@ def parameters(*functions: Callable[..., Any]) -> set[str]:
             "reconstruct",
             (bl.Images.reconstruct, bl.reconstruct),
             # A limit of memory belongs to the engine; nothing is planned without being done; gradient_bias.
-            {"memory_limit", "dry_run", "no_gradient_bias", "region"},
-            {"sinograms", "axis", "weights", "gradient_bias", "regions", "scene", "attenuation"},
+            {"memory_limit", "dry_run", "no_gradient_bias"},
+            {"sinograms", "axis", "weights", "gradient_bias", "scene", "attenuation"},
         ),
     ],
 )

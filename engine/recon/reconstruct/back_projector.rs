@@ -36,28 +36,6 @@ impl<'a> BackProjector<'a> {
         grid: &'a VolumeGrid,
         quantity: Quantity,
     ) -> Result<Self> {
-        let columns = [first, pitch];
-        Self::with_kernel(compute, geometry, (columns, "back_project"), grid, quantity)
-    }
-
-    /// For variances of projections: of each column, then of each times the next one.
-    pub(super) fn of_variances(
-        compute: &Compute,
-        geometry: &ScanGeometry,
-        columns: [f64; 2],
-        grid: &'a VolumeGrid,
-        quantity: Quantity,
-    ) -> Result<Self> {
-        Self::with_kernel(compute, geometry, (columns, "back_project_variance"), grid, quantity)
-    }
-
-    fn with_kernel(
-        compute: &Compute,
-        geometry: &ScanGeometry,
-        ([first, pitch], kernel): ([f64; 2], &str),
-        grid: &'a VolumeGrid,
-        quantity: Quantity,
-    ) -> Result<Self> {
         let scale = geometry.magnification();
         let row_pitch = geometry.row_pitch();
         let push = BackProjectPush {
@@ -81,7 +59,7 @@ impl<'a> BackProjector<'a> {
         };
         let device = compute.device().clone();
         Ok(Self {
-            kernel: device.kernel(kernel, push_bytes::<BackProjectPush>())?,
+            kernel: device.kernel("back_project", push_bytes::<BackProjectPush>())?,
             device,
             push,
             grid,

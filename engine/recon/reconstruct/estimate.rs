@@ -53,7 +53,7 @@ pub fn estimate(
 ) -> Result<VolumeEstimate> {
     geometry.check()?;
     plan.grid.check(geometry)?;
-    let memory = Memory::of(geometry, plan, truth.then_some(0), compute.options().memory_limit)?;
+    let memory = Memory::of(geometry, plan, truth, compute.options().memory_limit)?;
     parallel::start_threads()?;
     let mut work = Work { cancel: control.cancel.clone(), report: &mut |_| () };
     let pairs = passes(geometry, plan);

@@ -102,18 +102,4 @@ impl RowFilter {
         self.inverse.process(&mut padded);
         padded[..self.columns].iter().map(|value| value.re).collect()
     }
-
-    /// The filter whose kernel is that of this one times the same, moved by `shift`: it makes
-    /// covariances of filtered columns of the variances of independent ones.
-    pub(super) fn squared(&self, shift: usize) -> Self {
-        let mut kernel = self.spectrum.clone();
-        self.inverse.process(&mut kernel);
-        let length = kernel.len();
-        let mut spectrum: Vec<Complex<f64>> = (0..length)
-            .map(|n| kernel[n] * kernel[(n + shift) % length].re / length as f64)
-            .collect();
-        self.forward.process(&mut spectrum);
-        let (forward, inverse) = (self.forward.clone(), self.inverse.clone());
-        Self { spectrum, forward, inverse, columns: self.columns }
-    }
 }

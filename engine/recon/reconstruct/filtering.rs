@@ -12,7 +12,6 @@ use beamlet_core::{Cancel, Result, reserve};
 use ndarray::{Array3, ArrayView3};
 use rayon::prelude::*;
 use std::f64::consts::TAU;
-use std::ops::Range;
 
 /// Weights and filters of the rows of a scan.
 #[derive(Debug)]
@@ -60,17 +59,8 @@ impl<'a> Filtering<'a> {
         self.even.len() + self.added[0] + self.added[1]
     }
 
-    /// Columns of the detector among the filtered ones, where they are even.
-    pub(super) fn measured(&self) -> Range<usize> {
-        self.added[0]..self.added[0] + self.even.len()
-    }
-
     pub(super) const fn is_turn(&self) -> bool {
         self.weights.is_turn()
-    }
-
-    pub(super) const fn filter(&self) -> &RowFilter {
-        &self.filter
     }
 
     /// Filtered rows at even columns, `[view][row][column]`.
@@ -123,7 +113,7 @@ impl<'a> Filtering<'a> {
     }
 
     /// Angle that a value stands for, with the cosines of its line and the sign of its filter.
-    pub(super) fn weight(&self, view: usize, row: usize, place: f64) -> f64 {
+    fn weight(&self, view: usize, row: usize, place: f64) -> f64 {
         let (scale, per) = (self.geometry.magnification(), self.geometry.per_distance());
         let place = place / scale;
         let (u, v) = (place * per, self.geometry.rows[row] / scale * per);

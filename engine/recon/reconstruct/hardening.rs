@@ -151,13 +151,6 @@ impl BeamHardening {
         polynomial(self.most) + slope * (p - self.most)
     }
 
-    /// Factor of a standard deviation of −ln T by the correction: the slope of [`BeamHardening::value`].
-    #[must_use]
-    pub fn slope(&self, p: f64) -> f64 {
-        let step = 1e-3 * self.most;
-        (self.value(p + step) - self.value(p - step)) / (2.0 * step)
-    }
-
     /// Corrects sinograms of −ln T in place, view by view.
     ///
     /// # Errors

@@ -6,7 +6,6 @@ use super::geometry::ScanGeometry;
 use super::moment::reaching_ends;
 use super::prepare::{PixelCounts, Preparation};
 use super::quantity::Quantity;
-use super::shared_noise::SharedNoise;
 use crate::retrieve::FLAGS;
 use beamlet_core::array_file::{ArrayFile, Format, endings};
 use beamlet_core::cancel::Cancel;
@@ -231,99 +230,6 @@ impl Input {
         }
     }
 
-    /// True if there are deviations of the values of a quantity.
-    #[must_use]
-    pub fn has_sigmas(&self, quantity: Quantity) -> bool {
-        let Source::Images { folders, .. } = &self.source else { return false };
-        let name = sigma_of(quantity);
-        folders.iter().all(|(_, maps)| maps.names().any(|other| other == name))
-    }
-
-    /// # Errors
-    /// [`Error::File`] where there are no deviations of the values of a quantity.
-    pub(super) fn require_sigmas(&self, quantity: Quantity) -> Result<()> {
-        if self.has_sigmas(quantity) {
-            return Ok(());
-        }
-        let path = self.paths().into_iter().next().unwrap_or_default();
-        let name = sigma_of(quantity);
-        let problem = format!(
-            "has no image {name}, from which the uncertainties are made: retrieve from counts"
-        );
-        Err(Error::file(path, problem, None))
-    }
-
-    /// Standard deviations of the values of [`Input::sinograms`], `[view][row][column]`, by the retrieval;
-    /// NaN where a pixel has none.
-    ///
-    /// # Errors
-    /// [`Error::File`] where there are none or a file cannot be read; [`Error::Memory`],
-    /// [`Error::Interrupted`].
-    pub fn sigmas(&self, quantity: Quantity, cancel: &Cancel) -> Result<Array3<f32>> {
-        self.require_sigmas(quantity)?;
-        let name = sigma_of(quantity);
-        let [views, rows, columns] = self.geometry.shape();
-        let values = reserve::zeroed(views * rows * columns, "deviations")?;
-        let mut all = Array3::from_shape_vec((views, rows, columns), values)
-            .map_err(|error| Error::argument("sinograms", error.to_string(), "their shape"))?;
-        let mut transmission = Array2::zeros((rows, columns));
-        for (view, mut image) in all.outer_iter_mut().enumerate() {
-            cancel.check()?;
-            self.read_images(&name, view, &mut image)?;
-            if quantity == Quantity::Mu {
-                self.read_images(quantity.image(), view, &mut transmission.view_mut())?;
-                image.zip_mut_with(&transmission, |sigma, t| {
-                    *sigma = if *t > 0.0 { *sigma / t } else { f32::NAN };
-                });
-            }
-            image.mapv_inplace(|sigma| if sigma.is_finite() { sigma } else { f32::NAN });
-        }
-        Ok(all)
-    }
-
-    /// The same, with the deviations of the next pixels where one has none.
-    ///
-    /// # Errors
-    /// As [`Input::sigmas`], and where a view has none.
-    pub(super) fn filled_sigmas(&self, quantity: Quantity, cancel: &Cancel) -> Result<Array3<f32>> {
-        let mut all = self.sigmas(quantity, cancel)?;
-        let mut preparation = Preparation::new(&self.geometry, false);
-        for (view, mut image) in all.outer_iter_mut().enumerate() {
-            preparation.view(&mut image).map_err(|problem| {
-                let path = self.paths().into_iter().next().unwrap_or_default();
-                Error::file(path, format!("{}: view {view} {problem}", sigma_of(quantity)), None)
-            })?;
-        }
-        Ok(all)
-    }
-
-    /// Noise that the flat adds to the sinograms of all views, and its deviations of their values where
-    /// they are known, `[row][column]`.
-    ///
-    /// # Errors
-    /// As [`Input::sigmas`].
-    pub(super) fn shared_sigmas(
-        &self,
-        quantity: Quantity,
-    ) -> Result<(String, Option<Array2<f32>>)> {
-        let Source::Images { folders, columns } = &self.source else {
-            return Ok((SharedNoise::Unknown("sinograms have no flat").words(), None));
-        };
-        let noise = SharedNoise::of(folders, quantity)?;
-        let SharedNoise::Known(images) = &noise else { return Ok((noise.words(), None)) };
-        let [_, rows, count] = self.geometry.shape();
-        let mut all = Array2::zeros((rows, count));
-        for (to, [folder, column]) in columns.iter().enumerate() {
-            all.column_mut(to).assign(&images[*folder].column(*column));
-        }
-        // Pixels without an answer have the deviation of their neighbours, as in images.
-        let filled = Preparation::new(&self.geometry, false).view(&mut all.view_mut());
-        Ok(match filled {
-            Ok(()) => (noise.words(), Some(all)),
-            Err(_) => (SharedNoise::Unknown("the flat has no deviations").words(), None),
-        })
-    }
-
     /// Reads an image of a view from every folder.
     fn read_images(
         &self,
@@ -356,11 +262,6 @@ impl Input {
         read.map(|read| image.assign(&read))
             .map_err(|error| Error::argument("sinograms", error.to_string(), "rows and columns"))
     }
-}
-
-/// Image of the deviations of a quantity.
-fn sigma_of(quantity: Quantity) -> String {
-    format!("{}_sigma", quantity.image())
 }
 
 /// Name of a property in which two scans of one sample differ; `None` where they agree.

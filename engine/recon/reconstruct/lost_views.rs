@@ -228,33 +228,6 @@ impl LostViews {
         }
     }
 
-    /// Changes deviations of noise that views do not share, `[view][row][column]`, to the deviations of interpolated rows:
-    /// these have no noise of their own, and the rows that they are interpolated from count for more. An upper
-    /// bound: a row and its copies count as noise at one place.
-    ///
-    /// # Errors
-    /// [`Error::Argument`] for deviations of other views or rows.
-    pub fn widen(&self, sigmas: &mut Array3<f32>) -> Result<()> {
-        let (views, rows, columns) = sigmas.dim();
-        let (of_scan, of_view) = self.is_lost.dim();
-        same_shape("sigmas", (views, rows, columns), (of_scan, of_view, columns))?;
-        if self.record.lost_views_are != Some(LostUse::Interpolated) {
-            return Ok(());
-        }
-        let mut counts: Array2<f64> = Array2::ones(self.is_lost.dim());
-        for ((view, row), neighbours) in self.neighbours() {
-            counts[[view, row]] = 0.0;
-            for (beside, share) in neighbours {
-                counts[[beside, row]] += share;
-            }
-        }
-        for ((view, row), count) in counts.indexed_iter() {
-            let mut line = sigmas.slice_mut(s![view, row, ..]);
-            line.mapv_inplace(|sigma| single(count * f64::from(sigma)));
-        }
-        Ok(())
-    }
-
     /// Lost rows, with the views that they are interpolated from and their shares.
     fn neighbours(&self) -> Vec<Between> {
         let Some(circle) = &self.circle else { return Vec::new() };
@@ -342,43 +315,4 @@ fn ones(geometry: &ScanGeometry) -> Result<Array3<f32>> {
     values.resize(views * rows * columns, 1.0);
     Array3::from_shape_vec((views, rows, columns), values)
         .map_err(|error| Error::argument("weights", error.to_string(), "their shape"))
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use std::f64::consts::TAU;
-
-    /// Refraction angles of a Gaussian in 24 views, some of them lost.
-    fn scan(lost: &[usize]) -> (ScanGeometry, Array3<f32>) {
-        let columns: Vec<f64> = (0..32).map(|n| (f64::from(n) - 15.5) * 1e-4).collect();
-        let angles = (0..24).map(|n| TAU * f64::from(n) / 24.0).collect();
-        let sinograms = Array3::from_shape_fn((24, 1, 32), |(view, _, column)| {
-            let x = columns[column] / 4e-4;
-            if lost.contains(&view) { 0.0 } else { single(x * libm::exp(-x * x / 2.0)) }
-        });
-        (ScanGeometry::new([f64::INFINITY, 1.0], columns, vec![0.0], angles), sinograms)
-    }
-
-    #[test]
-    fn interpolated_rows_have_no_noise_and_the_rows_beside_them_count_for_more() {
-        let (geometry, mut sinograms) = scan(&[0, 7, 8]);
-        let mut lost = LostViews::find(&geometry, sinograms.view(), None).unwrap();
-        let mut sigmas = Array3::from_elem(sinograms.dim(), 3.0);
-        lost.widen(&mut sigmas).unwrap();
-        assert_eq!(sigmas, Array3::from_elem(sinograms.dim(), 3.0));
-        lost.leave_out(&geometry, (&Method::default(), false), &mut sinograms, None).unwrap();
-        lost.widen(&mut sigmas).unwrap();
-        let found: Vec<f32> = (0..24).map(|view| sigmas[[view, 0, 5]] / 3.0).collect();
-        // Views 6 and 9 have a third and two thirds of both views between them.
-        let count = |view: usize| match view {
-            0 | 7 | 8 => 0.0,
-            1 | 23 => 1.5,
-            6 | 9 => 2.0,
-            _ => 1.0,
-        };
-        for (view, found) in found.into_iter().enumerate() {
-            assert!((found - count(view)).abs() < 1e-6, "{view}: {found}");
-        }
-    }
 }

@@ -27,15 +27,14 @@ pub(super) struct Memory {
 }
 
 impl Memory {
-    /// The memory of a plan within a limit, the program included; `truth`: with volumes of the scene, and the
-    /// number of sinograms of its materials that are alive at once.
+    /// The memory of a plan within a limit, the program included; `truth`: with volumes of the scene.
     ///
     /// # Errors
     /// [`Error::Memory`] where the limit is too low.
     pub(super) fn of(
         geometry: &ScanGeometry,
         plan: &VolumePlan,
-        truth: Option<usize>,
+        truth: bool,
         limit: Option<u64>,
     ) -> Result<Self> {
         if let Some(resident) = Self::resident(geometry, plan, truth)
@@ -43,7 +42,7 @@ impl Memory {
         {
             return Ok(resident);
         }
-        let host = host_bytes(geometry, plan, (truth, false));
+        let host = host_bytes(geometry, plan, [truth, false]);
         let [x, y, z] = plan.grid.size.map(|side| side as u64);
         let [views, rows, columns] = geometry.shape().map(|side| side as u64);
         // Refraction angles are differences of one place more than columns.
@@ -87,12 +86,12 @@ impl Memory {
     }
 
     /// The memory of an iterative method with all vectors on the device.
-    fn resident(geometry: &ScanGeometry, plan: &VolumePlan, truth: Option<usize>) -> Option<Self> {
+    fn resident(geometry: &ScanGeometry, plan: &VolumePlan, truth: bool) -> Option<Self> {
         let Method::Iterative { options, .. } = &plan.method else { return None };
         let method = (options.solver, filters_gradients(plan));
         let extras = [plan.mask.is_some(), has_weights(plan)];
         let device = resident_bytes(geometry, &plan.grid, method, extras);
-        let host = host_bytes(geometry, plan, (truth, true));
+        let host = host_bytes(geometry, plan, [truth, true]);
         Some(Self { host, device, at_once: None })
     }
 
@@ -117,9 +116,9 @@ fn piece(geometry: &ScanGeometry, plan: &VolumePlan) -> u64 {
     Vectors::piece(longest, planes.max(rows * columns)) as u64
 }
 
-/// True if sinograms may have weights: deviations, or 0 for views that lost their refraction.
+/// True if sinograms may have weights: 0 for views that lost their refraction.
 fn has_weights(plan: &VolumePlan) -> bool {
-    plan.sigma || (!plan.keep_views && plan.quantities.contains(&Quantity::Delta))
+    !plan.keep_views && plan.quantities.contains(&Quantity::Delta)
 }
 
 /// Corrections for lever arms over all quantities of a plan.
@@ -137,26 +136,9 @@ fn filtered_columns(geometry: &ScanGeometry) -> usize {
     even.len() + added[0] + added[1]
 }
 
-/// Bytes of the deviations of means of regions: voxels of a region, and rows of f64 for each thread.
-fn region_bytes(geometry: &ScanGeometry, plan: &VolumePlan) -> u64 {
-    let voxels = plan.regions.iter().map(|region| region.shape.places(&plan.grid).count());
-    let Some(most) = voxels.max() else { return 0 };
-    let [views, rows, _] = geometry.shape();
-    // Weights of a view, and its deviations.
-    let spread = (2 * 8 * rows * filtered_columns(geometry)) as u64;
-    let threads = rayon::current_num_threads().min(views) as u64;
-    (size_of::<[usize; 3]>() as u64)
-        .saturating_mul(most as u64)
-        .saturating_add(spread.saturating_mul(threads))
-}
-
 /// Most bytes on the host at a time: volumes and sinograms that are alive together; `is_resident`: with the
 /// vectors of an iterative method on the device.
-fn host_bytes(
-    geometry: &ScanGeometry,
-    plan: &VolumePlan,
-    (truth, is_resident): (Option<usize>, bool),
-) -> u64 {
+fn host_bytes(geometry: &ScanGeometry, plan: &VolumePlan, [truth, is_resident]: [bool; 2]) -> u64 {
     let product =
         |sides: [usize; 3]| sides.iter().fold(VALUE, |all, side| all.saturating_mul(*side as u64));
     let [views, rows, columns] = geometry.shape();
@@ -169,33 +151,19 @@ fn host_bytes(
             .saturating_add(sinograms.saturating_mul(of_sinograms))
             .saturating_add(filtered.saturating_mul(of_filtered))
     };
-    // Volumes that are kept from one quantity to the next: μ with its deviations, and the labels and values
-    // of the truth.
-    let is_filtered = plan.method.filtered().is_some();
-    let of_mu = if plan.sigma && is_filtered { 2 } else { 1 };
-    let kept =
-        if plan.gradient_bias.is_some() { of_mu } else { 0 } + if truth.is_some() { 2 } else { 0 };
-    let weights = u64::from(plan.sigma);
-    // Deviations of sinograms, and of the noise that views share.
-    let of_sigma = 2 * weights;
-    let made = match &plan.method {
-        Method::Fbp(_) => {
-            let made = match passes(geometry, plan) > 0 {
-                true => counted(kept + 2, 2 + of_sigma, 1),
-                false => counted(kept + 1, 1 + of_sigma, 1),
-            };
-            // A map of deviations: the volume, deviations, and two variances for each; then its rings.
-            let map = counted(kept + 2, of_sigma, 2);
-            let rings = counted(kept + 3, of_sigma, 0);
-            let means = counted(kept + 2, of_sigma, 0).saturating_add(region_bytes(geometry, plan));
-            if plan.sigma { made.max(map).max(rings).max(means) } else { made }
-        }
+    // Volumes that are kept from one quantity to the next: μ, and the labels and values of the truth.
+    let kept = u64::from(plan.gradient_bias.is_some()) + 2 * u64::from(truth);
+    match &plan.method {
+        Method::Fbp(_) => match passes(geometry, plan) > 0 {
+            true => counted(kept + 2, 2, 1),
+            false => counted(kept + 1, 1, 1),
+        },
         Method::Iterative { options, phase } => {
             let has_mask = plan.mask.is_some();
             // The mask and the start, and the volume that is made, where none of the vectors becomes it.
             let beside: u64 =
                 [has_mask, plan.start.is_some(), is_resident].into_iter().map(u64::from).sum();
-            // Weights and their copy in another unit; integrals with their deviations.
+            // Weights and their copy in another unit; integrals and their drift.
             let extra = 2 * u64::from(has_weights(plan)) + 2 * u64::from(*phase);
             let [volumes, of_sinograms] = match is_resident {
                 true => [u64::from(has_mask), 0],
@@ -205,13 +173,6 @@ fn host_bytes(
             };
             counted(kept + beside + volumes, 1 + extra + of_sinograms, 0)
         }
-    };
-    match truth {
-        // Projections of the materials, then the volume that is expected beside the one that is made.
-        Some(materials @ 1..) => {
-            made.saturating_add(volume).max(counted(kept + 2, materials as u64 + 1, 0))
-        }
-        _ => made,
     }
 }
 
@@ -238,27 +199,18 @@ mod tests {
     #[test]
     fn memory_counts_what_is_alive_together() {
         let host = |shift, plan: &VolumePlan| {
-            Memory::of(&scan(shift), plan, None, None).map(|memory| memory.host)
+            Memory::of(&scan(shift), plan, false, None).map(|memory| memory.host)
         };
         let (volume, rows) = (4 * 20 * 20 * 3, 4 * 90 * 3);
         // Sinograms with a column more, and filtered rows.
         assert_eq!(host(0.0, &plan()).unwrap(), volume + rows * (102 + 101));
         // A half-fan whose shorter side is 50 columns less than the longer one.
         assert_eq!(host(25.0, &plan()).unwrap(), volume + rows * (102 + 151));
-        // The volume, its deviations; deviations of sinograms, their shared part, two variances of each value.
-        let with_sigma = plan().with_sigma(true);
-        let of_sigma = 2 * volume + rows * (2 * 102 + 2 * 101);
-        assert_eq!(host(0.0, &with_sigma).unwrap(), of_sigma);
-        // μ and its deviations are kept for δ.
-        let with_bias = with_sigma.with_gradient_bias(1e-9);
-        assert_eq!(host(0.0, &with_bias).unwrap(), of_sigma + 2 * volume);
-        // Three words of each voxel of a region, and two arrays of f64 for each thread, where this is more.
-        let mut all =
-            with_bias.with_regions(vec!["all=box:0m,0m,0m,500m,500m,500m".parse().unwrap()]);
-        all.grid.size = [200, 200, 3];
-        let threads = rayon::current_num_threads().min(90) as u64;
-        let expected = 100 * (4 * volume + 6 * volume) + rows * 2 * 102 + threads * 16 * 3 * 101;
-        assert_eq!(host(0.0, &all).unwrap(), expected);
+        // μ is kept for δ.
+        assert_eq!(
+            host(0.0, &plan().with_gradient_bias(1e-9)).unwrap(),
+            2 * volume + rows * (102 + 101)
+        );
     }
     #[test]
     fn vectors_of_iterations_are_on_the_device_where_the_limit_allows_it() {
@@ -266,7 +218,7 @@ mod tests {
         plan.quantities = vec![Quantity::Mu];
         plan.grid.size = [400, 400, 40];
         plan.method = Method::iterative(IterativeOptions::default(), false);
-        let memory = |limit| Memory::of(&scan(0.0), &plan, None, limit).unwrap();
+        let memory = |limit| Memory::of(&scan(0.0), &plan, false, limit).unwrap();
         let whole = memory(None);
         let (volume, sinograms) = (4 * 400 * 400 * 40, 4 * 90 * 3 * 101);
         // Volume, best volume, gradient and direction; residual and projections; rays, and tables.

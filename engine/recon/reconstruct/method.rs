@@ -105,14 +105,6 @@ impl Method {
         self
     }
 
-    /// This bound.
-    pub(super) const fn at_once(&self) -> Option<usize> {
-        match self {
-            Self::Fbp(options) => options.at_once,
-            Self::Iterative { options, .. } => options.at_once,
-        }
-    }
-
     /// True if a quantity is made of refraction angles integrated along the rows.
     pub(super) fn is_of_phase(&self, quantity: Quantity) -> bool {
         matches!(self, Self::Iterative { phase: true, .. }) && quantity == Quantity::Delta

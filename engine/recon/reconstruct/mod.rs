@@ -4,11 +4,10 @@
 //!
 //! [`write_astra`] writes filled images for the ASTRA toolbox.
 //!
-//! From retrieved images to files: [`Input`] reads sinograms (`prepare.rs` fills their gaps, `shared_noise.rs`
-//! has the noise of their flat),
+//! From retrieved images to files: [`Input`] reads sinograms (`prepare.rs` fills their gaps),
 //! [`GridChoice`] chooses voxels, a [`VolumePlan`] has what is to be made, within a limit of memory
 //! (`memory.rs`), a [`Method`] makes a [`Volume`], [`reconstruct`] writes a folder of them (`write.rs`,
-//! `record.rs`) with means of [`Region`]s and a [`Truth`], [`OpenVolumes`] reads it.
+//! `record.rs`) with a [`Truth`], [`OpenVolumes`] reads it.
 //!
 //! From sinograms to volumes, in the order of the data:
 //!
@@ -16,7 +15,7 @@
 //! - `centre`, `rings`, `hardening`, `phase`: sinograms corrected.
 //! - `moment`, `view_runs`, `lost_views`, `lost_record`: views that lost their refraction, left out of δ.
 //! - `redundancy`, `resampling`, `filter`, `extrapolation`, `filtering`: rows weighted and filtered.
-//! - `back_projector`, `fbp_options`, `fbp`, `sigma`, `shared_sigma`: filtered back-projection, and its noise.
+//! - `back_projector`, `fbp_options`, `fbp`: filtered back-projection.
 //! - `joseph`, `moved`, `projector`, `model`: projections of a volume, and the transpose.
 //! - `solver`, `measured`, `preconditioner`, `vectors`, `problem`, `iterative`: least squares.
 //! - `gradient_bias`: slices corrected.
@@ -36,7 +35,6 @@ mod filtering;
 mod geometry;
 mod gradient_bias;
 mod grid;
-mod hardened;
 mod hardening;
 mod input;
 mod iterative;
@@ -60,15 +58,11 @@ mod projector;
 mod quantity;
 mod record;
 mod redundancy;
-mod regions;
 mod resampling;
 mod resident;
 mod rings;
 mod run;
 mod scan;
-mod shared_noise;
-mod shared_sigma;
-mod sigma;
 mod sinograms;
 mod solver;
 mod stream;
@@ -76,6 +70,7 @@ mod truth;
 mod vectors;
 mod view_runs;
 mod voxel_mask;
+mod voxel_shape;
 mod work;
 mod write;
 
@@ -105,12 +100,10 @@ pub use plan::VolumePlan;
 pub use prepare::{PixelCounts, fill_images, prepare_sinograms};
 pub use quantity::Quantity;
 pub use record::{HardeningRecord, VolumeRecord};
-pub use regions::{Region, RegionMean, RegionShape, region_table};
 pub use rings::suppress_rings;
 pub use run::{LABELS, Reconstructed, VolumesTo, reconstruct};
-pub use shared_sigma::{fbp_mean_shared_sigma, fbp_shared_sigma};
-pub use sigma::{fbp_mean_sigma, fbp_sigma};
 pub use solver::{IterativeOptions, Solver};
 pub use truth::Truth;
 pub use voxel_mask::VoxelMask;
+pub use voxel_shape::VoxelShape;
 pub use write::VolumeFormat;

@@ -8,8 +8,6 @@ use super::method::Method;
 use super::open::OpenVolumes;
 use super::quantity::Quantity;
 use super::redundancy::Redundancy;
-use super::regions::Region;
-use super::sigma::check_sigma;
 use super::voxel_mask::VoxelMask;
 use beamlet_core::{Error, Result, setters};
 use std::path::PathBuf;
@@ -24,12 +22,6 @@ pub struct VolumePlan {
     pub grid: VolumeGrid,
     /// The method.
     pub method: Method,
-    /// Regions whose means are written as CSV.
-    pub regions: Vec<Region>,
-    /// The uncertainties of the retrieval are used: filtered back-projection makes volumes of the
-    /// uncertainties of voxels and of means of regions; iterative methods weigh values by one over the
-    /// squares.
-    pub sigma: bool,
     /// Stripes of single columns are taken off ([`super::suppress_rings`]).
     pub rings: bool,
     /// Views that lost their refraction ([`super::LostViews`]) keep their weight in δ.
@@ -48,15 +40,13 @@ pub struct VolumePlan {
 }
 
 impl VolumePlan {
-    /// A plan without regions and corrections.
+    /// A plan without corrections.
     #[must_use]
     pub const fn new(quantities: Vec<Quantity>, grid: VolumeGrid, method: Method) -> Self {
         Self {
             quantities,
             grid,
             method,
-            regions: Vec::new(),
-            sigma: false,
             rings: false,
             keep_views: false,
             gradient_bias: None,
@@ -68,10 +58,6 @@ impl VolumePlan {
     }
 
     setters! {
-        /// Sets the regions whose means are written.
-        with_regions(regions: Vec<Region>);
-        /// Uses the deviations of the retrieval.
-        with_sigma(sigma: bool);
         /// Takes stripes of single columns off.
         with_rings(rings: bool);
         /// Keeps views that lost their refraction in δ.
@@ -102,8 +88,8 @@ impl VolumePlan {
     /// Refuses what does not fit an input, before any work is done.
     ///
     /// # Errors
-    /// [`Error::Argument`] with the reason; [`Error::File`] for a mask, start or deviations that are not
-    /// there or do not fit.
+    /// [`Error::Argument`] with the reason; [`Error::File`] for a mask or start that is not there or
+    /// does not fit.
     pub fn check(&self, input: &Input) -> Result<()> {
         let has_mu = self.quantities.contains(&Quantity::Mu);
         input.geometry().check()?;
@@ -114,7 +100,6 @@ impl VolumePlan {
         if let Some(k) = self.gradient_bias.filter(|k| !k.is_finite()) {
             return Err(Error::argument("gradient_bias", k.to_string(), "a finite length, m"));
         }
-        self.regions.iter().try_for_each(|region| region.check(&self.grid))?;
         self.method.check_extras(self.mask.is_some(), self.start.is_some())?;
         if self.beam_hardening.is_some() && !has_mu {
             let allowed = "volumes of mu: refraction and dark field have no hardening to correct";
@@ -123,22 +108,11 @@ impl VolumePlan {
         if let Some(mask) = &self.mask {
             mask.check(&self.grid)?;
         }
-        if let Some(options) = self.method.filtered() {
+        if self.method.filtered().is_some() {
             Redundancy::of(input.geometry())?;
-            if self.sigma {
-                check_sigma(input.geometry(), options)?;
-            }
         }
         for quantity in self.ordered() {
             self.method.check(quantity)?;
-            if self.sigma {
-                input.require_sigmas(quantity)?;
-            }
-            if self.sigma && self.method.is_of_phase(quantity) {
-                let allowed = "refraction angles without --phase: deviations of integrated angles \
-                               grow along the row and cannot be weights";
-                return Err(Error::argument("sigma", "deviations of integrated angles", allowed));
-            }
             if let Some(path) = &self.start {
                 let found = OpenVolumes::open(path)?;
                 if !found.record().units.contains_key(quantity.name()) {

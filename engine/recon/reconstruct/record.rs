@@ -83,10 +83,6 @@ pub struct VolumeRecord {
     pub drift: Option<Drift>,
     /// Pixels of the sinograms by quantity.
     pub pixels: BTreeMap<String, PixelCounts>,
-    /// Noise of a flat that views share (rings) in the uncertainties: "included", "unknown" with the reason,
-    /// or that each view has a flat of its own; `None` without uncertainties of voxels.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub noise_of_flat: Option<String>,
     /// File format of the volumes.
     pub format: VolumeFormat,
     /// Order of the sides of the arrays.
@@ -104,9 +100,6 @@ pub struct VolumeRecord {
     /// Object and material of each label of the truth; empty without one.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub labels: BTreeMap<u32, String>,
-    /// Regions of regions.csv as they are read on the command line, lengths in m.
-    #[serde(default, skip_serializing_if = "Vec::is_empty")]
-    pub regions: Vec<String>,
     /// Files beside the volumes.
     pub files: Vec<String>,
 }
@@ -161,7 +154,6 @@ impl VolumeRecord {
             start: plan.start.as_ref().map(|path| path.display().to_string()),
             drift: None,
             pixels: BTreeMap::new(),
-            noise_of_flat: None,
             format,
             order: "[z][y][x]".to_owned(),
             axes: "x, y and z of the scene, each ascending; x = y = 0 on the axis of rotation, z = 0 on \
@@ -172,7 +164,6 @@ impl VolumeRecord {
             origin_m: plan.grid.origin,
             units: BTreeMap::new(),
             labels: BTreeMap::new(),
-            regions: plan.regions.iter().map(ToString::to_string).collect(),
             files: Vec::new(),
         }
     }

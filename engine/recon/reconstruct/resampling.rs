@@ -8,8 +8,6 @@ const MOST: f64 = 8.0;
 pub(super) struct Resampling {
     pub(super) first: f64,
     pub(super) pitch: f64,
-    /// The columns are even as they are.
-    pub(super) is_even: bool,
     /// Column to the left of each place, and the share of the next.
     from: Vec<(usize, f64)>,
 }
@@ -24,7 +22,7 @@ impl Resampling {
         let gaps = || columns.windows(2).map(|pair| pair[1] - pair[0]);
         if gaps().all(|gap| (gap - mean).abs() <= 1e-4 * mean) {
             let from = (0..columns.len()).map(|column| (column, 0.0)).collect();
-            return Self { first, pitch: mean, is_even: true, from };
+            return Self { first, pitch: mean, from };
         }
         let least = gaps().fold(mean, f64::min).max(mean / MOST);
         let parts = beamlet_core::numbers::whole::<usize>((width / least).ceil());
@@ -35,7 +33,7 @@ impl Resampling {
             let share = (x - columns[left]) / (columns[left + 1] - columns[left]);
             (left, share.clamp(0.0, 1.0))
         };
-        Self { first, pitch, is_even: false, from: (0..=parts).map(place).collect() }
+        Self { first, pitch, from: (0..=parts).map(place).collect() }
     }
 
     /// Number of even columns.

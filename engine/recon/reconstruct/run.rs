@@ -14,7 +14,7 @@ use beamlet_core::reserve::require_memory;
 use beamlet_core::rows_control::RowsControl;
 use beamlet_core::whole_file::write_file;
 use beamlet_core::{Result, setters};
-use beamlet_files::layout::{ERRORS, RECORD, REGIONS, RESIDUALS};
+use beamlet_files::layout::{ERRORS, RECORD, RESIDUALS};
 use beamlet_files::{ImageDirectory, InputHashes, Kind, now, refuse_overlap};
 use beamlet_gpu::Compute;
 use making::{Making, Tables};
@@ -69,8 +69,6 @@ impl<'a> VolumesTo<'a> {
 pub struct Reconstructed {
     /// volume.json.
     pub record: VolumeRecord,
-    /// Means of the regions, as CSV.
-    pub regions: Option<String>,
     /// Errors by material, as CSV.
     pub errors: Option<String>,
 }
@@ -119,7 +117,7 @@ pub fn reconstruct(
     }
     warn_of_few_views(geometry.angles.len(), geometry.columns.len());
     let limit = compute.options().memory_limit;
-    let memory = Memory::of(geometry, plan, truth.map(Truth::sinograms), limit)?;
+    let memory = Memory::of(geometry, plan, truth.is_some(), limit)?;
     require_memory(memory.host, "a reconstruction")?;
     let record = VolumeRecord::begin(compute, geometry, plan, to.format);
     let hashes = input_hashes(input, plan);
@@ -146,7 +144,6 @@ pub fn reconstruct(
         record,
         tables: Tables::default(),
         mu: None,
-        mu_sigma: None,
         reaching: None,
     };
     let parts = plan.ordered().count() as u64;
@@ -161,8 +158,8 @@ pub fn reconstruct(
         making.quantity(quantity, &mut RowsControl { progress: Some(&mut advance), cancel })?;
     }
     let Making { mut images, mut record, tables, .. } = making;
-    let Tables { regions, errors, residuals } = tables;
-    for (name, table) in [(REGIONS, &regions), (ERRORS, &errors), (RESIDUALS, &residuals)] {
+    let Tables { errors, residuals } = tables;
+    for (name, table) in [(ERRORS, &errors), (RESIDUALS, &residuals)] {
         if !table.is_empty() {
             write_file(&images.file(name)?, table.as_bytes())?;
             record.files.push(name.to_owned());
@@ -175,8 +172,8 @@ pub fn reconstruct(
     record.written = now();
     record.duration_s = since.elapsed().as_secs_f64();
     images.finish(Some(&record.text()?))?;
-    let table = |text: String| (!text.is_empty()).then_some(text);
-    Ok(Reconstructed { record, regions: table(regions), errors: table(errors) })
+    let errors = (!errors.is_empty()).then_some(errors);
+    Ok(Reconstructed { record, errors })
 }
 
 /// Begins to find the hashes of everything that is read, with the inputs of retrieved images.

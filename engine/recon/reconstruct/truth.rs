@@ -1,8 +1,7 @@
 //! The scene on the voxels of a volume, and the errors of a reconstruction by object.
 
-use super::geometry::{ScanGeometry, same_shape};
+use super::geometry::ScanGeometry;
 use super::grid::{Volume, VolumeGrid};
-use super::hardened::Light;
 use super::quantity::Quantity;
 use beamlet_core::cancel::Cancel;
 use beamlet_core::numbers::single;
@@ -27,8 +26,6 @@ pub struct Truth {
     names: Vec<[String; 2]>,
     /// Constants minus the surroundings', by label.
     constants: Vec<Constants>,
-    /// The light, where it has a spectrum.
-    pub(super) light: Option<Light>,
     /// Voxels.
     pub(crate) grid: VolumeGrid,
     /// Geometry of the scan.
@@ -72,8 +69,7 @@ impl Truth {
             scene.objects.iter().map(|object| [object.name.clone(), object.material.clone()]);
         let names = std::iter::once(surroundings).chain(objects).collect();
         let labels = labels(&upright)?;
-        let (light, geometry) = (Light::of(&media), geometry.clone());
-        Ok(Self { labels, names, constants, light, grid: *grid, geometry })
+        Ok(Self { labels, names, constants, grid: *grid, geometry: geometry.clone() })
     }
 
     /// The same with μ at an energy, keV, in place of the mean over a spectrum.
@@ -138,26 +134,9 @@ impl Truth {
     /// # Errors
     /// [`Error::Argument`] for a volume on another grid; [`Error::Interrupted`].
     pub fn errors(&self, volume: &Volume, cancel: &Cancel) -> Result<String> {
-        self.errors_beside(volume, None, cancel)
-    }
-
-    /// The same beside the means of [`Self::expected`] over the same voxels.
-    ///
-    /// # Errors
-    /// [`Error::Argument`] for a volume or expected values on another grid; [`Error::Interrupted`].
-    pub fn errors_beside(
-        &self,
-        volume: &Volume,
-        expected: Option<&Array3<f32>>,
-        cancel: &Cancel,
-    ) -> Result<String> {
         self.require_grid(&volume.grid)?;
-        if let Some(expected) = expected {
-            same_shape("expected", expected.dim(), self.labels.dim())?;
-        }
         let mut text = String::from(
-            "object,material,quantity,unit,inner_voxels,truth,mean,error_percent,rms_error,expected,\
-             off_expected_percent\n",
+            "object,material,quantity,unit,inner_voxels,truth,mean,error_percent,rms_error\n",
         );
         let Some(by_label) = self.by_label(volume.quantity) else { return Ok(text) };
         let truths: Vec<f64> = by_label.collect();
@@ -172,8 +151,7 @@ impl Truth {
             let is_seen = from_axis <= radius && self.geometry.rows_see(from_axis, z);
             if is_seen && self.is_inner(at) {
                 let label = usize::from(*label);
-                let expected = expected.map_or(0.0, |values| f64::from(values[at]));
-                sums[label].take(f64::from(*value) - truths[label], expected);
+                sums[label].take(f64::from(*value) - truths[label]);
             }
         }
         let (quantity, unit) = (volume.quantity.name(), volume.quantity.unit());
@@ -184,23 +162,16 @@ impl Truth {
             }
             let count = sums.voxels as f64;
             // Materials that differ by rounding alone from the surroundings have no relative error.
-            let percent = |off: f64, of: f64| match truth.abs() > ROUNDING * largest {
-                true => format!("{:.4}", 100.0 * off / of),
+            let (error, rms) = (sums.off / count, (sums.squares / count).sqrt());
+            let percent = match truth.abs() > ROUNDING * largest {
+                true => format!("{:.4}", 100.0 * error / truth),
                 false => String::new(),
             };
-            let (error, rms) = (sums.off / count, (sums.squares / count).sqrt());
-            let (of_truth, mean) = (percent(error, *truth), truth + error);
-            let beside = match expected {
-                None => ",".to_owned(),
-                Some(_) => {
-                    let expected = sums.expected / count;
-                    format!("{expected:e},{}", percent(mean - expected, expected))
-                }
-            };
+            let mean = truth + error;
             let [object, material] = [object, material].map(|name| quoted(name));
             let _ = writeln!(
                 text,
-                "{object},{material},{quantity},{unit},{},{truth:e},{mean:e},{of_truth},{rms:e},{beside}",
+                "{object},{material},{quantity},{unit},{},{truth:e},{mean:e},{percent},{rms:e}",
                 sums.voxels
             );
         }
@@ -224,16 +195,13 @@ struct Sums {
     /// Differences from the truth, and their squares.
     off: f64,
     squares: f64,
-    /// Values that are expected under the spectrum.
-    expected: f64,
 }
 
 impl Sums {
-    fn take(&mut self, off: f64, expected: f64) {
+    fn take(&mut self, off: f64) {
         self.voxels += 1;
         self.off += off;
         self.squares += off * off;
-        self.expected += expected;
     }
 }
 

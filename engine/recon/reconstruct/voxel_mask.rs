@@ -1,7 +1,7 @@
 //! Voxels that may differ from zero in iterative methods.
 
 use super::grid::VolumeGrid;
-use super::regions::RegionShape;
+use super::voxel_shape::VoxelShape;
 use beamlet_core::array_file::{ArrayFile, Format, endings};
 use beamlet_core::{Error, Result, reserve};
 use ndarray::{Array3, Axis};
@@ -12,7 +12,7 @@ use std::str::FromStr;
 #[derive(Debug, Clone, PartialEq)]
 pub enum VoxelMask {
     /// Voxels whose centres lie in a shape.
-    Shape(RegionShape),
+    Shape(VoxelShape),
     /// Voxels whose value in a file, NPY or TIFF, `[z][y][x]` as the volume, is not 0.
     File(PathBuf),
 }
@@ -20,9 +20,9 @@ pub enum VoxelMask {
 impl FromStr for VoxelMask {
     type Err = Error;
 
-    /// Reads a shape as [`RegionShape`] has it; any other text is the path of a file.
+    /// Reads a shape as [`VoxelShape`] has it; any other text is the path of a file.
     fn from_str(text: &str) -> Result<Self> {
-        match RegionShape::is_begun(text) {
+        match VoxelShape::is_begun(text) {
             true => text.parse().map(Self::Shape),
             false => Ok(Self::File(text.into())),
         }

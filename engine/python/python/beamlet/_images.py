@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
@@ -19,7 +18,6 @@ from ._errors import ArgumentError, Error, in_python, wrong
 from ._scene import Path, Scene
 from ._volume import (
     DEFAULTS,
-    Line,
     Quantity,
     Reconstruction,
     Volume,
@@ -36,23 +34,6 @@ SOURCES = {"mu": "transmission", "delta": "refraction", "dark_field": "dark_fiel
 
 def _source(quantity: str) -> str:
     return SOURCES[word("quantity", quantity, Quantity)]
-
-
-def _with_noise_of_mu(delta: Volume, mu: Volume) -> Volume:
-    """δ + kμ with the noise of kμ, which is independent, in the uncertainties of voxels and of means."""
-    names = [[line["region"] for line in volume.regions] for volume in (delta, mu)]
-    if mu.sigma is None or names[0] != names[1]:
-        raise wrong("gradient_bias", "a Volume without these uncertainties", "one with sigma and the same regions")
-    assert delta.sigma is not None and delta.bias is not None
-
-    def line_of(own: Line, other: Line) -> Line:
-        noise, beside = own["sigma_of_mean"], other["sigma_of_mean"]
-        assert isinstance(noise, float) and isinstance(beside, float) and delta.bias is not None
-        return own | {"sigma_of_mean": math.hypot(noise, delta.bias * beside)}
-
-    regions = tuple(map(line_of, delta.regions, mu.regions))
-    sigma = np.hypot(delta.sigma, delta.bias * mu.sigma).astype(np.float32)
-    return replace(delta, sigma=sigma, regions=regions)
 
 
 class Images(Mapping[str, Image]):
@@ -212,7 +193,6 @@ class Images(Mapping[str, Image]):
         progress: Progress | None = None,
         *,
         method: Reconstruction = "fbp",
-        sigma: bool = False,
         gradient_bias: Volume | None = None,
         **options: Any,
     ) -> Volume:
@@ -227,11 +207,8 @@ class Images(Mapping[str, Image]):
             cut_off: Frequency from which on nothing counts, as a share of Nyquist's, for ``fbp``.
             progress: Callback.
             method: Filtered back-projection, or an iterative method: :func:`beamlet.reconstruct`.
-            sigma: Uncertainties of the retrieval are used: ``fbp`` gives ``Volume.sigma``, with the noise
-                of a flat that views share where the images have it; iterative methods weigh values by
-                :meth:`weights`.
             gradient_bias: Volume of ``mu`` on the same voxels: ``delta`` is corrected for gradients of
-                the attenuation (δ + kμ). With `sigma` it has ``sigma`` and the same `regions`, too.
+                the attenuation (δ + kμ).
             options: Others of :func:`beamlet.reconstruct`; ``attenuation`` is by default the images'.
 
         Raises:
@@ -258,14 +235,10 @@ class Images(Mapping[str, Image]):
             "method": method,
         }
         beside = self._bias(quantity, gradient_bias)
-        if sigma:
-            given["sigma"], beside["flat_sigma"] = self._deviations(quantity, method)
         volume = volume_of(given, beside)
         if gradient_bias is not None:
             if (volume.voxel, volume.origin) != (gradient_bias.voxel, gradient_bias.origin):
                 raise wrong("gradient_bias", "a Volume on other voxels", "one on the voxels of delta")
-            if volume.sigma is not None:
-                volume = _with_noise_of_mu(volume, gradient_bias)
         return replace(volume, pixels=counts)
 
     def _bias(self, quantity: Quantity, mu: Volume | None) -> dict[str, Any]:
@@ -277,35 +250,6 @@ class Images(Mapping[str, Image]):
         if self.scene is None or self.record.get("flat_width") is None:
             raise wrong("gradient_bias", "images without scene or flat_width", "images with their scene")
         return {"mu": np.ascontiguousarray(mu.values), "flat_width": self.record["flat_width"]}
-
-    def _deviations(self, quantity: Quantity, method: str) -> tuple[Image, Image | None]:
-        """Uncertainties of the sinograms, and those that views share by their flat, which are not in the
-        first then. Both ``[view][row][column]``."""
-        own = self._sigmas(quantity)
-        if method != "fbp":
-            return own, None
-        assert self.geometry is not None
-        geometry = circle(self.geometry)
-        # Pixels without a result have the uncertainty of their neighbours.
-        own, _ = _beamlet.prepare(geometry, "delta", own, None)
-        shared = self._flat_sigma(quantity)
-        if shared is None:
-            return own, None
-        every = np.ascontiguousarray(np.broadcast_to(shared, own.shape))
-        every, _ = _beamlet.prepare(geometry, "delta", every, None)
-        return np.sqrt(np.maximum(own**2 - every**2, 0)), every
-
-    def _flat_sigma(self, quantity: Quantity) -> Image | None:
-        """Uncertainties of the sinograms of all views by their one flat, ``[row][column]``; ``None``
-        where views have other flats, or images do not have them."""
-        name = {"mu": "flat_area_sigma", "delta": "flat_centre_sigma", "dark_field": "flat_width_sigma"}[quantity]
-        record = self.record
-        is_other = record.get("flats_every") is not None or record.get("columns")
-        if is_other or name not in self or len(self[name]) > 1:
-            return None
-        angle = abs(record["angle_per_shift"])
-        factor = {"mu": 1.0, "delta": angle, "dark_field": 2 * angle**2 * self["flat_width"][0]}[quantity]
-        return np.asarray(factor * self[name][0], dtype=np.float32)
 
     def _sigmas(self, quantity: Quantity) -> Image:
         """Uncertainties of the sinograms, NaN where a pixel has no answer."""

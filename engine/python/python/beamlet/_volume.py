@@ -48,8 +48,7 @@ class Truth:
         names: Object and material of each label.
         values: True values of the volume, float32 ``[z][y][x]``; ``None`` for the dark field.
         errors: Errors of the volume by object: a line with ``object``, ``truth``, ``mean``,
-            ``error_percent``, ... for each object with inner voxels. Under a spectrum ``expected`` is the
-            mean that hardening leaves, and ``off_expected_percent`` the deviation from it.
+            ``error_percent``, ... for each object with inner voxels.
     """
 
     labels: NDArray[np.uint16]
@@ -73,8 +72,6 @@ class Volume:
         best: Number of the iterate that the values are, the one of the least residual.
         pixels: Pixels of the images: how many had no answer, no light or were misfits and were filled;
             ``None`` for sinograms.
-        sigma: Uncertainties of ``fbp`` by those of the sinograms, ``[z][y][x]``; ``None`` without.
-        regions: Means of regions: a line with ``region``, ``mean``, ``sigma_of_mean``, ... for each.
         truth: The scene on the voxels; ``None`` without.
         axis: x of the axis of rotation from the optical axis, m.
         energy: Energy of ``mu`` after the correction of beam hardening, keV; ``None`` without.
@@ -92,8 +89,6 @@ class Volume:
     residuals: tuple[float, ...] = ()
     best: int = 0
     pixels: Mapping[str, int] | None = None
-    sigma: NDArray[np.float32] | None = None
-    regions: tuple[Line, ...] = ()
     truth: Truth | None = None
     axis: float = 0.0
     energy: float | None = None
@@ -229,7 +224,6 @@ def _options(method: Reconstruction, given: Mapping[str, Any]) -> dict[str, Any]
         "cut_off": number("cut_off", given["cut_off"]),
         "iterations": whole_number("iterations", given["iterations"], 1),
         "beam_hardening": _hardening(given["beam_hardening"]),
-        "regions": [text("regions", region) for region in given["regions"]],
         "find_centre": given["centre"] == "auto",
     }
     passes, discrepancy = given["arm_passes"], given["discrepancy"]
@@ -285,8 +279,6 @@ def reconstruct(
     centre: float | Literal["auto"] | None = None,
     rings: bool = False,
     beam_hardening: str | None = None,
-    sigma: ArrayLike | None = None,
-    regions: Sequence[str] = (),
     truth: bool = False,
     scene: Scene | None = None,
     keep_views: bool = False,
@@ -316,17 +308,13 @@ def reconstruct(
         phase: ``delta`` from refraction angles integrated along the rows, which begin and end in air.
         weights: Weight of each value in iterative methods, 0 or more, ``[view][row][column]``.
         mask: True where voxels may differ from zero, ``[z][y][x]``, a shape as
-            ``"cylinder:0 mm,0 mm,8 mm"``, or the path of a file as for the command line.
+            ``"cylinder:0 mm,0 mm,8 mm"``, ``sphere:X,Y,Z,RADIUS`` or ``box:X,Y,Z,WIDTH,DEPTH,HEIGHT``, or the path of a file as for the command line.
         start: Volume to begin with, ``[z][y][x]``.
         centre: Column of the axis of rotation, counted from 0 at the centre of the first, with a
             fraction; ``"auto"`` finds it in the sinograms; default: `axis`.
         rings: Stripes of single columns are removed.
         beam_hardening: Material of the sample, as ``"water"`` or with the energy of ``mu`` as
             ``"water@40keV"``: -ln T under the spectrum of the scene is corrected for beam hardening.
-        sigma: Uncertainties of the sinograms, ``[view][row][column]``: ``fbp`` gives ``Volume.sigma``,
-            iterative methods weigh values by one over their squares.
-        regions: Means of regions, as ``"rod=cylinder:0 mm,0 mm,1 mm"``; ``sphere:X,Y,Z,RADIUS`` and
-            ``box:X,Y,Z,WIDTH,DEPTH,HEIGHT`` are the other shapes.
         truth: The scene on the same voxels and the errors by object: ``Volume.truth``.
         scene: Scene for `beam_hardening` and `truth`; default: `geometry`, where it is one.
         keep_views: Views that lost their refraction keep their weight in ``delta``.
@@ -348,18 +336,15 @@ def volume_of(given: Mapping[str, Any], beside: Mapping[str, Any]) -> Volume:
 
     Args:
         given: All its arguments.
-        beside: What retrieved images know beside them: ``flat_sigma``, uncertainties by a flat that views
-            share, and to correct ``delta`` for gradients of the attenuation the volume ``mu`` and
+        beside: What retrieved images know beside them: to correct ``delta`` for gradients of the attenuation the volume ``mu`` and
             ``flat_width`` (m).
     """
-    weights, sigma, start, geometry = (given[name] for name in ("weights", "sigma", "start", "geometry"))
+    weights, start, geometry = (given[name] for name in ("weights", "start", "geometry"))
     attenuation = given["attenuation"]
     if given["method"] == "fbp":
         _refuse_for_fbp(given)
     if given["axis"] is not None and given["centre"] is not None:
         raise wrong("centre", "centre and axis", "one of them")
-    if weights is not None and sigma is not None:
-        raise wrong("weights", "weights and sigma", "one of them")
     sides = "(view, row, column)"
     values = cube("sinograms", given["sinograms"], sides)
     may, shape = _mask(given["mask"])
@@ -367,8 +352,6 @@ def volume_of(given: Mapping[str, Any], beside: Mapping[str, Any]) -> Volume:
         "weights": None if weights is None else cube("weights", weights, sides),
         "mask": may,
         "start": None if start is None else cube("start", start, "(z, y, x)"),
-        "sigma": None if sigma is None else cube("sigma", sigma, sides),
-        "flat_sigma": beside.get("flat_sigma"),
         "attenuation": None if attenuation is None else cube("attenuation", attenuation, sides),
         "mu": beside.get("mu"),
     }
@@ -404,8 +387,6 @@ def _volume(quantity: str, found: Mapping[str, Any]) -> Volume:
         found["unit"],
         tuple(found["residuals"]),
         found["best"],
-        sigma=found["sigma"],
-        regions=_table(found["regions"]),
         truth=truth,
         axis=found["axis"],
         energy=found["energy"],

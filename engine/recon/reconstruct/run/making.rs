@@ -1,4 +1,4 @@
-//! The volumes of a reconstruction, quantity by quantity, with their deviations, errors and tables.
+//! The volumes of a reconstruction, quantity by quantity, with their errors and tables.
 
 use super::LABELS;
 use crate::reconstruct::data::Data;
@@ -7,21 +7,17 @@ use crate::reconstruct::grid::Volume;
 use crate::reconstruct::hardening::{BeamHardening, HardeningChoice};
 use crate::reconstruct::input::Input;
 use crate::reconstruct::lost_views::LostViews;
-use crate::reconstruct::measured::{Measured, deviation_weights};
+use crate::reconstruct::measured::Measured;
 use crate::reconstruct::method::{Made, Method};
 use crate::reconstruct::moment::reaching_ends;
 use crate::reconstruct::plan::VolumePlan;
 use crate::reconstruct::quantity::Quantity;
 use crate::reconstruct::record::{HardeningRecord, VolumeRecord};
-use crate::reconstruct::regions::{Region, region_table};
 use crate::reconstruct::rings::suppress_rings;
-use crate::reconstruct::shared_sigma::{fbp_mean_shared_sigma, fbp_shared_sigma};
-use crate::reconstruct::sigma::{fbp_mean_sigma, fbp_sigma};
 use crate::reconstruct::truth::Truth;
 use crate::reconstruct::write::{VolumeFormat, Voxels, write};
-use beamlet_core::numbers::single;
 use beamlet_core::rows_control::RowsControl;
-use beamlet_core::{Cancel, Error, Result, reserve};
+use beamlet_core::{Cancel, Result};
 use beamlet_files::ImageDirectory;
 use beamlet_gpu::Compute;
 use ndarray::{Array2, Array3};
@@ -32,30 +28,8 @@ const CUT: f64 = 0.2;
 /// Tables beside the volumes, as CSV.
 #[derive(Debug, Default)]
 pub(super) struct Tables {
-    pub(super) regions: String,
     pub(super) errors: String,
     pub(super) residuals: String,
-}
-
-/// Standard deviations of the values of sinograms.
-struct Deviations {
-    /// Deviations of the values, or of the parts of them that views do not share.
-    all: Array3<f32>,
-    /// Deviations by noise that is the same in all views, where it is known.
-    shared: Option<Array3<f32>>,
-    /// `all` does not contain `shared`.
-    is_parted: bool,
-}
-
-impl Deviations {
-    /// Takes the shared part off all of them, once.
-    fn part(&mut self) {
-        let Some(shared) = self.shared.as_ref().filter(|_| !self.is_parted) else { return };
-        self.all.zip_mut_with(shared, |all, shared| {
-            *all = (*all * *all - *shared * *shared).max(0.0).sqrt();
-        });
-        self.is_parted = true;
-    }
 }
 
 /// A reconstruction, quantity by quantity.
@@ -75,8 +49,6 @@ pub(super) struct Making<'a> {
     pub(super) tables: Tables,
     /// Volume of μ that δ is corrected by.
     pub(super) mu: Option<Volume>,
-    /// Standard deviations of this volume and of its means over regions.
-    pub(super) mu_sigma: Option<(Array3<f32>, Vec<f64>)>,
     /// Views and rows in which a body reaches an end of the row, where the transmission is known.
     pub(super) reaching: Option<Array2<bool>>,
 }
@@ -88,7 +60,7 @@ impl Making<'_> {
         quantity: Quantity,
         control: &mut RowsControl<'_>,
     ) -> Result<()> {
-        let (made, deviations) = self.made(quantity, control)?;
+        let made = self.made(quantity, control)?;
         append(&mut self.tables.residuals, &residual_table(quantity, &made));
         if let Some(mut drift) = made.drift {
             // Sinograms come without gaps.
@@ -103,20 +75,11 @@ impl Making<'_> {
         }
         let named = (quantity.name(), quantity.unit());
         self.put(named, Voxels::Values(&volume.values), &control.cancel)?;
-        let of_means = self.sigma(quantity, deviations, &control.cancel)?;
-        if !self.plan.regions.is_empty() {
-            let table = region_table(&self.plan.regions, &volume, of_means.as_deref())?;
-            append(&mut self.tables.regions, &table);
-        }
         if let Some(truth) = self.truth {
             if let Some(values) = truth.values(quantity) {
                 let name = format!("{}_truth", quantity.name());
                 self.put((&name, quantity.unit()), Voxels::Values(&values), &control.cancel)?;
-                let chosen = (&self.method, self.mask.as_ref().map(|mask| mask.view()));
-                let hardening = self.hardening.as_ref();
-                let (compute, cancel) = (self.compute, &control.cancel);
-                let expected = truth.expected(compute, quantity, chosen, hardening, cancel)?;
-                let table = truth.errors_beside(&volume, expected.as_ref(), &control.cancel)?;
+                let table = truth.errors(&volume, &control.cancel)?;
                 append(&mut self.tables.errors, &table);
             }
             if !self.record.units.contains_key(LABELS) {
@@ -129,32 +92,14 @@ impl Making<'_> {
         Ok(())
     }
 
-    /// The volume of a quantity, of corrected sinograms, with their deviations for [`Self::sigma`].
-    fn made(
-        &mut self,
-        quantity: Quantity,
-        control: &mut RowsControl<'_>,
-    ) -> Result<(Made, Option<Deviations>)> {
+    /// The volume of a quantity, of corrected sinograms.
+    fn made(&mut self, quantity: Quantity, control: &mut RowsControl<'_>) -> Result<Made> {
         let Self { compute, input, plan, method, .. } = self;
         let (geometry, cancel) = (input.geometry(), control.cancel.clone());
         if quantity == Quantity::Delta && self.reaching.is_none() {
             self.reaching = input.reaching_ends(&cancel)?;
         }
         let (mut sinograms, counts) = input.sinograms(quantity, &cancel)?;
-        let mut deviations = match (plan.sigma, method.filtered()) {
-            (false, _) => None,
-            (true, None) => {
-                let all = input.sigmas(quantity, &cancel)?;
-                Some(Deviations { all, shared: None, is_parted: false })
-            }
-            (true, Some(_)) => {
-                let (words, shared) = input.shared_sigmas(quantity)?;
-                self.record.noise_of_flat = Some(words);
-                let all = input.filled_sigmas(quantity, &cancel)?;
-                let shared = shared.map(|shared| repeated(&shared, all.dim().0)).transpose()?;
-                Some(Deviations { all, shared, is_parted: false })
-            }
-        };
         self.record.pixels.insert(quantity.name().to_owned(), counts);
         if quantity == Quantity::Mu {
             self.reaching = Some(reaching_ends(sinograms.view()));
@@ -168,12 +113,6 @@ impl Making<'_> {
         }
         if let (Quantity::Mu, Some(choice)) = (quantity, &plan.beam_hardening) {
             let polynomial = hardening(choice, &sinograms)?;
-            if let Some(Deviations { all, shared, is_parted: false }) = &mut deviations {
-                for sigmas in [Some(all), shared.as_mut()].into_iter().flatten() {
-                    cancel.check()?;
-                    steepen(sigmas, &sinograms, &polynomial);
-                }
-            }
             polynomial.apply_until(&mut sinograms, &cancel)?;
             self.record.beam_hardening = Some(HardeningRecord {
                 material: choice.material.clone(),
@@ -184,19 +123,12 @@ impl Making<'_> {
             });
             self.hardening = Some(polynomial);
         }
-        let (mut deviations, mut weights) = match method.filtered() {
-            Some(_) => (deviations, None),
-            None => (None, deviations.map(|of| deviation_weights(of.all))),
-        };
+        let mut weights = None;
         if quantity == Quantity::Delta {
             let unknown = self.reaching.as_ref().map(|reaching| reaching.view());
             let mut lost = LostViews::find(geometry, sinograms.view(), unknown)?;
             let chosen = (&*method, plan.keep_views);
-            weights = lost.leave_out(geometry, chosen, &mut sinograms, weights)?;
-            if let Some(deviations) = &mut deviations {
-                deviations.part();
-                lost.widen(&mut deviations.all)?;
-            }
+            weights = lost.leave_out(geometry, chosen, &mut sinograms, None)?;
             self.record.refraction_moment = Some(lost.record().clone());
         }
         if plan.rings {
@@ -207,56 +139,7 @@ impl Making<'_> {
             .with_weights(weights.as_ref().map(|weights| weights.view()))
             .with_mask(self.mask.as_ref().map(|mask| mask.view()))
             .with_start(start.as_ref().map(|start| start.values.view()));
-        let made = method.volume(compute, geometry, &measured, &plan.grid, control)?;
-        Ok((made, deviations))
-    }
-
-    /// Writes the deviations of the voxels by the deviations of sinograms, and returns the deviations of
-    /// means of regions.
-    fn sigma(
-        &mut self,
-        quantity: Quantity,
-        deviations: Option<Deviations>,
-        cancel: &Cancel,
-    ) -> Result<Option<Vec<f64>>> {
-        let plan = self.plan;
-        let method = self.method;
-        let (Some(mut deviations), Some(options)) = (deviations, method.filtered()) else {
-            return Ok(None);
-        };
-        deviations.part();
-        let Deviations { all: sigmas, shared, .. } = deviations;
-        let given = (self.input.geometry(), sigmas.view(), quantity);
-        let shared = shared.as_ref().map(|shared| (given.0, shared.view(), quantity));
-        let quiet = || RowsControl { progress: None, cancel: cancel.clone() };
-        let mut map = fbp_sigma(self.compute, given, &plan.grid, options, &mut quiet())?.values;
-        if let Some(shared) = shared {
-            let rings = fbp_shared_sigma(shared, &plan.grid, options, &mut quiet())?.values;
-            map.zip_mut_with(&rings, |own, ring| *own = own.hypot(*ring));
-        }
-        let name = format!("{}_sigma", quantity.name());
-        let of = |region: &Region| {
-            let voxels = region.voxels(&plan.grid);
-            let own = fbp_mean_sigma(given, &plan.grid, &voxels, options, &mut quiet())?;
-            let Some(shared) = shared else { return Ok(own) };
-            let ring = fbp_mean_shared_sigma(shared, &plan.grid, &voxels, options, &mut quiet())?;
-            Ok(own.hypot(ring))
-        };
-        let mut means = plan.regions.iter().map(of).collect::<Result<Vec<f64>>>()?;
-        // The noise of transmissions and of refraction angles is independent.
-        if let (Quantity::Delta, Some(k), Some((mu, of_mu))) =
-            (quantity, plan.gradient_bias, &self.mu_sigma)
-        {
-            map.zip_mut_with(mu, |delta, mu| {
-                *delta = single(f64::from(*delta).hypot(k * f64::from(*mu)));
-            });
-            means.iter_mut().zip(of_mu).for_each(|(delta, mu)| *delta = delta.hypot(k * mu));
-        }
-        self.put((&name, quantity.unit()), Voxels::Values(&map), cancel)?;
-        if quantity == Quantity::Mu && plan.gradient_bias.is_some() {
-            self.mu_sigma = Some((map, means.clone()));
-        }
-        Ok(Some(means))
+        method.volume(compute, geometry, &measured, &plan.grid, control)
     }
 
     /// Writes a volume.
@@ -287,26 +170,10 @@ fn is_cut(sinograms: &Array3<f32>) -> bool {
     }
 }
 
-/// An image for each view.
-fn repeated(image: &Array2<f32>, views: usize) -> Result<Array3<f32>> {
-    let mut values = reserve::room(views * image.len(), "deviations")?;
-    (0..views).for_each(|_| values.extend(image.iter()));
-    let (rows, columns) = image.dim();
-    Array3::from_shape_vec((views, rows, columns), values)
-        .map_err(|error| Error::argument("sinograms", error.to_string(), "their shape"))
-}
-
 /// Correction for beam hardening up to the largest −ln T of sinograms.
 fn hardening(choice: &HardeningChoice, sinograms: &Array3<f32>) -> Result<BeamHardening> {
     let most = sinograms.iter().copied().fold(0.0, f32::max);
     BeamHardening::up_to(choice, most.into())
-}
-
-/// Multiplies deviations of −ln T by the slope of a correction for beam hardening.
-fn steepen(sigmas: &mut Array3<f32>, sinograms: &Array3<f32>, polynomial: &BeamHardening) {
-    sigmas.zip_mut_with(sinograms, |sigma, value| {
-        *sigma = single(f64::from(*sigma) * polynomial.slope((*value).into()));
-    });
 }
 
 /// Residuals of the iterations, as CSV; empty without.
