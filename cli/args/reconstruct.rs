@@ -84,9 +84,9 @@ pub(crate) struct Reconstruct {
     pub(crate) device: DeviceArguments,
     #[command(flatten)]
     pub(crate) profile: ProfileArguments,
-    /// Most memory, host and device together, such as "2 GiB": slabs on the device become smaller,
-    /// and volumes of iterative methods are on the host [default: the sinograms and volumes, plus up to
-    /// 1 GiB on the device]
+    /// Most memory, host and device together, such as "2 GiB": slabs of fbp on the device become
+    /// smaller; what does not fit is refused [default: the sinograms and volumes, plus up to 1 GiB on
+    /// the device]
     #[arg(long, value_name = "SIZE", value_parser = memory_size)]
     pub(crate) memory_limit: Option<u64>,
     /// Replace existing volumes

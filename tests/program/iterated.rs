@@ -344,8 +344,11 @@ fn a_memory_limit_is_held_and_changes_no_value() {
         assert!(within <= limit, "{method}: {within} MiB");
         assert_eq!(volume(&path.join(name)), volume(&path.join(format!("{name}_within"))));
     }
-    let mut little = beamlet(path);
-    little.args(["reconstruct"]).args(usual.split_whitespace());
-    let output = little.args(["-o", "none", "--memory-limit", "130MiB"]).output().unwrap();
-    assert!(ended(&output, 1).contains("130 MiB are available") && !path.join("none").exists());
+    for (method, limit) in [("fbp", 130), ("cgls", 170)] {
+        let words =
+            format!("reconstruct {usual} -o none --method {method} --memory-limit {limit}MiB");
+        let message = ended(&run(path, &words), 1);
+        assert!(message.contains(&format!("{limit} MiB are available")), "{message}");
+        assert!(!path.join("none").exists());
+    }
 }

@@ -9,6 +9,7 @@ use super::model::Model;
 use super::plan::VolumePlan;
 use super::quantity::Quantity;
 use super::resampling::Resampling;
+use super::resident::require_room;
 use super::work::Work;
 use beamlet_core::rows_control::RowsControl;
 use beamlet_core::{Result, parallel};
@@ -28,8 +29,7 @@ const THICK: usize = 4;
 pub struct VolumeEstimate {
     /// Bytes of a volume.
     pub volume_bytes: u64,
-    /// Most bytes on the host at a time, without the program: sinograms and volumes that are not on the
-    /// device.
+    /// Most bytes on the host at a time, without the program: sinograms and volumes.
     pub host_bytes: u64,
     /// Bytes on the device: slabs of a volume and parts of the projections, or all volumes and sinograms of
     /// an iterative method.
@@ -43,7 +43,8 @@ pub struct VolumeEstimate {
 /// the scene.
 ///
 /// # Errors
-/// As [`super::fbp`] and [`super::iterate`]; [`beamlet_core::Error::Memory`] where the limit is too low.
+/// As [`super::fbp`] and [`super::iterate`]; [`beamlet_core::Error::Memory`] where the limit is too
+/// low, or the device has no room for the vectors of an iterative method.
 pub fn estimate(
     compute: &Compute,
     geometry: &ScanGeometry,
@@ -54,6 +55,9 @@ pub fn estimate(
     geometry.check()?;
     plan.grid.check(geometry)?;
     let memory = Memory::of(geometry, plan, truth, compute.options().memory_limit)?;
+    if memory.at_once.is_none() {
+        require_room(compute, (geometry, &plan.grid), memory.device)?;
+    }
     parallel::start_threads()?;
     let mut work = Work { cancel: control.cancel.clone(), report: &mut |_| () };
     let pairs = passes(geometry, plan);

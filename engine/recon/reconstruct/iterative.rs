@@ -6,11 +6,11 @@ use super::grid::{Volume, VolumeGrid};
 use super::measured::Measured;
 use super::model::Model;
 use super::problem::Problem;
-use super::resident::resident_bytes;
+use super::resident::{require_room, resident_bytes};
 use super::solver::{IterativeOptions, Solver};
 use super::work::reporting;
+use beamlet_core::Result;
 use beamlet_core::rows_control::RowsControl;
-use beamlet_core::{Error, Result};
 use beamlet_gpu::Compute;
 
 /// A volume, and how it came about.
@@ -34,7 +34,8 @@ pub struct Iterated {
 /// [`beamlet_core::Error::Argument`] for a geometry, grid or options that cannot be, arrays of other shapes, values
 /// of weight that are not finite, weights below zero or all zero, a start that is not finite, views
 /// that do not meet the volume, and methods that do not fit: SIRT for refraction angles, bounds for
-/// conjugate gradients; [`beamlet_core::Error::Interrupted`], [`beamlet_core::Error::Device`], [`beamlet_core::Error::Memory`].
+/// conjugate gradients; [`beamlet_core::Error::Memory`] where the device has no room for all volumes and sinograms of the
+/// method; [`beamlet_core::Error::Interrupted`], [`beamlet_core::Error::Device`].
 ///
 /// # Example
 ///
@@ -68,25 +69,12 @@ pub fn iterate(
     geometry.check()?;
     options.check(measured.data)?;
     measured.check(geometry, grid)?;
-    let model = Model::new(compute, geometry, grid, measured.data, options.at_once)?;
+    let model = Model::new(compute, geometry, grid, measured.data, None)?;
     let method = (options.solver, measured.data == Data::Refraction);
     let extras = [measured.mask.is_some(), measured.weights.is_some()];
     let needed = resident_bytes(geometry, grid, method, extras);
-    let device = compute.device().description();
-    // A vector is one buffer, whose places shaders count with 31 bits.
-    let longest = grid.size.iter().product::<usize>().max(geometry.shape().iter().product());
-    let largest = device.max_allocation_bytes.min(4 << 31);
-    let fits = needed <= device.memory_bytes / 8 * 7 && 4 * longest as u64 <= largest;
-    if !fits {
-        log::info!("vectors are on the host: {} has no room for {needed} bytes", device.name);
-    }
-    let is_resident = options.at_once.is_none() && fits;
-    let mut problem = match Problem::new(&model, measured, options, is_resident) {
-        // Other work may have taken the memory of the device.
-        Err(Error::Memory { .. }) if is_resident => Problem::new(&model, measured, options, false)?,
-        made => made?,
-    };
-    problem.end_by(&control.cancel);
+    require_room(compute, (geometry, grid), needed)?;
+    let mut problem = Problem::new(&model, measured, options)?;
     reporting(control, |work| match options.solver {
         Solver::Cgls => problem.cgls(work),
         Solver::Sirt => problem.sirt(work),

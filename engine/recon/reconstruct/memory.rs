@@ -3,13 +3,11 @@
 use super::geometry::ScanGeometry;
 use super::method::Method;
 use super::plan::VolumePlan;
-use super::preconditioner::filter_bytes;
 use super::projector::AT_ONCE;
 use super::quantity::Quantity;
 use super::redundancy::Redundancy;
 use super::resampling::Resampling;
-use super::resident::{VALUE, resident_bytes, vectors};
-use super::vectors::Vectors;
+use super::resident::{VALUE, product, resident_bytes};
 use beamlet_core::numbers::length;
 use beamlet_core::reserve::PROGRAM;
 use beamlet_core::{Error, Result};
@@ -37,67 +35,44 @@ impl Memory {
         truth: bool,
         limit: Option<u64>,
     ) -> Result<Self> {
-        if let Some(resident) = Self::resident(geometry, plan, truth)
-            && limit.is_none_or(|limit| resident.needed() <= limit)
-        {
-            return Ok(resident);
+        let host = host_bytes(geometry, plan, truth);
+        let memory = match &plan.method {
+            Method::Fbp(_) => Self::in_slabs(geometry, plan, host, limit),
+            Method::Iterative { options, .. } => {
+                let method = (options.solver, filters_gradients(plan));
+                let extras = [plan.mask.is_some(), has_weights(plan)];
+                let device = resident_bytes(geometry, &plan.grid, method, extras);
+                Self { host, device, at_once: None }
+            }
+        };
+        let needed = PROGRAM.saturating_add(memory.host).saturating_add(memory.device);
+        match limit {
+            Some(limit) if needed > limit => Err(Error::Memory {
+                purpose: "a reconstruction".into(),
+                needed,
+                available: Some(limit),
+                remedy: "raise the memory limit, use larger or fewer voxels (--voxel, --size), or \
+                         reconstruct a part of the volume (--origin)"
+                    .into(),
+            }),
+            _ => Ok(memory),
         }
-        let host = host_bytes(geometry, plan, [truth, false]);
+    }
+
+    /// The memory of filtered back-projection, with the largest slabs within a limit.
+    fn in_slabs(geometry: &ScanGeometry, plan: &VolumePlan, host: u64, limit: Option<u64>) -> Self {
         let [x, y, z] = plan.grid.size.map(|side| side as u64);
         let [views, rows, columns] = geometry.shape().map(|side| side as u64);
         // Refraction angles are differences of one place more than columns.
-        let filtered = plan.method.filtered().map_or(0, |_| filtered_columns(geometry));
-        let places = (filtered as u64).max(columns + 1);
+        let places = (filtered_columns(geometry) as u64).max(columns + 1);
         let (plane, view) = (x.saturating_mul(y), rows.saturating_mul(places));
-        let pairs = if passes(geometry, plan) > 0 { 2 } else { 1 };
-        // Factors of each column of a row: made on the host, and kept on the device.
-        let factors = 4 * VALUE * rows.saturating_mul(columns);
-        let (pieces, host) = match plan.method {
-            Method::Fbp(_) => (0, host),
-            Method::Iterative { .. } => {
-                let filter = if filters_gradients(plan) { filter_bytes(plan.grid.size) } else { 0 };
-                let pieces = 3 * VALUE * piece(geometry, plan);
-                (pieces + factors + filter, host.saturating_add(factors))
-            }
-        };
-        let of_device = |at_once: u64| {
-            let slab = at_once.max(plane).min(plane.saturating_mul(z));
-            let part = at_once.max(view).min(view.saturating_mul(views));
-            (pairs * VALUE).saturating_mul(slab.saturating_add(part)).saturating_add(pieces)
-        };
-        let mut at_once = AT_ONCE as u64;
-        if let Some(limit) = limit {
-            let rest = limit.saturating_sub(PROGRAM).saturating_sub(host).saturating_sub(pieces);
-            at_once = at_once.min(rest / (2 * pairs * VALUE));
-            let needed = PROGRAM.saturating_add(host).saturating_add(of_device(at_once));
-            if needed > limit {
-                return Err(Error::Memory {
-                    purpose: "a reconstruction".into(),
-                    needed,
-                    available: Some(limit),
-                    remedy:
-                        "raise the memory limit, use larger or fewer voxels (--voxel, --size), or \
-                         reconstruct a part of the volume (--origin)"
-                            .into(),
-                });
-            }
-        }
-        Ok(Self { host, device: of_device(at_once), at_once: Some(length(at_once.max(1))) })
-    }
-
-    /// The memory of an iterative method with all vectors on the device.
-    fn resident(geometry: &ScanGeometry, plan: &VolumePlan, truth: bool) -> Option<Self> {
-        let Method::Iterative { options, .. } = &plan.method else { return None };
-        let method = (options.solver, filters_gradients(plan));
-        let extras = [plan.mask.is_some(), has_weights(plan)];
-        let device = resident_bytes(geometry, &plan.grid, method, extras);
-        let host = host_bytes(geometry, plan, [truth, true]);
-        Some(Self { host, device, at_once: None })
-    }
-
-    /// With the program.
-    const fn needed(&self) -> u64 {
-        PROGRAM.saturating_add(self.host).saturating_add(self.device)
+        let bytes = if passes(geometry, plan) > 0 { 2 * VALUE } else { VALUE };
+        let rest = limit.map(|limit| limit.saturating_sub(PROGRAM).saturating_sub(host));
+        let at_once = rest.map_or(u64::MAX, |rest| rest / (2 * bytes)).min(AT_ONCE as u64);
+        let slab = at_once.max(plane).min(plane.saturating_mul(z));
+        let part = at_once.max(view).min(view.saturating_mul(views));
+        let device = bytes.saturating_mul(slab.saturating_add(part));
+        Self { host, device, at_once: Some(length(at_once.max(1))) }
     }
 }
 
@@ -105,15 +80,6 @@ impl Memory {
 fn filters_gradients(plan: &VolumePlan) -> bool {
     matches!(plan.method, Method::Iterative { phase: false, .. })
         && plan.quantities.contains(&Quantity::Delta)
-}
-
-/// Values of a piece of a vector that is on the host.
-fn piece(geometry: &ScanGeometry, plan: &VolumePlan) -> u64 {
-    let [views, rows, columns] = geometry.shape();
-    let longest = plan.grid.size.iter().product::<usize>().max(views * rows * columns);
-    let [x, y, _] = plan.grid.size;
-    let planes = if filters_gradients(plan) { 2 * x * y } else { 0 };
-    Vectors::piece(longest, planes.max(rows * columns)) as u64
 }
 
 /// True if sinograms may have weights: 0 for views that lost their refraction.
@@ -136,11 +102,8 @@ fn filtered_columns(geometry: &ScanGeometry) -> usize {
     even.len() + added[0] + added[1]
 }
 
-/// Most bytes on the host at a time: volumes and sinograms that are alive together; `is_resident`: with the
-/// vectors of an iterative method on the device.
-fn host_bytes(geometry: &ScanGeometry, plan: &VolumePlan, [truth, is_resident]: [bool; 2]) -> u64 {
-    let product =
-        |sides: [usize; 3]| sides.iter().fold(VALUE, |all, side| all.saturating_mul(*side as u64));
+/// Most bytes on the host at a time: volumes and sinograms that are alive together.
+fn host_bytes(geometry: &ScanGeometry, plan: &VolumePlan, truth: bool) -> u64 {
     let [views, rows, columns] = geometry.shape();
     let volume = product(plan.grid.size);
     let sinograms = product([views, rows, columns + 1]);
@@ -158,20 +121,12 @@ fn host_bytes(geometry: &ScanGeometry, plan: &VolumePlan, [truth, is_resident]: 
             true => counted(kept + 2, 2, 1),
             false => counted(kept + 1, 1, 1),
         },
-        Method::Iterative { options, phase } => {
-            let has_mask = plan.mask.is_some();
-            // The mask and the start, and the volume that is made, where none of the vectors becomes it.
-            let beside: u64 =
-                [has_mask, plan.start.is_some(), is_resident].into_iter().map(u64::from).sum();
+        Method::Iterative { phase, .. } => {
+            // The mask and its copy as numbers, the start, and the volume that is made.
+            let beside = 2 * u64::from(plan.mask.is_some()) + u64::from(plan.start.is_some()) + 1;
             // Weights and their copy in another unit; integrals and their drift.
             let extra = 2 * u64::from(has_weights(plan)) + 2 * u64::from(*phase);
-            let [volumes, of_sinograms] = match is_resident {
-                true => [u64::from(has_mask), 0],
-                false => {
-                    vectors(options.solver, filters_gradients(plan), [has_mask, has_weights(plan)])
-                }
-            };
-            counted(kept + beside + volumes, 1 + extra + of_sinograms, 0)
+            counted(kept + beside, 1 + extra, 0)
         }
     }
 }
@@ -212,23 +167,25 @@ mod tests {
             2 * volume + rows * (102 + 101)
         );
     }
+
     #[test]
-    fn vectors_of_iterations_are_on_the_device_where_the_limit_allows_it() {
+    fn vectors_of_iterations_are_on_the_device_or_refused_with_their_size() {
         let mut plan = plan();
         plan.quantities = vec![Quantity::Mu];
         plan.grid.size = [400, 400, 40];
         plan.method = Method::iterative(IterativeOptions::default(), false);
-        let memory = |limit| Memory::of(&scan(0.0), &plan, false, limit).unwrap();
-        let whole = memory(None);
+        let memory = |limit| Memory::of(&scan(0.0), &plan, false, limit);
+        let whole = memory(None).unwrap();
         let (volume, sinograms) = (4 * 400 * 400 * 40, 4 * 90 * 3 * 101);
         // Volume, best volume, gradient and direction; residual and projections; rays, and tables.
         let (rays, tables) = (4 * 90 * 3 * 102, 16 * 3 * 101 + 512 * 90);
         assert_eq!(whole.device, 4 * volume + 2 * sinograms + rays + tables);
         assert_eq!((whole.host, whole.at_once), (volume + rays, None));
-        let needed = PROGRAM + whole.host + whole.device;
-        assert_eq!(memory(Some(needed)).device, whole.device);
-        let slabs = memory(Some(needed - 1));
-        assert!(slabs.at_once.is_some() && slabs.host > whole.host);
-        assert!(PROGRAM + slabs.host + slabs.device < needed);
+        let least = PROGRAM + whole.host + whole.device;
+        assert_eq!(memory(Some(least)).unwrap().device, whole.device);
+        let Err(Error::Memory { needed, available, .. }) = memory(Some(least - 1)) else {
+            panic!("a limit of a byte less is refused");
+        };
+        assert_eq!((needed, available), (least, Some(least - 1)));
     }
 }

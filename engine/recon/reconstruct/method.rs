@@ -98,9 +98,8 @@ impl Method {
 
     /// The same with a bound of the values of volume and of sinograms that are on the device at once.
     pub(super) const fn with_at_once(mut self, values: Option<usize>) -> Self {
-        match &mut self {
-            Self::Fbp(options) => options.at_once = values,
-            Self::Iterative { options, .. } => options.at_once = values,
+        if let Self::Fbp(options) = &mut self {
+            options.at_once = values;
         }
         self
     }

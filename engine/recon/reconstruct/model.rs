@@ -4,7 +4,7 @@ use super::data::Data;
 use super::geometry::{ScanGeometry, same_shape};
 use super::grid::VolumeGrid;
 use super::joseph::Rays;
-use super::projector::{AT_ONCE, Arm, Projector, Source};
+use super::projector::{AT_ONCE, Arm, Projector};
 use super::stream::Stream;
 use super::work::{Work, reporting};
 use crate::retrieve::borders;
@@ -178,11 +178,20 @@ impl Model {
         let (views, rows, _) = self.rays.geometry.dim();
         let per_view = rows * self.rays.places.len();
         let mut rays: Vec<f32> = reserve::zeroed(views * per_view, "projections")?;
+        let slab = projector.slab()?;
         for [first, n] in projector.parts() {
-            let shares = [first, first + n].map(|view| view as f64 / views as f64);
-            work.stage(shares, |work| {
-                projector.forward(&Source::Host(volume), [first, n], &mut stream, work)
-            })?;
+            stream.fill(projector.rays(), 4 * (n * per_view) as u64, 0.0);
+            for planes in projector.slabs() {
+                stream.submit(&mut [])?;
+                let values = volume.slice(ndarray::s![planes[0]..planes[1], .., ..]);
+                slab.write(0, values.as_standard_layout().as_slice().unwrap_or_default())?;
+                let shares = planes.map(|plane| {
+                    (first as f64 + n as f64 * plane as f64 / self.size()[2] as f64) / views as f64
+                });
+                work.stage(shares, |work| {
+                    projector.forward((slab, planes), [first, n], &mut stream, work)
+                })?;
+            }
             let part = &mut rays[first * per_view..(first + n) * per_view];
             stream.submit(&mut [Download::new(projector.rays(), 0, part)])?;
         }
@@ -196,8 +205,9 @@ impl Model {
         let (_alone, mut stream) = (projector.alone(), Stream::new(projector.device()));
         let [x, y, z] = self.size();
         let mut values: Vec<f32> = reserve::zeroed(x * y * z, "a volume")?;
-        for planes in projector.slabs(false) {
-            let (slab, own) = (projector.slab()?, planes[0] * x * y..planes[1] * x * y);
+        let slab = projector.slab()?;
+        for planes in projector.slabs() {
+            let own = planes[0] * x * y..planes[1] * x * y;
             stream.fill(slab, 4 * own.len() as u64, 0.0);
             for part in projector.parts() {
                 let given = rays.slice(ndarray::s![part[0]..part[0] + part[1], .., ..]);

@@ -1,7 +1,7 @@
 //! The filter 1/|k| of slices: it makes steps of refraction angles about the same size at all frequencies.
 
 use super::stream::Stream;
-use super::vectors::{Operand, Vector, Vectors};
+use super::vectors::{Vector, Vectors, value_address};
 use beamlet_core::numbers::{count, single};
 use beamlet_core::{Cancel, Result};
 use beamlet_gpu::{Buffer, Device, Kernel, Memory, push_bytes};
@@ -93,7 +93,7 @@ impl Preconditioner {
     pub(super) fn apply(
         &self,
         volume: &Vector,
-        to: &mut Vector,
+        to: &Vector,
         vectors: &mut Vectors,
         cancel: &Cancel,
     ) -> Result<()> {
@@ -107,12 +107,11 @@ impl Preconditioner {
                 vectors.stream.submit(&mut [])?;
                 waiting = 0;
             }
-            let range = first..(first + self.pairs).min(z.div_ceil(2));
-            let operands = &mut [Operand::Write(to), Operand::Read(volume)];
-            vectors.each(operands, (pair, range), |stream, [first, pairs], at| {
-                let voxels = (x * y * z - first * pair).min(pairs * pair);
-                self.filter(stream, [pairs, voxels], [at[1], at[0]]);
-            })?;
+            let pairs = self.pairs.min(z.div_ceil(2) - first);
+            let voxels = (x * y * z - first * pair).min(pairs * pair);
+            let at = [volume, to].map(|vector| value_address(vector, first * pair));
+            [volume, to].into_iter().for_each(|vector| vectors.stream.keep(vector));
+            self.filter(&mut vectors.stream, [pairs, voxels], at);
         }
         Ok(())
     }

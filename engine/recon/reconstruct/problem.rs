@@ -5,11 +5,11 @@ use super::measured::Measured;
 use super::model::Model;
 use super::preconditioner::Preconditioner;
 use super::sinograms::Sinograms;
-use super::solver::{IterativeOptions, Solver};
+use super::solver::IterativeOptions;
 use super::vectors::{Dot, Vector, Vectors};
 use super::work::Work;
 use beamlet_core::numbers::single;
-use beamlet_core::{Cancel, Error, Result, reserve};
+use beamlet_core::{Error, Result, reserve};
 use ndarray::Array3;
 
 /// Least squares while they are solved.
@@ -31,8 +31,6 @@ pub(super) struct Problem<'a> {
     /// Measured less projected.
     residual: Vector,
     projected: Vector,
-    /// Volumes, and then sinograms, of the method.
-    spare: Vec<Vector>,
     best: (usize, Vector),
     /// The volume to begin with is not zero.
     has_start: bool,
@@ -47,51 +45,30 @@ fn scale(weights: &mut Array3<f32>) -> f64 {
     unit
 }
 
-/// Volumes and sinograms that a method needs beside the volume, the best volume, the residual and
-/// projections; `filtered`: with a filter of gradients.
-pub(super) const fn spare(solver: Solver, filtered: bool) -> [usize; 2] {
-    match (solver, filtered) {
-        (Solver::Cgls, false) => [2, 0],
-        (Solver::Cgls, true) | (Solver::Bb, false) => [3, 0],
-        (Solver::Sirt, _) => [2, 1],
-        (Solver::Bb, true) => [5, 0],
-    }
-}
-
 impl<'a> Problem<'a> {
-    /// Ends work on vectors, too.
-    pub(super) fn end_by(&mut self, cancel: &Cancel) {
-        self.vectors.stream.cancel = cancel.clone();
-    }
-
-    /// With all vectors on the device, or on the host.
-    ///
     /// # Errors
     /// [`Error::Memory`], [`Error::Device`].
     pub(super) fn new(
         model: &'a Model,
         measured: &Measured<'_>,
         options: &'a IterativeOptions,
-        is_resident: bool,
     ) -> Result<Self> {
         let [x, y, z] = model.size();
         let (views, rows, columns) = measured.sinograms.dim();
         let [voxels, values] = [x * y * z, views * rows * columns];
         let device = model.projector().device();
-        let is_filtered = measured.data == Data::Refraction;
-        let least = if is_filtered { (rows * columns).max(2 * x * y) } else { rows * columns };
-        let mut vectors = Vectors::new(device, voxels.max(values), least, is_resident)?;
+        let mut vectors = Vectors::new(device, voxels.max(values))?;
         let mut unit = 1.0;
         let mut counted = values;
         let given = measured.sinograms.as_standard_layout();
-        let mut residual = vectors.with(given.as_slice().unwrap_or_default(), "residuals")?;
+        let residual = vectors.with(given.as_slice().unwrap_or_default(), "residuals")?;
         let mut weights = None;
         if let Some(given) = measured.weights {
             let mut own = given.as_standard_layout().into_owned();
             unit = scale(&mut own);
             counted = own.iter().filter(|weight| **weight > 0.0).count();
             let own = vectors.with(own.as_slice().unwrap_or_default(), "weights")?;
-            vectors.keep_where(&mut residual, &own, 0.0)?;
+            vectors.keep_where(&residual, &own, 0.0);
             weights = Some(own);
         }
         let mut mask = None;
@@ -99,27 +76,21 @@ impl<'a> Problem<'a> {
             let own: Vec<f32> = given.iter().map(|may| f32::from(u8::from(*may))).collect();
             mask = Some(vectors.with(&own, "a mask of voxels")?);
         }
-        let mut volume = vectors.vector(voxels, "a volume")?;
-        match measured.start {
-            Some(start) => {
-                let start = start.as_standard_layout();
-                vectors.set(&mut volume, start.as_slice().unwrap_or_default())?;
-                if let Some(mask) = &mask {
-                    vectors.multiply(&mut volume, mask)?;
-                }
-                if options.is_non_negative {
-                    vectors.bound(&mut volume)?;
-                }
-            }
-            None => vectors.fill(&mut volume, 0.0),
+        let volume = vectors.vector(voxels, "a volume")?;
+        match measured.start.as_ref().map(|start| start.as_standard_layout()) {
+            Some(start) => volume.write(0, start.as_slice().unwrap_or_default())?,
+            None => vectors.fill(&volume, 0.0),
         }
-        let mut best = vectors.vector(voxels, "the best volume")?;
-        vectors.copy(&mut best, &volume);
+        if let Some(mask) = &mask {
+            vectors.multiply(&volume, mask);
+        }
+        if options.is_non_negative {
+            vectors.bound(&volume);
+        }
+        let best = vectors.vector(voxels, "the best volume")?;
+        vectors.copy(&best, &volume);
+        let is_filtered = measured.data == Data::Refraction;
         let filter = is_filtered.then(|| Preconditioner::new(device, model.size())).transpose()?;
-        let [volumes, sinograms] = spare(options.solver, filter.is_some());
-        let of_volumes = (0..volumes).map(|_| vectors.vector(voxels, "a volume"));
-        let of_sinograms = (0..sinograms).map(|_| vectors.vector(values, "sinograms"));
-        let spare = of_volumes.chain(of_sinograms).collect::<Result<_>>()?;
         Ok(Self {
             model: Sinograms::new(model)?,
             options,
@@ -132,7 +103,6 @@ impl<'a> Problem<'a> {
             volume,
             residual,
             projected: vectors.vector(values, "projections")?,
-            spare,
             has_start: measured.start.is_some_and(|start| start.iter().any(|value| *value != 0.0)),
             residuals: Vec::new(),
             vectors,
@@ -144,30 +114,24 @@ impl<'a> Problem<'a> {
     /// # Errors
     /// [`Error::Memory`], [`Error::Device`].
     pub(super) fn finish(mut self, shape: [usize; 3]) -> Result<(Array3<f32>, Vec<f64>, usize)> {
-        let values = match self.best.1 {
-            Vector::Host(values) => values,
-            on_device @ Vector::Device(_) => {
-                let mut values = reserve::zeroed(shape.iter().product(), "a volume")?;
-                self.vectors.values(&on_device, &mut values)?;
-                values
-            }
-        };
+        let mut values = reserve::zeroed(shape.iter().product(), "a volume")?;
+        self.vectors.stream.submit(&mut [])?;
+        self.best.1.read_into(0, &mut values)?;
         let shape = (shape[2], shape[1], shape[0]);
         let values = Array3::from_shape_vec(shape, values).unwrap_or_else(|_| Array3::zeros(shape));
         Ok((values, self.residuals, self.best.0))
     }
 
-    /// Vectors of the method.
-    fn spare<const N: usize>(&mut self) -> [Vector; N] {
-        let mut spare = std::mem::take(&mut self.spare).into_iter();
-        std::array::from_fn(|_| spare.next().unwrap_or(Vector::Host(Vec::new())))
+    /// A volume more, of undefined values.
+    fn another(&self) -> Result<Vector> {
+        self.vectors.vector(self.model.voxels(), "a volume")
     }
 
     /// Takes the projections of the start off the measured values.
     fn begin(&mut self, work: &mut Work<'_>) -> Result<()> {
         if self.has_start {
-            self.model.project(&self.volume, &mut self.projected, &mut self.vectors, work)?;
-            self.vectors.add(&mut self.residual, (-1.0, &self.projected))?;
+            self.model.project(&self.volume, &self.projected, &mut self.vectors, work)?;
+            self.vectors.sum(&self.residual, &self.residual, (-1.0, &self.projected));
         }
         self.note().map(drop)
     }
@@ -177,13 +141,13 @@ impl<'a> Problem<'a> {
     /// # Errors
     /// [`Error::Argument`] for a residual that is not finite.
     fn note(&mut self) -> Result<bool> {
-        self.vectors.dot(&self.residual, &self.residual, self.weights.as_ref())?;
+        self.vectors.dot(&self.residual, &self.residual, self.weights.as_ref());
         let [squares] = self.vectors.dots()?;
         let now = (self.unit * squares.sum / self.counted).sqrt();
         self.refuse_infinite("residual", now)?;
         if self.residuals.iter().all(|earlier| now < *earlier) && !self.residuals.is_empty() {
             self.best.0 = self.residuals.len();
-            self.vectors.copy(&mut self.best.1, &self.volume);
+            self.vectors.copy(&self.best.1, &self.volume);
         }
         self.residuals.push(now);
         Ok(self.options.discrepancy.is_some_and(|bound| now <= bound))
@@ -191,7 +155,7 @@ impl<'a> Problem<'a> {
 
     /// Square of projections, weighted.
     fn curvature(&mut self) -> Result<f64> {
-        self.vectors.dot(&self.projected, &self.projected, self.weights.as_ref())?;
+        self.vectors.dot(&self.projected, &self.projected, self.weights.as_ref());
         let [squares] = self.vectors.dots()?;
         Ok(squares.sum)
     }
@@ -199,24 +163,23 @@ impl<'a> Problem<'a> {
     /// The negative gradient, and its filtered form where there is a filter.
     fn descend(
         &mut self,
-        gradient: &mut Vector,
-        filtered: Option<&mut Vector>,
+        gradient: &Vector,
+        filtered: Option<&Vector>,
         work: &mut Work<'_>,
     ) -> Result<()> {
         let residual = (&self.residual, self.weights.as_ref());
         self.model.gather(residual, gradient, &mut self.vectors, work)?;
-        self.masked(gradient)?;
+        self.masked(gradient);
         if let (Some(filter), Some(filtered)) = (&self.filter, filtered) {
             filter.apply(gradient, filtered, &mut self.vectors, &work.cancel)?;
-            self.masked(filtered)?;
+            self.masked(filtered);
         }
         Ok(())
     }
 
-    fn masked(&mut self, volume: &mut Vector) -> Result<()> {
-        match &self.mask {
-            Some(mask) => self.vectors.multiply(volume, mask),
-            None => Ok(()),
+    fn masked(&mut self, volume: &Vector) {
+        if let Some(mask) = &self.mask {
+            self.vectors.multiply(volume, mask);
         }
     }
 
@@ -252,90 +215,93 @@ impl<'a> Problem<'a> {
 
     /// Conjugate gradients.
     pub(super) fn cgls(&mut self, work: &mut Work<'_>) -> Result<()> {
-        let [mut gradient, mut direction, own] = self.spare();
-        let mut own = self.filter.is_some().then_some(own);
+        let (gradient, direction) = (self.another()?, self.another()?);
+        let own = self.filter.is_some().then(|| self.another()).transpose()?;
         self.begin(work)?;
-        self.descend(&mut gradient, own.as_mut(), work)?;
+        self.descend(&gradient, own.as_ref(), work)?;
         let filtered = own.as_ref().unwrap_or(&gradient);
-        self.vectors.copy(&mut direction, filtered);
-        self.vectors.dot(&gradient, filtered, None)?;
+        self.vectors.copy(&direction, filtered);
+        self.vectors.dot(&gradient, filtered, None);
         let [Dot { sum: mut size, .. }] = self.vectors.dots()?;
         self.met(size)?;
         for n in 0..self.options.iterations {
             work.stage(self.part(n, [0.0, 0.5]), |work| {
-                self.model.project(&direction, &mut self.projected, &mut self.vectors, work)
+                self.model.project(&direction, &self.projected, &mut self.vectors, work)
             })?;
             let curvature = self.curvature()?;
             if size <= 0.0 || curvature <= 0.0 {
                 break;
             }
             let step = single(size / curvature);
-            self.vectors.add(&mut self.volume, (step, &direction))?;
-            self.vectors.add(&mut self.residual, (-step, &self.projected))?;
+            self.vectors.sum(&self.volume, &self.volume, (step, &direction));
+            self.vectors.sum(&self.residual, &self.residual, (-step, &self.projected));
             if self.note()? || n + 1 == self.options.iterations {
                 break;
             }
             work.stage(self.part(n, [0.5, 1.0]), |work| {
-                self.descend(&mut gradient, own.as_mut(), work)
+                self.descend(&gradient, own.as_ref(), work)
             })?;
             let filtered = own.as_ref().unwrap_or(&gradient);
-            self.vectors.dot(&gradient, filtered, None)?;
+            self.vectors.dot(&gradient, filtered, None);
             let [now] = self.vectors.dots()?;
             let before = std::mem::replace(&mut size, now.sum);
-            self.vectors.add_to(&mut direction, filtered, single(size / before))?;
+            self.vectors.sum(&direction, filtered, (single(size / before), &direction));
         }
         Ok(())
     }
 
     /// Sets voxels below zero to zero, with that option.
-    fn bounded(&mut self, volume: &mut Vector) -> Result<()> {
-        if self.options.is_non_negative { self.vectors.bound(volume) } else { Ok(()) }
+    fn bounded(&mut self, volume: &Vector) {
+        if self.options.is_non_negative {
+            self.vectors.bound(volume);
+        }
     }
 
     /// Moves to a volume, with a projection, and leaves the change in its place.
     fn move_to(&mut self, volume: &mut Vector, work: &mut Work<'_>, n: usize) -> Result<bool> {
         std::mem::swap(&mut self.volume, volume);
-        self.vectors.add_to(volume, &self.volume, -1.0)?;
+        self.vectors.sum(volume, &self.volume, (-1.0, volume));
         work.stage(self.part(n, [0.5, 1.0]), |work| {
-            self.model.project(volume, &mut self.projected, &mut self.vectors, work)
+            self.model.project(volume, &self.projected, &mut self.vectors, work)
         })?;
-        self.vectors.add(&mut self.residual, (-1.0, &self.projected))?;
+        self.vectors.sum(&self.residual, &self.residual, (-1.0, &self.projected));
         self.note()
     }
 
     /// Gradient descent with steps of Barzilai and Borwein.
     pub(super) fn bb(&mut self, work: &mut Work<'_>) -> Result<()> {
-        let [mut moved, mut gradient, mut old, own, own_old] = self.spare();
+        let (mut moved, mut gradient, mut old) =
+            (self.another()?, self.another()?, self.another()?);
         let is_filtered = self.filter.is_some();
-        let mut own = is_filtered.then_some([own, own_old]);
+        let mut own = if is_filtered { Some([self.another()?, self.another()?]) } else { None };
         self.begin(work)?;
         let mut step = 0.0;
         for n in 0..self.options.iterations {
             work.stage(self.part(n, [0.0, 0.5]), |work| {
-                self.descend(&mut gradient, own.as_mut().map(|[own, _]| own), work)
+                self.descend(&gradient, own.as_ref().map(|[own, _]| own), work)
             })?;
             let filtered = own.as_ref().map_or(&gradient, |[own, _]| own);
-            self.vectors.dot(&gradient, filtered, None)?;
+            self.vectors.dot(&gradient, filtered, None);
             if n == 0 {
                 let [size] = self.vectors.dots()?;
                 self.met(size.sum)?;
                 // The step to the least residual along the gradient.
                 work.stage(self.part(n, [0.5, 0.5]), |work| {
-                    self.model.project(filtered, &mut self.projected, &mut self.vectors, work)
+                    self.model.project(filtered, &self.projected, &mut self.vectors, work)
                 })?;
                 let curvature = self.curvature()?;
                 step = if curvature > 0.0 { size.sum / curvature } else { 0.0 };
             } else {
                 // The fall of the gradient.
-                self.vectors.add(&mut old, (-1.0, &gradient))?;
-                self.vectors.dot(&moved, &old, None)?;
+                self.vectors.sum(&old, &old, (-1.0, &gradient));
+                self.vectors.dot(&moved, &old, None);
                 let [a, b] = match &own {
                     Some([own, own_old]) => [own_old, own].map(|own| (own, &old)),
                     None => [(&moved, &moved); 2],
                 };
-                self.vectors.dot(a.0, a.1, None)?;
+                self.vectors.dot(a.0, a.1, None);
                 if is_filtered {
-                    self.vectors.dot(b.0, b.1, None)?;
+                    self.vectors.dot(b.0, b.1, None);
                 }
                 let [size, along, first, second] = self.vectors.dots()?.map(|dot| dot.sum);
                 self.met(size)?;
@@ -345,8 +311,8 @@ impl<'a> Problem<'a> {
             if step <= 0.0 {
                 break;
             }
-            self.vectors.sum(&mut moved, &self.volume, (single(step), filtered))?;
-            self.bounded(&mut moved)?;
+            self.vectors.sum(&moved, &self.volume, (single(step), filtered));
+            self.bounded(&moved);
             if self.move_to(&mut moved, work, n)? {
                 break;
             }
@@ -360,36 +326,37 @@ impl<'a> Problem<'a> {
 
     /// Residuals over the sums of coefficients of their rays, and over the sums of voxels.
     pub(super) fn sirt(&mut self, work: &mut Work<'_>) -> Result<()> {
-        let [mut moved, mut per_voxel, mut per_ray] = self.spare();
+        let (mut moved, per_voxel) = (self.another()?, self.another()?);
+        let per_ray = self.vectors.vector(self.model.values(), "sinograms")?;
         self.begin(work)?;
-        self.vectors.fill(&mut moved, 1.0);
-        self.masked(&mut moved)?;
-        self.model.project(&moved, &mut per_ray, &mut self.vectors, work)?;
-        self.vectors.dot(&per_ray, &per_ray, None)?;
+        self.vectors.fill(&moved, 1.0);
+        self.masked(&moved);
+        self.model.project(&moved, &per_ray, &mut self.vectors, work)?;
+        self.vectors.dot(&per_ray, &per_ray, None);
         let [Dot { most, .. }] = self.vectors.dots()?;
         // Rays that touch a corner alone count for nothing.
         let least = |most: f32| 1e-6 * most;
         match &self.weights {
-            Some(weights) => self.vectors.copy(&mut self.projected, weights),
-            None => self.vectors.fill(&mut self.projected, 1.0),
+            Some(weights) => self.vectors.copy(&self.projected, weights),
+            None => self.vectors.fill(&self.projected, 1.0),
         }
-        self.vectors.keep_where(&mut self.projected, &per_ray, least(most))?;
-        self.model.gather((&self.projected, None), &mut per_voxel, &mut self.vectors, work)?;
-        self.vectors.dot(&per_voxel, &per_voxel, None)?;
+        self.vectors.keep_where(&self.projected, &per_ray, least(most));
+        self.model.gather((&self.projected, None), &per_voxel, &mut self.vectors, work)?;
+        self.vectors.dot(&per_voxel, &per_voxel, None);
         let [Dot { most: largest, .. }] = self.vectors.dots()?;
         self.met(f64::from(most.min(largest)))?;
-        self.vectors.invert(&mut per_ray, least(most))?;
-        self.vectors.multiply(&mut per_ray, &self.projected)?;
-        self.vectors.invert(&mut per_voxel, least(largest))?;
-        self.masked(&mut per_voxel)?;
+        self.vectors.invert(&per_ray, least(most));
+        self.vectors.multiply(&per_ray, &self.projected);
+        self.vectors.invert(&per_voxel, least(largest));
+        self.masked(&per_voxel);
         for n in 0..self.options.iterations {
             work.stage(self.part(n, [0.0, 0.5]), |work| {
                 let scaled = (&self.residual, Some(&per_ray));
-                self.model.gather(scaled, &mut moved, &mut self.vectors, work)
+                self.model.gather(scaled, &moved, &mut self.vectors, work)
             })?;
-            self.vectors.multiply(&mut moved, &per_voxel)?;
-            self.vectors.add_to(&mut moved, &self.volume, 1.0)?;
-            self.bounded(&mut moved)?;
+            self.vectors.multiply(&moved, &per_voxel);
+            self.vectors.sum(&moved, &self.volume, (1.0, &moved));
+            self.bounded(&moved);
             if self.move_to(&mut moved, work, n)? {
                 break;
             }

@@ -3,14 +3,13 @@
 use super::joseph::Rays;
 use super::stream::{Direction, Stream};
 use super::work::Work;
-use beamlet_core::numbers::{count, length, single};
-use beamlet_core::{Cancel, Error, Result};
+use beamlet_core::numbers::{count, single};
+use beamlet_core::{Error, Result};
 use beamlet_gpu::{Buffer, Compute, Device, Kernel, Memory, push_bytes};
 use beamlet_interface::{
     MovedSheet, MovedView, ProjectBackMovedPush, ProjectBackPush, ProjectMovedPush, ProjectPush,
     Sheet,
 };
-use ndarray::ArrayView3;
 use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
 
 /// Values of a slab, and of the rays that are on the device with it: 256 MiB each, or one plane and
@@ -26,13 +25,6 @@ pub(super) struct Arm {
     pub(super) per_lever: f64,
     /// Taken off the factor of the arm: 1 leaves its difference to a voxel at the axis.
     pub(super) less: f64,
-}
-
-/// A volume that is projected, `[z][y][x]`.
-#[derive(Debug, Clone, Copy)]
-pub(super) enum Source<'a> {
-    Host(ArrayView3<'a, f32>),
-    Device(&'a Arc<Buffer>),
 }
 
 /// Sums voxels along rays, in voxels and slices: lengths are the caller's.
@@ -158,11 +150,10 @@ impl Projector {
         (0..views).step_by(part).map(move |first| [first, part.min(views - first)])
     }
 
-    /// First plane and the end of each slab; of one with all planes, where the volume is on the device.
-    pub(super) fn slabs(&self, is_whole: bool) -> Vec<[usize; 2]> {
-        let all = self.size[2];
-        let planes = if is_whole { all } else { self.planes };
-        (0..all).step_by(planes).map(|first| [first, (first + planes).min(all)]).collect()
+    /// First plane and the end of each slab of a volume on the host.
+    pub(super) fn slabs(&self) -> impl Iterator<Item = [usize; 2]> + use<> {
+        let (all, planes) = (self.size[2], self.planes);
+        (0..all).step_by(planes).map(move |first| [first, (first + planes).min(all)])
     }
 
     /// Memory for a slab of a volume on the host.
@@ -178,75 +169,26 @@ impl Projector {
         Ok(self.slab.get_or_init(|| made))
     }
 
-    /// Sums along the rays of a part of the views.
+    /// Adds sums through some planes of a volume to the rays of a part of the views.
     ///
     /// # Errors
     /// As [`Stream::paced`].
     pub(super) fn forward(
         &self,
-        volume: &Source<'_>,
+        (slab, planes): (&Arc<Buffer>, [usize; 2]),
         [view, views]: [usize; 2],
         stream: &mut Stream,
         work: &mut Work<'_>,
     ) -> Result<()> {
-        let items = views * self.rays_of_a_view();
-        stream.fill(&self.rays, 4 * items as u64, 0.0);
-        let slabs = self.slabs(matches!(volume, Source::Device(_)));
-        for ([first, end], number) in slabs.iter().copied().zip(0..) {
-            let slab = match volume {
-                Source::Device(buffer) => buffer,
-                Source::Host(values) => {
-                    let slab = self.slab()?;
-                    stream.submit(&mut [])?;
-                    let values = values.slice(ndarray::s![first..end, .., ..]);
-                    slab.write(0, values.as_standard_layout().as_slice().unwrap_or_default())?;
-                    slab
-                }
-            };
-            stream.keep(slab);
-            let count_of = slabs.len() as f64;
-            let mut done = |n: u32| {
-                (work.report)((f64::from(number) + f64::from(n) / items as f64) / count_of);
-            };
-            let of = (slab.address(), view, [first, end].map(count));
-            self.run_forward(count(items), of, (stream, &work.cancel), &mut done)?;
-        }
-        Ok(())
-    }
-
-    /// The transpose: adds the values of the rays of a part of the views to a slab, of which the planes are
-    /// given.
-    ///
-    /// # Errors
-    /// As [`Stream::paced`].
-    pub(super) fn back(
-        &self,
-        (slab, [first, end]): (&Arc<Buffer>, [usize; 2]),
-        part: [usize; 2],
-        stream: &mut Stream,
-        work: &mut Work<'_>,
-    ) -> Result<()> {
-        let items = count((end - first) * self.size[0] * self.size[1]);
+        let items = count(views * self.rays_of_a_view());
         stream.keep(slab);
-        let mut done = |n: u32| (work.report)(f64::from(n) / f64::from(items));
-        let of = (slab.address(), part, count(first));
-        self.run_back(items, of, (stream, &work.cancel), &mut done)
-    }
-
-    fn run_forward(
-        &self,
-        items: u32,
-        (volume, view, [first_plane, plane_end]): (u64, usize, [u32; 2]),
-        (stream, cancel): (&mut Stream, &Cancel),
-        done: &mut dyn FnMut(u32),
-    ) -> Result<()> {
+        let done = &mut |n: u32| (work.report)(f64::from(n) / f64::from(items));
+        let ([first_plane, plane_end], cancel) = (planes.map(count), &work.cancel);
+        let (volume, places, rays) = (slab.address(), self.places.address(), self.rays.address());
         // Slices that a ray may cross; fewer in a last slab, which is thin.
         let cost = self.size[0].max(self.size[1]);
-        let planes = length((plane_end - first_plane).into());
-        let is_usual = planes >= self.planes.min(self.size[2]);
+        let is_usual = planes[1] - planes[0] >= self.planes.min(self.size[2]);
         let (kernel, work) = ((&self.forward, Direction::Forward), (items, cost, is_usual));
-        let places = self.places.address();
-        let rays = self.rays.address();
         match &self.tables {
             Tables::Circle { sheets, push } => {
                 let sheets = of_view::<Sheet>(sheets, 2 * view);
@@ -272,22 +214,32 @@ impl Projector {
         }
     }
 
-    fn run_back(
+    /// The transpose: adds the values of the rays of a part of the views to a slab, of which the planes are
+    /// given.
+    ///
+    /// # Errors
+    /// As [`Stream::paced`].
+    pub(super) fn back(
         &self,
-        items: u32,
-        (volume, [view, views], first_plane): (u64, [usize; 2], u32),
-        (stream, cancel): (&mut Stream, &Cancel),
-        done: &mut dyn FnMut(u32),
+        (slab, [first, end]): (&Arc<Buffer>, [usize; 2]),
+        [view, views]: [usize; 2],
+        stream: &mut Stream,
+        work: &mut Work<'_>,
     ) -> Result<()> {
+        let items = count((end - first) * self.size[0] * self.size[1]);
+        stream.keep(slab);
+        let done = &mut |n: u32| (work.report)(f64::from(n) / f64::from(items));
+        let (first_plane, cancel) = (count(first), &work.cancel);
+        let (volume, places, rays) = (slab.address(), self.places.address(), self.rays.address());
         let (kernel, work) = ((&self.back, Direction::Back), (items, views, true));
         match &self.tables {
             Tables::Circle { sheets, push } => {
                 let push = ProjectBackPush {
                     sheets: of_view::<Sheet>(sheets, 2 * view),
-                    places: self.places.address(),
+                    places,
                     starts: self.starts.address(),
                     volume,
-                    rays: self.rays.address(),
+                    rays,
                     view_count: count(views),
                     columns: push.columns,
                     rows: push.rows,
@@ -311,10 +263,10 @@ impl Projector {
                 let push = ProjectBackMovedPush {
                     sheets: of_view::<MovedSheet>(sheets, 3 * view),
                     views: of_view::<MovedView>(seen, view),
-                    places: self.places.address(),
+                    places,
                     starts: self.starts.address(),
                     volume,
-                    rays: self.rays.address(),
+                    rays,
                     view_count: count(views),
                     columns: push.columns,
                     rows: push.rows,

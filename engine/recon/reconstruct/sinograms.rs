@@ -3,15 +3,13 @@
 use super::data::Data;
 use super::joseph::twofold;
 use super::model::Model;
-use super::projector::Source;
-use super::vectors::{Operand, Vector, Vectors};
+use super::vectors::{Vector, Vectors, value_address};
 use super::work::Work;
+use beamlet_core::Result;
 use beamlet_core::numbers::count;
-use beamlet_core::{Error, Result};
 use beamlet_gpu::{Buffer, Kernel, push_bytes};
 use beamlet_interface::{CHUNK, SinogramPush, Slopes, StepLaw};
 use bytemuck::Zeroable;
-use ndarray::ArrayView3;
 use std::sync::Arc;
 
 /// Projections of vectors as sinograms.
@@ -66,15 +64,23 @@ impl<'a> Sinograms<'a> {
         })
     }
 
-    /// Constants for views from one on, the n-th of those whose rays are on the device.
-    fn push_from(&self, view: usize, n: usize) -> SinogramPush {
-        let projector = self.model.projector();
-        let rays = n * self.push.rows as usize * self.push.place_count as usize;
+    /// Constants for views from one on, whose rays are on the device.
+    fn push_from(&self, view: usize) -> SinogramPush {
         SinogramPush {
             laws: self.laws.address() + (view * size_of::<StepLaw>()) as u64,
-            rays: projector.rays().address() + 4 * rays as u64,
+            rays: self.model.projector().rays().address(),
             ..self.push
         }
+    }
+
+    /// Number of values of a volume.
+    pub(super) fn voxels(&self) -> usize {
+        self.model.size().iter().product()
+    }
+
+    /// Number of values of sinograms.
+    pub(super) fn values(&self) -> usize {
+        self.model.rays().geometry.shape().iter().product()
     }
 
     /// Sinograms of a volume.
@@ -84,36 +90,28 @@ impl<'a> Sinograms<'a> {
     pub(super) fn project(
         &self,
         volume: &Vector,
-        to: &mut Vector,
+        to: &Vector,
         vectors: &mut Vectors,
         work: &mut Work<'_>,
     ) -> Result<()> {
-        let projector = self.model.projector();
-        let [x, y, z] = self.model.size();
-        let source = match volume {
-            Vector::Device(buffer) => Source::Device(buffer),
-            Vector::Host(values) => {
-                let view = ArrayView3::from_shape((z, y, x), values);
-                let wrong = |error: ndarray::ShapeError| {
-                    Error::argument("volume", error.to_string(), "a value for each voxel")
-                };
-                Source::Host(view.map_err(wrong)?)
-            }
-        };
+        let (projector, stream) = (self.model.projector(), &mut vectors.stream);
         let views = self.model.rays().geometry.angles.len() as f64;
+        let planes = [0, self.model.size()[2]];
+        let rays_of_a_view = self.push.rows as usize * self.push.place_count as usize;
         let per_view = self.push.rows as usize * self.push.columns as usize;
         for [first, n] in projector.parts() {
             let shares = [first, first + n].map(|view| view as f64 / views);
+            stream.fill(projector.rays(), 4 * (n * rays_of_a_view) as u64, 0.0);
             work.stage(shares, |work| {
-                projector.forward(&source, [first, n], &mut vectors.stream, work)
+                projector.forward((volume, planes), [first, n], stream, work)
             })?;
-            let range = (per_view, first..first + n);
-            vectors.each(&mut [Operand::Write(to)], range, |stream, [view, views], at| {
-                let count = count(views * per_view);
-                let push =
-                    SinogramPush { values: at[0], count, ..self.push_from(view, view - first) };
-                stream.dispatch(&self.forward, &push, count.div_ceil(CHUNK));
-            })?;
+            stream.keep(to);
+            let push = SinogramPush {
+                values: value_address(to, first * per_view),
+                count: count(n * per_view),
+                ..self.push_from(first)
+            };
+            stream.dispatch(&self.forward, &push, push.count.div_ceil(CHUNK));
         }
         Ok(())
     }
@@ -125,52 +123,31 @@ impl<'a> Sinograms<'a> {
     pub(super) fn gather(
         &self,
         (values, weights): (&Vector, Option<&Vector>),
-        to: &mut Vector,
+        to: &Vector,
         vectors: &mut Vectors,
         work: &mut Work<'_>,
     ) -> Result<()> {
-        let projector = self.model.projector();
-        let [x, y, _] = self.model.size();
-        let whole = if let Vector::Device(buffer) = &*to { Some(buffer.clone()) } else { None };
-        for planes in projector.slabs(whole.is_some()) {
-            let own = planes[0] * x * y..planes[1] * x * y;
-            let slab = whole.as_ref().map_or_else(|| projector.slab(), Ok)?;
-            vectors.stream.fill(slab, 4 * own.len() as u64, 0.0);
-            for part in projector.parts() {
-                self.spread((values, weights), part, vectors)?;
-                work.stage(self.model.share(planes, part), |work| {
-                    projector.back((slab, planes), part, &mut vectors.stream, work)
-                })?;
-            }
-            if let Vector::Host(values) = to {
-                vectors.stream.submit(&mut [])?;
-                slab.read_into(0, &mut values[own])?;
-            }
-        }
-        Ok(())
-    }
-
-    /// Makes the values of the rays of a part of the views.
-    fn spread(
-        &self,
-        (values, weights): (&Vector, Option<&Vector>),
-        [first, n]: [usize; 2],
-        vectors: &mut Vectors,
-    ) -> Result<()> {
+        let (projector, stream) = (self.model.projector(), &mut vectors.stream);
+        let planes = [0, self.model.size()[2]];
         let per_view = self.push.rows as usize * self.push.columns as usize;
         let rays_of_a_view = self.push.rows as usize * self.push.place_count as usize;
-        let mut operands = vec![Operand::Read(values)];
-        operands.extend(weights.map(Operand::Read));
-        let range = (per_view, first..first + n);
-        vectors.each(&mut operands, range, |stream, [view, views], at| {
+        stream.fill(to, to.len(), 0.0);
+        for part in projector.parts() {
+            let [first, n] = part;
+            let address = |vector: &Vector| value_address(vector, first * per_view);
             let push = SinogramPush {
-                values: at[0],
-                weights: at.get(1).copied().unwrap_or_default(),
+                values: address(values),
+                weights: weights.map_or(0, address),
                 is_weighted: weights.is_some().into(),
-                count: count(views * rays_of_a_view),
-                ..self.push_from(view, view - first)
+                count: count(n * rays_of_a_view),
+                ..self.push_from(first)
             };
+            [Some(values), weights].into_iter().flatten().for_each(|vector| stream.keep(vector));
             stream.dispatch(&self.back, &push, push.count.div_ceil(CHUNK));
-        })
+            work.stage(self.model.share(planes, part), |work| {
+                projector.back((to, planes), part, stream, work)
+            })?;
+        }
+        Ok(())
     }
 }

@@ -41,16 +41,12 @@ pub struct IterativeOptions {
     pub discrepancy: Option<f64>,
     /// Voxels below zero are set to zero in each iteration.
     pub is_non_negative: bool,
-    /// Values of volume and of sinograms that are on the device at once; no bit of the volume
-    /// depends on it. `None`: all vectors of the method stay on the device, where its memory allows it;
-    /// else 64 Mi each.
-    pub at_once: Option<usize>,
 }
 
 impl Default for IterativeOptions {
     fn default() -> Self {
         let (solver, iterations) = (Solver::default(), 20);
-        Self { solver, iterations, discrepancy: None, is_non_negative: false, at_once: None }
+        Self { solver, iterations, discrepancy: None, is_non_negative: false }
     }
 }
 
@@ -64,8 +60,6 @@ impl IterativeOptions {
         with_discrepancy(discrepancy: impl Into<Option<f64>>);
         /// Keeps voxels at or above zero.
         with_non_negative(is_non_negative: bool);
-        /// Bounds the values on the device.
-        with_at_once(at_once: impl Into<Option<usize>>);
     }
 }
 

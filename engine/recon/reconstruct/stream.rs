@@ -35,8 +35,6 @@ pub(super) struct Stream {
     paces: [Pace; 2],
     /// The direction of the paced dispatch among the steps, and whether it has its full size.
     paced: Option<(Direction, bool)>,
-    /// Ends work on vectors that are on the host.
-    pub(super) cancel: Cancel,
 }
 
 impl fmt::Debug for Stream {
@@ -49,14 +47,7 @@ impl Stream {
     pub(super) fn new(device: &Arc<Device>) -> Self {
         let pace = Pace::new(1 << 18, 1 << 14, u32::MAX);
         let (steps, kept) = (Vec::new(), Vec::new());
-        Self {
-            device: device.clone(),
-            steps,
-            kept,
-            paces: [pace; 2],
-            paced: None,
-            cancel: Cancel::default(),
-        }
+        Self { device: device.clone(), steps, kept, paces: [pace; 2], paced: None }
     }
 
     pub(super) const fn device(&self) -> &Arc<Device> {

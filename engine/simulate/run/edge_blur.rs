@@ -48,41 +48,15 @@ impl EdgeBlur {
     }
 }
 
-/// Slits side by side: apertures of a mask, or pixels.
-#[derive(Debug, Clone, Copy)]
-struct Slits {
-    period: f64,
-    width: f64,
-    /// Centre of one of them, m from the axis.
-    centre: f64,
-}
-
-impl Slits {
-    /// Slits of a mask across (0) or along its slits (1); `None` where no edge repeats.
-    fn of(mask: &Mask, plane: f64, axis: usize) -> Option<Self> {
-        let mask = mask.unshifted();
-        let openings = mask.openings(plane);
-        let (period, width) = (openings.period[axis], openings.narrowest(axis));
-        let centre = match axis {
-            0 => -mask.off_centre(0.0, plane),
-            _ => mask.strips(plane, 1).map_or(0.0, |strips| strips.centre),
-        };
-        period.is_finite().then_some(Self { period, width, centre })
-    }
-}
-
-/// The light along one axis: places in the plane of the rotation centre, m, and where rays from an
-/// offset of the source through them go. Bars are opaque and thin.
+/// The light along one axis. Bars are opaque and thin.
 #[derive(Debug, Clone, Copy)]
 struct LightPath {
     /// Standard deviation of the spot, m.
     sigma: f64,
     /// Distance of the rotation centre from the source, m.
     rotation: f64,
-    /// Apertures of the sample mask in its plane, with the distance of that over the rotation centre's.
-    apertures: Option<(Slits, f64)>,
-    /// Windows on the analyser.
-    windows: Slits,
+    /// Distance of the sample mask over the distance of the rotation centre, where edges of the mask repeat.
+    mask: Option<f64>,
     /// Displacement on the analyser per offset of the source, of what lies at the rotation centre.
     lever: f64,
     /// Recorded value per metre of open beam.
@@ -94,41 +68,24 @@ impl LightPath {
     fn new(scene: &Scene, axis: usize) -> Self {
         let optics = Optics::of(scene);
         let (rotation, detector) = (optics.rotation, &optics.detector);
-        let sigma = deviation(scene.source.spot.fwhm()[axis]);
-        let pitch = detector.pitch[axis];
-        let pixels = |plane: f64| {
-            let period = detector.pitch_at(axis, plane);
-            let shift = if detector.pixels[axis].is_multiple_of(2) { 0.5 } else { 0.0 };
-            Slits { period, width: period, centre: shift * period }
+        let per_pixel = |open: f64| open * detector.distance / (rotation * detector.pitch[axis]);
+        let repeats = |mask: &&Mask| mask.openings(mask.distance()).period[axis].is_finite();
+        let mask = optics.sample_mask.as_ref().filter(repeats);
+        let [plane, open] = match axis {
+            0 => [optics.analyser, 1.0],
+            _ => {
+                // The most of a row that masks let through.
+                let overlapping = optics.overlapping_apertures().into_iter().filter(|w| *w > 0.0);
+                let pitch = detector.pitch_at(0, optics.analyser);
+                [detector.distance, overlapping.fold(pitch, f64::min) / pitch]
+            }
         };
-        let per_pixel = |open: f64| open * detector.distance / (rotation * pitch);
-        let of_sample_mask = |mask: &Mask| {
-            let slits = Slits::of(mask, mask.distance(), axis)?;
-            Some((slits, mask.distance() / rotation))
-        };
-        let apertures = optics.sample_mask.as_ref().and_then(of_sample_mask);
-        if axis == 1 {
-            // The most of a row that masks let through.
-            let overlapping = optics.overlapping_apertures().into_iter().filter(|w| *w > 0.0);
-            let least = overlapping.fold(detector.pitch_at(0, optics.analyser), f64::min);
-            return Self {
-                sigma,
-                rotation,
-                apertures,
-                windows: pixels(detector.distance),
-                lever: detector.distance / rotation - 1.0,
-                weight: per_pixel(least / detector.pitch_at(0, optics.analyser)),
-            };
-        }
-        let plane = optics.analyser;
-        let masked = optics.detector_mask.as_ref().and_then(|mask| Slits::of(mask, plane, axis));
         Self {
-            sigma,
+            sigma: deviation(scene.source.spot.fwhm()[axis]),
             rotation,
-            apertures,
-            windows: masked.unwrap_or_else(|| pixels(plane)),
+            mask: mask.map(|mask| mask.distance() / rotation),
             lever: plane / rotation - 1.0,
-            weight: per_pixel(1.0),
+            weight: per_pixel(open),
         }
     }
 
@@ -136,7 +93,7 @@ impl LightPath {
     /// centre: for an edge at an end of an aperture or a window, against which the source moves it.
     fn bound(&self, y: f64) -> f64 {
         let own = y / (self.rotation + y);
-        let of_aperture = self.apertures.map(|(_, ratio)| (1.0 - ratio) / -ratio);
+        let of_aperture = self.mask.map(|ratio| (1.0 - ratio) / -ratio);
         let of_window = Some(self.lever / (1.0 + self.lever));
         let error = |end: f64| {
             let (assumed, there) = (end.abs(), (end - own).abs());
