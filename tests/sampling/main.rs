@@ -18,5 +18,6 @@ mod on_device;
 mod rims;
 mod row_blur;
 mod sampling;
+mod tilted_faces;
 mod traps;
 mod truth;

@@ -145,7 +145,7 @@ impl<'a> Outline<'a> {
             _ => false,
         };
         let is_one = object.instances.is_none();
-        (is_round && is_one).then(|| Self {
+        (is_round && is_one).then_some(Self {
             shape,
             scale: placement.scale,
             position: placement.position,

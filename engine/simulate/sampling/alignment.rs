@@ -10,18 +10,11 @@ const HEIGHTS: [f32; 5] = [0.1, 0.3, 0.5, 0.7, 0.9];
 /// Times that an interval with a silhouette is halved.
 const HALVINGS: u32 = 12;
 
-/// Largest deviation of slants over a row for a straight silhouette, m.
-const STRAIGHT: f32 = 0.1e-6;
-/// The same as a fraction of the period.
-const STRAIGHT_SHARE: f32 = 0.002;
-
 /// How silhouettes slant.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Slant {
     /// Change of x over the row, m.
     pub(super) shear: f32,
-    /// All slant alike, at all heights.
-    pub(super) straight: bool,
     /// Largest curvature of silhouettes seen on three scanlines: change of x, m per row squared.
     pub(super) bow: f32,
 }
@@ -77,9 +70,8 @@ impl Scanlines {
         self.pending.extend(places);
     }
 
-    /// Silhouettes between scanlines that follow one another, and how many end between them.
-    fn sections(&self) -> (Vec<Vec<Section>>, u32) {
-        let mut unmatched = 0;
+    /// Silhouettes between scanlines that follow one another.
+    fn sections(&self) -> Vec<Vec<Section>> {
         let between = |pair: &[Scanline]| {
             let [a, b] = pair else { return Vec::new() };
             let mut taken = vec![false; b.rays.len()];
@@ -90,10 +82,7 @@ impl Scanlines {
                         && no_silhouette_between(&other.0.1, &low.1)
                         && no_silhouette_between(&other.1.1, &high.1)
                 });
-                let Some((index, other)) = same else {
-                    unmatched += 1;
-                    continue;
-                };
+                let Some((index, other)) = same else { continue };
                 taken[index] = true;
                 let step = 0.5 * (other.0.0 + other.1.0) - 0.5 * (low.0 + high.0);
                 sections.push(Section {
@@ -104,13 +93,13 @@ impl Scanlines {
             }
             sections
         };
-        (self.lines.windows(2).map(between).collect(), unmatched)
+        self.lines.windows(2).map(between).collect()
     }
 
     /// Heights between the two scanlines of a silhouette that has only two: they do not show its
     /// curvature.
     fn between(&self) -> Vec<f32> {
-        let (sections, _) = self.sections();
+        let sections = self.sections();
         let continued = |gap: usize, section: &Section| {
             let above = gap.checked_sub(1).and_then(|gap| sections.get(gap));
             let above = above.into_iter().flatten().any(|it| it.numbers[1] == section.numbers[0]);
@@ -126,7 +115,7 @@ impl Scanlines {
 
     /// Median slant of the silhouettes found on two scanlines or more.
     pub(super) fn slant(&self) -> Option<Slant> {
-        let (sections, unmatched) = self.sections();
+        let sections = self.sections();
         let mut bow = 0.0_f32;
         for (above, below) in sections.iter().zip(sections.iter().skip(1)) {
             for section in below {
@@ -140,9 +129,7 @@ impl Scanlines {
         let mut slants: Vec<f32> = sections.iter().flatten().map(|it| it.slant).collect();
         slants.sort_unstable_by(f32::total_cmp);
         let shear = *slants.get(slants.len() / 2)?;
-        let most = STRAIGHT.min(STRAIGHT_SHARE * self.period);
-        let straight = slants.iter().all(|slant| (slant - shear).abs() <= most);
-        Some(Slant { shear, straight: straight && unmatched <= 1, bow })
+        Some(Slant { shear, bow })
     }
 }
 
@@ -201,7 +188,7 @@ mod tests {
             lines.accept(&results);
         }
         let slant = lines.slant().unwrap();
-        assert!((slant.shear - 17e-6).abs() < 0.05e-6 && slant.straight, "{slant:?}");
+        assert!((slant.shear - 17e-6).abs() < 0.05e-6, "{slant:?}");
         assert!(slant.bow < 0.2e-6, "{slant:?}");
     }
 
@@ -218,7 +205,7 @@ mod tests {
             lines.accept(&results);
         }
         let slant = lines.slant().unwrap();
-        assert!((slant.bow - 28e-6).abs() < 1e-6 && !slant.straight, "{slant:?}");
+        assert!((slant.bow - 28e-6).abs() < 1e-6, "{slant:?}");
     }
 
     #[test]
@@ -234,6 +221,6 @@ mod tests {
             lines.accept(&results);
         }
         let slant = lines.slant().unwrap();
-        assert!((slant.bow - 28e-6).abs() < 0.2e-6 && !slant.straight, "{slant:?}");
+        assert!((slant.bow - 28e-6).abs() < 0.2e-6, "{slant:?}");
     }
 }

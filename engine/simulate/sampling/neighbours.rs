@@ -5,10 +5,6 @@ use super::error_estimate::Estimator;
 use super::patch::{Node, Patch, Slopes, alike, is_drawn};
 use beamlet_interface::RayResult;
 
-/// Largest offset between centres of a rectangle and its neighbour, in units of its size: large enough
-/// for rectangles three times as large.
-const NEAR: f32 = 1.05;
-
 /// Slope from those to two neighbours on either side (van Leer): none where they disagree in sign.
 fn limited(slopes: [Option<f32>; 2]) -> f32 {
     match slopes {
@@ -69,42 +65,17 @@ impl Estimator<'_> {
         })
     }
 
-    /// Neighbours of a rectangle, three on each side: at lower and higher x, above and below.
-    pub(super) fn neighbours(&self, patch: &Patch, node: &Node) -> [Option<Found>; 12] {
-        let [x, z] = node.centre();
-        let [width, height] = [NEAR * node.width(), NEAR * node.height()];
+    /// Neighbours of a rectangle: at lower and higher x, above and below.
+    pub(super) fn neighbours(&self, patch: &Patch, node: &Node) -> [Option<Found>; 4] {
         let places = self.beside(node);
-        let mut last = None;
-        std::array::from_fn(|index| {
-            // Along straight silhouettes rectangles are narrow and their neighbours many.
-            if !patch.straight && index % 3 != 1 {
-                return None;
+        std::array::from_fn(|side| {
+            let at = places[3 * side + 1];
+            if !patch.holds(at) {
+                return self.around(patch, &node.result, at);
             }
-            let at = places[index];
-            // One neighbour along the whole side is taken once.
-            let found = if patch.holds(at) {
-                if last.is_some_and(|last: u32| patch.nodes[last as usize].holds(at)) {
-                    return None;
-                }
-                let leaf = patch.leaf_at(at[0], at[1]);
-                last = Some(leaf);
-                let leaf = &patch.nodes[leaf as usize];
-                let [x, z] = leaf.centre();
-                Found { result: leaf.result, x, z }
-            } else if index % 3 == 1 {
-                self.around(patch, &node.result, at)?
-            } else {
-                return None;
-            };
-            // A much wider neighbour is compared with this rectangle from its own side.
-            let near = if !patch.straight {
-                true
-            } else if index < 6 {
-                (found.z - z).abs() <= height || !alike(&found.result, &node.result)
-            } else {
-                (found.x - x).abs() <= width
-            };
-            near.then_some(found)
+            let leaf = &patch.nodes[patch.leaf_at(at[0], at[1]) as usize];
+            let [x, z] = leaf.centre();
+            Some(Found { result: leaf.result, x, z })
         })
     }
 
@@ -126,7 +97,7 @@ impl Estimator<'_> {
     }
 
     /// Slopes of the result of a rectangle, from neighbours that crossed the same components.
-    pub(super) fn slopes(&self, node: &Node, neighbours: &[Option<Found>; 12]) -> Slopes {
+    pub(super) fn slopes(&self, node: &Node, neighbours: &[Option<Found>; 4]) -> Slopes {
         let centre = node.centre();
         let own = &node.result;
         // Between rays that draw their normals nothing is interpolated.
@@ -139,15 +110,9 @@ impl Estimator<'_> {
             // Neighbours of other sizes lie diagonally: subtract the change along the other axis.
             for axis in [1, 0, 1] {
                 let along = [2 * axis, 2 * axis + 1].map(|side| {
-                    let found = neighbours[3 * side..3 * side + 3].iter().flatten();
-                    let apart = |found: &Found| [found.x - centre[0], found.z - centre[1]];
-                    let nearest =
-                        found.filter(|found| comparable(&found.result)).min_by(|a, b| {
-                            let off = |found: &Found| apart(found)[1 - axis].abs();
-                            off(a).total_cmp(&off(b))
-                        })?;
-                    let apart = apart(nearest);
-                    let rise = of(&nearest.result) - of(own) - slopes[1 - axis] * apart[1 - axis];
+                    let found = neighbours[side].as_ref().filter(|it| comparable(&it.result))?;
+                    let apart = [found.x - centre[0], found.z - centre[1]];
+                    let rise = of(&found.result) - of(own) - slopes[1 - axis] * apart[1 - axis];
                     Some(rise / apart[axis])
                 });
                 slopes[axis] = limited(along);

@@ -60,8 +60,6 @@ pub(super) struct Patch {
     borders: Vec<f32>,
     /// How far x moves over the row, m.
     pub(super) shear: f32,
-    /// Its silhouettes are straight and slant by the shear.
-    pub(crate) straight: bool,
     /// Change of x by the curvature of its silhouettes, m per row squared, where they are not.
     pub(crate) bow: f32,
     /// Phase of its evenly spread rays; `None` where rectangles are refined.
@@ -160,7 +158,6 @@ impl Patch {
             base: [numbers::count(columns), lines],
             borders,
             shear: 0.0,
-            straight: false,
             bow: 0.0,
             even: None,
             branches: vec![None; nodes.len()],

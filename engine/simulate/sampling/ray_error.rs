@@ -73,7 +73,7 @@ impl Estimator<'_> {
         let mut squares = (0.0_f32, 0_u32);
         for (number, found) in neighbours.iter().enumerate() {
             let Some(found) = found else { continue };
-            let axis = number / 6;
+            let axis = number / 2;
             if drawn && is_drawn(&found.result) {
                 squares.0 += self.change_by_draw(&by_ray, &found.result).powi(2);
                 squares.1 += 1;
@@ -92,10 +92,7 @@ impl Estimator<'_> {
             silhouette = true;
             change = change.map(|change| change.max(all));
         }
-        if !silhouette
-            && !patch.straight
-            && let Some(all) = self.entered(patch, node)
-        {
+        if !silhouette && let Some(all) = self.entered(patch, node) {
             silhouette = true;
             change = change.map(|change| change.max(all));
         }

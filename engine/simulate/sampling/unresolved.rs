@@ -163,8 +163,8 @@ impl Estimator<'_> {
         for leaf in patch.leaves() {
             let node = &patch.nodes[leaf as usize];
             let neighbours = self.neighbours(patch, node);
-            for side in [1, 7] {
-                if let (Some(a), Some(b)) = (&neighbours[side], &neighbours[side + 3]) {
+            for side in [0, 2] {
+                if let (Some(a), Some(b)) = (&neighbours[side], &neighbours[side + 1]) {
                     let [a, b] = [&a.result, &b.result];
                     missed += self.change_between(patch, node, &node.result, &mean(a, b)).powi(2);
                     differ += self.change_between(patch, node, a, b).powi(2);

@@ -49,7 +49,6 @@ impl Refiner<'_> {
             let Patch { beamlet, row, .. } = work.patch;
             work.known_errors = KnownErrors::default();
             work.patch = Patch::sheared(beamlet, row, 0.5 * width, shear, base);
-            work.patch.straight = slant.is_some_and(|slant| slant.straight);
             work.patch.bow = slant.map_or(0.0, |slant| BOW * slant.bow);
             work.pending.extend(0..numbers::count(work.patch.nodes.len()));
         }
@@ -66,7 +65,7 @@ impl Refiner<'_> {
                     .as_ref()
                     .is_some_and(|found| !no_silhouette_between(&found.result, &node.result))
                 {
-                    count = Some(count.unwrap_or(0) + u32::from(index < 3));
+                    count = Some(count.unwrap_or(0) + u32::from(index == 0));
                 }
             }
         }
