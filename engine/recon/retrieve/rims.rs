@@ -7,8 +7,10 @@ use std::f64::consts::PI;
 
 /// Error of δ from which on it is stated.
 const LARGE: f64 = 0.02;
+/// Distance from the axis, pixels, from which on the rim has another place in every view.
+const OFF_AXIS: f64 = 3.0;
 /// Rows and views that are looked at, at most.
-const MOST: usize = 24;
+const MOST: [usize; 2] = [24, 360];
 
 /// Error of δ by the rim of a round body about the axis of rotation, relative to δ: least and greatest of its slices.
 #[derive(Debug, Clone, PartialEq)]
@@ -175,9 +177,12 @@ impl<'a> Outline<'a> {
     fn errors(&self, scene: &Scene, samples: &Samples) -> Vec<f64> {
         let [x, y, z] = self.position;
         let distance = x.hypot(y);
+        if distance >= OFF_AXIS * samples.pitch[0] {
+            return Vec::new();
+        }
         let angles = &scene.scan.angles;
         // Bodies on the axis are alike in all views.
-        let few = if distance > 0.0 { MOST } else { 1 };
+        let few = if distance > 0.0 { MOST[1] } else { 1 };
         let views: Vec<f64> = angles
             .iter()
             .step_by(angles.len().div_ceil(few))
@@ -185,7 +190,7 @@ impl<'a> Outline<'a> {
             .map(|angle| x * libm::cos(*angle) + y * libm::sin(*angle))
             .collect();
         let rows = samples.pixels[1];
-        let step = (rows as usize).div_ceil(MOST);
+        let step = (rows as usize).div_ceil(MOST[0]);
         let heights = (0..rows).step_by(step).map(|row| -samples.place(1, row) - z);
         let mut sections: Vec<[f64; 2]> = heights.filter_map(|height| self.radii(height)).collect();
         sections.dedup();
@@ -237,8 +242,10 @@ mod tests {
 
     #[test]
     fn bodies_off_the_axis_and_dithers_have_none() {
-        let aside = errors(2.5e-3, 3.3 * 101.667e-6, "");
-        assert!(aside.iter().all(|it| it.greatest.abs() < 0.06), "{aside:?}");
+        assert_eq!(errors(2.5e-3, 3.3 * 101.667e-6, ""), []);
+        // Two pixels off the axis the rim has many places.
+        let aside = errors(2.5e-3, 2.0 * 101.667e-6, "");
+        assert!(aside.iter().all(|it| it.least.abs().max(it.greatest) < 0.06), "{aside:?}");
         assert_eq!(errors(2.5e-3, 0.0, "dithers = [\"0 um\", \"50 um\"]"), []);
     }
 }
