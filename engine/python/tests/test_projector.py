@@ -226,7 +226,7 @@ def test_images_of_counts_have_weights(fan: bl.Scene, engine: bl.Engine) -> None
     weights = images.weights("mu")
     sigma = images["transmission_sigma"] / images.transmission
     assert np.allclose(weights, sigma**-2, rtol=1e-4)
-    volume = images.reconstruct("mu", method="cgls", sigma=True, iterations=30, discrepancy=1.1)
+    volume = images.reconstruct("mu", method="cgls", weights=weights, iterations=30, discrepancy=1.1)
     # The noise is reached before the iterations end.
     assert 0 < volume.best < 30 and volume.residuals[-1] <= 1.1
     with pytest.raises(bl.ArgumentError, match="counts"):
