@@ -188,8 +188,8 @@ pub fn threemf(input: &[u8]) -> Vec<u8> {
         return model.to_vec();
     }
     let mut archive = zip::ZipWriter::new(Cursor::new(Vec::new()));
-    let stored = zip::write::SimpleFileOptions::default()
-        .compression_method(zip::CompressionMethod::Stored);
+    let stored =
+        zip::write::SimpleFileOptions::default().compression_method(zip::CompressionMethod::Stored);
     archive.start_file("3D/3dmodel.model", stored).expect("memory");
     archive.write_all(model).expect("memory");
     archive.finish().expect("memory").into_inner()

@@ -31,8 +31,7 @@ pub fn fixture(name: &str, format: Format) -> PathBuf {
             sink.write(view, rows.clone(), intensities.view()).expect("written");
         }
         sink.write_counts(view, rows.clone(), counts.view()).expect("written");
-        let mut tally = Tally::default();
-        tally.rays = 7;
+        let tally = Tally { rays: 7, ..Tally::default() };
         sink.tally(view, &tally).expect("noted");
         sink.commit(view).expect("committed");
     }

@@ -101,7 +101,6 @@ pub fn seeds() -> Vec<(u8, Vec<u8>)> {
                     image.rows_per_strip(2).expect("strips");
                     image.write_data(&[value; 20]).expect("values");
                 }
-                drop(encoder);
                 let bytes = bytes.into_inner();
                 made.push((0, bytes.clone()));
                 made.push((RAW_HASHES, bytes));
