@@ -13,13 +13,14 @@ use crate::reference::rays::Sample;
 use crate::reference::scenes;
 use crate::reference::stack::Setup;
 use crate::reference::surfaces::{Body, Mesh, body, extruded, sphere};
-use crate::support::{CARBON, Checked, Worst, backends, engine, engine_with, sample};
+use crate::support::cuts::{Cut, bands, no_bit_changes};
+use crate::support::{CARBON, Checked, Worst, backends, engine, sample};
+use beamlet::Backend;
 use beamlet::material::constants_at;
 use beamlet::scene::{
     ApertureLattice, ApertureShape, Beam, MaskBody, MaskSpec, Pattern, RandomRays, Rectangle,
     Refine, Scene, Scheme, SpectrumOrigin, SpectrumSpec, Substrate, Transport,
 };
-use beamlet::{Backend, EngineOptions};
 use ndarray::{Array2, Array3};
 
 /// As for slits (tests/physics/flat.rs), for each of two directions.
@@ -680,28 +681,20 @@ fn exchanges_axes((name, most): (&'static str, f64), first: fn(bool, Planned) ->
 #[test]
 fn bands_batches_and_backends_change_no_bit_behind_apertures() {
     let case = Case::rectangles([4, 5], 0.05);
-    no_bit_changes(&case.scene(&[carbon(sphere(230e-6, 2))], &STEPS));
+    let first = case.scene(&[carbon(sphere(230e-6, 2))], &STEPS);
     let mut case = Case::rectangles([3, 2], 0.05);
     case.masks[0] =
         case.masks[0].map(|mask| Planned { period: [210e-6, 180e-6], ..mask }.patterned(CODED));
-    no_bit_changes(&case.scene(&[carbon(sphere(150e-6, 2))], &STEPS[3..]));
-}
-
-fn no_bit_changes(scene: &Scene) {
-    let whole = stack(&engine(Backend::Bvh), scene);
-    for (band, batch) in [(Some(1), None), (Some(2), Some(97))] {
-        let options = EngineOptions::default()
-            .with_backend(Backend::Bvh)
-            .with_band_rows(band)
-            .with_batch_rays(batch);
-        let parts = stack(&engine_with(options), scene);
-        assert!(parts == whole, "bands of {band:?} rows, batches of {batch:?} rays");
-    }
-    for backend in backends() {
+    let pattern = case.scene(&[carbon(sphere(150e-6, 2))], &STEPS[3..]);
+    for (name, scene) in [("rectangles", &first), ("a pattern", &pattern)] {
+        let cuts = [bands(1), Cut { batch: Some(97), ..bands(2) }];
+        let whole = no_bit_changes(name, scene, &cuts).sample;
         let mut worst = Worst::new("backends behind apertures", 1e-6);
-        let other = stack(&engine(backend), scene);
-        for (got, want) in other.iter().zip(&whole) {
-            worst.take(f64::from(got - want), || format!("{backend:?}: {got} for {want}"));
+        for backend in backends() {
+            let other = engine(backend).simulate(scene).expect("a stack").sample;
+            for (got, want) in other.iter().zip(&whole) {
+                worst.take(f64::from(got - want), || format!("{backend:?}: {got} for {want}"));
+            }
         }
         worst.holds();
     }

@@ -7,13 +7,13 @@ use crate::leaks::Watch;
 use crate::reference::scenes;
 use crate::reference::stack::Setup;
 use crate::reference::surfaces::{Body, Mesh, Random, body, cuboid};
-use crate::support::{CARBON, WATER, Worst, amount, backends, engine, engine_with, sample};
+use crate::support::cuts::{Cut, bands, no_bit_changes};
+use crate::support::{CARBON, WATER, Worst, amount, backends, engine, sample};
+use beamlet::geometry;
 use beamlet::internals::trace::{Ray, RayResult, trace};
 use beamlet::scene::{
     self, Instances, Object, RandomRays, Scene, Scheme, Shape, ShapeOrMesh, Transport,
 };
-use beamlet::stack::Stacks;
-use beamlet::{Backend, EngineOptions, geometry};
 use std::fmt::Write;
 use std::path::Path;
 
@@ -224,10 +224,6 @@ fn light_through_instances_equals_the_flat_mesh() {
     random.holds();
 }
 
-fn simulated(options: EngineOptions, scene: &Scene) -> Stacks {
-    engine_with(options.with_backend(Backend::Bvh)).simulate(scene).unwrap()
-}
-
 #[test]
 fn bands_and_threads_change_no_bit_of_instances() {
     let directory = tempfile::tempdir().unwrap();
@@ -236,13 +232,8 @@ fn bands_and_threads_change_no_bit_of_instances() {
     for scheme in sample(vec![Scheme::Cells, Scheme::Random], 2) {
         scene.sampling.scheme = scheme;
         scene.sampling.rays = RandomRays::Grid([30, 4]);
-        let bits = |of: &Stacks| of.sample.iter().map(|v| v.to_bits()).collect::<Vec<_>>();
-        let whole = bits(&simulated(EngineOptions::default(), &scene));
-        let banded = EngineOptions::default().with_band_rows(Some(1)).with_batch_rays(Some(997));
-        assert!(bits(&simulated(banded, &scene)) == whole, "{scheme:?}: bands");
-        let pool = rayon::ThreadPoolBuilder::new().num_threads(5).build().unwrap();
-        let threads = pool.install(|| simulated(EngineOptions::default(), &scene));
-        assert!(bits(&threads) == whole, "{scheme:?}: threads");
+        let cuts = [Cut { batch: Some(997), threads: Some(5), ..bands(1) }];
+        no_bit_changes(&format!("{scheme:?}"), &scene, &cuts);
     }
 }
 

@@ -6,7 +6,8 @@
 use crate::reference::closed_form::ThinMasks;
 use crate::reference::normal::SIGMA_PER_FWHM;
 use crate::reference::surfaces::wedge;
-use crate::support::{Worst, backends, engine, engine_with, root, sample};
+use crate::support::cuts::{Cut, bands, no_bit_changes};
+use crate::support::{Worst, backends, engine, root, sample};
 use beamlet::Backend;
 use beamlet::material::constants_at;
 use beamlet::retrieve::{RetrieveOptions, Retriever};
@@ -292,15 +293,5 @@ fn random_rays_under_a_spectrum_agree_with_cells() {
 fn bands_and_batches_change_no_bit_under_a_spectrum() {
     let (_directory, beam) = five_lines();
     let scene = cylinder(&beam);
-    let run = |band_rows, batch_rays| {
-        let options = beamlet::EngineOptions::default()
-            .with_backend(Backend::Bvh)
-            .with_band_rows(band_rows)
-            .with_batch_rays(batch_rays);
-        engine_with(options).simulate(&scene).unwrap()
-    };
-    let whole = run(None, None);
-    let parts = run(Some(1), Some(777));
-    assert_eq!(whole.flat, parts.flat);
-    assert_eq!(whole.sample, parts.sample);
+    no_bit_changes("a spectrum", &scene, &[Cut { batch: Some(777), ..bands(1) }]);
 }

@@ -1,13 +1,15 @@
 //! The same scene gives the same bits, however it is cut into bands, batches, threads and views.
 
+use super::{even_on_device, heights_on_device, on_device};
 use crate::reference::scenes;
 use crate::reference::stack::Setup;
 use crate::reference::surfaces::{body, cuboid, cylinder, star};
-use crate::support::{CARBON, WATER, backends, engine, engine_with};
+use crate::support::cuts::{Cut, bands, batches, no_bit_changes};
+use crate::support::{CARBON, WATER, amount, backends, engine};
+use beamlet::Backend;
 use beamlet::internals::trace::{Ray, RayResult, moments, trace};
-use beamlet::scene::{RandomRays, Refine, Scene, Scheme, Transport};
+use beamlet::scene::{RandomRays, Scene, Scheme, Transport};
 use beamlet::stack::Stacks;
-use beamlet::{Backend, EngineOptions};
 
 /// A rough ball, a slab at grazing incidence and a tilted rod, in two views: silhouettes along
 /// and across rows, total reflection, light that lands rows and columns away.
@@ -28,87 +30,86 @@ fn scene(scheme: Scheme) -> Scene {
     scene
 }
 
-fn run(options: EngineOptions, scene: &Scene) -> Stacks {
-    engine_with(options.with_backend(Backend::Bvh)).simulate(scene).expect("a stack")
-}
-
-/// Fails where any bit differs.
-fn same(what: &str, a: &Stacks, b: &Stacks) {
-    assert!(a.flat.iter().zip(&b.flat).all(|(a, b)| a.to_bits() == b.to_bits()), "{what}: flat");
-    assert_eq!(a.sample.shape(), b.sample.shape());
-    let other =
-        a.sample.indexed_iter().zip(&b.sample).find(|((_, a), b)| a.to_bits() != b.to_bits());
-    assert!(other.is_none(), "{what}: {other:?}");
-}
-
-/// Cells refined on the host and on the device, and random rays.
-fn scenes() -> [(&'static str, Scene); 3] {
-    let mut device = scene(Scheme::Cells);
-    device.sampling.refine = Refine::Device;
-    device.sampling.tolerance = Some(1e-3);
+/// Scenes of the host, of the device and of random rays, each with the ways in which it is cut.
+fn scenes() -> Vec<(&'static str, Scene, Vec<Cut>)> {
     let host = scene(Scheme::Cells);
-    [("cells", host), ("cells of the device", device), ("random rays", scene(Scheme::Random))]
+    let device = on_device::refined(scene(Scheme::Cells), 1e-3);
+    // Groups of patches with too little room begin anew with more, or as halves.
+    let little = |mebibytes: u64| Cut { memory: Some(mebibytes << 20), ..Cut::default() };
+    let every = [
+        Cut { threads: Some(1), ..bands(1) },
+        Cut { batch: Some(4096), threads: Some(7), ..bands(3) },
+        batches(257),
+    ];
+    let both = |batch: u32| vec![Cut { batch: Some(batch), ..bands(1) }];
+    let all = |more: &[Cut]| [&every[..], more].concat();
+    let spectrum =
+        |scene: Scene| on_device::refined(on_device::few_rows(scene), amount(1e-3, 3e-4));
+    let fibres = |roughness: f64, tolerance| {
+        on_device::refined(on_device::few_rows(even_on_device::fibres(roughness)), tolerance)
+    };
+    let [holes, tube] = heights_on_device::cut_scenes();
+    vec![
+        ("cells", host, all(&[little(176)])),
+        ("cells of the device", device, all(&[little(176)])),
+        ("random rays", scene(Scheme::Random), every.to_vec()),
+        ("meshes of the device", on_device::refined(on_device::meshes(), 1e-4), vec![little(176)]),
+        // Cells of a spectrum are made in an order that depends on their number at a time.
+        ("shapes in a tube", spectrum(on_device::with_tube(on_device::shapes())), both(257)),
+        (
+            "a grazed slab in a tube",
+            spectrum(on_device::grazed()),
+            [both(257), vec![little(300)]].concat(),
+        ),
+        ("holes", on_device::refined(holes, 2e-3), both(257)),
+        (
+            "squares, a tube",
+            on_device::refined(tube, 2e-3),
+            vec![bands(1), Cut { threads: Some(1), ..batches(257) }],
+        ),
+        // The number of rays of a patch does not depend on bands or batches.
+        ("fibres", fibres(0.0, 4e-3), both(4099)),
+        ("rough fibres", fibres(2e-3, amount(4e-3, 1e-3)), both(257)),
+    ]
 }
 
 #[test]
-fn band_and_batch_size_change_no_bit() {
-    for (name, scene) in scenes() {
-        let whole = run(EngineOptions::default(), &scene);
-        assert!(whole.record.tally.exact > 0 && whole.record.tally.reflected > 0);
-        for (band, batch) in [(Some(1), None), (Some(3), Some(4096)), (None, Some(257))] {
-            let options = EngineOptions::default().with_band_rows(band).with_batch_rays(batch);
-            let what = format!("{name}, bands of {band:?} rows, batches of {batch:?} rays");
-            same(&what, &whole, &run(options, &scene));
-        }
+fn bands_batches_memory_and_threads_change_no_bit() {
+    for (name, scene, cuts) in scenes() {
+        let tally = no_bit_changes(name, &scene, &cuts).record.tally;
+        let mixed = ["cells", "cells of the device", "random rays"].contains(&name);
+        assert!(!mixed || (tally.exact > 0 && tally.reflected > 0), "{name}: {tally:?}");
     }
 }
 
-#[test]
-fn memory_limit_changes_no_bit() {
-    for (name, scene) in &scenes()[..2] {
-        let little = EngineOptions::default().with_memory_limit(176 << 20);
-        let what = format!("{name}, a limit of 176 MiB");
-        same(&what, &run(EngineOptions::default(), scene), &run(little, scene));
-    }
-}
-
-#[test]
-fn number_of_threads_changes_no_bit() {
-    for (name, scene) in scenes() {
-        let with = |threads: usize| {
-            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
-            pool.expect("threads").install(|| run(EngineOptions::default(), &scene))
-        };
-        let one = with(1);
-        for threads in [2, 7] {
-            same(&format!("{name}, {threads} threads"), &one, &with(threads));
-        }
-    }
+fn simulated(scene: &Scene) -> Stacks {
+    engine(Backend::Bvh).simulate(scene).expect("a stack")
 }
 
 #[test]
 fn engine_that_served_other_scenes_gives_the_same_bits() {
-    let [(_, host), (_, device), _] = scenes();
+    let host = scene(Scheme::Cells);
+    let device = on_device::refined(host.clone(), 1e-3);
     for (backend, scene) in backends().into_iter().flat_map(|it| [(it, &host), (it, &device)]) {
         let engine = engine(backend);
-        let first = engine.simulate(scene).expect("a stack");
+        let first = engine.simulate(scene).expect("a stack").sample;
         // Batches have grown by now, buffers are used anew.
         let mut other = scene.clone();
         other.scan.mask_offsets.push(15e-6);
         other.objects.pop();
         engine.simulate(&other).expect("a stack");
-        same("after another scene", &first, &engine.simulate(scene).expect("a stack"));
+        assert_eq!(first, engine.simulate(scene).expect("a stack").sample, "after another scene");
     }
 }
 
 #[test]
 fn cells_of_a_view_do_not_depend_on_other_views() {
     let scene = scene(Scheme::Cells);
-    let all = run(EngineOptions::default(), &scene);
+    let all = simulated(&scene);
     for view in 0..2 {
         let mut alone = scene.clone();
         alone.scan.angles = vec![scene.scan.angles[view]];
-        let alone = run(EngineOptions::default(), &alone);
+        let alone = simulated(&alone);
         for ((_, step, row, column), got) in alone.sample.indexed_iter() {
             let want = all.sample[[view, step, row, column]];
             assert_eq!(got.to_bits(), want.to_bits(), "view {view}, {step}, {column}, {row}");
@@ -120,10 +121,10 @@ fn cells_of_a_view_do_not_depend_on_other_views() {
 fn random_rays_serve_every_step_alike() {
     // A step alone sees the very rays that it sees among others.
     let scene = scene(Scheme::Random);
-    let all = run(EngineOptions::default(), &scene);
+    let all = simulated(&scene);
     let mut alone = scene.clone();
     alone.scan.mask_offsets = vec![scene.scan.mask_offsets[1]];
-    let alone = run(EngineOptions::default(), &alone);
+    let alone = simulated(&alone);
     for ((view, _, row, column), got) in alone.sample.indexed_iter() {
         assert_eq!(got.to_bits(), all.sample[[view, 1, row, column]].to_bits());
     }

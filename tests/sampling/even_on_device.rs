@@ -1,12 +1,12 @@
 //! Unresolved structure and roughness with `sampling.refine = "device"`, against the rules of the host.
 
 use super::on_device::{apart, few_rows, of_objects, run, tube};
-use crate::support::{amount, engine, engine_with, sample};
+use crate::support::{amount, engine, sample};
+use beamlet::Backend;
 use beamlet::scene::{Beam, Filter, Object, Refine, Scene, Shape, Transport};
-use beamlet::{Backend, EngineOptions};
 
 /// A bundle of carbon fibres, of this roughness; a ray crosses up to 20.
-fn fibres(roughness: f64) -> Scene {
+pub(super) fn fibres(roughness: f64) -> Scene {
     of_objects(&format!(
         "[[object]]\nname = \"fibres\"\nmaterial = \"carbon\"\nroughness = {roughness}\n\
          shape = {{ cylinder = {{ radius = \"6 um\", height = \"2 mm\" }} }}\n\
@@ -144,25 +144,4 @@ fn runs_side_by_side_on_one_device_are_the_same() {
             }
         }
     });
-}
-
-/// The number of rays of a patch does not depend on bands or batches.
-#[test]
-fn rays_of_unresolved_structure_are_the_same_in_bands_and_batches() {
-    for (roughness, tolerance, batch) in [(0.0, 4e-3, 4099), (2e-3, amount(4e-3, 1e-3), 257)] {
-        let of = |options: EngineOptions| {
-            let engine = engine_with(options.with_backend(Backend::Bvh));
-            run(&engine, &few_rows(fibres(roughness)), Refine::Device, tolerance).0
-        };
-        let whole = of(EngineOptions::default());
-        let bands = EngineOptions::default().with_band_rows(Some(1));
-        let batches = EngineOptions::default().with_batch_rays(Some(batch));
-        let both = bands.clone().with_batch_rays(Some(batch));
-        let cases = vec![("both", both), ("bands", bands), ("batches", batches)];
-        for (what, options) in sample(cases, 3) {
-            let other = of(options);
-            let same = whole.iter().zip(&other).all(|(a, b)| a.to_bits() == b.to_bits());
-            assert!(same, "roughness {roughness}, {what}");
-        }
-    }
 }

@@ -1,9 +1,9 @@
 //! Refinement on the device behind masks whose apertures end along z, against the rules of the host.
 
 use super::on_device::{apart, run, sum_over_energies, tube};
-use crate::support::{engine, engine_with};
+use crate::support::engine;
+use beamlet::Backend;
 use beamlet::scene::{Refine, Scene, Transport};
-use beamlet::{Backend, EngineOptions};
 use std::path::Path;
 
 /// Tolerance of the light that is compared.
@@ -113,26 +113,12 @@ fn shadows_of_bars_along_z_take_few_rays() {
     assert!(part * 2 < open && open < 2 * all, "{part} of {open}, {all} behind slits");
 }
 
-#[test]
-fn light_behind_apertures_has_the_same_bits_however_a_run_is_cut() {
+/// Scenes that determinism.rs cuts: apertures with a blur along z, and others under a tube.
+pub(super) fn cut_scenes() -> [Scene; 2] {
     let mut spectrum = stepped(SQUARES, "0.1");
     spectrum.source.beam = tube(60.0, 2);
     spectrum.detector.pixels = [3, 4];
-    for (name, scene) in [("holes", tracked(HOLES, "60 um")), ("a tube", spectrum)] {
-        let of = |options: EngineOptions| {
-            let engine = engine_with(options.with_backend(Backend::Bvh));
-            run(&engine, &scene, Refine::Device, 2e-3).0
-        };
-        let whole = of(EngineOptions::default());
-        let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().expect("threads");
-        let bands = of(EngineOptions::default().with_band_rows(Some(1)));
-        let batches = EngineOptions::default().with_batch_rays(Some(257));
-        for (what, other) in [("bands", bands), ("batches, a thread", pool.install(|| of(batches)))]
-        {
-            let same = whole.iter().zip(&other).all(|(a, b)| a.to_bits() == b.to_bits());
-            assert!(same, "{name}: {what}");
-        }
-    }
+    [tracked(HOLES, "60 um"), spectrum]
 }
 
 /// The sum over runs at each energy by the rules of the host.

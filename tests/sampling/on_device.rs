@@ -3,12 +3,12 @@
 use crate::reference::scenes;
 use crate::reference::stack::Setup;
 use crate::reference::surfaces::{body, cuboid, cylinder, extruded, sphere};
-use crate::support::{CARBON, Checked, WATER, amount, backends, engine, engine_with, sample};
+use crate::support::{CARBON, Checked, WATER, amount, backends, engine, sample};
 use beamlet::scene::{
     Beam, Blur, MaskBody, Refine, Scene, Shape, SpectrumOrigin, SpectrumSpec, Transport,
 };
 use beamlet::stack::ArraySink;
-use beamlet::{Backend, Control, EngineOptions, RunRecord};
+use beamlet::{Backend, Control, RunRecord};
 use ndarray::Array4;
 
 /// Tolerance of the light that is compared.
@@ -96,7 +96,7 @@ pub(super) fn tube(kvp: f64, nodes: u32) -> Beam {
     Beam::Spectrum(SpectrumSpec::new(tube).with_nodes(nodes))
 }
 
-fn with_tube(mut scene: Scene) -> Scene {
+pub(super) fn with_tube(mut scene: Scene) -> Scene {
     scene.source.beam = tube(40.0, 4);
     scene
 }
@@ -117,7 +117,7 @@ fn aside() -> Scene {
 }
 
 /// A slab whose faces are almost along the beam: light is totally reflected, at each energy from other angles on.
-fn grazed() -> Scene {
+pub(super) fn grazed() -> Scene {
     let mut scene = with_tube(shapes());
     scene.detector.pixels = amount([16, 2], [40, 2]);
     scene.objects.truncate(1);
@@ -153,15 +153,21 @@ fn scenes_of_all_kinds() -> Vec<(&'static str, Scene)> {
     ]
 }
 
+/// A scene whose rays the device chooses.
+pub(super) fn refined(mut scene: Scene, tolerance: f64) -> Scene {
+    scene.sampling.refine = Refine::Device;
+    scene.sampling.tolerance = Some(tolerance);
+    scene
+}
+
 pub(super) fn run(
     engine: &Checked,
     scene: &Scene,
     refine: Refine,
     tolerance: f64,
 ) -> (Array4<f32>, RunRecord) {
-    let mut scene = scene.clone();
+    let mut scene = refined(scene.clone(), tolerance);
     scene.sampling.refine = refine;
-    scene.sampling.tolerance = Some(tolerance);
     let mut sink = ArraySink::new();
     let record = engine.run(&scene, &mut sink, Control::default()).expect("a run");
     // Counters of the device go on while the host has rays traced between its kernels.
@@ -288,42 +294,6 @@ fn rays_of_a_patch_have_a_limit() {
     // Base rays of a patch come before.
     assert!(record.tally.most_patch_rays <= 260, "{told:?}");
     assert!(told.beyond_tolerance > 0 && told.worst_error > 1e-4, "{told:?}");
-}
-
-/// Groups of patches with too little room begin anew with more, or as halves.
-#[test]
-fn room_for_rectangles_changes_no_bit() {
-    let scene = meshes();
-    let of = |options: EngineOptions| {
-        run(&engine_with(options.with_backend(Backend::Bvh)), &scene, Refine::Device, 1e-4)
-    };
-    let (whole, _) = of(EngineOptions::default());
-    let (little, _) = of(EngineOptions::default().with_memory_limit(176 << 20));
-    assert!(whole.iter().zip(&little).all(|(a, b)| a.to_bits() == b.to_bits()));
-}
-
-/// Cells of a spectrum are made in an order that depends on their number at a time.
-#[test]
-fn a_spectrum_has_the_same_bits_in_bands_and_with_little_room() {
-    for scene in [with_tube(shapes()), grazed()].map(few_rows) {
-        let of = |options: EngineOptions| {
-            let engine = engine_with(options.with_backend(Backend::Bvh));
-            run(&engine, &scene, Refine::Device, amount(1e-3, 3e-4)).0
-        };
-        let whole = of(EngineOptions::default());
-        let bands = EngineOptions::default().with_band_rows(Some(1));
-        let batches = EngineOptions::default().with_batch_rays(Some(257));
-        let cases = vec![
-            ("both", bands.clone().with_batch_rays(Some(257))),
-            ("bands", bands),
-            ("batches", batches),
-            ("little room", EngineOptions::default().with_memory_limit(300 << 20)),
-        ];
-        for (what, options) in sample(cases, 3) {
-            let other = of(options);
-            assert!(whole.iter().zip(&other).all(|(a, b)| a.to_bits() == b.to_bits()), "{what}");
-        }
-    }
 }
 
 /// Rays that are all followed in order at each energy: the host makes the cells.

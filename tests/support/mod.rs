@@ -3,6 +3,7 @@
 
 #![allow(dead_code, reason = "every test binary uses another part")]
 
+pub(crate) mod cuts;
 pub(crate) mod files;
 #[cfg(target_os = "linux")]
 pub(crate) mod gate;

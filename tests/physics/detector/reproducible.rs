@@ -3,10 +3,11 @@
 use crate::reference::scenes;
 use crate::reference::stack::Setup;
 use crate::reference::surfaces::{body, star};
-use crate::support::{CARBON, engine_with, files};
+use crate::support::cuts::{Cut, bands, no_bit_changes};
+use crate::support::{CARBON, engine, engine_with, files};
 use beamlet::scene::Exposure;
 use beamlet::scene::{Blur, Counts, KernelFile, Scatter, Scene};
-use beamlet::stack::{Format, OpenRun, RunDirectory, StackFile, Stacks};
+use beamlet::stack::{Format, OpenRun, RunDirectory, StackFile};
 use beamlet::{Backend, Cancel, Control, EngineOptions, Error, Progress};
 use ndarray::Array2;
 use std::collections::BTreeMap;
@@ -37,55 +38,28 @@ fn scene(place: &Path) -> Scene {
     scene
 }
 
-fn run(options: EngineOptions, scene: &Scene) -> Stacks {
-    engine_with(options.with_backend(Backend::Bvh)).simulate(scene).unwrap()
-}
-
-fn same(what: &str, a: &Stacks, b: &Stacks) {
-    let bits = |stacks: &Stacks| {
-        let counts = stacks.counts.as_ref().unwrap();
-        let stacks = stacks.flat.iter().chain(&stacks.later_flats).chain(&stacks.sample);
-        let later = counts.later_flats.iter().chain(&counts.later_darks);
-        let counts = counts.flat.iter().chain(&counts.sample).chain(&counts.dark).chain(later);
-        stacks.chain(counts).map(|value| value.to_bits()).collect::<Vec<_>>()
-    };
-    assert!(bits(a) == bits(b), "{what}");
-}
-
 #[test]
 fn bands_batches_and_threads_change_no_bit_of_counts() {
     let place = tempfile::tempdir().unwrap();
     let mut scene = scene(place.path());
     (scene.scan.flats_every, scene.scan.darks_every) = (Some(2), Some(5));
-    let whole = run(EngineOptions::default(), &scene);
-    for (band, batch) in [(Some(1), None), (Some(2), Some(4096)), (Some(5), None)] {
-        let options = EngineOptions::default().with_band_rows(band).with_batch_rays(batch);
-        let other = run(options, &scene);
-        same(&format!("bands of {band:?} rows"), &whole, &other);
-        assert_eq!(whole.record.tally.saturated, other.record.tally.saturated);
-    }
-    for threads in [1, 3] {
-        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-        let other = pool.install(|| run(EngineOptions::default(), &scene));
-        same(&format!("{threads} threads"), &whole, &other);
-    }
+    let cuts = [
+        Cut { threads: Some(1), ..bands(1) },
+        Cut { batch: Some(4096), threads: Some(3), ..bands(2) },
+        bands(5),
+    ];
+    let whole = no_bit_changes("counts", &scene, &cuts);
+    // Wide windows of a Gaussian.
+    let mut blurred = scene.clone();
+    blurred.detector.blur = Some(Blur::Gaussian { sigma: [60e-6, 110e-6] });
+    no_bit_changes("Gaussian blur", &blurred, &[bands(2)]);
     // Another seed changes the counts and nothing of the light.
     let mut seeded = scene;
     seeded.sampling.seed += 1;
-    let other = run(EngineOptions::default(), &seeded);
+    let other = engine(Backend::Bvh).simulate(&seeded).unwrap();
     assert_eq!(other.flat, whole.flat);
     let [a, b] = [&whole, &other].map(|stacks| &stacks.counts.as_ref().unwrap().flat);
     assert!(a != b);
-}
-
-#[test]
-fn gaussian_blur_does_not_depend_on_bands_either() {
-    let place = tempfile::tempdir().unwrap();
-    let mut scene = scene(place.path());
-    scene.detector.blur = Some(Blur::Gaussian { sigma: [60e-6, 110e-6] });
-    let whole = run(EngineOptions::default(), &scene);
-    let bands = EngineOptions::default().with_band_rows(2);
-    same("bands of 2 rows", &whole, &run(bands, &scene));
 }
 
 fn without_log(run: &Path) -> BTreeMap<PathBuf, Vec<u8>> {

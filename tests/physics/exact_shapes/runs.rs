@@ -7,12 +7,11 @@ use crate::reference::masks::Bars;
 use crate::reference::normal::cumulative;
 use crate::reference::scenes;
 use crate::reference::stack::Setup;
-use crate::support::{CARBON, WATER, Worst, backends, engine, engine_with, free_gaussian, sample};
+use crate::support::cuts::{Cut, bands, no_bit_changes};
+use crate::support::{CARBON, WATER, Worst, backends, engine, free_gaussian, sample};
 use beamlet::internals::trace::Ray;
 use beamlet::retrieve::Retriever;
 use beamlet::scene::{Instances, MaterialSpec, Scene};
-use beamlet::stack::Stacks;
-use beamlet::{Backend, EngineOptions};
 use std::fmt::Write as _;
 
 const PIXELS: u32 = 32;
@@ -150,32 +149,20 @@ fn crowd(directory: &std::path::Path) -> Scene {
     scene
 }
 
-fn same(what: &str, a: &Stacks, b: &Stacks) {
-    assert!(a.sample.iter().zip(&b.sample).all(|(a, b)| a.to_bits() == b.to_bits()), "{what}");
-}
-
 #[test]
 fn exact_shapes_and_instances_give_the_same_picture_however_it_is_made() {
     let directory = tempfile::tempdir().expect("a directory");
     let scene = crowd(directory.path());
-    let run = |options: EngineOptions| engine_with(options).simulate(&scene).expect("a stack");
-    let bvh = || EngineOptions::default().with_backend(Backend::Bvh);
-    let whole = run(bvh());
+    let every = Cut { batch: Some(4096), threads: Some(1), ..bands(3) };
+    let cuts = vec![Cut { batch: Some(1025), threads: Some(7), ..bands(1) }, every];
+    let cuts: Vec<Cut> = sample(cuts, 2).collect();
+    let whole = no_bit_changes("exact shapes", &scene, &cuts);
     let tally = &whole.record.tally;
     assert_eq!([tally.unbalanced, tally.not_finite, tally.dropped], [0; 3]);
     assert!(tally.exact > 0);
-    let cases = vec![(Some(1), Some(1025)), (Some(1), None), (Some(3), Some(4096))];
-    for (band, batch) in sample(cases, 3) {
-        let what = format!("bands of {band:?} rows, batches of {batch:?} rays");
-        same(&what, &whole, &run(bvh().with_band_rows(band).with_batch_rays(batch)));
-    }
-    for threads in sample(vec![7, 1], 2) {
-        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("threads");
-        same(&format!("{threads} threads"), &whole, &pool.install(|| run(bvh())));
-    }
     let mut worst = Worst::new("exact shapes, pictures of both backends", 1e-6);
     for backend in backends() {
-        let other = run(EngineOptions::default().with_backend(backend));
+        let other = engine(backend).simulate(&scene).expect("a stack");
         for ((at, a), b) in whole.sample.indexed_iter().zip(&other.sample) {
             worst.take(f64::from(a - b), || format!("{backend}, {at:?}"));
         }
