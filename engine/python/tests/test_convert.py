@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 import beamlet as bl
-from beamlet import convert
+from beamlet import cil, convert
 
 
 @pytest.fixture(scope="module")
@@ -197,6 +197,21 @@ def test_cil_has_the_geometry_of_astra(run: bl.Run, tmp_path: Path, rows: int) -
         ]
     expected = convert.to_astra(taken)["vectors"]
     assert np.allclose(np.array(vectors).reshape(5, 12), expected, rtol=1e-6, atol=1e-4)
+
+
+@pytest.mark.parametrize("rows", [4, 1])
+def test_cil_data_is_that_of_the_file(run: bl.Run, tmp_path: Path, rows: int) -> None:
+    """With CIL alone, which conda installs."""
+    io = pytest.importorskip("cil.io")
+    taken = images(run)
+    if rows == 1:
+        with bl.Engine() as engine:
+            taken = engine.simulate(run.scene.replace("detector.pixels", [24, 1])).retrieve()
+    path = tmp_path / "scan.nxs"
+    convert.to_cil(taken, path, "refraction")
+    found, expected = cil.read(taken, "refraction"), io.NEXUSDataReader(file_name=str(path)).read()
+    assert found.geometry == expected.geometry
+    assert np.array_equal(found.as_array(), expected.as_array())
 
 
 def test_dxchange_has_all_contrasts(run: bl.Run, tmp_path: Path) -> None:

@@ -14,6 +14,7 @@ import argparse
 import os
 import sys
 from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -184,12 +185,48 @@ def to_nxtomo(
     _written(path, write)
 
 
+@dataclass(frozen=True)
+class CilScan:
+    """Geometry of a scan as CIL has it: mm, source and detector along y, rows from the top; the angles (degrees) are
+    minus the angles of the views, since CIL turns source and detector by minus its angles. Vectors have two components
+    for a single row, which is a fan."""
+
+    labels: list[str]
+    pixels: tuple[int, int]
+    pitch: tuple[float, float]
+    source: NDArray[np.float32]
+    detector: NDArray[np.float32]
+    angles: NDArray[np.float32]
+    origin: str = "top-left"
+
+    @classmethod
+    def of(cls, images: Images) -> CilScan:
+        """Raises `ArgumentError` for views that move the sample, and for columns at uneven places."""
+        geometry = _circle(images)
+        places = 1e3 * np.array(geometry["columns_m"])
+        near, far = 1e3 * geometry["source_to_axis_m"], 1e3 * geometry["source_to_detector_m"]
+        rows = len(geometry["rows_m"])
+        across = (places[-1] - places[0]) / (len(places) - 1)
+        down = 1e3 * _pitch(geometry["rows_m"], geometry["columns_m"])
+
+        def vector(x: float, y: float) -> NDArray[np.float32]:
+            return np.array([x, y] if rows == 1 else [x, y, 0], dtype=np.float32)
+
+        return cls(
+            labels=["angle", "horizontal"] if rows == 1 else ["angle", "vertical", "horizontal"],
+            pixels=(len(places), rows),
+            pitch=(across, down),
+            source=vector(0, -near),
+            detector=vector((places[0] + places[-1]) / 2, far - near),
+            angles=-np.array(geometry["angles_deg"], dtype=np.float32),
+        )
+
+
 def to_cil(
     images: Images, path: Path, contrast: Contrast = "transmission", *, fill: bool = True
 ) -> None:
-    """Writes a contrast in the layout of CIL's NEXUSDataWriter, for its NEXUSDataReader. Lengths are mm;
-    source and detector lie along y, rows begin at the top. CIL turns source and detector by minus
-    its angles; the written angles are therefore minus the angles of the views.
+    """Writes a contrast in the layout of CIL's NEXUSDataWriter, for its NEXUSDataReader, with the geometry of
+    :class:`CilScan`. :func:`beamlet.cil.read` does without a file.
 
     Args:
         images: Retrieved images.
@@ -202,16 +239,9 @@ def to_cil(
             or a view without any value to fill from.
         FileError: The file exists, or it cannot be written.
     """
-    geometry = _circle(images)
+    scan = CilScan.of(images)
     data, about = _data(images, contrast, fill)
-    views, rows, columns = data.shape
-    # A single row is a fan: CIL has two dimensions then.
-    sides = 2 if rows == 1 else 3
-    places = 1e3 * np.array(geometry["columns_m"])
-    near, far = 1e3 * geometry["source_to_axis_m"], 1e3 * geometry["source_to_detector_m"]
-
-    def vector(x: float, y: float, z: float) -> NDArray[np.float32]:
-        return np.array([x, y, z][:sides], dtype=np.float32)
+    sides = len(scan.source)
 
     def write(file: h5py.File) -> None:
         file.attrs["creator"] = np.bytes_("NEXUSDataWriter.py")
@@ -221,34 +251,32 @@ def to_cil(
         _group(file, "entry1", "NXentry")
         entry = _group(file, "entry1/tomo_entry", "NXentry")
         values = _value(_group(file, "entry1/tomo_entry/data", "NXdata"), "data",
-                        data[:, 0] if rows == 1 else data)
-        names = ["angle", "vertical", "horizontal"] if rows > 1 else ["angle", "horizontal"]
+                        data[:, 0] if sides == 2 else data)
         values.attrs["data_type"] = "AcquisitionData"
         values.attrs.update(about)
-        for index, name in enumerate(names):
+        for index, name in enumerate(scan.labels):
             values.attrs[f"dim{index}"] = name
         values.attrs["geometry"] = "cone"
         values.attrs["dimension"] = f"{sides}D"
         values.attrs["num_channels"] = 1
-        values.attrs["num_pixels_h"] = columns
-        values.attrs["pixel_size_h"] = (places[-1] - places[0]) / (columns - 1)
-        values.attrs["panel_origin"] = "top-left"
+        values.attrs["num_pixels_h"] = scan.pixels[0]
+        values.attrs["pixel_size_h"] = scan.pitch[0]
+        values.attrs["panel_origin"] = scan.origin
         values.attrs["description"] = ABOUT[contrast]
         values.attrs["units"] = images.units[contrast]
         config = entry.create_group("config")
-        config["source/position"] = vector(0, -near, 0)
-        config["detector/position"] = vector((places[0] + places[-1]) / 2, far - near, 0)
-        config["detector/direction_x"] = vector(1, 0, 0)
-        config["rotation_axis/position"] = vector(0, 0, 0)
-        if rows > 1:
-            values.attrs["num_pixels_v"] = rows
-            values.attrs["pixel_size_v"] = 1e3 * _pitch(geometry["rows_m"], geometry["columns_m"])
-            config["detector/direction_y"] = vector(0, 0, 1)
-            config["rotation_axis/direction"] = vector(0, 0, 1)
-        config["angles"] = -np.array(geometry["angles_deg"], dtype=np.float32)
+        config["source/position"] = scan.source
+        config["detector/position"] = scan.detector
+        config["detector/direction_x"] = np.eye(sides, dtype=np.float32)[0]
+        config["rotation_axis/position"] = np.zeros(sides, dtype=np.float32)
+        if sides == 3:
+            values.attrs["num_pixels_v"] = scan.pixels[1]
+            values.attrs["pixel_size_v"] = scan.pitch[1]
+            config["detector/direction_y"] = np.eye(3, dtype=np.float32)[2]
+            config["rotation_axis/direction"] = np.eye(3, dtype=np.float32)[2]
+        config["angles"] = scan.angles
         config["angles"].attrs["angle_unit"] = "degree"
         config["angles"].attrs["initial_angle"] = 0.0
-        assert views == len(config["angles"])
 
     _written(path, write)
 
