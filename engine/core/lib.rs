@@ -8,6 +8,7 @@ pub mod cancel;
 pub mod csv_table;
 pub mod error;
 pub mod folder;
+pub mod fourier;
 pub mod image;
 pub mod input_file;
 pub mod interpolation;

@@ -30,6 +30,20 @@ pub struct Submission {
     started: Instant,
 }
 
+/// Records commands; the second call records none. Behind a pointer, so that what submits is compiled once
+/// rather than for each caller.
+pub(super) type Recording<'a> = &'a mut dyn FnMut(&mut Recorder<'_>);
+
+/// What can be called once, as a [`Recording`].
+pub(super) fn once(record: impl FnOnce(&mut Recorder<'_>)) -> impl FnMut(&mut Recorder<'_>) {
+    let mut record = Some(record);
+    move |recorder| {
+        if let Some(record) = record.take() {
+            record(recorder);
+        }
+    }
+}
+
 impl Device {
     /// Records, submits and waits.
     ///
@@ -45,6 +59,10 @@ impl Device {
     /// # Errors
     /// As [`Device::run`].
     pub fn submit(self: &Arc<Self>, record: impl FnOnce(&mut Recorder<'_>)) -> Result<Submission> {
+        self.submit_recorded(&mut once(record))
+    }
+
+    fn submit_recorded(self: &Arc<Self>, record: Recording<'_>) -> Result<Submission> {
         let reused = lock(&self.batches).pop();
         let batch = match reused {
             Some(batch) => batch,
@@ -79,7 +97,7 @@ impl Device {
     fn record(
         &self,
         batch: &CommandBatch,
-        record: impl FnOnce(&mut Recorder<'_>),
+        record: Recording<'_>,
     ) -> Result<(Vec<Dispatched>, u32)> {
         let failed = |e| failure::vulkan("submitting work to the device", e);
         let info = vk::CommandBufferBeginInfo::default()

@@ -5,6 +5,7 @@ use super::buffer::Buffer;
 use super::device::{Device, lock};
 use super::recorder::Recorder;
 use super::staging::Staging;
+use super::submission::{Recording, once};
 use super::{Memory, failure};
 use ash::vk;
 use beamlet_core::Result;
@@ -75,6 +76,15 @@ impl Device {
         self: &Arc<Self>,
         uploads: &[Upload<'_>],
         record: impl FnOnce(&mut Recorder<'_>),
+        downloads: &mut [Download<'_>],
+    ) -> Result<Duration> {
+        self.run_recorded(uploads, &mut once(record), downloads)
+    }
+
+    fn run_recorded(
+        self: &Arc<Self>,
+        uploads: &[Upload<'_>],
+        record: Recording<'_>,
         downloads: &mut [Download<'_>],
     ) -> Result<Duration> {
         // Places of all in one staging buffer; none for memory that the host reaches.

@@ -1,7 +1,8 @@
 //! Filters along rows, in f64 on the host: the ramp, and the Hilbert filter for derivatives.
 
+use beamlet_core::fourier::transforms;
+use rustfft::Fft;
 use rustfft::num_complex::Complex;
-use rustfft::{Fft, FftPlannerScalar};
 use std::f64::consts::{FRAC_PI_2, PI};
 use std::fmt;
 use std::sync::Arc;
@@ -68,9 +69,7 @@ impl RowFilter {
         (filter, cut_off): (Filter, f64),
     ) -> Self {
         let length = (2 * columns).next_power_of_two();
-        let mut planner = FftPlannerScalar::new();
-        let (forward, inverse) =
-            (planner.plan_fft_forward(length), planner.plan_fft_inverse(length));
+        let [forward, inverse] = transforms(length);
         let mut spectrum = vec![Complex::new(0.0, 0.0); length];
         let half = length / 2;
         for n in (1..half).step_by(2) {

@@ -3,11 +3,12 @@
 
 use beamlet_core::Result;
 use beamlet_core::cancel::Cancel;
+use beamlet_core::fourier::transforms;
 use beamlet_core::numbers::single;
 use ndarray::{Array2, Array3, ArrayView3};
 use rayon::prelude::*;
+use rustfft::Fft;
 use rustfft::num_complex::Complex;
-use rustfft::{Fft, FftPlannerScalar};
 use std::fmt;
 use std::sync::Arc;
 
@@ -198,9 +199,7 @@ impl fmt::Debug for Transformed {
 impl Transformed {
     fn of(weights: &Array2<f64>, blocks: Blocks) -> Self {
         let Blocks { length, parts, .. } = blocks;
-        let mut planner = FftPlannerScalar::new();
-        let (forward, inverse) =
-            (planner.plan_fft_forward(length), planner.plan_fft_inverse(length));
+        let [forward, inverse] = transforms(length);
         let scale = (length as f64).recip();
         let spectra = weights
             .outer_iter()
