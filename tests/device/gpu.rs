@@ -7,6 +7,7 @@
     reason = "tests panic, and say what they skip"
 )]
 
+use crate::support::complete;
 use beamlet::Error;
 use beamlet::KernelCache;
 use beamlet::internals::gpu::{AccelerationStructure, Device, DeviceKind, DeviceOptions, Memory};
@@ -19,17 +20,12 @@ mod shaders {
     include!(concat!(env!("OUT_DIR"), "/test_shaders.rs"));
 }
 
-/// True if no test may leave anything out.
-fn ci() -> bool {
-    std::env::var("CI").is_ok_and(|value| value == "true")
-}
-
-/// With validation where the layer is installed: continuous integration has it.
+/// With validation where the layer is installed: a complete run has it.
 pub(crate) fn open(staging: bool) -> Arc<Device> {
     let options = DeviceOptions { validation: true, staging, profile: true, ..Default::default() };
     match Device::open(&options) {
         Err(Error::Device { wanted, .. }) if wanted.contains("validation layer") => {
-            assert!(!ci(), "no validation layer, and CI=true forbids to skip");
+            assert!(!complete(), "no validation layer, and BEAMLET_COMPLETE is set");
             eprintln!("no validation layer: its messages are not checked");
             Device::open(&DeviceOptions { validation: false, ..options.clone() }).unwrap()
         }
@@ -338,7 +334,7 @@ fn a_ray_query_sees_every_box_of_a_structure_given_by_address_once() {
     if !device.description().ray_query {
         let refused = device.kernel_from("crossings", shaders::CROSSINGS, 24).unwrap_err();
         assert!(refused.to_string().contains("no ray query"), "{refused}");
-        assert!(!ci(), "no ray query, and CI=true forbids to skip");
+        assert!(!complete(), "no ray query, and BEAMLET_COMPLETE is set");
         eprintln!("no ray query on this device");
         return;
     }
