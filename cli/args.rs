@@ -65,6 +65,7 @@ impl Arguments {
             Verb::Mask(mask) => mask.messages,
             Verb::Devices(devices) => devices.messages,
             Verb::Example(example) => example.messages,
+            Verb::Explain(explain) => explain.messages,
             Verb::Schema(schema) => schema.messages,
             Verb::Completions(completions) => completions.messages,
             Verb::Man(man) => man.messages,
@@ -105,6 +106,8 @@ pub(crate) enum Verb {
     Devices(Devices),
     /// List the scenes that come with beamlet, or write one with its meshes
     Example(Example),
+    /// Explain a kind of error: causes and remedies
+    Explain(Explain),
     /// Print the JSON Schema of scene files, for editors
     Schema(Schema),
     /// Print the completion script of a shell
@@ -179,6 +182,17 @@ pub(crate) struct Man {
     /// Replace existing pages
     #[arg(long)]
     pub(crate) overwrite: bool,
+    #[command(flatten)]
+    pub(crate) messages: Messages,
+}
+
+#[derive(Debug, Args)]
+#[command(after_help = "Examples:\n  \
+    beamlet explain\n  \
+    beamlet explain device")]
+pub(crate) struct Explain {
+    /// Kind of error; without it the kinds are listed
+    pub(crate) kind: Option<String>,
     #[command(flatten)]
     pub(crate) messages: Messages,
 }

@@ -47,6 +47,17 @@ impl Failure {
     }
 }
 
+/// Kind of an error, as `beamlet explain` names it; `None` where the message says all.
+fn explained(error: &beamlet::Error) -> Option<&'static str> {
+    match error {
+        beamlet::Error::Device { .. } => Some("device"),
+        beamlet::Error::Memory { .. } => Some("memory"),
+        beamlet::Error::Mesh { .. } => Some("mesh"),
+        beamlet::Error::Tally(_) => Some("rays"),
+        _ => None,
+    }
+}
+
 impl fmt::Display for Failure {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
@@ -55,7 +66,10 @@ impl fmt::Display for Failure {
                 for (index, error) in error.each().iter().enumerate() {
                     write!(f, "{}error: {error}", if index == 0 { "" } else { "\n" })?;
                 }
-                Ok(())
+                let kind = error.each().iter().find_map(explained);
+                kind.map_or(Ok(()), |kind| {
+                    write!(f, "\ncauses and remedies: beamlet explain {kind}")
+                })
             }
             Self::Differs(what) => write!(f, "they differ: {what}"),
             Self::File { path, problem } => {

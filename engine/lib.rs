@@ -27,6 +27,11 @@ mod labels;
 #[doc(hidden)]
 pub mod shaders;
 
+/// Compiles the code of docs/rust.md.
+#[cfg(doctest)]
+#[doc = include_str!("../docs/rust.md")]
+struct Page;
+
 pub use ndarray;
 
 pub use beamlet_core::{Cancel, Error, Place, Result, RowsControl, Tally};

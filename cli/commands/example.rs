@@ -26,6 +26,11 @@ macro_rules! files {
 
 const SHIPPED: &[Shipped] = &[
     Shipped {
+        name: "paper",
+        about: "the set-up of the CAD-ASTRA paper with its first sample: the scene of `cylinder`",
+        files: files!("cylinder": "scene.toml", "cylinder.stl"),
+    },
+    Shipped {
         name: "cylinder",
         about: "carbon cylinder of 8 mm between gold masks, one view",
         files: files!("cylinder": "scene.toml", "cylinder.stl"),
@@ -69,6 +74,16 @@ const SHIPPED: &[Shipped] = &[
         name: "pepi",
         about: "plastic wires of 1 mm in a compact set-up with a spot of 5 um, by waves",
         files: files!("pepi": "scene.toml"),
+    },
+    Shipped {
+        name: "ucl-wire",
+        about: "wire of 300 um between opaque masks, spot of 70 um, by waves: a public wave simulation",
+        files: files!("ucl-wire": "scene.toml"),
+    },
+    Shipped {
+        name: "lab",
+        about: "tube of PMMA and a wire behind slits for every second pixel, molybdenum at 40 kVp",
+        files: files!("lab": "scene.toml"),
     },
 ];
 

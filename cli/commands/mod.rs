@@ -8,6 +8,7 @@ mod convert;
 mod devices;
 mod difference_pictures;
 mod example;
+mod explain;
 mod join;
 mod man;
 mod mask;
@@ -52,6 +53,7 @@ fn verb(arguments: Arguments, out: &mut impl Write) -> Result<(), Failure> {
         Verb::Mask(arguments) => mask::run(&arguments, out),
         Verb::Devices(arguments) => devices::run(&arguments, out),
         Verb::Example(arguments) => example::run(&arguments, out),
+        Verb::Explain(arguments) => explain::run(&arguments, out),
         Verb::Schema(_) => schema::run(out),
         Verb::Completions(arguments) => completions::run(&arguments, out),
         Verb::Man(arguments) => man::run(&arguments, out),

@@ -1,4 +1,4 @@
-//! Errors, units, numbers, files and memory for beamlet.
+//! Internal to beamlet: errors, units, numbers, files and memory.
 
 #[macro_use]
 mod setters;

@@ -1,4 +1,4 @@
-//! Stacks of frames and the sinks that take them.
+//! Internal to beamlet: stacks of frames and the sinks that take them.
 //!
 //! A stack is `[step][row][column]` per view, f32 intensities, row 0 on top. With noise there is a second
 //! stack of detector numbers beside each, and a stack of dark frames. The engine knows only [`Sink`]; the

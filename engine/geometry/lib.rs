@@ -1,4 +1,4 @@
-//! Geometry of the sample: welded, closed, oriented triangle surfaces in world metres.
+//! Internal to beamlet: geometry of the sample, as welded, closed, oriented triangle surfaces in world metres.
 //!
 //! `load` reads the objects of a scene (`mesh_file`, `shapes`), welds and places them (`joins`, `junctions`,
 //! `repeated`), unites touching parts of a mesh (`united`), refuses open and self-crossing meshes

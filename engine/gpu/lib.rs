@@ -1,4 +1,4 @@
-//! Headless Vulkan compute, one file per object. It knows no physics.
+//! Internal to beamlet: headless Vulkan compute, one file per object. It knows no physics.
 //!
 //! Every buffer, and the acceleration structure, reaches a kernel as a device address in its push
 //! constants; there are no descriptor sets. So a buffer may be larger than the device's largest

@@ -1,4 +1,4 @@
-//! Scenes, materials, spectra, spots and optics of beamlet.
+//! Internal to beamlet: scenes, materials, spectra, spots and optics.
 
 pub mod material;
 pub mod media;

@@ -1,4 +1,4 @@
-//! Instances of an object: one shape or mesh in many places.
+//! Internal to beamlet: instances of an object, one shape or mesh in many places.
 //!
 //! A point p of the prototype (the object's shape or mesh, in metres, centred where the object's
 //! placement says so) is at `placement(instance(p))`: each instance scales, rotates and moves it

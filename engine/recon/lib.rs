@@ -1,4 +1,4 @@
-//! Retrieval and reconstruction of beamlet.
+//! Internal to beamlet: retrieval and reconstruction.
 
 pub mod compare;
 pub mod reconstruct;

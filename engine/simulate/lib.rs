@@ -1,4 +1,4 @@
-//! Tracing, sampling and illumination of beamlet.
+//! Internal to beamlet: tracing, sampling and illumination.
 
 pub mod accel;
 pub mod detector;
