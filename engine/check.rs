@@ -258,8 +258,7 @@ fn load_lenient(
         warnings,
         refusals: refusals.iter().map(ToString::to_string).collect(),
     };
-    report.warnings.extend(doubts::doubts(scene, &report));
-    report.warnings.extend(faces::doubts(scene, &sample));
+    report.warnings.extend(doubts::doubts(scene, &sample, &report));
     report.warnings.extend(report.ray_limits.warnings());
     let kinks = beamlet_simulate::wave::facet_kinks(scene, &sample)?;
     report.warnings.extend(kinks.iter().map(ToString::to_string));

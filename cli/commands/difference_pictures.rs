@@ -119,7 +119,7 @@ pub(super) fn draw(
         let flagged = if is_map { flagged(&pair, [a, b], *step) } else { None };
         let grid = Grid::of_pixels(pair[0].pitch(a), [images[0].nrows(), images[0].ncols()]);
         let values = (&images[1] - &images[0]).mapv(|value| value * quantity.factor);
-        let plot = plot(series, &values, &quantity, flagged.as_ref(), &grid, [a, b]);
+        let plot = plot(series, &values, &quantity, flagged.as_ref(), [a, b]);
         let place = match stack {
             _ if is_map => format!("view_{step:04}"),
             Some((Exposure::Flat(_), _)) if *view == 0 => format!("step_{step:03}"),
@@ -148,8 +148,7 @@ fn plot<'a>(
     series: &Difference,
     values: &'a Array2<f64>,
     quantity: &'a Quantity,
-    flagged: Option<&'a Array2<bool>>,
-    grid: &Grid,
+    flagged: Option<&Array2<bool>>,
     [a, b]: [&Path; 2],
 ) -> ImagePlot<'a> {
     let count = flagged.map_or(0, |flagged| flagged.iter().filter(|flagged| **flagged).count());
@@ -168,15 +167,8 @@ fn plot<'a>(
         _ if view == 0 => format!("image {step} of {}", series.images),
         _ => format!("view {view}, step {step}"),
     };
-    let hatched = match flagged {
-        Some(flagged) if count > 0 && image::can_hatch(grid, flagged) => " (hatched)",
-        _ => "",
-    };
-    let flags = if count > 0 {
-        format!("flagged in A or B{hatched}: {}", pixels(count))
-    } else {
-        String::new()
-    };
+    let flags =
+        if count > 0 { format!("flagged in A or B: {}", pixels(count)) } else { String::new() };
     let beyond = scale.words_beyond(quantity.unit);
     let [a, b] = [a, b].map(beamlet::cli_support::printed::path);
     let mut below = vec![
@@ -196,7 +188,6 @@ fn plot<'a>(
     below.retain(|line| !line.is_empty());
     ImagePlot {
         values: values.view(),
-        flagged,
         quantity,
         key: Key::Scale(scale),
         title: capital(&quantity.label),

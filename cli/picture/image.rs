@@ -7,7 +7,7 @@ use super::objects::{self, Objects};
 use super::quantity::Quantity;
 use super::scale::Scale;
 use super::text::wrapped;
-use ndarray::{Array2, ArrayView2};
+use ndarray::ArrayView2;
 
 /// Longest side of an image on paper.
 const SIDE: f64 = 560.0;
@@ -18,10 +18,6 @@ const ABOVE: f64 = 46.0;
 const LINE: f64 = 16.0;
 /// Room of the bar with its words.
 const BAR: f64 = 122.0;
-/// Pixels of a shorter side than this are too small for hatching.
-const HATCHED: f64 = 4.0;
-/// An image of which more than this share is flagged is not hatched: nothing would be seen of it.
-const MOST_HATCHED: f64 = 0.5;
 
 /// Positions of the pixels of an image.
 #[derive(Debug, Clone)]
@@ -146,8 +142,6 @@ impl Key {
 pub(crate) struct ImagePlot<'a> {
     /// `[row][column]`, row 0 on top, in the unit of `quantity`.
     pub(crate) values: ArrayView2<'a, f64>,
-    /// Pixels that are hatched.
-    pub(crate) flagged: Option<&'a Array2<bool>>,
     pub(crate) quantity: &'a Quantity,
     pub(crate) key: Key,
     pub(crate) title: String,
@@ -155,16 +149,6 @@ pub(crate) struct ImagePlot<'a> {
     pub(crate) note: String,
     /// Below it, a line each.
     pub(crate) below: Vec<String>,
-}
-
-/// True if flagged pixels of an image can be hatched on paper: they are large enough, and not most
-/// of the image.
-pub(crate) fn can_hatch(grid: &Grid, flagged: &Array2<bool>) -> bool {
-    let (rows, columns) = flagged.dim();
-    let [width, height] = size(grid);
-    let count = flagged.iter().filter(|flagged| **flagged).count();
-    (width / columns as f64).min(height / rows as f64) >= HATCHED
-        && count as f64 <= MOST_HATCHED * flagged.len() as f64
 }
 
 /// Width and height of an image on paper.
@@ -192,9 +176,6 @@ pub(crate) fn draw(grid: &Grid, image: &ImagePlot<'_>) -> Drawing {
     let mut drawing = Drawing::new(right, end.max(area.top + image.key.height()));
     let colours = image.values.iter().map(|value| image.key.colour(*value)).collect();
     drawing.pixels(area, image.values.ncols(), colours);
-    if let Some(flagged) = image.flagged.filter(|flagged| can_hatch(grid, flagged)) {
-        hatch(&mut drawing, area, flagged);
-    }
     let axes = Axes { area, x: grid.x, y: grid.y, marks: grid.marks.clone() };
     axes.frame(&mut drawing, grid.labels[0], grid.labels[1]);
     if grid.has_bar {
@@ -230,24 +211,4 @@ fn scale_bar(drawing: &mut Drawing, axes: &Axes) {
     let (left, down) = (plate.left + 8.0, plate.bottom() - 6.0);
     drawing.line([left, down], [left + long, down], Paint::line(INK, 3.0));
     drawing.text([left, down - 6.0], words, SMALL, INK, Anchor::Start);
-}
-
-/// Lines across flagged pixels, black with white edges, to be seen on any colour.
-fn hatch(drawing: &mut Drawing, area: Area, flagged: &Array2<bool>) {
-    let (rows, columns) = flagged.dim();
-    let (wide, high) = (area.width / columns as f64, area.height / rows as f64);
-    let lines = if wide.min(high) >= 16.0 { 3 } else { 1 };
-    for (colour, width) in [([255; 3], 2.2), (INK, 0.9)] {
-        for ((row, column), _) in flagged.indexed_iter().filter(|(_, flagged)| **flagged) {
-            let (x, y) = (area.left + column as f64 * wide, area.top + row as f64 * high);
-            for line in 1..=lines {
-                // The line from a place on the left or upper edge to the lower or right one.
-                let share = 2.0 * f64::from(line) / f64::from(lines + 1);
-                let (low, high_end) = (share.min(1.0), (share - 1.0).max(0.0));
-                let from = [x + high_end * wide, y + low * high];
-                let to = [x + low * wide, y + high_end * high];
-                drawing.line(from, to, Paint::line(colour, width));
-            }
-        }
-    }
 }

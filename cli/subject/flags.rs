@@ -36,8 +36,8 @@ impl Subject {
         Ok(Some(Flags { bits, flagged }))
     }
 
-    /// How many pixels are flagged, and why, in words; empty where none is. `sign`: how they look.
-    pub(crate) fn words_of_flags(&self, flags: &Flags, sign: &str) -> String {
+    /// How many pixels are flagged, and why, in words; empty where none is.
+    pub(crate) fn words_of_flags(&self, flags: &Flags) -> String {
         let count = flags.flagged.iter().filter(|flagged| **flagged).count();
         if count == 0 {
             return String::new();
@@ -52,6 +52,6 @@ impl Subject {
         let all = beamlet::cli_support::count(flags.flagged.len() as u64);
         let reasons =
             if named.is_empty() { String::new() } else { format!(": {}", named.join(", ")) };
-        format!("flagged{sign}: {} of {all}{reasons}", pixels(count))
+        format!("flagged: {} of {all}{reasons}", pixels(count))
     }
 }

@@ -38,8 +38,6 @@ pub(crate) const REPORT_MARK: &str = "<meta name=\"generator\" content=\"beamlet
 pub const RETRIEVED: &str = "retrieved";
 /// Description of retrieved images, in their folder.
 pub const RECORD: &str = "retrieved.json";
-/// Image of the flags of retrieved pixels, whose values are whole numbers.
-pub const FLAGS: &str = "flags";
 /// Description of a reconstruction, in the folder of its volumes.
 pub const VOLUME: &str = "volume.json";
 /// Corrections by empty beam, in the folder of retrieved images.

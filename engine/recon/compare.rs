@@ -1,5 +1,6 @@
 //! Differences of two stacks, runs or retrievals, simulated or measured, image by image.
 
+use beamlet_core::array_file::Sample;
 use beamlet_core::rows_control::RowsControl;
 use beamlet_core::{Error, Result, numbers};
 use beamlet_files::layout::{self, RETRIEVED, stack_of};
@@ -277,7 +278,7 @@ fn difference(
             sums.add(&own);
             image -= &of_a;
             let image = image.mapv(numbers::single);
-            to.put(&name, "the shape of a and b", views * steps, image.view())?;
+            to.put(&name, "the shape of a and b", Sample::F32, views * steps, image.view())?;
             advance.by(rows)?;
         }
     } else {

@@ -90,8 +90,7 @@ fn bar(words: &[String], label: &str) -> Vec<f64> {
 fn colour(picture: &Pixmap, top: f64, [column, row]: [usize; 2]) -> [u8; 3] {
     let unit = 560.0 / SIDE as f64;
     let scale = 1.5;
-    // A quarter into the pixel, beside the lines of its hatching.
-    let at = |start: f64, i: usize| scale * (start + unit * (i as f64 + 0.25));
+    let at = |start: f64, i: usize| scale * (start + unit * (i as f64 + 0.5));
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a pixel")]
     let pixel = picture.pixel(at(90.0, column) as u32, at(top, row) as u32).unwrap();
     [pixel.red(), pixel.green(), pixel.blue()]
@@ -102,7 +101,7 @@ fn picture(path: PathBuf) -> Pixmap {
 }
 
 #[test]
-fn a_flagged_pixel_sets_no_scale_is_hatched_and_counted() {
+fn a_flagged_pixel_sets_no_scale_and_is_counted() {
     let place = copy();
     let mut refraction = image(place.path(), "refraction");
     let mut flags = image(place.path(), "flags");
@@ -119,10 +118,10 @@ fn a_flagged_pixel_sets_no_scale_is_hatched_and_counted() {
     let ends = bar(&words, "refraction angle [µrad]");
     let highest = ends.iter().fold(0.0_f64, |m, v| m.max(*v));
     assert!(highest > 0.3 && highest <= f64::from(most), "{ends:?}, {most}");
-    let counted = "flagged (hatched): 1 pixel of 576: 1 sample ill-conditioned";
+    let counted = "flagged: 1 pixel of 576: 1 sample ill-conditioned";
     assert!(words.iter().any(|word| word == counted), "{words:?}");
     // Without its flag the pixel is a spike, which sets no scale either; where all are flagged,
-    // flags tell nothing, and nothing is hatched.
+    // flags tell nothing.
     put(place.path(), "flags", &Array3::from_elem((2, SIDE, SIDE), 32768.0));
     done(place.path(), "view images -o all --format svg --show retrieved");
     let words = self::words(place.path().join("all/refraction_view_0000.svg"));

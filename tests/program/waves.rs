@@ -32,3 +32,13 @@ fn light_near_grazing_is_warned_of() {
     let steep = log("12 mrad");
     assert!(!steep.contains("near grazing"), "{steep}");
 }
+
+#[test]
+fn a_sample_far_behind_the_mask_is_warned_of_with_the_size_of_the_error() {
+    let place = workplace(&FACE.replace("1.212 m", "1.3 m"));
+    let words = ["simulate", "scene.toml", "--backend", "bvh", "-o", "run"];
+    let output = beamlet(place.path()).args(words).output().unwrap();
+    ended(&output, 0);
+    let log = String::from_utf8(output.stderr).unwrap();
+    assert!(log.contains("changes light by up to 4.5e-3 of the open beam"), "{log}");
+}

@@ -68,7 +68,6 @@ pub(super) fn of(path: &Path, asked: &ViewOfRun, form: PictureForm) -> Result<Pi
             };
             let plot = ImagePlot {
                 values: values.view(),
-                flagged: None,
                 quantity: &quantity,
                 key: key.clone(),
                 title: capital(&quantity.label),

@@ -6,14 +6,17 @@ mod sheet;
 
 pub use own::Kind;
 
-use crate::layout::{IMAGES_MARK as MARK, IMAGES_PARTIAL as PARTIAL, IMAGES_REPLACED as REPLACED};
-use beamlet_core::array_file::Format;
+use crate::layout::{
+    self, IMAGES_MARK as MARK, IMAGES_PARTIAL as PARTIAL, IMAGES_REPLACED as REPLACED,
+};
+use beamlet_core::array_file::{Format, Sample};
 use beamlet_core::locked_file::LockedFile;
+use beamlet_core::numbers::count;
 use beamlet_core::whole_file::{refuse_link, sibling, sync_directory, sync_path, write_file};
 use beamlet_core::{Error, Result, open_file};
 use ndarray::ArrayView2;
 use own::{check, claim, discard, refuse_linked, remove, sweep};
-use sheet::Sheet;
+use sheet::{Form, Sheet};
 use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -113,7 +116,7 @@ impl ImageDirectory {
         open_file::refuse_moved(&self.mark, &self.partial.join(MARK), remedy)
     }
 
-    /// Adds the image of the next of `views` views to the images of `name`.
+    /// Adds the image of the next of `views` views to the images of `name`. `sample`: type of the values in the file.
     ///
     /// # Errors
     ///
@@ -122,6 +125,7 @@ impl ImageDirectory {
         &mut self,
         name: &str,
         unit: &str,
+        sample: Sample,
         views: usize,
         image: ArrayView2<'_, f32>,
     ) -> Result<()> {
@@ -132,10 +136,10 @@ impl ImageDirectory {
                 about.insert("image".into(), name.into());
                 about.insert("unit".into(), unit.into());
             }
-            let shape = [views, image.nrows(), image.ncols()];
-            let (pitch, path) = (self.pitch, &self.partial);
-            let sheet = Sheet::begin(path, name, self.format, self.kind, shape, pitch, about)?;
-            self.sheets.insert(name.to_owned(), sheet);
+            let sides = [views, image.nrows(), image.ncols()].map(count);
+            let form = Form { format: self.format, sides, pitch: self.pitch, sample };
+            let path = layout::array(&self.partial, name, self.format);
+            self.sheets.insert(name.to_owned(), Sheet::begin(path, self.kind, form, about)?);
         }
         self.sheets.get_mut(name).map_or(Ok(()), |sheet| sheet.put(image))
     }
@@ -213,6 +217,10 @@ mod tests {
         ImageDirectory::begin(path, Kind::Images, Format::Exr, true, about).unwrap()
     }
 
+    fn put(images: &mut ImageDirectory, views: usize, image: ArrayView2<'_, f32>) -> Result<()> {
+        images.put("transmission", "1", Sample::F32, views, image)
+    }
+
     #[cfg(unix)]
     #[test]
     fn images_whose_folder_is_moved_are_not_split_over_two_folders() {
@@ -222,12 +230,12 @@ mod tests {
         let image = Array2::<f32>::zeros((2, 3));
         for in_its_place in [false, true] {
             let mut images = begin(&run.join("retrieved"));
-            images.put("transmission", "1", 2, image.view()).unwrap();
+            put(&mut images, 2, image.view()).unwrap();
             fs::rename(&run, &moved).unwrap();
             if in_its_place {
                 fs::create_dir_all(run.join("retrieved.partial/transmission")).unwrap();
             }
-            let error = images.put("transmission", "1", 2, image.view()).unwrap_err().to_string();
+            let error = put(&mut images, 2, image.view()).unwrap_err().to_string();
             assert!(error.contains("run/retrieved.partial/.beamlet-partial: was "), "{error}");
             assert!(error.contains("moved"), "{error}");
             let error = images.finish(None).unwrap_err().to_string();
@@ -241,7 +249,7 @@ mod tests {
             fs::rename(&moved, &run).unwrap();
         }
         let mut images = begin(&run.join("retrieved"));
-        images.put("transmission", "1", 1, image.view()).unwrap();
+        put(&mut images, 1, image.view()).unwrap();
         images.finish(None).unwrap();
         assert_eq!(folder::names(&run).unwrap(), ["retrieved"]);
         assert_eq!(folder::names(&run.join("retrieved")).unwrap(), ["transmission"]);

@@ -4,23 +4,36 @@ use super::own::Kind;
 use crate::layout;
 use beamlet_core::array_file::{Append, Format, Sample, append};
 use beamlet_core::whole_file::{sync_directory, sync_path};
-use beamlet_core::{Error, Result, folder, numbers};
+use beamlet_core::{Error, Result, folder};
 use ndarray::ArrayView2;
 use rayon::prelude::*;
 use std::fmt;
 use std::path::{Path, PathBuf};
 
+/// Form of the files of images.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Form {
+    pub(super) format: Format,
+    /// Views, rows and columns.
+    pub(super) sides: [u32; 3],
+    /// Size of a pixel on the detector, x and z, m.
+    pub(super) pitch: Option<[f64; 2]>,
+    /// Type of the values.
+    pub(super) sample: Sample,
+}
+
+impl Form {
+    fn append(self, path: &Path) -> Result<Box<dyn Append>> {
+        append(path, self.format, self.sides, self.pitch, self.sample)
+    }
+}
+
 /// Images in the making.
 pub(super) struct Sheet {
     path: PathBuf,
-    format: Format,
     kind: Kind,
+    form: Form,
     about: serde_json::Value,
-    /// Views, rows and columns.
-    sides: [u32; 3],
-    /// Size of a pixel on the detector, x and z, m.
-    pitch: Option<[f64; 2]>,
-    sample: Sample,
     next: u32,
     /// The file of all views; `None` where each has a file.
     file: Option<Box<dyn Append>>,
@@ -33,32 +46,27 @@ impl fmt::Debug for Sheet {
 }
 
 impl Sheet {
-    /// Begins the images of `name`: views, rows and columns.
+    /// Begins the images at `path`: kind of their folder, their form and their description.
     pub(super) fn begin(
-        folder: &Path,
-        name: &str,
-        format: Format,
+        path: PathBuf,
         kind: Kind,
-        sides: [usize; 3],
-        pitch: Option<[f64; 2]>,
+        form: Form,
         about: serde_json::Value,
     ) -> Result<Self> {
-        let (path, sides) = (layout::array(folder, name, format), sides.map(numbers::count));
-        let sample = if name == layout::FLAGS { Sample::U32 } else { Sample::F32 };
-        let file = if format.abilities().pages {
-            Some(append(&path, format, sides, pitch, sample)?)
+        let file = if form.format.abilities().pages {
+            Some(form.append(&path)?)
         } else {
             let unwritten = |error| Error::file(&path, "cannot be written", Some(error));
             folder::make(&path).map_err(unwritten)?;
             None
         };
-        Ok(Self { path, format, kind, about, sides, pitch, sample, next: 0, file })
+        Ok(Self { path, kind, form, about, next: 0, file })
     }
 
     /// The next view.
     pub(super) fn put(&mut self, image: ArrayView2<'_, f32>) -> Result<()> {
         let mut about = self.about.clone();
-        if self.sides[0] > 1
+        if self.form.sides[0] > 1
             && let Some(about) = about.as_object_mut()
         {
             let key = match self.kind {
@@ -72,18 +80,16 @@ impl Sheet {
         self.next += 1;
         match &mut self.file {
             Some(file) => file.put(image, &about.to_string()),
-            None => {
-                let file = append(&path, self.format, self.sides, self.pitch, self.sample);
-                file?.put(image, &about.to_string())
-            }
+            None => self.form.append(&path)?.put(image, &about.to_string()),
         }
     }
 
     /// The file of a view, where each has one.
     fn path_of(&self, view: u32) -> PathBuf {
+        let Form { format, sides: [views, ..], .. } = self.form;
         let name = match self.kind {
-            Kind::Images => layout::image_of_view(self.sides[0], view, self.format),
-            Kind::Astra | Kind::Volume => layout::image_of_slice(self.sides[0], view, self.format),
+            Kind::Images => layout::image_of_view(views, view, format),
+            Kind::Astra | Kind::Volume => layout::image_of_slice(views, view, format),
         };
         self.path.join(name)
     }

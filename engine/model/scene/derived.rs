@@ -31,6 +31,13 @@ impl Scene {
         self.analyser_distance() / self.cell_plane_distance()
     }
 
+    /// Offset of the sample mask at which its middle slit lies before the middle slit of the detector mask, m: the peak of
+    /// the illumination curve. `None` without two masks.
+    pub fn peak_offset(&self) -> Option<f64> {
+        let (sample, detector) = (self.sample_mask.as_ref()?, self.detector_mask.as_ref()?);
+        Some(detector.offset * sample.distance / detector.distance - sample.offset)
+    }
+
     /// Distance `z_s` from the source to the axis of rotation along the optical axis, m: the rotation centre
     /// where `scan` leaves the sample there, else the mean place of the origin of the sample over the views.
     pub fn axis_distance(&self) -> f64 {

@@ -3,7 +3,7 @@
 use super::prepare::Preparation;
 use super::quantity::Quantity;
 use crate::retrieve::FLAGS;
-use beamlet_core::array_file::Format;
+use beamlet_core::array_file::{Format, Sample};
 use beamlet_core::cancel::Cancel;
 use beamlet_core::whole_file::write_file;
 use beamlet_core::{Error, Result, input_file, numbers};
@@ -100,7 +100,7 @@ pub fn write_astra(
                 values.slice_mut(s![view, .., ..]).assign(&image);
             }
             for row in 0..band.len() {
-                folder.put(name, unit, rows, values.slice(s![.., row, ..]))?;
+                folder.put(name, unit, Sample::F32, rows, values.slice(s![.., row, ..]))?;
             }
             done += band.len() as u64;
             progress(done, all);

@@ -9,7 +9,6 @@ use super::model::Model;
 use super::plan::VolumePlan;
 use super::quantity::Quantity;
 use super::resampling::Resampling;
-use super::resident::require_room;
 use super::work::Work;
 use beamlet_core::rows_control::RowsControl;
 use beamlet_core::{Result, parallel};
@@ -54,10 +53,7 @@ pub fn estimate(
 ) -> Result<VolumeEstimate> {
     geometry.check()?;
     plan.grid.check(geometry)?;
-    let memory = Memory::of(geometry, plan, truth, compute.options().memory_limit)?;
-    if memory.at_once.is_none() {
-        require_room(compute, (geometry, &plan.grid), memory.device)?;
-    }
+    let memory = Memory::on(compute, geometry, plan, truth)?;
     parallel::start_threads()?;
     let mut work = Work { cancel: control.cancel.clone(), report: &mut |_| () };
     let pairs = passes(geometry, plan);

@@ -7,10 +7,11 @@ use super::projector::AT_ONCE;
 use super::quantity::Quantity;
 use super::redundancy::Redundancy;
 use super::resampling::Resampling;
-use super::resident::{VALUE, product, resident_bytes};
+use super::resident::{VALUE, product, require_room, resident_bytes};
 use beamlet_core::numbers::length;
 use beamlet_core::reserve::PROGRAM;
 use beamlet_core::{Error, Result};
+use beamlet_gpu::Compute;
 
 /// Memory of a reconstruction at its peak, bytes.
 #[derive(Debug, Clone, Copy)]
@@ -25,11 +26,28 @@ pub(super) struct Memory {
 }
 
 impl Memory {
+    /// The memory of a plan on a device, within the limit of the engine; `truth`: with volumes of the scene.
+    ///
+    /// # Errors
+    /// [`Error::Memory`] where the limit is too low, or the device has no room for the vectors of an iterative method.
+    pub(super) fn on(
+        compute: &Compute,
+        geometry: &ScanGeometry,
+        plan: &VolumePlan,
+        truth: bool,
+    ) -> Result<Self> {
+        let memory = Self::of(geometry, plan, truth, compute.options().memory_limit)?;
+        if memory.at_once.is_none() {
+            require_room(compute, (geometry, &plan.grid), memory.device)?;
+        }
+        Ok(memory)
+    }
+
     /// The memory of a plan within a limit, the program included; `truth`: with volumes of the scene.
     ///
     /// # Errors
     /// [`Error::Memory`] where the limit is too low.
-    pub(super) fn of(
+    fn of(
         geometry: &ScanGeometry,
         plan: &VolumePlan,
         truth: bool,

@@ -6,7 +6,6 @@ use super::input::Input;
 use super::memory::Memory;
 use super::plan::VolumePlan;
 use super::record::VolumeRecord;
-use super::resident::require_room;
 use super::truth::Truth;
 use super::write::VolumeFormat;
 use beamlet_core::cancel::Aside;
@@ -117,12 +116,8 @@ pub fn reconstruct(
         geometry.require_circle("fbp")?;
     }
     warn_of_few_views(geometry.angles.len(), geometry.columns.len());
-    let limit = compute.options().memory_limit;
-    let memory = Memory::of(geometry, plan, truth.is_some(), limit)?;
+    let memory = Memory::on(compute, geometry, plan, truth.is_some())?;
     require_memory(memory.host, "a reconstruction")?;
-    if memory.at_once.is_none() {
-        require_room(compute, (geometry, &plan.grid), memory.device)?;
-    }
     let record = VolumeRecord::begin(compute, geometry, plan, to.format);
     let hashes = input_hashes(input, plan);
     let images = ImageDirectory::begin(

@@ -125,7 +125,7 @@ pub(super) fn write(
     } else {
         for slice in slices {
             cancel.check()?;
-            to.put(name, unit, grid.size[2], voxels.slice(slice).view())?;
+            to.put(name, unit, Sample::F32, grid.size[2], voxels.slice(slice).view())?;
         }
     }
     Ok(Vec::new())

@@ -3,8 +3,8 @@
 
 use super::curves::Curves;
 use super::flags;
+use beamlet_core::array_file::Sample;
 use beamlet_core::numbers::single;
-pub(crate) use beamlet_files::layout::FLAGS;
 use ndarray::Array2;
 use std::ops::Range;
 
@@ -27,6 +27,8 @@ pub(super) const SIGMAS_OF_FLAT: [&str; 3] =
 /// Images of the sample's curves.
 pub(super) const OF_SAMPLE: [&str; 5] =
     ["sample_amplitude", "sample_centre", "sample_width", "sample_background", "residual_sample"];
+/// Image of the flags of pixels, whose values are whole numbers.
+pub(crate) const FLAGS: &str = "flags";
 /// Image of the integral of δ along the beam.
 pub(super) const PHASE: &str = "phase";
 
@@ -48,6 +50,11 @@ pub(super) fn unit<'a>(name: &str, value: &'a str) -> &'a str {
         }
         _ => value,
     }
+}
+
+/// Type of the values of an image in a file.
+pub(super) fn sample(name: &str) -> Sample {
+    if name == FLAGS { Sample::U32 } else { Sample::F32 }
 }
 
 /// The images of one view, `[row][column]`, by name.

@@ -1,7 +1,7 @@
 //! Error of δ of round bodies near the axis of rotation, whose rim lies in one place of its pixel in every view.
 
-use super::mask_curve::MaskCurve;
-use beamlet_model::optics::{Mask, Optics};
+use super::shape::CurveGeometry;
+use beamlet_model::optics::Optics;
 use beamlet_model::scene::{Object, Scene, Shape, ShapeOrMesh};
 use std::f64::consts::PI;
 
@@ -76,20 +76,19 @@ struct Samples {
 
 impl Samples {
     fn of(scene: &Scene) -> Option<Self> {
+        let geometry = CurveGeometry::of(scene).ok()?;
+        let curve = geometry.masks()?;
         let optics = Optics::of(scene);
-        let curve = MaskCurve::of(&optics)?;
-        let [first, second] = [&scene.sample_mask, &scene.detector_mask].map(Option::as_ref);
-        let (mask, analyser) = (first?, second?);
+        let mask = optics.sample_mask.as_ref()?;
         let at_axis = scene.axis_distance();
-        let centre = analyser.offset * mask.distance / analyser.distance - mask.offset;
+        let centre = scene.peak_offset()?;
         let offsets = &scene.scan.mask_offsets;
         let slopes = curve.evaluate(offsets.iter().map(|it| it - centre), curve.spread());
         let weights: Vec<f64> = slopes.iter().map(|[_, slope, _]| slope * slope).collect();
-        let slits: Vec<[f64; 2]> =
-            optics.sample_mask.as_ref().map(|it: &Mask| it.openings(at_axis).ends().collect())?;
+        let slits: Vec<[f64; 2]> = mask.openings(at_axis).ends().collect();
         let all = weights.iter().sum::<f64>() * slits.iter().map(|[a, b]| b - a).sum::<f64>();
         let parts = offsets.iter().zip(&weights).flat_map(|(offset, weight)| {
-            let moved = offset * at_axis / mask.distance;
+            let moved = offset * at_axis / mask.distance();
             slits.iter().map(move |ends| (ends.map(|end| end + moved), weight / all))
         });
         let scale = at_axis / scene.detector.distance;

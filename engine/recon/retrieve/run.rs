@@ -8,7 +8,7 @@ mod views;
 use super::Method;
 use super::correct::{Corrector, table};
 use super::diagnosis::Diagnosis;
-use super::images::{FLAGS, Images, PHASE, unit};
+use super::images::{FLAGS, Images, PHASE, sample, unit};
 use super::input::Input;
 use super::joined::JoinedColumns;
 use super::misfit::median;
@@ -110,7 +110,7 @@ pub fn retrieve(
             Some(directory) => directory,
             none => none.insert(begin(record)?),
         };
-        directory.put(image.name, image.unit, image.views, image.values)
+        directory.put(image.name, image.unit, sample(image.name), image.views, image.values)
     };
     let (mut record, geometry) = retrieve_to(compute, input, options, control, &mut put)?;
     record.command = to.command.map(str::to_owned);

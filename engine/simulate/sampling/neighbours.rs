@@ -49,27 +49,24 @@ impl Estimator<'_> {
         Some(beside.into_iter().find(|found| alike(&found.result, own)).unwrap_or(nearest))
     }
 
-    /// Coordinates beside a rectangle, three on each side: at lower and higher x, above and below.
-    fn beside(&self, node: &Node) -> [[f32; 2]; 12] {
+    /// Coordinates beside a rectangle. `side`: at lower or higher x, above or below; `along`: from its middle, as a
+    /// share of the side.
+    fn beside(&self, node: &Node, side: usize, along: f32) -> [f32; 2] {
         let [x, z] = node.centre();
-        let out = [0.25 * self.least[0], 0.25 * self.least[1]];
-        let along = [-1.0 / 3.0, 0.0, 1.0 / 3.0];
-        std::array::from_fn(|index| {
-            let (side, along) = (index / 3, along[index % 3]);
-            let edge = if side % 2 == 0 { -1.0 } else { 1.0 };
-            if side < 2 {
-                [x + edge * (0.5 * node.width() + out[0]), z + along * node.height()]
-            } else {
-                [x + along * node.width(), z + edge * (0.5 * node.height() + out[1])]
-            }
-        })
+        let edge = if side % 2 == 0 { -1.0 } else { 1.0 };
+        if side < 2 {
+            let off = 0.5 * node.width() + 0.25 * self.least[0];
+            [x + edge * off, z + along * node.height()]
+        } else {
+            let off = 0.5 * node.height() + 0.25 * self.least[1];
+            [x + along * node.width(), z + edge * off]
+        }
     }
 
     /// Neighbours of a rectangle: at lower and higher x, above and below.
     pub(super) fn neighbours(&self, patch: &Patch, node: &Node) -> [Option<Found>; 4] {
-        let places = self.beside(node);
         std::array::from_fn(|side| {
-            let at = places[3 * side + 1];
+            let at = self.beside(node, side, 0.0);
             if !patch.holds(at) {
                 return self.around(patch, &node.result, at);
             }
@@ -85,8 +82,11 @@ impl Estimator<'_> {
         patch: &'p Patch,
         node: &Node,
     ) -> impl Iterator<Item = u32> + 'p {
+        let along = [-1.0 / 3.0, 0.0, 1.0 / 3.0];
+        let beside = |side| along.map(|along| self.beside(node, side, along));
+        let places = [0, 1, 2, 3].map(beside);
         let mut last = None;
-        self.beside(node).into_iter().chain(behind(patch, node)).filter_map(move |at| {
+        places.into_iter().flatten().chain(behind(patch, node)).filter_map(move |at| {
             let known = last.is_some_and(|last: u32| patch.nodes[last as usize].holds(at));
             if known || !patch.holds(at) {
                 return None;

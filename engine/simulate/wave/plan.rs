@@ -14,6 +14,7 @@ use beamlet_model::media::MaterialTable;
 use beamlet_model::optics::Optics;
 use beamlet_model::optics::waves::wavelength;
 use beamlet_model::scene::Scene;
+use std::f64::consts::{PI, SQRT_2};
 use std::ops::Range;
 use std::sync::Arc;
 
@@ -105,7 +106,7 @@ impl WavePlan {
         let energies: Vec<Energy> = energies.collect::<Result<_>>()?;
         let rays = rays_of(optics, &energies)?;
         if spacing.kind == Kind::Flat {
-            warn(optics, &energies, (media.energies[0], tolerance));
+            warn(optics, &energies, media, tolerance);
         }
         let mut buffers = Vec::new();
         let mut params = Vec::new();
@@ -159,9 +160,8 @@ pub(super) fn refuse_masks(scene: &Scene, optics: &Optics, nodes: &[(f64, f64)])
     energies.iter().try_for_each(|energy| energy.check(optics, tolerance))
 }
 
-/// Warns of phases of bars, and of propagation between mask and sample, that change light; `energy`: of the first
-/// node, keV.
-fn warn(optics: &Optics, energies: &[Energy], (energy, tolerance): (f64, f64)) {
+/// Warns of phases of bars, and of propagation between mask and sample, that change light.
+fn warn(optics: &Optics, energies: &[Energy], media: &MaterialTable, tolerance: f64) {
     let by_phase: f64 = energies.iter().map(|energy| energy.by_phase_of_bars(optics)).sum();
     if by_phase > tolerance {
         log::warn!(
@@ -170,14 +170,22 @@ fn warn(optics: &Optics, energies: &[Energy], (energy, tolerance): (f64, f64)) {
         );
     }
     let apart = (optics.analyser - optics.lever_arm - optics.cell_plane).abs();
-    let spread = (wavelength(energy) * apart).sqrt();
+    let spreads = media.energies.iter().map(|energy| (wavelength(*energy) * apart).sqrt());
+    let spread: f64 = spreads.zip(&media.weights).map(|(spread, weight)| spread * weight).sum();
     let blur = optics.spot.narrowest(0) * (1.0 - optics.cell_plane / optics.analyser);
     if spread > PROPAGATED * blur {
+        let motion = optics.spot.narrowest(0) * apart / (optics.analyser - optics.lever_arm);
+        // Light beyond the image of a straight edge: √(λd/2)/(2π) of its intensity by Fresnel, σ/√(2π) by a motion.
+        let beyond = (spread / (2.0 * SQRT_2 * PI)).hypot(motion / (2.0 * PI).sqrt());
         log::warn!(
             "waves: propagation between sample_mask and sample is neglected: √(λd) = {:.1} um exceeds a quarter of \
-             the blur of the focal spot, {:.1} um",
+             the blur of the focal spot, {:.1} um; with the motion of the sample against the mask by the focal spot, \
+             {:.1} um, it changes light by up to {:.1e} of the open beam, where an opaque edge covers that of an \
+             aperture",
             1e6 * spread,
-            1e6 * blur
+            1e6 * blur,
+            1e6 * motion,
+            beyond / optics.detector.pitch_at(0, optics.cell_plane)
         );
     }
 }

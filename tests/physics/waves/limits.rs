@@ -1,14 +1,16 @@
 //! Waves of short wavelength, and of samples that refract evenly, against rays.
 
-use super::{BY_WAVES, FIBRE, add_cylinder, simulate};
+use super::{BY_WAVES, FIBRE, add_cylinder, row, simulate};
+use crate::reference::normal::SIGMA_PER_FWHM;
 use crate::reference::waves::body::{Body, Outline};
 use crate::reference::waves::light::Case;
 use crate::reference::waves::rays;
 use crate::reference::waves::setup::Slits;
 use crate::thin_masks::REFERENCE;
 use beamlet::Backend;
-use beamlet::scene::{Beam, Transport};
+use beamlet::scene::{Beam, MaterialSpec, Object, Shape, Transport};
 use beamlet::stack::Stacks;
+use std::f64::consts::{PI, SQRT_2};
 
 /// A cylinder (x of its axis and its radius, m), `behind` the mask (m), at an energy (keV).
 fn light(energy: f64, (centre, radius, behind): (f64, f64, f64), transport: Transport) -> Stacks {
@@ -58,4 +60,33 @@ fn interiors_of_large_bodies_have_the_light_of_rays() {
     // The slope of the flat curve differs by parts of a percent, and falls with the wavelength.
     let errors = [30.0, 300.0, 1000.0].map(error);
     assert!(errors[0] < 3e-5 && errors[1] < 5e-6 && errors[2] < 2e-6, "{errors:?}");
+}
+
+/// An opaque slab whose edge covers that of an aperture, some distance behind the mask. Waves neglect propagation over
+/// it and the motion of the sample by the focal spot beyond its first order: the light beyond the edges of their images
+/// is √(λd/2)/(2π) (Fresnel) and σ/√(2π), which a warning states as its size.
+#[test]
+fn light_between_mask_and_sample_errs_by_the_size_that_the_warning_states() {
+    for (behind, stated) in [(0.01, 8.4e-4), (0.03, 1.76e-3), (0.1, 4.5e-3)] {
+        let mut scene = REFERENCE.scene(4, behind, &[-10e-6], BY_WAVES);
+        scene.materials.insert("lead".into(), MaterialSpec::Constants { mu: 1e7, delta: 0.0 });
+        let low = 50e-6 * (1.2 + behind) / 1.2;
+        let shape = Shape::Box { size: [60e-6, 10e-6, 4e-3] };
+        let mut object = Object::new("slab", shape, "lead");
+        object.placement.position = [low + 30e-6, 0.0, 0.0];
+        scene.objects.push(object);
+        let stacks = simulate(&scene, Backend::Bvh);
+        let mut set_up = REFERENCE.set_up();
+        set_up.sample = 1.2 + behind;
+        let outline = Outline::Slab { low, high: low + 60e-6, thickness: 10e-6 };
+        let sample = [Body { outline, delta: 0.0, mu: 1e7 }];
+        let want = row(&REFERENCE, 4).light(&set_up, &sample, 10e-9, &[-10e-6], Some(64));
+        let error = |column: usize| f64::from(stacks.sample[[0, 0, 0, column]]) - want[0][column];
+        let worst = (0..4).map(|column| error(column).abs()).fold(0.0, f64::max);
+        let motion = 30e-6 * SIGMA_PER_FWHM * behind / (1.2 + behind);
+        let spread = (set_up.wavelength * behind).sqrt();
+        let size = (spread / (2.0 * SQRT_2 * PI)).hypot(motion / (2.0 * PI).sqrt()) / 100e-6;
+        assert!((size / stated - 1.0).abs() < 0.02, "{behind}: {size:e}");
+        assert!((0.7..1.0).contains(&(worst / size)), "{behind}: {worst:e} of {size:e}");
+    }
 }

@@ -100,7 +100,6 @@ impl Chosen<'_> {
             let words = own.words_beyond(quantity.unit);
             let plot = ImagePlot {
                 values: frame.view(),
-                flagged: None,
                 quantity,
                 key: Key::Scale(own),
                 title: format!("{title}{kind}"),

@@ -20,7 +20,6 @@ struct Values {
     sigma: Option<Array2<f64>>,
     /// Pixels that may set the scale; `None`: all.
     trusted: Option<Vec<bool>>,
-    flagged: Option<Array2<bool>>,
     /// Why pixels are flagged, in words.
     flag_words: String,
 }
@@ -46,18 +45,13 @@ impl Chosen<'_> {
                 let map = self.run.image(name, self.view)?;
                 Ok(map.mapv(|value| f64::from(value) * quantity.factor))
             };
-            let sign = match &flags {
-                Some(flags) if image::can_hatch(&grid, &flags.flagged) => " (hatched)",
-                _ => "",
-            };
             let values = Values {
                 values: read(&name)?,
                 sigma: self.run.sigma_of(&name).map(|sigma| read(&sigma)).transpose()?,
                 trusted: flags.as_ref().and_then(|flags| trusted(&flags.flagged)),
-                flagged: flags.as_ref().map(|flags| flags.flagged.clone()),
                 flag_words: flags
                     .as_ref()
-                    .map_or_else(String::new, |flags| self.run.words_of_flags(flags, sign)),
+                    .map_or_else(String::new, |flags| self.run.words_of_flags(flags)),
                 name,
                 quantity,
             };
@@ -99,7 +93,6 @@ impl Chosen<'_> {
         below.retain(|line| !line.is_empty());
         let plot = ImagePlot {
             values: image.values.view(),
-            flagged: image.flagged.as_ref(),
             quantity,
             key: Key::Scale(scale),
             title,
@@ -130,7 +123,6 @@ impl Chosen<'_> {
             values,
             sigma: None,
             trusted: None,
-            flagged: None,
             flag_words: String::new(),
         };
         let file = |name: &str| format!("sinogram_{name}_row_{:04}", self.row);
@@ -165,10 +157,8 @@ impl Chosen<'_> {
             values.sigma = self.run.sigma_of(&name).map(|sigma| read(&sigma)).transpose()?;
             let count = flagged.iter().filter(|flagged| **flagged).count();
             if count > 0 {
-                let sign = if image::can_hatch(&grid, &flagged) { " (hatched)" } else { "" };
-                values.flag_words = format!("flagged{sign}: {}", pixels(count));
+                values.flag_words = format!("flagged: {}", pixels(count));
                 values.trusted = trusted(&flagged);
-                values.flagged = Some(flagged.clone());
             }
             let title = format!("Sinogram of row {row}: {}", quantity.label);
             let words = [title, joined(&[self.run.title(), self.run.method_words()])];
