@@ -40,7 +40,8 @@ fn files(folder: &str, endings: &[&str], out: &mut Vec<PathBuf>) {
 }
 
 fn documents() -> BTreeMap<String, String> {
-    let mut paths = vec![PathBuf::from("README.md"), PathBuf::from("CHANGELOG.md")];
+    let mut paths: Vec<_> =
+        ["README.md", "CONTRIBUTING.md", "CHANGELOG.md"].iter().map(PathBuf::from).collect();
     files("docs", &[".md"], &mut paths);
     let read =
         |path: &PathBuf| (path.to_str().unwrap().to_owned(), fs::read_to_string(path).unwrap());
