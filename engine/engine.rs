@@ -55,6 +55,13 @@ impl Engine {
         self.simulator.close()
     }
 
+    /// The same device and kernels under other options of runs ([`Compute::with_options`]).
+    #[doc(hidden)]
+    #[must_use]
+    pub fn with_options(&self, options: EngineOptions) -> Self {
+        Self { simulator: self.simulator.with_options(options) }
+    }
+
     pub(crate) const fn simulator(&self) -> &Simulator {
         &self.simulator
     }

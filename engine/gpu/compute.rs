@@ -118,6 +118,14 @@ impl Compute {
         Arc::into_inner(self.device).is_some()
     }
 
+    /// The same device under other options of runs: the backend, rows of a band, rays of a dispatch and the limit
+    /// of the memory.
+    #[doc(hidden)]
+    #[must_use]
+    pub fn with_options(&self, options: EngineOptions) -> Self {
+        Self { options: Arc::new(options), device: Arc::clone(&self.device) }
+    }
+
     /// The device in use.
     #[must_use]
     pub fn description(&self) -> &DeviceDescription {

@@ -1,14 +1,13 @@
-//! Runs of cases, on one engine for each backend.
+//! Runs of cases.
 
 use super::case::Case;
 use super::compare::{Difference, flat_of, largest};
 use super::relations::Relation;
-use super::support::{Checked, engine, engine_with, leftovers};
+use super::support::{Checked, engine, engine_of, leftovers};
 use beamlet::stack::Stacks;
 use beamlet::{Backend, EngineOptions, RunRecord};
 use ndarray::Array4;
 use std::path::PathBuf;
-use std::sync::OnceLock;
 
 /// Stacks and record of a case.
 pub(crate) struct Run {
@@ -24,19 +23,10 @@ impl Run {
     }
 }
 
-/// The engine of a backend, one for the whole program: kernels are made once.
-fn shared(backend: Backend) -> &'static Checked {
-    static ENGINES: [OnceLock<Checked>; 2] = [const { OnceLock::new() }; 2];
-    let place = usize::from(backend == Backend::RayQuery);
-    ENGINES[place].get_or_init(|| engine(backend))
-}
-
 /// An engine that makes rows one by one, with few rays at a time.
-fn in_bands() -> &'static Checked {
-    static ENGINE: OnceLock<Checked> = OnceLock::new();
+fn in_bands() -> Checked {
     let options = EngineOptions::default().with_backend(Backend::Bvh);
-    let options = options.with_band_rows(Some(1)).with_batch_rays(Some(257));
-    ENGINE.get_or_init(|| engine_with(options))
+    engine_of(options.with_band_rows(Some(1)).with_batch_rays(Some(257)))
 }
 
 /// Folder of the places of instances.
@@ -48,11 +38,11 @@ pub(crate) fn folder() -> PathBuf {
 
 /// Runs a case. An error, and rays that were lost, are texts.
 pub(crate) fn run(case: &Case, backend: Backend) -> Result<Run, String> {
-    run_on(shared(backend), case)
+    run_on(&engine(backend), case)
 }
 
 fn run_on(engine: &Checked, case: &Case) -> Result<Run, String> {
-    let scene = case.written(&folder(), "places");
+    let scene = case.written(&folder(), &format!("{:?}", std::thread::current().id()));
     checked(engine.simulate(&scene).map_err(|error| error.to_string())?)
 }
 
@@ -85,7 +75,7 @@ pub(crate) fn difference(
 fn compare(relation: Relation, case: &Case, first: &Run) -> Result<Option<Difference>, String> {
     let Some(changed) = relation.changed(case) else { return Ok(None) };
     let other = match relation {
-        Relation::Bands => run_on(in_bands(), &changed),
+        Relation::Bands => run_on(&in_bands(), &changed),
         _ => run(&changed, relation.backend()),
     }?;
     assert_eq!(other.record.backend, relation.backend());

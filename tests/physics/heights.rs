@@ -14,7 +14,7 @@ use crate::reference::scenes;
 use crate::reference::stack::Setup;
 use crate::reference::surfaces::{Body, Mesh, body, extruded, sphere};
 use crate::support::cuts::{Cut, bands, no_bit_changes};
-use crate::support::{CARBON, Checked, Worst, backends, engine, sample};
+use crate::support::{CARBON, Checked, Worst, amount, backends, engine, sample};
 use beamlet::Backend;
 use beamlet::material::constants_at;
 use beamlet::scene::{
@@ -648,7 +648,7 @@ fn exchanged_axes_of_a_pattern_give_the_exchanged_stack() {
 fn exchanges_axes((name, most): (&'static str, f64), first: fn(bool, Planned) -> Planned) {
     let mut worst = Worst::new(name, most);
     let engine = engine(Backend::Bvh);
-    let mut case = Case::rectangles([4, 3], 0.1);
+    let mut case = Case::rectangles([3, 2], 0.1);
     // Behind the detector mask there is a gap.
     case.masks[1] =
         case.masks[1].map(|mask| Planned { distance: 1.77, offset: [4e-6, 0.0], ..mask });
@@ -680,23 +680,22 @@ fn exchanges_axes((name, most): (&'static str, f64), first: fn(bool, Planned) ->
 
 #[test]
 fn bands_batches_and_backends_change_no_bit_behind_apertures() {
-    let case = Case::rectangles([4, 5], 0.05);
-    let first = case.scene(&[carbon(sphere(230e-6, 2))], &STEPS);
+    let first = Case::rectangles([3, 3], 0.05).scene(&[carbon(sphere(230e-6, 2))], &STEPS);
     let mut case = Case::rectangles([3, 2], 0.05);
     case.masks[0] =
         case.masks[0].map(|mask| Planned { period: [210e-6, 180e-6], ..mask }.patterned(CODED));
     let pattern = case.scene(&[carbon(sphere(150e-6, 2))], &STEPS[3..]);
     for (name, scene) in [("rectangles", &first), ("a pattern", &pattern)] {
-        let cuts = [bands(1), Cut { batch: Some(97), ..bands(2) }];
+        let cuts = [Cut { batch: Some(97), ..bands(1) }];
         let whole = no_bit_changes(name, scene, &cuts).sample;
-        let mut worst = Worst::new("backends behind apertures", 1e-6);
-        for backend in backends() {
+        for backend in backends().into_iter().skip(1) {
+            let mut worst = Worst::new("backends behind apertures", 1e-6);
             let other = engine(backend).simulate(scene).expect("a stack").sample;
             for (got, want) in other.iter().zip(&whole) {
                 worst.take(f64::from(got - want), || format!("{backend:?}: {got} for {want}"));
             }
+            worst.holds();
         }
-        worst.holds();
     }
 }
 
@@ -757,7 +756,7 @@ fn gold(scene: &mut Scene) {
 }
 
 /// Edges of 100 um of gold at 2.7 mrad along z shade 0.3 um of apertures whose strips are 0.4 um high and more. Random
-/// rays pass the bars along their paths; the mean of 240 values has a standard deviation of 0.2 %.
+/// rays pass the bars along their paths; the mean of 240 values has a standard deviation of 0.2 % by 10,000 rays.
 #[test]
 fn thick_bars_of_circles_and_crosses_let_through_what_random_rays_do() {
     let engine = engine(Backend::Bvh);
@@ -768,7 +767,7 @@ fn thick_bars_of_circles_and_crosses_let_through_what_random_rays_do() {
         case.masks = case.masks.map(|mask| mask.map(|mask| Planned { shape, ..mask }));
         let mut scene = case.scene(&[], &STEPS[..2]);
         gold(&mut scene);
-        scene.sampling.rays = RandomRays::Count(10_000);
+        scene.sampling.rays = RandomRays::Count(amount(4_000, 10_000));
         let mut light = |scheme: Scheme| {
             scene.sampling.scheme = scheme;
             let flat = engine.simulate(&scene).expect("a stack").flat;
@@ -789,7 +788,8 @@ fn thick_bars_of_circles_and_crosses_let_through_what_random_rays_do() {
 fn light_of_a_spectrum_behind_apertures_is_the_mean_of_its_energies() {
     let place = tempfile::tempdir().expect("a place");
     let path = place.path().join("lines.csv");
-    let energies = [40.0, 52.0, 66.0, 80.0];
+    let energies = amount(vec![40.0, 80.0], vec![40.0, 52.0, 66.0, 80.0]);
+    let count = u32::try_from(energies.len()).expect("few energies");
     let rows: String = energies.iter().map(|energy| format!("{energy},1\n")).collect();
     std::fs::write(&path, format!("energy_keV,weight\n{rows}")).expect("a spectrum");
     for (what, heights) in [("near the axis", 0.0), ("at 2.5 mrad", -3e-3)] {
@@ -806,15 +806,15 @@ fn light_of_a_spectrum_behind_apertures_is_the_mean_of_its_energies() {
             let flat = stacks.flat.insert_axis(ndarray::Axis(0));
             ndarray::concatenate![ndarray::Axis(0), stacks.sample, flat]
         };
-        let of_one = energies.map(|energy| at(Beam::Energy(energy)));
+        let of_one: Vec<_> = energies.iter().map(|energy| at(Beam::Energy(*energy))).collect();
         let origin = SpectrumOrigin::File { path: path.clone() };
-        let got = at(Beam::Spectrum(SpectrumSpec::new(origin).with_nodes(4)));
+        let got = at(Beam::Spectrum(SpectrumSpec::new(origin).with_nodes(count)));
         let mut flat = Worst::new("spectrum behind apertures, flat", 2e-5);
         let mut worst = Worst::new("spectrum behind apertures, sample", 5e-4);
         let mut change: f32 = 0.0;
         for (at, &got) in got.indexed_iter() {
-            let want = of_one.iter().map(|one| f64::from(one[at])).sum::<f64>() / 4.0;
-            change = change.max((of_one[0][at] - of_one[3][at]).abs());
+            let want = of_one.iter().map(|one| f64::from(one[at])).sum::<f64>() / f64::from(count);
+            change = change.max((of_one[0][at] - of_one[of_one.len() - 1][at]).abs());
             let worst = if at.0 == 1 { &mut flat } else { &mut worst };
             worst.take(f64::from(got) - want, || format!("{what}, {at:?}: {got} for {want}"));
         }

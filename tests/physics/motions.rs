@@ -6,7 +6,7 @@
 use crate::reference::scenes;
 use crate::reference::stack::Setup;
 use crate::reference::surfaces::{body, cuboid, prism, star};
-use crate::support::{CARBON, WATER, Worst, backends, engine, sample};
+use crate::support::{CARBON, WATER, Worst, amount, backends, engine, sample};
 use beamlet::internals::trace::{Moment, Ray, moments, trace};
 use beamlet::scene::{
     self, Fly, Instances, MaterialSpec, Motion, Normals, Object, RandomRays, RotationAxis, Scene,
@@ -155,12 +155,14 @@ fn sums(simulation: &Simulation, view: u32, [x, z]: [f32; 2]) -> Vec<[f64; 3]> {
 #[test]
 fn sums_of_moved_and_tilted_samples_agree_to_1e_6() {
     let directory = tempfile::tempdir().unwrap();
-    for (name, rest) in cases(directory.path()) {
+    let cases = cases(directory.path()).into_iter().zip(backends().into_iter().cycle());
+    for ((name, rest), other) in cases {
         // f32 holds placements of instances, and corners of a rod of 3 mm, to a few 1e-7 of them.
         let rounded = name.contains("many places") || name.contains("upright");
         let limit = if rounded { 3e-6 } else { 1e-6 };
         let mut worst = Worst::new(name, limit);
-        for backend in backends() {
+        // One backend for each sample, by turns; both with `BEAMLET_ALL`.
+        for backend in amount(vec![other], backends()) {
             let engine = engine(backend);
             let moved = engine.prepare(&moved(&rest)).unwrap();
             for view in [0, 1] {

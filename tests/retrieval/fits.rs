@@ -12,7 +12,7 @@
 use crate::reference::closed_form::ThinMasks;
 use crate::reference::draws::Draws;
 use crate::reference::fit::{self, Gaussian, gaussian};
-use crate::support::{Checked, Worst, engine_with};
+use crate::support::{Checked, Worst, engine_of, engine_with};
 use beamlet::Cancel;
 use beamlet::internals::retrieve::{Curves, FitOptions, Fitter};
 use beamlet::retrieve::{Weights, flags};
@@ -27,7 +27,7 @@ const TOLERANCE: f64 = 1e-5;
 const ILL_TOLERANCE: f64 = 2e-5;
 
 fn engine() -> Checked {
-    engine_with(EngineOptions::default())
+    engine_of(EngineOptions::default())
 }
 
 /// Even offsets over +-`half`.

@@ -12,7 +12,7 @@
 use crate::reference::closed_form::{ThinMasks, blurred_overlap};
 use crate::reference::draws::Draws;
 use crate::reference::fit::gaussian;
-use crate::support::{Checked, engine_with, free_gaussian};
+use crate::support::{Checked, engine_of, free_gaussian};
 use beamlet::Cancel;
 use beamlet::retrieve::{Images, Method, RetrieveOptions, Retriever, flags};
 use beamlet::scene::Scene;
@@ -25,7 +25,7 @@ const ARM: f64 = 1.5 / 0.59;
 const PIXELS: usize = 9;
 
 fn engine() -> Checked {
-    engine_with(beamlet::EngineOptions::default())
+    engine_of(beamlet::EngineOptions::default())
 }
 
 /// The paper's set-up with hard-edged masks, and offsets in um.

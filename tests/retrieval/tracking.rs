@@ -7,7 +7,7 @@
 use crate::reference::closed_form::blurred_overlap;
 use crate::reference::draws::Draws;
 use crate::reference::normal::{SIGMA_PER_FWHM, nodes};
-use crate::support::{Checked, Worst, engine_with};
+use crate::support::{Checked, Worst, engine_of};
 use beamlet::retrieve::{Images, Method, RetrieveOptions, Retriever, Weights, flags};
 use beamlet::scene::Scene;
 use ndarray::Array3;
@@ -93,7 +93,7 @@ impl Tracking {
 }
 
 fn engine() -> Checked {
-    engine_with(beamlet::EngineOptions::default())
+    engine_of(beamlet::EngineOptions::default())
 }
 
 /// Transmission, refraction, dark field and flags of a beamlet.

@@ -2,7 +2,7 @@
 
 #![expect(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
 
-use crate::support::{Checked, engine_with};
+use crate::support::{Checked, engine_of, engine_with};
 use beamlet::internals::gpu::{Fault, FaultAnswer, FaultyCall};
 use beamlet::ndarray::{ArrayView3, Axis};
 use beamlet::scene::{Exposure, Scene};
@@ -46,7 +46,7 @@ fn scene() -> Scene {
 }
 
 fn engine(set: impl FnOnce(EngineOptions) -> EngineOptions) -> Checked {
-    engine_with(set(EngineOptions::default().with_backend(Backend::Bvh)))
+    engine_of(set(EngineOptions::default().with_backend(Backend::Bvh)))
 }
 
 /// Stacks, and the number of views made side by side.
@@ -84,7 +84,8 @@ fn views_side_by_side_have_the_bits_of_views_one_by_one() {
     for number in [15, 40, 65, 78] {
         let answer = FaultAnswer::OutOfDeviceMemory;
         let fault = Fault { call: FaultyCall::Allocate, number, answer };
-        match engine(|it| it.with_faults(vec![fault])).simulate(&scene) {
+        let options = EngineOptions::default().with_backend(Backend::Bvh).with_faults(vec![fault]);
+        match engine_with(options).simulate(&scene) {
             Ok(other) => {
                 assert!(found.flat == other.flat && found.sample == other.sample);
                 assert_eq!(found.record.tally, other.record.tally);

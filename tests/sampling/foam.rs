@@ -1,6 +1,6 @@
 //! Structure that rays do not resolve and that differs along z, against random rays.
 
-use crate::support::engine;
+use crate::support::{amount, engine};
 use beamlet::Backend;
 use beamlet::scene::{RandomRays, Refine, Scene, Scheme};
 
@@ -17,7 +17,8 @@ const FOAM: &str = "[source]\ndistance = \"1.2 m\"\nspot = \"20 um\"\nenergy = \
     [object.instances]\npacking = \"spheres\"\nfill = 0.2\nseed = 1\n\
     region = { cylinder = { radius = \"0.3 mm\", height = \"0.3 mm\" } }\n";
 
-/// The standard deviation of a pixel by 160,000 rays is 7e-4; rays on four lines of a row would err by 3.8e-3.
+/// The standard deviation of a pixel by 160,000 rays is 7e-4, by 40,000 rays 1.4e-3; rays on four lines of a row would
+/// err by 3.8e-3.
 #[test]
 fn light_of_foams_is_that_of_random_rays() {
     let engine = engine(Backend::Bvh);
@@ -29,7 +30,8 @@ fn light_of_foams_is_that_of_random_rays() {
     };
     let cells = [Refine::Host, Refine::Device].map(by);
     scene.sampling.scheme = Scheme::Random;
-    scene.sampling.rays = RandomRays::Count(160_000);
+    let (rays, most) = amount((40_000, 1.8e-3), (160_000, 1.1e-3));
+    scene.sampling.rays = RandomRays::Count(rays);
     let random = engine.simulate(&scene).expect("stacks").sample;
     for cells in cells {
         let off = || cells.iter().zip(&random).map(|(a, b)| f64::from(a - b));
@@ -39,6 +41,6 @@ fn light_of_foams_is_that_of_random_rays() {
         println!("measured foam: rms {rms:.2e}, mean {mean:.1e}");
         // Values of the steps of a pixel have the same rays and count as one.
         let deviation = rms / (count / 2.0).sqrt();
-        assert!(rms < 1.1e-3 && mean.abs() < 4.0 * deviation, "{rms:e} {mean:e}");
+        assert!(rms < most && mean.abs() < 4.0 * deviation, "{rms:e} {mean:e}");
     }
 }

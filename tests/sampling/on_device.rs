@@ -253,7 +253,7 @@ fn light_of_a_spectrum_is_the_sum_over_its_energies() {
     ];
     for (name, scene, most) in sample(cases, 2) {
         let scene = few_rows(scene);
-        let sum = sum_over_energies(&engine, &scene, TOLERANCE / 6.0);
+        let sum = sum_over_energies(&engine, &scene, TOLERANCE / amount(3.0, 6.0));
         let (got, record) = run(&engine, &scene, Refine::Device, TOLERANCE);
         let [worst, rms] = apart(&got, &sum);
         println!("measured device, {name}: worst {worst:.1e}, rms {rms:.1e}");
@@ -268,7 +268,7 @@ fn light_of_a_spectrum_is_the_sum_over_its_energies() {
 fn sums_of_errors_hold_what_a_word_does_not() {
     let engine = engine(Backend::Bvh);
     let mut scene = shapes();
-    scene.detector.pixels = [4, 1];
+    scene.detector.pixels = [2, 1];
     scene.scan.mask_offsets.truncate(1);
     scene.sampling.max_rays = 1_000_000;
     scene.sampling.angle_tolerance = Some(1e-6);

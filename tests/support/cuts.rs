@@ -1,6 +1,6 @@
 //! Runs that are cut into bands, batches, little memory and other numbers of threads: results do not depend on it.
 
-use super::engine_with;
+use super::engine_of;
 use beamlet::scene::Scene;
 use beamlet::stack::Stacks;
 use beamlet::{Backend, EngineOptions};
@@ -35,7 +35,7 @@ impl Cut {
             .with_band_rows(self.band)
             .with_batch_rays(self.batch)
             .with_memory_limit(self.memory);
-        let run = || engine_with(options).simulate(scene).expect("a stack");
+        let run = || engine_of(options).simulate(scene).expect("a stack");
         let Some(threads) = self.threads else { return run() };
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
         pool.expect("threads").install(run)

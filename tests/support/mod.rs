@@ -75,19 +75,19 @@ impl Checked {
     }
 }
 
-/// The engine of this backend, one for all tests of a program.
+/// The engine of this backend.
 pub(crate) fn engine(backend: Backend) -> Checked {
-    static BVH: OnceLock<Engine> = OnceLock::new();
-    static RAY_QUERY: OnceLock<Engine> = OnceLock::new();
-    let shared = match backend {
-        Backend::RayQuery => &RAY_QUERY,
-        _ => &BVH,
-    };
-    let open = || engine_with(EngineOptions::default().with_backend(backend)).0;
-    Checked(shared.get_or_init(open).clone())
+    engine_of(EngineOptions::default().with_backend(backend))
 }
 
-/// An engine whose buffers have guards; with `BEAMLET_VALIDATION` in the environment under the validation layer.
+/// An engine with these options of runs. All engines of a program share a device and its kernels.
+pub(crate) fn engine_of(options: EngineOptions) -> Checked {
+    static SHARED: OnceLock<Engine> = OnceLock::new();
+    let shared = SHARED.get_or_init(|| engine_with(EngineOptions::default()).0);
+    Checked(shared.with_options(options))
+}
+
+/// An engine with a device of its own, whose buffers have guards; with `BEAMLET_VALIDATION` in the environment under the validation layer.
 pub(crate) fn engine_with(options: EngineOptions) -> Checked {
     let validation = std::env::var_os("BEAMLET_VALIDATION").is_some();
     let options = options.with_validation(validation).with_guards(true);

@@ -44,6 +44,12 @@ impl Simulator {
         compute.close()
     }
 
+    /// The same device and kernels under other options ([`Compute::with_options`]).
+    #[must_use]
+    pub fn with_options(&self, options: EngineOptions) -> Self {
+        Self { kernels: Arc::clone(&self.kernels), compute: self.compute.with_options(options) }
+    }
+
     /// The device and how it was opened.
     pub const fn compute(&self) -> &Compute {
         &self.compute

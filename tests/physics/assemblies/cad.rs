@@ -1,8 +1,7 @@
 //! An assembly as a CAD program exports it: parts face to face, a gasket, a tube and a bolt in
 //! bores of other facets, a thread that overlaps its nut (`tests/assembly/make.py`).
 
-use super::{Bench, SOURCE, is_true, paths_of, random_rays, reference};
-use crate::reference::rays::{Order, Sample};
+use super::{Bench, random_rays};
 use crate::reference::scenes;
 use crate::reference::stack::Setup;
 use crate::reference::surfaces::{Body, Mesh, Random, body};
@@ -99,17 +98,7 @@ fn rays_through_the_cad_assembly_are_in_the_part_listed_last() {
             object.material = own.material;
         }
         let rays = random_rays(2000, &mut Random::new(7));
-        let mut tracer = bench.tracer(beamlet::Backend::Bvh, &scene);
-        let (results, words) = tracer.trace_with_moments(&rays).expect("results");
-        let sample = Sample::brute_force(&bodies, SOURCE, 0.0);
-        let mut wrong = Vec::new();
-        for (index, (ray, result)) in rays.iter().zip(&results).enumerate() {
-            let paths = paths_of(&words, index, bodies.len());
-            if !is_true(&sample, ray, result, &paths) {
-                let want = reference(&sample, ray, [0.0; 2], Order::First);
-                wrong.push(format!("{ray:?} {result:?} {paths:?} for {want:?}"));
-            }
-        }
+        let wrong = bench.wrong_rays(beamlet::Backend::Bvh, &scene, &rays, &bodies);
         assert!(wrong.is_empty(), "{} differ: {:#?}", wrong.len(), &wrong[..wrong.len().min(3)]);
     }
     bench.end();

@@ -16,7 +16,7 @@ use crate::reference::stack::Setup;
 use crate::reference::surfaces::{Body, Random};
 use beamlet::internals::gpu::{Device, DeviceOptions, shaders};
 use beamlet::internals::interface::{
-    FLAG_UNBALANCED, MOMENTS_HEAD, MOMENTS_PATH, MOMENTS_PER_MATERIAL,
+    FLAG_UNBALANCED, MOMENTS_BALANCE, MOMENTS_HEAD, MOMENTS_PATH, MOMENTS_PER_MATERIAL,
 };
 use beamlet::internals::trace::{
     CrossingFinder, DeviceSample, MaterialTable, Ray, RayResult, TraceKernels, Tracer,
@@ -77,6 +77,49 @@ impl Bench {
         made.expect("a tracer")
     }
 
+    /// Sums of rays to first order through bodies of a material of its own each. Every ray is balanced at the first
+    /// attempt.
+    pub(super) fn traced(
+        &self,
+        backend: Backend,
+        scene: &Scene,
+        rays: &[Ray],
+        bodies: usize,
+    ) -> Vec<Traced> {
+        let mut tracer = self.tracer(backend, scene);
+        let (results, words) = tracer.trace_with_moments(rays).expect("results");
+        let tally = tracer.tally();
+        let failed = [tally.unbalanced, tally.not_finite, tally.dropped, tally.retraced];
+        assert_eq!(failed, [0; 4], "{backend}");
+        let of_each = words.chunks(MOMENTS_HEAD + (bodies + 1) * MOMENTS_PER_MATERIAL);
+        let traced = |((ray, result), words): ((&Ray, RayResult), &[u32])| {
+            assert_eq!(words[MOMENTS_BALANCE], 0, "{backend}, {ray:?}");
+            // Material 0 is the surroundings.
+            let at = |k: usize| MOMENTS_HEAD + (k + 1) * MOMENTS_PER_MATERIAL + MOMENTS_PATH;
+            let paths = (0..bodies).map(|k| f32::from_bits(words[at(k)]).into()).collect();
+            Traced { result, paths }
+        };
+        rays.iter().zip(results).zip(of_each).map(traced).collect()
+    }
+
+    /// Rays whose ways through bodies, slopes or displacements are not those of the reference.
+    pub(super) fn wrong_rays(
+        &self,
+        backend: Backend,
+        scene: &Scene,
+        rays: &[Ray],
+        bodies: &[Body],
+    ) -> Vec<String> {
+        let sample = Sample::brute_force(bodies, SOURCE, 0.0);
+        let traced = self.traced(backend, scene, rays, bodies.len());
+        let wrong = rays.iter().zip(traced).filter(|(ray, it)| !is_true(&sample, ray, it));
+        wrong
+            .map(|(ray, it)| {
+                format!("{ray:?} {it:?} for {:?}", reference(&sample, ray, [0.0; 2], Order::First))
+            })
+            .collect()
+    }
+
     /// Finder of the crossings of a scene.
     pub(super) fn finder(&self, scene: &Scene) -> CrossingFinder {
         let sample = self.sample(Backend::Bvh, scene);
@@ -88,13 +131,11 @@ impl Bench {
     }
 }
 
-/// Way of a ray through every body, of a material of its own each, from the words of moments.
-pub(super) fn paths_of(words: &[u32], ray: usize, bodies: usize) -> Vec<f64> {
-    // Material 0 is the surroundings.
-    let of_ray = &words[ray * (MOMENTS_HEAD + (bodies + 1) * MOMENTS_PER_MATERIAL)..];
-    let of_material = |k: usize| MOMENTS_HEAD + (k + 1) * MOMENTS_PER_MATERIAL;
-    let path = |k: usize| f32::from_bits(of_ray[of_material(k) + MOMENTS_PATH]);
-    (0..bodies).map(|k| path(k).into()).collect()
+/// Sums of a ray, and its way through every body, m.
+#[derive(Debug)]
+pub(super) struct Traced {
+    pub(super) result: RayResult,
+    pub(super) paths: Vec<f64>,
 }
 
 pub(super) fn scene(bodies: &[Body], transport: Transport) -> Scene {
@@ -124,7 +165,7 @@ pub(super) fn random_rays(count: usize, random: &mut Random) -> Vec<Ray> {
 
 /// True if path lengths in every body, the displacement and the slope are those of the reference,
 /// or between those a hair beside the ray.
-pub(super) fn is_true(sample: &Sample, ray: &Ray, result: &RayResult, paths: &[f64]) -> bool {
+fn is_true(sample: &Sample, ray: &Ray, Traced { result, paths }: &Traced) -> bool {
     let near = [[0.0, 0.0], [HAIR, 0.0], [-HAIR, 0.0], [0.0, HAIR], [0.0, -HAIR]]
         .map(|by| reference(sample, ray, by, Order::First));
     let middle = &near[0];

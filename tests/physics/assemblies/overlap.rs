@@ -1,6 +1,6 @@
 //! Rays through bodies that overlap, against integration along every ray in f64.
 
-use super::{Bench, HAIR, SOURCE, exact, is_true, paths_of, random_rays, reference, scene};
+use super::{Bench, HAIR, SOURCE, exact, random_rays, reference, scene};
 use crate::reference::rays::{Order, Sample, Trace};
 use crate::reference::surfaces::{Body, Mesh, Random, body, cuboid, prism, sphere};
 use crate::reference::vector::{cross, dot, sub, unit};
@@ -71,7 +71,6 @@ fn where_bodies_overlap_the_later_one_wins_along_every_ray() {
                 continue;
             }
             let scene = scene(&bodies, Transport::FirstOrder);
-            let mut tracer = bench.tracer(backend, &scene);
             cut += usize::from(
                 geometry::load(&scene)
                     .expect("a sample")
@@ -79,18 +78,9 @@ fn where_bodies_overlap_the_later_one_wins_along_every_ray() {
                     .iter()
                     .any(|it| !it.cut_by.is_empty()),
             );
-            let (results, words) = tracer.trace_with_moments(&rays).expect("results");
-            let tally = tracer.tally();
-            assert_eq!([tally.unbalanced, tally.not_finite], [0; 2], "scene {number}");
-            let sample = Sample::brute_force(&bodies, SOURCE, 0.0);
-            for (index, (ray, result)) in rays.iter().zip(&results).enumerate() {
-                let paths = paths_of(&words, index, bodies.len());
-                compared += 1;
-                if !is_true(&sample, ray, result, &paths) {
-                    let want = reference(&sample, ray, [0.0; 2], Order::First);
-                    wrong.push(format!("{number}: {ray:?} {result:?} {paths:?} for {want:?}"));
-                }
-            }
+            compared += rays.len();
+            let found = bench.wrong_rays(backend, &scene, &rays, &bodies);
+            wrong.extend(found.into_iter().map(|it| format!("{number}: {it}")));
         }
         println!(
             "measured {backend}: {} of {compared} differ, {cut} scenes with cuts",
@@ -264,19 +254,7 @@ fn bolt_in_its_bore_is_the_solid_plate_with_the_bolt() {
             let mut random = Random::new(3);
             let rays = random_rays(3000, &mut random);
             let scene = scene(&bodies, Transport::FirstOrder);
-            let mut tracer = bench.tracer(Backend::Bvh, &scene);
-            let (results, words) = tracer.trace_with_moments(&rays).expect("results");
-            assert_eq!(tracer.tally().unbalanced, 0);
-            let sample = Sample::brute_force(&bodies, SOURCE, 0.0);
-            let wrong: Vec<_> = rays
-                .iter()
-                .zip(&results)
-                .enumerate()
-                .filter(|(index, (ray, result))| {
-                    let paths = paths_of(&words, *index, 2);
-                    !is_true(&sample, ray, result, &paths)
-                })
-                .collect();
+            let wrong = bench.wrong_rays(Backend::Bvh, &scene, &rays, &bodies);
             assert!(wrong.is_empty(), "{phase} {height}: {:?}", &wrong[..wrong.len().min(3)]);
         }
     }

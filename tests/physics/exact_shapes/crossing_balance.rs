@@ -5,7 +5,7 @@ use super::arrangements::{Arrangement, CROSSING, materials, scene_of};
 use super::nested::interfaces;
 use super::rays::moved;
 use super::{direction, pick, ray_through, scenes};
-use crate::assemblies::{Bench, paths_of};
+use crate::assemblies::{Bench, Traced};
 use crate::reference::surfaces::Random;
 use crate::reference::vector::{add, scaled};
 use crate::support::backends;
@@ -79,21 +79,16 @@ fn rays_beside_the_curves_in_which_shapes_cross_balance() {
                 continue;
             }
             let some = if backend == Backend::Bvh { rays.len() } else { rays.len() / 4 };
-            let mut tracer = bench.tracer(backend, &scene);
             let mut crossed = 0;
             for rays in rays[..some].chunks(BATCH) {
-                let (results, words) = tracer.trace_with_moments(rays).expect("results");
-                crossed += results.iter().filter(|it| it.crossings > 0).count();
-                for (i, ray) in rays.iter().enumerate() {
-                    let ways = paths_of(&words, i, materials);
+                let traced = bench.traced(backend, &scene, rays, materials);
+                crossed += traced.iter().filter(|it| it.result.crossings > 0).count();
+                for (ray, Traced { paths, .. }) in rays.iter().zip(&traced) {
                     let ok = |way: &f64| (-1e-7..LONGEST).contains(way);
-                    assert!(ways.iter().all(ok), "{backend}, scene {number}: {ray:?} {ways:?}");
+                    assert!(paths.iter().all(ok), "{backend}, scene {number}: {ray:?} {paths:?}");
                 }
             }
             assert!(crossed > some / 2, "{crossed} of {some}");
-            let tally = tracer.tally();
-            let failed = [tally.unbalanced, tally.not_finite, tally.dropped, tally.retraced];
-            assert_eq!(failed, [0; 4], "{backend}, scene {number}");
             total += some;
         }
     }

@@ -11,11 +11,12 @@ const ENERGY: &str = "energy = \"30 keV\"";
 const SPECTRUM: &str = "spectrum = \"photons.csv\"";
 const PHOTONS: &str = "20,1\n30,2\n40,1\n";
 
-/// The paper's masks before a few pixels.
+/// The paper's masks before a row of pixels; three rows with `BEAMLET_ALL`.
 fn set_up(beam: &str, sampling: &str, rest: &str) -> String {
+    let rows = amount(1, 3);
     format!(
         "[source]\ndistance = \"1.21 m\"\nspot = \"30 um\"\n{beam}\n\
-         [detector]\ndistance = \"1.8 m\"\npixels = [12, 3]\npitch = \"150 um\"\n\
+         [detector]\ndistance = \"1.8 m\"\npixels = [12, {rows}]\npitch = \"150 um\"\n\
          [sample_mask]\ndistance = \"1.2 m\"\ntransmission = 0\nprojected_aperture = \"30 um\"\n\
          [detector_mask]\ntransmission = 0\nprojected_aperture = \"30 um\"\n\
          [scan]\nmask_offsets = [\"-12 um\", \"0 um\", \"15 um\"]\nangles = [\"0 deg\", \"40 deg\"]\n\

@@ -4,11 +4,10 @@
 use super::rays::{beside, error_among, line, moved};
 use super::solids::{Kind, Solid, cylinder, sphere};
 use super::{direction, ray_through, scene};
-use crate::assemblies::{Bench, paths_of};
+use crate::assemblies::Bench;
 use crate::reference::surfaces::Random;
 use crate::reference::vector::{Vector, add, length, scaled};
 use crate::support::{CARBON, WATER, amount, backends};
-use beamlet::internals::interface::{MOMENTS_BALANCE, MOMENTS_HEAD, MOMENTS_PER_MATERIAL};
 use beamlet::internals::trace::Ray;
 use beamlet::scene::{Scene, Transport};
 use beamlet::{Backend, SurfaceCrossing, geometry};
@@ -125,18 +124,13 @@ fn differing(
     rays: &[Ray],
     error: f64,
 ) -> Vec<String> {
-    let mut tracer = bench.tracer(backend, &scene_of(solids, Transport::FirstOrder));
-    let (results, words) = tracer.trace_with_moments(rays).expect("results");
-    let stride = MOMENTS_HEAD + (solids.len() + 1) * MOMENTS_PER_MATERIAL;
-    let mut wrong = Vec::new();
-    for (i, ray) in rays.iter().enumerate() {
-        assert_eq!(words[i * stride + MOMENTS_BALANCE], 0, "{ray:?}, {solids:?}");
-        let got = paths_of(&words, i, solids.len());
-        if let Err(found) = compared(solids, ray, &got, results[i].crossings, error) {
-            wrong.push(format!("{backend}: {found}"));
-        }
-    }
-    wrong
+    let scene = scene_of(solids, Transport::FirstOrder);
+    let traced = bench.traced(backend, &scene, rays, solids.len());
+    let found = rays
+        .iter()
+        .zip(traced)
+        .filter_map(|(ray, it)| compared(solids, ray, &it.paths, it.result.crossings, error).err());
+    found.map(|found| format!("{backend}: {found}")).collect()
 }
 
 fn rays_at(reach: f64, count: usize, random: &mut Random) -> Vec<Ray> {

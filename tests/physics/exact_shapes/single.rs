@@ -7,9 +7,6 @@ use crate::assemblies::Bench;
 use crate::reference::surfaces::Random;
 use crate::reference::vector::{add, length, scaled, sub, turned};
 use crate::support::{CARBON, Worst, backends};
-use beamlet::internals::interface::{
-    MOMENTS_BALANCE, MOMENTS_HEAD, MOMENTS_PATH, MOMENTS_PER_MATERIAL,
-};
 use beamlet::internals::trace::Ray;
 use beamlet::scene::{Scene, Transport};
 use beamlet::{Backend, SurfaceCrossing};
@@ -174,13 +171,9 @@ fn first_order_sums_match_f64_on_both_backends() {
             for (place, solid) in places(kind) {
                 let share = if backend == Backend::Bvh { 1 } else { 5 };
                 let rays = rays_around(&solid, 2000 / share, 0.0, &mut random);
-                let mut tracer = bench.tracer(backend, &carbon(&solid, Transport::FirstOrder));
-                let (results, words) = tracer.trace_with_moments(&rays).expect("results");
-                let stride = MOMENTS_HEAD + 2 * MOMENTS_PER_MATERIAL;
-                for ((ray, result), words) in rays.iter().zip(&results).zip(words.chunks(stride)) {
-                    assert_eq!(words[MOMENTS_BALANCE], 0, "{name}, {place}, {ray:?}");
-                    let at = MOMENTS_HEAD + MOMENTS_PER_MATERIAL + MOMENTS_PATH;
-                    let path = f64::from(f32::from_bits(words[at]));
+                let scene = carbon(&solid, Transport::FirstOrder);
+                for (ray, it) in rays.iter().zip(bench.traced(backend, &scene, &rays, 1)) {
+                    let (result, path) = (it.result, it.paths[0]);
                     let depth = f64::from(result.optical_depth) / CARBON[0];
                     assert!((path - depth).abs() <= 3e-7 * path, "{path} {depth}");
                     let got = [
