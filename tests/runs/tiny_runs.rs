@@ -20,7 +20,6 @@ fn tiny_runs_end_with_light_or_an_error() {
             Err(_) => found.push(format!("seed {seed}: {scene}")),
         }
     }
-    println!("{lit} of {count} runs end with light");
     assert!(4 * lit > count, "{lit} of {count} runs end with light");
     assert!(found.is_empty(), "{} runs failed:\n{}", found.len(), found.join("\n"));
 }
