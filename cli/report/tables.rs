@@ -101,10 +101,9 @@ const WORDS: [(&str, &str); 8] = [
     ("residual", "data − fit; the rms residual is its root mean square over the mask steps."),
     (
         "flags",
-        "reasons to distrust the values of a pixel. Misfit: they differ from both neighbours, for \
-         example where the silhouette of an object crosses the pixel. Flagged pixels do not set \
-         the colour scales; \
-         pixels without a result are violet.",
+        "reasons to distrust the values of a pixel. Misfit: its contrasts do not continue those of its \
+         neighbours, for example where the silhouette of an object crosses it. Flagged pixels do not set the colour \
+         scales; pixels without a result are violet.",
     ),
     (
         "A, µ, σ, b",

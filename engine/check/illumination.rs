@@ -20,8 +20,9 @@ const OFFSETS: u32 = 128;
 /// with blur it comes from around it.
 const PART: [u32; 2] = [4, 1];
 pub(super) const BLURRED_PART: [u32; 2] = [96, 96];
-/// Standard deviation of a blur, pixels, beyond which the light of a flat does not depend on it.
-const WIDE_BLUR: f64 = 16.0;
+/// Least standard deviation of a blur, pixels, beyond which the light of a flat does not depend on it where the masks
+/// have periods of up to as many pixels: exp(-2 pi^2) of a wave of that period is left, 3e-9.
+const WIDE_BLUR: f64 = 4.0;
 
 /// The illumination curve of a pixel at the centre of the detector without a sample: its light over
 /// the offset of the sample mask. Offsets in metres in the plane of that mask.
@@ -173,8 +174,13 @@ pub(super) fn bare(scene: &Scene, scan: Scan, part: [u32; 2]) -> (Scene, f64) {
         Some(Scatter::Image(_)) | None => 0.0,
     };
     // The same holds of wide blurs.
+    let periods = scene.masks().map(|(_, mask)| {
+        let longest = mask.period.max(mask.period_z.unwrap_or(0.0));
+        longest / mask.distance * scene.detector.distance / detector.pitch[0]
+    });
+    let wide = periods.fold(WIDE_BLUR, f64::max);
     if let Some(Blur::Gaussian { sigma }) = &mut detector.blur {
-        *sigma = [0, 1].map(|axis| sigma[axis].min(WIDE_BLUR * detector.pitch[axis]));
+        *sigma = [0, 1].map(|axis| sigma[axis].min(wide * detector.pitch[axis]));
     }
     for (pixels, part) in detector.pixels.iter_mut().zip(part) {
         // Apertures lie in the middle of odd numbers of pixels and beside the middle of even ones.

@@ -24,8 +24,8 @@ pub const NO_PEAK: u32 = interface::CURVE_NO_PEAK;
 /// The curve does not fall off within the scan (moments).
 pub const TRUNCATED: u32 = 512;
 
-/// The values do not belong to one piece of sample: a silhouette crosses the pixel, or a value of its
-/// curve is off. A bit of a pixel, and not of one of its curves.
+/// The contrasts leave the lines through the neighbours on both sides, as at a silhouette. A bit of a pixel, and not of
+/// one of its curves.
 pub const MISFIT: u32 = 1 << 20;
 /// The pixels do not determine the width of a beamlet of the flat, which is that of the geometry
 /// then, or of the sample, whose dark field is NaN (`beamlet`). The refraction is NaN where they do
@@ -42,7 +42,7 @@ pub const NO_ANSWER: u32 = DEAD | NOT_FINITE | FEW | NOT_CONVERGED | WIDTH | NO_
 
 /// Each bit of a pixel with its name and meaning.
 pub const OF_PIXEL: [(u32, &str, &str); 3] = [
-    (MISFIT, "misfit", "values differ from both neighbours, or the residual is too large"),
+    (MISFIT, "misfit", "the contrasts do not continue those of the neighbours"),
     (
         UNRESOLVED,
         "unresolved",

@@ -11,7 +11,7 @@ use super::images::{CONTRASTS, FLAGS, Images, OF_SAMPLE};
 use super::input::Input;
 use super::joined::JoinedColumns;
 use super::method::{Method, different_offsets};
-use super::misfit::{self, Noise};
+use super::misfit;
 use super::options::{ReadRows, RetrieveOptions};
 use super::shape::CurveGeometry;
 use beamlet_core::rows_control::RowsControl;
@@ -293,12 +293,10 @@ impl Retriever {
             images.take(pixels, &flat.curves, &curves, self.angle_per_shift);
             Ok(())
         })?;
-        let noise = Noise {
-            gain: self.options.gain.map(|gain| corrected.noise.gain(gain)),
-            read_noise: corrected.noise.read_noise(self.options.read_noise),
-            steps: self.beamlets.as_ref().map_or(self.offsets.len(), |of| of.offsets().len()),
-        };
-        misfit::mark(&mut images, &flat.curves, self.angle_per_shift, noise);
+        let widths = flat.curves.width.iter().map(|width| f64::from(*width)).collect();
+        if let Some(width) = misfit::median(widths) {
+            misfit::mark(&mut images, &misfit::contrasts(0, self.angle_per_shift.abs() * width));
+        }
         Ok(images)
     }
 

@@ -13,5 +13,5 @@ fn seeds() -> Vec<Vec<u8>> {
 }
 
 fuzz_target!(init: bare_seeds(seeds), |bytes: &[u8]| {
-    tiny_run::run(&ENGINE, &tiny_run::scene_of(bytes));
+    let _ = tiny_run::run(&ENGINE, &tiny_run::scene_of(bytes));
 });

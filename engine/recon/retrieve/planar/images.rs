@@ -2,7 +2,6 @@
 
 use super::super::flags;
 use super::super::images::{FLAGS, Images};
-use super::super::misfit::{self, Noise};
 use super::curve::PlanarCurve;
 use super::fit::PlanarFit;
 use beamlet_core::numbers::single;
@@ -161,27 +160,4 @@ pub(super) fn of_view(
     images.push((FLAGS, bits.mapv(|bits| if bits.is_nan() { 0.0 } else { bits })));
     images.extend(of_curves(OF_CURVES[1], shape, sample));
     Images::of(images)
-}
-
-/// Flags misfits by the contrasts along either axis. `widths`: of the flat's curves along x and z, m.
-pub(super) fn mark_misfits(
-    images: &mut Images,
-    widths: [Option<f64>; 2],
-    angle_per_shift: f64,
-    noise: Noise,
-) {
-    let names = [
-        ["transmission", "refraction", "dark_field"],
-        ["transmission", "refraction_z", "dark_field_z"],
-    ];
-    let found = names.into_iter().zip(widths).filter_map(|(names, width)| {
-        misfit::found(images, names, angle_per_shift.abs() * width?, noise)
-    });
-    let marked = found.reduce(|mut all, other| {
-        all.zip_mut_with(&other, |any, one| *any |= *one);
-        all
-    });
-    if let Some(marked) = marked {
-        misfit::flag(images, &marked);
-    }
 }

@@ -3,7 +3,7 @@
 use super::super::flags;
 use super::super::images::Images;
 use super::super::method::Method;
-use super::super::misfit::{self, Noise};
+use super::super::misfit;
 use super::super::noise_factors::NoiseFactors;
 use super::super::options::RetrieveOptions;
 use super::super::value_noise::ValueNoise;
@@ -234,21 +234,16 @@ impl PlanarRetriever {
         flat: &[Option<PlanarFit>],
         sample: &[Option<PlanarFit>],
         rows: usize,
-        factors: NoiseFactors,
     ) -> Images {
         let has_sigmas = self.options.gain.is_some();
         let mut images =
             images::of_view(self.shape(rows), [flat, sample], self.angle_per_shift, has_sigmas);
-        let widths = [0, 1].map(|axis| {
+        let contrasts = [0, 1].map(|axis| {
             let all = flat.iter().flatten().map(|fit| fit.curve.moments[axis].sqrt());
-            misfit::median(all.collect())
+            let width = misfit::median(all.collect()).unwrap_or(f64::NAN);
+            misfit::contrasts(axis, self.angle_per_shift.abs() * width)
         });
-        let noise = Noise {
-            gain: self.options.gain.map(|gain| factors.gain(gain)),
-            read_noise: factors.read_noise(self.options.read_noise),
-            steps: self.values(),
-        };
-        images::mark_misfits(&mut images, widths, self.angle_per_shift, noise);
+        misfit::mark(&mut images, contrasts.as_flattened());
         images
     }
 

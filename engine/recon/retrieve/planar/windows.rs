@@ -53,12 +53,13 @@ impl Windows {
             all.clone().min().zip(all.max())
         };
         let (Some(rows), Some(columns)) = (ends(0), ends(1)) else {
-            let found = format!("{} x {} pixels", frame.shape[0], frame.shape[1]);
-            return Err(Error::argument(
-                "lattice",
-                found,
-                "at least one whole beamlet on the frame",
-            ));
+            let um = |sides: [f64; 2]| format!("{:.1} x {:.1} um", 1e6 * sides[0], 1e6 * sides[1]);
+            let [rows, columns] = frame.shape.map(|count| count as f64);
+            let found =
+                format!("a frame of {} without a whole beamlet", um([columns * px, rows * pz]));
+            let cell = um(lattice.half_cell().map(|half| 2.0 * half));
+            let allowed = format!("a frame that holds all of a beamlet, {cell}");
+            return Err(Error::argument("lattice", found, allowed));
         };
         // Rows of the image begin at the largest z.
         let place = |[row, column]: [i64; 2]| {

@@ -65,7 +65,7 @@ pub(super) fn retrieve_planar(
             put_all(&mut output, flats, &of_flat(shape, &flat))?;
         }
         let sample = work.fits(Of::Sample(view), Some(&flat))?;
-        let mut images = retriever.images(&flat, &sample, frame[0], NoiseFactors::ONE);
+        let mut images = retriever.images(&flat, &sample, frame[0]);
         if let Some(bad) = &bad {
             retriever.mark_bad(&mut images, bad);
         }

@@ -91,7 +91,7 @@ pub(super) fn images(retriever: &PlanarRetriever, [flat, sample]: [&Array3<f32>;
     let cancel = Cancel::default();
     let of_flat = retriever.fits((flat.view(), 0), one, None, &cancel).unwrap();
     let fits = retriever.fits((sample.view(), 0), one, Some(&of_flat), &cancel).unwrap();
-    retriever.images(&of_flat, &fits, flat.dim().1, one)
+    retriever.images(&of_flat, &fits, flat.dim().1)
 }
 
 /// Values of an image that are numbers.
