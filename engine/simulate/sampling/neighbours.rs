@@ -53,7 +53,7 @@ impl Estimator<'_> {
     /// share of the side.
     fn beside(&self, node: &Node, side: usize, along: f32) -> [f32; 2] {
         let [x, z] = node.centre();
-        let edge = if side % 2 == 0 { -1.0 } else { 1.0 };
+        let edge = if side.is_multiple_of(2) { -1.0 } else { 1.0 };
         if side < 2 {
             let off = 0.5 * node.width() + 0.25 * self.least[0];
             [x + edge * off, z + along * node.height()]
