@@ -290,3 +290,20 @@ impl ScanGeometry {
         self.columns.len() + whole::<usize>((2.0 * from_middle).ceil())
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The angle from the last view on to the first counts where it differs from the step of the others.
+    #[test]
+    fn views_over_a_turn_share_the_whole_turn() {
+        let step = TAU / 40.25;
+        let angles: Vec<f64> = (0..40).map(|view| f64::from(view) * step).collect();
+        let shares = Circle::of(&angles).shares(true);
+        assert!((shares.iter().sum::<f64>() - TAU).abs() < 1e-12, "{shares:?}");
+        for view in [0, 39] {
+            assert!((shares[view] - 1.125 * step).abs() < 1e-12, "{shares:?}");
+        }
+    }
+}
