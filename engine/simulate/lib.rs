@@ -3,6 +3,7 @@
 pub mod accel;
 pub mod detector;
 pub mod illuminate;
+mod lines;
 mod refine;
 pub mod run;
 pub mod sampling;

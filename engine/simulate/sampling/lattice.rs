@@ -175,16 +175,18 @@ impl Lattice {
         self.row_spread.shares(top, bottom, down).unwrap_or([-1.0, 0.0])
     }
 
-    /// Share of light spread evenly over an interval of a row, and moved down by `shift` rows, that lands in the
-    /// row `down` rows below.
+    /// Integrals over an interval of a row of light that falls from 1 to 0 and of light that rises from 0 to 1, as far
+    /// as it lands in the row `down` rows below, moved down by `shift` rows.
     #[must_use]
-    pub(crate) fn share_of_row(&self, ends: [f64; 2], shift: f64, down: i64) -> f64 {
-        let [top, bottom] = ends.map(|end| end + shift);
-        let below = |border: i64| self.row_spread.share_below(border as f64, top, bottom);
-        below(down + 1) - below(down)
+    pub(crate) fn linear_in_row(&self, ends: [f64; 2], shift: f64, down: i64) -> [f64; 2] {
+        let moved = ends.map(|end| end + shift);
+        let below = |border: i64| self.row_spread.linear_below(border as f64, moved);
+        let [before, after] = [below(down), below(down + 1)];
+        [0, 1].map(|part| after[part] - before[part])
     }
 
-    /// The same for a piece: by its outline, or else by its interval.
+    /// Shares of a piece that land in the row above and below, moved down by `down` rows: by its outline, or else by
+    /// its interval.
     pub(super) fn piece_shares(&self, rows: &PieceRows, down: f64) -> [f32; 2] {
         let Some(shares) = rows.by_outline(down, self.row_spread.blur) else {
             return self.row_shares(rows.whole[0], rows.whole[1], down);

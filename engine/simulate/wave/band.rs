@@ -1,8 +1,7 @@
 //! Light of a band of rows by lines: the flat of all beamlets, and in patches that the sample touches their own.
 
 use super::kernels::WaveKernels;
-use super::lines::Lines;
-use super::patch::Patch;
+use super::lines::{Lines, Patch};
 use super::plan::{WavePlan, WavePlans};
 use super::rows::WaveView;
 use beamlet_core::numbers::{self, single};
@@ -111,14 +110,14 @@ impl WaveBand {
         let reach = view.lattice.blur_rows;
         for (row, down) in (-reach..=reach).map(|down| (patch.row + down - self.first_row, down)) {
             let Some(row) = usize::try_from(row).ok().filter(|row| *row < rows) else { continue };
-            for interval in &patch.intervals {
-                let height = interval.height();
-                let share =
-                    height * view.lattice.share_of_row(interval.ends, self.plan.row_shift, down);
+            let weights = patch
+                .heights
+                .weights(|ends| view.lattice.linear_in_row(ends, self.plan.row_shift, down));
+            for (line, share) in patch.heights.light().zip(weights) {
                 for step in 0..steps {
                     let from = (step * rows + row) * columns + first as usize;
                     let pixels = &mut self.sums[from..from + count as usize];
-                    let own = &interval.light[step * stride..];
+                    let own = &line.light[step * stride..];
                     let flat = &flat[step * stride..];
                     for ((sum, own), flat) in pixels.iter_mut().zip(own).zip(flat) {
                         *sum += units(*own, share) - units(*flat, share);

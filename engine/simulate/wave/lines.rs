@@ -5,6 +5,7 @@ use super::kernels::WaveKernels;
 use super::line::{Line, LineRays};
 use super::plan::WavePlan;
 use crate::illuminate::fit;
+use crate::lines::Heights;
 use crate::sampling::Lattice;
 use crate::trace::Tracer;
 use beamlet_core::{Result, numbers};
@@ -20,6 +21,39 @@ const FIELD_BYTES: usize = 1 << 25;
 const MOST_PRODUCTS: u64 = 1 << 25;
 
 const _: () = assert!(push_bytes::<WaveLinePush>() <= beamlet_gpu::PUSH_BYTES);
+
+/// Light of a line.
+#[derive(Debug, Clone)]
+pub(super) struct LineLight {
+    /// `[step][pixel of the beamlet]`, without light near grazing.
+    pub light: Vec<f32>,
+    /// Its parts near grazing.
+    pub grazing: Vec<GrazingPart>,
+}
+
+impl AsRef<[f32]> for LineLight {
+    fn as_ref(&self) -> &[f32] {
+        &self.light
+    }
+}
+
+/// Lines of a beamlet and row.
+#[derive(Debug)]
+pub(super) struct Patch {
+    /// Beamlet of the lattice.
+    pub beamlet: i64,
+    /// Row of the detector.
+    pub row: i64,
+    /// Its lines.
+    pub heights: Heights<LineLight>,
+}
+
+impl Patch {
+    /// The line at a height, rows below the upper border.
+    pub(super) fn line(&self, z: f64) -> Line {
+        Line { beamlet: self.beamlet, row: self.row as f64 + z }
+    }
+}
 
 /// Buffers of lines on the device, which grow as needed.
 #[derive(Debug)]
@@ -72,8 +106,7 @@ impl Lines {
         self.light_of(&records, list)
     }
 
-    /// Light of lines at a pose of the sample, `[line][step][pixel]`, without light near grazing, which has a list by
-    /// line.
+    /// Light of lines at a pose of the sample.
     ///
     /// # Errors
     /// As [`Tracer::trace`].
@@ -83,12 +116,12 @@ impl Lines {
         lattice: &Lattice,
         lines: &[Line],
         [pose, list]: [u32; 2],
-    ) -> Result<(Vec<f32>, Vec<Vec<GrazingPart>>)> {
+    ) -> Result<Vec<LineLight>> {
         let each = self.plan.rays as usize;
         let energies = self.plan.energies as usize;
         let at_once = (FIELD_BYTES / (each * energies * size_of::<WaveField>())).max(1);
-        let mut light = Vec::with_capacity(lines.len() * self.values());
-        let mut grazing = Vec::with_capacity(lines.len());
+        let values = self.values();
+        let mut all = Vec::with_capacity(lines.len());
         for some in lines.chunks(at_once) {
             let spacing = self.plan.spacing;
             let rays = LineRays { lattice, lines: some, each, spacing, pose };
@@ -100,10 +133,11 @@ impl Lines {
                 beamlet: numbers::narrow(line.beamlet - self.plan.beamlets.start),
             };
             let records: Vec<WaveLine> = some.iter().enumerate().map(record).collect();
-            light.extend(self.light_of(&records, list as usize)?);
-            grazing.extend(found.of_line);
+            let light = self.light_of(&records, list as usize)?;
+            let pairs = light.chunks_exact(values).zip(found.of_line);
+            all.extend(pairs.map(|(light, grazing)| LineLight { light: light.to_vec(), grazing }));
         }
-        Ok((light, grazing))
+        Ok(all)
     }
 
     /// Traces lines, and leaves the fields of all energies, `[energy][line][ray]`. Rays near grazing.

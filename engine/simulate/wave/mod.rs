@@ -11,8 +11,7 @@
 //! - `energy`, `plan`: tables of these on the device;
 //! - `line`: places of rays;
 //! - `grazing`: parts of lines near grazing, for the light of rays;
-//! - `kernels`, `lines`: lines of rays, traced, and their light;
-//! - `patch`: heights of the lines of a beamlet and row;
+//! - `kernels`, `lines`: lines of rays, traced, and their light, at heights by `crate::lines`;
 //! - `cells`: these parts as cells, for the illumination of rays;
 //! - `rows`: patches of rows, and estimates of their errors;
 //! - `band`: sums of light of a band of rows.
@@ -29,7 +28,6 @@ mod inline;
 mod kernels;
 mod line;
 mod lines;
-mod patch;
 mod plan;
 mod refusal;
 mod rows;

@@ -3,18 +3,20 @@
 use super::band::WaveBand;
 use super::cells::CellPlaces;
 use super::line::Line;
-use super::patch::{Limits, Patch};
+use super::lines::Patch;
+use crate::lines::{Features, Heights, Limits};
 use crate::sampling::{CellBatch, Lattice, ProjectedBounds};
 use crate::trace::Tracer;
 use beamlet_core::tally::Tally;
 use beamlet_core::{Result, numbers};
-use std::collections::BTreeMap;
+use std::collections::hash_map::Entry;
+use std::collections::{BTreeMap, HashMap};
 use std::ops::Range;
 
 /// Patches whose heights are chosen together.
 const PATCHES: usize = 1 << 12;
-/// Most intervals of a patch before they are cut, besides the two at its borders.
-const MOST_PARTS: u32 = 25;
+/// Share of the tolerance that the heights of the lines of a patch take: the rest is the spacing's.
+const BY_HEIGHTS: f64 = 0.4;
 /// Share of the tolerance that an estimated error may take.
 const TOLERATED: f64 = 0.45;
 /// Patches of a row of which one is traced with half the spacing.
@@ -42,12 +44,12 @@ pub(crate) struct WaveView<'a> {
 }
 
 /// Patch that a shadow touches.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone)]
 struct Touched {
     row: i64,
     beamlet: i64,
-    /// Height that hides no component, rows; infinite where all are upright.
-    height: f64,
+    /// Components in the row.
+    features: Features,
     /// Number of patches whose spacing this one is an estimate for; 0 for none.
     counts_for: f64,
 }
@@ -66,21 +68,21 @@ impl WaveBand {
     ) -> Result<(Tally, Vec<CellBatch>)> {
         let touched = self.touched(view, rows);
         let most = numbers::whole::<u32>(f64::from(view.max_rays / self.plan.rays)).max(3);
-        let limits = Limits { tolerance: view.tolerance, lines: numbers::length(most.into()) };
-        let parts = |height: f64| {
-            let most = f64::from(most.saturating_sub(2).clamp(1, MOST_PARTS));
-            numbers::whole::<u32>((1.0 / height).ceil().min(most))
-        };
+        let limits = Limits { error: BY_HEIGHTS * view.tolerance, lines: most as usize };
         let mut tally = Tally::default();
         let mut cells = vec![CellBatch::default(); self.plan.energies as usize];
         for some in touched.chunks(PATCHES) {
-            let patch = |it: &Touched| Patch::new(it.beamlet, it.row, parts(it.height));
+            let patch = |it: &Touched| Patch {
+                beamlet: it.beamlet,
+                row: it.row,
+                heights: Heights::new(&it.features, limits),
+            };
             let mut patches: Vec<Patch> = some.iter().map(patch).collect();
-            self.choose_heights(tracer, view, &mut patches, limits)?;
+            self.choose_heights(tracer, view, &mut patches)?;
             let changes = self.spacing_errors(tracer, view, some, &patches)?;
             for ((patch, at), change) in patches.iter().zip(some).zip(changes) {
                 self.add_patch(view, patch);
-                let errors = [patch.error(), change];
+                let errors = [patch.heights.error(), change];
                 let of_patch =
                     tally_of(patch, errors, at.counts_for, self.plan.rays, view.tolerance);
                 let of_rays = view.cells.add(&mut cells, view.lattice, patch);
@@ -94,7 +96,7 @@ impl WaveBand {
 
     /// Patches that shadows touch, in order.
     fn touched(&self, view: &WaveView<'_>, rows: &Range<i64>) -> Vec<Touched> {
-        let mut found: BTreeMap<i64, BTreeMap<i64, f64>> = BTreeMap::new();
+        let mut found: BTreeMap<i64, BTreeMap<i64, Features>> = BTreeMap::new();
         let all = &self.plan.beamlets;
         for shadow in view.shadows {
             let [own, beamlets] = shadow.patches(view.lattice);
@@ -106,8 +108,12 @@ impl WaveBand {
                 let height = if differs { shadow.height } else { f64::INFINITY };
                 let of_row = found.entry(row).or_default();
                 for beamlet in near.clone() {
-                    let least = of_row.entry(beamlet).or_insert(f64::INFINITY);
-                    *least = height.min(*least);
+                    let features = of_row.entry(beamlet).or_default();
+                    features.height = features.height.min(height);
+                    features.rough |= shadow.rough;
+                    for lid in shadow.lids {
+                        features.add_end(lid.map(|z| z - row as f64));
+                    }
                 }
             }
         }
@@ -124,62 +130,64 @@ impl WaveBand {
     ) -> Result<Vec<f64>> {
         let chosen: Vec<usize> =
             (0..touched.len()).filter(|at| touched[*at].counts_for > 0.0).collect();
-        let line = |at: &usize| Line {
-            beamlet: patches[*at].beamlet,
-            row: patches[*at].row as f64 + patches[*at].middle().middle(),
-        };
+        let line = |at: &usize| patches[*at].line(patches[*at].heights.middle().0);
         let lines: Vec<Line> = chosen.iter().map(line).collect();
         let index = [view.pose, numbers::count(view.list)];
-        let (light, _) = self.finer.light(tracer, view.lattice, &lines, index)?;
+        let all = self.finer.light(tracer, view.lattice, &lines, index)?;
         let mut errors = vec![0.0; touched.len()];
-        for (at, finer) in chosen.iter().zip(light.chunks_exact(self.finer.values())) {
-            let pairs = patches[*at].middle().light.iter().zip(finer);
+        for (at, finer) in chosen.iter().zip(all) {
+            let (_, own) = patches[*at].heights.middle();
+            let pairs = own.into_iter().flat_map(|own| own.light.iter().zip(&finer.light));
             let change = pairs.map(|(own, finer)| f64::from(own - finer).abs());
             errors[*at] = PER_CHANGE * change.fold(0.0, f64::max);
         }
         Ok(errors)
     }
 
+    /// Adds lines to patches until their light is within the limits. Rows side by side share the line at their border.
     fn choose_heights(
         &mut self,
         tracer: &mut Tracer,
         view: &WaveView<'_>,
         patches: &mut [Patch],
-        limits: Limits,
     ) -> Result<()> {
-        let values = self.lines.values();
         let index = [view.pose, numbers::count(view.list)];
         loop {
-            let wanted: Vec<_> = patches.iter().map(Patch::next_lines).collect();
-            let all: Vec<_> = wanted.iter().flatten().copied().collect();
-            if all.is_empty() {
+            let mut lines = Vec::new();
+            let mut known = HashMap::new();
+            let mut number = |line: Line| match known.entry((line.beamlet, line.row.to_bits())) {
+                Entry::Occupied(entry) => *entry.get(),
+                Entry::Vacant(entry) => {
+                    lines.push(line);
+                    *entry.insert(lines.len() - 1)
+                }
+            };
+            let wanted: Vec<Vec<usize>> = patches
+                .iter()
+                .map(|patch| patch.heights.wanted().map(|z| number(patch.line(z))).collect())
+                .collect();
+            if lines.is_empty() {
                 return Ok(());
             }
-            let (light, mut grazing) = self.lines.light(tracer, view.lattice, &all, index)?;
-            let (mut rest, mut of_lines) = (&light[..], &mut grazing[..]);
-            for (patch, lines) in patches.iter_mut().zip(&wanted).filter(|(_, it)| !it.is_empty()) {
-                let (parts, others) = of_lines.split_at_mut(lines.len());
-                patch.take_grazing(parts);
-                of_lines = others;
-                let (own, after) = rest.split_at(lines.len() * values);
-                patch.take(own, values, limits);
-                rest = after;
+            let light = self.lines.light(tracer, view.lattice, &lines, index)?;
+            for (patch, own) in patches.iter_mut().zip(wanted).filter(|(_, own)| !own.is_empty()) {
+                patch.heights.add(own.iter().map(|at| light[*at].clone()));
             }
         }
     }
 }
 
 /// Patches of a row, with the number of them that each of a few counts for: which ones depends on the row alone.
-fn in_row(row: i64, beamlets: BTreeMap<i64, f64>) -> Vec<Touched> {
+fn in_row(row: i64, beamlets: BTreeMap<i64, Features>) -> Vec<Touched> {
     let count = beamlets.len();
     // A shadow beside all beamlets leaves a row of none.
     let every = SPARSE.min(count).max(1);
     let first = numbers::whole::<usize>((5 * row).rem_euclid(every as i64) as f64);
     let chosen = (count - first).div_ceil(every);
-    let patch = |(index, (beamlet, height)): (usize, (i64, f64))| {
+    let patch = |(index, (beamlet, features)): (usize, (i64, Features))| {
         let is_chosen = index % every == first;
         let counts_for = if is_chosen { count as f64 / chosen as f64 } else { 0.0 };
-        Touched { row, beamlet, height, counts_for }
+        Touched { row, beamlet, features, counts_for }
     };
     beamlets.into_iter().enumerate().map(patch).collect()
 }
@@ -195,7 +203,7 @@ fn tally_of(
 ) -> Tally {
     let squares = heights * heights + counts_for * spacing * spacing;
     let error = heights.hypot(spacing);
-    let rays = patch.intervals.len() as u64 * u64::from(rays);
+    let rays = patch.heights.count() as u64 * u64::from(rays);
     Tally {
         patches: 1,
         patch_rays: rays,
@@ -216,7 +224,8 @@ mod tests {
     fn chosen_patches_count_for_all_of_a_row() {
         for count in [0, 1, 2, 7, 40_i64] {
             for row in -3..3 {
-                let of_row = in_row(row, (0..count).map(|beamlet| (beamlet, 0.5)).collect());
+                let of_row =
+                    in_row(row, (0..count).map(|beamlet| (beamlet, Features::default())).collect());
                 let all: f64 = of_row.iter().map(|it| it.counts_for).sum();
                 assert!((all - count as f64).abs() < 1e-9, "{count} {row}: {all}");
             }

@@ -6,6 +6,7 @@ mod bodies;
 mod facets;
 mod flats;
 mod grazing;
+mod heights;
 mod inline;
 mod limits;
 mod refused;

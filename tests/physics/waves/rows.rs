@@ -9,7 +9,7 @@ use beamlet::stack::Stacks;
 use beamlet::{Backend, EngineOptions};
 
 /// Height of a row in the plane of the sample, m.
-const ROW: f64 = 150e-6 / 1.8 * 1.2003;
+pub(super) const ROW: f64 = 150e-6 / 1.8 * 1.2003;
 /// Offsets by which edges lie between samples of 20 nm.
 const EVEN: [f64; 3] = [-3e-6, 6.66e-6, 20e-6];
 /// Lines of the reference.
@@ -22,7 +22,7 @@ fn ball(radius: f64, [x, z]: [f64; 2]) -> Object {
     object
 }
 
-fn with(objects: Vec<Object>, rows: u32) -> Scene {
+pub(super) fn with(objects: Vec<Object>, rows: u32) -> Scene {
     let mut scene = REFERENCE.scene(4, 0.0003, &OFFSETS, BY_WAVES);
     let [delta, mu] = FIBRE;
     scene.materials.insert("matter".into(), MaterialSpec::Constants { mu, delta });
@@ -32,24 +32,39 @@ fn with(objects: Vec<Object>, rows: u32) -> Scene {
     scene
 }
 
+/// Blurs light along z by a spot of this height, m.
+pub(super) fn blur_along_z(scene: &mut Scene, height: f64) {
+    scene.source.spot = Spot::gaussians(vec![SpotPart::new(1.0, [30e-6, height], [0.0; 2])]);
+}
+
 /// Compares a row with the mean over lines by FFT; `slice_at`: outlines at a height.
 fn compare(what: &'static str, scene: &Scene, slice_at: impl Fn(f64) -> Vec<Body>) {
+    let height = |line: u32| ((f64::from(line) + 0.5) / f64::from(LINES) - 0.5) * ROW;
+    let weight = 1.0 / f64::from(LINES);
+    let lines = (0..LINES).map(|line| (weight, slice_at(height(line))));
+    compare_with(Worst::new(what, 1e-5), scene, lines);
+}
+
+/// Compares a row with a sum over lines by FFT, each with its weight.
+pub(super) fn compare_with(
+    mut worst: Worst,
+    scene: &Scene,
+    lines: impl Iterator<Item = (f64, Vec<Body>)>,
+) {
     let mut scene = scene.clone();
     // Light of a row is the mean of its lines without a blur along z.
-    scene.source.spot = Spot::gaussians(vec![SpotPart::new(1.0, [30e-6, 0.0], [0.0; 2])]);
+    blur_along_z(&mut scene, 0.0);
     scene.scan.mask_offsets = EVEN.to_vec();
     let stacks = simulate(&scene, Backend::Bvh);
     let mut set_up = REFERENCE.set_up();
     set_up.sample = 1.2003;
     let row = row(&REFERENCE, 4);
     let mut want = vec![vec![0.0; 4]; EVEN.len()];
-    for line in 0..LINES {
-        let z = ((f64::from(line) + 0.5) / f64::from(LINES) - 0.5) * ROW;
-        let light = row.light(&set_up, &slice_at(z), 20e-9, &EVEN, None);
+    for (weight, bodies) in lines {
+        let light = row.light(&set_up, &bodies, 20e-9, &EVEN, None);
         let pairs = want.iter_mut().flatten().zip(light.iter().flatten());
-        pairs.for_each(|(want, light)| *want += light / f64::from(LINES));
+        pairs.for_each(|(want, light)| *want += weight * light);
     }
-    let mut worst = Worst::new(what, 1e-5);
     for (step, want) in want.iter().enumerate() {
         for (column, want) in want.iter().enumerate() {
             let got = f64::from(stacks.sample[[0, step, 0, column]]);

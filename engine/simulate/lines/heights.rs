@@ -1,0 +1,525 @@
+//! Heights of the lines of a beamlet and row: the closed rule over z.
+//!
+//! Light along z is linear between two lines, so a row sums to trapezoids, and what a window along z (blurred rows,
+//! apertures that end along z) receives is the integral of that linear light in closed form. Lines lie at both
+//! borders of the row, where the row beside has the same line, and between; an interval between two lines is halved
+//! until the bends of its light are within the tolerance. A height at which light jumps has two lines, just above and
+//! just below it.
+
+use beamlet_core::numbers;
+
+/// Error of an interval over its height squared times the bend of its light: the standard deviation of a jump at a
+/// random place in it, 1/√12. Light that bends evenly errs by 1/12, a corner by up to 1/4. This and the next two:
+/// `errors_of_random_light_are_within_the_estimate`.
+const PER_BEND: f64 = 0.29;
+/// Part of the larger of both bends of an interval that counts, per height of the interval beside where that is lower:
+/// a jump in that interval bends light, too, and three lines may be in line by chance.
+const PER_LARGER: f64 = 0.25;
+/// Least bend of an interval that has one beside it over the slope of its light: three lines may be in line by chance.
+const PER_SLOPE: f64 = 1.0 / 6.0;
+/// Part of its light that an interval may hide where light jumps in it: while an edge nearly along x crosses an
+/// aperture, light may be anywhere (`light_of_edges_that_cross_an_aperture_within_little_height_is_found`).
+const HIDDEN: f64 = 0.5;
+/// Height of an interval that hides no light, rows: an edge along x within it leans by less than 0.3 degrees over a
+/// fifth of a row.
+const LEAST_HIDING: f64 = 4.0 * LEAST;
+/// Slope of light beside a jump over that of the jump, at most.
+const BESIDE_JUMP: f64 = 0.25;
+/// Part of the squared limit of errors that intervals which stay whole may have: where a few jumps have most of the
+/// error, halving all others is in vain.
+const WHOLE: f64 = 0.3;
+/// Least height of an interval, and distance of a line from the jump beside it, rows: above the rounding of rays 1,000
+/// rows off the axis (6e-5), and a jump that is missed errs by less than 2e-4 of it
+/// (`jumps_at_known_heights_take_two_lines`).
+const LEAST: f64 = 1.0 / 4096.0;
+/// Most height of the end of a body that counts as a jump, rows: its light is linear there, or halved as any other.
+const FLAT: f64 = 1.0 / 32.0;
+/// Most jumps of a row with lines of their own, or that may hide light: light that jumps more often swings, and its
+/// bends tell its error.
+const MOST_JUMPS: usize = 4;
+/// Most intervals of a row before its first light.
+const MOST_PARTS: f64 = 26.0;
+
+/// Bodies of a beamlet and row, before its first line.
+#[derive(Debug, Clone)]
+pub(crate) struct Features {
+    /// Height of intervals that hides no body, rows; infinite where light is the same at all heights.
+    pub height: f64,
+    /// Flat ends of bodies: ranges of z, rows below the upper border.
+    ends: Vec<[f64; 2]>,
+    /// True if surfaces are rough: light differs from line to line, whatever edges there are.
+    pub rough: bool,
+}
+
+impl Features {
+    /// Adds a range of z over which a body ends, rows below the upper border, if it is flat and near the row.
+    pub(crate) fn add_end(&mut self, [low, high]: [f64; 2]) {
+        let is_flat = low <= high && high - low <= FLAT;
+        if is_flat && low < 1.0 + LEAST && high > -LEAST {
+            self.ends.push([low - LEAST, high + LEAST]);
+        }
+    }
+}
+
+impl Default for Features {
+    /// No body that ends or leans.
+    fn default() -> Self {
+        Self { height: f64::INFINITY, ends: Vec::new(), rough: false }
+    }
+}
+
+/// Limits of a beamlet and row.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Limits {
+    /// Error of the sum over lines, in the unit of their light.
+    pub error: f64,
+    /// Most lines.
+    pub lines: usize,
+}
+
+/// A line at its height.
+#[derive(Debug, Clone)]
+struct Placed<L> {
+    /// Rows below the upper border, 0 to 1.
+    z: f64,
+    /// Its light; none before it is computed.
+    light: Option<L>,
+    /// True if light jumps between this line and the next.
+    jumps: bool,
+}
+
+/// Lines of a beamlet and row, in the order of z.
+#[derive(Debug, Clone)]
+pub(crate) struct Heights<L> {
+    lines: Vec<Placed<L>>,
+    limits: Limits,
+    rough: bool,
+}
+
+impl<L: AsRef<[f32]> + Clone> Heights<L> {
+    /// Lines of a row without their light; within their number, but for the three that an estimate needs.
+    pub(crate) fn new(features: &Features, limits: Limits) -> Self {
+        let rough = features.rough;
+        if features.height.is_infinite() {
+            return Self {
+                lines: vec![Placed { z: 0.5, light: None, jumps: false }],
+                limits,
+                rough,
+            };
+        }
+        let room = (limits.lines as f64 - 1.0).clamp(2.0, MOST_PARTS);
+        let parts: u32 = numbers::whole((1.0 / features.height).ceil().clamp(2.0, room));
+        let even = (0..=parts).map(|part| f64::from(part) / f64::from(parts));
+        let mut jumps = jumps(&features.ends);
+        if parts as usize + 1 + 2 * jumps.len() > limits.lines {
+            jumps.clear();
+        }
+        let is_beside = |z: &f64| jumps.iter().all(|[low, high]| z <= low || z >= high);
+        let mut heights: Vec<f64> = even.filter(is_beside).collect();
+        heights.extend(jumps.iter().flatten().filter(|z| (0.0..=1.0).contains(*z)));
+        heights.sort_unstable_by(f64::total_cmp);
+        heights.dedup();
+        let place = |z: f64| Placed {
+            z,
+            light: None,
+            jumps: jumps.iter().any(|it| it[0].to_bits() == z.to_bits()),
+        };
+        Self { lines: heights.into_iter().map(place).collect(), limits, rough }
+    }
+
+    /// Heights of lines without light, rows below the upper border.
+    pub(crate) fn wanted(&self) -> impl Iterator<Item = f64> {
+        self.lines.iter().filter(|line| line.light.is_none()).map(|line| line.z)
+    }
+
+    /// Adds the light of [`Self::wanted`], in its order, and halves intervals that err too much, within the number of
+    /// lines.
+    pub(crate) fn add(&mut self, light: impl Iterator<Item = L>) {
+        let wanted = self.lines.iter_mut().filter(|line| line.light.is_none());
+        wanted.zip(light).for_each(|(line, light)| line.light = Some(light));
+        let mut halved = self.halved();
+        let room = self.limits.lines.saturating_sub(self.lines.len());
+        if self.rough && halved.len() > room {
+            // A choice by random light would favour lines that are alike.
+            return;
+        }
+        halved.truncate(room);
+        halved.sort_unstable();
+        for at in halved.into_iter().rev() {
+            let z = f64::midpoint(self.lines[at].z, self.lines[at + 1].z);
+            self.lines[at].jumps = false;
+            self.lines.insert(at + 1, Placed { z, light: None, jumps: false });
+        }
+    }
+
+    /// Intervals to halve, from the largest error down, until the error of the halves and the rest is within the limit.
+    fn halved(&self) -> Vec<usize> {
+        let limit = self.limits.error * self.limits.error;
+        let estimates: Vec<Estimate> = self.estimates().collect();
+        let jumps = estimates.iter().filter(|it| it.hidden > 0.0).count();
+        let hides = jumps <= MOST_JUMPS && !self.rough;
+        let error = |it: &Estimate| if hides { it.bends.max(it.hidden) } else { it.bends };
+        let errors: Vec<f64> = estimates.iter().map(error).collect();
+        let mut order: Vec<usize> = (0..errors.len()).collect();
+        order.sort_by(|a, b| errors[*b].total_cmp(&errors[*a]).then(a.cmp(b)));
+        let mut whole: f64 = errors.iter().map(|error| error * error).sum();
+        let mut after = whole;
+        let mut halved = Vec::new();
+        for at in order {
+            if after <= limit || whole <= WHOLE * limit {
+                break;
+            }
+            let square = errors[at] * errors[at];
+            whole -= square;
+            if self.height(at) < 2.0 * LEAST {
+                after -= square;
+            } else {
+                // A jump stays in one of the halves.
+                after -= 0.75 * square;
+                halved.push(at);
+            }
+        }
+        halved
+    }
+
+    /// Number of lines.
+    pub(crate) const fn count(&self) -> usize {
+        self.lines.len()
+    }
+
+    /// Light of all lines, in the order of z.
+    pub(crate) fn light(&self) -> impl Iterator<Item = &L> {
+        self.lines.iter().filter_map(|line| line.light.as_ref())
+    }
+
+    /// Height of the line in the middle, and its light.
+    pub(crate) fn middle(&self) -> (f64, Option<&L>) {
+        let line = &self.lines[self.lines.len() / 2];
+        (line.z, line.light.as_ref())
+    }
+
+    /// Interval that is nearer to a line than to others, rows below the upper border.
+    pub(crate) fn nearest(&self, at: usize) -> [f64; 2] {
+        let between = |at: usize| f64::midpoint(self.lines[at].z, self.lines[at + 1].z);
+        let last = at + 1 == self.lines.len();
+        [if at == 0 { 0.0 } else { between(at - 1) }, if last { 1.0 } else { between(at) }]
+    }
+
+    /// Weights of the lines in what a window receives. `integrate`: integrals over an interval of z of the window
+    /// times light that falls from 1 to 0, and rises from 0 to 1. Light beyond the outer lines is theirs.
+    pub(crate) fn weights(&self, integrate: impl Fn([f64; 2]) -> [f64; 2]) -> Vec<f64> {
+        let mut weights = vec![0.0; self.lines.len()];
+        let last = weights.len() - 1;
+        let mut add = |ends: [f64; 2], lines: [usize; 2]| {
+            if ends[1] > ends[0] {
+                let parts = integrate(ends);
+                lines.into_iter().zip(parts).for_each(|(line, part)| weights[line] += part);
+            }
+        };
+        add([0.0, self.lines[0].z], [0, 0]);
+        for (at, pair) in self.lines.windows(2).enumerate() {
+            add([pair[0].z, pair[1].z], [at, at + 1]);
+        }
+        add([self.lines[last].z, 1.0], [last, last]);
+        weights
+    }
+
+    /// Estimated error of the sum over lines, in the unit of their light.
+    pub(crate) fn error(&self) -> f64 {
+        self.estimates().map(|it| it.bends * it.bends).sum::<f64>().sqrt()
+    }
+
+    fn estimates(&self) -> impl Iterator<Item = Estimate> {
+        (0..self.lines.len() - 1).map(|at| self.estimate_of(at))
+    }
+
+    /// Estimate for the interval below a line: by the worst bend of a value of its light.
+    fn estimate_of(&self, at: usize) -> Estimate {
+        let Some(own) = self.rise(at) else { return Estimate::default() };
+        // Light beyond a jump has nothing to do with light before it.
+        let beside = |at: usize| Some(at).filter(|at| !self.lines[*at].jumps);
+        let above = at.checked_sub(1).and_then(beside).and_then(|at| self.rise(at));
+        let below = beside(at + 1).and_then(|at| self.rise(at));
+        let (mut worst, mut most, mut is_jump) = (0.0_f64, 0.0_f64, false);
+        for value in 0..own.upper.len() {
+            let slope = own.slope(value);
+            let bend = |beside: &Rise<'_>| (beside.slope(value) - slope).abs();
+            worst = worst.max(match (&above, &below) {
+                (Some(a), Some(b)) => {
+                    let larger = |it: &Rise<'_>| bend(it) * (it.height / own.height).min(1.0);
+                    bend(a).min(bend(b)).max(PER_LARGER * larger(a).max(larger(b)))
+                }
+                (Some(it), None) | (None, Some(it)) => bend(it).max(PER_SLOPE * slope.abs()),
+                (None, None) => slope.abs(),
+            });
+            most = most.max(f64::from(own.upper[value].max(own.lower[value])));
+            let is_level = |it: &Rise<'_>| it.slope(value) * slope < BESIDE_JUMP * slope * slope;
+            is_jump |= slope.abs() * own.height > self.limits.error
+                && above.iter().chain(&below).all(is_level);
+        }
+        let hides = is_jump && own.height > LEAST_HIDING;
+        Estimate {
+            bends: PER_BEND * own.height * own.height * worst,
+            hidden: if hides { PER_BEND * own.height * HIDDEN * most } else { 0.0 },
+        }
+    }
+
+    /// Light at the ends of the interval below a line.
+    fn rise(&self, at: usize) -> Option<Rise<'_>> {
+        let light = |at: usize| self.lines.get(at)?.light.as_ref().map(L::as_ref);
+        Some(Rise { upper: light(at)?, lower: light(at + 1)?, height: self.height(at) })
+    }
+
+    /// Height of the interval below a line, rows.
+    fn height(&self, at: usize) -> f64 {
+        self.lines[at + 1].z - self.lines[at].z
+    }
+}
+
+/// Estimated error of an interval.
+#[derive(Debug, Clone, Copy, Default)]
+struct Estimate {
+    /// By the bends of its light.
+    bends: f64,
+    /// Of light that a jump may hide, for halving alone; 0 where light does not jump.
+    hidden: f64,
+}
+
+/// Light at both ends of an interval.
+#[derive(Debug)]
+struct Rise<'a> {
+    upper: &'a [f32],
+    lower: &'a [f32],
+    /// Height of the interval, rows.
+    height: f64,
+}
+
+impl Rise<'_> {
+    /// Change of a value per row.
+    fn slope(&self, value: usize) -> f64 {
+        (f64::from(self.lower[value]) - f64::from(self.upper[value])) / self.height
+    }
+}
+
+/// Heights of the two lines at each jump of light within a row; none if there are too many.
+fn jumps(ends: &[[f64; 2]]) -> Vec<[f64; 2]> {
+    let mut ranges = ends.to_vec();
+    ranges.sort_unstable_by(|a, b| a[0].total_cmp(&b[0]));
+    let mut joined: Vec<[f64; 2]> = Vec::new();
+    for range in ranges {
+        match joined.last_mut().filter(|last| range[0] <= last[1]) {
+            Some(last) => last[1] = last[1].max(range[1]),
+            None => joined.push(range),
+        }
+    }
+    joined.retain(|[low, high]| high - low <= FLAT + 2.0 * LEAST);
+    if joined.len() > MOST_JUMPS { Vec::new() } else { joined }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use beamlet_core::numbers::single;
+    use beamlet_core::random::Draws;
+
+    const EVEN: Features = Features { height: 1.0, ends: Vec::new(), rough: false };
+    const LIMITS: Limits = Limits { error: 1e-4, lines: 1000 };
+
+    /// Lines whose light is a function of z.
+    fn lines(of: impl Fn(f64) -> f64, features: &Features, limits: Limits) -> Heights<Vec<f32>> {
+        let mut heights = Heights::new(features, limits);
+        loop {
+            let wanted: Vec<f64> = heights.wanted().collect();
+            if wanted.is_empty() {
+                return heights;
+            }
+            // A second value has less light.
+            heights.add(wanted.iter().map(|z| vec![single(0.5 * of(*z)), single(of(*z))]));
+        }
+    }
+
+    /// Integrals of falling and rising light over the part of an interval within a sharp window.
+    fn sharp(window: [f64; 2]) -> impl Fn([f64; 2]) -> [f64; 2] {
+        move |[top, bottom]| {
+            let [low, high] = [window[0].max(top), window[1].min(bottom)];
+            let whole = (high - low).max(0.0);
+            let rises = whole * (f64::midpoint(low, high) - top) / (bottom - top);
+            [whole - rises, rises]
+        }
+    }
+
+    fn received(heights: &Heights<Vec<f32>>, window: [f64; 2]) -> f64 {
+        let weights = heights.weights(sharp(window));
+        heights.light().zip(weights).map(|(light, weight)| weight * f64::from(light[1])).sum()
+    }
+
+    fn mean(heights: &Heights<Vec<f32>>) -> f64 {
+        received(heights, [0.0, 1.0])
+    }
+
+    #[test]
+    fn light_that_changes_evenly_takes_few_lines_and_fills_windows_exactly() {
+        let heights = lines(|z| 0.25 + 0.1 * z, &EVEN, LIMITS);
+        assert!(heights.count() <= 9 && heights.error() < LIMITS.error);
+        let little = lines(|z| 0.25 + 0.005 * z, &EVEN, LIMITS);
+        assert_eq!(little.count(), 3);
+        assert_eq!(little.nearest(1).map(f64::to_bits), [0.25_f64, 0.75].map(f64::to_bits));
+        let mut draws = Draws::new(1, [0; 3], 0);
+        for _ in 0..100 {
+            let [a, b] = draws.pair();
+            let [low, high] = [a.min(b), a.max(b)];
+            let want = (high - low) * (0.25 + 0.05 * (low + high));
+            let got = received(&heights, [low, high]);
+            assert!((got - want).abs() < 1e-7, "{low} to {high}: {got} for {want}");
+        }
+        let upright = lines(|_| 0.3, &Features { height: f64::INFINITY, ..EVEN }, LIMITS);
+        assert!(upright.count() == 1 && upright.error() <= 0.0);
+        assert!((received(&upright, [0.2, 0.7]) - 0.15).abs() < 1e-7);
+        assert_eq!(upright.nearest(0).map(f64::to_bits), [0.0_f64, 1.0].map(f64::to_bits));
+    }
+
+    /// Light of a shape, and its mean over a row; `at`: a place of the row, `width`: a part of it.
+    type Shape = fn(z: f64, at: f64, width: f64) -> f64;
+
+    /// Shapes with their means in closed form by an antiderivative that is 0 far above.
+    const SHAPES: [(&str, Shape, Shape); 5] = [
+        ("jumps", |z, at, _| f64::from(u8::from(z > at)), |z, at, _| (z - at).max(0.0)),
+        (
+            "ramps",
+            |z, at, w| ((z - at) / w).clamp(0.0, 1.0),
+            |z, at, w| {
+                let within = (z - at).clamp(0.0, w);
+                0.5 * within * within / w + (z - at - w).max(0.0)
+            },
+        ),
+        (
+            "rims",
+            |z, at, _| (z - at).max(0.0).sqrt(),
+            |z, at, _| 2.0 / 3.0 * (z - at).max(0.0).powf(1.5),
+        ),
+        (
+            "balls",
+            |z, at, w| (w * w - (z - at) * (z - at)).max(0.0).sqrt(),
+            |z, at, w| {
+                let t = ((z - at) / w).clamp(-1.0, 1.0);
+                0.5 * w * w * (t.asin() + t * (1.0 - t * t).max(0.0).sqrt())
+            },
+        ),
+        (
+            "edges",
+            |z, at, w| 0.5 * (1.0 + libm::erf((z - at) / w)),
+            |z, at, w| {
+                let t = (z - at) / w;
+                0.5 * w * (t * (1.0 + libm::erf(t)) + (-t * t).exp() / std::f64::consts::PI.sqrt())
+            },
+        ),
+    ];
+
+    /// True errors of 300 lights of each shape, against their estimates. Estimates are at most the limit, so errors
+    /// beyond it are rare, and told.
+    #[test]
+    fn errors_of_random_light_are_within_the_estimate() {
+        for (kind, (name, of, whole)) in (0..).zip(SHAPES) {
+            let mut draws = Draws::new(2, [kind, 0, 0], 0);
+            let (mut squares, mut estimates, mut count, mut most) = (0.0, 0.0, 0, 0.0_f64);
+            for _ in 0..300 {
+                let [at, width] = draws.pair();
+                // Balls are half a row high or more: `height` has to tell of smaller ones.
+                let octaves = if name == "balls" { 2.0 } else { 8.0 };
+                let (at, width) = (1.2 * at - 0.1, (-octaves * width).exp2());
+                let amplitude = 10.0_f64.powf(-1.0 - 3.0 * draws.uniform());
+                let light = |z: f64| 0.1 + amplitude * of(z, at, width);
+                let heights = lines(light, &EVEN, LIMITS);
+                let want = 0.1 + amplitude * (whole(1.0, at, width) - whole(0.0, at, width));
+                let (error, estimate) = ((mean(&heights) - want).abs(), heights.error());
+                assert!(heights.count() < 26, "{name} {at} {width}: {} lines", heights.count());
+                assert!(estimate < 1.01 * LIMITS.error, "{name} {at} {width}: {estimate:e}");
+                most = most.max(error);
+                squares += error * error;
+                estimates += estimate * estimate;
+                count += heights.count();
+            }
+            let [root, told] = [squares, estimates].map(|sum: f64| (sum / 300.0).sqrt());
+            let lines = f64::from(numbers::count(count)) / 300.0;
+            println!("{name}: {root:.1e}, {most:.1e} of {told:.1e}, {lines:.1} lines");
+            assert!(root < 1.1 * told && most < 4.0 * LIMITS.error, "{name}: {root:e} {told:e}");
+            assert!(lines < 13.0, "{name}: {lines}");
+        }
+    }
+
+    /// An edge that crosses the aperture at a slant of 2 degrees or less: light is another before, between and after,
+    /// and before and after hardly differ.
+    #[test]
+    fn light_of_edges_that_cross_an_aperture_within_little_height_is_found() {
+        let mut draws = Draws::new(5, [0; 3], 0);
+        let mut squares = 0.0;
+        for _ in 0..300 {
+            let [at, width] = draws.pair();
+            let width = 0.01 * width;
+            let of = |z: f64| match (z - at) / width {
+                t if t < 0.0 => 0.15,
+                t if t < 1.0 => 0.15 - 0.05 * (std::f64::consts::PI * t).sin() - 0.002 * t,
+                _ => 0.148,
+            };
+            let heights = lines(of, &EVEN, LIMITS);
+            let steps = 20_000;
+            let want = (0..steps).map(|it| of((f64::from(it) + 0.5) / f64::from(steps)));
+            let error = (mean(&heights) - want.sum::<f64>() / f64::from(steps)).abs();
+            assert!(error < 4.0 * LIMITS.error && heights.count() < 40, "{at} {width}: {error:e}");
+            squares += error * error;
+        }
+        let root = (squares / 300.0_f64).sqrt();
+        assert!(root < LIMITS.error, "{root:e}");
+    }
+
+    /// Light that ends at a height which is known, in a row or at its borders, within the rounding of its place, and
+    /// with a slope before it.
+    #[test]
+    fn jumps_at_known_heights_take_two_lines() {
+        let mut draws = Draws::new(3, [0; 3], 0);
+        for case in 0..200 {
+            let end = if case < 6 { f64::from(case % 2) } else { draws.uniform() };
+            for off in [0.0, 1e-5, -1e-5] {
+                let mut features = EVEN;
+                features.add_end([end; 2]);
+                let of = |z: f64| if z < end + off { 0.2 + 0.01 * z } else { 0.1 };
+                let heights = lines(of, &features, LIMITS);
+                let to = (end + off).clamp(0.0, 1.0);
+                let want = to * (0.2 + 0.005 * to) + 0.1 * (1.0 - to);
+                let (error, count) = ((mean(&heights) - want).abs(), heights.count());
+                assert!(error < 3e-6 && count <= 7, "{end} {off:e}: {error:e}, {count} lines");
+            }
+        }
+    }
+
+    #[test]
+    fn lines_are_within_their_number_and_the_estimate_exceeds_the_limit() {
+        for lines_at_most in [3, 9] {
+            let limits = Limits { lines: lines_at_most, ..LIMITS };
+            let mut many = Features { height: 0.02, ..EVEN };
+            many.add_end([0.3; 2]);
+            many.add_end([0.6; 2]);
+            for features in [EVEN, many] {
+                let heights = lines(|z| (20.0 * z).sin(), &features, limits);
+                assert!(heights.count() <= lines_at_most && heights.error() > 0.01);
+            }
+        }
+    }
+
+    /// A body of half a chord more than the height of intervals is met.
+    #[test]
+    fn bodies_higher_than_the_intervals_are_met() {
+        let mut draws = Draws::new(4, [0; 3], 0);
+        for _ in 0..200 {
+            let [at, chord] = draws.pair();
+            let chord = 0.05 + 0.3 * chord;
+            let features = Features { height: 0.5 * chord, ..EVEN };
+            let [top, bottom] = [at - 0.5 * chord, at + 0.5 * chord];
+            let of = |z: f64| if z > top && z < bottom { 0.1 } else { 0.0 };
+            let heights = lines(of, &features, LIMITS);
+            let want = 0.1 * (bottom.min(1.0) - top.max(0.0));
+            let error = (mean(&heights) - want).abs();
+            assert!(error < 2.0 * LIMITS.error, "{at} {chord}: {error:e}");
+        }
+    }
+}
