@@ -85,6 +85,11 @@ const SHIPPED: &[Shipped] = &[
         about: "tube of PMMA and a wire behind slits for every second pixel, molybdenum at 40 kVp",
         files: files!("lab": "scene.toml"),
     },
+    Shipped {
+        name: "synchrotron",
+        about: "two wires at a bending magnet, 20 keV, 23 m from the source, by waves",
+        files: files!("synchrotron": "scene.toml"),
+    },
 ];
 
 pub(super) fn run(arguments: &Example, out: &mut impl Write) -> Result<(), Failure> {

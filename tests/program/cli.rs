@@ -89,7 +89,7 @@ fn examples_are_listed_and_written_and_pass_their_own_check() {
     let place = workplace(SCENE);
     let output = run(place.path(), "example");
     ended(&output, 0);
-    for name in ["paper", "bracket", "cylinders", "tomography", "coded", "ucl-wire", "lab"] {
+    for name in ["paper", "bracket", "cylinders", "tomography", "coded", "lab", "synchrotron"] {
         assert!(stdout(&output).contains(name));
         let write = format!("example {name} -o {name}");
         ended(&run(place.path(), &write), 0);

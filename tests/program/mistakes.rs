@@ -176,7 +176,8 @@ fn a_retrieval_records_hashes_of_all_that_it_read() {
 #[test]
 fn shipped_examples_have_no_warnings_but_of_the_limits_of_rays() {
     let place = workplace(SCENE);
-    for name in ["cylinder", "bracket", "cylinders", "tomography", "ucl-wire", "lab"] {
+    for name in ["cylinder", "bracket", "cylinders", "tomography", "ucl-wire", "lab", "synchrotron"]
+    {
         ended(&run(place.path(), &format!("example {name} -o {name}")), 0);
         let output = run(place.path(), &format!("check {name}/scene.toml --no-estimate"));
         ended(&output, 0);
