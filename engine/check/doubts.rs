@@ -3,7 +3,7 @@
 use super::{CheckReport, angles, faces};
 use beamlet_core::printed::number;
 use beamlet_geometry::Sample;
-use beamlet_model::optics::{Mask, Optics};
+use beamlet_model::optics::{Mask, Optics, ends};
 use beamlet_model::scene::{Beam, Counts, MaskSpec, MaterialSpec, Scene, SpectrumOrigin, limits};
 use beamlet_model::spectrum::Spectrum;
 use beamlet_model::{material, spot};
@@ -353,12 +353,6 @@ impl Doubts {
 /// Both masks, where they are there.
 fn masks(optics: &Optics) -> impl Iterator<Item = &Mask> {
     optics.sample_mask.iter().chain(&optics.detector_mask)
-}
-
-/// Least and greatest of some values; infinite without any.
-fn ends<'a>(values: impl IntoIterator<Item = &'a f64>) -> [f64; 2] {
-    let none = [f64::INFINITY, f64::NEG_INFINITY];
-    values.into_iter().fold(none, |[low, high], value| [low.min(*value), high.max(*value)])
 }
 
 /// Fringes across the columns of two periods whose ratio, or its inverse, is nearly whole.

@@ -34,7 +34,7 @@ pub struct Submission {
 /// rather than for each caller.
 pub(super) type Recording<'a> = &'a mut dyn FnMut(&mut Recorder<'_>);
 
-/// What can be called once, as a [`Recording`].
+/// A [`Recording`] by a function that can be called once.
 pub(super) fn once(record: impl FnOnce(&mut Recorder<'_>)) -> impl FnMut(&mut Recorder<'_>) {
     let mut record = Some(record);
     move |recorder| {

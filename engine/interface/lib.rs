@@ -1,5 +1,5 @@
-//! Internal to beamlet: structs and constants shared by host and shaders, in one table that makes the GLSL ([`glsl_files`]);
-//! tests/device/interface.rs compares the structs with every compiled shader.
+//! Internal to beamlet: structs and constants shared by host and shaders, in one table that makes the GLSL
+//! ([`glsl_files`]); tests/device/interface.rs compares the structs with every compiled shader.
 //!
 //! Shaders include `interface.glsl`, with all structs in `scalar` layout and all constants, and
 //! `interface/NAME.glsl` for a block of push constants, a struct whose name ends in `Push`. `in

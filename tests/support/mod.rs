@@ -87,7 +87,8 @@ pub(crate) fn engine_of(options: EngineOptions) -> Checked {
     Checked(shared.with_options(options))
 }
 
-/// An engine with a device of its own, whose buffers have guards; with `BEAMLET_VALIDATION` in the environment under the validation layer.
+/// An engine with a device of its own, whose buffers have guards; with `BEAMLET_VALIDATION` in the environment under the
+/// validation layer.
 pub(crate) fn engine_with(options: EngineOptions) -> Checked {
     let validation = std::env::var_os("BEAMLET_VALIDATION").is_some();
     let options = options.with_validation(validation).with_guards(true);

@@ -1,11 +1,11 @@
 //! Whole periods of the sample mask in its displacements: light and curves repeat with them, and
 //! numbers in f32 lose digits to them.
 
-/// Least and greatest of some mask offsets, m.
+/// Least and greatest of some values, such as mask offsets; infinite without any.
 #[must_use]
-pub fn ends(offsets: &[f64]) -> [f64; 2] {
+pub fn ends<'a>(values: impl IntoIterator<Item = &'a f64>) -> [f64; 2] {
     let wider = |[low, high]: [f64; 2], at: &f64| [low.min(*at), high.max(*at)];
-    offsets.iter().fold([f64::INFINITY, f64::NEG_INFINITY], wider)
+    values.into_iter().fold([f64::INFINITY, f64::NEG_INFINITY], wider)
 }
 
 fn middle(offsets: &[f64]) -> f64 {

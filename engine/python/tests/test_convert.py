@@ -35,6 +35,14 @@ def images(run: bl.Run) -> bl.Images:
     return bl.Images.open(run.path or "")
 
 
+def images_of_rows(run: bl.Run, rows: int) -> bl.Images:
+    """The images, or for 1 those of a scan with a single row."""
+    if rows > 1:
+        return images(run)
+    with bl.Engine() as engine:
+        return engine.simulate(run.scene.replace("detector.pixels", [24, 1])).retrieve()
+
+
 def with_gaps(run: bl.Run) -> bl.Images:
     """The images with pixels that a reconstruction fills, a row of them among them."""
     taken = images(run)
@@ -162,10 +170,7 @@ def test_nxtomo_reads_nxtomo(run: bl.Run, tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("rows", [4, 1])
 def test_cil_has_the_geometry_of_astra(run: bl.Run, tmp_path: Path, rows: int) -> None:
-    taken = images(run)
-    if rows == 1:
-        with bl.Engine() as engine:
-            taken = engine.simulate(run.scene.replace("detector.pixels", [24, 1])).retrieve()
+    taken = images_of_rows(run, rows)
     path = tmp_path / "scan.nxs"
     convert.to_cil(taken, path, "refraction")
     # What NEXUSDataReader reads, and what CIL makes of it for ASTRA.
@@ -203,10 +208,7 @@ def test_cil_has_the_geometry_of_astra(run: bl.Run, tmp_path: Path, rows: int) -
 def test_cil_data_is_that_of_the_file(run: bl.Run, tmp_path: Path, rows: int) -> None:
     """With CIL alone, which conda installs."""
     io = pytest.importorskip("cil.io")
-    taken = images(run)
-    if rows == 1:
-        with bl.Engine() as engine:
-            taken = engine.simulate(run.scene.replace("detector.pixels", [24, 1])).retrieve()
+    taken = images_of_rows(run, rows)
     path = tmp_path / "scan.nxs"
     convert.to_cil(taken, path, "refraction")
     found, expected = cil.read(taken, "refraction"), io.NEXUSDataReader(file_name=str(path)).read()

@@ -293,8 +293,7 @@ impl Retriever {
             images.take(pixels, &flat.curves, &curves, self.angle_per_shift);
             Ok(())
         })?;
-        let widths = flat.curves.width.iter().map(|width| f64::from(*width)).collect();
-        if let Some(width) = misfit::median(widths) {
+        if let Some(width) = flat.width {
             misfit::mark(&mut images, &misfit::contrasts(0, self.angle_per_shift.abs() * width));
         }
         Ok(images)

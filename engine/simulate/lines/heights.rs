@@ -279,9 +279,9 @@ impl<L: AsRef<[f32]> + Clone> Heights<L> {
 /// Estimated error of an interval.
 #[derive(Debug, Clone, Copy, Default)]
 struct Estimate {
-    /// By the bends of its light.
+    /// Error that the bends of its light show.
     bends: f64,
-    /// Of light that a jump may hide, for halving alone; 0 where light does not jump.
+    /// Error by light that a jump may hide, for halving alone; 0 where light does not jump.
     hidden: f64,
 }
 

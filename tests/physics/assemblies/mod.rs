@@ -102,7 +102,7 @@ impl Bench {
         rays.iter().zip(results).zip(of_each).map(traced).collect()
     }
 
-    /// Rays whose ways through bodies, slopes or displacements are not those of the reference.
+    /// Rays whose paths through bodies, slopes or displacements differ from the reference.
     pub(super) fn wrong_rays(
         &self,
         backend: Backend,

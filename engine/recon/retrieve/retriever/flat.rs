@@ -23,6 +23,8 @@ pub(super) struct Flat {
     pub(crate) columns: usize,
     /// Pixels along a row of the frames.
     pub(super) frame_columns: usize,
+    /// Median width of the curves, m; `None` where no curve has one.
+    pub(super) width: Option<f64>,
     /// Noise of the values.
     noise: NoiseFactors,
 }
@@ -131,7 +133,9 @@ impl Retriever {
             all.put(band.start as usize * across, &curves);
             Ok(())
         })?;
+        let widths = all.width.iter().map(|width| f64::from(*width)).collect();
         self.flat = Some(Flat {
+            width: misfit::median(widths),
             curves: all,
             rows: rows as usize,
             columns: across,
