@@ -19,7 +19,10 @@ tested = list(Path(sys.argv[3]).glob("*.toml")) if len(sys.argv) > 3 else []
 assert len(sys.argv) < 4 or len(tested) > 200, f"{len(tested)} scenes of the tests"
 for path in shipped + tested:
     text = path.read_text()
-    scene = tomllib.loads(text)
+    try:
+        scene = tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        sys.exit(f"{path}: {error}\n{text}")
     errors = [f"{list(error.absolute_path)}: {error.message[:300]}" for error in validator.iter_errors(scene)]
     assert not errors, "\n".join([str(path), text, *errors])
 

@@ -95,7 +95,7 @@ fn mesh_arrays_are_documented_and_not_loadable() {
 proptest! {
     #[test]
     fn random_text_never_panics(text in "\\PC*", set in "\\PC*") {
-        let _ = load(&text);
+        let _ = Scene::from_toml(&text, ".");
         let _ = Scene::from_json(&text, ".");
         let _ = with_sets(&[&set]);
     }
@@ -108,7 +108,8 @@ proptest! {
     ) {
         let end = (at + gone).min(PAPER.len());
         let text = format!("{}{new}{}", &PAPER[..at], &PAPER[end..]);
-        let _ = load(&text).map(|scene| scene.to_toml(".", &BTreeMap::new(), &[]));
+        // Not `load`: a mangled scene may be TOML 1.1, which the readers of tests/schema.sh need not take.
+        let _ = Scene::from_toml(&text, ".").map(|scene| scene.to_toml(".", &BTreeMap::new(), &[]));
         let json = paper_json();
         let (at, end) = (at.min(json.len()), end.min(json.len()));
         let _ = Scene::from_json(&format!("{}{new}{}", &json[..at], &json[end..]), ".");
