@@ -113,7 +113,7 @@ pub fn damaged(file: &[u8], number: u64) -> Vec<u8> {
     let draws = tiny_run::drawn(number);
     let mut bytes = file.to_vec();
     for draw in draws.chunks_exact(8).take(1 + usize::from(draws[0] % 4)) {
-        let from = bytes.len() * usize::from(u16::from_le_bytes([draw[1], draw[2]])) >> 16;
+        let from = (bytes.len() * usize::from(u16::from_le_bytes([draw[1], draw[2]]))) >> 16;
         let end = bytes.len().min(from + usize::from(draw[3] % 12));
         let word = match draw[4] % 6 {
             0 => &draw[5..8],
