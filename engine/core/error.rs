@@ -145,15 +145,6 @@ impl Error {
         }
     }
 
-    /// The same error at another key, where it is one of the scene.
-    #[must_use]
-    pub fn at_key(mut self, new: impl Into<String>) -> Self {
-        if let Self::Scene { key, .. } = &mut self {
-            *key = new.into();
-        }
-        self
-    }
-
     /// One error for all of them, or `Ok` where there is none.
     ///
     /// # Errors

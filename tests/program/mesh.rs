@@ -4,13 +4,8 @@ use crate::support::program::{Workplace, ended, stderr};
 use std::fs;
 
 const SCENE: &str = concat!(
-    include_str!("../support/masks.toml"),
-    r#"
-[detector]
-distance = "1.8 m"
-pixels = [8, 2]
-pitch = "150 um"
-
+    include_str!("../support/paper.toml"),
+    r#"pixels = [8, 2]
 [[object]]
 name = "rod"
 shape = { cylinder = { radius = "0.2 mm", height = "4 mm" } }

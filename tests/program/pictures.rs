@@ -15,17 +15,11 @@ use tiny_skia::Pixmap;
 
 const SIDE: usize = 24;
 const SCENE: &str = concat!(
-    include_str!("../support/masks.toml"),
-    r#"
-[detector]
-distance = "1.8 m"
-pixels = [24, 24]
-pitch = "150 um"
+    include_str!("../support/paper.toml"),
+    r#"pixels = [24, 24]
 photons = 20000
-
 [sampling]
 tolerance = 0.002
-
 [scan]
 mask_offsets = { from = "-25 um", to = "25 um", count = 7 }
 angles = ["0 deg", "40 deg"]

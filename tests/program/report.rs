@@ -18,13 +18,8 @@ use std::sync::OnceLock;
 use tempfile::TempDir;
 
 const SCENE: &str = concat!(
-    include_str!("../support/masks.toml"),
-    r#"
-[detector]
-distance = "1.8 m"
-pixels = [16, 4]
-pitch = "150 um"
-
+    include_str!("../support/paper.toml"),
+    r#"pixels = [16, 4]
 [scan]
 mask_offsets = { from = "-20 um", to = "20 um", count = 5 }
 angles = ["0 deg", "90 deg"]
@@ -64,7 +59,7 @@ fn run_with_maps() -> TempDir {
 }
 
 /// A run, with or without counts, with retrieved images that the test knows.
-fn run_with_maps_of(counts: bool) -> TempDir {
+pub(super) fn run_with_maps_of(counts: bool) -> TempDir {
     static MADE: [OnceLock<TempDir>; 2] = [OnceLock::new(), OnceLock::new()];
     copy_of(MADE[usize::from(counts)].get_or_init(|| made_with_maps_of(counts)).path())
 }

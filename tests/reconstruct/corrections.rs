@@ -7,14 +7,10 @@ use crate::set_up::{
 use crate::support::{self, Worst};
 use beamlet::ndarray::{Array3, s};
 use beamlet::reconstruct::{
-    BeamHardening, Data, FbpOptions, IterativeOptions, Measured, Quantity, ScanGeometry, Volume,
-    VolumeGrid, add_gradient_bias, find_axis, gradient_bias, iterate, phase_along_rows,
-    suppress_rings,
+    Data, FbpOptions, IterativeOptions, Measured, Quantity, ScanGeometry, Volume, VolumeGrid,
+    add_gradient_bias, find_axis, gradient_bias, iterate, phase_along_rows, suppress_rings,
 };
-use beamlet::scene::{
-    Anode, Beam, Detector, Filter, MaskBody, MaskSpec, Scene, Source, SpectrumOrigin, SpectrumSpec,
-};
-use beamlet::spectrum::Spectrum;
+use beamlet::scene::{Beam, Detector, MaskBody, MaskSpec, Scene, Source};
 use beamlet::{Backend, Cancel, Result, RowsControl};
 
 /// Chords of discs of value 1, m: means over columns.
@@ -153,57 +149,6 @@ fn gains_of_columns_leave_a_fifth_of_their_rings() {
     let few = ScanGeometry::new([f64::INFINITY, 1.0], places(96, PIXEL), vec![0.0], views(5));
     let mut zeros = Array3::zeros((5, 1, 96));
     assert!(suppress_rings(&few, zeros.view_mut(), &Cancel::default()).is_err());
-}
-
-fn tube() -> Scene {
-    let origin = SpectrumOrigin::Tube {
-        anode: Anode::Tungsten,
-        kvp: 60.0,
-        anode_angle: 12.0_f64.to_radians(),
-        inherent_filters: Vec::new(),
-    };
-    let beam =
-        Beam::Spectrum(SpectrumSpec::new(origin).with_filters(vec![Filter::new("Al", 1e-3)]));
-    Scene::new(Source::new(1.2, [30e-6; 2], beam), Detector::new(1.8, [96, 1], [1e-4; 2]))
-}
-
-/// 60 kVp through up to 70 mm of water.
-#[test]
-fn hardened_beams_leave_no_cupping() {
-    let scene = tube();
-    let hardening = BeamHardening::new(&scene, "water", 0.08).unwrap();
-    println!("measured hardening: {hardening:?}");
-    let Beam::Spectrum(spec) = &scene.source.beam else { panic!("a spectrum") };
-    let rows = Spectrum::after_filters(&scene, spec).unwrap();
-    let seen = |energy: &f64| beamlet::spectrum::response(&scene, *energy).unwrap();
-    let weights: Vec<f64> =
-        rows.energies_kev.iter().zip(&rows.weights).map(|(e, weight)| weight * seen(e)).collect();
-    let total: f64 = weights.iter().sum();
-    let mu: Vec<f64> = beamlet::material::constants_over(&scene, "water", &rows.energies_kev)
-        .unwrap()
-        .iter()
-        .map(|it| it.mu)
-        .collect();
-    let one = beamlet::material::constants_at(&scene, "water", hardening.energy).unwrap().mu;
-    let geometry = ScanGeometry::new([f64::INFINITY, 1.0], places(96, 1e-3), vec![0.0], views(180));
-    let mut sinograms = discs(&geometry, &[([0.0, 0.0], 0.035)]).mapv(|length| {
-        let term = |(weight, mu): (&f64, &f64)| weight * (-mu * f64::from(length)).exp();
-        -(weights.iter().zip(&mu).map(term).sum::<f64>() / total).ln() as f32
-    });
-    let grid = VolumeGrid { size: [96, 96, 1], voxel: [1e-3; 3], origin: [-0.0475, -0.0475, 0.0] };
-    let cup = |sinograms: &Array3<f32>| {
-        let options = FbpOptions::default();
-        let volume = reconstruct(&geometry, sinograms, Quantity::Mu, &grid, &options).unwrap();
-        let middle = off(&volume, |x, y| x.hypot(y) < 0.008).1;
-        let rim = off(&volume, |x, y| (0.026..0.030).contains(&x.hypot(y))).1;
-        (middle / rim - 1.0, middle / one - 1.0)
-    };
-    let (before, _) = cup(&sinograms);
-    hardening.apply(sinograms.view_mut());
-    let (after, level) = cup(&sinograms);
-    println!("measured cupping: {before:.2e}, {after:.2e} corrected, μ off by {level:.2e}");
-    assert!(before < -0.02 && after.abs() < 0.005 && level.abs() < 0.005);
-    assert!(BeamHardening::new(&scene, "water", -1.0).is_err());
 }
 
 #[test]

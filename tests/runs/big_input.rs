@@ -23,13 +23,8 @@ use std::time::{Duration, Instant};
 const TOLERANCE: f64 = 0.2;
 
 const SCENE: &str = concat!(
-    include_str!("../support/masks.toml"),
-    r#"
-[detector]
-distance = "1.8 m"
-pixels = [64, 8]
-pitch = "150 um"
-
+    include_str!("../support/paper.toml"),
+    r#"pixels = [64, 8]
 [scan]
 mask_offsets = { from = "-25 um", to = "25 um", count = 3 }
 

@@ -18,13 +18,8 @@ use std::time::Instant;
 
 /// 66 pages of 64 MiB; those of the eleven steps of a view differ.
 const SCENE: &str = concat!(
-    include_str!("../support/masks.toml"),
-    r#"
-[detector]
-distance = "1.8 m"
-pixels = [4096, 4096]
-pitch = "150 um"
-
+    include_str!("../support/paper.toml"),
+    r#"pixels = [4096, 4096]
 [scan]
 mask_offsets = { from = "-25 um", to = "25 um", count = 11 }
 angles = { from = "0 deg", to = "5 deg", count = 6 }

@@ -18,13 +18,8 @@ use std::process::{Child, Command, Output, Stdio};
 use std::time::Duration;
 
 const SCENE: &str = concat!(
-    include_str!("../support/masks.toml"),
-    r#"
-[detector]
-distance = "1.8 m"
-pixels = [8, 2]
-pitch = "150 um"
-
+    include_str!("../support/paper.toml"),
+    r#"pixels = [8, 2]
 [scan]
 mask_offsets = { from = "-25 um", to = "25 um", count = 2 }
 angles = { from = "0 deg", to = "360 deg", count = 60 }

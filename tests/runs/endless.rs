@@ -13,13 +13,8 @@ use std::process::{Command, Output};
 use tiff::encoder::{Compression, DeflateLevel, TiffEncoder, colortype::Gray8};
 
 const SCENE: &str = concat!(
-    include_str!("../support/masks.toml"),
-    r#"
-[detector]
-distance = "1.8 m"
-pixels = [8, 2]
-pitch = "150 um"
-
+    include_str!("../support/paper.toml"),
+    r#"pixels = [8, 2]
 [[object]]
 name = "rod"
 shape = { cylinder = { radius = "0.1 mm", height = "0.2 mm", sides = 16 } }

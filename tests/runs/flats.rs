@@ -11,16 +11,11 @@ use std::path::{Path, PathBuf};
 
 /// Flats before views 0, 3 and 6 and behind view 6; darks before views 0 and 4 and behind view 6.
 const SCENE: &str = concat!(
-    include_str!("../support/masks.toml"),
-    r#"
-[detector]
-distance = "1.8 m"
-pixels = [6, 3]
-pitch = "150 um"
+    include_str!("../support/paper.toml"),
+    r#"pixels = [6, 3]
 photons = 1000
 electronic_noise = 2
 bit_depth = 14
-
 [scan]
 mask_offsets = { from = "-25 um", to = "25 um", count = 3 }
 angles = { from = "0 deg", to = "360 deg", count = 7 }

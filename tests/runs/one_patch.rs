@@ -9,16 +9,10 @@ use tempfile::TempDir;
 
 /// `STEPS` mask steps; 2,000 balls of gold in one pixel.
 const SCENE: &str = concat!(
-    include_str!("../support/masks.toml"),
-    r#"
-[detector]
-distance = "1.8 m"
-pixels = [4, 1]
-pitch = "150 um"
-
+    include_str!("../support/paper.toml"),
+    r#"pixels = [4, 1]
 [scan]
 mask_offsets = { from = "-25 um", to = "25 um", count = STEPS }
-
 [sampling]
 tolerance = 1e-6
 max_rays = RAYS

@@ -12,14 +12,9 @@ use std::process::{Command, Stdio};
 
 /// A scan of 11 views with counts.
 const SCENE: &str = concat!(
-    include_str!("../support/masks.toml"),
-    r#"
-[detector]
-distance = "1.8 m"
-pixels = [8, 3]
-pitch = "150 um"
+    include_str!("../support/paper.toml"),
+    r#"pixels = [8, 3]
 photons = 1000
-
 [scan]
 mask_offsets = { from = "-25 um", to = "25 um", count = 3 }
 angles = { from = "0 deg", to = "360 deg", count = 11 }

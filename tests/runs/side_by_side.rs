@@ -11,17 +11,11 @@ use beamlet::{Backend, Cancel, Control, EngineOptions, Error, Progress};
 use std::ops::Range;
 
 const SCENE: &str = concat!(
-    include_str!("../support/masks.toml"),
-    r#"
-[detector]
-distance = "1.8 m"
-pixels = [24, 4]
-pitch = "150 um"
+    include_str!("../support/paper.toml"),
+    r#"pixels = [24, 4]
 photons = 1000
-
 [sampling]
 tolerance = 1e-3
-
 [scan]
 mask_offsets = { from = "-25 um", to = "25 um", count = 5 }
 angles = { from = "0 deg", to = "360 deg", count = 7 }

@@ -1,7 +1,6 @@
 //! Limits of ray optics for a scene: criteria, and expected errors against waves (docs/physics.md, "Limits of
 //! rays").
 
-mod estimates;
 mod objects;
 mod sizes;
 mod text;
@@ -114,14 +113,9 @@ pub struct ObjectLimits {
     pub diameters: Option<[f64; 2]>,
     /// True if the bodies are round; otherwise the diameters belong to an inscribed and an enclosing cylinder.
     pub round: bool,
-    /// Greatest difference of waves and rays in a pixel with one rim of a body, at the mask offsets of the
-    /// scan, share of open beam.
-    pub rim: Option<f64>,
     /// Dark field by waves over the dark field by rays, from the transform of the curve: least and greatest.
     /// `None` for bodies of 300 um or more, or where it is unknown.
     pub dark_field: Option<[f64; 2]>,
-    /// The same by Gaussian fits at the mask offsets of the scan.
-    pub fitted_dark_field: Option<[f64; 2]>,
     /// Share of the volume of its box that its bodies have; above 0.1 they are not independent, as the estimate
     /// of the dark field assumes.
     pub fill: f64,

@@ -18,8 +18,8 @@ pub(super) enum Sizes {
     Round(Form, Vec<Body>),
     /// Bodies between an inscribed and an enclosing cylinder.
     Between(Vec<Body>, Vec<Body>),
-    /// Bodies without an estimate, their least width where it is known (m), and the reason.
-    Unknown(Option<f64>, String),
+    /// Bodies without an estimate, with the reason.
+    Unknown(String),
 }
 
 impl Sizes {
@@ -33,12 +33,23 @@ impl Sizes {
         }
     }
 
+    /// Forms of the bodies with their sizes: both cylinders of bodies that are not round.
+    pub(super) fn forms(&self) -> Vec<(Form, &[Body])> {
+        match self {
+            Self::Round(form, bodies) => vec![(*form, bodies)],
+            Self::Between(inscribed, enclosing) => {
+                vec![(Form::Cylinder, inscribed), (Form::Cylinder, enclosing)]
+            }
+            Self::Unknown(_) => Vec::new(),
+        }
+    }
+
     /// Least and greatest diameter, m.
     pub(super) fn diameters(&self) -> Option<[f64; 2]> {
         let (low, high) = match self {
             Self::Round(_, sizes) => (sizes, sizes),
             Self::Between(inscribed, enclosing) => (inscribed, enclosing),
-            Self::Unknown(..) => return None,
+            Self::Unknown(_) => return None,
         };
         let least = low.iter().map(|body| body.radius).fold(f64::INFINITY, f64::min);
         let greatest = high.iter().map(|body| body.radius).fold(0.0, f64::max);
@@ -48,11 +59,10 @@ impl Sizes {
 
 fn of_shape(shape: &Shape, all: impl Fn(&[f64]) -> Vec<Body>) -> Sizes {
     let round = |sides: &Option<u32>| sides.is_none_or(|sides| sides >= ROUND);
-    let angular = |width: f64, what: &str| {
-        let reason = format!(
+    let angular = |what: &str| {
+        Sizes::Unknown(format!(
             "{what} have few slopes: the dark field by rays depends on their angle to the beam"
-        );
-        Sizes::Unknown(Some(width), reason)
+        ))
     };
     match shape {
         Shape::Cylinder { radius, sides, .. } if round(sides) => {
@@ -79,24 +89,13 @@ fn of_shape(shape: &Shape, all: impl Fn(&[f64]) -> Vec<Body>) -> Sizes {
         Shape::Tube { outer, inner, sides, .. } if round(sides) => {
             Sizes::Between(all(&[0.5 * (outer - inner)]), all(&[*outer]))
         }
-        Shape::Box { size } => {
-            angular(size.iter().copied().fold(f64::INFINITY, f64::min), "flat faces")
-        }
-        Shape::Extrusion { points, .. } => {
-            let extent = |axis: usize| {
-                let at = || points.iter().map(|point| point[axis]);
-                at().fold(0.0, f64::max) - at().fold(0.0, f64::min)
-            };
-            angular(extent(0).min(extent(1)), "flat faces")
-        }
-        Shape::Prism { radius, .. }
-        | Shape::Cylinder { radius, .. }
-        | Shape::Cone { radius, .. }
-        | Shape::Sphere { radius, .. } => angular(2.0 * radius, "flat facets"),
-        Shape::Ellipsoid { semi_axes, .. } => {
-            angular(2.0 * semi_axes.iter().copied().fold(f64::INFINITY, f64::min), "flat facets")
-        }
-        Shape::Tube { outer, inner, .. } => angular(outer - inner, "flat facets"),
+        Shape::Box { .. } | Shape::Extrusion { .. } => angular("flat faces"),
+        Shape::Prism { .. }
+        | Shape::Cylinder { .. }
+        | Shape::Cone { .. }
+        | Shape::Sphere { .. }
+        | Shape::Ellipsoid { .. }
+        | Shape::Tube { .. } => angular("flat facets"),
     }
 }
 
@@ -120,7 +119,7 @@ fn of_mesh(index: usize, sample: &Sample, scales: &[f64]) -> Sizes {
         0.5 * libm::hypot(sides[0], sides[1])
     });
     if inscribed.is_empty() {
-        return Sizes::Unknown(None, "its mesh has no surface".into());
+        return Sizes::Unknown("its mesh has no surface".into());
     }
     Sizes::Between(groups(&inscribed, scales), groups(&enclosing, scales))
 }

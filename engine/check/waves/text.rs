@@ -24,7 +24,7 @@ impl RayLimits {
         }
         lines.push(("flat".into(), self.flat_text()));
         for object in self.objects.iter().take(LISTED) {
-            lines.push((object.name.clone(), object.text(self.flat.as_ref())));
+            lines.push((object.name.clone(), object.text()));
         }
         let rough: Vec<&str> =
             self.objects.iter().filter(|it| it.rough).map(|it| it.name.as_str()).collect();
@@ -70,24 +70,14 @@ impl FlatLimits {
 }
 
 impl ObjectLimits {
-    fn text(&self, flat: Option<&FlatLimits>) -> String {
+    fn text(&self) -> String {
         let mut parts = Vec::new();
         if let Some(range) = self.diameters {
             let what = if self.round { "diameter" } else { "between cylinders of" };
             parts.push(format!("{what} {}", lengths(range)));
         }
-        match (self.rim, flat) {
-            (Some(rim), Some(flat)) => {
-                parts.push(format!("rims err by up to {} of the peak", percent(rim / flat.peak)));
-            }
-            _ => parts.push("error at rims unknown".into()),
-        }
         if let Some(range) = self.dark_field {
-            let fitted = self
-                .fitted_dark_field
-                .map(|range| format!(" ({} by Gaussian fits)", ratios(range)))
-                .unwrap_or_default();
-            parts.push(format!("dark field by waves {} of rays{fitted}", ratios(range)));
+            parts.push(format!("dark field by waves {} of rays", ratios(range)));
         }
         parts.extend(self.unknown.iter().cloned());
         parts.join("; ")

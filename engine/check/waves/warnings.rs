@@ -47,11 +47,8 @@ fn object(object: &ObjectLimits) -> Option<String> {
     if !is_off(low) && !is_off(high) {
         return None;
     }
-    let fitted = object
-        .fitted_dark_field
-        .map_or_else(String::new, |range| format!(" ({} by Gaussian fits)", times(range)));
     Some(format!(
-        "\"{}\" is outside ray optics: the dark field of bodies of {} by rays is {} the one by waves{fitted}; \
+        "\"{}\" is outside ray optics: the dark field of bodies of {} by rays is {} the one by waves; \
          distances, apertures and spot hardly change this",
         object.name,
         object.diameters.map_or_else(String::new, lengths),

@@ -253,18 +253,4 @@ mod tests {
             assert!(each < 400, "{depth} {form:?}: {each}");
         }
     }
-
-    #[test]
-    fn pairs_tested_grow_linearly_with_the_triangles_of_a_fan() {
-        let surface = fan(20_000, 0, 0.5);
-        let tree = Tree::of_triangles(&surface);
-        let mut looked_at = 0;
-        for leaf in tree.leaves() {
-            tree.pairs(&surface, leaf, &tree.start(&[leaf], 1e-9), 1e-9, |_, _| {
-                looked_at += 1;
-                true
-            });
-        }
-        assert!(looked_at < 40 * 20_000, "{looked_at}");
-    }
 }

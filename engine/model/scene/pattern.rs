@@ -100,9 +100,10 @@ impl Pattern {
         }
         let behind = first.iter().skip(1).copied().chain([first[0] + rows]);
         let z = |row: usize| (rows as f64 / 2.0 - row as f64) * pixel[1];
+        let x = |column: usize| (column as f64 - columns as f64 / 2.0) * pixel[0];
         let strip = |(from, to): (&usize, usize)| {
-            let x = placed(runs(self.open.row(*from).iter().copied()), columns, pixel[0]);
-            Strip::between([z(to), z(*from)], x)
+            let openings = runs(self.open.row(*from)).into_iter().map(|run| run.map(x));
+            Strip::between([z(to), z(*from)], openings.collect())
         };
         let mut strips: Vec<Strip> = first.iter().zip(behind).map(strip).collect();
         strips.retain(|strip| !strip.x.is_empty());
@@ -111,27 +112,16 @@ impl Pattern {
     }
 }
 
-/// Runs of open places on a circle: the first, and the one behind the last, which lies beyond the end for a run
-/// that crosses it.
-fn runs(open: impl Iterator<Item = bool>) -> Vec<[usize; 2]> {
-    let open: Vec<bool> = open.collect();
-    let count = open.len();
-    if open.iter().all(|it| *it) {
-        return if count > 0 { vec![[0, count]] } else { Vec::new() };
+/// Runs of open places, ascending: the first, and the one behind the last.
+fn runs<'a>(open: impl IntoIterator<Item = &'a bool>) -> Vec<[usize; 2]> {
+    let mut all: Vec<[usize; 2]> = Vec::new();
+    for (place, _) in open.into_iter().enumerate().filter(|(_, open)| **open) {
+        match all.last_mut() {
+            Some(run) if run[1] == place => run[1] += 1,
+            _ => all.push([place, place + 1]),
+        }
     }
-    let run = |from: usize| {
-        let length = (from..).take_while(|at| open[at % count]).count();
-        [from, from + length]
-    };
-    (0..count).filter(|at| open[*at] && !open[(at + count - 1) % count]).map(run).collect()
-}
-
-/// Runs of `count` places of this width, from their middle, ascending; one that crosses the end is two.
-fn placed(runs: Vec<[usize; 2]>, count: usize, width: f64) -> Vec<[f64; 2]> {
-    let at = |place: usize| (place as f64 - count as f64 / 2.0) * width;
-    let crossing = runs.last().filter(|run| run[1] > count).map(|run| [0, run[1] - count]);
-    let within = runs.iter().map(|[from, to]| [*from, *to.min(&count)]);
-    crossing.into_iter().chain(within).map(|run| run.map(at)).collect()
+    all
 }
 
 fn read_image(path: &Path) -> Result<Pattern> {
@@ -199,16 +189,6 @@ mod tests {
 
     fn pattern(rows: &[&str]) -> Pattern {
         Pattern::of_texts(rows).unwrap()
-    }
-
-    #[test]
-    fn runs_join_across_the_end_of_the_circle() {
-        let of = |text: &str| runs(text.bytes().map(|it| it == b'1'));
-        assert_eq!(of("0110"), [[1, 3]]);
-        assert_eq!(of("1001"), [[3, 5]]);
-        assert_eq!(of("1101"), [[3, 6]]);
-        assert_eq!(of("111"), [[0, 3]]);
-        assert!(of("000").is_empty());
     }
 
     /// Row 0 is on top, column 0 at the least x; equal rows are one strip.

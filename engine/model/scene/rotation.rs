@@ -152,7 +152,7 @@ enum Circles {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::scene::{MaskBody, Pattern};
+    use crate::scene::MaskBody;
 
     fn lattice(shape: ApertureShape, aperture: [f64; 2], period: [f64; 2]) -> MaskSpec {
         let body = MaskBody::Sheet { transmission: 0.0 };
@@ -210,41 +210,5 @@ mod tests {
         // Back to the first lattice.
         let back = turned(&turned(&square, 45.0), 45.0);
         assert!(back.lattice == square.lattice && same(back.period, 1.0));
-    }
-
-    /// The top of the mask turns to the right as the source sees it.
-    #[test]
-    fn patterns_and_rectangles_turn_clockwise() {
-        let body = MaskBody::Sheet { transmission: 0.0 };
-        let pattern = Pattern::of_texts(&["110", "000"]).expect("a pattern");
-        let mask = MaskSpec::new(1.0, 1.0, 1.0, body.clone()).with_pattern(pattern, [2.0, 3.0]);
-        let quarter = turned(&mask, 90.0);
-        assert_eq!(quarter.pattern.as_ref().expect("a pattern").texts(), ["01", "01", "00"]);
-        assert_eq!(quarter.pattern_pixel, Some([3.0, 2.0]));
-        assert_eq!(turned(&mask, -270.0), quarter);
-        assert_eq!(turned(&turned(&mask, 180.0), 180.0), mask);
-        // The same openings as rectangles: two pixels side by side in the upper row.
-        let of = |centre, size, period| {
-            let rectangles = vec![Rectangle { centre, size }];
-            MaskSpec::new(1.0, 1.0, 1.0, body.clone()).with_rectangles(rectangles, period)
-        };
-        let listed = of([-1.0, 1.5], [4.0, 3.0], [6.0, 6.0]);
-        let list = turned(&listed, 90.0);
-        assert_eq!(list, of([1.5, 1.0], [3.0, 4.0], [6.0, 6.0]));
-        assert_eq!(list.listed_strips(), quarter.listed_strips());
-    }
-
-    #[test]
-    fn other_angles_are_refused_with_the_angles_that_are_allowed() {
-        let slits = MaskSpec::new(1.0, 1.0, 0.2, MaskBody::Sheet { transmission: 0.0 });
-        let square = lattice(ApertureShape::Round, [0.3; 2], [1.0; 2]);
-        let boxes = lattice(ApertureShape::Rectangle, [0.3; 2], [1.0; 2]);
-        for (mask, degrees, allowed) in
-            [(&slits, 90.0, "slit"), (&square, 30.0, "of 45 deg"), (&boxes, 45.0, "of 90 deg")]
-        {
-            let error = mask.rotated(f64::to_radians(degrees)).expect_err(allowed).to_string();
-            assert!(error.contains(allowed), "{error}");
-        }
-        assert!(turned(&slits, 360.0) == slits);
     }
 }

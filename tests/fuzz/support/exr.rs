@@ -1,6 +1,6 @@
 //! EXR: the table of offsets, the sizes of chunks, and the checksums of deflated ones.
 
-use crate::{RAW_HASHES, RAW_LENGTHS, put_u32, u32_at, zlib};
+use super::{RAW_HASHES, RAW_LENGTHS, put_u32, u32_at, zlib};
 use exr::prelude::*;
 use std::io::Cursor;
 

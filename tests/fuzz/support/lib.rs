@@ -1,4 +1,4 @@
-//! What the fuzz targets share: files to read, runs to damage, and repairs.
+//! Files to read, runs to damage, and repairs, for fuzz targets and for tests/inputs/garbage.rs.
 //!
 //! A reader that compares a hash or a length first refuses nearly every damaged file there, and
 //! nothing behind it is tested. So most targets make hashes and lengths good again before the
@@ -9,6 +9,7 @@ pub mod exr;
 pub mod frames;
 pub mod meshes;
 pub mod npy;
+pub mod readers;
 pub mod run;
 pub mod tiff;
 pub mod tiny_run;
@@ -51,14 +52,8 @@ pub fn read(path: &Path) -> Vec<u8> {
 }
 
 /// Writes the seeds of a target into the folder that `BEAMLET_FUZZ_SEEDS` names, and ends the
-/// process; goes on where there is no such variable. A seed is a control and the bytes of a file.
-pub fn seeds(make: impl FnOnce() -> Vec<(u8, Vec<u8>)>) {
-    let with_control = |(control, bytes): (u8, Vec<u8>)| [&[control], bytes.as_slice()].concat();
-    bare_seeds(|| make().into_iter().map(with_control).collect());
-}
-
-/// As [`seeds`], for targets whose inputs have no control.
-pub fn bare_seeds(make: impl FnOnce() -> Vec<Vec<u8>>) {
+/// process; goes on where there is no such variable.
+pub fn seeds(make: impl FnOnce() -> Vec<Vec<u8>>) {
     let Some(folder) = std::env::var_os("BEAMLET_FUZZ_SEEDS") else { return };
     fs::create_dir_all(&folder).expect("the folder of seeds can be made");
     for (number, bytes) in make().into_iter().enumerate() {
@@ -66,6 +61,68 @@ pub fn bare_seeds(make: impl FnOnce() -> Vec<Vec<u8>>) {
     }
     let _ = fs::remove_dir_all(&*PLACE);
     std::process::exit(0);
+}
+
+/// Seeds of a control and the bytes of a file.
+pub fn with_control(files: Vec<(u8, Vec<u8>)>) -> Vec<Vec<u8>> {
+    files.into_iter().map(|(control, bytes)| [&[control], bytes.as_slice()].concat()).collect()
+}
+
+/// Words that readers trip over.
+const WORDS: [&str; 36] = [
+    "nan",
+    "-inf",
+    "1e999",
+    "-0",
+    "1e-400",
+    "18446744073709551616",
+    "4294967297",
+    "0",
+    "\"",
+    "'",
+    "[",
+    "]]",
+    "{",
+    "}",
+    "=",
+    ",",
+    ".",
+    "#",
+    "\n",
+    "\r",
+    "\u{feff}",
+    "\u{b5}m",
+    "\0",
+    "\\u0000",
+    " m",
+    "\"-1 mm\"",
+    "true",
+    "null",
+    "1979-05-27",
+    "v ",
+    "f 1 2 3\n",
+    "//",
+    "endloop",
+    "solid",
+    "[[object]]\n",
+    "\u{1f600}",
+];
+
+/// A file with one to four places changed; `number` chooses places, bytes that go and bytes that come.
+pub fn damaged(file: &[u8], number: u64) -> Vec<u8> {
+    let draws = tiny_run::drawn(number);
+    let mut bytes = file.to_vec();
+    for draw in draws.chunks_exact(8).take(1 + usize::from(draws[0] % 4)) {
+        let from = (bytes.len() * usize::from(u16::from_le_bytes([draw[1], draw[2]]))) >> 16;
+        let end = bytes.len().min(from + usize::from(draw[3] % 12));
+        let word = match draw[4] % 6 {
+            0 => &draw[5..8],
+            1 => &[],
+            _ => WORDS[usize::from(draw[5]) % WORDS.len()].as_bytes(),
+        };
+        bytes.splice(from..end, word.iter().copied());
+    }
+    bytes
 }
 
 /// Little-endian number at a place; zero where the bytes end before.

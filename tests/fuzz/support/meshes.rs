@@ -1,6 +1,6 @@
 //! Meshes as seeds, and the repair of STL files.
 
-use crate::{RAW_HEADER, RAW_LENGTHS, put_u32};
+use super::{RAW_HEADER, RAW_LENGTHS, put_u32};
 use std::io::{Cursor, Write};
 
 /// Where a binary STL file counts its triangles, and where they begin.

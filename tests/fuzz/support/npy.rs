@@ -1,6 +1,6 @@
 //! NPY: the length of the header, and the number of values that it claims.
 
-use crate::{RAW_HEADER, RAW_LENGTHS};
+use super::{RAW_HEADER, RAW_LENGTHS};
 
 /// Bytes before the dict in version 1.0.
 const DICT: usize = 10;

@@ -1,6 +1,6 @@
 //! A small run, made by the library's own sink: no device has part in it.
 
-use crate::PLACE;
+use super::PLACE;
 use beamlet::scene::{Exposure, Scene};
 use beamlet::stack::{Format, OpenRun, RunDirectory, RunStart, Sink, check_run, views};
 use beamlet::{Backend, RunRecord, SamplingSummary, SearchCounts, Tally};

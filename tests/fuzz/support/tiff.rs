@@ -1,6 +1,6 @@
 //! TIFF: where strips and tiles stand, how long they are, and the checksum of deflated ones.
 
-use crate::{RAW_HASHES, RAW_LENGTHS, put_u32, u32_at, zlib};
+use super::{RAW_HASHES, RAW_LENGTHS, put_u32, u32_at, zlib};
 use std::io::Cursor;
 use tiff::encoder::colortype::{ColorType, Gray8, Gray16, Gray32, Gray32Float, Gray64Float};
 use tiff::encoder::{Compression, DeflateLevel, TiffEncoder, TiffValue};

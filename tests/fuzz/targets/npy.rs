@@ -1,17 +1,7 @@
-//! NPY stacks and images: any bytes are read or refused. A control of [`beamlet_fuzz::OTHER`]
-//! reads an image (kernels, spots).
 #![no_main]
 
-use beamlet_fuzz::{OTHER, frames, npy, put, seeds};
+use beamlet_fuzz::readers::NPY;
+use beamlet_fuzz::seeds;
 use libfuzzer_sys::fuzz_target;
 
-fuzz_target!(init: seeds(npy::seeds), |input: &[u8]| {
-    let Some((&control, file)) = input.split_first() else { return };
-    let path = put("a.npy", &npy::repaired(control, file));
-    match control & OTHER {
-        0 => frames::read_stack(&path),
-        _ => {
-            let _ = beamlet::internals::image::read(&path);
-        }
-    }
-});
+fuzz_target!(init: seeds(NPY.seeds), |input: &[u8]| (NPY.read)(input));

@@ -1,10 +1,7 @@
-//! OBJ files: any bytes either load or are refused.
 #![no_main]
 
-use beamlet_fuzz::{bare_seeds, meshes};
+use beamlet_fuzz::readers::OBJ;
+use beamlet_fuzz::seeds;
 use libfuzzer_sys::fuzz_target;
-use std::path::Path;
 
-fuzz_target!(init: bare_seeds(meshes::obj_seeds), |bytes: &[u8]| {
-    let _ = beamlet::internals::geometry::diagnose(Path::new("a.obj"), bytes, 1e-3);
-});
+fuzz_target!(init: seeds(OBJ.seeds), |input: &[u8]| (OBJ.read)(input));

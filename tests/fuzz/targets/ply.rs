@@ -1,10 +1,7 @@
-//! PLY files: any bytes either load or are refused.
 #![no_main]
 
-use beamlet_fuzz::{bare_seeds, meshes};
+use beamlet_fuzz::readers::PLY;
+use beamlet_fuzz::seeds;
 use libfuzzer_sys::fuzz_target;
-use std::path::Path;
 
-fuzz_target!(init: bare_seeds(meshes::ply_seeds), |bytes: &[u8]| {
-    let _ = beamlet::internals::geometry::diagnose(Path::new("a.ply"), bytes, 1e-3);
-});
+fuzz_target!(init: seeds(PLY.seeds), |input: &[u8]| (PLY.read)(input));

@@ -4,7 +4,7 @@
 #![no_main]
 
 use beamlet::stack::Format;
-use beamlet_fuzz::{OTHER, RAW_HASHES, read, run, seeds, write};
+use beamlet_fuzz::{OTHER, RAW_HASHES, read, run, seeds, with_control, write};
 use libfuzzer_sys::fuzz_target;
 use std::collections::BTreeMap;
 use std::path::PathBuf;
@@ -49,7 +49,7 @@ fn repaired(run: &Run, file: &[u8]) -> Vec<u8> {
     file.split(|byte| *byte == b'\n').map(of_line).collect::<Vec<_>>().join(&b'\n')
 }
 
-fuzz_target!(init: seeds(logs), |input: &[u8]| {
+fuzz_target!(init: seeds(|| with_control(logs())), |input: &[u8]| {
     let Some((&control, file)) = input.split_first() else { return };
     let run = &RUNS[usize::from(control & OTHER != 0)];
     let file = if control & RAW_HASHES == 0 { repaired(run, file) } else { file.to_vec() };

@@ -3,7 +3,7 @@
 #![no_main]
 
 use beamlet::retrieve::Record;
-use beamlet_fuzz::{PLACE, npy, seeds, write};
+use beamlet_fuzz::{PLACE, npy, seeds, with_control, write};
 use libfuzzer_sys::fuzz_target;
 use std::path::PathBuf;
 use std::sync::LazyLock;
@@ -36,7 +36,7 @@ fn records() -> Vec<(u8, Vec<u8>)> {
     vec![(0, serde_json::to_vec_pretty(&record).expect("it can be written"))]
 }
 
-fuzz_target!(init: seeds(records), |input: &[u8]| {
+fuzz_target!(init: seeds(|| with_control(records())), |input: &[u8]| {
     let Some((_, file)) = input.split_first() else { return };
     let path = IMAGES.join("retrieved.json");
     write(&path, file);

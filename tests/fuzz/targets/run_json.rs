@@ -4,7 +4,7 @@
 #![no_main]
 
 use beamlet::stack::{Format, RunFile};
-use beamlet_fuzz::{OTHER, read, run, seeds, write};
+use beamlet_fuzz::{OTHER, read, run, seeds, with_control, write};
 use libfuzzer_sys::fuzz_target;
 use std::path::PathBuf;
 use std::sync::LazyLock;
@@ -17,7 +17,7 @@ fn records() -> Vec<(u8, Vec<u8>)> {
     vec![(0, exr), (OTHER, npy)]
 }
 
-fuzz_target!(init: seeds(records), |input: &[u8]| {
+fuzz_target!(init: seeds(|| with_control(records())), |input: &[u8]| {
     let Some((&control, file)) = input.split_first() else { return };
     let run = &RUNS[usize::from(control & OTHER != 0)];
     let path = run.join("run.json");

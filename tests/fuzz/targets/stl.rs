@@ -1,10 +1,7 @@
-//! STL files: any bytes either load or are refused. The count of triangles follows the length.
 #![no_main]
 
-use beamlet_fuzz::{meshes, seeds};
+use beamlet_fuzz::readers::STL;
+use beamlet_fuzz::seeds;
 use libfuzzer_sys::fuzz_target;
-use std::path::Path;
 
-fuzz_target!(init: seeds(meshes::stl_seeds), |input: &[u8]| {
-    let _ = beamlet::internals::geometry::diagnose(Path::new("a.stl"), &meshes::stl(input), 1e-3);
-});
+fuzz_target!(init: seeds(STL.seeds), |input: &[u8]| (STL.read)(input));

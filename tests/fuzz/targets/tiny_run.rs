@@ -2,7 +2,7 @@
 #![no_main]
 
 use beamlet::Engine;
-use beamlet_fuzz::{bare_seeds, tiny_run};
+use beamlet_fuzz::tiny_run;
 use libfuzzer_sys::fuzz_target;
 use std::sync::LazyLock;
 
@@ -12,6 +12,6 @@ fn seeds() -> Vec<Vec<u8>> {
     (0..16).map(tiny_run::drawn).collect()
 }
 
-fuzz_target!(init: bare_seeds(seeds), |bytes: &[u8]| {
+fuzz_target!(init: beamlet_fuzz::seeds(seeds), |bytes: &[u8]| {
     let _ = tiny_run::run(&ENGINE, &tiny_run::scene_of(bytes));
 });

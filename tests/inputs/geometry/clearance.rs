@@ -22,18 +22,6 @@ fn sample_between_the_masks_is_clear() {
 }
 
 #[test]
-fn object_that_turns_into_the_sample_mask_is_refused_with_the_angle() {
-    let mut scene = scene(vec![cube("small", 0.5e-3), at(plate(22e-3), [0.0, 0.0, 2e-3])]);
-    check(&scene).unwrap();
-    scene.scan.angles = vec![0.0, FRAC_PI_4, 2.0 * FRAC_PI_4];
-    let text = check(&scene).unwrap_err();
-    for word in ["\"plate\"", "object[1]", "90.000 deg", "1.199000 m", "1.200112 m", "sample mask"]
-    {
-        assert!(text.contains(word), "{word}: {text}");
-    }
-}
-
-#[test]
 fn thickness_of_the_bars_counts() {
     // The mask's centre is 10 mm before the rotation centre, its back 9.8875 mm.
     let mut thick = scene(vec![cube("a", 19.8e-3)]);

@@ -133,7 +133,9 @@ fn parts_that_touch_in_a_vertex_or_stand_apart_do_not_cross() {
     let (loaded, defects) = try_load(pair, false);
     assert_eq!(defects.non_manifold_vertices.count, 1);
     assert_eq!(defects.non_manifold_vertices.places[0].position_mm, Some([1.0; 3]));
-    let warnings = &loaded.unwrap().objects[0].warnings;
+    let sample = loaded.unwrap();
+    assert_eq!((sample.components.len(), sample.vertices.len()), (2, 15));
+    let warnings = &sample.objects[0].warnings;
     assert!(warnings[0].contains("1 vertex where parts touch"), "{warnings:?}");
     // A corner that stands on a face.
     let mut turned = shape("x", Shape::Box { size: [1e-3; 3] });
@@ -148,7 +150,7 @@ fn parts_that_touch_in_a_vertex_or_stand_apart_do_not_cross() {
 fn shapes_read_back_as_meshes_are_clean() {
     for of in [
         Shape::Cylinder { radius: 4e-3, height: 16e-3, sides: Some(2048) },
-        Shape::Sphere { radius: 1e-3, sides: Some(200) },
+        Shape::Sphere { radius: 1e-3, sides: Some(320) },
         Shape::Prism { radius: 4e-3, height: 16e-3, sides: 7 },
         Shape::Box { size: [1e-3, 2e-3, 3e-6] },
     ] {
@@ -181,17 +183,6 @@ fn rounding_to_f32_far_from_the_origin_makes_no_crossings() {
             assert_eq!(defects.self_intersections.count, 0, "{of:?}, {turn}, {far} m");
         }
     }
-}
-
-#[test]
-fn hollow_sphere_and_solid_in_its_void_are_clean() {
-    let hollow = Arrays::sphere(2e-3).and(Arrays::sphere(1.5e-3).turned());
-    let sample = clean(hollow.clone());
-    assert!(sample.components[1].volume < 0.0 && sample.objects[0].warnings.is_empty());
-    let sample = clean(hollow.and(Arrays::sphere(1e-3)));
-    let signs: Vec<bool> = sample.components.iter().map(|part| part.volume > 0.0).collect();
-    assert_eq!(signs, [true, false, true]);
-    assert!(sample.objects[0].warnings.is_empty());
 }
 
 #[test]
@@ -249,15 +240,6 @@ fn nan_vertices_are_counted_and_refused_even_where_defects_are_allowed() {
         assert_eq!(defects.not_finite.count, 12);
         assert_eq!(defects.not_finite.places[0].position_mm, None);
     }
-}
-
-#[test]
-fn big_clean_mesh_is_clean() {
-    let sphere = Arrays::of(Shape::Sphere { radius: 4e-3, sides: Some(320) });
-    assert!(sphere.1.len() > 100_000);
-    let began = std::time::Instant::now();
-    clean(sphere);
-    println!("two examinations: {:.2} s", began.elapsed().as_secs_f64());
 }
 
 #[test]

@@ -7,6 +7,7 @@ use beamlet::geometry::{Sample, load};
 use beamlet::internals::geometry::file_hash;
 use beamlet::scene::{Mesh, Shape, ShapeOrMesh};
 
+use super::formats::{TEXT_PLY, refused};
 use super::set_up::{Arrays, close, object, scene};
 
 fn read(directory: &Path, name: &str, bytes: &[u8]) -> beamlet::Result<Sample> {
@@ -15,13 +16,6 @@ fn read(directory: &Path, name: &str, bytes: &[u8]) -> beamlet::Result<Sample> {
     let mut scene = scene(vec![object("part", ShapeOrMesh::Mesh(mesh))]);
     scene.directory = directory.into();
     load(&scene)
-}
-
-fn refused(name: &str, bytes: &[u8]) -> String {
-    let directory = tempfile::tempdir().unwrap();
-    let text = read(directory.path(), name, bytes).unwrap_err().to_string();
-    assert!(text.contains("\"part\"") && text.contains(name), "{text}");
-    text
 }
 
 /// A cylinder in mm, in f32 so that every format can hold it exactly.
@@ -117,10 +111,8 @@ fn text_of_any_editor_is_the_same_mesh() {
     // A first vertex that is lost moves all others by one.
     let wavefront =
         obj(&part()).replace("# made here\nmtllib missing.mtl\no part\nusemtl red\n", "");
-    let ply = "ply\nformat ascii 1.0\nelement vertex 4\nproperty float x\nproperty float y\n\
-               property float z\nelement face 4\nproperty list uchar int vertex_index\nend_header\n\
-               0 0 0\n1 0 0\n0 1 0\n0 0 1\n3 0 2 1\n3 0 1 3\n3 0 3 2\n3 1 2 3\n";
-    for (name, text) in [("a.stl", ascii(&part())), ("a.obj", wavefront), ("a.ply", ply.to_owned())]
+    for (name, text) in
+        [("a.stl", ascii(&part())), ("a.obj", wavefront), ("a.ply", TEXT_PLY.to_owned())]
     {
         let plain = volume(name, text.as_bytes());
         for changed in [
@@ -185,17 +177,6 @@ fn solids_behind_one_another_in_a_binary_stl_are_read() {
     let volumes = [&sample, &plain].map(|it| it.objects[0].volume);
     assert!((volumes[0] / volumes[1] - 2.0).abs() < 1e-6, "{volumes:?}");
     assert!(sample.objects[0].warnings.is_empty(), "{:?}", sample.objects[0].warnings);
-}
-
-#[test]
-fn polygons_negative_indices_and_groups_of_an_obj_are_read() {
-    let directory = tempfile::tempdir().unwrap();
-    let text = "v -1 -1 -1\nv 1 -1 -1\nv 1 1 -1\nv -1 1 -1\nv -1 -1 1\nv 1 -1 1\nv 1 1 1\nv -1 1 1\n\
-                g lids\nf 4 3 2 1\nf -4 -3 -2 -1\n\
-                g walls\nvn 0 0 1\nf 1//1 2//1 6//1 5//1\nf 2 3 7 6\nf 3 4 8 7\nf 4 1 5 8\nl 1 2\n";
-    let sample = read(directory.path(), "cube.obj", text.as_bytes()).unwrap();
-    assert_eq!((sample.vertices.len(), sample.triangles.len()), (8, 12));
-    assert!(close(sample.objects[0].volume, 8e-9, 1e-12));
 }
 
 #[test]

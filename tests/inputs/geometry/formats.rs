@@ -215,7 +215,7 @@ fn names_of_an_obj_hold_any_letters() {
     assert!(message.contains("\"part #1\", "), "{message}");
 }
 
-const TEXT_PLY: &str = "ply\nformat ascii 1.0\ncomment by hand\nelement vertex 4\nproperty float x\n\
+pub(super) const TEXT_PLY: &str = "ply\nformat ascii 1.0\ncomment by hand\nelement vertex 4\nproperty float x\n\
     property double y\nproperty int z\nproperty uchar red\nelement face 4\n\
     property list uchar int vertex_index\nproperty float quality\nend_header\n\
     0 0 0 9\n1 0 0 9\n0 1 0 9\n0 0 1 9\n3 0 2 1 0.5\n3 0 1 3 0.5\n3 0 3 2 0.5\n3 1 2 3 0.5\n";
@@ -262,7 +262,7 @@ fn text_has_any_line_ends_and_any_words_where_nothing_is_read() {
         endloop\nendfacet\nendsolid a\nsolid b\nfacet normal x\nouter loop\nvertex 0 0 0\nvertex 0 0 1\n\
         vertex 0 1 0\nendloop\nendfacet\nfacet normal 1 1 1\nouter loop\nvertex 1 0 0\nvertex 0 1 0\n\
         vertex 0 0 1\nendloop\nendfacet\nendsolid b\n";
-    let obj = "f 1 3 2\nf 1 2 4\nfo 1 4 3\nv 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf -3 -2 -1\n";
+    let obj = "f 1 3 2\nf 1//1 2//1 4//1\nfo 1 4 3\nl 1 2\nvn 0 0 1\nv 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf -3 -2 -1\n";
     let body = TEXT_PLY.find("0 0 0 9").unwrap();
     let (head, rows) = TEXT_PLY.split_at(body);
     for (name, text) in [

@@ -187,14 +187,6 @@ fn parts_in_voids_and_in_material_are_sorted_out_at_any_depth() {
 }
 
 #[test]
-fn parts_that_share_only_a_corner_are_two_components() {
-    let pair = Arrays::cube(2e-3).and(Arrays::cube(2e-3).moved([2e-3, 2e-3, 2e-3]));
-    let sample = pair.load().unwrap();
-    assert_eq!(sample.components.len(), 2);
-    assert_eq!(sample.vertices.len(), 15);
-}
-
-#[test]
 fn folded_sheet_without_volume_is_left_out() {
     let mut folded = Arrays::cube(2e-3);
     let first = u32::try_from(folded.0.len()).unwrap();

@@ -4,7 +4,7 @@ use beamlet::geometry::{Sample, load};
 use beamlet::internals::geometry::load_lenient;
 use beamlet::scene::{Object, Shape};
 
-use super::set_up::{Arrays, at, block, close, cube, scene, shape};
+use super::set_up::{Arrays, at, block, close, cube, is_closed, scene, shape};
 
 fn volumes(sample: &Sample) -> Vec<f64> {
     sample.objects.iter().map(|object| object.volume).collect()
@@ -34,19 +34,6 @@ fn turned(objects: Vec<Object>) -> Vec<Object> {
         object
     };
     objects.into_iter().map(turn).collect()
-}
-
-/// Every edge of every object has as many triangles one way as the other.
-fn is_closed(sample: &Sample) -> bool {
-    let mut edges = std::collections::HashMap::new();
-    for (triangle, component) in sample.triangles.iter().zip(&sample.triangle_component) {
-        for k in 0..3 {
-            let (from, to) = (triangle[k], triangle[(k + 1) % 3]);
-            let sign = if from < to { 1 } else { -1 };
-            *edges.entry((from.min(to), from.max(to), *component)).or_insert(0) += sign;
-        }
-    }
-    edges.values().all(|count| *count == 0)
 }
 
 #[test]

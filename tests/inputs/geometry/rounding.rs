@@ -46,6 +46,11 @@ fn joined(sample: &Sample, volume: f64) -> &str {
     &warnings[0]
 }
 
+fn sorted(mut all: Vec<[f64; 3]>) -> Vec<[f64; 3]> {
+    all.sort_by(|a, b| a.partial_cmp(b).unwrap());
+    all
+}
+
 #[test]
 fn corners_within_rounding_are_joined_with_the_distance() {
     // Zeros of a CAD program, and numbers of 32 bits at 100 mm that differ by one unit of the last place.
@@ -81,9 +86,13 @@ fn joining_ends_at_four_units_of_the_last_place() {
         // In each triangle of its own, along three axes.
         let mesh =
             bracket(0.0, |it, number| it + 1e-4 / 3.0 + step * units * ((number / 9) % 2) as f64);
+        let mut backwards = mesh.clone();
+        backwards.1.reverse();
         match (mesh.load(), apart) {
             (Ok(sample), None) => {
                 joined(&sample, 6e-9);
+                // In any order of the triangles.
+                assert_eq!(sorted(sample.vertices), sorted(backwards.load().unwrap().vertices));
             }
             (Err(error), Some(apart)) => {
                 let text = error.to_string();
@@ -104,10 +113,6 @@ fn sound_mesh_keeps_its_corners_to_the_bit() {
     let cube = Arrays::cube(2e-3).moved([1e-3 / 3.0; 3]);
     let pair = cube.clone().and(cube.moved([2e-3 + 6e-10, 0.0, 0.0]));
     let sample = pair.clone().load().unwrap();
-    let sorted = |mut all: Vec<[f64; 3]>| {
-        all.sort_by(|a, b| a.partial_cmp(b).unwrap());
-        all
-    };
     assert_eq!(sorted(sample.vertices), sorted(pair.0));
     assert!(sample.objects[0].warnings.is_empty());
 }

@@ -110,13 +110,13 @@ pub(crate) fn normal([a, b, c]: [[f64; 3]; 3]) -> [f64; 3] {
     [v * z - w * y, w * x - u * z, u * y - v * x]
 }
 
-/// Every edge has as many triangles one way as the other.
+/// Every edge of every component has as many triangles one way as the other.
 pub(crate) fn is_closed(sample: &Sample) -> bool {
-    let mut edges: HashMap<[u32; 2], i32> = HashMap::new();
-    for [a, b, c] in &sample.triangles {
-        for [from, to] in [[a, b], [b, c], [c, a]] {
+    let mut edges: HashMap<(u32, [u32; 2]), i32> = HashMap::new();
+    for ([a, b, c], component) in sample.triangles.iter().zip(&sample.triangle_component) {
+        for [from, to] in [[*a, *b], [*b, *c], [*c, *a]] {
             let way = if from < to { 1 } else { -1 };
-            *edges.entry([*from.min(to), *from.max(to)]).or_default() += way;
+            *edges.entry((*component, [from.min(to), from.max(to)])).or_default() += way;
         }
     }
     edges.values().all(|it| *it == 0)

@@ -122,13 +122,8 @@ fn drum(radius: f64, height: f64, sides: u32, middle: [f64; 3]) -> Arrays {
 #[test]
 fn holes_as_parts_that_are_inside_out_stay_holes_whatever_touches() {
     let cube = || Arrays::cube(2e-3);
-    let section = |sides: u32, radius: f64| {
-        let half = std::f64::consts::PI / f64::from(sides);
-        f64::from(sides) * radius * radius * half.sin() * half.cos()
-    };
     // Faceted shapes have the volume of the circle.
     let area = std::f64::consts::PI * 0.36e-6;
-    assert!(section(24, 0.6e-3) < area);
     for (name, mesh, volume) in [
         ("through", cube().and(drum(0.6e-3, 2e-3, 24, [0.0; 3]).turned()), 8e-9 - area * 2e-3),
         (

@@ -3,6 +3,7 @@
 //! A driver (llvmpipe) that has less than it needs to begin with ends the program: so much is asked
 //! for before one is opened.
 
+use super::progress::{boxes, corner, triangles};
 use super::{code_and_stderr, npy, workplace};
 use crate::support::program::Workplace;
 use crate::support::sample;
@@ -73,37 +74,18 @@ fn many_triangles() {
     }
     // The same in a file of text and in a binary one.
     let mut text = String::new();
-    let mut binary = vec![0_u8; 80];
-    binary.extend(360_000_u32.to_le_bytes());
     for part in 0..30_000_u16 {
-        let [x, y] = [part % 200, part / 200].map(|n| 2.5 * f32::from(n));
-        for corner in 0..8_u8 {
-            let [i, j, k] = [corner & 1, corner >> 1 & 1, corner >> 2].map(f32::from);
-            text += &format!("v {} {} {k}\n", x + i, y + j);
+        for at in 0..8 {
+            let [x, y, z] = corner(part, at);
+            text += &format!("v {x} {y} {z}\n");
         }
-        let first = u32::from(part) * 8 + 1;
-        let faces =
-            [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]];
-        for [a, b, c, d] in faces {
-            for triangle in [[a, b, c], [a, c, d]] {
-                text += &format!(
-                    "f {} {} {}\n",
-                    first + triangle[0],
-                    first + triangle[1],
-                    first + triangle[2]
-                );
-                binary.extend([0; 12]);
-                for corner in triangle {
-                    let [i, j, k] =
-                        [corner & 1, corner >> 1 & 1, corner >> 2].map(|bit| bit as f32);
-                    [x + i, y + j, k].iter().for_each(|v| binary.extend(v.to_le_bytes()));
-                }
-                binary.extend([0; 2]);
-            }
+        for triangle in triangles() {
+            let [a, b, c] = triangle.map(|it| u32::from(part) * 8 + 1 + u32::from(it));
+            text += &format!("f {a} {b} {c}\n");
         }
     }
     fs::write(place.path("many.obj"), text).unwrap();
-    fs::write(place.path("many.stl"), binary).unwrap();
+    fs::write(place.path("many.stl"), boxes(30_000)).unwrap();
     for name in sample(vec!["many.obj", "many.stl"], 2) {
         let mesh = format!("object.part.mesh={name}");
         let unit = "object.part.unit=1 um";

@@ -16,13 +16,8 @@ use std::path::Path;
 use std::process::{Command, Output};
 
 const SCENE: &str = concat!(
-    include_str!("../../support/masks.toml"),
-    r#"
-[detector]
-distance = "1.8 m"
-pixels = [64, 8]
-pitch = "150 um"
-
+    include_str!("../../support/paper.toml"),
+    r#"pixels = [64, 8]
 [scan]
 mask_offsets = { from = "-25 um", to = "25 um", count = 5 }
 

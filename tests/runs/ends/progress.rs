@@ -13,25 +13,31 @@ use std::fs;
 use std::io::{Read, Write};
 use std::process::{Command, Stdio};
 
-/// A binary STL file of so many small boxes in rows of 200, 2.5 units apart.
-fn boxes(count: u16) -> Vec<u8> {
-    let mut file = vec![0_u8; 80];
-    file.extend((12 * u32::from(count)).to_le_bytes());
+/// Corners of the triangles of a box, by the bits of x, y and z.
+pub(super) fn triangles() -> impl Iterator<Item = [u8; 3]> {
     let faces =
         [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]];
+    faces.into_iter().flat_map(|[a, b, c, d]| [[a, b, c], [a, c, d]])
+}
+
+/// Place of this corner of a box: they stand in rows of 200, 2.5 units apart.
+pub(super) fn corner(part: u16, corner: u8) -> [f32; 3] {
+    let [x, y] = [part % 200, part / 200].map(|n| 2.5 * f32::from(n));
+    let [i, j, k] = [corner & 1, corner >> 1 & 1, corner >> 2].map(f32::from);
+    [x + i, y + j, k]
+}
+
+/// A binary STL file of so many small boxes.
+pub(super) fn boxes(count: u16) -> Vec<u8> {
+    let mut file = vec![0_u8; 80];
+    file.extend((12 * u32::from(count)).to_le_bytes());
     for part in 0..count {
-        let at = [part % 200, part / 200].map(|n| 2.5 * f32::from(n));
-        for [a, b, c, d] in faces {
-            for triangle in [[a, b, c], [a, c, d]] {
-                file.extend([0; 12]);
-                for corner in triangle {
-                    let [i, j, k] =
-                        [corner & 1, corner >> 1 & 1, corner >> 2].map(|bit| bit as f32);
-                    let place = [at[0] + i, at[1] + j, k];
-                    place.iter().for_each(|v| file.extend(v.to_le_bytes()));
-                }
-                file.extend([0; 2]);
-            }
+        for triangle in triangles() {
+            file.extend([0; 12]);
+            file.extend(
+                triangle.into_iter().flat_map(|it| corner(part, it)).flat_map(f32::to_le_bytes),
+            );
+            file.extend([0; 2]);
         }
     }
     file

@@ -36,17 +36,6 @@ fn spectra_may_fill_the_tables_and_weigh_next_to_nothing() {
     for text in sample(texts.to_vec(), 2) {
         is_balanced(&place, &[&file(&place, text)]);
     }
-    let sum = "a finite sum above 1e-300";
-    for (text, words) in [
-        ("0.09,1\n30,1\n", ["found 0.09 keV", "0.1 keV to 800 keV"]),
-        ("30,1\n800.1,1\n", ["found 800.1 keV", "0.1 keV to 800 keV"]),
-        ("10,1e308\n20,1e308\n", ["sum to inf", sum]),
-        ("10,0\n20,0\n", ["sum to 0.0", sum]),
-        // A number that is not zero, and of one digit: it was told to be absorbed by filters.
-        ("10,5e-324\n20,0\n", ["sum to 5e-324", sum]),
-    ] {
-        is_refused(&place, &[&file(&place, text)], &words);
-    }
 }
 
 #[test]
@@ -59,10 +48,6 @@ fn tubes_run_at_the_voltages_of_their_tables() {
     for (anode, low, high) in [("tungsten", 20, 160), ("molybdenum", 20, 50)] {
         for kvp in [low, high] {
             is_balanced(&place, &[&tube(anode, &format!("{kvp} kV"))]);
-        }
-        for kvp in [f64::from(low) - 1e-4, f64::from(high) + 1e-4] {
-            let kvp = format!("{kvp} kV");
-            is_refused(&place, &[&tube(anode, &kvp)], &["source.spectrum.kvp", "20 kV to"]);
         }
     }
 }

@@ -9,13 +9,8 @@ use std::time::{Duration, SystemTime};
 
 /// A rod in 12 views of 5 steps.
 const SCENE: &str = concat!(
-    include_str!("../../support/masks.toml"),
-    r#"
-[detector]
-distance = "1.8 m"
-pixels = [16, 2]
-pitch = "150 um"
-
+    include_str!("../../support/paper.toml"),
+    r#"pixels = [16, 2]
 [scan]
 mask_offsets = { from = "-25 um", to = "25 um", count = 5 }
 angles = { from = "0 deg", to = "360 deg", count = 12 }

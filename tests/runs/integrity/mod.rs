@@ -11,13 +11,8 @@ mod tally;
 
 /// The set-up of the paper around a rod, 4 views of 2 steps.
 pub(crate) const SCENE: &str = concat!(
-    include_str!("../../support/masks.toml"),
-    r#"
-[detector]
-distance = "1.8 m"
-pixels = [8, 2]
-pitch = "150 um"
-
+    include_str!("../../support/paper.toml"),
+    r#"pixels = [8, 2]
 [scan]
 mask_offsets = { from = "-25 um", to = "25 um", count = 2 }
 angles = { from = "0 deg", to = "360 deg", count = 4 }

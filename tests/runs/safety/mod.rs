@@ -17,13 +17,8 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 const SCENE: &str = concat!(
-    include_str!("../../support/masks.toml"),
-    r#"
-[detector]
-distance = "1.8 m"
-pixels = [8, 2]
-pitch = "150 um"
-
+    include_str!("../../support/paper.toml"),
+    r#"pixels = [8, 2]
 [scan]
 mask_offsets = { from = "-25 um", to = "25 um", count = 4 }
 angles = { from = "0 deg", to = "180 deg", count = 3 }

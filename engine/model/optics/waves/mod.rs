@@ -2,16 +2,14 @@
 //! (docs/physics.md, "Limits of rays").
 //!
 //! The frame is the plane of the sample mask; lengths are metres there. `pixel` has a pixel with its masks,
-//! `flat` its light without a sample and `error` the error of rays, `structure` the structure functions of round bodies, `bodies` the
-//! dark field of many of them, `rim` the light of a pixel with one rim. A wavelength of 0 gives rays.
+//! `flat` its light without a sample and `error` the error of rays, `structure` the structure functions of round
+//! bodies, `bodies` the dark field of many of them. A wavelength of 0 gives rays.
 
 mod bodies;
 mod error;
 mod flat;
-mod gaussian;
 mod pixel;
 mod quadrature;
-mod rim;
 mod series;
 mod structure;
 #[cfg(test)]
@@ -20,14 +18,10 @@ mod tests;
 pub use bodies::{Bodies, Body};
 pub use error::{FlatError, remedies};
 pub use pixel::Pixel;
-pub use rim::Rim;
 pub use structure::Form;
 
 /// Energy node: photon energy in keV, weight, and light that the bars of both masks transmit.
 pub type Node = (f64, f64, [f64; 2]);
-
-/// Most terms of a series with a body: smaller spots have no estimate.
-const MOST_TERMS: usize = 1000;
 
 /// Planck's constant times the speed of light, keV m.
 const HC: f64 = 1.239_841_984e-9;

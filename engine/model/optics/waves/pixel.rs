@@ -165,17 +165,6 @@ impl Pixel {
         self.lever * self.fringe_area(wavelength) * frequency
     }
 
-    /// Mask offset near the middle of others (m) at which an aperture is aligned with the window; `None` with
-    /// several apertures or windows.
-    #[must_use]
-    pub fn aligned(&self, offsets: &[f64]) -> Option<f64> {
-        let ([aperture], [window]) = (&self.apertures[..], &self.windows[..]) else { return None };
-        let [low, high] = super::super::ends(offsets);
-        let off = f64::midpoint(window[0], window[1]) - f64::midpoint(aperture[0], aperture[1]);
-        let middle = f64::midpoint(low, high);
-        Some(middle + libm::remainder(off - middle, self.period))
-    }
-
     /// Terms of a series of a period that the blur leaves.
     pub(super) fn term_count(&self, period: f64) -> usize {
         let last = (BLURRED_AWAY / 2.0).sqrt() / std::f64::consts::PI / self.least_blur();

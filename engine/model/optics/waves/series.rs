@@ -20,18 +20,6 @@ impl Series {
         self.terms.iter().rev().fold(DVec2::ZERO, |sum, term| sum.rotate(step) + *term).x
     }
 
-    /// Frequency of a term, cycles per metre.
-    pub(super) fn frequency(&self, term: usize) -> f64 {
-        term as f64 / self.period
-    }
-
-    /// Each term times a factor of its number.
-    pub(super) fn damped(&self, factor: impl Fn(usize) -> f64) -> Self {
-        let all = self.terms.iter().enumerate();
-        let terms = all.map(|(at, term)| *term * factor(at)).collect();
-        Self { period: self.period, terms }
-    }
-
     /// Adds `weight` times another series of the same period.
     pub(super) fn add(&mut self, weight: f64, other: &Self) {
         self.terms.resize(self.terms.len().max(other.terms.len()), DVec2::ZERO);
