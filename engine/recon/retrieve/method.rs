@@ -113,7 +113,7 @@ impl Method {
             )),
             Self::TwoStep | Self::Triangle => one_slit(self, scene),
             Self::ExactCurve => slits_of_every_pixel(scene),
-            _ => Ok(()),
+            Self::Gaussian | Self::ThreeStep | Self::Moments | Self::Beamlet => Ok(()),
         }
     }
 
@@ -126,6 +126,24 @@ impl Method {
             Self::TwoStep => 2,
             Self::Moments | Self::Triangle => 5,
             Self::Beamlet => 1,
+        }
+    }
+
+    /// True for fits with a background that the masks or a number give.
+    pub(super) const fn has_background(self) -> bool {
+        match self {
+            Self::Gaussian | Self::ExactCurve => true,
+            Self::ThreeStep | Self::TwoStep | Self::Moments | Self::Triangle | Self::Beamlet => {
+                false
+            }
+        }
+    }
+
+    /// True for fits that weigh values by their noise.
+    pub(super) const fn weighs(self) -> bool {
+        match self {
+            Self::Gaussian | Self::ExactCurve | Self::Beamlet => true,
+            Self::ThreeStep | Self::TwoStep | Self::Moments | Self::Triangle => false,
         }
     }
 
@@ -167,7 +185,9 @@ impl Method {
             }
             Self::TwoStep => (different == least, format!("exactly {least} different offsets")),
             Self::Beamlet => (count == least, format!("exactly {least} offset")),
-            _ => (different >= least, format!("at least {least} different offsets")),
+            Self::Moments | Self::Triangle | Self::ExactCurve => {
+                (different >= least, format!("at least {least} different offsets"))
+            }
         };
         if served && offsets.iter().all(|offset| offset.is_finite()) {
             return Ok(());

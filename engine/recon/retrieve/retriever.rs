@@ -87,8 +87,7 @@ impl Retriever {
         }
         let offsets = periods.without(&scene.scan.mask_offsets);
         let fits = method == Method::Gaussian;
-        let weighs = matches!(method, Method::Gaussian | Method::ExactCurve | Method::Beamlet);
-        if options.weights == Weights::Poisson && !weighs {
+        if options.weights == Weights::Poisson && !method.weighs() {
             let allowed = "poisson with gaussian, exact-curve or beamlet";
             return Err(Error::argument("weights", format!("poisson with {method}"), allowed));
         }

@@ -1,10 +1,11 @@
 //! Values of the pixels of a view, and the curves of their flat.
 
 use super::equations::Unknowns;
-use crate::retrieve::diagnosis::{FittedCurve, Model};
+use crate::retrieve::diagnosis::FittedCurve;
+use crate::retrieve::fit::fit_slits;
 use crate::retrieve::fitter::Weights;
-use crate::retrieve::least_squares::{self, CurveScan};
 use crate::retrieve::misfit::median;
+use crate::retrieve::scan::Scan;
 use crate::retrieve::shape::CurveGeometry;
 use crate::retrieve::value_noise::ValueNoise;
 use crate::retrieve::{RetrieveOptions, flags, quadrature};
@@ -71,7 +72,8 @@ impl FlatPixel {
     fn residual(&self, [of_flat, offsets]: [&[f64]; 2]) -> Vec<f64> {
         match of_flat == offsets {
             true => {
-                offsets.iter().zip(&self.values).map(|(x, y)| y - self.curve.at(*x).0).collect()
+                let fitted = self.curve.at(offsets.iter().copied());
+                self.values.iter().zip(fitted).map(|(y, [value, ..])| y - value).collect()
             }
             false => vec![0.0; offsets.len()],
         }
@@ -143,31 +145,26 @@ impl<'a> PixelSet<'a> {
     }
 }
 
-fn scan(offsets: &[f64], geometry: &CurveGeometry, options: &RetrieveOptions) -> CurveScan {
+fn scan(offsets: &[f64], geometry: &CurveGeometry, options: &RetrieveOptions) -> Scan {
     let noise = ValueNoise {
         saturation: f64::INFINITY,
         gain: options.gain,
         read_noise: options.read_noise,
         weights: Weights::None,
     };
-    CurveScan {
-        offsets: offsets.to_vec(),
-        shares: quadrature::trapezoids(offsets),
-        noise,
-        background: geometry.background,
-    }
+    Scan::along_x(offsets, quadrature::trapezoids(offsets), noise, geometry.background)
 }
 
 /// The curve of the masks through values: five or more determine its blur; fewer take the blur of the geometry.
-fn fit(geometry: &CurveGeometry, scan: &CurveScan, values: &[f64]) -> Option<FittedCurve> {
-    let shape = geometry.shape()?;
+fn fit(geometry: &CurveGeometry, scan: &Scan, values: &[f64]) -> Option<FittedCurve> {
+    let model = geometry.model()?;
     let curve = values.iter().map(|value| beamlet_core::numbers::single(*value));
-    let spread = (values.len() < 5).then(|| geometry.spread());
-    let found = least_squares::fit_with(&shape, scan, curve, spread);
+    let blur = (values.len() < 5).then(|| geometry.spread());
+    let found = fit_slits(&model, scan, curve, blur);
     let odd = flags::NO_ANSWER | flags::OUTSIDE;
     if found.flags & odd != 0 {
         return None;
     }
-    let numbers = [found.area, found.amplitude, found.centre, found.width, found.background];
-    Model::Shape(shape).fitted(numbers, scan.background)
+    let numbers = [found.amplitude, found.centre[0], found.width(), found.background];
+    FittedCurve::new(&model, numbers, scan.background)
 }

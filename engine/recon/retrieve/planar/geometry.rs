@@ -2,10 +2,10 @@
 
 use super::super::method::{Method, refuse_lists};
 use super::super::options::RetrieveOptions;
+use super::super::profile::Profile;
+use super::super::strips::Strip;
 use super::aperture::Aperture;
 use super::lattice::Lattice;
-use super::profile::Profile;
-use super::shape::Strip;
 use beamlet_core::{Error, Result};
 use beamlet_model::optics::{FrontView, Mask, Openings, Optics};
 use beamlet_model::scene::{ApertureLattice, ApertureShape, Blur, MaskSpec, Scene};
@@ -90,15 +90,17 @@ impl Design {
     /// # Errors
     /// [`Error::Argument`] with the option; [`Error::Scene`] for masks that the design does not have.
     pub(crate) fn check(&self, scene: &Scene, options: &RetrieveOptions) -> Result<()> {
+        let [of_beamlets, of_steps] = match options.method() {
+            Method::Gaussian => [true, true],
+            Method::Beamlet | Method::Moments => [true, false],
+            Method::ExactCurve => [false, true],
+            Method::ThreeStep | Method::TwoStep | Method::Triangle => [false, false],
+        };
         let (serves, allowed) = match self {
-            Self::Beamlets(_) => (
-                matches!(options.method(), Method::Gaussian | Method::Beamlet | Method::Moments),
-                "gaussian, beamlet or moments for beamlets on a lattice",
-            ),
-            Self::Steps(_) => (
-                matches!(options.method(), Method::Gaussian | Method::ExactCurve),
-                "gaussian or exact-curve for steps along x and z",
-            ),
+            Self::Beamlets(_) => {
+                (of_beamlets, "gaussian, beamlet or moments for beamlets on a lattice")
+            }
+            Self::Steps(_) => (of_steps, "gaussian or exact-curve for steps along x and z"),
         };
         if !serves {
             return Err(Error::argument("method", options.method().name(), allowed));

@@ -1,8 +1,8 @@
 //! Images of a view in two directions.
 
+use super::super::curves::Curve;
 use super::super::flags;
 use super::super::images::{FLAGS, Images};
-use super::curve::PlanarCurve;
 use super::fit::PlanarFit;
 use beamlet_core::numbers::single;
 use ndarray::Array2;
@@ -52,7 +52,7 @@ pub(crate) fn names(has_sigmas: bool) -> [Vec<&'static str>; 2] {
 }
 
 /// Values of a curve in the order of its images.
-fn values(curve: &PlanarCurve) -> [f64; 8] {
+fn values(curve: &Curve) -> [f64; 8] {
     let [xx, zz, xz] = curve.moments;
     [
         curve.amplitude,

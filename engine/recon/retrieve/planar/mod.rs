@@ -2,14 +2,8 @@
 //!
 //! | file | content |
 //! |---|---|
-//! | `profile.rs` | profile of light along one axis |
-//! | `shape.rs` | light in two directions: strips of an aperture and a correlated blur |
-//! | `equations.rs` | normal equations of seven unknowns |
-//! | `scan.rs` | values at their places |
-//! | `descent.rs` | Levenberg-Marquardt |
-//! | `fit.rs` | the fit of a curve, with uncertainties and flags |
+//! | `fit.rs` | the fit of a curve, with what its values determine |
 //! | `moments.rs` | moments in closed form |
-//! | `curve.rs` | results of either |
 //! | `lattice.rs` | lattices of beamlets |
 //! | `found.rs` | a lattice found in a flat |
 //! | `windows.rs` | pixels of beamlets |
@@ -23,9 +17,6 @@
 //! | `images.rs` | images of a view |
 
 mod aperture;
-mod curve;
-mod descent;
-mod equations;
 mod expected;
 mod fit;
 mod found;
@@ -35,11 +26,8 @@ mod lattice;
 mod models;
 mod moments;
 mod offsets;
-mod profile;
 mod response;
 mod retriever;
-mod scan;
-mod shape;
 mod windows;
 
 #[cfg(test)]

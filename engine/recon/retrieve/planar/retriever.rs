@@ -7,17 +7,15 @@ use super::super::misfit;
 use super::super::noise_factors::NoiseFactors;
 use super::super::options::RetrieveOptions;
 use super::super::value_noise::ValueNoise;
-use super::fit::{PlanarFit, PlanarModel};
+use super::fit::{NEEDED, PlanarFit, PlanarModel};
 use super::found::{Frame, PlacedLattice};
 use super::geometry::Design;
 use super::images;
 use super::models::{
-    Centres, beamlet_model, curve_model, through_centres, values, without_periods,
+    Centres, beamlet_model, curve_model, through_centres, values, window_scan, without_periods,
 };
 use super::moments::by_moments;
 use super::offsets;
-use super::scan::PlanarValues;
-use super::shape::UNKNOWNS;
 use super::windows::{Window, Windows};
 use beamlet_core::cancel::Cancel;
 use beamlet_core::{Error, Result, numbers};
@@ -86,7 +84,7 @@ impl PlanarRetriever {
                 (Curves::Beamlets(windows, placed), model, 1.0 / lever)
             }
             Design::Steps(pairs) => {
-                offsets::check(pairs, PlanarValues::NEEDED)?;
+                offsets::check(pairs, NEEDED)?;
                 let kept = without_periods(scene, pairs);
                 whole_periods =
                     pairs.first().zip(kept.first()).map_or(0.0, |(all, own)| all[0] - own[0]);
@@ -178,7 +176,7 @@ impl PlanarRetriever {
                 let all: Vec<(usize, &Window)> = windows.iter().collect();
                 let fit = |(at, window): &(usize, &Window)| -> Result<(usize, PlanarFit)> {
                     cancel.check()?;
-                    Ok((*at, self.beamlet(frames, window, &noise, of_flat(*at))))
+                    Ok((*at, self.beamlet(frames, (window, noise), of_flat(*at))))
                 };
                 let fitted: Vec<_> = all.par_iter().map(fit).collect::<Result<_>>()?;
                 let mut fits = vec![None; windows.count()];
@@ -193,13 +191,13 @@ impl PlanarRetriever {
                     let allowed = "one offset for each frame";
                     return Err(Error::scene("scan.mask_offsets", found, allowed));
                 }
+                let scan = self.model.scan(pairs.clone(), noise);
                 let fit = |at: usize| {
                     cancel.check()?;
                     let (row, column) = (at / columns, at % columns);
                     let curve = (0..steps).map(|step| frames[[step, row, column]]);
-                    let values = PlanarValues::of(pairs, curve, &noise, PlanarValues::NEEDED);
                     let centre = centres.map(|centres| centres.at(first + row, column));
-                    Ok(Some(self.model.fit(&values, &noise, of_flat(at), centre)))
+                    Ok(Some(self.model.fit(&scan, curve, of_flat(at), centre)))
                 };
                 (0..rows * columns).into_par_iter().map(fit).collect()
             }
@@ -210,22 +208,16 @@ impl PlanarRetriever {
     fn beamlet(
         &self,
         frames: ArrayView3<'_, f32>,
-        window: &Window,
-        noise: &ValueNoise,
+        (window, noise): (&Window, ValueNoise),
         flat: Option<&PlanarFit>,
     ) -> PlanarFit {
-        let values = values(&self.frame, frames, (window, noise));
+        let scan = window_scan(&self.model, &self.frame, (window, noise));
+        let curve = values(frames, window);
         if self.options.method() != Method::Moments {
-            return self.model.fit(&values, noise, flat, None);
+            return self.model.fit(&scan, curve, flat, None);
         }
         let area = self.frame.pitch[0] * self.frame.pitch[1];
-        let curve = by_moments(&values, noise, (&self.model.shape, area));
-        PlanarFit {
-            curve,
-            unknowns: [f64::NAN; UNKNOWNS],
-            unresolved: [false; 2],
-            blind: [false; 2],
-        }
+        PlanarFit::of(by_moments(&scan, curve, (&self.model.model, area)))
     }
 
     /// Images of a view from the fits of flat and sample.
@@ -280,8 +272,7 @@ impl PlanarRetriever {
 
     /// Values of the model for a row of frames.
     pub(super) fn values_of_row(&self) -> usize {
-        let shape = &self.model.shape;
-        self.frame.shape[1] * self.values() * shape.strips.len() * (1 + shape.neighbours.len())
+        self.frame.shape[1] * self.values() * self.model.model.terms()
     }
 
     /// Values of a curve, about.
