@@ -24,6 +24,8 @@ pub(super) struct Curve {
     pub(super) centre_sigma: [f64; 2],
     /// Standard uncertainties of the second moments, m^2.
     pub(super) moments_sigma: [f64; 3],
+    /// Axes whose blur the values do not determine.
+    pub(super) unresolved: [bool; 2],
     /// Condition number of the fit.
     pub(super) condition: f64,
     /// Bits of [`super::flags`].
@@ -55,6 +57,7 @@ impl Curve {
             area_sigma,
             centre_sigma: [centre_sigma, f64::NAN],
             moments_sigma: [2.0 * width * width_sigma, f64::NAN, f64::NAN],
+            unresolved: [false; 2],
             condition: f64::NAN,
             flags,
         }
@@ -68,6 +71,19 @@ impl Curve {
     /// Standard deviation along x, m.
     pub(super) fn width(&self) -> f64 {
         self.moments[0].sqrt()
+    }
+
+    /// Standard uncertainty of the standard deviation along x, m.
+    pub(super) fn width_sigma(&self) -> f64 {
+        self.moments_sigma[0] / (2.0 * self.width())
+    }
+
+    /// True if the values determine a second moment, by its index.
+    pub(super) const fn resolves(&self, moment: usize) -> bool {
+        match moment {
+            0 | 1 => !self.unresolved[moment],
+            _ => !(self.unresolved[0] || self.unresolved[1]),
+        }
     }
 }
 
@@ -136,9 +152,28 @@ impl Curves {
             residual: of(|e| e.residual),
             area_sigma: of(|e| e.area_sigma),
             centre_sigma: of(|e| e.centre_sigma[0]),
-            width_sigma: of(|e| e.moments_sigma[0] / (2.0 * e.width())),
+            width_sigma: of(Curve::width_sigma),
             condition: of(|e| e.condition),
             flags: entries.iter().map(|e| e.flags).collect(),
+        }
+    }
+
+    /// A curve.
+    pub(super) fn curve(&self, at: usize) -> Curve {
+        let of = |values: &[f32]| f64::from(values[at]);
+        let numbers = [&self.area, &self.amplitude, &self.centre, &self.width];
+        let sigmas = [&self.area_sigma, &self.centre_sigma, &self.width_sigma];
+        let is_unresolved = self.flags[at] & flags::UNRESOLVED != 0;
+        Curve {
+            background: of(&self.background),
+            residual: of(&self.residual),
+            condition: of(&self.condition),
+            unresolved: [is_unresolved, false],
+            ..Curve::of_slits(
+                numbers.map(|values| of(values)),
+                sigmas.map(|values| of(values)),
+                self.flags[at],
+            )
         }
     }
 

@@ -192,6 +192,7 @@ impl Fitting<'_> {
             area_sigma: sigma(0) / p[0],
             centre_sigma: [sigma(1), sigma(2)],
             moments_sigma: [sigma(3), sigma(4), sigma(5)],
+            unresolved: [false; 2],
             condition: fit.condition,
             flags,
         }

@@ -140,7 +140,8 @@ impl Retriever {
         let flat = self.fit_curves(&model, &[[scale, 0.0, spread]; 3], None)?;
         let sample = self.fit_curves(&model, &samples, Some(&flat))?;
         let mut images = Images::new(self.names(), 1, samples.len());
-        images.take(0..samples.len(), &flat, &sample, self.angle_per_shift());
+        let curves = |at: usize| [flat.curve(at), sample.curve(at)].map(Some);
+        images.take(0..samples.len(), curves, self.angle_per_shift());
         let of = |name: &str, pixel: usize| images.get(name).map(|map| f64::from(map[[0, pixel]]));
         let angle = self.angle_per_shift();
         Ok(Some(Response {

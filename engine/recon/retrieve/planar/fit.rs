@@ -43,8 +43,6 @@ pub(crate) struct PlanarFit {
     pub(super) curve: Curve,
     /// Unknowns, for the fit of the sample.
     pub(super) unknowns: Unknowns,
-    /// Axes whose blur the values do not determine.
-    pub(super) unresolved: [bool; 2],
     /// Axes along which the offsets do not change the light of the flat.
     pub(super) blind: [bool; 2],
 }
@@ -57,7 +55,7 @@ impl PlanarFit {
 
     /// A curve of all axes without unknowns: moments, or no fit.
     pub(super) const fn of(curve: Curve) -> Self {
-        Self { curve, unknowns: [f64::NAN; UNKNOWNS], unresolved: [false; 2], blind: [false; 2] }
+        Self { curve, unknowns: [f64::NAN; UNKNOWNS], blind: [false; 2] }
     }
 }
 
@@ -116,7 +114,7 @@ impl PlanarModel {
         if blind == [true; 2] {
             curve.flags |= flags::NO_PEAK;
         }
-        PlanarFit { curve, unknowns: fit.p, unresolved, blind }
+        PlanarFit { curve, unknowns: fit.p, blind }
     }
 
     /// Axes along which the offsets do not change the light: of the curve by the geometry, else of the fitted one.
@@ -179,7 +177,7 @@ impl PlanarModel {
         };
         let limit = match flat {
             None => WIDTH_LIMITS[0] * self.blur.map_or(value, |blur| value.min(blur[axis])),
-            Some(flat) if flat.unresolved[axis] => WIDTH_LIMITS[1] * value,
+            Some(flat) if flat.curve.unresolved[axis] => WIDTH_LIMITS[1] * value,
             Some(_) => WIDTH_LIMITS[0] * value,
         };
         fit.settled && value > 1.01 * of.least[axis] && variance.sqrt() < limit
@@ -187,7 +185,7 @@ impl PlanarModel {
 
     /// The curve of a fit, with its uncertainties and flags.
     fn curve(&self, of: &Fitting<'_>, fit: &Fit, unresolved: [bool; 2]) -> Curve {
-        let mut curve = of.curve(fit);
+        let mut curve = Curve { unresolved, ..of.curve(fit) };
         let correlation = fit.p[5].abs() / (fit.p[3] * fit.p[4]).sqrt();
         if unresolved[0] || unresolved[1] || correlation > 0.999 * MOST_CORRELATED {
             curve.flags |= flags::UNRESOLVED;

@@ -14,14 +14,12 @@
 //! | `expected.rs` | uncertainties without a sample |
 //! | `response.rs` | small contrasts as they are retrieved |
 //! | `retriever.rs` | a design made ready: fits of flat and sample |
-//! | `images.rs` | images of a view |
 
 mod aperture;
 mod expected;
 mod fit;
 mod found;
 mod geometry;
-mod images;
 mod lattice;
 mod models;
 mod moments;
@@ -39,6 +37,5 @@ pub use aperture::Aperture;
 pub use expected::sigmas_in_two_directions;
 pub(crate) use fit::PlanarFit;
 pub(crate) use geometry::{Design, aperture, knows_curve};
-pub(crate) use images::{names, of_flat};
 pub use lattice::Lattice;
 pub(crate) use retriever::{Fits, PlanarRetriever};

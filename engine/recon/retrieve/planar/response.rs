@@ -2,6 +2,7 @@
 
 use super::super::background::Background;
 use super::super::equations::Unknowns;
+use super::super::images::contrasts;
 use super::super::method::Method;
 use super::super::noise_factors::NoiseFactors;
 use super::super::response::{PHOTONS, Response, SHIFT, TRANSMISSION, WIDENED};
@@ -9,7 +10,6 @@ use super::super::strips::Tables;
 use super::super::value_noise::ValueNoise;
 use super::fit::PlanarFit;
 use super::geometry::knows_curve;
-use super::images::contrasts;
 use super::models::curve_model;
 use super::retriever::PlanarRetriever;
 use beamlet_core::Result;
@@ -47,8 +47,9 @@ impl PlanarRetriever {
         };
         let angle = self.angle_per_shift();
         let flat = fit(&|_| (), None);
-        let of =
-            |change: &dyn Fn(&mut Unknowns)| contrasts(&flat, &fit(change, Some(&flat)), angle);
+        let of = |change: &dyn Fn(&mut Unknowns)| {
+            contrasts(&flat.curve, &fit(change, Some(&flat)).curve, angle)
+        };
         let along = |axis: usize| {
             let (shift, widened) = (SHIFT * widths[axis], WIDENED * widths[axis].powi(2));
             [

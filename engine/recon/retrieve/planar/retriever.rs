@@ -1,7 +1,7 @@
 //! A design made ready for frames of a shape: the flat's curves once, then the images of each view.
 
 use super::super::flags;
-use super::super::images::Images;
+use super::super::images::{self, CONTRASTS, FLAGS, Images};
 use super::super::method::Method;
 use super::super::misfit;
 use super::super::noise_factors::NoiseFactors;
@@ -10,7 +10,6 @@ use super::super::value_noise::ValueNoise;
 use super::fit::{NEEDED, PlanarFit, PlanarModel};
 use super::found::{Frame, PlacedLattice};
 use super::geometry::Design;
-use super::images;
 use super::models::{
     Centres, beamlet_model, curve_model, through_centres, values, window_scan, without_periods,
 };
@@ -220,6 +219,22 @@ impl PlanarRetriever {
         PlanarFit::of(by_moments(&scan, curve, (&self.model.model, area)))
     }
 
+    /// Names of the images of the flat and of a view.
+    pub(crate) fn names(&self) -> [Vec<&'static str>; 2] {
+        let has_sigmas = self.options.gain.is_some();
+        let of_flat = |name: &str| name.starts_with("flat_");
+        images::names(|name| !name.ends_with("_sigma") || (has_sigmas && !of_flat(name)))
+    }
+
+    /// Images of the flat from its fits.
+    pub(crate) fn images_of_flat(&self, flat: &[Option<PlanarFit>], rows: usize) -> Images {
+        let [height, width] = self.shape(rows);
+        let [names, _] = self.names();
+        let mut images = Images::new(names, height, width);
+        images.take_flat(|at| Some(flat.get(at)?.as_ref()?.curve));
+        images
+    }
+
     /// Images of a view from the fits of flat and sample.
     pub(crate) fn images(
         &self,
@@ -227,9 +242,12 @@ impl PlanarRetriever {
         sample: &[Option<PlanarFit>],
         rows: usize,
     ) -> Images {
-        let has_sigmas = self.options.gain.is_some();
-        let mut images =
-            images::of_view(self.shape(rows), [flat, sample], self.angle_per_shift, has_sigmas);
+        let [height, width] = self.shape(rows);
+        let [_, names] = self.names();
+        let mut images = Images::new(names, height, width);
+        let curve = |fits: &[Option<PlanarFit>], at: usize| Some(fits.get(at)?.as_ref()?.curve);
+        let curves = |at: usize| [curve(flat, at), curve(sample, at)];
+        images.take(0..height * width, curves, self.angle_per_shift);
         let contrasts = [0, 1].map(|axis| {
             let all = flat.iter().flatten().map(|fit| fit.curve.moments[axis].sqrt());
             let width = misfit::median(all.collect()).unwrap_or(f64::NAN);
@@ -246,7 +264,7 @@ impl PlanarRetriever {
         self.options.gain?;
         let sigmas = self.sigmas(flat);
         let mut all = [("", f64::NAN); 6];
-        for ((to, name), sigma) in all.iter_mut().zip(images::CONTRASTS).zip(sigmas) {
+        for ((to, name), sigma) in all.iter_mut().zip(CONTRASTS).zip(sigmas) {
             *to = (name, sigma?);
         }
         Some(all)
@@ -259,7 +277,7 @@ impl PlanarRetriever {
             .iter()
             .flatten()
             .filter(|fit| fit.curve.has_answer())
-            .map(|fit| images::contrasts(fit, fit, self.angle_per_shift))
+            .map(|fit| images::contrasts(&fit.curve, &fit.curve, self.angle_per_shift))
             .collect();
         std::array::from_fn(|k| misfit::median(known.iter().map(|of| of[6 + k]).collect()))
     }
@@ -288,7 +306,7 @@ impl PlanarRetriever {
     /// Flags bad pixels of the frames, `[row][column]`: pixels, or beamlets that have one.
     pub(crate) fn mark_bad(&self, images: &mut Images, bad: &Array2<bool>) {
         let flag = numbers::single(f64::from(flags::BAD_PIXEL));
-        let Some(bits) = images.get_mut(super::super::images::FLAGS) else { return };
+        let Some(bits) = images.get_mut(FLAGS) else { return };
         match &self.curves {
             Curves::Pixels(..) => bits.zip_mut_with(bad, |bits, bad| {
                 if *bad {

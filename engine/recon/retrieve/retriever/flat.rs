@@ -3,7 +3,7 @@
 use super::super::background::BackgroundTerm;
 use super::super::beamlets::Beamlets;
 use super::super::curves::Curves;
-use super::super::images::{OF_FLAT, SIGMAS_OF_FLAT};
+use super::super::images::Images;
 use super::super::misfit;
 use super::super::model::of_slits;
 use super::super::noise_factors::NoiseFactors;
@@ -80,13 +80,13 @@ impl Retriever {
         self.flat.as_ref().map_or(NoiseFactors::ONE, |flat| flat.noise)
     }
 
-    /// Names of the images of the flat.
-    pub(in crate::retrieve) fn names_of_flat(&self) -> Vec<&'static str> {
-        let has_sigmas = self.options.gain.is_some();
-        let has_width = self.has_width();
-        let is_given = |name: &&str| has_sigmas && (has_width || *name != "flat_width_sigma");
-        let sigmas = SIGMAS_OF_FLAT.into_iter().filter(is_given);
-        OF_FLAT.into_iter().chain(sigmas).collect()
+    /// Images of the flat; `None` before it was taken.
+    pub(in crate::retrieve) fn images_of_flat(&self) -> Option<Images> {
+        let flat = self.flat.as_ref()?;
+        let [names, _] = self.names_of_images();
+        let mut images = Images::new(names, flat.rows, flat.columns);
+        images.take_flat(|at| Some(flat.curves.curve(at)));
+        Some(images)
     }
 
     /// Takes the flat, `rows` rows of `columns` pixels.

@@ -7,7 +7,7 @@ use crate::retrieve::input::Input;
 use crate::retrieve::misfit::median;
 use crate::retrieve::noise_factors::NoiseFactors;
 use crate::retrieve::options::RetrieveOptions;
-use crate::retrieve::planar::{Design, Fits, PlanarFit, PlanarRetriever, names, of_flat};
+use crate::retrieve::planar::{Design, Fits, PlanarFit, PlanarRetriever};
 use crate::retrieve::record::Record;
 use crate::retrieve::response;
 use beamlet_core::rows_control::RowsControl;
@@ -51,7 +51,7 @@ pub(super) fn retrieve_planar(
     record.warnings.extend((0..2).filter(|axis| blind[*axis]).map(|axis| blind_axis(input, axis)));
     let value = if input.counts() { "counts" } else { "open pixels" };
     let mut output = Output { put, record, value, cancel: work.control.cancel.clone() };
-    let [of_flats, of_views] = names(options.gain.is_some());
+    let [of_flats, of_views] = retriever.names();
     for name in of_flats.iter().chain(&of_views) {
         output.enter(name);
     }
@@ -62,7 +62,7 @@ pub(super) fn retrieve_planar(
             flat = work.fits(Of::Flat(view), None)?;
         }
         if view == 0 || input.has_flats() {
-            put_all(&mut output, flats, &of_flat(shape, &flat))?;
+            put_all(&mut output, flats, &retriever.images_of_flat(&flat, frame[0]))?;
         }
         let sample = work.fits(Of::Sample(view), Some(&flat))?;
         let mut images = retriever.images(&flat, &sample, frame[0]);
@@ -153,8 +153,9 @@ fn all_rows([rows, _]: [usize; 2]) -> Range<u32> {
 /// Reserves memory for the fits of flat and sample, and of the images of a view.
 fn ask_memory(input: &Input, design: &Design, options: &RetrieveOptions) -> Result<()> {
     let [rows, columns] = input.frame();
-    let [flat, sample] = names(options.gain.is_some());
-    let fit = 2 * size_of::<Option<PlanarFit>>() + 4 * (flat.len() + sample.len());
+    // The images of flat and view.
+    let numbers = if options.gain.is_some() { 29 } else { 23 };
+    let fit = 2 * size_of::<Option<PlanarFit>>() + 4 * numbers;
     let (curves, frames) = match design {
         // Beamlets are 4 pixels apart at least.
         Design::Beamlets(_) => (rows * columns / 12, 8 * rows * columns),
