@@ -109,12 +109,12 @@ impl Design {
             let found = options.correct.names().join(",");
             return Err(Error::argument("correct", found, "nothing in two directions"));
         }
-        for (name, given) in
-            [("empty_beam", options.empty_beam.is_some()), ("phase", options.phase)]
-        {
-            if given {
-                return Err(Error::argument(name, "given", "nothing in two directions"));
-            }
+        if options.empty_beam.is_some() {
+            return Err(Error::argument("empty_beam", "given", "nothing in two directions"));
+        }
+        if options.phase && matches!(self, Self::Beamlets(_)) {
+            let allowed = "no phase: a column of a lattice has no single place along x; or steps along x and z";
+            return Err(Error::argument("phase", "beamlets on a lattice", allowed));
         }
         if !scene.scan.dithers.is_empty() {
             return Err(Error::scene("scan.dithers", "dithers", "no dithers in two directions"));
