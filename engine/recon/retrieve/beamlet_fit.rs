@@ -14,15 +14,6 @@ use super::{closed, flags};
 const LEAST_BLUR: f64 = 1e-6;
 /// Difference of two residuals of f32 frames that is none, as a part of the peak.
 const SAME: f64 = 1e-6;
-/// Noise of a value, as a part of the peak, by which fits are judged where it is not known.
-const NOISE: f64 = 0.005;
-/// Largest relative uncertainty of the blur's variance that pixels determine, of the sample and of the
-/// flat.
-const WIDTH_LIMITS: [f64; 2] = [0.3, 0.1];
-/// Uncertainty of the centre in pixels, at that noise, beyond which pixels do not determine it.
-/// Where a border of pixels lies in a beamlet or in its penumbra it is below 0.01.
-const CENTRE_LIMIT: f64 = 0.015;
-
 /// The light of one aperture on the detector.
 #[derive(Debug, Clone)]
 pub(crate) struct Beamlet {
@@ -63,7 +54,8 @@ impl Beamlet {
         let free = Fitting { model, scan, values: &values, least, held: SLITS };
         let fit = free.from(self.start(&values));
         let has_width = fit.settled && fit.even.is_some() && fit.p[3] > 1.01 * least_blur;
-        let resolves = has_width && self.resolves_width(&free, &fit, flat);
+        let flat_resolves = flat.map(|flat| flat & flags::UNRESOLVED == 0);
+        let resolves = has_width && free.resolves_blur(&fit, 0, (Some(self.blur), flat_resolves));
         let mut curve = if resolves {
             self.with_centre(&free, &fit)
         } else {
@@ -73,7 +65,7 @@ impl Beamlet {
             // A flat has the blur of the set-up. A sample may have more, which does not change area
             // and centre much; without noise it has where the residual says so.
             let more = match (flat, scan.noise.gain) {
-                (Some(_), Some(_)) => self.resolves_centre(&free, &fit),
+                (Some(_), Some(_)) => free.resolves_centre(&fit, 0, self.pitch),
                 (Some(_), None) => {
                     of_geometry.residual > fit.residual + SAME * free.peak(&fit.p).abs()
                 }
@@ -110,7 +102,7 @@ impl Beamlet {
         let from = |centre: f64| held.from(of_slits([light, centre, blur, background]));
         let mut best = from(centre);
         for part in [-0.25, 0.25] {
-            if !self.resolves_centre(held, &best) {
+            if !held.resolves_centre(&best, 0, self.pitch) {
                 let other = from(centre + part * self.pitch);
                 if other.residual < best.residual {
                     best = other;
@@ -136,33 +128,10 @@ impl Beamlet {
         of_slits([light * self.pitch, moment / light, blur, least])
     }
 
-    /// Decides whether the noise leaves the width of the blur determined.
-    fn resolves_width(&self, of: &Fitting<'_>, fit: &Fit, flat: Option<u32>) -> bool {
-        let variance = match (&fit.covariance, &fit.even, of.scan.noise.gain) {
-            (Some(covariance), _, Some(_)) => covariance[3][3],
-            (_, Some(even), _) => even[3][3] * (NOISE * of.peak(&fit.p)).powi(2),
-            _ => f64::NAN,
-        };
-        // Noise that widens a beamlet adds pixels that determine its width: a flat is judged by its
-        // known blur.
-        let limit = match flat {
-            None => WIDTH_LIMITS[0] * fit.p[3].min(self.blur),
-            Some(of_flat) if of_flat & flags::UNRESOLVED != 0 => WIDTH_LIMITS[1] * fit.p[3],
-            Some(_) => WIDTH_LIMITS[0] * fit.p[3],
-        };
-        variance.sqrt() < limit
-    }
-
-    /// Decides whether the pixels determine the centre.
-    fn resolves_centre(&self, of: &Fitting<'_>, fit: &Fit) -> bool {
-        let variance = fit.even.as_ref().map_or(f64::NAN, |even| even[1][1]);
-        variance.sqrt() * NOISE * of.peak(&fit.p) < CENTRE_LIMIT * self.pitch
-    }
-
     /// The curve of a fit without a centre that the pixels do not determine: all light is in one of them.
     fn with_centre(&self, of: &Fitting<'_>, fit: &Fit) -> Curve {
         let mut curve = of.curve_of_slits(fit);
-        if !self.resolves_centre(of, fit) {
+        if !of.resolves_centre(fit, 0, self.pitch) {
             (curve.centre[0], curve.centre_sigma[0]) = (f64::NAN, f64::NAN);
             curve.flags |= flags::UNRESOLVED;
         }

@@ -1,6 +1,6 @@
 //! Least squares in f64 on the host: Levenberg-Marquardt for the unknowns of a model.
 
-use super::background::BackgroundTerm;
+use super::background_term::BackgroundTerm;
 use super::curves::Curve;
 use super::damping::{Damping, SETTLED, WEIGHED, WEIGHINGS};
 use super::equations::{Equations, Matrix, UNKNOWNS, Unknowns, covariance};
@@ -16,6 +16,14 @@ const STEPS: usize = 200;
 const BACKGROUND: usize = 6;
 /// Condition number beyond which the values hardly determine a curve of slits.
 const ILL_CONDITIONED: f64 = 100.0;
+/// Noise of a value, as a part of the peak, by which fits are judged where it is not known.
+pub(super) const NOISE: f64 = 0.005;
+/// Largest relative uncertainty of a variance of the blur that values determine, and of a sample whose flat does not
+/// determine it.
+const WIDTH_LIMITS: [f64; 2] = [0.3, 0.1];
+/// Uncertainty of the centre in pixels, at that noise, beyond which pixels do not determine it.
+/// Where a border of pixels lies in a beamlet or in its penumbra it is below 0.01.
+const CENTRE_LIMIT: f64 = 0.015;
 
 /// A model that is fitted to the values of a curve, with what limits its unknowns.
 #[derive(Debug, Clone, Copy)]
@@ -211,6 +219,35 @@ impl Fitting<'_> {
             curve.flags |= flags::WIDTH;
         }
         curve
+    }
+
+    /// Decides whether the values determine the blur along an axis. `known`: its variance by the geometry; `flat`: of a
+    /// sample, true if its flat determines it.
+    pub(super) fn resolves_blur(
+        &self,
+        fit: &Fit,
+        axis: usize,
+        (known, flat): (Option<f64>, Option<bool>),
+    ) -> bool {
+        let (at, value) = (3 + axis, fit.p[3 + axis]);
+        let variance = match (&fit.covariance, &fit.even, self.scan.noise.gain) {
+            (Some(covariance), _, Some(_)) => covariance[at][at],
+            (_, Some(even), _) => even[at][at] * (NOISE * self.peak(&fit.p)).powi(2),
+            _ => f64::NAN,
+        };
+        // Noise that widens a beamlet adds pixels that determine its width: a flat is judged by its known blur.
+        let limit = match flat {
+            None => WIDTH_LIMITS[0] * known.map_or(value, |known| value.min(known)),
+            Some(true) => WIDTH_LIMITS[0] * value,
+            Some(false) => WIDTH_LIMITS[1] * value,
+        };
+        fit.settled && value > 1.01 * self.least[axis] && variance.sqrt() < limit
+    }
+
+    /// Decides whether pixels of this size determine the centre along an axis.
+    pub(super) fn resolves_centre(&self, fit: &Fit, axis: usize, pixel: f64) -> bool {
+        let variance = fit.even.as_ref().map_or(f64::NAN, |even| even[1 + axis][1 + axis]);
+        variance.sqrt() * NOISE * self.peak(&fit.p) < CENTRE_LIMIT * pixel
     }
 
     /// Largest difference of two sets of unknowns, in their units.

@@ -147,6 +147,16 @@ impl Method {
         }
     }
 
+    /// True for methods of beamlets on a lattice, and of steps along x and z.
+    pub(super) const fn in_two_directions(self) -> [bool; 2] {
+        match self {
+            Self::Gaussian => [true, true],
+            Self::Beamlet | Self::Moments => [true, false],
+            Self::ExactCurve => [false, true],
+            Self::ThreeStep | Self::TwoStep | Self::Triangle => [false, false],
+        }
+    }
+
     /// Curves are functions of the mask offset along x.
     fn check_heights(self, scene: &Scene) -> Result<()> {
         refuse_lists(scene)?;

@@ -3,6 +3,7 @@
 //! Formulas, validity and bias of each method: docs/retrieval.md.
 
 mod background;
+mod background_term;
 mod beamlet_fit;
 pub mod beamlets;
 mod closed;
@@ -37,7 +38,8 @@ mod shape;
 mod strips;
 mod value_noise;
 
-pub use background::{Background, BackgroundTerm};
+pub use background::Background;
+pub use background_term::BackgroundTerm;
 pub use correct::{Corrections, Plane, ViewCorrection};
 pub use curves::Curves;
 pub use diagnosis::{EmptyBeam, EmptyBeamOfView, Region};

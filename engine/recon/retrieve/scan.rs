@@ -1,6 +1,6 @@
 //! Places of values, and the values of a curve that are fitted.
 
-use super::background::BackgroundTerm;
+use super::background_term::BackgroundTerm;
 use super::flags;
 use super::value_noise::ValueNoise;
 

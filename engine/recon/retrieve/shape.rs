@@ -1,6 +1,7 @@
 //! Curves of slits that follow from the masks and the spot.
 
-use super::background::{Background, BackgroundTerm};
+use super::background::Background;
+use super::background_term::BackgroundTerm;
 use super::mask_curve::MaskCurve;
 use super::model::{Model, of_slits};
 use beamlet_core::Result;

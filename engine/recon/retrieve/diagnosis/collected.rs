@@ -10,7 +10,7 @@ use super::moments::{MomentsCheck, MomentsErrors};
 use super::steps::{self, PixelSteps, STEADY, STEADY_IN_AIR, Unsteady};
 use super::warnings::{self, Findings};
 use super::watched::Watched;
-use crate::retrieve::background::BackgroundTerm;
+use crate::retrieve::background_term::BackgroundTerm;
 use crate::retrieve::curves::Curves;
 use crate::retrieve::images::Images;
 use crate::retrieve::misfit::median;

@@ -1,6 +1,6 @@
 //! The curve that was fitted to a pixel: its value and slopes at any offset.
 
-use crate::retrieve::background::BackgroundTerm;
+use crate::retrieve::background_term::BackgroundTerm;
 use crate::retrieve::curves::Curves;
 use crate::retrieve::equations::{Equations, Unknowns, Valued};
 use crate::retrieve::flags;

@@ -1,9 +1,9 @@
 //! The fit of a beamlet, or of a curve over offsets in two directions, by least squares.
 
-use super::super::background::BackgroundTerm;
+use super::super::background_term::BackgroundTerm;
 use super::super::curves::Curve;
 use super::super::equations::{UNKNOWNS, Unknowns};
-use super::super::fit::{Fit, Fitting, clamp_covariance};
+use super::super::fit::{Fit, Fitting, NOISE, clamp_covariance};
 use super::super::flags;
 use super::super::model::Model;
 use super::super::scan::Scan;
@@ -12,13 +12,6 @@ use super::super::value_noise::ValueNoise;
 
 /// Fewest values of a fit of all unknowns.
 pub(super) const NEEDED: usize = UNKNOWNS + 1;
-/// Noise of a value, as a part of the peak, by which fits are judged where it is not known.
-const NOISE: f64 = 0.005;
-/// Largest relative uncertainty of a variance of the blur that values determine, and of a sample whose flat
-/// does not determine it.
-const WIDTH_LIMITS: [f64; 2] = [0.3, 0.1];
-/// Uncertainty of the centre in pixels, at that noise, beyond which pixels do not determine it.
-const CENTRE_LIMIT: f64 = 0.015;
 /// Uncertainty of the centre of a curve over offsets, at that noise, beyond which steps along an axis do not change the
 /// light, as a part of half their range.
 const BLIND: f64 = 0.5;
@@ -86,9 +79,11 @@ impl PlanarModel {
             Some(centre) => self.start_at(&fitting, answer, centre),
             None => self.start(&fitting, answer),
         });
-        let peak = fitting.peak(&fit.p);
         let blind = answer.map_or_else(|| self.blind(&fitting, &fit.p), |flat| flat.blind);
-        let resolves = |axis: usize| self.resolves((&fitting, &fit), flat, (axis, peak));
+        let resolves = |axis: usize| {
+            let of_flat = flat.map(|flat| !flat.curve.unresolved[axis]);
+            fitting.resolves_blur(&fit, axis, (self.blur.map(|blur| blur[axis]), of_flat))
+        };
         let unresolved = [0, 1].map(|axis| blind[axis] || !resolves(axis));
         fitting.held[1..3].copy_from_slice(&blind);
         if unresolved[0] || unresolved[1] {
@@ -162,27 +157,6 @@ impl PlanarModel {
         of.linear(known.unwrap_or([1.0, x, z, xx, zz, 0.0, 0.0]))
     }
 
-    /// Decides whether values determine the blur along an axis.
-    fn resolves(
-        &self,
-        (of, fit): (&Fitting<'_>, &Fit),
-        flat: Option<&PlanarFit>,
-        (axis, peak): (usize, f64),
-    ) -> bool {
-        let (at, value) = (3 + axis, fit.p[3 + axis]);
-        let variance = match (&fit.covariance, &fit.even, of.scan.noise.gain) {
-            (Some(covariance), _, Some(_)) => covariance[at][at],
-            (_, Some(even), _) => even[at][at] * (NOISE * peak).powi(2),
-            _ => f64::NAN,
-        };
-        let limit = match flat {
-            None => WIDTH_LIMITS[0] * self.blur.map_or(value, |blur| value.min(blur[axis])),
-            Some(flat) if flat.curve.unresolved[axis] => WIDTH_LIMITS[1] * value,
-            Some(_) => WIDTH_LIMITS[0] * value,
-        };
-        fit.settled && value > 1.01 * of.least[axis] && variance.sqrt() < limit
-    }
-
     /// The curve of a fit, with its uncertainties and flags.
     fn curve(&self, of: &Fitting<'_>, fit: &Fit, unresolved: [bool; 2]) -> Curve {
         let mut curve = Curve { unresolved, ..of.curve(fit) };
@@ -197,10 +171,7 @@ impl PlanarModel {
             curve.flags &= !flags::OUTSIDE;
         }
         for axis in [0, 1] {
-            let variance = fit.even.as_ref().map_or(f64::NAN, |even| even[1 + axis][1 + axis]);
-            let is_fine = |pixel: [f64; 2]| {
-                variance.sqrt() * NOISE * curve.amplitude < CENTRE_LIMIT * pixel[axis]
-            };
+            let is_fine = |pixel: [f64; 2]| of.resolves_centre(fit, axis, pixel[axis]);
             if !self.pixel.is_none_or(is_fine) {
                 curve.centre[axis] = f64::NAN;
                 curve.flags |= flags::UNRESOLVED;

@@ -90,12 +90,7 @@ impl Design {
     /// # Errors
     /// [`Error::Argument`] with the option; [`Error::Scene`] for masks that the design does not have.
     pub(crate) fn check(&self, scene: &Scene, options: &RetrieveOptions) -> Result<()> {
-        let [of_beamlets, of_steps] = match options.method() {
-            Method::Gaussian => [true, true],
-            Method::Beamlet | Method::Moments => [true, false],
-            Method::ExactCurve => [false, true],
-            Method::ThreeStep | Method::TwoStep | Method::Triangle => [false, false],
-        };
+        let [of_beamlets, of_steps] = options.method().in_two_directions();
         let (serves, allowed) = match self {
             Self::Beamlets(_) => {
                 (of_beamlets, "gaussian, beamlet or moments for beamlets on a lattice")

@@ -1,6 +1,6 @@
 //! Models of beamlets and of curves over offsets, and the lattice and the offsets that they need.
 
-use super::super::background::BackgroundTerm;
+use super::super::background_term::BackgroundTerm;
 use super::super::fitter::Weights;
 use super::super::method::Method;
 use super::super::model::Model;
@@ -114,31 +114,22 @@ pub(super) fn beamlet_model(
     let aperture = geometry::aperture(scene, options);
     let blur = geometry::blur(scene, false);
     let around = placed.lattice.around();
-    match options.method() {
-        Method::Beamlet => {
-            let Some(aperture) = aperture else {
-                let allowed =
-                    "the size of the apertures for method beamlet; or method gaussian or moments";
-                return Err(Error::argument("aperture", "nothing", allowed));
-            };
-            let strips =
-                Strips { strips: aperture.strips(pixel), neighbours: around, is_list: false };
-            let (model, blur) = (Model::Strips(strips), Some(blur));
-            let background = BackgroundTerm::Free;
-            Ok(PlanarModel { model, blur, pixel: Some(pixel), background })
-        }
-        // The design refuses the others.
-        Method::Gaussian
-        | Method::Moments
-        | Method::ThreeStep
-        | Method::TwoStep
-        | Method::Triangle
-        | Method::ExactCurve => {
-            let own = aperture.map(|aperture| own_variances(&aperture.strips([0.0; 2])));
-            let blur = own.map(|own| [0, 1].map(|axis| own[axis] + blur[axis]));
-            Ok(PlanarModel { blur, ..gaussian(pixel, around) })
-        }
+    if options.method() != Method::Beamlet {
+        let own = aperture.map(|aperture| own_variances(&aperture.strips([0.0; 2])));
+        let blur = own.map(|own| [0, 1].map(|axis| own[axis] + blur[axis]));
+        return Ok(PlanarModel { blur, ..gaussian(pixel, around) });
     }
+    let Some(aperture) = aperture else {
+        let allowed = "the size of the apertures for method beamlet; or method gaussian or moments";
+        return Err(Error::argument("aperture", "nothing", allowed));
+    };
+    let strips = Strips { strips: aperture.strips(pixel), neighbours: around, is_list: false };
+    Ok(PlanarModel {
+        model: Model::Strips(strips),
+        blur: Some(blur),
+        pixel: Some(pixel),
+        background: BackgroundTerm::Free,
+    })
 }
 
 /// Model of the curve of a sample mask over offsets without whole periods, before a detector mask or pixels.

@@ -1,6 +1,6 @@
 //! The fits of a band of curves, by method.
 
-use super::super::background::BackgroundTerm;
+use super::super::background_term::BackgroundTerm;
 use super::super::beamlets::Beamlets;
 use super::super::curves::{Curve, Curves};
 use super::super::fit::fit_slits;

@@ -1,6 +1,6 @@
 //! The flat of a retriever: its curves, which serve the views that follow.
 
-use super::super::background::BackgroundTerm;
+use super::super::background_term::BackgroundTerm;
 use super::super::beamlets::Beamlets;
 use super::super::curves::Curves;
 use super::super::images::Images;
