@@ -55,7 +55,7 @@ impl Beamlet {
         let fit = free.from(self.start(&values));
         let has_width = fit.settled && fit.even.is_some() && fit.p[3] > 1.01 * least_blur;
         let flat_resolves = flat.map(|flat| flat & flags::UNRESOLVED == 0);
-        let resolves = has_width && free.resolves_blur(&fit, 0, (Some(self.blur), flat_resolves));
+        let resolves = has_width && free.resolves_blur(&fit, 0, Some(self.blur), flat_resolves);
         let mut curve = if resolves {
             self.with_centre(&free, &fit)
         } else {

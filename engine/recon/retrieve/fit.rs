@@ -227,7 +227,8 @@ impl Fitting<'_> {
         &self,
         fit: &Fit,
         axis: usize,
-        (known, flat): (Option<f64>, Option<bool>),
+        known: Option<f64>,
+        flat: Option<bool>,
     ) -> bool {
         let (at, value) = (3 + axis, fit.p[3 + axis]);
         let variance = match (&fit.covariance, &fit.even, self.scan.noise.gain) {

@@ -5,7 +5,7 @@
 //! other pixels C has four unknowns of its own, which are eliminated: such pixels contribute what their
 //! curves cannot follow.
 
-use super::pixels::{EmptyPixel, InnerPixel, PixelSet};
+use super::pixels::{Pixel, PixelSet};
 use crate::retrieve::diagnosis::FittedCurve;
 use crate::retrieve::equations::{Equations, UNKNOWNS, Unknowns as OfCurve};
 use rayon::prelude::*;
@@ -114,44 +114,43 @@ impl PixelSet<'_> {
         system.noise.is_finite().then_some(system)
     }
 
-    fn empty_row(&self, pixel: &EmptyPixel, of: Unknowns, at: &[f64]) -> Row {
-        let of_flat = |dose: f64, value: f64, residual: f64, least: f64| {
-            dose * dose * self.variance((value + residual).max(least))
-        };
-        self.row(&pixel.curve, (&pixel.residual, 1.0, &pixel.values), (of, at), of_flat)
+    fn empty_row(&self, pixel: &Pixel, of: Unknowns, at: &[f64]) -> Row {
+        let least = LEAST * pixel.curve.amplitude;
+        self.row(pixel, &pixel.curve, of, at, |k, dose, value| {
+            dose * dose * self.variance((value + pixel.residual[k]).max(least))
+        })
     }
 
-    fn inner_row(&self, pixel: &InnerPixel, of: Unknowns, at: &[f64]) -> Option<Row> {
+    fn inner_row(&self, pixel: &Pixel, of: Unknowns, at: &[f64]) -> Option<Row> {
         let curve = self.fitted(pixel, of, at)?;
-        let ratio = curve.amplitude / pixel.flat_amplitude;
-        let of_flat = |_: f64, value: f64, _: f64, least: f64| {
+        let (least, ratio) = (LEAST * curve.amplitude, curve.amplitude / pixel.curve.amplitude);
+        Some(self.row(pixel, &curve, of, at, |_, _, value| {
             ratio * ratio * self.variance((value / ratio).max(least))
-        };
-        Some(self.row(&curve, (&pixel.residual, ratio, &pixel.values), (of, at), of_flat))
+        }))
     }
 
-    /// The row of a curve with these residuals of the flat, their ratio, and the values of the sample. `of_flat`: variance
-    /// by the noise of the flat for a dose, a value, a residual and the least value.
+    /// The row of a pixel whose sample has this curve. `of_flat`: variance by the noise of the flat, for a frame, its dose
+    /// and the value of the curve.
     fn row(
         &self,
+        pixel: &Pixel,
         curve: &FittedCurve,
-        (residuals, ratio, values): (&[f64], f64, &[f64]),
-        (of, at): (Unknowns, &[f64]),
-        of_flat: impl Fn(f64, f64, f64, f64) -> f64,
+        of: Unknowns,
+        at: &[f64],
+        of_flat: impl Fn(usize, f64, f64) -> f64,
     ) -> Row {
         let (residual, slopes, variance) = (Vec::new(), Vec::new(), Vec::new());
         let equations = curve.equations();
         let mut row = Row { residual, slopes, variance, own: Vec::new(), equations };
-        let least = LEAST * curve.amplitude;
+        let (least, ratio) = (LEAST * curve.amplitude, curve.amplitude / pixel.curve.amplitude);
         let numbers = |k: usize| of.of(k).map(|i| at[i]);
         let places = (0..of.frames).map(|k| libm::fma(numbers(k)[1], self.width, self.offsets[k]));
         for (k, [value, own @ ..]) in curve.at(places).into_iter().enumerate() {
             let dose = numbers(k)[0].exp();
-            let expected = dose * libm::fma(ratio, residuals[k], value);
-            row.residual.push(values[k] - expected);
+            let expected = dose * libm::fma(ratio, pixel.residual[k], value);
+            row.residual.push(pixel.values[k] - expected);
             row.slopes.push([expected, -dose * own[1] * self.width]);
-            let of_flat = of_flat(dose, value, residuals[k], least);
-            row.variance.push(self.variance(expected.max(least)) + of_flat);
+            row.variance.push(self.variance(expected.max(least)) + of_flat(k, dose, value));
             row.own.push(own.map(|slope| dose * slope));
         }
         row

@@ -14,27 +14,22 @@ use rayon::prelude::*;
 /// Fewest frames for pixels with a curve of their own.
 const FRAMES: usize = 6;
 
-/// A pixel of empty beam.
-pub(super) struct EmptyPixel {
-    pub(crate) curve: FittedCurve,
+/// A pixel of a view.
+pub(super) struct Pixel {
+    /// Curve of the flat.
+    pub(super) curve: FittedCurve,
     /// Difference of the flat from its curve at the offsets of the sample; 0 where the flat has others.
     pub(super) residual: Vec<f64>,
     /// Values of the sample.
-    pub(crate) values: Vec<f64>,
-}
-
-/// A pixel of the whole image.
-pub(super) struct InnerPixel {
-    pub(super) flat_amplitude: f64,
-    /// As of [`EmptyPixel`].
-    pub(super) residual: Vec<f64>,
-    pub(crate) values: Vec<f64>,
+    pub(super) values: Vec<f64>,
 }
 
 /// Pixels of a view with what their fits need.
 pub(super) struct PixelSet<'a> {
-    pub(crate) empty: Vec<EmptyPixel>,
-    pub(crate) inner: Vec<InnerPixel>,
+    /// Pixels of empty beam.
+    pub(crate) empty: Vec<Pixel>,
+    /// Pixels of the rest of the image.
+    pub(crate) inner: Vec<Pixel>,
     /// Mask offsets of the sample as they were set, m.
     pub(crate) offsets: &'a [f64],
     /// Median width and centre of the curves of the empty beam, m.
@@ -102,10 +97,11 @@ impl<'a> PixelSet<'a> {
                 continue;
             }
             let (curve, residual) = (flat.curve.clone(), flat.residual(offsets));
+            let pixel = Pixel { curve, residual, values };
             if at < empty {
-                of_empty.push(EmptyPixel { curve, residual, values });
+                of_empty.push(pixel);
             } else if frames >= FRAMES && inner {
-                of_inner.push(InnerPixel { flat_amplitude: curve.amplitude, residual, values });
+                of_inner.push(pixel);
             }
         }
         let middle = |of: fn(&FittedCurve) -> f64| {
@@ -130,12 +126,7 @@ impl<'a> PixelSet<'a> {
     }
 
     /// The curve of a pixel of the sample in frames of these doses and displacements.
-    pub(super) fn fitted(
-        &self,
-        pixel: &InnerPixel,
-        of: Unknowns,
-        at: &[f64],
-    ) -> Option<FittedCurve> {
+    pub(super) fn fitted(&self, pixel: &Pixel, of: Unknowns, at: &[f64]) -> Option<FittedCurve> {
         let offsets: Vec<f64> = (0..of.frames)
             .map(|k| libm::fma(at[of.of(k)[1]], self.width, self.offsets[k]))
             .collect();

@@ -33,7 +33,7 @@ pub(super) struct PlanarModel {
 /// A fit of flat or sample.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct PlanarFit {
-    pub(super) curve: Curve,
+    pub(in crate::retrieve) curve: Curve,
     /// Unknowns, for the fit of the sample.
     pub(super) unknowns: Unknowns,
     /// Axes along which the offsets do not change the light of the flat.
@@ -41,11 +41,6 @@ pub(crate) struct PlanarFit {
 }
 
 impl PlanarFit {
-    /// The curve of the fit.
-    pub(in crate::retrieve) const fn curve(&self) -> &Curve {
-        &self.curve
-    }
-
     /// A curve of all axes without unknowns: moments, or no fit.
     pub(super) const fn of(curve: Curve) -> Self {
         Self { curve, unknowns: [f64::NAN; UNKNOWNS], blind: [false; 2] }
@@ -82,7 +77,7 @@ impl PlanarModel {
         let blind = answer.map_or_else(|| self.blind(&fitting, &fit.p), |flat| flat.blind);
         let resolves = |axis: usize| {
             let of_flat = flat.map(|flat| !flat.curve.unresolved[axis]);
-            fitting.resolves_blur(&fit, axis, (self.blur.map(|blur| blur[axis]), of_flat))
+            fitting.resolves_blur(&fit, axis, self.blur.map(|blur| blur[axis]), of_flat)
         };
         let unresolved = [0, 1].map(|axis| blind[axis] || !resolves(axis));
         fitting.held[1..3].copy_from_slice(&blind);

@@ -157,7 +157,7 @@ fn ask_memory(input: &Input, design: &Design, options: &RetrieveOptions) -> Resu
 
 /// Refuses a flat without any curve.
 fn refuse_without_answer(flat: &Fits) -> Result<()> {
-    if flat.iter().flatten().any(|fit| fit.curve().has_answer()) {
+    if flat.iter().flatten().any(|fit| fit.curve.has_answer()) {
         return Ok(());
     }
     let count = flat.iter().flatten().count();
@@ -177,7 +177,7 @@ fn described(
         Some([a, b, _]) => [a[0].hypot(a[1]), b[0].hypot(b[1])],
         None => input.pitch(),
     };
-    let widths = flat.iter().flatten().map(|fit| fit.curve().moments[0].sqrt());
+    let widths = flat.iter().flatten().map(|fit| fit.curve.moments[0].sqrt());
     Described {
         columns_m: retriever.columns_m().unwrap_or_else(|| input.columns_m()),
         pitch,
