@@ -127,8 +127,17 @@ fn a_grid_of_steps_gives_both_angles_of_a_wedge_within_1_percent() {
                  [detector_mask]\naperture = \"28 um\"\naperture_z = \"30 um\"\ntransmission = 0.0\n\
                  [detector]\ndistance = \"1.5 m\"\npixels = [4, 4]\npitch = \"100 um\"\n";
     simulate(folder, &format!("{scan}{masks}"));
-    good(folder, &["retrieve", "run", "--format", "npy", "--method", "exact-curve"]);
+    good(folder, &["retrieve", "run", "--format", "npy", "--method", "exact-curve", "--phase"]);
     compare(&folder.join("run"), "steps", [1e-5, 1e-3]);
+    // The mean angle of a row is subtracted: it is the wedge's, and no phase is left over four pixels.
+    let record = fs::read_to_string(folder.join("run/retrieved/retrieved.json")).unwrap();
+    let record: serde_json::Value = serde_json::from_str(&record).unwrap();
+    let angle = DELTA * SLOPES[0];
+    let mean = record["drift"]["rms_rad"].as_f64().unwrap();
+    assert!((mean / angle - 1.0).abs() < 2e-3, "{mean:e}");
+    let phase: Array3<f32> = read_npy(folder.join("run/retrieved/phase.npy")).unwrap();
+    let left = phase.iter().fold(0.0_f64, |most, at| most.max(f64::from(*at).abs()));
+    assert!(left < 2e-3 * angle * 4e-4, "{left:e}");
     // A line along x and a point beside it do not determine the curve along z.
     bad(
         folder,

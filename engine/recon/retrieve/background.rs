@@ -1,5 +1,6 @@
 //! Background of an illumination curve.
 
+use super::background_term::BackgroundTerm;
 use super::method::{Method, different_offsets};
 use super::shape::CurveGeometry;
 use beamlet_core::{Error, Result};
@@ -36,12 +37,10 @@ impl Background {
     /// Errors of the materials of the masks and of the beam.
     pub(super) fn of(method: Method, scene: &Scene) -> Result<Self> {
         let masks = scene.masks().count();
-        let is_known = match method {
-            Method::Gaussian => masks == 2 && !Self::depends_on_rows(scene),
-            Method::ExactCurve => masks > 0 && !Self::depends_on_rows(scene),
-            _ => false,
-        };
-        if !is_known || scene.detector.scatter.is_some() {
+        // Curves of a sample mask alone before pixels are no Gaussians.
+        let least = if method == Method::ExactCurve { 1 } else { 2 };
+        let is_known = masks >= least && !Self::depends_on_rows(scene);
+        if !method.has_background() || !is_known || scene.detector.scatter.is_some() {
             return Ok(Self::Free);
         }
         let is_separate = different_offsets(&scene.scan.mask_offsets) >= MANY
@@ -69,8 +68,7 @@ impl Background {
     /// # Errors
     /// [`Error::Argument`] with the background and what is allowed.
     pub(super) fn check(self, method: Method) -> Result<()> {
-        let is_fitted = matches!(method, Method::Gaussian | Method::ExactCurve);
-        if self != Self::Free && !is_fitted {
+        if self != Self::Free && !method.has_background() {
             let allowed = format!("no background with {method}; or gaussian or exact-curve");
             return Err(Error::argument("background", self.to_string(), allowed));
         }
@@ -84,10 +82,8 @@ impl Background {
 
     /// Fewest different mask offsets along x for a method with this background.
     pub(super) fn least_offsets(self, method: Method) -> usize {
-        match (self, method) {
-            (Self::Free, Method::ExactCurve) => 5,
-            _ => method.least_offsets(),
-        }
+        let is_free = self == Self::Free && method == Method::ExactCurve;
+        if is_free { 5 } else { method.least_offsets() }
     }
 
     /// The term of a model whose curve has an area of 1 in a period of this size, m or m2.
@@ -139,36 +135,5 @@ impl fmt::Display for Background {
 impl Serialize for Background {
     fn serialize<S: Serializer>(&self, serializer: S) -> std::result::Result<S::Ok, S::Error> {
         serializer.collect_str(self)
-    }
-}
-
-/// Background of the model of a curve.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub enum BackgroundTerm {
-    /// An unknown.
-    #[default]
-    Free,
-    /// This times the area of the curve, 1/m or 1/m2.
-    PerArea(f64),
-    /// This value.
-    Value(f64),
-}
-
-impl BackgroundTerm {
-    /// Number of unknowns of a curve of `unknowns` with its background.
-    pub(super) const fn unknowns(self, unknowns: usize) -> usize {
-        match self {
-            Self::Free => unknowns,
-            Self::PerArea(_) | Self::Value(_) => unknowns - 1,
-        }
-    }
-
-    /// The background of a curve of this area, with slopes by its numbers; `None` where it is an unknown.
-    pub(super) fn of_area(self, area: f64) -> Option<f64> {
-        match self {
-            Self::Free => None,
-            Self::PerArea(share) => Some(share * area),
-            Self::Value(value) => Some(value),
-        }
     }
 }

@@ -171,13 +171,9 @@ pub(crate) fn lights(
                     [sum[0] + dark, sum[1] + dark * narrowing, sum[2] + dark * variance]
                 });
             let mean = |sum: f64| if dark > 0.0 { sum / dark } else { 0.0 };
-            Beamlet {
-                // Beyond the angle at which bars hide their apertures no box is the shape.
-                aperture: (aperture - mean(narrowing)).max(0.05 * aperture),
-                blur: blur + mean(variance),
-                period: openings.period[0],
-                pitch: detector.pitch[0],
-            }
+            // Beyond the angle at which bars hide their apertures no box is the shape.
+            let width = (aperture - mean(narrowing)).max(0.05 * aperture);
+            Beamlet::new(width, blur + mean(variance), [openings.period[0], detector.pitch[0]])
         })
         .collect())
 }

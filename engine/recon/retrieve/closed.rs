@@ -1,8 +1,9 @@
 //! Estimators in closed form: two and three steps, and moments.
 
 use super::curves::Curve;
-use super::least_squares::{CurveScan, moments};
-use super::shape::CurveShape;
+use super::model::{Model, of_slits};
+use super::scan::{Points, Scan};
+use super::strips::Tables;
 use super::{flags, quadrature};
 
 /// Part of the greatest value that the ends of a scan may have for moments to count: the paper's
@@ -56,26 +57,30 @@ fn three_numbers(x: &[f64], y: &[f64]) -> Option<[f64; 3]> {
     through_three(x, y).map(|[height, centre, width]| [height + width.ln(), centre, width])
 }
 
-/// Halvings of the interval of a centre: to the last digits.
-const HALVINGS: u32 = 60;
+/// Halvings of the interval of a centre: to 3e-14 of it.
+const HALVINGS: u32 = 45;
 
-/// Logarithm of the area and centre of the curve of a shape of known spread through two points. `reach`: from the
-/// middle of the points to the farthest centre.
+/// Logarithm of the area and centre of the curve of a model with a known blur through two points, x ascending.
+/// `reach`: from the middle of the points to the farthest centre.
 fn two_numbers(
-    shape: &CurveShape,
-    spread: f64,
-    reach: f64,
-    x: &[f64],
-    y: &[f64],
+    (model, blur, reach): (&Model, f64, f64),
+    x: [f64; 2],
+    y: [f64; 2],
 ) -> Option<[f64; 2]> {
-    let unit = |x: f64| shape.at(&[1.0, 0.0, spread, 0.0], x).0;
+    let (points, mut tables) = (Points::along_x(x.into_iter()), Tables::default());
+    let mut units = |centre: f64| {
+        let values = model.evaluate(&points, &of_slits([1.0, centre, blur, 0.0]), &mut tables);
+        [values[0][0], values[1][0]]
+    };
     let wanted = (y[1] / y[0]).ln();
     // The ratio of the second value to the first grows with the centre, since curves of boxes are
     // logarithmically concave.
-    let off = |centre: f64| (unit(x[1] - centre) / unit(x[0] - centre)).ln() - wanted;
+    let mut off = |centre: f64| {
+        let [first, second] = units(centre);
+        (second / first).ln() - wanted
+    };
     let middle = f64::midpoint(x[0], x[1]);
-    let side = if x[1] > x[0] { 1.0 } else { -1.0 };
-    let [mut low, mut high] = [middle - side * reach, middle + side * reach];
+    let [mut low, mut high] = [middle - reach, middle + reach];
     if !(wanted.is_finite() && off(low) <= 0.0 && off(high) >= 0.0) {
         return None;
     }
@@ -88,130 +93,103 @@ fn two_numbers(
     }
     let centre = f64::midpoint(low, high);
     let brighter = usize::from(y[1] > y[0]);
-    let scale = y[brighter] / unit(x[brighter] - centre);
-    let [[area, ..], _] = shape.area_and_width(&[scale, centre, spread, 0.0]);
-    Some([area.ln(), centre])
+    Some([(y[brighter] / units(centre)[brighter]).ln(), centre])
 }
 
-/// Curve of known shape and spread through two points. `reach`: as of [`two_numbers`].
+/// Curve of a model with a known blur through two points. `known`: as of [`two_numbers`].
 pub(super) fn two_points(
-    scan: &CurveScan,
-    (shape, spread, reach): (&CurveShape, f64, f64),
+    scan: &Scan,
+    known: (&Model, f64, f64),
     curve: impl Iterator<Item = f32>,
 ) -> Curve {
     let mut values = scan.values(curve, 2);
-    if values.most > 0.0 {
+    if values.range[1] > 0.0 {
         // Equal values on both sides of a peak.
         values.flags &= !flags::DEAD;
     }
     if values.flags & flags::NO_ANSWER != 0 {
         return Curve::unknown(values.flags);
     }
-    let y: Vec<f64> = values.points.iter().map(|[_, y, _]| *y).collect();
-    let first = values.points[0][0];
-    let Some(second) = values.points.iter().map(|[x, ..]| *x).find(|x| (x - first).abs() > 0.0)
-    else {
-        return Curve::unknown(values.flags | flags::FEW);
+    let [first, second] = match values.points.along[0][..] {
+        [low, .., high] => [low, high],
+        _ => return Curve::unknown(values.flags | flags::FEW),
     };
     // Several values at one offset are their mean.
     let numbers = |y: &[f64]| {
-        let mean = |at: f64| {
-            let own = values.points.iter().zip(y).filter(|([x, ..], _)| (x - at).abs() <= 0.0);
+        let mean = |at: usize| {
+            let own = values.points.at.iter().zip(y).filter(|([x, _], _)| *x == at);
             let (count, sum) = own.fold((0.0, 0.0), |(count, sum), (_, y)| (count + 1.0, sum + y));
             sum / count
         };
-        two_numbers(shape, spread, reach, &[first, second], &[mean(first), mean(second)])
+        two_numbers(known, [first, second], [mean(0), mean(1)])
     };
-    let Some([area, centre]) = numbers(&y) else {
+    let Some([area, centre]) = numbers(&values.values) else {
         return Curve::unknown(values.flags | flags::NO_PEAK);
     };
-    let [area_sigma, centre_sigma] = propagate(&y, |y| scan.noise.variance(y), numbers);
-    let [[unit, ..], [width, ..]] = shape.area_and_width(&[1.0, centre, spread, 0.0]);
-    let scale = area.exp() / unit;
-    Curve {
-        area: area.exp(),
-        amplitude: shape.at(&[scale, 0.0, spread, 0.0], 0.0).0,
-        centre,
-        width,
-        background: 0.0,
-        residual: 0.0,
-        area_sigma,
-        centre_sigma,
-        width_sigma: f64::NAN,
-        condition: f64::NAN,
-        flags: values.flags | scan.outside(centre),
-    }
+    let [area_sigma, centre_sigma] = propagate(&values.values, |y| scan.noise.variance(y), numbers);
+    let (model, blur, _) = known;
+    let p = of_slits([area.exp(), centre, blur, 0.0]);
+    Curve::of_slits(
+        [area.exp(), model.peak(&values.points, &p), centre, model.width(&p)],
+        [area_sigma, centre_sigma, f64::NAN],
+        values.flags | scan.outside([centre, 0.0]),
+    )
 }
 
 /// Three steps.
-pub(super) fn three_step(scan: &CurveScan, curve: impl Iterator<Item = f32>) -> Curve {
+pub(super) fn three_step(scan: &Scan, curve: impl Iterator<Item = f32>) -> Curve {
     let values = scan.values(curve, 3);
     if values.flags & flags::NO_ANSWER != 0 {
         return Curve::unknown(values.flags);
     }
-    let (x, y): (Vec<f64>, Vec<f64>) = values.points.iter().map(|[x, y, _]| (*x, *y)).unzip();
+    let (x, y): (Vec<f64>, Vec<f64>) = values.along_x().map(|[x, y, _]| (x, y)).unzip();
     let Some([height, centre, width]) = through_three(&x, &y) else {
         return Curve::unknown(values.flags | flags::NO_PEAK);
     };
     let [area_sigma, centre_sigma, width_sigma] =
         propagate(&y, |y| scan.noise.variance(y), |y| three_numbers(&x, y));
-    Curve {
-        area: height.exp() * width,
-        amplitude: height.exp(),
-        centre,
-        width,
-        background: 0.0,
-        residual: 0.0,
-        area_sigma,
-        centre_sigma,
-        width_sigma,
-        condition: f64::NAN,
-        flags: values.flags | scan.outside(centre),
-    }
+    Curve::of_slits(
+        [height.exp() * width, height.exp(), centre, width],
+        [area_sigma, centre_sigma, width_sigma],
+        values.flags | scan.outside([centre, 0.0]),
+    )
 }
 
 /// Area, centroid and standard deviation. The shares of `scan` are [`quadrature::weights`].
-pub(super) fn by_moments(scan: &CurveScan, curve: impl Iterator<Item = f32>) -> Curve {
+pub(super) fn by_moments(scan: &Scan, curve: impl Iterator<Item = f32>) -> Curve {
     let mut values = scan.values(curve, 3);
     if values.flags & flags::NO_ANSWER != 0 {
         return Curve::unknown(values.flags);
     }
-    if values.points.len() < scan.offsets.len() {
+    if values.values.len() < scan.places.len() {
         // Values that are left out leave wider gaps.
-        let offsets: Vec<f64> = values.points.iter().map(|[x, ..]| *x).collect();
-        let weights = quadrature::weights(&offsets);
-        values.points.iter_mut().zip(weights).for_each(|(point, weight)| point[2] = weight);
+        let offsets: Vec<f64> = values.along_x().map(|[x, ..]| x).collect();
+        values.shares = quadrature::weights(&offsets);
     }
-    let [area, centre, width] = moments(&values.points, 0.0);
+    let [area, centre, _, variance, ..] = values.moments(0.0);
+    let width = variance.max(0.0).sqrt();
     if !(area > 0.0 && width > 0.0) {
         return Curve::unknown(values.flags | flags::NO_PEAK);
     }
-    let [low, high] = scan.ends();
-    let at_ends = values.points.iter().filter(|[x, ..]| *x <= low || *x >= high);
-    let most_at_ends = at_ends.fold(0.0_f64, |most, [_, y, _]| most.max(*y));
+    let [[low, high], _] = scan.points.ends();
+    let at_ends = values.along_x().filter(|[x, ..]| *x <= low || *x >= high);
+    let most_at_ends = at_ends.fold(0.0_f64, |most, [_, y, _]| most.max(y));
     let noise = scan
         .noise
         .gain
         .map_or(0.0, |gain| 3.0 * scan.noise.variance(most_at_ends.max(gain)).sqrt());
     let sum = |of: &dyn Fn(f64) -> f64| {
         let terms = values
-            .points
-            .iter()
-            .map(|[x, y, share]| (share * of(x - centre)).powi(2) * scan.noise.variance(*y));
+            .along_x()
+            .map(|[x, y, share]| (share * of(x - centre)).powi(2) * scan.noise.variance(y));
         terms.sum::<f64>().sqrt() / area
     };
-    Curve {
-        area,
-        amplitude: values.most,
-        centre,
-        width,
-        background: 0.0,
-        residual: f64::NAN,
-        area_sigma: sum(&|_| 1.0),
-        centre_sigma: sum(&|d| d),
-        width_sigma: sum(&|d| d * d - width * width) / (2.0 * width),
-        condition: f64::NAN,
-        flags: values.flags
-            | if most_at_ends > EDGE * values.most + noise { flags::TRUNCATED } else { 0 },
-    }
+    let most = values.range[1];
+    let is_cut = most_at_ends > EDGE * most + noise;
+    let curve = Curve::of_slits(
+        [area, most, centre, width],
+        [sum(&|_| 1.0), sum(&|d| d), sum(&|d| d * d - width * width) / (2.0 * width)],
+        values.flags | if is_cut { flags::TRUNCATED } else { 0 },
+    );
+    Curve { residual: f64::NAN, ..curve }
 }

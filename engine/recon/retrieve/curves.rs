@@ -3,48 +3,86 @@
 use super::flags;
 use beamlet_core::numbers::single;
 
-/// One curve in f64, fields as of [`Curves`].
+/// A curve in f64. Slits have no z.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Curve {
-    /// Area, relative to open beam.
-    pub area: f64,
-    /// Amplitude.
-    pub amplitude: f64,
-    /// Centre, m.
-    pub centre: f64,
-    /// Standard deviation, m.
-    pub width: f64,
+    /// Light: the integral over places, value times m, of apertures value times m^2.
+    pub(super) area: f64,
+    /// Height above the background.
+    pub(super) amplitude: f64,
+    /// Centre x and z, m.
+    pub(super) centre: [f64; 2],
+    /// Second moments xx, zz and xz about the centre, apertures and pixels included, m^2.
+    pub(super) moments: [f64; 3],
     /// Background.
-    pub background: f64,
+    pub(super) background: f64,
     /// Root mean square of the residuals.
-    pub residual: f64,
-    /// Standard uncertainty of the area.
-    pub area_sigma: f64,
-    /// Standard uncertainty of the centre, m.
-    pub centre_sigma: f64,
-    /// Standard uncertainty of the width, m.
-    pub width_sigma: f64,
+    pub(super) residual: f64,
+    /// Standard uncertainty of the area, as a part of it.
+    pub(super) area_sigma: f64,
+    /// Standard uncertainties of the centre, m.
+    pub(super) centre_sigma: [f64; 2],
+    /// Standard uncertainties of the second moments, m^2.
+    pub(super) moments_sigma: [f64; 3],
+    /// Axes whose blur the values do not determine.
+    pub(super) unresolved: [bool; 2],
     /// Condition number of the fit.
-    pub condition: f64,
+    pub(super) condition: f64,
     /// Bits of [`super::flags`].
-    pub flags: u32,
+    pub(super) flags: u32,
 }
 
 impl Curve {
     /// Nothing known but flags.
     pub(super) const fn unknown(flags: u32) -> Self {
+        let unknown = f64::NAN;
+        let slits = Self::of_slits([unknown; 4], [unknown; 3], flags);
+        Self { background: unknown, residual: unknown, ..slits }
+    }
+
+    /// A curve of slits without background: area, amplitude, centre and width, and the uncertainties of the area (as a
+    /// part of it), the centre and the width.
+    pub(super) const fn of_slits(
+        [area, amplitude, centre, width]: [f64; 4],
+        [area_sigma, centre_sigma, width_sigma]: [f64; 3],
+        flags: u32,
+    ) -> Self {
         Self {
-            area: f64::NAN,
-            amplitude: f64::NAN,
-            centre: f64::NAN,
-            width: f64::NAN,
-            background: f64::NAN,
-            residual: f64::NAN,
-            area_sigma: f64::NAN,
-            centre_sigma: f64::NAN,
-            width_sigma: f64::NAN,
+            area,
+            amplitude,
+            centre: [centre, f64::NAN],
+            moments: [width * width, f64::NAN, f64::NAN],
+            background: 0.0,
+            residual: 0.0,
+            area_sigma,
+            centre_sigma: [centre_sigma, f64::NAN],
+            moments_sigma: [2.0 * width * width_sigma, f64::NAN, f64::NAN],
+            unresolved: [false; 2],
             condition: f64::NAN,
             flags,
+        }
+    }
+
+    /// True if there is a result.
+    pub(super) const fn has_answer(&self) -> bool {
+        self.flags & flags::NO_ANSWER == 0
+    }
+
+    /// Standard deviation along x, m.
+    pub(super) fn width(&self) -> f64 {
+        self.moments[0].sqrt()
+    }
+
+    /// Standard uncertainty of the standard deviation along x, m.
+    pub(super) fn width_sigma(&self) -> f64 {
+        self.moments_sigma[0] / (2.0 * self.width())
+    }
+
+    /// True if the values determine a second moment, by its index.
+    pub(super) const fn resolves(&self, moment: usize) -> bool {
+        match moment {
+            0 | 1 => !self.unresolved[moment],
+            _ => !(self.unresolved[0] || self.unresolved[1]),
         }
     }
 }
@@ -108,15 +146,34 @@ impl Curves {
         Self {
             area: of(|e| e.area),
             amplitude: of(|e| e.amplitude),
-            centre: of(|e| e.centre),
-            width: of(|e| e.width),
+            centre: of(|e| e.centre[0]),
+            width: of(Curve::width),
             background: of(|e| e.background),
             residual: of(|e| e.residual),
             area_sigma: of(|e| e.area_sigma),
-            centre_sigma: of(|e| e.centre_sigma),
-            width_sigma: of(|e| e.width_sigma),
+            centre_sigma: of(|e| e.centre_sigma[0]),
+            width_sigma: of(Curve::width_sigma),
             condition: of(|e| e.condition),
             flags: entries.iter().map(|e| e.flags).collect(),
+        }
+    }
+
+    /// A curve.
+    pub(super) fn curve(&self, at: usize) -> Curve {
+        let of = |values: &[f32]| f64::from(values[at]);
+        let numbers = [&self.area, &self.amplitude, &self.centre, &self.width];
+        let sigmas = [&self.area_sigma, &self.centre_sigma, &self.width_sigma];
+        let is_unresolved = self.flags[at] & flags::UNRESOLVED != 0;
+        Curve {
+            background: of(&self.background),
+            residual: of(&self.residual),
+            condition: of(&self.condition),
+            unresolved: [is_unresolved, false],
+            ..Curve::of_slits(
+                numbers.map(|values| of(values)),
+                sigmas.map(|values| of(values)),
+                self.flags[at],
+            )
         }
     }
 

@@ -22,11 +22,8 @@ impl Damping {
         self.0
     }
 
-    /// Follows a step that lowered the squares by `gained` (Nielsen's rule: by how well the step was foretold).
-    /// `parts`: of each unknown its step, its entry in the diagonal, and its right side.
-    pub(super) fn ease(&mut self, gained: f64, parts: impl Iterator<Item = [f64; 3]>) {
-        let of = |[step, diagonal, right]: [f64; 3]| step * (self.0 * diagonal * step + right);
-        let foretold: f64 = parts.map(of).sum();
+    /// Follows a step that lowered the squares by `gained`, of which `foretold` were expected (Nielsen's rule).
+    pub(super) fn ease(&mut self, gained: f64, foretold: f64) {
         let ratio = gained / foretold.max(f64::MIN_POSITIVE);
         let factor = (1.0 - (2.0 * ratio - 1.0).powi(3)).max(0.1);
         self.0 = (self.0 * factor).clamp(1e-12, MOST);

@@ -1,6 +1,6 @@
 //! Fits of a Gaussian on a background to many illumination curves at once, on the device.
 
-use super::background::BackgroundTerm;
+use super::background_term::BackgroundTerm;
 use super::curves::Curves;
 use super::noise_factors::NoiseFactors;
 use super::quadrature;

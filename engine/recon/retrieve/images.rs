@@ -1,36 +1,66 @@
 //! Curves of flat and sample to transmission, refraction and dark field (design 6.1), with their
 //! uncertainties.
 
-use super::curves::Curves;
+use super::curves::Curve;
 use super::flags;
 use beamlet_core::array_file::Sample;
 use beamlet_core::numbers::single;
 use ndarray::Array2;
 use std::ops::Range;
 
-/// Images of the contrasts, in the order in which they are written.
-pub(super) const CONTRASTS: [&str; 6] = [
-    "transmission",
-    "refraction",
-    "dark_field",
+/// Images of the contrasts, and of their uncertainties.
+pub(super) const CONTRASTS: [&str; 6] =
+    ["transmission", "refraction", "refraction_z", "dark_field", "dark_field_z", "dark_field_xz"];
+const SIGMAS: [&str; 6] = [
     "transmission_sigma",
     "refraction_sigma",
+    "refraction_z_sigma",
     "dark_field_sigma",
+    "dark_field_z_sigma",
+    "dark_field_xz_sigma",
 ];
-/// Images of the flat's curves: one for all views.
-pub(super) const OF_FLAT: [&str; 5] =
-    ["flat_amplitude", "flat_centre", "flat_width", "flat_background", "residual_flat"];
-/// Standard deviations of the flat's curves, where values are counts: of the area as a share of it, of the
-/// centre and of the width.
-pub(super) const SIGMAS_OF_FLAT: [&str; 3] =
-    ["flat_area_sigma", "flat_centre_sigma", "flat_width_sigma"];
-/// Images of the sample's curves.
-pub(super) const OF_SAMPLE: [&str; 5] =
-    ["sample_amplitude", "sample_centre", "sample_width", "sample_background", "residual_sample"];
+/// Images of the curves of the flat: one for all views where these have one flat. The last three are the standard
+/// deviations of the area as a share of it, of the centre and of the width.
+const OF_FLAT: [&str; 11] = [
+    "flat_amplitude",
+    "flat_centre",
+    "flat_centre_z",
+    "flat_width",
+    "flat_width_z",
+    "flat_covariance_xz",
+    "flat_background",
+    "residual_flat",
+    "flat_area_sigma",
+    "flat_centre_sigma",
+    "flat_width_sigma",
+];
+/// Images of the curves of the sample.
+const OF_SAMPLE: [&str; 8] = [
+    "sample_amplitude",
+    "sample_centre",
+    "sample_centre_z",
+    "sample_width",
+    "sample_width_z",
+    "sample_covariance_xz",
+    "sample_background",
+    "residual_sample",
+];
 /// Image of the flags of pixels, whose values are whole numbers.
 pub(crate) const FLAGS: &str = "flags";
 /// Image of the integral of δ along the beam.
 pub(super) const PHASE: &str = "phase";
+
+/// Names of the images of the flat and of a view that are given.
+pub(super) fn names(is_given: impl Fn(&str) -> bool) -> [Vec<&'static str>; 2] {
+    let of_view = CONTRASTS.into_iter().chain(SIGMAS).chain([FLAGS]).chain(OF_SAMPLE);
+    let given = |name: &&'static str| is_given(name);
+    [OF_FLAT.into_iter().filter(given).collect(), of_view.filter(given).collect()]
+}
+
+/// True for images of a second direction, which slits do not have.
+pub(super) fn is_of_z(name: &str) -> bool {
+    ["_z", "_xz"].iter().any(|end| name.trim_end_matches("_sigma").ends_with(end))
+}
 
 /// Unit of an image. `value`: what intensities are counted in.
 pub(super) fn unit<'a>(name: &str, value: &'a str) -> &'a str {
@@ -88,12 +118,6 @@ impl Images {
         }
     }
 
-    /// Images of one shape by their names.
-    pub(super) fn of(images: Vec<(&'static str, Array2<f32>)>) -> Self {
-        let (names, maps) = images.into_iter().unzip();
-        Self { names, maps }
-    }
-
     /// Names and images.
     pub fn iter(&self) -> impl Iterator<Item = (&'static str, &Array2<f32>)> {
         self.names.iter().copied().zip(&self.maps)
@@ -112,69 +136,104 @@ impl Images {
         self.maps.get_mut(at)
     }
 
-    /// Fills the pixels `at` from the curves of the whole flat and of these pixels' sample.
+    /// Fills the pixels `at` of the images of a view from their curves of flat and sample; `None` for places without
+    /// curves, which have no flag.
     pub(super) fn take(
         &mut self,
         at: Range<usize>,
-        flat: &Curves,
-        sample: &Curves,
+        curves: impl Fn(usize) -> [Option<Curve>; 2],
         angle_per_shift: f64,
     ) {
-        let find = |name: &str| self.names.iter().position(|other| *other == name);
-        let of_flags = find(FLAGS);
-        let of_sample = OF_SAMPLE.map(find);
-        let of_contrasts = CONTRASTS.map(find);
-        let mut put = |map: Option<usize>, pixel: usize, value: f32| {
-            if let Some(values) = map.and_then(|map| self.maps[map].as_slice_mut()) {
-                values[pixel] = value;
-            }
-        };
-        for (s, pixel) in at.enumerate() {
-            let bits = flags::of_pixel(flat.flags[pixel], sample.flags[s]);
-            put(of_flags, pixel, single(f64::from(bits)));
-            if !sample.has_answer(s) {
-                continue;
-            }
-            let curve = [
-                sample.amplitude[s],
-                sample.centre[s],
-                sample.width[s],
-                sample.background[s],
-                sample.residual[s],
-            ];
-            for (map, value) in of_sample.into_iter().zip(curve) {
-                put(map, pixel, value);
-            }
-            if flat.has_answer(pixel) {
-                let values = contrasts(flat, pixel, sample, s, angle_per_shift);
-                for (map, value) in of_contrasts.into_iter().zip(values) {
-                    put(map, pixel, single(value));
+        let all = || CONTRASTS.into_iter().chain(SIGMAS).chain(OF_SAMPLE).chain([FLAGS]);
+        self.fill(at, all(), |pixel| {
+            let [flat, sample] = curves(pixel);
+            let mut values = [f64::NAN; 21];
+            if let Some(sample) = sample.filter(Curve::has_answer) {
+                if let Some(flat) = flat.filter(Curve::has_answer) {
+                    values[..12].copy_from_slice(&contrasts(&flat, &sample, angle_per_shift));
                 }
+                values[12..20].copy_from_slice(&of_curve(&sample)[..8]);
             }
+            let bits = |curve: Option<Curve>| curve.map_or(0, |curve| curve.flags);
+            let of_flat = bits(flat.filter(|_| sample.is_some()));
+            values[20] = f64::from(flags::of_pixel(of_flat, bits(sample)));
+            values
+        });
+    }
+
+    /// Fills the images of the flat from its curves.
+    pub(super) fn take_flat(&mut self, curves: impl Fn(usize) -> Option<Curve>) {
+        let count = self.maps.first().map_or(0, Array2::len);
+        self.fill(0..count, OF_FLAT.into_iter(), |pixel| {
+            let known = curves(pixel).filter(Curve::has_answer);
+            known.map_or([f64::NAN; 11], |curve| of_curve(&curve))
+        });
+    }
+
+    /// Fills pixels with values by the names of their images.
+    fn fill<const N: usize>(
+        &mut self,
+        at: Range<usize>,
+        names: impl Iterator<Item = &'static str> + Clone,
+        values: impl Fn(usize) -> [f64; N],
+    ) {
+        let place = |name: &&str| names.clone().position(|other| other == *name);
+        let places: Vec<Option<usize>> = self.names.iter().map(place).collect();
+        let mut maps: Vec<(&mut [f32], usize)> = self
+            .maps
+            .iter_mut()
+            .zip(places)
+            .filter_map(|(map, place)| map.as_slice_mut().zip(place))
+            .collect();
+        for pixel in at {
+            let values = values(pixel);
+            maps.iter_mut().for_each(|(map, place)| map[pixel] = single(values[*place]));
         }
     }
 }
 
-/// Contrasts and their uncertainties, in the order of [`CONTRASTS`]. `angle_per_shift`: refraction angle per
-/// shift of the centre, -M/z for a scan of the sample mask.
-fn contrasts(flat: &Curves, f: usize, sample: &Curves, s: usize, angle_per_shift: f64) -> [f64; 6] {
-    let pair = |of: fn(&Curves) -> &Vec<f32>| [f64::from(of(flat)[f]), f64::from(of(sample)[s])];
-    let [area_f, area_s] = pair(|c| &c.area);
-    let [centre_f, centre_s] = pair(|c| &c.centre);
-    let [width_f, width_s] = pair(|c| &c.width);
-    let [area_sigma_f, area_sigma_s] = pair(|c| &c.area_sigma);
-    let [centre_sigma_f, centre_sigma_s] = pair(|c| &c.centre_sigma);
-    let [width_sigma_f, width_sigma_s] = pair(|c| &c.width_sigma);
-    let transmission = area_s / area_f;
-    // An unresolved flat has the width of the geometry.
-    let resolved = sample.flags[s] & flags::UNRESOLVED == 0;
-    let by_width = if resolved { angle_per_shift * angle_per_shift } else { f64::NAN };
+/// Values of a curve in the order of the images of the flat.
+fn of_curve(curve: &Curve) -> [f64; 11] {
+    let [xx, zz, xz] = curve.moments;
+    [
+        curve.amplitude,
+        curve.centre[0],
+        curve.centre[1],
+        xx.sqrt(),
+        zz.sqrt(),
+        xz,
+        curve.background,
+        curve.residual,
+        curve.area_sigma,
+        curve.centre_sigma[0],
+        curve.width_sigma(),
+    ]
+}
+
+/// Contrasts and their uncertainties: of the area, the centre, and the second moments. `angle_per_shift`: refraction
+/// angle per shift of the centre, -M/z for a scan of the sample mask.
+pub(super) fn contrasts(f: &Curve, s: &Curve, angle_per_shift: f64) -> [f64; 12] {
+    let square = angle_per_shift * angle_per_shift;
+    let transmission = s.area / f.area;
+    let angle = |axis: usize| angle_per_shift * (s.centre[axis] - f.centre[axis]);
+    let angle_sigma =
+        |axis: usize| angle_per_shift.abs() * f.centre_sigma[axis].hypot(s.centre_sigma[axis]);
+    // An unresolved flat has the moments of the geometry.
+    let by = |k: usize| if s.resolves(k) { square } else { f64::NAN };
+    let dark = |k: usize| by(k) * (s.moments[k] - f.moments[k]);
+    let dark_sigma = |k: usize| by(k) * f.moments_sigma[k].hypot(s.moments_sigma[k]);
     [
         transmission,
-        angle_per_shift * (centre_s - centre_f),
-        by_width * (width_s - width_f) * (width_s + width_f),
-        transmission * area_sigma_f.hypot(area_sigma_s),
-        angle_per_shift.abs() * centre_sigma_f.hypot(centre_sigma_s),
-        2.0 * by_width * (width_f * width_sigma_f).hypot(width_s * width_sigma_s),
+        angle(0),
+        angle(1),
+        dark(0),
+        dark(1),
+        dark(2),
+        transmission * f.area_sigma.hypot(s.area_sigma),
+        angle_sigma(0),
+        angle_sigma(1),
+        dark_sigma(0),
+        dark_sigma(1),
+        dark_sigma(2),
     ]
 }

@@ -113,7 +113,7 @@ impl Method {
             )),
             Self::TwoStep | Self::Triangle => one_slit(self, scene),
             Self::ExactCurve => slits_of_every_pixel(scene),
-            _ => Ok(()),
+            Self::Gaussian | Self::ThreeStep | Self::Moments | Self::Beamlet => Ok(()),
         }
     }
 
@@ -126,6 +126,34 @@ impl Method {
             Self::TwoStep => 2,
             Self::Moments | Self::Triangle => 5,
             Self::Beamlet => 1,
+        }
+    }
+
+    /// True for fits with a background that the masks or a number give.
+    pub(super) const fn has_background(self) -> bool {
+        match self {
+            Self::Gaussian | Self::ExactCurve => true,
+            Self::ThreeStep | Self::TwoStep | Self::Moments | Self::Triangle | Self::Beamlet => {
+                false
+            }
+        }
+    }
+
+    /// True for fits that weigh values by their noise.
+    pub(super) const fn weighs(self) -> bool {
+        match self {
+            Self::Gaussian | Self::ExactCurve | Self::Beamlet => true,
+            Self::ThreeStep | Self::TwoStep | Self::Moments | Self::Triangle => false,
+        }
+    }
+
+    /// True for methods of beamlets on a lattice, and of steps along x and z.
+    pub(super) const fn in_two_directions(self) -> [bool; 2] {
+        match self {
+            Self::Gaussian => [true, true],
+            Self::Beamlet | Self::Moments => [true, false],
+            Self::ExactCurve => [false, true],
+            Self::ThreeStep | Self::TwoStep | Self::Triangle => [false, false],
         }
     }
 
@@ -167,7 +195,9 @@ impl Method {
             }
             Self::TwoStep => (different == least, format!("exactly {least} different offsets")),
             Self::Beamlet => (count == least, format!("exactly {least} offset")),
-            _ => (different >= least, format!("at least {least} different offsets")),
+            Self::Moments | Self::Triangle | Self::ExactCurve => {
+                (different >= least, format!("at least {least} different offsets"))
+            }
         };
         if served && offsets.iter().all(|offset| offset.is_finite()) {
             return Ok(());

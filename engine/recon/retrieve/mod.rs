@@ -3,6 +3,7 @@
 //! Formulas, validity and bias of each method: docs/retrieval.md.
 
 mod background;
+mod background_term;
 mod beamlet_fit;
 pub mod beamlets;
 mod closed;
@@ -11,29 +12,34 @@ pub mod curves;
 mod damping;
 mod diagnosis;
 mod equations;
+mod fit;
 pub mod fitter;
 pub mod flags;
 mod images;
 mod input;
 pub mod joined;
-mod least_squares;
 mod mask_curve;
 pub mod method;
 mod misfit;
+mod model;
 mod noise_factors;
 mod options;
 mod phase;
 mod planar;
+mod profile;
 mod quadrature;
 mod record;
 mod response;
 mod retriever;
 mod rims;
 mod run;
+mod scan;
 mod shape;
+mod strips;
 mod value_noise;
 
-pub use background::{Background, BackgroundTerm};
+pub use background::Background;
+pub use background_term::BackgroundTerm;
 pub use correct::{Corrections, Plane, ViewCorrection};
 pub use curves::Curves;
 pub use diagnosis::{EmptyBeam, EmptyBeamOfView, Region};

@@ -4,11 +4,11 @@ use super::background::Background;
 use super::curves::Curves;
 use super::images::Images;
 use super::method::Method;
+use super::model::{Model, of_slits};
 use super::noise_factors::NoiseFactors;
 use super::options::RetrieveOptions;
 use super::record::Record;
 use super::retriever::{Retriever, ViewScan};
-use super::shape::CurveShape;
 use beamlet_core::Result;
 use beamlet_core::cancel::Cancel;
 use beamlet_core::numbers::single;
@@ -124,10 +124,11 @@ impl Retriever {
         if self.has_beamlets() {
             return Ok(None);
         }
-        let shape = CurveShape::Masks(masks.clone());
-        let spread = masks.spread();
-        let [_, [width, ..]] = shape.area_and_width(&[1.0, 0.0, spread, 0.0]);
-        let peak = shape.at(&[1.0, 0.0, spread, 0.0], 0.0).0 + self.curve_geometry().leak;
+        let model = Model::Masks(masks.clone());
+        let (spread, leak) = (masks.spread(), self.curve_geometry().leak);
+        let own = of_slits([1.0, 0.0, spread, leak]);
+        let width = model.width(&own);
+        let peak = model.values(std::iter::once(0.0), &own)[0][0];
         let scale = self.options().gain.map_or(1.0, |gain| PHOTONS * gain) / peak;
         let (shift, widened) = (SHIFT * width, WIDENED * width * width);
         // Refraction, dark field, transmission: scale, centre and spread.
@@ -136,10 +137,11 @@ impl Retriever {
             [scale, 0.0, spread + widened],
             [TRANSMISSION * scale, 0.0, spread],
         ];
-        let flat = self.fit_curves(&shape, &[[scale, 0.0, spread]; 3], None)?;
-        let sample = self.fit_curves(&shape, &samples, Some(&flat))?;
+        let flat = self.fit_curves(&model, &[[scale, 0.0, spread]; 3], None)?;
+        let sample = self.fit_curves(&model, &samples, Some(&flat))?;
         let mut images = Images::new(self.names(), 1, samples.len());
-        images.take(0..samples.len(), &flat, &sample, self.angle_per_shift());
+        let curves = |at: usize| [flat.curve(at), sample.curve(at)].map(Some);
+        images.take(0..samples.len(), curves, self.angle_per_shift());
         let of = |name: &str, pixel: usize| images.get(name).map(|map| f64::from(map[[0, pixel]]));
         let angle = self.angle_per_shift();
         Ok(Some(Response {
@@ -152,18 +154,19 @@ impl Retriever {
     /// Fits of curves with these scales, centres and spreads.
     fn fit_curves(
         &self,
-        shape: &CurveShape,
+        model: &Model,
         curves: &[[f64; 3]],
         flat: Option<&Curves>,
     ) -> Result<Curves> {
         let leak = self.curve_geometry().leak;
         let offsets = self.flat_offsets();
         let of_curve = |[scale, centre, spread]: &[f64; 3]| {
-            shape.evaluate(&[*scale, *centre, *spread, leak * scale], offsets.iter().copied())
+            let p = of_slits([*scale, *centre, *spread, leak * scale]);
+            model.values(offsets.iter().copied(), &p)
         };
         let values: Vec<_> = curves.iter().map(of_curve).collect();
         let frames = Array3::from_shape_fn((offsets.len(), 1, curves.len()), |(step, _, pixel)| {
-            single(values[pixel][step].0)
+            single(values[pixel][step][0])
         });
         let scan = ViewScan::of(offsets, NoiseFactors::ONE, self.fitter(), true)?;
         self.curves(frames, &scan, flat.map(|flat| (flat, 0)), &Cancel::default())

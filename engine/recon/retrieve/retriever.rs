@@ -7,7 +7,7 @@ mod view_scan;
 use super::beamlets::Beamlets;
 use super::fitter::{FitOptions, Fitter, Weights};
 use super::flags;
-use super::images::{CONTRASTS, FLAGS, Images, OF_SAMPLE};
+use super::images::{self, FLAGS, Images};
 use super::input::Input;
 use super::joined::JoinedColumns;
 use super::method::{Method, different_offsets};
@@ -87,8 +87,7 @@ impl Retriever {
         }
         let offsets = periods.without(&scene.scan.mask_offsets);
         let fits = method == Method::Gaussian;
-        let weighs = matches!(method, Method::Gaussian | Method::ExactCurve | Method::Beamlet);
-        if options.weights == Weights::Poisson && !weighs {
+        if options.weights == Weights::Poisson && !method.weighs() {
             let allowed = "poisson with gaussian, exact-curve or beamlet";
             return Err(Error::argument("weights", format!("poisson with {method}"), allowed));
         }
@@ -235,13 +234,19 @@ impl Retriever {
     /// Names of the images of a view.
     #[must_use]
     pub fn names(&self) -> Vec<&'static str> {
-        // Without noise there is nothing to be uncertain of.
-        let has_width = self.has_width();
-        let is_given = |name: &&'static str| {
-            (!name.ends_with("_sigma") || self.options.gain.is_some())
-                && (has_width || !name.starts_with("dark_field"))
-        };
-        CONTRASTS.into_iter().filter(is_given).chain([FLAGS]).chain(OF_SAMPLE).collect()
+        let [_, of_view] = self.names_of_images();
+        of_view
+    }
+
+    /// Names of the images of the flat and of a view. Without noise there is nothing to be uncertain of.
+    pub(super) fn names_of_images(&self) -> [Vec<&'static str>; 2] {
+        let (has_width, has_sigmas) = (self.has_width(), self.options.gain.is_some());
+        let of_width = |name: &str| name.starts_with("dark_field") || name == "flat_width_sigma";
+        images::names(|name| {
+            !images::is_of_z(name)
+                && (has_sigmas || !name.ends_with("_sigma"))
+                && (has_width || !of_width(name))
+        })
     }
 
     /// The images of the view of this index, at its own mask offsets; the flat comes first.
@@ -290,7 +295,9 @@ impl Retriever {
             let pixels = band.start as usize * across..band.end as usize * across;
             let known = Some((&flat.curves, pixels.start));
             let curves = self.curves(data, &scan, known, &control.cancel)?;
-            images.take(pixels, &flat.curves, &curves, self.angle_per_shift);
+            let first = pixels.start;
+            let of = |at: usize| [flat.curves.curve(at), curves.curve(at - first)].map(Some);
+            images.take(pixels, of, self.angle_per_shift);
             Ok(())
         })?;
         if let Some(width) = flat.width {

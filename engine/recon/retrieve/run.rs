@@ -254,7 +254,7 @@ fn retrieve_to(
     refuse_parts_of_beamlets(&input, &options, design.as_ref())?;
     if let Some(design) = design {
         design.check(input.scene(), &options)?;
-        if design.is_of_list(input.scene()) {
+        if design.is_of_list(input.scene()) || options.phase {
             require_pixels(&input)?;
         }
         let input = input.fitted_to(design.steps())?;
@@ -363,12 +363,8 @@ fn retrieve_views(
 ) -> Result<()> {
     let input = scan.input;
     let [angles, ..] = output.record.shape;
-    let mut phases =
+    let phases =
         options.phase.then(|| PhaseImages::new(retriever.geometry(input, angles))).transpose()?;
-    if phases.is_some() {
-        output.enter(PHASE);
-    }
-    let mut residuals = Vec::new();
     let mut correcting = match Corrector::of(retriever, input, options)? {
         None => None,
         Some(corrector) => {
@@ -377,9 +373,28 @@ fn retrieve_views(
             Some(Correcting::new(corrector, empty))
         }
     };
-    for angle in 0..angles {
+    put_angles(output, phases, |angle| {
         let mut tools = Tools::new(diagnosis, correcting.as_mut());
-        let (retrieved, of_flats) = scan.angle(angle, retriever, &mut tools, control)?;
+        scan.angle(angle, retriever, &mut tools, control)
+    })?;
+    output.record.corrections = correcting.map_or_else(Vec::new, Correcting::views);
+    Ok(())
+}
+
+/// Hands over the images of every angle, and of its flat if it has one, with the phase if `phases` is given, and enters
+/// the results of all angles into the record.
+fn put_angles(
+    output: &mut Output<'_>,
+    mut phases: Option<PhaseImages>,
+    mut images_of: impl FnMut(usize) -> Result<(Images, Option<Images>)>,
+) -> Result<()> {
+    let [angles, ..] = output.record.shape;
+    if phases.is_some() {
+        output.enter(PHASE);
+    }
+    let mut residuals = Vec::new();
+    for angle in 0..angles {
+        let (retrieved, of_flats) = images_of(angle)?;
         for (name, image) in of_flats.iter().flat_map(Images::iter).chain(retrieved.iter()) {
             output.put(name, angles, image.view())?;
         }
@@ -392,7 +407,6 @@ fn retrieve_views(
     }
     let record = &mut output.record;
     record.residual = median(residuals).filter(|residual| *residual > 0.0);
-    record.corrections = correcting.map_or_else(Vec::new, Correcting::views);
     record.drift = phases.map(|phases| phases.drift());
     Ok(())
 }

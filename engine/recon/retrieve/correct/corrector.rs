@@ -93,7 +93,7 @@ impl Corrector {
             );
         }
         let geometry = CurveGeometry::of(input.scene())?;
-        if chosen.of_frames() && options.method() != Method::Beamlet && geometry.shape().is_none() {
+        if chosen.of_frames() && options.method() != Method::Beamlet && geometry.model().is_none() {
             return refused("dose or steps without two masks", "offset and plane");
         }
         let image = input.image_scene();

@@ -5,8 +5,9 @@
 //! other pixels C has four unknowns of its own, which are eliminated: such pixels contribute what their
 //! curves cannot follow.
 
-use super::pixels::{EmptyPixel, InnerPixel, PixelSet};
-use crate::retrieve::equations::{Equations, add, inverse};
+use super::pixels::{Pixel, PixelSet};
+use crate::retrieve::diagnosis::FittedCurve;
+use crate::retrieve::equations::{Equations, UNKNOWNS, Unknowns as OfCurve};
 use rayon::prelude::*;
 
 /// Least expected value, as a share of the amplitude, for the variance of a value.
@@ -65,8 +66,10 @@ struct Row {
     residual: Vec<f64>,
     slopes: Vec<[f64; 2]>,
     variance: Vec<f64>,
-    /// Slopes by the unknowns of the pixel's own curve; empty for empty beam.
-    own: Vec<[f64; 4]>,
+    /// Slopes by the unknowns of the pixel's own curve.
+    own: Vec<OfCurve>,
+    /// Equations of these unknowns, without values.
+    equations: Equations,
 }
 
 impl Row {
@@ -111,50 +114,44 @@ impl PixelSet<'_> {
         system.noise.is_finite().then_some(system)
     }
 
-    fn empty_row(&self, pixel: &EmptyPixel, of: Unknowns, at: &[f64]) -> Row {
-        let amplitude = pixel.curve.amplitude;
-        let value = |k: usize| {
-            let [dose, shift] = of.of(k).map(|i| at[i]);
-            let (value, slopes) = pixel.curve.at(libm::fma(shift, self.width, self.offsets[k]));
-            let dose = dose.exp();
-            let expected = dose * (value + pixel.residual[k]);
-            let slope = -dose * slopes[1] * self.width;
-            let least = LEAST * amplitude;
-            let of_flat = dose * dose * self.variance((value + pixel.residual[k]).max(least));
-            let variance = self.variance(expected.max(least)) + of_flat;
-            (pixel.values[k] - expected, [expected, slope], variance)
-        };
-        Row::of((0..of.frames).map(value), Vec::new())
+    fn empty_row(&self, pixel: &Pixel, of: Unknowns, at: &[f64]) -> Row {
+        let least = LEAST * pixel.curve.amplitude;
+        self.row(pixel, &pixel.curve, of, at, |k, dose, value| {
+            dose * dose * self.variance((value + pixel.residual[k]).max(least))
+        })
     }
 
-    fn inner_row(&self, pixel: &InnerPixel, of: Unknowns, at: &[f64]) -> Option<Row> {
+    fn inner_row(&self, pixel: &Pixel, of: Unknowns, at: &[f64]) -> Option<Row> {
         let curve = self.fitted(pixel, of, at)?;
-        let ratio = curve.amplitude / pixel.flat_amplitude;
-        let mut own = Vec::with_capacity(of.frames);
-        let value = |k: usize| {
-            let [dose, shift] = of.of(k).map(|i| at[i]);
-            let (value, slopes) = curve.at(libm::fma(shift, self.width, self.offsets[k]));
-            let dose = dose.exp();
-            let expected = dose * libm::fma(ratio, pixel.residual[k], value);
-            own.push(slopes.map(|slope| dose * slope));
-            let slope = -dose * slopes[1] * self.width;
-            let least = LEAST * curve.amplitude;
-            let of_flat = ratio * ratio * self.variance((value / ratio).max(least));
-            let variance = self.variance(expected.max(least)) + of_flat;
-            (pixel.values[k] - expected, [expected, slope], variance)
-        };
-        let row = Row::of((0..of.frames).map(value), Vec::new());
-        Some(Row { own, ..row })
+        let (least, ratio) = (LEAST * curve.amplitude, curve.amplitude / pixel.curve.amplitude);
+        Some(self.row(pixel, &curve, of, at, |_, _, value| {
+            ratio * ratio * self.variance((value / ratio).max(least))
+        }))
     }
-}
 
-impl Row {
-    fn of(values: impl Iterator<Item = (f64, [f64; 2], f64)>, own: Vec<[f64; 4]>) -> Self {
-        let mut row = Self { residual: Vec::new(), slopes: Vec::new(), variance: Vec::new(), own };
-        for (residual, slopes, variance) in values {
-            row.residual.push(residual);
-            row.slopes.push(slopes);
-            row.variance.push(variance);
+    /// The row of a pixel whose sample has this curve. `of_flat`: variance by the noise of the flat, for a frame, its dose
+    /// and the value of the curve.
+    fn row(
+        &self,
+        pixel: &Pixel,
+        curve: &FittedCurve,
+        of: Unknowns,
+        at: &[f64],
+        of_flat: impl Fn(usize, f64, f64) -> f64,
+    ) -> Row {
+        let (residual, slopes, variance) = (Vec::new(), Vec::new(), Vec::new());
+        let equations = curve.equations();
+        let mut row = Row { residual, slopes, variance, own: Vec::new(), equations };
+        let (least, ratio) = (LEAST * curve.amplitude, curve.amplitude / pixel.curve.amplitude);
+        let numbers = |k: usize| of.of(k).map(|i| at[i]);
+        let places = (0..of.frames).map(|k| libm::fma(numbers(k)[1], self.width, self.offsets[k]));
+        for (k, [value, own @ ..]) in curve.at(places).into_iter().enumerate() {
+            let dose = numbers(k)[0].exp();
+            let expected = dose * libm::fma(ratio, pixel.residual[k], value);
+            row.residual.push(pixel.values[k] - expected);
+            row.slopes.push([expected, -dose * own[1] * self.width]);
+            row.variance.push(self.variance(expected.max(least)) + of_flat(k, dose, value));
+            row.own.push(own.map(|slope| dose * slope));
         }
         row
     }
@@ -213,21 +210,22 @@ impl System {
         let more = systematic * row.most().powi(2);
         let weights: Vec<f64> =
             row.variance.iter().map(|variance| 1.0 / libm::fma(noise, *variance, more)).collect();
-        let mut equations: Equations = [[0.0; 5]; 4];
+        let mut equations = row.equations.clone();
         for ((slope, weight), residual) in row.own.iter().zip(&weights).zip(&row.residual) {
-            add(&mut equations, *slope, *weight, *residual);
+            equations.add(slope, *weight, *residual);
         }
-        let Some(inverse) = inverse(&equations) else { return Some(()) };
+        let Some(inverse) = equations.inverse() else { return Some(()) };
         // Weights less the part that the own curve follows.
-        let half: Vec<[f64; 4]> = row
+        let half: Vec<OfCurve> = row
             .own
             .iter()
-            .map(|s| std::array::from_fn(|j| (0..4).map(|i| s[i] * inverse[i][j]).sum()))
+            .map(|s| std::array::from_fn(|j| (0..UNKNOWNS).map(|i| s[i] * inverse[i][j]).sum()))
             .collect();
         for k in 0..of.frames {
             let [dose, shift] = of.of(k);
             for l in 0..of.frames {
-                let follows: f64 = (0..4).map(|j| half[k][j] * row.own[l][j]).sum();
+                let follows: f64 =
+                    half[k].iter().zip(row.own[l]).map(|(half, own)| half * own).sum();
                 let own = if k == l { weights[k] } else { 0.0 };
                 let weight = libm::fma(-weights[k] * follows, weights[l], own);
                 self.squares += weight * row.residual[k] * row.residual[l];

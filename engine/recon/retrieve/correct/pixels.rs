@@ -1,10 +1,11 @@
 //! Values of the pixels of a view, and the curves of their flat.
 
 use super::equations::Unknowns;
-use crate::retrieve::diagnosis::{FittedCurve, Model};
+use crate::retrieve::diagnosis::FittedCurve;
+use crate::retrieve::fit::fit_slits;
 use crate::retrieve::fitter::Weights;
-use crate::retrieve::least_squares::{self, CurveScan};
 use crate::retrieve::misfit::median;
+use crate::retrieve::scan::Scan;
 use crate::retrieve::shape::CurveGeometry;
 use crate::retrieve::value_noise::ValueNoise;
 use crate::retrieve::{RetrieveOptions, flags, quadrature};
@@ -13,27 +14,22 @@ use rayon::prelude::*;
 /// Fewest frames for pixels with a curve of their own.
 const FRAMES: usize = 6;
 
-/// A pixel of empty beam.
-pub(super) struct EmptyPixel {
-    pub(crate) curve: FittedCurve,
+/// A pixel of a view.
+pub(super) struct Pixel {
+    /// Curve of the flat.
+    pub(super) curve: FittedCurve,
     /// Difference of the flat from its curve at the offsets of the sample; 0 where the flat has others.
     pub(super) residual: Vec<f64>,
     /// Values of the sample.
-    pub(crate) values: Vec<f64>,
-}
-
-/// A pixel of the whole image.
-pub(super) struct InnerPixel {
-    pub(super) flat_amplitude: f64,
-    /// As of [`EmptyPixel`].
-    pub(super) residual: Vec<f64>,
-    pub(crate) values: Vec<f64>,
+    pub(super) values: Vec<f64>,
 }
 
 /// Pixels of a view with what their fits need.
 pub(super) struct PixelSet<'a> {
-    pub(crate) empty: Vec<EmptyPixel>,
-    pub(crate) inner: Vec<InnerPixel>,
+    /// Pixels of empty beam.
+    pub(crate) empty: Vec<Pixel>,
+    /// Pixels of the rest of the image.
+    pub(crate) inner: Vec<Pixel>,
     /// Mask offsets of the sample as they were set, m.
     pub(crate) offsets: &'a [f64],
     /// Median width and centre of the curves of the empty beam, m.
@@ -71,7 +67,8 @@ impl FlatPixel {
     fn residual(&self, [of_flat, offsets]: [&[f64]; 2]) -> Vec<f64> {
         match of_flat == offsets {
             true => {
-                offsets.iter().zip(&self.values).map(|(x, y)| y - self.curve.at(*x).0).collect()
+                let fitted = self.curve.at(offsets.iter().copied());
+                self.values.iter().zip(fitted).map(|(y, [value, ..])| y - value).collect()
             }
             false => vec![0.0; offsets.len()],
         }
@@ -100,10 +97,11 @@ impl<'a> PixelSet<'a> {
                 continue;
             }
             let (curve, residual) = (flat.curve.clone(), flat.residual(offsets));
+            let pixel = Pixel { curve, residual, values };
             if at < empty {
-                of_empty.push(EmptyPixel { curve, residual, values });
+                of_empty.push(pixel);
             } else if frames >= FRAMES && inner {
-                of_inner.push(InnerPixel { flat_amplitude: curve.amplitude, residual, values });
+                of_inner.push(pixel);
             }
         }
         let middle = |of: fn(&FittedCurve) -> f64| {
@@ -128,12 +126,7 @@ impl<'a> PixelSet<'a> {
     }
 
     /// The curve of a pixel of the sample in frames of these doses and displacements.
-    pub(super) fn fitted(
-        &self,
-        pixel: &InnerPixel,
-        of: Unknowns,
-        at: &[f64],
-    ) -> Option<FittedCurve> {
+    pub(super) fn fitted(&self, pixel: &Pixel, of: Unknowns, at: &[f64]) -> Option<FittedCurve> {
         let offsets: Vec<f64> = (0..of.frames)
             .map(|k| libm::fma(at[of.of(k)[1]], self.width, self.offsets[k]))
             .collect();
@@ -143,31 +136,26 @@ impl<'a> PixelSet<'a> {
     }
 }
 
-fn scan(offsets: &[f64], geometry: &CurveGeometry, options: &RetrieveOptions) -> CurveScan {
+fn scan(offsets: &[f64], geometry: &CurveGeometry, options: &RetrieveOptions) -> Scan {
     let noise = ValueNoise {
         saturation: f64::INFINITY,
         gain: options.gain,
         read_noise: options.read_noise,
         weights: Weights::None,
     };
-    CurveScan {
-        offsets: offsets.to_vec(),
-        shares: quadrature::trapezoids(offsets),
-        noise,
-        background: geometry.background,
-    }
+    Scan::along_x(offsets, quadrature::trapezoids(offsets), noise, geometry.background)
 }
 
 /// The curve of the masks through values: five or more determine its blur; fewer take the blur of the geometry.
-fn fit(geometry: &CurveGeometry, scan: &CurveScan, values: &[f64]) -> Option<FittedCurve> {
-    let shape = geometry.shape()?;
+fn fit(geometry: &CurveGeometry, scan: &Scan, values: &[f64]) -> Option<FittedCurve> {
+    let model = geometry.model()?;
     let curve = values.iter().map(|value| beamlet_core::numbers::single(*value));
-    let spread = (values.len() < 5).then(|| geometry.spread());
-    let found = least_squares::fit_with(&shape, scan, curve, spread);
+    let blur = (values.len() < 5).then(|| geometry.spread());
+    let found = fit_slits(&model, scan, curve, blur);
     let odd = flags::NO_ANSWER | flags::OUTSIDE;
     if found.flags & odd != 0 {
         return None;
     }
-    let numbers = [found.area, found.amplitude, found.centre, found.width, found.background];
-    Model::Shape(shape).fitted(numbers, scan.background)
+    let numbers = [found.amplitude, found.centre[0], found.width(), found.background];
+    FittedCurve::new(&model, numbers, scan.background)
 }

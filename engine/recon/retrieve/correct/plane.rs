@@ -1,6 +1,6 @@
 //! Shift and plane of the refraction angle of empty beam.
 
-use crate::retrieve::equations::{Equations, add, inverse, solve};
+use crate::retrieve::equations::Equations;
 use crate::retrieve::misfit::median;
 
 /// Standard deviations above which a pixel is an outlier.
@@ -48,10 +48,11 @@ impl FittedPlane {
             let of = |at: usize, fitted: bool| {
                 if fitted { (point[at] - places[at][0]) / places[at][1] } else { 0.0 }
             };
-            [1.0, of(0, slopes.x), of(1, slopes.z), 0.0]
+            [1.0, of(0, slopes.x), of(1, slopes.z), 0.0, 0.0, 0.0, 0.0]
         };
         let middle = median(points.iter().map(|point| point[2]).collect())?;
-        let mut found = [middle, 0.0, 0.0, 0.0];
+        let held = [false, !slopes.x, !slopes.z, true, true, true, true];
+        let mut found = [middle, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0];
         let mut result = None;
         for _ in 0..ROUNDS {
             let left = |point: &[f64; 3]| {
@@ -65,34 +66,25 @@ impl FittedPlane {
             if near.len() < unknowns + 2 {
                 return None;
             }
-            let mut equations: Equations = [[0.0; 5]; 4];
+            let mut equations = Equations::new(&held);
             for point in &near {
-                add(&mut equations, basis(point), 1.0, point[2]);
+                equations.add(&basis(point), 1.0, point[2]);
             }
-            for (at, fitted) in [(1, slopes.x), (2, slopes.z), (3, false)] {
-                if !fitted {
-                    equations[at][at] = 1.0;
-                }
-            }
-            found = solve(&equations, 0.0)?;
+            found = equations.solve(0.0)?;
             let rest = |point: &&[f64; 3]| {
                 let expected: f64 = basis(point).iter().zip(found).map(|(b, f)| b * f).sum();
                 (point[2] - expected).powi(2)
             };
             let variance = near.iter().map(rest).sum::<f64>() / (near.len() - unknowns) as f64;
-            result = Some((inverse(&equations)?, variance));
+            result = Some((equations.inverse()?, variance));
         }
         let (inverse, variance) = result?;
         // From the middle of the points to the origin.
         let shift = basis(&[0.0; 3]);
         let value: f64 = shift.iter().zip(found).map(|(s, f)| s * f).sum();
-        let of_value: f64 = (0..3)
-            .flat_map(|i| (0..3).map(move |j| (i, j)))
-            .map(|(i, j)| {
-                let is_fitted = |k: usize| k == 0 || [slopes.x, slopes.z][k - 1];
-                if is_fitted(i) && is_fitted(j) { shift[i] * inverse[i][j] * shift[j] } else { 0.0 }
-            })
-            .sum();
+        let rows = shift.iter().zip(inverse);
+        let of_value: f64 =
+            rows.map(|(s, row)| s * row.iter().zip(shift).map(|(of, s)| of * s).sum::<f64>()).sum();
         let slope = |at: usize, fitted: bool| match fitted {
             true => {
                 let half = places[at - 1][1];

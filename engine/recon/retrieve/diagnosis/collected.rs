@@ -3,17 +3,18 @@
 use super::borders::Borders;
 use super::chi_square::{self, PixelResiduals};
 use super::empty_beam::{self, EmptyBeam, EmptyBeamOfView};
-use super::fitted::{FittedCurve, Model};
+use super::fitted::FittedCurve;
 use super::leverage::Leverage;
 use super::light::{self, LightCounts};
 use super::moments::{MomentsCheck, MomentsErrors};
 use super::steps::{self, PixelSteps, STEADY, STEADY_IN_AIR, Unsteady};
 use super::warnings::{self, Findings};
 use super::watched::Watched;
-use crate::retrieve::background::BackgroundTerm;
+use crate::retrieve::background_term::BackgroundTerm;
 use crate::retrieve::curves::Curves;
 use crate::retrieve::images::Images;
 use crate::retrieve::misfit::median;
+use crate::retrieve::model::Model;
 use crate::retrieve::noise_factors::NoiseFactors;
 use crate::retrieve::retriever::Corrected;
 use crate::retrieve::{Method, Record, RetrieveOptions, Retriever, Weights};
@@ -147,17 +148,12 @@ impl Diagnosis {
         let flat = Watched::over(&[0..rows, 0..columns], columns, steps, saturation);
         let [of_flat, of_sample] = retriever.offsets();
         let is_one = of_flat == of_sample;
-        let moments = match options.method() {
-            Method::Moments => MomentsCheck::of(retriever.curve_geometry(), of_flat),
-            _ => None,
-        };
+        let is_moments = options.method() == Method::Moments;
+        let moments = MomentsCheck::of(retriever.curve_geometry(), of_flat).filter(|_| is_moments);
         Ok(Self {
             options: options.clone(),
-            model: Model::of(retriever, options.method()),
-            background: match options.method() {
-                Method::Gaussian | Method::ExactCurve => retriever.curve_geometry().background,
-                _ => BackgroundTerm::Free,
-            },
+            model: retriever.model(),
+            background: retriever.background(),
             offsets: if is_one { of_flat.to_vec() } else { Vec::new() },
             angle_per_shift: retriever.angle_per_shift(),
             measured,
@@ -203,7 +199,7 @@ impl Diagnosis {
         self.found.light.add(images, self.noise_share(known));
         if let Some(empty) = &mut self.empty {
             let model = self.model.as_ref();
-            let curve = |at: usize| model?.of_flat(flat, at, self.background);
+            let curve = |at: usize| FittedCurve::of_flat(model?, flat, at, self.background);
             let pixels = empty_beam::pixels(&empty.flat, &empty.sample, curve);
             let found = EmptyBeamOfView::of(
                 images,
@@ -244,7 +240,10 @@ impl Diagnosis {
         let pairs: Vec<_> = self.flat.iter().zip(self.sample.iter()).collect();
         let of_pixel = |at: usize, values: [&[f64]; 2]| {
             let term = self.background;
-            let curves = [model.of_flat(flat, at, term)?, model.of_sample(flat, images, at, term)?];
+            let curves = [
+                FittedCurve::of_flat(model, flat, at, term)?,
+                FittedCurve::of_sample(model, images, at, term)?,
+            ];
             let of_flat = Leverage::of(&curves[0], &self.offsets, &self.options, flat_noise)?;
             let of_sample = Leverage::of(&curves[1], of_view, &self.options, corrected.noise)?;
             let leverages = [&of_flat, &of_sample];

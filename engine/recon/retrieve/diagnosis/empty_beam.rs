@@ -98,10 +98,10 @@ fn dose(
     shift: f64,
 ) -> Option<[f64; 2]> {
     let change = |pixel: &EmptyPixel| {
-        pixel
-            .curve
-            .as_ref()
-            .map_or(0.0, |curve| curve.at(of_sample - shift).0 - curve.at(of_flat).0)
+        pixel.curve.as_ref().map_or(0.0, |curve| {
+            let values = curve.at([of_sample - shift, of_flat].into_iter());
+            values[0][0] - values[1][0]
+        })
     };
     let triples: Vec<[f64; 3]> = pixels
         .iter()

@@ -1,7 +1,7 @@
-//! Share of the values of a curve that a fit of four numbers follows.
+//! Share of the values of a curve that its fit follows.
 
 use super::fitted::FittedCurve;
-use crate::retrieve::equations::{Equations, add, inverse};
+use crate::retrieve::equations::{Equations, UNKNOWNS, Unknowns};
 use crate::retrieve::noise_factors::NoiseFactors;
 use crate::retrieve::{RetrieveOptions, Weights};
 
@@ -16,7 +16,9 @@ pub(super) struct Leverage {
     pub(super) by_centre: Vec<f64>,
     /// Variance of each value by the noise of photons and of reading.
     pub(super) variances: Vec<f64>,
-    slopes: Vec<[f64; 4]>,
+    slopes: Vec<Unknowns>,
+    /// Equations without values.
+    equations: Equations,
     /// `[i][j]`: change of fitted value i by measured value j.
     hat: Vec<Vec<f64>>,
     weights: Vec<f64>,
@@ -30,8 +32,9 @@ impl Leverage {
         options: &RetrieveOptions,
         noise: NoiseFactors,
     ) -> Option<Self> {
-        let (values, slopes): (Vec<f64>, Vec<[f64; 4]>) =
-            offsets.iter().map(|x| curve.at(*x)).unzip();
+        let fitted = curve.at(offsets.iter().copied()).into_iter();
+        let (values, slopes): (Vec<f64>, Vec<Unknowns>) =
+            fitted.map(|[value, slopes @ ..]| (value, slopes)).unzip();
         let gain = noise.gain(options.gain.unwrap_or(1.0));
         let least = LEAST * curve.amplitude;
         let noise = noise.read_noise(options.read_noise).powi(2);
@@ -40,9 +43,10 @@ impl Leverage {
             Weights::Poisson => variances.iter().map(|variance| variance.recip()).collect(),
             Weights::None => vec![1.0; values.len()],
         };
-        let hat = hat(&slopes, &weights)?;
+        let equations = curve.equations();
+        let hat = hat(&equations, &slopes, &weights)?;
         let by_centre = slopes.iter().map(|slope| slope[1]).collect();
-        Some(Self { values, by_centre, variances, slopes, hat, weights })
+        Some(Self { values, by_centre, variances, slopes, equations, hat, weights })
     }
 
     /// Sum of weighted squares of residuals, and its expectation by the noise alone. In units of the
@@ -66,7 +70,7 @@ impl Leverage {
     /// singular.
     pub(super) fn remainder(&self, variance: f64) -> Option<Vec<Vec<f64>>> {
         let n = self.slopes.len();
-        let hat = hat(&self.slopes, &vec![1.0; n])?;
+        let hat = hat(&self.equations, &self.slopes, &vec![1.0; n])?;
         let of = |i: usize, k: usize| (f64::from(u8::from(i == k)) - hat[i][k]) / variance;
         Some((0..n).map(|i| (0..n).map(|k| of(i, k)).collect()).collect())
     }
@@ -84,21 +88,18 @@ impl Leverage {
     }
 }
 
-/// `[i][j]`: change of fitted value i by measured value j.
-fn hat(slopes: &[[f64; 4]], weights: &[f64]) -> Option<Vec<Vec<f64>>> {
-    let mut equations: Equations = [[0.0; 5]; 4];
+/// `[i][j]`: change of fitted value i by measured value j. `equations`: without values.
+fn hat(equations: &Equations, slopes: &[Unknowns], weights: &[f64]) -> Option<Vec<Vec<f64>>> {
+    let mut equations = equations.clone();
     for (slope, weight) in slopes.iter().zip(weights) {
-        add(&mut equations, *slope, *weight, 0.0);
+        equations.add(slope, *weight, 0.0);
     }
-    if slopes.iter().all(|slope| slope[3].abs() <= 0.0) {
-        // A background that is no unknown.
-        equations[3][3] = 1.0;
-    }
-    let inverse = inverse(&equations)?;
-    let row = |of: &[f64; 4]| -> Vec<f64> {
-        let half: [f64; 4] = std::array::from_fn(|j| (0..4).map(|i| of[i] * inverse[i][j]).sum());
-        let terms = slopes.iter().zip(weights);
-        terms.map(|(s, w)| w * (0..4).map(|j| half[j] * s[j]).sum::<f64>()).collect()
+    let inverse = equations.inverse()?;
+    let row = |of: &Unknowns| -> Vec<f64> {
+        let half: Unknowns =
+            std::array::from_fn(|j| (0..UNKNOWNS).map(|i| of[i] * inverse[i][j]).sum());
+        let times = |s: &Unknowns| half.iter().zip(s).map(|(half, s)| half * s).sum::<f64>();
+        slopes.iter().zip(weights).map(|(s, w)| w * times(s)).collect()
     };
     Some(slopes.iter().map(row).collect())
 }

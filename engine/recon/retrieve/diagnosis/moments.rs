@@ -1,9 +1,9 @@
 //! Errors of the method `moments` at the offsets of a scan, by the curve of the masks.
 
 use crate::retrieve::curves::Curves;
-use crate::retrieve::least_squares::moments;
+use crate::retrieve::model::{Model, of_slits};
 use crate::retrieve::quadrature;
-use crate::retrieve::shape::{CurveGeometry, CurveShape};
+use crate::retrieve::shape::CurveGeometry;
 
 /// Displacement of the curve that stands for a refraction angle, in widths of the curve.
 const SHIFT: f64 = 0.1;
@@ -17,7 +17,7 @@ const CENTRES: [f64; 3] = [0.05, 0.5, 0.95];
 /// Offsets at which curves of the masks are sampled.
 #[derive(Debug)]
 pub(super) struct MomentsCheck {
-    shape: CurveShape,
+    model: Model,
     spread: f64,
     flat: Vec<f64>,
     /// Centres of the flat's curves, m.
@@ -45,9 +45,8 @@ impl MomentsErrors {
 impl MomentsCheck {
     /// Flats at these offsets, m; `None` for masks without a curve.
     pub(super) fn of(geometry: &CurveGeometry, flat: &[f64]) -> Option<Self> {
-        let shape = geometry.shape()?;
-        let spread = geometry.spread();
-        Some(Self { shape, spread, flat: flat.to_vec(), centres: Vec::new(), last: None })
+        let (model, spread) = (geometry.model()?, geometry.spread());
+        Some(Self { model, spread, flat: flat.to_vec(), centres: Vec::new(), last: None })
     }
 
     /// Errors at the offsets of a view, m, where they are large.
@@ -72,30 +71,32 @@ impl MomentsCheck {
                 *most = error;
             }
         };
+        let width = self.model.width(&of_slits([1.0, 0.0, self.spread, 0.0]));
+        let more = DARK_FIELD * width * width;
         for centre in &self.centres {
-            let own = [1.0, *centre, self.spread, 0.0];
-            let [[area, ..], [width, ..]] = self.shape.area_and_width(&own);
-            let [from, of_flat] = self.found(&self.flat, &own);
+            let [from, of_flat] = self.found(&self.flat, [*centre, self.spread]);
             for shift in [-SHIFT * width, SHIFT * width] {
-                let moved = [1.0, centre + shift, self.spread, 0.0];
-                let [to, _] = self.found(offsets, &moved);
+                let [to, _] = self.found(offsets, [centre + shift, self.spread]);
                 keep(&mut most.angle, (to - from) / shift - 1.0);
             }
-            let more = DARK_FIELD * width * width;
-            let [scale, spread] = self.shape.of_area(area, libm::fma(width, width, more).sqrt());
-            let [_, widened] = self.found(offsets, &[scale, *centre, spread, 0.0]);
-            keep(&mut most.dark_field, (widened * widened - of_flat * of_flat) / more - 1.0);
+            let [_, widened] = self.found(offsets, [*centre, self.spread + more]);
+            keep(&mut most.dark_field, (widened - of_flat) / more - 1.0);
         }
         most
     }
 
-    /// Centre and width that the method finds of a curve at these offsets.
-    fn found(&self, offsets: &[f64], curve: &[f64; 4]) -> [f64; 2] {
+    /// Centre and variance that the method finds of a curve with this centre and spread at these offsets.
+    fn found(&self, offsets: &[f64], [centre, spread]: [f64; 2]) -> [f64; 2] {
+        let values =
+            self.model.values(offsets.iter().copied(), &of_slits([1.0, centre, spread, 0.0]));
         let weights = quadrature::weights(offsets);
-        let point = |(x, weight): (&f64, f64)| [*x, self.shape.at(curve, *x).0, weight];
-        let points: Vec<[f64; 3]> = offsets.iter().zip(weights).map(point).collect();
-        let [_, centre, width] = moments(&points, 0.0);
-        [centre, width]
+        let sum = |of: &dyn Fn(f64) -> f64| -> f64 {
+            let terms = offsets.iter().zip(&values).zip(&weights);
+            terms.map(|((x, value), weight)| weight * value[0] * of(*x)).sum()
+        };
+        let light = sum(&|_| 1.0);
+        let found = sum(&|x| x) / light;
+        [found, (sum(&|x| (x - found).powi(2)) / light).max(0.0)]
     }
 }
 

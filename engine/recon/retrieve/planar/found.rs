@@ -1,6 +1,6 @@
 //! A lattice found in a flat: the place of its origin, and vectors a few per cent from the given ones.
 
-use super::super::equations::{add, eliminated};
+use super::super::equations::Equations;
 use super::lattice::Lattice;
 use beamlet_core::numbers::whole;
 use beamlet_core::{Error, Result};
@@ -133,11 +133,11 @@ impl PlacedLattice {
     /// The lattice through centres of beamlets, by their indices, with least squares.
     pub(super) fn through(&self, centres: &[([i64; 2], [f64; 2])]) -> Option<Self> {
         let along = |axis: usize| {
-            let mut matrix = [[0.0; 4]; 3];
-            for (index, centre) in centres {
-                add(&mut matrix, [1.0, index[0] as f64, index[1] as f64], 1.0, centre[axis]);
-            }
-            solved(matrix)
+            plane(
+                centres
+                    .iter()
+                    .map(|(index, centre)| (index.map(|index| index as f64), [1.0, centre[axis]])),
+            )
         };
         let ([x, ax, bx], [z, az, bz]) = (along(0)?, along(1)?);
         let found = Self { lattice: Lattice { vectors: [[ax, az], [bx, bz]] }, origin: [x, z] };
@@ -213,29 +213,32 @@ impl PlacedLattice {
 /// Plane of the phases of blocks, turns: constant, and slopes by both indices. Phases are unwrapped about
 /// the plane so far, which begins at the phase of all blocks.
 fn plane_of(blocks: &[Block], axis: usize, first: f64) -> [f64; 3] {
-    let mut plane = [first, 0.0, 0.0];
+    let mut found = [first, 0.0, 0.0];
     for _ in 0..4 {
-        let mut matrix = [[0.0; 4]; 3];
-        for block in blocks {
+        let of = |block: &Block| {
             let [cos, sin] = block.waves[axis];
-            let weight = cos.hypot(sin);
             let terms = [1.0, block.middle[0], block.middle[1]];
-            let here: f64 = plane.iter().zip(terms).map(|(a, b)| a * b).sum();
+            let here: f64 = found.iter().zip(terms).map(|(a, b)| a * b).sum();
             let rest = sin.atan2(cos) / TAU - here;
-            let rest = rest - rest.round();
-            add(&mut matrix, terms, weight, rest);
-        }
-        let Some(step) = solved(matrix) else { break };
-        for (value, by) in plane.iter_mut().zip(step) {
+            (block.middle, [cos.hypot(sin), rest - rest.round()])
+        };
+        let Some(step) = plane(blocks.iter().map(of)) else { break };
+        for (value, by) in found.iter_mut().zip(step) {
             *value += by;
         }
     }
-    plane
+    found
 }
 
-/// Solves three equations; `None` if they are singular, as for one block.
-fn solved(matrix: [[f64; 4]; 3]) -> Option<[f64; 3]> {
-    eliminated(matrix, 1e-9 * matrix[0][0].abs())
+/// Constant and slopes of a plane by two coordinates, through values with these weights; `None` if they do not determine
+/// it, as one block.
+fn plane(values: impl Iterator<Item = ([f64; 2], [f64; 2])>) -> Option<[f64; 3]> {
+    let mut equations = Equations::new(&[false, false, false, true, true, true, true]);
+    for ([a, b], [weight, value]) in values {
+        equations.add(&[1.0, a, b, 0.0, 0.0, 0.0, 0.0], weight, value);
+    }
+    let [first, by_a, by_b, ..] = equations.solve(0.0)?;
+    Some([first, by_a, by_b])
 }
 
 fn apply(matrix: [[f64; 2]; 2], [x, z]: [f64; 2]) -> [f64; 2] {

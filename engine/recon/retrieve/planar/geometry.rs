@@ -2,10 +2,10 @@
 
 use super::super::method::{Method, refuse_lists};
 use super::super::options::RetrieveOptions;
+use super::super::profile::Profile;
+use super::super::strips::Strip;
 use super::aperture::Aperture;
 use super::lattice::Lattice;
-use super::profile::Profile;
-use super::shape::Strip;
 use beamlet_core::{Error, Result};
 use beamlet_model::optics::{FrontView, Mask, Openings, Optics};
 use beamlet_model::scene::{ApertureLattice, ApertureShape, Blur, MaskSpec, Scene};
@@ -90,15 +90,12 @@ impl Design {
     /// # Errors
     /// [`Error::Argument`] with the option; [`Error::Scene`] for masks that the design does not have.
     pub(crate) fn check(&self, scene: &Scene, options: &RetrieveOptions) -> Result<()> {
+        let [of_beamlets, of_steps] = options.method().in_two_directions();
         let (serves, allowed) = match self {
-            Self::Beamlets(_) => (
-                matches!(options.method(), Method::Gaussian | Method::Beamlet | Method::Moments),
-                "gaussian, beamlet or moments for beamlets on a lattice",
-            ),
-            Self::Steps(_) => (
-                matches!(options.method(), Method::Gaussian | Method::ExactCurve),
-                "gaussian or exact-curve for steps along x and z",
-            ),
+            Self::Beamlets(_) => {
+                (of_beamlets, "gaussian, beamlet or moments for beamlets on a lattice")
+            }
+            Self::Steps(_) => (of_steps, "gaussian or exact-curve for steps along x and z"),
         };
         if !serves {
             return Err(Error::argument("method", options.method().name(), allowed));
@@ -107,12 +104,12 @@ impl Design {
             let found = options.correct.names().join(",");
             return Err(Error::argument("correct", found, "nothing in two directions"));
         }
-        for (name, given) in
-            [("empty_beam", options.empty_beam.is_some()), ("phase", options.phase)]
-        {
-            if given {
-                return Err(Error::argument(name, "given", "nothing in two directions"));
-            }
+        if options.empty_beam.is_some() {
+            return Err(Error::argument("empty_beam", "given", "nothing in two directions"));
+        }
+        if options.phase && matches!(self, Self::Beamlets(_)) {
+            let allowed = "no phase: a column of a lattice has no single place along x; or steps along x and z";
+            return Err(Error::argument("phase", "beamlets on a lattice", allowed));
         }
         if !scene.scan.dithers.is_empty() {
             return Err(Error::scene("scan.dithers", "dithers", "no dithers in two directions"));

@@ -2,14 +2,8 @@
 //!
 //! | file | content |
 //! |---|---|
-//! | `profile.rs` | profile of light along one axis |
-//! | `shape.rs` | light in two directions: strips of an aperture and a correlated blur |
-//! | `equations.rs` | normal equations of seven unknowns |
-//! | `scan.rs` | values at their places |
-//! | `descent.rs` | Levenberg-Marquardt |
-//! | `fit.rs` | the fit of a curve, with uncertainties and flags |
+//! | `fit.rs` | the fit of a curve, with what its values determine |
 //! | `moments.rs` | moments in closed form |
-//! | `curve.rs` | results of either |
 //! | `lattice.rs` | lattices of beamlets |
 //! | `found.rs` | a lattice found in a flat |
 //! | `windows.rs` | pixels of beamlets |
@@ -20,26 +14,18 @@
 //! | `expected.rs` | uncertainties without a sample |
 //! | `response.rs` | small contrasts as they are retrieved |
 //! | `retriever.rs` | a design made ready: fits of flat and sample |
-//! | `images.rs` | images of a view |
 
 mod aperture;
-mod curve;
-mod descent;
-mod equations;
 mod expected;
 mod fit;
 mod found;
 mod geometry;
-mod images;
 mod lattice;
 mod models;
 mod moments;
 mod offsets;
-mod profile;
 mod response;
 mod retriever;
-mod scan;
-mod shape;
 mod windows;
 
 #[cfg(test)]
@@ -51,6 +37,5 @@ pub use aperture::Aperture;
 pub use expected::sigmas_in_two_directions;
 pub(crate) use fit::PlanarFit;
 pub(crate) use geometry::{Design, aperture, knows_curve};
-pub(crate) use images::{names, of_flat};
 pub use lattice::Lattice;
 pub(crate) use retriever::{Fits, PlanarRetriever};

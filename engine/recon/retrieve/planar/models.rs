@@ -1,17 +1,18 @@
 //! Models of beamlets and of curves over offsets, and the lattice and the offsets that they need.
 
-use super::super::background::BackgroundTerm;
+use super::super::background_term::BackgroundTerm;
 use super::super::fitter::Weights;
 use super::super::method::Method;
+use super::super::model::Model;
 use super::super::options::RetrieveOptions;
+use super::super::profile::Profile;
+use super::super::scan::Scan;
+use super::super::strips::{Strips, own_variances};
 use super::super::value_noise::ValueNoise;
 use super::fit::PlanarModel;
 use super::found::{Frame, PlacedLattice};
 use super::geometry;
 use super::lattice::Lattice;
-use super::profile::Profile;
-use super::scan::PlanarValues;
-use super::shape::{PlanarShape, Strip};
 use super::windows::{Window, Windows};
 use beamlet_core::numbers::whole;
 use beamlet_core::{Error, Result};
@@ -44,7 +45,8 @@ pub(super) fn through_centres(
     let centres: Vec<([i64; 2], [f64; 2])> = some
         .par_iter()
         .filter_map(|window| {
-            let fit = model.fit(&values(frame, flat, (window, &noise)), &noise, None, None);
+            let scan = window_scan(&model, frame, (window, noise));
+            let fit = model.fit(&scan, values(flat, window), None, None);
             let is_fine =
                 fit.curve.has_answer() && fit.curve.centre.iter().all(|at| at.is_finite());
             is_fine.then_some((window.index, fit.curve.centre))
@@ -53,28 +55,32 @@ pub(super) fn through_centres(
     Ok(placed.through(&centres).unwrap_or(placed))
 }
 
-/// Values of a beamlet's pixels.
-pub(super) fn values(
+/// Places of a beamlet's pixels.
+pub(super) fn window_scan(
+    model: &PlanarModel,
     frame: &Frame,
-    frames: ArrayView3<'_, f32>,
-    (window, noise): (&Window, &ValueNoise),
-) -> PlanarValues {
-    let pixels = window.pixels.iter();
+    (window, noise): (&Window, ValueNoise),
+) -> Scan {
     let place = |[row, column]: &[u32; 2]| frame.place(i64::from(*row), i64::from(*column));
-    let places: Vec<[f64; 2]> = pixels.clone().map(place).collect();
-    let values = pixels.map(|[row, column]| frames[[0, *row as usize, *column as usize]]);
-    PlanarValues::of(&places, values, noise, PlanarValues::NEEDED)
+    model.scan(window.pixels.iter().map(place).collect(), noise)
+}
+
+/// Values of a beamlet's pixels.
+pub(super) fn values<'a>(
+    frames: ArrayView3<'a, f32>,
+    window: &'a Window,
+) -> impl Iterator<Item = f32> + 'a {
+    let value = move |[row, column]: &[u32; 2]| frames[[0, *row as usize, *column as usize]];
+    window.pixels.iter().map(value)
 }
 
 /// A Gaussian over pixels.
 fn gaussian(pixel: [f64; 2], neighbours: Vec<[f64; 2]>) -> PlanarModel {
     let along = pixel.map(|pixel| Profile { boxes: [pixel, 0.0], shift: 0.0 });
-    let shape = PlanarShape { strips: vec![Strip { share: 1.0, along }], neighbours };
     PlanarModel {
-        shape,
+        model: Model::Strips(Strips::one(along, neighbours)),
         blur: None,
         pixel: Some(pixel),
-        is_list: false,
         background: BackgroundTerm::Free,
     }
 }
@@ -108,28 +114,22 @@ pub(super) fn beamlet_model(
     let aperture = geometry::aperture(scene, options);
     let blur = geometry::blur(scene, false);
     let around = placed.lattice.around();
-    match (options.method(), aperture) {
-        (Method::Beamlet, Some(aperture)) => {
-            let shape = PlanarShape { strips: aperture.strips(pixel), neighbours: around };
-            let blur = Some(blur);
-            let background = BackgroundTerm::Free;
-            Ok(PlanarModel { shape, blur, pixel: Some(pixel), is_list: false, background })
-        }
-        (Method::Beamlet, None) => {
-            let allowed =
-                "the size of the apertures for method beamlet; or method gaussian or moments";
-            Err(Error::argument("aperture", "nothing", allowed))
-        }
-        (_, aperture) => {
-            let own = aperture.map(|aperture| {
-                let shape =
-                    PlanarShape { strips: aperture.strips([0.0; 2]), neighbours: Vec::new() };
-                shape.own_variances()
-            });
-            let blur = own.map(|own| [0, 1].map(|axis| own[axis] + blur[axis]));
-            Ok(PlanarModel { blur, ..gaussian(pixel, around) })
-        }
+    if options.method() != Method::Beamlet {
+        let own = aperture.map(|aperture| own_variances(&aperture.strips([0.0; 2])));
+        let blur = own.map(|own| [0, 1].map(|axis| own[axis] + blur[axis]));
+        return Ok(PlanarModel { blur, ..gaussian(pixel, around) });
     }
+    let Some(aperture) = aperture else {
+        let allowed = "the size of the apertures for method beamlet; or method gaussian or moments";
+        return Err(Error::argument("aperture", "nothing", allowed));
+    };
+    let strips = Strips { strips: aperture.strips(pixel), neighbours: around, is_list: false };
+    Ok(PlanarModel {
+        model: Model::Strips(strips),
+        blur: Some(blur),
+        pixel: Some(pixel),
+        background: BackgroundTerm::Free,
+    })
 }
 
 /// Model of the curve of a sample mask over offsets without whole periods, before a detector mask or pixels.
@@ -140,17 +140,15 @@ pub(super) fn curve_model(
 ) -> Result<PlanarModel> {
     let background = options.background().term(scene, area_of_curve(scene))?;
     if options.method() == Method::Gaussian {
-        let along = [Profile { boxes: [0.0; 2], shift: 0.0 }; 2];
-        let shape =
-            PlanarShape { strips: vec![Strip { share: 1.0, along }], neighbours: Vec::new() };
-        return Ok(PlanarModel { shape, blur: None, pixel: None, is_list: false, background });
+        let model = Model::Strips(Strips::one([Profile::GAUSSIAN; 2], Vec::new()));
+        return Ok(PlanarModel { model, blur: None, pixel: None, background });
     }
     let is_list = geometry::list(scene).is_some();
     let count = if is_list { seen_periods(scene, offsets) } else { [1; 2] };
     let neighbours = neighbours(scene, count)?;
-    let shape = PlanarShape { strips: geometry::overlap(scene, options)?, neighbours };
+    let strips = Strips { strips: geometry::overlap(scene, options)?, neighbours, is_list };
     let blur = Some(geometry::blur(scene, true));
-    Ok(PlanarModel { shape, blur, pixel: None, is_list, background })
+    Ok(PlanarModel { model: Model::Strips(strips), blur, pixel: None, background })
 }
 
 /// Area of the lattice of curves for each aperture, or for a period of a list, m2 in the plane of the sample mask.

@@ -1,17 +1,17 @@
 //! Response of a method in two directions, by the curve of the masks.
 
 use super::super::background::Background;
+use super::super::equations::Unknowns;
+use super::super::images::contrasts;
 use super::super::method::Method;
 use super::super::noise_factors::NoiseFactors;
 use super::super::response::{PHOTONS, Response, SHIFT, TRANSMISSION, WIDENED};
+use super::super::strips::Tables;
 use super::super::value_noise::ValueNoise;
 use super::fit::PlanarFit;
 use super::geometry::knows_curve;
-use super::images::contrasts;
 use super::models::curve_model;
 use super::retriever::PlanarRetriever;
-use super::scan::PlanarValues;
-use super::shape::{Points, Tables, UNKNOWNS};
 use beamlet_core::Result;
 use beamlet_core::numbers::single;
 use beamlet_model::scene::Scene;
@@ -29,28 +29,26 @@ impl PlanarRetriever {
             return Ok(None);
         };
         let truth = curve_model(scene, &exact, pairs)?;
-        let points = Points::of(pairs);
-        let own = truth.shape.own_variances();
+        let noise = ValueNoise::of(self.options(), NoiseFactors::ONE);
+        let scan = self.model().scan(pairs.to_vec(), noise);
+        let own = truth.model.own_variances();
         let blur = truth.blur.unwrap_or_default();
         let blur = [0, 1].map(|axis| blur[axis].max(1e-4 * own[axis]));
         let widths = [0, 1].map(|axis| (own[axis] + blur[axis]).sqrt());
-        let noise = ValueNoise::of(self.options(), NoiseFactors::ONE);
-        let peak = truth.peak(&points, &[1.0, 0.0, 0.0, blur[0], blur[1], 0.0, 0.0]);
+        let peak = truth.model.peak(&scan.points, &[1.0, 0.0, 0.0, blur[0], blur[1], 0.0, 0.0]);
         let scale = self.options().gain.map_or(1.0, |gain| PHOTONS * gain) / peak;
-        let fit = |change: &dyn Fn(&mut [f64; UNKNOWNS]), flat: Option<&PlanarFit>| {
+        let fit = |change: &dyn Fn(&mut Unknowns), flat: Option<&PlanarFit>| {
             let mut p = [scale, 0.0, 0.0, blur[0], blur[1], 0.0, 0.0];
             change(&mut p);
             p[6] = truth.background.of_area(p[0]).unwrap_or(0.0);
-            let mut values = Vec::new();
-            truth.shape.evaluate(&points, &p, &mut Tables::default(), &mut values);
-            let values = values.iter().map(|value| single(value[0]));
-            let values = PlanarValues::of(pairs, values, &noise, PlanarValues::NEEDED);
-            self.model().fit(&values, &noise, flat, None)
+            let mut tables = Tables::default();
+            let values = truth.model.evaluate(&scan.points, &p, &mut tables).iter();
+            self.model().fit(&scan, values.map(|value| single(value[0])), flat, None)
         };
         let angle = self.angle_per_shift();
         let flat = fit(&|_| (), None);
-        let of = |change: &dyn Fn(&mut [f64; UNKNOWNS])| {
-            contrasts(&flat, &fit(change, Some(&flat)), angle)
+        let of = |change: &dyn Fn(&mut Unknowns)| {
+            contrasts(&flat.curve, &fit(change, Some(&flat)).curve, angle)
         };
         let along = |axis: usize| {
             let (shift, widened) = (SHIFT * widths[axis], WIDENED * widths[axis].powi(2));

@@ -1,23 +1,20 @@
 //! A design made ready for frames of a shape: the flat's curves once, then the images of each view.
 
 use super::super::flags;
-use super::super::images::Images;
+use super::super::images::{self, CONTRASTS, FLAGS, Images};
 use super::super::method::Method;
 use super::super::misfit;
 use super::super::noise_factors::NoiseFactors;
 use super::super::options::RetrieveOptions;
 use super::super::value_noise::ValueNoise;
-use super::fit::{PlanarFit, PlanarModel};
+use super::fit::{NEEDED, PlanarFit, PlanarModel};
 use super::found::{Frame, PlacedLattice};
 use super::geometry::Design;
-use super::images;
 use super::models::{
-    Centres, beamlet_model, curve_model, through_centres, values, without_periods,
+    Centres, beamlet_model, curve_model, through_centres, values, window_scan, without_periods,
 };
 use super::moments::by_moments;
 use super::offsets;
-use super::scan::PlanarValues;
-use super::shape::UNKNOWNS;
 use super::windows::{Window, Windows};
 use beamlet_core::cancel::Cancel;
 use beamlet_core::{Error, Result, numbers};
@@ -86,7 +83,7 @@ impl PlanarRetriever {
                 (Curves::Beamlets(windows, placed), model, 1.0 / lever)
             }
             Design::Steps(pairs) => {
-                offsets::check(pairs, PlanarValues::NEEDED)?;
+                offsets::check(pairs, NEEDED)?;
                 let kept = without_periods(scene, pairs);
                 whole_periods =
                     pairs.first().zip(kept.first()).map_or(0.0, |(all, own)| all[0] - own[0]);
@@ -178,7 +175,7 @@ impl PlanarRetriever {
                 let all: Vec<(usize, &Window)> = windows.iter().collect();
                 let fit = |(at, window): &(usize, &Window)| -> Result<(usize, PlanarFit)> {
                     cancel.check()?;
-                    Ok((*at, self.beamlet(frames, window, &noise, of_flat(*at))))
+                    Ok((*at, self.beamlet(frames, (window, noise), of_flat(*at))))
                 };
                 let fitted: Vec<_> = all.par_iter().map(fit).collect::<Result<_>>()?;
                 let mut fits = vec![None; windows.count()];
@@ -193,13 +190,13 @@ impl PlanarRetriever {
                     let allowed = "one offset for each frame";
                     return Err(Error::scene("scan.mask_offsets", found, allowed));
                 }
+                let scan = self.model.scan(pairs.clone(), noise);
                 let fit = |at: usize| {
                     cancel.check()?;
                     let (row, column) = (at / columns, at % columns);
                     let curve = (0..steps).map(|step| frames[[step, row, column]]);
-                    let values = PlanarValues::of(pairs, curve, &noise, PlanarValues::NEEDED);
                     let centre = centres.map(|centres| centres.at(first + row, column));
-                    Ok(Some(self.model.fit(&values, &noise, of_flat(at), centre)))
+                    Ok(Some(self.model.fit(&scan, curve, of_flat(at), centre)))
                 };
                 (0..rows * columns).into_par_iter().map(fit).collect()
             }
@@ -210,22 +207,32 @@ impl PlanarRetriever {
     fn beamlet(
         &self,
         frames: ArrayView3<'_, f32>,
-        window: &Window,
-        noise: &ValueNoise,
+        (window, noise): (&Window, ValueNoise),
         flat: Option<&PlanarFit>,
     ) -> PlanarFit {
-        let values = values(&self.frame, frames, (window, noise));
+        let scan = window_scan(&self.model, &self.frame, (window, noise));
+        let curve = values(frames, window);
         if self.options.method() != Method::Moments {
-            return self.model.fit(&values, noise, flat, None);
+            return self.model.fit(&scan, curve, flat, None);
         }
         let area = self.frame.pitch[0] * self.frame.pitch[1];
-        let curve = by_moments(&values, noise, (&self.model.shape, area));
-        PlanarFit {
-            curve,
-            unknowns: [f64::NAN; UNKNOWNS],
-            unresolved: [false; 2],
-            blind: [false; 2],
-        }
+        PlanarFit::of(by_moments(&scan, curve, (&self.model.model, area)))
+    }
+
+    /// Names of the images of the flat and of a view.
+    pub(crate) fn names(&self) -> [Vec<&'static str>; 2] {
+        let has_sigmas = self.options.gain.is_some();
+        let of_flat = |name: &str| name.starts_with("flat_");
+        images::names(|name| !name.ends_with("_sigma") || (has_sigmas && !of_flat(name)))
+    }
+
+    /// Images of the flat from its fits.
+    pub(crate) fn images_of_flat(&self, flat: &[Option<PlanarFit>], rows: usize) -> Images {
+        let [height, width] = self.shape(rows);
+        let [names, _] = self.names();
+        let mut images = Images::new(names, height, width);
+        images.take_flat(|at| Some(flat.get(at)?.as_ref()?.curve));
+        images
     }
 
     /// Images of a view from the fits of flat and sample.
@@ -235,9 +242,12 @@ impl PlanarRetriever {
         sample: &[Option<PlanarFit>],
         rows: usize,
     ) -> Images {
-        let has_sigmas = self.options.gain.is_some();
-        let mut images =
-            images::of_view(self.shape(rows), [flat, sample], self.angle_per_shift, has_sigmas);
+        let [height, width] = self.shape(rows);
+        let [_, names] = self.names();
+        let mut images = Images::new(names, height, width);
+        let curve = |fits: &[Option<PlanarFit>], at: usize| Some(fits.get(at)?.as_ref()?.curve);
+        let curves = |at: usize| [curve(flat, at), curve(sample, at)];
+        images.take(0..height * width, curves, self.angle_per_shift);
         let contrasts = [0, 1].map(|axis| {
             let all = flat.iter().flatten().map(|fit| fit.curve.moments[axis].sqrt());
             let width = misfit::median(all.collect()).unwrap_or(f64::NAN);
@@ -254,7 +264,7 @@ impl PlanarRetriever {
         self.options.gain?;
         let sigmas = self.sigmas(flat);
         let mut all = [("", f64::NAN); 6];
-        for ((to, name), sigma) in all.iter_mut().zip(images::CONTRASTS).zip(sigmas) {
+        for ((to, name), sigma) in all.iter_mut().zip(CONTRASTS).zip(sigmas) {
             *to = (name, sigma?);
         }
         Some(all)
@@ -267,7 +277,7 @@ impl PlanarRetriever {
             .iter()
             .flatten()
             .filter(|fit| fit.curve.has_answer())
-            .map(|fit| images::contrasts(fit, fit, self.angle_per_shift))
+            .map(|fit| images::contrasts(&fit.curve, &fit.curve, self.angle_per_shift))
             .collect();
         std::array::from_fn(|k| misfit::median(known.iter().map(|of| of[6 + k]).collect()))
     }
@@ -280,8 +290,7 @@ impl PlanarRetriever {
 
     /// Values of the model for a row of frames.
     pub(super) fn values_of_row(&self) -> usize {
-        let shape = &self.model.shape;
-        self.frame.shape[1] * self.values() * shape.strips.len() * (1 + shape.neighbours.len())
+        self.frame.shape[1] * self.values() * self.model.model.terms()
     }
 
     /// Values of a curve, about.
@@ -297,7 +306,7 @@ impl PlanarRetriever {
     /// Flags bad pixels of the frames, `[row][column]`: pixels, or beamlets that have one.
     pub(crate) fn mark_bad(&self, images: &mut Images, bad: &Array2<bool>) {
         let flag = numbers::single(f64::from(flags::BAD_PIXEL));
-        let Some(bits) = images.get_mut(super::super::images::FLAGS) else { return };
+        let Some(bits) = images.get_mut(FLAGS) else { return };
         match &self.curves {
             Curves::Pixels(..) => bits.zip_mut_with(bad, |bits, bad| {
                 if *bad {

@@ -1,15 +1,16 @@
 //! The fits of a band of curves, by method.
 
-use super::super::background::BackgroundTerm;
+use super::super::background_term::BackgroundTerm;
 use super::super::beamlets::Beamlets;
 use super::super::curves::{Curve, Curves};
+use super::super::fit::fit_slits;
 use super::super::fitter::Weights;
-use super::super::least_squares::{self, CurveScan};
 use super::super::method::Method;
+use super::super::model::Model;
 use super::super::noise_factors::NoiseFactors;
-use super::super::shape::CurveShape;
+use super::super::scan::Scan;
 use super::super::value_noise::ValueNoise;
-use super::super::{closed, flags, quadrature};
+use super::super::{closed, quadrature};
 use super::Retriever;
 use super::view_scan::ViewScan;
 use beamlet_core::cancel::Cancel;
@@ -49,33 +50,31 @@ impl Retriever {
             Some(beamlets) => self.scan(&beamlets.offsets(), scan.noise),
             None => self.scan(offsets, scan.noise),
         };
-        let lights = self.beamlets.as_ref().map(Beamlets::lights);
-        let shape = self.shape();
+        let lights = self.beamlets.as_ref().map_or(&[][..], Beamlets::lights);
+        let model = self.model();
+        let model = || {
+            let none = || Error::scene("detector_mask", "nothing", "both masks");
+            model.as_ref().ok_or_else(none)
+        };
         let entry = |pixel: usize| -> Result<Curve> {
             cancel.check()?;
             let (row, column) = (pixel / columns, pixel % columns);
             let curve = (0..steps).map(|step| data[[step, row, column]]);
-            if let Some(lights) = lights {
-                if !self.has_width() {
-                    return Ok(lights[column].fit_few(&scan, curve));
-                }
-                let flat = known.map(|(flat, first)| flat.flags[first + pixel]);
-                return Ok(lights[column].fit(&scan, curve, flat));
-            }
             Ok(match self.options.method() {
+                Method::Beamlet if !self.has_width() => lights[column].fit_few(&scan, curve),
+                Method::Beamlet => {
+                    let flat = known.map(|(flat, first)| flat.flags[first + pixel]);
+                    lights[column].fit(&scan, curve, flat)
+                }
                 Method::ThreeStep => closed::three_step(&scan, curve),
-                Method::TwoStep => match &shape {
-                    Some(shape) => {
-                        let apart = 2.0 * scan.half();
-                        let known = (shape, self.shape.spread(), self.shape.reach_of_two(apart));
-                        closed::two_points(&scan, known, curve)
-                    }
-                    None => Curve::unknown(flags::NOT_CONVERGED),
-                },
                 Method::Moments => closed::by_moments(&scan, curve),
-                _ => shape.as_ref().map_or(Curve::unknown(flags::NOT_CONVERGED), |shape| {
-                    least_squares::fit(shape, &scan, curve)
-                }),
+                Method::TwoStep => {
+                    let reach = self.shape.reach_of_two(2.0 * scan.half());
+                    closed::two_points(&scan, (model()?, self.shape.spread(), reach), curve)
+                }
+                Method::Gaussian | Method::Triangle | Method::ExactCurve => {
+                    fit_slits(model()?, &scan, curve, None)
+                }
             })
         };
         let entries: Vec<Curve> =
@@ -83,12 +82,13 @@ impl Retriever {
         Ok(Curves::from_entries(&entries))
     }
 
-    /// The shape of methods that fit one, in the unit of offsets.
-    pub(in crate::retrieve) fn shape(&self) -> Option<CurveShape> {
+    /// The model of curves over mask offsets, of closed forms the nearest that there is; `None` of beamlets.
+    pub(in crate::retrieve) fn model(&self) -> Option<Model> {
         match self.options.method() {
-            Method::Triangle => Some(CurveShape::Trapezoid { top: 0.0 }),
-            Method::ExactCurve | Method::TwoStep => self.shape.shape(),
-            _ => None,
+            Method::Gaussian | Method::ThreeStep | Method::Moments => Some(Model::gaussian()),
+            Method::Triangle => Some(Model::Trapezoid { top: 0.0 }),
+            Method::ExactCurve | Method::TwoStep => self.shape.model(),
+            Method::Beamlet => None,
         }
     }
 
@@ -96,25 +96,24 @@ impl Retriever {
     fn value_noise(&self, noise: NoiseFactors) -> ValueNoise {
         let known = ValueNoise::of(&self.options, noise);
         let is_guess = self.options.gain_assumed && self.options.weights == Weights::None;
-        match self.options.method() {
-            Method::ExactCurve if is_guess => ValueNoise { gain: None, ..known },
-            _ => known,
-        }
+        let by_residuals = is_guess && self.options.method() == Method::ExactCurve;
+        ValueNoise { gain: known.gain.filter(|_| !by_residuals), ..known }
     }
 
     /// A scan of values with this noise.
-    fn scan(&self, offsets: &[f64], noise: NoiseFactors) -> CurveScan {
-        CurveScan {
-            offsets: offsets.to_vec(),
-            shares: match self.options.method() {
-                Method::Moments => quadrature::weights(offsets),
-                _ => quadrature::trapezoids(offsets),
-            },
-            noise: self.value_noise(noise),
-            background: match self.options.method() {
-                Method::ExactCurve => self.shape.background,
-                _ => BackgroundTerm::Free,
-            },
+    fn scan(&self, offsets: &[f64], noise: NoiseFactors) -> Scan {
+        let shares = match self.options.method() == Method::Moments {
+            true => quadrature::weights(offsets),
+            false => quadrature::trapezoids(offsets),
+        };
+        Scan::along_x(offsets, shares, self.value_noise(noise), self.background())
+    }
+
+    /// Background of the curves.
+    pub(in crate::retrieve) fn background(&self) -> BackgroundTerm {
+        match self.options.method().has_background() {
+            true => self.shape.background,
+            false => BackgroundTerm::Free,
         }
     }
 }

@@ -1,10 +1,11 @@
 //! The flat of a retriever: its curves, which serve the views that follow.
 
-use super::super::background::BackgroundTerm;
+use super::super::background_term::BackgroundTerm;
 use super::super::beamlets::Beamlets;
 use super::super::curves::Curves;
-use super::super::images::{OF_FLAT, SIGMAS_OF_FLAT};
+use super::super::images::Images;
 use super::super::misfit;
+use super::super::model::of_slits;
 use super::super::noise_factors::NoiseFactors;
 use super::super::options::ReadRows;
 use super::view_scan::ViewScan;
@@ -42,17 +43,21 @@ impl Retriever {
     /// # Errors
     /// [`Error::Device`], [`Error::Memory`].
     pub(in crate::retrieve) fn misfit_of_masks(&self) -> Result<f64> {
-        let (Some(fitter), Some(shape), Some(flat)) =
-            (&self.fitter, self.shape.shape(), self.flat_curves())
+        let (Some(fitter), Some(model), Some(flat)) =
+            (&self.fitter, self.shape.model(), self.flat_curves())
         else {
             return Ok(0.0);
         };
         let middle = |of: &[f32]| misfit::median(of.iter().copied().map(f64::from).collect());
         let (centre, height) = (middle(&flat.centre), middle(&flat.amplitude));
-        let curve = [1.0, centre.unwrap_or(0.0), self.shape.spread(), 0.0];
-        let scale = height.unwrap_or(1.0) / shape.at(&curve, curve[1]).0;
-        let value = |step: usize| numbers::single(scale * shape.at(&curve, self.offsets[step]).0);
-        let values = Array2::from_shape_fn((self.offsets.len(), 1), |(step, _)| value(step));
+        let centre = centre.unwrap_or(0.0);
+        let p = of_slits([1.0, centre, self.shape.spread(), 0.0]);
+        let places = std::iter::once(centre).chain(self.offsets.iter().copied());
+        let found = model.values(places, &p);
+        let scale = height.unwrap_or(1.0) / found[0][0];
+        let values = Array2::from_shape_fn((self.offsets.len(), 1), |(step, _)| {
+            numbers::single(scale * found[1 + step][0])
+        });
         let fit = fitter.fit(values.view(), &Cancel::default())?;
         Ok(f64::from(fit.residual[0] / fit.amplitude[0]))
     }
@@ -75,13 +80,13 @@ impl Retriever {
         self.flat.as_ref().map_or(NoiseFactors::ONE, |flat| flat.noise)
     }
 
-    /// Names of the images of the flat.
-    pub(in crate::retrieve) fn names_of_flat(&self) -> Vec<&'static str> {
-        let has_sigmas = self.options.gain.is_some();
-        let has_width = self.has_width();
-        let is_given = |name: &&str| has_sigmas && (has_width || *name != "flat_width_sigma");
-        let sigmas = SIGMAS_OF_FLAT.into_iter().filter(is_given);
-        OF_FLAT.into_iter().chain(sigmas).collect()
+    /// Images of the flat; `None` before it was taken.
+    pub(in crate::retrieve) fn images_of_flat(&self) -> Option<Images> {
+        let flat = self.flat.as_ref()?;
+        let [names, _] = self.names_of_images();
+        let mut images = Images::new(names, flat.rows, flat.columns);
+        images.take_flat(|at| Some(flat.curves.curve(at)));
+        Some(images)
     }
 
     /// Takes the flat, `rows` rows of `columns` pixels.

@@ -75,9 +75,9 @@ impl ViewScans {
         if scan.mask_offsets.len() == 1 || method == Method::Beamlet {
             let found =
                 format!("{} mask steps at each angle, which differ", scan.mask_offsets.len());
-            let allowed = match method {
-                Method::Beamlet => "beamlet needs the same offset at every angle".to_owned(),
-                _ => format!(
+            let allowed = match method == Method::Beamlet {
+                true => "beamlet needs the same offset at every angle".to_owned(),
+                false => format!(
                     "{method} fits a curve in every view: steps of several angles form no curve, since the sample turns between them"
                 ),
             };

@@ -2,11 +2,11 @@
 
 use crate::retrieve::input::Input;
 use crate::retrieve::misfit::median;
+use crate::retrieve::model::Model;
 use crate::retrieve::options::RetrieveOptions;
 use crate::retrieve::record::Record;
 use crate::retrieve::retriever::Retriever;
-use crate::retrieve::shape::CurveShape;
-use crate::retrieve::{MaskCurve, Method, Weights, flags};
+use crate::retrieve::{MaskCurve, Weights, flags};
 use beamlet_core::numbers;
 use ndarray::Array2;
 use std::collections::BTreeMap;
@@ -38,9 +38,9 @@ impl Described {
             lattice: None,
             offsets_z: Vec::new(),
             expected_sigma: BTreeMap::new(),
-            curve: match retriever.shape() {
-                Some(CurveShape::Masks(masks)) => Some((*masks).clone()),
-                _ => None,
+            curve: match retriever.model() {
+                Some(Model::Masks(masks)) => Some((*masks).clone()),
+                Some(Model::Trapezoid { .. } | Model::Strips(_)) | None => None,
             },
         }
     }
@@ -76,8 +76,7 @@ pub(super) fn begun(
             Weights::None => "none".to_owned(),
             Weights::Poisson => "poisson".to_owned(),
         },
-        background: matches!(options.method(), Method::Gaussian | Method::ExactCurve)
-            .then(|| options.background().to_string()),
+        background: options.method().has_background().then(|| options.background().to_string()),
         response: None,
         curve: described.curve,
         counts: input.counts(),

@@ -1,7 +1,6 @@
 //! The flat of a retrieval: its curves and images.
 
 use super::Output;
-use super::views::flat_images;
 use crate::retrieve::diagnosis::Diagnosis;
 use crate::retrieve::input::Input;
 use crate::retrieve::joined::JoinedColumns;
@@ -49,16 +48,16 @@ pub(super) fn put_flat(
     joined: Option<&JoinedColumns>,
     output: &mut Output<'_>,
 ) -> Result<()> {
-    let names_of_flat = retriever.names_of_flat();
-    for name in retriever.names().iter().chain(&names_of_flat) {
+    for name in retriever.names_of_images().iter().flatten() {
         output.enter(name);
     }
     if input.has_flats() {
         return Ok(());
     }
-    let Some(flat) = retriever.flat_curves() else { return Err(Error::Interrupted) };
-    for (name, image) in flat_images(flat, &names_of_flat, input.frame()[0], joined)? {
-        output.put(name, 1, image.view())?;
+    let Some(flat) = retriever.images_of_flat() else { return Err(Error::Interrupted) };
+    for (name, image) in flat.iter() {
+        let of_dithers = joined.map(|joined| joined.flat(image.view()));
+        output.put(name, 1, of_dithers.as_ref().unwrap_or(image).view())?;
     }
     Ok(())
 }

@@ -1,19 +1,18 @@
 //! Retrieval of every view in two directions.
 
-use super::begun::{Described, begun, count};
-use super::{Image, Output};
-use crate::retrieve::images::{FLAGS, Images};
+use super::begun::{Described, begun};
+use super::{Image, Output, put_angles};
 use crate::retrieve::input::Input;
 use crate::retrieve::misfit::median;
 use crate::retrieve::noise_factors::NoiseFactors;
 use crate::retrieve::options::RetrieveOptions;
-use crate::retrieve::planar::{Design, Fits, PlanarFit, PlanarRetriever, names, of_flat};
+use crate::retrieve::phase::PhaseImages;
+use crate::retrieve::planar::{Design, Fits, PlanarFit, PlanarRetriever};
 use crate::retrieve::record::Record;
 use crate::retrieve::response;
 use beamlet_core::rows_control::RowsControl;
 use beamlet_core::{Error, Result, numbers, reserve};
 use beamlet_files::GeometryFile;
-use ndarray::Array2;
 use std::ops::Range;
 
 /// Bytes of a band of rows with all its steps.
@@ -34,9 +33,8 @@ pub(super) fn retrieve_planar(
     let frame = input.frame();
     let angles = input.angles()?;
     ask_memory(input, design, options)?;
-    let first = input.flat_rows(0, 0..1)?;
     let whole = matches!(design, Design::Beamlets(_));
-    let first = if whole { input.flat_rows(0, all_rows(frame))? } else { first };
+    let first = input.flat_rows(0, 0..if whole { numbers::count(frame[0]) } else { 1 })?;
     let set_up = (input.scene(), design);
     let retriever = PlanarRetriever::new(set_up, options, input.pitch(), first.view())?;
     let mut work = Work { input, retriever: &retriever, control, done: 0, all: 0 };
@@ -51,30 +49,32 @@ pub(super) fn retrieve_planar(
     record.warnings.extend((0..2).filter(|axis| blind[*axis]).map(|axis| blind_axis(input, axis)));
     let value = if input.counts() { "counts" } else { "open pixels" };
     let mut output = Output { put, record, value, cancel: work.control.cancel.clone() };
-    let [of_flats, of_views] = names(options.gain.is_some());
-    for name in of_flats.iter().chain(&of_views) {
+    for name in retriever.names().iter().flatten() {
         output.enter(name);
     }
+    if !input.has_flats() {
+        for (name, image) in retriever.images_of_flat(&flat, frame[0]).iter() {
+            output.put(name, 1, image.view())?;
+        }
+    }
+    let with_columns =
+        || GeometryFile::with_columns(&input.image_scene(), input.columns_m(), angles);
+    let geometry = (!whole).then(with_columns);
+    let phases = geometry.clone().filter(|_| options.phase).map(PhaseImages::new).transpose()?;
     let bad = input.bad_pixels();
-    let mut residuals = Vec::new();
-    for view in 0..angles {
+    put_angles(&mut output, phases, |view| {
         if view > 0 && input.has_flats() {
             flat = work.fits(Of::Flat(view), None)?;
         }
-        if view == 0 || input.has_flats() {
-            put_all(&mut output, flats, &of_flat(shape, &flat))?;
-        }
+        let of_flat = input.has_flats().then(|| retriever.images_of_flat(&flat, frame[0]));
         let sample = work.fits(Of::Sample(view), Some(&flat))?;
         let mut images = retriever.images(&flat, &sample, frame[0]);
         if let Some(bad) = &bad {
             retriever.mark_bad(&mut images, bad);
         }
-        put_all(&mut output, angles, &images)?;
-        count(&mut output.record, images.get(FLAGS));
-        residuals.extend(residual(images.get("residual_sample")));
-    }
+        Ok((images, of_flat))
+    })?;
     let mut record = output.record;
-    record.residual = median(residuals).filter(|residual| *residual > 0.0);
     record.warnings.extend(input.warnings().iter().cloned());
     record.warnings.iter().for_each(|warning| log::warn!("{warning}"));
     let scene = input.scene();
@@ -82,14 +82,8 @@ pub(super) fn retrieve_planar(
         PlanarRetriever::new((scene, design), other, input.pitch(), first.view())?.response(scene)
     };
     response::enter(&mut record, options, retriever.response(scene)?, response_of)?;
-    let geometry = match whole {
-        false if input.has_angles() => {
-            let scene = input.image_scene();
-            Some(GeometryFile::with_columns(&scene, input.columns_m(), angles).text()?)
-        }
-        _ => None,
-    };
-    Ok((record, geometry))
+    let geometry = geometry.filter(|_| input.has_angles()).map(|geometry| geometry.text());
+    Ok((record, geometry.transpose()?))
 }
 
 /// Frames of flat or of a view of the sample.
@@ -146,15 +140,12 @@ impl Work<'_, '_> {
     }
 }
 
-fn all_rows([rows, _]: [usize; 2]) -> Range<u32> {
-    0..numbers::count(rows)
-}
-
 /// Reserves memory for the fits of flat and sample, and of the images of a view.
 fn ask_memory(input: &Input, design: &Design, options: &RetrieveOptions) -> Result<()> {
     let [rows, columns] = input.frame();
-    let [flat, sample] = names(options.gain.is_some());
-    let fit = 2 * size_of::<Option<PlanarFit>>() + 4 * (flat.len() + sample.len());
+    // The images of flat and view.
+    let numbers = if options.gain.is_some() { 29 } else { 23 };
+    let fit = 2 * size_of::<Option<PlanarFit>>() + 4 * numbers;
     let (curves, frames) = match design {
         // Beamlets are 4 pixels apart at least.
         Design::Beamlets(_) => (rows * columns / 12, 8 * rows * columns),
@@ -166,7 +157,7 @@ fn ask_memory(input: &Input, design: &Design, options: &RetrieveOptions) -> Resu
 
 /// Refuses a flat without any curve.
 fn refuse_without_answer(flat: &Fits) -> Result<()> {
-    if flat.iter().flatten().any(|fit| fit.curve().has_answer()) {
+    if flat.iter().flatten().any(|fit| fit.curve.has_answer()) {
         return Ok(());
     }
     let count = flat.iter().flatten().count();
@@ -186,7 +177,7 @@ fn described(
         Some([a, b, _]) => [a[0].hypot(a[1]), b[0].hypot(b[1])],
         None => input.pitch(),
     };
-    let widths = flat.iter().flatten().map(|fit| fit.curve().moments[0].sqrt());
+    let widths = flat.iter().flatten().map(|fit| fit.curve.moments[0].sqrt());
     Described {
         columns_m: retriever.columns_m().unwrap_or_else(|| input.columns_m()),
         pitch,
@@ -221,16 +212,4 @@ fn blind_axis(input: &Input, axis: usize) -> String {
         "steps along {along} do not change the light of the flat{reason}: refraction and dark field along {along} \
          are NaN. Use a detector mask, or a period that is no whole number of pixels"
     )
-}
-
-fn put_all(output: &mut Output<'_>, views: usize, images: &Images) -> Result<()> {
-    for (name, image) in images.iter() {
-        output.put(name, views, image.view())?;
-    }
-    Ok(())
-}
-
-/// Median residual of an image.
-fn residual(image: Option<&Array2<f32>>) -> Option<f64> {
-    median(image.into_iter().flatten().map(|left| f64::from(*left)).collect())
 }

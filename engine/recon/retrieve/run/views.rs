@@ -1,15 +1,14 @@
 //! Corrections and images of one view after the other.
 
-use crate::retrieve::Curves;
 use crate::retrieve::correct::{Corrector, FrameCorrection, Rectangle, ViewCorrection};
 use crate::retrieve::diagnosis::{Diagnosis, ExaminedView};
-use crate::retrieve::images::{Images, OF_FLAT, SIGMAS_OF_FLAT};
+use crate::retrieve::images::Images;
 use crate::retrieve::input::Input;
 use crate::retrieve::joined::JoinedColumns;
 use crate::retrieve::retriever::{Corrected, Retriever};
 use beamlet_core::rows_control::RowsControl;
 use beamlet_core::{Error, Result, numbers};
-use ndarray::{Array2, ArrayView2};
+use ndarray::Array2;
 use std::ops::Range;
 
 /// Corrections by empty beam, view by view.
@@ -98,9 +97,7 @@ impl<'a> ScanOf<'a> {
                 let (rows, noise) = (numbers::count(rows), input.flat_noise(view));
                 retriever.set_flat_with(rows, columns, noise, &mut read, control)?;
             }
-            let Some(flat) = retriever.flat_curves() else { return Err(Error::Interrupted) };
-            let names = retriever.names_of_flat();
-            of_flat = Some(Images::of(flat_images(flat, &names, rows, None)?));
+            of_flat = retriever.images_of_flat();
         }
         let mut correction = match &mut tools.correcting {
             Some(correcting) => Some(correcting.begin(self, view, retriever, control)?),
@@ -195,22 +192,4 @@ impl Correcting {
         };
         Ok(OfView { empty, frames, record })
     }
-}
-
-/// Images of the flat by these names, repeated for dithers.
-pub(super) fn flat_images(
-    flat: &Curves,
-    names: &[&'static str],
-    rows: usize,
-    joined: Option<&JoinedColumns>,
-) -> Result<Vec<(&'static str, Array2<f32>)>> {
-    let of = [&flat.amplitude, &flat.centre, &flat.width, &flat.background, &flat.residual];
-    let image = |(name, values): (&'static str, &Vec<f32>)| {
-        let values = ArrayView2::from_shape((rows, flat.len() / rows.max(1)), values)
-            .map_err(|error| Error::argument(name, error.to_string(), "a value for each pixel"))?;
-        Ok((name, joined.map_or_else(|| values.to_owned(), |joined| joined.flat(values))))
-    };
-    let sigmas = [&flat.area_sigma, &flat.centre_sigma, &flat.width_sigma];
-    let all = OF_FLAT.into_iter().zip(of).chain(SIGMAS_OF_FLAT.into_iter().zip(sigmas));
-    all.filter(|(name, _)| names.contains(name)).map(image).collect()
 }

@@ -20,7 +20,7 @@ pub(super) const ARM: f64 = 0.59;
 /// How much larger the mask is on the detector.
 pub(super) const MAGNIFICATION: f64 = 1.5;
 /// Names of the contrasts in the order of [`Contrasts`].
-pub(super) const NAMES: [&str; 6] = super::images::CONTRASTS;
+pub(super) const NAMES: [&str; 6] = super::super::images::CONTRASTS;
 
 /// A sample mask alone before a detector of pixels of 10 um.
 pub(super) struct Tracking {

@@ -1,13 +1,10 @@
-//! Light in two directions: strips of an aperture behind a correlated Gaussian blur.
+//! Light of strips of an aperture behind a correlated Gaussian blur.
 
+use super::equations::{UNKNOWNS, Unknowns, Valued};
 use super::profile::Profile;
+use super::scan::Points;
 use beamlet_core::numbers::whole;
 
-/// Unknowns of a fit, in this order: light, centre x and z, variances xx and zz and covariance xz of the blur,
-/// and background.
-pub(super) const UNKNOWNS: usize = 7;
-/// Value and its slopes by the unknowns.
-pub(super) type Valued = [f64; 1 + UNKNOWNS];
 /// Terms of the series of the covariance are left out below this part of the first.
 const LAST_TERM: f64 = 1e-8;
 /// Largest correlation of the blur: beyond it the series is too long.
@@ -24,56 +21,22 @@ pub(super) struct Strip {
     pub(super) along: [Profile; 2],
 }
 
-/// Light of an aperture, or the curve of two masks over offsets in two directions: one of unit area, and the
-/// same at the places of its neighbours.
+/// Light of an aperture, or the curve of two masks over offsets: one of unit area, and the same at the places of its
+/// neighbours.
 #[derive(Debug, Clone, PartialEq)]
-pub(super) struct PlanarShape {
+pub(super) struct Strips {
     pub(super) strips: Vec<Strip>,
     /// Places of the neighbours, x and z, m.
     pub(super) neighbours: Vec<[f64; 2]>,
+    /// True of a list of apertures, whose curve has several peaks.
+    pub(super) is_list: bool,
 }
 
-/// Places of values: pairs of indices into distinct x and z.
-#[derive(Debug, Clone, Default)]
-pub(super) struct Points {
-    /// Distinct places along x and z, m.
-    pub(super) along: [Vec<f64>; 2],
-    /// Indices of each point in them.
-    pub(super) at: Vec<[usize; 2]>,
-}
-
-impl Points {
-    /// Points at these places.
-    pub(super) fn of(places: &[[f64; 2]]) -> Self {
-        let along = [0, 1].map(|axis| {
-            let mut all: Vec<f64> = places.iter().map(|place| place[axis]).collect();
-            all.sort_by(f64::total_cmp);
-            all.dedup();
-            all
-        });
-        let index = |axis: usize, place: f64| along[axis].partition_point(|other| *other < place);
-        let at = places.iter().map(|place| [0, 1].map(|axis| index(axis, place[axis]))).collect();
-        Self { along, at }
-    }
-
-    /// Place of a point, m.
-    pub(super) fn place(&self, point: usize) -> [f64; 2] {
-        [0, 1].map(|axis| self.along[axis][self.at[point][axis]])
-    }
-
-    /// Half the distance of the outermost places along each axis, m.
-    pub(super) fn half(&self) -> [f64; 2] {
-        [0, 1].map(|axis| {
-            let all = &self.along[axis];
-            all.first().zip(all.last()).map_or(0.0, |(low, high)| (high - low) / 2.0)
-        })
-    }
-}
-
-/// Tables of derivatives, kept between evaluations.
+/// Tables of derivatives and values, kept between evaluations.
 #[derive(Debug, Default)]
 pub(super) struct Tables {
     along: [Table; 2],
+    pub(super) values: Vec<Valued>,
 }
 
 /// Derivatives of a profile at the places of an axis: for each place and term the profile, its first and its
@@ -122,29 +85,25 @@ impl Table {
     }
 }
 
-impl PlanarShape {
-    /// Second moments xx and zz of the light without blur, m^2.
-    pub(super) fn own_variances(&self) -> [f64; 2] {
-        [0, 1].map(|axis| {
-            let of = |strip: &Strip| strip.share * strip.along[axis].variance();
-            self.strips.iter().map(of).sum()
-        })
+impl Strips {
+    /// A strip along z, or an aperture, of these profiles along x and z.
+    pub(super) fn one(along: [Profile; 2], neighbours: Vec<[f64; 2]>) -> Self {
+        Self { strips: vec![Strip { share: 1.0, along }], neighbours, is_list: false }
     }
 
-    /// Values and slopes at points for these unknowns.
-    pub(super) fn evaluate(
-        &self,
-        points: &Points,
-        p: &[f64; UNKNOWNS],
-        tables: &mut Tables,
-        out: &mut Vec<Valued>,
-    ) {
+    /// Second moments xx and zz of the light without blur, m^2.
+    pub(super) fn own_variances(&self) -> [f64; 2] {
+        own_variances(&self.strips)
+    }
+
+    /// Values and slopes at points for these unknowns, into the values of the tables.
+    pub(super) fn evaluate(&self, points: &Points, p: &Unknowns, tables: &mut Tables) {
         let [scale, x, z, xx, zz, xz, background] = *p;
         let sigmas = [xx.sqrt(), zz.sqrt()];
         let correlation = xz / (sigmas[0] * sigmas[1]);
         let terms = terms(correlation);
-        out.clear();
-        out.resize(points.at.len(), [0.0; 1 + UNKNOWNS]);
+        tables.values.clear();
+        tables.values.resize(points.at.len(), [0.0; 1 + UNKNOWNS]);
         let places = std::iter::once([0.0; 2]).chain(self.neighbours.iter().copied());
         for [dx, dz] in places {
             let centre = [x + dx, z + dz];
@@ -157,10 +116,10 @@ impl PlanarShape {
                     let of = (strip.along[axis], centre[axis], sigmas[axis]);
                     tables.along[axis].fill(&points.along[axis], of, (terms, powers[axis]));
                 }
-                add_strip(points, tables, terms, out);
+                add_strip(points, tables, terms);
             }
         }
-        for value in out.iter_mut() {
+        for value in &mut tables.values {
             // Derivatives by place, in the units of the tables, to slopes by the unknowns.
             let [unit, by_x, by_z, by_xx, by_zz, by_xz, ..] = *value;
             let [sx, sz] = sigmas;
@@ -176,6 +135,14 @@ impl PlanarShape {
             ];
         }
     }
+}
+
+/// Second moments xx and zz of the light of strips without blur, m^2.
+pub(super) fn own_variances(strips: &[Strip]) -> [f64; 2] {
+    [0, 1].map(|axis| {
+        let of = |strip: &Strip| strip.share * strip.along[axis].variance();
+        strips.iter().map(of).sum()
+    })
 }
 
 /// Terms of the series at a correlation.
@@ -195,9 +162,9 @@ fn reaches(points: &Points, strip: &Strip, centre: [f64; 2], sigmas: [f64; 2]) -
 }
 
 /// Adds a strip: the value, and derivatives by x, z, xx, zz and xz in units of the deviations.
-fn add_strip(points: &Points, tables: &Tables, terms: usize, out: &mut [Valued]) {
-    let [along_x, along_z] = &tables.along;
-    for ([i, j], sums) in points.at.iter().zip(out) {
+fn add_strip(points: &Points, tables: &mut Tables, terms: usize) {
+    let Tables { along: [along_x, along_z], values } = tables;
+    for ([i, j], sums) in points.at.iter().zip(values) {
         if !(along_x.reached[*i] && along_z.reached[*j]) {
             continue;
         }
@@ -218,15 +185,14 @@ fn add_strip(points: &Points, tables: &Tables, terms: usize, out: &mut [Valued])
 mod tests {
     use super::*;
 
-    fn shape(boxes: [[f64; 2]; 2]) -> PlanarShape {
-        let along = boxes.map(|boxes| Profile { boxes, shift: 0.0 });
-        PlanarShape { strips: vec![Strip { share: 1.0, along }], neighbours: Vec::new() }
+    fn strips(boxes: [[f64; 2]; 2], neighbours: Vec<[f64; 2]>) -> Strips {
+        Strips::one(boxes.map(|boxes| Profile { boxes, shift: 0.0 }), neighbours)
     }
 
-    fn value(shape: &PlanarShape, at: [f64; 2], p: &[f64; UNKNOWNS]) -> Valued {
-        let mut out = Vec::new();
-        shape.evaluate(&Points::of(&[at]), p, &mut Tables::default(), &mut out);
-        out[0]
+    fn value(strips: &Strips, at: [f64; 2], p: &Unknowns) -> Valued {
+        let mut tables = Tables::default();
+        strips.evaluate(&Points::of(&[at]), p, &mut tables);
+        tables.values[0]
     }
 
     /// The series against the closed form of a bivariate Gaussian: 3e-8 at correlations up to 0.9.
@@ -241,7 +207,7 @@ mod tests {
                 let square = (u * u - 2.0 * rho * u * w + w * w) / free;
                 let height = 2.0 / (std::f64::consts::TAU * sx * sz * free.sqrt());
                 let truth = height * (-0.5 * square).exp() + 0.3;
-                let found = value(&shape([[0.0; 2]; 2]), [x, z], &p)[0];
+                let found = value(&strips([[0.0; 2]; 2], Vec::new()), [x, z], &p)[0];
                 assert!((found - truth).abs() < 3e-8, "{rho} {x} {z}: {found} {truth}");
             }
         }
@@ -250,17 +216,16 @@ mod tests {
     /// Slopes by every unknown against central differences: 1e-6.
     #[test]
     fn slopes_are_those_of_the_value() {
-        let mut shape = shape([[1.3, 0.4], [0.8, 0.4]]);
-        shape.neighbours = vec![[3.0, 0.0], [-3.0, 0.5]];
+        let strips = strips([[1.3, 0.4], [0.8, 0.4]], vec![[3.0, 0.0], [-3.0, 0.5]]);
         let p = [2.0, 0.1, -0.2, 0.5, 0.3, 0.2, 0.1];
         for at in [[0.0, 0.0], [0.7, 0.3], [-0.9, 0.8]] {
-            let here = value(&shape, at, &p);
+            let here = value(&strips, at, &p);
             for k in 0..UNKNOWNS {
                 let h = 1e-5;
                 let moved = |by: f64| {
                     let mut q = p;
                     q[k] += by;
-                    value(&shape, at, &q)[0]
+                    value(&strips, at, &q)[0]
                 };
                 let slope = (moved(h) - moved(-h)) / (2.0 * h);
                 assert!((slope - here[k + 1]).abs() < 1e-6, "{at:?} {k}: {slope} {here:?}");

@@ -12,6 +12,16 @@ pub(super) struct Profile {
 }
 
 impl Profile {
+    /// Along a slit: 1 everywhere.
+    pub(super) const ENDLESS: Self = Self { boxes: [f64::INFINITY, 0.0], shift: 0.0 };
+    /// A Gaussian.
+    pub(super) const GAUSSIAN: Self = Self { boxes: [0.0; 2], shift: 0.0 };
+
+    /// True along a slit.
+    const fn is_endless(&self) -> bool {
+        self.boxes[0].is_infinite()
+    }
+
     /// Half the width of the profile without its Gaussian, from the place that it is displaced from, m.
     pub(super) fn reach(&self) -> f64 {
         self.shift.abs() + (self.boxes[0] + self.boxes[1]) / 2.0
@@ -19,6 +29,9 @@ impl Profile {
 
     /// Second moment without the Gaussian, about the place that it is displaced from, m^2.
     pub(super) fn variance(&self) -> f64 {
+        if self.is_endless() {
+            return 0.0;
+        }
         let [a, b] = self.boxes;
         self.shift * self.shift + (a * a + b * b) / 12.0
     }
@@ -44,6 +57,10 @@ impl Profile {
     /// sigma^n / sqrt(n!), so that all entries are of the size of the first.
     pub(super) fn derivatives(&self, x: f64, sigma: f64, out: &mut [f64]) {
         out.fill(0.0);
+        if self.is_endless() {
+            out[0] = 1.0;
+            return;
+        }
         let (corners, count, unit, boxes) = self.corners();
         for (corner, sign) in &corners[..count] {
             let v = x - self.shift + corner;
