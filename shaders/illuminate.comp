@@ -44,13 +44,12 @@ struct Passed {
 };
 
 // Shifts of the edges of an opening against a piece of a cell, per standard deviation of the landing place at the edges
-// that cut its light behind the sample mask. Places beyond the cell and soft edges of the detector mask count as the source
-// does.
+// that cut its light behind the sample mask. Soft edges of the detector mask count as the source does.
 vec2 shifts_in(Opening opening, Cell cell, Piece piece, Edges edges) {
     float growth = steady_growth((cell.displacement_high - cell.displacement_low) / (cell.x_high - cell.x_low));
     bool masked = light.detector_mask.present != 0u;
     float by_spot = masked ? light.spot * light.spot + setting.soft.y : light.pixel_spot * light.pixel_spot;
-    float source = sqrt(by_spot + cell.place_variance);
+    float source = sqrt(by_spot);
     float blur = masked ? piece.blur : piece.pixel_blur;
     vec2 more = vec2(0.0);
 #ifdef WALLS

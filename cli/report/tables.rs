@@ -149,8 +149,9 @@ const MEANINGS: [(&str, &str); 15] = [
 const USUAL: [&str; 5] = ["rays", "exact", "split", "reflected", "grazing_light"];
 
 /// Counts of sampling, as text.
-const OF_SAMPLING: [&str; 6] = [
+const OF_SAMPLING: [&str; 7] = [
     "patches",
+    "lines",
     "patch_rays",
     "most_patch_rays",
     "error_squares",

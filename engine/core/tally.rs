@@ -45,6 +45,8 @@ pub struct Tally {
     pub clipped_at_zero: u64,
     /// Patches (beamlet and detector row) that the sample touches.
     pub patches: u64,
+    /// Their lines through facets.
+    pub lines: u64,
     /// Their rays.
     pub patch_rays: u64,
     /// Rays of the patch that has the most.
@@ -77,6 +79,7 @@ impl Tally {
             saturated: f(self.saturated, other.saturated),
             clipped_at_zero: f(self.clipped_at_zero, other.clipped_at_zero),
             patches: f(self.patches, other.patches),
+            lines: f(self.lines, other.lines),
             patch_rays: f(self.patch_rays, other.patch_rays),
             error_squares: f(self.error_squares, other.error_squares),
             beyond_tolerance: f(self.beyond_tolerance, other.beyond_tolerance),

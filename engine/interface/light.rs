@@ -179,8 +179,6 @@ shared_structs! {
         /// Covariance over energies of that share and the displacement, m.
         pub sample_covariance: f32,
         pub detector_covariance: f32,
-        /// Variance of the places of the light beyond the cell, as seen on the analyser, m2.
-        pub place_variance: f32,
     }
 
     /// Cells of a cell row that one invocation illuminates.

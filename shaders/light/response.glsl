@@ -173,7 +173,7 @@ Piece piece_of(CellRow cell_row, Cell cell, float a, float b, float transmission
     // Soft edges of the aperture move light as if the bend extended over all of it.
     float steady = steady_growth(displacement_slope);
     float shadow = steady * steady * soft.x;
-    float variance = shadow + cell.displacement_variance + cell.place_variance;
+    float variance = shadow + cell.displacement_variance;
     piece.blur = sqrt(light.spot * light.spot + soft.y + variance);
     piece.pixel_blur = sqrt(light.pixel_spot * light.pixel_spot + variance);
     piece.pixel_shift = cell.pixel_shift;

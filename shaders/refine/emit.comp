@@ -21,7 +21,7 @@ Cell cell_of(Rectangle g, uint index, Rows rows, bool hit) {
     vec2 shares = vec2(rows.above, rows.below);
     if (has_heights()) shares = hit ? along_z(g, slopes) : vec2(0.0);
     return Cell(g.x_low, g.x_high, depth.x, depth.y, displacement.x, displacement.y, g.landing, shares.x,
-                shares.y, g.pixel_shift, g.variance, 0.0, 0.0, 0.0, 0.0, 0.0);
+                shares.y, g.pixel_shift, g.variance, 0.0, 0.0, 0.0, 0.0);
 }
 
 void main() {

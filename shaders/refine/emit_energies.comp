@@ -91,7 +91,7 @@ Cell cell_of(Own own, Sums sums) {
     vec2 shares = along_z_of(own, sums, rows);
     return Cell(own.g.x_low, own.g.x_high, depth.x, depth.y, displacement.x, displacement.y, landing,
                 shares.x, shares.y, pixel_shift, variance_of(sums), narrowing.x, narrowing.y,
-                covariance.x, covariance.y, 0.0);
+                covariance.x, covariance.y);
 }
 
 // A cell in a row of its own.

@@ -91,8 +91,7 @@ float light_of(Cell cell) {
 const float NO_LIGHT = 200.0;
 
 Cell no_cell(Rectangle g) {
-    return Cell(g.x_low, g.x_high, NO_LIGHT, NO_LIGHT, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0,
-                0.0);
+    return Cell(g.x_low, g.x_high, NO_LIGHT, NO_LIGHT, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0);
 }
 
 // A row of cells that is being made.

@@ -50,7 +50,7 @@ Cell cell_of_column(uint words, Rectangle g) {
     float below = wide ? 0.0 : clamp(merged_at(words + 9u) / light, 0.0, 1.0 - above);
     return Cell(g.x_low, g.x_high, depth.x, depth.y, displacement.x, displacement.y, landing, above, below,
                 pixel_shift, variance * S.reach * S.reach, narrowing.x, narrowing.y, covariance.x,
-                covariance.y, 0.0);
+                covariance.y);
 }
 
 void main() {

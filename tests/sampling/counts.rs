@@ -1,5 +1,5 @@
-//! Numbers of rays of the cases of `tests/bench/cases.py` before smaller detectors: a change of sampling that costs
-//! rays changes this table.
+//! Numbers of lines and rays of the cases of `tests/bench/cases.py` before smaller detectors: a change of sampling that costs
+//! more changes this table.
 
 use crate::reference::scenes;
 use crate::reference::silhouettes::bumpy;
@@ -49,19 +49,23 @@ fn ball(masks: bool, pixels: u32, pitch: f64) -> Scene {
 #[test]
 fn rays_of_the_cases_are_those_of_the_table() {
     let cases = [
-        ("cylinder", experiment("cylinder", [96, 4]), 6964),
-        ("tilted", tilted(), 30659),
-        ("bumpy", ball(true, 24, 150e-6), 7816),
-        ("bracket", experiment("bracket", [64, 12]), 72130),
-        ("radio", ball(false, 96, 37.5e-6), 43822),
+        ("cylinder", experiment("cylinder", [96, 4]), [320, 174]),
+        ("tilted", tilted(), [1722, 4664]),
+        ("bumpy", ball(true, 24, 150e-6), [10606, 4202]),
+        ("bracket", experiment("bracket", [64, 12]), [9320, 12946]),
+        ("radio", ball(false, 96, 37.5e-6), [100402, 50860]),
     ];
     let engine = engine(Backend::Bvh);
     let mut wrong = Vec::new();
     for (name, scene, expected) in cases {
-        let rays = engine.simulate(&scene).expect("a run").record.tally.rays;
-        println!("measured {name}: {rays} rays, {expected} in the table");
-        if (rays as f64 / f64::from(expected) - 1.0).abs() > PART {
-            wrong.push(format!("{name}: {rays} rays, {expected} in the table"));
+        let tally = engine.simulate(&scene).expect("a run").record.tally;
+        for (of, found, expected) in
+            [("lines", tally.lines, expected[0]), ("rays", tally.rays, expected[1])]
+        {
+            println!("measured {name}: {found} {of}, {expected} in the table");
+            if (found as f64 / f64::from(expected) - 1.0).abs() > PART {
+                wrong.push(format!("{name}: {found} {of}, {expected} in the table"));
+            }
         }
     }
     assert!(wrong.is_empty(), "{}", wrong.join("\n"));

@@ -5,8 +5,8 @@ use crate::support::engine;
 use beamlet::Backend;
 use beamlet::scene::{Object, Placement, Scene, Shape};
 
-/// Largest deviation, share of open beam: places of corners in f32.
-const APART: f64 = 2e-6;
+/// Largest deviation, share of open beam: an edge between two lines, a tenth of the tolerance.
+const APART: f64 = 1e-4;
 const SOURCE: f64 = 1.2;
 const DETECTOR: f64 = 1.8;
 const PITCH: f64 = 50e-6;

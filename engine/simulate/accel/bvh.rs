@@ -37,6 +37,9 @@ pub struct Bvh {
     pub nodes: Vec<Node>,
     /// Leaves in the order of the trees.
     pub leaves: Vec<Leaf>,
+    /// Triangle of each leaf, of the sample or of its prototype; beyond the triangles of the sample the index of a
+    /// placed surface.
+    pub(crate) facets: Vec<u32>,
     /// Padded boxes of the leaves of the sample, low and high corner.
     pub boxes: Vec<[[f32; 3]; 2]>,
     /// For each leaf those across its edges opposite to a, b, c, counted from the first of its
@@ -103,6 +106,7 @@ impl Bvh {
             })
             .collect();
         bvh.append_neighbours(&order, across);
+        bvh.facets.clone_from(&order);
         let smooth = sample.components.iter().any(|component| component.smooth);
         if smooth {
             let vertices: Vec<DVec3> =
@@ -158,6 +162,7 @@ impl Bvh {
                 leaf(corners, prototype.triangle_component[i as usize])
             }));
             self.append_neighbours(&order, &prototype.across);
+            self.facets.extend_from_slice(&order);
             if self.kinds & KIND_SMOOTH != 0 {
                 let of = |t: usize| {
                     prototype.components[prototype.triangle_component[t] as usize].smooth

@@ -1,6 +1,8 @@
 //! Acceleration: data for the device's search of triangles in the way of a ray.
 
 mod bvh;
+mod facet_tree;
 mod placed;
 
 pub use bvh::Bvh;
+pub(crate) use facet_tree::{FacetTree, Fan};

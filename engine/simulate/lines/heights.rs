@@ -22,23 +22,46 @@ const PER_SLOPE: f64 = 1.0 / 6.0;
 const HIDDEN: f64 = 0.5;
 /// Height of an interval that hides no light, rows: an edge along x within it leans by less than 0.3 degrees over a
 /// fifth of a row.
-const LEAST_HIDING: f64 = 4.0 * LEAST;
+const LEAST_HIDING: f64 = 1.0 / 1024.0;
 /// Slope of light beside a jump over that of the jump, at most.
 const BESIDE_JUMP: f64 = 0.25;
 /// Part of the squared limit of errors that intervals which stay whole may have: where a few jumps have most of the
 /// error, halving all others is in vain.
 const WHOLE: f64 = 0.3;
-/// Least height of an interval, and distance of a line from the jump beside it, rows: above the rounding of rays 1,000
-/// rows off the axis (6e-5), and a jump that is missed errs by less than 2e-4 of it
-/// (`jumps_at_known_heights_take_two_lines`).
-const LEAST: f64 = 1.0 / 4096.0;
+/// [`Limits::least`] of lines of rays: above the rounding of rays 1,000 rows off the axis (6e-5), and a jump that is missed
+/// errs by less than 2e-4 of it (`jumps_at_known_heights_take_two_lines`).
+pub(crate) const LEAST_OF_RAYS: f64 = 1.0 / 4096.0;
 /// Most height of the end of a body that counts as a jump, rows: its light is linear there, or halved as any other.
 const FLAT: f64 = 1.0 / 32.0;
 /// Most jumps of a row with lines of their own, or that may hide light: light that jumps more often swings, and its
 /// bends tell its error.
 const MOST_JUMPS: usize = 4;
+/// Most lines at ends of bodies that are not flat: of few bodies each end counts, of many the light between lines varies
+/// anyway.
+const MOST_LIDS: usize = 12;
 /// Most intervals of a row before its first light.
 const MOST_PARTS: f64 = 26.0;
+
+/// Light of a line, as heights are judged by it.
+pub(crate) trait Judged {
+    /// Recorded values.
+    fn values(&self) -> &[f32];
+
+    /// Light times its displacement, rows downwards, of each mask step; none where light stays in its row.
+    fn moved(&self) -> &[f32] {
+        &[]
+    }
+
+    /// Largest displacement of the light, rows.
+    fn farthest(&self) -> f64 {
+        0.0
+    }
+
+    /// Hash of the surfaces that its rays cross, in their order.
+    fn structure(&self) -> u32 {
+        0
+    }
+}
 
 /// Bodies of a beamlet and row, before its first line.
 #[derive(Debug, Clone)]
@@ -47,6 +70,9 @@ pub(crate) struct Features {
     pub height: f64,
     /// Flat ends of bodies: ranges of z, rows below the upper border.
     ends: Vec<[f64; 2]>,
+    /// Ends and middles of ends of bodies that are not flat, rows below the upper border: light may be deflected there
+    /// alone.
+    lids: Vec<f64>,
     /// True if surfaces are rough: light differs from line to line, whatever edges there are.
     pub rough: bool,
 }
@@ -55,8 +81,14 @@ impl Features {
     /// Adds a range of z over which a body ends, rows below the upper border, if it is flat and near the row.
     pub(crate) fn add_end(&mut self, [low, high]: [f64; 2]) {
         let is_flat = low <= high && high - low <= FLAT;
-        if is_flat && low < 1.0 + LEAST && high > -LEAST {
-            self.ends.push([low - LEAST, high + LEAST]);
+        if !is_flat && high - low < 1.0 {
+            let heights = [low, f64::midpoint(low, high), high];
+            self.lids.extend(
+                heights.into_iter().filter(|z| *z > LEAST_OF_RAYS && *z < 1.0 - LEAST_OF_RAYS),
+            );
+        }
+        if is_flat && low < 1.0 + FLAT && high > -FLAT {
+            self.ends.push([low, high]);
         }
     }
 }
@@ -64,7 +96,7 @@ impl Features {
 impl Default for Features {
     /// No body that ends or leans.
     fn default() -> Self {
-        Self { height: f64::INFINITY, ends: Vec::new(), rough: false }
+        Self { height: f64::INFINITY, ends: Vec::new(), lids: Vec::new(), rough: false }
     }
 }
 
@@ -75,6 +107,36 @@ pub(crate) struct Limits {
     pub error: f64,
     /// Most lines.
     pub lines: usize,
+    /// Distance from a border of the row within which blur takes light over it, rows.
+    pub reach: f64,
+    /// Light between two lines that is that of either up to the middle.
+    pub uneven: Uneven,
+    /// Least height of an interval, and distance of a line from the jump beside it, rows.
+    pub least: f64,
+}
+
+/// Windows along z whose light is not the integral of light that is linear between two lines.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) enum Uneven {
+    /// None.
+    Never,
+    /// Rows, blurred by a standard deviation, rows.
+    Rows { blur: f64 },
+    /// Apertures that end along z.
+    Apertures,
+}
+
+impl Uneven {
+    /// Error of light that changes by 1 over an interval of this height, rows.
+    fn error(self, height: f64) -> f64 {
+        match self {
+            Self::Never => 0.0,
+            // The centroid is off by 1/24 of the height, before the steepest part of a Gaussian.
+            Self::Rows { blur } => (0.4 / 24.0 * height / blur).min(0.125) * height,
+            // An edge in the middle.
+            Self::Apertures => 0.125 * height,
+        }
+    }
 }
 
 /// A line at its height.
@@ -86,6 +148,8 @@ struct Placed<L> {
     light: Option<L>,
     /// True if light jumps between this line and the next.
     jumps: bool,
+    /// Estimate for the interval below, where it is known.
+    estimate: Option<Estimate>,
 }
 
 /// Lines of a beamlet and row, in the order of z.
@@ -94,37 +158,42 @@ pub(crate) struct Heights<L> {
     lines: Vec<Placed<L>>,
     limits: Limits,
     rough: bool,
+    /// Number of the values that are judged.
+    judged: usize,
 }
 
-impl<L: AsRef<[f32]> + Clone> Heights<L> {
+impl<L: Judged + Clone> Heights<L> {
     /// Lines of a row without their light; within their number, but for the three that an estimate needs.
     pub(crate) fn new(features: &Features, limits: Limits) -> Self {
         let rough = features.rough;
         if features.height.is_infinite() {
             return Self {
-                lines: vec![Placed { z: 0.5, light: None, jumps: false }],
+                lines: vec![Placed { z: 0.5, light: None, jumps: false, estimate: None }],
                 limits,
                 rough,
+                judged: usize::MAX,
             };
         }
         let room = (limits.lines as f64 - 1.0).clamp(2.0, MOST_PARTS);
         let parts: u32 = numbers::whole((1.0 / features.height).ceil().clamp(2.0, room));
         let even = (0..=parts).map(|part| f64::from(part) / f64::from(parts));
-        let mut jumps = jumps(&features.ends);
+        let mut jumps = jumps(&features.ends, limits.least);
         if parts as usize + 1 + 2 * jumps.len() > limits.lines {
             jumps.clear();
         }
         let is_beside = |z: &f64| jumps.iter().all(|[low, high]| z <= low || z >= high);
-        let mut heights: Vec<f64> = even.filter(is_beside).collect();
+        let lids = features.lids.iter().copied().take(MOST_LIDS);
+        let mut heights: Vec<f64> = even.chain(lids).filter(is_beside).collect();
         heights.extend(jumps.iter().flatten().filter(|z| (0.0..=1.0).contains(*z)));
         heights.sort_unstable_by(f64::total_cmp);
-        heights.dedup();
+        heights.dedup_by(|a, b| *a - *b < 0.5 * limits.least);
         let place = |z: f64| Placed {
             z,
             light: None,
             jumps: jumps.iter().any(|it| it[0].to_bits() == z.to_bits()),
+            estimate: None,
         };
-        Self { lines: heights.into_iter().map(place).collect(), limits, rough }
+        Self { lines: heights.into_iter().map(place).collect(), limits, rough, judged: usize::MAX }
     }
 
     /// Heights of lines without light, rows below the upper border.
@@ -137,6 +206,11 @@ impl<L: AsRef<[f32]> + Clone> Heights<L> {
     pub(crate) fn add(&mut self, light: impl Iterator<Item = L>) {
         let wanted = self.lines.iter_mut().filter(|line| line.light.is_none());
         wanted.zip(light).for_each(|(line, light)| line.light = Some(light));
+        for at in 0..self.lines.len() - 1 {
+            if self.lines[at].estimate.is_none() {
+                self.lines[at].estimate = Some(self.estimate_of(at));
+            }
+        }
         let mut halved = self.halved();
         let room = self.limits.lines.saturating_sub(self.lines.len());
         if self.rough && halved.len() > room {
@@ -148,7 +222,22 @@ impl<L: AsRef<[f32]> + Clone> Heights<L> {
         for at in halved.into_iter().rev() {
             let z = f64::midpoint(self.lines[at].z, self.lines[at + 1].z);
             self.lines[at].jumps = false;
-            self.lines.insert(at + 1, Placed { z, light: None, jumps: false });
+            let near = at.saturating_sub(1)..(at + 2).min(self.lines.len());
+            self.lines[near].iter_mut().for_each(|line| line.estimate = None);
+            self.lines.insert(at + 1, Placed { z, light: None, jumps: false, estimate: None });
+        }
+    }
+
+    /// Limits the number of lines further.
+    pub(crate) fn limit(&mut self, lines: usize) {
+        self.limits.lines = self.limits.lines.min(lines.max(3));
+    }
+
+    /// Judges the first values alone.
+    pub(crate) fn judge(&mut self, values: usize) {
+        if values != self.judged {
+            self.judged = values;
+            self.lines.iter_mut().for_each(|line| line.estimate = None);
         }
     }
 
@@ -158,7 +247,10 @@ impl<L: AsRef<[f32]> + Clone> Heights<L> {
         let estimates: Vec<Estimate> = self.estimates().collect();
         let jumps = estimates.iter().filter(|it| it.hidden > 0.0).count();
         let hides = jumps <= MOST_JUMPS && !self.rough;
-        let error = |it: &Estimate| if hides { it.bends.max(it.hidden) } else { it.bends };
+        let error = |it: &Estimate| {
+            let hidden = if hides { it.hidden } else { 0.0 };
+            it.bends.max(hidden).max(it.hidden_crossing)
+        };
         let errors: Vec<f64> = estimates.iter().map(error).collect();
         let mut order: Vec<usize> = (0..errors.len()).collect();
         order.sort_by(|a, b| errors[*b].total_cmp(&errors[*a]).then(a.cmp(b)));
@@ -171,7 +263,7 @@ impl<L: AsRef<[f32]> + Clone> Heights<L> {
             }
             let square = errors[at] * errors[at];
             whole -= square;
-            if self.height(at) < 2.0 * LEAST {
+            if self.height(at) < 2.0 * self.limits.least {
                 after -= square;
             } else {
                 // A jump stays in one of the halves.
@@ -230,7 +322,8 @@ impl<L: AsRef<[f32]> + Clone> Heights<L> {
     }
 
     fn estimates(&self) -> impl Iterator<Item = Estimate> {
-        (0..self.lines.len() - 1).map(|at| self.estimate_of(at))
+        let known = |at: usize| self.lines[at].estimate.unwrap_or_else(|| self.estimate_of(at));
+        (0..self.lines.len() - 1).map(known)
     }
 
     /// Estimate for the interval below a line: by the worst bend of a value of its light.
@@ -240,7 +333,7 @@ impl<L: AsRef<[f32]> + Clone> Heights<L> {
         let beside = |at: usize| Some(at).filter(|at| !self.lines[*at].jumps);
         let above = at.checked_sub(1).and_then(beside).and_then(|at| self.rise(at));
         let below = beside(at + 1).and_then(|at| self.rise(at));
-        let (mut worst, mut most, mut is_jump) = (0.0_f64, 0.0_f64, false);
+        let (mut worst, mut most, mut change, mut is_jump) = (0.0_f64, 0.0_f64, 0.0_f64, false);
         for value in 0..own.upper.len() {
             let slope = own.slope(value);
             let bend = |beside: &Rise<'_>| (beside.slope(value) - slope).abs();
@@ -252,22 +345,76 @@ impl<L: AsRef<[f32]> + Clone> Heights<L> {
                 (Some(it), None) | (None, Some(it)) => bend(it).max(PER_SLOPE * slope.abs()),
                 (None, None) => slope.abs(),
             });
+            change = change.max(slope.abs() * own.height);
             most = most.max(f64::from(own.upper[value].max(own.lower[value])));
             let is_level = |it: &Rise<'_>| it.slope(value) * slope < BESIDE_JUMP * slope * slope;
             is_jump |= slope.abs() * own.height > self.limits.error
                 && above.iter().chain(&below).all(is_level);
         }
         let hides = is_jump && own.height > LEAST_HIDING;
-        Estimate {
-            bends: PER_BEND * own.height * own.height * worst,
-            hidden: if hides { PER_BEND * own.height * HIDDEN * most } else { 0.0 },
+        let uneven = self.limits.uneven.error(own.height) * change;
+        let bends = (PER_BEND * own.height * own.height * worst).hypot(uneven);
+        let hidden = if hides { PER_BEND * own.height * HIDDEN * most } else { 0.0 };
+        let [crossing, hidden_crossing] = self.crossing(at, &own, [above, below]);
+        Estimate { bends: bends.hypot(crossing), hidden, hidden_crossing }
+    }
+
+    /// Error of light that displacement takes over the borders of the row: where the displaced light of an interval
+    /// near a border jumps, as much may cross it as the interval has light near the border. Then, as far as it may
+    /// hide where rays cross other surfaces between two lines, for halving alone.
+    fn crossing(&self, at: usize, own: &Rise<'_>, beside: [Option<Rise<'_>>; 2]) -> [f64; 2] {
+        let [upper, _] = own.moved;
+        // Light may be displaced farther between two lines than at either.
+        let reach = self.limits.reach + 2.0 * own.farthest;
+        let border = self.lines[at].z.min(1.0 - self.lines[at + 1].z);
+        let near = border < reach || self.limits.uneven == Uneven::Apertures;
+        if upper.is_empty() || !near {
+            return [0.0; 2];
         }
+        let slope = |it: &Rise<'_>, step: usize| {
+            f64::from(it.moved[1][step] - it.moved[0][step]) / it.height
+        };
+        let jump = |step: usize| {
+            let slope_of_own = slope(own, step);
+            let bends = beside.iter().flatten().map(|it| (slope(it, step) - slope_of_own).abs());
+            own.height * bends.fold(f64::INFINITY, f64::min).min(f64::MAX)
+        };
+        let alone = beside.iter().all(Option::is_none);
+        let most = (0..upper.len())
+            .map(|step| if alone { own.height * slope(own, step).abs() } else { jump(step) });
+        let error = PER_BEND * most.fold(0.0, f64::max) * (own.height / reach).min(1.0);
+        let moved = own.moved.into_iter().flatten().fold(0.0_f32, |most, it| most.max(it.abs()));
+        let hides = own.is_broken && own.height > LEAST_HIDING && own.farthest > 0.0;
+        let share = if hides { (own.height / own.farthest).min(1.0) } else { 0.0 };
+        [error, PER_BEND * f64::from(moved) * share]
     }
 
     /// Light at the ends of the interval below a line.
     fn rise(&self, at: usize) -> Option<Rise<'_>> {
-        let light = |at: usize| self.lines.get(at)?.light.as_ref().map(L::as_ref);
-        Some(Rise { upper: light(at)?, lower: light(at + 1)?, height: self.height(at) })
+        let light = |at: usize| self.lines.get(at)?.light.as_ref();
+        let ends = [light(at)?, light(at + 1)?];
+        let [upper, lower] = ends.map(|it| &it.values()[..self.judged.min(it.values().len())]);
+        let farthest = ends[0].farthest().max(ends[1].farthest());
+        let is_broken = ends[0].structure() != ends[1].structure();
+        let moved = ends.map(L::moved);
+        Some(Rise { upper, lower, moved, farthest, is_broken, height: self.height(at) })
+    }
+
+    /// Light that is linear in z over intervals, and its values at their ends: the part of a line in the light of the
+    /// row.
+    pub(crate) fn parts(&self, at: usize) -> impl Iterator<Item = ([f64; 2], [f64; 2])> {
+        let z = |at: usize| self.lines[at].z;
+        let last = self.lines.len() - 1;
+        let before =
+            if at == 0 { ([0.0, z(0)], [1.0; 2]) } else { ([z(at - 1), z(at)], [0.0, 1.0]) };
+        let after =
+            if at == last { ([z(last), 1.0], [1.0; 2]) } else { ([z(at), z(at + 1)], [1.0, 0.0]) };
+        [before, after].into_iter().filter(|([low, high], _)| high > low)
+    }
+
+    /// Height of a line, rows below the upper border.
+    pub(crate) fn z(&self, at: usize) -> f64 {
+        self.lines[at].z
     }
 
     /// Height of the interval below a line, rows.
@@ -283,6 +430,9 @@ struct Estimate {
     bends: f64,
     /// Error by light that a jump may hide, for halving alone; 0 where light does not jump.
     hidden: f64,
+    /// Error by light that may cross a border of the row between two lines whose rays cross other surfaces, for halving
+    /// alone.
+    hidden_crossing: f64,
 }
 
 /// Light at both ends of an interval.
@@ -290,6 +440,10 @@ struct Estimate {
 struct Rise<'a> {
     upper: &'a [f32],
     lower: &'a [f32],
+    moved: [&'a [f32]; 2],
+    farthest: f64,
+    /// Rays of the two lines cross other surfaces.
+    is_broken: bool,
     /// Height of the interval, rows.
     height: f64,
 }
@@ -302,8 +456,10 @@ impl Rise<'_> {
 }
 
 /// Heights of the two lines at each jump of light within a row; none if there are too many.
-fn jumps(ends: &[[f64; 2]]) -> Vec<[f64; 2]> {
-    let mut ranges = ends.to_vec();
+fn jumps(ends: &[[f64; 2]], least: f64) -> Vec<[f64; 2]> {
+    let near = |[low, high]: &[f64; 2]| *low < 1.0 + least && *high > -least;
+    let ranges = ends.iter().filter(|range| near(range));
+    let mut ranges: Vec<[f64; 2]> = ranges.map(|[low, high]| [low - least, high + least]).collect();
     ranges.sort_unstable_by(|a, b| a[0].total_cmp(&b[0]));
     let mut joined: Vec<[f64; 2]> = Vec::new();
     for range in ranges {
@@ -312,7 +468,7 @@ fn jumps(ends: &[[f64; 2]]) -> Vec<[f64; 2]> {
             None => joined.push(range),
         }
     }
-    joined.retain(|[low, high]| high - low <= FLAT + 2.0 * LEAST);
+    joined.retain(|[low, high]| high - low <= FLAT + 2.0 * least);
     if joined.len() > MOST_JUMPS { Vec::new() } else { joined }
 }
 
@@ -322,8 +478,21 @@ mod tests {
     use beamlet_core::numbers::single;
     use beamlet_core::random::Draws;
 
-    const EVEN: Features = Features { height: 1.0, ends: Vec::new(), rough: false };
-    const LIMITS: Limits = Limits { error: 1e-4, lines: 1000 };
+    const EVEN: Features =
+        Features { height: 1.0, ends: Vec::new(), lids: Vec::new(), rough: false };
+    const LIMITS: Limits = Limits {
+        error: 1e-4,
+        lines: 1000,
+        reach: 0.0,
+        uneven: Uneven::Never,
+        least: LEAST_OF_RAYS,
+    };
+
+    impl Judged for Vec<f32> {
+        fn values(&self) -> &[f32] {
+            self
+        }
+    }
 
     /// Lines whose light is a function of z.
     fn lines(of: impl Fn(f64) -> f64, features: &Features, limits: Limits) -> Heights<Vec<f32>> {

@@ -1,7 +1,11 @@
-//! Lines of a row: a line is a beamlet at one height, whatever computes its light.
-//!
-//! - `heights`: heights of the lines of a beamlet and row, their weights, and the error of their sum.
+//! Lines: a beamlet at one height. Their heights in a row, and lines through facets.
 
+mod by_facets;
 mod heights;
+mod light;
+mod line;
+mod patches;
 
-pub(crate) use heights::{Features, Heights, Limits};
+pub(crate) use heights::{Features, Heights, Judged, LEAST_OF_RAYS, Limits, Uneven};
+pub(crate) use line::Piece;
+pub(crate) use patches::{LinePatch, LineSampler, PatchPlaces};

@@ -4,6 +4,7 @@
 use super::patch::part;
 use super::patch_grid::PatchGrid;
 use super::view_context::ViewContext;
+use crate::lines::PatchPlaces;
 use crate::trace::Tracer;
 use beamlet_core::Result;
 use beamlet_core::numbers::{self, single};
@@ -44,12 +45,13 @@ impl BaseLattice {
         view: &ViewContext<'_>,
         tracer: &mut Tracer,
         rows: &Range<i64>,
+        patches: &PatchPlaces,
         before: Option<&Self>,
     ) -> Result<Self> {
         let rows = rows.start - 1..rows.end + 1;
         let grid = PatchGrid { rows, beamlets: view.lattice.beamlets.clone() };
         let mut places = vec![None; grid.count()];
-        mark_occupied(view, &grid, &mut places);
+        mark_near_rays(patches, &grid, &mut places);
         let base = [view.lattice.cells, view.optics.sampling.rows];
         let size = base[0] * base[1];
         let mut count = 0;
@@ -82,11 +84,6 @@ impl BaseLattice {
             lattice.results[*at as usize] = result;
         }
         Ok(lattice)
-    }
-
-    /// True if no shadow falls that matters.
-    pub(super) fn is_empty(&self) -> bool {
-        self.results.is_empty()
     }
 
     /// Results of a patch by z, then x; nothing where no shadow falls that matters.
@@ -163,14 +160,12 @@ impl BaseLattice {
     }
 }
 
-/// Marks patches touched by a shadow whose light may be recorded: in other rows only if a surface throws
-/// it out of its row.
-fn mark_occupied(view: &ViewContext<'_>, grid: &PatchGrid, places: &mut [Option<u32>]) {
-    let recorded = view.recorded_rows();
-    for bounds in view.projected_bounds {
-        let beamlets = bounds.patches(view.lattice)[1].clone();
-        for row in bounds.rows_that_count(view.lattice, &recorded, &grid.rows) {
-            places[grid.in_row(row, beamlets.clone())].fill(Some(0));
+/// Marks patches whose rays are chosen, and those beside them.
+fn mark_near_rays(patches: &PatchPlaces, grid: &PatchGrid, places: &mut [Option<u32>]) {
+    for (at, place) in places.iter_mut().enumerate() {
+        let (beamlet, row) = grid.place(at);
+        if patches.is_near_rays(beamlet, row) {
+            *place = Some(0);
         }
     }
 }

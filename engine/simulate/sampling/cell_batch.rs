@@ -150,7 +150,7 @@ fn reach_of(cell_row: CellRow, cells: &[Cell]) -> CellRow {
         // The largest of its cells: they bound how far light may land. The shader limits the slope.
         cell_row.displacement_slope = cell_row.displacement_slope.max((high - low).abs() / width);
         cell_row.displacement_variance =
-            cell_row.displacement_variance.max(cell.displacement_variance + cell.place_variance);
+            cell_row.displacement_variance.max(cell.displacement_variance);
     }
     cell_row
 }

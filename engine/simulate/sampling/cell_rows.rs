@@ -5,7 +5,7 @@ use super::cell_batch::{CellBatch, empty_cell_row};
 use super::cell_moments::{CellMoments, ExactCell};
 use super::emission::Emitter;
 use super::moment_recording::LinearModel;
-use super::patch::{Border, PatchPlace, part};
+use super::patch::{PatchPlace, part};
 use super::rectangle::Rectangle;
 use beamlet_core::numbers::{self, single};
 use beamlet_interface::{Cell, CellRow, FLAG_EXACT, FLAG_NOT_FINITE};
@@ -167,7 +167,6 @@ impl Emitter<'_> {
             share_below: below,
             pixel_shift,
             displacement_variance: rectangle.displacement_variance,
-            place_variance: rectangle.place_variance,
             ..bytemuck::Zeroable::zeroed()
         });
     }
@@ -195,29 +194,13 @@ impl Emitter<'_> {
             -(up + (low - up) * (z - own[0]) / (own[1] - own[0])) / f64::from(self.row_pitch)
         };
         let landing = [top + at(top), bottom + at(bottom)];
-        let mut shares = if let Some(rows) = &rectangle.rows {
-            lattice.piece_shares(rows, down)
-        } else if landing[1] - landing[0] > STRETCHED * (bottom - top) {
+        if let Some(Some(shares)) = rectangle.line {
+            return shares;
+        }
+        if landing[1] - landing[0] > STRETCHED * (bottom - top) {
             lattice.row_shares(landing[0], landing[1], 0.0)
         } else {
             lattice.row_shares(top, bottom, down)
-        };
-        if shares[0] >= 0.0 {
-            self.set_border_shares(&rectangle.borders, z, &mut shares);
-        }
-        shares
-    }
-
-    /// Sets what lands above and below a rectangle by what crosses the borders of the row.
-    fn set_border_shares(&self, borders: &[Option<Border>; 2], z: [f32; 2], shares: &mut [f32; 2]) {
-        let [top, bottom] = z.map(f64::from);
-        for (end, border) in borders.iter().enumerate() {
-            let Some(border) = border else { continue };
-            let down = -f64::from(border.landing / self.row_pitch);
-            let own = self.view.lattice.row_shares(top, bottom, down);
-            if own[0] >= 0.0 {
-                shares[end] = (border.light * own[end]).min(1.0 - shares[1 - end]);
-            }
         }
     }
 

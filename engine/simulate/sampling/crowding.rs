@@ -1,9 +1,11 @@
 //! Patches whose facets are too many to be looked at, from the projected bounds of components.
 
-use super::facet_lists::MOST_FACETS;
 use super::patch_grid::PatchGrid;
 use super::projected_bounds::ProjectedBounds;
 use super::view_context::ViewContext;
+
+/// Patches with more facets than this are sampled by rays alone: their facets are finer than any rectangle.
+const MOST_FACETS: u32 = 1024;
 
 /// Patches crowded by the projected bounds of components, and the components that lie only in such
 /// patches: bundles of fibres, whose facets need not be listed.
@@ -31,18 +33,4 @@ pub(super) fn bundles(view: &ViewContext<'_>, grid: &PatchGrid) -> (Vec<bool>, V
     };
     let left_out = view.projected_bounds.iter().map(alone).collect();
     (crowded, left_out)
-}
-
-/// Adds the patches that analytic surfaces may touch: those have no facets.
-pub(super) fn curved(view: &ViewContext<'_>, grid: &PatchGrid, crowded: &mut [bool]) {
-    for placed in &view.sample.placed {
-        if view.sample.prototypes[placed.prototype as usize].shape.is_none() {
-            continue;
-        }
-        let [rows, beamlets] =
-            view.projected_bounds[placed.component as usize].patches(view.lattice);
-        for row in rows.start.max(grid.rows.start)..rows.end.min(grid.rows.end) {
-            grid.in_row(row, beamlets.clone()).for_each(|patch| crowded[patch] = true);
-        }
-    }
 }

@@ -1,6 +1,5 @@
 //! Edges of apertures along z.
 
-use super::lit_heights::lit_reach;
 use beamlet_model::optics::{Mask, Optics};
 
 /// Strips of a round aperture whose ends count as edges.
@@ -18,34 +17,14 @@ pub(crate) struct EdgesAlongZ {
 impl EdgesAlongZ {
     /// The edges of the detector mask, where its apertures end along z: light lands at them.
     pub(crate) fn landing(optics: &Optics) -> Option<Self> {
-        Self::of(optics, optics.detector_mask.as_ref()?, (optics.analyser, &[0.0], 0.0))
+        Self::of(optics, optics.detector_mask.as_ref()?, optics.analyser)
     }
 
-    /// The edges of the sample mask at all steps of a list of mask offsets, where its apertures end along z, and as
-    /// far beside them as the source blurs them.
-    pub(super) fn lit(optics: &Optics, list: usize) -> Option<Self> {
-        let plane = optics.cell_plane;
-        let still = [0.0];
-        let offsets = &optics.offsets.lists_z()[list];
-        let offsets = if offsets.is_empty() { &still[..] } else { offsets };
-        let reach = lit_reach(optics);
-        Self::of(optics, optics.sample_mask.as_ref()?, (plane, offsets, reach))
-    }
-
-    /// The edges of a mask seen in the plane at `plane`, m there, displaced by each of the offsets, and `reach` beside
-    /// these.
-    fn of(
-        optics: &Optics,
-        mask: &Mask,
-        (plane, offsets, reach): (f64, &[f64], f64),
-    ) -> Option<Self> {
+    /// The edges of a mask seen in the plane at `plane`, m there.
+    fn of(optics: &Optics, mask: &Mask, plane: f64) -> Option<Self> {
         let strips = mask.strips(plane, STRIPS)?;
         let row = |z: f64| optics.detector.row_at(strips.centre + z, plane);
-        let displaced = |z: f64| offsets.iter().map(move |offset| z + offset);
-        let ends = strips.strips.iter().flat_map(|strip| strip.z).flat_map(displaced);
-        let beside: &[f64] = if reach > 0.0 { &[-1.0, 0.0, 1.0] } else { &[0.0] };
-        let mut edges: Vec<f64> =
-            ends.flat_map(|z| beside.iter().map(move |it| z + it * reach)).map(row).collect();
+        let mut edges: Vec<f64> = strips.strips.iter().flat_map(|strip| strip.z).map(row).collect();
         edges.sort_unstable_by(f64::total_cmp);
         edges.dedup();
         let period = row(0.0) - row(strips.period);

@@ -4,7 +4,7 @@
 use super::cell_batch::CellBatch;
 use super::error_estimate::Estimator;
 use super::moment_recording::LinearModel;
-use super::patch::{Border, Patch, PatchPlace, Rule, Slopes, alike};
+use super::patch::{Patch, PatchPlace, Rule, Slopes, alike};
 use super::rectangle::Rectangle;
 use super::row_spread::tilt_by_depth;
 use super::view_context::ViewContext;
@@ -115,52 +115,25 @@ impl<'a> Emitter<'a> {
         let mut rectangles: Vec<Rectangle> = Vec::with_capacity(leaves.len());
         for leaf in leaves {
             let node = &patch.nodes[leaf as usize];
-            if let Some(pieces) = patch.pieces(node) {
-                let magnification =
-                    self.view.recording.is_none().then_some(self.view.response.magnification);
-                let of_piece = |piece| {
-                    let z = estimator.cell_heights(piece);
-                    Rectangle::of_piece(piece, z, self.gap, magnification)
-                };
-                rectangles.extend(pieces.iter().map(of_piece));
-                continue;
-            }
-            let (slopes, displacement_variance, ends_z, borders, tilt) =
-                if let Rule::Means(fit) = node.rule {
-                    let slopes = Slopes {
-                        depth: [fit.slope_depth, 0.0],
-                        displacement: [fit.slope, 0.0],
-                        ..Slopes::default()
-                    };
-                    let variance = fit.displacement.powi(2) + fit.across.powi(2);
-                    let tilt = tilt_by_depth(fit.rise.into());
-                    (slopes, variance, fit.ends_z, fit.borders, single(tilt))
-                } else {
-                    // Rays that are spread evenly are not interpolated.
-                    let slopes = if node.rule != Rule::Even {
-                        estimator.slopes(node, &estimator.neighbours(patch, node))
-                    } else {
-                        Slopes::default()
-                    };
-                    let variance = self.view.variance_of(&node.result);
-                    let landing_z = node.result.landing_z(self.gap);
-                    let half = 0.5 * slopes.landing[1] * node.height();
-                    let rise = if self.view.lattice.heights { slopes.depth[1] } else { 0.0 };
-                    let tilt = single(tilt_by_depth((rise * node.height()).into()));
-                    (slopes, variance, [landing_z - half, landing_z + half], [None; 2], tilt)
-                };
+            // Rays that are spread evenly are not interpolated.
+            let slopes = if node.rule == Rule::Even {
+                Slopes::default()
+            } else {
+                estimator.slopes(node, &estimator.neighbours(patch, node))
+            };
+            let landing_z = node.result.landing_z(self.gap);
+            let half = 0.5 * slopes.landing[1] * node.height();
+            let rise = if self.view.lattice.heights { slopes.depth[1] } else { 0.0 };
             rectangles.push(Rectangle {
                 x: node.x,
                 z: node.z,
                 ray: patch.ray_coordinates(leaf),
                 traced: None,
                 ends: LinearModel::new(&node.result, node.width(), &slopes),
-                displacement_variance,
-                place_variance: 0.0,
-                ends_z,
-                tilt,
-                borders,
-                rows: None,
+                displacement_variance: self.view.variance_of(&node.result),
+                ends_z: [landing_z - half, landing_z + half],
+                tilt: single(tilt_by_depth((rise * node.height()).into())),
+                line: None,
             });
         }
         rectangles
@@ -205,14 +178,9 @@ impl<'a> Emitter<'a> {
                 depth: line(|e| e.depth),
                 displacement: line(|e| e.displacement),
             };
-            let borders = std::array::from_fn(|end| {
-                let light = |r: &Rectangle| Some((width(r), r.borders[end]?));
-                Border::mean(group.iter().filter_map(light))
-            });
             joined.push(Rectangle {
                 x,
                 ends,
-                borders,
                 displacement_variance: mean(|r| r.displacement_variance),
                 tilt: mean(|r| r.tilt),
                 ends_z: [mean(|r| r.ends_z[0]), mean(|r| r.ends_z[1])],
@@ -229,12 +197,12 @@ impl<'a> Emitter<'a> {
         let width = last.x[1] - first.x[0];
         let period = single(self.view.lattice.period);
         let (a, b) = (&first.ends.result, &last.ends.result);
-        let piece = group.iter().any(|r| r.rows.is_some());
+        let of_line = group.iter().any(|r| r.line.is_some());
         let stands = last.x[0].to_bits() == before.x[1].to_bits()
             && last.z.map(f32::to_bits) == first.z.map(f32::to_bits)
             && last.ray[1].to_bits() == first.ray[1].to_bits();
         if !stands
-            || piece
+            || of_line
             || !alike(a, b)
             || (a.flags ^ b.flags) & KIND != 0
             || a.flags & FLAG_EXACT != 0

@@ -31,7 +31,7 @@ impl ErrorBudget {
 
 /// Counts of a patch that was sampled by `rays` rays and whose values of the grid may be wrong by
 /// `light`, share of open beam. `displacement`: error of the displacement, share of the budget.
-pub(super) fn tally_of([light, displacement]: [f64; 2], rays: u32, budget: &ErrorBudget) -> Tally {
+pub(crate) fn tally_of([light, displacement]: [f64; 2], rays: u32, budget: &ErrorBudget) -> Tally {
     let error = light / budget.by_grid;
     let parts = 1e9 * error;
     Tally {

@@ -1,7 +1,7 @@
 //! The lattice of cells: positions of beamlets in the cell plane, the rays that bound their cells, and
 //! their landing points. All in f64 on the host; the device gets offsets inside an index.
 
-use super::row_spread::{PieceRows, RowSpread};
+use super::row_spread::RowSpread;
 use beamlet_core::numbers::{self, single};
 use beamlet_interface::{BeamletGeometry, Ray};
 use beamlet_model::optics::{DetectorPlane, LEAST_CELLS, Mask, Optics};
@@ -131,13 +131,8 @@ impl Lattice {
     }
 
     /// Slopes along x and z of the ray of [`Self::ray`].
-    pub(super) fn slopes(&self, beamlet: i64, x: f64, row: f64) -> [f64; 2] {
+    pub(crate) fn slopes(&self, beamlet: i64, x: f64, row: f64) -> [f64; 2] {
         [(self.centre(beamlet) + x) / self.plane, self.detector.slope_of_row(row)]
-    }
-
-    /// Their changes per m of x, and per row.
-    pub(super) fn slope_steps(&self) -> [f64; 2] {
-        [1.0 / self.plane, -self.detector.row_slope()]
     }
 
     /// The ray from the source centre through `x` of a beamlet (m, from its centre, in the cell
@@ -168,6 +163,11 @@ impl Lattice {
         self.row_spread.blur
     }
 
+    /// True if it takes light of a line beyond the rows beside.
+    pub(crate) fn has_wide_row_blur(&self) -> bool {
+        self.row_spread.is_wide()
+    }
+
     /// Shares of light spread evenly over [top, bottom] of a row that land in the row above and
     /// below, moved down by `down` rows; -1 and 0 where light lands farther off.
     #[must_use]
@@ -185,15 +185,35 @@ impl Lattice {
         [0, 1].map(|part| after[part] - before[part])
     }
 
-    /// Shares of a piece that land in the row above and below, moved down by `down` rows: by its outline, or else by
-    /// its interval.
-    pub(super) fn piece_shares(&self, rows: &PieceRows, down: f64) -> [f32; 2] {
-        let Some(shares) = rows.by_outline(down, self.row_spread.blur) else {
-            return self.row_shares(rows.whole[0], rows.whole[1], down);
+    /// Shares of the light of a line that land in the row above and in the row below, moved down by `down` rows;
+    /// nothing where light lands farther off. `parts`: intervals over which the light is linear, and what it is at
+    /// their ends.
+    pub(crate) fn line_shares(
+        &self,
+        parts: &[([f64; 2], [f64; 2])],
+        down: f64,
+    ) -> Option<[f32; 2]> {
+        let top = parts.first()?.0[0] + down;
+        let bottom = parts.last()?.0[1] + down;
+        let reach = 6.0 * self.row_spread.blur;
+        if self.row_spread.is_wide() || top - reach < -1.0 || bottom + reach > 2.0 {
+            return None;
+        }
+        let before = |border: f64| {
+            let of_part = |(ends, light): &([f64; 2], [f64; 2])| {
+                let [falls, rises] =
+                    self.row_spread.linear_below(border, ends.map(|end| end + down));
+                light[0] * falls + light[1] * rises
+            };
+            parts.iter().map(of_part).sum::<f64>()
         };
-        // Light is not negative, whatever is rounded.
-        let [above, below] = shares.map(single);
-        [above, below.min(1.0 - above)]
+        let whole: f64 = parts
+            .iter()
+            .map(|(ends, light)| 0.5 * (ends[1] - ends[0]) * (light[0] + light[1]))
+            .sum();
+        let above = if top < reach { before(0.0) / whole } else { 0.0 };
+        let below = if bottom > 1.0 - reach { 1.0 - before(1.0) / whole } else { 0.0 };
+        Some([above, below].map(|share| single(share.clamp(0.0, 1.0))))
     }
 
     /// The beamlet in whose period x (m, in the cell plane) lies.

@@ -73,10 +73,8 @@ fn rectangle_of(leaf: &RefinedLeaf, emitter: &Emitter<'_>) -> Rectangle {
         traced: Some(leaf.ray),
         ends: LinearModel::new(&result, x[1] - x[0], &slopes),
         displacement_variance: emitter.view.variance_of(&result),
-        place_variance: 0.0,
         ends_z: [landing + half, landing - half],
         tilt: leaf.tilt,
-        borders: [None; 2],
-        rows: None,
+        line: None,
     }
 }

@@ -1,5 +1,5 @@
 //! A patch: one beamlet and detector row, cut into rectangles. A rectangle is represented by the ray
-//! through its centre, or by its facets. Rectangles are split in three, so that the middle one keeps the
+//! through its centre. Rectangles are split in three, so that the middle one keeps the
 //! ray. Their coordinates are (x - shear (z - 1/2), z): a silhouette that slants by `shear` is upright in
 //! them.
 
@@ -7,19 +7,12 @@ mod beside;
 mod node;
 
 pub(super) use beside::Witness;
-use node::AllRays;
-pub(super) use node::{
-    Axis, Border, Mean, Node, Residuals, Rule, Slopes, alike, is_drawn, no_silhouette_between,
-};
+pub(super) use node::{Axis, Node, Rule, Slopes, alike, is_drawn, no_silhouette_between};
 
-use super::patch_facet::{Overlap, PatchFacet};
-use super::piece::Piece;
 use beamlet_core::numbers::{self, single};
 use beamlet_interface::RayResult;
 use std::ops::Range;
 
-/// Indices of facets that take as much memory as a rectangle.
-const FACETS_OF_A_RECTANGLE: usize = 32;
 /// Golden section, the number that fractions approach worst.
 const GOLDEN: f64 = 0.618_033_988_749_894_9;
 /// Parts of a rectangle that is split.
@@ -71,12 +64,6 @@ pub(super) struct Patch {
     pub(crate) splits: u32,
     /// Rays that crossed other surfaces than the rectangle that contains them.
     pub(super) witnesses: Vec<Witness>,
-    /// Facets that its rays may cross, if known.
-    pub(crate) facets: Option<Vec<PatchFacet>>,
-    /// Indices of facets, by rectangle.
-    list: Vec<u32>,
-    /// Pieces of rectangles.
-    pub(crate) pieces: Vec<Piece>,
 }
 
 /// Where a patch lies: its beamlet and detector row, and how far x moves over the row, m.
@@ -92,12 +79,6 @@ impl PatchPlace {
     pub(super) fn place(&self, [x, z]: [f32; 2]) -> [f32; 2] {
         [x + self.shear * (z - 0.5), z]
     }
-}
-
-/// Centre and half size of a rectangle.
-pub(super) fn middle(x: [f32; 2], z: [f32; 2]) -> [[f64; 2]; 2] {
-    let (x, z) = (x.map(f64::from), z.map(f64::from));
-    [[0.5 * (x[0] + x[1]), 0.5 * (z[0] + z[1])], [0.5 * (x[1] - x[0]), 0.5 * (z[1] - z[0])]]
 }
 
 /// Borders of `count` equal parts of an interval.
@@ -164,9 +145,6 @@ impl Patch {
             nodes,
             splits: 0,
             witnesses: Vec::new(),
-            facets: None,
-            list: Vec::new(),
-            pieces: Vec::new(),
         }
     }
 
@@ -246,43 +224,6 @@ impl Patch {
         }
     }
 
-    /// Takes its facets; it does not slant.
-    pub(super) fn set_facets(&mut self, facets: Vec<PatchFacet>) {
-        let all = numbers::count(facets.len());
-        self.list = (0..all).collect();
-        self.facets = Some(facets);
-        for node in 0..self.nodes.len() {
-            self.list_facets(node, [0, all]);
-        }
-    }
-
-    /// Lists the facets of `before`, a range of the list, that touch a rectangle.
-    fn list_facets(&mut self, node: usize, before: [u32; 2]) {
-        let Some(facets) = &self.facets else { return };
-        let node = &mut self.nodes[node];
-        let first = self.list.len();
-        let [centre, half] = middle(node.x, node.z);
-        for at in before[0]..before[1] {
-            let index = self.list[at as usize];
-            if facets[index as usize].overlap(centre, half) != Overlap::None {
-                self.list.push(index);
-            }
-        }
-        let end = self.list.len();
-        node.facets = [first, end].map(|n| numbers::count(n));
-        // Where facets are larger than rectangles, lists would be copies of one another.
-        if end - first == (before[1] - before[0]) as usize {
-            self.list.truncate(first);
-            node.facets = before;
-        }
-    }
-
-    /// Facets that may touch a rectangle.
-    pub(super) fn facets_of(&self, node: u32) -> &[u32] {
-        let [first, end] = self.nodes[node as usize].facets;
-        &self.list[first as usize..end as usize]
-    }
-
     /// Splits a leaf; its parts begin with its result.
     pub(super) fn split(&mut self, index: u32, axis: Axis) -> Range<u32> {
         let parent = self.nodes[index as usize];
@@ -295,7 +236,6 @@ impl Patch {
             let (x, z) = if axis == Axis::X { (side, parent.z) } else { (parent.x, side) };
             self.nodes.push(Node::new(x, z, parent.result));
             self.branches.push(None);
-            self.list_facets(self.nodes.len() - 1, parent.facets);
         }
         self.splits += 1;
         first..first + PARTS
@@ -320,63 +260,19 @@ impl Patch {
 
     /// Sets the result of a rectangle to the result of its ray.
     pub(super) fn set_result(&mut self, node: u32, result: &RayResult) {
-        let node = &mut self.nodes[node as usize];
-        node.result = *result;
-        if !matches!(node.rule, Rule::Rays(_) | Rule::Even) {
-            node.rule = Rule::Rays(None);
-        }
-    }
-
-    /// The pieces of a rectangle that is known by them.
-    pub(super) fn pieces(&self, node: &Node) -> Option<&[Piece]> {
-        let Rule::Overlay([first, end]) = node.rule else { return None };
-        self.pieces.get(first as usize..end as usize)
-    }
-
-    /// Stores the result from the facets of a rectangle; returns whether it is sufficient. With rays
-    /// alone it bounds the space between rays.
-    pub(super) fn set_mean(&mut self, index: u32, mean: &Mean, by_rays_alone: bool) -> bool {
-        let node = &mut self.nodes[index as usize];
-        (node.rule, node.crossings) = (Rule::Rays(None), None);
-        match mean {
-            Mean::Fit(result, residuals) if by_rays_alone => {
-                node.rule = Rule::Rays(Some(AllRays::new(result, residuals)));
-            }
-            Mean::Fit(result, residuals) => {
-                (node.result, node.rule) = (*result, Rule::Means(*residuals));
-                return true;
-            }
-            Mean::Silhouette { crossings } => node.crossings = Some(*crossings),
-            Mean::Unknown => {}
-        }
-        false
-    }
-
-    /// Takes the pieces of a rectangle.
-    pub(super) fn set_pieces(&mut self, index: u32, pieces: &[Piece]) {
-        let first = self.pieces.len();
-        self.pieces.extend_from_slice(pieces);
-        let node = &mut self.nodes[index as usize];
-        node.rule = Rule::Overlay([first, self.pieces.len()].map(|n| numbers::count(n)));
-        // Neighbours see the largest.
-        if let Some(largest) = pieces.iter().max_by(|a, b| a.share.total_cmp(&b.share)) {
-            node.result = largest.result;
-        }
+        self.nodes[node as usize].result = *result;
     }
 
     /// Its size in memory, in rectangles.
     pub(super) fn size(&self) -> usize {
-        self.nodes.len() + self.list.len() / FACETS_OF_A_RECTANGLE + self.pieces.len()
+        self.nodes.len()
     }
 
     /// Bytes that it holds.
     pub(super) fn bytes(&self) -> usize {
         self.nodes.capacity() * size_of::<Node>()
             + self.branches.capacity() * size_of::<Option<Branch>>()
-            + 4 * self.list.capacity()
             + self.witnesses.capacity() * size_of::<Witness>()
-            + self.pieces.capacity() * size_of::<Piece>()
-            + self.facets.as_ref().map_or(0, |facets| facets.len() * size_of::<PatchFacet>())
     }
 
     /// Indices of the leaves.

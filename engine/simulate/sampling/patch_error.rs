@@ -1,13 +1,12 @@
 //! Error of a patch: the errors of its rectangles at every mask step, and which of them to split.
 
 use super::error_estimate::{CellError, Estimator, SPREAD};
-use super::patch::{Axis, Even, Node, Patch, Rule};
+use super::patch::{Axis, Even, Node, Patch};
 use super::response::Opening;
 use super::step_errors::{StepError, StepSums, Weighing};
 use super::step_shares::{StepRun, is_open, step_runs};
 use super::unresolved::FIRST;
 use beamlet_core::numbers::{self, single};
-use beamlet_model::optics::Optics;
 
 /// Rectangles that would hold this part of the budget at every mask step, were all like them, are
 /// not split.
@@ -22,15 +21,6 @@ const SAFETY_OF_ONE: f64 = 0.2;
 /// them. With 0.45 prisms and fine balls err by 0.46 of 3 nrad, with 0.23 by 0.34
 /// (`angles_hold_in_interior_pixels_beside_silhouettes_too`).
 const SAFETY_OF_RAYS: f64 = 0.2;
-/// Tolerance above which the estimate holds, fraction of the open beam. It and `FALL` are fitted to a
-/// radiograph at 1e-4 and 3e-5 (`tight_tolerances_hold_without_a_sample_mask`).
-const FINE: f64 = 1e-4;
-/// Exponent of its correction below that tolerance.
-const FALL: f64 = 0.9;
-/// Upper limit of the correction.
-const MOST_OF_PIECES: f64 = 3.0;
-/// Lower limit behind a detector mask alone, where neglected terms are half of the error at 1e-4.
-const DETECTOR_MASK_ALONE: f64 = 1.5;
 /// Part of its square that the error of a rectangle keeps when it is split.
 const LEFT: f64 = 1.0 / 9.0;
 
@@ -139,17 +129,7 @@ fn pool_draws(errors: &mut [Option<CellError>], patch: &Patch) {
 struct Scored<'k> {
     score: f64,
     error: &'k CellError,
-    rule: &'k Rule,
     runs: &'k [StepRun],
-}
-
-/// Correction factor of the summed error of pieces. Neglected terms fall more slowly than the estimate as
-/// rectangles shrink: at 3e-5 they were a third of the error of a radiograph, at 1e-4 as large. A
-/// detector mask alone cuts the light of a rim where it is steepest: half of it at 1e-4.
-pub(super) fn error_of_pieces(optics: &Optics, tolerance: f64) -> f64 {
-    let alone = optics.sample_mask.is_none() && optics.detector_mask.is_some();
-    let tight = (FINE / tolerance).powf(FALL).min(MOST_OF_PIECES);
-    tight.max(if alone { DETECTOR_MASK_ALONE } else { 1.0 })
 }
 
 impl Estimator<'_> {
@@ -177,13 +157,11 @@ impl Estimator<'_> {
         pool_draws(&mut known_errors.errors, patch);
     }
 
-    /// The error of a patch. `openings`: of its beamlet. `narrow`: components that may hide between rays.
-    /// `crossed`: a silhouette may cross it, according to its facets. `known_errors`: known errors of its
+    /// The error of a patch. `openings`: of its beamlet. `narrow`: components that may hide between rays. `known_errors`: known errors of its
     /// nodes; the others are computed.
     pub(super) fn patch_error(
         &self,
         patch: &Patch,
-        crossed: bool,
         openings: &[Opening],
         narrow: &[NarrowComponent],
         known_errors: &mut KnownErrors,
@@ -193,7 +171,7 @@ impl Estimator<'_> {
         }
         self.complete(patch, openings, known_errors);
         let known_errors = &*known_errors;
-        let sums = self.step_sums(patch, crossed, known_errors);
+        let sums = self.step_sums(patch, known_errors);
         let mut result = PatchError {
             light: sums.steps.iter().map(StepError::light).fold(0.0, f64::max).sqrt(),
             displacement: sums.displacement_share(self.budget.displacement),
@@ -214,33 +192,28 @@ impl Estimator<'_> {
         result
     }
 
-    /// Sums of the errors of the rectangles of a patch, which a silhouette `crossed` or not.
-    fn step_sums(&self, patch: &Patch, crossed: bool, known_errors: &KnownErrors) -> StepSums<'_> {
-        // For any window, of which none sees all of them at its steepest, they count as independent.
-        let together = (!self.other_energies).then_some(self.pieces);
-        let weighing = Weighing { response: self.response, together };
+    /// Sums of the errors of the rectangles of a patch.
+    fn step_sums(&self, patch: &Patch, known_errors: &KnownErrors) -> StepSums<'_> {
+        let weighing = Weighing { response: self.response };
         let mut steps = vec![StepError::default(); self.response.steps()];
         let (mut count, mut silhouettes) = (0_u32, 0_u32);
-        let (mut seen, mut by_rays) = (false, false);
-        for (error, node, runs) in known_errors.leaves(patch) {
+        let mut seen = false;
+        for (error, _, runs) in known_errors.leaves(patch) {
             count += 1;
-            by_rays |= matches!(node.rule, Rule::Rays(_) | Rule::Even);
             seen |= error.silhouette && is_open(runs);
             silhouettes += u32::from(error.silhouette);
             for (step, share) in runs.iter().flat_map(StepRun::steps) {
-                steps[step as usize].add(&weighing.of(error, &node.rule, share));
+                steps[step as usize].add(&weighing.of(error, share));
             }
         }
-        let aim = if by_rays { SAFETY_OF_RAYS } else { self.safety() };
         StepSums {
             weighing,
             steps,
             count,
             silhouettes,
             light: (self.safety() * self.budget.light).powi(2),
-            displacement: aim * self.budget.displacement,
-            // A rectangle beside a silhouette of the next patch is not crossed itself.
-            bounded: self.budget.displacement.is_finite() && !(crossed && seen),
+            displacement: SAFETY_OF_RAYS * self.budget.displacement,
+            bounded: self.budget.displacement.is_finite() && !seen,
         }
     }
 
@@ -254,15 +227,12 @@ impl Estimator<'_> {
         sums: &StepSums<'_>,
         splits: &mut Vec<(u32, Axis)>,
     ) -> Vec<Scored<'k>> {
-        let StepSums { weighing, steps, count, light, bounded, .. } = sums;
-        let alike = weighing.together.is_some();
+        let StepSums { weighing, count, light, bounded, .. } = sums;
+        let alike = !self.other_energies;
         let mut scored = Vec::new();
-        for (error, node, runs) in known_errors.leaves(patch) {
-            let rule = &node.rule;
+        for (error, _, runs) in known_errors.leaves(patch) {
             let may_move = *bounded && error.moment > 0.0;
-            let part = |(step, share): (u32, f32)| {
-                weighing.of(error, rule, share).part(&steps[step as usize])
-            };
+            let part = |(_, share): (u32, f32)| weighing.of(error, share).light();
             let most = if alike {
                 runs.iter().flat_map(StepRun::steps).map(part).fold(0.0, f64::max)
             } else {
@@ -270,7 +240,7 @@ impl Estimator<'_> {
             };
             // Narrow rectangles along a rim err alike where rays alone know them, each by too little
             // to be split: the bound is one on their sum.
-            let all_alike = alike && self.by_rays_alone && error.draws.is_none();
+            let all_alike = alike && self.is_exact && error.draws.is_none();
             let others = f64::from(*count) * if all_alike { f64::from(*count) } else { 1.0 };
             let negligible = most / light * others < NEGLIGIBLE;
             if negligible && !may_move && narrow.is_empty() {
@@ -283,10 +253,10 @@ impl Estimator<'_> {
             if negligible && !may_move {
                 continue;
             }
-            let of = |(step, share)| sums.excess(step, &weighing.of(error, rule, share));
+            let of = |(step, share)| sums.excess(step, &weighing.of(error, share));
             let score = runs.iter().flat_map(StepRun::steps).map(of).fold(0.0, f64::max);
             if score > 0.0 {
-                scored.push(Scored { score, error, rule, runs });
+                scored.push(Scored { score, error, runs });
             }
         }
         scored.sort_unstable_by(|a, b| {
@@ -304,12 +274,12 @@ impl Estimator<'_> {
         mut excesses: Vec<f64>,
         splits: &mut Vec<(u32, Axis)>,
     ) {
-        for Scored { error, rule, runs, .. } in scored {
+        for Scored { error, runs, .. } in scored {
             if excesses.iter().all(|excess| *excess <= 1.0) {
                 break;
             }
             for (step, share) in runs.iter().flat_map(StepRun::steps) {
-                let own = sums.excess(step, &sums.weighing.of(error, rule, share));
+                let own = sums.excess(step, &sums.weighing.of(error, share));
                 excesses[step as usize] -= (1.0 - LEFT) * own;
             }
             let other = if error.axis == Axis::X { Axis::Z } else { Axis::X };

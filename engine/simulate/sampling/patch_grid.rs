@@ -5,14 +5,14 @@ use std::ops::Range;
 
 /// Numbers the patches of some rows and beamlets.
 #[derive(Debug, Clone)]
-pub(super) struct PatchGrid {
-    pub(super) rows: Range<i64>,
-    pub(super) beamlets: Range<i64>,
+pub(crate) struct PatchGrid {
+    pub(crate) rows: Range<i64>,
+    pub(crate) beamlets: Range<i64>,
 }
 
 impl PatchGrid {
     /// Number of the patches.
-    pub(super) fn count(&self) -> usize {
+    pub(crate) fn count(&self) -> usize {
         self.width() * numbers::narrow::<usize>((self.rows.end - self.rows.start).max(0))
     }
 
@@ -21,13 +21,13 @@ impl PatchGrid {
     }
 
     /// Beamlet and row of a patch of the grid.
-    pub(super) fn place(&self, index: usize) -> (i64, i64) {
+    pub(crate) fn place(&self, index: usize) -> (i64, i64) {
         let [across, down] = [index % self.width(), index / self.width()].map(|at| at as i64);
         (self.beamlets.start + across, self.rows.start + down)
     }
 
     /// Number of a patch; nothing beyond the grid.
-    pub(super) fn index(&self, beamlet: i64, row: i64) -> Option<usize> {
+    pub(crate) fn index(&self, beamlet: i64, row: i64) -> Option<usize> {
         let inside = self.rows.contains(&row) && self.beamlets.contains(&beamlet);
         inside.then(|| {
             numbers::narrow::<usize>(row - self.rows.start) * self.width()
@@ -36,7 +36,7 @@ impl PatchGrid {
     }
 
     /// Numbers of the patches of a row, for beamlets inside the grid.
-    pub(super) fn in_row(&self, row: i64, beamlets: Range<i64>) -> Range<usize> {
+    pub(crate) fn in_row(&self, row: i64, beamlets: Range<i64>) -> Range<usize> {
         let first = numbers::narrow::<usize>(row - self.rows.start) * self.width();
         let at = |beamlet: i64| first + numbers::narrow::<usize>(beamlet - self.beamlets.start);
         if beamlets.is_empty() { 0..0 } else { at(beamlets.start)..at(beamlets.end) }

@@ -2,10 +2,10 @@
 //! like the neighbour that it predicts worst.
 
 use super::base_lattice::Found;
-use super::error_estimate::{CellError, Draws, Estimator, SPREAD, THROWN, tailed};
+use super::error_estimate::{CellError, Draws, Estimator, SPREAD, THROWN};
 use super::hardening::Hardening;
 use super::neighbours::behind;
-use super::patch::{Axis, Node, Patch, Rule, Slopes, alike, is_drawn, no_silhouette_between};
+use super::patch::{Axis, Node, Patch, Slopes, alike, is_drawn, no_silhouette_between};
 use beamlet_interface::RayResult;
 
 /// Least displacement along z by which light enters the recorded rows, half rows.
@@ -85,13 +85,6 @@ impl Estimator<'_> {
             over = over.max(shown.over);
             silhouette |= shown.silhouette;
         }
-        // Rays that cross other surfaces than its own, where no neighbour shows them.
-        let hidden = node.hidden();
-        if hidden > 0.0 && !silhouette {
-            let all = hidden / SPREAD;
-            silhouette = true;
-            change = change.map(|change| change.max(all));
-        }
         if !silhouette && let Some(all) = self.entered(patch, node) {
             silhouette = true;
             change = change.map(|change| change.max(all));
@@ -111,14 +104,13 @@ impl Estimator<'_> {
             Axis::X
         };
         let area = node.width() * node.height() * self.response.weight;
-        let light = area * (SPREAD * change[0].max(change[1])).max(self.unseen(&by_ray));
+        let light = area * SPREAD * change[0].max(change[1]);
         // Two draws differ by twice the variance of one.
         let variance = (squares.1 > 0).then_some(0.5 * squares.0 / squares.1 as f32);
         CellError {
             node: index,
             light,
             over: area * SPREAD * over,
-            whole: 1.0,
             moment: SPREAD * area * by_ray.passed * moved,
             through: area * by_ray.passed,
             height: 1.0,
@@ -165,22 +157,6 @@ impl Estimator<'_> {
         };
         let depth = node.result.optical_depth.min(result.optical_depth);
         Some((ENTERED * part).min(1.0) * self.response.hardening.light(depth))
-    }
-
-    /// Change of the recorded light by what facets between the rays do, share of the light.
-    fn unseen(&self, by_ray: &ByRay<'_>) -> f32 {
-        let ByRay { node, ref slopes, column, passed, at, half, .. } = *by_ray;
-        let Rule::Rays(Some(all)) = node.rule else { return 0.0 };
-        let RayResult { displacement_x, displacement_z, .. } = node.result;
-        let off = displacement_z - all.mean[1];
-        let off = [all.deviation[1].hypot(off), all.farthest[1].max(0.0) + off.abs()];
-        let down = passed * self.over_borders((by_ray.row, node), false, &node.result, off);
-        // Along x the rectangle has the slope that its neighbours show.
-        let off = displacement_x - all.mean[0];
-        let bent = (all.slope - slopes.displacement[0]) * node.width();
-        let deviation = all.deviation[0].hypot(off).hypot(all.across).hypot(SPREAD * bent);
-        let farthest = all.farthest[0].max(0.0) + off.abs() + all.across / SPREAD + bent.abs();
-        tailed(deviation, farthest, self.either_way(column, [passed, at], passed, half)) + down
     }
 
     /// Change of a rectangle towards a neighbour.

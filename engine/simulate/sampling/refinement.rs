@@ -1,15 +1,13 @@
 //! Adaptive quadrature of patches, as hcubature does it:
 //! 1. [`Refiner::judge`] estimates the error of each rectangle, by its [`Rule`].
 //! 2. A patch is done when the sums of errors are within the budget ([`Refiner::turn`]).
-//! 3. Otherwise [`Refiner::split`] splits the rectangles with the largest errors, and the parts take the first rule
-//!    that applies: means over facets, their overlay, or a ray. Repeat.
+//! 3. Otherwise [`Refiner::split`] splits the rectangles with the largest errors. Repeat.
 //!
 //! All patches request their rays together, so that the device gets many ([`Refiner::refine`]).
 
 mod begin;
 mod borders;
 mod even;
-mod facets;
 mod held;
 mod rays;
 mod slanting;
@@ -17,21 +15,17 @@ mod slanting;
 use super::base_lattice::BaseLattice;
 use super::edges_along_z::EdgesAlongZ;
 use super::error_estimate::Estimator;
-use super::facet_lists::FacetLists;
-use super::facet_means::FacetMeans;
 use super::lattice::Lattice;
 use super::lit_heights::LitHeights;
 use super::narrow_components::NarrowComponents;
-use super::patch::{Axis, Patch, Rule};
-use super::patch_error::{KnownErrors, NarrowComponent, PatchError, error_of_pieces};
+use super::patch::{Axis, Patch};
+use super::patch_error::{KnownErrors, NarrowComponent, PatchError};
 use super::response::Opening;
 use super::view_context::ViewContext;
 use crate::trace::Tracer;
 use beamlet_core::Result;
 use beamlet_core::cancel::Cancel;
 use beamlet_core::numbers::{self, single};
-use beamlet_model::optics::Optics;
-use beamlet_model::spot::{PlacedPart, differ_along_z};
 use held::Held;
 pub(super) use held::{Refined, bytes_of};
 use rayon::prelude::*;
@@ -47,10 +41,6 @@ const LEAST_SHARE: f64 = 2e-5;
 const COARSENESS: f64 = 2.4e-7;
 /// Least height of a rectangle, rows.
 const LEAST_HEIGHT: f32 = 1.0 / 8192.0;
-/// Without a sample mask no opening bounds rectangles, and light of a rim goes far: patches with
-/// silhouettes begin with this many times the columns. At a tolerance of 1e-3 the error of the rims of
-/// a coarse ball is 0.35 of it without, and 0.15 with three (`--test sampling -- truth::`).
-const COLUMNS_AT_RIMS: u32 = 3;
 
 /// A patch in refinement.
 #[derive(Debug)]
@@ -65,8 +55,6 @@ pub(super) struct PatchWork {
     changed: Vec<u32>,
     /// Nodes that wait for the rays through their centres.
     pending: Vec<u32>,
-    /// Pieces that wait for the rays through their centroids.
-    pending_pieces: Vec<u32>,
     known_errors: KnownErrors,
     pub(crate) done: bool,
 }
@@ -78,17 +66,10 @@ fn least_width(lattice: &Lattice) -> f32 {
     single((LEAST_SHARE * lattice.period).max(coarse).min(LEAST_WIDTH))
 }
 
-/// How far from the place of a ray the parts of the spot take its light along z, but for a fortieth, rows.
-fn row_reach(optics: &Optics) -> f64 {
-    let reach = |part: PlacedPart| part.offset[1].abs() + 2.0 * part.deviation[1];
-    optics.rows_of_source(optics.spot.placed().into_iter().map(reach).fold(0.0, f64::max))
-}
-
 /// Refines patches.
 pub(super) struct Refiner<'a> {
     view: &'a ViewContext<'a>,
     pub(super) estimator: Estimator<'a>,
-    facets: Option<(FacetLists<'a>, FacetMeans<'a>)>,
     narrow: NarrowComponents,
     recorded_rows: &'a Range<i64>,
 }
@@ -97,7 +78,6 @@ impl<'a> Refiner<'a> {
     pub(super) fn new(
         view: &'a ViewContext<'a>,
         base: &'a BaseLattice,
-        rows: &Range<i64>,
         narrow: NarrowComponents,
         recorded_rows: &'a Range<i64>,
     ) -> Self {
@@ -112,23 +92,16 @@ impl<'a> Refiner<'a> {
             row_height: single(detector.pitch_at(1, view.lattice.plane)),
             row_pitch: single(detector.pitch[1]),
             row_blur: single(view.lattice.row_spread.blur),
-            row_reach: single(row_reach(optics)),
-            wide_blur: view.lattice.row_spread.is_wide(),
             heights: view.lattice.heights,
             lit_heights: LitHeights::of(optics, view.response.list),
             landing_edges: EdgesAlongZ::landing(optics),
-            lit_edges: EdgesAlongZ::lit(optics, view.response.list),
             gap: single(optics.gap()),
             other_energies: view.recording.is_some(),
-            rows_apart: !view.lattice.heights && differ_along_z(&optics.spot.placed()),
-            pieces: error_of_pieces(optics, view.budget.tolerance),
-            by_rays_alone: view.facets.by_rays_alone,
+            is_exact: view.facets.is_exact,
             recorded_rows: view.recorded_rows(),
             detector_rows: 0..i64::from(detector.pixels[1]),
         };
-        let facets = FacetLists::new(view, rows)
-            .map(|lists| (lists, FacetMeans::new(view, &view.facets.steps)));
-        Self { view, estimator, facets, narrow, recorded_rows }
+        Self { view, estimator, narrow, recorded_rows }
     }
 
     /// Refines patches until several hold more than `most` rectangles together or any would hold more
@@ -170,7 +143,6 @@ impl<'a> Refiner<'a> {
         cancel: &Cancel,
     ) {
         while work.pending.is_empty()
-            && work.pending_pieces.is_empty()
             && !work.done
             && rectangles.load(Ordering::Relaxed) <= most
             && !cancel.is_cancelled()
@@ -215,38 +187,21 @@ impl<'a> Refiner<'a> {
             let node = &patch.nodes[node as usize];
             self.estimator.leaves_beside(patch, node).for_each(|leaf| known_errors.forget(leaf));
         }
-        let crossed = self.has_silhouette((patch.beamlet, patch.row));
-        self.estimator.patch_error(patch, crossed, openings, narrow, known_errors)
+        self.estimator.patch_error(patch, openings, narrow, known_errors)
     }
 
-    /// Splits rectangles along these axes: in three, or into the pieces that facets make of them.
+    /// Splits rectangles along these axes, in three.
     fn split(&self, work: &mut PatchWork, mut splits: Vec<(u32, Axis)>) {
         // Rays in the order of x: neighbours cross the same triangles.
         let place = |node: u32| work.patch.nodes[node as usize].x[0];
         splits.sort_unstable_by(|a, b| place(a.0).total_cmp(&place(b.0)).then(a.0.cmp(&b.0)));
         for (node, axis) in splits {
-            let parent = work.patch.nodes[node as usize].rule;
-            let dissected = match parent {
-                Rule::Means(_) => self.dissect_mean(work, node),
-                _ => self.dissect(work, node),
-            };
-            if dissected {
-                work.patch.splits += 1;
-                work.known_errors.forget(node);
-                continue;
-            }
-            let by_ray = matches!(parent, Rule::Rays(_));
             for (number, part) in work.patch.split(node, axis).enumerate() {
-                let dissected = matches!(parent, Rule::Overlay(_)) && self.dissect(work, part);
                 // The middle part keeps the ray.
-                let has_result = dissected || self.take_mean(work, part) || (by_ray && number == 1);
-                if !has_result {
+                if number != 1 {
                     work.pending.push(part);
                 }
-                // Parts of a mean say little that it did not.
-                if by_ray {
-                    work.changed.push(part);
-                }
+                work.changed.push(part);
             }
         }
     }

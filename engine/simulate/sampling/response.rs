@@ -3,7 +3,6 @@
 
 use super::hardening::Hardening;
 use super::lattice::Lattice;
-use super::patch::part;
 use super::windows::{Seen, Windows};
 use beamlet_core::numbers::{self, single};
 use beamlet_interface::BeamletGeometry;
@@ -12,8 +11,6 @@ use beamlet_model::optics::{Mask, Openings, Optics};
 /// A border of pixels is in an aperture if it is farther than this from its ends, periods of the mask: where an aperture
 /// is as wide as a pixel both are the same place, rounded.
 const AT_EDGE: f64 = 1e-6;
-/// Rectangles that a patch begins with are at least as wide as this share of the period.
-const LEAST_SLAB: f32 = 1.0 / 128.0;
 /// Mask steps closer to one another than this share of an aperture see the same.
 const STEPS_APART: f64 = 1.0 / 16.0;
 /// Bars that let less light through than this share of the tolerance are opaque.
@@ -45,8 +42,6 @@ pub(crate) struct Response {
     pub(crate) mask_offset: Vec<f32>,
     /// Reduction of each side of an opening by the shadow of thick bars, m, by beamlet.
     pub(crate) shadow: Vec<f32>,
-    /// How far an opening is seen beyond its edges, m.
-    soft: f32,
     /// Share of the light that the bars of the sample mask let through; 0 where that is too little
     /// to count.
     pub(crate) leak: f32,
@@ -116,7 +111,6 @@ impl Response {
                 .map(|c| if hard || leak > 0.0 { 0.0 } else { shadow(optics, c.slope) })
                 .collect(),
             leak,
-            soft: if hard { 0.0 } else { single(soft) },
             pattern: single(pattern),
             hardening: hardening.clone(),
             half_period: single(0.5 * lattice.period),
@@ -131,39 +125,14 @@ impl Response {
         0.4 * f64::from(shares) / f64::from(self.blur)
     }
 
-    /// Part of a change of light within a rectangle of this width, m, that windows record although
-    /// its mean and slope are right: they are nearly straight over less than the blur.
-    pub(super) fn curvature(&self, width: f32) -> f32 {
-        (0.1 * (self.magnification * width / self.blur).powi(2)).min(1.0)
-    }
-
-    /// Part of the change that a displacement of this standard deviation, m, makes if its mean is
-    /// moved by as much, where it blurs light that is known to be blurred by it. Its third moment
-    /// is left, the deviation squared times `farthest` at most, m.
-    pub(super) fn skew(&self, deviation: f32, farthest: f32) -> f32 {
-        (0.1 * deviation * farthest.max(deviation) / self.blur.powi(2)).min(1.0)
-    }
-
-    /// What windows record of light that is spread evenly with this standard deviation, m, where a
-    /// Gaussian stands for that: its fourth cumulant, -6/5 of the square of the variance.
-    pub(super) fn flat(&self, deviation: f32) -> f32 {
-        (0.03 * (deviation / self.blur).powi(4)).min(1.0)
-    }
-
     /// Mask steps that differ enough to count.
     pub(crate) fn steps(&self) -> usize {
         self.steps
     }
 
     /// Share of the light behind the sample mask of a rectangle that a step opens to a share.
-    pub(super) fn lit(&self, open: f32) -> f32 {
+    pub(crate) fn lit(&self, open: f32) -> f32 {
         self.leak + (1.0 - self.leak) * open
-    }
-
-    /// Share of the light of a rectangle that an edge of an opening may put on its wrong side, where a
-    /// step opens it to a share.
-    pub(super) fn cut(&self, open: f32) -> f32 {
-        (1.0 - self.leak) * open.min(1.0 - open).max(0.0)
     }
 
     /// Number of the mask steps where the bars of the sample mask leak: all steps light all of the
@@ -173,7 +142,7 @@ impl Response {
     }
 
     /// Openings of the beamlet at `column` of the lattice, inside its period.
-    pub(super) fn openings(&self, column: usize) -> Vec<Opening> {
+    pub(crate) fn openings(&self, column: usize) -> Vec<Opening> {
         let half = self.half_period;
         if self.openings.is_empty() {
             return vec![Opening { step: 0, x: [-half, half] }];
@@ -195,44 +164,6 @@ impl Response {
         all
     }
 
-    /// Borders of the rectangles along x that a patch with facets begins with, at `column` of the
-    /// lattice: edges of openings, or how near to the edges of windows their blur is felt; `cells`
-    /// to the period at least.
-    pub(super) fn edges(&self, column: usize, cells: u32) -> Vec<f32> {
-        let half = self.half_period;
-        let mut inner: Vec<f32> = if self.openings.is_empty() {
-            let felt = 2.0 * self.blur / self.magnification;
-            if felt < 0.5 * half { vec![felt - half, half - felt] } else { Vec::new() }
-        } else {
-            let edges = |o: &Opening| [o.x[0] + self.soft, o.x[1] - self.soft];
-            self.openings(column).iter().flat_map(edges).collect()
-        };
-        inner.sort_unstable_by(f32::total_cmp);
-        let least = 2.0 * half * LEAST_SLAB;
-        let mut borders = vec![-half];
-        for edge in inner {
-            if edge - borders[borders.len() - 1] > least && half - edge > least {
-                borders.push(edge);
-            }
-        }
-        borders.push(half);
-        let widest = 2.0 * half / cells as f32;
-        let parts = |pair: &[f32]| {
-            let range = [pair[0], pair[1]];
-            let count = numbers::whole::<u32>(f64::from(
-                ((range[1] - range[0]) / widest - LEAST_SLAB).ceil().max(1.0),
-            ));
-            (0..count).map(move |index| part(range, index, count)[0])
-        };
-        borders.windows(2).flat_map(parts).chain([half]).collect()
-    }
-
-    /// Share of light spread evenly over [at - half, at + half] that pixels may record more or less if
-    /// it is spread otherwise, with the same mean and variance.
-    pub(super) fn outline(&self, column: usize, at: f32, half: f32) -> f32 {
-        self.windows.iter().map(|it| it.share * it.outline(column, at, half)).sum()
-    }
-
     /// Landing points of an undeflected ray through the centre of the beamlet at `column`, from the centre of
     /// the nearest window of each kind, m.
     pub(crate) fn landings(&self, column: usize) -> [f32; 2] {
@@ -245,13 +176,13 @@ impl Response {
 
     /// Landing point of light of a beamlet displaced by `displacement`, from the centre of a
     /// window, m.
-    pub(super) fn landing(&self, column: usize, x: f32, displacement: f32) -> f32 {
+    pub(crate) fn landing(&self, column: usize, x: f32, displacement: f32) -> f32 {
         self.magnification * x + displacement + self.landing[column]
     }
 
     /// Largest change of the light in any pixel between two results of the beamlet at `column`: light
     /// that passes the sample and landing point of each, spread over 2 `half`.
-    pub(super) fn change(&self, column: usize, a: [f32; 2], b: [f32; 2], half: f32) -> f32 {
+    pub(crate) fn change(&self, column: usize, a: [f32; 2], b: [f32; 2], half: f32) -> f32 {
         self.change_from(&self.landed(column, a, half), b)
     }
 

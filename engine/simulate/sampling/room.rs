@@ -1,12 +1,17 @@
 //! What refinement may hold in memory, and the patches that wait for their turn.
 
-use super::patch::{Node, Patch};
+use super::patch::Node;
 use super::refinement::{PatchWork, bytes_of};
+use crate::lines::Piece;
 use beamlet_core::Error;
 
 /// Bytes of cells that are made of a patch for each byte of its rectangles, with what vectors hold
 /// beyond their length while they grow.
 const CELLS: u64 = 2;
+/// Bytes of lines and of all that is made of them, for each byte of lines.
+const BYTES_OF_CELLS: u64 = 6;
+/// Most bytes of lines and of all that is made of them.
+const MOST_OF_LINES: u64 = 2 << 30;
 /// Copies of the moments of both ends of a cell while they are made and written.
 pub(super) const MOMENTS: usize = 4;
 
@@ -40,16 +45,18 @@ impl Room {
         self.limit.map_or(u64::MAX, |[_, left]| left / self.whole())
     }
 
+    /// Bytes that lines may hold: cells and rectangles that are made of them take some times as much.
+    pub(super) fn bytes_of_lines(&self) -> u64 {
+        let moments = (MOMENTS * 2 * self.words * size_of::<f32>()) as u64;
+        let each = BYTES_OF_CELLS + moments.div_ceil(size_of::<Piece>() as u64);
+        self.limit.map_or(MOST_OF_LINES, |[_, left]| left).min(MOST_OF_LINES) / each
+    }
+
     /// The error of one patch that holds more than there is room for.
-    pub(super) fn too_small(&self, patch: &Patch, bytes: u64) -> Error {
+    pub(super) fn too_small(&self, (beamlet, row): (i64, i64), parts: &str, bytes: u64) -> Error {
         let [limit, left] = self.limit.unwrap_or([u64::MAX; 2]);
         Error::Memory {
-            purpose: format!(
-                "refining beamlet {}, row {} ({} rectangles),",
-                patch.beamlet,
-                patch.row,
-                patch.nodes.len()
-            ),
+            purpose: format!("refining beamlet {beamlet}, row {row} (its {parts}),"),
             needed: (limit - left).saturating_add(self.whole().saturating_mul(bytes)),
             available: Some(limit),
             remedy: "raise the memory limit or sampling.tolerance, or lower sampling.max_rays"

@@ -6,19 +6,22 @@ use super::cell_moments::CellMoments;
 use super::emission::Emitter;
 use super::error_budget::tally_of;
 use super::lattice::Lattice;
+use super::line_cells::place_of;
 use super::narrow_components::NarrowComponents;
-use super::patch::Patch;
+use super::patch::{Patch, PatchPlace};
 use super::refinement::{Refined, Refiner};
 use super::room::{Group, Room};
 use super::view_context::ViewContext;
+use crate::lines::{LineSampler, PatchPlaces};
 use crate::trace::Tracer;
 use beamlet_core::{Result, numbers};
+use rayon::prelude::*;
 use std::ops::Range;
 
 /// Leaves of a patch that memory is reckoned for.
 const LEAVES_OF_A_PATCH: usize = 256;
-/// Facets of a patch that take as much memory as those leaves.
-const FACETS_OF_A_PATCH: usize = 40;
+/// Patches whose lines are chosen together.
+const LINE_PATCHES: usize = 1 << 10;
 /// Cell rows without a sample that are handed over at once.
 const BLANK_AT_ONCE: usize = 1 << 12;
 
@@ -44,48 +47,49 @@ pub(crate) fn sample_rows(
     take: Take<'_>,
     advance: Advance<'_>,
 ) -> Result<()> {
-    let base = BaseLattice::trace(view, tracer, &rows, known.take().as_ref())?;
+    let places = PatchPlaces::new(view, rows.start - 1..rows.end + 1);
+    let base = BaseLattice::trace(view, tracer, &rows, &places, known.take().as_ref())?;
     let base = &*known.insert(base);
-    if base.is_empty() && (rows.end <= lit.start || rows.start >= lit.end) {
+    if places.is_empty() && (rows.end <= lit.start || rows.start >= lit.end) {
         return Ok(());
     }
     let narrow = NarrowComponents::new(view, &rows, base.base);
     let mut blank = Vec::new();
-    let mut waiting = Vec::new();
+    let (mut waiting, mut of_lines) = (Vec::new(), Vec::new());
     let first_beamlet = view.lattice.beamlets.start;
     for block in blocks(&rows) {
         for beamlet in view.lattice.beamlets.clone() {
             for row in block.clone() {
                 let direct = lit.contains(&row) && view.lattice.direct.contains(&beamlet);
-                match base.patch(beamlet, row) {
-                    Some(_) => waiting.push((beamlet, row)),
-                    None if direct => blank.push((beamlet - first_beamlet, row)),
-                    None => {}
+                if places.is_of_rays(beamlet, row) {
+                    waiting.push((beamlet, row));
+                } else if places.of_lines(beamlet, row).is_some() {
+                    of_lines.push((beamlet, row));
+                } else if direct {
+                    blank.push((beamlet - first_beamlet, row));
                 }
             }
         }
     }
-    let refiner = Refiner::new(view, base, &rows, narrow, lit);
-    let mut rest = &waiting[..];
-    while !rest.is_empty() {
-        let mut patches = (room.rays_at_once / LEAVES_OF_A_PATCH).max(1);
-        let fits = |at: &&(i64, i64)| {
-            let weight = 1 + refiner.facets_of(**at) / FACETS_OF_A_PATCH;
-            let fits = patches > 0;
-            patches = patches.saturating_sub(weight);
-            fits
-        };
-        let before = waiting.len() - rest.len();
-        let (chunk, after) = rest.split_at(rest.iter().take_while(fits).count());
-        rest = after;
+    let all = waiting.len() + of_lines.len();
+    let mut keep_lines = |tracer: &mut Tracer, cells: CellBatch, empty: Vec<(i64, i64)>| {
+        blank.extend(empty);
+        take(tracer, &cells)
+    };
+    let mut done = |tracer: &Tracer, done: usize| advance(tracer, done as f64 / all as f64);
+    lines(view, tracer, (&of_lines, &places), (lit, room), &mut keep_lines, &mut done)?;
+    let refiner = Refiner::new(view, base, narrow, lit);
+    let mut before = of_lines.len();
+    for chunk in waiting.chunks((room.rays_at_once / LEAVES_OF_A_PATCH).max(1)) {
         let mut part = |tracer: &Tracer, done: usize| {
-            advance(tracer, (before + done) as f64 / waiting.len() as f64);
+            advance(tracer, (before + done) as f64 / all as f64);
         };
         let mut keep = |tracer: &mut Tracer, cells: CellBatch, empty: Vec<(i64, i64)>| {
             blank.extend(empty);
             take(tracer, &cells)
         };
         refined(view, &refiner, tracer, (chunk, room), lit, &mut keep, &mut part)?;
+        before += chunk.len();
     }
     take_blank(view, tracer, (blank, lit), take)
 }
@@ -117,6 +121,42 @@ pub(crate) fn take_blank(
 pub(super) type TakeRefined<'a> =
     &'a mut dyn FnMut(&mut Tracer, CellBatch, Vec<(i64, i64)>) -> Result<()>;
 
+/// Hands over the cells of patches of lines, in parts. `advance` gets how many are done.
+pub(super) fn lines(
+    view: &ViewContext<'_>,
+    tracer: &mut Tracer,
+    (patches, of): (&[(i64, i64)], &PatchPlaces),
+    (lit, room): (&Range<i64>, &Room),
+    take: TakeRefined<'_>,
+    advance: &mut dyn FnMut(&Tracer, usize),
+) -> Result<()> {
+    let sampler = LineSampler::new(view);
+    let emitter = Emitter::new(view, lit);
+    let mut done = 0;
+    let mut waiting: Vec<&[(i64, i64)]> = patches.chunks(LINE_PATCHES).rev().collect();
+    while let Some(some) = waiting.pop() {
+        let Some((patches, tally)) = sampler.sample(tracer, some, of, room.bytes_of_lines())?
+        else {
+            if let [at] = *some {
+                return Err(room.too_small(at, "lines", 2 * room.bytes_of_lines()));
+            }
+            // Work that is lost comes to the same.
+            let (first, other) = some.split_at(some.len() / 2);
+            waiting.extend([other, first]);
+            continue;
+        };
+        let places: Vec<PatchPlace> = patches.iter().map(place_of).collect();
+        let rectangles = patches.par_iter().map(|it| emitter.rectangles_of_lines(&sampler, it));
+        let (mut cells, empty) = emitter.cells_of(tracer, &places, rectangles.collect())?;
+        cells.tally = tally;
+        cells.balance();
+        done += some.len();
+        advance(tracer, done);
+        take(tracer, cells, empty)?;
+    }
+    Ok(())
+}
+
 /// Refines patches and hands their cells over, in parts. Where the patches would hold more than there
 /// is room for together, one half waits for the other. `advance` gets how many are done.
 pub(super) fn refined(
@@ -145,7 +185,13 @@ pub(super) fn refined(
             match (refined, &group[..]) {
                 // Their work is lost: it is done again, and comes to the same.
                 (Refined::Full(_), _) if waiting > 0 => groups.iter_mut().for_each(Group::let_go),
-                (Refined::Full(bytes), [one]) => return Err(room.too_small(&one.patch, bytes)),
+                (Refined::Full(bytes), [one]) => {
+                    return Err(room.too_small(
+                        (one.patch.beamlet, one.patch.row),
+                        "rectangles",
+                        bytes,
+                    ));
+                }
                 _ => groups.push(Group::Begun(group.split_off(group.len() / 2))),
             }
             groups.push(Group::Begun(group));

@@ -1,5 +1,6 @@
 //! Surfaces of a sample, for means over its facets.
 
+use crate::accel::{Bvh, FacetTree};
 use crate::trace::{component_hash, least_cosine};
 use beamlet_geometry::{Component, FacetNumbers, Sample};
 use beamlet_model::media::MaterialTable;
@@ -7,7 +8,7 @@ use beamlet_model::scene::Transport;
 
 /// Effect of a surface on rays: constants inside minus constants outside.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct SurfaceStep {
+pub(crate) struct SurfaceStep {
     /// Hash of its component, as in signatures of rays.
     pub(crate) hash: u32,
     /// Attenuation, 1/m.
@@ -15,23 +16,25 @@ pub(super) struct SurfaceStep {
     /// Refraction.
     pub(crate) delta: f64,
     /// Cosine of incidence below which the first order is not enough.
-    pub(super) least_cosine: f64,
+    pub(crate) least_cosine: f64,
 }
 
 /// Surfaces of a sample, for means over facets.
 #[derive(Debug)]
 pub(crate) struct SampleFacets {
-    /// No mean replaces rays: facets describe the space between them.
-    pub(super) by_rays_alone: bool,
+    /// All rays are traced exactly.
+    pub(crate) is_exact: bool,
     /// Steps of the surfaces, by component.
-    pub(super) steps: Vec<SurfaceStep>,
-    /// True for each component whose normals rays draw, or whose smooth normals refract rays: means do not
-    /// know of these.
-    pub(super) by_rays: Vec<bool>,
+    pub(crate) steps: Vec<SurfaceStep>,
+    /// True for each component that lines do not know: exact shapes, rough surfaces, smooth normals,
+    /// and surfaces with defects.
+    pub(crate) by_rays: Vec<bool>,
     /// Number of triangles by component.
     pub(crate) triangles: Vec<u32>,
     /// Triangles across the edges of each, of the sample itself.
     pub(super) across: Vec<[u32; 3]>,
+    /// Trees over the facets.
+    pub(crate) tree: FacetTree,
     /// Numbers of the facets, placed meshes included.
     pub(super) numbers: FacetNumbers,
 }
@@ -44,6 +47,7 @@ impl SampleFacets {
         sample: &Sample,
         media: &MaterialTable,
         across: Vec<[u32; 3]>,
+        bvh: &Bvh,
     ) -> Self {
         let mean = media.mean();
         let step = |(index, component): (u32, &Component)| {
@@ -54,7 +58,6 @@ impl SampleFacets {
                 mu: a.mu - b.mu,
                 delta: a.delta - b.delta,
                 least_cosine: match transport {
-                    // For exact transport facets estimate errors alone, to first order.
                     Transport::FirstOrder | Transport::Wave | Transport::Exact => 0.0,
                     Transport::Auto => least_cosine(media.step(inside, outside)),
                 },
@@ -69,10 +72,19 @@ impl SampleFacets {
             }
         }
         let numbers = FacetNumbers::new(sample);
-        let by_rays = sample.components.iter();
-        let by_rays = by_rays.map(|it| it.smooth || media.rough[it.object as usize]).collect();
+        let is_exact = transport == Transport::Exact;
+        let is_open = |object: u32| {
+            sample.objects.get(object as usize).is_some_and(|it| it.defects.refused())
+        };
+        let rays =
+            |it: &Component| it.smooth || media.rough[it.object as usize] || is_open(it.object);
+        let mut by_rays: Vec<bool> = sample.components.iter().map(rays).collect();
+        for placed in &sample.placed {
+            by_rays[placed.component as usize] |=
+                sample.prototypes[placed.prototype as usize].shape.is_some();
+        }
         let steps = (0..).zip(&sample.components).map(step).collect();
-        let by_rays_alone = transport == Transport::Exact;
-        Self { by_rays_alone, steps, by_rays, triangles, across, numbers }
+        let tree = FacetTree::new(bvh);
+        Self { is_exact, steps, by_rays, triangles, across, tree, numbers }
     }
 }

@@ -5,8 +5,9 @@ use super::base_lattice::BaseLattice;
 use super::narrow_components::NarrowComponents;
 use super::refinement::Refiner;
 use super::room::Room;
-use super::rows::refined;
+use super::rows::{lines, refined};
 use super::view_context::ViewContext;
+use crate::lines::PatchPlaces;
 use crate::sampling::CellBatch;
 use crate::trace::Tracer;
 use beamlet_core::{Result, numbers};
@@ -103,7 +104,8 @@ pub(crate) fn survey_rows(
 ) -> Result<RowsCost> {
     let begin = Instant::now();
     let before = tracer.rays_traced();
-    let base = BaseLattice::trace(view, tracer, &rows, None)?;
+    let places = PatchPlaces::new(view, rows.start - 1..rows.end + 1);
+    let base = BaseLattice::trace(view, tracer, &rows, &places, None)?;
     let mut cost = RowsCost {
         rows: (rows.end - rows.start) as f64,
         base_rays: (tracer.rays_traced() - before) as f64,
@@ -112,34 +114,36 @@ pub(crate) fn survey_rows(
     };
     let begin = Instant::now();
     let narrow = NarrowComponents::new(view, &rows, base.base);
-    let refiner = Refiner::new(view, &base, &rows, narrow, lit);
+    let refiner = Refiner::new(view, &base, narrow, lit);
     cost.facet_seconds = begin.elapsed().as_secs_f64();
     let mut kinds = [Vec::new(), Vec::new()];
     for beamlet in view.lattice.beamlets.clone() {
-        for row in rows.clone().filter(|row| base.patch(beamlet, *row).is_some()) {
-            kinds[usize::from(refiner.has_silhouette((beamlet, row)))].push((beamlet, row));
+        for row in rows.clone() {
+            if places.is_of_rays(beamlet, row) {
+                kinds[1].push((beamlet, row));
+            } else if places.of_lines(beamlet, row).is_some() {
+                kinds[0].push((beamlet, row));
+            }
         }
     }
-    for ((patches, most), kind) in kinds.iter().zip(most).zip(&mut cost.kinds) {
+    for (number, ((patches, most), kind)) in kinds.iter().zip(most).zip(&mut cost.kinds).enumerate()
+    {
         let chosen = spread(patches, most, start);
         let begin = Instant::now();
         let before = tracer.rays_traced();
         let (mut splits, mut beyond) = (0, 0.0);
-        refined(
-            view,
-            &refiner,
-            tracer,
-            (&chosen, &ROOM),
-            lit,
-            &mut |tracer, cells, _| {
-                splits += cells.splits;
-                if !cells.cell_rows.is_empty() {
-                    beyond += take(tracer, &cells)?;
-                }
-                Ok(())
-            },
-            &mut |_, _| {},
-        )?;
+        let mut keep = |tracer: &mut Tracer, cells: CellBatch, _: Vec<(i64, i64)>| {
+            splits += cells.splits;
+            if !cells.cell_rows.is_empty() {
+                beyond += take(tracer, &cells)?;
+            }
+            Ok(())
+        };
+        if number == 0 {
+            lines(view, tracer, (&chosen, &places), (lit, &ROOM), &mut keep, &mut |_, _| {})?;
+        } else {
+            refined(view, &refiner, tracer, (&chosen, &ROOM), lit, &mut keep, &mut |_, _| {})?;
+        }
         *kind = PatchCost {
             patches: patches.len() as f64,
             refined: chosen.len() as f64,

@@ -55,7 +55,7 @@ impl ViewContext<'_> {
     }
 
     /// How much farther than its result says light may land, at another energy.
-    pub(super) fn delta_ratio(&self) -> f64 {
+    pub(crate) fn delta_ratio(&self) -> f64 {
         self.recording.map_or(1.0, |recording| recording.delta_ratio)
     }
 }

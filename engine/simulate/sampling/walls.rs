@@ -2,9 +2,9 @@
 //! walls along the beam.
 
 use super::crowding::bundles;
-use super::facet_lists::Triangles;
 use super::patch_grid::PatchGrid;
 use super::touched::touched;
+use super::triangles::Triangles;
 use super::view_context::ViewContext;
 use beamlet_core::numbers::single;
 use beamlet_geometry::FacetOf;

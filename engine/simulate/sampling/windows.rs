@@ -4,13 +4,8 @@ use beamlet_core::numbers::{self, single};
 use beamlet_interface::{WINDOW_POINTS, WINDOW_REACH};
 use beamlet_model::optics::Openings;
 
-/// Strips of a triangle whose light windows see.
-const STRIPS: u16 = 4;
-/// Windows are sharp where they blur less than this share of the deviation of a piece: then all of its
-/// outline counts.
-const SHARP: f32 = 0.25;
-/// Pieces that share an edge of a sharp window err alike there.
-const ALIKE: f32 = 2.0;
+/// Light farther than this beyond the end of a window does not pass it, standard deviations of the blur.
+const FARTHEST: f64 = 6.0;
 
 /// Windows of one width and period.
 #[derive(Debug, Clone)]
@@ -22,10 +17,10 @@ pub(crate) struct Windows {
     integral: Vec<f32>,
     /// Ends of the windows of a period, m, where they are sharper than points of the table show.
     sharp: Option<Vec<[f32; 2]>>,
+    /// Light farther than this from the centre of a window does not pass it, m.
+    reach: f32,
     /// Period on the analyser, m.
     pub(crate) period: f32,
-    /// Standard deviation of the blur on the analyser, m.
-    blur: f32,
     /// Distance from the centre of the nearest of these windows to the centre of the nearest aperture of
     /// the detector mask, m, by beamlet of the lattice; empty if they are those apertures.
     aside: Vec<f32>,
@@ -49,9 +44,12 @@ impl Windows {
         Self {
             share,
             integral: window_integral(openings, blur),
+            reach: single(
+                openings.ends().flatten().fold(0.0, |m: f64, end| m.max(end.abs()))
+                    + FARTHEST * blur,
+            ),
             sharp: is_sharp.then(|| openings.ends().map(|ends| ends.map(single)).collect()),
             period: single(period),
-            blur: single(blur),
             aside,
         }
     }
@@ -68,7 +66,7 @@ impl Windows {
 
     /// Distance of the landing point of light from the centre of a window, m, given the distance `at`
     /// from the centre of an aperture of the detector mask.
-    pub(super) fn landing(&self, column: usize, at: f32) -> f32 {
+    pub(crate) fn landing(&self, column: usize, at: f32) -> f32 {
         self.aside.get(column).map_or(at, |aside| at + aside)
     }
 
@@ -91,20 +89,11 @@ impl Windows {
     }
 
     /// Share of light spread evenly over [at - half, at + half] that passes the window at 0.
-    fn passed(&self, at: f32, half: f32) -> f32 {
+    pub(crate) fn passed(&self, at: f32, half: f32) -> f32 {
+        if at.abs() - half > self.reach {
+            return 0.0;
+        }
         (self.integral(at + half) - self.integral(at - half)) / (2.0 * half)
-    }
-
-    /// Share of light spread over a triangle that passes the window at 0: of strips of it. From its
-    /// side at `-sqrt(2) deviation` the density falls to nothing at twice that on the other side.
-    fn passed_of_triangle(&self, at: f32, deviation: f32) -> f32 {
-        let side = std::f32::consts::SQRT_2 * deviation;
-        let half = 1.5 * side / f32::from(STRIPS);
-        let strip = |index: u16| {
-            let weight = f32::from(2 * (STRIPS - index) - 1) / f32::from(STRIPS * STRIPS);
-            weight * self.passed(at - side + half * f32::from(2 * index + 1), half.abs())
-        };
-        (0..STRIPS).map(strip).sum()
     }
 
     /// Light of the beamlet at `column` that lands at `at`, spread over 2 `half`, as windows see it.
@@ -135,29 +124,6 @@ impl Windows {
         }
         let there = self.passed_near(own_light, seen.at, home, seen.half);
         near.max(most(there, self.passed_near(light, at, home, seen.half)))
-    }
-
-    /// Share of light spread evenly over [at - half, at + half] that may pass a window more or less
-    /// if it is spread otherwise, with the same mean and variance: as over a triangle.
-    pub(super) fn outline(&self, column: usize, at: f32, half: f32) -> f32 {
-        let at = self.landing(column, at);
-        let deviation = half / 3.0_f32.sqrt();
-        let home = at - (at / self.period).round() * self.period;
-        let point = 2.0 * self.period / WINDOW_POINTS as f32;
-        let is_sharp = self.blur < SHARP * deviation;
-        let change = |window: f32| {
-            let at = home - window * self.period;
-            if is_sharp {
-                let own = self.passed(at, half);
-                let either =
-                    [-deviation, deviation].map(|it| (own - self.passed_of_triangle(at, it)).abs());
-                return ALIKE * either[0].max(either[1]);
-            }
-            let [near, far] = [at - 0.75 * deviation, at + 1.333 * deviation];
-            let two = 0.64 * self.passed(near, point) + 0.36 * self.passed(far, point);
-            (self.passed(at, half.max(point)) - two).abs()
-        };
-        [-1.0, 0.0, 1.0].map(change).into_iter().fold(0.0, f32::max)
     }
 }
 

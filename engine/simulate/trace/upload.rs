@@ -65,6 +65,7 @@ impl DeviceSample {
         let Bvh {
             nodes,
             leaves,
+            facets: _,
             boxes,
             neighbours,
             corner_normals,

@@ -5,7 +5,7 @@ use super::kernels::WaveKernels;
 use super::line::{Line, LineRays};
 use super::plan::WavePlan;
 use crate::illuminate::fit;
-use crate::lines::Heights;
+use crate::lines::{Heights, Judged};
 use crate::sampling::Lattice;
 use crate::trace::Tracer;
 use beamlet_core::{Result, numbers};
@@ -31,8 +31,8 @@ pub(super) struct LineLight {
     pub grazing: Vec<GrazingPart>,
 }
 
-impl AsRef<[f32]> for LineLight {
-    fn as_ref(&self) -> &[f32] {
+impl Judged for LineLight {
+    fn values(&self) -> &[f32] {
         &self.light
     }
 }

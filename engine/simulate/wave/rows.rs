@@ -4,7 +4,7 @@ use super::band::WaveBand;
 use super::cells::CellPlaces;
 use super::line::Line;
 use super::lines::Patch;
-use crate::lines::{Features, Heights, Limits};
+use crate::lines::{Features, Heights, LEAST_OF_RAYS, Limits, Uneven};
 use crate::sampling::{CellBatch, Lattice, ProjectedBounds};
 use crate::trace::Tracer;
 use beamlet_core::tally::Tally;
@@ -68,7 +68,13 @@ impl WaveBand {
     ) -> Result<(Tally, Vec<CellBatch>)> {
         let touched = self.touched(view, rows);
         let most = numbers::whole::<u32>(f64::from(view.max_rays / self.plan.rays)).max(3);
-        let limits = Limits { error: BY_HEIGHTS * view.tolerance, lines: most as usize };
+        let limits = Limits {
+            error: BY_HEIGHTS * view.tolerance,
+            lines: most as usize,
+            reach: 0.0,
+            uneven: Uneven::Never,
+            least: LEAST_OF_RAYS,
+        };
         let mut tally = Tally::default();
         let mut cells = vec![CellBatch::default(); self.plan.energies as usize];
         for some in touched.chunks(PATCHES) {

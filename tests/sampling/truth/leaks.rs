@@ -8,8 +8,8 @@ use crate::reference::stack::Quadrature;
 use crate::support::engine;
 use beamlet::Backend;
 
-/// Error of the reference, share of open beam: with twice the cells and sources its values change by less.
-const DOUBT: f64 = 3e-5;
+/// Error of the reference, share of open beam: values with half the cells and a fifth of the sources differ by 5e-4.
+const DOUBT: f64 = 1.2e-4;
 
 /// Values of the first row of a case that does not change along z, `[step][column]`, by the reference.
 fn reference(case: &Case, how: &Quadrature) -> Vec<Vec<f64>> {
@@ -44,7 +44,7 @@ fn check(case: &Case, tolerance: f64, want: &[Vec<f64>]) {
 /// (without, it was off by up to 1e-2 of open beam with an estimate below a tenth of the tolerance).
 #[test]
 fn walls_behind_bars_that_leak_hold_the_tolerance() {
-    let how = Quadrature { cells: 300, sources: 61, ..Quadrature::line() }.following(150e-6);
+    let how = Quadrature { cells: 600, sources: 241, ..Quadrature::line() }.following(150e-6);
     for pair in cases::walls_behind_bars().chunks(2) {
         let want = reference(&pair[0], &how);
         pair.iter().for_each(|case| check(case, 3e-4, &want));
@@ -56,6 +56,6 @@ fn walls_behind_bars_that_leak_hold_the_tolerance() {
 #[test]
 fn silhouettes_in_pixels_of_half_a_micrometre_hold_the_tolerance() {
     let case = cases::magnified_prism();
-    let how = Quadrature { cells: 1000, sources: 41, ..Quadrature::line() }.following(40e-6);
+    let how = Quadrature { cells: 4000, sources: 321, ..Quadrature::line() }.following(40e-6);
     check(&case, 1e-3, &reference(&case, &how));
 }

@@ -205,7 +205,7 @@ fn build(scene: &Scene, sample: Sample, media: MaterialTable) -> Result<Built> {
     let across = geometry::across_edges(&sample);
     let bvh = Bvh::build(&sample, &across, scene.displacement())?;
     let transport = scene.sampling.transport;
-    let facets = sampling::SampleFacets::new(transport, &sample, &media, across);
+    let facets = sampling::SampleFacets::new(transport, &sample, &media, across, &bvh);
     Ok(Built { sample, media, bvh, facets })
 }
 

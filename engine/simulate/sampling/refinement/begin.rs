@@ -1,4 +1,4 @@
-//! Patches before their first estimate: base rays, facets, slants of silhouettes, rays along borders.
+//! Patches before their first estimate: base rays, slants of silhouettes, rays along borders.
 
 use super::{PatchWork, Refiner};
 use crate::sampling::patch::{Patch, alike};
@@ -20,19 +20,16 @@ impl Refiner<'_> {
         if narrow.is_empty() && self.cannot_reach(&patch) {
             return None;
         }
-        let mut work = PatchWork {
+        Some(PatchWork {
             narrow,
             rays: numbers::count(results.len()),
             errors: [0.0; 2],
             changed: Vec::new(),
             pending: Vec::new(),
-            pending_pieces: Vec::new(),
             known_errors: KnownErrors::default(),
             done: false,
             patch,
-        };
-        self.take_facets(&mut work);
-        Some(work)
+        })
     }
 
     pub(super) fn openings(&self, patch: &Patch) -> Vec<Opening> {
@@ -48,21 +45,8 @@ impl Refiner<'_> {
         let begun = patches.par_iter().filter_map(|at| self.begin(*at));
         let mut work: Vec<PatchWork> = begun.collect();
         self.align(tracer, &mut work)?;
-        if self.estimator.by_rays_alone {
-            work.par_iter_mut().for_each(|work| self.look_at_facets(work));
-        }
         self.look_along_borders(tracer, &mut work)?;
         Ok(work)
-    }
-
-    /// Number of the facets of a patch that means may be taken over.
-    pub(in crate::sampling) fn facets_of(&self, (beamlet, row): (i64, i64)) -> usize {
-        self.facets.as_ref().map_or(0, |(lists, _)| lists.count(beamlet, row))
-    }
-
-    /// True if a silhouette of the facets of a patch crosses it.
-    pub(in crate::sampling) fn has_silhouette(&self, (beamlet, row): (i64, i64)) -> bool {
-        self.facets.as_ref().is_none_or(|(lists, _)| lists.has_silhouette(beamlet, row))
     }
 
     /// True if a patch outside the recorded rows is seen to send no light into them: no silhouette there or

@@ -116,7 +116,7 @@ impl Refiner<'_> {
         let period = single(self.view.lattice.period);
         let mut near: Vec<(&mut PatchWork, BorderRays)> = work
             .par_iter_mut()
-            .filter(|work| !work.done && work.patch.facets.is_none())
+            .filter(|work| !work.done)
             .filter(|work| self.is_near_silhouette(&work.patch))
             .map(|work| (work, BorderRays::new(period)))
             .collect();

@@ -58,8 +58,7 @@ pub(in crate::sampling) enum Refined {
 /// Bytes that patches in refinement hold.
 pub(in crate::sampling) fn bytes_of(work: &[PatchWork]) -> u64 {
     let of_patch = |work: &PatchWork| {
-        let waiting = work.pending.len() + work.pending_pieces.len();
-        (work.patch.bytes() + work.known_errors.bytes() + RAY * waiting) as u64
+        (work.patch.bytes() + work.known_errors.bytes() + RAY * work.pending.len()) as u64
     };
     work.iter().map(of_patch).sum()
 }

@@ -20,22 +20,14 @@ impl Refiner<'_> {
     /// Traces the rays that patches wait for.
     pub(super) fn trace_pending(&self, tracer: &mut Tracer, work: &mut [PatchWork]) -> Result<()> {
         let places = |work: &PatchWork| -> Vec<[f32; 2]> {
-            let of_piece = |piece: &u32| work.patch.pieces[*piece as usize].centroid;
-            let rays = work.pending.iter().map(|node| work.patch.ray(*node));
-            rays.chain(work.pending_pieces.iter().map(of_piece)).collect()
+            work.pending.iter().map(|node| work.patch.ray(*node)).collect()
         };
         let places: Vec<Vec<[f32; 2]>> = work.par_iter().map(places).collect();
         let patches = work.iter().map(|work| &work.patch).collect();
         let results = self.trace(tracer, patches, &places)?;
         for (work, own) in work.iter_mut().zip(&results) {
-            let (of_nodes, of_pieces) = own.split_at(work.pending.len());
-            for (node, result) in std::mem::take(&mut work.pending).into_iter().zip(of_nodes) {
+            for (node, result) in std::mem::take(&mut work.pending).into_iter().zip(own) {
                 work.patch.set_result(node, result);
-            }
-            for (piece, result) in
-                std::mem::take(&mut work.pending_pieces).into_iter().zip(of_pieces)
-            {
-                work.patch.pieces[piece as usize].result = *result;
             }
             work.rays += numbers::count(own.len());
         }

@@ -26,7 +26,6 @@ impl Refiner<'_> {
         let slants = |work: &&mut PatchWork| {
             let few = |count: u32| count <= MOST_ALIGNED;
             work.narrow.is_empty()
-                && work.patch.facets.is_none()
                 && !self.estimator.counts_little(&work.patch)
                 && self.silhouettes(&work.patch).is_some_and(few)
         };

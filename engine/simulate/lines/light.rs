@@ -1,0 +1,265 @@
+//! Light of lines: what windows record of the pieces of a line, for each mask step.
+
+use super::heights::Judged;
+use super::line::{Piece, Source, open_share};
+use crate::sampling::{Opening, ViewContext};
+use beamlet_core::numbers::{self, single};
+use std::ops::Range;
+
+/// Windows of a beamlet that are told apart; light farther off counts with that of a window as many farther on.
+const WINDOWS: i64 = 5;
+/// Rows beyond the recorded ones within which light counts: it may land otherwise between two lines.
+const BESIDE: f64 = 1.0;
+/// Standard deviations of the blur over rows that are recorded.
+const BLURS: f64 = 3.0;
+/// Least half width of light in a window, share of its period: the table of windows has no points within less.
+const LEAST_HALF: f32 = 1e-4;
+
+/// A line with its light.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct LitLine {
+    pub pieces: Vec<Piece>,
+    /// Light by kind of window, mask step and window; then by mask step light times displacement along x.
+    values: Vec<f32>,
+    /// Light times displacement, rows downwards, by mask step.
+    moved: Vec<f32>,
+    /// Largest displacement of its light along z, rows.
+    pub farthest: f32,
+    /// Estimated error by exact rays, of the worst mask step.
+    pub error: f64,
+    /// Rays that were traced.
+    pub rays: u32,
+    /// Hash of the surfaces that its rays cross, in their order.
+    structure: u32,
+    /// Rays of the line cross different surfaces.
+    pub is_cut: bool,
+}
+
+impl LitLine {
+    /// Bytes that it holds.
+    pub(crate) fn bytes(&self) -> u64 {
+        let pieces = self.pieces.len() * size_of::<Piece>();
+        let values = (self.values.len() + self.moved.len()) * size_of::<f32>();
+        (pieces + values + size_of::<Self>()) as u64
+    }
+}
+
+impl Judged for std::sync::Arc<LitLine> {
+    fn values(&self) -> &[f32] {
+        &self.values
+    }
+
+    fn moved(&self) -> &[f32] {
+        &self.moved
+    }
+
+    fn farthest(&self) -> f64 {
+        self.farthest.into()
+    }
+
+    fn structure(&self) -> u32 {
+        self.structure
+    }
+}
+
+/// Computes the light of lines of a view.
+#[derive(Debug)]
+pub(crate) struct Illumination<'a> {
+    view: &'a ViewContext<'a>,
+    /// Rows, beyond which light is not recorded.
+    rows: Range<f64>,
+    /// Value of light times displacement along x, over the same error of light.
+    by_displacement: f32,
+    gap: f32,
+    row_pitch: f32,
+}
+
+impl<'a> Illumination<'a> {
+    pub(crate) fn new(view: &'a ViewContext<'a>) -> Self {
+        let recorded = view.recorded_rows();
+        let beside = BESIDE + BLURS * view.lattice.row_blur();
+        // An error of the mean displacement, times the light of the widest opening, counts as one of light.
+        let open = view.response.openings(0);
+        let widest = open.iter().map(|it| it.x[1] - it.x[0]).fold(0.0, f32::max);
+        let through = f64::from(widest * view.response.weight);
+        let by_displacement = if view.budget.displacement.is_finite() {
+            single(view.budget.light / (view.budget.displacement * through))
+        } else {
+            0.0
+        };
+        Self {
+            view,
+            rows: recorded.start as f64 - beside..recorded.end as f64 + beside,
+            by_displacement,
+            gap: single(view.optics.gap()),
+            row_pitch: single(view.optics.detector.pitch[1]),
+        }
+    }
+
+    /// Values of a line without those of the displacement along x.
+    pub(crate) fn values_of_light(&self) -> usize {
+        let response = self.view.response;
+        response.windows.len() * response.steps() * numbers::narrow::<usize>(WINDOWS)
+    }
+
+    /// Rows that a ray is displaced by, downwards.
+    pub(crate) fn down(&self, piece: &Piece) -> f32 {
+        -piece.result.landing_z(self.gap) / self.row_pitch
+    }
+
+    /// Light of a line of a column of the lattice at a row coordinate.
+    pub(crate) fn of(
+        &self,
+        column: usize,
+        row: f64,
+        openings: &[Opening],
+        pieces: Vec<Piece>,
+    ) -> LitLine {
+        let response = self.view.response;
+        let steps = response.steps();
+        let of_light = self.values_of_light();
+        let mut light = LitLine {
+            values: vec![0.0; of_light + steps],
+            moved: vec![0.0; steps],
+            rays: numbers::count(
+                pieces.iter().filter(|it| it.source != Source::FirstOrder).count(),
+            ),
+            ..LitLine::default()
+        };
+        let half = single(0.5 * self.view.lattice.period);
+        let mut leaked = if response.leak > 0.0 { vec![0.0; of_light + steps] } else { Vec::new() };
+        let mut leaked_moved = [0.0];
+        let ratio = self.view.delta_ratio();
+        for piece in &pieces {
+            let down = self.down(piece);
+            let lands = row + f64::from(down) * ratio;
+            if piece.result.crossings > 0 {
+                light.farthest = light.farthest.max(down.abs());
+            }
+            if !self.rows.contains(&lands) && !self.rows.contains(&(row + f64::from(down))) {
+                continue;
+            }
+            let add = |opening: &Opening, values: &mut [f32], moved: &mut [f32]| {
+                let step = opening.step as usize;
+                let passed = self.add(column, piece, opening, values);
+                moved[step] += passed * down;
+            };
+            for opening in openings {
+                add(opening, &mut light.values, &mut light.moved);
+            }
+            if response.leak > 0.0 {
+                add(&Opening { step: 0, x: [-half, half] }, &mut leaked, &mut leaked_moved);
+            }
+        }
+        if response.leak > 0.0 {
+            let [open, leak] = [1.0 - response.leak, response.leak];
+            let each = of_light / (response.windows.len() * steps);
+            for (at, value) in light.values[..of_light].iter_mut().enumerate() {
+                let kind = at / (each * steps);
+                *value = open * *value + leak * leaked[kind * each * steps + at % each];
+            }
+            for value in &mut light.values[of_light..] {
+                *value = open * *value + leak * leaked[of_light];
+            }
+            light.moved.iter_mut().for_each(|it| *it = open * *it + leak * leaked_moved[0]);
+        }
+        for same in pieces.chunk_by(|a, b| a.result.signature == b.result.signature) {
+            light.is_cut |= same.len() < pieces.len();
+            light.structure =
+                light.structure.wrapping_mul(HASH).wrapping_add(same[0].result.signature ^ 1);
+        }
+        let squares =
+            (0..pieces.len()).map(|at| self.error_of(column, openings, &pieces, at).powi(2));
+        light.error = squares.sum::<f64>().sqrt();
+        light.pieces = pieces;
+        light
+    }
+
+    /// Adds the light of a piece through an opening to values; all of it that passes windows.
+    fn add(&self, column: usize, piece: &Piece, opening: &Opening, values: &mut [f32]) -> f32 {
+        let response = self.view.response;
+        let steps = response.steps();
+        let width = piece.width();
+        let x = [piece.x[0].max(opening.x[0].into()), piece.x[1].min(opening.x[1].into())];
+        if x[1] <= x[0] {
+            return 0.0;
+        }
+        let shares = x.map(|x| single((x - piece.x[0]) / width));
+        let between = |[low, high]: [f32; 2]| shares.map(|share| low + (high - low) * share);
+        let passed = between(piece.depth).map(|depth| response.hardening.light(depth));
+        let light = 0.5 * (passed[0] + passed[1]) * response.weight * single(x[1] - x[0]);
+        let displacement = between(piece.displacement);
+        let [low, high] =
+            [0, 1].map(|end| response.landing(column, single(x[end]), displacement[end]));
+        let (middle, half) = (0.5 * (low + high), 0.5 * (high - low).abs());
+        let mut all = 0.0;
+        let step = opening.step as usize;
+        for (kind, windows) in response.windows.iter().enumerate() {
+            let at = windows.landing(column, middle);
+            let half = half.max(LEAST_HALF * windows.period);
+            let home = (at / windows.period).round();
+            for number in [home - 1.0, home, home + 1.0] {
+                let share = windows.share * windows.passed(at - number * windows.period, half);
+                let index = numbers::whole::<i64>(number.into()).rem_euclid(WINDOWS);
+                let place = (kind * steps + step) * numbers::narrow::<usize>(WINDOWS);
+                values[place + numbers::narrow::<usize>(index)] += light * share;
+                all += light * share;
+            }
+        }
+        let mean = 0.5 * (displacement[0] + displacement[1]);
+        values[self.values_of_light() + step] += self.by_displacement * light * mean;
+        all
+    }
+
+    /// Error of the light of a piece that has the exact ray through its middle alone: as if light changed half way to
+    /// the rays beside through the same facets, and under exact transport at the edges of facets as far as refraction
+    /// moves them.
+    pub(crate) fn error_of(
+        &self,
+        column: usize,
+        openings: &[Opening],
+        pieces: &[Piece],
+        at: usize,
+    ) -> f64 {
+        let own = &pieces[at];
+        let Source::Ray { displacement } = own.source else { return 0.0 };
+        let response = self.view.response;
+        let open = response.lit(single(open_share(openings, own.x)));
+        if open <= 0.0 {
+            return 0.0;
+        }
+        let middle = single(own.middle());
+        let landed = |depth: f32, displacement: f32| {
+            [response.hardening.light(depth), response.landing(column, middle, displacement)]
+        };
+        let half = 0.5 * response.magnification * single(own.width());
+        let depth = own.result.optical_depth;
+        let of_own = landed(depth, own.result.displacement_x);
+        let beside =
+            [at.checked_sub(1), Some(at + 1)].into_iter().flatten().filter_map(|at| pieces.get(at));
+        let change = |depth: f32, displacement: f32| {
+            f64::from(response.change(column, of_own, landed(depth, displacement), half))
+        };
+        // Edges behind the first surface lie aside by as much as refraction moves the path.
+        let aside = |it: &Piece| f64::from((it.result.slope_x * it.extent).abs()).min(own.width());
+        let is_ray = |it: &&Piece| matches!(it.source, Source::Ray { .. });
+        let (mut same, mut other) = (None, 0.0_f64);
+        for it in beside.filter(is_ray) {
+            if it.interval == own.interval {
+                let moved = own.width() * change(depth, it.result.displacement_x);
+                same = Some(same.unwrap_or(0.0_f64).max(moved));
+            } else if self.view.facets.is_exact {
+                let light = change(it.result.optical_depth, it.result.displacement_x);
+                other = other.max(aside(own).max(aside(it)) * light);
+            }
+        }
+        let most = same.unwrap_or_else(|| aside(own) * change(depth, displacement)).max(other);
+        PER_CHANGE * most * f64::from(response.weight * open)
+    }
+}
+
+/// Factor of a hash (FNV).
+const HASH: u32 = 0x0100_0193;
+
+/// Error of light that changes linearly between two rays, over its change: 1/√12.
+const PER_CHANGE: f64 = 0.29;

@@ -1,0 +1,335 @@
+//! Patches whose light is that of lines through facets: heights of their lines, and errors.
+
+use super::by_facets::FacetLines;
+use super::heights::{Features, Heights, Limits, Uneven};
+use super::light::{Illumination, LitLine};
+use super::line::{LinePlace, Piece, Source};
+use crate::sampling::{Opening, PatchGrid, ViewContext, tally_of};
+use crate::trace::Tracer;
+use beamlet_core::tally::Tally;
+use beamlet_core::{Result, numbers};
+use beamlet_interface::Ray;
+use beamlet_model::spot::differ_along_z;
+use rayon::prelude::*;
+use std::ops::Range;
+use std::sync::Arc;
+
+/// Share of the tolerance that an estimated error may take, and that with a single mask step, whose light nothing
+/// evens out.
+const TOLERATED: f64 = 0.45;
+const TOLERATED_ALONE: f64 = 0.2;
+/// Least height between two lines through facets, rows: their places are exact in f64, and a jump that is missed errs by
+/// 1.5e-5 of it.
+const LEAST: f64 = 1.0 / 65536.0;
+/// Pieces of lines of a patch, at most, over its rays.
+const PIECES_OF_A_RAY: usize = 4;
+/// Standard deviations of the blur over rows beside a border within which light crosses it.
+const REACH: f64 = 1.5;
+
+/// Error of a piece near grazing incidence, whose rays differ, that stays whole: share of the limit.
+const BY_RAYS: f64 = 0.15;
+/// Such a piece is not split below this width, m.
+const THINNEST: f64 = 6e-9;
+/// Most pieces of a line by splits.
+const MOST_PIECES: usize = 4096;
+
+/// Patches of some rows that shadows touch.
+#[derive(Debug)]
+pub(crate) struct PatchPlaces {
+    grid: PatchGrid,
+    /// Bodies of each patch; none where no shadow falls that matters.
+    features: Vec<Option<Features>>,
+    /// True for patches that lines do not know.
+    by_rays: Vec<bool>,
+}
+
+impl PatchPlaces {
+    /// Patches of some rows.
+    pub(crate) fn new(view: &ViewContext<'_>, rows: Range<i64>) -> Self {
+        let lattice = view.lattice;
+        let grid = PatchGrid { rows, beamlets: lattice.beamlets.clone() };
+        let mut features: Vec<Option<Features>> = vec![None; grid.count()];
+        let mut by_rays = vec![false; grid.count()];
+        let recorded = view.recorded_rows();
+        for (shadow, rays) in view.projected_bounds.iter().zip(&view.facets.by_rays) {
+            let beamlets = shadow.patches(lattice)[1].clone();
+            for row in shadow.rows_that_count(lattice, &recorded, &grid.rows) {
+                let height = if shadow.throws(row) { shadow.height } else { f64::INFINITY };
+                for at in grid.in_row(row, beamlets.clone()) {
+                    by_rays[at] |= rays;
+                    let of_patch = features[at].get_or_insert_default();
+                    of_patch.height = of_patch.height.min(height);
+                    for lid in shadow.lids {
+                        of_patch.add_end(lid.map(|z| z - row as f64));
+                    }
+                }
+            }
+        }
+        Self { grid, features, by_rays }
+    }
+
+    /// True if no shadow falls that matters.
+    pub(crate) fn is_empty(&self) -> bool {
+        self.features.iter().all(Option::is_none)
+    }
+
+    /// Bodies of a patch whose light is that of lines.
+    pub(crate) fn of_lines(&self, beamlet: i64, row: i64) -> Option<&Features> {
+        let at = self.grid.index(beamlet, row).filter(|at| !self.by_rays[*at])?;
+        self.features[at].as_ref()
+    }
+
+    /// True if a shadow touches a patch whose rays are chosen.
+    pub(crate) fn is_of_rays(&self, beamlet: i64, row: i64) -> bool {
+        let at = self.grid.index(beamlet, row);
+        at.is_some_and(|at| self.by_rays[at] && self.features[at].is_some())
+    }
+
+    /// True if a shadow touches a patch whose rays are chosen, or one that is beside it.
+    pub(crate) fn is_near_rays(&self, beamlet: i64, row: i64) -> bool {
+        let at = self.grid.index(beamlet, row);
+        at.is_some_and(|at| self.features[at].is_some())
+            && (-1..=1)
+                .any(|down| (-1..=1).any(|aside| self.is_of_rays(beamlet + aside, row + down)))
+    }
+}
+
+/// A patch with its lines.
+#[derive(Debug)]
+pub(crate) struct LinePatch {
+    pub beamlet: i64,
+    pub row: i64,
+    pub heights: Heights<Arc<LitLine>>,
+    /// Surfaces that the first piece of its first line crosses.
+    signature: Option<u32>,
+    /// True if silhouettes cross it.
+    is_cut: bool,
+}
+
+impl LinePatch {
+    fn place(&self, z: f64) -> LinePlace {
+        LinePlace { beamlet: self.beamlet, row: self.row as f64 + z }
+    }
+
+    /// Looks for silhouettes in lines.
+    fn look_for_silhouettes(&mut self, lines: &[Arc<LitLine>]) {
+        for line in lines {
+            let first = line.pieces.first().map(|it| it.result.signature);
+            self.is_cut |= line.is_cut || self.signature.is_some_and(|it| Some(it) != first);
+            self.signature = self.signature.or(first);
+        }
+    }
+
+    /// Estimated errors: of light, and by light and displacement, in the unit of light.
+    fn errors(&mut self, values_of_light: usize) -> [f64; 2] {
+        let all = self.heights.error();
+        self.heights.judge(values_of_light);
+        let light = self.heights.error();
+        let of_line = |(at, line): (usize, &Arc<LitLine>)| {
+            let [top, bottom] = self.heights.nearest(at);
+            (bottom - top) * line.error
+        };
+        let by_rays: f64 = self.heights.light().enumerate().map(of_line).sum();
+        [light.hypot(by_rays), all.hypot(by_rays)]
+    }
+}
+
+/// Windows along z that take the light of a cell as even.
+fn uneven(view: &ViewContext<'_>) -> Uneven {
+    let apart = differ_along_z(&view.optics.spot.placed());
+    if view.lattice.heights {
+        Uneven::Apertures
+    } else if apart || view.recording.is_some() || view.lattice.has_wide_row_blur() {
+        Uneven::Rows { blur: view.lattice.row_blur().max(f64::MIN_POSITIVE) }
+    } else {
+        Uneven::Never
+    }
+}
+
+/// True for places of one row side by side.
+fn follows(a: &LinePlace, b: &LinePlace) -> bool {
+    a.row.to_bits() == b.row.to_bits() && a.beamlet + 1 == b.beamlet
+}
+
+/// Chooses the heights of the lines of patches, and computes their light.
+#[derive(Debug)]
+pub(crate) struct LineSampler<'a> {
+    view: &'a ViewContext<'a>,
+    facets: FacetLines<'a>,
+    illumination: Illumination<'a>,
+    limits: Limits,
+    /// Most pieces of a patch.
+    most_pieces: usize,
+    /// Openings of the beamlets of the lattice.
+    openings: Vec<Vec<Opening>>,
+}
+
+impl<'a> LineSampler<'a> {
+    pub(crate) fn new(view: &'a ViewContext<'a>) -> Self {
+        let tolerated = if view.response.steps() == 1 { TOLERATED_ALONE } else { TOLERATED };
+        let limits = Limits {
+            error: tolerated * view.budget.light,
+            lines: view.budget.max_rays as usize,
+            reach: REACH * view.lattice.row_blur(),
+            uneven: uneven(view),
+            least: LEAST,
+        };
+        let columns =
+            numbers::narrow::<usize>(view.lattice.beamlets.end - view.lattice.beamlets.start);
+        Self {
+            view,
+            facets: FacetLines::new(view),
+            illumination: Illumination::new(view),
+            limits,
+            most_pieces: PIECES_OF_A_RAY * view.budget.max_rays as usize,
+            openings: (0..columns).map(|column| view.response.openings(column)).collect(),
+        }
+    }
+
+    /// Rows that a displacement of rays takes light downwards.
+    pub(crate) const fn illumination(&self) -> &Illumination<'a> {
+        &self.illumination
+    }
+
+    /// Patches with the lines that their light needs, and their counts; nothing where the patches would hold more
+    /// than `room` bytes together.
+    ///
+    /// # Errors
+    /// As [`Tracer::trace`].
+    pub(crate) fn sample(
+        &self,
+        tracer: &mut Tracer,
+        places: &[(i64, i64)],
+        of: &PatchPlaces,
+        room: u64,
+    ) -> Result<Option<(Vec<LinePatch>, Tally)>> {
+        let patch = |&(beamlet, row): &(i64, i64)| {
+            let features = of.of_lines(beamlet, row)?;
+            let heights = Heights::new(features, self.limits);
+            Some(LinePatch { beamlet, row, heights, signature: None, is_cut: false })
+        };
+        let mut patches: Vec<LinePatch> = places.iter().filter_map(patch).collect();
+        if !self.choose_heights(tracer, &mut patches, room)? {
+            return Ok(None);
+        }
+        let values = self.illumination.values_of_light();
+        let tallies = patches.par_iter_mut().map(|patch| {
+            let [light, all] = patch.errors(values);
+            let rays = patch.heights.light().map(|line| line.rays).sum();
+            let errors = [light, all / self.view.budget.light];
+            let lines = patch.heights.count() as u64;
+            Tally { lines, ..tally_of(errors, rays, &self.view.budget) }
+        });
+        let tally =
+            tallies.collect::<Vec<Tally>>().into_iter().fold(Tally::default(), |a, b| a + b);
+        Ok(Some((patches, tally)))
+    }
+
+    /// Adds lines to patches until their light is within the limits. Rows side by side share the line at their border.
+    /// False if the patches hold more than `room` bytes.
+    fn choose_heights(
+        &self,
+        tracer: &mut Tracer,
+        patches: &mut [LinePatch],
+        room: u64,
+    ) -> Result<bool> {
+        let mut held = 0;
+        loop {
+            tracer.cancel().check()?;
+            let of_patch = |patch: &LinePatch| -> Vec<LinePlace> {
+                patch.heights.wanted().map(|z| patch.place(z)).collect()
+            };
+            let wanted: Vec<Vec<LinePlace>> = patches.iter().map(of_patch).collect();
+            let mut places = wanted.concat();
+            places.sort_unstable_by(LinePlace::order);
+            places.dedup();
+            if places.is_empty() {
+                return Ok(true);
+            }
+            let lines = self.lines(tracer, &places)?;
+            held += lines.iter().map(|line| line.bytes()).sum::<u64>();
+            if held > room {
+                return Ok(false);
+            }
+            let values = self.illumination.values_of_light();
+            let undone = patches.par_iter_mut().zip(wanted).filter(|(_, own)| !own.is_empty());
+            undone.for_each(|(patch, own)| {
+                let line = |place: &LinePlace| {
+                    let at = places.binary_search_by(|it| it.order(place)).ok();
+                    at.map(|at| lines[at].clone())
+                };
+                let own: Vec<Arc<LitLine>> = own.iter().filter_map(line).collect();
+                patch.look_for_silhouettes(&own);
+                let pieces =
+                    own.iter().map(|line| line.pieces.len()).sum::<usize>() / own.len().max(1);
+                patch.heights.limit(self.most_pieces / pieces.max(1));
+                if patch.is_cut {
+                    patch.heights.judge(values);
+                }
+                patch.heights.add(own.into_iter());
+            });
+        }
+    }
+
+    /// Lines at some places, sorted by row, then beamlet.
+    fn lines(&self, tracer: &mut Tracer, places: &[LinePlace]) -> Result<Vec<Arc<LitLine>>> {
+        let view = self.view;
+        let first = view.lattice.beamlets.start;
+        let column = |place: &LinePlace| numbers::narrow::<usize>(place.beamlet - first);
+        let openings = |beamlet: i64| &self.openings[numbers::narrow::<usize>(beamlet - first)][..];
+        let of_run = |run: &[LinePlace]| {
+            let beamlets = run[0].beamlet..run[run.len() - 1].beamlet + 1;
+            self.facets.lines(run[0].row, &beamlets, openings)
+        };
+        let runs: Vec<&[LinePlace]> = places.chunk_by(follows).collect();
+        let mut lines: Vec<Vec<Piece>> = runs.par_iter().flat_map_iter(|run| of_run(run)).collect();
+        loop {
+            tracer.cancel().check()?;
+            let wanted = |(place, pieces): (&LinePlace, &Vec<Piece>)| {
+                let wanted = pieces.iter().filter(|it| it.source == Source::Wanted);
+                let ray =
+                    |it: &Piece| view.lattice.ray(place.beamlet, it.middle(), place.row, view.pose);
+                wanted.map(ray).collect::<Vec<Ray>>()
+            };
+            let rays = places.par_iter().zip(&lines).map(wanted).collect::<Vec<_>>().concat();
+            if rays.is_empty() {
+                break;
+            }
+            let results = tracer.trace(&rays)?;
+            let mut results = results.iter();
+            for pieces in &mut lines {
+                for (piece, ray) in
+                    pieces.iter_mut().filter(|it| it.source == Source::Wanted).zip(&mut results)
+                {
+                    piece.take(ray);
+                }
+            }
+            let all = lines.par_iter_mut().zip(places);
+            all.for_each(|(pieces, place)| self.split(column(place), pieces));
+        }
+        let light = lines.into_par_iter().zip(places).map(|(pieces, place)| {
+            let openings = &self.openings[column(place)];
+            Arc::new(self.illumination.of(column(place), place.row, openings, pieces))
+        });
+        Ok(light.collect())
+    }
+
+    /// Splits pieces whose rays do not say enough.
+    fn split(&self, column: usize, pieces: &mut Vec<Piece>) {
+        let openings = &self.openings[column];
+        let limit = BY_RAYS * self.limits.error;
+        let is_split = |at: &usize| {
+            let piece = &pieces[*at];
+            piece.width() > THINNEST
+                && self.illumination.error_of(column, openings, pieces, *at) > limit
+        };
+        let split: Vec<usize> = (0..pieces.len()).filter(is_split).collect();
+        if split.is_empty() || pieces.len() + 2 * split.len() > MOST_PIECES {
+            return;
+        }
+        for at in split.into_iter().rev() {
+            let thirds = pieces[at].parts(3);
+            pieces.splice(at..=at, thirds);
+        }
+    }
+}
