@@ -35,7 +35,7 @@ impl Place {
     }
 
     /// The linear part, own frame to world.
-    pub(crate) fn linear(&self) -> DMat3 {
+    pub fn linear(&self) -> DMat3 {
         DMat3::from_quat(self.rotation) * DMat3::from_diagonal(self.scales())
     }
 

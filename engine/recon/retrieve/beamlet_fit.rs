@@ -91,7 +91,7 @@ impl Beamlet {
         }
         let lit = self.base + LIT * blur.sqrt() - 0.5 * self.pitch;
         let reach = lit.min(0.5 * (self.period - self.pitch)).max(0.0);
-        closed::two_points(scan, (&self.model, blur, reach), curve)
+        closed::two_points(scan, closed::KnownBlur { model: &self.model, blur, reach }, curve)
     }
 
     /// The fit with the blur of the set-up. Where an end of the light is just beyond a border of

@@ -60,10 +60,19 @@ fn three_numbers(x: &[f64], y: &[f64]) -> Option<[f64; 3]> {
 /// Halvings of the interval of a centre: to 3e-14 of it.
 const HALVINGS: u32 = 45;
 
-/// Logarithm of the area and centre of the curve of a model with a known blur through two points, x ascending.
-/// `reach`: from the middle of the points to the farthest centre.
+/// Curves of a model with a known blur.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct KnownBlur<'a> {
+    pub(super) model: &'a Model,
+    /// Variance of the blur, m2.
+    pub(super) blur: f64,
+    /// From the middle of two points to the farthest centre, m.
+    pub(super) reach: f64,
+}
+
+/// Logarithm of the area and centre of the curve with a known blur through two points, x ascending.
 fn two_numbers(
-    (model, blur, reach): (&Model, f64, f64),
+    KnownBlur { model, blur, reach }: KnownBlur<'_>,
     x: [f64; 2],
     y: [f64; 2],
 ) -> Option<[f64; 2]> {
@@ -96,10 +105,10 @@ fn two_numbers(
     Some([(y[brighter] / units(centre)[brighter]).ln(), centre])
 }
 
-/// Curve of a model with a known blur through two points. `known`: as of [`two_numbers`].
+/// Curve of a model with a known blur through two points.
 pub(super) fn two_points(
     scan: &Scan,
-    known: (&Model, f64, f64),
+    known: KnownBlur<'_>,
     curve: impl Iterator<Item = f32>,
 ) -> Curve {
     let mut values = scan.values(curve, 2);
@@ -127,7 +136,7 @@ pub(super) fn two_points(
         return Curve::unknown(values.flags | flags::NO_PEAK);
     };
     let [area_sigma, centre_sigma] = propagate(&values.values, |y| scan.noise.variance(y), numbers);
-    let (model, blur, _) = known;
+    let KnownBlur { model, blur, .. } = known;
     let p = of_slits([area.exp(), centre, blur, 0.0]);
     Curve::of_slits(
         [area.exp(), model.peak(&values.points, &p), centre, model.width(&p)],

@@ -1,7 +1,7 @@
 //! Facets in the way of a fan of rays: a walk of the trees on the host.
 
 use super::Bvh;
-use beamlet_geometry::{Placed, Sample};
+use beamlet_geometry::{FacetOf, Placed, Sample};
 use beamlet_interface::Node;
 use glam::{DMat3, DVec3};
 
@@ -75,33 +75,26 @@ impl FacetTree {
         }
     }
 
-    /// Calls `visit` with the facets whose boxes touch a fan in the frame of the sample, in the order of the tree: the
-    /// placed surface that a facet belongs to, if any, the fan in the frame of its mesh, and the triangle.
-    pub(crate) fn each<'s>(
-        &self,
-        sample: &'s Sample,
-        fan: &Fan,
-        visit: &mut dyn FnMut(Option<&'s Placed>, &Fan, usize),
-    ) {
+    /// Calls `visit` with the facets whose boxes touch a fan in the frame of the sample, in the order of the tree,
+    /// and with the fan in the frame of the mesh of each.
+    pub(crate) fn each(&self, sample: &Sample, fan: &Fan, visit: &mut dyn FnMut(FacetOf, &Fan)) {
         if self.nodes.is_empty() {
             return;
         }
         let triangles = sample.triangles.len();
         self.walk(0, fan, &mut |leaf| {
             let facet = self.facets[leaf] as usize;
-            let Some(placed) = facet.checked_sub(triangles) else {
-                return visit(None, fan, facet);
+            let Some(at) = facet.checked_sub(triangles) else {
+                return visit(FacetOf::Sample(facet), fan);
             };
-            let placed = &sample.placed[placed];
-            if sample.prototypes[placed.prototype as usize].shape.is_some() {
+            let Placed { prototype, place, .. } = &sample.placed[at];
+            if sample.prototypes[*prototype as usize].shape.is_some() {
                 return;
             }
-            let place = &placed.place;
-            let linear = DMat3::from_quat(place.rotation) * DMat3::from_diagonal(place.scales());
-            let own = fan.in_frame(&linear, place.position);
-            let root = self.roots[placed.prototype as usize];
+            let own = fan.in_frame(&place.linear(), place.position);
+            let root = self.roots[*prototype as usize];
             self.walk(root, &own, &mut |leaf| {
-                visit(Some(placed), &own, self.facets[leaf] as usize)
+                visit(FacetOf::Placed(at, self.facets[leaf] as usize), &own);
             });
         });
     }
@@ -147,9 +140,9 @@ impl FacetTree {
 
 #[cfg(test)]
 mod tests {
+    use super::super::bvh::built;
     use super::*;
     use beamlet_core::random::Draws;
-    use std::collections::BTreeSet;
 
     const SCENE: &str = r#"
 source = { distance = "1 m", spot = "0 um", energy = "30 keV" }
@@ -161,27 +154,18 @@ object = [
 ]
 "#;
 
-    /// Corners of all facets in the sample, by placed surface (0 for none) and triangle.
-    fn facets(sample: &Sample) -> Vec<([usize; 2], [DVec3; 3])> {
-        let own = sample.triangles.iter().enumerate().map(|(at, corners)| {
-            ([0, at], corners.map(|v| DVec3::from_array(sample.vertices[v as usize])))
+    fn facets(sample: &Sample) -> Vec<FacetOf> {
+        let of_placed = sample.placed.iter().enumerate().flat_map(|(at, placed)| {
+            let count = sample.prototypes[placed.prototype as usize].facets();
+            (0..count).map(move |facet| FacetOf::Placed(at, facet))
         });
-        let of_placed = sample.placed.iter().enumerate().flat_map(|(number, placed)| {
-            let prototype = &sample.prototypes[placed.prototype as usize];
-            (0..prototype.triangles.len()).map(move |at| {
-                let corners = prototype.corners(at).map(|it| placed.place.world_from_own(it));
-                ([number + 1, at], corners)
-            })
-        });
-        own.chain(of_placed).collect()
+        (0..sample.triangles.len()).map(FacetOf::Sample).chain(of_placed).collect()
     }
 
     #[test]
     fn facets_that_a_fan_cuts_are_those_of_all() {
-        let scene = beamlet_model::scene::Scene::from_toml(SCENE, ".").expect("a scene");
-        let sample = beamlet_geometry::load(&scene).expect("a sample");
-        let across = beamlet_geometry::across_edges(&sample);
-        let tree = FacetTree::new(&Bvh::build(&sample, &across, 0.0).expect("a tree"));
+        let (sample, bvh) = built(SCENE);
+        let tree = FacetTree::new(&bvh);
         let all = facets(&sample);
         assert!(sample.placed.len() >= 12, "{} places", sample.placed.len());
         let mut draws = Draws::new(7, [0; 3], 0);
@@ -192,36 +176,31 @@ object = [
             let slopes = [low, low + between(0.0, 2e-3)];
             let source = DVec3::new(0.0, -1.0, 0.0);
             let fan = Fan::new(source, slopes, between(-3e-3, 3e-3));
-            let is_cut = |corners: &[DVec3; 3]| {
+            let is_cut = |facet: FacetOf| {
+                let corners = sample.corners(facet);
                 let above = corners.map(|corner| fan.height(corner) >= 0.0);
                 let slope = corners.map(|corner| corner.x / (corner.y + 1.0));
                 above.contains(&true)
                     && above.contains(&false)
                     && slope.iter().any(|it| (slopes[0]..slopes[1]).contains(it))
             };
-            let mut visited = BTreeSet::new();
-            tree.each(&sample, &fan, &mut |placed, own, triangle| {
-                let number = placed.map_or(0, |placed| {
-                    let same = |it: &Placed| std::ptr::eq(it, placed);
-                    sample.placed.iter().position(same).expect("a place") + 1
-                });
-                let corners =
-                    all.iter().find(|(at, _)| *at == [number, triangle]).expect("a facet").1;
+            let mut visited = Vec::new();
+            tree.each(&sample, &fan, &mut |facet, own| {
+                assert!(all.contains(&facet) && !visited.contains(&facet), "{facet:?}");
                 // Heights in the frame of a mesh are those in the sample.
-                if let Some(placed) = placed {
-                    let prototype = &sample.prototypes[placed.prototype as usize];
+                if let FacetOf::Placed(at, triangle) = facet {
+                    let prototype = &sample.prototypes[sample.placed[at].prototype as usize];
                     let heights = prototype.corners(triangle).map(|corner| own.height(corner));
+                    let corners = sample.corners(facet);
                     let off =
                         heights.iter().zip(corners).map(|(it, corner)| it - fan.height(corner));
                     assert!(off.into_iter().all(|off| off.abs() < 1e-15));
                 }
-                assert!(visited.insert([number, triangle]), "{number} {triangle} twice");
+                visited.push(facet);
             });
-            for (at, corners) in &all {
-                if is_cut(corners) {
-                    found += 1;
-                    assert!(visited.contains(at), "{at:?} is missed");
-                }
+            for facet in all.iter().filter(|facet| is_cut(**facet)) {
+                found += 1;
+                assert!(visited.contains(facet), "{facet:?} is missed");
             }
             assert!(visited.len() < all.len(), "all facets are visited");
         }

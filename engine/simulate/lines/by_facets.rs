@@ -6,7 +6,7 @@ use crate::accel::Fan;
 use crate::sampling::{Opening, SurfaceStep, ViewContext};
 use crate::trace::FIRST_ORDER_ERROR;
 use beamlet_core::numbers::{self, single};
-use beamlet_geometry::Placed;
+use beamlet_geometry::{FacetOf, Place, Placed};
 use beamlet_interface::RayResult;
 use glam::{DMat3, DVec3};
 use std::ops::Range;
@@ -144,8 +144,8 @@ impl<'a> FacetLines<'a> {
         let beam = Fan::new(self.source, [low, high], slope_z);
         let fan = beam.in_frame(&self.rotation, view.motion.offset());
         let mut cuts = Vec::new();
-        view.facets.tree.each(view.sample, &fan, &mut |placed, fan, triangle| {
-            let corners = self.corners(placed, triangle);
+        view.facets.tree.each(view.sample, &fan, &mut |facet, fan| {
+            let corners = self.corners(facet);
             let heights = corners.own.map(|corner| fan.height(corner));
             let Some(crossed) = crossed_edges(heights) else { return };
             let at = |[from, to]: [usize; 2]| {
@@ -157,7 +157,7 @@ impl<'a> FacetLines<'a> {
                 };
                 let share = heights[from] / (heights[from] - heights[to]);
                 let own = corners.own[from] + (corners.own[to] - corners.own[from]) * share;
-                let point = view.motion.at(world(placed, own));
+                let point = view.motion.at(corners.world(own));
                 let distance = point.y - self.source.y;
                 (point.x / distance * lattice.plane, distance)
             };
@@ -170,14 +170,8 @@ impl<'a> FacetLines<'a> {
             {
                 return;
             }
-            let component = match placed {
-                None => view.sample.triangle_component[triangle],
-                Some(it) => {
-                    let prototype = &view.sample.prototypes[it.prototype as usize];
-                    it.component + prototype.triangle_component[triangle]
-                }
-            };
-            let normal = self.normal(placed, &corners.own);
+            let component = view.sample.component_of(facet);
+            let normal = self.normal(facet);
             cuts.push(Cut { ends, is_front, component, normal });
         });
         cuts
@@ -318,39 +312,44 @@ impl<'a> FacetLines<'a> {
         light * (remainder * response.steepest()).min(1.0) > NEGLIGIBLE * self.view.budget.light
     }
 
-    fn corners(&self, placed: Option<&Placed>, triangle: usize) -> Corners {
+    fn corners(&self, facet: FacetOf) -> Corners<'a> {
         let sample = self.view.sample;
-        match placed {
-            None => {
+        match facet {
+            FacetOf::Sample(triangle) => {
                 let numbers = sample.triangles[triangle];
                 let own = numbers.map(|v| DVec3::from_array(sample.vertices[v as usize]));
-                Corners { numbers, own }
+                Corners { numbers, own, place: None }
             }
-            Some(it) => {
-                let prototype = &sample.prototypes[it.prototype as usize];
+            FacetOf::Placed(at, triangle) => {
+                let Placed { prototype, place, .. } = &sample.placed[at];
+                let prototype = &sample.prototypes[*prototype as usize];
                 let numbers = prototype.triangles[triangle];
-                Corners { numbers, own: numbers.map(|v| prototype.vertices[v as usize]) }
+                let own = numbers.map(|v| prototype.vertices[v as usize]);
+                Corners { numbers, own, place: Some(place) }
             }
         }
     }
 
     /// Unit normal of a facet in the beam frame.
-    fn normal(&self, placed: Option<&Placed>, corners: &[DVec3; 3]) -> DVec3 {
-        let [a, b, c] = corners.map(|corner| world(placed, corner));
-        let normal = (b - a).cross(c - a).normalize_or_zero();
-        self.rotation * normal
+    fn normal(&self, facet: FacetOf) -> DVec3 {
+        let [a, b, c] = self.view.sample.corners(facet);
+        self.rotation * (b - a).cross(c - a).normalize_or_zero()
     }
 }
 
 /// Corners of a facet in the frame of its mesh, with their numbers.
-struct Corners {
+struct Corners<'a> {
     numbers: [u32; 3],
     own: [DVec3; 3],
+    /// Place of a mesh that is placed.
+    place: Option<&'a Place>,
 }
 
-/// A point of a mesh in the sample.
-fn world(placed: Option<&Placed>, point: DVec3) -> DVec3 {
-    placed.map_or(point, |it| it.place.world_from_own(point))
+impl Corners<'_> {
+    /// A point of the mesh in the sample, m.
+    fn world(&self, point: DVec3) -> DVec3 {
+        self.place.map_or(point, |place| place.world_from_own(point))
+    }
 }
 
 /// Edges of a facet whose corners have these heights above a plane, in the order of its corners: the one that goes

@@ -6,6 +6,7 @@
 //! until the bends of its light are within the tolerance. A height at which light jumps has two lines, just above and
 //! just below it.
 
+use crate::sampling::ProjectedBounds;
 use beamlet_core::numbers;
 
 /// Error of an interval over its height squared times the bend of its light: the standard deviation of a jump at a
@@ -78,8 +79,20 @@ pub(crate) struct Features {
 }
 
 impl Features {
+    /// Adds a body whose shadow falls on a row.
+    pub(crate) fn add(&mut self, shadow: &ProjectedBounds, row: i64) {
+        // Upright bodies are the same at all heights, unless they are rough.
+        if shadow.throws(row) || shadow.rough {
+            self.height = self.height.min(shadow.height);
+        }
+        self.rough |= shadow.rough;
+        for lid in shadow.lids {
+            self.add_end(lid.map(|z| z - row as f64));
+        }
+    }
+
     /// Adds a range of z over which a body ends, rows below the upper border, if it is flat and near the row.
-    pub(crate) fn add_end(&mut self, [low, high]: [f64; 2]) {
+    fn add_end(&mut self, [low, high]: [f64; 2]) {
         let is_flat = low <= high && high - low <= FLAT;
         if !is_flat && high - low < 1.0 {
             let heights = [low, f64::midpoint(low, high), high];
@@ -360,8 +373,8 @@ impl<L: Judged + Clone> Heights<L> {
     }
 
     /// Error of light that displacement takes over the borders of the row: where the displaced light of an interval
-    /// near a border jumps, as much may cross it as the interval has light near the border. Then, as far as it may
-    /// hide where rays cross other surfaces between two lines, for halving alone.
+    /// near a border jumps, as much may cross it as the interval has light near the border. The second
+    /// error, for halving alone, is of light that may cross it where the two lines cross different surfaces.
     fn crossing(&self, at: usize, own: &Rise<'_>, beside: [Option<Rise<'_>>; 2]) -> [f64; 2] {
         let [upper, _] = own.moved;
         // Light may be displaced farther between two lines than at either.

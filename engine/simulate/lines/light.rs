@@ -6,7 +6,8 @@ use crate::sampling::{Opening, ViewContext};
 use beamlet_core::numbers::{self, single};
 use std::ops::Range;
 
-/// Windows of a beamlet that are told apart; light farther off counts with that of a window as many farther on.
+/// Windows side by side that have values of their own; those of a window farther off are added to the window this many
+/// before it.
 const WINDOWS: i64 = 5;
 /// Rows beyond the recorded ones within which light counts: it may land otherwise between two lines.
 const BESIDE: f64 = 1.0;
@@ -96,7 +97,7 @@ impl<'a> Illumination<'a> {
         }
     }
 
-    /// Values of a line without those of the displacement along x.
+    /// Number of the values of light, which come before those of the displacement along x.
     pub(crate) fn values_of_light(&self) -> usize {
         let response = self.view.response;
         response.windows.len() * response.steps() * numbers::narrow::<usize>(WINDOWS)

@@ -14,7 +14,7 @@ pub(crate) struct LinePlace {
 }
 
 impl LinePlace {
-    /// By row, then beamlet.
+    /// Order by row, then beamlet.
     pub(crate) fn order(&self, other: &Self) -> Ordering {
         self.row.total_cmp(&other.row).then(self.beamlet.cmp(&other.beamlet))
     }

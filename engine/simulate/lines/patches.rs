@@ -4,7 +4,7 @@ use super::by_facets::FacetLines;
 use super::heights::{Features, Heights, Limits, Uneven};
 use super::light::{Illumination, LitLine};
 use super::line::{LinePlace, Piece, Source};
-use crate::sampling::{Opening, PatchGrid, ViewContext, tally_of};
+use crate::sampling::{Opening, PatchGrid, ViewContext, safety, tally_of};
 use crate::trace::Tracer;
 use beamlet_core::tally::Tally;
 use beamlet_core::{Result, numbers};
@@ -14,10 +14,6 @@ use rayon::prelude::*;
 use std::ops::Range;
 use std::sync::Arc;
 
-/// Share of the tolerance that an estimated error may take, and that with a single mask step, whose light nothing
-/// evens out.
-const TOLERATED: f64 = 0.45;
-const TOLERATED_ALONE: f64 = 0.2;
 /// Least height between two lines through facets, rows: their places are exact in f64, and a jump that is missed errs by
 /// 1.5e-5 of it.
 const LEAST: f64 = 1.0 / 65536.0;
@@ -54,14 +50,9 @@ impl PatchPlaces {
         for (shadow, rays) in view.projected_bounds.iter().zip(&view.facets.by_rays) {
             let beamlets = shadow.patches(lattice)[1].clone();
             for row in shadow.rows_that_count(lattice, &recorded, &grid.rows) {
-                let height = if shadow.throws(row) { shadow.height } else { f64::INFINITY };
                 for at in grid.in_row(row, beamlets.clone()) {
                     by_rays[at] |= rays;
-                    let of_patch = features[at].get_or_insert_default();
-                    of_patch.height = of_patch.height.min(height);
-                    for lid in shadow.lids {
-                        of_patch.add_end(lid.map(|z| z - row as f64));
-                    }
+                    features[at].get_or_insert_default().add(shadow, row);
                 }
             }
         }
@@ -166,9 +157,8 @@ pub(crate) struct LineSampler<'a> {
 
 impl<'a> LineSampler<'a> {
     pub(crate) fn new(view: &'a ViewContext<'a>) -> Self {
-        let tolerated = if view.response.steps() == 1 { TOLERATED_ALONE } else { TOLERATED };
         let limits = Limits {
-            error: tolerated * view.budget.light,
+            error: safety(view.response.steps()) * view.budget.light,
             lines: view.budget.max_rays as usize,
             reach: REACH * view.lattice.row_blur(),
             uneven: uneven(view),
@@ -184,11 +174,6 @@ impl<'a> LineSampler<'a> {
             most_pieces: PIECES_OF_A_RAY * view.budget.max_rays as usize,
             openings: (0..columns).map(|column| view.response.openings(column)).collect(),
         }
-    }
-
-    /// Rows that a displacement of rays takes light downwards.
-    pub(crate) const fn illumination(&self) -> &Illumination<'a> {
-        &self.illumination
     }
 
     /// Patches with the lines that their light needs, and their counts; nothing where the patches would hold more

@@ -194,7 +194,7 @@ impl Emitter<'_> {
             -(up + (low - up) * (z - own[0]) / (own[1] - own[0])) / f64::from(self.row_pitch)
         };
         let landing = [top + at(top), bottom + at(bottom)];
-        if let Some(Some(shares)) = rectangle.line {
+        if let Some(shares) = rectangle.shares {
             return shares;
         }
         if landing[1] - landing[0] > STRETCHED * (bottom - top) {

@@ -4,7 +4,7 @@ use super::patch_grid::PatchGrid;
 use super::projected_bounds::ProjectedBounds;
 use super::view_context::ViewContext;
 
-/// Patches with more facets than this are sampled by rays alone: their facets are finer than any rectangle.
+/// Patches with more facets than this have none listed: their facets are finer than any rectangle.
 const MOST_FACETS: u32 = 1024;
 
 /// Patches crowded by the projected bounds of components, and the components that lie only in such

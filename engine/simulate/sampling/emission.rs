@@ -3,11 +3,13 @@
 
 use super::cell_batch::CellBatch;
 use super::error_estimate::Estimator;
+use super::line_cells::place_of;
 use super::moment_recording::LinearModel;
-use super::patch::{Patch, PatchPlace, Rule, Slopes, alike};
+use super::patch::{Patch, PatchPlace, Slopes, alike};
 use super::rectangle::Rectangle;
 use super::row_spread::tilt_by_depth;
 use super::view_context::ViewContext;
+use crate::lines::LinePatch;
 use crate::trace::Tracer;
 use beamlet_core::Result;
 use beamlet_core::numbers::single;
@@ -70,8 +72,8 @@ impl<'a> Emitter<'a> {
         self.cells_of(tracer, &places, rectangles)
     }
 
-    /// The cells of the rectangles of patches, by height, then x, and the places (column, row) of patches that miss
-    /// the sample.
+    /// The cells of the rectangles of patches, by height, then x, those joined that are one straight line; and the
+    /// places (column, row) of patches that miss the sample.
     pub(super) fn cells_of(
         &self,
         tracer: &mut Tracer,
@@ -79,7 +81,26 @@ impl<'a> Emitter<'a> {
         rectangles: Vec<Vec<Rectangle>>,
     ) -> Result<(CellBatch, Vec<(i64, i64)>)> {
         let joined = |rectangles| self.join(join_empty(rectangles));
-        let rectangles: Vec<Vec<Rectangle>> = rectangles.into_par_iter().map(joined).collect();
+        self.cells_of_joined(tracer, patches, rectangles.into_par_iter().map(joined).collect())
+    }
+
+    /// The cells of patches of lines, one for each piece, and the places (column, row) of patches that miss the sample.
+    pub(super) fn cells_of_lines(
+        &self,
+        tracer: &mut Tracer,
+        patches: &[LinePatch],
+    ) -> Result<(CellBatch, Vec<(i64, i64)>)> {
+        let places: Vec<PatchPlace> = patches.iter().map(place_of).collect();
+        let rectangles = patches.par_iter().map(|it| join_empty(self.rectangles_of_lines(it)));
+        self.cells_of_joined(tracer, &places, rectangles.collect())
+    }
+
+    fn cells_of_joined(
+        &self,
+        tracer: &mut Tracer,
+        patches: &[PatchPlace],
+        rectangles: Vec<Vec<Rectangle>>,
+    ) -> Result<(CellBatch, Vec<(i64, i64)>)> {
         let moments = match self.view.recording {
             Some(recording) => recording.record(tracer, self.view, patches, &rectangles)?,
             None => vec![Vec::new(); patches.len()],
@@ -116,7 +137,7 @@ impl<'a> Emitter<'a> {
         for leaf in leaves {
             let node = &patch.nodes[leaf as usize];
             // Rays that are spread evenly are not interpolated.
-            let slopes = if node.rule == Rule::Even {
+            let slopes = if patch.even.is_some() {
                 Slopes::default()
             } else {
                 estimator.slopes(node, &estimator.neighbours(patch, node))
@@ -133,7 +154,7 @@ impl<'a> Emitter<'a> {
                 displacement_variance: self.view.variance_of(&node.result),
                 ends_z: [landing_z - half, landing_z + half],
                 tilt: single(tilt_by_depth((rise * node.height()).into())),
-                line: None,
+                shares: None,
             });
         }
         rectangles
@@ -197,12 +218,10 @@ impl<'a> Emitter<'a> {
         let width = last.x[1] - first.x[0];
         let period = single(self.view.lattice.period);
         let (a, b) = (&first.ends.result, &last.ends.result);
-        let of_line = group.iter().any(|r| r.line.is_some());
         let stands = last.x[0].to_bits() == before.x[1].to_bits()
             && last.z.map(f32::to_bits) == first.z.map(f32::to_bits)
             && last.ray[1].to_bits() == first.ray[1].to_bits();
         if !stands
-            || of_line
             || !alike(a, b)
             || (a.flags ^ b.flags) & KIND != 0
             || a.flags & FLAG_EXACT != 0

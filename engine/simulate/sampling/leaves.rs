@@ -75,6 +75,6 @@ fn rectangle_of(leaf: &RefinedLeaf, emitter: &Emitter<'_>) -> Rectangle {
         displacement_variance: emitter.view.variance_of(&result),
         ends_z: [landing + half, landing - half],
         tilt: leaf.tilt,
-        line: None,
+        shares: None,
     }
 }

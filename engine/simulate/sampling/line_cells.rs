@@ -4,23 +4,19 @@ use super::emission::Emitter;
 use super::moment_recording::LinearModel;
 use super::patch::PatchPlace;
 use super::rectangle::Rectangle;
-use crate::lines::{LinePatch, LineSampler, Piece};
+use crate::lines::{LinePatch, Piece};
 use beamlet_core::numbers::single;
 
 impl Emitter<'_> {
     /// The pieces of the lines of a patch, by height, then x.
-    pub(super) fn rectangles_of_lines(
-        &self,
-        sampler: &LineSampler<'_>,
-        patch: &LinePatch,
-    ) -> Vec<Rectangle> {
+    pub(super) fn rectangles_of_lines(&self, patch: &LinePatch) -> Vec<Rectangle> {
         let mut rectangles = Vec::new();
         for (at, line) in patch.heights.light().enumerate() {
             let z = patch.heights.nearest(at);
             let parts: Vec<_> = patch.heights.parts(at).collect();
             let mut known: Option<(f32, Option<[f32; 2]>)> = None;
             for piece in &line.pieces {
-                let down = sampler.illumination().down(piece);
+                let down = -piece.result.landing_z(self.gap) / self.row_pitch;
                 let shares = match known {
                     Some((same, shares)) if same.to_bits() == down.to_bits() => shares,
                     _ => self.view.lattice.line_shares(&parts, down.into()),
@@ -54,7 +50,7 @@ impl Emitter<'_> {
             displacement_variance: self.view.variance_of(&piece.result),
             ends_z: [landing_z; 2],
             tilt: 0.0,
-            line: Some(shares),
+            shares,
         }
     }
 }

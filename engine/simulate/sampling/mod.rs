@@ -46,7 +46,7 @@ pub(crate) use base_lattice::{BaseLattice, ROWS_TOGETHER};
 pub(crate) use cell_batch::{CellBatch, blank_cells, empty_cell_row, empty_cell_rows};
 pub(crate) use cell_moments::{CellMoments, ExactCell};
 pub(crate) use edges_along_z::EdgesAlongZ;
-pub(crate) use error_budget::{ErrorBudget, tally_of};
+pub(crate) use error_budget::{ErrorBudget, safety, tally_of};
 pub(crate) use hardening::Hardening;
 pub use lattice::{Lattice, beamlet_geometry};
 pub(crate) use leaves::{bytes_of_leaf, cells_of_leaves};

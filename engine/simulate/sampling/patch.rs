@@ -7,7 +7,7 @@ mod beside;
 mod node;
 
 pub(super) use beside::Witness;
-pub(super) use node::{Axis, Node, Rule, Slopes, alike, is_drawn, no_silhouette_between};
+pub(super) use node::{Axis, Node, Slopes, alike, is_drawn, no_silhouette_between};
 
 use beamlet_core::numbers::{self, single};
 use beamlet_interface::RayResult;
@@ -154,9 +154,7 @@ impl Patch {
         borders: Vec<f32>,
         (lines, even): (u32, Even),
     ) -> Self {
-        let mut patch = Self { even: Some(even), ..Self::slabs(beamlet, row, borders, lines) };
-        patch.nodes.iter_mut().for_each(|node| node.rule = Rule::Even);
-        patch
+        Self { even: Some(even), ..Self::slabs(beamlet, row, borders, lines) }
     }
 
     /// Lines of a patch of `count` rays that are spread evenly. What refraction throws over a border of the row is

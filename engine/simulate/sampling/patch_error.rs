@@ -1,9 +1,10 @@
 //! Error of a patch: the errors of its rectangles at every mask step, and which of them to split.
 
+use super::error_budget::safety;
 use super::error_estimate::{CellError, Estimator, SPREAD};
 use super::patch::{Axis, Even, Node, Patch};
 use super::response::Opening;
-use super::step_errors::{StepError, StepSums, Weighing};
+use super::step_errors::{StepError, StepSums};
 use super::step_shares::{StepRun, is_open, step_runs};
 use super::unresolved::FIRST;
 use beamlet_core::numbers::{self, single};
@@ -11,13 +12,7 @@ use beamlet_core::numbers::{self, single};
 /// Rectangles that would hold this part of the budget at every mask step, were all like them, are
 /// not split.
 const NEGLIGIBLE: f64 = 0.01;
-/// Fraction of the budget that refinement aims at for the worst mask step; with it silhouettes hold 1e-4 with uneven
-/// steps (`values_are_within_the_tolerance_of_much_finer_stacks`).
-const SAFETY: f64 = 0.45;
-/// The same with a single step, where the root mean square should be a third of the budget
-/// (`tight_tolerances_hold_without_a_sample_mask`).
-const SAFETY_OF_ONE: f64 = 0.2;
-/// The same for angles determined by rays: facets about as wide as the distance of rays hide between
+/// Fraction of the budget that refinement aims at for angles determined by rays: facets about as wide as the distance of rays hide between
 /// them. With 0.45 prisms and fine balls err by 0.46 of 3 nrad, with 0.23 by 0.34
 /// (`angles_hold_in_interior_pixels_beside_silhouettes_too`).
 const SAFETY_OF_RAYS: f64 = 0.2;
@@ -133,9 +128,8 @@ struct Scored<'k> {
 }
 
 impl Estimator<'_> {
-    /// Part of the budget that refinement aims at.
     fn safety(&self) -> f64 {
-        if self.response.steps() > 1 { SAFETY } else { SAFETY_OF_ONE }
+        safety(self.response.steps())
     }
 
     /// Computes the missing errors of the leaves of a patch. `openings`: of its beamlet.
@@ -157,7 +151,8 @@ impl Estimator<'_> {
         pool_draws(&mut known_errors.errors, patch);
     }
 
-    /// The error of a patch. `openings`: of its beamlet. `narrow`: components that may hide between rays. `known_errors`: known errors of its
+    /// The error of a patch. `openings`: of its beamlet. `narrow`: components that may hide between rays.
+    /// `known_errors`: known errors of its
     /// nodes; the others are computed.
     pub(super) fn patch_error(
         &self,
@@ -173,7 +168,7 @@ impl Estimator<'_> {
         let known_errors = &*known_errors;
         let sums = self.step_sums(patch, known_errors);
         let mut result = PatchError {
-            light: sums.steps.iter().map(StepError::light).fold(0.0, f64::max).sqrt(),
+            light: sums.steps.iter().map(|step| step.light).fold(0.0, f64::max).sqrt(),
             displacement: sums.displacement_share(self.budget.displacement),
             ..PatchError::default()
         };
@@ -193,8 +188,7 @@ impl Estimator<'_> {
     }
 
     /// Sums of the errors of the rectangles of a patch.
-    fn step_sums(&self, patch: &Patch, known_errors: &KnownErrors) -> StepSums<'_> {
-        let weighing = Weighing { response: self.response };
+    fn step_sums(&self, patch: &Patch, known_errors: &KnownErrors) -> StepSums {
         let mut steps = vec![StepError::default(); self.response.steps()];
         let (mut count, mut silhouettes) = (0_u32, 0_u32);
         let mut seen = false;
@@ -203,11 +197,10 @@ impl Estimator<'_> {
             seen |= error.silhouette && is_open(runs);
             silhouettes += u32::from(error.silhouette);
             for (step, share) in runs.iter().flat_map(StepRun::steps) {
-                steps[step as usize].add(&weighing.of(error, share));
+                steps[step as usize].add(&StepError::of(self.response, error, share));
             }
         }
         StepSums {
-            weighing,
             steps,
             count,
             silhouettes,
@@ -224,15 +217,15 @@ impl Estimator<'_> {
         patch: &'k Patch,
         narrow: &[NarrowComponent],
         known_errors: &'k KnownErrors,
-        sums: &StepSums<'_>,
+        sums: &StepSums,
         splits: &mut Vec<(u32, Axis)>,
     ) -> Vec<Scored<'k>> {
-        let StepSums { weighing, count, light, bounded, .. } = sums;
+        let StepSums { count, light, bounded, .. } = sums;
         let alike = !self.other_energies;
         let mut scored = Vec::new();
         for (error, _, runs) in known_errors.leaves(patch) {
             let may_move = *bounded && error.moment > 0.0;
-            let part = |(_, share): (u32, f32)| weighing.of(error, share).light();
+            let part = |(_, share): (u32, f32)| StepError::of(self.response, error, share).light;
             let most = if alike {
                 runs.iter().flat_map(StepRun::steps).map(part).fold(0.0, f64::max)
             } else {
@@ -253,7 +246,7 @@ impl Estimator<'_> {
             if negligible && !may_move {
                 continue;
             }
-            let of = |(step, share)| sums.excess(step, &weighing.of(error, share));
+            let of = |(step, share)| sums.excess(step, &StepError::of(self.response, error, share));
             let score = runs.iter().flat_map(StepRun::steps).map(of).fold(0.0, f64::max);
             if score > 0.0 {
                 scored.push(Scored { score, error, runs });
@@ -269,7 +262,7 @@ impl Estimator<'_> {
     fn split_worst(
         &self,
         patch: &Patch,
-        sums: &StepSums<'_>,
+        sums: &StepSums,
         scored: Vec<Scored<'_>>,
         mut excesses: Vec<f64>,
         splits: &mut Vec<(u32, Axis)>,
@@ -279,7 +272,7 @@ impl Estimator<'_> {
                 break;
             }
             for (step, share) in runs.iter().flat_map(StepRun::steps) {
-                let own = sums.excess(step, &sums.weighing.of(error, share));
+                let own = sums.excess(step, &StepError::of(self.response, error, share));
                 excesses[step as usize] -= (1.0 - LEFT) * own;
             }
             let other = if error.axis == Axis::X { Axis::Z } else { Axis::X };

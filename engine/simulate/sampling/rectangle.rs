@@ -21,8 +21,8 @@ pub(super) struct Rectangle {
     pub(super) ends_z: [f32; 2],
     /// Change of its light over its height, relative to the mean light.
     pub(crate) tilt: f32,
-    /// Of a line: shares of its light in the rows above and below, where they are known.
-    pub(crate) line: Option<Option<[f32; 2]>>,
+    /// Shares of its light in the rows above and below, where they are known beforehand.
+    pub(crate) shares: Option<[f32; 2]>,
 }
 
 impl Rectangle {

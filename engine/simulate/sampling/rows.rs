@@ -6,16 +6,14 @@ use super::cell_moments::CellMoments;
 use super::emission::Emitter;
 use super::error_budget::tally_of;
 use super::lattice::Lattice;
-use super::line_cells::place_of;
 use super::narrow_components::NarrowComponents;
-use super::patch::{Patch, PatchPlace};
+use super::patch::Patch;
 use super::refinement::{Refined, Refiner};
 use super::room::{Group, Room};
 use super::view_context::ViewContext;
 use crate::lines::{LineSampler, PatchPlaces};
 use crate::trace::Tracer;
 use beamlet_core::{Result, numbers};
-use rayon::prelude::*;
 use std::ops::Range;
 
 /// Leaves of a patch that memory is reckoned for.
@@ -53,7 +51,6 @@ pub(crate) fn sample_rows(
     if places.is_empty() && (rows.end <= lit.start || rows.start >= lit.end) {
         return Ok(());
     }
-    let narrow = NarrowComponents::new(view, &rows, base.base);
     let mut blank = Vec::new();
     let (mut waiting, mut of_lines) = (Vec::new(), Vec::new());
     let first_beamlet = view.lattice.beamlets.start;
@@ -72,23 +69,21 @@ pub(crate) fn sample_rows(
         }
     }
     let all = waiting.len() + of_lines.len();
-    let mut keep_lines = |tracer: &mut Tracer, cells: CellBatch, empty: Vec<(i64, i64)>| {
+    let mut keep = |tracer: &mut Tracer, cells: CellBatch, empty: Vec<(i64, i64)>| {
         blank.extend(empty);
         take(tracer, &cells)
     };
     let mut done = |tracer: &Tracer, done: usize| advance(tracer, done as f64 / all as f64);
-    lines(view, tracer, (&of_lines, &places), (lit, room), &mut keep_lines, &mut done)?;
-    let refiner = Refiner::new(view, base, narrow, lit);
+    lines(view, tracer, (&of_lines, &places), (lit, room), &mut keep, &mut done)?;
+    let refiner = (!waiting.is_empty())
+        .then(|| Refiner::new(view, base, NarrowComponents::new(view, &rows, base.base), lit));
     let mut before = of_lines.len();
     for chunk in waiting.chunks((room.rays_at_once / LEAVES_OF_A_PATCH).max(1)) {
         let mut part = |tracer: &Tracer, done: usize| {
             advance(tracer, (before + done) as f64 / all as f64);
         };
-        let mut keep = |tracer: &mut Tracer, cells: CellBatch, empty: Vec<(i64, i64)>| {
-            blank.extend(empty);
-            take(tracer, &cells)
-        };
-        refined(view, &refiner, tracer, (chunk, room), lit, &mut keep, &mut part)?;
+        let Some(refiner) = &refiner else { break };
+        refined(view, refiner, tracer, (chunk, room), lit, &mut keep, &mut part)?;
         before += chunk.len();
     }
     take_blank(view, tracer, (blank, lit), take)
@@ -145,9 +140,7 @@ pub(super) fn lines(
             waiting.extend([other, first]);
             continue;
         };
-        let places: Vec<PatchPlace> = patches.iter().map(place_of).collect();
-        let rectangles = patches.par_iter().map(|it| emitter.rectangles_of_lines(&sampler, it));
-        let (mut cells, empty) = emitter.cells_of(tracer, &places, rectangles.collect())?;
+        let (mut cells, empty) = emitter.cells_of_lines(tracer, &patches)?;
         cells.tally = tally;
         cells.balance();
         done += some.len();

@@ -7,48 +7,34 @@ use super::response::Response;
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct StepError {
     /// Error of the light, squared.
-    light: f64,
+    pub(super) light: f64,
     /// Error of the displacement, squared.
     moment: f64,
     through: f64,
 }
 
-/// How errors of rectangles count at a mask step.
-#[derive(Clone, Copy)]
-pub(super) struct Weighing<'a> {
-    pub(super) response: &'a Response,
-}
-
-impl Weighing<'_> {
+impl StepError {
     /// The error of a rectangle of which this part of its width is open.
-    pub(super) fn of(&self, error: &CellError, width: f32) -> StepError {
+    pub(super) fn of(response: &Response, error: &CellError, width: f32) -> Self {
         let open = width * error.height;
-        let lit = self.response.lit(open);
+        let lit = response.lit(open);
         // Light that leaks through bars is the same at every step, and moves no angle.
-        StepError {
+        Self {
             light: f64::from(lit * error.light).powi(2),
             moment: f64::from(open * error.moment).powi(2),
             through: f64::from(open * error.through),
         }
     }
-}
 
-impl StepError {
     pub(super) fn add(&mut self, other: &Self) {
         self.light += other.light;
         self.moment += other.moment;
         self.through += other.through;
     }
-
-    /// The error of the light, squared.
-    pub(super) fn light(&self) -> f64 {
-        self.light
-    }
 }
 
 /// Errors of the rectangles of a patch summed at every mask step, and their limits.
-pub(super) struct StepSums<'a> {
-    pub(super) weighing: Weighing<'a>,
+pub(super) struct StepSums {
     pub(super) steps: Vec<StepError>,
     /// Rectangles.
     pub(super) count: u32,
@@ -62,12 +48,12 @@ pub(super) struct StepSums<'a> {
     pub(super) bounded: bool,
 }
 
-impl StepSums<'_> {
+impl StepSums {
     /// An error at a step in shares of the budget of the step; 0 where the step holds its budget.
     pub(super) fn excess(&self, step: u32, error: &StepError) -> f64 {
         let all = &self.steps[step as usize];
         let moment = (self.displacement * all.through).powi(2);
-        let of_light = if all.light() > self.light { error.light / self.light } else { 0.0 };
+        let of_light = if all.light > self.light { error.light / self.light } else { 0.0 };
         if self.bounded && all.moment > moment {
             of_light.max(error.moment / moment)
         } else {

@@ -109,17 +109,9 @@ impl WaveBand {
             // Lines reach over the borders of their beamlet.
             let near = (beamlets.start - 1).max(all.start)..(beamlets.end + 1).min(all.end);
             for row in own.start.max(rows.start)..own.end.min(rows.end) {
-                // Upright bodies are the same at all heights, unless they are rough.
-                let differs = shadow.throws(row) || shadow.rough;
-                let height = if differs { shadow.height } else { f64::INFINITY };
                 let of_row = found.entry(row).or_default();
                 for beamlet in near.clone() {
-                    let features = of_row.entry(beamlet).or_default();
-                    features.height = features.height.min(height);
-                    features.rough |= shadow.rough;
-                    for lid in shadow.lids {
-                        features.add_end(lid.map(|z| z - row as f64));
-                    }
+                    of_row.entry(beamlet).or_default().add(shadow, row);
                 }
             }
         }

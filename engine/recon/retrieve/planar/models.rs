@@ -45,7 +45,7 @@ pub(super) fn through_centres(
     let centres: Vec<([i64; 2], [f64; 2])> = some
         .par_iter()
         .filter_map(|window| {
-            let scan = window_scan(&model, frame, (window, noise));
+            let scan = window_scan(&model, frame, window, noise);
             let fit = model.fit(&scan, values(flat, window), None, None);
             let is_fine =
                 fit.curve.has_answer() && fit.curve.centre.iter().all(|at| at.is_finite());
@@ -59,7 +59,8 @@ pub(super) fn through_centres(
 pub(super) fn window_scan(
     model: &PlanarModel,
     frame: &Frame,
-    (window, noise): (&Window, ValueNoise),
+    window: &Window,
+    noise: ValueNoise,
 ) -> Scan {
     let place = |[row, column]: &[u32; 2]| frame.place(i64::from(*row), i64::from(*column));
     model.scan(window.pixels.iter().map(place).collect(), noise)

@@ -21,7 +21,8 @@ const LEAST: f64 = 0.01;
 pub(super) fn by_moments(
     scan: &Scan,
     curve: impl Iterator<Item = f32>,
-    (model, area): (&Model, f64),
+    model: &Model,
+    area: f64,
 ) -> Curve {
     let values = scan.values(curve, NEEDED);
     if values.flags & (flags::NO_ANSWER | flags::SATURATED) != 0 {
@@ -31,7 +32,7 @@ pub(super) fn by_moments(
     if measured[0].is_nan() || measured[0] <= 0.0 {
         return Curve::unknown(values.flags | flags::NO_PEAK);
     }
-    let corrected = corrected(&values, (model, area), &measured);
+    let corrected = corrected(&values, model, area, &measured);
     let truncated = if corrected.is_some() { 0 } else { flags::TRUNCATED };
     let [light, x, z, xx, zz, xz] = corrected.unwrap_or(measured);
     let sigma = |of: &dyn Fn([f64; 2]) -> f64| {
@@ -61,11 +62,7 @@ pub(super) fn by_moments(
 
 /// Moments of the Gaussian that has the measured moments in the window; `None` if there is none, as where the light
 /// does not fall off within it.
-fn corrected(
-    values: &Values,
-    (model, area): (&Model, f64),
-    measured: &[f64; 6],
-) -> Option<[f64; 6]> {
+fn corrected(values: &Values, model: &Model, area: f64, measured: &[f64; 6]) -> Option<[f64; 6]> {
     let own = model.own_variances();
     let (mut found, mut tables) = (*measured, Tables::default());
     let mut fitted = values.clone();

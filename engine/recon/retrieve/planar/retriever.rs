@@ -175,7 +175,7 @@ impl PlanarRetriever {
                 let all: Vec<(usize, &Window)> = windows.iter().collect();
                 let fit = |(at, window): &(usize, &Window)| -> Result<(usize, PlanarFit)> {
                     cancel.check()?;
-                    Ok((*at, self.beamlet(frames, (window, noise), of_flat(*at))))
+                    Ok((*at, self.beamlet(frames, window, noise, of_flat(*at))))
                 };
                 let fitted: Vec<_> = all.par_iter().map(fit).collect::<Result<_>>()?;
                 let mut fits = vec![None; windows.count()];
@@ -207,16 +207,17 @@ impl PlanarRetriever {
     fn beamlet(
         &self,
         frames: ArrayView3<'_, f32>,
-        (window, noise): (&Window, ValueNoise),
+        window: &Window,
+        noise: ValueNoise,
         flat: Option<&PlanarFit>,
     ) -> PlanarFit {
-        let scan = window_scan(&self.model, &self.frame, (window, noise));
+        let scan = window_scan(&self.model, &self.frame, window, noise);
         let curve = values(frames, window);
         if self.options.method() != Method::Moments {
             return self.model.fit(&scan, curve, flat, None);
         }
         let area = self.frame.pitch[0] * self.frame.pitch[1];
-        PlanarFit::of(by_moments(&scan, curve, (&self.model.model, area)))
+        PlanarFit::of(by_moments(&scan, curve, &self.model.model, area))
     }
 
     /// Names of the images of the flat and of a view.

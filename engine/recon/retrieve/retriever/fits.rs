@@ -70,7 +70,9 @@ impl Retriever {
                 Method::Moments => closed::by_moments(&scan, curve),
                 Method::TwoStep => {
                     let reach = self.shape.reach_of_two(2.0 * scan.half());
-                    closed::two_points(&scan, (model()?, self.shape.spread(), reach), curve)
+                    let known =
+                        closed::KnownBlur { model: model()?, blur: self.shape.spread(), reach };
+                    closed::two_points(&scan, known, curve)
                 }
                 Method::Gaussian | Method::Triangle | Method::ExactCurve => {
                     fit_slits(model()?, &scan, curve, None)

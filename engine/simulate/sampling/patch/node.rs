@@ -18,15 +18,6 @@ pub(in crate::sampling) struct Slopes {
     pub(in crate::sampling) landing: [f32; 2],
 }
 
-/// Rule of quadrature that gives the result of a rectangle (docs/developers/sampling.md, "Patches of rays").
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(in crate::sampling) enum Rule {
-    /// The ray through its centre.
-    Rays,
-    /// One of the rays that are spread evenly over the patch.
-    Even,
-}
-
 /// A rectangle and its result.
 #[derive(Debug, Clone, Copy)]
 pub(in crate::sampling) struct Node {
@@ -35,12 +26,11 @@ pub(in crate::sampling) struct Node {
     /// Share of the row, downwards.
     pub(in crate::sampling) z: [f32; 2],
     pub(in crate::sampling) result: RayResult,
-    pub(in crate::sampling) rule: Rule,
 }
 
 impl Node {
     pub(in crate::sampling) fn new(x: [f32; 2], z: [f32; 2], result: RayResult) -> Self {
-        Self { x, z, result, rule: Rule::Rays }
+        Self { x, z, result }
     }
 
     /// Centre (x, z).
