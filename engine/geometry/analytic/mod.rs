@@ -224,9 +224,11 @@ pub enum Form {
 /// A cylinder less a coaxial bore, m.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Tube {
+    /// Radius of the cylinder.
     pub outer: f64,
     /// Radius of the bore, above 0 and less than `outer`.
     pub inner: f64,
+    /// From the centre to an end.
     pub half_height: f64,
 }
 

@@ -29,7 +29,7 @@ impl Partners {
     }
 
     /// The shapes that cross one.
-    pub(crate) fn of(&self, at: u32) -> Option<&[u32]> {
+    pub fn of(&self, at: u32) -> Option<&[u32]> {
         self.lists.get(&at).map(Vec::as_slice)
     }
 

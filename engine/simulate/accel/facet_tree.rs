@@ -1,7 +1,7 @@
 //! Facets in the way of a fan of rays: a walk of the trees on the host.
 
 use super::Bvh;
-use beamlet_geometry::{FacetOf, Placed, Sample};
+use beamlet_geometry::{CornerNormals, FacetOf, Placed, Sample};
 use beamlet_interface::Node;
 use glam::{DMat3, DVec3};
 
@@ -17,6 +17,17 @@ pub(crate) struct FacetTree {
     facets: Vec<u32>,
     /// Root and first leaf, by prototype.
     roots: Vec<u32>,
+    /// Normals of the corners of each leaf, in the frame of its mesh; none where no object is smooth.
+    normals: Vec<CornerNormals>,
+}
+
+/// A surface whose box touches a fan.
+#[derive(Debug, Clone, Copy)]
+pub(crate) enum Met<'a> {
+    /// A facet, with the fan in the frame of its mesh and the number of its leaf.
+    Facet(FacetOf, &'a Fan, usize),
+    /// An exact shape, by its index among the placed surfaces.
+    Shape(usize),
 }
 
 /// Rays from the source in one plane, between two rays of it: planes through the source, in some frame.
@@ -72,12 +83,17 @@ impl FacetTree {
             nodes: bvh.nodes.clone(),
             facets: bvh.facets.clone(),
             roots: bvh.prototypes.iter().map(|it| it.root).collect(),
+            normals: bvh.corner_normals.clone(),
         }
     }
 
-    /// Calls `visit` with the facets whose boxes touch a fan in the frame of the sample, in the order of the tree,
-    /// and with the fan in the frame of the mesh of each.
-    pub(crate) fn each(&self, sample: &Sample, fan: &Fan, visit: &mut dyn FnMut(FacetOf, &Fan)) {
+    /// Normals of the corners of a leaf of a smooth object, in the frame of its mesh.
+    pub(crate) fn corner_normals(&self, leaf: usize) -> [DVec3; 3] {
+        self.normals[leaf].map(|normal| DVec3::from_array(normal.map(f64::from)))
+    }
+
+    /// Calls `visit` with the surfaces whose boxes touch a fan in the frame of the sample, in the order of the tree.
+    pub(crate) fn each(&self, sample: &Sample, fan: &Fan, visit: &mut dyn FnMut(Met<'_>)) {
         if self.nodes.is_empty() {
             return;
         }
@@ -85,16 +101,16 @@ impl FacetTree {
         self.walk(0, fan, &mut |leaf| {
             let facet = self.facets[leaf] as usize;
             let Some(at) = facet.checked_sub(triangles) else {
-                return visit(FacetOf::Sample(facet), fan);
+                return visit(Met::Facet(FacetOf::Sample(facet), fan, leaf));
             };
             let Placed { prototype, place, .. } = &sample.placed[at];
             if sample.prototypes[*prototype as usize].shape.is_some() {
-                return;
+                return visit(Met::Shape(at));
             }
             let own = fan.in_frame(&place.linear(), place.position);
             let root = self.roots[*prototype as usize];
             self.walk(root, &own, &mut |leaf| {
-                visit(FacetOf::Placed(at, self.facets[leaf] as usize), &own);
+                visit(Met::Facet(FacetOf::Placed(at, self.facets[leaf] as usize), &own, leaf));
             });
         });
     }
@@ -185,7 +201,8 @@ object = [
                     && slope.iter().any(|it| (slopes[0]..slopes[1]).contains(it))
             };
             let mut visited = Vec::new();
-            tree.each(&sample, &fan, &mut |facet, own| {
+            tree.each(&sample, &fan, &mut |met| {
+                let Met::Facet(facet, own, _) = met else { panic!("{met:?} is no facet") };
                 assert!(all.contains(&facet) && !visited.contains(&facet), "{facet:?}");
                 // Heights in the frame of a mesh are those in the sample.
                 if let FacetOf::Placed(at, triangle) = facet {

@@ -5,4 +5,4 @@ mod facet_tree;
 mod placed;
 
 pub use bvh::Bvh;
-pub(crate) use facet_tree::{FacetTree, Fan};
+pub(crate) use facet_tree::{FacetTree, Fan, Met};

@@ -243,13 +243,19 @@ impl<'a> Illumination<'a> {
         };
         // Edges behind the first surface lie aside by as much as refraction moves the path.
         let aside = |it: &Piece| f64::from((it.result.slope_x * it.extent).abs()).min(own.width());
-        let is_ray = |it: &&Piece| matches!(it.source, Source::Ray { .. });
+        let is_ray = |it: &Piece| matches!(it.source, Source::Ray { .. });
         let (mut same, mut other) = (None, 0.0_f64);
-        for it in beside.filter(is_ray) {
+        for it in beside {
             if it.interval == own.interval {
-                let moved = own.width() * change(depth, it.result.displacement_x);
-                same = Some(same.unwrap_or(0.0_f64).max(moved));
-            } else if self.view.facets.is_exact {
+                let mut moved = change(depth, it.result.displacement_x);
+                if own.is_curved {
+                    // Between two rays light may land where neither does.
+                    let apart = it.result.displacement_x - own.result.displacement_x;
+                    let most = (f64::from(apart.abs()) * response.steepest()).min(1.0);
+                    moved = moved.max(f64::from(of_own[0]) * most);
+                }
+                same = Some(same.unwrap_or(0.0_f64).max(own.width() * moved));
+            } else if self.view.facets.is_exact && is_ray(it) {
                 let light = change(it.result.optical_depth, it.result.displacement_x);
                 other = other.max(aside(own).max(aside(it)) * light);
             }

@@ -47,6 +47,8 @@ pub(crate) struct Piece {
     pub extent: f32,
     /// Number of the interval of the line between ends of facets that it is part of.
     pub interval: u32,
+    /// True if its rays cross curved surfaces.
+    pub is_curved: bool,
 }
 
 impl Piece {

@@ -1,10 +1,12 @@
-//! Lines: a beamlet at one height. Their heights in a row, and lines through facets.
+//! Lines: a beamlet at one height. Their heights in a row, and lines through the surfaces of a sample.
 
 mod by_facets;
+mod by_shapes;
 mod heights;
 mod light;
 mod line;
 mod patches;
+mod sections;
 
 pub(crate) use heights::{Features, Heights, Judged, LEAST_OF_RAYS, Limits, Uneven};
 pub(crate) use line::Piece;

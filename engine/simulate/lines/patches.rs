@@ -1,9 +1,9 @@
 //! Patches whose light is that of lines through facets: heights of their lines, and errors.
 
-use super::by_facets::FacetLines;
 use super::heights::{Features, Heights, Limits, Uneven};
 use super::light::{Illumination, LitLine};
 use super::line::{LinePlace, Piece, Source};
+use super::sections::SurfaceLines;
 use crate::sampling::{Opening, PatchGrid, ViewContext, safety, tally_of};
 use crate::trace::Tracer;
 use beamlet_core::tally::Tally;
@@ -22,6 +22,8 @@ const PIECES_OF_A_RAY: usize = 4;
 /// Standard deviations of the blur over rows beside a border within which light crosses it.
 const REACH: f64 = 1.5;
 
+/// Most bodies of a patch of lines: among more, rays that are spread evenly cost less.
+const MOST_BODIES: u32 = 32;
 /// Error of a piece near grazing incidence, whose rays differ, that stays whole: share of the limit.
 const BY_RAYS: f64 = 0.15;
 /// Such a piece is not split below this width, m.
@@ -46,12 +48,14 @@ impl PatchPlaces {
         let grid = PatchGrid { rows, beamlets: lattice.beamlets.clone() };
         let mut features: Vec<Option<Features>> = vec![None; grid.count()];
         let mut by_rays = vec![false; grid.count()];
+        let mut bodies = vec![0_u32; grid.count()];
         let recorded = view.recorded_rows();
         for (shadow, rays) in view.projected_bounds.iter().zip(&view.facets.by_rays) {
             let beamlets = shadow.patches(lattice)[1].clone();
             for row in shadow.rows_that_count(lattice, &recorded, &grid.rows) {
                 for at in grid.in_row(row, beamlets.clone()) {
-                    by_rays[at] |= rays;
+                    bodies[at] += 1;
+                    by_rays[at] |= rays | (bodies[at] > MOST_BODIES);
                     features[at].get_or_insert_default().add(shadow, row);
                 }
             }
@@ -146,7 +150,7 @@ fn follows(a: &LinePlace, b: &LinePlace) -> bool {
 #[derive(Debug)]
 pub(crate) struct LineSampler<'a> {
     view: &'a ViewContext<'a>,
-    facets: FacetLines<'a>,
+    surfaces: SurfaceLines<'a>,
     illumination: Illumination<'a>,
     limits: Limits,
     /// Most pieces of a patch.
@@ -168,7 +172,7 @@ impl<'a> LineSampler<'a> {
             numbers::narrow::<usize>(view.lattice.beamlets.end - view.lattice.beamlets.start);
         Self {
             view,
-            facets: FacetLines::new(view),
+            surfaces: SurfaceLines::new(view),
             illumination: Illumination::new(view),
             limits,
             most_pieces: PIECES_OF_A_RAY * view.budget.max_rays as usize,
@@ -264,7 +268,7 @@ impl<'a> LineSampler<'a> {
         let openings = |beamlet: i64| &self.openings[numbers::narrow::<usize>(beamlet - first)][..];
         let of_run = |run: &[LinePlace]| {
             let beamlets = run[0].beamlet..run[run.len() - 1].beamlet + 1;
-            self.facets.lines(run[0].row, &beamlets, openings)
+            self.surfaces.lines(run[0].row, &beamlets, openings)
         };
         let runs: Vec<&[LinePlace]> = places.chunk_by(follows).collect();
         let mut lines: Vec<Vec<Piece>> = runs.par_iter().flat_map_iter(|run| of_run(run)).collect();

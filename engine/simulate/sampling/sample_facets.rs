@@ -5,6 +5,7 @@ use crate::trace::{component_hash, least_cosine};
 use beamlet_geometry::{Component, FacetNumbers, Sample};
 use beamlet_model::media::MaterialTable;
 use beamlet_model::scene::Transport;
+use std::collections::BTreeMap;
 
 /// Effect of a surface on rays: constants inside minus constants outside.
 #[derive(Debug, Clone, Copy)]
@@ -26,8 +27,10 @@ pub(crate) struct SampleFacets {
     pub(crate) is_exact: bool,
     /// Steps of the surfaces, by component.
     pub(crate) steps: Vec<SurfaceStep>,
-    /// True for each component that lines do not know: exact shapes, rough surfaces, smooth normals,
-    /// and surfaces with defects.
+    /// Steps between an object of exact shapes that cross others and the object around it (`None`: outside all), which
+    /// depends on the point.
+    between: BTreeMap<(u32, Option<u32>), SurfaceStep>,
+    /// True for each component that lines do not know: rough surfaces, and surfaces with defects.
     pub(crate) by_rays: Vec<bool>,
     /// Number of triangles by component.
     pub(crate) triangles: Vec<u32>,
@@ -50,11 +53,11 @@ impl SampleFacets {
         bvh: &Bvh,
     ) -> Self {
         let mean = media.mean();
-        let step = |(index, component): (u32, &Component)| {
-            let [inside, outside] = media.sides(component.object, component.outside);
+        let step_of = |hash: u32, object: u32, around: Option<u32>| {
+            let [inside, outside] = media.sides(object, around);
             let (a, b) = (&mean[inside as usize], &mean[outside as usize]);
             SurfaceStep {
-                hash: component_hash(index),
+                hash,
                 mu: a.mu - b.mu,
                 delta: a.delta - b.delta,
                 least_cosine: match transport {
@@ -63,6 +66,23 @@ impl SampleFacets {
                 },
             }
         };
+        let step = |(index, component): (u32, &Component)| {
+            step_of(component_hash(index), component.object, component.outside)
+        };
+        let component = |at: u32| {
+            let index = sample.placed[at as usize].component;
+            (index, &sample.components[index as usize])
+        };
+        let mut between = BTreeMap::new();
+        for (at, partners) in sample.partners.lists() {
+            let (index, own) = component(at);
+            let lower = partners.iter().map(|other| component(*other).1.object);
+            let lower = lower.filter(|it| *it < own.object).map(Some);
+            for around in lower.chain([own.outside]) {
+                let of = || step_of(component_hash(index), own.object, around);
+                between.entry((own.object, around)).or_insert_with(of);
+            }
+        }
         let mut triangles = vec![0; sample.components.len()];
         sample.triangle_component.iter().for_each(|c| triangles[*c as usize] += 1);
         for placed in &sample.placed {
@@ -76,15 +96,15 @@ impl SampleFacets {
         let is_open = |object: u32| {
             sample.objects.get(object as usize).is_some_and(|it| it.defects.refused())
         };
-        let rays =
-            |it: &Component| it.smooth || media.rough[it.object as usize] || is_open(it.object);
-        let mut by_rays: Vec<bool> = sample.components.iter().map(rays).collect();
-        for placed in &sample.placed {
-            by_rays[placed.component as usize] |=
-                sample.prototypes[placed.prototype as usize].shape.is_some();
-        }
+        let rays = |it: &Component| media.rough[it.object as usize] || is_open(it.object);
+        let by_rays = sample.components.iter().map(rays).collect();
         let steps = (0..).zip(&sample.components).map(step).collect();
         let tree = FacetTree::new(bvh);
-        Self { is_exact, steps, by_rays, triangles, across, tree, numbers }
+        Self { is_exact, steps, between, by_rays, triangles, across, tree, numbers }
+    }
+
+    /// Effect of a surface of an object where another object is around it, among exact shapes that cross.
+    pub(crate) fn step_between(&self, object: u32, around: Option<u32>) -> Option<&SurfaceStep> {
+        self.between.get(&(object, around))
     }
 }

@@ -19,7 +19,7 @@ keys! { SAMPLING: Sampling, "sampling", [], [];
     max_rays => Count(1, limits::RAYS as u64), Default("200000"), "20000",
         "Most rays of a beamlet and row in a view.";
     refine => Word(REFINES), Default(r#""auto""#), r#""device""#,
-        "Where rays are chosen: by rules for rays and facets on the host, or by rays on the device ([choice](developers/sampling.md#host-or-device)).";
+        "Where rays are chosen: by lines through surfaces on the host, or by rays on the device ([choice](developers/sampling.md#host-or-device)).";
     rays => Either(RAYS, &ONE, &Counts("counts in x, z", 1, limits::RAYS as u64)), Default("5000"), "[100, 10]",
         "Rays of a pixel under the scheme `random`, spread over it or in a grid; up to 400000 in all.";
     transport => Word(TRANSPORTS), Default(r#""auto""#), r#""exact""#,

@@ -11,9 +11,6 @@ use beamlet_model::media::MaterialTable;
 use beamlet_model::scene::Transport;
 use rayon::prelude::*;
 
-/// Severe cells no wider than this (m) take the mean constants' walk at every node: silhouettes
-/// are bisected to it, so that there are many, with next to no light.
-const NARROW: f32 = 50e-9;
 /// Share of the grazing incidence below which the first order leaves 1e-9 rad, where the second order
 /// leaves as much: beyond it the error grows by delta^2 / c^3.
 const SEVERE: f64 = 0.2154;
@@ -55,14 +52,10 @@ impl EnergyBinning {
     /// Repeats exact transport at the nodes where it does not follow from that at the mean constants.
     pub(super) fn repeat(&self, tracer: &mut Tracer, cell_rows: &CellBatch) -> Result<Repeated> {
         let exact = &cell_rows.moments.exact;
-        let repeats = |node: usize, width: f32, grazing: f64| {
-            (width > NARROW || self.exact_retrace_threshold[node] > 1.0)
-                && grazing < self.exact_retrace_threshold[node]
-        };
         let asks = |(index, cell): (usize, &ExactCell)| {
-            let Cell { x_low, x_high, .. } = cell_rows.cells[cell.cell as usize];
-            let (width, grazing) = (x_high - x_low, cell.grazing());
-            let nodes: Vec<bool> = (0..self.nodes()).map(|n| repeats(n, width, grazing)).collect();
+            let grazing = cell.grazing();
+            let nodes: Vec<bool> =
+                self.exact_retrace_threshold.iter().map(|least| grazing < *least).collect();
             nodes.contains(&true).then_some((numbers::count(index), nodes))
         };
         let (cells, asked): (Vec<u32>, Vec<Vec<bool>>) =
@@ -117,9 +110,6 @@ impl EnergyBinning {
                     result.x = exact_result.x * delta_ratio;
                     result.z = exact_result.z * delta_ratio;
                     result.slope_x = exact_result.slope_x * delta_ratio;
-                } else if exact.grazing() < self.exact_retrace_threshold[node] {
-                    // Narrow, or not repeated: total reflection turns light by as much anywhere.
-                    result.x = exact_result.x;
                 } else {
                     result.x += (exact_result.x - first.x) * delta_ratio * delta_ratio;
                 }

@@ -1,0 +1,562 @@
+//! Lines through the surfaces of a sample: the plane through the source and a line cuts each surface in sections, and
+//! between their ends rays cross the same surfaces. No ray is traced but near grazing incidence.
+
+use super::by_facets::{Cut, EdgePlace, FacetCuts};
+use super::by_shapes::{Crossing, ShapeCut, ShapeInBeam};
+use super::line::{LinePlace, Piece, Source, open_share};
+use crate::sampling::{Opening, SurfaceStep, ViewContext};
+use crate::trace::FIRST_ORDER_ERROR;
+use beamlet_core::numbers::{self, single};
+use beamlet_interface::RayResult;
+use glam::DVec3;
+use std::ops::Range;
+
+/// Narrower pieces, m, are left to those beside them.
+const THINNEST: f64 = 1e-13;
+/// Change of the optical depth over a piece: light is linear in a cell.
+const STEEPEST: f64 = 0.1;
+/// Most pieces of an interval between ends of facets, to begin with.
+const MOST_PARTS: f64 = 64.0;
+/// Error by light of a piece of curved surfaces that is straight, share of the budget.
+const CURVED: f64 = 0.01;
+/// Error by light of a displacement that leaves a straight line, over that of the displacement at most.
+const MOVED: f64 = 0.25;
+/// Most halvings of an interval of curved surfaces.
+const MOST_HALVINGS: u32 = 14;
+/// Least cosine of incidence at a smooth normal, as in `shaders/walk/smooth.glsl`.
+const HORIZON: f64 = 1e-4;
+/// Rays at the end of a section are computed this far inside it, share of its width.
+const INSIDE: f64 = 1e-10;
+/// Narrower pieces, m, get no ray of their own: places of rays are as coarse in f32 across a detector.
+const NARROWEST: f64 = 2e-9;
+/// Error by light of a piece near grazing that needs no exact ray, share of the budget.
+const NEGLIGIBLE: f64 = 0.03;
+
+/// Numbers of a ray: optical depth, displacement on the analyser and change of slope along x and z.
+type Numbers = [f64; 5];
+
+/// Section of a surface by the plane of a line.
+#[derive(Debug, Clone, Copy)]
+struct Section<'a> {
+    /// Ends, m from the centre of the beamlet.
+    x: [f64; 2],
+    /// What it adds to the signature of a ray.
+    hash: u32,
+    /// Crossings of a ray.
+    crossings: u32,
+    form: Form<'a>,
+}
+
+#[derive(Debug, Clone, Copy)]
+enum Form<'a> {
+    Flat {
+        /// Effect on rays at both ends.
+        ends: [Numbers; 2],
+        /// From the source along y at both ends, m.
+        distance: [f64; 2],
+        /// First-order remainder of the displacement, m; 0 where the first order is enough.
+        remainder: f64,
+    },
+    /// A facet with the normals of a smooth surface.
+    Smooth {
+        ends: [EdgePlace; 2],
+        /// x of both, m from the centre of the beamlet.
+        x: [f64; 2],
+        is_front: bool,
+        component: u32,
+    },
+    Curved {
+        shape: &'a ShapeInBeam,
+        /// True for each end at which rays touch the surface.
+        rims: [bool; 2],
+    },
+}
+
+/// Sums over the surfaces that a ray crosses.
+#[derive(Debug, Clone, Copy)]
+struct Sums {
+    numbers: Numbers,
+    /// First-order remainder of the displacement, m.
+    remainder: f64,
+    /// From the source along y to the first and to the last surface, m.
+    distance: [f64; 2],
+}
+
+/// A ray enters or leaves an exact shape that others cross.
+#[derive(Debug, Clone, Copy)]
+struct Passage {
+    crossing: Crossing,
+    is_front: bool,
+    component: u32,
+}
+
+impl Default for Sums {
+    fn default() -> Self {
+        Self { numbers: [0.0; 5], remainder: 0.0, distance: [f64::INFINITY, 0.0] }
+    }
+}
+
+impl Sums {
+    fn add(&mut self, numbers: Numbers, remainder: f64, distance: f64) {
+        self.numbers.iter_mut().zip(numbers).for_each(|(sum, it)| *sum += it);
+        self.remainder += remainder;
+        self.distance = [self.distance[0].min(distance), self.distance[1].max(distance)];
+    }
+}
+
+/// Interval between neighbouring ends of sections on a line.
+#[derive(Debug, Clone, Copy)]
+struct Interval<'a> {
+    x: [f64; 2],
+    crossed: &'a [&'a Section<'a>],
+    /// Of the beamlet.
+    openings: &'a [Opening],
+    place: &'a LinePlace,
+    /// Among those of the line.
+    number: u32,
+}
+
+impl Interval<'_> {
+    fn is_curved(&self) -> bool {
+        self.crossed.iter().any(|it| !matches!(it.form, Form::Flat { .. }))
+    }
+
+    /// Place of a share of the interval, such that what rays cross is smooth in the share: depths grow with the root of
+    /// the distance from a rim.
+    fn place(&self, share: f64) -> f64 {
+        let rim = |end: usize| {
+            self.crossed.iter().any(|it| {
+                matches!(it.form, Form::Curved { rims, .. } if rims[end])
+                    && (it.x[end] - self.x[end]).abs() <= THINNEST
+            })
+        };
+        let share = match [rim(0), rim(1)] {
+            [true, true] => (0.5 * std::f64::consts::PI * share).sin().powi(2),
+            [true, false] => share * share,
+            [false, true] => share * (2.0 - share),
+            [false, false] => share,
+        };
+        self.x[0] + (self.x[1] - self.x[0]) * share
+    }
+}
+
+/// Makes lines through the surfaces of a view.
+#[derive(Debug)]
+pub(super) struct SurfaceLines<'a> {
+    view: &'a ViewContext<'a>,
+    facets: FacetCuts<'a>,
+    /// Distance of the source before the rotation centre, m.
+    source: f64,
+    /// From the rotation centre to the analyser, m.
+    analyser: f64,
+}
+
+impl<'a> SurfaceLines<'a> {
+    pub(super) fn new(view: &'a ViewContext<'a>) -> Self {
+        Self {
+            view,
+            facets: FacetCuts::new(view),
+            source: view.optics.rotation,
+            analyser: view.optics.analyser_place(),
+        }
+    }
+
+    /// Pieces of the lines of some beamlets side by side at a row coordinate, from one end of each beamlet to the other.
+    /// `openings`: of a beamlet.
+    pub(super) fn lines<'o>(
+        &self,
+        row: f64,
+        beamlets: &Range<i64>,
+        openings: impl Fn(i64) -> &'o [Opening],
+    ) -> Vec<Vec<Piece>> {
+        let (cuts, shapes) = self.facets.of(row, beamlets);
+        let lattice = self.view.lattice;
+        let shapes: Vec<ShapeInBeam> = shapes.into_iter().filter_map(|at| self.shape(at)).collect();
+        let [slope_x, slope_z] = lattice.slopes(0, -lattice.centre(0), row);
+        let slopes = |x: f64| [slope_x + x / lattice.plane, slope_z];
+        let of_shape = |shape: &'_ ShapeInBeam| shape.cuts(self.source, lattice.plane, slopes);
+        let curved: Vec<(usize, ShapeCut)> = (0..)
+            .zip(&shapes)
+            .flat_map(|(at, shape)| of_shape(shape).into_iter().map(move |cut| (at, cut)))
+            .collect();
+        let count = numbers::narrow(beamlets.end - beamlets.start);
+        let of_beamlets = |ends: &mut dyn Iterator<Item = [f64; 2]>| {
+            let mut of_beamlets: Vec<Vec<u32>> = vec![Vec::new(); count];
+            for (number, ends) in (0..).zip(ends) {
+                let [first, last] = ends.map(|x| lattice.beamlet_at(x));
+                for beamlet in first.max(beamlets.start)..(last + 1).min(beamlets.end) {
+                    of_beamlets[numbers::narrow::<usize>(beamlet - beamlets.start)].push(number);
+                }
+            }
+            of_beamlets
+        };
+        let flat_of = of_beamlets(&mut cuts.iter().map(|cut| cut.ends.map(|end| end.x)));
+        let curved_of = of_beamlets(&mut curved.iter().map(|(_, cut)| cut.x));
+        let line = |((beamlet, flat), own): ((i64, &Vec<u32>), &Vec<u32>)| {
+            let flat =
+                flat.iter().filter_map(|cut| self.flat_section(&cuts[*cut as usize], beamlet, row));
+            let own = own.iter().filter_map(|cut| {
+                let (shape, cut) = &curved[*cut as usize];
+                self.curved_section(&shapes[*shape], cut, beamlet)
+            });
+            self.line(&LinePlace { beamlet, row }, flat.chain(own).collect(), openings(beamlet))
+        };
+        beamlets.clone().zip(&flat_of).zip(&curved_of).map(line).collect()
+    }
+
+    /// The exact shape at an index among the placed surfaces.
+    fn shape(&self, at: usize) -> Option<ShapeInBeam> {
+        let sample = self.view.sample;
+        let placed = &sample.placed[at];
+        let shape = sample.prototypes[placed.prototype as usize].shape?;
+        let centre = self.view.motion.at(placed.place.position);
+        let mut shape = ShapeInBeam::new(shape, placed, &self.facets.rotation, centre);
+        shape.is_crossed = sample.partners.of(numbers::count(at)).is_some();
+        Some(shape)
+    }
+
+    /// Pieces of a line, of its sections.
+    fn line(
+        &self,
+        place: &LinePlace,
+        mut sections: Vec<Section<'_>>,
+        openings: &[Opening],
+    ) -> Vec<Piece> {
+        let half = 0.5 * self.view.lattice.period;
+        let mut ends: Vec<f64> = sections.iter().flat_map(|it| it.x).chain([-half, half]).collect();
+        ends.sort_unstable_by(f64::total_cmp);
+        ends.dedup();
+        sections.sort_by(|a, b| a.x[0].total_cmp(&b.x[0]));
+        let mut pieces = Vec::with_capacity(ends.len());
+        let mut crossed: Vec<&Section<'_>> = Vec::new();
+        let mut next = 0;
+        let mut from = -half;
+        for (number, pair) in (0..).zip(ends.windows(2)) {
+            crossed.retain(|it| it.x[1] > pair[0]);
+            while let Some(section) = sections.get(next).filter(|it| it.x[0] <= pair[0]) {
+                if section.x[1] > pair[0] {
+                    crossed.push(section);
+                }
+                next += 1;
+            }
+            if pair[1] - from < THINNEST && pair[1] < half {
+                continue;
+            }
+            let x = [from, pair[1]];
+            let interval = Interval { x, crossed: &crossed, openings, place, number };
+            if interval.is_curved() {
+                self.curved_pieces(&interval, &mut pieces);
+            } else {
+                let [low, high] = x.map(|x| self.sums(&interval, x));
+                let piece = self.piece(&interval, x, &[low, high], None);
+                let change = f64::from((piece.depth[1] - piece.depth[0]).abs());
+                let parts = (change / STEEPEST).ceil().clamp(1.0, MOST_PARTS);
+                pieces.extend(piece.parts(numbers::whole(parts)));
+            }
+            from = pair[1];
+        }
+        pieces
+    }
+
+    /// The section of a cut facet in a beamlet.
+    fn flat_section(&self, cut: &Cut, beamlet: i64, row: f64) -> Option<Section<'_>> {
+        let lattice = self.view.lattice;
+        let centre = lattice.centre(beamlet);
+        let ends = cut.ends.map(|end| end.x - centre);
+        let x = self.within(ends)?;
+        let Cut { is_front, component, .. } = *cut;
+        let step = &self.view.facets.steps[component as usize];
+        let form = if cut.is_smooth {
+            Form::Smooth { ends: cut.ends, x: ends, is_front, component }
+        } else {
+            let distance =
+                x.map(|x| distance_on_plane(&cut.ends, (x - ends[0]) / (ends[1] - ends[0])));
+            let normal = cut.ends[0].normal;
+            let effects = [0, 1].map(|end| {
+                let crossing = Crossing { distance: distance[end], normal };
+                self.effect(step, crossing, is_front, lattice.slopes(beamlet, x[end], row))
+            });
+            let remainder = effects[0].1.max(effects[1].1);
+            Form::Flat { ends: effects.map(|(numbers, _)| numbers), distance, remainder }
+        };
+        Some(Section { x, hash: step.hash, crossings: 1, form })
+    }
+
+    /// The section of a shape in a beamlet.
+    fn curved_section<'s>(
+        &self,
+        shape: &'s ShapeInBeam,
+        cut: &ShapeCut,
+        beamlet: i64,
+    ) -> Option<Section<'s>> {
+        let centre = self.view.lattice.centre(beamlet);
+        let x = self.within(cut.x.map(|x| x - centre))?;
+        let step = &self.view.facets.steps[shape.component as usize];
+        let crossings = 2 * cut.chords;
+        let form = Form::Curved { shape, rims: cut.rims };
+        Some(Section { x, hash: step.hash.wrapping_mul(crossings), crossings, form })
+    }
+
+    /// The part of an interval of x (m from the centre of a beamlet) within the beamlet.
+    fn within(&self, [low, high]: [f64; 2]) -> Option<[f64; 2]> {
+        let half = 0.5 * self.view.lattice.period;
+        let x = [low.max(-half), high.min(half)];
+        (x[1] > x[0]).then_some(x)
+    }
+
+    /// Sums of the ray at x.
+    fn sums(&self, interval: &Interval<'_>, x: f64) -> Sums {
+        let mut sums = Sums::default();
+        let mut crossed: Vec<Passage> = Vec::new();
+        let LinePlace { beamlet, row } = *interval.place;
+        let slopes_at = |x: f64| self.view.lattice.slopes(beamlet, x, row);
+        let step = |component: u32| &self.view.facets.steps[component as usize];
+        for section in interval.crossed {
+            let width = section.x[1] - section.x[0];
+            match &section.form {
+                Form::Flat { ends, distance, remainder } => {
+                    let share = (x - section.x[0]) / width;
+                    let at = |of: usize| ends[0][of] + (ends[1][of] - ends[0][of]) * share;
+                    // Both ends count: a piece is at least as far from its surfaces as they are.
+                    sums.add(std::array::from_fn(at), *remainder, distance[0]);
+                    sums.add([0.0; 5], 0.0, distance[1]);
+                }
+                Form::Smooth { ends, x: of_ends, is_front, component } => {
+                    let slopes = slopes_at(x);
+                    let share = (x - of_ends[0]) / (of_ends[1] - of_ends[0]);
+                    let distance = distance_on_plane(ends, share);
+                    let normal = ends[0].normal + (ends[1].normal - ends[0].normal) * share;
+                    let normal = before_horizon(normal.normalize_or_zero(), *is_front, slopes);
+                    let crossing = Crossing { distance, normal };
+                    let (numbers, remainder) =
+                        self.effect(step(*component), crossing, *is_front, slopes);
+                    sums.add(numbers, remainder, distance);
+                }
+                Form::Curved { shape, .. } => {
+                    let within = INSIDE * width;
+                    let x = x.clamp(section.x[0] + within, section.x[1] - within);
+                    let slopes = slopes_at(x);
+                    let component = shape.component;
+                    for (crossing, is_front) in
+                        shape.chords(self.source, slopes).flat_map(|[a, b]| [(a, true), (b, false)])
+                    {
+                        if shape.is_crossed {
+                            crossed.push(Passage { crossing, is_front, component });
+                            continue;
+                        }
+                        let (numbers, remainder) =
+                            self.effect(step(component), crossing, is_front, slopes);
+                        sums.add(numbers, remainder, crossing.distance);
+                    }
+                }
+            }
+        }
+        if !crossed.is_empty() {
+            self.add_crossed(&mut crossed, slopes_at(x), &mut sums);
+        }
+        sums
+    }
+
+    /// Adds the surfaces of exact shapes that cross: of the objects that contain a point the last one fills it.
+    fn add_crossed(&self, passages: &mut [Passage], slopes: [f64; 2], sums: &mut Sums) {
+        let components = &self.view.sample.components;
+        let object = |it: &Passage| components[it.component as usize].object;
+        passages.sort_by(|a, b| a.crossing.distance.total_cmp(&b.crossing.distance));
+        // Objects around the ray, once for each body.
+        let mut around: Vec<u32> = Vec::new();
+        for it in passages.iter() {
+            let own = object(it);
+            if !it.is_front
+                && let Some(at) = around.iter().position(|other| *other == own)
+            {
+                around.swap_remove(at);
+            }
+            if around.iter().all(|other| *other < own) {
+                let last = around.iter().max().copied();
+                let outside = last.max(components[it.component as usize].outside);
+                let facets = self.view.facets;
+                let step = facets.step_between(own, outside);
+                let step = step.unwrap_or(&facets.steps[it.component as usize]);
+                let (numbers, remainder) = self.effect(step, it.crossing, it.is_front, slopes);
+                sums.add(numbers, remainder, it.crossing.distance);
+            }
+            if it.is_front {
+                around.push(own);
+            }
+        }
+    }
+
+    /// Pieces of an interval of curved surfaces, halved until they are straight.
+    fn curved_pieces(&self, interval: &Interval<'_>, pieces: &mut Vec<Piece>) {
+        let sums = |share: f64| self.sums(interval, interval.place(share));
+        let [low, middle, high] = [0.0, 0.5, 1.0].map(sums);
+        let mut waiting = vec![([0.5, 1.0], [middle, high], 1), ([0.0, 0.5], [low, middle], 1)];
+        while let Some((shares, ends, halvings)) = waiting.pop() {
+            let half = f64::midpoint(shares[0], shares[1]);
+            let x = shares.map(|share| interval.place(share));
+            let middle = sums(half);
+            if halvings < MOST_HALVINGS && self.bends(interval, x, [&ends[0], &middle, &ends[1]]) {
+                waiting.push(([half, shares[1]], [middle, ends[1]], halvings + 1));
+                waiting.push(([shares[0], half], [ends[0], middle], halvings + 1));
+            } else {
+                pieces.push(self.piece(interval, x, &ends, Some(&middle)));
+            }
+        }
+    }
+
+    /// True if light is not straight enough in a part of an interval.
+    fn bends(&self, interval: &Interval<'_>, x: [f64; 2], at: [&Sums; 3]) -> bool {
+        let response = self.view.response;
+        let width = x[1] - x[0];
+        if width < NARROWEST {
+            return false;
+        }
+        let share = response.lit(single(open_share(interval.openings, x)));
+        let whole = width * f64::from(response.weight * share);
+        let passed =
+            at.map(|it| f64::from(response.hardening.light(single(it.numbers[0].max(0.0)))));
+        let off = |[low, middle, high]: [f64; 3]| (middle - f64::midpoint(low, high)).abs();
+        let most = passed.into_iter().fold(0.0, f64::max);
+        let wanted = whole * most * (at[1].remainder * response.steepest()).min(1.0);
+        let moved = if wanted > NEGLIGIBLE * self.view.budget.light {
+            // Rays go on from here, where all of it is near grazing.
+            f64::from(u8::from(at.iter().any(|it| it.remainder <= 0.0)))
+        } else {
+            MOVED * off(at.map(|it| it.numbers[1])) * response.steepest()
+        };
+        let error = whole * (off(passed) + most * moved.min(1.0));
+        error > CURVED * self.view.budget.light
+    }
+
+    /// The piece between two ends, with the sums of the rays there and, of curved surfaces, in the middle.
+    fn piece(
+        &self,
+        interval: &Interval<'_>,
+        x: [f64; 2],
+        ends: &[Sums; 2],
+        middle: Option<&Sums>,
+    ) -> Piece {
+        let mut numbers_at = ends.map(|it| it.numbers);
+        let remainder = middle.unwrap_or(&ends[0]).remainder;
+        if ends.iter().any(|it| it.remainder > 0.0) {
+            self.bound(&mut numbers_at);
+        }
+        if let Some(middle) = middle {
+            for of in 0..5 {
+                // The mean by Simpson's rule; a ray has the displacement in the middle.
+                let [low, high] = numbers_at.map(|end| end[of]);
+                let off = 2.0 / 3.0 * (middle.numbers[of] - f64::midpoint(low, high));
+                let is_ray = remainder > 0.0 && of > 0;
+                numbers_at = numbers_at.map(|mut end| {
+                    end[of] = if is_ray { middle.numbers[of] } else { end[of] + off };
+                    end
+                });
+            }
+        }
+        // Rounded.
+        let depth = numbers_at.map(|end| single(end[0].max(0.0)));
+        let [_, displacement_x, displacement_z, slope_x, slope_z] =
+            std::array::from_fn(|of| single(f64::midpoint(numbers_at[0][of], numbers_at[1][of])));
+        let crossed = || interval.crossed.iter();
+        let result = RayResult {
+            optical_depth: 0.5 * (depth[0] + depth[1]),
+            displacement_x,
+            displacement_z,
+            slope_x,
+            slope_z,
+            signature: crossed().fold(0, |all, it| all.wrapping_add(it.hash)),
+            flags: 0,
+            crossings: crossed().map(|it| it.crossings).sum(),
+            displacement_variance: 0.0,
+        };
+        let displacement = numbers_at.map(|end| single(end[1]));
+        let nearest = ends[0].distance[0].min(ends[1].distance[0]);
+        let extent = single(ends[0].distance[1].max(ends[1].distance[1]) - nearest);
+        let mut piece = Piece {
+            x,
+            depth,
+            displacement,
+            result,
+            source: Source::FirstOrder,
+            extent,
+            interval: interval.number,
+            is_curved: middle.is_some(),
+        };
+        let is_exact = self.view.facets.is_exact && !interval.crossed.is_empty();
+        let remainder = if is_exact { f64::INFINITY } else { remainder };
+        if remainder > 0.0 && self.counts(&piece, interval.openings, remainder) {
+            piece.source = Source::Wanted;
+        }
+        piece
+    }
+
+    /// Effect of a surface on the ray of a slope that crosses it: its numbers, and the first-order remainder of the
+    /// displacement. `is_front`: the ray enters.
+    fn effect(
+        &self,
+        step: &SurfaceStep,
+        Crossing { distance, normal }: Crossing,
+        is_front: bool,
+        slope: [f64; 2],
+    ) -> (Numbers, f64) {
+        let y = distance - self.source;
+        let along = normal.x * slope[0] + normal.y + normal.z * slope[1];
+        let square = 1.0 + slope[0] * slope[0] + slope[1] * slope[1];
+        let length = square.sqrt();
+        let sign = if is_front { 1.0 } else { -1.0 };
+        let lever = self.analyser - y;
+        let bend = step.delta * square / along.abs().max(1e-9);
+        // Against the normal that faces the source.
+        let facing = if along > 0.0 { -sign } else { sign };
+        let bends = [
+            facing * bend * (normal.x - normal.y * slope[0]),
+            facing * bend * (normal.z - normal.y * slope[1]),
+        ];
+        let share = along.abs() / length / step.least_cosine.max(1e-30);
+        let remainder =
+            if share < 1.0 { FIRST_ORDER_ERROR * lever / (share * share * share) } else { 0.0 };
+        let depth = -sign * step.mu * length * y;
+        ([depth, bends[0] * lever, bends[1] * lever, bends[0], bends[1]], remainder)
+    }
+
+    /// Reduces displacements by the first order near grazing incidence to what total reflection makes.
+    fn bound(&self, ends: &mut [Numbers; 2]) {
+        let (lattice, pitch) = (self.view.lattice, self.view.optics.detector.pitch);
+        let farthest = [lattice.halo_columns, lattice.halo].map(|halo| halo as f64);
+        for end in ends {
+            let over = |axis: usize| {
+                let most = (farthest[axis] - 1.0).max(0.5) * pitch[axis];
+                (end[1 + axis].abs() / most).max(1.0)
+            };
+            let factor = over(0).max(over(1)).recip();
+            end[1..].iter_mut().for_each(|it| *it *= factor);
+        }
+    }
+
+    /// True if a first-order remainder of the displacement matters in a piece.
+    fn counts(&self, piece: &Piece, openings: &[Opening], remainder: f64) -> bool {
+        let response = self.view.response;
+        if piece.width() < NARROWEST {
+            return false;
+        }
+        let share = response.lit(single(open_share(openings, piece.x)));
+        let passed = response.weight * response.hardening.light(piece.result.optical_depth) * share;
+        let light = piece.width() * f64::from(passed);
+        light * (remainder * response.steepest()).min(1.0) > NEGLIGIBLE * self.view.budget.light
+    }
+}
+
+/// Distance from the source along y at a share of the way between two points on a plane, as x goes: there
+/// 1 / distance is linear in x.
+fn distance_on_plane(ends: &[EdgePlace; 2], share: f64) -> f64 {
+    let [low, high] = ends.map(|end| 1.0 / end.distance);
+    1.0 / (low + (high - low) * share)
+}
+
+/// A smooth normal that faces the ray of a slope as its facet does: one that turns away is moved to the horizon.
+fn before_horizon(normal: DVec3, is_front: bool, [slope_x, slope_z]: [f64; 2]) -> DVec3 {
+    let direction = DVec3::new(slope_x, 1.0, slope_z).normalize();
+    let side = if is_front { -1.0 } else { 1.0 };
+    let lacks = HORIZON - side * normal.dot(direction);
+    if lacks > 0.0 { (normal + side * lacks * direction).normalize() } else { normal }
+}
