@@ -26,6 +26,8 @@ pub(super) struct Curve {
     pub(super) moments_sigma: [f64; 3],
     /// Axes whose blur the values do not determine.
     pub(super) unresolved: [bool; 2],
+    /// Axes along which the values do not determine the centre.
+    pub(super) uncentred: [bool; 2],
     /// Condition number of the fit.
     pub(super) condition: f64,
     /// Bits of [`super::flags`].
@@ -58,6 +60,7 @@ impl Curve {
             centre_sigma: [centre_sigma, f64::NAN],
             moments_sigma: [2.0 * width * width_sigma, f64::NAN, f64::NAN],
             unresolved: [false; 2],
+            uncentred: [false; 2],
             condition: f64::NAN,
             flags,
         }
@@ -66,6 +69,11 @@ impl Curve {
     /// True if there is a result.
     pub(super) const fn has_answer(&self) -> bool {
         self.flags & flags::NO_ANSWER == 0
+    }
+
+    /// Centre along an axis, m; NaN where the values do not determine it.
+    pub(super) const fn centre_of(&self, axis: usize) -> f64 {
+        if self.uncentred[axis] { f64::NAN } else { self.centre[axis] }
     }
 
     /// Standard deviation along x, m.
@@ -83,6 +91,67 @@ impl Curve {
         match moment {
             0 | 1 => !self.unresolved[moment],
             _ => !(self.unresolved[0] || self.unresolved[1]),
+        }
+    }
+}
+
+/// Fits of the curves of flat or sample, in the order of the pixels of the images.
+#[derive(Debug, Clone)]
+pub(super) enum Fits {
+    /// Curves of slits, each in every place.
+    Slits(Curves),
+    /// Curves in two directions; `None` where there is no beamlet.
+    Planar(Vec<Option<Curve>>),
+}
+
+impl Fits {
+    /// Number of places.
+    pub(super) fn len(&self) -> usize {
+        match self {
+            Self::Slits(curves) => curves.len(),
+            Self::Planar(curves) => curves.len(),
+        }
+    }
+
+    /// The curve of a place; `None` where there is no beamlet.
+    pub(super) fn curve(&self, at: usize) -> Option<Curve> {
+        match self {
+            Self::Slits(curves) => Some(curves.curve(at)),
+            Self::Planar(curves) => curves[at],
+        }
+    }
+
+    /// Curves in two directions from a place on; `None` of slits.
+    pub(super) fn planar(&self, first: usize) -> Option<&[Option<Curve>]> {
+        match self {
+            Self::Slits(_) => None,
+            Self::Planar(curves) => curves.get(first..),
+        }
+    }
+
+    /// All curves.
+    pub(super) fn iter(&self) -> impl Iterator<Item = Curve> {
+        (0..self.len()).filter_map(|at| self.curve(at))
+    }
+
+    /// The curves that have a result.
+    pub(super) fn known(&self) -> impl Iterator<Item = Curve> {
+        self.iter().filter(Curve::has_answer)
+    }
+
+    /// Standard deviations of the curves along an axis, m.
+    pub(super) fn widths(&self, axis: usize) -> Vec<f64> {
+        self.iter().map(|curve| curve.moments[axis].sqrt()).collect()
+    }
+
+    /// Puts the curves of a band in their place among all.
+    pub(super) fn put(&mut self, start: usize, part: Self) {
+        match (self, part) {
+            (Self::Slits(all), Self::Slits(part)) => all.put(start, &part),
+            (Self::Planar(all), Self::Planar(part)) => {
+                all[start..start + part.len()].copy_from_slice(&part);
+            }
+            (Self::Slits(_), Self::Planar(_)) | (Self::Planar(_), Self::Slits(_)) => {}
         }
     }
 }

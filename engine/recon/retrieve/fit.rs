@@ -201,6 +201,7 @@ impl Fitting<'_> {
             centre_sigma: [sigma(1), sigma(2)],
             moments_sigma: [sigma(3), sigma(4), sigma(5)],
             unresolved: [false; 2],
+            uncentred: [false; 2],
             condition: fit.condition,
             flags,
         }

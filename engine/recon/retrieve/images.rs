@@ -197,8 +197,8 @@ fn of_curve(curve: &Curve) -> [f64; 11] {
     let [xx, zz, xz] = curve.moments;
     [
         curve.amplitude,
-        curve.centre[0],
-        curve.centre[1],
+        curve.centre_of(0),
+        curve.centre_of(1),
         xx.sqrt(),
         zz.sqrt(),
         xz,
@@ -215,7 +215,7 @@ fn of_curve(curve: &Curve) -> [f64; 11] {
 pub(super) fn contrasts(f: &Curve, s: &Curve, angle_per_shift: f64) -> [f64; 12] {
     let square = angle_per_shift * angle_per_shift;
     let transmission = s.area / f.area;
-    let angle = |axis: usize| angle_per_shift * (s.centre[axis] - f.centre[axis]);
+    let angle = |axis: usize| angle_per_shift * (s.centre_of(axis) - f.centre_of(axis));
     let angle_sigma =
         |axis: usize| angle_per_shift.abs() * f.centre_sigma[axis].hypot(s.centre_sigma[axis]);
     // An unresolved flat has the moments of the geometry.

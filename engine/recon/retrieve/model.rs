@@ -1,5 +1,6 @@
 //! Models of curves: values, and slopes by their unknowns.
 
+use super::curves::Curve;
 use super::equations::{UNKNOWNS, Unknowns, Valued};
 use super::mask_curve::MaskCurve;
 use super::profile::Profile;
@@ -48,6 +49,12 @@ impl Model {
             Self::Trapezoid { top } => [top * top / 3.0, 0.0],
             Self::Strips(strips) => strips.own_variances(),
         }
+    }
+
+    /// Unknowns of a curve in two directions.
+    pub(super) fn unknowns(&self, curve: &Curve) -> Unknowns {
+        let ([x, z], [xx, zz, xz], own) = (curve.centre, curve.moments, self.own_variances());
+        [curve.area, x, z, xx - own[0], zz - own[1], xz, curve.background]
     }
 
     /// True of a list of apertures, whose curve has several peaks.
@@ -140,12 +147,6 @@ impl Model {
     pub(super) fn width(&self, p: &Unknowns) -> f64 {
         (p[3] + self.own_variances()[0]).sqrt()
     }
-
-    /// Variance of the blur of a curve of this standard deviation along x.
-    pub(super) fn blur_of(&self, width: f64) -> f64 {
-        let [own, _] = self.own_variances();
-        libm::fma(width, width, -own).max(1e-6 * own)
-    }
 }
 
 /// Trapezoid of unit area about 0: value, slope by place and slope by variance. Its half base b and half top t have the
@@ -185,7 +186,6 @@ mod tests {
             }
             let variance = model.width(&p).powi(2);
             assert!((area - 1.0).abs() < 1e-6 && (second - variance).abs() < 1e-6, "{area}");
-            assert!((model.blur_of(variance.sqrt()) - p[3]).abs() < 1e-12);
             for x in [-1.4, -0.9, 0.2, 1.3] {
                 for unknown in [0, 1, 3, 6] {
                     let moved = |by: f64| {

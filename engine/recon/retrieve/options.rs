@@ -143,6 +143,26 @@ impl RetrieveOptions {
         self.background.unwrap_or(Background::Free)
     }
 
+    /// Refuses weights that the method does not have, and noise and saturation that cannot be.
+    ///
+    /// # Errors
+    /// [`Error::Argument`].
+    pub(super) fn check_values(&self) -> Result<()> {
+        let method = self.method();
+        if self.weights == Weights::Poisson && !method.weighs() {
+            let allowed = "poisson with gaussian, exact-curve or beamlet";
+            return Err(Error::argument("weights", format!("poisson with {method}"), allowed));
+        }
+        if let Some(gain) = self.gain.filter(|gain| !(gain.is_finite() && *gain > 0.0)) {
+            return Err(Error::argument("gain", gain.to_string(), "a finite number above 0"));
+        }
+        if !(self.read_noise.is_finite() && self.read_noise >= 0.0) {
+            let found = format!("{}", self.read_noise);
+            return Err(Error::argument("read_noise", found, "a finite number of 0 or more"));
+        }
+        self.check_saturation()
+    }
+
     /// # Errors
     /// [`Error::Argument`] for a saturation that is no finite number above 0.
     pub(super) fn check_saturation(&self) -> Result<()> {

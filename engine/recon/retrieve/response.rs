@@ -1,14 +1,19 @@
 //! Response of a method: small contrasts as they are retrieved at the offsets of a scan, by the curve of the masks.
 
 use super::background::Background;
-use super::curves::Curves;
-use super::images::Images;
+use super::background_term::BackgroundTerm;
+use super::curves::{Curve, Fits};
+use super::equations::Valued;
+use super::images::contrasts;
 use super::method::Method;
-use super::model::{Model, of_slits};
+use super::misfit::median;
+use super::model::Model;
 use super::noise_factors::NoiseFactors;
 use super::options::RetrieveOptions;
 use super::record::Record;
-use super::retriever::{Retriever, ViewScan};
+use super::retriever::{Layout, Retriever, ViewScan};
+use super::scan::Points;
+use super::strips::Tables;
 use beamlet_core::Result;
 use beamlet_core::cancel::Cancel;
 use beamlet_core::numbers::single;
@@ -17,15 +22,15 @@ use serde::{Deserialize, Serialize};
 use std::fmt;
 
 /// Displacement of the curve by the refraction angle, in standard deviations of the curve.
-pub(super) const SHIFT: f64 = 0.1;
+const SHIFT: f64 = 0.1;
 /// Dark field as a share of the variance of the curve.
-pub(super) const WIDENED: f64 = 0.1;
+const WIDENED: f64 = 0.1;
 /// Transmission of the sample.
-pub(super) const TRANSMISSION: f64 = 0.9;
+const TRANSMISSION: f64 = 0.9;
 /// Relative error from which on a warning states a response.
 pub const LARGE_ERROR: f64 = 0.1;
 /// Photons at the peak of the curves, for the noise of counts.
-pub(super) const PHOTONS: f64 = 1e4;
+const PHOTONS: f64 = 1e4;
 
 /// Retrieved contrast over the true one, each for a pixel with this contrast alone and without noise. NaN where the
 /// method has no result.
@@ -114,61 +119,128 @@ pub(super) fn enter(
     Ok(())
 }
 
+/// The curve of the masks behind the blur of the set-up.
+struct TrueCurve {
+    model: Model,
+    /// Variances xx and zz of the blur, m^2.
+    blur: [f64; 2],
+    background: BackgroundTerm,
+    /// Number of axes along which the mask is stepped.
+    axes: usize,
+}
+
+impl TrueCurve {
+    /// The curve of a retriever; `None` where it is not known, and of beamlets and lists of apertures.
+    fn of(layout: &Layout) -> Option<Self> {
+        match layout {
+            Layout::Pixels(slits) => {
+                let masks = slits.shape.masks()?;
+                let background = BackgroundTerm::PerArea(slits.shape.leak);
+                let blur = [masks.spread(), 1.0];
+                Some(Self { model: Model::Masks(masks.clone()), blur, background, axes: 1 })
+            }
+            Layout::Steps(curves) => {
+                let (model, blur, background) = curves.truth()?;
+                let own = model.own_variances();
+                let blur = [0, 1].map(|axis| blur[axis].max(1e-4 * own[axis]));
+                Some(Self { model, blur, background, axes: 2 })
+            }
+            Layout::Beamlets(_) | Layout::Lattice(..) => None,
+        }
+    }
+
+    /// Height of a curve of unit light over nothing.
+    fn peak(&self) -> f64 {
+        self.values(&Points::of(&[[0.0; 2]]), 1.0, (0, 0.0))[0][0]
+    }
+
+    /// Values at points of a curve with this light, changed in one of its unknowns.
+    fn values(&self, points: &Points, light: f64, (unknown, by): (usize, f64)) -> Vec<Valued> {
+        let mut p = [light, 0.0, 0.0, self.blur[0], self.blur[1], 0.0, 0.0];
+        p[unknown] += by;
+        p[6] = self.background.of_area(p[0]).unwrap_or(0.0);
+        let mut tables = Tables::default();
+        self.model.evaluate(points, &p, &mut tables).to_vec()
+    }
+}
+
 impl Retriever {
-    /// The response at the offsets of the scan; `None` where the curve of the masks is not known.
+    /// The response at the offsets of the scan, in two directions the worse one; `None` where the curve of the masks is
+    /// not known, and of beamlets and lists of apertures.
     ///
     /// # Errors
     /// [`beamlet_core::Error::Device`], [`beamlet_core::Error::Memory`].
     pub fn response(&self) -> Result<Option<Response>> {
-        let Some(masks) = self.curve_geometry().masks() else { return Ok(None) };
-        if self.has_beamlets() {
-            return Ok(None);
+        let Some(truth) = TrueCurve::of(self.layout()) else { return Ok(None) };
+        let scale = self.options().gain.map_or(1.0, |gain| PHOTONS * gain) / truth.peak();
+        let own = truth.model.own_variances();
+        let variances = [0, 1].map(|axis| own[axis] + truth.blur[axis]);
+        let shifts = variances.map(|variance| SHIFT * variance.sqrt());
+        let mut changes = vec![(0, (TRANSMISSION - 1.0) * scale)];
+        for axis in 0..truth.axes {
+            changes.extend([(1 + axis, shifts[axis]), (3 + axis, WIDENED * variances[axis])]);
         }
-        let model = Model::Masks(masks.clone());
-        let (spread, leak) = (masks.spread(), self.curve_geometry().leak);
-        let own = of_slits([1.0, 0.0, spread, leak]);
-        let width = model.width(&own);
-        let peak = model.values(std::iter::once(0.0), &own)[0][0];
-        let scale = self.options().gain.map_or(1.0, |gain| PHOTONS * gain) / peak;
-        let (shift, widened) = (SHIFT * width, WIDENED * width * width);
-        // Refraction, dark field, transmission: scale, centre and spread.
-        let samples = [
-            [scale, shift, spread],
-            [scale, 0.0, spread + widened],
-            [TRANSMISSION * scale, 0.0, spread],
-        ];
-        let flat = self.fit_curves(&model, &[[scale, 0.0, spread]; 3], None)?;
-        let sample = self.fit_curves(&model, &samples, Some(&flat))?;
-        let mut images = Images::new(self.names(), 1, samples.len());
-        let curves = |at: usize| [flat.curve(at), sample.curve(at)].map(Some);
-        images.take(0..samples.len(), curves, self.angle_per_shift());
-        let of = |name: &str, pixel: usize| images.get(name).map(|map| f64::from(map[[0, pixel]]));
+        let points = Points::of(self.flat_offsets());
+        let curves = |changes: &[(usize, f64)]| -> Vec<Vec<Valued>> {
+            changes.iter().map(|change| truth.values(&points, scale, *change)).collect()
+        };
+        let flat = self.fits_of(&curves(&vec![(0, 0.0); changes.len()]), None)?;
+        let sample = self.fits_of(&curves(&changes), Some(&flat))?;
         let angle = self.angle_per_shift();
+        let found = |pixel: usize, contrast: usize| {
+            let [flat, sample] =
+                [&flat, &sample].map(|fits| fits.curve(pixel).filter(Curve::has_answer));
+            let pair = flat.zip(sample);
+            pair.map_or(f64::NAN, |(flat, sample)| contrasts(&flat, &sample, angle)[contrast])
+        };
+        let of_axis = |axis: usize| {
+            let at = 1 + 2 * axis;
+            [
+                found(at, 1 + axis) / (angle * shifts[axis]),
+                found(at + 1, 3 + axis) / (angle * angle * WIDENED * variances[axis]),
+            ]
+        };
+        let worse = |a: f64, b: f64| match (b - 1.0).abs() > (a - 1.0).abs() || b.is_nan() {
+            true => b,
+            false => a,
+        };
+        let all = (0..truth.axes).map(of_axis);
+        let [refraction, dark_field] =
+            all.reduce(|a, b| [0, 1].map(|k| worse(a[k], b[k]))).unwrap_or([f64::NAN; 2]);
         Ok(Some(Response {
-            transmission: of("transmission", 2).unwrap_or(f64::NAN) / TRANSMISSION,
-            refraction: of("refraction", 0).unwrap_or(f64::NAN) / (angle * shift),
-            dark_field: of("dark_field", 1).map(|found| found / (angle * angle * widened)),
+            transmission: found(0, 0) / TRANSMISSION,
+            refraction,
+            dark_field: self.has_width().then_some(dark_field),
         }))
     }
 
-    /// Fits of curves with these scales, centres and spreads.
-    fn fit_curves(
-        &self,
-        model: &Model,
-        curves: &[[f64; 3]],
-        flat: Option<&Curves>,
-    ) -> Result<Curves> {
-        let leak = self.curve_geometry().leak;
-        let offsets = self.flat_offsets();
-        let of_curve = |[scale, centre, spread]: &[f64; 3]| {
-            let p = of_slits([*scale, *centre, *spread, leak * scale]);
-            model.values(offsets.iter().copied(), &p)
+    /// Residual of the method's fit to the curve of the masks at the flat's offsets, rms over the height; 0 where this
+    /// curve is not known.
+    ///
+    /// # Errors
+    /// [`beamlet_core::Error::Device`], [`beamlet_core::Error::Memory`].
+    pub(super) fn misfit_of_masks(&self) -> Result<f64> {
+        let (Some(truth), Some(flat)) = (TrueCurve::of(self.layout()), self.flat_curves()) else {
+            return Ok(0.0);
         };
-        let values: Vec<_> = curves.iter().map(of_curve).collect();
-        let frames = Array3::from_shape_fn((offsets.len(), 1, curves.len()), |(step, _, pixel)| {
-            single(values[pixel][step][0])
-        });
-        let scan = ViewScan::of(offsets, NoiseFactors::ONE, self.fitter(), true)?;
-        self.curves(frames, &scan, flat.map(|flat| (flat, 0)), &Cancel::default())
+        let middle =
+            |of: &dyn Fn(&Curve) -> f64| median(flat.iter().map(|curve| of(&curve)).collect());
+        let centre = [0, 1].map(|axis| middle(&|curve| curve.centre_of(axis)).unwrap_or(0.0));
+        let height = middle(&|curve| curve.amplitude).unwrap_or(1.0);
+        let from_centre = |offset: &[f64; 2]| [0, 1].map(|axis| offset[axis] - centre[axis]);
+        let places: Vec<[f64; 2]> = self.flat_offsets().iter().map(from_centre).collect();
+        let values = truth.values(&Points::of(&places), height / truth.peak(), (0, 0.0));
+        let fit = self.fits_of(&[values], None)?.curve(0);
+        Ok(fit.map_or(0.0, |fit| fit.residual / fit.amplitude))
+    }
+
+    /// Fits of curves with these values at the flat's offsets. `flat`: of a sample, the curves of its flat.
+    fn fits_of(&self, curves: &[Vec<Valued>], flat: Option<&Fits>) -> Result<Fits> {
+        let offsets = self.flat_offsets();
+        let shape = (offsets.len(), 1, curves.len());
+        let frames =
+            Array3::from_shape_fn(shape, |(step, _, pixel)| single(curves[pixel][step][0]));
+        let scan = ViewScan::of(offsets, NoiseFactors::ONE, self.layout().fitter(), true)?;
+        self.curves((frames, 0), &scan, flat.map(|flat| (flat, 0)), &Cancel::default())
     }
 }

@@ -2,10 +2,12 @@
 
 mod fits;
 mod flat;
+mod image_places;
+mod layout;
 mod view_scan;
 
 use super::beamlets::Beamlets;
-use super::fitter::{FitOptions, Fitter, Weights};
+use super::fitter::{FitOptions, Fitter};
 use super::flags;
 use super::images::{self, FLAGS, Images};
 use super::input::Input;
@@ -13,6 +15,7 @@ use super::joined::JoinedColumns;
 use super::method::{Method, different_offsets};
 use super::misfit;
 use super::options::{ReadRows, RetrieveOptions};
+use super::planar::{Design, LatticeDesign, StepCurves};
 use super::shape::CurveGeometry;
 use beamlet_core::rows_control::RowsControl;
 use beamlet_core::{Error, Result, numbers};
@@ -21,7 +24,10 @@ use beamlet_gpu::Compute;
 use beamlet_model::optics::{Optics, WholePeriods};
 use beamlet_model::scene::Scene;
 use flat::Flat;
-use ndarray::{Array2, Array3, ArrayView3, Axis, s};
+pub(super) use image_places::ImagePlaces;
+pub(super) use layout::Layout;
+use layout::SlitCurves;
+use ndarray::{Array2, Array3, ArrayView3, s};
 use std::ops::Range;
 pub(crate) use view_scan::Corrected;
 pub(super) use view_scan::ViewScan;
@@ -35,14 +41,13 @@ const BAND: usize = 48 << 20;
 #[derive(Debug)]
 pub struct Retriever {
     options: RetrieveOptions,
-    periods: WholePeriods,
-    /// Offsets without these periods, m.
-    offsets: Vec<f64>,
+    /// Whole periods of the sample mask along x, m, that offsets of the scan have more than these.
+    whole_periods: f64,
+    /// Offsets x and z of the steps without whole periods, m; z of slits is 0.
+    offsets: Vec<[f64; 2]>,
     /// Offsets of each angle, if they differ from the flat's.
     view_scans: Option<ViewScans>,
-    fitter: Option<Fitter>,
-    beamlets: Option<Beamlets>,
-    shape: CurveGeometry,
+    layout: Layout,
     /// Refraction angle per shift of the centre.
     angle_per_shift: f64,
     flat: Option<Flat>,
@@ -71,8 +76,52 @@ impl Retriever {
     /// ```
     pub fn new(compute: &Compute, scene: &Scene, options: &RetrieveOptions) -> Result<Self> {
         let options = &options.resolved(scene)?;
-        let method = options.method();
         refuse_shifts(scene)?;
+        match Design::of(scene, options)? {
+            Some(design) => Self::in_two_directions(scene, &design, options),
+            None => Self::of_slits(compute, scene, options),
+        }
+    }
+
+    /// A retriever of steps along x and z or of beamlets on a lattice; the options have method and background.
+    pub(super) fn in_two_directions(
+        scene: &Scene,
+        design: &Design,
+        options: &RetrieveOptions,
+    ) -> Result<Self> {
+        design.check(scene, options)?;
+        options.check_values()?;
+        let lever = scene.lever_arm();
+        let (layout, offsets, angle_per_shift) = match design {
+            Design::Beamlets(lattice) => {
+                let design = LatticeDesign::of(scene, options, *lattice);
+                (Layout::Lattice(design, None), vec![[0.0; 2]], 1.0 / lever)
+            }
+            Design::Steps(pairs) => {
+                let (curves, offsets) = StepCurves::of(scene, options, pairs)?;
+                (Layout::Steps(curves), offsets, -scene.magnification() / lever)
+            }
+        };
+        let whole_periods = match design {
+            Design::Beamlets(_) => 0.0,
+            Design::Steps(pairs) => {
+                pairs.first().zip(offsets.first()).map_or(0.0, |(all, own)| all[0] - own[0])
+            }
+        };
+        Ok(Self {
+            options: options.clone(),
+            whole_periods,
+            offsets,
+            view_scans: None,
+            layout,
+            angle_per_shift,
+            flat: None,
+        })
+    }
+
+    /// A retriever of slits along z.
+    fn of_slits(compute: &Compute, scene: &Scene, options: &RetrieveOptions) -> Result<Self> {
+        let method = options.method();
         let period = Optics::of(scene).curve_period();
         let periods = WholePeriods::in_scan(&scene.scan.mask_offsets, period);
         let view_scans = ViewScans::of(scene, method, periods)?;
@@ -85,43 +134,38 @@ impl Retriever {
                 format!("at least {least} for {method} with a free background; or background leak");
             return Err(Error::scene("scan.mask_offsets", found, allowed));
         }
+        options.check_values()?;
         let offsets = periods.without(&scene.scan.mask_offsets);
-        let fits = method == Method::Gaussian;
-        if options.weights == Weights::Poisson && !method.weighs() {
-            let allowed = "poisson with gaussian, exact-curve or beamlet";
-            return Err(Error::argument("weights", format!("poisson with {method}"), allowed));
-        }
-        if let Some(gain) = options.gain.filter(|gain| !(gain.is_finite() && *gain > 0.0)) {
-            return Err(Error::argument("gain", gain.to_string(), "a finite number above 0"));
-        }
-        if !(options.read_noise.is_finite() && options.read_noise >= 0.0) {
-            let found = format!("{}", options.read_noise);
-            return Err(Error::argument("read_noise", found, "a finite number of 0 or more"));
-        }
-        options.check_saturation()?;
-        let beamlets = if method == Method::Beamlet { Some(Beamlets::of(scene)?) } else { None };
-        let shape = CurveGeometry::of(scene)?.with_background(options.background(), scene)?;
-        let fit_options = FitOptions {
-            weights: options.weights,
-            gain: options.gain.unwrap_or(1.0),
-            read_noise: options.read_noise,
-            saturation: options.saturation,
-            background: shape.background,
-        };
         let lever = scene.lever_arm();
+        let (layout, angle_per_shift) = if method == Method::Beamlet {
+            (Layout::Beamlets(Beamlets::of(scene)?), 1.0 / lever)
+        } else {
+            let shape = CurveGeometry::of(scene)?.with_background(options.background(), scene)?;
+            let fit_options = FitOptions {
+                weights: options.weights,
+                gain: options.gain.unwrap_or(1.0),
+                read_noise: options.read_noise,
+                saturation: options.saturation,
+                background: shape.background,
+            };
+            let fitter = match method {
+                Method::Gaussian => Some(Fitter::new(compute, &offsets, &fit_options)?),
+                Method::ThreeStep
+                | Method::TwoStep
+                | Method::Moments
+                | Method::Triangle
+                | Method::ExactCurve
+                | Method::Beamlet => None,
+            };
+            (Layout::Pixels(SlitCurves { fitter, shape }), -scene.magnification() / lever)
+        };
         Ok(Self {
             options: options.clone(),
-            fitter: if fits { Some(Fitter::new(compute, &offsets, &fit_options)?) } else { None },
-            angle_per_shift: if beamlets.is_some() {
-                1.0 / lever
-            } else {
-                -scene.magnification() / lever
-            },
-            beamlets,
-            shape,
-            periods,
-            offsets,
+            whole_periods: periods.length(),
+            offsets: offsets.into_iter().map(|x| [x, 0.0]).collect(),
             view_scans,
+            layout,
+            angle_per_shift,
             flat: None,
         })
     }
@@ -144,9 +188,10 @@ impl Retriever {
 
     /// Places of the columns of a view, beamlets or pixels, as in the images.
     pub(super) fn places(&self, input: &Input) -> Vec<f64> {
-        match &self.beamlets {
-            Some(beamlets) => beamlets.places().to_vec(),
-            None => input.columns_m(),
+        match &self.layout {
+            Layout::Pixels(_) | Layout::Steps(_) | Layout::Lattice(_, None) => input.columns_m(),
+            Layout::Beamlets(beamlets) => beamlets.places().to_vec(),
+            Layout::Lattice(_, Some(beamlets)) => beamlets.columns_m(),
         }
     }
 
@@ -163,13 +208,13 @@ impl Retriever {
 
     /// Offsets of the flat's and the sample's steps, without whole periods, m; none of a sample whose views
     /// have offsets of their own.
-    pub(super) fn offsets(&self) -> [&[f64]; 2] {
+    pub(super) fn offsets(&self) -> [&[[f64; 2]]; 2] {
         let of_sample = if self.view_scans.is_some() { &[] } else { &self.offsets[..] };
         [&self.offsets, of_sample]
     }
 
     /// Offsets of the flat's steps, without whole periods, m.
-    pub(super) fn flat_offsets(&self) -> &[f64] {
+    pub(super) fn flat_offsets(&self) -> &[[f64; 2]] {
         &self.offsets
     }
 
@@ -177,18 +222,31 @@ impl Retriever {
     ///
     /// # Errors
     /// As [`Retriever::retrieve`].
-    pub(super) fn offsets_of_view(&self, view: usize) -> Result<Vec<f64>> {
+    pub(super) fn offsets_of_view(&self, view: usize) -> Result<Vec<[f64; 2]>> {
         Ok(self.own_offsets(view)?.unwrap_or(&self.offsets).to_vec())
     }
 
     /// Size of a pixel of the images, x and z, m, of frames with pixels of this size.
-    pub(super) fn pitch(&self, [x, z]: [f64; 2]) -> [f64; 2] {
-        [self.beamlets.as_ref().map_or(x, Beamlets::period), z]
+    pub(super) fn pitch(&self, pixel: [f64; 2]) -> [f64; 2] {
+        self.layout.pitch(pixel)
     }
 
-    /// Columns of the images whose values are all in these columns of the frames.
-    pub(super) fn curves_within(&self, columns: Range<usize>) -> Range<usize> {
-        self.beamlets.as_ref().map_or(columns.clone(), |beamlets| beamlets.within(&columns))
+    /// Rows and columns of the images, in rectangles, whose values are all in these rows and columns of the frames.
+    ///
+    /// # Errors
+    /// [`Error::Argument`] where no whole beamlet is in them.
+    pub(super) fn curves_within(
+        &self,
+        pixels: &[Range<usize>; 2],
+    ) -> Result<Vec<[Range<usize>; 2]>> {
+        let places = self.layout.within(pixels);
+        if !places.is_empty() {
+            return Ok(places);
+        }
+        let [rows, columns] = pixels;
+        let found =
+            format!("columns {}:{}, rows {}:{}", columns.start, columns.end, rows.start, rows.end);
+        Err(Error::argument("empty_beam", found, "pixels of a whole beamlet"))
     }
 
     /// Refraction angle per metre of shift of a curve's centre: -M/z for a scan of the sample
@@ -202,17 +260,12 @@ impl Retriever {
     /// curves: 0 where the middle of the scan is within half a period of 0.
     #[must_use]
     pub fn whole_periods(&self) -> f64 {
-        self.periods.length()
+        self.whole_periods
     }
 
-    /// Masks and spot, as their curve depends on them.
-    pub(super) const fn curve_geometry(&self) -> &CurveGeometry {
-        &self.shape
-    }
-
-    /// True of beamlets on their pixels, which have no curve over mask offsets.
-    pub(super) const fn has_beamlets(&self) -> bool {
-        self.beamlets.is_some()
+    /// The curves.
+    pub(super) const fn layout(&self) -> &Layout {
+        &self.layout
     }
 
     /// The resolved options.
@@ -220,14 +273,9 @@ impl Retriever {
         &self.options
     }
 
-    /// The fits on the device; `None` of methods without.
-    pub(super) const fn fitter(&self) -> Option<&Fitter> {
-        self.fitter.as_ref()
-    }
-
     /// True if curves determine their width, and images have a dark field.
     pub(super) fn has_width(&self) -> bool {
-        let has_pixels = self.beamlets.as_ref().is_none_or(Beamlets::determine_width);
+        let has_pixels = self.layout.beamlets().is_none_or(Beamlets::determine_width);
         has_pixels && self.options.method() != Method::TwoStep
     }
 
@@ -241,10 +289,13 @@ impl Retriever {
     /// Names of the images of the flat and of a view. Without noise there is nothing to be uncertain of.
     pub(super) fn names_of_images(&self) -> [Vec<&'static str>; 2] {
         let (has_width, has_sigmas) = (self.has_width(), self.options.gain.is_some());
+        let is_planar = self.layout.is_planar();
         let of_width = |name: &str| name.starts_with("dark_field") || name == "flat_width_sigma";
         images::names(|name| {
-            !images::is_of_z(name)
-                && (has_sigmas || !name.ends_with("_sigma"))
+            let is_sigma = name.ends_with("_sigma");
+            (is_planar || !images::is_of_z(name))
+                && (has_sigmas || !is_sigma)
+                && !(is_planar && is_sigma && name.starts_with("flat_"))
                 && (has_width || !of_width(name))
         })
     }
@@ -287,21 +338,25 @@ impl Retriever {
             ));
         }
         let scan = self.view_scan(view, corrected)?;
-        let across = flat.columns;
-        let mut images = Images::new(self.names(), flat.rows, across);
-        let rows = numbers::count(flat.rows);
-        self.bands(rows, columns, self.offsets.len(), control, |band, control| {
+        let [down, across] = flat.shape;
+        let mut images = Images::new(self.names(), down, across);
+        let rows = numbers::count(flat.frame_rows);
+        self.bands(rows, columns, control, |band, control| {
             let data = read(band.clone())?;
-            let pixels = band.start as usize * across..band.end as usize * across;
-            let known = Some((&flat.curves, pixels.start));
-            let curves = self.curves(data, &scan, known, &control.cancel)?;
-            let first = pixels.start;
-            let of = |at: usize| [flat.curves.curve(at), curves.curve(at - first)].map(Some);
-            images.take(pixels, of, self.angle_per_shift);
+            let first = band.start as usize * across;
+            let known = Some((&flat.curves, first));
+            let curves = self.curves((data, band.start), &scan, known, &control.cancel)?;
+            let of = |at: usize| [flat.curves.curve(at), curves.curve(at - first)];
+            images.take(first..first + curves.len(), of, self.angle_per_shift);
             Ok(())
         })?;
-        if let Some(width) = flat.width {
-            misfit::mark(&mut images, &misfit::contrasts(0, self.angle_per_shift.abs() * width));
+        if flat.widths.iter().any(Option::is_some) {
+            let contrasts = [0, 1].map(|axis| {
+                let width = flat.widths[axis].unwrap_or(f64::NAN);
+                misfit::contrasts(axis, self.angle_per_shift.abs() * width)
+            });
+            let count = if self.layout.is_planar() { 2 } else { 1 };
+            misfit::mark(&mut images, contrasts[..count].as_flattened());
         }
         Ok(images)
     }
@@ -309,14 +364,7 @@ impl Retriever {
     /// Flags bad pixels of the frames, `[row][column]`, in the images of a view: pixels, or beamlets that
     /// have one. They hold this flag alone.
     pub(super) fn mark_bad(&self, images: &mut Images, bad: &Array2<bool>) {
-        let of_images = match &self.beamlets {
-            Some(beamlets) => beamlets.gather(bad.view().insert_axis(Axis(0))).fold_axis(
-                Axis(0),
-                false,
-                |any, bad| *any || *bad,
-            ),
-            None => bad.clone(),
-        };
+        let of_images = self.layout.touched(bad);
         if let Some(bits) = images.get_mut(FLAGS) {
             bits.zip_mut_with(&of_images, |bits, bad| {
                 if *bad {
@@ -357,7 +405,7 @@ impl Retriever {
     /// As [`Retriever::retrieve`].
     pub fn retrieve_array_of(&self, view: usize, sample: ArrayView3<'_, f32>) -> Result<Images> {
         let (_, rows, columns) = sample.dim();
-        if self.flat.as_ref().is_some_and(|flat| flat.rows != rows) {
+        if self.flat.as_ref().is_some_and(|flat| flat.frame_rows != rows) {
             let allowed = "frames of one shape for flat and sample";
             return Err(Error::argument("sample", format!("{rows} rows"), allowed));
         }
@@ -370,13 +418,15 @@ impl Retriever {
         &self,
         rows: u32,
         columns: usize,
-        steps: usize,
         control: &mut RowsControl<'_>,
         mut work: impl FnMut(Range<u32>, &mut RowsControl<'_>) -> Result<()>,
     ) -> Result<()> {
-        let row_bytes = (4 * steps * columns).max(1);
-        let bytes = if self.fitter.is_some() { BAND } else { BAND / 16 };
-        let height = numbers::at_most(bytes / row_bytes).max(1);
+        let row_bytes = (4 * self.offsets.len() * columns).max(1);
+        let bytes = if self.layout.fitter().is_some() { BAND } else { BAND / 16 };
+        let height = match self.layout.needs_whole_frames() {
+            true => rows,
+            false => numbers::at_most(bytes / row_bytes).max(1),
+        };
         let mut start = 0;
         while start < rows {
             control.cancel.check()?;

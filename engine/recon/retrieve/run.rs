@@ -2,10 +2,8 @@
 
 mod begun;
 mod flat;
-mod planar;
 mod views;
 
-use super::Method;
 use super::correct::{Corrector, table};
 use super::diagnosis::Diagnosis;
 use super::images::{FLAGS, Images, PHASE, sample, unit};
@@ -14,7 +12,6 @@ use super::joined::JoinedColumns;
 use super::misfit::median;
 use super::options::RetrieveOptions;
 use super::phase::PhaseImages;
-use super::planar::Design;
 use super::record::Record;
 use super::response;
 use super::retriever::Retriever;
@@ -27,10 +24,9 @@ use beamlet_files::{
     Format, ImageDirectory, InputHashes, Kind, now, refuse_overlap, working_directory,
 };
 use beamlet_gpu::Compute;
-use begun::{Described, about, begun, count};
-use flat::{put_flat, take_flat};
+use begun::{about, begun, count};
+use flat::{blind_axes, put_flat, take_flat};
 use ndarray::{Array3, ArrayView2};
-use planar::retrieve_planar;
 use std::collections::BTreeMap;
 use std::collections::btree_map::Entry;
 use std::path::Path;
@@ -250,22 +246,11 @@ fn retrieve_to(
     options.check_saturation()?;
     let input = input.limited_to(options.saturation);
     let options = options_for(&input, &options.resolved(input.scene())?)?;
-    let design = Design::of(input.scene(), &options, input.omitted_steps())?;
-    refuse_parts_of_beamlets(&input, &options, design.as_ref())?;
-    if let Some(design) = design {
-        design.check(input.scene(), &options)?;
-        if design.is_of_list(input.scene()) || options.phase {
-            require_pixels(&input)?;
-        }
-        let input = input.fitted_to(design.steps())?;
-        let hashes = input.hashes();
-        let (mut record, geometry) = retrieve_planar(&input, &design, &options, control, put)?;
-        finish(&mut record, hashes.wait(&control.cancel, &mut || {})??, (began, since));
-        return Ok((record, geometry));
-    }
-    let mut retriever = Retriever::new(compute, &input.scene().of_groups(), &options)?;
+    let groups = input.scene().of_groups();
+    let mut retriever = Retriever::new(compute, &groups, &options)?;
+    refuse_parts_of_beamlets(&input, &retriever)?;
     let input = input.fitted_to(retriever.steps())?;
-    if !options.correct.is_none() || options.phase {
+    if !options.correct.is_none() || options.phase || retriever.layout().is_of_list() {
         require_pixels(&input)?;
     }
     let [rows, _] = input.frame();
@@ -285,12 +270,12 @@ fn retrieve_to(
     let mut inner = RowsControl { progress: Some(&mut advance), cancel: cancel.clone() };
     let hashes = input.hashes();
     let mut diagnosis = Diagnosis::begin(&retriever, &options, input.frame(), input.is_measured())?;
-    let across = take_flat(&input, &mut retriever, &mut diagnosis, &mut inner)?;
+    let [down, across] = take_flat(&input, &mut retriever, &mut diagnosis, &mut inner)?;
     let joined = retriever.joined(&input);
     let across = joined.as_ref().map_or(across, |joined| joined.order().len());
-    let described = Described::of(&retriever, &input);
-    let mut record = begun(&input, described, &options, [angles, rows, across]);
+    let mut record = begun(&input, &retriever, &options, [angles, down, across]);
     record.columns = joined.as_ref().map(JoinedColumns::order).unwrap_or_default().to_vec();
+    record.warnings = blind_axes(&retriever, &input);
     let value = if input.counts() { "counts" } else { "open pixels" };
     let mut output = Output { put, record, value, cancel: cancel.clone() };
     put_flat(&input, &retriever, joined.as_ref(), &mut output)?;
@@ -300,11 +285,11 @@ fn retrieve_to(
     let mut record = output.record;
     let of_input = input.warnings().iter().cloned().chain(input.other_optics(options.method()));
     diagnosis.finish(&mut record, &retriever, &of_input.collect::<Vec<_>>())?;
-    let groups = input.scene().of_groups();
     let response_of = |other: &RetrieveOptions| Retriever::new(compute, &groups, other)?.response();
     response::enter(&mut record, &options, retriever.response()?, response_of)?;
     finish(&mut record, hashes.wait(&cancel, &mut || {})??, (began, since));
-    let geometry = match input.has_angles() {
+    let has_columns = retriever.layout().lattice().is_none();
+    let geometry = match has_columns && input.has_angles() {
         true => Some(retriever.geometry(&input, angles).text()?),
         false => None,
     };
@@ -320,25 +305,20 @@ fn finish(record: &mut Record, inputs: InputHashes, (began, since): (String, Ins
     record.duration_s = since.elapsed().as_secs_f64();
 }
 
-/// Refuses beamlets among a part of the pixels.
-fn refuse_parts_of_beamlets(
-    input: &Input,
-    options: &RetrieveOptions,
-    design: Option<&Design>,
-) -> Result<()> {
-    let of_list = design.is_some_and(|design| design.is_of_list(input.scene()));
-    let on_lattice = matches!(design, Some(Design::Beamlets(_))) || of_list;
-    if (on_lattice || options.method() == Method::Beamlet) && input.selection() != (None, None) {
-        let allowed = match of_list {
-            true => "every pixel: their places are before the list of apertures",
-            false => "every pixel: beamlets are found among all of them",
-        };
-        return Err(Error::argument("columns", "a part of the pixels", allowed));
+/// Refuses beamlets, and curves of a list of apertures, among a part of the pixels.
+fn refuse_parts_of_beamlets(input: &Input, retriever: &Retriever) -> Result<()> {
+    let layout = retriever.layout();
+    if !(layout.has_beamlets() || layout.is_of_list()) || input.selection() == (None, None) {
+        return Ok(());
     }
-    Ok(())
+    let allowed = match layout.is_of_list() {
+        true => "every pixel: their places are before the list of apertures",
+        false => "every pixel: beamlets are found among all of them",
+    };
+    Err(Error::argument("columns", "a part of the pixels", allowed))
 }
 
-/// Options with the saturation and the read noise of the values of an input.
+/// Options with the saturation, the read noise and the steps of an input.
 ///
 /// # Errors
 /// [`Error::Argument`] for corrections of frames behind masks with shifts.
@@ -348,7 +328,10 @@ fn options_for(input: &Input, options: &RetrieveOptions) -> Result<RetrieveOptio
         return Err(Error::argument("correct", "dose or steps with shifts of the masks", allowed));
     }
     let noise = options.read_noise * (input.added() as f64).sqrt();
-    Ok(options.clone().with_saturation(input.saturation()).with_read_noise(noise))
+    let z = options.offsets_z.iter().enumerate();
+    let kept = z.filter(|(step, _)| !input.omitted_steps().contains(step)).map(|(_, z)| *z);
+    let options = options.clone().with_offsets_z(kept.collect());
+    Ok(options.with_saturation(input.saturation()).with_read_noise(noise))
 }
 
 /// Retrieves and hands over the images of every view, with corrections and phase where `options` has them,

@@ -51,6 +51,11 @@ impl Points {
     }
 }
 
+/// Coordinates of places along an axis, m.
+pub(super) fn along(places: &[[f64; 2]], axis: usize) -> Vec<f64> {
+    places.iter().map(|place| place[axis]).collect()
+}
+
 /// Places and noise that all curves of an image share.
 #[derive(Debug, Clone)]
 pub(super) struct Scan {

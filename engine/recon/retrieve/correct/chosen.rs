@@ -83,12 +83,21 @@ pub struct ViewCorrection {
     /// not corrected.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub steps: Vec<Option<[f64; 2]>>,
+    /// The same along z; empty of slits.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub steps_z: Vec<Option<[f64; 2]>>,
     /// Refraction angle that was subtracted, on the optical axis, rad.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub offset: Option<[f64; 2]>,
     /// Slopes of the refraction angle that was subtracted.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub plane: Option<Plane>,
+    /// Refraction angle along z that was subtracted, on the optical axis, rad.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub offset_z: Option<[f64; 2]>,
+    /// Slopes of the refraction angle along z that was subtracted.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub plane_z: Option<Plane>,
 }
 
 /// Slopes of a plane of the refraction angle.

@@ -3,16 +3,15 @@
 use super::chosen::{Corrections, Plane, ViewCorrection};
 use super::equations::Unknowns;
 use super::frames;
-use super::pixels::{FlatPixel, PixelSet};
+use super::pixels::{FlatPixel, PixelCurves, PixelSet};
 use super::plane::{FittedPlane, Slopes};
 use crate::retrieve::diagnosis::{Borders, is_usable};
 use crate::retrieve::images::{FLAGS, Images};
 use crate::retrieve::input::Input;
 use crate::retrieve::misfit::median;
 use crate::retrieve::noise_factors::NoiseFactors;
-use crate::retrieve::retriever::Corrected;
-use crate::retrieve::shape::CurveGeometry;
-use crate::retrieve::{Method, RetrieveOptions, Retriever};
+use crate::retrieve::retriever::{Corrected, ImagePlaces};
+use crate::retrieve::{RetrieveOptions, Retriever};
 use beamlet_core::cancel::Cancel;
 use beamlet_core::{Error, Result, numbers};
 use ndarray::Array3;
@@ -33,10 +32,9 @@ pub(crate) type Rectangle = [Range<usize>; 2];
 pub(crate) struct Corrector {
     chosen: Corrections,
     options: RetrieveOptions,
-    geometry: CurveGeometry,
-    /// Places of columns and rows on the detector, from the optical axis, m.
-    columns_m: Vec<f64>,
-    rows_m: Vec<f64>,
+    /// Curves of the pixels of frames, where their doses or offsets are corrected.
+    curves: Option<PixelCurves>,
+    places: ImagePlaces,
     /// Frames of a view or of the flat, the greater number.
     frames: usize,
     /// Pixels of the flat of all views, with the pixels that they are of.
@@ -49,8 +47,8 @@ pub(crate) struct FrameCorrection {
     doses: Vec<f32>,
     /// Values from here on are left out of fits.
     saturation: Option<f32>,
-    /// m, without whole periods.
-    offsets: Option<Vec<f64>>,
+    /// x and z, m, without whole periods.
+    offsets: Option<Vec<[f64; 2]>>,
 }
 
 impl FrameCorrection {
@@ -86,27 +84,28 @@ impl Corrector {
         }
         let refused =
             |found: &str, allowed: &str| Err(Error::argument("correct", found.to_owned(), allowed));
-        if options.method() == Method::Beamlet && chosen.steps {
+        let layout = retriever.layout();
+        if layout.has_beamlets() && chosen.steps {
             return refused(
-                "steps with beamlet",
+                "steps with beamlets",
                 "offset: a frame at one mask offset has one shift",
             );
         }
-        let geometry = CurveGeometry::of(input.scene())?;
-        if chosen.of_frames() && options.method() != Method::Beamlet && geometry.model().is_none() {
+        if chosen.of_frames() && layout.is_of_list() {
+            let allowed = "offset and plane: a curve with a peak for each opening does not tell a dose from a \
+                           displacement";
+            return refused("dose or steps with a list of apertures", allowed);
+        }
+        let of_frames = chosen.of_frames() && !layout.has_beamlets();
+        let curves = if of_frames { PixelCurves::of(layout) } else { None };
+        if of_frames && curves.is_none() {
             return refused("dose or steps without two masks", "offset and plane");
         }
-        let image = input.image_scene();
-        let [rows, pitch] = [f64::from(image.detector.pixels[1]), image.detector.pitch[1]];
-        let rows_m = (0..image.detector.pixels[1])
-            .map(|row| (rows / 2.0 - 0.5 - f64::from(row)) * pitch)
-            .collect();
         Ok(Some(Self {
             chosen,
             options: options.clone(),
-            geometry,
-            columns_m: retriever.places(input),
-            rows_m,
+            curves,
+            places: retriever.image_places(input),
             frames: retriever.steps().max(1),
             flat: None,
         }))
@@ -122,8 +121,7 @@ impl Corrector {
         frame: [usize; 2],
     ) -> Result<Option<Vec<Rectangle>>> {
         let Some(region) = &options.empty_beam else { return Ok(None) };
-        let [rows, columns] = region.within(frame)?;
-        Ok(Some(vec![[rows, retriever.curves_within(columns)]]))
+        retriever.curves_within(&region.within(frame)?).map(Some)
     }
 
     /// Empty beam at both sides of the images of a view: strips that have one transmission, one refraction
@@ -137,11 +135,12 @@ impl Corrector {
         retriever: &Retriever,
     ) -> Result<Vec<Rectangle>> {
         // Refraction of a shift by a width of the flat's curve.
-        let widths = retriever.flat_curves().map(|flat| flat.width.as_slice()).unwrap_or_default();
-        let width = median(widths.iter().copied().map(f64::from).collect()).unwrap_or(f64::NAN);
-        let angle = width * retriever.angle_per_shift();
+        let angles = [0, 1].map(|axis| {
+            let widths = retriever.flat_curves().map(|flat| flat.widths(axis)).unwrap_or_default();
+            (median(widths).unwrap_or(f64::NAN) * retriever.angle_per_shift()).abs()
+        });
         let (rows, columns) = images.get(FLAGS).map_or((0, 0), ndarray::Array2::dim);
-        match Borders::of(images, [rows, columns], angle.abs()) {
+        match Borders::of(images, [rows, columns], angles) {
             Some(borders) => {
                 let width = borders.width;
                 Ok([0..width, columns - width..columns].map(|strip| [0..rows, strip]).to_vec())
@@ -167,16 +166,14 @@ impl Corrector {
         empty: &[Rectangle],
         cancel: &Cancel,
     ) -> Result<Option<(FrameCorrection, ViewCorrection)>> {
-        if !self.chosen.of_frames() || self.options.method() == Method::Beamlet {
-            return Ok(None);
-        }
+        let Some(curves) = &self.curves else { return Ok(None) };
         let (pixels, count) = chosen_pixels(input.frame(), empty);
         let nominal = retriever.offsets_of_view(view)?;
         let flat_offsets = retriever.flat_offsets();
         if self.flat.as_ref().is_none_or(|(of, _)| *of != pixels) || input.has_flats() {
             let mut read = |rows| input.flat_rows(view, rows);
             let values = self.values(input.frame(), &pixels, &mut read, cancel)?;
-            let flat = FlatPixel::all(values, flat_offsets, &self.geometry, &self.options);
+            let flat = FlatPixel::all(values, flat_offsets, curves, &self.options);
             self.flat = Some((pixels.clone(), flat));
         }
         let mut read = |rows| input.sample_rows(view, rows);
@@ -185,7 +182,7 @@ impl Corrector {
         let offsets = [flat_offsets, &nominal[..]];
         // They decide on which side of the peak a frame lies; with doses unknown as well they do not.
         let inner = self.chosen.steps && !self.chosen.dose;
-        let set = PixelSet::of(flat, sample, count, inner, offsets, &self.geometry, &self.options);
+        let set = PixelSet::of(flat, sample, count, inner, offsets, curves, &self.options);
         if set.empty.len() < FEWEST {
             let found = format!(
                 "{} pixels with a curve and with values in all frames of view {view}",
@@ -195,7 +192,7 @@ impl Corrector {
             return Err(Error::argument("empty_beam", found, allowed));
         }
         let (dose, steps) = (self.chosen.dose, self.chosen.steps);
-        let of = Unknowns { frames: nominal.len(), dose, steps };
+        let of = Unknowns { frames: nominal.len(), dose, steps, axes: curves.axes() };
         let unsolved = |what: &str| {
             let allowed = "frames on both slopes of the illumination curve";
             Err(Error::argument("correct", format!("{what} of view {view}: unknown"), allowed))
@@ -203,22 +200,28 @@ impl Corrector {
         let Some(found) = frames::solve(&set, of, cancel)? else {
             return unsolved("doses and offsets");
         };
-        let [doses, shifts] = found.known(set.width);
-        for (chosen, values, what) in [(dose, &doses, "doses"), (steps, &shifts, "offsets")] {
-            if chosen && values.iter().all(Option::is_none) {
-                return unsolved(what);
-            }
+        let [doses, along_x, along_z] = found.known(set.widths);
+        let is_unknown = |values: &[Option<[f64; 2]>]| values.iter().all(Option::is_none);
+        if dose && is_unknown(&doses) {
+            return unsolved("doses");
+        }
+        if steps && is_unknown(&along_x) && (of.axes == 1 || is_unknown(&along_z)) {
+            return unsolved("offsets");
         }
         let value = |(chosen, pair): (bool, &[f64; 2])| if chosen { pair[0] } else { 1.0 };
         let correction = FrameCorrection {
             saturation: self.options.saturation,
             doses: found.dose.iter().map(|pair| numbers::single(value((dose, pair)))).collect(),
-            offsets: steps
-                .then(|| nominal.iter().zip(&found.shift).map(|(at, [by, _])| at + by).collect()),
+            offsets: steps.then(|| {
+                let [x, z] = &found.shift;
+                let moved = nominal.iter().zip(x.iter().zip(z));
+                moved.map(|(at, ([x, _], [z, _]))| [at[0] + x, at[1] + z]).collect()
+            }),
         };
         let record = ViewCorrection {
             dose: if dose { doses } else { Vec::new() },
-            steps: if steps { shifts } else { Vec::new() },
+            steps: if steps { along_x } else { Vec::new() },
+            steps_z: if steps && of.axes == 2 { along_z } else { Vec::new() },
             ..Self::begun(empty)
         };
         Ok(Some((correction, record)))
@@ -241,11 +244,11 @@ impl Corrector {
         empty: &[Rectangle],
         record: &mut ViewCorrection,
     ) -> Result<()> {
-        if self.chosen.dose && self.options.method() == Method::Beamlet {
+        if self.chosen.dose && self.curves.is_none() {
             let values = self.points(images, "transmission", empty);
             let dose = FittedPlane::through(&values, Slopes { x: false, z: false });
             let Some(dose) = dose.map(|plane| plane.value).filter(|[dose, _]| *dose > 0.0) else {
-                return Self::too_few(view, values.len());
+                return Err(Self::too_few(view, values.len()));
             };
             for name in ["transmission", "transmission_sigma"] {
                 if let Some(image) = images.get_mut(name) {
@@ -257,11 +260,31 @@ impl Corrector {
         if !self.chosen.of_refraction() {
             return Ok(());
         }
-        let points = self.points(images, "refraction", empty);
-        let has_rows = self.rows_m.len() > 1;
+        if let Some((offset, plane)) = self.subtract(images, "refraction", (view, empty))? {
+            (record.offset, record.plane) = (Some(offset), plane);
+        }
+        if let Some((offset, plane)) = self.subtract(images, "refraction_z", (view, empty))? {
+            (record.offset_z, record.plane_z) = (Some(offset), plane);
+        }
+        Ok(())
+    }
+
+    /// Subtracts the angle of the empty beam, or a plane through it, from an image of refraction. Returns what was
+    /// subtracted; `None` without this image, and where steps do not determine it.
+    fn subtract(
+        &self,
+        images: &mut Images,
+        name: &str,
+        (view, empty): (usize, &[Rectangle]),
+    ) -> Result<Option<([f64; 2], Option<Plane>)>> {
+        if images.get(name).is_none_or(|image| image.iter().all(|value| value.is_nan())) {
+            return Ok(None);
+        }
+        let points = self.points(images, name, empty);
+        let has_rows = self.places.rows() > 1;
         let slopes = Slopes { x: self.chosen.plane, z: self.chosen.plane && has_rows };
         if points.len() < FEWEST {
-            return Self::too_few(view, points.len());
+            return Err(Self::too_few(view, points.len()));
         }
         let Some(plane) = FittedPlane::through(&points, slopes) else {
             let found = format!("pixels of one row or column of view {view}");
@@ -269,22 +292,21 @@ impl Corrector {
                 "pixels of several columns (and rows, where images have several) for a plane";
             return Err(Error::argument("empty_beam", found, allowed));
         };
-        if let Some(image) = images.get_mut("refraction") {
+        if let Some(image) = images.get_mut(name) {
             for ((row, column), value) in image.indexed_iter_mut() {
-                let angle = plane.at(self.columns_m[column], self.rows_m[row]);
-                *value = numbers::single(f64::from(*value) - angle);
+                let [x, z] = self.places.at(row, column);
+                *value = numbers::single(f64::from(*value) - plane.at(x, z));
             }
         }
-        record.offset = Some(plane.value);
         let [x, z] = plane.slopes;
-        record.plane = self.chosen.plane.then_some(Plane { x, z: has_rows.then_some(z) });
-        Ok(())
+        let slopes = self.chosen.plane.then_some(Plane { x, z: has_rows.then_some(z) });
+        Ok(Some((plane.value, slopes)))
     }
 
-    fn too_few(view: usize, count: usize) -> Result<()> {
+    fn too_few(view: usize, count: usize) -> Error {
         let found = format!("{count} pixels with a result in view {view}");
         let allowed = format!("{FEWEST} pixels or more with nothing in the beam");
-        Err(Error::argument("empty_beam", found, allowed))
+        Error::argument("empty_beam", found, allowed)
     }
 
     /// Place (x, z) and value of the pixels of empty beam that have a result without a flag of doubt.
@@ -298,7 +320,8 @@ impl Corrector {
                 let value = f64::from(image[[row, column]]);
                 let bits = numbers::whole::<u32>(f64::from(bits[[row, column]]));
                 if is_usable(bits) && value.is_finite() {
-                    points.push([self.columns_m[column], self.rows_m[row], value]);
+                    let [x, z] = self.places.at(row, column);
+                    points.push([x, z, value]);
                 }
             }
         }

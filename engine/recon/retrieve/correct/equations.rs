@@ -1,9 +1,9 @@
 //! Normal equations of the doses and mask offsets of the frames of a view.
 //!
 //! The value of a pixel at mask offset f in a frame of dose d and displacement j is d (C(f + j) + r), with
-//! the curve C of the pixel and the residual r of the flat. In empty beam C is the curve of the flat. In the
-//! other pixels C has four unknowns of its own, which are eliminated: such pixels contribute what their
-//! curves cannot follow.
+//! the curve C of the pixel and the residual r of the flat; f and j have the axes of the steps. In empty beam C is the
+//! curve of the flat. In the other pixels C has unknowns of its own, which are eliminated: such pixels contribute what
+//! their curves cannot follow.
 
 use super::pixels::{Pixel, PixelSet};
 use crate::retrieve::diagnosis::FittedCurve;
@@ -27,6 +27,8 @@ pub(super) struct Unknowns {
     pub(super) frames: usize,
     pub(super) dose: bool,
     pub(super) steps: bool,
+    /// Axes of the steps: 1 or 2.
+    pub(super) axes: usize,
 }
 
 impl Unknowns {
@@ -35,19 +37,45 @@ impl Unknowns {
         if self.dose { self.frames } else { 1 }
     }
 
-    /// Number of unknown displacements.
+    /// Number of unknown displacements along an axis.
     pub(super) const fn shifts(self) -> usize {
         if self.steps { self.frames } else { 1 }
     }
 
     pub(super) const fn count(self) -> usize {
-        self.doses() + self.shifts()
+        self.doses() + self.axes * self.shifts()
     }
 
-    /// Indices of the dose and of the displacement of a frame.
-    pub(super) const fn of(self, frame: usize) -> [usize; 2] {
-        let dose = if self.dose { frame } else { 0 };
-        [dose, self.doses() + if self.steps { frame } else { 0 }]
+    /// Index of the displacement of a frame along an axis.
+    pub(super) const fn shift(self, frame: usize, axis: usize) -> usize {
+        self.doses() + axis * self.shifts() + if self.steps { frame } else { 0 }
+    }
+
+    /// Index of the dose of a frame.
+    pub(super) const fn dose(self, frame: usize) -> usize {
+        if self.dose { frame } else { 0 }
+    }
+
+    /// Indices of the dose and of the displacements of a frame.
+    fn of(self, frame: usize) -> impl Iterator<Item = usize> + Clone {
+        let shifts = (0..self.axes).map(move |axis| self.shift(frame, axis));
+        std::iter::once(self.dose(frame)).chain(shifts)
+    }
+
+    /// Mask offsets of displaced frames, m, from those that were set and the widths of the curve.
+    pub(super) fn displaced(
+        self,
+        at: &[f64],
+        offsets: &[[f64; 2]],
+        widths: [f64; 2],
+    ) -> Vec<[f64; 2]> {
+        let displaced = |(frame, offset): (usize, &[f64; 2])| {
+            [0, 1].map(|axis| match axis < self.axes {
+                true => libm::fma(at[self.shift(frame, axis)], widths[axis], offset[axis]),
+                false => offset[axis],
+            })
+        };
+        offsets.iter().enumerate().map(displaced).collect()
     }
 }
 
@@ -61,10 +89,10 @@ pub(super) struct System {
     pub(super) noise: f64,
 }
 
-/// Residuals of a pixel with their slopes by dose and displacement.
+/// Residuals of a pixel with their slopes by dose and displacements along x and z.
 struct Row {
     residual: Vec<f64>,
-    slopes: Vec<[f64; 2]>,
+    slopes: Vec<[f64; 3]>,
     variance: Vec<f64>,
     /// Slopes by the unknowns of the pixel's own curve.
     own: Vec<OfCurve>,
@@ -80,7 +108,7 @@ impl Row {
 
     /// Largest expected value.
     fn most(&self) -> f64 {
-        self.slopes.iter().map(|[value, _]| value.abs()).fold(0.0, f64::max)
+        self.slopes.iter().map(|[value, ..]| value.abs()).fold(0.0, f64::max)
     }
 }
 
@@ -143,13 +171,13 @@ impl PixelSet<'_> {
         let equations = curve.equations();
         let mut row = Row { residual, slopes, variance, own: Vec::new(), equations };
         let (least, ratio) = (LEAST * curve.amplitude, curve.amplitude / pixel.curve.amplitude);
-        let numbers = |k: usize| of.of(k).map(|i| at[i]);
-        let places = (0..of.frames).map(|k| libm::fma(numbers(k)[1], self.width, self.offsets[k]));
-        for (k, [value, own @ ..]) in curve.at(places).into_iter().enumerate() {
-            let dose = numbers(k)[0].exp();
+        let places = of.displaced(at, self.offsets, self.widths);
+        let [width_x, width_z] = self.widths;
+        for (k, [value, own @ ..]) in curve.at(&places).into_iter().enumerate() {
+            let dose = at[of.dose(k)].exp();
             let expected = dose * libm::fma(ratio, pixel.residual[k], value);
             row.residual.push(pixel.values[k] - expected);
-            row.slopes.push([expected, -dose * own[1] * self.width]);
+            row.slopes.push([expected, -dose * own[1] * width_x, -dose * own[2] * width_z]);
             row.variance.push(self.variance(expected.max(least)) + of_flat(k, dose, value));
             row.own.push(own.map(|slope| dose * slope));
         }
@@ -169,38 +197,38 @@ impl System {
     /// the groups beside one another have the systematic error, too. Groups are large enough for the noise of
     /// the flat, which slopes and residuals have in common.
     fn add_empty(&mut self, rows: &[&Row], k: usize, of: Unknowns, noise: f64) {
-        let mut add = |weight: f64, slopes: [f64; 2], residual: f64| {
-            for (i, slope) in of.of(k).into_iter().zip(slopes) {
+        let mut add = |weight: f64, slopes: [f64; 3], residual: f64| {
+            for (i, slope) in of.of(k).zip(slopes) {
                 self.right[i] += weight * slope * residual;
-                for (j, other) in of.of(k).into_iter().zip(slopes) {
+                for (j, other) in of.of(k).zip(slopes) {
                     self.matrix[i][j] += weight * slope * other;
                 }
             }
         };
         let groups = (rows.len() / GROUP).clamp(1, GROUPS);
         let systematic = groups as f64 * SYSTEMATIC.powi(2);
-        let (mut sums, mut all, mut of_differences) = ([0.0; 3], 0.0, 0.0);
+        let (mut sums, mut all, mut of_differences) = ([0.0; 4], 0.0, 0.0);
         for group in rows.chunks(rows.len().div_ceil(groups).max(1)) {
-            let (mut of_group, mut own, mut most) = ([0.0; 3], 0.0, 0.0_f64);
+            let (mut of_group, mut own, mut most) = ([0.0; 4], 0.0, 0.0_f64);
             for row in group {
                 let weight = 1.0 / (noise * row.variance[k]);
-                let [dose, shift] = row.slopes[k];
-                for (sum, value) in of_group.iter_mut().zip([dose, shift, row.residual[k]]) {
+                let [dose, x, z] = row.slopes[k];
+                for (sum, value) in of_group.iter_mut().zip([dose, x, z, row.residual[k]]) {
                     *sum += weight * value;
                 }
                 own += weight;
                 most = most.max(row.most());
             }
             let weight = 1.0 / (1.0 / own + systematic * most * most);
-            let [dose, shift, residual] = of_group.map(|sum| sum / own);
-            add(weight, [dose, shift], residual);
+            let [dose, x, z, residual] = of_group.map(|sum| sum / own);
+            add(weight, [dose, x, z], residual);
             sums.iter_mut().zip(of_group).for_each(|(sum, value)| *sum += value);
             all += own;
             of_differences += weight;
         }
-        let [dose, shift, residual] = sums.map(|sum| sum / all);
+        let [dose, x, z, residual] = sums.map(|sum| sum / all);
         if all > 0.0 {
-            add(all - of_differences, [dose, shift], residual);
+            add(all - of_differences, [dose, x, z], residual);
         }
     }
 
@@ -222,16 +250,15 @@ impl System {
             .map(|s| std::array::from_fn(|j| (0..UNKNOWNS).map(|i| s[i] * inverse[i][j]).sum()))
             .collect();
         for k in 0..of.frames {
-            let [dose, shift] = of.of(k);
             for l in 0..of.frames {
                 let follows: f64 =
                     half[k].iter().zip(row.own[l]).map(|(half, own)| half * own).sum();
                 let own = if k == l { weights[k] } else { 0.0 };
                 let weight = libm::fma(-weights[k] * follows, weights[l], own);
                 self.squares += weight * row.residual[k] * row.residual[l];
-                for (i, slope) in [dose, shift].into_iter().zip(row.slopes[k]) {
+                for (i, slope) in of.of(k).zip(row.slopes[k]) {
                     self.right[i] += weight * slope * row.residual[l];
-                    for (j, other) in of.of(l).into_iter().zip(row.slopes[l]) {
+                    for (j, other) in of.of(l).zip(row.slopes[l]) {
                         self.matrix[i][j] += weight * slope * other;
                     }
                 }

@@ -10,10 +10,10 @@ use super::pixels::PixelSet;
 use crate::retrieve::diagnosis::inverted;
 use beamlet_core::{Cancel, Result};
 
-/// Scatter of logarithms of doses, and of displacements in widths of the curve, to begin with.
-const SCATTER: [f64; 2] = [0.2, 0.3];
+/// Scatter of logarithms of doses, and of displacements along x and z in widths of the curve, to begin with.
+const SCATTER: [f64; 3] = [0.2, 0.3, 0.3];
 /// Least scatter.
-const LEAST: [f64; 2] = [1e-5, 1e-5];
+const LEAST: [f64; 3] = [1e-5; 3];
 /// Largest change of an unknown in one step.
 const STEP: f64 = 0.3;
 /// Changes of logarithms of doses and of displacements below which the unknowns have settled.
@@ -31,7 +31,7 @@ const UNKNOWN: [f64; 2] = [0.02, 0.06];
 /// Distance from the peak of the curve, in its widths, within which a frame may as well lie on the other
 /// side of the peak.
 const NEAR_PEAK: f64 = 0.7;
-/// Most frames of which both sides of the peak are tried.
+/// Most frames, or axes of frames, of which both sides of the peak are tried.
 const SIDES: usize = 4;
 /// Squares by which one side of the peak has to be better than the other.
 const SURE: f64 = 9.0;
@@ -42,16 +42,18 @@ const OF_SLOPE: f64 = 0.03;
 pub(super) struct Frames {
     /// Dose of each frame.
     pub(super) dose: Vec<[f64; 2]>,
-    pub(super) shift: Vec<[f64; 2]>,
+    /// Displacements along x and z; z of slits is 0.
+    pub(super) shift: [Vec<[f64; 2]>; 2],
 }
 
 impl Frames {
-    /// Values that are known well enough: doses, and displacements for a curve of this width.
-    pub(super) fn known(&self, width: f64) -> [Vec<Option<[f64; 2]>>; 2] {
+    /// Values that are known well enough: doses, and displacements along x and z for a curve of these widths.
+    pub(super) fn known(&self, widths: [f64; 2]) -> [Vec<Option<[f64; 2]>>; 3] {
         let of = |values: &[[f64; 2]], most: f64| {
             values.iter().map(|pair| (pair[1] <= most).then_some(*pair)).collect()
         };
-        [of(&self.dose, UNKNOWN[0]), of(&self.shift, UNKNOWN[1] * width)]
+        let [x, z] = [0, 1].map(|axis| of(&self.shift[axis], UNKNOWN[1] * widths[axis]));
+        [of(&self.dose, UNKNOWN[0]), x, z]
     }
 }
 
@@ -73,9 +75,9 @@ pub(super) fn solve(set: &PixelSet<'_>, of: Unknowns, cancel: &Cancel) -> Result
     let mut found: Vec<Option<Solution>> = Vec::new();
     for sides in 0..1_usize << near.len() {
         let mut at = best.at.clone();
-        for (bit, (frame, place)) in near.iter().enumerate() {
+        for (bit, (of_frame, place)) in near.iter().enumerate() {
             if sides >> bit & 1 == 1 {
-                at[of.of(*frame)[1]] -= 2.0 * place;
+                at[of.shift(of_frame.frame, of_frame.axis)] -= 2.0 * place;
             }
         }
         found.push(search.descend(at, cancel)?);
@@ -84,8 +86,8 @@ pub(super) fn solve(set: &PixelSet<'_>, of: Unknowns, cancel: &Cancel) -> Result
         |sides: usize| found[sides].as_ref().map_or(f64::INFINITY, |solution| solution.objective);
     let order = |a: &usize, b: &usize| objective(*a).total_cmp(&objective(*b));
     let chosen = (0..found.len()).min_by(order).unwrap_or(0);
-    let mut unsure = vec![0.0_f64; of.frames];
-    let side = |sides: usize, frame: usize| {
+    let mut unsure = [0, 1].map(|_| vec![0.0_f64; of.frames]);
+    let side = |sides: usize, frame: FrameAxis| {
         found[sides].as_ref().map_or(0.0, |solution| place(solution, set, of, frame))
     };
     for (frame, _) in &near {
@@ -93,7 +95,7 @@ pub(super) fn solve(set: &PixelSet<'_>, of: Unknowns, cancel: &Cancel) -> Result
         let is_other = |sides: &usize| side(*sides, *frame) * own < 0.0;
         let other = (0..found.len()).filter(is_other).min_by(order);
         if let Some(other) = other.filter(|it| objective(*it) - objective(chosen) < SURE) {
-            unsure[*frame] = (side(other, *frame) - own).abs();
+            unsure[frame.axis][frame.frame] = (side(other, *frame) - own).abs();
         }
     }
     if let Some(solution) = found.swap_remove(chosen) {
@@ -102,34 +104,52 @@ pub(super) fn solve(set: &PixelSet<'_>, of: Unknowns, cancel: &Cancel) -> Result
     Ok(Some(frames(&best, set, of, &unsure)))
 }
 
-/// Distance of a frame from the peak of the curve, in widths.
-fn place(solution: &Solution, set: &PixelSet<'_>, of: Unknowns, frame: usize) -> f64 {
-    solution.at[of.of(frame)[1]] + (set.offsets[frame] - set.centre) / set.width
+/// An axis of a frame.
+#[derive(Debug, Clone, Copy)]
+struct FrameAxis {
+    frame: usize,
+    axis: usize,
 }
 
-/// Frames near the peak of the curve, each with its distance from there in widths, the nearest first.
-fn near_peak(best: &Solution, set: &PixelSet<'_>, of: Unknowns) -> Vec<(usize, f64)> {
-    let all = (0..of.frames).map(|frame| (frame, place(best, set, of, frame)));
-    let mut near: Vec<(usize, f64)> = all.filter(|(_, place)| place.abs() < NEAR_PEAK).collect();
+/// Distance of a frame from the peak of the curve along an axis, in widths.
+fn place(solution: &Solution, set: &PixelSet<'_>, of: Unknowns, at: FrameAxis) -> f64 {
+    let FrameAxis { frame, axis } = at;
+    let from_peak = (set.offsets[frame][axis] - set.centre[axis]) / set.widths[axis];
+    solution.at[of.shift(frame, axis)] + from_peak
+}
+
+/// Axes of frames near the peak of the curve, each with its distance from there in widths, the nearest first.
+fn near_peak(best: &Solution, set: &PixelSet<'_>, of: Unknowns) -> Vec<(FrameAxis, f64)> {
+    let all = (0..of.frames)
+        .flat_map(|frame| (0..of.axes).map(move |axis| FrameAxis { frame, axis }))
+        .map(|at| (at, place(best, set, of, at)));
+    let mut near: Vec<(FrameAxis, f64)> =
+        all.filter(|(_, place)| place.abs() < NEAR_PEAK).collect();
     near.sort_by(|a, b| a.1.abs().total_cmp(&b.1.abs()));
     near.truncate(SIDES);
     near
 }
 
 /// Values with their uncertainties.
-fn frames(best: &Solution, set: &PixelSet<'_>, of: Unknowns, unsure: &[f64]) -> Frames {
+fn frames(best: &Solution, set: &PixelSet<'_>, of: Unknowns, unsure: &[Vec<f64>; 2]) -> Frames {
     let sigma = |i: usize| best.covariance[i][i].max(0.0).sqrt();
     let dose = |k: usize| {
-        let [i, _] = of.of(k);
+        let i = of.dose(k);
         let dose = best.at[i].exp();
         [dose, dose * sigma(i)]
     };
-    let shift = |k: usize| {
-        let [_, i] = of.of(k);
-        let sigma = sigma(i).hypot(unsure[k]).hypot(OF_SLOPE * best.at[i]);
-        [set.width * best.at[i], set.width * sigma]
+    let shift = |axis: usize, k: usize| {
+        if axis >= of.axes {
+            return [0.0; 2];
+        }
+        let (i, width) = (of.shift(k, axis), set.widths[axis]);
+        let sigma = sigma(i).hypot(unsure[axis][k]).hypot(OF_SLOPE * best.at[i]);
+        [width * best.at[i], width * sigma]
     };
-    Frames { dose: (0..of.frames).map(dose).collect(), shift: (0..of.frames).map(shift).collect() }
+    Frames {
+        dose: (0..of.frames).map(dose).collect(),
+        shift: [0, 1].map(|axis| (0..of.frames).map(|k| shift(axis, k)).collect()),
+    }
 }
 
 #[derive(Clone, Copy)]
@@ -138,7 +158,7 @@ struct Search<'a> {
     of: Unknowns,
     /// Variance of a value over that by the assumed noise.
     noise: f64,
-    scatter: [f64; 2],
+    scatter: [f64; 3],
     /// True if noise and scatter keep their values.
     held: bool,
 }
@@ -213,10 +233,11 @@ impl Search<'_> {
         last
     }
 
-    /// Start, count and scatter of doses and of displacements.
-    const fn blocks(&self) -> [(usize, usize, f64); 2] {
+    /// Start, count and scatter of doses and of displacements along each axis.
+    fn blocks(&self) -> Vec<(usize, usize, f64)> {
         let (doses, shifts) = (self.of.doses(), self.of.shifts());
-        [(0, doses, self.scatter[0]), (doses, shifts, self.scatter[1])]
+        let of_axis = |axis: usize| (doses + axis * shifts, shifts, self.scatter[1 + axis]);
+        std::iter::once((0, doses, self.scatter[0])).chain((0..self.of.axes).map(of_axis)).collect()
     }
 
     /// Squares of deviations from the means over their scatter, with the normalisation of the scatter.

@@ -1,12 +1,14 @@
 //! Values of the pixels of a view, and the curves of their flat.
 
 use super::equations::Unknowns;
-use crate::retrieve::diagnosis::FittedCurve;
+use crate::retrieve::background_term::BackgroundTerm;
+use crate::retrieve::diagnosis::{CurveModel, FittedCurve};
 use crate::retrieve::fit::fit_slits;
 use crate::retrieve::fitter::Weights;
 use crate::retrieve::misfit::median;
-use crate::retrieve::scan::Scan;
-use crate::retrieve::shape::CurveGeometry;
+use crate::retrieve::planar::PlanarModel;
+use crate::retrieve::retriever::Layout;
+use crate::retrieve::scan::{Scan, along};
 use crate::retrieve::value_noise::ValueNoise;
 use crate::retrieve::{RetrieveOptions, flags, quadrature};
 use rayon::prelude::*;
@@ -31,11 +33,11 @@ pub(super) struct PixelSet<'a> {
     /// Pixels of the rest of the image.
     pub(crate) inner: Vec<Pixel>,
     /// Mask offsets of the sample as they were set, m.
-    pub(crate) offsets: &'a [f64],
-    /// Median width and centre of the curves of the empty beam, m.
-    pub(super) width: f64,
-    pub(super) centre: f64,
-    geometry: &'a CurveGeometry,
+    pub(crate) offsets: &'a [[f64; 2]],
+    /// Median widths and centre of the curves of the empty beam along x and z, m.
+    pub(super) widths: [f64; 2],
+    pub(super) centre: [f64; 2],
+    curves: &'a PixelCurves,
     options: &'a RetrieveOptions,
 }
 
@@ -50,24 +52,24 @@ impl FlatPixel {
     /// Pixels with values at these offsets (m); `None` without a value in a frame, or without a curve.
     pub(super) fn all(
         values: Vec<Vec<f64>>,
-        offsets: &[f64],
-        geometry: &CurveGeometry,
+        offsets: &[[f64; 2]],
+        curves: &PixelCurves,
         options: &RetrieveOptions,
     ) -> Vec<Option<Self>> {
-        let scan = scan(offsets, geometry, options);
+        let scan = curves.scan(offsets, options);
         let of = |values: Vec<f64>| {
             let is_whole = values.iter().all(|value| value.is_finite());
-            let curve = is_whole.then(|| fit(geometry, &scan, &values)).flatten()?;
+            let curve = is_whole.then(|| curves.fit(&scan, &values)).flatten()?;
             Some(Self { curve, values })
         };
         values.into_par_iter().map(of).collect()
     }
 
     /// Difference of the values from the curve at the offsets of the sample; 0 where the flat has others.
-    fn residual(&self, [of_flat, offsets]: [&[f64]; 2]) -> Vec<f64> {
+    fn residual(&self, [of_flat, offsets]: [&[[f64; 2]]; 2]) -> Vec<f64> {
         match of_flat == offsets {
             true => {
-                let fitted = self.curve.at(offsets.iter().copied());
+                let fitted = self.curve.at(offsets);
                 self.values.iter().zip(fitted).map(|(y, [value, ..])| y - value).collect()
             }
             false => vec![0.0; offsets.len()],
@@ -85,8 +87,8 @@ impl<'a> PixelSet<'a> {
         sample: Vec<Vec<f64>>,
         empty: usize,
         inner: bool,
-        offsets: [&'a [f64]; 2],
-        geometry: &'a CurveGeometry,
+        offsets: [&'a [[f64; 2]]; 2],
+        curves: &'a PixelCurves,
         options: &'a RetrieveOptions,
     ) -> Self {
         let frames = offsets[1].len();
@@ -104,19 +106,15 @@ impl<'a> PixelSet<'a> {
                 of_inner.push(pixel);
             }
         }
-        let middle = |of: fn(&FittedCurve) -> f64| {
-            median(of_empty.iter().map(|pixel| of(&pixel.curve)).collect()).unwrap_or(f64::NAN)
+        let middle = |of: fn(&FittedCurve) -> [f64; 2]| {
+            [0, 1].map(|axis| {
+                let all = of_empty.iter().map(|pixel| of(&pixel.curve)[axis]).collect();
+                median(all).unwrap_or(f64::NAN)
+            })
         };
-        let (width, centre) = (middle(|curve| curve.width), middle(FittedCurve::centre));
-        Self {
-            empty: of_empty,
-            inner: of_inner,
-            offsets: offsets[1],
-            width,
-            centre,
-            geometry,
-            options,
-        }
+        let (widths, centre) = (middle(|curve| curve.widths), middle(FittedCurve::centre));
+        let (empty, inner) = (of_empty, of_inner);
+        Self { empty, inner, offsets: offsets[1], widths, centre, curves, options }
     }
 
     /// Variance of a value by the noise of photons and of reading; of intensities in arbitrary units.
@@ -127,35 +125,78 @@ impl<'a> PixelSet<'a> {
 
     /// The curve of a pixel of the sample in frames of these doses and displacements.
     pub(super) fn fitted(&self, pixel: &Pixel, of: Unknowns, at: &[f64]) -> Option<FittedCurve> {
-        let offsets: Vec<f64> = (0..of.frames)
-            .map(|k| libm::fma(at[of.of(k)[1]], self.width, self.offsets[k]))
-            .collect();
+        let offsets = of.displaced(at, self.offsets, self.widths);
         let values: Vec<f64> =
-            pixel.values.iter().enumerate().map(|(k, y)| y * (-at[of.of(k)[0]]).exp()).collect();
-        fit(self.geometry, &scan(&offsets, self.geometry, self.options), &values)
+            pixel.values.iter().enumerate().map(|(k, y)| y * (-at[of.dose(k)]).exp()).collect();
+        self.curves.fit(&self.curves.scan(&offsets, self.options), &values)
     }
 }
 
-fn scan(offsets: &[f64], geometry: &CurveGeometry, options: &RetrieveOptions) -> Scan {
-    let noise = ValueNoise {
-        saturation: f64::INFINITY,
-        gain: options.gain,
-        read_noise: options.read_noise,
-        weights: Weights::None,
-    };
-    Scan::along_x(offsets, quadrature::trapezoids(offsets), noise, geometry.background)
+/// Curves of the pixels of frames, by the masks where the scene knows them.
+#[derive(Debug)]
+pub(super) enum PixelCurves {
+    /// Slits, with the variance of their blur by the geometry, m^2.
+    Slits(CurveModel, f64),
+    /// Steps along x and z.
+    Planar(CurveModel, PlanarModel),
 }
 
-/// The curve of the masks through values: five or more determine its blur; fewer take the blur of the geometry.
-fn fit(geometry: &CurveGeometry, scan: &Scan, values: &[f64]) -> Option<FittedCurve> {
-    let model = geometry.model()?;
-    let curve = values.iter().map(|value| beamlet_core::numbers::single(*value));
-    let blur = (values.len() < 5).then(|| geometry.spread());
-    let found = fit_slits(&model, scan, curve, blur);
-    let odd = flags::NO_ANSWER | flags::OUTSIDE;
-    if found.flags & odd != 0 {
-        return None;
+impl PixelCurves {
+    /// The curves of a retriever; `None` of beamlets, of one mask of slits and of lists of apertures.
+    pub(super) fn of(layout: &Layout) -> Option<Self> {
+        match layout {
+            Layout::Pixels(slits) => {
+                let (model, background) = (slits.shape.model()?, BackgroundTerm::Free);
+                let of = CurveModel { model, background, is_planar: false };
+                Some(Self::Slits(of, slits.shape.spread()))
+            }
+            Layout::Steps(curves) if curves.is_of_list() => None,
+            Layout::Steps(curves) => {
+                let fit = curves.of_masks();
+                let (model, background) = (fit.model.clone(), fit.background);
+                Some(Self::Planar(CurveModel { model, background, is_planar: true }, fit))
+            }
+            Layout::Beamlets(_) | Layout::Lattice(..) => None,
+        }
     }
-    let numbers = [found.amplitude, found.centre[0], found.width(), found.background];
-    FittedCurve::new(&model, numbers, scan.background)
+
+    /// Axes of the steps.
+    pub(super) const fn axes(&self) -> usize {
+        let (Self::Slits(of, _) | Self::Planar(of, _)) = self;
+        of.axes().len()
+    }
+
+    /// Values of pixels at these offsets.
+    fn scan(&self, offsets: &[[f64; 2]], options: &RetrieveOptions) -> Scan {
+        let noise = ValueNoise {
+            saturation: f64::INFINITY,
+            gain: options.gain,
+            read_noise: options.read_noise,
+            weights: Weights::None,
+        };
+        match self {
+            Self::Slits(of, _) => {
+                let x = along(offsets, 0);
+                Scan::along_x(&x, quadrature::trapezoids(&x), noise, of.background)
+            }
+            Self::Planar(of, _) => Scan::new(offsets.to_vec(), noise, of.background),
+        }
+    }
+
+    /// The curve through values: of slits five or more determine its blur; fewer take the blur of the geometry.
+    fn fit(&self, scan: &Scan, values: &[f64]) -> Option<FittedCurve> {
+        let curve = values.iter().map(|value| beamlet_core::numbers::single(*value));
+        let (of, found) = match self {
+            Self::Slits(of, spread) => {
+                let blur = (values.len() < 5).then_some(*spread);
+                (of, fit_slits(&of.model, scan, curve, blur))
+            }
+            Self::Planar(of, model) => (of, model.fit(scan, curve, None, None)),
+        };
+        let odd = flags::NO_ANSWER | flags::OUTSIDE;
+        if found.flags & odd != 0 {
+            return None;
+        }
+        FittedCurve::new(of, &found)
+    }
 }

@@ -24,23 +24,24 @@ const DARK_FIELD: f64 = 0.05;
 #[derive(Debug, Clone, Copy)]
 pub(in crate::retrieve) struct Borders {
     pub(super) transmission: Estimate,
-    pub(super) refraction: Estimate,
-    /// `None` for methods without it.
+    /// Refraction along x and z; `None` along an axis without it.
+    pub(super) refraction: [Option<Estimate>; 2],
+    /// Dark field along x; `None` for methods without it.
     pub(super) dark_field: Option<Estimate>,
     /// Columns of a strip.
     pub(in crate::retrieve) width: usize,
     /// The transmission is not 1.
     pub(super) has_other_dose: bool,
-    /// The refraction is not 0.
-    pub(super) has_drift: bool,
+    /// The refraction along x and z is not 0.
+    pub(super) has_drift: [bool; 2],
 }
 
 impl Borders {
-    /// `None` where they do not look empty. `angle`: of a shift by a width of the flat's curve, rad.
+    /// `None` where they do not look empty. `angles`: of a shift by a width of the flat's curve along x and z, rad.
     pub(in crate::retrieve) fn of(
         images: &Images,
         [rows, columns]: [usize; 2],
-        angle: f64,
+        angles: [f64; 2],
     ) -> Option<Self> {
         let width = (columns / SHARE).max(2 * FEWEST.div_ceil(rows.max(1))).next_multiple_of(2);
         if 4 * width > columns {
@@ -49,31 +50,44 @@ impl Borders {
         let half = width / 2;
         let starts = [0, half, columns - width, columns - half];
         let strips = starts.map(|start| [0..rows, start..start + half]);
-        let slack = [LEAST[0], LEAST[1] * angle];
-        let transmission = common(images, "transmission", &strips, slack[0])?;
-        let refraction = common(images, "refraction", &strips, slack[1])?;
-        let mut dark_field = None;
-        if images.get("dark_field").is_some() {
-            let slack = DARK_FIELD * angle * angle;
-            let found = common(images, "dark_field", &strips, slack)?;
-            // Scatter widens the curve: a strip that has it is not empty.
-            if found.differs(0.0, SIGNIFICANT, slack) {
-                return None;
+        let transmission = common(images, "transmission", &strips, LEAST[0])?;
+        let (mut refraction, mut dark_fields) = ([None; 2], [None; 2]);
+        let names = [["refraction", "dark_field"], ["refraction_z", "dark_field_z"]];
+        for (axis, [of_angle, of_scatter]) in names.into_iter().enumerate() {
+            if has_values(images, of_angle) {
+                let slack = LEAST[1] * angles[axis];
+                refraction[axis] = Some(common(images, of_angle, &strips, slack)?);
             }
-            dark_field = Some(found);
+            if has_values(images, of_scatter) {
+                let slack = DARK_FIELD * angles[axis] * angles[axis];
+                let found = common(images, of_scatter, &strips, slack)?;
+                // Scatter widens the curve: a strip that has it is not empty.
+                if found.differs(0.0, SIGNIFICANT, slack) {
+                    return None;
+                }
+                dark_fields[axis] = Some(found);
+            }
         }
         let differs = |of: &Estimate, from: f64, least: f64| {
             of.differs(from, SIGNIFICANT, (OF_PIXEL * of.scatter).max(least))
         };
+        let moved = |axis: usize| {
+            refraction[axis].is_some_and(|of| differs(&of, 0.0, LEAST[1] * angles[axis]))
+        };
         Some(Self {
             transmission,
             refraction,
-            dark_field,
+            dark_field: dark_fields[0],
             width,
-            has_other_dose: differs(&transmission, 1.0, slack[0]),
-            has_drift: differs(&refraction, 0.0, slack[1]),
+            has_other_dose: differs(&transmission, 1.0, LEAST[0]),
+            has_drift: [moved(0), moved(1)],
         })
     }
+}
+
+/// True for an image with a value: steps that change no light along an axis give none.
+fn has_values(images: &Images, name: &str) -> bool {
+    images.get(name).is_some_and(|image| image.iter().any(|value| !value.is_nan()))
 }
 
 /// The value that all strips have; `None` where they differ, or have too few pixels.

@@ -3,22 +3,20 @@
 use super::borders::Borders;
 use super::chi_square::{self, PixelResiduals};
 use super::empty_beam::{self, EmptyBeam, EmptyBeamOfView};
-use super::fitted::FittedCurve;
+use super::fitted::{CurveModel, FittedCurve};
 use super::leverage::Leverage;
 use super::light::{self, LightCounts};
 use super::moments::{MomentsCheck, MomentsErrors};
 use super::steps::{self, PixelSteps, STEADY, STEADY_IN_AIR, Unsteady};
 use super::warnings::{self, Findings};
 use super::watched::Watched;
-use crate::retrieve::background_term::BackgroundTerm;
-use crate::retrieve::curves::Curves;
+use crate::retrieve::curves::Fits;
 use crate::retrieve::images::Images;
 use crate::retrieve::misfit::median;
-use crate::retrieve::model::Model;
-use crate::retrieve::noise_factors::NoiseFactors;
 use crate::retrieve::retriever::Corrected;
+use crate::retrieve::scan::along;
 use crate::retrieve::{Method, Record, RetrieveOptions, Retriever, Weights};
-use beamlet_core::{Error, Result, numbers};
+use beamlet_core::{Result, numbers};
 use ndarray::Array3;
 use rayon::prelude::*;
 use std::ops::Range;
@@ -34,11 +32,9 @@ const MISFIT: f64 = 0.02;
 #[derive(Debug)]
 pub(crate) struct Diagnosis {
     options: RetrieveOptions,
-    model: Option<Model>,
-    /// Background of the fits.
-    background: BackgroundTerm,
+    model: Option<CurveModel>,
     /// Offsets of the sample's steps if equal to the flat's; else empty.
-    offsets: Vec<f64>,
+    offsets: Vec<[f64; 2]>,
     /// Refraction angle per shift of a centre, rad/m.
     angle_per_shift: f64,
     /// True if values were measured: simulated ones have no faults of a laboratory.
@@ -48,27 +44,23 @@ pub(crate) struct Diagnosis {
     empty: Option<Empty>,
     /// For the method `moments`.
     moments: Option<MomentsCheck>,
-    /// Median width of the flat's curves, m.
-    width: f64,
+    /// Median widths of the flat's curves along x and z, m.
+    widths: [f64; 2],
     found: Found,
 }
 
 /// A view that was retrieved.
 #[derive(Clone, Copy)]
 pub(crate) struct ExaminedView<'a> {
-    /// Curves of its flat.
-    pub(crate) flat: &'a Curves,
-    /// Noise of the values of the flat.
-    pub(crate) flat_noise: NoiseFactors,
+    /// The retriever with the curves of its flat.
+    pub(crate) retriever: &'a Retriever,
     pub(crate) images: &'a Images,
     /// Mask offsets of its frames, m.
-    pub(crate) offsets: &'a [f64],
-    /// Rows and columns of the images.
-    pub(crate) shape: [usize; 2],
+    pub(crate) offsets: &'a [[f64; 2]],
     /// Corrections of the frames.
     pub(crate) corrected: Corrected<'a>,
-    /// Refraction angle that was subtracted, rad.
-    pub(crate) subtracted: f64,
+    /// Refraction angles along x and z that were subtracted, rad.
+    pub(crate) subtracted: [f64; 2],
 }
 
 /// Pixels that are named as empty beam.
@@ -76,8 +68,8 @@ pub(crate) struct ExaminedView<'a> {
 struct Empty {
     /// Rows and columns of pixels.
     pixels: [Range<usize>; 2],
-    /// Rows and columns of the images.
-    images: [Range<usize>; 2],
+    /// Rows and columns of the images in rectangles; none before the flat was taken.
+    images: Vec<[Range<usize>; 2]>,
     flat: Watched,
     sample: Watched,
     views: Vec<EmptyBeamOfView>,
@@ -115,7 +107,7 @@ impl Diagnosis {
     /// Ready for the rows of frames of `frame` (rows, columns).
     ///
     /// # Errors
-    /// [`Error::Argument`] where the empty beam is no part of the frame.
+    /// [`beamlet_core::Error::Argument`] where the empty beam is no part of the frame.
     pub(crate) fn begin(
         retriever: &Retriever,
         options: &RetrieveOptions,
@@ -128,32 +120,21 @@ impl Diagnosis {
         let empty = match &options.empty_beam {
             None => None,
             Some(region) => {
-                let [of_rows, of_columns] = region.within(frame)?;
-                let across = retriever.curves_within(of_columns.clone());
-                if across.is_empty() {
-                    let found = format!("columns {}:{}", of_columns.start, of_columns.end);
-                    return Err(Error::argument("empty_beam", found, "columns of a whole beamlet"));
-                }
-                let pixels = [of_rows.clone(), of_columns];
+                let pixels = region.within(frame)?;
                 let flat = Watched::over(&pixels, columns, steps, saturation);
-                Some(Empty {
-                    pixels,
-                    images: [of_rows, across],
-                    sample: flat.again(),
-                    flat,
-                    views: Vec::new(),
-                })
+                let (sample, images, views) = (flat.again(), Vec::new(), Vec::new());
+                Some(Empty { pixels, images, flat, sample, views })
             }
         };
         let flat = Watched::over(&[0..rows, 0..columns], columns, steps, saturation);
         let [of_flat, of_sample] = retriever.offsets();
         let is_one = of_flat == of_sample;
         let is_moments = options.method() == Method::Moments;
-        let moments = MomentsCheck::of(retriever.curve_geometry(), of_flat).filter(|_| is_moments);
+        let slits = retriever.layout().slits().filter(|_| is_moments);
+        let moments = slits.and_then(|slits| MomentsCheck::of(&slits.shape, &along(of_flat, 0)));
         Ok(Self {
             options: options.clone(),
-            model: retriever.model(),
-            background: retriever.background(),
+            model: retriever.curve_model(),
             offsets: if is_one { of_flat.to_vec() } else { Vec::new() },
             angle_per_shift: retriever.angle_per_shift(),
             measured,
@@ -161,9 +142,20 @@ impl Diagnosis {
             flat,
             empty,
             moments,
-            width: f64::NAN,
+            widths: [f64::NAN; 2],
             found: Found::default(),
         })
+    }
+
+    /// Finds the empty beam in the images, when the first flat was taken.
+    ///
+    /// # Errors
+    /// [`beamlet_core::Error::Argument`] where no whole beamlet is in it.
+    pub(crate) fn place(&mut self, retriever: &Retriever) -> Result<()> {
+        if let Some(empty) = &mut self.empty {
+            empty.images = retriever.curves_within(&empty.pixels)?;
+        }
+        Ok(())
     }
 
     /// Keeps values of rows of the flat, `[step][row][column]`.
@@ -180,10 +172,10 @@ impl Diagnosis {
 
     /// Examines a view whose rows were taken.
     pub(crate) fn view(&mut self, of: &ExaminedView<'_>) {
-        let ExaminedView { flat, images, shape, corrected, subtracted, .. } = *of;
+        let ExaminedView { retriever, images, corrected, subtracted, .. } = *of;
+        let Some(flat) = retriever.flat_curves() else { return };
         if self.found.views == 0 {
-            self.width =
-                median(flat.width.iter().copied().map(f64::from).collect()).unwrap_or(f64::NAN);
+            self.widths = [0, 1].map(|axis| median(flat.widths(axis)).unwrap_or(f64::NAN));
         }
         let view = self.found.views;
         self.found.views += 1;
@@ -193,13 +185,13 @@ impl Diagnosis {
         let divided = self.measured && light::is_divided(&self.flat, &self.sample);
         self.found.divided += usize::from(divided);
         let offsets = corrected.offsets.filter(|_| !self.offsets.is_empty());
-        let of_view = offsets.map_or_else(|| self.offsets.clone(), <[f64]>::to_vec);
+        let of_view = offsets.map_or_else(|| self.offsets.clone(), <[_]>::to_vec);
         let known = self.found.chi_squares.len();
-        self.fits(of, view, &of_view);
+        self.fits(of, flat, (view, &of_view));
         self.found.light.add(images, self.noise_share(known));
         if let Some(empty) = &mut self.empty {
             let model = self.model.as_ref();
-            let curve = |at: usize| FittedCurve::of_flat(model?, flat, at, self.background);
+            let curve = |at: usize| FittedCurve::of_flat(model?, flat, at);
             let pixels = empty_beam::pixels(&empty.flat, &empty.sample, curve);
             let found = EmptyBeamOfView::of(
                 images,
@@ -211,8 +203,8 @@ impl Diagnosis {
             empty.views.push(found);
             empty.sample = empty.sample.again();
         } else if self.measured {
-            let angle = (self.width * self.angle_per_shift).abs();
-            let borders = Borders::of(images, shape, angle);
+            let angles = self.widths.map(|width| (width * self.angle_per_shift).abs());
+            let borders = Borders::of(images, retriever.shape(), angles);
             self.found.borders.extend(borders.map(|borders| (view, borders)));
         }
         self.sample = self.sample.again();
@@ -230,19 +222,22 @@ impl Diagnosis {
     }
 
     /// Residuals of the fits of a view.
-    fn fits(&mut self, of: &ExaminedView<'_>, view: usize, of_view: &[f64]) {
-        let ExaminedView { flat, images, flat_noise, corrected, .. } = *of;
-        let unknowns = self.background.unknowns(4);
-        let (Some(model), false) = (&self.model, self.offsets.len() <= unknowns) else { return };
+    fn fits(&mut self, of: &ExaminedView<'_>, flat: &Fits, (view, of_view): (usize, &[[f64; 2]])) {
+        let ExaminedView { retriever, images, corrected, .. } = *of;
+        let flat_noise = retriever.flat_noise();
+        let Some(model) = &self.model else { return };
+        let unknowns = model.equations().count();
+        if self.offsets.len() <= unknowns {
+            return;
+        }
         if matches!(self.options.method(), Method::Moments | Method::ThreeStep) {
             return;
         }
         let pairs: Vec<_> = self.flat.iter().zip(self.sample.iter()).collect();
         let of_pixel = |at: usize, values: [&[f64]; 2]| {
-            let term = self.background;
             let curves = [
-                FittedCurve::of_flat(model, flat, at, term)?,
-                FittedCurve::of_sample(model, images, at, term)?,
+                FittedCurve::of_flat(model, flat, at)?,
+                FittedCurve::of_sample(model, images, at)?,
             ];
             let of_flat = Leverage::of(&curves[0], &self.offsets, &self.options, flat_noise)?;
             let of_sample = Leverage::of(&curves[1], of_view, &self.options, corrected.noise)?;
@@ -250,9 +245,9 @@ impl Diagnosis {
             let heights = curves.each_ref().map(|curve| curve.amplitude);
             Some(FittedPixel {
                 residuals: PixelResiduals::of(leverages, values, heights),
-                steps: PixelSteps::of(leverages, values, heights, curves[1].width)?,
+                steps: PixelSteps::of(leverages, values, heights, model.widths(&curves[1]))?,
                 height: heights[1],
-                in_air: is_in_air(&curves),
+                in_air: is_in_air(&curves, model.axes()),
                 misfit: rms(values[0].iter().zip(&of_flat.values).map(|(y, f)| y - f)) / heights[0],
             })
         };
@@ -322,11 +317,11 @@ impl Diagnosis {
             divided,
             empty_beam: record.empty_beam.as_ref(),
             measured: self.measured,
-            width: self.width,
+            widths: self.widths,
             angle_per_shift: self.angle_per_shift,
-            is_beamlet: self.options.method() == Method::Beamlet,
+            is_beamlet: retriever.layout().has_beamlets(),
         });
-        record.warnings = of_files.iter().cloned().chain(found).collect();
+        record.warnings.extend(of_files.iter().cloned().chain(found));
         for warning in &record.warnings {
             log::warn!("{warning}");
         }
@@ -334,10 +329,13 @@ impl Diagnosis {
     }
 }
 
-/// Decides whether the curve of the sample lies where the flat's does, and is as wide.
-fn is_in_air([flat, sample]: &[FittedCurve; 2]) -> bool {
-    let moved = (sample.centre() - flat.centre()).abs() / flat.width;
-    moved < IN_AIR && (sample.width / flat.width - 1.0).abs() < IN_AIR
+/// Decides whether the curve of the sample lies where the flat's does, and is as wide, along these axes.
+fn is_in_air([flat, sample]: &[FittedCurve; 2], axes: &[usize]) -> bool {
+    axes.iter().all(|axis| {
+        let width = flat.widths[*axis];
+        let moved = (sample.centre()[*axis] - flat.centre()[*axis]).abs() / width;
+        moved < IN_AIR && (sample.widths[*axis] / width - 1.0).abs() < IN_AIR
+    })
 }
 
 fn rms(values: impl ExactSizeIterator<Item = f64>) -> f64 {

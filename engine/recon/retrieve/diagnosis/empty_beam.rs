@@ -32,6 +32,12 @@ pub struct EmptyBeamOfView {
     /// Displacement of the curve between flat and sample that this refraction is, m of mask offset (of
     /// beamlets m on the detector).
     pub drift: Option<[f64; 2]>,
+    /// Refraction along z, rad; `None` of slits.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub refraction_z: Option<[f64; 2]>,
+    /// Displacement along z that this refraction is, as `drift`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub drift_z: Option<[f64; 2]>,
     /// Dose of each step over the flat's, without the drift; empty if flat and sample have other offsets.
     /// An error of an offset enters where the curve is steep.
     pub dose: Vec<[f64; 2]>,
@@ -66,25 +72,34 @@ pub(super) fn pixels(
 }
 
 impl EmptyBeamOfView {
-    /// Empty beam in a rectangle of the images, with the values of its pixels at these offsets of flat and sample (none
-    /// where the offsets of both were to differ). `subtracted`: refraction angle that a correction took
-    /// off the images, rad; the frames still have its displacement.
+    /// Empty beam in rectangles of the images, with the values of its pixels at these offsets of flat and sample (none
+    /// where the offsets of both were to differ). `subtracted`: refraction angles along x and z that a correction took
+    /// off the images, rad; the frames still have their displacement.
     pub(super) fn of(
         images: &Images,
-        region: &[Range<usize>; 2],
-        (angle_per_shift, subtracted): (f64, f64),
+        regions: &[[Range<usize>; 2]],
+        (angle_per_shift, subtracted): (f64, [f64; 2]),
         pixels: &[EmptyPixel],
-        offsets: [&[f64]; 2],
+        offsets: [&[[f64; 2]]; 2],
     ) -> Self {
-        let of = |name: &str| Estimate::of(values(images, name, region));
+        let of = |name: &str| {
+            Estimate::of(regions.iter().flat_map(|region| values(images, name, region)).collect())
+        };
         let pair = |found: Option<Estimate>| found.map(|found| [found.value, found.sigma]);
-        let refraction = pair(of("refraction"));
-        let drift = refraction
-            .map(|[value, sigma]| [value / angle_per_shift, (sigma / angle_per_shift).abs()]);
-        let shift = drift.map_or(0.0, |[shift, _]| shift) + subtracted / angle_per_shift;
+        let drift = |angle: Option<[f64; 2]>| {
+            angle.map(|[value, sigma]| [value / angle_per_shift, (sigma / angle_per_shift).abs()])
+        };
+        let refractions = ["refraction", "refraction_z"].map(|name| pair(of(name)));
+        let drifts = refractions.map(drift);
+        let shift = [0, 1].map(|axis| {
+            drifts[axis].map_or(0.0, |[by, _]| by) + subtracted[axis] / angle_per_shift
+        });
         let steps = 0..offsets[0].len();
         let dose = steps.filter_map(|k| dose(pixels, k, offsets.map(|of| of[k]), shift)).collect();
-        Self { transmission: pair(of("transmission")), refraction, drift, dose }
+        let [refraction, refraction_z] = refractions;
+        let [drift, drift_z] = drifts;
+        let transmission = pair(of("transmission"));
+        Self { transmission, refraction, drift, refraction_z, drift_z, dose }
     }
 }
 
@@ -94,12 +109,13 @@ impl EmptyBeamOfView {
 fn dose(
     pixels: &[EmptyPixel],
     step: usize,
-    [of_flat, of_sample]: [f64; 2],
-    shift: f64,
+    [of_flat, of_sample]: [[f64; 2]; 2],
+    shift: [f64; 2],
 ) -> Option<[f64; 2]> {
     let change = |pixel: &EmptyPixel| {
         pixel.curve.as_ref().map_or(0.0, |curve| {
-            let values = curve.at([of_sample - shift, of_flat].into_iter());
+            let moved = [0, 1].map(|axis| of_sample[axis] - shift[axis]);
+            let values = curve.at(&[moved, of_flat]);
             values[0][0] - values[1][0]
         })
     };

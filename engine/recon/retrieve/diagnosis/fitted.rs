@@ -1,25 +1,36 @@
 //! The curve that was fitted to a pixel: its value and slopes at any offset.
 
 use crate::retrieve::background_term::BackgroundTerm;
-use crate::retrieve::curves::Curves;
-use crate::retrieve::equations::{Equations, Unknowns, Valued};
+use crate::retrieve::curves::{Curve, Fits};
+use crate::retrieve::equations::{Equations, UNKNOWNS, Unknowns, Valued};
 use crate::retrieve::flags;
 use crate::retrieve::images::Images;
-use crate::retrieve::model::{Model, SLITS, of_slits};
+use crate::retrieve::model::{Model, SLITS};
+use crate::retrieve::scan::Points;
+use crate::retrieve::strips::Tables;
 
 /// Flags of a curve that keep a pixel out of a diagnosis.
 const ODD: u32 = flags::NO_ANSWER | flags::SATURATED | flags::OUTSIDE | flags::TRUNCATED;
 
+/// Model of the curves of an image over mask offsets.
+#[derive(Debug, Clone)]
+pub(in crate::retrieve) struct CurveModel {
+    pub(in crate::retrieve) model: Model,
+    /// Background of the fits.
+    pub(in crate::retrieve) background: BackgroundTerm,
+    /// True for steps along x and z; slits have no z.
+    pub(in crate::retrieve) is_planar: bool,
+}
+
 /// A curve with its unknowns.
 #[derive(Debug, Clone)]
 pub(crate) struct FittedCurve {
-    model: Model,
-    background: BackgroundTerm,
+    of: CurveModel,
     p: Unknowns,
     /// Height over the background.
     pub(in crate::retrieve) amplitude: f64,
-    /// Standard deviation, m.
-    pub(in crate::retrieve) width: f64,
+    /// Standard deviations along x and z, m; z of slits is NaN.
+    pub(in crate::retrieve) widths: [f64; 2],
 }
 
 /// True if a pixel with these flags in an image counts in a diagnosis.
@@ -28,71 +39,93 @@ pub(in crate::retrieve) const fn is_usable(bits: u32) -> bool {
     bits & odd == 0
 }
 
+impl CurveModel {
+    /// Axes along which the mask is stepped.
+    pub(in crate::retrieve) const fn axes(&self) -> &'static [usize] {
+        if self.is_planar { &[0, 1] } else { &[0] }
+    }
+
+    /// Standard deviations of a curve along these axes, m.
+    pub(super) const fn widths<'a>(&self, curve: &'a FittedCurve) -> &'a [f64] {
+        if self.is_planar { &curve.widths } else { std::slice::from_ref(&curve.widths[0]) }
+    }
+
+    /// Equations of the unknowns of the fits.
+    pub(in crate::retrieve) fn equations(&self) -> Equations {
+        let held = if self.is_planar { [false; UNKNOWNS] } else { SLITS };
+        Equations::new(&self.background.held(held))
+    }
+}
+
 impl FittedCurve {
-    /// The curve of a model with these numbers: amplitude, centre, width, background. `term`: the background of the fit.
-    pub(in crate::retrieve) fn new(
-        model: &Model,
-        numbers: [f64; 4],
-        term: BackgroundTerm,
-    ) -> Option<Self> {
-        let [amplitude, centre, width, background] = numbers;
-        if !numbers.iter().all(|number| number.is_finite()) || amplitude <= 0.0 || width <= 0.0 {
+    /// The curve of a model with this height, centre, width and background; `None` where one of them is unknown.
+    pub(in crate::retrieve) fn new(of: &CurveModel, curve: &Curve) -> Option<Self> {
+        let (mut p, own) = (of.model.unknowns(curve), of.model.own_variances());
+        (p[0], p[6]) = (1.0, 0.0);
+        for axis in [0, 1] {
+            p[1 + axis] = curve.centre_of(axis);
+            p[3 + axis] = p[3 + axis].max(1e-6 * own[axis]);
+        }
+        if !of.is_planar {
+            (p[2], p[4], p[5]) = (0.0, 1.0, 0.0);
+        }
+        let is_known = p.iter().all(|number| number.is_finite())
+            && curve.background.is_finite()
+            && curve.amplitude > 0.0
+            && of.axes().iter().all(|axis| curve.moments[*axis] > 0.0);
+        if !is_known {
             return None;
         }
-        let mut p = of_slits([1.0, centre, model.blur_of(width), 0.0]);
-        p[0] = amplitude / model.values(std::iter::once(centre), &p)[0][0];
-        p[6] = background;
-        Some(Self { model: model.clone(), background: term, p, amplitude, width })
+        p[0] = curve.amplitude / of.model.peak(&Points::default(), &p);
+        p[6] = curve.background;
+        let widths = [0, 1].map(|axis| curve.moments[axis].sqrt());
+        Some(Self { of: of.clone(), p, amplitude: curve.amplitude, widths })
     }
 
     /// The curve of a pixel of the flat; `None` where it has no answer or an odd one.
-    pub(super) fn of_flat(
-        model: &Model,
-        flat: &Curves,
-        at: usize,
-        term: BackgroundTerm,
-    ) -> Option<Self> {
-        if flat.flags[at] & ODD != 0 {
-            return None;
-        }
-        let numbers = [&flat.amplitude, &flat.centre, &flat.width, &flat.background];
-        Self::new(model, numbers.map(|of| f64::from(of[at])), term)
+    pub(super) fn of_flat(of: &CurveModel, flat: &Fits, at: usize) -> Option<Self> {
+        Self::new(of, &flat.curve(at).filter(|curve| curve.flags & ODD == 0)?)
     }
 
     /// The curve of a pixel of a view, counted over rows; `None` where flat or sample has no answer or
     /// an odd one, or the pixel is a misfit.
-    pub(super) fn of_sample(
-        model: &Model,
-        images: &Images,
-        at: usize,
-        term: BackgroundTerm,
-    ) -> Option<Self> {
+    pub(super) fn of_sample(of: &CurveModel, images: &Images, at: usize) -> Option<Self> {
         let get = |name: &str| Some(f64::from(*images.get(name)?.as_slice()?.get(at)?));
         if !is_usable(beamlet_core::numbers::whole::<u32>(get("flags")?)) {
             return None;
         }
-        let numbers = [
-            get("sample_amplitude")?,
-            get("sample_centre")?,
-            get("sample_width")?,
-            get("sample_background")?,
-        ];
-        Self::new(model, numbers, term)
+        let [x, z, xx, zz, xz] = [
+            "sample_centre",
+            "sample_centre_z",
+            "sample_width",
+            "sample_width_z",
+            "sample_covariance_xz",
+        ]
+        .map(|name| get(name).unwrap_or(f64::NAN));
+        let curve = Curve {
+            amplitude: get("sample_amplitude")?,
+            centre: [x, z],
+            moments: [xx * xx, zz * zz, xz],
+            background: get("sample_background")?,
+            ..Curve::unknown(0)
+        };
+        Self::new(of, &curve)
     }
 
-    /// Centre, m.
-    pub(in crate::retrieve) const fn centre(&self) -> f64 {
-        self.p[1]
+    /// Centre x and z, m.
+    pub(in crate::retrieve) const fn centre(&self) -> [f64; 2] {
+        [self.p[1], self.p[2]]
     }
 
     /// Values at offsets (m) with slopes by the unknowns; a background that follows from the light is part of its slope.
-    pub(in crate::retrieve) fn at(&self, offsets: impl Iterator<Item = f64>) -> Vec<Valued> {
-        let values = self.model.values(offsets, &self.p);
-        values.into_iter().map(|valued| self.background.tied(valued)).collect()
+    pub(in crate::retrieve) fn at(&self, offsets: &[[f64; 2]]) -> Vec<Valued> {
+        let mut tables = Tables::default();
+        let values = self.of.model.evaluate(&Points::of(offsets), &self.p, &mut tables);
+        values.iter().map(|valued| self.of.background.tied(*valued)).collect()
     }
 
     /// Equations of the unknowns of the fit.
     pub(in crate::retrieve) fn equations(&self) -> Equations {
-        Equations::new(&self.background.held(SLITS))
+        self.of.equations()
     }
 }

@@ -12,11 +12,10 @@ const LEAST: f64 = 1e-3;
 pub(super) struct Leverage {
     /// Values of the curve.
     pub(super) values: Vec<f64>,
-    /// Slopes of the values by the curve's centre.
-    pub(super) by_centre: Vec<f64>,
     /// Variance of each value by the noise of photons and of reading.
     pub(super) variances: Vec<f64>,
-    slopes: Vec<Unknowns>,
+    /// Slopes of the values by the unknowns.
+    pub(super) slopes: Vec<Unknowns>,
     /// Equations without values.
     equations: Equations,
     /// `[i][j]`: change of fitted value i by measured value j.
@@ -28,11 +27,11 @@ impl Leverage {
     /// A curve of values with this noise. `None` where the fit is singular.
     pub(super) fn of(
         curve: &FittedCurve,
-        offsets: &[f64],
+        offsets: &[[f64; 2]],
         options: &RetrieveOptions,
         noise: NoiseFactors,
     ) -> Option<Self> {
-        let fitted = curve.at(offsets.iter().copied()).into_iter();
+        let fitted = curve.at(offsets).into_iter();
         let (values, slopes): (Vec<f64>, Vec<Unknowns>) =
             fitted.map(|[value, slopes @ ..]| (value, slopes)).unzip();
         let gain = noise.gain(options.gain.unwrap_or(1.0));
@@ -45,8 +44,7 @@ impl Leverage {
         };
         let equations = curve.equations();
         let hat = hat(&equations, &slopes, &weights)?;
-        let by_centre = slopes.iter().map(|slope| slope[1]).collect();
-        Some(Self { values, by_centre, variances, slopes, equations, hat, weights })
+        Some(Self { values, variances, slopes, equations, hat, weights })
     }
 
     /// Sum of weighted squares of residuals, and its expectation by the noise alone. In units of the

@@ -1,8 +1,9 @@
 //! Errors of the method `moments` at the offsets of a scan, by the curve of the masks.
 
-use crate::retrieve::curves::Curves;
+use crate::retrieve::curves::Fits;
 use crate::retrieve::model::{Model, of_slits};
 use crate::retrieve::quadrature;
+use crate::retrieve::scan::along;
 use crate::retrieve::shape::CurveGeometry;
 
 /// Displacement of the curve that stands for a refraction angle, in widths of the curve.
@@ -50,16 +51,17 @@ impl MomentsCheck {
     }
 
     /// Errors at the offsets of a view, m, where they are large.
-    pub(super) fn view(&mut self, flat: &Curves, offsets: &[f64]) -> Option<MomentsErrors> {
+    pub(super) fn view(&mut self, flat: &Fits, offsets: &[[f64; 2]]) -> Option<MomentsErrors> {
         if self.centres.is_empty() {
             self.centres = centres(flat);
         }
-        let known = self.last.as_ref().filter(|(at, _)| at == offsets).map(|(_, errors)| *errors);
+        let offsets = along(offsets, 0);
+        let known = self.last.as_ref().filter(|(at, _)| *at == offsets).map(|(_, errors)| *errors);
         let errors = match known {
             Some(errors) => errors,
-            None => self.errors(offsets),
+            None => self.errors(&offsets),
         };
-        self.last = Some((offsets.to_vec(), errors));
+        self.last = Some((offsets, errors));
         errors.is_large().then_some(errors)
     }
 
@@ -101,9 +103,8 @@ impl MomentsCheck {
 }
 
 /// Quantiles of the centres of curves.
-fn centres(flat: &Curves) -> Vec<f64> {
-    let answers = (0..flat.len()).filter(|at| flat.has_answer(*at));
-    let mut all: Vec<f64> = answers.map(|at| f64::from(flat.centre[at])).collect();
+fn centres(flat: &Fits) -> Vec<f64> {
+    let mut all: Vec<f64> = flat.known().map(|curve| curve.centre[0]).collect();
     all.sort_by(f64::total_cmp);
     let at = |share: f64| {
         let index =

@@ -34,8 +34,8 @@ pub(super) struct PixelSteps {
     residuals: Vec<f64>,
     /// Weights of residuals that the fit does not follow.
     remainder: Vec<Vec<f64>>,
-    /// Change of each value by its dose, and by its offset in widths of the curve.
-    changes: [Vec<f64>; 2],
+    /// Change of each value by its dose, and by its offset along x and z in widths of the curve; slits have no z.
+    changes: Vec<Vec<f64>>,
     /// Variance of the highest value over the square of the amplitude, by the assumed gain.
     variance: f64,
     /// Mean variance of all values over it.
@@ -47,8 +47,8 @@ pub(super) struct PixelSteps {
 pub(super) struct Unsteady {
     /// Part of the dose.
     pub(super) dose: f64,
-    /// Offset, in widths of the curve.
-    pub(super) offset: f64,
+    /// Offset along x and z, in widths of the curve; 0 along an axis without steps.
+    pub(super) offsets: [f64; 2],
 }
 
 /// One number per step.
@@ -62,12 +62,12 @@ struct Solution {
 }
 
 impl PixelSteps {
-    /// Residuals of flat and sample, each with its measured values; `width` in the unit of offsets.
+    /// Residuals of flat and sample, each with its measured values; `widths`: of the curve along the axes of the steps, m.
     pub(super) fn of(
         [flat, sample]: [&Leverage; 2],
         [of_flat, of_sample]: [&[f64]; 2],
         [flat_height, height]: [f64; 2],
-        width: f64,
+        widths: &[f64],
     ) -> Option<Self> {
         let residual = |k: usize| {
             (of_sample[k] - sample.values[k]) / height - (of_flat[k] - flat.values[k]) / flat_height
@@ -84,10 +84,11 @@ impl PixelSteps {
         Some(Self {
             residuals,
             remainder: sample.remainder(variance)?,
-            changes: [
-                sample.values.iter().map(|value| value / height).collect(),
-                sample.by_centre.iter().map(|value| value * width / height).collect(),
-            ],
+            changes: std::iter::once(sample.values.iter().map(|value| value / height).collect())
+                .chain(widths.iter().enumerate().map(|(axis, width)| {
+                    sample.slopes.iter().map(|slope| slope[1 + axis] * width / height).collect()
+                }))
+                .collect(),
             variance,
             share: variances.iter().sum::<f64>() / count / variance,
         })
@@ -118,18 +119,22 @@ pub(super) fn unsteady(pixels: &[&PixelSteps], least: f64, freedom: usize) -> Op
     if near.len() < FEWEST || freedom == 0 {
         return None;
     }
-    let solutions = [solution(&near, 0)?, solution(&near, 1)?];
-    let better = usize::from(solutions[1].explained > solutions[0].explained);
+    let kinds = 0..near.first()?.changes.len();
+    let solutions: Vec<Solution> =
+        kinds.clone().map(|kind| solution(&near, kind)).collect::<Option<_>>()?;
+    let explained = |kind: &usize| solutions[*kind].explained;
+    let better = kinds.max_by(|a, b| explained(a).total_cmp(&explained(b)))?;
     let left = near.iter().map(|pixel| {
         let squares = pixel.squares([&pixel.changes[better], &solutions[better].changes]);
         [squares, freedom as f64]
     });
     let noise = reduced(left, freedom)?;
-    let [dose, offset] = [0, 1].map(|kind| solutions[kind].size(noise));
+    let [dose, x, z] = [0, 1, 2].map(|kind| solutions.get(kind).map_or(0.0, |it| it.size(noise)));
     let middle = |of: fn(&PixelSteps) -> f64| median(near.iter().map(|pixel| of(pixel)).collect());
     let variance = noise * middle(|pixel| pixel.variance)? / middle(|pixel| pixel.share)?;
     let least = least.max(BIAS * variance);
-    (dose > least || offset > least).then_some(Unsteady { dose, offset })
+    let is_unsteady = [dose, x, z].into_iter().any(|size| size > least);
+    is_unsteady.then_some(Unsteady { dose, offsets: [x, z] })
 }
 
 /// The numbers of all steps that explain the residuals, as changes of this kind.

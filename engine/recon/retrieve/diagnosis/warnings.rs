@@ -1,7 +1,7 @@
 //! Findings as lines for the log and the record: the fault, its likely cause, the remedy.
 
 use super::borders::Borders;
-use super::empty_beam::EmptyBeam;
+use super::empty_beam::{EmptyBeam, EmptyBeamOfView};
 use super::light::LightCounts;
 use super::moments::MomentsErrors;
 use super::steps::Unsteady;
@@ -39,8 +39,8 @@ pub(super) struct Findings<'a> {
     pub(super) divided: usize,
     pub(super) empty_beam: Option<&'a EmptyBeam>,
     pub(super) measured: bool,
-    /// Width of the flat's curves, m.
-    pub(super) width: f64,
+    /// Widths of the flat's curves along x and z, m.
+    pub(super) widths: [f64; 2],
     pub(super) angle_per_shift: f64,
     pub(super) is_beamlet: bool,
 }
@@ -60,7 +60,8 @@ pub(super) fn of(found: &Findings<'_>) -> Vec<String> {
         brighter(found).filter(|_| measured),
         fainter(found).filter(|_| measured),
         dose(found),
-        drift(found),
+        drift(found, 0),
+        drift(found, 1),
         // Curves of another shape leave other residuals in the sample than in the flat.
         misfit(found).or_else(|| unsteady(found)),
         moments(found),
@@ -132,19 +133,24 @@ fn dose(found: &Findings<'_>) -> Option<String> {
     ))
 }
 
-fn drift(found: &Findings<'_>) -> Option<String> {
-    let all = found.borders.iter().copied().filter(|(_, borders)| borders.has_drift);
-    let (count, view, borders) = worst(all, |b| b.refraction.value.abs())?;
+/// Drift along an axis: 0 is x, 1 is z.
+fn drift(found: &Findings<'_>, axis: usize) -> Option<String> {
+    let all = found.borders.iter().filter(|(_, borders)| borders.has_drift[axis]);
+    let all = all.filter_map(|(view, of)| Some((*view, (of.refraction[axis]?, of.width))));
+    let (count, view, (refraction, width)) = worst(all, |(of, _)| of.value.abs())?;
     Some(format!(
-        "{}refraction is {} urad in the {} columns at either side, with no structure: unless a prism \
+        "{}refraction{} is {} urad in the {width} columns at either side, with no structure: unless a prism \
          fills the field, {} by {:.2} um between flat and sample; {NAME_IT}",
         place(found, count, Some(view)),
-        with_sigma(1e6 * borders.refraction.value, 1e6 * borders.refraction.sigma, 3),
-        borders.width,
+        ALONG[axis],
+        with_sigma(1e6 * refraction.value, 1e6 * refraction.sigma, 3),
         moved(found),
-        1e6 * borders.refraction.value / found.angle_per_shift
+        1e6 * refraction.value / found.angle_per_shift
     ))
 }
+
+/// Ends of the name of a refraction by its axis.
+const ALONG: [&str; 2] = ["", " along z"];
 
 const fn moved(found: &Findings<'_>) -> &'static str {
     if found.is_beamlet { "the beamlets moved on the detector" } else { "a mask drifted" }
@@ -160,14 +166,25 @@ fn unsteady(found: &Findings<'_>) -> Option<String> {
         let [value, sigma] = [of.value, of.sigma].map(|value| 1e12 * value);
         format!(", and air has a dark field of {} urad^2", with_sigma(value, sigma, 1))
     });
+    let offsets: Vec<String> = ["x", "z"]
+        .into_iter()
+        .zip(unsteady.offsets)
+        .zip(found.widths)
+        .filter(|((_, by), _)| *by > 0.0)
+        .map(|((axis, by), width)| format!("{:.2} um along {axis}", 1e6 * by * width))
+        .collect();
+    let offsets = match offsets.is_empty() {
+        true => String::new(),
+        false => format!(", or the mask offsets are off by {}", offsets.join(" or ")),
+    };
     Some(format!(
         "{}the steps deviate from the fitted curves in all pixels alike: the dose varies by {:.1} \
          % (rms) from \
-         step to step, or the mask offsets are off by {:.2} um{}; monitor the dose, or check --offsets; \
+         step to step{}{}; monitor the dose, or check --offsets; \
          --correct dose (or steps) corrects it by an empty beam",
         place(found, count, Some(view)),
         100.0 * unsteady.dose,
-        1e6 * unsteady.offset * found.width,
+        offsets,
         dark_field
     ))
 }
@@ -244,17 +261,21 @@ fn empty_beam(found: &Findings<'_>) -> Vec<String> {
             100.0 * (value - 1.0)
         ));
     }
-    let least = LEAST * found.width;
-    let all = views().filter_map(|(view, of)| Some((view, other(of.drift?, 0.0, least)?)));
-    if let Some((count, view, [value, sigma])) = worst(all, |[value, _]| value.abs()) {
-        let angle = found.angle_per_shift;
-        lines.push(format!(
-            "{}refraction of the empty beam is {} urad: {} by {} um between flat and sample",
-            place(found, count, Some(view)),
-            with_sigma(1e6 * value * angle, (1e6 * sigma * angle).abs(), 3),
-            moved(found),
-            with_sigma(1e6 * value, 1e6 * sigma, 3)
-        ));
+    for axis in [0, 1] {
+        let least = LEAST * found.widths[axis];
+        let drift = |of: &EmptyBeamOfView| [of.drift, of.drift_z][axis];
+        let all = views().filter_map(|(view, of)| Some((view, other(drift(of)?, 0.0, least)?)));
+        if let Some((count, view, [value, sigma])) = worst(all, |[value, _]| value.abs()) {
+            let angle = found.angle_per_shift;
+            lines.push(format!(
+                "{}refraction{} of the empty beam is {} urad: {} by {} um between flat and sample",
+                place(found, count, Some(view)),
+                ALONG[axis],
+                with_sigma(1e6 * value * angle, (1e6 * sigma * angle).abs(), 3),
+                moved(found),
+                with_sigma(1e6 * value, 1e6 * sigma, 3)
+            ));
+        }
     }
     let all = views().filter_map(|(view, of)| Some((view, dose_scatter(&of.dose)?)));
     if let Some((count, view, scatter)) = worst(all, |scatter| *scatter) {

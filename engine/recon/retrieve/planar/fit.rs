@@ -20,31 +20,14 @@ const ILL_CONDITIONED: f64 = 100.0;
 
 /// Model of the curves of an image.
 #[derive(Debug, Clone)]
-pub(super) struct PlanarModel {
-    pub(super) model: Model,
+pub(in crate::retrieve) struct PlanarModel {
+    pub(in crate::retrieve) model: Model,
     /// Variances xx and zz of the blur by the geometry, m^2; `None`: unknown, and the fitted ones count.
     pub(super) blur: Option<[f64; 2]>,
     /// Size of a pixel, m, of beamlets.
     pub(super) pixel: Option<[f64; 2]>,
     /// Background of the curves.
-    pub(super) background: BackgroundTerm,
-}
-
-/// A fit of flat or sample.
-#[derive(Debug, Clone, Copy)]
-pub(crate) struct PlanarFit {
-    pub(in crate::retrieve) curve: Curve,
-    /// Unknowns, for the fit of the sample.
-    pub(super) unknowns: Unknowns,
-    /// Axes along which the offsets do not change the light of the flat.
-    pub(super) blind: [bool; 2],
-}
-
-impl PlanarFit {
-    /// A curve of all axes without unknowns: moments, or no fit.
-    pub(super) const fn of(curve: Curve) -> Self {
-        Self { curve, unknowns: [f64::NAN; UNKNOWNS], blind: [false; 2] }
-    }
+    pub(in crate::retrieve) background: BackgroundTerm,
 }
 
 impl PlanarModel {
@@ -53,30 +36,36 @@ impl PlanarModel {
         Scan::new(places, noise, self.background)
     }
 
-    /// Fits a curve. `flat`: the fit of the same curve of the flat, `None` for the flat itself; `centre`: centre of the
+    /// Fits a curve. `flat`: the same curve of the flat, `None` for the flat itself; `centre`: centre of the
     /// flat's curve to begin with, for a list.
-    pub(super) fn fit(
+    pub(in crate::retrieve) fn fit(
         &self,
         scan: &Scan,
         curve: impl Iterator<Item = f32>,
-        flat: Option<&PlanarFit>,
+        flat: Option<&Curve>,
         centre: Option<[f64; 2]>,
-    ) -> PlanarFit {
+    ) -> Curve {
         let values = &scan.values(curve, NEEDED);
         if values.flags & flags::NO_ANSWER != 0 {
-            return PlanarFit::of(Curve::unknown(values.flags));
+            return Curve::unknown(values.flags);
         }
         let least = self.model.least_blur(&values.points);
         let held = [false; UNKNOWNS];
         let mut fitting = Fitting { model: &self.model, scan, values, held, least };
-        let answer = flat.filter(|flat| flat.curve.has_answer());
+        let answer = flat.filter(|flat| flat.has_answer());
+        let known = flat.map(|flat| self.model.unknowns(flat));
         let mut fit = fitting.from(match centre {
-            Some(centre) => self.start_at(&fitting, answer, centre),
-            None => self.start(&fitting, answer),
+            Some(centre) => self.start_at(&fitting, known.filter(|_| answer.is_some()), centre),
+            None => self.start(&fitting, known.filter(|_| answer.is_some())),
         });
-        let blind = answer.map_or_else(|| self.blind(&fitting, &fit.p), |flat| flat.blind);
+        // The pixels of beamlets determine a centre by their size.
+        let blind = match (self.pixel, answer) {
+            (Some(_), _) => [false; 2],
+            (None, Some(flat)) => flat.uncentred,
+            (None, None) => self.blind(&fitting, &fit.p),
+        };
         let resolves = |axis: usize| {
-            let of_flat = flat.map(|flat| !flat.curve.unresolved[axis]);
+            let of_flat = flat.map(|flat| !flat.unresolved[axis]);
             fitting.resolves_blur(&fit, axis, self.blur.map(|blur| blur[axis]), of_flat)
         };
         let unresolved = [0, 1].map(|axis| blind[axis] || !resolves(axis));
@@ -84,34 +73,31 @@ impl PlanarModel {
         if unresolved[0] || unresolved[1] {
             let mut p = fit.p;
             for axis in [0, 1].into_iter().filter(|axis| unresolved[*axis]) {
-                let known = flat.map(|flat| flat.unknowns[3 + axis]).filter(|v| v.is_finite());
+                let of_flat = known.map(|known| known[3 + axis]).filter(|v| v.is_finite());
                 let of_geometry = self.blur.map(|blur| blur[axis]);
-                p[3 + axis] = known.or(of_geometry).unwrap_or(p[3 + axis]).max(least[axis]);
-                if let (true, Some(flat)) = (blind[axis], flat) {
-                    p[1 + axis] = flat.unknowns[1 + axis];
+                p[3 + axis] = of_flat.or(of_geometry).unwrap_or(p[3 + axis]).max(least[axis]);
+                if let (true, Some(known)) = (blind[axis], known) {
+                    p[1 + axis] = known[1 + axis];
                 }
                 fitting.held[3 + axis] = true;
             }
-            p[5] = clamp_covariance(flat.map_or(0.0, |flat| flat.unknowns[5]), p[3] * p[4]);
+            p[5] = clamp_covariance(known.map_or(0.0, |known| known[5]), p[3] * p[4]);
             fitting.held[5] = true;
             fit = fitting.from(p);
         }
         let mut curve = self.curve(&fitting, &fit, unresolved);
         for axis in [0, 1].into_iter().filter(|axis| blind[*axis]) {
-            curve.centre[axis] = f64::NAN;
+            curve.uncentred[axis] = true;
             curve.centre_sigma[axis] = f64::NAN;
         }
         if blind == [true; 2] {
             curve.flags |= flags::NO_PEAK;
         }
-        PlanarFit { curve, unknowns: fit.p, blind }
+        curve
     }
 
     /// Axes along which the offsets do not change the light: of the curve by the geometry, else of the fitted one.
     fn blind(&self, of: &Fitting<'_>, fitted: &Unknowns) -> [bool; 2] {
-        if self.pixel.is_some() {
-            return [false; 2];
-        }
         let points = &of.values.points;
         let [x, z] = points.ends().map(|[low, high]| f64::midpoint(low, high));
         let of_geometry =
@@ -128,7 +114,7 @@ impl PlanarModel {
 
     /// Unknowns to begin with: of a sample the flat's, displaced as the centroid is; of the flat of a curve over offsets
     /// the blur by the geometry, since moments of a coarse scan are too wide.
-    fn start(&self, of: &Fitting<'_>, flat: Option<&PlanarFit>) -> Unknowns {
+    fn start(&self, of: &Fitting<'_>, flat: Option<Unknowns>) -> Unknowns {
         let [_, x, z, second @ ..] = of.values.moments(of.values.range[0]);
         let own = self.model.own_variances();
         let mut p = [1.0, x, z, 0.0, 0.0, 0.0, 0.0];
@@ -139,17 +125,16 @@ impl PlanarModel {
         }
         p[5] = clamp_covariance(second[2], 0.3 * p[3] * p[4]);
         if let Some(flat) = flat {
-            p[3..6].copy_from_slice(&flat.unknowns[3..6]);
+            p[3..6].copy_from_slice(&flat[3..6]);
         }
         of.linear(p)
     }
 
     /// Unknowns of a list to begin with: of a sample the flat's, of a flat the blur by the geometry about a centre.
-    fn start_at(&self, of: &Fitting<'_>, flat: Option<&PlanarFit>, [x, z]: [f64; 2]) -> Unknowns {
+    fn start_at(&self, of: &Fitting<'_>, flat: Option<Unknowns>, [x, z]: [f64; 2]) -> Unknowns {
         let [xx, zz] =
             [0, 1].map(|axis| self.blur.map_or(0.0, |it| it[axis]).max(2.0 * of.least[axis]));
-        let known = flat.map(|flat| flat.unknowns);
-        of.linear(known.unwrap_or([1.0, x, z, xx, zz, 0.0, 0.0]))
+        of.linear(flat.unwrap_or([1.0, x, z, xx, zz, 0.0, 0.0]))
     }
 
     /// The curve of a fit, with its uncertainties and flags.
@@ -168,7 +153,7 @@ impl PlanarModel {
         for axis in [0, 1] {
             let is_fine = |pixel: [f64; 2]| of.resolves_centre(fit, axis, pixel[axis]);
             if !self.pixel.is_none_or(is_fine) {
-                curve.centre[axis] = f64::NAN;
+                curve.uncentred[axis] = true;
                 curve.flags |= flags::UNRESOLVED;
             }
         }

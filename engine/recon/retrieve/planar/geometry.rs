@@ -24,17 +24,12 @@ pub(crate) enum Design {
 }
 
 impl Design {
-    /// The design of a scene; `None` for slits along z that are moved along x. `omitted`: steps to
-    /// leave out of the options' offsets.
+    /// The design of a scene; `None` for slits along z that are moved along x.
     ///
     /// # Errors
     /// [`Error::Argument`] for options that contradict each other or the scene.
-    pub(crate) fn of(
-        scene: &Scene,
-        options: &RetrieveOptions,
-        omitted: &[usize],
-    ) -> Result<Option<Self>> {
-        let z = offsets_z(scene, options, omitted);
+    pub(crate) fn of(scene: &Scene, options: &RetrieveOptions) -> Result<Option<Self>> {
+        let z = offsets_z(scene, options);
         let x = &scene.scan.mask_offsets;
         if !z.is_empty() {
             if options.lattice.is_some() {
@@ -64,28 +59,7 @@ impl Design {
         Ok(lattice.map(Self::Beamlets))
     }
 
-    /// True for the curves of a list of apertures, whose place depends on the pixel.
-    pub(crate) fn is_of_list(&self, scene: &Scene) -> bool {
-        matches!(self, Self::Steps(_)) && list(scene).is_some()
-    }
-
-    /// Frames of the flat, and of each view of the sample.
-    pub(crate) fn steps(&self) -> usize {
-        match self {
-            Self::Beamlets(_) => 1,
-            Self::Steps(pairs) => pairs.len(),
-        }
-    }
-
-    /// Offsets of the steps along z, m; none of beamlets.
-    pub(crate) fn offsets_z(&self) -> Vec<f64> {
-        match self {
-            Self::Beamlets(_) => Vec::new(),
-            Self::Steps(pairs) => pairs.iter().map(|[_, z]| *z).collect(),
-        }
-    }
-
-    /// Refuses methods, weights and corrections that have no form in two directions.
+    /// Refuses methods and scans that have no form in two directions.
     ///
     /// # Errors
     /// [`Error::Argument`] with the option; [`Error::Scene`] for masks that the design does not have.
@@ -201,16 +175,14 @@ fn of_openings(shape: ApertureShape, openings: &Openings) -> Option<Aperture> {
     }
 }
 
-/// Offsets of the sample mask along z, m: of the options without the steps `omitted`, else of the scene where they
-/// differ.
-fn offsets_z(scene: &Scene, options: &RetrieveOptions, omitted: &[usize]) -> Vec<f64> {
-    if options.offsets_z.is_empty() {
-        let z = &scene.scan.mask_offsets_z;
-        let differ = z.iter().any(|offset| offset.to_bits() != z[0].to_bits());
-        return if differ { z.clone() } else { Vec::new() };
+/// Offsets of the sample mask along z, m: of the options, else of the scene where they differ.
+fn offsets_z(scene: &Scene, options: &RetrieveOptions) -> Vec<f64> {
+    if !options.offsets_z.is_empty() {
+        return options.offsets_z.clone();
     }
-    let all = options.offsets_z.iter().enumerate();
-    all.filter(|(step, _)| !omitted.contains(step)).map(|(_, z)| *z).collect()
+    let z = &scene.scan.mask_offsets_z;
+    let differ = z.iter().any(|offset| offset.to_bits() != z[0].to_bits());
+    if differ { z.clone() } else { Vec::new() }
 }
 
 /// Strips of the overlap of the apertures of both masks, or of a sample mask and a pixel, in the plane of the sample

@@ -10,22 +10,20 @@
 //! | `aperture.rs` | apertures as strips |
 //! | `offsets.rs` | lists of offsets, and the contrasts that they determine |
 //! | `geometry.rs` | designs, masks and blur of a scene |
-//! | `models.rs` | models of beamlets and of curves over offsets |
-//! | `expected.rs` | uncertainties without a sample |
-//! | `response.rs` | small contrasts as they are retrieved |
-//! | `retriever.rs` | a design made ready: fits of flat and sample |
+//! | `lattice_beamlets.rs` | beamlets of a frame on a lattice |
+//! | `models.rs` | models of curves over offsets |
+//! | `step_curves.rs` | curves of pixels over offsets |
 
 mod aperture;
-mod expected;
 mod fit;
 mod found;
 mod geometry;
 mod lattice;
+mod lattice_beamlets;
 mod models;
 mod moments;
 mod offsets;
-mod response;
-mod retriever;
+mod step_curves;
 mod windows;
 
 #[cfg(test)]
@@ -34,8 +32,8 @@ mod windows;
 mod tests;
 
 pub use aperture::Aperture;
-pub use expected::sigmas_in_two_directions;
-pub(crate) use fit::PlanarFit;
+pub(super) use fit::PlanarModel;
 pub(crate) use geometry::{Design, aperture, knows_curve};
 pub use lattice::Lattice;
-pub(crate) use retriever::{Fits, PlanarRetriever};
+pub(super) use lattice_beamlets::{LatticeBeamlets, LatticeDesign};
+pub(super) use step_curves::StepCurves;

@@ -1,90 +1,22 @@
-//! Models of beamlets and of curves over offsets, and the lattice and the offsets that they need.
+//! Models of curves over offsets, and the offsets that they need.
 
-use super::super::background_term::BackgroundTerm;
-use super::super::fitter::Weights;
+use super::super::background::Background;
 use super::super::method::Method;
 use super::super::model::Model;
 use super::super::options::RetrieveOptions;
 use super::super::profile::Profile;
-use super::super::scan::Scan;
-use super::super::strips::{Strips, own_variances};
-use super::super::value_noise::ValueNoise;
+use super::super::scan::along;
+use super::super::strips::Strips;
 use super::fit::PlanarModel;
-use super::found::{Frame, PlacedLattice};
 use super::geometry;
 use super::lattice::Lattice;
-use super::windows::{Window, Windows};
+use beamlet_core::Result;
 use beamlet_core::numbers::whole;
-use beamlet_core::{Error, Result};
 use beamlet_model::optics::{FrontView, Mask, Optics, WholePeriods, ends};
 use beamlet_model::scene::{ApertureLattice, Scene};
-use ndarray::ArrayView3;
-use rayon::prelude::*;
 
-/// Beamlets of the flat, about, whose centres give the lattice.
-const CENTRES: usize = 400;
 /// A curve is seen this many standard deviations of its blur beyond its ends.
 const SEEN: f64 = 4.0;
-
-/// The lattice through the centres of some of the flat's beamlets.
-pub(super) fn through_centres(
-    placed: PlacedLattice,
-    frame: &Frame,
-    (options, flat): (&RetrieveOptions, ArrayView3<'_, f32>),
-) -> Result<PlacedLattice> {
-    let windows = Windows::of(&placed, frame)?;
-    let model = gaussian(frame.pitch, Vec::new());
-    let noise = ValueNoise {
-        saturation: options.saturation.map_or(f64::INFINITY, f64::from),
-        gain: None,
-        read_noise: 0.0,
-        weights: Weights::None,
-    };
-    let all: Vec<&Window> = windows.iter().map(|(_, window)| window).collect();
-    let some: Vec<&Window> = all.iter().copied().step_by(1 + all.len() / CENTRES).collect();
-    let centres: Vec<([i64; 2], [f64; 2])> = some
-        .par_iter()
-        .filter_map(|window| {
-            let scan = window_scan(&model, frame, window, noise);
-            let fit = model.fit(&scan, values(flat, window), None, None);
-            let is_fine =
-                fit.curve.has_answer() && fit.curve.centre.iter().all(|at| at.is_finite());
-            is_fine.then_some((window.index, fit.curve.centre))
-        })
-        .collect();
-    Ok(placed.through(&centres).unwrap_or(placed))
-}
-
-/// Places of a beamlet's pixels.
-pub(super) fn window_scan(
-    model: &PlanarModel,
-    frame: &Frame,
-    window: &Window,
-    noise: ValueNoise,
-) -> Scan {
-    let place = |[row, column]: &[u32; 2]| frame.place(i64::from(*row), i64::from(*column));
-    model.scan(window.pixels.iter().map(place).collect(), noise)
-}
-
-/// Values of a beamlet's pixels.
-pub(super) fn values<'a>(
-    frames: ArrayView3<'a, f32>,
-    window: &'a Window,
-) -> impl Iterator<Item = f32> + 'a {
-    let value = move |[row, column]: &[u32; 2]| frames[[0, *row as usize, *column as usize]];
-    window.pixels.iter().map(value)
-}
-
-/// A Gaussian over pixels.
-fn gaussian(pixel: [f64; 2], neighbours: Vec<[f64; 2]>) -> PlanarModel {
-    let along = pixel.map(|pixel| Profile { boxes: [pixel, 0.0], shift: 0.0 });
-    PlanarModel {
-        model: Model::Strips(Strips::one(along, neighbours)),
-        blur: None,
-        pixel: Some(pixel),
-        background: BackgroundTerm::Free,
-    }
-}
 
 /// Offsets less whole periods of the sample mask.
 pub(super) fn without_periods(scene: &Scene, pairs: &[[f64; 2]]) -> Vec<[f64; 2]> {
@@ -106,33 +38,6 @@ fn periods(scene: &Scene) -> [f64; 2] {
     optics.sample_mask.as_ref().map_or([f64::INFINITY; 2], of)
 }
 
-/// Model of beamlets over pixels.
-pub(super) fn beamlet_model(
-    scene: &Scene,
-    options: &RetrieveOptions,
-    (placed, pixel): (&PlacedLattice, [f64; 2]),
-) -> Result<PlanarModel> {
-    let aperture = geometry::aperture(scene, options);
-    let blur = geometry::blur(scene, false);
-    let around = placed.lattice.around();
-    if options.method() != Method::Beamlet {
-        let own = aperture.map(|aperture| own_variances(&aperture.strips([0.0; 2])));
-        let blur = own.map(|own| [0, 1].map(|axis| own[axis] + blur[axis]));
-        return Ok(PlanarModel { blur, ..gaussian(pixel, around) });
-    }
-    let Some(aperture) = aperture else {
-        let allowed = "the size of the apertures for method beamlet; or method gaussian or moments";
-        return Err(Error::argument("aperture", "nothing", allowed));
-    };
-    let strips = Strips { strips: aperture.strips(pixel), neighbours: around, is_list: false };
-    Ok(PlanarModel {
-        model: Model::Strips(strips),
-        blur: Some(blur),
-        pixel: Some(pixel),
-        background: BackgroundTerm::Free,
-    })
-}
-
 /// Model of the curve of a sample mask over offsets without whole periods, before a detector mask or pixels.
 pub(super) fn curve_model(
     scene: &Scene,
@@ -150,6 +55,21 @@ pub(super) fn curve_model(
     let strips = Strips { strips: geometry::overlap(scene, options)?, neighbours, is_list };
     let blur = Some(geometry::blur(scene, true));
     Ok(PlanarModel { model: Model::Strips(strips), blur, pixel: None, background })
+}
+
+/// The curve of the masks over offsets without whole periods, with the light that they leak; `None` where the scene does
+/// not know it.
+///
+/// # Errors
+/// Errors of the materials of the masks and of the beam.
+pub(super) fn known_curve(
+    scene: &Scene,
+    options: &RetrieveOptions,
+    offsets: &[[f64; 2]],
+) -> Result<Option<PlanarModel>> {
+    let exact = options.clone().with_method(Method::ExactCurve).with_background(Background::Leak);
+    let is_known = geometry::knows_curve(scene, &exact);
+    is_known.then(|| curve_model(scene, &exact, offsets)).transpose()
 }
 
 /// Area of the lattice of curves for each aperture, or for a period of a list, m2 in the plane of the sample mask.
@@ -172,11 +92,6 @@ fn seen_periods(scene: &Scene, offsets: &[[f64; 2]]) -> [u32; 2] {
         let beyond = (reach - 0.5 * period[axis]) / period[axis];
         if beyond.is_finite() { whole::<u32>(beyond.ceil()).max(1) } else { 1 }
     })
-}
-
-/// Offsets along an axis, m.
-fn along(offsets: &[[f64; 2]], axis: usize) -> Vec<f64> {
-    offsets.iter().map(|pair| pair[axis]).collect()
 }
 
 /// Places of the curves of neighbouring apertures, or of this number of periods of a list on either side, m in the

@@ -55,6 +55,7 @@ pub(super) fn by_moments(
         centre_sigma: [0, 1].map(|axis| sigma(&|place| place[axis] - [x, z][axis])),
         moments_sigma: [0, 1, 2].map(|k| sigma(&|place| from(place)[k] - moments[k])),
         unresolved: [false; 2],
+        uncentred: [false; 2],
         condition: f64::NAN,
         flags: values.flags | truncated,
     }

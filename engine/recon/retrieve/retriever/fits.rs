@@ -2,16 +2,18 @@
 
 use super::super::background_term::BackgroundTerm;
 use super::super::beamlets::Beamlets;
-use super::super::curves::{Curve, Curves};
+use super::super::curves::{Curve, Curves, Fits};
+use super::super::diagnosis::CurveModel;
 use super::super::fit::fit_slits;
 use super::super::fitter::Weights;
 use super::super::method::Method;
 use super::super::model::Model;
 use super::super::noise_factors::NoiseFactors;
-use super::super::scan::Scan;
+use super::super::scan::{Scan, along};
 use super::super::value_noise::ValueNoise;
 use super::super::{closed, quadrature};
 use super::Retriever;
+use super::layout::{Layout, SlitCurves};
 use super::view_scan::ViewScan;
 use beamlet_core::cancel::Cancel;
 use beamlet_core::{Error, Result};
@@ -19,14 +21,15 @@ use ndarray::Array3;
 use rayon::prelude::*;
 
 impl Retriever {
-    /// The curves of a band. `known`: of a sample, the flat's curves and the first of this band.
+    /// The curves of a band of frames, `[step][row][column]` from the row with this number on. `known`: of a sample, the
+    /// flat's curves and the first of this band.
     pub(in crate::retrieve) fn curves(
         &self,
-        data: Array3<f32>,
+        (data, row): (Array3<f32>, u32),
         scan: &ViewScan<'_>,
-        known: Option<(&Curves, usize)>,
+        known: Option<(&Fits, usize)>,
         cancel: &Cancel,
-    ) -> Result<Curves> {
+    ) -> Result<Fits> {
         let (steps, offsets) = (data.dim().0, scan.offsets);
         if steps != offsets.len() {
             return Err(Error::scene(
@@ -35,61 +38,97 @@ impl Retriever {
                 "one offset for each frame",
             ));
         }
-        let data = match &self.beamlets {
-            Some(beamlets) => beamlets.gather(data.view()),
-            None => data,
-        };
+        let flat = known.and_then(|(flat, first)| flat.planar(first));
+        let noise = self.value_noise(scan.noise);
+        match &self.layout {
+            Layout::Pixels(slits) => self.slits(slits, data, scan, cancel).map(Fits::Slits),
+            Layout::Beamlets(beamlets) => {
+                self.beamlets(beamlets, &data, scan, (known, cancel)).map(Fits::Slits)
+            }
+            Layout::Steps(curves) => curves
+                .fits((data.view(), row as usize), (offsets, noise), flat, cancel)
+                .map(Fits::Planar),
+            Layout::Lattice(_, Some(beamlets)) => {
+                beamlets.fits(data.view(), noise, flat, cancel).map(Fits::Planar)
+            }
+            Layout::Lattice(_, None) => {
+                Err(Error::argument("flat", "no flat was taken", "the flat, then the views"))
+            }
+        }
+    }
+
+    /// Curves of slits in each pixel.
+    fn slits(
+        &self,
+        slits: &SlitCurves,
+        data: Array3<f32>,
+        view: &ViewScan<'_>,
+        cancel: &Cancel,
+    ) -> Result<Curves> {
         let (steps, rows, columns) = data.dim();
-        if let Some(fitter) = &scan.fitter {
+        if let Some(fitter) = &view.fitter {
             let flat = data.into_shape_with_order((steps, rows * columns)).map_err(|error| {
                 Error::argument("frames", error.to_string(), "frames in C order")
             })?;
             return fitter.fit(flat.view(), cancel);
         }
-        let scan = match &self.beamlets {
-            Some(beamlets) => self.scan(&beamlets.offsets(), scan.noise),
-            None => self.scan(offsets, scan.noise),
-        };
-        let lights = self.beamlets.as_ref().map_or(&[][..], Beamlets::lights);
-        let model = self.model();
-        let model = || {
-            let none = || Error::scene("detector_mask", "nothing", "both masks");
-            model.as_ref().ok_or_else(none)
-        };
-        let entry = |pixel: usize| -> Result<Curve> {
-            cancel.check()?;
-            let (row, column) = (pixel / columns, pixel % columns);
-            let curve = (0..steps).map(|step| data[[step, row, column]]);
-            Ok(match self.options.method() {
-                Method::Beamlet if !self.has_width() => lights[column].fit_few(&scan, curve),
-                Method::Beamlet => {
-                    let flat = known.map(|(flat, first)| flat.flags[first + pixel]);
-                    lights[column].fit(&scan, curve, flat)
-                }
-                Method::ThreeStep => closed::three_step(&scan, curve),
-                Method::Moments => closed::by_moments(&scan, curve),
-                Method::TwoStep => {
-                    let reach = self.shape.reach_of_two(2.0 * scan.half());
-                    let known =
-                        closed::KnownBlur { model: model()?, blur: self.shape.spread(), reach };
-                    closed::two_points(&scan, known, curve)
-                }
-                Method::Gaussian | Method::Triangle | Method::ExactCurve => {
-                    fit_slits(model()?, &scan, curve, None)
-                }
-            })
-        };
-        let entries: Vec<Curve> =
-            (0..rows * columns).into_par_iter().map(entry).collect::<Result<_>>()?;
-        Ok(Curves::from_entries(&entries))
+        let scan = self.scan(&along(view.offsets, 0), view.noise);
+        let none = || Error::scene("detector_mask", "nothing", "both masks");
+        let model = self.model().ok_or_else(none)?;
+        let shape = &slits.shape;
+        entries(&data, cancel, |_, curve| match self.options.method() {
+            Method::ThreeStep => closed::three_step(&scan, curve),
+            Method::Moments => closed::by_moments(&scan, curve),
+            Method::TwoStep => {
+                let reach = shape.reach_of_two(2.0 * scan.half());
+                let known = closed::KnownBlur { model: &model, blur: shape.spread(), reach };
+                closed::two_points(&scan, known, curve)
+            }
+            Method::Gaussian | Method::Triangle | Method::ExactCurve | Method::Beamlet => {
+                fit_slits(&model, &scan, curve, None)
+            }
+        })
+    }
+
+    /// Curves of beamlets of slits.
+    fn beamlets(
+        &self,
+        beamlets: &Beamlets,
+        data: &Array3<f32>,
+        view: &ViewScan<'_>,
+        (known, cancel): (Option<(&Fits, usize)>, &Cancel),
+    ) -> Result<Curves> {
+        let scan = self.scan(&beamlets.offsets(), view.noise);
+        let (lights, determine_width) = (beamlets.lights(), beamlets.determine_width());
+        entries(&beamlets.gather(data.view()), cancel, |at, curve| {
+            let light = &lights[at % beamlets.count()];
+            if !determine_width {
+                return light.fit_few(&scan, curve);
+            }
+            let flat = known.and_then(|(flat, first)| Some(flat.curve(first + at)?.flags));
+            light.fit(&scan, curve, flat)
+        })
+    }
+
+    /// The curves over mask offsets as diagnosis and corrections take them; `None` of beamlets and of lists of apertures,
+    /// whose curves have many peaks.
+    pub(in crate::retrieve) fn curve_model(&self) -> Option<CurveModel> {
+        let model = self.model().filter(|model| !model.is_list())?;
+        let is_planar = self.layout.is_planar();
+        Some(CurveModel { model, background: self.background(), is_planar })
     }
 
     /// The model of curves over mask offsets, of closed forms the nearest that there is; `None` of beamlets.
     pub(in crate::retrieve) fn model(&self) -> Option<Model> {
+        let shape = match &self.layout {
+            Layout::Pixels(slits) => &slits.shape,
+            Layout::Steps(curves) => return Some(curves.model.model.clone()),
+            Layout::Beamlets(_) | Layout::Lattice(..) => return None,
+        };
         match self.options.method() {
             Method::Gaussian | Method::ThreeStep | Method::Moments => Some(Model::gaussian()),
             Method::Triangle => Some(Model::Trapezoid { top: 0.0 }),
-            Method::ExactCurve | Method::TwoStep => self.shape.model(),
+            Method::ExactCurve | Method::TwoStep => shape.model(),
             Method::Beamlet => None,
         }
     }
@@ -98,11 +137,11 @@ impl Retriever {
     fn value_noise(&self, noise: NoiseFactors) -> ValueNoise {
         let known = ValueNoise::of(&self.options, noise);
         let is_guess = self.options.gain_assumed && self.options.weights == Weights::None;
-        let by_residuals = is_guess && self.options.method() == Method::ExactCurve;
-        ValueNoise { gain: known.gain.filter(|_| !by_residuals), ..known }
+        let is_curve = self.options.method() == Method::ExactCurve && !self.layout.is_planar();
+        ValueNoise { gain: known.gain.filter(|_| !(is_guess && is_curve)), ..known }
     }
 
-    /// A scan of values with this noise.
+    /// A scan of values along x with this noise.
     fn scan(&self, offsets: &[f64], noise: NoiseFactors) -> Scan {
         let shares = match self.options.method() == Method::Moments {
             true => quadrature::weights(offsets),
@@ -113,9 +152,29 @@ impl Retriever {
 
     /// Background of the curves.
     pub(in crate::retrieve) fn background(&self) -> BackgroundTerm {
-        match self.options.method().has_background() {
-            true => self.shape.background,
-            false => BackgroundTerm::Free,
+        match &self.layout {
+            Layout::Pixels(slits) if self.options.method().has_background() => {
+                slits.shape.background
+            }
+            Layout::Steps(curves) => curves.model.background,
+            Layout::Pixels(_) | Layout::Beamlets(_) | Layout::Lattice(..) => BackgroundTerm::Free,
         }
     }
+}
+
+/// Fits the curve of each place of frames `[step][row][column]`.
+fn entries(
+    data: &Array3<f32>,
+    cancel: &Cancel,
+    fit: impl Fn(usize, &mut dyn Iterator<Item = f32>) -> Curve + Sync,
+) -> Result<Curves> {
+    let (steps, rows, columns) = data.dim();
+    let entry = |at: usize| {
+        cancel.check()?;
+        let mut curve = (0..steps).map(|step| data[[step, at / columns, at % columns]]);
+        Ok(fit(at, &mut curve))
+    };
+    let entries: Vec<Curve> =
+        (0..rows * columns).into_par_iter().map(entry).collect::<Result<_>>()?;
+    Ok(Curves::from_entries(&entries))
 }

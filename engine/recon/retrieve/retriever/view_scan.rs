@@ -3,6 +3,7 @@
 use super::super::fitter::Fitter;
 use super::super::method::Method;
 use super::super::noise_factors::NoiseFactors;
+use super::super::scan::along;
 use super::Retriever;
 use beamlet_core::{Error, Result};
 use beamlet_model::optics::WholePeriods;
@@ -13,7 +14,7 @@ use std::borrow::Cow;
 #[derive(Debug)]
 pub(super) struct ViewScans {
     /// Offsets without whole periods, m, by angle.
-    lists: Vec<Vec<f64>>,
+    lists: Vec<Vec<[f64; 2]>>,
     /// Views of an angle.
     dithers: usize,
 }
@@ -22,7 +23,7 @@ pub(super) struct ViewScans {
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Corrected<'a> {
     /// Mask offsets of the frames, m, without whole periods; `None`: as they were to be.
-    pub(crate) offsets: Option<&'a [f64]>,
+    pub(crate) offsets: Option<&'a [[f64; 2]]>,
     /// Noise of the values, which were divided by the doses: the mean of the frames.
     pub(crate) noise: NoiseFactors,
 }
@@ -35,7 +36,7 @@ impl Corrected<'_> {
 /// The scan of a view.
 #[derive(Debug)]
 pub(in crate::retrieve) struct ViewScan<'a> {
-    pub(crate) offsets: &'a [f64],
+    pub(crate) offsets: &'a [[f64; 2]],
     /// Noise of its values.
     pub(crate) noise: NoiseFactors,
     pub(crate) fitter: Option<Cow<'a, Fitter>>,
@@ -48,14 +49,14 @@ impl<'a> ViewScan<'a> {
     /// # Errors
     /// [`Error::Device`], [`Error::Memory`].
     pub(in crate::retrieve) fn of(
-        offsets: &'a [f64],
+        offsets: &'a [[f64; 2]],
         noise: NoiseFactors,
         fitter: Option<&'a Fitter>,
         is_usual: bool,
     ) -> Result<Self> {
         let fitter = match fitter {
             Some(fitter) if is_usual => Some(Cow::Borrowed(fitter)),
-            Some(fitter) => Some(Cow::Owned(fitter.at(offsets, noise)?)),
+            Some(fitter) => Some(Cow::Owned(fitter.at(&along(offsets, 0), noise)?)),
             None => None,
         };
         Ok(Self { offsets, noise, fitter })
@@ -90,7 +91,8 @@ impl ViewScans {
                 }
                 other => other,
             })?;
-            Ok(periods.nearest_to(&scan.mask_offsets, list).without(list))
+            let x = periods.nearest_to(&scan.mask_offsets, list).without(list);
+            Ok(x.into_iter().map(|x| [x, 0.0]).collect())
         };
         let lists = scan.view_offsets.iter().enumerate().map(of_angle).collect::<Result<_>>()?;
         Ok(Some(Self { lists, dithers: scan.dithers_of_angle() }))
@@ -131,11 +133,11 @@ impl Retriever {
         let own = corrected.offsets.map_or_else(|| self.own_offsets(view), |own| Ok(Some(own)))?;
         let is_usual = own.is_none() && noise.is_one();
         let offsets = own.unwrap_or(&self.offsets);
-        ViewScan::of(offsets, noise, self.fitter.as_ref(), is_usual)
+        ViewScan::of(offsets, noise, self.layout.fitter(), is_usual)
     }
 
     /// Offsets of a view, if views have offsets of their own.
-    pub(super) fn own_offsets(&self, view: usize) -> Result<Option<&[f64]>> {
+    pub(super) fn own_offsets(&self, view: usize) -> Result<Option<&[[f64; 2]]>> {
         let Some(scans) = &self.view_scans else { return Ok(None) };
         let Some(offsets) = scans.lists.get(view / scans.dithers) else {
             let found = format!("view {view}");

@@ -4,52 +4,18 @@ use crate::retrieve::input::Input;
 use crate::retrieve::misfit::median;
 use crate::retrieve::model::Model;
 use crate::retrieve::options::RetrieveOptions;
+use crate::retrieve::planar::LatticeBeamlets;
 use crate::retrieve::record::Record;
 use crate::retrieve::retriever::Retriever;
-use crate::retrieve::{MaskCurve, Weights, flags};
+use crate::retrieve::{Weights, flags};
 use beamlet_core::numbers;
 use ndarray::Array2;
 use std::collections::BTreeMap;
 
-/// Properties of a retriever for the record.
-pub(super) struct Described {
-    pub(super) columns_m: Vec<f64>,
-    pub(super) pitch: [f64; 2],
-    pub(super) whole_periods: f64,
-    pub(super) flat_width: Option<f64>,
-    pub(super) angle_per_shift: f64,
-    pub(super) lattice: Option<[[f64; 2]; 3]>,
-    pub(super) offsets_z: Vec<f64>,
-    pub(super) expected_sigma: BTreeMap<String, f64>,
-    pub(super) curve: Option<MaskCurve>,
-}
-
-impl Described {
-    /// The retriever of slits along z.
-    pub(super) fn of(retriever: &Retriever, input: &Input) -> Self {
-        Self {
-            columns_m: retriever.columns_m(input),
-            pitch: retriever.pitch(input.pitch()),
-            whole_periods: retriever.whole_periods(),
-            flat_width: retriever
-                .flat_curves()
-                .and_then(|flat| median(flat.width.iter().copied().map(f64::from).collect())),
-            angle_per_shift: retriever.angle_per_shift(),
-            lattice: None,
-            offsets_z: Vec::new(),
-            expected_sigma: BTreeMap::new(),
-            curve: match retriever.model() {
-                Some(Model::Masks(masks)) => Some((*masks).clone()),
-                Some(Model::Trapezoid { .. } | Model::Strips(_)) | None => None,
-            },
-        }
-    }
-}
-
 /// The record of a retrieval with its inputs and options; `shape`: angles, rows and columns of the images.
 pub(super) fn begun(
     input: &Input,
-    described: Described,
+    retriever: &Retriever,
     options: &RetrieveOptions,
     shape: [usize; 3],
 ) -> Record {
@@ -63,6 +29,7 @@ pub(super) fn begun(
     for (bit, name, meaning) in flags::OF_PIXEL {
         meanings.insert(bit, format!("{name}: {meaning}"));
     }
+    let expected = retriever.expected().into_iter();
     Record {
         version: beamlet_core::program::VERSION.to_owned(),
         commit: beamlet_core::program::commit(),
@@ -78,7 +45,10 @@ pub(super) fn begun(
         },
         background: options.method().has_background().then(|| options.background().to_string()),
         response: None,
-        curve: described.curve,
+        curve: match retriever.model() {
+            Some(Model::Masks(masks)) => Some((*masks).clone()),
+            Some(Model::Trapezoid { .. } | Model::Strips(_)) | None => None,
+        },
         counts: input.counts(),
         gain: options.gain,
         gain_assumed: options.gain.is_some() && options.gain_assumed,
@@ -95,11 +65,11 @@ pub(super) fn begun(
             1 => Vec::new(),
             _ => scene.offsets_of_group(&scene.scan.mask_offsets),
         },
-        columns_m: described.columns_m,
-        pitch: described.pitch,
-        lattice_m: described.lattice,
-        offsets_z: described.offsets_z,
-        expected_sigma: described.expected_sigma,
+        columns_m: retriever.columns_m(input),
+        pitch: retriever.pitch(input.pitch()),
+        lattice_m: retriever.layout().lattice().map(LatticeBeamlets::vectors),
+        offsets_z: retriever.layout().offsets_z().to_vec(),
+        expected_sigma: expected.map(|(name, sigma)| (name.to_owned(), sigma)).collect(),
         // In no directory, so that every path is written absolute.
         geometry: scene.to_toml("", &BTreeMap::new(), &[]).ok(),
         inputs: BTreeMap::new(),
@@ -111,8 +81,8 @@ pub(super) fn begun(
             .map(|(path, hash)| (path.display().to_string(), hash.clone()))
             .collect(),
         offsets: scene.scan.mask_offsets.clone(),
-        whole_periods: described.whole_periods,
-        flat_width: described.flat_width,
+        whole_periods: retriever.whole_periods(),
+        flat_width: retriever.flat_curves().and_then(|flat| median(flat.widths(0))),
         residual: None,
         reduced_chi_square: None,
         chi_square_beyond_flat: None,
@@ -124,7 +94,7 @@ pub(super) fn begun(
         warnings: Vec::new(),
         magnification: scene.magnification(),
         lever_arm: scene.lever_arm(),
-        angle_per_shift: described.angle_per_shift,
+        angle_per_shift: retriever.angle_per_shift(),
         shape,
         columns: Vec::new(),
         drift: None,

@@ -7,7 +7,7 @@ use crate::retrieve::input::Input;
 use crate::retrieve::joined::JoinedColumns;
 use crate::retrieve::retriever::{Corrected, Retriever};
 use beamlet_core::rows_control::RowsControl;
-use beamlet_core::{Error, Result, numbers};
+use beamlet_core::{Result, numbers};
 use ndarray::Array2;
 use std::ops::Range;
 
@@ -119,23 +119,20 @@ impl<'a> ScanOf<'a> {
         if let Some(bad) = self.bad {
             retriever.mark_bad(&mut images, bad);
         }
-        let Some(flat) = retriever.flat_curves() else { return Err(Error::Interrupted) };
-        let shape = [rows, flat.len() / rows.max(1)];
         if let (Some(correcting), Some(of_view)) = (&mut tools.correcting, &mut correction) {
             correcting.corrector.images(&mut images, view, &of_view.empty, &mut of_view.record)?;
             correcting.views.push(of_view.record.clone());
         }
         let frames = correction.as_ref().and_then(|of| of.frames.as_ref());
         let corrected = frames.map_or(Corrected::NONE, FrameCorrection::corrected);
-        let subtracted =
-            correction.as_ref().and_then(|of| of.record.offset).map_or(0.0, |of| of[0]);
+        let subtracted = correction.as_ref().map_or([0.0; 2], |of| {
+            [of.record.offset, of.record.offset_z].map(|of| of.map_or(0.0, |of| of[0]))
+        });
         let nominal = retriever.offsets_of_view(view)?;
         tools.diagnosis.view(&ExaminedView {
-            flat,
-            flat_noise: retriever.flat_noise(),
+            retriever,
             images: &images,
             offsets: corrected.offsets.unwrap_or(&nominal),
-            shape,
             corrected,
             subtracted,
         });

@@ -4,7 +4,7 @@ use super::super::super::method::Method;
 use super::super::super::options::RetrieveOptions;
 use super::super::{Aperture, Lattice};
 use super::light::{Blurred, Contrasts};
-use super::{Tracking, assert_within, images, known};
+use super::{Tracking, assert_within, known};
 use ndarray::{Array3, Axis, s};
 
 const UM: f64 = 1e-6;
@@ -102,7 +102,7 @@ fn a_frame_turned_by_90_degrees_has_the_contrasts_of_the_turned_object() {
         ..tracking(Lattice::parse("83 um, 77 um").unwrap(), light, [2.2, 1.7])
     };
     let retriever = beside.retriever_of(&RetrieveOptions::default(), &frames[0]);
-    let found = images(&retriever, [&frames[0], &frames[1]]);
+    let found = retriever.retrieve_array(frames[1].view()).unwrap();
     assert_within(&found, &OBJECT.turned(), [1e-4, 1e-4, 1e-4, 1e-3, 1e-3, 1e-3], "turned");
     // The light itself: a frame that is made of the turned object is the turned frame.
     let made = beside.frame(&OBJECT.turned());

@@ -6,11 +6,9 @@ mod noise;
 mod steps;
 
 use super::super::images::Images;
-use super::super::noise_factors::NoiseFactors;
 use super::super::options::RetrieveOptions;
-use super::retriever::PlanarRetriever;
+use super::super::retriever::Retriever;
 use super::{Design, Lattice};
-use beamlet_core::cancel::Cancel;
 use beamlet_model::scene::Scene;
 use light::{Blurred, Contrasts};
 use ndarray::Array3;
@@ -68,30 +66,19 @@ impl Tracking {
         frame.mapv(|value| value as f32)
     }
 
-    pub(super) fn retriever_of(
-        &self,
-        options: &RetrieveOptions,
-        flat: &Array3<f32>,
-    ) -> PlanarRetriever {
+    /// A retriever with this flat.
+    pub(super) fn retriever_of(&self, options: &RetrieveOptions, flat: &Array3<f32>) -> Retriever {
         let scene = scene(self.shape, "");
         let design = Design::Beamlets(self.lattice);
-        PlanarRetriever::new((&scene, &design), options, [PIXEL; 2], flat.view()).unwrap()
+        let mut retriever = Retriever::in_two_directions(&scene, &design, options).unwrap();
+        retriever.set_flat_array(flat.view()).unwrap();
+        retriever
     }
 
     /// Images of a sample frame.
     pub(super) fn images(&self, options: &RetrieveOptions, frames: [&Array3<f32>; 2]) -> Images {
-        let retriever = self.retriever_of(options, frames[0]);
-        images(&retriever, frames)
+        self.retriever_of(options, frames[0]).retrieve_array(frames[1].view()).unwrap()
     }
-}
-
-/// Images of frames of flat and sample.
-pub(super) fn images(retriever: &PlanarRetriever, [flat, sample]: [&Array3<f32>; 2]) -> Images {
-    let one = NoiseFactors::ONE;
-    let cancel = Cancel::default();
-    let of_flat = retriever.fits((flat.view(), 0), one, None, &cancel).unwrap();
-    let fits = retriever.fits((sample.view(), 0), one, Some(&of_flat), &cancel).unwrap();
-    retriever.images(&of_flat, &fits, flat.dim().1)
 }
 
 /// Values of an image that are numbers.

@@ -2,12 +2,10 @@
 
 use super::super::super::fitter::Weights;
 use super::super::super::method::Method;
-use super::super::super::noise_factors::NoiseFactors;
 use super::super::super::options::RetrieveOptions;
 use super::super::{Aperture, Lattice};
 use super::light::{Blurred, Contrasts};
 use super::{NAMES, Tracking, known};
-use beamlet_core::cancel::Cancel;
 use ndarray::Array3;
 
 const UM: f64 = 1e-6;
@@ -107,9 +105,7 @@ fn scatter_over_expected(of: &Tracking, options: &RetrieveOptions) -> [f64; 6] {
     let light = of.frame(&Contrasts::EMPTY);
     let mean = light.mapv(|value| 2e4 * value);
     let retriever = of.retriever_of(&options, &mean);
-    let frames = (mean.view(), 0);
-    let fits = retriever.fits(frames, NoiseFactors::ONE, None, &Cancel::default()).unwrap();
-    let expected = retriever.expected(&fits).unwrap();
+    let expected = retriever.expected();
     let mut squares = [[0.0; 2]; 6];
     for _ in 0..20 {
         let [flat, sample] = [0, 1].map(|_| random.counts(&light, 2e4));

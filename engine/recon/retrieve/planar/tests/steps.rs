@@ -1,11 +1,13 @@
 //! Curves over mask offsets in two directions.
 
+use super::super::super::images::Images;
 use super::super::super::method::Method;
 use super::super::super::options::RetrieveOptions;
-use super::super::retriever::PlanarRetriever;
+use super::super::super::retriever::Retriever;
 use super::super::{Aperture, Design};
 use super::light::{Blurred, Contrasts};
-use super::{ARM, MAGNIFICATION, PIXEL, assert_within, images, scene};
+use super::{ARM, MAGNIFICATION, assert_within, scene};
+use beamlet_model::scene::Scene;
 use ndarray::Array3;
 
 const UM: f64 = 1e-6;
@@ -24,6 +26,19 @@ fn frames(light: &Blurred, pairs: &[[f64; 2]], of: &Contrasts, [z, m]: [f64; 2])
         let shift = [of.0[1] * z / m, of.0[2] * z / m];
         blurred.density([x - own[0] + shift[0], y - own[1] + shift[1]]) as f32
     })
+}
+
+/// Images of frames of flat and sample at these offsets.
+fn images(
+    scene: &Scene,
+    pairs: &[[f64; 2]],
+    options: &RetrieveOptions,
+    [flat, sample]: [&Array3<f32>; 2],
+) -> Images {
+    let design = Design::Steps(pairs.to_vec());
+    let mut retriever = Retriever::in_two_directions(scene, &design, options).unwrap();
+    retriever.set_flat_array(flat.view()).unwrap();
+    retriever.retrieve_array(sample.view()).unwrap()
 }
 
 #[test]
@@ -49,15 +64,12 @@ fn steps_along_x_and_z_give_back_all_six_contrasts() {
     .to_vec();
     for pairs in [grid, scattered] {
         let scene = scene([2, 3], MASKS);
-        let design = Design::Steps(pairs.clone());
         let options = RetrieveOptions::default();
         let [z, m] = [scene.lever_arm(), scene.magnification()];
         assert!(z < ARM && m < MAGNIFICATION, "the analyser is the detector mask");
         let flat = frames(&light, &pairs, &Contrasts::EMPTY, [z, m]);
         let sample = frames(&light, &pairs, &OBJECT, [z, m]);
-        let retriever =
-            PlanarRetriever::new((&scene, &design), &options, [PIXEL; 2], flat.view()).unwrap();
-        let found = images(&retriever, [&flat, &sample]);
+        let found = images(&scene, &pairs, &options, [&flat, &sample]);
         let parts = [1e-4, 1e-4, 1e-4, 1e-3, 1e-3, 1e-3];
         assert_within(&found, &OBJECT, parts, &format!("{} pairs", pairs.len()));
     }
@@ -83,12 +95,10 @@ fn rectangles_of_both_masks_are_fitted_with_their_own_curve() {
         .with_method(Method::ExactCurve)
         .with_aperture(Aperture::Rectangle(sample))
         .with_detector_aperture(Aperture::Rectangle(detector));
-    let set_up = (&scene, &Design::Steps(pairs));
-    let retriever = PlanarRetriever::new(set_up, &options, [PIXEL; 2], flat.view()).unwrap();
-    let found = images(&retriever, [&flat, &sample_frames]);
+    let found = images(&scene, &pairs, &options, [&flat, &sample_frames]);
     assert_within(&found, &OBJECT, [1e-4, 1e-4, 1e-4, 1e-3, 1e-3, 1e-3], "exact-curve");
     let round = options.with_detector_aperture(Aperture::Round(1e-5));
-    let refused = PlanarRetriever::new(set_up, &round, [PIXEL; 2], flat.view());
+    let refused = Retriever::in_two_directions(&scene, &Design::Steps(pairs), &round);
     assert!(refused.unwrap_err().to_string().contains("detector_aperture"));
 }
 
@@ -96,10 +106,8 @@ fn rectangles_of_both_masks_are_fitted_with_their_own_curve() {
 fn steps_along_x_alone_are_refused_with_what_they_lack() {
     let scene = scene([2, 3], MASKS);
     let pairs: Vec<[f64; 2]> = (-5..=5).map(|i| [f64::from(i) * 4.0 * UM, 0.0]).collect();
-    let flat = Array3::zeros((pairs.len(), 2, 3));
-    let set_up = (&scene, &Design::Steps(pairs));
-    let refused =
-        PlanarRetriever::new(set_up, &RetrieveOptions::default(), [PIXEL; 2], flat.view());
+    let options = RetrieveOptions::default();
+    let refused = Retriever::in_two_directions(&scene, &Design::Steps(pairs), &options);
     let message = refused.unwrap_err().to_string();
     assert!(message.contains("refraction along z"), "{message}");
 }
