@@ -303,6 +303,13 @@ fn corrections(record: &beamlet::retrieve::Record) -> Vec<TableRow> {
             "µrad",
             views.iter().filter_map(|view| view.offset).map(Some).collect(),
         ),
+        of("displacement of frames along z", 1e6, "µm", frames(|view| &view.steps_z)),
+        of(
+            "α along z subtracted",
+            1e6,
+            "µrad",
+            views.iter().filter_map(|view| view.offset_z).map(Some).collect(),
+        ),
     ]
     .into_iter()
     .flatten()

@@ -138,16 +138,21 @@ fn write_chi_square(record: &Record, out: &mut impl Write) -> Result<(), Failure
 fn write_empty_beam(record: &Record, out: &mut impl Write) -> Result<(), Failure> {
     let Some(empty) = &record.empty_beam else { return Ok(()) };
     let views = &empty.views;
-    let moved = if record.method == "beamlet" { "beamlets" } else { "masks" };
+    let has_beamlets = record.method == "beamlet" || record.lattice_m.is_some();
+    let [moved, moved_z] = match has_beamlets {
+        true => ["drift of beamlets", "drift of beamlets along z"],
+        false => ["drift of masks", "drift of masks along z"],
+    };
     for (name, unit, scale, values) in [
         ("transmission", "", 1.0, views.iter().map(|of| of.transmission).collect::<Vec<_>>()),
         ("refraction", " urad", 1e6, views.iter().map(|of| of.refraction).collect()),
         (moved, " um", 1e6, views.iter().map(|of| of.drift).collect()),
+        ("refraction along z", " urad", 1e6, views.iter().map(|of| of.refraction_z).collect()),
+        (moved_z, " um", 1e6, views.iter().map(|of| of.drift_z).collect()),
     ] {
         let values: Vec<[f64; 2]> = values.into_iter().flatten().collect();
         if let Some(line) = range(&values, scale) {
-            let what = if name == moved { format!("drift of {name}") } else { name.to_owned() };
-            writeln!(out, "empty    {what} {line}{unit}")?;
+            writeln!(out, "empty    {name} {line}{unit}")?;
         }
     }
     let doses: Vec<[f64; 2]> = views.iter().flat_map(|of| &of.dose).copied().collect();
@@ -174,6 +179,18 @@ fn write_corrections(record: &Record, out: &mut impl Write) -> Result<(), Failur
             views.iter().flat_map(|of| of.steps.clone()).collect(),
         ),
         ("refraction", 1e6, " urad", views.iter().filter_map(|of| of.offset).map(Some).collect()),
+        (
+            "displacement of a frame along z",
+            1e6,
+            " um",
+            views.iter().flat_map(|of| of.steps_z.clone()).collect(),
+        ),
+        (
+            "refraction along z",
+            1e6,
+            " urad",
+            views.iter().filter_map(|of| of.offset_z).map(Some).collect(),
+        ),
     ] {
         let known: Vec<[f64; 2]> = values.iter().copied().flatten().collect();
         let Some(line) = range(&known, scale) else { continue };

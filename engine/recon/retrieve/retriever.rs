@@ -102,17 +102,19 @@ impl Retriever {
                 (Layout::Steps(curves), offsets, -scene.magnification() / lever)
             }
         };
-        let whole_periods = match design {
-            Design::Beamlets(_) => 0.0,
+        let (whole_periods, view_scans) = match design {
+            Design::Beamlets(_) => (0.0, None),
             Design::Steps(pairs) => {
-                pairs.first().zip(offsets.first()).map_or(0.0, |(all, own)| all[0] - own[0])
+                let first = pairs.first().zip(offsets.first());
+                let of_view = |x: &[f64]| StepCurves::offsets_of_view(scene, x, [pairs, &offsets]);
+                (first.map_or(0.0, |(all, own)| all[0] - own[0]), ViewScans::of(scene, of_view)?)
             }
         };
         Ok(Self {
             options: options.clone(),
             whole_periods,
             offsets,
-            view_scans: None,
+            view_scans,
             layout,
             angle_per_shift,
             flat: None,
@@ -124,7 +126,7 @@ impl Retriever {
         let method = options.method();
         let period = Optics::of(scene).curve_period();
         let periods = WholePeriods::in_scan(&scene.scan.mask_offsets, period);
-        let view_scans = ViewScans::of(scene, method, periods)?;
+        let view_scans = ViewScans::of_slits(scene, method, periods)?;
         method.check(scene, &scene.scan.mask_offsets)?;
         let least = options.background().least_offsets(method);
         let different = different_offsets(&scene.scan.mask_offsets);

@@ -30,6 +30,10 @@ impl Chosen<'_> {
             ("α subtracted (µrad)", 1e6, of_frames(&|of, _| of.offset)),
             ("∂α/∂x (µrad/m)", 1e6, of_frames(&|of, _| of.plane.map(|plane| plane.x))),
             ("∂α/∂z (µrad/m)", 1e6, of_frames(&|of, _| of.plane.and_then(|plane| plane.z))),
+            ("displacement z (µm)", 1e6, of_frames(&|of, step| listed(&of.steps_z, step))),
+            ("α_z subtracted (µrad)", 1e6, of_frames(&|of, _| of.offset_z)),
+            ("∂α_z/∂x (µrad/m)", 1e6, of_frames(&|of, _| of.plane_z.map(|plane| plane.x))),
+            ("∂α_z/∂z (µrad/m)", 1e6, of_frames(&|of, _| of.plane_z.and_then(|plane| plane.z))),
         ]
         .into_iter()
         .filter(|(.., pairs)| pairs.iter().any(|pair| pair[0].is_finite()))

@@ -74,33 +74,29 @@ impl Design {
         if !serves {
             return Err(Error::argument("method", options.method().name(), allowed));
         }
-        if !options.correct.is_none() {
-            let found = options.correct.names().join(",");
-            return Err(Error::argument("correct", found, "nothing in two directions"));
-        }
-        if options.empty_beam.is_some() {
-            return Err(Error::argument("empty_beam", "given", "nothing in two directions"));
-        }
-        if options.phase && matches!(self, Self::Beamlets(_)) {
-            let allowed = "no phase: a column of a lattice has no single place along x; or steps along x and z";
-            return Err(Error::argument("phase", "beamlets on a lattice", allowed));
-        }
-        if !scene.scan.dithers.is_empty() {
-            return Err(Error::scene("scan.dithers", "dithers", "no dithers in two directions"));
-        }
-        let scan = &scene.scan;
-        if scan.view_offsets.iter().any(|list| *list != scan.mask_offsets) {
-            let allowed = "the same offsets at every angle in two directions";
-            return Err(Error::scene("scan.view_offsets", "offsets that differ", allowed));
-        }
         match self {
-            Self::Beamlets(_) => check_beamlets(scene),
+            Self::Beamlets(_) => check_beamlets(scene, options),
             Self::Steps(_) => check_steps(scene, options.method()),
         }
     }
 }
 
-fn check_beamlets(scene: &Scene) -> Result<()> {
+fn check_beamlets(scene: &Scene, options: &RetrieveOptions) -> Result<()> {
+    const NO_PLACE: &str =
+        "a column of a lattice has no single place along x; or steps along x and z";
+    if options.phase {
+        let allowed = format!("no phase: {NO_PLACE}");
+        return Err(Error::argument("phase", "beamlets on a lattice", allowed));
+    }
+    let scan = &scene.scan;
+    if !scan.dithers.is_empty() {
+        let allowed = format!("no dithers: {NO_PLACE}");
+        return Err(Error::scene("scan.dithers", "beamlets on a lattice", allowed));
+    }
+    if scan.view_offsets.iter().any(|list| *list != scan.mask_offsets) {
+        let allowed = "the same offset at every angle: a flat has the beamlets at one offset";
+        return Err(Error::scene("scan.view_offsets", "offsets that differ", allowed));
+    }
     if scene.detector_mask.is_some() {
         let allowed = "a sample mask alone for beamlets on a lattice";
         return Err(Error::scene("detector_mask", "a mask", allowed));

@@ -31,6 +31,21 @@ pub(super) fn without_periods(scene: &Scene, pairs: &[[f64; 2]]) -> Vec<[f64; 2]
     kept[0].iter().zip(&kept[1]).map(|(x, z)| [*x, *z]).collect()
 }
 
+/// Offsets of a view whose steps have these along x, less the whole periods that place it nearest to the flat's: the flat
+/// has the offsets `pairs`, and `offsets` without whole periods.
+pub(super) fn of_view(
+    scene: &Scene,
+    x: &[f64],
+    [pairs, offsets]: [&[[f64; 2]]; 2],
+) -> Vec<[f64; 2]> {
+    let (flat, [period, _]) = (along(pairs, 0), periods(scene));
+    let x = match period.is_finite() {
+        true => WholePeriods::in_scan(&flat, period).nearest_to(&flat, x).without(x),
+        false => x.to_vec(),
+    };
+    x.iter().zip(offsets).map(|(x, [_, z])| [*x, *z]).collect()
+}
+
 /// Periods of the sample mask along x and z, m in its plane.
 fn periods(scene: &Scene) -> [f64; 2] {
     let optics = Optics::of(scene);

@@ -7,7 +7,7 @@ use super::super::options::RetrieveOptions;
 use super::super::scan::along;
 use super::super::value_noise::ValueNoise;
 use super::fit::{NEEDED, PlanarModel};
-use super::models::{Centres, curve_model, known_curve, without_periods};
+use super::models::{Centres, curve_model, known_curve, of_view, without_periods};
 use super::offsets;
 use beamlet_core::Result;
 use beamlet_core::cancel::Cancel;
@@ -48,6 +48,21 @@ impl StepCurves {
         };
         let offsets_z = along(pairs, 1);
         Ok((Self { model, centres, truth, offsets_z }, offsets))
+    }
+
+    /// Offsets of a view with steps at these places along x, less the whole periods of the sample mask that place them
+    /// nearest to the flat's. `flat`: offsets of the flat with and without whole periods.
+    ///
+    /// # Errors
+    /// [`beamlet_core::Error::Scene`] for offsets that do not determine a curve.
+    pub(crate) fn offsets_of_view(
+        scene: &Scene,
+        x: &[f64],
+        flat: [&[[f64; 2]]; 2],
+    ) -> Result<Vec<[f64; 2]>> {
+        let offsets = of_view(scene, x, flat);
+        offsets::check(&offsets, NEEDED)?;
+        Ok(offsets)
     }
 
     /// True for curves of a list of apertures, whose place depends on the pixel.

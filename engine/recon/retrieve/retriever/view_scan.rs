@@ -64,38 +64,55 @@ impl<'a> ViewScan<'a> {
 }
 
 impl ViewScans {
-    /// The offsets of the angles of a scene whose flat has `periods`; `None` if all equal the flat's.
+    /// The offsets of the angles of a scene, of each list along x by `offsets`; `None` if all equal the flat's.
     ///
     /// # Errors
-    /// [`Error::Scene`] with the angle whose offsets `method` cannot serve.
-    pub(super) fn of(scene: &Scene, method: Method, periods: WholePeriods) -> Result<Option<Self>> {
+    /// Those of `offsets`, with the angle.
+    pub(super) fn of(
+        scene: &Scene,
+        offsets: impl Fn(&[f64]) -> Result<Vec<[f64; 2]>>,
+    ) -> Result<Option<Self>> {
         let scan = &scene.scan;
         if scan.view_offsets.iter().all(|list| *list == scan.mask_offsets) {
             return Ok(None);
         }
-        if scan.mask_offsets.len() == 1 || method == Method::Beamlet {
-            let found =
-                format!("{} mask steps at each angle, which differ", scan.mask_offsets.len());
-            let allowed = match method == Method::Beamlet {
-                true => "beamlet needs the same offset at every angle".to_owned(),
-                false => format!(
-                    "{method} fits a curve in every view: steps of several angles form no curve, since the sample turns between them"
-                ),
-            };
-            return Err(Error::scene("scan.view_offsets", found, allowed));
-        }
         let of_angle = |(angle, list): (usize, &Vec<f64>)| {
-            method.check(scene, list).map_err(|error| match error {
+            offsets(list).map_err(|error| match error {
                 Error::Scene { key, found, allowed, .. } if key == "scan.mask_offsets" => {
                     Error::scene(format!("scan.view_offsets[{angle}]"), found, allowed)
                 }
                 other => other,
-            })?;
-            let x = periods.nearest_to(&scan.mask_offsets, list).without(list);
-            Ok(x.into_iter().map(|x| [x, 0.0]).collect())
+            })
         };
         let lists = scan.view_offsets.iter().enumerate().map(of_angle).collect::<Result<_>>()?;
         Ok(Some(Self { lists, dithers: scan.dithers_of_angle() }))
+    }
+
+    /// The offsets of the angles of slits whose flat has `periods`.
+    ///
+    /// # Errors
+    /// [`Error::Scene`] with the angle whose offsets `method` cannot serve.
+    pub(super) fn of_slits(
+        scene: &Scene,
+        method: Method,
+        periods: WholePeriods,
+    ) -> Result<Option<Self>> {
+        let steps = scene.scan.mask_offsets.len();
+        Self::of(scene, |list| {
+            if steps == 1 || method == Method::Beamlet {
+                let found = format!("{steps} mask steps at each angle, which differ");
+                let allowed = match method == Method::Beamlet {
+                    true => "beamlet needs the same offset at every angle".to_owned(),
+                    false => format!(
+                        "{method} fits a curve in every view: steps of several angles form no curve, since the sample turns between them"
+                    ),
+                };
+                return Err(Error::scene("scan.view_offsets", found, allowed));
+            }
+            method.check(scene, list)?;
+            let x = periods.nearest_to(&scene.scan.mask_offsets, list).without(list);
+            Ok(x.into_iter().map(|x| [x, 0.0]).collect())
+        })
     }
 
     /// Angles with offsets.
