@@ -21,7 +21,7 @@ pub mod geometry {
 /// Fits of curves.
 pub mod retrieve {
     pub use beamlet_recon::retrieve::BackgroundTerm;
-    pub use beamlet_recon::retrieve::curves::Curves;
+    pub use beamlet_recon::retrieve::curves::SlitCurve;
     pub use beamlet_recon::retrieve::fitter::{FitOptions, Fitter};
 }
 /// Instances of objects.

@@ -209,7 +209,7 @@ fn width_above(light: &[f64], level: f64) -> f64 {
 fn fitted_sigma(engine: &Engine, offsets: &[f64], light: &[f64]) -> Result<Option<f64>> {
     let curve = Array2::from_shape_fn((light.len(), 1), |(step, _)| single(light[step]));
     let fitter = Fitter::new(engine, offsets, &FitOptions::default())?;
-    let width = f64::from(fitter.fit(curve.view(), &Cancel::default())?.width[0]);
+    let width = f64::from(fitter.fit(curve.view(), &Cancel::default())?[0].width);
     Ok((width.is_finite() && width > 0.0).then_some(width))
 }
 

@@ -36,7 +36,7 @@ fn main() {
             let (began, before) = (Instant::now(), processor_time());
             let fits = fitter.fit(curves.view(), &Cancel::default()).unwrap();
             let (wall, cpu) = (began.elapsed(), processor_time() - before);
-            assert!(fits.flags.iter().filter(|f| **f == 0).count() * 100 > 99 * CURVES);
+            assert!(fits.iter().filter(|fit| fit.flags == 0).count() * 100 > 99 * CURVES);
             let rate = |time: Duration| CURVES as f64 / 1e6 / time.as_secs_f64();
             rates = [rates[0].max(rate(wall)), rates[1].max(rate(cpu))];
         }

@@ -14,7 +14,7 @@ use crate::reference::draws::Draws;
 use crate::reference::fit::{self, Gaussian, gaussian};
 use crate::support::{Checked, Worst, engine_of, engine_with};
 use beamlet::Cancel;
-use beamlet::internals::retrieve::{Curves, FitOptions, Fitter};
+use beamlet::internals::retrieve::{FitOptions, Fitter, SlitCurve};
 use beamlet::retrieve::{Weights, flags};
 use beamlet::{Engine, EngineOptions};
 use ndarray::Array2;
@@ -36,7 +36,12 @@ fn even(count: usize, half: f64) -> Vec<f64> {
 }
 
 /// Fits curves, one per row, on the device.
-fn on_device(engine: &Engine, offsets: &[f64], curves: &[Vec<f64>], weights: Weights) -> Curves {
+fn on_device(
+    engine: &Engine,
+    offsets: &[f64],
+    curves: &[Vec<f64>],
+    weights: Weights,
+) -> Vec<SlitCurve> {
     let options = FitOptions::default().with_weights(weights);
     let fitter = Fitter::new(engine, offsets, &options).unwrap();
     let data = Array2::from_shape_fn((offsets.len(), curves.len()), |(s, c)| curves[c][s] as f32);
@@ -44,13 +49,13 @@ fn on_device(engine: &Engine, offsets: &[f64], curves: &[Vec<f64>], weights: Wei
 }
 
 /// The deviation of a fit from the f64 optimum of the numbers that the device saw.
-fn deviation(got: &Curves, at: usize, optimum: &Gaussian) -> [f64; 4] {
+fn deviation(got: &SlitCurve, optimum: &Gaussian) -> [f64; 4] {
     let [a, mu, sigma, b] = *optimum;
     [
-        (f64::from(got.amplitude[at]) - a) / a,
-        (f64::from(got.centre[at]) - mu) / sigma,
-        (f64::from(got.width[at]) - sigma) / sigma,
-        (f64::from(got.background[at]) - b) / a,
+        (f64::from(got.amplitude) - a) / a,
+        (f64::from(got.centre) - mu) / sigma,
+        (f64::from(got.width) - sigma) / sigma,
+        (f64::from(got.background) - b) / a,
     ]
 }
 
@@ -79,7 +84,7 @@ fn compare(
     let (mut flagged, mut without, mut worst_ill) = (0, 0, 0.0_f64);
     for (i, curve) in curves.iter().enumerate() {
         let of = if counts { fit::fit_counts } else { fit::fit };
-        let bits = got.flags[i];
+        let bits = got[i].flags;
         if bits & flags::NO_ANSWER != 0 {
             without += 1;
             continue;
@@ -90,17 +95,17 @@ fn compare(
             let is_flagged = bits & flags::OUTSIDE != 0;
             assert_eq!(is_flagged, beyond > 0.0, "{what}: curve {i}, {beyond} beyond the scan");
         }
-        let off = deviation(&got, i, &optimum);
+        let off = deviation(&got[i], &optimum);
         if bits & flags::ILL_CONDITIONED != 0 {
             flagged += 1;
-            if got.condition[i] < 1e4 {
+            if got[i].condition < 1e4 {
                 worst_ill = off.iter().fold(worst_ill, |most, d| most.max(d.abs()));
             }
             continue;
         }
         for (k, d) in off.into_iter().enumerate() {
             worst.take(d, || {
-                format!("curve {i}, unknown {k}, condition {}, {optimum:?}", got.condition[i])
+                format!("curve {i}, unknown {k}, condition {}, {optimum:?}", got[i].condition)
             });
         }
     }
@@ -221,34 +226,38 @@ fn statistics(engine: &Engine, p: &Gaussian, count: usize, weights: Weights) -> 
         .collect();
     let got = on_device(engine, &offsets, &curves, weights);
     let bound = fit::cramer_rao(&offsets, p);
-    let with: Vec<usize> = (0..count).filter(|i| got.flags[*i] & flags::NO_ANSWER == 0).collect();
-    for i in &with {
+    let with: Vec<SlitCurve> =
+        got.into_iter().filter(|got| got.flags & flags::NO_ANSWER == 0).collect();
+    for got in &with {
         // Nothing diverges silently: what has a result lies where the offsets can tell it.
-        assert!(got.width[*i] < 101e-6 && got.width[*i] > 1e-6, "width {}", got.width[*i]);
-        let outside = got.centre[*i].abs() > 25.1e-6;
-        assert!(!outside || got.flags[*i] & flags::OUTSIDE != 0, "centre {}", got.centre[*i]);
-        assert!(got.amplitude[*i].is_finite() && got.background[*i].is_finite());
+        assert!(got.width < 101e-6 && got.width > 1e-6, "width {}", got.width);
+        let outside = got.centre.abs() > 25.1e-6;
+        assert!(!outside || got.flags & flags::OUTSIDE != 0, "centre {}", got.centre);
+        assert!(got.amplitude.is_finite() && got.background.is_finite());
     }
     let n = with.len() as f64;
-    let moments = |of: &Vec<f32>, truth: f64, bound: f64| {
-        let mean = with.iter().map(|i| f64::from(of[*i]) - truth).sum::<f64>() / n;
-        let square =
-            with.iter().map(|i| (f64::from(of[*i]) - truth - mean).powi(2)).sum::<f64>() / n;
+    let moments = |of: fn(&SlitCurve) -> f32, truth: f64, bound: f64| {
+        let off = || with.iter().map(|got| f64::from(of(got)) - truth);
+        let mean = off().sum::<f64>() / n;
+        let square = off().map(|off| (off - mean).powi(2)).sum::<f64>() / n;
         [mean / bound.sqrt(), square / bound]
     };
     let each = [
-        moments(&got.amplitude, p[0], bound[0]),
-        moments(&got.centre, p[1], bound[1]),
-        moments(&got.width, p[2], bound[2]),
-        moments(&got.background, p[3], bound[3]),
+        moments(|got| got.amplitude, p[0], bound[0]),
+        moments(|got| got.centre, p[1], bound[1]),
+        moments(|got| got.width, p[2], bound[2]),
+        moments(|got| got.background, p[3], bound[3]),
     ];
-    let reported = |of: &Vec<f32>, bound: f64| {
-        with.iter().map(|i| f64::from(of[*i]).powi(2)).sum::<f64>() / n / bound
+    let reported = |of: fn(&SlitCurve) -> f32, bound: f64| {
+        with.iter().map(|got| f64::from(of(got)).powi(2)).sum::<f64>() / n / bound
     };
     Statistics {
         bias: each.map(|[bias, _]| bias),
         variance: each.map(|[_, variance]| variance),
-        reported: [reported(&got.centre_sigma, bound[1]), reported(&got.width_sigma, bound[2])],
+        reported: [
+            reported(|got| got.centre_sigma, bound[1]),
+            reported(|got| got.width_sigma, bound[2]),
+        ],
         without: 1.0 - n / count as f64,
     }
 }
@@ -311,7 +320,7 @@ fn a_fit_of_a_view_is_one_submission_and_makes_no_buffer() {
     let before = engine.profile().traffic;
     for _ in 0..7 {
         let again = fitter.fit(views.view(), &Cancel::default()).unwrap();
-        assert_eq!(again.centre, first.centre);
+        assert_eq!(again, first);
     }
     let found = engine.profile().traffic.since(before);
     assert_eq!([found.submissions, found.waits, found.buffers], [7, 7, 0], "{found:?}");

@@ -427,9 +427,9 @@ fn results_do_not_depend_on_other_curves_of_the_batch() {
     // Across the ends of workgroups, dispatches and uploads.
     let many = fitter.fit(curves((1 << 20) + 77).view(), &Cancel::default()).unwrap();
     for at in [0, 63, 64, 32_767, 32_768, (1 << 20) - 1, 1 << 20, (1 << 20) + 76] {
-        assert_eq!(many.centre[at].to_bits(), few.centre[at % PIXELS].to_bits(), "{at}");
-        assert_eq!(many.width[at].to_bits(), few.width[at % PIXELS].to_bits(), "{at}");
-        assert_eq!(many.area_sigma[at].to_bits(), few.area_sigma[at % PIXELS].to_bits(), "{at}");
+        assert_eq!(many[at].centre.to_bits(), few[at % PIXELS].centre.to_bits(), "{at}");
+        assert_eq!(many[at].width.to_bits(), few[at % PIXELS].width.to_bits(), "{at}");
+        assert_eq!(many[at].area_sigma.to_bits(), few[at % PIXELS].area_sigma.to_bits(), "{at}");
     }
     drop(flat);
 }

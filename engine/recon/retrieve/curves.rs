@@ -98,8 +98,8 @@ impl Curve {
 /// Fits of the curves of flat or sample, in the order of the pixels of the images.
 #[derive(Debug, Clone)]
 pub(super) enum Fits {
-    /// Curves of slits, each in every place.
-    Slits(Curves),
+    /// Curves of slits, one in every place.
+    Slits(Vec<SlitCurve>),
     /// Curves in two directions; `None` where there is no beamlet.
     Planar(Vec<Option<Curve>>),
 }
@@ -116,7 +116,7 @@ impl Fits {
     /// The curve of a place; `None` where there is no beamlet.
     pub(super) fn curve(&self, at: usize) -> Option<Curve> {
         match self {
-            Self::Slits(curves) => Some(curves.curve(at)),
+            Self::Slits(curves) => Some(curves[at].curve()),
             Self::Planar(curves) => curves[at],
         }
     }
@@ -147,7 +147,9 @@ impl Fits {
     /// Puts the curves of a band in their place among all.
     pub(super) fn put(&mut self, start: usize, part: Self) {
         match (self, part) {
-            (Self::Slits(all), Self::Slits(part)) => all.put(start, &part),
+            (Self::Slits(all), Self::Slits(part)) => {
+                all[start..start + part.len()].copy_from_slice(&part);
+            }
             (Self::Planar(all), Self::Planar(part)) => {
                 all[start..start + part.len()].copy_from_slice(&part);
             }
@@ -156,131 +158,69 @@ impl Fits {
     }
 }
 
-/// Results of many curves, one entry per curve. `NaN` where a method gives none.
-#[derive(Debug, Clone, Default)]
+/// Fit of a curve of slits. NaN where a method gives no number.
+#[derive(Debug, Clone, Copy, PartialEq)]
 #[non_exhaustive]
-pub struct Curves {
+pub struct SlitCurve {
     /// Area under the peak over a constant that flat and sample share; the transmission is their
     /// ratio.
-    pub area: Vec<f32>,
+    pub area: f32,
     /// Height A of the peak above the background, intensity or counts.
-    pub amplitude: Vec<f32>,
+    pub amplitude: f32,
     /// Centre, in the unit of the offsets.
-    pub centre: Vec<f32>,
+    pub centre: f32,
     /// Standard deviation of the curve, in the unit of the offsets: sigma of eq. 1, or of the method's
     /// own shape.
-    pub width: Vec<f32>,
+    pub width: f32,
     /// Background b, intensity or counts. It may be negative.
-    pub background: Vec<f32>,
+    pub background: f32,
     /// Root mean square of the residuals, intensity or counts.
-    pub residual: Vec<f32>,
+    pub residual: f32,
     /// One-sigma uncertainty of the area, as a part of it.
-    pub area_sigma: Vec<f32>,
+    pub area_sigma: f32,
     /// One-sigma uncertainty of the centre.
-    pub centre_sigma: Vec<f32>,
+    pub centre_sigma: f32,
     /// One-sigma uncertainty of the width.
-    pub width_sigma: Vec<f32>,
+    pub width_sigma: f32,
     /// Condition number of the normal equations, scaled to a unit diagonal.
-    pub condition: Vec<f32>,
+    pub condition: f32,
     /// Bits of [`super::flags`].
-    pub flags: Vec<u32>,
+    pub flags: u32,
 }
 
-impl Curves {
-    /// Numbers of four bytes that a curve has.
-    pub(super) const NUMBERS: usize = 11;
+impl SlitCurve {
+    /// Nothing known.
+    pub(super) fn unknown() -> Self {
+        Self::of(&Curve::unknown(0))
+    }
 
-    /// Results of `count` curves, all unknown.
-    #[must_use]
-    pub fn new(count: usize) -> Self {
-        let unknown = || vec![f32::NAN; count];
+    /// A curve of slits in f32.
+    pub(super) fn of(curve: &Curve) -> Self {
         Self {
-            area: unknown(),
-            amplitude: unknown(),
-            centre: unknown(),
-            width: unknown(),
-            background: unknown(),
-            residual: unknown(),
-            area_sigma: unknown(),
-            centre_sigma: unknown(),
-            width_sigma: unknown(),
-            condition: unknown(),
-            flags: vec![0; count],
+            area: single(curve.area),
+            amplitude: single(curve.amplitude),
+            centre: single(curve.centre[0]),
+            width: single(curve.width()),
+            background: single(curve.background),
+            residual: single(curve.residual),
+            area_sigma: single(curve.area_sigma),
+            centre_sigma: single(curve.centre_sigma[0]),
+            width_sigma: single(curve.width_sigma()),
+            condition: single(curve.condition),
+            flags: curve.flags,
         }
     }
 
-    /// From one entry per curve.
-    pub(super) fn from_entries(entries: &[Curve]) -> Self {
-        let of = |get: fn(&Curve) -> f64| entries.iter().map(|e| single(get(e))).collect();
-        Self {
-            area: of(|e| e.area),
-            amplitude: of(|e| e.amplitude),
-            centre: of(|e| e.centre[0]),
-            width: of(Curve::width),
-            background: of(|e| e.background),
-            residual: of(|e| e.residual),
-            area_sigma: of(|e| e.area_sigma),
-            centre_sigma: of(|e| e.centre_sigma[0]),
-            width_sigma: of(Curve::width_sigma),
-            condition: of(|e| e.condition),
-            flags: entries.iter().map(|e| e.flags).collect(),
-        }
-    }
-
-    /// A curve.
-    pub(super) fn curve(&self, at: usize) -> Curve {
-        let of = |values: &[f32]| f64::from(values[at]);
-        let numbers = [&self.area, &self.amplitude, &self.centre, &self.width];
-        let sigmas = [&self.area_sigma, &self.centre_sigma, &self.width_sigma];
-        let is_unresolved = self.flags[at] & flags::UNRESOLVED != 0;
+    /// The curve in f64.
+    fn curve(&self) -> Curve {
+        let numbers = [self.area, self.amplitude, self.centre, self.width].map(f64::from);
+        let sigmas = [self.area_sigma, self.centre_sigma, self.width_sigma].map(f64::from);
         Curve {
-            background: of(&self.background),
-            residual: of(&self.residual),
-            condition: of(&self.condition),
-            unresolved: [is_unresolved, false],
-            ..Curve::of_slits(
-                numbers.map(|values| of(values)),
-                sigmas.map(|values| of(values)),
-                self.flags[at],
-            )
+            background: self.background.into(),
+            residual: self.residual.into(),
+            condition: self.condition.into(),
+            unresolved: [self.flags & flags::UNRESOLVED != 0, false],
+            ..Curve::of_slits(numbers, sigmas, self.flags)
         }
-    }
-
-    /// Puts curves in their place among all.
-    pub(super) fn put(&mut self, start: usize, part: &Self) {
-        let to = start..start + part.len();
-        for (all, part) in [
-            (&mut self.area, &part.area),
-            (&mut self.amplitude, &part.amplitude),
-            (&mut self.centre, &part.centre),
-            (&mut self.width, &part.width),
-            (&mut self.background, &part.background),
-            (&mut self.residual, &part.residual),
-            (&mut self.area_sigma, &part.area_sigma),
-            (&mut self.centre_sigma, &part.centre_sigma),
-            (&mut self.width_sigma, &part.width_sigma),
-            (&mut self.condition, &part.condition),
-        ] {
-            all[to.clone()].copy_from_slice(part);
-        }
-        self.flags[to].copy_from_slice(&part.flags);
-    }
-
-    /// True if the curve has an answer.
-    #[must_use]
-    pub fn has_answer(&self, at: usize) -> bool {
-        self.flags[at] & flags::NO_ANSWER == 0
-    }
-
-    /// Number of curves.
-    #[must_use]
-    pub fn len(&self) -> usize {
-        self.flags.len()
-    }
-
-    /// True if there are none.
-    #[must_use]
-    pub fn is_empty(&self) -> bool {
-        self.flags.is_empty()
     }
 }

@@ -1,7 +1,7 @@
 //! Fits of a Gaussian on a background to many illumination curves at once, on the device.
 
 use super::background_term::BackgroundTerm;
-use super::curves::Curves;
+use super::curves::SlitCurve;
 use super::noise_factors::NoiseFactors;
 use super::quadrature;
 use beamlet_core::cancel::Cancel;
@@ -116,7 +116,7 @@ impl Fitter {
     /// let fitter = Fitter::new(&engine, &offsets, &FitOptions::default())?;
     /// // `[step][curve]`.
     /// let curves = Array2::<f32>::zeros((5, 1000));
-    /// println!("{:?}", fitter.fit(curves.view(), &Cancel::default())?.centre);
+    /// println!("{:?}", fitter.fit(curves.view(), &Cancel::default())?[0].centre);
     /// # Ok::<(), beamlet::Error>(())
     /// ```
     pub fn new(compute: &Compute, offsets: &[f64], options: &FitOptions) -> Result<Self> {
@@ -205,7 +205,7 @@ impl Fitter {
     /// # Errors
     /// [`Error::Device`], [`Error::Memory`]; [`Error::Argument`] for another number of steps than
     /// of offsets; [`Error::Interrupted`] when `cancel` was set.
-    pub fn fit(&self, curves: ArrayView2<'_, f32>, cancel: &Cancel) -> Result<Curves> {
+    pub fn fit(&self, curves: ArrayView2<'_, f32>, cancel: &Cancel) -> Result<Vec<SlitCurve>> {
         let (steps, count) = curves.dim();
         if steps != self.step_count {
             return Err(Error::argument(
@@ -214,7 +214,7 @@ impl Fitter {
                 "one offset for each frame",
             ));
         }
-        let mut all = Curves::new(count);
+        let mut all = Vec::with_capacity(count);
         let room = count.min(AT_ONCE) as u64;
         let [input, output] = self.take_buffers(room)?;
         let mut pace = Pace::new(1 << 15, 1024, 1 << 20);
@@ -241,7 +241,7 @@ impl Fitter {
                 (&uploads, download),
                 (&mut pace, cancel),
             )?;
-            self.take(&values, start, &mut all);
+            all.extend(self.curves(&values));
         }
         *lock(&self.kept) = Some([input, output]);
         Ok(all)
@@ -295,34 +295,29 @@ impl Fitter {
     }
 
     /// From planes of values in half widths to curves in the offsets' unit.
-    fn take(&self, values: &[f32], start: usize, all: &mut Curves) {
+    fn curves(&self, values: &[f32]) -> impl Iterator<Item = SlitCurve> {
         let n = values.len() / FIT_VALUES;
-        let plane = |index: usize| &values[index * n..(index + 1) * n];
-        let lengths = |index: usize, zero: f64| {
-            plane(index).iter().map(move |v| single(zero + self.half * f64::from(*v)))
-        };
-        let area = |(a, w): (&f32, &f32)| single(f64::from(*a) * self.half * f64::from(*w));
-        fill(&mut all.area, start, plane(FIT_AMPLITUDE).iter().zip(plane(FIT_WIDTH)).map(area));
-        fill(&mut all.amplitude, start, plane(FIT_AMPLITUDE).iter().copied());
-        fill(&mut all.centre, start, lengths(FIT_CENTRE, self.middle));
-        fill(&mut all.width, start, lengths(FIT_WIDTH, 0.0));
-        fill(&mut all.background, start, plane(FIT_BACKGROUND).iter().map(|b| b - self.pedestal));
-        fill(&mut all.residual, start, plane(FIT_RESIDUAL).iter().copied());
-        fill(&mut all.area_sigma, start, plane(FIT_AREA_SIGMA).iter().copied());
-        fill(&mut all.centre_sigma, start, lengths(FIT_CENTRE_SIGMA, 0.0));
-        fill(&mut all.width_sigma, start, lengths(FIT_WIDTH_SIGMA, 0.0));
-        fill(&mut all.condition, start, plane(FIT_CONDITION).iter().copied());
-        for (to, from) in all.flags[start..start + n].iter_mut().zip(plane(FIT_FLAGS)) {
-            *to = numbers::whole::<u32>(f64::from(*from));
-        }
+        (0..n).map(move |at| {
+            let of = |plane: usize| values[plane * n + at];
+            let length = |plane: usize| self.half * f64::from(of(plane));
+            SlitCurve {
+                area: single(f64::from(of(FIT_AMPLITUDE)) * self.half * f64::from(of(FIT_WIDTH))),
+                amplitude: of(FIT_AMPLITUDE),
+                centre: single(self.middle + length(FIT_CENTRE)),
+                width: single(length(FIT_WIDTH)),
+                background: of(FIT_BACKGROUND) - self.pedestal,
+                residual: of(FIT_RESIDUAL),
+                area_sigma: of(FIT_AREA_SIGMA),
+                centre_sigma: single(length(FIT_CENTRE_SIGMA)),
+                width_sigma: single(length(FIT_WIDTH_SIGMA)),
+                condition: of(FIT_CONDITION),
+                flags: numbers::whole::<u32>(f64::from(of(FIT_FLAGS))),
+            }
+        })
     }
 }
 
 /// Locks; buffers of a panicking thread are as good as new ones.
 fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
-}
-
-fn fill(to: &mut [f32], start: usize, from: impl Iterator<Item = f32>) {
-    to[start..].iter_mut().zip(from).for_each(|(to, from)| *to = from);
 }

@@ -42,7 +42,7 @@ mod value_noise;
 pub use background::Background;
 pub use background_term::BackgroundTerm;
 pub use correct::{Corrections, Plane, ViewCorrection};
-pub use curves::Curves;
+pub use curves::SlitCurve;
 pub use diagnosis::{EmptyBeam, EmptyBeamOfView, Region};
 pub use expected::sigmas_in_two_directions;
 pub use fitter::{FitOptions, Fitter, Weights};

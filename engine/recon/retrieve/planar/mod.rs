@@ -11,7 +11,6 @@
 //! | `offsets.rs` | lists of offsets, and the contrasts that they determine |
 //! | `geometry.rs` | designs, masks and blur of a scene |
 //! | `lattice_beamlets.rs` | beamlets of a frame on a lattice |
-//! | `models.rs` | models of curves over offsets |
 //! | `step_curves.rs` | curves of pixels over offsets |
 
 mod aperture;
@@ -20,7 +19,6 @@ mod found;
 mod geometry;
 mod lattice;
 mod lattice_beamlets;
-mod models;
 mod moments;
 mod offsets;
 mod step_curves;

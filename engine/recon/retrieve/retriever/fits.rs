@@ -2,7 +2,7 @@
 
 use super::super::background_term::BackgroundTerm;
 use super::super::beamlets::Beamlets;
-use super::super::curves::{Curve, Curves, Fits};
+use super::super::curves::{Curve, Fits, SlitCurve};
 use super::super::diagnosis::CurveModel;
 use super::super::fit::fit_slits;
 use super::super::fitter::Weights;
@@ -64,7 +64,7 @@ impl Retriever {
         data: Array3<f32>,
         view: &ViewScan<'_>,
         cancel: &Cancel,
-    ) -> Result<Curves> {
+    ) -> Result<Vec<SlitCurve>> {
         let (steps, rows, columns) = data.dim();
         if let Some(fitter) = &view.fitter {
             let flat = data.into_shape_with_order((steps, rows * columns)).map_err(|error| {
@@ -97,7 +97,7 @@ impl Retriever {
         data: &Array3<f32>,
         view: &ViewScan<'_>,
         (known, cancel): (Option<(&Fits, usize)>, &Cancel),
-    ) -> Result<Curves> {
+    ) -> Result<Vec<SlitCurve>> {
         let scan = self.scan(&beamlets.offsets(), view.noise);
         let (lights, determine_width) = (beamlets.lights(), beamlets.determine_width());
         entries(&beamlets.gather(data.view()), cancel, |at, curve| {
@@ -167,14 +167,12 @@ fn entries(
     data: &Array3<f32>,
     cancel: &Cancel,
     fit: impl Fn(usize, &mut dyn Iterator<Item = f32>) -> Curve + Sync,
-) -> Result<Curves> {
+) -> Result<Vec<SlitCurve>> {
     let (steps, rows, columns) = data.dim();
     let entry = |at: usize| {
         cancel.check()?;
         let mut curve = (0..steps).map(|step| data[[step, at / columns, at % columns]]);
-        Ok(fit(at, &mut curve))
+        Ok(SlitCurve::of(&fit(at, &mut curve)))
     };
-    let entries: Vec<Curve> =
-        (0..rows * columns).into_par_iter().map(entry).collect::<Result<_>>()?;
-    Ok(Curves::from_entries(&entries))
+    (0..rows * columns).into_par_iter().map(entry).collect()
 }

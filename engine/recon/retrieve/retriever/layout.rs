@@ -1,7 +1,7 @@
 //! The curves of a retriever: where they are, and what fits them.
 
 use super::super::beamlets::Beamlets;
-use super::super::curves::{Curve, Curves, Fits};
+use super::super::curves::{Curve, Fits, SlitCurve};
 use super::super::fitter::Fitter;
 use super::super::planar::{LatticeBeamlets, LatticeDesign, StepCurves};
 use super::super::shape::CurveGeometry;
@@ -100,7 +100,7 @@ impl Layout {
     /// Bytes of a curve of the flat, and of the sample where a view has them all at once.
     pub(super) const fn bytes(&self) -> usize {
         match self {
-            Self::Pixels(_) | Self::Beamlets(_) => 4 * Curves::NUMBERS,
+            Self::Pixels(_) | Self::Beamlets(_) => size_of::<SlitCurve>(),
             Self::Steps(_) => size_of::<Option<Curve>>(),
             Self::Lattice(..) => 2 * size_of::<Option<Curve>>(),
         }
@@ -109,7 +109,7 @@ impl Layout {
     /// Curves of a flat of `count` places, all unknown.
     pub(super) fn unknown(&self, count: usize) -> Fits {
         match self {
-            Self::Pixels(_) | Self::Beamlets(_) => Fits::Slits(Curves::new(count)),
+            Self::Pixels(_) | Self::Beamlets(_) => Fits::Slits(vec![SlitCurve::unknown(); count]),
             Self::Steps(_) | Self::Lattice(..) => Fits::Planar(vec![None; count]),
         }
     }

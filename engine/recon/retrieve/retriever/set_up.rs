@@ -1,0 +1,148 @@
+//! The set-up of a retriever by design.
+
+use super::super::beamlets::Beamlets;
+use super::super::fitter::{FitOptions, Fitter};
+use super::super::method::{Method, different_offsets};
+use super::super::options::RetrieveOptions;
+use super::super::planar::{Design, LatticeDesign, StepCurves};
+use super::super::shape::CurveGeometry;
+use super::Retriever;
+use super::layout::{Layout, SlitCurves};
+use super::view_scan::ViewScans;
+use beamlet_core::{Error, Result};
+use beamlet_gpu::Compute;
+use beamlet_model::optics::{Optics, WholePeriods};
+use beamlet_model::scene::Scene;
+
+impl Retriever {
+    /// Makes a method ready for the set-up and the mask offsets of `scene`.
+    ///
+    /// # Errors
+    /// [`Error::Argument`] for options that cannot be; [`Error::Scene`] where the method cannot serve
+    /// the set-up or the offsets;
+    /// [`Error::Device`], [`Error::Memory`].
+    ///
+    /// # Example
+    ///
+    /// ```no_run
+    /// use beamlet::retrieve::{Method, RetrieveOptions, Retriever};
+    /// use beamlet::{Engine, EngineOptions, scene::Scene};
+    ///
+    /// let engine = Engine::open(&EngineOptions::default())?;
+    /// let scene = Scene::load("scene.toml")?;
+    /// let options = RetrieveOptions::default().with_method(Method::Moments);
+    /// let retriever = Retriever::new(&engine, &scene, &options)?;
+    /// println!("{:?}", retriever.names());
+    /// # Ok::<(), beamlet::Error>(())
+    /// ```
+    pub fn new(compute: &Compute, scene: &Scene, options: &RetrieveOptions) -> Result<Self> {
+        let options = &options.resolved(scene)?;
+        refuse_shifts(scene)?;
+        match Design::of(scene, options)? {
+            Some(design) => Self::in_two_directions(scene, &design, options),
+            None => Self::of_slits(compute, scene, options),
+        }
+    }
+
+    /// A retriever of steps along x and z or of beamlets on a lattice; the options have method and background.
+    pub(in crate::retrieve) fn in_two_directions(
+        scene: &Scene,
+        design: &Design,
+        options: &RetrieveOptions,
+    ) -> Result<Self> {
+        design.check(scene, options)?;
+        options.check_values()?;
+        let lever = scene.lever_arm();
+        let (layout, offsets, angle_per_shift) = match design {
+            Design::Beamlets(lattice) => {
+                let design = LatticeDesign::of(scene, options, *lattice);
+                (Layout::Lattice(design, None), vec![[0.0; 2]], 1.0 / lever)
+            }
+            Design::Steps(pairs) => {
+                let (curves, offsets) = StepCurves::of(scene, options, pairs)?;
+                (Layout::Steps(curves), offsets, -scene.magnification() / lever)
+            }
+        };
+        let (whole_periods, view_scans) = match design {
+            Design::Beamlets(_) => (0.0, None),
+            Design::Steps(pairs) => {
+                let first = pairs.first().zip(offsets.first());
+                let of_view = |x: &[f64]| StepCurves::offsets_of_view(scene, x, [pairs, &offsets]);
+                (first.map_or(0.0, |(all, own)| all[0] - own[0]), ViewScans::of(scene, of_view)?)
+            }
+        };
+        Ok(Self {
+            options: options.clone(),
+            whole_periods,
+            offsets,
+            view_scans,
+            layout,
+            angle_per_shift,
+            flat: None,
+        })
+    }
+
+    /// A retriever of slits along z.
+    fn of_slits(compute: &Compute, scene: &Scene, options: &RetrieveOptions) -> Result<Self> {
+        let method = options.method();
+        let period = Optics::of(scene).curve_period();
+        let periods = WholePeriods::in_scan(&scene.scan.mask_offsets, period);
+        let view_scans = ViewScans::of_slits(scene, method, periods)?;
+        method.check(scene, &scene.scan.mask_offsets)?;
+        let least = options.background().least_offsets(method);
+        let different = different_offsets(&scene.scan.mask_offsets);
+        if different < least {
+            let found = format!("{different} different offsets");
+            let allowed =
+                format!("at least {least} for {method} with a free background; or background leak");
+            return Err(Error::scene("scan.mask_offsets", found, allowed));
+        }
+        options.check_values()?;
+        let offsets = periods.without(&scene.scan.mask_offsets);
+        let lever = scene.lever_arm();
+        let (layout, angle_per_shift) = if method == Method::Beamlet {
+            (Layout::Beamlets(Beamlets::of(scene)?), 1.0 / lever)
+        } else {
+            let shape = CurveGeometry::of(scene)?.with_background(options.background(), scene)?;
+            let fit_options = FitOptions {
+                weights: options.weights,
+                gain: options.gain.unwrap_or(1.0),
+                read_noise: options.read_noise,
+                saturation: options.saturation,
+                background: shape.background,
+            };
+            let fitter = match method {
+                Method::Gaussian => Some(Fitter::new(compute, &offsets, &fit_options)?),
+                Method::ThreeStep
+                | Method::TwoStep
+                | Method::Moments
+                | Method::Triangle
+                | Method::ExactCurve
+                | Method::Beamlet => None,
+            };
+            (Layout::Pixels(SlitCurves { fitter, shape }), -scene.magnification() / lever)
+        };
+        Ok(Self {
+            options: options.clone(),
+            whole_periods: periods.length(),
+            offsets: offsets.into_iter().map(|x| [x, 0.0]).collect(),
+            view_scans,
+            layout,
+            angle_per_shift,
+            flat: None,
+        })
+    }
+}
+
+/// Refuses masks with shifts: frames of a retriever have one curve in each pixel.
+fn refuse_shifts(scene: &Scene) -> Result<()> {
+    for (key, mask) in scene.masks() {
+        if !mask.shifts.is_empty() {
+            let found = format!("{} shifts", mask.shifts.len());
+            let allowed = "no shifts: `Input` makes curves of the columns of a group, and \
+                           `Scene::of_groups` is their scene";
+            return Err(Error::scene(format!("{key}.shifts"), found, allowed));
+        }
+    }
+    Ok(())
+}
