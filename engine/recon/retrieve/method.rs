@@ -139,6 +139,19 @@ impl Method {
         }
     }
 
+    /// True for fits of slits on the device.
+    pub(super) const fn is_on_device(self) -> bool {
+        match self {
+            Self::Gaussian => true,
+            Self::ThreeStep
+            | Self::TwoStep
+            | Self::Moments
+            | Self::Triangle
+            | Self::ExactCurve
+            | Self::Beamlet => false,
+        }
+    }
+
     /// True for fits that weigh values by their noise.
     pub(super) const fn weighs(self) -> bool {
         match self {

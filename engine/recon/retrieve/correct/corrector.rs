@@ -3,7 +3,7 @@
 use super::chosen::{Corrections, Plane, ViewCorrection};
 use super::equations::Unknowns;
 use super::frames;
-use super::pixels::{FlatPixel, PixelCurves, PixelSet};
+use super::pixels::{FlatPixel, PixelCurves, PixelSet, Rectangle, chosen_pixels};
 use super::plane::{FittedPlane, Slopes};
 use crate::retrieve::diagnosis::{Borders, is_usable};
 use crate::retrieve::images::{FLAGS, Images};
@@ -17,15 +17,10 @@ use beamlet_core::{Error, Result, numbers};
 use ndarray::Array3;
 use std::ops::Range;
 
-/// Most pixels of empty beam, and of the rest, whose values are kept.
-const MOST: [usize; 2] = [4096, 128];
 /// Fewest pixels of empty beam.
 const FEWEST: usize = 16;
 /// Bytes of a band of rows with all its frames.
 const BAND: usize = 16 << 20;
-
-/// Rows and columns of a rectangle.
-pub(crate) type Rectangle = [Range<usize>; 2];
 
 /// Corrections by empty beam.
 #[derive(Debug)]
@@ -167,7 +162,7 @@ impl Corrector {
         cancel: &Cancel,
     ) -> Result<Option<(FrameCorrection, ViewCorrection)>> {
         let Some(curves) = &self.curves else { return Ok(None) };
-        let (pixels, count) = chosen_pixels(input.frame(), empty);
+        let (pixels, count) = chosen_pixels(input.frame(), empty, curves.axes());
         let nominal = retriever.offsets_of_view(view)?;
         let flat_offsets = retriever.flat_offsets();
         if self.flat.as_ref().is_none_or(|(of, _)| *of != pixels) || input.has_flats() {
@@ -364,38 +359,4 @@ impl Corrector {
         }
         Ok(values)
     }
-}
-
-/// Pixels of empty beam by columns, then pixels of the rest, counted over rows, with the number of the first.
-fn chosen_pixels([rows, columns]: [usize; 2], empty: &[Rectangle]) -> (Vec<usize>, usize) {
-    let is_empty = |pixel: usize| {
-        let (row, column) = (pixel / columns, pixel % columns);
-        empty.iter().any(|[rows, columns]| rows.contains(&row) && columns.contains(&column))
-    };
-    let (of_empty, rest): (Vec<usize>, Vec<usize>) =
-        (0..rows * columns).partition(|pixel| is_empty(*pixel));
-    let mut pixels = spread(of_empty, MOST[0]);
-    // Column by column, for groups of neighbours.
-    pixels.sort_by_key(|pixel| (pixel % columns, pixel / columns));
-    let count = pixels.len();
-    pixels.extend(spread(rest, MOST[1]));
-    (pixels, count)
-}
-
-/// At most `most` of these, evenly over rows and columns.
-fn spread(mut pixels: Vec<usize>, most: usize) -> Vec<usize> {
-    let count = pixels.len();
-    if count > most {
-        // A step near the golden section of the count passes through all columns.
-        let section = (5.0_f64.sqrt() - 1.0) / 2.0;
-        let place = |at: usize| {
-            let share = (at as f64 * section).fract();
-            numbers::whole::<u32>(share * count as f64) as usize
-        };
-        let mut places: Vec<usize> = (0..most).map(|at| place(at).min(count - 1)).collect();
-        places.sort_unstable();
-        places.dedup();
-        pixels = places.into_iter().map(|at| pixels[at]).collect();
-    }
-    pixels
 }

@@ -18,5 +18,6 @@ mod plane;
 mod table;
 
 pub use chosen::{Corrections, Plane, ViewCorrection};
-pub(crate) use corrector::{Corrector, FrameCorrection, Rectangle};
+pub(crate) use corrector::{Corrector, FrameCorrection};
+pub(crate) use pixels::Rectangle;
 pub(super) use table::table;

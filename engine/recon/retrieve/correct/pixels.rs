@@ -11,10 +11,18 @@ use crate::retrieve::retriever::Layout;
 use crate::retrieve::scan::{Scan, along};
 use crate::retrieve::value_noise::ValueNoise;
 use crate::retrieve::{RetrieveOptions, flags, quadrature};
+use beamlet_core::numbers;
 use rayon::prelude::*;
+use std::ops::Range;
 
+/// Most pixels of empty beam, and of the rest, whose values are kept; of the rest fewer by the square of the number of
+/// axes, since a fit in two directions takes ten times as long.
+const MOST: [usize; 2] = [4096, 128];
 /// Fewest frames for pixels with a curve of their own.
 const FRAMES: usize = 6;
+
+/// Rows and columns of a rectangle.
+pub(crate) type Rectangle = [Range<usize>; 2];
 
 /// A pixel of a view.
 pub(super) struct Pixel {
@@ -59,7 +67,7 @@ impl FlatPixel {
         let scan = curves.scan(offsets, options);
         let of = |values: Vec<f64>| {
             let is_whole = values.iter().all(|value| value.is_finite());
-            let curve = is_whole.then(|| curves.fit(&scan, &values)).flatten()?;
+            let curve = is_whole.then(|| curves.fit(&scan, &values, None)).flatten()?;
             Some(Self { curve, values })
         };
         values.into_par_iter().map(of).collect()
@@ -128,7 +136,7 @@ impl<'a> PixelSet<'a> {
         let offsets = of.displaced(at, self.offsets, self.widths);
         let values: Vec<f64> =
             pixel.values.iter().enumerate().map(|(k, y)| y * (-at[of.dose(k)]).exp()).collect();
-        self.curves.fit(&self.curves.scan(&offsets, self.options), &values)
+        self.curves.fit(&self.curves.scan(&offsets, self.options), &values, Some(&pixel.curve))
     }
 }
 
@@ -183,15 +191,19 @@ impl PixelCurves {
         }
     }
 
-    /// The curve through values: of slits five or more determine its blur; fewer take the blur of the geometry.
-    fn fit(&self, scan: &Scan, values: &[f64]) -> Option<FittedCurve> {
-        let curve = values.iter().map(|value| beamlet_core::numbers::single(*value));
+    /// The curve through values: of slits five or more determine its blur; fewer take the blur of the geometry. `near`:
+    /// a curve near it, as the flat's.
+    fn fit(&self, scan: &Scan, values: &[f64], near: Option<&FittedCurve>) -> Option<FittedCurve> {
+        let curve = values.iter().map(|value| numbers::single(*value));
         let (of, found) = match self {
             Self::Slits(of, spread) => {
                 let blur = (values.len() < 5).then_some(*spread);
                 (of, fit_slits(&of.model, scan, curve, blur))
             }
-            Self::Planar(of, model) => (of, model.fit(scan, curve, None, None)),
+            Self::Planar(of, model) => match near {
+                Some(near) => (of, model.fit_from(scan, curve, near.unknowns())),
+                None => (of, model.fit(scan, curve, None, None)),
+            },
         };
         let odd = flags::NO_ANSWER | flags::OUTSIDE;
         if found.flags & odd != 0 {
@@ -199,4 +211,42 @@ impl PixelCurves {
         }
         FittedCurve::new(of, &found)
     }
+}
+
+/// Pixels of empty beam by columns, then pixels of the rest, counted over rows, with the number of the first.
+pub(super) fn chosen_pixels(
+    [rows, columns]: [usize; 2],
+    empty: &[Rectangle],
+    axes: usize,
+) -> (Vec<usize>, usize) {
+    let is_empty = |pixel: usize| {
+        let (row, column) = (pixel / columns, pixel % columns);
+        empty.iter().any(|[rows, columns]| rows.contains(&row) && columns.contains(&column))
+    };
+    let (of_empty, rest): (Vec<usize>, Vec<usize>) =
+        (0..rows * columns).partition(|pixel| is_empty(*pixel));
+    let mut pixels = spread(of_empty, MOST[0]);
+    // Column by column, for groups of neighbours.
+    pixels.sort_by_key(|pixel| (pixel % columns, pixel / columns));
+    let count = pixels.len();
+    pixels.extend(spread(rest, MOST[1] / (axes * axes)));
+    (pixels, count)
+}
+
+/// At most `most` of these, evenly over rows and columns.
+fn spread(mut pixels: Vec<usize>, most: usize) -> Vec<usize> {
+    let count = pixels.len();
+    if count > most {
+        // A step near the golden section of the count passes through all columns.
+        let section = (5.0_f64.sqrt() - 1.0) / 2.0;
+        let place = |at: usize| {
+            let share = (at as f64 * section).fract();
+            numbers::whole::<u32>(share * count as f64) as usize
+        };
+        let mut places: Vec<usize> = (0..most).map(|at| place(at).min(count - 1)).collect();
+        places.sort_unstable();
+        places.dedup();
+        pixels = places.into_iter().map(|at| pixels[at]).collect();
+    }
+    pixels
 }

@@ -112,6 +112,11 @@ impl FittedCurve {
         Self::new(of, &curve)
     }
 
+    /// Its unknowns.
+    pub(in crate::retrieve) const fn unknowns(&self) -> Unknowns {
+        self.p
+    }
+
     /// Centre x and z, m.
     pub(in crate::retrieve) const fn centre(&self) -> [f64; 2] {
         [self.p[1], self.p[2]]

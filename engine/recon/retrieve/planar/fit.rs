@@ -96,6 +96,23 @@ impl PlanarModel {
         curve
     }
 
+    /// Fits all unknowns of a curve, from these on but for the light and the background.
+    pub(in crate::retrieve) fn fit_from(
+        &self,
+        scan: &Scan,
+        curve: impl Iterator<Item = f32>,
+        start: Unknowns,
+    ) -> Curve {
+        let values = &scan.values(curve, NEEDED);
+        if values.flags & flags::NO_ANSWER != 0 {
+            return Curve::unknown(values.flags);
+        }
+        let least = self.model.least_blur(&values.points);
+        let held = [false; UNKNOWNS];
+        let fitting = Fitting { model: &self.model, scan, values, held, least };
+        fitting.curve(&fitting.from(fitting.linear(start)))
+    }
+
     /// Axes along which the offsets do not change the light: of the curve by the geometry, else of the fitted one.
     fn blind(&self, of: &Fitting<'_>, fitted: &Unknowns) -> [bool; 2] {
         let points = &of.values.points;

@@ -111,14 +111,9 @@ impl Retriever {
                 saturation: options.saturation,
                 background: shape.background,
             };
-            let fitter = match method {
-                Method::Gaussian => Some(Fitter::new(compute, &offsets, &fit_options)?),
-                Method::ThreeStep
-                | Method::TwoStep
-                | Method::Moments
-                | Method::Triangle
-                | Method::ExactCurve
-                | Method::Beamlet => None,
+            let fitter = match method.is_on_device() {
+                true => Some(Fitter::new(compute, &offsets, &fit_options)?),
+                false => None,
             };
             (Layout::Pixels(SlitCurves { fitter, shape }), -scene.magnification() / lever)
         };
