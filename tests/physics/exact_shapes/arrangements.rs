@@ -2,13 +2,12 @@
 //! in f64: ways, lists of crossings and, of exact shapes alone, changes of slope.
 
 use super::makers::{EXACT, MIXED, MOST, Maker};
-use super::nested::{are_listed, compared, interfaces};
-use super::rays::{beside, error_among, line, moved};
-use super::solids::{Kind, Solid};
+use super::rays::{are_listed, beside, compared, error_among, first_order, moved};
+use super::solids::Solid;
 use super::{direction, ray_through, scene, scenes};
 use crate::assemblies::Bench;
 use crate::reference::surfaces::Random;
-use crate::reference::vector::{Vector, add, dot, length, scaled, turned};
+use crate::reference::vector::{Vector, add, length, scaled, turned};
 use crate::support::{CARBON, WATER, backends, everything};
 use beamlet::internals::interface::RayResult;
 use beamlet::internals::trace::{CrossingFinder, Ray};
@@ -29,7 +28,7 @@ pub(super) struct Setting {
 }
 
 const fn mixed(name: &'static str, scale: f64, middle: Vector) -> Setting {
-    Setting { name, makers: MIXED, scale, middle, pitch: 80e-6, reach: 10e-6, rays: 8 }
+    Setting { name, makers: MIXED, scale, middle, pitch: 80e-6, reach: 10e-6, rays: 24 }
 }
 
 const fn crossing(name: &'static str, middle: Vector) -> Setting {
@@ -93,9 +92,8 @@ impl Setting {
                 let off = |it: usize| self.scale * self.pitch * (it as f64 - 0.5 * across as f64);
                 let middle = add(self.middle, [off(number % across), 0.0, off(number / across)]);
                 let place = |solid: Solid| {
-                    let solid = enlarged(solid, self.scale);
-                    let at = add(turned(solid.position, turn.0, turn.1), middle);
-                    solid.turned(turn.0, turn.1).at(at)
+                    let at = turned(scaled(solid.position, self.scale), turn.0, turn.1);
+                    solid.scaled(self.scale).turned(turn.0, turn.1).at(add(at, middle))
                 };
                 let solids: Vec<Solid> = solids.into_iter().map(place).collect();
                 first += solids.len();
@@ -114,32 +112,14 @@ impl Setting {
     }
 }
 
-/// A solid of a size of its own, m, made larger.
-fn enlarged(solid: Solid, by: f64) -> Solid {
-    let kind = match solid.kind {
-        Kind::Box(size) => Kind::Box(size.map(|it| it * by)),
-        Kind::Prism { radius, half, sides } => {
-            Kind::Prism { radius: radius * by, half: half * by, sides }
-        }
-        Kind::Cone { bottom, top, half } => {
-            Kind::Cone { bottom: bottom * by, top: top * by, half: half * by }
-        }
-        Kind::Ellipsoid(axes) => Kind::Ellipsoid(axes.map(|it| it * by)),
-        Kind::Tube { outer, inner, half } => {
-            Kind::Tube { outer: outer * by, inner: inner * by, half: half * by }
-        }
-    };
-    Solid { kind, position: scaled(solid.position, by), ..solid }
-}
-
-fn constants(k: usize) -> [f64; 2] {
-    if k.is_multiple_of(2) { CARBON } else { WATER }
-}
+/// Constants of the materials of an arrangement.
+const CONSTANTS: [[f64; 2]; MOST] = [CARBON, WATER, CARBON, WATER, CARBON];
+/// Decrements of the materials of an arrangement.
+pub(super) const DELTAS: [f64; MOST] = [CARBON[1], WATER[1], CARBON[1], WATER[1], CARBON[1]];
 
 pub(super) fn scene_of(all: &[Arrangement], transport: Transport) -> Scene {
     let mut scene = scene(Vec::new(), &[], transport);
-    for k in 0..MOST {
-        let [mu, delta] = constants(k);
+    for (k, [mu, delta]) in CONSTANTS.into_iter().enumerate() {
         scene.materials.insert(format!("material {k}"), MaterialSpec::Constants { mu, delta });
     }
     for Arrangement { solids, first, .. } in all {
@@ -156,39 +136,16 @@ pub(super) fn materials(all: &[Arrangement]) -> usize {
     all.iter().map(|it| it.solids.len()).max().unwrap_or_default()
 }
 
-pub(super) fn delta_of(medium: Option<usize>) -> f64 {
-    medium.map_or(0.0, |k| constants(k)[1])
-}
-
-/// Change of slope to first order, and the least cosine of incidence.
-fn first_order(solids: &[Solid], ray: &Ray) -> ([f64; 2], f64) {
-    let d = line(ray, [0.0; 2])[1];
-    let square = dot(d, d);
-    let (mut slope, mut grazing) = ([0.0; 2], 1.0_f64);
-    for it in interfaces(solids, ray, 0.0) {
-        let along = dot(it.normal, d);
-        grazing = grazing.min(along.abs() / square.sqrt());
-        let step = delta_of(it.media[1]) - delta_of(it.media[0]);
-        for (k, axis) in [0, 2].into_iter().enumerate() {
-            let tangent = (it.normal[axis] - it.normal[1] * d[axis]) / along;
-            slope[k] -= step * square * tangent;
-        }
-    }
-    (slope, grazing)
-}
-
-/// The largest error of the slope of a ray, as [`error_among`] has it.
-pub(super) fn slope_error(near: &[[f64; 2]; 5], got: [f64; 2], room: f64) -> Option<f64> {
-    let error = |k: usize| error_among(&near.map(|it| it[k]), got[k], room, 1e-10);
-    Some(error(0)?.max(error(1)?))
-}
-
+/// The largest error of the slope of a ray where rays beside it have equal slopes (else 0), rad.
 fn bends_compared(solids: &[Solid], ray: &Ray, got: &RayResult, hair: f64) -> Result<f64, String> {
-    let near = beside(hair).map(|by| first_order(solids, &moved(ray, by)));
-    let steep = near.iter().map(|it| it.1).fold(1.0, f64::min).max(1e-6);
+    let near = beside(hair).map(|by| first_order(solids, &DELTAS, &moved(ray, by), [0.0; 2]));
+    let steep = near.iter().map(|it| it.grazing).fold(1.0, f64::min).max(1e-6);
     let room = 2e-13 + 8e-12 / steep.powi(2);
     let got = [got.slope_x, got.slope_z].map(f64::from);
-    slope_error(&near.map(|it| it.0), got, room)
+    let error = |k: usize| error_among(&near.map(|it| it.slope[k]), got[k], room, 1e-10);
+    let [x, z] = [error(0), error(1)];
+    x.zip(z)
+        .map(|(x, z)| x.max(z))
         .ok_or_else(|| format!("{ray:?}: {got:?} for {:?} in {solids:?}", near[0]))
 }
 

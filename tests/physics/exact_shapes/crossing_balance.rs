@@ -2,8 +2,7 @@
 //! as often as it is entered, and the media along each ray are contiguous.
 
 use super::arrangements::{Arrangement, CROSSING, materials, scene_of};
-use super::nested::interfaces;
-use super::rays::moved;
+use super::rays::{interfaces, line, moved};
 use super::{direction, pick, ray_through, scenes};
 use crate::assemblies::{Bench, Traced};
 use crate::reference::surfaces::Random;
@@ -23,7 +22,7 @@ const BATCH: usize = 200_000;
 
 /// The media along a ray.
 fn media(it: &Arrangement, ray: &Ray) -> Vec<Option<usize>> {
-    interfaces(&it.solids, ray, 0.0).iter().map(|it| it.media[1]).collect()
+    interfaces(&it.solids, line(ray, [0.0; 2]), 0.0).iter().map(|it| it.media[1]).collect()
 }
 
 /// A ray beside which, by the rounding of f32, the media change.

@@ -44,10 +44,20 @@ fn both(material: &str, inner: &str, more: &str) -> [String; 2] {
     ]
 }
 
-/// The scene in one view; in two with `BEAMLET_ALL`.
-fn scene(directory: &std::path::Path, text: &str) -> Scene {
+/// The scene in one view, in two with `BEAMLET_ALL`; or in two that move the sample.
+fn scene(directory: &std::path::Path, text: &str, moves: bool) -> Scene {
     let mut scene = Scene::from_toml(text, directory).expect("a scene");
-    scene.scan.angles.truncate(amount(1, 2));
+    if moves {
+        let motion = |axis, angle, by| {
+            Motion::about(axis, angle).expect("an axis").then(&Motion::translation(by))
+        };
+        scene.scan.motions = vec![
+            motion([0.2, 1.0, -0.3], 0.5, [0.1e-3, 0.0, -0.05e-3]),
+            motion([1.0, 0.0, 0.4], 1.1, [0.0, 0.2e-3, 0.1e-3]),
+        ];
+    } else {
+        scene.scan.angles.truncate(amount(1, 2));
+    }
     scene
 }
 
@@ -82,7 +92,10 @@ fn rod_with_a_bore_through_it_is_the_tube() {
         ("rough surfaces", ENERGY, rough, "", both("PMMA", "vacuum", "roughness = 0.02"), 2e-3),
         ("instances", ENERGY, fine, "", both("PMMA", "vacuum", "instances = \"places.csv\""), 2e-4),
     ];
-    for (name, beam, sampling, rest, [rod, tube], limit) in sample(cases, 2) {
+    let (moving, cases) = (cases[0].clone(), sample(cases, 2));
+    for (name, beam, sampling, rest, [rod, tube], limit) in
+        cases.chain([("motions", moving.1, moving.2, moving.3, moving.4, moving.5)])
+    {
         // Once each of the kinds of transport on the second backend.
         let both = ["one energy", "exact transport", "instances"].contains(&name);
         let on = if both && (everything() || name == "one energy") {
@@ -92,7 +105,7 @@ fn rod_with_a_bore_through_it_is_the_tube() {
         };
         let [rod, tube] =
             [rod, tube].map(|objects| set_up(beam, sampling, &[rest, &*objects].concat()));
-        let [rod, tube] = [rod, tube].map(|text| scene(here, &text));
+        let [rod, tube] = [rod, tube].map(|text| scene(here, &text, name == "motions"));
         let loaded = geometry::load(&rod).expect("a sample");
         assert!(
             loaded.triangles.is_empty() && !loaded.objects[0].cut_by.is_empty()
@@ -104,27 +117,6 @@ fn rod_with_a_bore_through_it_is_the_tube() {
             compare(&format!("{name}, {backend}"), limit, &rod, &tube);
         }
     }
-}
-
-/// Views that move the sample by any motion.
-#[test]
-fn moved_views_of_a_bored_rod_are_those_of_the_tube() {
-    let directory = tempfile::tempdir().expect("a directory");
-    let scenes = both("PMMA", "vacuum", "").map(|objects| {
-        let mut scene = scene(directory.path(), &set_up(ENERGY, "tolerance = 1e-4", &objects));
-        let motion = |axis, angle, by| {
-            Motion::about(axis, angle).expect("an axis").then(&Motion::translation(by))
-        };
-        scene.scan.angles = vec![0.0, 0.7];
-        scene.scan.motions = vec![
-            motion([0.2, 1.0, -0.3], 0.5, [0.1e-3, 0.0, -0.05e-3]),
-            motion([1.0, 0.0, 0.4], 1.1, [0.0, 0.2e-3, 0.1e-3]),
-        ];
-        scene
-    });
-    let engine = engine(Backend::Bvh);
-    let [rod, tube] = scenes.map(|scene| engine.simulate(&scene).expect("a stack"));
-    compare("motions", 2e-4, &rod, &tube);
 }
 
 /// Rods across each other, a ball where they cross, and a cone: as they are and of 256 facets around,
@@ -157,7 +149,8 @@ fn crossing_rods_are_those_of_fine_facets() {
         .concat()
     };
     let [exact, facets] = ["", ", sides = 256"]
-        .map(|sides| scene(directory.path(), &set_up(ENERGY, "tolerance = 2e-4", &objects(sides))));
+        .map(|sides| set_up(ENERGY, "tolerance = 2e-4", &objects(sides)))
+        .map(|text| scene(directory.path(), &text, false));
     let (checked, refusals) = load_lenient(&exact).expect("a sample");
     // The ball lies wholly in "a": nested, without overlap.
     assert!(refusals.is_empty());

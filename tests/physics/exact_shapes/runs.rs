@@ -51,8 +51,9 @@ fn curve(setup: &Setup, solid: Option<&Solid>, column: u32) -> Vec<f64> {
             pose: 0,
             key: 0,
         };
-        let moved = solid
-            .map_or(0.0, |solid| first_order(solid, CARBON[1], &ray, place, 0.0).displacement[0]);
+        let moved = solid.map_or(0.0, |solid| {
+            first_order(std::slice::from_ref(solid), &CARBON[1..], &ray, place).displacement[0]
+        });
         let off = 1.5 * (x - pixel * 100e-6) + moved;
         cumulative((15e-6 - off) / blur) - cumulative((-15e-6 - off) / blur)
     };
