@@ -1,11 +1,5 @@
 //! The software BVH and the driver's ray query give the same stacks and results.
 
-#![allow(
-    clippy::cast_possible_truncation,
-    clippy::cast_sign_loss,
-    reason = "counts are small; rays are rounded to f32 as the engine takes them"
-)]
-
 use crate::reference::scenes;
 use crate::reference::stack::Setup;
 use crate::reference::surfaces::{Random, body, cuboid, star};

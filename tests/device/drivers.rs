@@ -294,7 +294,6 @@ pub(crate) fn sinograms(folder: &Path, rows: usize) {
     }
 }
 
-#[expect(clippy::cast_possible_truncation, reason = "sinograms are f32")]
 const fn single(value: f64) -> f32 {
     value as f32
 }

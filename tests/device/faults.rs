@@ -1,8 +1,6 @@
 //! A device that fails at any call: the error says what and what to do, what is committed
 //! stays whole, and the run goes on to the same bits. And a memory limit changes no bit.
 
-#![expect(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
-
 use crate::support::files;
 use beamlet::geometry::{self, ObjectSummary};
 use beamlet::internals::gpu::FaultAnswer::{

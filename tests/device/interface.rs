@@ -1,6 +1,5 @@
 //! Compares the structs that kernels and host share: names, offsets and sizes, as compiled. And looks
 //! for casts between references.
-#![allow(clippy::unwrap_used, reason = "tests panic")]
 
 use beamlet::internals::gpu::shaders;
 use beamlet::internals::interface;

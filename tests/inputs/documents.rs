@@ -1,8 +1,6 @@
 //! Names in documents: every test, type, key and file that a document names exists, and every link
 //! leads to a file and a heading. Commands are parsed by the program itself (cli/documents.rs).
 
-#![expect(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
-
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::path::{Component, Path, PathBuf};

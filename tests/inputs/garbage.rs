@@ -1,8 +1,6 @@
 //! Garbage in: whatever the bytes of a file or the triangles of a mesh, they are read or refused, and
 //! what was read holds what it promises.
 
-#![expect(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
-
 use crate::fuzz::readers::{ALL, Reader};
 use crate::fuzz::{PLACE, damaged};
 use crate::geometry::set_up::normal;

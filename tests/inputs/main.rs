@@ -1,14 +1,17 @@
 //! What is read before a device is opened: scenes, meshes, materials and spectra; and the layers of the
 //! engine. None of these tests needs a Vulkan device.
 
+#![allow(
+    clippy::unwrap_used,
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    clippy::float_cmp,
+    reason = "a test that cannot go on has failed; numbers of tests are small, and its figures are printed"
+)]
+
 mod crates;
 mod documents;
 #[allow(dead_code, unreachable_pub, reason = "fuzz targets use the rest")]
-#[allow(
-    clippy::cast_possible_truncation,
-    clippy::cast_sign_loss,
-    reason = "bytes of damaged files"
-)]
 #[path = "../fuzz/support/lib.rs"]
 mod fuzz;
 mod garbage;

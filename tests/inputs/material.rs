@@ -1,7 +1,5 @@
 //! Materials: constants against xraylib, ranges of the tables, table files.
 
-#![allow(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
-
 use std::collections::BTreeMap;
 use std::path::Path;
 

@@ -1,7 +1,5 @@
 //! Names, units and compositions as people write them.
 
-#![allow(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
-
 use std::collections::BTreeMap;
 
 use crate::paper::{PAPER, load};

@@ -1,7 +1,5 @@
 //! Masks of patterns (images, tables and texts of open and closed pixels) and of lists of rectangles, and their rotation.
 
-#![allow(clippy::unwrap_used, reason = "tests")]
-
 use crate::kept::kept;
 use beamlet::Error;
 use beamlet::ndarray::array;

@@ -1,8 +1,5 @@
 //! Keys of the scan: lists and files of offsets, angles and motions, and the views that they make.
 
-#![allow(clippy::unwrap_used, reason = "clippy exempts tests, but not what they call")]
-#![allow(clippy::float_cmp, reason = "quantities read to the nearest double, without slack")]
-
 use crate::paper::PAPER;
 use beamlet::Error;
 use beamlet::scene::{Exposure, Motion, RotationAxis, Scene};

@@ -1,8 +1,5 @@
 //! Scene files: what loads, and what every error says.
 
-#![allow(clippy::unwrap_used, reason = "clippy exempts tests, but not what they call")]
-#![allow(clippy::float_cmp, reason = "quantities read to the nearest double, without slack")]
-
 use std::path::Path;
 
 use crate::paper::{PAPER, load, parts, with_sets};

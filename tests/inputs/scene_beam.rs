@@ -1,7 +1,5 @@
 //! The beam of a scene: one energy or a spectrum, its forms, overrides, and what is refused.
 
-#![allow(clippy::unwrap_used, reason = "clippy exempts tests, but not what they call")]
-
 use std::collections::BTreeMap;
 
 use crate::kept::kept;

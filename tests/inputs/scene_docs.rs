@@ -1,7 +1,5 @@
 //! Tables of docs/scene.md are those of the table of keys. `BEAMLET_WRITE_DOCS=1` writes them.
 
-#![expect(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
-
 use beamlet::cli_support::json_schema;
 use beamlet::internals::scene::{tables, title};
 use beamlet::scene::Scene;

@@ -1,8 +1,5 @@
 //! Overrides, the resolved scene that a run records, and text that is no scene at all.
 
-#![allow(clippy::unwrap_used, reason = "clippy exempts tests, but not what they call")]
-#![allow(clippy::float_cmp, reason = "quantities read to the nearest double, without slack")]
-
 use std::collections::BTreeMap;
 use std::path::Path;
 

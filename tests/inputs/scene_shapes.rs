@@ -1,7 +1,5 @@
 //! Built-in shapes in scene files.
 
-#![allow(clippy::unwrap_used, reason = "clippy exempts tests, but not what they call")]
-
 use std::collections::BTreeMap;
 
 use crate::paper::{PAPER, load};

@@ -1,7 +1,5 @@
 //! Spectrum files and spectra of scenes: what is read, and what is refused with its place.
 
-#![allow(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
-
 use std::path::Path;
 
 use beamlet::scene::Scene;

@@ -1,8 +1,6 @@
 //! Energy nodes against the sum over every row of the spectrum: transmission of slabs, deflection
 //! weighted by what arrives, leakage of masks; and that the reported error is an honest one.
 
-#![allow(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
-
 use beamlet::material::constants_at;
 use beamlet::scene::{Beam, Scene};
 use beamlet::spectrum::{Nodes, Spectrum, TOLERANCE, nodes, nodes_with};

@@ -1,7 +1,5 @@
 //! The built-in tube against SpekPy 2.5 (tests/tables/tube.py), off the grid of its tables.
 
-#![allow(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
-
 use beamlet::scene::{Anode, Filter, Scene};
 use beamlet::spectrum::Spectrum;
 

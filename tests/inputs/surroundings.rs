@@ -1,7 +1,5 @@
 //! A region of the surroundings, and the material of the path.
 
-#![allow(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
-
 use std::collections::BTreeMap;
 
 use crate::kept::kept;

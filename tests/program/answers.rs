@@ -1,7 +1,5 @@
 //! Exit codes are answers, whether or not anybody reads stdout.
 
-#![expect(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
-
 use crate::support::program::{beamlet, ended, run, stderr, workplace};
 use ndarray::Array3;
 use ndarray_npy::write_npy;

@@ -1,7 +1,5 @@
 //! Overlaps that `check` prints of assemblies, by the real binary: one line for each pair.
 
-#![allow(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
-
 use crate::support::program::{done, workplace};
 use std::fmt::Write as _;
 

@@ -1,7 +1,5 @@
 //! The verbs `spectrum` and `material`, by the real binary.
 
-#![allow(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
-
 use std::path::Path;
 use std::process::{Command, Output};
 

@@ -1,7 +1,5 @@
 //! What `check` and `simulate` say of detector numbers that are clipped at 0.
 
-#![expect(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
-
 use crate::support::program::{beamlet, ended, workplace};
 use std::fs;
 use std::process::Output;

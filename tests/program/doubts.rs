@@ -1,8 +1,6 @@
 //! Doubts of `check` about set-ups, by the real binary: each fault has its warning, and the shipped scenes
 //! have none.
 
-#![allow(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
-
 use crate::support::program::done;
 use std::fs;
 use std::path::Path;
@@ -115,6 +113,7 @@ fn odd_values_are_warned_of_in_words() {
         ("--set detector.photons=2e7", "is more than an open pixel gets in a frame"),
         ("--set detector.pitch=2cm", "is wider than any pixel of an X-ray detector"),
         ("--set scan.angles={from=\"0rad\",to=\"360rad\",count=24}", "cover 54.9 turns"),
+        ("--set sample_mask.thickness=1.2mm", "sample_mask.thickness of 1.2 mm"),
         ("--set scan.mask_offsets=[\"0um\"]", "different values of scan.mask_offsets: 1"),
         ("--set scan.errors.offset_sigma=2mm", "scan.errors displace the sample mask by up to"),
         ("--set scan.errors.intensity_sigma=5", "intensity errors are shares"),

@@ -1,8 +1,6 @@
 //! Bad meshes in binary given to the program, and meshes that are accepted with their defects. `tests/refusals/` has
 //! the texts.
 
-#![expect(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
-
 use crate::support::program::{done, ended, run, workplace};
 use std::fs;
 use std::path::Path;

@@ -1,8 +1,5 @@
 //! Iterative methods and corrections by `beamlet reconstruct`.
 
-#![expect(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
-#![expect(clippy::cast_possible_truncation, reason = "sinograms are f32")]
-
 use crate::support::program::{beamlet, done, ended, run, workplace};
 use beamlet::ndarray::Array3;
 use ndarray_npy::{read_npy, write_npy};

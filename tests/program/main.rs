@@ -1,5 +1,12 @@
 //! The program as a user sees it: verbs, messages, pictures and reports.
 
+#![allow(
+    clippy::unwrap_used,
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    reason = "a test that cannot go on has failed; numbers of tests are small, and its figures are printed"
+)]
+
 #[path = "../support/mod.rs"]
 mod support;
 

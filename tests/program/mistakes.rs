@@ -1,7 +1,5 @@
 //! Mistakes in scenes and command lines: all of them at once, each at its place.
 
-#![allow(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
-
 use crate::support::program::{beamlet, ended, run, workplace};
 use std::fs;
 

@@ -1,7 +1,5 @@
 //! Pictures of real parts: a screw with noise, what is flagged in it, measured stacks, differences.
 
-#![expect(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
-
 use crate::screw;
 use crate::support::program::{copy_folder, copy_of, done, ended, run};
 use ndarray::{Array3, s};
@@ -85,7 +83,6 @@ fn colour(picture: &Pixmap, top: f64, [column, row]: [usize; 2]) -> [u8; 3] {
     let unit = 560.0 / SIDE as f64;
     let scale = 1.5;
     let at = |start: f64, i: usize| scale * (start + unit * (i as f64 + 0.5));
-    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a pixel")]
     let pixel = picture.pixel(at(90.0, column) as u32, at(top, row) as u32).unwrap();
     [pixel.red(), pixel.green(), pixel.blue()]
 }
@@ -224,7 +221,6 @@ fn every_material_of_the_sample_has_a_colour_of_its_own() {
     let seen: Vec<[u8; 3]> = (0..4)
         .map(|at| {
             let z = 0.45 * f64::from(at) - 0.7 + 0.025;
-            #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a pixel")]
             let pixel = drawn.pixel(585, (1.5 * (390.0 - z * unit)) as u32).unwrap();
             [pixel.red(), pixel.green(), pixel.blue()]
         })

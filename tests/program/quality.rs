@@ -1,7 +1,5 @@
 //! `sampling.quality`: the tolerances of runs, by the real binary.
 
-#![allow(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
-
 use crate::support::program::{done, ended, run, stderr};
 use std::fs;
 use std::path::Path;

@@ -7,9 +7,6 @@
 //! stdout (but reports of `check`), and change no file. `errors` is the number of errors. A key of a group is the default
 //! of its cases; `all` are words of every case.
 
-#![allow(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
-#![allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "sides of arrays")]
-
 use crate::support::program::{beamlet, ended};
 use crate::support::root;
 use beamlet::ndarray::ArrayD;

@@ -1,7 +1,5 @@
 //! A mesh as CAD programs write it.
 
-#![expect(clippy::unwrap_used, reason = "writing to a string does not fail")]
-
 use std::f64::consts::{FRAC_PI_3, PI};
 use std::fmt::Write;
 

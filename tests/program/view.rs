@@ -1,8 +1,6 @@
 //! `beamlet view` as a user meets it: files that are pictures, with the right colours in the
 //! right places, and nothing at all where something is wrong.
 
-#![expect(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
-
 use super::report::run_with_maps_of;
 use crate::support::log::commit;
 use crate::support::program::{done, run};
@@ -35,11 +33,6 @@ fn picture(path: &Path) -> Pixmap {
     Pixmap::decode_png(&fs::read(path).unwrap()).unwrap()
 }
 
-#[expect(
-    clippy::cast_possible_truncation,
-    clippy::cast_sign_loss,
-    reason = "the pixel that a place lies in"
-)]
 fn colour(picture: &Pixmap, x: f64, y: f64) -> [u8; 3] {
     let pixel = picture.pixel((x * SCALE) as u32, (y * SCALE) as u32).unwrap();
     [pixel.red(), pixel.green(), pixel.blue()]

@@ -1,7 +1,5 @@
 //! `beamlet convert --to astra`: what is written is where the vectors say, by a projector of its own.
 
-#![allow(clippy::unwrap_used, reason = "tests")]
-
 use crate::support::program::{Workplace, stderr};
 use beamlet::Cancel;
 use beamlet::reconstruct::{Input, Quantity};

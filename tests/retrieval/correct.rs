@@ -1,9 +1,5 @@
 //! Corrections by empty beam: errors of a scan are found and undone.
 
-#![allow(clippy::unwrap_used, reason = "tests")]
-#![allow(clippy::print_stdout, reason = "measured figures are printed")]
-#![allow(clippy::cast_possible_truncation, reason = "frames of f32")]
-
 use crate::reference::draws::Draws;
 use crate::support::{engine, free_gaussian};
 use beamlet::retrieve::{

@@ -9,14 +9,6 @@
 //! polyethylene in carbon. All refraction is turned round, so that what is of odd order falls out of
 //! the mean of the two, and the dark field stays.
 
-#![allow(clippy::unwrap_used, clippy::expect_used, reason = "tests")]
-#![allow(
-    clippy::cast_possible_truncation,
-    clippy::cast_sign_loss,
-    clippy::cast_precision_loss,
-    reason = "counts of fibres, columns and steps"
-)]
-
 use crate::reference::fit::fit;
 use crate::reference::surfaces::Random;
 use crate::support::{Worst, engine, free_gaussian};
@@ -364,7 +356,6 @@ fn means(
 
 /// Compares means with the reference, and that with the rule for discs; prints all of them over
 /// N (2 delta)2.
-#[allow(clippy::print_stdout, reason = "figures are what this is for")]
 fn compare(
     (columns, seeds, tolerance): (u32, u32, f64),
     cases: &[(f64, Section)],
@@ -401,54 +392,29 @@ fn dark_field_of_fibres_matches_the_characteristic_function() {
 }
 
 /// Rows of the table of docs/developers/validation.md; `BEAMLET_PIXELS`: pixels of each, 400.
-fn rows(crossings: f64, sections: &[Section]) {
+fn rows(sections: &[Section]) {
     let pixels = std::env::var("BEAMLET_PIXELS").map_or(400, |text| text.parse::<u32>().unwrap());
     // 5 %, or three standard errors where so many pixels do not tell that.
     let allowed = |error: f64| (3.0 * error).max(0.05);
-    for section in sections {
-        let few = crossings < 20.0 || *section == Section::Sphere;
-        let tolerance = if few { FEW_TOLERANCE } else { TOLERANCE };
-        let columns = section.columns(crossings);
-        let sampled = (columns, pixels.div_ceil(columns), tolerance);
-        compare(sampled, &[(crossings, *section)], &[0, 1], allowed);
+    for crossings in [10.0, 50.0, 200.0] {
+        for section in sections {
+            let few = crossings < 20.0 || *section == Section::Sphere;
+            let tolerance = if few { FEW_TOLERANCE } else { TOLERANCE };
+            let columns = section.columns(crossings);
+            let sampled = (columns, pixels.div_ceil(columns), tolerance);
+            compare(sampled, &[(crossings, *section)], &[0, 1], allowed);
+        }
     }
-}
-
-/// Fibres.
-const FIBRES: [Section; 2] = [Section::Circle, Section::Polygon];
-
-#[test]
-#[ignore = "minutes"]
-fn dark_field_of_fibres_over_400_pixels_at_10_crossings() {
-    rows(10.0, &FIBRES);
-}
-
-#[test]
-#[ignore = "minutes"]
-fn dark_field_of_fibres_over_400_pixels_at_50_crossings() {
-    rows(50.0, &FIBRES);
-}
-
-#[test]
-#[ignore = "half an hour"]
-fn dark_field_of_fibres_over_400_pixels_at_200_crossings() {
-    rows(200.0, &FIBRES);
-}
-
-#[test]
-#[ignore = "minutes"]
-fn dark_field_of_spheres_over_400_pixels_at_10_crossings() {
-    rows(10.0, &[Section::Sphere]);
-}
-
-#[test]
-#[ignore = "minutes"]
-fn dark_field_of_spheres_over_400_pixels_at_50_crossings() {
-    rows(50.0, &[Section::Sphere]);
 }
 
 #[test]
 #[ignore = "an hour"]
-fn dark_field_of_spheres_over_400_pixels_at_200_crossings() {
-    rows(200.0, &[Section::Sphere]);
+fn dark_field_of_fibres_over_400_pixels() {
+    rows(&[Section::Circle, Section::Polygon]);
+}
+
+#[test]
+#[ignore = "an hour and a half"]
+fn dark_field_of_spheres_over_400_pixels() {
+    rows(&[Section::Sphere]);
 }

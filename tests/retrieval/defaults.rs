@@ -1,12 +1,5 @@
 //! The default of `retrieve` for random designs of masks, against closed forms of their curves.
 
-#![allow(clippy::unwrap_used, reason = "tests")]
-#![allow(
-    clippy::cast_possible_truncation,
-    clippy::cast_sign_loss,
-    reason = "numbers of steps, flags"
-)]
-
 use crate::groups::retrieve;
 use crate::reference::closed_form::blurred_overlap;
 use crate::reference::draws::Draws;

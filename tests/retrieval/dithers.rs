@@ -1,7 +1,5 @@
 //! Retrieved images of dithered views: five dithers make five columns of each pixel.
 
-#![allow(clippy::unwrap_used, reason = "tests")]
-
 use crate::support::program::{Workplace, stderr};
 use beamlet::stack::{GeometryFile, Maps};
 

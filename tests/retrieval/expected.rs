@@ -1,20 +1,18 @@
 //! What `check` expects of a set-up against what comes out of it.
 
-#![allow(clippy::unwrap_used, reason = "tests")]
-
 use crate::groups::retrieve;
 use crate::support::{Worst, engine};
 use beamlet::Backend;
 use beamlet::check::{Check, IlluminationCurve};
 use beamlet::retrieve::{Background, Method, RetrieveOptions, Retriever, Weights};
-use beamlet::scene::{Counts, MaskBody, Scene};
+use beamlet::scene::{Counts, Scene};
 use ndarray::Axis;
 
-/// The set-up of the paper without a sample; `more` goes on from its detector.
-fn scene(offsets: &str, more: &str) -> Scene {
+/// The set-up of the paper without a sample.
+fn scene(offsets: &str) -> Scene {
     let text = format!(
         "{}\n[scan]\nmask_offsets = {offsets}\n[detector]\ndistance = \"1.8 m\"\n\
-         pixels = [65, 16]\npitch = \"150 um\"\n{more}",
+         pixels = [65, 16]\npitch = \"150 um\"\n",
         include_str!("../support/masks.toml")
     );
     Scene::from_toml(&text, ".").unwrap()
@@ -23,9 +21,8 @@ fn scene(offsets: &str, more: &str) -> Scene {
 const SEVEN: &str = "{ from = \"-30 um\", to = \"30 um\", count = 7 }";
 const ELEVEN: &str = "{ from = \"-25 um\", to = \"25 um\", count = 11 }";
 
-fn curve(scene: &Scene) -> (IlluminationCurve, Vec<String>) {
-    let report = Check::of(scene).with_engine(&engine(Backend::Bvh)).run().unwrap();
-    (report.illumination.unwrap(), report.warnings)
+fn curve(scene: &Scene) -> IlluminationCurve {
+    Check::of(scene).with_engine(&engine(Backend::Bvh)).run().unwrap().illumination.unwrap()
 }
 
 #[test]
@@ -38,12 +35,12 @@ fn expected_uncertainties_are_the_scatter_of_pixels_without_a_sample() {
         ("{ from = \"-30 um\", to = \"30 um\", count = 7 }", 5_000.0, 20.0),
         ("[\"-10 um\", \"0 um\", \"10 um\"]", 20_000.0, 30.0),
     ] {
-        let mut scene = scene(offsets, "");
+        let mut scene = scene(offsets);
         let mut counts = Counts::of_photons(photons);
         counts.electronic_noise = noise;
         counts.gain = 1.5;
         scene.detector.counts = Some(counts);
-        let expected = curve(&scene).0.expected.unwrap();
+        let expected = curve(&scene).expected.unwrap();
 
         let engine = engine(Backend::Bvh);
         let stacks = engine.simulate(&scene).unwrap();
@@ -80,10 +77,10 @@ fn a_method_finds_the_stated_share_of_an_angle() {
     let engine = engine(Backend::Bvh);
     let mut worst = Worst::new("share of the angle over what the method states, less 1", 5e-3);
     for (spot, offsets) in [(30e-6, ELEVEN), (30e-6, SEVEN), (5e-6, ELEVEN), (60e-6, SEVEN)] {
-        let mut scene = scene(offsets, "");
+        let mut scene = scene(offsets);
         scene.source.spot = [spot; 2].into();
         scene.detector.pixels = [5, 1];
-        let (curve, _) = curve(&scene);
+        let curve = curve(&scene);
         let retrieval = curve.retrieval.unwrap();
         assert_eq!((retrieval.method, retrieval.background.as_str()), ("exact-curve", "leak"));
         let displacement = 0.1 * curve.sigma;
@@ -127,7 +124,7 @@ fn the_curve_of_thin_masks_is_a_trapezoid_behind_a_point_source() {
         opaque("sample_mask", 1.2),
         opaque("detector_mask", 1.79),
     );
-    let (curve, _) = curve(&Scene::from_toml(&text, ".").unwrap());
+    let curve = curve(&Scene::from_toml(&text, ".").unwrap());
     // Two apertures of 30 um in 150 um on the detector: a triangle of 20 um at half height in the
     // plane of the sample mask, of 0.2 at its peak. It is taken in steps of 0.8 um.
     assert!((curve.period - 100e-6).abs() < 1e-12);
@@ -137,42 +134,6 @@ fn the_curve_of_thin_masks_is_a_trapezoid_behind_a_point_source() {
     assert!(curve.leak == [0.0, 0.0] && curve.expected.is_none());
     // The Gaussian of least squares over a period (f64, scipy), a little narrower than 20 um / sqrt 6.
     assert!((curve.sigma - 8.9357e-6).abs() < 2e-9, "{}", curve.sigma);
-}
-
-#[test]
-fn odd_set_ups_are_warned_of() {
-    let warnings = |offsets: &str, more: &str, edit: fn(&mut Scene)| {
-        let mut scene = scene(offsets, more);
-        edit(&mut scene);
-        curve(&scene).1.join("\n")
-    };
-    assert_eq!(
-        warnings(ELEVEN, "", |_| ()),
-        "the scene has no objects: the sample stack will equal the flat"
-    );
-    let far = "{ from = \"-60 um\", to = \"60 um\", count = 11 }";
-    assert!(
-        warnings(far, "", |_| ()).contains("beyond half a period of the sample mask (50.000 um)")
-    );
-    let near = "{ from = \"-10 um\", to = \"10 um\", count = 5 }";
-    let text = warnings(near, "", |_| ());
-    assert!(
-        text.contains("scan.mask_offsets cover -1.") && text.contains("would determine"),
-        "{text}"
-    );
-    let text = warnings(ELEVEN, "", |scene| scene.sample_mask.as_mut().unwrap().period *= 1.05);
-    assert!(text.contains("moire fringes cross the detector"), "{text}");
-    let thin = |scene: &mut Scene| set_thickness(scene, 20e-6);
-    let text = warnings(ELEVEN, "", thin);
-    // exp(-53122 * 20e-6) = 34.6 %
-    assert!(text.contains("the bars of sample_mask transmit 34.6 % of the light"), "{text}");
-    let text = warnings(ELEVEN, "", |scene| set_thickness(scene, 1.2e-3));
-    assert!(text.contains("sample_mask.thickness of 1.2 mm"), "{text}");
-}
-
-fn set_thickness(scene: &mut Scene, thickness: f64) {
-    let material = "gold".to_owned();
-    scene.sample_mask.as_mut().unwrap().body = MaskBody::Bars { material, thickness };
 }
 
 /// A set-up whose apertures end along z: masks and scan, pixels, and the number of values that an image has at least.

@@ -1,8 +1,5 @@
 //! Dark field of bundles of fibres by waves, over the dark field of the same fibres by rays.
 
-#![allow(clippy::unwrap_used, clippy::print_stdout, reason = "tests")]
-#![allow(clippy::cast_precision_loss, reason = "counts of pixels")]
-
 use crate::reference::fit::fit;
 use crate::support::engine;
 use beamlet::Backend;

@@ -1,14 +1,6 @@
 //! Fits on the device against least squares in f64 of the same numbers, and against what theory
 //! says of counts.
 
-#![allow(clippy::unwrap_used, clippy::expect_used, reason = "tests")]
-#![allow(
-    clippy::cast_possible_truncation,
-    clippy::cast_sign_loss,
-    reason = "curves go to the device as f32; counts are positive"
-)]
-#![allow(clippy::print_stdout, reason = "measured figures are printed")]
-
 use crate::reference::closed_form::ThinMasks;
 use crate::reference::draws::Draws;
 use crate::reference::fit::{self, Gaussian, gaussian};

@@ -1,7 +1,5 @@
 //! Flats and darks that a simulated scan has between its views are interpolated by retrieval.
 
-#![allow(clippy::unwrap_used, reason = "tests")]
-
 use crate::support::{engine, free_gaussian};
 use beamlet::retrieve::{Input, retrieve_arrays};
 use beamlet::scene::Scene;

@@ -1,7 +1,5 @@
 //! geometry.json of runs and of retrieved images, against the vectors written out by hand.
 
-#![allow(clippy::unwrap_used, reason = "tests")]
-
 use crate::support::program::{Workplace, stderr};
 use beamlet::scene::{Motion, Scene};
 use beamlet::stack::GeometryFile;

@@ -1,9 +1,6 @@
 //! Retrieval behind asymmetric masks, whose neighbouring columns sample other points of one curve, and behind
 //! skipped masks.
 
-#![allow(clippy::unwrap_used, reason = "tests")]
-#![allow(clippy::cast_possible_truncation, reason = "frames of f32")]
-
 use crate::reference::closed_form::blurred_overlap;
 use crate::reference::draws::Draws;
 use crate::support::{self, Worst, engine};

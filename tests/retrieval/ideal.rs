@@ -1,7 +1,5 @@
 //! Ideal images against closed forms: moments of the refraction angles of the light of an opening.
 
-#![allow(clippy::unwrap_used, reason = "tests")]
-
 use crate::support::{Worst, backends, engine};
 use beamlet::ndarray::Array3;
 use beamlet::retrieve::{Method, RetrieveOptions, Retriever};

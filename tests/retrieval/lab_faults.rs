@@ -1,9 +1,5 @@
 //! Faults of a laboratory: each is warned of, and sound data are not.
 
-#![allow(clippy::unwrap_used, reason = "tests")]
-#![allow(clippy::print_stdout, reason = "measured figures are printed")]
-#![allow(clippy::cast_possible_truncation, reason = "frames of f32")]
-
 use crate::reference::draws::Draws;
 use crate::support::{engine, free_gaussian};
 use beamlet::retrieve::{
@@ -332,7 +328,6 @@ fn values_of_8_bits_are_warned_of() {
     let [flat, sample] = truth.counts(2e4, 5);
     let place = tempfile::tempdir().unwrap();
     let most = sample.iter().copied().fold(0.0, f32::max);
-    #[allow(clippy::cast_sign_loss, reason = "counts")]
     let bytes = sample.mapv(|y| (255.0 * y / most) as u8);
     write_npy(place.path().join("flat.npy"), &flat).unwrap();
     write_npy(place.path().join("sample.npy"), &bytes).unwrap();

@@ -1,7 +1,5 @@
 //! Transmission through leaking masks: the light that a curve measures is softer than the open beam.
 
-#![allow(clippy::unwrap_used, reason = "tests")]
-
 use crate::support::engine;
 use beamlet::material::{constants_at, constants_over};
 use beamlet::ndarray::Axis;

@@ -1,5 +1,15 @@
 //! Retrieval from stacks: fits, maps, and the verbs `retrieve` and `compare`.
 
+#![allow(
+    clippy::unwrap_used,
+    clippy::expect_used,
+    clippy::print_stdout,
+    clippy::cast_possible_truncation,
+    clippy::cast_precision_loss,
+    clippy::cast_sign_loss,
+    reason = "a test that cannot go on has failed; numbers of tests are small, and its figures are printed"
+)]
+
 use beamlet_reference as reference;
 #[path = "../support/mod.rs"]
 mod support;

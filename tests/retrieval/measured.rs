@@ -1,8 +1,5 @@
 //! Frames of a laboratory on the command line: patterns for names in a folder, and steps that are left out.
 
-#![allow(clippy::unwrap_used, reason = "tests")]
-#![allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "counts of 16 bits")]
-
 use crate::noise::{COLUMNS, ROWS, counts, even, scene_text};
 use crate::support::program::{done, ended, run};
 use beamlet::retrieve::{Input, Record};

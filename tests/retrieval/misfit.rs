@@ -1,9 +1,5 @@
 //! The flag of misfits against scenes whose transmission without refraction, and whose silhouettes, are known.
 
-#![allow(clippy::unwrap_used, reason = "tests")]
-#![allow(clippy::print_stdout, reason = "measured figures are printed")]
-#![allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "flags are small")]
-
 use crate::reference::draws::Draws;
 use crate::support::{Checked, engine, free_gaussian};
 use beamlet::retrieve::{Images, Retriever, Weights, flags};

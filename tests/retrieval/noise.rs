@@ -1,10 +1,6 @@
 //! Uncertainties of counts against the scatter of pixels: flats that are interpolated between views, and
 //! noise of reading.
 
-#![allow(clippy::unwrap_used, reason = "tests")]
-#![allow(clippy::print_stdout, reason = "measured figures are printed")]
-#![allow(clippy::cast_possible_truncation, reason = "frames of f32")]
-
 use crate::reference::closed_form::blurred_overlap;
 use crate::reference::draws::Draws;
 use crate::support::{engine, free_gaussian};

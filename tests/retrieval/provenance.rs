@@ -1,7 +1,5 @@
 //! What retrieved.json, the closing lines of `beamlet retrieve` and the page tell of a retrieval.
 
-#![allow(clippy::unwrap_used, reason = "tests")]
-
 use crate::support::program::{beamlet, done};
 use beamlet::retrieve::Record;
 use std::fs;

@@ -1,7 +1,5 @@
 //! Published set-ups, rebuilt from their numbers: retrieved contrasts of wires against line integrals.
 
-#![allow(clippy::unwrap_used, reason = "tests")]
-
 use crate::retrieve_cli::good;
 use crate::support::Worst;
 use beamlet::material::constants_at;

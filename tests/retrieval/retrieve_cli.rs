@@ -1,14 +1,6 @@
 //! `beamlet retrieve` and `beamlet compare` as a user meets them, on a run of the shipped
 //! cylinder and on measured files.
 
-#![allow(clippy::unwrap_used, clippy::expect_used, reason = "tests")]
-#![allow(clippy::print_stdout, reason = "measured figures are printed")]
-#![allow(
-    clippy::cast_possible_truncation,
-    clippy::cast_sign_loss,
-    reason = "pixel values are small"
-)]
-
 use crate::reference::closed_form::cylinder_deflection;
 use crate::reference::fit;
 use crate::support::log::commit;

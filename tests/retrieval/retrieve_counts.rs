@@ -1,13 +1,5 @@
 //! `beamlet retrieve` of detector numbers: uncertainties, clipped numbers, and refused noise.
 
-#![allow(clippy::unwrap_used, clippy::expect_used, reason = "tests")]
-#![allow(clippy::print_stdout, reason = "measured figures are printed")]
-#![allow(
-    clippy::cast_possible_truncation,
-    clippy::cast_sign_loss,
-    reason = "pixel values are small"
-)]
-
 use super::retrieve_cli::{SCENE, copy, good};
 use crate::reference::draws::Draws;
 use crate::support::log::commit;

@@ -1,13 +1,5 @@
 //! `beamlet retrieve` of measured stacks: 16-bit TIFF, dark frames, bad pixels, flats between views.
 
-#![allow(clippy::unwrap_used, clippy::expect_used, reason = "tests")]
-#![allow(clippy::print_stdout, reason = "measured figures are printed")]
-#![allow(
-    clippy::cast_possible_truncation,
-    clippy::cast_sign_loss,
-    reason = "pixel values are small"
-)]
-
 use super::retrieve_cli::{SCENE, bad, beamlet, copy, good, told};
 use beamlet::retrieve::{Record, flags};
 use beamlet::stack::Maps;

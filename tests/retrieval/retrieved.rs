@@ -2,8 +2,6 @@
 //! by the engine on its own stacks, and by least squares in f64 on closed forms of the same
 //! geometry. The bias of a Gaussian is the same on both, so that only stacks and fits differ.
 
-#![allow(clippy::unwrap_used, clippy::expect_used, reason = "tests")]
-
 use crate::reference::closed_form::ThinMasks;
 use crate::reference::fit::fit;
 use crate::reference::masks::Bars;

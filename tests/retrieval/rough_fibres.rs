@@ -2,9 +2,6 @@
 //! law in f64 on the same fibres. Each bundle is simulated twice, of carbon in polyethylene and of
 //! polyethylene in carbon: refraction of odd order falls out of the mean (`tests/retrieval/dark_field.rs`).
 
-#![allow(clippy::unwrap_used, reason = "tests")]
-#![allow(clippy::cast_precision_loss, reason = "counts of pixels")]
-
 use crate::reference::bundle::Bundle;
 use crate::reference::fit::fit;
 use crate::reference::masks::Bars;

@@ -1,7 +1,5 @@
 //! Columns that are kept of frames, and pixels that are added: images, places of columns, refusals.
 
-#![allow(clippy::unwrap_used, reason = "tests")]
-
 use crate::support::program::{beamlet, ended, stderr};
 use beamlet::retrieve::Record;
 use beamlet::stack::{GeometryFile, Maps, OpenRun, StackFile};

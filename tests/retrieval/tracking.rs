@@ -1,9 +1,6 @@
 //! Beam tracking: what `beamlet` makes of beamlets whose contrasts are known, at every place of
 //! them on the pixels.
 
-#![allow(clippy::unwrap_used, clippy::expect_used, reason = "tests")]
-#![allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "flags, frames of f32")]
-
 use crate::reference::closed_form::blurred_overlap;
 use crate::reference::draws::Draws;
 use crate::reference::normal::{SIGMA_PER_FWHM, nodes};

@@ -1,9 +1,6 @@
 //! `beamlet retrieve --lattice` and `--offsets-z` on measured files: images, record, and refusals. The physics
 //! is in the tests of `engine/recon/retrieve/planar`.
 
-#![allow(clippy::unwrap_used, clippy::expect_used, reason = "tests")]
-#![allow(clippy::cast_possible_truncation, reason = "frames of f32")]
-
 use crate::retrieve_cli::{bad, good};
 use crate::support::engine;
 use beamlet::retrieve::{

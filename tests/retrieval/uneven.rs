@@ -1,9 +1,5 @@
 //! `moments` at uneven mask offsets: weights follow the offsets, and a warning says what stays wrong.
 
-#![allow(clippy::unwrap_used, reason = "tests")]
-#![allow(clippy::print_stdout, reason = "measured figures are printed")]
-#![allow(clippy::cast_possible_truncation, reason = "frames of f32")]
-
 use crate::reference::closed_form::blurred_overlap;
 use crate::reference::draws::Draws;
 use crate::support::{engine, free_gaussian};

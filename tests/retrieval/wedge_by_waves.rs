@@ -1,7 +1,5 @@
 //! Angle of a wedge by waves: methods that fit the curve of rays are biased.
 
-#![allow(clippy::unwrap_used, clippy::print_stdout, reason = "tests")]
-
 use crate::support::engine;
 use beamlet::Backend;
 use beamlet::ndarray::Axis;

@@ -6,11 +6,6 @@
 //! Measured is the peak resident set of the process, which on a CPU device holds the device's
 //! memory too; on other devices there is nothing to compare.
 #![cfg(all(feature = "cli", target_os = "linux"))]
-#![expect(
-    clippy::unwrap_used,
-    clippy::print_stdout,
-    reason = "a test that cannot go on has failed; sizes are the result"
-)]
 
 use beamlet::internals::gpu::{Device, DeviceKind, DeviceOptions};
 use std::fs::{self, File};
@@ -74,7 +69,6 @@ fn sphere(path: &Path, meridians: u32) -> u32 {
     count
 }
 
-#[expect(clippy::cast_possible_truncation, reason = "rounding to f32 is meant")]
 fn single(value: f64) -> f32 {
     value as f32
 }

@@ -3,11 +3,6 @@
 //! Ignored by default: minutes, 5 GiB of disk, and `tifffile` from the Python package index.
 //! `cargo test --release --test runs -- big_tiff:: --include-ignored --nocapture`
 #![cfg(all(feature = "cli", target_os = "linux"))]
-#![expect(
-    clippy::unwrap_used,
-    clippy::print_stdout,
-    reason = "a test that cannot go on has failed; times and sizes are the result"
-)]
 
 use crate::support::program::{Workplace, ended};
 use std::ffi::OsStr;

@@ -2,8 +2,6 @@
 //! progress.log names is whole, nothing else counts, and `--resume` ends with the same bits.
 //! `BEAMLET_KILLS` in the environment is the number of kills of each kind of run (docs/developers/reliability.md).
 #![cfg(all(feature = "cli", unix))]
-#![allow(clippy::print_stdout, reason = "measured figures are printed")]
-#![expect(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
 
 #[cfg(target_os = "linux")]
 use crate::support::gate::{Gate, Held};

@@ -1,6 +1,5 @@
 //! Inputs without end, or larger than memory: refused by their kind or length, or read in parts.
 #![cfg(all(feature = "cli", unix))]
-#![expect(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
 
 #[cfg(target_os = "linux")]
 use crate::support::gate::{Gate, Held};

@@ -1,7 +1,5 @@
 //! The order of the frames of a folder: by all numbers in the names, or refused.
 
-#![allow(clippy::unwrap_used, reason = "tests")]
-
 use beamlet::stack::StackFile;
 use std::fs::{self, File};
 use std::path::Path;

@@ -1,6 +1,15 @@
 //! What is on disk: stacks as they are written and read, runs that were ended, damaged or
 //! made by others, and inputs at the ends of what is allowed.
 
+#![allow(
+    clippy::unwrap_used,
+    clippy::expect_used,
+    clippy::print_stdout,
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    reason = "a test that cannot go on has failed; numbers of tests are small, and its figures are printed"
+)]
+
 #[path = "../support/mod.rs"]
 mod support;
 

@@ -1,7 +1,6 @@
 //! Memory of one beamlet and row with thousands of silhouettes, with the real program: within what
 //! `check` tells and within a limit, or an error that says so.
 #![cfg(all(feature = "cli", target_os = "linux"))]
-#![expect(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
 
 use super::big_input::{check, is_one_process, watched};
 use std::fs;

@@ -1,9 +1,6 @@
 //! Parts of a run: the bits of one run in each format, with counts, also where parts and the join are
 //! ended at random moments; and refusals of parts that do not belong together.
 
-#![allow(clippy::print_stdout, reason = "measured figures are printed")]
-#![expect(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
-
 use super::crash::{Dice, assert_same, end, kills};
 use crate::support::program::{Workplace, ended};
 use std::fs;

@@ -1,7 +1,5 @@
 //! Sinks: what goes in comes out through other readers, and only what is committed counts.
 
-#![expect(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
-
 use crate::support::files;
 use beamlet::scene::{
     Beam, Detector, Exposure, MaskBody, MaskSpec, Object, Scan, Scene, Shape, Source,

@@ -1,8 +1,5 @@
 //! Reading stacks: every format and sample type to the same values, and what is refused.
 
-#![allow(clippy::unwrap_used, clippy::expect_used, reason = "tests")]
-#![allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "small numbers")]
-
 use beamlet::stack::{OpenRun, StackFile};
 use ndarray::{Array, Array2, Array3, Array4, Dimension, s};
 use ndarray_npy::{WritableElement, write_npy};

@@ -1,7 +1,5 @@
 //! TIFF pages of other programs: samples whose white is zero, and pages that are no frames.
 
-#![allow(clippy::unwrap_used, reason = "tests")]
-
 use beamlet::stack::StackFile;
 use ndarray::{Array3, s};
 use std::fs::{self, File};
@@ -76,7 +74,6 @@ fn samples_whose_white_is_zero_are_the_stored_numbers() {
             assert_eq!(frame, values().slice_move(s![index, rows, ..]), "{what}, page {index}");
         }
     };
-    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "small numbers")]
     for big in [false, true] {
         macro_rules! written {
             ($color:ty, $value:expr) => {
@@ -162,11 +159,6 @@ fn one_directory(about: &str, compression: u32) -> Vec<u8> {
     bytes.extend(text.as_bytes());
     assert_eq!(bytes.len(), first);
     for value in &values {
-        #[expect(
-            clippy::cast_possible_truncation,
-            clippy::cast_sign_loss,
-            reason = "whole numbers"
-        )]
         bytes.extend((*value as u16).to_be_bytes());
     }
     bytes

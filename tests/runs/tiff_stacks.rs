@@ -1,7 +1,5 @@
 //! TIFF stacks of runs: what other readers find in them, and what a run does with them.
 
-#![expect(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
-
 use crate::support::program::{Workplace, ended};
 use beamlet::stack::StackFile;
 use std::fs::File;

@@ -174,7 +174,6 @@ fn rounding_to_f32_far_from_the_origin_makes_no_crossings() {
             object.placement.position = [far, 0.7 * far, 0.0];
             let mut mesh = Arrays::of_object(object);
             for number in mesh.0.as_flattened_mut() {
-                #[expect(clippy::cast_possible_truncation, reason = "rounding is the point")]
                 let rounded = *number as f32;
                 *number = f64::from(rounded);
             }

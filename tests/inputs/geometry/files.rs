@@ -22,7 +22,6 @@ fn read(directory: &Path, name: &str, bytes: &[u8]) -> beamlet::Result<Sample> {
 fn part() -> Arrays {
     let mut part = Arrays::of(Shape::Cylinder { radius: 4e-3, height: 16e-3, sides: Some(60) });
     for number in part.0.as_flattened_mut() {
-        #[expect(clippy::cast_possible_truncation, reason = "rounding to f32 is the point")]
         let rounded = (*number * 1e3) as f32;
         *number = f64::from(rounded);
     }
@@ -37,7 +36,6 @@ fn binary(Arrays(vertices, triangles): &Arrays, header: &[u8]) -> Vec<u8> {
         bytes.extend([0; 12]);
         for vertex in triangle {
             for number in vertices[*vertex as usize] {
-                #[expect(clippy::cast_possible_truncation, reason = "exact by construction")]
                 bytes.extend((number as f32).to_le_bytes());
             }
         }

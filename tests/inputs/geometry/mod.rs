@@ -1,7 +1,5 @@
 //! Geometry: shapes, files, closedness, orientation, nesting, clearance.
 
-#![allow(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
-
 mod clearance;
 mod defects;
 mod experiments;

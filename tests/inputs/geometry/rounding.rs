@@ -27,7 +27,6 @@ fn bracket(at: f64, changed: impl Fn(f64, usize) -> f64) -> Arrays {
     Arrays(all, (0..count).step_by(3).map(|k| [k, k + 1, k + 2]).collect())
 }
 
-#[expect(clippy::cast_possible_truncation, reason = "rounding is the point")]
 fn single(value: f64) -> f32 {
     value as f32
 }

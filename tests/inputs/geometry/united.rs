@@ -42,7 +42,6 @@ fn cuboid(size: [f64; 3], middle: [f64; 3]) -> Arrays {
 /// Vertices as STL and the like hold them.
 fn rounded(mut mesh: Arrays) -> Arrays {
     for number in mesh.0.as_flattened_mut() {
-        #[expect(clippy::cast_possible_truncation, reason = "rounding is the point")]
         let single = *number as f32;
         *number = f64::from(single);
     }

@@ -1,13 +1,5 @@
 //! Instances of objects: keys, files of positions, packings.
 
-#![allow(clippy::unwrap_used, reason = "clippy exempts tests, but not what they call")]
-#![allow(clippy::float_cmp, reason = "scales and heights that are set, and not computed")]
-#![allow(
-    clippy::cast_possible_truncation,
-    clippy::cast_sign_loss,
-    reason = "cells and layers, which are few and not negative"
-)]
-
 mod files;
 mod keys;
 mod packings;

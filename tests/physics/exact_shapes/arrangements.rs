@@ -245,7 +245,6 @@ impl Found {
     }
 
     /// Prints what was compared, and fails where anything differs.
-    #[allow(clippy::print_stdout, reason = "measured figures are what this is for")]
     fn hold(self, name: &str) {
         let Self { ways, bends, lists, compared, arrangements, cut, worst } = self;
         println!(

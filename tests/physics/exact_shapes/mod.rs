@@ -4,7 +4,8 @@
 #![allow(
     clippy::cast_possible_truncation,
     clippy::cast_sign_loss,
-    reason = "counts are small; rays are rounded to f32 as the engine takes them"
+    clippy::print_stdout,
+    reason = "counts are small; rays are rounded to f32 as the engine takes them; figures are printed"
 )]
 
 mod arrangements;

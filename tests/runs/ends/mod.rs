@@ -1,7 +1,6 @@
 //! The ends of what a scene may ask for, and what may happen beside a run, with the real program:
 //! done with rays in balance, or refused with a reason.
 #![cfg(all(feature = "cli", target_os = "linux"))]
-#![expect(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
 
 mod beside;
 mod memory;

@@ -1,7 +1,6 @@
 //! The real program on runs that lost something or whose inputs changed: what is damaged is made
 //! again and named, nothing whole is touched, and two beams are never mixed.
 #![cfg(feature = "cli")]
-#![expect(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
 
 mod derived;
 mod npy;

@@ -1,7 +1,6 @@
 //! What is on disk stays: the program replaces nothing that it reads, nothing through a link,
 //! nothing of others, nothing while another writes it, and nothing on a full disk.
 #![cfg(all(feature = "cli", unix))]
-#![expect(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
 
 mod directory;
 mod full_disk;
