@@ -116,7 +116,7 @@ fn tapered_bars_match_paths_cut_wall_by_wall() {
             }
         }
     }
-    for case in sample(cases, 5) {
+    for case in sample(cases, 11) {
         compare(&engine, &mut worst, case);
     }
     worst.holds();
@@ -158,7 +158,7 @@ fn bars_of_layers_match_paths_cut_layer_by_layer() {
             }
         }
     }
-    for case in sample(cases, 7) {
+    for case in sample(cases, 13) {
         compare(&engine, &mut worst, case);
     }
     worst.holds();

@@ -3,10 +3,8 @@
 //! With `BEAMLET_COMPLETE` Chromium has to be there (`.ci/setup --tests` installs Debian's); elsewhere
 //! what needs it is left out with a message. `BEAMLET_CHROMIUM` names another program.
 
-#![expect(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
-
 use crate::support::program::{beamlet, copy_of, done, run};
-use crate::support::{complete, sample};
+use crate::support::{complete, everything, sample};
 use beamlet::retrieve::Record;
 use ndarray::Array3;
 use ndarray_npy::write_npy;
@@ -191,7 +189,7 @@ fn controls_of_the_page_work_at_two_widths_and_the_console_is_silent() {
         assert_eq!(verdict.checks.len(), 58, "{width}: every check was made");
     }
 
-    // The exploration is no proof unless it fails on a page that is broken. Every third fault is taken; all
+    // The exploration is no proof unless it fails on a page that is broken. Two faults are taken; all
     // of them with `BEAMLET_ALL`.
     let faults = vec![
         ("step.addEventListener(\"input\"", "step.addEventListener(\"other\"", "step slider"),
@@ -215,7 +213,7 @@ fn controls_of_the_page_work_at_two_widths_and_the_console_is_silent() {
         ("\nbegin();", "\nbegin();\nundefined_function();", "undefined_function"),
         ("\nbegin();", "\nbegin();\nconsole.error('on purpose');", "on purpose"),
     ];
-    for (right, wrong, named) in sample(faults, 3) {
+    for (right, wrong, named) in sample(faults, 7) {
         assert!(page.contains(right), "{right}");
         let broken = explore(&program, place.path(), &page.replacen(right, wrong, 1), 1400, true);
         let failed = broken.failed().join("\n");
@@ -236,9 +234,14 @@ fn controls_of_a_noise_free_page_work_without_an_error() {
     let verdict = explore(&program, place.path(), &page, 1400, false);
     assert!(verdict.failed().is_empty(), "{:#?}", verdict.failed());
     assert_eq!(verdict.checks.len(), 58, "every check was made");
-    // A page that shows errors does not pass as one that has none.
-    let wrong = explore(&program, place.path(), &page, 1400, true).failed().join("\n");
-    assert!(wrong.contains("with its error") && wrong.contains("band of its errors"), "{wrong}");
+    if everything() {
+        // A page that shows errors does not pass as one that has none.
+        let wrong = explore(&program, place.path(), &page, 1400, true).failed().join("\n");
+        assert!(
+            wrong.contains("with its error") && wrong.contains("band of its errors"),
+            "{wrong}"
+        );
+    }
 }
 
 #[test]

@@ -1,11 +1,9 @@
 //! Every design of docs/designs.md with a retrieval: a wedge, a sphere and a fibre behind a plate, simulated and
 //! retrieved, and the share of noisy values within their uncertainty.
 
-#![allow(clippy::unwrap_used, reason = "tests")]
-
 use crate::groups::retrieve;
 use crate::reference::draws::Draws;
-use crate::support::engine;
+use crate::support::{engine, sample};
 use beamlet::Backend;
 use beamlet::retrieve::{Method, RetrieveOptions, RetrievedArrays};
 use beamlet::scene::Scene;
@@ -372,14 +370,13 @@ fn coverage(
     known.map(|(name, [within, all])| (name, within as f64 / all as f64, all)).collect()
 }
 
-/// T within 1 %, and α within 1 % of the largest angle, behind each body (2 % of a pattern); 68 % of the noisy values
+/// Every other design; all with `BEAMLET_ALL`. T within 1 %, and α within 1 % of the largest angle, behind each body (2 % of a pattern); 68 % of the noisy values
 /// within their uncertainty, to three deviations of a share of their number and 2 %.
 #[test]
 fn each_design_gives_a_wedge_a_sphere_and_a_fibre_within_1_percent() {
     let engine = engine(Backend::Bvh);
     let mut wrong = String::new();
-    for design in designs() {
-        let began = std::time::Instant::now();
+    for design in sample(designs(), 2) {
         let scene = design.scene();
         let stacks = engine.simulate(&scene).unwrap();
         let flat = stacks.flat.mapv(f64::from).insert_axis(Axis(0));
@@ -407,7 +404,7 @@ fn each_design_gives_a_wedge_a_sphere_and_a_fibre_within_1_percent() {
                 let _ = writeln!(wrong, "{}, {name}: {share} of {all}", design.name);
             }
         }
-        println!("{line} | {:.1} s", began.elapsed().as_secs_f64());
+        println!("{line}");
     }
     assert!(wrong.is_empty(), "\n{wrong}");
 }

@@ -1,10 +1,8 @@
 //! Simulated runs of two-dimensional masks, retrieved by their scene: both directions of the refraction behind a
 //! wedge, with a plate that absorbs.
 
-#![allow(clippy::unwrap_used, reason = "tests")]
-
 use crate::retrieve_cli::{bad, good};
-use crate::support::Worst;
+use crate::support::{Worst, sample as taken};
 use ndarray::Array3;
 use ndarray_npy::read_npy;
 use std::fs;
@@ -89,14 +87,12 @@ fn simulate(folder: &Path, scene: &str) {
 #[test]
 fn beamlets_of_a_scene_give_both_angles_of_a_wedge_within_1_percent() {
     let place = tempfile::tempdir().unwrap();
-    for (index, aperture) in [
+    let apertures = vec![
         "shape = \"rectangle\"\naperture = \"16 um\"\naperture_z = \"20 um\"",
         "shape = \"round\"\naperture = \"16 um\"",
         "shape = \"round\"\nlattice = \"hexagonal\"\naperture = \"16 um\"",
-    ]
-    .into_iter()
-    .enumerate()
-    {
+    ];
+    for (index, aperture) in taken(apertures, 2).enumerate() {
         let folder = place.path().join(index.to_string());
         fs::create_dir(&folder).unwrap();
         let scene = format!(
@@ -162,7 +158,9 @@ fn runs_behind_patterns_are_refused_by_name() {
                  pattern = [\"0110\", \"1001\", \"0101\"]\npattern_pixel = \"5 um\"\n\
                  [detector]\ndistance = \"1.5 m\"\npixels = [12, 10]\npitch = \"8 um\"\n\
                  [scan]\nmask_offsets = [\"-5 um\", \"0 um\", \"5 um\"]\n";
-    simulate(place.path(), scene);
+    let set_up = SET_UP.replace("1e-5", "1e-2");
+    fs::write(place.path().join("scene.toml"), format!("{set_up}{scene}")).unwrap();
+    good(place.path(), &["simulate", "scene.toml", "-o", "run", "-q"]);
     for method in [&[][..], &["--method", "gaussian"], &["--method", "exact-curve"]] {
         let words = [&["retrieve", "run", "-o", "images"], method].concat();
         bad(place.path(), &words, 1, "sample_mask.pattern: found a list of apertures");

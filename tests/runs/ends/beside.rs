@@ -1,9 +1,9 @@
 //! What happens beside a run: clocks that jump, folders that cannot be closed,
 //! numbers of threads, and readers.
 
-use super::{beamlet, code_and_stderr, workplace};
+use super::{SCENE, beamlet, code_and_stderr};
 use crate::support::gate::{Gate, Held, preloaded};
-use crate::support::program::ended;
+use crate::support::program::{Workplace, ended};
 use std::fs;
 use std::path::Path;
 
@@ -70,6 +70,11 @@ int closedir(DIR *folder) {
 }
 "#;
 
+/// A detector of few pixels: the program starts many times.
+fn small_workplace() -> Workplace {
+    Workplace::new(&SCENE.replace("[64, 8]", "[16, 4]"))
+}
+
 /// Files of a run that are the same whenever it is made, with their bytes.
 fn contents(run: &Path) -> Vec<(String, Vec<u8>)> {
     let names = ["scene.toml", "progress.log", "flat.npy", "sample.npy"];
@@ -83,7 +88,7 @@ fn words(to: &str) -> Vec<&str> {
 
 #[test]
 fn clocks_that_jump_change_nothing() {
-    let place = workplace();
+    let place = small_workplace();
     let clocks = preloaded("clocks", CLOCKS);
     let left_alone = place.beamlet(&words("alone"));
     assert_eq!(left_alone.status.code(), Some(0), "{left_alone:?}");
@@ -103,7 +108,7 @@ fn clocks_that_jump_change_nothing() {
 
 #[test]
 fn folders_whose_closing_fails_are_read_all_the_same() {
-    let place = workplace();
+    let place = small_workplace();
     let folders = preloaded("folders", FOLDERS);
     let simulate = ["simulate", "scene.toml", "-o", "run", "-q"];
     let commands: [&[&str]; 9] = [
@@ -125,7 +130,7 @@ fn folders_whose_closing_fails_are_read_all_the_same() {
 
 #[test]
 fn more_threads_than_are_allowed_are_a_warning() {
-    let place = workplace();
+    let place = small_workplace();
     ended(&place.beamlet(&["simulate", "scene.toml", "-o", "run", "-q", "--backend", "bvh"]), 0);
     let mut command = beamlet(&place.path(""), &["retrieve", "run"]);
     let message = ended(&command.env("RAYON_NUM_THREADS", "999999").output().unwrap(), 0);
@@ -134,7 +139,7 @@ fn more_threads_than_are_allowed_are_a_warning() {
 
 #[test]
 fn readers_of_a_run_in_the_making_get_an_answer_and_do_not_disturb_it() {
-    let place = workplace();
+    let place = small_workplace();
     assert_eq!(place.beamlet(&words("alone")).status.code(), Some(0));
     let commands: [&[&str]; 5] = [
         &["check", "run"],
