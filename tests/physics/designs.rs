@@ -339,38 +339,6 @@ fn a_shifted_aperture_samples_the_curve_at_its_shift() {
     worst.holds();
 }
 
-#[test]
-fn designs_that_are_no_mask_are_refused_by_name() {
-    let refused = |design: &dyn Fn(&mut Scene), words: &[&str]| {
-        let mut scene = sheets([8, 1], 0.0);
-        design(&mut scene);
-        let error = engine(Backend::Bvh).simulate(&scene).unwrap_err().to_string();
-        assert!(words.iter().all(|word| error.contains(word)), "{error}");
-    };
-    let shift = |scene: &mut Scene| scene.sample_mask.as_mut().unwrap().shifts = vec![0.0, 90e-6];
-    refused(&shift, &["sample_mask.shifts", "bars between them"]);
-    let list = |scene: &mut Scene| {
-        scene.detector_mask.as_mut().unwrap().apertures = vec![[-30e-6, 0.0], [-5e-6, 20e-6]];
-    };
-    refused(&list, &["detector_mask.apertures[1]", "ascending order"]);
-    let plate = |scene: &mut Scene| {
-        scene.detector_mask.as_mut().unwrap().substrate = Some(Substrate::new("silicon", 1e-3));
-        scene.sampling.transport = beamlet::scene::Transport::Wave;
-    };
-    refused(&plate, &["sampling.transport", "the substrate of detector_mask"]);
-    let wave = |scene: &mut Scene| {
-        scene.sample_mask.as_mut().unwrap().shifts = vec![0.0, 5e-6];
-        scene.sampling.transport = beamlet::scene::Transport::Wave;
-    };
-    refused(&wave, &["sampling.transport", "several slits in a period of sample_mask"]);
-    let thick = |scene: &mut Scene| {
-        scene.detector.pixels = [2000, 1];
-        gold(scene, 500e-6);
-        scene.sample_mask.as_mut().unwrap().shifts = vec![0.0, 5e-6];
-    };
-    refused(&thick, &["sample_mask.thickness", "shadow"]);
-}
-
 /// Silicon of 2.33 g/cm3 in a plate of 0.5 mm, under the angle of each pixel.
 #[test]
 fn a_substrate_attenuates_flat_and_sample_along_the_ray() {

@@ -19,7 +19,7 @@ use beamlet::Backend;
 use beamlet::material::constants_at;
 use beamlet::scene::{
     ApertureLattice, ApertureShape, Beam, MaskBody, MaskSpec, Pattern, RandomRays, Rectangle,
-    Refine, Scene, Scheme, SpectrumOrigin, SpectrumSpec, Substrate, Transport,
+    Refine, Scene, Scheme, SpectrumOrigin, SpectrumSpec, Substrate,
 };
 use ndarray::{Array2, Array3};
 
@@ -479,57 +479,6 @@ fn cells_behind_a_pattern_are_the_mean_of_random_rays() {
     case.masks[0] =
         case.masks[0].map(|mask| Planned { period: [210e-6, 180e-6], ..mask }.patterned(CODED));
     compare_with_random("pattern, cells against random rays", &case);
-}
-
-#[test]
-fn what_apertures_that_end_along_z_do_not_serve_is_refused_by_name() {
-    let scene = Case::rectangles([2, 2], 0.0).scene(&[], &STEPS);
-    let refused = |change: &dyn Fn(&mut Scene), key: &str| {
-        let mut scene = scene.clone();
-        change(&mut scene);
-        let error = scene.validate().expect_err(key).to_string();
-        assert!(error.contains(key), "{error}");
-    };
-    assert!(scene.validate().is_ok());
-    let mask = |change: fn(&mut MaskSpec)| {
-        move |scene: &mut Scene| scene.sample_mask.iter_mut().for_each(change)
-    };
-    refused(&|scene| scene.sampling.transport = Transport::Wave, "sampling.transport");
-    refused(&|scene| scene.scan.mask_offsets_z.truncate(1), "scan.mask_offsets");
-    refused(&mask(|mask| mask.shape = ApertureShape::Slit), "sample_mask.aperture_z");
-    refused(&mask(|mask| mask.aperture_z = Some(81e-6)), "sample_mask.aperture_z");
-    refused(&mask(|mask| mask.period_z = Some(10e-9)), "sample_mask.period_z");
-    let slits = |mask: &mut MaskSpec| {
-        (mask.shape, mask.aperture_z, mask.period_z) = (ApertureShape::Slit, None, None);
-        mask.lattice = ApertureLattice::Hexagonal;
-    };
-    refused(&mask(slits), "sample_mask.lattice");
-    let thick = |mask: &mut MaskSpec| {
-        mask.body = MaskBody::Bars { material: "gold".into(), thickness: 0.15 };
-    };
-    refused(&mask(thick), "sample_mask.thickness");
-    let pattern = |rows: &[&[bool]]| {
-        let open = rows.concat();
-        Pattern::new(Array2::from_shape_vec((rows.len(), rows[0].len()), open).expect("rows"))
-    };
-    let of_pattern = |rows: &[&[bool]], thick: bool| {
-        let pattern = pattern(rows);
-        move |scene: &mut Scene| {
-            let mask =
-                scene.sample_mask.take().map(|mask| mask.with_pattern(pattern.clone(), [50e-6; 2]));
-            scene.sample_mask = mask.map(|mut mask| {
-                if thick {
-                    mask.body = MaskBody::Bars { material: "gold".into(), thickness: 1e-6 };
-                }
-                mask
-            });
-        }
-    };
-    refused(&of_pattern(&[&[true, false]], true), "sample_mask.thickness");
-    refused(&of_pattern(&[&[true, true]], false), "sample_mask.pattern");
-    refused(&of_pattern(&[&[false, false]], false), "sample_mask.pattern");
-    // Steps along z change nothing behind slits.
-    refused(&|scene| scene.sample_mask = None, "scan.mask_offsets[");
 }
 
 /// Compares cells with random rays by the change that a ball makes: flat and sample have the same random rays, so that

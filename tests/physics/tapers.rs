@@ -10,8 +10,8 @@ use beamlet::Backend;
 use beamlet::internals::trace::MaterialTable;
 use beamlet::material::constants_at;
 use beamlet::scene::{
-    ApertureShape, BarLayer, Beam, Detector, MaskBody, MaskSpec, MaterialSpec, Scene, Source,
-    SpectrumOrigin, SpectrumSpec, Transport,
+    BarLayer, Beam, Detector, MaskBody, MaskSpec, MaterialSpec, Scene, Source, SpectrumOrigin,
+    SpectrumSpec,
 };
 
 /// As for bars whose walls are parallel to the axis (`bars.rs`).
@@ -302,61 +302,4 @@ fn bars_of_layers_under_a_spectrum_match_paths_at_each_energy() {
         }
     }
     worst.holds();
-}
-
-#[test]
-fn tapers_that_no_mask_has_are_refused_by_name() {
-    let refused = |change: &dyn Fn(&mut Scene, &mut MaskSpec), words: &[&str]| {
-        let case =
-            Case { tapers: [0.0; 2], thickness: [225e-6; 2], mu: GOLD, layers: WHOLE, spot: 30e-6 };
-        let mut scene = case.scene([8, 1]);
-        let mut mask = scene.sample_mask.take().unwrap();
-        mask.taper = 1.0_f64.to_radians();
-        change(&mut scene, &mut mask);
-        scene.sample_mask = Some(mask);
-        let error = engine(Backend::Bvh).simulate(&scene).unwrap_err().to_string();
-        assert!(words.iter().all(|word| error.contains(word)), "{error}");
-    };
-    let sheet = MaskBody::Sheet { transmission: 0.0 };
-    refused(&|_, mask| mask.body = sheet.clone(), &["sample_mask.taper", "1 deg with a sheet"]);
-    for angle in [6.0_f64, -6.0] {
-        let steep = |_: &mut Scene, mask: &mut MaskSpec| mask.taper = angle.to_radians();
-        refused(&steep, &["sample_mask.taper", "at a face", "20 um"]);
-    }
-    refused(&|_, mask| mask.taper = 1.0, &["sample_mask.taper", "45 deg"]);
-    let round = |_: &mut Scene, mask: &mut MaskSpec| {
-        *mask = mask.clone().with_heights(ApertureShape::Round, 20e-6, 100e-6);
-    };
-    refused(&round, &["sample_mask.taper", "end along z"]);
-    let wide = |scene: &mut Scene, mask: &mut MaskSpec| {
-        scene.detector.pixels = [1200, 1];
-        mask.taper = 4.0_f64.to_radians();
-    };
-    refused(&wide, &["sample_mask.thickness", "shadow", "a taper"]);
-    let wave = |scene: &mut Scene, _: &mut MaskSpec| scene.sampling.transport = Transport::Wave;
-    refused(&wave, &["sampling.transport", "the tapered bars of sample_mask"]);
-    let layered = |count: usize, mask: &mut MaskSpec| {
-        mask.taper = 0.0;
-        mask.body = MaskBody::Layers { layers: vec![BarLayer::new("gold", 100e-6); count] };
-    };
-    for count in [0, 17] {
-        let change = |_: &mut Scene, mask: &mut MaskSpec| layered(count, mask);
-        refused(&change, &["sample_mask.layers", "1 to 16"]);
-    }
-    let change = |_: &mut Scene, mask: &mut MaskSpec| {
-        layered(2, mask);
-        *mask = mask.clone().with_heights(ApertureShape::Round, 20e-6, 100e-6);
-    };
-    refused(&change, &["sample_mask.layers", "end along z"]);
-    let change = |scene: &mut Scene, mask: &mut MaskSpec| {
-        layered(3, mask);
-        scene.detector.pixels = [1200, 1];
-        mask.aperture = 10e-6;
-    };
-    refused(&change, &["sample_mask.layers", "several layers"]);
-    let change = |scene: &mut Scene, mask: &mut MaskSpec| {
-        layered(2, mask);
-        scene.sampling.transport = Transport::Wave;
-    };
-    refused(&change, &["sampling.transport", "bars of several layers in sample_mask"]);
 }

@@ -170,8 +170,8 @@ fn check_warns_without_an_estimate_as_with_one() {
     for (options, words) in [
         ("--set scan.mask_offsets={from=\"-12um\",to=\"12um\",count=5}", "cover -1."),
         ("--set scan.mask_offsets={from=\"-60um\",to=\"60um\",count=13}", "beyond half a period"),
-        ("--set sample_mask.thickness=4um", "the bars of sample_mask transmit"),
-        ("--set detector_mask.thickness=4um", "the bars of detector_mask transmit"),
+        ("--set sample_mask.thickness=70um", "the bars of sample_mask transmit 2.4 %"),
+        ("--set detector_mask.thickness=70um", "the bars of detector_mask transmit 2.4 %"),
     ] {
         let with = warnings(options);
         let without = warnings(&format!("{options} --no-estimate"));

@@ -5,8 +5,7 @@ use beamlet::scene::{
     Beam, Detector, Exposure, MaskBody, MaskSpec, Object, Scan, Scene, Shape, Source,
 };
 use beamlet::stack::{
-    ArraySink, CallbackSink, Format, OpenRun, RunDirectory, RunFile, RunStart, RunState, Sink,
-    StackShape,
+    ArraySink, CallbackSink, Format, OpenRun, RunDirectory, RunStart, RunState, Sink, StackShape,
 };
 use beamlet::{Backend, Error, RunRecord, SearchCounts};
 use ndarray::{Array3, Array4, s};
@@ -152,20 +151,6 @@ fn bands_do_not_change_a_byte() {
 }
 
 #[test]
-fn a_finished_run_leaves_nothing_but_its_files() {
-    let temporary = tempfile::tempdir().unwrap();
-    run_in(temporary.path(), Format::Exr, 2);
-    let names: Vec<String> = files::of_run(temporary.path())
-        .into_keys()
-        .map(|path| path.display().to_string())
-        .filter(|name| !name.ends_with(".exr"))
-        .collect();
-    assert_eq!(names, ["geometry.json", "progress.log", "scene.toml"]);
-    assert_eq!(RunFile::read(&temporary.path().join("run.json")).unwrap().state, RunState::Done);
-    assert!(!temporary.path().join("partial").exists());
-}
-
-#[test]
 fn nothing_is_written_before_the_run_begins() {
     let temporary = tempfile::tempdir().unwrap();
     let path = temporary.path().join("run");
@@ -191,31 +176,6 @@ fn a_view_that_is_not_committed_leaves_no_file_that_counts() {
         let resumed = RunDirectory::resume(temporary.path(), &scene()).unwrap();
         assert_eq!(resumed.committed(), [Exposure::Flat(0)]);
         assert_eq!(resumed.recorded().unwrap().state, RunState::Interrupted);
-    }
-}
-
-#[test]
-fn a_resumed_run_ends_with_the_bytes_of_an_uninterrupted_one() {
-    for format in [Format::Exr, Format::Npy, Format::Tiff] {
-        let temporary = tempfile::tempdir().unwrap();
-        let [whole, resumed] = ["whole", "resumed"].map(|name| temporary.path().join(name));
-        run_in(&whole, format, ROWS);
-        let mut sink = RunDirectory::create(&resumed, format, false).unwrap();
-        sink.begin(&scene(), &start()).unwrap();
-        put(&mut sink, Exposure::Flat(0), 2);
-        sink.commit(Exposure::Flat(0)).unwrap();
-        put(&mut sink, Exposure::Sample(0), 2);
-        drop(sink);
-        let mut sink = RunDirectory::resume(&resumed, &scene()).unwrap();
-        sink.begin(&scene(), &start()).unwrap();
-        for view in [Exposure::Sample(0), Exposure::Sample(1)] {
-            put(&mut sink, view, 2);
-            sink.commit(view).unwrap();
-        }
-        sink.finish(&record()).unwrap();
-        assert_eq!(files::of_run(&whole), files::of_run(&resumed));
-        let file = RunFile::read(&resumed.join("run.json")).unwrap();
-        assert_eq!((file.state, file.resumed_views), (RunState::Done, 1));
     }
 }
 

@@ -10,6 +10,28 @@ fn sphere(name: &str, radius: f64) -> beamlet::scene::Object {
     shape(name, Shape::Sphere { radius, sides: Some(40) })
 }
 
+/// What stands in the bore of a tube, exact or of facets, stands in what surrounds the tube.
+#[test]
+fn a_bore_is_no_part_of_its_tube() {
+    for sides in [None, Some(48)] {
+        let tube = Shape::Tube { outer: 1.3e-3, inner: 0.8e-3, height: 2e-3, sides };
+        let ball = |name: &str, radius: f64, x: f64| {
+            at(shape(name, Shape::Sphere { radius, sides }), [x, 0.0, 0.0])
+        };
+        let wire = shape("wire", Shape::Cylinder { radius: 0.2e-3, height: 4e-3, sides });
+        let objects = vec![
+            cube("box", 8e-3),
+            shape("tube", tube),
+            wire,
+            ball("in the wall", 0.1e-3, 1.05e-3),
+            ball("in the bore", 0.1e-3, 0.5e-3),
+        ];
+        let sample = load(&scene(objects)).unwrap();
+        let outside: Vec<Option<u32>> = sample.components.iter().map(|it| it.outside).collect();
+        assert_eq!(outside, [None, Some(0), Some(0), Some(1), Some(0)], "{sides:?}");
+    }
+}
+
 #[test]
 fn contained_object_listed_later_stands_in_its_container() {
     let sample = load(&scene(vec![

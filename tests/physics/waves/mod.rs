@@ -9,7 +9,6 @@ mod grazing;
 mod heights;
 mod inline;
 mod limits;
-mod refused;
 mod rough;
 mod rows;
 mod spectra;
