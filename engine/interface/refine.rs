@@ -231,14 +231,14 @@ shared_structs! {
         pub full_width: f32,
         /// Tolerance of mean displacements, m.
         pub tolerance: f32,
-        /// Standard deviation of the displacement that energies of a cell may have, m.
+        /// Standard deviation of the displacement that energies of a cell may have, m: along x on the analyser.
         pub spread: f32,
+        /// Along z on the detector.
+        pub spread_z: f32,
         /// Displacement that merged light may have at most, m.
         pub reach: f32,
         /// Rectangles below this share of the grazing incidence are traced exactly at each energy.
         pub repeated_below: f32,
-        /// To a multiple of 8 bytes.
-        pub unused: u32,
     }
 
     /// Parameters of the refinement of a group of patches.

@@ -144,6 +144,7 @@ Sums plus(Sums sums, AtNode at, float origin, vec3 light, vec2 narrowing) {
     sums.x += light * vec3(x - 0.5 * at.x.y, x, x + 0.5 * at.x.y);
     sums.x2 += light.y * (x * x + at.variance);
     sums.z += light.y * at.z;
+    sums.z2 += light.y * at.z * at.z;
     sums.slope_x += light.y * at.slope_x;
     sums.narrowing += light.y * narrowing;
     sums.narrowing_x += light.y * x * narrowing;

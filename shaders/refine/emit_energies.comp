@@ -131,7 +131,7 @@ void write_groups(Own own, GroupShares shares, uint slot, uint stride) {
     }
     float scale = max(S.full_width / own.beside.width, 1.0);
     // The effect of the third moment grows with the light.
-    float spread = S.spread * pow(scale, 1.0 / 3.0);
+    vec2 spread = vec2(S.spread, S.spread_z) * pow(scale, 1.0 / 3.0);
     Sums sums[SPECTRUM_GROUPS];
     uint slots[SPECTRUM_GROUPS];
     uint bands[SPECTRUM_GROUPS];

@@ -12,6 +12,7 @@ struct Sums {
     vec3 x;
     float x2;
     float z;
+    float z2;
     float slope_x;
     vec2 narrowing; // by either mask
     vec2 narrowing_x;
@@ -19,7 +20,7 @@ struct Sums {
 };
 
 Sums no_sums() {
-    return Sums(vec3(0.0), vec3(0.0), 0.0, 0.0, 0.0, vec2(0.0), vec2(0.0), vec2(0.0));
+    return Sums(vec3(0.0), vec3(0.0), 0.0, 0.0, 0.0, 0.0, vec2(0.0), vec2(0.0), vec2(0.0));
 }
 
 float variance_of(Sums sums) {
@@ -27,16 +28,22 @@ float variance_of(Sums sums) {
     return max(sums.x2 / sums.light.y - mean * mean, 0.0);
 }
 
+float variance_along_z(Sums sums) {
+    float mean = sums.z / sums.light.y;
+    return max(sums.z2 / sums.light.y - mean * mean, 0.0);
+}
+
 // Whether one cell has the light of several energies; `all`: light of the rectangle in all groups. It may err by
 // `scale` times the tolerances, and its displacements spread by so much.
-bool is_one(Sums sums, float all, float scale, float spread) {
+bool is_one(Sums sums, float all, float scale, vec2 spread) {
     if (any(lessThan(sums.light, vec3(DARK)))) return true;
     float part = sums.light.y / all;
     float bend = abs(sums.light.y / sqrt(sums.light.x * sums.light.z) - 1.0);
     vec3 x = sums.x / sums.light;
     float drift = abs(x.y - 0.5 * (x.x + x.z));
     return part * bend <= BEND * scale && part * drift <= S.tolerance * scale
-        && part * variance_of(sums) <= spread * spread;
+        && part * variance_of(sums) <= spread.x * spread.x
+        && part * variance_along_z(sums) <= spread.y * spread.y;
 }
 
 // Writes a cell row, of a list.

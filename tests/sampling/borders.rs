@@ -1,7 +1,7 @@
 //! Borders at which light changes, of pixels, rows and apertures, in scenes where an estimate may overlook them. Rays
 //! alone (the device) and sums over facets (the host) overlook other ones: each is held against the other.
 
-use crate::on_device::{apart, run};
+use crate::on_device::{apart, run, sum_over_energies};
 use crate::support::engine;
 use beamlet::Backend;
 use beamlet::scene::{Refine, Scene};
@@ -70,6 +70,25 @@ fn scene(parts: &[&str]) -> Scene {
     Scene::from_toml(&parts.concat(), std::path::Path::new(".")).expect("a scene")
 }
 
+/// Energies of one cell have one displacement along z: with those of all energies in one, whatever they differ by, values
+/// were 1e-3 off, with and without bars that leak.
+#[test]
+fn energies_that_refract_over_borders_of_rows_are_apart() {
+    let engine = engine(Backend::Bvh);
+    for leaks in ["transmission = 0\n", "transmission = 0.324\n"] {
+        let scene = scene(&[TUBE, SPOT, BALL[0], leaks, BALL[1]]);
+        let sum = sum_over_energies(&engine, &scene, 5e-5);
+        // The device merges what leaks, and rays alone overlook more at these borders.
+        for (place, most) in [(Refine::Host, 2e-4), (Refine::Device, 1e-3)] {
+            let [worst, rms] = apart(&run(&engine, &scene, place, 1e-4).0, &sum);
+            println!(
+                "measured borders, energies, {place:?}, {leaks:?}: worst {worst:.1e}, rms {rms:.1e}"
+            );
+            assert!(worst < most && rms < 0.4 * most, "{place:?}, {leaks}: {worst:e} {rms:e}");
+        }
+    }
+}
+
 #[test]
 fn light_at_borders_holds_the_tolerance() {
     let mean = &TUBE.replace("nodes = 4", "nodes = 1");
@@ -84,7 +103,7 @@ fn light_at_borders_holds_the_tolerance() {
         ("pixels in apertures", scene(&[ENERGY, point, BALL[0], opaque, BALL[1]]), 8e-4),
         ("borders that a detector blurs", scene(&[BLURRED]), 3e-4),
         ("steps on a line", scene(&[PRISM]), 2e-4),
-        ("bars that leak", scene(&[TUBE, SPOT, BALL[0], leaks, BALL[1]]), 2e-3),
+        ("bars that leak", scene(&[TUBE, SPOT, BALL[0], leaks, BALL[1]]), 1e-3),
     ];
     let engine = engine(Backend::Bvh);
     for (name, scene, most) in cases {

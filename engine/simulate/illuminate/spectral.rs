@@ -37,9 +37,11 @@ pub(crate) use on_device::EnergyTables;
 /// Groups with less light than this, of open beam, are left out, and nodes at the ends of the
 /// spectrum with less in a group.
 const NEGLIGIBLE: f64 = 1e-9;
-/// The displacement may spread over this share of the blur: the third moment that is left out
-/// then moves less than 2e-4 of the light at an edge.
+/// The displacement may spread over this share of the blur at a tolerance of 1e-3: the third moment that is left out
+/// then moves 2e-4 of the light at an edge. It goes with the third power of the spread.
 const SPREAD_SHARE: f64 = 0.15;
+/// The displacement along z may spread over this share of a row in any case: light of a line reaches over more.
+const SPREAD_OF_ROW: f64 = 0.02;
 /// Part of the tolerance of displacements that gathering energies may take.
 const DISPLACEMENT_SHARE: f64 = 1.0 / 6.0;
 /// Bend of the logarithm of light over a whole beamlet that parts energies.
@@ -78,6 +80,9 @@ pub(crate) struct EnergyBinning {
     slopes: Vec<f64>,
     /// Tolerance of displacements on the analyser, m.
     tolerance: f64,
+    /// Standard deviation of the displacement over the energies of a cell, at most, m: along x on the analyser, along z
+    /// on the detector.
+    spread: [f64; 2],
     gap: f64,
     ratio: f64,
     row_pitch: f64,
@@ -339,8 +344,7 @@ impl EnergyBinning {
         let all: f64 = of_node.map(|(share, term)| share * term.light()).sum();
         let scale = self.tolerance_scale(x);
         // The effect of the third moment grows with the light of the cell.
-        let spread =
-            (SPREAD_SHARE * self.lattice.edge_blur).max(self.tolerance) * libm::cbrt(scale);
+        let [spread_x, spread_z] = self.spread.map(|spread| spread * libm::cbrt(scale));
         for group in 0..self.groups.len() {
             let shares = &bars.shares[group * nodes..][..nodes];
             let all_nodes = &bars.nodes[group];
@@ -365,9 +369,9 @@ impl EnergyBinning {
                 }
                 // Cells of a cell row are sorted: the joined cells lie before this one.
                 self.push_joined(cell_row, group, scratch);
-                if (is_resolved && part * sums.displacement_variance() <= spread * spread)
-                    || band.len() == 1
-                {
+                let is_narrow = part * sums.displacement_variance() <= spread_x * spread_x
+                    && part * sums.variance_z() <= spread_z * spread_z;
+                if (is_resolved && is_narrow) || band.len() == 1 {
                     let node = |n: usize| {
                         let depth =
                             0.5 * (scratch.results[n][0].depth + scratch.results[n][1].depth);

@@ -176,7 +176,8 @@ impl<'a> Illumination<'a> {
         light
     }
 
-    /// Adds the light of a piece through an opening to values; all of it that passes windows.
+    /// Adds the light of a piece through an opening to values, parts of a spectrum apart; what passes windows, times its
+    /// refraction over that at the mean constants.
     fn add(&self, column: usize, piece: &Piece, opening: &Opening, values: &mut [f32]) -> f32 {
         let response = self.view.response;
         let steps = response.steps();
@@ -190,26 +191,29 @@ impl<'a> Illumination<'a> {
         let passed = between(piece.depth).map(|depth| response.hardening.light(depth));
         let light = 0.5 * (passed[0] + passed[1]) * response.weight * single(x[1] - x[0]);
         let displacement = between(piece.displacement);
-        let [low, high] =
-            [0, 1].map(|end| response.landing(column, single(x[end]), displacement[end]));
-        let (middle, half) = (0.5 * (low + high), 0.5 * (high - low).abs());
-        let mut all = 0.0;
-        let step = opening.step as usize;
-        for (kind, windows) in response.windows.iter().enumerate() {
-            let at = windows.landing(column, middle);
-            let half = half.max(LEAST_HALF * windows.period);
-            let home = (at / windows.period).round();
-            for number in [home - 1.0, home, home + 1.0] {
-                let share = windows.share * windows.passed(at - number * windows.period, half);
-                let index = numbers::whole::<i64>(number.into()).rem_euclid(WINDOWS);
-                let place = (kind * steps + step) * numbers::narrow::<usize>(WINDOWS);
-                values[place + numbers::narrow::<usize>(index)] += light * share;
-                all += light * share;
+        let (mut moved, step) = (0.0, opening.step as usize);
+        let [shares, ratios] = response.hardening.refraction();
+        for (part, ratio) in shares.into_iter().zip(ratios).filter(|(part, _)| *part > 0.0) {
+            let [low, high] = [0, 1]
+                .map(|end| response.landing(column, single(x[end]), ratio * displacement[end]));
+            let (middle, half) = (0.5 * (low + high), 0.5 * (high - low).abs());
+            for (kind, windows) in response.windows.iter().enumerate() {
+                let at = windows.landing(column, middle);
+                let half = half.max(LEAST_HALF * windows.period);
+                let home = (at / windows.period).round();
+                for number in [home - 1.0, home, home + 1.0] {
+                    let passed = windows.passed(at - number * windows.period, half);
+                    let passed = part * light * windows.share * passed;
+                    let index = numbers::whole::<i64>(number.into()).rem_euclid(WINDOWS);
+                    let place = (kind * steps + step) * numbers::narrow::<usize>(WINDOWS);
+                    values[place + numbers::narrow::<usize>(index)] += passed;
+                    moved += ratio * passed;
+                }
             }
         }
         let mean = 0.5 * (displacement[0] + displacement[1]);
         values[self.values_of_light() + step] += self.by_displacement * light * mean;
-        all
+        moved
     }
 
     /// Error of the light of a piece that has the exact ray through its middle alone: as if light changed half way to

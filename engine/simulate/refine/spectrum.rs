@@ -112,10 +112,10 @@ impl<'s> Spectrum<'s> {
             first_block: numbers::narrow::<i32>(self.blocks.start),
             full_width: self.tables.full_width,
             tolerance: self.tables.tolerance,
-            spread: self.tables.spread,
+            spread: self.tables.spread[0],
+            spread_z: self.tables.spread[1],
             reach: self.tables.reach,
             repeated_below: self.tables.repeated_below,
-            unused: 0,
         }];
         Ok(())
     }

@@ -1,8 +1,8 @@
 //! Energies for cells that are made on the device: flat tables of f32.
 
 use super::EnergyBinning;
+use super::FULL_SHARE;
 use super::bars::{FAINT, LITTLE};
-use super::{FULL_SHARE, SPREAD_SHARE};
 use crate::sampling::{CellBatch, CellMoments};
 use crate::trace::Tracer;
 use beamlet_core::Result;
@@ -37,9 +37,9 @@ pub(crate) struct EnergyTables {
     pub(crate) alike_rows: u32,
     /// Width of a cell of full accuracy, m.
     pub(crate) full_width: f32,
-    /// Tolerance of mean displacements, and limit of their spread over energies, m.
+    /// Tolerance of mean displacements, and limits of their spread over energies along x and z, m.
     pub(crate) tolerance: f32,
-    pub(crate) spread: f32,
+    pub(crate) spread: [f32; 2],
     /// Largest displacement of leaked light that is merged, m.
     pub(crate) reach: f32,
     /// Cells below this share of the grazing incidence are traced exactly at each energy.
@@ -76,7 +76,7 @@ impl EnergyBinning {
             repeated_below: single(
                 self.exact_retrace_threshold.iter().fold(0.0, |most: f64, it| most.max(*it)),
             ),
-            spread: single((SPREAD_SHARE * self.lattice.edge_blur).max(self.tolerance)),
+            spread: self.spread.map(single),
         }
     }
 

@@ -4,7 +4,7 @@
 use super::super::light::{IlluminationBuffer, SpectralBand};
 use super::edges::SharedEdges;
 use super::exact::exact_retrace_threshold;
-use super::{DISPLACEMENT_SHARE, EnergyBinning, NEGLIGIBLE};
+use super::{DISPLACEMENT_SHARE, EnergyBinning, NEGLIGIBLE, SPREAD_OF_ROW, SPREAD_SHARE};
 use crate::sampling::Lattice;
 use beamlet_core::Result;
 use beamlet_core::numbers::{count, single};
@@ -57,6 +57,9 @@ impl EnergyBinning {
             lattice.edge_blur,
             lattice.period * analyser / lattice.plane,
         );
+        let tolerances = optics.sampling.tolerances();
+        let tolerance = DISPLACEMENT_SHARE * tolerances.angle * optics.lever_arm;
+        let share = SPREAD_SHARE * libm::cbrt(tolerances.light / 1e-3).min(1.0);
         let mut spectral = Self {
             edges,
             acting: (0..materials).filter(acts).collect(),
@@ -75,7 +78,11 @@ impl EnergyBinning {
             groups: Vec::new(),
             slopes: lattice.beamlet_geometry(optics).iter().map(|c| c.slope.into()).collect(),
             lattice: lattice.clone(),
-            tolerance: DISPLACEMENT_SHARE * optics.sampling.tolerances().angle * optics.lever_arm,
+            tolerance,
+            spread: [
+                (share * lattice.edge_blur).max(tolerance),
+                (share * lattice.row_blur()).max(SPREAD_OF_ROW) * detector.pitch[1],
+            ],
             gap: optics.gap(),
             ratio: analyser / detector.distance,
             row_pitch: detector.pitch[1],

@@ -5,10 +5,10 @@ use std::ops::Range;
 
 /// Light of a cell at one energy, by the weight of which it is summed: all that sums are made of.
 #[derive(Debug, Clone, Copy, Default)]
-pub(super) struct Terms([f64; 13]);
+pub(super) struct Terms([f64; 14]);
 
 // At the low end, the middle and the high end: light, and light times displacement. In the
-// middle: times its square, displacement along z, slope; for either mask times narrowing, and times
+// middle: times its square, displacement along z and its square, slope; for either mask times narrowing, and times
 // narrowing and displacement.
 const LIGHT: usize = 0;
 const X: usize = 3;
@@ -17,6 +17,7 @@ const Z: usize = 7;
 const SLOPE_X: usize = 8;
 const NARROWING: usize = 9;
 const NARROWING_X: usize = 11;
+const Z2: usize = 13;
 
 impl Terms {
     /// Terms of a cell with these results at its ends, which lets these shares through there; `spread`:
@@ -30,6 +31,7 @@ impl Terms {
         let middle = (light[0] * light[1]).sqrt();
         let x = 0.5 * (low.x + high.x);
         let light_x = middle * x;
+        let z = 0.5 * (low.z + high.z);
         Self([
             light[0],
             middle,
@@ -38,12 +40,13 @@ impl Terms {
             light_x,
             light[1] * high.x,
             light_x * x + middle * spread,
-            middle * 0.5 * (low.z + high.z),
+            middle * z,
             middle * 0.5 * (low.slope_x + high.slope_x),
             middle * narrowings[0],
             middle * narrowings[1],
             light_x * narrowings[0],
             light_x * narrowings[1],
+            middle * z * z,
         ])
     }
 
@@ -55,7 +58,7 @@ impl Terms {
 
 /// Sums over the energies of a group, at the ends and the middle of a cell.
 #[derive(Debug, Clone, Copy, Default)]
-pub(super) struct BandSums([f64; 13]);
+pub(super) struct BandSums([f64; 14]);
 
 impl BandSums {
     pub(super) fn over(nodes: Range<usize>, shares: &[f64], terms: &[Terms]) -> Self {
@@ -111,6 +114,11 @@ impl BandSums {
     pub(super) fn displacement_variance(&self) -> f64 {
         let mean = self.mean(X + 1);
         (self.mean(X2) - mean * mean).max(0.0)
+    }
+
+    /// Variance of the displacement along z over the energies, in the middle.
+    pub(super) fn variance_z(&self) -> f64 {
+        (self.mean(Z2) - self.z() * self.z()).max(0.0)
     }
 
     /// Covariance over the energies of what bars narrowing and the displacement, in the middle.
