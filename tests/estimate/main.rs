@@ -7,7 +7,7 @@ use beamlet_reference as reference;
 mod support;
 
 use beamlet::check::Check;
-use beamlet::scene::{KernelFile, Normals, RandomRays, Scatter, Scene, Scheme};
+use beamlet::scene::{KernelFile, RandomRays, Scatter, Scene, Scheme};
 use beamlet::stack::ArraySink;
 use beamlet::{Backend, Control, RunRecord};
 use reference::scenes;
@@ -144,8 +144,8 @@ fn patches_full_of_silhouettes_are_in_the_memory_that_is_told() {
     }
     let teeth = carbon(teeth);
     let mut scene = scenes::scene(&Setup::paper([16, 4]), &[teeth], &[0.0]);
-    // Rays, not lines, know smooth normals.
-    scene.objects[0].normals = Normals::Smooth;
+    // Rays, not lines, know rough surfaces.
+    scene.objects[0].roughness = 1e-3;
     let blind = Check::of(&scene).run().expect("a report").work.memory;
     let told =
         Check::of(&scene).with_engine(&engine(Backend::Bvh)).run().expect("a report").work.memory;

@@ -50,7 +50,12 @@ impl PatchPlaces {
         let mut by_rays = vec![false; grid.count()];
         let mut bodies = vec![0_u32; grid.count()];
         let recorded = view.recorded_rows();
-        for (shadow, rays) in view.projected_bounds.iter().zip(&view.facets.by_rays) {
+        // Rectangles follow the slope of the displacement along z, which lines do not.
+        let is_curved = |component: usize| {
+            view.facets.triangles[component] == 0 || view.sample.components[component].smooth
+        };
+        for (component, shadow) in view.projected_bounds.iter().enumerate() {
+            let rays = view.facets.by_rays[component] || lattice.heights && is_curved(component);
             let beamlets = shadow.patches(lattice)[1].clone();
             for row in shadow.rows_that_count(lattice, &recorded, &grid.rows) {
                 for at in grid.in_row(row, beamlets.clone()) {
