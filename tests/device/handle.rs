@@ -138,8 +138,8 @@ fn traffic(engine: &Engine, views: usize, refine: Refine) -> Traffic {
 fn a_later_view_makes_no_buffer() {
     let engine =
         Engine::open(&options().with_profile(true).with_staging(true)).expect("a Vulkan device");
-    // A round of rays for each level of refinement, and the light of cells.
-    for (refine, most) in [(Refine::Host, 90), (Refine::Device, 16)] {
+    // A round of rays for each level of heights and of pieces near rims (100 on a quiet device), and the light of cells.
+    for (refine, most) in [(Refine::Host, 120), (Refine::Device, 16)] {
         let each = |_| {
             let [four, nine] = [4, 9].map(|views| traffic(&engine, views, refine));
             // The first run makes buffers for transfers.

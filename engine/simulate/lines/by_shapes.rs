@@ -1,6 +1,7 @@
 //! Lines through exact shapes: where the plane of a line begins and ends to cut a curved surface or a cap, and the
 //! chords of its rays, in closed form.
 
+use beamlet_core::numbers;
 use beamlet_geometry::{AnalyticForm, AnalyticShape, Placed};
 use glam::{DMat3, DVec3};
 
@@ -151,7 +152,11 @@ impl ShapeInBeam {
             let x = [pair[0].0, pair[1].0];
             let chords = self.chords(source, slopes(f64::midpoint(x[0], x[1]))).count();
             let rims = [pair[0].1, pair[1].1];
-            (chords > 0 && x[1] > x[0]).then_some(ShapeCut { x, rims, chords: chords as u32 })
+            (chords > 0 && x[1] > x[0]).then_some(ShapeCut {
+                x,
+                rims,
+                chords: numbers::count(chords),
+            })
         };
         ends.windows(2).filter_map(cut).collect()
     }
