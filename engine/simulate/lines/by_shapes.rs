@@ -241,7 +241,7 @@ impl Quadratic {
         Self { a, b: o.dot(d), c: o.length_squared() - 1.0, across: a }
     }
 
-    /// Of a surface of a radius that widens along z.
+    /// A surface whose radius changes along z by `widening` per length.
     fn round(&OwnRay { o, d }: &OwnRay, radius: f64, widening: f64) -> Self {
         let at = radius + widening * o.z;
         let [flat_o, flat_d] = [o, d].map(DVec3::truncate);

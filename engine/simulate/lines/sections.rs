@@ -40,7 +40,7 @@ type Numbers = [f64; 5];
 struct Section<'a> {
     /// Ends, m from the centre of the beamlet.
     x: [f64; 2],
-    /// What it adds to the signature of a ray.
+    /// Hash added to the signature of a ray.
     hash: u32,
     /// Crossings of a ray.
     crossings: u32,
@@ -109,10 +109,10 @@ impl Sums {
 struct Interval<'a> {
     x: [f64; 2],
     crossed: &'a [&'a Section<'a>],
-    /// Of the beamlet.
+    /// Openings of the beamlet.
     openings: &'a [Opening],
     place: &'a LinePlace,
-    /// Among those of the line.
+    /// Number of the interval on the line.
     number: u32,
 }
 
@@ -121,16 +121,20 @@ impl Interval<'_> {
         self.crossed.iter().any(|it| !matches!(it.form, Form::Flat { .. }))
     }
 
-    /// Place of a share of the interval, such that what rays cross is smooth in the share: depths grow with the root of
-    /// the distance from a rim.
-    fn place(&self, share: f64) -> f64 {
-        let rim = |end: usize| {
+    /// True for each end at which rays touch a curved surface.
+    fn rims(&self) -> [bool; 2] {
+        [0, 1].map(|end| {
             self.crossed.iter().any(|it| {
                 matches!(it.form, Form::Curved { rims, .. } if rims[end])
                     && (it.x[end] - self.x[end]).abs() <= THINNEST
             })
-        };
-        let share = match [rim(0), rim(1)] {
+        })
+    }
+
+    /// Place of a share of the interval, such that depths are smooth in the share: they grow with the root of the
+    /// distance from a rim.
+    fn place(&self, share: f64, rims: [bool; 2]) -> f64 {
+        let share = match rims {
             [true, true] => (0.5 * std::f64::consts::PI * share).sin().powi(2),
             [true, false] => share * share,
             [false, true] => share * (2.0 - share),
@@ -172,8 +176,7 @@ impl<'a> SurfaceLines<'a> {
         let (cuts, shapes) = self.facets.of(row, beamlets);
         let lattice = self.view.lattice;
         let shapes: Vec<ShapeInBeam> = shapes.into_iter().filter_map(|at| self.shape(at)).collect();
-        let [slope_x, slope_z] = lattice.slopes(0, -lattice.centre(0), row);
-        let slopes = |x: f64| [slope_x + x / lattice.plane, slope_z];
+        let slopes = |x: f64| lattice.slopes_at(x, row);
         let of_shape = |shape: &'_ ShapeInBeam| shape.cuts(self.source, lattice.plane, slopes);
         let curved: Vec<(usize, ShapeCut)> = (0..)
             .zip(&shapes)
@@ -317,7 +320,7 @@ impl<'a> SurfaceLines<'a> {
                 Form::Flat { ends, distance, remainder } => {
                     let share = (x - section.x[0]) / width;
                     let at = |of: usize| ends[0][of] + (ends[1][of] - ends[0][of]) * share;
-                    // Both ends count: a piece is at least as far from its surfaces as they are.
+                    // The extent of a piece reaches over both ends of a section.
                     sums.add(std::array::from_fn(at), *remainder, distance[0]);
                     sums.add([0.0; 5], 0.0, distance[1]);
                 }
@@ -374,9 +377,7 @@ impl<'a> SurfaceLines<'a> {
             if around.iter().all(|other| *other < own) {
                 let last = around.iter().max().copied();
                 let outside = last.max(components[it.component as usize].outside);
-                let facets = self.view.facets;
-                let step = facets.step_between(own, outside);
-                let step = step.unwrap_or(&facets.steps[it.component as usize]);
+                let step = self.view.facets.step_in(it.component, own, outside);
                 let (numbers, remainder) = self.effect(step, it.crossing, it.is_front, slopes);
                 sums.add(numbers, remainder, it.crossing.distance);
             }
@@ -388,12 +389,14 @@ impl<'a> SurfaceLines<'a> {
 
     /// Pieces of an interval of curved surfaces, halved until they are straight.
     fn curved_pieces(&self, interval: &Interval<'_>, pieces: &mut Vec<Piece>) {
-        let sums = |share: f64| self.sums(interval, interval.place(share));
+        let rims = interval.rims();
+        let place = |share: f64| interval.place(share, rims);
+        let sums = |share: f64| self.sums(interval, place(share));
         let [low, middle, high] = [0.0, 0.5, 1.0].map(sums);
         let mut waiting = vec![([0.5, 1.0], [middle, high], 1), ([0.0, 0.5], [low, middle], 1)];
         while let Some((shares, ends, halvings)) = waiting.pop() {
             let half = f64::midpoint(shares[0], shares[1]);
-            let x = shares.map(|share| interval.place(share));
+            let x = shares.map(place);
             let middle = sums(half);
             if halvings < MOST_HALVINGS && self.bends(interval, x, [&ends[0], &middle, &ends[1]]) {
                 waiting.push(([half, shares[1]], [middle, ends[1]], halvings + 1));
@@ -417,8 +420,7 @@ impl<'a> SurfaceLines<'a> {
             at.map(|it| f64::from(response.hardening.light(single(it.numbers[0].max(0.0)))));
         let off = |[low, middle, high]: [f64; 3]| (middle - f64::midpoint(low, high)).abs();
         let most = passed.into_iter().fold(0.0, f64::max);
-        let wanted = whole * most * (at[1].remainder * response.steepest()).min(1.0);
-        let moved = if wanted > NEGLIGIBLE * self.view.budget.light {
+        let moved = if self.matters(whole * most, at[1].remainder) {
             // Rays go on from here, where all of it is near grazing.
             f64::from(u8::from(at.iter().any(|it| it.remainder <= 0.0)))
         } else {
@@ -541,8 +543,13 @@ impl<'a> SurfaceLines<'a> {
         }
         let share = response.lit(single(open_share(openings, piece.x)));
         let passed = response.weight * response.hardening.light(piece.result.optical_depth) * share;
-        let light = piece.width() * f64::from(passed);
-        light * (remainder * response.steepest()).min(1.0) > NEGLIGIBLE * self.view.budget.light
+        self.matters(piece.width() * f64::from(passed), remainder)
+    }
+
+    /// True if light with this first-order remainder of its displacement errs by more than needs no exact ray.
+    fn matters(&self, light: f64, remainder: f64) -> bool {
+        let moved = (remainder * self.view.response.steepest()).min(1.0);
+        light * moved > NEGLIGIBLE * self.view.budget.light
     }
 }
 

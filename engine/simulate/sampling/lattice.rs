@@ -132,7 +132,12 @@ impl Lattice {
 
     /// Slopes along x and z of the ray of [`Self::ray`].
     pub(crate) fn slopes(&self, beamlet: i64, x: f64, row: f64) -> [f64; 2] {
-        [(self.centre(beamlet) + x) / self.plane, self.detector.slope_of_row(row)]
+        self.slopes_at(self.centre(beamlet) + x, row)
+    }
+
+    /// Slopes along x and z of the ray through x of the cell plane, m, that reaches the detector at a row coordinate.
+    pub(crate) fn slopes_at(&self, x: f64, row: f64) -> [f64; 2] {
+        [x / self.plane, self.detector.slope_of_row(row)]
     }
 
     /// The ray from the source centre through `x` of a beamlet (m, from its centre, in the cell

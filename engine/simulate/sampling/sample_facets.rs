@@ -27,9 +27,8 @@ pub(crate) struct SampleFacets {
     pub(crate) is_exact: bool,
     /// Steps of the surfaces, by component.
     pub(crate) steps: Vec<SurfaceStep>,
-    /// Steps between an object of exact shapes that cross others and the object around it (`None`: outside all), which
-    /// depends on the point.
-    between: BTreeMap<(u32, Option<u32>), SurfaceStep>,
+    /// Steps between objects of exact shapes that cross: the later one, and the one around a point of its surface.
+    between: BTreeMap<[u32; 2], SurfaceStep>,
     /// True for each component that lines do not know: rough surfaces, and surfaces with defects.
     pub(crate) by_rays: Vec<bool>,
     /// Number of triangles by component.
@@ -77,10 +76,9 @@ impl SampleFacets {
         for (at, partners) in sample.partners.lists() {
             let (index, own) = component(at);
             let lower = partners.iter().map(|other| component(*other).1.object);
-            let lower = lower.filter(|it| *it < own.object).map(Some);
-            for around in lower.chain([own.outside]) {
-                let of = || step_of(component_hash(index), own.object, around);
-                between.entry((own.object, around)).or_insert_with(of);
+            for around in lower.filter(|it| *it < own.object) {
+                let of = || step_of(component_hash(index), own.object, Some(around));
+                between.entry([own.object, around]).or_insert_with(of);
             }
         }
         let mut triangles = vec![0; sample.components.len()];
@@ -103,8 +101,10 @@ impl SampleFacets {
         Self { is_exact, steps, between, by_rays, triangles, across, tree, numbers }
     }
 
-    /// Effect of a surface of an object where another object is around it, among exact shapes that cross.
-    pub(crate) fn step_between(&self, object: u32, around: Option<u32>) -> Option<&SurfaceStep> {
-        self.between.get(&(object, around))
+    /// Effect of a surface of a component of an object where another object is around it: that of the component, but
+    /// among exact shapes that cross.
+    pub(crate) fn step_in(&self, component: u32, object: u32, around: Option<u32>) -> &SurfaceStep {
+        let between = around.and_then(|around| self.between.get(&[object, around]));
+        between.unwrap_or(&self.steps[component as usize])
     }
 }

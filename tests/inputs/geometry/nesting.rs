@@ -10,7 +10,7 @@ fn sphere(name: &str, radius: f64) -> beamlet::scene::Object {
     shape(name, Shape::Sphere { radius, sides: Some(40) })
 }
 
-/// What stands in the bore of a tube, exact or of facets, stands in what surrounds the tube.
+/// A body in the bore of a tube, exact or of facets, is inside the body around the tube, not inside the tube.
 #[test]
 fn a_bore_is_no_part_of_its_tube() {
     for sides in [None, Some(48)] {
