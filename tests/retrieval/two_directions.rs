@@ -305,6 +305,14 @@ fn off(found: &RetrievedArrays, name: &str, truth: f64) -> f64 {
     image.iter().map(|value| (f64::from(*value) - truth).abs()).fold(0.0, f64::max)
 }
 
+/// Gaussian fits with a free background, and empty beam in the first columns.
+fn by_empty_beam() -> RetrieveOptions {
+    RetrieveOptions::default()
+        .with_method(Method::Gaussian)
+        .with_background(Background::Free)
+        .with_empty_beam(Region::new(0..EMPTY, None))
+}
+
 /// A drift and a plane that were planted in a scan over x and z are found by the empty beam to the rounding of f32, and
 /// doses and displacements to a tenth: the equations take a curve to be wrong by 1e-3 of its height. With both unknown
 /// the fringe alone separates them, and they keep to their uncertainties.
@@ -313,10 +321,7 @@ fn planted_faults_of_steps_along_x_and_z_are_found_and_undone() {
     let (grid, none) = (grid(), Faults::default());
     let scene = grid_scene(&grid);
     let flat = none.frames(&grid, false);
-    let options = RetrieveOptions::default()
-        .with_method(Method::Gaussian)
-        .with_background(Background::Free)
-        .with_empty_beam(Region::new(0..EMPTY, None));
+    let options = by_empty_beam();
     for (correct, faults) in [
         ("offset", Faults { shift: [0.4, -0.3], ..none }),
         ("plane", Faults { shift: [0.4, -0.3], slope: [0.01, -0.02], ..none }),
@@ -372,10 +377,7 @@ fn planted_faults_of_steps_along_x_and_z_are_warned_of() {
     let (grid, none) = (grid(), Faults::default());
     let scene = grid_scene(&grid);
     let flat = none.frames(&grid, false);
-    let options = RetrieveOptions::default()
-        .with_method(Method::Gaussian)
-        .with_background(Background::Free)
-        .with_empty_beam(Region::new(0..EMPTY, None));
+    let options = by_empty_beam();
     let record =
         |faults: Faults| images(&scene, [&flat, &faults.frames(&grid, true)], &options).record;
     let warned = |faults: Faults, words: &[&str]| {

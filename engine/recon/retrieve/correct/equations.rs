@@ -62,7 +62,7 @@ impl Unknowns {
         std::iter::once(self.dose(frame)).chain(shifts)
     }
 
-    /// Mask offsets of displaced frames, m, from those that were set and the widths of the curve.
+    /// Mask offsets of displaced frames, m. `offsets`: those that were set; `widths`: of the curve, the unit of `at`, m.
     pub(super) fn displaced(
         self,
         at: &[f64],

@@ -187,7 +187,7 @@ impl Diagnosis {
         let offsets = corrected.offsets.filter(|_| !self.offsets.is_empty());
         let of_view = offsets.map_or_else(|| self.offsets.clone(), <[_]>::to_vec);
         let known = self.found.chi_squares.len();
-        self.fits(of, flat, (view, &of_view));
+        self.fits(of, flat, view, &of_view);
         self.found.light.add(images, self.noise_share(known));
         if let Some(empty) = &mut self.empty {
             let model = self.model.as_ref();
@@ -196,7 +196,8 @@ impl Diagnosis {
             let found = EmptyBeamOfView::of(
                 images,
                 &empty.images,
-                (self.angle_per_shift, subtracted),
+                self.angle_per_shift,
+                subtracted,
                 &pixels,
                 [&self.offsets, &of_view],
             );
@@ -222,7 +223,7 @@ impl Diagnosis {
     }
 
     /// Residuals of the fits of a view.
-    fn fits(&mut self, of: &ExaminedView<'_>, flat: &Fits, (view, of_view): (usize, &[[f64; 2]])) {
+    fn fits(&mut self, of: &ExaminedView<'_>, flat: &Fits, view: usize, of_view: &[[f64; 2]]) {
         let ExaminedView { retriever, images, corrected, .. } = *of;
         let flat_noise = retriever.flat_noise();
         let Some(model) = &self.model else { return };

@@ -78,7 +78,8 @@ impl EmptyBeamOfView {
     pub(super) fn of(
         images: &Images,
         regions: &[[Range<usize>; 2]],
-        (angle_per_shift, subtracted): (f64, [f64; 2]),
+        angle_per_shift: f64,
+        subtracted: [f64; 2],
         pixels: &[EmptyPixel],
         offsets: [&[[f64; 2]]; 2],
     ) -> Self {

@@ -6,7 +6,7 @@ use super::super::equations::{UNKNOWNS, Unknowns};
 use super::super::fit::{Fit, Fitting, NOISE, clamp_covariance};
 use super::super::flags;
 use super::super::model::Model;
-use super::super::scan::Scan;
+use super::super::scan::{Scan, Values};
 use super::super::strips::{MOST_CORRELATED, Tables};
 use super::super::value_noise::ValueNoise;
 
@@ -49,9 +49,7 @@ impl PlanarModel {
         if values.flags & flags::NO_ANSWER != 0 {
             return Curve::unknown(values.flags);
         }
-        let least = self.model.least_blur(&values.points);
-        let held = [false; UNKNOWNS];
-        let mut fitting = Fitting { model: &self.model, scan, values, held, least };
+        let mut fitting = self.fitting(scan, values);
         let answer = flat.filter(|flat| flat.has_answer());
         let known = flat.map(|flat| self.model.unknowns(flat));
         let mut fit = fitting.from(match centre {
@@ -75,7 +73,8 @@ impl PlanarModel {
             for axis in [0, 1].into_iter().filter(|axis| unresolved[*axis]) {
                 let of_flat = known.map(|known| known[3 + axis]).filter(|v| v.is_finite());
                 let of_geometry = self.blur.map(|blur| blur[axis]);
-                p[3 + axis] = of_flat.or(of_geometry).unwrap_or(p[3 + axis]).max(least[axis]);
+                p[3 + axis] =
+                    of_flat.or(of_geometry).unwrap_or(p[3 + axis]).max(fitting.least[axis]);
                 if let (true, Some(known)) = (blind[axis], known) {
                     p[1 + axis] = known[1 + axis];
                 }
@@ -96,6 +95,12 @@ impl PlanarModel {
         curve
     }
 
+    /// A fit of all unknowns.
+    fn fitting<'a>(&'a self, scan: &'a Scan, values: &'a Values) -> Fitting<'a> {
+        let least = self.model.least_blur(&values.points);
+        Fitting { model: &self.model, scan, values, held: [false; UNKNOWNS], least }
+    }
+
     /// Fits all unknowns of a curve, from these on but for the light and the background.
     pub(in crate::retrieve) fn fit_from(
         &self,
@@ -107,9 +112,7 @@ impl PlanarModel {
         if values.flags & flags::NO_ANSWER != 0 {
             return Curve::unknown(values.flags);
         }
-        let least = self.model.least_blur(&values.points);
-        let held = [false; UNKNOWNS];
-        let fitting = Fitting { model: &self.model, scan, values, held, least };
+        let fitting = self.fitting(scan, values);
         fitting.curve(&fitting.from(fitting.linear(start)))
     }
 
