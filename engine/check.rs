@@ -5,16 +5,14 @@ use beamlet_core::Result;
 use beamlet_files::{StackShape, ViewAngles};
 use beamlet_geometry as geometry;
 use beamlet_geometry::{Defects, LoadStep, ObjectSummary, Sample, Swept};
-use beamlet_gpu::DeviceKind;
 use beamlet_model::optics::{Mask, Optics, modulated};
-use beamlet_model::scene::{Refine, Scene, Transport};
+use beamlet_model::scene::{Scene, Transport};
 use beamlet_model::spectrum::{self, Nodes};
 use beamlet_model::spot::SpotFit;
 use beamlet_recon::retrieve::{RimError, rim_errors};
 use beamlet_simulate::detector::{self, DetectorModel};
 use beamlet_simulate::run;
 use beamlet_simulate::run::memory::{self, MemoryEstimate};
-use beamlet_simulate::run::refine_choice;
 use beamlet_simulate::run::{Control, EdgeBlur, RunEstimate};
 use serde::Serialize;
 use std::sync::Arc;
@@ -178,10 +176,6 @@ pub struct CheckedObject {
 pub struct Work {
     /// Errors that sampling may leave.
     pub tolerances: CheckedTolerances,
-    /// Place where rays are chosen; `None` where none are, or without a device.
-    pub refine: Option<Refine>,
-    /// Why there.
-    pub refine_reason: Option<String>,
     /// Rays and time, from a sparse look at the scene with the refinement of a run.
     pub estimate: Option<RunEstimate>,
     /// Why there is no estimate, where there is none.
@@ -196,7 +190,6 @@ pub struct Work {
 /// kind.
 fn load_lenient(
     scene: &Scene,
-    device: Option<DeviceKind>,
     memory_limit: Option<u64>,
     control: &mut Control<'_>,
 ) -> Result<(CheckReport, Sample, Option<EdgeBlur>)> {
@@ -234,9 +227,6 @@ fn load_lenient(
         warnings.push("the scene has no objects: the sample stack will equal the flat".into());
     }
     let ray_limits = RayLimits::of(scene, &sample)?;
-    let mut of_run = scene.clone();
-    let refine_reason =
-        device.and_then(|device| refine_choice::settle(&mut of_run, &sample, device));
     let mut report = CheckReport {
         title: scene.title.clone(),
         setup: setup(scene, &swept, extent, nodes, energy, &detector),
@@ -246,11 +236,9 @@ fn load_lenient(
         edges: None,
         work: Work {
             tolerances: costs::tolerances(scene)?,
-            refine: refine_reason.as_ref().map(|_| of_run.sampling.refine),
-            refine_reason,
             estimate: None,
             no_estimate: None,
-            memory: memory::estimate(&of_run, &sample.objects, memory_limit, None)?,
+            memory: memory::estimate(scene, &sample.objects, memory_limit, None)?,
             output_bytes: extent.output_bytes(scene),
         },
         materials,

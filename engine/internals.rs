@@ -52,10 +52,6 @@ pub mod interface {
 pub mod backend {
     pub use beamlet_simulate::run::simulation::choose;
 }
-/// The place where rays are chosen.
-pub mod refine_choice {
-    pub use beamlet_simulate::run::refine_choice::settle;
-}
 /// Memory of a run.
 pub mod memory {
     pub use beamlet_simulate::run::memory::{MemoryEstimate, estimate};

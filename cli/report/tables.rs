@@ -224,9 +224,6 @@ pub(super) fn provenance(run: &Subject) -> Vec<TableRow> {
     ] {
         rows.push(TableRow::new(key, value));
     }
-    if let (Some(place), Some(reason)) = (record.refine, &record.refine_reason) {
-        rows.push(TableRow::new("rays chosen", format!("on the {place}: {reason}")));
-    }
     if let Some(search) = &record.search {
         let crossings = short(search.crossings_per_ray);
         let value =

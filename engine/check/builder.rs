@@ -88,8 +88,7 @@ impl<'a> Check<'a> {
         match engine {
             Some(engine) if estimates => estimate::estimated(engine, scene, limit, control),
             _ => {
-                let (mut report, _, edges) =
-                    load_lenient(scene, engine.map(estimate::device_of), limit, control)?;
+                let (mut report, _, edges) = load_lenient(scene, limit, control)?;
                 report.add_edges(scene, edges.as_ref());
                 report.add_needless(scene, |_| Ok(None))?;
                 let reason = if estimates { "it needs a device" } else { "it was not requested" };

@@ -52,9 +52,6 @@ impl Display for CheckReport {
         let work = &self.work;
         writeln!(f, "\nwork")?;
         line(f, "tolerances", work.tolerances.text())?;
-        if let (Some(place), Some(reason)) = (work.refine, &work.refine_reason) {
-            line(f, "rays chosen", format!("on the {place}: {reason}"))?;
-        }
         write_estimate(f, work)?;
         let memory = &work.memory;
         let [peak, host, device] =

@@ -3,7 +3,6 @@
 use super::{CheckReport, costs, illumination, load_lenient, two_directions};
 use crate::Engine;
 use beamlet_core::{Error, Result};
-use beamlet_gpu::DeviceKind;
 use beamlet_model::scene::Scene;
 use beamlet_simulate::run::{Control, Simulation, memory};
 use std::time::Instant;
@@ -19,8 +18,7 @@ pub(super) fn estimated(
     control: &mut Control<'_>,
 ) -> Result<CheckReport> {
     let begin = Instant::now();
-    let device = Some(device_of(engine));
-    let (mut report, sample, bounded) = load_lenient(scene, device, limit, control)?;
+    let (mut report, sample, bounded) = load_lenient(scene, limit, control)?;
     let loaded_in = begin.elapsed().as_secs_f64();
     add_curve(engine, scene, &mut report);
     report.add_doubts_of_scan(scene)?;
@@ -41,9 +39,7 @@ pub(super) fn estimated(
         Ok(mut estimate) => {
             estimate.seconds += loaded_in;
             let rays = estimate.rays_per_view;
-            let mut of_run = scene.clone();
-            of_run.sampling.refine = report.work.refine.unwrap_or(scene.sampling.refine);
-            report.work.memory = memory::estimate_refined(&of_run, &objects, limit, rays)?;
+            report.work.memory = memory::estimate_refined(scene, &objects, limit, rays)?;
             report.work.estimate = Some(estimate);
         }
         // What is wrong with the scene, a run refuses.
@@ -56,11 +52,6 @@ pub(super) fn estimated(
         Ok(Some(loaded_in + made.estimate_until(&control.cancel)?.seconds))
     })?;
     Ok(report)
-}
-
-/// Kind of the device of an engine.
-pub(super) fn device_of(engine: &Engine) -> DeviceKind {
-    engine.description().kind
 }
 
 /// Adds the curve; a device that fails takes it away.

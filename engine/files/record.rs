@@ -2,7 +2,6 @@
 
 use beamlet_core::tally::Tally;
 use beamlet_gpu::{Backend, Profile, Traffic};
-use beamlet_model::scene::Refine;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
@@ -19,10 +18,6 @@ pub struct RunStart {
     pub backend_reason: String,
     /// Counts by which the backend was chosen; `None` without a choice.
     pub search: Option<SearchCounts>,
-    /// Place where rays are chosen; `None` where none are, as under `scheme = "random"`.
-    pub refine: Option<Refine>,
-    /// Why there.
-    pub refine_reason: Option<String>,
     /// SHA-256 of the meshes by the name of their object, as
     /// `beamlet_geometry::ObjectSummary::hash`; shapes have none.
     pub mesh_hashes: BTreeMap<String, String>,
@@ -81,8 +76,6 @@ impl RunStart {
             backend,
             backend_reason: backend_reason.into(),
             search: None,
-            refine: None,
-            refine_reason: None,
             mesh_hashes: BTreeMap::new(),
             facet_kinks: Vec::new(),
         }
@@ -135,12 +128,6 @@ pub struct RunRecord {
     /// Counts by which the backend was chosen; `None` without a choice.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub search: Option<SearchCounts>,
-    /// Place where rays were chosen; `None` where none were, as under `scheme = "random"`.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub refine: Option<Refine>,
-    /// Why there.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub refine_reason: Option<String>,
     /// Seed.
     pub seed: u64,
     /// Counts.
@@ -216,8 +203,6 @@ impl RunRecord {
             backend: start.backend,
             backend_reason: start.backend_reason.clone(),
             search: start.search,
-            refine: start.refine,
-            refine_reason: start.refine_reason.clone(),
             seed,
             tally: Tally::default(),
             sampling: None,

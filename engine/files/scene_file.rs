@@ -2,7 +2,7 @@
 
 use beamlet_core::units::Dimension::Angle;
 use beamlet_core::{Error, Result, input_file};
-use beamlet_model::scene::{Refine, Scene};
+use beamlet_model::scene::Scene;
 use std::collections::BTreeMap;
 use std::path::Path;
 use toml::Value;
@@ -18,8 +18,8 @@ pub(super) fn resolved(
     scene.to_toml(directory, mesh_hashes, overrides)
 }
 
-/// Takes the tolerances of the scene stored at `path` where `scene` has no number, and the place where rays are
-/// chosen where `scene` leaves it open. Reads the text alone: meshes of arrays are not in it.
+/// Takes the tolerances of the scene stored at `path` where `scene` has no number. Reads the text alone: meshes of
+/// arrays are not in it.
 pub(super) fn keep_resolved(path: &Path, scene: &mut Scene) {
     let stored = input_file::text(path).ok().and_then(|text| text.parse::<toml::Table>().ok());
     let sampling = stored.as_ref().and_then(|scene| scene.get("sampling")?.as_table());
@@ -29,10 +29,6 @@ pub(super) fn keep_resolved(path: &Path, scene: &mut Scene) {
     let own = &mut scene.sampling;
     own.tolerance = own.tolerance.or(value("tolerance").and_then(Value::as_float));
     own.angle_tolerance = own.angle_tolerance.or(angle);
-    if own.refine == Refine::Auto {
-        let stored = value("refine").and_then(|place| place.clone().try_into().ok());
-        own.refine = stored.unwrap_or(Refine::Auto);
-    }
 }
 
 /// Keys and files of `scene`, with their hashes, that differ from the scene stored at `path`, with both values.

@@ -53,7 +53,7 @@ pub use load::{load, load_lenient_watched, load_watched, triangles_in_files};
 pub use mask_mesh::{MaskMeshOptions, MaskPlace, mask_meshes};
 pub use overlap::PEAK_PER_CUT_TRIANGLE;
 pub(crate) use placed::Partners;
-pub use placed::{FacetNumbers, FacetOf, Place, Placed, Prototype};
+pub use placed::{FacetOf, Place, Placed, Prototype};
 pub use read::file_hash;
 pub use sizes::unit_warnings;
 pub use smooth::{CornerNormals, corner_normals};

@@ -106,7 +106,6 @@ mod constants;
 mod fit;
 mod light;
 mod reconstruct;
-mod refine;
 mod walk;
 mod wave;
 
@@ -122,10 +121,6 @@ pub use reconstruct::{
     BackProjectPush, CombinePush, DotPush, DotSum, FourierPush, MovedSheet, MovedView,
     ProjectBackMovedPush, ProjectBackPush, ProjectMovedPush, ProjectPush, Sheet, SinogramPush,
     Slopes, StepLaw, ViewTurn,
-};
-pub use refine::{
-    MaskOpening, Rectangle, RefineParams, RefinePush, RefinedColumn, RefinedHeights, RefinedLeaf,
-    RefinedPatch, RefinedRow, RefinedSpectrum, RefinedWall, RepeatedRectangle, WindowTable,
 };
 pub use walk::{
     AnalyticShape, Constants, Crossing, CrossingsPush, ExactPush, Leaf, Node, Placed,
@@ -152,14 +147,8 @@ impl RayResult {
 }
 
 /// Every shared struct, by topic.
-pub const LAYOUTS: &[&[Layout]] = &[
-    walk::LAYOUTS,
-    light::LAYOUTS,
-    fit::LAYOUTS,
-    reconstruct::LAYOUTS,
-    refine::LAYOUTS,
-    wave::LAYOUTS,
-];
+pub const LAYOUTS: &[&[Layout]] =
+    &[walk::LAYOUTS, light::LAYOUTS, fit::LAYOUTS, reconstruct::LAYOUTS, wave::LAYOUTS];
 
 /// Address of a buffer on the device.
 pub type Address = u64;

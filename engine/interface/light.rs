@@ -130,7 +130,7 @@ shared_structs! {
     }
 
     /// Cells of one beamlet in one interval of z.
-    pub struct CellRow in CellRows(readonly), CellRowsOut(writeonly) {
+    pub struct CellRow in CellRows(readonly) {
         pub first_cell: u32,
         pub cell_count: u32,
         /// Index of the beamlet.
@@ -153,7 +153,7 @@ shared_structs! {
     }
 
     /// A cell: x interval in the cell plane, relative to the beamlet's centre; results at its ends.
-    pub struct Cell in Cells(readonly), CellsOut(writeonly), CellsMade {
+    pub struct Cell in Cells(readonly) {
         pub x_low: f32,
         pub x_high: f32,
         pub depth_low: f32,
@@ -182,7 +182,7 @@ shared_structs! {
     }
 
     /// Cells of a cell row that one invocation illuminates.
-    pub struct CellRowPart in CellRowParts(readonly), CellRowPartsOut(writeonly) {
+    pub struct CellRowPart in CellRowParts(readonly) {
         /// Index of the cell row.
         pub cell_row: u32,
         /// First cell, counted from the first of the cell row.

@@ -4,7 +4,6 @@ pub mod accel;
 pub mod detector;
 pub mod illuminate;
 mod lines;
-mod refine;
 pub mod run;
 pub mod sampling;
 pub mod trace;

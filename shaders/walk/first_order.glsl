@@ -17,8 +17,7 @@
 
 // Number of the rays of this pass.
 uint ray_count() {
-    if (push.rays_are == RAYS_COUNTED) return push.count;
-    return queued(push.rays_are == RAYS_LEFT ? QUEUE_LEFT : QUEUE_MADE);
+    return push.rays_are == RAYS_COUNTED ? push.count : queued(QUEUE_LEFT);
 }
 
 // Sums of a ray.

@@ -362,36 +362,3 @@ fn a_changed_pixel_is_a_difference() {
     assert!(difference(&stack, &changed).is_infinite());
     assert!(difference(&stack, &ArrayD::zeros(vec![2, 3])).is_infinite());
 }
-
-/// Refined on the device, kernels choose the rays: another driver chooses others only where it rounds otherwise.
-/// Mesa 22.3 took 160 times the rays where a kernel wrote a part of a vector by a number that it computed. Of the
-/// light 2e-4, a part of the tolerance: rectangles at rims differ.
-#[test]
-fn other_drivers_choose_the_same_rays_on_the_device() {
-    let folder = tempfile::tempdir().expect("a temporary folder");
-    let folder = folder.path();
-    let of_device =
-        ["--backend", "bvh", "--set", "sampling.refine=device", "--set", "sampling.tolerance=1e-3"];
-    let heights = ["--set", "sample_mask.shape=rectangle", "--set", "detector_mask.shape=round"];
-    for more in [&[][..], &heights] {
-        let options = [&of_device[..], more, &["--overwrite"]].concat();
-        let rays = |run: &str, driver: Option<&Path>| {
-            succeeded(&simulate_scene(folder, run, driver, SCENE, &options));
-            let record = std::fs::read_to_string(folder.join(run).join("run.json"));
-            let record: serde_json::Value =
-                serde_json::from_str(&record.expect("run.json")).expect("run.json is JSON");
-            record["tally"]["patch_rays"].as_f64().expect("a number of rays")
-        };
-        let own = rays("own", None);
-        assert!(own > 1000.0, "{more:?}: {own} rays");
-        for (run, variable) in [("without", NO_RAY_QUERY), ("second", SECOND_DRIVER)] {
-            let Some(driver) = icd(variable) else { continue };
-            let theirs = rays(run, Some(&driver));
-            let off = (theirs / own - 1.0).abs();
-            assert!(off < 0.02, "{variable}, {more:?}: {theirs} rays, not {own}");
-            let [a, b] = ["own", run].map(|it| stack(folder, it, "sample.npy"));
-            let worst = difference(&a, &b);
-            assert!(worst < 2e-4, "{variable}, {more:?}: {worst}");
-        }
-    }
-}

@@ -1,7 +1,7 @@
 //! Clones of an engine: shared by threads, closed by the last user, and beside another engine.
 
 use crate::support;
-use beamlet::scene::{Refine, Scene};
+use beamlet::scene::Scene;
 use beamlet::stack::{ArraySink, Stacks};
 use beamlet::{Backend, Control, Engine, EngineOptions, Simulation, Traffic};
 
@@ -121,35 +121,31 @@ fn staging_changes_no_bit_and_no_dispatch() {
 }
 
 /// Work of views of a rod, all under one angle, where all memory is reached by staging.
-fn traffic(engine: &Engine, views: usize, refine: Refine) -> Traffic {
+fn traffic(engine: &Engine, views: usize) -> Traffic {
     let angles = vec!["\"20 deg\""; views].join(", ");
     let text = ROD.replace("[\"0 deg\", \"20 deg\"]", &format!("[{angles}]"));
-    let mut scene = Scene::from_toml(&text, ".").expect("a scene");
-    scene.sampling.refine = refine;
+    let scene = Scene::from_toml(&text, ".").expect("a scene");
     let before = engine.profile().traffic;
     engine.simulate(&scene).expect("stacks");
     engine.profile().traffic.since(before)
 }
 
 /// Views that are alike make no buffer after the first of them, also where all memory is reached by staging:
-/// transfers share their buffers with one another, and most of them the submission of a dispatch. Refined on
-/// the device, a view is a few submissions, and no ray crosses the bus.
+/// transfers share their buffers with one another, and most of them the submission of a dispatch.
 #[test]
 fn a_later_view_makes_no_buffer() {
     let engine =
         Engine::open(&options().with_profile(true).with_staging(true)).expect("a Vulkan device");
     // A round of rays for each level of heights and of pieces near rims (100 on a quiet device), and the light of cells.
-    for (refine, most) in [(Refine::Host, 120), (Refine::Device, 16)] {
-        let each = |_| {
-            let [four, nine] = [4, 9].map(|views| traffic(&engine, views, refine));
-            // The first run makes buffers for transfers.
-            assert!(nine.buffers <= four.buffers, "{refine:?}: {four:?} {nine:?}");
-            nine.submissions.saturating_sub(four.submissions) / 5
-        };
-        // Where other programs slow the device, work is given to it in smaller parts: 6 where none does.
-        let least = (0..2).map(each).min().expect("two attempts");
-        assert!(0 < least && least <= most, "{refine:?}: {least} submissions of a view");
-    }
+    let each = |_| {
+        let [four, nine] = [4, 9].map(|views| traffic(&engine, views));
+        // The first run makes buffers for transfers.
+        assert!(nine.buffers <= four.buffers, "{four:?} {nine:?}");
+        nine.submissions.saturating_sub(four.submissions) / 5
+    };
+    // Where other programs slow the device, work is given to it in smaller parts.
+    let least = (0..2).map(each).min().expect("two attempts");
+    assert!(0 < least && least <= 120, "{least} submissions of a view");
 }
 
 /// A fork has no threads, and the device of its parent: it gets an error and ends; the parent goes on.

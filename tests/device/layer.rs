@@ -136,22 +136,19 @@ fn every_kernel_works_without_a_message_of_the_validation_layer() {
     }
     // Light of each cell reaches rows beyond the next ones.
     layer.simulate(None, MESHES, &["--set", "source.spot=[\"30 um\", \"260 um\"]"]);
-    let on_device = ["--set", "sampling.refine=device"];
-    layer.simulate(None, MESHES, &on_device);
     layer.simulate(None, FIBRE, &["--set", "sampling.transport=wave"]);
     let lengths = ROUGH.replace("roughness", "correlation_length = \"5 um\"\nroughness");
     layer.simulate(None, &lengths, &["--set", "sampling.transport=wave"]);
     let spectrum = "source={ distance = \"1.21 m\", spot = \"30 um\", \
                     spectrum = { anode = \"tungsten\", kvp = \"60 kV\", nodes = 3 } }";
-    let more = [&["--set", spectrum][..], &on_device].concat();
-    layer.simulate(None, MESHES, &more);
-    layer.simulate(None, MESHES, &[&more[..], &["--set", "sampling.transport=exact"]].concat());
+    let spectrum = ["--set", spectrum];
+    layer.simulate(None, MESHES, &spectrum);
+    layer.simulate(None, MESHES, &[&spectrum[..], &["--set", "sampling.transport=exact"]].concat());
     let random = "sampling={scheme=\"random\", rays=[8, 8]}";
     layer.simulate(None, MESHES, &["--set", random]);
     let heights = ["--set", "sample_mask.shape=rectangle", "--set", "detector_mask.shape=round"];
     layer.simulate(None, FIBRE, &heights);
     layer.simulate(None, FIBRE, &[&heights[..], &["--set", random]].concat());
-    layer.simulate(None, FIBRE, &[&heights[..], &on_device].concat());
     let walls = ["--set", "sample_mask.taper=1 deg"];
     layer.simulate(None, FIBRE, &walls);
     layer.simulate(None, FIBRE, &[&walls[..], &["--set", random]].concat());

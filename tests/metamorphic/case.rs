@@ -1,6 +1,6 @@
 //! A scene with the places of its instances, which a scene file refers to.
 
-use beamlet::scene::{ApertureLattice, Instances, Object, Refine, Scene, Shape, ShapeOrMesh};
+use beamlet::scene::{ApertureLattice, Instances, Object, Scene, Shape, ShapeOrMesh};
 use std::collections::BTreeMap;
 use std::f64::consts::PI;
 use std::fmt::Write;
@@ -133,13 +133,11 @@ impl Case {
         case
     }
 
-    /// The rough variant before a point source: a spot blurs edges as if they were at the axis of rotation. Its rays are
-    /// chosen on the host if a surface is rough: the device takes 100 times the rays.
+    /// The rough variant before a point source: a spot blurs edges as if they were at the axis of rotation.
     pub(crate) fn roughened(&self) -> Self {
         let mut case = self.clone();
         case.scene.source.spot = [0.0; 2].into();
         if self.roughness.iter().any(|it| *it > 0.0) {
-            case.scene.sampling.refine = Refine::Host;
             case.scene.sampling.max_rays = 4000;
         }
         for (object, roughness) in case.scene.objects.iter_mut().zip(&self.roughness) {

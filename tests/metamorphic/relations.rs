@@ -3,9 +3,7 @@
 use super::case::{Axis, Case};
 use super::compare::Limits;
 use beamlet::material::constants_over;
-use beamlet::scene::{
-    Normals, Object, RandomRays, Refine, Scene, Scheme, Shape, ShapeOrMesh, Transport,
-};
+use beamlet::scene::{Normals, Object, RandomRays, Scene, Scheme, Shape, ShapeOrMesh, Transport};
 use beamlet::{Backend, RunRecord};
 use ndarray::{Array4, Axis as Dimension};
 use std::f64::consts::PI;
@@ -22,15 +20,13 @@ pub(crate) enum Relation {
     Facets,
     Backend,
     Random,
-    /// Rays chosen by the other of host and device.
-    Place,
     /// Rows one by one, with few rays at a time.
     Bands,
     /// The axis of rotation farther from the source, and the sample where it was.
     Origin,
 }
 
-pub(crate) const RELATIONS: [Relation; 11] = [
+pub(crate) const RELATIONS: [Relation; 10] = [
     Relation::MirroredInX,
     Relation::MirroredInZ,
     Relation::Turned,
@@ -39,7 +35,6 @@ pub(crate) const RELATIONS: [Relation; 11] = [
     Relation::Facets,
     Relation::Backend,
     Relation::Random,
-    Relation::Place,
     Relation::Bands,
     Relation::Origin,
 ];
@@ -75,7 +70,6 @@ impl fmt::Display for Relation {
             Self::Facets => "facets",
             Self::Backend => "backend",
             Self::Random => "random",
-            Self::Place => "other place",
             Self::Bands => "bands",
             Self::Origin => "origin",
         })
@@ -110,12 +104,6 @@ impl Relation {
                 return any.then_some(changed);
             }
             Self::Backend | Self::Bands => {}
-            Self::Place => {
-                changed.scene.sampling.refine = match case.scene.sampling.refine {
-                    Refine::Device => Refine::Host,
-                    _ => Refine::Device,
-                };
-            }
             Self::Random => {
                 changed.scene.sampling.scheme = Scheme::Random;
                 changed.scene.sampling.rays = RandomRays::Grid(RAYS);
@@ -152,8 +140,6 @@ impl Relation {
         };
         let sampled = SAMPLED + records.into_iter().map(beyond).sum::<f64>();
         let (sample, flat) = match self {
-            // Other last digits of a ray may split another rectangle, where rays alone decide.
-            Self::Backend if scene.sampling.refine == Refine::Device => (1e-5, 0.0),
             Self::Backend => (1e-6, 0.0),
             Self::Bands => (0.0, 0.0),
             Self::MirroredInX => (sampled, 2e-5),
@@ -166,7 +152,7 @@ impl Relation {
                 (sampled + 2.0 * lean * largest_delta(scene) * per_angle, 1e-6)
             }
             Self::Random => (sampled, sampled),
-            Self::Place | Self::Origin => (sampled, 1e-6),
+            Self::Origin => (sampled, 1e-6),
         };
         let rays = matches!(self, Self::Random).then(|| f64::from(RAYS[0] * RAYS[1]));
         Limits { sample, flat, rays }

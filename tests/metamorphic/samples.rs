@@ -3,7 +3,7 @@
 use super::case::{Case, Place};
 use super::draws::Draws;
 use super::set_ups::{Room, set_up};
-use beamlet::scene::{MaterialSpec, Normals, Object, Refine, Scene, Shape};
+use beamlet::scene::{MaterialSpec, Normals, Object, Scene, Shape};
 use std::f64::consts::{PI, TAU};
 
 /// Materials under a spectrum.
@@ -29,8 +29,7 @@ impl Ball {
 /// The case of a seed.
 pub(crate) fn case(seed: u64) -> Case {
     let mut draws = Draws::new(seed);
-    let (mut scene, room) = set_up(&mut draws);
-    scene.sampling.refine = if seed % 4 < 2 { Refine::Host } else { Refine::Device };
+    let (scene, room) = set_up(&mut draws);
     let mut case = Case { scene, places: Vec::new(), roughness: Vec::new() };
     let mut taken: Vec<Ball> = Vec::new();
     let wanted = 1 + draws.below(3);

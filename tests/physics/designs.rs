@@ -205,23 +205,6 @@ fn compare(worst: &mut Worst, name: &str, [a, b]: [&Array3<f32>; 2]) {
     }
 }
 
-/// Rays that the device chooses hold the tolerance of 1e-4 behind every design.
-#[test]
-fn rays_chosen_on_the_device_match_those_of_the_host() {
-    let mut worst = Worst::new("design, device less host", 5e-4);
-    for (name, design) in DESIGNS {
-        let mut scene = sheets([8, 2], 0.05);
-        design(&mut scene);
-        ball(&mut scene);
-        scene.sampling.refine = beamlet::scene::Refine::Host;
-        let host = stacks(&scene);
-        scene.sampling.refine = beamlet::scene::Refine::Device;
-        let device = stacks(&scene);
-        compare(&mut worst, name, [&device[1], &host[1]]);
-    }
-    worst.holds();
-}
-
 /// The same mask by other keys: flats to the last digits of f32, samples within the tolerance where the beamlets
 /// are others.
 #[test]

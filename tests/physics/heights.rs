@@ -19,7 +19,7 @@ use beamlet::Backend;
 use beamlet::material::constants_at;
 use beamlet::scene::{
     ApertureLattice, ApertureShape, Beam, MaskBody, MaskSpec, Pattern, RandomRays, Rectangle,
-    Refine, Scene, Scheme, SpectrumOrigin, SpectrumSpec, Substrate,
+    Scene, Scheme, SpectrumOrigin, SpectrumSpec, Substrate,
 };
 use ndarray::{Array2, Array3};
 
@@ -536,18 +536,15 @@ fn a_wedge_moves_light_along_z_as_a_step_of_the_mask_does() {
     let weak = body(mesh.rounded(), 0.0, delta);
     let moved = -delta * slope * (1.8 - 1.21) / 1.5;
     let offsets = [[0.0, 5e-6], [4e-6, -7e-6]];
-    let mut scene = case.scene(&[weak], &offsets);
+    let scene = case.scene(&[weak], &offsets);
     let mut worst = Worst::new("wedge along z", 5e-5);
-    for refine in [Refine::Host, Refine::Device] {
-        scene.sampling.refine = refine;
-        let got = stack(&engine, &scene);
-        for (step, [x, z]) in offsets.into_iter().enumerate() {
-            let [want, still] = [moved, 0.0].map(|moved| case.flat(1, [1, 1], [x, z + moved]));
-            assert!((want - still).abs() > 5e-3, "{want} {still}");
-            worst.take(f64::from(got[[step, 1, 1]]) - want, || {
-                format!("{refine:?}, step {step}: {want}, without {still}")
-            });
-        }
+    let got = stack(&engine, &scene);
+    for (step, [x, z]) in offsets.into_iter().enumerate() {
+        let [want, still] = [moved, 0.0].map(|moved| case.flat(1, [1, 1], [x, z + moved]));
+        assert!((want - still).abs() > 5e-3, "{want} {still}");
+        worst.take(f64::from(got[[step, 1, 1]]) - want, || {
+            format!("step {step}: {want}, without {still}")
+        });
     }
     worst.holds();
 }
@@ -556,11 +553,8 @@ fn a_wedge_moves_light_along_z_as_a_step_of_the_mask_does() {
 fn a_sphere_has_the_light_of_the_reference() {
     let case = Case::rectangles([4, 4], 0.05);
     let ball = carbon(sphere(260e-6, 3).moved([30e-6, 0.0, 20e-6]));
-    let mut scene = case.scene(std::slice::from_ref(&ball), &STEPS);
-    let stacks = [Refine::Host, Refine::Device].map(|refine| {
-        scene.sampling.refine = refine;
-        (refine, stack(&engine(Backend::Bvh), &scene))
-    });
+    let scene = case.scene(std::slice::from_ref(&ball), &STEPS);
+    let stack = stack(&engine(Backend::Bvh), &scene);
     let sample = Sample::new(&[ball], case.setup.source_distance, 0.0);
     let [first, second] = case.sheets(1);
     let how = Fineness { squares: 24, sources: [41, 41], beside: 2 };
@@ -569,11 +563,8 @@ fn a_sphere_has_the_light_of_the_reference() {
         let want =
             pixel(&case.setup, [first.as_ref(), second.as_ref()], Some(&sample), how, at, &STEPS);
         for (step, want) in want.into_iter().enumerate() {
-            for (refine, stack) in &stacks {
-                let got = f64::from(stack[[step, at[1] as usize, at[0] as usize]]);
-                let what = || format!("{refine:?}, step {step}, pixel {at:?}: {got} for {want}");
-                worst.take(got - want, what);
-            }
+            let got = f64::from(stack[[step, at[1] as usize, at[0] as usize]]);
+            worst.take(got - want, || format!("step {step}, pixel {at:?}: {got} for {want}"));
         }
     }
     worst.holds();

@@ -4,7 +4,7 @@
 
 use crate::support::{Worst, amount, backends, engine, sample};
 use beamlet::Backend;
-use beamlet::scene::{Exposure, Refine, ScanErrors, Scene, Scheme};
+use beamlet::scene::{Exposure, ScanErrors, Scene, Scheme};
 
 const OBJECTS: &str = r#"
 [[object]]
@@ -141,12 +141,10 @@ fn a_displaced_source_moves_curves_by_m_less_one_over_m() {
         scene
     };
     let as_it_is: fn(&mut Scene) = |_| ();
-    let on_device: fn(&mut Scene) = |scene| scene.sampling.refine = Refine::Device;
     let random: fn(&mut Scene) = |scene| scene.sampling.scheme = Scheme::Random;
     let cases = [
         ("slits", BOTH, [25.0, 0.0], as_it_is),
         ("rectangles", &rectangles, [-25.0, 40.0], as_it_is),
-        ("rectangles on the device", &rectangles, [0.0, 40.0], on_device),
         ("rectangles in random rays", &rectangles, [0.0, -40.0], random),
     ];
     for (name, masks, by, change) in cases {

@@ -1,6 +1,6 @@
 //! The same scene gives the same bits, however it is cut into bands, batches, threads and views.
 
-use super::{even_on_device, heights_on_device, on_device};
+use super::{apertures, kinds, unresolved};
 use crate::reference::scenes;
 use crate::reference::stack::Setup;
 use crate::reference::surfaces::{body, cuboid, cylinder, star};
@@ -30,11 +30,14 @@ fn scene(scheme: Scheme) -> Scene {
     scene
 }
 
-/// Scenes of the host, of the device and of random rays, each with the ways in which it is cut.
+fn at(tolerance: f64, mut scene: Scene) -> Scene {
+    scene.sampling.tolerance = Some(tolerance);
+    scene
+}
+
+/// Scenes of lines and of random rays, each with the ways in which it is cut.
 fn scenes() -> Vec<(&'static str, Scene, Vec<Cut>)> {
-    let host = scene(Scheme::Cells);
-    let device = on_device::refined(scene(Scheme::Cells), 1e-3);
-    // Groups of patches with too little room begin anew with more, or as halves.
+    // Groups of patches with too little room begin anew as halves.
     let little = |mebibytes: u64| Cut { memory: Some(mebibytes << 20), ..Cut::default() };
     let every = [
         Cut { threads: Some(1), ..bands(1) },
@@ -43,28 +46,24 @@ fn scenes() -> Vec<(&'static str, Scene, Vec<Cut>)> {
     ];
     let both = |batch: u32| vec![Cut { batch: Some(batch), ..bands(1) }];
     let all = |more: &[Cut]| [&every[..], more].concat();
-    let spectrum =
-        |scene: Scene| on_device::refined(on_device::few_rows(scene), amount(1e-3, 3e-4));
-    let fibres = |roughness: f64, tolerance| {
-        on_device::refined(on_device::few_rows(even_on_device::fibres(roughness)), tolerance)
-    };
-    let [holes, tube] = heights_on_device::cut_scenes();
+    let spectrum = |scene: Scene| at(amount(1e-3, 3e-4), kinds::few_rows(scene));
+    let fibres =
+        |roughness: f64, tolerance| at(tolerance, kinds::few_rows(unresolved::fibres(roughness)));
+    let [holes, tube] = apertures::cut_scenes();
     vec![
-        ("cells", host, all(&[little(176)])),
-        ("cells of the device", device, all(&[little(176)])),
+        ("cells", scene(Scheme::Cells), all(&[little(176)])),
         ("random rays", scene(Scheme::Random), every.to_vec()),
-        ("meshes of the device", on_device::refined(on_device::meshes(), 1e-4), vec![little(176)]),
         // Cells of a spectrum are made in an order that depends on their number at a time.
-        ("shapes in a tube", spectrum(on_device::with_tube(on_device::shapes())), both(257)),
+        ("shapes in a tube", spectrum(kinds::with_tube(kinds::shapes())), both(257)),
         (
             "a grazed slab in a tube",
-            spectrum(on_device::grazed()),
+            spectrum(kinds::grazed()),
             [both(257), vec![little(300)]].concat(),
         ),
-        ("holes", on_device::refined(holes, 2e-3), both(257)),
+        ("holes", at(2e-3, holes), both(257)),
         (
             "squares, a tube",
-            on_device::refined(tube, 2e-3),
+            at(2e-3, tube),
             vec![bands(1), Cut { threads: Some(1), ..batches(257) }],
         ),
         // The number of rays of a patch does not depend on bands or batches.
@@ -77,7 +76,7 @@ fn scenes() -> Vec<(&'static str, Scene, Vec<Cut>)> {
 fn bands_batches_memory_and_threads_change_no_bit() {
     for (name, scene, cuts) in scenes() {
         let tally = no_bit_changes(name, &scene, &cuts).record.tally;
-        let mixed = ["cells", "cells of the device", "random rays"].contains(&name);
+        let mixed = ["cells", "random rays"].contains(&name);
         assert!(!mixed || (tally.exact > 0 && tally.reflected > 0), "{name}: {tally:?}");
     }
 }
@@ -88,9 +87,8 @@ fn simulated(scene: &Scene) -> Stacks {
 
 #[test]
 fn engine_that_served_other_scenes_gives_the_same_bits() {
-    let host = scene(Scheme::Cells);
-    let device = on_device::refined(host.clone(), 1e-3);
-    for (backend, scene) in backends().into_iter().flat_map(|it| [(it, &host), (it, &device)]) {
+    let scene = &scene(Scheme::Cells);
+    for backend in backends() {
         let engine = engine(backend);
         let first = engine.simulate(scene).expect("a stack").sample;
         // Batches have grown by now, buffers are used anew.

@@ -5,19 +5,18 @@ use beamlet_reference as reference;
 #[path = "../support/mod.rs"]
 mod support;
 
+mod apertures;
 mod borders;
-mod choice;
 mod counts;
 mod determinism;
 mod estimated;
-mod even_on_device;
 mod foam;
-mod heights_on_device;
+mod kinds;
 mod level_faces;
-mod on_device;
 mod rims;
 mod row_blur;
 mod sampling;
 mod tilted_faces;
 mod traps;
 mod truth;
+mod unresolved;

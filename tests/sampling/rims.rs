@@ -5,14 +5,14 @@
 //! The limit is two tolerances of the scenes, 1e-4 of open beam, and what the sums leave: the grid up to 2e-5, thin
 //! lenses 5e-6.
 
-use crate::on_device::{apart, run, sum_over_energies, tube};
+use crate::kinds::{apart, run, sum_over_energies, tube};
 use crate::reference::masks::Bars;
 use crate::reference::normal::cumulative;
 use crate::reference::scenes;
 use crate::reference::stack::Setup;
 use crate::reference::surfaces::{body, cuboid};
 use crate::support::{CARBON, Worst, engine};
-use beamlet::scene::{Refine, Scene, Shape};
+use beamlet::scene::{Scene, Shape};
 use beamlet::stack::ArraySink;
 use beamlet::{Backend, Control};
 use glam::{DMat3, DVec3};
@@ -172,7 +172,7 @@ fn rims_turn_light_of_each_energy_by_its_own_angle() {
     scene.sampling.quality = None;
     scene.detector.pixels[1] = 1;
     let sum = sum_over_energies(&engine, &scene, 2e-5);
-    let (got, record) = run(&engine, &scene, Refine::Host, 1e-4);
+    let (got, record) = run(&engine, &scene, 1e-4);
     let [worst, rms] = apart(&got, &sum);
     println!("measured rims, a tube: worst {worst:.1e}, rms {rms:.1e}");
     assert!(worst < 1.5e-4 && rms < 2e-5 && record.tally.exact > 0, "{worst:e} {rms:e}");

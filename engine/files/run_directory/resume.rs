@@ -23,8 +23,8 @@ pub(super) struct Resumed {
 }
 
 impl RunDirectory {
-    /// The scene with the tolerances of an interrupted run where it has no numbers, and its `refine` for
-    /// `"auto"`: the scene that a resumed run goes on with.
+    /// The scene with the tolerances of an interrupted run where it has no numbers: the scene that a resumed run goes
+    /// on with.
     ///
     /// # Errors
     /// [`Error::File`] where there is no run.

@@ -22,7 +22,6 @@ pub use prototype::Prototype;
 
 use glam::DVec3;
 use std::borrow::Cow;
-use std::ops::Range;
 
 use super::Sample;
 use super::body::Body;
@@ -50,72 +49,13 @@ impl Placed {
     }
 }
 
-/// Facets of the sample, placed meshes included, by number: first the triangles of the sample itself,
-/// then of one placed mesh after the other. Analytic surfaces have none.
-#[derive(Debug, Clone)]
-pub struct FacetNumbers {
-    /// Blocks by prototype: the number of its first facet, and its placed ones.
-    blocks: Vec<Block>,
-}
-
-#[derive(Debug, Clone)]
-struct Block {
-    first: u64,
-    /// Facets of each.
-    each: u64,
-    placed: Range<usize>,
-}
-
-/// A facet by its number.
+/// A facet.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum FacetOf {
     /// A triangle of the sample.
     Sample(usize),
     /// A triangle of the prototype of a placed mesh: index of the placed one, and of the triangle.
     Placed(usize, usize),
-}
-
-impl FacetNumbers {
-    /// The numbers of the facets of a sample.
-    pub fn new(sample: &Sample) -> Self {
-        let mut blocks = Vec::new();
-        let mut count = sample.triangles.len() as u64;
-        let mut begin = 0;
-        for same in sample.placed.chunk_by(|a, b| a.prototype == b.prototype) {
-            let prototype = &sample.prototypes[same[0].prototype as usize];
-            let placed = begin..begin + same.len();
-            begin = placed.end;
-            let each = prototype.facets() as u64;
-            if each > 0 {
-                blocks.push(Block { first: count, each, placed: placed.clone() });
-                count += each * placed.len() as u64;
-            }
-        }
-        Self { blocks }
-    }
-
-    /// Placed meshes, with the number of the first facet of each.
-    pub fn placed(&self) -> impl Iterator<Item = (usize, u64)> {
-        self.blocks.iter().flat_map(|block| {
-            (0..)
-                .zip(block.placed.clone())
-                .map(|(k, placed)| (placed, block.first + k * block.each))
-        })
-    }
-
-    /// Which facet has a number.
-    pub fn of(&self, sample: &Sample, number: u32) -> FacetOf {
-        if (number as usize) < sample.triangles.len() {
-            return FacetOf::Sample(number as usize);
-        }
-        let number = u64::from(number);
-        let after = self.blocks.partition_point(|block| block.first <= number);
-        let block = &self.blocks[after - 1];
-        let (placed, triangle) =
-            ((number - block.first) / block.each, (number - block.first) % block.each);
-        let at = numbers::length(placed) + block.placed.start;
-        FacetOf::Placed(at, numbers::length(triangle))
-    }
 }
 
 impl Sample {

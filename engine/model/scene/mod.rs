@@ -55,8 +55,8 @@ pub mod schema {
     pub use super::keys::schema::json_schema;
 }
 pub use model::{
-    ApertureLattice, ApertureShape, BarLayer, MaskBody, MaskSpec, Quality, Refine, Sampling, Scene,
-    Scheme, Source, Substrate, Tolerances, Transport,
+    ApertureLattice, ApertureShape, BarLayer, MaskBody, MaskSpec, Quality, Sampling, Scene, Scheme,
+    Source, Substrate, Tolerances, Transport,
 };
 pub use motion::Motion;
 pub use pattern::{Pattern, Strip};

@@ -2,12 +2,10 @@
 //! documented on the fields and enforced by [`Scene::validate`].
 
 use std::collections::BTreeMap;
-use std::fmt;
 use std::path::PathBuf;
 
 use super::{Beam, Detector, MaterialSpec, Object, RandomRays, Scan, ShapeOrMesh};
 use crate::spot::Spot;
-use serde::{Deserialize, Serialize};
 
 /// Name of the region of the surroundings among the objects.
 const REGION: &str = "surroundings";
@@ -423,8 +421,6 @@ pub struct Sampling {
     pub angle_tolerance: Option<f64>,
     /// Cells: most rays of a pixel in a view. >= 1.
     pub max_rays: u32,
-    /// Cells: where refinement runs.
-    pub refine: Refine,
     /// Random: rays of a pixel and their targets.
     pub rays: RandomRays,
     /// Order of the transport.
@@ -443,7 +439,6 @@ impl Default for Sampling {
             tolerance: None,
             angle_tolerance: None,
             max_rays: 200_000,
-            refine: Refine::Auto,
             rays: RandomRays::Count(5000),
             transport: Transport::Auto,
             seed: 1,
@@ -505,28 +500,6 @@ pub enum Scheme {
     Cells,
     /// The paper's: targets spread over the pixel, random source offsets.
     Random,
-}
-
-/// Where the rays of cells are chosen.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "lowercase")]
-pub enum Refine {
-    /// Chosen by the kind of the device and the sample; a run records the place.
-    Auto,
-    /// On the host, by rules for rays, facets, and unresolved structure.
-    Host,
-    /// On the device, by rays.
-    Device,
-}
-
-impl fmt::Display for Refine {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(match self {
-            Self::Auto => "auto",
-            Self::Host => "host",
-            Self::Device => "device",
-        })
-    }
 }
 
 /// Order of the transport through the sample.

@@ -13,6 +13,12 @@ use super::tree::{Document, MISSING, Origin, TreeEntry, TreeNode, TreeValue};
 use beamlet_core::units::{Dimension, QuantityError};
 use beamlet_core::{Error, Result, suggestion};
 
+/// Keys that scenes of version 0.1 have, and what to do about them.
+const GONE: [(&str, &str); 1] = [(
+    "sampling.refine",
+    "no place where rays are chosen, which is the same on every device: remove it",
+)];
+
 /// A value in the document and the path that leads to it.
 #[derive(Debug, Clone)]
 pub(super) struct ListItem<'a> {
@@ -250,10 +256,12 @@ impl<'a> Table<'a> {
             .map(|it| it.1)
             .or_else(|| suggestion::nearest(&entry.key, known.iter().copied(), str::to_lowercase));
         let mut allowed = known.join(", ");
-        if let Some(meant) = meant {
+        let key = path::join(&self.item.path, &entry.key);
+        if let Some((_, remedy)) = GONE.iter().find(|(gone, _)| *gone == key) {
+            allowed = format!("{remedy}; {allowed}");
+        } else if let Some(meant) = meant {
             let _ = write!(allowed, " (did you mean `{meant}`?)");
         }
-        let key = path::join(&self.item.path, &entry.key);
         document.report(error(document, &entry.origin, key, "an unknown key", allowed));
         // The key that was meant is not missing as well.
         if let Some(meant) = meant.filter(|meant| !self.has(meant)) {

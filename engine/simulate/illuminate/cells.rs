@@ -5,7 +5,6 @@ use super::fit::fit;
 use super::light::{ApertureEdges, IlluminationBuffer};
 use super::row_parts::parts_of;
 use super::sums::PixelSums;
-use crate::refine::MadeCells;
 use crate::sampling::CellBatch;
 use beamlet_core::cancel::Cancel;
 use beamlet_core::{Result, numbers};
@@ -210,36 +209,6 @@ impl CellIlluminator {
         (self.cells, self.cell_rows) = (Some(cell_buffer), Some(cell_row_buffer));
         self.parts = Some(part_buffer);
         Ok(())
-    }
-
-    /// Adds the light of cells that were made on the device, in a list for each of the `lights`.
-    ///
-    /// # Errors
-    /// As [`Self::add`].
-    pub(crate) fn add_made(
-        &mut self,
-        lights: &[IlluminationBuffer],
-        made: &MadeCells<'_>,
-        sums: &PixelSums,
-        steps: u32,
-    ) -> Result<()> {
-        let template = IlluminatePush {
-            parts: made.parts.address(),
-            cell_rows: made.cell_rows.address(),
-            cells: made.cells.address(),
-            sums: sums.buffer.address(),
-            steps,
-            ..bytemuck::Zeroable::zeroed()
-        };
-        let uploads = &mut Vec::new();
-        for (light, [near, far]) in lights.iter().zip(&made.lists) {
-            for (far, parts) in [(light.rows_apart(), near.clone()), (true, far.clone())] {
-                let piece = DispatchPart { light, far, parts };
-                self.plan(&piece, template, steps, uploads)?;
-            }
-        }
-        self.run(uploads)?;
-        self.add(lights.iter().zip(&made.repeated), sums, steps)
     }
 
     /// Plans the dispatches of a piece; runs those before it as they fill a submission. The first has the

@@ -12,7 +12,6 @@ mod exact;
 mod integrals;
 mod join;
 mod node_result;
-mod on_device;
 mod set_up;
 mod sums;
 
@@ -32,7 +31,6 @@ use std::ops::Range;
 use sums::{BandSums, Terms};
 
 pub(crate) use bars::MaskTransmissionCache;
-pub(crate) use on_device::EnergyTables;
 
 /// Groups with less light than this, of open beam, are left out, and nodes at the ends of the
 /// spectrum with less in a group.

@@ -5,7 +5,6 @@ pub mod edge_blur;
 mod estimate;
 pub mod memory;
 pub mod quality;
-pub mod refine_choice;
 pub mod simulation;
 mod simulator;
 

@@ -10,7 +10,6 @@ mod work;
 
 use crate::detector::{self, DetectorModel};
 use crate::illuminate::EnergyBinning;
-use crate::refine::{CellMaker, RefineRoom};
 use crate::run::Control;
 use crate::run::edge_blur::bounded;
 use crate::run::memory::MemoryEstimate;
@@ -27,7 +26,7 @@ use beamlet_files::{RunProfile, RunRecord, RunStart, SamplingSummary, Sink};
 use beamlet_geometry::{self as geometry, Sample};
 use beamlet_gpu::{Backend, Device, DeviceKind, EngineOptions};
 use beamlet_model::media::MaterialTable;
-use beamlet_model::scene::{Exposure, Refine, Scene, Scheme, Transport};
+use beamlet_model::scene::{Exposure, Scene, Scheme};
 pub use rays::{moments, trace};
 use side_by_side::{Handed, side_by_side};
 use std::sync::Arc;
@@ -98,9 +97,8 @@ impl Simulation {
         let most = numbers::at_most(numbers::length(memory.rays_at_once));
         // Random rays are made and stay on the device, where their batches do not adapt: a GPU takes all, but
         // for small ones, whose drivers end long dispatches.
-        let on_device = self.scene.sampling.scheme == Scheme::Random
-            || self.scene.sampling.refine == Refine::Device;
-        let whole = on_device && self.device().description().kind == DeviceKind::Discrete;
+        let is_random = self.scene.sampling.scheme == Scheme::Random;
+        let whole = is_random && self.device().description().kind == DeviceKind::Discrete;
         Tracer::new(
             self.device(),
             self.simulator.trace_kernels(),
@@ -135,25 +133,6 @@ impl Simulation {
             rays_at_once: numbers::length(memory.rays_at_once),
             limit: limit.map(<[u64; 2]>::from),
             words: self.recording.as_ref().map_or(0, sampling::MomentRecording::words),
-        }
-    }
-
-    /// The same on the device.
-    fn refine_room(&self, memory: &MemoryEstimate) -> RefineRoom {
-        let limit = self.options().memory_limit.zip(memory.left_for_refinement);
-        if self.cell_maker() == CellMaker::Host {
-            return RefineRoom::of_host(limit.map(<[u64; 2]>::from), self.moment_words());
-        }
-        let spectrum = self.spectral.as_ref().map(|it| [it.kept_words(), it.group_count()]);
-        RefineRoom::new(limit.map(<[u64; 2]>::from), spectrum)
-    }
-
-    /// Maker of the cells of rectangles that the device refines.
-    fn cell_maker(&self) -> CellMaker {
-        match &self.spectral {
-            None => CellMaker::OneEnergy,
-            Some(_) if self.scene.sampling.transport == Transport::Exact => CellMaker::Host,
-            Some(_) => CellMaker::Spectrum,
         }
     }
 

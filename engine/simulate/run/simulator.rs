@@ -1,7 +1,6 @@
 //! An open device with the kernels of simulations.
 
 use crate::illuminate::{CellKernels, RandomKernels};
-use crate::refine::RefineKernels;
 use crate::trace::TraceKernels;
 use crate::wave::WaveKernels;
 use beamlet_gpu::{Compute, Device, EngineOptions};
@@ -19,7 +18,6 @@ struct Kernels {
     trace: Arc<TraceKernels>,
     illuminate: Arc<CellKernels>,
     random: Arc<RandomKernels>,
-    refine: Arc<RefineKernels>,
     wave: Arc<WaveKernels>,
 }
 
@@ -31,7 +29,6 @@ impl Simulator {
             trace: Arc::new(TraceKernels::new(device)),
             illuminate: Arc::new(CellKernels::new(device)),
             random: Arc::new(RandomKernels::new(device)),
-            refine: Arc::new(RefineKernels::new(device)),
             wave: Arc::new(WaveKernels::new(device)),
         });
         Self { kernels, compute }
@@ -71,10 +68,6 @@ impl Simulator {
 
     pub(crate) fn random_kernels(&self) -> &Arc<RandomKernels> {
         &self.kernels.random
-    }
-
-    pub(crate) fn refine_kernels(&self) -> &Arc<RefineKernels> {
-        &self.kernels.refine
     }
 
     pub(crate) fn wave_kernels(&self) -> &Arc<WaveKernels> {

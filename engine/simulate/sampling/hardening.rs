@@ -1,7 +1,6 @@
 //! Light of a spectrum that passes the sample, by the optical depth at the mean constants.
 
 use beamlet_core::numbers::{self, single};
-use beamlet_interface::{HARDENING_DEEPEST, HARDENING_PLACES};
 use beamlet_model::media::MaterialTable;
 use std::sync::Arc;
 
@@ -15,6 +14,12 @@ pub(crate) struct Hardening {
     /// [`parts_by_refraction`].
     refraction: [[f32; PARTS]; 2],
 }
+
+/// Places of the table of light behind optical depths at the mean constants of a spectrum, by the square root of the
+/// depth.
+const HARDENING_PLACES: u32 = 257;
+/// Deepest of them.
+const HARDENING_DEEPEST: u32 = 64;
 
 /// Most parts of the light of a spectrum that windows see apart.
 const PARTS: usize = 4;
@@ -72,11 +77,6 @@ impl Hardening {
     /// Shares of parts of the light, and their refraction over that at the mean constants.
     pub(crate) const fn refraction(&self) -> [[f32; PARTS]; 2] {
         self.refraction
-    }
-
-    /// The table, for the device (`shaders/refine/hardening.glsl`); empty at one energy.
-    pub(crate) fn table(&self) -> &[f32] {
-        &self.ratios
     }
 
     /// Share of the light that passes a depth.

@@ -164,16 +164,6 @@ impl Response {
         all
     }
 
-    /// Landing points of an undeflected ray through the centre of the beamlet at `column`, from the centre of
-    /// the nearest window of each kind, m.
-    pub(crate) fn landings(&self, column: usize) -> [f32; 2] {
-        let of = |kind: usize| {
-            let windows = self.windows.get(kind);
-            windows.map_or(0.0, |windows| windows.landing(column, self.landing[column]))
-        };
-        [of(0), of(1)]
-    }
-
     /// Landing point of light of a beamlet displaced by `displacement`, from the centre of a
     /// window, m.
     pub(crate) fn landing(&self, column: usize, x: f32, displacement: f32) -> f32 {

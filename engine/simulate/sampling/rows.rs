@@ -93,7 +93,7 @@ pub(crate) fn sample_rows(
 ///
 /// # Errors
 /// Errors of `take`.
-pub(crate) fn take_blank(
+fn take_blank(
     view: &ViewContext<'_>,
     tracer: &mut Tracer,
     (mut blank, lit): (Vec<(i64, i64)>, &Range<i64>),

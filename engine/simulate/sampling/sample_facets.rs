@@ -2,7 +2,7 @@
 
 use crate::accel::{Bvh, FacetTree};
 use crate::trace::{component_hash, least_cosine};
-use beamlet_geometry::{Component, FacetNumbers, Sample};
+use beamlet_geometry::{Component, Sample};
 use beamlet_model::media::MaterialTable;
 use beamlet_model::scene::Transport;
 use std::collections::BTreeMap;
@@ -33,22 +33,17 @@ pub(crate) struct SampleFacets {
     pub(crate) by_rays: Vec<bool>,
     /// Number of triangles by component.
     pub(crate) triangles: Vec<u32>,
-    /// Triangles across the edges of each, of the sample itself.
-    pub(super) across: Vec<[u32; 3]>,
     /// Trees over the facets.
     pub(crate) tree: FacetTree,
-    /// Numbers of the facets, placed meshes included.
-    pub(super) numbers: FacetNumbers,
 }
 
 impl SampleFacets {
-    /// At the mean constants of the media. `across`: [`beamlet_geometry::across_edges`] of the sample.
+    /// At the mean constants of the media.
     #[must_use]
     pub(crate) fn new(
         transport: Transport,
         sample: &Sample,
         media: &MaterialTable,
-        across: Vec<[u32; 3]>,
         bvh: &Bvh,
     ) -> Self {
         let mean = media.mean();
@@ -89,7 +84,6 @@ impl SampleFacets {
                 triangles[(placed.component + component) as usize] += 1;
             }
         }
-        let numbers = FacetNumbers::new(sample);
         let is_exact = transport == Transport::Exact;
         let is_open = |object: u32| {
             sample.objects.get(object as usize).is_some_and(|it| it.defects.refused())
@@ -98,7 +92,7 @@ impl SampleFacets {
         let by_rays = sample.components.iter().map(rays).collect();
         let steps = (0..).zip(&sample.components).map(step).collect();
         let tree = FacetTree::new(bvh);
-        Self { is_exact, steps, between, by_rays, triangles, across, tree, numbers }
+        Self { is_exact, steps, between, by_rays, triangles, tree }
     }
 
     /// Effect of a surface of a component of an object where another object is around it: that of the component, but

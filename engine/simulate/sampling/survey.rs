@@ -59,13 +59,6 @@ pub(crate) struct RowsCost {
 }
 
 impl RowsCost {
-    /// The same with further seconds of all patches.
-    #[must_use]
-    pub(crate) fn with_seconds(mut self, beyond: f64) -> Self {
-        self.kinds[0].seconds += beyond;
-        self
-    }
-
     /// Rays of the rows, their base rays counted once.
     #[must_use]
     pub(crate) fn rays(&self) -> f64 {

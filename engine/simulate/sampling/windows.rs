@@ -54,16 +54,6 @@ impl Windows {
         }
     }
 
-    /// True if the windows are given by their ends.
-    pub(crate) const fn is_sharp(&self) -> bool {
-        self.sharp.is_some()
-    }
-
-    /// Ends of sharp windows, or the integral of a window over the landing point.
-    pub(crate) fn numbers(&self) -> Vec<f32> {
-        self.sharp.as_ref().map_or_else(|| self.integral.clone(), |ends| ends.concat())
-    }
-
     /// Distance of the landing point of light from the centre of a window, m, given the distance `at`
     /// from the centre of an aperture of the detector mask.
     pub(crate) fn landing(&self, column: usize, at: f32) -> f32 {

@@ -5,7 +5,6 @@ mod exact;
 mod job;
 mod kernels;
 mod lines;
-mod made;
 mod pass;
 mod queues;
 
@@ -24,7 +23,6 @@ use beamlet_model::scene::Transport;
 use exact::LISTED;
 pub use kernels::TraceKernels;
 use kernels::{OrderFree, Walks};
-pub(crate) use made::{MadeRays, QUEUE_COUNT};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Duration;

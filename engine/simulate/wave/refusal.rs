@@ -6,7 +6,7 @@ use crate::run::quality;
 use beamlet_core::tally::Tally;
 use beamlet_core::{Error, Result};
 use beamlet_model::optics::Optics;
-use beamlet_model::scene::{Object, Refine, Scene, Scheme, Transport};
+use beamlet_model::scene::{Object, Scene, Scheme, Transport};
 use beamlet_model::spectrum;
 
 /// A warning where more of the light of the touched patches of a run by waves than its tolerance crosses surfaces near
@@ -47,9 +47,6 @@ pub(crate) fn refuse(scene: &Scene, optics: &Optics) -> Result<()> {
     };
     if scene.sampling.scheme == Scheme::Random {
         return wave("scheme = \"random\"", "scheme = \"cells\"");
-    }
-    if scene.sampling.refine == Refine::Device {
-        return wave("refine = \"device\"", "refine = \"host\"");
     }
     let has_no_length =
         |object: &&Object| object.roughness > 0.0 && object.correlation_length.is_none();

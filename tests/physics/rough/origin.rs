@@ -5,7 +5,7 @@
 use crate::reference::closed_form::blurred_overlap;
 use crate::support::{Worst, engine};
 use beamlet::Backend;
-use beamlet::scene::{Instances, Object, Refine, Scene, Shape, Transport};
+use beamlet::scene::{Instances, Object, Scene, Shape, Transport};
 use beamlet::stack::Stacks;
 use std::f64::consts::{FRAC_PI_2, TAU};
 use std::path::Path;
@@ -110,13 +110,6 @@ fn no_light_behind_a_rough_plate_depends_on_the_origin() {
     for (name, object, faces) in bodies {
         hold(name, &object, faces, &|scene| engine.simulate(scene).expect("a run"));
     }
-    let device = |scene: &Scene| {
-        let mut scene = scene.clone();
-        scene.sampling.refine = Refine::Device;
-        engine.simulate(&scene).expect("a run")
-    };
-    hold("a disc, on the device", &disc(None), &own, &device);
-    hold("two instances, on the device", &pair, &pair_faces, &device);
     let exact = |scene: &Scene| {
         let mut scene = scene.clone();
         scene.sampling.transport = Transport::Exact;

@@ -1,7 +1,7 @@
 //! Keys of sampling.
 
 use super::prelude::*;
-use crate::scene::{Quality, RandomRays, Refine, Sampling, Scheme, Transport};
+use crate::scene::{Quality, RandomRays, Sampling, Scheme, Transport};
 
 keys! { SAMPLING: Sampling, "sampling", [], [];
     scheme => Word(SCHEMES), Default(r#""cells""#), r#""random""#,
@@ -18,8 +18,6 @@ keys! { SAMPLING: Sampling, "sampling", [], [];
         "Error of the mean refraction of the light that a mask step lets through, where no silhouette crosses the pixel.";
     max_rays => Count(1, limits::RAYS as u64), Default("200000"), "20000",
         "Most rays of a beamlet and row in a view.";
-    refine => Word(REFINES), Default(r#""auto""#), r#""device""#,
-        "Where rays are chosen: by lines through surfaces on the host, or by rays on the device ([choice](developers/sampling.md#host-or-device)).";
     rays => Either(RAYS, &ONE, &Counts("counts in x, z", 1, limits::RAYS as u64)), Default("5000"), "[100, 10]",
         "Rays of a pixel under the scheme `random`, spread over it or in a grid; up to 400000 in all.";
     transport => Word(TRANSPORTS), Default(r#""auto""#), r#""exact""#,
@@ -28,7 +26,6 @@ keys! { SAMPLING: Sampling, "sampling", [], [];
 }
 
 words!(Scheme, SCHEMES: "cells" => Cells, "random" => Random);
-words!(Refine, REFINES: "auto" => Auto, "host" => Host, "device" => Device);
 words!(Quality, QUALITIES: "noise" => Noise, "standard" => Standard, "fine" => Fine);
 words!(Transport, TRANSPORTS: "auto" => Auto, "first-order" => FirstOrder, "exact" => Exact,
     "wave" => Wave);

@@ -8,7 +8,7 @@ use crate::detector::SubpixelGrid;
 use beamlet_core::{Error, Result};
 use beamlet_files::StackShape;
 use beamlet_geometry::{ObjectSummary, PEAK_PER_CUT_TRIANGLE, PEAK_PER_TRIANGLE};
-use beamlet_model::scene::{Beam, Refine, Scatter, Scene, Scheme, ShapeOrMesh, Transport};
+use beamlet_model::scene::{Beam, Scatter, Scene, Scheme, ShapeOrMesh, Transport};
 use std::collections::BTreeSet;
 
 /// Least memory of one patch in refinement under a limit.
@@ -119,8 +119,6 @@ pub(super) struct Needs {
     ray_host: u64,
     ray_device: u64,
     pub(super) cells: bool,
-    /// Rectangles are refined, and so take memory, on the device.
-    on_device: bool,
     /// Lines of rays replace cells.
     wave: bool,
     /// Rays of a view that refinement adds beyond what `ray_host` counts.
@@ -190,7 +188,6 @@ impl Needs {
             ray_host,
             ray_device,
             cells,
-            on_device: scene.sampling.refine == Refine::Device,
             wave,
             crowded: 0,
         })
@@ -330,15 +327,13 @@ impl Needs {
     fn run(&self, band_rows: u32, rays_at_once: u64) -> HostAndDevice {
         let rays = self.rays_together(rays_at_once);
         let band = self.lanes * (u64::from(band_rows) + self.beside);
-        let refined = self.refinement(rays);
-        let [on_host, on_device] = if self.on_device { [0, refined] } else { [refined, 0] };
         let [wave_host, wave_device] = if self.wave { [WAVE_HOST, WAVE_DEVICE] } else { [0; 2] };
         let host = self.program
             + self.lanes * wave_host
             + KEPT * self.triangles
             + self.instances().host
             + self.lanes * BEAMLET * self.beamlets
-            + on_host
+            + self.refinement(rays)
             + self.lanes * CROWDED * self.crowded.min(MOST_CROWDED)
             + 64 * self.views
             + FRAME_COPIES * self.frame;
@@ -346,7 +341,6 @@ impl Needs {
             + (TREE + STRUCTURE) * self.triangles
             + self.instances().device
             + self.lanes * self.ray_device * rays
-            + on_device
             + 16 * self.views;
         HostAndDevice {
             host: host.saturating_add(band.saturating_mul(self.row.host)),

@@ -5,7 +5,7 @@ use crate::accel::Bvh;
 use crate::detector::DetectorModel;
 use crate::illuminate::{self, EnergyBinning};
 use crate::run::simulator::Simulator;
-use crate::run::{self, Control, MemoryEstimate, memory, quality, refine_choice};
+use crate::run::{self, Control, MemoryEstimate, memory, quality};
 use crate::sampling::{self, ErrorBudget, Hardening, Lattice, Response};
 use crate::trace::DeviceSample;
 use crate::wave::{self, WavePlans};
@@ -84,8 +84,6 @@ impl Simulation {
             Some(sample) => sample,
             None => load(&scene, options.memory_limit, control)?,
         };
-        let mut scene = scene;
-        let refine_reason = settle_refine(&mut scene, &sample, simulator);
         let [alone, memory] = memory_of(&scene, &sample, options)?;
         memory::ask_for_run(&scene, &memory)?;
         log_spot(&scene);
@@ -122,8 +120,6 @@ impl Simulation {
             detector,
             start: RunStart {
                 mesh_hashes: mesh_hashes(&scene, &sample),
-                refine: refine_reason.as_ref().map(|_| scene.sampling.refine),
-                refine_reason,
                 facet_kinks,
                 ..RunStart::new(&description.name, &description.driver, Backend::Bvh, "")
             },
@@ -148,15 +144,6 @@ impl Simulation {
         simulation.prepared_in = begin.elapsed().as_secs_f64();
         Ok(simulation)
     }
-}
-
-/// Settles where the rays of a scene are chosen, and returns why there; nothing where none are chosen.
-fn settle_refine(scene: &mut Arc<Scene>, sample: &Sample, simulator: &Simulator) -> Option<String> {
-    let kind = simulator.device().description().kind;
-    let reason = refine_choice::settle(Arc::make_mut(scene), sample, kind);
-    let place = scene.sampling.refine;
-    reason.iter().for_each(|reason| log::info!("rays are chosen on the {place}: {reason}"));
-    reason
 }
 
 /// Memory of a run with one view at a time, and of a run whose views may be made side by side.
@@ -205,7 +192,7 @@ fn build(scene: &Scene, sample: Sample, media: MaterialTable) -> Result<Built> {
     let across = geometry::across_edges(&sample);
     let bvh = Bvh::build(&sample, &across, scene.displacement())?;
     let transport = scene.sampling.transport;
-    let facets = sampling::SampleFacets::new(transport, &sample, &media, across, &bvh);
+    let facets = sampling::SampleFacets::new(transport, &sample, &media, &bvh);
     Ok(Built { sample, media, bvh, facets })
 }
 

@@ -16,7 +16,6 @@ use crate::illuminate::{
     ApertureEdges, CellIlluminator, IlluminationBuffer, MaskTransmissionCache, PixelSums,
     RandomIlluminator, SpectralBand,
 };
-use crate::refine::DeviceRefiner;
 use crate::run::memory::MemoryEstimate;
 use crate::run::{Control, Progress, ViewProgress};
 use crate::sampling::{ProjectedBounds, Response};
@@ -27,7 +26,7 @@ use beamlet_core::tally::Tally;
 use beamlet_core::{Result, numbers};
 use beamlet_files::Sink;
 use beamlet_gpu::LazyKernel;
-use beamlet_model::scene::{Exposure, Refine, Scheme};
+use beamlet_model::scene::{Exposure, Scheme};
 use in_bands::bands;
 use mean::Mean;
 use ndarray::Array3;
@@ -35,10 +34,6 @@ use share::Share;
 use std::ops::Range;
 use std::sync::Arc;
 use std::time::Instant;
-
-/// Patches and least rows that the host lists at a time, where the device refines.
-const PATCHES_AT_ONCE: i64 = 1 << 17;
-const ROWS_AT_ONCE: i64 = 16;
 
 /// The run in progress.
 pub(super) struct ViewWork<'s> {
@@ -49,8 +44,6 @@ pub(super) struct ViewWork<'s> {
     sums: PixelSums,
     cells: CellIlluminator,
     random_light: RandomIlluminator,
-    /// Refines on the device, where the scene wants that.
-    refiner: Option<DeviceRefiner<'s>>,
     /// Light by waves in place of cells, where the scene wants that.
     wave: Option<WaveBand>,
     /// Cells add light near grazing to the light of the band by waves.
@@ -120,18 +113,10 @@ impl<'s> ViewWork<'s> {
         if !simulation.sample.is_empty() {
             kernels.extend(tracer.wanted_kernels());
         }
-        let refines = traced && !random && scene.sampling.refine == Refine::Device;
-        if refines {
-            kernels.extend(simulator.refine_kernels().all(simulation.cell_maker()));
-        }
         if simulation.wave.is_some() {
             kernels.extend(simulator.wave_kernels().all());
         }
         LazyKernel::make_all(&kernels, cancel)?;
-        let making = (simulation.cell_maker(), simulation.spectral.as_ref());
-        let refiner =
-            refines.then(|| DeviceRefiner::new(&device, simulator.refine_kernels(), making));
-        let refiner = refiner.transpose()?;
         let wave = simulation.wave.as_ref();
         let wave =
             wave.map(|plans| WaveBand::new(&device, plans, simulator.wave_kernels(), columns));
@@ -142,7 +127,6 @@ impl<'s> ViewWork<'s> {
             sums: PixelSums::new(&device, steps, lit_rows().max().unwrap_or(0), columns as usize)?,
             cells: CellIlluminator::new(&device, simulator.illuminate_kernels(), cancel),
             random_light: RandomIlluminator::new(&device, simulator.random_kernels(), optics),
-            refiner,
             wave,
             has_grazing_light: false,
             bars: MaskTransmissionCache::default(),
@@ -347,11 +331,6 @@ impl<'s> ViewWork<'s> {
     fn group_rows(&self, traced: bool) -> i64 {
         let optics = self.simulation.detector.optics();
         let lattice = &self.simulation.lattice;
-        if traced && self.refiner.is_some() {
-            // The device has groups of patches of its own: these are the patches that the host knows.
-            let beamlets = lattice.beamlets.end - lattice.beamlets.start;
-            return (PATCHES_AT_ONCE / beamlets.max(1)).max(ROWS_AT_ONCE);
-        }
         let per_row = if optics.sampling.scheme == Scheme::Random {
             u64::from(optics.detector.pixels[0]) * u64::from(optics.sampling.rays.count())
         } else if !traced {

@@ -9,8 +9,8 @@ use beamlet_core::Result;
 use beamlet_core::numbers::count;
 use beamlet_gpu::{Backend, Kernel, Recorder, Upload};
 use beamlet_interface::{
-    ATTEMPTS, ExactPush, GROUP, LONGEST_LIST, NO_QUEUE, QUEUE_EXACT, QUEUE_LONGER, QUEUE_LOST,
-    QUEUE_MADE_EXACT, Ray, RayResult,
+    ATTEMPTS, ExactPush, GROUP, LONGEST_LIST, NO_QUEUE, QUEUE_EXACT, QUEUE_LONGER, QUEUE_LOST, Ray,
+    RayResult,
 };
 use beamlet_model::scene::Transport;
 use rayon::prelude::*;
@@ -40,8 +40,6 @@ pub(super) enum ExactRays {
     Runs(u32),
     /// Those of a queue.
     Queued(u32),
-    /// All that the device made.
-    Made,
 }
 
 /// An exact walk over rays, ready to be recorded.
@@ -155,7 +153,6 @@ impl Tracer {
         let (queue, count, indices) = match walk.rays {
             ExactRays::All(n) => (NO_QUEUE, n, &b.exact),
             ExactRays::Runs(n) => (NO_QUEUE, n, b.runs()),
-            ExactRays::Made => (QUEUE_MADE_EXACT, 0, &b.exact),
             ExactRays::Queued(QUEUE_LOST) => (QUEUE_LOST, 0, &b.lost),
             ExactRays::Queued(queue) => (queue, 0, &b.exact),
         };
@@ -172,7 +169,7 @@ impl Tracer {
             tally: self.tally.address(),
             queue,
             count,
-            all: matches!(walk.rays, ExactRays::All(_) | ExactRays::Made).into(),
+            all: matches!(walk.rays, ExactRays::All(_)).into(),
             runs: matches!(walk.rays, ExactRays::Runs(_)).into(),
             longer_queue: walk.longer,
             attempts: if walk.leaves { 1 } else { ATTEMPTS },

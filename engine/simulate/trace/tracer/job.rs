@@ -77,7 +77,7 @@ impl Tracer {
             let rays = match walk.rays {
                 ExactRays::All(rays) => rays,
                 ExactRays::Queued(_) => exact,
-                ExactRays::Runs(_) | ExactRays::Made => 0,
+                ExactRays::Runs(_) => 0,
             };
             self.counts.exact.fetch_add(rays.into(), Ordering::Relaxed);
         }
@@ -154,7 +154,7 @@ impl Job<'_> {
             let longer = (0..numbers::count(LEVELS) - 1).map(|level| walk.longer + level);
             let own = match walk.rays {
                 ExactRays::Queued(queue) => Some(queue),
-                ExactRays::All(_) | ExactRays::Runs(_) | ExactRays::Made => None,
+                ExactRays::All(_) | ExactRays::Runs(_) => None,
             };
             own.into_iter().chain(longer).map(|queue| (walk.kernel, queue))
         });

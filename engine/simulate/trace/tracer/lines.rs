@@ -2,7 +2,7 @@
 
 use super::{Tracer, Wanted};
 use beamlet_core::{Result, numbers, reserve};
-use beamlet_gpu::{Download, Upload};
+use beamlet_gpu::{Buffer, Download, Upload};
 use beamlet_interface::{FLAG_GRAZING, MOMENTS_FLAGS, MOMENTS_HEAD, Ray};
 use std::sync::atomic::Ordering;
 
@@ -27,6 +27,11 @@ impl Tracer {
         let flagged = if flagged > 0 { self.flagged(rays.len())? } else { Vec::new() };
         self.adapt(rays.len(), time)?;
         Ok(flagged)
+    }
+
+    /// Moments of the rays, `[ray][MOMENTS_HEAD + word]`.
+    pub(crate) const fn moments(&self) -> &Buffer {
+        &self.batch.moments
     }
 
     /// Rays near grazing among the first of the batch, by their moments: of one queue each backend has a part.

@@ -5,9 +5,7 @@ use super::queues::Queues;
 use super::{Tracer, Wanted};
 use beamlet_core::Result;
 use beamlet_gpu::{Kernel, Recorder};
-use beamlet_interface::{
-    ATTEMPTS, QUEUE_LEFT, QUEUE_MADE, RAYS_COUNTED, RAYS_LEFT, RAYS_MADE, TracePush,
-};
+use beamlet_interface::{ATTEMPTS, QUEUE_LEFT, RAYS_COUNTED, RAYS_LEFT, TracePush};
 
 /// Rays of a pass.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -16,8 +14,6 @@ pub(super) enum Rays {
     First(u32),
     /// Those that the pass before left.
     Left,
-    /// Those that the device made.
-    Made,
 }
 
 /// A pass in any order over rays, ready to be recorded.
@@ -56,7 +52,6 @@ impl Tracer {
             rays_are: match rays {
                 Rays::First(_) => RAYS_COUNTED,
                 Rays::Left => RAYS_LEFT,
-                Rays::Made => RAYS_MADE,
             },
             attempts: if leaves { 1 } else { ATTEMPTS },
         };
@@ -69,10 +64,9 @@ impl Tracer {
         let push = bytemuck::bytes_of(&pass.push);
         match pass.rays {
             Rays::First(n) => r.dispatch(pass.kernel, push, [n.div_ceil(pass.rays_of_group), 1, 1]),
-            Rays::Left | Rays::Made => {
+            Rays::Left => {
                 r.barrier();
-                let queue = if pass.rays == Rays::Left { QUEUE_LEFT } else { QUEUE_MADE };
-                let at = Queues::groups_at(queue);
+                let at = Queues::groups_at(QUEUE_LEFT);
                 r.dispatch_indirect(pass.kernel, push, &self.batch.queues, at);
             }
         }

@@ -3,7 +3,6 @@
 
 use super::detection::detection_seconds;
 use super::{ViewWork, bands};
-use crate::refine::{CellMaker, MadeCells, Take};
 use crate::run::RunEstimate;
 use crate::run::simulation::Simulation;
 use crate::sampling::{self, CellBatch, ProjectedBounds, RowsCost};
@@ -11,7 +10,6 @@ use crate::trace::Tracer;
 use beamlet_core::cancel::Cancel;
 use beamlet_core::{Result, numbers};
 use beamlet_files as stack;
-use beamlet_interface::RefinedLeaf;
 use beamlet_model::optics::Optics;
 use beamlet_model::scene::{Exposure, Scheme};
 use std::collections::HashSet;
@@ -224,24 +222,10 @@ impl ViewWork<'_> {
         let lit = band.start - blur_rows..band.end + blur_rows;
         let steps = self.steps();
         let left_out = self.steps_left_out();
-        let Self { cells, bars, lights, sums, tracer, simulation, refiner, .. } = self;
+        let Self { cells, bars, lights, sums, tracer, simulation, .. } = self;
         let exposure = Exposure::Sample(simulation.view_of(pose));
         let response = simulation.response(exposure);
         let view = simulation.pose_context(pose, projected_bounds, &response);
-        let list = simulation.detector.optics().offsets.list_of(exposure);
-        let from = (list, simulation.refine_room(&simulation.alone));
-        let some = (&rows, &lit, chosen.1);
-        if let Some(refiner) = refiner.as_mut().filter(|it| it.maker() != CellMaker::Host) {
-            let mut beyond = 0.0;
-            let mut light = |made: &MadeCells<'_>| {
-                let begin = Instant::now();
-                cells.add_made(lights, made, sums, steps)?;
-                beyond += left_out * begin.elapsed().as_secs_f64();
-                Ok(())
-            };
-            let cost = refiner.survey(&view, tracer, from, some, &mut Take::Cells(&mut light))?;
-            return Ok(cost.with_seconds(beyond));
-        }
         let mut add = |tracer: &mut Tracer, cell_rows: &CellBatch| {
             let gathered = match &simulation.spectral {
                 Some(spectral) => Some(spectral.lists(tracer, bars, cell_rows)?),
@@ -252,16 +236,6 @@ impl ViewWork<'_> {
             cells.add(lights.iter().zip(lists), sums, steps)?;
             Ok(left_out * begin.elapsed().as_secs_f64())
         };
-        if let Some(refiner) = refiner {
-            let mut beyond = 0.0;
-            let mut make = |tracer: &mut Tracer, leaves: Vec<RefinedLeaf>| {
-                let (cells, _) = sampling::cells_of_leaves(&view, tracer, leaves, &lit)?;
-                beyond += add(tracer, &cells)?;
-                Ok(())
-            };
-            let cost = refiner.survey(&view, tracer, from, some, &mut Take::Leaves(&mut make))?;
-            return Ok(cost.with_seconds(beyond));
-        }
         sampling::survey_rows(&view, tracer, rows, &lit, chosen, &mut add)
     }
 

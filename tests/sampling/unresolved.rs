@@ -1,9 +1,9 @@
-//! Unresolved structure and roughness with `sampling.refine = "device"`, against the rules of the host.
+//! Unresolved structure and roughness.
 
-use super::on_device::{apart, few_rows, of_objects, run, tube};
+use super::kinds::{apart, few_rows, of_objects, run, sum_over_energies, tube};
 use crate::support::{amount, engine, sample};
 use beamlet::Backend;
-use beamlet::scene::{Beam, Filter, Object, Refine, Scene, Shape, Transport};
+use beamlet::scene::{Beam, Filter, Object, Scene, Shape, Transport};
 
 /// A bundle of carbon fibres, of this roughness; a ray crosses up to 20.
 pub(super) fn fibres(roughness: f64) -> Scene {
@@ -53,23 +53,23 @@ fn foils(roughness: f64) -> Scene {
 
 /// The spread by rough surfaces grows with the square of the step of delta, for each energy.
 #[test]
-fn rough_surfaces_spread_light_of_each_energy_as_by_the_host() {
+fn rough_surfaces_spread_light_of_each_energy() {
     let engine = engine(Backend::Bvh);
     let tolerance = 1e-4;
-    let (want, _) = run(&engine, &foils(0.06), Refine::Host, tolerance / 4.0);
-    let (smooth, _) = run(&engine, &foils(0.0), Refine::Host, tolerance);
-    let (got, _) = run(&engine, &foils(0.06), Refine::Device, tolerance);
+    let want = sum_over_energies(&engine, &foils(0.06), tolerance / 4.0);
+    let (smooth, _) = run(&engine, &foils(0.0), tolerance);
+    let (got, _) = run(&engine, &foils(0.06), tolerance);
     let [[seen, _], [worst, _]] = [&smooth, &got].map(|it| apart(it, &want));
-    println!("measured device, rough foils, a tube: worst {worst:.1e} of {seen:.1e}");
+    println!("measured unresolved, rough foils, a tube: worst {worst:.1e} of {seen:.1e}");
     // Light is linear over the foils: both have it to the rounding of f32.
     assert!(seen > 3e-5 && worst < 0.01 * seen, "{worst} of {seen}");
 }
 
-/// Rays are chosen at other places than by the host, so that both err by chance: mean and variance over the pixels
+/// Rays of the two runs are at other places, so that both err by chance: mean and variance over the pixels
 /// agree to the error of a mean over as many (four of its deviations). Values of the steps of a pixel have the same
 /// rays and count as one.
 #[test]
-fn rough_and_unresolved_samples_have_mean_and_variance_of_the_host() {
+fn rough_and_unresolved_samples_have_mean_and_variance_of_finer_runs() {
     let engine = engine(Backend::Bvh);
     let cases = vec![
         ("fibres", fibres(0.0), 1e-3),
@@ -80,8 +80,8 @@ fn rough_and_unresolved_samples_have_mean_and_variance_of_the_host() {
     ];
     for (name, scene, tolerance) in sample(cases, 4) {
         let scene = few_rows(scene);
-        let (want, _) = run(&engine, &scene, Refine::Host, tolerance / 4.0);
-        let (got, record) = run(&engine, &scene, Refine::Device, tolerance);
+        let (want, _) = run(&engine, &scene, tolerance / 4.0);
+        let (got, record) = run(&engine, &scene, tolerance);
         let [worst, rms] = apart(&got, &want);
         let mean = |stack: &ndarray::Array4<f32>| stack.mapv(f64::from).mean().expect("pixels");
         let variance = |stack: &ndarray::Array4<f32>| stack.mapv(f64::from).var(0.0);
@@ -90,7 +90,7 @@ fn rough_and_unresolved_samples_have_mean_and_variance_of_the_host() {
         let spread = variance(&got) - variance(&want);
         let told = record.sampling.expect("reported errors");
         println!(
-            "measured device, {name}: worst {worst:.1e}, rms {rms:.1e}, mean {off:.1e}, variance {spread:.1e}, \
+            "measured unresolved, {name}: worst {worst:.1e}, rms {rms:.1e}, mean {off:.1e}, variance {spread:.1e}, \
              told {:.1e}",
             told.worst_error
         );
@@ -114,18 +114,17 @@ fn errors_behind_samples_that_harden_the_beam_are_reported() {
     scene.source.beam = tube(40.0, 4);
     scene.detector.pixels = amount([3, 1], [14, 2]);
     let (tolerance, finer) = amount((8e-3, 2.0), (4e-3, 16.0));
-    let (want, _) = run(&engine, &scene, Refine::Host, tolerance / finer);
-    let auto = [Refine::Host, Refine::Device].map(|refine| (refine, Transport::Auto));
-    for (refine, transport) in auto.into_iter().chain([(Refine::Device, Transport::Exact)]) {
+    let (want, _) = run(&engine, &scene, tolerance / finer);
+    for transport in [Transport::Auto, Transport::Exact] {
         scene.sampling.transport = transport;
-        let (got, record) = run(&engine, &scene, refine, tolerance);
+        let (got, record) = run(&engine, &scene, tolerance);
         let [worst, rms] = apart(&got, &want);
         let told = record.sampling.expect("reported errors");
         println!(
-            "measured {refine:?}, {transport:?}, an unfiltered tube: worst {worst:.1e}, rms {rms:.1e}, told {told:?}"
+            "measured {transport:?}, an unfiltered tube: worst {worst:.1e}, rms {rms:.1e}, told {told:?}"
         );
-        assert!(worst < 5.0 * tolerance && rms < tolerance, "{refine:?}: {worst} {rms}");
-        assert!(told.worst_error > worst / 6.0, "{refine:?}: {told:?} for {worst:e}");
+        assert!(worst < 5.0 * tolerance && rms < tolerance, "{transport:?}: {worst} {rms}");
+        assert!(told.worst_error > worst / 6.0, "{transport:?}: {told:?} for {worst:e}");
     }
 }
 
@@ -133,7 +132,7 @@ fn errors_behind_samples_that_harden_the_beam_are_reported() {
 #[test]
 fn runs_side_by_side_on_one_device_are_the_same() {
     let engine = engine(Backend::Bvh);
-    let of = |roughness| run(&engine, &fibres(roughness), Refine::Device, 4e-3).0;
+    let of = |roughness| run(&engine, &fibres(roughness), 4e-3).0;
     let cases = [0.0, 2e-3];
     let alone = cases.map(of);
     std::thread::scope(|scope| {

@@ -1,9 +1,9 @@
-//! Refinement on the device behind masks whose apertures end along z, against the rules of the host.
+//! Light behind masks whose apertures end along z.
 
-use super::on_device::{apart, run, sum_over_energies, tube};
+use super::kinds::{apart, run, sum_over_energies, tube};
 use crate::support::engine;
 use beamlet::Backend;
-use beamlet::scene::{Refine, Scene, Transport};
+use beamlet::scene::{Scene, Transport};
 use std::path::Path;
 
 /// Tolerance of the light that is compared.
@@ -75,18 +75,18 @@ fn scenes() -> Vec<(&'static str, Scene)> {
     ]
 }
 
-/// As `light_is_that_of_the_rules_of_the_host`, with half of its bounds: the largest error is 1.6 tolerances
+/// As `light_of_all_kinds_of_scenes_holds_the_tolerance`, with half of its bounds: the largest error is 1.6 tolerances
 /// and the largest root mean square is 0.15.
 #[test]
-fn light_behind_apertures_is_that_of_the_rules_of_the_host() {
+fn light_behind_apertures_holds_the_tolerance() {
     let engine = engine(Backend::Bvh);
     for (name, scene) in scenes() {
-        let (want, _) = run(&engine, &scene, Refine::Host, TOLERANCE / 6.0);
-        let (got, record) = run(&engine, &scene, Refine::Device, TOLERANCE);
+        let (want, _) = run(&engine, &scene, TOLERANCE / 6.0);
+        let (got, record) = run(&engine, &scene, TOLERANCE);
         let [worst, rms] = apart(&got, &want);
         let told = record.sampling.expect("reported errors");
         println!(
-            "measured device, {name}: worst {worst:.1e}, rms {rms:.1e}, told {:.1e}, {} rays",
+            "measured apertures, {name}: worst {worst:.1e}, rms {rms:.1e}, told {:.1e}, {} rays",
             told.worst_error, record.tally.patch_rays
         );
         assert!(worst < 2.5 * TOLERANCE && rms < 0.25 * TOLERANCE, "{name}: {worst} {rms}");
@@ -101,7 +101,7 @@ fn light_behind_apertures_is_that_of_the_rules_of_the_host() {
 fn shadows_of_bars_along_z_take_few_rays() {
     let engine = engine(Backend::Bvh);
     let rays = |mask: &str| {
-        let (_, record) = run(&engine, &tracked(mask, "10 um"), Refine::Device, TOLERANCE);
+        let (_, record) = run(&engine, &tracked(mask, "10 um"), TOLERANCE);
         record.tally.patch_rays
     };
     let slits = "aperture = \"40 um\"\nperiod = \"120 um\"\ntransmission = 0.0\n";
@@ -121,7 +121,7 @@ pub(super) fn cut_scenes() -> [Scene; 2] {
     [tracked(HOLES, "60 um"), spectrum]
 }
 
-/// The sum over runs at each energy by the rules of the host.
+/// The sum over runs at each energy.
 #[test]
 fn light_of_a_spectrum_behind_apertures_is_the_sum_over_its_energies() {
     let engine = engine(Backend::Bvh);
@@ -130,14 +130,13 @@ fn light_of_a_spectrum_behind_apertures_is_the_sum_over_its_energies() {
     {
         scene.source.beam = tube(40.0, 3);
         let sum = sum_over_energies(&engine, &scene, TOLERANCE / 6.0);
-        let (got, _) = run(&engine, &scene, Refine::Device, TOLERANCE);
+        let (got, _) = run(&engine, &scene, TOLERANCE);
         let [worst, rms] = apart(&got, &sum);
-        println!("measured device, a tube, {name}: worst {worst:.1e}, rms {rms:.1e}");
+        println!("measured apertures, a tube, {name}: worst {worst:.1e}, rms {rms:.1e}");
         assert!(worst < 5.0 * TOLERANCE && rms < 0.5 * TOLERANCE, "{name}: {worst} {rms}");
     }
 }
 
-/// Cells that the host makes of rectangles of the device follow displacement and depth along z, too.
 #[test]
 fn exact_light_of_a_spectrum_behind_apertures_is_the_sum_over_its_energies() {
     let engine = engine(Backend::Bvh);
@@ -145,9 +144,9 @@ fn exact_light_of_a_spectrum_behind_apertures_is_the_sum_over_its_energies() {
     scene.source.beam = tube(40.0, 3);
     scene.sampling.transport = Transport::Exact;
     let sum = sum_over_energies(&engine, &scene, 1e-4);
-    let (got, _) = run(&engine, &scene, Refine::Device, TOLERANCE);
+    let (got, _) = run(&engine, &scene, TOLERANCE);
     let [worst, rms] = apart(&got, &sum);
-    println!("measured device, squares, exact: worst {worst:.1e}, rms {rms:.1e}");
+    println!("measured apertures, squares, exact: worst {worst:.1e}, rms {rms:.1e}");
     // As without a spectrum.
     assert!(worst < 2.5 * TOLERANCE && rms < 0.25 * TOLERANCE, "{worst} {rms}");
 }

@@ -1,12 +1,10 @@
-//! Refinement on the device, `sampling.refine = "device"`: its light, its reported errors, and what it refuses.
+//! Light and reported errors of scenes of all kinds.
 
 use crate::reference::scenes;
 use crate::reference::stack::Setup;
 use crate::reference::surfaces::{body, cuboid, cylinder, extruded, sphere};
 use crate::support::{CARBON, Checked, WATER, amount, backends, engine, sample};
-use beamlet::scene::{
-    Beam, Blur, MaskBody, Refine, Scene, Shape, SpectrumOrigin, SpectrumSpec, Transport,
-};
+use beamlet::scene::{Beam, Blur, MaskBody, Scene, Shape, SpectrumOrigin, SpectrumSpec, Transport};
 use beamlet::stack::ArraySink;
 use beamlet::{Backend, Control, RunRecord};
 use ndarray::Array4;
@@ -153,24 +151,11 @@ fn scenes_of_all_kinds() -> Vec<(&'static str, Scene)> {
     ]
 }
 
-/// A scene whose rays the device chooses.
-pub(super) fn refined(mut scene: Scene, tolerance: f64) -> Scene {
-    scene.sampling.refine = Refine::Device;
+pub(super) fn run(engine: &Checked, scene: &Scene, tolerance: f64) -> (Array4<f32>, RunRecord) {
+    let mut scene = scene.clone();
     scene.sampling.tolerance = Some(tolerance);
-    scene
-}
-
-pub(super) fn run(
-    engine: &Checked,
-    scene: &Scene,
-    refine: Refine,
-    tolerance: f64,
-) -> (Array4<f32>, RunRecord) {
-    let mut scene = refined(scene.clone(), tolerance);
-    scene.sampling.refine = refine;
     let mut sink = ArraySink::new();
     let record = engine.run(&scene, &mut sink, Control::default()).expect("a run");
-    // Counters of the device go on while the host has rays traced between its kernels.
     let tally = &record.tally;
     assert!(tally.reflected <= tally.rays + tally.exact, "{tally:?}");
     (sink.into_stacks().expect("stacks").sample, record)
@@ -188,19 +173,19 @@ pub(super) fn apart(a: &Array4<f32>, b: &Array4<f32>) -> [f64; 2] {
     [off().fold(0.0, |most: f64, it| most.max(it.abs())), (squares / a.len() as f64).sqrt()]
 }
 
-/// Against runs whose rays the host chooses by other rules, at a tolerance six times as tight. None is beyond five
+/// Against runs at a tolerance six times as tight. None is beyond five
 /// tolerances, as required of sampling (docs/developers/validation.md), and the root mean square is a half of one at most.
 #[test]
-fn light_is_that_of_the_rules_of_the_host() {
+fn light_of_all_kinds_of_scenes_holds_the_tolerance() {
     let engine = engine(Backend::Bvh);
     for (name, scene) in scenes_of_all_kinds() {
         let scene = few_rows(scene);
-        let (want, _) = run(&engine, &scene, Refine::Host, TOLERANCE / 6.0);
-        let (got, record) = run(&engine, &scene, Refine::Device, TOLERANCE);
+        let (want, _) = run(&engine, &scene, TOLERANCE / 6.0);
+        let (got, record) = run(&engine, &scene, TOLERANCE);
         let [worst, rms] = apart(&got, &want);
         let told = record.sampling.expect("reported errors");
         println!(
-            "measured device, {name}: worst {worst:.1e}, rms {rms:.1e}, told {:.1e}",
+            "measured kinds, {name}: worst {worst:.1e}, rms {rms:.1e}, told {:.1e}",
             told.worst_error
         );
         assert!(worst < 5.0 * TOLERANCE && rms < 0.5 * TOLERANCE, "{name}: {worst} {rms}");
@@ -211,10 +196,9 @@ fn light_is_that_of_the_rules_of_the_host() {
 
 /// Both backends make the same rays.
 #[test]
-fn both_backends_refine_alike() {
+fn both_backends_have_the_same_rays() {
     let scene = few_rows(shapes());
-    let runs: Vec<_> =
-        backends().into_iter().map(|it| run(&engine(it), &scene, Refine::Device, 1e-3)).collect();
+    let runs: Vec<_> = backends().into_iter().map(|it| run(&engine(it), &scene, 1e-3)).collect();
     for (sample, record) in &runs {
         let [worst, _] = apart(sample, &runs[0].0);
         assert!(worst < 1e-6, "{worst}");
@@ -223,14 +207,14 @@ fn both_backends_refine_alike() {
     }
 }
 
-/// Light of a spectrum as the sum over runs at each of its energies, by the rules of the host.
+/// Light of a spectrum as the sum over runs at each of its energies.
 pub(super) fn sum_over_energies(engine: &Checked, scene: &Scene, tolerance: f64) -> Array4<f32> {
     let nodes = beamlet::spectrum::nodes(scene).expect("energies");
     let mut sum: Option<Array4<f32>> = None;
     for (energy, weight) in nodes.energies.iter().zip(&nodes.weights) {
         let mut one = scene.clone();
         one.source.beam = Beam::Energy(*energy);
-        let mut light = run(engine, &one, Refine::Host, tolerance).0;
+        let mut light = run(engine, &one, tolerance).0;
         light.mapv_inplace(|it| narrow(weight * f64::from(it)));
         sum = Some(sum.map_or(light.clone(), |sum| sum + light));
     }
@@ -254,49 +238,15 @@ fn light_of_a_spectrum_is_the_sum_over_its_energies() {
     for (name, scene, most) in sample(cases, 2) {
         let scene = few_rows(scene);
         let sum = sum_over_energies(&engine, &scene, TOLERANCE / amount(3.0, 6.0));
-        let (got, record) = run(&engine, &scene, Refine::Device, TOLERANCE);
+        let (got, record) = run(&engine, &scene, TOLERANCE);
         let [worst, rms] = apart(&got, &sum);
-        println!("measured device, {name}: worst {worst:.1e}, rms {rms:.1e}");
+        println!("measured kinds, {name}: worst {worst:.1e}, rms {rms:.1e}");
         assert!(worst < most * TOLERANCE && rms < 0.15 * most * TOLERANCE, "{name}: {worst} {rms}");
         assert!(record.tally.exact > 0, "{name}");
     }
 }
 
-/// Squares of errors at first are 1e11 budgets and more, in units of 2^-16 far beyond 32 bits: what is added to
-/// them is taken out of them again, or refinement would not end, or too soon.
-#[test]
-fn sums_of_errors_hold_what_a_word_does_not() {
-    let engine = engine(Backend::Bvh);
-    let mut scene = shapes();
-    scene.detector.pixels = [2, 1];
-    scene.scan.mask_offsets.truncate(1);
-    scene.sampling.max_rays = 1_000_000;
-    scene.sampling.angle_tolerance = Some(1e-6);
-    let (want, _) = run(&engine, &scene, Refine::Host, 1e-5);
-    let (got, record) = run(&engine, &scene, Refine::Device, 3e-6);
-    let [worst, _] = apart(&got, &want);
-    let told = record.sampling.expect("reported errors");
-    // Five tolerances of both.
-    assert!(worst < 6.5e-5, "{worst}: {told:?}");
-    assert!(told.worst_error < 3e-6 && told.beyond_tolerance == 0, "{told:?}");
-}
-
-#[test]
-fn rays_of_a_patch_have_a_limit() {
-    let engine = engine(Backend::Bvh);
-    let mut scene = meshes();
-    let (_, free) = run(&engine, &scene, Refine::Device, 1e-4);
-    let most = free.tally.most_patch_rays;
-    assert!(most > 400, "{most}");
-    scene.sampling.max_rays = 200;
-    let (_, record) = run(&engine, &scene, Refine::Device, 1e-4);
-    let told = record.sampling.expect("reported errors");
-    // Base rays of a patch come before.
-    assert!(record.tally.most_patch_rays <= 260, "{told:?}");
-    assert!(told.beyond_tolerance > 0 && told.worst_error > 1e-4, "{told:?}");
-}
-
-/// Rays that are all followed in order at each energy: the host makes the cells.
+/// Rays that are all followed in order at each energy.
 #[test]
 fn exact_light_of_a_spectrum_is_the_sum_over_its_energies() {
     let engine = engine(Backend::Bvh);
@@ -305,17 +255,15 @@ fn exact_light_of_a_spectrum_is_the_sum_over_its_energies() {
         let mut scene = few_rows(scene);
         scene.sampling.transport = Transport::Exact;
         let sum = sum_over_energies(&engine, &scene, TOLERANCE / 3.0);
-        let (got, record) = run(&engine, &scene, Refine::Device, TOLERANCE);
+        let (got, _) = run(&engine, &scene, TOLERANCE);
         let [worst, rms] = apart(&got, &sum);
-        println!("measured device, {name}, exact: worst {worst:.1e}, rms {rms:.1e}");
+        println!("measured kinds, {name}, exact: worst {worst:.1e}, rms {rms:.1e}");
         assert!(worst < most * TOLERANCE && rms < 0.15 * most * TOLERANCE, "{name}: {worst} {rms}");
-        assert_eq!(record.refine, Some(Refine::Device), "{name}");
     }
 }
 
 /// Balls of facets in a row bend light into one another: first order, whose rays are straight, differs by many
-/// tolerances. Every ray of the device is followed in order, also where a lane of the walk of the first order takes
-/// several (subgroups of 8 and 16).
+/// tolerances.
 #[test]
 fn every_ray_of_exact_transport_is_followed_in_order() {
     let ball = |y: i32| {
@@ -327,17 +275,17 @@ fn every_ray_of_exact_transport_is_followed_in_order() {
     let mut scene = of_objects(&[0, 60, 120].map(ball).concat());
     scene.source.beam = Beam::Energy(9.0);
     let engine = engine(Backend::Bvh);
-    let mut run = |transport, place, tolerance| {
+    let mut run = |transport, tolerance| {
         scene.sampling.transport = transport;
-        run(&engine, &scene, place, tolerance).0
+        run(&engine, &scene, tolerance).0
     };
-    let want = run(Transport::Exact, Refine::Host, TOLERANCE / 3.0);
-    let straight = run(Transport::FirstOrder, Refine::Host, TOLERANCE / 3.0);
-    let got = run(Transport::Exact, Refine::Device, TOLERANCE);
-    let again = run(Transport::Exact, Refine::Device, TOLERANCE);
+    let want = run(Transport::Exact, TOLERANCE / 3.0);
+    let straight = run(Transport::FirstOrder, TOLERANCE / 3.0);
+    let got = run(Transport::Exact, TOLERANCE);
+    let again = run(Transport::Exact, TOLERANCE);
     let [worst, rms] = apart(&got, &want);
     let [bent, _] = apart(&straight, &want);
-    println!("measured device, exact: worst {worst:.1e}, rms {rms:.1e}; first order {bent:.1e}");
+    println!("measured kinds, exact: worst {worst:.1e}, rms {rms:.1e}; first order {bent:.1e}");
     assert!(bent > 30.0 * TOLERANCE, "first order differs by {bent:e} only");
     assert!(worst < 5.0 * TOLERANCE && rms < 0.5 * TOLERANCE, "{worst:e}, {rms:e}");
     assert_eq!(got, again);
