@@ -171,10 +171,9 @@ fn print_tally(tally: &Tally, out: &mut impl Write) -> Result<(), Failure> {
 }
 
 /// Counts of a tally that are worth a line where they are not zero.
-fn counts(tally: &Tally) -> [(u64, &'static str); 13] {
+fn counts(tally: &Tally) -> [(u64, &'static str); 12] {
     [
         (tally.exact, "rays traced exactly"),
-        (tally.split, "cells split by refinement"),
         (tally.unbalanced, "rays unbalanced after re-tracing"),
         (tally.negative, "rays with negative paths, through objects with defects"),
         (tally.unordered, "rays not followed exactly; their first order is used"),

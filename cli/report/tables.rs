@@ -118,10 +118,9 @@ pub(super) fn words() -> Vec<TableRow> {
 }
 
 /// Meanings of the counts of a tally.
-const MEANINGS: [(&str, &str); 15] = [
+const MEANINGS: [(&str, &str); 14] = [
     ("rays", "traced as straight lines, with refraction to first order"),
     ("exact", "traced exactly, surface by surface, because they graze a surface"),
-    ("split", "rectangles that refinement has split"),
     ("unbalanced", "rays that entered and left some object unequally often; should be 0"),
     ("negative", "rays with a negative path in a material, by objects with defects; should be 0"),
     (
@@ -146,7 +145,7 @@ const MEANINGS: [(&str, &str); 15] = [
 ];
 
 /// Counts that belong to any run.
-const USUAL: [&str; 5] = ["rays", "exact", "split", "reflected", "grazing_light"];
+const USUAL: [&str; 4] = ["rays", "exact", "reflected", "grazing_light"];
 
 /// Counts of sampling, as text.
 const OF_SAMPLING: [&str; 7] = [

@@ -188,6 +188,7 @@ fn write_estimate(f: &mut Formatter<'_>, work: &Work) -> fmt::Result {
     };
     let rays = [estimate.rays_per_view, estimate.rays].map(about);
     line(f, "rays", format!("about {} per view, {} in all", rays[0], rays[1]))?;
+    line(f, "lines", format!("about {} in all", about(estimate.lines)))?;
     let time = format!("about {}, without noise and output", duration(estimate.seconds));
     line(f, "time", time)
 }

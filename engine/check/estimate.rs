@@ -38,8 +38,8 @@ pub(super) fn estimated(
     match found {
         Ok(mut estimate) => {
             estimate.seconds += loaded_in;
-            let rays = estimate.rays_per_view;
-            report.work.memory = memory::estimate_refined(scene, &objects, limit, rays)?;
+            let cells = estimate.cells_per_patch;
+            report.work.memory = memory::estimate_sampled(scene, &objects, limit, cells)?;
             report.work.estimate = Some(estimate);
         }
         // What is wrong with the scene, a run refuses.

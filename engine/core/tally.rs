@@ -14,8 +14,6 @@ pub struct Tally {
     pub rays: u64,
     /// Rays traced again exactly (or exactly alone with `transport = exact`).
     pub exact: u64,
-    /// Cells split by refinement.
-    pub split: u64,
     /// Rays that entered and left some object unequally often after all re-tracing.
     pub unbalanced: u64,
     /// Rays with a negative path in a material: a surface with defects is wound wrongly there.
@@ -45,7 +43,7 @@ pub struct Tally {
     pub clipped_at_zero: u64,
     /// Patches (beamlet and detector row) that the sample touches.
     pub patches: u64,
-    /// Their lines through facets.
+    /// Their lines.
     pub lines: u64,
     /// Their rays.
     pub patch_rays: u64,
@@ -66,7 +64,6 @@ impl Tally {
         Self {
             rays: f(self.rays, other.rays),
             exact: f(self.exact, other.exact),
-            split: f(self.split, other.split),
             unbalanced: f(self.unbalanced, other.unbalanced),
             negative: f(self.negative, other.negative),
             unordered: f(self.unordered, other.unordered),

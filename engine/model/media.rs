@@ -19,8 +19,8 @@ pub struct MaterialTable {
     pub constants: Vec<Vec<Constants>>,
     /// Material of each object.
     pub of_object: Vec<u32>,
-    /// True for each object that is rough.
-    pub rough: Vec<bool>,
+    /// Roughness of each object: standard deviation of the slopes of its surface.
+    pub roughness: Vec<f64>,
 }
 
 impl MaterialTable {
@@ -52,14 +52,14 @@ impl MaterialTable {
             weights: nodes.weights,
             constants,
             of_object,
-            rough: scene.objects.iter().map(|object| object.roughness > 0.0).collect(),
+            roughness: scene.objects.iter().map(|object| object.roughness).collect(),
         })
     }
 
     /// Words of the moments of a ray through them.
     #[must_use]
     pub fn moment_words(&self) -> usize {
-        moment_words(self.names.len(), self.rough.contains(&true))
+        moment_words(self.names.len(), self.roughness.iter().any(|it| *it > 0.0))
     }
 
     /// Constants averaged over the spectrum, by material: those that refinement goes by.

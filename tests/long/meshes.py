@@ -48,7 +48,7 @@ material = "water"
 unit = "mm"
 """
 # Nothing in a tally but these may be other than zero.
-COUNTS = {"rays", "exact", "split", "retraced", "reflected", "saturated", "patches", "lines", "patch_rays",
+COUNTS = {"rays", "exact", "retraced", "reflected", "saturated", "patches", "lines", "patch_rays",
           "most_patch_rays", "error_squares", "worst_error"}
 # Open beam. Sums of a ray run in the order of its candidates, which differs between backends.
 SAME_LIGHT = 1e-6

@@ -43,8 +43,6 @@ pub(crate) const RELATIONS: [Relation; 10] = [
 const SIDES_OF_ROUNDS: u32 = 2048;
 /// Facets around a ball, whose normals are smooth.
 const SIDES_OF_BALLS: u32 = 256;
-/// Cells of a period and rows of a pixel that a finer lattice begins with.
-const CELLS: [u32; 2] = [60, 3];
 /// Rays of a pixel along x and z under the scheme `random`.
 const RAYS: [u32; 2] = [150, 20];
 
@@ -87,7 +85,6 @@ impl Relation {
             Self::Origin => changed = case.turned().with_origin_behind(ORIGIN),
             Self::Finer => {
                 let sampling = &mut changed.scene.sampling;
-                (sampling.cells, sampling.rows) = (Some(CELLS[0]), CELLS[1]);
                 sampling.tolerance = Some(sampling.tolerances().light / 4.0);
             }
             Self::Exact => changed.scene.sampling.transport = Transport::Exact,

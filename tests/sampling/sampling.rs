@@ -235,29 +235,28 @@ fn random_rays_agree_with_cells_behind_a_sample() {
 }
 
 #[test]
-fn finer_cells_and_more_rows_change_next_to_nothing() {
+fn tighter_tolerances_change_next_to_nothing() {
     let setup = Setup::paper([24, 2]);
     let round = cylinder(0.9e-3, 6e-3, 256, 0.2).turned([0.0, 1.0, 0.0], 0.3);
     let bodies = [body(round.rounded(), CARBON[0], CARBON[1])];
     let scene = scenes::scene(&setup, &bodies, &[-15e-6, 0.0, 15e-6]);
     let engine = engine(Backend::Bvh);
-    let run = |cells: Option<u32>, rows: u32, tolerance: f64| {
+    let run = |tolerance: f64| {
         let mut scene = scene.clone();
-        (scene.sampling.cells, scene.sampling.rows) = (cells, rows);
         scene.sampling.tolerance = Some(tolerance);
         sample(&engine, &scene)
     };
-    let fine = run(Some(40), 4, 3e-6);
+    let fine = run(3e-6);
     // Five times the tolerance at the worst of the values.
-    let mut worst = Worst::new("sampling, default against finer cells and rows", 5e-4);
-    for (place, &got) in run(None, 1, 1e-4).indexed_iter() {
+    let mut worst = Worst::new("sampling, against a tighter tolerance", 5e-4);
+    for (place, &got) in run(1e-4).indexed_iter() {
         worst.take(f64::from(got - fine[place]), || format!("{place:?}"));
     }
     worst.holds();
 }
 
 #[test]
-fn bodies_narrower_than_a_cell_are_not_stepped_over() {
+fn narrow_bodies_are_not_stepped_over() {
     // Fibres of 4 um between rays 12 um apart: their light goes missing where rays miss them.
     let setup = Setup::paper([16, 1]);
     let fibres: Vec<Body> = (0..12)
@@ -269,7 +268,7 @@ fn bodies_narrower_than_a_cell_are_not_stepped_over() {
     let engine = engine(Backend::Bvh);
     let mut scene = scenes::scene(&setup, &fibres, &[0.0, 10e-6, 20e-6, 30e-6, 40e-6]);
     let coarse = sample(&engine, &scene);
-    scene.sampling.cells = Some(200);
+    scene.sampling.tolerance = Some(1e-5);
     let fine = sample(&engine, &scene);
     // Five times the tolerance at the worst of the values.
     let mut worst = Worst::new("sampling, fibres between rays", 5e-4);
@@ -305,7 +304,7 @@ fn light_is_conserved_behind_a_body_that_does_not_attenuate() {
 fn many_rays_of_a_pixel_lose_no_light() {
     let mut setup = Setup::paper([12, 10]);
     (setup.sample_mask, setup.detector_mask) = (None, None);
-    // Lines need few rays; patches of rough surfaces have them, as of this shell of nothing.
+    // Lines need few rays; near grazing incidence rough surfaces draw many, as of this shell of nothing.
     let star = star(0.1e-3, 0.2e-3, 3, 3).rounded();
     let bodies = [body(star.clone(), 0.0, 1e-14), body(star, 0.0, CARBON[1])];
     let mut scene = scenes::scene(&setup, &bodies, &[0.0]);
@@ -321,7 +320,7 @@ fn many_rays_of_a_pixel_lose_no_light() {
     let sum = |values: &mut dyn Iterator<Item = &f32>| values.copied().map(f64::from).sum::<f64>();
     let lost = sum(&mut stacks.flat.iter()) - sum(&mut stacks.sample.iter());
     let rays = record.tally.patch_rays as f64;
-    assert!(rays > 5e5, "{rays} rays");
+    assert!(rays > 1e5, "{rays} rays");
     // A rounding of 2^-32 each, half of it where none is up or down more often.
     let mut worst = Worst::new("sampling, light lost per ray, shares of a rounding down", 0.1);
     worst.take(lost / (rays * 2.0_f64.powi(-33)), || format!("{rays} rays"));

@@ -84,10 +84,10 @@ impl Sample {
     /// Area that each component of a placed surface shows along directions, over its scale squared, m2;
     /// half of both sides.
     #[doc(hidden)]
-    pub fn projected_areas(&self, placed: &Placed, along: [DVec3; 3]) -> Vec<[f64; 3]> {
+    pub fn projected_areas(&self, placed: &Placed, along: [DVec3; 2]) -> Vec<[f64; 2]> {
         let prototype = &self.prototypes[placed.prototype as usize];
         let place = Place { scale: 1.0, position: DVec3::ZERO, ..placed.place };
-        let mut areas = vec![[0.0; 3]; prototype.components.len()];
+        let mut areas = vec![[0.0; 2]; prototype.components.len()];
         for (triangle, component) in prototype.triangle_component.iter().enumerate() {
             let [a, b, c] = prototype.corners(triangle).map(|it| place.world_from_own(it));
             let area = 0.5 * (b - a).cross(c - a);

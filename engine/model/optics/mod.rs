@@ -29,9 +29,6 @@ pub(crate) use view_offsets::ViewOffsets;
 use crate::scene::{Blur, MaskSpec, Sampling, Scene};
 use crate::spot::{Spot, deviation};
 
-/// Cells of a period at least, and of a pixel without a sample mask, where the scene has no number.
-pub const LEAST_CELLS: u32 = 6;
-
 /// Elements of the beam of a run, and the fineness of its sampling.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Optics {
@@ -83,12 +80,6 @@ impl Optics {
             spec.as_ref().map(|spec| Mask::new(name, spec, size[0], columns).before_rows(rows))
         };
         let mut sampling = scene.sampling.clone();
-        if parts[0] > 1 && scene.sample_mask.is_none() {
-            // A period is a part of a pixel then.
-            let cells = sampling.cells.unwrap_or(LEAST_CELLS);
-            sampling.cells = Some(cells.div_ceil(parts[0]));
-        }
-        sampling.rows = sampling.rows.div_ceil(parts[1]);
         sampling.rays = sampling.rays.of_part(parts);
         Self {
             rotation: scene.source.distance,

@@ -22,11 +22,6 @@ pub(super) const RAYS: u32 = 1_000_000;
 /// Rays of a pixel under the scheme `random`. Each adds its light in units of 2^-32 of the open beam,
 /// of which this many rays have some 10,000 each.
 pub(super) const RAYS_OF_PIXEL: u64 = 400_000;
-/// Cells of a beamlet in a row of pixels before refinement, times parts of that row: refinement begins
-/// with about four times this number of rays.
-pub(super) const CELLS: u32 = 10_000;
-/// Parts of a row of pixels.
-pub(super) const ROWS: u32 = 1000;
 /// Apertures of a mask that a pixel sees: each is a window of light of its own.
 pub(super) const APERTURES_PER_PIXEL: f64 = 1000.0;
 /// Error that sampling may leave in a recorded value, share of open beam.

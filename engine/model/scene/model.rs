@@ -406,10 +406,6 @@ impl MaskBody {
 pub struct Sampling {
     /// Cells or random rays.
     pub scheme: Scheme,
-    /// Cells: cells per period in x before refinement; `None`: from the geometry.
-    pub cells: Option<u32>,
-    /// Cells: traced rows per pixel in z before refinement. >= 1.
-    pub rows: u32,
     /// Cells: rule of the tolerances that have no number; `None`: [`Quality::Noise`] where the detector
     /// has photons, else [`Quality::Standard`].
     pub quality: Option<Quality>,
@@ -433,8 +429,6 @@ impl Default for Sampling {
     fn default() -> Self {
         Self {
             scheme: Scheme::Cells,
-            cells: None,
-            rows: 1,
             quality: None,
             tolerance: None,
             angle_tolerance: None,

@@ -14,10 +14,14 @@ use beamlet_core::units::{Dimension, QuantityError};
 use beamlet_core::{Error, Result, suggestion};
 
 /// Keys that scenes of version 0.1 have, and what to do about them.
-const GONE: [(&str, &str); 1] = [(
-    "sampling.refine",
-    "no place where rays are chosen, which is the same on every device: remove it",
-)];
+const GONE: [(&str, &str); 3] = [
+    (
+        "sampling.refine",
+        "no place where rays are chosen, which is the same on every device: remove it",
+    ),
+    ("sampling.cells", "`tolerance` in its place, by which lines are chosen: remove it"),
+    ("sampling.rows", "`tolerance` in its place, by which lines are chosen: remove it"),
+];
 
 /// A value in the document and the path that leads to it.
 #[derive(Debug, Clone)]

@@ -214,7 +214,6 @@ impl EnergyBinning {
                     *light = results.map(|result| result.light());
                 }
                 if let Some(nodes) = repeated.of(exact_index) {
-                    let range = exact[exact_index].range;
                     let lists = &mut scratch.lists[groups..];
                     for ((results, again), (list, rough)) in scratch
                         .results
@@ -225,7 +224,7 @@ impl EnergyBinning {
                         let first = list.len();
                         match again {
                             None => list.push(self.cell(cell_row, x, *results)),
-                            Some(again) => self.push_exact(list, cell_row, cell, again, range),
+                            Some(again) => self.push_exact(list, cell_row, cell, again),
                         }
                         list[first..]
                             .iter_mut()

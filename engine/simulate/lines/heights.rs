@@ -32,6 +32,9 @@ const WHOLE: f64 = 0.3;
 /// [`Limits::least`] of lines of rays: above the rounding of rays 1,000 rows off the axis (6e-5), and a jump that is missed
 /// errs by less than 2e-4 of it (`jumps_at_known_heights_take_two_lines`).
 pub(crate) const LEAST_OF_RAYS: f64 = 1.0 / 4096.0;
+/// Square of the bend of independent lines, of the worst of many values, over the square of their error: the second
+/// difference has a standard deviation of 0.29·√6 of it, and the largest of some dozens of values is 2.5 deviations off.
+const NOISE: f64 = 3.2;
 /// Most height of the end of a body that counts as a jump, rows: its light is linear there, or halved as any other.
 const FLAT: f64 = 1.0 / 32.0;
 /// Most jumps of a row with lines of their own, or that may hide light: light that jumps more often swings, and its
@@ -61,6 +64,59 @@ pub(crate) trait Judged {
     /// Hash of the surfaces that its rays cross, in their order.
     fn structure(&self) -> u32 {
         0
+    }
+
+    /// Its rays that are random samples; nothing where that is unknown.
+    fn draws(&self) -> Option<Draws> {
+        None
+    }
+}
+
+/// Rays that are independent random samples, of a line or of all lines.
+#[derive(Debug, Clone, Copy, Default)]
+pub(crate) struct Draws {
+    count: u32,
+    /// Sum of the squares of their areas, in the unit of light.
+    squares: f64,
+    /// Sums over areas: of the squared light of their rays; of those that have a next one beside them the areas, and of
+    /// half the squared change to it.
+    light: f64,
+    compared: f64,
+    changes: f64,
+}
+
+impl Draws {
+    /// Adds a ray that passes a share of the light of an area, and its change of light to the next one.
+    pub(crate) fn add(&mut self, area: f64, passed: f64, change: Option<f64>) {
+        self.count += 1;
+        self.squares += area * area;
+        self.light += area * passed * passed;
+        if let Some(change) = change {
+            self.compared += area;
+            self.changes += 0.5 * area * change * change;
+        }
+    }
+
+    fn and(self, other: Self) -> Self {
+        Self {
+            count: self.count + other.count,
+            squares: self.squares + other.squares,
+            light: self.light + other.light,
+            compared: self.compared + other.compared,
+            changes: self.changes + other.changes,
+        }
+    }
+
+    /// True if there are any.
+    pub(crate) const fn are_any(&self) -> bool {
+        self.count > 0
+    }
+
+    /// Variance of the light of an area of 1. Draws that agree leave a share of 1 / (count + 2) open.
+    fn variance(&self) -> f64 {
+        let seen = if self.compared > 0.0 { self.changes / self.compared } else { 0.0 };
+        let area = (self.squares * f64::from(self.count)).sqrt().max(f64::MIN_POSITIVE);
+        seen.max(0.25 / f64::from(self.count + 2) * self.light / area)
     }
 }
 
@@ -171,6 +227,8 @@ pub(crate) struct Heights<L> {
     lines: Vec<Placed<L>>,
     limits: Limits,
     rough: bool,
+    /// True if light differs from line to line by chance.
+    is_random: bool,
     /// Number of the values that are judged.
     judged: usize,
 }
@@ -184,6 +242,7 @@ impl<L: Judged + Clone> Heights<L> {
                 lines: vec![Placed { z: 0.5, light: None, jumps: false, estimate: None }],
                 limits,
                 rough,
+                is_random: false,
                 judged: usize::MAX,
             };
         }
@@ -206,7 +265,8 @@ impl<L: Judged + Clone> Heights<L> {
             jumps: jumps.iter().any(|it| it[0].to_bits() == z.to_bits()),
             estimate: None,
         };
-        Self { lines: heights.into_iter().map(place).collect(), limits, rough, judged: usize::MAX }
+        let lines = heights.into_iter().map(place).collect();
+        Self { lines, limits, rough, is_random: false, judged: usize::MAX }
     }
 
     /// Heights of lines without light, rows below the upper border.
@@ -218,7 +278,10 @@ impl<L: Judged + Clone> Heights<L> {
     /// lines.
     pub(crate) fn add(&mut self, light: impl Iterator<Item = L>) {
         let wanted = self.lines.iter_mut().filter(|line| line.light.is_none());
-        wanted.zip(light).for_each(|(line, light)| line.light = Some(light));
+        for (line, light) in wanted.zip(light) {
+            self.is_random |= self.rough && light.draws().is_none_or(|draws| draws.are_any());
+            line.light = Some(light);
+        }
         for at in 0..self.lines.len() - 1 {
             if self.lines[at].estimate.is_none() {
                 self.lines[at].estimate = Some(self.estimate_of(at));
@@ -226,7 +289,7 @@ impl<L: Judged + Clone> Heights<L> {
         }
         let mut halved = self.halved();
         let room = self.limits.lines.saturating_sub(self.lines.len());
-        if self.rough && halved.len() > room {
+        if self.is_random && halved.len() > room {
             // A choice by random light would favour lines that are alike.
             return;
         }
@@ -259,12 +322,20 @@ impl<L: Judged + Clone> Heights<L> {
         let limit = self.limits.error * self.limits.error;
         let estimates: Vec<Estimate> = self.estimates().collect();
         let jumps = estimates.iter().filter(|it| it.hidden > 0.0).count();
-        let hides = jumps <= MOST_JUMPS && !self.rough;
-        let error = |it: &Estimate| {
+        let draws = self.squares_of_draws();
+        let hides = jumps <= MOST_JUMPS && !self.is_random;
+        let error = |(at, it): (usize, &Estimate)| {
             let hidden = if hides { it.hidden } else { 0.0 };
-            it.bends.max(hidden).max(it.hidden_crossing)
+            it.square(draws.get(at).copied()).sqrt().max(hidden).max(it.hidden_crossing)
         };
-        let errors: Vec<f64> = estimates.iter().map(error).collect();
+        let errors: Vec<f64> = estimates.iter().enumerate().map(error).collect();
+        let drawn: f64 = draws.iter().sum();
+        if drawn > limit && 2.0 * drawn > errors.iter().map(|error| error * error).sum() {
+            // A choice by random light would favour lines that are alike.
+            return (0..errors.len())
+                .filter(|at| self.height(*at) >= 2.0 * self.limits.least)
+                .collect();
+        }
         let mut order: Vec<usize> = (0..errors.len()).collect();
         order.sort_by(|a, b| errors[*b].total_cmp(&errors[*a]).then(a.cmp(b)));
         let mut whole: f64 = errors.iter().map(|error| error * error).sum();
@@ -331,7 +402,24 @@ impl<L: Judged + Clone> Heights<L> {
 
     /// Estimated error of the sum over lines, in the unit of their light.
     pub(crate) fn error(&self) -> f64 {
-        self.estimates().map(|it| it.bends * it.bends).sum::<f64>().sqrt()
+        let draws = self.squares_of_draws();
+        let square = |(at, it): (usize, Estimate)| it.square(draws.get(at).copied());
+        self.estimates().enumerate().map(square).sum::<f64>().sqrt()
+    }
+
+    /// Squared errors of the intervals by random samples; none where there are no samples.
+    fn squares_of_draws(&self) -> Vec<f64> {
+        let of = |line: &Placed<L>| line.light.as_ref().and_then(L::draws).unwrap_or_default();
+        let all = self.lines.iter().map(of).fold(Draws::default(), Draws::and);
+        if !all.are_any() {
+            return Vec::new();
+        }
+        let variance = all.variance();
+        let of_pair = |at: usize| {
+            let squares = 0.5 * (of(&self.lines[at]).squares + of(&self.lines[at + 1]).squares);
+            self.height(at).powi(2) * squares * variance
+        };
+        (0..self.lines.len() - 1).map(of_pair).collect()
     }
 
     fn estimates(&self) -> impl Iterator<Item = Estimate> {
@@ -381,7 +469,8 @@ impl<L: Judged + Clone> Heights<L> {
         let reach = self.limits.reach + 2.0 * own.farthest;
         let border = self.lines[at].z.min(1.0 - self.lines[at + 1].z);
         let near = border < reach || self.limits.uneven == Uneven::Apertures;
-        if upper.is_empty() || !near {
+        // Random samples that are reflected go anywhere: their own variance tells what crosses.
+        if upper.is_empty() || !near || self.is_random {
             return [0.0; 2];
         }
         let slope = |it: &Rise<'_>, step: usize| {
@@ -446,6 +535,14 @@ struct Estimate {
     /// Error by light that may cross a border of the row between two lines whose rays cross other surfaces, for halving
     /// alone.
     hidden_crossing: f64,
+}
+
+impl Estimate {
+    /// Squared error, of bends beyond those that random samples of this squared error show, and of these.
+    fn square(&self, drawn: Option<f64>) -> f64 {
+        let drawn = drawn.unwrap_or(0.0);
+        (self.bends * self.bends - NOISE * drawn).max(0.0) + drawn
+    }
 }
 
 /// Light at both ends of an interval.

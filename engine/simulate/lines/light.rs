@@ -1,6 +1,6 @@
 //! Light of lines: what windows record of the pieces of a line, for each mask step.
 
-use super::heights::Judged;
+use super::heights::{Draws, Judged};
 use super::line::{Piece, Source, open_share};
 use crate::sampling::{Opening, ViewContext};
 use beamlet_core::numbers::{self, single};
@@ -34,6 +34,8 @@ pub(crate) struct LitLine {
     structure: u32,
     /// Rays of the line cross different surfaces.
     pub is_cut: bool,
+    /// Rays that draw normals.
+    pub draws: Draws,
 }
 
 impl LitLine {
@@ -61,6 +63,10 @@ impl Judged for std::sync::Arc<LitLine> {
     fn structure(&self) -> u32 {
         self.structure
     }
+
+    fn draws(&self) -> Option<Draws> {
+        Some(self.draws)
+    }
 }
 
 /// Computes the light of lines of a view.
@@ -77,8 +83,7 @@ pub(crate) struct Illumination<'a> {
 
 impl<'a> Illumination<'a> {
     pub(crate) fn new(view: &'a ViewContext<'a>) -> Self {
-        let recorded = view.recorded_rows();
-        let beside = BESIDE + BLURS * view.lattice.row_blur();
+        let recorded = recorded_rows(view);
         // An error of the mean displacement, times the light of the widest opening, counts as one of light.
         let open = view.response.openings(0);
         let widest = open.iter().map(|it| it.x[1] - it.x[0]).fold(0.0, f32::max);
@@ -90,7 +95,7 @@ impl<'a> Illumination<'a> {
         };
         Self {
             view,
-            rows: recorded.start as f64 - beside..recorded.end as f64 + beside,
+            rows: recorded.start - BESIDE..recorded.end + BESIDE,
             by_displacement,
             gap: single(view.optics.gap()),
             row_pitch: single(view.optics.detector.pitch[1]),
@@ -172,8 +177,40 @@ impl<'a> Illumination<'a> {
         let squares =
             (0..pieces.len()).map(|at| self.error_of(column, openings, &pieces, at).powi(2));
         light.error = squares.sum::<f64>().sqrt();
+        light.draws = self.draws(column, row, openings, &pieces);
         light.pieces = pieces;
         light
+    }
+
+    /// Rays that draw normals on a line.
+    fn draws(&self, column: usize, row: f64, openings: &[Opening], pieces: &[Piece]) -> Draws {
+        let response = self.view.response;
+        let mut draws = Draws::default();
+        let landed = |piece: &Piece| {
+            let lands = self.rows.contains(&(row + f64::from(self.down(piece))));
+            let passed =
+                if lands { response.hardening.light(piece.result.optical_depth) } else { 0.0 };
+            let x = single(piece.middle());
+            [passed, response.landing(column, x, piece.result.displacement_x)]
+        };
+        let is_drawn = |piece: &Piece| piece.draws && piece.source != Source::FirstOrder;
+        for (at, piece) in pieces.iter().enumerate().filter(|(_, piece)| is_drawn(piece)) {
+            let open = response.lit(single(open_share(openings, piece.x)));
+            let area = piece.width() * f64::from(response.weight * open);
+            let next =
+                pieces.get(at + 1).filter(|it| is_drawn(it) && it.interval == piece.interval);
+            let half = 0.5 * response.magnification * single(piece.width());
+            let own = landed(piece);
+            let change = next.map(|it| {
+                let other = landed(it);
+                // Light that lands in another row is lost to this one.
+                let rows = (self.down(piece) - self.down(it)).abs().min(1.0);
+                let moved = own[0].max(other[0]) * rows;
+                f64::from(response.change(column, own, other, half).max(moved))
+            });
+            draws.add(area, own[0].into(), change);
+        }
+        draws
     }
 
     /// Adds the light of a piece through an opening to values, parts of a spectrum apart; what passes windows, times its
@@ -228,6 +265,9 @@ impl<'a> Illumination<'a> {
     ) -> f64 {
         let own = &pieces[at];
         let Source::Ray { displacement } = own.source else { return 0.0 };
+        if own.draws {
+            return 0.0;
+        }
         let response = self.view.response;
         let open = response.lit(single(open_share(openings, own.x)));
         if open <= 0.0 {
@@ -267,6 +307,12 @@ impl<'a> Illumination<'a> {
         let most = same.unwrap_or_else(|| aside(own) * change(depth, displacement)).max(other);
         PER_CHANGE * most * f64::from(response.weight * open)
     }
+}
+
+/// Row coordinates whose light may be recorded.
+pub(super) fn recorded_rows(view: &ViewContext<'_>) -> Range<f64> {
+    let (rows, blur) = (view.recorded_rows(), BLURS * view.lattice.row_blur());
+    rows.start as f64 - blur..rows.end as f64 + blur
 }
 
 /// Factor of a hash (FNV).

@@ -49,6 +49,8 @@ pub(crate) struct Piece {
     pub interval: u32,
     /// True if its rays cross curved surfaces.
     pub is_curved: bool,
+    /// True if its rays draw normals of rough surfaces: they are independent samples.
+    pub draws: bool,
 }
 
 impl Piece {
@@ -60,6 +62,12 @@ impl Piece {
     /// Its middle, m from the centre of the beamlet.
     pub(crate) fn middle(&self) -> f64 {
         f64::midpoint(self.x[0], self.x[1])
+    }
+
+    /// Optical depth at a place, m from the centre of the beamlet.
+    pub(crate) fn depth_at(&self, x: f64) -> f32 {
+        let [low, high] = self.depth;
+        low + (high - low) * single((x - self.x[0]) / self.width())
     }
 
     /// Takes the exact ray through its middle: the slope of the depth stays.

@@ -2,12 +2,14 @@
 
 mod by_facets;
 mod by_shapes;
+mod even;
 mod heights;
 mod light;
 mod line;
 mod patches;
 mod sections;
 
+pub(crate) use even::{EvenCell, EvenPatch};
 pub(crate) use heights::{Features, Heights, Judged, LEAST_OF_RAYS, Limits, Uneven};
 pub(crate) use line::Piece;
-pub(crate) use patches::{LinePatch, LineSampler, PatchPlaces};
+pub(crate) use patches::{LinePatch, LineSampler, PatchPlaces, Sampled};

@@ -1,5 +1,6 @@
-//! Patches whose light is that of lines through facets: heights of their lines, and errors.
+//! Patches: heights of their lines, or rays of those whose bodies are many, and errors.
 
+use super::even::{EvenPatch, EvenSampler, Next};
 use super::heights::{Features, Heights, Limits, Uneven};
 use super::light::{Illumination, LitLine};
 use super::line::{LinePlace, Piece, Source};
@@ -22,7 +23,7 @@ const PIECES_OF_A_RAY: usize = 4;
 /// Standard deviations of the blur over rows beside a border within which light crosses it.
 const REACH: f64 = 1.5;
 
-/// Most bodies of a patch of lines: among more, rays that are spread evenly cost less.
+/// Most bodies of a patch of lines: among more, rays are tried that are spread evenly.
 const MOST_BODIES: u32 = 32;
 /// Error of a piece near grazing incidence, whose rays differ, that stays whole: share of the limit.
 const BY_RAYS: f64 = 0.15;
@@ -35,10 +36,16 @@ const MOST_PIECES: usize = 4096;
 #[derive(Debug)]
 pub(crate) struct PatchPlaces {
     grid: PatchGrid,
-    /// Bodies of each patch; none where no shadow falls that matters.
-    features: Vec<Option<Features>>,
-    /// True for patches that lines do not know.
-    by_rays: Vec<bool>,
+    touched: Vec<Option<Touched>>,
+}
+
+/// Bodies whose shadows fall on a patch.
+#[derive(Debug, Clone)]
+struct Touched {
+    features: Features,
+    bodies: u32,
+    /// Width of the narrowest, m.
+    narrowest: f64,
 }
 
 impl PatchPlaces {
@@ -46,52 +53,53 @@ impl PatchPlaces {
     pub(crate) fn new(view: &ViewContext<'_>, rows: Range<i64>) -> Self {
         let lattice = view.lattice;
         let grid = PatchGrid { rows, beamlets: lattice.beamlets.clone() };
-        let mut features: Vec<Option<Features>> = vec![None; grid.count()];
-        let mut by_rays = vec![false; grid.count()];
-        let mut bodies = vec![0_u32; grid.count()];
+        let mut touched: Vec<Option<Touched>> = vec![None; grid.count()];
         let recorded = view.recorded_rows();
-        // Rectangles follow the slope of the displacement along z, which lines do not.
-        let is_curved = |component: usize| {
-            view.facets.triangles[component] == 0 || view.sample.components[component].smooth
-        };
-        for (component, shadow) in view.projected_bounds.iter().enumerate() {
-            let rays = view.facets.by_rays[component] || lattice.heights && is_curved(component);
+        for shadow in view.projected_bounds {
             let beamlets = shadow.patches(lattice)[1].clone();
             for row in shadow.rows_that_count(lattice, &recorded, &grid.rows) {
                 for at in grid.in_row(row, beamlets.clone()) {
-                    bodies[at] += 1;
-                    by_rays[at] |= rays | (bodies[at] > MOST_BODIES);
-                    features[at].get_or_insert_default().add(shadow, row);
+                    let none = Touched {
+                        features: Features::default(),
+                        bodies: 0,
+                        narrowest: f64::INFINITY,
+                    };
+                    let patch = touched[at].get_or_insert(none);
+                    patch.bodies += 1;
+                    patch.narrowest = patch.narrowest.min(shadow.width);
+                    patch.features.add(shadow, row);
                 }
             }
         }
-        Self { grid, features, by_rays }
+        Self { grid, touched }
+    }
+
+    fn at(&self, beamlet: i64, row: i64) -> Option<&Touched> {
+        self.grid.index(beamlet, row).and_then(|at| self.touched[at].as_ref())
     }
 
     /// True if no shadow falls that matters.
     pub(crate) fn is_empty(&self) -> bool {
-        self.features.iter().all(Option::is_none)
+        self.touched.iter().all(Option::is_none)
     }
 
-    /// Bodies of a patch whose light is that of lines.
-    pub(crate) fn of_lines(&self, beamlet: i64, row: i64) -> Option<&Features> {
-        let at = self.grid.index(beamlet, row).filter(|at| !self.by_rays[*at])?;
-        self.features[at].as_ref()
+    /// True if so many bodies may be in a patch that rays are tried.
+    pub(crate) fn is_crowded(&self, beamlet: i64, row: i64) -> bool {
+        self.at(beamlet, row).is_some_and(|it| it.bodies > MOST_BODIES)
     }
 
-    /// True if a shadow touches a patch whose rays are chosen.
-    pub(crate) fn is_of_rays(&self, beamlet: i64, row: i64) -> bool {
-        let at = self.grid.index(beamlet, row);
-        at.is_some_and(|at| self.by_rays[at] && self.features[at].is_some())
+    /// True if a shadow falls on a patch.
+    pub(crate) fn is_touched(&self, beamlet: i64, row: i64) -> bool {
+        self.at(beamlet, row).is_some()
     }
+}
 
-    /// True if a shadow touches a patch whose rays are chosen, or one that is beside it.
-    pub(crate) fn is_near_rays(&self, beamlet: i64, row: i64) -> bool {
-        let at = self.grid.index(beamlet, row);
-        at.is_some_and(|at| self.features[at].is_some())
-            && (-1..=1)
-                .any(|down| (-1..=1).any(|aside| self.is_of_rays(beamlet + aside, row + down)))
-    }
+/// Patches with their lines or rays, and their counts.
+#[derive(Debug)]
+pub(crate) struct Sampled {
+    pub lines: Vec<LinePatch>,
+    pub even: Vec<EvenPatch>,
+    pub tally: Tally,
 }
 
 /// A patch with its lines.
@@ -115,7 +123,9 @@ impl LinePatch {
     fn look_for_silhouettes(&mut self, lines: &[Arc<LitLine>]) {
         for line in lines {
             let first = line.pieces.first().map(|it| it.result.signature);
-            self.is_cut |= line.is_cut || self.signature.is_some_and(|it| Some(it) != first);
+            // Mean angles of rays that draw normals have no bound.
+            self.is_cut |= line.is_cut || line.draws.are_any();
+            self.is_cut |= self.signature.is_some_and(|it| Some(it) != first);
             self.signature = self.signature.or(first);
         }
     }
@@ -157,6 +167,7 @@ pub(crate) struct LineSampler<'a> {
     view: &'a ViewContext<'a>,
     surfaces: SurfaceLines<'a>,
     illumination: Illumination<'a>,
+    even: EvenSampler<'a>,
     limits: Limits,
     /// Most pieces of a patch.
     most_pieces: usize,
@@ -178,6 +189,7 @@ impl<'a> LineSampler<'a> {
         Self {
             view,
             surfaces: SurfaceLines::new(view),
+            even: EvenSampler::new(view),
             illumination: Illumination::new(view),
             limits,
             most_pieces: PIECES_OF_A_RAY * view.budget.max_rays as usize,
@@ -185,8 +197,8 @@ impl<'a> LineSampler<'a> {
         }
     }
 
-    /// Patches with the lines that their light needs, and their counts; nothing where the patches would hold more
-    /// than `room` bytes together.
+    /// Patches with the lines or rays that their light needs; nothing where they would hold more than `room` bytes
+    /// together.
     ///
     /// # Errors
     /// As [`Tracer::trace`].
@@ -196,27 +208,92 @@ impl<'a> LineSampler<'a> {
         places: &[(i64, i64)],
         of: &PatchPlaces,
         room: u64,
-    ) -> Result<Option<(Vec<LinePatch>, Tally)>> {
+    ) -> Result<Option<Sampled>> {
+        let (crowded, mut of_lines): (Vec<_>, Vec<_>) =
+            places.iter().partition(|(beamlet, row)| of.is_crowded(*beamlet, *row));
+        let Some((even, resolved)) = self.sample_evenly(tracer, &crowded, of, room)? else {
+            return Ok(None);
+        };
+        of_lines.extend(resolved);
+        let held: u64 = even.iter().map(EvenPatch::bytes).sum();
         let patch = |&(beamlet, row): &(i64, i64)| {
-            let features = of.of_lines(beamlet, row)?;
-            let heights = Heights::new(features, self.limits);
+            let heights = Heights::new(&of.at(beamlet, row)?.features, self.limits);
             Some(LinePatch { beamlet, row, heights, signature: None, is_cut: false })
         };
-        let mut patches: Vec<LinePatch> = places.iter().filter_map(patch).collect();
-        if !self.choose_heights(tracer, &mut patches, room)? {
+        let mut lines: Vec<LinePatch> = of_lines.iter().filter_map(patch).collect();
+        if !self.choose_heights(tracer, &mut lines, room.saturating_sub(held))? {
             return Ok(None);
         }
         let values = self.illumination.values_of_light();
-        let tallies = patches.par_iter_mut().map(|patch| {
+        let budget = &self.view.budget;
+        let of_lines = lines.par_iter_mut().map(|patch| {
             let [light, all] = patch.errors(values);
             let rays = patch.heights.light().map(|line| line.rays).sum();
-            let errors = [light, all / self.view.budget.light];
             let lines = patch.heights.count() as u64;
-            Tally { lines, ..tally_of(errors, rays, &self.view.budget) }
+            Tally { lines, ..tally_of([light, all / budget.light], rays, budget) }
         });
-        let tally =
-            tallies.collect::<Vec<Tally>>().into_iter().fold(Tally::default(), |a, b| a + b);
-        Ok(Some((patches, tally)))
+        let of_lines = of_lines.collect::<Vec<Tally>>().into_iter();
+        let of_even = even.iter().map(|patch| tally_of([patch.error, 0.0], patch.rays, budget));
+        let tally = of_lines.chain(of_even).fold(Tally::default(), |a, b| a + b);
+        Ok(Some(Sampled { lines, even, tally }))
+    }
+
+    /// Patches of many bodies with rays that are spread evenly, and the places of those whose bodies rays resolve; nothing
+    /// where they hold more than `room` bytes.
+    fn sample_evenly(
+        &self,
+        tracer: &mut Tracer,
+        places: &[(i64, i64)],
+        of: &PatchPlaces,
+        room: u64,
+    ) -> Result<Option<(Vec<EvenPatch>, Vec<(i64, i64)>)>> {
+        let column = |beamlet: i64| self.column(beamlet);
+        let begin = |(beamlet, row): &(i64, i64)| {
+            self.even.begin(*beamlet, *row, &self.openings[column(*beamlet)])
+        };
+        let mut waiting: Vec<EvenPatch> = places.iter().map(begin).collect();
+        let (mut done, mut resolved) = (Vec::new(), Vec::new());
+        while !waiting.is_empty() {
+            tracer.cancel().check()?;
+            let held = done.iter().chain(&waiting).map(EvenPatch::bytes).sum::<u64>();
+            if held > room {
+                return Ok(None);
+            }
+            let rays = |patch: &EvenPatch| {
+                let ray = |[x, z]: [f32; 2]| self.view.ray(patch.beamlet, patch.row, x, z);
+                patch.rays().map(ray).collect::<Vec<Ray>>()
+            };
+            let rays = waiting.par_iter().map(rays).collect::<Vec<_>>().concat();
+            let results = tracer.trace(&rays)?;
+            let mut rest = &results[..];
+            let own = |patch: EvenPatch| {
+                let (own, after) = rest.split_at(patch.count() as usize);
+                rest = after;
+                (patch, own)
+            };
+            let with_results: Vec<_> = std::mem::take(&mut waiting).into_iter().map(own).collect();
+            let judged = with_results.into_par_iter().map(|(mut patch, results)| {
+                let openings = &self.openings[column(patch.beamlet)];
+                let narrowest = of.at(patch.beamlet, patch.row).map_or(0.0, |it| it.narrowest);
+                let next = self.even.take(&mut patch, results, openings, narrowest);
+                (patch, next)
+            });
+            for (patch, next) in judged.collect::<Vec<_>>() {
+                match next {
+                    Next::Done => done.push(patch),
+                    Next::Lines => resolved.push((patch.beamlet, patch.row)),
+                    Next::Rays { .. } => waiting.push(patch),
+                }
+            }
+        }
+        // In an order that no number of trials changes.
+        done.sort_by_key(|patch| (patch.row, patch.beamlet));
+        Ok(Some((done, resolved)))
+    }
+
+    /// Column of a beamlet in the lattice.
+    fn column(&self, beamlet: i64) -> usize {
+        numbers::narrow::<usize>(beamlet - self.view.lattice.beamlets.start)
     }
 
     /// Adds lines to patches until their light is within the limits. Rows side by side share the line at their border.
@@ -268,9 +345,8 @@ impl<'a> LineSampler<'a> {
     /// Lines at some places, sorted by row, then beamlet.
     fn lines(&self, tracer: &mut Tracer, places: &[LinePlace]) -> Result<Vec<Arc<LitLine>>> {
         let view = self.view;
-        let first = view.lattice.beamlets.start;
-        let column = |place: &LinePlace| numbers::narrow::<usize>(place.beamlet - first);
-        let openings = |beamlet: i64| &self.openings[numbers::narrow::<usize>(beamlet - first)][..];
+        let column = |place: &LinePlace| self.column(place.beamlet);
+        let openings = |beamlet: i64| &self.openings[self.column(beamlet)][..];
         let of_run = |run: &[LinePlace]| {
             let beamlets = run[0].beamlet..run[run.len() - 1].beamlet + 1;
             self.surfaces.lines(run[0].row, &beamlets, openings)

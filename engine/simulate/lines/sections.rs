@@ -7,7 +7,7 @@ use super::line::{LinePlace, Piece, Source, open_share};
 use crate::sampling::{Opening, SurfaceStep, ViewContext};
 use crate::trace::FIRST_ORDER_ERROR;
 use beamlet_core::numbers::{self, single};
-use beamlet_interface::RayResult;
+use beamlet_interface::{ROUGH_GRAZING, RayResult};
 use glam::DVec3;
 use std::ops::Range;
 
@@ -29,11 +29,15 @@ const HORIZON: f64 = 1e-4;
 const INSIDE: f64 = 1e-10;
 /// Narrower pieces, m, get no ray of their own: places of rays are as coarse in f32 across a detector.
 const NARROWEST: f64 = 2e-9;
+/// Most rays of a piece that draw normals.
+const MOST_DRAWS: f64 = 64.0;
 /// Error by light of a piece near grazing that needs no exact ray, share of the budget.
 const NEGLIGIBLE: f64 = 0.03;
 
-/// Numbers of a ray: optical depth, displacement on the analyser and change of slope along x and z.
-type Numbers = [f64; 5];
+/// Numbers of a ray: optical depth, displacement on the analyser and change of slope along x and z, and variance of the
+/// displacement along x by rough surfaces.
+type Numbers = [f64; NUMBERS];
+const NUMBERS: usize = 6;
 
 /// Section of a surface by the plane of a line.
 #[derive(Debug, Clone, Copy)]
@@ -51,11 +55,9 @@ struct Section<'a> {
 enum Form<'a> {
     Flat {
         /// Effect on rays at both ends.
-        ends: [Numbers; 2],
+        ends: [Effect; 2],
         /// From the source along y at both ends, m.
         distance: [f64; 2],
-        /// First-order remainder of the displacement, m; 0 where the first order is enough.
-        remainder: f64,
     },
     /// A facet with the normals of a smooth surface.
     Smooth {
@@ -72,12 +74,24 @@ enum Form<'a> {
     },
 }
 
+/// Effect of a surface on a ray.
+#[derive(Debug, Clone, Copy, Default)]
+struct Effect {
+    numbers: Numbers,
+    /// First-order remainder of the displacement, m; 0 where the first order is enough.
+    remainder: f64,
+    /// The ray draws the normal of a rough surface.
+    draws: bool,
+}
+
 /// Sums over the surfaces that a ray crosses.
 #[derive(Debug, Clone, Copy)]
 struct Sums {
     numbers: Numbers,
     /// First-order remainder of the displacement, m.
     remainder: f64,
+    /// The ray draws normals of rough surfaces.
+    draws: bool,
     /// From the source along y to the first and to the last surface, m.
     distance: [f64; 2],
 }
@@ -92,14 +106,17 @@ struct Passage {
 
 impl Default for Sums {
     fn default() -> Self {
-        Self { numbers: [0.0; 5], remainder: 0.0, distance: [f64::INFINITY, 0.0] }
+        let numbers = [0.0; NUMBERS];
+        Self { numbers, remainder: 0.0, draws: false, distance: [f64::INFINITY, 0.0] }
     }
 }
 
 impl Sums {
-    fn add(&mut self, numbers: Numbers, remainder: f64, distance: f64) {
-        self.numbers.iter_mut().zip(numbers).for_each(|(sum, it)| *sum += it);
-        self.remainder += remainder;
+    /// Adds a surface at a distance from the source along y, m.
+    fn add(&mut self, effect: &Effect, distance: f64) {
+        self.numbers.iter_mut().zip(effect.numbers).for_each(|(sum, it)| *sum += it);
+        self.remainder += effect.remainder;
+        self.draws |= effect.draws;
         self.distance = [self.distance[0].min(distance), self.distance[1].max(distance)];
     }
 }
@@ -254,7 +271,8 @@ impl<'a> SurfaceLines<'a> {
                 let piece = self.piece(&interval, x, &[low, high], None);
                 let change = f64::from((piece.depth[1] - piece.depth[0]).abs());
                 let parts = (change / STEEPEST).ceil().clamp(1.0, MOST_PARTS);
-                pieces.extend(piece.parts(numbers::whole(parts)));
+                let parts = numbers::whole::<u32>(parts).max(self.draws_of(&piece, openings));
+                pieces.extend(piece.parts(parts));
             }
             from = pair[1];
         }
@@ -279,8 +297,7 @@ impl<'a> SurfaceLines<'a> {
                 let crossing = Crossing { distance: distance[end], normal };
                 self.effect(step, crossing, is_front, lattice.slopes(beamlet, x[end], row))
             });
-            let remainder = effects[0].1.max(effects[1].1);
-            Form::Flat { ends: effects.map(|(numbers, _)| numbers), distance, remainder }
+            Form::Flat { ends: effects, distance }
         };
         Some(Section { x, hash: step.hash, crossings: 1, form })
     }
@@ -317,12 +334,18 @@ impl<'a> SurfaceLines<'a> {
         for section in interval.crossed {
             let width = section.x[1] - section.x[0];
             match &section.form {
-                Form::Flat { ends, distance, remainder } => {
+                Form::Flat { ends: [low, high], distance } => {
                     let share = (x - section.x[0]) / width;
-                    let at = |of: usize| ends[0][of] + (ends[1][of] - ends[0][of]) * share;
+                    let at =
+                        |of: usize| low.numbers[of] + (high.numbers[of] - low.numbers[of]) * share;
+                    let effect = Effect {
+                        numbers: std::array::from_fn(at),
+                        remainder: low.remainder.max(high.remainder),
+                        draws: low.draws || high.draws,
+                    };
                     // The extent of a piece reaches over both ends of a section.
-                    sums.add(std::array::from_fn(at), *remainder, distance[0]);
-                    sums.add([0.0; 5], 0.0, distance[1]);
+                    sums.add(&effect, distance[0]);
+                    sums.add(&Effect::default(), distance[1]);
                 }
                 Form::Smooth { ends, x: of_ends, is_front, component } => {
                     let slopes = slopes_at(x);
@@ -331,9 +354,8 @@ impl<'a> SurfaceLines<'a> {
                     let normal = ends[0].normal + (ends[1].normal - ends[0].normal) * share;
                     let normal = before_horizon(normal.normalize_or_zero(), *is_front, slopes);
                     let crossing = Crossing { distance, normal };
-                    let (numbers, remainder) =
-                        self.effect(step(*component), crossing, *is_front, slopes);
-                    sums.add(numbers, remainder, distance);
+                    let effect = self.effect(step(*component), crossing, *is_front, slopes);
+                    sums.add(&effect, distance);
                 }
                 Form::Curved { shape, .. } => {
                     let within = INSIDE * width;
@@ -347,9 +369,8 @@ impl<'a> SurfaceLines<'a> {
                             crossed.push(Passage { crossing, is_front, component });
                             continue;
                         }
-                        let (numbers, remainder) =
-                            self.effect(step(component), crossing, is_front, slopes);
-                        sums.add(numbers, remainder, crossing.distance);
+                        let effect = self.effect(step(component), crossing, is_front, slopes);
+                        sums.add(&effect, crossing.distance);
                     }
                 }
             }
@@ -378,8 +399,8 @@ impl<'a> SurfaceLines<'a> {
                 let last = around.iter().max().copied();
                 let outside = last.max(components[it.component as usize].outside);
                 let step = self.view.facets.step_in(it.component, own, outside);
-                let (numbers, remainder) = self.effect(step, it.crossing, it.is_front, slopes);
-                sums.add(numbers, remainder, it.crossing.distance);
+                let effect = self.effect(step, it.crossing, it.is_front, slopes);
+                sums.add(&effect, it.crossing.distance);
             }
             if it.is_front {
                 around.push(own);
@@ -402,7 +423,8 @@ impl<'a> SurfaceLines<'a> {
                 waiting.push(([half, shares[1]], [middle, ends[1]], halvings + 1));
                 waiting.push(([shares[0], half], [ends[0], middle], halvings + 1));
             } else {
-                pieces.push(self.piece(interval, x, &ends, Some(&middle)));
+                let piece = self.piece(interval, x, &ends, Some(&middle));
+                pieces.extend(piece.parts(self.draws_of(&piece, interval.openings)));
             }
         }
     }
@@ -444,7 +466,7 @@ impl<'a> SurfaceLines<'a> {
             self.bound(&mut numbers_at);
         }
         if let Some(middle) = middle {
-            for of in 0..5 {
+            for of in 0..NUMBERS {
                 // The mean by Simpson's rule; a ray has the displacement in the middle.
                 let [low, high] = numbers_at.map(|end| end[of]);
                 let off = 2.0 / 3.0 * (middle.numbers[of] - f64::midpoint(low, high));
@@ -457,7 +479,7 @@ impl<'a> SurfaceLines<'a> {
         }
         // Rounded.
         let depth = numbers_at.map(|end| single(end[0].max(0.0)));
-        let [_, displacement_x, displacement_z, slope_x, slope_z] =
+        let [_, displacement_x, displacement_z, slope_x, slope_z, displacement_variance] =
             std::array::from_fn(|of| single(f64::midpoint(numbers_at[0][of], numbers_at[1][of])));
         let crossed = || interval.crossed.iter();
         let result = RayResult {
@@ -469,7 +491,7 @@ impl<'a> SurfaceLines<'a> {
             signature: crossed().fold(0, |all, it| all.wrapping_add(it.hash)),
             flags: 0,
             crossings: crossed().map(|it| it.crossings).sum(),
-            displacement_variance: 0.0,
+            displacement_variance,
         };
         let displacement = numbers_at.map(|end| single(end[1]));
         let nearest = ends[0].distance[0].min(ends[1].distance[0]);
@@ -483,6 +505,7 @@ impl<'a> SurfaceLines<'a> {
             extent,
             interval: interval.number,
             is_curved: middle.is_some(),
+            draws: middle.is_none_or(|it| it.draws) && ends.iter().any(|it| it.draws),
         };
         let is_exact = self.view.facets.is_exact && !interval.crossed.is_empty();
         let remainder = if is_exact { f64::INFINITY } else { remainder };
@@ -492,15 +515,24 @@ impl<'a> SurfaceLines<'a> {
         piece
     }
 
-    /// Effect of a surface on the ray of a slope that crosses it: its numbers, and the first-order remainder of the
-    /// displacement. `is_front`: the ray enters.
+    /// Number of rays of a piece: of one whose rays draw normals about the root of those that its light needs, so
+    /// that as many lines are.
+    fn draws_of(&self, piece: &Piece, openings: &[Opening]) -> u32 {
+        if !piece.draws || piece.source != Source::Wanted {
+            return 1;
+        }
+        let light = self.light(piece, openings) / self.view.budget.light;
+        numbers::whole(light.ceil().clamp(1.0, MOST_DRAWS))
+    }
+
+    /// Effect of a surface on the ray of a slope that crosses it. `is_front`: the ray enters.
     fn effect(
         &self,
         step: &SurfaceStep,
         Crossing { distance, normal }: Crossing,
         is_front: bool,
         slope: [f64; 2],
-    ) -> (Numbers, f64) {
+    ) -> Effect {
         let y = distance - self.source;
         let along = normal.x * slope[0] + normal.y + normal.z * slope[1];
         let square = 1.0 + slope[0] * slope[0] + slope[1] * slope[1];
@@ -515,10 +547,26 @@ impl<'a> SurfaceLines<'a> {
             facing * bend * (normal.z - normal.y * slope[1]),
         ];
         let share = along.abs() / length / step.least_cosine.max(1e-30);
-        let remainder =
-            if share < 1.0 { FIRST_ORDER_ERROR * lever / (share * share * share) } else { 0.0 };
+        let draws = step.delta != 0.0 && along.abs() < ROUGH_GRAZING * step.roughness * length;
+        let remainder = if step.is_open || draws {
+            f64::INFINITY
+        } else if share < 1.0 {
+            FIRST_ORDER_ERROR * lever / (share * share * share)
+        } else {
+            0.0
+        };
         let depth = -sign * step.mu * length * y;
-        ([depth, bends[0] * lever, bends[1] * lever, bends[0], bends[1]], remainder)
+        let variance = if step.roughness > 0.0 && !draws {
+            // As `shaders/walk/cross_rough.glsl`.
+            let across = normal.x - normal.y * slope[0];
+            let spread = DVec3::new(1.0, -slope[0], 0.0) / along
+                - DVec3::new(slope[0], 1.0, slope[1]) * (across / (along * along));
+            (step.roughness * square * step.delta * lever).powi(2) * spread.length_squared()
+        } else {
+            0.0
+        };
+        let numbers = [depth, bends[0] * lever, bends[1] * lever, bends[0], bends[1], variance];
+        Effect { numbers, remainder, draws }
     }
 
     /// Reduces displacements by the first order near grazing incidence to what total reflection makes.
@@ -531,19 +579,21 @@ impl<'a> SurfaceLines<'a> {
                 (end[1 + axis].abs() / most).max(1.0)
             };
             let factor = over(0).max(over(1)).recip();
-            end[1..].iter_mut().for_each(|it| *it *= factor);
+            end[1..5].iter_mut().for_each(|it| *it *= factor);
         }
     }
 
     /// True if a first-order remainder of the displacement matters in a piece.
     fn counts(&self, piece: &Piece, openings: &[Opening], remainder: f64) -> bool {
+        piece.width() >= NARROWEST && self.matters(self.light(piece, openings), remainder)
+    }
+
+    /// Light of a piece at the mask step that opens it most, share of open beam.
+    fn light(&self, piece: &Piece, openings: &[Opening]) -> f64 {
         let response = self.view.response;
-        if piece.width() < NARROWEST {
-            return false;
-        }
         let share = response.lit(single(open_share(openings, piece.x)));
         let passed = response.weight * response.hardening.light(piece.result.optical_depth) * share;
-        self.matters(piece.width() * f64::from(passed), remainder)
+        piece.width() * f64::from(passed)
     }
 
     /// True if light with this first-order remainder of its displacement errs by more than needs no exact ray.

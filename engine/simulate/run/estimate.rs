@@ -10,10 +10,12 @@ pub struct RunEstimate {
     pub rays_per_view: f64,
     /// Rays of all views. The flat needs none.
     pub rays: f64,
-    /// Cells that refinement splits, of all views.
-    pub splits: f64,
+    /// Lines of all views.
+    pub lines: f64,
     /// Seconds on this device: preparation, tracing, illumination, blur and scatter, without noise and output.
     pub seconds: f64,
-    /// Patches (beamlet and detector row) that were refined for the estimate.
-    pub patches_refined: f64,
+    /// Cells of the lines of a patch (beamlet and detector row), on average.
+    pub cells_per_patch: f64,
+    /// Patches that were sampled for the estimate.
+    pub patches_sampled: f64,
 }

@@ -15,8 +15,11 @@ use beamlet_core::{Result, numbers};
 pub use beamlet_geometry::{ObjectSummary, PEAK_PER_CUT_TRIANGLE, PEAK_PER_TRIANGLE};
 use beamlet_model::scene::Scene;
 use building::building;
-use needs::{Needs, REFINED_USUALLY};
+use needs::Needs;
 use serde::Serialize;
+
+/// Patches whose lines are in memory together, at most.
+const PATCHES_AT_ONCE: f64 = 1024.0;
 
 /// Memory of a run at its peak, in bytes. On a CPU device host and device are one process.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
@@ -72,22 +75,21 @@ pub(crate) fn estimate_alone(
     Needs::of(scene, objects)?.in_lanes(scene, limit, band_rows)
 }
 
-/// As [`estimate`]; `rays_per_view` is the number of rays of a view after refinement.
+/// As [`estimate`]; `cells_per_patch`: cells of the lines of a patch, on average.
 ///
 /// # Errors
 /// As [`estimate`].
-pub fn estimate_refined(
+pub fn estimate_sampled(
     scene: &Scene,
     objects: &[ObjectSummary],
     limit: Option<u64>,
-    rays_per_view: f64,
+    cells_per_patch: f64,
 ) -> Result<MemoryEstimate> {
     let mut needs = Needs::of(scene, objects)?;
     let first = needs.estimate(scene, limit, None)?;
     needs.lanes = first.views_at_once.into();
     if needs.cells {
-        let rays = numbers::whole::<u64>(rays_per_view);
-        needs.crowded = rays.saturating_sub(REFINED_USUALLY.saturating_mul(needs.rays));
+        needs.crowded = numbers::whole::<u64>(cells_per_patch * PATCHES_AT_ONCE);
     }
     // A run does not know this number: it takes the bands of the estimate without it. Nor does a
     // limit bound the memory, for a single patch may hold most of it.

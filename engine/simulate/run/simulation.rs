@@ -130,7 +130,6 @@ impl Simulation {
     fn room(&self, memory: &MemoryEstimate) -> sampling::Room {
         let limit = self.options().memory_limit.zip(memory.left_for_refinement);
         sampling::Room {
-            rays_at_once: numbers::length(memory.rays_at_once),
             limit: limit.map(<[u64; 2]>::from),
             words: self.recording.as_ref().map_or(0, sampling::MomentRecording::words),
         }

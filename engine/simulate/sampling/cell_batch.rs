@@ -20,8 +20,6 @@ pub struct CellBatch {
     pub cells: Vec<Cell>,
     /// Moments of the rays that bound the cells, where they are kept.
     pub moments: CellMoments,
-    /// Cells that refinement cut.
-    pub splits: u64,
     /// Cells whose light lands too far off to follow, or outside the detector.
     pub landed_off: u64,
     /// Patches that they are of: rays and estimated errors.
@@ -59,7 +57,6 @@ impl CellBatch {
             }
             all.moments.exact.append(&mut part.moments.exact);
             first += numbers::count(part.cells.len());
-            all.splits += part.splits;
             all.landed_off += part.landed_off;
             all.tally = all.tally + part.tally;
         }

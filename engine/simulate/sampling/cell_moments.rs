@@ -9,7 +9,7 @@ pub struct CellMoments {
     /// `[cell][end][material][moment]`, in the order of [`crate::trace::Moment`]: path, lever in
     /// x and z, slope in x and z. Empty where they are not kept.
     pub ends: Vec<f32>,
-    /// Cells whose ends were traced exactly.
+    /// Cells whose rays were traced exactly.
     pub exact: Vec<ExactCell>,
 }
 
@@ -18,12 +18,10 @@ pub struct CellMoments {
 pub struct ExactCell {
     /// Index of the cell.
     pub cell: u32,
-    /// The rays whose results hold at the two ends that it was traced with.
-    pub ends: [Ray; 2],
-    /// Their results, at the mean constants of the spectrum.
+    /// Its ray.
+    pub ray: Ray,
+    /// Results at both ends of the cell, at the mean constants of the spectrum.
     pub results: [RayResult; 2],
-    /// Which part of the cell that was traced this is: 0 and 1 are its ends.
-    pub range: [f32; 2],
 }
 
 impl ExactCell {
@@ -31,13 +29,13 @@ impl ExactCell {
     /// enough.
     #[must_use]
     pub fn grazing(&self) -> f64 {
-        grazing(&self.results[0]).min(grazing(&self.results[1]))
+        grazing(&self.results[0])
     }
 
-    /// True if its rays drew normals of rough surfaces.
+    /// True if its ray drew normals of rough surfaces.
     #[must_use]
     pub(crate) fn is_drawn(&self) -> bool {
-        self.results.iter().any(|result| result.flags & FLAG_DRAWN != 0)
+        self.results[0].flags & FLAG_DRAWN != 0
     }
 }
 

@@ -1,22 +1,14 @@
-//! Rows of cells from the rectangles of a patch: rectangles side by side at the same heights form a row,
-//! cut into several rows if the patch slants.
+//! Rows of cells from the rectangles of a patch: rectangles side by side at the same heights form a row.
 
 use super::cell_batch::{CellBatch, empty_cell_row};
 use super::cell_moments::{CellMoments, ExactCell};
 use super::emission::Emitter;
 use super::moment_recording::LinearModel;
-use super::patch::{PatchPlace, part};
-use super::rectangle::Rectangle;
+use super::rectangle::{PatchPlace, Rectangle};
 use beamlet_core::numbers::{self, single};
 use beamlet_interface::{Cell, CellRow, FLAG_EXACT, FLAG_NOT_FINITE};
 use std::ops::Range;
 
-/// Largest shift in x over one row of cells of a slanting rectangle, m.
-const SLANT_OF_A_ROW: f32 = 0.7e-6;
-/// The same as a fraction of the period.
-const SLANT_SHARE: f32 = 0.01;
-/// Largest number of rows of cells per rectangle.
-const MOST_HEIGHTS: f32 = 64.0;
 /// Light of both ends of a rectangle that lands farther apart than this, relative to its height, is
 /// spread over what lies between.
 const STRETCHED: f64 = 0.2;
@@ -28,8 +20,6 @@ struct RowPlace {
     patch: PatchPlace,
     /// Interval within the detector row, 0..1 downwards.
     z: [f32; 2],
-    /// Displacement of its rectangles along x, m.
-    shift: f32,
 }
 
 /// A row of cells in the making.
@@ -64,24 +54,15 @@ impl Emitter<'_> {
             };
             let more = rectangles[begin..].windows(2).take_while(|pair| runs_on(pair)).count();
             let run = begin..begin + more + 1;
-            let z = first.z;
-            let slant = (patch.shear * (z[1] - z[0])).abs();
-            let most = SLANT_OF_A_ROW.min(SLANT_SHARE * single(self.view.lattice.period));
-            let heights =
-                numbers::whole::<u32>(f64::from((slant / most).ceil().clamp(1.0, MOST_HEIGHTS)));
-            for height in 0..heights {
-                let z = part(z, height, heights);
-                let shift = patch.shear * (0.5 * (z[0] + z[1]) - 0.5);
-                let moments = &moments[words * run.start..words * run.end];
-                let place = RowPlace { patch, z, shift };
-                self.push_row(&mut out, &place, &rectangles[run.clone()], moments);
-            }
+            let moments = &moments[words * run.start..words * run.end];
+            let place = RowPlace { patch, z: first.z };
+            self.push_row(&mut out, &place, &rectangles[run.clone()], moments);
             begin = run.end;
         }
         out
     }
 
-    /// A row of cells: rectangles moved along x and cut to the period.
+    /// A row of cells.
     fn push_row(
         &self,
         out: &mut CellBatch,
@@ -119,17 +100,12 @@ impl Emitter<'_> {
         moments: &[f32],
     ) {
         let lattice = self.view.lattice;
-        let half = single(0.5 * lattice.period);
         let LinearModel { result, depth, displacement } = &rectangle.ends;
-        let whole = rectangle.x.map(|x| x + place.shift);
-        let x = whole.map(|x| x.clamp(-half, half));
+        let x = rectangle.x;
         // The tally has the ray of one that is not finite.
         if x[1] <= x[0] || result.flags & FLAG_NOT_FINITE != 0 {
             return;
         }
-        let share = x.map(|x| (x - whole[0]) / (whole[1] - whole[0]));
-        let between = |[low, high]: [f32; 2]| share.map(|share| low + (high - low) * share);
-        let (depth, displacement) = (between(*depth), between(*displacement));
         let displacement_z = result.landing_z(self.gap);
         if displacement_z.abs() > lattice.halo as f32 * self.row_pitch {
             row.landed_off += 1;
@@ -154,7 +130,7 @@ impl Emitter<'_> {
         if lattice.heights {
             [above, below, landing_z] = self.along_z(rectangle, place.z);
         }
-        self.record(row, place.patch, rectangle, share, moments);
+        self.record(row, rectangle, moments);
         row.cells.push(Cell {
             x_low: x[0],
             x_high: x[1],
@@ -204,28 +180,15 @@ impl Emitter<'_> {
         }
     }
 
-    /// Records the moments at both ends of the cell that comes next, at these shares of the width of
-    /// its rectangle, and its rays where they were traced exactly.
-    fn record(
-        &self,
-        row: &mut RowCells,
-        patch: PatchPlace,
-        rectangle: &Rectangle,
-        share: [f32; 2],
-        moments: &[f32],
-    ) {
+    /// Records the moments at both ends of the cell that comes next, and its rays where they were traced exactly.
+    fn record(&self, row: &mut RowCells, rectangle: &Rectangle, moments: &[f32]) {
         if rectangle.ends.result.flags & FLAG_EXACT != 0 && self.view.recording.is_some() {
             row.moments.exact.push(ExactCell {
                 cell: numbers::count(row.cells.len()),
-                ends: [rectangle.ray(self.view, patch); 2],
+                ray: rectangle.ray,
                 results: rectangle.ends.results(),
-                range: share,
             });
         }
-        let (low, high) = moments.split_at(moments.len() / 2);
-        for share in share {
-            let ends = low.iter().zip(high);
-            row.moments.ends.extend(ends.map(|(low, high)| low + (high - low) * share));
-        }
+        row.moments.ends.extend_from_slice(moments);
     }
 }

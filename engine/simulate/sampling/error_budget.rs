@@ -3,9 +3,6 @@
 use beamlet_core::numbers;
 use beamlet_core::tally::Tally;
 
-/// Error of the displacement where no angle bounds it, m.
-const UNBOUNDED: f64 = 10e-9;
-
 /// Fraction of the budget that refinement aims at for the worst mask step; with it silhouettes hold 1e-4 with uneven
 /// steps (`values_are_within_the_tolerance_of_much_finer_stacks`).
 const SAFETY: f64 = 0.45;
@@ -32,13 +29,6 @@ pub(crate) struct ErrorBudget {
     pub displacement: f64,
     /// Most rays of a patch.
     pub max_rays: u32,
-}
-
-impl ErrorBudget {
-    /// Error of the displacement, m: light needs a bound where angles have none.
-    pub(super) fn bounded_displacement(&self) -> f64 {
-        self.displacement.min(UNBOUNDED)
-    }
 }
 
 /// Counts of a patch that was sampled by `rays` rays and whose values of the grid may be wrong by

@@ -109,7 +109,7 @@ mod tests {
             weights: vec![0.1, 0.4, 0.3, 0.2],
             constants: constants.collect(),
             of_object: vec![1, 2],
-            rough: vec![false; 2],
+            roughness: vec![0.0; 2],
         }
     }
 

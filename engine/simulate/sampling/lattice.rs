@@ -4,7 +4,7 @@
 use super::row_spread::RowSpread;
 use beamlet_core::numbers::{self, single};
 use beamlet_interface::{BeamletGeometry, Ray};
-use beamlet_model::optics::{DetectorPlane, LEAST_CELLS, Mask, Optics};
+use beamlet_model::optics::{DetectorPlane, Mask, Optics};
 use std::ops::Range;
 
 /// Total reflection happens up to a grazing angle of sqrt(2 delta) and deflects by twice it.
@@ -75,8 +75,7 @@ impl Lattice {
         let (detector, pitch) = (optics.detector.distance, optics.detector.pitch);
         let openings = optics.beamlets();
         let (period, offset) = (openings.period[0], openings.offset);
-        let cells =
-            optics.sampling.cells.unwrap_or_else(|| default_cells(period, openings.narrowest(0)));
+        let cells = cells_of(period, openings.narrowest(0));
         let deflection = max_deflection(optics, delta);
         let spot = &optics.spot;
         let reach = spot.reach();
@@ -274,7 +273,7 @@ pub fn beamlet_geometry(optics: &Optics, slope: f64) -> BeamletGeometry {
 }
 
 /// Cells of a period before refinement, enough that the linear model holds in them almost
-/// everywhere: two to the narrowest opening, and [`LEAST_CELLS`] to 64 in all.
-fn default_cells(period: f64, opening: f64) -> u32 {
-    numbers::whole::<u32>((2.0 * period / opening).ceil()).clamp(LEAST_CELLS, 64)
+/// everywhere: two to the narrowest opening, and 6 to 64 in all.
+fn cells_of(period: f64, opening: f64) -> u32 {
+    numbers::whole::<u32>((2.0 * period / opening).ceil()).clamp(6, 64)
 }

@@ -1,8 +1,6 @@
 //! Moments of the rays that bound cells.
 
-use super::patch::{PatchPlace, Slopes};
 use super::rectangle::Rectangle;
-use super::view_context::ViewContext;
 use crate::trace::{Tracer, component_hash};
 use beamlet_core::numbers::single;
 use beamlet_core::{Result, parallel};
@@ -52,7 +50,7 @@ impl MomentRecording {
             .filter(|same| same.len() == 1)
             .flatten()
             // Results do not say what rough surfaces spread.
-            .filter(|(_, object)| !media.rough[*object as usize])
+            .filter(|(_, object)| media.roughness[*object as usize] <= 0.0)
             .map(|(signature, object)| (*signature, media.of_object[*object as usize]))
             .collect();
         Self { reference, delta_ratio, single, words: media.moment_words() }
@@ -111,16 +109,14 @@ impl MomentRecording {
     pub(super) fn record(
         &self,
         tracer: &mut Tracer,
-        view: &ViewContext<'_>,
-        patches: &[PatchPlace],
         rectangles: &[Vec<Rectangle>],
     ) -> Result<Vec<Vec<f32>>> {
-        let unknown = |(patch, rectangles): (&PatchPlace, &Vec<Rectangle>)| -> Vec<Ray> {
+        let unknown = |rectangles: &Vec<Rectangle>| -> Vec<Ray> {
             let unknown =
                 rectangles.iter().filter(|r| self.single_material(&r.ends.result).is_none());
-            unknown.map(|r| r.ray(view, *patch)).collect()
+            unknown.map(|r| r.ray).collect()
         };
-        let rays: Vec<Vec<Ray>> = patches.par_iter().zip(rectangles).map(unknown).collect();
+        let rays: Vec<Vec<Ray>> = rectangles.par_iter().map(unknown).collect();
         let stride = MOMENTS_HEAD + self.words;
         let traced = tracer.trace_moments(&parallel::concat(&rays))?;
         let mut rest = &traced[..];
@@ -172,19 +168,10 @@ pub(super) struct LinearModel {
 }
 
 impl LinearModel {
-    /// With these slopes over a width, m. Matter attenuates at either end.
-    pub(super) fn new(result: &RayResult, width: f32, slopes: &Slopes) -> Self {
-        let spread = |value: f32, slope: f32| {
-            let change = 0.5 * width * slope;
-            [value - change, value + change]
-        };
-        let depth = result.optical_depth;
-        let steepest = 2.0 * depth.max(0.0) / width;
-        Self {
-            result: *result,
-            depth: spread(depth, slopes.depth[0].clamp(-steepest, steepest)),
-            displacement: spread(result.displacement_x, slopes.displacement[0]),
-        }
+    /// The same at both ends.
+    pub(super) fn even(result: RayResult) -> Self {
+        let [depth, displacement] = [result.optical_depth, result.displacement_x].map(|it| [it; 2]);
+        Self { result, depth, displacement }
     }
 
     /// As results.

@@ -20,12 +20,6 @@ impl PatchGrid {
         numbers::narrow::<usize>((self.beamlets.end - self.beamlets.start).max(0))
     }
 
-    /// Beamlet and row of a patch of the grid.
-    pub(crate) fn place(&self, index: usize) -> (i64, i64) {
-        let [across, down] = [index % self.width(), index / self.width()].map(|at| at as i64);
-        (self.beamlets.start + across, self.rows.start + down)
-    }
-
     /// Number of a patch; nothing beyond the grid.
     pub(crate) fn index(&self, beamlet: i64, row: i64) -> Option<usize> {
         let inside = self.rows.contains(&row) && self.beamlets.contains(&beamlet);

@@ -18,9 +18,6 @@ pub(crate) struct ProjectedBounds {
     pub width: f64,
     /// Cell rows higher than this may step over it, rows.
     pub height: f64,
-    /// Area that a component that may hide shows to the source, m in the cell plane times rows;
-    /// infinite for others.
-    pub area: f64,
     /// Row coordinates of its surfaces that are not upright: light thrown out of its row comes from
     /// there.
     pub lids: Lids,
@@ -29,19 +26,18 @@ pub(crate) struct ProjectedBounds {
 }
 
 impl ProjectedBounds {
-    /// Rows among `rows` that it touches and whose light may be recorded, or that are neighbours of such rows, by
-    /// which these are judged: of others than the recorded ones only where it throws light out of its row.
+    /// Rows among `rows` that it touches and whose light may be recorded: of others than the recorded ones only where it
+    /// throws light out of its row.
     pub(crate) fn rows_that_count(
         &self,
         lattice: &Lattice,
         recorded: &Range<i64>,
         rows: &Range<i64>,
     ) -> impl Iterator<Item = i64> {
-        let near = recorded.start - 1..recorded.end + 1;
         let [own, _] = self.patches(lattice);
         let touched = own.start.max(rows.start)..own.end.min(rows.end);
         touched.filter(move |row| {
-            near.contains(row) || (row - 1..=row + 1).any(|row| self.throws(row))
+            recorded.contains(row) || (row - 1..=row + 1).any(|row| self.throws(row))
         })
     }
 
@@ -96,7 +92,7 @@ pub(crate) fn projected_bounds(
         .components
         .iter()
         .zip(chords)
-        .map(|(component, [chord_x, chord_z, area])| {
+        .map(|(component, [chord_x, chord_z])| {
             let [low, high] = component.bounds;
             let mut x = [f64::INFINITY, f64::NEG_INFINITY];
             let mut rows = x;
@@ -132,7 +128,6 @@ pub(crate) fn projected_bounds(
                 rows,
                 width: CHORD_SHARE * chord_x * scale,
                 height: CHORD_SHARE * chord_z * rows_per_metre,
-                area: area * scale * rows_per_metre,
                 lids,
                 rough: component.leans > 0.0,
             }
@@ -146,17 +141,16 @@ fn least_chord(component: &Component) -> f64 {
     2.0 * component.volume.abs() / component.area
 }
 
-/// Mean chord of each component along x and z of the beam frame: volume over projected area (Cauchy);
-/// and the area that it shows along y, m2. Of components that cannot hide the chords are the least in any
-/// direction, which says as much and needs no walk over millions of triangles in every view, and the
-/// area is infinite.
+/// Mean chord of each component along x and z of the beam frame: volume over projected area (Cauchy). Of components that
+/// cannot hide the chords are the least in any direction, which says as much and needs no walk over millions of triangles
+/// in every view.
 fn mean_chords(
     sample: &Sample,
-    [x, y, z]: [DVec3; 3],
+    [x, _, z]: [DVec3; 3],
     may_hide: impl Fn(&Component) -> bool,
-) -> Vec<[f64; 3]> {
+) -> Vec<[f64; 2]> {
     let hide: Vec<bool> = sample.components.iter().map(may_hide).collect();
-    let mut areas = vec![[0.0_f64; 3]; sample.components.len()];
+    let mut areas = vec![[0.0_f64; 2]; sample.components.len()];
     if hide.contains(&true) {
         for (t, &component) in sample.triangles.iter().zip(&sample.triangle_component) {
             if !hide[component as usize] {
@@ -167,14 +161,13 @@ fn mean_chords(
             let sum = &mut areas[component as usize];
             sum[0] += 0.5 * area.dot(x).abs();
             sum[1] += 0.5 * area.dot(z).abs();
-            sum[2] += 0.5 * area.dot(y).abs();
         }
-        let mut known: Option<(&Placed, Vec<[f64; 3]>)> = None;
+        let mut known: Option<(&Placed, Vec<[f64; 2]>)> = None;
         for placed in &sample.placed {
             let same = known.as_ref().filter(|(other, _)| other.shows_the_same(placed));
             let shown = match same {
                 Some((_, shown)) => shown.clone(),
-                None => sample.projected_areas(placed, [x, z, y]),
+                None => sample.projected_areas(placed, [x, z]),
             };
             let scale = placed.place.scale * placed.place.scale;
             for (component, shown) in (placed.component as usize..).zip(&shown) {
@@ -190,12 +183,10 @@ fn mean_chords(
         .iter()
         .zip(areas)
         .zip(hide)
-        .map(|((c, [ax, az, ay]), hide)| {
-            if hide {
-                [c.volume.abs() / ax, c.volume.abs() / az, ay]
-            } else {
-                [least_chord(c), least_chord(c), f64::INFINITY]
-            }
-        })
+        .map(
+            |((c, [ax, az]), hide)| {
+                if hide { [c.volume.abs() / ax, c.volume.abs() / az] } else { [least_chord(c); 2] }
+            },
+        )
         .collect()
 }

@@ -1,19 +1,22 @@
 //! Rectangles of a patch as cells are made of them.
 
 use super::moment_recording::LinearModel;
-use super::patch::PatchPlace;
-use super::view_context::ViewContext;
 use beamlet_interface::Ray;
+
+/// Place of a patch: its beamlet and detector row.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct PatchPlace {
+    pub(super) beamlet: i64,
+    pub(super) row: i64,
+}
 
 /// A rectangle as a cell: its result at both ends of x.
 #[derive(Clone, Copy)]
 pub(super) struct Rectangle {
     pub(crate) x: [f32; 2],
     pub(crate) z: [f32; 2],
-    /// Coordinates of its ray.
-    pub(crate) ray: [f32; 2],
-    /// Its ray, where the device chose it: another one beside it may draw another normal.
-    pub(super) traced: Option<Ray>,
+    /// Its ray: another one beside it may draw another normal.
+    pub(super) ray: Ray,
     pub(super) ends: LinearModel,
     /// Variance of the displacement about the result, m2.
     pub(crate) displacement_variance: f32,
@@ -29,13 +32,5 @@ impl Rectangle {
     /// True if all its rays miss the sample.
     pub(super) fn is_empty(&self) -> bool {
         self.ends.result.crossings == 0
-    }
-
-    /// Its ray, in a patch.
-    pub(super) fn ray(&self, view: &ViewContext<'_>, patch: PatchPlace) -> Ray {
-        self.traced.unwrap_or_else(|| {
-            let [x, z] = patch.place(self.ray);
-            view.ray(patch.beamlet, patch.row, x, z)
-        })
     }
 }

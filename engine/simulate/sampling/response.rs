@@ -4,7 +4,7 @@
 use super::hardening::Hardening;
 use super::lattice::Lattice;
 use super::windows::{Seen, Windows};
-use beamlet_core::numbers::{self, single};
+use beamlet_core::numbers::single;
 use beamlet_interface::BeamletGeometry;
 use beamlet_model::optics::{Mask, Openings, Optics};
 
@@ -25,7 +25,7 @@ pub(crate) struct Response {
     /// whose bars leak those, and pixels.
     pub(crate) windows: Vec<Windows>,
     /// Standard deviation of the blur on the analyser, m.
-    pub(crate) blur: f32,
+    blur: f32,
     /// From the cell plane to the analyser.
     pub(crate) magnification: f32,
     /// Landing point of an undeflected ray through the centre of a beamlet, from the centre of the
@@ -33,15 +33,15 @@ pub(crate) struct Response {
     landing: Vec<f32>,
     /// Openings by mask step in the cell plane, from the nearest period of the sample mask, m; none
     /// without a sample mask.
-    pub(crate) openings: Vec<Opening>,
+    openings: Vec<Opening>,
     /// Length after which openings repeat, m.
-    pub(crate) pattern: f32,
+    pattern: f32,
     /// Mask steps that differ enough to count.
     steps: usize,
     /// Beamlet's centre from the centre of the nearest period of the sample mask, m.
-    pub(crate) mask_offset: Vec<f32>,
+    mask_offset: Vec<f32>,
     /// Reduction of each side of an opening by the shadow of thick bars, m, by beamlet.
-    pub(crate) shadow: Vec<f32>,
+    shadow: Vec<f32>,
     /// Share of the light that the bars of the sample mask let through; 0 where that is too little
     /// to count.
     pub(crate) leak: f32,
@@ -51,8 +51,6 @@ pub(crate) struct Response {
     half_period: f32,
     /// Recorded value per metre of open cell plane.
     pub(crate) weight: f32,
-    /// Index of the list of mask offsets.
-    pub(crate) list: usize,
 }
 
 /// An interval of x of a beamlet that a mask step opens.
@@ -115,7 +113,6 @@ impl Response {
             hardening: hardening.clone(),
             half_period: single(0.5 * lattice.period),
             weight: single(detector.distance / (lattice.plane * detector.pitch[0])),
-            list,
         }
     }
 
@@ -133,12 +130,6 @@ impl Response {
     /// Share of the light behind the sample mask of a rectangle that a step opens to a share.
     pub(crate) fn lit(&self, open: f32) -> f32 {
         self.leak + (1.0 - self.leak) * open
-    }
-
-    /// Number of the mask steps where the bars of the sample mask leak: all steps light all of the
-    /// sample then.
-    pub(super) fn leaking(&self) -> Option<u32> {
-        (self.leak > 0.0).then(|| numbers::count(self.steps()))
     }
 
     /// Openings of the beamlet at `column` of the lattice, inside its period.
@@ -178,7 +169,7 @@ impl Response {
 
     /// Light of the beamlet at `column` that passes the sample and its landing point, spread over
     /// 2 `half`, as windows see it.
-    pub(super) fn landed(&self, column: usize, [light, at]: [f32; 2], half: f32) -> Landed {
+    pub(crate) fn landed(&self, column: usize, [light, at]: [f32; 2], half: f32) -> Landed {
         let mut landed = Landed { column, light, seen: [Seen::default(); 2] };
         for (seen, windows) in landed.seen.iter_mut().zip(&self.windows) {
             *seen = windows.seen(column, [light, at], half);
@@ -187,7 +178,7 @@ impl Response {
     }
 
     /// Largest change of the light in any pixel if it had this light and landing point.
-    pub(super) fn change_from(&self, own: &Landed, [light, at]: [f32; 2]) -> f32 {
+    pub(crate) fn change_from(&self, own: &Landed, [light, at]: [f32; 2]) -> f32 {
         let change = |(windows, seen): (&Windows, &Seen)| {
             windows.share * windows.change(own.column, (seen, own.light), [light, at])
         };
@@ -197,12 +188,19 @@ impl Response {
 
 /// Light as windows see it.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Landed {
+pub(crate) struct Landed {
     /// Column of its beamlet in the lattice.
     column: usize,
     /// Share of the light on the sample that passes it.
     light: f32,
     seen: [Seen; 2],
+}
+
+impl Landed {
+    /// Column of its beamlet in the lattice.
+    pub(crate) const fn column(&self) -> usize {
+        self.column
+    }
 }
 
 /// Windows of the optics by the share of the light that they pass, blurred by `blur`, m. Light that leaks

@@ -18,6 +18,10 @@ pub(crate) struct SurfaceStep {
     pub(crate) delta: f64,
     /// Cosine of incidence below which the first order is not enough.
     pub(crate) least_cosine: f64,
+    /// Standard deviation of the slopes of the surface.
+    pub(crate) roughness: f64,
+    /// Its object has defects: only a traced ray says which of its surfaces count.
+    pub(crate) is_open: bool,
 }
 
 /// Surfaces of a sample, for means over facets.
@@ -29,10 +33,6 @@ pub(crate) struct SampleFacets {
     pub(crate) steps: Vec<SurfaceStep>,
     /// Steps between objects of exact shapes that cross: the later one, and the one around a point of its surface.
     between: BTreeMap<[u32; 2], SurfaceStep>,
-    /// True for each component that lines do not know: rough surfaces, and surfaces with defects.
-    pub(crate) by_rays: Vec<bool>,
-    /// Number of triangles by component.
-    pub(crate) triangles: Vec<u32>,
     /// Trees over the facets.
     pub(crate) tree: FacetTree,
 }
@@ -58,6 +58,8 @@ impl SampleFacets {
                     Transport::FirstOrder | Transport::Wave | Transport::Exact => 0.0,
                     Transport::Auto => least_cosine(media.step(inside, outside)),
                 },
+                roughness: media.roughness[object as usize],
+                is_open: sample.objects.get(object as usize).is_some_and(|it| it.defects.refused()),
             }
         };
         let step = |(index, component): (u32, &Component)| {
@@ -76,23 +78,10 @@ impl SampleFacets {
                 between.entry([own.object, around]).or_insert_with(of);
             }
         }
-        let mut triangles = vec![0; sample.components.len()];
-        sample.triangle_component.iter().for_each(|c| triangles[*c as usize] += 1);
-        for placed in &sample.placed {
-            let prototype = &sample.prototypes[placed.prototype as usize];
-            for component in &prototype.triangle_component[..prototype.facets()] {
-                triangles[(placed.component + component) as usize] += 1;
-            }
-        }
         let is_exact = transport == Transport::Exact;
-        let is_open = |object: u32| {
-            sample.objects.get(object as usize).is_some_and(|it| it.defects.refused())
-        };
-        let rays = |it: &Component| media.rough[it.object as usize] || is_open(it.object);
-        let by_rays = sample.components.iter().map(rays).collect();
         let steps = (0..).zip(&sample.components).map(step).collect();
         let tree = FacetTree::new(bvh);
-        Self { is_exact, steps, between, by_rays, triangles, tree }
+        Self { is_exact, steps, between, tree }
     }
 
     /// Effect of a surface of a component of an object where another object is around it: that of the component, but

@@ -39,7 +39,7 @@ pub(crate) struct ViewContext<'a> {
 
 impl ViewContext<'_> {
     /// The ray through a place of a beamlet (m from its centre) and row (share of it).
-    pub(super) fn ray(&self, beamlet: i64, row: i64, x: f32, z: f32) -> Ray {
+    pub(crate) fn ray(&self, beamlet: i64, row: i64, x: f32, z: f32) -> Ray {
         self.lattice.ray(beamlet, f64::from(x), row as f64 + f64::from(z), self.pose)
     }
 

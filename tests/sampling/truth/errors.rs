@@ -38,13 +38,10 @@ pub(crate) fn with_budget(case: &Case, tolerance: f64, angle_tolerance: f64) -> 
     scene
 }
 
-/// The scene of a case for its truth: by rays alone, each in order, from `lattice` base rays of a
-/// pixel in x and z on, refined to a tolerance.
-pub(crate) fn truth_of(case: &Case, lattice: [u32; 2], tolerance: f64) -> Scene {
+/// The scene of a case for its truth: a ray for each piece of a line, in order, at a tolerance.
+pub(crate) fn truth_of(case: &Case, tolerance: f64) -> Scene {
     let mut scene = with_budget(case, tolerance, ANGLE);
     scene.sampling.transport = Transport::Exact;
-    scene.sampling.cells = Some(lattice[0]);
-    scene.sampling.rows = lattice[1];
     scene.sampling.max_rays = 1_000_000;
     scene
 }

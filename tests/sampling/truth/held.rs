@@ -7,9 +7,7 @@ use crate::support::{engine, everything};
 use beamlet::Backend;
 use beamlet::scene::{Scene, Transport};
 
-/// Base rays of a pixel in x and z, of truth: it differs from finer ones by less than 2e-5.
-const LATTICE: [u32; 2] = [100, 24];
-/// Tolerance that truth is refined to, share of open beam.
+/// Tolerance of truth, share of open beam.
 const TRUTH: f64 = 2e-5;
 
 /// Interior pixels hold the default tolerance, pixels with a silhouette one ten times as wide: at
@@ -22,7 +20,7 @@ fn values_are_within_the_tolerance_of_much_finer_stacks() {
     let mut compared = [0; 2];
     let bare = "ball, no masks";
     for case in cases::small().into_iter().filter(|case| everything() || case.name != bare) {
-        let truth = run(&engine, &truth_of(&case, LATTICE, TRUTH)).values;
+        let truth = run(&engine, &truth_of(&case, TRUTH)).values;
         let (classes, _) = classes_of(&case);
         let held = [(Class::Interior, 1e-4), (Class::Silhouette, 1e-3)];
         for (k, (class, tolerance)) in held.into_iter().enumerate() {
@@ -60,7 +58,7 @@ fn angles_hold_in_interior_pixels_beside_silhouettes_too() {
     for case in named(cases::small(), scenes) {
         let (classes, _) = classes_of(&case);
         let angles = |scene: &Scene| displacements(&engine, scene) / case.scene.lever_arm();
-        let truth = angles(&truth_of(&case, LATTICE, TRUTH));
+        let truth = angles(&truth_of(&case, TRUTH));
         for tolerance in [30e-9, 10e-9, 3e-9] {
             let got = angles(&with_budget(&case, 1e-2, tolerance));
             let class = Class::Interior;
@@ -119,7 +117,7 @@ fn rays_alone_miss_no_facet_between_them() {
     for case in named(cases::all(), ["detector mask alone", "point spot"]) {
         let (classes, _) = classes_of(&case);
         let means = run(&engine, &with_budget(&case, 3e-6, ANGLE)).values;
-        let rays = run(&engine, &truth_of(&case, [40, 40], 1e-4)).values;
+        let rays = run(&engine, &truth_of(&case, 1e-4)).values;
         let errors = Errors::of(None, &classes, 1e-4, [&rays, &means]);
         println!("measured truth, {}, rays alone: {:.1e}", case.name, errors.worst);
         compared += errors.count;

@@ -9,11 +9,9 @@ use beamlet::Backend;
 
 /// Moves of each sample.
 const SHIFTS: usize = 64;
-/// Largest move in x and z, m: half a base cell of 10 um, and half a row of 100 um.
+/// Largest move in x and z, m: 5 um, and half a row of 100 um.
 const MOST: [f64; 2] = [5e-6, 50e-6];
-/// Base rays of a pixel in x and z, of truth: its own error is far below the tolerance.
-const LATTICE: [u32; 2] = [100, 24];
-/// Tolerance that truth is refined to, share of open beam.
+/// Tolerance of truth, share of open beam.
 const TRUTH: f64 = 2e-5;
 /// The tolerance.
 const TOLERANCE: f64 = 1e-4;
@@ -27,7 +25,7 @@ fn errors(engine: &Checked, case: &Case) -> [(Class, &'static str, Errors); 2] {
     for _ in 0..SHIFTS {
         let [x, z] = MOST.map(|most| random.between(-most, most));
         let moved = case.moved([x, 0.0, z]);
-        let truth = run(engine, &truth_of(&moved, LATTICE, TRUTH)).values;
+        let truth = run(engine, &truth_of(&moved, TRUTH)).values;
         let got = run(engine, &with_budget(&moved, TOLERANCE, ANGLE)).values;
         let (classes, named) = classes_of(&moved);
         for (sum, (class, _)) in all.iter_mut().zip(named) {

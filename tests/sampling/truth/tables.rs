@@ -13,16 +13,9 @@ use std::time::Instant;
 const TOLERANCES: [f64; 4] = [1e-3, 3e-4, 1e-4, 3e-5];
 /// Angle tolerances, rad.
 const ANGLES: [f64; 3] = [30e-9, 10e-9, 3e-9];
-/// Base rays of a pixel in x and z, of truth.
-const LATTICE: [u32; 2] = [160, 40];
-/// Tolerance that truth is refined to, share of open beam: where it was 2e-5 its own errors were half of
+/// Tolerance of truth, share of open beam: where it was 2e-5 its own errors were half of
 /// those that were found at 3e-5.
 const TRUTH: f64 = 4e-6;
-
-fn lattice(case: &Case) -> [u32; 2] {
-    // Where the detector blurs, each pixel is many rows of the grid that takes the light.
-    if case.scene.detector.blur.is_some() { [96, 4] } else { LATTICE }
-}
 
 fn print(case: &Case, limit: f64, class: (Class, &str), errors: &Errors, rays: f64) {
     if errors.count == 0 {
@@ -45,7 +38,7 @@ fn print(case: &Case, limit: f64, class: (Class, &str), errors: &Errors, rays: f
 fn values(engine: &Checked, case: &Case) {
     let (classes, named) = classes_of(case);
     let begin = Instant::now();
-    let truth = run(engine, &truth_of(case, lattice(case), TRUTH));
+    let truth = run(engine, &truth_of(case, TRUTH));
     let touched = classes.iter().filter(|class| **class != Class::Nothing).count() as f64;
     let beside = run(engine, &with_budget(case, 1e-5, ANGLE));
     let doubt = Errors::of(None, &classes, 1e-5, [&beside.values, &truth.values]);
@@ -86,7 +79,7 @@ fn angles(engine: &Checked, case: &Case) {
     }
     let (classes, _) = classes_of(case);
     let arm = scene.lever_arm();
-    let truth = displacements(engine, &truth_of(case, LATTICE, TRUTH)) / arm;
+    let truth = displacements(engine, &truth_of(case, TRUTH)) / arm;
     let touched = classes.iter().filter(|class| **class != Class::Nothing).count() as f64;
     for angle in ANGLES {
         let budget = with_budget(case, 1e-2, angle);
@@ -142,7 +135,7 @@ fn one_pixel_by_the_reference() {
             let column = values.slice(ndarray::s![.., row as usize, column as usize]).to_owned();
             column.to_vec()
         };
-        print("rays in order", pixel(&truth_of(&case, lattice(&case), TRUTH)));
+        print("rays in order", pixel(&truth_of(&case, TRUTH)));
         for tolerance in [1e-3, 1e-4, 1e-5] {
             print(&format!("{tolerance:e}"), pixel(&with_budget(&case, tolerance, ANGLE)));
         }

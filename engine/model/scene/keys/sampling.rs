@@ -6,10 +6,6 @@ use crate::scene::{Quality, RandomRays, Sampling, Scheme, Transport};
 keys! { SAMPLING: Sampling, "sampling", [], [];
     scheme => Word(SCHEMES), Default(r#""cells""#), r#""random""#,
         "Cells that are integrated, or random rays.";
-    cells => Count(1, limits::CELLS as u64), Without("from the geometry"), "20",
-        "Cells per period in x before refinement; `cells` × `rows` up to 10000.";
-    rows => Count(1, limits::ROWS as u64), Default("1"), "4",
-        "Parts of a row of pixels in z before refinement.";
     quality => Word(QUALITIES), Without("\"noise\" with `detector.photons`, else \"standard\""), r#""fine""#,
         "Preset of the two tolerances below, unless they are numbers.";
     tolerance => Number("a share of open beam", within(*limits::TOLERANCE.start(), *limits::TOLERANCE.end())),
@@ -35,20 +31,6 @@ impl Record for Sampling {
 
     fn begin(_: &dyn Fn(&str) -> bool) -> Self {
         Self::default()
-    }
-
-    fn comments(&self, key: &str) -> Vec<String> {
-        let computed = key == "cells" && self.cells.is_none();
-        computed.then(|| "cells: from the geometry".to_owned()).into_iter().collect()
-    }
-
-    fn relations(&self, key: &dyn Fn(&str) -> String, faults: &mut Faults) {
-        let cells = u64::from(self.cells.unwrap_or(1)) * u64::from(self.rows);
-        if cells > u64::from(limits::CELLS) {
-            let found = format!("{cells} in {} rows", self.rows);
-            let allowed = format!("cells × rows up to {}", limits::CELLS);
-            faults.add(Error::scene(key("cells"), found, allowed));
-        }
     }
 }
 

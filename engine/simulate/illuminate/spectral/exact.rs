@@ -23,26 +23,23 @@ pub(super) struct Repeated {
     nodes: Vec<AtNode>,
 }
 
-/// Places of the results of two ends.
-type Places = Vec<Option<[usize; 2]>>;
-
 /// Exact transport at a node.
 #[derive(Debug, Default)]
 struct AtNode {
     results: Vec<RayResult>,
-    /// For each of the cells above the results of its two ends, where they were repeated here.
-    places: Places,
+    /// For each of the cells above the place of its result, where it was repeated here.
+    places: Vec<Option<usize>>,
 }
 
 impl AtNode {
-    fn at(&self, cell: usize) -> Option<[&RayResult; 2]> {
-        Some(self.places[cell]?.map(|place| &self.results[place]))
+    fn at(&self, cell: usize) -> Option<&RayResult> {
+        Some(&self.results[self.places[cell]?])
     }
 }
 
 impl Repeated {
-    /// Results at the ends of an exact cell, by node, where it was repeated at some.
-    pub(super) fn of(&self, cell: usize) -> Option<impl Iterator<Item = Option<[&RayResult; 2]>>> {
+    /// Results of an exact cell, by node, where it was repeated at some.
+    pub(super) fn of(&self, cell: usize) -> Option<impl Iterator<Item = Option<&RayResult>>> {
         let at = self.cells.binary_search_by_key(&cell, |cell| *cell as usize).ok()?;
         Some(self.nodes.iter().map(move |node| node.at(at)))
     }
@@ -62,22 +59,16 @@ impl EnergyBinning {
             exact.par_iter().enumerate().filter_map(asks).unzip();
         let at_node = |node: usize| {
             let mut rays: Vec<Ray> = Vec::new();
-            let mut place = |ray: Ray| {
-                // Neighbours share a ray.
-                let last = rays.len().saturating_sub(2);
-                if let Some(at) = rays[last..].iter().position(|r| *r == ray) {
-                    return last + at;
-                }
-                rays.push(ray);
-                rays.len() - 1
+            let place = |(cell, nodes): (&u32, &Vec<bool>)| {
+                nodes[node].then(|| {
+                    rays.push(exact[*cell as usize].ray);
+                    rays.len() - 1
+                })
             };
-            let ends = |(cell, nodes): (&u32, &Vec<bool>)| {
-                nodes[node].then(|| exact[*cell as usize].ends.map(&mut place))
-            };
-            let places = cells.iter().zip(&asked).map(ends).collect();
+            let places = cells.iter().zip(&asked).map(place).collect();
             (rays, places)
         };
-        let (rays, places): (Vec<Vec<Ray>>, Vec<Places>) =
+        let (rays, places): (Vec<Vec<Ray>>, Vec<Vec<Option<usize>>>) =
             (0..self.nodes()).into_par_iter().map(at_node).unzip();
         let results = tracer.walk_at_nodes(&rays)?;
         let nodes =
@@ -95,7 +86,7 @@ impl EnergyBinning {
     ) {
         let reference = self.nodes();
         for end in 0..2 {
-            let exact_result = self.exact_result(exact.results.each_ref(), exact.range[end]);
+            let exact_result = self.exact_result(&exact.results[end]);
             let first = self.result(reference, moments[end]);
             for (node, results) in results.iter_mut().enumerate() {
                 let delta_ratio = self.delta_ratio[node];
@@ -117,49 +108,27 @@ impl EnergyBinning {
         }
     }
 
-    /// Result between the ends that were traced exactly.
-    fn exact_result(&self, ends: [&RayResult; 2], at: f32) -> NodeResult {
-        let [a, b] = ends.map(|result| NodeResult {
+    /// Result of a ray that was traced exactly.
+    fn exact_result(&self, result: &RayResult) -> NodeResult {
+        NodeResult {
             depth: result.optical_depth.into(),
             x: result.displacement_x.into(),
             z: f64::from(result.displacement_z) + f64::from(result.slope_z) * self.gap,
             slope_x: result.slope_x.into(),
-        });
-        let mix = |f: fn(&NodeResult) -> f64| f(&a) + (f(&b) - f(&a)) * f64::from(at);
-        NodeResult {
-            depth: mix(|l| l.depth),
-            x: mix(|l| l.x),
-            z: mix(|l| l.z),
-            slope_x: mix(|l| l.slope_x),
         }
     }
 
-    /// The cell of a repeated walk at one node. If its ends crossed other surfaces the result is constant
-    /// on either side.
+    /// The cell of a repeated walk at one node.
     pub(super) fn push_exact(
         &self,
         list: &mut Vec<Cell>,
         cell_row: &CellRow,
         cell: &Cell,
-        ends: [&RayResult; 2],
-        range: [f32; 2],
+        result: &RayResult,
     ) {
-        if ends.iter().any(|result| result.flags & FLAG_NOT_FINITE != 0) {
-            return;
-        }
-        if ends[0].signature == ends[1].signature {
-            let results = range.map(|at| self.exact_result(ends, at));
-            list.push(self.cell(cell_row, [cell.x_low, cell.x_high], results));
-            return;
-        }
-        let width = cell.x_high - cell.x_low;
-        let share = ((0.5 - range[0]) / (range[1] - range[0])).clamp(0.0, 1.0);
-        let middle = cell.x_low + share * width;
-        for (x, at) in [([cell.x_low, middle], 0.0), ([middle, cell.x_high], 1.0)] {
-            if x[1] > x[0] {
-                let result = self.exact_result(ends, at);
-                list.push(self.cell(cell_row, x, [result, result]));
-            }
+        if result.flags & FLAG_NOT_FINITE == 0 {
+            let result = self.exact_result(result);
+            list.push(self.cell(cell_row, [cell.x_low, cell.x_high], [result; 2]));
         }
     }
 }

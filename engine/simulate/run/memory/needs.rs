@@ -28,13 +28,10 @@ const SCRATCH: u64 = 60;
 /// Bytes on the host per ray of a group of rows: the ray, its result, segments of its line, cells.
 /// For curved bodies, which refine most; flat ones take less.
 const REFINEMENT: u64 = 680;
-/// Rays of a scene after refinement for each before, as far as [`REFINEMENT`] counts them.
-pub(super) const REFINED_USUALLY: u64 = 4;
-/// Bytes on the host, and what little there is on the device, per ray beyond these: its rectangle,
-/// and what judges it. Measured with a star of 501 teeth.
-const CROWDED: u64 = 1400;
-/// Largest number of them: beyond it patches are refined in turn.
-const MOST_CROWDED: u64 = 2 * RAYS[0];
+/// Bytes on the host per cell of lines in memory together: its piece, and all that is made of it.
+const OF_CELL: u64 = 700;
+/// Largest number of these cells: beyond it patches are sampled in turn.
+const MOST_CELLS: u64 = (2 << 30) / OF_CELL;
 /// Part of it for the ray that a rectangle begins with.
 const BASE: u64 = 160;
 /// Bytes on the host per ray and material under a spectrum: moments at both ends of cells.
@@ -121,7 +118,7 @@ pub(super) struct Needs {
     pub(super) cells: bool,
     /// Lines of rays replace cells.
     wave: bool,
-    /// Rays of a view that refinement adds beyond what `ray_host` counts.
+    /// Cells of lines in memory together, where they are known.
     pub(super) crowded: u64,
 }
 
@@ -334,7 +331,7 @@ impl Needs {
             + self.instances().host
             + self.lanes * BEAMLET * self.beamlets
             + self.refinement(rays)
-            + self.lanes * CROWDED * self.crowded.min(MOST_CROWDED)
+            + self.lanes * OF_CELL * self.crowded.min(MOST_CELLS)
             + 64 * self.views
             + FRAME_COPIES * self.frame;
         let device = self.lanes * (LISTS + wave_device)

@@ -43,8 +43,8 @@ pub(super) fn cell_rays(optics: &Optics, objects: &[ObjectSummary]) -> [u64; 2] 
         let height = (high.z - low.z) / pitch + 2.0;
         (width.min(beamlets), height.min(rows))
     });
-    // A line of a beamlet has two rays per cell; each part of a row takes about two lines.
-    let of_beamlet = f64::from((4 * lattice.cells + 2) * optics.sampling.rows);
+    // A line of a beamlet has about two pieces per cell; a row takes about two lines.
+    let of_beamlet = f64::from(4 * lattice.cells + 2);
     let (mut all, mut widths) = (0.0, 0.0);
     for (width, height) in touched {
         all += width * height;

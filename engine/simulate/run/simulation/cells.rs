@@ -24,7 +24,6 @@ pub fn cells_of_rows(simulation: &Simulation, pose: u32, rows: Range<i64>) -> Re
         Ok(())
     };
     let (all, ignored) = (rows.clone(), &mut |_: &Tracer, _| {});
-    let lit = (&rows, &mut None);
-    sampling::sample_rows(&view, &mut tracer, all, lit, &room, &mut keep, ignored)?;
+    sampling::sample_rows(&view, &mut tracer, all, (&rows, &room), &mut keep, ignored)?;
     Ok(CellBatch::concat(parts))
 }

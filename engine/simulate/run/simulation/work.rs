@@ -301,7 +301,6 @@ impl<'s> ViewWork<'s> {
         let halo = self.simulation.lattice.halo;
         let group = self.group_rows(!projected_bounds.is_empty());
         let mut row = inner.start - halo;
-        let mut base = None;
         while row < inner.end + halo {
             // Groups end at the borders of the band, so that its own counts stay separate.
             let borders = [inner.start, own.start.into(), own.end.into(), inner.end];
@@ -315,8 +314,7 @@ impl<'s> ViewWork<'s> {
             } else if self.simulation.scene.sampling.scheme == Scheme::Random {
                 self.random_rows(self.simulation.detector.optics(), view, projected_bounds, &rows)?;
             } else {
-                let rows = (&rows, &mut base);
-                self.cell_rows(view, projected_bounds, rows, &inner, own, control)?;
+                self.cell_rows(view, projected_bounds, &rows, &inner, own, control)?;
             }
             if own {
                 self.rows_done += numbers::narrow::<u64>(rows.end - rows.start);
@@ -340,7 +338,7 @@ impl<'s> ViewWork<'s> {
             numbers::narrow::<u64>(lattice.beamlets.end - lattice.beamlets.start)
         } else {
             let beamlets = numbers::narrow::<u64>(lattice.beamlets.end - lattice.beamlets.start);
-            beamlets * (2 * u64::from(lattice.cells) + 1) * 2 * u64::from(optics.sampling.rows)
+            beamlets * (2 * u64::from(lattice.cells) + 1) * 2
         };
         (self.memory.rays_at_once / per_row.max(1)).max(1) as i64
     }

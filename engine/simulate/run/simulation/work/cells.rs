@@ -3,7 +3,7 @@
 use super::{ViewWork, share};
 use crate::illuminate::EnergyBinning;
 use crate::run::Control;
-use crate::sampling::{self, BaseLattice, CellBatch, ProjectedBounds};
+use crate::sampling::{self, CellBatch, ProjectedBounds};
 use crate::trace::Tracer;
 use beamlet_core::{Result, numbers};
 use beamlet_model::scene::Exposure;
@@ -28,7 +28,7 @@ impl ViewWork<'_> {
         &mut self,
         view: Exposure,
         projected_bounds: &[ProjectedBounds],
-        (rows, base): (&Range<i64>, &mut Option<BaseLattice>),
+        rows: &Range<i64>,
         inner: &Range<i64>,
         own: bool,
         control: &mut Control<'_>,
@@ -52,7 +52,6 @@ impl ViewWork<'_> {
         };
         let mut add = |tracer: &mut Tracer, cell_rows: &CellBatch| {
             if own {
-                self.tally.split += cell_rows.splits;
                 self.tally.landed_off += cell_rows.landed_off;
                 self.tally = self.tally + cell_rows.tally;
             }
@@ -68,8 +67,8 @@ impl ViewWork<'_> {
                 let view = simulation.pose_context(self.pose, projected_bounds, &self.response.1);
                 let tracer = &mut self.tracer;
                 let room = simulation.room(&self.memory);
-                let (rows, lit) = (rows.clone(), (&lit, base));
-                sampling::sample_rows(&view, tracer, rows, lit, &room, &mut add, &mut advance)?;
+                let lit = (&lit, &room);
+                sampling::sample_rows(&view, tracer, rows.clone(), lit, &mut add, &mut advance)?;
             }
             _ => {
                 let rows = rows.start.max(lit.start)..rows.end.min(lit.end);

@@ -16,8 +16,7 @@ use std::collections::HashSet;
 use std::ops::Range;
 use std::time::Instant;
 
-/// Rows of a view that are surveyed together: the number of rows whose base rays go side by side in a
-/// run.
+/// Rows of a view that are surveyed together: as many share lines at their borders in a run.
 const ROWS: i64 = 4;
 /// Mask steps that are illuminated; others cost as much each.
 const STEPS: u32 = 128;
@@ -27,12 +26,12 @@ const MOST_LOOKS: u32 = 24;
 const LEAST_LOOKS: u32 = 5;
 /// Seconds after which no further look is taken.
 const SECONDS: f64 = 1.0;
-/// Patches of each kind (without and with a silhouette) that the first look refines.
-const FIRST_PATCHES: [f64; 2] = [24.0, 12.0];
-/// Fewest and most patches of a kind with refinement in a look.
+/// Patches that the first look samples.
+const FIRST_PATCHES: f64 = 24.0;
+/// Fewest and most patches of a look.
 const PATCHES: [f64; 2] = [8.0, 256.0];
-/// Seconds for each kind in a look.
-const SECONDS_OF_A_KIND: f64 = 0.08;
+/// Seconds for them.
+const SECONDS_OF_A_LOOK: f64 = 0.15;
 /// Rows of the flat, or of random rays, that are timed.
 const TIMED_ROWS: i64 = 8;
 /// Times that the flat's are timed.
@@ -128,29 +127,21 @@ impl ViewWork<'_> {
         let views = self.view_count();
         let count = looks.len().max(1) as f64;
         let mean = |of: &dyn Fn(&Look) -> f64| looks.iter().map(of).sum::<f64>() / count;
-        // Groups of rows have the base rays of one row on either side, too.
-        let group = self.group_rows(true) as f64;
-        let border = 1.0 + 2.0 / group;
-        let base = |cost: &RowsCost, of: f64| of * cost.rows / (cost.rows + 2.0);
-        let per_view =
-            |look: &Look, own: f64| own * (look.all.end - look.all.start) as f64 / look.cost.rows;
-        let rays = mean(&|look| {
-            let cost = &look.cost;
-            per_view(look, cost.rays() + base(cost, cost.base_rays) * (border - 1.0))
-        });
-        let groups = (self.lit_rows_of_all() as f64 / group).ceil();
-        let seconds = mean(&|look| {
-            let cost = &look.cost;
-            let own = cost.seconds() + base(cost, cost.base_seconds) * (border - 1.0);
-            look.shadow_seconds + groups * cost.facet_seconds + per_view(look, own)
-        });
-        let refined = |cost: &RowsCost| cost.kinds.iter().map(|kind| kind.refined).sum::<f64>();
+        let per_view = |look: &Look, own: f64| {
+            look.cost.scale() * own * (look.all.end - look.all.start) as f64 / look.cost.rows
+        };
+        let rays = mean(&|look| per_view(look, look.cost.rays));
+        let seconds = mean(&|look| look.shadow_seconds + per_view(look, look.cost.seconds));
+        let of_looks =
+            |of: &dyn Fn(&RowsCost) -> f64| looks.iter().map(|look| of(&look.cost)).sum::<f64>();
+        let sampled = of_looks(&|cost| cost.sampled);
         Ok(RunEstimate {
             rays_per_view: rays,
             rays: rays * views,
-            splits: views * mean(&|look| per_view(look, look.cost.splits())),
+            lines: views * mean(&|look| per_view(look, look.cost.lines)),
             seconds: views * seconds + (views + 1.0) * blank,
-            patches_refined: looks.iter().map(|look| refined(&look.cost)).sum(),
+            cells_per_patch: of_looks(&|cost| cost.cells) / sampled.max(1.0),
+            patches_sampled: sampled,
         })
     }
 
@@ -182,11 +173,9 @@ impl ViewWork<'_> {
             let rows = first..(first + ROWS).min(all.end);
             let start = (f64::from(number) * GOLDEN).fract();
             let cost = self.look(view, &projected_bounds, rows, (patches, start))?;
-            for (most, kind) in patches.iter_mut().zip(&cost.kinds) {
-                if kind.refined > 0.0 {
-                    let each = (kind.seconds / kind.refined).max(1e-9);
-                    *most = (SECONDS_OF_A_KIND / each).clamp(PATCHES[0], PATCHES[1]);
-                }
+            if cost.sampled > 0.0 {
+                let each = (cost.seconds / cost.sampled).max(1e-9);
+                patches = (SECONDS_OF_A_LOOK / each).clamp(PATCHES[0], PATCHES[1]);
             }
             looks.push(Look { all, shadow_seconds, cost });
         }
@@ -215,7 +204,7 @@ impl ViewWork<'_> {
         pose: u32,
         projected_bounds: &[ProjectedBounds],
         rows: Range<i64>,
-        chosen: ([f64; 2], f64),
+        chosen: (f64, f64),
     ) -> Result<RowsCost> {
         let band = self.begin_band(rows.start)?;
         let blur_rows = self.simulation.lattice.blur_rows;

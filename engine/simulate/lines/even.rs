@@ -1,0 +1,505 @@
+//! Patches of many bodies, such as bundles of fibres: rays spread evenly over what mask steps open, and the error that
+//! they leave.
+//!
+//! Trial rays show whether rays resolve the bodies; lines are for those that do. Else trial rays set the number of rays,
+//! and the patch gets new ones: a number chosen from the rays themselves is biased, and so is a choice of places. Rays
+//! lie on shifted lines, more for more rays, all at places of their own along x, at even distances; heights in a line
+//! are a Kronecker sequence. The error follows from the mean square of the change from a ray to the next along x: 1/12
+//! of it if few see a jump, which may lie anywhere between two rays, and 1/2 if rays differ as much as any two, each
+//! then being a random sample. The change to the ray after the next decides between the two: it is twice as large if
+//! jumps are few, and no larger if nothing is resolved.
+
+use super::light::recorded_rows;
+use crate::sampling::{Landed, Opening, ViewContext};
+use beamlet_core::numbers::{self, single};
+use beamlet_interface::{Ray, RayResult};
+use std::ops::Range;
+
+/// Crossings of a ray, on average, from which on structure may be too fine for rays.
+const FINE_CROSSINGS: u64 = 8;
+/// Error of the mean of two neighbours over their difference, squared: 3/4 for random light, 1/4 at a jump, 0 for smooth
+/// light.
+const UNLIKE: f64 = 0.5;
+/// Fraction of the budget that the number of rays aims at for the worst mask step.
+const AIM: f64 = 0.4;
+/// The same with a single step, where the root mean square should be a third of the budget.
+const AIM_OF_ONE: f64 = 0.3;
+/// Part of the budget up to which rays that were settled on are left as they are.
+const ACCEPTED: f64 = 0.9;
+/// Rays of the first trial.
+const FIRST: u32 = 48;
+/// Largest growth of the number of rays after a trial. If more are needed, another trial follows.
+const MOST_GROWTH: f64 = 100.0;
+/// The same after a trial of fewer than [`FEW`] rays, which is less exact.
+const MOST_GROWTH_OF_FEW: f64 = 8.0;
+const FEW: f64 = 256.0;
+/// Rays are compared where the widths of their cells differ by no more than this.
+const AS_WIDE: f32 = 1.5;
+/// Error of a jump at a random place between two rays, over its light: 1/√12.
+const SPREAD: f32 = 0.29;
+/// Lines of a patch, powers of two: fewest and most. On four lines light of a foam over borders of rows errs by 3.8e-3
+/// (`light_of_foams_is_that_of_random_rays`).
+const LINES: [u32; 2] = [4, 64];
+/// Least width of a cell, m: coordinates in f32 are as coarse across a detector.
+const NARROWEST: f32 = 2e-9;
+/// Golden section, the number that fractions approach worst.
+const GOLDEN: f64 = 0.618_033_988_749_894_9;
+
+/// A patch whose rays are spread evenly.
+#[derive(Debug)]
+pub(crate) struct EvenPatch {
+    pub beamlet: i64,
+    pub row: i64,
+    /// Borders of its cells along x, m from the middle of the beamlet.
+    borders: Vec<f32>,
+    lines: u32,
+    /// Number of its trials so far; 0 where the number of rays is settled.
+    trial: u32,
+    /// By line, then x.
+    pub(super) results: Vec<RayResult>,
+    /// Rays of it and of its trials.
+    pub(super) rays: u32,
+    /// Estimated error of its light, share of open beam.
+    pub(super) error: f64,
+}
+
+/// A cell of a patch.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct EvenCell {
+    pub x: [f32; 2],
+    /// Share of the row, downwards.
+    pub z: [f32; 2],
+    /// Place of its ray.
+    pub ray: [f32; 2],
+    pub result: RayResult,
+}
+
+impl EvenPatch {
+    /// Cells, by height, then x.
+    pub(crate) fn cells(&self) -> impl Iterator<Item = EvenCell> {
+        let place = |(index, result): (u32, &RayResult)| {
+            let (x, z, ray) = self.place(index);
+            EvenCell { x, z, ray, result: *result }
+        };
+        (0..).zip(&self.results).map(place)
+    }
+
+    /// Places of its rays.
+    pub(super) fn rays(&self) -> impl Iterator<Item = [f32; 2]> {
+        (0..self.count()).map(|index| self.place(index).2)
+    }
+
+    /// Bytes of its rays and results.
+    pub(super) fn bytes(&self) -> u64 {
+        u64::from(self.count()) * (size_of::<Ray>() + 2 * size_of::<RayResult>()) as u64
+    }
+
+    /// Number of its rays.
+    pub(super) fn count(&self) -> u32 {
+        self.lines * (numbers::count(self.borders.len()) - 1)
+    }
+
+    /// Cell of a ray, and its place.
+    fn place(&self, index: u32) -> ([f32; 2], [f32; 2], [f32; 2]) {
+        let columns = numbers::count(self.borders.len()) - 1;
+        let (line, column) = (index / columns, (index % columns) as usize);
+        let x = [self.borders[column], self.borders[column + 1]];
+        let z = part([0.0, 1.0], line, self.lines);
+        // No two lines have rays above one another.
+        let reversed = line.reverse_bits() >> (32 - self.lines.ilog2());
+        let share = (reversed as f32 + 0.5) / self.lines as f32;
+        // Any cells that follow one another cover the line.
+        let height = single((0.5 + f64::from(index) * GOLDEN).fract());
+        let ray = [x[0] + share * (x[1] - x[0]), z[0] + height * (z[1] - z[0])];
+        (x, z, ray)
+    }
+}
+
+/// What is to be done with a patch after its rays.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) enum Next {
+    Done,
+    /// Its rays resolve it: it is one of lines.
+    Lines,
+    /// Another number of rays.
+    Rays {
+        count: u32,
+        is_settled: bool,
+    },
+}
+
+/// A ray with its cell.
+struct Sample {
+    /// Light without the sample, share of open beam.
+    area: f32,
+    cell: [f32; 2],
+    /// Its place from the centre of the beamlet, m.
+    x: f32,
+    /// Share of the light that passes the sample and lands in rows that are recorded.
+    passed: f32,
+    displacement: f32,
+    landed: Landed,
+    crossings: u32,
+}
+
+impl Sample {
+    fn width(&self) -> f32 {
+        self.cell[1] - self.cell[0]
+    }
+
+    /// True if another ray is the next one, or the one after it, at the even distance of rays on some lines.
+    fn is_beside(&self, other: &Self, apart: usize, lines: u32) -> bool {
+        let [narrow, wide] = [self.width().min(other.width()), self.width().max(other.width())];
+        let distance = other.x - self.x;
+        wide <= AS_WIDE * narrow && distance * lines as f32 <= (apart as f32 + 0.5) * wide
+    }
+}
+
+/// Mean squares of changes of the light at one mask step.
+#[derive(Debug, Clone, Copy, Default)]
+struct Changes {
+    /// To the next ray, weighted by the squares of areas; and to the one after it.
+    squares: [f64; 2],
+    /// Weights of both.
+    weights: [f64; 2],
+    /// Squares of all areas.
+    areas: f64,
+}
+
+impl Changes {
+    /// Error of the light.
+    fn error(&self) -> f64 {
+        let least = f64::from(SPREAD * SPREAD);
+        let [near, growth] = self.near_and_growth();
+        (self.areas * near * (least + (0.5 - least) * (2.0 - growth))).sqrt()
+    }
+
+    /// Mean square of the change to the next ray, and how much more that to the one after it is: 2 where jumps are
+    /// few, 1 where nothing is resolved.
+    fn near_and_growth(&self) -> [f64; 2] {
+        let [near, far] = [0, 1].map(|it| self.squares[it] / self.weights[it]);
+        if near > 0.0 && far.is_finite() {
+            [near, (far / near).clamp(1.0, 2.0)]
+        } else {
+            [if near > 0.0 { near } else { 0.0 }, 1.0]
+        }
+    }
+
+    /// Factor by which the number of rays has to grow for an error that is smaller by the factor `less`. The square of
+    /// the error is inverse to the number of rays, and proportional to the mean square of the change from one to the
+    /// next.
+    fn times(&self, less: f64) -> f64 {
+        let [_, growth] = self.near_and_growth();
+        less.powf(2.0 / (1.0 + growth.log2()))
+    }
+}
+
+/// Chooses the rays of patches of many bodies.
+#[derive(Debug)]
+pub(super) struct EvenSampler<'a> {
+    view: &'a ViewContext<'a>,
+    /// Rows, beyond which light is not recorded.
+    rows: Range<f64>,
+    gap: f32,
+    row_pitch: f32,
+}
+
+impl<'a> EvenSampler<'a> {
+    pub(super) fn new(view: &'a ViewContext<'a>) -> Self {
+        let (gap, row_pitch) = (single(view.optics.gap()), single(view.optics.detector.pitch[1]));
+        Self { view, rows: recorded_rows(view), gap, row_pitch }
+    }
+
+    /// A patch of the first trial.
+    pub(super) fn begin(&self, beamlet: i64, row: i64, openings: &[Opening]) -> EvenPatch {
+        self.patch([beamlet, row], openings, FIRST, 1)
+    }
+
+    /// A patch of about this number of rays.
+    fn patch(
+        &self,
+        [beamlet, row]: [i64; 2],
+        openings: &[Opening],
+        count: u32,
+        trial: u32,
+    ) -> EvenPatch {
+        let [fewest, most] = LINES;
+        // What refraction throws over a border of the row comes from the rays of the first or last line, which are to
+        // lie near it.
+        let wanted = numbers::whole::<u32>(f64::from(count).sqrt() / 2.0).clamp(fewest, most);
+        let lines = 1 << wanted.ilog2();
+        let half = 0.5 * single(self.view.lattice.period);
+        let leak = self.view.response.lit(0.0);
+        let borders = columns(openings, half, leak, count.div_ceil(lines).max(1));
+        let results = Vec::new();
+        EvenPatch { beamlet, row, borders, lines, trial, results, rays: 0, error: 0.0 }
+    }
+
+    /// Takes the results of the rays of a patch; another patch of other rays where they do not suffice. `narrowest`: width
+    /// of its narrowest body, m.
+    pub(super) fn take(
+        &self,
+        patch: &mut EvenPatch,
+        results: &[RayResult],
+        openings: &[Opening],
+        narrowest: f64,
+    ) -> Next {
+        patch.results = results.to_vec();
+        patch.rays += numbers::count(results.len());
+        let next = self.next(patch, openings, narrowest);
+        let Next::Rays { count, is_settled } = next else { return next };
+        let left = self.view.budget.max_rays.saturating_sub(patch.rays);
+        let most = single(self.view.lattice.period) / NARROWEST;
+        let possible = count.min(left).min(numbers::whole(most.into()));
+        let trial = if is_settled { 0 } else { patch.trial.max(1) + 1 };
+        let new = self.patch([patch.beamlet, patch.row], openings, possible, trial);
+        let is_no_gain = possible < count && possible <= patch.count();
+        if is_no_gain || new.count() > left {
+            return Next::Done;
+        }
+        *patch = EvenPatch { rays: patch.rays, error: patch.error, ..new };
+        next
+    }
+
+    fn next(&self, patch: &mut EvenPatch, openings: &[Opening], narrowest: f64) -> Next {
+        let samples = self.samples(patch);
+        if patch.trial == 1 && !self.is_unresolved(&samples) {
+            return Next::Lines;
+        }
+        let budget = self.view.budget.light;
+        let steps = self.changes(&samples, openings, patch.lines);
+        patch.error = steps.iter().map(Changes::error).fold(0.0, f64::max);
+        let seen: Vec<&Sample> = samples.iter().filter(|it| self.is_seen(it, openings)).collect();
+        let hides = seen.iter().any(|it| {
+            let apart = f64::from(it.width() / patch.lines as f32);
+            let worth = f64::from(SPREAD * it.area * it.passed);
+            apart > narrowest && worth > ACCEPTED * budget
+        });
+        if patch.trial == 0 && patch.error <= ACCEPTED * budget && !hides {
+            return Next::Done;
+        }
+        let aim = if steps.len() > 1 { AIM } else { AIM_OF_ONE };
+        let times = |step: &Changes| step.times(step.error() / (aim * budget));
+        let growth = steps.iter().map(times).fold(if hides { 3.0 } else { 1.0 }, f64::max);
+        // The same number of new rays would give the same.
+        if patch.trial > 0 && growth <= 1.0 {
+            return Next::Done;
+        }
+        let count = seen.len() as f64;
+        let most = if count < FEW { MOST_GROWTH_OF_FEW } else { MOST_GROWTH };
+        let rays = (growth.min(most) * count).max(f64::from(FIRST));
+        Next::Rays { count: numbers::whole(rays.ceil()), is_settled: growth <= most }
+    }
+
+    /// The rays of a patch by their places along x.
+    fn samples(&self, patch: &EvenPatch) -> Vec<Sample> {
+        let column = self.column(patch.beamlet);
+        let response = self.view.response;
+        let of = |EvenCell { x: cell, z, ray, result }: EvenCell| {
+            let place = patch.row as f64 + f64::from(ray[1]);
+            let down = f64::from(-result.landing_z(self.gap) / self.row_pitch);
+            let lands = self.rows.contains(&(place + down * self.view.delta_ratio()))
+                || self.rows.contains(&(place + down));
+            let passed = if lands { response.hardening.light(result.optical_depth) } else { 0.0 };
+            let at = response.landing(column, ray[0], result.displacement_x);
+            let width = cell[1] - cell[0];
+            let half = 0.5 * response.magnification.abs() * width;
+            Sample {
+                area: width * (z[1] - z[0]) * response.weight,
+                cell,
+                x: ray[0],
+                passed,
+                displacement: result.displacement_x,
+                landed: response.landed(column, [passed, at], half),
+                crossings: result.crossings,
+            }
+        };
+        let mut samples: Vec<Sample> = patch.cells().map(of).collect();
+        samples.sort_by(|a, b| a.x.total_cmp(&b.x));
+        samples
+    }
+
+    fn column(&self, beamlet: i64) -> usize {
+        numbers::narrow::<usize>(beamlet - self.view.lattice.beamlets.start)
+    }
+
+    /// Change of the light of a ray if it had this light and displacement.
+    fn change(&self, own: &Sample, [passed, displacement]: [f32; 2]) -> f64 {
+        let at = self.view.response.landing(own.landed.column(), own.x, displacement);
+        self.view.response.change_from(&own.landed, [passed, at]).into()
+    }
+
+    /// True if rays cross many surfaces, and their neighbours do not predict their light.
+    fn is_unresolved(&self, samples: &[Sample]) -> bool {
+        let crossings: u64 = samples.iter().map(|it| u64::from(it.crossings)).sum();
+        if crossings <= FINE_CROSSINGS * samples.len() as u64 {
+            return false;
+        }
+        let (mut missed, mut differ) = (0.0, 0.0);
+        for three in samples.windows(3) {
+            let [a, own, b] = three else { continue };
+            let mean = [0.5 * (a.passed + b.passed), 0.5 * (a.displacement + b.displacement)];
+            missed += self.change(own, mean).powi(2);
+            differ += self.change(a, [b.passed, b.displacement]).powi(2);
+        }
+        missed > UNLIKE * differ
+    }
+
+    /// Shares of a cell that mask steps open.
+    fn shares(&self, sample: &Sample, openings: &[Opening]) -> Vec<f32> {
+        let mut shares = vec![0.0; self.view.response.steps()];
+        for opening in openings {
+            let open = sample.cell[1].min(opening.x[1]) - sample.cell[0].max(opening.x[0]);
+            shares[opening.step as usize] += (open / sample.width()).max(0.0);
+        }
+        shares
+    }
+
+    /// True if some step opens a part of a cell, or bars let light through it.
+    fn is_seen(&self, sample: &Sample, openings: &[Opening]) -> bool {
+        let [low, high] = sample.cell;
+        self.view.response.lit(0.0) > 0.0
+            || openings.iter().any(|it| it.x[0] < high && it.x[1] > low)
+    }
+
+    /// Changes of the light between rays, by mask step.
+    fn changes(&self, samples: &[Sample], openings: &[Opening], lines: u32) -> Vec<Changes> {
+        let mut steps = vec![Changes::default(); self.view.response.steps()];
+        for (at, sample) in samples.iter().enumerate().filter(|(_, it)| self.is_seen(it, openings))
+        {
+            let change = |apart: usize| {
+                let other = samples.get(at + apart)?;
+                let is_beside = sample.is_beside(other, apart, lines);
+                is_beside.then(|| self.change(sample, [other.passed, other.displacement]))
+            };
+            let changes = [change(1), change(2)];
+            for (all, share) in steps.iter_mut().zip(self.shares(sample, openings)) {
+                let weight =
+                    f64::from(self.view.response.lit(share.min(1.0)) * sample.area).powi(2);
+                all.areas += weight;
+                for (apart, change) in changes.iter().enumerate() {
+                    if let Some(change) = change {
+                        all.weights[apart] += weight;
+                        all.squares[apart] += weight * change * change;
+                    }
+                }
+            }
+        }
+        steps
+    }
+}
+
+/// Borders of columns, m: of about `count`, as wide as one another over those parts of the period that
+/// lie in an opening, and wider where bars let a share `leak` of the light through. A part that gets no
+/// light is one column. `half`: half the period.
+fn columns(openings: &[Opening], half: f32, leak: f32, count: u32) -> Vec<f32> {
+    let seen = seen(openings);
+    let open: f32 = seen.iter().map(|[low, high]| high - low).sum();
+    let width = (open + leak * (2.0 * half - open).max(0.0)) / count as f32;
+    let parts = |[low, high]: [f32; 2], width: f32| {
+        numbers::whole::<u32>(f64::from(((high - low) / width).round().max(1.0)))
+    };
+    let mut borders = vec![-half];
+    let dark = |borders: &mut Vec<f32>, high: f32| {
+        let low = borders[borders.len() - 1];
+        let count = if leak > 0.0 { parts([low, high], width / leak) } else { 1 };
+        borders.extend((1..=count).map(|i| part([low, high], i - 1, count)[1]));
+    };
+    for [low, high] in seen {
+        let first = borders[borders.len() - 1];
+        // No sliver at the border of the period.
+        let low = if low - first > 0.5 * width { low } else { first };
+        if low > first {
+            dark(&mut borders, low);
+        }
+        let parts = parts([low, high], width);
+        borders.extend((1..=parts).map(|i| part([low, high], i - 1, parts)[1]));
+    }
+    let last = borders.len() - 1;
+    if half - borders[last] > 0.5 * width {
+        dark(&mut borders, half);
+    } else {
+        borders[last] = half;
+    }
+    borders
+}
+
+/// Intervals of x that openings show together; they do not touch.
+fn seen(openings: &[Opening]) -> Vec<[f32; 2]> {
+    let mut sorted: Vec<[f32; 2]> = openings.iter().map(|opening| opening.x).collect();
+    sorted.sort_unstable_by(|a, b| a[0].total_cmp(&b[0]));
+    let mut seen: Vec<[f32; 2]> = Vec::new();
+    for [low, high] in sorted {
+        match seen.last_mut() {
+            Some(last) if low <= last[1] => last[1] = last[1].max(high),
+            _ => seen.push([low, high]),
+        }
+    }
+    seen
+}
+
+/// Part of an interval that is cut in `count` equal ones.
+fn part(range: [f32; 2], index: u32, count: u32) -> [f32; 2] {
+    let at = |i: u32| {
+        if i == count {
+            range[1]
+        } else {
+            range[0] + (range[1] - range[0]) * (i as f32 / count as f32)
+        }
+    };
+    [at(index), at(index + 1)]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Changes between `count` values, all of one area.
+    fn changes(count: u32, value: impl Fn(u32) -> f64) -> Changes {
+        let squares = |apart: u32| -> f64 {
+            (0..count - apart).map(|i| (value(i + apart) - value(i)).powi(2)).sum()
+        };
+        Changes {
+            squares: [squares(1), squares(2)],
+            weights: [f64::from(count - 1), f64::from(count - 2)],
+            areas: f64::from(count),
+        }
+    }
+
+    #[test]
+    fn error_is_that_of_a_jump_between_two_rays_and_that_of_samples() {
+        let close = |got: f64, want: f64| assert!((got / want - 1.0).abs() < 0.05, "{got} {want}");
+        // Anywhere between two of 100 rays: a share of one area, spread evenly.
+        let jump = changes(100, |i| f64::from(u8::from(i > 30)));
+        close(jump.error(), (1.0_f64 / 12.0).sqrt());
+        close(jump.times(3.0), 3.0);
+        // Values of 0 and 1 by chance have a variance of 1/4 each.
+        let random = |i: u32| f64::from(i.wrapping_mul(0x9e37_79b9).reverse_bits() >> 7 & 1);
+        let hashed = |i: u32| random(i.wrapping_mul(0x85eb_ca6b) ^ (i << 13 | i >> 3));
+        let samples = changes(40_000, hashed);
+        close(samples.error(), 0.5 * 200.0);
+        close(samples.times(3.0), 9.0);
+        assert_eq!(changes(10, |_| 1.0).error().to_bits(), 0.0_f64.to_bits());
+    }
+
+    #[test]
+    fn columns_cover_the_period_and_are_even_where_it_is_open() {
+        let opening = |low, high| Opening { step: 0, x: [low, high] };
+        let openings = [opening(-20e-6, -5e-6), opening(-10e-6, 5e-6), opening(30e-6, 40e-6)];
+        let borders = columns(&openings, 50e-6, 0.0, 35);
+        let ends = [borders[0], borders[borders.len() - 1]];
+        assert_eq!(ends.map(f32::to_bits), [-50e-6_f32, 50e-6].map(f32::to_bits));
+        let widths: Vec<f32> = borders.windows(2).map(|pair| pair[1] - pair[0]).collect();
+        // 35 of 1 um, and the gaps before, between and behind them.
+        let even = widths.iter().filter(|width| (**width - 1e-6).abs() < 1e-9).count();
+        assert_eq!([even, widths.len()], [35, 38]);
+        // Where bars let a quarter of the light through columns are four times as wide.
+        let borders = columns(&openings, 50e-6, 0.25, 205);
+        let widths: Vec<f32> = borders.windows(2).map(|pair| pair[1] - pair[0]).collect();
+        let count = |low: f32, high: f32| {
+            widths.iter().filter(|width| (low..high).contains(*width)).count()
+        };
+        assert_eq!([count(0.24e-6, 0.26e-6), count(0.9e-6, 1.1e-6)], [140, 65]);
+        assert_eq!(widths.len(), 205);
+    }
+}
