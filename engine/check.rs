@@ -23,6 +23,7 @@ mod costs;
 pub(crate) mod display;
 mod doubts;
 mod estimate;
+mod exposure;
 mod faces;
 mod illumination;
 pub(crate) mod inputs;
@@ -33,6 +34,7 @@ mod waves;
 pub use beamlet_simulate::detector::SubpixelGrid;
 pub use builder::Check;
 pub use costs::CheckedTolerances;
+pub use exposure::{MaterialDose, ScanExposure};
 pub use illumination::{ExpectedRetrieval, ExpectedUncertainty, IlluminationCurve};
 use materials::materials;
 pub use two_directions::PlanarUncertainty;
@@ -52,6 +54,9 @@ pub struct CheckReport {
     /// Expected uncertainties of a retrieval in two directions; nothing without a device or photons, and behind slits.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub in_two_directions: Option<PlanarUncertainty>,
+    /// Photons, time and dose; nothing without photons.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub exposure: Option<ScanExposure>,
     /// Errors of ray optics.
     pub ray_limits: RayLimits,
     /// Materials in use, the surroundings first.
@@ -232,6 +237,11 @@ fn load_lenient(
         setup: setup(scene, &swept, extent, nodes, energy, &detector),
         illumination: None,
         in_two_directions: None,
+        exposure: scene
+            .detector
+            .counts
+            .map(|counts| ScanExposure::of(scene, &counts))
+            .transpose()?,
         ray_limits,
         edges: None,
         work: Work {

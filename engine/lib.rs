@@ -97,10 +97,10 @@ pub mod scene {
         Absorber, Anode, ApertureLattice, ApertureShape, BarLayer, Beam, Blur, Counts, Detector,
         DetectorMode, Exposure, Filter, Fly, Instances, KernelFile, MaskBody, MaskSpec,
         MaterialSpec, Mesh, MeshFormat, Motion, Normals, Object, Packing, PackingAmount,
-        PackingKind, PackingRegion, Pattern, Placement, Pose, Quality, RandomRays, Rectangle,
-        RotationAxis, Sampling, Scan, ScanErrors, Scatter, Scene, Scheme, Shape, ShapeOrMesh,
-        Source, SpectrumOrigin, SpectrumSpec, Spot, SpotFit, SpotPart, Substrate, Tolerances,
-        Transport, View,
+        PackingKind, PackingRegion, Pattern, Photons, Placement, Pose, Quality, RandomRays,
+        Rectangle, RotationAxis, Sampling, Scan, ScanErrors, Scatter, Scene, Scheme, Shape,
+        ShapeOrMesh, Source, SpectrumOrigin, SpectrumSpec, Spot, SpotFit, SpotPart, Substrate,
+        Tolerances, Transport, View,
     };
 }
 /// Spectra and their energy nodes.

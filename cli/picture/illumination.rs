@@ -46,7 +46,7 @@ fn notes(curve: &IlluminationCurve) -> [String; 2] {
         length(curve.fwhm)
     );
     let expected = curve.expected.map_or_else(
-        || "no expected uncertainties: detector.photons is not set".to_owned(),
+        || "no expected uncertainties: detector.photons or detector.exposure is not set".to_owned(),
         |it| {
             format!(
                 "1σ of a pixel without sample: transmission {:.1e}, refraction {:.1e} µrad, dark field \

@@ -2,10 +2,11 @@
 
 use super::{
     CheckReport, CheckedObject, ExpectedUncertainty, IlluminationCurve, Material,
-    PlanarUncertainty, Work,
+    PlanarUncertainty, ScanExposure, Work,
 };
 use beamlet_core::numbers;
 use beamlet_core::printed::{duration, number};
+use beamlet_core::units::Dimension;
 use std::fmt::{self, Display, Formatter};
 
 /// Most objects of a list by name.
@@ -19,6 +20,9 @@ impl Display for CheckReport {
         }
         if let Some(expected) = &self.in_two_directions {
             write_in_two_directions(f, expected)?;
+        }
+        if let Some(exposure) = &self.exposure {
+            write_exposure(f, exposure)?;
         }
         writeln!(f, "\nlimits of ray optics")?;
         self.ray_limits.lines().into_iter().try_for_each(|(label, text)| line(f, &label, text))?;
@@ -178,6 +182,26 @@ fn write_in_two_directions(f: &mut Formatter<'_>, expected: &PlanarUncertainty) 
         format!("{xx}, {zz}, {xz} urad2")
     });
     line(f, "sigma2 xx, zz, xz", text)
+}
+
+/// Photons, time and dose.
+fn write_exposure(f: &mut Formatter<'_>, exposure: &ScanExposure) -> fmt::Result {
+    let ScanExposure { photons, time, tube_load, air_kerma, water_dose, materials } = exposure;
+    let gray = |dose: f64| Dimension::Dose.rounded(format!("{dose:.3e}").parse().unwrap_or(dose));
+    writeln!(f, "\nexposure")?;
+    line(f, "photons", format!("{photons:.4e} of an open pixel in a frame"))?;
+    if let (Some(time), Some(load)) = (time, tube_load) {
+        let text = format!("{} s of all frames, {} mA s", number(*time), number(*load));
+        line(f, "time, tube load", text)?;
+    }
+    let place = "at the axis of rotation, in frames with the sample";
+    line(f, "air kerma", format!("{} {place}", gray(*air_kerma)))?;
+    line(f, "dose in water", gray(*water_dose))?;
+    for of in materials.iter().filter(|of| of.material != "water") {
+        let text = of.dose.map_or_else(|| "unknown: not tabulated".to_owned(), gray);
+        line(f, &format!("dose in {}", of.material), text)?;
+    }
+    Ok(())
 }
 
 /// Rays and time, from a part of the patches.

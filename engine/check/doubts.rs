@@ -4,7 +4,9 @@ use super::{CheckReport, angles, faces};
 use beamlet_core::printed::number;
 use beamlet_geometry::Sample;
 use beamlet_model::optics::{Mask, Optics, ends};
-use beamlet_model::scene::{Beam, Counts, MaskSpec, MaterialSpec, Scene, SpectrumOrigin, limits};
+use beamlet_model::scene::{
+    Beam, Counts, MaskSpec, MaterialSpec, Photons, Scene, SpectrumOrigin, limits,
+};
 use beamlet_model::spectrum::Spectrum;
 use beamlet_model::{material, spot};
 use beamlet_recon::retrieve::{Method, different_offsets};
@@ -63,7 +65,9 @@ pub(super) fn doubts(scene: &Scene, sample: &Sample, report: &CheckReport) -> Ve
     all.of_materials(scene, report.setup.energy);
     if let Some(counts) = &scene.detector.counts {
         let open = masks(&optics).map(Mask::open_share).fold(1.0, f64::min);
-        all.of_counts(counts, open);
+        if let Some(exposure) = &report.exposure {
+            all.of_counts(counts, exposure.photons, open);
+        }
     }
     all.0.extend(faces::doubts(scene, sample));
     all.0
@@ -303,20 +307,24 @@ impl Doubts {
         }
     }
 
-    /// Too few photons for a fit, or more than the numbers of the detector hold. `passed`: most light of a pixel behind
-    /// the masks, share of open beam.
-    fn of_counts(&mut self, counts: &Counts, passed: f64) {
-        let photons = counts.photons;
+    /// Too few photons of an open pixel for a fit, or more than the numbers of the detector hold. `passed`: most light of
+    /// a pixel behind the masks, share of open beam.
+    fn of_counts(&mut self, counts: &Counts, photons: f64, passed: f64) {
+        let source = match counts.photons {
+            Photons::Number(_) => "detector.photons of",
+            Photons::Exposure(_) => {
+                "detector.exposure and source.current give a number of photons of"
+            }
+        };
         self.add(photons < FEW_PHOTONS, || {
             format!(
-                "detector.photons of {} is too few for a fit: it is the mean number of photons of an open pixel \
-                 in a frame",
+                "{source} {} is too few for a fit: it is the mean number of photons of an open pixel in a frame",
                 number(photons)
             )
         });
         self.add(photons > MANY_PHOTONS, || {
             format!(
-                "detector.photons of {photons:.1e} is more than an open pixel gets in a frame: it is no sum over pixels \
+                "{source} {photons:.1e} is more than an open pixel gets in a frame: it is no sum over pixels \
                  or frames, and no rate"
             )
         });

@@ -168,6 +168,7 @@ pub(super) fn bare(scene: &Scene, scan: Scan, part: [u32; 2]) -> (Scene, f64) {
     bare.sampling.scheme = Scheme::Cells;
     let detector = &mut bare.detector;
     detector.counts = None;
+    bare.source.current = None;
     // In a flat all pixels around have the light of this one, and a kernel may be as large as the detector.
     let scattered = match detector.scatter.take() {
         Some(Scatter::Kernel { fraction, .. }) => fraction,

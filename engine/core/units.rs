@@ -1,6 +1,6 @@
 //! Quantities with units: "150 um", "30 keV", "0.93 g/cm3", "12 deg".
 //!
-//! Every unit but the degree is a power of ten of the base unit, so a quantity is read by
+//! Every unit but the degree, minute and hour is a power of ten of the base unit, so a quantity is read by
 //! moving the decimal point in its text: "150 um" is the double nearest to 150e-6, with one
 //! rounding only, and what [`Dimension::format`] writes reads back to the same bits.
 
@@ -42,6 +42,12 @@ pub enum Dimension {
     Attenuation,
     /// Tube voltage in kV.
     Voltage,
+    /// Tube current in mA.
+    Current,
+    /// Time in seconds.
+    Time,
+    /// Absorbed dose and kerma in gray.
+    Dose,
 }
 
 /// A text that is no quantity of the dimension.
@@ -66,10 +72,12 @@ impl std::error::Error for QuantityError {}
 enum UnitScale {
     /// Power of ten of the base unit.
     Ten(i64),
+    /// Multiple of the base unit.
+    Times(f64),
     Degree,
 }
 
-use UnitScale::{Degree, Ten};
+use UnitScale::{Degree, Ten, Times};
 
 /// Spellings of the units; the micro sign and the Greek letter both stand for micro.
 const LENGTHS: &[(&str, UnitScale)] = &[
@@ -106,6 +114,17 @@ const ANGLES: &[(&str, UnitScale)] = &[
 ];
 const VOLTAGES: &[(&str, UnitScale)] =
     &[("V", Ten(-3)), ("kV", Ten(0)), ("kVp", Ten(0)), ("MV", Ten(3))];
+const CURRENTS: &[(&str, UnitScale)] =
+    &[("A", Ten(3)), ("mA", Ten(0)), ("uA", Ten(-3)), ("\u{b5}A", Ten(-3)), ("\u{3bc}A", Ten(-3))];
+const TIMES: &[(&str, UnitScale)] =
+    &[("s", Ten(0)), ("ms", Ten(-3)), ("us", Ten(-6)), ("min", Times(60.0)), ("h", Times(3600.0))];
+const DOSES: &[(&str, UnitScale)] = &[
+    ("Gy", Ten(0)),
+    ("mGy", Ten(-3)),
+    ("uGy", Ten(-6)),
+    ("\u{b5}Gy", Ten(-6)),
+    ("\u{3bc}Gy", Ten(-6)),
+];
 
 /// Names of the inch, a unit of mesh files: lengths in scenes are metric.
 const INCHES: [&str; 2] = ["inch", "inches"];
@@ -116,6 +135,8 @@ const INCH: f64 = 0.0254;
 const UNLISTED: &[&str] = &[
     "\u{3bc}m",
     "\u{3bc}rad",
+    "\u{3bc}A",
+    "\u{3bc}Gy",
     "degree",
     "degrees",
     "g/cm^3",
@@ -141,6 +162,9 @@ impl Dimension {
             Self::Angle => ANGLES,
             Self::Attenuation => ATTENUATIONS,
             Self::Voltage => VOLTAGES,
+            Self::Current => CURRENTS,
+            Self::Time => TIMES,
+            Self::Dose => DOSES,
         }
     }
 
@@ -158,6 +182,9 @@ impl Dimension {
             Self::Angle => ("an angle", "12 deg"),
             Self::Attenuation => ("an attenuation coefficient", "0.25 /cm"),
             Self::Voltage => ("a voltage", "60 kV"),
+            Self::Current => ("a current", "10 mA"),
+            Self::Time => ("a time", "2 s"),
+            Self::Dose => ("a dose", "5 mGy"),
         };
         let mut units: Vec<_> = self.table().iter().map(|unit| unit.0).collect();
         units.retain(|unit| !UNLISTED.contains(unit));
@@ -172,7 +199,7 @@ impl Dimension {
         self.table().iter().find(|entry| entry.0 == unit).map(|entry| entry.1)
     }
 
-    /// Reads a quantity into metres, keV, g/cm3, radians, 1/m or kV. The result is finite.
+    /// Reads a quantity into the base unit of its dimension. The result is finite.
     ///
     /// # Errors
     ///
@@ -197,6 +224,7 @@ impl Dimension {
         };
         let value = match scale {
             Ten(power) => shifted(mantissa, exponent.saturating_add(power)),
+            Times(factor) => shifted(mantissa, exponent).map(|value| value * factor),
             Degree => shifted(mantissa, exponent).map(f64::to_radians),
         };
         match value {
@@ -241,8 +269,7 @@ impl Dimension {
         self.format(format!("{value:.11e}").parse().unwrap_or(value))
     }
 
-    /// Writes a value in metres, keV, g/cm3, radians or 1/m so that it reads back to the same
-    /// bits. Lengths get the largest of m, mm, um, nm that leaves at least 1.
+    /// Writes a value in the base unit of its dimension so that it reads back to the same bits. Lengths get the largest of m, mm, um, nm that leaves at least 1.
     pub fn format(self, value: f64) -> String {
         let (power, unit) = match self {
             Self::Length if value.abs() >= 1.0 || value.abs() <= 0.0 => (0, "m"),
@@ -253,6 +280,10 @@ impl Dimension {
             Self::Density => (0, "g/cm3"),
             Self::Attenuation => (0, "1/m"),
             Self::Voltage => (0, "kV"),
+            Self::Current => (0, "mA"),
+            Self::Time => (0, "s"),
+            Self::Dose if value.abs() >= 1.0 => (0, "Gy"),
+            Self::Dose => (-3, "mGy"),
             Self::Angle => {
                 let degrees = (value.to_degrees() * 1e9).round() / 1e9;
                 if degrees.to_radians().to_bits() == value.to_bits() {
@@ -299,6 +330,10 @@ mod tests {
             (Dimension::Attenuation, "2 /mm", 2000.0),
             (Dimension::Voltage, "60 kV", 60.0),
             (Dimension::Voltage, "25000 V", 25.0),
+            (Dimension::Current, "250 uA", 0.25),
+            (Dimension::Time, "1.5 min", 90.0),
+            (Dimension::Time, "20 ms", 0.02),
+            (Dimension::Dose, "5 mGy", 0.005),
         ];
         for (dimension, text, expected) in cases {
             assert_eq!(dimension.parse(text).unwrap().to_bits(), f64::to_bits(expected), "{text}");
@@ -354,7 +389,8 @@ mod tests {
         fn every_finite_value_reads_back_to_the_same_bits(value in proptest::num::f64::NORMAL) {
             for dimension in [
                 Dimension::Length, Dimension::Energy, Dimension::Density, Dimension::Angle,
-                Dimension::Attenuation, Dimension::Voltage,
+                Dimension::Attenuation, Dimension::Voltage, Dimension::Current, Dimension::Time,
+                Dimension::Dose,
             ] {
                 let text = dimension.format(value);
                 prop_assert_eq!(dimension.parse(&text).unwrap().to_bits(), value.to_bits());

@@ -11,6 +11,7 @@
 
 mod crates;
 mod documents;
+mod exposure;
 #[allow(dead_code, unreachable_pub, reason = "fuzz targets use the rest")]
 #[path = "../fuzz/support/lib.rs"]
 mod fuzz;

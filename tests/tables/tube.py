@@ -2,6 +2,7 @@
 
     pip install spekpy==2.5.4
     python tests/tables/tube.py tables     # engine/model/spectrum/{tungsten,molybdenum}.bin
+    python tests/tables/tube.py scale      # photons per electron of a value of 1, in engine/model/spectrum/tube.rs
     python tests/tables/tube.py reference  # tests/tables/{tube.csv,spekpy_100kv.txt}
 
 Model: "casim" of SpekPy 2.5 (MIT licence, G. Poludniowski and others): Omar, Andreo and
@@ -78,6 +79,14 @@ def attenuation_of(target):
     energies = np.exp(data["logk"].astype(float))
     keep = energies < 200
     return energies[keep], np.exp(data["logmac"].astype(float))[keep] * float(np.squeeze(data["rho"]))
+
+
+def largest(target):
+    """Largest value of a table before it is scaled: photons per electron, sr and keV, times keV."""
+    tubes = (emission(target, kvp, angle, kvp * RATIOS) for kvp in VOLTAGES[target]
+             for angle in ANGLES)
+    return max((tube.brem_kt * (tube.kvp * RATIOS)[:, None] * float(tube.rcsda)).max()
+               for tube in tubes)
 
 
 def table(target):
@@ -161,5 +170,8 @@ if __name__ == "__main__":
     if "tables" in sys.argv:
         for element in NAMES:
             table(element)
+    if "scale" in sys.argv:
+        for element in NAMES:
+            print(NAMES[element], repr(float(largest(element))))
     if "reference" in sys.argv:
         reference()

@@ -72,7 +72,9 @@ impl Begun {
             (Values::Intensities, _) | (_, Exposure::Dark(_)) => Some(&mut self.frames),
             _ => self.counts.as_mut(),
         };
-        let missing = || Error::file(path, "the scene has no detector.photons", None);
+        let missing = || {
+            Error::file(path, "the scene has neither detector.photons nor detector.exposure", None)
+        };
         frames.ok_or_else(missing)?.write(view, rows, data)
     }
 

@@ -80,6 +80,37 @@ pub fn through_substrates(
     Ok(sum)
 }
 
+/// Share of the light of each energy, keV, that the sample mask lets through on average; 1 without the mask.
+///
+/// # Errors
+/// As [`material::constants_at_for`].
+pub fn through_sample_mask(scene: &Scene, energies: &[f64]) -> Result<Vec<f64>> {
+    let optics = Optics::of(scene);
+    let Some(mask) = &optics.sample_mask else { return Ok(vec![1.0; energies.len()]) };
+    let attenuation = |layers: Vec<(String, (&str, f64))>| {
+        let mut sums = vec![0.0; energies.len()];
+        for (key, (material, thickness)) in layers {
+            let all = material::constants_over_for(scene, material, energies, &key)?;
+            sums.iter_mut().zip(all).for_each(|(sum, constants)| *sum += constants.mu * thickness);
+        }
+        Ok::<_, beamlet_core::Error>(sums)
+    };
+    let bars = attenuation(mask.body().layers_by_key(mask.name()))?;
+    let plate = mask.substrate().map(|plate| {
+        (format!("{}.substrate.material", mask.name()), (&*plate.material, plate.thickness))
+    });
+    let plate = attenuation(plate.into_iter().collect())?;
+    let sheet = match mask.body() {
+        MaskBody::Sheet { transmission } => *transmission,
+        _ => 1.0,
+    };
+    let open = mask.open_share();
+    let share = |(bars, plate): (&f64, &f64)| {
+        libm::exp(-plate) * (open + (1.0 - open) * sheet * libm::exp(-bars))
+    };
+    Ok(bars.iter().zip(&plate).map(share).collect())
+}
+
 /// The scene with straight bars in place of tapered ones: slits are narrower by the mean narrowing of slanted walls
 /// along the axis over energies (keV, each with its weight), weighted by the light that bars stop. Without tapers it is
 /// the same scene.

@@ -16,7 +16,8 @@ pub mod waves;
 
 pub use crate::scene::Strip;
 pub use bars::{
-    MaskShape, leak_over_mean, mean_leaks, modulated, straightened, through_substrates,
+    MaskShape, leak_over_mean, mean_leaks, modulated, straightened, through_sample_mask,
+    through_substrates,
 };
 pub use detector_plane::DetectorPlane;
 pub use mask::{Mask, Openings};

@@ -126,12 +126,21 @@ pub enum Scatter {
     },
 }
 
+/// Light of an open pixel in a frame.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Photons {
+    /// Mean number of photons that the pixel detects. > 0.
+    Number(f64),
+    /// Exposure time of a frame, s, under the built-in tube with [`Source::current`](super::Source). > 0.
+    Exposure(f64),
+}
+
 /// From intensities to the numbers that the detector reads out.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[non_exhaustive]
 pub struct Counts {
-    /// Mean number of photons that an open pixel detects. > 0.
-    pub photons: f64,
+    /// Light of an open pixel.
+    pub photons: Photons,
     /// Standard deviation of the electronic noise, detector numbers. >= 0.
     pub electronic_noise: f64,
     /// Swank factor of an integrating detector, in (0, 1].
@@ -145,9 +154,19 @@ pub struct Counts {
 }
 
 impl Counts {
-    /// Photons alone: no electronic noise, gain 1, offset 0, no rounding.
+    /// A mean number of photons alone: no electronic noise, gain 1, offset 0, no rounding.
     #[must_use]
     pub const fn of_photons(photons: f64) -> Self {
+        Self::of(Photons::Number(photons))
+    }
+
+    /// As [`Self::of_photons`], with an exposure time in s.
+    #[must_use]
+    pub const fn of_exposure(seconds: f64) -> Self {
+        Self::of(Photons::Exposure(seconds))
+    }
+
+    const fn of(photons: Photons) -> Self {
         Self {
             photons,
             electronic_noise: 0.0,

@@ -44,7 +44,7 @@ mod write;
 pub use crate::spot::{Spot, SpotFit, SpotPart};
 pub(crate) use beam::ANODE_ANGLES;
 pub use beam::{Anode, Beam, Filter, SpectrumOrigin, SpectrumSpec};
-pub use detector::{Absorber, Blur, Counts, Detector, DetectorMode, KernelFile, Scatter};
+pub use detector::{Absorber, Blur, Counts, Detector, DetectorMode, KernelFile, Photons, Scatter};
 pub use exposure::Exposure;
 pub use files::{hash_until, text_hash};
 pub use instances::{Instances, Packing, PackingAmount, PackingKind, PackingRegion};

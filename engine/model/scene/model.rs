@@ -140,6 +140,8 @@ pub struct Source {
     pub spot: Spot,
     /// One photon energy, or a spectrum.
     pub beam: Beam,
+    /// Tube current of the built-in tube, mA. > 0.
+    pub current: Option<f64>,
 }
 
 impl Source {
@@ -147,7 +149,7 @@ impl Source {
     /// FWHM of a Gaussian in m.
     #[must_use]
     pub fn new(distance: f64, spot: impl Into<Spot>, beam: Beam) -> Self {
-        Self { distance, spot: spot.into(), beam }
+        Self { distance, spot: spot.into(), beam, current: None }
     }
 }
 

@@ -6,7 +6,8 @@ use super::keys::detector::validate_thresholds;
 use super::keys::faults::{Faults, named, too_long};
 use super::keys::record::check;
 use super::{
-    Beam, Exposure, MaskSpec, Motion, Quality, Scene, SpectrumOrigin, SpectrumSpec, limits, path,
+    Beam, Exposure, MaskSpec, Motion, Photons, Quality, Scene, SpectrumOrigin, SpectrumSpec,
+    limits, path,
 };
 use crate::spot::Spot;
 use beamlet_core::units::Dimension::Length;
@@ -35,6 +36,7 @@ impl Scene {
         faults.note(spot_in_view(&self.source.spot, self.detector.pitch, self.detector.pixels));
         check(&self.detector, &below("detector"), &mut faults);
         faults.note(self.validate_energies());
+        faults.note(self.validate_exposure());
         self.validate_order(&mut faults);
         for (key, mask) in self.masks() {
             check(mask, &below(key), &mut faults);
@@ -47,12 +49,13 @@ impl Scene {
         faults.note(self.validate_heights());
         check(&self.sampling, &below("sampling"), &mut faults);
         if self.sampling.quality == Some(Quality::Noise) && self.detector.counts.is_none() {
-            let allowed = "\"standard\" or \"fine\"; \"noise\" needs detector.photons";
+            let allowed =
+                "\"standard\" or \"fine\"; \"noise\" needs detector.photons or detector.exposure";
             faults.add(Error::scene("sampling.quality", "\"noise\" without photons", allowed));
         }
         check(&self.scan, &below("scan"), &mut faults);
         if self.scan.darks_every.is_some() && self.detector.counts.is_none() {
-            let allowed = "detector.photons: dark frames are detector numbers";
+            let allowed = "detector.photons or detector.exposure: dark frames are detector numbers";
             faults.add(Error::scene("scan.darks_every", "dark frames without photons", allowed));
         }
         faults.note(self.validate_offsets("scan.mask_offsets", &self.scan.mask_offsets));
@@ -95,6 +98,34 @@ impl Scene {
             }
             Beam::Spectrum(_) => Ok(()),
         }
+    }
+
+    /// A tube current and an exposure need one another, and a tube of known output.
+    fn validate_exposure(&self) -> Result<()> {
+        let photons = self.detector.counts.map(|counts| counts.photons);
+        let both = "source.current together with detector.exposure, or detector.photons alone";
+        let (key, found, allowed) = match (self.source.current, photons) {
+            (None, None | Some(Photons::Number(_))) => return Ok(()),
+            (Some(_), Some(Photons::Number(_))) => {
+                ("source.current", "both source.current and detector.photons", both)
+            }
+            (Some(_), None) => ("source.current", "a tube current without detector.exposure", both),
+            (None, Some(Photons::Exposure(_))) => {
+                ("detector.exposure", "an exposure without source.current", both)
+            }
+            (Some(_), Some(Photons::Exposure(_))) => match &self.source.beam {
+                Beam::Spectrum(spec) if matches!(spec.origin, SpectrumOrigin::Tube { .. }) => {
+                    return Ok(());
+                }
+                _ => (
+                    "source.current",
+                    "a tube current without the built-in tube, whose output is known",
+                    "source.spectrum with anode and kvp; or detector.photons in place of \
+                     source.current and detector.exposure",
+                ),
+            },
+        };
+        Err(Error::scene(key, found, allowed))
     }
 
     /// Time grows with the apertures that a pixel sees.

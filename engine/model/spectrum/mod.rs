@@ -5,7 +5,9 @@
 //! all of them: [`nodes`] picks the few energies, with weights, that give the same transmission
 //! and refraction (docs/spectra.md).
 
+mod absorption;
 mod edges;
+mod emission;
 mod excess;
 mod file;
 mod gauss;
@@ -23,6 +25,8 @@ use crate::material;
 use crate::scene::{Anode, Filter, Scene, SpectrumOrigin, SpectrumSpec};
 use beamlet_core::{Error, Result};
 
+pub use absorption::Absorbing;
+pub use emission::{Emission, emission, photons};
 pub use excess::{excess_noise, open_beam, variance_per_value};
 pub use nodes::{Nodes, TOLERANCE, nodes, nodes_with};
 pub use response::response;
@@ -98,15 +102,18 @@ impl Spectrum {
     pub fn after_filters(scene: &Scene, spec: &SpectrumSpec) -> Result<Self> {
         let filtered =
             Self::before_filters(scene, spec)?.filtered(scene, &spec.filters, "filters")?;
-        filtered.through_path(scene)
+        filtered.through_path(scene, scene.detector.distance)
     }
 
-    /// The spectrum behind the material between the source and the detector.
-    fn through_path(mut self, scene: &Scene) -> Result<Self> {
+    /// The spectrum behind the material of the path from the source, over a distance in m.
+    ///
+    /// # Errors
+    /// [`Error::Scene`] for an unknown material, energies out of its table, and where nothing passes.
+    pub fn through_path(mut self, scene: &Scene, distance: f64) -> Result<Self> {
         let (name, key) = (&scene.path_material, "surroundings.path_material");
         let constants = material::constants_over_for(scene, name, &self.energies_kev, key)?;
         for (weight, constants) in self.weights.iter_mut().zip(constants) {
-            *weight *= (-constants.mu * scene.detector.distance).exp();
+            *weight *= (-constants.mu * distance).exp();
         }
         if self.total() <= f64::MIN_POSITIVE {
             let found = format!("\"{name}\", which lets nothing through");

@@ -11,22 +11,33 @@ use beamlet_core::Result;
 /// # Errors
 /// As [`material::constants_at`], at `detector.absorber.material`.
 pub fn response(scene: &Scene, energy_kev: f64) -> Result<f64> {
-    let detector = &scene.detector;
-    let absorbed = match &detector.absorber {
-        Some(absorber) => {
-            let (name, key) = (&absorber.material, "detector.absorber.material");
-            let mu = material::constants_at_for(scene, name, energy_kev, key)?.mu;
-            -libm::expm1(-mu * absorber.thickness)
-        }
-        None => 1.0,
-    };
-    let signal = match detector.mode {
-        DetectorMode::Counting { low, high } => {
-            let counted = low.is_none_or(|low| energy_kev >= low)
-                && high.is_none_or(|high| energy_kev <= high);
-            f64::from(u8::from(counted))
-        }
+    let signal = match scene.detector.mode {
+        DetectorMode::Counting { .. } => 1.0,
         DetectorMode::Integrating => energy_kev,
     };
-    Ok(absorbed * signal)
+    Ok(detected_shares(scene, &[energy_kev])?[0] * signal)
+}
+
+/// Share of the arriving photons of each energy (keV) that add to the signal.
+///
+/// # Errors
+/// As [`response`].
+pub(super) fn detected_shares(scene: &Scene, energies: &[f64]) -> Result<Vec<f64>> {
+    let detector = &scene.detector;
+    let mut shares = match &detector.absorber {
+        Some(absorber) => {
+            let (name, key) = (&absorber.material, "detector.absorber.material");
+            let all = material::constants_over_for(scene, name, energies, key)?;
+            all.iter().map(|of| -libm::expm1(-of.mu * absorber.thickness)).collect()
+        }
+        None => vec![1.0; energies.len()],
+    };
+    if let DetectorMode::Counting { low, high } = detector.mode {
+        for (share, energy) in shares.iter_mut().zip(energies) {
+            let counts =
+                low.is_none_or(|low| *energy >= low) && high.is_none_or(|high| *energy <= high);
+            *share *= f64::from(u8::from(counts));
+        }
+    }
+    Ok(shares)
 }

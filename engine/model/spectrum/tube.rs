@@ -21,6 +21,19 @@ mod table;
 use grid::GridPlace;
 use table::TubeTable;
 
+/// Electrons of 1 mA in 1 s.
+const ELECTRONS: f64 = 1e-3 / 1.602_176_634e-19;
+
+/// Photons per steradian and mA s of a row of weight 1: the largest value of the table, of which SpekPy's photons per
+/// electron were divided, times the electrons (`python tests/tables/tube.py scale` prints it).
+pub(super) const fn output(anode: Anode) -> f64 {
+    let photons_per_electron = match anode {
+        Anode::Tungsten => 0.009_389_777_057_789_102,
+        Anode::Molybdenum => 0.001_478_324_351_240_609_1,
+    };
+    photons_per_electron * ELECTRONS
+}
+
 /// Width of the rows, keV, and the least energy of the model.
 const WIDTH: f64 = 0.25;
 const LEAST: f64 = 1.0;

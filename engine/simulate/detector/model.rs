@@ -39,7 +39,7 @@ impl DetectorModel {
             optics: grid.optics(scene),
             blur: BlurStage::of(scene, &grid)?,
             scatter: ScatterStage::of(scene)?,
-            noise: Noise::of(scene, spectrum::excess_noise(&scene.detector, &nodes)),
+            noise: Noise::of(scene, spectrum::excess_noise(&scene.detector, &nodes))?,
         })
     }
 

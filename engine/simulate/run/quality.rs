@@ -84,7 +84,7 @@ impl Variance {
 /// # Errors
 /// Errors of the beam.
 pub fn open_variance(scene: &Scene, counts: &Counts) -> Result<Variance> {
-    let per_open = counts.gain * counts.photons;
+    let per_open = counts.gain * spectrum::photons(scene, counts)?;
     Ok(Variance {
         per_light: spectrum::variance_per_value(scene)? / per_open,
         read_noise: counts.electronic_noise / per_open,

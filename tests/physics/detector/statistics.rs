@@ -26,7 +26,7 @@ fn scene(pixels: [u32; 2], steps: usize, counts: Counts) -> Scene {
 fn frames(scene: &Scene, excess: f64, view: Exposure) -> Array3<f32> {
     let [columns, rows] = scene.detector.pixels.map(|n| n as usize);
     let even = Array3::from_elem((scene.scan.mask_offsets.len(), rows, columns), 0.5_f32);
-    let noise = Noise::of(scene, excess).unwrap();
+    let noise = Noise::of(scene, excess).unwrap().unwrap();
     noise.counts(view, 0, even.view(), &Cancel::default()).unwrap().numbers
 }
 
@@ -140,7 +140,12 @@ fn dark_frames_hold_offset_and_electronic_noise_of_their_own() {
     let counts =
         Counts::of_photons(1e-9).with_electronic_noise(2.5).with_offset(100.0).with_bit_depth(16);
     let scene = scene([160, 128], STEPS, counts);
-    let dark = Noise::of(&scene, 1.0).unwrap().dark(0, 0..128, &Cancel::default()).unwrap().numbers;
+    let dark = Noise::of(&scene, 1.0)
+        .unwrap()
+        .unwrap()
+        .dark(0, 0..128, &Cancel::default())
+        .unwrap()
+        .numbers;
     // Without photons the flat is another dark frame; rounding adds 1/12.
     let flat = frames(&scene, 1.0, Exposure::Flat(0));
     let deviation = (2.5_f64 * 2.5 + 1.0 / 12.0).sqrt();
@@ -217,7 +222,7 @@ fn bit_depth_rounds_and_clips_and_saturation_is_counted() {
         let want = free.clamp(0.0, 255.0);
         assert!((number - want).abs() <= 0.5 + 1e-4 && number.fract() == 0.0, "{number} of {free}");
     }
-    let noise = Noise::of(&scenes[1], 1.0).unwrap();
+    let noise = Noise::of(&scenes[1], 1.0).unwrap().unwrap();
     let even = Array3::from_elem((STEPS, 32, 64), 0.5_f32);
     let clipped =
         noise.counts(Exposure::Flat(0), 0, even.view(), &Cancel::default()).unwrap().clipped;
@@ -234,7 +239,7 @@ fn bit_depth_rounds_and_clips_and_saturation_is_counted() {
 /// Numbers of the dark frames.
 fn frames_without_light(scene: &Scene) -> Array3<f32> {
     let rows = 0..scene.detector.pixels[1];
-    Noise::of(scene, 1.0).unwrap().dark(0, rows, &Cancel::default()).unwrap().numbers
+    Noise::of(scene, 1.0).unwrap().unwrap().dark(0, rows, &Cancel::default()).unwrap().numbers
 }
 
 /// An offset that the scene does not have is one that no electronic noise reaches below: the mean of
@@ -244,7 +249,7 @@ fn default_offset_clips_no_number_and_keeps_the_mean_of_faint_light() {
     for (photons, noise, gain) in [(4.0, 20.0, 1.0), (40.0, 2.5, 0.5), (1.0, 300.0, 7.0)] {
         let counts = Counts::of_photons(photons).with_electronic_noise(noise).with_gain(gain);
         let scene = scene([160, 128], STEPS, counts.with_bit_depth(16));
-        let made = Noise::of(&scene, 1.0).unwrap();
+        let made = Noise::of(&scene, 1.0).unwrap().unwrap();
         let even = Array3::from_elem((STEPS, 128, 160), 0.5_f32);
         let flat = made.counts(Exposure::Flat(0), 0, even.view(), &Cancel::default()).unwrap();
         let dark = made.dark(0, 0..128, &Cancel::default()).unwrap();

@@ -2,20 +2,24 @@
 
 use super::prelude::*;
 use crate::scene::detector::{
-    Absorber, Blur, Counts as Noise, Detector, DetectorMode, KernelFile, Scatter,
+    Absorber, Blur, Counts as Noise, Detector, DetectorMode, KernelFile, Photons, Scatter,
 };
 
 /// Photons of an open pixel: beyond this f64 does not resolve neighbouring counts.
 const PHOTONS: f64 = 1e12;
+/// Longest exposure of a frame, s.
+const EXPOSURE: f64 = 1e7;
 
 keys! { DETECTOR: Detector, "detector",
-    [With(&["threshold_low", "threshold_high"], "mode",
+    [Forms(&[&["photons"], &["exposure"]], 0),
+     With(&["threshold_low", "threshold_high"], "mode",
           "no threshold, or mode = \"counting\""),
      With(&["electronic_noise", "swank", "gain", "offset", "bit_depth"], "photons",
-          "this key only together with detector.photons, which makes counts")],
+          "this key only together with detector.photons or detector.exposure, which make counts")],
     ["pixel" => "pitch", "pixelsize" => "pitch", "pixel_size" => "pitch", "pixel_pitch" => "pitch",
      "size" => "pixels", "shape" => "pixels", "resolution" => "pixels", "psf" => "blur",
      "noise" => "photons", "counts" => "photons", "bits" => "bit_depth",
+     "time" => "exposure", "exposure_time" => "exposure",
      "scintillator" => "absorber", "sensor" => "absorber"];
     distance => Quantity(Length, POSITIVE), Required, r#""1.8 m""#,
         "Distance from the source to the detector, more than to the rotation centre.";
@@ -36,9 +40,12 @@ keys! { DETECTOR: Detector, "detector",
         "Blur of the light behind the detector mask.";
     scatter => Inner(&SCATTER.spec), Without("none"), r#"{ image = "scatter.tif" }"#,
         "Light that is added to the simulated one.";
-    photons at Detector { counts: Some(Noise { photons, .. }), .. } =>
+    photons at Detector { counts: Some(Noise { photons: Photons::Number(photons), .. }), .. } =>
         Number("a number of photons", POSITIVE.up_to(PHOTONS)), Without("none: no counts"), "20000",
         "Mean number of photons that a pixel without masks and sample detects in a frame.";
+    exposure at Detector { counts: Some(Noise { photons: Photons::Exposure(exposure), .. }), .. } =>
+        Quantity(Time, POSITIVE.up_to(EXPOSURE)), Without("none: no counts"), r#""2 s""#,
+        "Exposure time of a frame, which gives the photons of the built-in tube at `source.current`.";
     electronic_noise at Detector { counts: Some(Noise { electronic_noise, .. }), .. } =>
         Number("a number", NOT_NEGATIVE), Default("0.0"), "3.5",
         "Standard deviation of the electronic noise, detector numbers.";
@@ -62,7 +69,11 @@ impl Record for Detector {
     const KEYS: &'static Keys<Self> = &DETECTOR;
 
     fn begin(has: &dyn Fn(&str) -> bool) -> Self {
-        let counts = has("photons").then(|| Noise::of_photons(f64::NAN));
+        let counts = match (has("photons"), has("exposure")) {
+            (true, _) => Some(Noise::of_photons(f64::NAN)),
+            (false, true) => Some(Noise::of_exposure(f64::NAN)),
+            (false, false) => None,
+        };
         Self { counts, ..Self::new(f64::NAN, [1; 2], [f64::NAN; 2]) }
     }
 

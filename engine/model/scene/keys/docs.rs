@@ -127,10 +127,11 @@ fn default(row: &Row, spec: &Spec) -> String {
         Some((head, _)) if spec.row(head).is_some_and(|it| matches!(it.kind, Kind::Word(_))) => {
             Vec::new()
         }
-        Some((head, _)) => vec![head],
+        Some((head, _)) => spec.heads(head),
         None => heads,
     };
-    let with = with.iter().map(quoted).collect::<Vec<_>>().join(" and ");
+    let and = if spec.with(row.name).is_some() { " or " } else { " and " };
+    let with = with.iter().map(quoted).collect::<Vec<_>>().join(and);
     match (&row.need, with.as_str()) {
         (Need::Required, "") if forms.is_empty() => "required".into(),
         (Need::Required, "") => {

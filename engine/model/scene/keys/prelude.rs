@@ -20,6 +20,6 @@ pub(super) use crate::scene::limits;
 pub(super) use crate::scene::table::{ListItem, Table};
 pub(super) use crate::scene::text::{list, number, quantity, quoted};
 pub(super) use beamlet_core::units::Dimension::{
-    self, Angle, Attenuation, Density, Energy, Length, Voltage,
+    self, Angle, Attenuation, Current, Density, Energy, Length, Time, Voltage,
 };
 pub(super) use beamlet_core::{Error, Result, printed};

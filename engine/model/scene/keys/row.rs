@@ -308,6 +308,11 @@ impl Spec {
         })
     }
 
+    /// A key that others need, and the keys that may take its place.
+    pub(crate) fn heads(&self, head: &'static str) -> Vec<&'static str> {
+        std::iter::once(head).chain(self.rivals(head)).collect()
+    }
+
     /// Keys that a key excludes.
     pub(crate) fn rivals(&self, name: &str) -> Vec<&'static str> {
         let Some((forms, _)) = self.forms(name) else { return Vec::new() };

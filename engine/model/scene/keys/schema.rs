@@ -39,14 +39,24 @@ fn table(spec: &Spec) -> Value {
     for group in spec.groups {
         match group {
             Group::Forms(forms, _) => {
+                // Without a required key a table may have no form.
+                let is_needed = forms.iter().any(|own| !needed_keys(spec, own).is_empty());
                 let forms: Vec<Value> = forms.iter().map(|own| form(spec, own)).collect();
-                choices.push(json!({ "oneOf": forms }));
+                choices.push(json!({ if is_needed { "oneOf" } else { "anyOf" }: forms }));
             }
             // A word has a default, which the key need not be there for.
             Group::With(_, head, _)
                 if spec.row(head).is_some_and(|it| matches!(it.kind, Kind::Word(_))) => {}
             Group::With(keys, head, _) => {
-                dependencies.extend(keys.iter().map(|key| ((*key).to_owned(), json!([head]))));
+                let heads = spec.heads(head);
+                let needs = match heads.as_slice() {
+                    [_] => json!(heads),
+                    _ => {
+                        let one = heads.iter().map(|key| json!({ "required": [key] }));
+                        json!({ "anyOf": one.collect::<Vec<_>>() })
+                    }
+                };
+                dependencies.extend(keys.iter().map(|key| ((*key).to_owned(), needs.clone())));
             }
         }
     }
@@ -59,10 +69,15 @@ fn table(spec: &Spec) -> Value {
     schema
 }
 
+/// Keys of a form that a table of this form must have.
+fn needed_keys(spec: &Spec, own: Form) -> Vec<&'static str> {
+    let needed = |key: &&&str| spec.row(key).is_some_and(|row| matches!(row.need, Need::Required));
+    own.iter().filter(needed).copied().collect()
+}
+
 /// Tables of one form: its required keys are there, and no key of another.
 fn form(spec: &Spec, own: Form) -> Value {
-    let needed = |key: &&&str| spec.row(key).is_some_and(|row| matches!(row.need, Need::Required));
-    let required: Vec<&str> = own.iter().filter(needed).copied().collect();
+    let required = needed_keys(spec, own);
     let others: Vec<Value> =
         spec.rivals_of(own).iter().map(|key| json!({ "required": [key] })).collect();
     json!({ "required": required, "not": { "anyOf": others } })

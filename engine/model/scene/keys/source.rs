@@ -6,11 +6,14 @@ use crate::scene::beam::{ANODE_ANGLE, ANODE_ANGLES};
 use crate::scene::{Anode, Beam, Filter, Source, SpectrumOrigin, SpectrumSpec};
 
 const FILE: &str = "path of a file with the columns energy_keV and weight";
+/// Largest tube current, mA.
+const CURRENT: f64 = 1e6;
 const FORMS: &str = "path of a file, { file = ... } or { anode = ..., kvp = ... }";
 
 keys! { SOURCE: Source, "source", [Forms(&[&["energy"], &["spectrum"]], 0)],
     ["focal_spot" => "spot", "size" => "spot", "fwhm" => "spot", "position" => "distance",
-     "tube" => "spectrum", "kvp" => "spectrum", "kv" => "spectrum", "voltage" => "spectrum"];
+     "tube" => "spectrum", "kvp" => "spectrum", "kv" => "spectrum", "voltage" => "spectrum",
+     "tube_current" => "current", "ma" => "current"];
     distance => Quantity(Length, POSITIVE), Required, r#""1.21 m""#,
         "Distance from the source to the rotation centre.";
     spot => Either("", &Pair(NOT_NEGATIVE), &Inner(&SPOT)), Required, r#"["30 um", "26 um"]"#,
@@ -20,6 +23,8 @@ keys! { SOURCE: Source, "source", [Forms(&[&["energy"], &["spectrum"]], 0)],
     spectrum at Source { beam: Beam::Spectrum(spectrum), .. } =>
         Either(FORMS, &File(FILE), &Inner(&SPECTRUM.spec)), Required, r#""tube.csv""#,
         "Photons of many energies: a file, or a table.";
+    current => Quantity(Current, POSITIVE.up_to(CURRENT)), Without("none; with `detector.exposure`"), r#""10 mA""#,
+        "Tube current of the built-in tube during an exposure.";
 }
 
 impl Record for Source {

@@ -30,7 +30,9 @@ impl Input {
                     Some(_) => {
                         "has no committed counts of flat and sample yet: wait for the run, or resume it"
                     }
-                    None => "has no counts: its scene has no detector.photons",
+                    None => {
+                        "has no counts: its scene has neither detector.photons nor detector.exposure"
+                    }
                 };
                 return Err(Error::file(run.path(), problem, None));
             };

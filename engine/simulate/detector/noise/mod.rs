@@ -7,6 +7,7 @@ use beamlet_core::cancel::Cancel;
 use beamlet_core::numbers::{self, single};
 use beamlet_core::random::Draws;
 use beamlet_model::scene::{Counts, Exposure, Scene};
+use beamlet_model::spectrum::photons;
 use ndarray::{Array3, ArrayView3};
 use poisson::{gamma, poisson};
 use rayon::prelude::*;
@@ -20,6 +21,8 @@ const NO_EXCESS: f64 = 1e-9;
 #[derive(Debug, Clone)]
 pub struct Noise {
     counts: Counts,
+    /// Mean number of photons of an open pixel.
+    photons: f64,
     /// Variance of the signal of one photon over the square of its mean.
     spread: f64,
     seed: u64,
@@ -59,19 +62,22 @@ impl std::ops::Add for Clipped {
 impl Noise {
     /// The noise of a scene; `None` without any. `excess`: the excess noise factor of
     /// [`excess_noise`](beamlet_model::spectrum::excess_noise), at least 1.
-    #[must_use]
-    pub fn of(scene: &Scene, excess: f64) -> Option<Self> {
-        let counts = scene.detector.counts?;
+    ///
+    /// # Errors
+    /// Errors of the beam.
+    pub fn of(scene: &Scene, excess: f64) -> Result<Option<Self>> {
+        let Some(counts) = scene.detector.counts else { return Ok(None) };
         let spread = if excess - 1.0 > NO_EXCESS { excess - 1.0 } else { 0.0 };
-        Some(Self {
+        Ok(Some(Self {
             counts,
+            photons: photons(scene, &counts)?,
             spread,
             seed: scene.sampling.seed,
             steps: scene.scan.mask_offsets.len(),
             columns: scene.detector.pixels[0] as usize,
             offset: counts.number_without_light(),
             most: counts.bit_depth.map_or(f64::INFINITY, |bits| libm::exp2(f64::from(bits)) - 1.0),
-        })
+        }))
     }
 
     /// Numbers of a band of rows from `first_row` on, of intensities `[step][row][column]`.
@@ -160,7 +166,7 @@ impl Noise {
     /// One number, neither rounded nor clipped.
     fn number(&self, intensity: f64, mut draws: Draws) -> f64 {
         let counts = &self.counts;
-        let photons = poisson(counts.photons * intensity, &mut draws);
+        let photons = poisson(self.photons * intensity, &mut draws);
         let signal = if self.spread > 0.0 {
             // The sum of that number of gamma numbers of mean 1 and variance `spread`.
             self.spread * gamma(photons / self.spread, &mut draws)
