@@ -4,6 +4,8 @@
 use super::activator::host;
 use super::builtin::{Builtin, builtins, fold, of_formula};
 use beamlet_core::units::number;
+use std::collections::HashMap;
+use std::sync::OnceLock;
 
 /// A contrast agent in water, whose density is linear in its concentration.
 struct Agent {
@@ -43,17 +45,28 @@ const WATER: f64 = 0.998;
 /// formula where no other built-in one has it, with or without an activator, or the element of this symbol; or
 /// a solution, such as "iodine 10 mg/ml". Carbon and silica have several densities: they go by their names only.
 pub fn builtin(name: &str) -> Option<Builtin> {
-    let wanted = fold(name);
-    let named = builtins().iter().find(|entry| {
-        let aliases = entry.aliases.iter().copied();
-        std::iter::once(&*entry.name).chain(aliases).any(|known| fold(known) == wanted)
-    });
+    let named = by_spelling().get(&fold(name)).map(|place| &builtins()[*place]);
     // Formulas keep their case: "Co" is cobalt, "CO" would be a compound.
     let found = named.or_else(|| match &of_formula(host(name))[..] {
         [only] => Some(*only),
         _ => None,
     });
     found.cloned().or_else(|| solution(name))
+}
+
+/// Places of the built-in materials by their folded names and aliases.
+fn by_spelling() -> &'static HashMap<String, usize> {
+    static PLACES: OnceLock<HashMap<String, usize>> = OnceLock::new();
+    PLACES.get_or_init(|| {
+        let mut places = HashMap::new();
+        for (place, entry) in builtins().iter().enumerate() {
+            let aliases = entry.aliases.iter().copied();
+            for known in std::iter::once(&*entry.name).chain(aliases) {
+                places.entry(fold(known)).or_insert(place);
+            }
+        }
+        places
+    })
 }
 
 /// The solution of this name: an element, its concentration in mg/ml, and the word "solution" where it is written,

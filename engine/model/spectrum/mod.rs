@@ -11,6 +11,7 @@ mod emission;
 mod excess;
 mod file;
 mod gauss;
+mod known_nodes;
 mod nodes;
 mod probes;
 mod quality;

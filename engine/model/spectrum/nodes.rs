@@ -9,6 +9,7 @@ use std::ops::Range;
 use serde::Serialize;
 
 use super::gauss::Recurrence;
+use super::known_nodes::NodesInput;
 use super::probes::Probes;
 use super::{Spectrum, edges};
 use crate::material;
@@ -62,7 +63,11 @@ impl Nodes {
 /// # Ok::<(), beamlet::Error>(())
 /// ```
 pub fn nodes(scene: &Scene) -> Result<Nodes> {
-    nodes_with(scene, |energy| super::response(scene, energy))
+    let compute = || nodes_with(scene, |energy| super::response(scene, energy));
+    match NodesInput::of(scene) {
+        Some(input) => input.nodes(compute),
+        None => compute(),
+    }
 }
 
 /// As [`nodes`], for a detector with a `response`: signal per arriving photon by energy in keV,
