@@ -10,6 +10,7 @@ mod reconstruct;
 mod retrieve;
 mod shared;
 mod simulate;
+mod sweep;
 mod values;
 mod view;
 
@@ -21,6 +22,7 @@ pub(crate) use reconstruct::{Centre, Hardening, QuantityName, Reconstruct, Recon
 pub(crate) use retrieve::Retrieve;
 pub(crate) use shared::{Messages, ProfileArguments};
 pub(crate) use simulate::{Join, Simulate};
+pub(crate) use sweep::Sweep;
 pub(crate) use values::ValueRange;
 pub(crate) use view::{PictureFormat, Report, Show, View, ViewOfRun, ViewOfScene};
 
@@ -57,6 +59,7 @@ impl Arguments {
             Verb::Convert(convert) => convert.messages,
             Verb::Compare(compare) => compare.messages,
             Verb::Check(check) => check.messages,
+            Verb::Sweep(sweep) => sweep.messages,
             Verb::View(view) => view.messages,
             Verb::Report(report) => report.messages,
             Verb::Spectrum(spectrum) => spectrum.messages,
@@ -89,6 +92,8 @@ pub(crate) enum Verb {
     Compare(Compare),
     /// Check a scene without simulating it, or the files of a run against their checksums
     Check(Check),
+    /// Score designs of a set-up without simulating a sample: noise, visibility, time, dose
+    Sweep(Sweep),
     /// Draw a scene (set-up, sample), a run (frames, retrieved images, curves), retrieved images or
     /// volumes
     View(View),

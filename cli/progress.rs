@@ -137,6 +137,12 @@ impl Reporter {
         self.show(Phase::Rows, Some(share), |_| "reconstructing".to_owned());
     }
 
+    /// Progress of a sweep.
+    pub(crate) fn designs(&mut self, done: usize, total: usize) {
+        let share = done as f64 / total.max(1) as f64;
+        self.show(Phase::Rows, Some(share), |_| format!("design {done} of {total}"));
+    }
+
     /// Progress of a join, in views.
     pub(crate) fn joined(&mut self, done: usize, total: usize) {
         let share = done as f64 / total.max(1) as f64;

@@ -35,6 +35,7 @@ pub use beamlet_simulate::detector::SubpixelGrid;
 pub use builder::Check;
 pub use costs::CheckedTolerances;
 pub use exposure::{MaterialDose, ScanExposure};
+pub(crate) use illumination::{DesignCurve, design_curve};
 pub use illumination::{ExpectedRetrieval, ExpectedUncertainty, IlluminationCurve};
 use materials::materials;
 pub use two_directions::PlanarUncertainty;

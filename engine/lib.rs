@@ -26,6 +26,7 @@ pub mod internals;
 mod labels;
 #[doc(hidden)]
 pub mod shaders;
+pub mod sweep;
 
 /// Compiles the code of docs/rust.md.
 #[cfg(doctest)]

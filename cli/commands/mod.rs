@@ -21,6 +21,7 @@ mod retrieve;
 mod schema;
 mod simulate;
 mod spectrum;
+mod sweep;
 mod view;
 
 use crate::args::{Arguments, Verb};
@@ -45,6 +46,7 @@ fn verb(arguments: Arguments, out: &mut impl Write) -> Result<(), Failure> {
         Verb::Convert(arguments) => convert::run(&arguments, out),
         Verb::Compare(arguments) => compare::run(&arguments, out),
         Verb::Check(arguments) => check::run(&arguments, out),
+        Verb::Sweep(arguments) => sweep::run(&arguments, out),
         Verb::View(arguments) => view::run(&arguments, out),
         Verb::Report(arguments) => report::run(&arguments, out),
         Verb::Spectrum(arguments) => spectrum::run(&arguments, out),

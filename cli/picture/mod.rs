@@ -24,5 +24,6 @@ mod section;
 pub(crate) mod set_up;
 pub(crate) mod spectrum;
 pub(crate) mod svg;
+pub(crate) mod sweep;
 pub(crate) mod text;
 pub(crate) mod volume_scale;

@@ -83,6 +83,24 @@ impl ScanExposure {
     }
 }
 
+impl ScanExposure {
+    /// The exposure with photons and time of each frame multiplied.
+    pub(crate) fn scaled(&self, factor: f64) -> Self {
+        let dose = |of: &MaterialDose| MaterialDose {
+            material: of.material.clone(),
+            dose: of.dose.map(|dose| dose * factor),
+        };
+        Self {
+            photons: self.photons * factor,
+            time: self.time.map(|time| time * factor),
+            tube_load: self.tube_load.map(|load| load * factor),
+            air_kerma: self.air_kerma * factor,
+            water_dose: self.water_dose * factor,
+            materials: self.materials.iter().map(dose).collect(),
+        }
+    }
+}
+
 /// Air or water, where a material of a scene is one of them.
 fn tabulated(scene: &Scene, name: &str) -> Option<Absorbing> {
     let builtin = |name: &str| Absorbing::named(&material::builtin(name)?.name);

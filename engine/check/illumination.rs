@@ -116,17 +116,14 @@ pub(super) fn illumination(
     let leak = optics::mean_leaks(scene, &optics, (&nodes.energies, &nodes.weights))?;
     let period = optics.curve_period();
     let step = period / f64::from(OFFSETS);
-    let offsets: Vec<f64> = (0..OFFSETS).map(|i| f64::from(i) * step - 0.5 * period).collect();
+    let offsets = offsets_of_period(&optics);
     let mut all = offsets.clone();
     let scanned_offsets = &scene.scan.mask_offsets;
     all.extend(scanned_offsets);
     let values = flat(engine, scene, all)?;
     let (light, scanned) = values.split_at(offsets.len());
     let Some(sigma) = fitted_sigma(engine, &offsets, light)? else { return Ok(None) };
-    let [least, most] = [
-        light.iter().copied().fold(f64::INFINITY, f64::min),
-        light.iter().copied().fold(f64::NEG_INFINITY, f64::max),
-    ];
+    let [least, most] = ends(light);
     let scan: Vec<[f64; 2]> =
         scene.scan.mask_offsets.iter().zip(scanned).map(|(a, b)| [*a, *b]).collect();
     let expected = match &scene.detector.counts {
@@ -136,7 +133,7 @@ pub(super) fn illumination(
     let retrieval = retrieval(engine, scene)?;
     Ok(Some(IlluminationCurve {
         period,
-        visibility: (most - least) / (most + least),
+        visibility: visibility(light),
         open_fraction: light.iter().sum::<f64>() / light.len() as f64,
         sigma,
         fwhm: width_above(light, f64::midpoint(least, most)) * step,
@@ -147,6 +144,66 @@ pub(super) fn illumination(
         offsets,
         light: light.to_vec(),
     }))
+}
+
+/// What a design has of its curve.
+#[derive(Debug, Clone, Copy, Default)]
+pub(crate) struct DesignCurve {
+    /// (greatest − least) / (greatest + least); `None` where [`IlluminationCurve`] is nothing.
+    pub(crate) visibility: Option<f64>,
+    /// Uncertainties along x; `None` without photons, and where the offsets do not settle a fit.
+    pub(crate) expected: Option<ExpectedUncertainty>,
+}
+
+/// Visibility and uncertainties of a scene, as [`super::CheckReport`] has them but for the error of energy nodes.
+///
+/// # Errors
+/// As [`Engine::simulate`].
+pub(crate) fn design_curve(engine: &Engine, scene: &Scene) -> Result<DesignCurve> {
+    let mut scene = scene.of_groups().clone();
+    // Materials of the sample need more energy nodes, and are not in a flat.
+    scene.objects.clear();
+    let scene = &scene;
+    let optics = Optics::of(scene);
+    if optics.has_heights() {
+        let found = super::two_directions::uncertainty(engine, scene)?;
+        let along_x = |of: super::PlanarUncertainty| ExpectedUncertainty {
+            transmission: of.transmission,
+            refraction: of.refraction[0],
+            dark_field: of.dark_field.map_or(f64::NAN, |dark| dark[0]),
+        };
+        return Ok(DesignCurve { visibility: None, expected: found.map(along_x) });
+    }
+    if optics.sample_mask.is_none() || optics.detector_mask.is_none() {
+        return Ok(DesignCurve::default());
+    }
+    let mut all = offsets_of_period(&optics);
+    all.extend(&scene.scan.mask_offsets);
+    let values = flat(engine, scene, all)?;
+    let (light, scanned) = values.split_at(OFFSETS as usize);
+    let expected = match &scene.detector.counts {
+        Some(counts) => expected(engine, scene, counts, scanned)?,
+        None => None,
+    };
+    Ok(DesignCurve { visibility: Some(visibility(light)), expected })
+}
+
+/// Offsets over a period of the curve, m.
+fn offsets_of_period(optics: &Optics) -> Vec<f64> {
+    let period = optics.curve_period();
+    let step = period / f64::from(OFFSETS);
+    (0..OFFSETS).map(|i| f64::from(i) * step - 0.5 * period).collect()
+}
+
+/// Least and greatest light of a curve.
+fn ends(light: &[f64]) -> [f64; 2] {
+    let ends = [f64::INFINITY, f64::NEG_INFINITY];
+    light.iter().fold(ends, |[least, most], light| [least.min(*light), most.max(*light)])
+}
+
+fn visibility(light: &[f64]) -> f64 {
+    let [least, most] = ends(light);
+    (most - least) / (most + least)
 }
 
 /// Light of a pixel at the centre at these offsets, share of open beam.

@@ -27,6 +27,7 @@ mod quality;
 mod refusals;
 mod report;
 mod screw;
+mod sweep;
 mod view;
 mod volume_report;
 mod waves;

@@ -68,7 +68,7 @@ const WATER: [(f64, f64); 26] = [
 /// A material whose energy absorption is tabulated.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Absorbing {
-    /// Dry air: its dose is the air kerma below an MeV.
+    /// Dry air: its dose is the air kerma below 1000 keV.
     Air,
     /// Liquid water.
     Water,

@@ -1,0 +1,149 @@
+//! `beamlet sweep`: designs of a set-up with scores that need no sample.
+
+mod record;
+mod table;
+
+use super::pictures::{PictureForm, Pictures, refuse_existing, refuse_read};
+use crate::args::Sweep as Arguments;
+use crate::failure::Failure;
+use crate::interrupt;
+use crate::picture::sweep as picture;
+use crate::progress::Reporter;
+use beamlet::cli_support::{load_scene, printed, write_file};
+use beamlet::scene::Scene;
+use beamlet::sweep::{Outcome, Sweep, best, front};
+use beamlet::{Engine, Error};
+use record::Record;
+use std::collections::BTreeMap;
+use std::io::Write;
+use std::path::PathBuf;
+use std::time::{Duration, Instant};
+
+/// Designs between two looks at the clock.
+const CHUNK: usize = 16;
+/// Time between two writes of finished designs.
+const BETWEEN: Duration = Duration::from_secs(5);
+
+/// A sweep with what it has done.
+struct Done<'a> {
+    sweep: &'a Sweep,
+    outcomes: &'a [Outcome],
+    /// Designs on the Pareto front; empty with one score.
+    front: Vec<bool>,
+    best: Option<usize>,
+}
+
+pub(super) fn run(arguments: &Arguments, out: &mut impl Write) -> Result<(), Failure> {
+    let load = |sets: &[String]| {
+        let all: Vec<String> = arguments.scene.sets.iter().chain(sets).cloned().collect();
+        load_scene(&arguments.scene.scene, &all)
+    };
+    let mut sweep = Sweep::new(&arguments.vary, &arguments.score, arguments.fix.as_deref())?;
+    sweep.prepare(&load)?;
+    let scene = load(&[])?;
+    let mut record = Record::begin(arguments, &scene)?;
+    let mut reporter = Reporter::new(arguments.messages);
+    let cancel = interrupt::listen();
+    let engine = Engine::open(&arguments.device.options())?;
+    let count = sweep.designs().count();
+    let mut written = Instant::now();
+    while record.designs.len() < count {
+        let from = record.designs.len();
+        reporter.designs(from, count);
+        match sweep.run(&engine, &load, from..(from + CHUNK).min(count), &cancel) {
+            Ok(outcomes) => record.designs.extend(outcomes),
+            Err(Error::Interrupted) => {
+                reporter.finish();
+                record.write(&arguments.output)?;
+                let advice = format!(
+                    "{} of {count} designs are in {}; --resume continues",
+                    record.designs.len(),
+                    printed::path(&arguments.output)
+                );
+                return Err(Failure::Interrupted { advice });
+            }
+            Err(error) => return Err(error.into()),
+        }
+        if written.elapsed() > BETWEEN {
+            record.write(&arguments.output)?;
+            written = Instant::now();
+        }
+    }
+    reporter.finish();
+    record.write(&arguments.output)?;
+    let outcomes = &record.designs;
+    let done = Done {
+        sweep: &sweep,
+        outcomes,
+        front: front(outcomes, sweep.scores()),
+        best: best(outcomes, sweep.scores()),
+    };
+    let files = write(arguments, &done, &load)?;
+    match arguments.json {
+        true => super::write_json(&table::json(&done), out)?,
+        false if arguments.messages.quiet => {}
+        false => summary(&done, &files, out)?,
+    }
+    let reason = outcomes.iter().find_map(|outcome| outcome.refused.clone());
+    match (done.best, reason) {
+        (None, Some(reason)) => {
+            Err(Failure::Refused(vec![format!("no design has a score: {reason}")]))
+        }
+        _ => Ok(()),
+    }
+}
+
+/// Writes table, best design and pictures; gives their paths.
+fn write(
+    arguments: &Arguments,
+    done: &Done<'_>,
+    load: &dyn Fn(&[String]) -> beamlet::Result<Scene>,
+) -> Result<Vec<PathBuf>, Failure> {
+    let output = &arguments.output;
+    let mut files = vec![output.join("sweep.csv")];
+    write_file(&files[0], table::csv(done).as_bytes())?;
+    if let Some(best) = done.best {
+        let scene = scene_of(done, load, best)?;
+        let mut sets = arguments.scene.sets.clone();
+        sets.extend(done.sweep.designs().sets(best));
+        let text = scene.to_toml(output, &BTreeMap::new(), &sets)?;
+        files.push(output.join("best.toml"));
+        let comment =
+            format!("# Best of {} designs: {}\n", done.outcomes.len(), table::best(done, best));
+        write_file(&files[1], (comment + &text).as_bytes())?;
+    }
+    let mut pictures = Pictures::new(PictureForm { format: arguments.format, width: None });
+    for (name, drawing) in picture::draw_all(done.sweep, done.outcomes, &done.front, done.best) {
+        pictures.add(name, &drawing)?;
+    }
+    let mut paths = Vec::new();
+    pictures.write(output, true, &[], &mut paths)?;
+    files.extend(String::from_utf8_lossy(&paths).lines().map(PathBuf::from));
+    Ok(files)
+}
+
+/// The scene of a design.
+fn scene_of(
+    done: &Done<'_>,
+    load: &dyn Fn(&[String]) -> beamlet::Result<Scene>,
+    design: usize,
+) -> Result<Scene, Failure> {
+    let mut scene = load(&done.sweep.designs().sets(design))?;
+    done.sweep.fix(&mut scene)?;
+    Ok(scene)
+}
+
+fn summary(done: &Done<'_>, files: &[PathBuf], out: &mut impl Write) -> std::io::Result<()> {
+    let refused = done.outcomes.iter().filter(|outcome| outcome.refused.is_some()).count();
+    let of_refused = if refused > 0 { format!(", {refused} refused") } else { String::new() };
+    writeln!(out, "designs  {}{of_refused}", done.outcomes.len())?;
+    if let Some(best) = done.best {
+        writeln!(out, "best     {}", table::best(done, best))?;
+    }
+    if let [first, second, ..] = done.sweep.scores() {
+        let designs = done.front.iter().filter(|on_front| **on_front).count();
+        let [first, second] = [first, second].map(|score| score.name());
+        writeln!(out, "front    {designs} designs, of {first} and {second}")?;
+    }
+    files.iter().try_for_each(|file| writeln!(out, "wrote    {}", printed::path(file)))
+}

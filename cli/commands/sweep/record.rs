@@ -1,0 +1,94 @@
+//! `sweep.json`: what a sweep is about, and its finished designs.
+
+use super::{refuse_existing, refuse_read};
+use crate::args::Sweep as Arguments;
+use crate::failure::Failure;
+use beamlet::cli_support::write_file;
+use beamlet::scene::Scene;
+use beamlet::sweep::Outcome;
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+use std::path::Path;
+
+const NAME: &str = "sweep.json";
+
+/// What decides the scores of a sweep.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+struct Subject {
+    version: String,
+    /// The scene without varied keys, as TOML.
+    scene: String,
+    vary: Vec<String>,
+    /// Text of the tables among `vary`, "" of others.
+    tables: Vec<String>,
+    score: Vec<String>,
+    fix: Option<String>,
+}
+
+/// The file.
+#[derive(Debug, Serialize, Deserialize)]
+pub(super) struct Record {
+    subject: Subject,
+    /// Finished designs, from the first on.
+    pub(super) designs: Vec<Outcome>,
+}
+
+impl Record {
+    /// A new record, or the one that is resumed.
+    pub(super) fn begin(arguments: &Arguments, scene: &Scene) -> Result<Self, Failure> {
+        let table = |text: &String| match text.contains('=') {
+            true => String::new(),
+            false => std::fs::read_to_string(text).unwrap_or_default(),
+        };
+        let subject = Subject {
+            version: env!("CARGO_PKG_VERSION").into(),
+            scene: scene.to_toml(&scene.directory, &BTreeMap::new(), &[])?,
+            vary: arguments.vary.clone(),
+            tables: arguments.vary.iter().map(table).collect(),
+            score: arguments.score.clone(),
+            fix: arguments.fix.clone(),
+        };
+        let path = arguments.output.join(NAME);
+        let mut read = scene.input_files();
+        read.push(arguments.scene.scene.clone());
+        read.extend(arguments.vary.iter().map(Into::into));
+        let best = arguments.output.join("best.toml");
+        refuse_read(&[path.clone(), best], &read)?;
+        if !arguments.resume {
+            refuse_existing(&[path], arguments.overwrite)?;
+            return Ok(Self { subject, designs: Vec::new() });
+        }
+        let failed = |problem: String| Failure::File { path: path.clone(), problem };
+        let text = std::fs::read_to_string(&path)
+            .map_err(|error| failed(format!("no sweep to resume: {error}")))?;
+        let known: Self = serde_json::from_str(&text)
+            .map_err(|error| failed(format!("no record of a sweep: {error}")))?;
+        match known.subject.difference(&subject) {
+            None => Ok(known),
+            Some(what) => Err(failed(format!(
+                "belongs to a sweep with another {what}; continue with the same one, or replace it by --overwrite"
+            ))),
+        }
+    }
+
+    /// Writes the file in place of the one that is there.
+    pub(super) fn write(&self, output: &Path) -> Result<(), Failure> {
+        let text = serde_json::to_string(self).map_err(std::io::Error::from)?;
+        Ok(write_file(&output.join(NAME), text.as_bytes())?)
+    }
+}
+
+impl Subject {
+    /// What differs, in words.
+    fn difference(&self, other: &Self) -> Option<&'static str> {
+        [
+            (self.version != other.version, "version of beamlet"),
+            (self.scene != other.scene, "scene"),
+            (self.vary != other.vary || self.tables != other.tables, "--vary"),
+            (self.score != other.score, "--score"),
+            (self.fix != other.fix, "--fix"),
+        ]
+        .into_iter()
+        .find_map(|(differs, what)| differs.then_some(what))
+    }
+}

@@ -1,0 +1,80 @@
+//! Designs as CSV, as JSON, and in words.
+
+use super::Done;
+use beamlet::cli_support::printed::number;
+use beamlet::sweep::Score;
+use serde_json::{Map, Value, json};
+use std::fmt::Write as _;
+
+/// A design a line: number from 1, varied keys, photons and exposure of a frame, scores, 1 on the Pareto front, and the
+/// reason of a refusal.
+pub(super) fn csv(done: &Done<'_>) -> String {
+    let scores = done.sweep.scores();
+    let derived = !scores.contains(&Score::Photons);
+    let has_exposure = done.outcomes.iter().any(|outcome| outcome.exposure.is_some());
+    let labelled = |name: &str, unit: &str| match unit {
+        "" => name.to_owned(),
+        unit => format!("{name} [{unit}]"),
+    };
+    let mut header = vec!["design".to_owned()];
+    header.extend(done.sweep.designs().keys().map(|key| labelled(&key.path, &key.unit)));
+    header.extend(derived.then(|| "photons".into()));
+    header.extend(has_exposure.then(|| "exposure [s]".into()));
+    header.extend(scores.iter().map(|score| labelled(score.name(), score.unit())));
+    header.extend((!done.front.is_empty()).then(|| "pareto".into()));
+    header.push("refused".into());
+    let mut out = line(&header);
+    for (design, outcome) in done.outcomes.iter().enumerate() {
+        let text = |value: Option<f64>| value.map(|value| format!("{value:?}")).unwrap_or_default();
+        let mut cells = vec![(design + 1).to_string()];
+        cells.extend(done.sweep.designs().values(design).into_iter().map(str::to_owned));
+        cells.extend(derived.then(|| text(outcome.photons)));
+        cells.extend(has_exposure.then(|| text(outcome.exposure)));
+        let values = scores.iter().zip(&outcome.values);
+        cells.extend(values.map(|(score, value)| text(value.map(|value| score.in_unit(value)))));
+        cells.extend(done.front.get(design).map(|on_front| u8::from(*on_front).to_string()));
+        cells.push(outcome.refused.clone().unwrap_or_default());
+        out += &line(&cells);
+    }
+    out
+}
+
+/// A line of cells; those with separators are in quotes.
+fn line(cells: &[String]) -> String {
+    let cell = |text: &String| {
+        let text = text.replace(['\n', '\r'], " ");
+        match text.contains([',', ';', '"', '\t']) {
+            true => format!("\"{}\"", text.replace('"', "\"\"")),
+            false => text,
+        }
+    };
+    cells.iter().map(cell).collect::<Vec<_>>().join(",") + "\n"
+}
+
+/// Designs, the best one and the front, in SI units; designs count from 1.
+pub(super) fn json(done: &Done<'_>) -> Value {
+    let designs: Vec<Value> = done.outcomes.iter().enumerate().map(|(design, outcome)| {
+        let keys = done.sweep.designs().sets(design);
+        let scores = done.sweep.scores().iter().zip(&outcome.values);
+        let scores: Map<String, Value> =
+            scores.map(|(score, value)| (score.name().to_owned(), json!(value))).collect();
+        json!({
+            "design": design + 1, "set": keys, "photons": outcome.photons, "exposure": outcome.exposure,
+            "scores": scores, "pareto": done.front.get(design), "refused": outcome.refused,
+        })
+    }).collect();
+    json!({ "best": done.best.map(|best| best + 1), "designs": designs })
+}
+
+/// The best design in words: its score, its number and its keys.
+pub(super) fn best(done: &Done<'_>, design: usize) -> String {
+    let score = done.sweep.scores()[0];
+    let value = done.outcomes[design].values[0].map_or(f64::NAN, |value| score.in_unit(value));
+    let mut text = format!("{} of {}", score.name(), number(value));
+    if !score.unit().is_empty() {
+        let _ = write!(text, " {}", score.unit());
+    }
+    let keys = done.sweep.designs().sets(design).join(", ");
+    let _ = write!(text, ", design {}: {keys}", design + 1);
+    text
+}
