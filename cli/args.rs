@@ -5,9 +5,8 @@ mod beam;
 mod convert;
 mod look;
 mod mesh;
-mod names;
+mod options;
 mod reconstruct;
-mod retrieve;
 mod shared;
 mod simulate;
 mod sweep;
@@ -18,14 +17,15 @@ pub(crate) use beam::{Material, Spectrum};
 pub(crate) use convert::{Convert, Program};
 pub(crate) use look::{Check, Compare};
 pub(crate) use mesh::{Mask, Mesh};
+pub(crate) use options::Tabled;
 pub(crate) use reconstruct::{Centre, Hardening, QuantityName, Reconstruct, ReconstructionName};
-pub(crate) use retrieve::Retrieve;
 pub(crate) use shared::{Messages, ProfileArguments};
 pub(crate) use simulate::{Join, Simulate};
 pub(crate) use sweep::Sweep;
 pub(crate) use values::ValueRange;
 pub(crate) use view::{PictureFormat, Report, Show, View, ViewOfRun, ViewOfScene};
 
+use beamlet::cli_support::options::RetrieveArguments;
 use beamlet::scene::Scene;
 use clap::{Args, Parser, Subcommand};
 use clap_complete::Shell;
@@ -83,7 +83,8 @@ pub(crate) enum Verb {
     /// Join parts of a run, which other processes or machines have simulated
     Join(Join),
     /// Retrieve transmission, refraction and dark field from a run or from measured stacks
-    Retrieve(Box<Retrieve>),
+    #[command(after_help = RETRIEVE)]
+    Retrieve(Box<Tabled<RetrieveArguments>>),
     /// Reconstruct volumes of attenuation, delta and dark field from a run or retrieved images
     Reconstruct(Box<Reconstruct>),
     /// Write retrieved images for another program: ASTRA
@@ -120,6 +121,17 @@ pub(crate) enum Verb {
     /// Write manual pages, one for each verb
     Man(Man),
 }
+
+const RETRIEVE: &str = "Examples:\n  \
+    beamlet retrieve run\n  \
+    beamlet retrieve run --method exact-curve --format npy --overwrite\n  \
+    beamlet retrieve --flat flat.tif --sample sample.tif --dark dark.tif \\\n    \
+      --offsets '-12 um, -6 um, 0 um, 6 um, 12 um' --geometry scene.toml -o images\n  \
+    beamlet retrieve --flat flat.tif --sample sample.tif --geometry scene.toml \\\n    \
+      --lattice '40 um, 40 um' -o images\n\n\
+    Images go to RUN/retrieved, or to DIR: transmission, refraction (rad), dark_field (rad^2), \
+    their 1-sigma uncertainties, flags, and the parameters of the fits; retrieved.json records \
+    units and the meaning of the flags. docs/retrieval.md has formulas, validity and bias.";
 
 /// A scene and changes to it.
 #[derive(Debug, Args)]

@@ -36,6 +36,14 @@ impl Failure {
         }
     }
 
+    /// The failure of options that do not go together.
+    pub(crate) fn of_options(error: beamlet::Error) -> Self {
+        match error {
+            beamlet::Error::Argument { .. } => Self::Usage(error.to_string()),
+            other => Self::Engine(other),
+        }
+    }
+
     pub(crate) fn exit_code(&self) -> u8 {
         match self {
             Self::Engine(_) | Self::File { .. } | Self::Refused(_) | Self::Stdout(_) => 1,

@@ -16,6 +16,14 @@ pub use beamlet_model::scene::schema::json_schema;
 pub mod printed {
     pub use beamlet_core::printed::{is_unsafe, line, lines, number, path};
 }
+/// Tables of options of verbs.
+pub mod options {
+    pub use beamlet_core::options::{
+        Choice, Given, Hyphens, Keyword, Need, Options, Relation, Row, Word, Wrong, keywords,
+        literals, page_rows, typed_dict,
+    };
+    pub use beamlet_recon::retrieve::{Offsets, RetrieveArguments};
+}
 /// Quantities with units.
 pub mod units {
     pub use beamlet_core::units::{Dimension, QuantityError, memory_size, number};

@@ -1,7 +1,7 @@
 //! Arguments of `check` and `compare`.
 
 use super::SceneArguments;
-use super::names::format;
+use super::options::choice;
 use super::shared::{EngineArguments, Messages};
 use super::values::from_zero;
 use beamlet::stack::Format;
@@ -62,7 +62,7 @@ pub(crate) struct Compare {
     #[arg(long, value_name = "DIR")]
     pub(crate) difference: Option<PathBuf>,
     /// File format of the difference images
-    #[arg(long, value_parser = format(), default_value_t = Format::Exr, requires = "difference")]
+    #[arg(long, value_parser = choice::<Format>(), default_value_t = Format::Exr, requires = "difference")]
     pub(crate) format: Format,
     /// Print JSON
     #[arg(long)]

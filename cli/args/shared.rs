@@ -1,9 +1,8 @@
 //! Arguments of several verbs: what walks the rays, and how much goes to stderr.
 
-use super::names::BackendName;
 use super::values::memory_size;
-use beamlet::EngineOptions;
-use clap::Args;
+use beamlet::{Backend, EngineOptions};
+use clap::{Args, ValueEnum};
 
 /// The device of verbs that trace or fit.
 #[derive(Debug, Clone, Args)]
@@ -60,4 +59,26 @@ pub(crate) struct Messages {
     /// More detail
     #[arg(short, long)]
     pub(crate) verbose: bool,
+}
+
+/// `--backend`
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(crate) enum BackendName {
+    /// The faster one on this scene
+    Auto,
+    /// The driver's acceleration structures
+    RayQuery,
+    /// The tree of beamlet, in a compute shader
+    Bvh,
+}
+
+impl BackendName {
+    /// `None` leaves the choice to the engine.
+    pub(crate) fn choice(self) -> Option<Backend> {
+        match self {
+            Self::Auto => None,
+            Self::RayQuery => Some(Backend::RayQuery),
+            Self::Bvh => Some(Backend::Bvh),
+        }
+    }
 }

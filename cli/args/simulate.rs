@@ -1,7 +1,7 @@
 //! What makes a run: `simulate` and `illuminate`.
 
 use super::SceneArguments;
-use super::names::format;
+use super::options::choice;
 use super::shared::{EngineArguments, Messages, ProfileArguments};
 use super::values::view_range;
 use beamlet::stack::{Format, ViewRange};
@@ -23,7 +23,7 @@ pub(crate) struct Simulate {
     #[arg(short, long, value_name = "RUN")]
     pub(crate) output: PathBuf,
     /// File format of the frames [default: exr; with --resume the format of the run]
-    #[arg(long, value_parser = format())]
+    #[arg(long, value_parser = choice::<Format>())]
     pub(crate) format: Option<Format>,
     #[command(flatten)]
     pub(crate) engine: EngineArguments,

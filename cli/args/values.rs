@@ -1,10 +1,7 @@
 //! Values that are checked as they are typed.
 
-use crate::numbers;
 use beamlet::cli_support::units;
-use beamlet::retrieve::{Aperture, Columns, Corrections, Lattice, Region};
 use beamlet::stack::ViewRange;
-use std::ops::Range;
 
 fn number(text: &str, allowed: &str, is_allowed: impl Fn(f64) -> bool) -> Result<f64, String> {
     let found = units::number(text).filter(|value| value.is_finite());
@@ -17,14 +14,6 @@ pub(super) fn above_zero(text: &str) -> Result<f64, String> {
 
 pub(super) fn from_zero(text: &str) -> Result<f64, String> {
     number(text, "a finite number of 0 or more", |value| value >= 0.0)
-}
-
-/// A value of frames, which are of 32 bits.
-pub(super) fn single(text: &str) -> Result<f32, String> {
-    let most = f64::from(f32::MAX);
-    let value = number(text, "a number above 0, up to 3.4e38", |v| v > 0.0 && v <= most)?;
-    let value = numbers::single(value);
-    Ok(value)
 }
 
 pub(super) fn finite(text: &str) -> Result<f64, String> {
@@ -110,50 +99,5 @@ pub(super) fn key_value(text: &str) -> Result<String, String> {
     match text.split_once('=') {
         Some((key, _)) if !key.trim().is_empty() => Ok(text.to_owned()),
         _ => Err("write key.path=value, as in 'source.energy=40 keV'".into()),
-    }
-}
-
-/// A rectangle of pixels: columns, and rows where they follow.
-pub(super) fn region(text: &str) -> Result<Region, String> {
-    let range = |text: &str| -> Option<Range<usize>> {
-        let (from, to) = text.split_once(':')?;
-        let range = from.trim().parse().ok()?..to.trim().parse().ok()?;
-        (range.start < range.end).then_some(range)
-    };
-    let found = match text.split_once(',') {
-        None => range(text).map(|columns| Region::new(columns, None)),
-        Some((columns, rows)) => {
-            range(columns).and_then(|columns| Some(Region::new(columns, Some(range(rows)?))))
-        }
-    };
-    found
-        .ok_or_else(|| "allowed: C0:C1 or C0:C1,R0:R1, pixels from 0, the ends excluded".to_owned())
-}
-
-pub(super) fn columns(text: &str) -> Result<Columns, String> {
-    Columns::parse(text).map_err(|error| error.to_string())
-}
-
-pub(super) fn lattice(text: &str) -> Result<Lattice, String> {
-    Lattice::parse(text).map_err(|error| error.to_string())
-}
-
-pub(super) fn aperture(text: &str) -> Result<Aperture, String> {
-    Aperture::parse("aperture", text).map_err(|error| error.to_string())
-}
-
-pub(super) fn detector_aperture(text: &str) -> Result<Aperture, String> {
-    Aperture::parse("detector_aperture", text).map_err(|error| error.to_string())
-}
-
-pub(super) fn corrections(text: &str) -> Result<Corrections, String> {
-    Corrections::parse(text).map_err(|error| error.to_string())
-}
-
-pub(super) fn bin(text: &str) -> Result<[usize; 2], String> {
-    let counts: Option<Vec<usize>> = text.split(',').map(|word| word.trim().parse().ok()).collect();
-    match counts.as_deref() {
-        Some(&[columns, rows]) if columns > 0 && rows > 0 => Ok([columns, rows]),
-        _ => Err("write columns,rows from 1 on, as in 2,1".into()),
     }
 }

@@ -15,6 +15,7 @@ pub mod interpolation;
 pub mod locked_file;
 pub mod numbers;
 pub mod open_file;
+pub mod options;
 pub mod parallel;
 pub mod printed;
 pub mod program;

@@ -21,6 +21,7 @@ mod instances;
 mod kept;
 mod material;
 mod names;
+mod option_docs;
 mod paper;
 mod patterns;
 mod scan;

@@ -1,5 +1,6 @@
 //! Formats of array files, and the abilities of each.
 
+use crate::options::{Choice, Word};
 use serde::{Deserialize, Serialize};
 use std::fmt;
 use std::path::Path;
@@ -110,6 +111,15 @@ impl Format {
     #[must_use]
     pub const fn ending(self) -> &'static str {
         self.abilities().endings[0]
+    }
+}
+
+impl Choice for Format {
+    const CHOICES: &'static [Self] = &Self::ALL;
+
+    fn word(self) -> Word {
+        let Abilities { name, summary, .. } = *self.abilities();
+        Word { name, help: summary }
     }
 }
 

@@ -7,6 +7,7 @@
 //! | `scene.rs` | scenes, and meshes given as arrays |
 //! | `stacks.rs` | arrays of numpy from and to the engine |
 //! | `engine.rs` | the device: simulate, check |
+//! | `options.rs` | options of verbs from keywords, by their tables |
 //! | `retrieve.rs` | retrieval |
 //! | `reconstruct.rs` | scans, sinograms and the projector |
 //! | `volume.rs`, `lost_views.rs` | volumes; views that lost their refraction |
@@ -17,6 +18,7 @@ mod engine;
 mod errors;
 mod files;
 mod lost_views;
+mod options;
 mod physics;
 mod reconstruct;
 mod retrieve;
@@ -47,6 +49,7 @@ fn _beamlet(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(files::read_images, module)?)?;
     module.add_function(wrap_pyfunction!(files::read_stack, module)?)?;
     module.add_function(wrap_pyfunction!(files::memory_size, module)?)?;
+    module.add_function(wrap_pyfunction!(options::keywords, module)?)?;
     module.add_function(wrap_pyfunction!(retrieve::retrieve, module)?)?;
     module.add_class::<reconstruct::Projector>()?;
     module.add_function(wrap_pyfunction!(volume::reconstruct, module)?)?;

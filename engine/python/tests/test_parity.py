@@ -53,24 +53,6 @@ def parameters(*functions: Callable[..., Any]) -> set[str]:
 @pytest.mark.parametrize(
     ("verb", "functions", "otherwise", "own"),
     [
-        ("retrieve", (bl.retrieve,), {"counts"}, set()),
-        (
-            "retrieve",
-            (bl.Run.retrieve,),
-            # A run has its stacks, offsets and geometry.
-            {
-                "flat",
-                "sample",
-                "dark",
-                "offsets",
-                "offsets_z",
-                "detector_aperture",
-                "geometry",
-                "flats_every",
-                "omit_steps",
-            },
-            set(),
-        ),
         (
             "reconstruct",
             (bl.Images.reconstruct, bl.reconstruct),

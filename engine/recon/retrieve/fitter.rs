@@ -6,6 +6,7 @@ use super::noise_factors::NoiseFactors;
 use super::quadrature;
 use beamlet_core::cancel::Cancel;
 use beamlet_core::numbers::{self, single};
+use beamlet_core::options::{Choice, Word};
 use beamlet_core::{Error, Result, setters};
 use beamlet_gpu::{Buffer, Compute, Device, Download, Kernel, Memory, Pace, Upload, push_bytes};
 use beamlet_interface::{
@@ -31,6 +32,20 @@ pub enum Weights {
     /// One over the variance of counts, from the fitted curve: the fit is the maximum of the
     /// Poisson likelihood.
     Poisson,
+}
+
+impl Choice for Weights {
+    const CHOICES: &'static [Self] = &[Self::None, Self::Poisson];
+
+    fn word(self) -> Word {
+        match self {
+            Self::None => Word { name: "none", help: "Equal weights" },
+            Self::Poisson => Word {
+                name: "poisson",
+                help: "For counts, from the fit: the maximum of the Poisson likelihood",
+            },
+        }
+    }
 }
 
 /// How curves are fitted. `FitOptions::default()` weighs all values alike; what differs from it is

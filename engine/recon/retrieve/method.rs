@@ -1,5 +1,6 @@
 //! The estimators, their requirements and refusals.
 
+use beamlet_core::options::{Choice, Word};
 use beamlet_core::units::Dimension::Length;
 use beamlet_core::{Error, Result};
 use beamlet_model::optics::Optics;
@@ -30,6 +31,36 @@ pub enum Method {
     Beamlet,
 }
 
+impl Choice for Method {
+    const CHOICES: &'static [Self] = &Self::ALL;
+
+    fn word(self) -> Word {
+        let (name, help) = match self {
+            Self::Gaussian => {
+                ("gaussian", "Gaussian on a background by least squares; 4 steps or more")
+            }
+            Self::ThreeStep => ("three-step", "Gaussian without background through 3 steps"),
+            Self::TwoStep => {
+                ("two-step", "Curve of the masks without background through 2 steps: no dark field")
+            }
+            Self::Moments => {
+                ("moments", "Area, centroid and variance of curves that reach zero within the scan")
+            }
+            Self::Triangle => {
+                ("triangle", "Triangle, for small spots and apertures of one projected width")
+            }
+            Self::ExactCurve => {
+                ("exact-curve", "The curve of the masks, blurred: without the bias of a Gaussian")
+            }
+            Self::Beamlet => (
+                "beamlet",
+                "Blurred box per beamlet, integrated over neighbouring pixels: single mask",
+            ),
+        };
+        Word { name, help }
+    }
+}
+
 /// Ratio of blur to half base from where on a triangle is no longer the curve's shape.
 const SMALL_BLUR: f64 = 0.15;
 /// Pixels of a beamlet that a fit of four unknowns needs; with fewer the geometry gives its blur.
@@ -53,16 +84,8 @@ impl Method {
 
     /// Its name on the command line and in files.
     #[must_use]
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::Gaussian => "gaussian",
-            Self::ThreeStep => "three-step",
-            Self::TwoStep => "two-step",
-            Self::Moments => "moments",
-            Self::Triangle => "triangle",
-            Self::ExactCurve => "exact-curve",
-            Self::Beamlet => "beamlet",
-        }
+    pub fn name(self) -> &'static str {
+        self.word().name
     }
 
     /// Refuses a set-up or offsets that it cannot serve.

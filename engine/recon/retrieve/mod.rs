@@ -2,6 +2,7 @@
 //!
 //! Formulas, validity and bias of each method: docs/retrieval.md.
 
+mod arguments;
 mod background;
 mod background_term;
 mod beamlet_fit;
@@ -39,6 +40,7 @@ mod shape;
 mod strips;
 mod value_noise;
 
+pub use arguments::{Offsets, RetrieveArguments};
 pub use background::Background;
 pub use background_term::BackgroundTerm;
 pub use correct::{Corrections, Plane, ViewCorrection};

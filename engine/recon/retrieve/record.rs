@@ -37,6 +37,9 @@ pub struct Record {
     pub title: Option<String>,
     /// The method.
     pub method: String,
+    /// Options that were given, by their names in Python, with their texts.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub options: BTreeMap<String, String>,
     /// Weights of the fit.
     pub weights: String,
     /// Background of the curves: `free`, `leak` or a value; `None` of methods without one.

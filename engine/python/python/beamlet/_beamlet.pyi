@@ -29,6 +29,7 @@ __all__ = [
     "energy",
     "fill",
     "ideal",
+    "keywords",
     "lengths",
     "material",
     "memory_size",
@@ -135,6 +136,7 @@ def ideal(
     most_rays: int,
     progress: _Progress,
 ) -> tuple[dict[str, _Floats], str, float, int, int]: ...
+def keywords(verb: str) -> list[tuple[str, str, str, str, bool, bool]]: ...
 def lengths(name: str, texts: Sequence[str]) -> list[float]: ...
 def material(
     name: str, energies: Sequence[float], density: float | None, scene: Scene | None
@@ -167,8 +169,7 @@ def retrieve(
     flat: _Floats,
     sample: _Floats,
     dark: _Floats | None,
-    mask_offsets: Sequence[float] | None,
-    options: Mapping[str, object],
+    options: dict[str, Any],
     progress: _Progress,
 ) -> _Images: ...
 def spectrum(scene: Scene) -> str: ...

@@ -4,22 +4,25 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from . import _beamlet
 from ._arguments import path as place
 from ._engine import Engine, Progress, pixels, serving, still_open
 from ._errors import FileError, wrong
+from ._options import described
 from ._scene import Path, Scene
 
 if TYPE_CHECKING:
+    from typing_extensions import Unpack
+
     from ._images import Images
-    from ._retrieve import Correction, EmptyBeam, Method, Weights
+    from ._keywords import Method, RunKeywords
 
 Stack = NDArray[np.float32]
 
@@ -143,39 +146,20 @@ class Run:
         stacks = {"flat": (of_flat, self.flat, of_values), "sample": (names, self.sample, of_values)}
         return xarray.Dataset(stacks, coords=coords, attrs={"record": json.dumps(self.record)})
 
+    @described("retrieve")
     def retrieve(
         self,
         method: Method | None = None,
         counts: bool = False,
-        weights: Weights = "none",
-        progress: Progress | None = None,
         *,
-        gain: float | None = None,
-        read_noise: float | None = None,
-        saturation: float | None = None,
-        bad_pixels: ArrayLike | None = None,
-        columns: slice | None = None,
-        bin: tuple[int, int] | None = None,
-        empty_beam: EmptyBeam | None = None,
-        correct: Correction | Sequence[Correction] = (),
-        phase: bool = False,
-        background: str | float | None = None,
-        lattice: str | None = None,
-        aperture: str | None = None,
+        progress: Progress | None = None,
+        **options: Unpack[RunKeywords],
     ) -> Images:
-        """Retrieves transmission, refraction and dark field. Options that are not listed here are as in
-        :func:`beamlet.retrieve`.
+        """Retrieves transmission, refraction and dark field, as ``beamlet retrieve`` does (docs/retrieval.md).
 
         Args:
-            method: The estimator (docs/retrieval.md); default: ``exact-curve`` where the scene knows the curve of its
-                masks, ``beamlet`` for a sample mask alone, else ``gaussian``.
             counts: Retrieve from detector numbers, with uncertainties.
-            weights: ``poisson`` weights counts by their noise.
             progress: Callback.
-            gain: Numbers of a photon; default: the scene's.
-            read_noise: Standard deviation of numbers without beam; default: the scene's.
-            saturation: Numbers of this value and above are left out; default: the largest number of the
-                scene's detector.
 
         Raises:
             SceneError: The method does not suit the set-up or its mask offsets.
@@ -184,35 +168,15 @@ class Run:
         from ._retrieve import retrieved
 
         if not counts:
-            flat, sample, dark, kind = self.flat, self.sample, None, "intensities"
+            stacks: tuple[Stack, Stack, Stack | None] = (self.flat, self.sample, None)
+            kind = "intensities"
         elif self.counts is None:
             raise wrong("counts", "a run without counts", "a scene with detector.photons")
         else:
-            flat, sample, dark = self.counts.flat, self.counts.sample, self.counts.dark
+            stacks = (self.counts.flat, self.counts.sample, self.counts.dark)
             kind = "counts"
-        return retrieved(
-            self.engine,
-            self.scene,
-            kind,
-            flat,
-            sample,
-            dark=dark,
-            progress=progress,
-            method=method,
-            weights=weights,
-            gain=gain,
-            read_noise=read_noise,
-            saturation=saturation,
-            bad_pixels=bad_pixels,
-            columns=columns,
-            bin=bin,
-            empty_beam=empty_beam,
-            correct=correct,
-            phase=phase,
-            background=background,
-            lattice=lattice,
-            aperture=aperture,
-        )
+        given = {"method": method, **options}
+        return retrieved(self.engine, self.scene, kind, stacks, given, progress)
 
     def view(self, width: int | None = None) -> list[Any]:
         """Pictures of the run, of its directory alone. See :func:`beamlet.view`."""

@@ -1,5 +1,6 @@
 //! The corrections that a caller chooses, and their results.
 
+use beamlet_core::options::Word;
 use beamlet_core::{Error, Result};
 use serde::{Deserialize, Serialize};
 
@@ -20,6 +21,18 @@ pub struct Corrections {
 impl Corrections {
     /// Names, as [`Self::parse`] reads them.
     pub const NAMES: [&str; 4] = ["offset", "plane", "dose", "steps"];
+
+    /// Names with their meanings.
+    #[must_use]
+    pub fn words() -> Vec<Word> {
+        let helps = [
+            "Subtract the refraction angle found there",
+            "Subtract a plane of the refraction angle through it",
+            "Divide each frame by its dose",
+            "Fit curves with the mask offset found for each frame",
+        ];
+        Self::NAMES.into_iter().zip(helps).map(|(name, help)| Word { name, help }).collect()
+    }
 
     /// Reads names with commas between them, such as `plane,dose,steps`.
     ///

@@ -1,5 +1,6 @@
 //! The record of a retrieval as it begins, the metadata of its images, and counts of flags.
 
+use crate::retrieve::flags;
 use crate::retrieve::input::Input;
 use crate::retrieve::misfit::median;
 use crate::retrieve::model::Model;
@@ -7,8 +8,8 @@ use crate::retrieve::options::RetrieveOptions;
 use crate::retrieve::planar::LatticeBeamlets;
 use crate::retrieve::record::Record;
 use crate::retrieve::retriever::Retriever;
-use crate::retrieve::{Weights, flags};
 use beamlet_core::numbers;
+use beamlet_core::options::Choice;
 use ndarray::Array2;
 use std::collections::BTreeMap;
 
@@ -39,10 +40,8 @@ pub(super) fn begun(
         command: None,
         title: scene.title.clone(),
         method: options.method().name().to_owned(),
-        weights: match options.weights {
-            Weights::None => "none".to_owned(),
-            Weights::Poisson => "poisson".to_owned(),
-        },
+        options: options.given.clone(),
+        weights: options.weights.word().name.to_owned(),
         background: options.method().has_background().then(|| options.background().to_string()),
         response: None,
         curve: match retriever.model() {
