@@ -9,7 +9,6 @@
 //! then being a random sample. The change to the ray after the next decides between the two: it is twice as large if
 //! jumps are few, and no larger if nothing is resolved.
 
-use super::light::recorded_rows;
 use crate::sampling::{Landed, Opening, ViewContext};
 use beamlet_core::numbers::{self, single};
 use beamlet_interface::{Ray, RayResult};
@@ -198,8 +197,8 @@ impl Changes {
 #[derive(Debug)]
 pub(super) struct EvenSampler<'a> {
     view: &'a ViewContext<'a>,
-    /// Rows, beyond which light is not recorded.
-    rows: Range<f64>,
+    /// Rows of the detector.
+    rows: Range<i64>,
     gap: f32,
     row_pitch: f32,
 }
@@ -207,7 +206,8 @@ pub(super) struct EvenSampler<'a> {
 impl<'a> EvenSampler<'a> {
     pub(super) fn new(view: &'a ViewContext<'a>) -> Self {
         let (gap, row_pitch) = (single(view.optics.gap()), single(view.optics.detector.pitch[1]));
-        Self { view, rows: recorded_rows(view), gap, row_pitch }
+        let rows = 0..i64::from(view.optics.detector.pixels[1]);
+        Self { view, rows, gap, row_pitch }
     }
 
     /// A patch of the first trial.
@@ -296,11 +296,13 @@ impl<'a> EvenSampler<'a> {
         let column = self.column(patch.beamlet);
         let response = self.view.response;
         let of = |EvenCell { x: cell, z, ray, result }: EvenCell| {
-            let place = patch.row as f64 + f64::from(ray[1]);
             let down = f64::from(-result.landing_z(self.gap) / self.row_pitch);
-            let lands = self.rows.contains(&(place + down * self.view.delta_ratio()))
-                || self.rows.contains(&(place + down));
-            let passed = if lands { response.hardening.light(result.optical_depth) } else { 0.0 };
+            let lands = |down: f64| {
+                let ends = z.map(|z| patch.row as f64 + f64::from(z) + down);
+                self.view.lattice.share_in_rows(ends, &self.rows)
+            };
+            let recorded = lands(down).max(lands(down * self.view.delta_ratio()));
+            let passed = single(recorded) * response.hardening.light(result.optical_depth);
             let at = response.landing(column, ray[0], result.displacement_x);
             let width = cell[1] - cell[0];
             let half = 0.5 * response.magnification.abs() * width;

@@ -83,7 +83,8 @@ pub(crate) struct Illumination<'a> {
 
 impl<'a> Illumination<'a> {
     pub(crate) fn new(view: &'a ViewContext<'a>) -> Self {
-        let recorded = recorded_rows(view);
+        let recorded = view.recorded_rows();
+        let beside = BESIDE + BLURS * view.lattice.row_blur();
         // An error of the mean displacement, times the light of the widest opening, counts as one of light.
         let open = view.response.openings(0);
         let widest = open.iter().map(|it| it.x[1] - it.x[0]).fold(0.0, f32::max);
@@ -95,7 +96,7 @@ impl<'a> Illumination<'a> {
         };
         Self {
             view,
-            rows: recorded.start - BESIDE..recorded.end + BESIDE,
+            rows: recorded.start as f64 - beside..recorded.end as f64 + beside,
             by_displacement,
             gap: single(view.optics.gap()),
             row_pitch: single(view.optics.detector.pitch[1]),
@@ -307,12 +308,6 @@ impl<'a> Illumination<'a> {
         let most = same.unwrap_or_else(|| aside(own) * change(depth, displacement)).max(other);
         PER_CHANGE * most * f64::from(response.weight * open)
     }
-}
-
-/// Row coordinates whose light may be recorded.
-pub(super) fn recorded_rows(view: &ViewContext<'_>) -> Range<f64> {
-    let (rows, blur) = (view.recorded_rows(), BLURS * view.lattice.row_blur());
-    rows.start as f64 - blur..rows.end as f64 + blur
 }
 
 /// Factor of a hash (FNV).

@@ -179,6 +179,12 @@ impl Lattice {
         self.row_spread.shares(top, bottom, down).unwrap_or([-1.0, 0.0])
     }
 
+    /// Share of light that is even over an interval of row coordinates, and blurred, that lands in some rows.
+    pub(crate) fn share_in_rows(&self, [top, bottom]: [f64; 2], rows: &Range<i64>) -> f64 {
+        let before = |border: i64| self.row_spread.share_below(border as f64, top, bottom);
+        before(rows.end) - before(rows.start)
+    }
+
     /// Integrals over an interval of a row of light that falls from 1 to 0 and of light that rises from 0 to 1, as far
     /// as it lands in the row `down` rows below, moved down by `shift` rows.
     #[must_use]

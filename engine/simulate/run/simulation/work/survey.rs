@@ -27,9 +27,9 @@ const LEAST_LOOKS: u32 = 5;
 /// Seconds after which no further look is taken.
 const SECONDS: f64 = 1.0;
 /// Patches that the first look samples.
-const FIRST_PATCHES: f64 = 24.0;
+const FIRST_PATCHES: f64 = 64.0;
 /// Fewest and most patches of a look.
-const PATCHES: [f64; 2] = [8.0, 256.0];
+const PATCHES: [f64; 2] = [16.0, 256.0];
 /// Seconds for them.
 const SECONDS_OF_A_LOOK: f64 = 0.15;
 /// Rows of the flat, or of random rays, that are timed.
