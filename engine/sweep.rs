@@ -20,7 +20,7 @@ use beamlet_model::scene::Scene;
 use rayon::prelude::*;
 use std::ops::Range;
 
-pub use fixed::Fixed;
+use fixed::Fixed;
 pub use front::{best, front};
 pub use outcome::Outcome;
 pub use score::Score;

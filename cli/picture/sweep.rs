@@ -3,7 +3,7 @@
 
 use super::axes::{Axes, BELOW, LEFT, roomy};
 use super::colour::{Map, SET, SMALL};
-use super::drawing::{Anchor, Area, Drawing, FAINT, GREY, INK, Paint};
+use super::drawing::{Anchor, Area, Drawing, FAINT, GREY, INK, Paint, text_width};
 use super::scale::Scale;
 use super::text::short;
 use beamlet::sweep::{Designs, Outcome, Score, Sweep};
@@ -147,9 +147,10 @@ impl ScorePlot<'_> {
             for (value, y) in [(low, area.bottom() + 15.0), (high, area.top - 5.0)] {
                 drawing.text([x, y], short(*value), SMALL, GREY, Anchor::Middle);
             }
-            // Long names alternate in height.
+            // Long names alternate in height, and stay on the paper.
             let y = area.bottom() + 32.0 + 15.0 * (axis % 2) as f64;
-            drawing.text([x, y], name.clone(), SMALL, INK, Anchor::Middle);
+            let least = 4.0 + 0.5 * text_width(name, SMALL);
+            drawing.text([x.max(least), y], name.clone(), SMALL, INK, Anchor::Middle);
         }
         drawing
     }

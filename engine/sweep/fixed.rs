@@ -20,7 +20,7 @@ const QUANTITIES: [(&str, Quantity); 3] =
 /// The quantity that all designs have in common, and its value in SI units: exposure time of all frames, dose in water
 /// at the axis of rotation, or photons of an open pixel over all frames with the sample.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Fixed {
+pub(super) struct Fixed {
     quantity: Quantity,
     /// `None`: the value of the scene without changes.
     value: Option<f64>,
@@ -31,7 +31,7 @@ impl Fixed {
     ///
     /// # Errors
     /// [`Error::Argument`] for another name, and a value that is no quantity above 0.
-    pub fn of(text: &str) -> Result<Self> {
+    pub(super) fn of(text: &str) -> Result<Self> {
         let (name, value) = text.split_once('=').map_or((text, None), |(n, v)| (n, Some(v)));
         let allowed = "time, dose or photons, alone or with a value above 0, as in \"time=60 s\", \"dose=5 mGy\", \
                        \"photons=1e6\"";
@@ -55,7 +55,7 @@ impl Fixed {
 
     /// True if a key of the scene sets photons or exposure.
     #[must_use]
-    pub fn sets(key: &str) -> bool {
+    pub(super) fn sets(key: &str) -> bool {
         ["detector.photons", "detector.exposure"].contains(&key)
     }
 

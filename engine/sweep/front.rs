@@ -71,7 +71,7 @@ mod tests {
         ];
         assert_eq!(front(&all, &scores), [true, true, false, false, true, true, false]);
         assert_eq!(best(&all, &scores), Some(1));
-        assert_eq!(best(&all, &[Score::Visibility]), Some(0));
+        assert_eq!(best(&all, &[Score::Visibility]), Some(6));
         assert!(front(&all, &scores[..1]).is_empty());
     }
 }

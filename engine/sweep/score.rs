@@ -87,6 +87,11 @@ impl Score {
         Err(Error::argument("score", found, format!("scores without a sample: {}", names())))
     }
 
+    /// Every score.
+    pub fn all() -> impl Iterator<Item = Self> {
+        ROWS.iter().map(|row| row.score)
+    }
+
     fn row(self) -> &'static Row {
         ROWS.iter().find(|row| row.score == self).unwrap_or(&ROWS[0])
     }

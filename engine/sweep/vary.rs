@@ -196,7 +196,7 @@ impl Axis {
             lines.filter(|(_, line)| !(line.trim().is_empty() || line.starts_with('#')));
         let (_, header) = lines.next().ok_or_else(|| failed("no header of keys"))?;
         let key = |cell: String| {
-            let (path, unit) = cell.split_once('[').unwrap_or((&cell, ""));
+            let (path, unit) = cell.rsplit_once(" [").unwrap_or((&cell, ""));
             let unit = unit.trim().trim_end_matches(']').trim().to_owned();
             VariedKey { path: path.trim().to_owned(), unit }
         };
@@ -313,6 +313,25 @@ mod tests {
         );
         assert_eq!(sets(&["p=[64,64],[32, 8]"]), ["p=[64,64]", "p=[32, 8]"]);
         assert_eq!(sets(&["d=1 mm, 90 um"]), ["d=1 mm", "d=90 um"]);
+    }
+
+    #[test]
+    fn tables_have_keys_with_units_and_a_design_a_row() {
+        let directory = tempfile::tempdir().unwrap();
+        let path = directory.path().join("designs.csv");
+        std::fs::write(&path, "# two\na.f[0].b [um],c\n5,x\n7, y\n").unwrap();
+        let vary = [path.to_str().unwrap(), "d=1,2"];
+        assert_eq!(
+            sets(&vary),
+            [
+                "a.f[0].b=5 um & c=x & d=1",
+                "a.f[0].b=5 um & c=x & d=2",
+                "a.f[0].b=7 um & c=y & d=1",
+                "a.f[0].b=7 um & c=y & d=2"
+            ]
+        );
+        std::fs::write(&path, "a.f[0].b [um]\n5\n").unwrap();
+        assert_eq!(sets(&vary[..1]), ["a.f[0].b=5 um"]);
     }
 
     #[test]

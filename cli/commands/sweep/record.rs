@@ -5,12 +5,22 @@ use crate::args::Sweep as Arguments;
 use crate::failure::Failure;
 use beamlet::cli_support::write_file;
 use beamlet::scene::Scene;
-use beamlet::sweep::Outcome;
+use beamlet::sweep::{Outcome, Score};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::path::Path;
 
 const NAME: &str = "sweep.json";
+
+/// Removes the files of an earlier sweep, which may have other scores.
+fn remove_earlier(output: &Path) {
+    let pictures = Score::all().map(Score::name).chain(["front"]);
+    let pictures = pictures.flat_map(|name| [format!("{name}.png"), format!("{name}.svg")]);
+    for name in pictures.chain(["sweep.csv".into(), "best.toml".into()]) {
+        // What is not there needs no removal, and what stays is replaced later.
+        let _ = std::fs::remove_file(output.join(name));
+    }
+}
 
 /// What decides the scores of a sweep.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -56,6 +66,7 @@ impl Record {
         refuse_read(&[path.clone(), best], &read)?;
         if !arguments.resume {
             refuse_existing(&[path], arguments.overwrite)?;
+            remove_earlier(&arguments.output);
             return Ok(Self { subject, designs: Vec::new() });
         }
         let failed = |problem: String| Failure::File { path: path.clone(), problem };

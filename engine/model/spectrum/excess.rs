@@ -1,7 +1,7 @@
 //! Excess noise of an integrating detector: photons of different signal.
 
 use super::nodes::detected;
-use super::response;
+use super::response::{response, responses};
 use crate::scene::{Beam, Detector, DetectorMode, Scene};
 use beamlet_core::{Error, Result};
 
@@ -32,7 +32,7 @@ pub fn open_beam(scene: &Scene) -> Result<Vec<[f64; 2]>> {
     let energy = match &scene.source.beam {
         Beam::Energy(energy) => *energy,
         Beam::Spectrum(spec) => {
-            let rows = detected(scene, spec, |energy| response(scene, energy))?;
+            let rows = detected(scene, spec, |energies| responses(scene, energies))?;
             return Ok(rows.energies_kev.into_iter().zip(rows.weights).map(Into::into).collect());
         }
     };

@@ -86,7 +86,9 @@ pub fn nodes_with(scene: &Scene, response: impl Fn(f64) -> Result<f64>) -> Resul
         }
         Beam::Spectrum(spec) => spec,
     };
-    let spectrum = detected(scene, spec, response)?;
+    let spectrum = detected(scene, spec, |energies| {
+        energies.iter().map(|energy| response(*energy)).collect()
+    })?;
     let probes = Probes::of(scene, &spectrum)?;
     let mut segments = edges::segments(&spectrum, &probes)?;
     if let Some(count) = spec.nodes {
@@ -103,16 +105,16 @@ pub fn nodes_with(scene: &Scene, response: impl Fn(f64) -> Result<f64>) -> Resul
     Ok(chosen(&parts, spec.nodes.map(|count| count as usize), spectrum.total()))
 }
 
-/// Rows of the spectrum behind filters and path, with their signal in the detector as weights.
+/// Rows of the spectrum behind filters and path, with their signal in the detector as weights. `responses`: to photons of
+/// energies in keV.
 pub(super) fn detected(
     scene: &Scene,
     spec: &SpectrumSpec,
-    response: impl Fn(f64) -> Result<f64>,
+    responses: impl FnOnce(&[f64]) -> Result<Vec<f64>>,
 ) -> Result<Spectrum> {
     let mut spectrum = Spectrum::after_filters(scene, spec)?.significant();
-    for (energy, weight) in spectrum.energies_kev.iter().zip(&mut spectrum.weights) {
-        *weight *= response(*energy)?;
-    }
+    let responses = responses(&spectrum.energies_kev)?;
+    spectrum.weights.iter_mut().zip(responses).for_each(|(weight, response)| *weight *= response);
     let spectrum = spectrum.significant();
     if spectrum.energies_kev.is_empty() {
         let allowed = "energies above thresholds and where the absorber absorbs";

@@ -11,11 +11,19 @@ use beamlet_core::Result;
 /// # Errors
 /// As [`material::constants_at`], at `detector.absorber.material`.
 pub fn response(scene: &Scene, energy_kev: f64) -> Result<f64> {
-    let signal = match scene.detector.mode {
-        DetectorMode::Counting { .. } => 1.0,
-        DetectorMode::Integrating => energy_kev,
-    };
-    Ok(detected_shares(scene, &[energy_kev])?[0] * signal)
+    Ok(responses(scene, &[energy_kev])?[0])
+}
+
+/// As [`response`], at many energies.
+///
+/// # Errors
+/// As [`response`].
+pub(super) fn responses(scene: &Scene, energies: &[f64]) -> Result<Vec<f64>> {
+    let mut responses = detected_shares(scene, energies)?;
+    if scene.detector.mode == DetectorMode::Integrating {
+        responses.iter_mut().zip(energies).for_each(|(response, energy)| *response *= energy);
+    }
+    Ok(responses)
 }
 
 /// Share of the arriving photons of each energy (keV) that add to the signal.
