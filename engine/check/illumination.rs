@@ -20,6 +20,8 @@ const OFFSETS: u32 = 128;
 /// with blur it comes from around it.
 const PART: [u32; 2] = [4, 1];
 pub(super) const BLURRED_PART: [u32; 2] = [96, 96];
+/// Difference from a whole number of periods in a pixel that adds nothing over a detector.
+const SAME_PERIOD: f64 = 1e-6;
 /// Least standard deviation of a blur, pixels, beyond which the light of a flat does not depend on it where the masks
 /// have periods of up to as many pixels: exp(-2 pi^2) of a wave of that period is left, 3e-9.
 const WIDE_BLUR: f64 = 4.0;
@@ -179,13 +181,30 @@ pub(crate) fn design_curve(engine: &Engine, scene: &Scene) -> Result<DesignCurve
     }
     let mut all = offsets_of_period(&optics);
     all.extend(&scene.scan.mask_offsets);
-    let values = flat(engine, scene, all)?;
+    let values = match has_even_flat(scene) {
+        true => {
+            let mut sharp = scene.clone();
+            sharp.detector.blur = None;
+            flat(engine, &sharp, all)?
+        }
+        false => flat(engine, scene, all)?,
+    };
     let (light, scanned) = values.split_at(OFFSETS as usize);
     let expected = match &scene.detector.counts {
         Some(counts) => expected(engine, scene, counts, scanned)?,
         None => None,
     };
     Ok(DesignCurve { visibility: Some(visibility(light)), expected })
+}
+
+/// True if each pixel has whole periods of each mask of slits: all pixels of a flat then have the same light, with and
+/// without blur.
+fn has_even_flat(scene: &Scene) -> bool {
+    scene.masks().all(|(_, mask)| {
+        let periods =
+            scene.detector.pitch[0] * mask.distance / scene.detector.distance / mask.period;
+        periods > 0.5 && (periods - periods.round()).abs() < SAME_PERIOD
+    })
 }
 
 /// Offsets over a period of the curve, m.
