@@ -25,6 +25,8 @@ const AIM: f64 = 0.4;
 const AIM_OF_ONE: f64 = 0.3;
 /// Part of the budget up to which rays that were settled on are left as they are.
 const ACCEPTED: f64 = 0.9;
+/// Most bodies of a patch that lines may resolve: a line through a thousand fibres takes as long as 100,000 rays.
+const MOST_OF_LINES: u32 = 128;
 /// Rays of the first trial.
 const FIRST: u32 = 48;
 /// Largest growth of the number of rays after a trial. If more are needed, another trial follows.
@@ -111,6 +113,20 @@ impl EvenPatch {
         let height = single((0.5 + f64::from(index) * GOLDEN).fract());
         let ray = [x[0] + share * (x[1] - x[0]), z[0] + height * (z[1] - z[0])];
         (x, z, ray)
+    }
+}
+
+/// Bodies whose shadows fall on a patch.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Bodies {
+    pub count: u32,
+    /// Width of the narrowest, m.
+    pub narrowest: f64,
+}
+
+impl Default for Bodies {
+    fn default() -> Self {
+        Self { count: 0, narrowest: f64::INFINITY }
     }
 }
 
@@ -235,18 +251,17 @@ impl<'a> EvenSampler<'a> {
         EvenPatch { beamlet, row, borders, lines, trial, results, rays: 0, error: 0.0 }
     }
 
-    /// Takes the results of the rays of a patch; another patch of other rays where they do not suffice. `narrowest`: width
-    /// of its narrowest body, m.
+    /// Takes the results of the rays of a patch; another patch of other rays where they do not suffice.
     pub(super) fn take(
         &self,
         patch: &mut EvenPatch,
         results: &[RayResult],
         openings: &[Opening],
-        narrowest: f64,
+        bodies: &Bodies,
     ) -> Next {
         patch.results = results.to_vec();
         patch.rays += numbers::count(results.len());
-        let next = self.next(patch, openings, narrowest);
+        let next = self.next(patch, openings, bodies);
         let Next::Rays { count, is_settled } = next else { return next };
         let left = self.view.budget.max_rays.saturating_sub(patch.rays);
         let most = single(self.view.lattice.period) / NARROWEST;
@@ -261,9 +276,10 @@ impl<'a> EvenSampler<'a> {
         next
     }
 
-    fn next(&self, patch: &mut EvenPatch, openings: &[Opening], narrowest: f64) -> Next {
+    fn next(&self, patch: &mut EvenPatch, openings: &[Opening], bodies: &Bodies) -> Next {
         let samples = self.samples(patch);
-        if patch.trial == 1 && !self.is_unresolved(&samples) {
+        let is_few = bodies.count <= MOST_OF_LINES;
+        if patch.trial == 1 && is_few && !self.is_unresolved(&samples) {
             return Next::Lines;
         }
         let budget = self.view.budget.light;
@@ -273,7 +289,7 @@ impl<'a> EvenSampler<'a> {
         let hides = seen.iter().any(|it| {
             let apart = f64::from(it.width() / patch.lines as f32);
             let worth = f64::from(SPREAD * it.area * it.passed);
-            apart > narrowest && worth > ACCEPTED * budget
+            apart > bodies.narrowest && worth > ACCEPTED * budget
         });
         if patch.trial == 0 && patch.error <= ACCEPTED * budget && !hides {
             return Next::Done;

@@ -1,6 +1,6 @@
 //! Patches: heights of their lines, or rays of those whose bodies are many, and errors.
 
-use super::even::{EvenPatch, EvenSampler, Next};
+use super::even::{Bodies, EvenPatch, EvenSampler, Next};
 use super::heights::{Features, Heights, Limits, Uneven};
 use super::light::{Illumination, LitLine};
 use super::line::{LinePlace, Piece, Source};
@@ -40,12 +40,10 @@ pub(crate) struct PatchPlaces {
 }
 
 /// Bodies whose shadows fall on a patch.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Default)]
 struct Touched {
     features: Features,
-    bodies: u32,
-    /// Width of the narrowest, m.
-    narrowest: f64,
+    bodies: Bodies,
 }
 
 impl PatchPlaces {
@@ -59,14 +57,9 @@ impl PatchPlaces {
             let beamlets = shadow.patches(lattice)[1].clone();
             for row in shadow.rows_that_count(lattice, &recorded, &grid.rows) {
                 for at in grid.in_row(row, beamlets.clone()) {
-                    let none = Touched {
-                        features: Features::default(),
-                        bodies: 0,
-                        narrowest: f64::INFINITY,
-                    };
-                    let patch = touched[at].get_or_insert(none);
-                    patch.bodies += 1;
-                    patch.narrowest = patch.narrowest.min(shadow.width);
+                    let patch = touched[at].get_or_insert_default();
+                    patch.bodies.count += 1;
+                    patch.bodies.narrowest = patch.bodies.narrowest.min(shadow.width);
                     patch.features.add(shadow, row);
                 }
             }
@@ -85,7 +78,7 @@ impl PatchPlaces {
 
     /// True if so many bodies may be in a patch that rays are tried.
     pub(crate) fn is_crowded(&self, beamlet: i64, row: i64) -> bool {
-        self.at(beamlet, row).is_some_and(|it| it.bodies > MOST_BODIES)
+        self.at(beamlet, row).is_some_and(|it| it.bodies.count > MOST_BODIES)
     }
 
     /// True if a shadow falls on a patch.
@@ -274,8 +267,9 @@ impl<'a> LineSampler<'a> {
             let with_results: Vec<_> = std::mem::take(&mut waiting).into_iter().map(own).collect();
             let judged = with_results.into_par_iter().map(|(mut patch, results)| {
                 let openings = &self.openings[column(patch.beamlet)];
-                let narrowest = of.at(patch.beamlet, patch.row).map_or(0.0, |it| it.narrowest);
-                let next = self.even.take(&mut patch, results, openings, narrowest);
+                let bodies =
+                    of.at(patch.beamlet, patch.row).map(|it| it.bodies).unwrap_or_default();
+                let next = self.even.take(&mut patch, results, openings, &bodies);
                 (patch, next)
             });
             for (patch, next) in judged.collect::<Vec<_>>() {
