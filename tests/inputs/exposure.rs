@@ -32,8 +32,8 @@ fn close(found: f64, expected: f64, tolerance: f64) {
 }
 
 /// One energy, no filter: 1000 photons of 60 keV on 0.02 mm2 at 2 m are 4 times as dense at 1 m, and deposit
-/// 60 keV times the mu_en/rho of NIST: 0.03041 cm2/g in air, 0.03190 in water. An absorber of half the photons and a
-/// mask of a quarter open shares double and quarter the dose of the detected photons.
+/// 60 keV times the energy absorption of NIST: 0.03041 cm2/g in air, 0.03190 in water. A mask that is open to a quarter
+/// has a quarter of it in each of six frames.
 #[test]
 fn dose_of_one_energy_is_the_fluence_times_energy_times_absorption() {
     let energy = "energy = \"60 keV\"";
