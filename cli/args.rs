@@ -6,31 +6,26 @@ mod convert;
 mod look;
 mod mesh;
 mod options;
-mod reconstruct;
 mod shared;
 mod simulate;
 mod sweep;
-mod values;
 mod view;
 
 pub(crate) use beam::{Material, Spectrum};
 pub(crate) use convert::{Convert, Program};
 pub(crate) use look::{Check, Compare};
 pub(crate) use mesh::{Mask, Mesh};
-pub(crate) use options::Tabled;
-pub(crate) use reconstruct::{Centre, Hardening, QuantityName, Reconstruct, ReconstructionName};
+pub(crate) use options::TableArguments;
 pub(crate) use shared::{Messages, ProfileArguments};
 pub(crate) use simulate::{Join, Simulate};
 pub(crate) use sweep::Sweep;
-pub(crate) use values::ValueRange;
-pub(crate) use view::{PictureFormat, Report, Show, View, ViewOfRun, ViewOfScene};
+pub(crate) use view::{PictureFormat, Report, Show, ValueRange, View, ViewOfRun, ViewOfScene};
 
-use beamlet::cli_support::options::RetrieveArguments;
+use beamlet::cli_support::options::{ReconstructArguments, RetrieveArguments};
 use beamlet::scene::Scene;
 use clap::{Args, Parser, Subcommand};
 use clap_complete::Shell;
 use std::path::PathBuf;
-use values::key_value;
 
 /// Edge-illumination X-ray phase contrast imaging, simulated from CAD models.
 #[derive(Debug, Parser)]
@@ -84,9 +79,10 @@ pub(crate) enum Verb {
     Join(Join),
     /// Retrieve transmission, refraction and dark field from a run or from measured stacks
     #[command(after_help = RETRIEVE)]
-    Retrieve(Box<Tabled<RetrieveArguments>>),
+    Retrieve(Box<TableArguments<RetrieveArguments>>),
     /// Reconstruct volumes of attenuation, delta and dark field from a run or retrieved images
-    Reconstruct(Box<Reconstruct>),
+    #[command(after_help = RECONSTRUCT)]
+    Reconstruct(Box<TableArguments<ReconstructArguments>>),
     /// Write retrieved images for another program: ASTRA
     Convert(Convert),
     /// Compare two stacks, runs or retrievals
@@ -122,6 +118,13 @@ pub(crate) enum Verb {
     Man(Man),
 }
 
+fn key_value(text: &str) -> Result<String, String> {
+    match text.split_once('=') {
+        Some((key, _)) if !key.trim().is_empty() => Ok(text.to_owned()),
+        _ => Err("write key.path=value, as in 'source.energy=40 keV'".into()),
+    }
+}
+
 const RETRIEVE: &str = "Examples:\n  \
     beamlet retrieve run\n  \
     beamlet retrieve run --method exact-curve --format npy --overwrite\n  \
@@ -132,6 +135,17 @@ const RETRIEVE: &str = "Examples:\n  \
     Images go to RUN/retrieved, or to DIR: transmission, refraction (rad), dark_field (rad^2), \
     their 1-sigma uncertainties, flags, and the parameters of the fits; retrieved.json records \
     units and the meaning of the flags. docs/retrieval.md has formulas, validity and bias.";
+
+const RECONSTRUCT: &str = "Examples:\n  \
+    beamlet reconstruct run -o volume\n  \
+    beamlet reconstruct run -o volume --quantity delta --format mhd --truth\n  \
+    beamlet reconstruct dither0/retrieved dither1/retrieved -o volume --dry-run\n  \
+    beamlet reconstruct sinograms.npy --geometry scene.toml --quantity mu -o volume\n  \
+    beamlet reconstruct run -o volume --method cgls --iterations 10 --mask 'cylinder:0 mm,0 mm,8 mm'\n  \
+    beamlet reconstruct run -o volume --quantity mu --beam-hardening water@40keV\n\n\
+    Volumes go to DIR: mu (1/m) from the transmission, delta from the refraction angles, dark-field \
+    (rad^2/m), [z][y][x], each side ascending; volume.json records grid, units and provenance. \
+    docs/reconstruction.md goes from a scan to slices.";
 
 /// A scene and changes to it.
 #[derive(Debug, Args)]

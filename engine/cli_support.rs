@@ -19,10 +19,15 @@ pub mod printed {
 /// Tables of options of verbs.
 pub mod options {
     pub use beamlet_core::options::{
-        Choice, Given, Hyphens, Keyword, Need, Options, Relation, Row, Word, Wrong, keywords,
-        literals, page_rows, typed_dict,
+        Choice, Hyphens, Keyword, Need, OptionValue, Options, Refusal, Relation, Row, Word,
+        keywords, literals, page_rows, typed_dict,
     };
+    pub use beamlet_recon::reconstruct::{Centre, ReconstructArguments};
     pub use beamlet_recon::retrieve::{Offsets, RetrieveArguments};
+}
+/// Reconstruction of arrays.
+pub mod reconstruct {
+    pub use beamlet_recon::reconstruct::{SinogramVolume, Sinograms, reconstruct_sinograms};
 }
 /// Quantities with units.
 pub mod units {

@@ -5,8 +5,11 @@ mod sums;
 
 use crate::Engine;
 use beamlet_core::numbers::{count, single, whole};
+use beamlet_core::options::Need::{Default as Usual, Without};
+use beamlet_core::options::{ABOVE_ZERO, Kind, Refusal, WHOLE};
 use beamlet_core::rows_control::RowsControl;
-use beamlet_core::{Error, Result, parallel, reserve, setters};
+use beamlet_core::units::Dimension;
+use beamlet_core::{Error, Result, options, parallel, reserve, setters};
 use beamlet_files::GeometryFile;
 use beamlet_interface::{FLAG_NOT_FINITE, Ray, RayResult};
 use beamlet_model::optics::{Optics, modulated};
@@ -31,26 +34,29 @@ const GOLDEN: f64 = 0.618_033_988_749_894_9;
 /// The next such number, 1/ρ with ρ³ = ρ + 1: an even order that is independent of the first.
 const SECOND_GOLDEN: f64 = 0.754_877_666_246_692_7;
 
-/// How ideal images are made; what differs from the default is set in a chain.
-#[derive(Debug, Clone, Copy, PartialEq)]
-#[non_exhaustive]
-pub struct IdealOptions {
-    /// Largest refraction angle that counts in refraction and dark field, rad. `None`: the angle that moves
-    /// light by half a period of the sample mask; without a sample mask no bound.
-    pub reach: Option<f64>,
-    /// Standard error of the transmission below which a pixel gets no more rays.
-    pub tolerance: f64,
-    /// The same of the refraction angle and of the root of the dark field, rad.
-    pub angle_tolerance: f64,
-    /// Most rays of a pixel and view, at least 64.
-    pub most_rays: usize,
+options! {
+    /// How ideal images are made; what differs from the default is set in a chain.
+    #[non_exhaustive]
+    IdealOptions;
+    reach: Option<f64> = REACH,
+        Without("the angle that moves light by half a period of the sample mask; without a sample mask no bound"), [],
+        "Largest refraction angle that counts in refraction and dark field, rad";
+    tolerance: f64 = ABOVE_ZERO, Usual("1e-3"), [],
+        "Standard error of the transmission below which a pixel gets no more rays";
+    angle_tolerance: f64 = ABOVE_ZERO, Usual("3e-8"), [],
+        "Standard error of the refraction and of the root of the dark field below which a pixel gets no more rays, rad";
+    most_rays: usize = WHOLE, Usual("4096"), [], "Most rays of a pixel and view, at least 64";
 }
 
-impl Default for IdealOptions {
-    fn default() -> Self {
-        Self { reach: None, tolerance: 1e-3, angle_tolerance: 3e-8, most_rays: 4096 }
-    }
-}
+/// An angle above 0, rad.
+const REACH: Kind<f64> =
+    Kind::new("ANGLE", "str | float", "a number above 0, rad, or text as \"30 urad\"", |given| {
+        let angle = match given.text() {
+            Some(text) => Dimension::Angle.parse(text)?,
+            None => given.number().ok_or(Refusal::Form)?,
+        };
+        if angle > 0.0 { Ok(angle) } else { Err(Refusal::Form) }
+    });
 
 impl IdealOptions {
     setters! {

@@ -3,7 +3,7 @@
 use super::SceneArguments;
 use super::options::choice;
 use super::shared::{EngineArguments, Messages};
-use super::values::from_zero;
+use beamlet::cli_support::units;
 use beamlet::stack::Format;
 use clap::Args;
 use std::path::PathBuf;
@@ -69,4 +69,9 @@ pub(crate) struct Compare {
     pub(crate) json: bool,
     #[command(flatten)]
     pub(crate) messages: Messages,
+}
+
+fn from_zero(text: &str) -> Result<f64, String> {
+    let found = units::number(text).filter(|value| value.is_finite() && *value >= 0.0);
+    found.ok_or_else(|| "allowed: a finite number of 0 or more".into())
 }

@@ -1,14 +1,14 @@
 //! Arguments of a verb from its table of options.
 
 use super::shared::{DeviceArguments, Messages, ProfileArguments};
-use beamlet::cli_support::options::{Choice, Given, Hyphens, Need, Options, Relation, Row};
+use beamlet::cli_support::options::{Choice, Hyphens, Need, OptionValue, Options, Relation, Row};
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use clap::parser::ValueSource;
 use clap::{Arg, ArgAction, ArgMatches, Args, Command, FromArgMatches};
 
 /// Arguments of a verb with a table: the options of the table, and those of all such verbs.
 #[derive(Debug, Args)]
-pub(crate) struct Tabled<T: Options> {
+pub(crate) struct TableArguments<T: Options> {
     #[command(flatten)]
     pub(crate) table: Table<T>,
     #[command(flatten)]
@@ -41,20 +41,20 @@ impl<T: Options> FromArgMatches for Table<T> {
                 continue;
             }
             let (given, shown) = if row.form.is_switch() {
-                (Given::Flag(true), "true".to_owned())
+                (OptionValue::Flag(true), "true".to_owned())
             } else {
                 let words: Vec<_> =
                     matches.get_many::<String>(row.name).unwrap_or_default().cloned().collect();
                 let shown = words.join(",");
-                let mut values: Vec<_> = words.into_iter().map(Given::Argument).collect();
+                let mut values: Vec<_> = words.into_iter().map(OptionValue::Argument).collect();
                 match values.pop() {
                     Some(last) if !row.is_list() => (last, shown),
-                    last => (Given::List(values.into_iter().chain(last).collect()), shown),
+                    last => (OptionValue::List(values.into_iter().chain(last).collect()), shown),
                 }
             };
             let done = table.set(row, &given, shown);
-            done.map_err(|wrong| {
-                let problem = format!("--{}: {}\n", row.long(), wrong.words(&row.form));
+            done.map_err(|refusal| {
+                let problem = format!("--{}: {}\n", row.long(), refusal.words(&row.form));
                 clap::Error::raw(clap::error::ErrorKind::ValueValidation, problem)
             })?;
         }
@@ -114,9 +114,9 @@ fn with_value<T: Options>(argument: Arg, row: &'static Row<T>) -> Arg {
         return argument.value_parser(PossibleValuesParser::new(words.into_iter().map(possible)));
     }
     argument.value_parser(|text: &str| {
-        let given = Given::Argument(text.to_owned());
+        let given = OptionValue::Argument(text.to_owned());
         let read = (row.read)(&mut T::default(), &given);
-        read.map(|()| text.to_owned()).map_err(|wrong| wrong.words(&row.form))
+        read.map(|()| text.to_owned()).map_err(|refusal| refusal.words(&row.form))
     })
 }
 

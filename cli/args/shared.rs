@@ -1,6 +1,6 @@
 //! Arguments of several verbs: what walks the rays, and how much goes to stderr.
 
-use super::values::memory_size;
+use beamlet::cli_support::units;
 use beamlet::{Backend, EngineOptions};
 use clap::{Args, ValueEnum};
 
@@ -81,4 +81,8 @@ impl BackendName {
             Self::Bvh => Some(Backend::Bvh),
         }
     }
+}
+
+pub(super) fn memory_size(text: &str) -> Result<u64, String> {
+    units::memory_size(text).map_err(|error| error.to_string())
 }

@@ -3,7 +3,6 @@
 use super::SceneArguments;
 use super::options::choice;
 use super::shared::{EngineArguments, Messages, ProfileArguments};
-use super::values::view_range;
 use beamlet::stack::{Format, ViewRange};
 use clap::Args;
 use std::path::PathBuf;
@@ -65,4 +64,8 @@ pub(crate) struct Join {
     pub(crate) allow_mixed: bool,
     #[command(flatten)]
     pub(crate) messages: Messages,
+}
+
+fn view_range(text: &str) -> Result<ViewRange, String> {
+    text.parse().map_err(|error: beamlet::Error| error.to_string())
 }

@@ -1,7 +1,8 @@
 //! Pictures: `view` and `report`.
 
-use super::shared::{DeviceArguments, Messages};
-use super::values::{ValueRange, degrees, key_value, memory_size, pixel, value_range};
+use super::key_value;
+use super::shared::{DeviceArguments, Messages, memory_size};
+use beamlet::cli_support::units;
 use clap::{Args, ValueEnum};
 use std::path::PathBuf;
 
@@ -155,4 +156,40 @@ pub(crate) struct Report {
     pub(crate) device: DeviceArguments,
     #[command(flatten)]
     pub(crate) messages: Messages,
+}
+
+fn degrees(text: &str) -> Result<f64, String> {
+    match units::number(text) {
+        Some(angle) if angle.abs() <= 360.0 => Ok(angle),
+        _ => Err("a number of degrees from -360 to 360".into()),
+    }
+}
+
+fn pixel(text: &str) -> Result<[u32; 2], String> {
+    let parts: Vec<_> = text.split(',').map(|part| part.trim().parse::<u32>()).collect();
+    match parts[..] {
+        [Ok(column), Ok(row)] => Ok([column, row]),
+        _ => Err("write column,row, as in 80,64, both counted from 0, rows from the top".into()),
+    }
+}
+
+/// The ends of a colour scale: of which image, and in its shown unit.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct ValueRange {
+    pub(crate) name: String,
+    pub(crate) ends: [f64; 2],
+}
+
+fn value_range(text: &str) -> Result<ValueRange, String> {
+    let number = |text: &str| units::number(text).filter(|value| value.is_finite());
+    let parts = text.split_once('=').and_then(|(name, ends)| {
+        let (low, high) = ends.split_once("..")?;
+        Some((name.trim().to_owned(), [number(low)?, number(high)?]))
+    });
+    match parts {
+        Some((name, ends)) if !name.is_empty() && ends[0] < ends[1] => {
+            Ok(ValueRange { name, ends })
+        }
+        _ => Err("write name=low..high with low below high, as in refraction=-10..10".into()),
+    }
 }

@@ -3,7 +3,7 @@
 mod summary;
 
 use super::simulate::command_line;
-use crate::args::Tabled;
+use crate::args::TableArguments;
 use crate::failure::Failure;
 use crate::interrupt;
 use crate::progress::Reporter;
@@ -18,7 +18,7 @@ use std::path::PathBuf;
 use std::time::Instant;
 
 pub(super) fn run(
-    arguments: &Tabled<RetrieveArguments>,
+    arguments: &TableArguments<RetrieveArguments>,
     out: &mut impl Write,
 ) -> Result<(), Failure> {
     let began = Instant::now();

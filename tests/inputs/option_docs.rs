@@ -1,8 +1,10 @@
 //! Keywords of Python and their tables in docs/python.md are those of the tables of options. `BEAMLET_WRITE_DOCS=1`
 //! writes them.
 
+use beamlet::IdealOptions;
 use beamlet::cli_support::options::{
-    Given, Need, Options, RetrieveArguments, keywords, literals, page_rows, typed_dict,
+    Need, OptionValue, Options, ReconstructArguments, RetrieveArguments, keywords, literals,
+    page_rows, typed_dict,
 };
 
 const PAGE: &str = "docs/python.md";
@@ -25,16 +27,24 @@ EmptyBeam = Span | tuple[Span, Span]
 
 fn module() -> String {
     let retrieve = keywords::<RetrieveArguments>();
+    let reconstruct = keywords::<ReconstructArguments>();
     HEAD.to_owned()
         + &literals::<RetrieveArguments>()
+        + &literals::<ReconstructArguments>()
         + &typed_dict("RunKeywords", "TypedDict", &retrieve, |it| !it.is_measured)
         + &typed_dict("MeasuredKeywords", "RunKeywords", &retrieve, |it| it.is_measured)
+        + &typed_dict("ReconstructKeywords", "TypedDict", &reconstruct, |_| true)
+        + &typed_dict("IdealKeywords", "TypedDict", &keywords::<IdealOptions>(), |_| true)
 }
 
 /// The page with the table of the keywords of each verb, which follows the mark of the verb.
 fn page(page: &str) -> String {
     let mut out = page.to_owned();
-    for (verb, table) in [("retrieve", page_rows(&keywords::<RetrieveArguments>()))] {
+    for (verb, table) in [
+        ("retrieve", page_rows(&keywords::<RetrieveArguments>())),
+        ("reconstruct", page_rows(&keywords::<ReconstructArguments>())),
+        ("ideal", page_rows(&keywords::<IdealOptions>())),
+    ] {
         let mark = format!("<!-- keywords of {verb} -->\n");
         let start = out.find(&mark).unwrap_or_else(|| panic!("{PAGE} has no {mark}")) + mark.len();
         let end = out[start..].find("\n\n").map_or(out.len(), |at| start + at + 1);
@@ -65,7 +75,7 @@ fn read_defaults<T: Options>() -> usize {
             assert!(T::ROWS.iter().any(|other| other.name == *name), "{} needs {name}", row.name);
         }
         if let Need::Default(text) = row.need {
-            T::default().set(row, &Given::Argument(text.into()), text.into()).unwrap();
+            T::default().set(row, &OptionValue::Argument(text.into()), text.into()).unwrap();
             count += 1;
         }
     }
@@ -75,4 +85,6 @@ fn read_defaults<T: Options>() -> usize {
 #[test]
 fn defaults_are_values_of_their_options() {
     assert!(read_defaults::<RetrieveArguments>() > 0);
+    assert!(read_defaults::<ReconstructArguments>() > 0);
+    assert!(read_defaults::<IdealOptions>() > 0);
 }

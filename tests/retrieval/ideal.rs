@@ -327,12 +327,12 @@ fn ideal_images_have_the_columns_of_retrieved_ones() {
 #[test]
 fn options_that_cannot_be_are_refused() {
     let scene = scene([2, 1], "");
-    let default = IdealOptions::default();
+    let default = IdealOptions::default;
     for (options, name) in [
-        (default.with_reach(0.0), "reach"),
-        (default.with_tolerance(f64::NAN), "tolerance"),
-        (default.with_angle_tolerance(-1.0), "angle_tolerance"),
-        (default.with_most_rays(3), "most_rays"),
+        (default().with_reach(0.0), "reach"),
+        (default().with_tolerance(f64::NAN), "tolerance"),
+        (default().with_angle_tolerance(-1.0), "angle_tolerance"),
+        (default().with_most_rays(3), "most_rays"),
     ] {
         let found = ideal(&engine(Backend::Bvh), &scene, &options, &mut RowsControl::default());
         match found {
@@ -342,6 +342,6 @@ fn options_that_cannot_be_are_refused() {
     }
     let control = &mut RowsControl::default();
     control.cancel.cancel();
-    let ended = ideal(&engine(Backend::Bvh), &scene, &default, control);
+    let ended = ideal(&engine(Backend::Bvh), &scene, &default(), control);
     assert!(matches!(ended, Err(Error::Interrupted)), "{ended:?}");
 }

@@ -311,7 +311,7 @@ fn many_rays_of_a_pixel_lose_no_light() {
     scene.objects[0].geometry = Shape::Sphere { radius: 0.5e-3, sides: None }.into();
     scene.objects[0].roughness = 1e-3;
     scene.sampling.transport = Transport::Exact;
-    scene.sampling.tolerance = Some(1e-4);
+    scene.sampling.tolerance = Some(3e-4);
     scene.sampling.max_rays = 1_000_000;
     let engine = engine(Backend::Bvh);
     let mut sink = ArraySink::new();
@@ -320,9 +320,10 @@ fn many_rays_of_a_pixel_lose_no_light() {
     let sum = |values: &mut dyn Iterator<Item = &f32>| values.copied().map(f64::from).sum::<f64>();
     let lost = sum(&mut stacks.flat.iter()) - sum(&mut stacks.sample.iter());
     let rays = record.tally.patch_rays as f64;
-    assert!(rays > 3e5, "{rays} rays");
-    // A rounding of 2^-32 each, half of it where none is up or down more often.
-    let mut worst = Worst::new("sampling, light lost per ray, shares of a rounding down", 0.1);
+    assert!(rays > 1e5, "{rays} rays");
+    // A rounding of 2^-32 each, half of it where none is up or down more often; a cell at borders adds to up to six
+    // pixels.
+    let mut worst = Worst::new("sampling, light lost per ray, shares of a rounding down", 0.2);
     worst.take(lost / (rays * 2.0_f64.powi(-33)), || format!("{rays} rays"));
     worst.holds();
 }

@@ -1,9 +1,9 @@
 //! Inputs of `beamlet reconstruct`.
 
-use crate::args::{QuantityName, Reconstruct};
 use crate::commands::simulate::command_line;
 use crate::failure::Failure;
 use crate::progress::Reporter;
+use beamlet::cli_support::options::ReconstructArguments;
 use beamlet::reconstruct::Input;
 use beamlet::retrieve::{self, ImagesTo, Record, RetrieveOptions};
 use beamlet::scene::Scene;
@@ -23,20 +23,20 @@ pub(super) struct Source {
 
 impl Source {
     pub(super) fn of(
-        arguments: &Reconstruct,
+        given: &ReconstructArguments,
         engine: &Engine,
         cancel: &Cancel,
         reporter: &mut Reporter,
     ) -> Result<Self, Failure> {
-        if let Some(geometry) = &arguments.geometry {
-            return Self::of_file(arguments, geometry);
+        if let Some(geometry) = &given.geometry {
+            return Self::of_file(given, geometry);
         }
         let (mut folders, mut scene, mut retrieved) = (Vec::new(), None, None);
-        for input in &arguments.inputs {
+        for input in &given.inputs {
             if layout::is_run(input) {
                 let images = input.join(layout::RETRIEVED);
                 if !layout::is_retrieved(&images) {
-                    if arguments.dry_run {
+                    if given.dry_run {
                         let problem = "is not retrieved yet: run beamlet retrieve before --dry-run";
                         return Err(Failure::File { path: input.clone(), problem: problem.into() });
                     }
@@ -66,9 +66,9 @@ impl Source {
         Ok(Self { input, scene, retrieved, flat_width: record.flat_width })
     }
 
-    fn of_file(arguments: &Reconstruct, geometry: &Path) -> Result<Self, Failure> {
+    fn of_file(given: &ReconstructArguments, geometry: &Path) -> Result<Self, Failure> {
         let usage = |problem: &str| Err(Failure::Usage(problem.into()));
-        let [path] = arguments.inputs.as_slice() else {
+        let [path] = given.inputs.as_slice() else {
             return usage("--geometry requires exactly one file of sinograms");
         };
         if path.is_dir() {
@@ -76,7 +76,7 @@ impl Source {
                 "--geometry is for files of sinograms; retrieved images have their own geometry",
             );
         }
-        let [QuantityName::One(quantity)] = arguments.quantity.as_slice() else {
+        let [quantity] = given.quantity.as_slice() else {
             return usage(
                 "a file of sinograms needs --quantity: mu (-ln of the transmission), delta (rad) \
                           or dark-field (rad^2)",
@@ -87,9 +87,9 @@ impl Source {
             true => &geometry.join(layout::SCENE),
             false => geometry,
         };
-        let scene = Scene::load_with(geometry, &arguments.sets)?;
+        let scene = Scene::load_with(geometry, &given.set)?;
         let input = Input::of_file(path, *quantity, &scene)
-            .map_err(|error| Scene::locate(geometry, &arguments.sets, error))?;
+            .map_err(|error| Scene::locate(geometry, &given.set, error))?;
         Ok(Self { input, scene: Some(scene), retrieved: None, flat_width: None })
     }
 }

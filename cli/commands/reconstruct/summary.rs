@@ -1,7 +1,7 @@
 //! Plan and summary of a reconstruction in words.
 
-use crate::args::Reconstruct;
 use crate::failure::Failure;
+use beamlet::cli_support::options::ReconstructArguments;
 use beamlet::cli_support::printed;
 use beamlet::reconstruct::{
     Input, LostUse, Method, Quantity, Reconstructed, VolumeEstimate, VolumePlan, VolumeRecord,
@@ -27,7 +27,7 @@ fn names(quantities: &[Quantity]) -> String {
 
 /// Prints the plan of a reconstruction.
 pub(super) fn describe(
-    arguments: &Reconstruct,
+    given: &ReconstructArguments,
     plan: &VolumePlan,
     input: &Input,
     found: VolumeEstimate,
@@ -35,7 +35,7 @@ pub(super) fn describe(
 ) -> Result<(), Failure> {
     let [views, rows, columns] = input.geometry().shape();
     let mib = |bytes: u64| bytes as f64 / f64::from(1 << 20);
-    writeln!(out, "volumes  {} ({})", names(&plan.quantities), arguments.format)?;
+    writeln!(out, "volumes  {} ({})", names(&plan.quantities), given.format)?;
     writeln!(
         out,
         "views    {views} of {columns} x {rows} pixels, axis of rotation in column {:.3}",
@@ -90,8 +90,12 @@ fn energy_words(record: &VolumeRecord, out: &mut impl Write) -> Result<(), Failu
 
 /// Views that lost their refraction.
 fn lost_views(record: &VolumeRecord, out: &mut impl Write) -> Result<(), Failure> {
-    let Some(moment) = &record.refraction_moment else { return Ok(()) };
-    let Some(way) = moment.lost_views_are else { return Ok(()) };
+    let Some(moment) = &record.refraction_moment else {
+        return Ok(());
+    };
+    let Some(way) = moment.lost_views_are else {
+        return Ok(());
+    };
     let way = match way {
         LostUse::Interpolated => "interpolated in delta (--keep-views keeps them)",
         LostUse::ZeroWeight => "weight 0 in delta (--keep-views keeps them)",
@@ -103,7 +107,7 @@ fn lost_views(record: &VolumeRecord, out: &mut impl Write) -> Result<(), Failure
 
 /// Closing lines.
 pub(super) fn summary(
-    arguments: &Reconstruct,
+    given: &ReconstructArguments,
     done: &Reconstructed,
     retrieved: Option<&Path>,
     seconds: f64,
@@ -114,7 +118,7 @@ pub(super) fn summary(
         let note = "retrieved first, with the defaults of beamlet retrieve";
         writeln!(out, "images   {} ({note})", printed::path(path))?;
     }
-    writeln!(out, "volumes  {}", printed::path(&arguments.output))?;
+    writeln!(out, "volumes  {}", printed::path(&given.output))?;
     for (name, unit) in &record.units {
         writeln!(out, "         {name} ({unit})")?;
     }

@@ -6,7 +6,7 @@ use std::path::PathBuf;
 
 /// Value of an option as it is given.
 #[derive(Debug, Clone, PartialEq)]
-pub enum Given {
+pub enum OptionValue {
     /// Text on the command line.
     Argument(String),
     /// Text in Python.
@@ -32,9 +32,9 @@ pub enum Given {
     Other,
 }
 
-/// Why a value is none of an option.
+/// Reason why an option does not take a value.
 #[derive(Debug)]
-pub enum Wrong {
+pub enum Refusal {
     /// It has another form.
     Form,
     /// A quantity without a unit, or with an unknown one.
@@ -43,19 +43,19 @@ pub enum Wrong {
     Value(Error),
 }
 
-impl From<Error> for Wrong {
+impl From<Error> for Refusal {
     fn from(error: Error) -> Self {
         Self::Value(error)
     }
 }
 
-impl From<QuantityError> for Wrong {
+impl From<QuantityError> for Refusal {
     fn from(error: QuantityError) -> Self {
         Self::Quantity(error)
     }
 }
 
-impl Wrong {
+impl Refusal {
     /// The reason without the name of the option, for the command line.
     #[must_use]
     pub fn words(&self, form: &Form) -> String {
@@ -141,7 +141,7 @@ pub struct Kind<V: 'static> {
     /// Their form.
     pub form: Form,
     /// Reads a value.
-    pub read: fn(&Given) -> Result<V, Wrong>,
+    pub read: fn(&OptionValue) -> Result<V, Refusal>,
 }
 
 impl<V> Kind<V> {
@@ -152,7 +152,7 @@ impl<V> Kind<V> {
         value: &'static str,
         python: &'static str,
         allowed: &'static str,
-        read: fn(&Given) -> Result<V, Wrong>,
+        read: fn(&OptionValue) -> Result<V, Refusal>,
     ) -> Self {
         let (in_python, hyphens) = ("", Hyphens::No);
         Self { form: Form { value, python, allowed, in_python, words: Vec::new, hyphens }, read }
@@ -181,7 +181,7 @@ impl<V> Kind<V> {
     }
 }
 
-impl Given {
+impl OptionValue {
     /// A text.
     #[must_use]
     pub fn text(&self) -> Option<&str> {
@@ -236,8 +236,8 @@ impl Given {
 }
 
 /// A finite number of a range.
-fn number(given: &Given, is_allowed: fn(f64) -> bool) -> Result<f64, Wrong> {
-    given.number().filter(|it| it.is_finite() && is_allowed(*it)).ok_or(Wrong::Form)
+fn number(given: &OptionValue, is_allowed: fn(f64) -> bool) -> Result<f64, Refusal> {
+    given.number().filter(|it| it.is_finite() && is_allowed(*it)).ok_or(Refusal::Form)
 }
 
 /// A finite number.
@@ -256,21 +256,21 @@ pub const FROM_ZERO: Kind<f64> =
     .with_hyphens(Hyphens::Numbers);
 /// A whole number of 0 or more.
 pub const WHOLE: Kind<usize> = Kind::new("COUNT", "int", "a whole number of 0 or more", |given| {
-    given.whole().ok_or(Wrong::Form)
+    given.whole().ok_or(Refusal::Form)
 });
 /// A whole number of 1 or more.
 pub const POSITIVE_COUNT: Kind<u32> =
     Kind::new("N", "int", "a whole number of 1 or more", |given| {
-        given.whole().filter(|it| *it > 0).ok_or(Wrong::Form)
+        given.whole().filter(|it| *it > 0).ok_or(Refusal::Form)
     });
-/// Given, or not.
+/// On or off.
 pub const SWITCH: Kind<bool> = Kind::new("", "bool", "True or False", |given| match given {
-    Given::Flag(flag) => Ok(*flag),
-    other => other.number().map(|number| number != 0.0).ok_or(Wrong::Form),
+    OptionValue::Flag(flag) => Ok(*flag),
+    other => other.number().map(|number| number != 0.0).ok_or(Refusal::Form),
 });
 /// Path of a file.
 pub const FILE: Kind<PathBuf> = Kind::new("FILE", "str | os.PathLike[str]", "a path", |given| {
-    given.text().map(PathBuf::from).ok_or(Wrong::Form)
+    given.text().map(PathBuf::from).ok_or(Refusal::Form)
 });
 /// Several paths.
 pub const PATHS: Kind<Vec<PathBuf>> = Kind::new("PATH", "Sequence[str]", "paths", |given| {
@@ -282,22 +282,23 @@ pub const TEXTS: Kind<Vec<String>> = Kind::new(
     "Sequence[str]",
     "key.path=value, as in 'source.energy=40 keV'",
     |given| {
-        let change = |given: &Given| match given.text().and_then(|text| text.split_once('=')) {
+        let change = |given: &OptionValue| match given.text().and_then(|text| text.split_once('='))
+        {
             Some((key, value)) if !key.trim().is_empty() => Ok(format!("{key}={value}")),
-            _ => Err(Wrong::Form),
+            _ => Err(Refusal::Form),
         };
         given.one_or_more().iter().map(change).collect()
     },
 );
 /// A size of memory, bytes.
 pub const MEMORY: Kind<u64> = Kind::new("SIZE", "str", "a size as \"2 GiB\"", |given| {
-    units::memory_size(given.text().ok_or(Wrong::Form)?).map_err(Wrong::Quantity)
+    units::memory_size(given.text().ok_or(Refusal::Form)?).map_err(Refusal::Quantity)
 });
 /// A length above 0, m.
 pub const LENGTH: Kind<f64> =
     Kind::new("LENGTH", "str | float", "a length above 0", |given| match any_length(given)? {
         length if length > 0.0 => Ok(length),
-        _ => Err(Wrong::Form),
+        _ => Err(Refusal::Form),
     })
     .in_python("str | float", "a length above 0: a number in m, or text with a unit as \"20 um\"")
     .with_hyphens(Hyphens::Texts);
@@ -305,33 +306,36 @@ pub const LENGTH: Kind<f64> =
 /// A length with its unit, or of Python a number in m.
 ///
 /// # Errors
-/// [`Wrong`] with the reason.
-pub fn any_length(given: &Given) -> Result<f64, Wrong> {
+/// [`Refusal`] with the reason.
+pub fn any_length(given: &OptionValue) -> Result<f64, Refusal> {
     match given {
-        Given::Argument(text) | Given::Text(text) => Ok(Dimension::Length.parse(text)?),
-        other => other.number().filter(|it| it.is_finite()).ok_or(Wrong::Form),
+        OptionValue::Argument(text) | OptionValue::Text(text) => Ok(Dimension::Length.parse(text)?),
+        other => other.number().filter(|it| it.is_finite()).ok_or(Refusal::Form),
     }
 }
 
 /// `N` whole numbers of at least `least`.
 ///
 /// # Errors
-/// [`Wrong::Form`] for anything else.
-pub fn numbers_of<const N: usize>(given: &Given, least: usize) -> Result<[usize; N], Wrong> {
-    let items = given.items().ok_or(Wrong::Form)?;
-    let numbers: Option<Vec<usize>> = items.iter().map(Given::whole).collect();
+/// [`Refusal::Form`] for anything else.
+pub fn numbers_of<const N: usize>(
+    given: &OptionValue,
+    least: usize,
+) -> Result<[usize; N], Refusal> {
+    let items = given.items().ok_or(Refusal::Form)?;
+    let numbers: Option<Vec<usize>> = items.iter().map(OptionValue::whole).collect();
     let numbers: [usize; N] =
-        numbers.and_then(|numbers| numbers.try_into().ok()).ok_or(Wrong::Form)?;
-    if numbers.iter().all(|number| *number >= least) { Ok(numbers) } else { Err(Wrong::Form) }
+        numbers.and_then(|numbers| numbers.try_into().ok()).ok_or(Refusal::Form)?;
+    if numbers.iter().all(|number| *number >= least) { Ok(numbers) } else { Err(Refusal::Form) }
 }
 
 /// Texts of several values, or of one.
 ///
 /// # Errors
-/// [`Wrong::Form`] for values that are no text.
-pub fn words_of(given: &Given) -> Result<Vec<String>, Wrong> {
+/// [`Refusal::Form`] for values that are no text.
+pub fn words_of(given: &OptionValue) -> Result<Vec<String>, Refusal> {
     let words = given.one_or_more();
-    words.iter().map(|word| word.text().map(str::to_owned).ok_or(Wrong::Form)).collect()
+    words.iter().map(|word| word.text().map(str::to_owned).ok_or(Refusal::Form)).collect()
 }
 
 /// A word that an option takes, and its meaning.
@@ -356,9 +360,9 @@ pub trait Choice: Copy + 'static {
 #[must_use]
 pub const fn choice<V: Choice>(value: &'static str, python: &'static str) -> Kind<V> {
     let mut kind = Kind::new(value, python, "", |given| {
-        let name = given.text().ok_or(Wrong::Form)?;
+        let name = given.text().ok_or(Refusal::Form)?;
         let found = V::CHOICES.iter().find(|it| it.word().name == name);
-        found.copied().ok_or(Wrong::Form)
+        found.copied().ok_or(Refusal::Form)
     });
     kind.form.words = || V::CHOICES.iter().map(|it| it.word()).collect();
     kind

@@ -1,6 +1,6 @@
 //! Options as keywords of Python: types, defaults, and meanings in its words.
 
-use super::{Need, Options, Relation, Row};
+use super::table::{Need, Options, Relation, Row};
 use std::fmt::Write as _;
 
 /// An option as a keyword of Python.
@@ -42,7 +42,9 @@ fn keyword<T>(row: &Row<T>) -> Keyword {
     if let Some(form) = row.form.python_form() {
         let _ = write!(doc, "; given as {form}");
     }
-    if let Some(words) = row.default_words() {
+    if let Need::Without(words) = row.need
+        && !words.is_empty()
+    {
         let _ = write!(doc, "; default: {}", python_words(words));
     }
     Keyword {

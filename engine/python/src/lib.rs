@@ -10,14 +10,13 @@
 //! | `options.rs` | options of verbs from keywords, by their tables |
 //! | `retrieve.rs` | retrieval |
 //! | `reconstruct.rs` | scans, sinograms and the projector |
-//! | `volume.rs`, `lost_views.rs` | volumes; views that lost their refraction |
+//! | `volume.rs` | volumes |
 //! | `files.rs` | run directories and stacks in files |
 //! | `physics.rs` | materials and spectra; differences of files |
 
 mod engine;
 mod errors;
 mod files;
-mod lost_views;
 mod options;
 mod physics;
 mod reconstruct;
@@ -60,8 +59,5 @@ fn _beamlet(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(physics::material, module)?)?;
     module.add_function(wrap_pyfunction!(physics::spectrum, module)?)?;
     module.add_function(wrap_pyfunction!(physics::compare, module)?)?;
-    module.add_function(wrap_pyfunction!(physics::lengths, module)?)?;
-    module.add_function(wrap_pyfunction!(physics::angle, module)?)?;
-    module.add_function(wrap_pyfunction!(physics::energy, module)?)?;
     Ok(())
 }

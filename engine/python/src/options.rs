@@ -2,8 +2,10 @@
 
 use crate::errors::raised;
 use beamlet::cli_support::options::{
-    Given, Keyword, Need, Options, Relation, RetrieveArguments, Row, keywords as keywords_of,
+    Keyword, Need, OptionValue, Options, ReconstructArguments, Relation, RetrieveArguments, Row,
+    keywords as keywords_of,
 };
+use numpy::{PyUntypedArray, PyUntypedArrayMethods};
 use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PySlice, PyString};
@@ -21,6 +23,8 @@ type Described = (&'static str, String, String, String, bool, bool);
 pub(crate) fn keywords(verb: &str) -> Vec<Described> {
     let found = match verb {
         "retrieve" => keywords_of::<RetrieveArguments>(),
+        "reconstruct" => keywords_of::<ReconstructArguments>(),
+        "ideal" => keywords_of::<beamlet::IdealOptions>(),
         _ => Vec::new(),
     };
     let described =
@@ -45,10 +49,15 @@ pub(crate) fn arguments<T: Options>(
         if value.is_none() && matches!(row.need, Need::Without(_)) && !row.form.is_switch() {
             continue;
         }
+        if value.cast::<PyUntypedArray>().is_ok_and(|array| array.ndim() == 3) {
+            // The function has it as an array.
+            arguments.given_mut().insert(name, "an array".into());
+            continue;
+        }
         let shown = shown(&value);
         arguments
             .set(row, &given(&value), shown.clone())
-            .map_err(|wrong| raised(options.py(), &wrong.error(&name, &shown, &row.form)))?;
+            .map_err(|refusal| raised(options.py(), &refusal.error(&name, &shown, &row.form)))?;
     }
     Ok(arguments)
 }
@@ -63,27 +72,27 @@ fn shown(value: &Bound<'_, PyAny>) -> String {
 }
 
 /// A value as the tables read it.
-fn given(value: &Bound<'_, PyAny>) -> Given {
+fn given(value: &Bound<'_, PyAny>) -> OptionValue {
     if let Ok(text) = value.cast::<PyString>() {
-        return text.to_str().map_or(Given::Other, |text| Given::Text(text.to_owned()));
+        return text.to_str().map_or(OptionValue::Other, |text| OptionValue::Text(text.to_owned()));
     }
     if let Ok(flag) = value.extract::<bool>() {
-        return Given::Flag(flag);
+        return OptionValue::Flag(flag);
     }
     if let Ok(number) = value.extract::<i64>() {
-        return Given::Whole(number);
+        return OptionValue::Whole(number);
     }
     if value.is_instance_of::<PySlice>() {
-        return slice(value).unwrap_or(Given::Other);
+        return slice(value).unwrap_or(OptionValue::Other);
     }
     if let Ok(items) = value.try_iter() {
         let items: PyResult<Vec<_>> = items.take(MOST).map(|item| Ok(given(&item?))).collect();
-        return items.map_or(Given::Other, Given::List);
+        return items.map_or(OptionValue::Other, OptionValue::List);
     }
-    value.extract::<f64>().map_or(Given::Other, Given::Number)
+    value.extract::<f64>().map_or(OptionValue::Other, OptionValue::Number)
 }
 
-fn slice(value: &Bound<'_, PyAny>) -> PyResult<Given> {
+fn slice(value: &Bound<'_, PyAny>) -> PyResult<OptionValue> {
     let index = |name: &str| value.getattr(name)?.extract::<Option<i64>>();
-    Ok(Given::Slice { start: index("start")?, end: index("stop")?, step: index("step")? })
+    Ok(OptionValue::Slice { start: index("start")?, end: index("stop")?, step: index("step")? })
 }

@@ -1,11 +1,10 @@
-//! Materials and spectra; differences of files; lengths with units.
+//! Materials and spectra; differences of files.
 
 use crate::errors::raised;
 use crate::scene::Scene;
 use crate::stacks::json;
 use crate::work::interruptible;
 use beamlet::cli_support::material::builtin;
-use beamlet::cli_support::units::Dimension;
 use beamlet::scene::{Beam, Detector, MaterialSpec, Source};
 use beamlet::spectrum::{Nodes, Spectrum, nodes};
 use beamlet::{Error, material as materials};
@@ -94,31 +93,4 @@ pub(crate) fn compare(
     json(&interruptible(py, progress, |watch| {
         watch.rows("compare", |mut control| beamlet::compare::compare(&a, &b, None, &mut control))
     })?)
-}
-
-/// Lengths in m from texts with units.
-#[pyfunction]
-pub(crate) fn lengths(py: Python<'_>, name: &str, texts: Vec<String>) -> PyResult<Vec<f64>> {
-    let length = |text: &String| {
-        Dimension::Length
-            .parse(text)
-            .map_err(|error| raised(py, &Error::argument(name, error.found, error.allowed)))
-    };
-    texts.iter().map(length).collect()
-}
-
-/// An energy in keV from text with a unit.
-#[pyfunction]
-pub(crate) fn energy(py: Python<'_>, name: &str, text: &str) -> PyResult<f64> {
-    Dimension::Energy
-        .parse(text)
-        .map_err(|error| raised(py, &Error::argument(name, error.found, error.allowed)))
-}
-
-/// An angle in rad from text with a unit.
-#[pyfunction]
-pub(crate) fn angle(py: Python<'_>, name: &str, text: &str) -> PyResult<f64> {
-    Dimension::Angle
-        .parse(text)
-        .map_err(|error| raised(py, &Error::argument(name, error.found, error.allowed)))
 }

@@ -2,14 +2,17 @@
 
 use crate::engine::Engine;
 use crate::errors::raised;
+use crate::options::arguments;
 use crate::work::interruptible;
 use beamlet::Error;
+use beamlet::cli_support::options::ReconstructArguments;
 use beamlet::reconstruct::{
-    Data, GridChoice, Model, PixelCounts, Quantity, ScanGeometry, VolumeGrid, deviation_weights,
-    fill_images, prepare_sinograms,
+    Data, Model, PixelCounts, Quantity, ScanGeometry, VolumeGrid, deviation_weights, fill_images,
+    prepare_sinograms,
 };
 use numpy::{IntoPyArray, PyArray3, PyReadonlyArray3};
 use pyo3::prelude::*;
+use pyo3::types::PyDict;
 
 /// A scan on a circle, m and rad.
 #[derive(FromPyObject)]
@@ -29,21 +32,6 @@ impl Circle {
         geometry.axis = self.axis;
         geometry.lever = self.lever.unwrap_or(f64::INFINITY);
         geometry
-    }
-}
-
-/// Voxels; what is `None` follows from the scan.
-#[derive(FromPyObject)]
-#[pyo3(from_item_all)]
-pub(crate) struct Grid {
-    size: Option<[usize; 3]>,
-    voxel: Option<f64>,
-    origin: Option<[f64; 3]>,
-}
-
-impl Grid {
-    pub(crate) fn choice(&self) -> GridChoice {
-        GridChoice::default().with_voxel(self.voxel).with_size(self.size).with_origin(self.origin)
     }
 }
 
@@ -128,7 +116,7 @@ impl Projector {
         engine: &Engine,
         circle: Circle,
         data: &str,
-        grid: Grid,
+        options: &Bound<'_, PyDict>,
     ) -> PyResult<Self> {
         let engine = engine.get(py)?;
         let all = [
@@ -139,7 +127,9 @@ impl Projector {
         ];
         let (data, unit) = named(py, "data", data, &all)?;
         let geometry = circle.geometry();
-        let grid = grid.choice().grid(&geometry).map_err(|error| raised(py, &error))?;
+        let options: ReconstructArguments =
+            arguments("Projector", options, |row| ["voxel", "size", "origin"].contains(&row.name))?;
+        let grid = options.grid().grid(&geometry).map_err(|error| raised(py, &error))?;
         let shape = geometry.shape();
         let model = interruptible(py, None, |_| Model::new(&engine, &geometry, &grid, data, None))?;
         Ok(Self { model, grid, shape, unit, volume_unit: data.quantity().unit() })

@@ -78,23 +78,15 @@ pub(crate) type Ideal<'py> = (BTreeMap<String, Bound<'py, PyArray3<f32>>>, Strin
 
 /// Ideal images of a scene.
 #[pyfunction]
-#[expect(clippy::too_many_arguments, reason = "options by name in Python")]
 pub(crate) fn ideal<'py>(
     py: Python<'py>,
     engine: &Engine,
     scene: &Scene,
-    reach: Option<f64>,
-    tolerance: f64,
-    angle_tolerance: f64,
-    most_rays: usize,
+    options: &Bound<'py, PyDict>,
     progress: Option<&Bound<'py, PyAny>>,
 ) -> PyResult<Ideal<'py>> {
     let engine = engine.get(py)?;
-    let options = beamlet::IdealOptions::default()
-        .with_reach(reach)
-        .with_tolerance(tolerance)
-        .with_angle_tolerance(angle_tolerance)
-        .with_most_rays(most_rays);
+    let options: beamlet::IdealOptions = arguments("ideal", options, |_| true)?;
     let found = interruptible(py, progress, |watch| {
         let work = || {
             let scene = scene.scene()?;

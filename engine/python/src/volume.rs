@@ -1,77 +1,22 @@
 //! Volumes of sinograms: corrections, the method, truth.
 
 use crate::engine::Engine;
-use crate::lost_views::Angles;
-use crate::reconstruct::{Circle, Grid, named, quantity};
+use crate::options::arguments;
+use crate::reconstruct::{Circle, quantity};
 use crate::scene::Scene;
 use crate::work::interruptible;
+use beamlet::cli_support::options::{Centre, Need, Options, ReconstructArguments};
+use beamlet::cli_support::reconstruct::{Sinograms, reconstruct_sinograms};
 use beamlet::ndarray::{Array3, ArrayView3};
 use beamlet::reconstruct::{
-    BeamHardening, Data, FbpOptions, Filter, HardeningChoice, IterativeOptions, Measured, Method,
-    Quantity, ScanGeometry, Solver, Volume, VolumeGrid, VoxelMask, add_gradient_bias, find_axis,
-    gradient_bias, suppress_rings,
+    BeamHardening, Data, Method, Quantity, ScanGeometry, Volume, VolumeGrid, add_gradient_bias,
+    find_axis, reaching_ends,
 };
 use beamlet::{Error, RowsControl};
 use numpy::{IntoPyArray, PyArray3, PyReadonlyArray3};
 use pyo3::prelude::*;
+use pyo3::types::PyDict;
 use std::collections::BTreeMap;
-
-/// Options of all methods; each method reads its own.
-#[derive(FromPyObject)]
-#[pyo3(from_item_all)]
-pub(crate) struct Options {
-    method: String,
-    filter: String,
-    cut_off: f64,
-    arm_passes: Option<usize>,
-    extrapolate: bool,
-    iterations: usize,
-    discrepancy: Option<f64>,
-    non_negative: bool,
-    phase: bool,
-    keep_views: bool,
-    find_centre: bool,
-    rings: bool,
-    /// Material, and the energy of μ, keV.
-    beam_hardening: Option<(String, Option<f64>)>,
-    truth: bool,
-    /// Shape of the voxels that may differ from zero, or a file.
-    mask_shape: Option<String>,
-    /// Width of the curves without sample, m, for the bias by gradients of μ.
-    flat_width: Option<f64>,
-}
-
-const FILTERS: [(&str, Filter); 3] =
-    [("ram-lak", Filter::RamLak), ("shepp-logan", Filter::SheppLogan), ("hann", Filter::Hann)];
-const METHODS: [(&str, Option<Solver>); 4] = [
-    ("fbp", None),
-    ("cgls", Some(Solver::Cgls)),
-    ("sirt", Some(Solver::Sirt)),
-    ("bb", Some(Solver::Bb)),
-];
-
-impl Options {
-    fn method(&self, py: Python<'_>) -> PyResult<Method> {
-        let filter = named(py, "filter", &self.filter, &FILTERS)?;
-        Ok(match named(py, "method", &self.method, &METHODS)? {
-            None => Method::Fbp(
-                FbpOptions::default()
-                    .with_filter(filter)
-                    .with_cut_off(self.cut_off)
-                    .with_arm_passes(self.arm_passes)
-                    .with_extrapolate(self.extrapolate),
-            ),
-            Some(solver) => {
-                let options = IterativeOptions::default()
-                    .with_solver(solver)
-                    .with_iterations(self.iterations)
-                    .with_discrepancy(self.discrepancy)
-                    .with_non_negative(self.non_negative);
-                Method::iterative(options, self.phase)
-            }
-        })
-    }
-}
 
 /// Arrays beside the sinograms: `[view][row][column]` weights and −ln T, `[z][y][x]` all others.
 #[derive(FromPyObject)]
@@ -84,6 +29,8 @@ pub(crate) struct Given<'py> {
     attenuation: Option<PyReadonlyArray3<'py, f32>>,
     /// Volume of μ by which δ is corrected for gradients of μ.
     mu: Option<PyReadonlyArray3<'py, f32>>,
+    /// Width of the curves without sample, m, for this correction.
+    flat_width: Option<f64>,
 }
 
 /// Views of [`Given`].
@@ -93,6 +40,7 @@ struct Views<'a> {
     start: Option<ArrayView3<'a, f32>>,
     attenuation: Option<ArrayView3<'a, f32>>,
     mu: Option<ArrayView3<'a, f32>>,
+    flat_width: Option<f64>,
 }
 
 /// The values of an array, if there is one.
@@ -108,6 +56,7 @@ impl Given<'_> {
             start: view(&self.start),
             attenuation: view(&self.attenuation),
             mu: view(&self.mu),
+            flat_width: self.flat_width,
         }
     }
 }
@@ -158,8 +107,7 @@ struct Made {
 struct Work<'a> {
     engine: &'a beamlet::Engine,
     of: Quantity,
-    method: Method,
-    options: &'a Options,
+    options: &'a ReconstructArguments,
     given: Views<'a>,
     scene: Option<&'a Scene>,
 }
@@ -176,111 +124,79 @@ impl Work<'_> {
     fn made(
         &self,
         mut geometry: ScanGeometry,
-        grid: &Grid,
-        mut sinograms: Array3<f32>,
+        sinograms: Array3<f32>,
         control: &mut RowsControl<'_>,
     ) -> beamlet::Result<Made> {
-        self.method.check(self.of)?;
-        self.given.check(&sinograms)?;
-        let data = match self.of {
-            Quantity::Mu => Data::Attenuation,
-            Quantity::Delta => Data::Refraction,
-            Quantity::DarkField => Data::DarkField,
+        let (options, given) = (self.options, &self.given);
+        let method = options.method();
+        if given.weights.is_some() && matches!(method, Method::Fbp(_)) {
+            return Err(Error::argument("weights", "an array for fbp", "cgls, sirt or bb"));
+        }
+        // An argument with a default may go to every method.
+        let mut own = options.clone();
+        own.given.retain(|name, _| {
+            ReconstructArguments::ROWS
+                .iter()
+                .any(|row| row.name == name && matches!(row.need, Need::Without(_)))
+        });
+        own.check_method(method.name())?;
+        method.check(self.of)?;
+        given.check(&sinograms)?;
+        match options.centre {
+            Some(Centre::Auto) => {
+                let data = Data::of(self.of);
+                geometry.axis = find_axis(&geometry, sinograms.view(), data, &control.cancel)?;
+            }
+            Some(Centre::Column(column)) => geometry.set_axis_column(column),
+            None => {}
+        }
+        let scene = match (options.beam_hardening.is_some(), given.mu.is_some()) {
+            (true, _) => Some(self.scene("beam_hardening")?),
+            (false, true) => Some(self.scene("gradient_bias")?),
+            (false, false) => None,
         };
-        if self.options.find_centre {
-            geometry.axis = find_axis(&geometry, sinograms.view(), data, &control.cancel)?;
-        }
-        let grid = grid.choice().grid(&geometry)?;
-        let hardening = self.hardening(&mut sinograms)?;
-        let (weights, lost_views) = self.without_lost(&geometry, &mut sinograms)?;
-        if self.options.rings {
-            suppress_rings(&geometry, sinograms.view_mut(), &control.cancel)?;
-        }
-        let mask = self.mask(&grid)?;
-        let mask = mask.as_ref().map(|mask| mask.view());
-        let measured = Measured::new(data, sinograms.view())
-            .with_weights(weights.as_ref().map(|weights| weights.view()))
-            .with_mask(mask)
-            .with_start(self.given.start);
-        let made = self.method.volume(self.engine, &geometry, &measured, &grid, control)?;
-        let mut volume = made.volume;
-        let bias = self.add_bias(&mut volume)?;
-        let truth = self.truth(&geometry, &volume, hardening.as_ref(), control)?;
+        let plan = options.plan(vec![self.of], &geometry, scene.as_ref(), given.flat_width)?;
+        let mask = match &given.mask {
+            Some(_) => None,
+            None => plan.mask.as_ref().map(|mask| mask.on(&plan.grid)).transpose()?,
+        };
+        let sinograms = Sinograms {
+            quantity: self.of,
+            values: sinograms,
+            weights: given.weights.map(|weights| weights.to_owned()),
+            reaching: given.attenuation.map(reaching_ends),
+            mask: given.mask.or(mask.as_ref().map(|mask| mask.view())),
+            start: given.start,
+        };
+        let found = reconstruct_sinograms(self.engine, &geometry, &plan, sinograms, control)?;
+        let mut volume = found.made.volume;
+        let bias = self.add_bias(&mut volume, plan.gradient_bias)?;
+        let truth = self.truth(&geometry, &volume, found.hardening.as_ref(), control)?;
+        let lost = found.moments.map(|moments| moments.lost_views).unwrap_or_default();
         Ok(Made {
             volume,
-            residuals: made.residuals,
-            best: made.best,
+            residuals: found.made.residuals,
+            best: found.made.best,
             truth,
             axis: geometry.axis,
-            energy: hardening.map(|polynomial| polynomial.energy),
+            energy: found.hardening.map(|polynomial| polynomial.energy),
             bias,
-            lost_views,
+            lost_views: lost.iter().map(|lost| lost.view).collect(),
         })
     }
 
-    /// Corrects −ln T for beam hardening.
-    fn hardening(&self, sinograms: &mut Array3<f32>) -> beamlet::Result<Option<BeamHardening>> {
-        let Some((material, energy)) = &self.options.beam_hardening else { return Ok(None) };
-        if self.of != Quantity::Mu {
-            let allowed = "volumes of mu: refraction and dark field have no hardening to correct";
-            return Err(Error::argument("beam_hardening", "no volume of mu", allowed));
-        }
-        let choice = HardeningChoice::new(self.scene("beam_hardening")?, material, *energy)?;
-        let most = sinograms.iter().copied().fold(0.0, f32::max);
-        let polynomial = BeamHardening::up_to(&choice, most.into())?;
-        polynomial.apply(sinograms.view_mut());
-        Ok(Some(polynomial))
-    }
-
-    /// Weights of iterative methods.
-    fn weights(&self) -> Option<Array3<f32>> {
-        let is_filtered = matches!(self.method, Method::Fbp(_));
-        self.given.weights.filter(|_| !is_filtered).map(|weights| weights.to_owned())
-    }
-
-    /// Takes the weight of views that lost their refraction from δ: in the sinograms or in the
-    /// weights. Returns the weights and the numbers of these views.
-    fn without_lost(
-        &self,
-        geometry: &ScanGeometry,
-        sinograms: &mut Array3<f32>,
-    ) -> beamlet::Result<(Option<Array3<f32>>, Vec<usize>)> {
-        let weights = self.weights();
-        if self.of != Quantity::Delta {
-            return Ok((weights, Vec::new()));
-        }
-        let angles = Angles {
-            geometry,
-            values: sinograms.view(),
-            weights: weights.as_ref().map(|weights| weights.view()),
-            attenuation: self.given.attenuation,
-        };
-        let mut lost = angles.lost()?;
-        let chosen = (&self.method, self.options.keep_views);
-        let weights = lost.leave_out(geometry, chosen, sinograms, weights)?;
-        Ok((weights, lost.record().lost_views.iter().map(|lost| lost.view).collect()))
-    }
-
-    /// Voxels that may differ from zero.
-    fn mask(&self, grid: &VolumeGrid) -> beamlet::Result<Option<Array3<bool>>> {
-        if let Some(mask) = &self.given.mask {
-            return Ok(Some(mask.to_owned()));
-        }
-        let shape: Option<VoxelMask> =
-            self.options.mask_shape.as_deref().map(str::parse).transpose()?;
-        shape.map(|mask| mask.on(grid)).transpose()
-    }
-
     /// Adds kμ to a volume of δ, where μ is given. Returns k, m.
-    fn add_bias(&self, volume: &mut Volume) -> beamlet::Result<Option<f64>> {
+    fn add_bias(&self, volume: &mut Volume, k: Option<f64>) -> beamlet::Result<Option<f64>> {
         let Some(mu) = &self.given.mu else { return Ok(None) };
         if mu.dim() != volume.values.dim() {
             let found = format!("shape {:?}", mu.dim());
             let allowed = format!("{:?}, the shape of delta", volume.values.dim());
             return Err(Error::argument("gradient_bias", found, allowed));
         }
-        let width = self.options.flat_width.unwrap_or(f64::NAN);
-        let k = gradient_bias(&self.scene("gradient_bias")?, width)?;
+        let Some(k) = k else {
+            let found = "a set-up without the bias";
+            return Err(Error::argument("gradient_bias", found, "two masks and curves of a width"));
+        };
         add_gradient_bias(volume, &Volume::new(volume.grid, Quantity::Mu, mu.to_owned()), k)?;
         Ok(Some(k))
     }
@@ -345,17 +261,16 @@ pub(crate) fn reconstruct<'py>(
     circle: Circle,
     sinograms: PyReadonlyArray3<'py, f32>,
     of: &str,
-    grid: Grid,
-    options: Options,
+    options: &Bound<'py, PyDict>,
     given: Given<'py>,
     scene: Option<&Scene>,
     progress: Option<&Bound<'py, PyAny>>,
 ) -> PyResult<Found<'py>> {
-    let (engine, method) = (engine.get(py)?, options.method(py)?);
+    let engine = engine.get(py)?;
+    let options: ReconstructArguments = arguments("reconstruct", options, |_| true)?;
     let work = Work {
         engine: &engine,
         of: quantity(py, of)?,
-        method,
         options: &options,
         given: given.views(),
         scene,
@@ -363,7 +278,7 @@ pub(crate) fn reconstruct<'py>(
     let (geometry, sinograms) = (circle.geometry(), sinograms.as_array());
     let made = interruptible(py, progress, |watch| {
         watch.rows("reconstruct", |mut control| {
-            work.made(geometry, &grid, sinograms.to_owned(), &mut control)
+            work.made(geometry, sinograms.to_owned(), &mut control)
         })
     })?;
     let truth = made.truth.map(|it| {

@@ -174,6 +174,7 @@ def test_retrievals_are_those_of_the_program(run: bl.Run) -> None:
     for key in ("gain", "read_noise", "kept_columns", "bin", "correct", "corrections", "empty_beam", "warnings"):
         assert ours.record.get(key) == theirs.record.get(key), key
     assert ours.record["corrections"]
+    assert ours.record["options"]["gain"] == theirs.record["options"]["gain"] == "1.5"
 
 
 def test_steps_of_measured_stacks_are_left_out(engine: bl.Engine) -> None:

@@ -29,7 +29,7 @@ impl Data {
     }
 
     /// Data of a volume as retrieval makes them.
-    pub(super) const fn of(quantity: Quantity) -> Self {
+    pub const fn of(quantity: Quantity) -> Self {
         match quantity {
             Quantity::Mu => Self::Attenuation,
             Quantity::Delta => Self::Refraction,

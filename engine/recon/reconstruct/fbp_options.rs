@@ -4,9 +4,10 @@ use super::filter::Filter;
 use super::geometry::ScanGeometry;
 use super::quantity::Quantity;
 use beamlet_core::{Error, Result, setters};
+use serde::Serialize;
 
 /// How a filtered back-projection is done; what differs from the default is set in a chain.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 #[non_exhaustive]
 pub struct FbpOptions {
     /// Window of the filter.
@@ -22,6 +23,7 @@ pub struct FbpOptions {
     pub extrapolate: bool,
     /// Values of volume and of projections that are on the device at once; no bit of the volume
     /// depends on it. `None`: 64 Mi each.
+    #[serde(skip)]
     pub at_once: Option<usize>,
 }
 

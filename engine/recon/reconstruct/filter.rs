@@ -1,14 +1,17 @@
 //! Filters along rows, in f64 on the host: the ramp, and the Hilbert filter for derivatives.
 
 use beamlet_core::fourier::transforms;
+use beamlet_core::options::{Choice, Word};
 use rustfft::Fft;
 use rustfft::num_complex::Complex;
+use serde::Serialize;
 use std::f64::consts::{FRAC_PI_2, PI};
 use std::fmt;
 use std::sync::Arc;
 
 /// Window on high frequencies. For refraction the same windows apply to the Hilbert filter.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize)]
+#[serde(rename_all = "kebab-case")]
 #[non_exhaustive]
 pub enum Filter {
     /// All alike.
@@ -20,20 +23,20 @@ pub enum Filter {
     Hann,
 }
 
-impl Filter {
-    /// Every filter, the default first.
-    pub const ALL: [Self; 3] = [Self::RamLak, Self::SheppLogan, Self::Hann];
+impl Choice for Filter {
+    const CHOICES: &'static [Self] = &[Self::RamLak, Self::SheppLogan, Self::Hann];
 
-    /// Name on the command line and in records.
-    #[must_use]
-    pub const fn name(self) -> &'static str {
-        match self {
+    fn word(self) -> Word {
+        let name = match self {
             Self::RamLak => "ram-lak",
             Self::SheppLogan => "shepp-logan",
             Self::Hann => "hann",
-        }
+        };
+        Word { name, help: "" }
     }
+}
 
+impl Filter {
     /// Factor at a frequency, as a share of the cut-off.
     fn factor(self, share: f64) -> f64 {
         match self {

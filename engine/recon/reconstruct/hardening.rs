@@ -43,6 +43,15 @@ pub struct HardeningChoice {
     pub energy: Option<f64>,
 }
 
+/// Material and energy of a correction of beam hardening, without the scene.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Hardening {
+    /// Material of the sample.
+    pub material: String,
+    /// Energy of μ, keV; `None`: the mean of the detected light.
+    pub energy: Option<f64>,
+}
+
 impl HardeningChoice {
     /// A choice of material and energy (keV) for the spectrum of a scene.
     ///

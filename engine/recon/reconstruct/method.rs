@@ -73,18 +73,12 @@ impl Method {
     #[must_use]
     pub fn options(&self) -> Value {
         match self {
-            Self::Fbp(options) => json!({
-                "filter": options.filter.name(),
-                "cut_off": options.cut_off,
-                "arm_passes": options.arm_passes,
-                "extrapolate": options.extrapolate,
-            }),
-            Self::Iterative { options, phase } => json!({
-                "iterations": options.iterations,
-                "discrepancy": options.discrepancy,
-                "non_negative": options.is_non_negative,
-                "phase": phase,
-            }),
+            Self::Fbp(options) => json!(options),
+            Self::Iterative { options, phase } => {
+                let mut options = json!(options);
+                options["phase"] = json!(phase);
+                options
+            }
         }
     }
 

@@ -21,6 +21,7 @@
 //! - `gradient_bias`: slices corrected.
 //! - `work`: progress of several stages.
 
+mod arguments;
 mod astra;
 mod back_projector;
 mod centre;
@@ -63,6 +64,7 @@ mod resident;
 mod rings;
 mod run;
 mod scan;
+mod sinogram_volume;
 mod sinograms;
 mod solver;
 mod stream;
@@ -74,6 +76,7 @@ mod voxel_shape;
 mod work;
 mod write;
 
+pub use arguments::{Centre, ReconstructArguments};
 pub use astra::{AstraFile, write_astra};
 pub use centre::find_axis;
 pub use choice::GridChoice;
@@ -102,6 +105,7 @@ pub use quantity::Quantity;
 pub use record::{HardeningRecord, VolumeRecord};
 pub use rings::suppress_rings;
 pub use run::{LABELS, Reconstructed, VolumesTo, reconstruct};
+pub use sinogram_volume::{SinogramVolume, Sinograms, reconstruct_sinograms};
 pub use solver::{IterativeOptions, Solver};
 pub use truth::Truth;
 pub use voxel_mask::VoxelMask;

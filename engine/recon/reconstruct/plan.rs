@@ -91,7 +91,6 @@ impl VolumePlan {
     /// [`Error::Argument`] with the reason; [`Error::File`] for a mask or start that is not there or
     /// does not fit.
     pub fn check(&self, input: &Input) -> Result<()> {
-        let has_mu = self.quantities.contains(&Quantity::Mu);
         input.geometry().check()?;
         self.grid.check(input.geometry())?;
         if self.quantities.is_empty() {
@@ -101,10 +100,7 @@ impl VolumePlan {
             return Err(Error::argument("gradient_bias", k.to_string(), "a finite length, m"));
         }
         self.method.check_extras(self.mask.is_some(), self.start.is_some())?;
-        if self.beam_hardening.is_some() && !has_mu {
-            let allowed = "volumes of mu: refraction and dark field have no hardening to correct";
-            return Err(Error::argument("beam_hardening", "no volume of mu", allowed));
-        }
+        self.check_hardening()?;
         if let Some(mask) = &self.mask {
             mask.check(&self.grid)?;
         }
@@ -126,6 +122,16 @@ impl VolumePlan {
                 }
                 same_grid(&found, &self.grid, path)?;
             }
+        }
+        Ok(())
+    }
+
+    /// # Errors
+    /// [`Error::Argument`] for a correction of beam hardening without a volume of μ.
+    pub(super) fn check_hardening(&self) -> Result<()> {
+        if self.beam_hardening.is_some() && !self.quantities.contains(&Quantity::Mu) {
+            let allowed = "volumes of mu: refraction and dark field have no hardening to correct";
+            return Err(Error::argument("beam_hardening", "no volume of mu", allowed));
         }
         Ok(())
     }

@@ -128,14 +128,14 @@ pub fn reconstruct(
         record.about(),
     )?;
     let mask = plan.mask.as_ref().map(|mask| mask.on(&plan.grid)).transpose()?;
+    // Within the memory that there is.
     let method = plan.method.with_at_once(memory.at_once);
+    let plan = &VolumePlan { method, ..plan.clone() };
     let format = to.format;
     let mut making = Making {
         compute,
         input,
         plan,
-        method,
-        hardening: None,
         truth,
         mask,
         format,

@@ -49,7 +49,7 @@ impl ScanGeometry {
     }
 
     /// Puts the axis of rotation on a column.
-    pub(super) fn set_axis_column(&mut self, column: f64) {
+    pub fn set_axis_column(&mut self, column: f64) {
         if let Some(place) = place_of(column, &self.columns) {
             self.axis = place / self.magnification();
         }

@@ -2,6 +2,7 @@
 
 use super::data::Data;
 use beamlet_core::{Error, Result, setters};
+use serde::Serialize;
 
 /// How the squares of weighted residuals are made small.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -29,10 +30,11 @@ impl Solver {
 }
 
 /// How volumes are iterated; what differs from the default is set in a chain.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 #[non_exhaustive]
 pub struct IterativeOptions {
     /// The method.
+    #[serde(skip)]
     pub solver: Solver,
     /// Most iterations, at least 1.
     pub iterations: usize,
@@ -40,6 +42,7 @@ pub struct IterativeOptions {
     /// over the variances; in the unit of the sinograms without weights.
     pub discrepancy: Option<f64>,
     /// Voxels below zero are set to zero in each iteration.
+    #[serde(rename = "non_negative")]
     pub is_non_negative: bool,
 }
 

@@ -4,6 +4,7 @@ use super::grid::VolumeGrid;
 use beamlet_core::array_file::{Format, RangeLayout, Sample};
 use beamlet_core::cancel::Cancel;
 use beamlet_core::numbers::count;
+use beamlet_core::options::{Choice, Word};
 use beamlet_core::whole_file::write_file;
 use beamlet_core::{Error, Result};
 use beamlet_files::{ImageDirectory, layout};
@@ -30,30 +31,27 @@ pub enum VolumeFormat {
     Mhd,
 }
 
-impl VolumeFormat {
-    /// Every format, the default first.
-    pub const ALL: [Self; 4] = [Self::Tiff, Self::Npy, Self::Exr, Self::Mhd];
+impl Choice for VolumeFormat {
+    const CHOICES: &'static [Self] = &[Self::Tiff, Self::Npy, Self::Exr, Self::Mhd];
 
+    fn word(self) -> Word {
+        let (name, help) = match self {
+            Self::Tiff => {
+                ("tiff", "A TIFF with a page for each slice, calibrated for ImageJ and Fiji")
+            }
+            Self::Npy => ("npy", "An array for numpy"),
+            Self::Exr => ("exr", "A folder with a 32-bit float EXR file for each slice"),
+            Self::Mhd => ("mhd", "A MetaImage header with raw values, for ParaView and 3D Slicer"),
+        };
+        Word { name, help }
+    }
+}
+
+impl VolumeFormat {
     /// Name on the command line and in records.
     #[must_use]
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::Tiff => "tiff",
-            Self::Npy => "npy",
-            Self::Exr => "exr",
-            Self::Mhd => "mhd",
-        }
-    }
-
-    /// The format in a few words.
-    #[must_use]
-    pub const fn summary(self) -> &'static str {
-        match self {
-            Self::Tiff => "A TIFF with a page for each slice, calibrated for ImageJ and Fiji",
-            Self::Npy => "An array for numpy",
-            Self::Exr => "A folder with a 32-bit float EXR file for each slice",
-            Self::Mhd => "A MetaImage header with raw values, for ParaView and 3D Slicer",
-        }
+    pub fn name(self) -> &'static str {
+        self.word().name
     }
 
     /// Format of the images of a folder; those of `MetaImage` are files beside them.

@@ -14,8 +14,8 @@ use beamlet_core::options::Relation::{
     Declared, Excludes, Listed, Needs, Position, Program, Repeated, Short, Unless,
 };
 use beamlet_core::options::{
-    ABOVE_ZERO, FILE, FROM_ZERO, Given, Hyphens, Kind, Options, POSITIVE_COUNT, SWITCH, TEXTS,
-    Wrong, any_length, choice, choices, numbers_of, words_of,
+    ABOVE_ZERO, FILE, FROM_ZERO, Hyphens, Kind, OptionValue, Options, POSITIVE_COUNT, Refusal,
+    SWITCH, TEXTS, any_length, choice, choices, numbers_of, words_of,
 };
 use beamlet_core::{Error, Result, numbers, options};
 use std::ops::Range;
@@ -110,7 +110,7 @@ impl RetrieveArguments {
         if let Some(path) = &self.bad_pixels {
             input = input.with_bad_pixels(path)?;
         }
-        input.with_selection(self.columns, self.bin)
+        Ok(input.with_selection(self.columns, self.bin)?.with_options(self.given()))
     }
 
     /// Options of a retrieval of this input; noise that is not given is that of its scene.
@@ -148,7 +148,6 @@ impl RetrieveArguments {
             aperture: self.aperture,
             detector_aperture: self.detector_aperture,
             offsets_z: offsets_z.unwrap_or_default(),
-            given: self.given().clone(),
         })
     }
 }
@@ -178,17 +177,17 @@ impl Offsets {
 /// A value of frames, which are of 32 bits.
 const SINGLE: Kind<f32> = Kind::new("NUMBER", "float", "a number above 0, up to 3.4e38", |given| {
     let number = given.number().filter(|it| *it > 0.0 && *it <= f64::from(f32::MAX));
-    number.map(numbers::single).ok_or(Wrong::Form)
+    number.map(numbers::single).ok_or(Refusal::Form)
 })
 .with_hyphens(Hyphens::Numbers);
 
 const COLUMNS: Kind<Columns> = Kind::new("START:END:STEP", "slice", "", |given| match *given {
-    Given::Argument(ref text) => Ok(Columns::parse(text)?),
-    Given::Slice { start, end, step } => {
+    OptionValue::Argument(ref text) => Ok(Columns::parse(text)?),
+    OptionValue::Slice { start, end, step } => {
         let index = |value: Option<i64>, least: i64, usual: usize| match value {
             None => Ok(usual),
-            Some(value) if value >= least => usize::try_from(value).map_err(|_| Wrong::Form),
-            Some(_) => Err(Wrong::Form),
+            Some(value) if value >= least => usize::try_from(value).map_err(|_| Refusal::Form),
+            Some(_) => Err(Refusal::Form),
         };
         let columns = Columns {
             start: index(start, 0, 0)?,
@@ -196,12 +195,12 @@ const COLUMNS: Kind<Columns> = Kind::new("START:END:STEP", "slice", "", |given| 
             step: index(step, 1, 1)?,
         };
         if columns.end.is_some_and(|end| end <= columns.start) {
-            Err(Wrong::Form)
+            Err(Refusal::Form)
         } else {
             Ok(columns)
         }
     }
-    _ => Err(Wrong::Form),
+    _ => Err(Refusal::Form),
 })
 .in_python("slice", "a slice of columns, as slice(1, None, 2)");
 
@@ -218,27 +217,29 @@ const REGION: Kind<Region> = Kind::new(
     "C0:C1 or C0:C1,R0:R1, pixels from 0, the ends excluded",
     |given| {
         let columns_and_rows = match given {
-            Given::Argument(_) => given.items().unwrap_or_default(),
-            Given::List(items) if matches!(items.first(), Some(Given::List(_))) => items.clone(),
+            OptionValue::Argument(_) => given.items().unwrap_or_default(),
+            OptionValue::List(items) if matches!(items.first(), Some(OptionValue::List(_))) => {
+                items.clone()
+            }
             one => vec![one.clone()],
         };
         match &columns_and_rows[..] {
             [columns] => Ok(Region::new(span(columns)?, None)),
             [columns, rows] => Ok(Region::new(span(columns)?, span(rows)?)),
-            _ => Err(Wrong::Form),
+            _ => Err(Refusal::Form),
         }
     },
 )
 .in_python("EmptyBeam", "(first, end) of columns, or a pair of these of columns and rows");
 
 /// First index and end of a range that is not empty.
-fn span(given: &Given) -> std::result::Result<Range<usize>, Wrong> {
+fn span(given: &OptionValue) -> std::result::Result<Range<usize>, Refusal> {
     let ends = match given {
-        Given::Argument(text) => Given::Argument(text.replace(':', ",")),
+        OptionValue::Argument(text) => OptionValue::Argument(text.replace(':', ",")),
         ends => ends.clone(),
     };
     let [start, end] = numbers_of(&ends, 0)?;
-    if start < end { Ok(start..end) } else { Err(Wrong::Form) }
+    if start < end { Ok(start..end) } else { Err(Refusal::Form) }
 }
 
 const CORRECTIONS: Kind<Corrections> = choices(
@@ -254,40 +255,40 @@ const CORRECTIONS: Kind<Corrections> = choices(
 const STEPS: Kind<Vec<usize>> =
     Kind::new("STEP,…", "Sequence[int]", "mask steps, from 0", |given| {
         let steps: Option<Vec<usize>> =
-            given.items().ok_or(Wrong::Form)?.iter().map(Given::whole).collect();
-        steps.ok_or(Wrong::Form)
+            given.items().ok_or(Refusal::Form)?.iter().map(OptionValue::whole).collect();
+        steps.ok_or(Refusal::Form)
     })
     .in_python("Sequence[int]", "a list of mask steps, from 0");
 
 const OFFSETS: Kind<Offsets> = Kind::new("LIST|FILE", "Lengths", "", |given| match given {
-    Given::Argument(text) => Ok(Offsets::Text(text.clone())),
-    Given::List(items) => {
+    OptionValue::Argument(text) => Ok(Offsets::Text(text.clone())),
+    OptionValue::List(items) => {
         Ok(Offsets::Lengths(items.iter().map(any_length).collect::<std::result::Result<_, _>>()?))
     }
-    _ => Err(Wrong::Form),
+    _ => Err(Refusal::Form),
 })
 .in_python("Lengths", "a list of numbers in m, or of texts with a unit as \"20 um\"")
 .with_hyphens(Hyphens::Texts);
 
 const LATTICE: Kind<Lattice> =
     Kind::new("X,Z[,ANGLE]", "str", "text as \"40 um, 40 um, 3 deg\"", |given| {
-        Ok(Lattice::parse(given.text().ok_or(Wrong::Form)?)?)
+        Ok(Lattice::parse(given.text().ok_or(Refusal::Form)?)?)
     })
     .with_hyphens(Hyphens::Texts);
 
 const APERTURE: Kind<Aperture> =
     Kind::new("WIDTH,HEIGHT", "str", "text as \"30 um, 20 um\" or \"round 30 um\"", |given| {
-        Ok(Aperture::parse("aperture", given.text().ok_or(Wrong::Form)?)?)
+        Ok(Aperture::parse("aperture", given.text().ok_or(Refusal::Form)?)?)
     });
 
 const DETECTOR_APERTURE: Kind<Aperture> =
     Kind::new("WIDTH,HEIGHT", "str", "text as \"30 um, 20 um\"", |given| {
-        Ok(Aperture::parse("detector_aperture", given.text().ok_or(Wrong::Form)?)?)
+        Ok(Aperture::parse("detector_aperture", given.text().ok_or(Refusal::Form)?)?)
     });
 
 const BACKGROUND: Kind<Background> =
     Kind::new("BACKGROUND", "str | float", "free, leak or a number", |given| match given.text() {
         Some(text) => Ok(text.parse()?),
-        None => given.number().map(Background::Value).ok_or(Wrong::Form),
+        None => given.number().map(Background::Value).ok_or(Refusal::Form),
     })
     .with_hyphens(Hyphens::Texts);

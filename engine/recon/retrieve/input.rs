@@ -54,6 +54,8 @@ pub struct Input {
     frames: BTreeMap<String, Vec<String>>,
     /// Warnings about the files.
     warnings: Vec<String>,
+    /// Options that were given, by name, with their texts.
+    options: BTreeMap<String, String>,
 }
 
 impl Input {
@@ -80,6 +82,7 @@ impl Input {
             run: BTreeMap::new(),
             frames: BTreeMap::new(),
             warnings: Vec::new(),
+            options: BTreeMap::new(),
         }
     }
 
@@ -88,6 +91,17 @@ impl Input {
     pub fn with_read(mut self, files: &[PathBuf]) -> Self {
         self.read.extend_from_slice(files);
         self
+    }
+
+    /// Enters the options that were given, for the record.
+    pub(super) fn with_options(mut self, given: &BTreeMap<String, String>) -> Self {
+        self.options.clone_from(given);
+        self
+    }
+
+    /// Options that were given, by name, with their texts.
+    pub(super) const fn options(&self) -> &BTreeMap<String, String> {
+        &self.options
     }
 
     /// Begins to find the SHA-256 of everything that is read, by its path, while curves are fitted.

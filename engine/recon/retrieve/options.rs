@@ -9,7 +9,6 @@ use super::planar::{self, Aperture, Lattice};
 use beamlet_core::{Error, Result, setters};
 use beamlet_model::scene::Scene;
 use ndarray::Array3;
-use std::collections::BTreeMap;
 use std::ops::Range;
 
 /// How to retrieve. `RetrieveOptions::default()` takes method and background from the scene, and fits without
@@ -59,8 +58,6 @@ pub struct RetrieveOptions {
     pub detector_aperture: Option<Aperture>,
     /// Offsets of the sample mask along z, m, one for each of the scene's along x; empty without steps along z.
     pub offsets_z: Vec<f64>,
-    /// Options of the verb that were given, with their texts, for the record.
-    pub given: BTreeMap<String, String>,
 }
 
 impl RetrieveOptions {

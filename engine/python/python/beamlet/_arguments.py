@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import operator
 import os
-from collections.abc import Sequence
 from typing import Any, SupportsFloat, SupportsIndex, cast, get_args
 
 import numpy as np
@@ -47,17 +46,6 @@ def whole_number(name: str, value: object, least: int) -> int:
             if least <= found < 1 << 63:
                 return found
     raise wrong(name, shown(value), f"a whole number, {least} or more")
-
-
-def whole(name: str, values: object, count: int, allowed: str, least: int = 0) -> list[int]:
-    """Whole numbers, `count` of them."""
-    try:
-        numbers = [operator.index(value) for value in cast(Sequence[int], values)]
-    except TypeError:
-        numbers = []
-    if len(numbers) != count or not all(least <= each < 1 << 63 for each in numbers):
-        raise wrong(name, shown(values), allowed)
-    return numbers
 
 
 def word(name: str, value: object, kind: object) -> str:

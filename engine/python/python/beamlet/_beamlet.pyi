@@ -23,14 +23,11 @@ __all__ = [
     "Projector",
     "Scene",
     "__version__",
-    "angle",
     "compare",
     "devices",
-    "energy",
     "fill",
     "ideal",
     "keywords",
-    "lengths",
     "material",
     "memory_size",
     "open_run",
@@ -105,7 +102,7 @@ class Engine:
 @final
 class Projector:
     def __new__(
-        cls, engine: Engine, circle: Mapping[str, object], data: str, grid: Mapping[str, object]
+        cls, engine: Engine, circle: Mapping[str, object], data: str, options: dict[str, Any]
     ) -> Projector: ...
     def project(self, volume: _Floats, progress: _Progress) -> _Floats: ...
     def transpose(self, sinograms: _Floats, progress: _Progress) -> _Floats: ...
@@ -120,24 +117,18 @@ class Projector:
     @property
     def voxel(self) -> list[float]: ...
 
-def angle(name: str, text: str) -> float: ...
 def compare(a: _Path, b: _Path, progress: _Progress) -> str: ...
 def devices() -> str: ...
-def energy(name: str, text: str) -> float: ...
 def fill(
     places: Sequence[Sequence[float]], of: str, image: _Floats, flags: _Floats | None
 ) -> tuple[_Floats, int]: ...
 def ideal(
     engine: Engine,
     scene: Scene,
-    reach: float | None,
-    tolerance: float,
-    angle_tolerance: float,
-    most_rays: int,
+    options: dict[str, Any],
     progress: _Progress,
 ) -> tuple[dict[str, _Floats], str, float, int, int]: ...
 def keywords(verb: str) -> list[tuple[str, str, str, str, bool, bool]]: ...
-def lengths(name: str, texts: Sequence[str]) -> list[float]: ...
 def material(
     name: str, energies: Sequence[float], density: float | None, scene: Scene | None
 ) -> tuple[list[float], list[float]]: ...
@@ -156,8 +147,7 @@ def reconstruct(
     circle: Mapping[str, object],
     sinograms: _Floats,
     of: str,
-    grid: Mapping[str, object],
-    options: Mapping[str, object],
+    options: dict[str, Any],
     given: Mapping[str, object],
     scene: Scene | None,
     progress: _Progress,

@@ -15,13 +15,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import _beamlet, _vulkan
-from ._arguments import number, shown, whole_number, word
+from ._arguments import shown, whole_number, word
 from ._arguments import path as place
 from ._errors import ArgumentError, DeviceError, in_python, wrong
+from ._options import described
 from ._scene import Path, Scene, inner
 
 if TYPE_CHECKING:
+    from typing_extensions import Unpack
+
     from ._images import Images
+    from ._keywords import IdealKeywords
     from ._run import Run
 
 #: Called with the step in work and the share of it that is done, from 0 to 1, or ``None`` where it is
@@ -223,14 +227,9 @@ class Engine:
         text, values = self._engine.check(inner(scene), progress)
         return CheckReport(in_python(text), json.loads(values))
 
+    @described("ideal")
     def ideal(
-        self,
-        scene: Scene,
-        reach: str | float | None = None,
-        tolerance: float = 1e-3,
-        angle_tolerance: float = 3e-8,
-        most_rays: int = 4096,
-        progress: Progress | None = None,
+        self, scene: Scene, *, progress: Progress | None = None, **options: Unpack[IdealKeywords]
     ) -> Images:
         """Ideal images of a scene, as truth for training: the contrasts of a retrieval without noise,
         focal spot, blur, leaks and the bias of its method (docs/retrieval.md, "Ideal images").
@@ -242,11 +241,6 @@ class Engine:
 
         Args:
             scene: The scene.
-            reach: Angles beyond it count in neither refraction nor dark field, rad, or text such as
-                ``"30 urad"``; default: what moves light by half a period of the sample mask.
-            tolerance: Standard error of the transmission below which a pixel gets no more rays.
-            angle_tolerance: The same of the refraction and of the root of the dark field, rad.
-            most_rays: Most rays of a pixel and view.
             progress: Callback.
 
         Returns:
@@ -259,17 +253,8 @@ class Engine:
         """
         from ._images import Images
 
-        angle = None if reach is None else (
-            _beamlet.angle("reach", reach) if isinstance(reach, str) else number("reach", reach)
-        )
         images, geometry, reached, rays, beyond = _beamlet.ideal(
-            self._engine,
-            inner(scene),
-            angle,
-            number("tolerance", tolerance),
-            number("angle_tolerance", angle_tolerance),
-            whole_number("most_rays", most_rays, 0),
-            progress,
+            self._engine, inner(scene), dict(options), progress
         )
         units = {"transmission": "1", "refraction": "rad", "dark_field": "rad²"}
         record = {

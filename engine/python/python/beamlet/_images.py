@@ -3,28 +3,26 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from . import _beamlet
 from ._arguments import shown, word
 from ._arguments import path as place
 from ._engine import Engine, Progress, still_open
 from ._errors import ArgumentError, Error, in_python, wrong
+from ._options import described
 from ._scene import Path, Scene
-from ._volume import (
-    DEFAULTS,
-    Quantity,
-    Reconstruction,
-    Volume,
-    Window,
-    circle,
-    volume_of,
-)
+from ._volume import Quantity, Sinograms, Volume, circle, volume_of
+
+if TYPE_CHECKING:
+    from typing_extensions import Unpack
+
+    from ._keywords import ReconstructKeywords
 
 Image = NDArray[np.float32]
 
@@ -183,59 +181,42 @@ class Images(Mapping[str, Image]):
         """
         return _beamlet.weights(self._sigmas(quantity))
 
+    @described("reconstruct")
     def reconstruct(
         self,
         quantity: Quantity = "mu",
-        voxel: str | float | None = None,
-        size: Sequence[int] | None = None,
-        filter: Window = "ram-lak",
-        cut_off: float = 1.0,
-        progress: Progress | None = None,
         *,
-        method: Reconstruction = "fbp",
         gradient_bias: Volume | None = None,
-        **options: Any,
+        axis: float | None = None,
+        engine: Engine | None = None,
+        progress: Progress | None = None,
+        weights: ArrayLike | None = None,
+        attenuation: ArrayLike | None = None,
+        scene: Scene | None = None,
+        **options: Unpack[ReconstructKeywords],
     ) -> Volume:
         """Reconstructs a scan on a circle. Pixels without a value are filled: :meth:`sinograms`.
 
         Args:
             quantity: ``mu`` (1/m, from the transmission), ``delta`` (from the refraction) or
                 ``dark_field`` (rad²/m).
-            voxel: Side of the voxels, as ``"50 um"`` or in m; default: a pixel at the axis.
-            size: Voxels along x, y and z; default: the field of view.
-            filter: Window of the filter, for ``fbp``.
-            cut_off: Frequency from which on nothing counts, as a share of Nyquist's, for ``fbp``.
-            progress: Callback.
-            method: Filtered back-projection, or an iterative method: :func:`beamlet.reconstruct`.
             gradient_bias: Volume of ``mu`` on the same voxels: ``delta`` is corrected for gradients of
                 the attenuation (δ + kμ).
-            options: Others of :func:`beamlet.reconstruct`; ``attenuation`` is by default the images'.
+            axis: As of :func:`beamlet.reconstruct`, like `engine`, `progress`, `weights` and `scene`; default: the
+                images'.
+            attenuation: As there; default: of the transmission.
 
         Raises:
             ArgumentError: As of :func:`beamlet.reconstruct`, :meth:`sinograms` and :meth:`weights`.
         """
-        unknown = options.keys() - DEFAULTS.keys()
-        if unknown:
-            raise TypeError(f"reconstruct() got an unexpected keyword argument {min(unknown)!r}")
         sinograms, counts = self.sinograms(quantity)
-        if quantity == "delta" and "transmission" in self:
-            options.setdefault("attenuation", self._attenuation())
-        given = DEFAULTS | {
-            "engine": still_open(self._engine),
-            "scene": self.scene,
-            **options,
-            "sinograms": sinograms,
-            "geometry": self.geometry,
-            "quantity": quantity,
-            "voxel": voxel,
-            "size": size,
-            "filter": filter,
-            "cut_off": cut_off,
-            "progress": progress,
-            "method": method,
-        }
-        beside = self._bias(quantity, gradient_bias)
-        volume = volume_of(given, beside)
+        if attenuation is None and quantity == "delta" and "transmission" in self:
+            attenuation = self._attenuation()
+        scene = self.scene if scene is None else scene
+        bias = self._bias(quantity, gradient_bias)
+        of = Sinograms(sinograms, quantity, self.geometry or {}, axis, scene, weights, attenuation, **bias)
+        engine = still_open(self._engine) if engine is None else engine
+        volume = volume_of(of, options, engine, progress)
         if gradient_bias is not None:
             if (volume.voxel, volume.origin) != (gradient_bias.voxel, gradient_bias.origin):
                 raise wrong("gradient_bias", "a Volume on other voxels", "one on the voxels of delta")

@@ -15,6 +15,8 @@ EmptyBeam = Span | tuple[Span, Span]
 Correction = Literal["offset", "plane", "dose", "steps"]
 Method = Literal["gaussian", "three-step", "two-step", "moments", "triangle", "exact-curve", "beamlet"]
 Weights = Literal["none", "poisson"]
+Reconstruction = Literal["fbp", "cgls", "sirt", "bb"]
+Window = Literal["ram-lak", "shepp-logan", "hann"]
 
 
 class RunKeywords(TypedDict, total=False):
@@ -38,3 +40,32 @@ class RunKeywords(TypedDict, total=False):
 class MeasuredKeywords(RunKeywords, total=False):
     flats_every: int | None
     offsets_z: Lengths | None
+
+
+class ReconstructKeywords(TypedDict, total=False):
+    method: Reconstruction
+    filter: Window
+    cut_off: float
+    arm_passes: int | None
+    extrapolate: bool
+    iterations: int
+    discrepancy: float | None
+    non_negative: bool
+    phase: bool
+    mask: ArrayLike | str | None
+    start: ArrayLike | None
+    rings: bool
+    keep_views: bool
+    beam_hardening: str | None
+    voxel: str | float | None
+    size: Sequence[int] | None
+    origin: Lengths | None
+    centre: float | Literal["auto"] | None
+    truth: bool
+
+
+class IdealKeywords(TypedDict, total=False):
+    reach: str | float | None
+    tolerance: float
+    angle_tolerance: float
+    most_rays: int

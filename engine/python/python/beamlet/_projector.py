@@ -13,7 +13,7 @@ from ._arguments import array, word
 from ._engine import Engine, Progress, serving
 from ._errors import wrong
 from ._scene import Scene
-from ._volume import circle, cube, grid
+from ._volume import circle, cube
 
 Data = Literal["attenuation", "refraction", "phase", "dark_field"]
 Values = NDArray[np.float32]
@@ -79,7 +79,7 @@ class Projector:
             serving(engine)._engine,
             circle(geometry, axis),
             word("data", data, Data),
-            grid(voxel, size, origin),
+            {"voxel": voxel, "size": size, "origin": origin},
         )
         x, y, z = self._projector.size
         views, rows, columns = self._projector.sinograms

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import tempfile
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -54,19 +55,23 @@ def _bad_pixels(value: ArrayLike, frame: tuple[int, ...]) -> NDArray[np.float32]
     return bad.astype(np.float32)
 
 
+@dataclass(frozen=True, eq=False)
+class Stacks:
+    """Stacks of a retrieval; `kind`: intensities or counts of a simulation, or measured."""
+
+    kind: Literal["intensities", "counts", "measured"]
+    flat: ArrayLike
+    sample: ArrayLike
+    dark: ArrayLike | None = None
+
+
 def retrieved(
-    engine: Engine,
-    scene: Scene,
-    kind: str,
-    stacks: tuple[ArrayLike, ArrayLike, ArrayLike | None],
-    options: Mapping[str, Any],
-    progress: Progress | None,
+    engine: Engine, scene: Scene, stacks: Stacks, options: Mapping[str, Any], progress: Progress | None
 ) -> Images:
-    """Images of stacks: flat, sample and dark."""
-    flat, sample, dark = stacks
-    of_scene = inner(scene, "geometry" if kind == "measured" else "scene")
-    of_flat, of_sample = _stack("flat", flat, 3), _stack("sample", sample, 4)
-    of_dark = None if dark is None else _stack("dark", dark, 2)
+    """Images of stacks."""
+    of_scene = inner(scene, "geometry" if stacks.kind == "measured" else "scene")
+    of_flat, of_sample = _stack("flat", stacks.flat, 3), _stack("sample", stacks.sample, 4)
+    of_dark = None if stacks.dark is None else _stack("dark", stacks.dark, 2)
     frame = of_flat.shape[-2:]
     _check_frames("sample", of_sample, frame)
     if of_dark is not None:
@@ -78,7 +83,7 @@ def retrieved(
             np.save(path, _bad_pixels(chosen["bad_pixels"], frame))
             chosen["bad_pixels"] = path
         found = _beamlet.retrieve(
-            engine._engine, of_scene, kind, of_flat, of_sample, of_dark, chosen, progress
+            engine._engine, of_scene, stacks.kind, of_flat, of_sample, of_dark, chosen, progress
         )
     return Images._of(found, scene, engine)
 
@@ -116,6 +121,6 @@ def retrieve(
         SceneError: Offsets or a set-up that the method does not take.
     """
     of_sample = array("sample", sample, "(view, step, row, column) or (step, row, column)")
-    stacks = (flat, of_sample[np.newaxis] if of_sample.ndim == 3 else of_sample, dark)
+    all_views = of_sample[np.newaxis] if of_sample.ndim == 3 else of_sample
     given = {"offsets": offsets, "method": method, **options}
-    return retrieved(serving(engine), geometry, "measured", stacks, given, progress)
+    return retrieved(serving(engine), geometry, Stacks("measured", flat, all_views, dark), given, progress)

@@ -165,18 +165,16 @@ class Run:
             SceneError: The method does not suit the set-up or its mask offsets.
             ArgumentError: The run has no counts, or options do not go together.
         """
-        from ._retrieve import retrieved
+        from ._retrieve import Stacks, retrieved
 
         if not counts:
-            stacks: tuple[Stack, Stack, Stack | None] = (self.flat, self.sample, None)
-            kind = "intensities"
+            stacks = Stacks("intensities", self.flat, self.sample)
         elif self.counts is None:
             raise wrong("counts", "a run without counts", "a scene with detector.photons")
         else:
-            stacks = (self.counts.flat, self.counts.sample, self.counts.dark)
-            kind = "counts"
+            stacks = Stacks("counts", self.counts.flat, self.counts.sample, self.counts.dark)
         given = {"method": method, **options}
-        return retrieved(self.engine, self.scene, kind, stacks, given, progress)
+        return retrieved(self.engine, self.scene, stacks, given, progress)
 
     def view(self, width: int | None = None) -> list[Any]:
         """Pictures of the run, of its directory alone. See :func:`beamlet.view`."""

@@ -1,19 +1,15 @@
 //! The volumes of a reconstruction, quantity by quantity, with their errors and tables.
 
 use super::LABELS;
-use crate::reconstruct::data::Data;
 use crate::reconstruct::gradient_bias::add_gradient_bias;
 use crate::reconstruct::grid::Volume;
-use crate::reconstruct::hardening::{BeamHardening, HardeningChoice};
 use crate::reconstruct::input::Input;
-use crate::reconstruct::lost_views::LostViews;
-use crate::reconstruct::measured::Measured;
-use crate::reconstruct::method::{Made, Method};
+use crate::reconstruct::method::Made;
 use crate::reconstruct::moment::reaching_ends;
 use crate::reconstruct::plan::VolumePlan;
 use crate::reconstruct::quantity::Quantity;
 use crate::reconstruct::record::{HardeningRecord, VolumeRecord};
-use crate::reconstruct::rings::suppress_rings;
+use crate::reconstruct::sinogram_volume::{Sinograms, reconstruct_sinograms};
 use crate::reconstruct::truth::Truth;
 use crate::reconstruct::write::{VolumeFormat, Voxels, write};
 use beamlet_core::rows_control::RowsControl;
@@ -37,10 +33,6 @@ pub(super) struct Making<'a> {
     pub(super) compute: &'a Compute,
     pub(super) input: &'a Input,
     pub(super) plan: &'a VolumePlan,
-    /// The method of the plan, within the memory that there is.
-    pub(super) method: Method,
-    /// Correction of the sinograms of μ.
-    pub(super) hardening: Option<BeamHardening>,
     pub(super) truth: Option<&'a Truth>,
     pub(super) mask: Option<Array3<bool>>,
     pub(super) format: VolumeFormat,
@@ -94,26 +86,34 @@ impl Making<'_> {
 
     /// The volume of a quantity, of corrected sinograms.
     fn made(&mut self, quantity: Quantity, control: &mut RowsControl<'_>) -> Result<Made> {
-        let Self { compute, input, plan, method, .. } = self;
+        let Self { compute, input, plan, .. } = self;
         let (geometry, cancel) = (input.geometry(), control.cancel.clone());
         if quantity == Quantity::Delta && self.reaching.is_none() {
             self.reaching = input.reaching_ends(&cancel)?;
         }
-        let (mut sinograms, counts) = input.sinograms(quantity, &cancel)?;
+        let (values, counts) = input.sinograms(quantity, &cancel)?;
         self.record.pixels.insert(quantity.name().to_owned(), counts);
         if quantity == Quantity::Mu {
-            self.reaching = Some(reaching_ends(sinograms.view()));
+            self.reaching = Some(reaching_ends(values.view()));
         }
-        let is_filtered = method.filtered().is_some_and(|options| !options.extrapolate);
-        if quantity == Quantity::Mu && is_filtered && is_cut(&sinograms) {
+        let is_filtered = plan.method.filtered().is_some_and(|options| !options.extrapolate);
+        if quantity == Quantity::Mu && is_filtered && is_cut(&values) {
             log::warn!(
                 "the sample reaches beyond both ends of the rows: mu is too large towards the edge of the \
                  slices; a wider detector, dithers, or --extrapolate"
             );
         }
-        if let (Quantity::Mu, Some(choice)) = (quantity, &plan.beam_hardening) {
-            let polynomial = hardening(choice, &sinograms)?;
-            polynomial.apply_until(&mut sinograms, &cancel)?;
+        let start = plan.start_of(quantity)?;
+        let sinograms = Sinograms {
+            quantity,
+            values,
+            weights: None,
+            reaching: self.reaching.clone(),
+            mask: self.mask.as_ref().map(|mask| mask.view()),
+            start: start.as_ref().map(|start| start.values.view()),
+        };
+        let found = reconstruct_sinograms(compute, geometry, plan, sinograms, control)?;
+        if let (Some(polynomial), Some(choice)) = (&found.hardening, &plan.beam_hardening) {
             self.record.beam_hardening = Some(HardeningRecord {
                 material: choice.material.clone(),
                 energy_kev: polynomial.energy,
@@ -121,25 +121,11 @@ impl Making<'_> {
                 largest: polynomial.most,
                 error: polynomial.error,
             });
-            self.hardening = Some(polynomial);
         }
-        let mut weights = None;
-        if quantity == Quantity::Delta {
-            let unknown = self.reaching.as_ref().map(|reaching| reaching.view());
-            let mut lost = LostViews::find(geometry, sinograms.view(), unknown)?;
-            let chosen = (&*method, plan.keep_views);
-            weights = lost.leave_out(geometry, chosen, &mut sinograms, None)?;
-            self.record.refraction_moment = Some(lost.record().clone());
+        if found.moments.is_some() {
+            self.record.refraction_moment = found.moments;
         }
-        if plan.rings {
-            suppress_rings(geometry, sinograms.view_mut(), &cancel)?;
-        }
-        let start = plan.start_of(quantity)?;
-        let measured = Measured::new(Data::of(quantity), sinograms.view())
-            .with_weights(weights.as_ref().map(|weights| weights.view()))
-            .with_mask(self.mask.as_ref().map(|mask| mask.view()))
-            .with_start(start.as_ref().map(|start| start.values.view()));
-        method.volume(compute, geometry, &measured, &plan.grid, control)
+        Ok(found.made)
     }
 
     /// Writes a volume.
@@ -168,12 +154,6 @@ fn is_cut(sinograms: &Array3<f32>) -> bool {
         [first, .., last] => first.min(last) > CUT * most,
         _ => false,
     }
-}
-
-/// Correction for beam hardening up to the largest −ln T of sinograms.
-fn hardening(choice: &HardeningChoice, sinograms: &Array3<f32>) -> Result<BeamHardening> {
-    let most = sinograms.iter().copied().fold(0.0, f32::max);
-    BeamHardening::up_to(choice, most.into())
 }
 
 /// Residuals of the iterations, as CSV; empty without.

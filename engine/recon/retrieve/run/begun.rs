@@ -40,7 +40,7 @@ pub(super) fn begun(
         command: None,
         title: scene.title.clone(),
         method: options.method().name().to_owned(),
-        options: options.given.clone(),
+        options: input.options().clone(),
         weights: options.weights.word().name.to_owned(),
         background: options.method().has_background().then(|| options.background().to_string()),
         response: None,

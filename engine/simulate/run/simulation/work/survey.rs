@@ -23,7 +23,7 @@ const STEPS: u32 = 128;
 /// Largest number of looks.
 const MOST_LOOKS: u32 = 24;
 /// Least number of looks, whatever the time.
-const LEAST_LOOKS: u32 = 5;
+const LEAST_LOOKS: u32 = 10;
 /// Seconds after which no further look is taken.
 const SECONDS: f64 = 1.0;
 /// Patches that the first look samples.

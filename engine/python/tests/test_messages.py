@@ -1,12 +1,9 @@
-"""Python has what the command line has: options of verbs against arguments, and messages in Python's words."""
+"""Messages of the engine in Python's words."""
 
 from __future__ import annotations
 
 import inspect
 import re
-import subprocess
-import sys
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -19,56 +16,6 @@ from beamlet import convert
 from beamlet._errors import in_python
 
 ENGINE = Path(__file__).parents[2]
-
-#: Options of every verb that Python does not need, and why.
-EVERYWHERE = {
-    "help": "help() and docstrings",
-    "version": "beamlet.__version__",
-    "quiet": "nothing is printed",
-    "verbose": "nothing is printed",
-    "json": "results are objects",
-    "output": "results are arrays",
-    "format": "results are arrays",
-    "overwrite": "results are arrays",
-    "device": "Engine(device=...)",
-    "profile": "Engine(profile=...)",
-    "set": "Scene.replace",
-}
-
-
-def options(verb: str) -> set[str]:
-    """Options of a verb of the program, in Python's spelling."""
-    words = [sys.executable, "-m", "beamlet", verb, "--help"]
-    done = subprocess.run(words, capture_output=True, text=True, check=True)
-    found = re.findall(r"^ +(?:-\w, )?(?:    )?--([a-z][a-z-]*)", done.stdout, re.MULTILINE)
-    assert "output" in found, done.stdout
-    return {name.replace("-", "_") for name in found}
-
-
-def parameters(*functions: Callable[..., Any]) -> set[str]:
-    names = {name for function in functions for name in inspect.signature(function).parameters}
-    return names - {"self", "engine", "progress", "options"}
-
-
-@pytest.mark.parametrize(
-    ("verb", "functions", "otherwise", "own"),
-    [
-        (
-            "reconstruct",
-            (bl.Images.reconstruct, bl.reconstruct),
-            # A limit of memory belongs to the engine; nothing is planned without being done; gradient_bias.
-            {"memory_limit", "dry_run", "no_gradient_bias"},
-            {"sinograms", "axis", "weights", "gradient_bias", "scene", "attenuation"},
-        ),
-    ],
-)
-def test_functions_have_the_options_of_the_command_line(
-    verb: str, functions: tuple[Callable[..., Any], ...], otherwise: set[str], own: set[str]
-) -> None:
-    of_program = options(verb) - EVERYWHERE.keys()
-    of_python = parameters(*functions)
-    assert otherwise <= of_program, "an option that is gone"
-    assert of_program - otherwise == of_python - own
 
 
 def test_options_in_messages_of_the_engine_are_arguments() -> None:
