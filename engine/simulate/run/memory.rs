@@ -41,9 +41,9 @@ pub struct MemoryEstimate {
     pub device_bytes: u64,
     /// Host and device together, at their peak.
     pub peak_bytes: u64,
-    /// Remainder of a limit for refinement, host and device together.
+    /// Remainder of a limit for lines, host and device together.
     #[serde(skip)]
-    pub(crate) left_for_refinement: Option<u64>,
+    pub(crate) left_for_lines: Option<u64>,
 }
 
 /// Chooses the bands of a run and estimates its peak memory, with trees for both backends. `objects`: of

@@ -126,9 +126,9 @@ impl Simulation {
         &self.detector
     }
 
-    /// Room that refinement may take.
+    /// Room that lines may take.
     fn room(&self, memory: &MemoryEstimate) -> sampling::Room {
-        let limit = self.options().memory_limit.zip(memory.left_for_refinement);
+        let limit = self.options().memory_limit.zip(memory.left_for_lines);
         sampling::Room {
             limit: limit.map(<[u64; 2]>::from),
             words: self.recording.as_ref().map_or(0, sampling::MomentRecording::words),

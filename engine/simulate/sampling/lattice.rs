@@ -19,7 +19,7 @@ pub struct Lattice {
     pub period: f64,
     /// Displacement of the lattice along x, m.
     pub offset: f64,
-    /// Cells per period before refinement.
+    /// Cells per period, about.
     pub cells: u32,
     /// Beamlets whose light may reach the detector.
     pub beamlets: Range<i64>,
@@ -278,8 +278,7 @@ pub fn beamlet_geometry(optics: &Optics, slope: f64) -> BeamletGeometry {
     }
 }
 
-/// Cells of a period before refinement, enough that the linear model holds in them almost
-/// everywhere: two to the narrowest opening, and 6 to 64 in all.
+/// Cells of a period, about, by which memory is reckoned: two to the narrowest opening, and 6 to 64 in all.
 fn cells_of(period: f64, opening: f64) -> u32 {
     numbers::whole::<u32>((2.0 * period / opening).ceil()).clamp(6, 64)
 }

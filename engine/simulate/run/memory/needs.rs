@@ -11,7 +11,7 @@ use beamlet_geometry::{ObjectSummary, PEAK_PER_CUT_TRIANGLE, PEAK_PER_TRIANGLE};
 use beamlet_model::scene::{Beam, Scatter, Scene, Scheme, ShapeOrMesh, Transport};
 use std::collections::BTreeSet;
 
-/// Least memory of one patch in refinement under a limit.
+/// Least memory of the lines of one patch under a limit.
 const ONE_PATCH: u64 = 12 << 20;
 /// Bytes on the host per triangle that stay: vertices, indices, components.
 const KEPT: u64 = 28;
@@ -26,8 +26,8 @@ const STRUCTURE: u64 = 60;
 /// Bytes on the device per triangle while that is built: boxes and scratch.
 const SCRATCH: u64 = 60;
 /// Bytes on the host per ray of a group of rows: the ray, its result, segments of its line, cells.
-/// For curved bodies, which refine most; flat ones take less.
-const REFINEMENT: u64 = 680;
+/// For curved bodies, which take most; flat ones take less.
+const OF_RAY: u64 = 680;
 /// Bytes on the host per cell of lines in memory together: its piece, and all that is made of it.
 const OF_CELL: u64 = 700;
 /// Largest number of these cells: beyond it patches are sampled in turn.
@@ -60,7 +60,7 @@ const RAYS: [u64; 2] = [1 << 20, 1 << 12];
 const LANES: u64 = 2;
 /// Least number of rays of a group for which a limit allows them: smaller groups keep a device less busy.
 const LANE_RAYS: u64 = 1 << 15;
-/// Least memory that a limit leaves for the refinement of each of these views, bytes.
+/// Least memory that a limit leaves for the lines of each of these views, bytes.
 const LANE_PATCH: u64 = 64 << 20;
 
 /// Triangles of objects that cut others or are cut.
@@ -109,9 +109,9 @@ pub(super) struct Needs {
     beside: u64,
     frame: u64,
     beamlets: u64,
-    /// Rays of a view, before refinement.
+    /// Rays of a view, about.
     pub(super) rays: u64,
-    /// The same of a row of pixels, which are refined together.
+    /// The same of a row of pixels, which are sampled together.
     row_rays: u64,
     ray_host: u64,
     ray_device: u64,
@@ -158,8 +158,8 @@ impl Needs {
         };
         let wave = scene.sampling.transport == Transport::Wave;
         let ray_host = match scene.source.beam {
-            Beam::Energy(_) => REFINEMENT,
-            Beam::Spectrum(_) => REFINEMENT + GATHERED + KEPT_MOMENTS * materials.len() as u64,
+            Beam::Energy(_) => OF_RAY,
+            Beam::Spectrum(_) => OF_RAY + GATHERED + KEPT_MOMENTS * materials.len() as u64,
         };
         let ray_device = RAY + 4 * (4 + 5 * materials.len() as u64);
         Ok(Self {
@@ -205,7 +205,7 @@ impl Needs {
             if let Ok(found) = several.in_lanes(scene, limit, band_rows)
                 && found.band_rows == self.rows
                 && several.rays_together(found.rays_at_once) >= least
-                && found.left_for_refinement.is_none_or(|left| left >= LANE_PATCH)
+                && found.left_for_lines.is_none_or(|left| left >= LANE_PATCH)
             {
                 return Ok(found);
             }
@@ -223,8 +223,8 @@ impl Needs {
         let all = self.rows;
         if let Some(rows) = band_rows {
             let rows = rows.clamp(1, all);
-            let left_for_refinement = limit.map(|limit| self.left(limit, rows, rays));
-            return Ok(MemoryEstimate { left_for_refinement, ..self.at(rows, rays) });
+            let left_for_lines = limit.map(|limit| self.left(limit, rows, rays));
+            return Ok(MemoryEstimate { left_for_lines, ..self.at(rows, rays) });
         }
         let Some(limit) = limit else {
             let rows = (BAND / self.row_bytes().max(1)).clamp(1, all.into());
@@ -246,8 +246,8 @@ impl Needs {
         let fixed = self.run(0, rays).sum();
         let rows = ((limit - fixed) / self.row_bytes().max(1)).clamp(1, all.into());
         let rows = u32::try_from(rows).unwrap_or(all);
-        let left_for_refinement = Some(self.left(all_of_it, rows, rays));
-        Ok(MemoryEstimate { left_for_refinement, ..self.at(rows, rays) })
+        let left_for_lines = Some(self.left(all_of_it, rows, rays));
+        Ok(MemoryEstimate { left_for_lines, ..self.at(rows, rays) })
     }
 
     /// Sums on the device, intensities on the host.
@@ -291,14 +291,14 @@ impl Needs {
             host_bytes: peak(|b| b.host),
             device_bytes: peak(|b| b.device),
             peak_bytes: peak(HostAndDevice::sum),
-            left_for_refinement: None,
+            left_for_lines: None,
         }
     }
 
-    /// Remainder of a limit for refinement in bands of `band_rows` rows.
+    /// Remainder of a limit for lines in bands of `band_rows` rows.
     fn left(&self, limit: u64, band_rows: u32, rays_at_once: u64) -> u64 {
         let rays = self.rays_together(rays_at_once);
-        let others = self.run(band_rows, rays_at_once).sum() - self.refinement(rays);
+        let others = self.run(band_rows, rays_at_once).sum() - self.sampling(rays);
         limit.saturating_sub(others).saturating_sub(self.lanes * BASE * rays) / self.lanes
     }
 
@@ -307,8 +307,8 @@ impl Needs {
         rays_at_once.max(self.row_rays).min(self.rays)
     }
 
-    /// Bytes of the refinement of `rays` rays of each view in work.
-    const fn refinement(&self, rays: u64) -> u64 {
+    /// Bytes of the lines of `rays` rays of each view in work.
+    const fn sampling(&self, rays: u64) -> u64 {
         if self.cells { self.lanes * self.ray_host * rays } else { 0 }
     }
 
@@ -330,7 +330,7 @@ impl Needs {
             + KEPT * self.triangles
             + self.instances().host
             + self.lanes * BEAMLET * self.beamlets
-            + self.refinement(rays)
+            + self.sampling(rays)
             + self.lanes * OF_CELL * self.crowded.min(MOST_CELLS)
             + 64 * self.views
             + FRAME_COPIES * self.frame;

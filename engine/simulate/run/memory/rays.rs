@@ -25,7 +25,7 @@ pub(super) fn beamlets(optics: &Optics) -> Result<u64> {
     ))
 }
 
-/// Rays of the beamlets and rows touched by objects in any view, before refinement, and the rays of one
+/// Rays of the beamlets and rows touched by objects in any view, about, and the rays of one
 /// row.
 pub(super) fn cell_rays(optics: &Optics, objects: &[ObjectSummary]) -> [u64; 2] {
     let lattice = Lattice::of(optics, 0.0);

@@ -1,4 +1,4 @@
-//! Views side by side: while the host refines one view, the device traces or illuminates another and
+//! Views side by side: while the host samples one view, the device traces or illuminates another and
 //! a third is written. Each lane is a thread with a tracer and sums of its own; the views are handed
 //! to the sink by the calling thread, in their order.
 
