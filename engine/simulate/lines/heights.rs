@@ -657,6 +657,64 @@ mod tests {
         assert_eq!(upright.nearest(0).map(f64::to_bits), [0.0_f64, 1.0].map(f64::to_bits));
     }
 
+    /// A line of eight samples that pass all of their light or none.
+    #[derive(Debug, Clone)]
+    struct OfSamples {
+        values: [f32; 1],
+        draws: super::Draws,
+    }
+
+    impl OfSamples {
+        fn drawn(draws: &mut Draws) -> Self {
+            let samples = [0; 8].map(|_| f64::from(u8::from(draws.uniform() < 0.5)));
+            let mut all = super::Draws::default();
+            for (at, passed) in samples.into_iter().enumerate() {
+                let next = samples.get(at + 1);
+                all.add(0.125, passed, next.map(|it| it - passed));
+            }
+            Self { values: [single(samples.iter().sum::<f64>() / 8.0)], draws: all }
+        }
+    }
+
+    impl Judged for OfSamples {
+        fn values(&self) -> &[f32] {
+            &self.values
+        }
+
+        fn draws(&self) -> Option<super::Draws> {
+            Some(self.draws)
+        }
+    }
+
+    /// Errors of 200 rows of random samples, root mean square, against their estimates: these are within a factor of 1.5,
+    /// which 200 rows show to 10 %.
+    #[test]
+    fn errors_of_random_samples_are_those_of_their_mean() {
+        let features = Features { rough: true, height: 0.5, ..EVEN };
+        let mut draws = Draws::new(3, [0; 3], 0);
+        for error in [0.02, 0.01] {
+            let (mut squares, mut told) = (0.0, 0.0);
+            for _ in 0..200 {
+                let mut heights = Heights::new(&features, Limits { error, ..LIMITS });
+                loop {
+                    let wanted = heights.wanted().count();
+                    if wanted == 0 {
+                        break;
+                    }
+                    heights.add((0..wanted).map(|_| OfSamples::drawn(&mut draws)));
+                }
+                let weights = heights.weights(sharp([0.0, 1.0]));
+                let light = heights.light().map(|it| f64::from(it.values[0]));
+                let mean: f64 = light.zip(weights).map(|(light, weight)| light * weight).sum();
+                squares += (mean - 0.5).powi(2);
+                told += heights.error().powi(2);
+                assert!(heights.error() <= error && heights.count() < 1000);
+            }
+            let ratio = f64::sqrt(squares / told);
+            assert!((0.67..1.5).contains(&ratio), "true over told {ratio} at {error}");
+        }
+    }
+
     /// Light of a shape, and its mean over a row; `at`: a place of the row, `width`: a part of it.
     type Shape = fn(z: f64, at: f64, width: f64) -> f64;
 
