@@ -270,7 +270,7 @@ fn fibres_that_do_nothing_leave_the_flat_however_finely_they_cut_cells() {
         let scene = Scene::from_toml(&text, ".").expect("a scene");
         let stacks = engine(Backend::Bvh).simulate(&scene).expect("a stack");
         let tally = &stacks.record.tally;
-        assert!(tally.rays + tally.lines > 1000, "no fibres in the beam");
+        assert!(tally.patches > 3 && tally.rays > 100, "no fibres in the beam: {tally:?}");
         for ((place, flat), sample) in stacks.flat.indexed_iter().zip(&stacks.sample) {
             worst.take(f64::from(sample - flat), || format!("spot {spot}, {place:?}"));
         }

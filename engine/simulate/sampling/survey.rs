@@ -18,33 +18,26 @@ const ROOM: Room = Room { limit: None, words: 0 };
 /// beyond those that it took itself.
 pub(crate) type TakePart<'a> = &'a mut dyn FnMut(&mut Tracer, &CellBatch) -> Result<f64>;
 
-/// Cost of the patches of some rows of a view.
+/// Cost of the patches of some rows of a view, reckoned from those that were sampled.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub(crate) struct RowsCost {
     /// Rows.
     pub rows: f64,
     /// Patches that shadows touch.
     pub patches: f64,
-    /// Patches among them that were sampled.
-    pub sampled: f64,
-    /// Rays and lines of these.
+    /// Their rays, lines and cells.
     pub rays: f64,
     pub lines: f64,
-    /// Their cells.
     pub cells: f64,
-    /// Seconds that sampling and illuminating them took.
+    /// Seconds that sampling and illuminating them takes.
     pub seconds: f64,
+    /// Patches that were sampled, and seconds that these took.
+    pub sampled: f64,
+    pub spent: f64,
 }
 
-impl RowsCost {
-    /// All patches for each that was sampled.
-    pub(crate) fn scale(&self) -> f64 {
-        if self.sampled > 0.0 { self.patches / self.sampled } else { 0.0 }
-    }
-}
-
-/// Samples at most `most` patches of some rows, evenly spread from the share `start` of their distance on, and hands
-/// their cells to `take`.
+/// Samples at most `most` patches of some rows of each kind (few bodies, many bodies), evenly spread from the share
+/// `start` of their distance on, and hands their cells to `take`.
 ///
 /// # Errors
 /// As [`Tracer::trace`]; errors of `take`.
@@ -56,36 +49,40 @@ pub(crate) fn survey_rows(
     (most, start): (f64, f64),
     take: TakePart<'_>,
 ) -> Result<RowsCost> {
-    let begin = Instant::now();
-    let before = tracer.rays_traced();
     let places = PatchPlaces::new(view, rows.clone());
-    let mut patches = Vec::new();
-    for beamlet in view.lattice.beamlets.clone() {
-        for row in rows.clone().filter(|row| places.is_touched(beamlet, *row)) {
-            patches.push((beamlet, row));
-        }
+    // By row: patches that are spread over the list are spread over its rows.
+    let of_row = |row: i64| view.lattice.beamlets.clone().map(move |beamlet| (beamlet, row));
+    let touched = rows.clone().flat_map(of_row);
+    let touched = touched.filter(|(beamlet, row)| places.is_touched(*beamlet, *row));
+    let kinds: (Vec<_>, Vec<_>) =
+        touched.partition(|(beamlet, row)| !places.is_crowded(*beamlet, *row));
+    let mut cost = RowsCost { rows: (rows.end - rows.start) as f64, ..RowsCost::default() };
+    for patches in [kinds.0, kinds.1].into_iter().filter(|it| !it.is_empty()) {
+        let begin = Instant::now();
+        let before = tracer.rays_traced();
+        let chosen = spread(&patches, most, start);
+        let (mut lines, mut cells, mut beyond) = (0, 0, 0.0);
+        let mut keep = |tracer: &mut Tracer, batch: CellBatch, _: Vec<(i64, i64)>| {
+            lines += batch.tally.lines;
+            cells += batch.cells.len();
+            if !batch.cell_rows.is_empty() {
+                beyond += take(tracer, &batch)?;
+            }
+            Ok(())
+        };
+        let ignored = &mut |_: &Tracer, _| {};
+        sample_patches(view, tracer, (&chosen, &places), (lit, &ROOM), &mut keep, ignored)?;
+        let spent = begin.elapsed().as_secs_f64() + beyond;
+        let scale = patches.len() as f64 / chosen.len() as f64;
+        cost.patches += patches.len() as f64;
+        cost.rays += scale * (tracer.rays_traced() - before) as f64;
+        cost.lines += scale * lines as f64;
+        cost.cells += scale * cells as f64;
+        cost.seconds += scale * spent;
+        cost.sampled += chosen.len() as f64;
+        cost.spent += spent;
     }
-    let chosen = spread(&patches, most, start);
-    let (mut lines, mut count, mut beyond) = (0, 0, 0.0);
-    let mut keep = |tracer: &mut Tracer, cells: CellBatch, _: Vec<(i64, i64)>| {
-        lines += cells.tally.lines;
-        count += cells.cells.len();
-        if !cells.cell_rows.is_empty() {
-            beyond += take(tracer, &cells)?;
-        }
-        Ok(())
-    };
-    let ignored = &mut |_: &Tracer, _| {};
-    sample_patches(view, tracer, (&chosen, &places), (lit, &ROOM), &mut keep, ignored)?;
-    Ok(RowsCost {
-        rows: (rows.end - rows.start) as f64,
-        patches: patches.len() as f64,
-        sampled: chosen.len() as f64,
-        rays: (tracer.rays_traced() - before) as f64,
-        lines: lines as f64,
-        cells: count as f64,
-        seconds: begin.elapsed().as_secs_f64() + beyond,
-    })
+    Ok(cost)
 }
 
 /// At most `most` of some patches, evenly spread.

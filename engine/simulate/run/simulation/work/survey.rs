@@ -127,9 +127,8 @@ impl ViewWork<'_> {
         let views = self.view_count();
         let count = looks.len().max(1) as f64;
         let mean = |of: &dyn Fn(&Look) -> f64| looks.iter().map(of).sum::<f64>() / count;
-        let per_view = |look: &Look, own: f64| {
-            look.cost.scale() * own * (look.all.end - look.all.start) as f64 / look.cost.rows
-        };
+        let per_view =
+            |look: &Look, own: f64| own * (look.all.end - look.all.start) as f64 / look.cost.rows;
         let rays = mean(&|look| per_view(look, look.cost.rays));
         let seconds = mean(&|look| look.shadow_seconds + per_view(look, look.cost.seconds));
         let of_looks =
@@ -140,7 +139,7 @@ impl ViewWork<'_> {
             rays: rays * views,
             lines: views * mean(&|look| per_view(look, look.cost.lines)),
             seconds: views * seconds + (views + 1.0) * blank,
-            cells_per_patch: of_looks(&|cost| cost.cells) / sampled.max(1.0),
+            cells_per_patch: of_looks(&|cost| cost.cells) / of_looks(&|cost| cost.patches).max(1.0),
             patches_sampled: sampled,
         })
     }
@@ -174,7 +173,7 @@ impl ViewWork<'_> {
             let start = (f64::from(number) * GOLDEN).fract();
             let cost = self.look(view, &projected_bounds, rows, (patches, start))?;
             if cost.sampled > 0.0 {
-                let each = (cost.seconds / cost.sampled).max(1e-9);
+                let each = (cost.spent / cost.sampled).max(1e-9);
                 patches = (SECONDS_OF_A_LOOK / each).clamp(PATCHES[0], PATCHES[1]);
             }
             looks.push(Look { all, shadow_seconds, cost });
