@@ -38,7 +38,7 @@ pub(super) fn estimated(
     match found {
         Ok(mut estimate) => {
             estimate.seconds += loaded_in;
-            let cells = estimate.cells_per_patch;
+            let cells = estimate.cells_at_once;
             report.work.memory = memory::estimate_sampled(scene, &objects, limit, cells)?;
             report.work.estimate = Some(estimate);
         }

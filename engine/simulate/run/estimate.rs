@@ -14,8 +14,8 @@ pub struct RunEstimate {
     pub lines: f64,
     /// Seconds on this device: preparation, tracing, illumination, blur and scatter, without noise and output.
     pub seconds: f64,
-    /// Cells of the lines of a patch (beamlet and detector row), on average.
-    pub cells_per_patch: f64,
-    /// Patches that were sampled for the estimate.
+    /// Cells of lines that are in memory together.
+    pub cells_at_once: f64,
+    /// Patches (beamlet and detector row) that were sampled for the estimate.
     pub patches_sampled: f64,
 }

@@ -18,9 +18,6 @@ use building::building;
 use needs::Needs;
 use serde::Serialize;
 
-/// Patches whose lines are in memory together, at most.
-const PATCHES_AT_ONCE: f64 = 1024.0;
-
 /// Memory of a run at its peak, in bytes. On a CPU device host and device are one process.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[non_exhaustive]
@@ -75,7 +72,7 @@ pub(crate) fn estimate_alone(
     Needs::of(scene, objects)?.in_lanes(scene, limit, band_rows)
 }
 
-/// As [`estimate`]; `cells_per_patch`: cells of the lines of a patch, on average.
+/// As [`estimate`]; `cells_at_once`: cells of lines that are in memory together.
 ///
 /// # Errors
 /// As [`estimate`].
@@ -83,13 +80,13 @@ pub fn estimate_sampled(
     scene: &Scene,
     objects: &[ObjectSummary],
     limit: Option<u64>,
-    cells_per_patch: f64,
+    cells_at_once: f64,
 ) -> Result<MemoryEstimate> {
     let mut needs = Needs::of(scene, objects)?;
     let first = needs.estimate(scene, limit, None)?;
     needs.lanes = first.views_at_once.into();
     if needs.cells {
-        needs.crowded = numbers::whole::<u64>(cells_per_patch * PATCHES_AT_ONCE);
+        needs.crowded = numbers::whole::<u64>(cells_at_once);
     }
     // A run does not know this number: it takes the bands of the estimate without it. Nor does a
     // limit bound the memory, for a single patch may hold most of it.

@@ -129,7 +129,7 @@ fn template(choices: &mut Choices<'_>) -> Value {
     let mut scene = json!({
         "source": { "distance": "1.21 m", "spot": "20 um", "energy": "30 keV" },
         "detector": { "distance": "1.8 m", "pixels": [1, 1], "pitch": "150 um" },
-        "sampling": { "rays": 1, "cells": 1 },
+        "sampling": { "rays": 1 },
         "object": [choices.of(&[ball, mesh])],
     });
     let slit = json!({ "distance": "1.2 m", "transmission": 0.0, "aperture": "20 um" });

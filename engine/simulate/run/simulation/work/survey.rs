@@ -32,6 +32,8 @@ const FIRST_PATCHES: f64 = 64.0;
 const PATCHES: [f64; 2] = [16.0, 256.0];
 /// Seconds for them.
 const SECONDS_OF_A_LOOK: f64 = 0.15;
+/// Patches whose lines are in memory together, at most.
+const PATCHES_AT_ONCE: f64 = 1024.0;
 /// Rows of the flat, or of random rays, that are timed.
 const TIMED_ROWS: i64 = 8;
 /// Times that the flat's are timed.
@@ -134,12 +136,15 @@ impl ViewWork<'_> {
         let of_looks =
             |of: &dyn Fn(&RowsCost) -> f64| looks.iter().map(|look| of(&look.cost)).sum::<f64>();
         let sampled = of_looks(&|cost| cost.sampled);
+        let cells_per_patch =
+            of_looks(&|cost| cost.cells) / of_looks(&|cost| cost.patches).max(1.0);
+        let patches = mean(&|look| per_view(look, look.cost.patches));
         Ok(RunEstimate {
             rays_per_view: rays,
             rays: rays * views,
             lines: views * mean(&|look| per_view(look, look.cost.lines)),
             seconds: views * seconds + (views + 1.0) * blank,
-            cells_per_patch: of_looks(&|cost| cost.cells) / of_looks(&|cost| cost.patches).max(1.0),
+            cells_at_once: cells_per_patch * patches.min(PATCHES_AT_ONCE),
             patches_sampled: sampled,
         })
     }
