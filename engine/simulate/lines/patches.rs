@@ -137,6 +137,13 @@ impl LinePatch {
     }
 }
 
+/// Patches of many bodies.
+struct Evenly {
+    even: Vec<EvenPatch>,
+    /// Places of those whose bodies rays resolve.
+    resolved: Vec<(i64, i64)>,
+}
+
 /// Windows along z that take the light of a cell as even.
 fn uneven(view: &ViewContext<'_>) -> Uneven {
     let apart = differ_along_z(&view.optics.spot.placed());
@@ -204,7 +211,8 @@ impl<'a> LineSampler<'a> {
     ) -> Result<Option<Sampled>> {
         let (crowded, mut of_lines): (Vec<_>, Vec<_>) =
             places.iter().partition(|(beamlet, row)| of.is_crowded(*beamlet, *row));
-        let Some((even, resolved)) = self.sample_evenly(tracer, &crowded, of, room)? else {
+        let Some(Evenly { even, resolved }) = self.sample_evenly(tracer, &crowded, of, room)?
+        else {
             return Ok(None);
         };
         of_lines.extend(resolved);
@@ -231,15 +239,14 @@ impl<'a> LineSampler<'a> {
         Ok(Some(Sampled { lines, even, tally }))
     }
 
-    /// Patches of many bodies with rays that are spread evenly, and the places of those whose bodies rays resolve; nothing
-    /// where they hold more than `room` bytes.
+    /// Patches of many bodies with rays that are spread evenly; nothing where they hold more than `room` bytes.
     fn sample_evenly(
         &self,
         tracer: &mut Tracer,
         places: &[(i64, i64)],
         of: &PatchPlaces,
         room: u64,
-    ) -> Result<Option<(Vec<EvenPatch>, Vec<(i64, i64)>)>> {
+    ) -> Result<Option<Evenly>> {
         let column = |beamlet: i64| self.column(beamlet);
         let begin = |(beamlet, row): &(i64, i64)| {
             self.even.begin(*beamlet, *row, &self.openings[column(*beamlet)])
@@ -282,7 +289,7 @@ impl<'a> LineSampler<'a> {
         }
         // In an order that no number of trials changes.
         done.sort_by_key(|patch| (patch.row, patch.beamlet));
-        Ok(Some((done, resolved)))
+        Ok(Some(Evenly { even: done, resolved }))
     }
 
     /// Column of a beamlet in the lattice.

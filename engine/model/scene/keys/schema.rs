@@ -80,7 +80,11 @@ fn form(spec: &Spec, own: Form) -> Value {
     let required = needed_keys(spec, own);
     let others: Vec<Value> =
         spec.rivals_of(own).iter().map(|key| json!({ "required": [key] })).collect();
-    json!({ "required": required, "not": { "anyOf": others } })
+    let mut form = json!({ "not": { "anyOf": others } });
+    if !required.is_empty() {
+        form["required"] = json!(required);
+    }
+    form
 }
 
 fn property(row: &Row) -> Value {
