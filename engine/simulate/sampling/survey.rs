@@ -21,8 +21,6 @@ pub(crate) type TakePart<'a> = &'a mut dyn FnMut(&mut Tracer, &CellBatch) -> Res
 /// Cost of the patches of some rows of a view, reckoned from those that were sampled.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub(crate) struct RowsCost {
-    /// Rows.
-    pub rows: f64,
     /// Patches that shadows touch.
     pub patches: f64,
     /// Their rays, lines and cells.
@@ -34,6 +32,29 @@ pub(crate) struct RowsCost {
     /// Patches that were sampled, and seconds that these took.
     pub sampled: f64,
     pub spent: f64,
+}
+
+impl RowsCost {
+    /// The cost of some times as many rows like these.
+    pub(crate) fn times(self, share: f64) -> Self {
+        let Self { patches, rays, lines, cells, seconds, .. } = self;
+        let [patches, rays, lines, cells, seconds] =
+            [patches, rays, lines, cells, seconds].map(|it| share * it);
+        Self { patches, rays, lines, cells, seconds, ..self }
+    }
+
+    /// The cost of both.
+    pub(crate) fn and(self, other: &Self) -> Self {
+        Self {
+            patches: self.patches + other.patches,
+            rays: self.rays + other.rays,
+            lines: self.lines + other.lines,
+            cells: self.cells + other.cells,
+            seconds: self.seconds + other.seconds,
+            sampled: self.sampled + other.sampled,
+            spent: self.spent + other.spent,
+        }
+    }
 }
 
 /// Samples at most `most` patches of some rows of each kind (few bodies, many bodies), evenly spread from the share
@@ -52,11 +73,11 @@ pub(crate) fn survey_rows(
     let places = PatchPlaces::new(view, rows.clone());
     // By row: patches that are spread over the list are spread over its rows.
     let of_row = |row: i64| view.lattice.beamlets.clone().map(move |beamlet| (beamlet, row));
-    let touched = rows.clone().flat_map(of_row);
+    let touched = rows.flat_map(of_row);
     let touched = touched.filter(|(beamlet, row)| places.is_touched(*beamlet, *row));
     let kinds: (Vec<_>, Vec<_>) =
         touched.partition(|(beamlet, row)| !places.is_crowded(*beamlet, *row));
-    let mut cost = RowsCost { rows: (rows.end - rows.start) as f64, ..RowsCost::default() };
+    let mut cost = RowsCost::default();
     for patches in [kinds.0, kinds.1].into_iter().filter(|it| !it.is_empty()) {
         let begin = Instant::now();
         let before = tracer.rays_traced();

@@ -43,12 +43,11 @@ const TIMED_RAYS: f64 = 2e6;
 /// Fractional part of the golden ratio: its multiples spread evenly over [0, 1).
 pub(super) const GOLDEN: f64 = 0.618_033_988_749_894_9;
 
-/// Rows of a view.
+/// Look at a view.
 struct Look {
-    /// Rows of the view that a shadow reaches.
-    all: Range<i64>,
     /// Seconds that finding the shadows took.
     shadow_seconds: f64,
+    /// Cost of all rows that a shadow reaches.
     cost: RowsCost,
 }
 
@@ -129,20 +128,18 @@ impl ViewWork<'_> {
         let views = self.view_count();
         let count = looks.len().max(1) as f64;
         let mean = |of: &dyn Fn(&Look) -> f64| looks.iter().map(of).sum::<f64>() / count;
-        let per_view =
-            |look: &Look, own: f64| own * (look.all.end - look.all.start) as f64 / look.cost.rows;
-        let rays = mean(&|look| per_view(look, look.cost.rays));
-        let seconds = mean(&|look| look.shadow_seconds + per_view(look, look.cost.seconds));
+        let rays = mean(&|look| look.cost.rays);
+        let seconds = mean(&|look| look.shadow_seconds + look.cost.seconds);
         let of_looks =
             |of: &dyn Fn(&RowsCost) -> f64| looks.iter().map(|look| of(&look.cost)).sum::<f64>();
         let sampled = of_looks(&|cost| cost.sampled);
         let cells_per_patch =
             of_looks(&|cost| cost.cells) / of_looks(&|cost| cost.patches).max(1.0);
-        let patches = mean(&|look| per_view(look, look.cost.patches));
+        let patches = mean(&|look| look.cost.patches);
         Ok(RunEstimate {
             rays_per_view: rays,
             rays: rays * views,
-            lines: views * mean(&|look| per_view(look, look.cost.lines)),
+            lines: views * mean(&|look| look.cost.lines),
             seconds: views * seconds + (views + 1.0) * blank,
             cells_at_once: cells_per_patch * patches.min(PATCHES_AT_ONCE),
             patches_sampled: sampled,
@@ -168,20 +165,31 @@ impl ViewWork<'_> {
             let projected_bounds = self.simulation.projected_bounds(view);
             let shadow_seconds = shadow.elapsed().as_secs_f64();
             let all = self.rows_of(&projected_bounds);
-            let blocks = (all.end - all.start + ROWS - 1) / ROWS;
-            let block = numbers::whole::<i64>(radical_inverse(number) * blocks as f64);
-            if blocks == 0 || !seen.insert((view, block)) {
+            // Rows beside the detector take few rays: they are looked at apart.
+            let inner = all.start.max(0)..all.end.min(self.lit_rows_of_all());
+            let inner = if inner.is_empty() { all.start..all.start } else { inner };
+            let parts = [inner.clone(), all.start..inner.start, inner.end..all.end];
+            let block_of = |part: &Range<i64>| {
+                let blocks = (part.end - part.start + ROWS - 1) / ROWS;
+                numbers::whole::<i64>(radical_inverse(number) * blocks as f64)
+            };
+            if all.is_empty() || !seen.insert((view, parts.each_ref().map(block_of))) {
                 continue;
             }
-            let first = all.start + block * ROWS;
-            let rows = first..(first + ROWS).min(all.end);
             let start = (f64::from(number) * GOLDEN).fract();
-            let cost = self.look(view, &projected_bounds, rows, (patches, start))?;
+            let mut cost = RowsCost::default();
+            for part in parts.iter().filter(|part| !part.is_empty()) {
+                let first = part.start + block_of(part) * ROWS;
+                let rows = first..(first + ROWS).min(part.end);
+                let share = (part.end - part.start) as f64 / (rows.end - rows.start) as f64;
+                let of_rows = self.look(view, &projected_bounds, rows, (patches, start))?;
+                cost = cost.and(&of_rows.times(share));
+            }
             if cost.sampled > 0.0 {
                 let each = (cost.spent / cost.sampled).max(1e-9);
                 patches = (SECONDS_OF_A_LOOK / each).clamp(PATCHES[0], PATCHES[1]);
             }
-            looks.push(Look { all, shadow_seconds, cost });
+            looks.push(Look { shadow_seconds, cost });
         }
         Ok(looks)
     }
