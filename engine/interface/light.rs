@@ -166,8 +166,8 @@ shared_structs! {
         /// Share that lands in the row above; -1: farther, to be computed. Behind masks whose apertures end
         /// along z: growth of the landing over the height of the cell, rows.
         pub share_above: f32,
-        /// Share that lands in the row below; where it is to be computed, change of the light over the
-        /// height, relative to the mean light.
+        /// Share that lands in the row below; 0 where it is to be computed. Behind masks whose apertures end along z:
+        /// change of the light over the height, relative to the mean light.
         pub share_below: f32,
         /// Shift of pixel edges on the analyser, from the gap to the detector.
         pub pixel_shift: f32,

@@ -7,19 +7,8 @@ float rows_before(float at, float blur) {
     return at <= -6.0 * blur ? 0.0 : blur * ramp(at / blur);
 }
 
-// Integral of it up to `at`.
-float rows_before_squared(float at, float blur) {
-    if (at >= 6.0 * blur) return 0.5 * (at * at + blur * blur);
-    if (at <= -6.0 * blur) return 0.0;
-    float t = at / blur;
-    float density, below;
-    normal(t, density, below);
-    return 0.5 * blur * blur * ((t * t + 1.0) * below + t * density);
-}
-
-// Adds light of a cell to all rows where it lands, for each row of the cell row. It changes by `tilt` over
-// the height, relative to its mean.
-void spread_over_rows(Cell cell, int pixel, uint mask_step, float value, float tilt) {
+// Adds light of a cell to all rows where it lands, for each row of the cell row.
+void spread_over_rows(Cell cell, int pixel, uint mask_step, float value) {
     float shift = light.row_shift - cell.displacement_z / light.row_pitch;
     float top = cell_row.top + shift;
     float bottom = cell_row.bottom + shift;
@@ -32,14 +21,6 @@ void spread_over_rows(Cell cell, int pixel, uint mask_step, float value, float t
         float end = float(r + 1);
         float through = rows_before(end - top, light.row_blur)
             - rows_before(end - bottom, light.row_blur);
-        if (tilt != 0.0) {
-            // By parts.
-            float change = rows_before_squared(end - top, light.row_blur)
-                - rows_before_squared(end - bottom, light.row_blur);
-            float mean = 0.5 * (rows_before(end - top, light.row_blur)
-                + rows_before(end - bottom, light.row_blur));
-            through += tilt * (change / (bottom - top) - mean);
-        }
         uvec2 words = fixed_point(per_row * (through - before), threshold);
         for (uint k = 0u; k < cell_row.rows; k++) {
             add_to_pixel(cell_row.row + r + int(k), pixel, mask_step, words);
@@ -69,7 +50,7 @@ struct Landing {
 Landing landing_begin(uint mask_step, float faint, ivec2 pixels) {
     Landing landing = Landing(mask_step);
     if (faint > 0.0) {
-        spread_over_rows(push.cells.at[cell_row.first_cell], beamlet.pixel, mask_step, faint, 0.0);
+        spread_over_rows(push.cells.at[cell_row.first_cell], beamlet.pixel, mask_step, faint);
     }
     return landing;
 }
@@ -79,8 +60,7 @@ void land(inout Landing landing, Cell cell, int pixel, float value) {
     if (light.rows_apart == 0u && cell.share_above >= 0.0) {
         add_shares(cell, beamlet.pixel + pixel, landing.mask_step, value);
     } else {
-        float tilt = cell.share_above < 0.0 ? cell.share_below : 0.0;
-        spread_over_rows(cell, beamlet.pixel + pixel, landing.mask_step, value, tilt);
+        spread_over_rows(cell, beamlet.pixel + pixel, landing.mask_step, value);
     }
 }
 

@@ -11,6 +11,7 @@
 
 use crate::sampling::{Landed, Opening, ViewContext};
 use beamlet_core::numbers::{self, single};
+use beamlet_core::random::GOLDEN;
 use beamlet_interface::{Ray, RayResult};
 use std::ops::Range;
 
@@ -43,8 +44,6 @@ const SPREAD: f32 = 0.29;
 const LINES: [u32; 2] = [4, 64];
 /// Least width of a cell, m: coordinates in f32 are as coarse across a detector.
 const NARROWEST: f32 = 2e-9;
-/// Golden section, the number that fractions approach worst.
-const GOLDEN: f64 = 0.618_033_988_749_894_9;
 
 /// A patch whose rays are spread evenly.
 #[derive(Debug)]
@@ -56,7 +55,7 @@ pub(crate) struct EvenPatch {
     lines: u32,
     /// Number of its trials so far; 0 where the number of rays is settled.
     trial: u32,
-    /// By line, then x.
+    /// Results of its rays, ordered by line, then x.
     pub(super) results: Vec<RayResult>,
     /// Rays of it and of its trials.
     pub(super) rays: u32,
@@ -130,7 +129,7 @@ impl Default for Bodies {
     }
 }
 
-/// What is to be done with a patch after its rays.
+/// Next step for a patch whose rays are traced.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum Next {
     Done,
@@ -215,15 +214,11 @@ pub(super) struct EvenSampler<'a> {
     view: &'a ViewContext<'a>,
     /// Rows of the detector.
     rows: Range<i64>,
-    gap: f32,
-    row_pitch: f32,
 }
 
 impl<'a> EvenSampler<'a> {
     pub(super) fn new(view: &'a ViewContext<'a>) -> Self {
-        let (gap, row_pitch) = (single(view.optics.gap()), single(view.optics.detector.pitch[1]));
-        let rows = 0..i64::from(view.optics.detector.pixels[1]);
-        Self { view, rows, gap, row_pitch }
+        Self { view, rows: 0..i64::from(view.optics.detector.pixels[1]) }
     }
 
     /// A patch of the first trial.
@@ -309,10 +304,10 @@ impl<'a> EvenSampler<'a> {
 
     /// The rays of a patch by their places along x.
     fn samples(&self, patch: &EvenPatch) -> Vec<Sample> {
-        let column = self.column(patch.beamlet);
+        let column = self.view.lattice.column(patch.beamlet);
         let response = self.view.response;
         let of = |EvenCell { x: cell, z, ray, result }: EvenCell| {
-            let down = f64::from(-result.landing_z(self.gap) / self.row_pitch);
+            let down = f64::from(self.view.down(&result));
             let lands = |down: f64| {
                 let ends = z.map(|z| patch.row as f64 + f64::from(z) + down);
                 self.view.lattice.share_in_rows(ends, &self.rows)
@@ -335,10 +330,6 @@ impl<'a> EvenSampler<'a> {
         let mut samples: Vec<Sample> = patch.cells().map(of).collect();
         samples.sort_by(|a, b| a.x.total_cmp(&b.x));
         samples
-    }
-
-    fn column(&self, beamlet: i64) -> usize {
-        numbers::narrow::<usize>(beamlet - self.view.lattice.beamlets.start)
     }
 
     /// Change of the light of a ray if it had this light and displacement.

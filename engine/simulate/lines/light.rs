@@ -77,8 +77,6 @@ pub(crate) struct Illumination<'a> {
     rows: Range<f64>,
     /// Value of light times displacement along x, over the same error of light.
     by_displacement: f32,
-    gap: f32,
-    row_pitch: f32,
 }
 
 impl<'a> Illumination<'a> {
@@ -98,8 +96,6 @@ impl<'a> Illumination<'a> {
             view,
             rows: recorded.start as f64 - beside..recorded.end as f64 + beside,
             by_displacement,
-            gap: single(view.optics.gap()),
-            row_pitch: single(view.optics.detector.pitch[1]),
         }
     }
 
@@ -111,7 +107,7 @@ impl<'a> Illumination<'a> {
 
     /// Rows that a ray is displaced by, downwards.
     pub(crate) fn down(&self, piece: &Piece) -> f32 {
-        -piece.result.landing_z(self.gap) / self.row_pitch
+        self.view.down(&piece.result)
     }
 
     /// Light of a line of a column of the lattice at a row coordinate.

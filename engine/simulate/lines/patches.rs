@@ -247,7 +247,7 @@ impl<'a> LineSampler<'a> {
         of: &PatchPlaces,
         room: u64,
     ) -> Result<Option<Evenly>> {
-        let column = |beamlet: i64| self.column(beamlet);
+        let column = |beamlet: i64| self.view.lattice.column(beamlet);
         let begin = |(beamlet, row): &(i64, i64)| {
             self.even.begin(*beamlet, *row, &self.openings[column(*beamlet)])
         };
@@ -290,11 +290,6 @@ impl<'a> LineSampler<'a> {
         // In an order that no number of trials changes.
         done.sort_by_key(|patch| (patch.row, patch.beamlet));
         Ok(Some(Evenly { even: done, resolved }))
-    }
-
-    /// Column of a beamlet in the lattice.
-    fn column(&self, beamlet: i64) -> usize {
-        numbers::narrow::<usize>(beamlet - self.view.lattice.beamlets.start)
     }
 
     /// Adds lines to patches until their light is within the limits. Rows side by side share the line at their border.
@@ -346,8 +341,8 @@ impl<'a> LineSampler<'a> {
     /// Lines at some places, sorted by row, then beamlet.
     fn lines(&self, tracer: &mut Tracer, places: &[LinePlace]) -> Result<Vec<Arc<LitLine>>> {
         let view = self.view;
-        let column = |place: &LinePlace| self.column(place.beamlet);
-        let openings = |beamlet: i64| &self.openings[self.column(beamlet)][..];
+        let column = |place: &LinePlace| self.view.lattice.column(place.beamlet);
+        let openings = |beamlet: i64| &self.openings[self.view.lattice.column(beamlet)][..];
         let of_run = |run: &[LinePlace]| {
             let beamlets = run[0].beamlet..run[run.len() - 1].beamlet + 1;
             self.surfaces.lines(run[0].row, &beamlets, openings)

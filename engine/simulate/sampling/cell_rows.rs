@@ -5,22 +5,9 @@ use super::cell_moments::{CellMoments, ExactCell};
 use super::emission::Emitter;
 use super::moment_recording::LinearModel;
 use super::rectangle::{PatchPlace, Rectangle};
-use beamlet_core::numbers::{self, single};
+use beamlet_core::numbers;
 use beamlet_interface::{Cell, CellRow, FLAG_EXACT, FLAG_NOT_FINITE};
 use std::ops::Range;
-
-/// Light of both ends of a rectangle that lands farther apart than this, relative to its height, is
-/// spread over what lies between.
-const STRETCHED: f64 = 0.2;
-/// Cells of less height than this share of the blur have no tilt.
-const LEAST_TILTED: f32 = 0.5;
-
-/// Position of a row of cells.
-struct RowPlace {
-    patch: PatchPlace,
-    /// Interval within the detector row, 0..1 downwards.
-    z: [f32; 2],
-}
 
 /// A row of cells in the making.
 #[derive(Default)]
@@ -55,22 +42,21 @@ impl Emitter<'_> {
             let more = rectangles[begin..].windows(2).take_while(|pair| runs_on(pair)).count();
             let run = begin..begin + more + 1;
             let moments = &moments[words * run.start..words * run.end];
-            let place = RowPlace { patch, z: first.z };
-            self.push_row(&mut out, &place, &rectangles[run.clone()], moments);
+            self.push_row(&mut out, patch, &rectangles[run.clone()], moments);
             begin = run.end;
         }
         out
     }
 
-    /// A row of cells.
+    /// A row of cells, of rectangles at the same heights.
     fn push_row(
         &self,
         out: &mut CellBatch,
-        place: &RowPlace,
+        patch: PatchPlace,
         rectangles: &[Rectangle],
         moments: &[f32],
     ) {
-        let RowPlace { patch, z, .. } = *place;
+        let z = rectangles[0].z;
         if z[1] <= z[0] {
             return;
         }
@@ -79,7 +65,7 @@ impl Emitter<'_> {
         row.cells.reserve(rectangles.len());
         for (index, rectangle) in rectangles.iter().enumerate() {
             let of_cell = &moments[words * index..words * (index + 1)];
-            self.push_cell(&mut row, place, rectangle, of_cell);
+            self.push_cell(&mut row, rectangle, of_cell);
         }
         out.landed_off += row.landed_off;
         if patch.row + row.lands.end > self.recorded_rows.start
@@ -92,13 +78,7 @@ impl Emitter<'_> {
     }
 
     /// The cell of a rectangle, if any part of it lies in the period.
-    fn push_cell(
-        &self,
-        row: &mut RowCells,
-        place: &RowPlace,
-        rectangle: &Rectangle,
-        moments: &[f32],
-    ) {
+    fn push_cell(&self, row: &mut RowCells, rectangle: &Rectangle, moments: &[f32]) {
         let lattice = self.view.lattice;
         let LinearModel { result, depth, displacement } = &rectangle.ends;
         let x = rectangle.x;
@@ -111,25 +91,15 @@ impl Emitter<'_> {
             row.landed_off += 1;
         }
         let pixel_shift = result.pixel_shift(self.gap, self.ratio);
-        let down = -f64::from(displacement_z / self.row_pitch);
-        let farthest = down * self.view.delta_ratio();
+        let farthest = f64::from(self.view.down(result)) * self.view.delta_ratio();
         row.lands.start = row.lands.start.min(numbers::whole::<i64>(farthest.floor()));
         row.lands.end = row.lands.end.max(numbers::whole::<i64>(farthest.ceil()) + 1);
-        let [above, mut below] = self.row_shares(rectangle, place.z, down);
-        let mut landing_z = displacement_z;
-        if above < 0.0 && lattice.row_spread.is_wide() && self.view.recording.is_none() {
-            let height = place.z[1] - place.z[0];
-            if height > LEAST_TILTED * single(lattice.row_spread.blur) {
-                below = rectangle.tilt;
-            } else {
-                // In f32 the tilt of a thin cell is lost in rounding: its centroid moves instead.
-                landing_z -= rectangle.tilt * height / 12.0 * self.row_pitch;
-            }
-        }
-        let mut above = above;
-        if lattice.heights {
-            [above, below, landing_z] = self.along_z(rectangle, place.z);
-        }
+        let [share_above, share_below, landing_z] = if lattice.heights {
+            self.along_z(rectangle)
+        } else {
+            let [above, below] = self.row_shares(rectangle, displacement_z);
+            [above, below, displacement_z]
+        };
         self.record(row, rectangle, moments);
         row.cells.push(Cell {
             x_low: x[0],
@@ -139,45 +109,29 @@ impl Emitter<'_> {
             displacement_low: displacement[0],
             displacement_high: displacement[1],
             displacement_z: landing_z,
-            share_above: above,
-            share_below: below,
+            share_above,
+            share_below,
             pixel_shift,
             displacement_variance: rectangle.displacement_variance,
             ..bytemuck::Zeroable::zeroed()
         });
     }
 
-    /// Light of a rectangle along z, of its part at the heights `z`: growth of the landing over the height
-    /// (rows), change of the light relative to its mean, and displacement on the detector (m).
-    fn along_z(&self, rectangle: &Rectangle, z: [f32; 2]) -> [f32; 3] {
-        let part = (z[1] - z[0]) / (rectangle.z[1] - rectangle.z[0]);
-        let aside = 0.5 * (z[0] + z[1]) - 0.5 * (rectangle.z[0] + rectangle.z[1]);
+    /// Light of a rectangle along z: growth of the landing over the height (rows), change of the light relative to its
+    /// mean, and displacement on the detector (m).
+    fn along_z(&self, rectangle: &Rectangle) -> [f32; 3] {
         let [up, low] = rectangle.ends_z;
-        let slope = (low - up) / (rectangle.z[1] - rectangle.z[0]);
-        let growth = -part * (low - up) / self.row_pitch;
-        [growth, part * rectangle.tilt, 0.5 * (up + low) + slope * aside]
+        [-(low - up) / self.row_pitch, rectangle.tilt, 0.5 * (up + low)]
     }
 
-    /// Shares of the light of a rectangle that land in the rows above and below, of its part at the
-    /// heights `z`; `down`: how far the light lands below its place, rows.
-    fn row_shares(&self, rectangle: &Rectangle, z: [f32; 2], down: f64) -> [f32; 2] {
-        let lattice = self.view.lattice;
-        let [top, bottom] = z.map(f64::from);
-        // Its upper end may land otherwise than its lower one.
-        let own = rectangle.z.map(f64::from);
-        let at = |z: f64| {
-            let [up, low] = rectangle.ends_z.map(f64::from);
-            -(up + (low - up) * (z - own[0]) / (own[1] - own[0])) / f64::from(self.row_pitch)
-        };
-        let landing = [top + at(top), bottom + at(bottom)];
-        if let Some(shares) = rectangle.shares {
-            return shares;
-        }
-        if landing[1] - landing[0] > STRETCHED * (bottom - top) {
-            lattice.row_shares(landing[0], landing[1], 0.0)
-        } else {
-            lattice.row_shares(top, bottom, down)
-        }
+    /// Shares of the light of a rectangle that land in the rows above and below; `landing_z`: its displacement on the
+    /// detector, m.
+    fn row_shares(&self, rectangle: &Rectangle, landing_z: f32) -> [f32; 2] {
+        rectangle.shares.unwrap_or_else(|| {
+            let [top, bottom] = rectangle.z.map(f64::from);
+            let down = -f64::from(landing_z) / f64::from(self.row_pitch);
+            self.view.lattice.row_shares(top, bottom, down)
+        })
     }
 
     /// Records the moments at both ends of the cell that comes next, and its rays where they were traced exactly.

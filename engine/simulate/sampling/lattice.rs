@@ -248,6 +248,11 @@ impl Lattice {
         Self { beamlets, direct, ..grouped }
     }
 
+    /// Column of a beamlet: its place in `beamlets`.
+    pub(crate) fn column(&self, beamlet: i64) -> usize {
+        numbers::narrow::<usize>(beamlet - self.beamlets.start)
+    }
+
     /// Beamlets that an interval of x in the cell plane touches.
     #[must_use]
     pub fn beamlets_of(&self, x: [f64; 2]) -> Range<i64> {

@@ -25,15 +25,16 @@ impl Emitter<'_> {
                 .map(|line| line.map(|(z, pieces)| Beside { z, pieces }));
             let mut known: Option<(f32, Option<[f32; 2]>)> = None;
             for piece in &line.pieces {
-                let down = -piece.result.landing_z(self.gap) / self.row_pitch;
-                let shares = match known {
-                    Some((same, shares)) if same.to_bits() == down.to_bits() => shares,
-                    _ => self.view.lattice.line_shares(&parts, down.into()),
-                };
-                known = Some((down, shares));
-                let mut rectangle = self.rectangle_of(patch, piece, heights, z, shares);
+                let mut rectangle = self.rectangle_of(patch, piece, heights, z);
                 if self.view.lattice.heights {
                     self.tilt(&mut rectangle, (piece, z), &mut beside);
+                } else {
+                    let down = self.view.down(&piece.result);
+                    rectangle.shares = match known {
+                        Some((same, shares)) if same.to_bits() == down.to_bits() => shares,
+                        _ => self.view.lattice.line_shares(&parts, down.into()),
+                    };
+                    known = Some((down, rectangle.shares));
                 }
                 rectangles.push(rectangle);
             }
@@ -41,15 +42,13 @@ impl Emitter<'_> {
         rectangles
     }
 
-    /// The cell of a piece of a line at a height. `heights`: of the cell; `shares`: of its light in the rows above and
-    /// below.
+    /// The cell of a piece of a line at a height. `heights`: of the cell.
     fn rectangle_of(
         &self,
         patch: &LinePatch,
         piece: &Piece,
         heights: [f64; 2],
         z: f64,
-        shares: Option<[f32; 2]>,
     ) -> Rectangle {
         let landing_z = piece.result.landing_z(self.gap);
         let row = patch.row as f64 + z;
@@ -65,7 +64,7 @@ impl Emitter<'_> {
             displacement_variance: self.view.variance_of(&piece.result),
             ends_z: [landing_z; 2],
             tilt: 0.0,
-            shares,
+            shares: None,
         }
     }
 

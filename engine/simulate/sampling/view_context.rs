@@ -6,6 +6,7 @@ use super::moment_recording::MomentRecording;
 use super::projected_bounds::ProjectedBounds;
 use super::response::Response;
 use super::sample_facets::SampleFacets;
+use beamlet_core::numbers::single;
 use beamlet_geometry::Sample;
 use beamlet_interface::{Ray, RayResult};
 use beamlet_model::optics::Optics;
@@ -52,6 +53,11 @@ impl ViewContext<'_> {
     pub(crate) fn recorded_rows(&self) -> Range<i64> {
         let blur = self.lattice.blur_rows;
         -blur..i64::from(self.optics.detector.pixels[1]) + blur
+    }
+
+    /// Rows that a ray is displaced by on the detector, downwards.
+    pub(crate) fn down(&self, result: &RayResult) -> f32 {
+        -result.landing_z(single(self.optics.gap())) / single(self.optics.detector.pitch[1])
     }
 
     /// How much farther than its result says light may land, at another energy.
