@@ -7,6 +7,7 @@ use crate::Engine;
 use beamlet_core::numbers::{count, single, whole};
 use beamlet_core::options::Need::{Default as Usual, Without};
 use beamlet_core::options::{ABOVE_ZERO, Kind, Refusal, WHOLE};
+use beamlet_core::random::GOLDEN;
 use beamlet_core::rows_control::RowsControl;
 use beamlet_core::units::Dimension;
 use beamlet_core::{Error, Result, options, parallel, reserve, setters};
@@ -29,9 +30,7 @@ const GROWTH: usize = 4;
 const RAYS_AT_ONCE: usize = 1 << 18;
 /// Pixels that are sampled one with another.
 const AT_ONCE: usize = RAYS_AT_ONCE / FIRST_RAYS;
-/// Places of a pixel's rays along its height: multiples of the golden ratio, less whole numbers.
-const GOLDEN: f64 = 0.618_033_988_749_894_9;
-/// The next such number, 1/ρ with ρ³ = ρ + 1: an even order that is independent of the first.
+/// The next such number after the golden ratio, 1/ρ with ρ³ = ρ + 1: an even order that is independent of the first.
 const SECOND_GOLDEN: f64 = 0.754_877_666_246_692_7;
 
 options! {

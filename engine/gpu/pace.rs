@@ -11,19 +11,12 @@ pub struct Pace {
     size: u32,
     least: u32,
     most: u32,
-    long: Duration,
 }
 
 impl Pace {
     /// Begins at `size` and stays from `least` to `most`.
     pub const fn new(size: u32, least: u32, most: u32) -> Self {
-        Self { size, least, most, long: LONG }
-    }
-
-    /// With another longest time.
-    #[must_use]
-    pub const fn with_long(self, long: Duration) -> Self {
-        Self { long, ..self }
+        Self { size, least, most }
     }
 
     /// Items of the next dispatch.
@@ -33,9 +26,9 @@ impl Pace {
 
     /// Takes the time of a dispatch of that size.
     pub fn adapt(&mut self, took: Duration) {
-        if took > self.long {
+        if took > LONG {
             self.size = (self.size / 2).max(self.least);
-        } else if took < self.long / 4 {
+        } else if took < LONG / 4 {
             self.size = self.size.saturating_mul(2).min(self.most);
         }
     }

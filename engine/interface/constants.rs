@@ -114,11 +114,6 @@ shared_constants! {
     /// Rays of a pass: rays of `QUEUE_LEFT`.
     RAYS_LEFT: u32 = 1;
 
-    /// Points of a table of windows per period of the windows.
-    WINDOW_POINTS: usize = 512;
-    /// Half width of the table, periods.
-    WINDOW_REACH: usize = 2;
-
     /// Words at the head of a ray's moments.
     MOMENTS_HEAD: usize = 4;
     /// Word of the head: hash of the crossings per object, the same in any order.

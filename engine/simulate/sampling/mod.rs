@@ -32,7 +32,7 @@ pub(crate) use patch_grid::PatchGrid;
 pub(crate) use projected_bounds::{ProjectedBounds, projected_bounds, touches_pixel};
 pub(crate) use response::{Landed, Opening, Response};
 pub use room::Room;
-pub(crate) use rows::sample_rows;
+pub(crate) use rows::{PATCHES_AT_ONCE, sample_rows};
 pub(crate) use sample_facets::{SampleFacets, SurfaceStep};
 pub(crate) use survey::{RowsCost, survey_rows};
 pub(crate) use view_context::ViewContext;

@@ -13,8 +13,10 @@ use std::ops::Range;
 
 /// Rows of patches that are chosen side by side: lines at their borders serve both.
 const ROWS_TOGETHER: i64 = 4;
-/// Patches whose lines are chosen together, and fewer of many bodies, which may have many rays.
-const PATCHES: [usize; 2] = [1 << 10, 64];
+/// Patches whose lines are chosen together.
+pub(crate) const PATCHES_AT_ONCE: usize = 1 << 10;
+/// Patches of many bodies, which may have many rays, that are sampled together.
+const CROWDED_AT_ONCE: usize = 64;
 /// Cell rows without a sample that are handed over at once.
 const BLANK_AT_ONCE: usize = 1 << 12;
 
@@ -106,7 +108,7 @@ pub(super) fn sample_patches(
     let mut done = 0;
     let (crowded, others): (Vec<_>, Vec<_>) =
         patches.iter().partition(|(beamlet, row)| of.is_crowded(*beamlet, *row));
-    let chunks = others.chunks(PATCHES[0]).chain(crowded.chunks(PATCHES[1]));
+    let chunks = others.chunks(PATCHES_AT_ONCE).chain(crowded.chunks(CROWDED_AT_ONCE));
     let mut waiting: Vec<&[(i64, i64)]> = chunks.rev().collect();
     while let Some(some) = waiting.pop() {
         let Some(sampled) = sampler.sample(tracer, some, of, room.bytes())? else {

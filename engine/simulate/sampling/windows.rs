@@ -1,9 +1,12 @@
 //! Windows on the analyser: the blurred apertures of the detector mask, or pixels, one to a period.
 
 use beamlet_core::numbers::{self, single};
-use beamlet_interface::{WINDOW_POINTS, WINDOW_REACH};
 use beamlet_model::optics::Openings;
 
+/// Points of a table of windows per period of the windows.
+const WINDOW_POINTS: usize = 512;
+/// Half width of the table, periods.
+const WINDOW_REACH: usize = 2;
 /// Light farther than this beyond the end of a window does not pass it, standard deviations of the blur.
 const FARTHEST: f64 = 6.0;
 

@@ -2,6 +2,7 @@
 
 use super::prelude::*;
 use beamlet_core::csv_table::{Numbered, Quantities, TableKind};
+use beamlet_core::random::GOLDEN;
 use std::path::Path;
 
 keys! { RANGE, "scan.range",
@@ -205,8 +206,7 @@ fn angle_range(from: f64, to: f64, count: u32) -> Vec<f64> {
 /// `count` angles, each behind the one before by the golden section of the range, less the range where
 /// that is beyond its end.
 fn golden_range(from: f64, to: f64, count: u32) -> Vec<f64> {
-    let section = (5.0_f64.sqrt() - 1.0) / 2.0;
-    (0..count).map(|index| from + (to - from) * (f64::from(index) * section).fract()).collect()
+    (0..count).map(|index| from + (to - from) * (f64::from(index) * GOLDEN).fract()).collect()
 }
 
 /// Candidates for the end of a range: of offsets the last; of angles, whose end is excluded, its round

@@ -12,6 +12,7 @@ use crate::retrieve::scan::{Scan, along};
 use crate::retrieve::value_noise::ValueNoise;
 use crate::retrieve::{RetrieveOptions, flags, quadrature};
 use beamlet_core::numbers;
+use beamlet_core::random::GOLDEN;
 use rayon::prelude::*;
 use std::ops::Range;
 
@@ -238,9 +239,8 @@ fn spread(mut pixels: Vec<usize>, most: usize) -> Vec<usize> {
     let count = pixels.len();
     if count > most {
         // A step near the golden section of the count passes through all columns.
-        let section = (5.0_f64.sqrt() - 1.0) / 2.0;
         let place = |at: usize| {
-            let share = (at as f64 * section).fract();
+            let share = (at as f64 * GOLDEN).fract();
             numbers::whole::<u32>(share * count as f64) as usize
         };
         let mut places: Vec<usize> = (0..most).map(|at| place(at).min(count - 1)).collect();

@@ -5,9 +5,10 @@ use super::detection::detection_seconds;
 use super::{ViewWork, bands};
 use crate::run::RunEstimate;
 use crate::run::simulation::Simulation;
-use crate::sampling::{self, CellBatch, ProjectedBounds, RowsCost};
+use crate::sampling::{self, CellBatch, PATCHES_AT_ONCE, ProjectedBounds, RowsCost};
 use crate::trace::Tracer;
 use beamlet_core::cancel::Cancel;
+use beamlet_core::random::GOLDEN;
 use beamlet_core::{Result, numbers};
 use beamlet_files as stack;
 use beamlet_model::optics::Optics;
@@ -32,16 +33,12 @@ const FIRST_PATCHES: f64 = 64.0;
 const PATCHES: [f64; 2] = [16.0, 256.0];
 /// Seconds for them.
 const SECONDS_OF_A_LOOK: f64 = 0.15;
-/// Patches whose lines are in memory together, at most.
-const PATCHES_AT_ONCE: f64 = 1024.0;
 /// Rows of the flat, or of random rays, that are timed.
 const TIMED_ROWS: i64 = 8;
 /// Times that the flat's are timed.
 const TIMES: u32 = 3;
 /// Random rays that are timed, about.
 const TIMED_RAYS: f64 = 2e6;
-/// Fractional part of the golden ratio: its multiples spread evenly over [0, 1).
-pub(super) const GOLDEN: f64 = 0.618_033_988_749_894_9;
 
 /// Look at a view.
 struct Look {
@@ -141,7 +138,7 @@ impl ViewWork<'_> {
             rays: rays * views,
             lines: views * mean(&|look| look.cost.lines),
             seconds: views * seconds + (views + 1.0) * blank,
-            cells_at_once: cells_per_patch * patches.min(PATCHES_AT_ONCE),
+            cells_at_once: cells_per_patch * patches.min(PATCHES_AT_ONCE as f64),
             patches_sampled: sampled,
         })
     }

@@ -1,10 +1,10 @@
 //! Light of rows by waves.
 
 use super::ViewWork;
-use super::survey::GOLDEN;
 use crate::run::RunEstimate;
 use crate::sampling::ProjectedBounds;
 use crate::wave::{CellPlaces, WaveView};
+use beamlet_core::random::GOLDEN;
 use beamlet_core::{Result, numbers};
 use beamlet_model::scene::Exposure;
 use std::ops::Range;
