@@ -14,7 +14,7 @@ pub use beamlet_model::scene::schema::json_schema;
 
 /// Text for terminals and pages.
 pub mod printed {
-    pub use beamlet_core::printed::{is_unsafe, line, lines, number, path};
+    pub use beamlet_core::printed::{is_unsafe, line, lines, number, path, with_unit};
 }
 /// Tables of options of verbs.
 pub mod options {

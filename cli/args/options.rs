@@ -6,7 +6,7 @@ use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use clap::parser::ValueSource;
 use clap::{Arg, ArgAction, ArgMatches, Args, Command, FromArgMatches};
 
-/// Arguments of a verb with a table: the options of the table, and those of all such verbs.
+/// Arguments of a verb with a table: the options of the table, and the options that all such verbs share.
 #[derive(Debug, Args)]
 pub(crate) struct TableArguments<T: Options> {
     #[command(flatten)]

@@ -24,7 +24,7 @@ const CHUNK: usize = 16;
 /// Time between two writes of finished designs.
 const BETWEEN: Duration = Duration::from_secs(5);
 
-/// A sweep with what it has done.
+/// A sweep and its results.
 struct Done<'a> {
     sweep: &'a Sweep,
     outcomes: &'a [Outcome],

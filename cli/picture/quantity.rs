@@ -1,6 +1,7 @@
 //! Labels, unit and colours of a retrieved image.
 
 use super::colour::Map;
+use beamlet::cli_support::printed::with_unit;
 
 /// Images of contrasts, in the order in which they are shown.
 pub(crate) const CONTRASTS: [&str; 7] = [
@@ -29,10 +30,7 @@ pub(crate) struct Quantity {
 impl Quantity {
     /// Label and unit, as on an axis.
     pub(crate) fn words(&self) -> String {
-        match self.unit {
-            "" => self.label.clone(),
-            unit => format!("{} [{unit}]", self.label),
-        }
+        with_unit(&self.label, self.unit)
     }
 
     /// Intensities of frames.

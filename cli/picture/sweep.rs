@@ -6,6 +6,7 @@ use super::colour::{Map, SET, SMALL};
 use super::drawing::{Anchor, Area, Drawing, FAINT, GREY, INK, Paint, text_width};
 use super::scale::Scale;
 use super::text::short;
+use beamlet::cli_support::printed::with_unit;
 use beamlet::sweep::{Designs, Outcome, Score, Sweep};
 
 const WIDTH: f64 = 560.0;
@@ -45,10 +46,7 @@ pub(crate) fn draw_all(
 }
 
 fn label(score: Score) -> String {
-    match score.unit() {
-        "" => score.name().to_owned(),
-        unit => format!("{} [{unit}]", score.name()),
-    }
+    with_unit(score.name(), score.unit())
 }
 
 /// Range of an axis; one value has room on both sides.

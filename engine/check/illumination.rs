@@ -148,7 +148,7 @@ pub(super) fn illumination(
     }))
 }
 
-/// What a design has of its curve.
+/// Visibility and uncertainties of a design.
 #[derive(Debug, Clone, Copy, Default)]
 pub(crate) struct DesignCurve {
     /// (greatest − least) / (greatest + least); `None` where [`IlluminationCurve`] is nothing.

@@ -46,6 +46,15 @@ pub fn path(path: &Path) -> String {
     line(&path.to_string_lossy())
 }
 
+/// A name with its unit in brackets, as of a column or an axis; without a unit the name alone.
+#[must_use]
+pub fn with_unit(name: &str, unit: &str) -> String {
+    match unit {
+        "" => name.to_owned(),
+        unit => format!("{name} [{unit}]"),
+    }
+}
+
 /// Five significant digits without trailing zeros, and whole numbers below 1e9 in full: 0.59,
 /// 1234567, 2.56e-7.
 #[must_use]

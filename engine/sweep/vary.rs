@@ -2,6 +2,7 @@
 
 use super::Load;
 use beamlet_core::csv_table::cells;
+use beamlet_core::printed::with_unit;
 use beamlet_core::units::number;
 use beamlet_core::{Error, Result, input_file, numbers};
 use std::path::Path;
@@ -96,8 +97,7 @@ impl Designs {
         let Axis { name, keys, rows } = &self.axes[axis];
         let values: Option<Vec<f64>> = rows.iter().map(|row| number(&row[0])).collect();
         match (&keys[..], values) {
-            ([key], Some(values)) if key.unit.is_empty() => (key.path.clone(), values),
-            ([key], Some(values)) => (format!("{} [{}]", key.path, key.unit), values),
+            ([key], Some(values)) => (with_unit(&key.path, &key.unit), values),
             _ => (format!("{name}, row"), (1..=rows.len()).map(|row| row as f64).collect()),
         }
     }

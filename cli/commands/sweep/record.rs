@@ -17,12 +17,12 @@ fn remove_earlier(output: &Path) {
     let pictures = Score::all().map(Score::name).chain(["front"]);
     let pictures = pictures.flat_map(|name| [format!("{name}.png"), format!("{name}.svg")]);
     for name in pictures.chain(["sweep.csv".into(), "best.toml".into()]) {
-        // What is not there needs no removal, and what stays is replaced later.
+        // A missing file needs no removal, and one that stays is replaced later.
         let _ = std::fs::remove_file(output.join(name));
     }
 }
 
-/// What decides the scores of a sweep.
+/// Inputs that decide the scores of a sweep.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 struct Subject {
     version: String,
@@ -90,7 +90,7 @@ impl Record {
 }
 
 impl Subject {
-    /// What differs, in words.
+    /// Name of the first input that differs.
     fn difference(&self, other: &Self) -> Option<&'static str> {
         [
             (self.version != other.version, "version of beamlet"),

@@ -1,7 +1,7 @@
 //! Designs as CSV, as JSON, and in words.
 
 use super::Done;
-use beamlet::cli_support::printed::number;
+use beamlet::cli_support::printed::{number, with_unit};
 use beamlet::sweep::Score;
 use serde_json::{Map, Value, json};
 use std::fmt::Write as _;
@@ -12,15 +12,11 @@ pub(super) fn csv(done: &Done<'_>) -> String {
     let scores = done.sweep.scores();
     let derived = !scores.contains(&Score::Photons);
     let has_exposure = done.outcomes.iter().any(|outcome| outcome.exposure.is_some());
-    let labelled = |name: &str, unit: &str| match unit {
-        "" => name.to_owned(),
-        unit => format!("{name} [{unit}]"),
-    };
     let mut header = vec!["design".to_owned()];
-    header.extend(done.sweep.designs().keys().map(|key| labelled(&key.path, &key.unit)));
+    header.extend(done.sweep.designs().keys().map(|key| with_unit(&key.path, &key.unit)));
     header.extend(derived.then(|| "photons".into()));
     header.extend(has_exposure.then(|| "exposure [s]".into()));
-    header.extend(scores.iter().map(|score| labelled(score.name(), score.unit())));
+    header.extend(scores.iter().map(|score| with_unit(score.name(), score.unit())));
     header.extend((!done.front.is_empty()).then(|| "pareto".into()));
     header.push("refused".into());
     let mut out = line(&header);

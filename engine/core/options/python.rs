@@ -70,7 +70,7 @@ pub fn python_words(text: &str) -> String {
     out
 }
 
-/// A dictionary of types with the keywords that `is_of` selects, and those of `base`.
+/// A `TypedDict` in Python that adds the keywords that `is_of` selects to the keywords of `base`.
 #[must_use]
 pub fn typed_dict(
     name: &str,

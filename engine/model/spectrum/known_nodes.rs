@@ -1,5 +1,5 @@
-//! Energy nodes of the last scenes: a program computes those of one scene several times, and of many designs that have
-//! the same beam and materials.
+//! Energy nodes of the last scenes: a program needs the nodes of a scene several times, and designs of a sweep often
+//! share beam and materials.
 
 use super::Nodes;
 use crate::scene::{
