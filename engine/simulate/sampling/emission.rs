@@ -46,9 +46,13 @@ impl<'a> Emitter<'a> {
         let of_lines = lines.iter().map(|it| PatchPlace { beamlet: it.beamlet, row: it.row });
         let of_even = even.iter().map(|it| PatchPlace { beamlet: it.beamlet, row: it.row });
         let patches: Vec<PatchPlace> = of_lines.chain(of_even).collect();
-        let of_lines = lines.par_iter().map(|it| join_empty(self.rectangles_of_lines(it)));
-        let of_even = even.par_iter().map(|it| join_empty(self.rectangles_of_rays(it)));
-        let rectangles: Vec<Vec<Rectangle>> = of_lines.chain(of_even).collect();
+        let cancel = tracer.cancel().clone();
+        let of_lines = lines.par_iter().map(|it| {
+            cancel.check()?;
+            Ok(join_empty(self.rectangles_of_lines(it)))
+        });
+        let of_even = even.par_iter().map(|it| Ok(join_empty(self.rectangles_of_rays(it))));
+        let rectangles = of_lines.chain(of_even).collect::<Result<Vec<Vec<Rectangle>>>>()?;
         let moments = match self.view.recording {
             Some(recording) => recording.record(tracer, &rectangles)?,
             None => vec![Vec::new(); patches.len()],
