@@ -36,7 +36,9 @@ struct Page;
 pub use ndarray;
 
 pub use beamlet_core::{Cancel, Error, Place, Result, RowsControl, Tally};
-pub use beamlet_files::{FacetKink, RunProfile, RunRecord, SamplingSummary, SearchCounts};
+pub use beamlet_files::{
+    AuditedError, FacetKink, RunProfile, RunRecord, SamplingError, SamplingSummary, SearchCounts,
+};
 pub use beamlet_geometry::{MaskMeshOptions, MaskPlace, mask_meshes};
 pub use beamlet_gpu::{
     Backend, Compute, DeviceDescription, DeviceKind, EngineOptions, KernelCache, KernelProfile,
@@ -115,8 +117,8 @@ pub mod stack {
     pub use beamlet_files::{
         Abilities, ArraySink, CallbackSink, CountStacks, FORMAT_VERSION, Format, GeometryFile,
         JoinOptions, JoinedPart, Maps, OpenRun, Order, Platform, RunCheck, RunDirectory, RunFile,
-        RunRecord, RunStart, RunState, SamplingSummary, SearchCounts, Sink, StackFile, StackShape,
-        Stacks, ViewAngles, ViewRange, canonical, check_run, is_of_run, is_same_place, join,
-        layout, refuse_overlap, views,
+        RunRecord, RunStart, RunState, SamplingError, SamplingSummary, SearchCounts, Sink,
+        StackFile, StackShape, Stacks, ViewAngles, ViewRange, canonical, check_run, is_of_run,
+        is_same_place, join, layout, refuse_overlap, views,
     };
 }

@@ -7,7 +7,7 @@ use crate::progress::Reporter;
 use beamlet::cli_support::views_of_part;
 use beamlet::scene::Scene;
 use beamlet::stack::{RunDirectory, RunState, StackShape};
-use beamlet::{Control, Engine, Error, RunRecord, SamplingSummary, Tally};
+use beamlet::{AuditedError, Control, Engine, Error, RunRecord, SamplingSummary, Tally};
 use std::io::Write;
 use std::time::Instant;
 
@@ -139,6 +139,14 @@ fn summary(
     writeln!(out, "rays     {rays} in {seconds:.1} s ({rate:.2} million a second){part}")?;
     if let Some(sampling) = &record.sampling {
         tell_sampling(sampling, out)?;
+    }
+    if let Some(AuditedError { rms, standard_error, patches, .. }) =
+        record.sampling_error.map(|it| it.all)
+    {
+        writeln!(
+            out,
+            "         measured error {rms:.1e} of open beam (rms, standard error {standard_error:.1e}), by {patches} patches"
+        )?;
     }
     print_tally(&record.tally, out)
 }

@@ -3,10 +3,10 @@
 use crate::failure::Failure;
 use crate::picture::text::short;
 use crate::subject::Subject;
-use beamlet::SamplingSummary;
 use beamlet::cli_support::count;
 use beamlet::retrieve::ViewCorrection;
 use beamlet::stack::layout;
+use beamlet::{AuditedError, SamplingError, SamplingSummary};
 use serde_json::Value;
 
 /// The run in one line.
@@ -148,7 +148,8 @@ const MEANINGS: [(&str, &str); 14] = [
 const USUAL: [&str; 4] = ["rays", "exact", "reflected", "grazing_light"];
 
 /// Counts of sampling, as text.
-const OF_SAMPLING: [&str; 7] = [
+const OF_SAMPLING: [&str; 8] = [
+    "audit",
     "patches",
     "lines",
     "patch_rays",
@@ -172,7 +173,16 @@ pub(super) fn tally(run: &Subject) -> Vec<TableRow> {
                 .marked(number > 0 && !USUAL.contains(&key.as_str()))
                 .meaning(meaning.map_or("", |(_, meaning)| meaning))
         });
-    rows.chain(record.sampling.iter().flat_map(sampling)).collect()
+    let of_sampling = record.sampling.iter().flat_map(sampling);
+    rows.chain(of_sampling).chain(record.sampling_error.iter().map(audited)).collect()
+}
+
+/// Measured error of sampling.
+fn audited(error: &SamplingError) -> TableRow {
+    let AuditedError { rms, standard_error, patches, .. } = error.all;
+    let value = format!("{rms:.1e} of open beam (rms, standard error {standard_error:.1e})");
+    TableRow::new("measured error of sampling", value)
+        .meaning(&format!("{} beamlets and rows compared with rays of their own", count(patches)))
 }
 
 /// Rays and estimated errors of sampling.

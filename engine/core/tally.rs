@@ -1,6 +1,6 @@
 //! Counts of a run: shaders cannot return errors.
 
-use crate::{Error, Result};
+use crate::{Error, Result, numbers};
 use serde::{Deserialize, Serialize};
 
 /// A run fails when more than this share of its rays stays unbalanced.
@@ -56,6 +56,87 @@ pub struct Tally {
     pub worst_error: u64,
     /// Patches whose estimated error of light or of the displacement exceeds its tolerance.
     pub beyond_tolerance: u64,
+    /// Audit of the errors of sampling.
+    pub audit: Audit,
+}
+
+/// Audit of the errors of sampling: patches that were drawn, compared with fresh rays.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(default)]
+pub struct Audit {
+    /// Patches that silhouettes cross, or whose rays draw normals.
+    pub silhouettes: AuditSums,
+    /// Patches of many bodies, which rays do not resolve.
+    pub unresolved: AuditSums,
+    /// All others.
+    pub rest: AuditSums,
+}
+
+impl Audit {
+    /// Sums over all patches.
+    #[must_use]
+    pub fn all(self) -> AuditSums {
+        self.silhouettes + self.unresolved + self.rest
+    }
+
+    fn with(self, other: Self, f: impl Fn(u64, u64) -> u64) -> Self {
+        Self {
+            silhouettes: self.silhouettes.with(other.silhouettes, &f),
+            unresolved: self.unresolved.with(other.unresolved, &f),
+            rest: self.rest.with(other.rest, &f),
+        }
+    }
+}
+
+/// Sums over the drawn patches of a class, each weighted by the inverse of the probability that it is drawn.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(default)]
+pub struct AuditSums {
+    /// Patches that were drawn.
+    pub patches: u64,
+    /// Estimated squared errors above 0, in 1e-9 of the squared tolerance.
+    pub above: u64,
+    /// Estimated squared errors below 0, which are as large by chance.
+    pub below: u64,
+    /// Variance of the difference of both, in 1e-9 of the fourth power of the tolerance.
+    pub variance: u64,
+}
+
+impl AuditSums {
+    /// Unit of the squares and of the variance.
+    const UNIT: f64 = 1e-9;
+
+    /// A drawn patch, whose squared error, in squared tolerances, stands for the sum.
+    #[doc(hidden)]
+    #[must_use]
+    pub fn new(square: f64, variance: f64) -> Self {
+        let parts = |value: f64| numbers::whole::<u64>(value.max(0.0) / Self::UNIT);
+        Self { patches: 1, above: parts(square), below: parts(-square), variance: parts(variance) }
+    }
+
+    /// Sum of the squared errors of all patches, in squared tolerances, and its standard error.
+    #[must_use]
+    pub fn squares(self) -> [f64; 2] {
+        let [above, below] = [self.above, self.below].map(|it| it as f64);
+        [Self::UNIT * (above - below), (Self::UNIT * self.variance as f64).sqrt()]
+    }
+
+    fn with(self, other: Self, f: impl Fn(u64, u64) -> u64) -> Self {
+        Self {
+            patches: f(self.patches, other.patches),
+            above: f(self.above, other.above),
+            below: f(self.below, other.below),
+            variance: f(self.variance, other.variance),
+        }
+    }
+}
+
+impl std::ops::Add for AuditSums {
+    type Output = Self;
+
+    fn add(self, other: Self) -> Self {
+        self.with(other, u64::saturating_add)
+    }
 }
 
 impl Tally {
@@ -80,6 +161,7 @@ impl Tally {
             patch_rays: f(self.patch_rays, other.patch_rays),
             error_squares: f(self.error_squares, other.error_squares),
             beyond_tolerance: f(self.beyond_tolerance, other.beyond_tolerance),
+            audit: self.audit.with(other.audit, &f),
             most_patch_rays: self.most_patch_rays.max(other.most_patch_rays),
             worst_error: self.worst_error.max(other.worst_error),
             defective_objects: self.defective_objects.max(other.defective_objects),

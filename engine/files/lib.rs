@@ -38,7 +38,8 @@ pub use inputs::{InputHashes, refuse_changed, working_directory};
 pub use part::{ViewRange, views_of_part};
 pub use read::{Maps, OpenRun, StackFile};
 pub use record::{
-    FacetKink, Platform, RunProfile, RunRecord, RunStart, SamplingSummary, SearchCounts,
+    AuditedError, FacetKink, Platform, RunProfile, RunRecord, RunStart, SamplingError,
+    SamplingSummary, SearchCounts,
 };
 pub use run_directory::{JoinOptions, RunDirectory, join};
 pub use run_file::{FORMAT_VERSION, JoinedPart, RunFile, RunState, now};

@@ -1,6 +1,6 @@
 //! What run.json records.
 
-use beamlet_core::tally::Tally;
+use beamlet_core::tally::{Audit, AuditSums, Tally};
 use beamlet_gpu::{Backend, Profile, Traffic};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -135,6 +135,9 @@ pub struct RunRecord {
     /// Rays and errors of the patches that the sample touches; `None`: unknown, as under
     /// `scheme = "random"`, or nothing was sampled.
     pub sampling: Option<SamplingSummary>,
+    /// Measured error of sampling; `None`: unknown, where nothing was audited (`sampling.audit`).
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub sampling_error: Option<SamplingError>,
     /// Objects whose facets diffract as edges, under `transport = "wave"`.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub facet_kinks: Vec<FacetKink>,
@@ -206,6 +209,7 @@ impl RunRecord {
             seed,
             tally: Tally::default(),
             sampling: None,
+            sampling_error: None,
             facet_kinks: start.facet_kinks.clone(),
             edge_error: None,
             seconds: BTreeMap::new(),
@@ -267,6 +271,71 @@ impl SamplingSummary {
             worst_error: 1e-9 * float(tally.worst_error),
             tolerance,
             beyond_tolerance: tally.beyond_tolerance,
+        })
+    }
+}
+
+/// Measured error of the light that a patch (beamlet and detector row) sends to pixels, root mean square over all patches
+/// and mask steps: an audit compares patches that it draws with rays of their own (docs/developers/sampling.md).
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[non_exhaustive]
+pub struct SamplingError {
+    /// Of all patches.
+    #[serde(flatten)]
+    pub all: AuditedError,
+    /// Part of patches that silhouettes cross; squares of the parts add up to that of all.
+    pub silhouettes: AuditedError,
+    /// Part of patches of many bodies, which rays do not resolve.
+    pub unresolved: AuditedError,
+    /// Part of all others.
+    pub rest: AuditedError,
+}
+
+/// Measured error of patches of a class.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[non_exhaustive]
+pub struct AuditedError {
+    /// Root mean square, share of open beam; 0 where the mean square is not above 0.
+    pub rms: f64,
+    /// Standard error of `rms` upwards, share of open beam.
+    pub standard_error: f64,
+    /// Patches that were drawn.
+    pub patches: u64,
+}
+
+impl SamplingError {
+    /// From the counts of a run, where `tolerance` was allowed; `None` where nothing was audited.
+    #[doc(hidden)]
+    pub fn of(tally: &Tally, tolerance: f64) -> Option<Self> {
+        let Audit { silhouettes, unresolved, rest } = tally.audit;
+        let of = |sums: AuditSums| {
+            let [squares, error] = sums.squares().map(|it| it / tally.patches as f64);
+            let rms = squares.max(0.0).sqrt();
+            AuditedError {
+                rms: tolerance * rms,
+                standard_error: tolerance * ((squares.max(0.0) + error).sqrt() - rms),
+                patches: sums.patches,
+            }
+        };
+        let all = of(tally.audit.all());
+        (all.patches > 0).then(|| Self {
+            all,
+            silhouettes: of(silhouettes),
+            unresolved: of(unresolved),
+            rest: of(rest),
+        })
+    }
+
+    /// Warning where it exceeds a third of the tolerance by more than its standard error.
+    #[doc(hidden)]
+    #[must_use]
+    pub fn warning(&self, tolerance: f64) -> Option<String> {
+        let AuditedError { rms, standard_error, patches } = self.all;
+        (rms - standard_error > tolerance / 3.0).then(|| {
+            format!(
+                "the measured error of sampling is {rms:.1e} of open beam (rms; {patches} beamlets and rows, standard error {standard_error:.1e}): \
+                 more than a third of sampling.tolerance, {tolerance:.1e}"
+            )
         })
     }
 }

@@ -25,6 +25,7 @@ fn scene(scheme: Scheme) -> Scene {
     scene.scan.angles = vec![0.0, 1.5];
     scene.sampling.scheme = scheme;
     scene.sampling.rays = RandomRays::Count(360);
+    scene.sampling.audit = 0.1;
     // Enough refinement for every branch, few enough rays for many runs.
     scene.sampling.tolerance = Some(3e-4);
     scene

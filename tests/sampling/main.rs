@@ -6,6 +6,7 @@ use beamlet_reference as reference;
 mod support;
 
 mod apertures;
+mod audit;
 mod borders;
 mod counts;
 mod determinism;

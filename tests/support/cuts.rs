@@ -52,8 +52,8 @@ fn bits(stacks: &Stacks) -> Vec<u32> {
     light.chain(counts).map(|value| value.to_bits()).collect()
 }
 
-/// Fails where a bit of light or counts differs between the whole run of a scene and one that is cut; returns the
-/// whole run.
+/// Fails where a bit of light or counts, or a sum of an audit, differs between the whole run of a scene and one that is
+/// cut; returns the whole run.
 #[track_caller]
 pub(crate) fn no_bit_changes(name: &str, scene: &Scene, cuts: &[Cut]) -> Stacks {
     let whole = Cut::default().run(scene);
@@ -70,6 +70,7 @@ pub(crate) fn no_bit_changes(name: &str, scene: &Scene, cuts: &[Cut]) -> Stacks 
             [b.saturated, b.grazing_light],
             "{name}, {cut:?}"
         );
+        assert_eq!(a.audit, b.audit, "{name}, {cut:?}");
     }
     whole
 }

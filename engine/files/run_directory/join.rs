@@ -8,7 +8,7 @@ use crate::layout::{self, COUNTS, LOG, RUN, SCENE};
 use crate::part::{Part, ViewRange, views_of_part};
 use crate::progress_log::{self, Entry};
 use crate::read::read_scene;
-use crate::record::{RunRecord, RunStart, SamplingSummary};
+use crate::record::{RunRecord, RunStart, SamplingError, SamplingSummary};
 use crate::run_file::{JoinedPart, RunFile, RunState};
 use crate::scene_file;
 use crate::sink::Sink;
@@ -282,7 +282,9 @@ fn record_of(scene: &Scene, parts: &[Ready], first: &RunRecord) -> Result<RunRec
     let counted: Tally =
         parts.iter().flat_map(|part| part.entries.values()).map(|entry| entry.tally).sum();
     record.tally = Tally { defective_objects: record.tally.defective_objects, ..counted };
-    record.sampling = SamplingSummary::of(&record.tally, scene.sampling.tolerances().light);
+    let tolerance = scene.sampling.tolerances().light;
+    record.sampling = SamplingSummary::of(&record.tally, tolerance);
+    record.sampling_error = SamplingError::of(&record.tally, tolerance);
     record.seconds = BTreeMap::new();
     for (stage, seconds) in parts.iter().flat_map(|part| &part.file.record.seconds) {
         *record.seconds.entry(stage.clone()).or_default() += seconds;

@@ -419,6 +419,8 @@ pub struct Sampling {
     pub angle_tolerance: Option<f64>,
     /// Cells: most rays of a pixel in a view. >= 1.
     pub max_rays: u32,
+    /// Cells: share of the beamlets and rows whose error is measured by rays of their own. 0 to 1.
+    pub audit: f64,
     /// Random: rays of a pixel and their targets.
     pub rays: RandomRays,
     /// Order of the transport.
@@ -435,6 +437,7 @@ impl Default for Sampling {
             tolerance: None,
             angle_tolerance: None,
             max_rays: 200_000,
+            audit: 0.005,
             rays: RandomRays::Count(5000),
             transport: Transport::Auto,
             seed: 1,

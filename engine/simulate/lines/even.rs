@@ -226,6 +226,18 @@ impl<'a> EvenSampler<'a> {
         self.patch([beamlet, row], openings, FIRST, 1)
     }
 
+    /// Cells of about this number of rays, without their results.
+    pub(super) fn empty_cells(
+        &self,
+        place: [i64; 2],
+        openings: &[Opening],
+        count: u32,
+    ) -> Vec<EvenCell> {
+        let mut patch = self.patch(place, openings, count, 0);
+        patch.results = bytemuck::zeroed_vec(patch.count() as usize);
+        patch.cells().collect()
+    }
+
     /// A patch of about this number of rays.
     fn patch(
         &self,
@@ -434,7 +446,7 @@ fn columns(openings: &[Opening], half: f32, leak: f32, count: u32) -> Vec<f32> {
 }
 
 /// Intervals of x that openings show together; they do not touch.
-fn seen(openings: &[Opening]) -> Vec<[f32; 2]> {
+pub(super) fn seen(openings: &[Opening]) -> Vec<[f32; 2]> {
     let mut sorted: Vec<[f32; 2]> = openings.iter().map(|opening| opening.x).collect();
     sorted.sort_unstable_by(|a, b| a[0].total_cmp(&b[0]));
     let mut seen: Vec<[f32; 2]> = Vec::new();

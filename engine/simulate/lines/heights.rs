@@ -381,6 +381,34 @@ impl<L: Judged + Clone> Heights<L> {
         [if at == 0 { 0.0 } else { between(at - 1) }, if last { 1.0 } else { between(at) }]
     }
 
+    /// Lines that give the light at a height, rows below the upper border, with their parts in it.
+    pub(crate) fn at(&self, z: f64) -> impl Iterator<Item = (&L, f64)> {
+        let below = self.lines.partition_point(|line| line.z <= z);
+        let (upper, lower) = (below.saturating_sub(1), below.min(self.lines.len() - 1));
+        let height = self.lines[lower].z - self.lines[upper].z;
+        let share = if height > 0.0 { (z - self.lines[upper].z) / height } else { 0.0 };
+        let share = if self.limits.uneven == Uneven::Never { share } else { share.round() };
+        [(upper, 1.0 - share), (lower, share)]
+            .into_iter()
+            .filter(|(_, share)| *share > 0.0)
+            .filter_map(|(at, share)| Some((self.lines[at].light.as_ref()?, share)))
+    }
+
+    /// Intervals of z between lines and beyond the outer ones, rows below the upper border, with their estimated errors.
+    pub(crate) fn intervals(&self) -> Vec<Interval> {
+        let z = |at: usize| self.lines[at].z;
+        let last = self.lines.len() - 1;
+        let draws = self.squares_of_draws();
+        let between = self.estimates().enumerate().map(|(at, it)| Interval {
+            z: [z(at), z(at + 1)],
+            error: it.square(draws.get(at).copied()).sqrt(),
+        });
+        let before = Interval { z: [0.0, z(0)], error: 0.0 };
+        let after = Interval { z: [z(last), 1.0], error: 0.0 };
+        let all = std::iter::once(before).chain(between).chain([after]);
+        all.filter(|it| it.z[1] > it.z[0]).collect()
+    }
+
     /// Weights of the lines in what a window receives. `integrate`: integrals over an interval of z of the window
     /// times light that falls from 1 to 0, and rises from 0 to 1. Light beyond the outer lines is theirs.
     pub(crate) fn weights(&self, integrate: impl Fn([f64; 2]) -> [f64; 2]) -> Vec<f64> {
@@ -523,6 +551,15 @@ impl<L: Judged + Clone> Heights<L> {
     fn height(&self, at: usize) -> f64 {
         self.lines[at + 1].z - self.lines[at].z
     }
+}
+
+/// Interval of z with its estimated error.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Interval {
+    /// Ends, rows below the upper border.
+    pub z: [f64; 2],
+    /// In the unit of light.
+    pub error: f64,
 }
 
 /// Estimated error of an interval.

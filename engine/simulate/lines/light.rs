@@ -45,6 +45,11 @@ impl LitLine {
         let values = (self.values.len() + self.moved.len()) * size_of::<f32>();
         (pieces + values + size_of::<Self>()) as u64
     }
+
+    /// Light by kind of window, mask step and window; `count`: [`Illumination::values_of_light`].
+    pub(super) fn light(&self, count: usize) -> &[f32] {
+        &self.values[..count]
+    }
 }
 
 impl Judged for std::sync::Arc<LitLine> {
@@ -118,33 +123,59 @@ impl<'a> Illumination<'a> {
         openings: &[Opening],
         pieces: Vec<Piece>,
     ) -> LitLine {
+        let ratio = self.view.delta_ratio();
+        let is_recorded = |piece: &Piece| {
+            let down = f64::from(self.down(piece));
+            self.rows.contains(&(row + down * ratio)) || self.rows.contains(&(row + down))
+        };
+        let share = |piece: &Piece| f32::from(u8::from(is_recorded(piece)));
+        let mut light = self.pass(column, openings, &pieces, share);
+        let rays = pieces.iter().filter(|it| it.source != Source::FirstOrder).count();
+        light.rays = numbers::count(rays);
+        let refracted = pieces.iter().filter(|piece| piece.result.crossings > 0);
+        light.farthest = refracted.map(|piece| self.down(piece).abs()).fold(0.0, f32::max);
+        for same in pieces.chunk_by(|a, b| a.result.signature == b.result.signature) {
+            light.is_cut |= same.len() < pieces.len();
+            light.structure =
+                light.structure.wrapping_mul(HASH).wrapping_add(same[0].result.signature ^ 1);
+        }
+        let squares =
+            (0..pieces.len()).map(|at| self.error_of(column, openings, &pieces, at).powi(2));
+        light.error = squares.sum::<f64>().sqrt();
+        light.draws = self.draws(column, row, openings, &pieces);
+        light.pieces = pieces;
+        light
+    }
+
+    /// Values of the light of pieces of a column of the lattice that passes masks and windows; nothing else of a line.
+    /// `share`: part of the light of a piece that counts.
+    pub(super) fn pass(
+        &self,
+        column: usize,
+        openings: &[Opening],
+        pieces: &[Piece],
+        share: impl Fn(&Piece) -> f32,
+    ) -> LitLine {
         let response = self.view.response;
         let steps = response.steps();
         let of_light = self.values_of_light();
         let mut light = LitLine {
             values: vec![0.0; of_light + steps],
             moved: vec![0.0; steps],
-            rays: numbers::count(
-                pieces.iter().filter(|it| it.source != Source::FirstOrder).count(),
-            ),
             ..LitLine::default()
         };
         let half = single(0.5 * self.view.lattice.period);
         let mut leaked = if response.leak > 0.0 { vec![0.0; of_light + steps] } else { Vec::new() };
         let mut leaked_moved = [0.0];
-        let ratio = self.view.delta_ratio();
-        for piece in &pieces {
-            let down = self.down(piece);
-            let lands = row + f64::from(down) * ratio;
-            if piece.result.crossings > 0 {
-                light.farthest = light.farthest.max(down.abs());
-            }
-            if !self.rows.contains(&lands) && !self.rows.contains(&(row + f64::from(down))) {
+        for piece in pieces {
+            let counted = share(piece);
+            if counted == 0.0 {
                 continue;
             }
+            let down = self.down(piece);
             let add = |opening: &Opening, values: &mut [f32], moved: &mut [f32]| {
                 let step = opening.step as usize;
-                let passed = self.add(column, piece, opening, values);
+                let passed = self.add(column, piece, counted, opening, values);
                 moved[step] += passed * down;
             };
             for opening in openings {
@@ -166,16 +197,6 @@ impl<'a> Illumination<'a> {
             }
             light.moved.iter_mut().for_each(|it| *it = open * *it + leak * leaked_moved[0]);
         }
-        for same in pieces.chunk_by(|a, b| a.result.signature == b.result.signature) {
-            light.is_cut |= same.len() < pieces.len();
-            light.structure =
-                light.structure.wrapping_mul(HASH).wrapping_add(same[0].result.signature ^ 1);
-        }
-        let squares =
-            (0..pieces.len()).map(|at| self.error_of(column, openings, &pieces, at).powi(2));
-        light.error = squares.sum::<f64>().sqrt();
-        light.draws = self.draws(column, row, openings, &pieces);
-        light.pieces = pieces;
         light
     }
 
@@ -210,9 +231,16 @@ impl<'a> Illumination<'a> {
         draws
     }
 
-    /// Adds the light of a piece through an opening to values, parts of a spectrum apart; what passes windows, times its
-    /// refraction over that at the mean constants.
-    fn add(&self, column: usize, piece: &Piece, opening: &Opening, values: &mut [f32]) -> f32 {
+    /// Adds a share of the light of a piece through an opening to values, parts of a spectrum apart; what passes windows,
+    /// times its refraction over that at the mean constants.
+    fn add(
+        &self,
+        column: usize,
+        piece: &Piece,
+        share: f32,
+        opening: &Opening,
+        values: &mut [f32],
+    ) -> f32 {
         let response = self.view.response;
         let steps = response.steps();
         let width = piece.width();
@@ -223,7 +251,11 @@ impl<'a> Illumination<'a> {
         let shares = x.map(|x| single((x - piece.x[0]) / width));
         let between = |[low, high]: [f32; 2]| shares.map(|share| low + (high - low) * share);
         let passed = between(piece.depth).map(|depth| response.hardening.light(depth));
-        let light = 0.5 * (passed[0] + passed[1]) * response.weight * single(x[1] - x[0]);
+        // Light falls exponentially over a piece.
+        let all = (passed[0] + passed[1]).max(f32::MIN_POSITIVE);
+        let slope = (passed[1] - passed[0]) / all;
+        let mean = 0.5 * all * (1.0 - slope * slope / 3.0);
+        let light = share * mean * response.weight * single(x[1] - x[0]);
         let displacement = between(piece.displacement);
         let (mut moved, step) = (0.0, opening.step as usize);
         let [shares, ratios] = response.hardening.refraction();
@@ -231,12 +263,13 @@ impl<'a> Illumination<'a> {
             let [low, high] = [0, 1]
                 .map(|end| response.landing(column, single(x[end]), ratio * displacement[end]));
             let (middle, half) = (0.5 * (low + high), 0.5 * (high - low).abs());
+            let slope = slope.copysign(slope * (high - low));
             for (kind, windows) in response.windows.iter().enumerate() {
                 let at = windows.landing(column, middle);
                 let half = half.max(LEAST_HALF * windows.period);
                 let home = (at / windows.period).round();
                 for number in [home - 1.0, home, home + 1.0] {
-                    let passed = windows.passed(at - number * windows.period, half);
+                    let passed = windows.passed_sloped(at - number * windows.period, half, slope);
                     let passed = part * light * windows.share * passed;
                     let index = numbers::whole::<i64>(number.into()).rem_euclid(WINDOWS);
                     let place = (kind * steps + step) * numbers::narrow::<usize>(WINDOWS);

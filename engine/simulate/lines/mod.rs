@@ -1,5 +1,6 @@
 //! Lines: a beamlet at one height. Their heights in a row, and lines through the surfaces of a sample.
 
+mod audit;
 mod by_facets;
 mod by_shapes;
 mod even;

@@ -1,5 +1,6 @@
 //! Patches: heights of their lines, or rays of those whose bodies are many, and errors.
 
+use super::audit::Auditor;
 use super::even::{Bodies, EvenPatch, EvenSampler, Next};
 use super::heights::{Features, Heights, Limits, Uneven};
 use super::light::{Illumination, LitLine};
@@ -104,7 +105,7 @@ pub(crate) struct LinePatch {
     /// Surfaces that the first piece of its first line crosses.
     signature: Option<u32>,
     /// True if silhouettes cross it.
-    is_cut: bool,
+    pub(super) is_cut: bool,
 }
 
 impl LinePatch {
@@ -227,16 +228,29 @@ impl<'a> LineSampler<'a> {
         }
         let values = self.illumination.values_of_light();
         let budget = &self.view.budget;
-        let of_lines = lines.par_iter_mut().map(|patch| {
-            let [light, all] = patch.errors(values);
+        let errors: Vec<[f64; 2]> = lines.par_iter_mut().map(|it| it.errors(values)).collect();
+        let of_lines = lines.iter().zip(&errors).map(|(patch, [light, all])| {
             let rays = patch.heights.light().map(|line| line.rays).sum();
             let lines = patch.heights.count() as u64;
-            Tally { lines, ..tally_of([light, all / budget.light], rays, budget) }
+            Tally { lines, ..tally_of([*light, all / budget.light], rays, budget) }
         });
-        let of_lines = of_lines.collect::<Vec<Tally>>().into_iter();
         let of_even = even.iter().map(|patch| tally_of([patch.error, 0.0], patch.rays, budget));
-        let tally = of_lines.chain(of_even).fold(Tally::default(), |a, b| a + b);
+        let mut tally = of_lines.chain(of_even).fold(Tally::default(), |a, b| a + b);
+        if budget.audit > 0.0 {
+            let lines = lines.iter().zip(errors.iter().map(|[light, _]| light / budget.by_grid));
+            let lines: Vec<(&LinePatch, f64)> = lines.collect();
+            tally.audit = tracer.leave_out(|it| self.auditor().audit(it, &lines, &even))?;
+        }
         Ok(Some(Sampled { lines, even, tally }))
+    }
+
+    fn auditor(&self) -> Auditor<'_> {
+        Auditor {
+            view: self.view,
+            illumination: &self.illumination,
+            even: &self.even,
+            openings: &self.openings,
+        }
     }
 
     /// Patches of many bodies with rays that are spread evenly; nothing where they hold more than `room` bytes.
@@ -343,12 +357,15 @@ impl<'a> LineSampler<'a> {
         let view = self.view;
         let column = |place: &LinePlace| self.view.lattice.column(place.beamlet);
         let openings = |beamlet: i64| &self.openings[self.view.lattice.column(beamlet)][..];
-        let of_run = |run: &[LinePlace]| {
+        let cancel = tracer.cancel().clone();
+        let of_run = |run: &&[LinePlace]| {
+            cancel.check()?;
             let beamlets = run[0].beamlet..run[run.len() - 1].beamlet + 1;
-            self.surfaces.lines(run[0].row, &beamlets, openings)
+            Ok(self.surfaces.lines(run[0].row, &beamlets, openings))
         };
         let runs: Vec<&[LinePlace]> = places.chunk_by(follows).collect();
-        let mut lines: Vec<Vec<Piece>> = runs.par_iter().flat_map_iter(|run| of_run(run)).collect();
+        let runs = runs.par_iter().map(of_run).collect::<Result<Vec<_>>>()?;
+        let mut lines: Vec<Vec<Piece>> = runs.into_iter().flatten().collect();
         loop {
             tracer.cancel().check()?;
             let wanted = |(place, pieces): (&LinePlace, &Vec<Piece>)| {
@@ -374,10 +391,11 @@ impl<'a> LineSampler<'a> {
             all.for_each(|(pieces, place)| self.split(column(place), pieces));
         }
         let light = lines.into_par_iter().zip(places).map(|(pieces, place)| {
+            cancel.check()?;
             let openings = &self.openings[column(place)];
-            Arc::new(self.illumination.of(column(place), place.row, openings, pieces))
+            Ok(Arc::new(self.illumination.of(column(place), place.row, openings, pieces)))
         });
-        Ok(light.collect())
+        light.collect()
     }
 
     /// Splits pieces whose rays do not say enough.

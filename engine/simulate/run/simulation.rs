@@ -22,7 +22,7 @@ use beamlet_core::parallel::start_threads;
 use beamlet_core::tally::Tally;
 use beamlet_core::{Result, numbers};
 use beamlet_files as stack;
-use beamlet_files::{RunProfile, RunRecord, RunStart, SamplingSummary, Sink};
+use beamlet_files::{RunProfile, RunRecord, RunStart, SamplingError, SamplingSummary, Sink};
 use beamlet_geometry::{self as geometry, Sample};
 use beamlet_gpu::{Backend, Device, DeviceKind, EngineOptions};
 use beamlet_model::media::MaterialTable;
@@ -296,6 +296,7 @@ impl Simulation {
         let record = RunRecord {
             tally,
             sampling: SamplingSummary::of(&tally, self.budget.tolerance),
+            sampling_error: SamplingError::of(&tally, self.budget.tolerance),
             edge_error: edges.map(|edges| edges.error),
             seconds: [
                 ("prepare", self.prepared_in),
@@ -311,8 +312,9 @@ impl Simulation {
             profile,
             ..RunRecord::begin(&self.start, self.scene.sampling.seed)
         };
-        let warning = wave::grazing_warning(&self.scene, &tally);
-        warning.into_iter().for_each(|text| log::warn!("{text}"));
+        let grazing = wave::grazing_warning(&self.scene, &tally);
+        let audited = record.sampling_error.and_then(|it| it.warning(self.budget.tolerance));
+        grazing.into_iter().chain(audited).for_each(|text| log::warn!("{text}"));
         // The counts of a part are too few to be judged: the join judges the sum.
         if control.views.is_none() {
             self.check_tally(&tally)?;

@@ -29,6 +29,8 @@ pub(crate) struct ErrorBudget {
     pub displacement: f64,
     /// Most rays of a patch.
     pub max_rays: u32,
+    /// Share of the patches that are audited.
+    pub audit: f64,
 }
 
 /// Counts of a patch that was sampled by `rays` rays and whose values of the grid may be wrong by

@@ -89,6 +89,16 @@ impl Windows {
         (self.integral(at + half) - self.integral(at - half)) / (2.0 * half)
     }
 
+    /// As [`Self::passed`], of light that changes linearly by 1 ± `slope` of its mean to either end: exact where the
+    /// window is of third degree there.
+    pub(crate) fn passed_sloped(&self, at: f32, half: f32, slope: f32) -> f32 {
+        if at.abs() - half > self.reach {
+            return 0.0;
+        }
+        let [low, middle, high] = [at - half, at, at + half].map(|at| self.integral(at));
+        (high - low + 2.0 / 3.0 * slope * (low - 2.0 * middle + high)) / (2.0 * half)
+    }
+
     /// Light of the beamlet at `column` that lands at `at`, spread over 2 `half`, as windows see it.
     pub(super) fn seen(&self, column: usize, [light, at]: [f32; 2], half: f32) -> Seen {
         let at = self.landing(column, at);

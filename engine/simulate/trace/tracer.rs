@@ -53,6 +53,8 @@ pub struct Tracer {
     fixed_batch: Option<u32>,
     most: u32,
     counts: DeviceCounts,
+    /// Counts of rays that give no light.
+    left_out: Tally,
     cancel: Cancel,
 }
 
@@ -121,6 +123,7 @@ impl Tracer {
             fixed_batch,
             most,
             counts: DeviceCounts::default(),
+            left_out: Tally::default(),
             cancel: Cancel::default(),
         })
     }
@@ -298,8 +301,24 @@ impl Tracer {
         self.counts.rays.load(Ordering::Relaxed)
     }
 
+    /// Traces rays that the counts leave out: they give no light.
+    ///
+    /// # Errors
+    /// Those of `work`.
+    pub(crate) fn leave_out<T>(&mut self, work: impl FnOnce(&mut Self) -> Result<T>) -> Result<T> {
+        let before = self.all();
+        let done = work(self)?;
+        self.left_out = self.left_out + self.all().since(before);
+        Ok(done)
+    }
+
     /// Counts so far.
     pub fn tally(&self) -> Tally {
+        self.all().since(self.left_out)
+    }
+
+    /// Counts of all rays so far.
+    fn all(&self) -> Tally {
         let sums = self.counts.device.each_ref().map(|sum| sum.load(Ordering::Relaxed));
         Tally {
             rays: self.counts.rays.load(Ordering::Relaxed),

@@ -14,6 +14,8 @@ keys! { SAMPLING: Sampling, "sampling", [], [];
         "Error of the mean refraction of the light that a mask step lets through, where no silhouette crosses the pixel.";
     max_rays => Count(1, limits::RAYS as u64), Default("200000"), "20000",
         "Most rays of a beamlet and row in a view.";
+    audit => Number("a share of the beamlets and rows", within(0.0, 1.0)), Default("0.005"), "0.1",
+        "Share of the beamlets and rows whose error is measured by rays of their own; those of larger estimated errors are drawn more often. 0: none.";
     rays => Either(RAYS, &ONE, &Counts("counts in x, z", 1, limits::RAYS as u64)), Default("5000"), "[100, 10]",
         "Rays of a pixel under the scheme `random`, spread over it or in a grid; up to 400000 in all.";
     transport => Word(TRANSPORTS), Default(r#""auto""#), r#""exact""#,

@@ -16,7 +16,8 @@ pub fn cells_of_rows(simulation: &Simulation, pose: u32, rows: Range<i64>) -> Re
     let projected_bounds = simulation.projected_bounds(pose);
     let mut tracer = simulation.tracer(simulation.start.backend, &simulation.alone)?;
     let response = simulation.response(Exposure::Sample(simulation.view_of(pose)));
-    let view = simulation.pose_context(pose, &projected_bounds, &response);
+    let mut view = simulation.pose_context(pose, &projected_bounds, &response);
+    view.budget.audit = 0.0;
     let mut parts = Vec::new();
     let room = simulation.room(&simulation.alone);
     let mut keep = |_: &mut Tracer, part: &CellBatch| {

@@ -244,5 +244,6 @@ fn error_budget(scene: &Scene, optics: &Optics) -> ErrorBudget {
         tolerance: tolerances.light,
         displacement: if angles { tolerances.angle * scene.lever_arm() } else { f64::INFINITY },
         max_rays: scene.sampling.max_rays,
+        audit: scene.sampling.audit,
     }
 }

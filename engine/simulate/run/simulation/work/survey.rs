@@ -223,7 +223,8 @@ impl ViewWork<'_> {
         let Self { cells, bars, lights, sums, tracer, simulation, .. } = self;
         let exposure = Exposure::Sample(simulation.view_of(pose));
         let response = simulation.response(exposure);
-        let view = simulation.pose_context(pose, projected_bounds, &response);
+        let mut view = simulation.pose_context(pose, projected_bounds, &response);
+        view.budget.audit = 0.0;
         let mut add = |tracer: &mut Tracer, cell_rows: &CellBatch| {
             let gathered = match &simulation.spectral {
                 Some(spectral) => Some(spectral.lists(tracer, bars, cell_rows)?),
