@@ -7,10 +7,12 @@
 //! | `fixed.rs` | the quantity that all designs have in common |
 //! | `outcome.rs` | photons, exposure and scores of a design |
 //! | `front.rs` | the best design, and the Pareto front of two scores |
+//! | `results.rs` | designs with scores, front and best, for tables and programs |
 
 mod fixed;
 mod front;
 mod outcome;
+mod results;
 mod score;
 mod vary;
 
@@ -18,13 +20,16 @@ use crate::Engine;
 use beamlet_core::{Cancel, Error, Result};
 use beamlet_model::scene::Scene;
 use rayon::prelude::*;
-use std::ops::Range;
 
 use fixed::Fixed;
-pub use front::{best, front};
+pub use front::best;
 pub use outcome::Outcome;
+pub use results::{Results, SweepReport};
 pub use score::Score;
 pub use vary::{Designs, VariedKey};
+
+/// Designs between two reports.
+const AT_ONCE: usize = 16;
 
 /// Reads the scene with these overrides, `key=value` each.
 pub type Load<'a> = dyn Fn(&[String]) -> Result<Scene> + Sync + 'a;
@@ -89,17 +94,19 @@ impl Sweep {
         Ok(())
     }
 
-    /// Scores of some designs, each on a thread. A design that is refused has the reason in place of scores.
+    /// Scores the designs behind those of `outcomes`, each on a thread, and appends them; `each` gets all outcomes now and
+    /// then. A design that is refused has the reason in place of scores.
     ///
     /// # Errors
-    /// [`Error::Interrupted`]; errors of the device.
-    pub fn run(
+    /// [`Error::Interrupted`]; errors of the device; those of `each`. Designs that are finished are in `outcomes`.
+    pub fn complete(
         &self,
         engine: &Engine,
         load: &Load<'_>,
-        designs: Range<usize>,
+        outcomes: &mut Vec<Outcome>,
         cancel: &Cancel,
-    ) -> Result<Vec<Outcome>> {
+        each: &mut dyn FnMut(&[Outcome]) -> Result<()>,
+    ) -> Result<()> {
         let one = |design: usize| {
             cancel.check()?;
             let made = load(&self.designs.sets(design))
@@ -110,14 +117,29 @@ impl Sweep {
                 Ok(outcome) => Ok(outcome),
             }
         };
-        designs.into_par_iter().map(one).collect()
+        let count = self.designs.count();
+        while outcomes.len() < count {
+            each(outcomes)?;
+            let from = outcomes.len();
+            let some: Vec<Result<Outcome>> =
+                (from..(from + AT_ONCE).min(count)).into_par_iter().map(one).collect();
+            for outcome in some {
+                outcomes.push(outcome?);
+            }
+        }
+        each(outcomes)
     }
 
-    /// Gives the scene of a design the exposure of the fixed quantity.
-    ///
-    /// # Errors
-    /// [`Error::Argument`] for a scene without it.
-    pub fn fix(&self, scene: &mut Scene) -> Result<()> {
-        self.fixed.as_ref().map_or(Ok(()), |fixed| fixed.apply(scene).map(drop))
+    /// Overrides of the scene that make a design, with photons or exposure where a quantity is fixed.
+    #[must_use]
+    pub fn sets(&self, design: usize, outcome: &Outcome) -> Vec<String> {
+        let mut sets = self.designs.sets(design);
+        if self.fixed.is_some() {
+            sets.extend(match (outcome.exposure, outcome.photons) {
+                (Some(seconds), _) => Some(format!("detector.exposure={seconds:?} s")),
+                (None, photons) => photons.map(|photons| format!("detector.photons={photons:?}")),
+            });
+        }
+        sets
     }
 }

@@ -11,7 +11,7 @@ use crate::picture::sweep as picture;
 use crate::progress::Reporter;
 use beamlet::cli_support::{load_scene, printed, write_file};
 use beamlet::scene::Scene;
-use beamlet::sweep::{Outcome, Sweep, best, front};
+use beamlet::sweep::{Outcome, Results, Sweep};
 use beamlet::{Engine, Error};
 use record::Record;
 use std::collections::BTreeMap;
@@ -19,19 +19,8 @@ use std::io::Write;
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
-/// Designs between two looks at the clock.
-const CHUNK: usize = 16;
 /// Time between two writes of finished designs.
 const BETWEEN: Duration = Duration::from_secs(5);
-
-/// A sweep and its results.
-struct Done<'a> {
-    sweep: &'a Sweep,
-    outcomes: &'a [Outcome],
-    /// Designs on the Pareto front; empty with one score.
-    front: Vec<bool>,
-    best: Option<usize>,
-}
 
 pub(super) fn run(arguments: &Arguments, out: &mut impl Write) -> Result<(), Failure> {
     let load = |sets: &[String]| {
@@ -46,41 +35,33 @@ pub(super) fn run(arguments: &Arguments, out: &mut impl Write) -> Result<(), Fai
     let cancel = interrupt::listen();
     let engine = Engine::open(&arguments.device.options())?;
     let count = sweep.designs().count();
+    let mut outcomes = std::mem::take(&mut record.designs);
     let mut written = Instant::now();
-    while record.designs.len() < count {
-        let from = record.designs.len();
-        reporter.designs(from, count);
-        match sweep.run(&engine, &load, from..(from + CHUNK).min(count), &cancel) {
-            Ok(outcomes) => record.designs.extend(outcomes),
-            Err(Error::Interrupted) => {
-                reporter.finish();
-                record.write(&arguments.output)?;
-                let advice = format!(
-                    "{} of {count} designs are in {}; --resume continues",
-                    record.designs.len(),
-                    printed::path(&arguments.output)
-                );
-                return Err(Failure::Interrupted { advice });
-            }
-            Err(error) => return Err(error.into()),
-        }
+    let mut each = |outcomes: &[Outcome]| {
+        reporter.designs(outcomes.len(), count);
         if written.elapsed() > BETWEEN {
-            record.write(&arguments.output)?;
+            record.write(&arguments.output, outcomes)?;
             written = Instant::now();
         }
-    }
-    reporter.finish();
-    record.write(&arguments.output)?;
-    let outcomes = &record.designs;
-    let done = Done {
-        sweep: &sweep,
-        outcomes,
-        front: front(outcomes, sweep.scores()),
-        best: best(outcomes, sweep.scores()),
+        Ok(())
     };
+    let ended = sweep.complete(&engine, &load, &mut outcomes, &cancel, &mut each);
+    reporter.finish();
+    record.write(&arguments.output, &outcomes)?;
+    ended.map_err(|error| match error {
+        Error::Interrupted => Failure::Interrupted {
+            advice: format!(
+                "{} of {count} designs are in {}; --resume continues",
+                outcomes.len(),
+                printed::path(&arguments.output)
+            ),
+        },
+        error => error.into(),
+    })?;
+    let done = Results::of(&sweep, &outcomes);
     let files = write(arguments, &done, &load)?;
     match arguments.json {
-        true => super::write_json(&table::json(&done), out)?,
+        true => super::write_json(&done.report(), out)?,
         false if arguments.messages.quiet => {}
         false => summary(&done, &files, out)?,
     }
@@ -96,24 +77,23 @@ pub(super) fn run(arguments: &Arguments, out: &mut impl Write) -> Result<(), Fai
 /// Writes table, best design and pictures; gives their paths.
 fn write(
     arguments: &Arguments,
-    done: &Done<'_>,
+    done: &Results<'_>,
     load: &dyn Fn(&[String]) -> beamlet::Result<Scene>,
 ) -> Result<Vec<PathBuf>, Failure> {
     let output = &arguments.output;
     let mut files = vec![output.join("sweep.csv")];
     write_file(&files[0], table::csv(done).as_bytes())?;
     if let Some(best) = done.best {
-        let scene = scene_of(done, load, best)?;
-        let mut sets = arguments.scene.sets.clone();
-        sets.extend(done.sweep.designs().sets(best));
-        let text = scene.to_toml(output, &BTreeMap::new(), &sets)?;
+        let own = done.sets(best);
+        let sets = [&arguments.scene.sets[..], &own].concat();
+        let text = load(&own)?.to_toml(output, &BTreeMap::new(), &sets)?;
         files.push(output.join("best.toml"));
         let comment =
             format!("# Best of {} designs: {}\n", done.outcomes.len(), table::best(done, best));
         write_file(&files[1], (comment + &text).as_bytes())?;
     }
     let mut pictures = Pictures::new(PictureForm { format: arguments.format, width: None });
-    for (name, drawing) in picture::draw_all(done.sweep, done.outcomes, &done.front, done.best) {
+    for (name, drawing) in picture::draw_all(done) {
         pictures.add(name, &drawing)?;
     }
     let mut paths = Vec::new();
@@ -122,18 +102,7 @@ fn write(
     Ok(files)
 }
 
-/// The scene of a design.
-fn scene_of(
-    done: &Done<'_>,
-    load: &dyn Fn(&[String]) -> beamlet::Result<Scene>,
-    design: usize,
-) -> Result<Scene, Failure> {
-    let mut scene = load(&done.sweep.designs().sets(design))?;
-    done.sweep.fix(&mut scene)?;
-    Ok(scene)
-}
-
-fn summary(done: &Done<'_>, files: &[PathBuf], out: &mut impl Write) -> std::io::Result<()> {
+fn summary(done: &Results<'_>, files: &[PathBuf], out: &mut impl Write) -> std::io::Result<()> {
     let refused = done.outcomes.iter().filter(|outcome| outcome.refused.is_some()).count();
     let of_refused = if refused > 0 { format!(", {refused} refused") } else { String::new() };
     writeln!(out, "designs  {}{of_refused}", done.outcomes.len())?;

@@ -7,7 +7,7 @@ use super::drawing::{Anchor, Area, Drawing, FAINT, GREY, INK, Paint, text_width}
 use super::scale::Scale;
 use super::text::short;
 use beamlet::cli_support::printed::with_unit;
-use beamlet::sweep::{Designs, Outcome, Score, Sweep};
+use beamlet::sweep::{Designs, Outcome, Results, Score};
 
 const WIDTH: f64 = 560.0;
 const HEIGHT: f64 = 360.0;
@@ -15,12 +15,8 @@ const HEIGHT: f64 = 360.0;
 const BAR: f64 = 140.0;
 
 /// A picture of each score by its name, and `front` of two scores or more.
-pub(crate) fn draw_all(
-    sweep: &Sweep,
-    outcomes: &[Outcome],
-    front: &[bool],
-    best: Option<usize>,
-) -> Vec<(&'static str, Drawing)> {
+pub(crate) fn draw_all(results: &Results<'_>) -> Vec<(&'static str, Drawing)> {
+    let Results { sweep, outcomes, front, best, .. } = results;
     let designs = sweep.designs();
     let column = |place: usize| -> Vec<f64> {
         let score = sweep.scores()[place];
@@ -29,7 +25,7 @@ pub(crate) fn draw_all(
         outcomes.iter().map(value).collect()
     };
     let picture = |(place, score): (usize, &Score)| {
-        let plot = ScorePlot { designs, label: label(*score), values: &column(place), best };
+        let plot = ScorePlot { designs, label: label(*score), values: &column(place), best: *best };
         let drawing = match designs.shape().len() {
             1 => plot.line(),
             2 => plot.map(),

@@ -20,8 +20,7 @@ pub fn best(outcomes: &[Outcome], scores: &[Score]) -> Option<usize> {
 
 /// For each design, true if no other is better in one of the first two scores and as good in the other one. Empty with
 /// one score.
-#[must_use]
-pub fn front(outcomes: &[Outcome], scores: &[Score]) -> Vec<bool> {
+pub(super) fn front(outcomes: &[Outcome], scores: &[Score]) -> Vec<bool> {
     if scores.len() < 2 {
         return Vec::new();
     }

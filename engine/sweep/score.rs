@@ -108,6 +108,19 @@ impl Score {
         self.row().unit
     }
 
+    /// SI unit of its values; "1" of a number.
+    #[must_use]
+    pub const fn si_unit(self) -> &'static str {
+        match self {
+            Self::SigmaTransmission | Self::Visibility | Self::Photons => "1",
+            Self::SigmaAlpha => "rad",
+            Self::SigmaDarkField => "rad²",
+            Self::Time => "s",
+            Self::Load => "mA s",
+            Self::Kerma | Self::Dose => "Gy",
+        }
+    }
+
     /// A value in SI units in the unit of the column.
     #[must_use]
     pub fn in_unit(self, value: f64) -> f64 {

@@ -5,6 +5,7 @@ use beamlet_core::csv_table::cells;
 use beamlet_core::printed::with_unit;
 use beamlet_core::units::number;
 use beamlet_core::{Error, Result, input_file, numbers};
+use serde::Serialize;
 use std::path::Path;
 
 /// Most designs of a sweep.
@@ -13,7 +14,7 @@ const MOST: usize = 100_000;
 const DIGITS: i32 = 12;
 
 /// A key of the scene that is varied.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
 #[non_exhaustive]
 pub struct VariedKey {
     /// Path in the scene, as for `--set`.
@@ -217,13 +218,16 @@ impl Axis {
     }
 }
 
-/// The items of a list; commas within brackets do not separate.
+/// The items of a list; commas within brackets or quotes do not separate.
 fn separate(text: &str) -> Vec<&str> {
-    let (mut depth, mut from) = (0_i32, 0);
+    let (mut depth, mut is_quoted, mut from) = (0_i32, false, 0);
     let mut items = Vec::new();
     for (at, sign) in text.char_indices() {
-        depth += i32::from(matches!(sign, '[' | '{')) - i32::from(matches!(sign, ']' | '}'));
-        if sign == ',' && depth == 0 {
+        is_quoted ^= sign == '"' && !text[..at].ends_with('\\');
+        if !is_quoted {
+            depth += i32::from(matches!(sign, '[' | '{')) - i32::from(matches!(sign, ']' | '}'));
+        }
+        if sign == ',' && depth == 0 && !is_quoted {
             items.push(text[from..at].trim());
             from = at + 1;
         }

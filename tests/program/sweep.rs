@@ -33,13 +33,11 @@ fn swept(
     let mut sweep = Sweep::new(&vary, &scores, fix).unwrap();
     sweep.prepare(&load).unwrap();
     let count = sweep.designs().count();
-    let outcomes = sweep.run(engine, &load, 0..count, &Cancel::default()).unwrap();
-    let scene = |design| {
-        let mut scene = load(&sweep.designs().sets(design)).unwrap();
-        sweep.fix(&mut scene).unwrap();
-        scene
-    };
-    ((0..count).map(scene).collect(), outcomes)
+    let mut outcomes = Vec::new();
+    sweep.complete(engine, &load, &mut outcomes, &Cancel::default(), &mut |_| Ok(())).unwrap();
+    let scene = |design| load(&sweep.sets(design, &outcomes[design])).unwrap();
+    let scenes = (0..count).map(scene).collect();
+    (scenes, outcomes)
 }
 
 /// Scatter of angle and dark field over the pixels of a noisy retrieval without a sample.

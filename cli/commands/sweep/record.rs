@@ -3,6 +3,7 @@
 use super::{refuse_existing, refuse_read};
 use crate::args::Sweep as Arguments;
 use crate::failure::Failure;
+use beamlet::Error;
 use beamlet::cli_support::write_file;
 use beamlet::scene::Scene;
 use beamlet::sweep::{Outcome, Score};
@@ -36,11 +37,18 @@ struct Subject {
 }
 
 /// The file.
-#[derive(Debug, Serialize, Deserialize)]
+#[derive(Debug, Deserialize)]
 pub(super) struct Record {
     subject: Subject,
     /// Finished designs, from the first on.
     pub(super) designs: Vec<Outcome>,
+}
+
+/// The file as it is written.
+#[derive(Serialize)]
+struct WrittenRecord<'a> {
+    subject: &'a Subject,
+    designs: &'a [Outcome],
 }
 
 impl Record {
@@ -82,10 +90,12 @@ impl Record {
         }
     }
 
-    /// Writes the file in place of the one that is there.
-    pub(super) fn write(&self, output: &Path) -> Result<(), Failure> {
-        let text = serde_json::to_string(self).map_err(std::io::Error::from)?;
-        Ok(write_file(&output.join(NAME), text.as_bytes())?)
+    /// Writes the file with these designs in place of the one that is there.
+    pub(super) fn write(&self, output: &Path, designs: &[Outcome]) -> beamlet::Result<()> {
+        let path = output.join(NAME);
+        let text = serde_json::to_string(&WrittenRecord { subject: &self.subject, designs });
+        let text = text.map_err(|error| Error::file(&path, error.to_string(), None))?;
+        write_file(&path, text.as_bytes())
     }
 }
 

@@ -1,14 +1,12 @@
-//! Designs as CSV, as JSON, and in words.
+//! Designs as CSV, and in words.
 
-use super::Done;
 use beamlet::cli_support::printed::{number, with_unit};
-use beamlet::sweep::Score;
-use serde_json::{Map, Value, json};
+use beamlet::sweep::{Results, Score};
 use std::fmt::Write as _;
 
 /// A design a line: number from 1, varied keys, photons and exposure of a frame, scores, 1 on the Pareto front, and the
 /// reason of a refusal.
-pub(super) fn csv(done: &Done<'_>) -> String {
+pub(super) fn csv(done: &Results<'_>) -> String {
     let scores = done.sweep.scores();
     let derived = !scores.contains(&Score::Photons);
     let has_exposure = done.outcomes.iter().any(|outcome| outcome.exposure.is_some());
@@ -47,23 +45,8 @@ fn line(cells: &[String]) -> String {
     cells.iter().map(cell).collect::<Vec<_>>().join(",") + "\n"
 }
 
-/// Designs, the best one and the front, in SI units; designs count from 1.
-pub(super) fn json(done: &Done<'_>) -> Value {
-    let designs: Vec<Value> = done.outcomes.iter().enumerate().map(|(design, outcome)| {
-        let keys = done.sweep.designs().sets(design);
-        let scores = done.sweep.scores().iter().zip(&outcome.values);
-        let scores: Map<String, Value> =
-            scores.map(|(score, value)| (score.name().to_owned(), json!(value))).collect();
-        json!({
-            "design": design + 1, "set": keys, "photons": outcome.photons, "exposure": outcome.exposure,
-            "scores": scores, "pareto": done.front.get(design), "refused": outcome.refused,
-        })
-    }).collect();
-    json!({ "best": done.best.map(|best| best + 1), "designs": designs })
-}
-
 /// The best design in words: its score, its number and its keys.
-pub(super) fn best(done: &Done<'_>, design: usize) -> String {
+pub(super) fn best(done: &Results<'_>, design: usize) -> String {
     let score = done.sweep.scores()[0];
     let value = done.outcomes[design].values[0].map_or(f64::NAN, |value| score.in_unit(value));
     let mut text = format!("{} of {}", score.name(), number(value));

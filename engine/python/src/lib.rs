@@ -11,6 +11,7 @@
 //! | `retrieve.rs` | retrieval |
 //! | `reconstruct.rs` | scans, sinograms and the projector |
 //! | `volume.rs` | volumes |
+//! | `sweep.rs` | designs of a scene |
 //! | `files.rs` | run directories and stacks in files |
 //! | `physics.rs` | materials and spectra; differences of files |
 
@@ -23,6 +24,7 @@ mod reconstruct;
 mod retrieve;
 mod scene;
 mod stacks;
+mod sweep;
 mod volume;
 mod work;
 
@@ -59,5 +61,6 @@ fn _beamlet(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(physics::material, module)?)?;
     module.add_function(wrap_pyfunction!(physics::spectrum, module)?)?;
     module.add_function(wrap_pyfunction!(physics::compare, module)?)?;
+    module.add_function(wrap_pyfunction!(sweep::sweep, module)?)?;
     Ok(())
 }

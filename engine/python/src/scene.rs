@@ -14,10 +14,32 @@ use std::path::{Path, PathBuf};
 #[pyclass(frozen, module = "beamlet._beamlet")]
 pub(crate) struct Scene {
     scene: beamlet::scene::Scene,
-    /// Its file and the changes of it, for places in errors.
-    file: Option<(PathBuf, Vec<String>)>,
+    origin: Origin,
+    /// Overrides of the origin.
+    sets: Vec<String>,
     /// Meshes given as arrays, by the name of the file that stands for them.
     meshes: BTreeMap<String, Arrays>,
+}
+
+/// Text of a scene.
+enum Origin {
+    File(PathBuf),
+    Text { text: String, json: bool, directory: PathBuf },
+}
+
+impl Origin {
+    fn load(&self, sets: &[String]) -> beamlet::Result<beamlet::scene::Scene> {
+        use beamlet::scene::Scene;
+        match self {
+            Self::File(path) => Scene::load_with(path, sets),
+            Self::Text { text, json: true, directory } => {
+                Scene::from_json_with(text, directory, sets)
+            }
+            Self::Text { text, json: false, directory } => {
+                Scene::from_toml_with(text, directory, sets)
+            }
+        }
+    }
 }
 
 /// Vertices in a unit of their own, and triangles.
@@ -42,7 +64,16 @@ fn owned(meshes: GivenMeshes<'_>) -> BTreeMap<String, Arrays> {
 impl Scene {
     /// The scene with its arrays.
     pub(crate) fn scene(&self) -> beamlet::Result<beamlet::scene::Scene> {
-        self.with_meshes(|_, Arrays { vertices, triangles }, unit| {
+        self.with_arrays(&self.scene)
+    }
+
+    /// The scene with more overrides, and with its arrays.
+    pub(crate) fn with_sets(&self, more: &[String]) -> beamlet::Result<beamlet::scene::Scene> {
+        self.with_arrays(&self.origin.load(&[&self.sets, more].concat())?)
+    }
+
+    fn with_arrays(&self, scene: &beamlet::scene::Scene) -> beamlet::Result<beamlet::scene::Scene> {
+        self.with_meshes(scene, |_, Arrays { vertices, triangles }, unit| {
             let vertices = vertices.iter().map(|at| at.map(|x| x * unit)).collect();
             Ok(Mesh::Arrays { vertices, triangles: triangles.clone() })
         })
@@ -51,7 +82,7 @@ impl Scene {
     /// The scene with its arrays as PLY files in `folder`. A file holds the vertices in the unit of the
     /// arrays: objects of different units may share it.
     pub(crate) fn scene_with_files(&self, folder: &Path) -> beamlet::Result<beamlet::scene::Scene> {
-        self.with_meshes(|name, Arrays { vertices, triangles }, unit| {
+        self.with_meshes(&self.scene, |name, Arrays { vertices, triangles }, unit| {
             let path = folder.join(name);
             let mesh = NamedMesh::new(name, vertices.clone(), triangles.clone());
             write_meshes(&path, &[mesh], 1.0)?;
@@ -62,9 +93,10 @@ impl Scene {
     /// The scene with a mesh by `place`, from name, arrays and unit (m), for each mesh of arrays.
     fn with_meshes(
         &self,
+        scene: &beamlet::scene::Scene,
         mut place: impl FnMut(&str, &Arrays, f64) -> beamlet::Result<Mesh>,
     ) -> beamlet::Result<beamlet::scene::Scene> {
-        let mut scene = self.scene.clone();
+        let mut scene = scene.clone();
         for object in &mut scene.objects {
             let ShapeOrMesh::Mesh(Mesh::File { path, unit, .. }) = &object.geometry else {
                 continue;
@@ -84,9 +116,9 @@ impl Scene {
             // The file of arrays is temporary and says nothing; the name of the object is before it.
             object.truncate(object.find(" (").unwrap_or(object.len()));
         }
-        match &self.file {
-            Some((path, sets)) => beamlet::scene::Scene::locate(path, sets, error),
-            None => error,
+        match &self.origin {
+            Origin::File(path) => beamlet::scene::Scene::locate(path, &self.sets, error),
+            Origin::Text { .. } => error,
         }
     }
 }
@@ -102,10 +134,9 @@ impl Scene {
         sets: Vec<String>,
         meshes: GivenMeshes<'_>,
     ) -> PyResult<Self> {
-        let scene = py
-            .detach(|| beamlet::scene::Scene::load_with(&path, &sets))
-            .map_err(|error| raised(py, &error))?;
-        Ok(Self { scene, file: Some((path, sets)), meshes: owned(meshes) })
+        let origin = Origin::File(path);
+        let scene = py.detach(|| origin.load(&sets)).map_err(|error| raised(py, &error))?;
+        Ok(Self { scene, origin, sets, meshes: owned(meshes) })
     }
 
     /// Reads a scene from text, JSON or TOML. `meshes`: as for [`Self::load`], in text and overrides.
@@ -118,12 +149,9 @@ impl Scene {
         sets: Vec<String>,
         meshes: GivenMeshes<'_>,
     ) -> PyResult<Self> {
-        let scene = match json {
-            true => beamlet::scene::Scene::from_json_with(text, directory, &sets),
-            false => beamlet::scene::Scene::from_toml_with(text, directory, &sets),
-        };
-        let scene = scene.map_err(|error| raised(py, &error))?;
-        Ok(Self { scene, file: None, meshes: owned(meshes) })
+        let origin = Origin::Text { text: text.to_owned(), json, directory };
+        let scene = origin.load(&sets).map_err(|error| raised(py, &error))?;
+        Ok(Self { scene, origin, sets, meshes: owned(meshes) })
     }
 
     /// The resolved scene as TOML for a file in `directory`, where meshes given as arrays are written.

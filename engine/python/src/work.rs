@@ -79,7 +79,13 @@ impl Watch {
         if self.cancel.is_cancelled() { Err(Error::Interrupted) } else { Ok(()) }
     }
 
-    fn report(&self, step: impl Into<String>, share: Option<f64>) {
+    /// What ends the work.
+    pub(crate) const fn cancel(&self) -> &Cancel {
+        &self.cancel
+    }
+
+    /// Leaves a step by its name, and the share of the work that is done, for the callback.
+    pub(crate) fn report(&self, step: impl Into<String>, share: Option<f64>) {
         *locked(&self.latest) = Some((step.into(), share));
     }
 

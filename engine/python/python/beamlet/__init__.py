@@ -30,6 +30,7 @@ from ._projector import Projector
 from ._retrieve import retrieve
 from ._run import Axis, Counts, Run
 from ._scene import Object, Scene
+from ._sweep import Sweep, sweep
 from ._tools import Beam, Difference, Material, Spectrum, compare, material, spectrum
 from ._view import Picture, view
 from ._volume import Truth, Volume, reconstruct
@@ -58,6 +59,7 @@ __all__ = [
     "Scene",
     "SceneError",
     "Spectrum",
+    "Sweep",
     "TallyError",
     "Truth",
     "Volume",
@@ -71,5 +73,6 @@ __all__ = [
     "retrieve",
     "simulate_many",
     "spectrum",
+    "sweep",
     "view",
 ]

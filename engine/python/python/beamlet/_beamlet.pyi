@@ -39,6 +39,7 @@ __all__ = [
     "retrieve",
     "spectrum",
     "stop",
+    "sweep",
     "weights",
 ]
 __version__: str
@@ -164,4 +165,12 @@ def retrieve(
 ) -> _Images: ...
 def spectrum(scene: Scene) -> str: ...
 def stop() -> bool: ...
+def sweep(
+    engine: Engine,
+    scene: Scene,
+    vary: Sequence[str],
+    score: Sequence[str],
+    fix: str | None,
+    progress: _Progress,
+) -> str: ...
 def weights(sigmas: _Floats) -> _Floats: ...

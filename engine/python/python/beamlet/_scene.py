@@ -6,7 +6,7 @@ import hashlib
 import json
 import math
 import os
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -157,6 +157,19 @@ def _plain(value: object, key: str, meshes: Meshes) -> object:
     raise wrong(key, type(value).__name__, "numbers, text, lists and dicts")
 
 
+def toml(key: str, value: object, meshes: Meshes) -> str:
+    """The value of an override as TOML; meshes of arrays are put into `meshes`.
+
+    Raises:
+        ArgumentError: With the key, for a value that no scene has.
+    """
+    if value is None:
+        raise wrong(key, "None", "text with a unit, a number, a list or a dict")
+    if key.rpartition(".")[2] == "mesh":
+        return _toml(_mesh(value, key.rpartition(".")[0], meshes))
+    return _toml(_plain(value, key, meshes))
+
+
 class Scene:
     """What is simulated: source, masks, detector, materials, objects and scan.
 
@@ -230,16 +243,15 @@ class Scene:
         self = cls.__new__(cls)
         self._text, self._path, self._meshes = None, os.path.abspath(place("path", path)), {}
         named = ((key.replace("__", "."), value) for key, value in changes.items())
-        self._read(tuple(self._change(key, value) for key, value in named))
+        self._read(tuple(f"{key}={toml(key, value, self._meshes)}" for key, value in named))
         return self
 
-    def _change(self, key: str, value: object) -> str:
-        """An override; the scene gets its meshes of arrays."""
-        if value is None:
-            raise wrong(key, "None", "text with a unit, a number, a list or a dict")
-        if key.rpartition(".")[2] == "mesh":
-            return f"{key}={_toml(_mesh(value, key.rpartition('.')[0], self._meshes))}"
-        return f"{key}={_toml(_plain(value, key, self._meshes))}"
+    def _with(self, sets: Iterable[str], meshes: Meshes) -> Scene:
+        """The same scene with more overrides ``key=value``, and with these meshes of arrays."""
+        other = Scene.__new__(Scene)
+        other._text, other._path, other._meshes = self._text, self._path, meshes
+        other._read((*self._sets, *sets))
+        return other
 
     @classmethod
     def from_dict(cls, scene: Mapping[str, Any]) -> Scene:
@@ -278,10 +290,8 @@ class Scene:
         Raises:
             SceneError: There is no such key, or the value is not possible.
         """
-        other = Scene.__new__(Scene)
-        other._text, other._path, other._meshes = self._text, self._path, dict(self._meshes)
-        other._read((*self._sets, other._change(text_of("key", key, "the path of a key"), value)))
-        return other
+        name, meshes = text_of("key", key, "the path of a key"), dict(self._meshes)
+        return self._with([f"{name}={toml(name, value, meshes)}"], meshes)
 
     @property
     def shape(self) -> tuple[int, int, int, int]:

@@ -1,0 +1,89 @@
+//! Designs with their scores, the best of them, and the Pareto front.
+
+use super::front::front;
+use super::{Outcome, Sweep, VariedKey, best};
+use serde::Serialize;
+use std::collections::BTreeMap;
+
+/// A sweep whose designs have outcomes.
+#[derive(Debug, Clone)]
+#[non_exhaustive]
+pub struct Results<'a> {
+    /// The sweep.
+    pub sweep: &'a Sweep,
+    /// Outcome of each design.
+    pub outcomes: &'a [Outcome],
+    /// For each design, true if it is on the Pareto front of the first two scores; empty with one score.
+    pub front: Vec<bool>,
+    /// The best design by the first score; `None` where no design has it.
+    pub best: Option<usize>,
+}
+
+/// Results for programs: values in SI units, designs counted from 1.
+#[derive(Debug, Serialize)]
+pub struct SweepReport {
+    best: Option<usize>,
+    keys: Vec<VariedKey>,
+    /// Number of values of each axis of the designs; the last axis changes first.
+    shape: Vec<usize>,
+    /// SI units by the names of the scores.
+    units: BTreeMap<String, String>,
+    designs: Vec<ReportedDesign>,
+}
+
+/// A design of a report.
+#[derive(Debug, Serialize)]
+struct ReportedDesign {
+    design: usize,
+    /// Overrides of the scene, with those of the fixed quantity.
+    set: Vec<String>,
+    /// Values of the varied keys without their units.
+    values: Vec<String>,
+    photons: Option<f64>,
+    exposure: Option<f64>,
+    scores: BTreeMap<String, Option<f64>>,
+    pareto: Option<bool>,
+    refused: Option<String>,
+}
+
+impl<'a> Results<'a> {
+    /// Results of all designs.
+    #[must_use]
+    pub fn of(sweep: &'a Sweep, outcomes: &'a [Outcome]) -> Self {
+        let scores = sweep.scores();
+        Self { sweep, outcomes, front: front(outcomes, scores), best: best(outcomes, scores) }
+    }
+
+    /// Overrides of the scene that make a design, with those of the fixed quantity.
+    #[must_use]
+    pub fn sets(&self, design: usize) -> Vec<String> {
+        self.sweep.sets(design, &self.outcomes[design])
+    }
+
+    /// The results for programs.
+    #[must_use]
+    pub fn report(&self) -> SweepReport {
+        let (designs, scores) = (self.sweep.designs(), self.sweep.scores());
+        let reported = |(design, outcome): (usize, &Outcome)| {
+            let named = scores.iter().zip(&outcome.values);
+            ReportedDesign {
+                design: design + 1,
+                set: self.sets(design),
+                values: designs.values(design).into_iter().map(str::to_owned).collect(),
+                photons: outcome.photons,
+                exposure: outcome.exposure,
+                scores: named.map(|(score, value)| (score.name().to_owned(), *value)).collect(),
+                pareto: self.front.get(design).copied(),
+                refused: outcome.refused.clone(),
+            }
+        };
+        let unit = |score: &super::Score| (score.name().to_owned(), score.si_unit().to_owned());
+        SweepReport {
+            best: self.best.map(|best| best + 1),
+            keys: designs.keys().cloned().collect(),
+            shape: designs.shape(),
+            units: scores.iter().map(unit).collect(),
+            designs: self.outcomes.iter().enumerate().map(reported).collect(),
+        }
+    }
+}
