@@ -89,7 +89,7 @@ pub(crate) enum Verb {
     Compare(Compare),
     /// Check a scene without simulating it, or the files of a run against their checksums
     Check(Check),
-    /// Score designs of a set-up without simulating a sample: noise, visibility, time, dose
+    /// Score designs of a set-up: noise, visibility, time and dose, and errors and contrast at a sample
     Sweep(Sweep),
     /// Draw a scene (set-up, sample), a run (frames, retrieved images, curves), retrieved images or
     /// volumes

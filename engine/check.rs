@@ -35,7 +35,7 @@ pub use beamlet_simulate::detector::SubpixelGrid;
 pub use builder::Check;
 pub use costs::CheckedTolerances;
 pub use exposure::{MaterialDose, ScanExposure};
-pub(crate) use illumination::{DesignCurve, design_curve};
+pub(crate) use illumination::{DesignCurve, counting_options, design_curve, remove_counts};
 pub use illumination::{ExpectedRetrieval, ExpectedUncertainty, IlluminationCurve};
 use materials::materials;
 pub use two_directions::PlanarUncertainty;

@@ -1,6 +1,7 @@
 //! Ideal images: the contrasts of a retrieval without noise, blur and bias.
 
 mod columns;
+mod coverage;
 mod sums;
 
 use crate::Engine;
@@ -18,6 +19,7 @@ use beamlet_model::scene::Scene;
 use beamlet_simulate::run::Control;
 use beamlet_simulate::trace::Tracer;
 use columns::{IdealColumns, half_period};
+pub(crate) use coverage::coverage;
 use ndarray::Array3;
 use rayon::prelude::*;
 use std::collections::BTreeMap;
@@ -128,23 +130,14 @@ pub fn ideal(
     control: &mut RowsControl<'_>,
 ) -> Result<IdealImages> {
     options.check()?;
-    if scene.has_heights() {
-        let found = "apertures that end along z";
-        return Err(Error::scene("shape", found, "slits: ideal images average over columns"));
-    }
+    refuse_heights(scene)?;
     parallel::start_threads()?;
-    let columns = IdealColumns::of(scene)?;
     let mut preparing = Control::default().with_cancel(control.cancel.clone());
     let simulation = engine.prepare_with(scene, &mut preparing)?;
     let reach = options.reach.unwrap_or_else(|| half_period(scene));
     let mut tracer = simulation.tracer_of_rays(&control.cancel)?;
     let media = simulation.media();
-    let pixels = Pixels {
-        scene,
-        optics: Optics::of(scene),
-        weights: modulated(scene, (&media.energies, &media.weights))?,
-        columns,
-    };
+    let pixels = Pixels::of(scene, modulated(scene, (&media.energies, &media.weights))?)?;
     let total = pixels.count();
     let mut found: Vec<Found> = reserve::room(total, "ideal images")?;
     let mut beyond = 0;
@@ -166,6 +159,17 @@ pub fn ideal(
     })
 }
 
+/// Refuses apertures that end along z.
+fn refuse_heights(scene: &Scene) -> Result<()> {
+    match scene.has_heights() {
+        false => Ok(()),
+        true => {
+            let found = "apertures that end along z";
+            Err(Error::scene("shape", found, "slits: ideal images average over columns"))
+        }
+    }
+}
+
 /// Contrasts of a pixel, and their errors.
 type Found = [[f32; 3]; 2];
 
@@ -182,7 +186,18 @@ struct Pixels<'a> {
     columns: IdealColumns,
 }
 
-impl Pixels<'_> {
+impl<'a> Pixels<'a> {
+    /// Pixels of a scene whose energy nodes have these shares of the modulated light.
+    fn of(scene: &'a Scene, weights: Vec<f64>) -> Result<Self> {
+        let columns = IdealColumns::of(scene)?;
+        Ok(Self { scene, optics: Optics::of(scene), weights, columns })
+    }
+
+    /// True if a pixel does not lie behind bars.
+    fn is_open(&self, pixel: usize) -> bool {
+        !self.columns.openings[pixel % self.columns.places.len()].is_empty()
+    }
+
     fn rows(&self) -> usize {
         self.scene.detector.pixels[1] as usize
     }
@@ -201,10 +216,7 @@ impl Pixels<'_> {
         reach: f64,
         options: &IdealOptions,
     ) -> Result<u64> {
-        let across = self.columns.places.len();
-        let mut open: Vec<usize> = (0..part.len())
-            .filter(|at| !self.columns.openings[(first + at) % across].is_empty())
-            .collect();
+        let mut open: Vec<usize> = (0..part.len()).filter(|at| self.is_open(first + at)).collect();
         let mut rays = FIRST_RAYS;
         loop {
             for some in open.chunks((RAYS_AT_ONCE / rays).max(1)) {
@@ -269,6 +281,18 @@ impl Pixels<'_> {
     }
 
     fn images(&self, found: &[Found]) -> Result<BTreeMap<String, Array3<f32>>> {
+        let mut images = BTreeMap::new();
+        for (at, name) in ["transmission", "refraction", "dark_field"].into_iter().enumerate() {
+            for (kind, ending) in ["", "_error"].into_iter().enumerate() {
+                images
+                    .insert(format!("{name}{ending}"), self.image(|pixel| found[pixel][kind][at])?);
+            }
+        }
+        Ok(images)
+    }
+
+    /// The image of values of the pixels.
+    fn image(&self, value: impl Fn(usize) -> f32) -> Result<Array3<f32>> {
         let (rows, across) = (self.rows(), self.columns.places.len());
         let dithers = self.scene.scan.dithers_of_angle();
         let joined: Vec<[usize; 2]> = match &self.columns.joined {
@@ -276,21 +300,15 @@ impl Pixels<'_> {
             None => (0..across).map(|column| [column, 0]).collect(),
         };
         let shape = (self.scene.scan.angles.len(), rows, joined.len());
-        let mut images = BTreeMap::new();
-        for (at, name) in ["transmission", "refraction", "dark_field"].into_iter().enumerate() {
-            for (kind, ending) in ["", "_error"].into_iter().enumerate() {
-                let values = reserve::zeroed(shape.0 * shape.1 * shape.2, "ideal images")?;
-                let mut image = Array3::from_shape_vec(shape, values)
-                    .map_err(|error| Error::argument("images", error.to_string(), "one shape"))?;
-                for ((angle, row, to), value) in image.indexed_iter_mut() {
-                    let [column, dither] = joined[to];
-                    let line = (angle * dithers + dither) * rows + row;
-                    *value = found[line * across + column][kind][at];
-                }
-                images.insert(format!("{name}{ending}"), image);
-            }
+        let values = reserve::zeroed(shape.0 * shape.1 * shape.2, "ideal images")?;
+        let mut image = Array3::from_shape_vec(shape, values)
+            .map_err(|error| Error::argument("images", error.to_string(), "one shape"))?;
+        for ((angle, row, to), to_value) in image.indexed_iter_mut() {
+            let [column, dither] = joined[to];
+            let line = (angle * dithers + dither) * rows + row;
+            *to_value = value(line * across + column);
         }
-        Ok(images)
+        Ok(image)
     }
 
     fn geometry(&self) -> Result<String> {

@@ -1,11 +1,13 @@
-//! Designs of a set-up: a scene with values of its keys varied, and scores of each design without a sample.
+//! Designs of a set-up: a scene with values of its keys varied, and scores of each.
 //!
 //! | file | holds |
 //! |---|---|
 //! | `vary.rs` | values of the varied keys, and the designs that they make |
 //! | `score.rs` | scores, their units, and which is better |
 //! | `fixed.rs` | the quantity that all designs have in common |
+//! | `sample.rs` | the image of the sample of a design, and its scores |
 //! | `outcome.rs` | photons, exposure and scores of a design |
+//! | `scoring.rs` | scores of one design after another, with shared light |
 //! | `front.rs` | the best design, and the Pareto front of two scores |
 //! | `results.rs` | designs with scores, front and best, for tables and programs |
 
@@ -13,23 +15,24 @@ mod fixed;
 mod front;
 mod outcome;
 mod results;
+mod sample;
 mod score;
+mod scoring;
 mod vary;
 
 use crate::Engine;
 use beamlet_core::{Cancel, Error, Result};
 use beamlet_model::scene::Scene;
-use rayon::prelude::*;
+use std::collections::VecDeque;
 
 use fixed::Fixed;
 pub use front::best;
 pub use outcome::Outcome;
 pub use results::{Results, SweepReport};
-pub use score::Score;
+use sample::object_index;
+pub use score::{SampleScore, Score};
+use scoring::Scoring;
 pub use vary::{Designs, VariedKey};
-
-/// Designs between two reports.
-const AT_ONCE: usize = 16;
 
 /// Reads the scene with these overrides, `key=value` each.
 pub type Load<'a> = dyn Fn(&[String]) -> Result<Scene> + Sync + 'a;
@@ -88,13 +91,27 @@ impl Sweep {
                 "detector.photons, or detector.exposure with source.current, in the scene";
             return Err(Error::argument("score", found, allowed));
         }
+        for score in self.scores.iter().filter(|score| score.at_sample().is_some()) {
+            if scene.objects.is_empty() {
+                let found =
+                    format!("{}, a score at a sample, of a scene without objects", score.name());
+                return Err(Error::argument(
+                    "score",
+                    found,
+                    "an object in the scene, or scores without a sample",
+                ));
+            }
+            if let Some(name) = score.at_sample().and_then(|score| score.object.as_deref()) {
+                object_index(&scene, name)?;
+            }
+        }
         if let Some(fixed) = &mut self.fixed {
             fixed.resolve(&scene)?;
         }
         Ok(())
     }
 
-    /// Scores the designs behind those of `outcomes`, each on a thread, and appends them; `each` gets all outcomes now and
+    /// Scores the designs behind those of `outcomes` and appends them; `each` gets all outcomes now and
     /// then. A design that is refused has the reason in place of scores.
     ///
     /// # Errors
@@ -107,23 +124,10 @@ impl Sweep {
         cancel: &Cancel,
         each: &mut dyn FnMut(&[Outcome]) -> Result<()>,
     ) -> Result<()> {
-        let one = |design: usize| {
-            cancel.check()?;
-            let made = load(&self.designs.sets(design))
-                .and_then(|scene| Outcome::of(engine, scene, &self.scores, self.fixed.as_ref()));
-            match made {
-                Err(error @ (Error::Interrupted | Error::Device { .. })) => Err(error),
-                Err(error) => Ok(Outcome::refused(&error, self.scores.len())),
-                Ok(outcome) => Ok(outcome),
-            }
-        };
-        let count = self.designs.count();
-        while outcomes.len() < count {
+        let mut scoring = Scoring { sweep: self, engine, load, cancel, kept: VecDeque::new() };
+        while outcomes.len() < self.designs.count() {
             each(outcomes)?;
-            let from = outcomes.len();
-            let some: Vec<Result<Outcome>> =
-                (from..(from + AT_ONCE).min(count)).into_par_iter().map(one).collect();
-            for outcome in some {
+            for outcome in scoring.score(outcomes.len()) {
                 outcomes.push(outcome?);
             }
         }

@@ -11,10 +11,13 @@ use std::path::PathBuf;
     beamlet sweep scene.toml --vary 'sample_mask.projected_aperture=10:40:16 um' --score sigma_alpha -o apertures\n  \
     beamlet sweep scene.toml --vary 'sample_mask.projected_aperture=10:40:16 um' \
     --vary 'scan.mask_offsets.count=5,7,9,11' --score sigma_alpha,sigma_dark_field --fix 'time=60 s' -o designs\n  \
-    beamlet sweep scene.toml --vary designs.csv --score visibility,dose -o designs\n\n\
+    beamlet sweep scene.toml --vary designs.csv --score visibility,dose -o designs\n  \
+    beamlet sweep scene.toml --vary 'source.energy=15:40:6 keV' --score cnr:rod,bias_alpha:rod -o energies\n\n\
     Scores: sigma_transmission, sigma_alpha and sigma_dark_field (1 sigma of a pixel without a sample), visibility, \
     photons (of an open pixel in a frame), time (of all frames), load (of the tube), kerma and dose (in water, at the \
-    axis of rotation). DIR gets sweep.csv with a design a row, a picture of each score, the Pareto front of the first two \
+    axis of rotation). At the sample, whose first view is simulated: bias_transmission, bias_alpha and bias_dark_field (root \
+    mean square of the difference from the ideal images), error_transmission, error_alpha and error_dark_field (with noise), \
+    cnr, cnr_alpha and cnr_dark_field (contrast to noise); of an object as cnr:OBJECT. DIR gets sweep.csv with a design a row, a picture of each score, the Pareto front of the first two \
     scores, best.toml, the best design by the first score, and sweep.json, from which --resume continues.")]
 pub(crate) struct Sweep {
     #[command(flatten)]

@@ -1,4 +1,4 @@
-//! `beamlet sweep`: designs of a set-up with scores that need no sample.
+//! `beamlet sweep`: designs of a set-up with their scores.
 
 mod record;
 mod table;
@@ -94,7 +94,7 @@ fn write(
     }
     let mut pictures = Pictures::new(PictureForm { format: arguments.format, width: None });
     for (name, drawing) in picture::draw_all(done) {
-        pictures.add(name, &drawing)?;
+        pictures.add(&name, &drawing)?;
     }
     let mut paths = Vec::new();
     pictures.write(output, true, &[], &mut paths)?;

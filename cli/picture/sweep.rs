@@ -15,34 +15,40 @@ const HEIGHT: f64 = 360.0;
 const BAR: f64 = 140.0;
 
 /// A picture of each score by its name, and `front` of two scores or more.
-pub(crate) fn draw_all(results: &Results<'_>) -> Vec<(&'static str, Drawing)> {
+pub(crate) fn draw_all(results: &Results<'_>) -> Vec<(String, Drawing)> {
     let Results { sweep, outcomes, front, best, .. } = results;
     let designs = sweep.designs();
     let column = |place: usize| -> Vec<f64> {
-        let score = sweep.scores()[place];
+        let score = &sweep.scores()[place];
         let value =
             |outcome: &Outcome| outcome.values[place].map_or(f64::NAN, |v| score.in_unit(v));
         outcomes.iter().map(value).collect()
     };
     let picture = |(place, score): (usize, &Score)| {
-        let plot = ScorePlot { designs, label: label(*score), values: &column(place), best: *best };
+        let plot = ScorePlot { designs, label: label(score), values: &column(place), best: *best };
         let drawing = match designs.shape().len() {
             1 => plot.line(),
             2 => plot.map(),
             _ => plot.parallel(),
         };
-        (score.name(), drawing)
+        (file_name(score), drawing)
     };
     let mut all: Vec<_> = sweep.scores().iter().enumerate().map(picture).collect();
     if let [first, second, ..] = sweep.scores() {
-        let labels = [label(*first), label(*second)];
-        all.push(("front", scatter(&labels, [&column(0), &column(1)], front)));
+        let labels = [label(first), label(second)];
+        all.push(("front".into(), scatter(&labels, [&column(0), &column(1)], front)));
     }
     all
 }
 
-fn label(score: Score) -> String {
-    with_unit(score.name(), score.unit())
+fn label(score: &Score) -> String {
+    with_unit(&score.name(), score.unit())
+}
+
+/// Name of the picture of a score without its ending; signs that not every folder takes are "-".
+pub(crate) fn file_name(score: &Score) -> String {
+    let is_plain = |sign: char| sign.is_alphanumeric() || matches!(sign, '_' | '-' | '.');
+    score.name().chars().map(|sign| if is_plain(sign) { sign } else { '-' }).collect()
 }
 
 /// Range of an axis; one value has room on both sides.

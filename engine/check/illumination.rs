@@ -5,7 +5,7 @@ use beamlet_core::Result;
 use beamlet_core::cancel::Cancel;
 use beamlet_core::numbers::single;
 use beamlet_model::optics::{self, Optics, ThinCurve};
-use beamlet_model::scene::{Blur, Counts, Object, Scan, Scatter, Scene, Scheme};
+use beamlet_model::scene::{Blur, Counts, Object, Quality, Scan, Scatter, Scene, Scheme};
 use beamlet_model::spectrum::Nodes;
 use beamlet_recon::retrieve::{
     FitOptions, Fitter, Method, Response, RetrieveOptions, Retriever, Weights,
@@ -242,9 +242,8 @@ pub(super) fn bare(scene: &Scene, scan: Scan, part: [u32; 2]) -> (Scene, f64) {
     bare.objects = Vec::<Object>::new();
     bare.scan = scan;
     bare.sampling.scheme = Scheme::Cells;
+    remove_counts(&mut bare);
     let detector = &mut bare.detector;
-    detector.counts = None;
-    bare.source.current = None;
     // In a flat all pixels around have the light of this one, and a kernel may be as large as the detector.
     let scattered = match detector.scatter.take() {
         Some(Scatter::Kernel { fraction, .. }) => fraction,
@@ -264,6 +263,15 @@ pub(super) fn bare(scene: &Scene, scan: Scan, part: [u32; 2]) -> (Scene, f64) {
         *pixels = (*pixels).min(part + (*pixels + part) % 2);
     }
     (bare, scattered)
+}
+
+/// Removes photons from a scene, and what needs them.
+pub(crate) fn remove_counts(scene: &mut Scene) {
+    scene.detector.counts = None;
+    scene.source.current = None;
+    if scene.sampling.quality == Some(Quality::Noise) {
+        scene.sampling.quality = None;
+    }
 }
 
 /// Number of offsets of a curve over a period at which it is above a level, interpolated.
@@ -309,16 +317,7 @@ fn expected(
     counts: &Counts,
     light: &[f64],
 ) -> Result<Option<ExpectedUncertainty>> {
-    let variance = quality::open_variance(scene, counts)?;
-    let options = RetrieveOptions::default().resolved(scene)?;
-    let weights = match options.method() {
-        Method::Gaussian | Method::ExactCurve => Weights::Poisson,
-        _ => Weights::None,
-    };
-    let options = options
-        .with_gain(variance.per_light)
-        .with_read_noise(variance.read_noise)
-        .with_weights(weights);
+    let options = counting_options(scene, counts)?;
     // Offsets that are no scan, such as five times the same, settle nothing.
     let Ok(mut retriever) = Retriever::new(engine, scene, &options) else { return Ok(None) };
     let frames = Array3::from_shape_fn((light.len(), 1, 1), |(step, ..)| single(light[step]));
@@ -331,6 +330,23 @@ fn expected(
         dark_field: sigma("dark_field_sigma"),
     };
     Ok(expected.transmission.is_finite().then_some(expected))
+}
+
+/// The default retrieval of light, shares of open beam, with the weights and the variance of counts.
+///
+/// # Errors
+/// Errors of the beam; offsets that no method takes.
+pub(crate) fn counting_options(scene: &Scene, counts: &Counts) -> Result<RetrieveOptions> {
+    let variance = quality::open_variance(scene, counts)?;
+    let options = RetrieveOptions::default().resolved(scene)?;
+    let weights = match options.method() {
+        Method::Gaussian | Method::ExactCurve => Weights::Poisson,
+        _ => Weights::None,
+    };
+    Ok(options
+        .with_gain(variance.per_light)
+        .with_read_noise(variance.read_noise)
+        .with_weights(weights))
 }
 
 /// Doubts about the masks and the offsets, in words: by the curve, or without one by the curve of thin

@@ -1,10 +1,11 @@
 //! Photons, exposure and scores of a design.
 
 use super::fixed::exposure;
+use super::sample::SampleLight;
 use super::{Fixed, Score};
 use crate::Engine;
 use crate::check::{self, ScanExposure};
-use beamlet_core::{Error, Result};
+use beamlet_core::{Cancel, Error, Result};
 use beamlet_model::scene::{Photons, Scene};
 use serde::{Deserialize, Serialize};
 
@@ -22,39 +23,59 @@ pub struct Outcome {
     pub refused: Option<String>,
 }
 
+/// The scene of a design with the exposure of the fixed quantity.
+#[derive(Debug)]
+pub(super) struct Design {
+    pub(super) scene: Scene,
+    scan: Option<ScanExposure>,
+}
+
+impl Design {
+    /// # Errors
+    /// [`Error::Argument`] for a scene without the fixed quantity; errors of the beam.
+    pub(super) fn of(mut scene: Scene, fixed: Option<&Fixed>) -> Result<Self> {
+        let scan = match fixed {
+            Some(fixed) => Some(fixed.apply(&mut scene)?),
+            None => scene.detector.counts.map(|_| exposure(&scene)).transpose()?,
+        };
+        Ok(Self { scene, scan })
+    }
+}
+
 impl Outcome {
-    /// Scores of a scene.
+    /// Scores of a design. `light`: at its sample, where scores need it.
     ///
     /// # Errors
     /// Errors of the scene; as [`Engine::simulate`].
     pub(super) fn of(
         engine: &Engine,
-        mut scene: Scene,
+        design: &Design,
         scores: &[Score],
-        fixed: Option<&Fixed>,
+        light: Option<&SampleLight>,
+        cancel: &Cancel,
     ) -> Result<Self> {
-        let scan = match fixed {
-            Some(fixed) => Some(fixed.apply(&mut scene)?),
-            None => scene.detector.counts.map(|_| exposure(&scene)).transpose()?,
-        };
-        let needs_curve = scores.iter().any(|score| score.needs_curve());
-        let curve = match needs_curve {
-            true => check::design_curve(engine, &scene)?,
+        let Design { scene, scan } = design;
+        let curve = match scores.iter().any(Score::needs_curve) {
+            true => check::design_curve(engine, scene)?,
             false => check::DesignCurve::default(),
         };
-        let values: Vec<_> =
-            scores.iter().map(|score| value(*score, &curve, scan.as_ref())).collect();
-        let lacks = scores.iter().zip(&values).find(|(score, value)| {
-            score.needs_curve() && value.is_none_or(|value| !value.is_finite())
-        });
+        let images = light.map(|light| light.retrieve(engine, scene, cancel)).transpose()?;
+        let mut refused = Vec::new();
+        let mut values = Vec::new();
+        for score in scores {
+            let value = match (score.at_sample(), light, &images) {
+                (Some(score), Some(light), Some(images)) => light.value(score, images).map(Some),
+                _ => of_set_up(score, &curve, scan.as_ref()),
+            };
+            let value = value.unwrap_or_else(|reason| {
+                refused.push(format!("{}: {reason}", score.name()));
+                None
+            });
+            values.push(value.filter(|value| value.is_finite()));
+        }
         Ok(Self {
-            refused: lacks.map(|(score, _)| {
-                format!(
-                    "{}: no method of retrieval determines it for these masks and offsets",
-                    score.name()
-                )
-            }),
-            values: values.into_iter().map(|value| value.filter(|it| it.is_finite())).collect(),
+            values,
+            refused: (!refused.is_empty()).then(|| refused.join("; ")),
             photons: scan.as_ref().map(|scan| scan.photons),
             exposure: match scene.detector.counts.map(|counts| counts.photons) {
                 Some(Photons::Exposure(seconds)) => Some(seconds),
@@ -80,16 +101,27 @@ fn reason(error: &Error) -> String {
     }
 }
 
-fn value(score: Score, curve: &check::DesignCurve, scan: Option<&ScanExposure>) -> Option<f64> {
-    match score {
-        Score::SigmaTransmission => Some(curve.expected?.transmission),
-        Score::SigmaAlpha => Some(curve.expected?.refraction),
-        Score::SigmaDarkField => Some(curve.expected?.dark_field),
+/// A score without a sample; `None` where the scene has no such quantity; else the reason why it is not determined.
+fn of_set_up(
+    score: &Score,
+    curve: &check::DesignCurve,
+    scan: Option<&ScanExposure>,
+) -> std::result::Result<Option<f64>, String> {
+    let expected = curve.expected;
+    let value = match score {
+        Score::SigmaTransmission => expected.map(|sigma| sigma.transmission),
+        Score::SigmaAlpha => expected.map(|sigma| sigma.refraction),
+        Score::SigmaDarkField => expected.map(|sigma| sigma.dark_field),
         Score::Visibility => curve.visibility,
-        Score::Photons => Some(scan?.photons),
-        Score::Time => scan?.time,
-        Score::Load => scan?.tube_load,
-        Score::Kerma => Some(scan?.air_kerma),
-        Score::Dose => Some(scan?.water_dose),
+        Score::Photons => scan.map(|scan| scan.photons),
+        Score::Time => scan.and_then(|scan| scan.time),
+        Score::Load => scan.and_then(|scan| scan.tube_load),
+        Score::Kerma => scan.map(|scan| scan.air_kerma),
+        Score::Dose => scan.map(|scan| scan.water_dose),
+        Score::AtSample(_) => None,
+    };
+    match score.needs_curve() && !value.is_some_and(f64::is_finite) {
+        true => Err("no method of retrieval determines it for these masks and offsets".into()),
+        false => Ok(value),
     }
 }

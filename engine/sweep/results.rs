@@ -72,12 +72,12 @@ impl<'a> Results<'a> {
                 values: designs.values(design).into_iter().map(str::to_owned).collect(),
                 photons: outcome.photons,
                 exposure: outcome.exposure,
-                scores: named.map(|(score, value)| (score.name().to_owned(), *value)).collect(),
+                scores: named.map(|(score, value)| (score.name(), *value)).collect(),
                 pareto: self.front.get(design).copied(),
                 refused: outcome.refused.clone(),
             }
         };
-        let unit = |score: &super::Score| (score.name().to_owned(), score.si_unit().to_owned());
+        let unit = |score: &super::Score| (score.name(), score.si_unit().to_owned());
         SweepReport {
             best: self.best.map(|best| best + 1),
             keys: designs.keys().cloned().collect(),

@@ -1,16 +1,16 @@
-//! Scores of a design that need no sample.
+//! Scores of a design: of the set-up alone, and at its sample.
 
 use beamlet_core::{Error, Result};
 
-/// A score of a design without a sample.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+/// A score of a design.
+#[derive(Debug, Clone, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum Score {
-    /// 1σ of the transmission of a pixel.
+    /// 1σ of the transmission of a pixel without a sample.
     SigmaTransmission,
-    /// 1σ of the refraction angle of a pixel along x, rad.
+    /// 1σ of the refraction angle of a pixel without a sample along x, rad.
     SigmaAlpha,
-    /// 1σ of the dark field of a pixel along x, rad².
+    /// 1σ of the dark field of a pixel without a sample along x, rad².
     SigmaDarkField,
     /// Visibility of the illumination curve.
     Visibility,
@@ -24,36 +24,120 @@ pub enum Score {
     Kerma,
     /// Absorbed dose in water at the axis of rotation in the scan, Gy.
     Dose,
+    /// Of the retrieved images of the sample.
+    AtSample(SampleScore),
 }
 
-/// A score with its name, the unit of its column, that unit in SI, and whether more is better.
-struct Row {
-    score: Score,
+/// A score of the retrieved images of the first view.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct SampleScore {
+    pub(super) measure: Measure,
+    pub(super) contrast: Contrast,
+    /// Name of the object whose pixels count; `None`: of the whole sample.
+    pub(super) object: Option<String>,
+}
+
+/// What is computed of the pixels of an image.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Measure {
+    /// Root mean square of the difference from the ideal image, without noise.
+    Bias,
+    /// The same with noise.
+    Error,
+    /// Root mean square of the difference from the mean beside the sample, over the noise.
+    ContrastToNoise,
+}
+
+/// A retrieved image.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Contrast {
+    Transmission,
+    Refraction,
+    DarkField,
+}
+
+impl Measure {
+    pub(super) const fn needs_truth(self) -> bool {
+        matches!(self, Self::Bias | Self::Error)
+    }
+
+    pub(super) const fn needs_photons(self) -> bool {
+        matches!(self, Self::Error | Self::ContrastToNoise)
+    }
+}
+
+impl Contrast {
+    /// Name of the image.
+    pub(super) const fn image(self) -> &'static str {
+        match self {
+            Self::Transmission => "transmission",
+            Self::Refraction => "refraction",
+            Self::DarkField => "dark_field",
+        }
+    }
+
+    const fn unit(self) -> Unit {
+        match self {
+            Self::Transmission => NUMBER,
+            Self::Refraction => Unit { name: "nrad", si_name: "rad", scale: 1e-9 },
+            Self::DarkField => Unit { name: "urad2", si_name: "rad²", scale: 1e-12 },
+        }
+    }
+}
+
+/// Unit of a column, the SI unit, and the value of the first in the second.
+#[derive(Debug, Clone, Copy)]
+struct Unit {
     name: &'static str,
-    unit: &'static str,
+    si_name: &'static str,
     scale: f64,
-    rises: bool,
 }
 
-const fn row(score: Score, name: &'static str, unit: &'static str, scale: f64) -> Row {
-    let rises = matches!(score, Score::Visibility | Score::Photons);
-    Row { score, name, unit, scale, rises }
-}
+const NUMBER: Unit = Unit { name: "", si_name: "1", scale: 1.0 };
+const GRAY: Unit = Unit { name: "mGy", si_name: "Gy", scale: 1e-3 };
 
-const ROWS: [Row; 9] = [
-    row(Score::SigmaTransmission, "sigma_transmission", "", 1.0),
-    row(Score::SigmaAlpha, "sigma_alpha", "nrad", 1e-9),
-    row(Score::SigmaDarkField, "sigma_dark_field", "urad2", 1e-12),
-    row(Score::Visibility, "visibility", "%", 1e-2),
-    row(Score::Photons, "photons", "", 1.0),
-    row(Score::Time, "time", "s", 1.0),
-    row(Score::Load, "load", "mA s", 1.0),
-    row(Score::Kerma, "kerma", "mGy", 1e-3),
-    row(Score::Dose, "dose", "mGy", 1e-3),
+/// Names of the scores without a sample.
+static WITHOUT_SAMPLE: [(&str, Score); 9] = [
+    ("sigma_transmission", Score::SigmaTransmission),
+    ("sigma_alpha", Score::SigmaAlpha),
+    ("sigma_dark_field", Score::SigmaDarkField),
+    ("visibility", Score::Visibility),
+    ("photons", Score::Photons),
+    ("time", Score::Time),
+    ("load", Score::Load),
+    ("kerma", Score::Kerma),
+    ("dose", Score::Dose),
 ];
 
-/// Beginnings of scores at a sample.
-const AT_SAMPLE: [&str; 3] = ["bias", "cnr", "error"];
+/// Names of the scores at a sample, before the name of an object.
+static AT_SAMPLE: [(&str, Measure, Contrast); 9] = [
+    ("bias_transmission", Measure::Bias, Contrast::Transmission),
+    ("bias_alpha", Measure::Bias, Contrast::Refraction),
+    ("bias_dark_field", Measure::Bias, Contrast::DarkField),
+    ("error_transmission", Measure::Error, Contrast::Transmission),
+    ("error_alpha", Measure::Error, Contrast::Refraction),
+    ("error_dark_field", Measure::Error, Contrast::DarkField),
+    ("cnr", Measure::ContrastToNoise, Contrast::Transmission),
+    ("cnr_alpha", Measure::ContrastToNoise, Contrast::Refraction),
+    ("cnr_dark_field", Measure::ContrastToNoise, Contrast::DarkField),
+];
+
+impl SampleScore {
+    fn of(name: &str) -> Option<Self> {
+        let (word, object) = name.split_once(':').map_or((name, None), |(w, o)| (w, Some(o)));
+        let (_, measure, contrast) = AT_SAMPLE.iter().find(|known| known.0 == word.trim())?;
+        let object = object.map(|object| object.trim().to_owned());
+        Some(Self { measure: *measure, contrast: *contrast, object })
+    }
+
+    fn name(&self) -> String {
+        let is_own = |known: &&(&str, Measure, Contrast)| {
+            known.1 == self.measure && known.2 == self.contrast
+        };
+        let word = AT_SAMPLE.iter().find(is_own).map_or("", |known| known.0);
+        self.object.as_ref().map_or_else(|| word.into(), |object| format!("{word}:{object}"))
+    }
+}
 
 impl Score {
     /// Scores by their names, separated by commas or in several texts.
@@ -76,66 +160,78 @@ impl Score {
     }
 
     fn of(name: &str) -> Result<Self> {
-        if let Some(row) = ROWS.iter().find(|row| row.name == name) {
-            return Ok(row.score);
+        if let Some((_, score)) = WITHOUT_SAMPLE.iter().find(|known| known.0 == name) {
+            return Ok(score.clone());
         }
-        let at_sample = AT_SAMPLE.iter().any(|begin| name.starts_with(begin));
-        let found = match at_sample {
-            true => format!("{name:?}, a score at a sample, which a sweep does not simulate"),
-            false => format!("{name:?}"),
-        };
-        Err(Error::argument("score", found, format!("scores without a sample: {}", names())))
-    }
-
-    /// Every score.
-    pub fn all() -> impl Iterator<Item = Self> {
-        ROWS.iter().map(|row| row.score)
-    }
-
-    fn row(self) -> &'static Row {
-        ROWS.iter().find(|row| row.score == self).unwrap_or(&ROWS[0])
+        let found = SampleScore::of(name).map(Self::AtSample);
+        found.ok_or_else(|| Error::argument("score", format!("{name:?}"), names()))
     }
 
     /// Its name.
     #[must_use]
-    pub fn name(self) -> &'static str {
-        self.row().name
+    pub fn name(&self) -> String {
+        match self {
+            Self::AtSample(score) => score.name(),
+            other => {
+                let known = WITHOUT_SAMPLE.iter().find(|known| known.1 == *other);
+                known.map_or("", |known| known.0).to_owned()
+            }
+        }
+    }
+
+    const fn quantity(&self) -> Unit {
+        match self {
+            Self::SigmaTransmission | Self::Photons => NUMBER,
+            Self::SigmaAlpha => Contrast::Refraction.unit(),
+            Self::SigmaDarkField => Contrast::DarkField.unit(),
+            Self::Visibility => Unit { name: "%", si_name: "1", scale: 1e-2 },
+            Self::Time => Unit { name: "s", si_name: "s", scale: 1.0 },
+            Self::Load => Unit { name: "mA s", si_name: "mA s", scale: 1.0 },
+            Self::Kerma | Self::Dose => GRAY,
+            Self::AtSample(score) => match score.measure {
+                Measure::Bias | Measure::Error => score.contrast.unit(),
+                Measure::ContrastToNoise => NUMBER,
+            },
+        }
     }
 
     /// Unit of its column in tables; "" of a number.
     #[must_use]
-    pub fn unit(self) -> &'static str {
-        self.row().unit
+    pub const fn unit(&self) -> &'static str {
+        self.quantity().name
     }
 
     /// SI unit of its values; "1" of a number.
     #[must_use]
-    pub const fn si_unit(self) -> &'static str {
-        match self {
-            Self::SigmaTransmission | Self::Visibility | Self::Photons => "1",
-            Self::SigmaAlpha => "rad",
-            Self::SigmaDarkField => "rad²",
-            Self::Time => "s",
-            Self::Load => "mA s",
-            Self::Kerma | Self::Dose => "Gy",
-        }
+    pub const fn si_unit(&self) -> &'static str {
+        self.quantity().si_name
     }
 
     /// A value in SI units in the unit of the column.
     #[must_use]
-    pub fn in_unit(self, value: f64) -> f64 {
-        value / self.row().scale
+    pub fn in_unit(&self, value: f64) -> f64 {
+        value / self.quantity().scale
     }
 
     /// True if a larger value is better.
     #[must_use]
-    pub fn rises(self) -> bool {
-        self.row().rises
+    pub const fn rises(&self) -> bool {
+        match self {
+            Self::Visibility | Self::Photons => true,
+            Self::AtSample(score) => matches!(score.measure, Measure::ContrastToNoise),
+            Self::SigmaTransmission
+            | Self::SigmaAlpha
+            | Self::SigmaDarkField
+            | Self::Time
+            | Self::Load
+            | Self::Kerma
+            | Self::Dose => false,
+        }
     }
 
     /// True if it comes from the illumination curve.
     #[must_use]
-    pub const fn needs_curve(self) -> bool {
+    pub const fn needs_curve(&self) -> bool {
         matches!(
             self,
             Self::SigmaTransmission | Self::SigmaAlpha | Self::SigmaDarkField | Self::Visibility
@@ -144,12 +240,26 @@ impl Score {
 
     /// True if a scene without photons has no such score.
     #[must_use]
-    pub const fn needs_photons(self) -> bool {
-        !matches!(self, Self::Visibility)
+    pub const fn needs_photons(&self) -> bool {
+        match self {
+            Self::Visibility => false,
+            Self::AtSample(score) => score.measure.needs_photons(),
+            _ => true,
+        }
+    }
+
+    /// The score at a sample; `None` of the set-up alone.
+    pub(super) const fn at_sample(&self) -> Option<&SampleScore> {
+        match self {
+            Self::AtSample(score) => Some(score),
+            _ => None,
+        }
     }
 }
 
 /// Names of all scores.
 fn names() -> String {
-    ROWS.map(|row| row.name).join(", ")
+    let without = WITHOUT_SAMPLE.each_ref().map(|known| known.0).join(", ");
+    let at_sample = AT_SAMPLE.map(|known| known.0).join(", ");
+    format!("{without}; at a sample {at_sample}, alone or with an object as cnr:OBJECT")
 }

@@ -169,3 +169,31 @@ fn files_of_a_sweep_are_whole_and_the_same_after_a_resumption() {
     assert!(reason.starts_with("sample_mask.aperture: found"), "{reason}");
     assert_eq!(wide["best"], 1);
 }
+
+/// Designs with scores at a sample: an object has a picture of a name that every folder takes; designs without its pixels
+/// have a reason; an overwritten sweep leaves no picture of other scores.
+#[test]
+fn scores_at_a_sample_are_in_table_and_pictures() {
+    let directory = tempfile::tempdir().unwrap();
+    let here = directory.path();
+    let rod = "[[object]]\nname = \"rod\"\nmaterial = \"nylon 6\"\nposition = [\"0.2 mm\", \"0 mm\", \"0 mm\"]\n\
+               shape = { cylinder = { radius = \"0.4 mm\", height = \"9 mm\" } }\n";
+    fs::write(here.join("scene.toml"), text("[16, 2]") + rod).unwrap();
+    let line = "sweep scene.toml -o out -q --vary detector.photons=1e4,4e4 --vary object.rod.shape.cylinder.radius=0.4,0.001mm";
+    done(here, &format!("{line} --score cnr:rod,bias_alpha"));
+    let table = fs::read_to_string(here.join("out/sweep.csv")).unwrap();
+    let lines: Vec<Vec<&str>> = table.lines().map(|line| line.split(',').collect()).collect();
+    assert_eq!(lines[0][4..], ["cnr:rod", "bias_alpha [nrad]", "pareto", "refused"]);
+    let number = |line: usize, cell: usize| lines[line][cell].parse::<f64>().unwrap();
+    assert!((number(3, 4) / number(1, 4) - 2.0).abs() < 1e-3, "{table}");
+    for line in [2, 4] {
+        assert_eq!(lines[line][4..6], ["", ""]);
+        assert!(
+            lines[line][7].contains("cnr:rod: less than half of the light of each pixel"),
+            "{table}"
+        );
+    }
+    assert!(here.join("out/cnr-rod.png").exists());
+    done(here, &format!("{line} --score cnr --overwrite"));
+    assert!(here.join("out/cnr.png").exists() && !here.join("out/cnr-rod.png").exists());
+}

@@ -48,6 +48,7 @@ mod retrieve_counts;
 mod retrieve_stacks;
 mod retrieved;
 mod rough_fibres;
+mod sample_scores;
 #[cfg(feature = "cli")]
 mod selection;
 #[cfg(feature = "cli")]

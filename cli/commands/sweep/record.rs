@@ -3,6 +3,7 @@
 use super::{refuse_existing, refuse_read};
 use crate::args::Sweep as Arguments;
 use crate::failure::Failure;
+use crate::picture::sweep::file_name;
 use beamlet::Error;
 use beamlet::cli_support::write_file;
 use beamlet::scene::Scene;
@@ -15,7 +16,12 @@ const NAME: &str = "sweep.json";
 
 /// Removes the files of an earlier sweep, which may have other scores.
 fn remove_earlier(output: &Path) {
-    let pictures = Score::all().map(Score::name).chain(["front"]);
+    let text = std::fs::read_to_string(output.join(NAME)).unwrap_or_default();
+    let scores = serde_json::from_str(&text)
+        .ok()
+        .and_then(|earlier: Record| Score::of_list(&earlier.subject.score).ok());
+    let pictures = scores.unwrap_or_default().iter().map(file_name).collect::<Vec<_>>();
+    let pictures = pictures.into_iter().chain(["front".into()]);
     let pictures = pictures.flat_map(|name| [format!("{name}.png"), format!("{name}.svg")]);
     for name in pictures.chain(["sweep.csv".into(), "best.toml".into()]) {
         // A missing file needs no removal, and one that stays is replaced later.

@@ -14,7 +14,7 @@ pub(super) fn csv(done: &Results<'_>) -> String {
     header.extend(done.sweep.designs().keys().map(|key| with_unit(&key.path, &key.unit)));
     header.extend(derived.then(|| "photons".into()));
     header.extend(has_exposure.then(|| "exposure [s]".into()));
-    header.extend(scores.iter().map(|score| with_unit(score.name(), score.unit())));
+    header.extend(scores.iter().map(|score| with_unit(&score.name(), score.unit())));
     header.extend((!done.front.is_empty()).then(|| "pareto".into()));
     header.push("refused".into());
     let mut out = line(&header);
@@ -47,7 +47,7 @@ fn line(cells: &[String]) -> String {
 
 /// The best design in words: its score, its number and its keys.
 pub(super) fn best(done: &Results<'_>, design: usize) -> String {
-    let score = done.sweep.scores()[0];
+    let score = &done.sweep.scores()[0];
     let value = done.outcomes[design].values[0].map_or(f64::NAN, |value| score.in_unit(value));
     let mut text = format!("{} of {}", score.name(), number(value));
     if !score.unit().is_empty() {
