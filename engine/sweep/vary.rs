@@ -92,15 +92,23 @@ impl Designs {
         self.axes.iter().map(|axis| axis.rows.len()).collect()
     }
 
-    /// Label of an axis, and its values: numbers of its one key, else the numbers of the rows from 1.
+    /// Label of an axis, and its values: numbers of its key, of a table those of the first key with different ones; else the
+    /// numbers of the rows from 1.
     #[must_use]
     pub fn axis(&self, axis: usize) -> (String, Vec<f64>) {
         let Axis { name, keys, rows } = &self.axes[axis];
-        let values: Option<Vec<f64>> = rows.iter().map(|row| number(&row[0])).collect();
-        match (&keys[..], values) {
-            ([key], Some(values)) => (with_unit(&key.path, &key.unit), values),
-            _ => (format!("{name}, row"), (1..=rows.len()).map(|row| row as f64).collect()),
-        }
+        let differ = |values: &Vec<f64>| {
+            let mut sorted = values.clone();
+            sorted.sort_by(f64::total_cmp);
+            sorted.windows(2).all(|pair| pair[0] < pair[1])
+        };
+        let of_key = |(column, key): (usize, &VariedKey)| {
+            let values: Option<Vec<f64>> = rows.iter().map(|row| number(&row[column])).collect();
+            let values = values.filter(|values| keys.len() == 1 || differ(values))?;
+            Some((with_unit(&key.path, &key.unit), values))
+        };
+        let by_rows = || (format!("{name}, row"), (1..=rows.len()).map(|row| row as f64).collect());
+        keys.iter().enumerate().find_map(of_key).unwrap_or_else(by_rows)
     }
 
     /// Values of a design without their units, in the order of the keys.
@@ -334,6 +342,8 @@ mod tests {
                 "a.f[0].b=7 um & c=y & d=2"
             ]
         );
+        let designs = Designs::of(&vary.map(str::to_owned)).unwrap();
+        assert_eq!(designs.axis(0), ("a.f[0].b [um]".to_owned(), vec![5.0, 7.0]));
         std::fs::write(&path, "a.f[0].b [um]\n5\n").unwrap();
         assert_eq!(sets(&vary[..1]), ["a.f[0].b=5 um"]);
     }
