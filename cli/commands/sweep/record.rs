@@ -4,10 +4,10 @@ use super::{refuse_existing, refuse_read};
 use crate::args::Sweep as Arguments;
 use crate::failure::Failure;
 use crate::picture::sweep::file_name;
-use beamlet::Error;
-use beamlet::cli_support::write_file;
+use beamlet::cli_support::{InputHashes, write_file};
 use beamlet::scene::Scene;
 use beamlet::sweep::{Outcome, Score};
+use beamlet::{Cancel, Error};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -35,6 +35,9 @@ struct Subject {
     version: String,
     /// The scene without varied keys, as TOML.
     scene: String,
+    /// SHA-256 of the files that it refers to.
+    #[serde(default)]
+    inputs: BTreeMap<String, String>,
     vary: Vec<String>,
     /// Text of the tables among `vary`, "" of others.
     tables: Vec<String>,
@@ -67,6 +70,7 @@ impl Record {
         let subject = Subject {
             version: env!("CARGO_PKG_VERSION").into(),
             scene: scene.to_toml(&scene.directory, &BTreeMap::new(), &[])?,
+            inputs: InputHashes::of(&scene.input_files(), &Cancel::default())?.hashes,
             vary: arguments.vary.clone(),
             tables: arguments.vary.iter().map(table).collect(),
             score: arguments.score.clone(),
@@ -111,6 +115,7 @@ impl Subject {
         [
             (self.version != other.version, "version of beamlet"),
             (self.scene != other.scene, "scene"),
+            (self.inputs != other.inputs, "file of the scene"),
             (self.vary != other.vary || self.tables != other.tables, "--vary"),
             (self.score != other.score, "--score"),
             (self.fix != other.fix, "--fix"),

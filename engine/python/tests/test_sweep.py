@@ -5,6 +5,7 @@ import os
 import signal
 import subprocess
 import sys
+import threading
 import time
 from pathlib import Path
 
@@ -97,6 +98,34 @@ def test_tables_lists_and_meshes_vary(scene: bl.Scene, tmp_path: Path) -> None:
     assert extents[1] < extents[0] < 1
 
 
+ROD = bl.Object(name="rod", material="nylon 6", shape={"cylinder": {"radius": "0.3 mm", "height": "90 mm"}})
+
+
+def test_scores_at_a_sample(scene: bl.Scene) -> None:
+    with_rod = scene.replace("object", [ROD]).replace("detector.pixels", [16, 2])
+    scores = ["cnr:rod", "bias_alpha:rod", "error_alpha:rod", "sigma_alpha"]
+    found = bl.sweep(with_rod, {APERTURE: "20:40:3 um", "detector.photons": [10000, 40000]}, scores)
+    assert found.refused == [None] * 6 and found.units["cnr:rod"] == "1" and found.units["bias_alpha:rod"] == "rad"
+    contrast, bias, error = (found.scores[name].reshape(3, 2) for name in scores[:3])
+    np.testing.assert_allclose(contrast[:, 1] / contrast[:, 0], 2, rtol=1e-2)
+    noise = np.sqrt(error**2 - bias**2)
+    np.testing.assert_allclose(noise[:, 0] / noise[:, 1], 2, rtol=3e-2)
+    assert found.best == int(np.argmax(found.scores["cnr:rod"]))
+    # By hand, from 400 noisy rows of the best design, whose rod covers six columns.
+    images = bl.Engine().simulate(found.scene().replace("detector.pixels", [16, 400])).retrieve(
+        counts=True, weights="poisson"
+    )
+    rod, beside = images.transmission[0][:, 5:11], images.transmission[0][:, :4]
+    contrasts = rod.mean(axis=0) - beside.mean()
+    noise_by_hand = (rod.var(axis=0).mean() + beside.var(axis=0).mean()) / 2
+    by_hand = np.sqrt((contrasts**2).mean() / noise_by_hand)
+    assert abs(found.scores["cnr:rod"][found.best] / by_hand - 1) < 0.05
+    with pytest.raises(bl.ArgumentError, match="no object .*objects of the scene: rod"):
+        bl.sweep(with_rod, {APERTURE: ["20 um"]}, "cnr:rot")
+    with pytest.raises(bl.ArgumentError, match="of a scene without objects"):
+        bl.sweep(scene, {APERTURE: ["20 um"]}, "cnr:rod")
+
+
 @pytest.mark.parametrize(
     ("arguments", "key", "words"),
     [
@@ -148,5 +177,16 @@ def test_progress_and_interruption(scene: bl.Scene) -> None:
     with pytest.raises(KeyboardInterrupt):
         bl.sweep(blurred, {APERTURE: "20:40:1000 um"}, "visibility", progress=progress)
     assert time.monotonic() - began[0] < 1.5
+    began.clear()
+    large = scene.replace("object", [ROD]).replace("detector.pixels", [96, 400])
+
+    def soon(step: str, share: float | None) -> None:
+        if not began:
+            began.append(time.monotonic())
+            threading.Timer(1.0, os.kill, (os.getpid(), signal.SIGINT)).start()
+
+    with pytest.raises(KeyboardInterrupt):
+        bl.sweep(large, {APERTURE: "20:40:1000 um"}, "bias_alpha", progress=soon)
+    assert time.monotonic() - began[0] < 2.5
     found = bl.sweep(scene, {APERTURE: "20:40:40 um"}, "visibility", progress=lambda *at: reported.append(at))
     assert len(found) == 40 and reported[-1] == ("designs", 1.0)
