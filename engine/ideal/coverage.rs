@@ -11,9 +11,9 @@ use ndarray::Array3;
 /// Straight rays of a pixel.
 const RAYS: usize = 16;
 /// Pixels whose rays are on the device at once.
-const AT_ONCE: usize = 256;
-/// Surfaces of a ray, at most: first, and where these are not enough.
-const MOST: [u32; 2] = [64, 1024];
+const AT_ONCE: usize = 1 << 11;
+/// Surfaces of a ray that count, at most: first, and where these are not enough.
+const MOST: [u32; 2] = [64, 256];
 
 /// For each of some objects, by their indices, the share of the straight rays of each pixel of the ideal images of a
 /// scene that pass through it, `[view][row][column]`; `None` is any object. NaN behind bars.

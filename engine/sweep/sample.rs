@@ -5,7 +5,7 @@ use crate::ideal::coverage;
 use crate::{Engine, IdealOptions, check, ideal};
 use beamlet_core::{Cancel, Error, Result, RowsControl, numbers};
 use beamlet_files::{ArraySink, StackFile, Stacks};
-use beamlet_model::scene::{Scan, Scene};
+use beamlet_model::scene::{Blur, Scan, Scene};
 use beamlet_recon::retrieve::{Input, RetrieveOptions, retrieve_arrays};
 use beamlet_simulate::run::Control;
 use ndarray::{Array3, Array4, Axis, s};
@@ -17,13 +17,21 @@ const HALF: f32 = 0.5;
 /// Standard errors of the ideal images that scores are compared with: of the transmission, and of the angle, rad.
 const TRUTH: [f64; 2] = [1e-4, 3e-9];
 
+/// Pixels around the sample in the simulated part of the detector, on each side.
+const MARGIN: usize = 16;
+/// The same of a blur, in its standard deviations.
+const BLUR_MARGIN: f64 = 5.0;
+
 /// Images by name, `[view][row][column]`.
 type Images = BTreeMap<String, Array3<f32>>;
 
 /// Light of the first view of a design without noise, and what scores compare it with.
 #[derive(Debug)]
 pub(super) struct SampleLight {
+    /// The scene of the whole detector.
     scene: Scene,
+    /// The scene of the part of the detector that is simulated.
+    part: Scene,
     flat: Arc<Array4<f32>>,
     sample: Arc<Array4<f32>>,
     /// Ideal images; empty where no score needs them.
@@ -47,6 +55,34 @@ pub(super) fn first_view(scene: &Scene) -> Scene {
     one
 }
 
+/// Columns and rows at each end of the detector that scores do not need: beyond the sample, by its share of the rays of
+/// each pixel, and a margin. None where light comes from far away, or images have other columns than the detector.
+fn unneeded(scene: &Scene, any: &Array3<f32>) -> [usize; 2] {
+    let (_, rows, columns) = any.dim();
+    let detector = &scene.detector;
+    let blur = match &detector.blur {
+        None => [0.0; 2],
+        Some(Blur::Gaussian { sigma }) => *sigma,
+        Some(Blur::Kernel(_)) => return [0; 2],
+    };
+    let is_whole = detector.pixels == [columns, rows].map(numbers::count) && scene.group() == 1;
+    if !is_whole || detector.scatter.is_some() {
+        return [0; 2];
+    }
+    let mut outer = [columns, rows];
+    for ((_, row, column), _) in any.indexed_iter().filter(|(_, share)| **share > 0.0) {
+        outer[0] = outer[0].min(column).min(columns - 1 - column);
+        outer[1] = outer[1].min(row).min(rows - 1 - row);
+    }
+    let all = [columns, rows];
+    [0, 1].map(|axis| {
+        let blur = (BLUR_MARGIN * blur[axis] / detector.pitch[axis]).ceil();
+        let margin = MARGIN + numbers::whole::<usize>(blur);
+        // Without a sample in view nothing is needed, and nothing is left out.
+        if outer[axis] == all[axis] { 0 } else { outer[axis].saturating_sub(margin) }
+    })
+}
+
 impl SampleLight {
     /// The light of a scene of [`first_view`].
     ///
@@ -63,6 +99,17 @@ impl SampleLight {
         let mut wanted = names.iter().map(index).collect::<Result<Vec<_>>>()?;
         wanted.push(None);
         let mut shares = coverage(engine, &scene, &wanted, cancel)?;
+        let [columns, rows] =
+            unneeded(&scene, shares.last().unwrap_or(&Array3::default((0, 0, 0))));
+        let mut part = scene.clone();
+        for (pixels, unneeded) in part.detector.pixels.iter_mut().zip([columns, rows]) {
+            *pixels -= 2 * numbers::count(unneeded);
+        }
+        for share in &mut shares {
+            let (_, all_rows, all_columns) = share.dim();
+            let inner = s![.., rows..all_rows - rows, columns..all_columns - columns];
+            *share = share.slice(inner).to_owned();
+        }
         let any = shares.pop().unwrap_or_default();
         let objects = names.into_iter().map(str::to_owned).zip(shares).collect();
         let truth = match scores.iter().any(|score| score.measure.needs_truth()) {
@@ -73,14 +120,14 @@ impl SampleLight {
                     .with_tolerance(transmission)
                     .with_angle_tolerance(angle);
                 let mut control = RowsControl::default().with_cancel(cancel.clone());
-                ideal(engine, &scene, &options, &mut control)?.images
+                ideal(engine, &part, &options, &mut control)?.images
             }
         };
         let mut sink = ArraySink::new();
-        engine.run(&scene, &mut sink, Control::default().with_cancel(cancel.clone()))?;
+        engine.run(&part, &mut sink, Control::default().with_cancel(cancel.clone()))?;
         let Stacks { flat, sample, .. } = sink.into_stacks().ok_or(Error::Interrupted)?;
         let flat = Arc::new(flat.insert_axis(Axis(0)));
-        Ok(Self { scene, flat, sample: Arc::new(sample), truth, any, objects })
+        Ok(Self { scene, part, flat, sample: Arc::new(sample), truth, any, objects })
     }
 
     /// True if it is the light of this scene of [`first_view`].
@@ -110,7 +157,7 @@ impl SampleLight {
             None => RetrieveOptions::default().resolved(design)?,
         };
         let (flat, sample) = (stack("flat", &self.flat)?, stack("sample", &self.sample)?);
-        let input = Input::simulated(&self.scene, flat, sample);
+        let input = Input::simulated(&self.part, flat, sample);
         let mut control = RowsControl::default().with_cancel(cancel.clone());
         Ok(retrieve_arrays(engine, input, &options, &mut control)?.images)
     }

@@ -155,6 +155,25 @@ fn contrast_to_noise_is_that_of_the_retrieved_images() {
     worst.holds();
 }
 
+/// A part of the detector is simulated: pixels far from the sample change no score of its own pixels.
+#[test]
+fn a_wider_detector_has_the_same_scores() {
+    let of = |columns: usize, rows: usize| {
+        let text = rod(rows)
+            .replace(&format!("[{COLUMNS}, {rows}]"), &format!("[{columns}, {rows}]"))
+            + "position = [\"0.1 mm\", \"0 mm\", \"0 mm\"]\n";
+        let text = text.replace("height = \"1 m\"", "height = \"0.6 mm\"");
+        let load = |sets: &[String]| Scene::from_toml_with(&text, ".", sets);
+        scored(&load, "detector.blur.fwhm=60 um", "bias_alpha:rod,error_transmission:rod,cnr:rod")
+    };
+    let [narrow, wide] = [of(48, 38), of(150, 130)];
+    let mut worst = Worst::new("score of a wider detector over that of a narrow one, less 1", 2e-3);
+    for (wide, narrow) in wide[0].values.iter().zip(&narrow[0].values) {
+        worst.take(wide.unwrap() / narrow.unwrap() - 1.0, || format!("{wide:?}"));
+    }
+    worst.holds();
+}
+
 /// The error of a score is that of noisy retrievals of 26 columns of 400 rows; and designs that share their light have the
 /// scores that each has alone.
 #[test]
